@@ -1,0 +1,2 @@
+//! The plywave command.
+fn main() {}

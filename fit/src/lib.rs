@@ -1,0 +1,1 @@
+//! Fitter of plywave.

@@ -1,0 +1,39 @@
+//! Errors of the runtime: values, not prose. One line names the file, the key, the value and the mend.
+
+/// What can go wrong where data enters. `eval`, `sample` and `pdf` never fail.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The file could not be read or written.
+    #[error("{file}: {source}")]
+    Io {
+        /// Path as given.
+        file: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A key of a spec, or a tensor or field of a table or model, holds a value that is not allowed.
+    #[error("{file}: {key} = {value}: {mend}")]
+    Invalid {
+        /// Path as given.
+        file: String,
+        /// Key, dotted for nested ones.
+        key: String,
+        /// Offending value as text.
+        value: String,
+        /// What would be accepted.
+        mend: String,
+    },
+    /// The file is not of the expected format or version, or is damaged.
+    #[error("{file}: {what}; {mend}")]
+    Format {
+        /// Path as given.
+        file: String,
+        /// What is wrong.
+        what: String,
+        /// What to do about it.
+        mend: String,
+    },
+}
+
+/// Result with the runtime's [`Error`].
+pub type Result<T> = std::result::Result<T, Error>;

@@ -1,0 +1,22 @@
+//! plywave: evaluate and sample the far-field scattering of a textile ply (Yu et al. 2025).
+//!
+//! This crate is the runtime. It reads ply model files and answers `eval`, `sample`, `pdf` and `albedo`; it also holds
+//! what the simulator and the fitter share with it: the yarn spec, the ply frame, the Gaussian beam, the anisotropic
+//! spherical Gaussian lobe and the table of simulated scattering. It has no simulator, optimizer or thread pool.
+//!
+//! Conventions: lengths in micrometers, absorption in 1/um, angles in radians, distributions in 1/sr.
+
+pub mod asg;
+mod beam;
+mod error;
+mod frame;
+mod ply;
+mod spec;
+mod table;
+
+pub use beam::GaussianBeam;
+pub use error::{Error, Result};
+pub use frame::{direction, incident_direction, mirror_incidence, theta_phi};
+pub use ply::{PlyData, PlyModel};
+pub use spec::*;
+pub use table::{OutgoingGrid, Table};

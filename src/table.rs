@@ -1,0 +1,106 @@
+//! The table of simulated scattering (Yu 2025, 5.1): what `plywave simulate` writes and `plywave fit` reads.
+//!
+//! Every distribution is an energy density [1/sr] averaged over a bin of the outgoing sphere; for sigma = 0
+//! `energy_refl + energy_high + r_d = 1` to Monte Carlo accuracy.
+
+/// Uniform bins of the outgoing sphere: latitude theta_o over [-pi/2, pi/2], azimuth phi_o over [0, 2 pi).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct OutgoingGrid {
+    /// Number of latitude bins.
+    pub theta_o: usize,
+    /// Number of azimuth bins.
+    pub phi_o: usize,
+}
+
+impl OutgoingGrid {
+    /// Number of bins.
+    pub fn len(&self) -> usize {
+        self.theta_o * self.phi_o
+    }
+
+    /// True when there are no bins.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Center latitude of row `i` [rad].
+    pub fn theta(&self, i: usize) -> f64 {
+        std::f64::consts::PI * ((i as f64 + 0.5) / self.theta_o as f64 - 0.5)
+    }
+
+    /// Center azimuth of column `j` [rad].
+    pub fn phi(&self, j: usize) -> f64 {
+        std::f64::consts::TAU * (j as f64 + 0.5) / self.phi_o as f64
+    }
+
+    /// Exact solid angle of a bin of row `i` [sr].
+    pub fn solid_angle(&self, i: usize) -> f64 {
+        let edge = |k: usize| (std::f64::consts::PI * (k as f64 / self.theta_o as f64 - 0.5)).sin();
+        (edge(i + 1) - edge(i)) * std::f64::consts::TAU / self.phi_o as f64
+    }
+
+    /// Index of the bin that holds the unit direction `w`.
+    pub fn bin(&self, w: [f32; 3]) -> usize {
+        let (theta, phi) = crate::theta_phi(w);
+        let i = ((theta / std::f32::consts::PI + 0.5) * self.theta_o as f32) as usize;
+        let j = (phi / std::f32::consts::TAU * self.phi_o as f32) as usize;
+        i.min(self.theta_o - 1) * self.phi_o + j.min(self.phi_o - 1)
+    }
+}
+
+/// Ensemble-averaged single-ply scattering over a grid of incidences. All arrays are flat, last index fastest.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table {
+    /// Text of the yarn spec that was simulated, as given.
+    pub spec_text: String,
+    /// Program version that wrote it.
+    pub program_version: String,
+    /// Preset name, for the record.
+    pub preset: String,
+    /// Seed of the run.
+    pub seed: u64,
+    /// Incident latitudes [rad], uniform, ascending from 0 (negative ones follow from the symmetry of the ply).
+    pub theta_i: Vec<f64>,
+    /// Beam center offsets [um], uniform, ascending, from -(R + d_cut) to R + d_cut.
+    pub h_um: Vec<f64>,
+    /// Absorption coefficients [1/um], ascending, `sigma_per_um[0] = 0`.
+    pub sigma_per_um: Vec<f64>,
+    /// Bins of the outgoing sphere.
+    pub grid: OutgoingGrid,
+    /// `[theta_i][h]`: fraction of the beam that met no fiber.
+    pub r_d: Vec<f64>,
+    /// `[theta_i][h]`: energy of the reflection-only light.
+    pub energy_refl: Vec<f64>,
+    /// `[theta_i][h][sigma]`: energy of all other scattered light.
+    pub energy_high: Vec<f64>,
+    /// `[theta_i][h]`: standard error of `r_d + energy_refl + energy_high` at sigma = 0.
+    pub energy_se: Vec<f64>,
+    /// `[theta_i][h]`: energy of paths stopped at the interaction limit, at sigma = 0. Kept, never added elsewhere.
+    pub energy_killed: Vec<f64>,
+    /// `[theta_i][h][theta_o][phi_o]`: reflection-only density [1/sr].
+    pub refl: Vec<f32>,
+    /// `[theta_i][h][sigma][theta_o][phi_o]`: density of all other light [1/sr].
+    pub high: Vec<f32>,
+    /// `[theta_i][h]`: integral over the sphere of the variance of `refl` [1/sr]: the noise part of a squared L2 distance.
+    pub noise_refl: Vec<f64>,
+    /// `[theta_i][h][sigma]`: the same for `high`.
+    pub noise_high: Vec<f64>,
+    /// `[theta_i]`: number of paths traced that met the bounding cylinder.
+    pub paths: Vec<u64>,
+    /// `[theta_i]`: mean number of fiber surface interactions of a path that met a fiber.
+    pub interactions: Vec<f64>,
+}
+
+impl Table {
+    /// Reflection-only slice `[theta_o][phi_o]` at incidence indices `(m, n)`.
+    pub fn refl_slice(&self, m: usize, n: usize) -> &[f32] {
+        let at = (m * self.h_um.len() + n) * self.grid.len();
+        &self.refl[at..at + self.grid.len()]
+    }
+
+    /// High-order slice `[theta_o][phi_o]` at incidence indices `(m, n)` and absorption index `k`.
+    pub fn high_slice(&self, m: usize, n: usize, k: usize) -> &[f32] {
+        let at = ((m * self.h_um.len() + n) * self.sigma_per_um.len() + k) * self.grid.len();
+        &self.high[at..at + self.grid.len()]
+    }
+}
