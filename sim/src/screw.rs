@@ -10,7 +10,8 @@
 //! The distance to the nearest fiber comes from one grid over the ply; near the walls its cells name the fibers to ask
 //! for their exact distance: circles in closed form, all others by a grid of distance and gradient of their own.
 
-use crate::section::{Outline, PlySection};
+use crate::outline::Outline;
+use crate::section::PlySection;
 use crate::tracer::{Hit, Medium, Trace, Tracer};
 use nalgebra::{Vector2, Vector3};
 

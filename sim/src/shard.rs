@@ -15,8 +15,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Paths between two looks at the stop flag.
 const BATCH: u64 = 4096;
-/// Standard deviations beyond which a beam's density counts as 0; the mass beyond is 4e-8.
-const BEAM_SDS: f64 = 5.5;
+/// Standard deviations beyond which a beam's density counts as 0; the mass beyond is 8e-11.
+const BEAM_SDS: f64 = 6.5;
 
 /// What is the same for all shards of an incident latitude.
 pub(crate) struct Incidence<'a> {
@@ -63,17 +63,33 @@ impl Sums {
 
     pub fn add(&mut self, other: &Sums) {
         self.bins.iter_mut().zip(&other.bins).for_each(|(a, b)| *a += b);
-        let pairs = [
-            (&mut self.energy, &other.energy),
-            (&mut self.noise, &other.noise),
-            (&mut self.missed, &other.missed),
-            (&mut self.killed, &other.killed),
-            (&mut self.variance, &other.variance),
-        ];
-        for (to, from) in pairs {
+        for ((_, to), (_, from)) in self.doubles_mut().into_iter().zip(other.doubles()) {
             to.iter_mut().zip(from).for_each(|(a, b)| *a += b);
         }
-        self.counts.iter_mut().zip(&other.counts).for_each(|(a, b)| *a += b);
+    }
+
+    /// The double-precision sums, by name.
+    pub fn doubles(&self) -> [(&'static str, &[f64]); 6] {
+        [
+            ("energy", &self.energy),
+            ("noise", &self.noise),
+            ("missed", &self.missed),
+            ("killed", &self.killed),
+            ("variance", &self.variance),
+            ("counts", &self.counts),
+        ]
+    }
+
+    /// The same, to be written to.
+    pub fn doubles_mut(&mut self) -> [(&'static str, &mut [f64]); 6] {
+        [
+            ("energy", &mut self.energy),
+            ("noise", &mut self.noise),
+            ("missed", &mut self.missed),
+            ("killed", &mut self.killed),
+            ("variance", &mut self.variance),
+            ("counts", &mut self.counts),
+        ]
     }
 }
 
