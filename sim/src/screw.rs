@@ -21,10 +21,12 @@ type V2 = Vector2<f32>;
 const HIT_UM: f32 = 2e-4;
 /// Steps after which a march is given up.
 const MAX_STEPS: u32 = 20_000;
-/// Fibers that one cell of the ply's grid can name.
+/// Fibers that one cell of the ply's grid names.
 const NEAR: usize = 4;
 /// Marks an unused place in a cell.
 const NONE: u8 = u8::MAX;
+/// Least free length [um] that a cell must leave before a fiber it does not name can count.
+const LEAST_FREE_UM: f32 = 0.2;
 
 /// Signed distance and its gradient, negative inside, of one outline in the ply's frame.
 enum Wall {
@@ -43,24 +45,16 @@ impl Wall {
         }
     }
 
+    /// Signed distance, gradient, and whether the outline is convex and the distance exact (not a lower bound).
     #[inline(always)]
-    fn distance(&self, q: V2) -> (f32, V2) {
+    fn distance(&self, q: V2) -> (f32, V2, bool) {
         match self {
             Wall::Circle { center, radius } => {
                 let v = q - center;
                 let r = v.norm().max(1e-12);
-                (r - radius, v / r)
+                (r - radius, v / r, true)
             }
             Wall::Grid(grid) => grid.distance(q),
-        }
-    }
-
-    /// Whether Newton's step may be trusted from any distance.
-    #[inline(always)]
-    fn convex(&self) -> bool {
-        match self {
-            Wall::Circle { .. } => true,
-            Wall::Grid(g) => g.convex,
         }
     }
 }
@@ -106,7 +100,7 @@ impl DistanceGrid {
     }
 
     #[inline(always)]
-    fn distance(&self, q: V2) -> (f32, V2) {
+    fn distance(&self, q: V2) -> (f32, V2, bool) {
         let f = (q - self.origin) * self.inv_cell;
         let top = (self.n - 1) as f32 - 1e-3;
         let c = V2::new(f.x.clamp(0.0, top), f.y.clamp(0.0, top));
@@ -126,9 +120,9 @@ impl DistanceGrid {
         let d = mix(0);
         if beyond > 2e-3 {
             let out = beyond / self.inv_cell;
-            (d.max(0.0).hypot(out), g)
+            (d.max(0.0).hypot(out), g, false)
         } else {
-            (d, g)
+            (d, g, self.convex)
         }
     }
 }
@@ -162,10 +156,10 @@ fn polyline_distance(points: &[Vector2<f64>], q: Vector2<f64>) -> (f64, Vector2<
     (sign * d, g)
 }
 
-/// A cell of the ply's grid: distance of its center to the nearest fiber, and the fibers that are near.
+/// A cell of the ply's grid: the nearest fibers, and the distance from any of its points within which no other counts.
 #[derive(Clone, Copy)]
 struct Cell {
-    distance: f32,
+    free: f32,
     near: [u8; NEAR],
 }
 
@@ -178,8 +172,6 @@ pub struct ScrewTracer {
     cells: Vec<Cell>,
     n: usize,
     inv_cell: f32,
-    half_diagonal: f32,
-    margin: f32,
 }
 
 impl ScrewTracer {
@@ -201,38 +193,30 @@ impl ScrewTracer {
             cells: Vec::new(),
             n: 0,
             inv_cell: 0.0,
-            half_diagonal: 0.0,
-            margin: 0.0,
         };
-        [256, 512, 1024].into_iter().any(|n| tracer.fill_cells(n)).then_some(tracer)
+        [128, 256, 512, 1024].into_iter().any(|n| tracer.fill_cells(n)).then_some(tracer)
     }
 
-    /// Fill an n x n grid; false when a cell has too many near fibers.
+    /// Fill an n x n grid; false when a cell with air in it cannot name enough fibers.
     fn fill_cells(&mut self, n: usize) -> bool {
         let cell = 2.0 * self.bound / n as f32;
+        let half_diagonal = std::f32::consts::FRAC_1_SQRT_2 * cell;
         self.n = n;
         self.inv_cell = 1.0 / cell;
-        self.half_diagonal = std::f32::consts::FRAC_1_SQRT_2 * cell;
-        self.margin = 1.5 * cell;
         self.cells.clear();
+        let mut distances: Vec<(f32, u8)> = Vec::new();
         for j in 0..n {
             for i in 0..n {
                 let q = V2::new((i as f32 + 0.5) * cell - self.bound, (j as f32 + 0.5) * cell - self.bound);
-                let mut out = Cell { distance: f32::INFINITY, near: [NONE; NEAR] };
-                let mut count = 0;
-                for (f, wall) in self.outer.iter().enumerate() {
-                    let d = wall.distance(q).0;
-                    out.distance = out.distance.min(d);
-                    // Cells in a fiber are asked only by rays that start on its wall: they need it and its neighbors too.
-                    if d < self.half_diagonal + self.margin && d > -self.half_diagonal - self.margin {
-                        if count == NEAR {
-                            return false;
-                        }
-                        out.near[count] = f as u8;
-                        count += 1;
-                    }
+                distances.clear();
+                distances.extend(self.outer.iter().enumerate().map(|(f, wall)| (wall.distance(q).0, f as u8)));
+                distances.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+                let free = distances.get(NEAR).map_or(4.0 * self.bound, |d| d.0) - half_diagonal;
+                if free < LEAST_FREE_UM && distances[0].0 > -half_diagonal {
+                    return false;
                 }
-                self.cells.push(out);
+                let near = std::array::from_fn(|k| distances.get(k).map_or(NONE, |d| d.1));
+                self.cells.push(Cell { free, near });
             }
         }
         true
@@ -278,9 +262,17 @@ impl TurningRay {
     }
 }
 
-/// Length after which a wall at signed distance `d` > 0 on the allowed side, changing by `slope` per length, is asked again.
+/// Length within which the distance to a convex outline, now `d` > 0 and changing by `slope` per length, stays positive when
+/// the path's acceleration is at most `bend`: the zero of d + slope s - bend s^2 / 2.
 #[inline(always)]
-fn step_to_wall(d: f32, slope: f32, safe: f32, trust_newton: bool) -> f32 {
+fn convex_step(d: f32, slope: f32, bend: f32) -> f32 {
+    let root = (slope * slope + 2.0 * bend * d).sqrt();
+    if slope < 0.0 { 2.0 * d / (root - slope) } else { (slope + root) / bend.max(1e-20) }
+}
+
+/// Step to a wall that is dented, or seen from inside: safe steps, then Newton close by; back when the wall was passed.
+#[inline(always)]
+fn careful_step(d: f32, slope: f32, safe: f32, trust_newton: bool) -> f32 {
     if d < 0.0 || (slope < 0.0 && (trust_newton || d < 0.05)) {
         let newton = d / (-slope).max(1e-4);
         // Just past the middle of a fiber the slope is small and Newton leaps; a few safe steps' length is enough.
@@ -293,6 +285,7 @@ fn step_to_wall(d: f32, slope: f32, safe: f32, trust_newton: bool) -> f32 {
 impl ScrewTracer {
     fn march_air(&self, ray: &TurningRay) -> Option<Result<(f32, V2, V2, u32), ()>> {
         let mut s = 0.0f32;
+        let bend = ray.rate.abs() * (2.0 * ray.d_norm + ray.rate.abs() * self.bound);
         for _ in 0..MAX_STEPS {
             let (q, v) = ray.at(s);
             let r = q.norm();
@@ -300,34 +293,28 @@ impl ScrewTracer {
                 return None;
             }
             let cell = self.cell(q);
-            if cell.near[0] == NONE {
-                // Far from all walls, or (after a pass of a wall that f32 cannot see) deep in a fiber: then give up.
-                if cell.distance < 0.0 {
-                    return Some(Err(()));
-                }
-                s += ray.safe_step(r, cell.distance - self.half_diagonal);
-                continue;
-            }
-            let mut step = ray.safe_step(r, self.margin);
+            let mut step = ray.safe_step(r, cell.free);
             for &f in &cell.near {
                 if f == NONE {
                     break;
                 }
-                let wall = &self.outer[f as usize];
-                let (d, n) = wall.distance(q);
+                let (d, n, convex) = self.outer[f as usize].distance(q);
                 let slope = v.dot(&n);
-                if d < HIT_UM && slope < 0.0 && d > -HIT_UM {
-                    return Some(Ok((s, q, n, f as u32)));
-                }
-                if d < HIT_UM && slope >= 0.0 {
-                    // Leaving this wall, or grazing past it: move on by no less than the hit distance.
-                    if d < -0.02 {
+                if d < HIT_UM {
+                    if slope < 0.0 && d > -HIT_UM {
+                        return Some(Ok((s, q, n, f as u32)));
+                    }
+                    if d < -0.05 {
                         return Some(Err(()));
                     }
-                    step = step.min(ray.safe_step(r, 2.0 * HIT_UM));
-                    continue;
+                    // Passed by a little: back. Leaving, or grazing past: on by no less than the hit distance.
+                    let on = ray.safe_step(r, 2.0 * HIT_UM);
+                    step = step.min(if slope < 0.0 { careful_step(d, slope, on, true) } else { on });
+                } else if convex {
+                    step = step.min(convex_step(d, slope, bend));
+                } else {
+                    step = step.min(careful_step(d, slope, ray.safe_step(r, d), false));
                 }
-                step = step.min(step_to_wall(d, slope, ray.safe_step(r, d), wall.convex()));
             }
             s = (s + step).max(0.0);
         }
@@ -352,7 +339,7 @@ impl ScrewTracer {
             let r = q.norm();
             let mut step = f32::INFINITY;
             if !in_lumen {
-                let (d, n) = outer.distance(q);
+                let (d, n, convex) = outer.distance(q);
                 let slope = -v.dot(&n);
                 if d.abs() < HIT_UM && slope < 0.0 {
                     return Ok((s, q, n, false));
@@ -364,12 +351,12 @@ impl ScrewTracer {
                     step = ray.safe_step(r, 2.0 * HIT_UM);
                 } else {
                     // From inside a convex outline Newton passes the wall and comes back from the outside.
-                    step = step_to_wall(-d, slope, ray.safe_step(r, -d), outer.convex() && lumen.is_none());
+                    step = careful_step(-d, slope, ray.safe_step(r, -d), convex && lumen.is_none());
                 }
             }
             if let Some(wall) = lumen {
                 // The lumen's own gradient points into the material; allowed side: outside it for the material, inside for the lumen.
-                let (d, n) = wall.distance(q);
+                let (d, n, _) = wall.distance(q);
                 let side = if in_lumen { -1.0 } else { 1.0 };
                 let (d, slope) = (side * d, side * v.dot(&n));
                 if d.abs() < HIT_UM && slope < 0.0 {
@@ -381,7 +368,7 @@ impl ScrewTracer {
                     }
                     ray.safe_step(r, 2.0 * HIT_UM)
                 } else {
-                    step_to_wall(d, slope, ray.safe_step(r, d), false)
+                    careful_step(d, slope, ray.safe_step(r, d), false)
                 };
                 step = step.min(wall_step);
             }
