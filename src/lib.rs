@@ -12,6 +12,7 @@ mod error;
 mod frame;
 mod ply;
 mod spec;
+mod spec_check;
 mod table;
 
 pub use beam::GaussianBeam;

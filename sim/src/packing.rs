@@ -46,14 +46,16 @@ pub(crate) fn pack<R: Rng>(
     let with_gap: f64 =
         fibers.iter().map(|f| f.outer.area() + 0.5 * gap * f.outer.perimeter() + 0.25 * PI * gap * gap).sum();
     let container = PI * (radii[0] + 0.5 * gap) * (radii[1] + 0.5 * gap);
-    // The estimate of the least scale if none is reached: random compression of discs jams near 0.8.
-    let mut least_scale = (with_gap / container / 0.75).sqrt();
+    let mut reached = f64::INFINITY;
     if with_gap / container <= HEXAGONAL {
         let bodies: Vec<Body> = fibers.iter().map(|f| Body::new(&f.outer, gap)).collect();
         let mut state = State::new(bodies, radii, gap, fiber.angle_jitter_rad);
         for _ in 0..STARTS {
             let angles = fibers.iter().map(|f| f.angle_rad);
-            let scale = state.start(angles, rng).then(|| state.compress(rng)).unwrap_or(least_scale.max(1.5));
+            if !state.start(angles, rng) {
+                continue;
+            }
+            let scale = state.compress(rng);
             if scale <= 1.0 {
                 for _ in 0..MIX_SWEEPS {
                     state.sweep(1.0, rng);
@@ -67,10 +69,12 @@ pub(crate) fn pack<R: Rng>(
                 // The measured error of the grid was too small somewhere: widen it and start again.
                 state.bodies.iter_mut().for_each(Body::widen);
             } else {
-                least_scale = least_scale.max(scale);
+                reached = reached.min(scale);
             }
         }
     }
+    // Where no start was tried: random compression of discs jams near 0.8, that of other outlines earlier.
+    let least_scale = if reached.is_finite() { reached } else { (with_gap / container / 0.75).sqrt() };
     Err(SimError::CannotPack {
         key: if ply.radii_um.is_some() { "ply.radii_um" } else { "ply.radius_um" },
         fibers: fibers.len(),
