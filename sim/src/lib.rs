@@ -1,11 +1,13 @@
 //! Simulator of plywave.
 
 mod error;
+mod mesh;
 mod outline;
 mod packing;
 mod section;
 mod shape;
 
 pub use error::SimError;
+pub use mesh::TriMesh;
 pub use outline::{Outline, OutlinePoint};
 pub use section::{FiberSection, PlySection};
