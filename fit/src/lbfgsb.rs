@@ -384,6 +384,9 @@ fn unwrapped(error: LbfgsbError) -> argmin::core::Error {
     }
 }
 
+/// Relative changes of cost or variables up to this are rounding.
+const ROUNDING: f64 = 10.0 * f64::EPSILON;
+
 /// One minimisation between two iterations: everything that a checkpoint must hold.
 #[derive(Serialize, Deserialize)]
 struct Run {
@@ -416,8 +419,9 @@ impl Run {
             }
         }
         for (index, (&lower, &upper)) in lower.iter().zip(upper).enumerate() {
-            // A NaN fails the first comparison; an infinity is no bound on its own side only.
-            if !(lower <= upper) || lower == f64::INFINITY || upper == f64::NEG_INFINITY {
+            // An infinity means no bound on its own side only.
+            if lower.is_nan() || upper.is_nan() || lower > upper || lower == f64::INFINITY || upper == f64::NEG_INFINITY
+            {
                 return Err(LbfgsbError::Bounds { index, lower, upper });
             }
         }
@@ -454,6 +458,8 @@ impl Run {
 
     /// One iteration; sets `stop` when it was the last.
     fn advance<O: CostGradient + ?Sized>(&mut self, objective: &O, options: &LbfgsbOptions) -> Result<(), LbfgsbError> {
+        let (x, cost, gradient) = self.current()?;
+        let (x_old, cost_old, gradient_old) = (x.clone(), cost, gradient.clone());
         let progress = self.progress.take().ok_or(LbfgsbError::NoStart)?;
         let mut problem = basin::Problem::new(Boxed::new(objective, &self.lower, &self.upper));
         let step = self.numerics.next_iter(&mut problem, progress);
@@ -463,10 +469,21 @@ impl Run {
             progress.increment_iter();
             self.iterations += 1;
         }
-        self.stop = if let Some((x, _, gradient)) = progress.current()
-            && projected_gradient(x, gradient, &self.lower, &self.upper) <= options.pgtol
-        {
+        let (x, cost, gradient) = progress.current().ok_or(LbfgsbError::NoStart)?;
+        let rise = (cost - cost_old) / cost.abs().max(cost_old.abs()).max(1.0);
+        let stationary = projected_gradient(x, gradient, &self.lower, &self.upper) <= options.pgtol;
+        let moved = x.iter().zip(&x_old).any(|(x, old)| (x - old).abs() > ROUNDING * x.abs().max(old.abs()));
+        self.stop = if stationary && rise <= ROUNDING {
             Some(LbfgsbStop::Gradient)
+        } else if rise > 0.0 || (completed && rise == 0.0 && !moved) {
+            // A search that can narrow its interval no further gives its last point, which may lie above the first one.
+            let restored = progress.replace(x_old, cost_old, gradient_old);
+            restored.map_err(|error| LbfgsbError::Objective(argmin::core::Error::msg(error.to_string())))?;
+            Some(if rise <= ROUNDING && moved {
+                LbfgsbStop::Decrease
+            } else {
+                LbfgsbStop::NoProgress("L-BFGS-B line search found no decrease.".to_string())
+            })
         } else {
             let termination = termination.or_else(|| self.numerics.check_convergence(&problem, &progress));
             termination.map(|termination| match termination {

@@ -2,9 +2,9 @@
 
     python3 fit/tests/data/scipy_lbfgsb.py
 
-Each problem is a sum of squared residuals, run from its standard start in six settings: no bounds; a box that holds start and
-minimum; bounds that cut the minimum off in every second variable; the same from an infeasible start; the first variable fixed;
-a start at a vertex of its box. Gradients are complex-step derivatives, exact to rounding. `null` stands for no bound.
+Each problem is a sum of squared residuals, run from its standard start in seven settings: no bounds; a box that holds start and
+minimum; the same box with the minimum cut off in every second variable; that box from an infeasible start; one bound a variable,
+through the start or the minimum; the first variable fixed; a start at a vertex of its box. Gradients are complex-step derivatives, exact to rounding. `null` stands for no bound.
 """
 
 import json
@@ -189,7 +189,8 @@ def settings(x0, best):
     span = np.abs(best - x0)
     yield "free", x0, -inf, inf
     yield "inactive", x0, np.minimum(x0, best) - 1 - span, np.maximum(x0, best) + 1 + span
-    lower, upper = -inf, inf.copy()
+    # Bounded on all sides: cut on one side only, Bard's and Biggs's problems have their infimum at infinity.
+    lower, upper = np.minimum(x0, best) - 1 - span, np.maximum(x0, best) + 1 + span
     for i in range(0, n, 2):
         halfway = 0.5 * (x0[i] + best[i])
         if best[i] >= x0[i]:
@@ -197,8 +198,11 @@ def settings(x0, best):
         else:
             lower[i] = halfway
     yield "active", x0, lower, upper
-    outside = np.where(np.isfinite(upper), upper + 1, np.where(np.isfinite(lower), lower - 1, x0))
-    yield "infeasible", outside, lower, upper
+    yield "infeasible", np.where(np.arange(n) % 3 == 0, upper + 1, lower - 1), lower, upper
+    lower, upper = -inf, inf.copy()
+    lower[::2] = np.minimum(x0, best)[::2]
+    upper[1::2] = np.maximum(x0, best)[1::2]
+    yield "one_sided", x0, lower, upper
     lower, upper = -inf, inf.copy()
     lower[0] = upper[0] = x0[0]
     yield "fixed", x0, lower, upper
