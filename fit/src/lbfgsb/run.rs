@@ -128,7 +128,7 @@ impl Run {
     }
 }
 
-/// Largest component of P(x - g) - x, P the projection onto the bounds (Byrd et al. 1995, Eq. 6.1).
+/// Largest component of P(x - g) - x, P the projection onto the bounds.
 pub(super) fn projected_gradient(x: &[f64], gradient: &[f64], lower: &[f64], upper: &[f64]) -> f64 {
     let components = (0..x.len())
         .map(|i| if gradient[i] < 0.0 { gradient[i].max(x[i] - upper[i]) } else { gradient[i].min(x[i] - lower[i]) });
