@@ -1,1 +1,5 @@
 //! Fitter of plywave.
+
+mod lbfgsb;
+
+pub use lbfgsb::{CostGradient, Lbfgsb, LbfgsbError, LbfgsbOptions, LbfgsbSolution, LbfgsbState, LbfgsbStop, minimize};
