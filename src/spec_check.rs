@@ -323,6 +323,9 @@ fn check_outline(file: &str, shape: &Shape) -> Result<()> {
         Shape::Ellipse { a_um, b_um } | Shape::Kidney { a_um, b_um, .. } if 6.0 * a_um.min(*b_um) < a_um.max(*b_um) => {
             Err(invalid(file, &key("b_um"), b_um, format!("use a value within a factor of 6 of a_um = {a_um}")))
         }
+        Shape::Kidney { lumen, .. } if *lumen > 0.0 && *lumen < 0.02 => {
+            Err(invalid(file, &key("lumen"), lumen, "use 0 for no lumen, or from 0.02 to 0.9"))
+        }
         Shape::RoundedTriangle { radius_um, rounding_um } | Shape::Stone { radius_um, rounding_um, .. }
             if !(0.02 * radius_um..=0.4 * radius_um).contains(rounding_um) =>
         {

@@ -109,6 +109,10 @@ fn shapes_are_held_to_their_relations() {
             "corners = 2: use an integer from 3 to 24",
         ),
         ("{ kind = \"kidney\", a_um = 8.0, b_um = 4.0, dent = 1.2, lumen = 0.4 }", "dent = 1.2: use a number"),
+        (
+            "{ kind = \"kidney\", a_um = 8.0, b_um = 4.0, dent = 0.2, lumen = 1e-9 }",
+            "lumen = 0.000000001: use 0 for no lumen",
+        ),
         ("{ kind = \"ellipse\", a_um = 20.0, b_um = 1.0 }", "b_um = 1: use a value within a factor of 6"),
         ("{ kind = \"serrated\", radius_um = 6.0, depth = 0.2, teeth = 30 }", "depth = 0.2: teeth too sharp"),
         ("{ kind = \"polygon\", file = \"p.txt\", rounding_um = 1.0 }", "file = p.txt: load the spec from its file"),

@@ -18,6 +18,8 @@ use std::f64::consts::{PI, TAU};
 
 /// Fresh starts before giving up; a jam at one start is often free at the next.
 const STARTS: usize = 4;
+/// A jam at this scale is not undone by another start: starts differ by about 0.01.
+const HOPELESS: f64 = 1.03;
 /// Most sweeps of compression per start.
 const MAX_SWEEPS: usize = 6000;
 /// Compression is given up when this many sweeps shrink the ply by less than [`STALL`].
@@ -70,6 +72,9 @@ pub(crate) fn pack<R: Rng>(
                 state.bodies.iter_mut().for_each(Body::widen);
             } else {
                 reached = reached.min(scale);
+                if scale > HOPELESS {
+                    break;
+                }
             }
         }
     }

@@ -4,6 +4,7 @@
 use nalgebra::Vector2;
 use plywave::{Handedness, Shape, YarnSpec};
 use plywave_sim::{FiberSection, Outline, PlySection, SimError};
+use proptest::prelude::*;
 
 const FABRICS: [&str; 5] = ["polyester", "cotton", "silk", "wool", "viscose"];
 
@@ -209,4 +210,69 @@ fn two_hundred_fibers_pack() {
     assert!(ply.fibers.len() == 200 && ply.min_gap_um() >= 0.2 && ply.bound_radius_um <= 90.0);
     let fiber = &ply.fibers[0];
     assert!(matches!(fiber.outer, Outline::Circle { .. }) && fiber.min_distance(fiber) < 0.0);
+}
+
+/// Any kind of outline, of sizes over three decades.
+fn any_shape() -> impl Strategy<Value = Shape> {
+    (0..8, -1.0..2.0_f64, 0.0..1.0_f64, 0.0..1.0_f64, 3..12u32).prop_map(|(kind, decade, u, v, n)| {
+        let radius_um = 10.0_f64.powf(decade);
+        let rounding_um = radius_um * (0.02 + 0.38 * u);
+        match kind {
+            0 => Shape::Circle { radius_um },
+            1 => Shape::Ellipse { a_um: radius_um, b_um: radius_um * (0.2 + u) },
+            2 => Shape::Kidney { a_um: radius_um, b_um: radius_um * (0.2 + u), dent: 0.8 * v, lumen: 0.02 + 0.88 * u },
+            3 => Shape::RoundedTriangle { radius_um, rounding_um },
+            4 => Shape::Stone { radius_um, corners: n, rounding_um },
+            5 => Shape::Trilobal { radius_um, depth: 0.35 * u },
+            6 => Shape::Serrated { radius_um, depth: (12.0 / f64::from(n * n)).min(0.3) * u, teeth: n },
+            _ => {
+                let at = |k: u32| {
+                    let t = std::f64::consts::TAU * f64::from(k) / f64::from(n);
+                    let r = if k % 2 == 0 { radius_um } else { radius_um * (0.6 + 0.4 * v) };
+                    [r * t.cos(), r * t.sin()]
+                };
+                Shape::Polygon {
+                    file: String::new(),
+                    points_um: (0..n).map(at).collect(),
+                    rounding_um: 0.1 * rounding_um,
+                }
+            }
+        }
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 60, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Whatever spec the check lets through is packed with all gaps kept, or refused.
+    #[test]
+    fn any_spec_is_packed_or_refused(
+        shape in any_shape(),
+        fibers in 1..25u32,
+        fraction in 0.02..0.9_f64,
+        flat in 0.3..1.0_f64,
+        gap in -3.0..0.5_f64,
+        jitter in prop::array::uniform2(0.0..0.25_f64),
+        angle_jitter_rad in prop::option::of(0.0..3.0_f64),
+        seed in any::<u64>(),
+    ) {
+        let mut spec = yarn(shape, fibers, 1.0);
+        let radius = spec.packing_fraction().sqrt() / (fraction * flat).sqrt();
+        (spec.ply.radius_um, spec.ply.radii_um) = (None, Some([radius, radius * flat]));
+        (spec.ply.min_gap_um, spec.ply.fiber_pitch_um) = (10.0_f64.powf(gap), None);
+        (spec.fiber.size_jitter, spec.fiber.shape_jitter) = (jitter[0], jitter[1]);
+        spec.fiber.angle_jitter_rad = angle_jitter_rad;
+        if spec.check("test").is_err() {
+            return Ok(());
+        }
+        match PlySection::generate(&spec, seed) {
+            Err(error) => prop_assert!(matches!(error, SimError::CannotPack { .. }), "{error}"),
+            Ok(ply) => {
+                prop_assert!(ply.min_gap_um() >= spec.ply.min_gap_um);
+                let inside = |p: Vector2<f64>| (p.x / radius).hypot(p.y / (radius * flat)) <= 1.0 + 1e-12;
+                prop_assert!(ply.fibers.iter().flat_map(placed).all(inside));
+                prop_assert!(ply.fibers.iter().all(|f| f.outer.is_simple()));
+            }
+        }
+    }
 }
