@@ -228,7 +228,7 @@ fn any_shape() -> impl Strategy<Value = Shape> {
             _ => {
                 let at = |k: u32| {
                     let t = std::f64::consts::TAU * f64::from(k) / f64::from(n);
-                    let r = if k % 2 == 0 { radius_um } else { radius_um * (0.6 + 0.4 * v) };
+                    let r = if k.is_multiple_of(2) { radius_um } else { radius_um * (0.6 + 0.4 * v) };
                     [r * t.cos(), r * t.sin()]
                 };
                 Shape::Polygon {
