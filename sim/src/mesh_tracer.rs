@@ -82,7 +82,8 @@ impl Tracer for MeshTracer {
 
     fn trace(&self, pos: Vector3<f32>, dir: Vector3<f32>, medium: Medium) -> Trace {
         let half = 0.5 * self.period;
-        let d = Vec3A::new(dir.x, dir.y, dir.z);
+        // Adding 0 turns -0 into 0: the BVH takes a ray's octant from the sign of its inverse in one place and of itself in another.
+        let d = Vec3A::new(dir.x, dir.y, dir.z) + Vec3A::ZERO;
         let mut z = pos.z - self.period * (pos.z / self.period).round();
         let mut done = 0.0f32;
         // Beyond this length the ray has left the bounding cylinder.

@@ -22,7 +22,7 @@ const HIT_UM: f32 = 2e-4;
 /// Steps after which a march is given up.
 const MAX_STEPS: u32 = 20_000;
 /// Least step along dented walls and walls seen from inside, as motion in the turning frame [um].
-const LEAST_STEP_UM: f32 = 0.1;
+const LEAST_STEP_UM: f32 = 0.2;
 /// Fibers that one cell of the ply's grid names.
 const NEAR: usize = 4;
 /// Marks an unused place in a cell.
@@ -71,43 +71,63 @@ struct DistanceGrid {
     convex: bool,
 }
 
-/// Cells across the grid of a convex outline. With 64 cells on a fiber of 15 um the bilinear error of the distance is 2 nm.
-const CONVEX_CELLS: usize = 64;
-/// The same of a dented one, whose corners are sharper.
-const DENTED_CELLS: usize = 96;
+/// Bounds of the number of cells across an outline's grid. With 48 cells on a fiber of 15 um the bilinear error of the distance
+/// is 2 nm; more only cost cache.
+const CELLS: (usize, usize) = (48, 96);
+/// Nodes along the side of a block that shares its choice of near edges.
+const BLOCK: usize = 8;
 
 impl DistanceGrid {
     fn new(points: &[Vector2<f64>]) -> DistanceGrid {
         let m = points.len();
         let convex = (0..m).all(|i| {
             let (a, b, c) = (points[i], points[(i + 1) % m], points[(i + 2) % m]);
-            (b - a).perp(&(c - b)) >= -1e-9
+            // Dents of less than a milliradian are rounding.
+            (b - a).perp(&(c - b)) >= -1e-3 * (b - a).norm() * (c - b).norm()
         });
-        let cells = if convex { CONVEX_CELLS } else { DENTED_CELLS };
         let (mut lo, mut hi) = (points[0], points[0]);
         for p in points {
             (lo, hi) = (lo.inf(p), hi.sup(p));
         }
         let size = (hi - lo).max();
+        // A corner of curvature kappa wants cells of half its radius.
+        let cells = ((1.24 * size * 2.0 * max_curvature(points)) as usize).clamp(CELLS.0, CELLS.1);
         let cell = 1.24 * size / cells as f64;
         let origin = (lo + hi) * 0.5 - Vector2::repeat(0.5 * cell * cells as f64);
         let n = cells + 1;
-        let mut nodes = Vec::with_capacity(n * n);
-        for j in 0..n {
-            for i in 0..n {
-                let q = origin + Vector2::new(i as f64, j as f64) * cell;
-                let (d, g) = polyline_distance(points, q);
-                nodes.push([d as f32, g.x as f32, g.y as f32]);
+        let mut nodes = vec![[0.0f32; 3]; n * n];
+        // Only edges about as near to a block's center as the nearest one can be nearest to one of its nodes.
+        let radius = std::f64::consts::FRAC_1_SQRT_2 * cell * (BLOCK - 1) as f64;
+        let mut distance = vec![0.0; m];
+        let mut near = Vec::new();
+        for (j0, i0) in (0..n).step_by(BLOCK).flat_map(|j| (0..n).step_by(BLOCK).map(move |i| (j, i))) {
+            let at = |i: usize, j: usize| origin + Vector2::new(i as f64, j as f64) * cell;
+            let middle = at(i0, j0) + Vector2::repeat(0.5 * cell * (BLOCK - 1) as f64);
+            for (k, d) in distance.iter_mut().enumerate() {
+                *d = (nearest_on_edge(points, k, middle).0 - middle).norm();
+            }
+            let reach = distance.iter().fold(f64::INFINITY, |a, &b| a.min(b)) + 2.0 * radius;
+            near.clear();
+            near.extend((0..m).filter(|&k| distance[k] <= reach));
+            for j in j0..(j0 + BLOCK).min(n) {
+                for i in i0..(i0 + BLOCK).min(n) {
+                    let (d, g) = signed_distance(points, &near, at(i, j));
+                    nodes[j * n + i] = [d as f32, g.x as f32, g.y as f32];
+                }
             }
         }
         DistanceGrid { origin: origin.cast(), inv_cell: (1.0 / cell) as f32, n, nodes, convex }
     }
 
-    /// Length along the line q + s v, from inside the grid, at which it leaves the grid.
+    /// Length along the line q + s v, from inside the outline, at which it is beyond the outline: in the middle of the margin
+    /// that the grid has about it, so that a path bent a little stays on the grid.
     #[inline(always)]
     fn leave(&self, q: V2, v: V2) -> f32 {
-        let size = (self.n - 1) as f32 / self.inv_cell * 0.999;
-        let axis = |q: f32, v: f32, lo: f32| if v > 0.0 { (lo + size - q) / v } else { (lo - q) / v.min(-1e-12) };
+        let size = (self.n - 1) as f32 / self.inv_cell;
+        let axis = |q: f32, v: f32, lo: f32| {
+            let end = lo + if v > 0.0 { 0.95 * size } else { 0.05 * size };
+            if v.abs() < 1e-9 { f32::INFINITY } else { (end - q) / v }
+        };
         axis(q.x, v.x, self.origin.x).min(axis(q.y, v.y, self.origin.y))
     }
 
@@ -139,32 +159,53 @@ impl DistanceGrid {
     }
 }
 
-/// Exact signed distance (negative inside) to a closed polyline, and its gradient.
-fn polyline_distance(points: &[Vector2<f64>], q: Vector2<f64>) -> (f64, Vector2<f64>) {
-    let mut best = f64::INFINITY;
-    let mut nearest = points[0];
-    let mut normal = Vector2::x();
-    let mut inside = false;
-    let mut a = points[points.len() - 1];
-    for &b in points {
-        let (e, w) = (b - a, q - a);
-        let t = (w.dot(&e) / e.norm_squared()).clamp(0.0, 1.0);
-        let p = a + e * t;
+/// Largest curvature of a polyline that samples a smooth outline, from the turn at each point.
+fn max_curvature(points: &[Vector2<f64>]) -> f64 {
+    let m = points.len();
+    (0..m)
+        .map(|i| {
+            let (a, b) = (points[(i + 1) % m] - points[i], points[(i + 2) % m] - points[(i + 1) % m]);
+            a.angle(&b) * 2.0 / (a.norm() + b.norm())
+        })
+        .fold(0.0, f64::max)
+}
+
+/// The point of edge `k` (from point k to the next) nearest to `q`, and its place along the edge in [0, 1].
+fn nearest_on_edge(points: &[Vector2<f64>], k: usize, q: Vector2<f64>) -> (Vector2<f64>, f64) {
+    let (a, b) = (points[k], points[(k + 1) % points.len()]);
+    let e = b - a;
+    let t = ((q - a).dot(&e) / e.norm_squared()).clamp(0.0, 1.0);
+    (a + e * t, t)
+}
+
+/// Signed distance (negative inside) to a counterclockwise polyline and its gradient, from the edges `near` that may be nearest.
+/// At a vertex the side is that of the mean of both edges' normals.
+fn signed_distance(points: &[Vector2<f64>], near: &[usize], q: Vector2<f64>) -> (f64, Vector2<f64>) {
+    let m = points.len();
+    let (mut best, mut place) = (f64::INFINITY, (0, 0.0, points[0]));
+    for &k in near {
+        let (p, t) = nearest_on_edge(points, k, q);
         let d2 = (q - p).norm_squared();
         if d2 < best {
-            best = d2;
-            nearest = p;
-            normal = Vector2::new(e.y, -e.x).normalize();
+            (best, place) = (d2, (k, t, p));
         }
-        if (a.y > q.y) != (b.y > q.y) && q.x < a.x + (q.y - a.y) / (b.y - a.y) * e.x {
-            inside = !inside;
-        }
-        a = b;
     }
+    let normal = |k: usize| {
+        let e = points[(k + 1) % m] - points[k];
+        Vector2::new(e.y, -e.x).normalize()
+    };
+    let (k, t, p) = place;
+    let n = if t <= 0.0 {
+        normal(k) + normal((k + m - 1) % m)
+    } else if t >= 1.0 {
+        normal(k) + normal((k + 1) % m)
+    } else {
+        normal(k)
+    };
+    let sign = if (q - p).dot(&n) < 0.0 { -1.0 } else { 1.0 };
     let d = best.sqrt();
-    let sign = if inside { -1.0 } else { 1.0 };
-    // On the line itself the offset has no direction; the segment's normal has.
-    let g = if d > 1e-9 { (q - nearest) * (sign / d) } else { normal };
+    // On the line itself the offset has no direction; the normal has.
+    let g = if d > 1e-9 { (q - p) * (sign / d) } else { n.normalize() };
     (sign * d, g)
 }
 
@@ -267,6 +308,12 @@ impl TurningRay {
         (q, turn(self.d) + V2::new(-q.y, q.x) * self.rate)
     }
 
+    /// Bound of the path's acceleration in the frame, within `bound` of the axis.
+    #[inline(always)]
+    fn bend(&self, bound: f32) -> f32 {
+        self.rate.abs() * (2.0 * self.d_norm + self.rate.abs() * bound)
+    }
+
     /// A length within which the ray cannot have moved by `distance` in the frame.
     #[inline(always)]
     fn safe_step(&self, r: f32, distance: f32) -> f32 {
@@ -299,17 +346,20 @@ struct Met {
 /// The march was given up.
 struct GivenUp;
 
-/// Place where the ray passes a wall between `good` (before it) and `bad` (behind it); `side` is -1 for a wall seen from inside.
-fn bisect(ray: &TurningRay, wall: &Wall, side: f32, mut good: f32, mut bad: f32) -> Met {
+/// Place where the ray passes a wall between `good` (before it) and `bad` (behind it), by Newton kept within the bracket;
+/// `side` is -1 for a wall seen from inside.
+fn crossing(ray: &TurningRay, wall: &Wall, side: f32, mut good: f32, mut bad: f32) -> Met {
+    let mut s = bad;
     loop {
-        let s = 0.5 * (good + bad);
-        let (q, _) = ray.at(s);
+        let (q, v) = ray.at(s);
         let (d, n, _) = wall.distance(q);
-        let d = side * d;
+        let (d, slope) = (side * d, side * v.dot(&n));
         if d.abs() < HIT_UM || bad - good < 1e-5 * (1.0 + bad) {
             return Met { s, q, n };
         }
         if d > 0.0 { good = s } else { bad = s }
+        let newton = s - d / slope;
+        s = if newton > good && newton < bad { newton } else { 0.5 * (good + bad) };
     }
 }
 
@@ -317,7 +367,7 @@ impl ScrewTracer {
     /// March between the fibers; None when the ray leaves the ply.
     fn march_air(&self, ray: &TurningRay) -> Result<Option<(Met, u32)>, GivenUp> {
         let (mut s, mut before) = (0.0f32, 0.0f32);
-        let bend = ray.rate.abs() * (2.0 * ray.d_norm + ray.rate.abs() * self.bound);
+        let bend = ray.bend(self.bound);
         for _ in 0..MAX_STEPS {
             let (q, v) = ray.at(s);
             let r = q.norm();
@@ -339,7 +389,7 @@ impl ScrewTracer {
                         return Ok(Some((Met { s, q, n }, f as u32)));
                     }
                     if d <= -HIT_UM && s > before {
-                        return Ok(Some((bisect(ray, wall, 1.0, before, s), f as u32)));
+                        return Ok(Some((crossing(ray, wall, 1.0, before, s), f as u32)));
                     }
                     // Leaving the wall, or grazing past it.
                     step = step.min(least);
@@ -365,6 +415,7 @@ impl ScrewTracer {
             return Ok((met, false));
         }
         let (mut s, mut before) = (0.0f32, 0.0f32);
+        let bend = ray.bend(self.bound);
         for _ in 0..MAX_STEPS {
             let (q, v) = ray.at(s);
             let r = q.norm();
@@ -377,16 +428,18 @@ impl ScrewTracer {
                 }
                 // Distance on the side of the medium: outside the lumen in the material, inside the wall otherwise.
                 let side = if is_lumen && !in_lumen { 1.0 } else { -1.0 };
-                let (d, n, _) = wall.distance(q);
+                let (d, n, convex) = wall.distance(q);
                 let (d, slope) = (side * d, side * v.dot(&n));
                 if d < HIT_UM {
                     if slope < 0.0 && d > -HIT_UM {
                         return Ok((Met { s, q, n }, is_lumen));
                     }
                     if d <= -HIT_UM && s > before {
-                        return Ok((bisect(ray, wall, side, before, s), is_lumen));
+                        return Ok((crossing(ray, wall, side, before, s), is_lumen));
                     }
                     step = step.min(least);
+                } else if convex && side > 0.0 {
+                    step = step.min(convex_step(d, slope, bend));
                 } else {
                     step = step.min(careful_step(d, slope, ray.safe_step(r, d), least));
                 }
@@ -417,7 +470,11 @@ fn leave_convex(ray: &TurningRay, wall: &Wall) -> Option<Met> {
         let (q, v) = ray.at(s);
         let (d, n, trusted) = wall.distance(q);
         let slope = v.dot(&n);
-        if slope <= 0.0 || !trusted {
+        if !trusted {
+            s *= 0.85;
+            continue;
+        }
+        if slope <= 0.0 {
             return None;
         }
         if d.abs() < HIT_UM {
