@@ -7,7 +7,7 @@
 mod synthetic;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use plywave::{PlyModel, direction};
+use plywave::{PlyModel, Queries, direction};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::hint::black_box;
@@ -82,6 +82,11 @@ fn runtime(c: &mut Criterion) {
     group.throughput(Throughput::Elements(QUERIES as u64));
     let wo: Vec<[f32; 3]> = q.iter().map(|q| q.3).collect();
     let (mut f, mut pdf) = (vec![[0.0; 4]; QUERIES], vec![0.0; QUERIES]);
+    let (theta_i, h_um): (Vec<f32>, Vec<f32>) = q.iter().map(|q| (q.0, q.1)).unzip();
+    let sigma_per_um: Vec<[f32; 4]> = q.iter().map(|q| q.2).collect();
+    let [x, y, z] = [0, 1, 2].map(|c| wo.iter().map(|w| w[c]).collect::<Vec<f32>>());
+    let queries = Queries { theta_i: &theta_i, h_um: &h_um, sigma_per_um: &sigma_per_um, wo: [&x, &y, &z] };
+    group.bench_function("eval N=4", |b| b.iter(|| m.eval_batch(&queries, &mut f)));
     group.bench_function("eval + pdf N=4, one incidence", |b| {
         b.iter(|| m.eval_directions(0.5, 20.0, [0.0, 0.01, 0.02, 0.05], &wo, &mut f, &mut pdf))
     });

@@ -92,6 +92,28 @@ pub struct PlySample<const N: usize> {
     pub pdf: f32,
 }
 
+/// Many queries, as arrays of equal lengths.
+#[derive(Clone, Copy, Debug)]
+pub struct Queries<'a, const N: usize> {
+    /// Incident latitudes [rad].
+    pub theta_i: &'a [f32],
+    /// Beam offsets [um].
+    pub h_um: &'a [f32],
+    /// Absorptions [1/um].
+    pub sigma_per_um: &'a [[f32; N]],
+    /// Components x, y, z of the outgoing directions, unit.
+    pub wo: [&'a [f32]; 3],
+}
+
+impl<const N: usize> Queries<'_, N> {
+    /// Query `i`; `None` beyond the shortest array.
+    #[inline(always)]
+    fn get(&self, i: usize) -> Option<(f32, f32, [f32; N], [f32; 3])> {
+        let wo = [*self.wo[0].get(i)?, *self.wo[1].get(i)?, *self.wo[2].get(i)?];
+        Some((*self.theta_i.get(i)?, *self.h_um.get(i)?, *self.sigma_per_um.get(i)?, wo))
+    }
+}
+
 impl PlyModel {
     /// Reads and checks a model file.
     ///
@@ -151,6 +173,11 @@ impl PlyModel {
     pub fn eval<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N], wo: [f32; 3]) -> [f32; N] {
         let (refl, high) = dispatch::run_eval(&self.layout, theta_i, h_um, sigma_per_um, wo);
         high.map(|f| refl + f)
+    }
+
+    /// [`PlyModel::eval`] at each of many queries; 0 where an array of `queries` is shorter than `f`.
+    pub fn eval_batch<const N: usize>(&self, queries: &Queries<'_, N>, f: &mut [[f32; N]]) {
+        dispatch::run_batch(&self.layout, queries, f);
     }
 
     /// f_refl, which does not depend on the absorption, and f_high apart [1/sr]; their sum is [`PlyModel::eval`].

@@ -3,6 +3,7 @@
 //! Each of these functions is one inlined copy of the arithmetic. Models beyond the small form (8 lobes of each kind, 8 path
 //! lengths) take one portable copy.
 
+use super::Queries;
 use super::kernel::{Energies, energies, mixture};
 use super::layout::{LARGE, Layout, SMALL};
 use multiversion::{multiversion, target::target_cfg_f};
@@ -70,4 +71,37 @@ pub(super) fn run_energies<const N: usize>(layout: &Layout, theta_i: f32, h_um: 
         energies::<FMA, { LARGE.paths }, N>(layout, theta_i, h_um, &sigma)
     };
     energies.unwrap_or(Energies::MISS)
+}
+
+/// f at many queries. Vectors run over the lobes here, too: over queries they would gather every parameter of every lobe.
+pub(super) fn run_batch<const N: usize>(layout: &Layout, queries: &Queries<'_, N>, f: &mut [[f32; N]]) {
+    if layout.small {
+        batch_small(layout, queries, f);
+    } else {
+        for (i, f) in f.iter_mut().enumerate() {
+            *f = queries.get(i).map_or([0.0; N], |(theta_i, h_um, sigma, wo)| {
+                let (refl, high) = eval_large(layout, theta_i, h_um, sigma, wo);
+                high.map(|f| refl + f)
+            });
+        }
+    }
+}
+
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
+    "x86_64+avx2+bmi1+bmi2+fma"
+))]
+fn batch_small<const N: usize>(layout: &Layout, queries: &Queries<'_, N>, f: &mut [[f32; N]]) {
+    const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
+    for (i, f) in f.iter_mut().enumerate() {
+        *f = [0.0; N];
+        let Some((theta_i, h_um, sigma, wo)) = queries.get(i) else { continue };
+        let mixture = mixture::<FMA, { SMALL.high }, { SMALL.refl }, { SMALL.high + SMALL.refl }, { SMALL.paths }, N>(
+            layout, theta_i, h_um, &sigma,
+        );
+        if let Some(m) = mixture {
+            let (refl, high) = m.eval::<FMA>(wo);
+            *f = high.map(|f| refl + f);
+        }
+    }
 }

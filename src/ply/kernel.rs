@@ -34,6 +34,8 @@ pub(super) struct Mixture<const H: usize, const L: usize, const J: usize, const 
     scale_high: [f32; N],
     /// What makes the reflection lobes add up to the simulated energy.
     scale_refl: f32,
+    /// Number of high-order lobes.
+    lobes_high: usize,
     /// Whether theta_i < 0: directions are mirrored on the way in and out.
     flip: bool,
     energies: Energies<N>,
@@ -288,6 +290,7 @@ pub(super) fn mixture<
         transmittance,
         scale_high: [0.0; N],
         scale_refl: 0.0,
+        lobes_high: layout.lobes_high,
         flip: p.flip,
         energies,
     };
@@ -333,9 +336,10 @@ impl<const H: usize, const L: usize, const J: usize, const N: usize> Mixture<H, 
     #[inline(always)]
     fn absorbed<const FMA: bool>(&self, value: &[f32; L]) -> (f32, [f32; N]) {
         let mut by_path = [0.0; J];
-        for l in 0..H {
+        // Of as many turns as there are lobes, which the compiler does not know: it then keeps the path lengths in a vector.
+        for (value, spectrum) in value.iter().zip(&self.spectrum).take(self.lobes_high) {
             for j in 0..J {
-                by_path[j] = fma::<FMA>(value[l], self.spectrum[l][j], by_path[j]);
+                by_path[j] = fma::<FMA>(*value, spectrum[j], by_path[j]);
             }
         }
         let mut refl = [0.0; 4];

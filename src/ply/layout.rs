@@ -30,6 +30,8 @@ pub(super) struct Layout {
     pub(super) per_h: f32,
     /// Last offset node [um]; the first is its negative.
     pub(super) h_last: f32,
+    /// Number of high-order lobes.
+    pub(super) lobes_high: usize,
     /// Whether the small sizes are enough.
     pub(super) small: bool,
     /// `[J]` path lengths [um].
@@ -97,6 +99,7 @@ impl Layout {
             per_theta: (m - 1) as f32 / d.theta_i[m - 1] as f32,
             per_h: (h - 1) as f32 / (2.0 * d.h_um[h - 1]) as f32,
             h_last: d.h_um[h - 1] as f32,
+            lobes_high: d.lobes_high,
             small,
             path,
             nodes,
