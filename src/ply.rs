@@ -172,7 +172,7 @@ impl PlyModel {
     /// f_refl + f_high [1/sr] (Yu 2025, Eq. 8) for N absorptions `sigma_per_um` in direction `wo`.
     pub fn eval<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N], wo: [f32; 3]) -> [f32; N] {
         let (refl, high) = dispatch::run_eval(&self.layout, theta_i, h_um, sigma_per_um, wo);
-        high.map(|f| refl + f)
+        kernel::sum(refl, high)
     }
 
     /// [`PlyModel::eval`] at each of many queries; 0 where an array of `queries` is shorter than `f`.

@@ -44,6 +44,29 @@ pub(crate) fn exp<const FMA: bool>(x: f32) -> f32 {
     if x >= -87.0 { p * scale } else { 0.0 }
 }
 
+/// `ln x` for normal x > 0, to 1e-7 absolute plus 1e-7 relative.
+#[inline(always)]
+pub(crate) fn ln<const FMA: bool>(x: f32) -> f32 {
+    // x = m 2^e with m in [sqrt(1/2), sqrt(2)): taking the bits of sqrt(1/2) off moves the border of e there.
+    const SQRT_HALF: u32 = 0x3f35_04f3;
+    let shifted = x.to_bits().wrapping_sub(SQRT_HALF);
+    let e = (shifted as i32 >> 23) as f32;
+    let r = f32::from_bits((shifted & 0x007f_ffff) + SQRT_HALF) - 1.0;
+    let r2 = r * r;
+    // Minimax polynomial (Cephes logf).
+    let p = fma::<FMA>(r, 7.037_683_6e-2, -1.151_461e-1);
+    let p = fma::<FMA>(p, r, 1.167_7e-1);
+    let p = fma::<FMA>(p, r, -1.242_014_1e-1);
+    let p = fma::<FMA>(p, r, 1.424_932_3e-1);
+    let p = fma::<FMA>(p, r, -1.666_805_8e-1);
+    let p = fma::<FMA>(p, r, 2.000_071_5e-1);
+    let p = fma::<FMA>(p, r, -2.499_999_4e-1);
+    let p = fma::<FMA>(p, r, 3.333_333e-1);
+    let p = fma::<FMA>(e, -2.121_944_4e-4, p * r * r2);
+    let p = fma::<FMA>(r2, -0.5, p);
+    fma::<FMA>(e, 0.693_359_4, r + p)
+}
+
 /// Sine and cosine, to 2e-7 plus the rounding of x for |x| <= 1000.
 #[inline(always)]
 pub(crate) fn sin_cos<const FMA: bool>(x: f32) -> (f32, f32) {
@@ -86,6 +109,19 @@ mod tests {
         assert_eq!([exp::<true>(f32::NAN), exp::<true>(f32::NEG_INFINITY), exp::<true>(-90.0)], [0.0; 3]);
         assert_eq!(exp::<true>(0.0), 1.0);
         assert!(exp::<true>(f32::INFINITY).is_finite());
+    }
+
+    #[test]
+    fn ln_is_accurate() {
+        for i in 0..400_000 {
+            let x = (i as f32 * 4.3e-4 - 86.0).exp();
+            let want = f64::from(x).ln();
+            for got in [ln::<true>(x), ln::<false>(x)] {
+                let err = (f64::from(got) - want).abs();
+                assert!(err < 1e-7 + 1e-7 * want.abs(), "ln({x}): got {got}, want {want}, err {err}");
+            }
+        }
+        assert_eq!(ln::<true>(1.0), 0.0);
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! lengths) take one portable copy.
 
 use super::Queries;
-use super::kernel::{Energies, energies, mixture};
+use super::kernel::{Energies, energies, mixture, sum};
 use super::layout::{LARGE, Layout, SMALL};
 use multiversion::{multiversion, target::target_cfg_f};
 
@@ -56,7 +56,7 @@ kernel!(
     |m, FMA| {
         for ((wo, f), pdf) in wo.iter().zip(f).zip(pdf) {
             let (refl, high, p) = m.eval_pdf::<FMA>(*wo);
-            (*f, *pdf) = (high.map(|f| refl + f), p);
+            (*f, *pdf) = (sum(refl, high), p);
         }
     }
 );
@@ -81,7 +81,7 @@ pub(super) fn run_batch<const N: usize>(layout: &Layout, queries: &Queries<'_, N
         for (i, f) in f.iter_mut().enumerate() {
             *f = queries.get(i).map_or([0.0; N], |(theta_i, h_um, sigma, wo)| {
                 let (refl, high) = eval_large(layout, theta_i, h_um, sigma, wo);
-                high.map(|f| refl + f)
+                sum(refl, high)
             });
         }
     }
@@ -101,7 +101,7 @@ fn batch_small<const N: usize>(layout: &Layout, queries: &Queries<'_, N>, f: &mu
         );
         if let Some(m) = mixture {
             let (refl, high) = m.eval::<FMA>(wo);
-            *f = high.map(|f| refl + f);
+            *f = sum(refl, high);
         }
     }
 }

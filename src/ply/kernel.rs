@@ -7,7 +7,7 @@
 
 use super::layout::{HEAD, Layout};
 use super::reference::LEAST_TRANSMITTANCE;
-use crate::simd::{exp, fma, max, min, sin_cos};
+use crate::simd::{exp, fma, ln, max, min, sin_cos};
 use std::f32::consts::PI;
 
 /// The lobes at one incidence: H high-order lanes of L, J path lengths, N absorptions.
@@ -330,10 +330,32 @@ pub(super) fn mixture<
     Some(x)
 }
 
+/// f_refl + f_high. (The standard `map` is not always inlined into code for other instruction sets than the default one.)
+#[inline(always)]
+pub(super) fn sum<const N: usize>(refl: f32, mut high: [f32; N]) -> [f32; N] {
+    for f in &mut high {
+        *f += refl;
+    }
+    high
+}
+
 /// Reflection part plus the mean of the high-order parts.
 #[inline(always)]
 fn mean_sum<const N: usize>(refl: f32, high: &[f32; N]) -> f32 {
     refl + high.iter().sum::<f32>() * (1.0 / N.max(1) as f32)
+}
+
+/// Sum by halves; the length is a power of 2.
+#[inline(always)]
+fn halves<const J: usize>(mut x: [f32; J]) -> f32 {
+    let mut n = J;
+    while n > 1 {
+        n /= 2;
+        for j in 0..n {
+            x[j] += x[j + n];
+        }
+    }
+    x[0]
 }
 
 #[inline(always)]
@@ -444,13 +466,16 @@ impl<const H: usize, const L: usize, const J: usize, const N: usize> Mixture<H, 
                 by_path[j] += share * self.scale_high[k] * self.transmittance[j][k];
             }
         }
-        let mut mean = self.energy.map(|e| e * self.scale_refl);
-        for l in 0..H {
-            let mut sum = 0.0;
+        let mut mean = [0.0; L];
+        for l in H..L {
+            mean[l] = self.energy[l] * self.scale_refl;
+        }
+        for (l, spectrum) in self.spectrum.iter().enumerate().take(self.lobes_high) {
+            let mut product = [0.0; J];
             for j in 0..J {
-                sum += self.spectrum[l][j] * by_path[j];
+                product[j] = spectrum[j] * by_path[j];
             }
-            mean[l] = self.energy[l] * sum;
+            mean[l] = self.energy[l] * halves(product);
         }
         mean
     }
@@ -459,7 +484,8 @@ impl<const H: usize, const L: usize, const J: usize, const N: usize> Mixture<H, 
     #[inline(always)]
     pub(super) fn sample<const FMA: bool>(&self, u: [f32; 3]) -> Option<([f32; 3], [f32; N], f32)> {
         // Below 1, and 0 for what is not a number.
-        let u = u.map(|x| min(max(x, 0.0), 1.0 - f32::EPSILON / 2.0));
+        let unit = |x: f32| min(max(x, 0.0), 1.0 - f32::EPSILON / 2.0);
+        let u = [unit(u[0]), unit(u[1]), unit(u[2])];
         let total = self.total();
         let mut left = u[0] * total;
         if left >= total - self.energies.r_d {
@@ -482,7 +508,7 @@ impl<const H: usize, const L: usize, const J: usize, const N: usize> Mixture<H, 
         let (c, s) = (mu2.sqrt() * c, mu1.sqrt() * s);
         let n2 = 1.0 / (c * c + s * s);
         let a = (mu1 * c * c + mu2 * s * s) * n2;
-        let r2 = min(-(-u[2] * (1.0 - exp::<FMA>(-a))).ln_1p() / a, 1.0 - f32::EPSILON);
+        let r2 = min(max(-ln::<FMA>(1.0 - u[2] * (1.0 - exp::<FMA>(-a))) / a, 0.0), 1.0 - f32::EPSILON);
         let r = (r2 * n2).sqrt();
         let (u_, w_, cz) = (r * c, r * s, (1.0 - r2).sqrt());
         let across = self.cos_xy[i] * u_ - self.sin_xy[i] * w_;
@@ -492,7 +518,7 @@ impl<const H: usize, const L: usize, const J: usize, const N: usize> Mixture<H, 
         let z = self.sin_theta[i] * cz + self.cos_theta[i] * up;
         let wo = mirrored(self.flip, [cp * along - sp * across, sp * along + cp * across, z]);
         let (refl, high, pdf) = self.eval_pdf::<FMA>(wo);
-        Some((wo, high.map(|f| refl + f), pdf))
+        Some((wo, sum(refl, high), pdf))
     }
 }
 
