@@ -8,6 +8,9 @@
 
 pub mod asg;
 mod beam;
+pub mod check;
+#[doc(hidden)]
+pub mod chi2;
 mod error;
 mod file;
 mod frame;
@@ -23,6 +26,6 @@ pub use file::{FileKind, file_kind};
 pub use frame::{direction, incident_direction, mirror_incidence, theta_phi};
 #[doc(hidden)]
 pub use ply::reference;
-pub use ply::{Golden, PlyData, PlyModel, PlySample};
+pub use ply::{Golden, PlyData, PlyModel, PlySample, Queries};
 pub use spec::*;
 pub use table::{OutgoingGrid, Table};

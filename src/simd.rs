@@ -44,6 +44,29 @@ pub(crate) fn exp<const FMA: bool>(x: f32) -> f32 {
     if x >= -87.0 { p * scale } else { 0.0 }
 }
 
+/// `ln x` for normal x > 0, to 1e-7 absolute plus 1e-7 relative.
+#[inline(always)]
+pub(crate) fn ln<const FMA: bool>(x: f32) -> f32 {
+    // x = m 2^e with m in [sqrt(1/2), sqrt(2)): taking the bits of sqrt(1/2) off moves the border of e there.
+    const SQRT_HALF: u32 = 0x3f35_04f3;
+    let shifted = x.to_bits().wrapping_sub(SQRT_HALF);
+    let e = (shifted as i32 >> 23) as f32;
+    let r = f32::from_bits((shifted & 0x007f_ffff) + SQRT_HALF) - 1.0;
+    let r2 = r * r;
+    // Minimax polynomial (Cephes logf).
+    let p = fma::<FMA>(r, 7.037_683_6e-2, -1.151_461e-1);
+    let p = fma::<FMA>(p, r, 1.167_7e-1);
+    let p = fma::<FMA>(p, r, -1.242_014_1e-1);
+    let p = fma::<FMA>(p, r, 1.424_932_3e-1);
+    let p = fma::<FMA>(p, r, -1.666_805_8e-1);
+    let p = fma::<FMA>(p, r, 2.000_071_5e-1);
+    let p = fma::<FMA>(p, r, -2.499_999_4e-1);
+    let p = fma::<FMA>(p, r, 3.333_333e-1);
+    let p = fma::<FMA>(e, -2.121_944_4e-4, p * r * r2);
+    let p = fma::<FMA>(r2, -0.5, p);
+    fma::<FMA>(e, 0.693_359_4, r + p)
+}
+
 /// Sine and cosine, to 2e-7 plus the rounding of x for |x| <= 1000.
 #[inline(always)]
 pub(crate) fn sin_cos<const FMA: bool>(x: f32) -> (f32, f32) {
@@ -69,22 +92,6 @@ pub(crate) fn sin_cos<const FMA: bool>(x: f32) -> (f32, f32) {
     (f32::from_bits(a.to_bits() ^ sign_sin), f32::from_bits(b.to_bits() ^ sign_cos))
 }
 
-/// Sum of 8 lanes, by halves.
-#[inline(always)]
-pub(crate) fn sum8(a: [f32; 8]) -> f32 {
-    ((a[0] + a[4]) + (a[2] + a[6])) + ((a[1] + a[5]) + (a[3] + a[7]))
-}
-
-/// Sum of 16 lanes, by halves.
-#[inline(always)]
-pub(crate) fn sum16(a: &[f32; 16]) -> f32 {
-    let mut b = [0.0; 8];
-    for i in 0..8 {
-        b[i] = a[i] + a[i + 8];
-    }
-    sum8(b)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -105,6 +112,19 @@ mod tests {
     }
 
     #[test]
+    fn ln_is_accurate() {
+        for i in 0..400_000 {
+            let x = (i as f32 * 4.3e-4 - 86.0).exp();
+            let want = f64::from(x).ln();
+            for got in [ln::<true>(x), ln::<false>(x)] {
+                let err = (f64::from(got) - want).abs();
+                assert!(err < 1e-7 + 1e-7 * want.abs(), "ln({x}): got {got}, want {want}, err {err}");
+            }
+        }
+        assert_eq!(ln::<true>(1.0), 0.0);
+    }
+
+    #[test]
     fn sin_cos_is_accurate() {
         for i in 0..400_000 {
             let x = -100.0 + i as f32 * 5e-4;
@@ -114,12 +134,5 @@ mod tests {
                 assert!(err < 2e-7, "sin_cos({x}): got {s} {c}, want {want_s} {want_c}, err {err}");
             }
         }
-    }
-
-    #[test]
-    fn sums_add_every_lane() {
-        let a: [f32; 16] = std::array::from_fn(|i| (1 << i) as f32);
-        assert_eq!(sum16(&a), 65535.0);
-        assert_eq!(sum8(std::array::from_fn(|i| a[i])), 255.0);
     }
 }
