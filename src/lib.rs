@@ -14,6 +14,7 @@ mod frame;
 mod ply;
 mod simd;
 mod spec;
+mod spec_check;
 mod table;
 
 pub use beam::GaussianBeam;
