@@ -120,9 +120,9 @@ pub struct BuildArgs {
     /// Model to write [default: SPEC's name with .pwm, in this folder].
     #[arg(long, short, value_name = "MODEL")]
     pub output: Option<PathBuf>,
-    /// Keep the simulated table here.
-    #[arg(long, value_name = "TABLE", num_args = 0..=1, default_missing_value = "")]
-    pub keep_table: Option<PathBuf>,
+    /// Keep the simulated table too, under the model's name with .pwt.
+    #[arg(long)]
+    pub keep_table: bool,
     /// How to run.
     #[command(flatten)]
     pub run: RunArgs,
