@@ -27,6 +27,17 @@ pub enum SimError {
         /// What would be accepted.
         mend: String,
     },
+    /// The fibers crowd so much that the screw march's grid cannot tell them apart.
+    #[error("the screw march cannot resolve this cross section; use the mesh tracer")]
+    TooCrowded,
+    /// Stopped before the end.
+    #[error("stopped with {left} of {total} shards left")]
+    Interrupted {
+        /// Shards not yet summed.
+        left: usize,
+        /// Shards in all.
+        total: usize,
+    },
     /// Something of the runtime: spec, table or file.
     #[error(transparent)]
     Runtime(#[from] plywave::Error),

@@ -9,7 +9,7 @@
 //! the grid measured and added to the gap; the packed section is then checked against the exact outlines.
 
 use crate::error::SimError;
-use crate::outline::Outline;
+use crate::outline::{Outline, segment_distance2};
 use crate::section::FiberSection;
 use nalgebra::{Rotation2, Vector2};
 use plywave::{FiberSpec, PlySpec};
@@ -161,7 +161,7 @@ impl Body {
             Outline::Polyline(points) => {
                 let stride = points.len().div_ceil(PROBES);
                 let probes: Vec<_> = points.iter().copied().step_by(stride).collect();
-                let grid = DistanceGrid::new(outline, bound, gap);
+                let grid = DistanceGrid::new(outline, points, bound, gap);
                 // How far the outline bulges past the polygon of the probes.
                 let coarse = Outline::Polyline(probes.clone());
                 let bulge = points.iter().map(|&p| coarse.signed_distance(p)).fold(0.0, f64::max);
@@ -224,6 +224,40 @@ fn clear(a: &Body, at: &Pose, b: &Body, bt: &Pose, gap: f64) -> bool {
     }
 }
 
+/// The edges of a closed polyline in runs of sixteen, each with a circle that holds it.
+struct Arcs<'a> {
+    points: &'a [Vector2<f64>],
+    bounds: Vec<(Vector2<f64>, f64)>,
+}
+
+const RUN: usize = 16;
+
+impl<'a> Arcs<'a> {
+    fn new(points: &'a [Vector2<f64>]) -> Arcs<'a> {
+        let n = points.len();
+        let bounds = (0..n.div_ceil(RUN)).map(|k| {
+            let (first, last) = (k * RUN, (k * RUN + RUN).min(n));
+            let center = points[(first + last) / 2];
+            (center, (first..=last).map(|i| (points[i % n] - center).norm()).fold(0.0, f64::max))
+        });
+        Arcs { points, bounds: bounds.collect() }
+    }
+
+    /// Exact distance of `p` to the polyline; `most` must not be less.
+    fn distance(&self, p: Vector2<f64>, most: f64) -> f64 {
+        let n = self.points.len();
+        let mut least2 = most * most;
+        for (k, (center, bound)) in self.bounds.iter().enumerate() {
+            if ((p - center).norm() - bound).max(0.0).powi(2) <= least2 {
+                for i in k * RUN..(k * RUN + RUN).min(n) {
+                    least2 = least2.min(segment_distance2(p, self.points[i], self.points[(i + 1) % n]));
+                }
+            }
+        }
+        least2.sqrt()
+    }
+}
+
 /// Exact signed distances at the nodes of a square grid, bilinear between.
 struct DistanceGrid {
     values: Vec<f64>,
@@ -232,14 +266,22 @@ struct DistanceGrid {
 }
 
 impl DistanceGrid {
-    fn new(outline: &Outline, bound: f64, gap: f64) -> DistanceGrid {
+    fn new(outline: &Outline, points: &[Vector2<f64>], bound: f64, gap: f64) -> DistanceGrid {
         let half = 1.05 * bound + 2.0 * gap;
         let per_um = CELLS as f64 / (2.0 * half);
         let node = |i: usize| i as f64 / per_um - half;
-        let values = (0..=CELLS)
-            .flat_map(|j| (0..=CELLS).map(move |i| (i, j)))
-            .map(|(i, j)| outline.signed_distance(Vector2::new(node(i), node(j))))
-            .collect();
+        let arcs = Arcs::new(points);
+        let mut values: Vec<f64> = Vec::with_capacity((CELLS + 1) * (CELLS + 1));
+        for j in 0..=CELLS {
+            for i in 0..=CELLS {
+                let p = Vector2::new(node(i), node(j));
+                // The neighbour's distance is off by one spacing at most, and no wall lies between if it is larger than that.
+                let last = if i > 0 { values.last().copied() } else { None };
+                let distance = arcs.distance(p, last.map_or(f64::INFINITY, |d| d.abs() + 1.001 / per_um));
+                let inside = last.filter(|d| d.abs() > 1.001 / per_um).map_or_else(|| outline.contains(p), |d| d < 0.0);
+                values.push(if inside { -distance } else { distance });
+            }
+        }
         DistanceGrid { values, half, per_um }
     }
 

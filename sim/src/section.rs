@@ -52,18 +52,22 @@ impl FiberSection {
             (Outline::Polyline(a), Outline::Polyline(b)) => {
                 let a: Vec<_> = a.iter().map(|&p| self.to_ply(p)).collect();
                 let b: Vec<_> = b.iter().map(|&p| other.to_ply(p)).collect();
-                polyline_distance(&a, &b)
+                polyline_distance((&a, self.center_um), (&b, other.center_um))
             }
         }
     }
 }
 
-/// Distance of two closed polylines, negative by the deepest vertex when they overlap.
-fn polyline_distance(a: &[Vector2<f64>], b: &[Vector2<f64>]) -> f64 {
+/// Distance of two closed polylines, negative by the deepest vertex when they overlap. Each comes with a point about which it
+/// is bounded, to pass over vertices that are too far away to matter.
+fn polyline_distance((a, at): (&[Vector2<f64>], Vector2<f64>), (b, bt): (&[Vector2<f64>], Vector2<f64>)) -> f64 {
     let mut least2 = f64::INFINITY;
-    for (points, walls) in [(a, b), (b, a)] {
+    for (points, walls, center) in [(a, b, bt), (b, a, at)] {
+        let bound = walls.iter().map(|w| (w - center).norm()).fold(0.0, f64::max);
         for &p in points {
-            least2 = edges(walls).fold(least2, |least, (c, d)| least.min(segment_distance2(p, c, d)));
+            if (p - center).norm() < bound + least2.sqrt() {
+                least2 = edges(walls).fold(least2, |least, (c, d)| least.min(segment_distance2(p, c, d)));
+            }
         }
     }
     let longest = |points: &[Vector2<f64>]| edges(points).map(|(p, q)| (q - p).norm()).fold(0.0, f64::max);
