@@ -19,7 +19,7 @@ pub(crate) fn attenuation(sigma: &[f64], path: &[f64]) -> Vec<f64> {
 /// relative to `energy[0]`.
 pub fn energy_spectrum(energy: &[f64], sigma: &[f64], path: &[f64]) -> (Vec<f64>, f64) {
     let top = energy.first().copied().unwrap_or(0.0);
-    if !(top > 0.0) {
+    if top <= 0.0 {
         return (vec![0.0; path.len()], 0.0);
     }
     // The first row (sigma = 0) is the sum of P: weighted so that it is met, then met exactly by scaling.

@@ -56,7 +56,7 @@ impl Target {
 /// The grid halved in each direction, if it can be and stays useful.
 pub(crate) fn coarse_grid(sphere: &SphereGrid) -> Option<SphereGrid> {
     let g = sphere.grid();
-    let even = g.theta_o % 2 == 0 && g.phi_o % 2 == 0;
+    let even = g.theta_o.is_multiple_of(2) && g.phi_o.is_multiple_of(2);
     (even && g.theta_o >= 60)
         .then(|| SphereGrid::new(plywave::OutgoingGrid { theta_o: g.theta_o / 2, phi_o: g.phi_o / 2 }))
 }

@@ -2,6 +2,7 @@
 
 use crate::absorption::{SliceProducts, attenuation, choose_paths, energy_spectrum, fit_lobe_spectra};
 use crate::block::{BlockEffort, CORNERS, Target, blend, coarse_grid, corner_weights, fit_joint};
+use crate::canonical::canonicalize;
 use crate::fit_errors::errors;
 use crate::reflection::{ReflectionEffort, fit_reflection};
 use crate::sphere::{Scratch, SphereGrid};
@@ -128,14 +129,17 @@ pub(crate) fn check_table(table: &Table) -> Result<(), FitError> {
     let bad = |field, value: String, mend| Err(FitError::Table { field, value, mend });
     let (m, n, k, bins) = (table.theta_i.len(), table.h_um.len(), table.sigma_per_um.len(), table.grid.len());
     for (field, len) in [("theta_i", m), ("h_um", n)] {
-        if len < 3 || len % 2 == 0 {
+        if len < 3 || len.is_multiple_of(2) {
             return bad(field, format!("{len} nodes"), "must have an odd number of nodes, 3 or more");
         }
     }
     if table.grid.theta_o < 4 || table.grid.phi_o < 4 {
         return bad("grid", format!("{} x {}", table.grid.theta_o, table.grid.phi_o), "must have at least 4 x 4 bins");
     }
-    if k == 0 || table.sigma_per_um[0] != 0.0 || table.sigma_per_um.windows(2).any(|w| !(w[1] > w[0])) {
+    if k == 0
+        || table.sigma_per_um[0] != 0.0
+        || table.sigma_per_um.windows(2).any(|w| w[1] <= w[0] || !w[1].is_finite())
+    {
         return bad("sigma_per_um", format!("{:?}", table.sigma_per_um), "must ascend from 0");
     }
     for (field, len, want) in [
@@ -274,6 +278,7 @@ pub fn fit(table: &Table, options: &FitOptions, progress: &(dyn Fn(Progress) + S
         error_refl: Vec::new(),
         error_high: Vec::new(),
     };
+    canonicalize(&mut data);
     let own = errors(&data, table)?;
     let finite = |values: Vec<f64>| values.into_iter().map(|v| if v.is_finite() { v } else { 0.0 }).collect();
     data.error_refl = finite(own.refl);

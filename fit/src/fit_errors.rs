@@ -23,7 +23,7 @@ pub struct FitErrors {
 }
 
 /// Squared excess error of one slice, None where noise hides it.
-fn excess2(distance2: f64, norm2: f64, noise: f64) -> Option<f64> {
+pub(crate) fn excess2(distance2: f64, norm2: f64, noise: f64) -> Option<f64> {
     let signal = norm2 - noise;
     (signal > 0.5 * norm2 && norm2 > 0.0).then(|| ((distance2 - noise) / signal).max(0.0))
 }

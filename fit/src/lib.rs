@@ -2,6 +2,9 @@
 
 mod absorption;
 mod block;
+mod canonical;
+mod diagnose;
+mod diff;
 mod fit;
 mod fit_errors;
 mod init;
@@ -13,6 +16,9 @@ mod sphere;
 
 pub use absorption::{PATHS, choose_paths, energy_spectrum};
 pub use block::{BlockEffort, CORNERS, corner_weights};
+pub use canonical::{canonical, canonical_order, canonicalize, nearest_representation};
+pub use diagnose::{Part, PartFit, fit_block, fit_single_slices};
+pub use diff::{DiffReport, DiffTolerance, LobeDrift, diff, lobe_drift};
 pub use fit::{FitError, FitOptions, Progress, Stage, fit};
 pub use fit_errors::{FitErrors, errors};
 pub use init::kmeans_lobes;

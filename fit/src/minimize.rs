@@ -102,7 +102,6 @@ pub(crate) fn minimize_bounded(
             None
         })
         .run();
-    drop(problem);
     let (cost, x, evaluations) = best.into_inner();
     Minimum { x, cost, evaluations }
 }

@@ -83,7 +83,15 @@ pub(crate) fn fit_reflection(
             .par_iter()
             .map(|&node| {
                 let prior = prior(nodes, node, &fitted, size);
-                let fit = fit_node(sphere, &targets[node], &[prior.clone()], &prior, lobes, effort, effort.iterations);
+                let fit = fit_node(
+                    sphere,
+                    &targets[node],
+                    std::slice::from_ref(&prior),
+                    &prior,
+                    lobes,
+                    effort,
+                    effort.iterations,
+                );
                 done(1);
                 (node, fit)
             })
