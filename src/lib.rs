@@ -8,6 +8,9 @@
 
 pub mod asg;
 mod beam;
+pub mod check;
+#[doc(hidden)]
+pub mod chi2;
 mod error;
 mod file;
 mod frame;

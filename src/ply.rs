@@ -180,6 +180,20 @@ impl PlyModel {
         kernel::run_pdf(&self.layout, theta_i, h_um, sigma_per_um, wo)
     }
 
+    /// [`PlyModel::eval`] and [`PlyModel::pdf`] in many directions at one incidence, whose lobes are interpolated once. The
+    /// shortest of the three slices sets how many.
+    pub fn eval_directions<const N: usize>(
+        &self,
+        theta_i: f32,
+        h_um: f32,
+        sigma_per_um: [f32; N],
+        wo: &[[f32; 3]],
+        f: &mut [[f32; N]],
+        pdf: &mut [f32],
+    ) {
+        kernel::run_directions(&self.layout, theta_i, h_um, sigma_per_um, wo, f, pdf);
+    }
+
     /// Integral of f over the sphere: the simulated energies E_refl + E_high(sigma), exactly.
     pub fn albedo<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> [f32; N] {
         let e = kernel::run_energies(&self.layout, theta_i, h_um, sigma_per_um);

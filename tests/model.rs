@@ -4,6 +4,7 @@
 
 mod synthetic;
 
+use plywave::check::{CheckOptions, check_model};
 use plywave::{PlyModel, direction, reference::Mixture};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -50,5 +51,25 @@ fn kernels_match_the_slow_twin() {
             assert!(error <= 1e-4 * peak, "eval at {theta_i} {h}: error {error}, peak {peak}");
             assert!(pdf_error <= 1e-4 * pdf_peak, "pdf at {theta_i} {h}: error {pdf_error}, peak {pdf_peak}");
         }
+    }
+}
+
+#[test]
+fn furnace_sampling_and_chi_square() {
+    for (seed, sizes, incidences) in [(4, STANDARD, 40), (5, LARGE, 6), (6, SMALL, 6)] {
+        let m = PlyModel::from_data(model(seed, sizes)).unwrap();
+        let mut rng = Pcg64Mcg::seed_from_u64(seed);
+        let options = CheckOptions { incidences, ..CheckOptions::default() };
+        let report = check_model(&m, &options, &mut || rng.random());
+        let numbers = (
+            report.furnace_error(),
+            report.pdf_error(),
+            report.weight_error(),
+            report.sampled_furnace_se(),
+            report.chi2_p(),
+            report.chi2_threshold,
+        );
+        println!("furnace, pdf, weight, sampled [se], least p, threshold: {numbers:?}");
+        assert!(report.passed(), "furnace, pdf, weight, sampled [se], least p, threshold: {numbers:?}");
     }
 }

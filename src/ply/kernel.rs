@@ -52,8 +52,7 @@ struct Place {
 
 #[inline(always)]
 fn place(layout: &Layout, theta_i: f32, h_um: f32) -> Option<Place> {
-    // A comparison with what is not a number is false: those miss, too.
-    if !(h_um.abs() <= layout.h_last) || theta_i.is_nan() {
+    if h_um.is_nan() || theta_i.is_nan() || h_um.abs() > layout.h_last {
         return None;
     }
     let flip = theta_i < 0.0;
@@ -341,7 +340,7 @@ fn lobes<const FMA: bool, const G: usize, const N: usize>(params: &[V<G>; 6]) ->
         energy_high: [0.0; N],
     };
     // ln of asg::MU_MIN and asg::MU_MAX.
-    let (low, high) = (-1.609_438, 9.903_487_6);
+    let (low, high) = (-1.609_438, 9.903_487);
     for g in 0..G {
         for i in 0..LANES {
             (x.sin_theta[g][i], x.cos_theta[g][i]) = sin_cos::<FMA>(params[0][g][i]);
@@ -407,6 +406,13 @@ impl<const G: usize, const N: usize> Mixture<G, N> {
     #[inline(always)]
     pub(super) fn eval<const FMA: bool>(&self, wo: [f32; 3]) -> [f32; N] {
         self.weigh(&self.values::<FMA>(wo).0)
+    }
+
+    /// f_refl + f_high per sigma and the density of sampling `wo` [1/sr].
+    #[inline(always)]
+    pub(super) fn eval_pdf<const FMA: bool>(&self, wo: [f32; 3]) -> ([f32; N], f32) {
+        let (value, density) = self.values::<FMA>(wo);
+        (self.weigh(&value), self.density(&density))
     }
 
     #[inline(always)]
@@ -475,7 +481,7 @@ impl<const G: usize, const N: usize> Mixture<G, N> {
         let u = u.map(|x| min(max(x, 0.0), 1.0 - f32::EPSILON / 2.0));
         let scattered = self.total() - self.r_d;
         let mut left = u[0] * self.total();
-        if !(left < scattered) {
+        if left >= scattered {
             return None;
         }
         let mut chosen = None;
@@ -565,4 +571,21 @@ pub(super) fn run_sample<const N: usize>(
 
 pub(super) fn run_energies<const N: usize>(layout: &Layout, theta_i: f32, h_um: f32, sigma: [f32; N]) -> Energies<N> {
     energies::<FMA, N>(layout, theta_i, h_um, sigma)
+}
+
+pub(super) fn run_directions<const N: usize>(
+    layout: &Layout,
+    theta_i: f32,
+    h_um: f32,
+    sigma: [f32; N],
+    wo: &[[f32; 3]],
+    f: &mut [[f32; N]],
+    pdf: &mut [f32],
+) {
+    let out = wo.iter().zip(f).zip(pdf);
+    with_mixture!(layout, theta_i, h_um, sigma, out.for_each(|((_, f), pdf)| (*f, *pdf) = ([0.0; N], 0.0)), |m| {
+        for ((wo, f), pdf) in out {
+            (*f, *pdf) = m.eval_pdf::<FMA>(*wo);
+        }
+    })
 }

@@ -1,0 +1,233 @@
+//! Checks of a loaded model against itself: furnace, density of the sampler, eval = weight * pdf, chi-square of samples.
+//!
+//! The same code serves `plywave check` and the tests. Random numbers come in as a closure of uniform numbers in [0, 1).
+
+use crate::chi2::{chi2_test, threshold};
+use crate::{PlyModel, direction, theta_phi};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+/// Sizes of a check.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CheckOptions {
+    /// Random incidences; the first few are the center, the rims and grazing light.
+    pub incidences: usize,
+    /// Samples per incidence.
+    pub samples: usize,
+    /// Chance that a correct model fails the chi-square tests, all together.
+    pub significance: f64,
+}
+
+impl Default for CheckOptions {
+    fn default() -> Self {
+        CheckOptions { incidences: 100, samples: 20_000, significance: 0.01 }
+    }
+}
+
+/// What the check of one incidence found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct IncidenceReport {
+    /// Incident latitude [rad].
+    pub theta_i: f32,
+    /// Beam offset [um].
+    pub h_um: f32,
+    /// Greatest |integral of eval - albedo| over the absorptions.
+    pub furnace_error: f64,
+    /// |integral of pdf - (1 - chance to miss)|.
+    pub pdf_error: f64,
+    /// Greatest |weight * pdf - eval| over the samples, relative to the greatest eval.
+    pub weight_error: f64,
+    /// Greatest |mean weight - albedo| over the absorptions, in standard errors (1e-4 added to the standard error).
+    pub sampled_furnace_se: f64,
+    /// p-value of the samples, the missed light among them, against the pdf.
+    pub chi2_p: f64,
+}
+
+/// What the check of a model found: the worst of its incidences.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CheckReport {
+    /// Every incidence.
+    pub incidences: Vec<IncidenceReport>,
+    /// Least p-value that passes, corrected for the number of incidences.
+    pub chi2_threshold: f64,
+    /// [`PlyModel::golden_error`].
+    pub golden_error: f32,
+}
+
+/// Most that the furnace and the integral of the pdf may miss: the energy quadrature of a lobe is good to 2e-4.
+pub const FURNACE_TOLERANCE: f64 = 1e-3;
+/// Most that weight * pdf may differ from eval, by f32 rounding.
+pub const WEIGHT_TOLERANCE: f64 = 1e-4;
+/// Most standard errors between sampled and exact energy.
+pub const SAMPLED_TOLERANCE_SE: f64 = 5.0;
+/// Most that eval may differ from the stored values: other processors round otherwise.
+pub const GOLDEN_TOLERANCE: f32 = 1e-3;
+
+impl CheckReport {
+    /// Greatest furnace error.
+    pub fn furnace_error(&self) -> f64 {
+        self.worst(|i| i.furnace_error)
+    }
+
+    /// Greatest error of the integral of the pdf.
+    pub fn pdf_error(&self) -> f64 {
+        self.worst(|i| i.pdf_error)
+    }
+
+    /// Greatest difference of weight * pdf from eval.
+    pub fn weight_error(&self) -> f64 {
+        self.worst(|i| i.weight_error)
+    }
+
+    /// Greatest distance of the sampled from the exact energy [standard errors].
+    pub fn sampled_furnace_se(&self) -> f64 {
+        self.worst(|i| i.sampled_furnace_se)
+    }
+
+    /// Least p-value.
+    pub fn chi2_p(&self) -> f64 {
+        self.incidences.iter().map(|i| i.chi2_p).fold(1.0, f64::min)
+    }
+
+    /// Whether every check passes.
+    pub fn passed(&self) -> bool {
+        self.furnace_error() <= FURNACE_TOLERANCE
+            && self.pdf_error() <= FURNACE_TOLERANCE
+            && self.weight_error() <= WEIGHT_TOLERANCE
+            && self.sampled_furnace_se() <= SAMPLED_TOLERANCE_SE
+            && self.chi2_p() >= self.chi2_threshold
+            && self.golden_error <= GOLDEN_TOLERANCE
+    }
+
+    /// Greatest of a number over the incidences; one that is not a number counts as infinite.
+    fn worst(&self, of: impl Fn(&IncidenceReport) -> f64) -> f64 {
+        self.incidences.iter().map(of).fold(0.0, |a, b| if b.is_nan() { f64::INFINITY } else { a.max(b) })
+    }
+}
+
+/// Checks a model at the center, at its rims, at grazing light and at random incidences of both signs.
+pub fn check_model(model: &PlyModel, options: &CheckOptions, uniform: &mut dyn FnMut() -> f32) -> CheckReport {
+    let d = model.data();
+    let (theta, h) = (d.theta_i[d.theta_i.len() - 1] as f32, d.h_um[d.h_um.len() - 1] as f32);
+    let sigma_last = d.sigma_per_um[d.sigma_per_um.len() - 1] as f32;
+    let fixed = [(0.0, 0.0), (0.0, 0.999), (-0.5, -0.999), (0.999, 0.3), (-0.999, -0.1), (1.1, 0.0)];
+    let incidences = (0..options.incidences)
+        .map(|i| {
+            let (t, x) = *fixed.get(i).unwrap_or(&(2.0 * uniform() - 1.0, 2.0 * uniform() - 1.0));
+            let sigma = [0.0, 0.03 * sigma_last, 0.3 * sigma_last * uniform(), sigma_last];
+            let theta_i = (t * theta).clamp(-1.57, 1.57);
+            check_incidence(model, theta_i, x * h, sigma, options.samples, uniform)
+        })
+        .collect();
+    CheckReport {
+        incidences,
+        chi2_threshold: threshold(options.significance, options.incidences),
+        golden_error: model.golden_error(),
+    }
+}
+
+/// Latitude and azimuth bins of the chi-square test.
+const BINS: [usize; 2] = [24, 48];
+/// Points and weights of the 3-point Gauss-Legendre rule on [0, 1].
+const GAUSS: [(f64, f64); 3] =
+    [(0.112_701_665_379_258_31, 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.887_298_334_620_741_7, 5.0 / 18.0)];
+
+/// Checks a model at one incidence.
+pub fn check_incidence(
+    model: &PlyModel,
+    theta_i: f32,
+    h_um: f32,
+    sigma_per_um: [f32; 4],
+    samples: usize,
+    uniform: &mut dyn FnMut() -> f32,
+) -> IncidenceReport {
+    let albedo = model.albedo(theta_i, h_um, sigma_per_um).map(f64::from);
+    let r_d = f64::from(model.r_d(theta_i, h_um));
+    let total = albedo.iter().sum::<f64>() / 4.0 + r_d;
+    let miss = if total > 0.0 { r_d / total } else { 1.0 };
+
+    let (f, bins) = integrate(model, theta_i, h_um, sigma_per_um);
+    let furnace_error = f.iter().zip(albedo).map(|(f, a)| (f - a).abs()).fold(0.0, f64::max);
+    let pdf_error = (bins.iter().sum::<f64>() - (1.0 - miss)).abs();
+
+    let (mut sum, mut squares) = ([0.0f64; 4], [0.0f64; 4]);
+    let mut observed = vec![0.0; bins.len() + 1];
+    let (mut error, mut peak) = (0.0f64, 0.0f64);
+    for _ in 0..samples {
+        let u = [uniform(), uniform(), uniform()];
+        let Some(s) = model.sample(theta_i, h_um, sigma_per_um, u) else {
+            observed[bins.len()] += 1.0;
+            continue;
+        };
+        observed[bin(s.wo)] += 1.0;
+        let f = model.eval(theta_i, h_um, sigma_per_um, s.wo);
+        for k in 0..4 {
+            sum[k] += f64::from(s.weight[k]);
+            squares[k] += f64::from(s.weight[k]).powi(2);
+            peak = peak.max(f64::from(f[k]));
+            error = error.max(f64::from((s.weight[k] * s.pdf - f[k]).abs()));
+        }
+        error = error.max(f64::from((s.pdf - model.pdf(theta_i, h_um, sigma_per_um, s.wo)).abs()));
+        peak = peak.max(f64::from(s.pdf));
+    }
+    let n = samples.max(1) as f64;
+    let sampled_furnace_se = (0..4)
+        .map(|k| {
+            let mean = sum[k] / n;
+            let se = ((squares[k] / n - mean * mean).max(0.0) / n).sqrt();
+            (mean - albedo[k]).abs() / (se + 1e-4)
+        })
+        .fold(0.0, f64::max);
+    let mut expected: Vec<f64> = bins.iter().map(|b| b * n).collect();
+    expected.push(miss * n);
+    IncidenceReport {
+        theta_i,
+        h_um,
+        furnace_error,
+        pdf_error,
+        weight_error: if peak > 0.0 { error / peak } else { error },
+        sampled_furnace_se,
+        chi2_p: chi2_test(&observed, &expected).p_value,
+    }
+}
+
+fn bin(wo: [f32; 3]) -> usize {
+    let (theta, phi) = theta_phi(wo);
+    let i = ((f64::from(theta) + FRAC_PI_2) / PI * BINS[0] as f64) as usize;
+    let j = (f64::from(phi) / TAU * BINS[1] as f64) as usize;
+    i.min(BINS[0] - 1) * BINS[1] + j.min(BINS[1] - 1)
+}
+
+/// Integrals over the sphere of eval, and of the pdf over each bin, by panels no wider than 1.5 standard deviations of the
+/// sharpest lobe.
+fn integrate(model: &PlyModel, theta_i: f32, h_um: f32, sigma_per_um: [f32; 4]) -> ([f64; 4], Vec<f64>) {
+    let d = model.data();
+    let ln_mu = d.refl.chunks_exact(6).chain(d.high.chunks_exact(6)).flat_map(|p| [p[3], p[4]]).fold(0.0, f64::max);
+    let sd = (-0.5 * ln_mu).exp() * std::f64::consts::FRAC_1_SQRT_2;
+    let width = PI / BINS[0] as f64;
+    let panels = ((width / (1.5 * sd)).ceil() as usize).max(3);
+    let points: Vec<(f64, f64)> = (0..panels)
+        .flat_map(|p| GAUSS.map(|(x, w)| ((p as f64 + x) * width / panels as f64, w * width / panels as f64)))
+        .collect();
+    let per_bin = points.len();
+    let mut integral = [0.0; 4];
+    let mut bins = vec![0.0; BINS[0] * BINS[1]];
+    let columns: Vec<(f64, f64)> =
+        (0..BINS[1]).flat_map(|j| points.iter().map(move |(x, w)| (j as f64 * width + x, *w))).collect();
+    let mut wo = vec![[0.0; 3]; columns.len()];
+    let (mut f, mut pdf) = (vec![[0.0; 4]; columns.len()], vec![0.0; columns.len()]);
+    for i in 0..BINS[0] {
+        for (x, w) in &points {
+            let theta = i as f64 * width + x - FRAC_PI_2;
+            for (wo, (phi, _)) in wo.iter_mut().zip(&columns) {
+                *wo = direction(theta as f32, *phi as f32);
+            }
+            model.eval_directions(theta_i, h_um, sigma_per_um, &wo, &mut f, &mut pdf);
+            for (j, (_, v)) in columns.iter().enumerate() {
+                let area = w * v * theta.cos();
+                (0..4).for_each(|k| integral[k] += area * f64::from(f[j][k]));
+                bins[i * BINS[1] + j / per_bin] += area * f64::from(pdf[j]);
+            }
+        }
+    }
+    (integral, bins)
+}
