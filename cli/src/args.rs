@@ -189,6 +189,15 @@ pub struct CheckArgs {
     /// A table to hold the model's slices to, best one of another seed.
     #[arg(long, value_name = "TABLE")]
     pub table: Option<PathBuf>,
+    /// With --table: largest fit error of an f_refl slice that passes.
+    #[arg(long, value_name = "ERROR", default_value_t = 0.15)]
+    pub max_error_refl: f64,
+    /// With --table: largest fit error of an f_high slice that passes.
+    #[arg(long, value_name = "ERROR", default_value_t = 0.1)]
+    pub max_error_high: f64,
+    /// Number of incidences to check.
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub incidences: u32,
     /// Seed of the random numbers.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
@@ -201,9 +210,15 @@ pub struct DiffArgs {
     pub a: PathBuf,
     /// Second model.
     pub b: PathBuf,
-    /// Largest relative difference of a slice that passes.
-    #[arg(long, value_name = "TOL", default_value_t = 1e-6)]
-    pub tol: f64,
+    /// Largest relative L2 distance of a slice that passes [default: 0.02].
+    #[arg(long, value_name = "TOL")]
+    pub tol: Option<f64>,
+    /// Largest difference of an energy that passes, as a share of the beam's power [default: 0.002].
+    #[arg(long, value_name = "TOL")]
+    pub tol_energy: Option<f64>,
+    /// Largest turn of a lobe's axis that passes [degrees] [default: any, since different lobes may make one density].
+    #[arg(long, value_name = "DEG")]
+    pub tol_drift: Option<f64>,
 }
 
 /// Part of a figure.

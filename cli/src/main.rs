@@ -24,8 +24,8 @@ fn main() -> ExitCode {
         Command::Info(args) => commands::info::run(&cli, args),
         Command::Eval(args) => commands::eval::run(&cli, args),
         Command::Sample(args) => commands::sample::run(&cli, args),
-        Command::Check(_) => Ok(()),
-        Command::Diff(_) => Ok(()),
+        Command::Check(args) => commands::check::run(&cli, args),
+        Command::Diff(args) => commands::diff::run(&cli, args),
         Command::Plot(args) => commands::plot::run(&cli, args),
     };
     match outcome {

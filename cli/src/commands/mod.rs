@@ -1,8 +1,8 @@
 //! The commands, one a file, and what they share: loading, incidences, threads.
 
 pub mod build;
-//pub mod check;
-//pub mod diff;
+pub mod check;
+pub mod diff;
 pub mod eval;
 pub mod fit;
 pub mod info;
