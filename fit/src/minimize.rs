@@ -1,15 +1,16 @@
-//! The one door to the bounded minimizer.
+//! The one door to the bounded minimizer: best point kept, stop by the gain over a window of evaluations.
 
-use basin::{ApplicationStop, BoxBounds, ConstraintSet, CostFunction, Executor, FirstOrderState, Gradient, Lbfgsb};
+use crate::lbfgsb::{CostGradient, LbfgsbOptions, minimize};
 use std::cell::RefCell;
-use std::convert::Infallible;
+use std::collections::VecDeque;
 
 /// When to stop.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MinimizeOptions {
     /// Largest number of iterations.
     pub iterations: usize,
-    /// Stop when ten iterations together lower the cost by less than this fraction.
+    /// Stop when [`WINDOW`] evaluations together lower the cost by less than this fraction: single steps of a quasi-Newton method
+    /// are too uneven to judge by.
     pub tolerance: f64,
     /// Pairs kept by the quasi-Newton model.
     pub memory: usize,
@@ -23,42 +24,49 @@ pub(crate) struct Minimum {
     pub evaluations: usize,
 }
 
-struct Problem<'a, F> {
-    lower: &'a Vec<f64>,
-    upper: &'a Vec<f64>,
+/// Evaluations over which progress is judged.
+const WINDOW: usize = 11;
+
+/// Ends a run whose window shows no more gain.
+#[derive(Debug, thiserror::Error)]
+#[error("the cost no longer falls")]
+struct Settled;
+
+struct Watched<F> {
     objective: RefCell<F>,
+    watch: RefCell<Watch>,
+    tolerance: f64,
 }
 
-impl<F: FnMut(&[f64], &mut [f64]) -> f64> CostFunction for &Problem<'_, F> {
-    type Param = Vec<f64>;
-    type Output = f64;
-    type Error = Infallible;
-    fn cost(&self, x: &Vec<f64>) -> Result<f64, Infallible> {
-        Ok((self.objective.borrow_mut())(x, &mut vec![0.0; x.len()]))
+struct Watch {
+    best: f64,
+    x: Vec<f64>,
+    evaluations: usize,
+    window: VecDeque<f64>,
+}
+
+impl<F: FnMut(&[f64], &mut [f64]) -> f64> CostGradient for Watched<F> {
+    fn cost_gradient(&self, x: &[f64], gradient: &mut [f64]) -> Result<f64, argmin::core::Error> {
+        let cost = (self.objective.borrow_mut())(x, gradient);
+        let watch = &mut *self.watch.borrow_mut();
+        watch.evaluations += 1;
+        if cost < watch.best {
+            watch.best = cost;
+            watch.x.copy_from_slice(x);
+        }
+        watch.window.push_back(watch.best);
+        if watch.window.len() > WINDOW {
+            let old = watch.window.pop_front().unwrap_or(watch.best);
+            if old - watch.best <= self.tolerance * old.abs() {
+                return Err(Settled.into());
+            }
+        }
+        Ok(cost)
     }
 }
 
-impl<F: FnMut(&[f64], &mut [f64]) -> f64> Gradient for &Problem<'_, F> {
-    type Gradient = Vec<f64>;
-    fn gradient(&self, x: &Vec<f64>) -> Result<Vec<f64>, Infallible> {
-        Ok(self.cost_and_gradient(x)?.1)
-    }
-    fn cost_and_gradient(&self, x: &Vec<f64>) -> Result<(f64, Vec<f64>), Infallible> {
-        let mut gradient = vec![0.0; x.len()];
-        let cost = (self.objective.borrow_mut())(x, &mut gradient);
-        Ok((cost, gradient))
-    }
-}
-
-impl<F> basin::Constraints for &Problem<'_, F> {
-    type Set = ConstraintSet<BoxBounds<Vec<f64>>>;
-    fn constraints(&self) -> <Self::Set as basin::ConstraintDescription>::Borrowed<'_> {
-        ConstraintSet::new().with_bounds(BoxBounds::new(Some(self.lower), Some(self.upper)))
-    }
-}
-
-/// Minimizes `objective(x, gradient) -> cost` within the box, from `start` clamped into it. A failed line search ends the run
-/// with the best point found.
+/// Minimizes `objective(x, gradient) -> cost` within the box, from `start` clamped into it. Whatever ends the run, the best point
+/// found is returned.
 pub(crate) fn minimize_bounded(
     start: &[f64],
     lower: &[f64],
@@ -66,42 +74,19 @@ pub(crate) fn minimize_bounded(
     options: MinimizeOptions,
     objective: impl FnMut(&[f64], &mut [f64]) -> f64,
 ) -> Minimum {
-    let start: Vec<f64> = start.iter().zip(lower).zip(upper).map(|((x, l), u)| x.clamp(*l, *u)).collect();
-    let best = RefCell::new((f64::INFINITY, start.clone(), 0usize));
-    let mut objective = objective;
-    let tracked = |x: &[f64], g: &mut [f64]| {
-        let cost = objective(x, g);
-        let mut best = best.borrow_mut();
-        best.2 += 1;
-        if cost < best.0 {
-            best.0 = cost;
-            best.1.clear();
-            best.1.extend_from_slice(x);
-        }
-        cost
+    let start: Vec<f64> = start.iter().zip(lower).zip(upper).map(|((x, l), u)| x.max(*l).min(*u)).collect();
+    let watch = Watch { best: f64::INFINITY, x: start.clone(), evaluations: 0, window: VecDeque::new() };
+    let watched =
+        Watched { objective: RefCell::new(objective), watch: RefCell::new(watch), tolerance: options.tolerance };
+    let settings = LbfgsbOptions {
+        memory: options.memory,
+        pgtol: 1e-12,
+        ftol: 0.0,
+        max_iterations: options.iterations as u64,
+        ..LbfgsbOptions::default()
     };
-    let (lower, upper) = (lower.to_vec(), upper.to_vec());
-    let problem = Problem { lower: &lower, upper: &upper, objective: RefCell::new(tracked) };
-    let solver = Lbfgsb::new()
-        .with_m_capacity(options.memory)
-        .with_relative_cost_reduction_tolerance(None)
-        .with_absolute_projected_gradient_tolerance(1e-12);
-    let mut window: std::collections::VecDeque<f64> = std::collections::VecDeque::new();
-    let _ = Executor::new(&problem, solver, FirstOrderState::new(start))
-        .max_iter(options.iterations as u64)
-        .stop_when(move |state: &FirstOrderState<Vec<f64>>| {
-            use basin::State;
-            let cost = state.cost();
-            window.push_back(cost);
-            if window.len() > 10 {
-                let old = window.pop_front().unwrap_or(cost);
-                if old - cost <= options.tolerance * old.abs() {
-                    return Some(ApplicationStop::new("cost_window"));
-                }
-            }
-            None
-        })
-        .run();
-    let (cost, x, evaluations) = best.into_inner();
-    Minimum { x, cost, evaluations }
+    // An error is either `Settled` or a start without finite cost; in both cases the watch holds what there is.
+    let _ = minimize(&watched, &start, lower, upper, &settings);
+    let watch = watched.watch.into_inner();
+    Minimum { x: watch.x, cost: watch.best, evaluations: watch.evaluations }
 }

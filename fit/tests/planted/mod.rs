@@ -120,6 +120,34 @@ fn poisson(mean: f64, rng: &mut impl Rng) -> f64 {
     (mean + mean.sqrt() * normal).round().max(0.0)
 }
 
+fn with_noise(sphere: &SphereGrid, clean: &[f32], plan: &Planted, rng: &mut impl Rng) -> Vec<f64> {
+    let columns = plan.grid.phi_o;
+    let noisy = |(k, f): (usize, &f32)| {
+        let counts = sphere.solid_angles()[k / columns] * plan.paths;
+        if plan.paths.is_finite() { poisson(*f as f64 * counts, rng) / counts } else { *f as f64 }
+    };
+    clean.iter().enumerate().map(noisy).collect()
+}
+
+/// Appends `density * ratio` and its summed variance, and returns its energy.
+fn push(
+    sphere: &SphereGrid,
+    plan: &Planted,
+    density: &[f64],
+    ratio: &[f64],
+    values: &mut Vec<f32>,
+    noise: &mut Vec<f64>,
+) -> f64 {
+    let (mut energy, mut variance) = (0.0, 0.0);
+    for (k, (f, r)) in density.iter().zip(ratio).enumerate() {
+        values.push((f * r) as f32);
+        energy += f * r * sphere.solid_angles()[k / plan.grid.phi_o];
+        variance += f * r * r / plan.paths;
+    }
+    noise.push(variance);
+    energy
+}
+
 /// The table of a plan.
 pub fn table(plan: &Planted) -> Table {
     let sphere = SphereGrid::new(plan.grid);
@@ -150,31 +178,18 @@ pub fn table(plan: &Planted) -> Table {
     };
     for &theta in &theta_i {
         for &h in &h_um {
-            let mut push = |lobes: &[Lobe], values: &mut Vec<f32>, noise: &mut Vec<f64>| -> f64 {
-                let clean = sphere.unpad(&density(&sphere, lobes));
-                let mut energy = 0.0;
-                let mut variance = 0.0;
-                for i in 0..plan.grid.theta_o {
-                    let bin = sphere.solid_angles()[i];
-                    for j in 0..plan.grid.phi_o {
-                        let f = clean[i * plan.grid.phi_o + j] as f64;
-                        let value = if plan.paths.is_finite() {
-                            poisson(f * bin * plan.paths, &mut rng) / (plan.paths * bin)
-                        } else {
-                            f
-                        };
-                        values.push(value as f32);
-                        energy += value * bin;
-                        variance += value / plan.paths;
-                    }
-                }
-                noise.push(if plan.paths.is_finite() { variance } else { 0.0 });
-                energy
-            };
-            let refl = push(&refl_lobes(theta, h), &mut t.refl, &mut t.noise_refl);
+            let clean = sphere.unpad(&density(&sphere, &refl_lobes(theta, h)));
+            let noisy = with_noise(&sphere, &clean, plan, &mut rng);
+            let refl = push(&sphere, plan, &noisy, &vec![1.0; clean.len()], &mut t.refl, &mut t.noise_refl);
             t.energy_refl.push(refl);
+            // One set of paths serves every sigma: the noise is common to them.
+            let clean = sphere.unpad(&density(&sphere, &high_at(theta, h, 0.0)));
+            let noisy = with_noise(&sphere, &clean, plan, &mut rng);
             for (k, &sigma) in plan.sigma_per_um.iter().enumerate() {
-                let high = push(&high_at(theta, h, sigma), &mut t.high, &mut t.noise_high);
+                let dark = sphere.unpad(&density(&sphere, &high_at(theta, h, sigma)));
+                let ratio: Vec<f64> =
+                    dark.iter().zip(&clean).map(|(d, c)| if *c > 0.0 { *d as f64 / *c as f64 } else { 0.0 }).collect();
+                let high = push(&sphere, plan, &noisy, &ratio, &mut t.high, &mut t.noise_high);
                 t.energy_high.push(high);
                 if k == 0 {
                     t.r_d.push(1.0 - refl - high);
