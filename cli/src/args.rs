@@ -36,7 +36,7 @@ pub enum Command {
     Eval(EvalArgs),
     /// Sample outgoing directions of a model at one incidence, as CSV lines.
     Sample(SampleArgs),
-    /// Check a model: furnace, eval against weight times pdf, chi-square of sampling, fit error. Exit code 1 when one fails.
+    /// Check a model: furnace, eval against weight times pdf, chi-square of sampling, fit error of every slice. Exit code 1 when one fails.
     Check(CheckArgs),
     /// Compare two models slice by slice. Exit code 1 beyond the tolerance.
     Diff(DiffArgs),
@@ -189,10 +189,10 @@ pub struct CheckArgs {
     /// A table to hold the model's slices to, best one of another seed.
     #[arg(long, value_name = "TABLE")]
     pub table: Option<PathBuf>,
-    /// With --table: largest fit error of an f_refl slice that passes.
+    /// Largest fit error of an f_refl slice that passes.
     #[arg(long, value_name = "ERROR", default_value_t = 0.15)]
     pub max_error_refl: f64,
-    /// With --table: largest fit error of an f_high slice that passes.
+    /// Largest fit error of an f_high slice that passes.
     #[arg(long, value_name = "ERROR", default_value_t = 0.1)]
     pub max_error_high: f64,
     /// Number of incidences to check.
@@ -258,7 +258,7 @@ pub struct PlotArgs {
     #[arg(long, value_name = "SIGMA", num_args = 1..=4, value_delimiter = ',')]
     pub sigma: Vec<f64>,
     /// Decades of the colour scale.
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=12))]
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=12))]
     pub decades: u32,
     /// What to draw.
     #[arg(long, value_enum, default_value_t = Part::All)]

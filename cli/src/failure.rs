@@ -45,7 +45,9 @@ impl From<plywave::Error> for Failure {
             plywave::Error::Io { file, source } if source.kind() == std::io::ErrorKind::NotFound => {
                 Failure::Input(format!("{file}: no such file; check the path"))
             }
-            plywave::Error::Io { file, source } => Failure::Input(format!("{file}: {source}; check the path and its rights")),
+            plywave::Error::Io { file, source } => {
+                Failure::Input(format!("{file}: {source}; check the path and its rights"))
+            }
             other => Failure::Input(other.to_string()),
         }
     }

@@ -46,11 +46,13 @@ fn usage(error: &clap::Error) -> ExitCode {
     let what = if error.kind() == clap::error::ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         "no command given".to_string()
     } else {
-        let said: Vec<&str> = lines.by_ref().take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more")).collect();
+        let said: Vec<&str> =
+            lines.by_ref().take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more")).collect();
         said.join(" ").trim_start_matches("error: ").to_string()
     };
     let asked: Vec<String> = std::env::args_os().skip(1).take(1).map(|a| a.to_string_lossy().into_owned()).collect();
-    let known = <Cli as clap::CommandFactory>::command().get_subcommands().any(|c| asked.iter().any(|a| a == c.get_name()));
+    let known =
+        <Cli as clap::CommandFactory>::command().get_subcommands().any(|c| asked.iter().any(|a| a == c.get_name()));
     let command = if known { format!("plywave {}", asked[0]) } else { "plywave".into() };
     failure::Failure::Input(format!("{what}; see {command} --help")).report()
 }

@@ -53,6 +53,16 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     let model = PlyModel::load(&args.model)?;
     let data = model.data();
     let yarn = Yarn::of(&args.model, &data.spec_text, &data.h_um)?;
+    // The table first: what is wrong with it is found before the long check.
+    let held = match &args.table {
+        None => None,
+        Some(path) => {
+            let table = Table::load(path)?;
+            let errors = on_threads(cli, || plywave_fit::errors(data, &table))?
+                .map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?;
+            Some(errors)
+        }
+    };
     let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(args.seed);
     let options = CheckOptions { incidences: args.incidences as usize, ..CheckOptions::default() };
     let report = check_model(&model, &options, &mut || rng.random());
@@ -73,46 +83,51 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
             passed: report.chi2_p() >= report.chi2_threshold,
             meaning: "least p-value; must not be below",
         },
-        Line::at_most("stored_values", "|eval - stored|, relative", report.golden_error.into(), GOLDEN_TOLERANCE.into()),
+        Line::at_most(
+            "stored_values",
+            "|eval - stored|, relative",
+            report.golden_error.into(),
+            GOLDEN_TOLERANCE.into(),
+        ),
     ];
-    let mut slices = Vec::new();
-    if let Some(path) = &args.table {
-        let table = Table::load(path)?;
-        let errors = on_threads(cli, || plywave_fit::errors(data, &table))?
-            .map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?;
-        let worst = |v: &[f64]| Spread::of(v.iter().map(|v| v.abs())).max;
-        let energy = worst(&errors.energy_refl).max(worst(&errors.energy_high));
-        lines.push(Line::at_most("energy", "|energy of the model - of the table|", energy, ENERGY_TOLERANCE));
-        let refl = Spread::of(errors.refl.iter().copied()).max;
-        lines.push(Line::at_most("fit_error_refl", "largest relative L2 of a slice", refl, args.max_error_refl));
-        let high = Spread::of(errors.high.iter().copied()).max;
-        lines.push(Line::at_most("fit_error_high", "largest relative L2 of a slice", high, args.max_error_high));
-        let sigmas = data.sigma_per_um.len();
-        let known = |v: f64| v.is_finite().then_some(v);
-        for (node, refl) in errors.refl.iter().enumerate() {
-            slices.push(Slice {
-                theta_i_deg: data.theta_i[node / data.h_um.len()].to_degrees(),
-                h_rel: data.h_um[node % data.h_um.len()] / yarn.radius_um,
-                error_refl: known(*refl),
-                error_high: errors.high[node * sigmas..(node + 1) * sigmas].iter().map(|v| known(*v)).collect(),
-            });
+    // Without a table, the errors that the fit stored.
+    let (error_refl, error_high) = match held {
+        None => (data.error_refl.clone(), data.error_high.clone()),
+        Some(errors) => {
+            let worst = |v: &[f64]| Spread::of(v.iter().map(|v| v.abs())).max;
+            let energy = worst(&errors.energy_refl).max(worst(&errors.energy_high));
+            lines.push(Line::at_most("energy", "|energy of the model - of the table|", energy, ENERGY_TOLERANCE));
+            (errors.refl, errors.high)
         }
+    };
+    for (check, errors, allowed) in
+        [("fit_error_refl", &error_refl, args.max_error_refl), ("fit_error_high", &error_high, args.max_error_high)]
+    {
+        let largest = Spread::of(errors.iter().copied()).max;
+        lines.push(Line::at_most(check, "largest relative L2 of a slice, noise removed", largest, allowed));
     }
+    let (columns, sigmas) = (data.h_um.len(), data.sigma_per_um.len());
+    let known = |v: f64| v.is_finite().then_some(v);
+    let slices: Vec<Slice> = (0..error_refl.len())
+        .map(|node| Slice {
+            theta_i_deg: data.theta_i[node / columns].to_degrees(),
+            h_rel: data.h_um[node % columns] / yarn.radius_um,
+            error_refl: known(error_refl[node]),
+            error_high: error_high[node * sigmas..(node + 1) * sigmas].iter().map(|v| known(*v)).collect(),
+        })
+        .collect();
     let passed = lines.iter().all(|l| l.passed);
     if cli.json {
-        let mut object = serde_json::json!({
+        output::print_json(&serde_json::json!({
             "model": args.model.display().to_string(),
             "incidences": report.incidences.len(),
             "samples_per_incidence": options.samples,
             "seed": args.seed,
             "checks": lines,
+            "sigma_per_um": data.sigma_per_um,
+            "slices": slices,
             "passed": passed,
-        });
-        if args.table.is_some() {
-            object["sigma_per_um"] = serde_json::json!(data.sigma_per_um);
-            object["slices"] = serde_json::json!(slices);
-        }
-        output::print_json(&object)?;
+        }))?;
     } else {
         output::print(|out| {
             for line in lines.iter().filter(|l| !cli.quiet || !l.passed) {
@@ -126,9 +141,11 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
                     line.meaning
                 )?;
             }
-            if !slices.is_empty() && !cli.quiet {
-                writeln!(out, "fit error per slice, f_refl / f_high at sigma = 0 [%], noise removed; - where noise hides it")?;
-                let columns = data.h_um.len();
+            if !cli.quiet {
+                writeln!(
+                    out,
+                    "fit error per slice, f_refl / f_high at sigma = 0 [%], noise removed; - where noise hides it"
+                )?;
                 write!(out, "  theta_i \\ h/R")?;
                 slices[..columns].iter().try_for_each(|s| write!(out, " {:>11.2}", s.h_rel))?;
                 writeln!(out)?;

@@ -39,7 +39,9 @@ pub fn run(cli: &Cli, args: &DiffArgs) -> Outcome {
         energy: args.tol_energy.unwrap_or(usual.energy),
         drift_rad: args.tol_drift.map_or(usual.drift_rad, f64::to_radians),
     };
-    for (flag, value) in [("--tol", tolerance.l2), ("--tol-energy", tolerance.energy), ("--tol-drift", tolerance.drift_rad)] {
+    for (flag, value) in
+        [("--tol", tolerance.l2), ("--tol-energy", tolerance.energy), ("--tol-drift", tolerance.drift_rad)]
+    {
         if !(value >= 0.0) {
             return Err(Failure::input("command line", flag, value, "must be 0 or more"));
         }

@@ -37,7 +37,12 @@ pub fn run(cli: &Cli, args: &EvalArgs) -> Outcome {
         return output::print_json(&report);
     }
     output::print(|out| {
-        writeln!(out, "albedo and densities [1/sr] at r_d = {}, pdf = {}", number(report.r_d as f64), number(report.pdf_per_sr as f64))?;
+        writeln!(
+            out,
+            "albedo and densities [1/sr] at r_d = {}, pdf = {}",
+            number(report.r_d as f64),
+            number(report.pdf_per_sr as f64)
+        )?;
         writeln!(out, "{:>14} {:>12} {:>12} {:>12} {:>12}", "sigma [1/um]", "f", "f_refl", "f_high", "albedo")?;
         for (k, sigma) in report.sigma_per_um.iter().enumerate() {
             let (f, refl, high) = (report.f_per_sr[k], report.refl_per_sr[k], report.high_per_sr[k]);
@@ -47,7 +52,13 @@ pub fn run(cli: &Cli, args: &EvalArgs) -> Outcome {
     })
 }
 
-fn evaluate<const N: usize>(model: &PlyModel, args: &EvalArgs, theta_i: f32, h_um: f32, sigma: [f32; N]) -> Outcome<Report> {
+fn evaluate<const N: usize>(
+    model: &PlyModel,
+    args: &EvalArgs,
+    theta_i: f32,
+    h_um: f32,
+    sigma: [f32; N],
+) -> Outcome<Report> {
     let wo = direction(args.theta_o.to_radians() as f32, args.phi_o.rem_euclid(360.0).to_radians() as f32);
     let (refl, high) = model.eval_split(theta_i, h_um, sigma, wo);
     Ok(Report {

@@ -4,9 +4,9 @@ use super::on_threads;
 use super::simulate::merge;
 use crate::args::{Cli, FitArgs, Preset};
 use crate::failure::{Failure, Outcome};
+use crate::output;
 use crate::progress::{self, Bar};
 use crate::report::{self, Spread};
-use crate::output;
 use plywave::{PlyData, Table, YarnSpec};
 use plywave_fit::{FitOptions, Stage};
 use std::path::Path;
@@ -86,7 +86,11 @@ pub fn write_summary(out: &mut dyn std::io::Write, summary: &Summary, time: Dura
         summary.lobes_refl,
         summary.lobes_high
     )?;
-    writeln!(out, "  fit error    f_refl rms {:.4}, largest {:.4}", summary.fit_error_refl.rms, summary.fit_error_refl.max)?;
+    writeln!(
+        out,
+        "  fit error    f_refl rms {:.4}, largest {:.4}",
+        summary.fit_error_refl.rms, summary.fit_error_refl.max
+    )?;
     writeln!(
         out,
         "               f_high rms {:.4}, largest {:.4} (relative L2 at sigma = 0, noise removed)",

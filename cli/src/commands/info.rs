@@ -4,8 +4,8 @@ use super::simulate::energy_balance;
 use super::{Loaded, Yarn, load_any};
 use crate::args::{Cli, InfoArgs};
 use crate::failure::Outcome;
-use crate::report::{self, Spread, number};
 use crate::output;
+use crate::report::{self, Spread, number};
 use plywave::{PlyData, Shape, Table, YarnSpec};
 use std::io::Write;
 
@@ -247,9 +247,9 @@ fn table_text(head: &Head, spec: &YarnSpec, t: &Table) -> Outcome {
         )?;
         writeln!(
             out,
-            "  energy       refl + high + r_d = 1 within {:.1} standard errors, at most {:.1e} stopped at the interaction limit",
+            "  energy       refl + high + r_d = 1 within {:.1} standard errors, at most {} stopped at the interaction limit",
             energy_balance(t),
-            t.energy_killed.iter().copied().fold(0.0, f64::max)
+            number(t.energy_killed.iter().copied().fold(0.0, f64::max))
         )?;
         energies_text(out, head, &t.energy_refl, &t.energy_high, &t.r_d, None)
     })
@@ -259,7 +259,11 @@ fn model_text(head: &Head, spec: &YarnSpec, d: &PlyData) -> Outcome {
     let sigmas = d.sigma_per_um.len();
     output::print(|out| {
         head_text(out, head, spec)?;
-        writeln!(out, "  lobes        {} of f_refl an incidence, {} of f_high a block corner", d.lobes_refl, d.lobes_high)?;
+        writeln!(
+            out,
+            "  lobes        {} of f_refl an incidence, {} of f_high a block corner",
+            d.lobes_refl, d.lobes_high
+        )?;
         writeln!(
             out,
             "  spectra      {} path lengths from {} to {} um",

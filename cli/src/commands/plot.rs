@@ -62,7 +62,9 @@ impl Source {
                 let written = format!("preset {}, seed {}, plywave {}", t.preset, t.seed, t.program_version);
                 (Yarn::of(&args.file, &t.spec_text, &t.h_um)?, written)
             }
-            (None, None) => return Err(Failure::input(args.file.display(), "content", "none", "give a table or a model")),
+            (None, None) => {
+                return Err(Failure::input(args.file.display(), "content", "none", "give a table or a model"));
+            }
         };
         if let (Some(t), Some(m)) = (&table, &model) {
             same_axes(&args.file, t, m)?;
@@ -183,8 +185,7 @@ impl Source {
 
     /// One incidence, large.
     fn single(&self, view: View, sigmas: &[f64], decades: f64) -> Vec<Section> {
-        let title =
-            format!(" at θ_i = {}°, {}", rounded(view.theta_i.to_degrees(), 1), self.offset(view));
+        let title = format!(" at θ_i = {}°, {}", rounded(view.theta_i.to_degrees(), 1), self.offset(view));
         let one = |sigma: Option<f64>| {
             let (name, quantity) = names(sigma);
             Section::Maps(vec![Block {
@@ -300,7 +301,8 @@ fn noise(t: &Table) -> (Vec<f64>, Vec<f64>) {
     let nodes = 0..t.theta_i.len() * columns;
     let refl = nodes.clone().map(|i| (t.noise_refl[i] / norm2(t.refl_slice(i / columns, i % columns))).sqrt());
     let high = nodes.flat_map(|i| {
-        (0..sigmas).map(move |k| (t.noise_high[i * sigmas + k] / norm2(t.high_slice(i / columns, i % columns, k))).sqrt())
+        (0..sigmas)
+            .map(move |k| (t.noise_high[i * sigmas + k] / norm2(t.high_slice(i / columns, i % columns, k))).sqrt())
     });
     (refl.collect(), high.collect())
 }
@@ -335,10 +337,14 @@ fn spread(count: usize, most: usize) -> Vec<usize> {
 /// Refuses a table and a model of different incidences.
 fn same_axes(file: &Path, t: &Table, m: &PlyModel) -> Outcome {
     let d = m.data();
-    let close = |a: &[f64], b: &[f64]| a.len() == b.len() && a.iter().zip(b).all(|(x, y)| (x - y).abs() <= 1e-6 * (1.0 + x.abs()));
-    for (key, a, b) in
-        [("theta_i", &d.theta_i, &t.theta_i), ("h_um", &d.h_um, &t.h_um), ("sigma_per_um", &d.sigma_per_um, &t.sigma_per_um)]
-    {
+    let close = |a: &[f64], b: &[f64]| {
+        a.len() == b.len() && a.iter().zip(b).all(|(x, y)| (x - y).abs() <= 1e-6 * (1.0 + x.abs()))
+    };
+    for (key, a, b) in [
+        ("theta_i", &d.theta_i, &t.theta_i),
+        ("h_um", &d.h_um, &t.h_um),
+        ("sigma_per_um", &d.sigma_per_um, &t.sigma_per_um),
+    ] {
         if !close(a, b) {
             let value = format!("{} nodes in the model, {} in the table, or other values", a.len(), b.len());
             return Err(Failure::input(file.display(), key, value, "give a table and a model of one yarn and preset"));

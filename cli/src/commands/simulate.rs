@@ -27,7 +27,9 @@ impl Job {
     pub fn new(spec: Option<&Path>, run: &RunArgs) -> Outcome<Self> {
         let (file, (spec, text), usual) = match spec {
             Some(path) => (path.to_path_buf(), YarnSpec::load(path)?, Preset::Standard),
-            None => ("polyester.toml".into(), (YarnSpec::polyester()?, plywave::POLYESTER.to_string()), Preset::Preview),
+            None => {
+                ("polyester.toml".into(), (YarnSpec::polyester()?, plywave::POLYESTER.to_string()), Preset::Preview)
+            }
         };
         let mut options = match run.preset.unwrap_or(usual) {
             Preset::Preview => SimOptions::preview(),
@@ -47,16 +49,25 @@ impl Job {
             let mend = "exists and holds no shards of plywave; move it away or choose another -o";
             return Err(Failure::Input(format!("{}: {mend}", parts.display())));
         }
+        let fresh = !parts.exists();
         progress::install_stop();
         let bar = Bar::new("simulate", "paths", cli.quiet);
         bar.begin("simulate", plywave_sim::total_paths(&self.options));
         let advance = |paths: u64| bar.advance(paths);
         let run = Run { parts: Some(parts), resume, stop: Some(&progress::STOP), progress: Some(&advance) };
-        let work = progress::stoppable(|| on_threads(cli, || plywave_sim::simulate(&self.spec, &self.text, &self.options, run)));
+        let work = progress::stoppable(|| {
+            on_threads(cli, || plywave_sim::simulate(&self.spec, &self.text, &self.options, run))
+        });
         let time = bar.finish();
         match work? {
             Ok(table) => Ok((table, time)),
-            Err(error) => Err(self.failure(error)),
+            Err(error) => {
+                // A spec that cannot be built leaves nothing behind.
+                if fresh && !matches!(error, SimError::Interrupted { .. } | SimError::Runtime(_)) {
+                    remove_parts(parts);
+                }
+                Err(self.failure(error))
+            }
         }
     }
 

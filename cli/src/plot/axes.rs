@@ -1,6 +1,6 @@
 //! Scales, colour bars and the frames around panels.
 
-use super::canvas::{Align, CAP, Canvas, FAINT, GRAY, INK};
+use super::canvas::{Align, CAP, Canvas, GRAY, INK};
 use super::colormap;
 
 /// A logarithmic scale of densities that spans whole decades below its top.
@@ -17,7 +17,8 @@ impl LogScale {
     pub fn above(max: f64, decades: f64) -> Self {
         let max = if max > 0.0 && max.is_finite() { max } else { 1.0 };
         let floor = max.log10().floor();
-        let step = [1.0, 2.0, 5.0, 10.0].into_iter().find(|s| s * 10f64.powf(floor) >= max * (1.0 - 1e-9)).unwrap_or(10.0);
+        let step =
+            [1.0, 2.0, 5.0, 10.0].into_iter().find(|s| s * 10f64.powf(floor) >= max * (1.0 - 1e-9)).unwrap_or(10.0);
         LogScale { top: floor + f64::log10(step), decades }
     }
 
@@ -49,7 +50,7 @@ fn power(e: i32) -> String {
 }
 
 /// Width [dots] of a colour bar with its numbers and its title.
-pub const BAR: i32 = 108;
+pub const BAR: i32 = 120;
 const BAR_INK: i32 = 16;
 
 /// Vertical colour bar of a density scale, its top left corner at `(x, y)`.
@@ -61,7 +62,7 @@ pub fn density_bar(canvas: &mut Canvas, x: i32, y: i32, h: i32, scale: LogScale,
     for (p, e) in scale.ticks() {
         tick(canvas, x, y + h - 1 - (p * (h - 1) as f64).round() as i32, &power(e));
     }
-    canvas.text_up(x + BAR - 18, y + h / 2, title, Align::Center, INK);
+    canvas.text_up(x + BAR - 30, y + h / 2, title, Align::Center, INK);
 }
 
 /// Vertical colour bar of signed differences: both signs on the same logarithmic scale, meeting at its bottom.
@@ -83,7 +84,7 @@ pub fn residual_bar(canvas: &mut Canvas, x: i32, y: i32, h: i32, scale: LogScale
         tick(canvas, x, middle + up, &format!("-{}", power(e)));
     }
     tick(canvas, x, middle, "0");
-    canvas.text_up(x + BAR - 18, y + h / 2, title, Align::Center, INK);
+    canvas.text_up(x + BAR - 30, y + h / 2, title, Align::Center, INK);
 }
 
 fn tick(canvas: &mut Canvas, x: i32, y: i32, label: &str) {
@@ -101,7 +102,7 @@ pub fn linear_bar(canvas: &mut Canvas, x: i32, y: i32, h: i32, max: f64, title: 
     for (value, label) in linear_ticks(max, step) {
         tick(canvas, x, y + h - 1 - (value / max * (h - 1) as f64).round() as i32, &label);
     }
-    canvas.text_up(x + BAR - 18, y + h / 2, title, Align::Center, INK);
+    canvas.text_up(x + BAR - 30, y + h / 2, title, Align::Center, INK);
 }
 
 /// The step of 1, 2 or 5 times a power of ten that cuts [0, max] into about `count` parts.
@@ -113,7 +114,9 @@ fn nice_step(max: f64, count: f64) -> f64 {
 
 fn linear_ticks(max: f64, step: f64) -> Vec<(f64, String)> {
     let digits = (-step.log10().floor()).clamp(0.0, 6.0) as usize;
-    (0..=(max / step * (1.0 + 1e-9)) as i32).map(|i| (i as f64 * step, format!("{:.digits$}", i as f64 * step))).collect()
+    (0..=(max / step * (1.0 + 1e-9)) as i32)
+        .map(|i| (i as f64 * step, format!("{:.digits$}", i as f64 * step)))
+        .collect()
 }
 
 /// Marks along an edge of a panel: position in [0, 1] and label.
@@ -134,13 +137,6 @@ pub fn ticks_left(canvas: &mut Canvas, x: i32, y: i32, h: i32, ticks: &Ticks) {
         let at = y + h - 1 - (p * (h - 1) as f64).round() as i32;
         canvas.fill(x - 6, at, 5, 1, INK);
         canvas.text(x - 10, at - CAP / 2, label, Align::Right, GRAY);
-    }
-}
-
-/// Faint lines across a panel at the ticks of its left edge.
-pub fn rules(canvas: &mut Canvas, x: i32, y: i32, w: i32, h: i32, ticks: &Ticks) {
-    for (p, _) in ticks {
-        canvas.fill(x, y + h - 1 - (p * (h - 1) as f64).round() as i32, w, 1, FAINT);
     }
 }
 

@@ -23,8 +23,12 @@ pub struct Budget {
 }
 
 /// The parts in their order of stacking: name and colour.
-pub const PARTS: [(&str, Rgb); 4] =
-    [("refl", [214, 112, 66]), ("high", [240, 200, 116]), ("absorbed", [92, 84, 104]), ("r_d (missed)", [198, 216, 230])];
+pub const PARTS: [(&str, Rgb); 4] = [
+    ("refl", [214, 112, 66]),
+    ("high", [240, 200, 116]),
+    ("absorbed", [92, 84, 104]),
+    ("r_d (missed)", [198, 216, 230]),
+];
 
 /// Draws the stack over h into a panel; the h axis spans the table's range.
 pub fn draw(canvas: &mut Canvas, panel: Panel, budget: &Budget, below: bool, left: bool) {

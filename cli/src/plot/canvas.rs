@@ -9,8 +9,6 @@ pub const WHITE: Rgb = [255, 255, 255];
 pub const INK: Rgb = [32, 32, 38];
 /// Secondary text and ticks.
 pub const GRAY: Rgb = [110, 110, 118];
-/// Grid lines.
-pub const FAINT: Rgb = [205, 205, 210];
 
 /// Dots between the left edges of neighbouring characters.
 pub const ADVANCE: i32 = 12;

@@ -133,7 +133,9 @@ pub fn glyph(c: char) -> Glyph {
 /// True when ink covers the dot `(x, y)` of the glyph doubled by Scale2x, `0 <= x < 2 WIDTH`, `0 <= y < 2 HEIGHT`.
 pub fn doubled(g: &Glyph, x: usize, y: usize) -> bool {
     let at = |x: isize, y: isize| {
-        (0..WIDTH as isize).contains(&x) && (0..HEIGHT as isize).contains(&y) && g[y as usize] >> (WIDTH as isize - 1 - x) & 1 == 1
+        (0..WIDTH as isize).contains(&x)
+            && (0..HEIGHT as isize).contains(&y)
+            && g[y as usize] >> (WIDTH as isize - 1 - x) & 1 == 1
     };
     let (cx, cy) = ((x / 2) as isize, (y / 2) as isize);
     let (up, down, left, right) = (at(cx, cy - 1), at(cx, cy + 1), at(cx - 1, cy), at(cx + 1, cy));

@@ -42,7 +42,13 @@ pub fn draw(canvas: &mut Canvas, panel: Panel, numbers: &Numbers, max: f64, titl
             canvas.fill(left, top, right - left, bottom - top, color);
             if room && c % stride == stride / 2 {
                 let text = if value.is_finite() { short(value) } else { "-".into() };
-                canvas.text((left + right) / 2, (top + bottom - CAP) / 2, &text, Align::Center, colormap::ink_on(color));
+                canvas.text(
+                    (left + right) / 2,
+                    (top + bottom - CAP) / 2,
+                    &text,
+                    Align::Center,
+                    colormap::ink_on(color),
+                );
             }
         }
         if room || r % 2 == 0 {
@@ -84,7 +90,8 @@ mod tests {
 
     #[test]
     fn cells_are_coloured_from_the_bottom_left() {
-        let numbers = Numbers { theta_i: vec![0.0, 0.5], h_rel: vec![-1.0, 1.0], values: vec![0.0, 1.0, f64::NAN, 0.5] };
+        let numbers =
+            Numbers { theta_i: vec![0.0, 0.5], h_rel: vec![-1.0, 1.0], values: vec![0.0, 1.0, f64::NAN, 0.5] };
         let mut canvas = Canvas::new(400, 300);
         draw(&mut canvas, Panel { x: 90, y: 40, w: 100, h: 100 }, &numbers, 1.0, "");
         let image = canvas.into_image();

@@ -165,8 +165,8 @@ fn ring(canvas: &mut Canvas, center: [f64; 2], r: f64, width: f64, color: Rgb, c
     }
 }
 
-/// Draws each lobe's axis as a dot, as large as its energy, and its two principal directions as arcs one standard deviation
-/// long each way. Lobes with less than 1 % of the energy are left out.
+/// Draws each lobe's axis as a dot, as large as its energy, and its two principal directions as arcs half a standard
+/// deviation long each way: whole ones hide the map. Lobes with less than 1 % of the energy are left out.
 pub fn draw_lobes(canvas: &mut Canvas, panel: Panel, lobes: &[Lobe]) {
     let total: f64 = lobes.iter().map(|l| l.energy).sum();
     let shown = || lobes.iter().filter(|l| l.energy > 0.01 * total);
@@ -176,7 +176,7 @@ pub fn draw_lobes(canvas: &mut Canvas, panel: Panel, lobes: &[Lobe]) {
             let [x, y, z] = lobe.frame();
             for (axis, ln_mu) in [(x, lobe.ln_mu1), (y, lobe.ln_mu2)] {
                 let sd = (0.5 * (-ln_mu).exp()).sqrt().min(1.0).asin();
-                arc(canvas, panel, z, axis, sd, 1.3 + widen, color);
+                arc(canvas, panel, z, axis, 0.5 * sd, 1.2 + widen, color);
             }
             let r = 2.0 + 6.0 * (lobe.energy / total).sqrt();
             canvas.dot(panel.point(z[2].clamp(-1.0, 1.0).asin(), azimuth(z)), r + 0.5 * widen, color, panel.clip());
@@ -188,10 +188,10 @@ fn azimuth(v: [f64; 3]) -> f64 {
     v[1].atan2(v[0]).rem_euclid(std::f64::consts::TAU)
 }
 
-/// The great-circle arc from -sd to sd about `z` towards `axis`, cut where it wraps around the map.
-fn arc(canvas: &mut Canvas, panel: Panel, z: [f64; 3], axis: [f64; 3], sd: f64, width: f64, color: Rgb) {
+/// The great-circle arc from -reach to reach [rad] about `z` towards `axis`, cut where it wraps around the map.
+fn arc(canvas: &mut Canvas, panel: Panel, z: [f64; 3], axis: [f64; 3], reach: f64, width: f64, color: Rgb) {
     let at = |i: i32| {
-        let (s, c) = (sd * i as f64 / 16.0).sin_cos();
+        let (s, c) = (reach * i as f64 / 16.0).sin_cos();
         let v: [f64; 3] = std::array::from_fn(|a| c * z[a] + s * axis[a]);
         panel.point(v[2].clamp(-1.0, 1.0).asin(), azimuth(v))
     };
@@ -231,7 +231,12 @@ mod tests {
         // A lobe at theta_o = -45, phi_o = 270 degrees: right half, lower half.
         let field = Field::from_fn(grid, |t, p| f64::from((t + 0.785).abs() < 0.1 && (p - 4.712).abs() < 0.1));
         let mut canvas = Canvas::new(144, 72);
-        draw(&mut canvas, Panel { x: 0, y: 0, w: 144, h: 72 }, &field, Coloring::Density(LogScale { top: 0.0, decades: 3.0 }));
+        draw(
+            &mut canvas,
+            Panel { x: 0, y: 0, w: 144, h: 72 },
+            &field,
+            Coloring::Density(LogScale { top: 0.0, decades: 3.0 }),
+        );
         let image = canvas.into_image();
         let (bright, dark) = (colormap::sequential(1.0), colormap::sequential(0.0));
         assert_eq!(image.get_pixel(108, 54).0, bright);

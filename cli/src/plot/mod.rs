@@ -8,4 +8,3 @@ mod font;
 pub mod grid;
 pub mod map;
 pub mod sheet;
-#[cfg(test)] mod dev;

@@ -174,7 +174,7 @@ impl Section {
 }
 
 /// What the marks on the maps mean.
-const MARKS: &str = "light from φ_o = 90°; ring: exact forward, ticks: the cone θ_o = -θ_i; dots: axes of lobes, larger with energy, arcs: one standard deviation";
+const MARKS: &str = "light from φ_o = 90°; ring: exact forward, ticks: the cone θ_o = -θ_i; dots: axes of lobes, larger with energy, arcs: half a standard deviation";
 
 /// Text made bold by a second strike.
 fn heading(canvas: &mut Canvas, x: i32, y: i32, text: &str) {
@@ -187,7 +187,11 @@ pub fn page(title: &str, particulars: &str, sections: &[Section]) -> image::RgbI
     let maps = sections.iter().any(|s| matches!(s, Section::Maps(_)));
     let head = MARGIN + (2 + maps as i32) * LINE + 24;
     let widest = sections.iter().map(|s| s.size().0).max().unwrap_or(0);
-    let text = Canvas::text_width(title).max(Canvas::text_width(particulars)).max(if maps { Canvas::text_width(MARKS) } else { 0 });
+    let text = Canvas::text_width(title).max(Canvas::text_width(particulars)).max(if maps {
+        Canvas::text_width(MARKS)
+    } else {
+        0
+    });
     let height: i32 = sections.iter().map(|s| s.size().1 + 30).sum();
     let mut canvas = Canvas::new(2 * MARGIN + widest.max(text), head + height + MARGIN / 2);
     heading(&mut canvas, MARGIN, MARGIN, title);
