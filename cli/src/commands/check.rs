@@ -46,7 +46,7 @@ const ENERGY_TOLERANCE: f64 = 1e-3;
 pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     if let Some((flag, value)) = [("--max-error-refl", args.max_error_refl), ("--max-error-high", args.max_error_high)]
         .into_iter()
-        .find(|(_, v)| !(*v >= 0.0))
+        .find(|(_, v)| !(0.0..).contains(v))
     {
         return Err(Failure::input("command line", flag, value, "must be 0 or more"));
     }

@@ -42,7 +42,7 @@ pub fn run(cli: &Cli, args: &DiffArgs) -> Outcome {
     for (flag, value) in
         [("--tol", tolerance.l2), ("--tol-energy", tolerance.energy), ("--tol-drift", tolerance.drift_rad)]
     {
-        if !(value >= 0.0) {
+        if !(0.0..).contains(&value) {
             return Err(Failure::input("command line", flag, value, "must be 0 or more"));
         }
     }

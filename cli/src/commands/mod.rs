@@ -59,7 +59,7 @@ impl Yarn {
 pub fn incidence(args: &IncidenceArgs, data: &plywave::PlyData, radius_um: f64) -> Outcome<(f32, f32)> {
     let reach = data.h_um.last().copied().unwrap_or(0.0) / radius_um;
     latitude("--theta-i", args.theta_i)?;
-    if !(args.h_rel.abs() <= reach) {
+    if !(0.0..=reach).contains(&args.h_rel.abs()) {
         let mend = format!("must be from -{0} to {0}, where the beam still meets the ply", number(reach));
         return Err(Failure::input("command line", "--h-rel", args.h_rel, &mend));
     }

@@ -143,8 +143,8 @@ pub fn doubled(g: &Glyph, x: usize, y: usize) -> bool {
         return at(cx, cy);
     }
     // Scale2x: a corner takes its two neighbours' ink when they agree.
-    let vertical = if y % 2 == 0 { up } else { down };
-    let horizontal = if x % 2 == 0 { left } else { right };
+    let vertical = if y.is_multiple_of(2) { up } else { down };
+    let horizontal = if x.is_multiple_of(2) { left } else { right };
     if vertical == horizontal { vertical } else { at(cx, cy) }
 }
 
