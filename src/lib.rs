@@ -26,6 +26,6 @@ pub use file::{FileKind, file_kind};
 pub use frame::{direction, incident_direction, mirror_incidence, theta_phi};
 #[doc(hidden)]
 pub use ply::reference;
-pub use ply::{Golden, PlyData, PlyModel, PlySample};
+pub use ply::{Golden, PlyData, PlyModel, PlySample, Queries};
 pub use spec::*;
 pub use table::{OutgoingGrid, Table};

@@ -1,6 +1,7 @@
 //! The ply model (Yu 2025, Eq. 8): reflection lobes interpolated over (theta_i, h), high-order lobes in overlapping blocks,
 //! absorption by each lobe's path-length spectrum, and the simulated energies, which the evaluator holds exactly.
 
+mod dispatch;
 mod file;
 mod kernel;
 mod layout;
@@ -13,9 +14,9 @@ use std::path::Path;
 pub use file::Golden;
 
 /// Most lobes of each kind.
-pub(crate) const MAX_LOBES: usize = 32;
+pub(crate) const MAX_LOBES: usize = 16;
 /// Most path lengths of a spectrum.
-pub(crate) const MAX_PATHS: usize = 64;
+pub(crate) const MAX_PATHS: usize = 16;
 
 /// The tensors of a ply model file, as the fitter makes them. All arrays are flat, last index fastest.
 /// Lobe parameters are in the order of [`crate::asg::Lobe`]: theta_z, phi_z, phi_xy [rad], ln mu1, ln mu2, energy.
@@ -91,6 +92,28 @@ pub struct PlySample<const N: usize> {
     pub pdf: f32,
 }
 
+/// Many queries, as arrays of equal lengths.
+#[derive(Clone, Copy, Debug)]
+pub struct Queries<'a, const N: usize> {
+    /// Incident latitudes [rad].
+    pub theta_i: &'a [f32],
+    /// Beam offsets [um].
+    pub h_um: &'a [f32],
+    /// Absorptions [1/um].
+    pub sigma_per_um: &'a [[f32; N]],
+    /// Components x, y, z of the outgoing directions, unit.
+    pub wo: [&'a [f32]; 3],
+}
+
+impl<const N: usize> Queries<'_, N> {
+    /// Query `i`; `None` beyond the shortest array.
+    #[inline(always)]
+    fn get(&self, i: usize) -> Option<(f32, f32, [f32; N], [f32; 3])> {
+        let wo = [*self.wo[0].get(i)?, *self.wo[1].get(i)?, *self.wo[2].get(i)?];
+        Some((*self.theta_i.get(i)?, *self.h_um.get(i)?, *self.sigma_per_um.get(i)?, wo))
+    }
+}
+
 impl PlyModel {
     /// Reads and checks a model file.
     ///
@@ -148,18 +171,24 @@ impl PlyModel {
 
     /// f_refl + f_high [1/sr] (Yu 2025, Eq. 8) for N absorptions `sigma_per_um` in direction `wo`.
     pub fn eval<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N], wo: [f32; 3]) -> [f32; N] {
-        kernel::run_eval(&self.layout, theta_i, h_um, sigma_per_um, wo)
+        let (refl, high) = dispatch::run_eval(&self.layout, theta_i, h_um, sigma_per_um, wo);
+        high.map(|f| refl + f)
     }
 
-    /// f_refl and f_high apart [1/sr]; their sum is [`PlyModel::eval`].
+    /// [`PlyModel::eval`] at each of many queries; 0 where an array of `queries` is shorter than `f`.
+    pub fn eval_batch<const N: usize>(&self, queries: &Queries<'_, N>, f: &mut [[f32; N]]) {
+        dispatch::run_batch(&self.layout, queries, f);
+    }
+
+    /// f_refl, which does not depend on the absorption, and f_high apart [1/sr]; their sum is [`PlyModel::eval`].
     pub fn eval_split<const N: usize>(
         &self,
         theta_i: f32,
         h_um: f32,
         sigma_per_um: [f32; N],
         wo: [f32; 3],
-    ) -> ([f32; N], [f32; N]) {
-        kernel::run_eval_split(&self.layout, theta_i, h_um, sigma_per_um, wo)
+    ) -> (f32, [f32; N]) {
+        dispatch::run_eval(&self.layout, theta_i, h_um, sigma_per_um, wo)
     }
 
     /// A direction with density proportional to the lobes, each with its energy averaged over the N absorptions. `u` are three
@@ -171,13 +200,13 @@ impl PlyModel {
         sigma_per_um: [f32; N],
         u: [f32; 3],
     ) -> Option<PlySample<N>> {
-        let (wo, f, pdf) = kernel::run_sample(&self.layout, theta_i, h_um, sigma_per_um, u)?;
+        let (wo, f, pdf) = dispatch::run_sample(&self.layout, theta_i, h_um, sigma_per_um, u)?;
         Some(PlySample { wo, weight: f.map(|f| if pdf > 0.0 { f / pdf } else { 0.0 }), pdf })
     }
 
     /// Density [1/sr] with which [`PlyModel::sample`] gives `wo`; integrates to the chance of not missing.
     pub fn pdf<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N], wo: [f32; 3]) -> f32 {
-        kernel::run_pdf(&self.layout, theta_i, h_um, sigma_per_um, wo)
+        dispatch::run_pdf(&self.layout, theta_i, h_um, sigma_per_um, wo)
     }
 
     /// [`PlyModel::eval`] and [`PlyModel::pdf`] in many directions at one incidence, whose lobes are interpolated once. The
@@ -191,18 +220,18 @@ impl PlyModel {
         f: &mut [[f32; N]],
         pdf: &mut [f32],
     ) {
-        kernel::run_directions(&self.layout, theta_i, h_um, sigma_per_um, wo, f, pdf);
+        dispatch::run_directions(&self.layout, theta_i, h_um, sigma_per_um, wo, f, pdf);
     }
 
     /// Integral of f over the sphere: the simulated energies E_refl + E_high(sigma), exactly.
     pub fn albedo<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> [f32; N] {
-        let e = kernel::run_energies(&self.layout, theta_i, h_um, sigma_per_um);
+        let e = dispatch::run_energies(&self.layout, theta_i, h_um, sigma_per_um);
         e.high.map(|high| e.refl + high)
     }
 
     /// Fraction of the beam that meets no fiber.
     pub fn r_d(&self, theta_i: f32, h_um: f32) -> f32 {
-        kernel::run_energies(&self.layout, theta_i, h_um, []).r_d
+        dispatch::run_energies(&self.layout, theta_i, h_um, []).r_d
     }
 }
 

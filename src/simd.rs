@@ -69,22 +69,6 @@ pub(crate) fn sin_cos<const FMA: bool>(x: f32) -> (f32, f32) {
     (f32::from_bits(a.to_bits() ^ sign_sin), f32::from_bits(b.to_bits() ^ sign_cos))
 }
 
-/// Sum of 8 lanes, by halves.
-#[inline(always)]
-pub(crate) fn sum8(a: [f32; 8]) -> f32 {
-    ((a[0] + a[4]) + (a[2] + a[6])) + ((a[1] + a[5]) + (a[3] + a[7]))
-}
-
-/// Sum of 16 lanes, by halves.
-#[inline(always)]
-pub(crate) fn sum16(a: &[f32; 16]) -> f32 {
-    let mut b = [0.0; 8];
-    for i in 0..8 {
-        b[i] = a[i] + a[i + 8];
-    }
-    sum8(b)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -114,12 +98,5 @@ mod tests {
                 assert!(err < 2e-7, "sin_cos({x}): got {s} {c}, want {want_s} {want_c}, err {err}");
             }
         }
-    }
-
-    #[test]
-    fn sums_add_every_lane() {
-        let a: [f32; 16] = std::array::from_fn(|i| (1 << i) as f32);
-        assert_eq!(sum16(&a), 65535.0);
-        assert_eq!(sum8(std::array::from_fn(|i| a[i])), 255.0);
     }
 }

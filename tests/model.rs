@@ -4,13 +4,13 @@
 
 mod synthetic;
 
-use plywave::check::{CheckOptions, check_model};
-use plywave::{PlyModel, direction, reference::Mixture};
+use plywave::check::{CheckOptions, check_incidence, check_model};
+use plywave::{PlyModel, Queries, direction, mirror_incidence, reference::Mixture};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use synthetic::{STANDARD, Sizes, model};
 
-const LARGE: Sizes = Sizes { theta: 3, h: 5, refl: 11, high: 21, paths: 13 };
+const LARGE: Sizes = Sizes { theta: 3, h: 5, refl: 11, high: 13, paths: 13 };
 const SMALL: Sizes = Sizes { theta: 5, h: 3, refl: 1, high: 3, paths: 1 };
 
 fn incidence(rng: &mut Pcg64Mcg) -> (f32, f32) {
@@ -41,7 +41,7 @@ fn kernels_match_the_slow_twin() {
                     let want = want_refl + want_high[k];
                     peak = peak.max(want);
                     error = error.max((f64::from(both[k]) - want).abs());
-                    error = error.max((f64::from(refl[k]) - want_refl).abs());
+                    error = error.max((f64::from(refl) - want_refl).abs());
                     error = error.max((f64::from(high[k]) - want_high[k]).abs());
                 }
                 let want = twin.pdf(wo.map(f64::from));
@@ -71,5 +71,136 @@ fn furnace_sampling_and_chi_square() {
         );
         println!("furnace, pdf, weight, sampled [se], least p, threshold: {numbers:?}");
         assert!(report.passed(), "furnace, pdf, weight, sampled [se], least p, threshold: {numbers:?}");
+    }
+}
+
+#[test]
+fn batches_and_directions_equal_single_calls() {
+    for (seed, sizes) in [(7, STANDARD), (8, LARGE)] {
+        let m = PlyModel::from_data(model(seed, sizes)).unwrap();
+        let mut rng = Pcg64Mcg::seed_from_u64(seed);
+        let n = 200;
+        let q: Vec<(f32, f32)> = (0..n).map(|_| incidence(&mut rng)).collect();
+        let (theta_i, h_um): (Vec<f32>, Vec<f32>) = q.into_iter().unzip();
+        let sigma: Vec<[f32; 3]> = (0..n).map(|_| rng.random::<[f32; 3]>()).collect();
+        let wo: Vec<[f32; 3]> = (0..n).map(|_| anywhere(&mut rng)).collect();
+        let [x, y, z] = [0, 1, 2].map(|c| wo.iter().map(|w| w[c]).collect::<Vec<f32>>());
+        let queries = Queries { theta_i: &theta_i, h_um: &h_um, sigma_per_um: &sigma, wo: [&x, &y, &z[..n - 1]] };
+        let mut f = vec![[9.0; 3]; n];
+        m.eval_batch(&queries, &mut f);
+        for i in 0..n - 1 {
+            assert_eq!(f[i], m.eval(theta_i[i], h_um[i], sigma[i], wo[i]));
+        }
+        assert_eq!(f[n - 1], [0.0; 3]);
+        let mut pdf = vec![9.0; n];
+        m.eval_directions(0.4, 11.0, sigma[0], &wo, &mut f, &mut pdf);
+        for i in 0..n {
+            let want = m.eval(0.4, 11.0, sigma[0], wo[i]);
+            for k in 0..3 {
+                assert!((f[i][k] - want[k]).abs() <= 1e-6 * want[k].abs().max(1e-3), "{:?} {want:?}", f[i]);
+            }
+            let want = m.pdf(0.4, 11.0, sigma[0], wo[i]);
+            assert!((pdf[i] - want).abs() <= 1e-6 * want.max(1e-3), "pdf {} {want}", pdf[i]);
+        }
+    }
+}
+
+#[test]
+fn albedo_falls_with_absorption_and_is_exact_at_nodes() {
+    let data = model(9, STANDARD);
+    let m = PlyModel::from_data(data.clone()).unwrap();
+    let mut rng = Pcg64Mcg::seed_from_u64(9);
+    for _ in 0..500 {
+        let (theta_i, h) = incidence(&mut rng);
+        let sigma: [f32; 11] = std::array::from_fn(|i| 1e-4 * 2f32.powi(i as i32));
+        let a = m.albedo(theta_i, h, sigma);
+        assert!(a.windows(2).all(|w| w[1] < w[0]), "{a:?}");
+    }
+    for i in 0..data.theta_i.len() {
+        for j in 0..data.h_um.len() {
+            let (t, h, at) = (data.theta_i[i] as f32, data.h_um[j] as f32, i * data.h_um.len() + j);
+            let want = data.energy_refl[at] + data.energy_high[at * 8..at * 8 + 8].iter().sum::<f64>();
+            let [got] = m.albedo(t, h, [0.0]);
+            assert!((f64::from(got) - want).abs() < 1e-5, "albedo at node {i} {j}: got {got}, want {want}");
+            assert!((f64::from(m.r_d(t, h)) - data.r_d[at]).abs() < 1e-5);
+        }
+    }
+}
+
+#[test]
+fn eval_falls_with_absorption_where_the_lobes_carry_the_spectrum() {
+    // At the corners of blocks the lobes' spectra add up to the simulated one, so the scale does not depend on sigma.
+    let m = PlyModel::from_data(model(10, STANDARD)).unwrap();
+    let (theta, h) = (m.data().theta_i.clone(), m.data().h_um.clone());
+    let mut rng = Pcg64Mcg::seed_from_u64(10);
+    for i in (0..theta.len()).step_by(2) {
+        for j in (0..h.len()).step_by(2) {
+            let wo = anywhere(&mut rng);
+            let f = m.eval(theta[i] as f32, h[j] as f32, [0.0, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3], wo);
+            assert!(f.windows(2).all(|w| w[1] <= w[0] * (1.0 + 1e-5)), "{f:?}");
+        }
+    }
+}
+
+#[test]
+fn mirrored_incidence_mirrors_the_light() {
+    let m = PlyModel::from_data(model(11, STANDARD)).unwrap();
+    let mut rng = Pcg64Mcg::seed_from_u64(11);
+    for _ in 0..500 {
+        let (theta_i, h) = incidence(&mut rng);
+        let (sigma, wo) = ([0.0, 0.01, 0.1], anywhere(&mut rng));
+        let back = mirror_incidence(wo);
+        assert_eq!(m.eval(theta_i, h, sigma, wo), m.eval(-theta_i, -h, sigma, back));
+        assert_eq!(m.pdf(theta_i, h, sigma, wo), m.pdf(-theta_i, -h, sigma, back));
+        assert_eq!(m.albedo(theta_i, h, sigma), m.albedo(-theta_i, -h, sigma));
+        let u = rng.random();
+        let (a, b) = (m.sample(theta_i, h, sigma, u), m.sample(-theta_i, -h, sigma, u));
+        assert_eq!(a.map(|s| mirror_incidence(s.wo)), b.map(|s| s.wo));
+    }
+}
+
+#[test]
+fn lobes_without_energy_still_give_the_simulated_energy() {
+    let mut data = model(12, STANDARD);
+    data.refl.chunks_exact_mut(6).chain(data.high.chunks_exact_mut(6)).for_each(|p| p[5] = 0.0);
+    for p in data.high_path.chunks_exact_mut(8) {
+        p.copy_from_slice(&[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
+    }
+    let m = PlyModel::from_data(data).unwrap();
+    let mut rng = Pcg64Mcg::seed_from_u64(12);
+    for sigma in [0.0, 0.1, 10.0] {
+        let r = check_incidence(&m, 0.3, 21.0, [sigma; 4], 2000, &mut || rng.random());
+        assert!(r.furnace_error < 1e-3 && r.pdf_error < 1e-3 && r.chi2_p > 1e-4, "{r:?}");
+    }
+}
+
+#[test]
+fn any_input_gives_finite_numbers() {
+    let odd = [0.0, -0.0, 1.0, -1.0, 1e-30, 1e30, f32::MAX, f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
+    for (seed, sizes) in [(13, STANDARD), (14, LARGE)] {
+        let m = PlyModel::from_data(model(seed, sizes)).unwrap();
+        for theta_i in odd {
+            for h in odd {
+                for s in odd {
+                    let sigma = [s, 0.01];
+                    assert!(m.albedo(theta_i, h, sigma).iter().all(|a| (0.0..=1.06).contains(a)));
+                    assert!((0.0..=1.0).contains(&m.r_d(theta_i, h)));
+                    for c in odd {
+                        for wo in [[c, 0.0, 0.0], [0.0, c, 1.0], [0.6, 0.8, c]] {
+                            let (f, pdf) = (m.eval(theta_i, h, sigma, wo), m.pdf(theta_i, h, sigma, wo));
+                            assert!(f.iter().chain([&pdf]).all(|f| f.is_finite() && *f >= 0.0), "{f:?} {pdf}");
+                        }
+                        if let Some(s) = m.sample(theta_i, h, sigma, [0.3 * s, c, c]) {
+                            let n = s.wo.iter().map(|v| v * v).sum::<f32>();
+                            assert!((n - 1.0).abs() < 1e-4 && s.pdf > 0.0 && s.pdf.is_finite(), "{s:?}");
+                            assert!(s.weight.iter().all(|w| w.is_finite() && *w >= 0.0), "{s:?}");
+                        }
+                    }
+                }
+            }
+        }
+        assert_eq!(m.eval(0.1, 131.0, [0.0], [0.0, 1.0, 0.0]), [0.0]);
+        assert_eq!((m.r_d(0.1, 131.0), m.albedo(0.1, 131.0, [0.0])), (1.0, [0.0]));
+        assert_eq!(m.sample(0.1, 131.0, [0.0], [0.0; 3]), None);
     }
 }

@@ -1,43 +1,57 @@
-//! The arithmetic of the runtime: lobes of a model at one incidence, 16 to a vector, and their sums.
+//! The arithmetic of the runtime: the lobes of a model at one incidence side by side in the lanes of vectors, and their sums.
 //!
-//! High-order lobes fill the first lanes, reflection lobes those after them; lanes without a lobe have energy 0.
+//! High-order lobes fill the first H of L lanes, reflection lobes the R after them; lanes without a lobe have energy 0. Every
+//! loop over lanes is contiguous, of constant length, and long enough a body that the compiler makes it vector code before it
+//! would unroll it. With T the transmittances of the J path lengths, e_l and p_l the energy and spectrum of lobe l and G_l its
+//! value, `f_high = scale * sum_j T_j sum_l e_l G_l p_lj`, so the sum over lobes is done once for all absorptions.
 
 use super::layout::{HEAD, Layout};
 use super::reference::LEAST_TRANSMITTANCE;
-use crate::simd::{exp, fma, max, min, sin_cos, sum8, sum16};
+use crate::simd::{exp, fma, max, min, sin_cos};
 use std::f32::consts::PI;
 
-/// Lanes of a vector.
-pub(super) const LANES: usize = 16;
-/// Vectors of the large form: up to 32 lobes of each kind.
-pub(super) const GROUPS: usize = 4;
-
-type V<const G: usize> = [[f32; LANES]; G];
-
-/// The lobes at one incidence, with their energies at N absorptions.
-pub(super) struct Mixture<const G: usize, const N: usize> {
-    sin_theta: V<G>,
-    cos_theta: V<G>,
-    sin_phi: V<G>,
-    cos_phi: V<G>,
-    sin_xy: V<G>,
-    cos_xy: V<G>,
-    mu1: V<G>,
-    mu2: V<G>,
-    /// sqrt(mu1 mu2) / pi.
-    norm: V<G>,
-    /// 1 / energy of the lobe with amplitude 1.
-    inv_unit: V<G>,
-    energy: [V<G>; N],
-    /// Mean of `energy` over N.
-    mean: V<G>,
+/// The lobes at one incidence: H high-order lanes of L, J path lengths, N absorptions.
+pub(super) struct Mixture<const H: usize, const L: usize, const J: usize, const N: usize> {
+    sin_theta: [f32; L],
+    cos_theta: [f32; L],
+    sin_phi: [f32; L],
+    cos_phi: [f32; L],
+    sin_xy: [f32; L],
+    cos_xy: [f32; L],
+    mu1: [f32; L],
+    mu2: [f32; L],
+    /// Energy * sqrt(mu1 mu2) / pi.
+    norm: [f32; L],
+    /// Energy / energy of the lobe with amplitude 1.
+    amplitude: [f32; L],
+    /// Energy before the scale to the simulated energy.
+    energy: [f32; L],
+    /// Path-length spectra of the high-order lobes.
+    spectrum: [[f32; J]; H],
+    /// Transmittance of each path length.
+    transmittance: [[f32; N]; J],
+    /// What makes the high-order lobes add up to the simulated energy.
+    scale_high: [f32; N],
+    /// What makes the reflection lobes add up to the simulated energy.
+    scale_refl: f32,
+    /// Number of high-order lobes.
+    lobes_high: usize,
     /// Whether theta_i < 0: directions are mirrored on the way in and out.
     flip: bool,
-    /// Lanes below this one are high-order.
-    first_refl: usize,
-    r_d: f32,
-    energy_refl: f32,
-    energy_high: [f32; N],
+    energies: Energies<N>,
+}
+
+/// r_d, energy of f_refl and of f_high per sigma.
+#[derive(Clone, Copy)]
+pub(super) struct Energies<const N: usize> {
+    pub(super) r_d: f32,
+    pub(super) refl: f32,
+    pub(super) high: [f32; N],
+}
+
+impl<const N: usize> Energies<N> {
+    /// What a beam beyond the nodes meets: nothing.
+    pub(super) const MISS: Self = Energies { r_d: 1.0, refl: 0.0, high: [0.0; N] };
 }
 
 /// Interpolation at one incidence: cell, fractions.
@@ -77,296 +91,239 @@ fn bilinear(fm: f32, fn_: f32) -> [f32; 4] {
     [(1.0 - fm) * (1.0 - fn_), (1.0 - fm) * fn_, fm * (1.0 - fn_), fm * fn_]
 }
 
-/// r_d, energy of f_refl and of f_high per sigma.
-#[derive(Clone, Copy)]
-pub(super) struct Energies<const N: usize> {
-    pub(super) r_d: f32,
-    pub(super) refl: f32,
-    pub(super) high: [f32; N],
-}
-
-impl<const N: usize> Energies<N> {
-    /// What a beam beyond the nodes meets: nothing.
-    pub(super) const MISS: Self = Energies { r_d: 1.0, refl: 0.0, high: [0.0; N] };
-}
-
-/// Absorption as the model understands it: not a number counts as 0, range 0 to 1e6 per um.
+/// `len` floats at `at`; the layout is made so that they are there.
 #[inline(always)]
-fn clean<const N: usize>(sigma: [f32; N]) -> [f32; N] {
-    sigma.map(|s| min(max(s, 0.0), 1e6))
+fn floats(values: &[f32], at: usize, len: usize) -> Option<&[f32]> {
+    values.get(at..at.checked_add(len)?)
 }
 
-/// Transmittance of 8 path lengths at N absorptions.
+/// Transmittances of the path lengths. Absorption that is not a number counts as 0; its range is 0 to 1e6 per um.
 #[inline(always)]
-fn transmittance<const FMA: bool, const N: usize>(sigma: &[f32; N], path: &[f32; 8]) -> [[f32; 8]; N] {
-    let mut t = [[0.0; 8]; N];
-    for k in 0..N {
-        for j in 0..8 {
-            t[k][j] = exp::<FMA>(-sigma[k] * path[j]);
-        }
-    }
-    t
-}
-
-/// The energies of 8 path lengths, interpolated, times their transmittances.
-#[inline(always)]
-fn add_energy_high<const FMA: bool, const N: usize>(
+fn transmittances<const FMA: bool, const J: usize, const N: usize>(
     layout: &Layout,
-    at: [usize; 4],
-    weights: [f32; 4],
-    chunk: usize,
-    t: &[[f32; 8]; N],
-    energy: &mut [f32; N],
-) {
-    let mut spectrum = [0.0; 8];
-    for c in 0..4 {
-        let node = octet(&layout.nodes, at[c] + HEAD + 8 * chunk);
-        for j in 0..8 {
-            spectrum[j] = fma::<FMA>(weights[c], node[j], spectrum[j]);
+    sigma: &[f32; N],
+) -> Option<[[f32; N]; J]> {
+    let sigma = sigma.map(|s| min(max(s, 0.0), 1e6));
+    let path = layout.path.first_chunk::<J>()?;
+    let mut t = [[0.0; N]; J];
+    for j in 0..J {
+        for k in 0..N {
+            t[j][k] = -sigma[k] * path[j];
         }
     }
-    for k in 0..N {
-        let mut product = [0.0; 8];
-        for j in 0..8 {
-            product[j] = spectrum[j] * t[k][j];
-        }
-        energy[k] += sum8(product);
+    for x in t.as_flattened_mut() {
+        *x = exp::<FMA>(*x) + LEAST_TRANSMITTANCE as f32;
     }
+    Some(t)
 }
 
-/// Offsets of the four nodes of a cell.
 #[inline(always)]
-fn node_offsets(layout: &Layout, p: Place) -> [usize; 4] {
-    let stride = HEAD + 8 * layout.path_chunks;
+fn interpolate_energies<const FMA: bool, const J: usize, const N: usize>(
+    layout: &Layout,
+    p: Place,
+    t: &[[f32; N]; J],
+) -> Option<Energies<N>> {
+    let stride = HEAD + J;
     let at = (p.m * layout.nodes_h + p.n) * stride;
-    [at, at + stride, at + layout.nodes_h * stride, at + (layout.nodes_h + 1) * stride]
+    let a = floats(&layout.nodes, at, 2 * stride)?;
+    let b = floats(&layout.nodes, at + layout.nodes_h * stride, 2 * stride)?;
+    let w = bilinear(p.fm, p.fn_);
+    let node = |i: usize| {
+        let s = fma::<FMA>(w[1], a[i + stride], w[0] * a[i]);
+        fma::<FMA>(w[3], b[i + stride], fma::<FMA>(w[2], b[i], s))
+    };
+    let mut spectrum = [0.0; J];
+    for j in 0..J {
+        spectrum[j] = node(HEAD + j);
+    }
+    Some(Energies { r_d: node(0), refl: node(1), high: absorb::<FMA, J, N>(&spectrum, t) })
 }
 
+/// Sum over path lengths of a spectrum times its transmittances.
 #[inline(always)]
-fn head<const FMA: bool>(layout: &Layout, at: [usize; 4], weights: [f32; 4]) -> (f32, f32) {
-    let (mut r_d, mut refl) = (0.0, 0.0);
-    for c in 0..4 {
-        r_d = fma::<FMA>(weights[c], layout.nodes[at[c]], r_d);
-        refl = fma::<FMA>(weights[c], layout.nodes[at[c] + 1], refl);
+fn absorb<const FMA: bool, const J: usize, const N: usize>(spectrum: &[f32; J], t: &[[f32; N]; J]) -> [f32; N] {
+    let mut sum = [0.0; N];
+    for j in 0..J {
+        for k in 0..N {
+            sum[k] = fma::<FMA>(spectrum[j], t[j][k], sum[k]);
+        }
     }
-    (r_d, refl)
+    sum
 }
 
 /// Exact energies at an incidence: what `albedo` and `r_d` report and what the lobes are scaled to.
 #[inline(always)]
-pub(super) fn energies<const FMA: bool, const N: usize>(
+pub(super) fn energies<const FMA: bool, const J: usize, const N: usize>(
     layout: &Layout,
     theta_i: f32,
     h_um: f32,
-    sigma: [f32; N],
-) -> Energies<N> {
-    let Some(p) = place(layout, theta_i, h_um) else { return Energies::MISS };
-    let (at, weights) = (node_offsets(layout, p), bilinear(p.fm, p.fn_));
-    let (r_d, refl) = head::<FMA>(layout, at, weights);
-    let sigma = clean(sigma);
-    let mut high = [0.0; N];
-    for chunk in 0..layout.path_chunks {
-        let t = transmittance::<FMA, N>(&sigma, octet(&layout.path, 8 * chunk));
-        add_energy_high::<FMA, N>(layout, at, weights, chunk, &t, &mut high);
-    }
-    Energies { r_d, refl, high }
-}
-
-/// Eight floats at `at`. The layout is made so that they are there.
-#[inline(always)]
-fn octet(values: &[f32], at: usize) -> &[f32; 8] {
-    const NONE: [f32; 8] = [0.0; 8];
-    values.get(at..).and_then(|v| v.first_chunk()).unwrap_or(&NONE)
-}
-
-/// `sum += weight * values`, 8 lanes.
-#[inline(always)]
-fn add8<const FMA: bool>(sum: &mut [f32], weight: f32, values: &[f32; 8]) {
-    if let Some(sum) = sum.first_chunk_mut::<8>() {
-        for i in 0..8 {
-            sum[i] = fma::<FMA>(weight, values[i], sum[i]);
-        }
-    }
-}
-
-/// Interpolates the lobes; `None` where the beam misses.
-#[inline(always)]
-pub(super) fn mixture<const FMA: bool, const G: usize, const N: usize>(
-    layout: &Layout,
-    theta_i: f32,
-    h_um: f32,
-    sigma: [f32; N],
-) -> Option<Mixture<G, N>> {
+    sigma: &[f32; N],
+) -> Option<Energies<N>> {
     let p = place(layout, theta_i, h_um)?;
-    let sigma = clean(sigma);
-    // The common form has one chunk of 8 lanes for each kind; its loops then have constant lengths.
-    let (high_chunks, refl_chunks) = if G == 1 { (1, 1) } else { (layout.high_chunks, layout.refl_chunks) };
-    let (high_lanes, refl_lanes) = (8 * high_chunks, 8 * refl_chunks);
-    let mut params = [[[0.0f32; LANES]; G]; 6];
-
-    let (wm, wn) = (catmull_rom(p.fm), catmull_rom(p.fn_));
-    for a in 0..4 {
-        let row = ((p.m + a) * (layout.nodes_h + 2) + p.n) * 6 * refl_lanes;
-        for b in 0..4 {
-            let weight = wm[a] * wn[b];
-            for k in 0..6 {
-                for c in 0..refl_chunks {
-                    let values = octet(&layout.refl, row + (b * 6 + k) * refl_lanes + 8 * c);
-                    add8::<FMA>(&mut params[k].as_flattened_mut()[high_lanes + 8 * c..], weight, values);
-                }
-            }
-        }
-    }
-
-    let block = (p.m / 2) * (layout.nodes_h / 2) + p.n / 2;
-    let (gm, gn) = (0.5 * ((p.m % 2) as f32 + p.fm), 0.5 * ((p.n % 2) as f32 + p.fn_));
-    let weights = bilinear(gm, gn);
-    let corner = (6 + 8 * layout.path_chunks) * high_lanes;
-    for c in 0..4 {
-        for k in 0..6 {
-            for i in 0..high_chunks {
-                let values = octet(&layout.high, (block * 4 + c) * corner + k * high_lanes + 8 * i);
-                add8::<FMA>(&mut params[k].as_flattened_mut()[8 * i..], weights[c], values);
-            }
-        }
-    }
-
-    let (at, node_weights) = (node_offsets(layout, p), bilinear(p.fm, p.fn_));
-    let (r_d, energy_refl) = head::<FMA>(layout, at, node_weights);
-    let mut energy_high = [0.0; N];
-    let mut energy = [[[0.0; LANES]; G]; N];
-    for chunk in 0..layout.path_chunks {
-        let t = transmittance::<FMA, N>(&sigma, octet(&layout.path, 8 * chunk));
-        add_energy_high::<FMA, N>(layout, at, node_weights, chunk, &t, &mut energy_high);
-        for i in 0..high_chunks {
-            for j in 0..8 {
-                let mut spectrum = [0.0; 8];
-                for c in 0..4 {
-                    let from = (block * 4 + c) * corner + (6 + 8 * chunk + j) * high_lanes + 8 * i;
-                    add8::<FMA>(&mut spectrum, weights[c], octet(&layout.high, from));
-                }
-                for k in 0..N {
-                    add8::<FMA>(&mut energy[k].as_flattened_mut()[8 * i..], t[k][j], &spectrum);
-                }
-            }
-        }
-    }
-    scale_energies::<G, N>(layout, &params[5], high_lanes, energy_refl, &energy_high, &mut energy);
-
-    let mut mixture = lobes::<FMA, G, N>(&params);
-    mixture.energy = energy;
-    mixture.flip = p.flip;
-    mixture.first_refl = high_lanes;
-    (mixture.r_d, mixture.energy_refl, mixture.energy_high) = (r_d, energy_refl, energy_high);
-    let share = 1.0 / N.max(1) as f32;
-    for g in 0..G {
-        for k in 0..N {
-            for i in 0..LANES {
-                mixture.mean[g][i] += share * mixture.energy[k][g][i];
-            }
-        }
-    }
-    Some(mixture)
+    interpolate_energies::<FMA, J, N>(layout, p, &transmittances::<FMA, J, N>(layout, sigma)?)
 }
 
-/// Lobe energies times transmittances, scaled so that each kind adds up to its simulated energy. `energy` enters as the
-/// transmittance of each high-order lane.
+/// Lobe parameters by lane, and spectra of the high-order lobes.
 #[inline(always)]
-fn scale_energies<const G: usize, const N: usize>(
+fn interpolate<const FMA: bool, const H: usize, const R: usize, const L: usize, const J: usize>(
     layout: &Layout,
-    weight: &V<G>,
-    high_lanes: usize,
-    energy_refl: f32,
-    energy_high: &[f32; N],
-    energy: &mut [V<G>; N],
-) {
-    let mut least = [[0.0; LANES]; G];
-    for g in 0..G {
-        for i in 0..LANES {
-            least[g][i] = max(weight[g][i], layout.least[g][i]);
+    p: Place,
+) -> Option<([[f32; L]; 6], [[f32; J]; H])> {
+    let (wm, wn) = (catmull_rom(p.fm), catmull_rom(p.fn_));
+    let row = |a: usize| floats(&layout.refl, ((p.m + a) * (layout.nodes_h + 2) + p.n) * 6 * R, 24 * R);
+    let (r0, r1, r2, r3) = (row(0)?, row(1)?, row(2)?, row(3)?);
+    let mut refl = [[0.0; R]; 6];
+    for (i, value) in refl.as_flattened_mut().iter_mut().enumerate() {
+        let mut sum = 0.0;
+        for (r, w) in [(r0, wm[0]), (r1, wm[1]), (r2, wm[2]), (r3, wm[3])] {
+            let s = fma::<FMA>(wn[1], r[i + 6 * R], wn[0] * r[i]);
+            let s = fma::<FMA>(wn[2], r[i + 12 * R], s);
+            sum = fma::<FMA>(w, fma::<FMA>(wn[3], r[i + 18 * R], s), sum);
         }
+        *value = sum;
     }
-    let (mut refl, mut high) = ([[0.0; LANES]; G], [[0.0; LANES]; G]);
-    for g in 0..G {
-        for i in 0..LANES {
-            let is_high = LANES * g + i < high_lanes;
-            high[g][i] = if is_high { least[g][i] } else { 0.0 };
-            refl[g][i] = if is_high { 0.0 } else { least[g][i] };
-        }
+
+    // Block (m/2, n/2) spans two cells each way.
+    let block = (p.m / 2) * (layout.nodes_h / 2) + p.n / 2;
+    let w = bilinear(0.5 * ((p.m % 2) as f32 + p.fm), 0.5 * ((p.n % 2) as f32 + p.fn_));
+    let corner = H * (6 + J);
+    let c = floats(&layout.high, block * 4 * corner, 4 * corner)?;
+    let at = |i: usize| {
+        let s = fma::<FMA>(w[1], c[i + corner], w[0] * c[i]);
+        fma::<FMA>(w[3], c[i + 3 * corner], fma::<FMA>(w[2], c[i + 2 * corner], s))
+    };
+    let (mut high, mut spectrum) = ([[0.0; H]; 6], [[0.0; J]; H]);
+    for (i, value) in high.as_flattened_mut().iter_mut().enumerate() {
+        *value = at(i);
     }
-    let total = |v: &V<G>| v.iter().map(sum16).fold(0.0, |a, b| a + b);
-    let scale_refl = energy_refl / total(&refl);
-    for k in 0..N {
-        let mut product = [[0.0; LANES]; G];
-        for g in 0..G {
-            for i in 0..LANES {
-                product[g][i] = high[g][i] * (energy[k][g][i] + LEAST_TRANSMITTANCE as f32);
-            }
-        }
-        let scale = energy_high[k] / total(&product);
-        for g in 0..G {
-            for i in 0..LANES {
-                energy[k][g][i] = product[g][i] * scale + refl[g][i] * scale_refl;
-            }
-        }
+    for (i, value) in spectrum.as_flattened_mut().iter_mut().enumerate() {
+        *value = at(6 * H + i);
     }
+    let mut params = [[0.0; L]; 6];
+    for k in 0..6 {
+        params[k][..H].copy_from_slice(&high[k]);
+        params[k][H..].copy_from_slice(&refl[k]);
+    }
+    Some((params, spectrum))
 }
 
-/// Midpoint nodes of the energy integral, as in [`crate::asg::unit_energy`]: sin^2 s of the first half of them; the second half
-/// mirrors it.
-const NODES_SIN2: [f32; 6] = [0.004_277_569, 0.038_060_234, 0.103_323_49, 0.195_619_29, 0.308_658_28, 0.434_736_9];
+// Coefficients of the mean over s of 1 - exp(-1/b(s)) (see asg.rs) in x = (a + b)/2 and y = a b, a = (2 - mu1)/(2 + mu1) and b
+// likewise of mu2: row j multiplies y^j. A minimax fit for bandwidths from MU_MIN to MU_MAX, relative error 9e-5 in f32 (tested);
+// the 12-node quadrature, good to 1e-4 itself, costs ten times as much.
+const MEAN_0: [f32; 11] = [
+    0.86472696,
+    -0.5413396,
+    -1.0858794,
+    -0.33280998,
+    0.20640504,
+    -3.191828,
+    -0.32349062,
+    10.540188,
+    -7.891373,
+    -42.007984,
+    -28.1854,
+];
+const MEAN_1: [f32; 9] =
+    [0.54242563, 0.51795506, -0.022908885, 3.760259, 1.3267359, -18.587229, 12.092752, 99.15994, 81.44035];
+const MEAN_2: [f32; 7] = [0.008833905, -0.87465584, -0.9746874, 9.540781, -4.5728836, -78.518135, -82.348946];
+const MEAN_3: [f32; 5] = [0.103313036, -1.2792708, 0.07296818, 23.176245, 33.99076];
+const MEAN_4: [f32; 3] = [0.04638332, -1.8602276, -4.9093513];
+const MEAN_5: [f32; 1] = [0.121228844];
 
-/// Directions, bandwidths and energy integrals of all lanes.
+/// Polynomial by Horner's rule, constant term first.
 #[inline(always)]
-fn lobes<const FMA: bool, const G: usize, const N: usize>(params: &[V<G>; 6]) -> Mixture<G, N> {
-    let zero = [[0.0; LANES]; G];
+fn polynomial<const FMA: bool, const M: usize>(c: [f32; M], x: f32) -> f32 {
+    let mut sum = c[M - 1];
+    for i in (0..M - 1).rev() {
+        sum = fma::<FMA>(sum, x, c[i]);
+    }
+    sum
+}
+
+/// Energy of a lobe with amplitude 1, times sqrt(mu1 mu2) / pi.
+#[inline(always)]
+fn unit_mean<const FMA: bool>(mu1: f32, mu2: f32) -> f32 {
+    let (d1, d2) = (2.0 + mu1, 2.0 + mu2);
+    let both = 1.0 / (d1 * d2);
+    let (a, b) = ((2.0 - mu1) * (d2 * both), (2.0 - mu2) * (d1 * both));
+    let (x, y) = (0.5 * (a + b), a * b);
+    let sum = fma::<FMA>(MEAN_5[0], y, polynomial::<FMA, 3>(MEAN_4, x));
+    let sum = fma::<FMA>(sum, y, polynomial::<FMA, 5>(MEAN_3, x));
+    let sum = fma::<FMA>(sum, y, polynomial::<FMA, 7>(MEAN_2, x));
+    let sum = fma::<FMA>(sum, y, polynomial::<FMA, 9>(MEAN_1, x));
+    fma::<FMA>(sum, y, polynomial::<FMA, 11>(MEAN_0, x))
+}
+
+/// The lobes at an incidence; `None` where the beam misses.
+#[inline(always)]
+pub(super) fn mixture<
+    const FMA: bool,
+    const H: usize,
+    const R: usize,
+    const L: usize,
+    const J: usize,
+    const N: usize,
+>(
+    layout: &Layout,
+    theta_i: f32,
+    h_um: f32,
+    sigma: &[f32; N],
+) -> Option<Mixture<H, L, J, N>> {
+    let p = place(layout, theta_i, h_um)?;
+    let (params, spectrum) = interpolate::<FMA, H, R, L, J>(layout, p)?;
+    let transmittance = transmittances::<FMA, J, N>(layout, sigma)?;
+    let energies = interpolate_energies::<FMA, J, N>(layout, p, &transmittance)?;
+    let least = layout.least.first_chunk::<L>()?;
     let mut x = Mixture {
-        sin_theta: zero,
-        cos_theta: zero,
-        sin_phi: zero,
-        cos_phi: zero,
-        sin_xy: zero,
-        cos_xy: zero,
-        mu1: zero,
-        mu2: zero,
-        norm: zero,
-        inv_unit: zero,
-        energy: [zero; N],
-        mean: zero,
-        flip: false,
-        first_refl: 0,
-        r_d: 0.0,
-        energy_refl: 0.0,
-        energy_high: [0.0; N],
+        sin_theta: [0.0; L],
+        cos_theta: [0.0; L],
+        sin_phi: [0.0; L],
+        cos_phi: [0.0; L],
+        sin_xy: [0.0; L],
+        cos_xy: [0.0; L],
+        mu1: [0.0; L],
+        mu2: [0.0; L],
+        norm: [0.0; L],
+        amplitude: [0.0; L],
+        energy: [0.0; L],
+        spectrum,
+        transmittance,
+        scale_high: [0.0; N],
+        scale_refl: 0.0,
+        lobes_high: layout.lobes_high,
+        flip: p.flip,
+        energies,
     };
     // ln of asg::MU_MIN and asg::MU_MAX.
     let (low, high) = (-1.609_438, 9.903_487);
-    for g in 0..G {
-        for i in 0..LANES {
-            (x.sin_theta[g][i], x.cos_theta[g][i]) = sin_cos::<FMA>(params[0][g][i]);
-            (x.sin_phi[g][i], x.cos_phi[g][i]) = sin_cos::<FMA>(params[1][g][i]);
-            (x.sin_xy[g][i], x.cos_xy[g][i]) = sin_cos::<FMA>(params[2][g][i]);
-        }
-        for i in 0..LANES {
-            let mu1 = exp::<FMA>(min(max(params[3][g][i], low), high));
-            let mu2 = exp::<FMA>(min(max(params[4][g][i], low), high));
-            let product = mu1 * mu2;
-            let mut sum = 0.0;
-            for s2 in NODES_SIN2 {
-                // 1/b = mu1 mu2 / (cos^2 s mu2 + sin^2 s mu1), for s and for pi/2 - s by one division.
-                let d1 = fma::<FMA>(s2, mu1, (1.0 - s2) * mu2);
-                let d2 = fma::<FMA>(s2, mu2, (1.0 - s2) * mu1);
-                let both = -product / (d1 * d2);
-                sum += exp::<FMA>(both * d2) + exp::<FMA>(both * d1);
-            }
-            let norm = product.sqrt() * (1.0 / PI);
-            x.mu1[g][i] = mu1;
-            x.mu2[g][i] = mu2;
-            x.norm[g][i] = norm;
-            x.inv_unit[g][i] = norm / (1.0 - sum * (1.0 / 12.0));
-        }
+    for i in 0..L {
+        (x.sin_theta[i], x.cos_theta[i]) = sin_cos::<FMA>(params[0][i]);
+        (x.sin_phi[i], x.cos_phi[i]) = sin_cos::<FMA>(params[1][i]);
+        (x.sin_xy[i], x.cos_xy[i]) = sin_cos::<FMA>(params[2][i]);
     }
-    x
+    for i in 0..L {
+        let mu1 = exp::<FMA>(min(max(params[3][i], low), high));
+        let mu2 = exp::<FMA>(min(max(params[4][i], low), high));
+        let energy = max(params[5][i], least[i]);
+        let norm = energy * ((mu1 * mu2).sqrt() * (1.0 / PI));
+        x.mu1[i] = mu1;
+        x.mu2[i] = mu2;
+        x.norm[i] = norm;
+        x.energy[i] = energy;
+        x.amplitude[i] = norm / unit_mean::<FMA>(mu1, mu2);
+    }
+    let (refl, high) = x.absorbed::<FMA>(&x.energy);
+    x.scale_refl = energies.refl / refl;
+    for k in 0..N {
+        x.scale_high[k] = energies.high[k] / high[k];
+    }
+    Some(x)
+}
+
+/// Reflection part plus the mean of the high-order parts.
+#[inline(always)]
+fn mean_sum<const N: usize>(refl: f32, high: &[f32; N]) -> f32 {
+    refl + high.iter().sum::<f32>() * (1.0 / N.max(1) as f32)
 }
 
 #[inline(always)]
@@ -374,104 +331,119 @@ fn mirrored(flip: bool, w: [f32; 3]) -> [f32; 3] {
     if flip { crate::mirror_incidence(w) } else { w }
 }
 
-impl<const G: usize, const N: usize> Mixture<G, N> {
-    /// Per lane: the lobe with energy 1 in direction `wo`, and the density of sampling it [1/sr].
+impl<const H: usize, const L: usize, const J: usize, const N: usize> Mixture<H, L, J, N> {
+    /// Sums over the lobes of `value` by lane: reflection, and high-order after absorption. Not scaled.
     #[inline(always)]
-    fn values<const FMA: bool>(&self, wo: [f32; 3]) -> (V<G>, V<G>) {
-        let v = mirrored(self.flip, wo);
-        let (mut value, mut density) = ([[0.0; LANES]; G], [[0.0; LANES]; G]);
-        for g in 0..G {
-            for i in 0..LANES {
-                let across = fma::<FMA>(self.cos_phi[g][i], v[1], -self.sin_phi[g][i] * v[0]);
-                let along = fma::<FMA>(self.cos_phi[g][i], v[0], self.sin_phi[g][i] * v[1]);
-                let up = fma::<FMA>(self.cos_theta[g][i], v[2], -self.sin_theta[g][i] * along);
-                let cz = fma::<FMA>(self.cos_theta[g][i], along, self.sin_theta[g][i] * v[2]);
-                let u = fma::<FMA>(self.cos_xy[g][i], across, self.sin_xy[g][i] * up);
-                let w = fma::<FMA>(self.cos_xy[g][i], up, -self.sin_xy[g][i] * across);
-                let (u2, w2) = (u * u, w * w);
-                let q = fma::<FMA>(self.mu1[g][i], u2, self.mu2[g][i] * w2);
-                // Only finite directions in front of the lobe count; the comparisons are false for what is not a number.
-                let front = if cz > 0.0 && cz < 2.0 { cz } else { 0.0 };
-                let shape = front * exp::<FMA>(-q);
-                // a(t) of the direction t of (u, w); at the axis, where t is undefined, any mean of mu1 and mu2 serves.
-                let a = (q + 1e-30) / (u2 + w2 + 1e-30);
-                value[g][i] = shape * self.inv_unit[g][i];
-                density[g][i] = shape * self.norm[g][i] / (1.0 - exp::<FMA>(-a));
+    fn absorbed<const FMA: bool>(&self, value: &[f32; L]) -> (f32, [f32; N]) {
+        let mut by_path = [0.0; J];
+        // Of as many turns as there are lobes, which the compiler does not know: it then keeps the path lengths in a vector.
+        for (value, spectrum) in value.iter().zip(&self.spectrum).take(self.lobes_high) {
+            for j in 0..J {
+                by_path[j] = fma::<FMA>(*value, spectrum[j], by_path[j]);
             }
+        }
+        let mut refl = [0.0; 4];
+        for octet in value[H..].as_chunks::<8>().0 {
+            for i in 0..4 {
+                refl[i] += octet[i] + octet[i + 4];
+            }
+        }
+        let mut high = [0.0; N];
+        for j in 0..J {
+            for k in 0..N {
+                high[k] = fma::<FMA>(by_path[j], self.transmittance[j][k], high[k]);
+            }
+        }
+        ((refl[0] + refl[2]) + (refl[1] + refl[3]), high)
+    }
+
+    /// [`Mixture::absorbed`], scaled to the simulated energies.
+    #[inline(always)]
+    fn weigh<const FMA: bool>(&self, value: &[f32; L]) -> (f32, [f32; N]) {
+        let (refl, mut high) = self.absorbed::<FMA>(value);
+        for k in 0..N {
+            high[k] *= self.scale_high[k];
+        }
+        (refl * self.scale_refl, high)
+    }
+
+    /// Per lane: the value of the lobe in direction `wo`, and its density of sampling times its energy [1/sr].
+    #[inline(always)]
+    fn values<const FMA: bool>(&self, wo: [f32; 3]) -> ([f32; L], [f32; L]) {
+        let v = mirrored(self.flip, wo);
+        let (mut value, mut density) = ([0.0; L], [0.0; L]);
+        for i in 0..L {
+            let across = fma::<FMA>(self.cos_phi[i], v[1], -self.sin_phi[i] * v[0]);
+            let along = fma::<FMA>(self.cos_phi[i], v[0], self.sin_phi[i] * v[1]);
+            let up = fma::<FMA>(self.cos_theta[i], v[2], -self.sin_theta[i] * along);
+            let cz = fma::<FMA>(self.cos_theta[i], along, self.sin_theta[i] * v[2]);
+            let u = fma::<FMA>(self.cos_xy[i], across, self.sin_xy[i] * up);
+            let w = fma::<FMA>(self.cos_xy[i], up, -self.sin_xy[i] * across);
+            let (u2, w2) = (u * u, w * w);
+            let q = fma::<FMA>(self.mu1[i], u2, self.mu2[i] * w2);
+            // Only finite directions in front of the lobe count; the comparisons are false for what is not a number.
+            let front = if cz > 0.0 && cz < 2.0 { cz } else { 0.0 };
+            let shape = front * exp::<FMA>(-q);
+            // a(t) of the direction t of (u, w); at the axis, where t is undefined, any mean of mu1 and mu2 serves.
+            let a = (q + 1e-30) / (u2 + w2 + 1e-30);
+            value[i] = shape * self.amplitude[i];
+            density[i] = shape * self.norm[i] / (1.0 - exp::<FMA>(-a));
         }
         (value, density)
     }
 
-    /// f_refl + f_high per sigma [1/sr].
-    #[inline(always)]
-    pub(super) fn eval<const FMA: bool>(&self, wo: [f32; 3]) -> [f32; N] {
-        self.weigh(&self.values::<FMA>(wo).0)
-    }
-
-    /// f_refl + f_high per sigma and the density of sampling `wo` [1/sr].
-    #[inline(always)]
-    pub(super) fn eval_pdf<const FMA: bool>(&self, wo: [f32; 3]) -> ([f32; N], f32) {
-        let (value, density) = self.values::<FMA>(wo);
-        (self.weigh(&value), self.density(&density))
-    }
-
-    #[inline(always)]
-    fn weigh(&self, value: &V<G>) -> [f32; N] {
-        let mut f = [0.0; N];
-        for k in 0..N {
-            for g in 0..G {
-                let mut product = [0.0; LANES];
-                for i in 0..LANES {
-                    product[i] = self.energy[k][g][i] * value[g][i];
-                }
-                f[k] += sum16(&product);
-            }
-        }
-        f
-    }
-
     /// f_refl and f_high per sigma [1/sr].
     #[inline(always)]
-    pub(super) fn eval_split<const FMA: bool>(&self, wo: [f32; 3]) -> ([f32; N], [f32; N]) {
-        let mut value = self.values::<FMA>(wo).0;
-        let mut high = value;
-        for g in 0..G {
-            for i in 0..LANES {
-                if LANES * g + i < self.first_refl {
-                    value[g][i] = 0.0;
-                } else {
-                    high[g][i] = 0.0;
-                }
-            }
-        }
-        (self.weigh(&value), self.weigh(&high))
+    pub(super) fn eval<const FMA: bool>(&self, wo: [f32; 3]) -> (f32, [f32; N]) {
+        self.weigh::<FMA>(&self.values::<FMA>(wo).0)
     }
 
     /// Mean scattered energy plus the missed: what a sample is chosen from.
     #[inline(always)]
     fn total(&self) -> f32 {
-        let high: f32 = self.energy_high.iter().sum();
-        self.energy_refl + high / N.max(1) as f32 + self.r_d
+        mean_sum(self.energies.refl, &self.energies.high) + self.energies.r_d
     }
 
     #[inline(always)]
-    fn density(&self, density: &V<G>) -> f32 {
+    fn density<const FMA: bool>(&self, density: &[f32; L]) -> f32 {
+        let (refl, high) = self.weigh::<FMA>(density);
         let total = self.total();
-        let mut sum = 0.0;
-        for g in 0..G {
-            let mut product = [0.0; LANES];
-            for i in 0..LANES {
-                product[i] = self.mean[g][i] * density[g][i];
-            }
-            sum += sum16(&product);
-        }
-        if total > 0.0 { sum / total } else { 0.0 }
+        if total > 0.0 { mean_sum(refl, &high) / total } else { 0.0 }
     }
 
     /// Density of sampling `wo` [1/sr], missing included.
     #[inline(always)]
     pub(super) fn pdf<const FMA: bool>(&self, wo: [f32; 3]) -> f32 {
-        self.density(&self.values::<FMA>(wo).1)
+        self.density::<FMA>(&self.values::<FMA>(wo).1)
+    }
+
+    /// f_refl and f_high per sigma and the density of sampling `wo` [1/sr].
+    #[inline(always)]
+    pub(super) fn eval_pdf<const FMA: bool>(&self, wo: [f32; 3]) -> (f32, [f32; N], f32) {
+        let (value, density) = self.values::<FMA>(wo);
+        let (refl, high) = self.weigh::<FMA>(&value);
+        (refl, high, self.density::<FMA>(&density))
+    }
+
+    /// Energy of each lobe averaged over the absorptions, scaled.
+    #[inline(always)]
+    fn mean_energies(&self) -> [f32; L] {
+        let share = 1.0 / N.max(1) as f32;
+        let mut by_path = [0.0; J];
+        for j in 0..J {
+            for k in 0..N {
+                by_path[j] += share * self.scale_high[k] * self.transmittance[j][k];
+            }
+        }
+        let mut mean = self.energy.map(|e| e * self.scale_refl);
+        for l in 0..H {
+            let mut sum = 0.0;
+            for j in 0..J {
+                sum += self.spectrum[l][j] * by_path[j];
+            }
+            mean[l] = self.energy[l] * sum;
+        }
+        mean
     }
 
     /// A direction, f and pdf there; `None` for the light that missed.
@@ -479,25 +451,24 @@ impl<const G: usize, const N: usize> Mixture<G, N> {
     pub(super) fn sample<const FMA: bool>(&self, u: [f32; 3]) -> Option<([f32; 3], [f32; N], f32)> {
         // Below 1, and 0 for what is not a number.
         let u = u.map(|x| min(max(x, 0.0), 1.0 - f32::EPSILON / 2.0));
-        let scattered = self.total() - self.r_d;
-        let mut left = u[0] * self.total();
-        if left >= scattered {
+        let total = self.total();
+        let mut left = u[0] * total;
+        if left >= total - self.energies.r_d {
             return None;
         }
         let mut chosen = None;
-        for (i, energy) in self.mean.as_flattened().iter().enumerate() {
-            if *energy > 0.0 {
+        for (i, energy) in self.mean_energies().into_iter().enumerate() {
+            if energy > 0.0 {
                 chosen = Some(i);
-                if left < *energy {
+                if left < energy {
                     break;
                 }
                 left -= energy;
             }
         }
         let i = chosen?;
-        let at = |v: &V<G>| v.as_flattened()[i];
         // tan t = sqrt(mu1/mu2) tan(2 pi u1), in the same quadrant.
-        let (mu1, mu2) = (at(&self.mu1), at(&self.mu2));
+        let (mu1, mu2) = (self.mu1[i], self.mu2[i]);
         let (s, c) = sin_cos::<FMA>(2.0 * PI * u[1]);
         let (c, s) = (mu2.sqrt() * c, mu1.sqrt() * s);
         let n2 = 1.0 / (c * c + s * s);
@@ -505,87 +476,44 @@ impl<const G: usize, const N: usize> Mixture<G, N> {
         let r2 = min(-(-u[2] * (1.0 - exp::<FMA>(-a))).ln_1p() / a, 1.0 - f32::EPSILON);
         let r = (r2 * n2).sqrt();
         let (u_, w_, cz) = (r * c, r * s, (1.0 - r2).sqrt());
-        let across = at(&self.cos_xy) * u_ - at(&self.sin_xy) * w_;
-        let up = at(&self.sin_xy) * u_ + at(&self.cos_xy) * w_;
-        let along = at(&self.cos_theta) * cz - at(&self.sin_theta) * up;
-        let (sp, cp) = (at(&self.sin_phi), at(&self.cos_phi));
-        let v =
-            [cp * along - sp * across, sp * along + cp * across, at(&self.sin_theta) * cz + at(&self.cos_theta) * up];
-        let wo = mirrored(self.flip, v);
-        let (value, density) = self.values::<FMA>(wo);
-        Some((wo, self.weigh(&value), self.density(&density)))
+        let across = self.cos_xy[i] * u_ - self.sin_xy[i] * w_;
+        let up = self.sin_xy[i] * u_ + self.cos_xy[i] * w_;
+        let along = self.cos_theta[i] * cz - self.sin_theta[i] * up;
+        let (sp, cp) = (self.sin_phi[i], self.cos_phi[i]);
+        let z = self.sin_theta[i] * cz + self.cos_theta[i] * up;
+        let wo = mirrored(self.flip, [cp * along - sp * across, sp * along + cp * across, z]);
+        let (refl, high, pdf) = self.eval_pdf::<FMA>(wo);
+        Some((wo, high.map(|f| refl + f), pdf))
     }
 }
 
-/// Runs an expression on the mixture of the small or the large form.
-macro_rules! with_mixture {
-    ($layout:expr, $theta_i:expr, $h_um:expr, $sigma:expr, $miss:expr, |$mixture:ident| $body:expr) => {
-        if $layout.small() {
-            match mixture::<FMA, 1, N>($layout, $theta_i, $h_um, $sigma) {
-                Some($mixture) => $body,
-                None => $miss,
-            }
-        } else {
-            match mixture::<FMA, GROUPS, N>($layout, $theta_i, $h_um, $sigma) {
-                Some($mixture) => $body,
-                None => $miss,
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::asg::{MU_MAX, MU_MIN};
+
+    /// The mean over s of 1 - exp(-1/b(s)) with many nodes.
+    fn mean(mu1: f64, mu2: f64) -> f64 {
+        let n = 2000;
+        let node = |j: usize| {
+            let s2 = (0.5 * std::f64::consts::PI * (j as f64 + 0.5) / n as f64).sin().powi(2);
+            -(-1.0 / ((1.0 - s2) / mu1 + s2 / mu2)).exp_m1()
+        };
+        (0..n).map(node).sum::<f64>() / n as f64
+    }
+
+    #[test]
+    fn unit_mean_matches_the_integral() {
+        let step = (MU_MAX / MU_MIN).ln() / 60.0;
+        for i in 0..=60 {
+            for j in 0..=60 {
+                let (mu1, mu2) = (MU_MIN * (step * f64::from(i)).exp(), MU_MIN * (step * f64::from(j)).exp());
+                let want = mean(mu1, mu2);
+                for got in [unit_mean::<true>(mu1 as f32, mu2 as f32), unit_mean::<false>(mu1 as f32, mu2 as f32)] {
+                    let err = (f64::from(got) / want - 1.0).abs();
+                    assert!(err < 1e-4, "mu {mu1} {mu2}: got {got}, want {want}, relative {err}");
+                }
             }
         }
-    };
-}
-const FMA: bool = false;
-
-pub(super) fn run_eval<const N: usize>(
-    layout: &Layout,
-    theta_i: f32,
-    h_um: f32,
-    sigma: [f32; N],
-    wo: [f32; 3],
-) -> [f32; N] {
-    with_mixture!(layout, theta_i, h_um, sigma, [0.0; N], |m| m.eval::<FMA>(wo))
-}
-
-pub(super) fn run_eval_split<const N: usize>(
-    layout: &Layout,
-    theta_i: f32,
-    h_um: f32,
-    sigma: [f32; N],
-    wo: [f32; 3],
-) -> ([f32; N], [f32; N]) {
-    with_mixture!(layout, theta_i, h_um, sigma, ([0.0; N], [0.0; N]), |m| m.eval_split::<FMA>(wo))
-}
-
-pub(super) fn run_pdf<const N: usize>(layout: &Layout, theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> f32 {
-    with_mixture!(layout, theta_i, h_um, sigma, 0.0, |m| m.pdf::<FMA>(wo))
-}
-
-pub(super) fn run_sample<const N: usize>(
-    layout: &Layout,
-    theta_i: f32,
-    h_um: f32,
-    sigma: [f32; N],
-    u: [f32; 3],
-) -> Option<([f32; 3], [f32; N], f32)> {
-    with_mixture!(layout, theta_i, h_um, sigma, None, |m| m.sample::<FMA>(u))
-}
-
-pub(super) fn run_energies<const N: usize>(layout: &Layout, theta_i: f32, h_um: f32, sigma: [f32; N]) -> Energies<N> {
-    energies::<FMA, N>(layout, theta_i, h_um, sigma)
-}
-
-pub(super) fn run_directions<const N: usize>(
-    layout: &Layout,
-    theta_i: f32,
-    h_um: f32,
-    sigma: [f32; N],
-    wo: &[[f32; 3]],
-    f: &mut [[f32; N]],
-    pdf: &mut [f32],
-) {
-    let out = wo.iter().zip(f).zip(pdf);
-    with_mixture!(layout, theta_i, h_um, sigma, out.for_each(|((_, f), pdf)| (*f, *pdf) = ([0.0; N], 0.0)), |m| {
-        for ((wo, f), pdf) in out {
-            (*f, *pdf) = m.eval_pdf::<FMA>(*wo);
-        }
-    })
+    }
 }
