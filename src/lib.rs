@@ -9,14 +9,20 @@
 pub mod asg;
 mod beam;
 mod error;
+mod file;
 mod frame;
 mod ply;
+mod simd;
 mod spec;
+mod spec_check;
 mod table;
 
 pub use beam::GaussianBeam;
 pub use error::{Error, Result};
+pub use file::{FileKind, file_kind};
 pub use frame::{direction, incident_direction, mirror_incidence, theta_phi};
-pub use ply::{PlyData, PlyModel};
+#[doc(hidden)]
+pub use ply::reference;
+pub use ply::{Golden, PlyData, PlyModel, PlySample};
 pub use spec::*;
 pub use table::{OutgoingGrid, Table};

@@ -1,6 +1,22 @@
 //! The ply model (Yu 2025, Eq. 8): reflection lobes interpolated over (theta_i, h), high-order lobes in overlapping blocks,
 //! absorption by each lobe's path-length spectrum, and the simulated energies, which the evaluator holds exactly.
 
+mod file;
+mod kernel;
+mod layout;
+pub mod reference;
+
+use crate::Result;
+use layout::Layout;
+use std::path::Path;
+
+pub use file::Golden;
+
+/// Most lobes of each kind.
+pub(crate) const MAX_LOBES: usize = 32;
+/// Most path lengths of a spectrum.
+pub(crate) const MAX_PATHS: usize = 64;
+
 /// The tensors of a ply model file, as the fitter makes them. All arrays are flat, last index fastest.
 /// Lobe parameters are in the order of [`crate::asg::Lobe`]: theta_z, phi_z, phi_xy [rad], ln mu1, ln mu2, energy.
 ///
@@ -51,14 +67,132 @@ pub struct PlyData {
 }
 
 /// A loaded ply model, laid out for evaluation.
+///
+/// All angles in radians, lengths in um, densities in 1/sr; every f is an energy density: BSDF times |cos theta_o|. Directions are
+/// unit vectors in the ply frame and are not normalised. No call allocates, fails or panics. Where |h| is beyond the nodes, or
+/// theta_i or h is not a number, the beam misses: f = 0 and r_d = 1. |theta_i| beyond the nodes counts as the last node.
+/// Absorption is clamped to [0, 1e6]; not a number counts as 0. A `wo` that is not finite gives 0. Interpolated ln mu is kept
+/// within [`crate::asg::MU_MIN`] and [`crate::asg::MU_MAX`], lobe energies at 0 or more.
 #[derive(Clone, Debug)]
 pub struct PlyModel {
     data: PlyData,
+    golden: Vec<Golden>,
+    layout: Layout,
+}
+
+/// A sampled direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlySample<const N: usize> {
+    /// Outgoing direction, unit.
+    pub wo: [f32; 3],
+    /// f / pdf for each absorption.
+    pub weight: [f32; N],
+    /// Density of the direction [1/sr], the chance of not missing included.
+    pub pdf: f32,
 }
 
 impl PlyModel {
+    /// Reads and checks a model file.
+    ///
+    /// # Errors
+    /// As [`PlyData::load`].
+    pub fn load(path: impl AsRef<Path>) -> Result<PlyModel> {
+        let path = path.as_ref();
+        PlyModel::from_bytes(&crate::file::read_bytes(path)?, &path.display().to_string())
+    }
+
+    /// Reads and checks a model from the bytes of its file; `name` stands for the file in errors.
+    ///
+    /// # Errors
+    /// As [`PlyData::load`].
+    pub fn from_bytes(bytes: &[u8], name: &str) -> Result<PlyModel> {
+        let (data, golden) = file::read(bytes, name)?;
+        Ok(PlyModel { layout: Layout::new(&data), data, golden })
+    }
+
+    /// A model of tensors that need not have been in a file.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`] when a file with them would be refused.
+    pub fn from_data(data: PlyData) -> Result<PlyModel> {
+        PlyModel::from_data_named(data, "model")
+    }
+
+    fn from_data_named(data: PlyData, name: &str) -> Result<PlyModel> {
+        data.check(name)?;
+        Ok(PlyModel { layout: Layout::new(&data), data, golden: Vec::new() })
+    }
+
     /// The tensors as stored in the file.
     pub fn data(&self) -> &PlyData {
         &self.data
     }
+
+    /// Values of eval stored in the file; empty for a model not from a file.
+    pub fn golden(&self) -> &[Golden] {
+        &self.golden
+    }
+
+    /// Greatest difference of eval from the stored values, relative to the greatest of them. 0 when none are stored.
+    pub fn golden_error(&self) -> f32 {
+        let (mut error, mut peak) = (0.0f32, 0.0f32);
+        for g in &self.golden {
+            let got = self.eval(g.theta_i, g.h_um, g.sigma_per_um, g.wo);
+            for (got, want) in got.iter().zip(g.value) {
+                error = error.max((got - want).abs());
+                peak = peak.max(want.abs());
+            }
+        }
+        if error == 0.0 { 0.0 } else { error / peak }
+    }
+
+    /// f_refl + f_high [1/sr] (Yu 2025, Eq. 8) for N absorptions `sigma_per_um` in direction `wo`.
+    pub fn eval<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N], wo: [f32; 3]) -> [f32; N] {
+        kernel::run_eval(&self.layout, theta_i, h_um, sigma_per_um, wo)
+    }
+
+    /// f_refl and f_high apart [1/sr]; their sum is [`PlyModel::eval`].
+    pub fn eval_split<const N: usize>(
+        &self,
+        theta_i: f32,
+        h_um: f32,
+        sigma_per_um: [f32; N],
+        wo: [f32; 3],
+    ) -> ([f32; N], [f32; N]) {
+        kernel::run_eval_split(&self.layout, theta_i, h_um, sigma_per_um, wo)
+    }
+
+    /// A direction with density proportional to the lobes, each with its energy averaged over the N absorptions. `u` are three
+    /// independent uniform numbers in [0, 1). `None` is the light that missed, with probability r_d / (mean albedo + r_d).
+    pub fn sample<const N: usize>(
+        &self,
+        theta_i: f32,
+        h_um: f32,
+        sigma_per_um: [f32; N],
+        u: [f32; 3],
+    ) -> Option<PlySample<N>> {
+        let (wo, f, pdf) = kernel::run_sample(&self.layout, theta_i, h_um, sigma_per_um, u)?;
+        Some(PlySample { wo, weight: f.map(|f| if pdf > 0.0 { f / pdf } else { 0.0 }), pdf })
+    }
+
+    /// Density [1/sr] with which [`PlyModel::sample`] gives `wo`; integrates to the chance of not missing.
+    pub fn pdf<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N], wo: [f32; 3]) -> f32 {
+        kernel::run_pdf(&self.layout, theta_i, h_um, sigma_per_um, wo)
+    }
+
+    /// Integral of f over the sphere: the simulated energies E_refl + E_high(sigma), exactly.
+    pub fn albedo<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> [f32; N] {
+        let e = kernel::run_energies(&self.layout, theta_i, h_um, sigma_per_um);
+        e.high.map(|high| e.refl + high)
+    }
+
+    /// Fraction of the beam that meets no fiber.
+    pub fn r_d(&self, theta_i: f32, h_um: f32) -> f32 {
+        kernel::run_energies(&self.layout, theta_i, h_um, []).r_d
+    }
 }
+
+const _: () = {
+    const fn is_send_sync<T: Send + Sync>() {}
+    is_send_sync::<PlyModel>();
+};

@@ -1,7 +1,15 @@
 //! The yarn spec: the one place that reads TOML keys. Lengths in um, angles in rad; the unit is part of the key.
+//!
+//! Ranges and relations of the keys are in `spec_check.rs`; [`YarnSpec::parse`] and [`YarnSpec::load`] hold every spec to them.
 
-use crate::GaussianBeam;
+use crate::spec_check::{check_keys, check_relations, nominal_area};
+use crate::{Error, GaussianBeam, Result};
 use serde::{Deserialize, Serialize};
+use std::io::Read;
+use std::path::Path;
+
+/// Largest spec or point file that is read [bytes].
+const MAX_BYTES: u64 = 4 << 20;
 
 /// A yarn spec, as in `fabrics/*.toml`. Unknown keys are refused.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -22,6 +30,139 @@ pub struct YarnSpec {
     /// Sizes of the simulation and fit; each key that is given overrides the preset.
     #[serde(default)]
     pub simulation: SimulationSpec,
+}
+
+/// Text of the polyester spec that ships with the program, `fabrics/polyester.toml`.
+pub const POLYESTER: &str = include_str!("../fabrics/polyester.toml");
+
+impl YarnSpec {
+    /// The polyester that ships with the program, [`POLYESTER`].
+    ///
+    /// # Errors
+    /// None in a build whose tests pass.
+    pub fn polyester() -> Result<YarnSpec> {
+        YarnSpec::parse(POLYESTER, "fabrics/polyester.toml")
+    }
+
+    /// Read a spec from its text; `file` is for messages only. A polygon must hold its points itself.
+    ///
+    /// # Errors
+    /// [`Error::Format`] when the text is not TOML, [`Error::Invalid`] for a key that is unknown, absent or out of range.
+    pub fn parse(text: &str, file: &str) -> Result<YarnSpec> {
+        parse_near(text, file, None)
+    }
+
+    /// Read a spec from a file; gives the spec and the text to embed in tables and models, from which [`YarnSpec::parse`] makes the
+    /// same spec. That is the file's own text, except for a polygon from a file: there the spec is written anew with the points in it.
+    ///
+    /// # Errors
+    /// As [`YarnSpec::parse`], and [`Error::Io`] when a file cannot be read.
+    pub fn load(path: impl AsRef<Path>) -> Result<(YarnSpec, String)> {
+        let path = path.as_ref();
+        let file = path.display().to_string();
+        let text = read_text(path)?;
+        let spec = parse_near(&text, &file, path.parent())?;
+        if YarnSpec::parse(&text, &file).is_ok() {
+            return Ok((spec, text));
+        }
+        let text = toml::to_string(&spec).map_err(|e| format_error(&file, e.to_string()))?;
+        Ok((spec, text))
+    }
+
+    /// Check a spec that was made or changed in code, by the same rules as a parsed one.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`], with `file` as given.
+    pub fn check(&self, file: &str) -> Result<()> {
+        let table = toml::Table::try_from(self).map_err(|e| format_error(file, e.to_string()))?;
+        check_keys(file, &table)?;
+        check_relations(file, self)
+    }
+
+    /// Semi-axes of the ply [um]; both the same for a circular one.
+    pub fn ply_radii_um(&self) -> [f64; 2] {
+        self.ply.radii_um.unwrap_or([self.ply.radius_um.unwrap_or(0.0); 2])
+    }
+
+    /// Area of the fibers, lumens included and without jitter, over the area of the ply.
+    pub fn packing_fraction(&self) -> f64 {
+        let [a, b] = self.ply_radii_um();
+        f64::from(self.ply.fibers) * nominal_area(&self.fiber.shape) / (std::f64::consts::PI * a * b)
+    }
+}
+
+/// Parse and check; the file of a polygon is looked for in `folder`.
+fn parse_near(text: &str, file: &str, folder: Option<&Path>) -> Result<YarnSpec> {
+    let table: toml::Table = toml::from_str(text).map_err(|e| {
+        let at = e.span().and_then(|span| text.as_bytes().get(..span.start)).map(|head| {
+            let line = 1 + head.iter().filter(|&&byte| byte == b'\n').count();
+            format!("line {line}: ")
+        });
+        format_error(file, at.unwrap_or_default() + e.message())
+    })?;
+    check_keys(file, &table)?;
+    let mut spec: YarnSpec =
+        table.try_into().map_err(|e: toml::de::Error| format_error(file, e.message().to_string()))?;
+    if let (Shape::Polygon { file: points_file, points_um, .. }, Some(folder)) = (&mut spec.fiber.shape, folder)
+        && points_um.is_empty()
+        && !points_file.is_empty()
+    {
+        *points_um = read_points(&folder.join(&points_file))?;
+        points_file.clear();
+    }
+    check_relations(file, &spec)?;
+    Ok(spec)
+}
+
+fn format_error(file: &str, what: String) -> Error {
+    let what = what.split_whitespace().collect::<Vec<_>>().join(" ");
+    Error::Format { file: file.to_string(), what, mend: "use TOML with the keys of fabrics/polyester.toml".to_string() }
+}
+
+/// The text of a file of sane size.
+fn read_text(path: &Path) -> Result<String> {
+    let file = path.display().to_string();
+    let io = |source| Error::Io { file: file.clone(), source };
+    let mut bytes = Vec::new();
+    std::fs::File::open(path).map_err(io)?.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(io)?;
+    if bytes.len() as u64 > MAX_BYTES {
+        return Err(Error::Format {
+            file,
+            what: format!("larger than {MAX_BYTES} bytes"),
+            mend: "use a smaller file".into(),
+        });
+    }
+    String::from_utf8(bytes).map_err(|_| Error::Format {
+        file,
+        what: "not text in UTF-8".into(),
+        mend: "save it as UTF-8 text".into(),
+    })
+}
+
+/// Points of a polygon: one `x y` per line [um], blank lines and `#` comments skipped.
+fn read_points(path: &Path) -> Result<Vec<[f64; 2]>> {
+    let file = path.display().to_string();
+    let mut points = Vec::new();
+    for (i, row) in read_text(path)?.lines().enumerate() {
+        let row = row.split('#').next().unwrap_or_default().trim();
+        if row.is_empty() {
+            continue;
+        }
+        let numbers: Vec<f64> = row.split([' ', '\t', ',']).filter(|s| !s.is_empty()).flat_map(str::parse).collect();
+        match numbers[..] {
+            [x, y] if x.abs() <= 1e4 && y.abs() <= 1e4 && points.len() < 2000 => points.push([x, y]),
+            _ => {
+                let value = row.chars().filter(|c| !c.is_control()).take(60).collect();
+                let mend = "use two numbers `x y` [um] within 10000 of the origin, 2000 lines at most".to_string();
+                return Err(Error::Invalid { file, key: format!("line {}", i + 1), value, mend });
+            }
+        }
+    }
+    if points.len() < 3 {
+        let mend = "use 3 or more lines `x y` [um]".to_string();
+        return Err(Error::Invalid { file, key: "points".into(), value: points.len().to_string(), mend });
+    }
+    Ok(points)
 }
 
 /// Cross section, size, jitter and material of the fibers.
@@ -104,10 +245,15 @@ pub enum Shape {
         /// Number of teeth.
         teeth: u32,
     },
-    /// Polygon from a file of `x y` lines [um].
+    /// Polygon, either from a file of `x y` lines [um] or with its points in the spec. [`YarnSpec::load`] puts the points of the
+    /// file in `points_um` and empties `file`, so that a loaded spec and its text stand alone.
     Polygon {
-        /// Path of the file, relative to the spec.
+        /// Path of the file, relative to the spec; empty once loaded.
+        #[serde(default, skip_serializing_if = "String::is_empty")]
         file: String,
+        /// Corners in order [um], either way round; closed implicitly.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        points_um: Vec<[f64; 2]>,
         /// Radius of the rounding of its corners [um].
         rounding_um: f64,
     },

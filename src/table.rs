@@ -3,6 +3,10 @@
 //! Every distribution is an energy density [1/sr] averaged over a bin of the outgoing sphere; for sigma = 0
 //! `energy_refl + energy_high + r_d = 1` to Monte Carlo accuracy.
 
+mod file;
+
+pub(crate) use file::TOLERANCE;
+
 /// Uniform bins of the outgoing sphere: latitude theta_o over [-pi/2, pi/2], azimuth phi_o over [0, 2 pi).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct OutgoingGrid {

@@ -1,1 +1,27 @@
-//! Simulator of plywave.
+//! Simulator of plywave: fiber and ply geometry, path tracing, scattering tables.
+//!
+//! Yarn spec -> cross section ([`PlySection`]) -> tracer ([`ScrewTracer`] or [`MeshTracer`]) -> [`simulate`] -> `plywave::Table`.
+
+mod dielectric;
+mod error;
+mod options;
+mod outline;
+mod packing;
+mod parts;
+mod path;
+mod screw;
+mod section;
+mod shape;
+mod shard;
+mod simulate;
+mod tracer;
+
+pub use dielectric::{RoughDielectric, Scattered, fresnel};
+pub use error::SimError;
+pub use options::{SimOptions, TracerKind};
+pub use outline::{Outline, OutlinePoint};
+pub use path::{MAX_INTERACTIONS, PathEnd, trace_path};
+pub use screw::ScrewTracer;
+pub use section::{FiberSection, PlySection};
+pub use simulate::{Run, simulate, total_paths};
+pub use tracer::{Hit, Medium, Trace, Tracer, WALL_OFFSET_UM};

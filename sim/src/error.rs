@@ -1,0 +1,44 @@
+//! Errors of the simulator: values, not prose. Each prints as one line.
+
+/// What can go wrong between a yarn spec and a table.
+#[derive(Debug, thiserror::Error)]
+pub enum SimError {
+    /// The fibers could not be placed within the ply without overlap.
+    #[error(
+        "{key} = {radius_um:.4}: {fibers} fibers at packing fraction {packing_fraction:.3} do not fit; use {key} >= {least_radius_um:.1} or fewer or thinner fibers"
+    )]
+    CannotPack {
+        /// `ply.radius_um`, or `ply.radii_um` whose first value is then meant (both scaled alike).
+        key: &'static str,
+        /// Number of fibers.
+        fibers: usize,
+        /// Radius of the ply, or its first semi-axis [um].
+        radius_um: f64,
+        /// Area of the fibers over the area of the ply.
+        packing_fraction: f64,
+        /// Estimate of the least radius (first semi-axis) that would be accepted [um].
+        least_radius_um: f64,
+    },
+    /// The spec's fiber outline cannot be built.
+    #[error("fiber.shape: {what}; {mend}")]
+    BadOutline {
+        /// What is wrong.
+        what: String,
+        /// What would be accepted.
+        mend: String,
+    },
+    /// The fibers crowd so much that the screw march's grid cannot tell them apart.
+    #[error("the screw march cannot resolve this cross section; use the mesh tracer")]
+    TooCrowded,
+    /// Stopped before the end.
+    #[error("stopped with {left} of {total} shards left")]
+    Interrupted {
+        /// Shards not yet summed.
+        left: usize,
+        /// Shards in all.
+        total: usize,
+    },
+    /// Something of the runtime: spec, table or file.
+    #[error(transparent)]
+    Runtime(#[from] plywave::Error),
+}

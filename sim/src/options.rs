@@ -1,0 +1,134 @@
+//! Sizes of a simulation, with named presets; keys of the spec override them.
+
+use plywave::{SimulationSpec, YarnSpec};
+
+/// Which tracer walks the paths.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TracerKind {
+    /// The screw march where the geometry allows it, else the mesh.
+    #[default]
+    Auto,
+    /// The screw march through the cross section's distance grid.
+    Screw,
+    /// Triangles in a BVH.
+    Mesh,
+}
+
+/// Sizes of a simulation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SimOptions {
+    /// Name of the preset they started from, for the record.
+    pub preset: String,
+    /// Seed of geometry and paths.
+    pub seed: u64,
+    /// Geometry instances of the ensemble. Every path turns its instance at random, so that 8 do for what hundreds of fixed
+    /// ones would (physics notes, section 2).
+    pub instances: u32,
+    /// Paths per incident latitude, shared by all h.
+    pub paths_per_theta: u64,
+    /// Incident latitudes, odd.
+    pub theta_i_nodes: u32,
+    /// Largest incident latitude [rad].
+    pub theta_i_max_rad: f64,
+    /// Beam offsets, odd.
+    pub h_nodes: u32,
+    /// Latitude bins of the outgoing sphere.
+    pub theta_o_bins: u32,
+    /// Azimuth bins of the outgoing sphere.
+    pub phi_o_bins: u32,
+    /// Shards per incident latitude: the unit of work and of what an interruption loses.
+    pub shards: u32,
+    /// Which tracer walks the paths.
+    pub tracer: TracerKind,
+}
+
+impl SimOptions {
+    /// Under a minute for polyester on two cores, fit included: to look at a yarn.
+    pub fn preview() -> Self {
+        SimOptions {
+            preset: "preview".into(),
+            seed: 1,
+            instances: 8,
+            paths_per_theta: 500_000,
+            theta_i_nodes: 5,
+            theta_i_max_rad: 80f64.to_radians(),
+            h_nodes: 13,
+            theta_o_bins: 45,
+            phi_o_bins: 90,
+            shards: 8,
+            tracer: TracerKind::Auto,
+        }
+    }
+
+    /// The quality the shipped models are built at.
+    pub fn standard() -> Self {
+        SimOptions {
+            preset: "standard".into(),
+            instances: 32,
+            paths_per_theta: 8_000_000,
+            theta_i_nodes: 13,
+            theta_i_max_rad: 84f64.to_radians(),
+            h_nodes: 25,
+            theta_o_bins: 90,
+            phi_o_bins: 180,
+            shards: 32,
+            ..Self::preview()
+        }
+    }
+
+    /// For measuring the others against.
+    pub fn reference() -> Self {
+        SimOptions {
+            preset: "reference".into(),
+            instances: 64,
+            paths_per_theta: 32_000_000,
+            theta_i_nodes: 19,
+            h_nodes: 37,
+            theta_o_bins: 120,
+            phi_o_bins: 240,
+            shards: 64,
+            ..Self::standard()
+        }
+    }
+
+    /// By name: "preview", "standard" or "reference".
+    pub fn preset(name: &str) -> Option<Self> {
+        match name {
+            "preview" => Some(Self::preview()),
+            "standard" => Some(Self::standard()),
+            "reference" => Some(Self::reference()),
+            _ => None,
+        }
+    }
+
+    /// With the keys that the spec gives in place of the preset's.
+    pub fn overridden_by(mut self, spec: &SimulationSpec) -> Self {
+        fn set<T: Copy>(to: &mut T, from: Option<T>) {
+            if let Some(v) = from {
+                *to = v;
+            }
+        }
+        set(&mut self.instances, spec.instances);
+        set(&mut self.paths_per_theta, spec.paths_per_theta);
+        set(&mut self.theta_i_nodes, spec.theta_i_nodes);
+        set(&mut self.theta_i_max_rad, spec.theta_i_max_rad);
+        set(&mut self.h_nodes, spec.h_nodes);
+        set(&mut self.theta_o_bins, spec.theta_o_bins);
+        set(&mut self.phi_o_bins, spec.phi_o_bins);
+        self
+    }
+
+    /// Incident latitudes [rad], uniform from 0.
+    pub fn theta_i(&self) -> Vec<f64> {
+        let n = self.theta_i_nodes.max(2);
+        (0..n).map(|m| self.theta_i_max_rad * f64::from(m) / f64::from(n - 1)).collect()
+    }
+
+    /// Beam offsets [um], uniform over |h| <= R + d_cut, R the ply's radius (the larger one of an ellipse).
+    pub fn h_um(&self, spec: &YarnSpec) -> Vec<f64> {
+        let radius = spec.ply.radius_um.or(spec.ply.radii_um.map(|r| r[0].max(r[1]))).unwrap_or(0.0);
+        let reach = radius + spec.beam.beam().d_cut_um;
+        let n = self.h_nodes.max(2);
+        (0..n).map(|k| reach * (2.0 * f64::from(k) / f64::from(n - 1) - 1.0)).collect()
+    }
+}

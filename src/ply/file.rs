@@ -1,0 +1,295 @@
+//! Ply model files: writing, reading, checking (`docs/format.md`).
+
+use super::{PlyData, PlyModel};
+use crate::asg::{MU_MAX, MU_MIN, PARAMS};
+use crate::file::{Axis, Check, FileKind, Reader, Summary, VERSION, Writer, invalid, read_bytes, write_atomic};
+use crate::table::TOLERANCE;
+use crate::{Result, direction};
+use std::path::Path;
+
+const NAMES: [&str; 12] = [
+    "theta_i",
+    "h_um",
+    "sigma_per_um",
+    "path_um",
+    "r_d",
+    "energy_refl",
+    "energy_high",
+    "refl",
+    "high",
+    "high_path",
+    "error_refl",
+    "error_high",
+];
+
+/// One stored value of eval: a foreign reader, or a later version of this one, finds out whether it computes the same.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Golden {
+    /// Incident latitude [rad].
+    pub theta_i: f32,
+    /// Beam offset [um].
+    pub h_um: f32,
+    /// Absorption [1/um].
+    pub sigma_per_um: [f32; 4],
+    /// Outgoing direction, unit.
+    pub wo: [f32; 3],
+    /// `eval` there [1/sr].
+    pub value: [f32; 4],
+}
+
+/// The JSON document of a model.
+#[derive(serde::Serialize)]
+struct Document<'a> {
+    format: &'static str,
+    version: u64,
+    program_version: &'a str,
+    preset: &'a str,
+    seed: u64,
+    spec: &'a str,
+    lobes_refl: usize,
+    lobes_high: usize,
+    axes: [Axis; 4],
+    statistics: Statistics,
+    golden: Vec<Golden>,
+}
+
+/// For the reader of the header alone.
+#[derive(serde::Serialize)]
+struct Statistics {
+    r_d: Summary,
+    energy_refl: Summary,
+    energy_high_sigma_0: Summary,
+    error_refl: Summary,
+    error_high: Summary,
+}
+
+/// What loading needs of the document.
+#[derive(serde::Deserialize)]
+struct Loaded {
+    program_version: String,
+    preset: String,
+    seed: u64,
+    spec: String,
+    #[serde(default)]
+    golden: Vec<Golden>,
+}
+
+impl PlyData {
+    /// Writes the model (`docs/format.md`) to a temporary name in the folder of `path`, then renames it. Lobes and their
+    /// spectra are rounded to f32; all else is kept to the last bit.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`] when the model would not load again, [`crate::Error::Io`].
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
+        let path = path.as_ref();
+        write_atomic(path, &self.to_bytes_named(&path.display().to_string())?)
+    }
+
+    /// Reads a model's tensors and checks names, shapes, axes, ranges and finiteness.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`], [`crate::Error::Format`] for a foreign, damaged or newer file, [`crate::Error::Invalid`] for a
+    /// value that is not allowed.
+    pub fn load(path: impl AsRef<Path>) -> Result<PlyData> {
+        let path = path.as_ref();
+        PlyData::from_bytes(&read_bytes(path)?, &path.display().to_string())
+    }
+
+    /// The bytes of the file, with values of eval for later comparison.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`] when the model would not load again.
+    pub fn to_bytes(&self) -> Result<Vec<u8>> {
+        self.to_bytes_named("model")
+    }
+
+    /// Reads a model from the bytes of its file; `name` stands for the file in errors.
+    ///
+    /// # Errors
+    /// As [`PlyData::load`].
+    pub fn from_bytes(bytes: &[u8], name: &str) -> Result<PlyData> {
+        Ok(read(bytes, name)?.0)
+    }
+
+    fn to_bytes_named(&self, name: &str) -> Result<Vec<u8>> {
+        let model = PlyModel::from_data_named(self.clone(), name)?;
+        let (m, h, k, j) = self.sizes();
+        let (bm, bh, lr, lh) = (m / 2, h / 2, self.lobes_refl, self.lobes_high);
+        let document = Document {
+            format: FileKind::Model.format(),
+            version: VERSION,
+            program_version: &self.program_version,
+            preset: &self.preset,
+            seed: self.seed,
+            spec: &self.spec_text,
+            lobes_refl: lr,
+            lobes_high: lh,
+            axes: [
+                Axis::new("theta_i", "rad", m),
+                Axis::new("h_um", "um", h),
+                Axis::new("sigma_per_um", "1/um", k),
+                Axis::new("path_um", "um", j),
+            ],
+            statistics: Statistics {
+                r_d: Summary::of(self.r_d.iter().copied()),
+                energy_refl: Summary::of(self.energy_refl.iter().copied()),
+                energy_high_sigma_0: Summary::of(self.energy_high.chunks_exact(j).map(|e| e.iter().sum())),
+                error_refl: Summary::of(self.error_refl.iter().copied()),
+                error_high: Summary::of(self.error_high.iter().copied()),
+            },
+            golden: golden_values(&model),
+        };
+        let mut w = Writer::new();
+        w.f64("theta_i", &[m], &self.theta_i);
+        w.f64("h_um", &[h], &self.h_um);
+        w.f64("sigma_per_um", &[k], &self.sigma_per_um);
+        w.f64("path_um", &[j], &self.path_um);
+        w.f64("r_d", &[m, h], &self.r_d);
+        w.f64("energy_refl", &[m, h], &self.energy_refl);
+        w.f64("energy_high", &[m, h, j], &self.energy_high);
+        w.f64("error_refl", &[m, h], &self.error_refl);
+        w.f64("error_high", &[m, h, k], &self.error_high);
+        w.f32("refl", &[m, h, lr, PARAMS], self.refl.iter().map(|v| *v as f32));
+        w.f32("high", &[bm, bh, 2, 2, lh, PARAMS], self.high.iter().map(|v| *v as f32));
+        w.f32("high_path", &[bm, bh, 2, 2, lh, j], self.high_path.iter().map(|v| *v as f32));
+        w.finish(name, &document)
+    }
+
+    /// M, H, K, J.
+    pub(crate) fn sizes(&self) -> (usize, usize, usize, usize) {
+        (self.theta_i.len(), self.h_um.len(), self.sigma_per_um.len(), self.path_um.len())
+    }
+
+    /// What every model must satisfy, read or written.
+    pub(crate) fn check(&self, name: &str) -> Result<()> {
+        let c = Check(name);
+        let (m, h, k, j) = self.sizes();
+        for (axis, size) in [("theta_i", m), ("h_um", h)] {
+            if size < 3 || size % 2 == 0 {
+                return Err(invalid(name, axis, format!("{size} values"), "expected an odd number, at least 3"));
+            }
+        }
+        for (key, size, most) in [
+            ("sigma_per_um values", k, 1024),
+            ("path_um values", j, super::MAX_PATHS),
+            ("lobes_refl", self.lobes_refl, super::MAX_LOBES),
+            ("lobes_high", self.lobes_high, super::MAX_LOBES),
+        ] {
+            if size == 0 || size > most {
+                return Err(invalid(name, key, size, &format!("expected 1 to {most}")));
+            }
+        }
+        c.theta_axis(&self.theta_i)?;
+        c.h_axis(&self.h_um)?;
+        c.sigma_axis(&self.sigma_per_um)?;
+        c.ascending("path_um", &self.path_um)?;
+        c.range("path_um", &self.path_um, 0.0, 1e9)?;
+        let (bm, bh, lr, lh) = (m / 2, h / 2, self.lobes_refl, self.lobes_high);
+        for (key, values, shape) in [
+            ("r_d", &self.r_d, &[m, h][..]),
+            ("energy_refl", &self.energy_refl, &[m, h]),
+            ("energy_high", &self.energy_high, &[m, h, j]),
+        ] {
+            c.len(key, values.len(), shape)?;
+            c.range(key, values, 0.0, 1.0 + TOLERANCE)?;
+        }
+        for (key, values, shape) in
+            [("error_refl", &self.error_refl, &[m, h][..]), ("error_high", &self.error_high, &[m, h, k])]
+        {
+            c.len(key, values.len(), shape)?;
+            c.range(key, values, 0.0, f64::MAX)?;
+        }
+        for (i, e) in self.energy_high.chunks_exact(j).enumerate() {
+            let sum = self.r_d[i] + self.energy_refl[i] + e.iter().sum::<f64>();
+            if sum > 1.0 + TOLERANCE {
+                let key = format!("r_d + energy_refl + energy_high at incidence {i}");
+                return Err(invalid(name, &key, sum, &format!("expected at most {}", 1.0 + TOLERANCE)));
+            }
+        }
+        c.len("refl", self.refl.len(), &[m, h, lr, PARAMS])?;
+        c.len("high", self.high.len(), &[bm, bh, 2, 2, lh, PARAMS])?;
+        c.len("high_path", self.high_path.len(), &[bm, bh, 2, 2, lh, j])?;
+        check_lobes(name, "refl", &self.refl)?;
+        check_lobes(name, "high", &self.high)?;
+        c.range("high_path", &self.high_path, 0.0, 1.0 + 1e-3)?;
+        for (i, p) in self.high_path.chunks_exact(j).enumerate() {
+            let sum: f64 = p.iter().sum();
+            if (sum - 1.0).abs() > 1e-3 {
+                return Err(invalid(name, &format!("high_path of lobe {i}"), sum, "a spectrum must add up to 1"));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Angles within +-100 rad (f32 keeps 1e-5 of them), bandwidths and energies within their ranges.
+fn check_lobes(name: &str, key: &str, lobes: &[f64]) -> Result<()> {
+    // A bandwidth at its bound may leave it by the rounding to f32.
+    let (low, high) = (MU_MIN.ln() - 1e-5, MU_MAX.ln() + 1e-5);
+    let ranges = [(-100.0, 100.0), (-100.0, 100.0), (-100.0, 100.0), (low, high), (low, high), (0.0, 1.0 + TOLERANCE)];
+    for (i, lobe) in lobes.chunks_exact(PARAMS).enumerate() {
+        for (p, (low, high)) in ranges.iter().enumerate() {
+            if !(lobe[p] >= *low && lobe[p] <= *high) {
+                let what = ["theta_z", "phi_z", "phi_xy", "ln_mu1", "ln_mu2", "energy"][p];
+                let key = format!("{key} lobe {i} {what}");
+                return Err(invalid(name, &key, lobe[p], &format!("expected a value in [{low}, {high}]")));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The tensors and golden values of a file, checked.
+pub(crate) fn read(bytes: &[u8], name: &str) -> Result<(PlyData, Vec<Golden>)> {
+    let (r, document): (_, Loaded) = Reader::open(name, bytes, FileKind::Model, &NAMES)?;
+    let (m, h, k, j) =
+        (r.shape("theta_i", 1)?[0], r.shape("h_um", 1)?[0], r.shape("sigma_per_um", 1)?[0], r.shape("path_um", 1)?[0]);
+    let (lr, lh) = (r.shape("refl", 4)?[2], r.shape("high", 6)?[4]);
+    let (bm, bh) = (m / 2, h / 2);
+    let data = PlyData {
+        spec_text: document.spec,
+        program_version: document.program_version,
+        preset: document.preset,
+        seed: document.seed,
+        theta_i: r.f64("theta_i", &[m])?,
+        h_um: r.f64("h_um", &[h])?,
+        sigma_per_um: r.f64("sigma_per_um", &[k])?,
+        path_um: r.f64("path_um", &[j])?,
+        lobes_refl: lr,
+        lobes_high: lh,
+        r_d: r.f64("r_d", &[m, h])?,
+        energy_refl: r.f64("energy_refl", &[m, h])?,
+        energy_high: r.f64("energy_high", &[m, h, j])?,
+        refl: r.f64("refl", &[m, h, lr, PARAMS])?,
+        high: r.f64("high", &[bm, bh, 2, 2, lh, PARAMS])?,
+        high_path: r.f64("high_path", &[bm, bh, 2, 2, lh, j])?,
+        error_refl: r.f64("error_refl", &[m, h])?,
+        error_high: r.f64("error_high", &[m, h, k])?,
+    };
+    data.check(name)?;
+    for (i, g) in document.golden.iter().enumerate() {
+        let numbers = [g.theta_i, g.h_um].into_iter().chain(g.sigma_per_um).chain(g.wo).chain(g.value);
+        if let Some(v) = numbers.into_iter().find(|v| !v.is_finite()) {
+            return Err(invalid(name, &format!("golden[{i}]"), v, "expected finite numbers"));
+        }
+    }
+    Ok((data, document.golden))
+}
+
+/// A dozen values of eval: on and between nodes, both signs of theta_i, forward and backward.
+fn golden_values(model: &PlyModel) -> Vec<Golden> {
+    let d = model.data();
+    let (theta, h) = (d.theta_i[d.theta_i.len() - 1] as f32, d.h_um[d.h_um.len() - 1] as f32);
+    let sigma = d.sigma_per_um[d.sigma_per_um.len() - 1] as f32;
+    let mut golden = Vec::new();
+    for (i, (t, x)) in
+        [(0.0, 0.0), (0.37, 0.21), (-0.37, 0.21), (0.81, -0.63), (0.5, 0.93), (1.0, -0.4)].iter().enumerate()
+    {
+        for (theta_o, phi_o) in [(-t * theta, 4.7 + 0.1 * i as f32), (0.3 - t * theta, 1.2 + 0.5 * i as f32)] {
+            let (theta_i, h_um, wo) = (t * theta, x * h, direction(theta_o, phi_o));
+            let sigma_per_um = [0.0, 0.1 * sigma, 0.5 * sigma, 2.0 * sigma];
+            golden.push(Golden { theta_i, h_um, sigma_per_um, wo, value: model.eval(theta_i, h_um, sigma_per_um, wo) });
+        }
+    }
+    golden
+}

@@ -1,0 +1,174 @@
+//! The slow, obvious twin of the runtime's kernels: the model as [`super::PlyData`] defines it, in f64, through
+//! [`crate::asg::Lobe`]. Tests hold the fast path to it.
+
+use super::PlyData;
+use crate::asg::{Lobe, MU_MAX, MU_MIN, PARAMS, unit_energy};
+
+/// Weight of a lobe whose energy or spectrum has vanished: keeps the sum of the lobes above 0, so that the mixture can always be
+/// scaled to the simulated energy.
+pub(crate) const LEAST_ENERGY: f64 = 1e-12;
+/// The same for a lobe's transmittance.
+pub(crate) const LEAST_TRANSMITTANCE: f64 = 1e-20;
+
+/// A lobe with its energy per wavelength.
+struct Weighted {
+    lobe: Lobe,
+    refl: bool,
+    energy: Vec<f64>,
+}
+
+/// The mixture of lobes at one incidence.
+pub struct Mixture {
+    lobes: Vec<Weighted>,
+    flip: bool,
+    /// Energy of f_refl.
+    pub energy_refl: f64,
+    /// Energy of f_high per sigma.
+    pub energy_high: Vec<f64>,
+    /// Fraction of the beam that meets no fiber.
+    pub r_d: f64,
+}
+
+/// Cell index and fraction of `x` on a uniform axis of `n` nodes, clamped to it.
+fn cell(x: f64, axis: &[f64]) -> (usize, f64) {
+    let n = axis.len();
+    let t = ((x - axis[0]) / (axis[n - 1] - axis[0]) * (n - 1) as f64).clamp(0.0, (n - 1) as f64);
+    let i = (t as usize).min(n - 2);
+    (i, t - i as f64)
+}
+
+/// Catmull-Rom weights of nodes i-1..=i+2 at fraction `f` of cell `i`.
+pub(crate) fn catmull_rom(f: f64) -> [f64; 4] {
+    let (f2, f3) = (f * f, f * f * f);
+    [0.5 * (-f3 + 2.0 * f2 - f), 0.5 * (3.0 * f3 - 5.0 * f2 + 2.0), 0.5 * (-3.0 * f3 + 4.0 * f2 + f), 0.5 * (f3 - f2)]
+}
+
+/// Value of a node array at index -1..=n, continued linearly beyond both ends: `at(-1) = 2 at(0) - at(1)`.
+pub(crate) fn extended(i: isize, n: usize, at: &dyn Fn(usize) -> f64) -> f64 {
+    if i < 0 {
+        2.0 * at(0) - at(1)
+    } else if i as usize >= n {
+        2.0 * at(n - 1) - at(n - 2)
+    } else {
+        at(i as usize)
+    }
+}
+
+impl Mixture {
+    /// The model `d` at an incidence; `None` where the beam misses (|h| beyond the nodes, or an input that is not a number).
+    pub fn new(d: &PlyData, theta_i: f64, h_um: f64, sigma: &[f64]) -> Option<Mixture> {
+        let (nm, nh, _, nj) = d.sizes();
+        if theta_i.is_nan() || h_um.is_nan() || h_um.abs() > d.h_um[nh - 1] {
+            return None;
+        }
+        let flip = theta_i < 0.0;
+        let (m, fm) = cell(theta_i.abs(), &d.theta_i);
+        let (n, fn_) = cell(if flip { -h_um } else { h_um }, &d.h_um);
+        let sigma: Vec<f64> = sigma.iter().map(|s| if s.is_nan() { 0.0 } else { s.clamp(0.0, 1e6) }).collect();
+        let corners = [
+            (m, n, (1.0 - fm) * (1.0 - fn_)),
+            (m, n + 1, (1.0 - fm) * fn_),
+            (m + 1, n, fm * (1.0 - fn_)),
+            (m + 1, n + 1, fm * fn_),
+        ];
+        let bilinear = |at: &dyn Fn(usize) -> f64| corners.iter().map(|(m, n, w)| w * at(m * nh + n)).sum::<f64>();
+        let r_d = bilinear(&|i| d.r_d[i]);
+        let energy_refl = bilinear(&|i| d.energy_refl[i]);
+        let energy_high: Vec<f64> = sigma
+            .iter()
+            .map(|s| (0..nj).map(|j| bilinear(&|i| d.energy_high[i * nj + j]) * (-s * d.path_um[j]).exp()).sum())
+            .collect();
+
+        let mut lobes = Vec::new();
+        let (wm, wn) = (catmull_rom(fm), catmull_rom(fn_));
+        for l in 0..d.lobes_refl {
+            let mut p = [0.0; PARAMS];
+            for (k, v) in p.iter_mut().enumerate() {
+                let node = |i: usize, j: usize| d.refl[((i * nh + j) * d.lobes_refl + l) * PARAMS + k];
+                for (a, wa) in wm.iter().enumerate() {
+                    for (b, wb) in wn.iter().enumerate() {
+                        let row = |i: usize| extended(n as isize + b as isize - 1, nh, &|j| node(i, j));
+                        *v += wa * wb * extended(m as isize + a as isize - 1, nm, &row);
+                    }
+                }
+            }
+            let lobe = clamp(Lobe::from_params(&p));
+            lobes.push(Weighted { lobe, refl: true, energy: vec![lobe.energy.max(LEAST_ENERGY); sigma.len()] });
+        }
+        let block = (m / 2) * (nh / 2) + n / 2;
+        let (gm, gn) = (0.5 * ((m % 2) as f64 + fm), 0.5 * ((n % 2) as f64 + fn_));
+        let weights = [(1.0 - gm) * (1.0 - gn), (1.0 - gm) * gn, gm * (1.0 - gn), gm * gn];
+        for l in 0..d.lobes_high {
+            let (mut p, mut path) = ([0.0; PARAMS], vec![0.0; nj]);
+            for (c, w) in weights.iter().enumerate() {
+                let at = (block * 4 + c) * d.lobes_high + l;
+                for k in 0..PARAMS {
+                    p[k] += w * d.high[at * PARAMS + k];
+                }
+                for j in 0..nj {
+                    path[j] += w * d.high_path[at * nj + j];
+                }
+            }
+            let lobe = clamp(Lobe::from_params(&p));
+            let transmittance = |s: &f64| (0..nj).map(|j| path[j] * (-s * d.path_um[j]).exp()).sum::<f64>();
+            let energy = lobe.energy.max(LEAST_ENERGY);
+            let energy = sigma.iter().map(|s| energy * (transmittance(s) + LEAST_TRANSMITTANCE)).collect();
+            lobes.push(Weighted { lobe, refl: false, energy });
+        }
+        for refl in [true, false] {
+            for k in 0..sigma.len() {
+                let want = if refl { energy_refl } else { energy_high[k] };
+                let sum: f64 = lobes.iter().filter(|l| l.refl == refl).map(|l| l.energy[k]).sum();
+                lobes.iter_mut().filter(|l| l.refl == refl).for_each(|l| l.energy[k] *= want / sum);
+            }
+        }
+        Some(Mixture { lobes, flip, energy_refl, energy_high, r_d })
+    }
+
+    /// f_refl and f_high per sigma in direction `wo` [1/sr].
+    pub fn eval_split(&self, wo: [f64; 3]) -> (f64, Vec<f64>) {
+        let v = if self.flip { [-wo[0], wo[1], -wo[2]] } else { wo };
+        let (mut refl, mut high) = (0.0, vec![0.0; self.energy_high.len()]);
+        for l in &self.lobes {
+            let g = Lobe { energy: 1.0, ..l.lobe }.eval(v);
+            if l.refl {
+                refl += g * l.energy.first().copied().unwrap_or(0.0);
+            } else {
+                high.iter_mut().zip(&l.energy).for_each(|(f, e)| *f += g * e);
+            }
+        }
+        (refl, high)
+    }
+
+    /// Density of sampling `wo`, missing included.
+    pub fn pdf(&self, wo: [f64; 3]) -> f64 {
+        let v = if self.flip { [-wo[0], wo[1], -wo[2]] } else { wo };
+        let mean = |e: &[f64]| e.iter().sum::<f64>() / e.len().max(1) as f64;
+        let total = self.energy_refl + mean(&self.energy_high) + self.r_d;
+        if total <= 0.0 {
+            return 0.0;
+        }
+        let density = |l: &Weighted| {
+            let [x, y, z] = l.lobe.frame();
+            let dot = |a: [f64; 3]| a[0] * v[0] + a[1] * v[1] + a[2] * v[2];
+            let (u, w, cz) = (dot(x), dot(y), dot(z));
+            let (mu1, mu2) = (l.lobe.ln_mu1.exp(), l.lobe.ln_mu2.exp());
+            let (q, r2) = (mu1 * u * u + mu2 * w * w, u * u + w * w);
+            let a = (q + 1e-30) / (r2 + 1e-30);
+            let norm = (mu1 * mu2).sqrt() / std::f64::consts::PI;
+            if cz > 0.0 { norm * (-q).exp() / -(-a).exp_m1() * cz } else { 0.0 }
+        };
+        self.lobes.iter().map(|l| mean(&l.energy) / total * density(l)).sum()
+    }
+}
+
+/// Overshoot of the interpolation kept within the bounds of a lobe.
+fn clamp(lobe: Lobe) -> Lobe {
+    let bound = |x: f64| x.clamp(MU_MIN.ln(), MU_MAX.ln());
+    Lobe { ln_mu1: bound(lobe.ln_mu1), ln_mu2: bound(lobe.ln_mu2), ..lobe }
+}
+
+/// Energy of a lobe of amplitude 1, for comparisons.
+pub fn unit(lobe: &Lobe) -> f64 {
+    unit_energy(lobe.ln_mu1.exp(), lobe.ln_mu2.exp())
+}

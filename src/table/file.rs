@@ -1,0 +1,222 @@
+//! Table files: writing, reading, checking (`docs/format.md`).
+
+use super::{OutgoingGrid, Table};
+use crate::Result;
+use crate::file::{Axis, Check, FileKind, Reader, Summary, VERSION, Writer, invalid, read_bytes, write_atomic};
+use std::path::Path;
+
+const NAMES: [&str; 14] = [
+    "theta_i",
+    "h_um",
+    "sigma_per_um",
+    "r_d",
+    "energy_refl",
+    "energy_high",
+    "energy_se",
+    "energy_killed",
+    "refl",
+    "high",
+    "noise_refl",
+    "noise_high",
+    "paths",
+    "interactions",
+];
+
+/// The JSON document of a table.
+#[derive(serde::Serialize)]
+struct Document<'a> {
+    format: &'static str,
+    version: u64,
+    program_version: &'a str,
+    preset: &'a str,
+    seed: u64,
+    spec: &'a str,
+    axes: [Axis; 5],
+    statistics: Statistics,
+}
+
+/// For the reader of the header alone; loading recomputes nothing from them.
+#[derive(serde::Serialize)]
+struct Statistics {
+    r_d: Summary,
+    energy_refl: Summary,
+    energy_high_sigma_0: Summary,
+    energy_killed: Summary,
+    energy_sum_minus_1: Summary,
+    paths: u64,
+    interactions: Summary,
+}
+
+/// What loading needs of the document.
+#[derive(serde::Deserialize)]
+struct Loaded {
+    program_version: String,
+    preset: String,
+    seed: u64,
+    spec: String,
+}
+
+impl Table {
+    /// Writes the table (`docs/format.md`) to a temporary name in the folder of `path`, then renames it.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`] when the table would not load again, [`crate::Error::Io`].
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
+        let path = path.as_ref();
+        write_atomic(path, &self.to_bytes_named(&path.display().to_string())?)
+    }
+
+    /// Reads a table and checks names, shapes, axes, ranges and finiteness.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`], [`crate::Error::Format`] for a foreign, damaged or newer file, [`crate::Error::Invalid`] for a
+    /// value that is not allowed.
+    pub fn load(path: impl AsRef<Path>) -> Result<Table> {
+        let path = path.as_ref();
+        Table::from_bytes(&read_bytes(path)?, &path.display().to_string())
+    }
+
+    /// The bytes of the file.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`] when the table would not load again.
+    pub fn to_bytes(&self) -> Result<Vec<u8>> {
+        self.to_bytes_named("table")
+    }
+
+    fn to_bytes_named(&self, name: &str) -> Result<Vec<u8>> {
+        self.check(name)?;
+        let (m, h, k) = (self.theta_i.len(), self.h_um.len(), self.sigma_per_um.len());
+        let (t, p) = (self.grid.theta_o, self.grid.phi_o);
+        let document = Document {
+            format: FileKind::Table.format(),
+            version: VERSION,
+            program_version: &self.program_version,
+            preset: &self.preset,
+            seed: self.seed,
+            spec: &self.spec_text,
+            axes: [
+                Axis::new("theta_i", "rad", m),
+                Axis::new("h_um", "um", h),
+                Axis::new("sigma_per_um", "1/um", k),
+                Axis::new("theta_o", "rad", t),
+                Axis::new("phi_o", "rad", p),
+            ],
+            statistics: self.statistics(),
+        };
+        let mut w = Writer::new();
+        w.f64("theta_i", &[m], &self.theta_i);
+        w.f64("h_um", &[h], &self.h_um);
+        w.f64("sigma_per_um", &[k], &self.sigma_per_um);
+        w.f64("r_d", &[m, h], &self.r_d);
+        w.f64("energy_refl", &[m, h], &self.energy_refl);
+        w.f64("energy_high", &[m, h, k], &self.energy_high);
+        w.f64("energy_se", &[m, h], &self.energy_se);
+        w.f64("energy_killed", &[m, h], &self.energy_killed);
+        w.f32("refl", &[m, h, t, p], self.refl.iter().copied());
+        w.f32("high", &[m, h, k, t, p], self.high.iter().copied());
+        w.f64("noise_refl", &[m, h], &self.noise_refl);
+        w.f64("noise_high", &[m, h, k], &self.noise_high);
+        w.u64("paths", &[m], &self.paths);
+        w.f64("interactions", &[m], &self.interactions);
+        w.finish(name, &document)
+    }
+
+    fn statistics(&self) -> Statistics {
+        let k = self.sigma_per_um.len();
+        let high = || self.energy_high.chunks_exact(k).map(|e| e[0]);
+        let sum = self.r_d.iter().zip(&self.energy_refl).zip(high()).map(|((d, r), e)| d + r + e - 1.0);
+        Statistics {
+            r_d: Summary::of(self.r_d.iter().copied()),
+            energy_refl: Summary::of(self.energy_refl.iter().copied()),
+            energy_high_sigma_0: Summary::of(high()),
+            energy_killed: Summary::of(self.energy_killed.iter().copied()),
+            energy_sum_minus_1: Summary::of(sum),
+            paths: self.paths.iter().fold(0, |a, b| a.saturating_add(*b)),
+            interactions: Summary::of(self.interactions.iter().copied()),
+        }
+    }
+
+    /// Reads a table from the bytes of its file; `name` stands for the file in errors.
+    ///
+    /// # Errors
+    /// As [`Table::load`].
+    pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Table> {
+        let (r, document): (_, Loaded) = Reader::open(name, bytes, FileKind::Table, &NAMES)?;
+        let (m, h, k) = (r.shape("theta_i", 1)?[0], r.shape("h_um", 1)?[0], r.shape("sigma_per_um", 1)?[0]);
+        let bins = r.shape("refl", 4)?;
+        let (t, p) = (bins[2], bins[3]);
+        let table = Table {
+            spec_text: document.spec,
+            program_version: document.program_version,
+            preset: document.preset,
+            seed: document.seed,
+            theta_i: r.f64("theta_i", &[m])?,
+            h_um: r.f64("h_um", &[h])?,
+            sigma_per_um: r.f64("sigma_per_um", &[k])?,
+            grid: OutgoingGrid { theta_o: t, phi_o: p },
+            r_d: r.f64("r_d", &[m, h])?,
+            energy_refl: r.f64("energy_refl", &[m, h])?,
+            energy_high: r.f64("energy_high", &[m, h, k])?,
+            energy_se: r.f64("energy_se", &[m, h])?,
+            energy_killed: r.f64("energy_killed", &[m, h])?,
+            refl: r.f32("refl", &[m, h, t, p])?,
+            high: r.f32("high", &[m, h, k, t, p])?,
+            noise_refl: r.f64("noise_refl", &[m, h])?,
+            noise_high: r.f64("noise_high", &[m, h, k])?,
+            paths: r.u64("paths", &[m])?,
+            interactions: r.f64("interactions", &[m])?,
+        };
+        table.check(name)?;
+        Ok(table)
+    }
+
+    /// What every table must satisfy, read or written.
+    fn check(&self, name: &str) -> Result<()> {
+        let c = Check(name);
+        let (m, h, k) = (self.theta_i.len(), self.h_um.len(), self.sigma_per_um.len());
+        let (t, p) = (self.grid.theta_o, self.grid.phi_o);
+        for (axis, size) in [("theta_i", m), ("h_um", h), ("sigma_per_um", k), ("theta_o bins", t), ("phi_o bins", p)] {
+            if size == 0 {
+                return Err(invalid(name, axis, "0 values", "expected at least 1"));
+            }
+        }
+        c.theta_axis(&self.theta_i)?;
+        c.h_axis(&self.h_um)?;
+        c.sigma_axis(&self.sigma_per_um)?;
+        for (key, values, shape) in [
+            ("r_d", &self.r_d, &[m, h][..]),
+            ("energy_refl", &self.energy_refl, &[m, h]),
+            ("energy_high", &self.energy_high, &[m, h, k]),
+            ("energy_se", &self.energy_se, &[m, h]),
+            ("energy_killed", &self.energy_killed, &[m, h]),
+        ] {
+            c.len(key, values.len(), shape)?;
+            c.range(key, values, 0.0, 1.0 + TOLERANCE)?;
+        }
+        for (key, values, shape) in [
+            ("noise_refl", &self.noise_refl, &[m, h][..]),
+            ("noise_high", &self.noise_high, &[m, h, k]),
+            ("interactions", &self.interactions, &[m]),
+        ] {
+            c.len(key, values.len(), shape)?;
+            c.range(key, values, 0.0, f64::MAX)?;
+        }
+        c.len("paths", self.paths.len(), &[m])?;
+        c.len("refl", self.refl.len(), &[m, h, t, p])?;
+        c.len("high", self.high.len(), &[m, h, k, t, p])?;
+        c.range_f32("refl", &self.refl, 0.0, f32::MAX)?;
+        c.range_f32("high", &self.high, 0.0, f32::MAX)?;
+        for (i, e) in self.energy_high.chunks_exact(k).enumerate() {
+            let sum = self.r_d[i] + self.energy_refl[i] + e[0];
+            if sum > 1.0 + TOLERANCE {
+                let key = format!("r_d + energy_refl + energy_high at incidence {i}");
+                return Err(invalid(name, &key, sum, &format!("expected at most {}", 1.0 + TOLERANCE)));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// How far the Monte Carlo energies of one incidence may exceed 1.
+pub(crate) const TOLERANCE: f64 = 0.05;
