@@ -221,8 +221,22 @@ pub(crate) fn fit_joint(
     }
     let fit = run(sphere, targets, &start, effort.iterations);
     let mut params = fit.x;
-    unit(&mut params, scale);
+    let factor = energy_factor(targets, &params, sets, lobes);
+    unit(&mut params, factor);
     BlockFit { params, cost: fit.cost, evaluations }
+}
+
+/// Factor that brings the free common scale of the lobe energies to the table's unit, no lobe above 1.
+fn energy_factor(targets: &[Target], x: &[f64], sets: usize, lobes: usize) -> f64 {
+    let mut params = vec![0.0; lobes * PARAMS];
+    let (mut want, mut have) = (0.0, 0.0);
+    for target in targets.iter().filter(|t| t.weight > 0.0) {
+        blend(x, &target.corners, &mut params);
+        want += target.energy;
+        have += params.chunks_exact(PARAMS).map(|p| p[5]).sum::<f64>();
+    }
+    let top = x[..sets * lobes * PARAMS].chunks_exact(PARAMS).map(|p| p[5]).fold(0.0, f64::max);
+    if have > 0.0 && top > 0.0 { (want / have).min(1.0 / top) } else { 1.0 }
 }
 
 /// Clusters among which the missing light is divided.
