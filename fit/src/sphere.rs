@@ -313,14 +313,13 @@ fn exp_neg<const FMA: bool>(q: f32) -> f32 {
 #[inline(always)]
 fn forward_kernel<const FMA: bool>(cos: &[f32], sin: &[f32], rows: &[RowLobe], exps: &mut [f32], model: &mut [f32]) {
     model.fill(0.0);
-    let padded = cos.len();
-    for (lobe, exps) in rows.iter().zip(exps.chunks_exact_mut(padded)) {
+    let (cos, sin) = (cos.as_chunks::<LANES>().0, sin.as_chunks::<LANES>().0);
+    let model = model.as_chunks_mut::<LANES>().0;
+    for (lobe, exps) in rows.iter().zip(exps.as_chunks_mut::<LANES>().0.chunks_exact_mut(cos.len())) {
         let lobe = *lobe;
         for (first, end) in lobe.chunks {
-            for chunk in first..end {
-                let at = chunk * LANES..(chunk + 1) * LANES;
-                let (cos, sin) = (&cos[at.clone()], &sin[at.clone()]);
-                let (exps, model) = (&mut exps[at.clone()], &mut model[at]);
+            let chunks = cos[first..end].iter().zip(&sin[first..end]).zip(&mut exps[first..end]);
+            for (((cos, sin), exps), model) in chunks.zip(&mut model[first..end]) {
                 for i in 0..LANES {
                     let z = fma::<FMA>(lobe.z[0], cos[i], fma::<FMA>(lobe.z[1], sin[i], lobe.z[2]));
                     let u = fma::<FMA>(lobe.u[0], cos[i], fma::<FMA>(lobe.u[1], sin[i], lobe.u[2]));
@@ -345,15 +344,15 @@ fn backward_kernel<const FMA: bool>(
     g: &[f32],
     sums: &mut [[[f32; LANES]; 6]],
 ) {
-    let padded = cos.len();
-    for ((lobe, exps), sums) in rows.iter().zip(exps.chunks_exact(padded)).zip(sums) {
+    let (cos, sin) = (cos.as_chunks::<LANES>().0, sin.as_chunks::<LANES>().0);
+    let g = g.as_chunks::<LANES>().0;
+    for ((lobe, exps), sums) in rows.iter().zip(exps.as_chunks::<LANES>().0.chunks_exact(cos.len())).zip(sums) {
         let lobe = *lobe;
         let (two_mu1, two_mu2) = (2.0 * lobe.mu1, 2.0 * lobe.mu2);
         let mut s = *sums;
         for (first, end) in lobe.chunks {
-            for chunk in first..end {
-                let at = chunk * LANES..(chunk + 1) * LANES;
-                let (cos, sin, exps, g) = (&cos[at.clone()], &sin[at.clone()], &exps[at.clone()], &g[at]);
+            let chunks = cos[first..end].iter().zip(&sin[first..end]).zip(&exps[first..end]);
+            for (((cos, sin), exps), g) in chunks.zip(&g[first..end]) {
                 for i in 0..LANES {
                     let z = fma::<FMA>(lobe.z[0], cos[i], fma::<FMA>(lobe.z[1], sin[i], lobe.z[2]));
                     let u = fma::<FMA>(lobe.u[0], cos[i], fma::<FMA>(lobe.u[1], sin[i], lobe.u[2]));

@@ -4,6 +4,8 @@
 
 mod dielectric;
 mod error;
+mod mesh;
+mod mesh_tracer;
 mod options;
 mod outline;
 mod packing;
@@ -18,6 +20,8 @@ mod tracer;
 
 pub use dielectric::{RoughDielectric, Scattered, fresnel};
 pub use error::SimError;
+pub use mesh::TriMesh;
+pub use mesh_tracer::{MeshResolution, MeshTracer};
 pub use options::{SimOptions, TracerKind};
 pub use outline::{Outline, OutlinePoint};
 pub use path::{MAX_INTERACTIONS, PathEnd, trace_path};

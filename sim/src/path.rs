@@ -61,7 +61,10 @@ pub fn trace_path<T: Tracer + ?Sized, R: Rng>(
         }
         let n = hit.normal;
         let (t, b) = basis(n);
-        let local = Vector3::new(dir.dot(&t), dir.dot(&b), dir.dot(&n));
+        // At a corner sharper than the geometry resolves, the normal can face away from a ray that passes the wall: it then
+        // counts as grazing, from the side of its medium.
+        let z = dir.dot(&n).abs().max(1e-6);
+        let local = Vector3::new(dir.dot(&t), dir.dot(&b), if outside { -z } else { z });
         let s = surface.scatter(local, outside, rng);
         if s.order == 0 {
             return PathEnd::Killed;

@@ -21,6 +21,8 @@ type V2 = Vector2<f32>;
 const HIT_UM: f32 = 2e-4;
 /// Steps after which a march is given up.
 const MAX_STEPS: u32 = 20_000;
+/// Least step along dented walls and walls seen from inside, as motion in the turning frame [um].
+const LEAST_STEP_UM: f32 = 0.1;
 /// Fibers that one cell of the ply's grid names.
 const NEAR: usize = 4;
 /// Marks an unused place in a cell.
@@ -69,20 +71,27 @@ struct DistanceGrid {
     convex: bool,
 }
 
-/// Cells across an outline's grid. With 64 cells on a fiber of 15 um the bilinear error of the distance is 2 nm.
-const OUTLINE_CELLS: usize = 64;
+/// Cells across the grid of a convex outline. With 64 cells on a fiber of 15 um the bilinear error of the distance is 2 nm.
+const CONVEX_CELLS: usize = 64;
+/// The same of a dented one, whose corners are sharper.
+const DENTED_CELLS: usize = 96;
 
 impl DistanceGrid {
     fn new(points: &[Vector2<f64>]) -> DistanceGrid {
+        let m = points.len();
+        let convex = (0..m).all(|i| {
+            let (a, b, c) = (points[i], points[(i + 1) % m], points[(i + 2) % m]);
+            (b - a).perp(&(c - b)) >= -1e-9
+        });
+        let cells = if convex { CONVEX_CELLS } else { DENTED_CELLS };
         let (mut lo, mut hi) = (points[0], points[0]);
         for p in points {
             (lo, hi) = (lo.inf(p), hi.sup(p));
         }
         let size = (hi - lo).max();
-        let margin = 0.12 * size;
-        let cell = (size + 2.0 * margin) / OUTLINE_CELLS as f64;
-        let origin = (lo + hi) * 0.5 - Vector2::repeat(0.5 * cell * OUTLINE_CELLS as f64);
-        let n = OUTLINE_CELLS + 1;
+        let cell = 1.24 * size / cells as f64;
+        let origin = (lo + hi) * 0.5 - Vector2::repeat(0.5 * cell * cells as f64);
+        let n = cells + 1;
         let mut nodes = Vec::with_capacity(n * n);
         for j in 0..n {
             for i in 0..n {
@@ -91,12 +100,15 @@ impl DistanceGrid {
                 nodes.push([d as f32, g.x as f32, g.y as f32]);
             }
         }
-        let m = points.len();
-        let convex = (0..m).all(|i| {
-            let (a, b, c) = (points[i], points[(i + 1) % m], points[(i + 2) % m]);
-            (b - a).perp(&(c - b)) >= -1e-9
-        });
         DistanceGrid { origin: origin.cast(), inv_cell: (1.0 / cell) as f32, n, nodes, convex }
+    }
+
+    /// Length along the line q + s v, from inside the grid, at which it leaves the grid.
+    #[inline(always)]
+    fn leave(&self, q: V2, v: V2) -> f32 {
+        let size = (self.n - 1) as f32 / self.inv_cell * 0.999;
+        let axis = |q: f32, v: f32, lo: f32| if v > 0.0 { (lo + size - q) / v } else { (lo - q) / v.min(-1e-12) };
+        axis(q.x, v.x, self.origin.x).min(axis(q.y, v.y, self.origin.y))
     }
 
     #[inline(always)]
@@ -270,112 +282,153 @@ fn convex_step(d: f32, slope: f32, bend: f32) -> f32 {
     if slope < 0.0 { 2.0 * d / (root - slope) } else { (slope + root) / bend.max(1e-20) }
 }
 
-/// Step to a wall that is dented, or seen from inside: safe steps, then Newton close by; back when the wall was passed.
+/// Step towards a wall that is dented, or seen from inside, at distance `d` > 0 changing by `slope`.
 #[inline(always)]
-fn careful_step(d: f32, slope: f32, safe: f32, trust_newton: bool) -> f32 {
-    if d < 0.0 || (slope < 0.0 && (trust_newton || d < 0.05)) {
-        let newton = d / (-slope).max(1e-4);
-        // Just past the middle of a fiber the slope is small and Newton leaps; a few safe steps' length is enough.
-        if d < 0.0 { newton } else { newton.clamp(safe, 4.0 * safe) }
-    } else {
-        safe
+fn careful_step(d: f32, slope: f32, safe: f32, least: f32) -> f32 {
+    let step = if slope < 0.0 && d < 0.1 { (d / -slope).clamp(safe, 4.0 * safe) } else { safe };
+    step.max(least)
+}
+
+/// A wall met by the march: length, place and gradient in the turning frame.
+struct Met {
+    s: f32,
+    q: V2,
+    n: V2,
+}
+
+/// The march was given up.
+struct GivenUp;
+
+/// Place where the ray passes a wall between `good` (before it) and `bad` (behind it); `side` is -1 for a wall seen from inside.
+fn bisect(ray: &TurningRay, wall: &Wall, side: f32, mut good: f32, mut bad: f32) -> Met {
+    loop {
+        let s = 0.5 * (good + bad);
+        let (q, _) = ray.at(s);
+        let (d, n, _) = wall.distance(q);
+        let d = side * d;
+        if d.abs() < HIT_UM || bad - good < 1e-5 * (1.0 + bad) {
+            return Met { s, q, n };
+        }
+        if d > 0.0 { good = s } else { bad = s }
     }
 }
 
 impl ScrewTracer {
-    fn march_air(&self, ray: &TurningRay) -> Option<Result<(f32, V2, V2, u32), ()>> {
-        let mut s = 0.0f32;
+    /// March between the fibers; None when the ray leaves the ply.
+    fn march_air(&self, ray: &TurningRay) -> Result<Option<(Met, u32)>, GivenUp> {
+        let (mut s, mut before) = (0.0f32, 0.0f32);
         let bend = ray.rate.abs() * (2.0 * ray.d_norm + ray.rate.abs() * self.bound);
         for _ in 0..MAX_STEPS {
             let (q, v) = ray.at(s);
             let r = q.norm();
             if r > self.bound && (ray.q0 + ray.d * s).dot(&ray.d) >= 0.0 {
-                return None;
+                return Ok(None);
             }
             let cell = self.cell(q);
             let mut step = ray.safe_step(r, cell.free);
+            let least = LEAST_STEP_UM / (v.norm() + 1e-6);
             for &f in &cell.near {
                 if f == NONE {
                     break;
                 }
-                let (d, n, convex) = self.outer[f as usize].distance(q);
+                let wall = &self.outer[f as usize];
+                let (d, n, convex) = wall.distance(q);
                 let slope = v.dot(&n);
                 if d < HIT_UM {
                     if slope < 0.0 && d > -HIT_UM {
-                        return Some(Ok((s, q, n, f as u32)));
+                        return Ok(Some((Met { s, q, n }, f as u32)));
                     }
-                    if d < -0.05 {
-                        return Some(Err(()));
+                    if d <= -HIT_UM && s > before {
+                        return Ok(Some((bisect(ray, wall, 1.0, before, s), f as u32)));
                     }
-                    // Passed by a little: back. Leaving, or grazing past: on by no less than the hit distance.
-                    let on = ray.safe_step(r, 2.0 * HIT_UM);
-                    step = step.min(if slope < 0.0 { careful_step(d, slope, on, true) } else { on });
+                    // Leaving the wall, or grazing past it.
+                    step = step.min(least);
                 } else if convex {
                     step = step.min(convex_step(d, slope, bend));
                 } else {
-                    step = step.min(careful_step(d, slope, ray.safe_step(r, d), false));
+                    step = step.min(careful_step(d, slope, ray.safe_step(r, d), least));
                 }
             }
-            s = (s + step).max(0.0);
+            before = s;
+            s += step;
         }
-        Some(Err(()))
+        Err(GivenUp)
     }
 
-    /// March within a fiber or its lumen; the walls are `outer` seen from inside and `lumen` seen from `side`.
-    fn march_inside(&self, ray: &TurningRay, fiber: u32, in_lumen: bool) -> Result<(f32, V2, V2, bool), ()> {
+    /// March within a fiber or its lumen to the next wall; true when it is the lumen's.
+    fn march_inside(&self, ray: &TurningRay, fiber: u32, in_lumen: bool) -> Result<(Met, bool), GivenUp> {
         let outer = &self.outer[fiber as usize];
         let lumen = self.lumen[fiber as usize].as_ref();
-        let mut s = 0.0f32;
-        if let (Wall::Circle { center, .. }, None) = (outer, lumen) {
-            // The chord of the circle along the ray's initial velocity starts Newton on the right side of the minimum.
-            let (q, v) = ray.at(0.0);
-            let chord = -2.0 * (q - center).dot(&v) / v.norm_squared().max(1e-12);
-            if chord > 0.0 && (ray.rate * chord).abs() < 0.3 {
-                s = chord;
-            }
+        if lumen.is_none()
+            && let Some(met) = leave_convex(ray, outer)
+        {
+            return Ok((met, false));
         }
+        let (mut s, mut before) = (0.0f32, 0.0f32);
         for _ in 0..MAX_STEPS {
             let (q, v) = ray.at(s);
             let r = q.norm();
             let mut step = f32::INFINITY;
-            if !in_lumen {
-                let (d, n, convex) = outer.distance(q);
-                let slope = -v.dot(&n);
-                if d.abs() < HIT_UM && slope < 0.0 {
-                    return Ok((s, q, n, false));
+            let least = LEAST_STEP_UM / (v.norm() + 1e-6);
+            for (wall, is_lumen) in [(Some(outer), false), (lumen, true)] {
+                let Some(wall) = wall else { continue };
+                if in_lumen && !is_lumen {
+                    continue;
                 }
-                if d > -HIT_UM && slope >= 0.0 {
-                    if d > 0.02 {
-                        return Err(());
-                    }
-                    step = ray.safe_step(r, 2.0 * HIT_UM);
-                } else {
-                    // From inside a convex outline Newton passes the wall and comes back from the outside.
-                    step = careful_step(-d, slope, ray.safe_step(r, -d), convex && lumen.is_none());
-                }
-            }
-            if let Some(wall) = lumen {
-                // The lumen's own gradient points into the material; allowed side: outside it for the material, inside for the lumen.
+                // Distance on the side of the medium: outside the lumen in the material, inside the wall otherwise.
+                let side = if is_lumen && !in_lumen { 1.0 } else { -1.0 };
                 let (d, n, _) = wall.distance(q);
-                let side = if in_lumen { -1.0 } else { 1.0 };
                 let (d, slope) = (side * d, side * v.dot(&n));
-                if d.abs() < HIT_UM && slope < 0.0 {
-                    return Ok((s, q, -n, true));
-                }
-                let wall_step = if d < HIT_UM && slope >= 0.0 {
-                    if d < -0.02 {
-                        return Err(());
+                if d < HIT_UM {
+                    if slope < 0.0 && d > -HIT_UM {
+                        return Ok((Met { s, q, n }, is_lumen));
                     }
-                    ray.safe_step(r, 2.0 * HIT_UM)
+                    if d <= -HIT_UM && s > before {
+                        return Ok((bisect(ray, wall, side, before, s), is_lumen));
+                    }
+                    step = step.min(least);
                 } else {
-                    careful_step(d, slope, ray.safe_step(r, d), false)
-                };
-                step = step.min(wall_step);
+                    step = step.min(careful_step(d, slope, ray.safe_step(r, d), least));
+                }
             }
-            s = (s + step).max(0.0);
+            before = s;
+            s += step;
         }
-        Err(())
+        Err(GivenUp)
     }
+}
+
+/// Where a ray leaves a convex outline, by Newton from beyond: along a straight line the distance is a convex function, so
+/// that Newton comes down on its larger root from the outside. None when the outline is dented, or the twist bends the ray too
+/// much for that (it then marches).
+#[inline(always)]
+fn leave_convex(ray: &TurningRay, wall: &Wall) -> Option<Met> {
+    let (q, v) = ray.at(0.0);
+    // A place on the ray's tangent that is certainly not inside.
+    let mut s = match wall {
+        Wall::Circle { center, .. } => -2.0 * (q - center).dot(&v) / v.norm_squared().max(1e-12),
+        Wall::Grid(grid) if grid.convex => grid.leave(q, v),
+        Wall::Grid(_) => return None,
+    };
+    if !(s > 0.0 && ray.rate.abs() * s < 0.3) {
+        return None;
+    }
+    for _ in 0..16 {
+        let (q, v) = ray.at(s);
+        let (d, n, trusted) = wall.distance(q);
+        let slope = v.dot(&n);
+        if slope <= 0.0 || !trusted {
+            return None;
+        }
+        if d.abs() < HIT_UM {
+            return Some(Met { s, q, n });
+        }
+        s -= d / slope;
+        if s <= 0.0 {
+            return None;
+        }
+    }
+    None
 }
 
 impl Tracer for ScrewTracer {
@@ -394,14 +447,16 @@ impl Tracer for ScrewTracer {
         let ray = TurningRay { q0: turn(pos.x, pos.y), d, rate: -self.twist * dir.z, d_norm: d.norm() };
         let found = match medium {
             Medium::Air => match self.march_air(&ray) {
-                None => return Trace::Escaped,
-                Some(Ok((s, q, n, f))) => Ok((s, q, n, f, false)),
-                Some(Err(())) => Err(()),
+                Ok(None) => return Trace::Escaped,
+                Ok(Some((met, fiber))) => Ok((met, fiber, false)),
+                Err(GivenUp) => Err(GivenUp),
             },
-            Medium::Fiber(f) => self.march_inside(&ray, f, false).map(|(s, q, n, lumen)| (s, q, n, f, lumen)),
-            Medium::Lumen(f) => self.march_inside(&ray, f, true).map(|(s, q, n, lumen)| (s, q, n, f, lumen)),
+            Medium::Fiber(f) => self.march_inside(&ray, f, false).map(|(met, lumen)| (met, f, lumen)),
+            Medium::Lumen(f) => self.march_inside(&ray, f, true).map(|(met, lumen)| (met, f, lumen)),
         };
-        let Ok((s, q, n, fiber, lumen)) = found else { return Trace::Lost };
+        let Ok((Met { s, q, n }, fiber, lumen)) = found else { return Trace::Lost };
+        // Into the air: out of the fiber, or into the lumen.
+        let n = if lumen { -n } else { n };
         // Gradient of sdf2D(Rot(-twist z)(x, y)): in the frame (n, twist (q.y n.x - q.x n.y)), turned back by the angle at the hit.
         let (sin, cos) = (self.twist * (pos.z + s * dir.z)).sin_cos();
         let normal = Vector3::new(

@@ -209,9 +209,9 @@ fn stone<R: Rng>(radius: f64, corners: u32, rounding: f64, jitter: f64, rng: &mu
 fn serrated<R: Rng>(radius: f64, depth: f64, teeth: f64, jitter: f64, rng: &mut R) -> Outline {
     let mut wave = |amplitude: f64| (amplitude * rng.random_range(0.3..1.0), rng.random_range(0.0..TAU));
     // Warps of the teeth's phase stay below its own slope, so that no tooth runs backwards.
-    let warps = [wave(0.07 * teeth), wave(0.05 * teeth), wave(0.03 * teeth)];
-    let swell = [wave(0.25), wave(0.2)];
-    let form = [wave(0.5 * jitter), wave(0.5 * jitter)];
+    let warps = [wave(0.16 * teeth), wave(0.12 * teeth), wave(0.07 * teeth)];
+    let swell = [wave(0.4), wave(0.35)];
+    let form = [wave(jitter), wave(0.7 * jitter)];
     let sum = |waves: &[(f64, f64)], first: f64, t: f64| -> f64 {
         waves.iter().zip(0..).map(|(&(a, phase), k)| a * ((first + f64::from(k)) * t + phase).cos()).sum()
     };

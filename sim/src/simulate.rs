@@ -7,6 +7,7 @@
 
 use crate::dielectric::RoughDielectric;
 use crate::error::SimError;
+use crate::mesh_tracer::{MeshResolution, MeshTracer};
 use crate::options::{SimOptions, TracerKind};
 use crate::parts::Parts;
 use crate::screw::ScrewTracer;
@@ -168,11 +169,12 @@ pub(crate) fn instance_seed(seed: u64, i: u32) -> u64 {
 
 fn tracer_of(spec: &YarnSpec, options: &SimOptions, instance: u32) -> Result<Box<dyn Tracer + Send>, SimError> {
     let section = PlySection::generate(spec, instance_seed(options.seed, instance))?;
+    let mesh = |section: &PlySection| Box::new(MeshTracer::new(section, MeshResolution::default()));
     Ok(match options.tracer {
-        TracerKind::Mesh => return Err(SimError::TooCrowded),
+        TracerKind::Mesh => mesh(&section),
         TracerKind::Auto => match ScrewTracer::new(&section) {
             Some(t) => Box::new(t),
-            None => return Err(SimError::TooCrowded),
+            None => mesh(&section),
         },
         TracerKind::Screw => Box::new(ScrewTracer::new(&section).ok_or(SimError::TooCrowded)?),
     })
