@@ -48,9 +48,12 @@ pub struct Scratch {
 #[derive(Clone, Copy, Debug)]
 struct LobeAxes {
     frame: [[f64; 3]; 3],
-    theta_z: f64,
+    /// Sine and cosine of theta_z.
+    theta_z: (f64, f64),
     phi_z: f64,
     phi_xy: f64,
+    /// Least z where the Gaussian factor counts.
+    z_min: f64,
     mu1: f64,
     mu2: f64,
     /// 1 / unit energy.
@@ -204,8 +207,7 @@ impl SphereGrid {
 
     /// Chunks of a row where z > z_min, z_min^2 = 1 - CUT / min(mu): there `z = a cos(phi - phi_z) + b`.
     fn support(&self, lobe: &LobeAxes, ct: f64, st: f64, chunks: usize) -> [(usize, usize); 2] {
-        let z_min = (1.0 - CUT / lobe.mu1.min(lobe.mu2)).max(0.0).sqrt();
-        let (sz, cz) = lobe.theta_z.sin_cos();
+        let ((sz, cz), z_min) = (lobe.theta_z, lobe.z_min);
         let (a, b) = (ct * cz, st * sz);
         if a.abs() + b <= z_min {
             return [(0, 0); 2];
@@ -258,7 +260,8 @@ impl LobeAxes {
         let (unit, d1, d2) = unit_energy_gradient(mu1, mu2);
         LobeAxes {
             frame: lobe.frame(),
-            theta_z: lobe.theta_z,
+            theta_z: lobe.theta_z.sin_cos(),
+            z_min: (1.0 - CUT / mu1.min(mu2)).max(0.0).sqrt(),
             phi_z: lobe.phi_z,
             phi_xy: lobe.phi_xy,
             mu1,
@@ -276,7 +279,7 @@ impl LobeAxes {
         let turn_z = self.energy * 2.0 * (self.mu2 - self.mu1) * s[3];
         let (toward_x, toward_y) = (self.energy * s[4], self.energy * s[5]);
         let (sx, cx) = self.phi_xy.sin_cos();
-        let (st, ct) = self.theta_z.sin_cos();
+        let (st, ct) = self.theta_z;
         gradient[0] = sx * toward_x + cx * toward_y;
         gradient[1] = ct * (cx * toward_x - sx * toward_y) + st * turn_z;
         gradient[2] = turn_z;
