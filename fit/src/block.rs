@@ -279,9 +279,12 @@ fn relocate(sphere: &SphereGrid, targets: &[Target], x: &[f64], lobes: usize, ro
     out
 }
 
-/// Energy, in units of `scale`, of the slice that is parameter set `set` alone (the corner), or of the mean of all.
+/// Starting energy of parameter set `set`: the fourth root of its own slice's energy (the corner's; else the mean of all) in units
+/// of `scale`. Where the beam leaves the ply the energies of the corners differ a thousandfold, and with the energies
+/// themselves the dim corner would have no say in the slices between and hardly any gradient: measured at the rim blocks of
+/// polyester, errors of 0.45 with the first power, 0.07 with the half and the quarter. Only ratios between corners count.
 fn set_energy(targets: &[Target], set: usize, scale: f64) -> f64 {
     let own = targets.iter().find(|t| t.corners == [(set, 1.0)]).map(|t| t.energy);
     let energy = own.unwrap_or_else(|| targets.iter().map(|t| t.energy).sum::<f64>() / targets.len() as f64);
-    (energy / scale).max(1e-4)
+    (energy / scale).clamp(1e-4, 1.0).powf(0.25)
 }

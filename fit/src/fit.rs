@@ -47,7 +47,7 @@ impl FitOptions {
     /// The errors of the README.
     pub fn standard() -> Self {
         FitOptions {
-            lobes_refl: 2,
+            lobes_refl: 3,
             lobes_high: 8,
             block: BlockEffort {
                 starts: 3,
