@@ -30,7 +30,14 @@ impl FitOptions {
     /// Seconds: for a first look.
     pub fn preview() -> Self {
         FitOptions {
-            block: BlockEffort { starts: 2, start_iterations: 60, iterations: 80, tolerance: 3e-3 },
+            block: BlockEffort {
+                starts: 2,
+                start_iterations: 60,
+                moves: 2,
+                move_iterations: 40,
+                iterations: 80,
+                tolerance: 3e-3,
+            },
             reflection: ReflectionEffort { rounds: 1, iterations: 40, ..Self::standard().reflection },
             absorption_iterations: 60,
             ..Self::standard()
@@ -40,9 +47,16 @@ impl FitOptions {
     /// The errors of the README.
     pub fn standard() -> Self {
         FitOptions {
-            lobes_refl: 2,
+            lobes_refl: 3,
             lobes_high: 8,
-            block: BlockEffort { starts: 3, start_iterations: 150, iterations: 300, tolerance: 1e-3 },
+            block: BlockEffort {
+                starts: 3,
+                start_iterations: 150,
+                moves: 12,
+                move_iterations: 60,
+                iterations: 300,
+                tolerance: 1e-3,
+            },
             reflection: ReflectionEffort { starts: 4, iterations: 80, rounds: 2, smoothness: 1e-3, tolerance: 1e-3 },
             absorption_iterations: 150,
         }
@@ -51,7 +65,14 @@ impl FitOptions {
     /// Everything the minimizer can find.
     pub fn reference() -> Self {
         FitOptions {
-            block: BlockEffort { starts: 8, start_iterations: 400, iterations: 1000, tolerance: 1e-4 },
+            block: BlockEffort {
+                starts: 8,
+                start_iterations: 400,
+                moves: 30,
+                move_iterations: 150,
+                iterations: 1000,
+                tolerance: 1e-4,
+            },
             reflection: ReflectionEffort {
                 starts: 8,
                 iterations: 300,

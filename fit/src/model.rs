@@ -48,18 +48,15 @@ fn along(axis: &[f64], x: f64) -> (usize, f64) {
     (k, at - k as f64)
 }
 
-/// Reflection lobes at a place: Catmull-Rom over the nodes, which repeat at the rim.
+/// Reflection lobes at a place: Catmull-Rom over the nodes, continued linearly beyond the rim.
 pub fn refl_lobes(data: &PlyData, at: Place) -> ScaledLobes {
     let (rows, columns) = (data.theta_i.len(), data.h_um.len());
     let size = data.lobes_refl * PARAMS;
-    let (ws, wt) = (catmull_rom(at.s), catmull_rom(at.t));
     let mut params = vec![0.0; size];
-    for (a, wa) in ws.iter().enumerate() {
-        let m = (at.m + a).saturating_sub(1).min(rows - 1);
-        for (b, wb) in wt.iter().enumerate() {
-            let n = (at.n + b).saturating_sub(1).min(columns - 1);
+    for (m, wm) in node_weights(at.m, at.s, rows) {
+        for (n, wn) in node_weights(at.n, at.t, columns) {
             let node = &data.refl[(m * columns + n) * size..][..size];
-            params.iter_mut().zip(node).for_each(|(p, v)| *p += wa * wb * v);
+            params.iter_mut().zip(node).for_each(|(p, v)| *p += wm * wn * v);
         }
     }
     for p in params.chunks_exact_mut(PARAMS) {
@@ -70,10 +67,27 @@ pub fn refl_lobes(data: &PlyData, at: Place) -> ScaledLobes {
     ScaledLobes { params, energy: bilinear(&data.energy_refl, columns, 1, 0, at) }
 }
 
-/// Weights of the four nodes around a fraction `t`.
-fn catmull_rom(t: f64) -> [f64; 4] {
+/// Nodes and Catmull-Rom weights at fraction `t` beyond node `k` of `count`; a node beyond the rim is `2 rim - next`.
+fn node_weights(k: usize, t: f64, count: usize) -> [(usize, f64); 4] {
     let (t2, t3) = (t * t, t * t * t);
-    [0.5 * (-t3 + 2.0 * t2 - t), 0.5 * (3.0 * t3 - 5.0 * t2 + 2.0), 0.5 * (-3.0 * t3 + 4.0 * t2 + t), 0.5 * (t3 - t2)]
+    let mut w = [
+        0.5 * (-t3 + 2.0 * t2 - t),
+        0.5 * (3.0 * t3 - 5.0 * t2 + 2.0),
+        0.5 * (-3.0 * t3 + 4.0 * t2 + t),
+        0.5 * (t3 - t2),
+    ];
+    let mut nodes = [k, k, k + 1, k + 1];
+    if k == 0 {
+        (w[1], w[2], w[0]) = (w[1] + 2.0 * w[0], w[2] - w[0], 0.0);
+    } else {
+        nodes[0] = k - 1;
+    }
+    if k + 2 >= count {
+        (w[2], w[1], w[3]) = (w[2] + 2.0 * w[3], w[1] - w[3], 0.0);
+    } else {
+        nodes[3] = k + 2;
+    }
+    [(nodes[0], w[0]), (nodes[1], w[1]), (nodes[2], w[2]), (nodes[3], w[3])]
 }
 
 fn bilinear(values: &[f64], columns: usize, stride: usize, offset: usize, at: Place) -> f64 {

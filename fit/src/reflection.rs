@@ -67,6 +67,8 @@ pub(crate) fn fit_reflection(
     let start_effort = BlockEffort {
         starts: effort.starts,
         start_iterations: effort.iterations,
+        moves: 0,
+        move_iterations: 0,
         iterations: effort.iterations,
         tolerance: effort.tolerance,
     };

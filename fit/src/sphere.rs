@@ -48,9 +48,12 @@ pub struct Scratch {
 #[derive(Clone, Copy, Debug)]
 struct LobeAxes {
     frame: [[f64; 3]; 3],
-    theta_z: f64,
+    /// Sine and cosine of theta_z.
+    theta_z: (f64, f64),
     phi_z: f64,
     phi_xy: f64,
+    /// Least z where the Gaussian factor counts.
+    z_min: f64,
     mu1: f64,
     mu2: f64,
     /// 1 / unit energy.
@@ -204,8 +207,7 @@ impl SphereGrid {
 
     /// Chunks of a row where z > z_min, z_min^2 = 1 - CUT / min(mu): there `z = a cos(phi - phi_z) + b`.
     fn support(&self, lobe: &LobeAxes, ct: f64, st: f64, chunks: usize) -> [(usize, usize); 2] {
-        let z_min = (1.0 - CUT / lobe.mu1.min(lobe.mu2)).max(0.0).sqrt();
-        let (sz, cz) = lobe.theta_z.sin_cos();
+        let ((sz, cz), z_min) = (lobe.theta_z, lobe.z_min);
         let (a, b) = (ct * cz, st * sz);
         if a.abs() + b <= z_min {
             return [(0, 0); 2];
@@ -258,7 +260,8 @@ impl LobeAxes {
         let (unit, d1, d2) = unit_energy_gradient(mu1, mu2);
         LobeAxes {
             frame: lobe.frame(),
-            theta_z: lobe.theta_z,
+            theta_z: lobe.theta_z.sin_cos(),
+            z_min: (1.0 - CUT / mu1.min(mu2)).max(0.0).sqrt(),
             phi_z: lobe.phi_z,
             phi_xy: lobe.phi_xy,
             mu1,
@@ -276,7 +279,7 @@ impl LobeAxes {
         let turn_z = self.energy * 2.0 * (self.mu2 - self.mu1) * s[3];
         let (toward_x, toward_y) = (self.energy * s[4], self.energy * s[5]);
         let (sx, cx) = self.phi_xy.sin_cos();
-        let (st, ct) = self.theta_z.sin_cos();
+        let (st, ct) = self.theta_z;
         gradient[0] = sx * toward_x + cx * toward_y;
         gradient[1] = ct * (cx * toward_x - sx * toward_y) + st * turn_z;
         gradient[2] = turn_z;
@@ -313,14 +316,13 @@ fn exp_neg<const FMA: bool>(q: f32) -> f32 {
 #[inline(always)]
 fn forward_kernel<const FMA: bool>(cos: &[f32], sin: &[f32], rows: &[RowLobe], exps: &mut [f32], model: &mut [f32]) {
     model.fill(0.0);
-    let padded = cos.len();
-    for (lobe, exps) in rows.iter().zip(exps.chunks_exact_mut(padded)) {
+    let (cos, sin) = (cos.as_chunks::<LANES>().0, sin.as_chunks::<LANES>().0);
+    let model = model.as_chunks_mut::<LANES>().0;
+    for (lobe, exps) in rows.iter().zip(exps.as_chunks_mut::<LANES>().0.chunks_exact_mut(cos.len())) {
         let lobe = *lobe;
         for (first, end) in lobe.chunks {
-            for chunk in first..end {
-                let at = chunk * LANES..(chunk + 1) * LANES;
-                let (cos, sin) = (&cos[at.clone()], &sin[at.clone()]);
-                let (exps, model) = (&mut exps[at.clone()], &mut model[at]);
+            let chunks = cos[first..end].iter().zip(&sin[first..end]).zip(&mut exps[first..end]);
+            for (((cos, sin), exps), model) in chunks.zip(&mut model[first..end]) {
                 for i in 0..LANES {
                     let z = fma::<FMA>(lobe.z[0], cos[i], fma::<FMA>(lobe.z[1], sin[i], lobe.z[2]));
                     let u = fma::<FMA>(lobe.u[0], cos[i], fma::<FMA>(lobe.u[1], sin[i], lobe.u[2]));
@@ -345,15 +347,15 @@ fn backward_kernel<const FMA: bool>(
     g: &[f32],
     sums: &mut [[[f32; LANES]; 6]],
 ) {
-    let padded = cos.len();
-    for ((lobe, exps), sums) in rows.iter().zip(exps.chunks_exact(padded)).zip(sums) {
+    let (cos, sin) = (cos.as_chunks::<LANES>().0, sin.as_chunks::<LANES>().0);
+    let g = g.as_chunks::<LANES>().0;
+    for ((lobe, exps), sums) in rows.iter().zip(exps.as_chunks::<LANES>().0.chunks_exact(cos.len())).zip(sums) {
         let lobe = *lobe;
         let (two_mu1, two_mu2) = (2.0 * lobe.mu1, 2.0 * lobe.mu2);
         let mut s = *sums;
         for (first, end) in lobe.chunks {
-            for chunk in first..end {
-                let at = chunk * LANES..(chunk + 1) * LANES;
-                let (cos, sin, exps, g) = (&cos[at.clone()], &sin[at.clone()], &exps[at.clone()], &g[at]);
+            let chunks = cos[first..end].iter().zip(&sin[first..end]).zip(&exps[first..end]);
+            for (((cos, sin), exps), g) in chunks.zip(&g[first..end]) {
                 for i in 0..LANES {
                     let z = fma::<FMA>(lobe.z[0], cos[i], fma::<FMA>(lobe.z[1], sin[i], lobe.z[2]));
                     let u = fma::<FMA>(lobe.u[0], cos[i], fma::<FMA>(lobe.u[1], sin[i], lobe.u[2]));

@@ -9,7 +9,7 @@ use plywave::asg::{Lobe, PARAMS};
 use plywave::{OutgoingGrid, PlyData, Table};
 use plywave_fit::{
     BlockEffort, DiffTolerance, FitOptions, Part, Place, ScaledLobes, Scratch, SphereGrid, canonicalize, diff, errors,
-    fit, fit_single_slices, high_lobes, refl_lobes,
+    fit, fit_single_slices, high_lobes, locate, refl_lobes,
 };
 use std::sync::OnceLock;
 
@@ -244,4 +244,35 @@ fn dark_and_empty_slices_are_no_trouble() {
     table.energy_high.fill(0.0);
     let model = fit(&table, &FitOptions::preview(), &|_| {}).unwrap();
     assert!(model.high.iter().chain(&model.refl).chain(&model.high_path).all(|x| x.is_finite()));
+}
+
+#[test]
+fn the_runtime_evaluates_what_the_fit_measured() {
+    let (_, model) = fitted();
+    let bytes = model.to_bytes().expect("a valid model");
+    let runtime = plywave::PlyModel::from_bytes(&bytes, "fitted").expect("the loader takes it");
+    let (sphere, mut scratch) = (SphereGrid::new(OutgoingGrid { theta_o: 45, phi_o: 90 }), Scratch::default());
+    for (theta_i, h) in [(0.0, 0.0), (0.4, -25.0), (0.83, 41.0), (1.1, -58.0), (0.05, 59.0)] {
+        let at = locate(model, theta_i, h);
+        let (refl, high) = (refl_lobes(model, at), high_lobes(model, at, 0.007));
+        let want_refl = sphere.unpad(&sphere.mixture(&refl.params, refl.gain(), &mut scratch));
+        let want_high = sphere.unpad(&sphere.mixture(&high.params, high.gain(), &mut scratch));
+        let (top_refl, top_high) =
+            (want_refl.iter().copied().fold(0.0, f32::max), want_high.iter().copied().fold(0.0, f32::max));
+        for bin in (0..want_refl.len()).step_by(37) {
+            let (theta, phi) = (sphere.grid().theta(bin / 90), sphere.grid().phi(bin % 90));
+            let wo = plywave::direction(theta as f32, phi as f32);
+            let ([got_refl], [got_high]) = runtime.eval_split(theta_i as f32, h as f32, [0.007], wo);
+            assert!(
+                (got_refl - want_refl[bin]).abs() < 1e-3 * top_refl,
+                "refl: got {got_refl}, want {}",
+                want_refl[bin]
+            );
+            assert!(
+                (got_high - want_high[bin]).abs() < 1e-3 * top_high,
+                "high: got {got_high}, want {}",
+                want_high[bin]
+            );
+        }
+    }
 }
