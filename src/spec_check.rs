@@ -103,7 +103,7 @@ const SHAPES: &[(&str, &[Rule])] = &[
     ),
     ("rounded_triangle", &[("radius_um", SIZE, true), ("rounding_um", SIZE, true)]),
     ("stone", &[("radius_um", SIZE, true), ("corners", Kind::Integer(3, 24), true), ("rounding_um", SIZE, true)]),
-    ("trilobal", &[("radius_um", SIZE, true), ("depth", Kind::Number(0.0, 0.5), true)]),
+    ("trilobal", &[("radius_um", SIZE, true), ("depth", Kind::Number(0.0, 0.35), true)]),
     (
         "serrated",
         &[("radius_um", SIZE, true), ("depth", Kind::Number(0.0, 0.3), true), ("teeth", Kind::Integer(3, 60), true)],
@@ -182,7 +182,7 @@ fn check_value(file: &str, key: &str, value: &Value, kind: &Kind) -> Result<()> 
         Kind::Odd(min, max) if !value.as_integer().is_some_and(|i| (*min..=*max).contains(&i) && i % 2 == 1) => {
             refuse(format!("use an odd integer from {min} to {max}"))
         }
-        Kind::Text if !value.as_str().is_some_and(|s| !s.trim().is_empty()) => refuse("use a text in quotes".into()),
+        Kind::Text if value.as_str().is_none_or(|s| s.trim().is_empty()) => refuse("use a text in quotes".into()),
         Kind::Choice(words) if !value.as_str().is_some_and(|s| words.contains(&s)) => {
             refuse(format!("use one of \"{}\"", words.join("\", \"")))
         }
@@ -320,8 +320,11 @@ fn check_fraction(file: &str, ply: &PlySpec, radii: [f64; 2], fiber_area: f64) -
 fn check_outline(file: &str, shape: &Shape) -> Result<()> {
     let key = |name: &str| format!("fiber.shape.{name}");
     match shape {
-        Shape::Ellipse { a_um, b_um } | Shape::Kidney { a_um, b_um, .. } if a_um.min(*b_um) < 0.1 * a_um.max(*b_um) => {
-            Err(invalid(file, &key("b_um"), b_um, format!("use a value within a factor of 10 of a_um = {a_um}")))
+        Shape::Ellipse { a_um, b_um } | Shape::Kidney { a_um, b_um, .. } if 6.0 * a_um.min(*b_um) < a_um.max(*b_um) => {
+            Err(invalid(file, &key("b_um"), b_um, format!("use a value within a factor of 6 of a_um = {a_um}")))
+        }
+        Shape::Kidney { lumen, .. } if *lumen > 0.0 && *lumen < 0.02 => {
+            Err(invalid(file, &key("lumen"), lumen, "use 0 for no lumen, or from 0.02 to 0.9"))
         }
         Shape::RoundedTriangle { radius_um, rounding_um } | Shape::Stone { radius_um, rounding_um, .. }
             if !(0.02 * radius_um..=0.4 * radius_um).contains(rounding_um) =>
@@ -329,13 +332,14 @@ fn check_outline(file: &str, shape: &Shape) -> Result<()> {
             let mend = format!("use from {:.3} to {:.3} (0.02 to 0.4 of radius_um)", 0.02 * radius_um, 0.4 * radius_um);
             Err(invalid(file, &key("rounding_um"), rounding_um, mend))
         }
-        Shape::Serrated { depth, teeth, .. } if depth * f64::from(*teeth) > 3.0 => {
-            let most = 3.0 / f64::from(*teeth);
+        // The curvature of the teeth grows as depth teeth^2; an outline of 1024 points resolves this much.
+        Shape::Serrated { depth, teeth, .. } if depth * f64::from(*teeth).powi(2) > 12.0 => {
+            let most = 12.0 / f64::from(*teeth).powi(2);
             Err(invalid(
                 file,
                 &key("depth"),
                 depth,
-                format!("teeth too steep: use {most:.3} or less with {teeth} teeth"),
+                format!("teeth too sharp: use {most:.3} or less with {teeth} teeth"),
             ))
         }
         Shape::Polygon { file: points_file, points_um, rounding_um } => {

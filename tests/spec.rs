@@ -37,7 +37,7 @@ fn polyester_is_the_yarn_of_the_readme() {
 #[test]
 fn refusals_name_key_value_and_mend() {
     let radius = |new: &str| polyester_with("radius_um = 7.5", new);
-    let eta = |new: &str| polyester_with("eta = 1.58", new);
+    let eta = |new: &str| polyester_with("eta = 1.60", new);
     let ply = |new: &str| polyester_with("radius_um = 50.0", new);
     let pitch = |new: &str| polyester_with("fiber_pitch_um = 800.0", new);
     let end = |new: &str| format!("{POLYESTER}\n{new}\n");
@@ -53,7 +53,7 @@ fn refusals_name_key_value_and_mend() {
         (polyester_with("\"circle\"", "\"square\""), "fiber.shape.kind = \"square\": use one of \"circle\""),
         (eta("eta = 1.0"), "fiber.eta = 1.0: use a number above 1 and up to 4"),
         (eta(""), "fiber.eta = (absent): this key must be given"),
-        (eta("eta = 1.58\nalpha = 0.2"), "fiber.alpha = 0.2: unknown key"),
+        (eta("eta = 1.60\nalpha = 0.2"), "fiber.alpha = 0.2: unknown key"),
         (polyester_with("alpha_fiber = 0.2", "alpha_fiber = 1.5"), "fiber.alpha_fiber = 1.5: use a number from 0 to 1"),
         (polyester_with("fibers = 30", "fibers = 0"), "ply.fibers = 0: use an integer from 1 to 200"),
         (polyester_with("fibers = 30", "fibers = 30.0"), "ply.fibers = 30.0: use an integer"),
@@ -109,8 +109,12 @@ fn shapes_are_held_to_their_relations() {
             "corners = 2: use an integer from 3 to 24",
         ),
         ("{ kind = \"kidney\", a_um = 8.0, b_um = 4.0, dent = 1.2, lumen = 0.4 }", "dent = 1.2: use a number"),
-        ("{ kind = \"ellipse\", a_um = 20.0, b_um = 1.0 }", "b_um = 1: use a value within a factor of 10"),
-        ("{ kind = \"serrated\", radius_um = 6.0, depth = 0.2, teeth = 30 }", "depth = 0.2: teeth too steep"),
+        (
+            "{ kind = \"kidney\", a_um = 8.0, b_um = 4.0, dent = 0.2, lumen = 1e-9 }",
+            "lumen = 0.000000001: use 0 for no lumen",
+        ),
+        ("{ kind = \"ellipse\", a_um = 20.0, b_um = 1.0 }", "b_um = 1: use a value within a factor of 6"),
+        ("{ kind = \"serrated\", radius_um = 6.0, depth = 0.2, teeth = 30 }", "depth = 0.2: teeth too sharp"),
         ("{ kind = \"polygon\", file = \"p.txt\", rounding_um = 1.0 }", "file = p.txt: load the spec from its file"),
         ("{ kind = \"polygon\", rounding_um = 1.0 }", "file = (absent)"),
         (

@@ -158,11 +158,13 @@ fn triangulate(points: &[Vector2<f64>], mut corners: Vec<usize>) -> Vec<[usize; 
     let mut triangles = Vec::with_capacity(corners.len());
     let mut at = 0;
     let mut refused = 0;
+    // Height over the base of the ears to cut: slivers are left for last, as they may turn over in f32.
+    let mut height = 0.1;
     while corners.len() > 3 {
         let n = corners.len();
         let ear = [corners[at % n], corners[(at + 1) % n], corners[(at + 2) % n]];
-        // After a full round without an ear (points in line, to rounding) any corner is cut, which keeps the surface closed.
-        if refused > n || is_ear(points, &corners, ear) {
+        // Once even points in line, to rounding, are all that is left, any corner is cut: the surface stays closed.
+        if height < 1e-13 || is_ear(points, &corners, ear, height) {
             triangles.push(ear);
             corners.remove((at + 1) % n);
             refused = 0;
@@ -172,15 +174,18 @@ fn triangulate(points: &[Vector2<f64>], mut corners: Vec<usize>) -> Vec<[usize; 
             refused += 1;
             at = (at + 1) % n;
         }
+        if refused > n {
+            (refused, height) = (0, 0.2 * height);
+        }
     }
     triangles.push([corners[0], corners[1], corners[2]]);
     triangles
 }
 
-fn is_ear(points: &[Vector2<f64>], corners: &[usize], ear: [usize; 3]) -> bool {
+fn is_ear(points: &[Vector2<f64>], corners: &[usize], ear: [usize; 3], height: f64) -> bool {
     let [a, b, c] = ear.map(|v| points[v]);
     let side = |p: Vector2<f64>, q: Vector2<f64>, r: Vector2<f64>| (q - p).perp(&(r - p));
-    if side(a, b, c) <= 1e-12 * (c - a).norm_squared() {
+    if side(a, b, c) <= height * (c - a).norm_squared() {
         return false;
     }
     corners.iter().filter(|v| !ear.contains(v)).all(|&v| {

@@ -184,12 +184,48 @@ fn crosses_ray(p: Vector2<f64>, a: Vector2<f64>, b: Vector2<f64>) -> bool {
 
 /// Whether two closed segments meet.
 pub(crate) fn segments_cross(a: Vector2<f64>, b: Vector2<f64>, c: Vector2<f64>, d: Vector2<f64>) -> bool {
+    // The boxes first: of segments in one line, rounding may put the ends on either side.
+    let apart = |a: f64, b: f64, c: f64, d: f64| a.min(b) > c.max(d) || c.min(d) > a.max(b);
+    if apart(a.x, b.x, c.x, d.x) || apart(a.y, b.y, c.y, d.y) {
+        return false;
+    }
     let side = |p: Vector2<f64>, q: Vector2<f64>, r: Vector2<f64>| (q - p).perp(&(r - p));
     let (s1, s2) = (side(a, b, c), side(a, b, d));
     let (s3, s4) = (side(c, d, a), side(c, d, b));
-    if s1 == 0.0 && s2 == 0.0 {
-        let overlap = |a: f64, b: f64, c: f64, d: f64| a.min(b) <= c.max(d) && c.min(d) <= a.max(b);
-        return overlap(a.x, b.x, c.x, d.x) && overlap(a.y, b.y, c.y, d.y);
-    }
     s1 * s2 <= 0.0 && s3 * s4 <= 0.0
+}
+
+/// The edges of a closed polyline in short runs, each with a circle that holds it: quick exact distances.
+pub(crate) struct Runs<'a> {
+    points: &'a [Vector2<f64>],
+    bounds: Vec<(Vector2<f64>, f64)>,
+}
+
+/// Edges per run.
+const RUN: usize = 16;
+
+impl<'a> Runs<'a> {
+    pub(crate) fn new(points: &'a [Vector2<f64>]) -> Runs<'a> {
+        let n = points.len();
+        let bounds = (0..n.div_ceil(RUN)).map(|k| {
+            let (first, last) = (k * RUN, (k * RUN + RUN).min(n));
+            let center = points[(first + last) / 2];
+            (center, (first..=last).map(|i| (points[i % n] - center).norm()).fold(0.0, f64::max))
+        });
+        Runs { points, bounds: bounds.collect() }
+    }
+
+    /// Exact distance of `p` to the polyline, or `most` if that is less.
+    pub(crate) fn distance(&self, p: Vector2<f64>, most: f64) -> f64 {
+        let n = self.points.len();
+        let mut least2 = most * most;
+        for (k, (center, bound)) in self.bounds.iter().enumerate() {
+            if ((p - center).norm() - bound).max(0.0).powi(2) <= least2 {
+                for i in k * RUN..(k * RUN + RUN).min(n) {
+                    least2 = least2.min(segment_distance2(p, self.points[i], self.points[(i + 1) % n]));
+                }
+            }
+        }
+        least2.sqrt()
+    }
 }

@@ -9,7 +9,7 @@
 //! the grid measured and added to the gap; the packed section is then checked against the exact outlines.
 
 use crate::error::SimError;
-use crate::outline::{Outline, segment_distance2};
+use crate::outline::{Outline, Runs};
 use crate::section::FiberSection;
 use nalgebra::{Rotation2, Vector2};
 use plywave::{FiberSpec, PlySpec};
@@ -18,6 +18,8 @@ use std::f64::consts::{PI, TAU};
 
 /// Fresh starts before giving up; a jam at one start is often free at the next.
 const STARTS: usize = 4;
+/// A jam at this scale is not undone by another start: starts differ by about 0.01.
+const HOPELESS: f64 = 1.03;
 /// Most sweeps of compression per start.
 const MAX_SWEEPS: usize = 6000;
 /// Compression is given up when this many sweeps shrink the ply by less than [`STALL`].
@@ -70,6 +72,9 @@ pub(crate) fn pack<R: Rng>(
                 state.bodies.iter_mut().for_each(Body::widen);
             } else {
                 reached = reached.min(scale);
+                if scale > HOPELESS {
+                    break;
+                }
             }
         }
     }
@@ -165,11 +170,15 @@ impl Body {
                 // How far the outline bulges past the polygon of the probes.
                 let coarse = Outline::Polyline(probes.clone());
                 let bulge = points.iter().map(|&p| coarse.signed_distance(p)).fold(0.0, f64::max);
+                let runs = Runs::new(points);
                 let mut excess: f64 = 0.0;
                 for p in outline.points(points.len()) {
-                    for out in [0.25, 0.75, 1.25] {
-                        let q = p.position_um + p.normal * (out * gap.max(0.05));
-                        excess = excess.max(grid.at(q) - outline.signed_distance(q));
+                    for out in [0.25, 0.75, 1.25].map(|part| part * gap.max(0.05)) {
+                        let q = p.position_um + p.normal * out;
+                        let distance = runs.distance(q, 1.01 * out);
+                        // Deep in a dent the normal may lead into the opposite wall.
+                        let exact = if distance < 0.9 * out && outline.contains(q) { -distance } else { distance };
+                        excess = excess.max(grid.at(q) - exact);
                     }
                 }
                 let core = outline.signed_distance(Vector2::zeros()).min(0.0).abs();
@@ -224,40 +233,6 @@ fn clear(a: &Body, at: &Pose, b: &Body, bt: &Pose, gap: f64) -> bool {
     }
 }
 
-/// The edges of a closed polyline in runs of sixteen, each with a circle that holds it.
-struct Arcs<'a> {
-    points: &'a [Vector2<f64>],
-    bounds: Vec<(Vector2<f64>, f64)>,
-}
-
-const RUN: usize = 16;
-
-impl<'a> Arcs<'a> {
-    fn new(points: &'a [Vector2<f64>]) -> Arcs<'a> {
-        let n = points.len();
-        let bounds = (0..n.div_ceil(RUN)).map(|k| {
-            let (first, last) = (k * RUN, (k * RUN + RUN).min(n));
-            let center = points[(first + last) / 2];
-            (center, (first..=last).map(|i| (points[i % n] - center).norm()).fold(0.0, f64::max))
-        });
-        Arcs { points, bounds: bounds.collect() }
-    }
-
-    /// Exact distance of `p` to the polyline; `most` must not be less.
-    fn distance(&self, p: Vector2<f64>, most: f64) -> f64 {
-        let n = self.points.len();
-        let mut least2 = most * most;
-        for (k, (center, bound)) in self.bounds.iter().enumerate() {
-            if ((p - center).norm() - bound).max(0.0).powi(2) <= least2 {
-                for i in k * RUN..(k * RUN + RUN).min(n) {
-                    least2 = least2.min(segment_distance2(p, self.points[i], self.points[(i + 1) % n]));
-                }
-            }
-        }
-        least2.sqrt()
-    }
-}
-
 /// Exact signed distances at the nodes of a square grid, bilinear between.
 struct DistanceGrid {
     values: Vec<f64>,
@@ -270,14 +245,14 @@ impl DistanceGrid {
         let half = 1.05 * bound + 2.0 * gap;
         let per_um = CELLS as f64 / (2.0 * half);
         let node = |i: usize| i as f64 / per_um - half;
-        let arcs = Arcs::new(points);
+        let runs = Runs::new(points);
         let mut values: Vec<f64> = Vec::with_capacity((CELLS + 1) * (CELLS + 1));
         for j in 0..=CELLS {
             for i in 0..=CELLS {
                 let p = Vector2::new(node(i), node(j));
                 // The neighbour's distance is off by one spacing at most, and no wall lies between if it is larger than that.
                 let last = if i > 0 { values.last().copied() } else { None };
-                let distance = arcs.distance(p, last.map_or(f64::INFINITY, |d| d.abs() + 1.001 / per_um));
+                let distance = runs.distance(p, last.map_or(f64::INFINITY, |d| d.abs() + 1.001 / per_um));
                 let inside = last.filter(|d| d.abs() > 1.001 / per_um).map_or_else(|| outline.contains(p), |d| d < 0.0);
                 values.push(if inside { -distance } else { distance });
             }

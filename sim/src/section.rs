@@ -3,7 +3,7 @@
 //! Along z the whole section turns rigidly about the axis, so fibers that are apart at z = 0 are apart everywhere.
 
 use crate::error::SimError;
-use crate::outline::{Outline, edges, segment_distance2, segments_cross};
+use crate::outline::{Outline, Runs, edges, segments_cross};
 use crate::{packing, shape};
 use nalgebra::{Rotation2, Vector2};
 use plywave::{Handedness, YarnSpec};
@@ -52,34 +52,26 @@ impl FiberSection {
             (Outline::Polyline(a), Outline::Polyline(b)) => {
                 let a: Vec<_> = a.iter().map(|&p| self.to_ply(p)).collect();
                 let b: Vec<_> = b.iter().map(|&p| other.to_ply(p)).collect();
-                polyline_distance((&a, self.center_um), (&b, other.center_um))
+                polyline_distance(&a, &b)
             }
         }
     }
 }
 
-/// Distance of two closed polylines, negative by the deepest vertex when they overlap. Each comes with a point about which it
-/// is bounded, to pass over vertices that are too far away to matter.
-fn polyline_distance((a, at): (&[Vector2<f64>], Vector2<f64>), (b, bt): (&[Vector2<f64>], Vector2<f64>)) -> f64 {
-    let mut least2 = f64::INFINITY;
-    for (points, walls, center) in [(a, b, bt), (b, a, at)] {
-        let bound = walls.iter().map(|w| (w - center).norm()).fold(0.0, f64::max);
-        for &p in points {
-            if (p - center).norm() < bound + least2.sqrt() {
-                least2 = edges(walls).fold(least2, |least, (c, d)| least.min(segment_distance2(p, c, d)));
-            }
-        }
-    }
+/// Distance of two closed polylines, negative by the deepest vertex when they overlap.
+fn polyline_distance(a: &[Vector2<f64>], b: &[Vector2<f64>]) -> f64 {
+    let (runs_a, runs_b) = (Runs::new(a), Runs::new(b));
+    let least = b.iter().fold(f64::INFINITY, |least, &p| runs_a.distance(p, least));
+    let least = a.iter().fold(least, |least, &p| runs_b.distance(p, least));
     let longest = |points: &[Vector2<f64>]| edges(points).map(|(p, q)| (q - p).norm()).fold(0.0, f64::max);
-    let touching = least2.sqrt() <= longest(a).max(longest(b));
-    let contained = |p: Vector2<f64>, walls: &[Vector2<f64>]| Outline::Polyline(walls.to_vec()).signed_distance(p);
-    let overlap = contained(a[0], b) < 0.0
-        || contained(b[0], a) < 0.0
+    let touching = least <= longest(a).max(longest(b));
+    let (wall_a, wall_b) = (Outline::Polyline(a.to_vec()), Outline::Polyline(b.to_vec()));
+    let overlap = wall_b.contains(a[0])
+        || wall_a.contains(b[0])
         || (touching && edges(a).any(|(p, q)| edges(b).any(|(r, s)| segments_cross(p, q, r, s))));
     if !overlap {
-        return least2.sqrt();
+        return least;
     }
-    let (wall_a, wall_b) = (Outline::Polyline(a.to_vec()), Outline::Polyline(b.to_vec()));
     let deepest =
         |points: &[Vector2<f64>], wall: &Outline| points.iter().map(|&p| wall.signed_distance(p)).fold(0.0, f64::min);
     deepest(a, &wall_b).min(deepest(b, &wall_a)).min(-f64::MIN_POSITIVE)

@@ -54,7 +54,7 @@ pub(crate) fn draw<R: Rng>(spec: &FiberSpec, rng: &mut R) -> Result<FiberSection
             (stone(size * radius_um, *corners, size * rounding_um, jitter, rng)?, None)
         }
         Shape::Trilobal { radius_um, depth } => {
-            let depth = (depth * (1.0 + jitter * normal3(rng))).clamp(0.0, 0.6);
+            let depth = (depth * (1.0 + jitter * normal3(rng))).clamp(0.0, 0.42);
             let oval = (0.5 * jitter * normal3(rng)).clamp(-0.15, 0.15);
             let phase = rng.random_range(0.0..TAU);
             let radius = |t: f64| 1.0 + depth * (3.0 * t).cos() + oval * (2.0 * t + phase).cos();
