@@ -89,7 +89,7 @@ fn eval_and_sample_agree_with_each_other() {
         for k in 0..2 {
             let f = value["f_per_sr"][k].as_f64().unwrap();
             close(f, sample["weight"][k].as_f64().unwrap() * number("pdf_per_sr"), "f = weight pdf");
-            let (refl, high) = (value["refl_per_sr"][k].as_f64().unwrap(), value["high_per_sr"][k].as_f64().unwrap());
+            let (refl, high) = (value["refl_per_sr"].as_f64().unwrap(), value["high_per_sr"][k].as_f64().unwrap());
             close(f, refl + high, "f = f_refl + f_high");
         }
     }

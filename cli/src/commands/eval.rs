@@ -16,7 +16,7 @@ struct Report {
     phi_o_deg: f64,
     sigma_per_um: Vec<f64>,
     f_per_sr: Vec<f32>,
-    refl_per_sr: Vec<f32>,
+    refl_per_sr: f32,
     high_per_sr: Vec<f32>,
     pdf_per_sr: f32,
     albedo: Vec<f32>,
@@ -45,7 +45,7 @@ pub fn run(cli: &Cli, args: &EvalArgs) -> Outcome {
         )?;
         writeln!(out, "{:>14} {:>12} {:>12} {:>12} {:>12}", "sigma [1/um]", "f", "f_refl", "f_high", "albedo")?;
         for (k, sigma) in report.sigma_per_um.iter().enumerate() {
-            let (f, refl, high) = (report.f_per_sr[k], report.refl_per_sr[k], report.high_per_sr[k]);
+            let (f, refl, high) = (report.f_per_sr[k], report.refl_per_sr, report.high_per_sr[k]);
             writeln!(out, "{:>14} {f:>12.6} {refl:>12.6} {high:>12.6} {:>12.6}", number(*sigma), report.albedo[k])?;
         }
         Ok(())
@@ -69,7 +69,7 @@ fn evaluate<const N: usize>(
         phi_o_deg: args.phi_o,
         sigma_per_um: args.incidence.sigma.clone(),
         f_per_sr: model.eval(theta_i, h_um, sigma, wo).to_vec(),
-        refl_per_sr: refl.to_vec(),
+        refl_per_sr: refl,
         high_per_sr: high.to_vec(),
         pdf_per_sr: model.pdf(theta_i, h_um, sigma, wo),
         albedo: model.albedo(theta_i, h_um, sigma).to_vec(),

@@ -121,7 +121,7 @@ impl Source {
             let field = Field::from_fn(self.grid(), |theta, phi| {
                 let wo = direction(theta as f32, phi as f32);
                 let (refl, high) = model.eval_split(theta_i, h_um, [sigma.unwrap_or(0.0) as f32], wo);
-                if sigma.is_some() { high[0] as f64 } else { refl[0] as f64 }
+                if sigma.is_some() { high[0] as f64 } else { refl as f64 }
             });
             let at = plywave_fit::locate(model.data(), view.theta_i, view.h_um);
             let lobes = match sigma {
