@@ -190,10 +190,10 @@ pub struct CheckArgs {
     #[arg(long, value_name = "TABLE")]
     pub table: Option<PathBuf>,
     /// Largest fit error of an f_refl slice that passes.
-    #[arg(long, value_name = "ERROR", default_value_t = 0.15)]
+    #[arg(long, value_name = "ERROR", default_value_t = 0.2)]
     pub max_error_refl: f64,
-    /// Largest fit error of an f_high slice that passes.
-    #[arg(long, value_name = "ERROR", default_value_t = 0.1)]
+    /// Largest fit error of an f_high slice that passes, as a share of its light at sigma = 0.
+    #[arg(long, value_name = "ERROR", default_value_t = 0.15)]
     pub max_error_high: f64,
     /// Number of incidences to check.
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=100_000))]

@@ -1,7 +1,7 @@
 //! Progress bars on stderr, silent when it is not a terminal or `--quiet` is given, and Ctrl-C.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::sync::Once;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -17,6 +17,10 @@ pub fn install_stop() {
     ONCE.call_once(|| {
         let handler = || {
             if !STOPPABLE.load(Ordering::SeqCst) || STOP.swap(true, Ordering::SeqCst) {
+                if std::io::stderr().is_terminal() {
+                    // The bar's line makes room; where it cannot, the message stands beside it.
+                    let _ = std::io::stderr().write_all(b"\r\x1b[2K");
+                }
                 crate::failure::Failure::Interrupted(format!("stopped; go on with: {}", resume_command())).report();
                 std::process::exit(130);
             }

@@ -20,14 +20,14 @@ pub fn run(cli: &Cli, args: &BuildArgs) -> Outcome {
         output::check_writable(table_path)?;
     }
     let parts = parts_of(&path);
-    let (table, simulation_time) = job.simulate(cli, &parts, args.run.resume)?;
+    let (table, simulated) = job.simulate(cli, &parts, args.run.resume)?;
     if let Some(table_path) = &table_path {
         table.save(table_path)?;
     }
     let (data, fit_time) = fit::fit_table(cli, &job.file, &table, args.run.preset)?;
     data.save(&path)?;
     remove_parts(&parts);
-    let (simulated, fitted) = (simulate::Summary::of(&table, simulation_time), fit::Summary::of(&data, fit_time));
+    let fitted = fit::Summary::of(&data, fit_time);
     let bytes = std::fs::metadata(&path).map_or(0, |m| m.len());
     if cli.json {
         let mut object = serde_json::json!({
@@ -47,7 +47,7 @@ pub fn run(cli: &Cli, args: &BuildArgs) -> Outcome {
     }
     output::print(|out| {
         writeln!(out, "{}: {}, {} at {} quality", path.display(), report::bytes(bytes), job.spec.name, data.preset)?;
-        simulate::write_summary(out, &simulated, simulation_time)?;
+        simulate::write_summary(out, &simulated)?;
         fit::write_summary(out, &fitted, fit_time)?;
         writeln!(out, "look at it with: plywave plot {}", path.display())
     })

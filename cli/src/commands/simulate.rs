@@ -43,8 +43,8 @@ impl Job {
         Ok(Job { file, spec, text, options })
     }
 
-    /// Runs the simulation with finished shards kept in `parts`; gives the table and the time it took.
-    pub fn simulate(&self, cli: &Cli, parts: &Path, resume: bool) -> Outcome<(Table, Duration)> {
+    /// Runs the simulation with finished shards kept in `parts`; gives the table and what there is to say.
+    pub fn simulate(&self, cli: &Cli, parts: &Path, resume: bool) -> Outcome<(Table, Summary)> {
         if parts.exists() && !resume && !parts.join("run.txt").is_file() {
             let mend = "exists and holds no shards of plywave; move it away or choose another -o";
             return Err(Failure::Input(format!("{}: {mend}", parts.display())));
@@ -60,7 +60,10 @@ impl Job {
         });
         let time = bar.finish();
         match work? {
-            Ok(table) => Ok((table, time)),
+            Ok(table) => {
+                let summary = Summary::of(&table, time, resume && !fresh);
+                Ok((table, summary))
+            }
             Err(error) => {
                 // A spec that cannot be built leaves nothing behind.
                 if fresh && !matches!(error, SimError::Interrupted { .. } | SimError::Runtime(_)) {
@@ -102,16 +105,19 @@ pub struct Summary {
     pub paths: u64,
     /// Time [s].
     pub simulation_s: f64,
+    /// Whether shards of an earlier run were taken up; the time is then that of the rest.
+    pub resumed: bool,
     /// Largest departure of refl + high + r_d from 1 at sigma = 0, in its standard errors.
     pub energy_balance_max_standard_errors: f64,
 }
 
 impl Summary {
     /// Of a table just simulated.
-    pub fn of(table: &Table, time: Duration) -> Self {
+    fn of(table: &Table, time: Duration, resumed: bool) -> Self {
         Summary {
             paths: table.paths.iter().sum(),
             simulation_s: time.as_secs_f64(),
+            resumed,
             energy_balance_max_standard_errors: energy_balance(table),
         }
     }
@@ -135,10 +141,9 @@ pub fn run(cli: &Cli, args: &SimulateArgs) -> Outcome {
     let path = args.output.clone().unwrap_or_else(|| output::default_output(&args.spec, "pwt"));
     output::check_writable(&path)?;
     let parts = parts_of(&path);
-    let (table, time) = job.simulate(cli, &parts, args.run.resume)?;
+    let (table, summary) = job.simulate(cli, &parts, args.run.resume)?;
     table.save(&path)?;
     remove_parts(&parts);
-    let summary = Summary::of(&table, time);
     let bytes = std::fs::metadata(&path).map_or(0, |m| m.len());
     if cli.json {
         let mut object = serde_json::json!({
@@ -156,20 +161,18 @@ pub fn run(cli: &Cli, args: &SimulateArgs) -> Outcome {
     }
     output::print(|out| {
         writeln!(out, "{}: {}", path.display(), report::bytes(bytes))?;
-        write_summary(out, &summary, time)
+        write_summary(out, &summary)
     })
 }
 
 /// The lines of a simulation in a report.
-pub fn write_summary(out: &mut dyn std::io::Write, summary: &Summary, time: Duration) -> std::io::Result<()> {
-    let rate = summary.paths as f64 / time.as_secs_f64().max(1e-9);
-    writeln!(
-        out,
-        "  simulation   {}: {} paths, {} paths/s",
-        report::duration(time),
-        report::count(summary.paths as f64),
-        report::count(rate)
-    )?;
+pub fn write_summary(out: &mut dyn std::io::Write, summary: &Summary) -> std::io::Result<()> {
+    let rate = match summary.resumed {
+        true => "taken up from an earlier run".into(),
+        false => format!("{} paths/s", report::count(summary.paths as f64 / summary.simulation_s.max(1e-9))),
+    };
+    let time = report::duration(Duration::from_secs_f64(summary.simulation_s));
+    writeln!(out, "  simulation   {time}: {} paths, {rate}", report::count(summary.paths as f64))?;
     writeln!(
         out,
         "  energy       refl + high + r_d = 1 within {:.1} standard errors at every incidence",
