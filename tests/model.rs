@@ -18,7 +18,7 @@ fn incidence(rng: &mut Pcg64Mcg) -> (f32, f32) {
 }
 
 fn anywhere(rng: &mut Pcg64Mcg) -> [f32; 3] {
-    direction((2.0 * rng.random::<f32>() - 1.0).asin(), 6.2831853 * rng.random::<f32>())
+    direction((2.0 * rng.random::<f32>() - 1.0).asin(), std::f32::consts::TAU * rng.random::<f32>())
 }
 
 #[test]

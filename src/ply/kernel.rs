@@ -103,12 +103,11 @@ fn transmittances<const FMA: bool, const J: usize, const N: usize>(
     layout: &Layout,
     sigma: &[f32; N],
 ) -> Option<[[f32; N]; J]> {
-    let sigma = sigma.map(|s| min(max(s, 0.0), 1e6));
     let path = layout.path.first_chunk::<J>()?;
     let mut t = [[0.0; N]; J];
     for j in 0..J {
         for k in 0..N {
-            t[j][k] = -sigma[k] * path[j];
+            t[j][k] = -min(max(sigma[k], 0.0), 1e6) * path[j];
         }
     }
     for x in t.as_flattened_mut() {
@@ -142,13 +141,18 @@ fn interpolate_energies<const FMA: bool, const J: usize, const N: usize>(
 /// Sum over path lengths of a spectrum times its transmittances.
 #[inline(always)]
 fn absorb<const FMA: bool, const J: usize, const N: usize>(spectrum: &[f32; J], t: &[[f32; N]; J]) -> [f32; N] {
-    let mut sum = [0.0; N];
-    for j in 0..J {
+    // Two sums halve the chain of dependent additions.
+    let (mut even, mut odd) = ([0.0; N], [0.0; N]);
+    for j in 0..J / 2 {
         for k in 0..N {
-            sum[k] = fma::<FMA>(spectrum[j], t[j][k], sum[k]);
+            even[k] = fma::<FMA>(spectrum[2 * j], t[2 * j][k], even[k]);
+            odd[k] = fma::<FMA>(spectrum[2 * j + 1], t[2 * j + 1][k], odd[k]);
         }
     }
-    sum
+    for k in 0..N {
+        even[k] += odd[k];
+    }
+    even
 }
 
 /// Exact energies at an incidence: what `albedo` and `r_d` report and what the lobes are scaled to.
@@ -164,11 +168,14 @@ pub(super) fn energies<const FMA: bool, const J: usize, const N: usize>(
 }
 
 /// Lobe parameters by lane, and spectra of the high-order lobes.
+type Lobes<const H: usize, const L: usize, const J: usize> = ([[f32; L]; 6], [[f32; J]; H]);
+
+/// Interpolates the lobes of both kinds.
 #[inline(always)]
 fn interpolate<const FMA: bool, const H: usize, const R: usize, const L: usize, const J: usize>(
     layout: &Layout,
     p: Place,
-) -> Option<([[f32; L]; 6], [[f32; J]; H])> {
+) -> Option<Lobes<H, L, J>> {
     let (wm, wn) = (catmull_rom(p.fm), catmull_rom(p.fn_));
     let row = |a: usize| floats(&layout.refl, ((p.m + a) * (layout.nodes_h + 2) + p.n) * 6 * R, 24 * R);
     let (r0, r1, r2, r3) = (row(0)?, row(1)?, row(2)?, row(3)?);
@@ -230,14 +237,17 @@ const MEAN_3: [f32; 5] = [0.103313036, -1.2792708, 0.07296818, 23.176245, 33.990
 const MEAN_4: [f32; 3] = [0.04638332, -1.8602276, -4.9093513];
 const MEAN_5: [f32; 1] = [0.121228844];
 
-/// Polynomial by Horner's rule, constant term first.
+/// Polynomial of even degree in x, constant term first, its even and odd powers apart: half the chain of Horner's rule.
 #[inline(always)]
-fn polynomial<const FMA: bool, const M: usize>(c: [f32; M], x: f32) -> f32 {
-    let mut sum = c[M - 1];
-    for i in (0..M - 1).rev() {
-        sum = fma::<FMA>(sum, x, c[i]);
+fn polynomial<const FMA: bool, const M: usize>(c: [f32; M], x: f32, x2: f32) -> f32 {
+    let (mut even, mut odd) = (c[M - 1], c[M - 2]);
+    for i in (0..M / 2).rev() {
+        even = fma::<FMA>(even, x2, c[2 * i]);
     }
-    sum
+    for i in (0..M / 2 - 1).rev() {
+        odd = fma::<FMA>(odd, x2, c[2 * i + 1]);
+    }
+    fma::<FMA>(odd, x, even)
 }
 
 /// Energy of a lobe with amplitude 1, times sqrt(mu1 mu2) / pi.
@@ -247,11 +257,11 @@ fn unit_mean<const FMA: bool>(mu1: f32, mu2: f32) -> f32 {
     let both = 1.0 / (d1 * d2);
     let (a, b) = ((2.0 - mu1) * (d2 * both), (2.0 - mu2) * (d1 * both));
     let (x, y) = (0.5 * (a + b), a * b);
-    let sum = fma::<FMA>(MEAN_5[0], y, polynomial::<FMA, 3>(MEAN_4, x));
-    let sum = fma::<FMA>(sum, y, polynomial::<FMA, 5>(MEAN_3, x));
-    let sum = fma::<FMA>(sum, y, polynomial::<FMA, 7>(MEAN_2, x));
-    let sum = fma::<FMA>(sum, y, polynomial::<FMA, 9>(MEAN_1, x));
-    fma::<FMA>(sum, y, polynomial::<FMA, 11>(MEAN_0, x))
+    let (x2, y2) = (x * x, y * y);
+    let p01 = fma::<FMA>(polynomial::<FMA, 9>(MEAN_1, x, x2), y, polynomial::<FMA, 11>(MEAN_0, x, x2));
+    let p23 = fma::<FMA>(polynomial::<FMA, 5>(MEAN_3, x, x2), y, polynomial::<FMA, 7>(MEAN_2, x, x2));
+    let p45 = fma::<FMA>(MEAN_5[0], y, polynomial::<FMA, 3>(MEAN_4, x, x2));
+    fma::<FMA>(fma::<FMA>(p45, y2, p23), y2, p01)
 }
 
 /// The lobes at an incidence; `None` where the beam misses.
@@ -335,12 +345,17 @@ impl<const H: usize, const L: usize, const J: usize, const N: usize> Mixture<H, 
     /// Sums over the lobes of `value` by lane: reflection, and high-order after absorption. Not scaled.
     #[inline(always)]
     fn absorbed<const FMA: bool>(&self, value: &[f32; L]) -> (f32, [f32; N]) {
-        let mut by_path = [0.0; J];
-        // Of as many turns as there are lobes, which the compiler does not know: it then keeps the path lengths in a vector.
-        for (value, spectrum) in value.iter().zip(&self.spectrum).take(self.lobes_high) {
+        // Of as many turns as there are pairs of lobes, which the compiler does not know: it then keeps the path lengths in vectors.
+        let (mut even, mut odd) = ([0.0; J], [0.0; J]);
+        let pairs = value.as_chunks::<2>().0.iter().zip(self.spectrum.as_chunks::<2>().0);
+        for (value, spectrum) in pairs.take(self.lobes_high.div_ceil(2)) {
             for j in 0..J {
-                by_path[j] = fma::<FMA>(*value, spectrum[j], by_path[j]);
+                even[j] = fma::<FMA>(value[0], spectrum[0][j], even[j]);
+                odd[j] = fma::<FMA>(value[1], spectrum[1][j], odd[j]);
             }
+        }
+        for j in 0..J {
+            even[j] += odd[j];
         }
         let mut refl = [0.0; 4];
         for octet in value[H..].as_chunks::<8>().0 {
@@ -348,13 +363,7 @@ impl<const H: usize, const L: usize, const J: usize, const N: usize> Mixture<H, 
                 refl[i] += octet[i] + octet[i + 4];
             }
         }
-        let mut high = [0.0; N];
-        for j in 0..J {
-            for k in 0..N {
-                high[k] = fma::<FMA>(by_path[j], self.transmittance[j][k], high[k]);
-            }
-        }
-        ((refl[0] + refl[2]) + (refl[1] + refl[3]), high)
+        ((refl[0] + refl[2]) + (refl[1] + refl[3]), absorb::<FMA, J, N>(&even, &self.transmittance))
     }
 
     /// [`Mixture::absorbed`], scaled to the simulated energies.
