@@ -1,2 +1,58 @@
-//! The plywave command.
-fn main() {}
+//! The plywave command: simulate, fit, build, inspect, evaluate, check, compare and plot ply models.
+
+mod args;
+mod commands;
+mod failure;
+mod output;
+mod plot;
+mod progress;
+mod report;
+
+use args::{Cli, Command};
+use clap::Parser;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => return usage(&error),
+    };
+    let outcome = match &cli.command {
+        Command::Simulate(args) => commands::simulate::run(&cli, args),
+        Command::Fit(args) => commands::fit::run(&cli, args),
+        Command::Build(args) => commands::build::run(&cli, args),
+        Command::Info(args) => commands::info::run(&cli, args),
+        Command::Eval(args) => commands::eval::run(&cli, args),
+        Command::Sample(args) => commands::sample::run(&cli, args),
+        Command::Check(args) => commands::check::run(&cli, args),
+        Command::Diff(args) => commands::diff::run(&cli, args),
+        Command::Plot(args) => commands::plot::run(&cli, args),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => failure.report(),
+    }
+}
+
+/// Help and version go to standard output; what is wrong with the command line becomes one line.
+fn usage(error: &clap::Error) -> ExitCode {
+    if !error.use_stderr() {
+        // A reader that went away has read enough.
+        let _ = error.print();
+        return ExitCode::SUCCESS;
+    }
+    let text = error.render().to_string();
+    let mut lines = text.lines().map(str::trim).filter(|l| !l.is_empty());
+    let what = if error.kind() == clap::error::ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        "no command given".to_string()
+    } else {
+        let said: Vec<&str> =
+            lines.by_ref().take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more")).collect();
+        said.join(" ").trim_start_matches("error: ").to_string()
+    };
+    let asked: Vec<String> = std::env::args_os().skip(1).take(1).map(|a| a.to_string_lossy().into_owned()).collect();
+    let known =
+        <Cli as clap::CommandFactory>::command().get_subcommands().any(|c| asked.iter().any(|a| a == c.get_name()));
+    let command = if known { format!("plywave {}", asked[0]) } else { "plywave".into() };
+    failure::Failure::Input(format!("{what}; see {command} --help")).report()
+}

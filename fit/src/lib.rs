@@ -1,5 +1,30 @@
-//! Fitter of plywave.
+//! Fitter of plywave: from tables of simulated scattering to ply models of anisotropic spherical Gaussian lobes.
 
+mod absorption;
+mod block;
+mod canonical;
+mod diagnose;
+mod diff;
+mod fit;
+mod fit_errors;
+mod init;
 mod lbfgsb;
+mod minimize;
+mod model;
+mod nnls;
+mod reflection;
+mod sphere;
 
+pub use absorption::{PATHS, choose_paths, energy_spectrum};
+pub use block::{BlockEffort, CORNERS, corner_weights};
+pub use canonical::{canonical, canonical_order, canonicalize, nearest_representation};
+pub use diagnose::{Part, PartFit, fit_block, fit_single_slices};
+pub use diff::{DiffReport, DiffTolerance, LobeDrift, diff, lobe_drift};
+pub use fit::{FitError, FitOptions, Progress, Stage, fit};
+pub use fit_errors::{FitErrors, errors};
+pub use init::kmeans_lobes;
 pub use lbfgsb::{CostGradient, Lbfgsb, LbfgsbError, LbfgsbOptions, LbfgsbSolution, LbfgsbState, LbfgsbStop, minimize};
+pub use model::{Place, ScaledLobes, energy_high, high_lobes, high_lobes_in_block, locate, refl_lobes};
+pub use nnls::nnls;
+pub use reflection::ReflectionEffort;
+pub use sphere::{PaddedSlice, Scratch, SphereGrid};

@@ -1,0 +1,276 @@
+//! The command line. Angles are in degrees here and nowhere else; offsets are relative to the ply radius.
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// Simulates how a ply of fibers scatters light, fits a compact model to it, and inspects, checks, compares and plots models.
+#[derive(Debug, Parser)]
+#[command(name = "plywave", version, max_term_width = 110, disable_help_subcommand = true)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+    /// Say nothing but results and errors.
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
+    /// Print results as JSON.
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// Number of threads; results do not depend on it [default: one a core].
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub threads: Option<u32>,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Simulate the scattering of a yarn's ply: spec (TOML) in, table (.pwt) out.
+    Simulate(SimulateArgs),
+    /// Fit a ply model to a table: table (.pwt) in, model (.pwm) out.
+    Fit(FitArgs),
+    /// Simulate and fit in one go. Without a spec: polyester, compiled in, at preview quality.
+    Build(BuildArgs),
+    /// Tell what a table or a model holds.
+    Info(InfoArgs),
+    /// Evaluate a model at one incidence and one outgoing direction.
+    Eval(EvalArgs),
+    /// Sample outgoing directions of a model at one incidence, as CSV lines.
+    Sample(SampleArgs),
+    /// Check a model: furnace, eval against weight times pdf, chi-square of sampling, fit error of every slice. Exit code 1 when one fails.
+    Check(CheckArgs),
+    /// Compare two models slice by slice. Exit code 1 beyond the tolerance.
+    Diff(DiffArgs),
+    /// Draw a table or a model as a PNG: false-colour maps, energy budget, fit errors.
+    Plot(PlotArgs),
+}
+
+/// Quality of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Preset {
+    /// A quick look: under a minute for polyester.
+    Preview,
+    /// For use: minutes.
+    Standard,
+    /// For comparison: hours.
+    Reference,
+}
+
+impl Preset {
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Preset::Preview => "preview",
+            Preset::Standard => "standard",
+            Preset::Reference => "reference",
+        }
+    }
+}
+
+/// Flags of a simulation.
+#[derive(Debug, Args)]
+pub struct RunArgs {
+    /// Quality [default: standard; preview when no spec is given].
+    #[arg(long, value_enum)]
+    pub preset: Option<Preset>,
+    /// Seed of the random numbers.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Go on with a run that was stopped; the result is bit for bit that of one that was not.
+    #[arg(long)]
+    pub resume: bool,
+    /// Paths per incident latitude, instead of the spec's or the preset's.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000_000))]
+    pub paths: Option<u64>,
+    /// Geometry instances in the ensemble, instead of the spec's or the preset's.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub instances: Option<u32>,
+}
+
+/// `plywave simulate`.
+#[derive(Debug, Args)]
+pub struct SimulateArgs {
+    /// Yarn spec (TOML).
+    pub spec: PathBuf,
+    /// Table to write [default: SPEC's name with .pwt, in this folder].
+    #[arg(long, short, value_name = "TABLE")]
+    pub output: Option<PathBuf>,
+    /// How to run.
+    #[command(flatten)]
+    pub run: RunArgs,
+}
+
+/// `plywave fit`.
+#[derive(Debug, Args)]
+pub struct FitArgs {
+    /// Table to fit (.pwt).
+    pub table: PathBuf,
+    /// Model to write [default: TABLE's name with .pwm, in this folder].
+    #[arg(long, short, value_name = "MODEL")]
+    pub output: Option<PathBuf>,
+    /// Quality of the fit [default: the table's].
+    #[arg(long, value_enum)]
+    pub preset: Option<Preset>,
+}
+
+/// `plywave build`.
+#[derive(Debug, Args)]
+pub struct BuildArgs {
+    /// Yarn spec (TOML) [default: polyester, compiled in].
+    pub spec: Option<PathBuf>,
+    /// Model to write [default: SPEC's name with .pwm, in this folder].
+    #[arg(long, short, value_name = "MODEL")]
+    pub output: Option<PathBuf>,
+    /// Keep the simulated table too, under the model's name with .pwt.
+    #[arg(long)]
+    pub keep_table: bool,
+    /// How to run.
+    #[command(flatten)]
+    pub run: RunArgs,
+}
+
+/// `plywave info`.
+#[derive(Debug, Args)]
+pub struct InfoArgs {
+    /// Table or model.
+    pub file: PathBuf,
+}
+
+/// An incidence.
+#[derive(Debug, Args)]
+pub struct IncidenceArgs {
+    /// Incident latitude [degrees], -90 to 90.
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub theta_i: f64,
+    /// Offset of the beam's center over the ply radius; light still scatters a little beyond 1.
+    #[arg(long, value_name = "H", allow_negative_numbers = true)]
+    pub h_rel: f64,
+    /// One to four absorption coefficients [1/um].
+    #[arg(long, value_name = "SIGMA", num_args = 1..=4, value_delimiter = ',', default_values_t = [0.0])]
+    pub sigma: Vec<f64>,
+}
+
+/// `plywave eval`.
+#[derive(Debug, Args)]
+pub struct EvalArgs {
+    /// Model.
+    pub model: PathBuf,
+    /// Where the light comes from.
+    #[command(flatten)]
+    pub incidence: IncidenceArgs,
+    /// Outgoing latitude [degrees], -90 to 90.
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub theta_o: f64,
+    /// Outgoing azimuth [degrees]; light comes from 90, exact forward is 270.
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub phi_o: f64,
+}
+
+/// `plywave sample`.
+#[derive(Debug, Args)]
+pub struct SampleArgs {
+    /// Model.
+    pub model: PathBuf,
+    /// Where the light comes from.
+    #[command(flatten)]
+    pub incidence: IncidenceArgs,
+    /// Number of samples.
+    #[arg(short = 'n', long = "count", value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
+    pub count: u64,
+    /// Seed of the random numbers.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+}
+
+/// `plywave check`.
+#[derive(Debug, Args)]
+pub struct CheckArgs {
+    /// Model.
+    pub model: PathBuf,
+    /// A table to hold the model's slices to, best one of another seed.
+    #[arg(long, value_name = "TABLE")]
+    pub table: Option<PathBuf>,
+    /// Largest fit error of an f_refl slice that passes.
+    #[arg(long, value_name = "ERROR", default_value_t = 0.2)]
+    pub max_error_refl: f64,
+    /// Largest fit error of an f_high slice that passes, as a share of its light at sigma = 0.
+    #[arg(long, value_name = "ERROR", default_value_t = 0.15)]
+    pub max_error_high: f64,
+    /// Number of incidences to check.
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub incidences: u32,
+    /// Seed of the random numbers.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+}
+
+/// `plywave diff`.
+#[derive(Debug, Args)]
+pub struct DiffArgs {
+    /// First model.
+    pub a: PathBuf,
+    /// Second model.
+    pub b: PathBuf,
+    /// Largest relative L2 distance of a slice that passes [default: 0.02].
+    #[arg(long, value_name = "TOL")]
+    pub tol: Option<f64>,
+    /// Largest difference of an energy that passes, as a share of the beam's power [default: 0.002].
+    #[arg(long, value_name = "TOL")]
+    pub tol_energy: Option<f64>,
+    /// Largest turn of a lobe's axis that passes [degrees] [default: any, since different lobes may make one density].
+    #[arg(long, value_name = "DEG")]
+    pub tol_drift: Option<f64>,
+}
+
+/// Part of a figure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Part {
+    /// All of the below.
+    All,
+    /// Maps of f(theta_o, phi_o).
+    Maps,
+    /// Energy over (theta_i, h).
+    Energy,
+    /// Fit error (of a table: its noise) over (theta_i, h).
+    Errors,
+}
+
+/// `plywave plot`.
+#[derive(Debug, Args)]
+pub struct PlotArgs {
+    /// Table or model.
+    pub file: PathBuf,
+    /// PNG to write [default: FILE's name with .png, in this folder].
+    #[arg(long, short, value_name = "PNG")]
+    pub output: Option<PathBuf>,
+    /// With a model: the table to set beside it, with the residual.
+    #[arg(long, value_name = "TABLE", conflicts_with = "model")]
+    pub table: Option<PathBuf>,
+    /// With a table: the model to set beside it, with the residual.
+    #[arg(long, value_name = "MODEL")]
+    pub model: Option<PathBuf>,
+    /// One incidence: latitude [degrees], to the nearest node of a table [default: an overview].
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub theta_i: Option<f64>,
+    /// One incidence: offset of the beam's center over the ply radius, to the nearest node of a table.
+    #[arg(long, value_name = "H", allow_negative_numbers = true)]
+    pub h_rel: Option<f64>,
+    /// Absorption coefficients [1/um], one to four; the nearest of a table [default: 0 in maps, and one of the table's in the budget].
+    #[arg(long, value_name = "SIGMA", num_args = 1..=4, value_delimiter = ',')]
+    pub sigma: Vec<f64>,
+    /// Decades of the colour scale.
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=12))]
+    pub decades: u32,
+    /// What to draw.
+    #[arg(long, value_enum, default_value_t = Part::All)]
+    pub part: Part,
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    #[test]
+    fn command_line_is_well_formed() {
+        super::Cli::command().debug_assert();
+    }
+}

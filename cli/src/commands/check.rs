@@ -1,0 +1,173 @@
+//! `plywave check`: does a model keep its promises? Furnace, density and weights of the sampler, chi-square of the samples, stored
+//! values, and, where a table is given, the fit error of every slice.
+
+use super::info::model_energy_high;
+use super::{Yarn, on_threads};
+use crate::args::{CheckArgs, Cli};
+use crate::failure::{Failure, Outcome};
+use crate::output;
+use crate::report::{Spread, number};
+use plywave::check::{
+    CheckOptions, FURNACE_TOLERANCE, GOLDEN_TOLERANCE, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE, check_model,
+};
+use plywave::{PlyModel, Table};
+use rand::{RngExt, SeedableRng};
+
+/// One check: what was measured and what is allowed.
+#[derive(serde::Serialize)]
+struct Line {
+    check: &'static str,
+    value: f64,
+    allowed: f64,
+    passed: bool,
+    /// What the number is.
+    #[serde(skip)]
+    meaning: &'static str,
+}
+
+impl Line {
+    fn at_most(check: &'static str, meaning: &'static str, value: f64, allowed: f64) -> Self {
+        Line { check, value, allowed, passed: value <= allowed, meaning }
+    }
+}
+
+/// Fit error of one slice.
+#[derive(serde::Serialize)]
+struct Slice {
+    theta_i_deg: f64,
+    h_rel: f64,
+    error_refl: Option<f64>,
+    error_high: Vec<Option<f64>>,
+}
+
+/// Most that the model's energies may differ from the table's: the spectra of path lengths are fitted, not copied.
+const ENERGY_TOLERANCE: f64 = 1e-3;
+
+/// Runs the command.
+pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
+    if let Some((flag, value)) = [("--max-error-refl", args.max_error_refl), ("--max-error-high", args.max_error_high)]
+        .into_iter()
+        .find(|(_, v)| !(0.0..).contains(v))
+    {
+        return Err(Failure::input("command line", flag, value, "must be 0 or more"));
+    }
+    let model = PlyModel::load(&args.model)?;
+    let data = model.data();
+    let yarn = Yarn::of(&args.model, &data.spec_text, &data.h_um)?;
+    // The table first: what is wrong with it is found before the long check.
+    let held = match &args.table {
+        None => None,
+        Some(path) => {
+            let table = Table::load(path)?;
+            let errors = on_threads(cli, || plywave_fit::errors(data, &table))?
+                .map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?;
+            Some(errors)
+        }
+    };
+    let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(args.seed);
+    let options = CheckOptions { incidences: args.incidences as usize, ..CheckOptions::default() };
+    let report = check_model(&model, &options, &mut || rng.random());
+    let mut lines = vec![
+        Line::at_most("furnace", "|integral of eval - albedo|", report.furnace_error(), FURNACE_TOLERANCE),
+        Line::at_most("pdf_integral", "|integral of pdf - chance to hit|", report.pdf_error(), FURNACE_TOLERANCE),
+        Line::at_most("weight_times_pdf", "|weight pdf - eval|, relative", report.weight_error(), WEIGHT_TOLERANCE),
+        Line::at_most(
+            "sampled_furnace",
+            "sampled - exact energy, standard errors",
+            report.sampled_furnace_se(),
+            SAMPLED_TOLERANCE_SE,
+        ),
+        Line {
+            check: "chi_square",
+            value: report.chi2_p(),
+            allowed: report.chi2_threshold,
+            passed: report.chi2_p() >= report.chi2_threshold,
+            meaning: "least p-value; must not be below",
+        },
+        Line::at_most(
+            "stored_values",
+            "|eval - stored|, relative",
+            report.golden_error.into(),
+            GOLDEN_TOLERANCE.into(),
+        ),
+    ];
+    // Without a table, the errors that the fit stored.
+    let (error_refl, error_high) = match held {
+        None => (data.error_refl.clone(), data.error_high.clone()),
+        Some(errors) => {
+            let worst = |v: &[f64]| Spread::of(v.iter().map(|v| v.abs())).max;
+            let energy = worst(&errors.energy_refl).max(worst(&errors.energy_high));
+            lines.push(Line::at_most("energy", "|energy of the model - of the table|", energy, ENERGY_TOLERANCE));
+            (errors.refl, errors.high)
+        }
+    };
+    let (columns, sigmas) = (data.h_um.len(), data.sigma_per_um.len());
+    let refl = Spread::of(error_refl.iter().copied()).max;
+    lines.push(Line::at_most(
+        "fit_error_refl",
+        "largest relative L2 of a slice, noise removed",
+        refl,
+        args.max_error_refl,
+    ));
+    // A slice that absorption has nearly put out may miss much of what is left: errors count by the light that the slice holds.
+    let energy = model_energy_high(data);
+    let weighted = |k: usize| error_high[k] * energy[k] / energy[k - k % sigmas].max(f64::MIN_POSITIVE);
+    let high = Spread::of((0..error_high.len()).map(weighted)).max;
+    let meaning = "the same, as a share of the slice's light at sigma = 0";
+    lines.push(Line::at_most("fit_error_high", meaning, high, args.max_error_high));
+    let known = |v: f64| v.is_finite().then_some(v);
+    let slices: Vec<Slice> = (0..error_refl.len())
+        .map(|node| Slice {
+            theta_i_deg: data.theta_i[node / columns].to_degrees(),
+            h_rel: data.h_um[node % columns] / yarn.radius_um,
+            error_refl: known(error_refl[node]),
+            error_high: error_high[node * sigmas..(node + 1) * sigmas].iter().map(|v| known(*v)).collect(),
+        })
+        .collect();
+    let passed = lines.iter().all(|l| l.passed);
+    if cli.json {
+        output::print_json(&serde_json::json!({
+            "model": args.model.display().to_string(),
+            "incidences": report.incidences.len(),
+            "samples_per_incidence": options.samples,
+            "seed": args.seed,
+            "checks": lines,
+            "sigma_per_um": data.sigma_per_um,
+            "slices": slices,
+            "passed": passed,
+        }))?;
+    } else {
+        output::print(|out| {
+            for line in lines.iter().filter(|l| !cli.quiet || !l.passed) {
+                let verdict = if line.passed { "pass" } else { "FAIL" };
+                writeln!(
+                    out,
+                    "{verdict}  {:<17} {:>12}  allowed {:<9}  {}",
+                    line.check,
+                    number(line.value),
+                    number(line.allowed),
+                    line.meaning
+                )?;
+            }
+            if !cli.quiet {
+                writeln!(
+                    out,
+                    "fit error per slice, f_refl / f_high at sigma = 0 [%], noise removed; - where noise hides it"
+                )?;
+                write!(out, "  theta_i \\ h/R")?;
+                slices[..columns].iter().try_for_each(|s| write!(out, " {:>11.2}", s.h_rel))?;
+                writeln!(out)?;
+                for row in slices.chunks(columns) {
+                    write!(out, "  {:>9.1} deg", row[0].theta_i_deg)?;
+                    let percent = |v: Option<f64>| v.map_or("-".into(), |v| format!("{:.1}", 100.0 * v));
+                    for s in row {
+                        write!(out, " {:>11}", format!("{}/{}", percent(s.error_refl), percent(s.error_high[0])))?;
+                    }
+                    writeln!(out)?;
+                }
+            }
+            Ok(())
+        })?;
+    }
+    if passed { Ok(()) } else { Err(Failure::NotHeld) }
+}

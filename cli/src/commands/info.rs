@@ -1,0 +1,281 @@
+//! `plywave info`: what a table or a model holds.
+
+use super::simulate::energy_balance;
+use super::{Loaded, Yarn, load_any};
+use crate::args::{Cli, InfoArgs};
+use crate::failure::Outcome;
+use crate::output;
+use crate::report::{self, Spread, number};
+use plywave::{PlyData, Shape, Table, YarnSpec};
+use std::io::Write;
+
+/// What tables and models have in common.
+#[derive(serde::Serialize)]
+struct Head {
+    file: String,
+    kind: &'static str,
+    bytes: u64,
+    name: String,
+    program_version: String,
+    preset: String,
+    seed: u64,
+    ply_radius_um: f64,
+    theta_i_deg: Vec<f64>,
+    h_um: Vec<f64>,
+    h_rel: Vec<f64>,
+    sigma_per_um: Vec<f64>,
+}
+
+/// Energies over the incidences.
+#[derive(serde::Serialize)]
+struct Energies {
+    r_d: Vec<Vec<f64>>,
+    energy_refl: Vec<Vec<f64>>,
+    energy_high: Vec<Vec<Vec<f64>>>,
+}
+
+/// A flat array `[rows][..]` as rows.
+fn rows<T: Clone>(values: &[T], rows: usize) -> Vec<Vec<T>> {
+    values.chunks((values.len() / rows.max(1)).max(1)).map(<[T]>::to_vec).collect()
+}
+
+/// Energy of f_high of a model over its incidences and absorptions, `[theta_i][h][sigma]`.
+pub fn model_energy_high(data: &PlyData) -> Vec<f64> {
+    let paths = data.path_um.len();
+    let nodes = data.theta_i.len() * data.h_um.len();
+    (0..nodes)
+        .flat_map(|node| {
+            let spectrum = &data.energy_high[node * paths..(node + 1) * paths];
+            data.sigma_per_um
+                .iter()
+                .map(|sigma| spectrum.iter().zip(&data.path_um).map(|(e, l)| e * (-sigma * l).exp()).sum())
+                .collect::<Vec<f64>>()
+        })
+        .collect()
+}
+
+/// Runs the command.
+pub fn run(cli: &Cli, args: &InfoArgs) -> Outcome {
+    let bytes = std::fs::metadata(&args.file).map_or(0, |m| m.len());
+    let file = args.file.display().to_string();
+    match load_any(&args.file)? {
+        Loaded::Table(t) => {
+            let yarn = Yarn::of(&args.file, &t.spec_text, &t.h_um)?;
+            let head = Head {
+                file,
+                kind: "table",
+                bytes,
+                name: yarn.spec.name.clone(),
+                program_version: t.program_version.clone(),
+                preset: t.preset.clone(),
+                seed: t.seed,
+                ply_radius_um: yarn.radius_um,
+                theta_i_deg: t.theta_i.iter().map(|v| v.to_degrees()).collect(),
+                h_rel: t.h_um.iter().map(|h| h / yarn.radius_um).collect(),
+                h_um: t.h_um.clone(),
+                sigma_per_um: t.sigma_per_um.clone(),
+            };
+            if cli.json { table_json(&head, &t) } else { table_text(&head, &yarn.spec, &t) }
+        }
+        Loaded::Model(m) => {
+            let d = m.data();
+            let yarn = Yarn::of(&args.file, &d.spec_text, &d.h_um)?;
+            let head = Head {
+                file,
+                kind: "model",
+                bytes,
+                name: yarn.spec.name.clone(),
+                program_version: d.program_version.clone(),
+                preset: d.preset.clone(),
+                seed: d.seed,
+                ply_radius_um: yarn.radius_um,
+                theta_i_deg: d.theta_i.iter().map(|v| v.to_degrees()).collect(),
+                h_rel: d.h_um.iter().map(|h| h / yarn.radius_um).collect(),
+                h_um: d.h_um.clone(),
+                sigma_per_um: d.sigma_per_um.clone(),
+            };
+            if cli.json { model_json(&head, d) } else { model_text(&head, &yarn.spec, d) }
+        }
+    }
+}
+
+fn table_json(head: &Head, t: &Table) -> Outcome {
+    let m = t.theta_i.len();
+    let sigmas = t.sigma_per_um.len();
+    output::print_json(&serde_json::json!({
+        "file": head.file, "kind": head.kind, "bytes": head.bytes, "name": head.name,
+        "program_version": head.program_version, "preset": head.preset, "seed": head.seed,
+        "ply_radius_um": head.ply_radius_um,
+        "theta_i_deg": head.theta_i_deg, "h_um": head.h_um, "h_rel": head.h_rel, "sigma_per_um": head.sigma_per_um,
+        "theta_o_bins": t.grid.theta_o, "phi_o_bins": t.grid.phi_o,
+        "paths": t.paths, "interactions_per_path": t.interactions,
+        "energies": Energies {
+            r_d: rows(&t.r_d, m),
+            energy_refl: rows(&t.energy_refl, m),
+            energy_high: rows(&rows(&t.energy_high, t.energy_high.len() / sigmas.max(1)), m),
+        },
+        "energy_balance_max_standard_errors": energy_balance(t),
+        "energy_killed_max": t.energy_killed.iter().copied().fold(0.0, f64::max),
+        "spec": t.spec_text,
+    }))
+}
+
+fn model_json(head: &Head, d: &PlyData) -> Outcome {
+    let m = d.theta_i.len();
+    let sigmas = d.sigma_per_um.len();
+    let high = model_energy_high(d);
+    output::print_json(&serde_json::json!({
+        "file": head.file, "kind": head.kind, "bytes": head.bytes, "name": head.name,
+        "program_version": head.program_version, "preset": head.preset, "seed": head.seed,
+        "ply_radius_um": head.ply_radius_um,
+        "theta_i_deg": head.theta_i_deg, "h_um": head.h_um, "h_rel": head.h_rel, "sigma_per_um": head.sigma_per_um,
+        "path_um": d.path_um, "lobes_refl": d.lobes_refl, "lobes_high": d.lobes_high,
+        "energies": Energies {
+            r_d: rows(&d.r_d, m),
+            energy_refl: rows(&d.energy_refl, m),
+            energy_high: rows(&rows(&high, high.len() / sigmas.max(1)), m),
+        },
+        "fit_error_refl": rows(&d.error_refl, m),
+        "fit_error_high": rows(&rows(&d.error_high, d.error_high.len() / sigmas.max(1)), m),
+        "spec": d.spec_text,
+    }))
+}
+
+/// One line on the fibers and the ply of a spec.
+pub fn yarn_line(spec: &YarnSpec) -> String {
+    let shape = match &spec.fiber.shape {
+        Shape::Circle { radius_um } => format!("circle of radius {} um", number(*radius_um)),
+        Shape::Ellipse { a_um, b_um } => format!("ellipse of {} x {} um", number(*a_um), number(*b_um)),
+        Shape::Kidney { a_um, b_um, lumen, .. } => {
+            let hollow = if *lumen > 0.0 { "hollow " } else { "" };
+            format!("{hollow}kidney of {} x {} um", number(*a_um), number(*b_um))
+        }
+        Shape::RoundedTriangle { radius_um, .. } => format!("rounded triangle of radius {} um", number(*radius_um)),
+        Shape::Stone { radius_um, .. } => format!("stone of radius {} um", number(*radius_um)),
+        Shape::Trilobal { radius_um, .. } => format!("trilobal of radius {} um", number(*radius_um)),
+        Shape::Serrated { radius_um, .. } => format!("serrated of radius {} um", number(*radius_um)),
+        Shape::Polygon { .. } => "polygon".to_string(),
+    };
+    let ply = match spec.ply.radii_um {
+        Some([a, b]) => format!("elliptical ply of {} x {} um", number(a), number(b)),
+        None => format!("ply of radius {} um", number(spec.ply.radius_um.unwrap_or(0.0))),
+    };
+    let twist = match spec.ply.fiber_pitch_um {
+        Some(pitch) => format!("pitch {} um {:?}", number(pitch), spec.ply.handedness),
+        None => "no twist".into(),
+    };
+    format!(
+        "{} fibers, {shape}, eta {}, alpha_fiber {}; {ply}, {twist}",
+        spec.ply.fibers,
+        number(spec.fiber.eta),
+        number(spec.fiber.alpha_fiber)
+    )
+}
+
+fn head_text(out: &mut dyn Write, head: &Head, spec: &YarnSpec) -> std::io::Result<()> {
+    // Names and versions come from the file: control characters must not reach the terminal.
+    let clean = crate::failure::one_line;
+    writeln!(out, "{}: {} of {}, {}", head.file, head.kind, clean(&head.name), report::bytes(head.bytes))?;
+    writeln!(
+        out,
+        "  written by   plywave {}, preset {}, seed {}",
+        clean(&head.program_version),
+        clean(&head.preset),
+        head.seed
+    )?;
+    writeln!(out, "  yarn         {}", yarn_line(spec))?;
+    let last = |v: &[f64]| v.last().copied().unwrap_or(0.0);
+    writeln!(
+        out,
+        "  incidence    {} theta_i from 0 to {} degrees, {} h from {} to {} um ({} R)",
+        head.theta_i_deg.len(),
+        number(last(&head.theta_i_deg)),
+        head.h_um.len(),
+        number(head.h_um.first().copied().unwrap_or(0.0)),
+        number(last(&head.h_um)),
+        number(last(&head.h_rel))
+    )?;
+    let sigma: Vec<String> = head.sigma_per_um.iter().map(|s| number(*s)).collect();
+    writeln!(out, "  absorption   sigma {} per um", sigma.join(", "))
+}
+
+/// Energies at the offset nearest to the middle, one line a latitude.
+fn energies_text(
+    out: &mut dyn Write,
+    head: &Head,
+    refl: &[f64],
+    high: &[f64],
+    r_d: &[f64],
+    error: Option<(&[f64], &[f64])>,
+) -> std::io::Result<()> {
+    let (columns, sigmas) = (head.h_um.len(), head.sigma_per_um.len());
+    let errors = if error.is_some() { "   error refl   error high" } else { "" };
+    writeln!(out, "  at h = 0     theta_i     refl   high   r_d      sum   high at largest sigma{errors}")?;
+    for (m, theta) in head.theta_i_deg.iter().enumerate() {
+        let at = m * columns + columns / 2;
+        let (first, last) = (high[at * sigmas], high[at * sigmas + sigmas - 1]);
+        write!(
+            out,
+            "               {:>5} deg {:>8.4} {first:>6.4} {:>6.4} {:>7.4}   {last:>6.4}",
+            number((theta * 10.0).round() / 10.0),
+            refl[at],
+            r_d[at],
+            refl[at] + first + r_d[at]
+        )?;
+        match error {
+            Some((error_refl, error_high)) => {
+                writeln!(out, "                  {:>10.4}   {:>10.4}", error_refl[at], error_high[at * sigmas])?;
+            }
+            None => writeln!(out)?,
+        }
+    }
+    Ok(())
+}
+
+fn table_text(head: &Head, spec: &YarnSpec, t: &Table) -> Outcome {
+    output::print(|out| {
+        head_text(out, head, spec)?;
+        writeln!(out, "  outgoing     {} x {} bins (theta_o, phi_o)", t.grid.theta_o, t.grid.phi_o)?;
+        let paths = t.paths.iter().sum::<u64>() as f64;
+        let interactions = Spread::of(t.interactions.iter().copied());
+        writeln!(
+            out,
+            "  paths        {} in all, {:.1} to {:.1} interactions a path",
+            report::count(paths),
+            interactions.min,
+            interactions.max
+        )?;
+        writeln!(
+            out,
+            "  energy       refl + high + r_d = 1 within {:.1} standard errors, at most {} stopped at the interaction limit",
+            energy_balance(t),
+            number(t.energy_killed.iter().copied().fold(0.0, f64::max))
+        )?;
+        energies_text(out, head, &t.energy_refl, &t.energy_high, &t.r_d, None)
+    })
+}
+
+fn model_text(head: &Head, spec: &YarnSpec, d: &PlyData) -> Outcome {
+    let sigmas = d.sigma_per_um.len();
+    output::print(|out| {
+        head_text(out, head, spec)?;
+        writeln!(
+            out,
+            "  lobes        {} of f_refl an incidence, {} of f_high a block corner",
+            d.lobes_refl, d.lobes_high
+        )?;
+        writeln!(
+            out,
+            "  spectra      {} path lengths from {} to {} um",
+            d.path_um.len(),
+            number(d.path_um.first().copied().unwrap_or(0.0)),
+            number(d.path_um.last().copied().unwrap_or(0.0))
+        )?;
+        writeln!(out, "  fit error    f_refl {}", Spread::of(d.error_refl.iter().copied()))?;
+        for (k, sigma) in d.sigma_per_um.iter().enumerate() {
+            let error = Spread::of(d.error_high.iter().copied().skip(k).step_by(sigmas));
+            writeln!(out, "               f_high {error} at sigma {}", number(*sigma))?;
+        }
+        energies_text(out, head, &d.energy_refl, &model_energy_high(d), &d.r_d, Some((&d.error_refl, &d.error_high)))
+    })
+}

@@ -1,0 +1,405 @@
+//! `plywave plot`: a table, a model, or both side by side, as one PNG.
+
+use super::info::{model_energy_high, yarn_line};
+use super::{Loaded, Yarn, absorptions, load_any};
+use crate::args::{Cli, Part, PlotArgs};
+use crate::failure::{Failure, Outcome};
+use crate::output;
+use crate::plot::budget::Budget;
+use crate::plot::canvas::literal;
+use crate::plot::grid::Numbers;
+use crate::plot::map::Field;
+use crate::plot::sheet::{self, Block, Cell, Section};
+use crate::report::number;
+use plywave::asg::{Lobe, PARAMS};
+use plywave::{OutgoingGrid, PlyModel, Table, direction};
+use std::path::Path;
+
+/// Bins of a map of a model without a table: fine enough that none shows.
+const FINE: OutgoingGrid = OutgoingGrid { theta_o: 180, phi_o: 360 };
+/// Most latitudes shown in the energy budget.
+const MOST_BUDGETS: usize = 7;
+
+/// What is plotted: at least one of the two.
+struct Source {
+    table: Option<Box<Table>>,
+    model: Option<Box<PlyModel>>,
+    yarn: Yarn,
+    title: String,
+    particulars: String,
+}
+
+/// An incidence to be shown.
+#[derive(Clone, Copy)]
+struct View {
+    theta_i: f64,
+    h_um: f64,
+}
+
+impl Source {
+    fn load(args: &PlotArgs) -> Outcome<Self> {
+        let (table, model) = match (load_any(&args.file)?, &args.table, &args.model) {
+            (Loaded::Table(t), None, Some(model)) => (Some(t), Some(Box::new(PlyModel::load(model)?))),
+            (Loaded::Table(t), None, None) => (Some(t), None),
+            (Loaded::Model(m), Some(table), _) => (Some(Box::new(Table::load(table)?)), Some(m)),
+            (Loaded::Model(m), None, None) => (None, Some(m)),
+            (Loaded::Table(_), Some(_), _) => {
+                let mend = "this flag goes with a model; FILE is a table, give --model instead";
+                return Err(Failure::input(args.file.display(), "--table", "given", mend));
+            }
+            (Loaded::Model(_), None, Some(_)) => {
+                let mend = "this flag goes with a table; FILE is a model, give --table instead";
+                return Err(Failure::input(args.file.display(), "--model", "given", mend));
+            }
+        };
+        let (yarn, written) = match (&table, &model) {
+            (_, Some(m)) => {
+                let d = m.data();
+                let written = format!("preset {}, seed {}, plywave {}", d.preset, d.seed, d.program_version);
+                (Yarn::of(&args.file, &d.spec_text, &d.h_um)?, written)
+            }
+            (Some(t), None) => {
+                let written = format!("preset {}, seed {}, plywave {}", t.preset, t.seed, t.program_version);
+                (Yarn::of(&args.file, &t.spec_text, &t.h_um)?, written)
+            }
+            (None, None) => {
+                return Err(Failure::input(args.file.display(), "content", "none", "give a table or a model"));
+            }
+        };
+        if let (Some(t), Some(m)) = (&table, &model) {
+            same_axes(&args.file, t, m)?;
+        }
+        let kind = match (&table, &model) {
+            (Some(_), Some(_)) => "model against table",
+            (Some(_), None) => "simulated table",
+            _ => "ply model",
+        };
+        // Names come from the file; a page has room for so much.
+        let title: String = literal(&yarn.spec.name).chars().take(80).collect();
+        let particulars: String = literal(&format!("{written}; {}", yarn_line(&yarn.spec))).chars().take(170).collect();
+        Ok(Source { table, model, yarn, title: format!("{title}: {kind}"), particulars })
+    }
+
+    fn axes(&self) -> (&[f64], &[f64], &[f64]) {
+        match (&self.model, &self.table) {
+            (Some(m), _) => (&m.data().theta_i, &m.data().h_um, &m.data().sigma_per_um),
+            (None, Some(t)) => (&t.theta_i, &t.h_um, &t.sigma_per_um),
+            (None, None) => (&[], &[], &[]),
+        }
+    }
+
+    /// The nearest node where there is a table, else the incidence as it is.
+    fn view(&self, theta_deg: f64, h_rel: f64) -> View {
+        let (theta_i, h_um) = (theta_deg.to_radians(), h_rel * self.yarn.radius_um);
+        match &self.table {
+            Some(t) => View { theta_i: t.theta_i[nearest(&t.theta_i, theta_i)], h_um: t.h_um[nearest(&t.h_um, h_um)] },
+            None => View { theta_i, h_um },
+        }
+    }
+
+    fn sigma(&self, sigma: f64) -> f64 {
+        self.table.as_ref().map_or(sigma, |t| t.sigma_per_um[nearest(&t.sigma_per_um, sigma)])
+    }
+
+    fn grid(&self) -> OutgoingGrid {
+        self.table.as_ref().map_or(FINE, |t| t.grid)
+    }
+
+    /// Maps of one incidence: table, fit and residual, or the one there is. `sigma` is absent for f_refl.
+    fn cells(&self, view: View, sigma: Option<f64>) -> Vec<Cell> {
+        let cell = |field, residual, lobes| Cell { field, residual, lobes, theta_i: view.theta_i };
+        let table = self.table.as_ref().map(|t| {
+            let (m, n) = (nearest(&t.theta_i, view.theta_i), nearest(&t.h_um, view.h_um));
+            let slice = match sigma {
+                None => t.refl_slice(m, n),
+                Some(s) => t.high_slice(m, n, nearest(&t.sigma_per_um, s)),
+            };
+            Field::from_slice(t.grid, slice)
+        });
+        let fit = self.model.as_ref().map(|model| {
+            let (theta_i, h_um) = (view.theta_i as f32, view.h_um as f32);
+            let field = Field::from_fn(self.grid(), |theta, phi| {
+                let wo = direction(theta as f32, phi as f32);
+                let (refl, high) = model.eval_split(theta_i, h_um, [sigma.unwrap_or(0.0) as f32], wo);
+                if sigma.is_some() { high[0] as f64 } else { refl as f64 }
+            });
+            let at = plywave_fit::locate(model.data(), view.theta_i, view.h_um);
+            let lobes = match sigma {
+                None => plywave_fit::refl_lobes(model.data(), at),
+                Some(s) => plywave_fit::high_lobes(model.data(), at, s),
+            };
+            (field, lobes.params.chunks_exact(PARAMS).map(Lobe::from_params).collect::<Vec<_>>())
+        });
+        match (table, fit) {
+            (Some(table), Some((fit, lobes))) => {
+                let residual = fit.minus(&table);
+                vec![cell(table, false, vec![]), cell(fit, false, lobes), cell(residual, true, vec![])]
+            }
+            (Some(table), None) => vec![cell(table, false, vec![])],
+            (None, Some((fit, lobes))) => vec![cell(fit, false, lobes)],
+            (None, None) => vec![],
+        }
+    }
+
+    fn columns(&self) -> Vec<String> {
+        match (&self.table, &self.model) {
+            (Some(_), Some(_)) => ["table", "fit", "fit - table"].map(String::from).to_vec(),
+            (Some(_), None) => vec!["table".into()],
+            _ => vec!["fit".into()],
+        }
+    }
+
+    /// The overview: several incidences, f_refl at the left and f_high at the right.
+    fn overview(&self, sigma: f64, decades: f64) -> Section {
+        let last = self.axes().0.last().copied().unwrap_or(0.0).to_degrees();
+        let thetas: Vec<f64> = [0.0, 30.0, 60.0].into_iter().filter(|t| *t <= last + 1.0).collect();
+        let offsets = [0.0, 0.5, 0.9];
+        let both = self.table.is_some() && self.model.is_some();
+        let block = |sigma: Option<f64>| {
+            let (name, quantity) = names(sigma);
+            let mut rows = Vec::new();
+            let mut cells = Vec::new();
+            for &theta in &thetas {
+                let label = |v: View| format!("θ_i = {}°", rounded(v.theta_i.to_degrees(), 1));
+                let views: Vec<View> = offsets.iter().map(|h| self.view(theta, *h)).collect();
+                if both {
+                    for view in views {
+                        rows.push([label(view), self.offset(view)]);
+                        cells.push(self.cells(view, sigma));
+                    }
+                } else {
+                    rows.push([label(views[0]), String::new()]);
+                    cells.push(views.iter().flat_map(|v| self.cells(*v, sigma)).collect());
+                }
+            }
+            let columns =
+                if both { self.columns() } else { offsets.iter().map(|h| self.offset(self.view(0.0, *h))).collect() };
+            Block { title: name, quantity, columns, rows, cells, map_width: if both { 270 } else { 300 }, decades }
+        };
+        Section::Maps(vec![block(None), block(Some(sigma))])
+    }
+
+    fn offset(&self, view: View) -> String {
+        format!("h = {} R", rounded(view.h_um / self.yarn.radius_um, 2))
+    }
+
+    /// One incidence, large.
+    fn single(&self, view: View, sigmas: &[f64], decades: f64) -> Vec<Section> {
+        let title = format!(" at θ_i = {}°, {}", rounded(view.theta_i.to_degrees(), 1), self.offset(view));
+        let one = |sigma: Option<f64>| {
+            let (name, quantity) = names(sigma);
+            Section::Maps(vec![Block {
+                title: name + &title,
+                quantity,
+                columns: self.columns(),
+                rows: vec![[String::new(), String::new()]],
+                cells: vec![self.cells(view, sigma)],
+                map_width: 560,
+                decades,
+            }])
+        };
+        std::iter::once(one(None)).chain(sigmas.iter().map(|s| one(Some(*s)))).collect()
+    }
+
+    /// The energy budget at an absorption, at up to [`MOST_BUDGETS`] latitudes.
+    fn budgets(&self, sigma: f64) -> Section {
+        let (theta_i, h_um, _) = self.axes();
+        let h_rel: Vec<f64> = h_um.iter().map(|h| h / self.yarn.radius_um).collect();
+        let columns = h_um.len();
+        // Energies at sigma = 0 and at the chosen one, per node.
+        let high_at = |node: usize| -> (f64, f64) {
+            match (&self.table, &self.model) {
+                (Some(t), _) => {
+                    let sigmas = t.sigma_per_um.len();
+                    let k = nearest(&t.sigma_per_um, sigma);
+                    (t.energy_high[node * sigmas], t.energy_high[node * sigmas + k])
+                }
+                (None, Some(m)) => {
+                    let d = m.data();
+                    let paths = d.path_um.len();
+                    let spectrum = &d.energy_high[node * paths..(node + 1) * paths];
+                    let at = |s: f64| spectrum.iter().zip(&d.path_um).map(|(e, l)| e * (-s * l).exp()).sum();
+                    (at(0.0), at(sigma))
+                }
+                (None, None) => (0.0, 0.0),
+            }
+        };
+        let (refl, r_d) = match (&self.table, &self.model) {
+            (Some(t), _) => (&t.energy_refl[..], &t.r_d[..]),
+            (None, Some(m)) => (&m.data().energy_refl[..], &m.data().r_d[..]),
+            (None, None) => (&[][..], &[][..]),
+        };
+        let panels = spread(theta_i.len(), MOST_BUDGETS)
+            .into_iter()
+            .map(|m| {
+                let row = m * columns..(m + 1) * columns;
+                let high: Vec<(f64, f64)> = row.clone().map(high_at).collect();
+                Budget {
+                    theta_i: theta_i[m],
+                    h_rel: h_rel.clone(),
+                    refl: refl[row.clone()].to_vec(),
+                    high: high.iter().map(|e| e.1).collect(),
+                    absorbed: high.iter().map(|e| e.0 - e.1).collect(),
+                    r_d: r_d[row].to_vec(),
+                }
+            })
+            .collect();
+        Section::Budgets { panels, sigma_per_um: sigma }
+    }
+
+    /// Grids of fit error; of a table alone, of its noise.
+    fn errors(&self, args: &PlotArgs) -> Outcome<Section> {
+        let (theta_i, h_um, sigma) = self.axes();
+        let sigmas = sigma.len();
+        let h_rel: Vec<f64> = h_um.iter().map(|h| h / self.yarn.radius_um).collect();
+        let numbers = |values: Vec<f64>| Numbers { theta_i: theta_i.to_vec(), h_rel: h_rel.clone(), values };
+        let (refl, high, what) = match (&self.table, &self.model) {
+            (Some(t), Some(m)) => {
+                let e = plywave_fit::errors(m.data(), t)
+                    .map_err(|e| Failure::Input(format!("{}: {e}", args.file.display())))?;
+                (e.refl, e.high, "Fit error, relative L2 without noise [%]")
+            }
+            (None, Some(m)) => {
+                (m.data().error_refl.clone(), m.data().error_high.clone(), "Fit error, relative L2 without noise [%]")
+            }
+            (Some(t), None) => {
+                let (refl, high) = noise(t);
+                (refl, high, "Noise, relative L2 [%]")
+            }
+            (None, None) => (vec![], vec![], ""),
+        };
+        let high = high.into_iter().step_by(sigmas.max(1)).collect();
+        Ok(Section::Grids(vec![
+            (format!("{what} of f_{{refl}}"), numbers(refl)),
+            (format!("{what} of f_{{high}}, σ = 0"), numbers(high)),
+        ]))
+    }
+
+    /// The absorption that the budget shows: one that takes about a third of the light at normal incidence in the middle.
+    fn telling_sigma(&self) -> f64 {
+        let (_, h_um, sigma) = self.axes();
+        let node = h_um.len() / 2;
+        let high = match (&self.table, &self.model) {
+            (Some(t), _) => t.energy_high.clone(),
+            (None, Some(m)) => model_energy_high(m.data()),
+            (None, None) => vec![],
+        };
+        let row = &high[node * sigma.len()..(node + 1) * sigma.len()];
+        let lost = |k: usize| (row[k] / row[0].max(1e-12) - 2.0 / 3.0).abs();
+        (0..sigma.len()).min_by(|a, b| lost(*a).total_cmp(&lost(*b))).map_or(0.0, |k| sigma[k])
+    }
+}
+
+/// Relative L2 noise of a table's slices; NaN where a slice is empty.
+fn noise(t: &Table) -> (Vec<f64>, Vec<f64>) {
+    let norm2 = |slice: &[f32]| -> f64 {
+        let rows = slice.chunks_exact(t.grid.phi_o).enumerate();
+        rows.map(|(i, row)| row.iter().map(|v| (*v as f64).powi(2)).sum::<f64>() * t.grid.solid_angle(i)).sum()
+    };
+    let columns = t.h_um.len();
+    let sigmas = t.sigma_per_um.len();
+    let nodes = 0..t.theta_i.len() * columns;
+    let refl = nodes.clone().map(|i| (t.noise_refl[i] / norm2(t.refl_slice(i / columns, i % columns))).sqrt());
+    let high = nodes.flat_map(|i| {
+        (0..sigmas)
+            .map(move |k| (t.noise_high[i * sigmas + k] / norm2(t.high_slice(i / columns, i % columns, k))).sqrt())
+    });
+    (refl.collect(), high.collect())
+}
+
+/// Heading and colour bar title of a component.
+fn names(sigma: Option<f64>) -> (String, String) {
+    match sigma {
+        None => ("f_{refl}, light that was only reflected".into(), "f_{refl} [1/sr]".into()),
+        Some(s) => (format!("f_{{high}}, all other light, σ = {} /μm", number(s)), "f_{high} [1/sr]".into()),
+    }
+}
+
+fn rounded(value: f64, digits: i32) -> String {
+    let unit = 10f64.powi(digits);
+    number((value * unit).round() / unit)
+}
+
+/// Index of the value nearest to `x`.
+fn nearest(axis: &[f64], x: f64) -> usize {
+    (0..axis.len()).min_by(|a, b| (axis[*a] - x).abs().total_cmp(&(axis[*b] - x).abs())).unwrap_or(0)
+}
+
+/// At most `most` of `count` indices, evenly spread, the ends among them.
+fn spread(count: usize, most: usize) -> Vec<usize> {
+    let n = count.min(most);
+    if n < 2 {
+        return (0..n).collect();
+    }
+    (0..n).map(|i| (i * (count - 1) + (n - 1) / 2) / (n - 1)).collect()
+}
+
+/// Refuses a table and a model of different incidences.
+fn same_axes(file: &Path, t: &Table, m: &PlyModel) -> Outcome {
+    let d = m.data();
+    let close = |a: &[f64], b: &[f64]| {
+        a.len() == b.len() && a.iter().zip(b).all(|(x, y)| (x - y).abs() <= 1e-6 * (1.0 + x.abs()))
+    };
+    for (key, a, b) in [
+        ("theta_i", &d.theta_i, &t.theta_i),
+        ("h_um", &d.h_um, &t.h_um),
+        ("sigma_per_um", &d.sigma_per_um, &t.sigma_per_um),
+    ] {
+        if !close(a, b) {
+            let value = format!("{} nodes in the model, {} in the table, or other values", a.len(), b.len());
+            return Err(Failure::input(file.display(), key, value, "give a table and a model of one yarn and preset"));
+        }
+    }
+    Ok(())
+}
+
+/// Runs the command.
+pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
+    let path = args.output.clone().unwrap_or_else(|| output::default_output(&args.file, "png"));
+    output::check_writable(&path)?;
+    absorptions(&args.sigma)?;
+    if let Some(theta) = args.theta_i.filter(|t| !(0.0..=90.0).contains(t)) {
+        let mend = "must be from 0 to 90 degrees; (-theta_i, h) is the mirror image of (theta_i, -h)";
+        return Err(Failure::input("command line", "--theta-i", theta, mend));
+    }
+    let source = Source::load(args)?;
+    let reach = source.axes().1.last().copied().unwrap_or(0.0) / source.yarn.radius_um;
+    if let Some(h) = args.h_rel.filter(|h| !(0.0..=reach * (1.0 + 1e-9)).contains(&h.abs())) {
+        let mend = format!("must be from -{0} to {0}, where the beam still meets the ply", number(reach));
+        return Err(Failure::input("command line", "--h-rel", h, &mend));
+    }
+    let sigmas: Vec<f64> = args.sigma.iter().map(|s| source.sigma(*s)).collect();
+    let budget_sigma = sigmas.iter().copied().find(|s| *s > 0.0).unwrap_or_else(|| source.telling_sigma());
+    let map_sigmas = if sigmas.is_empty() { vec![0.0] } else { sigmas };
+    let decades = f64::from(args.decades);
+    let mut sections = Vec::new();
+    if matches!(args.part, Part::All | Part::Maps) {
+        if args.theta_i.is_some() || args.h_rel.is_some() {
+            let view = source.view(args.theta_i.unwrap_or(0.0), args.h_rel.unwrap_or(0.0));
+            sections.extend(source.single(view, &map_sigmas, decades));
+        } else {
+            sections.extend(map_sigmas.iter().map(|s| source.overview(*s, decades)));
+        }
+    }
+    if matches!(args.part, Part::All | Part::Energy) {
+        sections.push(source.budgets(budget_sigma));
+    }
+    if matches!(args.part, Part::All | Part::Errors) {
+        sections.push(source.errors(args)?);
+    }
+    let image = sheet::page(&source.title, &source.particulars, &sections);
+    let mut png = Vec::new();
+    image
+        .write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png)
+        .map_err(|e| Failure::input(path.display(), "-o", e, "choose a place that can be written"))?;
+    output::write_whole(&path, &png)?;
+    if cli.json {
+        return output::print_json(&serde_json::json!({
+            "png": path.display().to_string(), "width": image.width(), "height": image.height(), "bytes": png.len(),
+        }));
+    }
+    if cli.quiet {
+        return Ok(());
+    }
+    output::print(|out| writeln!(out, "{}: {} x {}", path.display(), image.width(), image.height()))
+}

@@ -1,0 +1,79 @@
+//! How a command ends when it does not end well, and the one line it says.
+
+use std::process::ExitCode;
+
+/// Why a command stopped.
+#[derive(Debug)]
+pub enum Failure {
+    /// Bad input or an output that cannot be written: exit code 2.
+    Input(String),
+    /// A check or a comparison did not hold; the report has been printed: exit code 1.
+    NotHeld,
+    /// The user stopped the work: exit code 130.
+    Interrupted(String),
+    /// The reader of the standard output went away: nothing to say.
+    BrokenPipe,
+}
+
+/// Result of a command.
+pub type Outcome<T = ()> = Result<T, Failure>;
+
+impl Failure {
+    /// `error: file: key = value: mend`.
+    pub fn input(file: impl std::fmt::Display, key: &str, value: impl std::fmt::Display, mend: &str) -> Self {
+        Failure::Input(format!("{file}: {key} = {value}: {mend}"))
+    }
+
+    /// Says what there is to say on stderr; gives the exit code.
+    pub fn report(&self) -> ExitCode {
+        use std::io::Write;
+        let (line, code) = match self {
+            Failure::Input(line) => (format!("error: {}", one_line(line)), 2),
+            Failure::Interrupted(line) => (one_line(line), 130),
+            Failure::NotHeld => return ExitCode::from(1),
+            Failure::BrokenPipe => return ExitCode::SUCCESS,
+        };
+        // Nobody is left to tell when stderr itself is closed.
+        let _ = writeln!(std::io::stderr(), "{line}");
+        ExitCode::from(code)
+    }
+}
+
+impl From<plywave::Error> for Failure {
+    fn from(error: plywave::Error) -> Self {
+        match error {
+            plywave::Error::Io { file, source } if source.kind() == std::io::ErrorKind::NotFound => {
+                Failure::Input(format!("{file}: no such file; check the path"))
+            }
+            plywave::Error::Io { file, source } => {
+                Failure::Input(format!("{file}: {source}; check the path and its rights"))
+            }
+            other => Failure::Input(other.to_string()),
+        }
+    }
+}
+
+/// A message as one printable line of at most 2000 characters, whatever a file put into it.
+pub fn one_line(text: &str) -> String {
+    const LONGEST: usize = 2000;
+    let mut line = String::with_capacity(text.len().min(LONGEST));
+    for c in text.chars().take(LONGEST) {
+        let c = if c.is_control() { ' ' } else { c };
+        if !(c == ' ' && line.ends_with(' ')) {
+            line.push(c);
+        }
+    }
+    line.truncate(line.trim_end().len());
+    line
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_are_one_printable_line() {
+        assert_eq!(one_line("a\n  b\x1b[31m\r\n"), "a b [31m");
+        assert_eq!(one_line(&"x".repeat(9000)).len(), 2000);
+    }
+}

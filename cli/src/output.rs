@@ -1,0 +1,103 @@
+//! Standard output that outlives a closed pipe, and output files that are whole or absent.
+
+use crate::failure::{Failure, Outcome};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Writes to standard output, buffered; the last line is flushed.
+pub fn print(write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Outcome {
+    let mut out = std::io::BufWriter::with_capacity(1 << 16, std::io::stdout().lock());
+    write(&mut out).and_then(|()| out.flush()).map_err(stdout_failure)
+}
+
+/// Prints a value as indented JSON.
+pub fn print_json(value: &impl serde::Serialize) -> Outcome {
+    print(|out| {
+        serde_json::to_writer_pretty(&mut *out, value).map_err(std::io::Error::from)?;
+        writeln!(out)
+    })
+}
+
+/// What a failed write to standard output means.
+fn stdout_failure(error: std::io::Error) -> Failure {
+    match error.kind() {
+        std::io::ErrorKind::BrokenPipe => Failure::BrokenPipe,
+        _ => Failure::Input(format!("standard output: {error}; give it a place that can be written")),
+    }
+}
+
+/// Refuses an output path that cannot be written, before any work is done: its folder must exist and take a new file, and the
+/// path itself must not be a folder.
+pub fn check_writable(path: &Path) -> Outcome {
+    let refuse = |what: String, mend: &str| Err(Failure::input(path.display(), "-o", what, mend));
+    if path.file_name().is_none() || path.is_dir() {
+        return refuse("a folder".into(), "name a file in it");
+    }
+    let folder = folder(path);
+    if !folder.is_dir() {
+        return refuse(format!("a file in {}", folder.display()), "this folder does not exist; make it first");
+    }
+    let probe = temporary(path);
+    match std::fs::File::create(&probe) {
+        Ok(_) => {
+            // A probe that cannot be taken away again was at least written, which was the question.
+            let _ = std::fs::remove_file(&probe);
+            Ok(())
+        }
+        Err(error) => refuse(error.to_string(), "choose a place that can be written"),
+    }
+}
+
+/// Writes a file under a temporary name beside it, then renames it.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> Outcome {
+    let part = temporary(path);
+    let written = std::fs::File::create(&part)
+        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
+        .and_then(|()| std::fs::rename(&part, path));
+    written.map_err(|error| {
+        let _ = std::fs::remove_file(&part);
+        Failure::input(path.display(), "-o", error, "choose a place that can be written")
+    })
+}
+
+fn folder(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    }
+}
+
+fn temporary(path: &Path) -> PathBuf {
+    let mut name = std::ffi::OsString::from(".");
+    name.push(path.file_name().unwrap_or_default());
+    name.push(format!(".{}.part", std::process::id()));
+    folder(path).join(name)
+}
+
+/// `path` with another ending, in the current folder: where an output goes when no `-o` is given.
+pub fn default_output(input: &Path, extension: &str) -> PathBuf {
+    Path::new(input.file_stem().unwrap_or("out".as_ref())).with_extension(extension)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn outputs_are_refused_or_whole() {
+        let dir = tempfile::tempdir().unwrap();
+        assert!(check_writable(dir.path()).is_err());
+        assert!(check_writable(&dir.path().join("none/x.pwm")).is_err());
+        let file = dir.path().join("x.pwm");
+        check_writable(&file).unwrap();
+        assert!(!file.exists());
+        write_whole(&file, b"abc").unwrap();
+        assert_eq!(std::fs::read(&file).unwrap(), b"abc");
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn default_outputs_stand_in_the_current_folder() {
+        assert_eq!(default_output(Path::new("fabrics/wool.toml"), "pwm"), Path::new("wool.pwm"));
+    }
+}

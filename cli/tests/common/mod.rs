@@ -1,0 +1,85 @@
+//! Running the binary, and a small yarn for it.
+#![allow(dead_code)]
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// A ply small enough to be simulated and fitted in a moment.
+pub const TINY: &str = r#"
+name = "tiny"
+
+[fiber]
+shape = { kind = "circle", radius_um = 7.5 }
+eta = 1.58
+alpha_fiber = 0.2
+
+[ply]
+fibers = 12
+radius_um = 40.0
+fiber_pitch_um = 800.0
+
+[absorption]
+sigma_per_um = [0.0, 0.01, 0.1]
+
+[simulation]
+instances = 2
+paths_per_theta = 6000
+theta_i_nodes = 3
+h_nodes = 5
+theta_o_bins = 12
+phi_o_bins = 24
+lobes_refl = 1
+lobes_high = 2
+"#;
+
+/// The program, to be run in `folder`.
+pub fn plywave(folder: &Path, args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_plywave"));
+    command.current_dir(folder).args(args);
+    command
+}
+
+/// Runs the program to its end.
+pub fn run(folder: &Path, args: &[&str]) -> Output {
+    plywave(folder, args).output().expect("the program starts")
+}
+
+/// Runs the program and expects success; gives what it printed.
+pub fn succeed(folder: &Path, args: &[&str]) -> String {
+    let output = run(folder, args);
+    let (out, err) = (text(&output.stdout), text(&output.stderr));
+    assert!(output.status.success(), "{args:?}: {}\n{out}{err}", output.status);
+    out
+}
+
+/// Bytes as text.
+pub fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// Names in a folder, sorted.
+pub fn names(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> = std::fs::read_dir(folder)
+        .expect("the folder is there")
+        .map(|e| e.expect("its entries can be read").file_name().to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    names
+}
+
+/// A folder with `tiny.toml` in it.
+pub fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    std::fs::write(folder.path().join("tiny.toml"), TINY).expect("it can be written");
+    folder
+}
+
+/// Builds `tiny.pwm` and `tiny.pwt` in the folder.
+pub fn build(folder: &Path) {
+    succeed(folder, &["build", "tiny.toml", "--preset", "preview", "--keep-table", "--quiet"]);
+}
+
+/// Parses what a command printed with `--json`.
+pub fn json(text: &str) -> serde_json::Value {
+    serde_json::from_str(text).unwrap_or_else(|e| panic!("{e}: {text}"))
+}
