@@ -56,17 +56,17 @@ impl FitOptions {
             lobes_refl: 3,
             lobes_high: 8,
             block: BlockEffort {
-                starts: 3,
+                starts: 8,
                 start_iterations: 150,
-                moves: 12,
+                moves: 6,
                 move_iterations: 60,
                 iterations: 300,
                 tolerance: 1e-3,
             },
-            reflection: ReflectionEffort { starts: 4, iterations: 80, rounds: 2, smoothness: 1e-3, tolerance: 1e-3 },
+            reflection: ReflectionEffort { starts: 4, iterations: 80, rounds: 3, smoothness: 5e-3, tolerance: 1e-3 },
             absorption_iterations: 150,
             dark_iterations: 80,
-            dark_share: 0.05,
+            dark_share: 0.03,
         }
     }
 
@@ -218,7 +218,8 @@ fn check_options(options: &FitOptions) -> Result<(), FitError> {
     Ok(())
 }
 
-/// Fits a ply model to a table. The result depends on the table and options alone, not on the number of threads.
+/// Fits a ply model to a table. The lobes of f_refl carry shares of `energy_refl` that add up to 1 at each node, those of a block of
+/// f_high energies up to a common factor; the evaluator scales both to the energies of the table. The result depends on the table and options alone, not on the number of threads.
 /// `progress` is called from worker threads, after each unit of work.
 pub fn fit(table: &Table, options: &FitOptions, progress: &(dyn Fn(Progress) + Sync)) -> Result<PlyData, FitError> {
     check_table(table)?;
