@@ -65,7 +65,7 @@ impl SimOptions {
         SimOptions {
             preset: "standard".into(),
             instances: 32,
-            paths_per_theta: 8_000_000,
+            paths_per_theta: 2_000_000,
             theta_i_nodes: 13,
             theta_i_max_rad: 84f64.to_radians(),
             h_nodes: 25,
@@ -81,7 +81,7 @@ impl SimOptions {
         SimOptions {
             preset: "reference".into(),
             instances: 64,
-            paths_per_theta: 32_000_000,
+            paths_per_theta: 16_000_000,
             theta_i_nodes: 19,
             h_nodes: 37,
             theta_o_bins: 120,
