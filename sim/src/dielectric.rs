@@ -236,9 +236,8 @@ mod tests {
         }
     }
 
-    /// The mean projected area of visible facets: the first facet's normal from direction wi has the density
-    /// D(m) max(m.wi, 0) / (cos theta (1 + Lambda)); its mean of 1/(m.wi) times that projected area is 1 for any wi above
-    /// the horizon (integral of D over facets facing wi, weighted) -- checked as E[1/(m.wi)] = integral of D over facing facets / sigma(wi).
+    /// The facet seen from wi has the density D(m) max(m.wi, 0) / sigma(wi), sigma the projected area of all facets: its mean
+    /// m.z by quadrature over GGX, for directions above and below the horizon.
     #[test]
     fn visible_normals_follow_ggx() {
         let m = RoughDielectric { eta: 1.5, alpha: 0.4 };
@@ -249,17 +248,19 @@ mod tests {
             let (mut area, mut first) = (0.0f64, 0.0f64);
             let n = 1200;
             for i in 0..n {
-                // Uniform in the GGX radial variable: tan^2 = alpha^2 u/(1-u), density of m.z-weighted area is 1 in u.
-                let u = (i as f64 + 0.5) / n as f64;
-                let t2 = 0.16 * u / (1.0 - u);
+                // GGX's radial variable: tan^2 = alpha^2 u/(1-u), the density of m.z-weighted area is 1 in u. With u = 1 - t^2
+                // the root singularity of the projected area at u = 1 cancels.
+                let t = (i as f64 + 0.5) / n as f64;
+                let u = 1.0 - t * t;
+                let t2 = 0.16 * u / (t * t);
                 let cos = 1.0 / (1.0 + t2).sqrt();
                 let sin = (1.0 - cos * cos).sqrt();
                 for j in 0..n / 4 {
                     let phi = std::f64::consts::TAU * (j as f64 + 0.5) / (n / 4) as f64;
                     let dot = sin * phi.cos() * wi.x as f64 + cos * wi.z as f64;
                     if dot > 0.0 {
-                        area += dot / cos;
-                        first += dot / cos * cos; // weighted by m.z
+                        area += dot / cos * t;
+                        first += dot * t; // weighted by m.z
                     }
                 }
             }
