@@ -113,7 +113,8 @@ pub(crate) fn fit_lobe_spectra(
     fit.x.chunks_exact(paths).flat_map(normalized).collect()
 }
 
-fn normalized(x: &[f64]) -> Vec<f64> {
+/// `x` over its sum; equal shares when there is none.
+pub(crate) fn normalized(x: &[f64]) -> Vec<f64> {
     let sum: f64 = x.iter().sum();
     if sum > 1e-9 { x.iter().map(|v| v / sum).collect() } else { vec![1.0 / x.len() as f64; x.len()] }
 }
@@ -177,6 +178,12 @@ fn spectra_cost(
             }
         }
     }
+    chain_normalized(x, &by_p, paths, gradient);
+    cost
+}
+
+/// Gradient by `x` from the gradient by the normalized spectra.
+pub(crate) fn chain_normalized(x: &[f64], by_p: &[f64], paths: usize, gradient: &mut [f64]) {
     for ((x, g), d) in x.chunks_exact(paths).zip(gradient.chunks_exact_mut(paths)).zip(by_p.chunks_exact(paths)) {
         let sum: f64 = x.iter().sum();
         if sum > 1e-9 {
@@ -186,7 +193,6 @@ fn spectra_cost(
             g.copy_from_slice(d);
         }
     }
-    cost
 }
 
 #[cfg(test)]

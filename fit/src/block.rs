@@ -286,5 +286,5 @@ fn relocate(sphere: &SphereGrid, targets: &[Target], x: &[f64], lobes: usize, ro
 fn set_energy(targets: &[Target], set: usize, scale: f64) -> f64 {
     let own = targets.iter().find(|t| t.corners == [(set, 1.0)]).map(|t| t.energy);
     let energy = own.unwrap_or_else(|| targets.iter().map(|t| t.energy).sum::<f64>() / targets.len() as f64);
-    (energy / scale).clamp(1e-4, 1.0).powf(0.25)
+    (energy / scale.max(f64::MIN_POSITIVE)).clamp(1e-4, 1.0).powf(0.25)
 }

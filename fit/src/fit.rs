@@ -3,6 +3,7 @@
 use crate::absorption::{SliceProducts, attenuation, choose_paths, energy_spectrum, fit_lobe_spectra};
 use crate::block::{BlockEffort, CORNERS, Target, blend, coarse_grid, corner_weights, fit_joint};
 use crate::canonical::canonicalize;
+use crate::dark::{DarkSlices, refine};
 use crate::fit_errors::errors;
 use crate::reflection::{ReflectionEffort, fit_reflection};
 use crate::sphere::{Scratch, SphereGrid};
@@ -24,6 +25,10 @@ pub struct FitOptions {
     pub reflection: ReflectionEffort,
     /// Iterations of the absorption spectra of a block.
     pub absorption_iterations: usize,
+    /// Iterations of the joint refinement of a block's lobes and spectra at all sigma.
+    pub dark_iterations: usize,
+    /// Weight in it of a slice at sigma > 0 against one at sigma = 0.
+    pub dark_share: f64,
 }
 
 impl FitOptions {
@@ -40,6 +45,7 @@ impl FitOptions {
             },
             reflection: ReflectionEffort { rounds: 1, iterations: 40, ..Self::standard().reflection },
             absorption_iterations: 60,
+            dark_iterations: 40,
             ..Self::standard()
         }
     }
@@ -50,15 +56,17 @@ impl FitOptions {
             lobes_refl: 3,
             lobes_high: 8,
             block: BlockEffort {
-                starts: 3,
+                starts: 8,
                 start_iterations: 150,
-                moves: 12,
+                moves: 6,
                 move_iterations: 60,
                 iterations: 300,
                 tolerance: 1e-3,
             },
-            reflection: ReflectionEffort { starts: 4, iterations: 80, rounds: 2, smoothness: 1e-3, tolerance: 1e-3 },
+            reflection: ReflectionEffort { starts: 4, iterations: 80, rounds: 3, smoothness: 5e-3, tolerance: 1e-3 },
             absorption_iterations: 150,
+            dark_iterations: 80,
+            dark_share: 0.03,
         }
     }
 
@@ -81,6 +89,7 @@ impl FitOptions {
                 ..Self::standard().reflection
             },
             absorption_iterations: 400,
+            dark_iterations: 300,
             ..Self::standard()
         }
     }
@@ -209,7 +218,8 @@ fn check_options(options: &FitOptions) -> Result<(), FitError> {
     Ok(())
 }
 
-/// Fits a ply model to a table. The result depends on the table and options alone, not on the number of threads.
+/// Fits a ply model to a table. The lobes of f_refl carry shares of `energy_refl` that add up to 1 at each node, those of a block of
+/// f_high energies up to a common factor; the evaluator scales both to the energies of the table. The result depends on the table and options alone, not on the number of threads.
 /// `progress` is called from worker threads, after each unit of work.
 pub fn fit(table: &Table, options: &FitOptions, progress: &(dyn Fn(Progress) + Sync)) -> Result<PlyData, FitError> {
     check_table(table)?;
@@ -245,7 +255,7 @@ pub fn fit(table: &Table, options: &FitOptions, progress: &(dyn Fn(Progress) + S
             let mean: Vec<f64> = (0..path_um.len())
                 .map(|j| (0..9).map(|i| spectra[(2 * bm + i / 3) * columns + 2 * bn + i % 3][j]).sum())
                 .collect();
-            let paths = fit_lobe_spectra(
+            let mut paths = fit_lobe_spectra(
                 &products,
                 CORNERS,
                 options.lobes_high,
@@ -253,8 +263,22 @@ pub fn fit(table: &Table, options: &FitOptions, progress: &(dyn Fn(Progress) + S
                 &mean,
                 options.absorption_iterations,
             );
+            let mut params = fit.params;
+            if sigmas > 1 {
+                let slices = dark_slices(&sphere, table, bm, bn, &targets, &path_um, &spectra);
+                refine(
+                    &sphere,
+                    &slices,
+                    &mut params,
+                    &mut paths,
+                    options.lobes_high,
+                    &attenuation(&table.sigma_per_um, &path_um),
+                    options.dark_share,
+                    options.dark_iterations,
+                );
+            }
             progress(Progress { stage: Stage::High, done: done.fetch_add(1, Ordering::Relaxed) + 1, total: blocks });
-            (fit.params, paths)
+            (params, paths)
         })
         .collect();
 
@@ -317,6 +341,34 @@ pub(crate) fn block_targets(sphere: &SphereGrid, table: &Table, bm: usize, bn: u
             let at = (m * columns + n) * sigmas;
             let corners = corner_weights(i / 3, i % 3).into_iter().enumerate().filter(|c| c.1 > 0.0).collect();
             Target::new(sphere, table.high_slice(m, n, 0), table.energy_high[at], table.noise_high[at], corners)
+        })
+        .collect()
+}
+
+/// The nine incidences of a block at all sigma.
+fn dark_slices(
+    sphere: &SphereGrid,
+    table: &Table,
+    bm: usize,
+    bn: usize,
+    targets: &[Target],
+    path_um: &[f64],
+    spectra: &[Vec<f64>],
+) -> Vec<DarkSlices> {
+    let (columns, sigmas) = (table.h_um.len(), table.sigma_per_um.len());
+    let t = attenuation(&table.sigma_per_um, path_um);
+    targets
+        .iter()
+        .enumerate()
+        .map(|(i, target)| {
+            let (m, n) = (2 * bm + i / 3, 2 * bn + i % 3);
+            let slice = |k: usize| {
+                let row = &t[k * path_um.len()..(k + 1) * path_um.len()];
+                let energy = row.iter().zip(&spectra[m * columns + n]).map(|(t, p)| t * p).sum();
+                let noise = table.noise_high[(m * columns + n) * sigmas + k];
+                Target::new(sphere, table.high_slice(m, n, k), energy, noise, Vec::new())
+            };
+            DarkSlices { targets: (0..sigmas).map(slice).collect(), corners: target.corners.clone() }
         })
         .collect()
 }

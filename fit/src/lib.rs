@@ -3,6 +3,7 @@
 mod absorption;
 mod block;
 mod canonical;
+mod dark;
 mod diagnose;
 mod diff;
 mod fit;

@@ -4,6 +4,9 @@
 //! only the exponential costs anything. Values are f32 in lanes of 16 which the compiler vectorizes for the processor at hand;
 //! sums over a row and everything about parameters are f64. Bins outside a lobe's support (the half sphere v.z <= 0, and where
 //! the Gaussian factor is below e^-18) are skipped in chunks.
+//!
+//! Tables hold bin averages, lobes are compared at bin centers: a fitted lobe is broader than the truth by the variance of a bin,
+//! (pi / rows)^2 / 12 along theta. With 2 degree bins that is 0.5 % of the width of a lobe of standard deviation 0.1 rad. Left out.
 
 use multiversion::{multiversion, target::target_cfg_f};
 use plywave::{

@@ -17,6 +17,7 @@ mod shape;
 mod shard;
 mod simulate;
 mod tracer;
+mod walk2d;
 
 pub use dielectric::{RoughDielectric, Scattered, fresnel};
 pub use error::SimError;
@@ -29,3 +30,4 @@ pub use screw::ScrewTracer;
 pub use section::{FiberSection, PlySection};
 pub use simulate::{Run, simulate, total_paths};
 pub use tracer::{Hit, Medium, Trace, Tracer, WALL_OFFSET_UM};
+pub use walk2d::{Azimuthal, Walk2d, walk_2d};

@@ -8,11 +8,11 @@ use crate::section::PlySection;
 use crate::tracer::{Hit, Medium, Trace, Tracer};
 use glam::Vec3A;
 use nalgebra::Vector3;
+use obvhs::BvhBuildParams;
 use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::builder::build_cwbvh_from_tris;
 use obvhs::ray::{Ray, RayHit};
 use obvhs::triangle::Triangle;
-use obvhs::BvhBuildParams;
 use std::time::Duration;
 
 /// How finely a mesh approximates the sweep.
@@ -49,8 +49,11 @@ pub struct MeshTracer {
 impl MeshTracer {
     /// Mesh a cross section and build its BVH.
     pub fn new(section: &PlySection, resolution: MeshResolution) -> MeshTracer {
-        let period =
-            if section.twist_per_um == 0.0 { STRAIGHT_PERIOD_UM } else { std::f64::consts::TAU / section.twist_per_um.abs() };
+        let period = if section.twist_per_um == 0.0 {
+            STRAIGHT_PERIOD_UM
+        } else {
+            std::f64::consts::TAU / section.twist_per_um.abs()
+        };
         let margin = 4.0 * resolution.step_um;
         let mesh = TriMesh::sweep(
             section,
@@ -67,7 +70,13 @@ impl MeshTracer {
         let order = &bvh.primitive_indices;
         let wall = order.iter().map(|&i| mesh.wall[i as usize]).collect();
         let triangles = order.iter().map(|&i| triangles[i as usize]).collect();
-        MeshTracer { bvh, triangles, wall, bound: section.bound_radius_um as f32 * 1.0001 + 0.01, period: period as f32 }
+        MeshTracer {
+            bvh,
+            triangles,
+            wall,
+            bound: section.bound_radius_um as f32 * 1.0001 + 0.01,
+            period: period as f32,
+        }
     }
 }
 

@@ -22,10 +22,7 @@ fn io(path: &Path) -> impl FnOnce(std::io::Error) -> SimError + '_ {
 impl Parts {
     /// Open the folder for a run; what it holds is kept only when `resume` is set and it is of the same run.
     pub fn open(folder: &Path, resume: bool, spec_text: &str, options: &SimOptions) -> Result<Parts, SimError> {
-        let run = format!(
-            "plywave {}\n{options:?}\nspec:\n{spec_text}\n",
-            env!("CARGO_PKG_VERSION")
-        );
+        let run = format!("plywave {}\n{options:?}\nspec:\n{spec_text}\n", env!("CARGO_PKG_VERSION"));
         let marker = folder.join("run.txt");
         let parts = Parts { folder: folder.to_path_buf() };
         if folder.exists() {
@@ -95,12 +92,8 @@ impl Parts {
     /// Write a finished shard.
     pub fn write(&self, m: usize, s: Option<usize>, sums: &Sums) -> Result<(), SimError> {
         let path = self.path(m, s);
-        let mut tensors: Vec<(&str, Dtype, usize, Vec<u8>)> = vec![(
-            "bins",
-            Dtype::F32,
-            sums.bins.len(),
-            sums.bins.iter().flat_map(|v| v.to_le_bytes()).collect(),
-        )];
+        let mut tensors: Vec<(&str, Dtype, usize, Vec<u8>)> =
+            vec![("bins", Dtype::F32, sums.bins.len(), sums.bins.iter().flat_map(|v| v.to_le_bytes()).collect())];
         for (name, v) in sums.doubles() {
             tensors.push((name, Dtype::F64, v.len(), v.iter().flat_map(|v| v.to_le_bytes()).collect()));
         }

@@ -23,6 +23,9 @@ const HIT_UM: f32 = 2e-4;
 const MAX_STEPS: u32 = 20_000;
 /// Least step along dented walls and walls seen from inside, as motion in the turning frame [um].
 const LEAST_STEP_UM: f32 = 0.2;
+/// Distance from a dented wall, or one seen from inside, within which Newton's step is taken, up to four safe steps long [um].
+/// It may pass the wall, which is seen; that it passes out and in again would take a dent thinner than what it overshoots.
+const NEWTON_WITHIN_UM: f32 = 1.0;
 /// Fibers that one cell of the ply's grid names.
 const NEAR: usize = 4;
 /// Marks an unused place in a cell.
@@ -234,8 +237,7 @@ impl ScrewTracer {
         if section.fibers.len() >= NONE as usize {
             return None;
         }
-        let outer: Vec<Wall> =
-            section.fibers.iter().map(|f| Wall::new(&f.outer, f.center_um, f.angle_rad)).collect();
+        let outer: Vec<Wall> = section.fibers.iter().map(|f| Wall::new(&f.outer, f.center_um, f.angle_rad)).collect();
         let lumen =
             section.fibers.iter().map(|f| f.lumen.as_ref().map(|l| Wall::new(l, f.center_um, f.angle_rad))).collect();
         let mut tracer = ScrewTracer {
@@ -332,7 +334,7 @@ fn convex_step(d: f32, slope: f32, bend: f32) -> f32 {
 /// Step towards a wall that is dented, or seen from inside, at distance `d` > 0 changing by `slope`.
 #[inline(always)]
 fn careful_step(d: f32, slope: f32, safe: f32, least: f32) -> f32 {
-    let step = if slope < 0.0 && d < 0.1 { (d / -slope).clamp(safe, 4.0 * safe) } else { safe };
+    let step = if slope < 0.0 && d < NEWTON_WITHIN_UM { (d / -slope).clamp(safe, 4.0 * safe) } else { safe };
     step.max(least)
 }
 
@@ -357,7 +359,11 @@ fn crossing(ray: &TurningRay, wall: &Wall, side: f32, mut good: f32, mut bad: f3
         if d.abs() < HIT_UM || bad - good < 1e-5 * (1.0 + bad) {
             return Met { s, q, n };
         }
-        if d > 0.0 { good = s } else { bad = s }
+        if d > 0.0 {
+            good = s
+        } else {
+            bad = s
+        }
         let newton = s - d / slope;
         s = if newton > good && newton < bad { newton } else { 0.5 * (good + bad) };
     }
@@ -516,12 +522,8 @@ impl Tracer for ScrewTracer {
         let n = if lumen { -n } else { n };
         // Gradient of sdf2D(Rot(-twist z)(x, y)): in the frame (n, twist (q.y n.x - q.x n.y)), turned back by the angle at the hit.
         let (sin, cos) = (self.twist * (pos.z + s * dir.z)).sin_cos();
-        let normal = Vector3::new(
-            cos * n.x - sin * n.y,
-            sin * n.x + cos * n.y,
-            self.twist * (q.y * n.x - q.x * n.y),
-        )
-        .normalize();
+        let normal = Vector3::new(cos * n.x - sin * n.y, sin * n.x + cos * n.y, self.twist * (q.y * n.x - q.x * n.y))
+            .normalize();
         Trace::Hit(Hit { t_um: s, normal, fiber, lumen })
     }
 }

@@ -12,12 +12,8 @@ fn spec(name: &str) -> (YarnSpec, String) {
 }
 
 fn one_circle(radius_um: f64) -> PlySection {
-    let fiber = FiberSection {
-        center_um: Vector2::zeros(),
-        angle_rad: 0.0,
-        outer: Outline::Circle { radius_um },
-        lumen: None,
-    };
+    let fiber =
+        FiberSection { center_um: Vector2::zeros(), angle_rad: 0.0, outer: Outline::Circle { radius_um }, lumen: None };
     PlySection { fibers: vec![fiber], bound_radius_um: radius_um, twist_per_um: 0.0 }
 }
 
@@ -48,10 +44,11 @@ fn cylinder_modes(h: f64, theta_i: f64, eta: f64, sigma_r: f64) -> [(f64, f64); 
     let cos_tt = (n1 / eta) * theta_i.cos(); // cos theta_t (Eq. 20)
     let l = 2.0 * gt.cos() / cos_tt;
     let absorb = (-sigma_r * l).exp();
-    [(2.0 * gi, f), (std::f64::consts::PI + 2.0 * gi - 2.0 * gt, (1.0 - f).powi(2) * absorb), (
-        2.0 * gi - 4.0 * gt,
-        (1.0 - f).powi(2) * f * absorb * absorb,
-    )]
+    [
+        (2.0 * gi, f),
+        (std::f64::consts::PI + 2.0 * gi - 2.0 * gt, (1.0 - f).powi(2) * absorb),
+        (2.0 * gi - 4.0 * gt, (1.0 - f).powi(2) * f * absorb * absorb),
+    ]
 }
 
 #[test]
@@ -97,14 +94,23 @@ fn smooth_cylinder_matches_zinke_weber() {
                 let phi = f64::from(dir.x).atan2(f64::from(dir.y));
                 let off = (phi - modes[order].0).rem_euclid(std::f64::consts::TAU);
                 let off = off.min(std::f64::consts::TAU - off);
-                assert!(off < tol_phi, "{which} theta {theta_i} h {h} mode {order}: phi {phi}, want {}", modes[order].0);
+                assert!(
+                    off < tol_phi,
+                    "{which} theta {theta_i} h {h} mode {order}: phi {phi}, want {}",
+                    modes[order].0
+                );
                 got[order] += (-sigma * f64::from(length)).exp();
             }
             // The mesh may let a ray slip between two triangles; the screw march may not.
             assert!(missed <= if which == "mesh" { n / 2000 } else { 0 }, "{which}: {missed} of {n} slipped through");
             for k in 0..3 {
                 let tol = 5.0 * var[k].sqrt() + f64::from(missed);
-                assert!((got[k] - want[k]).abs() < tol, "{which} {theta_i} mode {k}: {} want {} tol {tol}", got[k], want[k]);
+                assert!(
+                    (got[k] - want[k]).abs() < tol,
+                    "{which} {theta_i} mode {k}: {} want {} tol {tol}",
+                    got[k],
+                    want[k]
+                );
             }
         }
     }
@@ -129,7 +135,8 @@ fn power_is_conserved() {
         // The slices integrate to the energies.
         for n in 0..t.h_um.len() {
             let slice = t.refl_slice(1, n);
-            let sum: f64 = slice.iter().enumerate().map(|(b, f)| f64::from(*f) * t.grid.solid_angle(b / t.grid.phi_o)).sum();
+            let sum: f64 =
+                slice.iter().enumerate().map(|(b, f)| f64::from(*f) * t.grid.solid_angle(b / t.grid.phi_o)).sum();
             let want = t.energy_refl[t.h_um.len() + n];
             assert!((sum - want).abs() < 1e-5, "{name}: slice {sum}, energy {want}");
         }
@@ -162,8 +169,10 @@ fn distance(a: &Table, b: &Table, m: usize, n: usize, k: Option<usize>) -> f64 {
 fn mesh_and_screw_agree() {
     for (name, paths) in [("polyester", 30_000), ("cotton", 6_000), ("viscose", 6_000)] {
         let (spec, text) = spec(name);
-        let screw = simulate(&spec, &text, &small(SimOptions::preview(), TracerKind::Screw, paths), Run::plain()).unwrap();
-        let mesh = simulate(&spec, &text, &small(SimOptions::preview(), TracerKind::Mesh, paths), Run::plain()).unwrap();
+        let screw =
+            simulate(&spec, &text, &small(SimOptions::preview(), TracerKind::Screw, paths), Run::plain()).unwrap();
+        let mesh =
+            simulate(&spec, &text, &small(SimOptions::preview(), TracerKind::Mesh, paths), Run::plain()).unwrap();
         let mut sum = 0.0;
         let mut slices = 0;
         for m in 0..screw.theta_i.len() {
@@ -208,7 +217,11 @@ fn threads_and_interruptions_do_not_matter() {
     let (spec, text) = spec("polyester");
     let options = small(SimOptions::preview(), TracerKind::Auto, 8_000);
     let with = |threads: usize, run: Run<'_>| {
-        rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| simulate(&spec, &text, &options, run))
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap()
+            .install(|| simulate(&spec, &text, &options, run))
     };
     let whole = with(1, Run::plain()).unwrap();
     assert_eq!(whole, with(3, Run::plain()).unwrap());
@@ -277,4 +290,48 @@ fn hits_lie_on_the_walls() {
             }
         }
     }
+}
+
+/// The walk in 2D conserves power, keeps smooth fibers' light on the specular cone, and, for parallel rough fibers, gives the
+/// azimuthal energies that the 3D simulation of the same yarn gives at the same incidence.
+#[test]
+fn walk_in_2d_keeps_the_cone_and_the_power() {
+    let (mut spec, text) = spec("silk");
+    spec.ply.fiber_pitch_um = None;
+    let section = PlySection::generate(&spec, 1).unwrap();
+    let walk = Walk2d {
+        theta_i: 0.6,
+        h_um: 10.0,
+        eta: spec.fiber.eta,
+        alpha_fiber: 0.0,
+        sigma_per_um: vec![0.0, 0.01],
+        beam: spec.beam.beam(),
+        phi_o_bins: 36,
+        paths: 20_000,
+        seed: 3,
+    };
+    let energy = |v: &[f64]| v.iter().sum::<f64>() * std::f64::consts::TAU / v.len() as f64;
+    let smooth = walk_2d(&section, &walk).unwrap();
+    let sum = energy(&smooth.miss) + energy(&smooth.refl) + energy(&smooth.high[0]) + smooth.killed;
+    assert!((sum - 1.0).abs() < 1e-9, "{sum}");
+    // Smooth fibers can guide light for ever; such paths are rare.
+    assert!(smooth.killed < 2e-3, "killed {}", smooth.killed);
+    // On the cone, but for the beam's own divergence (0.0088 rad a side).
+    assert!(smooth.cone_spread_rad2.sqrt() < 0.012, "spread {}", smooth.cone_spread_rad2.sqrt());
+    let rough = Walk2d { alpha_fiber: spec.fiber.alpha_fiber, ..walk };
+    // The 3D simulation averages instances turned at random; so do walks over many sections here.
+    let (mut high, mut refl) = (0.0, 0.0);
+    let n = 24;
+    for seed in 0..n {
+        let section = PlySection::generate(&spec, 100 + seed).unwrap();
+        let a = walk_2d(&section, &Walk2d { paths: 1500, seed, h_um: 0.0, ..rough.clone() }).unwrap();
+        high += energy(&a.high[1]) / n as f64;
+        refl += energy(&a.refl) / n as f64;
+    }
+    spec.absorption.sigma_per_um = rough.sigma_per_um.clone();
+    let t = simulate(&spec, &text, &small(SimOptions::preview(), TracerKind::Auto, 10_000), Run::plain()).unwrap();
+    let i = t.h_um.len() + t.h_um.len() / 2;
+    assert!((t.theta_i[1] - 0.6).abs() < 1e-9);
+    assert!((t.energy_high[i * 2 + 1] - high).abs() < 0.03, "{} {high}", t.energy_high[i * 2 + 1]);
+    assert!((t.energy_refl[i] - refl).abs() < 0.02, "{} {refl}", t.energy_refl[i]);
 }
