@@ -48,7 +48,8 @@ pub enum Part {
 }
 
 /// Fits `lobes` lobes to each slice of `table` at `nodes` alone and returns the excess error of each against `other`, a table of
-/// the same yarn and grids and another seed: the floor of what a model of so many lobes can reach. NaN where noise hides it.
+/// the same yarn and grids and another seed: the floor of what a model of so many lobes can reach. Squared, and below zero where
+/// the slice has less noise than expected, so that means are not biased; NaN where noise hides it.
 pub fn fit_single_slices(
     table: &Table,
     other: &Table,
@@ -100,7 +101,7 @@ pub fn fit_single_slices(
             let model = sphere.mixture(&fit.params, gain, &mut Scratch::default());
             let (truth, noise) = slice(other, m, n);
             let norm2 = sphere.inner(&truth.slice, &truth.slice);
-            excess2(sphere.distance2(&model, &truth.slice), norm2, noise).map_or(f64::NAN, f64::sqrt)
+            excess2(sphere.distance2(&model, &truth.slice), norm2, noise).unwrap_or(f64::NAN)
         })
         .collect())
 }

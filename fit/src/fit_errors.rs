@@ -8,6 +8,10 @@ use rayon::prelude::*;
 
 /// Excess errors `sqrt(max(0, |model - table|^2 - noise) / |table|^2)`, |table|^2 with its own noise removed too. A slice whose
 /// noise is more than half of its norm has no meaningful figure and holds NaN.
+///
+/// The noise that is taken off is an expectation; what a slice really has scatters about it, so that one slice's figure is only
+/// good to about `sqrt(noise / |table|^2) (2 / bins)^(1/4)`: 0.03 for a standard table. Means add the squares with their signs, below
+/// zero too, and are good to far less.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FitErrors {
     /// `[M][H]`: of f_refl.
@@ -16,25 +20,35 @@ pub struct FitErrors {
     pub high: Vec<f64>,
     /// `[(M-1)/2][(H-1)/2][K]`: rms over the nine slices of each block.
     pub block: Vec<f64>,
+    /// rms of f_refl over all nodes.
+    pub rms_refl: f64,
+    /// `[K]`: rms of f_high over the nine slices of all blocks.
+    pub rms_high: Vec<f64>,
     /// `[M][H]`: difference of the model's lobe energies from the table's, f_refl; absolute.
     pub energy_refl: Vec<f64>,
     /// `[M][H][K]`: the same for f_high.
     pub energy_high: Vec<f64>,
 }
 
-/// Squared excess error of one slice, None where noise hides it.
+/// Squared excess error of one slice, below zero where the slice has less noise than expected; None where noise hides it.
 pub(crate) fn excess2(distance2: f64, norm2: f64, noise: f64) -> Option<f64> {
     let signal = norm2 - noise;
-    (signal > 0.5 * norm2 && norm2 > 0.0).then(|| ((distance2 - noise) / signal).max(0.0))
+    (signal > 0.5 * norm2 && norm2 > 0.0).then(|| (distance2 - noise) / signal)
 }
 
+/// Root of the mean of squared errors.
 fn rms(values: impl Iterator<Item = f64>) -> f64 {
     let (mut sum, mut count) = (0.0, 0usize);
     for v in values {
         sum += v;
         count += 1;
     }
-    if count == 0 { f64::NAN } else { (sum / count as f64).sqrt() }
+    if count == 0 { f64::NAN } else { root(sum / count as f64) }
+}
+
+/// Square root of a squared error that may have come out below zero.
+fn root(squared: f64) -> f64 {
+    squared.max(0.0).sqrt()
 }
 
 /// The place of node `(m, n)` of a model with `rows` x `columns` nodes.
@@ -126,8 +140,12 @@ pub fn errors(model: &PlyData, table: &Table) -> Result<FitErrors, crate::FitErr
         }
     }
     Ok(FitErrors {
-        refl: refl.iter().map(|r| r.0.map_or(f64::NAN, f64::sqrt)).collect(),
-        high: sums.iter().map(|&(s, c)| if c == 0 { f64::NAN } else { (s / c as f64).sqrt() }).collect(),
+        refl: refl.iter().map(|r| r.0.map_or(f64::NAN, root)).collect(),
+        high: sums.iter().map(|&(s, c)| if c == 0 { f64::NAN } else { root(s / c as f64) }).collect(),
+        rms_refl: rms(refl.iter().filter_map(|r| r.0)),
+        rms_high: (0..sigmas)
+            .map(|k| rms(blocks.iter().flat_map(|slices| slices.iter().skip(k).step_by(sigmas).filter_map(|s| s.1))))
+            .collect(),
         block,
         energy_refl: refl.iter().map(|r| r.1).collect(),
         energy_high,
