@@ -1,0 +1,70 @@
+//! Paths per second through the standard polyester ply: screw march beside triangles in the same run, one thread beside two.
+//!
+//! `cargo bench -p plywave-sim --bench trace`; the throughput line of each is paths per second.
+
+use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
+use plywave::YarnSpec;
+use plywave_sim::{PlySection, Run, ScrewTracer, SimOptions, TracerKind, simulate};
+use std::time::{Duration, Instant};
+
+fn paths_per_second(c: &mut Criterion) {
+    let spec = YarnSpec::polyester().expect("compiled-in spec");
+    let mut group = c.benchmark_group("trace");
+    group.sampling_mode(SamplingMode::Flat).sample_size(10).measurement_time(Duration::from_secs(12));
+    for (name, tracer, threads) in [
+        ("screw march, 1 thread", TracerKind::Screw, 1),
+        ("screw march, 2 threads", TracerKind::Screw, 2),
+        ("triangles in obvhs, 1 thread", TracerKind::Mesh, 1),
+    ] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        // Two latitudes, so that geometry is built once for many paths; it is part of what is measured.
+        let options = SimOptions {
+            tracer,
+            instances: 8,
+            theta_i_nodes: 3,
+            paths_per_theta: 60_000,
+            h_nodes: 25,
+            theta_o_bins: 90,
+            phi_o_bins: 180,
+            ..SimOptions::preview()
+        };
+        group.throughput(Throughput::Elements(plywave_sim::total_paths(&options)));
+        group.bench_function(name, |b| {
+            b.iter(|| pool.install(|| simulate(&spec, "", &options, Run::plain()).expect("simulates")))
+        });
+    }
+    group.finish();
+}
+
+/// Paths per second of the walk alone, without the tables, as the prototypes of the physics notes counted them.
+fn walk_alone(c: &mut Criterion) {
+    use plywave_sim::{RoughDielectric, Tracer, trace_path};
+    use rand::{RngExt, SeedableRng};
+    let spec = YarnSpec::polyester().expect("compiled-in spec");
+    let section = PlySection::generate(&spec, 1).expect("packs");
+    let screw = ScrewTracer::new(&section).expect("resolves");
+    let surface = RoughDielectric { eta: spec.fiber.eta as f32, alpha: spec.fiber.alpha_fiber as f32 };
+    let mut group = c.benchmark_group("walk");
+    group.sampling_mode(SamplingMode::Flat).sample_size(10).measurement_time(Duration::from_secs(5));
+    group.throughput(Throughput::Elements(10_000));
+    group.bench_function("10 k paths at normal incidence, screw march", |b| {
+        b.iter_custom(|rounds| {
+            let start = Instant::now();
+            for round in 0..rounds {
+                let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(round);
+                let bound = screw.bound_radius_um();
+                for _ in 0..10_000 {
+                    let x = bound * (2.0 * rng.random::<f32>() - 1.0);
+                    let y = (bound * bound - x * x).max(0.0).sqrt();
+                    let pos = nalgebra::Vector3::new(x, y, 800.0 * rng.random::<f32>());
+                    std::hint::black_box(trace_path(&screw, &surface, pos, -nalgebra::Vector3::y(), &mut rng));
+                }
+            }
+            start.elapsed()
+        })
+    });
+    group.finish();
+}
+
+criterion_group!(benches, paths_per_second, walk_alone);
+criterion_main!(benches);

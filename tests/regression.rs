@@ -1,0 +1,46 @@
+//! Regression of fitted lobes: today's fit of a stored small table, against the model that was fitted to it when it was stored.
+//!
+//! The files are remade, on purpose and with a line in CHANGELOG.md, by
+//! `plywave simulate tests/data/small.toml --preset preview -o tests/data/small.pwt` and
+//! `plywave fit tests/data/small.pwt -o tests/data/small.pwm`.
+
+use plywave::{PlyData, Table, YarnSpec};
+use plywave_fit::{DiffTolerance, FitOptions, diff, errors, fit};
+use plywave_sim::{Run, SimOptions, simulate};
+
+fn data(name: &str) -> String {
+    format!("{}/tests/data/{name}", env!("CARGO_MANIFEST_DIR"))
+}
+
+#[test]
+fn todays_fit_is_the_stored_one() {
+    let table = Table::load(data("small.pwt")).unwrap();
+    let stored = PlyData::load(data("small.pwm")).unwrap();
+    let today = fit(&table, &FitOptions::preview(), &|_| {}).unwrap();
+    let report = diff(&stored, &today, &DiffTolerance::default()).unwrap();
+    assert!(report.equal, "worst slice {}, energy {}: {:?}", report.worst, report.energy, report.drift_high);
+    // And a model that is not the same is told apart.
+    let mut moved = today.clone();
+    moved.high.iter_mut().step_by(6).for_each(|theta_z| *theta_z += 0.1);
+    assert!(!diff(&stored, &moved, &DiffTolerance::default()).unwrap().equal);
+}
+
+/// Today's simulation of the same spec, with other paths and instances, is fitted as well by the stored model as its own table
+/// was: the simulator has not drifted.
+#[test]
+fn todays_simulation_is_the_stored_one() {
+    let (spec, text) = YarnSpec::load(data("small.toml")).unwrap();
+    let options = SimOptions { seed: 77, ..SimOptions::preview().overridden_by(&spec.simulation) };
+    let table = simulate(&spec, &text, &options, Run::plain()).unwrap();
+    let stored = PlyData::load(data("small.pwm")).unwrap();
+    let e = errors(&stored, &table).unwrap();
+    let rms = |v: &[f64]| {
+        let known: Vec<f64> = v.iter().copied().filter(|v| v.is_finite()).collect();
+        (known.iter().map(|v| v * v).sum::<f64>() / known.len() as f64).sqrt()
+    };
+    let (refl, high) = (rms(&e.refl), rms(&e.high.iter().copied().step_by(3).collect::<Vec<_>>()));
+    assert!(refl < 0.2 && high < 0.12, "f_refl {refl}, f_high {high}");
+    for (i, (a, b)) in table.energy_refl.iter().zip(&stored.energy_refl).enumerate() {
+        assert!((a - b).abs() < 0.02, "energy_refl {i}: {a} against {b}");
+    }
+}
