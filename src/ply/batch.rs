@@ -3,7 +3,7 @@
 
 use super::Queries;
 use super::kernel::{
-    Energies, LANES, Lanes, absorb, absorbed, halves, interpolate_high, interpolate_node, interpolate_refl,
+    Energies, LANES, Lanes, Place, absorb, absorbed, halves, interpolate_high, interpolate_node, interpolate_refl,
     log_transmittances, mirrored, mixture, place, scales, sum, transmit,
 };
 use super::layout::Tables;
@@ -122,14 +122,25 @@ fn many<const FMA: bool, const H: usize, const R: usize, const J: usize, const N
     s: &mut Scratch<H, R, J, N>,
     f: &mut [[f32; N]],
 ) {
+    // Queries that are not there miss.
+    let (mut theta_i, mut h_um) = ([f32::NAN; W], [0.0; W]);
+    for q in 0..f.len().min(W) {
+        if let Some(query) = queries.get(q) {
+            (theta_i[q], h_um[q]) = (query.0, query.1);
+        }
+    }
+    let mut places = [Place::default(); W];
+    for q in 0..W {
+        places[q] = place(&tables.grid, theta_i[q], h_um[q]);
+    }
     let mut hit = [false; W];
-    for (q, hit) in hit.iter_mut().enumerate().take(f.len()) {
-        let Some((theta_i, h_um, sigma, wo)) = queries.get(q) else { continue };
-        let Some(p) = place(&tables.grid, theta_i, h_um) else { continue };
+    for q in 0..f.len().min(W) {
+        let p = &places[q];
+        let Some((_, _, sigma, wo)) = queries.get(q).filter(|_| p.hit) else { continue };
         let Some(lobes) = interpolate_high::<FMA, H, R, J>(tables, p) else { continue };
         let Some(lobes_refl) = interpolate_refl::<FMA, H, R, J>(tables, p) else { continue };
         let Some(node) = interpolate_node::<FMA, J>(&tables.grid, &tables.nodes, p) else { continue };
-        *hit = true;
+        hit[q] = true;
         let v = mirrored(p.flip, wo);
         s.high.set(q, &lobes.params, v);
         s.refl.set(q, &lobes_refl, v);
@@ -146,8 +157,8 @@ fn many<const FMA: bool, const H: usize, const R: usize, const J: usize, const N
             let t = &s.transmittance[q];
             let high = absorb::<FMA, J, N>(&s.simulated[q].1, t);
             let energies = Energies { r_d: 0.0, refl: s.simulated[q].0, high };
-            let energy = absorbed::<FMA, H, J, N>(&s.high.energy[q], &s.spectrum[q], t);
-            let mut value = absorbed::<FMA, H, J, N>(&s.high.value[q], &s.spectrum[q], t);
+            let energy = absorbed::<FMA, H, J, N>(tables.pairs, &s.high.energy[q], &s.spectrum[q], t);
+            let mut value = absorbed::<FMA, H, J, N>(tables.pairs, &s.high.value[q], &s.spectrum[q], t);
             let (scale_refl, scale_high) = scales(&energies, halves(s.refl.energy[q]), &energy);
             for k in 0..N {
                 value[k] *= scale_high[k];

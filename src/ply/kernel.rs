@@ -24,29 +24,46 @@ impl<const N: usize> Energies<N> {
     pub(super) const MISS: Self = Energies { r_d: 1.0, refl: 0.0, high: [0.0; N] };
 }
 
-/// Interpolation at one incidence: cell, fractions.
-#[derive(Clone, Copy)]
+/// Interpolation at one incidence.
+#[derive(Clone, Copy, Default)]
 pub(super) struct Place {
-    m: usize,
-    n: usize,
-    fm: f32,
-    fn_: f32,
+    /// Whether the beam is within the nodes.
+    pub(super) hit: bool,
     /// Whether theta_i < 0: directions are mirrored on the way in and out.
     pub(super) flip: bool,
+    /// Cell.
+    m: u32,
+    n: u32,
+    /// Catmull-Rom weights of nodes -1..=2 of the cell along theta_i and h.
+    wm: [f32; 4],
+    wn: [f32; 4],
+    /// Bilinear weights of the corners of the cell and of the block, theta_i the slower index.
+    cell: [f32; 4],
+    block: [f32; 4],
 }
 
+/// The place of any incidence, one beyond the nodes included, without a branch.
 #[inline(always)]
-pub(super) fn place(grid: &Grid, theta_i: f32, h_um: f32) -> Option<Place> {
-    if h_um.is_nan() || theta_i.is_nan() || h_um.abs() > grid.h_last {
-        return None;
-    }
+pub(super) fn place(grid: &Grid, theta_i: f32, h_um: f32) -> Place {
     let flip = theta_i < 0.0;
     let h = if flip { -h_um } else { h_um };
-    let t = min(theta_i.abs() * grid.per_theta, (grid.nodes_theta - 1) as f32);
-    let x = min(max((h + grid.h_last) * grid.per_h, 0.0), (grid.nodes_h - 1) as f32);
-    let m = (t as usize).min(grid.nodes_theta - 2);
-    let n = (x as usize).min(grid.nodes_h - 2);
-    Some(Place { m, n, fm: t - m as f32, fn_: x - n as f32, flip })
+    let t = min(theta_i.abs() * grid.per_theta, grid.last_theta);
+    let x = min(max((h + grid.h_last) * grid.per_h, 0.0), grid.last_h);
+    let (m, n) = (min(t.floor(), grid.last_theta - 1.0), min(x.floor(), grid.last_h - 1.0));
+    let (fm, fn_) = (t - m, x - n);
+    let (half_m, half_n) = (0.5 * m, 0.5 * n);
+    // 2^23 plus a whole number has that number in its low bits.
+    let bits = |x: f32| (x + 8_388_608.0).to_bits() & 0x7f_ffff;
+    Place {
+        hit: h_um.abs() <= grid.h_last && theta_i == theta_i,
+        flip,
+        m: bits(m),
+        n: bits(n),
+        wm: catmull_rom(fm),
+        wn: catmull_rom(fn_),
+        cell: bilinear(fm, fn_),
+        block: bilinear(half_m - half_m.floor() + 0.5 * fm, half_n - half_n.floor() + 0.5 * fn_),
+    }
 }
 
 /// Catmull-Rom weights of nodes -1..=2 of the cell at fraction `f`.
@@ -104,12 +121,12 @@ pub(super) fn transmit<const FMA: bool>(t: &mut [f32]) {
 pub(super) fn interpolate_node<const FMA: bool, const J: usize>(
     grid: &Grid,
     nodes: &[Node<J>],
-    p: Place,
+    p: &Place,
 ) -> Option<Node<J>> {
-    let at = p.m * grid.nodes_h + p.n;
+    let at = p.m as usize * grid.nodes_h + p.n as usize;
     let [a, b] = nodes.get(at..)?.first_chunk::<2>()?;
     let [c, d] = nodes.get(at + grid.nodes_h..)?.first_chunk::<2>()?;
-    let w = bilinear(p.fm, p.fn_);
+    let w = p.cell;
     let mut high = [0.0; J];
     for j in 0..J {
         high[j] = mix::<FMA>(w, [a.high[j], b.high[j], c.high[j], d.high[j]]);
@@ -146,7 +163,10 @@ pub(super) fn energies<const FMA: bool, const H: usize, const R: usize, const J:
     h_um: f32,
     sigma: &[f32; N],
 ) -> Option<Energies<N>> {
-    let p = place(&tables.grid, theta_i, h_um)?;
+    let p = &place(&tables.grid, theta_i, h_um);
+    if !p.hit {
+        return None;
+    }
     let node = interpolate_node::<FMA, J>(&tables.grid, &tables.nodes, p)?;
     let mut t = log_transmittances(&tables.path, sigma);
     transmit::<FMA>(t.as_flattened_mut());
@@ -157,12 +177,12 @@ pub(super) fn energies<const FMA: bool, const H: usize, const R: usize, const J:
 #[inline(always)]
 pub(super) fn interpolate_refl<const FMA: bool, const H: usize, const R: usize, const J: usize>(
     tables: &Tables<H, R, J>,
-    p: Place,
+    p: &Place,
 ) -> Option<[[f32; R]; PARAMS]> {
-    let (wm, wn) = (catmull_rom(p.fm), catmull_rom(p.fn_));
+    let (wm, wn, m, n) = (p.wm, p.wn, p.m as usize, p.n as usize);
     let stride = tables.grid.nodes_h + 2;
     let mut sum = [[0.0; R]; PARAMS];
-    let row = |a: usize| tables.refl.get((p.m + a) * stride + p.n..)?.first_chunk::<4>();
+    let row = |a: usize| tables.refl.get((m + a) * stride + n..)?.first_chunk::<4>();
     let rows = [row(0)?, row(1)?, row(2)?, row(3)?];
     let node = |a: usize, b: usize| rows[a][b].0.as_flattened();
     for (i, value) in sum.as_flattened_mut().iter_mut().enumerate() {
@@ -176,10 +196,10 @@ pub(super) fn interpolate_refl<const FMA: bool, const H: usize, const R: usize, 
 #[inline(always)]
 pub(super) fn interpolate_high<const FMA: bool, const H: usize, const R: usize, const J: usize>(
     tables: &Tables<H, R, J>,
-    p: Place,
+    p: &Place,
 ) -> Option<High<H, J>> {
-    let [a, b, c, d] = tables.high.get((p.m / 2) * (tables.grid.nodes_h / 2) + p.n / 2)?;
-    let w = bilinear(0.5 * ((p.m % 2) as f32 + p.fm), 0.5 * ((p.n % 2) as f32 + p.fn_));
+    let [a, b, c, d] = tables.high.get((p.m / 2) as usize * (tables.grid.nodes_h / 2) + (p.n / 2) as usize)?;
+    let w = p.block;
     let mut high = High { params: [[0.0; H]; PARAMS], spectrum: [[0.0; J]; H] };
     let (pa, pb) = (a.params.as_flattened(), b.params.as_flattened());
     let (pc, pd) = (c.params.as_flattened(), d.params.as_flattened());
@@ -331,12 +351,14 @@ impl Lanes {
 /// Sum over the high-order lobes after absorption. Not scaled.
 #[inline(always)]
 pub(super) fn absorbed<const FMA: bool, const H: usize, const J: usize, const N: usize>(
+    pairs: usize,
     value: &[f32; H],
     spectrum: &[[f32; J]; H],
     t: &[[f32; N]; J],
 ) -> [f32; N] {
+    // Of as many turns as there are pairs of lobes, which the compiler does not know: it then keeps the path lengths in vectors.
     let (mut even, mut odd) = ([0.0; J], [0.0; J]);
-    for (value, spectrum) in value.as_chunks::<2>().0.iter().zip(spectrum.as_chunks::<2>().0) {
+    for (value, spectrum) in value.as_chunks::<2>().0.iter().zip(spectrum.as_chunks::<2>().0).take(pairs) {
         for j in 0..J {
             even[j] = fma::<FMA>(value[0], spectrum[0][j], even[j]);
             odd[j] = fma::<FMA>(value[1], spectrum[1][j], odd[j]);
@@ -368,6 +390,8 @@ pub(super) struct Mixture<const H: usize, const R: usize, const L: usize, const 
     scale_high: [f32; N],
     /// What makes the reflection lobes add up to the simulated energy.
     scale_refl: f32,
+    /// Pairs of high-order lobes.
+    pairs: usize,
     flip: bool,
     energies: Energies<N>,
 }
@@ -387,7 +411,10 @@ pub(super) fn mixture<
     h_um: f32,
     sigma: &[f32; N],
 ) -> Option<Mixture<H, R, L, J, N>> {
-    let p = place(&tables.grid, theta_i, h_um)?;
+    let p = &place(&tables.grid, theta_i, h_um);
+    if !p.hit {
+        return None;
+    }
     let node = interpolate_node::<FMA, J>(&tables.grid, &tables.nodes, p)?;
     let refl = interpolate_refl::<FMA, H, R, J>(tables, p)?;
     let high = interpolate_high::<FMA, H, R, J>(tables, p)?;
@@ -413,6 +440,7 @@ pub(super) fn mixture<
         transmittance,
         scale_high: [0.0; N],
         scale_refl: 0.0,
+        pairs: tables.pairs,
         flip: p.flip,
         energies,
     };
@@ -491,7 +519,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
     /// Sums over the lobes of `value` by lane: reflection, and high-order after absorption. Not scaled.
     #[inline(always)]
     fn absorbed<const FMA: bool>(&self, value: &[f32; L]) -> (f32, [f32; N]) {
-        let high = absorbed::<FMA, H, J, N>(part(value, 0), &self.spectrum, &self.transmittance);
+        let high = absorbed::<FMA, H, J, N>(self.pairs, part(value, 0), &self.spectrum, &self.transmittance);
         (halves::<R>(*part(value, H)), high)
     }
 
@@ -572,7 +600,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         for l in H..H + R {
             mean[l] = self.scale_refl;
         }
-        for (mean, spectrum) in mean.iter_mut().zip(&self.spectrum) {
+        for (mean, spectrum) in mean.iter_mut().zip(&self.spectrum).take(2 * self.pairs) {
             let mut product = [0.0; J];
             for j in 0..J {
                 product[j] = spectrum[j] * by_path[j];

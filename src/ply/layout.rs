@@ -48,6 +48,8 @@ pub(super) struct Tables<const H: usize, const R: usize, const J: usize> {
     /// Least energy of a lane: [`LEAST_ENERGY`] for lobes, 0 for empty lanes.
     pub(super) least_high: [f32; H],
     pub(super) least_refl: [f32; R],
+    /// Pairs of high-order lanes with a lobe.
+    pub(super) pairs: usize,
     /// Bounds of the stored bandwidths.
     pub(super) bandwidth: (f32, f32),
 }
@@ -55,8 +57,10 @@ pub(super) struct Tables<const H: usize, const R: usize, const J: usize> {
 /// The nodes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Grid {
-    pub(super) nodes_theta: usize,
     pub(super) nodes_h: usize,
+    /// Last node along theta_i and along h.
+    pub(super) last_theta: f32,
+    pub(super) last_h: f32,
     /// Nodes per radian of theta_i, per um of h.
     pub(super) per_theta: f32,
     pub(super) per_h: f32,
@@ -130,8 +134,9 @@ impl<const H: usize, const R: usize, const J: usize> Tables<H, R, J> {
         let least = |is: bool| if is { LEAST_ENERGY as f32 } else { 0.0 };
         Tables {
             grid: Grid {
-                nodes_theta: m,
                 nodes_h: h,
+                last_theta: (m - 1) as f32,
+                last_h: (h - 1) as f32,
                 per_theta: (m - 1) as f32 / d.theta_i[m - 1] as f32,
                 per_h: (h - 1) as f32 / (2.0 * d.h_um[h - 1]) as f32,
                 h_last: d.h_um[h - 1] as f32,
@@ -142,6 +147,7 @@ impl<const H: usize, const R: usize, const J: usize> Tables<H, R, J> {
             high: (0..(m / 2) * (h / 2)).map(|b| std::array::from_fn(|c| corner(b * 4 + c))).collect(),
             least_high: std::array::from_fn(|l| least(l < d.lobes_high)),
             least_refl: std::array::from_fn(|l| least(l < d.lobes_refl)),
+            pairs: d.lobes_high.div_ceil(2),
             bandwidth: (stored(3, MU_MIN.ln()) as f32, stored(3, MU_MAX.ln()) as f32),
         }
     }
