@@ -3,8 +3,8 @@
 
 use super::Queries;
 use super::kernel::{
-    Energies, LANES, Lanes, Place, absorb, absorbed, halves, interpolate_high, interpolate_node, interpolate_refl,
-    log_transmittances, mirrored, mixture, place, scales, sum, transmit,
+    Energies, LANES, Lanes, Places, absorb, absorbed, halves, interpolate_high, interpolate_node, interpolate_refl,
+    log_transmittances, mirrored, mixture, scales, sum, transmit,
 };
 use super::layout::Tables;
 use crate::asg::PARAMS;
@@ -69,9 +69,9 @@ impl<const K: usize> Lobes<K> {
     }
 
     #[inline(always)]
-    fn set(&mut self, q: usize, params: &[[f32; K]; PARAMS], v: [f32; 3]) {
-        for k in 0..PARAMS {
-            self.params[k][q] = params[k];
+    fn set(&mut self, q: usize, params: &[[f32; K]], v: [f32; 3]) {
+        for (row, params) in self.params.iter_mut().zip(params) {
+            row[q] = *params;
         }
         for c in 0..3 {
             self.v[c][q] = [v[c]; K];
@@ -129,13 +129,10 @@ fn many<const FMA: bool, const H: usize, const R: usize, const J: usize, const N
             (theta_i[q], h_um[q]) = (query.0, query.1);
         }
     }
-    let mut places = [Place::default(); W];
-    for q in 0..W {
-        places[q] = place(&tables.grid, theta_i[q], h_um[q]);
-    }
+    let places = Places::new(&tables.grid, &theta_i, &h_um);
     let mut hit = [false; W];
     for q in 0..f.len().min(W) {
-        let p = &places[q];
+        let p = &places.get(q);
         let Some((_, _, sigma, wo)) = queries.get(q).filter(|_| p.hit) else { continue };
         let Some(lobes) = interpolate_high::<FMA, H, R, J>(tables, p) else { continue };
         let Some(lobes_refl) = interpolate_refl::<FMA, H, R, J>(tables, p) else { continue };

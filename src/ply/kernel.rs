@@ -25,7 +25,7 @@ impl<const N: usize> Energies<N> {
 }
 
 /// Interpolation at one incidence.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy)]
 pub(super) struct Place {
     /// Whether the beam is within the nodes.
     pub(super) hit: bool,
@@ -63,6 +63,51 @@ pub(super) fn place(grid: &Grid, theta_i: f32, h_um: f32) -> Place {
         wn: catmull_rom(fn_),
         cell: bilinear(fm, fn_),
         block: bilinear(half_m - half_m.floor() + 0.5 * fm, half_n - half_n.floor() + 0.5 * fn_),
+    }
+}
+
+/// Places side by side.
+pub(super) struct Places<const W: usize> {
+    hit: [u32; W],
+    flip: [u32; W],
+    m: [u32; W],
+    n: [u32; W],
+    weights: [[f32; W]; 16],
+}
+
+impl<const W: usize> Places<W> {
+    #[inline(always)]
+    pub(super) fn new(grid: &Grid, theta_i: &[f32; W], h_um: &[f32; W]) -> Self {
+        let mut x = Places { hit: [0; W], flip: [0; W], m: [0; W], n: [0; W], weights: [[0.0; W]; 16] };
+        for q in 0..W {
+            let p = place(grid, theta_i[q], h_um[q]);
+            x.hit[q] = u32::from(p.hit);
+            x.flip[q] = u32::from(p.flip);
+            x.m[q] = p.m;
+            x.n[q] = p.n;
+            for k in 0..4 {
+                x.weights[k][q] = p.wm[k];
+                x.weights[4 + k][q] = p.wn[k];
+                x.weights[8 + k][q] = p.cell[k];
+                x.weights[12 + k][q] = p.block[k];
+            }
+        }
+        x
+    }
+
+    #[inline(always)]
+    pub(super) fn get(&self, q: usize) -> Place {
+        let w = |k: usize| [self.weights[k][q], self.weights[k + 1][q], self.weights[k + 2][q], self.weights[k + 3][q]];
+        Place {
+            hit: self.hit[q] != 0,
+            flip: self.flip[q] != 0,
+            m: self.m[q],
+            n: self.n[q],
+            wm: w(0),
+            wn: w(4),
+            cell: w(8),
+            block: w(12),
+        }
     }
 }
 
@@ -178,10 +223,10 @@ pub(super) fn energies<const FMA: bool, const H: usize, const R: usize, const J:
 pub(super) fn interpolate_refl<const FMA: bool, const H: usize, const R: usize, const J: usize>(
     tables: &Tables<H, R, J>,
     p: &Place,
-) -> Option<[[f32; R]; PARAMS]> {
+) -> Option<[[f32; R]; 8]> {
     let (wm, wn, m, n) = (p.wm, p.wn, p.m as usize, p.n as usize);
     let stride = tables.grid.nodes_h + 2;
-    let mut sum = [[0.0; R]; PARAMS];
+    let mut sum = [[0.0; R]; 8];
     let row = |a: usize| tables.refl.get((m + a) * stride + n..)?.first_chunk::<4>();
     let rows = [row(0)?, row(1)?, row(2)?, row(3)?];
     let node = |a: usize, b: usize| rows[a][b].0.as_flattened();

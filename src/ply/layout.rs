@@ -20,10 +20,10 @@ pub(super) struct Node<const J: usize> {
     pub(super) high: [f32; J],
 }
 
-/// Reflection lobes at a node, one parameter after the other.
+/// Reflection lobes at a node, one parameter after the other, filled up with zeros to whole cache lines.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-pub(super) struct Refl<const R: usize>(pub(super) [[f32; R]; PARAMS]);
+pub(super) struct Refl<const R: usize>(pub(super) [[f32; R]; 8]);
 
 /// High-order lobes at a corner of a block, one parameter after the other, and the spectrum of each.
 #[derive(Clone, Debug)]
@@ -114,7 +114,7 @@ impl<const H: usize, const R: usize, const J: usize> Tables<H, R, J> {
                 let value = |k: usize, l: usize| {
                     let node = |i: usize, j: usize| stored(k, d.refl[((i * h + j) * d.lobes_refl + l) * PARAMS + k]);
                     let row = |i: usize| extended(b, h, &|j| node(i, j));
-                    if l < d.lobes_refl { extended(a, m, &row) as f32 } else { 0.0 }
+                    if k < PARAMS && l < d.lobes_refl { extended(a, m, &row) as f32 } else { 0.0 }
                 };
                 refl.push(Refl(std::array::from_fn(|k| std::array::from_fn(|l| value(k, l)))));
             }
