@@ -35,11 +35,11 @@ pub(crate) fn exp2<const FMA: bool>(x: f32) -> f32 {
 pub(crate) fn exp2_within<const FMA: bool>(x: f32) -> f32 {
     let shifted = x + ROUND;
     let r = x - (shifted - ROUND);
-    // Minimax on |r| <= 1/2 to 9e-8 relative, exact at 0.
-    let p = fma::<FMA>(r, 1.326_472_7e-3, 9.671_513e-3);
-    let p = fma::<FMA>(p, r, 5.550_733_6e-2);
-    let p = fma::<FMA>(p, r, 2.402_224_2e-1);
-    let p = fma::<FMA>(p, r, 6.931_47e-1);
+    // Minimax on |r| <= 1/2 to 1.1e-7 relative, exact at 0.
+    let p = fma::<FMA>(r, 1.330_026_4e-3, 9.669_708e-3);
+    let p = fma::<FMA>(p, r, 5.550_56e-2);
+    let p = fma::<FMA>(p, r, 2.402_228_2e-1);
+    let p = fma::<FMA>(p, r, std::f32::consts::LN_2);
     let p = fma::<FMA>(p, r, 1.0);
     f32::from_bits(p.to_bits().wrapping_add(shifted.to_bits() << 23))
 }

@@ -55,7 +55,7 @@ pub(super) fn place(grid: &Grid, theta_i: f32, h_um: f32) -> Place {
     // 2^23 plus a whole number has that number in its low bits.
     let bits = |x: f32| (x + 8_388_608.0).to_bits() & 0x7f_ffff;
     Place {
-        hit: h_um.abs() <= grid.h_last && theta_i == theta_i,
+        hit: h_um.abs() <= grid.h_last && !theta_i.is_nan(),
         flip,
         m: bits(m),
         n: bits(n),
