@@ -1,7 +1,8 @@
 //! Time of the runtime on one core: eval of all terms, single and in batches, sample + pdf, loading; the slow f64 twin beside them.
 //!
-//! `cargo bench -p plywave --bench runtime`. The planted model has 2 reflection lobes, 8 high-order lobes, 8 path lengths;
-//! incidences and directions are random, so that hardly two queries share a block.
+//! `cargo bench -p plywave --bench runtime`. The planted model has 3 reflection lobes, 8 high-order lobes, 8 path lengths;
+//! incidences, absorptions and directions are random, so that hardly two queries share a block. `sample` gives direction, weight
+//! and pdf. Times of a batch are of all its queries; the throughput is of one.
 
 #[path = "../tests/synthetic/mod.rs"]
 mod synthetic;
@@ -11,7 +12,7 @@ use plywave::{PlyModel, Queries, direction};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::hint::black_box;
-use synthetic::{STANDARD, model};
+use synthetic::{STANDARD, Sizes, model};
 
 const QUERIES: usize = 4096;
 
@@ -32,7 +33,7 @@ fn queries() -> Vec<Query> {
 }
 
 fn runtime(c: &mut Criterion) {
-    let data = model(1, STANDARD);
+    let data = model(1, Sizes { refl: 3, ..STANDARD });
     let m = PlyModel::from_data(data.clone()).expect("the planted model is valid");
     let q = queries();
     let mut i = 0;
@@ -52,16 +53,22 @@ fn runtime(c: &mut Criterion) {
             black_box(m.eval(theta_i, h, [sigma[0]], wo))
         })
     });
+    c.bench_function("eval N=3", |b| {
+        b.iter(|| {
+            let (theta_i, h, sigma, wo, _) = next();
+            black_box(m.eval(theta_i, h, [sigma[0], sigma[1], sigma[2]], wo))
+        })
+    });
     c.bench_function("sample N=4", |b| {
         b.iter(|| {
             let (theta_i, h, sigma, _, u) = next();
             black_box(m.sample(theta_i, h, sigma, u))
         })
     });
-    c.bench_function("sample + pdf N=4", |b| {
+    c.bench_function("pdf N=4", |b| {
         b.iter(|| {
-            let (theta_i, h, sigma, wo, u) = next();
-            black_box((m.sample(theta_i, h, sigma, u), m.pdf(theta_i, h, sigma, wo)))
+            let (theta_i, h, sigma, wo, _) = next();
+            black_box(m.pdf(theta_i, h, sigma, wo))
         })
     });
     c.bench_function("albedo N=4", |b| {
@@ -87,6 +94,10 @@ fn runtime(c: &mut Criterion) {
     let [x, y, z] = [0, 1, 2].map(|c| wo.iter().map(|w| w[c]).collect::<Vec<f32>>());
     let queries = Queries { theta_i: &theta_i, h_um: &h_um, sigma_per_um: &sigma_per_um, wo: [&x, &y, &z] };
     group.bench_function("eval N=4", |b| b.iter(|| m.eval_batch(&queries, &mut f)));
+    let (theta_i, h_um) = (vec![0.5; QUERIES], vec![20.0; QUERIES]);
+    let sigma_per_um = vec![[0.0, 0.01, 0.02, 0.05]; QUERIES];
+    let queries = Queries { theta_i: &theta_i, h_um: &h_um, sigma_per_um: &sigma_per_um, wo: [&x, &y, &z] };
+    group.bench_function("eval N=4, one incidence", |b| b.iter(|| m.eval_batch(&queries, &mut f)));
     group.bench_function("eval + pdf N=4, one incidence", |b| {
         b.iter(|| m.eval_directions(0.5, 20.0, [0.0, 0.01, 0.02, 0.05], &wo, &mut f, &mut pdf))
     });

@@ -1,6 +1,7 @@
 //! The ply model (Yu 2025, Eq. 8): reflection lobes interpolated over (theta_i, h), high-order lobes in overlapping blocks,
 //! absorption by each lobe's path-length spectrum, and the simulated energies, which the evaluator holds exactly.
 
+mod batch;
 mod dispatch;
 mod file;
 mod kernel;
@@ -111,6 +112,27 @@ impl<const N: usize> Queries<'_, N> {
     fn get(&self, i: usize) -> Option<(f32, f32, [f32; N], [f32; 3])> {
         let wo = [*self.wo[0].get(i)?, *self.wo[1].get(i)?, *self.wo[2].get(i)?];
         Some((*self.theta_i.get(i)?, *self.h_um.get(i)?, *self.sigma_per_um.get(i)?, wo))
+    }
+
+    /// The queries from `at` on.
+    #[inline(always)]
+    fn from(&self, at: usize) -> Self {
+        let [x, y, z] = self.wo;
+        Queries {
+            theta_i: self.theta_i.get(at..).unwrap_or(&[]),
+            h_um: self.h_um.get(at..).unwrap_or(&[]),
+            sigma_per_um: self.sigma_per_um.get(at..).unwrap_or(&[]),
+            wo: [x.get(at..).unwrap_or(&[]), y.get(at..).unwrap_or(&[]), z.get(at..).unwrap_or(&[])],
+        }
+    }
+
+    /// Whether the first `n` queries have the same incidence and absorptions.
+    #[inline(always)]
+    fn one_incidence(&self, n: usize) -> bool {
+        fn same<T: PartialEq>(x: &[T], n: usize) -> bool {
+            x.iter().take(n).all(|v| *v == x[0])
+        }
+        same(self.theta_i, n) && same(self.h_um, n) && same(self.sigma_per_um, n)
     }
 }
 

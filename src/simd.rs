@@ -24,24 +24,24 @@ pub(crate) fn min(a: f32, b: f32) -> f32 {
 /// Adding this to |x| < 2^22 rounds x to an integer, which the low bits of the sum then hold.
 const ROUND: f32 = 12_582_912.0; // 1.5 * 2^23
 
-/// `e^x` to 3e-7 relative for x in [-87, 88]; 0 below, and for what is not a number; clamped above.
+/// `2^x` to 3e-7 relative for x in [-126, 127]; 2^-126 below, and for what is not a number. Not for x above.
 #[inline(always)]
-pub(crate) fn exp<const FMA: bool>(x: f32) -> f32 {
-    let clamped = min(max(x, -87.0), 88.0);
-    // n = round(x / ln 2), r = x - n ln 2 in two parts (Cody and Waite), |r| <= 0.347.
-    let shifted = fma::<FMA>(clamped, std::f32::consts::LOG2_E, ROUND);
-    let n = shifted - ROUND;
-    let r = fma::<FMA>(n, -0.693_359_4, clamped);
-    let r = fma::<FMA>(n, 2.121_944_4e-4, r);
-    // Taylor to degree 6: the remainder is 0.347^7 / 5040 = 1.2e-7.
-    let p = fma::<FMA>(r, 1.0 / 720.0, 1.0 / 120.0);
-    let p = fma::<FMA>(p, r, 1.0 / 24.0);
-    let p = fma::<FMA>(p, r, 1.0 / 6.0);
-    let p = fma::<FMA>(p, r, 0.5);
+pub(crate) fn exp2<const FMA: bool>(x: f32) -> f32 {
+    exp2_within::<FMA>(max(x, -126.0))
+}
+
+/// [`exp2`] for x in [-126, 127] only; any number elsewhere.
+#[inline(always)]
+pub(crate) fn exp2_within<const FMA: bool>(x: f32) -> f32 {
+    let shifted = x + ROUND;
+    let r = x - (shifted - ROUND);
+    // Minimax on |r| <= 1/2 to 1.1e-7 relative, exact at 0.
+    let p = fma::<FMA>(r, 1.330_026_4e-3, 9.669_708e-3);
+    let p = fma::<FMA>(p, r, 5.550_56e-2);
+    let p = fma::<FMA>(p, r, 2.402_228_2e-1);
+    let p = fma::<FMA>(p, r, std::f32::consts::LN_2);
     let p = fma::<FMA>(p, r, 1.0);
-    let p = fma::<FMA>(p, r, 1.0);
-    let scale = f32::from_bits((shifted.to_bits() << 23).wrapping_add(0x3f80_0000));
-    if x >= -87.0 { p * scale } else { 0.0 }
+    f32::from_bits(p.to_bits().wrapping_add(shifted.to_bits() << 23))
 }
 
 /// `ln x` for normal x > 0, to 1e-7 absolute plus 1e-7 relative.
@@ -67,29 +67,29 @@ pub(crate) fn ln<const FMA: bool>(x: f32) -> f32 {
     fma::<FMA>(e, 0.693_359_4, r + p)
 }
 
-/// Sine and cosine, to 2e-7 plus the rounding of x for |x| <= 1000.
+/// Sine and cosine of x half turns, both times the same sign, which is in the top bit of the third number. To 2e-7 for
+/// |x| <= 1000: taking whole half turns off is exact.
 #[inline(always)]
-pub(crate) fn sin_cos<const FMA: bool>(x: f32) -> (f32, f32) {
-    // n = round(x / (pi/2)), r = x - n pi/2 in three parts, |r| <= pi/4.
-    let shifted = fma::<FMA>(x, std::f32::consts::FRAC_2_PI, ROUND);
-    let n = shifted - ROUND;
-    let r = fma::<FMA>(n, -1.570_312_5, x);
-    let r = fma::<FMA>(n, -4.837_513e-4, r);
-    let r = fma::<FMA>(n, -7.549_79e-8, r);
+pub(crate) fn sin_cos_half_turns<const FMA: bool>(x: f32) -> (f32, f32, u32) {
+    let shifted = x + ROUND;
+    let r = x - (shifted - ROUND);
     let r2 = r * r;
-    // Minimax polynomials on [-pi/4, pi/4] (Cephes sinf, cosf).
-    let s = fma::<FMA>(r2, -1.951_529_6e-4, 8.332_161e-3);
-    let s = fma::<FMA>(s, r2, -1.666_665_5e-1);
-    let s = fma::<FMA>(s * r2, r, r);
-    let c = fma::<FMA>(r2, 2.443_315_7e-5, -1.388_731_6e-3);
-    let c = fma::<FMA>(c, r2, 4.166_664_6e-2);
-    let c = fma::<FMA>(c * r2, r2, fma::<FMA>(r2, -0.5, 1.0));
-    let quadrant = shifted.to_bits();
-    let swap = quadrant & 1 != 0;
-    let (a, b) = if swap { (c, s) } else { (s, c) };
-    let sign_sin = (quadrant & 2) << 30;
-    let sign_cos = (quadrant.wrapping_add(1) & 2) << 30;
-    (f32::from_bits(a.to_bits() ^ sign_sin), f32::from_bits(b.to_bits() ^ sign_cos))
+    // Minimax on |r| <= 1/2, to 4e-9 and 6e-8.
+    let s = fma::<FMA>(r2, 7.722_013e-2, -5.980_452e-1);
+    let s = fma::<FMA>(s, r2, 2.550_031_4);
+    let s = fma::<FMA>(s, r2, -5.167_707);
+    let s = fma::<FMA>(s, r2, 3.141_592_5);
+    let c = fma::<FMA>(r2, 2.200_806_6e-1, -1.332_093_8);
+    let c = fma::<FMA>(c, r2, 4.058_451);
+    let c = fma::<FMA>(c, r2, -4.934_795_4);
+    let c = fma::<FMA>(c, r2, 1.0);
+    (r * s, c, shifted.to_bits() << 31)
+}
+
+/// `x` with its sign changed where the top bit of `sign` is set.
+#[inline(always)]
+pub(crate) fn signed(x: f32, sign: u32) -> f32 {
+    f32::from_bits(x.to_bits() ^ sign)
 }
 
 #[cfg(test)]
@@ -97,18 +97,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn exp_is_accurate() {
+    fn exp2_is_accurate() {
         for i in 0..200_000 {
-            let x = -86.9 + i as f32 * (174.8 / 200_000.0);
-            let want = f64::from(x).exp();
-            for got in [exp::<true>(x), exp::<false>(x)] {
+            let x = -126.0 + i as f32 * (252.9 / 200_000.0);
+            let want = f64::from(x).exp2();
+            for got in [exp2::<true>(x), exp2::<false>(x)] {
                 let err = (f64::from(got) / want - 1.0).abs();
-                assert!(err < 3e-7, "exp({x}): got {got}, want {want}, err {err}");
+                assert!(err < 3e-7, "exp2({x}): got {got}, want {want}, err {err}");
             }
         }
-        assert_eq!([exp::<true>(f32::NAN), exp::<true>(f32::NEG_INFINITY), exp::<true>(-90.0)], [0.0; 3]);
-        assert_eq!(exp::<true>(0.0), 1.0);
-        assert!(exp::<true>(f32::INFINITY).is_finite());
+        let least = 2f32.powi(-126);
+        assert_eq!([exp2::<true>(f32::NAN), exp2::<true>(f32::NEG_INFINITY), exp2::<true>(-190.0)], [least; 3]);
+        assert_eq!(exp2::<true>(0.0), 1.0);
     }
 
     #[test]
@@ -128,10 +128,11 @@ mod tests {
     fn sin_cos_is_accurate() {
         for i in 0..400_000 {
             let x = -100.0 + i as f32 * 5e-4;
-            let (want_s, want_c) = f64::from(x).sin_cos();
-            for (s, c) in [sin_cos::<true>(x), sin_cos::<false>(x)] {
+            let (want_s, want_c) = (std::f64::consts::PI * f64::from(x)).sin_cos();
+            for (s, c, sign) in [sin_cos_half_turns::<true>(x), sin_cos_half_turns::<false>(x)] {
+                let (s, c) = (signed(s, sign), signed(c, sign));
                 let err = (f64::from(s) - want_s).abs().max((f64::from(c) - want_c).abs());
-                assert!(err < 2e-7, "sin_cos({x}): got {s} {c}, want {want_s} {want_c}, err {err}");
+                assert!(err < 2e-7, "sin, cos of {x} half turns: got {s} {c}, want {want_s} {want_c}, err {err}");
             }
         }
     }

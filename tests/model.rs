@@ -92,6 +92,13 @@ fn batches_and_directions_equal_single_calls() {
             assert_eq!(f[i], m.eval(theta_i[i], h_um[i], sigma[i], wo[i]));
         }
         assert_eq!(f[n - 1], [0.0; 3]);
+        let (theta_one, h_one, sigma_one) = (vec![-0.4; n], vec![11.0; n], vec![sigma[0]; n]);
+        let one = Queries { theta_i: &theta_one, h_um: &h_one, sigma_per_um: &sigma_one, wo: [&x, &y, &z[..n - 1]] };
+        m.eval_batch(&one, &mut f);
+        for i in 0..n - 1 {
+            assert_eq!(f[i], m.eval(-0.4, 11.0, sigma[0], wo[i]));
+        }
+        assert_eq!(f[n - 1], [0.0; 3]);
         let mut pdf = vec![9.0; n];
         m.eval_directions(0.4, 11.0, sigma[0], &wo, &mut f, &mut pdf);
         for i in 0..n {

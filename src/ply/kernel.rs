@@ -1,45 +1,15 @@
 //! The arithmetic of the runtime: the lobes of a model at one incidence side by side in the lanes of vectors, and their sums.
 //!
-//! High-order lobes fill the first H of L lanes, reflection lobes the R after them; lanes without a lobe have energy 0. Every
-//! loop over lanes is contiguous, of constant length, and long enough a body that the compiler makes it vector code before it
-//! would unroll it. With T the transmittances of the J path lengths, e_l and p_l the energy and spectrum of lobe l and G_l its
-//! value, `f_high = scale * sum_j T_j sum_l e_l G_l p_lj`, so the sum over lobes is done once for all absorptions.
+//! Every loop over lanes is contiguous, of constant length, and long enough a body that the compiler makes it vector code before
+//! it would unroll it. With T the transmittances of the J path lengths, e_l and p_l the energy and spectrum of lobe l and G_l its
+//! value, `f_high = scale * sum_j T_j sum_l e_l G_l p_lj`, so the sum over lobes is done once for all absorptions. Bandwidths
+//! are t = mu log2 e here, as `s = sqrt(t)`: `exp(-mu1 u^2 - mu2 w^2) = 2^-((s1 u)^2 + (s2 w)^2)`.
 
-use super::layout::{HEAD, Layout};
+use super::layout::{Grid, High, Node, Tables};
 use super::reference::LEAST_TRANSMITTANCE;
-use crate::simd::{exp, fma, ln, max, min, sin_cos};
-use std::f32::consts::PI;
-
-/// The lobes at one incidence: H high-order lanes of L, J path lengths, N absorptions.
-pub(super) struct Mixture<const H: usize, const L: usize, const J: usize, const N: usize> {
-    sin_theta: [f32; L],
-    cos_theta: [f32; L],
-    sin_phi: [f32; L],
-    cos_phi: [f32; L],
-    sin_xy: [f32; L],
-    cos_xy: [f32; L],
-    mu1: [f32; L],
-    mu2: [f32; L],
-    /// Energy * sqrt(mu1 mu2) / pi.
-    norm: [f32; L],
-    /// Energy / energy of the lobe with amplitude 1.
-    amplitude: [f32; L],
-    /// Energy before the scale to the simulated energy.
-    energy: [f32; L],
-    /// Path-length spectra of the high-order lobes.
-    spectrum: [[f32; J]; H],
-    /// Transmittance of each path length.
-    transmittance: [[f32; N]; J],
-    /// What makes the high-order lobes add up to the simulated energy.
-    scale_high: [f32; N],
-    /// What makes the reflection lobes add up to the simulated energy.
-    scale_refl: f32,
-    /// Number of high-order lobes.
-    lobes_high: usize,
-    /// Whether theta_i < 0: directions are mirrored on the way in and out.
-    flip: bool,
-    energies: Energies<N>,
-}
+use crate::asg::PARAMS;
+use crate::simd::{exp2, exp2_within, fma, ln, max, min, signed, sin_cos_half_turns};
+use std::f32::consts::{LN_2, LOG2_E, PI};
 
 /// r_d, energy of f_refl and of f_high per sigma.
 #[derive(Clone, Copy)]
@@ -54,28 +24,91 @@ impl<const N: usize> Energies<N> {
     pub(super) const MISS: Self = Energies { r_d: 1.0, refl: 0.0, high: [0.0; N] };
 }
 
-/// Interpolation at one incidence: cell, fractions.
+/// Interpolation at one incidence.
 #[derive(Clone, Copy)]
-struct Place {
-    m: usize,
-    n: usize,
-    fm: f32,
-    fn_: f32,
-    flip: bool,
+pub(super) struct Place {
+    /// Whether the beam is within the nodes.
+    pub(super) hit: bool,
+    /// Whether theta_i < 0: directions are mirrored on the way in and out.
+    pub(super) flip: bool,
+    /// Cell.
+    m: u32,
+    n: u32,
+    /// Catmull-Rom weights of nodes -1..=2 of the cell along theta_i and h.
+    wm: [f32; 4],
+    wn: [f32; 4],
+    /// Bilinear weights of the corners of the cell and of the block, theta_i the slower index.
+    cell: [f32; 4],
+    block: [f32; 4],
 }
 
+/// The place of any incidence, one beyond the nodes included, without a branch.
 #[inline(always)]
-fn place(layout: &Layout, theta_i: f32, h_um: f32) -> Option<Place> {
-    if h_um.is_nan() || theta_i.is_nan() || h_um.abs() > layout.h_last {
-        return None;
-    }
+pub(super) fn place(grid: &Grid, theta_i: f32, h_um: f32) -> Place {
     let flip = theta_i < 0.0;
     let h = if flip { -h_um } else { h_um };
-    let t = min(theta_i.abs() * layout.per_theta, (layout.nodes_theta - 1) as f32);
-    let x = min(max((h + layout.h_last) * layout.per_h, 0.0), (layout.nodes_h - 1) as f32);
-    let m = (t as usize).min(layout.nodes_theta - 2);
-    let n = (x as usize).min(layout.nodes_h - 2);
-    Some(Place { m, n, fm: t - m as f32, fn_: x - n as f32, flip })
+    let t = min(theta_i.abs() * grid.per_theta, grid.last_theta);
+    let x = min(max((h + grid.h_last) * grid.per_h, 0.0), grid.last_h);
+    let (m, n) = (min(t.floor(), grid.last_theta - 1.0), min(x.floor(), grid.last_h - 1.0));
+    let (fm, fn_) = (t - m, x - n);
+    let (half_m, half_n) = (0.5 * m, 0.5 * n);
+    // 2^23 plus a whole number has that number in its low bits.
+    let bits = |x: f32| (x + 8_388_608.0).to_bits() & 0x7f_ffff;
+    Place {
+        hit: h_um.abs() <= grid.h_last && !theta_i.is_nan(),
+        flip,
+        m: bits(m),
+        n: bits(n),
+        wm: catmull_rom(fm),
+        wn: catmull_rom(fn_),
+        cell: bilinear(fm, fn_),
+        block: bilinear(half_m - half_m.floor() + 0.5 * fm, half_n - half_n.floor() + 0.5 * fn_),
+    }
+}
+
+/// Places side by side.
+pub(super) struct Places<const W: usize> {
+    hit: [u32; W],
+    flip: [u32; W],
+    m: [u32; W],
+    n: [u32; W],
+    weights: [[f32; W]; 16],
+}
+
+impl<const W: usize> Places<W> {
+    #[inline(always)]
+    pub(super) fn new(grid: &Grid, theta_i: &[f32; W], h_um: &[f32; W]) -> Self {
+        let mut x = Places { hit: [0; W], flip: [0; W], m: [0; W], n: [0; W], weights: [[0.0; W]; 16] };
+        for q in 0..W {
+            let p = place(grid, theta_i[q], h_um[q]);
+            x.hit[q] = u32::from(p.hit);
+            x.flip[q] = u32::from(p.flip);
+            x.m[q] = p.m;
+            x.n[q] = p.n;
+            for k in 0..4 {
+                x.weights[k][q] = p.wm[k];
+                x.weights[4 + k][q] = p.wn[k];
+                x.weights[8 + k][q] = p.cell[k];
+                x.weights[12 + k][q] = p.block[k];
+            }
+        }
+        x
+    }
+
+    #[inline(always)]
+    pub(super) fn get(&self, q: usize) -> Place {
+        let w = |k: usize| [self.weights[k][q], self.weights[k + 1][q], self.weights[k + 2][q], self.weights[k + 3][q]];
+        Place {
+            hit: self.hit[q] != 0,
+            flip: self.flip[q] != 0,
+            m: self.m[q],
+            n: self.n[q],
+            wm: w(0),
+            wn: w(4),
+            cell: w(8),
+            block: w(12),
+        }
+    }
 }
 
 /// Catmull-Rom weights of nodes -1..=2 of the cell at fraction `f`.
@@ -91,56 +124,68 @@ fn bilinear(fm: f32, fn_: f32) -> [f32; 4] {
     [(1.0 - fm) * (1.0 - fn_), (1.0 - fm) * fn_, fm * (1.0 - fn_), fm * fn_]
 }
 
-/// `len` floats at `at`; the layout is made so that they are there.
+/// `w[0] x[0] + .. + w[3] x[3]`.
 #[inline(always)]
-fn floats(values: &[f32], at: usize, len: usize) -> Option<&[f32]> {
-    values.get(at..at.checked_add(len)?)
+fn mix<const FMA: bool>(w: [f32; 4], x: [f32; 4]) -> f32 {
+    fma::<FMA>(w[3], x[3], fma::<FMA>(w[2], x[2], fma::<FMA>(w[1], x[1], w[0] * x[0])))
 }
 
-/// Transmittances of the path lengths. Absorption that is not a number counts as 0; its range is 0 to 1e6 per um.
+/// -sigma of an absorption that is any number: not a number counts as 0, the range is 0 to 1e6 per um.
 #[inline(always)]
-fn transmittances<const FMA: bool, const J: usize, const N: usize>(
-    layout: &Layout,
-    sigma: &[f32; N],
-) -> Option<[[f32; N]; J]> {
-    let path = layout.path.first_chunk::<J>()?;
+fn clamped_sigma<const N: usize>(sigma: &[f32; N]) -> [f32; N] {
+    let mut s = [0.0; N];
+    for k in 0..N {
+        s[k] = min(max(sigma[k], 0.0), 1e6);
+    }
+    s
+}
+
+/// Binary logarithms of the transmittances of the path lengths.
+#[inline(always)]
+pub(super) fn log_transmittances<const J: usize, const N: usize>(path: &[f32; J], sigma: &[f32; N]) -> [[f32; N]; J] {
+    let sigma = clamped_sigma(sigma);
     let mut t = [[0.0; N]; J];
     for j in 0..J {
         for k in 0..N {
-            t[j][k] = -min(max(sigma[k], 0.0), 1e6) * path[j];
+            t[j][k] = sigma[k] * path[j];
         }
     }
-    for x in t.as_flattened_mut() {
-        *x = exp::<FMA>(*x) + LEAST_TRANSMITTANCE as f32;
-    }
-    Some(t)
+    t
 }
 
+/// Turns binary logarithms into transmittances.
 #[inline(always)]
-fn interpolate_energies<const FMA: bool, const J: usize, const N: usize>(
-    layout: &Layout,
-    p: Place,
-    t: &[[f32; N]; J],
-) -> Option<Energies<N>> {
-    let stride = HEAD + J;
-    let at = (p.m * layout.nodes_h + p.n) * stride;
-    let a = floats(&layout.nodes, at, 2 * stride)?;
-    let b = floats(&layout.nodes, at + layout.nodes_h * stride, 2 * stride)?;
-    let w = bilinear(p.fm, p.fn_);
-    let node = |i: usize| {
-        let s = fma::<FMA>(w[1], a[i + stride], w[0] * a[i]);
-        fma::<FMA>(w[3], b[i + stride], fma::<FMA>(w[2], b[i], s))
-    };
-    let mut spectrum = [0.0; J];
-    for j in 0..J {
-        spectrum[j] = node(HEAD + j);
+pub(super) fn transmit<const FMA: bool>(t: &mut [f32]) {
+    for x in t {
+        *x = exp2::<FMA>(*x) + LEAST_TRANSMITTANCE as f32;
     }
-    Some(Energies { r_d: node(0), refl: node(1), high: absorb::<FMA, J, N>(&spectrum, t) })
+}
+
+/// r_d, energy of f_refl, spectrum of the energy of f_high, bilinear over the nodes.
+#[inline(always)]
+pub(super) fn interpolate_node<const FMA: bool, const J: usize>(
+    grid: &Grid,
+    nodes: &[Node<J>],
+    p: &Place,
+) -> Option<Node<J>> {
+    let at = p.m as usize * grid.nodes_h + p.n as usize;
+    let [a, b] = nodes.get(at..)?.first_chunk::<2>()?;
+    let [c, d] = nodes.get(at + grid.nodes_h..)?.first_chunk::<2>()?;
+    let w = p.cell;
+    let mut high = [0.0; J];
+    for j in 0..J {
+        high[j] = mix::<FMA>(w, [a.high[j], b.high[j], c.high[j], d.high[j]]);
+    }
+    let r_d = mix::<FMA>(w, [a.r_d, b.r_d, c.r_d, d.r_d]);
+    Some(Node { r_d, refl: mix::<FMA>(w, [a.refl, b.refl, c.refl, d.refl]), high })
 }
 
 /// Sum over path lengths of a spectrum times its transmittances.
 #[inline(always)]
-fn absorb<const FMA: bool, const J: usize, const N: usize>(spectrum: &[f32; J], t: &[[f32; N]; J]) -> [f32; N] {
+pub(super) fn absorb<const FMA: bool, const J: usize, const N: usize>(
+    spectrum: &[f32; J],
+    t: &[[f32; N]; J],
+) -> [f32; N] {
     // Two sums halve the chain of dependent additions.
     let (mut even, mut odd) = ([0.0; N], [0.0; N]);
     for j in 0..J / 2 {
@@ -157,61 +202,61 @@ fn absorb<const FMA: bool, const J: usize, const N: usize>(spectrum: &[f32; J], 
 
 /// Exact energies at an incidence: what `albedo` and `r_d` report and what the lobes are scaled to.
 #[inline(always)]
-pub(super) fn energies<const FMA: bool, const J: usize, const N: usize>(
-    layout: &Layout,
+pub(super) fn energies<const FMA: bool, const H: usize, const R: usize, const J: usize, const N: usize>(
+    tables: &Tables<H, R, J>,
     theta_i: f32,
     h_um: f32,
     sigma: &[f32; N],
 ) -> Option<Energies<N>> {
-    let p = place(layout, theta_i, h_um)?;
-    interpolate_energies::<FMA, J, N>(layout, p, &transmittances::<FMA, J, N>(layout, sigma)?)
+    let p = &place(&tables.grid, theta_i, h_um);
+    if !p.hit {
+        return None;
+    }
+    let node = interpolate_node::<FMA, J>(&tables.grid, &tables.nodes, p)?;
+    let mut t = log_transmittances(&tables.path, sigma);
+    transmit::<FMA>(t.as_flattened_mut());
+    Some(Energies { r_d: node.r_d, refl: node.refl, high: absorb::<FMA, J, N>(&node.high, &t) })
 }
 
-/// Lobe parameters by lane, and spectra of the high-order lobes.
-type Lobes<const H: usize, const L: usize, const J: usize> = ([[f32; L]; 6], [[f32; J]; H]);
-
-/// Interpolates the lobes of both kinds.
+/// Reflection lobes, bicubic over the nodes.
 #[inline(always)]
-fn interpolate<const FMA: bool, const H: usize, const R: usize, const L: usize, const J: usize>(
-    layout: &Layout,
-    p: Place,
-) -> Option<Lobes<H, L, J>> {
-    let (wm, wn) = (catmull_rom(p.fm), catmull_rom(p.fn_));
-    let row = |a: usize| floats(&layout.refl, ((p.m + a) * (layout.nodes_h + 2) + p.n) * 6 * R, 24 * R);
-    let (r0, r1, r2, r3) = (row(0)?, row(1)?, row(2)?, row(3)?);
-    let mut refl = [[0.0; R]; 6];
-    for (i, value) in refl.as_flattened_mut().iter_mut().enumerate() {
-        let mut sum = 0.0;
-        for (r, w) in [(r0, wm[0]), (r1, wm[1]), (r2, wm[2]), (r3, wm[3])] {
-            let s = fma::<FMA>(wn[1], r[i + 6 * R], wn[0] * r[i]);
-            let s = fma::<FMA>(wn[2], r[i + 12 * R], s);
-            sum = fma::<FMA>(w, fma::<FMA>(wn[3], r[i + 18 * R], s), sum);
-        }
-        *value = sum;
+pub(super) fn interpolate_refl<const FMA: bool, const H: usize, const R: usize, const J: usize>(
+    tables: &Tables<H, R, J>,
+    p: &Place,
+) -> Option<[[f32; R]; 8]> {
+    let (wm, wn, m, n) = (p.wm, p.wn, p.m as usize, p.n as usize);
+    let stride = tables.grid.nodes_h + 2;
+    let mut sum = [[0.0; R]; 8];
+    let row = |a: usize| tables.refl.get((m + a) * stride + n..)?.first_chunk::<4>();
+    let rows = [row(0)?, row(1)?, row(2)?, row(3)?];
+    let node = |a: usize, b: usize| rows[a][b].0.as_flattened();
+    for (i, value) in sum.as_flattened_mut().iter_mut().enumerate() {
+        let along = |a: usize| mix::<FMA>(wn, [node(a, 0)[i], node(a, 1)[i], node(a, 2)[i], node(a, 3)[i]]);
+        *value = mix::<FMA>(wm, [along(0), along(1), along(2), along(3)]);
     }
+    Some(sum)
+}
 
-    // Block (m/2, n/2) spans two cells each way.
-    let block = (p.m / 2) * (layout.nodes_h / 2) + p.n / 2;
-    let w = bilinear(0.5 * ((p.m % 2) as f32 + p.fm), 0.5 * ((p.n % 2) as f32 + p.fn_));
-    let corner = H * (6 + J);
-    let c = floats(&layout.high, block * 4 * corner, 4 * corner)?;
-    let at = |i: usize| {
-        let s = fma::<FMA>(w[1], c[i + corner], w[0] * c[i]);
-        fma::<FMA>(w[3], c[i + 3 * corner], fma::<FMA>(w[2], c[i + 2 * corner], s))
-    };
-    let (mut high, mut spectrum) = ([[0.0; H]; 6], [[0.0; J]; H]);
-    for (i, value) in high.as_flattened_mut().iter_mut().enumerate() {
-        *value = at(i);
+/// High-order lobes and their spectra, bilinear over the corners of the block, which spans two cells each way.
+#[inline(always)]
+pub(super) fn interpolate_high<const FMA: bool, const H: usize, const R: usize, const J: usize>(
+    tables: &Tables<H, R, J>,
+    p: &Place,
+) -> Option<High<H, J>> {
+    let [a, b, c, d] = tables.high.get((p.m / 2) as usize * (tables.grid.nodes_h / 2) + (p.n / 2) as usize)?;
+    let w = p.block;
+    let mut high = High { params: [[0.0; H]; PARAMS], spectrum: [[0.0; J]; H] };
+    let (pa, pb) = (a.params.as_flattened(), b.params.as_flattened());
+    let (pc, pd) = (c.params.as_flattened(), d.params.as_flattened());
+    for (i, value) in high.params.as_flattened_mut().iter_mut().enumerate() {
+        *value = mix::<FMA>(w, [pa[i], pb[i], pc[i], pd[i]]);
     }
-    for (i, value) in spectrum.as_flattened_mut().iter_mut().enumerate() {
-        *value = at(6 * H + i);
+    let (pa, pb) = (a.spectrum.as_flattened(), b.spectrum.as_flattened());
+    let (pc, pd) = (c.spectrum.as_flattened(), d.spectrum.as_flattened());
+    for (i, value) in high.spectrum.as_flattened_mut().iter_mut().enumerate() {
+        *value = mix::<FMA>(w, [pa[i], pb[i], pc[i], pd[i]]);
     }
-    let mut params = [[0.0; L]; 6];
-    for k in 0..6 {
-        params[k][..H].copy_from_slice(&high[k]);
-        params[k][H..].copy_from_slice(&refl[k]);
-    }
-    Some((params, spectrum))
+    Some(high)
 }
 
 // Coefficients of the mean over s of 1 - exp(-1/b(s)) (see asg.rs) in x = (a + b)/2 and y = a b, a = (2 - mu1)/(2 + mu1) and b
@@ -250,18 +295,150 @@ fn polynomial<const FMA: bool, const M: usize>(c: [f32; M], x: f32, x2: f32) -> 
     fma::<FMA>(odd, x, even)
 }
 
-/// Energy of a lobe with amplitude 1, times sqrt(mu1 mu2) / pi.
+/// Energy of a lobe with amplitude 1, times sqrt(mu1 mu2) / pi, of the bandwidths mu log2 e.
 #[inline(always)]
-fn unit_mean<const FMA: bool>(mu1: f32, mu2: f32) -> f32 {
-    let (d1, d2) = (2.0 + mu1, 2.0 + mu2);
+fn unit_mean<const FMA: bool>(t1: f32, t2: f32) -> f32 {
+    let (d1, d2) = (2.0 * LOG2_E + t1, 2.0 * LOG2_E + t2);
     let both = 1.0 / (d1 * d2);
-    let (a, b) = ((2.0 - mu1) * (d2 * both), (2.0 - mu2) * (d1 * both));
+    let (a, b) = ((2.0 * LOG2_E - t1) * (d2 * both), (2.0 * LOG2_E - t2) * (d1 * both));
     let (x, y) = (0.5 * (a + b), a * b);
     let (x2, y2) = (x * x, y * y);
     let p01 = fma::<FMA>(polynomial::<FMA, 9>(MEAN_1, x, x2), y, polynomial::<FMA, 11>(MEAN_0, x, x2));
     let p23 = fma::<FMA>(polynomial::<FMA, 5>(MEAN_3, x, x2), y, polynomial::<FMA, 7>(MEAN_2, x, x2));
     let p45 = fma::<FMA>(MEAN_5[0], y, polynomial::<FMA, 3>(MEAN_4, x, x2));
     fma::<FMA>(fma::<FMA>(p45, y2, p23), y2, p01)
+}
+
+/// Axes of a lobe: sines and cosines of theta_z, phi_z, phi_xy. The sign of the last pair does not matter to an even lobe.
+#[derive(Clone, Copy)]
+struct Axes {
+    theta: (f32, f32),
+    phi: (f32, f32),
+    xy: (f32, f32),
+}
+
+#[inline(always)]
+fn axes<const FMA: bool>(theta: f32, phi: f32, xy: f32) -> Axes {
+    let (st, ct, sign_t) = sin_cos_half_turns::<FMA>(theta);
+    let (sp, cp, sign_p) = sin_cos_half_turns::<FMA>(phi);
+    let (sx, cx, _) = sin_cos_half_turns::<FMA>(xy);
+    Axes {
+        theta: (signed(st, sign_t), signed(ct, sign_t)),
+        phi: (signed(sp, sign_p), signed(cp, sign_p)),
+        xy: (sx, cx),
+    }
+}
+
+/// Square root of a bandwidth times log2 e, from the number stored.
+#[inline(always)]
+fn root_width<const FMA: bool>(stored: f32, bounds: (f32, f32)) -> f32 {
+    exp2_within::<FMA>(min(max(stored, bounds.0), bounds.1))
+}
+
+/// `sqrt(mu1 mu2) / pi` and the amplitude of a lobe of energy 1.
+#[inline(always)]
+fn amplitudes<const FMA: bool>(s1: f32, s2: f32) -> (f32, f32) {
+    let norm = s1 * s2 * (1.0 / (PI * LOG2_E));
+    (norm, norm / unit_mean::<FMA>(s1 * s1, s2 * s2))
+}
+
+/// Components of `v` along x, y and z of a lobe; the first two share an arbitrary sign.
+#[inline(always)]
+fn project<const FMA: bool>(x: Axes, v: [f32; 3]) -> [f32; 3] {
+    let ((st, ct), (sp, cp), (sx, cx)) = (x.theta, x.phi, x.xy);
+    let across = fma::<FMA>(cp, v[1], -sp * v[0]);
+    let along = fma::<FMA>(cp, v[0], sp * v[1]);
+    let up = fma::<FMA>(ct, v[2], -st * along);
+    let cz = fma::<FMA>(ct, along, st * v[2]);
+    [fma::<FMA>(cx, across, sx * up), fma::<FMA>(cx, up, -sx * across), cz]
+}
+
+/// `cz 2^-q` in front of the lobe; the comparisons are false for what is not a number.
+#[inline(always)]
+fn shape<const FMA: bool>(q: f32, cz: f32) -> f32 {
+    let value = cz * exp2_within::<FMA>(-q);
+    // Below 2^-100 a lobe is dark; products of it could be denormal, which is slow.
+    if cz > 0.0 && cz < 2.0 && q < 100.0 { value } else { 0.0 }
+}
+
+/// Lobes of any incidences, lane by lane.
+pub(super) struct Lanes {
+    /// Rows of the tables.
+    pub(super) params: [[f32; LANES]; PARAMS],
+    /// Directions.
+    pub(super) v: [[f32; LANES]; 3],
+    /// Least energies.
+    pub(super) least: [f32; LANES],
+}
+
+/// Lanes of [`Lanes`]: one vector of the widest kind.
+pub(super) const LANES: usize = 16;
+
+impl Lanes {
+    /// Energies of the lobes and their values.
+    #[inline(always)]
+    pub(super) fn eval<const FMA: bool>(&self, bounds: (f32, f32)) -> ([f32; LANES], [f32; LANES]) {
+        let (p, v) = (&self.params, &self.v);
+        let (mut energy, mut value) = ([0.0; LANES], [0.0; LANES]);
+        for i in 0..LANES {
+            let x = axes::<FMA>(p[0][i], p[1][i], p[2][i]);
+            let (s1, s2) = (root_width::<FMA>(p[3][i], bounds), root_width::<FMA>(p[4][i], bounds));
+            let e = max(p[5][i], self.least[i]);
+            let [u, w, cz] = project::<FMA>(x, [v[0][i], v[1][i], v[2][i]]);
+            let (u, w) = (s1 * u, s2 * w);
+            energy[i] = e;
+            value[i] = shape::<FMA>(fma::<FMA>(u, u, w * w), cz) * (e * amplitudes::<FMA>(s1, s2).1);
+        }
+        (energy, value)
+    }
+}
+
+/// Sum over the high-order lobes after absorption. Not scaled.
+#[inline(always)]
+pub(super) fn absorbed<const FMA: bool, const H: usize, const J: usize, const N: usize>(
+    pairs: usize,
+    value: &[f32; H],
+    spectrum: &[[f32; J]; H],
+    t: &[[f32; N]; J],
+) -> [f32; N] {
+    // Of as many turns as there are pairs of lobes, which the compiler does not know: it then keeps the path lengths in vectors.
+    let (mut even, mut odd) = ([0.0; J], [0.0; J]);
+    for (value, spectrum) in value.as_chunks::<2>().0.iter().zip(spectrum.as_chunks::<2>().0).take(pairs) {
+        for j in 0..J {
+            even[j] = fma::<FMA>(value[0], spectrum[0][j], even[j]);
+            odd[j] = fma::<FMA>(value[1], spectrum[1][j], odd[j]);
+        }
+    }
+    for j in 0..J {
+        even[j] += odd[j];
+    }
+    absorb::<FMA, J, N>(&even, t)
+}
+
+/// The lobes at one incidence: H high-order and R reflection lanes, then empty ones up to L; J path lengths, N absorptions.
+pub(super) struct Mixture<const H: usize, const R: usize, const L: usize, const J: usize, const N: usize> {
+    axes: [[f32; L]; PARAMS],
+    /// sqrt(mu1 log2 e), sqrt(mu2 log2 e).
+    s1: [f32; L],
+    s2: [f32; L],
+    /// Energy * sqrt(mu1 mu2) / pi.
+    norm: [f32; L],
+    /// Energy / energy of the lobe with amplitude 1.
+    amplitude: [f32; L],
+    /// Energy before the scale to the simulated energy.
+    energy: [f32; L],
+    /// Path-length spectra of the high-order lobes.
+    spectrum: [[f32; J]; H],
+    /// Transmittance of each path length.
+    transmittance: [[f32; N]; J],
+    /// What makes the high-order lobes add up to the simulated energy.
+    scale_high: [f32; N],
+    /// What makes the reflection lobes add up to the simulated energy.
+    scale_refl: f32,
+    /// Pairs of high-order lobes.
+    pairs: usize,
+    flip: bool,
+    energies: Energies<N>,
 }
 
 /// The lobes at an incidence; `None` where the beam misses.
@@ -274,60 +451,74 @@ pub(super) fn mixture<
     const J: usize,
     const N: usize,
 >(
-    layout: &Layout,
+    tables: &Tables<H, R, J>,
     theta_i: f32,
     h_um: f32,
     sigma: &[f32; N],
-) -> Option<Mixture<H, L, J, N>> {
-    let p = place(layout, theta_i, h_um)?;
-    let (params, spectrum) = interpolate::<FMA, H, R, L, J>(layout, p)?;
-    let transmittance = transmittances::<FMA, J, N>(layout, sigma)?;
-    let energies = interpolate_energies::<FMA, J, N>(layout, p, &transmittance)?;
-    let least = layout.least.first_chunk::<L>()?;
+) -> Option<Mixture<H, R, L, J, N>> {
+    let p = &place(&tables.grid, theta_i, h_um);
+    if !p.hit {
+        return None;
+    }
+    let node = interpolate_node::<FMA, J>(&tables.grid, &tables.nodes, p)?;
+    let refl = interpolate_refl::<FMA, H, R, J>(tables, p)?;
+    let high = interpolate_high::<FMA, H, R, J>(tables, p)?;
+    let mut transmittance = log_transmittances(&tables.path, sigma);
+    transmit::<FMA>(transmittance.as_flattened_mut());
+    let energies = Energies { r_d: node.r_d, refl: node.refl, high: absorb::<FMA, J, N>(&node.high, &transmittance) };
+    let mut params = [[0.0; L]; PARAMS];
+    let mut least = [0.0; L];
+    for k in 0..PARAMS {
+        params[k][..H].copy_from_slice(&high.params[k]);
+        params[k][H..H + R].copy_from_slice(&refl[k]);
+    }
+    least[..H].copy_from_slice(&tables.least_high);
+    least[H..H + R].copy_from_slice(&tables.least_refl);
     let mut x = Mixture {
-        sin_theta: [0.0; L],
-        cos_theta: [0.0; L],
-        sin_phi: [0.0; L],
-        cos_phi: [0.0; L],
-        sin_xy: [0.0; L],
-        cos_xy: [0.0; L],
-        mu1: [0.0; L],
-        mu2: [0.0; L],
+        axes: [[0.0; L]; PARAMS],
+        s1: [0.0; L],
+        s2: [0.0; L],
         norm: [0.0; L],
         amplitude: [0.0; L],
         energy: [0.0; L],
-        spectrum,
+        spectrum: high.spectrum,
         transmittance,
         scale_high: [0.0; N],
         scale_refl: 0.0,
-        lobes_high: layout.lobes_high,
+        pairs: tables.pairs,
         flip: p.flip,
         energies,
     };
-    // ln of asg::MU_MIN and asg::MU_MAX.
-    let (low, high) = (-1.609_438, 9.903_487);
     for i in 0..L {
-        (x.sin_theta[i], x.cos_theta[i]) = sin_cos::<FMA>(params[0][i]);
-        (x.sin_phi[i], x.cos_phi[i]) = sin_cos::<FMA>(params[1][i]);
-        (x.sin_xy[i], x.cos_xy[i]) = sin_cos::<FMA>(params[2][i]);
+        let a = axes::<FMA>(params[0][i], params[1][i], params[2][i]);
+        (x.axes[0][i], x.axes[1][i]) = a.theta;
+        (x.axes[2][i], x.axes[3][i]) = a.phi;
+        (x.axes[4][i], x.axes[5][i]) = a.xy;
     }
     for i in 0..L {
-        let mu1 = exp::<FMA>(min(max(params[3][i], low), high));
-        let mu2 = exp::<FMA>(min(max(params[4][i], low), high));
+        let s1 = root_width::<FMA>(params[3][i], tables.bandwidth);
+        let s2 = root_width::<FMA>(params[4][i], tables.bandwidth);
         let energy = max(params[5][i], least[i]);
-        let norm = energy * ((mu1 * mu2).sqrt() * (1.0 / PI));
-        x.mu1[i] = mu1;
-        x.mu2[i] = mu2;
-        x.norm[i] = norm;
+        let (norm, amplitude) = amplitudes::<FMA>(s1, s2);
+        x.s1[i] = s1;
+        x.s2[i] = s2;
         x.energy[i] = energy;
-        x.amplitude[i] = norm / unit_mean::<FMA>(mu1, mu2);
+        x.norm[i] = energy * norm;
+        x.amplitude[i] = energy * amplitude;
     }
     let (refl, high) = x.absorbed::<FMA>(&x.energy);
-    x.scale_refl = energies.refl / refl;
-    for k in 0..N {
-        x.scale_high[k] = energies.high[k] / high[k];
-    }
+    (x.scale_refl, x.scale_high) = scales(&energies, refl, &high);
     Some(x)
+}
+
+/// What makes lobes of these sums of energies add up to the simulated energies.
+#[inline(always)]
+pub(super) fn scales<const N: usize>(energies: &Energies<N>, refl: f32, high: &[f32; N]) -> (f32, [f32; N]) {
+    let mut scale = [0.0; N];
+    for k in 0..N {
+        scale[k] = energies.high[k] / high[k];
+    }
+    (energies.refl / refl, scale)
 }
 
 /// f_refl + f_high. (The standard `map` is not always inlined into code for other instruction sets than the default one.)
@@ -347,7 +538,7 @@ fn mean_sum<const N: usize>(refl: f32, high: &[f32; N]) -> f32 {
 
 /// Sum by halves; the length is a power of 2.
 #[inline(always)]
-fn halves<const J: usize>(mut x: [f32; J]) -> f32 {
+pub(super) fn halves<const J: usize>(mut x: [f32; J]) -> f32 {
     let mut n = J;
     while n > 1 {
         n /= 2;
@@ -359,33 +550,22 @@ fn halves<const J: usize>(mut x: [f32; J]) -> f32 {
 }
 
 #[inline(always)]
-fn mirrored(flip: bool, w: [f32; 3]) -> [f32; 3] {
+pub(super) fn mirrored(flip: bool, w: [f32; 3]) -> [f32; 3] {
     if flip { crate::mirror_incidence(w) } else { w }
 }
 
-impl<const H: usize, const L: usize, const J: usize, const N: usize> Mixture<H, L, J, N> {
+/// The `len` numbers of `x` from `at` on.
+#[inline(always)]
+fn part<const A: usize>(x: &[f32], at: usize) -> &[f32; A] {
+    x.get(at..).and_then(|x| x.first_chunk()).unwrap_or(&[0.0; A])
+}
+
+impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: usize> Mixture<H, R, L, J, N> {
     /// Sums over the lobes of `value` by lane: reflection, and high-order after absorption. Not scaled.
     #[inline(always)]
     fn absorbed<const FMA: bool>(&self, value: &[f32; L]) -> (f32, [f32; N]) {
-        // Of as many turns as there are pairs of lobes, which the compiler does not know: it then keeps the path lengths in vectors.
-        let (mut even, mut odd) = ([0.0; J], [0.0; J]);
-        let pairs = value.as_chunks::<2>().0.iter().zip(self.spectrum.as_chunks::<2>().0);
-        for (value, spectrum) in pairs.take(self.lobes_high.div_ceil(2)) {
-            for j in 0..J {
-                even[j] = fma::<FMA>(value[0], spectrum[0][j], even[j]);
-                odd[j] = fma::<FMA>(value[1], spectrum[1][j], odd[j]);
-            }
-        }
-        for j in 0..J {
-            even[j] += odd[j];
-        }
-        let mut refl = [0.0; 4];
-        for octet in value[H..].as_chunks::<8>().0 {
-            for i in 0..4 {
-                refl[i] += octet[i] + octet[i + 4];
-            }
-        }
-        ((refl[0] + refl[2]) + (refl[1] + refl[3]), absorb::<FMA, J, N>(&even, &self.transmittance))
+        let high = absorbed::<FMA, H, J, N>(self.pairs, part(value, 0), &self.spectrum, &self.transmittance);
+        (halves::<R>(*part(value, H)), high)
     }
 
     /// [`Mixture::absorbed`], scaled to the simulated energies.
@@ -398,35 +578,23 @@ impl<const H: usize, const L: usize, const J: usize, const N: usize> Mixture<H, 
         (refl * self.scale_refl, high)
     }
 
-    /// Per lane: the value of the lobe in direction `wo`, and its density of sampling times its energy [1/sr].
     #[inline(always)]
-    fn values<const FMA: bool>(&self, wo: [f32; 3]) -> ([f32; L], [f32; L]) {
-        let v = mirrored(self.flip, wo);
-        let (mut value, mut density) = ([0.0; L], [0.0; L]);
-        for i in 0..L {
-            let across = fma::<FMA>(self.cos_phi[i], v[1], -self.sin_phi[i] * v[0]);
-            let along = fma::<FMA>(self.cos_phi[i], v[0], self.sin_phi[i] * v[1]);
-            let up = fma::<FMA>(self.cos_theta[i], v[2], -self.sin_theta[i] * along);
-            let cz = fma::<FMA>(self.cos_theta[i], along, self.sin_theta[i] * v[2]);
-            let u = fma::<FMA>(self.cos_xy[i], across, self.sin_xy[i] * up);
-            let w = fma::<FMA>(self.cos_xy[i], up, -self.sin_xy[i] * across);
-            let (u2, w2) = (u * u, w * w);
-            let q = fma::<FMA>(self.mu1[i], u2, self.mu2[i] * w2);
-            // Only finite directions in front of the lobe count; the comparisons are false for what is not a number.
-            let front = if cz > 0.0 && cz < 2.0 { cz } else { 0.0 };
-            let shape = front * exp::<FMA>(-q);
-            // a(t) of the direction t of (u, w); at the axis, where t is undefined, any mean of mu1 and mu2 serves.
-            let a = (q + 1e-30) / (u2 + w2 + 1e-30);
-            value[i] = shape * self.amplitude[i];
-            density[i] = shape * self.norm[i] / (1.0 - exp::<FMA>(-a));
-        }
-        (value, density)
+    fn axes(&self, i: usize) -> Axes {
+        let a = &self.axes;
+        Axes { theta: (a[0][i], a[1][i]), phi: (a[2][i], a[3][i]), xy: (a[4][i], a[5][i]) }
     }
 
     /// f_refl and f_high per sigma [1/sr].
     #[inline(always)]
     pub(super) fn eval<const FMA: bool>(&self, wo: [f32; 3]) -> (f32, [f32; N]) {
-        self.weigh::<FMA>(&self.values::<FMA>(wo).0)
+        let v = mirrored(self.flip, wo);
+        let mut value = [0.0; L];
+        for i in 0..L {
+            let [u, w, cz] = project::<FMA>(self.axes(i), v);
+            let (u, w) = (self.s1[i] * u, self.s2[i] * w);
+            value[i] = shape::<FMA>(fma::<FMA>(u, u, w * w), cz) * self.amplitude[i];
+        }
+        self.weigh::<FMA>(&value)
     }
 
     /// Mean scattered energy plus the missed: what a sample is chosen from.
@@ -435,47 +603,54 @@ impl<const H: usize, const L: usize, const J: usize, const N: usize> Mixture<H, 
         mean_sum(self.energies.refl, &self.energies.high) + self.energies.r_d
     }
 
+    /// f_refl and f_high per sigma and the density of sampling `wo` [1/sr], missing included. `mean` is of [`Mixture::mean`].
     #[inline(always)]
-    fn density<const FMA: bool>(&self, density: &[f32; L]) -> f32 {
-        let (refl, high) = self.weigh::<FMA>(density);
+    pub(super) fn eval_pdf<const FMA: bool>(&self, mean: &[f32; L], wo: [f32; 3]) -> (f32, [f32; N], f32) {
+        let v = mirrored(self.flip, wo);
+        let (mut value, mut density) = ([0.0; L], [0.0; L]);
+        for i in 0..L {
+            let [u, w, cz] = project::<FMA>(self.axes(i), v);
+            let (su, sw) = (self.s1[i] * u, self.s2[i] * w);
+            let q = fma::<FMA>(su, su, sw * sw);
+            let shape = shape::<FMA>(q, cz);
+            // a(t) of the direction t of (u, w); at the axis, where t is undefined, any mean of mu1 and mu2 serves.
+            let a = (q + 1e-30) / (fma::<FMA>(u, u, w * w) + 1e-30);
+            value[i] = shape * self.amplitude[i];
+            density[i] = shape * (mean[i] * self.norm[i]) / (1.0 - exp2::<FMA>(-a));
+        }
+        let (refl, high) = self.weigh::<FMA>(&value);
         let total = self.total();
-        if total > 0.0 { mean_sum(refl, &high) / total } else { 0.0 }
+        (refl, high, if total > 0.0 { halves(density) / total } else { 0.0 })
     }
 
     /// Density of sampling `wo` [1/sr], missing included.
     #[inline(always)]
     pub(super) fn pdf<const FMA: bool>(&self, wo: [f32; 3]) -> f32 {
-        self.density::<FMA>(&self.values::<FMA>(wo).1)
+        self.eval_pdf::<FMA>(&self.mean::<FMA>(), wo).2
     }
 
-    /// f_refl and f_high per sigma and the density of sampling `wo` [1/sr].
+    /// By lane: what the energy of a lobe is multiplied by for its mean over the absorptions, scaled to the simulated energy.
     #[inline(always)]
-    pub(super) fn eval_pdf<const FMA: bool>(&self, wo: [f32; 3]) -> (f32, [f32; N], f32) {
-        let (value, density) = self.values::<FMA>(wo);
-        let (refl, high) = self.weigh::<FMA>(&value);
-        (refl, high, self.density::<FMA>(&density))
-    }
-
-    /// Energy of each lobe averaged over the absorptions, scaled.
-    #[inline(always)]
-    fn mean_energies(&self) -> [f32; L] {
+    pub(super) fn mean<const FMA: bool>(&self) -> [f32; L] {
         let share = 1.0 / N.max(1) as f32;
         let mut by_path = [0.0; J];
         for j in 0..J {
+            let mut sum = 0.0;
             for k in 0..N {
-                by_path[j] += share * self.scale_high[k] * self.transmittance[j][k];
+                sum = fma::<FMA>(self.scale_high[k], self.transmittance[j][k], sum);
             }
+            by_path[j] = share * sum;
         }
         let mut mean = [0.0; L];
-        for l in H..L {
-            mean[l] = self.energy[l] * self.scale_refl;
+        for l in H..H + R {
+            mean[l] = self.scale_refl;
         }
-        for (l, spectrum) in self.spectrum.iter().enumerate().take(self.lobes_high) {
+        for (mean, spectrum) in mean.iter_mut().zip(&self.spectrum).take(2 * self.pairs) {
             let mut product = [0.0; J];
             for j in 0..J {
                 product[j] = spectrum[j] * by_path[j];
             }
-            mean[l] = self.energy[l] * halves(product);
+            *mean = halves(product);
         }
         mean
     }
@@ -491,8 +666,10 @@ impl<const H: usize, const L: usize, const J: usize, const N: usize> Mixture<H, 
         if left >= total - self.energies.r_d {
             return None;
         }
+        let mean = self.mean::<FMA>();
         let mut chosen = None;
-        for (i, energy) in self.mean_energies().into_iter().enumerate() {
+        for i in 0..L {
+            let energy = self.energy[i] * mean[i];
             if energy > 0.0 {
                 chosen = Some(i);
                 if left < energy {
@@ -503,21 +680,22 @@ impl<const H: usize, const L: usize, const J: usize, const N: usize> Mixture<H, 
         }
         let i = chosen?;
         // tan t = sqrt(mu1/mu2) tan(2 pi u1), in the same quadrant.
-        let (mu1, mu2) = (self.mu1[i], self.mu2[i]);
-        let (s, c) = sin_cos::<FMA>(2.0 * PI * u[1]);
-        let (c, s) = (mu2.sqrt() * c, mu1.sqrt() * s);
+        let (s1, s2) = (self.s1[i], self.s2[i]);
+        let (s, c, sign) = sin_cos_half_turns::<FMA>(2.0 * u[1]);
+        let (c, s) = (s2 * signed(c, sign), s1 * signed(s, sign));
         let n2 = 1.0 / (c * c + s * s);
-        let a = (mu1 * c * c + mu2 * s * s) * n2;
-        let r2 = min(max(-ln::<FMA>(1.0 - u[2] * (1.0 - exp::<FMA>(-a))) / a, 0.0), 1.0 - f32::EPSILON);
+        let a = ((s1 * c) * (s1 * c) + (s2 * s) * (s2 * s)) * n2;
+        let drop = -ln::<FMA>(1.0 - u[2] * (1.0 - exp2::<FMA>(-a)));
+        let r2 = min(max(drop / (LN_2 * a), 0.0), 1.0 - f32::EPSILON);
         let r = (r2 * n2).sqrt();
         let (u_, w_, cz) = (r * c, r * s, (1.0 - r2).sqrt());
-        let across = self.cos_xy[i] * u_ - self.sin_xy[i] * w_;
-        let up = self.sin_xy[i] * u_ + self.cos_xy[i] * w_;
-        let along = self.cos_theta[i] * cz - self.sin_theta[i] * up;
-        let (sp, cp) = (self.sin_phi[i], self.cos_phi[i]);
-        let z = self.sin_theta[i] * cz + self.cos_theta[i] * up;
+        let Axes { theta: (st, ct), phi: (sp, cp), xy: (sx, cx) } = self.axes(i);
+        let across = cx * u_ - sx * w_;
+        let up = sx * u_ + cx * w_;
+        let along = ct * cz - st * up;
+        let z = st * cz + ct * up;
         let wo = mirrored(self.flip, [cp * along - sp * across, sp * along + cp * across, z]);
-        let (refl, high, pdf) = self.eval_pdf::<FMA>(wo);
+        let (refl, high, pdf) = self.eval_pdf::<FMA>(&mean, wo);
         Some((wo, sum(refl, high), pdf))
     }
 }
@@ -544,7 +722,8 @@ mod tests {
             for j in 0..=60 {
                 let (mu1, mu2) = (MU_MIN * (step * f64::from(i)).exp(), MU_MIN * (step * f64::from(j)).exp());
                 let want = mean(mu1, mu2);
-                for got in [unit_mean::<true>(mu1 as f32, mu2 as f32), unit_mean::<false>(mu1 as f32, mu2 as f32)] {
+                let (t1, t2) = (mu1 as f32 * LOG2_E, mu2 as f32 * LOG2_E);
+                for got in [unit_mean::<true>(t1, t2), unit_mean::<false>(t1, t2)] {
                     let err = (f64::from(got) / want - 1.0).abs();
                     assert!(err < 1e-4, "mu {mu1} {mu2}: got {got}, want {want}, relative {err}");
                 }

@@ -1,111 +1,154 @@
-//! The tensors of a model laid out for the kernels: f32, lobes to lanes of 8, one ghost node around the reflection grid.
+//! The tensors of a model laid out for the kernels: f32, records on cache lines, lobes side by side, one ghost node around the
+//! reflection grid, angles in half turns and bandwidths as the binary logarithm of sqrt(mu log2 e), so that the kernels need no
+//! range reduction and no square root: `exp(-mu u^2) = 2^-(s u)^2` with s = 2 to the stored number.
 
 use super::reference::{LEAST_ENERGY, extended};
 use super::{MAX_LOBES, MAX_PATHS, PlyData};
-use crate::asg::PARAMS;
+use crate::asg::{MU_MAX, MU_MIN, PARAMS};
+use std::f64::consts::{LOG2_E, PI};
 
-/// Numbers before the spectrum in a node's record: r_d and the energy of f_refl.
-pub(super) const HEAD: usize = 2;
+/// Lanes of high-order lobes, of reflection lobes, and path lengths that the fast kernels are compiled for.
+pub(super) const SMALL: (usize, usize, usize) = (8, 4, 8);
 
-/// Lanes of each kind and path lengths that a kernel is compiled for.
-#[derive(Clone, Copy)]
-pub(super) struct Sizes {
-    pub(super) high: usize,
-    pub(super) refl: usize,
-    pub(super) paths: usize,
+/// Energies at a node.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+pub(super) struct Node<const J: usize> {
+    pub(super) r_d: f32,
+    pub(super) refl: f32,
+    /// Path-length spectrum of the energy of f_high.
+    pub(super) high: [f32; J],
 }
 
-/// The common sizes.
-pub(super) const SMALL: Sizes = Sizes { high: 8, refl: 8, paths: 8 };
-/// The largest sizes.
-pub(super) const LARGE: Sizes = Sizes { high: MAX_LOBES, refl: MAX_LOBES, paths: MAX_PATHS };
-
-/// Arrays of the kernels; H, R and J are the sizes of the kernel that is used. Lanes and path lengths beyond the model's own hold zeros.
+/// Reflection lobes at a node, one parameter after the other, filled up with zeros to whole cache lines.
 #[derive(Clone, Debug)]
-pub(super) struct Layout {
-    pub(super) nodes_theta: usize,
+#[repr(C, align(64))]
+pub(super) struct Refl<const R: usize>(pub(super) [[f32; R]; 8]);
+
+/// High-order lobes at a corner of a block, one parameter after the other, and the spectrum of each.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+pub(super) struct High<const H: usize, const J: usize> {
+    pub(super) params: [[f32; H]; PARAMS],
+    pub(super) spectrum: [[f32; J]; H],
+}
+
+/// Arrays for kernels of H high-order and R reflection lanes and J path lengths; those beyond the model's own hold zeros.
+#[derive(Clone, Debug)]
+pub(super) struct Tables<const H: usize, const R: usize, const J: usize> {
+    pub(super) grid: Grid,
+    /// -log2 e times the path lengths [um].
+    pub(super) path: [f32; J],
+    /// `[M][H]`.
+    pub(super) nodes: Vec<Node<J>>,
+    /// `[M+2][H+2]`, continued linearly by one node on each side.
+    pub(super) refl: Vec<Refl<R>>,
+    /// `[(M-1)/2][(H-1)/2]` of the four corners.
+    pub(super) high: Vec<[High<H, J>; 4]>,
+    /// Least energy of a lane: [`LEAST_ENERGY`] for lobes, 0 for empty lanes.
+    pub(super) least_high: [f32; H],
+    pub(super) least_refl: [f32; R],
+    /// Pairs of high-order lanes with a lobe.
+    pub(super) pairs: usize,
+    /// Bounds of the stored bandwidths.
+    pub(super) bandwidth: (f32, f32),
+}
+
+/// The nodes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Grid {
     pub(super) nodes_h: usize,
+    /// Last node along theta_i and along h.
+    pub(super) last_theta: f32,
+    pub(super) last_h: f32,
     /// Nodes per radian of theta_i, per um of h.
     pub(super) per_theta: f32,
     pub(super) per_h: f32,
     /// Last offset node [um]; the first is its negative.
     pub(super) h_last: f32,
-    /// Number of high-order lobes.
-    pub(super) lobes_high: usize,
-    /// Whether the small sizes are enough.
-    pub(super) small: bool,
-    /// `[J]` path lengths [um].
-    pub(super) path: Vec<f32>,
-    /// `[M][H][HEAD + J]`: r_d, energy_refl, energy_high.
-    pub(super) nodes: Vec<f32>,
-    /// `[M+2][H+2][6][R]`: reflection lobes, continued linearly by one node on each side.
-    pub(super) refl: Vec<f32>,
-    /// `[(M-1)/2][(H-1)/2][4]` of `[6][H]` parameters, then `[H][J]` spectra, of the high-order lobes.
-    pub(super) high: Vec<f32>,
-    /// Least energy of a lane: [`LEAST_ENERGY`] for lobes, 0 for empty lanes.
-    pub(super) least: [f32; LARGE.high + LARGE.refl],
+}
+
+/// Tables of one of two sizes.
+#[derive(Clone, Debug)]
+pub(super) enum Layout {
+    Small(Box<Tables<{ SMALL.0 }, { SMALL.1 }, { SMALL.2 }>>),
+    Large(Box<Tables<MAX_LOBES, MAX_LOBES, MAX_PATHS>>),
 }
 
 impl Layout {
     /// From checked data.
     pub(super) fn new(d: &PlyData) -> Layout {
-        let (m, h, _, j) = d.sizes();
-        let small = d.lobes_high <= SMALL.high && d.lobes_refl <= SMALL.refl && j <= SMALL.paths;
-        let size = if small { SMALL } else { LARGE };
-        let mut path: Vec<f32> = d.path_um.iter().map(|v| *v as f32).collect();
-        path.resize(size.paths, 0.0);
-
-        let mut nodes = Vec::with_capacity(m * h * (HEAD + size.paths));
-        for i in 0..m * h {
-            nodes.extend([d.r_d[i] as f32, d.energy_refl[i] as f32]);
-            nodes.extend((0..size.paths).map(|p| if p < j { d.energy_high[i * j + p] as f32 } else { 0.0 }));
+        if d.lobes_high <= SMALL.0 && d.lobes_refl <= SMALL.1 && d.path_um.len() <= SMALL.2 {
+            Layout::Small(Box::new(Tables::new(d)))
+        } else {
+            Layout::Large(Box::new(Tables::new(d)))
         }
+    }
+}
 
-        let mut refl = Vec::with_capacity((m + 2) * (h + 2) * PARAMS * size.refl);
+/// Lobe parameter `k` in the units of the kernels, from its value in f32 as files have it.
+fn stored(k: usize, value: f64) -> f64 {
+    let value = f64::from(value as f32);
+    match k {
+        0..3 => value / PI,
+        3 | 4 => 0.5 * (value * LOG2_E + LOG2_E.log2()),
+        _ => value,
+    }
+}
+
+impl<const H: usize, const R: usize, const J: usize> Tables<H, R, J> {
+    /// From checked data of at most these sizes.
+    fn new(d: &PlyData) -> Self {
+        let (m, h, _, j) = d.sizes();
+        let nodes = (0..m * h)
+            .map(|i| Node {
+                r_d: d.r_d[i] as f32,
+                refl: d.energy_refl[i] as f32,
+                high: std::array::from_fn(|p| if p < j { d.energy_high[i * j + p] as f32 } else { 0.0 }),
+            })
+            .collect();
+
+        let mut refl = Vec::with_capacity((m + 2) * (h + 2));
         for a in -1..=m as isize {
             for b in -1..=h as isize {
-                for k in 0..PARAMS {
-                    for l in 0..size.refl {
-                        let node = |i: usize, j: usize| d.refl[((i * h + j) * d.lobes_refl + l) * PARAMS + k];
-                        let row = |i: usize| extended(b, h, &|j| node(i, j));
-                        refl.push(if l < d.lobes_refl { extended(a, m, &row) as f32 } else { 0.0 });
-                    }
-                }
+                let value = |k: usize, l: usize| {
+                    let node = |i: usize, j: usize| stored(k, d.refl[((i * h + j) * d.lobes_refl + l) * PARAMS + k]);
+                    let row = |i: usize| extended(b, h, &|j| node(i, j));
+                    if k < PARAMS && l < d.lobes_refl { extended(a, m, &row) as f32 } else { 0.0 }
+                };
+                refl.push(Refl(std::array::from_fn(|k| std::array::from_fn(|l| value(k, l)))));
             }
         }
 
-        let corners = (m / 2) * (h / 2) * 4;
-        let mut high = Vec::with_capacity(corners * (PARAMS + size.paths) * size.high);
-        for c in 0..corners {
-            let value = |l: usize, k: usize| d.high[(c * d.lobes_high + l) * PARAMS + k];
-            let share = |l: usize, p: usize| d.high_path[(c * d.lobes_high + l) * j + p];
-            for k in 0..PARAMS {
-                high.extend((0..size.high).map(|l| if l < d.lobes_high { value(l, k) as f32 } else { 0.0 }));
+        let corner = |c: usize| {
+            let value = |k: usize, l: usize| stored(k, d.high[(c * d.lobes_high + l) * PARAMS + k]) as f32;
+            let share = |l: usize, p: usize| d.high_path[(c * d.lobes_high + l) * j + p] as f32;
+            let is = |l: usize| l < d.lobes_high;
+            High {
+                params: std::array::from_fn(|k| std::array::from_fn(|l| if is(l) { value(k, l) } else { 0.0 })),
+                spectrum: std::array::from_fn(|l| {
+                    std::array::from_fn(|p| if is(l) && p < j { share(l, p) } else { 0.0 })
+                }),
             }
-            for l in 0..size.high {
-                let lane = |p: usize| if l < d.lobes_high && p < j { share(l, p) as f32 } else { 0.0 };
-                high.extend((0..size.paths).map(lane));
-            }
-        }
-
-        let mut least = [0.0; LARGE.high + LARGE.refl];
-        for (i, v) in least.iter_mut().enumerate() {
-            let lobe = if i < size.high { i < d.lobes_high } else { i - size.high < d.lobes_refl };
-            *v = if lobe { LEAST_ENERGY as f32 } else { 0.0 };
-        }
-        Layout {
-            nodes_theta: m,
-            nodes_h: h,
-            per_theta: (m - 1) as f32 / d.theta_i[m - 1] as f32,
-            per_h: (h - 1) as f32 / (2.0 * d.h_um[h - 1]) as f32,
-            h_last: d.h_um[h - 1] as f32,
-            lobes_high: d.lobes_high,
-            small,
-            path,
+        };
+        let least = |is: bool| if is { LEAST_ENERGY as f32 } else { 0.0 };
+        Tables {
+            grid: Grid {
+                nodes_h: h,
+                last_theta: (m - 1) as f32,
+                last_h: (h - 1) as f32,
+                per_theta: (m - 1) as f32 / d.theta_i[m - 1] as f32,
+                per_h: (h - 1) as f32 / (2.0 * d.h_um[h - 1]) as f32,
+                h_last: d.h_um[h - 1] as f32,
+            },
+            path: std::array::from_fn(|p| if p < j { (-LOG2_E * d.path_um[p]) as f32 } else { 0.0 }),
             nodes,
             refl,
-            high,
-            least,
+            high: (0..(m / 2) * (h / 2)).map(|b| std::array::from_fn(|c| corner(b * 4 + c))).collect(),
+            least_high: std::array::from_fn(|l| least(l < d.lobes_high)),
+            least_refl: std::array::from_fn(|l| least(l < d.lobes_refl)),
+            pairs: d.lobes_high.div_ceil(2),
+            bandwidth: (stored(3, MU_MIN.ln()) as f32, stored(3, MU_MAX.ln()) as f32),
         }
     }
 }
