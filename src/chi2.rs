@@ -18,7 +18,7 @@ pub struct Chi2 {
 const LEAST_EXPECTED: f64 = 25.0;
 
 /// Tests `observed` counts of cells against `expected` ones; both add up to the number of samples. The cells are pooled in the
-/// order of their expectation until each pool expects at least [`LEAST_EXPECTED`].
+/// order of their expectation until each pool expects at least 25.
 pub fn chi2_test(observed: &[f64], expected: &[f64]) -> Chi2 {
     let mut cells: Vec<(f64, f64)> = expected.iter().copied().zip(observed.iter().copied()).collect();
     cells.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -59,6 +59,11 @@ pub struct Spread {
 }
 
 impl Spread {
+    /// Of a model's stored fit errors. A stored 0 says that noise hid the error: it counts as unknown, not as perfect.
+    pub fn of_errors(values: impl IntoIterator<Item = f64>) -> Self {
+        Self::of(values.into_iter().filter(|v| *v > 0.0))
+    }
+
     /// Of these numbers; all zero when there are none.
     pub fn of(values: impl IntoIterator<Item = f64>) -> Self {
         let (mut n, mut min, mut max, mut square) = (0u64, f64::INFINITY, f64::NEG_INFINITY, 0.0);

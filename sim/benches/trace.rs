@@ -38,31 +38,34 @@ fn paths_per_second(c: &mut Criterion) {
 
 /// Paths per second of the walk alone, without the tables, as the prototypes of the physics notes counted them.
 fn walk_alone(c: &mut Criterion) {
-    use plywave_sim::{RoughDielectric, Tracer, trace_path};
+    use plywave_sim::{MeshResolution, MeshTracer, RoughDielectric, Tracer, trace_path};
     use rand::{RngExt, SeedableRng};
     let spec = YarnSpec::polyester().expect("compiled-in spec");
     let section = PlySection::generate(&spec, 1).expect("packs");
     let screw = ScrewTracer::new(&section).expect("resolves");
+    let mesh = MeshTracer::new(&section, MeshResolution::default());
     let surface = RoughDielectric { eta: spec.fiber.eta as f32, alpha: spec.fiber.alpha_fiber as f32 };
     let mut group = c.benchmark_group("walk");
     group.sampling_mode(SamplingMode::Flat).sample_size(10).measurement_time(Duration::from_secs(5));
     group.throughput(Throughput::Elements(10_000));
-    group.bench_function("10 k paths at normal incidence, screw march", |b| {
-        b.iter_custom(|rounds| {
-            let start = Instant::now();
-            for round in 0..rounds {
-                let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(round);
-                let bound = screw.bound_radius_um();
-                for _ in 0..10_000 {
-                    let x = bound * (2.0 * rng.random::<f32>() - 1.0);
-                    let y = (bound * bound - x * x).max(0.0).sqrt();
-                    let pos = nalgebra::Vector3::new(x, y, 800.0 * rng.random::<f32>());
-                    std::hint::black_box(trace_path(&screw, &surface, pos, -nalgebra::Vector3::y(), &mut rng));
+    for (name, tracer) in [("screw march", &screw as &dyn Tracer), ("triangles in obvhs", &mesh)] {
+        group.bench_function(format!("10 k paths at normal incidence, {name}"), |b| {
+            b.iter_custom(|rounds| {
+                let start = Instant::now();
+                for round in 0..rounds {
+                    let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(round);
+                    let bound = tracer.bound_radius_um();
+                    for _ in 0..10_000 {
+                        let x = bound * (2.0 * rng.random::<f32>() - 1.0);
+                        let y = (bound * bound - x * x).max(0.0).sqrt();
+                        let pos = nalgebra::Vector3::new(x, y, 800.0 * rng.random::<f32>());
+                        std::hint::black_box(trace_path(tracer, &surface, pos, -nalgebra::Vector3::y(), &mut rng));
+                    }
                 }
-            }
-            start.elapsed()
-        })
-    });
+                start.elapsed()
+            })
+        });
+    }
     group.finish();
 }
 

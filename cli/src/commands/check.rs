@@ -122,7 +122,8 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     let high = Spread::of((0..error_high.len()).map(weighted)).max;
     let meaning = "the same, as a share of the slice's light at sigma = 0";
     lines.push(Line::at_most("fit_error_high", meaning, high, args.max_error_high));
-    let known = |v: f64| v.is_finite().then_some(v);
+    // What is not above 0 was hidden by noise.
+    let known = |v: f64| (v.is_finite() && v > 0.0).then_some(v);
     let slices: Vec<Slice> = (0..error_refl.len())
         .map(|node| Slice {
             theta_i_deg: data.theta_i[node / columns].to_degrees(),

@@ -68,8 +68,8 @@ impl Summary {
             h_nodes: data.h_um.len(),
             lobes_refl: data.lobes_refl,
             lobes_high: data.lobes_high,
-            fit_error_refl: Spread::of(data.error_refl.iter().copied()),
-            fit_error_high: Spread::of(data.error_high.iter().copied().step_by(data.sigma_per_um.len().max(1))),
+            fit_error_refl: Spread::of_errors(data.error_refl.iter().copied()),
+            fit_error_high: Spread::of_errors(data.error_high.iter().copied().step_by(data.sigma_per_um.len().max(1))),
             fit_s: time.as_secs_f64(),
         }
     }

@@ -224,7 +224,9 @@ fn energies_text(
         )?;
         match error {
             Some((error_refl, error_high)) => {
-                writeln!(out, "                  {:>10.4}   {:>10.4}", error_refl[at], error_high[at * sigmas])?;
+                let known = |v: f64| if v > 0.0 { format!("{v:.4}") } else { "-".into() };
+                let (refl, high) = (known(error_refl[at]), known(error_high[at * sigmas]));
+                writeln!(out, "                  {refl:>10}   {high:>10}")?;
             }
             None => writeln!(out)?,
         }
@@ -271,9 +273,9 @@ fn model_text(head: &Head, spec: &YarnSpec, d: &PlyData) -> Outcome {
             number(d.path_um.first().copied().unwrap_or(0.0)),
             number(d.path_um.last().copied().unwrap_or(0.0))
         )?;
-        writeln!(out, "  fit error    f_refl {}", Spread::of(d.error_refl.iter().copied()))?;
+        writeln!(out, "  fit error    f_refl {}", Spread::of_errors(d.error_refl.iter().copied()))?;
         for (k, sigma) in d.sigma_per_um.iter().enumerate() {
-            let error = Spread::of(d.error_high.iter().copied().skip(k).step_by(sigmas));
+            let error = Spread::of_errors(d.error_high.iter().copied().skip(k).step_by(sigmas));
             writeln!(out, "               f_high {error} at sigma {}", number(*sigma))?;
         }
         energies_text(out, head, &d.energy_refl, &model_energy_high(d), &d.r_d, Some((&d.error_refl, &d.error_high)))

@@ -68,9 +68,10 @@ pub fn draw(canvas: &mut Canvas, panel: Panel, numbers: &Numbers, max: f64, titl
     axes::linear_bar(canvas, x + w + 14, y, h, 100.0 * max, "");
 }
 
-/// Percent in at most three characters: 0.4, 3.1, 12, >1k.
+/// Percent in at most three characters: 0.4, 3.1, 12, >1k; a dash for 0, which says that noise hid the error.
 fn short(value: f64) -> String {
     match 100.0 * value {
+        v if v <= 0.0 => "-".into(),
         v if v < 9.95 => format!("{v:.1}"),
         v if v < 999.5 => format!("{v:.0}"),
         _ => ">1k".into(),
@@ -83,7 +84,7 @@ mod tests {
 
     #[test]
     fn numbers_are_short() {
-        for (v, want) in [(0.0, "0.0"), (0.0432, "4.3"), (0.312, "31"), (1.24, "124"), (37.0, ">1k")] {
+        for (v, want) in [(0.0, "-"), (0.0432, "4.3"), (0.312, "31"), (1.24, "124"), (37.0, ">1k")] {
             assert_eq!(short(v), want);
         }
     }
