@@ -173,7 +173,11 @@ pub fn check_incidence(
     let sampled_furnace_se = (0..4)
         .map(|k| {
             let mean = sum[k] / n;
-            let se = ((squares[k] / n - mean * mean).max(0.0) / n).sqrt();
+            let sampled = squares[k] / n - mean * mean;
+            // Where hits are rare, a handful of them says little of their own spread. By Cauchy and Schwarz the mean square weight is
+            // at least albedo^2 over the chance to hit.
+            let least = albedo[k] * albedo[k] * (1.0 / (1.0 - miss).max(1e-12) - 1.0);
+            let se = (sampled.max(least).max(0.0) / n).sqrt();
             (mean - albedo[k]).abs() / (se + 1e-4)
         })
         .fold(0.0, f64::max);

@@ -65,8 +65,9 @@ const FIBER: &[Rule] = &[
 ];
 const PLY: &[Rule] = &[
     ("fibers", Kind::Integer(1, 200), true),
-    ("radius_um", SIZE, false),
-    ("radii_um", Kind::Pair(0.01, 1e4), false),
+    // Beyond 1 mm the tracer's single precision would no longer resolve its own offset from a wall.
+    ("radius_um", Kind::Number(0.01, 1e3), false),
+    ("radii_um", Kind::Pair(0.01, 1e3), false),
     ("min_gap_um", Kind::Number(0.001, 100.0), false),
     ("fiber_pitch_um", Kind::Number(0.01, 1e7), false),
     ("handedness", Kind::Choice(&["Z", "S"]), false),
@@ -78,15 +79,15 @@ const BEAM: &[Rule] = &[
 ];
 const ABSORPTION: &[Rule] = &[("sigma_per_um", Kind::Ascending(10.0), false)];
 const SIMULATION: &[Rule] = &[
-    ("instances", Kind::Integer(1, 100_000), false),
+    ("instances", Kind::Integer(1, 1000), false),
     ("paths_per_theta", Kind::Integer(1, 1_000_000_000_000), false),
     ("theta_i_nodes", Kind::Odd(3, 201), false),
     ("theta_i_max_rad", Kind::Above(0.0, 1.55), false),
     ("h_nodes", Kind::Odd(3, 401), false),
     ("theta_o_bins", Kind::Integer(4, 720), false),
     ("phi_o_bins", Kind::Integer(4, 1440), false),
-    ("lobes_refl", Kind::Integer(1, 32), false),
-    ("lobes_high", Kind::Integer(1, 32), false),
+    ("lobes_refl", Kind::Integer(1, 16), false),
+    ("lobes_high", Kind::Integer(1, 16), false),
 ];
 /// Keys of each `fiber.shape.kind`, besides `kind`.
 const SHAPES: &[(&str, &[Rule])] = &[
@@ -191,13 +192,16 @@ fn check_value(file: &str, key: &str, value: &Value, kind: &Kind) -> Result<()> 
             let good = numbers.is_some_and(|x| {
                 (1..=32).contains(&x.len())
                     && x[0] == 0.0
+                    && x.get(1).is_none_or(|x| *x >= 1e-6)
                     && x.windows(2).all(|w| w[0] < w[1])
                     && x[x.len() - 1] <= *max
             });
             if good {
                 Ok(())
             } else {
-                refuse(format!("use 1 to 32 ascending numbers, the first 0, the last up to {max}"))
+                refuse(format!(
+                    "use 1 to 32 ascending numbers, the first 0, the next 1e-6 or more, the last up to {max}"
+                ))
             }
         }
         Kind::Pair(min, max) => {

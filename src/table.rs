@@ -89,7 +89,7 @@ pub struct Table {
     pub noise_refl: Vec<f64>,
     /// `[theta_i][h][sigma]`: the same for `high`.
     pub noise_high: Vec<f64>,
-    /// `[theta_i]`: number of paths traced that met the bounding cylinder.
+    /// `[theta_i]`: number of paths drawn, those that met nothing among them.
     pub paths: Vec<u64>,
     /// `[theta_i]`: mean number of fiber surface interactions of a path that met a fiber.
     pub interactions: Vec<f64>,

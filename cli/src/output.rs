@@ -26,10 +26,15 @@ fn stdout_failure(error: std::io::Error) -> Failure {
     }
 }
 
-/// Refuses an output path that cannot be written, before any work is done: its folder must exist and take a new file, and the
-/// path itself must not be a folder.
-pub fn check_writable(path: &Path) -> Outcome {
+/// Refuses an output path that cannot be written, before any work is done: its folder must exist and take a new file, the path
+/// itself must not be a folder, nor one of the command's inputs.
+pub fn check_writable(path: &Path, inputs: &[&Path]) -> Outcome {
     let refuse = |what: String, mend: &str| Err(Failure::input(path.display(), "-o", what, mend));
+    if let Ok(there) = path.canonicalize()
+        && inputs.iter().any(|input| input.canonicalize().is_ok_and(|input| input == there))
+    {
+        return refuse("an input of this command".into(), "name another file");
+    }
     if path.file_name().is_none() || path.is_dir() {
         return refuse("a folder".into(), "name a file in it");
     }
@@ -76,7 +81,10 @@ fn temporary(path: &Path) -> PathBuf {
 
 /// `path` with another ending, in the current folder: where an output goes when no `-o` is given.
 pub fn default_output(input: &Path, extension: &str) -> PathBuf {
-    Path::new(input.file_stem().unwrap_or("out".as_ref())).with_extension(extension)
+    let mut name = input.file_stem().unwrap_or("out".as_ref()).to_os_string();
+    name.push(".");
+    name.push(extension);
+    name.into()
 }
 
 #[cfg(test)]
@@ -86,18 +94,20 @@ mod tests {
     #[test]
     fn outputs_are_refused_or_whole() {
         let dir = tempfile::tempdir().unwrap();
-        assert!(check_writable(dir.path()).is_err());
-        assert!(check_writable(&dir.path().join("none/x.pwm")).is_err());
+        assert!(check_writable(dir.path(), &[]).is_err());
+        assert!(check_writable(&dir.path().join("none/x.pwm"), &[]).is_err());
         let file = dir.path().join("x.pwm");
-        check_writable(&file).unwrap();
+        check_writable(&file, &[]).unwrap();
         assert!(!file.exists());
         write_whole(&file, b"abc").unwrap();
         assert_eq!(std::fs::read(&file).unwrap(), b"abc");
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
+        assert!(check_writable(&file, &[&dir.path().join(".").join("x.pwm")]).is_err(), "an input is not overwritten");
     }
 
     #[test]
     fn default_outputs_stand_in_the_current_folder() {
         assert_eq!(default_output(Path::new("fabrics/wool.toml"), "pwm"), Path::new("wool.pwm"));
+        assert_eq!(default_output(Path::new("silk.v2.toml"), "pwm"), Path::new("silk.v2.pwm"));
     }
 }

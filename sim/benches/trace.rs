@@ -36,7 +36,7 @@ fn paths_per_second(c: &mut Criterion) {
     group.finish();
 }
 
-/// Paths per second of the walk alone, without the tables, as the prototypes of the physics notes counted them.
+/// Paths per second of the walk alone, without geometry and tables.
 fn walk_alone(c: &mut Criterion) {
     use plywave_sim::{MeshResolution, MeshTracer, RoughDielectric, Tracer, trace_path};
     use rand::{RngExt, SeedableRng};

@@ -30,6 +30,16 @@ pub enum SimError {
     /// The fibers crowd so much that the screw march's grid cannot tell them apart.
     #[error("the screw march cannot resolve this cross section; use the mesh tracer")]
     TooCrowded,
+    /// The table would not fit in memory.
+    #[error(
+        "simulation.phi_o_bins: the table would have {cells:.2e} cells; use fewer nodes or bins, {allowed:.1e} cells at most"
+    )]
+    TooLarge {
+        /// Cells of (theta_i, h, 1 + sigma, theta_o, phi_o).
+        cells: f64,
+        /// Most that are allowed.
+        allowed: f64,
+    },
     /// Stopped before the end.
     #[error("stopped with {left} of {total} shards left")]
     Interrupted {

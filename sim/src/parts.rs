@@ -30,7 +30,18 @@ impl Parts {
             if resume && found == run {
                 return Ok(parts);
             }
-            if resume {
+            // Without a marker the folder is ours only when nothing else is in it: a run killed before it wrote the marker.
+            let ours =
+                found.starts_with("plywave ") || (found.is_empty() && holds_shards_only(folder).map_err(io(folder))?);
+            if !ours {
+                return Err(Error::Format {
+                    file: folder.display().to_string(),
+                    what: "exists and holds what is no shard of plywave".into(),
+                    mend: "move it away or choose another output".into(),
+                }
+                .into());
+            }
+            if resume && !found.is_empty() {
                 return Err(Error::Format {
                     file: folder.display().to_string(),
                     what: "holds the shards of another run (spec, preset, seed or version differ)".into(),
@@ -112,6 +123,18 @@ impl Parts {
         let bytes = safetensors::serialize(views, None).map_err(damaged)?;
         write_whole(&path, &bytes)
     }
+}
+
+/// Whether a folder holds nothing but files named as shards are.
+fn holds_shards_only(folder: &Path) -> std::io::Result<bool> {
+    for entry in fs::read_dir(folder)? {
+        let name = entry?.file_name().to_string_lossy().into_owned();
+        let shard = name.starts_with("theta") && (name.ends_with(".safetensors") || name.ends_with(".part"));
+        if !(shard || name == "run.part") {
+            return Ok(false);
+        }
+    }
+    Ok(true)
 }
 
 /// Write under a temporary name, flush to the disk, rename.

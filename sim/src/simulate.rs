@@ -42,6 +42,9 @@ impl Run<'_> {
     }
 }
 
+/// Largest table, in cells of (theta_i, h, 1 + sigma, theta_o, phi_o): 1 GiB of densities.
+const MAX_CELLS: f64 = 2.7e8;
+
 /// Paths that [`simulate`] will report through `progress`, in all.
 pub fn total_paths(options: &SimOptions) -> u64 {
     u64::from(options.theta_i_nodes.max(2)) * shard_paths(options) * u64::from(options.shards)
@@ -53,6 +56,14 @@ pub fn total_paths(options: &SimOptions) -> u64 {
 /// [`SimError::CannotPack`] and the like when the geometry cannot be built, [`SimError::Interrupted`] when stopped, file errors
 /// of the parts folder.
 pub fn simulate(spec: &YarnSpec, spec_text: &str, options: &SimOptions, run: Run<'_>) -> Result<Table, SimError> {
+    let theta_i = options.theta_i();
+    let h_um = options.h_um(spec);
+    let sigma_per_um = spec.absorption.sigma_per_um.clone();
+    let grid = OutgoingGrid { theta_o: options.theta_o_bins as usize, phi_o: options.phi_o_bins as usize };
+    let cells = theta_i.len() as f64 * h_um.len() as f64 * (1 + sigma_per_um.len()) as f64 * grid.len() as f64;
+    if cells > MAX_CELLS {
+        return Err(SimError::TooLarge { cells, allowed: MAX_CELLS });
+    }
     let never = AtomicBool::new(false);
     let stop = run.stop.unwrap_or(&never);
     let silent = |_: u64| {};
@@ -61,10 +72,6 @@ pub fn simulate(spec: &YarnSpec, spec_text: &str, options: &SimOptions, run: Run
         Some(folder) => Some(Parts::open(folder, run.resume, spec_text, options)?),
         None => None,
     };
-    let theta_i = options.theta_i();
-    let h_um = options.h_um(spec);
-    let sigma_per_um = spec.absorption.sigma_per_um.clone();
-    let grid = OutgoingGrid { theta_o: options.theta_o_bins as usize, phi_o: options.phi_o_bins as usize };
     let incidences: Vec<Incidence<'_>> = theta_i
         .iter()
         .map(|&theta_i| Incidence {
@@ -162,7 +169,7 @@ fn stream(seed: u64, place: [u64; 2]) -> Pcg64Mcg {
     Pcg64Mcg::new(u128::from(hi) << 64 | u128::from(lo))
 }
 
-/// Seed of the geometry of instance `i`: distinct for every (seed, i).
+/// Seed of the geometry of instance `i`: distinct for every i and every seed below 2^32.
 pub(crate) fn instance_seed(seed: u64, i: u32) -> u64 {
     seed.wrapping_mul(0x1_0000_0000).wrapping_add(u64::from(i))
 }
@@ -197,6 +204,8 @@ fn run_shard(
         progress(shard_paths(options));
         return Ok(Some(sums));
     }
+    // What a damaged file may have left in the sums is thrown away.
+    sums = Sums::zero(at);
     let mut rng = stream(options.seed, [m as u64, s as u64 + 1]);
     let per_shard = instances_per_shard(options);
     for k in 0..per_shard {

@@ -61,5 +61,5 @@ pub trait Tracer: Sync {
 }
 
 /// Distance [um] by which a path is set off a wall, along the normal, into the medium it goes on in. Offsets of 1e-5 to 1e-2 um
-/// leak nothing, none at all leaks 91 % of the paths (physics notes, section 2).
+/// leak nothing, none at all leaks 91 % of the paths, as a prototype measured.
 pub const WALL_OFFSET_UM: f32 = 1e-3;

@@ -116,7 +116,9 @@ fn smooth_cylinder_matches_zinke_weber() {
     }
 }
 
-/// refl + high + r_d = 1 at sigma = 0, within 5 standard errors, for every incidence of every shipped yarn; nothing killed.
+/// refl + high + r_d = 1 at sigma = 0, within 5 standard errors, for every incidence of every shipped yarn: no path is lost or
+/// counted twice, and none is killed. (Each path carries weight 1 through every scattering; that the surface may do so is held by
+/// the reciprocity test of the dielectric.)
 #[test]
 fn power_is_conserved() {
     for name in ["polyester", "cotton", "silk", "wool", "viscose"] {
@@ -164,7 +166,8 @@ fn distance(a: &Table, b: &Table, m: usize, n: usize, k: Option<usize>) -> f64 {
     d2 / noise
 }
 
-/// Triangles and screw march make the same tables, slice by slice, within noise: same geometry instances, independent paths.
+/// Triangles and screw march make the same tables, slice by slice, within noise: same geometry instances and random streams,
+/// but paths that part at the first difference.
 #[test]
 fn mesh_and_screw_agree() {
     for (name, paths) in [("polyester", 30_000), ("cotton", 6_000), ("viscose", 6_000)] {
@@ -186,9 +189,8 @@ fn mesh_and_screw_agree() {
                 }
                 let ks = screw.sigma_per_um.len();
                 let i = m * screw.h_um.len() + n;
-                // Energies: a binomial bound on their noise, the beams' weights included (mean weight^2 is in noise of one bin).
                 let (a, b) = (screw.energy_high[i * ks], mesh.energy_high[i * ks]);
-                assert!((a - b).abs() < 0.05, "{name} energy {m} {n}: {a} {b}");
+                assert!((a - b).abs() < 0.03, "{name} energy {m} {n}: {a} {b}");
             }
         }
         let mean = sum / f64::from(slices);
@@ -196,9 +198,10 @@ fn mesh_and_screw_agree() {
     }
 }
 
-/// One path serves every sigma: the reweighted slice equals a run at that sigma alone, within noise.
+/// The energies of one run at many sigma are those of another with that sigma alone and other paths, within noise. That the length
+/// they are weighted by is right is held by the cylinder's closed form above.
 #[test]
-fn reweighting_equals_a_run_at_that_sigma() {
+fn energies_at_a_sigma_do_not_depend_on_the_others() {
     let (mut spec, text) = spec("polyester");
     let a = simulate(&spec, &text, &small(SimOptions::preview(), TracerKind::Auto, 20_000), Run::plain()).unwrap();
     spec.absorption.sigma_per_um = vec![0.0, a.sigma_per_um[3]];
@@ -266,7 +269,7 @@ fn turned_ply_is_the_same_ply() {
     }
 }
 
-/// Random rays from inside and outside: every wall the screw march finds is on the outline, and the medium is left by no leak.
+/// Random rays from outside, and then on through the fiber they met: every wall the screw march finds is on that fiber's outline.
 #[test]
 fn hits_lie_on_the_walls() {
     for name in ["polyester", "cotton", "silk", "viscose"] {
@@ -275,6 +278,7 @@ fn hits_lie_on_the_walls() {
         let tracer = ScrewTracer::new(&section).unwrap();
         let mut rng = Pcg64Mcg::seed_from_u64(11);
         let bound = tracer.bound_radius_um();
+        let mut hits = 0;
         for _ in 0..2000 {
             let angle = rng.random::<f32>() * std::f32::consts::TAU;
             let p = Vector3::new(bound * angle.cos(), bound * angle.sin(), rng.random::<f32>() * 100.0);
@@ -287,8 +291,21 @@ fn hits_lie_on_the_walls() {
                 let d = fiber.outer.signed_distance(fiber.to_fiber(turn * Vector2::new(q.x, q.y)));
                 assert!(d.abs() < 0.03, "{name}: {d} um off the wall");
                 assert!(hit.normal.dot(&dir) < 0.05, "{name}: normal {:?} along {dir:?}", hit.normal);
+                hits += 1;
+                // Straight on through the material: the next wall is this fiber's too.
+                let start = p + dir * hit.t_um - hit.normal * WALL_OFFSET_UM;
+                let Trace::Hit(next) = tracer.trace(start, dir, Medium::Fiber(hit.fiber)) else {
+                    panic!("{name}: lost in a fiber")
+                };
+                assert_eq!(next.fiber, hit.fiber);
+                let q = (start + dir * next.t_um).cast::<f64>();
+                let turn = nalgebra::Rotation2::new(-section.twist_per_um * q.z);
+                let wall = if next.lumen { fiber.lumen.as_ref().unwrap() } else { &fiber.outer };
+                let d = wall.signed_distance(fiber.to_fiber(turn * Vector2::new(q.x, q.y)));
+                assert!(d.abs() < 0.03, "{name}: {d} um off the far wall");
             }
         }
+        assert!(hits > 500, "{name}: only {hits} of 2000 rays met a fiber");
     }
 }
 

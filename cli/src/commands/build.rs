@@ -10,14 +10,14 @@ use crate::{output, report};
 pub fn run(cli: &Cli, args: &BuildArgs) -> Outcome {
     let job = Job::new(args.spec.as_deref(), &args.run)?;
     let path = args.output.clone().unwrap_or_else(|| output::default_output(&job.file, "pwm"));
-    output::check_writable(&path)?;
+    output::check_writable(&path, &[&job.file])?;
     let table_path = args.keep_table.then(|| path.with_extension("pwt"));
     if let Some(table_path) = &table_path {
         if *table_path == path {
             let mend = "is where --keep-table puts the table; name the model NAME.pwm";
             return Err(Failure::input("command line", "-o", path.display(), mend));
         }
-        output::check_writable(table_path)?;
+        output::check_writable(table_path, &[&job.file])?;
     }
     let parts = parts_of(&path);
     let (table, simulated) = job.simulate(cli, &parts, args.run.resume)?;

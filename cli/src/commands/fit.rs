@@ -101,7 +101,7 @@ pub fn write_summary(out: &mut dyn std::io::Write, summary: &Summary, time: Dura
 /// Runs the command.
 pub fn run(cli: &Cli, args: &FitArgs) -> Outcome {
     let path = args.output.clone().unwrap_or_else(|| output::default_output(&args.table, "pwm"));
-    output::check_writable(&path)?;
+    output::check_writable(&path, &[&args.table])?;
     let table = Table::load(&args.table)?;
     let (data, time) = fit_table(cli, &args.table, &table, args.preset)?;
     data.save(&path)?;

@@ -356,7 +356,9 @@ fn same_axes(file: &Path, t: &Table, m: &PlyModel) -> Outcome {
 /// Runs the command.
 pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
     let path = args.output.clone().unwrap_or_else(|| output::default_output(&args.file, "png"));
-    output::check_writable(&path)?;
+    let others = [args.table.as_deref(), args.model.as_deref()];
+    let inputs: Vec<&std::path::Path> = others.into_iter().flatten().chain([args.file.as_path()]).collect();
+    output::check_writable(&path, &inputs)?;
     absorptions(&args.sigma)?;
     if let Some(theta) = args.theta_i.filter(|t| !(0.0..=90.0).contains(t)) {
         let mend = "must be from 0 to 90 degrees; (-theta_i, h) is the mirror image of (theta_i, -h)";

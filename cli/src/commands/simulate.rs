@@ -45,10 +45,6 @@ impl Job {
 
     /// Runs the simulation with finished shards kept in `parts`; gives the table and what there is to say.
     pub fn simulate(&self, cli: &Cli, parts: &Path, resume: bool) -> Outcome<(Table, Summary)> {
-        if parts.exists() && !resume && !parts.join("run.txt").is_file() {
-            let mend = "exists and holds no shards of plywave; move it away or choose another -o";
-            return Err(Failure::Input(format!("{}: {mend}", parts.display())));
-        }
         let fresh = !parts.exists();
         progress::install_stop();
         let bar = Bar::new("simulate", "paths", cli.quiet);
@@ -109,6 +105,8 @@ pub struct Summary {
     pub resumed: bool,
     /// Largest departure of refl + high + r_d from 1 at sigma = 0, in its standard errors.
     pub energy_balance_max_standard_errors: f64,
+    /// Largest energy of paths stopped at the interaction limit, at sigma = 0.
+    pub energy_killed_max: f64,
 }
 
 impl Summary {
@@ -119,6 +117,7 @@ impl Summary {
             simulation_s: time.as_secs_f64(),
             resumed,
             energy_balance_max_standard_errors: energy_balance(table),
+            energy_killed_max: table.energy_killed.iter().copied().fold(0.0, f64::max),
         }
     }
 }
@@ -139,7 +138,7 @@ pub fn energy_balance(table: &Table) -> f64 {
 pub fn run(cli: &Cli, args: &SimulateArgs) -> Outcome {
     let job = Job::new(Some(&args.spec), &args.run)?;
     let path = args.output.clone().unwrap_or_else(|| output::default_output(&args.spec, "pwt"));
-    output::check_writable(&path)?;
+    output::check_writable(&path, &[&args.spec])?;
     let parts = parts_of(&path);
     let (table, summary) = job.simulate(cli, &parts, args.run.resume)?;
     table.save(&path)?;
@@ -173,11 +172,16 @@ pub fn write_summary(out: &mut dyn std::io::Write, summary: &Summary) -> std::io
     };
     let time = report::duration(Duration::from_secs_f64(summary.simulation_s));
     writeln!(out, "  simulation   {time}: {} paths, {rate}", report::count(summary.paths as f64))?;
-    writeln!(
-        out,
-        "  energy       refl + high + r_d = 1 within {:.1} standard errors at every incidence",
-        summary.energy_balance_max_standard_errors
-    )
+    let balance = summary.energy_balance_max_standard_errors;
+    if balance <= 5.0 {
+        writeln!(out, "  energy       refl + high + r_d = 1 within {balance:.1} standard errors at every incidence")
+    } else {
+        writeln!(
+            out,
+            "  energy       refl + high + r_d is off 1 by up to {balance:.1} standard errors; paths stopped at the interaction limit hold up to {:.1e}",
+            summary.energy_killed_max
+        )
+    }
 }
 
 /// Adds the fields of `more` to a JSON object.
