@@ -198,14 +198,14 @@ fn run_shard(
     progress: &(dyn Fn(u64) + Sync),
 ) -> Result<Option<Sums>, SimError> {
     let mut sums = Sums::zero(at);
-    if let Some(parts) = parts
-        && parts.read(m, Some(s), &mut sums)?
-    {
-        progress(shard_paths(options));
-        return Ok(Some(sums));
+    if let Some(parts) = parts {
+        if parts.read(m, Some(s), &mut sums)? {
+            progress(shard_paths(options));
+            return Ok(Some(sums));
+        }
+        // What a damaged file may have left in the sums is thrown away.
+        sums = Sums::zero(at);
     }
-    // What a damaged file may have left in the sums is thrown away.
-    sums = Sums::zero(at);
     let mut rng = stream(options.seed, [m as u64, s as u64 + 1]);
     let per_shard = instances_per_shard(options);
     for k in 0..per_shard {
