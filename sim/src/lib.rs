@@ -18,6 +18,7 @@ mod shard;
 mod simulate;
 mod tracer;
 mod walk2d;
+pub mod wave;
 
 pub use dielectric::{RoughDielectric, Scattered, fresnel};
 pub use error::SimError;

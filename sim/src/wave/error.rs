@@ -1,0 +1,70 @@
+//! Errors of the wave code: values, each printed as one line.
+
+/// What can go wrong between a scene and its far field.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum WaveError {
+    /// A number or a shape that cannot be used.
+    #[error("{key} = {value}: {mend}")]
+    Invalid {
+        /// Key of the scene, with its index: `fiber[2].eta`.
+        key: String,
+        /// What was given.
+        value: String,
+        /// What would be accepted.
+        mend: String,
+    },
+    /// A wall that crosses itself.
+    #[error("{wall}: the outline crosses itself; give a simple closed curve")]
+    SelfCrossing {
+        /// `fiber[2]` or `fiber[2].lumen`.
+        wall: String,
+    },
+    /// Two walls that touch or overlap, or a lumen that leaves its fiber.
+    #[error("{first} and {second} overlap or touch; move them apart")]
+    Overlap {
+        /// One wall.
+        first: String,
+        /// The other.
+        second: String,
+    },
+    /// The method cannot treat the scene.
+    #[error("method = \"{method}\": {what}; {mend}")]
+    Unsupported {
+        /// Name of the method.
+        method: &'static str,
+        /// What stands in the way.
+        what: String,
+        /// What to do.
+        mend: String,
+    },
+    /// The tolerance is below what the method reaches.
+    #[error("tolerance = {asked:e}: {method} reaches {reachable:e} here; ask for that or more")]
+    Unreachable {
+        /// Name of the method.
+        method: &'static str,
+        /// What was asked.
+        asked: f64,
+        /// What can be had.
+        reachable: f64,
+    },
+    /// The system would not fit in memory.
+    #[error(
+        "{unknowns} unknowns need about {need_gib:.1} GiB, {have_gib:.1} GiB are free; loosen the tolerance or take fewer or smaller fibers"
+    )]
+    TooLarge {
+        /// Size of the linear system.
+        unknowns: usize,
+        /// Estimated need [GiB].
+        need_gib: f64,
+        /// Memory that is free [GiB].
+        have_gib: f64,
+    },
+    /// A solve whose residual stayed too large.
+    #[error("the solve did not converge: relative residual {residual:e} after {iterations} iterations")]
+    NotConverged {
+        /// Relative residual reached.
+        residual: f64,
+        /// Iterations (or refinements) made.
+        iterations: usize,
+    },
+}

@@ -1,0 +1,137 @@
+//! Incident light: plane waves, and Gaussian beams as sums of plane waves.
+
+use super::{C64, Polarization, Wave, WaveError};
+use std::f64::consts::PI;
+
+/// A Gaussian beam focused on the fibers (Yu 2025, 4.2): amplitude `exp(-s^2 / w0^2)` across, unlimited along z.
+///
+/// s is measured from the beam's center along `(sin phi_i, -cos phi_i)`, which is +x for light from +y (phi_i = 90 degrees), and the waist lies in
+/// the plane through the origin. The field is an exact solution of Maxwell's equations: a sum of propagating plane waves of one k_z, each with the
+/// polarization vector of its own azimuth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BeamSource {
+    /// Waist w0 [um].
+    pub w0_um: f64,
+    /// Offset h of the center [um].
+    pub h_um: f64,
+}
+
+/// One incident field at the wavelength and latitude of a [`Wave`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Source {
+    /// Azimuth phi_i the light comes from [rad].
+    pub phi_i: f64,
+    /// Polarization.
+    pub pol: Polarization,
+    /// A beam; a plane wave of unit amplitude without one.
+    pub beam: Option<BeamSource>,
+}
+
+/// `amplitude * e_pol * exp(i k . x)` with `k = -k_0 omega_i`, omega_i at azimuth `phi_i`.
+///
+/// Its axial fields at (x, y) are `e = cos theta_i` (TM) or `h = -cos theta_i` (TE), times
+/// `amplitude exp(-i k_rho (x cos phi_i + y sin phi_i))`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlaneWave {
+    /// Azimuth the wave comes from [rad].
+    pub phi_i: f64,
+    /// Complex amplitude of |E|.
+    pub amplitude: C64,
+}
+
+/// Largest part of a beam's amplitude that may lie in evanescent waves, which are left out.
+const EVANESCENT: f64 = 1e-3;
+
+impl Source {
+    /// The plane waves that make this source within `extent_um` of the origin.
+    ///
+    /// A beam of waist w0 has the spectrum `w0 / (2 sqrt(pi)) exp(-w0^2 q^2 / 4 - i q h)` over the transverse wavenumber q; q is sampled so finely that
+    /// the beam's periodic images stay clear of the scene.
+    ///
+    /// # Errors
+    /// [`WaveError::Invalid`] for a waist so narrow that its spectrum does not fit in the propagating waves.
+    pub fn plane_waves(&self, wave: &Wave, extent_um: f64) -> Result<Vec<PlaneWave>, WaveError> {
+        let Some(beam) = self.beam else {
+            return Ok(vec![PlaneWave { phi_i: self.phi_i, amplitude: C64::new(1.0, 0.0) }]);
+        };
+        let k_rho = wave.k_rho();
+        let least = 2.0 * (-EVANESCENT.ln()).sqrt() / k_rho;
+        if !(beam.w0_um >= least && beam.w0_um.is_finite() && beam.h_um.is_finite()) {
+            return Err(WaveError::Invalid {
+                key: "beam.w0_um".into(),
+                value: beam.w0_um.to_string(),
+                mend: format!("use {least:.3} or more at this wavelength and latitude"),
+            });
+        }
+        // exp(-w0^2 q^2 / 4) is below 1e-16 at q = 12.2 / w0. Beside the beam, q may be sampled as if it had period 2 pi / dq: images of the
+        // waist at that distance must miss the scene, with the beam's spread over the depth of the scene allowed for.
+        let reach = (12.2 / beam.w0_um).min(k_rho * (1.0 - 1e-9));
+        let spread = extent_um * (reach / k_rho).asin().tan().min(4.0);
+        let period = 2.0 * (extent_um + spread) + beam.h_um.abs() + 12.0 * beam.w0_um;
+        let n = (reach * period / (2.0 * PI)).ceil().max(1.0);
+        let dq = reach / n;
+        let n = n as i64;
+        let scale = beam.w0_um / (2.0 * PI.sqrt()) * dq;
+        Ok((-n..=n)
+            .map(|j| {
+                let q = j as f64 * dq;
+                // Travel along -(cos phi_i, sin phi_i) turned so that its part along s is q.
+                let phi_i = self.phi_i + (q / k_rho).asin();
+                let amplitude = C64::from_polar(scale * (-(0.5 * beam.w0_um * q).powi(2)).exp(), -q * beam.h_um);
+                PlaneWave { phi_i, amplitude }
+            })
+            .collect())
+    }
+
+    /// Axial amplitude of a unit plane wave: `(e, h)` at phase zero.
+    pub fn axial(&self, wave: &Wave) -> (f64, f64) {
+        match self.pol {
+            Polarization::Tm => (wave.theta_i.cos(), 0.0),
+            Polarization::Te => (0.0, -wave.theta_i.cos()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn field(waves: &[PlaneWave], k_rho: f64, x: f64, y: f64) -> C64 {
+        waves.iter().map(|w| w.amplitude * C64::from_polar(1.0, -k_rho * (x * w.phi_i.cos() + y * w.phi_i.sin()))).sum()
+    }
+
+    /// In the plane of the waist the amplitude is the Gaussian, centered at x = h for light from +y, and travels towards -y.
+    #[test]
+    fn beam_is_gaussian_at_its_waist() {
+        let wave = Wave { lambda_um: 0.5, theta_i: 0.3 };
+        let source =
+            Source { phi_i: PI / 2.0, pol: Polarization::Tm, beam: Some(BeamSource { w0_um: 10.0, h_um: 7.0 }) };
+        let waves = source.plane_waves(&wave, 60.0).unwrap();
+        for x in [-60.0, -20.0, 0.0, 7.0, 12.0, 33.0, 60.0_f64] {
+            let got = field(&waves, wave.k_rho(), x, 0.0);
+            let want = (-((x - 7.0) / 10.0f64).powi(2)).exp();
+            assert!((got - want).norm() < 1e-13, "x {x}: got {got}, want {want}");
+        }
+        let step = 1e-4;
+        let ahead = field(&waves, wave.k_rho(), 7.0, -step) / field(&waves, wave.k_rho(), 7.0, 0.0);
+        assert!((ahead.arg() / step - wave.k_rho()).abs() < 0.01 * wave.k_rho(), "travels towards -y");
+    }
+
+    /// The field does not depend on the extent it was sampled for: images of the beam stay out of the scene.
+    #[test]
+    fn beam_has_no_images_within_the_scene() {
+        let wave = Wave { lambda_um: 0.7, theta_i: 0.0 };
+        let source = Source { phi_i: 1.0, pol: Polarization::Te, beam: Some(BeamSource { w0_um: 3.0, h_um: -20.0 }) };
+        let (near, far) = (source.plane_waves(&wave, 50.0).unwrap(), source.plane_waves(&wave, 200.0).unwrap());
+        for (x, y) in [(50.0, 0.0), (0.0, 50.0), (-35.0, 35.0), (-35.0, -35.0), (10.0, -45.0)] {
+            let (a, b) = (field(&near, wave.k_rho(), x, y), field(&far, wave.k_rho(), x, y));
+            assert!((a - b).norm() < 1e-9, "({x}, {y}): {a} against {b}");
+        }
+    }
+
+    #[test]
+    fn narrow_waists_are_refused() {
+        let source = Source { phi_i: 0.0, pol: Polarization::Tm, beam: Some(BeamSource { w0_um: 0.1, h_um: 0.0 }) };
+        assert!(source.plane_waves(&Wave { lambda_um: 0.5, theta_i: 0.0 }, 5.0).is_err());
+    }
+}
