@@ -18,6 +18,7 @@
 
 mod error;
 mod source;
+pub mod special;
 
 pub use error::WaveError;
 pub use source::{BeamSource, PlaneWave, Source};
