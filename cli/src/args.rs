@@ -42,6 +42,33 @@ pub enum Command {
     Diff(DiffArgs),
     /// Draw a table or a model as a PNG: false-colour maps, energy budget, fit errors.
     Plot(PlotArgs),
+    /// Wave optics of parallel fibers.
+    Wave(WaveArgs),
+}
+
+/// `plywave wave`.
+#[derive(Debug, Args)]
+pub struct WaveArgs {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: WaveCommand,
+}
+
+/// The commands of wave optics.
+#[derive(Debug, Subcommand)]
+pub enum WaveCommand {
+    /// Scatter plane waves or beams by fibers: scene (TOML) in, far fields and widths (JSON) out.
+    Scatter(WaveScatterArgs),
+}
+
+/// `plywave wave scatter`.
+#[derive(Debug, Args)]
+pub struct WaveScatterArgs {
+    /// Scene (TOML), as docs/format.md tells.
+    pub scene: PathBuf,
+    /// JSON file to write [default: SCENE's name with .json, in this folder].
+    #[arg(long, short, value_name = "OUT")]
+    pub output: Option<PathBuf>,
 }
 
 /// Quality of a run.

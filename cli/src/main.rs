@@ -8,7 +8,7 @@ mod plot;
 mod progress;
 mod report;
 
-use args::{Cli, Command};
+use args::{Cli, Command, WaveCommand};
 use clap::Parser;
 use std::process::ExitCode;
 
@@ -27,6 +27,9 @@ fn main() -> ExitCode {
         Command::Check(args) => commands::check::run(&cli, args),
         Command::Diff(args) => commands::diff::run(&cli, args),
         Command::Plot(args) => commands::plot::run(&cli, args),
+        Command::Wave(wave) => match &wave.command {
+            WaveCommand::Scatter(args) => commands::wave_scatter::run(&cli, args),
+        },
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
@@ -50,9 +53,13 @@ fn usage(error: &clap::Error) -> ExitCode {
             lines.by_ref().take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more")).collect();
         said.join(" ").trim_start_matches("error: ").to_string()
     };
-    let asked: Vec<String> = std::env::args_os().skip(1).take(1).map(|a| a.to_string_lossy().into_owned()).collect();
-    let known =
-        <Cli as clap::CommandFactory>::command().get_subcommands().any(|c| asked.iter().any(|a| a == c.get_name()));
-    let command = if known { format!("plywave {}", asked[0]) } else { "plywave".into() };
+    // The command that was asked for, as far as there is such a one.
+    let mut command = "plywave".to_string();
+    let mut at = <Cli as clap::CommandFactory>::command();
+    for asked in std::env::args_os().skip(1) {
+        let Some(next) = at.find_subcommand(&asked).cloned() else { break };
+        command = format!("{command} {}", next.get_name());
+        at = next;
+    }
     failure::Failure::Input(format!("{what}; see {command} --help")).report()
 }

@@ -55,10 +55,18 @@ pub fn check_writable(path: &Path, inputs: &[&Path]) -> Outcome {
 
 /// Writes a file under a temporary name beside it, then renames it.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Outcome {
+    write_whole_by(path, |out| out.write_all(bytes))
+}
+
+/// As [`write_whole`], piece by piece.
+pub fn write_whole_by(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Outcome {
     let part = temporary(path);
-    let written = std::fs::File::create(&part)
-        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
-        .and_then(|()| std::fs::rename(&part, path));
+    let written = std::fs::File::create(&part).and_then(|file| {
+        let mut out = std::io::BufWriter::with_capacity(1 << 16, file);
+        write(&mut out)?;
+        out.into_inner().map_err(std::io::IntoInnerError::into_error)?.sync_all()?;
+        std::fs::rename(&part, path)
+    });
     written.map_err(|error| {
         let _ = std::fs::remove_file(&part);
         Failure::input(path.display(), "-o", error, "choose a place that can be written")

@@ -9,6 +9,7 @@ pub mod info;
 pub mod plot;
 pub mod sample;
 pub mod simulate;
+pub mod wave_scatter;
 
 use crate::args::{Cli, IncidenceArgs};
 use crate::failure::{Failure, Outcome};

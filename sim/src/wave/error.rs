@@ -13,19 +13,33 @@ pub enum WaveError {
         /// What would be accepted.
         mend: String,
     },
+    /// A scene that cannot be read at all.
+    #[error("{what}; {mend}")]
+    Unreadable {
+        /// What is wrong.
+        what: String,
+        /// What would help.
+        mend: String,
+    },
     /// A wall that crosses itself.
     #[error("{wall}: the outline crosses itself; give a simple closed curve")]
     SelfCrossing {
         /// `fiber[2]` or `fiber[2].lumen`.
         wall: String,
     },
-    /// Two walls that touch or overlap, or a lumen that leaves its fiber.
-    #[error("{first} and {second} overlap or touch; move them apart")]
+    /// Two walls that touch or overlap.
+    #[error("{first} and {second} overlap or touch; leave a gap between their walls")]
     Overlap {
         /// One wall.
         first: String,
         /// The other.
         second: String,
+    },
+    /// A lumen that is not inside of its body.
+    #[error("{wall} lies outside of its body; move it in (its center_um is in the scene's frame)")]
+    LumenOutside {
+        /// `fiber[2].lumen`.
+        wall: String,
     },
     /// The method cannot treat the scene.
     #[error("method = \"{method}\": {what}; {mend}")]
@@ -66,5 +80,19 @@ pub enum WaveError {
         residual: f64,
         /// Iterations (or refinements) made.
         iterations: usize,
+    },
+    /// Powers that do not add up: the solution is less exact than was asked.
+    #[error(
+        "lambda_um = {lambda_um}, theta_i_deg = {theta_i_deg}: C_ext - C_sca - C_abs = {defect_um:.2e} um, {allowed_um:.2e} would pass; take a smaller tolerance or another method"
+    )]
+    Ledger {
+        /// Wavelength [um].
+        lambda_um: f64,
+        /// Latitude of the incidence [degrees].
+        theta_i_deg: f64,
+        /// C_ext - C_sca - C_abs [um].
+        defect_um: f64,
+        /// Largest magnitude that would have passed [um].
+        allowed_um: f64,
     },
 }

@@ -17,10 +17,17 @@
 //! Conventions: exp(-i omega t), index eta + i kappa with kappa >= 0 absorbing, outgoing waves H^(1), phase zero at the origin.
 
 mod error;
+mod memory;
+mod scatter;
+mod scene;
+mod scene_check;
 mod source;
 pub mod special;
 
 pub use error::WaveError;
+pub use scatter::{Case, Report, RunStats, check_ledger, scatter};
+pub use scene::{Beams, Method, Scene};
+pub use scene_check::check_walls;
 pub use source::{BeamSource, PlaneWave, Source};
 
 use num_complex::Complex64;

@@ -1,0 +1,296 @@
+//! From a scene to its far fields: the choice of the solver, the slices of equal wavelength and latitude, the checks of what comes back, the report.
+//!
+//! A slice is solved by one factorization for all its sources. Slices run side by side as far as memory allows; a single one is left to the
+//! solver's own threads. Nothing is scaled to make powers add up: a case whose ledger does not balance is an error.
+
+use super::scene::degrees;
+use super::{Body, Shape};
+use super::{C64, Method, Polarization, Scattered, Scene, Wave, WaveError, WaveSolver, memory};
+use rayon::prelude::*;
+use serde::{Serialize, Serializer};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
+
+/// Sources given to a solver at a time: enough for block solves, few enough for a bar to move.
+const SOURCES: usize = 256;
+
+/// How far the ledger may be off, in units of tolerance times `C_ext + 2 sqrt(C_sca / k_0)`.
+///
+/// The second term is (4/k_0) times the root mean square of |F|. With a far field of relative error t, C_ext is off by t times the greater of the two
+/// terms (the first for thick fibers, whose far field peaks forward; the second for thin clear ones, whose C_ext is what is left of an F nearly out of
+/// phase), C_sca by 2 t of itself, and C_abs, the small difference of large fluxes through a wall, by 2 t of the power that falls on its
+/// circumference, some pi/2 of C_ext: 6 in all, were they all at their worst.
+const LEDGER: f64 = 10.0;
+
+/// What one source scatters.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Case {
+    /// Vacuum wavelength [um].
+    pub lambda_um: f64,
+    /// Latitude of the incidence [rad]; degrees in files.
+    #[serde(rename = "theta_i_deg", serialize_with = "in_degrees")]
+    pub theta_i: f64,
+    /// Azimuth the light comes from [rad]; degrees in files.
+    #[serde(rename = "phi_i_deg", serialize_with = "in_degrees")]
+    pub phi_i: f64,
+    /// Offset of the beam [um]; none for plane waves.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub h_um: Option<f64>,
+    /// Polarization.
+    #[serde(serialize_with = "in_letters")]
+    pub pol: Polarization,
+    /// Amplitude of the incident polarization at azimuths 2 pi j / n: F_u for TM, F_phi for TE; `[j]`.
+    #[serde(rename = "F_co", serialize_with = "in_pairs")]
+    pub f_co: Vec<C64>,
+    /// Amplitude of the other polarization, likewise.
+    #[serde(rename = "F_cross", serialize_with = "in_pairs")]
+    pub f_cross: Vec<C64>,
+    /// Scattering width [um].
+    #[serde(rename = "C_sca_um")]
+    pub c_sca_um: f64,
+    /// Absorption width [um].
+    #[serde(rename = "C_abs_um")]
+    pub c_abs_um: f64,
+    /// Extinction width [um].
+    #[serde(rename = "C_ext_um")]
+    pub c_ext_um: f64,
+}
+
+/// How a run went.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RunStats {
+    /// The solver that was used.
+    pub method: &'static str,
+    /// Size of the largest linear system.
+    pub unknowns: usize,
+    /// Largest relative residual of a solve.
+    pub residual: f64,
+    /// Wall time [s].
+    pub seconds: f64,
+    /// The most memory the process held at once, or the solvers' estimate where the system does not tell [bytes].
+    pub peak_bytes: usize,
+}
+
+/// What `plywave wave scatter` writes. Cases by wavelength, within it by theta_i, phi_i, h and polarization.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// One a combination.
+    pub cases: Vec<Case>,
+    /// How the run went.
+    pub stats: RunStats,
+}
+
+fn in_degrees<S: Serializer>(angle: &f64, out: S) -> Result<S::Ok, S::Error> {
+    degrees(*angle).serialize(out)
+}
+
+fn in_letters<S: Serializer>(pol: &Polarization, out: S) -> Result<S::Ok, S::Error> {
+    match pol {
+        Polarization::Tm => "TM",
+        Polarization::Te => "TE",
+    }
+    .serialize(out)
+}
+
+fn in_pairs<S: Serializer>(list: &[C64], out: S) -> Result<S::Ok, S::Error> {
+    out.collect_seq(list.iter().map(|z| [z.re, z.im]))
+}
+
+/// A solver behind its trait.
+type Solver = Box<dyn WaveSolver>;
+
+/// Solves every case of a scene that has passed [`Scene::check`]. `progress` is told of cases as they are done. The work runs in the current
+/// thread pool of rayon; results do not depend on its size.
+///
+/// # Errors
+/// What the solvers refuse, [`WaveError::NotConverged`] for a residual above the tolerance, [`WaveError::Ledger`] for powers that do not add up.
+pub fn scatter(scene: &Scene, progress: &(dyn Fn(u64) + Sync)) -> Result<Report, WaveError> {
+    let mut refusal = None;
+    for method in candidates(scene) {
+        let prepare = |wave: &Wave| prepare(method, &scene.bodies, wave, scene.tolerance);
+        match run(scene, method, &prepare, progress) {
+            Err(error) if passes_on(&error) => refusal = Some(error),
+            done => return done,
+        }
+    }
+    Err(refusal.unwrap_or_else(|| unsupported(scene.method, "serves no scene", "use \"auto\"")))
+}
+
+fn unsupported(method: Method, what: &str, mend: &str) -> WaveError {
+    WaveError::Unsupported { method: method.name(), what: what.into(), mend: mend.into() }
+}
+
+/// Whether another method may succeed where one fails so.
+fn passes_on(error: &WaveError) -> bool {
+    matches!(error, WaveError::Unsupported { .. } | WaveError::Unreachable { .. } | WaveError::TooLarge { .. })
+}
+
+/// Solvers to be tried for a scene, the cheapest first.
+fn candidates(scene: &Scene) -> Vec<Method> {
+    if scene.method != Method::Auto {
+        return vec![scene.method];
+    }
+    let fibers = &scene.bodies;
+    if fibers.len() == 1 && is_concentric(&fibers[0]) {
+        vec![Method::Mie]
+    } else if fibers.iter().all(is_circular) {
+        vec![Method::Multipole, Method::Nystrom]
+    } else {
+        vec![Method::Nystrom]
+    }
+}
+
+/// Whether the body and its lumens are circles.
+fn is_circular(body: &Body) -> bool {
+    matches!(body.shape, Shape::Circle { .. }) && body.lumen.as_deref().is_none_or(is_circular)
+}
+
+/// Whether the body and its lumens are circles about one center.
+fn is_concentric(body: &Body) -> bool {
+    let inner = |lumen: &Body| lumen.center_um == body.center_um && is_concentric(lumen);
+    matches!(body.shape, Shape::Circle { .. }) && body.lumen.as_deref().is_none_or(inner)
+}
+
+fn prepare(method: Method, bodies: &[Body], wave: &Wave, tolerance: f64) -> Result<Solver, WaveError> {
+    let _ = (bodies, wave, tolerance);
+    Err(unsupported(method, "not there", "wait"))
+}
+
+/// A slice that is done.
+struct Slice {
+    cases: Vec<Case>,
+    unknowns: usize,
+    residual: f64,
+    peak_bytes: usize,
+}
+
+/// All slices, by solvers that `prepare` makes.
+fn run(
+    scene: &Scene,
+    method: Method,
+    prepare: &(dyn Fn(&Wave) -> Result<Solver, WaveError> + Sync),
+    progress: &(dyn Fn(u64) + Sync),
+) -> Result<Report, WaveError> {
+    let begun = Instant::now();
+    let waves = scene.waves();
+    // The shortest waves make the largest systems: one of them goes first and tells how many slices fit into memory side by side.
+    let mut order: Vec<usize> = (0..waves.len()).collect();
+    order.sort_by(|&a, &b| waves[b].k0().total_cmp(&waves[a].k0()));
+    let mut slices: Vec<Option<Slice>> = waves.iter().map(|_| None).collect();
+    let (mut rest, mut lanes) = (&order[..], 0);
+    if let Some((&first, others)) = order.split_first() {
+        let done = slice(scene, &waves[first], prepare, progress)?;
+        lanes = fitting(done.peak_bytes).min(others.len());
+        slices[first] = Some(done);
+        rest = others;
+    }
+
+    let next = AtomicUsize::new(0);
+    let failed: Mutex<Option<(usize, WaveError)>> = Mutex::new(None);
+    let found: Mutex<Vec<(usize, Slice)>> = Mutex::new(Vec::with_capacity(rest.len()));
+    (0..lanes).into_par_iter().with_max_len(1).for_each(|_| {
+        loop {
+            let turn = next.fetch_add(1, Ordering::Relaxed);
+            // Slices begin in order, so that the first failure by that order is found whatever the number of lanes.
+            if turn >= rest.len() || lock(&failed).as_ref().is_some_and(|(at, _)| *at < turn) {
+                return;
+            }
+            match slice(scene, &waves[rest[turn]], prepare, progress) {
+                Ok(done) => lock(&found).push((rest[turn], done)),
+                Err(error) => {
+                    let mut failed = lock(&failed);
+                    if failed.as_ref().is_none_or(|(at, _)| turn < *at) {
+                        *failed = Some((turn, error));
+                    }
+                }
+            }
+        }
+    });
+    if let Some((_, error)) = failed.into_inner().unwrap_or_else(|e| e.into_inner()) {
+        return Err(error);
+    }
+    for (i, slice) in found.into_inner().unwrap_or_else(|e| e.into_inner()) {
+        slices[i] = Some(slice);
+    }
+    let slices: Vec<Slice> = slices.into_iter().flatten().collect();
+    let estimate = slices.iter().map(|s| s.peak_bytes).max().unwrap_or(0) * lanes.max(1);
+    let stats = RunStats {
+        method: method.name(),
+        unknowns: slices.iter().map(|s| s.unknowns).max().unwrap_or(0),
+        residual: slices.iter().map(|s| s.residual).fold(0.0, f64::max),
+        seconds: begun.elapsed().as_secs_f64(),
+        peak_bytes: memory::peak_bytes().unwrap_or(estimate),
+    };
+    Ok(Report { cases: slices.into_iter().flat_map(|s| s.cases).collect(), stats })
+}
+
+/// The lock of a mutex, whoever panicked while holding it: the values within are whole at any time.
+fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(|e| e.into_inner())
+}
+
+/// Slices that may be held at once where each takes `bytes`: one a thread, in half of the memory that is free.
+fn fitting(bytes: usize) -> usize {
+    let fit = memory::available_bytes().map_or(1, |free| free / 2 / bytes.max(1));
+    fit.clamp(1, rayon::current_num_threads())
+}
+
+/// One slice: all sources by one solver, each checked.
+fn slice(
+    scene: &Scene,
+    wave: &Wave,
+    prepare: &dyn Fn(&Wave) -> Result<Solver, WaveError>,
+    progress: &dyn Fn(u64),
+) -> Result<Slice, WaveError> {
+    let solver = prepare(wave)?;
+    let sources = scene.sources();
+    let mut cases = Vec::with_capacity(sources.len());
+    for sources in sources.chunks(SOURCES) {
+        let scattered = solver.scatter(sources, scene.n_phi_out)?;
+        let residual = solver.stats().residual;
+        // Asked this way, a NaN does not pass.
+        let solved = residual <= scene.tolerance;
+        if !solved {
+            return Err(WaveError::NotConverged { residual, iterations: 1 });
+        }
+        for (source, scattered) in sources.iter().zip(scattered) {
+            check_ledger(wave, scene.tolerance, &scattered)?;
+            let Scattered { f_u, f_phi, c_sca_um, c_abs_um, c_ext_um } = scattered;
+            let (f_co, f_cross) = match source.pol {
+                Polarization::Tm => (f_u, f_phi),
+                Polarization::Te => (f_phi, f_u),
+            };
+            cases.push(Case {
+                lambda_um: wave.lambda_um,
+                theta_i: wave.theta_i,
+                phi_i: source.phi_i,
+                h_um: source.beam.map(|b| b.h_um),
+                pol: source.pol,
+                f_co,
+                f_cross,
+                c_sca_um,
+                c_abs_um,
+                c_ext_um,
+            });
+        }
+        progress(sources.len() as u64);
+    }
+    let stats = solver.stats();
+    Ok(Slice { cases, unknowns: stats.unknowns, residual: stats.residual, peak_bytes: stats.peak_bytes })
+}
+
+/// Refuses powers that do not add up within the tolerance, and fields that are not numbers.
+///
+/// # Errors
+/// [`WaveError::Ledger`].
+pub fn check_ledger(wave: &Wave, tolerance: f64, scattered: &Scattered) -> Result<(), WaveError> {
+    let scale = scattered.c_ext_um.abs() + 2.0 * (scattered.c_sca_um / wave.k0()).sqrt();
+    let allowed_um = LEDGER * tolerance * scale;
+    let defect_um = scattered.c_ext_um - scattered.c_sca_um - scattered.c_abs_um;
+    // NaNs in the far field show in C_sca; asked this way, they do not pass.
+    if defect_um.abs() <= allowed_um {
+        return Ok(());
+    }
+    Err(WaveError::Ledger { lambda_um: wave.lambda_um, theta_i_deg: degrees(wave.theta_i), defect_um, allowed_um })
+}
