@@ -1,9 +1,9 @@
-//! Checks of a loaded model against itself: furnace, density of the sampler, eval = weight * pdf, chi-square of samples.
+//! Checks of a scattering model against itself: furnace, density of the sampler, eval = weight * pdf, chi-square of samples.
 //!
 //! The same code serves `plywave check` and the tests. Random numbers come in as a closure of uniform numbers in [0, 1).
 
 use crate::chi2::{chi2_test, threshold};
-use crate::{PlyModel, direction, theta_phi};
+use crate::{PlyIncidence, PlyModel, Scatter, direction, theta_phi};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Sizes of a check.
@@ -131,7 +131,22 @@ const BINS: [usize; 2] = [24, 48];
 const GAUSS: [(f64, f64); 3] =
     [(0.112_701_665_379_258_31, 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.887_298_334_620_741_7, 5.0 / 18.0)];
 
-/// Checks a model at one incidence.
+/// What [`check_scatter`] found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScatterReport {
+    /// Greatest |integral of eval - albedo| over the absorptions.
+    pub furnace_error: f64,
+    /// |integral of pdf - (1 - chance to miss)|.
+    pub pdf_error: f64,
+    /// Greatest |weight * pdf - eval| over the samples, relative to the greatest eval.
+    pub weight_error: f64,
+    /// Greatest |mean weight - albedo| over the absorptions, in standard errors (1e-4 added to the standard error).
+    pub sampled_furnace_se: f64,
+    /// p-value of the samples, those that missed among them, against the pdf.
+    pub chi2_p: f64,
+}
+
+/// Checks a ply model at one incidence.
 pub fn check_incidence(
     model: &PlyModel,
     theta_i: f32,
@@ -140,37 +155,57 @@ pub fn check_incidence(
     samples: usize,
     uniform: &mut dyn FnMut() -> f32,
 ) -> IncidenceReport {
-    let albedo = model.albedo(theta_i, h_um, sigma_per_um).map(f64::from);
-    let r_d = f64::from(model.r_d(theta_i, h_um));
-    let total = albedo.iter().sum::<f64>() / 4.0 + r_d;
-    let miss = if total > 0.0 { r_d / total } else { 1.0 };
+    let d = model.data();
+    let ln_mu = d.refl.chunks_exact(6).chain(d.high.chunks_exact(6)).flat_map(|p| [p[3], p[4]]).fold(0.0, f64::max);
+    let sd = (-0.5 * ln_mu).exp() * std::f64::consts::FRAC_1_SQRT_2;
+    let r = check_scatter(&PlyIncidence { model, theta_i, h_um, sigma_per_um }, [sd; 2], samples, uniform);
+    IncidenceReport {
+        theta_i,
+        h_um,
+        furnace_error: r.furnace_error,
+        pdf_error: r.pdf_error,
+        weight_error: r.weight_error,
+        sampled_furnace_se: r.sampled_furnace_se,
+        chi2_p: r.chi2_p,
+    }
+}
 
-    let (f, bins) = integrate(model, theta_i, h_um, sigma_per_um);
+/// Checks any scattering function whose finest features have the standard deviations `sd_rad` along latitude and azimuth.
+pub fn check_scatter<const N: usize>(
+    s: &impl Scatter<N>,
+    sd_rad: [f64; 2],
+    samples: usize,
+    uniform: &mut dyn FnMut() -> f32,
+) -> ScatterReport {
+    let albedo = s.albedo().map(f64::from);
+    let miss = f64::from(s.miss());
+
+    let (f, bins) = integrate(s, sd_rad);
     let furnace_error = f.iter().zip(albedo).map(|(f, a)| (f - a).abs()).fold(0.0, f64::max);
     let pdf_error = (bins.iter().sum::<f64>() - (1.0 - miss)).abs();
 
-    let (mut sum, mut squares) = ([0.0f64; 4], [0.0f64; 4]);
+    let (mut sum, mut squares) = ([0.0f64; N], [0.0f64; N]);
     let mut observed = vec![0.0; bins.len() + 1];
     let (mut error, mut peak) = (0.0f64, 0.0f64);
     for _ in 0..samples {
         let u = [uniform(), uniform(), uniform()];
-        let Some(s) = model.sample(theta_i, h_um, sigma_per_um, u) else {
+        let Some(sample) = s.sample(u) else {
             observed[bins.len()] += 1.0;
             continue;
         };
-        observed[bin(s.wo)] += 1.0;
-        let f = model.eval(theta_i, h_um, sigma_per_um, s.wo);
-        for k in 0..4 {
-            sum[k] += f64::from(s.weight[k]);
-            squares[k] += f64::from(s.weight[k]).powi(2);
+        observed[bin(sample.wo)] += 1.0;
+        let f = s.eval(sample.wo);
+        for k in 0..N {
+            sum[k] += f64::from(sample.weight[k]);
+            squares[k] += f64::from(sample.weight[k]).powi(2);
             peak = peak.max(f64::from(f[k]));
-            error = error.max(f64::from((s.weight[k] * s.pdf - f[k]).abs()));
+            error = error.max(f64::from((sample.weight[k] * sample.pdf - f[k]).abs()));
         }
-        error = error.max(f64::from((s.pdf - model.pdf(theta_i, h_um, sigma_per_um, s.wo)).abs()));
-        peak = peak.max(f64::from(s.pdf));
+        error = error.max(f64::from((sample.pdf - s.pdf(sample.wo)).abs()));
+        peak = peak.max(f64::from(sample.pdf));
     }
     let n = samples.max(1) as f64;
-    let sampled_furnace_se = (0..4)
+    let sampled_furnace_se = (0..N)
         .map(|k| {
             let mean = sum[k] / n;
             let sampled = squares[k] / n - mean * mean;
@@ -183,9 +218,7 @@ pub fn check_incidence(
         .fold(0.0, f64::max);
     let mut expected: Vec<f64> = bins.iter().map(|b| b * n).collect();
     expected.push(miss * n);
-    IncidenceReport {
-        theta_i,
-        h_um,
+    ScatterReport {
         furnace_error,
         pdf_error,
         weight_error: if peak > 0.0 { error / peak } else { error },
@@ -202,33 +235,33 @@ fn bin(wo: [f32; 3]) -> usize {
 }
 
 /// Integrals over the sphere of eval, and of the pdf over each bin, by panels no wider than 1.5 standard deviations of the
-/// sharpest lobe.
-fn integrate(model: &PlyModel, theta_i: f32, h_um: f32, sigma_per_um: [f32; 4]) -> ([f64; 4], Vec<f64>) {
-    let d = model.data();
-    let ln_mu = d.refl.chunks_exact(6).chain(d.high.chunks_exact(6)).flat_map(|p| [p[3], p[4]]).fold(0.0, f64::max);
-    let sd = (-0.5 * ln_mu).exp() * std::f64::consts::FRAC_1_SQRT_2;
+/// finest features along latitude and azimuth.
+fn integrate<const N: usize>(s: &impl Scatter<N>, sd_rad: [f64; 2]) -> ([f64; N], Vec<f64>) {
     let width = PI / BINS[0] as f64;
-    let panels = ((width / (1.5 * sd)).ceil() as usize).max(3);
-    let points: Vec<(f64, f64)> = (0..panels)
-        .flat_map(|p| GAUSS.map(|(x, w)| ((p as f64 + x) * width / panels as f64, w * width / panels as f64)))
-        .collect();
-    let per_bin = points.len();
-    let mut integral = [0.0; 4];
+    let points = |sd: f64| -> Vec<(f64, f64)> {
+        let panels = ((width / (1.5 * sd)).ceil() as usize).max(3);
+        (0..panels)
+            .flat_map(|p| GAUSS.map(|(x, w)| ((p as f64 + x) * width / panels as f64, w * width / panels as f64)))
+            .collect()
+    };
+    let (rows, across) = (points(sd_rad[0]), points(sd_rad[1]));
+    let per_bin = across.len();
+    let mut integral = [0.0; N];
     let mut bins = vec![0.0; BINS[0] * BINS[1]];
     let columns: Vec<(f64, f64)> =
-        (0..BINS[1]).flat_map(|j| points.iter().map(move |(x, w)| (j as f64 * width + x, *w))).collect();
+        (0..BINS[1]).flat_map(|j| across.iter().map(move |(x, w)| (j as f64 * width + x, *w))).collect();
     let mut wo = vec![[0.0; 3]; columns.len()];
-    let (mut f, mut pdf) = (vec![[0.0; 4]; columns.len()], vec![0.0; columns.len()]);
+    let (mut f, mut pdf) = (vec![[0.0; N]; columns.len()], vec![0.0; columns.len()]);
     for i in 0..BINS[0] {
-        for (x, w) in &points {
+        for (x, w) in &rows {
             let theta = i as f64 * width + x - FRAC_PI_2;
             for (wo, (phi, _)) in wo.iter_mut().zip(&columns) {
                 *wo = direction(theta as f32, *phi as f32);
             }
-            model.eval_directions(theta_i, h_um, sigma_per_um, &wo, &mut f, &mut pdf);
+            s.eval_directions(&wo, &mut f, &mut pdf);
             for (j, (_, v)) in columns.iter().enumerate() {
                 let area = w * v * theta.cos();
-                (0..4).for_each(|k| integral[k] += area * f64::from(f[j][k]));
+                (0..N).for_each(|k| integral[k] += area * f64::from(f[j][k]));
                 bins[i * BINS[1] + j / per_bin] += area * f64::from(pdf[j]);
             }
         }

@@ -1,4 +1,4 @@
-//! The container of table and model files: safetensors with one JSON document in its metadata (`docs/format.md`).
+//! The container of plywave's files: safetensors with one JSON document in its metadata (`docs/format.md`).
 //!
 //! Reading checks names, types and shapes and hands out owned arrays; what the numbers may be is checked by their owners.
 //! Writing goes to a temporary name in the same folder, is flushed to the disk, then renamed.
@@ -23,6 +23,8 @@ pub enum FileKind {
     Table,
     /// A ply model, [`crate::PlyData`].
     Model,
+    /// A fiber's scattering, [`crate::fiber::FiberTable`].
+    Fiber,
 }
 
 impl FileKind {
@@ -31,6 +33,7 @@ impl FileKind {
         match self {
             FileKind::Table => "plywave-table",
             FileKind::Model => "plywave-ply",
+            FileKind::Fiber => "plywave-fiber",
         }
     }
 
@@ -38,14 +41,15 @@ impl FileKind {
         match self {
             FileKind::Table => "write it again with `plywave simulate`",
             FileKind::Model => "write it again with `plywave fit`",
+            FileKind::Fiber => "write it again with `plywave wave tabulate`",
         }
     }
 }
 
-/// Tells a table from a model by its header alone, without reading the arrays.
+/// Tells what a file holds by its header alone, without reading the arrays.
 ///
 /// # Errors
-/// [`Error::Io`] when the file cannot be read, [`Error::Format`] when it is neither or of another version.
+/// [`Error::Io`] when the file cannot be read, [`Error::Format`] when it is nothing of plywave's or of another version.
 pub fn file_kind(path: impl AsRef<Path>) -> Result<FileKind> {
     let path = path.as_ref();
     let name = path.display().to_string();
@@ -66,8 +70,10 @@ pub fn file_kind(path: impl AsRef<Path>) -> Result<FileKind> {
     let header: serde_json::Value = serde_json::from_slice(&header).map_err(|_| foreign())?;
     let text = header["__metadata__"][KEY].as_str().ok_or_else(foreign)?;
     let head: Head = parse_head(&name, text)?;
-    let kind =
-        [FileKind::Table, FileKind::Model].into_iter().find(|k| k.format() == head.format).ok_or_else(foreign)?;
+    let kind = [FileKind::Table, FileKind::Model, FileKind::Fiber]
+        .into_iter()
+        .find(|k| k.format() == head.format)
+        .ok_or_else(foreign)?;
     check_version(&name, &head, kind)?;
     Ok(kind)
 }
@@ -213,6 +219,7 @@ impl<'a> Reader<'a> {
             let mend = match kind {
                 FileKind::Table => "give a table (`plywave simulate` writes one)",
                 FileKind::Model => "give a ply model (`plywave fit` writes one)",
+                FileKind::Fiber => "give a fiber table (`plywave wave tabulate` writes one)",
             };
             return Err(format_error(file, &what, mend));
         }

@@ -12,9 +12,11 @@ pub mod check;
 #[doc(hidden)]
 pub mod chi2;
 mod error;
+pub mod fiber;
 mod file;
 mod frame;
 mod ply;
+mod scatter;
 mod simd;
 mod spec;
 mod spec_check;
@@ -27,5 +29,6 @@ pub use frame::{direction, incident_direction, mirror_incidence, theta_phi};
 #[doc(hidden)]
 pub use ply::reference;
 pub use ply::{Golden, PlyData, PlyModel, PlySample, Queries};
+pub use scatter::{PlyIncidence, Scatter, ScatterSample};
 pub use spec::*;
 pub use table::{OutgoingGrid, Table};

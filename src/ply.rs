@@ -83,15 +83,7 @@ pub struct PlyModel {
 }
 
 /// A sampled direction.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PlySample<const N: usize> {
-    /// Outgoing direction, unit.
-    pub wo: [f32; 3],
-    /// f / pdf for each absorption.
-    pub weight: [f32; N],
-    /// Density of the direction [1/sr], the chance of not missing included.
-    pub pdf: f32,
-}
+pub type PlySample<const N: usize> = crate::ScatterSample<N>;
 
 /// Many queries, as arrays of equal lengths.
 #[derive(Clone, Copy, Debug)]

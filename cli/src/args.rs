@@ -30,7 +30,7 @@ pub enum Command {
     Fit(FitArgs),
     /// Simulate and fit in one go. Without a spec: polyester, compiled in, at preview quality.
     Build(BuildArgs),
-    /// Tell what a table or a model holds.
+    /// Tell what a table, a model or a fiber holds.
     Info(InfoArgs),
     /// Evaluate a model at one incidence and one outgoing direction.
     Eval(EvalArgs),
@@ -158,7 +158,7 @@ pub struct BuildArgs {
 /// `plywave info`.
 #[derive(Debug, Args)]
 pub struct InfoArgs {
-    /// Table or model.
+    /// Table, model or fiber.
     pub file: PathBuf,
 }
 

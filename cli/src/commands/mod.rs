@@ -6,6 +6,7 @@ pub mod diff;
 pub mod eval;
 pub mod fit;
 pub mod info;
+pub mod info_fiber;
 pub mod plot;
 pub mod sample;
 pub mod simulate;
@@ -14,15 +15,18 @@ pub mod wave_scatter;
 use crate::args::{Cli, IncidenceArgs};
 use crate::failure::{Failure, Outcome};
 use crate::report::number;
+use plywave::fiber::FiberTable;
 use plywave::{FileKind, PlyModel, Table, YarnSpec};
 use std::path::Path;
 
-/// A table or a model.
+/// A table, a model or a fiber.
 pub enum Loaded {
     /// Simulated scattering.
     Table(Box<Table>),
     /// A fitted model.
     Model(Box<PlyModel>),
+    /// A fiber's scattering.
+    Fiber(Box<FiberTable>),
 }
 
 /// Loads a file by what its header says it is.
@@ -30,6 +34,7 @@ pub fn load_any(path: &Path) -> Outcome<Loaded> {
     Ok(match plywave::file_kind(path)? {
         FileKind::Table => Loaded::Table(Box::new(Table::load(path)?)),
         FileKind::Model => Loaded::Model(Box::new(PlyModel::load(path)?)),
+        FileKind::Fiber => Loaded::Fiber(Box::new(FiberTable::load(path)?)),
     })
 }
 

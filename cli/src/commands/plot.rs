@@ -43,6 +43,10 @@ impl Source {
             (Loaded::Table(t), None, None) => (Some(t), None),
             (Loaded::Model(m), Some(table), _) => (Some(Box::new(Table::load(table)?)), Some(m)),
             (Loaded::Model(m), None, None) => (None, Some(m)),
+            (Loaded::Fiber(_), ..) => {
+                let mend = "a fiber table; give a table or a model of a ply";
+                return Err(Failure::input(args.file.display(), "FILE", "a fiber", mend));
+            }
             (Loaded::Table(_), Some(_), _) => {
                 let mend = "this flag goes with a model; FILE is a table, give --model instead";
                 return Err(Failure::input(args.file.display(), "--table", "given", mend));

@@ -1,0 +1,334 @@
+//! The fiber's table and its file (`.pwf`, `docs/format.md`).
+
+use crate::Result;
+use crate::file::{Axis, Check, FileKind, Reader, Summary, VERSION, Writer, invalid, read_bytes, write_atomic};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::path::Path;
+
+/// Least and greatest longitudinal width [rad].
+pub(crate) const BETA_M: (f64, f64) = (1e-3, 2.0);
+/// How far scattered and absorbed light may miss the extinction, as a share of it: what a coarse solve leaves, and Monte Carlo noise.
+pub(crate) const LEDGER: f64 = 0.02;
+
+/// Which optics made a table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FiberSource {
+    /// Wave optics: widths are extinction widths.
+    Wave,
+    /// Ray optics: widths are geometric.
+    Ray,
+}
+
+/// Symmetry of an outline, by which a table holds only part of the azimuths.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct OutlineSymmetry {
+    /// The outline turned by 2 pi / folds is itself; 0 for a circle, 1 for no such symmetry.
+    pub folds: u32,
+    /// Azimuth [rad] of a line through the center in which the outline mirrors itself, in [0, pi); absent without one.
+    pub mirror_rad: Option<f64>,
+}
+
+impl OutlineSymmetry {
+    /// A circle.
+    pub const CIRCLE: OutlineSymmetry = OutlineSymmetry { folds: 0, mirror_rad: None };
+    /// Nothing in common with itself.
+    pub const NONE: OutlineSymmetry = OutlineSymmetry { folds: 1, mirror_rad: None };
+
+    /// The `count` azimuths phi_i that a table holds [rad]: one for a circle; from mirror line to mirror line with both ends where there are some,
+    /// `mirror + pi k / (folds (count - 1))`; else one turn of the outline without its end, `2 pi k / (folds count)`.
+    pub fn phi_i(&self, count: usize) -> Vec<f64> {
+        let step = self.step(count);
+        (0..count).map(|k| self.mirror_rad.unwrap_or(0.0) + step * k as f64).collect()
+    }
+
+    /// Distance of the azimuths that a table holds [rad].
+    pub fn step(&self, count: usize) -> f64 {
+        match (self.folds, self.mirror_rad) {
+            (0, _) => TAU,
+            (n, Some(_)) => PI / (f64::from(n) * (count - 1).max(1) as f64),
+            (n, None) => TAU / (f64::from(n) * count.max(1) as f64),
+        }
+    }
+
+    /// How many azimuths a table must hold for `full` of them round the fiber: at least that density, at least 2 between mirrors.
+    pub fn count(&self, full: usize) -> usize {
+        match (self.folds as usize, self.mirror_rad) {
+            (0, _) => 1,
+            (n, Some(_)) => full.div_ceil(2 * n) + 1,
+            (n, None) => full.div_ceil(n).max(1),
+        }
+    }
+}
+
+/// What a fiber does to light of any direction and wavelength: Xia's N_wave and C_x, or their ray-optics twins (Xia 2020, 5). Arrays are flat,
+/// last index fastest; L wavelengths, T latitudes, P azimuths, D relative azimuths.
+///
+/// The frame is the fiber's: z along it, x and y those of the outline. Directions point away from the fiber; theta is the latitude above the plane of the
+/// cross section. A straight fiber scatters light from theta_i and -theta_i alike, so that theta_i >= 0 is enough.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FiberTable {
+    /// Text of the spec or scene that was computed, as given.
+    pub spec_text: String,
+    /// Program version that wrote it.
+    pub program_version: String,
+    /// Preset name, for the record.
+    pub preset: String,
+    /// Seed of the random numbers (rays only).
+    pub seed: u64,
+    /// Which optics made it.
+    pub source: FiberSource,
+    /// Symmetry of the outline.
+    pub symmetry: OutlineSymmetry,
+    /// Longitudinal width [rad]: M_0 has variance beta_m^2. Xia's model takes it from elsewhere; a host may set another.
+    pub beta_m: f64,
+    /// `[L]` wavelengths [um], ascending in equal steps: centers of the bands that were averaged. One alone stands for all.
+    pub lambda_um: Vec<f64>,
+    /// `[T]` latitudes [rad], centers of T equal parts of [0, pi/2].
+    pub theta_i: Vec<f64>,
+    /// `[P]` azimuths [rad], as [`OutlineSymmetry::phi_i`] gives them.
+    pub phi_i: Vec<f64>,
+    /// `[P]` geometric width of the fiber seen from phi_i [um].
+    pub width_um: Vec<f64>,
+    /// `[L][T][P]` width that the fiber takes light from, C_e of Xia 2020, 5.1 [um]: the extinction over the irradiance on a plane through the axis,
+    /// which is the incident flux times cos theta_i; for rays the geometric width.
+    pub c_x_um: Vec<f64>,
+    /// `[L][T][P]` the part of that width whose light is absorbed [um], found by itself and not as what is left over.
+    pub c_abs_um: Vec<f64>,
+    /// `[L][T][P][D]` scattered intensity over the azimuth as a fraction of the extinguished power [1/rad], unpolarized (Xia 2020, Eq. 31), at
+    /// `phi_r = phi_i + 2 pi j / D`; linear between. D = 2 is the least.
+    pub azimuthal: Vec<f32>,
+}
+
+const NAMES: [&str; 7] = ["lambda_um", "theta_i", "phi_i", "width_um", "c_x_um", "c_abs_um", "azimuthal"];
+
+/// The JSON document of a fiber table.
+#[derive(serde::Serialize)]
+struct Document<'a> {
+    format: &'static str,
+    version: u64,
+    program_version: &'a str,
+    preset: &'a str,
+    seed: u64,
+    spec: &'a str,
+    source: FiberSource,
+    symmetry: OutlineSymmetry,
+    beta_m_rad: f64,
+    axes: [Axis; 4],
+    statistics: Statistics,
+}
+
+/// For the reader of the header alone; loading recomputes nothing from them.
+#[derive(serde::Serialize)]
+struct Statistics {
+    c_x_um: Summary,
+    c_x_over_width: Summary,
+    albedo: Summary,
+    ledger: Summary,
+}
+
+/// What loading needs of the document.
+#[derive(serde::Deserialize)]
+struct Loaded {
+    program_version: String,
+    preset: String,
+    seed: u64,
+    spec: String,
+    source: FiberSource,
+    symmetry: OutlineSymmetry,
+    beta_m_rad: f64,
+}
+
+impl FiberTable {
+    /// Centers of `count` equal parts of [0, pi/2] [rad].
+    pub fn theta_nodes(count: usize) -> Vec<f64> {
+        (0..count).map(|m| FRAC_PI_2 * (m as f64 + 0.5) / count as f64).collect()
+    }
+
+    /// Number of relative azimuths D.
+    pub fn phi_r_count(&self) -> usize {
+        self.azimuthal.len() / self.c_x_um.len().max(1)
+    }
+
+    /// Scattered over extinguished light of slice `(l, t, p)` taken as one index.
+    pub fn slice_albedo(&self, slice: usize) -> f64 {
+        let d = self.phi_r_count();
+        let sum: f64 = self.azimuthal[slice * d..(slice + 1) * d].iter().map(|v| f64::from(*v)).sum();
+        sum * TAU / d as f64
+    }
+
+    /// Greatest |scattered + absorbed - extinguished| over the extinguished light.
+    pub fn ledger_error(&self) -> f64 {
+        (0..self.c_x_um.len()).map(|s| self.ledger(s).abs()).fold(0.0, f64::max)
+    }
+
+    fn ledger(&self, slice: usize) -> f64 {
+        self.slice_albedo(slice) + self.c_abs_um[slice] / self.c_x_um[slice] - 1.0
+    }
+
+    /// Writes the table to a temporary name in the folder of `path`, then renames it.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`] when the table would not load again, [`crate::Error::Io`].
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
+        let path = path.as_ref();
+        write_atomic(path, &self.to_bytes_named(&path.display().to_string())?)
+    }
+
+    /// Reads a table and checks names, shapes, axes, ranges, finiteness and the ledger.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`], [`crate::Error::Format`] for a foreign, damaged or newer file, [`crate::Error::Invalid`] for a value that is not
+    /// allowed.
+    pub fn load(path: impl AsRef<Path>) -> Result<FiberTable> {
+        let path = path.as_ref();
+        FiberTable::from_bytes(&read_bytes(path)?, &path.display().to_string())
+    }
+
+    /// The bytes of the file.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`] when the table would not load again.
+    pub fn to_bytes(&self) -> Result<Vec<u8>> {
+        self.to_bytes_named("fiber table")
+    }
+
+    fn to_bytes_named(&self, name: &str) -> Result<Vec<u8>> {
+        self.check(name)?;
+        let (l, t, p, d) = (self.lambda_um.len(), self.theta_i.len(), self.phi_i.len(), self.phi_r_count());
+        let slices = 0..self.c_x_um.len();
+        let document = Document {
+            format: FileKind::Fiber.format(),
+            version: VERSION,
+            program_version: &self.program_version,
+            preset: &self.preset,
+            seed: self.seed,
+            spec: &self.spec_text,
+            source: self.source,
+            symmetry: self.symmetry,
+            beta_m_rad: self.beta_m,
+            axes: [
+                Axis::new("lambda_um", "um", l),
+                Axis::new("theta_i", "rad", t),
+                Axis::new("phi_i", "rad", p),
+                Axis::new("phi_r - phi_i", "rad", d),
+            ],
+            statistics: Statistics {
+                c_x_um: Summary::of(self.c_x_um.iter().copied()),
+                c_x_over_width: Summary::of(slices.clone().map(|s| self.c_x_um[s] / self.width_um[s % p])),
+                albedo: Summary::of(slices.clone().map(|s| self.slice_albedo(s))),
+                ledger: Summary::of(slices.map(|s| self.ledger(s))),
+            },
+        };
+        let mut w = Writer::new();
+        w.f64("lambda_um", &[l], &self.lambda_um);
+        w.f64("theta_i", &[t], &self.theta_i);
+        w.f64("phi_i", &[p], &self.phi_i);
+        w.f64("width_um", &[p], &self.width_um);
+        w.f64("c_x_um", &[l, t, p], &self.c_x_um);
+        w.f64("c_abs_um", &[l, t, p], &self.c_abs_um);
+        w.f32("azimuthal", &[l, t, p, d], self.azimuthal.iter().copied());
+        w.finish(name, &document)
+    }
+
+    /// Reads a table from the bytes of its file; `name` stands for the file in errors.
+    ///
+    /// # Errors
+    /// As [`FiberTable::load`].
+    pub fn from_bytes(bytes: &[u8], name: &str) -> Result<FiberTable> {
+        let (r, document): (_, Loaded) = Reader::open(name, bytes, FileKind::Fiber, &NAMES)?;
+        let shape = r.shape("azimuthal", 4)?;
+        let [l, t, p, d] = [shape[0], shape[1], shape[2], shape[3]];
+        let table = FiberTable {
+            spec_text: document.spec,
+            program_version: document.program_version,
+            preset: document.preset,
+            seed: document.seed,
+            source: document.source,
+            symmetry: document.symmetry,
+            beta_m: document.beta_m_rad,
+            lambda_um: r.f64("lambda_um", &[l])?,
+            theta_i: r.f64("theta_i", &[t])?,
+            phi_i: r.f64("phi_i", &[p])?,
+            width_um: r.f64("width_um", &[p])?,
+            c_x_um: r.f64("c_x_um", &[l, t, p])?,
+            c_abs_um: r.f64("c_abs_um", &[l, t, p])?,
+            azimuthal: r.f32("azimuthal", &[l, t, p, d])?,
+        };
+        table.check(name)?;
+        Ok(table)
+    }
+
+    /// What every table must satisfy, read or written.
+    pub(crate) fn check(&self, name: &str) -> Result<()> {
+        let c = Check(name);
+        let (l, t, p) = (self.lambda_um.len(), self.theta_i.len(), self.phi_i.len());
+        for (axis, size) in [("lambda_um", l), ("theta_i", t), ("phi_i", p)] {
+            if size == 0 {
+                return Err(invalid(name, axis, "0 values", "expected at least 1"));
+            }
+        }
+        c.len("c_x_um", self.c_x_um.len(), &[l, t, p])?;
+        let d = self.phi_r_count();
+        if d < 2 {
+            return Err(invalid(name, "azimuthal", format!("{d} relative azimuths"), "expected at least 2"));
+        }
+        c.len("azimuthal", self.azimuthal.len(), &[l, t, p, d])?;
+        c.range("beta_m_rad", &[self.beta_m], BETA_M.0, BETA_M.1)?;
+        c.uniform("lambda_um", &self.lambda_um)?;
+        c.range("lambda_um", &self.lambda_um, 1e-3, 1e3)?;
+        self.check_symmetry(name)?;
+        equal(name, "theta_i", &self.theta_i, &FiberTable::theta_nodes(t))?;
+        equal(name, "phi_i", &self.phi_i, &self.symmetry.phi_i(p))?;
+        c.len("width_um", self.width_um.len(), &[p])?;
+        c.range("width_um", &self.width_um, 1e-6, 1e6)?;
+        c.range("c_x_um", &self.c_x_um, 1e-12, 1e7)?;
+        c.len("c_abs_um", self.c_abs_um.len(), &[l, t, p])?;
+        c.range("c_abs_um", &self.c_abs_um, -1e7, 1e7)?;
+        c.range_f32("azimuthal", &self.azimuthal, 0.0, f32::MAX)?;
+        for s in 0..self.c_x_um.len() {
+            let (albedo, absorbed) = (self.slice_albedo(s), self.c_abs_um[s] / self.c_x_um[s]);
+            // What is not a number fails too.
+            if !((albedo + absorbed - 1.0).abs() <= LEDGER && absorbed >= -LEDGER) {
+                let key = format!("azimuthal[{}, {}, {}]", s / (t * p), s / p % t, s % p);
+                let value = format!("{albedo} scattered, {absorbed} absorbed of 1 extinguished");
+                return Err(invalid(
+                    name,
+                    &key,
+                    value,
+                    &format!("the sum must be 1 within {LEDGER}, no part negative"),
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_symmetry(&self, name: &str) -> Result<()> {
+        let s = &self.symmetry;
+        let p = self.phi_i.len();
+        if s.folds > 360 {
+            return Err(invalid(name, "symmetry.folds", s.folds, "expected 0 (a circle) to 360"));
+        }
+        if let Some(mirror) = s.mirror_rad {
+            Check(name).range("symmetry.mirror_rad", &[mirror], 0.0, PI)?;
+        }
+        let fits = match (s.folds, s.mirror_rad) {
+            (0, mirror) => p == 1 && mirror.is_none(),
+            (_, Some(_)) => p >= 2,
+            _ => true,
+        };
+        if fits {
+            return Ok(());
+        }
+        let mend = "expected 1 and no mirror for a circle, 2 or more with a mirror";
+        Err(invalid(name, "phi_i", format!("{p} values with symmetry {s:?}"), mend))
+    }
+}
+
+/// An axis must be the one that its rule gives, to rounding.
+fn equal(name: &str, key: &str, axis: &[f64], rule: &[f64]) -> Result<()> {
+    match axis.iter().zip(rule).position(|(a, b)| !((a - b).abs() <= 1e-9)) {
+        None => Ok(()),
+        Some(i) => Err(invalid(name, &format!("{key}[{i}]"), axis[i], &format!("expected {}", rule[i]))),
+    }
+}
