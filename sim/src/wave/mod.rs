@@ -16,15 +16,19 @@
 //!
 //! Conventions: exp(-i omega t), index eta + i kappa with kappa >= 0 absorbing, outgoing waves H^(1), phase zero at the origin.
 
+mod circle;
 mod error;
 mod memory;
+mod mie;
 mod scatter;
 mod scene;
 mod scene_check;
+mod series;
 mod source;
 pub mod special;
 
 pub use error::WaveError;
+pub use mie::MieSolver;
 pub use scatter::{Case, Report, RunStats, check_ledger, scatter};
 pub use scene::{Beams, Method, Scene};
 pub use scene_check::check_walls;
@@ -63,7 +67,8 @@ impl Wave {
 
     /// Transverse wavenumber [1/um] in a medium of complex `index`, with a non-negative imaginary part.
     pub fn k_rho_in(&self, index: C64) -> C64 {
-        let k = self.k0() * (index * index - self.theta_i.sin().powi(2)).sqrt();
+        // eps - sin^2, without its cancellation for air at grazing latitudes.
+        let k = self.k0() * ((index - 1.0) * (index + 1.0) + self.theta_i.cos().powi(2)).sqrt();
         if k.im < 0.0 { -k } else { k }
     }
 }
