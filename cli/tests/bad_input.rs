@@ -2,25 +2,7 @@
 
 mod common;
 
-use common::{TINY, build, folder, names, run, text};
-use std::path::Path;
-
-/// Runs the program and expects a refusal whose line holds all of `words`.
-fn refused(folder: &Path, args: &[&str], words: &[&str]) {
-    let before = names(folder);
-    let output = run(folder, args);
-    let (out, err) = (text(&output.stdout), text(&output.stderr));
-    assert_eq!(output.status.code(), Some(2), "{args:?}: {out}{err}");
-    assert!(out.is_empty(), "{args:?} printed {out}");
-    assert!(
-        err.starts_with("error: ") && err.ends_with('\n') && err.lines().count() == 1,
-        "{args:?}: not one line: {err}"
-    );
-    for word in words {
-        assert!(err.contains(word), "{args:?}: no {word:?} in {err}");
-    }
-    assert_eq!(names(folder), before, "{args:?} wrote something");
-}
+use common::{TINY, build, folder, names, refused, run, text};
 
 #[test]
 fn specs_are_refused_in_one_line() {

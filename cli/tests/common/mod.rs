@@ -83,3 +83,20 @@ pub fn build(folder: &Path) {
 pub fn json(text: &str) -> serde_json::Value {
     serde_json::from_str(text).unwrap_or_else(|e| panic!("{e}: {text}"))
 }
+
+/// Runs the program and expects a refusal whose line holds all of `words`.
+pub fn refused(folder: &Path, args: &[&str], words: &[&str]) {
+    let before = names(folder);
+    let output = run(folder, args);
+    let (out, err) = (text(&output.stdout), text(&output.stderr));
+    assert_eq!(output.status.code(), Some(2), "{args:?}: {out}{err}");
+    assert!(out.is_empty(), "{args:?} printed {out}");
+    assert!(
+        err.starts_with("error: ") && err.ends_with('\n') && err.lines().count() == 1,
+        "{args:?}: not one line: {err}"
+    );
+    for word in words {
+        assert!(err.contains(word), "{args:?}: no {word:?} in {err}");
+    }
+    assert_eq!(names(folder), before, "{args:?} wrote something");
+}
