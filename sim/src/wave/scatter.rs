@@ -8,6 +8,7 @@ use super::{Body, Shape};
 use super::{C64, Method, Polarization, Scattered, Scene, Wave, WaveError, WaveSolver, memory};
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
+use std::f64::consts::TAU;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
@@ -132,18 +133,14 @@ fn candidates(scene: &Scene) -> Vec<Method> {
         return vec![scene.method];
     }
     let fibers = &scene.bodies;
-    if fibers.len() == 1 && is_concentric(&fibers[0]) {
-        vec![Method::Mie]
-    } else if fibers.iter().all(is_circular) {
-        vec![Method::Multipole, Method::Nystrom]
-    } else {
-        vec![Method::Nystrom]
+    let series = fibers.iter().all(is_concentric);
+    match fibers.len() {
+        1 if series => vec![Method::Mie],
+        1 => vec![Method::Nystrom],
+        // Walls that nearly touch ask for more orders than the series can hold.
+        _ if series => vec![Method::Multipole, Method::Nystrom],
+        _ => vec![Method::Nystrom],
     }
-}
-
-/// Whether the body and its lumens are circles.
-fn is_circular(body: &Body) -> bool {
-    matches!(body.shape, Shape::Circle { .. }) && body.lumen.as_deref().is_none_or(is_circular)
 }
 
 /// Whether the body and its lumens are circles about one center.
@@ -152,9 +149,69 @@ fn is_concentric(body: &Body) -> bool {
     matches!(body.shape, Shape::Circle { .. }) && body.lumen.as_deref().is_none_or(inner)
 }
 
+/// The solver of one slice.
 fn prepare(method: Method, bodies: &[Body], wave: &Wave, tolerance: f64) -> Result<Solver, WaveError> {
-    let _ = (bodies, wave, tolerance);
-    Err(unsupported(method, "not there", "wait"))
+    Ok(match method {
+        Method::Mie => match bodies {
+            [body] => Box::new(MieSolver::new(body, wave, tolerance)?),
+            _ => {
+                let what = format!("{} fibers", bodies.len());
+                return Err(unsupported(method, &what, "use \"auto\", or one fiber"));
+            }
+        },
+        Method::Multipole => Box::new(MultipoleSolver::new(bodies, wave, tolerance)?),
+        Method::Nystrom | Method::Auto => {
+            // Every node meets every other.
+            let unknowns = least_unknowns(bodies, wave);
+            check_memory(unknowns, 4.0 * unknowns * unknowns)?;
+            Box::new(NystromSolver::new(bodies, wave, tolerance)?)
+        }
+        Method::Compressed => {
+            let unknowns = least_unknowns(bodies, wave);
+            check_memory(unknowns, 64.0 * unknowns)?;
+            Box::new(CompressedSolver::new(bodies, wave, tolerance)?)
+        }
+    })
+}
+
+/// Lower bound of the unknowns of boundary integrals, two nodes a wavelength with two unknowns each on every wall. The solvers count exactly, but only
+/// with the nodes in memory.
+fn least_unknowns(bodies: &[Body], wave: &Wave) -> f64 {
+    let walls = bodies.iter().flat_map(|body| std::iter::successors(Some(body), |b| b.lumen.as_deref()));
+    walls.map(|wall| 4.0 * least_length(&wall.shape) * wall.eta.max(1.0) / wave.lambda_um).sum()
+}
+
+/// The length of a wall, or less [um].
+fn least_length(shape: &Shape) -> f64 {
+    match shape {
+        Shape::Circle { radius_um } => TAU * radius_um,
+        Shape::Ellipse { a_um, b_um } => 4.0 * a_um.max(*b_um),
+        // The root mean square of |z - c_0| is that of the |c_k|: one point is as far from c_0, another lies beyond c_0, and the wall goes there and back.
+        Shape::Fourier { coeffs } => {
+            2.0 * coeffs.iter().filter(|(k, _)| *k != 0).map(|(_, c)| c.norm_sqr()).sum::<f64>().sqrt()
+        }
+        Shape::Polygon { points_um, rounding_um } => {
+            let n = points_um.len();
+            let corner = |i: usize| C64::new(points_um[i % n][0], points_um[i % n][1]);
+            let edge = |i: usize| corner(i + 1) - corner(i);
+            // An arc that turns by t replaces 2 tan(t/2) of the edges by t, in units of its radius.
+            let saved = |i: usize| {
+                let turn = (edge(i + 1) * edge(i).conj()).arg().abs();
+                rounding_um * (2.0 * (0.5 * turn).tan() - turn)
+            };
+            (0..n).map(|i| edge(i).norm() - saved(i)).sum()
+        }
+    }
+}
+
+fn check_memory(unknowns: f64, bytes: f64) -> Result<(), WaveError> {
+    const GIB: f64 = (1u64 << 30) as f64;
+    match memory::available_bytes() {
+        Some(free) if bytes > free as f64 => {
+            Err(WaveError::TooLarge { unknowns: unknowns as usize, need_gib: bytes / GIB, have_gib: free as f64 / GIB })
+        }
+        _ => Ok(()),
+    }
 }
 
 /// A slice that is done.
@@ -293,4 +350,121 @@ pub fn check_ledger(wave: &Wave, tolerance: f64, scattered: &Scattered) -> Resul
         return Ok(());
     }
     Err(WaveError::Ledger { lambda_um: wave.lambda_um, theta_i_deg: degrees(wave.theta_i), defect_um, allowed_um })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::wave::{SolverStats, Source};
+
+    const SCENE: &str = "lambda_um = [0.7, 0.5, 0.6]\ntheta_i_deg = [0, 20]\nphi_i_deg = [0, 90]\nn_phi_out = 12\n[beam]\nw0_um = 5\nh_um = [0, 1]\n[[fiber]]\nshape = \"circle\"\nradius_um = 0.8\neta = 1.5\nkappa = 0.01\n";
+
+    /// A solver whose results are spoiled on the way.
+    struct Spoiled {
+        inner: MieSolver,
+        residual: f64,
+        factor: f64,
+    }
+
+    impl WaveSolver for Spoiled {
+        fn scatter(&self, sources: &[Source], n_phi_out: usize) -> Result<Vec<Scattered>, WaveError> {
+            let mut all = self.inner.scatter(sources, n_phi_out)?;
+            all.iter_mut().for_each(|s| s.c_abs_um *= self.factor);
+            Ok(all)
+        }
+
+        fn stats(&self) -> SolverStats {
+            SolverStats { residual: self.residual, ..self.inner.stats() }
+        }
+    }
+
+    fn spoiled(scene: &Scene, residual: f64, factor: impl Fn(&Wave) -> f64 + Sync) -> Result<Report, WaveError> {
+        let prepare = |wave: &Wave| -> Result<Solver, WaveError> {
+            let inner = MieSolver::new(&scene.bodies[0], wave, scene.tolerance)?;
+            Ok(Box::new(Spoiled { inner, residual, factor: factor(wave) }))
+        };
+        run(scene, Method::Mie, &prepare, &|_| ())
+    }
+
+    /// Every combination once, in order; each equals a run of its own; progress adds up.
+    #[test]
+    fn cases_are_complete_and_in_order() {
+        let scene = Scene::parse(SCENE).unwrap();
+        let done = AtomicUsize::new(0);
+        let report = scatter(&scene, &|n| {
+            done.fetch_add(n as usize, Ordering::Relaxed);
+        })
+        .unwrap();
+        assert_eq!((report.cases.len(), done.into_inner()), (48, 48));
+        assert_eq!(report.stats.method, "mie");
+        assert!(report.stats.unknowns > 10 && report.stats.peak_bytes > 0);
+        let mut want = report.cases.iter();
+        for &lambda_um in &scene.lambda_um {
+            for &theta_i in &scene.theta_i {
+                for &phi_i in &scene.phi_i {
+                    for h_um in [0.0, 1.0] {
+                        let one = Scene {
+                            lambda_um: vec![lambda_um],
+                            theta_i: vec![theta_i],
+                            phi_i: vec![phi_i],
+                            beams: Some(super::super::Beams { w0_um: 5.0, h_um: vec![h_um] }),
+                            ..scene.clone()
+                        };
+                        for (case, pol) in
+                            scatter(&one, &|_| ()).unwrap().cases.iter().zip([Polarization::Tm, Polarization::Te])
+                        {
+                            assert_eq!(Some(case), want.next());
+                            assert_eq!((case.lambda_um, case.theta_i, case.phi_i), (lambda_um, theta_i, phi_i));
+                            assert_eq!((case.h_um, case.pol), (Some(h_um), pol));
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Powers that do not add up, residuals that stay, fields that are not numbers: errors, never answers. The first bad slice is told, whatever the threads.
+    #[test]
+    fn bad_solutions_are_errors() {
+        let scene = Scene::parse(SCENE).unwrap();
+        assert!(spoiled(&scene, 1e-7, |_| 1.0).is_ok());
+        let off = spoiled(&scene, 0.0, |wave| if wave.lambda_um == 0.6 { 1.001 } else { 1.0 }).unwrap_err();
+        assert!(matches!(off, WaveError::Ledger { lambda_um: 0.6, theta_i_deg: 0.0, .. }), "{off}");
+        assert!(matches!(spoiled(&scene, 0.0, |_| f64::NAN).unwrap_err(), WaveError::Ledger { .. }));
+        for bad in [1e-5, f64::NAN, f64::INFINITY] {
+            let error = spoiled(&scene, bad, |_| 1.0).unwrap_err();
+            assert!(matches!(error, WaveError::NotConverged { .. }), "{error}");
+        }
+    }
+
+    /// A square of side 4 with arcs of radius 1 has four straight pieces of 2 and a circle of circumference.
+    #[test]
+    fn lengths_of_rounded_polygons() {
+        let points_um = vec![[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]];
+        let length = least_length(&Shape::Polygon { points_um, rounding_um: 1.0 });
+        assert!((length - (8.0 + TAU)).abs() < 1e-12, "{length}");
+    }
+
+    /// The file has the keys that are promised, in that order, and numbers that come back.
+    #[test]
+    fn reports_are_written_as_promised() {
+        let scene = Scene::parse(SCENE).unwrap();
+        let report = scatter(&scene, &|_| ()).unwrap();
+        let text = serde_json::to_string(&report).unwrap();
+        let head = r#"{"cases":[{"lambda_um":0.7,"theta_i_deg":0.0,"phi_i_deg":0.0,"h_um":0.0,"pol":"TM","F_co":[["#;
+        assert!(text.starts_with(head), "{}", &text[..200]);
+        let json: serde_json::Value = serde_json::from_str(&text).unwrap();
+        let case = &json["cases"][5];
+        assert_eq!((&case["theta_i_deg"], &case["phi_i_deg"]), (&0.0.into(), &90.0.into()));
+        assert_eq!(case["pol"], "TE");
+        let f = report.cases[5].f_cross[3];
+        assert_eq!((case["F_cross"][3][0].as_f64(), case["F_cross"][3][1].as_f64()), (Some(f.re), Some(f.im)));
+        assert_eq!(case["C_abs_um"].as_f64(), Some(report.cases[5].c_abs_um));
+        for key in ["method", "unknowns", "residual", "seconds", "peak_bytes"] {
+            assert!(!json["stats"][key].is_null(), "{key}");
+        }
+        let planes = Scene { beams: None, ..scene };
+        let text = serde_json::to_string(&scatter(&planes, &|_| ()).unwrap()).unwrap();
+        assert!(!text.contains("h_um"));
+    }
 }
