@@ -4,8 +4,7 @@
 //! solver's own threads. Nothing is scaled to make powers add up: a case whose ledger does not balance is an error.
 
 use super::scene::degrees;
-use super::{Body, Shape};
-use super::{C64, Method, Polarization, Scattered, Scene, Wave, WaveError, WaveSolver, memory};
+use super::{Body, C64, Method, MieSolver, Polarization, Scattered, Scene, Shape, Wave, WaveError, WaveSolver, memory};
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
 use std::f64::consts::TAU;
@@ -159,18 +158,13 @@ fn prepare(method: Method, bodies: &[Body], wave: &Wave, tolerance: f64) -> Resu
                 return Err(unsupported(method, &what, "use \"auto\", or one fiber"));
             }
         },
-        Method::Multipole => Box::new(MultipoleSolver::new(bodies, wave, tolerance)?),
         Method::Nystrom | Method::Auto => {
             // Every node meets every other.
             let unknowns = least_unknowns(bodies, wave);
             check_memory(unknowns, 4.0 * unknowns * unknowns)?;
-            Box::new(NystromSolver::new(bodies, wave, tolerance)?)
+            return Err(unsupported(method, "not there yet", "use \"mie\""));
         }
-        Method::Compressed => {
-            let unknowns = least_unknowns(bodies, wave);
-            check_memory(unknowns, 64.0 * unknowns)?;
-            Box::new(CompressedSolver::new(bodies, wave, tolerance)?)
-        }
+        Method::Multipole | Method::Compressed => return Err(unsupported(method, "not there yet", "use \"mie\"")),
     })
 }
 
