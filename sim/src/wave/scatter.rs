@@ -5,7 +5,7 @@
 
 use super::scene::degrees;
 use super::{Body, Shape};
-use super::{C64, Method, Polarization, Scattered, Scene, Wave, WaveError, WaveSolver, memory};
+use super::{C64, Method, NystromSolver, Polarization, Scattered, Scene, Wave, WaveError, WaveSolver, memory};
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
 use std::sync::Mutex;
@@ -153,8 +153,10 @@ fn is_concentric(body: &Body) -> bool {
 }
 
 fn prepare(method: Method, bodies: &[Body], wave: &Wave, tolerance: f64) -> Result<Solver, WaveError> {
-    let _ = (bodies, wave, tolerance);
-    Err(unsupported(method, "not there", "wait"))
+    match method {
+        Method::Nystrom => Ok(Box::new(NystromSolver::new(bodies, wave, tolerance)?)),
+        _ => Err(unsupported(method, "not there", "wait")),
+    }
 }
 
 /// A slice that is done.
