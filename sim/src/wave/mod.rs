@@ -17,18 +17,26 @@
 //! Conventions: exp(-i omega t), index eta + i kappa with kappa >= 0 absorbing, outgoing waves H^(1), phase zero at the origin.
 
 mod circle;
+mod curve;
 mod error;
+mod kernel;
 mod memory;
 mod mie;
+mod nystrom;
+#[cfg(test)]
+mod nystrom_tests;
 mod scatter;
 mod scene;
 mod scene_check;
 mod series;
 mod source;
 pub mod special;
+mod symmetry;
+mod system;
 
 pub use error::WaveError;
 pub use mie::MieSolver;
+pub use nystrom::NystromSolver;
 pub use scatter::{Case, Report, RunStats, check_ledger, scatter};
 pub use scene::{Beams, Method, Scene};
 pub use scene_check::check_walls;

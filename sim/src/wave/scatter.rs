@@ -4,7 +4,10 @@
 //! solver's own threads. Nothing is scaled to make powers add up: a case whose ledger does not balance is an error.
 
 use super::scene::degrees;
-use super::{Body, C64, Method, MieSolver, Polarization, Scattered, Scene, Shape, Wave, WaveError, WaveSolver, memory};
+use super::{
+    Body, C64, Method, MieSolver, NystromSolver, Polarization, Scattered, Scene, Shape, Wave, WaveError, WaveSolver,
+    memory,
+};
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
 use std::f64::consts::TAU;
@@ -162,9 +165,11 @@ fn prepare(method: Method, bodies: &[Body], wave: &Wave, tolerance: f64) -> Resu
             // Every node meets every other.
             let unknowns = least_unknowns(bodies, wave);
             check_memory(unknowns, 4.0 * unknowns * unknowns)?;
-            return Err(unsupported(method, "not there yet", "use \"mie\""));
+            Box::new(NystromSolver::new(bodies, wave, tolerance)?)
         }
-        Method::Multipole | Method::Compressed => return Err(unsupported(method, "not there yet", "use \"mie\"")),
+        Method::Multipole | Method::Compressed => {
+            return Err(unsupported(method, "not in this build", "use \"nystrom\""));
+        }
     })
 }
 
