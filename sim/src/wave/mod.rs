@@ -20,19 +20,24 @@ mod circle;
 mod error;
 mod memory;
 mod mie;
+mod rays;
 mod scatter;
 mod scene;
 mod scene_check;
 mod series;
+mod single_fiber;
 mod source;
 pub mod special;
+mod tabulate;
 
 pub use error::WaveError;
 pub use mie::MieSolver;
 pub use scatter::{Case, Report, RunStats, check_ledger, scatter};
 pub use scene::{Beams, Method, Scene};
 pub use scene_check::check_walls;
+pub use single_fiber::{Absorption, SingleFiber};
 pub use source::{BeamSource, PlaneWave, Source};
+pub use tabulate::{MakeSolver, Solver, TabulateOptions, tabulate, tabulate_rays, tabulate_slices, tabulate_with};
 
 use num_complex::Complex64;
 use std::f64::consts::{PI, TAU};

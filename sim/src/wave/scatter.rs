@@ -4,7 +4,7 @@
 //! solver's own threads. Nothing is scaled to make powers add up: a case whose ledger does not balance is an error.
 
 use super::scene::degrees;
-use super::{Body, Shape};
+use super::{Body, MieSolver, Shape};
 use super::{C64, Method, Polarization, Scattered, Scene, Wave, WaveError, WaveSolver, memory};
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
@@ -128,10 +128,11 @@ fn passes_on(error: &WaveError) -> bool {
 
 /// Solvers to be tried for a scene, the cheapest first.
 fn candidates(scene: &Scene) -> Vec<Method> {
-    if scene.method != Method::Auto {
-        return vec![scene.method];
-    }
-    let fibers = &scene.bodies;
+    if scene.method == Method::Auto { by_shape(&scene.bodies) } else { vec![scene.method] }
+}
+
+/// Solvers that serve these fibers, the cheapest first.
+fn by_shape(fibers: &[Body]) -> Vec<Method> {
     if fibers.len() == 1 && is_concentric(&fibers[0]) {
         vec![Method::Mie]
     } else if fibers.iter().all(is_circular) {
@@ -139,6 +140,18 @@ fn candidates(scene: &Scene) -> Vec<Method> {
     } else {
         vec![Method::Nystrom]
     }
+}
+
+/// The cheapest solver that takes these fibers at this wave.
+pub(crate) fn solver_of(fibers: &[Body], wave: &Wave, tolerance: f64) -> Result<Solver, WaveError> {
+    let mut refusal = None;
+    for method in by_shape(fibers) {
+        match prepare(method, fibers, wave, tolerance) {
+            Err(error) if passes_on(&error) => refusal = Some(error),
+            done => return done,
+        }
+    }
+    Err(refusal.unwrap_or_else(|| unsupported(Method::Auto, "finds no solver for these fibers", "use other shapes")))
 }
 
 /// Whether the body and its lumens are circles.
@@ -153,8 +166,10 @@ fn is_concentric(body: &Body) -> bool {
 }
 
 fn prepare(method: Method, bodies: &[Body], wave: &Wave, tolerance: f64) -> Result<Solver, WaveError> {
-    let _ = (bodies, wave, tolerance);
-    Err(unsupported(method, "not there", "wait"))
+    match (method, bodies) {
+        (Method::Mie, [body]) => Ok(Box::new(MieSolver::new(body, wave, tolerance)?)),
+        _ => Err(unsupported(method, "not there", "wait")),
+    }
 }
 
 /// A slice that is done.
