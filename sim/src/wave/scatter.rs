@@ -131,10 +131,11 @@ fn passes_on(error: &WaveError) -> bool {
 
 /// Solvers to be tried for a scene, the cheapest first.
 fn candidates(scene: &Scene) -> Vec<Method> {
-    if scene.method != Method::Auto {
-        return vec![scene.method];
-    }
-    let fibers = &scene.bodies;
+    if scene.method == Method::Auto { by_shape(&scene.bodies) } else { vec![scene.method] }
+}
+
+/// Solvers that serve these fibers, the cheapest first.
+fn by_shape(fibers: &[Body]) -> Vec<Method> {
     let series = fibers.iter().all(is_concentric);
     match fibers.len() {
         1 if series => vec![Method::Mie],
@@ -143,6 +144,18 @@ fn candidates(scene: &Scene) -> Vec<Method> {
         _ if series => vec![Method::Multipole, Method::Nystrom],
         _ => vec![Method::Nystrom],
     }
+}
+
+/// The cheapest solver that takes these fibers at this wave.
+pub(crate) fn solver_of(fibers: &[Body], wave: &Wave, tolerance: f64) -> Result<Solver, WaveError> {
+    let mut refusal = None;
+    for method in by_shape(fibers) {
+        match prepare(method, fibers, wave, tolerance) {
+            Err(error) if passes_on(&error) => refusal = Some(error),
+            done => return done,
+        }
+    }
+    Err(refusal.unwrap_or_else(|| unsupported(Method::Auto, "finds no solver for these fibers", "use other shapes")))
 }
 
 /// Whether the body and its lumens are circles about one center.
