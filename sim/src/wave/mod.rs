@@ -24,20 +24,24 @@ mod rays;
 mod scatter;
 mod scene;
 mod scene_check;
+mod section_bodies;
 mod series;
 mod single_fiber;
 mod source;
 pub mod special;
 mod tabulate;
+mod total_field;
 
 pub use error::WaveError;
 pub use mie::MieSolver;
 pub use scatter::{Case, Report, RunStats, check_ledger, scatter};
 pub use scene::{Beams, Method, Scene};
 pub use scene_check::check_walls;
+pub use section_bodies::{fiber_body, section_bodies};
 pub use single_fiber::{Absorption, SingleFiber};
 pub use source::{BeamSource, PlaneWave, Source};
 pub use tabulate::{MakeSolver, Solver, TabulateOptions, tabulate, tabulate_rays, tabulate_slices, tabulate_with};
+pub use total_field::{TotalField, azimuths, beam_power, incident_far_field, total_field};
 
 use num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
