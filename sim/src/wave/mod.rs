@@ -17,7 +17,10 @@
 //! Conventions: exp(-i omega t), index eta + i kappa with kappa >= 0 absorbing, outgoing waves H^(1), phase zero at the origin.
 
 mod circle;
+mod compare;
 mod error;
+mod jobs;
+mod likeness;
 mod memory;
 mod mie;
 mod rays;
@@ -32,7 +35,11 @@ pub mod special;
 mod tabulate;
 mod total_field;
 
+pub use compare::{
+    AcrossWavelengths, CompareCase, CompareCurves, CompareOptions, CompareReport, Energies, Resolved, compare,
+};
 pub use error::WaveError;
+pub use likeness::{Likeness, Spread};
 pub use mie::MieSolver;
 pub use scatter::{Case, Report, RunStats, check_ledger, scatter};
 pub use scene::{Beams, Method, Scene};
