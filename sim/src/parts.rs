@@ -112,6 +112,30 @@ impl Parts {
     }
 }
 
+/// What a job of a run over instances leaves: two arrays whose sizes the run knows.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct JobOutput {
+    pub floats: Vec<f32>,
+    pub numbers: Vec<f64>,
+}
+
+impl Parts {
+    fn job_path(&self, job: usize) -> PathBuf {
+        self.folder.join(format!("job{job:05}.safetensors"))
+    }
+
+    /// Read a finished job into `output`, whose sizes say what is expected; false when there is none or it is damaged.
+    pub fn read_job(&self, job: usize, output: &mut JobOutput) -> Result<bool, SimError> {
+        let Some(file) = File::open(self.job_path(job))? else { return Ok(false) };
+        Ok(file.floats("floats", &mut output.floats) && file.doubles("numbers", &mut output.numbers))
+    }
+
+    /// Write a finished job.
+    pub fn write_job(&self, job: usize, output: &JobOutput) -> Result<(), SimError> {
+        write_arrays(&self.job_path(job), ("floats", &output.floats), &[("numbers", &output.numbers)])
+    }
+}
+
 /// The bytes of a shard's file that holds together.
 struct File(Vec<u8>);
 

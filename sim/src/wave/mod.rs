@@ -17,9 +17,12 @@
 //! Conventions: exp(-i omega t), index eta + i kappa with kappa >= 0 absorbing, outgoing waves H^(1), phase zero at the origin.
 
 mod circle;
+mod compare;
 mod curve;
 mod error;
+mod jobs;
 mod kernel;
+mod likeness;
 mod memory;
 mod mie;
 mod nystrom;
@@ -29,6 +32,7 @@ mod rays;
 mod scatter;
 mod scene;
 mod scene_check;
+mod section_bodies;
 mod series;
 mod single_fiber;
 mod source;
@@ -36,16 +40,23 @@ pub mod special;
 mod symmetry;
 mod system;
 mod tabulate;
+mod total_field;
 
+pub use compare::{
+    AcrossWavelengths, CompareCase, CompareCurves, CompareOptions, CompareReport, Energies, Resolved, compare,
+};
 pub use error::WaveError;
+pub use likeness::{Likeness, Spread};
 pub use mie::MieSolver;
 pub use nystrom::NystromSolver;
 pub use scatter::{Case, Report, RunStats, check_ledger, scatter};
 pub use scene::{Beams, Method, Scene};
 pub use scene_check::check_walls;
+pub use section_bodies::{fiber_body, section_bodies};
 pub use single_fiber::{Absorption, SingleFiber};
 pub use source::{BeamSource, PlaneWave, Source};
 pub use tabulate::{MakeSolver, Solver, TabulateOptions, tabulate, tabulate_rays, tabulate_slices, tabulate_with};
+pub use total_field::{TotalField, azimuths, beam_power, incident_far_field, total_field};
 
 use num_complex::Complex64;
 use std::f64::consts::{PI, TAU};

@@ -16,6 +16,14 @@ pub struct BeamSource {
     pub h_um: f64,
 }
 
+impl BeamSource {
+    /// Amplitude per transverse wavenumber q [um], such that `integral spectrum(q) exp(i q s) dq = exp(-(s - h)^2 / w0^2)`.
+    pub fn spectrum(&self, q: f64) -> C64 {
+        let size = self.w0_um / (2.0 * PI.sqrt()) * (-(0.5 * self.w0_um * q).powi(2)).exp();
+        C64::from_polar(size, -q * self.h_um)
+    }
+}
+
 /// One incident field at the wavelength and latitude of a [`Wave`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Source {
@@ -71,14 +79,12 @@ impl Source {
         let n = (reach * period / (2.0 * PI)).ceil().max(1.0);
         let dq = reach / n;
         let n = n as i64;
-        let scale = beam.w0_um / (2.0 * PI.sqrt()) * dq;
         Ok((-n..=n)
             .map(|j| {
                 let q = j as f64 * dq;
                 // Travel along -(cos phi_i, sin phi_i) turned so that its part along s is q.
                 let phi_i = self.phi_i + (q / k_rho).asin();
-                let amplitude = C64::from_polar(scale * (-(0.5 * beam.w0_um * q).powi(2)).exp(), -q * beam.h_um);
-                PlaneWave { phi_i, amplitude }
+                PlaneWave { phi_i, amplitude: beam.spectrum(q) * dq }
             })
             .collect())
     }

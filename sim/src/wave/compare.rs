@@ -1,0 +1,583 @@
+//! Wave against ray over instances of a ply's cross section (Yu 2025, 4.5, Fig. 7): the same fibers, the same beam, by both optics.
+//!
+//! Waves: the far field of beam and scattered light together, mean of TM and TE, each by its own exact solve. Rays: f_miss + f_refl + f_high of the walk in 2D
+//! over smooth walls, with the position and angle of the beam at each wavelength (the paper takes the angles of 0.55 um for all). Both are shares of the
+//! beam's power per azimuth, in bins of half a degree; coarser ones are their means.
+//!
+//! The pair of a section and a wavelength is one job. Instance i is the same section whatever the number of instances, so that a run can be made longer.
+
+use super::jobs::run_jobs;
+use super::likeness::{Likeness, Spread, binned, coarser, correlation, likeness, mean_and_sd};
+use super::scatter::solver_of;
+use super::{
+    BeamSource, Body, Polarization, Solver, Source, Wave, WaveError, azimuths, check_ledger, section_bodies,
+    total_field,
+};
+use crate::error::SimError;
+use crate::parts::JobOutput;
+use crate::section::PlySection;
+use crate::simulate::{Run, instance_seed};
+use crate::walk2d::{Walk2d, walk_2d};
+use plywave::{GaussianBeam, YarnSpec};
+use serde::Serialize;
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Bins of the azimuth that are kept: half a degree.
+pub const BINS: usize = 720;
+/// Widths of the bins that are compared, in those bins.
+const FACTORS: [usize; 4] = [1, 2, 6, 20];
+/// Bins of the curves in the report, in those bins.
+const CURVE: usize = 2;
+/// Half of the range about exact forward that is left out where the report says so [degrees]: some fifteen times the beam's spread, so that
+/// what is left is light that a fiber turned.
+const FORWARD_DEG: f64 = 10.0;
+/// Curves of a case in a job: total by waves, missed, reflected, other by rays.
+const CURVES: usize = 4;
+/// Numbers of a case in a job: shares scattered, absorbed, extinguished by waves, killed of rays.
+const SHARES: usize = 4;
+
+/// Sizes of a comparison.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CompareOptions {
+    /// Instances of the section.
+    pub instances: u32,
+    /// Seed of the sections and of the rays.
+    pub seed: u64,
+    /// Wavelengths [um].
+    pub lambda_um: Vec<f64>,
+    /// Offsets of the beam over the ply's radius (of an elliptical one: its semi-axis along x).
+    pub h_rel: Vec<f64>,
+    /// Latitude of the incidence [rad].
+    pub theta_i: f64,
+    /// Absorption coefficient of the fibers [1/um], the same at every wavelength: kappa = sigma lambda / (4 pi).
+    pub sigma_per_um: f64,
+    /// Error of the solver's far field.
+    pub tolerance: f64,
+    /// Rays of an instance, wavelength and offset.
+    pub paths: u64,
+}
+
+impl Default for CompareOptions {
+    fn default() -> Self {
+        CompareOptions {
+            instances: 50,
+            seed: 1,
+            // Yu 2025, Fig. 7.
+            lambda_um: vec![0.4, 0.694],
+            h_rel: vec![0.0, 0.5, 0.9],
+            theta_i: 0.0,
+            sigma_per_um: 0.0,
+            tolerance: 1e-4,
+            paths: 200_000,
+        }
+    }
+}
+
+impl CompareOptions {
+    /// Jobs of the run, which progress counts.
+    pub fn jobs(&self) -> u64 {
+        u64::from(self.instances) * self.lambda_um.len() as u64
+    }
+
+    /// The beam at `lambda_um` and offset `h_um`, from +y.
+    fn source(&self, spec: &YarnSpec, h_um: f64, pol: Polarization) -> Source {
+        Source { phi_i: FRAC_PI_2, pol, beam: Some(BeamSource { w0_um: spec.beam.beam().w0_um, h_um }) }
+    }
+
+    /// Offsets [um].
+    fn h_um(&self, spec: &YarnSpec) -> Vec<f64> {
+        self.h_rel.iter().map(|h| h * spec.ply_radii_um()[0]).collect()
+    }
+
+    /// What a run's jobs depend on.
+    fn marker(&self) -> Self {
+        CompareOptions { instances: 0, ..self.clone() }
+    }
+}
+
+/// Shares of the beam's power, over the instances.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Energies {
+    /// All light that leaves, beam included, by waves.
+    pub wave_total: Spread,
+    /// C_sca over the beam's power.
+    pub wave_scattered: Spread,
+    /// C_abs.
+    pub wave_absorbed: Spread,
+    /// C_ext: what the beam's own far field lost.
+    pub wave_extinguished: Spread,
+    /// Rays that met no fiber.
+    pub ray_miss: Spread,
+    /// Rays that were reflected only.
+    pub ray_refl: Spread,
+    /// All other rays.
+    pub ray_high: Spread,
+    /// Rays stopped at the limit of interactions.
+    pub ray_killed: Spread,
+}
+
+/// Waves and rays in bins of one width.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Resolved {
+    /// Width of the bins [degrees].
+    pub bin_deg: f64,
+    /// The averages over all instances.
+    pub average: Likeness,
+    /// The relative L2 distance that the instances' spread alone would leave: root of the sum of the variances of wave minus ray, over their number.
+    pub average_noise_l2: f64,
+    /// The averages without 10 degrees either side of exact forward.
+    pub average_off_forward: Likeness,
+    /// The noise of that.
+    pub average_off_forward_noise_l2: f64,
+    /// Correlations of the single instances.
+    pub single_correlation: Spread,
+    /// Relative L2 distances of the single instances.
+    pub single_relative_l2: Spread,
+    /// Correlations of the single instances without forward.
+    pub single_off_forward_correlation: Spread,
+    /// Relative L2 distances of the single instances without forward.
+    pub single_off_forward_relative_l2: Spread,
+}
+
+/// Densities [1/rad] in bins of one degree, centers at 0.5, 1.5, ...
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CompareCurves {
+    /// Mean by waves.
+    pub wave_mean: Vec<f64>,
+    /// Standard deviation from instance to instance.
+    pub wave_sd: Vec<f64>,
+    /// Mean by rays.
+    pub ray_mean: Vec<f64>,
+    /// Standard deviation from instance to instance.
+    pub ray_sd: Vec<f64>,
+    /// The part of the rays' mean that met no fiber.
+    pub ray_miss_mean: Vec<f64>,
+    /// The first instance by waves, in bins of half a degree.
+    pub wave_first: Vec<f64>,
+    /// The first instance by rays, in bins of half a degree.
+    pub ray_first: Vec<f64>,
+}
+
+/// One wavelength and offset.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CompareCase {
+    /// Wavelength [um].
+    pub lambda_um: f64,
+    /// Offset over the radius.
+    pub h_rel: f64,
+    /// Offset [um].
+    pub h_um: f64,
+    /// Shares of the beam's power.
+    pub energies: Energies,
+    /// By width of the bins.
+    pub resolutions: Vec<Resolved>,
+    /// The curves.
+    pub curves: CompareCurves,
+}
+
+/// Two wavelengths at one offset, both by waves: how little of color is left in the averages.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AcrossWavelengths {
+    /// Wavelengths [um].
+    pub lambda_um: [f64; 2],
+    /// Offset over the radius.
+    pub h_rel: f64,
+    /// Averages, bins of one degree.
+    pub average: Likeness,
+    /// Correlation of single instances.
+    pub single_correlation: Spread,
+}
+
+/// What `plywave compare` writes as `report.json`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CompareReport {
+    /// Program version.
+    pub program_version: String,
+    /// Name of the yarn.
+    pub name: String,
+    /// Instances.
+    pub instances: u32,
+    /// Seed.
+    pub seed: u64,
+    /// Latitude of the incidence [degrees].
+    pub theta_i_deg: f64,
+    /// Waist of the beam [um].
+    pub w0_um: f64,
+    /// Absorption coefficient [1/um].
+    pub sigma_per_um: f64,
+    /// Error asked of the solver.
+    pub tolerance: f64,
+    /// Rays of an instance, wavelength and offset.
+    pub paths: u64,
+    /// Half of the range about forward that is left out where so said [degrees].
+    pub forward_deg: f64,
+    /// Cases, offsets within wavelengths.
+    pub cases: Vec<CompareCase>,
+    /// Pairs of neighbouring wavelengths.
+    pub across_wavelengths: Vec<AcrossWavelengths>,
+    /// Text of the spec.
+    pub spec: String,
+}
+
+/// What makes a solver for the bodies of a section.
+pub(crate) type MakeSolver<'a> = dyn Fn(&[Body], &Wave, f64) -> Result<Solver, WaveError> + Sync + 'a;
+
+/// Runs both optics over the instances of `spec`, whose text is kept in the report, on the current thread pool.
+///
+/// # Errors
+/// What the geometry, the solvers ([`SimError::Wave`]) and the parts folder refuse; [`SimError::Interrupted`].
+pub fn compare(
+    spec: &YarnSpec,
+    spec_text: &str,
+    options: &CompareOptions,
+    run: Run<'_>,
+) -> Result<CompareReport, SimError> {
+    compare_with(spec, spec_text, options, run, &solver_of)
+}
+
+pub(crate) fn compare_with(
+    spec: &YarnSpec,
+    spec_text: &str,
+    options: &CompareOptions,
+    run: Run<'_>,
+    solver: &MakeSolver<'_>,
+) -> Result<CompareReport, SimError> {
+    let (l, h) = (options.lambda_um.len(), options.h_rel.len());
+    // What cannot be is refused before the first job: fibers that do not pack, waists that are too narrow.
+    for &lambda_um in &options.lambda_um {
+        let wave = Wave { lambda_um, theta_i: options.theta_i };
+        options.source(spec, 0.0, Polarization::Tm).plane_waves(&wave, 0.0)?;
+    }
+    let empty = JobOutput { floats: Vec::new(), numbers: vec![0.0; h * (CURVES * BINS + SHARES)] };
+    let work = |job: usize, stop: &AtomicBool| {
+        let (instance, at) = (job / l, job % l);
+        one(spec, options, instance as u32, at, stop, solver)
+    };
+    let jobs = run_jobs(options.jobs() as usize, &empty, &options.marker(), spec_text, run, &work)?;
+    Ok(report(spec, spec_text, options, &jobs))
+}
+
+/// One instance at wavelength `at`: `[h]` of the curves, then of the shares; and the most memory it took.
+fn one(
+    spec: &YarnSpec,
+    options: &CompareOptions,
+    instance: u32,
+    at: usize,
+    stop: &AtomicBool,
+    solver: &MakeSolver<'_>,
+) -> Result<Option<(JobOutput, usize)>, SimError> {
+    if stop.load(Ordering::Relaxed) {
+        return Ok(None);
+    }
+    let section = PlySection::generate(spec, instance_seed(options.seed, instance))?;
+    let wave = Wave { lambda_um: options.lambda_um[at], theta_i: options.theta_i };
+    let h_um = options.h_um(spec);
+    let kappa = options.sigma_per_um * wave.lambda_um / (4.0 * PI);
+    let bodies = section_bodies(&section, spec.fiber.eta, kappa)?;
+    let prepared = solver(&bodies, &wave, options.tolerance)?;
+    let sources: Vec<Source> = h_um
+        .iter()
+        .flat_map(|&h| [Polarization::Tm, Polarization::Te].map(|pol| options.source(spec, h, pol)))
+        .collect();
+    let extent_um = section.bound_radius_um;
+    let n = sources.iter().map(|s| azimuths(&wave, s, extent_um, BINS)).max().unwrap_or(BINS);
+    let scattered = prepared.scatter(&sources, n)?;
+    let stats = prepared.stats();
+    // Asked this way, a NaN does not pass.
+    let solved = stats.residual <= options.tolerance;
+    if !solved {
+        return Err(WaveError::NotConverged { residual: stats.residual, iterations: 1 }.into());
+    }
+    drop(prepared);
+
+    let mut output = JobOutput { floats: Vec::new(), numbers: Vec::new() };
+    let mut shares = Vec::new();
+    for (k, pair) in sources.chunks_exact(2).zip(scattered.chunks_exact(2)).enumerate() {
+        if stop.load(Ordering::Relaxed) {
+            return Ok(None);
+        }
+        let mut total = vec![0.0; BINS];
+        let mut share = [0.0; SHARES];
+        for (source, scattered) in pair.0.iter().zip(pair.1) {
+            check_ledger(&wave, options.tolerance, scattered)?;
+            let field = total_field(source, &wave, scattered)?;
+            let binned = binned(&field.total, BINS);
+            total.iter_mut().zip(binned).for_each(|(to, v)| *to += 0.5 * v);
+            let widths = [scattered.c_sca_um, scattered.c_abs_um, scattered.c_ext_um];
+            share.iter_mut().zip(widths).for_each(|(to, width)| *to += 0.5 * width / field.beam_um);
+        }
+        let beam = spec.beam.beam();
+        let rays = walk_2d(
+            &section,
+            &Walk2d {
+                theta_i: options.theta_i,
+                h_um: h_um[k],
+                eta: spec.fiber.eta,
+                alpha_fiber: 0.0,
+                sigma_per_um: vec![options.sigma_per_um],
+                beam: GaussianBeam { lambda_um: wave.lambda_um, ..beam },
+                phi_o_bins: BINS,
+                paths: options.paths,
+                // Distinct for every instance, wavelength and offset.
+                seed: instance_seed(options.seed, instance) ^ ((at as u64) << 40 | (k as u64) << 52),
+            },
+        )?;
+        share[3] = rays.killed;
+        output.numbers.extend(total);
+        output.numbers.extend(rays.miss);
+        output.numbers.extend(rays.refl);
+        output.numbers.extend(&rays.high[0]);
+        shares.extend(share);
+    }
+    output.numbers.extend(shares);
+    Ok(Some((output, stats.peak_bytes)))
+}
+
+/// Curve `which` of offset `k` in a job's output.
+fn curve(job: &JobOutput, k: usize, which: usize) -> &[f64] {
+    &job.numbers[(k * CURVES + which) * BINS..][..BINS]
+}
+
+/// All light by rays.
+fn ray_total(job: &JobOutput, k: usize) -> Vec<f64> {
+    let (miss, refl, high) = (curve(job, k, 1), curve(job, k, 2), curve(job, k, 3));
+    (0..BINS).map(|bin| miss[bin] + refl[bin] + high[bin]).collect()
+}
+
+/// Everything that is told of the finished jobs.
+fn report(spec: &YarnSpec, spec_text: &str, options: &CompareOptions, jobs: &[JobOutput]) -> CompareReport {
+    let (l, h) = (options.lambda_um.len(), options.h_rel.len());
+    let h_um = options.h_um(spec);
+    let of = |at: usize| jobs.iter().skip(at).step_by(l);
+    let waves_of = |at: usize, k: usize| -> Vec<Vec<f64>> { of(at).map(|job| curve(job, k, 0).to_vec()).collect() };
+    let mut cases = Vec::new();
+    for at in 0..l {
+        for k in 0..h {
+            let waves = waves_of(at, k);
+            let rays: Vec<Vec<f64>> = of(at).map(|job| ray_total(job, k)).collect();
+            let share =
+                |which: usize| Spread::of(of(at).map(move |job| job.numbers[h * CURVES * BINS + k * SHARES + which]));
+            let sum = |values: &[f64]| values.iter().sum::<f64>() * TAU / BINS as f64;
+            let energy = |which: usize| Spread::of(of(at).map(move |job| sum(curve(job, k, which))));
+            let one_degree =
+                |curves: &[Vec<f64>]| -> Vec<Vec<f64>> { curves.iter().map(|c| coarser(c, CURVE)).collect() };
+            let (wave_mean, wave_sd) = mean_and_sd(&one_degree(&waves));
+            let (ray_mean, ray_sd) = mean_and_sd(&one_degree(&rays));
+            let misses: Vec<Vec<f64>> = of(at).map(|job| coarser(curve(job, k, 1), CURVE)).collect();
+            cases.push(CompareCase {
+                lambda_um: options.lambda_um[at],
+                h_rel: options.h_rel[k],
+                h_um: h_um[k],
+                energies: Energies {
+                    wave_total: energy(0),
+                    wave_scattered: share(0),
+                    wave_absorbed: share(1),
+                    wave_extinguished: share(2),
+                    ray_miss: energy(1),
+                    ray_refl: energy(2),
+                    ray_high: energy(3),
+                    ray_killed: share(3),
+                },
+                resolutions: FACTORS.map(|factor| resolved(&waves, &rays, factor)).to_vec(),
+                curves: CompareCurves {
+                    wave_mean,
+                    wave_sd,
+                    ray_mean,
+                    ray_sd,
+                    ray_miss_mean: mean_and_sd(&misses).0,
+                    wave_first: waves.first().cloned().unwrap_or_default(),
+                    ray_first: rays.first().cloned().unwrap_or_default(),
+                },
+            });
+        }
+    }
+    let mut across_wavelengths = Vec::new();
+    for at in 1..l {
+        for k in 0..h {
+            let [a, b] = [at - 1, at].map(|at| waves_of(at, k).iter().map(|c| coarser(c, CURVE)).collect::<Vec<_>>());
+            across_wavelengths.push(AcrossWavelengths {
+                lambda_um: [options.lambda_um[at - 1], options.lambda_um[at]],
+                h_rel: options.h_rel[k],
+                average: likeness(&mean_and_sd(&a).0, &mean_and_sd(&b).0),
+                single_correlation: Spread::of(a.iter().zip(&b).map(|(a, b)| correlation(a, b))),
+            });
+        }
+    }
+    CompareReport {
+        program_version: env!("CARGO_PKG_VERSION").into(),
+        name: spec.name.clone(),
+        instances: options.instances,
+        seed: options.seed,
+        theta_i_deg: super::scene::degrees(options.theta_i),
+        w0_um: spec.beam.beam().w0_um,
+        sigma_per_um: options.sigma_per_um,
+        tolerance: options.tolerance,
+        paths: options.paths,
+        forward_deg: FORWARD_DEG,
+        cases,
+        across_wavelengths,
+        spec: spec_text.into(),
+    }
+}
+
+/// Waves and rays in bins of `factor` of the kept ones.
+fn resolved(waves: &[Vec<f64>], rays: &[Vec<f64>], factor: usize) -> Resolved {
+    let coarse = |curves: &[Vec<f64>]| -> Vec<Vec<f64>> { curves.iter().map(|c| coarser(c, factor)).collect() };
+    let (waves, rays) = (coarse(waves), coarse(rays));
+    let bin_deg = 360.0 * factor as f64 / BINS as f64;
+    // Bins that lie off forward as a whole.
+    let off = |curves: &[Vec<f64>]| -> Vec<Vec<f64>> {
+        let keep = |bin: usize| ((bin as f64 + 0.5) * bin_deg - 270.0).abs() >= FORWARD_DEG + 0.5 * bin_deg - 1e-9;
+        curves.iter().map(|c| c.iter().enumerate().filter(|(bin, _)| keep(*bin)).map(|(_, v)| *v).collect()).collect()
+    };
+    let (waves_off, rays_off) = (off(&waves), off(&rays));
+    let (average, average_noise_l2) = averages(&waves, &rays);
+    let (average_off_forward, average_off_forward_noise_l2) = averages(&waves_off, &rays_off);
+    let singles =
+        |a: &[Vec<f64>], b: &[Vec<f64>]| -> Vec<Likeness> { a.iter().zip(b).map(|(a, b)| likeness(a, b)).collect() };
+    let (single, single_off) = (singles(&waves, &rays), singles(&waves_off, &rays_off));
+    Resolved {
+        bin_deg,
+        average,
+        average_noise_l2,
+        average_off_forward,
+        average_off_forward_noise_l2,
+        single_correlation: Spread::of(single.iter().map(|s| s.correlation)),
+        single_relative_l2: Spread::of(single.iter().map(|s| s.relative_l2)),
+        single_off_forward_correlation: Spread::of(single_off.iter().map(|s| s.correlation)),
+        single_off_forward_relative_l2: Spread::of(single_off.iter().map(|s| s.relative_l2)),
+    }
+}
+
+/// Likeness of the averages, and the relative L2 distance that chance leaves between them.
+fn averages(waves: &[Vec<f64>], rays: &[Vec<f64>]) -> (Likeness, f64) {
+    let (wave, ray) = (mean_and_sd(waves).0, mean_and_sd(rays).0);
+    let apart: Vec<Vec<f64>> =
+        waves.iter().zip(rays).map(|(w, r)| w.iter().zip(r).map(|(w, r)| w - r).collect()).collect();
+    let variance: f64 = mean_and_sd(&apart).1.iter().map(|sd| sd * sd).sum::<f64>() / waves.len().max(1) as f64;
+    let size: f64 = wave.iter().map(|w| w * w).sum();
+    (likeness(&wave, &ray), (variance / size.max(f64::MIN_POSITIVE)).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::wave::MieSolver;
+    use std::sync::atomic::AtomicU64;
+
+    const ONE: &str = "name = \"one\"\n[fiber]\nshape = { kind = \"circle\", radius_um = 4.0 }\nsize_jitter = 0.05\neta = 1.5\nalpha_fiber = 0.2\n\
+        [ply]\nfibers = 1\nradius_um = 6.0\n[beam]\nw0_um = 4.0\n";
+
+    fn options() -> CompareOptions {
+        CompareOptions {
+            instances: 3,
+            lambda_um: vec![0.5, 0.7],
+            h_rel: vec![0.0, 0.8],
+            paths: 20_000,
+            tolerance: 1e-8,
+            ..CompareOptions::default()
+        }
+    }
+
+    fn mie(bodies: &[Body], wave: &Wave, tolerance: f64) -> Result<Solver, WaveError> {
+        Ok(Box::new(MieSolver::new(&bodies[0], wave, tolerance)?))
+    }
+
+    /// Clear fibers: both optics give back the beam, waves to the solver's accuracy; the share that missed is that of rays. With absorption both keep less.
+    #[test]
+    fn energies_add_up() {
+        let spec = YarnSpec::parse(ONE, "one.toml").unwrap();
+        let clear = compare_with(&spec, ONE, &options(), Run::plain(), &mie).unwrap();
+        assert_eq!(clear.cases.len(), 4);
+        for case in &clear.cases {
+            let e = &case.energies;
+            assert!((e.wave_total.min - 1.0).abs() < 1e-7 && (e.wave_total.max - 1.0).abs() < 1e-7, "{e:?}");
+            let rays = e.ray_miss.mean + e.ray_refl.mean + e.ray_high.mean + e.ray_killed.mean;
+            assert!((rays - 1.0).abs() < 1e-9, "{rays}");
+            assert!((e.wave_scattered.mean + e.wave_absorbed.mean - e.wave_extinguished.mean).abs() < 1e-7);
+            // The curves hold the same energy.
+            let mean: f64 = case.curves.wave_mean.iter().sum::<f64>() * TAU / case.curves.wave_mean.len() as f64;
+            assert!((mean - 1.0).abs() < 1e-7, "{mean}");
+        }
+        let dark = CompareOptions { sigma_per_um: 0.05, ..options() };
+        let dark = compare_with(&spec, ONE, &dark, Run::plain(), &mie).unwrap();
+        for case in &dark.cases {
+            let e = &case.energies;
+            let (wave, ray) = (1.0 - e.wave_total.mean, 1.0 - e.ray_miss.mean - e.ray_refl.mean - e.ray_high.mean);
+            assert!((wave - e.wave_absorbed.mean).abs() < 1e-7, "{wave} {e:?}");
+            // Ray optics of a fiber eight wavelengths thick absorbs alike; its noise: 20000 rays, three times.
+            assert!((wave / ray - 1.0).abs() < 0.1, "waves absorb {wave}, rays {ray}");
+        }
+    }
+
+    /// A fiber of hundreds of wavelengths in coarse bins is what rays say: the whole chain from section to likeness, with angles, sides and offsets right.
+    #[test]
+    fn thick_fibers_are_ray_optics() {
+        let text = ONE.replace("radius_um = 4.0", "radius_um = 40.0").replace("radius_um = 6.0", "radius_um = 52.0");
+        let text = text.replace("w0_um = 4.0", "w0_um = 10.0");
+        let spec = YarnSpec::parse(&text, "thick.toml").unwrap();
+        let thick = CompareOptions {
+            instances: 4,
+            lambda_um: vec![0.4],
+            h_rel: vec![0.0, 0.5, -0.5],
+            paths: 200_000,
+            ..options()
+        };
+        let report = compare_with(&spec, &text, &thick, Run::plain(), &mie).unwrap();
+        for case in &report.cases {
+            let coarse = &case.resolutions[3];
+            assert!(
+                coarse.average.correlation > 0.999 && coarse.average.relative_l2 < 0.05,
+                "h {}: {:?}",
+                case.h_rel,
+                coarse.average
+            );
+        }
+        // Sides matter: rays at -h are not waves at h.
+        let [a, b] = [1, 2].map(|k| &report.cases[k].curves);
+        let [a, b] = [(&a.wave_mean, &b.ray_mean), (&b.wave_mean, &a.ray_mean)]
+            .map(|(w, r)| correlation(&coarser(w, 10), &coarser(r, 10)));
+        assert!(a < 0.9 && b < 0.9, "{a} {b}");
+    }
+
+    /// Threads, a stop and a longer run later change nothing.
+    #[test]
+    fn threads_stops_and_more_instances_do_not_matter() {
+        let spec = YarnSpec::parse(ONE, "one.toml").unwrap();
+        let whole = |threads: usize, run: Run<'_>, options: &CompareOptions| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| compare_with(&spec, ONE, options, run, &mie))
+        };
+        let options = CompareOptions { paths: 2000, ..options() };
+        let want = whole(1, Run::plain(), &options).unwrap();
+        assert_eq!(whole(3, Run::plain(), &options).unwrap(), want);
+
+        let folder = tempfile::tempdir().unwrap();
+        let parts = folder.path().join("r.parts");
+        let (stop, done) = (AtomicBool::new(false), AtomicU64::new(0));
+        let halt = |jobs: u64| {
+            if done.fetch_add(jobs, Ordering::Relaxed) + jobs >= 2 {
+                stop.store(true, Ordering::Relaxed);
+            }
+        };
+        let run = Run { parts: Some(&parts), resume: false, stop: Some(&stop), progress: Some(&halt) };
+        let fewer = CompareOptions { instances: 2, ..options.clone() };
+        assert!(matches!(whole(1, run, &fewer), Err(SimError::Interrupted { left: 2, total: 4 })));
+        let again = Run { parts: Some(&parts), resume: true, stop: None, progress: None };
+        assert_eq!(whole(2, again, &fewer).unwrap().instances, 2);
+        assert_eq!(whole(2, again, &options).unwrap(), want);
+    }
+
+    /// A solver that loses power is found out.
+    #[test]
+    fn lost_power_is_an_error() {
+        let spec = YarnSpec::parse(ONE, "one.toml").unwrap();
+        let options = CompareOptions { tolerance: 1e-300, ..options() };
+        let solver = |bodies: &[Body], wave: &Wave, _: f64| mie(bodies, wave, 1e-8);
+        assert!(matches!(
+            compare_with(&spec, ONE, &options, Run::plain(), &solver),
+            Err(SimError::Wave(WaveError::Ledger { .. }))
+        ));
+    }
+}
