@@ -59,6 +59,48 @@ pub struct WaveArgs {
 pub enum WaveCommand {
     /// Scatter plane waves or beams by fibers: scene (TOML) in, far fields and widths (JSON) out.
     Scatter(WaveScatterArgs),
+    /// Tabulate how one fiber scatters light of every direction and wavelength: spec or scene (TOML) in, fiber (.pwf) out.
+    Tabulate(WaveTabulateArgs),
+}
+
+/// `plywave wave tabulate`.
+#[derive(Debug, Args)]
+pub struct WaveTabulateArgs {
+    /// Yarn spec, whose mean fiber is taken without jitter, or scene of one fiber (TOML).
+    pub spec: PathBuf,
+    /// Fiber table to write [default: SPEC's name with .pwf, in this folder].
+    #[arg(long, short, value_name = "FIBER")]
+    pub output: Option<PathBuf>,
+    /// By rays in place of waves.
+    #[arg(long)]
+    pub rays: bool,
+    /// Quality; standard has the sizes of Xia 2020.
+    #[arg(long, value_enum, default_value_t = Preset::Standard)]
+    pub preset: Preset,
+    /// Go on with a run that was stopped; the result is bit for bit that of one that was not.
+    #[arg(long)]
+    pub resume: bool,
+    /// Absorption coefficient of a yarn spec's fiber [1/um].
+    #[arg(long, value_name = "SIGMA", default_value_t = 0.0)]
+    pub sigma: f64,
+    /// Longitudinal width to store [degrees]; hosts may use another.
+    #[arg(long, value_name = "DEG", default_value_t = 5.73)]
+    pub beta_m: f64,
+    /// Bands of wavelength from 0.38 to 0.78 um, instead of the preset's.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=400))]
+    pub lambdas: Option<u32>,
+    /// Latitudes theta_i, instead of the preset's.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=900))]
+    pub thetas: Option<u32>,
+    /// Most azimuths phi_i round the fiber, instead of the preset's.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=3600))]
+    pub azimuths: Option<u32>,
+    /// Rays of each incidence, instead of the preset's.
+    #[arg(long, value_name = "N", requires = "rays", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
+    pub ray_count: Option<u64>,
+    /// Seed of the rays.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
 }
 
 /// `plywave wave scatter`.

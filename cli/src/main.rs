@@ -29,6 +29,7 @@ fn main() -> ExitCode {
         Command::Plot(args) => commands::plot::run(&cli, args),
         Command::Wave(wave) => match &wave.command {
             WaveCommand::Scatter(args) => commands::wave_scatter::run(&cli, args),
+            WaveCommand::Tabulate(args) => commands::wave_tabulate::run(&cli, args),
         },
     };
     match outcome {

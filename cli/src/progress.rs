@@ -46,7 +46,7 @@ pub fn resume_command() -> String {
         let plain = !word.is_empty() && word.chars().all(|c| c.is_alphanumeric() || "-_./=,:+".contains(c));
         words.push(if plain { word.into_owned() } else { format!("'{}'", word.replace('\'', r"'\''")) });
     }
-    let resumable = words.iter().any(|w| w == "simulate" || w == "build");
+    let resumable = words.iter().any(|w| w == "simulate" || w == "build" || w == "tabulate");
     if resumable && !words.iter().any(|w| w == "--resume") {
         words.push("--resume".into());
     }

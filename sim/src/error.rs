@@ -48,6 +48,9 @@ pub enum SimError {
         /// Shards in all.
         total: usize,
     },
+    /// Something of the wave code.
+    #[error(transparent)]
+    Wave(#[from] crate::wave::WaveError),
     /// Something of the runtime: spec, table or file.
     #[error(transparent)]
     Runtime(#[from] plywave::Error),

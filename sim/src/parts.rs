@@ -2,7 +2,6 @@
 //! dies at, a file there is whole.
 
 use crate::error::SimError;
-use crate::options::SimOptions;
 use crate::shard::Sums;
 use plywave::Error;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
@@ -21,7 +20,12 @@ fn io(path: &Path) -> impl FnOnce(std::io::Error) -> SimError + '_ {
 
 impl Parts {
     /// Open the folder for a run; what it holds is kept only when `resume` is set and it is of the same run.
-    pub fn open(folder: &Path, resume: bool, spec_text: &str, options: &SimOptions) -> Result<Parts, SimError> {
+    pub fn open(
+        folder: &Path,
+        resume: bool,
+        spec_text: &str,
+        options: &dyn std::fmt::Debug,
+    ) -> Result<Parts, SimError> {
         let run = format!("plywave {}\n{options:?}\nspec:\n{spec_text}\n", env!("CARGO_PKG_VERSION"));
         let marker = folder.join("run.txt");
         let parts = Parts { folder: folder.to_path_buf() };
@@ -74,55 +78,93 @@ impl Parts {
     /// Read a shard, or the sum of a latitude's, into `sums` (whose sizes say what is expected); false when there is none. A file that is damaged is
     /// as good as none.
     pub fn read(&self, m: usize, s: Option<usize>, sums: &mut Sums) -> Result<bool, SimError> {
-        let path = self.path(m, s);
-        let bytes = match fs::read(&path) {
-            Ok(bytes) => bytes,
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(false),
-            Err(e) => return Err(io(&path)(e)),
-        };
-        let Ok(file) = SafeTensors::deserialize(&bytes) else { return Ok(false) };
-        let get = |name: &str, len: usize, size: usize| {
-            file.tensor(name).ok().map(|t| t.data().to_vec()).filter(|d| d.len() == len * size)
-        };
-        let doubles = |bytes: Vec<u8>, to: &mut [f64]| {
-            for (v, b) in to.iter_mut().zip(bytes.chunks_exact(8)) {
-                *v = f64::from_le_bytes(b.try_into().unwrap_or_default());
-            }
-        };
-        let Some(bins) = get("bins", sums.bins.len(), 4) else { return Ok(false) };
-        for (v, b) in sums.bins.iter_mut().zip(bins.chunks_exact(4)) {
-            *v = f32::from_le_bytes(b.try_into().unwrap_or_default());
-        }
-        for (name, to) in sums.doubles_mut() {
-            let Some(bytes) = get(name, to.len(), 8) else { return Ok(false) };
-            doubles(bytes, to);
-        }
-        Ok(true)
+        let Some(file) = File::open(self.path(m, s))? else { return Ok(false) };
+        Ok(file.floats("bins", &mut sums.bins) && sums.doubles_mut().into_iter().all(|(n, to)| file.doubles(n, to)))
     }
 
     /// Write a finished shard.
     pub fn write(&self, m: usize, s: Option<usize>, sums: &Sums) -> Result<(), SimError> {
-        let path = self.path(m, s);
-        let mut tensors: Vec<(&str, Dtype, usize, Vec<u8>)> =
-            vec![("bins", Dtype::F32, sums.bins.len(), sums.bins.iter().flat_map(|v| v.to_le_bytes()).collect())];
-        for (name, v) in sums.doubles() {
-            tensors.push((name, Dtype::F64, v.len(), v.iter().flat_map(|v| v.to_le_bytes()).collect()));
-        }
-        let damaged = |e: safetensors::SafeTensorError| {
-            SimError::from(Error::Format {
-                file: path.display().to_string(),
-                what: e.to_string(),
-                mend: "free some disk space and resume".into(),
-            })
-        };
-        let views: Vec<(&str, TensorView<'_>)> = tensors
-            .iter()
-            .map(|(name, dtype, len, bytes)| TensorView::new(*dtype, vec![*len], bytes).map(|v| (*name, v)))
-            .collect::<Result<_, _>>()
-            .map_err(damaged)?;
-        let bytes = safetensors::serialize(views, None).map_err(damaged)?;
-        write_whole(&path, &bytes)
+        write_arrays(&self.path(m, s), ("bins", &sums.bins), &sums.doubles())
     }
+
+    /// File of the fiber shard that begins at latitude `m` of wavelength `l`.
+    fn fiber_path(&self, l: usize, m: usize) -> PathBuf {
+        self.folder.join(format!("theta{m:03}_lambda{l:03}.safetensors"))
+    }
+
+    /// Read part of a fiber table, whose sizes say what is expected; false when there is none or it is damaged.
+    pub fn read_fiber(
+        &self,
+        l: usize,
+        m: usize,
+        azimuthal: &mut [f32],
+        widths: [&mut [f64]; 2],
+    ) -> Result<bool, SimError> {
+        let Some(file) = File::open(self.fiber_path(l, m))? else { return Ok(false) };
+        let [c_x, c_abs] = widths;
+        Ok(file.floats("azimuthal", azimuthal) && file.doubles("c_x_um", c_x) && file.doubles("c_abs_um", c_abs))
+    }
+
+    /// Write part of a fiber table.
+    pub fn write_fiber(&self, l: usize, m: usize, azimuthal: &[f32], widths: [&[f64]; 2]) -> Result<(), SimError> {
+        let doubles = [("c_x_um", widths[0]), ("c_abs_um", widths[1])];
+        write_arrays(&self.fiber_path(l, m), ("azimuthal", azimuthal), &doubles)
+    }
+}
+
+/// The bytes of a shard's file that holds together.
+struct File(Vec<u8>);
+
+impl File {
+    fn open(path: PathBuf) -> Result<Option<File>, SimError> {
+        match fs::read(&path) {
+            Ok(bytes) => Ok(SafeTensors::deserialize(&bytes).is_ok().then_some(File(bytes))),
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(None),
+            Err(e) => Err(io(&path)(e)),
+        }
+    }
+
+    fn read<const N: usize, T>(&self, name: &str, to: &mut [T], from: impl Fn([u8; N]) -> T) -> bool {
+        let Ok(file) = SafeTensors::deserialize(&self.0) else { return false };
+        let Ok(tensor) = file.tensor(name) else { return false };
+        let (values, rest) = tensor.data().as_chunks::<N>();
+        if values.len() != to.len() || !rest.is_empty() {
+            return false;
+        }
+        to.iter_mut().zip(values).for_each(|(to, bytes)| *to = from(*bytes));
+        true
+    }
+
+    fn floats(&self, name: &str, to: &mut [f32]) -> bool {
+        self.read(name, to, f32::from_le_bytes)
+    }
+
+    fn doubles(&self, name: &str, to: &mut [f64]) -> bool {
+        self.read(name, to, f64::from_le_bytes)
+    }
+}
+
+/// Write one array of f32 and several of f64.
+fn write_arrays(path: &Path, floats: (&str, &[f32]), doubles: &[(&str, &[f64])]) -> Result<(), SimError> {
+    let bytes = floats.1.iter().flat_map(|v| v.to_le_bytes()).collect();
+    let mut tensors: Vec<(&str, Dtype, usize, Vec<u8>)> = vec![(floats.0, Dtype::F32, floats.1.len(), bytes)];
+    for (name, v) in doubles {
+        tensors.push((name, Dtype::F64, v.len(), v.iter().flat_map(|v| v.to_le_bytes()).collect()));
+    }
+    let damaged = |e: safetensors::SafeTensorError| {
+        SimError::from(Error::Format {
+            file: path.display().to_string(),
+            what: e.to_string(),
+            mend: "free some disk space and resume".into(),
+        })
+    };
+    let views: Vec<(&str, TensorView<'_>)> = tensors
+        .iter()
+        .map(|(name, dtype, len, bytes)| TensorView::new(*dtype, vec![*len], bytes).map(|v| (*name, v)))
+        .collect::<Result<_, _>>()
+        .map_err(damaged)?;
+    let bytes = safetensors::serialize(views, None).map_err(damaged)?;
+    write_whole(path, &bytes)
 }
 
 /// Whether a folder holds nothing but files named as shards are.

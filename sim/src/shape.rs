@@ -24,6 +24,8 @@ const DENT_POWER: i32 = 10;
 const KIDNEY_BEND: f64 = 0.5;
 /// Height of the lumen relative to a lumen of the outline's own proportions: cotton collapses when it dries.
 const LUMEN_FLATNESS: f64 = 0.45;
+/// Mean depth of the teeth of a serrated outline, relative to the spec's.
+pub(crate) const MEAN_TOOTH: f64 = 0.7;
 /// Redraws of a random polygon until its rounding fits.
 const REDRAWS: usize = 64;
 
@@ -114,7 +116,7 @@ fn point_count(length: f64, least_radius: f64) -> usize {
 }
 
 /// Points of the closed curve `at(t)`, t in [0, 2 pi), evenly in arc length; each lies on the curve.
-fn curve(at: impl Fn(f64) -> Vector2<f64>) -> Outline {
+pub(crate) fn curve(at: impl Fn(f64) -> Vector2<f64>) -> Outline {
     const FINE: usize = 4 * MAX_POINTS;
     let t = |i: usize| TAU * i as f64 / FINE as f64;
     let nodes: Vec<Vector2<f64>> = (0..FINE).map(|i| at(t(i))).collect();
@@ -134,28 +136,46 @@ fn curve(at: impl Fn(f64) -> Vector2<f64>) -> Outline {
     Outline::Polyline(points.collect())
 }
 
+fn kidney(a: f64, b: f64, dent: f64, hollow: f64) -> (Outline, Option<Outline>) {
+    let bean = Kidney { a, b, dent, hollow };
+    (curve(|t| bean.outer(t)), (hollow > 0.0).then(|| curve(|t| bean.lumen(t))))
+}
+
 /// A bean with a dent from above and bent ends; the lumen lies flat along its midline.
 ///
 /// With `x = a cos t`, `s = |sin t|` and `g(s) = ((1 + s)/2)^10`, the walls stand at `b (s - dent g(s))` and
 /// `b (-s - dent g(-s))` above the bent midline. As `g(s) - g(-s) <= s`, the thickness is `b (2 - dent) s` or more and that of the
-/// lumen, drawn about the same midline, is less at every x: the walls never meet.
-fn kidney(a: f64, b: f64, dent: f64, hollow: f64) -> (Outline, Option<Outline>) {
-    let g = |s: f64| (0.5 * (1.0 + s)).powi(DENT_POWER);
-    let bend = |x: f64| KIDNEY_BEND * dent * b * x * x;
-    let outer = curve(|t| {
+/// lumen, drawn about the same midline, is less at every x: the walls never meet. Both are trigonometric polynomials of degree 10.
+pub(crate) struct Kidney {
+    pub a: f64,
+    pub b: f64,
+    pub dent: f64,
+    pub hollow: f64,
+}
+
+impl Kidney {
+    fn dip(s: f64) -> f64 {
+        (0.5 * (1.0 + s)).powi(DENT_POWER)
+    }
+
+    fn bend(&self, x: f64) -> f64 {
+        KIDNEY_BEND * self.dent * self.b * x * x
+    }
+
+    /// The outer wall, t in [0, 2 pi).
+    pub fn outer(&self, t: f64) -> Vector2<f64> {
         let (s, x) = t.sin_cos();
-        Vector2::new(a * x, b * (s - dent * g(s)) + bend(x))
-    });
-    let lumen = (hollow > 0.0).then(|| {
-        let height = LUMEN_FLATNESS * hollow * b * (1.0 - 0.5 * dent);
-        curve(|t| {
-            let x = hollow * t.cos();
-            let s = (1.0 - x * x).sqrt();
-            let middle = -0.5 * b * dent * (g(s) + g(-s)) + bend(x);
-            Vector2::new(a * x, middle + height * t.sin())
-        })
-    });
-    (outer, lumen)
+        Vector2::new(self.a * x, self.b * (s - self.dent * Self::dip(s)) + self.bend(x))
+    }
+
+    /// The wall of the lumen.
+    pub fn lumen(&self, t: f64) -> Vector2<f64> {
+        let height = LUMEN_FLATNESS * self.hollow * self.b * (1.0 - 0.5 * self.dent);
+        let x = self.hollow * t.cos();
+        let s = (1.0 - x * x).sqrt();
+        let middle = -0.5 * self.b * self.dent * (Self::dip(s) + Self::dip(-s)) + self.bend(x);
+        Vector2::new(self.a * x, middle + height * t.sin())
+    }
 }
 
 /// A triangle of irregular corners, each rounded by an arc.
@@ -217,7 +237,7 @@ fn serrated<R: Rng>(radius: f64, depth: f64, teeth: f64, jitter: f64, rng: &mut 
     };
     curve(|t| {
         let tooth = (teeth * t + sum(&warps, 1.0, t)).cos();
-        let deep = 0.7 + sum(&swell, 2.0, t);
+        let deep = MEAN_TOOTH + sum(&swell, 2.0, t);
         polar(radius * (1.0 + sum(&form, 2.0, t) + depth * deep * tooth), t)
     })
 }
@@ -311,7 +331,7 @@ fn rounded_convex(corners: &[Vector2<f64>], rounding: f64) -> Option<Outline> {
 }
 
 /// Any simple polygon with an arc at each corner, reflex ones included.
-fn rounded_polygon(mut corners: Vec<Vector2<f64>>, rounding: f64) -> Result<Outline, SimError> {
+pub(crate) fn rounded_polygon(mut corners: Vec<Vector2<f64>>, rounding: f64) -> Result<Outline, SimError> {
     if Outline::Polyline(corners.clone()).area() < 0.0 {
         corners.reverse();
     }

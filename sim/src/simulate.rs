@@ -155,7 +155,7 @@ fn shard_paths(options: &SimOptions) -> u64 {
 }
 
 /// A well-mixed 128-bit state from the seed and the place of a stream.
-fn stream(seed: u64, place: [u64; 2]) -> Pcg64Mcg {
+pub(crate) fn stream(seed: u64, place: [u64; 2]) -> Pcg64Mcg {
     let mut x = seed;
     let mut word = |salt: u64| {
         x = (x ^ salt).wrapping_add(0x9e37_79b9_7f4a_7c15);

@@ -327,7 +327,7 @@ impl FiberTable {
 
 /// An axis must be the one that its rule gives, to rounding.
 fn equal(name: &str, key: &str, axis: &[f64], rule: &[f64]) -> Result<()> {
-    match axis.iter().zip(rule).position(|(a, b)| !((a - b).abs() <= 1e-9)) {
+    match axis.iter().zip(rule).position(|(a, b)| (a - b).abs() > 1e-9 || a.is_nan()) {
         None => Ok(()),
         Some(i) => Err(invalid(name, &format!("{key}[{i}]"), axis[i], &format!("expected {}", rule[i]))),
     }

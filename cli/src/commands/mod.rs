@@ -11,6 +11,7 @@ pub mod plot;
 pub mod sample;
 pub mod simulate;
 pub mod wave_scatter;
+pub mod wave_tabulate;
 
 use crate::args::{Cli, IncidenceArgs};
 use crate::failure::{Failure, Outcome};

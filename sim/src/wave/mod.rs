@@ -25,14 +25,17 @@ mod mie;
 mod nystrom;
 #[cfg(test)]
 mod nystrom_tests;
+mod rays;
 mod scatter;
 mod scene;
 mod scene_check;
 mod series;
+mod single_fiber;
 mod source;
 pub mod special;
 mod symmetry;
 mod system;
+mod tabulate;
 
 pub use error::WaveError;
 pub use mie::MieSolver;
@@ -40,7 +43,9 @@ pub use nystrom::NystromSolver;
 pub use scatter::{Case, Report, RunStats, check_ledger, scatter};
 pub use scene::{Beams, Method, Scene};
 pub use scene_check::check_walls;
+pub use single_fiber::{Absorption, SingleFiber};
 pub use source::{BeamSource, PlaneWave, Source};
+pub use tabulate::{MakeSolver, Solver, TabulateOptions, tabulate, tabulate_rays, tabulate_slices, tabulate_with};
 
 use num_complex::Complex64;
 use std::f64::consts::{PI, TAU};
