@@ -3,11 +3,12 @@
 
 use super::Queries;
 use super::kernel::{
-    Energies, LANES, Lanes, Places, absorb, absorbed, halves, interpolate_high, interpolate_node, interpolate_refl,
-    log_transmittances, mirrored, mixture, scales, sum, transmit,
+    Axes, Energies, Places, absorb, absorbed, amplitudes, clamped_sigma, halves, interpolate_high, interpolate_node,
+    interpolate_refl, mixture, project, root_width, scales, shape, sin_cos, sum, transmittance,
 };
 use super::layout::Tables;
 use crate::asg::PARAMS;
+use crate::simd::{fma, max};
 
 /// Queries in a chunk: their numbers, 13 KiB, stay in the first-level cache.
 const W: usize = 16;
@@ -44,10 +45,10 @@ fn one_incidence<const FMA: bool, const H: usize, const R: usize, const L: usize
 ) {
     f.fill([0.0; N]);
     let Some((theta_i, h_um, sigma, _)) = queries.get(0) else { return };
-    let Some(mixture) = mixture::<FMA, H, R, L, J, N>(tables, theta_i, h_um, &sigma) else { return };
+    let Some((mixture, shapes)) = mixture::<FMA, H, R, L, J, N>(tables, theta_i, h_um, &sigma) else { return };
     for (i, f) in f.iter_mut().enumerate() {
         let Some((_, _, _, wo)) = queries.get(i) else { return };
-        let (refl, high) = mixture.eval::<FMA>(wo);
+        let (refl, high) = mixture.eval::<FMA>(&shapes, wo);
         *f = sum(refl, high);
     }
 }
@@ -57,7 +58,8 @@ struct Lobes<const K: usize> {
     params: [[[f32; K]; W]; PARAMS],
     v: [[[f32; K]; W]; 3],
     least: [[f32; K]; W],
-    energy: [[f32; K]; W],
+    /// Cosines of the angles, whose sines take their place in `params`.
+    cos: [[[f32; K]; W]; 3],
     value: [[f32; K]; W],
 }
 
@@ -65,7 +67,7 @@ impl<const K: usize> Lobes<K> {
     #[inline(always)]
     fn new(least: [f32; K]) -> Self {
         let zero = [[0.0; K]; W];
-        Lobes { params: [zero; PARAMS], v: [zero; 3], least: [least; W], energy: zero, value: zero }
+        Lobes { params: [zero; PARAMS], v: [zero; 3], least: [least; W], cos: [zero; 3], value: zero }
     }
 
     #[inline(always)]
@@ -78,28 +80,35 @@ impl<const K: usize> Lobes<K> {
         }
     }
 
+    /// Energies of the lobes and their values. Each step of the arithmetic is a loop of its own over all the lanes: its chain of
+    /// dependent operations is short, so that the processor overlaps many of them, and its constants stay in registers.
     #[inline(always)]
     fn eval<const FMA: bool>(&mut self, bounds: (f32, f32)) {
-        let lane = |x: &[[f32; K]; W], at: usize| {
-            x.as_flattened().as_chunks::<LANES>().0.get(at).copied().unwrap_or([0.0; LANES])
-        };
-        for at in 0..W * K / LANES {
-            let p = &self.params;
-            let lanes = Lanes {
-                params: [
-                    lane(&p[0], at),
-                    lane(&p[1], at),
-                    lane(&p[2], at),
-                    lane(&p[3], at),
-                    lane(&p[4], at),
-                    lane(&p[5], at),
-                ],
-                v: [lane(&self.v[0], at), lane(&self.v[1], at), lane(&self.v[2], at)],
-                least: lane(&self.least, at),
-            };
-            let (energy, value) = lanes.eval::<FMA>(bounds);
-            self.energy.as_flattened_mut().as_chunks_mut::<LANES>().0[at] = energy;
-            self.value.as_flattened_mut().as_chunks_mut::<LANES>().0[at] = value;
+        let [theta, phi, xy, width1, width2, energy] = self.params.each_mut().map(|x| x.as_flattened_mut());
+        let [v0, v1, v2] = self.v.each_ref().map(|x| x.as_flattened());
+        let [cos_theta, cos_phi, cos_xy] = self.cos.each_mut().map(|x| x.as_flattened_mut());
+        let (value, least) = (self.value.as_flattened_mut(), self.least.as_flattened());
+        for (angle, cos) in [(&mut *theta, &mut *cos_theta), (&mut *phi, &mut *cos_phi), (&mut *xy, &mut *cos_xy)] {
+            for (angle, cos) in angle.iter_mut().zip(cos) {
+                (*angle, *cos) = sin_cos::<FMA>(*angle);
+            }
+        }
+        for width in [&mut *width1, &mut *width2] {
+            for width in width {
+                *width = root_width::<FMA>(*width, bounds);
+            }
+        }
+        for (((value, energy), least), (s1, s2)) in
+            value.iter_mut().zip(energy.iter_mut()).zip(least).zip(width1.iter().zip(width2.iter()))
+        {
+            *energy = max(*energy, *least);
+            *value = *energy * amplitudes::<FMA>(*s1, *s2).1;
+        }
+        for i in 0..value.len() {
+            let x = Axes { theta: (theta[i], cos_theta[i]), phi: (phi[i], cos_phi[i]), xy: (xy[i], cos_xy[i]) };
+            let [u, w, cz] = project::<FMA>(x, [v0[i], v1[i], v2[i]]);
+            let (u, w) = (width1[i] * u, width2[i] * w);
+            value[i] *= shape::<FMA>(fma::<FMA>(u, u, w * w), cz);
         }
     }
 }
@@ -122,45 +131,59 @@ fn many<const FMA: bool, const H: usize, const R: usize, const J: usize, const N
     s: &mut Scratch<H, R, J, N>,
     f: &mut [[f32; N]],
 ) {
+    let [x, y, z] = queries.wo;
     // Queries that are not there miss.
-    let (mut theta_i, mut h_um) = ([f32::NAN; W], [0.0; W]);
-    for q in 0..f.len().min(W) {
-        if let Some(query) = queries.get(q) {
-            (theta_i[q], h_um[q]) = (query.0, query.1);
+    let mut theta_i = head(queries.theta_i, f32::NAN);
+    let there = [queries.h_um.len(), queries.sigma_per_um.len(), x.len(), y.len(), z.len()];
+    theta_i.iter_mut().skip(there.into_iter().fold(W, usize::min)).for_each(|t| *t = f32::NAN);
+    let places = Places::new::<FMA>(&tables.grid, &theta_i, &head(queries.h_um, 0.0));
+    let (sigma, mut v) = (head(queries.sigma_per_um, [0.0; N]), [head(x, 0.0), head(y, 0.0), head(z, 0.0)]);
+    places.mirror(&mut v);
+    let mut hit = places.hit;
+    for q in 0..W {
+        let p = &places.get(q);
+        let v = [v[0][q], v[1][q], v[2][q]];
+        s.transmittance[q] = [clamped_sigma(&sigma[q]); J];
+        if let Some(high) = interpolate_high::<FMA, H, R, J>(tables, p)
+            && let Some(refl) = interpolate_refl::<FMA, H, R, J>(tables, p)
+            && let Some(node) = interpolate_node::<FMA, J>(&tables.nodes, p)
+        {
+            s.spectrum[q] = high.spectrum;
+            s.high.set(q, &high.params, v);
+            s.refl.set(q, &refl, v);
+            s.simulated[q] = (node.refl, node.high);
+        } else {
+            hit[q] = 0;
         }
     }
-    let places = Places::new(&tables.grid, &theta_i, &h_um);
-    let mut hit = [false; W];
-    for q in 0..f.len().min(W) {
-        let p = &places.get(q);
-        let Some((_, _, sigma, wo)) = queries.get(q).filter(|_| p.hit) else { continue };
-        let Some(lobes) = interpolate_high::<FMA, H, R, J>(tables, p) else { continue };
-        let Some(lobes_refl) = interpolate_refl::<FMA, H, R, J>(tables, p) else { continue };
-        let Some(node) = interpolate_node::<FMA, J>(&tables.grid, &tables.nodes, p) else { continue };
-        hit[q] = true;
-        let v = mirrored(p.flip, wo);
-        s.high.set(q, &lobes.params, v);
-        s.refl.set(q, &lobes_refl, v);
-        s.spectrum[q] = lobes.spectrum;
-        s.simulated[q] = (node.refl, node.high);
-        s.transmittance[q] = log_transmittances(&tables.path, &sigma);
+    let path: [[f32; N]; J] = std::array::from_fn(|j| [tables.path[j]; N]);
+    for t in &mut s.transmittance {
+        for (t, path) in t.as_flattened_mut().iter_mut().zip(path.as_flattened()) {
+            *t = transmittance::<FMA>(*t * *path);
+        }
     }
-    transmit::<FMA>(s.transmittance.as_flattened_mut().as_flattened_mut());
     s.high.eval::<FMA>(tables.bandwidth);
     s.refl.eval::<FMA>(tables.bandwidth);
     for (q, f) in f.iter_mut().enumerate().take(W) {
-        *f = [0.0; N];
-        if hit[q] {
-            let t = &s.transmittance[q];
-            let high = absorb::<FMA, J, N>(&s.simulated[q].1, t);
-            let energies = Energies { r_d: 0.0, refl: s.simulated[q].0, high };
-            let energy = absorbed::<FMA, H, J, N>(tables.pairs, &s.high.energy[q], &s.spectrum[q], t);
-            let mut value = absorbed::<FMA, H, J, N>(tables.pairs, &s.high.value[q], &s.spectrum[q], t);
-            let (scale_refl, scale_high) = scales(&energies, halves(s.refl.energy[q]), &energy);
-            for k in 0..N {
-                value[k] *= scale_high[k];
-            }
-            *f = sum(halves(s.refl.value[q]) * scale_refl, value);
+        let t = &s.transmittance[q];
+        let high = absorb::<FMA, J, N>(&s.simulated[q].1, t);
+        let energies = Energies { r_d: 0.0, refl: s.simulated[q].0, high };
+        let energy = absorbed::<FMA, H, J, N>(tables.pairs, &s.high.params[5][q], &s.spectrum[q], t);
+        let mut value = absorbed::<FMA, H, J, N>(tables.pairs, &s.high.value[q], &s.spectrum[q], t);
+        let (scale_refl, scale_high) = scales(&energies, halves(s.refl.params[5][q]), &energy);
+        for k in 0..N {
+            value[k] *= scale_high[k];
         }
+        *f = if hit[q] != 0 { sum(halves(s.refl.value[q]) * scale_refl, value) } else { [0.0; N] };
     }
+}
+
+/// The first W of `x`, or what there is and then `fill`.
+#[inline(always)]
+fn head<T: Copy>(x: &[T], fill: T) -> [T; W] {
+    x.first_chunk().copied().unwrap_or_else(|| {
+        let mut part = [fill; W];
+        part.iter_mut().zip(x).for_each(|(part, x)| *part = *x);
+        part
+    })
 }

@@ -2,7 +2,7 @@
 //!
 //! Each of these functions is one inlined copy of the arithmetic. Models beyond the small tables take one portable copy.
 
-use super::kernel::{Energies, energies, mixture, sum};
+use super::kernel::{Energies, energies, mixture, sum, weights};
 use super::layout::{Layout, SMALL, Tables};
 use super::{MAX_LOBES, MAX_PATHS, Queries, batch};
 use multiversion::{multiversion, target::target_cfg_f};
@@ -50,7 +50,7 @@ kernel!(
     run_eval, eval_small, eval_large,
     (theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> (f32, [f32; N]),
     |tables, FMA, L| match mixture::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
-        Some(m) => m.eval::<FMA>(wo),
+        Some((m, x)) => m.eval::<FMA>(&x, wo),
         None => (0.0, [0.0; N]),
     }
 );
@@ -58,15 +58,15 @@ kernel!(
     run_pdf, pdf_small, pdf_large,
     (theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> f32,
     |tables, FMA, L| match mixture::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
-        Some(m) => m.pdf::<FMA>(wo),
+        Some((m, x)) => m.pdf::<FMA>(&x, wo),
         None => 0.0,
     }
 );
 kernel!(
     run_sample, sample_small, sample_large,
     (theta_i: f32, h_um: f32, sigma: [f32; N], u: [f32; 3]) -> Option<([f32; 3], [f32; N], f32)>,
-    |tables, FMA, L| match mixture::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
-        Some(m) => m.sample::<FMA>(u),
+    |tables, FMA, L| match weights::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
+        Some(mut m) => m.sample::<FMA>(tables.bandwidth, u),
         None => None,
     }
 );
@@ -74,10 +74,10 @@ kernel!(
     run_directions, directions_small, directions_large,
     (theta_i: f32, h_um: f32, sigma: [f32; N], wo: &[[f32; 3]], f: &mut [[f32; N]], pdf: &mut [f32]) -> (),
     |tables, FMA, L| match mixture::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
-        Some(m) => {
+        Some((m, x)) => {
             let mean = m.mean::<FMA>();
             for ((wo, f), pdf) in wo.iter().zip(f).zip(pdf) {
-                let (refl, high, p) = m.eval_pdf::<FMA>(&mean, *wo);
+                let (refl, high, p) = m.eval_pdf::<FMA>(&x, &mean, *wo);
                 (*f, *pdf) = (sum(refl, high), p);
             }
         }

@@ -31,9 +31,10 @@ pub(super) struct Place {
     pub(super) hit: bool,
     /// Whether theta_i < 0: directions are mirrored on the way in and out.
     pub(super) flip: bool,
-    /// Cell.
-    m: u32,
-    n: u32,
+    /// Where the tables hold the cell's energies, its reflection lobes, and the block.
+    node: u32,
+    refl: u32,
+    high: u32,
     /// Catmull-Rom weights of nodes -1..=2 of the cell along theta_i and h.
     wm: [f32; 4],
     wn: [f32; 4],
@@ -44,7 +45,7 @@ pub(super) struct Place {
 
 /// The place of any incidence, one beyond the nodes included, without a branch.
 #[inline(always)]
-pub(super) fn place(grid: &Grid, theta_i: f32, h_um: f32) -> Place {
+pub(super) fn place<const FMA: bool>(grid: &Grid, theta_i: f32, h_um: f32) -> Place {
     let flip = theta_i < 0.0;
     let h = if flip { -h_um } else { h_um };
     let t = min(theta_i.abs() * grid.per_theta, grid.last_theta);
@@ -54,13 +55,15 @@ pub(super) fn place(grid: &Grid, theta_i: f32, h_um: f32) -> Place {
     let (half_m, half_n) = (0.5 * m, 0.5 * n);
     // 2^23 plus a whole number has that number in its low bits.
     let bits = |x: f32| (x + 8_388_608.0).to_bits() & 0x7f_ffff;
+    let (row, column) = (bits(m), bits(n));
     Place {
         hit: h_um.abs() <= grid.h_last && !theta_i.is_nan(),
         flip,
-        m: bits(m),
-        n: bits(n),
-        wm: catmull_rom(fm),
-        wn: catmull_rom(fn_),
+        node: row * grid.nodes_h + column,
+        refl: row * (grid.nodes_h + 2) + column,
+        high: (row / 2) * (grid.nodes_h / 2) + column / 2,
+        wm: catmull_rom::<FMA>(fm),
+        wn: catmull_rom::<FMA>(fn_),
         cell: bilinear(fm, fn_),
         block: bilinear(half_m - half_m.floor() + 0.5 * fm, half_n - half_n.floor() + 0.5 * fn_),
     }
@@ -68,23 +71,21 @@ pub(super) fn place(grid: &Grid, theta_i: f32, h_um: f32) -> Place {
 
 /// Places side by side.
 pub(super) struct Places<const W: usize> {
-    hit: [u32; W],
+    pub(super) hit: [u32; W],
     flip: [u32; W],
-    m: [u32; W],
-    n: [u32; W],
+    at: [[u32; W]; 3],
     weights: [[f32; W]; 16],
 }
 
 impl<const W: usize> Places<W> {
     #[inline(always)]
-    pub(super) fn new(grid: &Grid, theta_i: &[f32; W], h_um: &[f32; W]) -> Self {
-        let mut x = Places { hit: [0; W], flip: [0; W], m: [0; W], n: [0; W], weights: [[0.0; W]; 16] };
+    pub(super) fn new<const FMA: bool>(grid: &Grid, theta_i: &[f32; W], h_um: &[f32; W]) -> Self {
+        let mut x = Places { hit: [0; W], flip: [0; W], at: [[0; W]; 3], weights: [[0.0; W]; 16] };
         for q in 0..W {
-            let p = place(grid, theta_i[q], h_um[q]);
+            let p = place::<FMA>(grid, theta_i[q], h_um[q]);
             x.hit[q] = u32::from(p.hit);
             x.flip[q] = u32::from(p.flip);
-            x.m[q] = p.m;
-            x.n[q] = p.n;
+            (x.at[0][q], x.at[1][q], x.at[2][q]) = (p.node, p.refl, p.high);
             for k in 0..4 {
                 x.weights[k][q] = p.wm[k];
                 x.weights[4 + k][q] = p.wn[k];
@@ -95,14 +96,23 @@ impl<const W: usize> Places<W> {
         x
     }
 
+    /// Directions as at theta_i >= 0.
+    #[inline(always)]
+    pub(super) fn mirror(&self, v: &mut [[f32; W]; 3]) {
+        for q in 0..W {
+            [v[0][q], v[1][q], v[2][q]] = mirrored(self.flip[q] != 0, [v[0][q], v[1][q], v[2][q]]);
+        }
+    }
+
     #[inline(always)]
     pub(super) fn get(&self, q: usize) -> Place {
         let w = |k: usize| [self.weights[k][q], self.weights[k + 1][q], self.weights[k + 2][q], self.weights[k + 3][q]];
         Place {
             hit: self.hit[q] != 0,
             flip: self.flip[q] != 0,
-            m: self.m[q],
-            n: self.n[q],
+            node: self.at[0][q],
+            refl: self.at[1][q],
+            high: self.at[2][q],
             wm: w(0),
             wn: w(4),
             cell: w(8),
@@ -111,11 +121,18 @@ impl<const W: usize> Places<W> {
     }
 }
 
-/// Catmull-Rom weights of nodes -1..=2 of the cell at fraction `f`.
+/// Catmull-Rom weights of nodes -1..=2 of the cell at fraction `f`: four polynomials side by side.
 #[inline(always)]
-fn catmull_rom(f: f32) -> [f32; 4] {
-    let (f2, f3) = (f * f, f * f * f);
-    [0.5 * (-f3 + 2.0 * f2 - f), 0.5 * (3.0 * f3 - 5.0 * f2 + 2.0), 0.5 * (-3.0 * f3 + 4.0 * f2 + f), 0.5 * (f3 - f2)]
+fn catmull_rom<const FMA: bool>(f: f32) -> [f32; 4] {
+    const C: [[f32; 4]; 4] =
+        [[0.0, 1.0, 0.0, 0.0], [-0.5, 0.0, 0.5, 0.0], [1.0, -2.5, 2.0, -0.5], [-0.5, 1.5, -1.5, 0.5]];
+    let mut w = C[3];
+    for c in [C[2], C[1], C[0]] {
+        for i in 0..4 {
+            w[i] = fma::<FMA>(w[i], f, c[i]);
+        }
+    }
+    w
 }
 
 /// Bilinear weights, theta the slower index.
@@ -130,9 +147,9 @@ fn mix<const FMA: bool>(w: [f32; 4], x: [f32; 4]) -> f32 {
     fma::<FMA>(w[3], x[3], fma::<FMA>(w[2], x[2], fma::<FMA>(w[1], x[1], w[0] * x[0])))
 }
 
-/// -sigma of an absorption that is any number: not a number counts as 0, the range is 0 to 1e6 per um.
+/// The absorption that is any number: not a number counts as 0, the range is 0 to 1e6 per um.
 #[inline(always)]
-fn clamped_sigma<const N: usize>(sigma: &[f32; N]) -> [f32; N] {
+pub(super) fn clamped_sigma<const N: usize>(sigma: &[f32; N]) -> [f32; N] {
     let mut s = [0.0; N];
     for k in 0..N {
         s[k] = min(max(sigma[k], 0.0), 1e6);
@@ -140,9 +157,15 @@ fn clamped_sigma<const N: usize>(sigma: &[f32; N]) -> [f32; N] {
     s
 }
 
-/// Binary logarithms of the transmittances of the path lengths.
+/// Transmittance of a path from its binary logarithm.
 #[inline(always)]
-pub(super) fn log_transmittances<const J: usize, const N: usize>(path: &[f32; J], sigma: &[f32; N]) -> [[f32; N]; J] {
+pub(super) fn transmittance<const FMA: bool>(log2: f32) -> f32 {
+    exp2::<FMA>(log2) + LEAST_TRANSMITTANCE as f32
+}
+
+/// Transmittances of the path lengths.
+#[inline(always)]
+fn transmittances<const FMA: bool, const J: usize, const N: usize>(path: &[f32; J], sigma: &[f32; N]) -> [[f32; N]; J] {
     let sigma = clamped_sigma(sigma);
     let mut t = [[0.0; N]; J];
     for j in 0..J {
@@ -150,27 +173,16 @@ pub(super) fn log_transmittances<const J: usize, const N: usize>(path: &[f32; J]
             t[j][k] = sigma[k] * path[j];
         }
     }
-    t
-}
-
-/// Turns binary logarithms into transmittances.
-#[inline(always)]
-pub(super) fn transmit<const FMA: bool>(t: &mut [f32]) {
-    for x in t {
-        *x = exp2::<FMA>(*x) + LEAST_TRANSMITTANCE as f32;
+    for t in t.as_flattened_mut() {
+        *t = transmittance::<FMA>(*t);
     }
+    t
 }
 
 /// r_d, energy of f_refl, spectrum of the energy of f_high, bilinear over the nodes.
 #[inline(always)]
-pub(super) fn interpolate_node<const FMA: bool, const J: usize>(
-    grid: &Grid,
-    nodes: &[Node<J>],
-    p: &Place,
-) -> Option<Node<J>> {
-    let at = p.m as usize * grid.nodes_h + p.n as usize;
-    let [a, b] = nodes.get(at..)?.first_chunk::<2>()?;
-    let [c, d] = nodes.get(at + grid.nodes_h..)?.first_chunk::<2>()?;
+pub(super) fn interpolate_node<const FMA: bool, const J: usize>(nodes: &[[Node<J>; 2]], p: &Place) -> Option<Node<J>> {
+    let [[a, c], [b, d]] = nodes.get(p.node as usize..)?.first_chunk()?;
     let w = p.cell;
     let mut high = [0.0; J];
     for j in 0..J {
@@ -208,13 +220,12 @@ pub(super) fn energies<const FMA: bool, const H: usize, const R: usize, const J:
     h_um: f32,
     sigma: &[f32; N],
 ) -> Option<Energies<N>> {
-    let p = &place(&tables.grid, theta_i, h_um);
+    let p = &place::<FMA>(&tables.grid, theta_i, h_um);
     if !p.hit {
         return None;
     }
-    let node = interpolate_node::<FMA, J>(&tables.grid, &tables.nodes, p)?;
-    let mut t = log_transmittances(&tables.path, sigma);
-    transmit::<FMA>(t.as_flattened_mut());
+    let node = interpolate_node::<FMA, J>(&tables.nodes, p)?;
+    let t = transmittances::<FMA, J, N>(&tables.path, sigma);
     Some(Energies { r_d: node.r_d, refl: node.refl, high: absorb::<FMA, J, N>(&node.high, &t) })
 }
 
@@ -223,16 +234,13 @@ pub(super) fn energies<const FMA: bool, const H: usize, const R: usize, const J:
 pub(super) fn interpolate_refl<const FMA: bool, const H: usize, const R: usize, const J: usize>(
     tables: &Tables<H, R, J>,
     p: &Place,
-) -> Option<[[f32; R]; 8]> {
-    let (wm, wn, m, n) = (p.wm, p.wn, p.m as usize, p.n as usize);
-    let stride = tables.grid.nodes_h + 2;
-    let mut sum = [[0.0; R]; 8];
-    let row = |a: usize| tables.refl.get((m + a) * stride + n..)?.first_chunk::<4>();
-    let rows = [row(0)?, row(1)?, row(2)?, row(3)?];
-    let node = |a: usize, b: usize| rows[a][b].0.as_flattened();
+) -> Option<[[f32; R]; PARAMS]> {
+    let nodes = tables.refl.get(p.refl as usize..)?.first_chunk::<4>()?;
+    let node = |a: usize, b: usize| nodes[b].0[a].as_flattened();
+    let mut sum = [[0.0; R]; PARAMS];
     for (i, value) in sum.as_flattened_mut().iter_mut().enumerate() {
-        let along = |a: usize| mix::<FMA>(wn, [node(a, 0)[i], node(a, 1)[i], node(a, 2)[i], node(a, 3)[i]]);
-        *value = mix::<FMA>(wm, [along(0), along(1), along(2), along(3)]);
+        let along = |a: usize| mix::<FMA>(p.wn, [node(a, 0)[i], node(a, 1)[i], node(a, 2)[i], node(a, 3)[i]]);
+        *value = mix::<FMA>(p.wm, [along(0), along(1), along(2), along(3)]);
     }
     Some(sum)
 }
@@ -243,7 +251,7 @@ pub(super) fn interpolate_high<const FMA: bool, const H: usize, const R: usize, 
     tables: &Tables<H, R, J>,
     p: &Place,
 ) -> Option<High<H, J>> {
-    let [a, b, c, d] = tables.high.get((p.m / 2) as usize * (tables.grid.nodes_h / 2) + (p.n / 2) as usize)?;
+    let [a, b, c, d] = tables.high.get(p.high as usize)?;
     let w = p.block;
     let mut high = High { params: [[0.0; H]; PARAMS], spectrum: [[0.0; J]; H] };
     let (pa, pb) = (a.params.as_flattened(), b.params.as_flattened());
@@ -311,10 +319,17 @@ fn unit_mean<const FMA: bool>(t1: f32, t2: f32) -> f32 {
 
 /// Axes of a lobe: sines and cosines of theta_z, phi_z, phi_xy. The sign of the last pair does not matter to an even lobe.
 #[derive(Clone, Copy)]
-struct Axes {
-    theta: (f32, f32),
-    phi: (f32, f32),
-    xy: (f32, f32),
+pub(super) struct Axes {
+    pub(super) theta: (f32, f32),
+    pub(super) phi: (f32, f32),
+    pub(super) xy: (f32, f32),
+}
+
+/// Sine and cosine of x half turns.
+#[inline(always)]
+pub(super) fn sin_cos<const FMA: bool>(x: f32) -> (f32, f32) {
+    let (s, c, sign) = sin_cos_half_turns::<FMA>(x);
+    (signed(s, sign), signed(c, sign))
 }
 
 #[inline(always)]
@@ -331,20 +346,20 @@ fn axes<const FMA: bool>(theta: f32, phi: f32, xy: f32) -> Axes {
 
 /// Square root of a bandwidth times log2 e, from the number stored.
 #[inline(always)]
-fn root_width<const FMA: bool>(stored: f32, bounds: (f32, f32)) -> f32 {
+pub(super) fn root_width<const FMA: bool>(stored: f32, bounds: (f32, f32)) -> f32 {
     exp2_within::<FMA>(min(max(stored, bounds.0), bounds.1))
 }
 
 /// `sqrt(mu1 mu2) / pi` and the amplitude of a lobe of energy 1.
 #[inline(always)]
-fn amplitudes<const FMA: bool>(s1: f32, s2: f32) -> (f32, f32) {
+pub(super) fn amplitudes<const FMA: bool>(s1: f32, s2: f32) -> (f32, f32) {
     let norm = s1 * s2 * (1.0 / (PI * LOG2_E));
     (norm, norm / unit_mean::<FMA>(s1 * s1, s2 * s2))
 }
 
 /// Components of `v` along x, y and z of a lobe; the first two share an arbitrary sign.
 #[inline(always)]
-fn project<const FMA: bool>(x: Axes, v: [f32; 3]) -> [f32; 3] {
+pub(super) fn project<const FMA: bool>(x: Axes, v: [f32; 3]) -> [f32; 3] {
     let ((st, ct), (sp, cp), (sx, cx)) = (x.theta, x.phi, x.xy);
     let across = fma::<FMA>(cp, v[1], -sp * v[0]);
     let along = fma::<FMA>(cp, v[0], sp * v[1]);
@@ -355,42 +370,10 @@ fn project<const FMA: bool>(x: Axes, v: [f32; 3]) -> [f32; 3] {
 
 /// `cz 2^-q` in front of the lobe; the comparisons are false for what is not a number.
 #[inline(always)]
-fn shape<const FMA: bool>(q: f32, cz: f32) -> f32 {
+pub(super) fn shape<const FMA: bool>(q: f32, cz: f32) -> f32 {
     let value = cz * exp2_within::<FMA>(-q);
     // Below 2^-100 a lobe is dark; products of it could be denormal, which is slow.
     if cz > 0.0 && cz < 2.0 && q < 100.0 { value } else { 0.0 }
-}
-
-/// Lobes of any incidences, lane by lane.
-pub(super) struct Lanes {
-    /// Rows of the tables.
-    pub(super) params: [[f32; LANES]; PARAMS],
-    /// Directions.
-    pub(super) v: [[f32; LANES]; 3],
-    /// Least energies.
-    pub(super) least: [f32; LANES],
-}
-
-/// Lanes of [`Lanes`]: one vector of the widest kind.
-pub(super) const LANES: usize = 16;
-
-impl Lanes {
-    /// Energies of the lobes and their values.
-    #[inline(always)]
-    pub(super) fn eval<const FMA: bool>(&self, bounds: (f32, f32)) -> ([f32; LANES], [f32; LANES]) {
-        let (p, v) = (&self.params, &self.v);
-        let (mut energy, mut value) = ([0.0; LANES], [0.0; LANES]);
-        for i in 0..LANES {
-            let x = axes::<FMA>(p[0][i], p[1][i], p[2][i]);
-            let (s1, s2) = (root_width::<FMA>(p[3][i], bounds), root_width::<FMA>(p[4][i], bounds));
-            let e = max(p[5][i], self.least[i]);
-            let [u, w, cz] = project::<FMA>(x, [v[0][i], v[1][i], v[2][i]]);
-            let (u, w) = (s1 * u, s2 * w);
-            energy[i] = e;
-            value[i] = shape::<FMA>(fma::<FMA>(u, u, w * w), cz) * (e * amplitudes::<FMA>(s1, s2).1);
-        }
-        (energy, value)
-    }
 }
 
 /// Sum over the high-order lobes after absorption. Not scaled.
@@ -415,8 +398,9 @@ pub(super) fn absorbed<const FMA: bool, const H: usize, const J: usize, const N:
     absorb::<FMA, J, N>(&even, t)
 }
 
-/// The lobes at one incidence: H high-order and R reflection lanes, then empty ones up to L; J path lengths, N absorptions.
-pub(super) struct Mixture<const H: usize, const R: usize, const L: usize, const J: usize, const N: usize> {
+/// Shapes of the lobes of a [`Mixture`].
+pub(super) struct Shapes<const L: usize> {
+    /// Sines and cosines of the angles.
     axes: [[f32; L]; PARAMS],
     /// sqrt(mu1 log2 e), sqrt(mu2 log2 e).
     s1: [f32; L],
@@ -425,6 +409,20 @@ pub(super) struct Mixture<const H: usize, const R: usize, const L: usize, const 
     norm: [f32; L],
     /// Energy / energy of the lobe with amplitude 1.
     amplitude: [f32; L],
+}
+
+impl<const L: usize> Shapes<L> {
+    #[inline(always)]
+    fn axes(&self, i: usize) -> Axes {
+        let a = &self.axes;
+        Axes { theta: (a[0][i], a[1][i]), phi: (a[2][i], a[3][i]), xy: (a[4][i], a[5][i]) }
+    }
+}
+
+/// The weights of the lobes at one incidence: H high-order and R reflection lanes, then empty ones up to L; J path lengths, N absorptions.
+pub(super) struct Mixture<const H: usize, const R: usize, const L: usize, const J: usize, const N: usize> {
+    /// Rows of the tables, interpolated.
+    params: [[f32; L]; PARAMS],
     /// Energy before the scale to the simulated energy.
     energy: [f32; L],
     /// Path-length spectra of the high-order lobes.
@@ -455,16 +453,36 @@ pub(super) fn mixture<
     theta_i: f32,
     h_um: f32,
     sigma: &[f32; N],
+) -> Option<(Mixture<H, R, L, J, N>, Shapes<L>)> {
+    let mut x = weights::<FMA, H, R, L, J, N>(tables, theta_i, h_um, sigma)?;
+    let shapes = x.shapes::<FMA>(tables.bandwidth);
+    x.scale::<FMA>();
+    Some((x, shapes))
+}
+
+/// [`mixture`] without the shapes of the lobes and without [`Mixture::scale`]: with that, enough to choose a lobe by.
+#[inline(always)]
+pub(super) fn weights<
+    const FMA: bool,
+    const H: usize,
+    const R: usize,
+    const L: usize,
+    const J: usize,
+    const N: usize,
+>(
+    tables: &Tables<H, R, J>,
+    theta_i: f32,
+    h_um: f32,
+    sigma: &[f32; N],
 ) -> Option<Mixture<H, R, L, J, N>> {
-    let p = &place(&tables.grid, theta_i, h_um);
+    let p = &place::<FMA>(&tables.grid, theta_i, h_um);
     if !p.hit {
         return None;
     }
-    let node = interpolate_node::<FMA, J>(&tables.grid, &tables.nodes, p)?;
+    let node = interpolate_node::<FMA, J>(&tables.nodes, p)?;
     let refl = interpolate_refl::<FMA, H, R, J>(tables, p)?;
     let high = interpolate_high::<FMA, H, R, J>(tables, p)?;
-    let mut transmittance = log_transmittances(&tables.path, sigma);
-    transmit::<FMA>(transmittance.as_flattened_mut());
+    let transmittance = transmittances::<FMA, J, N>(&tables.path, sigma);
     let energies = Energies { r_d: node.r_d, refl: node.refl, high: absorb::<FMA, J, N>(&node.high, &transmittance) };
     let mut params = [[0.0; L]; PARAMS];
     let mut least = [0.0; L];
@@ -475,11 +493,7 @@ pub(super) fn mixture<
     least[..H].copy_from_slice(&tables.least_high);
     least[H..H + R].copy_from_slice(&tables.least_refl);
     let mut x = Mixture {
-        axes: [[0.0; L]; PARAMS],
-        s1: [0.0; L],
-        s2: [0.0; L],
-        norm: [0.0; L],
-        amplitude: [0.0; L],
+        params,
         energy: [0.0; L],
         spectrum: high.spectrum,
         transmittance,
@@ -490,24 +504,8 @@ pub(super) fn mixture<
         energies,
     };
     for i in 0..L {
-        let a = axes::<FMA>(params[0][i], params[1][i], params[2][i]);
-        (x.axes[0][i], x.axes[1][i]) = a.theta;
-        (x.axes[2][i], x.axes[3][i]) = a.phi;
-        (x.axes[4][i], x.axes[5][i]) = a.xy;
+        x.energy[i] = max(params[5][i], least[i]);
     }
-    for i in 0..L {
-        let s1 = root_width::<FMA>(params[3][i], tables.bandwidth);
-        let s2 = root_width::<FMA>(params[4][i], tables.bandwidth);
-        let energy = max(params[5][i], least[i]);
-        let (norm, amplitude) = amplitudes::<FMA>(s1, s2);
-        x.s1[i] = s1;
-        x.s2[i] = s2;
-        x.energy[i] = energy;
-        x.norm[i] = energy * norm;
-        x.amplitude[i] = energy * amplitude;
-    }
-    let (refl, high) = x.absorbed::<FMA>(&x.energy);
-    (x.scale_refl, x.scale_high) = scales(&energies, refl, &high);
     Some(x)
 }
 
@@ -561,6 +559,36 @@ fn part<const A: usize>(x: &[f32], at: usize) -> &[f32; A] {
 }
 
 impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: usize> Mixture<H, R, L, J, N> {
+    /// Finds what makes the lobes add up to the simulated energies.
+    #[inline(always)]
+    pub(super) fn scale<const FMA: bool>(&mut self) {
+        let (refl, high) = self.absorbed::<FMA>(&self.energy);
+        (self.scale_refl, self.scale_high) = scales(&self.energies, refl, &high);
+    }
+
+    /// Axes, widths and amplitudes of the lobes.
+    #[inline(always)]
+    fn shapes<const FMA: bool>(&self, bandwidth: (f32, f32)) -> Shapes<L> {
+        let (params, zero) = (&self.params, [0.0; L]);
+        let mut x = Shapes { axes: [zero; PARAMS], s1: zero, s2: zero, norm: zero, amplitude: zero };
+        for i in 0..L {
+            let a = axes::<FMA>(params[0][i], params[1][i], params[2][i]);
+            (x.axes[0][i], x.axes[1][i]) = a.theta;
+            (x.axes[2][i], x.axes[3][i]) = a.phi;
+            (x.axes[4][i], x.axes[5][i]) = a.xy;
+        }
+        for i in 0..L {
+            let s1 = root_width::<FMA>(params[3][i], bandwidth);
+            let s2 = root_width::<FMA>(params[4][i], bandwidth);
+            let (norm, amplitude) = amplitudes::<FMA>(s1, s2);
+            x.s1[i] = s1;
+            x.s2[i] = s2;
+            x.norm[i] = self.energy[i] * norm;
+            x.amplitude[i] = self.energy[i] * amplitude;
+        }
+        x
+    }
+
     /// Sums over the lobes of `value` by lane: reflection, and high-order after absorption. Not scaled.
     #[inline(always)]
     fn absorbed<const FMA: bool>(&self, value: &[f32; L]) -> (f32, [f32; N]) {
@@ -578,21 +606,15 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         (refl * self.scale_refl, high)
     }
 
-    #[inline(always)]
-    fn axes(&self, i: usize) -> Axes {
-        let a = &self.axes;
-        Axes { theta: (a[0][i], a[1][i]), phi: (a[2][i], a[3][i]), xy: (a[4][i], a[5][i]) }
-    }
-
     /// f_refl and f_high per sigma [1/sr].
     #[inline(always)]
-    pub(super) fn eval<const FMA: bool>(&self, wo: [f32; 3]) -> (f32, [f32; N]) {
+    pub(super) fn eval<const FMA: bool>(&self, x: &Shapes<L>, wo: [f32; 3]) -> (f32, [f32; N]) {
         let v = mirrored(self.flip, wo);
         let mut value = [0.0; L];
         for i in 0..L {
-            let [u, w, cz] = project::<FMA>(self.axes(i), v);
-            let (u, w) = (self.s1[i] * u, self.s2[i] * w);
-            value[i] = shape::<FMA>(fma::<FMA>(u, u, w * w), cz) * self.amplitude[i];
+            let [u, w, cz] = project::<FMA>(x.axes(i), v);
+            let (u, w) = (x.s1[i] * u, x.s2[i] * w);
+            value[i] = shape::<FMA>(fma::<FMA>(u, u, w * w), cz) * x.amplitude[i];
         }
         self.weigh::<FMA>(&value)
     }
@@ -605,18 +627,23 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
 
     /// f_refl and f_high per sigma and the density of sampling `wo` [1/sr], missing included. `mean` is of [`Mixture::mean`].
     #[inline(always)]
-    pub(super) fn eval_pdf<const FMA: bool>(&self, mean: &[f32; L], wo: [f32; 3]) -> (f32, [f32; N], f32) {
+    pub(super) fn eval_pdf<const FMA: bool>(
+        &self,
+        x: &Shapes<L>,
+        mean: &[f32; L],
+        wo: [f32; 3],
+    ) -> (f32, [f32; N], f32) {
         let v = mirrored(self.flip, wo);
         let (mut value, mut density) = ([0.0; L], [0.0; L]);
         for i in 0..L {
-            let [u, w, cz] = project::<FMA>(self.axes(i), v);
-            let (su, sw) = (self.s1[i] * u, self.s2[i] * w);
+            let [u, w, cz] = project::<FMA>(x.axes(i), v);
+            let (su, sw) = (x.s1[i] * u, x.s2[i] * w);
             let q = fma::<FMA>(su, su, sw * sw);
             let shape = shape::<FMA>(q, cz);
             // a(t) of the direction t of (u, w); at the axis, where t is undefined, any mean of mu1 and mu2 serves.
             let a = (q + 1e-30) / (fma::<FMA>(u, u, w * w) + 1e-30);
-            value[i] = shape * self.amplitude[i];
-            density[i] = shape * (mean[i] * self.norm[i]) / (1.0 - exp2::<FMA>(-a));
+            value[i] = shape * x.amplitude[i];
+            density[i] = shape * (mean[i] * x.norm[i]) / (1.0 - exp2::<FMA>(-a));
         }
         let (refl, high) = self.weigh::<FMA>(&value);
         let total = self.total();
@@ -625,8 +652,8 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
 
     /// Density of sampling `wo` [1/sr], missing included.
     #[inline(always)]
-    pub(super) fn pdf<const FMA: bool>(&self, wo: [f32; 3]) -> f32 {
-        self.eval_pdf::<FMA>(&self.mean::<FMA>(), wo).2
+    pub(super) fn pdf<const FMA: bool>(&self, x: &Shapes<L>, wo: [f32; 3]) -> f32 {
+        self.eval_pdf::<FMA>(x, &self.mean::<FMA>(), wo).2
     }
 
     /// By lane: what the energy of a lobe is multiplied by for its mean over the absorptions, scaled to the simulated energy.
@@ -655,49 +682,71 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         mean
     }
 
-    /// A direction, f and pdf there; `None` for the light that missed.
+    /// The lane where the running sum of the mean energies passes `left`; `None` where there is no energy. The lanes before it
+    /// are counted without a branch, which no processor could predict.
     #[inline(always)]
-    pub(super) fn sample<const FMA: bool>(&self, u: [f32; 3]) -> Option<([f32; 3], [f32; N], f32)> {
+    fn choose<const FMA: bool>(&self, mean: &[f32; L], left: f32) -> Option<usize> {
+        let (mut sums, mut sum) = ([f32::INFINITY; L], 0.0);
+        for i in 0..H + R {
+            sum = fma::<FMA>(self.energy[i], mean[i], sum);
+            sums[i] = sum;
+        }
+        // Below the last sum, whatever was rounded: a lane with energy passes it.
+        let left = min(left, sum * (1.0 - f32::EPSILON));
+        let mut passed = 0u32;
+        for x in sums {
+            passed += u32::from(x <= left);
+        }
+        (sum > 0.0).then_some(passed as usize & (L - 1))
+    }
+
+    /// A direction, f and pdf there; `None` for the light that missed. Of a mixture whose lobes have no shapes yet: the lobe is
+    /// chosen and the place on its disc drawn first, one long chain of scalar operations, and the processor fills its gaps with the
+    /// shapes.
+    #[inline(always)]
+    pub(super) fn sample<const FMA: bool>(
+        &mut self,
+        bandwidth: (f32, f32),
+        u: [f32; 3],
+    ) -> Option<([f32; 3], [f32; N], f32)> {
         // Below 1, and 0 for what is not a number.
         let unit = |x: f32| min(max(x, 0.0), 1.0 - f32::EPSILON / 2.0);
         let u = [unit(u[0]), unit(u[1]), unit(u[2])];
         let total = self.total();
-        let mut left = u[0] * total;
+        let left = u[0] * total;
         if left >= total - self.energies.r_d {
             return None;
         }
+        self.scale::<FMA>();
         let mean = self.mean::<FMA>();
-        let mut chosen = None;
-        for i in 0..L {
-            let energy = self.energy[i] * mean[i];
-            if energy > 0.0 {
-                chosen = Some(i);
-                if left < energy {
-                    break;
-                }
-                left -= energy;
-            }
-        }
-        let i = chosen?;
-        // tan t = sqrt(mu1/mu2) tan(2 pi u1), in the same quadrant.
-        let (s1, s2) = (self.s1[i], self.s2[i]);
-        let (s, c, sign) = sin_cos_half_turns::<FMA>(2.0 * u[1]);
-        let (c, s) = (s2 * signed(c, sign), s1 * signed(s, sign));
-        let n2 = 1.0 / (c * c + s * s);
-        let a = ((s1 * c) * (s1 * c) + (s2 * s) * (s2 * s)) * n2;
-        let drop = -ln::<FMA>(1.0 - u[2] * (1.0 - exp2::<FMA>(-a)));
-        let r2 = min(max(drop / (LN_2 * a), 0.0), 1.0 - f32::EPSILON);
-        let r = (r2 * n2).sqrt();
-        let (u_, w_, cz) = (r * c, r * s, (1.0 - r2).sqrt());
-        let Axes { theta: (st, ct), phi: (sp, cp), xy: (sx, cx) } = self.axes(i);
+        let i = self.choose::<FMA>(&mean, left)?;
+        let width = |k: usize| root_width::<FMA>(self.params[k][i], bandwidth);
+        let disc = disc_point::<FMA>(width(3), width(4), u[1], u[2]);
+        let x = self.shapes::<FMA>(bandwidth);
+        let [u_, w_, cz] = disc;
+        let Axes { theta: (st, ct), phi: (sp, cp), xy: (sx, cx) } = x.axes(i);
         let across = cx * u_ - sx * w_;
         let up = sx * u_ + cx * w_;
         let along = ct * cz - st * up;
         let z = st * cz + ct * up;
         let wo = mirrored(self.flip, [cp * along - sp * across, sp * along + cp * across, z]);
-        let (refl, high, pdf) = self.eval_pdf::<FMA>(&mean, wo);
+        let (refl, high, pdf) = self.eval_pdf::<FMA>(&x, &mean, wo);
         Some((wo, sum(refl, high), pdf))
     }
+}
+
+/// Components along x, y and z of a lobe of a direction drawn from it, by two uniform numbers.
+#[inline(always)]
+fn disc_point<const FMA: bool>(s1: f32, s2: f32, u1: f32, u2: f32) -> [f32; 3] {
+    // tan t = sqrt(mu1/mu2) tan(2 pi u1), in the same quadrant.
+    let (s, c) = sin_cos::<FMA>(2.0 * u1);
+    let (c, s) = (s2 * c, s1 * s);
+    let n2 = 1.0 / (c * c + s * s);
+    let a = ((s1 * c) * (s1 * c) + (s2 * s) * (s2 * s)) * n2;
+    let drop = -ln::<FMA>(1.0 - u2 * (1.0 - exp2::<FMA>(-a)));
+    let r2 = min(max(drop / (LN_2 * a), 0.0), 1.0 - f32::EPSILON);
+    let r = (r2 * n2).sqrt();
+    [r * c, r * s, (1.0 - r2).sqrt()]
 }
 
 #[cfg(test)]

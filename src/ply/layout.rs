@@ -11,8 +11,8 @@ use std::f64::consts::{LOG2_E, PI};
 pub(super) const SMALL: (usize, usize, usize) = (8, 4, 8);
 
 /// Energies at a node.
-#[derive(Clone, Debug)]
-#[repr(C, align(64))]
+#[derive(Clone, Copy, Debug)]
+#[repr(C)]
 pub(super) struct Node<const J: usize> {
     pub(super) r_d: f32,
     pub(super) refl: f32,
@@ -20,10 +20,10 @@ pub(super) struct Node<const J: usize> {
     pub(super) high: [f32; J],
 }
 
-/// Reflection lobes at a node, one parameter after the other, filled up with zeros to whole cache lines.
+/// Reflection lobes at four nodes that follow each other along theta_i, one parameter after the other.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-pub(super) struct Refl<const R: usize>(pub(super) [[f32; R]; 8]);
+pub(super) struct Refl<const R: usize>(pub(super) [[[f32; R]; PARAMS]; 4]);
 
 /// High-order lobes at a corner of a block, one parameter after the other, and the spectrum of each.
 #[derive(Clone, Debug)]
@@ -39,9 +39,10 @@ pub(super) struct Tables<const H: usize, const R: usize, const J: usize> {
     pub(super) grid: Grid,
     /// -log2 e times the path lengths [um].
     pub(super) path: [f32; J],
-    /// `[M][H]`.
-    pub(super) nodes: Vec<Node<J>>,
-    /// `[M+2][H+2]`, continued linearly by one node on each side.
+    /// `[M-1][H]`: a node and the next along theta_i, so that the corners of a cell follow each other.
+    pub(super) nodes: Vec<[Node<J>; 2]>,
+    /// `[M-1][H+2]`: the nodes -1..=2 of a cell along theta_i, so that all a cell needs follows each other; continued linearly by
+    /// one node on each side.
     pub(super) refl: Vec<Refl<R>>,
     /// `[(M-1)/2][(H-1)/2]` of the four corners.
     pub(super) high: Vec<[High<H, J>; 4]>,
@@ -57,7 +58,7 @@ pub(super) struct Tables<const H: usize, const R: usize, const J: usize> {
 /// The nodes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Grid {
-    pub(super) nodes_h: usize,
+    pub(super) nodes_h: u32,
     /// Last node along theta_i and along h.
     pub(super) last_theta: f32,
     pub(super) last_h: f32,
@@ -100,23 +101,22 @@ impl<const H: usize, const R: usize, const J: usize> Tables<H, R, J> {
     /// From checked data of at most these sizes.
     fn new(d: &PlyData) -> Self {
         let (m, h, _, j) = d.sizes();
-        let nodes = (0..m * h)
-            .map(|i| Node {
-                r_d: d.r_d[i] as f32,
-                refl: d.energy_refl[i] as f32,
-                high: std::array::from_fn(|p| if p < j { d.energy_high[i * j + p] as f32 } else { 0.0 }),
-            })
-            .collect();
-
-        let mut refl = Vec::with_capacity((m + 2) * (h + 2));
-        for a in -1..=m as isize {
+        let node = |i: usize| Node {
+            r_d: d.r_d[i] as f32,
+            refl: d.energy_refl[i] as f32,
+            high: std::array::from_fn(|p| if p < j { d.energy_high[i * j + p] as f32 } else { 0.0 }),
+        };
+        let mut refl = Vec::with_capacity((m - 1) * (h + 2));
+        for a in 0..m as isize - 1 {
             for b in -1..=h as isize {
-                let value = |k: usize, l: usize| {
+                let value = |a: isize, k: usize, l: usize| {
                     let node = |i: usize, j: usize| stored(k, d.refl[((i * h + j) * d.lobes_refl + l) * PARAMS + k]);
                     let row = |i: usize| extended(b, h, &|j| node(i, j));
-                    if k < PARAMS && l < d.lobes_refl { extended(a, m, &row) as f32 } else { 0.0 }
+                    if l < d.lobes_refl { extended(a, m, &row) as f32 } else { 0.0 }
                 };
-                refl.push(Refl(std::array::from_fn(|k| std::array::from_fn(|l| value(k, l)))));
+                refl.push(Refl(std::array::from_fn(|i| {
+                    std::array::from_fn(|k| std::array::from_fn(|l| value(a + i as isize - 1, k, l)))
+                })));
             }
         }
 
@@ -134,7 +134,7 @@ impl<const H: usize, const R: usize, const J: usize> Tables<H, R, J> {
         let least = |is: bool| if is { LEAST_ENERGY as f32 } else { 0.0 };
         Tables {
             grid: Grid {
-                nodes_h: h,
+                nodes_h: h as u32,
                 last_theta: (m - 1) as f32,
                 last_h: (h - 1) as f32,
                 per_theta: (m - 1) as f32 / d.theta_i[m - 1] as f32,
@@ -142,7 +142,7 @@ impl<const H: usize, const R: usize, const J: usize> Tables<H, R, J> {
                 h_last: d.h_um[h - 1] as f32,
             },
             path: std::array::from_fn(|p| if p < j { (-LOG2_E * d.path_um[p]) as f32 } else { 0.0 }),
-            nodes,
+            nodes: (0..(m - 1) * h).map(|i| [node(i), node(i + h)]).collect(),
             refl,
             high: (0..(m / 2) * (h / 2)).map(|b| std::array::from_fn(|c| corner(b * 4 + c))).collect(),
             least_high: std::array::from_fn(|l| least(l < d.lobes_high)),
