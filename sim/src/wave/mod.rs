@@ -22,6 +22,9 @@ mod error;
 mod kernel;
 mod memory;
 mod mie;
+mod multipole;
+#[cfg(test)]
+mod multipole_tests;
 mod nystrom;
 #[cfg(test)]
 mod nystrom_tests;
@@ -36,6 +39,7 @@ mod system;
 
 pub use error::WaveError;
 pub use mie::MieSolver;
+pub use multipole::MultipoleSolver;
 pub use nystrom::NystromSolver;
 pub use scatter::{Case, Report, RunStats, check_ledger, scatter};
 pub use scene::{Beams, Method, Scene};
