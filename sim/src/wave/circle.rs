@@ -323,7 +323,7 @@ fn multiply(a: &M2, b: &M2) -> M2 {
     [0, 1].map(|i| [0, 1].map(|j| a[i][0] * b[0][j] + a[i][1] * b[1][j]))
 }
 
-pub(super) fn apply(a: &M2, v: [C64; 2]) -> [C64; 2] {
+fn apply(a: &M2, v: [C64; 2]) -> [C64; 2] {
     [0, 1].map(|i| a[i][0] * v[0] + a[i][1] * v[1])
 }
 

@@ -25,6 +25,9 @@ mod kernel;
 mod likeness;
 mod memory;
 mod mie;
+mod multipole;
+#[cfg(test)]
+mod multipole_tests;
 mod nystrom;
 #[cfg(test)]
 mod nystrom_tests;
@@ -48,6 +51,7 @@ pub use compare::{
 pub use error::WaveError;
 pub use likeness::{Likeness, Spread};
 pub use mie::MieSolver;
+pub use multipole::MultipoleSolver;
 pub use nystrom::NystromSolver;
 pub use scatter::{Case, Report, RunStats, check_ledger, scatter};
 pub use scene::{Beams, Method, Scene};

@@ -5,8 +5,8 @@
 
 use super::scene::degrees;
 use super::{
-    Body, C64, Method, MieSolver, NystromSolver, Polarization, Scattered, Scene, Shape, Wave, WaveError, WaveSolver,
-    memory,
+    Body, C64, Method, MieSolver, MultipoleSolver, NystromSolver, Polarization, Scattered, Scene, Shape, Wave,
+    WaveError, WaveSolver, memory,
 };
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
@@ -186,7 +186,8 @@ fn prepare(method: Method, bodies: &[Body], wave: &Wave, tolerance: f64) -> Resu
             check_memory(unknowns, 4.0 * unknowns * unknowns)?;
             Box::new(NystromSolver::new(bodies, wave, tolerance)?)
         }
-        Method::Multipole | Method::Compressed => {
+        Method::Multipole => Box::new(MultipoleSolver::new(bodies, wave, tolerance)?),
+        Method::Compressed => {
             return Err(unsupported(method, "not in this build", "use \"nystrom\""));
         }
     })
