@@ -164,12 +164,6 @@ fn is_concentric(body: &Body) -> bool {
     matches!(body.shape, Shape::Circle { .. }) && body.lumen.as_deref().is_none_or(inner)
 }
 
-/// The cheapest solver that serves one fiber.
-pub(crate) fn solver_of(body: &Body, wave: &Wave, tolerance: f64) -> Result<Solver, WaveError> {
-    let method = if is_concentric(body) { Method::Mie } else { Method::Nystrom };
-    prepare(method, std::slice::from_ref(body), wave, tolerance)
-}
-
 /// The solver of one slice.
 fn prepare(method: Method, bodies: &[Body], wave: &Wave, tolerance: f64) -> Result<Solver, WaveError> {
     Ok(match method {

@@ -101,7 +101,7 @@ fn fourier_through(points: &[Vector2<f64>]) -> Result<Shape, WaveError> {
         let step = k.rem_euclid(n as i32) as usize;
         let sum: C64 = z.iter().enumerate().map(|(j, z)| z * roots[j * step % n].conj()).sum();
         // An even number of points tells the sum of the two highest harmonics alone; halves of it wiggle least.
-        let share = if n % 2 == 0 && k.abs() == top { 0.5 } else { 1.0 };
+        let share = if n.is_multiple_of(2) && k.abs() == top { 0.5 } else { 1.0 };
         (k, sum * (share / n as f64))
     };
     let mut coeffs: Vec<(i32, C64)> = (-top..=top).map(coefficient).collect();

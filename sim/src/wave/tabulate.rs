@@ -266,7 +266,7 @@ pub fn tabulate(
 ) -> Result<FiberTable, SimError> {
     check_walls(std::slice::from_ref(&fiber.body))?;
     let solver =
-        |fiber: &SingleFiber, wave: &Wave, tolerance: f64| solver_of(&fiber.at(wave.lambda_um), wave, tolerance);
+        |fiber: &SingleFiber, wave: &Wave, tolerance: f64| solver_of(&[fiber.at(wave.lambda_um)], wave, tolerance);
     tabulate_with(fiber, spec_text, options, run, &solver)
 }
 
