@@ -15,8 +15,8 @@ type C64 = num_complex::Complex64;
 const I: C64 = C64::new(0.0, 1.0);
 
 /// Methods that serve one circle, several, and any outlines.
-const ONE: &[&str] = &["auto", "mie", "nystrom"];
-const CIRCLES: &[&str] = &["auto", "nystrom"];
+const ONE: &[&str] = &["auto", "mie", "multipole", "nystrom"];
+const CIRCLES: &[&str] = &["auto", "multipole", "nystrom"];
 const ANY: &[&str] = &["auto", "nystrom"];
 
 /// One case of the output.
