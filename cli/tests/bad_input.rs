@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{TINY, build, folder, names, refused, run, text};
+use common::{TINY, build, folder, refused};
 
 #[test]
 fn specs_are_refused_in_one_line() {

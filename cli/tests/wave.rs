@@ -15,9 +15,9 @@ type C64 = num_complex::Complex64;
 const I: C64 = C64::new(0.0, 1.0);
 
 /// Methods that serve one circle, several, and any outlines.
-const ONE: &[&str] = &["auto", "mie", "multipole", "nystrom", "compressed"];
-const CIRCLES: &[&str] = &["auto", "multipole", "nystrom", "compressed"];
-const ANY: &[&str] = &["auto", "nystrom", "compressed"];
+const ONE: &[&str] = &["auto", "mie", "multipole", "nystrom"];
+const CIRCLES: &[&str] = &["auto", "multipole", "nystrom"];
+const ANY: &[&str] = &["auto", "nystrom"];
 
 /// One case of the output.
 #[derive(Clone, Debug)]
@@ -191,13 +191,19 @@ fn pairs() -> impl Iterator<Item = (&'static str, &'static str)> {
     ONE.iter().map(|m| (*m, CIRCLE)).chain(any)
 }
 
+/// What is asked for an outline: near rounding for analytic ones, the default for arcs and edges, whose nodes are many.
+fn tolerance(shape: &str) -> f64 {
+    if shape == TRIANGLE { 1e-6 } else { 1e-9 }
+}
+
 /// A fiber moved by c scatters the same field times exp(i (k_i - k_s) . c).
 #[test]
 fn moved_fibers_shift_the_phase() {
-    let head = "lambda_um = [0.6]\ntheta_i_deg = [0, 40]\nphi_i_deg = [10, 130]\nn_phi_out = 36\ntolerance = 1e-9\n";
+    let head = "lambda_um = [0.6]\ntheta_i_deg = [0, 40]\nphi_i_deg = [10, 130]\nn_phi_out = 36\n";
     let (x, y) = (2.3, -1.7);
     for (method, shape) in pairs() {
-        let scene = format!("{head}method = \"{method}\"\n[[fiber]]\n{shape}");
+        let tol = tolerance(shape);
+        let scene = format!("{head}tolerance = {tol}\nmethod = \"{method}\"\n[[fiber]]\n{shape}");
         let home = scatter(&scene);
         let away = scatter(&format!("{scene}center_um = [{x}, {y}]\n"));
         for (home, away) in home.iter().zip(&away) {
@@ -208,9 +214,9 @@ fn moved_fibers_shift_the_phase() {
                 C64::cis((ki[0] - ks[0]) * x + (ki[1] - ks[1]) * y)
             };
             let error = away.error(|j, phi| home.field(j).map(|f| f * phase(phi)));
-            assert!(error < 1e-7, "{method}, theta {}, tm {}: {error:e}", home.theta, home.tm);
+            assert!(error < 10.0 * tol, "{method}, theta {}, tm {}: {error:e}", home.theta, home.tm);
             for (a, b) in [(home.sca, away.sca), (home.abs, away.abs), (home.ext, away.ext)] {
-                assert!((a - b).abs() < 1e-7 * home.ext, "{method}: widths {a} and {b}");
+                assert!((a - b).abs() < 10.0 * tol * home.ext, "{method}: widths {a} and {b}");
             }
         }
     }
@@ -219,24 +225,23 @@ fn moved_fibers_shift_the_phase() {
 /// A fiber turned with the light turns its field. Within the plane of incidence a circle keeps the polarization, and at theta_i = 0 any fiber does so everywhere.
 #[test]
 fn turned_scenes_turn_the_field() {
-    let head = |phi: f64| {
-        format!("lambda_um = [0.6]\ntheta_i_deg = [0, 40]\nphi_i_deg = [{phi}]\nn_phi_out = 36\ntolerance = 1e-9\n")
-    };
+    let head = |phi: f64| format!("lambda_um = [0.6]\ntheta_i_deg = [0, 40]\nphi_i_deg = [{phi}]\nn_phi_out = 36\n");
     for (method, shape) in pairs() {
+        let tol = tolerance(shape);
         let shape = shape.replace("rotation_deg = 20\n", "");
         let scene = |phi: f64, turn: f64| {
-            format!("{}method = \"{method}\"\n[[fiber]]\n{shape}rotation_deg = {turn}\n", head(phi))
+            format!("{}tolerance = {tol}\nmethod = \"{method}\"\n[[fiber]]\n{shape}rotation_deg = {turn}\n", head(phi))
         };
         // Seven steps of the outgoing azimuth.
         let (home, turned) = (scatter(&scene(20.0, 15.0)), scatter(&scene(90.0, 85.0)));
         for (home, turned) in home.iter().zip(&turned) {
             let error = turned.error(|j, _| home.field((j + 36 - 7) % 36));
-            assert!(error < 1e-7, "{method}, theta {}, tm {}: {error:e}", home.theta, home.tm);
-            let scale = 1e-8 * home.greatest();
+            assert!(error < 10.0 * tol, "{method}, theta {}, tm {}: {error:e}", home.theta, home.tm);
+            let scale = 10.0 * tol * home.greatest();
             if home.theta == 0.0 {
                 assert!(home.cross.iter().all(|f| f.norm() < scale), "{method}");
             } else {
-                assert!(home.cross.iter().any(|f| f.norm() > 1e3 * scale), "{method}: oblique light turns");
+                assert!(home.cross.iter().any(|f| f.norm() > 0.01 * home.greatest()), "{method}: oblique light turns");
             }
             if shape.contains("circle") {
                 for j in [2, 20] {
@@ -252,13 +257,12 @@ fn turned_scenes_turn_the_field() {
 fn ways_can_be_reversed() {
     let step = 15.0;
     let phis: Vec<String> = (0..24).map(|j| format!("{}", step * f64::from(j))).collect();
-    let head = format!(
-        "lambda_um = [0.7]\ntheta_i_deg = [25, -25]\nphi_i_deg = [{}]\nn_phi_out = 24\ntolerance = 1e-8\n",
-        phis.join(",")
-    );
+    let head =
+        format!("lambda_um = [0.7]\ntheta_i_deg = [25, -25]\nphi_i_deg = [{}]\nn_phi_out = 24\n", phis.join(","));
     for (method, shape) in pairs().filter(|(_, shape)| *shape == TRIANGLE || *shape == LOBES) {
+        let tol = tolerance(shape);
         let scene = format!(
-            "{head}method = \"{method}\"\n[[fiber]]\n{shape}[[fiber]]\nshape = \"circle\"\nradius_um = 0.4\ncenter_um = [1.9, 0.6]\neta = 1.5\n"
+            "{head}tolerance = {tol}\nmethod = \"{method}\"\n[[fiber]]\n{shape}[[fiber]]\nshape = \"circle\"\nradius_um = 0.4\ncenter_um = [1.9, 0.6]\neta = 1.5\n"
         );
         let cases = scatter(&scene);
         assert_eq!(cases.len(), 96);
@@ -266,7 +270,7 @@ fn ways_can_be_reversed() {
         let at = |back: bool, phi: usize, tm: bool| &cases[48 * usize::from(back) + 2 * phi + usize::from(!tm)];
         for i in 0..24 {
             for o in 0..24 {
-                let scale = 1e-6 * at(false, i, true).greatest();
+                let scale = 10.0 * tol * at(false, i, true).greatest();
                 for tm in [true, false] {
                     let (there, back) = (at(false, i, tm).co[o], at(true, o, tm).co[i]);
                     assert!((there - back).norm() < scale, "{method}, co, tm {tm}, {i} to {o}: {there} and {back}");
@@ -309,9 +313,10 @@ fn thin_fibers_add_up() {
 /// The widths are those of the printed field: C_sca its integral, C_ext its forward value along the incident polarization.
 #[test]
 fn widths_are_those_of_the_field() {
-    let head = "lambda_um = [0.5]\ntheta_i_deg = [0, 50]\nphi_i_deg = [0, 90]\nn_phi_out = 360\ntolerance = 1e-8\n";
+    let head = "lambda_um = [0.5]\ntheta_i_deg = [0, 50]\nphi_i_deg = [0, 90]\nn_phi_out = 360\n";
     for (method, shape) in pairs() {
-        for case in scatter(&format!("{head}method = \"{method}\"\n[[fiber]]\n{shape}")) {
+        let tol = tolerance(shape);
+        for case in scatter(&format!("{head}tolerance = {tol}\nmethod = \"{method}\"\n[[fiber]]\n{shape}")) {
             let square: f64 = case.co.iter().chain(&case.cross).map(|f| f.norm_sqr()).sum();
             let sca = 2.0 / (PI * case.k0()) * square * 2.0 * PI / 360.0;
             assert!((case.sca - sca).abs() < 1e-9 * sca, "{method}: C_sca {} against {sca}", case.sca);
@@ -320,9 +325,13 @@ fn widths_are_those_of_the_field() {
             let sign = if case.tm { -1.0 } else { 1.0 };
             let ext = sign * 4.0 / case.k0() * case.co[forward].re;
             assert!((case.ext - ext).abs() < 1e-9 * ext, "{method}: C_ext {} against {ext}", case.ext);
-            assert!((case.ext - case.sca - case.abs).abs() < 1e-7 * case.ext, "{method}: {case:?}");
+            let off = case.ext - case.sca - case.abs;
+            assert!(off.abs() < 10.0 * tol * case.ext, "{method}: {off:e} of {}", case.ext);
             let lossy = shape.contains("kappa");
-            assert!(if lossy { case.abs > 0.01 * case.ext } else { case.abs.abs() < 1e-7 * case.ext }, "{method}");
+            assert!(
+                if lossy { case.abs > 0.01 * case.ext } else { case.abs.abs() < 10.0 * tol * case.ext },
+                "{method}"
+            );
         }
     }
 }

@@ -83,7 +83,7 @@ pub enum WaveError {
     },
     /// Powers that do not add up: the solution is less exact than was asked.
     #[error(
-        "lambda_um = {lambda_um}, theta_i_deg = {theta_i_deg}: C_ext - C_sca - C_abs = {defect_um:.2e} um, {allowed_um:.2e} would pass; take a smaller tolerance or another method"
+        "lambda_um = {lambda_um}, theta_i_deg = {theta_i_deg}: C_ext - C_sca - C_abs = {defect_um:.2e} um, {allowed_um:.2e} would pass; the tolerance is not reached here, ask for a larger one or another method"
     )]
     Ledger {
         /// Wavelength [um].
