@@ -25,6 +25,8 @@ pub enum FileKind {
     Model,
     /// A fiber's scattering, [`crate::fiber::FiberTable`].
     Fiber,
+    /// Patterns of single fibers, [`crate::SpecklePatterns`].
+    Speckle,
 }
 
 impl FileKind {
@@ -34,6 +36,7 @@ impl FileKind {
             FileKind::Table => "plywave-table",
             FileKind::Model => "plywave-ply",
             FileKind::Fiber => "plywave-fiber",
+            FileKind::Speckle => "plywave-speckle",
         }
     }
 
@@ -42,6 +45,7 @@ impl FileKind {
             FileKind::Table => "write it again with `plywave simulate`",
             FileKind::Model => "write it again with `plywave fit`",
             FileKind::Fiber => "write it again with `plywave wave tabulate`",
+            FileKind::Speckle => "write it again with `plywave wave speckle`",
         }
     }
 }
@@ -70,7 +74,7 @@ pub fn file_kind(path: impl AsRef<Path>) -> Result<FileKind> {
     let header: serde_json::Value = serde_json::from_slice(&header).map_err(|_| foreign())?;
     let text = header["__metadata__"][KEY].as_str().ok_or_else(foreign)?;
     let head: Head = parse_head(&name, text)?;
-    let kind = [FileKind::Table, FileKind::Model, FileKind::Fiber]
+    let kind = [FileKind::Table, FileKind::Model, FileKind::Fiber, FileKind::Speckle]
         .into_iter()
         .find(|k| k.format() == head.format)
         .ok_or_else(foreign)?;
@@ -220,6 +224,7 @@ impl<'a> Reader<'a> {
                 FileKind::Table => "give a table (`plywave simulate` writes one)",
                 FileKind::Model => "give a ply model (`plywave fit` writes one)",
                 FileKind::Fiber => "give a fiber table (`plywave wave tabulate` writes one)",
+                FileKind::Speckle => "give speckle patterns (`plywave wave speckle` writes some)",
             };
             return Err(format_error(file, &what, mend));
         }

@@ -20,6 +20,7 @@ mod scatter;
 mod simd;
 mod spec;
 mod spec_check;
+mod speckle;
 mod table;
 
 pub use beam::GaussianBeam;
@@ -31,4 +32,5 @@ pub use ply::reference;
 pub use ply::{Golden, PlyData, PlyModel, PlySample, Queries};
 pub use scatter::{PlyIncidence, Scatter, ScatterSample};
 pub use spec::*;
+pub use speckle::{FORWARD_RAD, SpecklePatterns, SpecklePolarization, SpeckleSide, SpeckleStatistics};
 pub use table::{OutgoingGrid, Table};

@@ -44,6 +44,48 @@ pub enum Command {
     Plot(PlotArgs),
     /// Wave optics of parallel fibers.
     Wave(WaveArgs),
+    /// Compare wave and ray optics over instances of a ply's cross section: spec (TOML) in, folder with report.json and compare.png out.
+    Compare(CompareArgs),
+}
+
+/// `plywave compare`.
+#[derive(Debug, Args)]
+pub struct CompareArgs {
+    /// Yarn spec (TOML).
+    pub spec: PathBuf,
+    /// Folder to write [default: SPEC's name with .compare, in this folder].
+    #[arg(long, short, value_name = "FOLDER")]
+    pub output: Option<PathBuf>,
+    /// Instances of the cross section.
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub instances: u32,
+    /// One to eight wavelengths [um].
+    #[arg(long, value_name = "UM", num_args = 1..=8, value_delimiter = ',', default_values_t = [0.4, 0.694])]
+    pub lambda: Vec<f64>,
+    /// One to sixteen offsets of the beam's center over the ply radius.
+    #[arg(long, value_name = "H", num_args = 1..=16, value_delimiter = ',', allow_negative_numbers = true, default_values_t = [0.0, 0.5, 0.9])]
+    pub h: Vec<f64>,
+    /// Incident latitude [degrees], -80 to 80.
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, default_value_t = 0.0)]
+    pub theta_i: f64,
+    /// Absorption coefficient of the fibers [1/um].
+    #[arg(long, value_name = "SIGMA", default_value_t = 0.0)]
+    pub sigma: f64,
+    /// Largest error of the waves' far field, relative to its greatest value.
+    #[arg(long, value_name = "TOL", default_value_t = 1e-4)]
+    pub tolerance: f64,
+    /// Rays of each instance, wavelength and offset.
+    #[arg(long, value_name = "N", default_value_t = 200_000, value_parser = clap::value_parser!(u64).range(100..=10_000_000_000))]
+    pub paths: u64,
+    /// Seed of the random numbers.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Go on with a run that was stopped, or that had fewer instances and kept its parts; the result is bit for bit that of one that was not.
+    #[arg(long)]
+    pub resume: bool,
+    /// Keep the finished instances beside the folder, so that --resume can add more of them.
+    #[arg(long)]
+    pub keep_parts: bool,
 }
 
 /// `plywave wave`.

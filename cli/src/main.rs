@@ -27,6 +27,7 @@ fn main() -> ExitCode {
         Command::Check(args) => commands::check::run(&cli, args),
         Command::Diff(args) => commands::diff::run(&cli, args),
         Command::Plot(args) => commands::plot::run(&cli, args),
+        Command::Compare(args) => commands::compare::run(&cli, args),
         Command::Wave(wave) => match &wave.command {
             WaveCommand::Scatter(args) => commands::wave_scatter::run(&cli, args),
             WaveCommand::Tabulate(args) => commands::wave_tabulate::run(&cli, args),

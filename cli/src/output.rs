@@ -53,6 +53,23 @@ pub fn check_writable(path: &Path, inputs: &[&Path]) -> Outcome {
     }
 }
 
+/// Refuses a folder to be written that could not be made, or that holds what is not from an earlier run: an existing one must be empty or hold `mark`.
+pub fn check_folder(path: &Path, mark: &str, inputs: &[&Path]) -> Outcome {
+    let refuse = |what: String, mend: &str| Err(Failure::input(path.display(), "-o", what, mend));
+    if !path.exists() {
+        return check_writable(path, inputs);
+    }
+    if !path.is_dir() {
+        return refuse("a file".into(), "name a folder");
+    }
+    let empty = std::fs::read_dir(path).map(|mut entries| entries.next().is_none());
+    match empty {
+        Ok(empty) if empty || path.join(mark).is_file() => check_writable(&path.join(mark), inputs),
+        Ok(_) => refuse(format!("a folder without {mark}"), "name another folder, or an empty one"),
+        Err(error) => refuse(error.to_string(), "choose a folder that can be read"),
+    }
+}
+
 /// Writes a file under a temporary name beside it, then renames it.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Outcome {
     write_whole_by(path, |out| out.write_all(bytes))

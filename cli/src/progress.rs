@@ -38,6 +38,9 @@ pub fn stoppable<T>(work: impl FnOnce() -> T) -> T {
     done
 }
 
+/// Commands that have the flag `--resume`.
+const RESUMABLE: [&str; 5] = ["simulate", "build", "tabulate", "compare", "speckle"];
+
 /// The command line of this run with `--resume`, where the command has that flag.
 pub fn resume_command() -> String {
     let mut words = vec!["plywave".to_string()];
@@ -46,7 +49,7 @@ pub fn resume_command() -> String {
         let plain = !word.is_empty() && word.chars().all(|c| c.is_alphanumeric() || "-_./=,:+".contains(c));
         words.push(if plain { word.into_owned() } else { format!("'{}'", word.replace('\'', r"'\''")) });
     }
-    let resumable = words.iter().any(|w| w == "simulate" || w == "build" || w == "tabulate");
+    let resumable = words.iter().any(|w| RESUMABLE.contains(&w.as_str()));
     if resumable && !words.iter().any(|w| w == "--resume") {
         words.push("--resume".into());
     }

@@ -394,10 +394,7 @@ pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
         sections.push(source.errors(args)?);
     }
     let image = sheet::page(&source.title, &source.particulars, &sections);
-    let mut png = Vec::new();
-    image
-        .write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png)
-        .map_err(|e| Failure::input(path.display(), "-o", e, "choose a place that can be written"))?;
+    let png = crate::plot::png(&image, &path)?;
     output::write_whole(&path, &png)?;
     if cli.json {
         return output::print_json(&serde_json::json!({

@@ -32,6 +32,11 @@ impl LogScale {
         self.position(value.abs()).copysign(value)
     }
 
+    /// Its powers of ten as marks.
+    pub fn labels(&self) -> Ticks {
+        self.ticks().into_iter().map(|(p, e)| (p, power(e))).collect()
+    }
+
     /// The powers of ten shown, as (position, exponent).
     fn ticks(&self) -> Vec<(f64, i32)> {
         let (from, to) = ((self.top - self.decades).ceil() as i32, (self.top + 1e-9).floor() as i32);
@@ -106,7 +111,7 @@ pub fn linear_bar(canvas: &mut Canvas, x: i32, y: i32, h: i32, max: f64, title: 
 }
 
 /// The step of 1, 2 or 5 times a power of ten that cuts [0, max] into about `count` parts.
-fn nice_step(max: f64, count: f64) -> f64 {
+pub fn nice_step(max: f64, count: f64) -> f64 {
     let raw = (max / count).max(1e-300);
     let base = 10f64.powf(raw.log10().floor());
     [1.0, 2.0, 5.0].into_iter().map(|s| s * base).find(|s| *s >= raw * 0.999).unwrap_or(10.0 * base)

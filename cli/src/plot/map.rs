@@ -82,7 +82,8 @@ pub struct Panel {
 }
 
 impl Panel {
-    fn clip(&self) -> [i32; 4] {
+    /// What may be drawn on: `[x0, y0, x1, y1)`.
+    pub fn clip(&self) -> [i32; 4] {
         [self.x, self.y, self.x + self.w, self.y + self.h]
     }
 

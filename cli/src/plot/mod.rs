@@ -6,5 +6,18 @@ pub mod canvas;
 pub mod colormap;
 mod font;
 pub mod grid;
+pub mod lines;
 pub mod map;
 pub mod sheet;
+
+use crate::failure::{Failure, Outcome};
+use std::path::Path;
+
+/// A figure as the bytes of a PNG file; `path` is for messages.
+pub fn png(image: &image::RgbImage, path: &Path) -> Outcome<Vec<u8>> {
+    let mut bytes = Vec::new();
+    image
+        .write_to(&mut std::io::Cursor::new(&mut bytes), image::ImageFormat::Png)
+        .map_err(|e| Failure::input(path.display(), "-o", e, "choose a place that can be written"))?;
+    Ok(bytes)
+}

@@ -177,7 +177,7 @@ impl Section {
 const MARKS: &str = "light from φ_o = 90°; ring: exact forward, ticks: the cone θ_o = -θ_i; dots: axes of lobes, larger with energy, arcs: half a standard deviation";
 
 /// Text made bold by a second strike.
-fn heading(canvas: &mut Canvas, x: i32, y: i32, text: &str) {
+pub fn heading(canvas: &mut Canvas, x: i32, y: i32, text: &str) {
     canvas.text(x, y, text, Align::Left, INK);
     canvas.text(x + 1, y, text, Align::Left, INK);
 }

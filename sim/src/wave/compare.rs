@@ -27,8 +27,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub const BINS: usize = 720;
 /// Widths of the bins that are compared, in those bins.
 const FACTORS: [usize; 4] = [1, 2, 6, 20];
-/// Bins of the curves in the report, in those bins.
-const CURVE: usize = 2;
+/// One degree, in those bins.
+const DEGREE: usize = 2;
 /// Half of the range about exact forward that is left out where the report says so [degrees]: some fifteen times the beam's spread, so that
 /// what is left is light that a fiber turned.
 const FORWARD_DEG: f64 = 10.0;
@@ -140,7 +140,7 @@ pub struct Resolved {
     pub single_off_forward_relative_l2: Spread,
 }
 
-/// Densities [1/rad] in bins of one degree, centers at 0.5, 1.5, ...
+/// Densities [1/rad] in bins of half a degree, the first from 0 to 0.5.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CompareCurves {
     /// Mean by waves.
@@ -153,9 +153,9 @@ pub struct CompareCurves {
     pub ray_sd: Vec<f64>,
     /// The part of the rays' mean that met no fiber.
     pub ray_miss_mean: Vec<f64>,
-    /// The first instance by waves, in bins of half a degree.
+    /// The first instance by waves.
     pub wave_first: Vec<f64>,
-    /// The first instance by rays, in bins of half a degree.
+    /// The first instance by rays.
     pub ray_first: Vec<f64>,
 }
 
@@ -360,11 +360,9 @@ fn report(spec: &YarnSpec, spec_text: &str, options: &CompareOptions, jobs: &[Jo
                 |which: usize| Spread::of(of(at).map(move |job| job.numbers[h * CURVES * BINS + k * SHARES + which]));
             let sum = |values: &[f64]| values.iter().sum::<f64>() * TAU / BINS as f64;
             let energy = |which: usize| Spread::of(of(at).map(move |job| sum(curve(job, k, which))));
-            let one_degree =
-                |curves: &[Vec<f64>]| -> Vec<Vec<f64>> { curves.iter().map(|c| coarser(c, CURVE)).collect() };
-            let (wave_mean, wave_sd) = mean_and_sd(&one_degree(&waves));
-            let (ray_mean, ray_sd) = mean_and_sd(&one_degree(&rays));
-            let misses: Vec<Vec<f64>> = of(at).map(|job| coarser(curve(job, k, 1), CURVE)).collect();
+            let (wave_mean, wave_sd) = mean_and_sd(&waves);
+            let (ray_mean, ray_sd) = mean_and_sd(&rays);
+            let misses: Vec<Vec<f64>> = of(at).map(|job| curve(job, k, 1).to_vec()).collect();
             cases.push(CompareCase {
                 lambda_um: options.lambda_um[at],
                 h_rel: options.h_rel[k],
@@ -395,7 +393,7 @@ fn report(spec: &YarnSpec, spec_text: &str, options: &CompareOptions, jobs: &[Jo
     let mut across_wavelengths = Vec::new();
     for at in 1..l {
         for k in 0..h {
-            let [a, b] = [at - 1, at].map(|at| waves_of(at, k).iter().map(|c| coarser(c, CURVE)).collect::<Vec<_>>());
+            let [a, b] = [at - 1, at].map(|at| waves_of(at, k).iter().map(|c| coarser(c, DEGREE)).collect::<Vec<_>>());
             across_wavelengths.push(AcrossWavelengths {
                 lambda_um: [options.lambda_um[at - 1], options.lambda_um[at]],
                 h_rel: options.h_rel[k],
@@ -537,7 +535,7 @@ mod tests {
         // Sides matter: rays at -h are not waves at h.
         let [a, b] = [1, 2].map(|k| &report.cases[k].curves);
         let [a, b] = [(&a.wave_mean, &b.ray_mean), (&b.wave_mean, &a.ray_mean)]
-            .map(|(w, r)| correlation(&coarser(w, 10), &coarser(r, 10)));
+            .map(|(w, r)| correlation(&coarser(w, 20), &coarser(r, 20)));
         assert!(a < 0.9 && b < 0.9, "{a} {b}");
     }
 
