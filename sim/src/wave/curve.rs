@@ -19,6 +19,8 @@ pub(crate) struct Resolution {
     pub per_wavelength: f64,
     /// Times the cube root of the wall's length in wavelengths over 2 pi: nodes on top of those, as for the order at which a Bessel series may stop.
     pub transition: f64,
+    /// Natural logarithm of ten over the tolerance.
+    pub logarithm: f64,
     /// Order of the grading at joints, 1 for none.
     pub grading: i32,
     /// Nodes over which a joint's grading fades.
@@ -33,24 +35,27 @@ impl Resolution {
     pub(crate) fn for_tolerance(tolerance: f64) -> Self {
         let digits = -tolerance.log10();
         let per_wavelength = if digits < 6.0 { 3.6 + 0.33 * (digits - 3.0) } else { 4.6 + 0.22 * (digits - 6.0) };
-        // On the triangle: order 3 over 4 nodes 6e-5, 5 over 6 nodes 1e-6, 5 over 10 nodes 3e-8, 7 over 14 nodes 5e-10.
+        // Orders and fades by what they reach on two triangles; short arcs ask for the longer fades.
         let (grading, per_digit) = match digits {
             ..=4.0 => (3, 1.3),
             ..=7.0 => (5, 1.8),
-            _ => (7, 1.6),
+            _ => (7, 2.4),
         };
         Self {
             per_wavelength_ellipse: (3.4 + 0.095 * (digits - 3.0)).min(3.72),
             per_wavelength,
             transition: 4.0 + (digits - 3.0).max(0.0),
+            logarithm: (10.0 / tolerance).ln(),
             grading,
             fade_nodes: per_digit * digits,
         }
     }
 }
 
-/// Least number of nodes on a piece, in units of twice those of its grading.
-const SHORTEST: f64 = 1.0;
+/// Points at which outlines are looked at before they get their nodes.
+const SAMPLES: usize = 256;
+/// Normals with a dot product below this face away from each other.
+const FACING: f64 = -0.3;
 
 /// A point of a wall and its derivatives by the parameter.
 #[derive(Clone, Copy, Debug)]
@@ -119,6 +124,17 @@ impl Grading {
     fn speed(self, tau: f64) -> f64 {
         (1.0 - (1.0 - 2.0 * tau).abs().powf(2.0 * self.q)).powi(self.order - 1)
     }
+}
+
+/// Order from which on the Fourier coefficients of curvature times speed stay below `tolerance` of the largest.
+fn harmonics(samples: &[CurvePoint], tolerance: f64) -> usize {
+    let n = samples.len();
+    let bend: Vec<f64> = samples.iter().map(|p| p.curvature * p.speed).collect();
+    let unit: Vec<C64> = (0..n).map(|j| C64::from_polar(1.0, TAU * j as f64 / n as f64)).collect();
+    let coefficient = |m: usize| (0..n).map(|j| bend[j] * unit[m * j % n]).sum::<C64>().norm();
+    let sizes: Vec<f64> = (0..=n / 2).map(coefficient).collect();
+    let largest = sizes.iter().fold(0.0, |a: f64, &b| a.max(b));
+    sizes.iter().rposition(|&s| s > tolerance.max(1e-13) * largest).map_or(0, |m| m + 1)
 }
 
 fn gcd(a: u32, b: u32) -> u32 {
@@ -203,22 +219,7 @@ impl Curve {
     /// The wall of `body` with nodes for a wavelength; `key` names it in errors.
     pub(crate) fn new(body: &Body, resolution: &Resolution, wavelength_um: f64, key: &str) -> Result<Self, WaveError> {
         let outline = match (&body.shape, fourier_of(&body.shape)) {
-            (Shape::Polygon { points_um, rounding_um }, _) => {
-                let mut pieces = pieces_of(points_um, *rounding_um, key)?;
-                let mut before = 0;
-                for piece in &mut pieces {
-                    // A piece's nodes are as dense as asked where the grading is flat.
-                    let nodes = piece.length * resolution.per_wavelength / wavelength_um;
-                    let q = (0.5 * nodes / resolution.fade_nodes).max(1.0);
-                    piece.grading = Grading { q, order: resolution.grading };
-                    let flat = 2.0 * piece.grading.length(0.5);
-                    // Short arcs still need the grading resolved.
-                    piece.nodes = 2 * (0.5 * nodes / flat - 1e-9).max(SHORTEST * resolution.fade_nodes).ceil() as usize;
-                    piece.before = before;
-                    before += piece.nodes;
-                }
-                Outline::Pieces(pieces)
-            }
+            (Shape::Polygon { points_um, rounding_um }, _) => Outline::Pieces(pieces_of(points_um, *rounding_um, key)?),
             (_, coeffs) => Outline::Fourier(coeffs.unwrap_or_default()),
         };
         let mut curve = Self {
@@ -227,31 +228,72 @@ impl Curve {
             turn: C64::from_polar(1.0, body.rotation_rad),
             nodes: Vec::new(),
         };
-        let n = curve.count(resolution, wavelength_um);
-        curve.nodes = (0..n).map(|j| curve.at(TAU * (j as f64 + 0.5) / n as f64, n)).collect();
+        let mut denser = 1.0;
+        for _ in 0..4 {
+            let n = curve.count(resolution, wavelength_um, denser);
+            curve.nodes = (0..n).map(|j| curve.at(TAU * (j as f64 + 0.5) / n as f64, n)).collect();
+            let short = resolution.logarithm / (TAU * curve.thickness_in_steps());
+            if short <= 1.0 {
+                break;
+            }
+            denser *= 1.05 * short;
+        }
         Ok(curve)
     }
 
-    /// Number of nodes.
-    fn count(&self, resolution: &Resolution, wavelength_um: f64) -> usize {
-        match &self.outline {
-            Outline::Pieces(pieces) => pieces.iter().map(|p| p.nodes).sum(),
-            Outline::Fourier(coeffs) => {
-                let highest = coeffs.iter().map(|(k, _)| k.unsigned_abs()).max().unwrap_or(1);
-                let samples = 64 * highest as usize;
-                let speeds = (0..samples).map(|j| self.at(TAU * j as f64 / samples as f64, 1).speed);
-                let fastest = speeds.fold(0.0, f64::max);
-                // The sparsest nodes set the count: those where the parameter runs fastest.
-                let waves = TAU * fastest / wavelength_um; // of the fastest speed all around
-                let ellipse = highest == 1;
-                let density = if ellipse { resolution.per_wavelength_ellipse } else { resolution.per_wavelength };
-                let n = density * waves + resolution.transition * waves.cbrt() + 4.0 * highest as f64;
-                let n = n.ceil() as usize;
-                // Node sets keep the outline's rotations (z(t + 2 pi/m) = z turned where m divides all k - 1) and mirrors.
-                let order = coeffs.iter().fold(0, |m, (k, _)| gcd(m, (k - 1).unsigned_abs()));
-                n.next_multiple_of(if order == 0 { 24 } else { 4 * order as usize / gcd(4, order) as usize })
+    /// Number of nodes, `denser` times those that the wavelength asks for; sets those of pieces.
+    fn count(&mut self, resolution: &Resolution, wavelength_um: f64, denser: f64) -> usize {
+        let coeffs = match &mut self.outline {
+            Outline::Pieces(pieces) => {
+                let mut before = 0;
+                for piece in pieces {
+                    // A piece's nodes are as dense as asked where the grading is flat.
+                    let nodes = denser * piece.length * resolution.per_wavelength / wavelength_um;
+                    // Whole, or the speed would not be smooth in the middle.
+                    let q = (0.5 * nodes / resolution.fade_nodes).floor().max(1.0);
+                    piece.grading = Grading { q, order: resolution.grading };
+                    let flat = 2.0 * piece.grading.length(0.5);
+                    // Short arcs still need the grading resolved.
+                    piece.nodes = 2 * (0.5 * nodes / flat - 1e-9).max(resolution.fade_nodes).ceil() as usize;
+                    piece.before = before;
+                    before += piece.nodes;
+                }
+                return before;
+            }
+            Outline::Fourier(coeffs) => coeffs,
+        };
+        let highest = coeffs.iter().map(|(k, _)| k.unsigned_abs()).max().unwrap_or(1);
+        // Node sets keep the outline's rotations (z(t + 2 pi/m) = z turned where m divides all k - 1) and mirrors.
+        let order = coeffs.iter().fold(0, |m, (k, _)| gcd(m, (k - 1).unsigned_abs()));
+        let multiple = if order == 0 { 24 } else { 4 * order as usize / gcd(4, order) as usize };
+        let samples: Vec<CurvePoint> =
+            (0..SAMPLES).map(|j| self.at(TAU * j as f64 / SAMPLES as f64, SAMPLES)).collect();
+        // The sparsest nodes set the count: those where the parameter runs fastest. Wavelengths, were all as fast.
+        let waves = TAU * samples.iter().map(|p| p.speed).fold(0.0, f64::max) / wavelength_um;
+        let ellipse = highest <= 1;
+        let density = if ellipse { resolution.per_wavelength_ellipse } else { resolution.per_wavelength };
+        let waving = density * waves + resolution.transition * waves.cbrt() + 4.0 * highest as f64;
+        // The kernel's diagonal holds curvature times speed: its harmonics are those of the outline's bends. Ellipses are bent as they are thin.
+        let bending = if ellipse { 0 } else { harmonics(&samples, (-resolution.logarithm).exp()) };
+        ((denser * waving.max(bending as f64)).ceil() as usize).next_multiple_of(multiple)
+    }
+
+    /// Least distance between two runs of the wall that face each other from within, in the steps of its nodes there: kernels between them are resolved to
+    /// `exp(-2 pi steps)`.
+    fn thickness_in_steps(&self) -> f64 {
+        let h = self.step();
+        let stride = self.nodes.len().div_ceil(SAMPLES);
+        let mut least = f64::MAX;
+        for (j, a) in self.nodes.iter().enumerate().step_by(stride) {
+            for b in self.nodes[j + 1..].iter().step_by(stride) {
+                if a.normal[0] * b.normal[0] + a.normal[1] * b.normal[1] < FACING {
+                    let squared = (a.at[0] - b.at[0]).powi(2) + (a.at[1] - b.at[1]).powi(2);
+                    let step = h * a.speed.max(b.speed);
+                    least = least.min(squared / (step * step));
+                }
             }
         }
+        least.sqrt()
     }
 
     /// The point at parameter t in [0, 2 pi), for a rule of n nodes (the grading of pieces depends on it).

@@ -13,6 +13,7 @@
 //! takes, which gives C_sca exactly, and from there at any azimuth.
 
 use super::curve::CurvePoint;
+use super::symmetry::{Element, Group};
 use super::system::{BoundarySystem, E, H, P, Q, par};
 use super::{
     Body, C64, PlaneWave, Polarization, Scattered, SolverStats, Source, Wave, WaveError, WaveSolver, extinction_width,
@@ -21,7 +22,7 @@ use super::{
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef};
 use rayon::prelude::*;
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Azimuths whose phases are held at once.
@@ -76,24 +77,38 @@ pub(crate) fn incident(wave: &Wave, pol: Polarization, waves: &[PlaneWave], poin
 pub(crate) struct FarField {
     /// Center the phases refer to [um].
     pub center: [f64; 2],
+    /// First azimuth of the grid [rad].
+    pub start: f64,
     /// Number of equispaced azimuths that resolve the far field about the center.
     pub azimuths: usize,
 }
 
 impl FarField {
-    /// For sources at `nodes`, resolved to `tolerance`.
-    pub(crate) fn new(nodes: &[CurvePoint], k_rho: f64, tolerance: f64) -> Self {
+    /// For sources at `nodes`, resolved to `tolerance`. Where the walls have symmetries, their maps take the grid to itself.
+    pub(crate) fn new(nodes: &[CurvePoint], k_rho: f64, tolerance: f64, group: &Group) -> Self {
         let mut center = [0.0; 2];
         for k in 0..2 {
             let (low, high) = nodes.iter().fold((f64::MAX, f64::MIN), |(l, h), p| (l.min(p.at[k]), h.max(p.at[k])));
             center[k] = 0.5 * (low + high);
+        }
+        let (mut start, mut multiple) = (0.0, 1);
+        if group.order() > 1 {
+            center = [group.center.re, group.center.im];
+            // A mirror's axis is at half its angle.
+            start = group.elements.iter().find(|e| e.mirror).map_or(0.0, |e| 0.5 * e.angle);
+            multiple = group.order();
         }
         let radius = nodes.iter().map(|p| (p.at[0] - center[0]).hypot(p.at[1] - center[1])).fold(0.0, f64::max);
         // J_m(x) falls off over x^(1/3) beyond m = x; d digits take about 1.8 d^(2/3) of that.
         let x = k_rho * radius;
         let digits = 2.0 - tolerance.log10();
         let order = x + 1.8 * digits.powf(2.0 / 3.0) * x.max(1.0).cbrt() + digits;
-        Self { center, azimuths: (2.0 * order + 2.0).ceil() as usize }
+        Self { center, start, azimuths: ((2.0 * order + 2.0).ceil() as usize).next_multiple_of(multiple) }
+    }
+
+    /// Azimuth j of the grid [rad].
+    fn azimuth(&self, j: usize) -> f64 {
+        self.start + TAU * j as f64 / self.azimuths as f64
     }
 
     /// Amplitudes `(a_e, a_h)` on the grid, about the center: `[azimuth]` column after column. `densities` are `(e, P, h, Q)` at a node, node after node, of which the
@@ -132,7 +147,7 @@ impl FarField {
         let mut first = 0;
         while first < self.azimuths {
             let count = AZIMUTH_CHUNK.min(self.azimuths - first);
-            let direction = |row: usize| (TAU * (first + row) as f64 / self.azimuths as f64).sin_cos();
+            let direction = |row: usize| self.azimuth(first + row).sin_cos();
             let mut phases = vec![C64::ZERO; count * n];
             phases.par_chunks_mut(count).zip(nodes).for_each(|(phases, p)| {
                 let (x, y) = (p.at[0] - self.center[0], p.at[1] - self.center[1]);
@@ -168,15 +183,18 @@ impl FarField {
     pub(crate) fn resample(&self, wave: &Wave, values: &[C64], phi: &[f64]) -> Vec<C64> {
         let n = self.azimuths;
         let columns = values.len() / n;
+        if phi.is_empty() || columns == 0 {
+            return Vec::new();
+        }
         // Dirichlet kernel of the orders |m| <= (n - 1) / 2, and for even n half of the last.
-        let mut weights = vec![C64::ZERO; phi.len() * n];
+        let mut weights = vec![0.0; phi.len() * n];
         weights.par_chunks_mut(phi.len()).enumerate().for_each(|(j, weights)| {
-            let own = TAU * j as f64 / n as f64;
+            let own = self.azimuth(j);
             for (weight, &phi) in weights.iter_mut().zip(phi) {
                 let half = 0.5 * (phi - own);
                 let (sin, cos) = half.sin_cos();
                 let sine = (n as f64 * half).sin();
-                let kernel = if sin.abs() < 1e-12 {
+                *weight = if sin.abs() < 1e-12 {
                     // At a multiple of 2 pi apart.
                     1.0
                 } else if n.is_multiple_of(2) {
@@ -184,24 +202,116 @@ impl FarField {
                 } else {
                     sine / (sin * n as f64)
                 };
-                let shift = -wave.k_rho() * (self.center[0] * phi.cos() + self.center[1] * phi.sin());
-                *weight = kernel * C64::from_polar(1.0, shift);
             }
         });
-        let mut out = vec![C64::ZERO; phi.len() * columns];
+        // Real and imaginary parts side by side: the kernel is real.
+        let parts: Vec<f64> = values.iter().map(|v| v.re).chain(values.iter().map(|v| v.im)).collect();
+        let mut sums = vec![0.0; 2 * phi.len() * columns];
         matmul(
-            MatMut::from_column_major_slice_mut(&mut out, phi.len(), columns),
+            MatMut::from_column_major_slice_mut(&mut sums, phi.len(), 2 * columns),
             Accum::Replace,
             MatRef::from_column_major_slice(&weights, phi.len(), n),
-            MatRef::from_column_major_slice(values, n, columns),
-            C64::ONE,
+            MatRef::from_column_major_slice(&parts, n, 2 * columns),
+            1.0,
             par(),
         );
-        out
+        let shifts: Vec<C64> = phi
+            .iter()
+            .map(|phi| C64::from_polar(1.0, -wave.k_rho() * (self.center[0] * phi.cos() + self.center[1] * phi.sin())))
+            .collect();
+        let (re, im) = sums.split_at(phi.len() * columns);
+        re.iter().zip(im).zip(shifts.iter().cycle()).map(|((&re, &im), shift)| C64::new(re, im) * shift).collect()
+    }
+
+    /// Where the map takes azimuth j of the grid.
+    fn image(&self, element: &Element, j: usize) -> usize {
+        let n = self.azimuths as i64;
+        let at = (element.azimuth(self.azimuth(j)) - self.start) * n as f64 / TAU;
+        (at.round() as i64).rem_euclid(n) as usize
     }
 }
 
+/// Far fields F on the grid and absorbed widths, one column a density.
+struct Radiated {
+    far: FarField,
+    f_u: Vec<C64>,
+    f_phi: Vec<C64>,
+    absorbed_um: Vec<f64>,
+}
+
+impl Radiated {
+    fn new(
+        wave: &Wave,
+        far: FarField,
+        nodes: &[CurvePoint],
+        weights: &[f64],
+        densities: &[C64],
+        stride: usize,
+        columns: usize,
+    ) -> Self {
+        let (mut f_u, mut f_phi) = far.amplitudes(wave, nodes, weights, densities, stride, columns);
+        let per_cos = 1.0 / wave.theta_i.cos();
+        for value in f_u.iter_mut().chain(&mut f_phi) {
+            *value *= per_cos;
+        }
+        let absorbed_um = (0..columns)
+            .map(|column| {
+                let u = densities[4 * stride * column..].chunks(4).zip(weights);
+                u.map(|(u, w)| -w * (u[P] * u[E].conj() + u[Q] * u[H].conj()).im).sum()
+            })
+            .collect();
+        Self { far, f_u, f_phi, absorbed_um }
+    }
+}
+
+/// How a source follows from one that was solved: its image under a map, its amplitudes times factors.
+#[derive(Clone, Copy)]
+struct Origin {
+    column: usize,
+    element: usize,
+    factor_u: C64,
+    factor_phi: C64,
+}
+
+/// Sources to be solved, and for every source how it follows from them. Plane waves that maps of the walls take to each other are solved once.
+fn origins(wave: &Wave, group: &Group, sources: &[Source]) -> (Vec<usize>, Vec<Origin>) {
+    let mut solved: Vec<usize> = Vec::new();
+    let origins = sources
+        .iter()
+        .enumerate()
+        .map(|(index, source)| {
+            let found = solved.iter().enumerate().find_map(|(column, &other)| {
+                let other = &sources[other];
+                if other.pol != source.pol || other.beam.is_some() || source.beam.is_some() {
+                    return None;
+                }
+                let same = |e: &Element| {
+                    let apart = (e.azimuth(other.phi_i) - source.phi_i) / TAU;
+                    (apart - apart.round()).abs() < 1e-13
+                };
+                group.elements.iter().position(same).map(|element| (column, element, other.phi_i))
+            });
+            let Some((column, element, phi_i)) = found else {
+                solved.push(index);
+                return Origin { column: solved.len() - 1, element: 0, factor_u: C64::ONE, factor_phi: C64::ONE };
+            };
+            // Both waves have phase zero at the origin, the map keeps the phase at the center.
+            let towards = C64::from_polar(1.0, source.phi_i) - C64::from_polar(1.0, phi_i);
+            let phase = C64::from_polar(1.0, -wave.k_rho() * (towards.conj() * group.center).re);
+            // A mirror turns h around: that of the scattered light for TM; the incident one for TE, so that the whole answer changes sign.
+            let (factor_u, factor_phi) = match (group.elements[element].mirror, source.pol) {
+                (false, _) => (phase, phase),
+                (true, Polarization::Tm) => (phase, -phase),
+                (true, Polarization::Te) => (-phase, phase),
+            };
+            Origin { column, element, factor_u, factor_phi }
+        })
+        .collect();
+    (solved, origins)
+}
+
 /// Far fields and ledger of sources from the total fields on outermost walls. `densities` are `(e, P, h, Q)` node after node, `stride` nodes a column, one column a source.
+#[allow(dead_code, reason = "for the solver of many fibers")]
 pub(crate) fn harvest(
     wave: &Wave,
     tolerance: f64,
@@ -212,40 +322,55 @@ pub(crate) fn harvest(
     sources: &[(Polarization, Vec<PlaneWave>)],
     n_phi_out: usize,
 ) -> Vec<Scattered> {
-    let far = FarField::new(nodes, wave.k_rho(), tolerance);
-    let (e, h) = far.amplitudes(wave, nodes, weights, densities, stride, sources.len());
-    let per_cos = 1.0 / wave.theta_i.cos();
-    let scale = |v: Vec<C64>| -> Vec<C64> { v.into_iter().map(|a| a * per_cos).collect() };
-    let (f_u, f_phi) = (scale(e), scale(h));
-    let phi_out: Vec<f64> = (0..n_phi_out).map(|j| TAU * j as f64 / n_phi_out as f64).collect();
-    let (out_u, out_phi) = if n_phi_out == 0 {
-        (Vec::new(), Vec::new())
-    } else {
-        (far.resample(wave, &f_u, &phi_out), far.resample(wave, &f_phi, &phi_out))
-    };
+    let group = Group::trivial(0);
+    let far = FarField::new(nodes, wave.k_rho(), tolerance, &group);
+    let radiated = Radiated::new(wave, far, nodes, weights, densities, stride, sources.len());
+    let own = |column| Origin { column, element: 0, factor_u: C64::ONE, factor_phi: C64::ONE };
+    let origins: Vec<Origin> = (0..sources.len()).map(own).collect();
+    finish(wave, &group, &radiated, &origins, sources, n_phi_out)
+}
+
+/// Far fields at the azimuths asked for and ledgers, one a source.
+fn finish(
+    wave: &Wave,
+    group: &Group,
+    radiated: &Radiated,
+    origins: &[Origin],
+    sources: &[(Polarization, Vec<PlaneWave>)],
+    n_phi_out: usize,
+) -> Vec<Scattered> {
+    let far = &radiated.far;
     let m = far.azimuths;
+    // Both amplitudes of a source side by side.
+    let mut grid = vec![C64::ZERO; 2 * m * origins.len()];
+    grid.par_chunks_mut(2 * m).zip(origins).for_each(|(grid, origin)| {
+        let element = &group.elements[origin.element];
+        let (u, phi) = grid.split_at_mut(m);
+        for j in 0..m {
+            let to = if origin.element == 0 { j } else { far.image(element, j) };
+            u[to] = radiated.f_u[m * origin.column + j] * origin.factor_u;
+            phi[to] = radiated.f_phi[m * origin.column + j] * origin.factor_phi;
+        }
+    });
+    let phi_out: Vec<f64> = (0..n_phi_out).map(|j| TAU * j as f64 / n_phi_out as f64).collect();
+    let out = far.resample(wave, &grid, &phi_out);
     (0..sources.len())
         .into_par_iter()
         .map(|s| {
             let (pol, waves) = &sources[s];
-            let (u, phi) = (&f_u[m * s..][..m], &f_phi[m * s..][..m]);
-            let ahead: Vec<f64> = waves.iter().map(|w| w.phi_i + std::f64::consts::PI).collect();
-            let forward: Vec<(C64, C64)> =
-                far.resample(wave, u, &ahead).into_iter().zip(far.resample(wave, phi, &ahead)).collect();
-            let density = &densities[4 * stride * s..];
-            let absorbed: f64 = weights
-                .iter()
-                .enumerate()
-                .map(|(j, w)| {
-                    let u = &density[4 * j..][..4];
-                    -w * (u[P] * u[E].conj() + u[Q] * u[H].conj()).im
-                })
-                .sum();
+            let (u, phi) = grid[2 * m * s..][..2 * m].split_at(m);
+            let ahead: Vec<f64> = waves.iter().map(|w| w.phi_i + PI).collect();
+            // The theorem looks at the incident polarization alone.
+            let forward: Vec<(C64, C64)> = match pol {
+                Polarization::Tm => far.resample(wave, u, &ahead).into_iter().map(|f| (f, C64::ZERO)).collect(),
+                Polarization::Te => far.resample(wave, phi, &ahead).into_iter().map(|f| (C64::ZERO, f)).collect(),
+            };
+            let (out_u, out_phi) = out[2 * n_phi_out * s..][..2 * n_phi_out].split_at(n_phi_out);
             Scattered {
-                f_u: out_u[n_phi_out * s..][..n_phi_out].to_vec(),
-                f_phi: out_phi[n_phi_out * s..][..n_phi_out].to_vec(),
+                f_u: out_u.to_vec(),
+                f_phi: out_phi.to_vec(),
                 c_sca_um: scattering_width(wave, u, phi),
-                c_abs_um: absorbed,
+                c_abs_um: radiated.absorbed_um[origins[s].column],
                 c_ext_um: extinction_width(wave, *pol, waves, &forward),
             }
         })
@@ -261,9 +386,12 @@ impl WaveSolver for NystromSolver {
             .iter()
             .map(|s| Ok((s.pol, s.plane_waves(&self.wave, extent)?)))
             .collect::<Result<Vec<_>, WaveError>>()?;
+        let group = self.system.group();
+        let (solved, origins) = origins(&self.wave, group, sources);
         let stride = nodes.len();
-        let mut fields = vec![C64::ZERO; 4 * stride * sources.len()];
-        fields.par_chunks_mut(4 * stride).zip(&waves).for_each(|(fields, (pol, waves))| {
+        let mut fields = vec![C64::ZERO; 4 * stride * solved.len()];
+        fields.par_chunks_mut(4 * stride).zip(&solved).for_each(|(fields, &s)| {
+            let (pol, waves) = &waves[s];
             for (out, point) in fields.chunks_mut(4).zip(outer) {
                 out.copy_from_slice(&incident(&self.wave, *pol, waves, point));
             }
@@ -271,12 +399,12 @@ impl WaveSolver for NystromSolver {
         let mut residual: f64 = 0.0;
         for (part, components) in self.system.parts().enumerate() {
             if components.len() == 4 {
-                residual = residual.max(self.system.solve(part, &mut fields, sources.len()));
+                residual = residual.max(self.system.solve(part, &mut fields, solved.len()));
                 continue;
             }
             // Only sources of this part's polarization drive it.
             let wanted = if components[0] == E { Polarization::Tm } else { Polarization::Te };
-            let columns: Vec<usize> = (0..sources.len()).filter(|&s| sources[s].pol == wanted).collect();
+            let columns: Vec<usize> = (0..solved.len()).filter(|&s| sources[solved[s]].pol == wanted).collect();
             let size = components.len();
             let mut rhs = Vec::with_capacity(size * stride * columns.len());
             for &s in &columns {
@@ -298,8 +426,10 @@ impl WaveSolver for NystromSolver {
         if residual.is_nan() || residual > 0.1 * self.tolerance {
             return Err(WaveError::NotConverged { residual, iterations: 0 });
         }
-        let weights: Vec<f64> = self.system.outer_weights();
-        Ok(harvest(&self.wave, self.tolerance, outer, &weights, &fields, stride, &waves, n_phi_out))
+        let far = FarField::new(outer, self.wave.k_rho(), self.tolerance, group);
+        let weights = self.system.outer_weights();
+        let radiated = Radiated::new(&self.wave, far, outer, &weights, &fields, stride, solved.len());
+        Ok(finish(&self.wave, group, &radiated, &origins, &waves, n_phi_out))
     }
 
     fn stats(&self) -> SolverStats {

@@ -20,12 +20,23 @@ pub(crate) struct Element {
     pub image: Vec<u32>,
     /// Whether it is a mirror: (h, Q) change sign.
     pub mirror: bool,
+    /// Angle alpha [rad]: azimuths go to alpha + phi, under mirrors to alpha - phi.
+    pub angle: f64,
+}
+
+impl Element {
+    /// Image of a direction.
+    pub(crate) fn azimuth(&self, phi: f64) -> f64 {
+        self.angle + if self.mirror { -phi } else { phi }
+    }
 }
 
 /// A group of maps; the first is the identity.
 #[derive(Clone, Debug)]
 pub(crate) struct Group {
     pub elements: Vec<Element>,
+    /// The point that all maps fix [um]; 0 for the identity alone.
+    pub center: C64,
     /// `[chi][gamma]`.
     pub characters: Vec<Vec<C64>>,
     /// One node of each orbit, ascending.
@@ -74,8 +85,13 @@ impl Map {
 impl Group {
     /// The group of the identity alone.
     pub(crate) fn trivial(nodes: usize) -> Self {
-        let element = Element { image: (0..nodes as u32).collect(), mirror: false };
-        Self { elements: vec![element], characters: vec![vec![C64::ONE]], orbits: (0..nodes as u32).collect() }
+        let element = Element { image: (0..nodes as u32).collect(), mirror: false, angle: 0.0 };
+        Self {
+            elements: vec![element],
+            center: C64::ZERO,
+            characters: vec![vec![C64::ONE]],
+            orbits: (0..nodes as u32).collect(),
+        }
     }
 
     /// The largest group found for a body: rotations, or mirrors with their product. `points` are the nodes of its walls, outermost first, `lengths` the walls' counts.
@@ -86,8 +102,13 @@ impl Group {
         let center = outer.iter().sum::<C64>() / n as f64;
         let size = outer.iter().map(|z| (z - center).norm()).fold(0.0, f64::max);
         let tolerance = MATCH * size;
-        let images =
-            |map: Map| map.images(points, lengths, tolerance).map(|image| Element { image, mirror: map.mirror });
+        let images = |map: Map| {
+            map.images(points, lengths, tolerance).map(|image| Element {
+                image,
+                mirror: map.mirror,
+                angle: map.turn.arg(),
+            })
+        };
         let rotation = |order: usize, power: usize| Map {
             center,
             turn: if power == 0 { C64::ONE } else { C64::from_polar(1.0, TAU * power as f64 / order as f64) },
@@ -97,7 +118,7 @@ impl Group {
             .rev()
             .find(|&m| lengths.iter().all(|l| l.is_multiple_of(m)) && images(rotation(m, 1)).is_some())
             .unwrap_or(1);
-        let identity = || Element { image: (0..points.len() as u32).collect(), mirror: false };
+        let identity = || Element { image: (0..points.len() as u32).collect(), mirror: false, angle: 0.0 };
         if order <= 4 && order != 3 {
             // A mirror takes node 0 to an odd distance against the run of the nodes.
             let z0 = outer[0] - center;
@@ -117,12 +138,12 @@ impl Group {
                     if let (Some(half), Some(other)) = (half, other) {
                         let rows = [[1, 1, 1, 1], [1, 1, -1, -1], [1, -1, 1, -1], [1, -1, -1, 1]];
                         let characters = rows.map(|row| row.map(sign).to_vec()).to_vec();
-                        return Self::new(vec![identity(), element, other, half], characters);
+                        return Self::new(vec![identity(), element, other, half], center, characters);
                     }
                 }
                 if order == 1 {
                     let characters = vec![vec![sign(1), sign(1)], vec![sign(1), sign(-1)]];
-                    return Self::new(vec![identity(), element], characters);
+                    return Self::new(vec![identity(), element], center, characters);
                 }
             }
         }
@@ -133,13 +154,13 @@ impl Group {
                 (0..order).map(|p| C64::from_polar(1.0, 2.0 * PI * (chi * p % order) as f64 / order as f64)).collect()
             })
             .collect();
-        Self::new(elements, characters)
+        Self::new(elements, center, characters)
     }
 
-    fn new(elements: Vec<Element>, characters: Vec<Vec<C64>>) -> Self {
+    fn new(elements: Vec<Element>, center: C64, characters: Vec<Vec<C64>>) -> Self {
         let n = elements[0].image.len();
         let orbits = (0..n as u32).filter(|&j| elements.iter().all(|e| e.image[j as usize] >= j)).collect();
-        Self { elements, characters, orbits }
+        Self { elements, center, characters, orbits }
     }
 
     /// Number of maps.

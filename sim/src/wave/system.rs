@@ -254,7 +254,7 @@ impl BoundarySystem {
     }
 
     /// Walls, those that border on the exterior first.
-    #[cfg_attr(not(test), expect(dead_code, reason = "for the solver of many fibers"))]
+    #[allow(dead_code, reason = "for the solver of many fibers")]
     pub(crate) fn walls(&self) -> &[Wall] {
         &self.walls
     }
@@ -285,13 +285,18 @@ impl BoundarySystem {
         self.parts.iter().flat_map(|p| &p.blocks).map(|b| b.size).max().unwrap_or(0)
     }
 
+    /// Symmetry of the walls.
+    pub(crate) fn group(&self) -> &Group {
+        &self.group
+    }
+
     /// Estimated memory [bytes].
     pub(crate) fn peak_bytes(&self) -> usize {
         self.peak_bytes
     }
 
     /// Media, the exterior first.
-    #[cfg_attr(not(test), expect(dead_code, reason = "for the solver of many fibers"))]
+    #[allow(dead_code, reason = "for the solver of many fibers")]
     pub(crate) fn media(&self) -> &[Medium] {
         &self.media
     }
