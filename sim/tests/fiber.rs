@@ -6,7 +6,10 @@ use plywave::check::{FURNACE_TOLERANCE, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE, 
 use plywave::fiber::{FiberTable, TabulatedFiber};
 use plywave::{FiberSpec, Shape, YarnSpec, direction};
 use plywave_sim::Run;
-use plywave_sim::wave::*;
+use plywave_sim::wave::{
+    Absorption, BeamSource, Body, MieSolver, NystromSolver, Polarization, SingleFiber, Solver, Source, TabulateOptions,
+    Wave, WaveSolver, tabulate, tabulate_rays,
+};
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64Mcg;
@@ -53,25 +56,91 @@ fn furnace_of_clear_and_dark_fibers() {
 /// Straight fibers scatter light from theta_i and -theta_i alike: only |theta_i| need be tabulated.
 #[test]
 fn sign_of_the_latitude_changes_nothing() {
-    let body = circle(1.3, 1.55, 0.1).at(0.5);
+    let bodies = [
+        circle(1.3, 1.55, 0.1).at(0.5),
+        fiber(Shape::Ellipse { a_um: 0.8, b_um: 0.5 }, 1.55, 0.1).at(0.5),
+        fiber(Shape::Trilobal { radius_um: 0.6, depth: 0.2 }, 1.55, 0.0).at(0.5),
+    ];
     let sources: Vec<Source> = [Polarization::Tm, Polarization::Te]
         .into_iter()
         .flat_map(|pol| [0.0, 0.7, 2.0].map(|phi_i| Source { phi_i, pol, beam: None }))
         .collect();
-    let at = |theta_i: f64| {
-        let solver = MieSolver::new(&body, &Wave { lambda_um: 0.5, theta_i }, 1e-9).unwrap();
+    let at = |body: &Body, theta_i: f64| {
+        let wave = Wave { lambda_um: 0.5, theta_i };
+        let solver: Solver = match body.shape {
+            plywave_sim::wave::Shape::Circle { .. } => Box::new(MieSolver::new(body, &wave, 1e-9).unwrap()),
+            _ => Box::new(NystromSolver::new(std::slice::from_ref(body), &wave, 1e-8).unwrap()),
+        };
         solver.scatter(&sources, 90).unwrap()
     };
-    for theta_i in [0.2, 0.9, 1.4] {
-        for (a, b) in at(theta_i).iter().zip(&at(-theta_i)) {
-            assert!((a.c_ext_um / b.c_ext_um - 1.0).abs() < 1e-9 && (a.c_abs_um / b.c_abs_um - 1.0).abs() < 1e-9);
+    for (body, theta_i) in bodies.iter().flat_map(|body| [0.2, 0.9, 1.4].map(|theta_i| (body, theta_i))) {
+        for (a, b) in at(body, theta_i).iter().zip(&at(body, -theta_i)) {
+            assert!(
+                (a.c_ext_um / b.c_ext_um - 1.0).abs() < 1e-8 && (a.c_abs_um - b.c_abs_um).abs() < 1e-8 * a.c_ext_um
+            );
             let peak = a.f_u.iter().chain(&a.f_phi).map(|f| f.norm_sqr()).fold(0.0, f64::max);
             for j in 0..90 {
                 let (x, y) = (a.f_u[j].norm_sqr(), b.f_u[j].norm_sqr());
                 let (z, w) = (a.f_phi[j].norm_sqr(), b.f_phi[j].norm_sqr());
-                assert!((x - y).abs() < 1e-9 * peak && (z - w).abs() < 1e-9 * peak, "theta_i {theta_i}, {j}");
+                assert!((x - y).abs() < 1e-8 * peak && (z - w).abs() < 1e-8 * peak, "theta_i {theta_i}, {j}");
             }
         }
+    }
+}
+
+/// An ellipse's table against the solver at azimuths of all quadrants that it does not hold, and the gain of interpolating at equal phi_r - phi_i over
+/// interpolating at equal phi_r.
+#[test]
+fn ellipses_are_known_at_every_azimuth() {
+    let fiber = fiber(Shape::Ellipse { a_um: 1.6, b_um: 1.0 }, 1.55, 0.0);
+    let sizes = TabulateOptions { lambda_um: [0.4999, 0.5001], lambdas: 1, thetas: 3, ..options() };
+    let wave = Wave { lambda_um: 0.5, theta_i: FiberTable::theta_nodes(3)[0] };
+    let solver = NystromSolver::new(&[fiber.at(0.5)], &wave, 1e-8).unwrap();
+    let n = 360;
+    // N over phi_r by the solver, and C_x.
+    let exact = |phi_i: f64| -> (Vec<f64>, f64) {
+        let sources = [Polarization::Tm, Polarization::Te].map(|pol| Source { phi_i, pol, beam: None });
+        let fields = solver.scatter(&sources, n).unwrap();
+        let c_ext = 0.5 * (fields[0].c_ext_um + fields[1].c_ext_um);
+        let at = |j: usize| fields.iter().map(|f| f.f_u[j].norm_sqr() + f.f_phi[j].norm_sqr()).sum::<f64>();
+        ((0..n).map(|j| 0.5 * at(j) * 2.0 / (PI * wave.k0()) / c_ext).collect(), c_ext / wave.theta_i.cos())
+    };
+    let l2 = |a: &[f64], b: &[f64]| {
+        let d: f64 = a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum();
+        (d / b.iter().map(|y| y * y).sum::<f64>()).sqrt()
+    };
+    for (azimuths, allowed) in [(360, 0.01), (90, 0.06)] {
+        let t = table(&fiber, &TabulateOptions { azimuths, ..sizes.clone() });
+        let step = t.phi_i[1] - t.phi_i[0];
+        let loaded = TabulatedFiber::from_table(t).unwrap();
+        let (mut worst, mut worst_equal) = (0.0f64, 0.0f64);
+        for quarter in 0..4 {
+            for node in [3.5, 9.5, 14.5] {
+                let phi_i = 0.5 * PI * f64::from(quarter) + node * step;
+                let (want, c_x) = exact(phi_i);
+                let wi = direction(wave.theta_i as f32, phi_i as f32);
+                let width = f64::from(loaded.width_um(0.5, wi));
+                assert!((width / c_x - 1.0).abs() < 0.01, "phi_i {phi_i}: width {width}, want {c_x}");
+                let at = loaded.at(0.5, wi);
+                let f: Vec<f64> = (0..n)
+                    .map(|j| direction(-wave.theta_i as f32, (TAU * j as f64 / n as f64) as f32))
+                    .map(|wo| f64::from(plywave::Scatter::eval(&at, wo)[0]))
+                    .collect();
+                // M_0 at its peak drops out: N integrates to 1.
+                let sum = f.iter().sum::<f64>() * TAU / n as f64;
+                let got: Vec<f64> = f.iter().map(|f| f / sum).collect();
+                worst = worst.max(l2(&got, &want));
+                let (below, above) = (exact(phi_i - 0.5 * step).0, exact(phi_i + 0.5 * step).0);
+                let equal: Vec<f64> = below.iter().zip(&above).map(|(a, b)| 0.5 * (a + b)).collect();
+                worst_equal = worst_equal.max(l2(&equal, &want));
+            }
+        }
+        println!(
+            "phi_i every {:.1} degrees: relative L2 {worst:.4} midway between nodes; {worst_equal:.4} at equal phi_r",
+            step.to_degrees()
+        );
+        assert!(worst < allowed, "{worst}");
+        assert!(worst < worst_equal, "{worst}, {worst_equal} at equal phi_r");
     }
 }
 
