@@ -191,9 +191,9 @@ fn pairs() -> impl Iterator<Item = (&'static str, &'static str)> {
     ONE.iter().map(|m| (*m, CIRCLE)).chain(any)
 }
 
-/// What is asked for an outline: near rounding for analytic ones, the default for arcs and edges, whose nodes are many.
+/// What is asked for an outline: arcs and edges take many nodes.
 fn tolerance(shape: &str) -> f64 {
-    if shape == TRIANGLE { 1e-6 } else { 1e-9 }
+    if shape == TRIANGLE { 1e-8 } else { 1e-9 }
 }
 
 /// A fiber moved by c scatters the same field times exp(i (k_i - k_s) . c).
