@@ -16,6 +16,10 @@
 //!
 //! Conventions: exp(-i omega t), index eta + i kappa with kappa >= 0 absorbing, outgoing waves H^(1), phase zero at the origin.
 
+mod compressed;
+#[cfg(test)]
+mod compressed_tests;
+mod coupling;
 mod curve;
 mod error;
 mod kernel;
@@ -26,11 +30,13 @@ mod nystrom_tests;
 mod scatter;
 mod scene;
 mod scene_check;
+mod skeleton;
 mod source;
 pub mod special;
 mod symmetry;
 mod system;
 
+pub use compressed::CompressedSolver;
 pub use error::WaveError;
 pub use nystrom::NystromSolver;
 pub use scatter::{Case, Report, RunStats, check_ledger, scatter};

@@ -5,7 +5,9 @@
 
 use super::scene::degrees;
 use super::{Body, Shape};
-use super::{C64, Method, NystromSolver, Polarization, Scattered, Scene, Wave, WaveError, WaveSolver, memory};
+use super::{
+    C64, CompressedSolver, Method, NystromSolver, Polarization, Scattered, Scene, Wave, WaveError, WaveSolver, memory,
+};
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
 use std::sync::Mutex;
@@ -155,6 +157,7 @@ fn is_concentric(body: &Body) -> bool {
 fn prepare(method: Method, bodies: &[Body], wave: &Wave, tolerance: f64) -> Result<Solver, WaveError> {
     match method {
         Method::Nystrom => Ok(Box::new(NystromSolver::new(bodies, wave, tolerance)?)),
+        Method::Compressed => Ok(Box::new(CompressedSolver::new(bodies, wave, tolerance)?)),
         _ => Err(unsupported(method, "not there", "wait")),
     }
 }
