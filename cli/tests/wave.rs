@@ -15,9 +15,23 @@ type C64 = num_complex::Complex64;
 const I: C64 = C64::new(0.0, 1.0);
 
 /// Methods that serve one circle, several, and any outlines.
-const ONE: &[&str] = &["auto", "mie", "multipole", "nystrom"];
-const CIRCLES: &[&str] = &["auto", "multipole", "nystrom"];
-const ANY: &[&str] = &["auto", "nystrom"];
+const ONE: &[&str] = &["auto", "mie", "multipole", "nystrom", "compressed"];
+const CIRCLES: &[&str] = &["auto", "multipole", "nystrom", "compressed"];
+const ANY: &[&str] = &["auto", "nystrom", "compressed"];
+
+/// What is asked: near rounding of closed series and analytic outlines, less where arcs and edges take many nodes and where fibers are compressed.
+fn tolerance(method: &str, shape: &str) -> f64 {
+    match (method, shape) {
+        ("compressed", _) => 1e-6,
+        (_, TRIANGLE) => 1e-8,
+        _ => 1e-9,
+    }
+}
+
+/// The keys that choose a method.
+fn by(method: &str, shape: &str) -> String {
+    format!("method = \"{method}\"\ntolerance = {}\n", tolerance(method, shape))
+}
 
 /// One case of the output.
 #[derive(Clone, Debug)]
@@ -121,8 +135,7 @@ fn dipole(case: &Case, phi: f64, p: [C64; 3]) -> [C64; 2] {
     [scale * (p[2] * ct + along_rho * st), scale * (p[1] * c - p[0] * s)]
 }
 
-const THIN: &str =
-    "lambda_um = [1.0]\ntheta_i_deg = [0, 35, -60]\nphi_i_deg = [0, 70, 200]\nn_phi_out = 24\ntolerance = 1e-8\n";
+const THIN: &str = "lambda_um = [1.0]\ntheta_i_deg = [0, 35, -60]\nphi_i_deg = [0, 70, 200]\nn_phi_out = 24\n";
 
 /// Round, hollow and filled, clear and lossy, by every method: the leading order in k a, with its phase, in both polarizations at any incidence.
 #[test]
@@ -139,7 +152,7 @@ fn thin_fibers_radiate_as_dipoles() {
     let axial = (1.0 - share) * eps + share * core;
     for method in ONE {
         for (scene, across, along) in [(&solid, eps, eps), (&hollow, mixed, axial)] {
-            let cases = scatter(&format!("method = \"{method}\"\n{scene}"));
+            let cases = scatter(&format!("{}{scene}", by(method, CIRCLE)));
             assert_eq!(cases.len(), 18);
             for case in cases {
                 let e = incident(&case);
@@ -168,7 +181,7 @@ fn thin_turned_ellipses_radiate_as_dipoles() {
     let (alpha_a, alpha_b) = (alpha(b / (a + b)), alpha(a / (a + b)));
     let (sin, cos) = 25.0_f64.to_radians().sin_cos();
     for method in ANY {
-        for case in scatter(&format!("method = \"{method}\"\n{scene}")) {
+        for case in scatter(&format!("{}{scene}", by(method, ELLIPSE))) {
             let e = incident(&case);
             let (along_a, along_b) = (e[0] * cos + e[1] * sin, e[1] * cos - e[0] * sin);
             let (pa, pb) = (area * alpha_a * along_a, area * alpha_b * along_b);
@@ -191,19 +204,14 @@ fn pairs() -> impl Iterator<Item = (&'static str, &'static str)> {
     ONE.iter().map(|m| (*m, CIRCLE)).chain(any)
 }
 
-/// What is asked for an outline: near rounding for analytic ones, the default for arcs and edges, whose nodes are many.
-fn tolerance(shape: &str) -> f64 {
-    if shape == TRIANGLE { 1e-6 } else { 1e-9 }
-}
-
 /// A fiber moved by c scatters the same field times exp(i (k_i - k_s) . c).
 #[test]
 fn moved_fibers_shift_the_phase() {
     let head = "lambda_um = [0.6]\ntheta_i_deg = [0, 40]\nphi_i_deg = [10, 130]\nn_phi_out = 36\n";
     let (x, y) = (2.3, -1.7);
     for (method, shape) in pairs() {
-        let tol = tolerance(shape);
-        let scene = format!("{head}tolerance = {tol}\nmethod = \"{method}\"\n[[fiber]]\n{shape}");
+        let tol = tolerance(method, shape);
+        let scene = format!("{head}{}[[fiber]]\n{shape}", by(method, shape));
         let home = scatter(&scene);
         let away = scatter(&format!("{scene}center_um = [{x}, {y}]\n"));
         for (home, away) in home.iter().zip(&away) {
@@ -227,10 +235,10 @@ fn moved_fibers_shift_the_phase() {
 fn turned_scenes_turn_the_field() {
     let head = |phi: f64| format!("lambda_um = [0.6]\ntheta_i_deg = [0, 40]\nphi_i_deg = [{phi}]\nn_phi_out = 36\n");
     for (method, shape) in pairs() {
-        let tol = tolerance(shape);
-        let shape = shape.replace("rotation_deg = 20\n", "");
+        let tol = tolerance(method, shape);
+        let plain = shape.replace("rotation_deg = 20\n", "");
         let scene = |phi: f64, turn: f64| {
-            format!("{}tolerance = {tol}\nmethod = \"{method}\"\n[[fiber]]\n{shape}rotation_deg = {turn}\n", head(phi))
+            format!("{}{}[[fiber]]\n{plain}rotation_deg = {turn}\n", head(phi), by(method, shape))
         };
         // Seven steps of the outgoing azimuth.
         let (home, turned) = (scatter(&scene(20.0, 15.0)), scatter(&scene(90.0, 85.0)));
@@ -260,9 +268,10 @@ fn ways_can_be_reversed() {
     let head =
         format!("lambda_um = [0.7]\ntheta_i_deg = [25, -25]\nphi_i_deg = [{}]\nn_phi_out = 24\n", phis.join(","));
     for (method, shape) in pairs().filter(|(_, shape)| *shape == TRIANGLE || *shape == LOBES) {
-        let tol = tolerance(shape);
+        let tol = tolerance(method, shape);
         let scene = format!(
-            "{head}tolerance = {tol}\nmethod = \"{method}\"\n[[fiber]]\n{shape}[[fiber]]\nshape = \"circle\"\nradius_um = 0.4\ncenter_um = [1.9, 0.6]\neta = 1.5\n"
+            "{head}{by}[[fiber]]\n{shape}[[fiber]]\nshape = \"circle\"\nradius_um = 0.4\ncenter_um = [1.9, 0.6]\neta = 1.5\n",
+            by = by(method, shape)
         );
         let cases = scatter(&scene);
         assert_eq!(cases.len(), 96);
@@ -293,7 +302,7 @@ fn thin_fibers_add_up() {
         .map(|[x, y]| format!("[[fiber]]\nshape = \"circle\"\nradius_um = {a}\neta = 1.5\ncenter_um = [{x}, {y}]\n"))
         .collect();
     for method in CIRCLES {
-        for case in scatter(&format!("method = \"{method}\"\n{THIN}{fibers}")) {
+        for case in scatter(&format!("{}{THIN}{fibers}", by(method, CIRCLE))) {
             let e = incident(&case);
             let (area, alpha, k) = (PI * a * a, 2.0 * (eps - 1.0) / (eps + 1.0), case.k_rho());
             let p = [area * alpha * e[0], area * alpha * e[1], area * (eps - 1.0) * e[2]].map(C64::from);
@@ -315,8 +324,8 @@ fn thin_fibers_add_up() {
 fn widths_are_those_of_the_field() {
     let head = "lambda_um = [0.5]\ntheta_i_deg = [0, 50]\nphi_i_deg = [0, 90]\nn_phi_out = 360\n";
     for (method, shape) in pairs() {
-        let tol = tolerance(shape);
-        for case in scatter(&format!("{head}tolerance = {tol}\nmethod = \"{method}\"\n[[fiber]]\n{shape}")) {
+        let tol = tolerance(method, shape);
+        for case in scatter(&format!("{head}{}[[fiber]]\n{shape}", by(method, shape))) {
             let square: f64 = case.co.iter().chain(&case.cross).map(|f| f.norm_sqr()).sum();
             let sca = 2.0 / (PI * case.k0()) * square * 2.0 * PI / 360.0;
             assert!((case.sca - sca).abs() < 1e-9 * sca, "{method}: C_sca {} against {sca}", case.sca);
@@ -342,12 +351,12 @@ fn beams_have_their_offset() {
     let a = 0.003 / (2.0 * PI);
     let (w0, x, y) = (40.0, 11.0, -6.0);
     let fiber = format!("[[fiber]]\nshape = \"circle\"\nradius_um = {a}\neta = 1.5\ncenter_um = [{x}, {y}]\n");
-    let head = "lambda_um = [1.0]\ntheta_i_deg = [0, 30]\nphi_i_deg = [90, 20]\nn_phi_out = 24\ntolerance = 1e-8\n";
+    let head = "lambda_um = [1.0]\ntheta_i_deg = [0, 30]\nphi_i_deg = [90, 20]\nn_phi_out = 24\n";
     let offsets = [-30.0, 0.0, 20.0];
     for method in ONE {
-        let plane = scatter(&format!("method = \"{method}\"\n{head}{fiber}"));
-        let beams =
-            scatter(&format!("method = \"{method}\"\n{head}[beam]\nw0_um = {w0}\nh_um = [-30, 0, 20]\n{fiber}"));
+        let by = by(method, CIRCLE);
+        let plane = scatter(&format!("{by}{head}{fiber}"));
+        let beams = scatter(&format!("{by}{head}[beam]\nw0_um = {w0}\nh_um = [-30, 0, 20]\n{fiber}"));
         assert_eq!(beams.len(), 3 * plane.len());
         for (i, beam) in beams.iter().enumerate() {
             // Cases by theta, phi, h, polarization.
@@ -363,19 +372,20 @@ fn beams_have_their_offset() {
     }
 }
 
-/// One circle with an eccentric lumen beside another: what several methods serve, they serve alike.
+/// A hollow circle, alone and beside another: what several methods serve, they serve alike.
 #[test]
 fn methods_agree() {
-    let head = "lambda_um = [0.5]\ntheta_i_deg = [0, 35]\nphi_i_deg = [30]\nn_phi_out = 90\ntolerance = 1e-8\n";
+    let head = "lambda_um = [0.5]\ntheta_i_deg = [0, 35]\nphi_i_deg = [30]\nn_phi_out = 90\n";
     let hollow = "[[fiber]]\nshape = \"circle\"\nradius_um = 1.2\neta = 1.5\nkappa = 0.01\ncenter_um = [0.3, -0.1]\n[fiber.lumen]\nshape = \"circle\"\nradius_um = 0.5\n";
     let pair = format!("{hollow}[[fiber]]\nshape = \"circle\"\nradius_um = 0.8\neta = 1.4\ncenter_um = [2.5, 0.2]\n");
     for (fibers, methods) in [(hollow, &ONE[1..]), (&pair, &CIRCLES[1..])] {
         let all: Vec<Vec<Case>> =
-            methods.iter().map(|m| scatter(&format!("method = \"{m}\"\n{head}{fibers}"))).collect();
+            methods.iter().map(|m| scatter(&format!("{}{head}{fibers}", by(m, CIRCLE)))).collect();
         for (method, cases) in methods.iter().zip(&all).skip(1) {
             for (case, truth) in cases.iter().zip(&all[0]) {
                 let error = case.error(|j, _| truth.field(j));
-                assert!(error < 1e-7, "{method} against {}: {error:e}", methods[0]);
+                let most = 10.0 * tolerance(method, CIRCLE);
+                assert!(error < most, "{method} against {}: {error:e}", methods[0]);
             }
         }
     }

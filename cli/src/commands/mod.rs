@@ -37,6 +37,12 @@ pub fn load_any(path: &Path) -> Outcome<Loaded> {
         FileKind::Table => Loaded::Table(Box::new(Table::load(path)?)),
         FileKind::Model => Loaded::Model(Box::new(PlyModel::load(path)?)),
         FileKind::Fiber => Loaded::Fiber(Box::new(FiberTable::load(path)?)),
+        FileKind::Speckle => {
+            return Err(Failure::Input(format!(
+                "{}: speckle patterns; this command takes other files",
+                path.display()
+            )));
+        }
     })
 }
 

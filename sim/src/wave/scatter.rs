@@ -5,8 +5,8 @@
 
 use super::scene::degrees;
 use super::{
-    Body, C64, Method, MieSolver, MultipoleSolver, NystromSolver, Polarization, Scattered, Scene, Shape, Wave,
-    WaveError, WaveSolver, memory,
+    Body, C64, CompressedSolver, Method, MieSolver, MultipoleSolver, NystromSolver, Polarization, Scattered, Scene,
+    Shape, Wave, WaveError, WaveSolver, memory,
 };
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
@@ -182,7 +182,11 @@ fn prepare(method: Method, bodies: &[Body], wave: &Wave, tolerance: f64) -> Resu
         }
         Method::Multipole => Box::new(MultipoleSolver::new(bodies, wave, tolerance)?),
         Method::Compressed => {
-            return Err(unsupported(method, "not in this build", "use \"nystrom\""));
+            // Every node meets those of its own fiber.
+            let own: Vec<f64> = bodies.iter().map(|b| least_unknowns(std::slice::from_ref(b), wave)).collect();
+            let unknowns: f64 = own.iter().sum();
+            check_memory(unknowns, 64.0 * unknowns + 4.0 * own.iter().fold(0.0, |a: f64, &b| a.max(b)).powi(2))?;
+            Box::new(CompressedSolver::new(bodies, wave, tolerance)?)
         }
     })
 }
