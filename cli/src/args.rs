@@ -30,7 +30,7 @@ pub enum Command {
     Fit(FitArgs),
     /// Simulate and fit in one go. Without a spec: polyester, compiled in, at preview quality.
     Build(BuildArgs),
-    /// Tell what a table, a model or a fiber holds.
+    /// Tell what a table, a model, a fiber or a file of speckle patterns holds.
     Info(InfoArgs),
     /// Evaluate a model at one incidence and one outgoing direction.
     Eval(EvalArgs),
@@ -40,7 +40,7 @@ pub enum Command {
     Check(CheckArgs),
     /// Compare two models slice by slice. Exit code 1 beyond the tolerance.
     Diff(DiffArgs),
-    /// Draw a table or a model as a PNG: false-colour maps, energy budget, fit errors.
+    /// Draw a table or a model as a PNG: false-colour maps, energy budget, fit errors; of speckle patterns curves and covariances.
     Plot(PlotArgs),
     /// Wave optics of parallel fibers.
     Wave(WaveArgs),
@@ -103,6 +103,42 @@ pub enum WaveCommand {
     Scatter(WaveScatterArgs),
     /// Tabulate how one fiber scatters light of every direction and wavelength: spec or scene (TOML) in, fiber (.pwf) out.
     Tabulate(WaveTabulateArgs),
+    /// Scatter a wide beam by many instances of a spec's fiber, for the statistics of speckle: spec (TOML) in, patterns (.pws) out.
+    Speckle(WaveSpeckleArgs),
+}
+
+/// `plywave wave speckle`.
+#[derive(Debug, Args)]
+pub struct WaveSpeckleArgs {
+    /// Yarn spec (TOML): its fiber with its jitter, turned at random.
+    pub spec: PathBuf,
+    /// Patterns to write [default: SPEC's name with .pws, in this folder].
+    #[arg(long, short, value_name = "PATTERNS")]
+    pub output: Option<PathBuf>,
+    /// Instances of the fiber.
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(2..=100_000))]
+    pub instances: u32,
+    /// One to thirty-two wavelengths [um], ascending.
+    #[arg(long, value_name = "UM", num_args = 1..=32, value_delimiter = ',', default_values_t = [0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7])]
+    pub lambda: Vec<f64>,
+    /// One to four imaginary indices, the same at every wavelength: clear and absorbing fibers.
+    #[arg(long, value_name = "KAPPA", num_args = 1..=4, value_delimiter = ',', default_values_t = [0.0, 0.05])]
+    pub kappa: Vec<f64>,
+    /// Incident latitude [degrees], -80 to 80.
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, default_value_t = 0.0)]
+    pub theta_i: f64,
+    /// Waist of the beam [um].
+    #[arg(long, value_name = "UM", default_value_t = 100.0)]
+    pub w0: f64,
+    /// Largest error of the far field, relative to its greatest value.
+    #[arg(long, value_name = "TOL", default_value_t = 1e-5)]
+    pub tolerance: f64,
+    /// Seed of the random numbers.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Go on with a run that was stopped; the result is bit for bit that of one that was not.
+    #[arg(long)]
+    pub resume: bool,
 }
 
 /// `plywave wave tabulate`.
@@ -242,7 +278,7 @@ pub struct BuildArgs {
 /// `plywave info`.
 #[derive(Debug, Args)]
 pub struct InfoArgs {
-    /// Table, model or fiber.
+    /// Table, model, fiber or speckle patterns.
     pub file: PathBuf,
 }
 
@@ -348,7 +384,7 @@ pub enum Part {
 /// `plywave plot`.
 #[derive(Debug, Args)]
 pub struct PlotArgs {
-    /// Table or model.
+    /// Table, model or speckle patterns (which take no other flags).
     pub file: PathBuf,
     /// PNG to write [default: FILE's name with .png, in this folder].
     #[arg(long, short, value_name = "PNG")]

@@ -30,6 +30,7 @@ fn main() -> ExitCode {
         Command::Compare(args) => commands::compare::run(&cli, args),
         Command::Wave(wave) => match &wave.command {
             WaveCommand::Scatter(args) => commands::wave_scatter::run(&cli, args),
+            WaveCommand::Speckle(args) => commands::wave_speckle::run(&cli, args),
             WaveCommand::Tabulate(args) => commands::wave_tabulate::run(&cli, args),
         },
     };

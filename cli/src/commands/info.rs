@@ -1,4 +1,4 @@
-//! `plywave info`: what a table, a model or a fiber holds.
+//! `plywave info`: what a table, a model, a fiber or a file of speckle patterns holds.
 
 use super::simulate::energy_balance;
 use super::{Loaded, Yarn, load_any};
@@ -97,6 +97,7 @@ pub fn run(cli: &Cli, args: &InfoArgs) -> Outcome {
             if cli.json { model_json(&head, d) } else { model_text(&head, &yarn.spec, d) }
         }
         Loaded::Fiber(t) => super::info_fiber::run(cli, &file, bytes, &t),
+        Loaded::Speckle(p) => super::speckle_view::info(cli, &file, bytes, &p),
     }
 }
 

@@ -11,17 +11,19 @@ pub mod info_fiber;
 pub mod plot;
 pub mod sample;
 pub mod simulate;
+pub mod speckle_view;
 pub mod wave_scatter;
+pub mod wave_speckle;
 pub mod wave_tabulate;
 
 use crate::args::{Cli, IncidenceArgs};
 use crate::failure::{Failure, Outcome};
 use crate::report::number;
 use plywave::fiber::FiberTable;
-use plywave::{FileKind, PlyModel, Table, YarnSpec};
+use plywave::{FileKind, PlyModel, SpecklePatterns, Table, YarnSpec};
 use std::path::Path;
 
-/// A table, a model or a fiber.
+/// A table, a model, a fiber or speckle patterns.
 pub enum Loaded {
     /// Simulated scattering.
     Table(Box<Table>),
@@ -29,6 +31,8 @@ pub enum Loaded {
     Model(Box<PlyModel>),
     /// A fiber's scattering.
     Fiber(Box<FiberTable>),
+    /// Patterns of single fibers.
+    Speckle(Box<SpecklePatterns>),
 }
 
 /// Loads a file by what its header says it is.
@@ -37,12 +41,7 @@ pub fn load_any(path: &Path) -> Outcome<Loaded> {
         FileKind::Table => Loaded::Table(Box::new(Table::load(path)?)),
         FileKind::Model => Loaded::Model(Box::new(PlyModel::load(path)?)),
         FileKind::Fiber => Loaded::Fiber(Box::new(FiberTable::load(path)?)),
-        FileKind::Speckle => {
-            return Err(Failure::Input(format!(
-                "{}: speckle patterns; this command takes other files",
-                path.display()
-            )));
-        }
+        FileKind::Speckle => Loaded::Speckle(Box::new(SpecklePatterns::load(path)?)),
     })
 }
 

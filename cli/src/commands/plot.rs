@@ -12,7 +12,7 @@ use crate::plot::map::Field;
 use crate::plot::sheet::{self, Block, Cell, Section};
 use crate::report::number;
 use plywave::asg::{Lobe, PARAMS};
-use plywave::{OutgoingGrid, PlyModel, Table, direction};
+use plywave::{FileKind, OutgoingGrid, PlyModel, SpecklePatterns, Table, direction};
 use std::path::Path;
 
 /// Bins of a map of a model without a table: fine enough that none shows.
@@ -46,6 +46,10 @@ impl Source {
             (Loaded::Fiber(_), ..) => {
                 let mend = "a fiber table; give a table or a model of a ply";
                 return Err(Failure::input(args.file.display(), "FILE", "a fiber", mend));
+            }
+            (Loaded::Speckle(_), ..) => {
+                let mend = "there is nothing to set beside speckle patterns; leave --table and --model out";
+                return Err(Failure::input(args.file.display(), "FILE", "speckle patterns", mend));
             }
             (Loaded::Table(_), Some(_), _) => {
                 let mend = "this flag goes with a model; FILE is a table, give --model instead";
@@ -368,6 +372,12 @@ pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
         let mend = "must be from 0 to 90 degrees; (-theta_i, h) is the mirror image of (theta_i, -h)";
         return Err(Failure::input("command line", "--theta-i", theta, mend));
     }
+    if others.iter().all(Option::is_none)
+        && let FileKind::Speckle = plywave::file_kind(&args.file)?
+    {
+        let patterns = SpecklePatterns::load(&args.file)?;
+        return write(cli, &path, &super::speckle_view::figure(&args.file, &patterns)?);
+    }
     let source = Source::load(args)?;
     let reach = source.axes().1.last().copied().unwrap_or(0.0) / source.yarn.radius_um;
     if let Some(h) = args.h_rel.filter(|h| !(0.0..=reach * (1.0 + 1e-9)).contains(&h.abs())) {
@@ -393,9 +403,13 @@ pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
     if matches!(args.part, Part::All | Part::Errors) {
         sections.push(source.errors(args)?);
     }
-    let image = sheet::page(&source.title, &source.particulars, &sections);
-    let png = crate::plot::png(&image, &path)?;
-    output::write_whole(&path, &png)?;
+    write(cli, &path, &sheet::page(&source.title, &source.particulars, &sections))
+}
+
+/// Writes a figure and says so.
+fn write(cli: &Cli, path: &Path, image: &image::RgbImage) -> Outcome {
+    let png = crate::plot::png(image, path)?;
+    output::write_whole(path, &png)?;
     if cli.json {
         return output::print_json(&serde_json::json!({
             "png": path.display().to_string(), "width": image.width(), "height": image.height(), "bytes": png.len(),

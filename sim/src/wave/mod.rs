@@ -45,6 +45,7 @@ mod single_fiber;
 mod skeleton;
 mod source;
 pub mod special;
+mod speckle;
 mod symmetry;
 mod system;
 mod tabulate;
@@ -65,6 +66,7 @@ pub use scene_check::check_walls;
 pub use section_bodies::{fiber_body, section_bodies};
 pub use single_fiber::{Absorption, SingleFiber};
 pub use source::{BeamSource, PlaneWave, Source};
+pub use speckle::{SpeckleOptions, speckle};
 pub use tabulate::{MakeSolver, Solver, TabulateOptions, tabulate, tabulate_rays, tabulate_slices, tabulate_with};
 pub use total_field::{TotalField, azimuths, beam_power, incident_far_field, total_field};
 

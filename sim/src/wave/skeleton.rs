@@ -177,7 +177,7 @@ impl Candidates {
 }
 
 /// Runs of parameters, apart by more than two windows, on an axis cut in the longest gap.
-fn zones(close: &mut Vec<f64>, h: f64) -> Vec<(f64, f64)> {
+fn zones(close: &mut [f64], h: f64) -> Vec<(f64, f64)> {
     for t in close.iter_mut() {
         *t = t.rem_euclid(TAU);
     }
