@@ -37,6 +37,10 @@ pub fn load_any(path: &Path) -> Outcome<Loaded> {
         FileKind::Table => Loaded::Table(Box::new(Table::load(path)?)),
         FileKind::Model => Loaded::Model(Box::new(PlyModel::load(path)?)),
         FileKind::Fiber => Loaded::Fiber(Box::new(FiberTable::load(path)?)),
+        FileKind::Speckle => {
+            let mend = "give a table, a model or a fiber";
+            return Err(Failure::input(path.display(), "content", "speckle patterns", mend));
+        }
     })
 }
 
