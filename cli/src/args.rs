@@ -69,7 +69,7 @@ pub struct CompareArgs {
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, default_value_t = 0.0)]
     pub theta_i: f64,
     /// Absorption coefficient of the fibers [1/um].
-    #[arg(long, value_name = "SIGMA", default_value_t = 0.0)]
+    #[arg(long, value_name = "SIGMA", default_value_t = 0.0, allow_negative_numbers = true)]
     pub sigma: f64,
     /// Largest error of the waves' far field, relative to its greatest value.
     #[arg(long, value_name = "TOL", default_value_t = 1e-4)]
@@ -159,10 +159,10 @@ pub struct WaveTabulateArgs {
     #[arg(long)]
     pub resume: bool,
     /// Absorption coefficient of a yarn spec's fiber [1/um].
-    #[arg(long, value_name = "SIGMA", default_value_t = 0.0)]
+    #[arg(long, value_name = "SIGMA", default_value_t = 0.0, allow_negative_numbers = true)]
     pub sigma: f64,
     /// Longitudinal width to store [degrees]; hosts may use another.
-    #[arg(long, value_name = "DEG", default_value_t = 5.73)]
+    #[arg(long, value_name = "DEG", default_value_t = 5.73, allow_negative_numbers = true)]
     pub beta_m: f64,
     /// Bands of wavelength from 0.38 to 0.78 um, instead of the preset's.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=400))]

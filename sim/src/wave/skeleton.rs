@@ -93,7 +93,7 @@ pub(crate) struct Candidates {
 
 impl Candidates {
     /// The nodes of `curve`, finer by `refinement` around the parameters `close`.
-    pub(crate) fn new(curve: &Curve, close: &mut Vec<f64>, refinement: usize) -> Self {
+    pub(crate) fn new(curve: &Curve, close: &mut [f64], refinement: usize) -> Self {
         let n = curve.nodes.len();
         let h = curve.step();
         let zones = if close.is_empty() { Vec::new() } else { zones(close, h) };
