@@ -35,6 +35,8 @@ fn main() {
             );
         }
     }
+    let ray = time(&[1.0; 50], |x| Ray::new(C64::new(x, 0.2)).hankel01(5.0)[0]);
+    println!("a ray's tables: {:.0} us", ray * 1e-3);
     for n in [20, 200, 2000] {
         let z = C64::new(n as f64 * 0.9, 0.0);
         let xs = vec![1.0; 200];

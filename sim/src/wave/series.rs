@@ -51,17 +51,18 @@ impl AzimuthGrid {
         for (i, c) in coeffs.iter().enumerate() {
             folded[(i as i64 - top).rem_euclid(size as i64) as usize] += c;
         }
-        let used: Vec<(usize, C64)> =
-            folded.into_iter().enumerate().filter(|(_, c)| *c != C64::new(0.0, 0.0)).collect();
-        (0..size)
-            .map(|j| {
-                let mut sum = C64::new(0.0, 0.0);
-                for (n, c) in &used {
-                    sum += c * self.roots[n * j % size];
+        let mut out = vec![C64::new(0.0, 0.0); size];
+        for (n, c) in folded.into_iter().enumerate().filter(|(_, c)| *c != C64::new(0.0, 0.0)) {
+            let mut at = 0;
+            for value in &mut out {
+                *value += c * self.roots[at];
+                at += n;
+                if at >= size {
+                    at -= size;
                 }
-                sum
-            })
-            .collect()
+            }
+        }
+        out
     }
 }
 

@@ -102,7 +102,7 @@ struct Piece {
 /// Hankel and Bessel functions of orders 0 and 1 along the ray `z = k r`, r > 0, of one complex k with Im k >= 0.
 ///
 /// With the exponential and the root taken out, the functions are smooth in r on every scale, so piecewise polynomials in |z| with four pieces an
-/// octave hold them to rounding. Building one takes about 0.3 ms.
+/// octave hold them to rounding. Building one takes about 1 ms.
 pub struct Ray {
     k: C64,
     size: f64,
