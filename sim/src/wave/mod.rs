@@ -18,6 +18,10 @@
 
 mod circle;
 mod compare;
+mod compressed;
+#[cfg(test)]
+mod compressed_tests;
+mod coupling;
 mod curve;
 mod error;
 mod jobs;
@@ -38,6 +42,7 @@ mod scene_check;
 mod section_bodies;
 mod series;
 mod single_fiber;
+mod skeleton;
 mod source;
 pub mod special;
 mod symmetry;
@@ -48,6 +53,7 @@ mod total_field;
 pub use compare::{
     AcrossWavelengths, CompareCase, CompareCurves, CompareOptions, CompareReport, Energies, Resolved, compare,
 };
+pub use compressed::CompressedSolver;
 pub use error::WaveError;
 pub use likeness::{Likeness, Spread};
 pub use mie::MieSolver;

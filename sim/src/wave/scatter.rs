@@ -5,8 +5,8 @@
 
 use super::scene::degrees;
 use super::{
-    Body, C64, Method, MieSolver, MultipoleSolver, NystromSolver, Polarization, Scattered, Scene, Shape, Wave,
-    WaveError, WaveSolver, memory,
+    Body, C64, CompressedSolver, Method, MieSolver, MultipoleSolver, NystromSolver, Polarization, Scattered, Scene,
+    Shape, Wave, WaveError, WaveSolver, memory,
 };
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
@@ -141,8 +141,8 @@ fn by_shape(fibers: &[Body]) -> Vec<Method> {
         1 if series => vec![Method::Mie],
         1 => vec![Method::Nystrom],
         // Walls that nearly touch ask for more orders than the series can hold.
-        _ if series => vec![Method::Multipole, Method::Nystrom],
-        _ => vec![Method::Nystrom],
+        _ if series => vec![Method::Multipole, Method::Compressed, Method::Nystrom],
+        _ => vec![Method::Compressed, Method::Nystrom],
     }
 }
 
@@ -181,9 +181,7 @@ fn prepare(method: Method, bodies: &[Body], wave: &Wave, tolerance: f64) -> Resu
             Box::new(NystromSolver::new(bodies, wave, tolerance)?)
         }
         Method::Multipole => Box::new(MultipoleSolver::new(bodies, wave, tolerance)?),
-        Method::Compressed => {
-            return Err(unsupported(method, "not in this build", "use \"nystrom\""));
-        }
+        Method::Compressed => Box::new(CompressedSolver::new(bodies, wave, tolerance)?),
     })
 }
 

@@ -1,0 +1,309 @@
+//! The coupled system of skeletons: what arrives at each body from all others, `v_b - sum_c K_bc T_c v_c = v_b^ext`.
+//!
+//! v holds a body's combined functionals (see [`skeleton`](super::skeleton)) of the fields that arrive from outside, T_c takes them to the strengths of its
+//! sites as sources, and K_bc is the kernel between sites, the same for e and h. The matrix is dense; where the tolerance allows, it is held and
+//! factorized in single precision, which is half the memory and twice the speed, and the solution is refined against residuals in double precision, for
+//! which K is made anew. The residual is that of the whole system in double precision in either case.
+
+use super::C64;
+use super::kernel::MediumKernel;
+use super::skeleton::{Site, combined};
+use super::system::par;
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::lu::partial_pivoting::{factor, solve};
+use faer::linalg::matmul::matmul;
+use faer::perm::PermRef;
+use faer::traits::ComplexField;
+use faer::{Accum, MatMut, MatRef, Par};
+use num_complex::Complex32;
+use rayon::prelude::*;
+
+/// Tolerance from which on single precision serves.
+pub(crate) const SINGLE: f64 = 1e-6;
+/// Most refinements.
+const REFINEMENTS: usize = 30;
+
+/// Exterior and sites of all bodies.
+pub(crate) struct Coupling<'a> {
+    pub kernel: &'a MediumKernel,
+    pub k_rho: f64,
+    /// Sites of each body.
+    pub sites: Vec<&'a [Site]>,
+}
+
+impl Coupling<'_> {
+    /// K_bc, column after column.
+    fn block(&self, b: usize, c: usize) -> Vec<C64> {
+        let targets = self.sites[b];
+        let mut out = Vec::with_capacity(targets.len() * self.sites[c].len());
+        for source in self.sites[c] {
+            out.extend(targets.iter().map(|target| combined(self.kernel, self.k_rho, target, source)));
+        }
+        out
+    }
+
+    /// What strengths make arrive: `[body]`, a column of one value a site after the other, in and out.
+    pub(crate) fn apply(&self, strengths: &[Vec<C64>]) -> Vec<Vec<C64>> {
+        (0..self.sites.len())
+            .into_par_iter()
+            .map(|b| {
+                let k = self.sites[b].len();
+                let columns = strengths[0].len() / self.sites[0].len();
+                let mut out = vec![C64::ZERO; k * columns];
+                for (c, strengths) in strengths.iter().enumerate().filter(|(c, _)| *c != b) {
+                    product(&mut out, Accum::Add, &self.block(b, c), k, strengths, self.sites[c].len(), C64::ONE);
+                }
+                out
+            })
+            .collect()
+    }
+
+    /// `1 - K T` in one precision for several T at once (`[system][body]`, each `fields k` square), bodies' unknowns one after the other, fields of one side by side.
+    fn matrices<T: Number>(&self, transfers: &[Vec<Vec<C64>>], fields: usize) -> Vec<Vec<T>> {
+        let firsts = self.firsts(fields);
+        let n = firsts[self.sites.len()];
+        let mut matrices: Vec<Vec<T>> = transfers.iter().map(|_| vec![T::round(C64::ZERO); n * n]).collect();
+        // Columns of one body, in all matrices.
+        let mut slabs: Vec<Vec<&mut [T]>> = self.sites.iter().map(|_| Vec::new()).collect();
+        for matrix in &mut matrices {
+            let mut rest = matrix.as_mut_slice();
+            for (slab, ends) in slabs.iter_mut().zip(firsts.windows(2)) {
+                let (columns, others) = rest.split_at_mut((ends[1] - ends[0]) * n);
+                slab.push(columns);
+                rest = others;
+            }
+        }
+        slabs.into_par_iter().enumerate().for_each(|(c, mut slab)| {
+            let kc = self.sites[c].len();
+            for (j, b) in
+                (0..self.sites.len()).map(|b| (b, self.sites[b].len())).filter(|(b, _)| *b != c).map(|(b, k)| (k, b))
+            {
+                let block = self.block(b, c);
+                // (fields j) x (fields kc), as seen from one field of the sources: T's rows of that field.
+                let mut seen = vec![C64::ZERO; j * fields * kc];
+                for (columns, transfer) in slab.iter_mut().zip(transfers) {
+                    for field in 0..fields {
+                        // Rows of T that belong to the field.
+                        let lines = MatRef::from_column_major_slice(&transfer[c], fields * kc, fields * kc)
+                            .subrows(field * kc, kc);
+                        matmul(
+                            MatMut::from_column_major_slice_mut(&mut seen, j, fields * kc),
+                            Accum::Replace,
+                            MatRef::from_column_major_slice(&block, j, kc),
+                            lines,
+                            -C64::ONE,
+                            Par::Seq,
+                        );
+                        let row = firsts[b] + field * j;
+                        for (out, values) in columns.chunks_mut(n).zip(seen.chunks(j)) {
+                            for (out, value) in out[row..row + j].iter_mut().zip(values) {
+                                *out = T::round(*value);
+                            }
+                        }
+                    }
+                }
+            }
+            for columns in &mut slab {
+                for (j, column) in columns.chunks_mut(n).enumerate() {
+                    column[firsts[c] + j] = T::round(C64::ONE);
+                }
+            }
+        });
+        matrices
+    }
+
+    fn firsts(&self, fields: usize) -> Vec<usize> {
+        let mut firsts = vec![0];
+        for sites in &self.sites {
+            firsts.push(firsts[firsts.len() - 1] + fields * sites.len());
+        }
+        firsts
+    }
+
+    /// Factorizes one system for each of `transfers`.
+    pub(crate) fn factorize(&self, transfers: &[Vec<Vec<C64>>], fields: usize, single: bool) -> Vec<Factors> {
+        let n = self.firsts(fields)[self.sites.len()];
+        if single {
+            self.matrices::<Complex32>(transfers, fields).into_iter().map(|m| Factors::Single(Lu::new(m, n))).collect()
+        } else {
+            self.matrices::<C64>(transfers, fields).into_iter().map(|m| Factors::Double(Lu::new(m, n))).collect()
+        }
+    }
+
+    /// Solves for what arrives, in place (`[body]`, a column of `fields` values a site after the other), until the residual is below `tolerance` or no longer
+    /// falls. Returns it, relative to the external fields, and the number of refinements.
+    pub(crate) fn solve(
+        &self,
+        factors: &Factors,
+        transfer: &[Vec<C64>],
+        fields: usize,
+        v: &mut [Vec<C64>],
+        tolerance: f64,
+    ) -> (f64, usize) {
+        let columns = v[0].len() / (fields * self.sites[0].len());
+        let external = v.to_vec();
+        let sizes = norms(&external, columns);
+        let mut left = external.clone();
+        for part in v.iter_mut() {
+            part.fill(C64::ZERO);
+        }
+        let mut best = f64::INFINITY;
+        for pass in 0..=REFINEMENTS {
+            self.step(factors, fields, &left, columns, v);
+            // left = external - v + K T v
+            let strengths: Vec<Vec<C64>> = v
+                .par_iter()
+                .zip(transfer)
+                .map(|(v, t)| {
+                    let k = v.len() / columns;
+                    let mut out = vec![C64::ZERO; v.len()];
+                    product(&mut out, Accum::Replace, t, k, v, k, C64::ONE);
+                    out
+                })
+                .collect();
+            left = self.apply(&strengths);
+            for ((left, v), external) in left.iter_mut().zip(v.iter()).zip(&external) {
+                for ((left, v), external) in left.iter_mut().zip(v).zip(external) {
+                    *left += external - v;
+                }
+            }
+            let residual = norms(&left, columns)
+                .iter()
+                .zip(&sizes)
+                .map(|(r, s)| if *s == 0.0 { 0.0 } else { r / s })
+                .fold(0.0, |worst: f64, r| if r.is_nan() { f64::NAN } else { worst.max(r) });
+            if residual.is_nan() || residual <= tolerance || residual > 0.5 * best {
+                return (residual, pass);
+            }
+            best = residual;
+        }
+        (best, REFINEMENTS)
+    }
+
+    /// Adds the factors' answer to `left` to v.
+    fn step(&self, factors: &Factors, fields: usize, left: &[Vec<C64>], columns: usize, v: &mut [Vec<C64>]) {
+        let firsts = self.firsts(fields);
+        let n = firsts[self.sites.len()];
+        let mut rhs = vec![C64::ZERO; n * columns];
+        for (column, rhs) in rhs.chunks_mut(n).enumerate() {
+            for (ends, left) in firsts.windows(2).zip(left) {
+                let k = ends[1] - ends[0];
+                rhs[ends[0]..ends[1]].copy_from_slice(&left[column * k..][..k]);
+            }
+        }
+        match factors {
+            Factors::Double(lu) => lu.solve(&mut rhs, columns),
+            Factors::Single(lu) => {
+                // Residuals fall below what single precision holds: each column is scaled to 1.
+                let scales: Vec<f64> = rhs
+                    .chunks(n)
+                    .map(|c| c.iter().map(|v| v.norm_sqr()).fold(0.0, f64::max).sqrt())
+                    .map(|s| if s > 0.0 { s } else { 1.0 })
+                    .collect();
+                let mut small: Vec<Complex32> = Vec::with_capacity(rhs.len());
+                for (column, scale) in rhs.chunks(n).zip(&scales) {
+                    small.extend(column.iter().map(|v| Complex32::round(*v / *scale)));
+                }
+                lu.solve(&mut small, columns);
+                for ((rhs, small), scale) in rhs.chunks_mut(n).zip(small.chunks(n)).zip(&scales) {
+                    for (out, value) in rhs.iter_mut().zip(small) {
+                        *out = C64::new(f64::from(value.re), f64::from(value.im)) * *scale;
+                    }
+                }
+            }
+        }
+        for (column, answer) in rhs.chunks(n).enumerate() {
+            for (ends, v) in firsts.windows(2).zip(v.iter_mut()) {
+                let k = ends[1] - ends[0];
+                for (v, a) in v[column * k..][..k].iter_mut().zip(&answer[ends[0]..ends[1]]) {
+                    *v += a;
+                }
+            }
+        }
+    }
+}
+
+/// Norm of each column of vectors that are cut into bodies.
+fn norms(v: &[Vec<C64>], columns: usize) -> Vec<f64> {
+    let mut sums = vec![0.0; columns];
+    for part in v {
+        for (sum, column) in sums.iter_mut().zip(part.chunks(part.len() / columns)) {
+            *sum += column.iter().map(|c| c.norm_sqr()).sum::<f64>();
+        }
+    }
+    sums.into_iter().map(f64::sqrt).collect()
+}
+
+/// `out = factor a b` (or added), all column after column: a is `rows x inner`.
+pub(crate) fn product(out: &mut [C64], accum: Accum, a: &[C64], rows: usize, b: &[C64], inner: usize, factor: C64) {
+    let columns = out.len() / rows;
+    matmul(
+        MatMut::from_column_major_slice_mut(out, rows, columns),
+        accum,
+        MatRef::from_column_major_slice(a, rows, inner),
+        MatRef::from_column_major_slice(b, inner, columns),
+        factor,
+        Par::Seq,
+    );
+}
+
+/// Complex numbers of either precision.
+trait Number: ComplexField + Copy + Send + Sync {
+    fn round(value: C64) -> Self;
+}
+
+impl Number for C64 {
+    fn round(value: C64) -> Self {
+        value
+    }
+}
+
+impl Number for Complex32 {
+    fn round(value: C64) -> Self {
+        Complex32::new(value.re as f32, value.im as f32)
+    }
+}
+
+/// A factorized system.
+pub(crate) enum Factors {
+    Single(Lu<Complex32>),
+    Double(Lu<C64>),
+}
+
+/// LU factors in place.
+pub(crate) struct Lu<T> {
+    size: usize,
+    lu: Vec<T>,
+    forward: Vec<u32>,
+    inverse: Vec<u32>,
+}
+
+impl<T: ComplexField> Lu<T> {
+    fn new(mut lu: Vec<T>, size: usize) -> Self {
+        let (mut forward, mut inverse) = (vec![0u32; size], vec![0u32; size]);
+        let mut buffer = MemBuffer::new(factor::lu_in_place_scratch::<u32, T>(size, size, par(), Default::default()));
+        factor::lu_in_place(
+            MatMut::from_column_major_slice_mut(&mut lu, size, size),
+            &mut forward,
+            &mut inverse,
+            par(),
+            MemStack::new(&mut buffer),
+            Default::default(),
+        );
+        Self { size, lu, forward, inverse }
+    }
+
+    fn solve(&self, rhs: &mut [T], columns: usize) {
+        let n = self.size;
+        let lu = MatRef::from_column_major_slice(&self.lu, n, n);
+        let mut buffer = MemBuffer::new(solve::solve_in_place_scratch::<u32, T>(n, columns, par()));
+        solve::solve_in_place(
+            lu,
+            lu,
+            PermRef::new_checked(&self.forward, &self.inverse, n),
+            MatMut::from_column_major_slice_mut(rhs, n, columns),
+            par(),
+            MemStack::new(&mut buffer),
+        );
+    }
+}
