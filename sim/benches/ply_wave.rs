@@ -1,12 +1,13 @@
 //! Plies of clear fibers (eta 1.55) of 15 um at 0.4 um, each 0.2 um from a neighbor, every second one an ellipse of 7.5 x 6 um turned at random: 13 beams
 //! (w0 10 um, h across the ply) in both polarizations at a far-field error of 1e-3, by the compressed solver.
 //!
-//! `cargo bench -p plywave-sim --bench ply_wave -- [fibers ..] [theta=DEG] [tolerance=T] [truth=T]`. Errors are the largest relative L2 difference over
-//! azimuths, beams and polarizations, from the run at the tolerance `truth` (left out for 0); plies of circles are set against the multipole series by the tests.
+//! `cargo bench -p plywave-sim --bench ply_wave -- [fibers ..] [circles] [theta=DEG] [tolerance=T] [truth=T]`. Errors are the largest relative L2 difference over
+//! azimuths, beams and polarizations, from the run at the tolerance `truth` (left out for 0), which is
+//! by the multipole series where all fibers are circles.
 //! Seconds are of the clock and of all threads together; the peak is the process' own so far.
 
 use plywave_sim::wave::{
-    BeamSource, Body, C64, CompressedSolver, Polarization, Scattered, Shape, Source, Wave, WaveSolver,
+    BeamSource, Body, C64, CompressedSolver, MultipoleSolver, Polarization, Scattered, Shape, Source, Wave, WaveSolver,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -40,7 +41,7 @@ fn encloses(body: &Body, z: C64) -> bool {
 }
 
 /// Fibers slid from the sites of a hexagonal lattice towards its middle until they are as close as the gap allows.
-fn ply(count: usize) -> Vec<Body> {
+fn ply(count: usize, circles: bool) -> Vec<Body> {
     let mut rng = Pcg64Mcg::seed_from_u64(3);
     let mut sites: Vec<C64> = (-6..=6)
         .flat_map(|i| (-6..=6).map(move |j| C64::new(i as f64 + 0.5 * j as f64, 0.75f64.sqrt() * j as f64)))
@@ -51,7 +52,8 @@ fn ply(count: usize) -> Vec<Body> {
     let [a_um, b_um] = SEMI_AXES_UM;
     let mut all: Vec<Body> = Vec::new();
     for (index, site) in sites.into_iter().take(count).enumerate() {
-        let shape = if index % 2 == 0 { Shape::Circle { radius_um: a_um } } else { Shape::Ellipse { a_um, b_um } };
+        let shape =
+            if circles || index % 2 == 0 { Shape::Circle { radius_um: a_um } } else { Shape::Ellipse { a_um, b_um } };
         let rotation_rad = rng.random::<f64>() * TAU;
         let mut new = Body { shape, center_um: [0.0; 2], rotation_rad, eta: 1.55, kappa: 0.0, lumen: None };
         let far = site * (3.0 * (2.0 * a_um + GAP_UM));
@@ -115,11 +117,13 @@ fn main() {
         return;
     }
     let (mut counts, mut thetas, mut tolerance, mut truth) = (Vec::new(), Vec::new(), 1e-3, 1e-5);
+    let mut circles = false;
     for argument in std::env::args().skip(1).filter(|a| a != "--bench") {
         match argument.split_once('=') {
             Some(("theta", v)) => thetas.push(v.parse::<f64>().expect("degrees")),
             Some(("tolerance", v)) => tolerance = v.parse().expect("a number"),
             Some(("truth", v)) => truth = v.parse().expect("a number"),
+            _ if argument == "circles" => circles = true,
             _ => counts.push(argument.parse::<usize>().expect("a number of fibers, theta=, tolerance= or truth=")),
         }
     }
@@ -132,7 +136,7 @@ fn main() {
     println!("tolerance {tolerance:e}, {} threads", rayon::current_num_threads());
     println!("fibers  theta  unknowns  prepare s  scatter s  all threads s  peak GiB  residual  ledger   error");
     for &count in &counts {
-        let bodies = ply(count);
+        let bodies = ply(count, circles);
         let sources = beams(&bodies);
         for &theta in &thetas {
             let wave = Wave { lambda_um: 0.4, theta_i: theta.to_radians() };
@@ -146,7 +150,11 @@ fn main() {
             let defect =
                 got.iter().map(|s| (s.c_sca_um + s.c_abs_um - s.c_ext_um).abs() / s.c_ext_um.abs()).fold(0.0, f64::max);
             let err = if truth > 0.0 {
-                let finer = CompressedSolver::new(&bodies, &wave, truth).expect("a sound ply");
+                let finer: Box<dyn WaveSolver> = if circles {
+                    Box::new(MultipoleSolver::new(&bodies, &wave, truth).expect("a sound ply"))
+                } else {
+                    Box::new(CompressedSolver::new(&bodies, &wave, truth).expect("a sound ply"))
+                };
                 format!("{:.1e}", error(&got, &finer.scatter(&sources, 1440).expect("a solve")))
             } else {
                 "-".into()

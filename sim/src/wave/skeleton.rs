@@ -245,7 +245,7 @@ impl Skeleton {
         seed: u64,
     ) -> Self {
         let m = candidates.points.len();
-        let mut rows = (0.6 * m as f64 + 32.0) as usize / LANES * LANES;
+        let mut rows = (0.7 * m as f64 + 32.0) as usize / LANES * LANES;
         loop {
             let [value, normal, tangential] = sketch(kernel, k_rho, candidates, tests, rows, seed);
             let mut own: Vec<C64> = Vec::with_capacity(rows * m);
