@@ -141,8 +141,8 @@ fn by_shape(fibers: &[Body]) -> Vec<Method> {
         1 if series => vec![Method::Mie],
         1 => vec![Method::Nystrom],
         // Walls that nearly touch ask for more orders than the series can hold.
-        _ if series => vec![Method::Multipole, Method::Nystrom],
-        _ => vec![Method::Nystrom],
+        _ if series => vec![Method::Multipole, Method::Compressed, Method::Nystrom],
+        _ => vec![Method::Compressed, Method::Nystrom],
     }
 }
 

@@ -93,7 +93,7 @@ pub(crate) struct Candidates {
 
 impl Candidates {
     /// The nodes of `curve`, finer by `refinement` around the parameters `close`.
-    pub(crate) fn new(curve: &Curve, close: &mut [f64], refinement: usize) -> Self {
+    pub(crate) fn new(curve: &Curve, close: &mut Vec<f64>, refinement: usize) -> Self {
         let n = curve.nodes.len();
         let h = curve.step();
         let zones = if close.is_empty() { Vec::new() } else { zones(close, h) };
@@ -177,7 +177,7 @@ impl Candidates {
 }
 
 /// Runs of parameters, apart by more than two windows, on an axis cut in the longest gap.
-fn zones(close: &mut [f64], h: f64) -> Vec<(f64, f64)> {
+fn zones(close: &mut Vec<f64>, h: f64) -> Vec<(f64, f64)> {
     for t in close.iter_mut() {
         *t = t.rem_euclid(TAU);
     }
@@ -201,7 +201,8 @@ fn zones(close: &mut [f64], h: f64) -> Vec<(f64, f64)> {
 pub(crate) struct Skeleton {
     /// The sites, in the scene.
     pub sites: Vec<Site>,
-    /// Coefficients of a value (or monopole), a `d_n / k_rho` and a `d_t / k_rho` at each node: `[node][site]`.
+    /// Coefficients of a value (or monopole), a `d_n / k_rho` and a `d_t / k_rho` at each node: `[node][site]`; the last are empty at normal
+    /// incidence, which has none.
     pub value: Vec<C64>,
     pub normal: Vec<C64>,
     pub tangential: Vec<C64>,
@@ -232,30 +233,31 @@ pub(crate) fn circle(points: &[CurvePoint], k_rho: f64, tolerance: f64) -> (Vec<
 }
 
 impl Skeleton {
-    /// Chooses sites among `candidates` (whose points are in the scene) so that what the `tests` receive is off by about `tolerance`.
+    /// Chooses sites among `candidates` (whose points are in the scene) so that what the `tests` receive is off by about `tolerance`. Tangential
+    /// sources are left out unless the incidence is `oblique`.
     pub(crate) fn new(
         kernel: &MediumKernel,
         k_rho: f64,
         candidates: &Candidates,
         tests: &[Site],
+        oblique: bool,
         tolerance: f64,
         seed: u64,
     ) -> Self {
         let m = candidates.points.len();
-        let mut rows = (0.75 * m as f64).ceil() as usize + 32;
+        let mut rows = (0.7 * m as f64 + 32.0) as usize / LANES * LANES;
         loop {
-            let sketch = sketch(kernel, k_rho, candidates, tests, rows, seed);
-            let [value, normal, tangential] = sketch;
+            let [value, normal, tangential] = sketch(kernel, k_rho, candidates, tests, rows, seed);
             let mut own: Vec<C64> = Vec::with_capacity(rows * m);
             for (j, scale) in candidates.scales.iter().enumerate() {
                 let columns = normal[j * rows..][..rows].iter().zip(&value[j * rows..][..rows]);
                 own.extend(columns.map(|(n, v)| (n + C64::new(v.im, -v.re)) * scale));
             }
-            let picked = pick(own, rows, m, tolerance);
+            let picked = pick(&own, rows, tolerance);
             let k = picked.pivots.len();
             // Fewer than all rows must have been in use, or the sketch hid some of the rank.
-            if k + 16 > rows && rows < m + 32 {
-                rows = m + 32;
+            if k + 16 > rows && rows < m {
+                rows = (m + 32).next_multiple_of(LANES);
                 continue;
             }
             let sites = picked
@@ -268,7 +270,7 @@ impl Skeleton {
                 sites,
                 value: coefficients(&value),
                 normal: coefficients(&normal),
-                tangential: coefficients(&tangential),
+                tangential: if oblique { coefficients(&tangential) } else { Vec::new() },
             };
         }
     }
@@ -318,16 +320,57 @@ struct Picked {
     r: Vec<C64>,
 }
 
-/// Gram-Schmidt with column pivots, until the largest column left is below `tolerance` of the first.
-fn pick(mut columns: Vec<C64>, rows: usize, count: usize, tolerance: f64) -> Picked {
-    let norm2 = |c: &[C64]| c.iter().map(|v| v.norm_sqr()).sum::<f64>();
-    let mut sizes: Vec<f64> = columns.chunks(rows).map(norm2).collect();
+/// Lanes that sums over a column are split into, so that they run in vector registers.
+const LANES: usize = 8;
+
+/// `q^H c` of columns that hold their real parts first, then their imaginary parts.
+fn project(q: &[f64], c: &[f64]) -> C64 {
+    let half = q.len() / 2;
+    let ((qr, qi), (cr, ci)) = (q.split_at(half), c.split_at(half));
+    let (mut re, mut im) = ([0.0; LANES], [0.0; LANES]);
+    let chunks = |v| <[f64]>::chunks_exact(v, LANES);
+    for (((qr, qi), cr), ci) in chunks(qr).zip(chunks(qi)).zip(chunks(cr)).zip(chunks(ci)) {
+        for k in 0..LANES {
+            re[k] += qr[k] * cr[k] + qi[k] * ci[k];
+            im[k] += qr[k] * ci[k] - qi[k] * cr[k];
+        }
+    }
+    C64::new(re.iter().sum(), im.iter().sum())
+}
+
+/// `c -= along q`; returns `|c|^2`.
+fn subtract(c: &mut [f64], along: C64, q: &[f64]) -> f64 {
+    let half = q.len() / 2;
+    let ((qr, qi), (cr, ci)) = (q.split_at(half), c.split_at_mut(half));
+    let mut sum = [0.0; LANES];
+    let chunks = |v| <[f64]>::chunks_exact(v, LANES);
+    for (((qr, qi), cr), ci) in
+        chunks(qr).zip(chunks(qi)).zip(cr.chunks_exact_mut(LANES)).zip(ci.chunks_exact_mut(LANES))
+    {
+        for k in 0..LANES {
+            cr[k] -= along.re * qr[k] - along.im * qi[k];
+            ci[k] -= along.re * qi[k] + along.im * qr[k];
+            sum[k] += cr[k] * cr[k] + ci[k] * ci[k];
+        }
+    }
+    sum.iter().sum()
+}
+
+/// Gram-Schmidt with column pivots, until the largest column left is below `tolerance` of the first. `rows` is a multiple of [`LANES`].
+fn pick(columns: &[C64], rows: usize, tolerance: f64) -> Picked {
+    let mut split: Vec<f64> = Vec::with_capacity(2 * columns.len());
+    for column in columns.chunks(rows) {
+        split.extend(column.iter().map(|c| c.re));
+        split.extend(column.iter().map(|c| c.im));
+    }
+    let length = 2 * rows;
+    let mut sizes: Vec<f64> = split.chunks(length).map(|c| c.iter().map(|v| v * v).sum()).collect();
+    let count = sizes.len();
     let mut order: Vec<usize> = (0..count).collect();
-    let most = rows.min(count);
     let first = sizes.iter().copied().fold(0.0, f64::max);
-    let mut q: Vec<C64> = Vec::new();
+    let mut q: Vec<f64> = Vec::new();
     let mut projections: Vec<Vec<C64>> = Vec::new();
-    for step in 0..most {
+    for step in 0..rows.min(count) {
         let (best, size) = (step..count)
             .map(|j| (j, sizes[order[j]]))
             .fold((step, -1.0), |best, this| if this.1 > best.1 { this } else { best });
@@ -336,30 +379,23 @@ fn pick(mut columns: Vec<C64>, rows: usize, count: usize, tolerance: f64) -> Pic
         }
         order.swap(step, best);
         let pivot = order[step];
-        let mut direction = columns[pivot * rows..][..rows].to_vec();
+        let mut direction = split[pivot * length..][..length].to_vec();
+        let mut size = size;
         // Once more against those before: the running remainders lose their right angles.
-        for earlier in q.chunks(rows) {
-            let along: C64 = earlier.iter().zip(&direction).map(|(a, b)| a.conj() * b).sum();
-            for (d, e) in direction.iter_mut().zip(earlier) {
-                *d -= along * e;
-            }
+        for earlier in q.chunks(length) {
+            let along = project(earlier, &direction);
+            size = subtract(&mut direction, along, earlier);
         }
-        let length = norm2(&direction).sqrt();
+        let size = size.sqrt();
         for d in &mut direction {
-            *d /= length;
+            *d /= size;
         }
         let mut row = vec![C64::ZERO; count];
-        row[pivot] = C64::new(length, 0.0);
+        row[pivot] = C64::new(size, 0.0);
         for &j in &order[step + 1..] {
-            let column = &mut columns[j * rows..][..rows];
-            let along: C64 = direction.iter().zip(column.iter()).map(|(a, b)| a.conj() * b).sum();
-            let mut left = 0.0;
-            for (c, d) in column.iter_mut().zip(&direction) {
-                *c -= along * d;
-                left += c.norm_sqr();
-            }
-            sizes[j] = left;
-            row[j] = along;
+            let column = &mut split[j * length..][..length];
+            row[j] = project(&direction, column);
+            sizes[j] = subtract(column, row[j], &direction);
         }
         projections.push(row);
         q.extend(direction);
@@ -372,7 +408,8 @@ fn pick(mut columns: Vec<C64>, rows: usize, count: usize, tolerance: f64) -> Pic
             r[column * k + row] = projections[row][pivot];
         }
     }
-    Picked { pivots, q, r }
+    let joined = |c: &[f64]| -> Vec<C64> { (0..rows).map(|j| C64::new(c[j], c[rows + j])).collect() };
+    Picked { pivots, q: q.chunks(length).flat_map(joined).collect(), r }
 }
 
 impl Picked {
