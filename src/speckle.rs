@@ -178,14 +178,26 @@ impl SpeckleStatistics {
     }
 }
 
-/// Where values first fall to half of the first, in steps; NaN where they do not.
+/// Where an even function, given at 0, 1, ..., first falls to half of its first value: by the cubic through the four nearest values. NaN where it does not.
 fn half(values: &[f64]) -> f64 {
     let Some(top) = values.first() else { return f64::NAN };
     let level = 0.5 * top;
-    match values.windows(2).position(|w| w[0] > level && w[1] <= level) {
-        Some(j) => j as f64 + (values[j] - level) / (values[j] - values[j + 1]),
-        None => f64::NAN,
+    let Some(j) = values.windows(2).position(|w| w[0] > level && w[1] <= level) else { return f64::NAN };
+    // The value before the first is the second; beyond the last there is none.
+    let before = values[if j == 0 { 1 } else { j - 1 }];
+    let Some(&after) = values.get(j + 2) else { return f64::NAN };
+    let (a, b) = (values[j], values[j + 1]);
+    let cubic = |t: f64| {
+        -t * (t - 1.0) * (t - 2.0) / 6.0 * before + (t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0 * a
+            - (t + 1.0) * t * (t - 2.0) / 2.0 * b
+            + (t + 1.0) * t * (t - 1.0) / 6.0 * after
+    };
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..50 {
+        let middle = 0.5 * (low + high);
+        if cubic(middle) > level { low = middle } else { high = middle }
     }
+    j as f64 + low
 }
 
 const TENSORS: [&str; 5] = ["kappa", "lambda_um", "patterns", "c_sca_um", "c_abs_um"];
@@ -424,6 +436,16 @@ mod tests {
         let (few, many) = (mean(10), mean(3000));
         // Second order terms of the quotient are left, some 1/N of 1.
         assert!((few - many).abs() < 0.12 && (many - 1.0).abs() < 0.05, "{few} {many}");
+    }
+
+    /// A fringe cos(2 pi j / period) falls to half at a sixth of its period, also with few places in it.
+    #[test]
+    fn half_widths_are_found_between_places() {
+        for (period, within) in [(40.0, 1e-4), (8.0, 0.01)] {
+            let values: Vec<f64> = (0..20).map(|j| (TAU * f64::from(j) / period).cos()).collect();
+            assert!((half(&values) - period / 6.0).abs() < within, "{} of {period}", half(&values));
+        }
+        assert!(half(&[1.0, 0.9, 0.8]).is_nan() && half(&[1.0, 0.2]).is_nan() && half(&[]).is_nan());
     }
 
     #[test]

@@ -234,6 +234,7 @@ fn figure(report: &CompareReport) -> image::RgbImage {
             let cases: Vec<&CompareCase> = report.cases.iter().filter(|c| c.h_rel == h).collect();
             let panel = |title: &str, y: Scale, x: [f64; 2], x_ticks, curves| LinePanel {
                 title: title.into(),
+                x_title: "φ_o - 270° [degrees]".into(),
                 x,
                 x_ticks,
                 y,
@@ -262,7 +263,6 @@ fn figure(report: &CompareReport) -> image::RgbImage {
                 .collect();
             Row {
                 title: format!("h/R = {}: density [1/rad]", number(h)),
-                x_title: "φ_o - 270° [degrees]".into(),
                 panels: vec![
                     (
                         560,

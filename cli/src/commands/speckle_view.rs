@@ -152,7 +152,8 @@ pub fn figure(file: &Path, p: &SpecklePatterns) -> Outcome<image::RgbImage> {
         let mut panels = vec![(
             520,
             LinePanel {
-                title: format!("TM, {} μm: two instances and the mean [μm/rad]", number(p.lambda_um[first])),
+                title: format!("{} μm: two instances and their mean [μm/rad]", number(p.lambda_um[first])),
+                x_title: "φ_o - 270° [degrees]".into(),
                 x: [-180.0, 180.0],
                 x_ticks: ticks(-180.0, 180.0, 4.0),
                 y: Scale::Log(LogScale::above(top, DECADES)),
@@ -167,40 +168,40 @@ pub fn figure(file: &Path, p: &SpecklePatterns) -> Outcome<image::RgbImage> {
                 (l, sides.map(|side| plywave::SpeckleStatistics::of(&patterns, side, LAGS_RAD)))
             })
             .collect();
-        let highest = all.iter().flat_map(|(_, s)| s).flat_map(|s| s.covariance.iter().copied()).fold(0.1, f64::max);
         for (k, side) in ["light's side", "far side"].into_iter().enumerate() {
-            for (stretched, end, title) in
-                [(false, 10.0, format!("covariance, {side}")), (true, 20.0, format!("over C(0), lag / λ, {side}"))]
-            {
-                let curves = all
+            for stretched in [false, true] {
+                let curves: Vec<Curve> = all
                     .iter()
                     .map(|(l, s)| {
                         let (s, lambda) = (&s[k], p.lambda_um[*l]);
-                        let unit = if stretched { lambda } else { 1.0 };
-                        let scale = if stretched { s.covariance[0].max(f64::MIN_POSITIVE) } else { 1.0 };
+                        let top = s.covariance[0].max(f64::MIN_POSITIVE);
+                        let (unit, scale) = if stretched { (lambda, top) } else { (1.0, 1.0) };
                         let at = |(j, c): (usize, &f64)| [s.step_rad.to_degrees() * j as f64 / unit, c / scale];
                         curve(s.covariance.iter().enumerate().map(at).collect(), color_of(lambda), 1.6)
                     })
                     .collect();
-                let top = if stretched { 1.05 } else { 1.05 * highest };
+                let end = if stretched { 24.0 } else { 12.0 };
+                let values = || curves.iter().flat_map(|c| &c.points).filter(|q| q[0] <= end).map(|q| q[1]);
+                let (low, high) = (values().fold(0.0, f64::min), values().fold(0.01, f64::max));
+                let room = 0.06 * (high - low);
+                let (title, x_title) = match stretched {
+                    false => (format!("C, {side}"), "lag [degrees]"),
+                    true => (format!("C / C(0), {side}"), "lag / λ [degrees/μm]"),
+                };
                 panels.push((
-                    250,
+                    260,
                     LinePanel {
                         title,
+                        x_title: x_title.into(),
                         x: [0.0, end],
                         x_ticks: ticks(0.0, end, 4.0),
-                        y: Scale::Linear(-0.15 * top, top),
+                        y: Scale::Linear(low - room, high + room),
                         curves,
                     },
                 ));
             }
         }
-        rows.push(Row {
-            title: format!("κ = {}", number(kappa)),
-            x_title: "degrees (from forward; lag; lag per μm)".into(),
-            panels,
-            height: 280,
-        });
+        rows.push(Row { title: format!("κ = {}", number(kappa)), panels, height: 280 });
     }
     let legend: Vec<(String, Rgb)> = shown
         .iter()
@@ -209,7 +210,7 @@ pub fn figure(file: &Path, p: &SpecklePatterns) -> Outcome<image::RgbImage> {
         .collect();
     let name: String = literal(&spec.name).chars().take(80).collect();
     let particulars = [format!(
-        "{} instances of one fiber, θ_i = {}°, w_0 = {} μm, seed {}; covariances of TM light without 20° either side of forward",
+        "{} instances of one fiber, θ_i = {}°, w_0 = {} μm, seed {}; TM light; C: covariance of the intensity over its mean, without 20° either side of forward",
         p.instances,
         number(p.theta_i.to_degrees()),
         number(p.w0_um),

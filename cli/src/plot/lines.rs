@@ -63,6 +63,8 @@ pub fn linear(from: f64, to: f64, count: f64) -> Ticks {
 pub struct LinePanel {
     /// Above it.
     pub title: String,
+    /// Below it: what x is.
+    pub x_title: String,
     /// Ends of the x axis.
     pub x: [f64; 2],
     /// Marks of the x axis.
@@ -107,6 +109,7 @@ impl LinePanel {
         canvas.frame(at.x, at.y, at.w, at.h, INK);
         canvas.text(at.x + at.w / 2, at.y - LINE, &self.title, Align::Center, INK);
         axes::ticks_below(canvas, at.x, at.y + at.h, at.w, &self.x_ticks);
+        canvas.text(at.x + at.w / 2, at.y + at.h + LINE + 10, &self.x_title, Align::Center, INK);
         axes::ticks_left(canvas, at.x, at.y, at.h, &self.y.ticks());
     }
 }
@@ -121,8 +124,6 @@ const BELOW: i32 = 2 * LINE + 14;
 pub struct Row {
     /// At the left, upwards.
     pub title: String,
-    /// Below each panel: what x is.
-    pub x_title: String,
     /// Panels, each with its width [dots].
     pub panels: Vec<(i32, LinePanel)>,
     /// Height of the panels [dots].
@@ -156,7 +157,6 @@ pub fn page(title: &str, particulars: &[String], legend: &[(String, Rgb)], rows:
         for (w, panel) in &row.panels {
             x += LEFT;
             panel.draw(&mut canvas, Panel { x, y, w: *w, h: row.height });
-            canvas.text(x + w / 2, y + row.height + LINE + 10, &row.x_title, Align::Center, INK);
             x += w;
         }
         y += row_height(row);
@@ -175,7 +175,14 @@ mod tests {
             color: [200, 0, 0],
             width: 3.0,
         };
-        LinePanel { title: String::new(), x: [0.0, 2.0], x_ticks: linear(0.0, 2.0, 4.0), y, curves: vec![curve] }
+        LinePanel {
+            title: String::new(),
+            x_title: String::new(),
+            x: [0.0, 2.0],
+            x_ticks: linear(0.0, 2.0, 4.0),
+            y,
+            curves: vec![curve],
+        }
     }
 
     /// A level curve at the middle of four decades lies halfway up, its band a quarter either side.
