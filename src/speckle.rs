@@ -102,8 +102,8 @@ pub struct SpeckleStatistics {
     pub contrast: f64,
     /// Lag at which C first falls to half of C(0) [rad]; NaN where it does not within the lags.
     pub half_width_rad: f64,
-    /// Standard error of C(0), from instance to instance.
-    pub variance_se: f64,
+    /// `[lag]`: standard error of C, from instance to instance; NaN for one instance.
+    pub covariance_se: Vec<f64>,
 }
 
 impl SpeckleStatistics {
@@ -118,15 +118,16 @@ impl SpeckleStatistics {
             mean.iter_mut().zip(pattern).for_each(|(m, v)| *m += v / n as f64);
         }
         let seen: Vec<bool> = (0..d).map(|j| side.holds(step_rad * j as f64) && mean[j] > 0.0).collect();
-        let mut sums = vec![0.0; lags];
-        let mut own = Vec::with_capacity(n);
+        // Sums over the instances, and of their squares.
+        let (mut sums, mut squares) = (vec![0.0; lags], vec![0.0; lags]);
         for pattern in patterns {
             // Zero where nothing is looked at, so that pairs with such a place count nothing.
             let off: Vec<f64> = (0..d).map(|j| if seen[j] { pattern[j] / mean[j] - 1.0 } else { 0.0 }).collect();
-            for (lag, sum) in sums.iter_mut().enumerate() {
-                *sum += (0..d).map(|j| off[j] * off[(j + lag) % d]).sum::<f64>();
+            for (lag, (sum, square)) in sums.iter_mut().zip(&mut squares).enumerate() {
+                let own: f64 = (0..d).map(|j| off[j] * off[(j + lag) % d]).sum();
+                *sum += own;
+                *square += own * own;
             }
-            own.push(off.iter().map(|v| v * v).sum::<f64>());
         }
         let unbiased = if n > 1 { n as f64 / (n - 1) as f64 } else { 0.0 };
         let pairs = |lag: usize| (0..d).filter(|j| seen[*j] && seen[(j + lag) % d]).count();
@@ -138,24 +139,28 @@ impl SpeckleStatistics {
                 pairs => unbiased * sum / (n * pairs) as f64,
             })
             .collect();
-        let average = own.iter().sum::<f64>() / n.max(1) as f64;
-        let spread: f64 = own.iter().map(|v| (v - average).powi(2)).sum();
-        let variance_se =
-            if n > 1 { (spread / (n * (n - 1)) as f64).sqrt() / pairs(0).max(1) as f64 } else { f64::NAN };
+        let covariance_se = (0..lags)
+            .map(|lag| {
+                let spread = (squares[lag] - sums[lag] * sums[lag] / n as f64).max(0.0);
+                if n > 1 { (spread * unbiased).sqrt() / (n * pairs(lag).max(1)) as f64 } else { f64::NAN }
+            })
+            .collect();
         let variance = covariance.first().copied().unwrap_or(0.0);
         SpeckleStatistics {
             step_rad,
             contrast: variance.max(0.0).sqrt(),
             half_width_rad: step_rad * half(&covariance),
-            variance_se,
             covariance,
+            covariance_se,
         }
     }
 
-    /// Autocorrelation of the field, `sqrt(max(C, 0) / C(0))`, up to its first zero and zero beyond: what is left there is noise of the estimate.
+    /// Autocorrelation of the field, `sqrt(C / C(0))`, up to where C first falls below two of its standard errors and zero beyond: the root would make
+    /// a tail of what is noise of the estimate there.
     pub fn rho(&self) -> Vec<f64> {
         let top = self.covariance.first().copied().unwrap_or(0.0);
-        let end = self.covariance.iter().position(|c| *c <= 0.0).unwrap_or(self.covariance.len());
+        let end = self.covariance.iter().zip(&self.covariance_se).position(|(c, se)| *c <= 2.0 * se || *c <= 0.0);
+        let end = end.unwrap_or(self.covariance.len());
         let value = |(lag, c): (usize, &f64)| if lag < end && top > 0.0 { (c / top).sqrt() } else { 0.0 };
         self.covariance.iter().enumerate().map(value).collect()
     }
@@ -401,7 +406,7 @@ mod tests {
             let got = SpeckleStatistics::of(&patterns, side, PI / 6.0);
             assert_eq!(got.covariance.len(), 21);
             // Standard error of a covariance at another lag is no larger than that of the variance.
-            let allowed = 5.0 * got.variance_se;
+            let allowed = 5.0 * got.covariance_se[0];
             assert!(allowed < 0.25, "{allowed}");
             for (lag, c) in got.covariance.iter().enumerate() {
                 let want = (-(lag as f64 / width).powi(2)).exp();
@@ -411,16 +416,31 @@ mod tests {
             let want = width * 2f64.ln().sqrt() * got.step_rad;
             assert!((got.half_width_rad / want - 1.0).abs() < 0.1, "{} {want}", got.half_width_rad);
             let rho = got.rho();
-            for lag in 0..8 {
-                let want = (-0.5 * (lag as f64 / width).powi(2)).exp();
-                assert!((rho[lag] - want).abs() < 0.06, "{side:?} rho {lag}: {}, want {want}", rho[lag]);
+            let truth = |lag: usize| (-0.5 * (lag as f64 / width).powi(2)).exp();
+            // rho = sqrt(C / C(0)): its own standard error from theirs.
+            let se = |lag: usize| 0.5 * (got.covariance_se[lag] / truth(lag) + truth(lag) * got.covariance_se[0]);
+            let end = rho.iter().position(|r| *r == 0.0).unwrap();
+            assert!((7..13).contains(&end), "{side:?}: noise begins at lag {end}");
+            for lag in 0..end {
+                let allowed = 5.0 * se(lag);
+                let want = truth(lag);
+                assert!(
+                    (rho[lag] - want).abs() < allowed,
+                    "{side:?} rho {lag}: {}, want {want} within {allowed}",
+                    rho[lag]
+                );
             }
             let spectrum = got.power_spectrum(d);
             let all: f64 = spectrum.iter().sum::<f64>() * 2.0 - spectrum[0] - spectrum[d / 2];
             assert!((all / d as f64 - 1.0).abs() < 1e-12);
             let want = |k: usize| width * TAU.sqrt() * (-0.5 * (TAU * k as f64 * width / d as f64).powi(2)).exp();
+            // Errors of neighboring lags go together, at worst all of them; and the tail of rho is cut.
+            let tail: f64 = (end..d / 2).map(|lag| 2.0 * truth(lag)).sum();
+            let allowed = tail + 2.0 * (1..end).map(se).sum::<f64>() * 5.0;
+            assert!(allowed < 0.5 * want(0), "{allowed}");
             for k in [0, 5, 10, 15] {
-                assert!((spectrum[k] - want(k)).abs() < 0.15 * want(0), "{side:?} k {k}: {} {}", spectrum[k], want(k));
+                let got = spectrum[k];
+                assert!((got - want(k)).abs() < allowed, "{side:?} k {k}: {got}, want {} within {allowed}", want(k));
             }
         }
     }

@@ -60,7 +60,7 @@ pub struct CompareArgs {
     #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub instances: u32,
     /// One to eight wavelengths [um].
-    #[arg(long, value_name = "UM", num_args = 1..=8, value_delimiter = ',', default_values_t = [0.4, 0.694])]
+    #[arg(long, value_name = "UM", num_args = 1..=8, value_delimiter = ',', allow_negative_numbers = true, default_values_t = [0.4, 0.694])]
     pub lambda: Vec<f64>,
     /// One to sixteen offsets of the beam's center over the ply radius.
     #[arg(long, value_name = "H", num_args = 1..=16, value_delimiter = ',', allow_negative_numbers = true, default_values_t = [0.0, 0.5, 0.9])]
@@ -119,7 +119,7 @@ pub struct WaveSpeckleArgs {
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(2..=100_000))]
     pub instances: u32,
     /// One to thirty-two wavelengths [um], ascending.
-    #[arg(long, value_name = "UM", num_args = 1..=32, value_delimiter = ',', default_values_t = [0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7])]
+    #[arg(long, value_name = "UM", num_args = 1..=32, value_delimiter = ',', allow_negative_numbers = true, default_values_t = [0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7])]
     pub lambda: Vec<f64>,
     /// One to four imaginary indices, the same at every wavelength: clear and absorbing fibers.
     #[arg(long, value_name = "KAPPA", num_args = 1..=4, value_delimiter = ',', default_values_t = [0.0, 0.05])]

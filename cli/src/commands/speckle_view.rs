@@ -58,7 +58,7 @@ pub fn kinds(p: &SpecklePatterns) -> Vec<Kind> {
                     contrast_tm: tm.contrast,
                     contrast_te: te.contrast,
                     contrast_unpolarized: both.contrast,
-                    variance_se: tm.variance_se,
+                    variance_se: tm.covariance_se[0],
                     half_width_deg,
                     half_width_deg_per_um: half_width_deg.map(|w| w / lambda_um),
                 });
