@@ -148,7 +148,7 @@ fn speckle_refuses_in_one_line() {
     refused(dir, &["wave", "speckle", "none.toml"], &["none.toml", "no such file"]);
     let flags: &[(&[&str], &[&str])] = &[
         (&["--lambda", "0.7,0.5"], &["--lambda", "0.5", "larger"]),
-        (&["--lambda", "-0.5"], &["--lambda"]),
+        (&["--lambda", "1e9"], &["--lambda"]),
         (&["--kappa", "11"], &["--kappa", "10"]),
         (&["--w0", "0"], &["--w0"]),
         (&["--w0", "0.15"], &["beam.w0_um"]),

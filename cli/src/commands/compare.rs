@@ -15,6 +15,7 @@ use plywave::YarnSpec;
 use plywave_sim::wave::{CompareCase, CompareOptions, CompareReport, compare};
 use plywave_sim::{Run, SimError};
 use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// The report in the folder, by which a folder is known as one of ours.
 const REPORT: &str = "report.json";
@@ -32,13 +33,17 @@ pub fn run(cli: &Cli, args: &CompareArgs) -> Outcome {
     progress::install_stop();
     let bar = Bar::new("compare", "sections", cli.quiet);
     bar.begin("compare", options.jobs());
-    let advance = |jobs: u64| bar.advance(jobs);
+    let done = AtomicU64::new(0);
+    let advance = |jobs: u64| {
+        done.fetch_add(jobs, Ordering::Relaxed);
+        bar.advance(jobs);
+    };
     let run = Run { parts: Some(&parts), resume: args.resume, stop: Some(&progress::STOP), progress: Some(&advance) };
     let work = progress::stoppable(|| on_threads(cli, || compare(&spec, &text, &options, run)));
     let time = bar.finish();
     let report = work?.map_err(|error| {
-        // A spec that cannot be solved leaves nothing behind.
-        if fresh && !matches!(error, SimError::Interrupted { .. } | SimError::Runtime(_)) {
+        // What cannot be solved leaves nothing behind; jobs that were done are kept.
+        if fresh && done.load(Ordering::Relaxed) == 0 {
             remove_parts(&parts);
         }
         refuse(error, &args.spec)

@@ -10,8 +10,9 @@ use crate::output;
 use crate::progress::{self, Bar};
 use crate::report;
 use plywave::YarnSpec;
+use plywave_sim::Run;
 use plywave_sim::wave::{SpeckleOptions, speckle};
-use plywave_sim::{Run, SimError};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Runs the command.
 pub fn run(cli: &Cli, args: &WaveSpeckleArgs) -> Outcome {
@@ -24,13 +25,17 @@ pub fn run(cli: &Cli, args: &WaveSpeckleArgs) -> Outcome {
     progress::install_stop();
     let bar = Bar::new("speckle", "fibers", cli.quiet);
     bar.begin("speckle", u64::from(options.instances));
-    let advance = |fibers: u64| bar.advance(fibers);
+    let done = AtomicU64::new(0);
+    let advance = |fibers: u64| {
+        done.fetch_add(fibers, Ordering::Relaxed);
+        bar.advance(fibers);
+    };
     let run = Run { parts: Some(&parts), resume: args.resume, stop: Some(&progress::STOP), progress: Some(&advance) };
     let work = progress::stoppable(|| on_threads(cli, || speckle(&spec, &text, &options, run)));
     let time = bar.finish();
     let patterns = work?.map_err(|error| {
-        // A fiber that cannot be solved leaves nothing behind.
-        if fresh && !matches!(error, SimError::Interrupted { .. } | SimError::Runtime(_)) {
+        // What cannot be solved leaves nothing behind; jobs that were done are kept.
+        if fresh && done.load(Ordering::Relaxed) == 0 {
             remove_parts(&parts);
         }
         refuse(error, &args.spec)

@@ -19,6 +19,7 @@ use crate::section::PlySection;
 use crate::simulate::{Run, instance_seed};
 use crate::walk2d::{Walk2d, walk_2d};
 use plywave::{GaussianBeam, YarnSpec};
+use rayon::prelude::*;
 use serde::Serialize;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -244,15 +245,20 @@ pub(crate) fn compare_with(
     solver: &MakeSolver<'_>,
 ) -> Result<CompareReport, SimError> {
     let (l, h) = (options.lambda_um.len(), options.h_rel.len());
-    // What cannot be is refused before the first job: fibers that do not pack, waists that are too narrow.
+    // Waists that are too narrow are refused before the first job.
     for &lambda_um in &options.lambda_um {
         let wave = Wave { lambda_um, theta_i: options.theta_i };
         options.source(spec, 0.0, Polarization::Tm).plane_waves(&wave, 0.0)?;
     }
+    // All sections are made first, so that fibers that do not fit are told before hours of work.
+    let sections: Vec<PlySection> = (0..options.instances)
+        .into_par_iter()
+        .map(|i| PlySection::generate(spec, instance_seed(options.seed, i)))
+        .collect::<Result<_, _>>()?;
     let empty = JobOutput { floats: Vec::new(), numbers: vec![0.0; h * (CURVES * BINS + SHARES)] };
     let work = |job: usize, stop: &AtomicBool| {
         let (instance, at) = (job / l, job % l);
-        one(spec, options, instance as u32, at, stop, solver)
+        one(spec, options, (instance as u32, &sections[instance]), at, stop, solver)
     };
     let jobs = run_jobs(options.jobs() as usize, &empty, &options.marker(), spec_text, run, &work)?;
     Ok(report(spec, spec_text, options, &jobs))
@@ -262,7 +268,7 @@ pub(crate) fn compare_with(
 fn one(
     spec: &YarnSpec,
     options: &CompareOptions,
-    instance: u32,
+    (instance, section): (u32, &PlySection),
     at: usize,
     stop: &AtomicBool,
     solver: &MakeSolver<'_>,
@@ -270,11 +276,10 @@ fn one(
     if stop.load(Ordering::Relaxed) {
         return Ok(None);
     }
-    let section = PlySection::generate(spec, instance_seed(options.seed, instance))?;
     let wave = Wave { lambda_um: options.lambda_um[at], theta_i: options.theta_i };
     let h_um = options.h_um(spec);
     let kappa = options.sigma_per_um * wave.lambda_um / (4.0 * PI);
-    let bodies = section_bodies(&section, spec.fiber.eta, kappa)?;
+    let bodies = section_bodies(section, spec.fiber.eta, kappa)?;
     let prepared = solver(&bodies, &wave, options.tolerance)?;
     let sources: Vec<Source> = h_um
         .iter()
@@ -309,7 +314,7 @@ fn one(
         }
         let beam = spec.beam.beam();
         let rays = walk_2d(
-            &section,
+            section,
             &Walk2d {
                 theta_i: options.theta_i,
                 h_um: h_um[k],
