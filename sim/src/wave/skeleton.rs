@@ -93,7 +93,7 @@ pub(crate) struct Candidates {
 
 impl Candidates {
     /// The nodes of `curve`, finer by `refinement` around the parameters `close`.
-    pub(crate) fn new(curve: &Curve, close: &mut Vec<f64>, refinement: usize) -> Self {
+    pub(crate) fn new(curve: &Curve, close: &mut [f64], refinement: usize) -> Self {
         let n = curve.nodes.len();
         let h = curve.step();
         let zones = if close.is_empty() { Vec::new() } else { zones(close, h) };
@@ -177,7 +177,7 @@ impl Candidates {
 }
 
 /// Runs of parameters, apart by more than two windows, on an axis cut in the longest gap.
-fn zones(close: &mut Vec<f64>, h: f64) -> Vec<(f64, f64)> {
+fn zones(close: &mut [f64], h: f64) -> Vec<(f64, f64)> {
     for t in close.iter_mut() {
         *t = t.rem_euclid(TAU);
     }
