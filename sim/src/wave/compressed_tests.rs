@@ -157,6 +157,6 @@ fn bad_input_is_refused() {
     other.center_um = [0.9, 0.0];
     assert!(matches!(CompressedSolver::new(&[one.clone(), other], &wave, 1e-5), Err(WaveError::Overlap { .. })));
     assert!(matches!(CompressedSolver::new(&[], &wave, 1e-5), Err(WaveError::Invalid { .. })));
-    assert!(matches!(CompressedSolver::new(&[one.clone()], &wave, 1e-9), Err(WaveError::Unreachable { .. })));
+    assert!(matches!(CompressedSolver::new(std::slice::from_ref(&one), &wave, 1e-9), Err(WaveError::Unreachable { .. })));
     assert!(matches!(CompressedSolver::new(&[one], &wave, f64::NAN), Err(WaveError::Invalid { .. })));
 }
