@@ -14,6 +14,7 @@ use super::system::{BoundarySystem, E, FINEST, H, check_overlap, closeness, trac
 use super::{Body, C64, PlaneWave, Polarization, Scattered, SolverStats, Source, Wave, WaveError, WaveSolver, memory};
 use faer::Accum;
 use rayon::prelude::*;
+use std::f64::consts::{PI, TAU};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Tolerance of the skeletons over that of the far field. Errors grow on their way by the strength of multiple scattering: a few hundredfold for a ply of
@@ -141,7 +142,19 @@ impl CompressedSolver {
             // The boundary equations say what is wrong.
             BoundarySystem::new(bodies, wave, tolerance)?;
         }
-        check_overlap(&trace_walls(bodies, wave, &Resolution::for_tolerance(tolerance))?.1)?;
+        let walls = trace_walls(bodies, wave, &Resolution::for_tolerance(tolerance))?.1;
+        if bodies.len() > 1 {
+            // Before anything is made: a skeleton has more sites than waves that fit around the wall, k_rho length / pi.
+            let length: f64 = walls
+                .iter()
+                .filter(|w| w.outside == 0)
+                .map(|w| w.curve.step() * w.curve.nodes.iter().map(|p| p.speed).sum::<f64>())
+                .sum();
+            let fields = if wave.kz() == 0.0 { 1.0 } else { 2.0 };
+            check_memory(fields * wave.k_rho() * length / PI, 2.0 / fields, tolerance)?;
+        }
+        check_overlap(&walls)?;
+        drop(walls);
         let mut homes: Vec<Body> = Vec::new();
         let mut shapes = Vec::new();
         let mut shape_of = Vec::new();
@@ -231,19 +244,12 @@ impl CompressedSolver {
         let counts: Vec<f64> = self.members.iter().map(|m| (fields * m.skeleton.sites.len()) as f64).collect();
         let unknowns: f64 = counts.iter().sum();
         let single = self.tolerance >= SINGLE;
-        let bytes = if single { 8.0 } else { 16.0 };
-        let systems = if self.members.len() > 1 { self.parts.len() as f64 } else { 0.0 };
-        let need = systems * (unknowns * unknowns * bytes + 16.0 * counts.iter().map(|k| k * k).sum::<f64>());
-        // Right-hand sides, blocks under way and factorization come on top.
-        let need = 1.05 * need + 64e6;
-        if let Some(have) = memory::available_bytes().map(|b| b as f64).filter(|have| need > *have) {
-            let gib = 1.0 / (1u64 << 30) as f64;
-            return Err(WaveError::TooLarge {
-                unknowns: unknowns as usize,
-                need_gib: need * gib,
-                have_gib: have * gib,
-            });
-        }
+        let need = if self.members.len() > 1 {
+            let transfers = 16.0 * self.parts.len() as f64 * counts.iter().map(|k| k * k).sum::<f64>();
+            transfers + check_memory(unknowns, self.parts.len() as f64, self.tolerance)?
+        } else {
+            0.0
+        };
         let held: usize = self.shapes.iter().map(|s| s.peak_bytes()).sum();
         let skeletons: f64 =
             self.members.iter().map(|m| (3 * 16 * m.skeleton.sites.len() * m.nodes.len()) as f64).sum();
@@ -465,6 +471,21 @@ impl CompressedSolver {
     }
 }
 
+/// Memory of the coupled systems [bytes].
+///
+/// # Errors
+/// More than is free.
+fn check_memory(unknowns: f64, systems: f64, tolerance: f64) -> Result<f64, WaveError> {
+    let bytes = if tolerance >= SINGLE { 8.0 } else { 16.0 };
+    // Right-hand sides, blocks under way and factorization come on top.
+    let need = 1.05 * systems * unknowns * unknowns * bytes + 64e6;
+    if let Some(have) = memory::available_bytes().map(|b| b as f64).filter(|have| need > *have) {
+        let gib = 1.0 / (1u64 << 30) as f64;
+        return Err(WaveError::TooLarge { unknowns: unknowns as usize, need_gib: need * gib, have_gib: have * gib });
+    }
+    Ok(need)
+}
+
 /// Candidate points of body b, in the scene: finer where other bodies are close.
 fn candidates(
     b: usize,
@@ -476,7 +497,7 @@ fn candidates(
     let (low, high) = bounds(nodes[b].iter());
     // Beyond this distance from the box no refinement is asked for.
     let widest = curve.nodes.iter().map(|p| p.speed).fold(0.0, f64::max) * curve.step();
-    let margin = widest * ((10.0 / tolerance).ln() / std::f64::consts::TAU + 2.0);
+    let margin = widest * ((10.0 / tolerance).ln() / TAU + 2.0);
     let mut close = Vec::new();
     let mut finest: f64 = 1.0;
     for (c, others) in nodes.iter().enumerate().filter(|(c, _)| *c != b) {

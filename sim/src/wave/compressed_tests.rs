@@ -157,6 +157,24 @@ fn bad_input_is_refused() {
     other.center_um = [0.9, 0.0];
     assert!(matches!(CompressedSolver::new(&[one.clone(), other], &wave, 1e-5), Err(WaveError::Overlap { .. })));
     assert!(matches!(CompressedSolver::new(&[], &wave, 1e-5), Err(WaveError::Invalid { .. })));
-    assert!(matches!(CompressedSolver::new(std::slice::from_ref(&one), &wave, 1e-9), Err(WaveError::Unreachable { .. })));
-    assert!(matches!(CompressedSolver::new(&[one], &wave, f64::NAN), Err(WaveError::Invalid { .. })));
+    assert!(matches!(
+        CompressedSolver::new(std::slice::from_ref(&one), &wave, 1e-9),
+        Err(WaveError::Unreachable { .. })
+    ));
+    assert!(matches!(
+        CompressedSolver::new(std::slice::from_ref(&one), &wave, f64::NAN),
+        Err(WaveError::Invalid { .. })
+    ));
+    // A thousand times as many waves as any machine holds, refused before anything is made.
+    let large = |x: f64| body(Shape::Circle { radius_um: 2e4 }, [x, 0.0], 0.0, 1.5, 0.0);
+    let refused = CompressedSolver::new(&[large(-3e4), large(3e4)], &wave, 1e-3);
+    assert!(matches!(refused, Err(WaveError::TooLarge { .. })));
+}
+
+/// The same scene twice: the same bits.
+#[test]
+fn solves_are_deterministic() {
+    let wave = Wave { lambda_um: 0.5, theta_i: 0.3 };
+    let run = || CompressedSolver::new(&crowd(), &wave, 1e-3).unwrap().scatter(&sources(), 30).unwrap();
+    assert_eq!(run(), run());
 }
