@@ -122,19 +122,19 @@ pub struct WaveSpeckleArgs {
     #[arg(long, value_name = "UM", num_args = 1..=32, value_delimiter = ',', allow_negative_numbers = true, default_values_t = [0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7])]
     pub lambda: Vec<f64>,
     /// One to four imaginary indices, the same at every wavelength: clear and absorbing fibers.
-    #[arg(long, value_name = "KAPPA", num_args = 1..=4, value_delimiter = ',', default_values_t = [0.0, 0.05])]
+    #[arg(long, value_name = "KAPPA", num_args = 1..=4, value_delimiter = ',', allow_negative_numbers = true, default_values_t = [0.0, 0.05])]
     pub kappa: Vec<f64>,
     /// Incident latitude [degrees], -80 to 80.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, default_value_t = 0.0)]
     pub theta_i: f64,
     /// Waist of the beam [um].
-    #[arg(long, value_name = "UM", default_value_t = 100.0)]
+    #[arg(long, value_name = "UM", allow_negative_numbers = true, default_value_t = 100.0)]
     pub w0: f64,
     /// Largest error of the far field, relative to its greatest value.
-    #[arg(long, value_name = "TOL", default_value_t = 1e-5)]
+    #[arg(long, value_name = "TOL", allow_negative_numbers = true, default_value_t = 1e-5)]
     pub tolerance: f64,
     /// Seed of the random numbers.
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 1)]
     pub seed: u64,
     /// Go on with a run that was stopped; the result is bit for bit that of one that was not.
     #[arg(long)]
