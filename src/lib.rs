@@ -15,6 +15,7 @@ mod error;
 pub mod fiber;
 mod file;
 mod frame;
+mod layers;
 mod ply;
 mod scatter;
 mod simd;
@@ -27,6 +28,7 @@ pub use beam::GaussianBeam;
 pub use error::{Error, Result};
 pub use file::{FileKind, file_kind};
 pub use frame::{direction, incident_direction, mirror_incidence, theta_phi};
+pub use layers::{DoubleLayer, Layer, LayerFactors, TwoLayers};
 #[doc(hidden)]
 pub use ply::reference;
 pub use ply::{Golden, PlyData, PlyModel, PlySample, Queries};

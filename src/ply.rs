@@ -9,6 +9,7 @@ mod layout;
 pub mod reference;
 
 use crate::Result;
+use crate::layers::{LayerFactors, LayerTables};
 use layout::Layout;
 use std::path::Path;
 
@@ -66,6 +67,8 @@ pub struct PlyData {
     pub error_refl: Vec<f64>,
     /// `[M][H][K]`: the same for f_high, rms over the blocks that hold the node.
     pub error_high: Vec<f64>,
+    /// What layers of this ply's yarns send back and let through; absent from models of one ply alone.
+    pub layers: Option<LayerFactors>,
 }
 
 /// A loaded ply model, laid out for evaluation.
@@ -80,6 +83,7 @@ pub struct PlyModel {
     data: PlyData,
     golden: Vec<Golden>,
     layout: Layout,
+    layers: Option<LayerTables>,
 }
 
 /// A sampled direction.
@@ -144,7 +148,7 @@ impl PlyModel {
     /// As [`PlyData::load`].
     pub fn from_bytes(bytes: &[u8], name: &str) -> Result<PlyModel> {
         let (data, golden) = file::read(bytes, name)?;
-        Ok(PlyModel { layout: Layout::new(&data), data, golden })
+        Ok(PlyModel::of(data, golden))
     }
 
     /// A model of tensors that need not have been in a file.
@@ -157,7 +161,16 @@ impl PlyModel {
 
     fn from_data_named(data: PlyData, name: &str) -> Result<PlyModel> {
         data.check(name)?;
-        Ok(PlyModel { layout: Layout::new(&data), data, golden: Vec::new() })
+        Ok(PlyModel::of(data, Vec::new()))
+    }
+
+    /// Of checked data.
+    fn of(data: PlyData, golden: Vec<Golden>) -> PlyModel {
+        PlyModel { layout: Layout::new(&data), layers: LayerTables::new(&data), data, golden }
+    }
+
+    pub(crate) fn layer_tables(&self) -> Option<&LayerTables> {
+        self.layers.as_ref()
     }
 
     /// The tensors as stored in the file.

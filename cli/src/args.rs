@@ -384,7 +384,7 @@ pub enum Part {
 /// `plywave plot`.
 #[derive(Debug, Args)]
 pub struct PlotArgs {
-    /// Table, model or speckle patterns (which take no other flags).
+    /// Table, model, fiber table or speckle patterns (the last two take no other flags).
     pub file: PathBuf,
     /// PNG to write [default: FILE's name with .png, in this folder].
     #[arg(long, short, value_name = "PNG")]

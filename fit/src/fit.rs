@@ -5,6 +5,7 @@ use crate::block::{BlockEffort, CORNERS, Target, blend, coarse_grid, corner_weig
 use crate::canonical::canonicalize;
 use crate::dark::{DarkSlices, refine};
 use crate::fit_errors::errors;
+use crate::layers::layer_factors;
 use crate::reflection::{ReflectionEffort, fit_reflection};
 use crate::sphere::{Scratch, SphereGrid};
 use plywave::asg::PARAMS;
@@ -322,12 +323,14 @@ pub fn fit(table: &Table, options: &FitOptions, progress: &(dyn Fn(Progress) + S
         high_path: fitted.iter().flat_map(|f| f.1.iter().copied()).collect(),
         error_refl: Vec::new(),
         error_high: Vec::new(),
+        layers: None,
     };
     canonicalize(&mut data);
     let own = errors(&data, table)?;
     let finite = |values: Vec<f64>| values.into_iter().map(|v| if v.is_finite() { v } else { 0.0 }).collect();
     data.error_refl = finite(own.refl);
     data.error_high = finite(own.high);
+    data.layers = Some(layer_factors(&data));
     progress(Progress { stage: Stage::Errors, done: 1, total: 1 });
     Ok(data)
 }

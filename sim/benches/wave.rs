@@ -1,7 +1,9 @@
 //! Speed of the wave solvers at stated errors: one slice is one wavelength (0.4 um) and one latitude, both polarizations, 360 azimuths out.
 //! One thread. Errors are the largest difference of the far field from that of a much finer solve, over its largest value. `cargo bench -p plywave-sim --bench wave`.
 
-use plywave_sim::wave::{Body, NystromSolver, Polarization, Scattered, Shape, Source, Wave, WaveSolver};
+use plywave_sim::wave::{
+    Body, MieSolver, MultipoleSolver, NystromSolver, Polarization, Scattered, Shape, Source, Wave, WaveSolver,
+};
 use std::f64::consts::TAU;
 use std::time::Instant;
 
@@ -70,5 +72,63 @@ fn main() {
                 }
             }
         }
+        series();
     });
+}
+
+/// A slice of one round fiber by Mie's series, and of several by multipoles, against the same series at a much smaller tolerance.
+fn series() {
+    let fiber = |center_um| Body {
+        shape: Shape::Circle { radius_um: 7.5 },
+        center_um,
+        rotation_rad: 0.0,
+        eta: 1.55,
+        kappa: 0.0,
+        lumen: None,
+    };
+    let sources: Vec<Source> = (0..90)
+        .flat_map(|j| {
+            let phi_i = TAU * f64::from(j) / 90.0;
+            [Polarization::Tm, Polarization::Te].map(|pol| Source { phi_i, pol, beam: None })
+        })
+        .collect();
+    for theta_deg in [0.0, 30.0_f64] {
+        let wave = Wave { lambda_um: 0.4, theta_i: theta_deg.to_radians() };
+        let one = fiber([0.0; 2]);
+        let mie = |tolerance: f64| {
+            let start = Instant::now();
+            let fields =
+                MieSolver::new(&one, &wave, tolerance).and_then(|s| s.scatter(&sources, 360)).expect("a series");
+            (fields, start.elapsed().as_secs_f64())
+        };
+        let (truth, (got, seconds)) = (mie(1e-13).0, mie(1e-9));
+        println!(
+            "circle of radius 7.5 um by Mie, theta_i {theta_deg}, 90 phi_i: error {:.1e}, {seconds:.4} s",
+            error(&got, &truth)
+        );
+        for count in [2, 7, 19] {
+            let bodies: Vec<Body> = hexagon(count, 15.2).into_iter().map(fiber).collect();
+            let multipole = |tolerance: f64| {
+                let start = Instant::now();
+                let fields = MultipoleSolver::new(&bodies, &wave, tolerance)
+                    .and_then(|s| s.scatter(&sources, 360))
+                    .expect("a series");
+                (fields, start.elapsed().as_secs_f64())
+            };
+            let (truth, (got, seconds)) = (multipole(1e-10).0, multipole(1e-6));
+            println!(
+                "{count} circles of radius 7.5 um, gaps 0.2 um, by multipoles, theta_i {theta_deg}, 90 phi_i: error {:.1e}, {seconds:.3} s",
+                error(&got, &truth)
+            );
+        }
+    }
+}
+
+/// The sites of a hexagonal lattice nearest to the origin [um].
+fn hexagon(count: usize, spacing_um: f64) -> Vec<[f64; 2]> {
+    let mut sites: Vec<[f64; 2]> = (-3..=3)
+        .flat_map(|i| (-3..=3).map(move |j| [f64::from(i) + 0.5 * f64::from(j), 0.75f64.sqrt() * f64::from(j)]))
+        .collect();
+    sites.sort_by(|a, b| a[0].hypot(a[1]).total_cmp(&b[0].hypot(b[1])));
+    sites.into_iter().take(count).map(|s| s.map(|v| spacing_um * v)).collect()
 }

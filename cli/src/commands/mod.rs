@@ -5,6 +5,7 @@ pub mod check;
 pub mod compare;
 pub mod diff;
 pub mod eval;
+pub mod fiber_view;
 pub mod fit;
 pub mod info;
 pub mod info_fiber;

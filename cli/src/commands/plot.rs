@@ -44,8 +44,8 @@ impl Source {
             (Loaded::Model(m), Some(table), _) => (Some(Box::new(Table::load(table)?)), Some(m)),
             (Loaded::Model(m), None, None) => (None, Some(m)),
             (Loaded::Fiber(_), ..) => {
-                let mend = "a fiber table; give a table or a model of a ply";
-                return Err(Failure::input(args.file.display(), "FILE", "a fiber", mend));
+                let mend = "there is nothing to set beside a fiber table; leave --table and --model out";
+                return Err(Failure::input(args.file.display(), "FILE", "a fiber table", mend));
             }
             (Loaded::Speckle(_), ..) => {
                 let mend = "there is nothing to set beside speckle patterns; leave --table and --model out";
@@ -372,11 +372,18 @@ pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
         let mend = "must be from 0 to 90 degrees; (-theta_i, h) is the mirror image of (theta_i, -h)";
         return Err(Failure::input("command line", "--theta-i", theta, mend));
     }
-    if others.iter().all(Option::is_none)
-        && let FileKind::Speckle = plywave::file_kind(&args.file)?
-    {
-        let patterns = SpecklePatterns::load(&args.file)?;
-        return write(cli, &path, &super::speckle_view::figure(&args.file, &patterns)?);
+    if others.iter().all(Option::is_none) {
+        match plywave::file_kind(&args.file)? {
+            FileKind::Speckle => {
+                let patterns = SpecklePatterns::load(&args.file)?;
+                return write(cli, &path, &super::speckle_view::figure(&args.file, &patterns)?);
+            }
+            FileKind::Fiber => {
+                let table = plywave::fiber::FiberTable::load(&args.file)?;
+                return write(cli, &path, &super::fiber_view::figure(&args.file, &table)?);
+            }
+            FileKind::Table | FileKind::Model => {}
+        }
     }
     let source = Source::load(args)?;
     let reach = source.axes().1.last().copied().unwrap_or(0.0) / source.yarn.radius_um;

@@ -1,0 +1,87 @@
+//! Factors of a layer of yarns (Yu 2025, 5.4), from the lobes of a fitted ply: so they belong to what the evaluator gives, not to the table.
+//!
+//! Forward is the half space y < 0 of the ply frame, phi_o in (pi, 2 pi). Diffuse light comes with the density cos(theta) cos(alpha) of its
+//! projected solid angle cos(theta) d theta d alpha about the layer's normal, alpha its azimuth about the ply. Light scattered to an azimuth
+//! delta beyond the one it came from stays above the layer when |alpha + delta| < pi/2; over alpha that has the chance
+//!
+//! ```text
+//! 1/2 integral from -pi/2 to pi/2 - delta of cos(alpha) d alpha = (1 + cos delta) / 2,      cos delta = sin phi_o
+//! ```
+//!
+//! and over theta the weight cos^2(theta). Latitudes beyond the last node carry that node's share.
+
+use crate::absorption::energy_spectrum;
+use crate::fit_errors::{evaluate, node_place};
+use crate::model::{high_lobes, refl_lobes};
+use crate::sphere::{PaddedSlice, Scratch, SphereGrid};
+use plywave::{LayerFactors, OutgoingGrid, PlyData};
+use rayon::prelude::*;
+
+/// Bins of the quadrature over the outgoing sphere; halves and quarters of the azimuth fall between bins.
+const GRID: OutgoingGrid = OutgoingGrid { theta_o: 90, phi_o: 180 };
+
+/// Shares of a slice's light that go forward, and that stay above the layer when the light came diffuse.
+fn shares(sphere: &SphereGrid, slice: &PaddedSlice) -> (f64, f64) {
+    let values = sphere.unpad(slice);
+    let (mut all, mut forward, mut above) = (0.0, 0.0, 0.0);
+    for (row, solid_angle) in values.chunks_exact(GRID.phi_o).zip(sphere.solid_angles()) {
+        for (j, v) in row.iter().enumerate() {
+            let (v, sin) = (f64::from(*v) * solid_angle, GRID.phi(j).sin());
+            all += v;
+            forward += if sin < 0.0 { v } else { 0.0 };
+            above += 0.5 * (1.0 + sin) * v;
+        }
+    }
+    if all > 0.0 { (forward / all, above / all) } else { (0.0, 0.0) }
+}
+
+/// Layer factors of a fitted model.
+pub fn layer_factors(data: &PlyData) -> LayerFactors {
+    let sphere = SphereGrid::new(GRID);
+    let (rows, columns, sigma) = (data.theta_i.len(), data.h_um.len(), &data.sigma_per_um);
+    let size = 1 + data.path_um.len();
+    // Of each node: forward energy of f_refl and its spectrum of f_high; energy that stays above diffuse light, and all, as [1 + K].
+    type Node = (Vec<f64>, Vec<f64>, Vec<f64>);
+    let nodes: Vec<Node> = (0..rows * columns)
+        .into_par_iter()
+        .map(|node| {
+            let mut scratch = Scratch::default();
+            let at = node_place(node / columns, node % columns, rows, columns);
+            let (mut forward, mut above, mut all) = (Vec::new(), Vec::new(), Vec::new());
+            let high = sigma.iter().map(|s| high_lobes(data, at, *s));
+            for lobes in std::iter::once(refl_lobes(data, at)).chain(high) {
+                let (f, a) = shares(&sphere, &evaluate(&sphere, &lobes, &mut scratch));
+                forward.push(f * lobes.energy);
+                above.push(a * lobes.energy);
+                all.push(lobes.energy);
+            }
+            let mut spectrum = vec![forward[0]];
+            spectrum.extend(energy_spectrum(&forward[1..], sigma, &data.path_um).0);
+            (spectrum, above, all)
+        })
+        .collect();
+    // Light spread evenly over h; latitudes by cos^2 and trapezoids, the last node with the cap beyond it.
+    let primitive = |theta: f64| 0.5 * theta + 0.25 * (2.0 * theta).sin();
+    let edge = |m: usize| 0.5 * (data.theta_i[m - 1] + data.theta_i[m]);
+    let (mut above, mut all, mut met) = (vec![0.0; 1 + sigma.len()], vec![0.0; 1 + sigma.len()], 0.0);
+    for m in 0..rows {
+        let low = if m == 0 { 0.0 } else { edge(m) };
+        let high = if m + 1 == rows { std::f64::consts::FRAC_PI_2 } else { edge(m + 1) };
+        for n in 0..columns {
+            let rim = if n == 0 || n + 1 == columns { 0.5 } else { 1.0 };
+            let weight = rim * (primitive(high) - primitive(low));
+            let node = &nodes[m * columns + n];
+            above.iter_mut().zip(&node.1).for_each(|(sum, v)| *sum += weight * v);
+            all.iter_mut().zip(&node.2).for_each(|(sum, v)| *sum += weight * v);
+            met += weight * (1.0 - data.r_d[m * columns + n]);
+        }
+    }
+    let mut diffuse = Vec::with_capacity(2 * size);
+    let through: Vec<f64> = all.iter().zip(&above).map(|(all, above)| all - above).collect();
+    for part in [above, through] {
+        diffuse.push(part[0] / met);
+        let high: Vec<f64> = part[1..].iter().map(|v| v / met).collect();
+        diffuse.extend(energy_spectrum(&high, sigma, &data.path_um).0);
+    }
+    LayerFactors { forward: nodes.into_iter().flat_map(|n| n.0).collect(), diffuse }
+}
