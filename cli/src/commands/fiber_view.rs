@@ -82,7 +82,7 @@ pub fn figure(file: &Path, t: &FiberTable) -> Outcome<image::RgbImage> {
                 curves.push(curve(vec![[ends[0], width], [ends[1], width]], PLAIN, 1.0));
                 let top = curves.iter().flat_map(|c| &c.points).map(|q| q[1]).fold(1e-12, f64::max);
                 let panel = LinePanel {
-                    title: "C_x (thick), absorbed (thin), the fiber's own width (gray) [μm]".into(),
+                    title: "C_x, absorbed (thin), own width (gray) [μm]".into(),
                     x_title: "λ [μm]; darker is θ_i nearer to 0".into(),
                     x: ends,
                     x_ticks: lines::linear(ends[0], ends[1], 4.0),
@@ -95,7 +95,7 @@ pub fn figure(file: &Path, t: &FiberTable) -> Outcome<image::RgbImage> {
         rows.push(Row { title: "widths".into(), panels, height: 220 });
     }
     let legend: Vec<(String, Rgb)> =
-        shown.iter().map(|&l| (format!("{} μm", number(t.lambda_um[l])), color_of(t.lambda_um[l]))).collect();
+        shown.iter().map(|&l| (format!("{:.3} μm", t.lambda_um[l]), color_of(t.lambda_um[l]))).collect();
     let source = match t.source {
         FiberSource::Wave => "wave optics",
         FiberSource::Ray => "ray optics",
