@@ -12,6 +12,7 @@ pub mod check;
 #[doc(hidden)]
 pub mod chi2;
 mod error;
+pub mod faddeeva;
 pub mod fiber;
 mod file;
 mod frame;
