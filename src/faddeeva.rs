@@ -208,9 +208,7 @@ fn faddeeva_f32<const FMA: bool>(x: f32, y: f32) -> [f32; 2] {
     let d = SCALE_F32 + y;
     let norm = 1.0 / fma::<FMA>(d, d, x * x);
     let r = [d * norm, x * norm];
-    let mul = |a: [f32; 2], b: [f32; 2]| {
-        [fma::<FMA>(a[0], b[0], -a[1] * b[1]), fma::<FMA>(a[0], b[1], a[1] * b[0])]
-    };
+    let mul = |a: [f32; 2], b: [f32; 2]| [fma::<FMA>(a[0], b[0], -a[1] * b[1]), fma::<FMA>(a[0], b[1], a[1] * b[0])];
     let z = mul([SCALE_F32 - y, x], r);
     let z2 = mul(z, z);
     // Even and odd powers apart: half the chain.

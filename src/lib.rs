@@ -16,6 +16,7 @@ pub mod faddeeva;
 pub mod fiber;
 mod file;
 mod frame;
+mod gap;
 mod ply;
 mod scatter;
 mod simd;
@@ -28,6 +29,7 @@ pub use beam::GaussianBeam;
 pub use error::{Error, Result};
 pub use file::{FileKind, file_kind};
 pub use frame::{direction, incident_direction, mirror_incidence, theta_phi};
+pub use gap::{Aperture, Gap, GapIncidence};
 #[doc(hidden)]
 pub use ply::reference;
 pub use ply::{Golden, PlyData, PlyModel, PlySample, Queries};
