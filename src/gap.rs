@@ -51,7 +51,7 @@ impl Aperture {
     }
 }
 
-/// Light through one aperture: a host makes one for each aperture (some 10 us) and asks it at any incidence and wavelength.
+/// Light through one aperture: a host makes one for each aperture (some 20 us) and asks it at any incidence and wavelength.
 #[derive(Clone, Copy, Debug)]
 pub struct Gap {
     x: Spectrum,
@@ -121,14 +121,14 @@ pub struct GapIncidence<'a, const N: usize> {
     across: [Range; N],
 }
 
-/// `|k|^2` along both axes.
+/// [`crate::faddeeva::spectra`] for the instruction set at hand.
 #[multiversion(targets(
     "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
     "x86_64+avx2+bmi1+bmi2+fma"
 ))]
-pub(crate) fn spectra<const N: usize>(x: &Factor, y: &Factor, fx: &[f32; N], fy: &[f32; N]) -> ([f32; N], [f32; N]) {
+pub(crate) fn spectra<const N: usize>(factors: [&Factor; 2], f_per_um: [&[f32; N]; 2]) -> [[f32; N]; 2] {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
-    (x.spectrum::<FMA, N>(fx), y.spectrum::<FMA, N>(fy))
+    crate::faddeeva::spectra::<FMA, N>(factors, f_per_um)
 }
 
 impl<const N: usize> GapIncidence<'_, N> {
@@ -188,7 +188,7 @@ impl<const N: usize> Scatter<N> for GapIncidence<'_, N> {
             fx[k] = (self.xi_i[0] + wo[0]) / self.lambda_um[k];
             fy[k] = (self.xi_i[1] + wo[1]) / self.lambda_um[k];
         }
-        let (x, y) = spectra(&self.gap.x.factor, &self.gap.y.factor, &fx, &fy);
+        let [x, y] = spectra([&self.gap.x.factor, &self.gap.y.factor], [&fx, &fy]);
         let (c_i, c_o) = (self.xi_i[2].abs().max(LEAST_COSINE), wo[2].abs().min(1.0));
         let both = c_i + c_o;
         let cosines = 0.25 * both * both / c_i;
@@ -242,7 +242,7 @@ impl<const N: usize> Scatter<N> for GapIncidence<'_, N> {
         Some(ScatterSample { wo, weight: f.map(|f| if pdf > 0.0 { f / pdf } else { 0.0 }), pdf })
     }
 
-    /// What f integrates to, in some 0.3 ms a wavelength: for checks and for a host's preparation.
+    /// What f integrates to, in some 2 ms a wavelength: for checks and for a host's preparation.
     fn albedo(&self) -> [f32; N] {
         let mut energy = [0.0; N];
         if self.side != 0.0 {
