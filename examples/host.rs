@@ -110,5 +110,6 @@ fn two_lobes() -> PlyData {
         high_path: [0.6, 0.4].repeat(4),
         error_refl: vec![0.0; nodes],
         error_high: vec![0.0; 2 * nodes],
+        edge: None,
     }
 }

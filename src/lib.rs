@@ -11,6 +11,7 @@ mod beam;
 pub mod check;
 #[doc(hidden)]
 pub mod chi2;
+mod edge;
 mod error;
 pub mod faddeeva;
 pub mod fiber;
@@ -26,6 +27,7 @@ mod speckle;
 mod table;
 
 pub use beam::GaussianBeam;
+pub use edge::{EDGE_MU_MAX, EdgeLobes, beam_mu};
 pub use error::{Error, Result};
 pub use file::{FileKind, file_kind};
 pub use frame::{direction, incident_direction, mirror_incidence, theta_phi};

@@ -66,6 +66,8 @@ pub struct PlyData {
     pub error_refl: Vec<f64>,
     /// `[M][H][K]`: the same for f_high, rms over the blocks that hold the node.
     pub error_high: Vec<f64>,
+    /// Edge diffraction (Yu 2025, 6.1); absent in models without it, whose missed light goes on.
+    pub edge: Option<crate::EdgeLobes>,
 }
 
 /// A loaded ply model, laid out for evaluation.

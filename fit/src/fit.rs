@@ -322,6 +322,7 @@ pub fn fit(table: &Table, options: &FitOptions, progress: &(dyn Fn(Progress) + S
         high_path: fitted.iter().flat_map(|f| f.1.iter().copied()).collect(),
         error_refl: Vec::new(),
         error_high: Vec::new(),
+        edge: None,
     };
     canonicalize(&mut data);
     let own = errors(&data, table)?;

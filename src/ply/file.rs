@@ -2,6 +2,7 @@
 
 use super::{PlyData, PlyModel};
 use crate::asg::{MU_MAX, MU_MIN, PARAMS};
+use crate::edge::{self, EdgeLobes};
 use crate::file::{Axis, Check, FileKind, Reader, Summary, VERSION, Writer, invalid, read_bytes, write_atomic};
 use crate::table::TOLERANCE;
 use crate::{Result, direction};
@@ -152,6 +153,9 @@ impl PlyData {
         w.f32("refl", &[m, h, lr, PARAMS], self.refl.iter().map(|v| *v as f32));
         w.f32("high", &[bm, bh, 2, 2, lh, PARAMS], self.high.iter().map(|v| *v as f32));
         w.f32("high_path", &[bm, bh, 2, 2, lh, j], self.high_path.iter().map(|v| *v as f32));
+        if let Some(edge) = &self.edge {
+            edge.write(&mut w);
+        }
         w.finish(name, &document)
     }
 
@@ -218,6 +222,9 @@ impl PlyData {
                 return Err(invalid(name, &format!("high_path of lobe {i}"), sum, "a spectrum must add up to 1"));
             }
         }
+        if let Some(edge) = &self.edge {
+            edge.check(&c)?;
+        }
         Ok(())
     }
 }
@@ -241,7 +248,7 @@ fn check_lobes(name: &str, key: &str, lobes: &[f64]) -> Result<()> {
 
 /// The tensors and golden values of a file, checked.
 pub(crate) fn read(bytes: &[u8], name: &str) -> Result<(PlyData, Vec<Golden>)> {
-    let (r, document): (_, Loaded) = Reader::open(name, bytes, FileKind::Model, &NAMES)?;
+    let (r, document): (_, Loaded) = Reader::open(name, bytes, FileKind::Model, &[&NAMES[..], &edge::NAMES].concat())?;
     let (m, h, k, j) =
         (r.shape("theta_i", 1)?[0], r.shape("h_um", 1)?[0], r.shape("sigma_per_um", 1)?[0], r.shape("path_um", 1)?[0]);
     let (lr, lh) = (r.shape("refl", 4)?[2], r.shape("high", 6)?[4]);
@@ -265,6 +272,7 @@ pub(crate) fn read(bytes: &[u8], name: &str) -> Result<(PlyData, Vec<Golden>)> {
         high_path: r.f64("high_path", &[bm, bh, 2, 2, lh, j])?,
         error_refl: r.f64("error_refl", &[m, h])?,
         error_high: r.f64("error_high", &[m, h, k])?,
+        edge: EdgeLobes::read(&r)?,
     };
     data.check(name)?;
     for (i, g) in document.golden.iter().enumerate() {

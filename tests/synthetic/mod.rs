@@ -105,6 +105,7 @@ pub fn model(seed: u64, s: Sizes) -> PlyData {
         seed: u64::MAX - seed,
         error_refl: vec![0.1; s.theta * s.h],
         error_high: vec![0.02; s.theta * s.h * sigma_per_um.len()],
+        edge: None,
         theta_i,
         h_um,
         sigma_per_um,
