@@ -25,6 +25,7 @@ mod spec;
 mod spec_check;
 mod speckle;
 mod table;
+mod whole;
 
 pub use beam::GaussianBeam;
 pub use edge::{EDGE_MU_MAX, EdgeLobes, beam_mu};
@@ -39,3 +40,4 @@ pub use scatter::{PlyIncidence, Scatter, ScatterSample};
 pub use spec::*;
 pub use speckle::{FORWARD_RAD, SpecklePatterns, SpecklePolarization, SpeckleSide, SpeckleStatistics};
 pub use table::{OutgoingGrid, Table};
+pub use whole::{PlyTerms, WholePly};

@@ -3,12 +3,14 @@
 
 mod batch;
 mod dispatch;
+mod edge;
 mod file;
 mod kernel;
 mod layout;
 pub mod reference;
+mod terms;
 
-use crate::Result;
+use crate::{PlyTerms, Result};
 use layout::Layout;
 use std::path::Path;
 
@@ -82,6 +84,7 @@ pub struct PlyModel {
     data: PlyData,
     golden: Vec<Golden>,
     layout: Layout,
+    edge: Option<edge::EdgeTables>,
 }
 
 /// A sampled direction.
@@ -146,7 +149,7 @@ impl PlyModel {
     /// As [`PlyData::load`].
     pub fn from_bytes(bytes: &[u8], name: &str) -> Result<PlyModel> {
         let (data, golden) = file::read(bytes, name)?;
-        Ok(PlyModel { layout: Layout::new(&data), data, golden })
+        Ok(PlyModel::of(data, golden))
     }
 
     /// A model of tensors that need not have been in a file.
@@ -159,7 +162,13 @@ impl PlyModel {
 
     fn from_data_named(data: PlyData, name: &str) -> Result<PlyModel> {
         data.check(name)?;
-        Ok(PlyModel { layout: Layout::new(&data), data, golden: Vec::new() })
+        Ok(PlyModel::of(data, Vec::new()))
+    }
+
+    /// Of checked data.
+    fn of(data: PlyData, golden: Vec<Golden>) -> PlyModel {
+        let edge = data.edge.as_ref().map(edge::EdgeTables::new);
+        PlyModel { layout: Layout::new(&data), edge, data, golden }
     }
 
     /// The tensors as stored in the file.
@@ -205,6 +214,49 @@ impl PlyModel {
         wo: [f32; 3],
     ) -> (f32, [f32; N]) {
         dispatch::run_eval(&self.layout, theta_i, h_um, sigma_per_um, wo)
+    }
+
+    /// All terms of the model in direction `wo`, the light diffracted at the ply's edge (Yu 2025, Eq. 18) at the wavelengths
+    /// `lambda_um` among them, each on its own; `pdf` is left at 0.
+    pub fn eval_terms<const N: usize>(
+        &self,
+        theta_i: f32,
+        h_um: f32,
+        sigma_per_um: [f32; N],
+        lambda_um: [f32; N],
+        wo: [f32; 3],
+    ) -> PlyTerms<N> {
+        dispatch::run_terms(&self.layout, self.edge.as_ref(), theta_i, h_um, sigma_per_um, &lambda_um, wo)
+    }
+
+    /// [`PlyModel::eval_terms`] with the density of [`PlyModel::sample_terms`].
+    pub fn terms_pdf<const N: usize>(
+        &self,
+        theta_i: f32,
+        h_um: f32,
+        sigma_per_um: [f32; N],
+        lambda_um: [f32; N],
+        wo: [f32; 3],
+    ) -> PlyTerms<N> {
+        dispatch::run_terms_pdf(&self.layout, self.edge.as_ref(), theta_i, h_um, sigma_per_um, &lambda_um, wo)
+    }
+
+    /// A direction drawn from all terms, edge light included, with density proportional to their energies averaged over the N
+    /// wavelengths. `None` where nothing is scattered, and for the missed light of a model without edge lobes.
+    pub fn sample_terms<const N: usize>(
+        &self,
+        theta_i: f32,
+        h_um: f32,
+        sigma_per_um: [f32; N],
+        lambda_um: [f32; N],
+        u: [f32; 3],
+    ) -> Option<([f32; 3], PlyTerms<N>)> {
+        dispatch::run_sample_terms(&self.layout, self.edge.as_ref(), theta_i, h_um, sigma_per_um, &lambda_um, u)
+    }
+
+    /// Whether the model has edge lobes.
+    pub fn has_edge(&self) -> bool {
+        self.edge.is_some()
     }
 
     /// A direction with density proportional to the lobes, each with its energy averaged over the N absorptions. `u` are three
