@@ -111,5 +111,6 @@ fn two_lobes() -> PlyData {
         error_refl: vec![0.0; nodes],
         error_high: vec![0.0; 2 * nodes],
         layers: None,
+        edge: None,
     }
 }

@@ -11,10 +11,13 @@ mod beam;
 pub mod check;
 #[doc(hidden)]
 pub mod chi2;
+mod edge;
 mod error;
+pub mod faddeeva;
 pub mod fiber;
 mod file;
 mod frame;
+mod gap;
 mod layers;
 mod ply;
 mod scatter;
@@ -23,11 +26,14 @@ mod spec;
 mod spec_check;
 mod speckle;
 mod table;
+mod whole;
 
 pub use beam::GaussianBeam;
+pub use edge::{EDGE_MU_MAX, EdgeLobes, beam_mu};
 pub use error::{Error, Result};
 pub use file::{FileKind, file_kind};
 pub use frame::{direction, incident_direction, mirror_incidence, theta_phi};
+pub use gap::{Aperture, Gap, GapIncidence};
 pub use layers::{DoubleLayer, Layer, LayerFactors, TwoLayers};
 #[doc(hidden)]
 pub use ply::reference;
@@ -36,3 +42,4 @@ pub use scatter::{PlyIncidence, Scatter, ScatterSample};
 pub use spec::*;
 pub use speckle::{FORWARD_RAD, SpecklePatterns, SpecklePolarization, SpeckleSide, SpeckleStatistics};
 pub use table::{OutgoingGrid, Table};
+pub use whole::{PlyTerms, WholePly};

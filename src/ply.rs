@@ -3,13 +3,15 @@
 
 mod batch;
 mod dispatch;
+mod edge;
 mod file;
 mod kernel;
 mod layout;
 pub mod reference;
+mod terms;
 
-use crate::Result;
 use crate::layers::{LayerFactors, LayerTables};
+use crate::{PlyTerms, Result};
 use layout::Layout;
 use std::path::Path;
 
@@ -69,6 +71,8 @@ pub struct PlyData {
     pub error_high: Vec<f64>,
     /// What layers of this ply's yarns send back and let through; absent from models of one ply alone.
     pub layers: Option<LayerFactors>,
+    /// Edge diffraction (Yu 2025, 6.1); absent in models without it, whose missed light goes on.
+    pub edge: Option<crate::EdgeLobes>,
 }
 
 /// A loaded ply model, laid out for evaluation.
@@ -84,6 +88,7 @@ pub struct PlyModel {
     golden: Vec<Golden>,
     layout: Layout,
     layers: Option<LayerTables>,
+    edge: Option<edge::EdgeTables>,
 }
 
 /// A sampled direction.
@@ -166,7 +171,8 @@ impl PlyModel {
 
     /// Of checked data.
     fn of(data: PlyData, golden: Vec<Golden>) -> PlyModel {
-        PlyModel { layout: Layout::new(&data), layers: LayerTables::new(&data), data, golden }
+        let edge = data.edge.as_ref().map(edge::EdgeTables::new);
+        PlyModel { layout: Layout::new(&data), layers: LayerTables::new(&data), edge, data, golden }
     }
 
     pub(crate) fn layer_tables(&self) -> Option<&LayerTables> {
@@ -216,6 +222,49 @@ impl PlyModel {
         wo: [f32; 3],
     ) -> (f32, [f32; N]) {
         dispatch::run_eval(&self.layout, theta_i, h_um, sigma_per_um, wo)
+    }
+
+    /// All terms of the model in direction `wo`, the light diffracted at the ply's edge (Yu 2025, Eq. 18) at the wavelengths
+    /// `lambda_um` among them, each on its own; `pdf` is left at 0.
+    pub fn eval_terms<const N: usize>(
+        &self,
+        theta_i: f32,
+        h_um: f32,
+        sigma_per_um: [f32; N],
+        lambda_um: [f32; N],
+        wo: [f32; 3],
+    ) -> PlyTerms<N> {
+        dispatch::run_terms(&self.layout, self.edge.as_ref(), theta_i, h_um, sigma_per_um, &lambda_um, wo)
+    }
+
+    /// [`PlyModel::eval_terms`] with the density of [`PlyModel::sample_terms`].
+    pub fn terms_pdf<const N: usize>(
+        &self,
+        theta_i: f32,
+        h_um: f32,
+        sigma_per_um: [f32; N],
+        lambda_um: [f32; N],
+        wo: [f32; 3],
+    ) -> PlyTerms<N> {
+        dispatch::run_terms_pdf(&self.layout, self.edge.as_ref(), theta_i, h_um, sigma_per_um, &lambda_um, wo)
+    }
+
+    /// A direction drawn from all terms, edge light included, with density proportional to their energies averaged over the N
+    /// wavelengths. `None` where nothing is scattered, and for the missed light of a model without edge lobes.
+    pub fn sample_terms<const N: usize>(
+        &self,
+        theta_i: f32,
+        h_um: f32,
+        sigma_per_um: [f32; N],
+        lambda_um: [f32; N],
+        u: [f32; 3],
+    ) -> Option<([f32; 3], PlyTerms<N>)> {
+        dispatch::run_sample_terms(&self.layout, self.edge.as_ref(), theta_i, h_um, sigma_per_um, &lambda_um, u)
+    }
+
+    /// Whether the model has edge lobes.
+    pub fn has_edge(&self) -> bool {
+        self.edge.is_some()
     }
 
     /// A direction with density proportional to the lobes, each with its energy averaged over the N absorptions. `u` are three

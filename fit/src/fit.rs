@@ -324,6 +324,7 @@ pub fn fit(table: &Table, options: &FitOptions, progress: &(dyn Fn(Progress) + S
         error_refl: Vec::new(),
         error_high: Vec::new(),
         layers: None,
+        edge: None,
     };
     canonicalize(&mut data);
     let own = errors(&data, table)?;

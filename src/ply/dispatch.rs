@@ -2,9 +2,11 @@
 //!
 //! Each of these functions is one inlined copy of the arithmetic. Models beyond the small tables take one portable copy.
 
+use super::edge::EdgeTables;
 use super::kernel::{Energies, energies, mixture, sum, weights};
 use super::layout::{Layout, SMALL, Tables};
-use super::{MAX_LOBES, MAX_PATHS, Queries, batch};
+use super::{MAX_LOBES, MAX_PATHS, Queries, batch, terms};
+use crate::PlyTerms;
 use multiversion::{multiversion, target::target_cfg_f};
 
 /// The two sizes.
@@ -66,7 +68,10 @@ kernel!(
     run_sample, sample_small, sample_large,
     (theta_i: f32, h_um: f32, sigma: [f32; N], u: [f32; 3]) -> Option<([f32; 3], [f32; N], f32)>,
     |tables, FMA, L| match weights::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
-        Some(mut m) => m.sample::<FMA>(tables.bandwidth, u),
+        Some(mut m) => match m.sample::<FMA>(tables.bandwidth, u) {
+            Some((wo, (refl, high, pdf))) => Some((wo, sum(refl, high), pdf)),
+            None => None,
+        },
         None => None,
     }
 );
@@ -96,4 +101,20 @@ kernel!(
         Some(e) => e,
         None => Energies::MISS,
     }
+);
+kernel!(
+    run_terms, terms_small, terms_large,
+    (edge: Option<&EdgeTables>, theta_i: f32, h_um: f32, sigma: [f32; N], lambda: &[f32; N], wo: [f32; 3]) -> PlyTerms<N>,
+    |tables, FMA, L| terms::eval::<FMA, _, _, L, _, N>(tables, edge, theta_i, h_um, &sigma, lambda, wo)
+);
+kernel!(
+    run_terms_pdf, terms_pdf_small, terms_pdf_large,
+    (edge: Option<&EdgeTables>, theta_i: f32, h_um: f32, sigma: [f32; N], lambda: &[f32; N], wo: [f32; 3]) -> PlyTerms<N>,
+    |tables, FMA, L| terms::pdf::<FMA, _, _, L, _, N>(tables, edge, theta_i, h_um, &sigma, lambda, wo)
+);
+kernel!(
+    run_sample_terms, sample_terms_small, sample_terms_large,
+    (edge: Option<&EdgeTables>, theta_i: f32, h_um: f32, sigma: [f32; N], lambda: &[f32; N], u: [f32; 3])
+        -> Option<([f32; 3], PlyTerms<N>)>,
+    |tables, FMA, L| terms::sample::<FMA, _, _, L, _, N>(tables, edge, theta_i, h_um, &sigma, lambda, u)
 );

@@ -2,6 +2,7 @@
 
 use super::{PlyData, PlyModel};
 use crate::asg::{MU_MAX, MU_MIN, PARAMS};
+use crate::edge::{self, EdgeLobes};
 use crate::file::{Axis, Check, FileKind, Reader, Summary, VERSION, Writer, invalid, read_bytes, write_atomic};
 use crate::layers::{self, LayerFactors};
 use crate::table::TOLERANCE;
@@ -157,6 +158,9 @@ impl PlyData {
         if let Some(layers) = &self.layers {
             layers.write(&mut w, self);
         }
+        if let Some(edge) = &self.edge {
+            edge.write(&mut w);
+        }
         w.finish(name, &document)
     }
 
@@ -226,6 +230,9 @@ impl PlyData {
         if let Some(layers) = &self.layers {
             layers.check(&c, self)?;
         }
+        if let Some(edge) = &self.edge {
+            edge.check(&c)?;
+        }
         Ok(())
     }
 }
@@ -249,8 +256,8 @@ fn check_lobes(name: &str, key: &str, lobes: &[f64]) -> Result<()> {
 
 /// The tensors and golden values of a file, checked.
 pub(crate) fn read(bytes: &[u8], name: &str) -> Result<(PlyData, Vec<Golden>)> {
-    let (r, document): (_, Loaded) =
-        Reader::open(name, bytes, FileKind::Model, &[&NAMES[..], &layers::NAMES].concat())?;
+    let names = [&NAMES[..], &layers::NAMES, &edge::NAMES].concat();
+    let (r, document): (_, Loaded) = Reader::open(name, bytes, FileKind::Model, &names)?;
     let (m, h, k, j) =
         (r.shape("theta_i", 1)?[0], r.shape("h_um", 1)?[0], r.shape("sigma_per_um", 1)?[0], r.shape("path_um", 1)?[0]);
     let (lr, lh) = (r.shape("refl", 4)?[2], r.shape("high", 6)?[4]);
@@ -275,6 +282,7 @@ pub(crate) fn read(bytes: &[u8], name: &str) -> Result<(PlyData, Vec<Golden>)> {
         error_refl: r.f64("error_refl", &[m, h])?,
         error_high: r.f64("error_high", &[m, h, k])?,
         layers: LayerFactors::read(&r, (m, h, j))?,
+        edge: EdgeLobes::read(&r)?,
     };
     data.check(name)?;
     for (i, g) in document.golden.iter().enumerate() {

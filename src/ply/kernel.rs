@@ -568,7 +568,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
 
     /// Axes, widths and amplitudes of the lobes.
     #[inline(always)]
-    fn shapes<const FMA: bool>(&self, bandwidth: (f32, f32)) -> Shapes<L> {
+    pub(super) fn shapes<const FMA: bool>(&self, bandwidth: (f32, f32)) -> Shapes<L> {
         let (params, zero) = (&self.params, [0.0; L]);
         let mut x = Shapes { axes: [zero; PARAMS], s1: zero, s2: zero, norm: zero, amplitude: zero };
         for i in 0..L {
@@ -621,7 +621,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
 
     /// Mean scattered energy plus the missed: what a sample is chosen from.
     #[inline(always)]
-    fn total(&self) -> f32 {
+    pub(super) fn total(&self) -> f32 {
         mean_sum(self.energies.refl, &self.energies.high) + self.energies.r_d
     }
 
@@ -700,7 +700,13 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         (sum > 0.0).then_some(passed as usize & (L - 1))
     }
 
-    /// A direction, f and pdf there; `None` for the light that missed. Of a mixture whose lobes have no shapes yet: the lobe is
+    /// r_d.
+    #[inline(always)]
+    pub(super) fn missed(&self) -> f32 {
+        self.energies.r_d
+    }
+
+    /// A direction, f_refl, f_high and pdf there; `None` for the light that missed. Of a mixture whose lobes have no shapes yet: the lobe is
     /// chosen and the place on its disc drawn first, one long chain of scalar operations, and the processor fills its gaps with the
     /// shapes.
     #[inline(always)]
@@ -708,10 +714,8 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         &mut self,
         bandwidth: (f32, f32),
         u: [f32; 3],
-    ) -> Option<([f32; 3], [f32; N], f32)> {
-        // Below 1, and 0 for what is not a number.
-        let unit = |x: f32| min(max(x, 0.0), 1.0 - f32::EPSILON / 2.0);
-        let u = [unit(u[0]), unit(u[1]), unit(u[2])];
+    ) -> Option<([f32; 3], (f32, [f32; N], f32))> {
+        let u = unit(u);
         let total = self.total();
         let left = u[0] * total;
         if left >= total - self.energies.r_d {
@@ -730,14 +734,20 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         let along = ct * cz - st * up;
         let z = st * cz + ct * up;
         let wo = mirrored(self.flip, [cp * along - sp * across, sp * along + cp * across, z]);
-        let (refl, high, pdf) = self.eval_pdf::<FMA>(&x, &mean, wo);
-        Some((wo, sum(refl, high), pdf))
+        Some((wo, self.eval_pdf::<FMA>(&x, &mean, wo)))
     }
+}
+
+/// Numbers below 1, and 0 for what is not a number.
+#[inline(always)]
+pub(super) fn unit(u: [f32; 3]) -> [f32; 3] {
+    let unit = |x: f32| min(max(x, 0.0), 1.0 - f32::EPSILON / 2.0);
+    [unit(u[0]), unit(u[1]), unit(u[2])]
 }
 
 /// Components along x, y and z of a lobe of a direction drawn from it, by two uniform numbers.
 #[inline(always)]
-fn disc_point<const FMA: bool>(s1: f32, s2: f32, u1: f32, u2: f32) -> [f32; 3] {
+pub(super) fn disc_point<const FMA: bool>(s1: f32, s2: f32, u1: f32, u2: f32) -> [f32; 3] {
     // tan t = sqrt(mu1/mu2) tan(2 pi u1), in the same quadrant.
     let (s, c) = sin_cos::<FMA>(2.0 * u1);
     let (c, s) = (s2 * c, s1 * s);

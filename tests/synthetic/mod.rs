@@ -106,6 +106,7 @@ pub fn model(seed: u64, s: Sizes) -> PlyData {
         error_refl: vec![0.1; s.theta * s.h],
         error_high: vec![0.02; s.theta * s.h * sigma_per_um.len()],
         layers: None,
+        edge: None,
         theta_i,
         h_um,
         sigma_per_um,

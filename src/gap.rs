@@ -1,0 +1,259 @@
+//! Weave gaps: far-field diffraction of a Gaussian beam through a rectangular aperture (Yu 2025, 6.1, Eq. 11, 12, 15).
+//!
+//! The aperture lies in the plane z = 0 of its own frame, the beam's center at the origin, light from +z or from -z; what passes leaves on
+//! the other side. K is the product of two one-dimensional factors in closed form (`faddeeva.rs`), for any edges: no table
+//! of apertures, none of the paper's color correction. Departures from the print: |K|^2 for K^2, since K is complex for an aperture
+//! off the beam's center; the power on the aperture is that of the intensity, `integral exp(-2 r^2/w0^2)` (docs/papers.md).
+//!
+//! f integrates to 1 in Kirchhoff's approximation as long as the aperture is many wavelengths wide and light does not graze;
+//! [`Scatter::albedo`] gives what it does integrate to. By Parseval's theorem it is the mean of `(c_i + c_o)^2/(4 c_i c_o)` over the
+//! spectrum of the aperture, evanescent frequencies counted as 0; c_i and c_o are the cosines in and out.
+
+mod spectrum;
+
+use crate::faddeeva::{Factor, power_between};
+use crate::{Error, GaussianBeam, Result, Scatter, ScatterSample};
+use multiversion::{multiversion, target::target_cfg_f};
+pub(crate) use spectrum::{Range, Spectrum};
+use std::f32::consts::TAU;
+
+/// A rectangular aperture in the plane of a weave: its edges [um], relative to the beam's center.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Aperture {
+    /// West and east edge [um].
+    pub x_um: [f32; 2],
+    /// South and north edge [um].
+    pub y_um: [f32; 2],
+}
+
+impl Aperture {
+    /// An aperture of these edges.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for an edge that is not finite, and for a second edge that is not beyond the first.
+    pub fn new(x_um: [f32; 2], y_um: [f32; 2]) -> Result<Aperture> {
+        for (key, [a, b]) in [("x_um", x_um), ("y_um", y_um)] {
+            if !(a.is_finite() && b.is_finite() && a < b) {
+                let mend = "expected two finite edges, the second greater than the first".to_string();
+                let value = format!("[{a}, {b}]");
+                return Err(Error::Invalid { file: "aperture".into(), key: key.into(), value, mend });
+            }
+        }
+        Ok(Aperture { x_um, y_um })
+    }
+
+    /// An aperture of this width and height [um] about the beam's center.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] for a size that is not positive and finite.
+    pub fn centered(width_um: f32, height_um: f32) -> Result<Aperture> {
+        Aperture::new([-0.5 * width_um, 0.5 * width_um], [-0.5 * height_um, 0.5 * height_um])
+    }
+}
+
+/// Light through one aperture: a host makes one for each aperture (some 20 us) and asks it at any incidence and wavelength.
+#[derive(Clone, Copy, Debug)]
+pub struct Gap {
+    x: Spectrum,
+    y: Spectrum,
+    passing: f32,
+}
+
+impl Gap {
+    /// For an aperture in a beam. Edges are clamped to +-d_cut; an aperture of which nothing is left, or whose edges are not in order, is
+    /// dark: f = 0, and all light is missed.
+    pub fn new(aperture: &Aperture, beam: &GaussianBeam) -> Gap {
+        let w0 = beam.w0_um;
+        let axis = |[a, b]: [f32; 2]| {
+            // What is not a number becomes an aperture of no width.
+            let edge = |x: f32| f64::from(x).max(-beam.d_cut_um).min(beam.d_cut_um);
+            if a < b { [edge(a), edge(b)] } else { [0.0; 2] }
+        };
+        let (x, y) = (axis(aperture.x_um), axis(aperture.y_um));
+        let share = |[a, b]: [f64; 2]| power_between(a, b, w0) / (w0 * (0.5 * std::f64::consts::PI).sqrt());
+        Gap {
+            x: Spectrum::new(x[0], x[1], w0),
+            y: Spectrum::new(y[0], y[1], w0),
+            passing: (share(x) * share(y)) as f32,
+        }
+    }
+
+    /// Fraction of the beam's power that falls on the aperture.
+    pub fn passing(&self) -> f32 {
+        self.passing
+    }
+
+    /// The light that comes from `xi_i` (unit, away from the aperture) at N wavelengths [um]. Wavelengths are clamped to [0.05, 20]; not a
+    /// number counts as 0.05. An `xi_i` that is no direction, or lies in the plane, gives no light.
+    pub fn at<const N: usize>(&self, xi_i: [f32; 3], lambda_um: [f32; N]) -> GapIncidence<'_, N> {
+        let mut lambda = lambda_um;
+        for l in &mut lambda {
+            *l = clamp_lambda(*l);
+        }
+        let valid = xi_i.iter().all(|x| x.abs() <= 1.001) && xi_i[2] != 0.0 && self.x.passes() && self.y.passes();
+        let mut across = [self.x.range(0.0, 0.0); N];
+        for (range, l) in across.iter_mut().zip(&lambda) {
+            *range = self.x.range((xi_i[0] - 1.0) / l, (xi_i[0] + 1.0) / l);
+        }
+        GapIncidence { gap: self, xi_i, lambda_um: lambda, side: if valid { xi_i[2].signum() } else { 0.0 }, across }
+    }
+}
+
+/// The wavelength that is any number.
+pub(crate) fn clamp_lambda(lambda_um: f32) -> f32 {
+    crate::simd::min(crate::simd::max(lambda_um, 0.05), 20.0)
+}
+
+/// Least cosine of incidence that f divides by: light that grazes more is treated as this.
+const LEAST_COSINE: f32 = 1e-3;
+/// Share of the samples that is uniform over the hemisphere: bounds f/pdf where light leaves along the plane.
+const UNIFORM: f32 = 0.02;
+
+/// A gap at one incidence and N wavelengths. f is per power that falls on the aperture.
+#[derive(Clone, Copy, Debug)]
+pub struct GapIncidence<'a, const N: usize> {
+    gap: &'a Gap,
+    xi_i: [f32; 3],
+    lambda_um: [f32; N],
+    /// Sign of xi_i's z; 0 where there is no light.
+    side: f32,
+    /// Frequencies along x that propagate, per wavelength.
+    across: [Range; N],
+}
+
+/// [`crate::faddeeva::spectra`] for the instruction set at hand.
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
+    "x86_64+avx2+bmi1+bmi2+fma"
+))]
+pub(crate) fn spectra<const N: usize>(factors: [&Factor; 2], f_per_um: [&[f32; N]; 2]) -> [[f32; N]; 2] {
+    const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
+    crate::faddeeva::spectra::<FMA, N>(factors, f_per_um)
+}
+
+impl<const N: usize> GapIncidence<'_, N> {
+    /// Whether light leaves in this direction.
+    fn leaves(&self, wo: [f32; 3]) -> bool {
+        wo[2] * self.side < 0.0
+    }
+
+    /// Frequencies along y that propagate beside `xi_x`, at wavelength `k`.
+    fn along(&self, xi_x: f32, k: usize) -> Range {
+        let reach = (1.0 - xi_x * xi_x).max(0.0).sqrt();
+        let per_lambda = 1.0 / self.lambda_um[k];
+        self.gap.y.range((self.xi_i[1] - reach) * per_lambda, (self.xi_i[1] + reach) * per_lambda)
+    }
+
+    /// Integral of f at wavelength `k`, over the cells of the tabulated spectra.
+    fn energy(&self, k: usize) -> f64 {
+        let (lambda, c_i) = (f64::from(self.lambda_um[k]), f64::from(self.xi_i[2].abs().max(LEAST_COSINE)));
+        let (ix, iy) = (f64::from(self.xi_i[0]), f64::from(self.xi_i[1]));
+        let mut sum = 0.0;
+        let low_high = |i: f64, reach: f64| (((i - reach) / lambda) as f32, ((i + reach) / lambda) as f32);
+        let (low, high) = low_high(ix, 1.0);
+        self.gap.x.for_cells(low, high, |low, high, mass_x| {
+            let x = (0.5 * lambda * (f64::from(low) + f64::from(high)) - ix).clamp(-1.0, 1.0);
+            let reach = (1.0 - x * x).sqrt();
+            let (low, high) = low_high(iy, reach);
+            let mut row = 0.0;
+            self.gap.y.for_cells(low, high, |low, high, mass_y| {
+                // Integrals over xi_y of 1, 1/xi_z and xi_z.
+                let integrals = |f: f32| {
+                    let y = (lambda * f64::from(f) - iy).clamp(-reach, reach);
+                    let angle = if reach > 0.0 { (y / reach).asin() } else { 0.0 };
+                    [y, angle, 0.5 * (y * (reach * reach - y * y).max(0.0).sqrt() + reach * reach * angle)]
+                };
+                let (a, b) = (integrals(low), integrals(high));
+                let width = b[0] - a[0];
+                if width > 0.0 {
+                    let mean = 0.5 + 0.25 * (c_i * (b[1] - a[1]) + (b[2] - a[2]) / c_i) / width;
+                    row += f64::from(mass_y) * mean;
+                }
+            });
+            sum += f64::from(mass_x) * row;
+        });
+        sum
+    }
+}
+
+impl<const N: usize> Scatter<N> for GapIncidence<'_, N> {
+    /// Yu 2025, Eq. 15, as energy density [1/sr].
+    fn eval(&self, wo: [f32; 3]) -> [f32; N] {
+        let mut f = [0.0; N];
+        if !self.leaves(wo) {
+            return f;
+        }
+        let (mut fx, mut fy) = ([0.0; N], [0.0; N]);
+        for k in 0..N {
+            fx[k] = (self.xi_i[0] + wo[0]) / self.lambda_um[k];
+            fy[k] = (self.xi_i[1] + wo[1]) / self.lambda_um[k];
+        }
+        let [x, y] = spectra([&self.gap.x.factor, &self.gap.y.factor], [&fx, &fy]);
+        let (c_i, c_o) = (self.xi_i[2].abs().max(LEAST_COSINE), wo[2].abs().min(1.0));
+        let both = c_i + c_o;
+        let cosines = 0.25 * both * both / c_i;
+        for k in 0..N {
+            f[k] = cosines / (self.lambda_um[k] * self.lambda_um[k]) * x[k] * y[k];
+        }
+        f
+    }
+
+    fn pdf(&self, wo: [f32; 3]) -> f32 {
+        if !self.leaves(wo) || N == 0 {
+            return 0.0;
+        }
+        let c_o = wo[2].abs().min(1.0);
+        let mut sum = 0.0;
+        for k in 0..N {
+            let per_lambda = 1.0 / self.lambda_um[k];
+            let (fx, fy) = ((self.xi_i[0] + wo[0]) * per_lambda, (self.xi_i[1] + wo[1]) * per_lambda);
+            let x = self.gap.x.pdf(&self.across[k], fx);
+            let y = self.gap.y.pdf(&self.along(wo[0], k), fy);
+            sum += x * y * c_o * per_lambda * per_lambda;
+        }
+        let pdf = (1.0 - UNIFORM) / N as f32 * sum + UNIFORM / TAU;
+        if pdf.is_finite() { pdf } else { 0.0 }
+    }
+
+    /// A wavelength is drawn uniformly, then f_x and f_y from its spectra, cut to what propagates.
+    fn sample(&self, u: [f32; 3]) -> Option<ScatterSample<N>> {
+        if self.side == 0.0 || N == 0 {
+            return None;
+        }
+        let u = u.map(|x| crate::simd::min(crate::simd::max(x, 0.0), 1.0 - f32::EPSILON / 2.0));
+        let (x, y) = if u[0] < UNIFORM {
+            // Uniform over the hemisphere: the height is, and the azimuth.
+            let (sin, cos) = (TAU * u[1]).sin_cos();
+            let radius = (1.0 - u[2] * u[2]).max(0.0).sqrt();
+            (radius * cos, radius * sin)
+        } else {
+            let k = (((u[0] - UNIFORM) * (N as f32 / (1.0 - UNIFORM))) as usize).min(N - 1);
+            let lambda = self.lambda_um[k];
+            let x = (lambda * self.gap.x.sample(&self.across[k], u[1]) - self.xi_i[0]).clamp(-1.0, 1.0);
+            let y = lambda * self.gap.y.sample(&self.along(x, k), u[2]) - self.xi_i[1];
+            let reach = (1.0 - x * x).max(0.0).sqrt();
+            (x, y.clamp(-reach, reach))
+        };
+        // Not quite in the plane, where light leaves on neither side.
+        let z = (1.0 - x * x - y * y).max(1e-12).sqrt();
+        let wo = [x, y, -self.side * z];
+        let pdf = self.pdf(wo);
+        let f = self.eval(wo);
+        Some(ScatterSample { wo, weight: f.map(|f| if pdf > 0.0 { f / pdf } else { 0.0 }), pdf })
+    }
+
+    /// What f integrates to, in some 2 ms a wavelength: for checks and for a host's preparation.
+    fn albedo(&self) -> [f32; N] {
+        let mut energy = [0.0; N];
+        if self.side != 0.0 {
+            for (k, energy) in energy.iter_mut().enumerate() {
+                *energy = self.energy(k) as f32;
+            }
+        }
+        energy
+    }
+
+    fn miss(&self) -> f32 {
+        if self.side == 0.0 || N == 0 { 1.0 } else { 0.0 }
+    }
+}

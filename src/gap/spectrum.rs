@@ -1,0 +1,259 @@
+//! The spectrum of a beam between two edges, tabulated for sampling: mass beyond a frequency, and its inverse.
+//!
+//! The spectrum `|k(f)|^2` is even in f and, behind its central lobes, falls as 1/f^2 under the interference of the two edges. With
+//! `t = |f| / (|f| + g)`, g the inverse of the passing width, 64 cells uniform in t cover all frequencies: the density per t is bounded,
+//! the central lobes are resolved, and a far cell holds many fringes and their mean. Within a cell the tabulated density is uniform in t.
+
+use super::spectra;
+use crate::faddeeva::Factor;
+
+/// Cells of t in [0, 1).
+pub(super) const CELLS: usize = 64;
+/// Points and weights of the 8-point Gauss-Legendre rule on [0, 1].
+const GAUSS: [[(f32, f32); 4]; 2] = [
+    [
+        (0.019_855_07, 0.050_614_268),
+        (0.101_666_76, 0.111_190_52),
+        (0.237_233_8, 0.156_853_32),
+        (0.408_282_68, 0.181_341_89),
+    ],
+    [
+        (0.591_717_3, 0.181_341_89),
+        (0.762_766_2, 0.156_853_32),
+        (0.898_333_25, 0.111_190_52),
+        (0.980_144_9, 0.050_614_268),
+    ],
+];
+/// Fringes in a cell above which their mean takes the place of the spectrum.
+const FRINGES: f32 = 2.0;
+/// Least mass of a range that is sampled by the table; below it f is uniform.
+const LEAST_MASS: f32 = 1e-12;
+
+/// The spectrum of one axis of an aperture.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Spectrum {
+    pub(crate) factor: Factor,
+    /// Scale of f [1/um] in t.
+    g_per_um: f32,
+    /// Mass beyond the borders of the cells, both signs of f together: 1 at t = 0, 0 at t = 1.
+    beyond: [f32; CELLS + 1],
+}
+
+/// Frequencies from `low` to `high` [1/um] and what is sampled there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Range {
+    low: f32,
+    high: f32,
+    beyond_low: f32,
+    beyond_high: f32,
+    /// Share of the spectrum within.
+    pub(crate) mass: f32,
+}
+
+impl Range {
+    const NONE: Range = Range { low: 0.0, high: 0.0, beyond_low: 1.0, beyond_high: 1.0, mass: 0.0 };
+}
+
+impl Spectrum {
+    /// Of edges a <= b [um] in a beam of waist w0 [um].
+    pub(crate) fn new(a_um: f64, b_um: f64, w0_um: f64) -> Spectrum {
+        let factor = Factor::new(a_um, b_um, w0_um);
+        let width = (b_um - a_um).max(1e-6 * w0_um);
+        let g = (1.0 / width).max(0.25 / w0_um) as f32;
+        let mut mass = [0.0f64; CELLS];
+        for (i, mass) in mass.iter_mut().enumerate() {
+            let (t0, t1) = (i as f32 / CELLS as f32, (i + 1) as f32 / CELLS as f32);
+            let (f0, f1) = (g * t0 / (1.0 - t0), g * t1 / (1.0 - t1));
+            if i + 1 == CELLS {
+                // The spectrum falls as 1/f^2.
+                *mass = f64::from(factor.smooth_spectrum(f0) * f0);
+                continue;
+            }
+            let f = GAUSS.map(|half| half.map(|(x, _)| f0 + x * (f1 - f0)));
+            let value = if (f1 - f0) * width as f32 > FRINGES {
+                f.map(|half| half.map(|f| factor.smooth_spectrum(f)))
+            } else {
+                spectra([&factor; 2], [&f[0], &f[1]])
+            };
+            let mean: f32 = value.iter().flatten().zip(GAUSS.iter().flatten()).map(|(v, (_, w))| v * w).sum();
+            *mass = f64::from(mean * (f1 - f0));
+        }
+        let total: f64 = mass.iter().sum();
+        let mut beyond = [0.0; CELLS + 1];
+        if factor.passes() && total > 0.0 {
+            let mut sum = 0.0;
+            for i in (0..CELLS).rev() {
+                sum += mass[i] / total;
+                beyond[i] = sum as f32;
+            }
+        }
+        Spectrum { factor, g_per_um: g, beyond }
+    }
+
+    /// Whether any light passes.
+    pub(crate) fn passes(&self) -> bool {
+        self.beyond[0] > 0.0
+    }
+
+    /// Cell of `f` >= 0 and the fraction of the cell below it.
+    #[inline(always)]
+    fn place(&self, f: f32) -> (usize, f32) {
+        let t = CELLS as f32 * (f / (f + self.g_per_um));
+        // Not a number becomes 0.
+        let i = (t as usize).min(CELLS - 1);
+        (i, (t - i as f32).clamp(0.0, 1.0))
+    }
+
+    /// Mass beyond `f` >= 0, both signs together.
+    #[inline(always)]
+    fn beyond(&self, f: f32) -> f32 {
+        let (i, x) = self.place(f);
+        self.beyond[i] + x * (self.beyond[i + 1] - self.beyond[i])
+    }
+
+    /// Tabulated density at `f` [um].
+    #[inline(always)]
+    fn density(&self, f: f32) -> f32 {
+        let (i, _) = self.place(f.abs());
+        let stretch = f.abs() + self.g_per_um;
+        0.5 * CELLS as f32 * (self.beyond[i] - self.beyond[i + 1]) * self.g_per_um / (stretch * stretch)
+    }
+
+    /// The frequencies between `low` and `high`.
+    #[inline(always)]
+    pub(crate) fn range(&self, low: f32, high: f32) -> Range {
+        if !(low < high) {
+            return Range::NONE;
+        }
+        let (beyond_low, beyond_high) = (self.beyond(low.abs()), self.beyond(high.abs()));
+        let mass = if low < 0.0 && high > 0.0 {
+            1.0 - 0.5 * (beyond_low + beyond_high)
+        } else {
+            0.5 * (beyond_low - beyond_high).abs()
+        };
+        Range { low, high, beyond_low, beyond_high, mass }
+    }
+
+    /// Density [um] with which [`Spectrum::sample`] gives `f` in `range`.
+    #[inline(always)]
+    pub(crate) fn pdf(&self, range: &Range, f: f32) -> f32 {
+        if range.mass > LEAST_MASS {
+            self.density(f) / range.mass
+        } else if range.low < range.high {
+            1.0 / (range.high - range.low)
+        } else {
+            0.0
+        }
+    }
+
+    /// A frequency in `range`, by a number in [0, 1).
+    #[inline(always)]
+    pub(crate) fn sample(&self, range: &Range, u: f32) -> f32 {
+        let r = range;
+        if r.mass <= LEAST_MASS {
+            return r.low + u * (r.high - r.low);
+        }
+        let (sign, beyond) = if r.low < 0.0 && r.high > 0.0 {
+            let left = 0.5 * (1.0 - r.beyond_low);
+            let at = u * r.mass;
+            if at < left {
+                (-1.0, (1.0 - 2.0 * at).max(r.beyond_low))
+            } else {
+                (1.0, (1.0 - 2.0 * (at - left)).max(r.beyond_high))
+            }
+        } else {
+            let sign = if r.low < 0.0 { -1.0 } else { 1.0 };
+            (sign, r.beyond_low + u * (r.beyond_high - r.beyond_low))
+        };
+        (sign * self.inverse(beyond)).clamp(r.low, r.high)
+    }
+
+    /// The frequency beyond which the mass is `beyond`.
+    #[inline(always)]
+    fn inverse(&self, beyond: f32) -> f32 {
+        let mut i = 0;
+        let mut step = CELLS / 2;
+        while step > 0 {
+            if self.beyond[i + step] >= beyond {
+                i += step;
+            }
+            step /= 2;
+        }
+        let mass = self.beyond[i] - self.beyond[i + 1];
+        let x = if mass > 0.0 { ((self.beyond[i] - beyond) / mass).clamp(0.0, 1.0) } else { 0.5 };
+        let t = ((i as f32 + x) / CELLS as f32).min(1.0 - f32::EPSILON);
+        self.g_per_um * t / (1.0 - t)
+    }
+
+    /// Calls `each(low, high, mass)` for the cells of both signs, clipped to `[low, high]`.
+    pub(super) fn for_cells(&self, low: f32, high: f32, mut each: impl FnMut(f32, f32, f32)) {
+        let border = |i: usize| {
+            let t = i as f32 / CELLS as f32;
+            if i < CELLS { self.g_per_um * t / (1.0 - t) } else { f32::MAX }
+        };
+        for i in 0..CELLS {
+            for (a, b) in [(-border(i + 1), -border(i)), (border(i), border(i + 1))] {
+                let r = self.range(a.max(low), b.min(high));
+                if r.mass > 0.0 {
+                    each(r.low, r.high, r.mass);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::faddeeva::diffraction_factor;
+
+    const W0: f64 = 10.0;
+    const EDGES: [[f64; 2]; 6] = [[-20.0, 20.0], [-1.0, 1.0], [-2.0, 17.0], [3.0, 20.0], [-5.0, 5.0], [-12.0, -11.5]];
+
+    /// The raw masses of the cells add up to 1 (Parseval), and each is the integral of the exact spectrum.
+    #[test]
+    fn masses_are_integrals_of_the_spectrum() {
+        for [a, b] in EDGES {
+            let s = Spectrum::new(a, b, W0);
+            let power = crate::faddeeva::power_between(a, b, W0);
+            let spectrum = |f: f64| {
+                let k = diffraction_factor(a, b, f, W0);
+                (k[0] * k[0] + k[1] * k[1]) / power
+            };
+            let mut sum = 0.0;
+            for i in [0, 3, 10, 25, 40, 55, 61] {
+                let f = |i: usize| f64::from(s.g_per_um) * i as f64 / (CELLS - i) as f64;
+                let (f0, f1) = (f(i), f(i + 1));
+                let n = 20 + (40.0 * (f1 - f0) * (b - a)) as usize;
+                let step = (f1 - f0) / n as f64;
+                let want: f64 = (0..n).map(|j| spectrum(f0 + (j as f64 + 0.5) * step)).sum::<f64>() * step;
+                let got = f64::from(0.5 * (s.beyond[i] - s.beyond[i + 1]));
+                assert!((got - want).abs() < 2e-4, "cell {i} of [{a}, {b}]: got {got}, want {want}");
+                sum += got;
+            }
+            assert!(sum > 0.05, "the cells tested hold {sum}");
+        }
+    }
+
+    #[test]
+    fn inverse_inverts() {
+        for [a, b] in EDGES {
+            let s = Spectrum::new(a, b, W0);
+            for (low, high) in [(-1.0, 3.0), (0.01, 0.2), (-2.0, -0.005), (-1e-3, 1e-3)] {
+                let r = s.range(low, high);
+                let n = 2000;
+                let mut last = f32::NEG_INFINITY;
+                let mut share = 0.0;
+                for i in 0..n {
+                    let f = s.sample(&r, (i as f32 + 0.5) / n as f32);
+                    assert!(f >= low && f <= high, "{f} not in [{low}, {high}]");
+                    assert!(s.pdf(&r, f) > 0.0);
+                    share += f32::from(f > 0.5 * (low + high)) / n as f32;
+                    last = last.max(f);
+                }
+                let want = s.range(0.5 * (low + high), high).mass / r.mass;
+                assert!((share - want).abs() < 2.0 / n as f32, "[{a}, {b}] {low} {high}: got {share}, want {want}");
+            }
+        }
+    }
+}

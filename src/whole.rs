@@ -1,0 +1,90 @@
+//! The whole ply model: f_refl + f_high + f_edge (Yu 2025, 7.1, all three beam cases), one [`Scatter`] that keeps all light: at sigma = 0
+//! its energy is 1 at every incidence, |h| up to R + d_cut and beyond, where the beam goes on with its own divergence.
+
+use crate::{PlyModel, Scatter, ScatterSample};
+
+/// The terms of a ply model in one direction [1/sr].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlyTerms<const N: usize> {
+    /// Single reflection; the same at every absorption.
+    pub refl: f32,
+    /// All other light that met fibers.
+    pub high: [f32; N],
+    /// Light that passed beside the ply and was diffracted (Yu 2025, Eq. 18); 0 in a model without edge lobes.
+    pub edge: [f32; N],
+    /// Density of sampling the direction, all terms together [1/sr]; 0 where it was not asked for.
+    pub pdf: f32,
+}
+
+impl<const N: usize> PlyTerms<N> {
+    /// f_refl + f_high + f_edge.
+    pub fn sum(&self) -> [f32; N] {
+        let mut f = [0.0; N];
+        for k in 0..N {
+            f[k] = self.refl + self.high[k] + self.edge[k];
+        }
+        f
+    }
+}
+
+/// A ply model with its edge light at one incidence, N absorptions each with its wavelength.
+///
+/// Of a model without edge lobes the missed light goes on unscattered, as [`crate::PlyIncidence`] has it. Wavelengths outside the tables
+/// count as the nearest in them, and so does what is not a number.
+#[derive(Clone, Copy, Debug)]
+pub struct WholePly<'a, const N: usize> {
+    /// The model.
+    pub model: &'a PlyModel,
+    /// Incident latitude [rad].
+    pub theta_i: f32,
+    /// Offset of the beam's center [um].
+    pub h_um: f32,
+    /// Absorptions [1/um].
+    pub sigma_per_um: [f32; N],
+    /// Wavelengths [um].
+    pub lambda_um: [f32; N],
+}
+
+impl<const N: usize> WholePly<'_, N> {
+    /// The terms of f in direction `wo`.
+    pub fn terms(&self, wo: [f32; 3]) -> PlyTerms<N> {
+        self.model.eval_terms(self.theta_i, self.h_um, self.sigma_per_um, self.lambda_um, wo)
+    }
+}
+
+impl<const N: usize> Scatter<N> for WholePly<'_, N> {
+    fn eval(&self, wo: [f32; 3]) -> [f32; N] {
+        self.terms(wo).sum()
+    }
+
+    fn pdf(&self, wo: [f32; 3]) -> f32 {
+        self.model.terms_pdf(self.theta_i, self.h_um, self.sigma_per_um, self.lambda_um, wo).pdf
+    }
+
+    fn sample(&self, u: [f32; 3]) -> Option<ScatterSample<N>> {
+        let (wo, terms) = self.model.sample_terms(self.theta_i, self.h_um, self.sigma_per_um, self.lambda_um, u)?;
+        let pdf = terms.pdf;
+        Some(ScatterSample { wo, weight: terms.sum().map(|f| if pdf > 0.0 { f / pdf } else { 0.0 }), pdf })
+    }
+
+    fn albedo(&self) -> [f32; N] {
+        let edge = if self.model.has_edge() { self.model.r_d(self.theta_i, self.h_um) } else { 0.0 };
+        self.model.albedo(self.theta_i, self.h_um, self.sigma_per_um).map(|a| a + edge)
+    }
+
+    fn miss(&self) -> f32 {
+        let r_d = self.model.r_d(self.theta_i, self.h_um);
+        let scattered =
+            self.model.albedo(self.theta_i, self.h_um, self.sigma_per_um).iter().sum::<f32>() / N.max(1) as f32;
+        match scattered + r_d {
+            total if total > 0.0 => {
+                if self.model.has_edge() && N > 0 {
+                    0.0
+                } else {
+                    r_d / total
+                }
+            }
+            _ => 1.0,
+        }
+    }
+}
