@@ -13,7 +13,7 @@
 
 use crate::file::{Check, Reader, Writer};
 use crate::ply::PlyData;
-use crate::{PlyModel, Result, Scatter, ScatterSample};
+use crate::{PlyModel, Result, Scatter, ScatterSample, WholePly};
 use std::f32::consts::PI;
 
 /// Names of the tensors in a model file.
@@ -208,62 +208,55 @@ impl PlyModel {
 }
 
 /// A ply of the upper of two layers at one incidence (Yu 2025, 5.4 and 7.1): what it sends back keeps its lobes, what it sends on is made diffuse and
-/// scaled to T, and what comes back from the lower layer, R - r, is added as diffuse light.
+/// scaled to T, and what comes back from the lower layer, R - r, is added as diffuse light. The light that passes beside the ply, r_d, meets the lower layer alone
+/// and is diffuse after it.
 ///
-/// With E_f the energy the ply sends forward, the diffuse parts are `E_f T/t |y|/pi` below and `E_f (R - r)/t y/pi` above. Light that met no
-/// fiber is told by [`Scatter::miss`]; it belongs to edge diffraction and the lower layer alone.
+/// With E_f the energy the ply sends forward and r_2, t_2 the first-hit factors of the layer below, the diffuse parts are
+/// `(E_f T/t + r_d t_2) |y|/pi` below and `(E_f (R - r)/t + r_d r_2) y/pi` above; y is that of the ply frame, toward the light. At sigma = 0 all light is kept.
 #[derive(Clone, Copy, Debug)]
 pub struct DoubleLayer<'a, const N: usize> {
-    model: &'a PlyModel,
-    theta_i: f32,
-    h_um: f32,
-    sigma_per_um: [f32; N],
+    upper: WholePly<'a, N>,
     /// Energy of the diffuse light above and below.
     above: [f32; N],
     below: [f32; N],
     albedo: [f32; N],
-    /// Chance of a diffuse direction, and of one above among those; chance to miss.
+    /// Chance of a diffuse direction, and of one above among those.
     diffuse: f32,
     up: f32,
-    miss: f32,
+    /// Chance that the lobes of the ply alone give a direction.
+    hit: f32,
 }
 
 impl<'a, const N: usize> DoubleLayer<'a, N> {
-    /// `model`'s ply over a layer `below` (of its own or another model, at a latitude that the host finds typical).
+    /// The ply `upper` over a layer `below` (of its own or another model, at a latitude that the host finds typical).
     /// `None` for a model without layer factors. Units as in [`PlyModel`].
-    pub fn new(
-        model: &'a PlyModel,
-        theta_i: f32,
-        h_um: f32,
-        sigma_per_um: [f32; N],
-        below: &Layer<N>,
-    ) -> Option<DoubleLayer<'a, N>> {
+    pub fn new(upper: WholePly<'a, N>, below: &Layer<N>) -> Option<DoubleLayer<'a, N>> {
+        let WholePly { model, theta_i, h_um, sigma_per_um, .. } = upper;
         let layer = model.layer(theta_i, sigma_per_um)?;
         let two = layer.over(below);
         let forward = model.forward_energy(theta_i, h_um, sigma_per_um)?;
-        let albedo = model.albedo(theta_i, h_um, sigma_per_um);
+        let scattered = model.albedo(theta_i, h_um, sigma_per_um);
+        let r_d = model.r_d(theta_i, h_um);
         let share = |part: f32, k: usize| {
             if layer.transmitted[k] > 0.0 { forward[k] * part / layer.transmitted[k] } else { 0.0 }
         };
-        let below: [f32; N] = std::array::from_fn(|k| share(two.transmitted[k], k));
-        let above: [f32; N] = std::array::from_fn(|k| share(two.reflected[k] - layer.reflected[k], k));
+        let down: [f32; N] = std::array::from_fn(|k| share(two.transmitted[k], k) + r_d * below.transmitted[k]);
+        let up: [f32; N] = std::array::from_fn(|k| {
+            share(two.reflected[k] - layer.reflected[k], k).max(0.0) + r_d * below.reflected[k]
+        });
         let mean = |x: &[f32; N]| x.iter().sum::<f32>() / N.max(1) as f32;
-        let (up, down, all) = (mean(&above), mean(&below), mean(&albedo));
-        let back = (all - mean(&forward)).max(0.0);
-        let both = up + down;
+        let back = (mean(&scattered) - mean(&forward)).max(0.0);
+        let both = mean(&up) + mean(&down);
         let ratio = |a: f32, b: f32| if b > 0.0 { a / b } else { 0.0 };
-        let r_d = model.r_d(theta_i, h_um);
+        let hit = ratio(mean(&scattered), mean(&scattered) + r_d);
         Some(DoubleLayer {
-            model,
-            theta_i,
-            h_um,
-            sigma_per_um,
-            above,
-            below,
-            albedo: std::array::from_fn(|k| albedo[k] - forward[k] + below[k] + above[k]),
-            diffuse: ratio(both, both + back),
-            up: ratio(up, both),
-            miss: if all + r_d > 0.0 { r_d / (all + r_d) } else { 1.0 },
+            upper,
+            above: up,
+            below: down,
+            albedo: std::array::from_fn(|k| scattered[k] - forward[k] + down[k] + up[k]),
+            diffuse: if hit > 1e-6 { ratio(both, both + back) } else { 1.0 },
+            up: ratio(mean(&up), both),
+            hit,
         })
     }
 
@@ -277,8 +270,8 @@ impl<const N: usize> Scatter<N> for DoubleLayer<'_, N> {
     fn eval(&self, wo: [f32; 3]) -> [f32; N] {
         let y = if wo.iter().all(|v| v.is_finite()) { wo[1].clamp(-1.0, 1.0) } else { 0.0 };
         if y > 0.0 {
-            let f = self.model.eval(self.theta_i, self.h_um, self.sigma_per_um, wo);
-            std::array::from_fn(|k| f[k] + self.above[k] * y / PI)
+            let (refl, high) = self.upper.split(wo);
+            std::array::from_fn(|k| refl[k] + high[k] + self.above[k] * y / PI)
         } else {
             self.below.map(|e| e * -y / PI)
         }
@@ -288,26 +281,29 @@ impl<const N: usize> Scatter<N> for DoubleLayer<'_, N> {
         if !wo.iter().all(|v| v.is_finite()) {
             return 0.0;
         }
-        let lobes = self.model.pdf(self.theta_i, self.h_um, self.sigma_per_um, wo);
-        (1.0 - self.miss) * self.diffuse * self.diffuse_pdf(wo[1]) + (1.0 - self.diffuse) * lobes
+        let mut pdf = self.diffuse * self.diffuse_pdf(wo[1]);
+        if self.diffuse < 1.0 {
+            let WholePly { model, theta_i, h_um, sigma_per_um, .. } = self.upper;
+            pdf += (1.0 - self.diffuse) / self.hit * model.pdf(theta_i, h_um, sigma_per_um, wo);
+        }
+        pdf
     }
 
     /// Lobe directions that go forward count too, with the diffuse value there: the density covers both ways of drawing.
     fn sample(&self, u: [f32; 3]) -> Option<ScatterSample<N>> {
-        let hit = 1.0 - self.miss;
-        if u[0] >= hit || u.iter().any(|v| v.is_nan()) {
-            return None;
-        }
-        let split = hit * self.diffuse;
-        let wo = if u[0] < split {
-            let side = u[0] / split;
-            let (radius, turn) = (u[1].clamp(0.0, 1.0).sqrt(), 2.0 * PI * u[2]);
+        // Below 1, and 0 for what is not a number.
+        let u = u.map(|x| x.max(0.0).min(1.0 - f32::EPSILON / 2.0));
+        let wo = if u[0] < self.diffuse {
+            let side = u[0] / self.diffuse;
+            let (radius, turn) = (u[1].sqrt(), 2.0 * PI * u[2]);
             let y = (1.0 - radius * radius).max(0.0).sqrt();
             [radius * turn.cos(), if side < self.up { y } else { -y }, radius * turn.sin()]
         } else {
-            let first = (u[0] - split) / (1.0 - self.diffuse);
-            let lobes = self.model.sample(self.theta_i, self.h_um, self.sigma_per_um, [first, u[1], u[2]])?;
-            lobes.wo
+            let WholePly { model, theta_i, h_um, sigma_per_um, .. } = self.upper;
+            let first = (u[0] - self.diffuse) / (1.0 - self.diffuse) * self.hit;
+            // The lobes alone: the numbers beyond `hit` are those of the missed light.
+            let first = first.min(self.hit * (1.0 - 1e-6));
+            model.sample(theta_i, h_um, sigma_per_um, [first, u[1], u[2]])?.wo
         };
         let pdf = self.pdf(wo);
         let f = self.eval(wo);
@@ -319,6 +315,6 @@ impl<const N: usize> Scatter<N> for DoubleLayer<'_, N> {
     }
 
     fn miss(&self) -> f32 {
-        self.miss
+        0.0
     }
 }

@@ -50,6 +50,12 @@ impl<const N: usize> WholePly<'_, N> {
     pub fn terms(&self, wo: [f32; 3]) -> PlyTerms<N> {
         self.model.eval_terms(self.theta_i, self.h_um, self.sigma_per_um, self.lambda_um, wo)
     }
+
+    /// f_refl and f_high alone, without the light that passed beside the ply.
+    pub fn split(&self, wo: [f32; 3]) -> ([f32; N], [f32; N]) {
+        let (refl, high) = self.model.eval_split(self.theta_i, self.h_um, self.sigma_per_um, wo);
+        ([refl; N], high)
+    }
 }
 
 impl<const N: usize> Scatter<N> for WholePly<'_, N> {
