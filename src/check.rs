@@ -2,6 +2,7 @@
 //!
 //! The same code serves `plywave check` and the tests. Random numbers come in as a closure of uniform numbers in [0, 1).
 
+pub use crate::check_whole::{PartReport, check_layers, check_whole};
 use crate::chi2::{chi2_test, threshold};
 use crate::{PlyIncidence, PlyModel, Scatter, direction, theta_phi};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};

@@ -9,6 +9,7 @@
 pub mod asg;
 mod beam;
 pub mod check;
+mod check_whole;
 #[doc(hidden)]
 pub mod chi2;
 mod edge;

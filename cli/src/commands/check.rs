@@ -8,7 +8,8 @@ use crate::failure::{Failure, Outcome};
 use crate::output;
 use crate::report::{Spread, number};
 use plywave::check::{
-    CheckOptions, FURNACE_TOLERANCE, GOLDEN_TOLERANCE, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE, check_model,
+    CheckOptions, FURNACE_TOLERANCE, GOLDEN_TOLERANCE, PartReport, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE,
+    check_layers, check_model, check_whole,
 };
 use plywave::{PlyModel, Table};
 use rand::{RngExt, SeedableRng};
@@ -42,6 +43,35 @@ struct Slice {
 
 /// Most that the model's energies may differ from the table's: the spectra of path lengths are fitted, not copied.
 const ENERGY_TOLERANCE: f64 = 1e-3;
+
+/// Most that a ply over a second layer may miss: what it sends forward is bilinear between nodes, its lobes are not.
+const LAYER_TOLERANCE: f64 = 0.02;
+/// Most that all light together may miss 1 at sigma = 0: the Monte Carlo error of a preview table.
+const KEPT_TOLERANCE: f64 = 5e-3;
+
+/// Names of the lines of the whole ply, edge light included.
+const WHOLE: [&str; 5] = ["whole_furnace", "whole_weight", "whole_sampled", "whole_chi_square", "whole_kept"];
+/// Names of the lines of a ply over a second layer. Its sampler is held by weight and chi-square: the sampled energy would show the furnace's error again.
+const LAYERS: [&str; 5] = ["layers_furnace", "layers_weight", "", "layers_chi_square", "layers_kept"];
+
+/// The lines of a part of the model.
+fn part_lines(lines: &mut Vec<Line>, names: [&'static str; 5], part: &PartReport, furnace: f64) {
+    let s = &part.scatter;
+    lines.push(Line::at_most(names[0], "|integral of eval - albedo|, all terms", s.furnace_error, furnace));
+    lines.push(Line::at_most(names[1], "|weight pdf - eval|, relative", s.weight_error, WEIGHT_TOLERANCE));
+    if !names[2].is_empty() {
+        let meaning = "sampled - exact energy, standard errors";
+        lines.push(Line::at_most(names[2], meaning, s.sampled_furnace_se, SAMPLED_TOLERANCE_SE));
+    }
+    lines.push(Line {
+        check: names[3],
+        value: s.chi2_p,
+        allowed: part.chi2_threshold,
+        passed: s.chi2_p >= part.chi2_threshold,
+        meaning: "least p-value; must not be below",
+    });
+    lines.push(Line::at_most(names[4], "|all light - 1| at sigma = 0", part.kept_error, KEPT_TOLERANCE));
+}
 
 /// Runs the command.
 pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
@@ -93,6 +123,12 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
             GOLDEN_TOLERANCE.into(),
         ),
     ];
+    if let Some(whole) = check_whole(&model, &options, &mut || rng.random()) {
+        part_lines(&mut lines, WHOLE, &whole, FURNACE_TOLERANCE);
+    }
+    if let Some(layers) = check_layers(&model, &options, &mut || rng.random()) {
+        part_lines(&mut lines, LAYERS, &layers, LAYER_TOLERANCE);
+    }
     // Without a table, the errors that the fit stored.
     let mut rms = None;
     let (error_refl, error_high) = match held {

@@ -36,7 +36,10 @@ pub fn fit_table(cli: &Cli, file: &Path, table: &Table, preset: Option<Preset>) 
     })?;
     let time = bar.finish();
     match work {
-        Ok(data) => Ok((data, time)),
+        Ok(mut data) => {
+            data.edge = Some(plywave_fit::fit_edge(&spec, &plywave_fit::EdgeOptions::default()).lobes);
+            Ok((data, time))
+        }
         Err(error) => Err(Failure::Input(format!("{}: {error}", file.display()))),
     }
 }

@@ -1,0 +1,83 @@
+//! Checks of what a model has beyond f_refl and f_high: the whole ply with its edge light, and a ply over a second layer.
+
+use crate::check::{CheckOptions, ScatterReport, check_scatter};
+use crate::chi2::threshold;
+use crate::{DoubleLayer, PlyModel, Scatter, WholePly};
+
+/// What was found of one way to use a model: the worst of its incidences.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PartReport {
+    /// The checks of a scattering function.
+    pub scatter: ScatterReport,
+    /// Greatest |energy - 1| at sigma = 0, all terms together: the Monte Carlo error of the table.
+    pub kept_error: f64,
+    /// Least p-value that passes, corrected for the number of incidences.
+    pub chi2_threshold: f64,
+}
+
+/// Wavelengths of the checks [um].
+const LAMBDA_UM: [f32; 4] = [0.4, 0.5, 0.6, 0.7];
+
+/// The worst of both.
+fn worst(a: ScatterReport, b: ScatterReport) -> ScatterReport {
+    // What is not a number is worse than any.
+    let most = |a: f64, b: f64| if b.is_nan() { f64::INFINITY } else { a.max(b) };
+    ScatterReport {
+        furnace_error: most(a.furnace_error, b.furnace_error),
+        pdf_error: most(a.pdf_error, b.pdf_error),
+        weight_error: most(a.weight_error, b.weight_error),
+        sampled_furnace_se: most(a.sampled_furnace_se, b.sampled_furnace_se),
+        chi2_p: if b.chi2_p.is_nan() { 0.0 } else { a.chi2_p.min(b.chi2_p) },
+    }
+}
+
+/// Incidences of the checks: the center, the rim and beyond it, both signs; the last nodes limit them.
+fn incidences(model: &PlyModel, uniform: &mut dyn FnMut() -> f32) -> Vec<(f32, f32)> {
+    let d = model.data();
+    let last = d.h_um[d.h_um.len() - 1] as f32;
+    let mut all = vec![(0.0, 0.0), (0.3, 0.7 * last), (-0.5, -0.8 * last), (0.9, 0.95 * last)];
+    all.extend((0..4).map(|_| (1.8 * (uniform() - 0.5), 2.0 * last * (uniform() - 0.5))));
+    all
+}
+
+/// Runs the checks of a scattering function at each incidence.
+fn run<'a, S: Scatter<4>>(
+    model: &'a PlyModel,
+    sd_rad: f64,
+    samples: usize,
+    significance: f64,
+    uniform: &mut dyn FnMut() -> f32,
+    at: &dyn Fn(WholePly<'a, 4>) -> Option<S>,
+) -> Option<PartReport> {
+    let places = incidences(model, uniform);
+    let count = places.len();
+    let mut report: Option<PartReport> = None;
+    for (theta_i, h_um) in places {
+        let last = model.data().sigma_per_um.last().map_or(0.0, |s| *s as f32);
+        let sigma_per_um = [0.0, 0.02 * last, 0.2 * last, last];
+        let scatter = at(WholePly { model, theta_i, h_um, sigma_per_um, lambda_um: LAMBDA_UM })?;
+        let sd = [sd_rad, sd_rad / f64::from(theta_i.cos())];
+        let found = check_scatter(&scatter, sd, samples, uniform);
+        let kept = (f64::from(scatter.albedo()[0]) - 1.0).abs();
+        report = Some(match report {
+            None => PartReport { scatter: found, kept_error: kept, chi2_threshold: threshold(significance, count) },
+            Some(r) => PartReport { scatter: worst(r.scatter, found), kept_error: r.kept_error.max(kept), ..r },
+        });
+    }
+    report
+}
+
+/// Checks f_refl + f_high + f_edge at a few incidences. `None` for a model without edge lobes.
+pub fn check_whole(model: &PlyModel, options: &CheckOptions, uniform: &mut dyn FnMut() -> f32) -> Option<PartReport> {
+    let edge = model.data().edge.as_ref()?;
+    let sharpest = edge.ln_mu.iter().copied().fold(0.0, f64::max);
+    let sd = (-0.5 * sharpest).exp() * std::f64::consts::FRAC_1_SQRT_2;
+    run(model, sd, options.samples, options.significance, uniform, &Some)
+}
+
+/// Checks a ply over a second layer of its own kind. `None` for a model without layer factors.
+pub fn check_layers(model: &PlyModel, options: &CheckOptions, uniform: &mut dyn FnMut() -> f32) -> Option<PartReport> {
+    run(model, 0.02, options.samples, options.significance, uniform, &|ply| {
+        DoubleLayer::new(ply, &model.layer(0.5, ply.sigma_per_um)?)
+    })
+}
