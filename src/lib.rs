@@ -11,6 +11,7 @@ mod beam;
 pub mod check;
 #[doc(hidden)]
 pub mod chi2;
+pub mod color;
 mod error;
 pub mod fiber;
 mod file;
