@@ -292,7 +292,7 @@ impl<const N: usize> Scatter<N> for DoubleLayer<'_, N> {
     /// Lobe directions that go forward count too, with the diffuse value there: the density covers both ways of drawing.
     fn sample(&self, u: [f32; 3]) -> Option<ScatterSample<N>> {
         // Below 1, and 0 for what is not a number.
-        let u = u.map(|x| x.max(0.0).min(1.0 - f32::EPSILON / 2.0));
+        let u = u.map(|x| crate::simd::min(crate::simd::max(x, 0.0), 1.0 - f32::EPSILON / 2.0));
         let wo = if u[0] < self.diffuse {
             let side = u[0] / self.diffuse;
             let (radius, turn) = (u[1].sqrt(), 2.0 * PI * u[2]);
