@@ -16,6 +16,7 @@ pub mod fiber;
 mod file;
 mod frame;
 mod ply;
+mod ply_circle;
 mod scatter;
 mod simd;
 mod spec;
@@ -30,6 +31,7 @@ pub use frame::{direction, incident_direction, mirror_incidence, theta_phi};
 #[doc(hidden)]
 pub use ply::reference;
 pub use ply::{Golden, PlyData, PlyModel, PlySample, Queries};
+pub use ply_circle::{least_ply_pitch_um, ply_circle_um};
 pub use scatter::{PlyIncidence, Scatter, ScatterSample};
 pub use spec::*;
 pub use speckle::{FORWARD_RAD, SpecklePatterns, SpecklePolarization, SpeckleSide, SpeckleStatistics};
