@@ -31,8 +31,8 @@ pub use frame::{direction, incident_direction, mirror_incidence, theta_phi};
 #[doc(hidden)]
 pub use ply::reference;
 pub use ply::{Golden, PlyData, PlyModel, PlySample, Queries};
-pub use ply_circle::{least_ply_pitch_um, ply_circle_um};
+pub use ply_circle::{PlyRing, least_ply_pitch_um, ply_circle_um};
 pub use scatter::{PlyIncidence, Scatter, ScatterSample};
 pub use spec::*;
 pub use speckle::{FORWARD_RAD, SpecklePatterns, SpecklePolarization, SpeckleSide, SpeckleStatistics};
-pub use table::{OutgoingGrid, Table};
+pub use table::{ExitPositions, OutgoingGrid, Table};

@@ -79,9 +79,99 @@ fn least_distance(plies: u32, d: f64, pitch: f64) -> f64 {
     least.sqrt()
 }
 
+/// Cells of a turn in which an end of a valid range is looked for.
+const CELLS: usize = 2048;
+
+/// The plies of a yarn in the plane across it, seen from ply 0: its axis is the origin, light comes from +y (Yu 2025, Fig. 9).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlyRing {
+    /// Number of plies.
+    pub plies: u32,
+    /// Radius of each [um].
+    pub radius_um: f64,
+    /// Distance of their axes from the yarn's axis [um].
+    pub circle_um: f64,
+}
+
+impl PlyRing {
+    /// Center of ply `p` [um] when ply 0 lies at azimuth `psi` [rad] about the yarn's axis.
+    pub fn center(&self, p: u32, psi: f64) -> [f64; 2] {
+        let turned = psi + TAU * f64::from(p) / f64::from(self.plies);
+        [self.circle_um * (turned.cos() - psi.cos()), self.circle_um * (turned.sin() - psi.sin())]
+    }
+
+    /// Whether the line x = `h_um` from +y meets ply 0 first or, where it misses ply 0, no other ply (Yu 2025, Fig. 9b).
+    pub fn is_valid(&self, psi: f64, h_um: f64) -> bool {
+        let r2 = self.radius_um * self.radius_um;
+        let top = r2 - h_um * h_um;
+        (1..self.plies).all(|p| {
+            let [x, y] = self.center(p, psi);
+            let there = r2 - (h_um - x) * (h_um - x);
+            // Discs that do not overlap are met in the order of their centers' heights along a line through both.
+            there <= 0.0 || (top > 0.0 && y + there.sqrt() <= top.sqrt())
+        })
+    }
+
+    /// The valid psi of offset `h_um`, as disjoint ranges of [0, 2 pi) in rising order; their ends are bisected to 1e-12.
+    pub fn valid_ranges(&self, h_um: f64) -> Vec<(f64, f64)> {
+        let at = |i: usize| TAU * i as f64 / CELLS as f64;
+        let middle = |i: usize| TAU * (i as f64 + 0.5) / CELLS as f64;
+        let mut ends = Vec::new();
+        let mut inside = self.is_valid(middle(0), h_um);
+        if inside {
+            ends.push(0.0);
+        }
+        for i in 1..CELLS {
+            if self.is_valid(middle(i), h_um) != inside {
+                let (mut a, mut b) = (middle(i - 1), middle(i));
+                while b - a > 1e-12 {
+                    let c = 0.5 * (a + b);
+                    if self.is_valid(c, h_um) == inside { a = c } else { b = c }
+                }
+                ends.push(0.5 * (a + b));
+                inside = !inside;
+            }
+        }
+        if inside {
+            ends.push(at(CELLS));
+        }
+        ends.chunks_exact(2).map(|e| (e[0], e[1])).collect()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The ranges against a walk along the line in small steps.
+    #[test]
+    fn valid_ranges_are_those_of_a_walk_along_the_line() {
+        for plies in 2..=7 {
+            let circle_um = ply_circle_um(plies, 50.0, None).unwrap();
+            let ring = PlyRing { plies, radius_um: 50.0, circle_um };
+            for h in [-65.0, -45.3, -10.0, 0.0, 30.0, 49.0, 52.0, 69.0] {
+                let ranges = ring.valid_ranges(h);
+                let total: f64 = ranges.iter().map(|r| r.1 - r.0).sum();
+                assert!(total > 0.1 && total < TAU, "{plies} plies, h {h}: {total}");
+                for i in 0..720 {
+                    let psi = (f64::from(i) + 0.37) * TAU / 720.0;
+                    let mut met = None;
+                    let mut y = 400.0;
+                    while met.is_none() && y > -400.0 {
+                        met = (0..plies).find(|&p| {
+                            let [cx, cy] = ring.center(p, psi);
+                            (h - cx).hypot(y - cy) < 50.0
+                        });
+                        y -= 0.05;
+                    }
+                    let valid = if f64::abs(h) < 50.0 { met == Some(0) } else { met.is_none() };
+                    let near_an_end = ranges.iter().any(|r| (psi - r.0).abs() < 0.01 || (psi - r.1).abs() < 0.01);
+                    let got = ranges.iter().any(|r| r.0 <= psi && psi < r.1);
+                    assert!(got == valid || near_an_end, "{plies} plies, h {h}, psi {psi}: {got}, met {met:?}");
+                }
+            }
+        }
+    }
 
     #[test]
     fn parallel_plies_touch() {

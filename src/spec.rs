@@ -2,7 +2,7 @@
 //!
 //! Ranges and relations of the keys are in `spec_check.rs`; [`YarnSpec::parse`] and [`YarnSpec::load`] hold every spec to them.
 
-use crate::ply_circle::ply_circle_um;
+use crate::ply_circle::{PlyRing, ply_circle_um};
 use crate::spec_check::{check_keys, check_relations, nominal_area};
 use crate::{Error, GaussianBeam, Result};
 use serde::{Deserialize, Serialize};
@@ -92,6 +92,12 @@ impl YarnSpec {
     pub fn ply_circle_um(&self) -> f64 {
         let [a, b] = self.ply_radii_um();
         ply_circle_um(self.yarn.plies, a.max(b), self.yarn.ply_pitch_um).unwrap_or(0.0)
+    }
+
+    /// The plies in the plane across the yarn.
+    pub fn ply_ring(&self) -> PlyRing {
+        let [a, b] = self.ply_radii_um();
+        PlyRing { plies: self.yarn.plies, radius_um: a.max(b), circle_um: self.ply_circle_um() }
     }
 
     /// Area of the fibers, lumens included and without jitter, over the area of the ply.

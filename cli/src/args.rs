@@ -233,6 +233,15 @@ pub struct RunArgs {
     pub instances: Option<u32>,
 }
 
+/// What a simulation traces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Plies {
+    /// One ply, as every model needs it.
+    One,
+    /// All plies of the yarn, path by path: the truth that the yarn's model is measured against.
+    Traced,
+}
+
 /// `plywave simulate`.
 #[derive(Debug, Args)]
 pub struct SimulateArgs {
@@ -241,6 +250,9 @@ pub struct SimulateArgs {
     /// Table to write [default: SPEC's name with .pwt, in this folder].
     #[arg(long, short, value_name = "TABLE")]
     pub output: Option<PathBuf>,
+    /// What to trace, where the spec's yarn has several plies.
+    #[arg(long, value_enum, default_value_t = Plies::One)]
+    pub plies: Plies,
     /// How to run.
     #[command(flatten)]
     pub run: RunArgs,
