@@ -138,7 +138,7 @@ struct Node {
     refl: Vec<f32>,
     /// `[sigma]`.
     high: Vec<Vec<f32>>,
-    /// Factor on the noise of f_refl, then of f_high at each sigma.
+    /// Integral of the variance of f_refl, then of f_high at each sigma [1/sr]; that of the light between plies counts as averaged out.
     noise: Vec<f64>,
     /// `[sigma]`: direct, conv, residual, absorbed.
     ledger: Vec<[f64; 4]>,
@@ -149,7 +149,7 @@ struct Node {
 struct FirstExit {
     /// `[bin]`: density [1/sr] on the table's grid.
     direct: Vec<f64>,
-    /// Integral of the density times the factor squared, over that of the density.
+    /// Integral of its variance [1/sr].
     noise: f64,
 }
 
@@ -278,7 +278,6 @@ impl<'a> Yarn<'a> {
             .iter()
             .map(|_| FirstExit { direct: vec![0.0; grid.len()], noise: 0.0 })
             .collect();
-        let mut sums = vec![0.0f64; hits.len()];
         let (mut shares_hit, mut shares_out) = (vec![0.0f32; azimuths * azimuths * width], vec![0.0f32; azimuths * azimuths]);
         let mut sent = vec![0.0f32; cells * offsets * azimuths];
         let mut energies = vec![0.0f32; rows * azimuths];
@@ -288,9 +287,13 @@ impl<'a> Yarn<'a> {
             if !hits.iter().any(|h| h.parts.iter().any(|p| p.0 == source)) {
                 continue;
             }
-            let slice = match channel {
-                0 => self.table.refl_slice(m, source),
-                k => self.table.high_slice(m, source, k - 1),
+            let node = m * self.table.h_um.len() + source;
+            let (slice, noise) = match channel {
+                0 => (self.table.refl_slice(m, source), self.table.noise_refl[node]),
+                k => {
+                    let at = node * self.table.sigma_per_um.len() + k - 1;
+                    (self.table.high_slice(m, source, k - 1), self.table.noise_high[at])
+                }
             };
             energies.fill(0.0);
             self.overlap.add(slice, 1.0, &mut energies);
@@ -344,6 +347,7 @@ impl<'a> Yarn<'a> {
                     }
                 }
                 self.overlap.refine(&escape, &mut fine);
+                let (mut squared, mut energy) = (0.0, 0.0);
                 for r in 0..grid.theta_o {
                     let from = &slice[r * grid.phi_o..(r + 1) * grid.phi_o];
                     let to = &mut out[i].direct[r * grid.phi_o..(r + 1) * grid.phi_o];
@@ -351,13 +355,14 @@ impl<'a> Yarn<'a> {
                     for ((to, v), e) in to.iter_mut().zip(from).zip(&fine) {
                         let v = f64::from(*v);
                         *to += v * e;
-                        out[i].noise += v * e * e * solid_angle;
-                        sums[i] += v * solid_angle;
+                        squared += v * e * e * solid_angle;
+                        energy += v * solid_angle;
                     }
                 }
+                // The variance of a bin goes like its density: its mean factor is that of the light.
+                out[i].noise += noise * if energy > 0.0 { squared / energy } else { 0.0 };
             }
         }
-        out.iter_mut().zip(&sums).for_each(|(o, s)| o.noise = if *s > 0.0 { o.noise / s } else { 1.0 });
         out
     }
 
@@ -391,12 +396,12 @@ fn assemble(table: &Table, plies: u32, nodes: impl Iterator<Item = Node>) -> (Ta
         out.r_d[i] = node.r_d;
         out.energy_refl[i] = energy(&node.refl);
         out.energy_killed[i] = node.killed;
-        out.noise_refl[i] = table.noise_refl[i] * node.noise[0];
+        out.noise_refl[i] = node.noise[0];
         out.refl.extend(node.refl);
         ledger.r_d.push(node.r_d);
         for (k, high) in node.high.into_iter().enumerate() {
             out.energy_high[i * sigmas + k] = energy(&high);
-            out.noise_high[i * sigmas + k] = table.noise_high[i * sigmas + k] * node.noise[1 + k];
+            out.noise_high[i * sigmas + k] = node.noise[1 + k];
             out.high.extend(high);
             let [direct, conv, residual, absorbed] = node.ledger[k];
             ledger.direct.push(direct);

@@ -220,10 +220,10 @@ impl Tracer for Yarn<'_> {
         for (p, ply) in self.placed[..self.plies].iter().enumerate() {
             let from = pos.xy() - ply.center;
             let bound = ply.tracer.bound_radius_um();
-            let inside = from.norm_squared() <= bound * bound;
+            // A ray that starts on a bounding cylinder may be a rounding beyond it.
             let at = match entry(from, dir, bound) {
-                _ if inside => 0.0,
-                Some(s) if s > 0.0 => s,
+                _ if from.norm_squared() <= bound * bound => 0.0,
+                Some(s) if from.dot(&dir.xy()) < 0.0 => s.max(0.0),
                 _ => continue,
             };
             let mut k = count;
