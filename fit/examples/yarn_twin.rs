@@ -44,7 +44,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let sigmas = results[0].1.sigma_per_um.clone();
     for (k, sigma) in sigmas.iter().enumerate() {
         println!("\nsigma {sigma} per um: relative L2 of f_high, difference of its energy");
-        print(&results, ring.radius_um, most, |d, i| (d.high2[i * sigmas.len() + k], d.energy_high[i * sigmas.len() + k]));
+        print(&results, ring.radius_um, most, |d, i| {
+            (d.high2[i * sigmas.len() + k], d.energy_high[i * sigmas.len() + k])
+        });
     }
     println!("\nrelative L2 of f_refl, difference of its energy");
     print(&results, ring.radius_um, most, |d, i| (d.refl2[i], d.energy_refl[i]));

@@ -84,11 +84,9 @@ pub fn yarn_table(
         let mend = "must be 1: this table is of a yarn already";
         return Err(FitError::Table { field: "plies", value: table.plies.to_string(), mend });
     }
-    for (name, value, allowed) in [
-        ("rows", options.rows, 4..=180),
-        ("cells", options.cells, 8..=120),
-        ("offsets", options.offsets, 4..=64),
-    ] {
+    for (name, value, allowed) in
+        [("rows", options.rows, 4..=180), ("cells", options.cells, 8..=120), ("offsets", options.offsets, 4..=64)]
+    {
         if !allowed.contains(&value) {
             return Err(FitError::Option { name, value, allowed: "rows 4 to 180, cells 8 to 120, offsets 4 to 64" });
         }
@@ -156,7 +154,8 @@ struct FirstExit {
 impl<'a> Yarn<'a> {
     fn new(table: &'a Table, spec: &'a YarnSpec, options: &YarnOptions) -> Yarn<'a> {
         let ring = spec.ply_ring();
-        let coarse = Level::new(ring.plies, options.rows.div_ceil(2), options.cells.div_ceil(2), options.offsets * 3 / 4);
+        let coarse =
+            Level::new(ring.plies, options.rows.div_ceil(2), options.cells.div_ceil(2), options.offsets * 3 / 4);
         let fine = Level {
             rows: 2 * coarse.rows,
             azimuths: 2 * coarse.azimuths,
@@ -173,7 +172,8 @@ impl<'a> Yarn<'a> {
         let lights = std::iter::once(Light::Reflected).chain((0..table.sigma_per_um.len()).map(Light::All));
         let kernels = lights
             .map(|light| {
-                let orders = Orders::new(Kernel::new(table, light, coarse, mean.reach_um), coarse, ring.plies, onward.clone());
+                let orders =
+                    Orders::new(Kernel::new(table, light, coarse, mean.reach_um), coarse, ring.plies, onward.clone());
                 (Kernel::new(table, light, fine, mean.reach_um), orders)
             })
             .collect();
@@ -222,7 +222,10 @@ impl<'a> Yarn<'a> {
         let chains: Vec<Chain> = reflected.iter().map(|a| self.chain(0, a, &mut scratch)).collect();
         let grid = self.table.grid;
         let integral = |f: &[f64]| {
-            f.chunks_exact(grid.phi_o).enumerate().map(|(i, r)| grid.solid_angle(i) * r.iter().sum::<f64>()).sum::<f64>()
+            f.chunks_exact(grid.phi_o)
+                .enumerate()
+                .map(|(i, r)| grid.solid_angle(i) * r.iter().sum::<f64>())
+                .sum::<f64>()
         };
         let columns = self.table.h_um.len();
         let mut out: Vec<Node> = (0..nodes.len())
@@ -274,11 +277,10 @@ impl<'a> Yarn<'a> {
         let Flights { positions, others, .. } = self.flights;
         let (grid, plies) = (self.table.grid, others + 1);
         let width = others * offsets;
-        let mut out: Vec<FirstExit> = hits
-            .iter()
-            .map(|_| FirstExit { direct: vec![0.0; grid.len()], noise: 0.0 })
-            .collect();
-        let (mut shares_hit, mut shares_out) = (vec![0.0f32; azimuths * azimuths * width], vec![0.0f32; azimuths * azimuths]);
+        let mut out: Vec<FirstExit> =
+            hits.iter().map(|_| FirstExit { direct: vec![0.0; grid.len()], noise: 0.0 }).collect();
+        let (mut shares_hit, mut shares_out) =
+            (vec![0.0f32; azimuths * azimuths * width], vec![0.0f32; azimuths * azimuths]);
         let mut sent = vec![0.0f32; cells * offsets * azimuths];
         let mut energies = vec![0.0f32; rows * azimuths];
         let mut escape = vec![0.0f32; azimuths];
@@ -417,10 +419,9 @@ impl Chain {
     /// Adds the density of conv and residual to `out[bin]`; of what is left of them without those of `less`.
     fn add_density(&self, less: Option<&Chain>, grid: OutgoingGrid, out: &mut [f64]) {
         let mut part = vec![0.0; grid.len()];
-        for (map, less, level) in [
-            (&self.first, less.map(|l| &l.first), self.fine),
-            (&self.later, less.map(|l| &l.later), self.coarse),
-        ] {
+        for (map, less, level) in
+            [(&self.first, less.map(|l| &l.first), self.fine), (&self.later, less.map(|l| &l.later), self.coarse)]
+        {
             let map: Vec<f64> = match less {
                 Some(less) => map.iter().zip(less).map(|(a, b)| (a - b).max(0.0)).collect(),
                 None => map.clone(),

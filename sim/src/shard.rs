@@ -54,7 +54,8 @@ pub(crate) struct Sums {
     pub missed: Vec<f64>,
     /// `[h]`: weight of killed paths.
     pub killed: Vec<f64>,
-    /// `[h]`: sum over pairs of neighboring strata of the squared difference of their total weights.
+    /// `[h]`: sum over pairs of neighboring strata of the squared difference of their total weights; of yarns, over shards' instances of the square
+    /// of what their total weights are off by.
     pub variance: Vec<f64>,
     /// Paths drawn; paths that met a fiber; their wall interactions.
     pub counts: [f64; 3],
@@ -209,6 +210,10 @@ pub(crate) fn trace_paths<R: Rng>(
                 }
             }
         }
+        if matches!(target, Target::Yarn(..)) {
+            (lo..hi).for_each(|n| previous[n] += weights[n]);
+            continue;
+        }
         // Neighboring strata in pairs: their difference estimates the variance of the stratified total.
         if i % 2 == 0 {
             previous[lo..hi].copy_from_slice(&weights[lo..hi]);
@@ -222,7 +227,12 @@ pub(crate) fn trace_paths<R: Rng>(
     }
     // The tail of each beam beyond the drawn width, as a weight of the same scale.
     for (n, h) in at.h_um.iter().enumerate() {
-        sums.missed[n] += paths as f64 * (upper_tail((half - h) / sd) + upper_tail((half + h) / sd));
+        let tail = paths as f64 * (upper_tail((half - h) / sd) + upper_tail((half + h) / sd));
+        sums.missed[n] += tail;
+        if matches!(target, Target::Yarn(..)) {
+            // Neighbors differ in psi: what the shard's total is off by, its mean being known, tells the variance.
+            sums.variance[n] += (previous[n] + tail - paths as f64).powi(2);
+        }
     }
     Some(())
 }

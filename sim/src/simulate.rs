@@ -131,7 +131,16 @@ pub fn simulate(spec: &YarnSpec, spec_text: &str, options: &SimOptions, run: Run
                         return;
                     }
                     let (m, s) = left[job];
-                    let done = run_shard(&incidences[m], &tracers, twin.as_ref(), options, (m, s), parts.as_ref(), stop, progress);
+                    let done = run_shard(
+                        &incidences[m],
+                        &tracers,
+                        twin.as_ref(),
+                        options,
+                        (m, s),
+                        parts.as_ref(),
+                        stop,
+                        progress,
+                    );
                     let mut reduction = state.lock().unwrap_or_else(|e| e.into_inner());
                     match done {
                         Ok(Some(sums)) => {

@@ -101,13 +101,7 @@ impl Target<'_> {
     }
 }
 
-fn walk_ply<R: Rng>(
-    tracer: &dyn Tracer,
-    x: f32,
-    dir: Vector3<f32>,
-    surface: &RoughDielectric,
-    rng: &mut R,
-) -> PathEnd {
+fn walk_ply<R: Rng>(tracer: &dyn Tracer, x: f32, dir: Vector3<f32>, surface: &RoughDielectric, rng: &mut R) -> PathEnd {
     // Entry into the bounding cylinder of the ray through (x, 0, z) on the beam's waist.
     let z = rng.random::<f32>() * tracer.period_um();
     let (sin, cos) = sin_cos_turn(rng.random::<f32>());

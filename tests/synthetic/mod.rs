@@ -150,7 +150,9 @@ pub fn table(seed: u64) -> Table {
         exit: Some(ExitPositions {
             azimuths: 3,
             positions: 2,
-            shares: (0..m * h * (1 + k) * 3).flat_map(|i| [0.125 * (i % 8) as f32, 1.0 - 0.125 * (i % 8) as f32]).collect(),
+            shares: (0..m * h * (1 + k) * 3)
+                .flat_map(|i| [0.125 * (i % 8) as f32, 1.0 - 0.125 * (i % 8) as f32])
+                .collect(),
             met: (0..m * 4).map(|i| 1.0 / (1.0 + i as f32)).collect(),
         }),
     }

@@ -70,7 +70,10 @@ pub fn run(cli: &Cli, args: &DiffArgs, tolerance: &DiffTolerance) -> Outcome {
         }))
     } else if !cli.quiet || !equal {
         output::print(|out| {
-            writeln!(out, "relative L2 of f_refl, then of f_high at each sigma, noise removed; - where noise hides it")?;
+            writeln!(
+                out,
+                "relative L2 of f_refl, then of f_high at each sigma, noise removed; - where noise hides it"
+            )?;
             write!(out, "  theta_i    h/R     refl")?;
             d.sigma_per_um.iter().try_for_each(|s| write!(out, " {:>8}", number(*s)))?;
             writeln!(out, "   differences of energy and of r_d")?;

@@ -170,7 +170,9 @@ pub fn yarn_line(spec: &YarnSpec) -> String {
     let yarn = match (spec.yarn.plies, spec.yarn.ply_pitch_um) {
         (1, _) => String::new(),
         (plies, None) => format!("; yarn of {plies} parallel plies"),
-        (plies, Some(pitch)) => format!("; yarn of {plies} plies, pitch {} um {:?}", number(pitch), spec.yarn.handedness),
+        (plies, Some(pitch)) => {
+            format!("; yarn of {plies} plies, pitch {} um {:?}", number(pitch), spec.yarn.handedness)
+        }
     };
     format!(
         "{} fibers, {shape}, eta {}, alpha_fiber {}; {ply}, {twist}{yarn}",

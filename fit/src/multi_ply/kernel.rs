@@ -123,10 +123,9 @@ impl Kernel {
         let Level { rows, azimuths, cells, offsets } = self.level;
         let (frequencies, inputs) = (azimuths / 2 + 1, rows * offsets);
         scratch.line.resize(azimuths, C32::default());
-        scratch.work.resize(
-            self.forward.get_inplace_scratch_len().max(self.inverse.get_inplace_scratch_len()),
-            C32::default(),
-        );
+        scratch
+            .work
+            .resize(self.forward.get_inplace_scratch_len().max(self.inverse.get_inplace_scratch_len()), C32::default());
         // Two real lines a transform, one as the imaginary part of the other. `[frequency][cell][theta_o][h']`.
         scratch.spectra.resize(frequencies * cells * inputs, C32::default());
         let half = C32::new(0.5, 0.0);
@@ -156,7 +155,11 @@ impl Kernel {
                 MatMut::from_column_major_slice_mut(&mut scratch.out[k * cells * rows..][..cells * rows], rows, cells),
                 Accum::Replace,
                 MatRef::from_column_major_slice(&self.spectra[k * inputs * rows..][..inputs * rows], rows, inputs),
-                MatRef::from_column_major_slice(&scratch.spectra[k * cells * inputs..][..cells * inputs], inputs, cells),
+                MatRef::from_column_major_slice(
+                    &scratch.spectra[k * cells * inputs..][..cells * inputs],
+                    inputs,
+                    cells,
+                ),
                 C32::new(1.0, 0.0),
                 Par::Seq,
             );
@@ -165,7 +168,8 @@ impl Kernel {
         let i = C32::new(0.0, 1.0);
         for pair in 0..cells * rows / 2 {
             for k in 0..azimuths {
-                let from = |k: usize| (scratch.out[k * cells * rows + 2 * pair], scratch.out[k * cells * rows + 2 * pair + 1]);
+                let from =
+                    |k: usize| (scratch.out[k * cells * rows + 2 * pair], scratch.out[k * cells * rows + 2 * pair + 1]);
                 scratch.line[k] = if k < frequencies {
                     let (a, b) = from(k);
                     a + i * b
