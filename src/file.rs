@@ -255,6 +255,11 @@ impl<'a> Reader<'a> {
         Ok((info, bytes))
     }
 
+    /// Whether there is a tensor `name`, for those that may be left out.
+    pub(crate) fn has(&self, name: &str) -> bool {
+        self.metadata.info(name).is_some()
+    }
+
     /// Shape of tensor `name`, which must have `rank` axes.
     pub(crate) fn shape(&self, name: &str, rank: usize) -> Result<Vec<usize>> {
         let (info, _) = self.info(name)?;

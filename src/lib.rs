@@ -22,6 +22,7 @@ mod frame;
 mod gap;
 mod layers;
 mod ply;
+mod ply_circle;
 mod scatter;
 mod simd;
 mod spec;
@@ -40,8 +41,9 @@ pub use layers::{DoubleLayer, Layer, LayerFactors, TwoLayers};
 #[doc(hidden)]
 pub use ply::reference;
 pub use ply::{Golden, PlyData, PlyModel, PlySample, Queries};
+pub use ply_circle::{PlyRing, least_ply_pitch_um, ply_circle_um};
 pub use scatter::{PlyIncidence, Scatter, ScatterSample};
 pub use spec::*;
 pub use speckle::{FORWARD_RAD, SpecklePatterns, SpecklePolarization, SpeckleSide, SpeckleStatistics};
-pub use table::{OutgoingGrid, Table};
+pub use table::{ExitPositions, OutgoingGrid, Table};
 pub use whole::{PlyTerms, WholePly};

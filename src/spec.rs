@@ -2,6 +2,7 @@
 //!
 //! Ranges and relations of the keys are in `spec_check.rs`; [`YarnSpec::parse`] and [`YarnSpec::load`] hold every spec to them.
 
+use crate::ply_circle::{PlyRing, ply_circle_um};
 use crate::spec_check::{check_keys, check_relations, nominal_area};
 use crate::{Error, GaussianBeam, Result};
 use serde::{Deserialize, Serialize};
@@ -21,6 +22,9 @@ pub struct YarnSpec {
     pub fiber: FiberSpec,
     /// The ply of fibers.
     pub ply: PlySpec,
+    /// How many plies make the yarn, and how they lie.
+    #[serde(default)]
+    pub yarn: YarnGeometry,
     /// The illuminating beam.
     #[serde(default)]
     pub beam: BeamSpec,
@@ -82,6 +86,18 @@ impl YarnSpec {
     /// Semi-axes of the ply [um]; both the same for a circular one.
     pub fn ply_radii_um(&self) -> [f64; 2] {
         self.ply.radii_um.unwrap_or([self.ply.radius_um.unwrap_or(0.0); 2])
+    }
+
+    /// Distance D [um] of the plies' axes from the yarn's axis, 0 for a single ply (Yu 2025, 5.3; [`ply_circle_um`]).
+    pub fn ply_circle_um(&self) -> f64 {
+        let [a, b] = self.ply_radii_um();
+        ply_circle_um(self.yarn.plies, a.max(b), self.yarn.ply_pitch_um).unwrap_or(0.0)
+    }
+
+    /// The plies in the plane across the yarn.
+    pub fn ply_ring(&self) -> PlyRing {
+        let [a, b] = self.ply_radii_um();
+        PlyRing { plies: self.yarn.plies, radius_um: a.max(b), circle_um: self.ply_circle_um() }
     }
 
     /// Area of the fibers, lumens included and without jitter, over the area of the ply.
@@ -294,6 +310,24 @@ pub enum Handedness {
     Z,
     /// Left-handed helix.
     S,
+}
+
+/// The yarn: P plies of one radius with their axes on a circle about the yarn's axis (Yu 2025, 5.3).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct YarnGeometry {
+    /// Number of plies, 1 to 7.
+    pub plies: u32,
+    /// Pitch of the plies' helix [um]; absent for parallel plies. It sets the plies' distance from the yarn's axis.
+    pub ply_pitch_um: Option<f64>,
+    /// Hand of the plies' helix, for the record: scattering takes plies as parallel where they lie.
+    pub handedness: Handedness,
+}
+
+impl Default for YarnGeometry {
+    fn default() -> Self {
+        YarnGeometry { plies: 1, ply_pitch_um: None, handedness: Handedness::Z }
+    }
 }
 
 /// The beam of the spec.

@@ -3,6 +3,7 @@
 //! The check walks the parsed TOML, not the typed spec, so that every refusal names the dotted key and the value as given.
 //! Bounds are those within which the simulator's geometry and grids are sound, far wider than real yarns.
 
+use crate::ply_circle::{least_ply_pitch_um, ply_circle_um};
 use crate::{Error, PlySpec, Result, Shape, YarnSpec};
 use std::f64::consts::PI;
 use toml::{Table, Value};
@@ -51,6 +52,7 @@ const ROOT: &[Rule] = &[
     ("name", Kind::Text, true),
     ("fiber", Kind::Table(FIBER), true),
     ("ply", Kind::Table(PLY), true),
+    ("yarn", Kind::Table(YARN), false),
     ("beam", Kind::Table(BEAM), false),
     ("absorption", Kind::Table(ABSORPTION), false),
     ("simulation", Kind::Table(SIMULATION), false),
@@ -70,6 +72,11 @@ const PLY: &[Rule] = &[
     ("radii_um", Kind::Pair(0.01, 1e3), false),
     ("min_gap_um", Kind::Number(0.001, 100.0), false),
     ("fiber_pitch_um", Kind::Number(0.01, 1e7), false),
+    ("handedness", Kind::Choice(&["Z", "S"]), false),
+];
+const YARN: &[Rule] = &[
+    ("plies", Kind::Integer(1, 7), false),
+    ("ply_pitch_um", Kind::Number(0.01, 1e7), false),
     ("handedness", Kind::Choice(&["Z", "S"]), false),
 ];
 const BEAM: &[Rule] = &[
@@ -274,6 +281,7 @@ pub(crate) fn check_relations(file: &str, spec: &YarnSpec) -> Result<()> {
             format!("use a pitch of the ply's radius {widest} um or more"),
         ));
     }
+    check_plies(file, spec, widest)?;
     check_fraction(file, ply, radii, nominal_area(&spec.fiber.shape))?;
     let beam = spec.beam.beam();
     if beam.w0_um < beam.lambda_um {
@@ -300,6 +308,27 @@ pub(crate) fn check_relations(file: &str, spec: &YarnSpec) -> Result<()> {
             value,
             format!("use fewer nodes or bins, {MAX_CELLS:.1e} cells at most"),
         ));
+    }
+    Ok(())
+}
+
+/// Plies of one radius that do not intersect.
+fn check_plies(file: &str, spec: &YarnSpec, radius_um: f64) -> Result<()> {
+    let yarn = &spec.yarn;
+    if let (2.., Some(radii)) = (yarn.plies, spec.ply.radii_um) {
+        let mend = "elliptical plies cannot be plied: give ply.radius_um, or yarn.plies = 1";
+        return Err(invalid(file, "ply.radii_um", format!("{radii:?} with yarn.plies = {}", yarn.plies), mend));
+    }
+    if let Some(pitch) = yarn.ply_pitch_um
+        && ply_circle_um(yarn.plies, radius_um, Some(pitch)).is_none()
+    {
+        let least = least_ply_pitch_um(yarn.plies, radius_um);
+        let mend = format!(
+            "{} plies of radius {radius_um} um intersect however they lie: use {:.1} or more, or leave it out for parallel plies",
+            yarn.plies,
+            (10.0 * least).ceil() / 10.0
+        );
+        return Err(invalid(file, "yarn.ply_pitch_um", pitch, mend));
     }
     Ok(())
 }

@@ -52,7 +52,23 @@ impl OutgoingGrid {
     }
 }
 
-/// Ensemble-averaged single-ply scattering over a grid of incidences. All arrays are flat, last index fastest.
+/// Where on a single ply light leaves and where the beam meets it: what the model of a yarn of several plies asks beyond the
+/// distributions (Yu 2025, 5.3, takes exits as spread evenly over the ply's width).
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExitPositions {
+    /// Azimuths phi_o: equal parts of [0, 2 pi).
+    pub azimuths: usize,
+    /// Lateral positions t: equal parts of [-R, R] along (-sin phi_o, cos phi_o).
+    pub positions: usize,
+    /// `[theta_i][h][1 + sigma][azimuth][position]`: shares of the light of an azimuth, of f_refl, then of f_high at each sigma; they
+    /// add up to 1 over the positions, evenly where there was no light.
+    pub shares: Vec<f32>,
+    /// `[theta_i][x]`: fraction of the paths through lateral position x that met a fiber; x in equal parts of [-R, R].
+    pub met: Vec<f32>,
+}
+
+/// Ensemble-averaged scattering of one ply, or of the yarn that its plies make, over a grid of incidences. All arrays are flat, last
+/// index fastest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     /// Text of the yarn spec that was simulated, as given.
@@ -63,6 +79,8 @@ pub struct Table {
     pub preset: String,
     /// Seed of the run.
     pub seed: u64,
+    /// Plies that scatter: 1 for a single ply, whatever the spec's yarn has, else all of the yarn's.
+    pub plies: u32,
     /// Incident latitudes [rad], uniform, ascending from 0 (negative ones follow from the symmetry of the ply).
     pub theta_i: Vec<f64>,
     /// Beam center offsets [um], uniform, ascending, from -(R + d_cut) to R + d_cut.
@@ -93,6 +111,8 @@ pub struct Table {
     pub paths: Vec<u64>,
     /// `[theta_i]`: mean number of fiber surface interactions of a path that met a fiber.
     pub interactions: Vec<f64>,
+    /// Of a single ply, where it was recorded.
+    pub exit: Option<ExitPositions>,
 }
 
 impl Table {

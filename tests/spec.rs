@@ -35,6 +35,19 @@ fn polyester_is_the_yarn_of_the_readme() {
 }
 
 #[test]
+fn plies_lie_on_their_circle() {
+    let one = YarnSpec::polyester().unwrap();
+    assert_eq!((one.yarn.plies, one.ply_circle_um()), (1, 0.0));
+    let yarn = |keys: &str| YarnSpec::parse(&format!("{POLYESTER}\n[yarn]\n{keys}\n"), "yarn").unwrap();
+    let two = yarn("plies = 2");
+    assert!((two.ply_circle_um() - 50.0).abs() < 1e-9);
+    let twisted = yarn("plies = 2\nply_pitch_um = 1000\nhandedness = \"S\"");
+    assert!(twisted.ply_circle_um() > 50.0 && twisted.ply_circle_um() < 60.0, "{}", twisted.ply_circle_um());
+    assert_eq!(YarnSpec::parse(&toml::to_string(&twisted).unwrap(), "again").unwrap(), twisted);
+    twisted.check("in code").unwrap();
+}
+
+#[test]
 fn refusals_name_key_value_and_mend() {
     let radius = |new: &str| polyester_with("radius_um = 7.5", new);
     let eta = |new: &str| polyester_with("eta = 1.60", new);
@@ -64,6 +77,19 @@ fn refusals_name_key_value_and_mend() {
         (pitch("fiber_pitch_mm = 0.8"), "ply.fiber_pitch_mm = 0.8: unknown unit: use fiber_pitch_um"),
         (pitch("fiber_pitch_um = 20.0"), "ply.fiber_pitch_um = 20: use a pitch"),
         (polyester_with("\"Z\"", "\"X\""), "ply.handedness = \"X\": use one of \"Z\", \"S\""),
+        (end("[yarn]\nplies = 8"), "yarn.plies = 8: use an integer from 1 to 7"),
+        (end("[yarn]\nplies = 0"), "yarn.plies = 0: use an integer from 1 to 7"),
+        (end("[yarn]\nplies = 2.5"), "yarn.plies = 2.5: use an integer from 1 to 7"),
+        (end("[yarn]\nply_pitch_mm = 1"), "yarn.ply_pitch_mm = 1: unknown unit: use ply_pitch_um"),
+        (end("[yarn]\nplies = 3\nhandedness = \"X\""), "yarn.handedness = \"X\": use one of \"Z\", \"S\""),
+        (
+            end("[yarn]\nplies = 3\nply_pitch_um = 250"),
+            "yarn.ply_pitch_um = 250: 3 plies of radius 50 um intersect however they lie: use 30",
+        ),
+        (
+            format!("{}\n[yarn]\nplies = 2", ply("radii_um = [60, 40]")),
+            "ply.radii_um = [60.0, 40.0] with yarn.plies = 2: elliptical plies cannot be plied",
+        ),
         (end("[beam]\nw0_um = 0.3"), "beam.w0_um = 0.3: use a waist"),
         (end("[beam]\nw0_um = 10\nd_cut_um = 1000"), "beam.d_cut_um = 1000: use from 5 to 200"),
         (end("[absorption]\nsigma_per_um = [0.01, 0.1]"), "absorption.sigma_per_um = [0.01, 0.1]: use 1 to 32"),

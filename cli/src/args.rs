@@ -38,7 +38,7 @@ pub enum Command {
     Sample(SampleArgs),
     /// Check a model: furnace, eval against weight times pdf, chi-square of sampling, fit error of every slice. Exit code 1 when one fails.
     Check(CheckArgs),
-    /// Compare two models slice by slice. Exit code 1 beyond the tolerance.
+    /// Compare two models, or two tables, slice by slice. Exit code 1 beyond the tolerance.
     Diff(DiffArgs),
     /// Draw a table or a model as a PNG: false-colour maps, energy budget, fit errors; of speckle patterns curves and covariances.
     Plot(PlotArgs),
@@ -233,6 +233,15 @@ pub struct RunArgs {
     pub instances: Option<u32>,
 }
 
+/// What a simulation traces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Plies {
+    /// One ply, as every model needs it.
+    One,
+    /// All plies of the yarn, path by path: the truth that the yarn's model is measured against.
+    Traced,
+}
+
 /// `plywave simulate`.
 #[derive(Debug, Args)]
 pub struct SimulateArgs {
@@ -241,6 +250,9 @@ pub struct SimulateArgs {
     /// Table to write [default: SPEC's name with .pwt, in this folder].
     #[arg(long, short, value_name = "TABLE")]
     pub output: Option<PathBuf>,
+    /// What to trace, where the spec's yarn has several plies.
+    #[arg(long, value_enum, default_value_t = Plies::One)]
+    pub plies: Plies,
     /// How to run.
     #[command(flatten)]
     pub run: RunArgs,
@@ -257,6 +269,9 @@ pub struct FitArgs {
     /// Quality of the fit [default: the table's].
     #[arg(long, value_enum)]
     pub preset: Option<Preset>,
+    /// Write the yarn's table too, made of the ply's where the spec's yarn has several plies.
+    #[arg(long, value_name = "TABLE")]
+    pub yarn_table: Option<PathBuf>,
 }
 
 /// `plywave build`.
@@ -353,9 +368,9 @@ pub struct CheckArgs {
 /// `plywave diff`.
 #[derive(Debug, Args)]
 pub struct DiffArgs {
-    /// First model.
+    /// First model or table.
     pub a: PathBuf,
-    /// Second model.
+    /// Second model or table. Of tables, the incidences and absorptions that both hold are compared, the noise of both taken off.
     pub b: PathBuf,
     /// Largest relative L2 distance of a slice that passes [default: 0.02].
     #[arg(long, value_name = "TOL")]
@@ -366,6 +381,9 @@ pub struct DiffArgs {
     /// Largest turn of a lobe's axis that passes [degrees] [default: any, since different lobes may make one density].
     #[arg(long, value_name = "DEG")]
     pub tol_drift: Option<f64>,
+    /// Of tables, leave out offsets beyond this |h/R|, where little light is scattered [default: all].
+    #[arg(long, value_name = "H")]
+    pub max_h_rel: Option<f64>,
 }
 
 /// Part of a figure.

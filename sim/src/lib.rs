@@ -16,6 +16,7 @@ mod section;
 mod shape;
 mod shard;
 mod simulate;
+mod target;
 mod tracer;
 mod walk2d;
 pub mod wave;

@@ -40,6 +40,8 @@ pub struct SimOptions {
     pub shards: u32,
     /// Which tracer walks the paths.
     pub tracer: TracerKind,
+    /// Trace the whole yarn of the spec's plies instead of one ply: the brute-force twin of the model's multi-ply construction.
+    pub traced_plies: bool,
 }
 
 impl SimOptions {
@@ -57,6 +59,7 @@ impl SimOptions {
             phi_o_bins: 90,
             shards: 8,
             tracer: TracerKind::Auto,
+            traced_plies: false,
         }
     }
 

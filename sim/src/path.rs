@@ -14,6 +14,8 @@ pub enum PathEnd {
     Reflected {
         /// Direction of propagation.
         dir: Vector3<f32>,
+        /// A place on its last line [um].
+        pos: Vector3<f32>,
         /// Wall interactions.
         interactions: u32,
     },
@@ -21,6 +23,8 @@ pub enum PathEnd {
     High {
         /// Direction of propagation.
         dir: Vector3<f32>,
+        /// A place on its last line [um].
+        pos: Vector3<f32>,
         /// Length in the material [um].
         length_um: f32,
         /// Wall interactions.
@@ -83,9 +87,9 @@ pub fn trace_path<T: Tracer + ?Sized, R: Rng>(
     if interactions == 0 {
         PathEnd::Miss
     } else if entered {
-        PathEnd::High { dir, length_um, interactions }
+        PathEnd::High { dir, pos, length_um, interactions }
     } else {
-        PathEnd::Reflected { dir, interactions }
+        PathEnd::Reflected { dir, pos, interactions }
     }
 }
 

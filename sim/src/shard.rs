@@ -3,10 +3,12 @@
 //! A path's lateral position x is drawn once, uniformly (stratified) over the width that can meet the ply. A beam centered
 //! at h has the density N(x - h; w0/2) there, so the path counts for h with that density over its own: one path serves every h,
 //! and with exp(-sigma L) every sigma. Light beyond the drawn width misses for certain; its share is the Gaussian's tail.
+//!
+//! A single ply also tells where light leaves it and where rays meet it, for the model of a yarn ([`plywave::ExitPositions`]).
 
-use crate::dielectric::{RoughDielectric, sin_cos_turn};
-use crate::path::{PathEnd, trace_path};
-use crate::tracer::Tracer;
+use crate::dielectric::RoughDielectric;
+use crate::path::PathEnd;
+use crate::target::Target;
 use nalgebra::Vector3;
 use plywave::{GaussianBeam, OutgoingGrid};
 use rand::{Rng, RngExt};
@@ -26,7 +28,18 @@ pub(crate) struct Incidence<'a> {
     pub beam: GaussianBeam,
     pub grid: OutgoingGrid,
     pub surface: RoughDielectric,
+    /// The ply's radius [um].
+    pub radius_um: f64,
+    /// Whether exit positions are recorded.
+    pub record_exits: bool,
 }
+
+/// Azimuths of exit positions: 10 degrees each.
+pub(crate) const EXIT_AZIMUTHS: usize = 36;
+/// Lateral positions at which light leaves.
+pub(crate) const EXIT_POSITIONS: usize = 16;
+/// Lateral positions at which rays meet the ply.
+pub(crate) const MET_POSITIONS: usize = 64;
 
 /// Sums over the paths of one or more shards. Densities are not yet divided by solid angle and path count.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,10 +54,15 @@ pub(crate) struct Sums {
     pub missed: Vec<f64>,
     /// `[h]`: weight of killed paths.
     pub killed: Vec<f64>,
-    /// `[h]`: sum over pairs of neighboring strata of the squared difference of their total weights.
+    /// `[h]`: sum over pairs of neighboring strata of the squared difference of their total weights; of yarns, over shards' instances of the square
+    /// of what their total weights are off by.
     pub variance: Vec<f64>,
     /// Paths drawn; paths that met a fiber; their wall interactions.
     pub counts: [f64; 3],
+    /// `[azimuth][position][h][1 + sigma]`: weight by the place where it left; empty when not recorded.
+    pub exit: Vec<f64>,
+    /// `[2][x]`: paths through a lateral position, and those of them that met a fiber; empty when not recorded.
+    pub met: Vec<f64>,
 }
 
 impl Sums {
@@ -58,6 +76,8 @@ impl Sums {
             killed: vec![0.0; h],
             variance: vec![0.0; h],
             counts: [0.0; 3],
+            exit: vec![0.0; if at.record_exits { EXIT_AZIMUTHS * EXIT_POSITIONS * h * c } else { 0 }],
+            met: vec![0.0; if at.record_exits { 2 * MET_POSITIONS } else { 0 }],
         }
     }
 
@@ -69,7 +89,7 @@ impl Sums {
     }
 
     /// The double-precision sums, by name.
-    pub fn doubles(&self) -> [(&'static str, &[f64]); 6] {
+    pub fn doubles(&self) -> [(&'static str, &[f64]); 8] {
         [
             ("energy", &self.energy),
             ("noise", &self.noise),
@@ -77,11 +97,13 @@ impl Sums {
             ("killed", &self.killed),
             ("variance", &self.variance),
             ("counts", &self.counts),
+            ("exit", &self.exit),
+            ("met", &self.met),
         ]
     }
 
     /// The same, to be written to.
-    pub fn doubles_mut(&mut self) -> [(&'static str, &mut [f64]); 6] {
+    pub fn doubles_mut(&mut self) -> [(&'static str, &mut [f64]); 8] {
         [
             ("energy", &mut self.energy),
             ("noise", &mut self.noise),
@@ -89,29 +111,23 @@ impl Sums {
             ("killed", &mut self.killed),
             ("variance", &mut self.variance),
             ("counts", &mut self.counts),
+            ("exit", &mut self.exit),
+            ("met", &mut self.met),
         ]
     }
 }
 
-/// Half of the width over which lateral positions are drawn [um]: all rays that can meet a cylinder of radius `bound_um`,
-/// their sideways tilt in the xy plane up to 5 standard deviations (at most 1 rad) included.
-fn half_width(bound_um: f64, at: &Incidence<'_>) -> f64 {
-    let tilt = (5.0 * at.beam.angular_sd_rad() / at.theta_i.cos().max(1e-3)).min(1.0);
-    bound_um / tilt.cos()
-}
-
-/// Trace `paths` paths over one instance and add them to `sums`. None when stopped.
-pub(crate) fn trace_paths<T: Tracer + ?Sized, R: Rng>(
+/// Trace `paths` paths over one ply or yarn and add them to `sums`. None when stopped.
+pub(crate) fn trace_paths<R: Rng>(
     at: &Incidence<'_>,
-    tracer: &T,
+    target: &Target<'_>,
     paths: u64,
     rng: &mut R,
     sums: &mut Sums,
     stop: &AtomicBool,
     progress: &(dyn Fn(u64) + Sync),
 ) -> Option<()> {
-    let bound = tracer.bound_radius_um();
-    let half = half_width(f64::from(bound), at);
+    let half = target.half_width(at, BEAM_SDS);
     let sd = at.beam.sd_um();
     let peak = 2.0 * half / (sd * std::f64::consts::TAU.sqrt());
     let (h_count, channels) = (at.h_um.len(), 1 + at.sigma_per_um.len());
@@ -125,6 +141,7 @@ pub(crate) fn trace_paths<T: Tracer + ?Sized, R: Rng>(
     let mut weights = vec![0.0f64; h_count];
     let mut previous = vec![0.0f64; h_count];
     let mut absorbed = vec![0.0f64; channels];
+    let mut shares = vec![1.0f64; h_count];
     let mut reach = (0usize, 0usize);
     for i in 0..paths {
         if i % BATCH == 0 {
@@ -137,17 +154,7 @@ pub(crate) fn trace_paths<T: Tracer + ?Sized, R: Rng>(
         let x = half * (2.0 * (i as f64 + u) / paths as f64 - 1.0);
         let tilt: [f32; 2] = [rng.sample(StandardNormal), rng.sample(StandardNormal)];
         let dir = (forward + Vector3::x() * (tilt[0] * angular_sd) + across * (tilt[1] * angular_sd)).normalize();
-        // Entry into the bounding cylinder of the ray through (x, 0, z) on the beam's waist.
-        let z = rng.random::<f32>() * tracer.period_um();
-        let (sin, cos) = sin_cos_turn(rng.random::<f32>());
-        let end = match entry(x as f32, dir, bound) {
-            None => PathEnd::Miss,
-            Some(s) => {
-                let p = Vector3::new(x as f32 + s * dir.x, s * dir.y, z + s * dir.z);
-                let turn = |v: Vector3<f32>| Vector3::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y, v.z);
-                trace_path(tracer, &at.surface, turn(p), turn(dir), rng)
-            }
-        };
+        let (end, share) = target.walk(i, x, dir, &at.surface, rng, &mut shares);
         // Weight of the path for each h that its position can serve.
         let lo = ((x - BEAM_SDS * sd - first_h) * inv_dh).ceil().max(0.0) as usize;
         let hi = (((x + BEAM_SDS * sd - first_h) * inv_dh).floor() + 1.0).clamp(0.0, h_count as f64) as usize;
@@ -155,14 +162,24 @@ pub(crate) fn trace_paths<T: Tracer + ?Sized, R: Rng>(
             let t = (x - at.h_um[n]) / sd;
             weights[n] = peak * (-0.5 * t * t).exp();
         }
+        if share {
+            (lo..hi.max(lo)).for_each(|n| weights[n] *= shares[n]);
+        }
         let lo = lo.min(hi);
         sums.counts[0] += 1.0;
-        let mut record = |dir: Vector3<f32>, first: usize, absorbed: &[f64], interactions: u32| {
+        if at.record_exits && x.abs() < at.radius_um {
+            let place = ((0.5 * x / at.radius_um + 0.5) * MET_POSITIONS as f64) as usize;
+            sums.met[place.min(MET_POSITIONS - 1)] += 1.0;
+            if !matches!(end, PathEnd::Miss) {
+                sums.met[MET_POSITIONS + place.min(MET_POSITIONS - 1)] += 1.0;
+            }
+        }
+        let mut record = |dir: Vector3<f32>, pos: Vector3<f32>, first: usize, absorbed: &[f64], interactions: u32| {
             sums.counts[1] += 1.0;
             sums.counts[2] += f64::from(interactions);
-            let out = [cos * dir.x + sin * dir.y, cos * dir.y - sin * dir.x, dir.z];
-            let bin = at.grid.bin(out);
+            let bin = at.grid.bin([dir.x, dir.y, dir.z]);
             let inv = inv_solid_angle[bin / at.grid.phi_o];
+            let exit = if at.record_exits { exit_place(dir, pos, at.radius_um as f32) * h_count } else { 0 };
             for n in lo..hi {
                 let place = (bin * h_count + n) * channels + first;
                 let total = n * channels + first;
@@ -171,16 +188,19 @@ pub(crate) fn trace_paths<T: Tracer + ?Sized, R: Rng>(
                     sums.bins[place + k] += w as f32;
                     sums.energy[total + k] += w;
                     sums.noise[total + k] += w * w * inv;
+                    if at.record_exits {
+                        sums.exit[(exit + n) * channels + first + k] += w;
+                    }
                 }
             }
         };
         match end {
-            PathEnd::Reflected { dir, interactions } => record(dir, 0, &[1.0], interactions),
-            PathEnd::High { dir, length_um, interactions } => {
+            PathEnd::Reflected { dir, pos, interactions } => record(dir, pos, 0, &[1.0], interactions),
+            PathEnd::High { dir, pos, length_um, interactions } => {
                 for (a, sigma) in absorbed.iter_mut().zip(at.sigma_per_um) {
                     *a = (-sigma * f64::from(length_um)).exp();
                 }
-                record(dir, 1, &absorbed[..channels - 1], interactions);
+                record(dir, pos, 1, &absorbed[..channels - 1], interactions);
             }
             PathEnd::Miss => (lo..hi).for_each(|n| sums.missed[n] += weights[n]),
             PathEnd::Killed => {
@@ -189,6 +209,10 @@ pub(crate) fn trace_paths<T: Tracer + ?Sized, R: Rng>(
                     weights[n] = 0.0;
                 }
             }
+        }
+        if matches!(target, Target::Yarn(..)) {
+            (lo..hi).for_each(|n| previous[n] += weights[n]);
+            continue;
         }
         // Neighboring strata in pairs: their difference estimates the variance of the stratified total.
         if i % 2 == 0 {
@@ -203,16 +227,24 @@ pub(crate) fn trace_paths<T: Tracer + ?Sized, R: Rng>(
     }
     // The tail of each beam beyond the drawn width, as a weight of the same scale.
     for (n, h) in at.h_um.iter().enumerate() {
-        sums.missed[n] += paths as f64 * (upper_tail((half - h) / sd) + upper_tail((half + h) / sd));
+        let tail = paths as f64 * (upper_tail((half - h) / sd) + upper_tail((half + h) / sd));
+        sums.missed[n] += tail;
+        if matches!(target, Target::Yarn(..)) {
+            // Neighbors differ in psi: what the shard's total is off by, its mean being known, tells the variance.
+            sums.variance[n] += (previous[n] + tail - paths as f64).powi(2);
+        }
     }
     Some(())
 }
 
-/// Distance along a ray through (x, 0) in the xy plane at which it enters the circle of radius `bound`; None when it passes by.
-fn entry(x: f32, dir: Vector3<f32>, bound: f32) -> Option<f32> {
-    let (a, b) = (dir.x * dir.x + dir.y * dir.y, x * dir.x);
-    let disc = b * b - a * (x * x - bound * bound);
-    (disc > 0.0).then(|| (-b - disc.sqrt()) / a)
+/// Place `[azimuth][position]` of the line through `pos` in direction `dir`: position along (-sin phi, cos phi) over [-radius, radius].
+fn exit_place(dir: Vector3<f32>, pos: Vector3<f32>, radius: f32) -> usize {
+    let across = dir.xy().norm().max(1e-12);
+    let t = (dir.x * pos.y - dir.y * pos.x) / across;
+    let turn = dir.y.atan2(dir.x) / std::f32::consts::TAU;
+    let azimuth = ((turn - turn.floor()) * EXIT_AZIMUTHS as f32) as usize;
+    let position = ((0.5 * t / radius + 0.5).clamp(0.0, 1.0) * EXIT_POSITIONS as f32) as usize;
+    azimuth.min(EXIT_AZIMUTHS - 1) * EXIT_POSITIONS + position.min(EXIT_POSITIONS - 1)
 }
 
 /// Upper tail of the standard normal distribution, by Simpson's rule on the density; absolute error below 1e-9.

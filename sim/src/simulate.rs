@@ -12,9 +12,11 @@ use crate::options::{SimOptions, TracerKind};
 use crate::parts::Parts;
 use crate::screw::ScrewTracer;
 use crate::section::PlySection;
-use crate::shard::{Incidence, Sums, trace_paths};
+use crate::shard::{EXIT_AZIMUTHS, EXIT_POSITIONS, Incidence, MET_POSITIONS, Sums, trace_paths};
+use crate::target::{Target, YarnTwin};
 use crate::tracer::Tracer;
-use plywave::{OutgoingGrid, Table, YarnSpec};
+use plywave::{ExitPositions, OutgoingGrid, Table, YarnSpec};
+use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -50,7 +52,8 @@ pub fn total_paths(options: &SimOptions) -> u64 {
     u64::from(options.theta_i_nodes.max(2)) * shard_paths(options) * u64::from(options.shards)
 }
 
-/// Simulate the scattering of `spec`, whose text is `spec_text` (kept in the table), on the threads of the current rayon pool.
+/// Simulate the scattering of `spec`, whose text is `spec_text` (kept in the table), on the threads of the current rayon pool: that of one ply, or
+/// with `options.traced_plies` that of the whole yarn, its plies parallel where they lie.
 ///
 /// # Errors
 /// [`SimError::CannotPack`] and the like when the geometry cannot be built, [`SimError::Interrupted`] when stopped, file errors
@@ -72,6 +75,8 @@ pub fn simulate(spec: &YarnSpec, spec_text: &str, options: &SimOptions, run: Run
         Some(folder) => Some(Parts::open(folder, run.resume, spec_text, options)?),
         None => None,
     };
+    let ring = spec.ply_ring();
+    let twin = (options.traced_plies && ring.plies > 1).then(|| YarnTwin::new(ring, &h_um));
     let incidences: Vec<Incidence<'_>> = theta_i
         .iter()
         .map(|&theta_i| Incidence {
@@ -81,6 +86,8 @@ pub fn simulate(spec: &YarnSpec, spec_text: &str, options: &SimOptions, run: Run
             beam: spec.beam.beam(),
             grid,
             surface: RoughDielectric { eta: spec.fiber.eta as f32, alpha: spec.fiber.alpha_fiber as f32 },
+            radius_um: ring.radius_um,
+            record_exits: twin.is_none(),
         })
         .collect();
     let tracers: Vec<Box<dyn Tracer + Send>> = (0..options.instances.max(1))
@@ -89,6 +96,16 @@ pub fn simulate(spec: &YarnSpec, spec_text: &str, options: &SimOptions, run: Run
         .collect::<Result<_, SimError>>()?;
     let shards = options.shards.max(1) as usize;
     let mut table = empty_table(spec_text, options, &theta_i, &h_um, &sigma_per_um, grid);
+    table.plies = if twin.is_some() { ring.plies } else { 1 };
+    if twin.is_none() {
+        let rows = theta_i.len() * h_um.len() * (1 + sigma_per_um.len());
+        table.exit = Some(ExitPositions {
+            azimuths: EXIT_AZIMUTHS,
+            positions: EXIT_POSITIONS,
+            shares: vec![0.0; rows * EXIT_AZIMUTHS * EXIT_POSITIONS],
+            met: vec![0.0; theta_i.len() * MET_POSITIONS],
+        });
+    }
     // Latitudes that an earlier run finished, and the shards that are left, in the order they are summed.
     let mut left = Vec::new();
     for (m, at) in incidences.iter().enumerate() {
@@ -114,7 +131,16 @@ pub fn simulate(spec: &YarnSpec, spec_text: &str, options: &SimOptions, run: Run
                         return;
                     }
                     let (m, s) = left[job];
-                    let done = run_shard(&incidences[m], &tracers, options, (m, s), parts.as_ref(), stop, progress);
+                    let done = run_shard(
+                        &incidences[m],
+                        &tracers,
+                        twin.as_ref(),
+                        options,
+                        (m, s),
+                        parts.as_ref(),
+                        stop,
+                        progress,
+                    );
                     let mut reduction = state.lock().unwrap_or_else(|e| e.into_inner());
                     match done {
                         Ok(Some(sums)) => {
@@ -191,6 +217,7 @@ fn tracer_of(spec: &YarnSpec, options: &SimOptions, instance: u32) -> Result<Box
 fn run_shard(
     at: &Incidence<'_>,
     tracers: &[Box<dyn Tracer + Send>],
+    twin: Option<&YarnTwin>,
     options: &SimOptions,
     (m, s): (usize, usize),
     parts: Option<&Parts>,
@@ -209,9 +236,14 @@ fn run_shard(
     let mut rng = stream(options.seed, [m as u64, s as u64 + 1]);
     let per_shard = instances_per_shard(options);
     for k in 0..per_shard {
-        let tracer = &tracers[(s as u64 * per_shard + k) as usize % tracers.len()];
+        let first = (s as u64 * per_shard + k) as usize;
+        let tracer = |p: usize| -> &dyn Tracer { tracers[(first + p) % tracers.len()].as_ref() };
         let paths = instance_paths(options);
-        if trace_paths(at, tracer.as_ref(), paths, &mut rng, &mut sums, stop, progress).is_none() {
+        let target = match twin {
+            None => Target::Ply(tracer(0)),
+            Some(twin) => Target::Yarn(twin, (0..7).map(tracer).collect(), rng.random()),
+        };
+        if trace_paths(at, &target, paths, &mut rng, &mut sums, stop, progress).is_none() {
             return Ok(None);
         }
     }
@@ -295,6 +327,8 @@ fn empty_table(
         noise_high: vec![0.0; mh * k],
         paths: vec![0; m],
         interactions: vec![0.0; m],
+        plies: 1,
+        exit: None,
     }
 }
 
@@ -330,6 +364,29 @@ fn fill(table: &mut Table, m: usize, at: &Incidence<'_>, sums: &Sums) {
             }
         }
     }
+    if let Some(exit) = &mut table.exit {
+        fill_exits(exit, m, at, sums);
+    }
     table.paths[m] = sums.counts[0] as u64;
     table.interactions[m] = sums.counts[2] / sums.counts[1].max(1.0);
+}
+
+/// Shares of the exit positions and of the rays that met the ply, of incident latitude `m`.
+fn fill_exits(exit: &mut ExitPositions, m: usize, at: &Incidence<'_>, sums: &Sums) {
+    let rows = at.h_um.len() * (1 + at.sigma_per_um.len());
+    let (azimuths, positions) = (exit.azimuths, exit.positions);
+    for row in 0..rows {
+        for a in 0..azimuths {
+            let weight = |t: usize| sums.exit[(a * positions + t) * rows + row];
+            let total: f64 = (0..positions).map(weight).sum();
+            for t in 0..positions {
+                let share = if total > 0.0 { weight(t) / total } else { 1.0 / positions as f64 };
+                exit.shares[((m * rows + row) * azimuths + a) * positions + t] = share as f32;
+            }
+        }
+    }
+    let width = sums.met.len() / 2;
+    for x in 0..width {
+        exit.met[m * width + x] = (sums.met[width + x] / sums.met[x].max(1.0)) as f32;
+    }
 }

@@ -79,7 +79,7 @@ fn smooth_cylinder_matches_zinke_weber() {
                 let end = trace_path(tracer, &surface, Vector3::new(x as f32, y as f32, z), dir, &mut rng);
                 let (dir, length, order) = match end {
                     PathEnd::Reflected { dir, .. } => (dir, 0.0, 0),
-                    PathEnd::High { dir, length_um, interactions } => (dir, length_um, interactions as usize - 1),
+                    PathEnd::High { dir, length_um, interactions, .. } => (dir, length_um, interactions as usize - 1),
                     _ => {
                         missed += 1;
                         continue;

@@ -1,11 +1,11 @@
 //! Table files: writing, reading, checking (`docs/format.md`).
 
-use super::{OutgoingGrid, Table};
+use super::{ExitPositions, OutgoingGrid, Table};
 use crate::Result;
 use crate::file::{Axis, Check, FileKind, Reader, Summary, VERSION, Writer, invalid, read_bytes, write_atomic};
 use std::path::Path;
 
-const NAMES: [&str; 14] = [
+const NAMES: [&str; 16] = [
     "theta_i",
     "h_um",
     "sigma_per_um",
@@ -20,6 +20,8 @@ const NAMES: [&str; 14] = [
     "noise_high",
     "paths",
     "interactions",
+    "exit",
+    "met",
 ];
 
 /// The JSON document of a table.
@@ -30,6 +32,7 @@ struct Document<'a> {
     program_version: &'a str,
     preset: &'a str,
     seed: u64,
+    plies: u32,
     spec: &'a str,
     axes: [Axis; 5],
     statistics: Statistics,
@@ -53,7 +56,13 @@ struct Loaded {
     program_version: String,
     preset: String,
     seed: u64,
+    #[serde(default = "one")]
+    plies: u32,
     spec: String,
+}
+
+fn one() -> u32 {
+    1
 }
 
 impl Table {
@@ -94,6 +103,7 @@ impl Table {
             program_version: &self.program_version,
             preset: &self.preset,
             seed: self.seed,
+            plies: self.plies,
             spec: &self.spec_text,
             axes: [
                 Axis::new("theta_i", "rad", m),
@@ -119,6 +129,10 @@ impl Table {
         w.f64("noise_high", &[m, h, k], &self.noise_high);
         w.u64("paths", &[m], &self.paths);
         w.f64("interactions", &[m], &self.interactions);
+        if let Some(e) = &self.exit {
+            w.f32("exit", &[m, h, 1 + k, e.azimuths, e.positions], e.shares.iter().copied());
+            w.f32("met", &[m, e.met.len() / m], e.met.iter().copied());
+        }
         w.finish(name, &document)
     }
 
@@ -146,11 +160,21 @@ impl Table {
         let (m, h, k) = (r.shape("theta_i", 1)?[0], r.shape("h_um", 1)?[0], r.shape("sigma_per_um", 1)?[0]);
         let bins = r.shape("refl", 4)?;
         let (t, p) = (bins[2], bins[3]);
+        let exit = match r.has("exit") || r.has("met") {
+            false => None,
+            true => {
+                let (shape, met) = (r.shape("exit", 5)?, r.shape("met", 2)?);
+                let (azimuths, positions) = (shape[3], shape[4]);
+                let shares = r.f32("exit", &[m, h, 1 + k, azimuths, positions])?;
+                Some(ExitPositions { azimuths, positions, shares, met: r.f32("met", &[m, met[1]])? })
+            }
+        };
         let table = Table {
             spec_text: document.spec,
             program_version: document.program_version,
             preset: document.preset,
             seed: document.seed,
+            plies: document.plies,
             theta_i: r.f64("theta_i", &[m])?,
             h_um: r.f64("h_um", &[h])?,
             sigma_per_um: r.f64("sigma_per_um", &[k])?,
@@ -166,6 +190,7 @@ impl Table {
             noise_high: r.f64("noise_high", &[m, h, k])?,
             paths: r.u64("paths", &[m])?,
             interactions: r.f64("interactions", &[m])?,
+            exit,
         };
         table.check(name)?;
         Ok(table)
@@ -207,6 +232,25 @@ impl Table {
         c.len("high", self.high.len(), &[m, h, k, t, p])?;
         c.range_f32("refl", &self.refl, 0.0, f32::MAX)?;
         c.range_f32("high", &self.high, 0.0, f32::MAX)?;
+        if !(1..=7).contains(&self.plies) {
+            return Err(invalid(name, "plies", self.plies, "expected 1 to 7"));
+        }
+        if let Some(e) = &self.exit {
+            let x = e.met.len() / m;
+            if e.azimuths == 0 || e.positions == 0 || x < 2 {
+                return Err(invalid(name, "exit", "an empty axis", "expected 1 azimuth, 1 position, 2 of met or more"));
+            }
+            c.len("exit", e.shares.len(), &[m, h, 1 + k, e.azimuths, e.positions])?;
+            c.len("met", e.met.len(), &[m, x])?;
+            c.range_f32("exit", &e.shares, 0.0, 1.001)?;
+            c.range_f32("met", &e.met, 0.0, 1.0)?;
+            for (i, shares) in e.shares.chunks_exact(e.positions).enumerate() {
+                let sum: f32 = shares.iter().sum();
+                if (sum - 1.0).abs() > 1e-3 {
+                    return Err(invalid(name, &format!("exit, row {i}"), sum, "expected shares that add up to 1"));
+                }
+            }
+        }
         for (i, e) in self.energy_high.chunks_exact(k).enumerate() {
             let sum = self.r_d[i] + self.energy_refl[i] + e[0];
             if sum > 1.0 + TOLERANCE {

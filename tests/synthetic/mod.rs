@@ -2,7 +2,7 @@
 #![allow(dead_code)]
 
 use plywave::asg::PARAMS;
-use plywave::{OutgoingGrid, PlyData, Table};
+use plywave::{ExitPositions, OutgoingGrid, PlyData, Table};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -133,6 +133,7 @@ pub fn table(seed: u64) -> Table {
         program_version: "0.1.0".to_string(),
         preset: "preview".to_string(),
         seed,
+        plies: 1,
         theta_i: vec![0.0, 0.7, 1.4],
         h_um: vec![-100.0, -50.0, 0.0, 50.0, 100.0],
         sigma_per_um: vec![0.0, 0.01],
@@ -148,5 +149,13 @@ pub fn table(seed: u64) -> Table {
         noise_high: f64s(m * h * k, 1.0),
         paths: vec![1000, 2000, u64::MAX / 8],
         interactions: f64s(m, 13.0),
+        exit: Some(ExitPositions {
+            azimuths: 3,
+            positions: 2,
+            shares: (0..m * h * (1 + k) * 3)
+                .flat_map(|i| [0.125 * (i % 8) as f32, 1.0 - 0.125 * (i % 8) as f32])
+                .collect(),
+            met: (0..m * 4).map(|i| 1.0 / (1.0 + i as f32)).collect(),
+        }),
     }
 }

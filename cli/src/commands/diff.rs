@@ -1,11 +1,11 @@
-//! `plywave diff`: two models compared slice by slice.
+//! `plywave diff`: two models compared slice by slice; tables: `diff_tables.rs`.
 
 use super::{Yarn, on_threads};
 use crate::args::{Cli, DiffArgs};
 use crate::failure::{Failure, Outcome};
 use crate::output;
 use crate::report::{Spread, number};
-use plywave::PlyData;
+use plywave::{FileKind, PlyData};
 use plywave_fit::{DiffTolerance, LobeDrift};
 
 /// Drift of lobes, for the report.
@@ -45,6 +45,12 @@ pub fn run(cli: &Cli, args: &DiffArgs) -> Outcome {
         if !(0.0..).contains(&value) {
             return Err(Failure::input("command line", flag, value, "must be 0 or more"));
         }
+    }
+    if plywave::file_kind(&args.a)? == FileKind::Table {
+        return super::diff_tables::run(cli, args, &tolerance);
+    }
+    if args.max_h_rel.is_some() {
+        return Err(Failure::Input("command line: --max-h-rel is for tables; leave it out".into()));
     }
     let (a, b) = (PlyData::load(&args.a)?, PlyData::load(&args.b)?);
     let yarn = Yarn::of(&args.a, &a.spec_text, &a.h_um)?;

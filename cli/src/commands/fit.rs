@@ -8,12 +8,41 @@ use crate::output;
 use crate::progress::{self, Bar};
 use crate::report::{self, Spread};
 use plywave::{PlyData, Table, YarnSpec};
-use plywave_fit::{FitOptions, Stage};
+use plywave_fit::{FitOptions, Stage, YarnOptions, yarn_table};
 use std::path::Path;
 use std::time::Duration;
 
-/// Fits a model; gives it and the time it took. Without a preset the table's own counts; the spec's lobe numbers go before both.
+/// The table of the yarn when the spec has several plies and `table` is of one of them; gives it and the time it took.
+pub fn yarn_of(cli: &Cli, file: &Path, table: &Table) -> Outcome<Option<(Table, Duration)>> {
+    let spec = YarnSpec::parse(&table.spec_text, &format!("{} (its spec)", file.display()))?;
+    if table.plies > 1 || spec.yarn.plies == 1 {
+        return Ok(None);
+    }
+    progress::install_stop();
+    let bar = Bar::new("yarn", "incidences", cli.quiet);
+    let work = on_threads(cli, || {
+        yarn_table(table, &spec, &YarnOptions::default(), &|done, total| bar.update("yarn", done as u64, total as u64))
+    })?;
+    let time = bar.finish();
+    match work {
+        Ok((yarn, _)) => Ok(Some((yarn, time))),
+        Err(error) => Err(Failure::Input(format!("{}: {error}", file.display()))),
+    }
+}
+
+/// Fits a model; gives it and the time it took. A table of one ply of a yarn of several becomes the yarn's first, so that nothing is fitted
+/// but what the spec describes. Without a preset the table's own counts; the spec's lobe numbers go before both.
 pub fn fit_table(cli: &Cli, file: &Path, table: &Table, preset: Option<Preset>) -> Outcome<(PlyData, Duration)> {
+    match yarn_of(cli, file, table)? {
+        Some((yarn, time)) => {
+            let (data, fit_time) = fit_as_it_is(cli, file, &yarn, preset)?;
+            Ok((data, time + fit_time))
+        }
+        None => fit_as_it_is(cli, file, table, preset),
+    }
+}
+
+fn fit_as_it_is(cli: &Cli, file: &Path, table: &Table, preset: Option<Preset>) -> Outcome<(PlyData, Duration)> {
     let spec = YarnSpec::parse(&table.spec_text, &format!("{} (its spec)", file.display()))?;
     let mut options = match preset.map_or(table.preset.as_str(), |p| p.name()) {
         "preview" => FitOptions::preview(),
@@ -105,8 +134,26 @@ pub fn write_summary(out: &mut dyn std::io::Write, summary: &Summary, time: Dura
 pub fn run(cli: &Cli, args: &FitArgs) -> Outcome {
     let path = args.output.clone().unwrap_or_else(|| output::default_output(&args.table, "pwm"));
     output::check_writable(&path, &[&args.table])?;
+    if let Some(yarn_path) = &args.yarn_table {
+        if *yarn_path == path {
+            let mend = "is where the model goes; name the yarn's table NAME.pwt";
+            return Err(Failure::input("command line", "--yarn-table", path.display(), mend));
+        }
+        output::check_writable(yarn_path, &[&args.table])?;
+    }
     let table = Table::load(&args.table)?;
-    let (data, time) = fit_table(cli, &args.table, &table, args.preset)?;
+    let made = yarn_of(cli, &args.table, &table)?;
+    if let Some(yarn_path) = &args.yarn_table {
+        let Some((yarn, _)) = &made else {
+            let mend = "there is no yarn to make: it takes a table of one ply whose spec has yarn.plies of 2 or more";
+            return Err(Failure::input(args.table.display(), "plies", table.plies, mend));
+        };
+        yarn.save(yarn_path)?;
+    }
+    let yarn_s = made.as_ref().map(|m| m.1.as_secs_f64());
+    let table = made.map_or(table, |m| m.0);
+    let plies = table.plies;
+    let (data, time) = fit_as_it_is(cli, &args.table, &table, args.preset)?;
     data.save(&path)?;
     let summary = Summary::of(&data, time);
     let bytes = std::fs::metadata(&path).map_or(0, |m| m.len());
@@ -116,6 +163,8 @@ pub fn run(cli: &Cli, args: &FitArgs) -> Outcome {
             "bytes": bytes,
             "preset": data.preset,
             "seed": data.seed,
+            "plies": plies,
+            "yarn_s": yarn_s,
         });
         merge(&mut object, &summary);
         return output::print_json(&object);
@@ -125,6 +174,10 @@ pub fn run(cli: &Cli, args: &FitArgs) -> Outcome {
     }
     output::print(|out| {
         writeln!(out, "{}: {}", path.display(), report::bytes(bytes))?;
+        if let Some(seconds) = yarn_s {
+            let time = report::duration(Duration::from_secs_f64(seconds));
+            writeln!(out, "  yarn         {time}: from one ply to {plies}")?;
+        }
         write_summary(out, &summary, time)
     })
 }

@@ -107,6 +107,7 @@ fn table_json(head: &Head, t: &Table) -> Outcome {
     output::print_json(&serde_json::json!({
         "file": head.file, "kind": head.kind, "bytes": head.bytes, "name": head.name,
         "program_version": head.program_version, "preset": head.preset, "seed": head.seed,
+        "plies": t.plies, "exit_positions": t.exit.is_some(),
         "ply_radius_um": head.ply_radius_um,
         "theta_i_deg": head.theta_i_deg, "h_um": head.h_um, "h_rel": head.h_rel, "sigma_per_um": head.sigma_per_um,
         "theta_o_bins": t.grid.theta_o, "phi_o_bins": t.grid.phi_o,
@@ -166,8 +167,15 @@ pub fn yarn_line(spec: &YarnSpec) -> String {
         Some(pitch) => format!("pitch {} um {:?}", number(pitch), spec.ply.handedness),
         None => "no twist".into(),
     };
+    let yarn = match (spec.yarn.plies, spec.yarn.ply_pitch_um) {
+        (1, _) => String::new(),
+        (plies, None) => format!("; yarn of {plies} parallel plies"),
+        (plies, Some(pitch)) => {
+            format!("; yarn of {plies} plies, pitch {} um {:?}", number(pitch), spec.yarn.handedness)
+        }
+    };
     format!(
-        "{} fibers, {shape}, eta {}, alpha_fiber {}; {ply}, {twist}",
+        "{} fibers, {shape}, eta {}, alpha_fiber {}; {ply}, {twist}{yarn}",
         spec.ply.fibers,
         number(spec.fiber.eta),
         number(spec.fiber.alpha_fiber)
@@ -239,6 +247,8 @@ fn energies_text(
 fn table_text(head: &Head, spec: &YarnSpec, t: &Table) -> Outcome {
     output::print(|out| {
         head_text(out, head, spec)?;
+        let scatters = if t.plies == 1 { "one ply".to_string() } else { format!("the yarn of {} plies", t.plies) };
+        writeln!(out, "  scatters     {scatters}")?;
         writeln!(out, "  outgoing     {} x {} bins (theta_o, phi_o)", t.grid.theta_o, t.grid.phi_o)?;
         let paths = t.paths.iter().sum::<u64>() as f64;
         let interactions = Spread::of(t.interactions.iter().copied());

@@ -4,6 +4,7 @@ pub mod build;
 pub mod check;
 pub mod compare;
 pub mod diff;
+pub mod diff_tables;
 pub mod eval;
 pub mod fiber_view;
 pub mod fit;

@@ -1,7 +1,7 @@
 //! `plywave simulate`: spec in, table out.
 
 use super::on_threads;
-use crate::args::{Cli, Preset, RunArgs, SimulateArgs};
+use crate::args::{Cli, Plies, Preset, RunArgs, SimulateArgs};
 use crate::failure::{Failure, Outcome};
 use crate::progress::{self, Bar};
 use crate::{output, report};
@@ -136,7 +136,14 @@ pub fn energy_balance(table: &Table) -> f64 {
 
 /// Runs the command.
 pub fn run(cli: &Cli, args: &SimulateArgs) -> Outcome {
-    let job = Job::new(Some(&args.spec), &args.run)?;
+    let mut job = Job::new(Some(&args.spec), &args.run)?;
+    if args.plies == Plies::Traced {
+        if job.spec.yarn.plies < 2 {
+            let mend = "--plies traced needs 2 or more";
+            return Err(Failure::input(&args.spec.display().to_string(), "yarn.plies", job.spec.yarn.plies, mend));
+        }
+        job.options.traced_plies = true;
+    }
     let path = args.output.clone().unwrap_or_else(|| output::default_output(&args.spec, "pwt"));
     output::check_writable(&path, &[&args.spec])?;
     let parts = parts_of(&path);
@@ -151,6 +158,7 @@ pub fn run(cli: &Cli, args: &SimulateArgs) -> Outcome {
             "name": job.spec.name,
             "preset": table.preset,
             "seed": table.seed,
+            "plies": table.plies,
         });
         merge(&mut object, &summary);
         return output::print_json(&object);

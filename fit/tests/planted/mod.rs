@@ -160,6 +160,7 @@ pub fn table(plan: &Planted) -> Table {
         program_version: "0".into(),
         preset: "planted".into(),
         seed: plan.seed,
+        plies: 1,
         theta_i: theta_i.clone(),
         h_um: h_um.clone(),
         sigma_per_um: plan.sigma_per_um.clone(),
@@ -175,6 +176,7 @@ pub fn table(plan: &Planted) -> Table {
         noise_high: vec![],
         paths: vec![plan.paths.min(1e15) as u64; plan.rows],
         interactions: vec![3.0; plan.rows],
+        exit: None,
     };
     for &theta in &theta_i {
         for &h in &h_um {

@@ -1,0 +1,105 @@
+//! `plywave diff` of two tables: noise-removed distances of their slices and the differences of their energies, per incidence.
+
+use super::{Yarn, on_threads};
+use crate::args::{Cli, DiffArgs};
+use crate::failure::{Failure, Outcome};
+use crate::output;
+use crate::report::number;
+use plywave::Table;
+use plywave_fit::{DiffTolerance, table_distance};
+
+/// Runs the command for tables; `a` is one.
+pub fn run(cli: &Cli, args: &DiffArgs, tolerance: &DiffTolerance) -> Outcome {
+    if args.tol_drift.is_some() {
+        return Err(Failure::Input("command line: --tol-drift is for models; leave it out".into()));
+    }
+    let most = args.max_h_rel.unwrap_or(f64::INFINITY);
+    if !(0.0..).contains(&most) {
+        return Err(Failure::input("command line", "--max-h-rel", most, "must be 0 or more"));
+    }
+    let (a, b) = (Table::load(&args.a)?, Table::load(&args.b)?);
+    let radius_um = Yarn::of(&args.a, &a.spec_text, &a.h_um)?.radius_um;
+    let d = on_threads(cli, || table_distance(&a, &b))?
+        .map_err(|e| Failure::Input(format!("{}: {e}", args.b.display())))?;
+    let (columns, sigmas) = (d.h_um.len(), d.sigma_per_um.len());
+    let counts = |i: &usize| (d.h_um[i % columns] / radius_um).abs() <= most;
+    let incidences: Vec<usize> = (0..d.refl2.len()).filter(counts).collect();
+    if incidences.is_empty() {
+        return Err(Failure::input("command line", "--max-h-rel", most, "leaves no offset; use a larger one"));
+    }
+    let root = |v: f64| (!v.is_nan()).then(|| v.max(0.0).sqrt());
+    let high = |i: usize, k: usize| root(d.high2[i * sigmas + k]);
+    let largest = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
+    // Noise can hide every slice: then nothing is known, and nothing passes.
+    let known = |values: &mut dyn Iterator<Item = Option<f64>>| values.flatten().reduce(f64::max).unwrap_or(f64::NAN);
+    let refl = known(&mut incidences.iter().map(|&i| root(d.refl2[i])));
+    let worst_high: Vec<f64> = (0..sigmas).map(|k| known(&mut incidences.iter().map(|&i| high(i, k)))).collect();
+    let energy_high: Vec<f64> =
+        (0..sigmas).map(|k| largest(&mut incidences.iter().map(|&i| d.energy_high[i * sigmas + k].abs()))).collect();
+    let energy_refl = largest(&mut incidences.iter().map(|&i| d.energy_refl[i].abs()));
+    let r_d = largest(&mut incidences.iter().map(|&i| d.r_d[i].abs()));
+    let energy = largest(&mut energy_high.iter().copied().chain([energy_refl, r_d]));
+    let equal = refl <= tolerance.l2 && worst_high.iter().all(|w| *w <= tolerance.l2) && energy <= tolerance.energy;
+    let printed = if cli.json {
+        let slices: Vec<_> = incidences
+            .iter()
+            .map(|&i| {
+                serde_json::json!({
+                    "theta_i_deg": d.theta_i[i / columns].to_degrees(),
+                    "h_rel": d.h_um[i % columns] / radius_um,
+                    "refl_relative_l2": root(d.refl2[i]),
+                    "high_relative_l2": (0..sigmas).map(|k| high(i, k)).collect::<Vec<_>>(),
+                    "energy_refl": d.energy_refl[i],
+                    "energy_high": d.energy_high[i * sigmas..(i + 1) * sigmas],
+                    "r_d": d.r_d[i],
+                })
+            })
+            .collect();
+        output::print_json(&serde_json::json!({
+            "a": args.a.display().to_string(),
+            "b": args.b.display().to_string(),
+            "plies": [a.plies, b.plies],
+            "sigma_per_um": d.sigma_per_um,
+            "slices": slices,
+            "worst_refl": root(refl * refl),
+            "worst_high": worst_high.iter().map(|w| root(w * w)).collect::<Vec<_>>(),
+            "energy": energy,
+            "tolerance_relative_l2": tolerance.l2,
+            "tolerance_energy": tolerance.energy,
+            "equal": equal,
+        }))
+    } else if !cli.quiet || !equal {
+        output::print(|out| {
+            writeln!(
+                out,
+                "relative L2 of f_refl, then of f_high at each sigma, noise removed; - where noise hides it"
+            )?;
+            write!(out, "  theta_i    h/R     refl")?;
+            d.sigma_per_um.iter().try_for_each(|s| write!(out, " {:>8}", number(*s)))?;
+            writeln!(out, "   differences of energy and of r_d")?;
+            for &i in &incidences {
+                let figure = |v: Option<f64>| v.map_or("-".into(), |v| format!("{v:.3}"));
+                let (theta, h) = (d.theta_i[i / columns].to_degrees(), d.h_um[i % columns] / radius_um);
+                write!(out, "  {theta:>7.1} {h:>6.2} {:>8}", figure(root(d.refl2[i])))?;
+                (0..sigmas).try_for_each(|k| write!(out, " {:>8}", figure(high(i, k))))?;
+                write!(out, "   {:+.4}", d.energy_refl[i])?;
+                d.energy_high[i * sigmas..(i + 1) * sigmas].iter().try_for_each(|e| write!(out, " {e:+.4}"))?;
+                writeln!(out, "  {:+.4}", d.r_d[i])?;
+            }
+            write!(out, "  largest        {refl:>8.3}")?;
+            worst_high.iter().try_for_each(|w| write!(out, " {w:>8.3}"))?;
+            writeln!(out, "   {energy:.4}")?;
+            let verdict = if equal { "within" } else { "BEYOND" };
+            writeln!(
+                out,
+                "{verdict} the tolerance: relative L2 {}, energy {}",
+                number(tolerance.l2),
+                number(tolerance.energy)
+            )
+        })
+    } else {
+        Ok(())
+    };
+    // A reader that went away does not turn a difference into a success.
+    if equal { printed } else { Err(Failure::NotHeld) }
+}

@@ -1,0 +1,188 @@
+//! Scattering by a ply of light that another ply sent: a matrix over latitude and offset for each azimuthal frequency (Yu 2025, 5.3).
+//!
+//! Light that travels in direction (theta_o, phi_o) arrives at the latitude theta_i' = -theta_o, and a global azimuth phi is
+//! phi' = phi - phi_o - pi/2 in the ply's frame. So the energy that leaves is
+//!
+//! `E'(theta, phi) = sum over theta_o, h', phi_o of A(theta_o, h', phi_o) F(-theta_o, h'; theta, phi - phi_o - pi/2)`,
+//!
+//! F the table's distribution of light that met the ply: a circular convolution over the azimuth, a product for each of its frequencies.
+
+use super::bins::Overlap;
+use super::geometry::Level;
+use faer::linalg::matmul::matmul;
+use faer::{Accum, MatMut, MatRef, Par};
+use num_complex::Complex;
+use plywave::{OutgoingGrid, Table};
+use rayon::prelude::*;
+use rustfft::{Fft, FftPlanner};
+use std::f64::consts::{FRAC_PI_2, TAU};
+use std::sync::Arc;
+
+type C32 = Complex<f32>;
+
+/// Light that a slice of the table holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Light {
+    /// Reflection-only light.
+    Reflected,
+    /// All light at absorption k.
+    All(usize),
+}
+
+/// The scattering matrices of one [`Light`].
+pub(crate) struct Kernel {
+    level: Level,
+    /// `[frequency][theta_o][h'][theta]`, theta fastest.
+    spectra: Vec<C32>,
+    /// Energy that leaves per energy that arrives, `[theta_o][h']`.
+    #[cfg(test)]
+    pub albedo: Vec<f64>,
+    forward: Arc<dyn Fft<f32>>,
+    inverse: Arc<dyn Fft<f32>>,
+}
+
+/// Buffers of [`Kernel::scatter`].
+#[derive(Default)]
+pub(crate) struct Scratch {
+    spectra: Vec<C32>,
+    out: Vec<C32>,
+    line: Vec<C32>,
+    work: Vec<C32>,
+}
+
+/// Light of a unit of energy that met the ply at latitude `theta_i` (any sign) and offset `h_um`, in coarse bins of the level
+/// with azimuths counted from the light's own direction of travel.
+fn response(table: &Table, light: Light, level: Level, theta_i: f64, h_um: f64) -> Vec<f32> {
+    let width = TAU / level.azimuths as f64;
+    let mirrored = theta_i < 0.0;
+    let overlap = Overlap::new(table.grid, level.rows, level.azimuths, -FRAC_PI_2 - 0.5 * width, mirrored);
+    let (theta, h) = if mirrored { (-theta_i, -h_um) } else { (theta_i, h_um) };
+    let (rows, columns) = (table.theta_i.len(), table.h_um.len());
+    let place = |v: f64, axis: &[f64]| {
+        let last = axis.len() - 1;
+        let at = ((v - axis[0]) / (axis[last] - axis[0]) * last as f64).clamp(0.0, last as f64);
+        let i = (at as usize).min(last - 1);
+        (i, at - i as f64)
+    };
+    let ((m, s), (n, t)) = (place(theta, &table.theta_i), place(h, &table.h_um));
+    let mut out = vec![0.0f32; level.rows * level.azimuths];
+    let mut met = 0.0;
+    let nodes = [(0, 0, (1.0 - s) * (1.0 - t)), (0, 1, (1.0 - s) * t), (1, 0, s * (1.0 - t)), (1, 1, s * t)];
+    for (a, b, weight) in nodes.into_iter().filter(|node| node.2 > 0.0) {
+        let (m, n) = ((m + a).min(rows - 1), (n + b).min(columns - 1));
+        met += weight * (1.0 - table.r_d[m * columns + n]);
+        overlap.add(table.refl_slice(m, n), weight, &mut out);
+        if let Light::All(k) = light {
+            overlap.add(table.high_slice(m, n, k), weight, &mut out);
+        }
+    }
+    let unit = (1.0 / met.max(1e-6)) as f32;
+    out.iter_mut().for_each(|v| *v *= unit);
+    out
+}
+
+impl Kernel {
+    pub fn new(table: &Table, light: Light, level: Level, reach_um: f64) -> Kernel {
+        let (rows, azimuths, offsets) = (level.rows, level.azimuths, level.offsets);
+        let sphere = OutgoingGrid { theta_o: rows, phi_o: azimuths };
+        let mut planner = FftPlanner::new();
+        let (forward, inverse) = (planner.plan_fft_forward(azimuths), planner.plan_fft_inverse(azimuths));
+        let frequencies = azimuths / 2 + 1;
+        let inputs = rows * offsets;
+        let responses: Vec<Vec<C32>> = (0..inputs)
+            .into_par_iter()
+            .map(|input| {
+                let (i, x) = (input / offsets, input % offsets);
+                let h = reach_um * ((2 * x + 1) as f64 / offsets as f64 - 1.0);
+                let mut bins: Vec<C32> =
+                    response(table, light, level, -sphere.theta(i), h).into_iter().map(C32::from).collect();
+                bins.chunks_exact_mut(azimuths).for_each(|row| forward.process(row));
+                bins
+            })
+            .collect();
+        let mut spectra = vec![C32::default(); frequencies * inputs * rows];
+        for (input, bins) in responses.iter().enumerate() {
+            for k in 0..frequencies {
+                for r in 0..rows {
+                    spectra[(k * inputs + input) * rows + r] = bins[r * azimuths + k];
+                }
+            }
+        }
+        Kernel {
+            level,
+            #[cfg(test)]
+            albedo: responses.iter().map(|b| b.chunks_exact(azimuths).map(|r| f64::from(r[0].re)).sum()).collect(),
+            spectra,
+            forward,
+            inverse,
+        }
+    }
+
+    /// Energies that leave, `out[cell][theta][phi]`, of those that arrive, `arrivals[cell][theta_o][h'][phi_o]`.
+    pub fn scatter(&self, arrivals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
+        let Level { rows, azimuths, cells, offsets } = self.level;
+        let (frequencies, inputs) = (azimuths / 2 + 1, rows * offsets);
+        scratch.line.resize(azimuths, C32::default());
+        scratch
+            .work
+            .resize(self.forward.get_inplace_scratch_len().max(self.inverse.get_inplace_scratch_len()), C32::default());
+        // Two real lines a transform, one as the imaginary part of the other. `[frequency][cell][theta_o][h']`.
+        scratch.spectra.resize(frequencies * cells * inputs, C32::default());
+        let half = C32::new(0.5, 0.0);
+        let minus_half_i = C32::new(0.0, -0.5);
+        for pair in 0..cells * inputs / 2 {
+            let lines = &arrivals[2 * pair * azimuths..2 * (pair + 1) * azimuths];
+            let (a, b) = lines.split_at(azimuths);
+            if lines.iter().all(|v| *v == 0.0) {
+                for k in 0..frequencies {
+                    scratch.spectra[k * cells * inputs + 2 * pair..][..2].fill(C32::default());
+                }
+                continue;
+            }
+            for ((z, a), b) in scratch.line.iter_mut().zip(a).zip(b) {
+                *z = C32::new(*a, *b);
+            }
+            self.forward.process_with_scratch(&mut scratch.line, &mut scratch.work);
+            for k in 0..frequencies {
+                let (z, w) = (scratch.line[k], scratch.line[(azimuths - k) % azimuths].conj());
+                let to = &mut scratch.spectra[k * cells * inputs + 2 * pair..][..2];
+                (to[0], to[1]) = ((z + w) * half, (z - w) * minus_half_i);
+            }
+        }
+        scratch.out.resize(frequencies * cells * rows, C32::default());
+        for k in 0..frequencies {
+            matmul(
+                MatMut::from_column_major_slice_mut(&mut scratch.out[k * cells * rows..][..cells * rows], rows, cells),
+                Accum::Replace,
+                MatRef::from_column_major_slice(&self.spectra[k * inputs * rows..][..inputs * rows], rows, inputs),
+                MatRef::from_column_major_slice(
+                    &scratch.spectra[k * cells * inputs..][..cells * inputs],
+                    inputs,
+                    cells,
+                ),
+                C32::new(1.0, 0.0),
+                Par::Seq,
+            );
+        }
+        let scale = 1.0 / azimuths as f32;
+        let i = C32::new(0.0, 1.0);
+        for pair in 0..cells * rows / 2 {
+            for k in 0..azimuths {
+                let from =
+                    |k: usize| (scratch.out[k * cells * rows + 2 * pair], scratch.out[k * cells * rows + 2 * pair + 1]);
+                scratch.line[k] = if k < frequencies {
+                    let (a, b) = from(k);
+                    a + i * b
+                } else {
+                    let (a, b) = from(azimuths - k);
+                    a.conj() + i * b.conj()
+                };
+            }
+            self.inverse.process_with_scratch(&mut scratch.line, &mut scratch.work);
+            let (a, b) = out[2 * pair * azimuths..2 * (pair + 1) * azimuths].split_at_mut(azimuths);
+            for ((z, a), b) in scratch.line.iter().zip(a).zip(b) {
+                (*a, *b) = (z.re * scale, z.im * scale);
+            }
+        }
+    }
+}

@@ -1,0 +1,91 @@
+//! How far two tables of one yarn are apart, their noise removed: the model of a yarn against the path-traced yarn.
+
+use crate::fit::{FitError, check_table};
+use crate::fit_errors::excess2;
+use plywave::Table;
+
+/// Distances at the incidences and absorptions that both tables hold.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TableDistance {
+    /// `[M]`: incident latitudes [rad].
+    pub theta_i: Vec<f64>,
+    /// `[H]`: offsets [um].
+    pub h_um: Vec<f64>,
+    /// `[K]`: absorptions [1/um].
+    pub sigma_per_um: Vec<f64>,
+    /// `[M][H]`: squared relative L2 distance of f_refl, the noise of both taken off; below zero where it is less than expected, NaN where noise hides it.
+    pub refl2: Vec<f64>,
+    /// `[M][H][K]`: the same of f_high.
+    pub high2: Vec<f64>,
+    /// `[M][H]`: energy of the first less that of the second, f_refl.
+    pub energy_refl: Vec<f64>,
+    /// `[M][H][K]`: the same of f_high.
+    pub energy_high: Vec<f64>,
+    /// `[M][H]`: the same of r_d.
+    pub r_d: Vec<f64>,
+}
+
+/// Distance of `a` to `b`, relative to `b`. Bins must be the same, incidences and absorptions need to be in part.
+///
+/// # Errors
+/// [`FitError::Axes`] when bins differ or nothing is common to an axis, [`FitError::Table`].
+pub fn table_distance(a: &Table, b: &Table) -> Result<TableDistance, FitError> {
+    check_table(a)?;
+    check_table(b)?;
+    if a.grid != b.grid {
+        return Err(FitError::Axes { axis: "theta_o, phi_o", model: a.grid.len(), table: b.grid.len() });
+    }
+    let common = |axis: &'static str, x: &[f64], y: &[f64]| -> Result<Vec<(usize, usize)>, FitError> {
+        let near = |u: f64, v: f64| (u - v).abs() <= 1e-9 * (1.0 + u.abs());
+        let pairs: Vec<_> =
+            (0..x.len()).filter_map(|i| y.iter().position(|v| near(x[i], *v)).map(|j| (i, j))).collect();
+        if pairs.is_empty() {
+            return Err(FitError::Axes { axis, model: x.len(), table: y.len() });
+        }
+        Ok(pairs)
+    };
+    let theta = common("theta_i", &a.theta_i, &b.theta_i)?;
+    let h = common("h_um", &a.h_um, &b.h_um)?;
+    let sigma = common("sigma_per_um", &a.sigma_per_um, &b.sigma_per_um)?;
+    let mut out = TableDistance {
+        theta_i: theta.iter().map(|p| a.theta_i[p.0]).collect(),
+        h_um: h.iter().map(|p| a.h_um[p.0]).collect(),
+        sigma_per_um: sigma.iter().map(|p| a.sigma_per_um[p.0]).collect(),
+        refl2: Vec::new(),
+        high2: Vec::new(),
+        energy_refl: Vec::new(),
+        energy_high: Vec::new(),
+        r_d: Vec::new(),
+    };
+    for &(ma, mb) in &theta {
+        for &(na, nb) in &h {
+            let (ia, ib) = (ma * a.h_um.len() + na, mb * b.h_um.len() + nb);
+            let distance = |x: &[f32], y: &[f32], noise: [f64; 2]| -> f64 {
+                let (mut apart, mut norm) = (0.0, 0.0);
+                for i in 0..a.grid.theta_o {
+                    let row = i * a.grid.phi_o..(i + 1) * a.grid.phi_o;
+                    let (mut d, mut n) = (0.0, 0.0);
+                    for (u, v) in x[row.clone()].iter().zip(&y[row]) {
+                        d += f64::from(u - v).powi(2);
+                        n += f64::from(*v).powi(2);
+                    }
+                    apart += a.grid.solid_angle(i) * d;
+                    norm += a.grid.solid_angle(i) * n;
+                }
+                // The first's noise is in the distance alone.
+                excess2(apart - noise[0], norm, noise[1]).unwrap_or(f64::NAN)
+            };
+            out.r_d.push(a.r_d[ia] - b.r_d[ib]);
+            out.energy_refl.push(a.energy_refl[ia] - b.energy_refl[ib]);
+            let noise = [a.noise_refl[ia], b.noise_refl[ib]];
+            out.refl2.push(distance(a.refl_slice(ma, na), b.refl_slice(mb, nb), noise));
+            for &(ka, kb) in &sigma {
+                let (ia, ib) = (ia * a.sigma_per_um.len() + ka, ib * b.sigma_per_um.len() + kb);
+                out.energy_high.push(a.energy_high[ia] - b.energy_high[ib]);
+                let noise = [a.noise_high[ia], b.noise_high[ib]];
+                out.high2.push(distance(a.high_slice(ma, na, ka), b.high_slice(mb, nb, kb), noise));
+            }
+        }
+    }
+    Ok(out)
+}

@@ -1,0 +1,257 @@
+//! What the paths of a shard meet: one ply, or the whole yarn of P plies, seen from its ply 0.
+//!
+//! *One ply.* Each path turns it about z and shifts it along z at random.
+//!
+//! *The yarn* (the brute-force twin of the multi-ply model, Yu 2025, 5.3): plies lie parallel on their circle about the yarn's axis, ply 0 with
+//! its axis in the origin, at the azimuth psi about the yarn's axis; every ply is turned and shifted at random on its own, and psi is drawn for
+//! each path. For offset h only those psi count at which the line x = h meets ply 0 first ([`PlyRing::is_valid`]). As one path serves
+//! every h, it counts for h by valid(psi, h)/V(h), V(h) the fraction of psi that is valid. Psi follows the golden ratio from path to path, which
+//! with the stratified lateral position covers the rectangle (x, psi) evenly.
+
+use crate::dielectric::{RoughDielectric, sin_cos_turn};
+use crate::path::{PathEnd, trace_path};
+use crate::shard::Incidence;
+use crate::tracer::{Hit, Medium, Trace, Tracer};
+use nalgebra::{Vector2, Vector3};
+use plywave::PlyRing;
+use rand::{Rng, RngExt};
+use std::f64::consts::TAU;
+
+/// Step of psi from path to path, in turns: the golden ratio.
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
+/// Most plies of a yarn.
+const MOST_PLIES: usize = 7;
+/// Fibers that a ply may have, in the yarn's numbers of fibers.
+const FIBERS: u32 = 1 << 16;
+
+/// The yarn's plies and the psi that are valid for each h.
+pub(crate) struct YarnTwin {
+    ring: PlyRing,
+    /// `[h]`: valid ranges of psi, and their share of a turn.
+    valid: Vec<(Vec<(f64, f64)>, f64)>,
+}
+
+impl YarnTwin {
+    pub fn new(ring: PlyRing, h_um: &[f64]) -> YarnTwin {
+        let valid = h_um
+            .iter()
+            .map(|&h| {
+                let ranges = ring.valid_ranges(h);
+                let share = ranges.iter().map(|r| r.1 - r.0).sum::<f64>() / TAU;
+                (ranges, share)
+            })
+            .collect();
+        YarnTwin { ring, valid }
+    }
+
+    /// valid(psi, h)/V(h) of every h.
+    fn shares(&self, psi: f64, shares: &mut [f64]) {
+        for (share, (ranges, total)) in shares.iter_mut().zip(&self.valid) {
+            let valid = ranges.iter().any(|r| r.0 <= psi && psi < r.1);
+            *share = if valid { 1.0 / total } else { 0.0 };
+        }
+    }
+}
+
+/// What paths meet.
+pub(crate) enum Target<'a> {
+    /// One ply.
+    Ply(&'a dyn Tracer),
+    /// The yarn of these plies, one tracer each, and where psi starts in this shard [turns].
+    Yarn(&'a YarnTwin, Vec<&'a dyn Tracer>, f64),
+}
+
+impl Target<'_> {
+    /// Half of the width over which lateral positions are drawn [um]: all rays that can meet the ply or yarn, their sideways tilt in the xy plane up to
+    /// 5 standard deviations (at most 1 rad) included, but no further than beams reach: `beam_sds` standard deviations beyond the last h.
+    pub fn half_width(&self, at: &Incidence<'_>, beam_sds: f64) -> f64 {
+        let tilt = (5.0 * at.beam.angular_sd_rad() / at.theta_i.cos().max(1e-3)).min(1.0);
+        match self {
+            Target::Ply(tracer) => f64::from(tracer.bound_radius_um()) / tilt.cos(),
+            Target::Yarn(yarn, tracers, _) => {
+                let bound = tracers.iter().map(|t| f64::from(t.bound_radius_um())).fold(0.0, f64::max);
+                let last = at.h_um.iter().fold(0.0, |a: f64, h| a.max(h.abs()));
+                ((2.0 * yarn.ring.circle_um + bound) / tilt.cos()).min(last + beam_sds * at.beam.sd_um())
+            }
+        }
+    }
+
+    /// Walk path number `i`, which would pass through (x, 0) at the origin's height in direction `dir`, to its end. Directions and places are
+    /// those of the beam's frame. True when the path counts for each h by `shares`, else it counts as it is.
+    pub fn walk<R: Rng>(
+        &self,
+        i: u64,
+        x: f64,
+        dir: Vector3<f32>,
+        surface: &RoughDielectric,
+        rng: &mut R,
+        shares: &mut [f64],
+    ) -> (PathEnd, bool) {
+        match self {
+            Target::Ply(tracer) => (walk_ply(*tracer, x as f32, dir, surface, rng), false),
+            Target::Yarn(yarn, tracers, start) => {
+                let psi = TAU * (start + GOLDEN * i as f64).fract();
+                yarn.shares(psi, shares);
+                if shares.iter().all(|s| *s == 0.0) {
+                    return (PathEnd::Miss, true);
+                }
+                (walk_yarn(yarn.ring, tracers, psi, x, dir, surface, rng), true)
+            }
+        }
+    }
+}
+
+fn walk_ply<R: Rng>(tracer: &dyn Tracer, x: f32, dir: Vector3<f32>, surface: &RoughDielectric, rng: &mut R) -> PathEnd {
+    // Entry into the bounding cylinder of the ray through (x, 0, z) on the beam's waist.
+    let z = rng.random::<f32>() * tracer.period_um();
+    let (sin, cos) = sin_cos_turn(rng.random::<f32>());
+    let turn = |v: Vector3<f32>| Vector3::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y, v.z);
+    let back = |v: Vector3<f32>| Vector3::new(cos * v.x + sin * v.y, cos * v.y - sin * v.x, v.z);
+    let Some(s) = entry(Vector2::new(x, 0.0), dir, tracer.bound_radius_um()) else { return PathEnd::Miss };
+    let p = Vector3::new(x + s * dir.x, s * dir.y, z + s * dir.z);
+    match trace_path(tracer, surface, turn(p), turn(dir), rng) {
+        PathEnd::Reflected { dir, pos, interactions } => {
+            PathEnd::Reflected { dir: back(dir), pos: back(pos), interactions }
+        }
+        PathEnd::High { dir, pos, length_um, interactions } => {
+            PathEnd::High { dir: back(dir), pos: back(pos), length_um, interactions }
+        }
+        other => other,
+    }
+}
+
+fn walk_yarn<R: Rng>(
+    ring: PlyRing,
+    tracers: &[&dyn Tracer],
+    psi: f64,
+    x: f64,
+    dir: Vector3<f32>,
+    surface: &RoughDielectric,
+    rng: &mut R,
+) -> PathEnd {
+    let placed = std::array::from_fn(|p| {
+        let tracer = tracers[p % tracers.len()];
+        let shift = rng.random::<f32>() * tracer.period_um();
+        let (sin, cos) = sin_cos_turn(rng.random::<f32>());
+        let center = ring.center(p as u32, psi);
+        Placed { tracer, center: Vector2::new(center[0] as f32, center[1] as f32), sin, cos, shift }
+    });
+    let yarn = Yarn { placed, plies: ring.plies as usize };
+    let (dx, dy) = (f64::from(dir.x), f64::from(dir.y));
+    // Entry into the first bounding cylinder, in f64: at grazing incidence it lies far from the beam's waist.
+    let first = (0..ring.plies)
+        .filter_map(|p| {
+            let [cx, cy] = ring.center(p, psi);
+            let bound = f64::from(yarn.placed[p as usize].tracer.bound_radius_um());
+            let (qx, qy) = (x - cx, -cy);
+            let (a, b) = (dx * dx + dy * dy, qx * dx + qy * dy);
+            let disc = b * b - a * (qx * qx + qy * qy - bound * bound);
+            (disc > 0.0).then(|| (-b - disc.sqrt()) / a)
+        })
+        .fold(f64::INFINITY, f64::min);
+    if first == f64::INFINITY {
+        return PathEnd::Miss;
+    }
+    // The height along z is any: every ply has its own random shift.
+    let p = Vector3::new((x + first * dx) as f32, (first * dy) as f32, 0.0);
+    trace_path(&yarn, surface, p, dir, rng)
+}
+
+/// A ply in its place: its tracer's frame is turned, moved and shifted.
+struct Placed<'a> {
+    tracer: &'a dyn Tracer,
+    center: Vector2<f32>,
+    sin: f32,
+    cos: f32,
+    shift: f32,
+}
+
+impl Placed<'_> {
+    fn turn(&self, v: Vector3<f32>) -> Vector3<f32> {
+        Vector3::new(self.cos * v.x - self.sin * v.y, self.sin * v.x + self.cos * v.y, v.z)
+    }
+
+    fn trace(&self, p: usize, pos: Vector3<f32>, dir: Vector3<f32>, medium: Medium) -> Trace {
+        let there = Vector3::new(pos.x - self.center.x, pos.y - self.center.y, pos.z + self.shift);
+        match self.tracer.trace(self.turn(there), self.turn(dir), medium) {
+            Trace::Hit(hit) => {
+                let n = hit.normal;
+                let normal = Vector3::new(self.cos * n.x + self.sin * n.y, self.cos * n.y - self.sin * n.x, n.z);
+                Trace::Hit(Hit { normal, fiber: p as u32 * FIBERS + hit.fiber, ..hit })
+            }
+            other => other,
+        }
+    }
+}
+
+/// A yarn of placed plies.
+struct Yarn<'a> {
+    placed: [Placed<'a>; MOST_PLIES],
+    plies: usize,
+}
+
+impl Tracer for Yarn<'_> {
+    fn bound_radius_um(&self) -> f32 {
+        self.placed[..self.plies].iter().map(|p| p.center.norm() + p.tracer.bound_radius_um()).fold(0.0, f32::max)
+    }
+
+    fn period_um(&self) -> f32 {
+        f32::INFINITY
+    }
+
+    fn trace(&self, pos: Vector3<f32>, dir: Vector3<f32>, medium: Medium) -> Trace {
+        if let Medium::Fiber(f) | Medium::Lumen(f) = medium {
+            let p = (f / FIBERS) as usize;
+            let own = match medium {
+                Medium::Lumen(f) => Medium::Lumen(f % FIBERS),
+                _ => Medium::Fiber(f % FIBERS),
+            };
+            return self.placed[p].trace(p, pos, dir, own);
+        }
+        // Plies in the order in which the ray enters their bounding cylinders.
+        let mut order = [(f32::INFINITY, 0usize); MOST_PLIES];
+        let mut count = 0;
+        for (p, ply) in self.placed[..self.plies].iter().enumerate() {
+            let from = pos.xy() - ply.center;
+            let bound = ply.tracer.bound_radius_um();
+            // A ray that starts on a bounding cylinder may be a rounding beyond it.
+            let at = match entry(from, dir, bound) {
+                _ if from.norm_squared() <= bound * bound => 0.0,
+                Some(s) if from.dot(&dir.xy()) < 0.0 => s.max(0.0),
+                _ => continue,
+            };
+            let mut k = count;
+            while k > 0 && order[k - 1].0 > at {
+                order[k] = order[k - 1];
+                k -= 1;
+            }
+            order[k] = (at, p);
+            count += 1;
+        }
+        let mut first: Option<Hit> = None;
+        for &(at, p) in &order[..count] {
+            if first.is_some_and(|hit| hit.t_um <= at) {
+                break;
+            }
+            match self.placed[p].trace(p, pos + dir * at, dir, Medium::Air) {
+                Trace::Hit(hit) => {
+                    let hit = Hit { t_um: hit.t_um + at, ..hit };
+                    if first.is_none_or(|known| hit.t_um < known.t_um) {
+                        first = Some(hit);
+                    }
+                }
+                Trace::Escaped => {}
+                Trace::Lost => return Trace::Lost,
+            }
+        }
+        first.map_or(Trace::Escaped, Trace::Hit)
+    }
+}
+
+/// Distance along a ray from `q` in the xy plane at which it enters the circle of radius `bound` about the origin; negative behind it, None
+/// when it passes by.
+fn entry(q: Vector2<f32>, dir: Vector3<f32>, bound: f32) -> Option<f32> {
+    let (a, b) = (dir.x * dir.x + dir.y * dir.y, q.x * dir.x + q.y * dir.y);
+    let disc = b * b - a * (q.norm_squared() - bound * bound);
+    (disc > 0.0).then(|| (-b - disc.sqrt()) / a)
+}
