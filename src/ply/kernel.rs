@@ -24,6 +24,23 @@ impl<const N: usize> Energies<N> {
     pub(super) const MISS: Self = Energies { r_d: 1.0, refl: 0.0, high: [0.0; N] };
 }
 
+/// What the lobes answer in one direction, and the light they leave.
+#[derive(Clone, Copy)]
+pub(super) struct Core<const N: usize> {
+    pub(super) refl: f32,
+    pub(super) high: [f32; N],
+    /// Density of sampling the direction; 0 where it was not asked for.
+    pub(super) pdf: f32,
+    pub(super) r_d: f32,
+    /// Chance that a sample is of the missed light.
+    pub(super) missed: f32,
+}
+
+impl<const N: usize> Core<N> {
+    /// Of a beam beyond the nodes.
+    pub(super) const MISS: Self = Core { refl: 0.0, high: [0.0; N], pdf: 0.0, r_d: 1.0, missed: 1.0 };
+}
+
 /// Interpolation at one incidence.
 #[derive(Clone, Copy)]
 pub(super) struct Place {
@@ -568,7 +585,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
 
     /// Axes, widths and amplitudes of the lobes.
     #[inline(always)]
-    pub(super) fn shapes<const FMA: bool>(&self, bandwidth: (f32, f32)) -> Shapes<L> {
+    fn shapes<const FMA: bool>(&self, bandwidth: (f32, f32)) -> Shapes<L> {
         let (params, zero) = (&self.params, [0.0; L]);
         let mut x = Shapes { axes: [zero; PARAMS], s1: zero, s2: zero, norm: zero, amplitude: zero };
         for i in 0..L {
@@ -621,7 +638,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
 
     /// Mean scattered energy plus the missed: what a sample is chosen from.
     #[inline(always)]
-    pub(super) fn total(&self) -> f32 {
+    fn total(&self) -> f32 {
         mean_sum(self.energies.refl, &self.energies.high) + self.energies.r_d
     }
 
@@ -700,10 +717,11 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         (sum > 0.0).then_some(passed as usize & (L - 1))
     }
 
-    /// r_d.
+    /// With what the lobes leave.
     #[inline(always)]
-    pub(super) fn missed(&self) -> f32 {
-        self.energies.r_d
+    pub(super) fn core(&self, refl: f32, high: [f32; N], pdf: f32) -> Core<N> {
+        let (r_d, total) = (self.energies.r_d, self.total());
+        Core { refl, high, pdf, r_d, missed: if total > 0.0 { r_d / total } else { 0.0 } }
     }
 
     /// A direction, f_refl, f_high and pdf there; `None` for the light that missed. Of a mixture whose lobes have no shapes yet: the lobe is
