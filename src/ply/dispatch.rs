@@ -2,7 +2,7 @@
 //!
 //! Each of these functions is one inlined copy of the arithmetic. Models beyond the small tables take one portable copy.
 
-use super::kernel::{Core, Energies, energies, mixture, sum, weights};
+use super::kernel::{Core, Energies, SlitSample, Taken, energies, mixture, sum, weights};
 use super::layout::{Layout, SMALL, Tables};
 use super::{MAX_LOBES, MAX_PATHS, Queries, batch};
 use multiversion::{multiversion, target::target_cfg_f};
@@ -112,5 +112,21 @@ kernel!(
     |tables, FMA, _L| match energies::<FMA, _, _, _, N>(tables, theta_i, h_um, &sigma) {
         Some(e) => e,
         None => Energies::MISS,
+    }
+);
+kernel!(
+    run_slit_eval, slit_eval_small, slit_eval_large,
+    (share: f32, theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> (Core<N>, Taken<N>),
+    |tables, FMA, L| match weights::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
+        Some(mut m) => m.slit_eval_pdf::<FMA>(tables.bandwidth, (share, theta_i), wo),
+        None => (Core::MISS, Taken { energy: [0.0; N], chance: 0.0 }),
+    }
+);
+kernel!(
+    run_slit_sample, slit_sample_small, slit_sample_large,
+    (share: f32, theta_i: f32, h_um: f32, sigma: [f32; N], u: [f32; 3]) -> SlitSample,
+    |tables, FMA, L| match weights::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
+        Some(mut m) => m.slit_sample::<FMA>(tables.bandwidth, (share, theta_i), u),
+        None => SlitSample::Missed(u[0]),
     }
 );

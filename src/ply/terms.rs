@@ -1,8 +1,8 @@
 //! All terms of the model at once: what met fibers, and what passed beside the ply and was diffracted at its edge.
 
-use super::kernel::{Core, unit};
+use super::kernel::{Core, SlitSample, unit};
 use super::{dispatch, edge};
-use crate::{PlyModel, PlyTerms};
+use crate::{PlyModel, PlyTerms, Slit};
 
 impl PlyModel {
     /// Whether the model has edge lobes.
@@ -67,6 +67,48 @@ impl PlyModel {
         Some((wo, self.terms_pdf(theta_i, h_um, sigma_per_um, lambda_um, wo)))
     }
 
+    /// [`PlyModel::terms_pdf`] of a ply whose forward light has a part that small slits diffract (Yu 2025, 7.3).
+    pub fn terms_slit<const N: usize>(
+        &self,
+        slit: &Slit,
+        theta_i: f32,
+        h_um: f32,
+        sigma_per_um: [f32; N],
+        lambda_um: [f32; N],
+        wo: [f32; 3],
+    ) -> PlyTerms<N> {
+        let (core, taken) = dispatch::run_slit_eval(&self.layout, slit.share(), theta_i, h_um, sigma_per_um, wo);
+        let mut terms = self.with_edge_pdf(&core, theta_i, h_um, lambda_um, wo);
+        let (light, pdf) = slit.eval_pdf(theta_i, lambda_um, wo);
+        for k in 0..N {
+            terms.slit[k] = taken.energy[k] * light[k];
+        }
+        terms.pdf += taken.chance * pdf;
+        terms
+    }
+
+    /// [`PlyModel::sample_terms`] of what [`PlyModel::terms_slit`] gives.
+    pub fn sample_slit<const N: usize>(
+        &self,
+        slit: &Slit,
+        theta_i: f32,
+        h_um: f32,
+        sigma_per_um: [f32; N],
+        lambda_um: [f32; N],
+        u: [f32; 3],
+    ) -> Option<([f32; 3], PlyTerms<N>)> {
+        let u = unit(u);
+        let wo = match dispatch::run_slit_sample(&self.layout, slit.share(), theta_i, h_um, sigma_per_um, u) {
+            SlitSample::Lobe(wo) => wo,
+            SlitSample::Slit(left) => slit.sample(theta_i, lambda_um, unit([left, u[1], u[2]]))?,
+            SlitSample::Missed(left) => {
+                edge::sample(self.edge.as_ref()?, theta_i, h_um, &lambda_um, unit([left, u[1], u[2]]))?
+            }
+            SlitSample::None => return None,
+        };
+        Some((wo, self.terms_slit(slit, theta_i, h_um, sigma_per_um, lambda_um, wo)))
+    }
+
     fn with_edge_pdf<const N: usize>(
         &self,
         core: &Core<N>,
@@ -91,5 +133,5 @@ fn join<const N: usize>(core: &Core<N>, light: [f32; N], pdf: f32) -> PlyTerms<N
     for f in &mut edge {
         *f *= core.r_d;
     }
-    PlyTerms { refl: core.refl, high: core.high, edge, pdf: core.pdf + core.missed * pdf }
+    PlyTerms { refl: core.refl, high: core.high, edge, slit: [0.0; N], pdf: core.pdf + core.missed * pdf }
 }
