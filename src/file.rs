@@ -239,11 +239,6 @@ impl<'a> Reader<'a> {
         Ok((Reader { file, kind, metadata, data: &bytes[8 + n..] }, document))
     }
 
-    /// Whether the file has the tensor `name`.
-    pub(crate) fn has(&self, name: &str) -> bool {
-        self.metadata.info(name).is_some()
-    }
-
     fn info(&self, name: &str) -> Result<(&TensorInfo, &'a [u8])> {
         let info = self
             .metadata

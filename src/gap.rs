@@ -144,6 +144,74 @@ impl<const N: usize> GapIncidence<'_, N> {
         self.gap.y.range((self.xi_i[1] - reach) * per_lambda, (self.xi_i[1] + reach) * per_lambda)
     }
 
+    /// The direction of these components in the plane; not quite in the plane itself, where light leaves on neither side.
+    fn leaving(&self, x: f32, y: f32) -> [f32; 3] {
+        [x, y, -self.side * (1.0 - x * x - y * y).max(1e-12).sqrt()]
+    }
+
+    /// Components x and y of a direction: a wavelength is drawn uniformly, then f_x and f_y from its tabulated spectra, cut to what
+    /// propagates.
+    fn tabulated_sample(&self, u: [f32; 3]) -> (f32, f32) {
+        let k = ((u[0] * N as f32) as usize).min(N.saturating_sub(1));
+        let lambda = self.lambda_um[k];
+        let x = (lambda * self.gap.x.sample(&self.across[k], u[1]) - self.xi_i[0]).clamp(-1.0, 1.0);
+        let y = lambda * self.gap.y.sample(&self.along(x, k), u[2]) - self.xi_i[1];
+        let reach = (1.0 - x * x).max(0.0).sqrt();
+        (x, y.clamp(-reach, reach))
+    }
+
+    /// Density [1/sr] of [`GapIncidence::tabulated_sample`], c_o the cosine out.
+    fn tabulated_pdf(&self, wo: [f32; 3], c_o: f32) -> f32 {
+        let mut sum = 0.0;
+        for k in 0..N {
+            let per_lambda = 1.0 / self.lambda_um[k];
+            let (fx, fy) = ((self.xi_i[0] + wo[0]) * per_lambda, (self.xi_i[1] + wo[1]) * per_lambda);
+            let x = self.gap.x.pdf(&self.across[k], fx);
+            let y = self.gap.y.pdf(&self.along(wo[0], k), fy);
+            sum += x * y * c_o * per_lambda * per_lambda;
+        }
+        sum / N.max(1) as f32
+    }
+
+    /// The spectrum of the aperture without Kirchhoff's cosines, scaled to an integral of 1 over the directions that light can leave in; and
+    /// the density of [`GapIncidence::conserved_sample`].
+    pub(crate) fn conserved(&self, wo: [f32; 3]) -> ([f32; N], f32) {
+        let mut f = [0.0; N];
+        if !self.leaves(wo) || N == 0 {
+            return (f, 0.0);
+        }
+        let (fx, fy) = self.frequencies(wo);
+        let [x, y] = spectra([&self.gap.x.factor, &self.gap.y.factor], [&fx, &fy]);
+        let c_o = wo[2].abs().min(1.0);
+        for k in 0..N {
+            let mass = self.across[k].mass * self.along(wo[0], k).mass;
+            if mass > 1e-12 {
+                f[k] = x[k] * y[k] * c_o / (mass * self.lambda_um[k] * self.lambda_um[k]);
+            }
+        }
+        let pdf = self.tabulated_pdf(wo, c_o);
+        (f, if pdf.is_finite() { pdf } else { 0.0 })
+    }
+
+    /// A direction drawn from [`GapIncidence::conserved`], by numbers in [0, 1).
+    pub(crate) fn conserved_sample(&self, u: [f32; 3]) -> Option<[f32; 3]> {
+        if self.side == 0.0 || N == 0 {
+            return None;
+        }
+        let (x, y) = self.tabulated_sample(u);
+        Some(self.leaving(x, y))
+    }
+
+    /// f_x and f_y of a direction.
+    fn frequencies(&self, wo: [f32; 3]) -> ([f32; N], [f32; N]) {
+        let (mut fx, mut fy) = ([0.0; N], [0.0; N]);
+        for k in 0..N {
+            fx[k] = (self.xi_i[0] + wo[0]) / self.lambda_um[k];
+            fy[k] = (self.xi_i[1] + wo[1]) / self.lambda_um[k];
+        }
+        (fx, fy)
+    }
+
     /// Integral of f at wavelength `k`, over the cells of the tabulated spectra.
     fn energy(&self, k: usize) -> f64 {
         let (lambda, c_i) = (f64::from(self.lambda_um[k]), f64::from(self.xi_i[2].abs().max(LEAST_COSINE)));
@@ -183,11 +251,7 @@ impl<const N: usize> Scatter<N> for GapIncidence<'_, N> {
         if !self.leaves(wo) {
             return f;
         }
-        let (mut fx, mut fy) = ([0.0; N], [0.0; N]);
-        for k in 0..N {
-            fx[k] = (self.xi_i[0] + wo[0]) / self.lambda_um[k];
-            fy[k] = (self.xi_i[1] + wo[1]) / self.lambda_um[k];
-        }
+        let (fx, fy) = self.frequencies(wo);
         let [x, y] = spectra([&self.gap.x.factor, &self.gap.y.factor], [&fx, &fy]);
         let (c_i, c_o) = (self.xi_i[2].abs().max(LEAST_COSINE), wo[2].abs().min(1.0));
         let both = c_i + c_o;
@@ -203,15 +267,7 @@ impl<const N: usize> Scatter<N> for GapIncidence<'_, N> {
             return 0.0;
         }
         let c_o = wo[2].abs().min(1.0);
-        let mut sum = 0.0;
-        for k in 0..N {
-            let per_lambda = 1.0 / self.lambda_um[k];
-            let (fx, fy) = ((self.xi_i[0] + wo[0]) * per_lambda, (self.xi_i[1] + wo[1]) * per_lambda);
-            let x = self.gap.x.pdf(&self.across[k], fx);
-            let y = self.gap.y.pdf(&self.along(wo[0], k), fy);
-            sum += x * y * c_o * per_lambda * per_lambda;
-        }
-        let pdf = (1.0 - UNIFORM) / N as f32 * sum + UNIFORM / TAU;
+        let pdf = (1.0 - UNIFORM) * self.tabulated_pdf(wo, c_o) + UNIFORM / TAU;
         if pdf.is_finite() { pdf } else { 0.0 }
     }
 
@@ -227,16 +283,9 @@ impl<const N: usize> Scatter<N> for GapIncidence<'_, N> {
             let radius = (1.0 - u[2] * u[2]).max(0.0).sqrt();
             (radius * cos, radius * sin)
         } else {
-            let k = (((u[0] - UNIFORM) * (N as f32 / (1.0 - UNIFORM))) as usize).min(N - 1);
-            let lambda = self.lambda_um[k];
-            let x = (lambda * self.gap.x.sample(&self.across[k], u[1]) - self.xi_i[0]).clamp(-1.0, 1.0);
-            let y = lambda * self.gap.y.sample(&self.along(x, k), u[2]) - self.xi_i[1];
-            let reach = (1.0 - x * x).max(0.0).sqrt();
-            (x, y.clamp(-reach, reach))
+            self.tabulated_sample([(u[0] - UNIFORM) / (1.0 - UNIFORM), u[1], u[2]])
         };
-        // Not quite in the plane, where light leaves on neither side.
-        let z = (1.0 - x * x - y * y).max(1e-12).sqrt();
-        let wo = [x, y, -self.side * z];
+        let wo = self.leaving(x, y);
         let pdf = self.pdf(wo);
         let f = self.eval(wo);
         Some(ScatterSample { wo, weight: f.map(|f| if pdf > 0.0 { f / pdf } else { 0.0 }), pdf })

@@ -10,8 +10,8 @@ mod layout;
 pub mod reference;
 mod terms;
 
+use crate::Result;
 use crate::layers::{LayerFactors, LayerTables};
-use crate::{PlyTerms, Result};
 use layout::Layout;
 use std::path::Path;
 
@@ -204,8 +204,8 @@ impl PlyModel {
 
     /// f_refl + f_high [1/sr] (Yu 2025, Eq. 8) for N absorptions `sigma_per_um` in direction `wo`.
     pub fn eval<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N], wo: [f32; 3]) -> [f32; N] {
-        let (refl, high) = dispatch::run_eval(&self.layout, theta_i, h_um, sigma_per_um, wo);
-        kernel::sum(refl, high)
+        let core = dispatch::run_eval(&self.layout, theta_i, h_um, sigma_per_um, wo);
+        kernel::sum(core.refl, core.high)
     }
 
     /// [`PlyModel::eval`] at each of many queries; 0 where an array of `queries` is shorter than `f`.
@@ -221,50 +221,8 @@ impl PlyModel {
         sigma_per_um: [f32; N],
         wo: [f32; 3],
     ) -> (f32, [f32; N]) {
-        dispatch::run_eval(&self.layout, theta_i, h_um, sigma_per_um, wo)
-    }
-
-    /// All terms of the model in direction `wo`, the light diffracted at the ply's edge (Yu 2025, Eq. 18) at the wavelengths
-    /// `lambda_um` among them, each on its own; `pdf` is left at 0.
-    pub fn eval_terms<const N: usize>(
-        &self,
-        theta_i: f32,
-        h_um: f32,
-        sigma_per_um: [f32; N],
-        lambda_um: [f32; N],
-        wo: [f32; 3],
-    ) -> PlyTerms<N> {
-        dispatch::run_terms(&self.layout, self.edge.as_ref(), theta_i, h_um, sigma_per_um, &lambda_um, wo)
-    }
-
-    /// [`PlyModel::eval_terms`] with the density of [`PlyModel::sample_terms`].
-    pub fn terms_pdf<const N: usize>(
-        &self,
-        theta_i: f32,
-        h_um: f32,
-        sigma_per_um: [f32; N],
-        lambda_um: [f32; N],
-        wo: [f32; 3],
-    ) -> PlyTerms<N> {
-        dispatch::run_terms_pdf(&self.layout, self.edge.as_ref(), theta_i, h_um, sigma_per_um, &lambda_um, wo)
-    }
-
-    /// A direction drawn from all terms, edge light included, with density proportional to their energies averaged over the N
-    /// wavelengths. `None` where nothing is scattered, and for the missed light of a model without edge lobes.
-    pub fn sample_terms<const N: usize>(
-        &self,
-        theta_i: f32,
-        h_um: f32,
-        sigma_per_um: [f32; N],
-        lambda_um: [f32; N],
-        u: [f32; 3],
-    ) -> Option<([f32; 3], PlyTerms<N>)> {
-        dispatch::run_sample_terms(&self.layout, self.edge.as_ref(), theta_i, h_um, sigma_per_um, &lambda_um, u)
-    }
-
-    /// Whether the model has edge lobes.
-    pub fn has_edge(&self) -> bool {
-        self.edge.is_some()
+        let core = dispatch::run_eval(&self.layout, theta_i, h_um, sigma_per_um, wo);
+        (core.refl, core.high)
     }
 
     /// A direction with density proportional to the lobes, each with its energy averaged over the N absorptions. `u` are three
@@ -276,7 +234,8 @@ impl PlyModel {
         sigma_per_um: [f32; N],
         u: [f32; 3],
     ) -> Option<PlySample<N>> {
-        let (wo, f, pdf) = dispatch::run_sample(&self.layout, theta_i, h_um, sigma_per_um, u)?;
+        let (wo, core) = dispatch::run_sample(&self.layout, theta_i, h_um, sigma_per_um, u);
+        let (wo, f, pdf) = (wo?, kernel::sum(core.refl, core.high), core.pdf);
         Some(PlySample { wo, weight: f.map(|f| if pdf > 0.0 { f / pdf } else { 0.0 }), pdf })
     }
 

@@ -1,7 +1,7 @@
 //! The whole ply model: f_refl + f_high + f_edge (Yu 2025, 7.1, all three beam cases), one [`Scatter`] that keeps all light: at sigma = 0
 //! its energy is 1 at every incidence, |h| up to R + d_cut and beyond, where the beam goes on with its own divergence.
 
-use crate::{PlyModel, Scatter, ScatterSample};
+use crate::{PlyModel, Scatter, ScatterSample, Slit};
 
 /// The terms of a ply model in one direction [1/sr].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -12,16 +12,18 @@ pub struct PlyTerms<const N: usize> {
     pub high: [f32; N],
     /// Light that passed beside the ply and was diffracted (Yu 2025, Eq. 18); 0 in a model without edge lobes.
     pub edge: [f32; N],
+    /// Light of f_high that small slits diffract, where there is a [`Slit`]; `high` is then without it.
+    pub slit: [f32; N],
     /// Density of sampling the direction, all terms together [1/sr]; 0 where it was not asked for.
     pub pdf: f32,
 }
 
 impl<const N: usize> PlyTerms<N> {
-    /// f_refl + f_high + f_edge.
+    /// f_refl + f_high + f_edge, and the light of slits.
     pub fn sum(&self) -> [f32; N] {
         let mut f = [0.0; N];
         for k in 0..N {
-            f[k] = self.refl + self.high[k] + self.edge[k];
+            f[k] = self.refl + self.high[k] + self.edge[k] + self.slit[k];
         }
         f
     }
@@ -43,12 +45,18 @@ pub struct WholePly<'a, const N: usize> {
     pub sigma_per_um: [f32; N],
     /// Wavelengths [um].
     pub lambda_um: [f32; N],
+    /// Small gaps between the fibers (Yu 2025, 7.3), for those who want their colors.
+    pub slit: Option<&'a Slit>,
 }
 
 impl<const N: usize> WholePly<'_, N> {
     /// The terms of f in direction `wo`.
     pub fn terms(&self, wo: [f32; 3]) -> PlyTerms<N> {
-        self.model.eval_terms(self.theta_i, self.h_um, self.sigma_per_um, self.lambda_um, wo)
+        let (sigma, lambda) = (self.sigma_per_um, self.lambda_um);
+        match self.slit {
+            Some(slit) => self.model.terms_slit(slit, self.theta_i, self.h_um, sigma, lambda, wo),
+            None => self.model.eval_terms(self.theta_i, self.h_um, sigma, lambda, wo),
+        }
     }
 
     /// f_refl and f_high alone, without the light that passed beside the ply.
@@ -64,11 +72,19 @@ impl<const N: usize> Scatter<N> for WholePly<'_, N> {
     }
 
     fn pdf(&self, wo: [f32; 3]) -> f32 {
-        self.model.terms_pdf(self.theta_i, self.h_um, self.sigma_per_um, self.lambda_um, wo).pdf
+        let (sigma, lambda) = (self.sigma_per_um, self.lambda_um);
+        match self.slit {
+            Some(slit) => self.model.terms_slit(slit, self.theta_i, self.h_um, sigma, lambda, wo).pdf,
+            None => self.model.terms_pdf(self.theta_i, self.h_um, sigma, lambda, wo).pdf,
+        }
     }
 
     fn sample(&self, u: [f32; 3]) -> Option<ScatterSample<N>> {
-        let (wo, terms) = self.model.sample_terms(self.theta_i, self.h_um, self.sigma_per_um, self.lambda_um, u)?;
+        let (sigma, lambda) = (self.sigma_per_um, self.lambda_um);
+        let (wo, terms) = match self.slit {
+            Some(slit) => self.model.sample_slit(slit, self.theta_i, self.h_um, sigma, lambda, u)?,
+            None => self.model.sample_terms(self.theta_i, self.h_um, sigma, lambda, u)?,
+        };
         let pdf = terms.pdf;
         Some(ScatterSample { wo, weight: terms.sum().map(|f| if pdf > 0.0 { f / pdf } else { 0.0 }), pdf })
     }

@@ -5,13 +5,14 @@ mod synthetic;
 
 use plywave::asg::Lobe;
 use plywave::check::check_scatter;
-use plywave::{EdgeLobes, PlyData, PlyIncidence, PlyModel, Scatter, WholePly, beam_mu, direction};
+use plywave::{EdgeLobes, GaussianBeam, PlyData, PlyIncidence, PlyModel, Scatter, Slit, WholePly, beam_mu, direction};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use synthetic::{STANDARD, Sizes, model};
 
 const LAMBDA: [f32; 4] = [0.41, 0.5, 0.6, 0.72];
 const RADIUS: f64 = 110.0;
+const BEAM: GaussianBeam = GaussianBeam { w0_um: 5.0, lambda_um: 0.55, d_cut_um: 10.0 };
 
 /// Edge lobes like those of a beam of waist 5 um: across the ply wider the more of the beam is cut.
 fn edge_lobes() -> EdgeLobes {
@@ -78,7 +79,8 @@ fn every_check_of_a_scatter_passes() {
         (&small, -0.4, 118.0),
         (&m, -0.2, -400.0),
     ] {
-        let s = WholePly { model, theta_i, h_um: h, sigma_per_um: [0.0, 0.003, 0.02, 0.1], lambda_um: LAMBDA };
+        let s =
+            WholePly { model, theta_i, h_um: h, sigma_per_um: [0.0, 0.003, 0.02, 0.1], lambda_um: LAMBDA, slit: None };
         let albedo = s.albedo();
         assert!((albedo[0] - 1.0).abs() < 1e-4, "energy at sigma = 0, theta_i {theta_i}, h {h}: {albedo:?}");
         assert_eq!(s.miss(), 0.0);
@@ -97,7 +99,7 @@ fn without_edge_lobes_missed_light_goes_on() {
         let (theta_i, h_um) = (2.8 * (rng.random::<f32>() - 0.5), 280.0 * (rng.random::<f32>() - 0.5));
         let sigma_per_um = [0.0, 0.01];
         let core = PlyIncidence { model: &m, theta_i, h_um, sigma_per_um };
-        let whole = WholePly { model: &m, theta_i, h_um, sigma_per_um, lambda_um: [0.5, 0.6] };
+        let whole = WholePly { model: &m, theta_i, h_um, sigma_per_um, lambda_um: [0.5, 0.6], slit: None };
         let (u, wo) = (rng.random(), anywhere(&mut rng));
         let near = |a: f32, b: f32| (a - b).abs() <= 1e-5 * a.abs().max(1.0);
         assert!(near(core.eval(wo)[1], whole.eval(wo)[1]) && near(core.pdf(wo), whole.pdf(wo)));
@@ -135,13 +137,15 @@ fn any_input_gives_finite_numbers() {
     let odd = [0.0, -1.0, 1.0, 0.3, 50.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30, f32::MIN_POSITIVE];
     let mut rng = Pcg64Mcg::seed_from_u64(10);
     let mut any = || odd[rng.random_range(0..odd.len())];
-    for _ in 0..5000 {
+    let slit = Slit::new(2.0, 0.25, &BEAM).unwrap();
+    for i in 0..5000 {
         let s = WholePly {
             model: &m,
             theta_i: any(),
             h_um: any(),
             sigma_per_um: [any(), any()],
             lambda_um: [any(), any()],
+            slit: if i % 2 == 0 { Some(&slit) } else { None },
         };
         let wo = [any(), any(), any()];
         let numbers = s.eval(wo).into_iter().chain(s.albedo()).chain([s.pdf(wo), s.miss()]);
@@ -150,5 +154,36 @@ fn any_input_gives_finite_numbers() {
             let numbers = x.wo.into_iter().chain(x.weight).chain([x.pdf]);
             numbers.for_each(|v| assert!(v.is_finite(), "{x:?} {:?} {:?}", s.theta_i, s.h_um));
         }
+    }
+}
+
+/// A slit moves light and loses none, at any absorption; it takes from f_high alone.
+#[test]
+fn slits_keep_the_energy() {
+    let m = PlyModel::from_data(planted(11, STANDARD)).unwrap();
+    let mut rng = Pcg64Mcg::seed_from_u64(12);
+    for (width, share, theta_i, h_um) in [(1.0, 0.25, 0.0, 10.0), (4.0, 1.0, 0.6, -60.0), (2.0, 0.25, -1.1, 112.0)] {
+        let slit = Slit::new(width, share, &BEAM).unwrap();
+        let without =
+            WholePly { model: &m, theta_i, h_um, sigma_per_um: [0.0, 0.03], lambda_um: [0.45, 0.65], slit: None };
+        let with = WholePly { slit: Some(&slit), ..without };
+        assert_eq!(with.albedo(), without.albedo());
+        let r = check_scatter(&with, [0.008, 0.012], 20_000, &mut || rng.random());
+        println!("slit {width} share {share} at {theta_i} {h_um}: {r:?}");
+        assert!(r.furnace_error < 1e-3 && r.pdf_error < 1e-3, "{r:?}");
+        assert!(r.weight_error < 1e-4 && r.sampled_furnace_se < 5.0 && r.chi2_p > 1e-3, "{r:?}");
+        for _ in 0..200 {
+            let wo = anywhere(&mut rng);
+            let (a, b) = (with.terms(wo), without.terms(wo));
+            assert!((a.refl - b.refl).abs() <= 1e-5 * b.refl && a.edge == b.edge);
+            assert!((0..2).all(|k| a.high[k] <= b.high[k] * (1.0 + 1e-5)), "{a:?} {b:?}");
+        }
+        let forward = [0.0, -theta_i.cos(), -theta_i.sin()];
+        assert!(with.terms(forward).slit[0] > 0.0);
+    }
+    for (width, share, key) in
+        [(0.0, 0.2, "width_um"), (6.0, 0.2, "width_um"), (1.0, 1.2, "share"), (1.0, f32::NAN, "share")]
+    {
+        assert!(Slit::new(width, share, &BEAM).unwrap_err().to_string().contains(key));
     }
 }

@@ -2,11 +2,9 @@
 //!
 //! Each of these functions is one inlined copy of the arithmetic. Models beyond the small tables take one portable copy.
 
-use super::edge::EdgeTables;
-use super::kernel::{Energies, energies, mixture, sum, weights};
+use super::kernel::{Core, Energies, SlitSample, Taken, energies, mixture, sum, weights};
 use super::layout::{Layout, SMALL, Tables};
-use super::{MAX_LOBES, MAX_PATHS, Queries, batch, terms};
-use crate::PlyTerms;
+use super::{MAX_LOBES, MAX_PATHS, Queries, batch};
 use multiversion::{multiversion, target::target_cfg_f};
 
 /// The two sizes.
@@ -50,10 +48,13 @@ macro_rules! kernel {
 
 kernel!(
     run_eval, eval_small, eval_large,
-    (theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> (f32, [f32; N]),
+    (theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> Core<N>,
     |tables, FMA, L| match mixture::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
-        Some((m, x)) => m.eval::<FMA>(&x, wo),
-        None => (0.0, [0.0; N]),
+        Some((m, x)) => {
+            let (refl, high) = m.eval::<FMA>(&x, wo);
+            m.core(refl, high, 0.0)
+        }
+        None => Core::MISS,
     }
 );
 kernel!(
@@ -65,14 +66,25 @@ kernel!(
     }
 );
 kernel!(
+    run_eval_pdf, eval_pdf_small, eval_pdf_large,
+    (theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> Core<N>,
+    |tables, FMA, L| match mixture::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
+        Some((m, x)) => {
+            let (refl, high, pdf) = m.eval_pdf::<FMA>(&x, &m.mean::<FMA>(), wo);
+            m.core(refl, high, pdf)
+        }
+        None => Core::MISS,
+    }
+);
+kernel!(
     run_sample, sample_small, sample_large,
-    (theta_i: f32, h_um: f32, sigma: [f32; N], u: [f32; 3]) -> Option<([f32; 3], [f32; N], f32)>,
+    (theta_i: f32, h_um: f32, sigma: [f32; N], u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>),
     |tables, FMA, L| match weights::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
         Some(mut m) => match m.sample::<FMA>(tables.bandwidth, u) {
-            Some((wo, (refl, high, pdf))) => Some((wo, sum(refl, high), pdf)),
-            None => None,
+            Some((wo, (refl, high, pdf))) => (Some(wo), m.core(refl, high, pdf)),
+            None => (None, m.core(0.0, [0.0; N], 0.0)),
         },
-        None => None,
+        None => (None, Core::MISS),
     }
 );
 kernel!(
@@ -103,18 +115,18 @@ kernel!(
     }
 );
 kernel!(
-    run_terms, terms_small, terms_large,
-    (edge: Option<&EdgeTables>, theta_i: f32, h_um: f32, sigma: [f32; N], lambda: &[f32; N], wo: [f32; 3]) -> PlyTerms<N>,
-    |tables, FMA, L| terms::eval::<FMA, _, _, L, _, N>(tables, edge, theta_i, h_um, &sigma, lambda, wo)
+    run_slit_eval, slit_eval_small, slit_eval_large,
+    (share: f32, theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> (Core<N>, Taken<N>),
+    |tables, FMA, L| match weights::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
+        Some(mut m) => m.slit_eval_pdf::<FMA>(tables.bandwidth, (share, theta_i), wo),
+        None => (Core::MISS, Taken { energy: [0.0; N], chance: 0.0 }),
+    }
 );
 kernel!(
-    run_terms_pdf, terms_pdf_small, terms_pdf_large,
-    (edge: Option<&EdgeTables>, theta_i: f32, h_um: f32, sigma: [f32; N], lambda: &[f32; N], wo: [f32; 3]) -> PlyTerms<N>,
-    |tables, FMA, L| terms::pdf::<FMA, _, _, L, _, N>(tables, edge, theta_i, h_um, &sigma, lambda, wo)
-);
-kernel!(
-    run_sample_terms, sample_terms_small, sample_terms_large,
-    (edge: Option<&EdgeTables>, theta_i: f32, h_um: f32, sigma: [f32; N], lambda: &[f32; N], u: [f32; 3])
-        -> Option<([f32; 3], PlyTerms<N>)>,
-    |tables, FMA, L| terms::sample::<FMA, _, _, L, _, N>(tables, edge, theta_i, h_um, &sigma, lambda, u)
+    run_slit_sample, slit_sample_small, slit_sample_large,
+    (share: f32, theta_i: f32, h_um: f32, sigma: [f32; N], u: [f32; 3]) -> SlitSample,
+    |tables, FMA, L| match weights::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
+        Some(mut m) => m.slit_sample::<FMA>(tables.bandwidth, (share, theta_i), u),
+        None => SlitSample::Missed(u[0]),
+    }
 );

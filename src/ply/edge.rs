@@ -5,8 +5,12 @@ use crate::EdgeLobes;
 use crate::asg::MU_MIN;
 use crate::edge::EDGE_MU_MAX;
 use crate::simd::{exp2, fma, max, min};
+use multiversion::{multiversion, target::target_cfg_f};
 use std::f32::consts::{FRAC_1_PI, FRAC_PI_2};
 use std::f64::consts::LOG2_E;
+
+/// Wavelengths side by side: enough that the compiler makes loops over them vector code.
+const LANES: usize = 8;
 
 /// [`EdgeLobes`] laid out for the kernels: f32, bandwidths in the units of `layout.rs`.
 #[derive(Clone, Debug)]
@@ -14,8 +18,10 @@ pub(super) struct EdgeTables {
     radius_um: f32,
     lambda: Axis,
     inside: Axis,
-    /// `[L][E][2]`.
-    nodes: Vec<[f32; 2]>,
+    /// `[E-1][L-1]` of what a cell needs: at e and the next, mu1 and mu2 at lambda, mu1 and mu2 at the next.
+    cells: Vec<[[f32; 4]; 2]>,
+    /// `[E-1]`: least mu1 log2 e and mu2 log2 e of the cells.
+    least: Vec<[f32; 2]>,
     bounds: (f32, f32),
 }
 
@@ -50,59 +56,44 @@ fn stored(ln_mu: f64) -> f32 {
 impl EdgeTables {
     /// From checked lobes.
     pub(super) fn new(d: &EdgeLobes) -> EdgeTables {
-        EdgeTables {
-            radius_um: d.radius_um as f32,
-            lambda: Axis::new(&d.lambda_um),
-            inside: Axis::new(&d.inside_um),
-            nodes: d.ln_mu.as_chunks::<2>().0.iter().map(|m| m.map(stored)).collect(),
-            bounds: (stored(MU_MIN.ln()), stored(EDGE_MU_MAX.ln())),
+        let (nodes_l, nodes_e) = (d.lambda_um.len(), d.inside_um.len());
+        let node = |l: usize, e: usize| [0, 1].map(|c| stored(d.ln_mu[(l * nodes_e + e) * 2 + c]));
+        let (mut cells, mut least) = (Vec::new(), Vec::new());
+        for e in 0..nodes_e - 1 {
+            let row = |l: usize, e: usize| {
+                let ([a, b], [c, d]) = (node(l, e), node(l + 1, e));
+                [a, b, c, d]
+            };
+            cells.extend((0..nodes_l - 1).map(|l| [row(l, e), row(l, e + 1)]));
+            let nodes = || (0..nodes_l).flat_map(|l| [node(l, e), node(l, e + 1)]);
+            least.push([0, 1].map(|c| (2.0 * nodes().map(|m| m[c]).fold(f32::INFINITY, f32::min)).exp2()));
         }
+        let bounds = (stored(MU_MIN.ln()), stored(EDGE_MU_MAX.ln()));
+        let (lambda, inside) = (Axis::new(&d.lambda_um), Axis::new(&d.inside_um));
+        EdgeTables { radius_um: d.radius_um as f32, lambda, inside, cells, least, bounds }
     }
 
-    /// The lobes at one incidence and N wavelengths. An angle that is not a number counts as pi/2, other numbers as the ends of their axes.
+    /// The place of an incidence. An angle that is not a number counts as pi/2, an offset that is none as the edge's first node.
     #[inline(always)]
-    pub(super) fn at<const FMA: bool, const N: usize>(
-        &self,
-        theta_i: f32,
-        h_um: f32,
-        lambda_um: &[f32; N],
-    ) -> Edges<N> {
+    fn at<const FMA: bool>(&self, theta_i: f32, h_um: f32) -> Edge<'_> {
         let theta = max(min(theta_i, FRAC_PI_2), -FRAC_PI_2);
-        let (e, fe) = self.inside.place(self.radius_um - h_um.abs());
-        let per_row = self.inside.last as usize + 1;
-        let (mut s1, mut s2) = ([0.0; N], [0.0; N]);
-        for k in 0..N {
-            let (l, fl) = self.lambda.place(lambda_um[k]);
-            let row = |l: usize| self.nodes.get(l * per_row + e..).and_then(|x| x.first_chunk::<2>());
-            let (Some([a, b]), Some([c, d])) = (row(l), row(l + 1)) else { continue };
-            let mix = |i: usize| {
-                let (low, high) = (a[i] + fe * (b[i] - a[i]), c[i] + fe * (d[i] - c[i]));
-                low + fl * (high - low)
-            };
-            (s1[k], s2[k]) = (mix(0), mix(1));
-        }
-        let (mut norm, mut amplitude) = ([0.0; N], [0.0; N]);
-        for k in 0..N {
-            s1[k] = root_width::<FMA>(s1[k], self.bounds);
-            s2[k] = root_width::<FMA>(s2[k], self.bounds);
-            (norm[k], amplitude[k]) = amplitudes::<FMA>(s1[k], s2[k]);
-        }
-        Edges { theta: sin_cos::<FMA>(theta * FRAC_1_PI), s1, s2, norm, amplitude }
+        let (e, fraction) = self.inside.place(self.radius_um - h_um.abs());
+        Edge { tables: self, theta: sin_cos::<FMA>(theta * FRAC_1_PI), e, fraction }
     }
 }
 
-/// Edge lobes of energy 1 at N wavelengths.
+/// The edge lobes at one incidence, of energy 1.
 #[derive(Clone, Copy)]
-pub(super) struct Edges<const N: usize> {
+struct Edge<'a> {
+    tables: &'a EdgeTables,
     /// Sine and cosine of theta_i.
     theta: (f32, f32),
-    s1: [f32; N],
-    s2: [f32; N],
-    norm: [f32; N],
-    amplitude: [f32; N],
+    /// Cell along e and the place in it.
+    e: usize,
+    fraction: f32,
 }
 
-impl<const N: usize> Edges<N> {
+impl Edge<'_> {
     /// Components along the lobe's axes: x, `(0, -sin, cos)` and the forward direction `(0, -cos, -sin)`.
     #[inline(always)]
     fn project<const FMA: bool>(&self, wo: [f32; 3]) -> [f32; 3] {
@@ -110,40 +101,128 @@ impl<const N: usize> Edges<N> {
         [wo[0], fma::<FMA>(c, wo[2], -s * wo[1]), fma::<FMA>(-c, wo[1], -s * wo[2])]
     }
 
-    /// Values [1/sr] in direction `wo`, of energy 1.
+    /// sqrt(mu1 log2 e) and sqrt(mu2 log2 e) at the W wavelengths from `from` on.
     #[inline(always)]
-    pub(super) fn eval<const FMA: bool>(&self, wo: [f32; 3]) -> [f32; N] {
-        let [u, w, cz] = self.project::<FMA>(wo);
-        let mut value = [0.0; N];
-        for k in 0..N {
-            let (u, w) = (self.s1[k] * u, self.s2[k] * w);
-            value[k] = shape::<FMA>(fma::<FMA>(u, u, w * w), cz) * self.amplitude[k];
+    fn widths<const FMA: bool, const W: usize, const N: usize>(
+        &self,
+        lambda_um: &[f32; N],
+        from: usize,
+    ) -> ([f32; W], [f32; W]) {
+        let t = self.tables;
+        let per_row = t.lambda.last as usize;
+        let (mut s1, mut s2) = ([0.0; W], [0.0; W]);
+        for k in 0..W {
+            if from + k >= N {
+                break;
+            }
+            let (l, fl) = t.lambda.place(lambda_um[from + k]);
+            let Some([low, high]) = t.cells.get(self.e * per_row + l) else { continue };
+            let mut m = [0.0; 4];
+            for i in 0..4 {
+                m[i] = fma::<FMA>(self.fraction, high[i] - low[i], low[i]);
+            }
+            (s1[k], s2[k]) = (fma::<FMA>(fl, m[2] - m[0], m[0]), fma::<FMA>(fl, m[3] - m[1], m[1]));
         }
-        value
+        for k in 0..W {
+            s1[k] = root_width::<FMA>(s1[k], t.bounds);
+            s2[k] = root_width::<FMA>(s2[k], t.bounds);
+        }
+        (s1, s2)
     }
 
-    /// Values, and the mean over the wavelengths of the densities with which [`Edges::sample`] gives `wo`.
+    /// Values [1/sr] in direction `wo`, and the mean over the wavelengths of the densities with which [`Edge::sample`] gives it; that is
+    /// left at 0 without `PDF`.
     #[inline(always)]
-    pub(super) fn eval_pdf<const FMA: bool>(&self, wo: [f32; 3]) -> ([f32; N], f32) {
+    fn eval<const FMA: bool, const PDF: bool, const N: usize>(
+        &self,
+        lambda_um: &[f32; N],
+        wo: [f32; 3],
+    ) -> ([f32; N], f32) {
+        let (mut values, mut pdf) = ([0.0; N], 0.0);
         let [u, w, cz] = self.project::<FMA>(wo);
-        let (mut value, mut density) = ([0.0; N], [0.0; N]);
-        for k in 0..N {
-            let (su, sw) = (self.s1[k] * u, self.s2[k] * w);
-            let q = fma::<FMA>(su, su, sw * sw);
-            let shape = shape::<FMA>(q, cz);
-            let a = (q + 1e-30) / (fma::<FMA>(u, u, w * w) + 1e-30);
-            value[k] = shape * self.amplitude[k];
-            density[k] = shape * self.norm[k] / (1.0 - exp2::<FMA>(-a));
+        let Some([least1, least2]) = self.tables.least.get(self.e) else { return (values, 0.0) };
+        // Where the widest lobe is dark all are; most directions are far from the lobe.
+        let lit = cz > 0.0 && fma::<FMA>(least1 * u, u, least2 * w * w) < 101.0;
+        if !lit {
+            return (values, 0.0);
         }
-        (value, density.iter().sum::<f32>() * (1.0 / N.max(1) as f32))
+        let mut from = 0;
+        while from < N {
+            let (s1, s2) = self.widths::<FMA, LANES, N>(lambda_um, from);
+            let (mut value, mut density) = ([0.0; LANES], [0.0; LANES]);
+            for k in 0..LANES {
+                let (norm, amplitude) = amplitudes::<FMA>(s1[k], s2[k]);
+                let (su, sw) = (s1[k] * u, s2[k] * w);
+                let q = fma::<FMA>(su, su, sw * sw);
+                let shape = shape::<FMA>(q, cz);
+                value[k] = shape * amplitude;
+                if PDF {
+                    let a = (q + 1e-30) / (fma::<FMA>(u, u, w * w) + 1e-30);
+                    density[k] = shape * norm / (1.0 - exp2::<FMA>(-a));
+                }
+            }
+            for k in 0..LANES {
+                if from + k < N {
+                    values[from + k] = value[k];
+                    pdf += density[k];
+                }
+            }
+            from += LANES;
+        }
+        (values, pdf * (1.0 / N.max(1) as f32))
     }
 
     /// A direction: `v` in [0, 1) chooses the wavelength, `u` the place on its disc.
     #[inline(always)]
-    pub(super) fn sample<const FMA: bool>(&self, v: f32, u: [f32; 2]) -> Option<[f32; 3]> {
-        let k = ((v * N as f32) as usize).min(N.checked_sub(1)?);
-        let [x, y, z] = disc_point::<FMA>(self.s1[k], self.s2[k], u[0], u[1]);
+    fn sample<const FMA: bool, const N: usize>(&self, lambda_um: &[f32; N], v: f32, u: [f32; 2]) -> Option<[f32; 3]> {
+        let lambda = *lambda_um.get(((v * N as f32) as usize).min(N.checked_sub(1)?))?;
+        let ([s1], [s2]) = self.widths::<FMA, 1, 1>(&[lambda], 0);
+        let [x, y, z] = disc_point::<FMA>(s1, s2, u[0], u[1]);
         let (s, c) = self.theta;
         Some([x, fma::<FMA>(-s, y, -c * z), fma::<FMA>(c, y, -s * z)])
     }
+}
+
+/// Values [1/sr] of edge light of energy 1.
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
+    "x86_64+avx2+bmi1+bmi2+fma"
+))]
+pub(super) fn eval<const N: usize>(
+    edge: &EdgeTables,
+    theta_i: f32,
+    h_um: f32,
+    lambda_um: &[f32; N],
+    wo: [f32; 3],
+) -> [f32; N] {
+    const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
+    edge.at::<FMA>(theta_i, h_um).eval::<FMA, false, N>(lambda_um, wo).0
+}
+
+/// [`eval`] and the density of [`sample`].
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
+    "x86_64+avx2+bmi1+bmi2+fma"
+))]
+pub(super) fn eval_pdf<const N: usize>(
+    edge: &EdgeTables,
+    theta_i: f32,
+    h_um: f32,
+    lambda_um: &[f32; N],
+    wo: [f32; 3],
+) -> ([f32; N], f32) {
+    const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
+    edge.at::<FMA>(theta_i, h_um).eval::<FMA, true, N>(lambda_um, wo)
+}
+
+/// A direction of edge light, from three numbers in [0, 1); the first chooses the wavelength.
+#[inline]
+pub(super) fn sample<const N: usize>(
+    edge: &EdgeTables,
+    theta_i: f32,
+    h_um: f32,
+    lambda_um: &[f32; N],
+    u: [f32; 3],
+) -> Option<[f32; 3]> {
+    edge.at::<false>(theta_i, h_um).sample::<false, N>(lambda_um, u[0], [u[1], u[2]])
 }

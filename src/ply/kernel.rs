@@ -24,6 +24,39 @@ impl<const N: usize> Energies<N> {
     pub(super) const MISS: Self = Energies { r_d: 1.0, refl: 0.0, high: [0.0; N] };
 }
 
+/// What the lobes answer in one direction, and the light they leave.
+#[derive(Clone, Copy)]
+pub(super) struct Core<const N: usize> {
+    pub(super) refl: f32,
+    pub(super) high: [f32; N],
+    /// Density of sampling the direction; 0 where it was not asked for.
+    pub(super) pdf: f32,
+    pub(super) r_d: f32,
+    /// Chance that a sample is of the missed light.
+    pub(super) missed: f32,
+}
+
+impl<const N: usize> Core<N> {
+    /// Of a beam beyond the nodes.
+    pub(super) const MISS: Self = Core { refl: 0.0, high: [0.0; N], pdf: 0.0, r_d: 1.0, missed: 1.0 };
+}
+
+/// What a slit takes of f_high: energy, and the chance that a sample is of it.
+#[derive(Clone, Copy)]
+pub(super) struct Taken<const N: usize> {
+    pub(super) energy: [f32; N],
+    pub(super) chance: f32,
+}
+
+/// What a sample is of; light of the slit and missed light with what is left of the number that chose it.
+#[derive(Clone, Copy)]
+pub(super) enum SlitSample {
+    Lobe([f32; 3]),
+    Slit(f32),
+    Missed(f32),
+    None,
+}
+
 /// Interpolation at one incidence.
 #[derive(Clone, Copy)]
 pub(super) struct Place {
@@ -568,7 +601,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
 
     /// Axes, widths and amplitudes of the lobes.
     #[inline(always)]
-    pub(super) fn shapes<const FMA: bool>(&self, bandwidth: (f32, f32)) -> Shapes<L> {
+    fn shapes<const FMA: bool>(&self, bandwidth: (f32, f32)) -> Shapes<L> {
         let (params, zero) = (&self.params, [0.0; L]);
         let mut x = Shapes { axes: [zero; PARAMS], s1: zero, s2: zero, norm: zero, amplitude: zero };
         for i in 0..L {
@@ -621,7 +654,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
 
     /// Mean scattered energy plus the missed: what a sample is chosen from.
     #[inline(always)]
-    pub(super) fn total(&self) -> f32 {
+    fn total(&self) -> f32 {
         mean_sum(self.energies.refl, &self.energies.high) + self.energies.r_d
     }
 
@@ -700,10 +733,11 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         (sum > 0.0).then_some(passed as usize & (L - 1))
     }
 
-    /// r_d.
+    /// With what the lobes leave.
     #[inline(always)]
-    pub(super) fn missed(&self) -> f32 {
-        self.energies.r_d
+    pub(super) fn core(&self, refl: f32, high: [f32; N], pdf: f32) -> Core<N> {
+        let (r_d, total) = (self.energies.r_d, self.total());
+        Core { refl, high, pdf, r_d, missed: if total > 0.0 { r_d / total } else { 0.0 } }
     }
 
     /// A direction, f_refl, f_high and pdf there; `None` for the light that missed. Of a mixture whose lobes have no shapes yet: the lobe is
@@ -723,7 +757,19 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         }
         self.scale::<FMA>();
         let mean = self.mean::<FMA>();
-        let i = self.choose::<FMA>(&mean, left)?;
+        self.sample_lobe::<FMA>(bandwidth, &mean, left, u)
+    }
+
+    /// [`Mixture::sample`] where the running sum of the energies passes `left`.
+    #[inline(always)]
+    fn sample_lobe<const FMA: bool>(
+        &self,
+        bandwidth: (f32, f32),
+        mean: &[f32; L],
+        left: f32,
+        u: [f32; 3],
+    ) -> Option<([f32; 3], (f32, [f32; N], f32))> {
+        let i = self.choose::<FMA>(mean, left)?;
         let width = |k: usize| root_width::<FMA>(self.params[k][i], bandwidth);
         let disc = disc_point::<FMA>(width(3), width(4), u[1], u[2]);
         let x = self.shapes::<FMA>(bandwidth);
@@ -734,7 +780,71 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         let along = ct * cz - st * up;
         let z = st * cz + ct * up;
         let wo = mirrored(self.flip, [cp * along - sp * across, sp * along + cp * across, z]);
-        Some((wo, self.eval_pdf::<FMA>(&x, &mean, wo)))
+        Some((wo, self.eval_pdf::<FMA>(&x, mean, wo)))
+    }
+
+    /// Takes the share of each high-order lobe that a slit diffracts (`slit.rs`): `share` times the cosine between its axis and the forward
+    /// direction, nothing of a lobe that points back. Gives the energy taken, and its mean over the absorptions.
+    #[inline(always)]
+    fn take<const FMA: bool>(&mut self, mean: &[f32; L], share: f32, theta_i: f32) -> ([f32; N], f32) {
+        let (s_i, c_i) = sin_cos::<FMA>(theta_i.abs() * (1.0 / PI));
+        let (mut taken, mut sum) = ([0.0; L], 0.0);
+        for i in 0..H {
+            let (s, c) = sin_cos::<FMA>(self.params[0][i]);
+            let (sp, _) = sin_cos::<FMA>(self.params[1][i]);
+            let forward = fma::<FMA>(-c_i * c, sp, -s_i * s);
+            taken[i] = self.energy[i] * (share * min(max(forward, 0.0), 1.0));
+            self.energy[i] -= taken[i];
+        }
+        for i in 0..H {
+            sum = fma::<FMA>(taken[i], mean[i], sum);
+        }
+        (self.weigh::<FMA>(&taken).1, sum)
+    }
+
+    /// [`Mixture::eval_pdf`] less what a slit takes, and that. Of a mixture without shapes, not scaled.
+    #[inline(always)]
+    pub(super) fn slit_eval_pdf<const FMA: bool>(
+        &mut self,
+        bandwidth: (f32, f32),
+        (share, theta_i): (f32, f32),
+        wo: [f32; 3],
+    ) -> (Core<N>, Taken<N>) {
+        self.scale::<FMA>();
+        let mean = self.mean::<FMA>();
+        let (energy, sum) = self.take::<FMA>(&mean, share, theta_i);
+        let x = self.shapes::<FMA>(bandwidth);
+        let (refl, high, pdf) = self.eval_pdf::<FMA>(&x, &mean, wo);
+        let total = self.total();
+        (self.core(refl, high, pdf), Taken { energy, chance: if total > 0.0 { sum / total } else { 0.0 } })
+    }
+
+    /// What a sample is of when a slit takes its share.
+    #[inline(always)]
+    pub(super) fn slit_sample<const FMA: bool>(
+        &mut self,
+        bandwidth: (f32, f32),
+        (share, theta_i): (f32, f32),
+        u: [f32; 3],
+    ) -> SlitSample {
+        let u = unit(u);
+        let (total, left) = (self.total(), u[0] * self.total());
+        let missed = self.energies.r_d;
+        if left >= total - missed {
+            let part = (left - (total - missed)) / missed;
+            return SlitSample::Missed(if missed > 0.0 { part } else { 0.0 });
+        }
+        self.scale::<FMA>();
+        let mean = self.mean::<FMA>();
+        let (_, sum) = self.take::<FMA>(&mean, share, theta_i);
+        let kept = total - missed - sum;
+        if left >= kept && sum > 0.0 {
+            return SlitSample::Slit((left - kept) / sum);
+        }
+        match self.sample_lobe::<FMA>(bandwidth, &mean, left, u) {
+            Some((wo, _)) => SlitSample::Lobe(wo),
+            None => SlitSample::None,
+        }
     }
 }
 

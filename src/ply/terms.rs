@@ -1,141 +1,137 @@
-//! All terms of the model at once: what met fibers and what passed beside the ply, from one pass over the tables.
+//! All terms of the model at once: what met fibers, and what passed beside the ply and was diffracted at its edge.
 
-use super::edge::EdgeTables;
-use super::kernel::{Mixture, mixture, unit, weights};
-use super::layout::Tables;
-use crate::PlyTerms;
+use super::kernel::{Core, SlitSample, unit};
+use super::{dispatch, edge};
+use crate::{PlyModel, PlyTerms, Slit};
 
-impl<const N: usize> PlyTerms<N> {
-    const NONE: Self = PlyTerms { refl: 0.0, high: [0.0; N], edge: [0.0; N], pdf: 0.0 };
-}
+impl PlyModel {
+    /// Whether the model has edge lobes.
+    pub fn has_edge(&self) -> bool {
+        self.edge.is_some()
+    }
 
-/// Adds edge light of energy r_d.
-#[inline(always)]
-fn add_edge<const FMA: bool, const N: usize>(
-    t: &mut PlyTerms<N>,
-    edge: Option<&EdgeTables>,
-    r_d: f32,
-    place: (f32, f32, &[f32; N]),
-    wo: [f32; 3],
-) {
-    if r_d > 0.0
-        && let Some(edge) = edge
-    {
-        t.edge = edge.at::<FMA, N>(place.0, place.1, place.2).eval::<FMA>(wo);
-        for f in &mut t.edge {
-            *f *= r_d;
+    /// All terms of the model in direction `wo`, the light diffracted at the ply's edge (Yu 2025, Eq. 18) at the wavelengths
+    /// `lambda_um` among them, each on its own; `pdf` is left at 0.
+    pub fn eval_terms<const N: usize>(
+        &self,
+        theta_i: f32,
+        h_um: f32,
+        sigma_per_um: [f32; N],
+        lambda_um: [f32; N],
+        wo: [f32; 3],
+    ) -> PlyTerms<N> {
+        let core = dispatch::run_eval(&self.layout, theta_i, h_um, sigma_per_um, wo);
+        let mut light = [0.0; N];
+        if core.r_d > 0.0
+            && let Some(tables) = &self.edge
+        {
+            light = edge::eval(tables, theta_i, h_um, &lambda_um, wo);
         }
+        join(&core, light, 0.0)
     }
-}
 
-/// [`add_edge`], with its share of the density: `chance` is that of an edge sample.
-#[inline(always)]
-fn add_edge_pdf<const FMA: bool, const N: usize>(
-    t: &mut PlyTerms<N>,
-    edge: Option<&EdgeTables>,
-    (r_d, chance): (f32, f32),
-    place: (f32, f32, &[f32; N]),
-    wo: [f32; 3],
-) {
-    if r_d > 0.0
-        && let Some(edge) = edge
-    {
-        let (value, density) = edge.at::<FMA, N>(place.0, place.1, place.2).eval_pdf::<FMA>(wo);
-        t.edge = value;
-        for f in &mut t.edge {
-            *f *= r_d;
+    /// [`PlyModel::eval_terms`] with the density of [`PlyModel::sample_terms`].
+    pub fn terms_pdf<const N: usize>(
+        &self,
+        theta_i: f32,
+        h_um: f32,
+        sigma_per_um: [f32; N],
+        lambda_um: [f32; N],
+        wo: [f32; 3],
+    ) -> PlyTerms<N> {
+        let core = dispatch::run_eval_pdf(&self.layout, theta_i, h_um, sigma_per_um, wo);
+        self.with_edge_pdf(&core, theta_i, h_um, lambda_um, wo)
+    }
+
+    /// A direction drawn from all terms, edge light included, with density proportional to their energies averaged over the N
+    /// wavelengths. `None` where nothing is scattered, and for the missed light of a model without edge lobes.
+    pub fn sample_terms<const N: usize>(
+        &self,
+        theta_i: f32,
+        h_um: f32,
+        sigma_per_um: [f32; N],
+        lambda_um: [f32; N],
+        u: [f32; 3],
+    ) -> Option<([f32; 3], PlyTerms<N>)> {
+        let u = unit(u);
+        let (wo, core) = dispatch::run_sample(&self.layout, theta_i, h_um, sigma_per_um, u);
+        if let Some(wo) = wo {
+            return Some((wo, self.with_edge_pdf(&core, theta_i, h_um, lambda_um, wo)));
         }
-        t.pdf += chance * density;
+        if core.missed <= 0.0 {
+            return None;
+        }
+        // The missed light is the last part of the unit interval: what is left of the number chooses the wavelength.
+        let left = 1.0 - (1.0 - u[0]) / core.missed;
+        let wo = edge::sample(self.edge.as_ref()?, theta_i, h_um, &lambda_um, unit([left, u[1], u[2]]))?;
+        Some((wo, self.terms_pdf(theta_i, h_um, sigma_per_um, lambda_um, wo)))
+    }
+
+    /// [`PlyModel::terms_pdf`] of a ply whose forward light has a part that small slits diffract (Yu 2025, 7.3).
+    pub fn terms_slit<const N: usize>(
+        &self,
+        slit: &Slit,
+        theta_i: f32,
+        h_um: f32,
+        sigma_per_um: [f32; N],
+        lambda_um: [f32; N],
+        wo: [f32; 3],
+    ) -> PlyTerms<N> {
+        let (core, taken) = dispatch::run_slit_eval(&self.layout, slit.share(), theta_i, h_um, sigma_per_um, wo);
+        let mut terms = self.with_edge_pdf(&core, theta_i, h_um, lambda_um, wo);
+        let (light, pdf) = slit.eval_pdf(theta_i, lambda_um, wo);
+        for k in 0..N {
+            terms.slit[k] = taken.energy[k] * light[k];
+        }
+        terms.pdf += taken.chance * pdf;
+        terms
+    }
+
+    /// [`PlyModel::sample_terms`] of what [`PlyModel::terms_slit`] gives.
+    pub fn sample_slit<const N: usize>(
+        &self,
+        slit: &Slit,
+        theta_i: f32,
+        h_um: f32,
+        sigma_per_um: [f32; N],
+        lambda_um: [f32; N],
+        u: [f32; 3],
+    ) -> Option<([f32; 3], PlyTerms<N>)> {
+        let u = unit(u);
+        let wo = match dispatch::run_slit_sample(&self.layout, slit.share(), theta_i, h_um, sigma_per_um, u) {
+            SlitSample::Lobe(wo) => wo,
+            SlitSample::Slit(left) => slit.sample(theta_i, lambda_um, unit([left, u[1], u[2]]))?,
+            SlitSample::Missed(left) => {
+                edge::sample(self.edge.as_ref()?, theta_i, h_um, &lambda_um, unit([left, u[1], u[2]]))?
+            }
+            SlitSample::None => return None,
+        };
+        Some((wo, self.terms_slit(slit, theta_i, h_um, sigma_per_um, lambda_um, wo)))
+    }
+
+    fn with_edge_pdf<const N: usize>(
+        &self,
+        core: &Core<N>,
+        theta_i: f32,
+        h_um: f32,
+        lambda_um: [f32; N],
+        wo: [f32; 3],
+    ) -> PlyTerms<N> {
+        let (mut light, mut pdf) = ([0.0; N], 0.0);
+        if core.r_d > 0.0
+            && let Some(tables) = &self.edge
+        {
+            (light, pdf) = edge::eval_pdf(tables, theta_i, h_um, &lambda_um, wo);
+        }
+        join(core, light, pdf)
     }
 }
 
-#[inline(always)]
-pub(super) fn eval<const FMA: bool, const H: usize, const R: usize, const L: usize, const J: usize, const N: usize>(
-    tables: &Tables<H, R, J>,
-    edge: Option<&EdgeTables>,
-    theta_i: f32,
-    h_um: f32,
-    sigma: &[f32; N],
-    lambda: &[f32; N],
-    wo: [f32; 3],
-) -> PlyTerms<N> {
-    let (mut t, mut r_d) = (PlyTerms::NONE, 1.0);
-    if let Some((m, x)) = mixture::<FMA, H, R, L, J, N>(tables, theta_i, h_um, sigma) {
-        (t.refl, t.high) = m.eval::<FMA>(&x, wo);
-        r_d = m.missed();
+/// The terms, of edge light of energy 1 and the density of its samples.
+fn join<const N: usize>(core: &Core<N>, light: [f32; N], pdf: f32) -> PlyTerms<N> {
+    let mut edge = light;
+    for f in &mut edge {
+        *f *= core.r_d;
     }
-    add_edge::<FMA, N>(&mut t, edge, r_d, (theta_i, h_um, lambda), wo);
-    t
-}
-
-/// Chance that a sample is of the edge light.
-#[inline(always)]
-fn edge_chance<const H: usize, const R: usize, const L: usize, const J: usize, const N: usize>(
-    m: &Mixture<H, R, L, J, N>,
-) -> f32 {
-    let total = m.total();
-    if total > 0.0 { m.missed() / total } else { 0.0 }
-}
-
-#[inline(always)]
-pub(super) fn pdf<const FMA: bool, const H: usize, const R: usize, const L: usize, const J: usize, const N: usize>(
-    tables: &Tables<H, R, J>,
-    edge: Option<&EdgeTables>,
-    theta_i: f32,
-    h_um: f32,
-    sigma: &[f32; N],
-    lambda: &[f32; N],
-    wo: [f32; 3],
-) -> PlyTerms<N> {
-    let (mut t, mut missed) = (PlyTerms::NONE, (1.0, 1.0));
-    if let Some((m, x)) = mixture::<FMA, H, R, L, J, N>(tables, theta_i, h_um, sigma) {
-        (t.refl, t.high, t.pdf) = m.eval_pdf::<FMA>(&x, &m.mean::<FMA>(), wo);
-        missed = (m.missed(), edge_chance(&m));
-    }
-    add_edge_pdf::<FMA, N>(&mut t, edge, missed, (theta_i, h_um, lambda), wo);
-    t
-}
-
-#[inline(always)]
-pub(super) fn sample<
-    const FMA: bool,
-    const H: usize,
-    const R: usize,
-    const L: usize,
-    const J: usize,
-    const N: usize,
->(
-    tables: &Tables<H, R, J>,
-    edge: Option<&EdgeTables>,
-    theta_i: f32,
-    h_um: f32,
-    sigma: &[f32; N],
-    lambda: &[f32; N],
-    u: [f32; 3],
-) -> Option<([f32; 3], PlyTerms<N>)> {
-    let u = unit(u);
-    let place = (theta_i, h_um, lambda);
-    let mut t = PlyTerms::NONE;
-    let Some(mut m) = weights::<FMA, H, R, L, J, N>(tables, theta_i, h_um, sigma) else {
-        let wo = edge?.at::<FMA, N>(theta_i, h_um, lambda).sample::<FMA>(u[0], [u[1], u[2]])?;
-        add_edge_pdf::<FMA, N>(&mut t, edge, (1.0, 1.0), place, wo);
-        return Some((wo, t));
-    };
-    let missed = (m.missed(), edge_chance(&m));
-    if let Some((wo, (refl, high, pdf))) = m.sample::<FMA>(tables.bandwidth, u) {
-        (t.refl, t.high, t.pdf) = (refl, high, pdf);
-        add_edge_pdf::<FMA, N>(&mut t, edge, missed, place, wo);
-        return Some((wo, t));
-    }
-    // The missed light is the last part of the unit interval: what is left of the number chooses the wavelength.
-    if missed.1 <= 0.0 {
-        return None;
-    }
-    let v = unit([1.0 - (1.0 - u[0]) / missed.1; 3])[0];
-    let wo = edge?.at::<FMA, N>(theta_i, h_um, lambda).sample::<FMA>(v, [u[1], u[2]])?;
-    m.scale::<FMA>();
-    let x = m.shapes::<FMA>(tables.bandwidth);
-    (t.refl, t.high, t.pdf) = m.eval_pdf::<FMA>(&x, &m.mean::<FMA>(), wo);
-    add_edge_pdf::<FMA, N>(&mut t, edge, missed, place, wo);
-    Some((wo, t))
+    PlyTerms { refl: core.refl, high: core.high, edge, slit: [0.0; N], pdf: core.pdf + core.missed * pdf }
 }
