@@ -400,7 +400,7 @@ pub enum Part {
 }
 
 /// `plywave plot`.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct PlotArgs {
     /// Table, model, fiber table or speckle patterns (the last two take no other flags).
     pub file: PathBuf,
@@ -413,6 +413,9 @@ pub struct PlotArgs {
     /// With a table: the model to set beside it, with the residual.
     #[arg(long, value_name = "MODEL")]
     pub model: Option<PathBuf>,
+    /// Another table or model, drawn below on the same scale: a ply alone and in its yarn, say.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["table", "model"])]
+    pub beside: Option<PathBuf>,
     /// One incidence: latitude [degrees], to the nearest node of a table [default: an overview].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub theta_i: Option<f64>,

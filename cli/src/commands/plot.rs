@@ -187,6 +187,37 @@ impl Source {
         Section::Maps(vec![block(None), block(Some(sigma))])
     }
 
+    /// Maps of this file above those of another, at a few incidences, on one scale (Yu 2025, Fig. 8b: a ply alone and in its yarn).
+    fn pair(&self, other: &Source, sigma: f64, decades: f64) -> Section {
+        let incidences = [(0.0, 0.0), (0.0, 0.8), (40.0, 0.4)];
+        let block = |sigma: Option<f64>| {
+            let (title, quantity) = names(sigma);
+            let row = |s: &Source| -> Vec<Cell> {
+                let first = |(theta, h): (f64, f64)| s.cells(s.view(theta, h), sigma).into_iter().next();
+                incidences.into_iter().filter_map(first).map(|c| Cell { lobes: vec![], ..c }).collect()
+            };
+            let columns = incidences
+                .map(|(theta, h)| {
+                    let view = self.view(theta, h);
+                    format!("θ_i = {}°, {}", rounded(view.theta_i.to_degrees(), 1), self.offset(view))
+                })
+                .to_vec();
+            let rows = [self, other].map(|s| [s.kind(), String::new()]).to_vec();
+            Block { title, quantity, columns, rows, cells: vec![row(self), row(other)], map_width: 360, decades }
+        };
+        Section::Maps(vec![block(None), block(Some(sigma))])
+    }
+
+    /// One ply, or a yarn of so many.
+    fn kind(&self) -> String {
+        let plies = match (&self.table, &self.model) {
+            (Some(t), _) => t.plies,
+            (None, Some(_)) => self.yarn.spec.yarn.plies,
+            (None, None) => 1,
+        };
+        if plies > 1 { format!("{plies} plies") } else { "one ply".into() }
+    }
+
     fn offset(&self, view: View) -> String {
         format!("h = {} R", rounded(view.h_um / self.yarn.radius_um, 2))
     }
@@ -386,6 +417,12 @@ pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
         }
     }
     let source = Source::load(args)?;
+    if let Some(file) = &args.beside {
+        let other = Source::load(&PlotArgs { file: file.clone(), table: None, model: None, ..args.clone() })?;
+        let sigma = args.sigma.first().copied().unwrap_or(0.0);
+        let section = source.pair(&other, sigma, f64::from(args.decades));
+        return write(cli, &path, &sheet::page(&source.title, &source.particulars, &[section]));
+    }
     let reach = source.axes().1.last().copied().unwrap_or(0.0) / source.yarn.radius_um;
     if let Some(h) = args.h_rel.filter(|h| !(0.0..=reach * (1.0 + 1e-9)).contains(&h.abs())) {
         let mend = format!("must be from -{0} to {0}, where the beam still meets the ply", number(reach));
