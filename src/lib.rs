@@ -14,6 +14,7 @@ mod check_whole;
 pub mod chi2;
 mod edge;
 mod error;
+pub mod fabric;
 pub mod faddeeva;
 pub mod fiber;
 mod file;
