@@ -15,6 +15,7 @@ pub mod chi2;
 pub mod color;
 mod edge;
 mod error;
+pub mod fabric;
 pub mod faddeeva;
 pub mod fiber;
 mod file;

@@ -1,0 +1,120 @@
+//! Woven fabrics as surfaces (Yu 2025, 3.2, 3.3 and 7.1): for a point of the fabric and a direction, which ply of which yarn is met, at which
+//! theta_i and h, or which gap.
+//!
+//! The fabric lies in the plane of x and y [um], z is its normal on the face. Weft yarns (picks) run along x, warp yarns (ends) along y. End j lies at
+//! `x = (j + 1/2) spacing` of the warp, pick i at `y = (i + 1/2) spacing` of the weft; both go on without end, the draft repeats.
+//!
+//! Nothing is stored but the draft, one bit a crossing: all else is computed where it is asked for, without allocation.
+//! Left out, as in the paper: yarns do not shadow their neighbors and do not shift by parallax; a line meets every yarn in the yarn's own middle plane.
+
+mod check;
+mod draft;
+mod place;
+mod spec;
+mod uv;
+mod wif;
+mod yarn;
+
+pub use draft::{Draft, MAX_THREADS};
+pub use place::{Below, Gap, Place, PlyHit, YarnPlace};
+pub use spec::{FabricSpec, LoadedFabric, WeaveSpec, YarnColor, YarnOfFabric};
+pub use uv::UvMap;
+pub use wif::Wif;
+pub use yarn::YarnShape;
+
+use crate::Result;
+use yarn::Yarn;
+
+/// The two families of yarns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Family {
+    /// Ends, along y.
+    Warp,
+    /// Picks, along x.
+    Weft,
+}
+
+impl Family {
+    /// Warp, then weft: the order of every pair by family.
+    pub const EACH: [Family; 2] = [Family::Warp, Family::Weft];
+
+    /// The other family.
+    pub fn other(self) -> Family {
+        match self {
+            Family::Warp => Family::Weft,
+            Family::Weft => Family::Warp,
+        }
+    }
+
+    /// Name as in a fabric spec.
+    pub fn name(self) -> &'static str {
+        match self {
+            Family::Warp => "warp",
+            Family::Weft => "weft",
+        }
+    }
+}
+
+/// A fabric's geometry: draft, yarns and their colors. [`Fabric::at`] and [`Fabric::yarn_at`] ask it.
+#[derive(Clone, Debug)]
+pub struct Fabric {
+    draft: Draft,
+    shapes: [YarnShape; 2],
+    yarns: [Yarn; 2],
+    /// Of one repeat, or one for all.
+    colors: [Vec<YarnColor>; 2],
+}
+
+impl Fabric {
+    /// A fabric of a draft and the shapes of warp and weft; undyed.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`] for a draft that leaves a yarn unbound, shapes out of range and a spacing narrower than the yarn.
+    pub fn new(draft: Draft, shapes: [YarnShape; 2]) -> Result<Fabric> {
+        Fabric::named(draft, shapes, [vec![YarnColor::Undyed], vec![YarnColor::Undyed]], "fabric")
+    }
+
+    fn named(draft: Draft, shapes: [YarnShape; 2], colors: [Vec<YarnColor>; 2], file: &str) -> Result<Fabric> {
+        if let Some((family, thread, up)) = draft.unbound() {
+            let side = if up { "above" } else { "below" };
+            let value = format!("{} {} lies {side} all others", family.name(), thread + 1);
+            return Err(check::invalid(file, "draft", value, "bind every yarn"));
+        }
+        check::check_shapes(file, &shapes)?;
+        let yarns = [Yarn::new(&shapes[0], &shapes[1]), Yarn::new(&shapes[1], &shapes[0])];
+        Ok(Fabric { draft, shapes, yarns, colors })
+    }
+
+    /// The draft.
+    pub fn draft(&self) -> &Draft {
+        &self.draft
+    }
+
+    /// The yarns of a family.
+    pub fn shape(&self, family: Family) -> &YarnShape {
+        &self.shapes[family as usize]
+    }
+
+    /// Color of a yarn; yarns of a WIF repeat with the draft.
+    pub fn color(&self, family: Family, yarn: i32) -> YarnColor {
+        let colors = &self.colors[family as usize];
+        let at = i64::from(yarn).rem_euclid(colors.len().max(1) as i64);
+        colors.get(at as usize).copied().unwrap_or(YarnColor::Undyed)
+    }
+
+    /// Size of one repeat along x and y [um].
+    pub fn repeat_um(&self) -> [f64; 2] {
+        [self.draft.ends() as f64 * self.shapes[0].spacing_um, self.draft.picks() as f64 * self.shapes[1].spacing_um]
+    }
+
+    /// Greatest distance of any fiber from the fabric's middle plane [um].
+    pub fn half_thickness_um(&self) -> f32 {
+        self.yarns.iter().map(|y| y.amplitude + y.half_width).fold(0.0, f32::max)
+    }
+
+    /// Bytes that draft and colors take.
+    pub fn memory_bytes(&self) -> usize {
+        self.draft.memory_bytes() + self.colors.iter().map(|c| c.len() * size_of::<YarnColor>()).sum::<usize>()
+    }
+}

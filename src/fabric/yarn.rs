@@ -1,0 +1,429 @@
+//! A yarn at one place and a line through it: which ply is met first, at which theta_i and h (Yu 2025, 3.2).
+//!
+//! In the yarn's frame (c across, n up, t along) the axis is straight and ply k's is the helix `(D cos psi, D sin psi, s)`, `psi = phase +- 2 pi s / pitch + 2 pi k / P`, D the
+//! radius of the circle the plies lie on. The line runs through (a, 0, 0), a point of the yarn's middle plane, along w.
+//!
+//! The ply is met in two steps. With the plies taken as parallel circles where the point is, the line meets one of them at some distance along t. There every ply is replaced by
+//! the straight cylinder along its tangent, and the first cylinder met counts; h is the distance of line and tangent, so that |h| <= R at every hit.
+//! For one ply, and for parallel plies, this is exact.
+
+use crate::Handedness;
+use std::f32::consts::TAU;
+
+/// Most plies of a yarn.
+pub const MAX_PLIES: usize = 7;
+
+/// Shape and place of the yarns of one family.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct YarnShape {
+    /// Plies of the yarn, 1 to 7.
+    pub plies: u32,
+    /// Radius R of a ply [um].
+    pub ply_radius_um: f64,
+    /// Pitch of the plies' helix [um]; `None` for parallel plies.
+    pub ply_pitch_um: Option<f64>,
+    /// Hand of the plies' helix; Z is right-handed.
+    pub handedness: Handedness,
+    /// From axis to axis [um].
+    pub spacing_um: f64,
+    /// Amplitude of the axis' height over what lies between the layers, the distance `r_warp + r_weft` of the axes of two touching yarns at a crossing: 0 is a straight yarn.
+    /// Round yarns that touch have crimps that add up to 1 (the crimp heights of Peirce 1937 add up to the yarns' diameters); yarns flattened in
+    /// the cloth have less.
+    pub crimp: f64,
+    /// The beam is dark beyond this distance from its center [um].
+    pub d_cut_um: f64,
+}
+
+impl YarnShape {
+    /// Distance D of the plies' axes from the yarn's axis [um]: `R / sin(pi / P)`, at which parallel plies touch; 0 for one ply.
+    pub fn circle_um(&self) -> f64 {
+        if self.plies < 2 { 0.0 } else { self.ply_radius_um / (std::f64::consts::PI / f64::from(self.plies)).sin() }
+    }
+
+    /// Width of the yarn [um]: 2 R, and 2 (D + R) of several plies.
+    pub fn width_um(&self) -> f64 {
+        2.0 * (self.circle_um() + self.ply_radius_um)
+    }
+}
+
+/// A yarn as evaluation needs it.
+#[derive(Clone, Debug)]
+pub(super) struct Yarn {
+    pub plies: usize,
+    pub radius: f32,
+    pub circle: f32,
+    pub half_width: f32,
+    pub spacing: f32,
+    pub per_spacing: f32,
+    /// Amplitude of the height of the axis [um].
+    pub amplitude: f32,
+    /// R + d_cut.
+    pub reach: f32,
+    /// Turns of the plies per um, negative for S.
+    turns_per_um: f32,
+    /// Slope of a ply against the yarn, D dpsi/ds, and `1 / sqrt(1 + slope^2)`.
+    slope: f32,
+    norm: f32,
+    /// Cosine and sine of 2 pi k / P.
+    turn: [[f32; 2]; MAX_PLIES],
+}
+
+/// A line in the yarn's frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Line {
+    /// Where it crosses the middle plane, along c [um].
+    pub across: f32,
+    /// Its direction, toward the light, unit: along c, n and t.
+    pub w: [f32; 3],
+    /// Turns of ply 0 about the axis at this place.
+    pub turns: f32,
+}
+
+/// A ply that a line meets, or the one it comes nearest to.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Met {
+    pub hit: bool,
+    pub ply: u32,
+    pub h: f32,
+    /// Tangent of the ply in the yarn's frame.
+    pub tangent: [f32; 3],
+    /// Component along c of the ply frame's x axis: by how much h grows when the line is moved along c.
+    pub across_per_um: f32,
+}
+
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// Squared sine below which a line counts as parallel to a ply; its frame is then turned so that y is n.
+const PARALLEL: f32 = 1e-10;
+
+/// The x axis of the ply frame of tangent `z` (Yu 2025, Eq. 1) times the sine between w and z, and that sine, at least 1e-5.
+fn across(w: [f32; 3], z: [f32; 3]) -> ([f32; 3], f32) {
+    let m = cross(w, z);
+    let squared = dot(m, m);
+    if squared > PARALLEL {
+        return (m, squared.sqrt());
+    }
+    let m = cross([0.0, 1.0, 0.0], z);
+    let sine = PARALLEL.sqrt();
+    let scale = sine / dot(m, m).max(1e-6).sqrt();
+    ([m[0] * scale, m[1] * scale, m[2] * scale], sine)
+}
+
+/// The ply frame [x, y, z] of tangent `z` for light from `w` (Yu 2025, Eq. 1), and theta_i: `w = y cos theta_i + z sin theta_i`.
+pub(super) fn ply_frame(w: [f32; 3], z: [f32; 3]) -> ([[f32; 3]; 3], f32) {
+    let (m, sine) = across(w, z);
+    let mut x = m.map(|v| v / sine);
+    // Lines nearly along the ply lose digits in the product; a step of Gram and Schmidt gives them back.
+    let off = dot(x, z);
+    x = [x[0] - off * z[0], x[1] - off * z[1], x[2] - off * z[2]];
+    let length = dot(x, x).max(1e-12).sqrt();
+    x = x.map(|v| v / length);
+    let y = cross(z, x);
+    let theta_i = dot(w, z).atan2(dot(w, y));
+    ([x, y, z], theta_i)
+}
+
+impl Yarn {
+    pub fn new(shape: &YarnShape, other: &YarnShape) -> Yarn {
+        let circle = shape.circle_um();
+        let hand = match shape.handedness {
+            Handedness::Z => 1.0,
+            Handedness::S => -1.0,
+        };
+        let turns_per_um = shape.ply_pitch_um.filter(|_| shape.plies > 1).map_or(0.0, |pitch| hand / pitch);
+        let slope = circle * std::f64::consts::TAU * turns_per_um;
+        let mut turn = [[1.0, 0.0]; MAX_PLIES];
+        for (k, turn) in turn.iter_mut().enumerate() {
+            let (s, c) = (std::f64::consts::TAU * k as f64 / f64::from(shape.plies)).sin_cos();
+            *turn = [c as f32, s as f32];
+        }
+        Yarn {
+            plies: (shape.plies as usize).clamp(1, MAX_PLIES),
+            radius: shape.ply_radius_um as f32,
+            circle: circle as f32,
+            half_width: (0.5 * shape.width_um()) as f32,
+            spacing: shape.spacing_um as f32,
+            per_spacing: (1.0 / shape.spacing_um) as f32,
+            amplitude: (shape.crimp * 0.5 * (shape.width_um() + other.width_um())) as f32,
+            reach: (shape.ply_radius_um + shape.d_cut_um) as f32,
+            turns_per_um: turns_per_um as f32,
+            slope: slope as f32,
+            norm: (1.0 / (1.0 + slope * slope).sqrt()) as f32,
+            turn,
+        }
+    }
+
+    /// Turns of ply 0 of yarn `index` at the distance `along` from the weave's origin. Every yarn begins at a turn of its own, drawn by hash from
+    /// its number and family: no two yarns of a cloth are twisted in step.
+    pub fn turns(&self, index: i32, family: u32, along: f32) -> f32 {
+        if self.plies < 2 {
+            return 0.0;
+        }
+        let begin = (hash(index as u32 ^ family.wrapping_mul(0x9E37_79B9)) >> 8) as f32 / (1 << 24) as f32;
+        let turns = along * self.turns_per_um;
+        begin + (turns - turns.floor())
+    }
+
+    /// The first ply that a line meets; where it meets none, the one it comes nearest to.
+    pub fn meet(&self, line: &Line) -> Met {
+        if self.plies == 1 {
+            let tangent = [0.0, 0.0, 1.0];
+            let (m, sine) = across(line.w, tangent);
+            let x = m[0] / sine;
+            let h = line.across * x;
+            return Met { hit: h.abs() < self.radius, ply: 0, h, tangent, across_per_um: x };
+        }
+        let mut shift = 0.0;
+        if self.slope != 0.0 {
+            shift = self.first_circle(line);
+        }
+        self.first_cylinder(line, shift)
+    }
+
+    /// How far along t the line meets the first of the circles that the plies are where the point is, or passes the axis.
+    fn first_circle(&self, line: &Line) -> f32 {
+        let [wc, wn, wt] = line.w;
+        let sine2 = wc * wc + wn * wn;
+        // A line along the yarn meets nothing within a length over which plies could be followed.
+        if sine2 < 1e-3 {
+            return 0.0;
+        }
+        let per_sine = 1.0 / sine2.sqrt();
+        let (s, c) = (TAU * line.turns).sin_cos();
+        let (mut first, mut met) = (f32::NEG_INFINITY, false);
+        for &[ck, sk] in &self.turn[..self.plies] {
+            let (x, y) = (self.circle * (c * ck - s * sk), self.circle * (s * ck + c * sk));
+            let (dx, dy) = (line.across - x, -y);
+            let h = (dx * wn - dy * wc) * per_sine;
+            let room = self.radius * self.radius - h * h;
+            if room > 0.0 {
+                let entry = room.sqrt() - (dx * wc + dy * wn) * per_sine;
+                first = first.max(entry);
+                met = true;
+            }
+        }
+        let distance = if met { first } else { -line.across * wc * per_sine };
+        distance * per_sine * wt
+    }
+
+    /// The first of the straight cylinders along the plies' tangents at `shift` along t.
+    fn first_cylinder(&self, line: &Line, shift: f32) -> Met {
+        let (s, c) = (TAU * (line.turns + shift * self.turns_per_um)).sin_cos();
+        let mut best = Met { hit: false, ply: 0, h: 0.0, tangent: [0.0, 0.0, 1.0], across_per_um: 1.0 };
+        let mut first = f32::NEG_INFINITY;
+        let mut nearest = f32::INFINITY;
+        for (k, &[ck, sk]) in self.turn[..self.plies].iter().enumerate() {
+            let (cos, sin) = (c * ck - s * sk, s * ck + c * sk);
+            let tangent = [-self.slope * sin * self.norm, self.slope * cos * self.norm, self.norm];
+            let (m, sine) = across(line.w, tangent);
+            let d = [line.across - self.circle * cos, -self.circle * sin, -shift];
+            let h = dot(d, m) / sine;
+            let room = self.radius * self.radius - h * h;
+            let ply = |hit: bool| Met { hit, ply: k as u32, h, tangent, across_per_um: m[0] / sine };
+            if room > 0.0 {
+                // Of the distance along the line, from its point nearest to the ply's axis: y = z x, up to the sine.
+                let y = cross(tangent, m);
+                let entry = (room.sqrt() - dot(d, y) / sine) / sine;
+                if entry > first {
+                    first = entry;
+                    best = ply(true);
+                }
+            } else if !best.hit && h.abs() < nearest {
+                nearest = h.abs();
+                best = ply(false);
+            }
+        }
+        best
+    }
+}
+
+/// A mixing hash of 32 bits.
+fn hash(x: u32) -> u32 {
+    let x = (x ^ (x >> 16)).wrapping_mul(0x7FEB_352D);
+    let x = (x ^ (x >> 15)).wrapping_mul(0x846C_A68B);
+    x ^ (x >> 16)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    const R: f64 = 50.0;
+
+    fn yarn(plies: u32, ply_pitch_um: Option<f64>, handedness: Handedness) -> (Yarn, YarnShape) {
+        let shape = YarnShape {
+            plies,
+            ply_radius_um: R,
+            ply_pitch_um,
+            handedness,
+            spacing_um: 1000.0,
+            crimp: 0.0,
+            d_cut_um: 20.0,
+        };
+        (Yarn::new(&shape, &shape), shape)
+    }
+
+    fn dot64(a: [f64; 3], b: [f64; 3]) -> f64 {
+        a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    }
+
+    fn cross64(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    }
+
+    /// The slow twin: a walk along the line in small steps until it is within R of the axis of a ply, a true helix; its ply, theta_i and h there.
+    struct Twin {
+        circle: f64,
+        turns_per_um: f64,
+        plies: u32,
+    }
+
+    impl Twin {
+        fn point(&self, turns: f64, ply: u32, s: f64) -> ([f64; 3], [f64; 3]) {
+            let k = std::f64::consts::TAU * self.turns_per_um;
+            let psi = std::f64::consts::TAU * (turns + f64::from(ply) / f64::from(self.plies)) + k * s;
+            let (sin, cos) = psi.sin_cos();
+            let length = (1.0 + (self.circle * k).powi(2)).sqrt();
+            let tangent = [-self.circle * k * sin / length, self.circle * k * cos / length, 1.0 / length];
+            ([self.circle * cos, self.circle * sin, s], tangent)
+        }
+
+        /// Point of the ply's axis next to `p`, by Newton's method along the axis from `p`'s own height.
+        fn next(&self, turns: f64, ply: u32, p: [f64; 3]) -> ([f64; 3], [f64; 3]) {
+            let mut s = p[2];
+            for _ in 0..30 {
+                let (q, t) = self.point(turns, ply, s);
+                let step = dot64([p[0] - q[0], p[1] - q[1], p[2] - q[2]], t) * t[2];
+                s += 0.8 * step;
+                if step.abs() < 1e-9 {
+                    break;
+                }
+            }
+            self.point(turns, ply, s)
+        }
+
+        fn walk(&self, line: &Line, step: f64) -> Option<(u32, f64, f64)> {
+            let w = line.w.map(f64::from);
+            let sine = w[0].hypot(w[1]);
+            let reach = (self.circle + R) / sine + 2.0 * f64::from(line.across).abs();
+            let mut at = reach;
+            while at > -reach {
+                let p = [f64::from(line.across) + at * w[0], at * w[1], at * w[2]];
+                let mut least = f64::INFINITY;
+                for ply in 0..self.plies {
+                    let (q, t) = self.next(f64::from(line.turns), ply, p);
+                    let d = [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
+                    let distance = dot64(d, d).sqrt();
+                    if distance < R {
+                        let x = cross64(w, t);
+                        let h = dot64(d, x) / dot64(x, x).sqrt();
+                        return Some((ply, dot64(w, t).asin(), h));
+                    }
+                    least = least.min(distance - R);
+                }
+                // No ply is nearer than that; the step keeps the walk going where one is touched.
+                at -= least.max(step);
+            }
+            None
+        }
+    }
+
+    fn lines(seed: u64, count: usize, half_width: f32, steepest: f32) -> Vec<Line> {
+        let mut rng = Pcg64Mcg::seed_from_u64(seed);
+        (0..count)
+            .map(|_| {
+                let sign = if rng.random::<bool>() { 1.0 } else { -1.0 };
+                let cos = sign * (steepest.cos() + (1.0 - steepest.cos()) * rng.random::<f32>());
+                let (s, c) = (TAU * rng.random::<f32>()).sin_cos();
+                let sine = (1.0 - cos * cos).sqrt();
+                let across = (2.0 * rng.random::<f32>() - 1.0) * half_width;
+                Line { across, w: [sine * c, cos, sine * s], turns: rng.random() }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn plies_touch_and_fill_the_width() {
+        for plies in 2..=7 {
+            let (_, shape) = yarn(plies, None, Handedness::Z);
+            let chord = 2.0 * shape.circle_um() * (std::f64::consts::PI / f64::from(plies)).sin();
+            assert!((chord - 2.0 * R).abs() < 1e-9, "{plies}: {chord}");
+        }
+        assert_eq!(
+            (yarn(1, None, Handedness::Z).1.width_um(), yarn(2, None, Handedness::Z).1.width_um()),
+            (100.0, 200.0)
+        );
+    }
+
+    /// One ply and parallel plies are exact.
+    #[test]
+    fn parallel_plies_are_those_of_a_walk_along_the_line() {
+        for plies in 1..=7 {
+            let (yarn, shape) = yarn(plies, None, Handedness::Z);
+            let twin = Twin { circle: shape.circle_um(), turns_per_um: 0.0, plies };
+            let mut hits = 0;
+            for line in lines(u64::from(plies), 3000, 1.1 * yarn.half_width, 1.5) {
+                let met = yarn.meet(&line);
+                let walked = twin.walk(&line, 1e-4);
+                // A line that only grazes a ply may be counted either way, by rounding.
+                if met.hit != walked.is_some() {
+                    assert!((met.h.abs() - yarn.radius).abs() < 0.01, "{plies}: {line:?}: {met:?} {walked:?}");
+                    continue;
+                }
+                let Some((ply, theta, h)) = walked else { continue };
+                hits += 1;
+                if ply != met.ply {
+                    assert!(
+                        (h.abs() - R).abs() < 0.01 || (met.h.abs() - 50.0).abs() < 0.01,
+                        "{plies}: {line:?}: {met:?} {walked:?}"
+                    );
+                    continue;
+                }
+                let (_, theta_i) = ply_frame(line.w, met.tangent);
+                assert!((f64::from(met.h) - h).abs() < 0.01, "{plies}: h {} against {h}", met.h);
+                assert!((f64::from(theta_i) - theta).abs() < 1e-4, "{plies}: theta_i {theta_i} against {theta}");
+            }
+            assert!(hits > 2000, "{plies}: {hits} hits");
+        }
+    }
+
+    /// What the straight cylinders cost against true helices: the share of lines that meet another ply or none, and the errors of h and theta_i of the others.
+    fn against_helices(plies: u32, pitch: f64, handedness: Handedness, steepest: f32, count: usize) -> [f64; 3] {
+        let (yarn, shape) = yarn(plies, Some(pitch), handedness);
+        let hand = if handedness == Handedness::Z { 1.0 } else { -1.0 };
+        let twin = Twin { circle: shape.circle_um(), turns_per_um: hand / pitch, plies };
+        let (mut other, mut n, mut h2, mut theta2) = (0.0, 0.0, 0.0, 0.0);
+        for line in lines(7 + u64::from(plies), count, yarn.half_width, steepest) {
+            let met = yarn.meet(&line);
+            match twin.walk(&line, 1e-3) {
+                Some((ply, theta, h)) if met.hit && ply == met.ply => {
+                    let (_, theta_i) = ply_frame(line.w, met.tangent);
+                    n += 1.0;
+                    h2 += (f64::from(met.h) - h).powi(2);
+                    theta2 += (f64::from(theta_i) - theta).powi(2);
+                }
+                None if !met.hit => {}
+                _ => other += 1.0,
+            }
+        }
+        [other / count as f64, (h2 / n).sqrt() / R, (theta2 / n).sqrt()]
+    }
+
+    #[test]
+    fn twisted_plies_are_near_true_helices() {
+        for (plies, pitch) in [(2, 1500.0), (3, 1500.0), (2, 800.0), (3, 800.0), (4, 900.0)] {
+            for (steepest, name) in [(0.1f32, "near normal"), (0.8, "to 46 degrees"), (1.3, "to 74 degrees")] {
+                let [other, h, theta] = against_helices(plies, pitch, Handedness::S, steepest, 1500);
+                println!("{plies} plies, pitch {pitch}, {name}: other {other:.4}, h/R {h:.4}, theta {theta:.4} rad");
+            }
+        }
+    }
+}
