@@ -7,6 +7,7 @@
 //! Nothing is stored but the draft, one bit a crossing: all else is computed where it is asked for, without allocation.
 //! Left out, as in the paper: yarns do not shadow their neighbors and do not shift by parallax; a line meets every yarn in the yarn's own middle plane.
 
+mod bsdf;
 mod check;
 mod draft;
 mod place;
@@ -15,6 +16,7 @@ mod uv;
 mod wif;
 mod yarn;
 
+pub use bsdf::{FabricAt, FabricBsdf, FabricOptions, GapLight};
 pub use draft::{Draft, MAX_THREADS};
 pub use place::{Below, Gap, Place, PlyHit, YarnPlace};
 pub use spec::{FabricSpec, LoadedFabric, WeaveSpec, YarnColor, YarnOfFabric};

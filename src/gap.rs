@@ -86,16 +86,7 @@ impl Gap {
     /// The light that comes from `xi_i` (unit, away from the aperture) at N wavelengths [um]. Wavelengths are clamped to [0.05, 20]; not a
     /// number counts as 0.05. An `xi_i` that is no direction, or lies in the plane, gives no light.
     pub fn at<const N: usize>(&self, xi_i: [f32; 3], lambda_um: [f32; N]) -> GapIncidence<'_, N> {
-        let mut lambda = lambda_um;
-        for l in &mut lambda {
-            *l = clamp_lambda(*l);
-        }
-        let valid = xi_i.iter().all(|x| x.abs() <= 1.001) && xi_i[2] != 0.0 && self.x.passes() && self.y.passes();
-        let mut across = [self.x.range(0.0, 0.0); N];
-        for (range, l) in across.iter_mut().zip(&lambda) {
-            *range = self.x.range((xi_i[0] - 1.0) / l, (xi_i[0] + 1.0) / l);
-        }
-        GapIncidence { gap: self, xi_i, lambda_um: lambda, side: if valid { xi_i[2].signum() } else { 0.0 }, across }
+        GapIncidence::new(&self.x, &self.y, xi_i, lambda_um)
     }
 }
 
@@ -112,7 +103,8 @@ const UNIFORM: f32 = 0.02;
 /// A gap at one incidence and N wavelengths. f is per power that falls on the aperture.
 #[derive(Clone, Copy, Debug)]
 pub struct GapIncidence<'a, const N: usize> {
-    gap: &'a Gap,
+    x: &'a Spectrum,
+    y: &'a Spectrum,
     xi_i: [f32; 3],
     lambda_um: [f32; N],
     /// Sign of xi_i's z; 0 where there is no light.
@@ -131,7 +123,20 @@ pub(crate) fn spectra<const N: usize>(factors: [&Factor; 2], f_per_um: [&[f32; N
     crate::faddeeva::spectra::<FMA, N>(factors, f_per_um)
 }
 
-impl<const N: usize> GapIncidence<'_, N> {
+impl<'a, const N: usize> GapIncidence<'a, N> {
+    pub(crate) fn new(x: &'a Spectrum, y: &'a Spectrum, xi_i: [f32; 3], lambda_um: [f32; N]) -> GapIncidence<'a, N> {
+        let mut lambda = lambda_um;
+        for l in &mut lambda {
+            *l = clamp_lambda(*l);
+        }
+        let valid = xi_i.iter().all(|x| x.abs() <= 1.001) && xi_i[2] != 0.0 && x.passes() && y.passes();
+        let mut across = [x.range(0.0, 0.0); N];
+        for (range, l) in across.iter_mut().zip(&lambda) {
+            *range = x.range((xi_i[0] - 1.0) / l, (xi_i[0] + 1.0) / l);
+        }
+        GapIncidence { x, y, xi_i, lambda_um: lambda, side: if valid { xi_i[2].signum() } else { 0.0 }, across }
+    }
+
     /// Whether light leaves in this direction.
     fn leaves(&self, wo: [f32; 3]) -> bool {
         wo[2] * self.side < 0.0
@@ -141,7 +146,7 @@ impl<const N: usize> GapIncidence<'_, N> {
     fn along(&self, xi_x: f32, k: usize) -> Range {
         let reach = (1.0 - xi_x * xi_x).max(0.0).sqrt();
         let per_lambda = 1.0 / self.lambda_um[k];
-        self.gap.y.range((self.xi_i[1] - reach) * per_lambda, (self.xi_i[1] + reach) * per_lambda)
+        self.y.range((self.xi_i[1] - reach) * per_lambda, (self.xi_i[1] + reach) * per_lambda)
     }
 
     /// The direction of these components in the plane; not quite in the plane itself, where light leaves on neither side.
@@ -154,8 +159,8 @@ impl<const N: usize> GapIncidence<'_, N> {
     fn tabulated_sample(&self, u: [f32; 3]) -> (f32, f32) {
         let k = ((u[0] * N as f32) as usize).min(N.saturating_sub(1));
         let lambda = self.lambda_um[k];
-        let x = (lambda * self.gap.x.sample(&self.across[k], u[1]) - self.xi_i[0]).clamp(-1.0, 1.0);
-        let y = lambda * self.gap.y.sample(&self.along(x, k), u[2]) - self.xi_i[1];
+        let x = (lambda * self.x.sample(&self.across[k], u[1]) - self.xi_i[0]).clamp(-1.0, 1.0);
+        let y = lambda * self.y.sample(&self.along(x, k), u[2]) - self.xi_i[1];
         let reach = (1.0 - x * x).max(0.0).sqrt();
         (x, y.clamp(-reach, reach))
     }
@@ -166,8 +171,8 @@ impl<const N: usize> GapIncidence<'_, N> {
         for k in 0..N {
             let per_lambda = 1.0 / self.lambda_um[k];
             let (fx, fy) = ((self.xi_i[0] + wo[0]) * per_lambda, (self.xi_i[1] + wo[1]) * per_lambda);
-            let x = self.gap.x.pdf(&self.across[k], fx);
-            let y = self.gap.y.pdf(&self.along(wo[0], k), fy);
+            let x = self.x.pdf(&self.across[k], fx);
+            let y = self.y.pdf(&self.along(wo[0], k), fy);
             sum += x * y * c_o * per_lambda * per_lambda;
         }
         sum / N.max(1) as f32
@@ -181,7 +186,7 @@ impl<const N: usize> GapIncidence<'_, N> {
             return (f, 0.0);
         }
         let (fx, fy) = self.frequencies(wo);
-        let [x, y] = spectra([&self.gap.x.factor, &self.gap.y.factor], [&fx, &fy]);
+        let [x, y] = spectra([&self.x.factor, &self.y.factor], [&fx, &fy]);
         let c_o = wo[2].abs().min(1.0);
         for k in 0..N {
             let mass = self.across[k].mass * self.along(wo[0], k).mass;
@@ -219,12 +224,12 @@ impl<const N: usize> GapIncidence<'_, N> {
         let mut sum = 0.0;
         let low_high = |i: f64, reach: f64| (((i - reach) / lambda) as f32, ((i + reach) / lambda) as f32);
         let (low, high) = low_high(ix, 1.0);
-        self.gap.x.for_cells(low, high, |low, high, mass_x| {
+        self.x.for_cells(low, high, |low, high, mass_x| {
             let x = (0.5 * lambda * (f64::from(low) + f64::from(high)) - ix).clamp(-1.0, 1.0);
             let reach = (1.0 - x * x).sqrt();
             let (low, high) = low_high(iy, reach);
             let mut row = 0.0;
-            self.gap.y.for_cells(low, high, |low, high, mass_y| {
+            self.y.for_cells(low, high, |low, high, mass_y| {
                 // Integrals over xi_y of 1, 1/xi_z and xi_z.
                 let integrals = |f: f32| {
                     let y = (lambda * f64::from(f) - iy).clamp(-reach, reach);
@@ -252,7 +257,7 @@ impl<const N: usize> Scatter<N> for GapIncidence<'_, N> {
             return f;
         }
         let (fx, fy) = self.frequencies(wo);
-        let [x, y] = spectra([&self.gap.x.factor, &self.gap.y.factor], [&fx, &fy]);
+        let [x, y] = spectra([&self.x.factor, &self.y.factor], [&fx, &fy]);
         let (c_i, c_o) = (self.xi_i[2].abs().max(LEAST_COSINE), wo[2].abs().min(1.0));
         let both = c_i + c_o;
         let cosines = 0.25 * both * both / c_i;

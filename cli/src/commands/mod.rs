@@ -11,6 +11,7 @@ pub mod fit;
 pub mod info;
 pub mod info_fiber;
 pub mod plot;
+pub mod render;
 pub mod sample;
 pub mod simulate;
 pub mod speckle_view;

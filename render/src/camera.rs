@@ -1,0 +1,29 @@
+//! A pinhole camera.
+
+use glam::Vec3;
+
+/// A pinhole camera.
+#[derive(Clone, Copy, Debug)]
+pub struct Camera {
+    origin: Vec3,
+    forward: Vec3,
+    right: Vec3,
+    up: Vec3,
+}
+
+impl Camera {
+    /// Looks from `origin` to `target` [mm] with `up` above; `fov_rad` is the angle across the picture's height.
+    pub fn new(origin: Vec3, target: Vec3, up: Vec3, fov_rad: f32) -> Camera {
+        let forward = (target - origin).normalize();
+        let right = forward.cross(up).normalize_or(forward.any_orthonormal_vector());
+        let half = (0.5 * fov_rad).tan();
+        Camera { origin, forward, right: right * half, up: right.cross(forward) * half }
+    }
+
+    /// Origin and unit direction of the ray through (x, y) of a picture `width` by `height` pixels, y down.
+    pub fn ray(&self, x: f32, y: f32, width: u32, height: u32) -> (Vec3, Vec3) {
+        let size = height as f32;
+        let (a, b) = ((2.0 * x - width as f32) / size, (size - 2.0 * y) / size);
+        (self.origin, (self.forward + self.right * a + self.up * b).normalize())
+    }
+}

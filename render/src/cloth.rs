@@ -1,0 +1,12 @@
+//! Fabrics as surfaces.
+
+use crate::{Surface, WAVELENGTHS};
+use plywave::fabric::{FabricAt, FabricBsdf};
+
+impl Surface for FabricBsdf {
+    type At<'a> = FabricAt<'a, WAVELENGTHS>;
+
+    fn at(&self, uv_um: [f32; 2], wo: [f32; 3], lambda_um: [f32; WAVELENGTHS]) -> FabricAt<'_, WAVELENGTHS> {
+        FabricBsdf::at(self, uv_um[0], uv_um[1], wo, lambda_um)
+    }
+}

@@ -1,0 +1,80 @@
+//! Reference host of plywave: a small spectral path tracer for sheets of fabric, so that every part of the shading model is exercised by a real renderer.
+//!
+//! Four wavelengths go along a path. The camera ray plays the beam of the ply model: at a point of the cloth it gives latitude and offset on the ply that it
+//! meets, and `f(wo)`, which holds the cosine of the light's direction, weighs the light from `wo`. Light sources are sampled and hit, weighed by the power
+//! heuristic; cloth is thin, paths go on at either side.
+//!
+//! What is left out: subsurface and volumes, textures other than the weave, depth of field, denoising.
+
+mod camera;
+mod cloth;
+mod film;
+mod light;
+mod mesh;
+mod path;
+mod scene;
+mod setup;
+
+pub use camera::Camera;
+pub use film::{Film, FilmView};
+pub use light::{Environment, Light};
+pub use mesh::Mesh;
+pub use path::{LAMBDA_RANGE_UM, RenderOptions, render};
+pub use scene::{Frame, Scene, SurfacePoint};
+pub use setup::Setup;
+
+/// Wavelengths along a path.
+pub const WAVELENGTHS: usize = 4;
+
+/// What can be wrong with what a render is given.
+#[derive(Debug, thiserror::Error)]
+pub enum RenderError {
+    /// A file cannot be read or written.
+    #[error("{file}: {source}")]
+    Io {
+        /// The file.
+        file: String,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A mesh cannot be used.
+    #[error("{file}: line {line}: {what}")]
+    Mesh {
+        /// The file.
+        file: String,
+        /// Line from 1; 0 for the whole file.
+        line: usize,
+        /// What is wrong.
+        what: String,
+    },
+    /// A picture cannot be read, written or gone on with.
+    #[error("{file}: {what}")]
+    Picture {
+        /// The file.
+        file: String,
+        /// What is wrong.
+        what: String,
+    },
+    /// Stopped by the host.
+    #[error("stopped after {done} of {total} samples a pixel; --resume goes on")]
+    Stopped {
+        /// Samples done.
+        done: u32,
+        /// Samples asked for.
+        total: u32,
+    },
+}
+
+/// What covers the surface of a scene: a scattering function at each point.
+///
+/// `wo` is the direction back along the path, unit, in the surface's frame: x and y along the cloth's u and v, z its normal. The scattering function takes the
+/// other direction, in the same frame, and holds its cosine.
+pub trait Surface: Sync {
+    /// The scattering function at a point.
+    type At<'a>: plywave::Scatter<WAVELENGTHS>
+    where
+        Self: 'a;
+
+    /// At a position on the cloth [um], seen from `wo`, at wavelengths [um].
+    fn at(&self, uv_um: [f32; 2], wo: [f32; 3], lambda_um: [f32; WAVELENGTHS]) -> Self::At<'_>;
+}

@@ -1,0 +1,260 @@
+//! Path tracing with four wavelengths a path.
+
+use crate::camera::Camera;
+use crate::film::Film;
+use crate::scene::{Scene, SurfacePoint};
+use crate::{RenderError, Surface, WAVELENGTHS};
+use glam::Vec3;
+use plywave::Scatter;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Wavelengths of a picture [um].
+pub const LAMBDA_RANGE_UM: [f32; 2] = [0.38, 0.78];
+/// Side of a tile [pixels].
+const TILE: u32 = 16;
+/// Scatterings after which paths are thinned out by chance.
+const ROULETTE: u32 = 4;
+
+/// Sizes of a render.
+#[derive(Clone, Copy, Debug)]
+pub struct RenderOptions {
+    /// Samples a pixel, in all.
+    pub samples: u32,
+    /// Most scatterings of a path.
+    pub depth: u32,
+    /// Seed of the random numbers. A sample of a pixel depends on seed, pixel and its number alone.
+    pub seed: u64,
+}
+
+type Light4 = [f32; WAVELENGTHS];
+
+/// Adds samples to a film until it has `options.samples` a pixel, in passes; `after` is called after each with the samples done and may write the film. Tiles run
+/// on the current rayon pool; the picture does not depend on the number of threads, nor on where it was stopped.
+///
+/// # Errors
+/// [`RenderError::Stopped`] when `stop` was set, and what `after` gives.
+pub fn render<S: Surface>(
+    scene: &Scene,
+    camera: &Camera,
+    surface: &S,
+    film: &mut Film,
+    options: &RenderOptions,
+    stop: &AtomicBool,
+    after: &mut dyn FnMut(&Film) -> Result<(), RenderError>,
+) -> Result<(), RenderError> {
+    let (width, height) = (film.width(), film.height());
+    let across = width.div_ceil(TILE);
+    let tiles = across * height.div_ceil(TILE);
+    while film.samples() < options.samples {
+        let first = film.samples();
+        // Passes grow, so that early pictures come soon and late ones cost little.
+        let count = (first / 2).clamp(1, 16).min(options.samples - first);
+        let done: Vec<Option<Vec<(u32, u32, [f32; 3], [f32; 3])>>> = (0..tiles)
+            .into_par_iter()
+            .map(|tile| {
+                let (x0, y0) = (tile % across * TILE, tile / across * TILE);
+                let mut pixels = Vec::with_capacity((TILE * TILE) as usize);
+                for y in y0..(y0 + TILE).min(height) {
+                    for x in x0..(x0 + TILE).min(width) {
+                        if stop.load(Ordering::Relaxed) {
+                            return None;
+                        }
+                        let (mut light, mut albedo) = ([0.0; 3], [0.0; 3]);
+                        for sample in first..first + count {
+                            let (l, a) = pixel(scene, camera, surface, options, (x, y), (width, height), sample);
+                            for k in 0..3 {
+                                light[k] += l[k];
+                                albedo[k] += a[k];
+                            }
+                        }
+                        pixels.push((x, y, light, albedo));
+                    }
+                }
+                Some(pixels)
+            })
+            .collect();
+        if stop.load(Ordering::Relaxed) {
+            return Err(RenderError::Stopped { done: first, total: options.samples });
+        }
+        for (x, y, light, albedo) in done.into_iter().flatten().flatten() {
+            film.add(x, y, light, albedo);
+        }
+        film.count(count);
+        after(film)?;
+    }
+    Ok(())
+}
+
+/// XYZ of one sample: of the light and of the albedo that is seen first.
+fn pixel<S: Surface>(
+    scene: &Scene,
+    camera: &Camera,
+    surface: &S,
+    options: &RenderOptions,
+    (x, y): (u32, u32),
+    (width, height): (u32, u32),
+    sample: u32,
+) -> ([f32; 3], [f32; 3]) {
+    let place = u64::from(y) * u64::from(width) + u64::from(x);
+    let mut rng = Pcg64Mcg::seed_from_u64(mix(options.seed, mix(place, u64::from(sample))));
+    let first: f32 = rng.random();
+    let [low, high] = LAMBDA_RANGE_UM;
+    let lambda: Light4 = std::array::from_fn(|k| {
+        let t = first + k as f32 / WAVELENGTHS as f32;
+        low + (high - low) * (t - t.floor())
+    });
+    let (px, py) = (x as f32 + rng.random::<f32>(), y as f32 + rng.random::<f32>());
+    let (origin, direction) = camera.ray(px, py, width, height);
+    let (light, albedo) = trace(scene, surface, options, origin, direction, lambda, &mut rng);
+    (crate::film::xyz(lambda, light), crate::film::xyz(lambda, albedo))
+}
+
+fn mix(a: u64, b: u64) -> u64 {
+    let mut z = a ^ b.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(0x7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+/// Share of the first way of sampling by the power heuristic.
+fn share(a: f32, b: f32) -> f32 {
+    let (a, b) = (a * a, b * b);
+    if a.is_infinite() {
+        1.0
+    } else if a + b > 0.0 {
+        a / (a + b)
+    } else {
+        0.0
+    }
+}
+
+/// Radiance along a ray, and the albedo of the cloth that it meets.
+fn trace<S: Surface>(
+    scene: &Scene,
+    surface: &S,
+    options: &RenderOptions,
+    mut origin: Vec3,
+    mut direction: Vec3,
+    lambda: Light4,
+    rng: &mut Pcg64Mcg,
+) -> (Light4, Light4) {
+    let (mut light, mut albedo, mut throughput) = ([0.0; WAVELENGTHS], [0.0; WAVELENGTHS], [1.0f32; WAVELENGTHS]);
+    // Density with which the direction was drawn; the camera's counts as certain.
+    let mut pdf = f32::INFINITY;
+    for depth in 0..=options.depth {
+        let point = scene.meet(origin, direction);
+        // Lights that are met.
+        let reach = point.map_or(f32::INFINITY, |p| p.t);
+        let nearest = scene
+            .lights
+            .iter()
+            .filter_map(|l| l.hit(origin, direction).filter(|t| *t < reach).map(|t| (t, l)))
+            .min_by(|a, b| a.0.total_cmp(&b.0));
+        let ways = ways(scene);
+        if let Some((t, l)) = nearest {
+            let weight = share(pdf, l.pdf(direction, t) / ways);
+            for k in 0..WAVELENGTHS {
+                light[k] += throughput[k] * weight * l.radiance;
+            }
+            break;
+        }
+        let Some(point) = point else {
+            if !scene.environment.is_dark() {
+                let weight = share(pdf, scene.environment.pdf(direction) / ways);
+                let radiance = scene.environment.radiance(direction, lambda);
+                for k in 0..WAVELENGTHS {
+                    light[k] += throughput[k] * weight * radiance[k];
+                }
+            }
+            break;
+        };
+        let at = surface.at(point.uv_um, point.frame.local(-direction), lambda);
+        if depth == 0 {
+            albedo = at.albedo();
+        }
+        if depth == options.depth {
+            break;
+        }
+        direct(scene, &point, &at, throughput, rng, &mut light);
+        match at.sample(rng.random()) {
+            Some(sample) => {
+                for k in 0..WAVELENGTHS {
+                    throughput[k] *= sample.weight[k];
+                }
+                pdf = sample.pdf;
+                direction = point.frame.world(sample.wo).normalize_or_zero();
+                if direction == Vec3::ZERO || pdf <= 0.0 {
+                    break;
+                }
+            }
+            None => {
+                // Light that goes straight on: its energy r over its chance p = r / (mean albedo + r).
+                let mean = at.albedo().iter().sum::<f32>() / WAVELENGTHS as f32;
+                let left = 1.0 - at.miss();
+                if left > 1e-6 {
+                    throughput.iter_mut().for_each(|t| *t *= mean / left);
+                }
+                pdf = f32::INFINITY;
+            }
+        }
+        origin = leave(&point, direction);
+        if depth >= ROULETTE {
+            let keep = throughput.iter().copied().fold(0.0f32, f32::max).min(0.95);
+            if rng.random::<f32>() >= keep {
+                break;
+            }
+            throughput.iter_mut().for_each(|t| *t /= keep);
+        }
+    }
+    (light, albedo)
+}
+
+/// Ways of sampling light, one of which is chosen.
+fn ways(scene: &Scene) -> f32 {
+    (scene.lights.len() + usize::from(!scene.environment.is_dark())).max(1) as f32
+}
+
+/// A start beside the sheet, on the side that `direction` goes to.
+fn leave(point: &SurfacePoint, direction: Vec3) -> Vec3 {
+    let offset = 1e-5 * (1.0 + point.position.abs().max_element());
+    point.position + point.face * offset.copysign(point.face.dot(direction))
+}
+
+/// Light from one source straight to the point, weighed against finding it by scattering.
+fn direct(
+    scene: &Scene,
+    point: &SurfacePoint,
+    at: &impl Scatter<WAVELENGTHS>,
+    throughput: Light4,
+    rng: &mut Pcg64Mcg,
+    light: &mut Light4,
+) {
+    let (count, ways) = (scene.lights.len(), ways(scene));
+    let which = ((rng.random::<f32>() * ways) as usize).min(ways as usize - 1);
+    let u: [f32; 2] = rng.random();
+    let (direction, reach, radiance, pdf) = if let Some(l) = scene.lights.get(which) {
+        let (direction, t) = l.sample(point.position, u);
+        if l.hit(point.position, direction).is_none() {
+            return;
+        }
+        (direction, t * (1.0 - 1e-4), l.radiance, l.pdf(direction, t))
+    } else if which == count && !scene.environment.is_dark() {
+        let direction = scene.environment.sample(u);
+        (direction, f32::INFINITY, 1.0, scene.environment.pdf(direction))
+    } else {
+        return;
+    };
+    let pdf = pdf / ways;
+    let local = point.frame.local(direction);
+    let f = at.eval(local);
+    if f.iter().all(|f| *f <= 0.0) || !scene.free(leave(point, direction), direction, reach) {
+        return;
+    }
+    let weight = share(pdf, at.pdf(local)) * radiance / pdf.max(1e-30);
+    for k in 0..WAVELENGTHS {
+        light[k] += throughput[k] * f[k] * weight;
+    }
+}

@@ -1,0 +1,123 @@
+//! A sheet in a BVH, lights, and what a ray meets.
+
+use crate::light::{Environment, Light};
+use crate::mesh::Mesh;
+use glam::{Vec3, Vec3A};
+use obvhs::BvhBuildParams;
+use obvhs::cwbvh::CwBvh;
+use obvhs::cwbvh::builder::build_cwbvh_from_tris;
+use obvhs::ray::{Ray, RayHit};
+use obvhs::triangle::Triangle;
+use std::time::Duration;
+
+/// Axes of the surface at a point: along u, along v, normal.
+#[derive(Clone, Copy, Debug)]
+pub struct Frame {
+    /// Unit axes.
+    pub axes: [Vec3; 3],
+}
+
+impl Frame {
+    /// Components of `v` along the axes.
+    pub fn local(&self, v: Vec3) -> [f32; 3] {
+        self.axes.map(|a| a.dot(v))
+    }
+
+    /// The vector of components `v`.
+    pub fn world(&self, v: [f32; 3]) -> Vec3 {
+        self.axes[0] * v[0] + self.axes[1] * v[1] + self.axes[2] * v[2]
+    }
+}
+
+/// A point of the sheet that a ray met.
+#[derive(Clone, Copy, Debug)]
+pub struct SurfacePoint {
+    /// Distance along the ray [mm].
+    pub t: f32,
+    /// Place [mm].
+    pub position: Vec3,
+    /// Axes with the interpolated normal.
+    pub frame: Frame,
+    /// Unit normal of the triangle, on the side of the frame's.
+    pub face: Vec3,
+    /// Position on the cloth [um].
+    pub uv_um: [f32; 2],
+}
+
+/// A sheet and its light.
+pub struct Scene {
+    bvh: CwBvh,
+    triangles: Vec<Triangle>,
+    /// Indices of the vertices, in the order of `triangles`.
+    corners: Vec<[u32; 3]>,
+    mesh: Mesh,
+    /// Rectangles.
+    pub lights: Vec<Light>,
+    /// Light from afar.
+    pub environment: Environment,
+}
+
+impl Scene {
+    /// Builds the BVH.
+    pub fn new(mesh: Mesh, lights: Vec<Light>, environment: Environment) -> Scene {
+        let v = |i: u32| Vec3A::from(mesh.positions[i as usize]);
+        let triangles: Vec<Triangle> =
+            mesh.triangles.iter().map(|t| Triangle { v0: v(t[0]), v1: v(t[1]), v2: v(t[2]) }).collect();
+        let bvh = build_cwbvh_from_tris(&triangles, BvhBuildParams::medium_build(), &mut Duration::default());
+        let order = &bvh.primitive_indices;
+        let corners = order.iter().map(|&i| mesh.triangles[i as usize]).collect();
+        let triangles = order.iter().map(|&i| triangles[i as usize]).collect();
+        Scene { bvh, triangles, corners, mesh, lights, environment }
+    }
+
+    fn nearest(&self, origin: Vec3, direction: Vec3, reach: f32) -> Option<(usize, f32)> {
+        // Adding 0 turns -0 into 0: the BVH takes a ray's octant from the sign of its inverse in one place and of itself in another.
+        let ray = Ray::new(origin.into(), Vec3A::from(direction) + Vec3A::ZERO, 0.0, reach);
+        let mut hit = RayHit::none();
+        self.bvh.ray_traverse(ray, &mut hit, |ray, i| self.triangles[i].intersect(ray));
+        (hit.t < f32::INFINITY).then_some((hit.primitive_id as usize, hit.t))
+    }
+
+    /// Whether nothing of the sheet lies between `origin` and the point `reach` along `direction`.
+    pub fn free(&self, origin: Vec3, direction: Vec3, reach: f32) -> bool {
+        self.nearest(origin, direction, reach).is_none()
+    }
+
+    /// The point of the sheet that a ray meets first.
+    pub fn meet(&self, origin: Vec3, direction: Vec3) -> Option<SurfacePoint> {
+        let (i, t) = self.nearest(origin, direction, f32::INFINITY)?;
+        let corners = self.corners[i].map(|c| c as usize);
+        let [a, b, c] = corners.map(|c| self.mesh.positions[c]);
+        let position = origin + direction * t;
+        let (e1, e2) = (b - a, c - a);
+        let area = e1.cross(e2);
+        let inverse = 1.0 / area.length_squared().max(1e-30);
+        let v = (position - a).cross(e2).dot(area) * inverse;
+        let w = e1.cross(position - a).dot(area) * inverse;
+        let weights = [1.0 - v - w, v, w];
+        let mut normal = Vec3::ZERO;
+        let mut uv = [0.0; 2];
+        for k in 0..3 {
+            normal += self.mesh.normals[corners[k]] * weights[k];
+            let at = self.mesh.uv_um[corners[k]];
+            uv = [uv[0] + weights[k] * at[0], uv[1] + weights[k] * at[1]];
+        }
+        let mut face = area.normalize_or_zero();
+        if face.dot(normal) < 0.0 {
+            face = -face;
+        }
+        let mut normal = normal.normalize_or(face);
+        // Seen from the side of the face that the ray comes from: a shading normal that looks away is bent to the face.
+        if normal.dot(direction) * face.dot(direction) <= 0.0 {
+            normal = face;
+        }
+        // Direction of growing u on the triangle.
+        let [p, q, r] = corners.map(|c| self.mesh.uv_um[c]);
+        let (du1, dv1, du2, dv2) = (q[0] - p[0], q[1] - p[1], r[0] - p[0], r[1] - p[1]);
+        let determinant = du1 * dv2 - du2 * dv1;
+        let along = (e1 * dv2 - e2 * dv1) * determinant.signum();
+        let x = (along - normal * normal.dot(along)).normalize_or(normal.any_orthonormal_vector());
+        let y = normal.cross(x);
+        Some(SurfacePoint { t, position, frame: Frame { axes: [x, y, normal] }, face, uv_um: uv })
+    }
+}

@@ -1,0 +1,86 @@
+//! Ready-made scenes: what a fabric is looked at in.
+
+use crate::{Camera, Environment, Light, Mesh, Scene};
+use glam::Vec3;
+
+/// A ready-made scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Setup {
+    /// A flat sheet lit from the viewer's side by a small lamp.
+    Front,
+    /// A flat sheet between the viewer and a lamp.
+    Back,
+    /// A sheet that hangs over a ball, under a lamp and a dim sky.
+    Drape,
+    /// A sheet with parallel folds, under a lamp and a dim sky.
+    Folds,
+    /// A few yarns seen from above, lit from the side.
+    Swatch,
+    /// A flat sheet under equal light from everywhere: white stays white.
+    Furnace,
+}
+
+impl Setup {
+    /// Width of the cloth [mm] where none is given.
+    pub fn size_mm(self) -> f32 {
+        match self {
+            Setup::Front | Setup::Back | Setup::Furnace => 30.0,
+            Setup::Drape | Setup::Folds => 90.0,
+            Setup::Swatch => 3.0,
+        }
+    }
+
+    /// Scene and camera for a sheet `size_mm` wide; `mesh` in place of the setup's own, `sky` in place of its environment. Lamps are scaled so that a
+    /// white diffuse sheet that faces one comes out at about 1.
+    pub fn scene(self, size_mm: f32, mesh: Option<Mesh>, sky: Option<Environment>) -> (Scene, Camera) {
+        let s = size_mm;
+        let up = Vec3::Y;
+        let at = |x: f32, y: f32, z: f32| Vec3::new(x, y, z) * s;
+        // Irradiance pi at the sheet's middle.
+        let lamp = |place: Vec3, side: f32| {
+            let solid_angle = side * side * s * s / place.length_squared();
+            Light::facing(place, Vec3::ZERO, side * s, std::f32::consts::PI / solid_angle)
+        };
+        let dark = || Environment::constant(0.0);
+        let dim = || Environment::constant(0.25);
+        let (own, lights, own_sky, camera) = match self {
+            Setup::Front => (
+                Mesh::flat(s),
+                vec![lamp(at(0.0, 2.4, 2.6), 0.25)],
+                dark(),
+                Camera::new(at(0.0, -1.5, 2.0), Vec3::ZERO, up, 0.36),
+            ),
+            Setup::Back => (
+                Mesh::flat(s),
+                vec![lamp(at(0.0, 0.0, -3.0), 0.3)],
+                dark(),
+                Camera::new(at(0.0, 0.0, 2.5), Vec3::ZERO, up, 0.36),
+            ),
+            Setup::Drape => (
+                Mesh::drape(s),
+                vec![lamp(at(-1.4, -1.0, 2.2), 0.5)],
+                dim(),
+                Camera::new(at(0.0, -2.4, 1.1), at(0.0, 0.0, 0.02), Vec3::Z, 0.36),
+            ),
+            Setup::Folds => (
+                Mesh::folded(s),
+                vec![lamp(at(1.8, 1.0, 1.6), 0.4)],
+                dim(),
+                Camera::new(at(0.0, -1.2, 1.8), Vec3::ZERO, up, 0.42),
+            ),
+            Setup::Swatch => (
+                Mesh::flat(s * 3.0),
+                vec![lamp(at(1.5, 2.0, 2.4), 0.3)],
+                dark(),
+                Camera::new(at(0.0, 0.0, 3.0), Vec3::ZERO, up, 0.33),
+            ),
+            Setup::Furnace => (
+                Mesh::flat(s),
+                Vec::new(),
+                Environment::constant(1.0),
+                Camera::new(at(0.0, -1.0, 2.0), Vec3::ZERO, up, 0.36),
+            ),
+        };
+        (Scene::new(mesh.unwrap_or(own), lights, sky.unwrap_or(own_sky)), camera)
+    }
+}
