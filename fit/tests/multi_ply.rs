@@ -130,10 +130,29 @@ struct Walk<'a> {
     table: &'a Table,
     spec: &'a YarnSpec,
     rng: Pcg64Mcg,
-    sigma: usize,
+    /// `[node]`: sums of the energies of f_refl, then of f_high, bin after bin.
+    below: Vec<Vec<f64>>,
 }
 
-impl Walk<'_> {
+impl<'a> Walk<'a> {
+    fn new(table: &'a Table, spec: &'a YarnSpec, sigma: usize) -> Walk<'a> {
+        let columns = table.h_um.len();
+        let sums = |node: usize| {
+            let (m, n) = (node / columns, node % columns);
+            let mut sum = 0.0;
+            let slices = table.refl_slice(m, n).iter().chain(table.high_slice(m, n, sigma)).enumerate();
+            let row = |b: usize| b % table.grid.len() / table.grid.phi_o;
+            slices
+                .map(|(b, v)| {
+                    sum += f64::from(*v) * table.grid.solid_angle(row(b));
+                    sum
+                })
+                .collect()
+        };
+        let below = (0..table.theta_i.len() * columns).map(sums).collect();
+        Walk { table, spec, rng: Pcg64Mcg::seed_from_u64(5), below }
+    }
+
     fn pick(&mut self, at: f64, last: usize) -> usize {
         let at = at.clamp(0.0, last as f64);
         let i = (at as usize).min(last - 1);
@@ -155,22 +174,19 @@ impl Walk<'_> {
     /// Direction of a photon scattered at node (m, n) in the ply's frame, and whether it was only reflected; None when absorbed.
     fn scatter(&mut self, m: usize, n: usize) -> Option<([f32; 3], bool)> {
         let t = self.table;
-        let unit = 1.0 - t.r_d[m * t.h_um.len() + n];
-        let mut xi = self.rng.random::<f64>() * unit;
-        let (refl, high) = (t.refl_slice(m, n), t.high_slice(m, n, self.sigma));
-        for (slice, reflected) in [(refl, true), (high, false)] {
-            for (b, v) in slice.iter().enumerate() {
-                let (i, j) = (b / t.grid.phi_o, b % t.grid.phi_o);
-                xi -= f64::from(*v) * t.grid.solid_angle(i);
-                if xi < 0.0 {
-                    let edge = |i: usize| (PI * (i as f64 / t.grid.theta_o as f64 - 0.5)).sin();
-                    let sine = edge(i) + self.rng.random::<f64>() * (edge(i + 1) - edge(i));
-                    let phi = TAU * (j as f64 + self.rng.random::<f64>()) / t.grid.phi_o as f64;
-                    return Some((direction(sine.asin() as f32, phi as f32), reflected));
-                }
-            }
+        let node = m * t.h_um.len() + n;
+        let below = &self.below[node];
+        let xi = self.rng.random::<f64>() * (1.0 - t.r_d[node]);
+        let place = below.partition_point(|sum| *sum <= xi);
+        if place == below.len() {
+            return None;
         }
-        None
+        let b = place % t.grid.len();
+        let (i, j) = (b / t.grid.phi_o, b % t.grid.phi_o);
+        let edge = |i: usize| (PI * (i as f64 / t.grid.theta_o as f64 - 0.5)).sin();
+        let sine = edge(i) + self.rng.random::<f64>() * (edge(i + 1) - edge(i));
+        let phi = TAU * (j as f64 + self.rng.random::<f64>()) / t.grid.phi_o as f64;
+        Some((direction(sine.asin() as f32, phi as f32), place < t.grid.len()))
     }
 
     /// A photon that ply 0 scatters at node (m, n): its last direction, whether it was only reflected, plies it met; None when absorbed.
@@ -226,7 +242,7 @@ fn construction_is_a_walk_of_photons() {
         let (yarn, ledger) =
             yarn_table(&ply, &yarn_spec, &YarnOptions { rows: 24, ..YarnOptions::default() }, &|_, _| {}).unwrap();
         let photons = 200_000;
-        let mut walk = Walk { table: &ply, spec: &yarn_spec, rng: Pcg64Mcg::seed_from_u64(5), sigma };
+        let mut walk = Walk::new(&ply, &yarn_spec, sigma);
         // Coarse bins: 6 x 12.
         let (mut refl, mut high) = (vec![0.0; 72], vec![0.0; 72]);
         let mut parts = [0.0; 3];

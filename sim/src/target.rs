@@ -255,3 +255,122 @@ fn entry(q: Vector2<f32>, dir: Vector3<f32>, bound: f32) -> Option<f32> {
     let disc = b * b - a * (q.norm_squared() - bound * bound);
     (disc > 0.0).then(|| (-b - disc.sqrt()) / a)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::section::{FiberSection, PlySection};
+    use crate::shard::{EXIT_AZIMUTHS, EXIT_POSITIONS, Sums, trace_paths};
+    use crate::{Outline, ScrewTracer};
+    use plywave::{GaussianBeam, OutgoingGrid, ply_circle_um};
+    use rand::SeedableRng;
+    use rand_pcg::Pcg64Mcg;
+    use std::sync::atomic::AtomicBool;
+
+    const RADIUS: f64 = 20.0;
+
+    fn solid() -> ScrewTracer {
+        let outer = Outline::Circle { radius_um: RADIUS };
+        let fiber = FiberSection { center_um: Vector2::zeros(), angle_rad: 0.0, outer, lumen: None };
+        ScrewTracer::new(&PlySection { fibers: vec![fiber], bound_radius_um: RADIUS, twist_per_um: 0.0 }).unwrap()
+    }
+
+    fn incidence(theta_i: f64, h_um: &[f64], alpha: f32, record_exits: bool) -> Incidence<'_> {
+        Incidence {
+            theta_i,
+            h_um,
+            sigma_per_um: &[0.0],
+            beam: GaussianBeam { w0_um: 4.0, lambda_um: 0.55, d_cut_um: 8.0 },
+            grid: OutgoingGrid { theta_o: 6, phi_o: 12 },
+            surface: RoughDielectric { eta: 1.5, alpha },
+            radius_um: RADIUS,
+            record_exits,
+        }
+    }
+
+    fn offsets() -> Vec<f64> {
+        (0..15).map(|n| 28.0 * (f64::from(n) / 7.0 - 1.0)).collect()
+    }
+
+    /// Share of the beam at `h` that meets none of the solid plies, by quadrature over the beam and the valid psi.
+    fn missed(ring: PlyRing, sd: f64, h: f64) -> f64 {
+        let (turns, lines) = (1200, 200);
+        let (mut valid, mut sum) = (0.0, 0.0);
+        for i in 0..turns {
+            let psi = TAU * (f64::from(i) + 0.5) / f64::from(turns);
+            if !ring.is_valid(psi, h) {
+                continue;
+            }
+            valid += 1.0;
+            for k in 0..lines {
+                let t = 6.0 * (2.0 * (f64::from(k) + 0.5) / f64::from(lines) - 1.0);
+                let x = h + sd * t;
+                if (0..ring.plies).all(|p| (x - ring.center(p, psi)[0]).abs() > ring.radius_um) {
+                    sum += (-0.5 * t * t).exp() * 12.0 / f64::from(lines) / TAU.sqrt();
+                }
+            }
+        }
+        sum / valid
+    }
+
+    /// In parallel light at normal incidence, what misses a yarn is what misses its section; the beam's divergence of 0.02 rad is little.
+    #[test]
+    fn what_misses_a_yarn_of_solid_plies_is_geometry() {
+        let tracer = solid();
+        let h_um = offsets();
+        let paths = 50_000;
+        for plies in [2, 3, 7] {
+            let ring = PlyRing { plies, radius_um: RADIUS, circle_um: ply_circle_um(plies, RADIUS, None).unwrap() };
+            let twin = YarnTwin::new(ring, &h_um);
+            for theta_i in [0.0, 1.0] {
+                let at = incidence(theta_i, &h_um, 0.2, false);
+                let target = Target::Yarn(&twin, vec![&tracer; 7], 0.3);
+                let mut sums = Sums::zero(&at);
+                let mut rng = Pcg64Mcg::seed_from_u64(9);
+                trace_paths(&at, &target, paths, &mut rng, &mut sums, &AtomicBool::new(false), &|_| {}).unwrap();
+                for (n, h) in h_um.iter().enumerate() {
+                    let got = sums.missed[n] / paths as f64;
+                    let want = missed(ring, at.beam.sd_um(), *h);
+                    // Some 4000 paths serve a beam; the weights of the valid psi, 1/V, raise the noise of what they share.
+                    let share = twin.valid[n].1;
+                    let tol = 5.0 * (want * (1.0 - want) / share / 4e3).sqrt() + 3e-3;
+                    assert!(
+                        (got - want).abs() < tol,
+                        "{plies} plies, theta {theta_i}, h {h}: {got}, want {want}, tolerance {tol}"
+                    );
+                }
+            }
+        }
+    }
+
+    /// A reflection by a smooth cylinder keeps the line's distance from the axis and its side: light of the beam at x leaves at t = x.
+    #[test]
+    fn reflected_light_leaves_at_its_impact_parameter() {
+        let tracer = solid();
+        let h_um = offsets();
+        let at = incidence(0.4, &h_um, 0.0, true);
+        let mut sums = Sums::zero(&at);
+        let mut rng = Pcg64Mcg::seed_from_u64(9);
+        let target = Target::Ply(&tracer);
+        trace_paths(&at, &target, 50_000, &mut rng, &mut sums, &AtomicBool::new(false), &|_| {}).unwrap();
+        let mut light = 0.0;
+        for a in 0..EXIT_AZIMUTHS {
+            for t in 0..EXIT_POSITIONS {
+                let place = RADIUS * ((2 * t + 1) as f64 / EXIT_POSITIONS as f64 - 1.0);
+                for (n, h) in h_um.iter().enumerate() {
+                    let weight = sums.exit[((a * EXIT_POSITIONS + t) * h_um.len() + n) * 2];
+                    light += weight;
+                    // The beam's standard deviation is 2 um, a position is 2.5 um wide, the tilt of the beam moves lines by less than 1 um.
+                    let off = (place - h).abs() - 1.25 - 1.0;
+                    assert!(weight == 0.0 || off < 6.5 * 2.0, "h {h}: light at {place}");
+                }
+            }
+        }
+        assert!(light > 0.0);
+        let energy: f64 = sums.energy.iter().step_by(2).sum();
+        assert!((light / energy - 1.0).abs() < 1e-9, "{light} recorded of {energy}");
+        let (drawn, met) = sums.met.split_at(sums.met.len() / 2);
+        // Every line through the cylinder meets it, but for tilted ones at the rim.
+        assert!(drawn.iter().zip(met).skip(1).take(62).all(|(d, m)| d == m), "{drawn:?} {met:?}");
+    }
+}
