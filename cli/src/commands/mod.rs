@@ -4,6 +4,7 @@ pub mod build;
 pub mod check;
 pub mod compare;
 pub mod diff;
+pub mod diffraction_view;
 pub mod eval;
 pub mod fit;
 pub mod info;
