@@ -1,4 +1,5 @@
-//! Time of the runtime on one core: eval of all terms, single and in batches, sample + pdf, loading; the slow f64 twin beside them.
+//! Time of the runtime on one core: eval of all terms, single and in batches, sample + pdf, loading; the slow f64 twin beside them;
+//! the whole model with its edge light, and weave gaps.
 //!
 //! `cargo bench -p plywave --bench runtime`. The planted model has 3 reflection lobes, 8 high-order lobes, 8 path lengths;
 //! incidences, absorptions and directions are random, so that hardly two queries share a block. `sample` gives direction, weight
@@ -8,7 +9,9 @@
 mod synthetic;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use plywave::{PlyModel, Queries, direction};
+use plywave::{
+    Aperture, Gap, GaussianBeam, PlyData, PlyModel, Queries, SLIT_SHARE, Scatter, Slit, WholePly, direction,
+};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::hint::black_box;
@@ -103,12 +106,88 @@ fn runtime(c: &mut Criterion) {
     });
     group.finish();
 
+    whole(c, &q);
+
     let bytes = data.to_bytes().expect("the planted model is valid");
     let dir = tempfile::tempdir().expect("a temporary folder");
     let path = dir.path().join("model.ply");
     data.save(&path).expect("the planted model is valid");
     println!("model file: {} bytes", bytes.len());
     c.bench_function("load", |b| b.iter(|| black_box(PlyModel::load(&path).expect("just written"))));
+}
+
+/// The whole model beside its core (`eval N=4` above): random directions, and directions about the forward one, where the edge light is;
+/// gaps of random apertures.
+fn whole(c: &mut Criterion, q: &[Query]) {
+    let beam = GaussianBeam { w0_um: 10.0, lambda_um: 0.55, d_cut_um: 20.0 };
+    let edge = plywave_fit::fit_edge_lobes(&beam, 110.0, &plywave_fit::EdgeOptions::default()).lobes;
+    let m = PlyModel::from_data(PlyData { edge: Some(edge), ..model(1, Sizes { refl: 3, ..STANDARD }) })
+        .expect("the planted model is valid");
+    let lambda_um = [0.45, 0.52, 0.6, 0.68];
+    let slit = Slit::new(2.0, SLIT_SHARE, &beam).expect("a valid slit");
+    let at = |q: &Query| WholePly { model: &m, theta_i: q.0, h_um: q.1, sigma_per_um: q.2, lambda_um, slit: None };
+    let forward: Vec<[f32; 3]> = q
+        .iter()
+        .map(|q| direction(-q.0 + 0.02 * (q.4[0] - 0.5), 1.5 * std::f32::consts::PI + 0.04 * (q.4[1] - 0.5)))
+        .collect();
+    let mut i = 0;
+    let mut next = || {
+        i = (i + 1) % q.len();
+        i
+    };
+    let mut group = c.benchmark_group("whole");
+    group.bench_function("eval N=4", |b| {
+        b.iter(|| {
+            let i = next();
+            black_box(at(&q[i]).eval(q[i].3))
+        })
+    });
+    group.bench_function("eval N=4, forward", |b| {
+        b.iter(|| {
+            let i = next();
+            black_box(at(&q[i]).eval(forward[i]))
+        })
+    });
+    group.bench_function("eval N=4, slit", |b| {
+        b.iter(|| {
+            let i = next();
+            black_box(WholePly { slit: Some(&slit), ..at(&q[i]) }.eval(q[i].3))
+        })
+    });
+    group.bench_function("sample N=4", |b| {
+        b.iter(|| {
+            let i = next();
+            black_box(at(&q[i]).sample(q[i].4))
+        })
+    });
+    group.bench_function("pdf N=4", |b| {
+        b.iter(|| {
+            let i = next();
+            black_box(at(&q[i]).pdf(q[i].3))
+        })
+    });
+    group.finish();
+
+    let gap = Gap::new(&Aperture { x_um: [-5.0, 9.0], y_um: [-20.0, 3.0] }, &beam);
+    let incidence = gap.at([0.3, -0.2, 0.93], lambda_um);
+    let mut group = c.benchmark_group("gap");
+    group.bench_function("new", |b| {
+        b.iter(|| {
+            let u = q[next()].4;
+            black_box(Gap::new(&Aperture { x_um: [-20.0 * u[0], 20.0 * u[1]], y_um: [-20.0 * u[2], 5.0] }, &beam))
+        })
+    });
+    group.bench_function("at N=4", |b| {
+        b.iter(|| {
+            let u = q[next()].4;
+            black_box(gap.at([0.5 * u[0], 0.5 * u[1], 0.7], lambda_um))
+        })
+    });
+    group.bench_function("eval N=4", |b| b.iter(|| black_box(incidence.eval(q[next()].3))));
+    group.bench_function("pdf N=4", |b| b.iter(|| black_box(incidence.pdf(q[next()].3))));
+    group.bench_function("sample N=4", |b| b.iter(|| black_box(incidence.sample(q[next()].4))));
+    group.bench_function("albedo N=4", |b| b.iter(|| black_box(incidence.albedo())));
+    group.finish();
 }
 
 criterion_group! {

@@ -8,6 +8,7 @@ mod file;
 mod kernel;
 mod layout;
 pub mod reference;
+mod slit;
 mod terms;
 
 use crate::Result;

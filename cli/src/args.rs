@@ -471,12 +471,14 @@ pub enum Part {
     Energy,
     /// Fit error (of a table: its noise) over (theta_i, h).
     Errors,
+    /// Of a spec: the edge lobes beside the diffraction integral, instead of gaps.
+    Edge,
 }
 
 /// `plywave plot`.
 #[derive(Clone, Debug, Args)]
 pub struct PlotArgs {
-    /// Table, model, fiber table or speckle patterns (the last two take no other flags).
+    /// Table, model, fiber table, speckle patterns (the last two take no other flags), or a yarn spec (.toml): how gaps and the ply's edge diffract its beam.
     pub file: PathBuf,
     /// PNG to write [default: FILE's name with .png, in this folder].
     #[arg(long, short, value_name = "PNG")]
@@ -505,6 +507,12 @@ pub struct PlotArgs {
     /// What to draw.
     #[arg(long, value_enum, default_value_t = Part::All)]
     pub part: Part,
+    /// With a spec: width and height of one gap [um], and its center's x and y [default: four centered gaps].
+    #[arg(long, value_name = "W,H[,X,Y]", num_args = 1, value_delimiter = ',', allow_negative_numbers = true)]
+    pub gap: Vec<f64>,
+    /// With a spec: tilt of the light from the normal of the gap [degrees].
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true)]
+    pub tilt: f64,
 }
 
 #[cfg(test)]

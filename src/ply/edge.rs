@@ -73,6 +73,13 @@ impl EdgeTables {
         EdgeTables { radius_um: d.radius_um as f32, lambda, inside, cells, least, bounds }
     }
 
+    /// Whether no edge light goes in directions with this component across the ply: most are told so without the trigonometry.
+    #[inline]
+    pub(super) fn dark(&self, h_um: f32, across: f32) -> bool {
+        let (e, _) = self.inside.place(self.radius_um - h_um.abs());
+        self.least.get(e).is_none_or(|least| least[0] * across * across > DARK)
+    }
+
     /// The place of an incidence. An angle that is not a number counts as pi/2, an offset that is none as the edge's first node.
     #[inline(always)]
     fn at<const FMA: bool>(&self, theta_i: f32, h_um: f32) -> Edge<'_> {
@@ -81,6 +88,9 @@ impl EdgeTables {
         Edge { tables: self, theta: sin_cos::<FMA>(theta * FRAC_1_PI), e, fraction }
     }
 }
+
+/// log2 of how far below its peak a lobe is dark: what [`shape`] cuts off, and a little more.
+const DARK: f32 = 101.0;
 
 /// The edge lobes at one incidence, of energy 1.
 #[derive(Clone, Copy)]
@@ -142,7 +152,7 @@ impl Edge<'_> {
         let [u, w, cz] = self.project::<FMA>(wo);
         let Some([least1, least2]) = self.tables.least.get(self.e) else { return (values, 0.0) };
         // Where the widest lobe is dark all are; most directions are far from the lobe.
-        let lit = cz > 0.0 && fma::<FMA>(least1 * u, u, least2 * w * w) < 101.0;
+        let lit = cz > 0.0 && fma::<FMA>(least1 * u, u, least2 * w * w) < DARK;
         if !lit {
             return (values, 0.0);
         }

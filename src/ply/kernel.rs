@@ -41,22 +41,6 @@ impl<const N: usize> Core<N> {
     pub(super) const MISS: Self = Core { refl: 0.0, high: [0.0; N], pdf: 0.0, r_d: 1.0, missed: 1.0 };
 }
 
-/// What a slit takes of f_high: energy, and the chance that a sample is of it.
-#[derive(Clone, Copy)]
-pub(super) struct Taken<const N: usize> {
-    pub(super) energy: [f32; N],
-    pub(super) chance: f32,
-}
-
-/// What a sample is of; light of the slit and missed light with what is left of the number that chose it.
-#[derive(Clone, Copy)]
-pub(super) enum SlitSample {
-    Lobe([f32; 3]),
-    Slit(f32),
-    Missed(f32),
-    None,
-}
-
 /// Interpolation at one incidence.
 #[derive(Clone, Copy)]
 pub(super) struct Place {
@@ -455,9 +439,9 @@ impl<const L: usize> Shapes<L> {
 /// The weights of the lobes at one incidence: H high-order and R reflection lanes, then empty ones up to L; J path lengths, N absorptions.
 pub(super) struct Mixture<const H: usize, const R: usize, const L: usize, const J: usize, const N: usize> {
     /// Rows of the tables, interpolated.
-    params: [[f32; L]; PARAMS],
+    pub(super) params: [[f32; L]; PARAMS],
     /// Energy before the scale to the simulated energy.
-    energy: [f32; L],
+    pub(super) energy: [f32; L],
     /// Path-length spectra of the high-order lobes.
     spectrum: [[f32; J]; H],
     /// Transmittance of each path length.
@@ -469,7 +453,7 @@ pub(super) struct Mixture<const H: usize, const R: usize, const L: usize, const 
     /// Pairs of high-order lobes.
     pairs: usize,
     flip: bool,
-    energies: Energies<N>,
+    pub(super) energies: Energies<N>,
 }
 
 /// The lobes at an incidence; `None` where the beam misses.
@@ -601,7 +585,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
 
     /// Axes, widths and amplitudes of the lobes.
     #[inline(always)]
-    fn shapes<const FMA: bool>(&self, bandwidth: (f32, f32)) -> Shapes<L> {
+    pub(super) fn shapes<const FMA: bool>(&self, bandwidth: (f32, f32)) -> Shapes<L> {
         let (params, zero) = (&self.params, [0.0; L]);
         let mut x = Shapes { axes: [zero; PARAMS], s1: zero, s2: zero, norm: zero, amplitude: zero };
         for i in 0..L {
@@ -631,7 +615,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
 
     /// [`Mixture::absorbed`], scaled to the simulated energies.
     #[inline(always)]
-    fn weigh<const FMA: bool>(&self, value: &[f32; L]) -> (f32, [f32; N]) {
+    pub(super) fn weigh<const FMA: bool>(&self, value: &[f32; L]) -> (f32, [f32; N]) {
         let (refl, mut high) = self.absorbed::<FMA>(value);
         for k in 0..N {
             high[k] *= self.scale_high[k];
@@ -654,7 +638,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
 
     /// Mean scattered energy plus the missed: what a sample is chosen from.
     #[inline(always)]
-    fn total(&self) -> f32 {
+    pub(super) fn total(&self) -> f32 {
         mean_sum(self.energies.refl, &self.energies.high) + self.energies.r_d
     }
 
@@ -762,7 +746,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
 
     /// [`Mixture::sample`] where the running sum of the energies passes `left`.
     #[inline(always)]
-    fn sample_lobe<const FMA: bool>(
+    pub(super) fn sample_lobe<const FMA: bool>(
         &self,
         bandwidth: (f32, f32),
         mean: &[f32; L],
@@ -781,70 +765,6 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         let z = st * cz + ct * up;
         let wo = mirrored(self.flip, [cp * along - sp * across, sp * along + cp * across, z]);
         Some((wo, self.eval_pdf::<FMA>(&x, mean, wo)))
-    }
-
-    /// Takes the share of each high-order lobe that a slit diffracts (`slit.rs`): `share` times the cosine between its axis and the forward
-    /// direction, nothing of a lobe that points back. Gives the energy taken, and its mean over the absorptions.
-    #[inline(always)]
-    fn take<const FMA: bool>(&mut self, mean: &[f32; L], share: f32, theta_i: f32) -> ([f32; N], f32) {
-        let (s_i, c_i) = sin_cos::<FMA>(theta_i.abs() * (1.0 / PI));
-        let (mut taken, mut sum) = ([0.0; L], 0.0);
-        for i in 0..H {
-            let (s, c) = sin_cos::<FMA>(self.params[0][i]);
-            let (sp, _) = sin_cos::<FMA>(self.params[1][i]);
-            let forward = fma::<FMA>(-c_i * c, sp, -s_i * s);
-            taken[i] = self.energy[i] * (share * min(max(forward, 0.0), 1.0));
-            self.energy[i] -= taken[i];
-        }
-        for i in 0..H {
-            sum = fma::<FMA>(taken[i], mean[i], sum);
-        }
-        (self.weigh::<FMA>(&taken).1, sum)
-    }
-
-    /// [`Mixture::eval_pdf`] less what a slit takes, and that. Of a mixture without shapes, not scaled.
-    #[inline(always)]
-    pub(super) fn slit_eval_pdf<const FMA: bool>(
-        &mut self,
-        bandwidth: (f32, f32),
-        (share, theta_i): (f32, f32),
-        wo: [f32; 3],
-    ) -> (Core<N>, Taken<N>) {
-        self.scale::<FMA>();
-        let mean = self.mean::<FMA>();
-        let (energy, sum) = self.take::<FMA>(&mean, share, theta_i);
-        let x = self.shapes::<FMA>(bandwidth);
-        let (refl, high, pdf) = self.eval_pdf::<FMA>(&x, &mean, wo);
-        let total = self.total();
-        (self.core(refl, high, pdf), Taken { energy, chance: if total > 0.0 { sum / total } else { 0.0 } })
-    }
-
-    /// What a sample is of when a slit takes its share.
-    #[inline(always)]
-    pub(super) fn slit_sample<const FMA: bool>(
-        &mut self,
-        bandwidth: (f32, f32),
-        (share, theta_i): (f32, f32),
-        u: [f32; 3],
-    ) -> SlitSample {
-        let u = unit(u);
-        let (total, left) = (self.total(), u[0] * self.total());
-        let missed = self.energies.r_d;
-        if left >= total - missed {
-            let part = (left - (total - missed)) / missed;
-            return SlitSample::Missed(if missed > 0.0 { part } else { 0.0 });
-        }
-        self.scale::<FMA>();
-        let mean = self.mean::<FMA>();
-        let (_, sum) = self.take::<FMA>(&mean, share, theta_i);
-        let kept = total - missed - sum;
-        if left >= kept && sum > 0.0 {
-            return SlitSample::Slit((left - kept) / sum);
-        }
-        match self.sample_lobe::<FMA>(bandwidth, &mean, left, u) {
-            Some((wo, _)) => SlitSample::Lobe(wo),
-            None => SlitSample::None,
-        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! All terms of the model at once: what met fibers, and what passed beside the ply and was diffracted at its edge.
 
-use super::kernel::{Core, SlitSample, unit};
+use super::kernel::{Core, unit};
+use super::slit::SlitSample;
 use super::{dispatch, edge};
 use crate::{PlyModel, PlyTerms, Slit};
 
@@ -24,6 +25,7 @@ impl PlyModel {
         let mut light = [0.0; N];
         if core.r_d > 0.0
             && let Some(tables) = &self.edge
+            && !tables.dark(h_um, wo[0])
         {
             light = edge::eval(tables, theta_i, h_um, &lambda_um, wo);
         }
@@ -120,6 +122,7 @@ impl PlyModel {
         let (mut light, mut pdf) = ([0.0; N], 0.0);
         if core.r_d > 0.0
             && let Some(tables) = &self.edge
+            && !tables.dark(h_um, wo[0])
         {
             (light, pdf) = edge::eval_pdf(tables, theta_i, h_um, &lambda_um, wo);
         }

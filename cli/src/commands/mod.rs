@@ -5,6 +5,7 @@ pub mod check;
 pub mod compare;
 pub mod diff;
 pub mod diff_tables;
+pub mod diffraction_view;
 pub mod eval;
 pub mod fiber_view;
 pub mod fit;

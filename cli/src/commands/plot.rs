@@ -399,6 +399,19 @@ pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
     let inputs: Vec<&std::path::Path> = others.into_iter().flatten().chain([args.file.as_path()]).collect();
     output::check_writable(&path, &inputs)?;
     absorptions(&args.sigma)?;
+    if args.file.extension().is_some_and(|e| e == "toml") {
+        if let Some(other) = others.into_iter().flatten().next() {
+            let mend = "FILE is a yarn spec; leave --table and --model out";
+            return Err(Failure::input(args.file.display(), "FILE", other.display(), mend));
+        }
+        let (spec, _) = plywave::YarnSpec::load(&args.file)?;
+        let edge = matches!(args.part, Part::Edge);
+        return write(cli, &path, &super::diffraction_view::figure(args, &spec, edge)?);
+    }
+    if !args.gap.is_empty() || args.tilt != 0.0 || matches!(args.part, Part::Edge) {
+        let mend = "--gap, --tilt and --part edge go with a yarn spec (.toml), whose beam they show";
+        return Err(Failure::input(args.file.display(), "FILE", "no spec", mend));
+    }
     if let Some(theta) = args.theta_i.filter(|t| !(0.0..=90.0).contains(t)) {
         let mend = "must be from 0 to 90 degrees; (-theta_i, h) is the mirror image of (theta_i, -h)";
         return Err(Failure::input("command line", "--theta-i", theta, mend));

@@ -8,6 +8,7 @@ mod font;
 pub mod grid;
 pub mod lines;
 pub mod map;
+pub mod pattern;
 pub mod sheet;
 
 use crate::failure::{Failure, Outcome};

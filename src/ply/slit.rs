@@ -1,0 +1,87 @@
+//! What a slit takes of the high-order lobes (`src/slit.rs`), and sampling of what is left.
+
+use super::kernel::{Core, Mixture, sin_cos, unit};
+use crate::simd::{fma, max, min};
+use std::f32::consts::FRAC_1_PI;
+
+/// What a slit takes of f_high: energy, and the chance that a sample is of it.
+#[derive(Clone, Copy)]
+pub(super) struct Taken<const N: usize> {
+    pub(super) energy: [f32; N],
+    pub(super) chance: f32,
+}
+
+/// What a sample is of; light of the slit and missed light with what is left of the number that chose it.
+#[derive(Clone, Copy)]
+pub(super) enum SlitSample {
+    Lobe([f32; 3]),
+    Slit(f32),
+    Missed(f32),
+    None,
+}
+
+impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: usize> Mixture<H, R, L, J, N> {
+    /// Takes the share of each high-order lobe that a slit diffracts (`slit.rs`): `share` times the cosine between its axis and the forward
+    /// direction, nothing of a lobe that points back. Gives the energy taken, and its mean over the absorptions.
+    #[inline(always)]
+    fn take<const FMA: bool>(&mut self, mean: &[f32; L], share: f32, theta_i: f32) -> ([f32; N], f32) {
+        let (s_i, c_i) = sin_cos::<FMA>(theta_i.abs() * FRAC_1_PI);
+        let (mut taken, mut sum) = ([0.0; L], 0.0);
+        for i in 0..H {
+            let (s, c) = sin_cos::<FMA>(self.params[0][i]);
+            let (sp, _) = sin_cos::<FMA>(self.params[1][i]);
+            let forward = fma::<FMA>(-c_i * c, sp, -s_i * s);
+            taken[i] = self.energy[i] * (share * min(max(forward, 0.0), 1.0));
+            self.energy[i] -= taken[i];
+        }
+        for i in 0..H {
+            sum = fma::<FMA>(taken[i], mean[i], sum);
+        }
+        (self.weigh::<FMA>(&taken).1, sum)
+    }
+
+    /// [`Mixture::eval_pdf`] less what a slit takes, and that. Of a mixture without shapes, not scaled.
+    #[inline(always)]
+    pub(super) fn slit_eval_pdf<const FMA: bool>(
+        &mut self,
+        bandwidth: (f32, f32),
+        (share, theta_i): (f32, f32),
+        wo: [f32; 3],
+    ) -> (Core<N>, Taken<N>) {
+        self.scale::<FMA>();
+        let mean = self.mean::<FMA>();
+        let (energy, sum) = self.take::<FMA>(&mean, share, theta_i);
+        let x = self.shapes::<FMA>(bandwidth);
+        let (refl, high, pdf) = self.eval_pdf::<FMA>(&x, &mean, wo);
+        let total = self.total();
+        (self.core(refl, high, pdf), Taken { energy, chance: if total > 0.0 { sum / total } else { 0.0 } })
+    }
+
+    /// What a sample is of when a slit takes its share.
+    #[inline(always)]
+    pub(super) fn slit_sample<const FMA: bool>(
+        &mut self,
+        bandwidth: (f32, f32),
+        (share, theta_i): (f32, f32),
+        u: [f32; 3],
+    ) -> SlitSample {
+        let u = unit(u);
+        let (total, left) = (self.total(), u[0] * self.total());
+        let missed = self.energies.r_d;
+        if left >= total - missed {
+            let part = (left - (total - missed)) / missed;
+            return SlitSample::Missed(if missed > 0.0 { part } else { 0.0 });
+        }
+        self.scale::<FMA>();
+        let mean = self.mean::<FMA>();
+        let (_, sum) = self.take::<FMA>(&mean, share, theta_i);
+        let kept = total - missed - sum;
+        if left >= kept && sum > 0.0 {
+            return SlitSample::Slit((left - kept) / sum);
+        }
+        match self.sample_lobe::<FMA>(bandwidth, &mean, left, u) {
+            Some((wo, _)) => SlitSample::Lobe(wo),
+            None => SlitSample::None,
+        }
+    }
+}
