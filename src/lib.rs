@@ -12,6 +12,7 @@ pub mod check;
 mod check_whole;
 #[doc(hidden)]
 pub mod chi2;
+pub mod color;
 mod edge;
 mod error;
 pub mod faddeeva;

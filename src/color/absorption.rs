@@ -1,0 +1,203 @@
+//! From a reflectance to the absorption sigma(lambda) that gives it, by inverting the albedo of the loaded model.
+//!
+//! A model's albedo at an incidence is `E_refl + sum_j e_j exp(-sigma path_j)` with e_j >= 0, and so is every average over incidences: it falls with sigma and
+//! is convex, from the albedo of clear fibers to the light that enters none. Newton's steps from sigma = 0 stay at the left of the root and converge.
+
+use super::{SPECTRUM_NODES, place, spectrum_lambda_um};
+use crate::PlyModel;
+
+/// Largest absorption that a reflectance is turned to [1/um]: black before a fiber is crossed.
+const MOST_PER_UM: f64 = 1.0;
+
+/// Albedo of a model over the absorption, averaged over incidences.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AlbedoCurve {
+    constant: f64,
+    path_um: Vec<f64>,
+    energy: Vec<f64>,
+}
+
+/// What a reflectance was, beside the albedos that the model can have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Clamped {
+    /// Within them.
+    No,
+    /// Brighter than clear fibers; sigma is 0.
+    ToClear,
+    /// Darker than the darkest fibers (or not a number).
+    ToDark,
+}
+
+impl AlbedoCurve {
+    /// Under diffuse light: the scattered share of the light that meets fibers, offsets even, latitudes by cos^2 theta_i, the projected solid angle of light
+    /// from everywhere about a thread. Latitudes beyond the last node count as that one.
+    pub fn diffuse(model: &PlyModel) -> AlbedoCurve {
+        let d = model.data();
+        let (m, last) = (d.theta_i.len(), d.theta_i[d.theta_i.len() - 1]);
+        let primitive = |theta: f64| 0.5 * theta + 0.25 * (2.0 * theta).sin();
+        let step = last / (m - 1) as f64;
+        let weight = |row: usize| {
+            let low = if row == 0 { 0.0 } else { step * (row as f64 - 0.5) };
+            let high = if row + 1 == m { std::f64::consts::FRAC_PI_2 } else { step * (row as f64 + 0.5) };
+            primitive(high) - primitive(low)
+        };
+        AlbedoCurve::of(model, &weight)
+    }
+
+    /// Under light of one latitude [rad], offsets even; between nodes linear, beyond the last that one.
+    pub fn at(model: &PlyModel, theta_i: f64) -> AlbedoCurve {
+        let d = model.data();
+        let (m, last) = (d.theta_i.len(), d.theta_i[d.theta_i.len() - 1]);
+        let x = (theta_i.abs() / last * (m - 1) as f64).max(0.0).min((m - 1) as f64);
+        AlbedoCurve::of(model, &|row| (1.0 - (x - row as f64).abs()).max(0.0))
+    }
+
+    fn of(model: &PlyModel, weight: &dyn Fn(usize) -> f64) -> AlbedoCurve {
+        let d = model.data();
+        let (h, j) = (d.h_um.len(), d.path_um.len());
+        let (mut constant, mut energy, mut met) = (0.0, vec![0.0; j], 0.0);
+        for row in 0..d.theta_i.len() {
+            for column in 0..h {
+                let w = weight(row) * if column == 0 || column + 1 == h { 0.5 } else { 1.0 };
+                let node = row * h + column;
+                met += w * (1.0 - d.r_d[node]);
+                constant += w * d.energy_refl[node];
+                for (sum, e) in energy.iter_mut().zip(&d.energy_high[node * j..]) {
+                    *sum += w * e;
+                }
+            }
+        }
+        // A model in which no light meets anything is black.
+        let scale = if met > 0.0 { 1.0 / met } else { 0.0 };
+        energy.iter_mut().for_each(|e| *e *= scale);
+        AlbedoCurve { constant: constant * scale, path_um: d.path_um.clone(), energy }
+    }
+
+    /// Albedo at an absorption [1/um].
+    pub fn albedo(&self, sigma_per_um: f64) -> f64 {
+        self.value(sigma_per_um).0
+    }
+
+    /// Albedo and its slope [um].
+    fn value(&self, sigma: f64) -> (f64, f64) {
+        let (mut value, mut slope) = (self.constant, 0.0);
+        for (path, energy) in self.path_um.iter().zip(&self.energy) {
+            let e = energy * (-sigma * path).exp();
+            value += e;
+            slope -= path * e;
+        }
+        (value, slope)
+    }
+
+    /// The darkest and the brightest albedo that [`AlbedoCurve::sigma`] reaches.
+    pub fn range(&self) -> [f64; 2] {
+        [self.albedo(MOST_PER_UM), self.albedo(0.0)]
+    }
+
+    /// The absorption [1/um] whose albedo is `reflectance`, 0 to 1 per um, and whether the reflectance had to be clamped.
+    pub fn sigma(&self, reflectance: f64) -> (f64, Clamped) {
+        let [dark, bright] = self.range();
+        if reflectance > bright {
+            return (0.0, Clamped::ToClear);
+        }
+        // Asked this way, what is not a number is dark.
+        let within = reflectance >= dark;
+        if !within {
+            return (MOST_PER_UM, Clamped::ToDark);
+        }
+        let mut sigma = 0.0;
+        for _ in 0..200 {
+            let (value, slope) = self.value(sigma);
+            let step = (reflectance - value) / slope;
+            let next = if step.is_finite() { (sigma + step).clamp(0.0, MOST_PER_UM) } else { sigma };
+            if (next - sigma).abs() <= 1e-14 * next {
+                sigma = next;
+                break;
+            }
+            sigma = next;
+        }
+        (sigma, Clamped::No)
+    }
+}
+
+/// Absorption over the wavelength.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SigmaSpectrum {
+    per_um: [f32; SPECTRUM_NODES],
+}
+
+impl SigmaSpectrum {
+    /// The absorption that gives a model with this albedo the reflectance at each wavelength. How many of the 81 nodes were clamped to clear and to dark fibers
+    /// comes with it.
+    pub fn of_reflectance(curve: &AlbedoCurve, reflectance: impl Fn(f64) -> f64) -> (SigmaSpectrum, [usize; 2]) {
+        let mut clamped = [0; 2];
+        let per_um = std::array::from_fn(|node| {
+            let (sigma, how) = curve.sigma(reflectance(spectrum_lambda_um(node)));
+            match how {
+                Clamped::No => {}
+                Clamped::ToClear => clamped[0] += 1,
+                Clamped::ToDark => clamped[1] += 1,
+            }
+            sigma as f32
+        });
+        (SigmaSpectrum { per_um }, clamped)
+    }
+
+    /// Values at the nodes [1/um].
+    pub fn nodes_per_um(&self) -> &[f32; SPECTRUM_NODES] {
+        &self.per_um
+    }
+
+    /// The absorption at a wavelength [1/um], linear between the nodes; beyond 0.38 to 0.78 um that of the nearer end.
+    pub fn at(&self, lambda_um: f32) -> f32 {
+        let (i, t) = place(f64::from(lambda_um));
+        self.per_um[i] + t as f32 * (self.per_um[i + 1] - self.per_um[i])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::color::{SmoothReflectance, delta_e, xyz_of_reflectance};
+
+    fn curve() -> AlbedoCurve {
+        AlbedoCurve { constant: 0.004, path_um: vec![0.0, 4.0, 30.0, 200.0], energy: vec![0.0, 0.096, 0.6, 0.3] }
+    }
+
+    /// Inverse of the albedo to 1e-12, falling, and clamped with a word outside its range.
+    #[test]
+    fn absorption_inverts_the_albedo() {
+        let c = curve();
+        let [dark, bright] = c.range();
+        let mut last = f64::INFINITY;
+        for i in 0..=1000 {
+            let r = dark + (bright - dark) * f64::from(i) / 1000.0;
+            let (sigma, clamped) = c.sigma(r);
+            assert_eq!(clamped, Clamped::No);
+            assert!((c.albedo(sigma) - r).abs() < 1e-12, "{r}: {sigma} gives {}", c.albedo(sigma));
+            assert!(sigma < last || i == 0, "{sigma} {last}");
+            last = sigma;
+        }
+        assert_eq!(c.sigma(1.01), (0.0, Clamped::ToClear));
+        assert_eq!(c.sigma(0.004), (MOST_PER_UM, Clamped::ToDark));
+        assert_eq!(c.sigma(f64::NAN), (MOST_PER_UM, Clamped::ToDark));
+    }
+
+    /// A color goes through the fibers and comes back: its spectrum is that of the reflectance where nothing was clamped.
+    #[test]
+    fn colors_come_back_through_the_albedo() {
+        let c = curve();
+        for srgb in [[0.8, 0.6, 0.65], [0.5, 0.5, 0.5], [0.45, 0.6, 0.5]] {
+            let r = SmoothReflectance::of_srgb(srgb);
+            let (sigma, clamped) = SigmaSpectrum::of_reflectance(&c, |l| r.at(l));
+            assert_eq!(clamped, [0, 0]);
+            let got = xyz_of_reflectance(|l| c.albedo(f64::from(sigma.at(l as f32))));
+            let want = xyz_of_reflectance(|l| r.at(l));
+            assert!(delta_e(got, want) < 1e-3, "{srgb:?}: {}", delta_e(got, want));
+        }
+        let (sigma, clamped) = SigmaSpectrum::of_reflectance(&c, |l| if l < 0.5 { 2.0 } else { 0.0 });
+        assert_eq!(clamped, [24, 57]);
+        assert_eq!([sigma.at(0.1), sigma.at(5.0), sigma.at(f32::NAN)], [0.0, 1.0, 0.0]);
+        assert!((sigma.at(0.4975) - 0.5).abs() < 1e-4);
+    }
+}
