@@ -15,6 +15,7 @@ mod lbfgsb;
 mod minimize;
 mod model;
 mod nnls;
+pub mod noise;
 mod reflection;
 mod sphere;
 
