@@ -2,7 +2,7 @@
 //!
 //! A tile holds N over a plane that wraps in both axes, made at one wavelength (`plywave_fit::noise_tiles`). A speckle pattern is the Fourier transform of what
 //! is lit, so at the wavelength lambda it is the same pattern stretched about the direction in which all wavelengths are in phase: angles are looked
-//! up times `lambda_ref / lambda`. The two coordinates of a direction are
+//! up times `lambda_ref / lambda`. What differs in contrast is faded, `1 + s(lambda) (N - 1)`. The two coordinates of a direction are
 //!
 //! ```text
 //! f_high:   u = beta cos theta_o                 v = sin theta_o                   beta: azimuth about exact forward
@@ -23,7 +23,8 @@ use std::f32::consts::{FRAC_PI_2, PI};
 /// Half width of the blend at the seam of a pattern [rad].
 pub const SEAM_RAD: f32 = 0.15;
 /// Names of the tensors in a model file.
-pub(crate) const NAMES: [&str; 5] = ["noise_tiles", "noise_code", "noise_step", "noise_lambda_um", "noise_contrast"];
+pub(crate) const NAMES: [&str; 6] =
+    ["noise_tiles", "noise_code", "noise_step", "noise_lambda_um", "noise_fade", "noise_contrast"];
 /// Most bytes of tiles.
 const MOST_BYTES: usize = 64 << 20;
 
@@ -42,7 +43,9 @@ pub struct NoiseTiles {
     pub step: [[f64; 2]; 2],
     /// Wavelength at which the tiles are not stretched [um].
     pub lambda_um: f64,
-    /// `[2][2]`: of each kind, the contrast of the simulated fibers and that of these tiles, looked up.
+    /// `[2][2]`: of each kind, N at a wavelength fades to `1 + s (N - 1)` with `s = fade[0] + fade[1] lambda_um`, kept within 0 and 1.
+    pub fade: [[f64; 2]; 2],
+    /// `[2][2]`: of each kind, the contrast of the simulated fibers and that of these tiles, looked up; for the record.
     pub contrast: [[f64; 2]; 2],
 }
 
@@ -134,7 +137,8 @@ impl NoiseTiles {
         let v = z + sin_i;
         let refl = Place::new(alpha, (1.0 - 0.25 * v * v).max(0.0).sqrt(), v);
         let high = Place::new(beta, (x * x + y * y).sqrt(), z);
-        (self.kind(0, instance, refl, &stretch), self.kind(1, instance, high, &stretch))
+        let refl = self.kind(0, instance, refl, &stretch);
+        (refl, self.kind(1, instance, high, &stretch))
     }
 
     fn kind<const N: usize>(&self, kind: usize, instance: Instance, place: Place, stretch: &[f32; N]) -> [f32; N] {
@@ -160,6 +164,11 @@ impl NoiseTiles {
             for (n, s) in factors.iter_mut().zip(stretch) {
                 *n += place.share * (at(place.other, *s) - *n);
             }
+        }
+        let [at_0, slope] = self.fade[kind].map(|v| v as f32);
+        for (n, s) in factors.iter_mut().zip(stretch) {
+            let fade = (at_0 + slope * self.lambda_um as f32 / s).max(0.0).min(1.0);
+            *n = 1.0 + fade * (*n - 1.0);
         }
         factors
     }
@@ -201,7 +210,8 @@ impl NoiseTiles {
         w.f32(NAMES[1], &[2, count, 2], self.code.iter().copied());
         w.f64(NAMES[2], &[2, 2], self.step.as_flattened());
         w.f64(NAMES[3], &[1], &[self.lambda_um]);
-        w.f64(NAMES[4], &[2, 2], self.contrast.as_flattened());
+        w.f64(NAMES[4], &[2, 2], self.fade.as_flattened());
+        w.f64(NAMES[5], &[2, 2], self.contrast.as_flattened());
     }
 
     pub(crate) fn read(r: &Reader<'_>) -> Result<Option<NoiseTiles>> {
@@ -220,7 +230,8 @@ impl NoiseTiles {
             code: r.f32(NAMES[1], &[2, shape[1], 2])?,
             step: pairs(NAMES[2])?,
             lambda_um: r.f64(NAMES[3], &[1])?[0],
-            contrast: pairs(NAMES[4])?,
+            fade: pairs(NAMES[4])?,
+            contrast: pairs(NAMES[5])?,
         }))
     }
 
@@ -240,7 +251,8 @@ impl NoiseTiles {
         c.range_f32(NAMES[1], &self.code, 0.0, 100.0)?;
         c.range(NAMES[2], self.step.as_flattened(), 1e-6, 10.0)?;
         c.range(NAMES[3], &[self.lambda_um], 0.01, 100.0)?;
-        c.range(NAMES[4], self.contrast.as_flattened(), 0.0, 1e3)?;
+        c.range(NAMES[4], self.fade.as_flattened(), -100.0, 100.0)?;
+        c.range(NAMES[5], self.contrast.as_flattened(), 0.0, 1e3)?;
         for kind in 0..2 {
             for tile in 0..count {
                 let values = self.tile(kind, tile);

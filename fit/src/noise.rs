@@ -15,7 +15,9 @@
 //! A contrast above 1 (glints of flat faces, turned at random) is more than N can have; b = 1 then, and the report tells it. Where several fibers are in view
 //! whose light adds up without phase, C is that of one over their number.
 //!
-//! One field serves all wavelengths by a stretch, so C is the mean over the simulated wavelengths, each at its stretched lag.
+//! One field serves all wavelengths by a stretch, so C / C(0) is the mean over the simulated wavelengths, each at its stretched lag. Their contrasts differ too;
+//! a straight line over the wavelength is fitted to them, the field has the largest on it, and N fades to the others as `1 + s (N - 1)`, s <= 1, which keeps mean
+//! and sign and scales C by s^2.
 
 mod covariance;
 mod line;
@@ -109,7 +111,7 @@ pub fn noise_tiles(
     let models = field_models(patterns, options, file)?;
     let mut tiles = Vec::new();
     let mut code = Vec::new();
-    let (mut step, mut contrast) = ([[0.0; 2]; 2], [[0.0; 2]; 2]);
+    let (mut step, mut contrast, mut fade) = ([[0.0; 2]; 2], [[0.0; 2]; 2], [[0.0; 2]; 2]);
     let mut kinds = Vec::new();
     for (k, (measured, model)) in models.into_iter().enumerate() {
         let made =
@@ -117,6 +119,7 @@ pub fn noise_tiles(
         tiles.extend(made.codes);
         code.extend(made.code);
         step[k] = made.step;
+        fade[k] = model.fade;
         contrast[k] = [measured.contrast(), made.contrast];
         kinds.push(NoiseKind {
             measured,
@@ -127,7 +130,7 @@ pub fn noise_tiles(
         });
     }
     let sizes = [options.tiles, options.rows, options.columns];
-    let tiles = NoiseTiles { tiles, sizes, code, step, lambda_um: patterns.lambda_um[0], contrast };
+    let tiles = NoiseTiles { tiles, sizes, code, step, lambda_um: patterns.lambda_um[0], fade, contrast };
     let [refl, high]: [NoiseKind; 2] = match kinds.try_into() {
         Ok(kinds) => kinds,
         Err(_) => unreachable!("one for each of the two kinds"),
@@ -161,14 +164,38 @@ fn field_models(
         }
     }
     Ok(covariances.map(|covariances| {
-        let measured = stretched_mean(&covariances, &patterns.lambda_um);
+        let (fade, contrast) = fade(&covariances, &patterns.lambda_um);
+        let measured = stretched_mean(&covariances, &patterns.lambda_um, contrast);
         let strip = (options.contrast == NoiseContrast::Developed).then(|| strip(patterns, &measured)).flatten();
         let model = match strip {
             Some(mu) => FieldModel::developed(&mu, patterns.azimuths),
             None => FieldModel::of(&measured, options.contrast, patterns.azimuths),
         };
+        let fade = if options.contrast == NoiseContrast::Developed { [1.0, 0.0] } else { fade };
+        let model = FieldModel { fade, ..model };
         (measured, model)
     }))
+}
+
+/// The line `s = fade[0] + fade[1] lambda` by which contrasts fall from the largest on it at a simulated wavelength, and that largest. A contrast above 1, which N
+/// cannot have, counts as 1 in the line; the largest is as measured where all are above.
+fn fade(covariances: &[PatternCovariance], lambda_um: &[f64]) -> ([f64; 2], f64) {
+    let contrasts: Vec<f64> = covariances.iter().map(PatternCovariance::contrast).collect();
+    let n = contrasts.len() as f64;
+    let capped: Vec<f64> = contrasts.iter().map(|c| c.min(1.0)).collect();
+    let (x, y) = (lambda_um.iter().sum::<f64>() / n, capped.iter().sum::<f64>() / n);
+    let spread: f64 = lambda_um.iter().map(|l| (l - x).powi(2)).sum();
+    let slope = if spread > 0.0 {
+        lambda_um.iter().zip(&capped).map(|(l, c)| (l - x) * (c - y)).sum::<f64>() / spread
+    } else {
+        0.0
+    };
+    let top = lambda_um.iter().map(|l| y + slope * (l - x)).fold(0.0, f64::max);
+    if !(top > 0.0) {
+        return ([1.0, 0.0], 0.0);
+    }
+    let least = contrasts.iter().copied().fold(f64::INFINITY, f64::min);
+    ([(y - slope * x) / top, slope / top], if least >= 1.0 { contrasts.iter().sum::<f64>() / n } else { top })
 }
 
 /// mu of a rough strip as wide as the fiber, `sin(x) / x` with `x = k D d / 2`, for patterns without grains (C does not fall to half within the lags): the

@@ -90,14 +90,17 @@ impl PatternCovariance {
     }
 }
 
-/// Mean of the covariances at several wavelengths, each over the lag times `lambda_um[0] / lambda`, which is the lag at the first: between the measured lags
+/// Mean of the covariances at several wavelengths, each over its own value at lag 0, times the square of a contrast, over the lag times `lambda_um[0] / lambda`, which is the lag at the first: between the measured lags
 /// by cubics, of the lags that a wavelength has.
-pub fn stretched_mean(covariances: &[PatternCovariance], lambda_um: &[f64]) -> PatternCovariance {
+pub fn stretched_mean(covariances: &[PatternCovariance], lambda_um: &[f64], contrast: f64) -> PatternCovariance {
     let first = &covariances[0];
     let mean = |of: &dyn Fn(&PatternCovariance) -> &Vec<f64>| -> Vec<f64> {
         (0..first.values.len())
             .map(|lag| {
-                let at = |(c, l): (&PatternCovariance, &f64)| cubic(of(c), lag as f64 * l / lambda_um[0]);
+                let at = |(c, l): (&PatternCovariance, &f64)| {
+                    let scale = if c.variance() > 0.0 { contrast * contrast / c.variance() } else { 0.0 };
+                    cubic(of(c), lag as f64 * l / lambda_um[0]).map(|v| scale * v)
+                };
                 let there: Vec<f64> = covariances.iter().zip(lambda_um).filter_map(at).collect();
                 there.iter().sum::<f64>() / there.len().max(1) as f64
             })

@@ -38,6 +38,7 @@ impl LinePatterns {
             }
             fft.process(&mut field);
             for (patterns, lambda) in patterns.iter_mut().zip(lambda_um) {
+                let fade = model.faded(*lambda);
                 let at = |j: usize| {
                     let off = (TAU * j as f64 / d as f64 + 0.5 * PI).rem_euclid(TAU);
                     let off = if off > PI { off - TAU } else { off } * lambda_um[0] / lambda;
@@ -45,6 +46,7 @@ impl LinePatterns {
                     let (i, t) = (x as usize % n, x.fract());
                     (field[i] * (1.0 - t) + field[(i + 1) % n] * t + constant).norm_sqr()
                 };
+                let at = |j: usize| 1.0 + fade * (at(j) - 1.0);
                 patterns.push((0..d).map(at).collect());
             }
         }

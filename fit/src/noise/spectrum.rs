@@ -17,6 +17,8 @@ pub struct FieldModel {
     pub share: f64,
     /// Power at harmonics 0 to azimuths / 2 of the circle, >= 0; with all others counted twice they add up to 1.
     pub spectrum: Vec<f64>,
+    /// N fades to `1 + s (N - 1)` with `s = fade[0] + fade[1] lambda_um`, within 0 and 1.
+    pub fade: [f64; 2],
     /// Number of azimuths the spectrum was made for.
     pub azimuths: usize,
 }
@@ -63,14 +65,19 @@ impl FieldModel {
             // Nothing varies: no field, whatever its spectrum.
             let mut spectrum = vec![0.0; azimuths / 2 + 1];
             spectrum[0] = 1.0;
-            return FieldModel { share: 0.0, spectrum, azimuths };
+            return FieldModel { share: 0.0, spectrum, fade: [1.0, 0.0], azimuths };
         }
-        FieldModel { share, spectrum: spectrum_of(share, &mu, azimuths), azimuths }
+        FieldModel { share, spectrum: spectrum_of(share, &mu, azimuths), fade: [1.0, 0.0], azimuths }
     }
 
     /// A fully developed speckle of the correlation `mu`, `[lag]`.
     pub fn developed(mu: &[f64], azimuths: usize) -> FieldModel {
-        FieldModel { share: 1.0, spectrum: spectrum_of(1.0, mu, azimuths), azimuths }
+        FieldModel { share: 1.0, spectrum: spectrum_of(1.0, mu, azimuths), fade: [1.0, 0.0], azimuths }
+    }
+
+    /// s at a wavelength [um].
+    pub fn faded(&self, lambda_um: f64) -> f64 {
+        (self.fade[0] + self.fade[1] * lambda_um).clamp(0.0, 1.0)
     }
 
     /// mu at a lag [rad].
