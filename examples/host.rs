@@ -112,5 +112,6 @@ fn two_lobes() -> PlyData {
         error_high: vec![0.0; 2 * nodes],
         layers: None,
         edge: None,
+        noise: None,
     }
 }

@@ -169,6 +169,10 @@ impl Writer {
         self.tensors.push((name, Dtype::F32, shape.to_vec(), bytes));
     }
 
+    pub(crate) fn u8(&mut self, name: &'static str, shape: &[usize], values: &[u8]) {
+        self.tensors.push((name, Dtype::U8, shape.to_vec(), values.to_vec()));
+    }
+
     pub(crate) fn u64(&mut self, name: &'static str, shape: &[usize], values: &[u64]) {
         let bytes = values.iter().flat_map(|v| v.to_le_bytes()).collect();
         self.tensors.push((name, Dtype::U64, shape.to_vec(), bytes));
@@ -293,6 +297,16 @@ impl<'a> Reader<'a> {
         match info.dtype {
             Dtype::F32 => Ok(bytes.as_chunks().0.iter().map(|c| f32::from_le_bytes(*c)).collect()),
             _ => Err(self.type_error(name, info, "F32")),
+        }
+    }
+
+    /// A tensor of U8 of this shape.
+    pub(crate) fn u8(&self, name: &str, shape: &[usize]) -> Result<Vec<u8>> {
+        let (info, bytes) = self.info(name)?;
+        self.check_shape(name, info, shape)?;
+        match info.dtype {
+            Dtype::U8 => Ok(bytes.to_vec()),
+            _ => Err(self.type_error(name, info, "U8")),
         }
     }
 

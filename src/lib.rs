@@ -22,6 +22,7 @@ mod file;
 mod frame;
 mod gap;
 mod layers;
+mod noise;
 mod ply;
 mod ply_circle;
 mod scatter;
@@ -40,6 +41,7 @@ pub use file::{FileKind, file_kind};
 pub use frame::{direction, incident_direction, mirror_incidence, theta_phi};
 pub use gap::{Aperture, Gap, GapIncidence};
 pub use layers::{DoubleLayer, Layer, LayerFactors, TwoLayers};
+pub use noise::{Instance, NoiseTiles, SEAM_RAD};
 #[doc(hidden)]
 pub use ply::reference;
 pub use ply::{Golden, PlyData, PlyModel, PlySample, Queries};

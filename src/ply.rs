@@ -74,6 +74,8 @@ pub struct PlyData {
     pub layers: Option<LayerFactors>,
     /// Edge diffraction (Yu 2025, 6.1); absent in models without it, whose missed light goes on.
     pub edge: Option<crate::EdgeLobes>,
+    /// Speckle noise (Yu 2025, 6.2); absent in models that are smooth only.
+    pub noise: Option<crate::NoiseTiles>,
 }
 
 /// A loaded ply model, laid out for evaluation.

@@ -50,7 +50,8 @@ impl SpeckleSide {
         }
     }
 
-    fn holds(self, phi: f64) -> bool {
+    /// Whether an azimuth [rad] is looked at.
+    pub fn holds(self, phi: f64) -> bool {
         let off = (phi - 3.0 * FRAC_PI_2 + PI).rem_euclid(TAU) - PI;
         let outside = off.abs() > FORWARD_RAD;
         match self {

@@ -325,6 +325,7 @@ pub fn fit(table: &Table, options: &FitOptions, progress: &(dyn Fn(Progress) + S
         error_high: Vec::new(),
         layers: None,
         edge: None,
+        noise: None,
     };
     canonicalize(&mut data);
     let own = errors(&data, table)?;

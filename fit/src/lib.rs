@@ -16,6 +16,7 @@ mod minimize;
 mod model;
 mod multi_ply;
 mod nnls;
+pub mod noise;
 mod reflection;
 mod sphere;
 mod table_distance;

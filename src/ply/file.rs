@@ -5,6 +5,7 @@ use crate::asg::{MU_MAX, MU_MIN, PARAMS};
 use crate::edge::{self, EdgeLobes};
 use crate::file::{Axis, Check, FileKind, Reader, Summary, VERSION, Writer, invalid, read_bytes, write_atomic};
 use crate::layers::{self, LayerFactors};
+use crate::noise::{self, NoiseTiles};
 use crate::table::TOLERANCE;
 use crate::{Result, direction};
 use std::path::Path;
@@ -161,6 +162,9 @@ impl PlyData {
         if let Some(edge) = &self.edge {
             edge.write(&mut w);
         }
+        if let Some(noise) = &self.noise {
+            noise.write(&mut w);
+        }
         w.finish(name, &document)
     }
 
@@ -233,6 +237,9 @@ impl PlyData {
         if let Some(edge) = &self.edge {
             edge.check(&c)?;
         }
+        if let Some(noise) = &self.noise {
+            noise.check(&c)?;
+        }
         Ok(())
     }
 }
@@ -256,7 +263,7 @@ fn check_lobes(name: &str, key: &str, lobes: &[f64]) -> Result<()> {
 
 /// The tensors and golden values of a file, checked.
 pub(crate) fn read(bytes: &[u8], name: &str) -> Result<(PlyData, Vec<Golden>)> {
-    let names = [&NAMES[..], &layers::NAMES, &edge::NAMES].concat();
+    let names = [&NAMES[..], &layers::NAMES, &edge::NAMES, &noise::NAMES].concat();
     let (r, document): (_, Loaded) = Reader::open(name, bytes, FileKind::Model, &names)?;
     let (m, h, k, j) =
         (r.shape("theta_i", 1)?[0], r.shape("h_um", 1)?[0], r.shape("sigma_per_um", 1)?[0], r.shape("path_um", 1)?[0]);
@@ -283,6 +290,7 @@ pub(crate) fn read(bytes: &[u8], name: &str) -> Result<(PlyData, Vec<Golden>)> {
         error_high: r.f64("error_high", &[m, h, k])?,
         layers: LayerFactors::read(&r, (m, h, j))?,
         edge: EdgeLobes::read(&r)?,
+        noise: NoiseTiles::read(&r)?,
     };
     data.check(name)?;
     for (i, g) in document.golden.iter().enumerate() {

@@ -107,6 +107,7 @@ pub fn model(seed: u64, s: Sizes) -> PlyData {
         error_high: vec![0.02; s.theta * s.h * sigma_per_um.len()],
         layers: None,
         edge: None,
+        noise: None,
         theta_i,
         h_um,
         sigma_per_um,

@@ -1,0 +1,337 @@
+//! Speckle noise at run time (Yu 2025, 6.2, Eq. 23): factors of mean 1 that turn the smooth f_refl and f_high into those of one instance of the ply.
+//!
+//! A tile holds N over a plane that wraps in both axes, made at one wavelength (`plywave_fit::noise_tiles`). A speckle pattern is the Fourier transform of what
+//! is lit, so at the wavelength lambda it is the same pattern stretched about the direction in which all wavelengths are in phase: angles are looked
+//! up times `lambda_ref / lambda`. What differs in contrast is faded, `1 + s(lambda) (N - 1)`. The two coordinates of a direction are
+//!
+//! ```text
+//! f_high:   u = beta cos theta_o                 v = sin theta_o                   beta: azimuth about exact forward
+//! f_refl:   u = alpha sqrt(1 - (v/2)^2)          v = sin theta_o + sin theta_i     alpha: azimuth about the light's
+//! ```
+//!
+//! v is the spatial frequency along the ply, `q_z = (omega_o + omega_i)_z` for reflection: a surface's phase is a function of it, so the pattern moves with the
+//! light and is otherwise unchanged (memory effect); high-order light does not remember. Across the ply the patterns of fibers are stationary in the
+//! azimuth, not in `q_x = cos theta_o cos phi_o`, whose grains would smear without bound at phi_o = 0 and whose front and back would be mirror images; so u is the arc about the
+//! ply's axis, cos theta_o times the azimuth, in which a pattern has no pole. For reflection the cosine is that of the latitude of the half vector, a
+//! function of v alone, so that the shift is exact. u has a seam opposite to where it starts: exact forward for reflection, which is dark there, and the light's
+//! azimuth for high-order light. Over [`SEAM_RAD`] beside it the two sides are blended; the mean stays 1, the contrast falls to 0.71 of itself at the seam.
+
+use crate::file::{Check, Reader, Writer, invalid};
+use crate::{PlyModel, PlyTerms, Result};
+use std::f32::consts::{FRAC_PI_2, PI};
+
+/// Half width of the blend at the seam of a pattern [rad].
+pub const SEAM_RAD: f32 = 0.15;
+/// Names of the tensors in a model file.
+pub(crate) const NAMES: [&str; 6] =
+    ["noise_tiles", "noise_code", "noise_step", "noise_lambda_um", "noise_fade", "noise_contrast"];
+/// Most bytes of tiles.
+const MOST_BYTES: usize = 64 << 20;
+
+/// Tiles of noise, those of f_refl first.
+///
+/// `N = (low + step code)^2` of a tile's codes, [`NoiseTiles::code`]; its mean over each tile is 1. Between the nodes N is bilinear.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NoiseTiles {
+    /// `[2][T][V][U]`: codes. T, V and U are powers of two.
+    pub tiles: Vec<u8>,
+    /// Number of tiles a kind, of nodes along v and along u.
+    pub sizes: [usize; 3],
+    /// `[2][T][2]`: low and step of each tile.
+    pub code: Vec<f32>,
+    /// `[2][2]`: distance of the nodes along v and u.
+    pub step: [[f64; 2]; 2],
+    /// Wavelength at which the tiles are not stretched [um].
+    pub lambda_um: f64,
+    /// `[2][2]`: of each kind, N at a wavelength fades to `1 + s (N - 1)` with `s = fade[0] + fade[1] lambda_um`, kept within 0 and 1.
+    pub fade: [[f64; 2]; 2],
+    /// `[2][2]`: of each kind, the contrast of the simulated fibers and that of these tiles, looked up; for the record.
+    pub contrast: [[f64; 2]; 2],
+}
+
+/// Which patterns a point of a ply has: which tile, where on it, and how it is turned.
+///
+/// Made of a number, 0 for the unstretched corner of the first tile; [`Instance::new`] hashes ply and position.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Instance(u64);
+
+impl Instance {
+    /// Of a ply's number and a position along its fibers, in grains of `grain_um`: all positions within one grain have the same patterns. A grain that is not
+    /// above 0, or no number, gives one instance for the whole ply; a position that is not a number counts as 0.
+    pub fn new(ply_id: u32, position_um: f32, grain_um: f32) -> Instance {
+        let grain = if grain_um > 0.0 { (position_um / grain_um).floor() as i32 as u32 } else { 0 };
+        Instance(mix(mix(u64::from(ply_id) << 32 | u64::from(grain)) ^ 0x9e37_79b9_7f4a_7c15))
+    }
+
+    /// Of any number, for hosts with a hash of their own.
+    pub fn from_hash(hash: u64) -> Instance {
+        Instance(mix(hash))
+    }
+}
+
+/// The finalizer of SplitMix64 (Steele, Lea and Flood 2014): every bit of the result depends on every bit of x.
+fn mix(x: u64) -> u64 {
+    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
+}
+
+/// Arc tangent of y / x in (-pi, pi], 0 where both are 0; to 3e-7.
+fn azimuth(y: f32, x: f32) -> f32 {
+    let (ax, ay) = (x.abs(), y.abs());
+    let top = ax.max(ay);
+    let t = if top > 0.0 { ax.min(ay) / top } else { 0.0 };
+    let s = t * t;
+    // Least squares on Chebyshev nodes of [0, 1].
+    let p = COEFFICIENTS.iter().rev().fold(0.0, |p, c| p * s + c);
+    let a = t * p;
+    let a = if ay > ax { FRAC_PI_2 - a } else { a };
+    let a = if x < 0.0 { PI - a } else { a };
+    if y < 0.0 { -a } else { a }
+}
+
+const COEFFICIENTS: [f32; 8] =
+    [0.999999344, -0.333298624, 0.199465662, -0.139086321, 0.0964219943, -0.0559123233, 0.0218629409, -0.00405455939];
+
+/// Where a direction falls on the patterns of one kind, before it is stretched.
+#[derive(Clone, Copy)]
+struct Place {
+    u: f32,
+    v: f32,
+    /// u on the other side of the seam and the share of that side.
+    other: f32,
+    share: f32,
+}
+
+impl Place {
+    /// Of an azimuth in [-pi, pi], the cosine that turns it into an arc, and v.
+    fn new(azimuth: f32, cos: f32, v: f32) -> Place {
+        let beyond = azimuth - (2.0 * PI).copysign(azimuth);
+        // 1/2 at the seam, 0 and flat at its end.
+        let t = ((azimuth.abs() - (PI - SEAM_RAD)) / SEAM_RAD).max(0.0).min(1.0);
+        Place { u: azimuth * cos, v, other: beyond * cos, share: t * t * (1.5 - t) }
+    }
+}
+
+impl NoiseTiles {
+    /// The factors of f_refl and f_high in direction `wo` at N wavelengths [um], for one instance. Their mean over instances is 1.
+    ///
+    /// A direction that is not finite gives 1. Wavelengths count as within a tenth and ten times that of the tiles; not a number counts as that of the tiles,
+    /// and a theta_i that is none as 0. No call fails, allocates or panics.
+    pub fn factors<const N: usize>(
+        &self,
+        instance: Instance,
+        theta_i: f32,
+        wo: [f32; 3],
+        lambda_um: [f32; N],
+    ) -> ([f32; N], [f32; N]) {
+        let [x, y, z] = wo;
+        if !(x.abs() <= 2.0 && y.abs() <= 2.0 && z.abs() <= 2.0) {
+            return ([1.0; N], [1.0; N]);
+        }
+        let reference = self.lambda_um as f32;
+        let stretch = lambda_um.map(|l| if l.is_nan() { 1.0 } else { (reference / l).max(0.1).min(10.0) });
+        let sin_i = if theta_i.is_finite() { theta_i.sin() } else { 0.0 };
+        let alpha = azimuth(-x, y);
+        let beta = alpha - PI.copysign(alpha);
+        let v = z + sin_i;
+        let refl = Place::new(alpha, (1.0 - 0.25 * v * v).max(0.0).sqrt(), v);
+        let high = Place::new(beta, (x * x + y * y).sqrt(), z);
+        let refl = self.kind(0, instance, refl, &stretch);
+        (refl, self.kind(1, instance, high, &stretch))
+    }
+
+    fn kind<const N: usize>(&self, kind: usize, instance: Instance, place: Place, stretch: &[f32; N]) -> [f32; N] {
+        let [count, rows, columns] = self.sizes;
+        // Independent bits for each kind: tile, two offsets of 20 bits, two mirrors.
+        let bits = mix(instance.0 ^ (kind as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+        let index = kind * count + ((bits >> 42) as usize & (count - 1));
+        let area = rows * columns;
+        let (Some(tile), Some(code)) =
+            (self.tiles.get(index * area..(index + 1) * area), self.code.get(2 * index..2 * index + 2))
+        else {
+            return [1.0; N];
+        };
+        let tile = Tile { codes: tile, rows, columns, low: code[0], step: code[1] };
+        const UNIT: f32 = 1.0 / (1u32 << 20) as f32;
+        let offset = [bits & 0xf_ffff, (bits >> 20) & 0xf_ffff].map(|b| b as f32 * UNIT);
+        let sign = |bit: u32| if bits >> bit & 1 == 0 { 1.0f32 } else { -1.0 };
+        let scale = [sign(62) / self.step[kind][0] as f32, sign(63) / self.step[kind][1] as f32];
+        let offset = [offset[0] * rows as f32, offset[1] * columns as f32];
+        let at = |u: f32, s: f32| tile.at(offset[0] + place.v * s * scale[0], offset[1] + u * s * scale[1]);
+        let mut factors = stretch.map(|s| at(place.u, s));
+        if place.share > 0.0 {
+            for (n, s) in factors.iter_mut().zip(stretch) {
+                *n += place.share * (at(place.other, *s) - *n);
+            }
+        }
+        let [at_0, slope] = self.fade[kind].map(|v| v as f32);
+        for (n, s) in factors.iter_mut().zip(stretch) {
+            let fade = (at_0 + slope * self.lambda_um as f32 / s).max(0.0).min(1.0);
+            *n = 1.0 + fade * (*n - 1.0);
+        }
+        factors
+    }
+
+    /// Values N at the nodes of a tile, `[V][U]`; `kind` 0 for f_refl, 1 for f_high. Empty where there is no such tile.
+    pub fn tile(&self, kind: usize, tile: usize) -> Vec<f32> {
+        let [count, rows, columns] = self.sizes;
+        if kind > 1 || tile >= count {
+            return Vec::new();
+        }
+        let index = kind * count + tile;
+        let (low, step) = (self.code[2 * index], self.code[2 * index + 1]);
+        let codes = &self.tiles[index * rows * columns..(index + 1) * rows * columns];
+        codes.iter().map(|c| (low + step * f32::from(*c)).powi(2)).collect()
+    }
+
+    /// The codes of a tile of values `N >= 0`, with low and step of the root scaled so that the mean of the coded values is 1: least and greatest root get the
+    /// codes 0 and 255. Values that are all 0 or not finite give a tile that is 1.
+    pub fn code(values: &[f64]) -> (Vec<u8>, [f32; 2]) {
+        let (mut low, mut high) = (f64::INFINITY, 0.0f64);
+        for v in values {
+            let root = v.max(0.0).sqrt();
+            (low, high) = (low.min(root), high.max(root));
+        }
+        if !(high > 0.0 && high.is_finite() && low.is_finite()) {
+            return (vec![0; values.len()], [1.0, 0.0]);
+        }
+        let step = (high - low) / 255.0;
+        let code = |v: &f64| if step > 0.0 { ((v.max(0.0).sqrt() - low) / step).round() as u8 } else { 0 };
+        let codes: Vec<u8> = values.iter().map(code).collect();
+        let mean = codes.iter().map(|c| (low + step * f64::from(*c)).powi(2)).sum::<f64>() / codes.len() as f64;
+        let scale = mean.sqrt().recip();
+        (codes, [(low * scale) as f32, (step * scale) as f32])
+    }
+
+    pub(crate) fn write(&self, w: &mut Writer) {
+        let [count, rows, columns] = self.sizes;
+        w.u8(NAMES[0], &[2, count, rows, columns], &self.tiles);
+        w.f32(NAMES[1], &[2, count, 2], self.code.iter().copied());
+        w.f64(NAMES[2], &[2, 2], self.step.as_flattened());
+        w.f64(NAMES[3], &[1], &[self.lambda_um]);
+        w.f64(NAMES[4], &[2, 2], self.fade.as_flattened());
+        w.f64(NAMES[5], &[2, 2], self.contrast.as_flattened());
+    }
+
+    pub(crate) fn read(r: &Reader<'_>) -> Result<Option<NoiseTiles>> {
+        if !NAMES.iter().any(|name| r.has(name)) {
+            return Ok(None);
+        }
+        let shape = r.shape(NAMES[0], 4)?;
+        let sizes = [shape[1], shape[2], shape[3]];
+        let pairs = |name: &str| {
+            let v = r.f64(name, &[2, 2])?;
+            Ok([[v[0], v[1]], [v[2], v[3]]])
+        };
+        Ok(Some(NoiseTiles {
+            tiles: r.u8(NAMES[0], &[2, shape[1], shape[2], shape[3]])?,
+            sizes,
+            code: r.f32(NAMES[1], &[2, shape[1], 2])?,
+            step: pairs(NAMES[2])?,
+            lambda_um: r.f64(NAMES[3], &[1])?[0],
+            fade: pairs(NAMES[4])?,
+            contrast: pairs(NAMES[5])?,
+        }))
+    }
+
+    pub(crate) fn check(&self, c: &Check<'_>) -> Result<()> {
+        let [count, rows, columns] = self.sizes;
+        let small = |n: usize| n.is_power_of_two() && n <= 1 << 20;
+        if !(small(count) && small(rows) && small(columns) && rows >= 2 && columns >= 2) {
+            let mend = "expected powers of two, two or more nodes along v and u";
+            return Err(invalid(c.0, NAMES[0], format!("{:?}", self.sizes), mend));
+        }
+        if (2 * count * rows).saturating_mul(columns) > MOST_BYTES {
+            let mend = format!("expected {MOST_BYTES} values at most");
+            return Err(invalid(c.0, NAMES[0], format!("{:?}", self.sizes), &mend));
+        }
+        c.len(NAMES[0], self.tiles.len(), &[2, count, rows, columns])?;
+        c.len(NAMES[1], self.code.len(), &[2, count, 2])?;
+        c.range_f32(NAMES[1], &self.code, 0.0, 100.0)?;
+        c.range(NAMES[2], self.step.as_flattened(), 1e-6, 10.0)?;
+        c.range(NAMES[3], &[self.lambda_um], 0.01, 100.0)?;
+        c.range(NAMES[4], self.fade.as_flattened(), -100.0, 100.0)?;
+        c.range(NAMES[5], self.contrast.as_flattened(), 0.0, 1e3)?;
+        for kind in 0..2 {
+            for tile in 0..count {
+                let values = self.tile(kind, tile);
+                let mean = values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len() as f64;
+                if (mean - 1.0).abs() > 1e-3 {
+                    let key = format!("{} mean of tile [{kind}][{tile}]", NAMES[0]);
+                    return Err(invalid(c.0, &key, mean, "expected 1, to 1e-3"));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+struct Tile<'a> {
+    codes: &'a [u8],
+    rows: usize,
+    columns: usize,
+    low: f32,
+    step: f32,
+}
+
+impl Tile<'_> {
+    /// N at a place in units of the nodes, bilinear; it wraps.
+    fn at(&self, v: f32, u: f32) -> f32 {
+        let (fv, fu) = (v.floor(), u.floor());
+        let (tv, tu) = (v - fv, u - fu);
+        // Sizes are powers of two, so the bits of a two's complement wrap as they should.
+        let (row, column) = (fv as i32 as usize & (self.rows - 1), fu as i32 as usize & (self.columns - 1));
+        let (below, right) = ((row + 1) & (self.rows - 1), (column + 1) & (self.columns - 1));
+        let node = |r: usize, c: usize| {
+            let root = self.low + self.step * self.codes.get(r * self.columns + c).map_or(0.0, |c| f32::from(*c));
+            root * root
+        };
+        let (a, b) = (node(row, column), node(row, right));
+        let (c, d) = (node(below, column), node(below, right));
+        let (top, bottom) = (a + tu * (b - a), c + tu * (d - c));
+        top + tv * (bottom - top)
+    }
+}
+
+impl<const N: usize> PlyTerms<N> {
+    /// The sum of the terms of one instance (Yu 2025, Eq. 23): f_refl and f_high times their factors, f_edge as it is.
+    pub fn sum_noised(&self, (refl, high): &([f32; N], [f32; N])) -> [f32; N] {
+        std::array::from_fn(|k| self.refl * refl[k] + self.high[k] * high[k] + self.edge[k])
+    }
+}
+
+impl PlyModel {
+    /// The model's noise tiles, if it has some.
+    pub fn noise(&self) -> Option<&NoiseTiles> {
+        self.data().noise.as_ref()
+    }
+
+    /// The model's noise tiles, for a host that is asked for noise.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`] when the model has none; `file` names it in the message.
+    pub fn require_noise(&self, file: &str) -> Result<&NoiseTiles> {
+        let mend = "the model has no noise tiles; add some with `plywave noise`";
+        self.noise().ok_or_else(|| invalid(file, NAMES[0], "absent", mend))
+    }
+
+    /// [`PlyModel::eval_terms`] summed, those of one instance where there is one and the model has noise tiles, the smooth ones otherwise.
+    ///
+    /// Sampling stays that of the smooth model: a sample's weight is this over its pdf.
+    pub fn eval_instance<const N: usize>(
+        &self,
+        theta_i: f32,
+        h_um: f32,
+        sigma_per_um: [f32; N],
+        lambda_um: [f32; N],
+        wo: [f32; 3],
+        instance: Option<Instance>,
+    ) -> [f32; N] {
+        let terms = self.eval_terms(theta_i, h_um, sigma_per_um, lambda_um, wo);
+        match (self.noise(), instance) {
+            (Some(noise), Some(instance)) => terms.sum_noised(&noise.factors(instance, theta_i, wo, lambda_um)),
+            _ => terms.sum(),
+        }
+    }
+}
