@@ -310,7 +310,8 @@ impl<'a, const N: usize> InGap<'a, N> {
     }
 }
 
-/// One of the cases of 7.1.
+/// One of the cases of 7.1. It lives on the stack of one query: a box would allocate.
+#[allow(clippy::large_enum_variant)]
 #[derive(Clone, Copy, Debug)]
 enum Kind<'a, const N: usize> {
     Ply { frame: [[f32; 3]; 3], ply: WholePly<'a, N> },
