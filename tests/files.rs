@@ -243,3 +243,35 @@ fn originals() -> &'static [Vec<u8>; 2] {
         [model(5, sizes).to_bytes().unwrap(), table(5).to_bytes().unwrap()]
     })
 }
+
+#[test]
+fn exit_positions_and_plies_of_tables_are_checked() {
+    let good = table(4);
+    let says = |t: &Table, what: &str| {
+        let error = t.to_bytes().unwrap_err().to_string();
+        assert!(error.contains(what) && error.lines().count() == 1, "{error:?} does not say {what:?}");
+    };
+    let without = Table { exit: None, ..good.clone() };
+    assert_eq!(Table::from_bytes(&without.to_bytes().unwrap(), "t").unwrap(), without);
+    let yarn = Table { plies: 3, ..without.clone() };
+    assert_eq!(Table::from_bytes(&yarn.to_bytes().unwrap(), "t").unwrap().plies, 3);
+    // Tables from before there were yarns are of one ply.
+    let old = with_document(&without.to_bytes().unwrap(), |d| {
+        d.as_object_mut().unwrap().remove("plies");
+    });
+    assert_eq!(Table::from_bytes(&old, "old").unwrap(), without);
+    says(&Table { plies: 8, ..good.clone() }, "plies = 8");
+    says(&Table { plies: 0, ..good.clone() }, "plies = 0");
+    let mut bad = good.clone();
+    bad.exit.as_mut().unwrap().shares[0] += 0.5;
+    says(&bad, "add up to 1");
+    let mut bad = good.clone();
+    bad.exit.as_mut().unwrap().shares[0] = f32::NAN;
+    says(&bad, "exit[0]");
+    let mut bad = good.clone();
+    bad.exit.as_mut().unwrap().met[1] = 1.5;
+    says(&bad, "met[1]");
+    let mut bad = good;
+    bad.exit.as_mut().unwrap().shares.pop();
+    says(&bad, "exit");
+}

@@ -456,7 +456,7 @@ pub struct DiffArgs {
     #[arg(long, value_name = "DEG")]
     pub tol_drift: Option<f64>,
     /// Of tables, leave out offsets beyond this |h/R|, where little light is scattered [default: all].
-    #[arg(long, value_name = "H")]
+    #[arg(long, value_name = "H", allow_negative_numbers = true)]
     pub max_h_rel: Option<f64>,
 }
 

@@ -34,9 +34,6 @@ pub(crate) struct Kernel {
     level: Level,
     /// `[frequency][theta_o][h'][theta]`, theta fastest.
     spectra: Vec<C32>,
-    /// Energy that leaves per energy that arrives, `[theta_o][h']`.
-    #[cfg(test)]
-    pub albedo: Vec<f64>,
     forward: Arc<dyn Fft<f32>>,
     inverse: Arc<dyn Fft<f32>>,
 }
@@ -108,14 +105,7 @@ impl Kernel {
                 }
             }
         }
-        Kernel {
-            level,
-            #[cfg(test)]
-            albedo: responses.iter().map(|b| b.chunks_exact(azimuths).map(|r| f64::from(r[0].re)).sum()).collect(),
-            spectra,
-            forward,
-            inverse,
-        }
+        Kernel { level, spectra, forward, inverse }
     }
 
     /// Energies that leave, `out[cell][theta][phi]`, of those that arrive, `arrivals[cell][theta_o][h'][phi_o]`.
@@ -183,6 +173,113 @@ impl Kernel {
             for ((z, a), b) in scratch.line.iter().zip(a).zip(b) {
                 (*a, *b) = (z.re * scale, z.im * scale);
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A table of random slices; nothing is even or symmetric.
+    fn table() -> Table {
+        let grid = OutgoingGrid { theta_o: 7, phi_o: 10 };
+        let (rows, columns) = (3usize, 5usize);
+        let mut x = 1u32;
+        let mut random = |n: usize, scale: f64| -> Vec<f64> {
+            (0..n)
+                .map(|_| {
+                    x = x.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                    scale * f64::from(x >> 8) / f64::from(1 << 24)
+                })
+                .collect()
+        };
+        let floats = |v: Vec<f64>| v.into_iter().map(|v| v as f32).collect();
+        Table {
+            spec_text: String::new(),
+            program_version: String::new(),
+            preset: String::new(),
+            seed: 0,
+            plies: 1,
+            theta_i: vec![0.0, 0.7, 1.4],
+            h_um: vec![-70.0, -35.0, 0.0, 35.0, 70.0],
+            sigma_per_um: vec![0.0],
+            grid,
+            r_d: random(rows * columns, 0.5),
+            energy_refl: vec![],
+            energy_high: vec![],
+            energy_se: vec![],
+            energy_killed: vec![],
+            refl: floats(random(rows * columns * grid.len(), 0.1)),
+            high: floats(random(rows * columns * grid.len(), 0.1)),
+            noise_refl: vec![],
+            noise_high: vec![],
+            paths: vec![],
+            interactions: vec![],
+            exit: None,
+        }
+    }
+
+    /// The slow way: every arriving bin sends its response, turned to its azimuth.
+    #[test]
+    fn convolution_by_frequencies_is_the_double_loop() {
+        let table = table();
+        for (light, azimuths, cells) in [(Light::Reflected, 12, 4), (Light::All(0), 15, 5)] {
+            let level = Level { rows: 6, azimuths, cells, offsets: 4 };
+            let kernel = Kernel::new(&table, light, level, 50.0);
+            let arrivals: Vec<f32> =
+                (0..level.state_len() * level.offsets).map(|i| if i % 7 < 3 { (i % 11) as f32 } else { 0.0 }).collect();
+            let mut got = vec![0.0; level.state_len()];
+            kernel.scatter(&arrivals, &mut got, &mut Scratch::default());
+            let mut want = vec![0.0f64; level.state_len()];
+            let sphere = OutgoingGrid { theta_o: level.rows, phi_o: azimuths };
+            for i in 0..level.rows {
+                for x in 0..level.offsets {
+                    let h = 50.0 * ((2 * x + 1) as f64 / level.offsets as f64 - 1.0);
+                    let response = response(&table, light, level, -sphere.theta(i), h);
+                    for cell in 0..cells {
+                        let from = &arrivals[((cell * level.rows + i) * level.offsets + x) * azimuths..][..azimuths];
+                        for (j, energy) in from.iter().enumerate() {
+                            for (b, share) in response.iter().enumerate() {
+                                let to = b / azimuths * azimuths + (b % azimuths + j) % azimuths;
+                                want[cell * level.rows * azimuths + to] += f64::from(energy * share);
+                            }
+                        }
+                    }
+                }
+            }
+            let most = want.iter().fold(0.0, |a: f64, b| a.max(*b));
+            for (i, (got, want)) in got.iter().zip(&want).enumerate() {
+                assert!((f64::from(*got) - want).abs() < 1e-5 * most, "{light:?}, bin {i}: {got}, want {want}");
+            }
+        }
+    }
+
+    /// Light that goes straight on: exact forward of the table's frame is the direction that it came with.
+    #[test]
+    fn exact_forward_is_straight_on() {
+        let mut table = table();
+        table.r_d.fill(0.0);
+        table.high.fill(0.0);
+        table.grid = OutgoingGrid { theta_o: 30, phi_o: 40 };
+        let (rows, columns) = (table.theta_i.len(), table.h_um.len());
+        table.refl = vec![0.0; rows * columns * table.grid.len()];
+        let forward: Vec<_> = (0..rows)
+            .map(|m| table.grid.bin(plywave::direction(-table.theta_i[m] as f32, 1.5 * std::f32::consts::PI + 1e-3)))
+            .collect();
+        for m in 0..rows {
+            for n in 0..columns {
+                let unit = 1.0 / table.grid.solid_angle(forward[m] / table.grid.phi_o);
+                table.refl[(m * columns + n) * table.grid.len() + forward[m]] = unit as f32;
+            }
+        }
+        let level = Level { rows: 6, azimuths: 12, cells: 4, offsets: 4 };
+        for theta_o in [0.7, -0.7] {
+            let out = response(&table, Light::Reflected, level, -theta_o, 13.0);
+            // Within a bin of the azimuth it came with, at its own latitude.
+            let row = ((theta_o / std::f64::consts::PI + 0.5) * 6.0) as usize;
+            let straight = out[row * 12] + out[row * 12 + 11] + out[row * 12 + 1];
+            assert!((straight - 1.0).abs() < 1e-5, "theta_o {theta_o}: {out:?}");
         }
     }
 }
