@@ -1,1 +1,61 @@
-fn main() {}
+//! Time of `Fabric::at` on one core: closed and open, one ply and several, twisted or not; random points and directions of the upper half space.
+//!
+//! `cargo bench -p plywave --bench weave`. The share of gaps stands beside each name: a gap asks all four yarns around it.
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use plywave::Handedness;
+use plywave::fabric::{Draft, Fabric, Place, YarnShape};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use std::hint::black_box;
+
+const QUERIES: usize = 4096;
+
+fn yarn(plies: u32, spacing_um: f64, ply_pitch_um: Option<f64>) -> YarnShape {
+    YarnShape {
+        plies,
+        ply_radius_um: 50.0,
+        ply_pitch_um,
+        handedness: Handedness::S,
+        spacing_um,
+        crimp: 0.3,
+        d_cut_um: 20.0,
+    }
+}
+
+fn weave(c: &mut Criterion) {
+    let mut rng = Pcg64Mcg::seed_from_u64(1);
+    let queries: Vec<([f32; 2], [f32; 3])> = (0..QUERIES)
+        .map(|_| {
+            let (s, c) = (std::f32::consts::TAU * rng.random::<f32>()).sin_cos();
+            let z: f32 = rng.random();
+            let r = (1.0 - z * z).sqrt();
+            (rng.random::<[f32; 2]>().map(|u| 1e5 * u), [r * c, r * s, z])
+        })
+        .collect();
+    let large = Draft::from_fn(4096, 4096, |p, e| (p * 7919 + e * 104_729) % 97 < 41).expect("4096 is allowed");
+    let satin = Draft::satin(5, 2).expect("a satin");
+    for (name, draft, shape) in [
+        ("satin, one ply", satin, yarn(1, 102.0, None)),
+        ("4096 x 4096, one ply", large, yarn(1, 102.0, None)),
+        ("open plain, one ply", Draft::plain(), yarn(1, 300.0, None)),
+        ("plain, 2 plies", Draft::plain(), yarn(2, 205.0, Some(1000.0))),
+        ("plain, 3 plies", Draft::plain(), yarn(3, 220.0, Some(1000.0))),
+        ("plain, 3 parallel plies", Draft::plain(), yarn(3, 220.0, None)),
+        ("plain, 7 plies", Draft::plain(), yarn(7, 340.0, Some(2000.0))),
+    ] {
+        let fabric = Fabric::new(draft, [shape, shape]).expect("a sound fabric");
+        let gaps = queries.iter().filter(|([x, y], w)| matches!(fabric.at(*x, *y, *w), Place::Gap(_))).count();
+        let mut i = 0;
+        c.bench_function(&format!("at: {name}, {:.0} % gaps", 100.0 * gaps as f64 / QUERIES as f64), |b| {
+            b.iter(|| {
+                i = (i + 1) % QUERIES;
+                let ([x, y], w) = queries[i];
+                black_box(fabric.at(x, y, w))
+            })
+        });
+    }
+}
+
+criterion_group!(benches, weave);
+criterion_main!(benches);

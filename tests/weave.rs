@@ -1,2 +1,369 @@
+//! Places in woven fabrics: frames, coverage, repeats, both sides, any numbers. The ray and ply intersection has its own slow twin in `src/fabric/yarn.rs`.
+
+use plywave::Handedness;
+use plywave::fabric::{Draft, Fabric, Family, Gap, Place, PlyHit, YarnShape};
+use proptest::prelude::*;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+fn shape(plies: u32, spacing_um: f64, crimp: f64, pitch: Option<f64>) -> YarnShape {
+    YarnShape {
+        plies,
+        ply_radius_um: 50.0,
+        ply_pitch_um: pitch,
+        handedness: Handedness::S,
+        spacing_um,
+        crimp,
+        d_cut_um: 20.0,
+    }
+}
+
+/// Fabrics of every kind: closed and open, one ply and several, flat and crimped.
+fn fabrics() -> Vec<Fabric> {
+    let of = |draft: Draft, warp, weft| Fabric::new(draft, [warp, weft]).unwrap();
+    let mut odd = shape(3, 260.0, 0.3, Some(900.0));
+    odd.handedness = Handedness::Z;
+    odd.ply_radius_um = 40.0;
+    vec![
+        of(Draft::satin(5, 2).unwrap(), shape(1, 100.0, 0.2, None), shape(1, 200.0, 0.5, None)),
+        of(Draft::plain(), shape(1, 230.0, 0.5, None), shape(1, 230.0, 0.5, None)),
+        of(Draft::twill(3, 1).unwrap(), shape(2, 210.0, 0.4, Some(800.0)), odd),
+        of(Draft::basket(3).unwrap(), odd, shape(7, 400.0, 0.0, None)),
+    ]
+}
+
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn direction(rng: &mut Pcg64Mcg) -> [f32; 3] {
+    let z = 2.0 * rng.random::<f32>() - 1.0;
+    let (s, c) = (std::f32::consts::TAU * rng.random::<f32>()).sin_cos();
+    let r = (1.0 - z * z).sqrt();
+    [r * c, r * s, z]
+}
+
+fn check_hit(fabric: &Fabric, hit: &PlyHit, w: [f32; 3], reach: f32) {
+    let [x, y, z] = hit.frame;
+    for (a, b, want) in [(x, x, 1.0), (y, y, 1.0), (z, z, 1.0), (x, y, 0.0), (y, z, 0.0), (z, x, 0.0)] {
+        assert!((dot(a, b) - want).abs() < 1e-5, "{hit:?}");
+    }
+    let cross = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
+    assert!(dot(cross, z) > 0.9999, "right-handed: {hit:?}");
+    // The light comes from +y of the ply frame, in its plane of y and z (Yu 2025, Eq. 1).
+    let (s, c) = hit.theta_i.sin_cos();
+    assert!((0..3).all(|k| (c * y[k] + s * z[k] - w[k]).abs() < 2e-5), "{w:?}: {hit:?}");
+    assert!(c > -1e-6 && hit.h_um.abs() <= reach, "{hit:?}");
+    assert!(hit.ply < fabric.shape(hit.family).plies);
+}
+
 #[test]
-fn x() {}
+fn frames_are_orthonormal_and_hold_the_light() {
+    let mut rng = Pcg64Mcg::seed_from_u64(1);
+    for fabric in fabrics() {
+        let [mut plies, mut gaps, mut doubles] = [0; 3];
+        for i in 0..40_000 {
+            let [x, y] = rng.random::<[f32; 2]>().map(|u| 2e4 * (u - 0.5));
+            // Every tenth nearly along a yarn.
+            let mut w = direction(&mut rng);
+            if i % 10 == 0 {
+                let small = 1e-4 * w[0];
+                w = if i % 20 == 0 { [1.0, small, small] } else { [small, -1.0, small] };
+            }
+            match fabric.at(x, y, w) {
+                Place::Ply(hit) => {
+                    plies += 1;
+                    check_hit(&fabric, &hit, w, fabric.shape(hit.family).ply_radius_um as f32);
+                    if let Some(below) = hit.below {
+                        doubles += 1;
+                        assert!(below.h_um.abs() <= fabric.shape(hit.family.other()).ply_radius_um as f32);
+                        assert!(below.theta_i.abs() <= 1.5708);
+                    }
+                }
+                Place::Gap(gap) => {
+                    gaps += 1;
+                    check_gap(&fabric, &gap, w);
+                }
+            }
+        }
+        assert!(
+            plies > 20_000 && doubles > 5000 && (gaps > 500 || fabric.repeat_um()[0] < 600.0),
+            "{plies} {gaps} {doubles}"
+        );
+    }
+}
+
+fn check_gap(fabric: &Fabric, gap: &Gap, w: [f32; 3]) {
+    assert!(gap.aperture_um.iter().all(|d| (0.0..=1000.0).contains(d)), "{gap:?}");
+    for (edge, hit) in gap.near.iter().enumerate() {
+        let Some(hit) = hit else { continue };
+        assert_eq!(hit.family, if edge < 2 { Family::Warp } else { Family::Weft });
+        let radius = fabric.shape(hit.family).ply_radius_um as f32;
+        check_hit(fabric, hit, w, radius + 20.0);
+        assert!(hit.h_um.abs() >= radius && hit.below.is_none(), "{hit:?}");
+    }
+}
+
+/// Shares of (warp on top, weft on top, gap, double) of a grid over one repeat.
+fn shares(fabric: &Fabric, w: [f32; 3], n: usize, repeats: f64) -> [f64; 4] {
+    let [a, b] = fabric.repeat_um().map(|s| s * repeats);
+    let mut count = [0.0; 4];
+    for i in 0..n {
+        for j in 0..n {
+            let [x, y] = [(i as f64 + 0.5) / n as f64 * a, (j as f64 + 0.5) / n as f64 * b];
+            match fabric.at(x as f32, y as f32, w) {
+                Place::Ply(hit) => {
+                    count[hit.family as usize] += 1.0;
+                    count[3] += f64::from(u8::from(hit.below.is_some()));
+                }
+                Place::Gap(_) => count[2] += 1.0,
+            }
+        }
+    }
+    count.map(|c| c / (n * n) as f64)
+}
+
+/// The truth: areas of strips.
+#[test]
+fn coverage_is_the_area_of_the_yarns() {
+    let up = [0.0, 0.0, 1.0];
+    for (draft, warp, weft) in [
+        (Draft::plain(), 160.0, 250.0),
+        (Draft::satin(5, 2).unwrap(), 100.0, 130.0),
+        (Draft::twill(2, 1).unwrap(), 333.0, 100.0),
+    ] {
+        let fabric = Fabric::new(draft.clone(), [shape(1, warp, 0.5, None), shape(1, weft, 0.4, None)]).unwrap();
+        let [a, b] = [100.0 / warp, 100.0 / weft];
+        let above = draft.warp_share();
+        let want = [a * (1.0 - b) + a * b * above, b * (1.0 - a) + a * b * (1.0 - above), (1.0 - a) * (1.0 - b), a * b];
+        let got = shares(&fabric, up, 1000, 1.0);
+        assert!((0..4).all(|k| (got[k] - want[k]).abs() < 3e-3), "got {got:?}, want {want:?}");
+        // From behind the other family is on top.
+        let behind = shares(&fabric, [0.0, 0.0, -1.0], 1000, 1.0);
+        let want = [a * (1.0 - b) + a * b * (1.0 - above), b * (1.0 - a) + a * b * above, want[2], want[3]];
+        assert!((0..4).all(|k| (behind[k] - want[k]).abs() < 3e-3), "got {behind:?}, want {want:?}");
+    }
+}
+
+/// A line that leans by phi across flat warp yarns meets them within R / cos phi of their axes.
+#[test]
+fn gaps_close_towards_grazing_light() {
+    let fabric = Fabric::new(Draft::plain(), [shape(1, 400.0, 0.0, None), shape(1, 400.0, 0.0, None)]).unwrap();
+    for phi in [0.0f32, 0.4, 0.8, 1.2, 1.3, 1.4] {
+        let got = shares(&fabric, [phi.sin(), 0.0, phi.cos()], 1499, 1.0);
+        let covered = f64::from(100.0 / (400.0 * phi.cos())).min(1.0);
+        let want = (1.0 - covered) * 0.75;
+        assert!((got[2] - want).abs() < 2e-3, "phi {phi}: gaps {} of {want}", got[2]);
+    }
+}
+
+/// P parallel plies, seen at a random turn, are R + R P / pi wide to either side on average (the mean over psi of the greatest D cos psi, plus R).
+#[test]
+fn several_plies_cover_their_mean_width() {
+    for plies in 2..=7 {
+        let yarn = shape(plies, 600.0, 0.2, None);
+        let fabric = Fabric::new(Draft::plain(), [yarn, yarn]).unwrap();
+        let covered = 2.0 * 50.0 * (1.0 + f64::from(plies) / std::f64::consts::PI) / 600.0;
+        let mut rng = Pcg64Mcg::seed_from_u64(4);
+        let mut gaps = 0.0;
+        for _ in 0..200_000 {
+            let [x, y] = rng.random::<[f32; 2]>().map(|u| 1e6 * (u - 0.5));
+            gaps += f64::from(u8::from(matches!(fabric.at(x, y, [0.0, 0.0, 1.0]), Place::Gap(_))));
+        }
+        let (got, want) = (gaps / 200_000.0, (1.0 - covered).powi(2));
+        // Five standard errors of 200 000 points; the 1667 yarns of either family add less.
+        assert!((got - want).abs() < 0.006, "{plies} plies: gaps {got} of {want}");
+    }
+}
+
+fn place_of(fabric: &Fabric, x: f64, y: f64, w: [f32; 3]) -> (Option<PlyHit>, [f32; 4]) {
+    match fabric.at(x as f32, y as f32, w) {
+        Place::Ply(hit) => (Some(hit), [0.0; 4]),
+        Place::Gap(gap) => (None, gap.aperture_um),
+    }
+}
+
+#[test]
+fn a_repeat_further_all_is_the_same() {
+    let mut rng = Pcg64Mcg::seed_from_u64(2);
+    for fabric in &fabrics()[..2] {
+        let [a, b] = fabric.repeat_um();
+        for _ in 0..3000 {
+            let [x, y] = [rng.random::<f64>() * a, rng.random::<f64>() * b];
+            let w = direction(&mut rng);
+            let (first, aperture) = place_of(fabric, x, y, w);
+            for (i, j) in [(1, 0), (0, 1), (-3, 2), (-1, -1)] {
+                let (other, there) = place_of(fabric, x + f64::from(i) * a, y + f64::from(j) * b, w);
+                assert!((0..4).all(|k| (aperture[k] - there[k]).abs() < 0.01), "{aperture:?} {there:?}");
+                let (Some(p), Some(q)) = (first, other) else {
+                    // Within a rounding of a ply's edge it may be met in one repeat and not in the next.
+                    let edge = first.or(other).map_or(50.0, |h| h.h_um.abs());
+                    assert!(first.is_some() == other.is_some() || edge > 49.99, "{first:?} {other:?}");
+                    continue;
+                };
+                if p.family != q.family {
+                    assert!(p.h_um.abs() > 49.99 || p.below.is_some_and(|b| b.h_um.abs() > 49.99), "{p:?} {q:?}");
+                    continue;
+                }
+                let threads = fabric.draft().threads(p.family) as i32;
+                let shift = if p.family == Family::Warp { i } else { j };
+                // Halfway between two yarns either is the nearer one.
+                if q.yarn != p.yarn + shift * threads {
+                    assert!(p.h_um.abs() > 49.9 || w[2].abs() < 0.5, "{p:?} {q:?}");
+                    continue;
+                }
+                assert!((p.theta_i - q.theta_i).abs() < 1e-3 && (p.h_um - q.h_um).abs() < 0.02, "{p:?} {q:?}");
+            }
+        }
+    }
+}
+
+/// Along a yarn theta_i, h and height change by what the step gives, at borders of cells and repeats as anywhere.
+#[test]
+fn nothing_jumps_along_a_yarn() {
+    let w = [0.3f32, 0.35, (1.0f32 - 0.09 - 0.1225).sqrt()];
+    for fabric in fabrics() {
+        for family in Family::EACH {
+            let k = family as usize;
+            let across = 0.3 * fabric.shape(family).spacing_um;
+            let length = 3.0 * fabric.repeat_um()[1 - k];
+            let step = 0.25;
+            let mut last: Option<PlyHit> = None;
+            let mut followed = 0;
+            for i in 0..(length / step) as usize {
+                let along = -0.5 * length + step * i as f64;
+                let (x, y) = if family == Family::Warp { (across, along) } else { (along, across) };
+                let (hit, _) = place_of(&fabric, x, y, w);
+                if let (Some(a), Some(b)) = (last, hit)
+                    && (a.family, a.yarn, a.ply) == (b.family, b.yarn, b.ply)
+                    && a.family == family
+                {
+                    followed += 1;
+                    let moved =
+                        [(b.theta_i - a.theta_i).abs(), (b.h_um - a.h_um).abs(), (b.height_um - a.height_um).abs()];
+                    // The steepest that these yarns get: a curvature of 12 50/100^2 per um, slopes of 1.5, plies of pitch 800 um.
+                    assert!(moved[0] < 0.016 && moved[1] < 1.0 && moved[2] < 0.5, "{moved:?} at {along}: {a:?} {b:?}");
+                }
+                last = hit;
+            }
+            assert!(followed > 500, "{family:?}: {followed}");
+        }
+    }
+}
+
+/// Plain weave of equal yarns, turned by a quarter, is the same with warp and weft exchanged. The turn takes +y to -x, so that theta_i and h of the weft,
+/// which runs along +x, change sign. (A reflection would not do: it makes S twist of Z.)
+#[test]
+fn symmetric_weaves_have_symmetric_statistics() {
+    let yarn = shape(2, 220.0, 0.5, Some(800.0));
+    let fabric = Fabric::new(Draft::plain(), [yarn, yarn]).unwrap();
+    let moments = |w: [f32; 3], family: Family| {
+        let mut rng = Pcg64Mcg::seed_from_u64(3);
+        let mut sums = [0.0; 6];
+        for _ in 0..200_000 {
+            let [x, y] = rng.random::<[f32; 2]>().map(|u| 1e5 * (u - 0.5));
+            if let Place::Ply(hit) = fabric.at(x, y, w)
+                && hit.family == family
+            {
+                let (theta, h) = (f64::from(hit.theta_i), f64::from(hit.h_um / 50.0));
+                let terms = [1.0, theta, h, theta * theta, theta * h, h * h];
+                (0..6).for_each(|k| sums[k] += terms[k] / 200_000.0);
+            }
+        }
+        sums
+    };
+    for w in [[0.0f32, 0.0, 1.0], [0.6, 0.0, 0.8], [0.3, 0.5, 0.81240], [0.6, 0.3, -0.7416]] {
+        let warp = moments(w, Family::Warp);
+        let mut weft = moments([-w[1], w[0], w[2]], Family::Weft);
+        (weft[1], weft[2]) = (-weft[1], -weft[2]);
+        // Five standard errors of 200 000 points, of terms that spread by 0.5 at most.
+        assert!((0..6).all(|k| (warp[k] - weft[k]).abs() < 0.0056), "{w:?}: {warp:?} {weft:?}");
+    }
+    // Half a turn about y shows the back, and is the same fabric again.
+    let front = moments([0.3, 0.2, 0.9327], Family::Warp);
+    let back = moments([-0.3, 0.2, -0.9327], Family::Warp);
+    assert!((0..6).all(|k| (front[k] - back[k]).abs() < 0.0056), "{front:?} {back:?}");
+}
+
+/// Warp at theta_i and h worked out by hand: a flat yarn along y, light from above, leaning.
+#[test]
+fn a_straight_yarn_is_what_it_is_on_paper() {
+    let fabric = Fabric::new(Draft::plain(), [shape(1, 300.0, 0.0, None), shape(1, 300.0, 0.0, None)]).unwrap();
+    // End 0 lies at x = 150; at y = 0 there is no weft.
+    let Place::Ply(hit) = fabric.at(170.0, 0.0, [0.0, 0.6, 0.8]) else { panic!("a yarn is there") };
+    assert_eq!((hit.family, hit.yarn, hit.ply, hit.below), (Family::Warp, 0, 0, None));
+    assert!((hit.theta_i - 0.6f32.asin()).abs() < 1e-6 && (hit.across_um - 20.0).abs() < 1e-3 && hit.along_um == 0.0);
+    // z along +y, y up: x = y cross z points to -x of the fabric, where h is counted.
+    assert!((hit.frame[2][1] - 1.0).abs() < 1e-6 && (hit.frame[1][2] - 1.0).abs() < 1e-6);
+    assert!((hit.frame[0][0] + 1.0).abs() < 1e-6 && (hit.h_um + 20.0).abs() < 1e-3, "{hit:?}");
+    // Leaning across by 60 degrees, h shrinks to half.
+    let Place::Ply(hit) = fabric.at(170.0, 0.0, [0.75f32.sqrt(), 0.0, 0.5]) else { panic!("a yarn is there") };
+    assert!((hit.h_um + 10.0).abs() < 1e-3 && hit.theta_i.abs() < 1e-6, "{hit:?}");
+    // From below the frame is turned over, and h with it.
+    let Place::Ply(hit) = fabric.at(170.0, 0.0, [0.0, 0.0, -1.0]) else { panic!("a yarn is there") };
+    assert!((hit.frame[0][0] - 1.0).abs() < 1e-6 && (hit.h_um - 20.0).abs() < 1e-3, "{hit:?}");
+    // A gap in the corner: 50 um and 250 um from yarns to the west and east, 75 and 125 south and north, but for the radius.
+    let Place::Gap(gap) = fabric.at(210.0, 225.0 + 300.0, [0.0, 0.0, 1.0]) else { panic!("no yarn is there") };
+    let want = [10.0, 190.0, 25.0, 175.0];
+    assert!((0..4).all(|k| (gap.aperture_um[k] - want[k]).abs() < 1e-3), "{gap:?}");
+    assert!(
+        gap.near[0].is_some_and(|h| (h.h_um + 60.0).abs() < 1e-3 && h.yarn == 0)
+            && gap.near[1..].iter().all(Option::is_none)
+    );
+    let yarn = fabric.yarn_at(170.0, 10.0, true).unwrap();
+    assert_eq!(
+        (yarn.family, yarn.tangent, yarn.is_double, yarn.height_um),
+        (Family::Warp, [0.0, 1.0, 0.0], false, 0.0)
+    );
+}
+
+/// At crossings two touching round yarns of crimps that add up to 1 are a sum of radii apart, and the slope is that of the height.
+#[test]
+fn heights_and_slopes_fit_together() {
+    let fabric =
+        Fabric::new(Draft::twill(2, 1).unwrap(), [shape(1, 150.0, 0.3, None), shape(2, 260.0, 0.7, None)]).unwrap();
+    let between = 50.0 + 100.0;
+    for pick in -4..4 {
+        for end in -4..4 {
+            let (x, y) = (150.0 * (end as f32 + 0.5), 260.0 * (pick as f32 + 0.5));
+            let face = fabric.yarn_at(x, y, false).unwrap();
+            let back = fabric.yarn_at(x, y, true).unwrap();
+            assert!(face.is_double && face.family == back.family.other());
+            assert!((face.height_um - back.height_um - between).abs() < 1e-3, "{face:?} {back:?}");
+            assert!(face.tangent[2].abs() < 1e-6, "{face:?}");
+        }
+    }
+    for i in 0..4000 {
+        let y = i as f32 * 0.7 - 1400.0;
+        let at = |y: f32| {
+            fabric
+                .yarn_at(75.0, y, false)
+                .into_iter()
+                .chain(fabric.yarn_at(75.0, y, true))
+                .find(|p| p.family == Family::Warp)
+                .unwrap()
+        };
+        let [a, b, m] = [at(y - 0.5), at(y + 0.5), at(y)];
+        let slope = m.tangent[2] / m.tangent[1];
+        assert!((b.height_um - a.height_um - slope).abs() < 3e-3, "{y}: {slope}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 3000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn any_numbers_give_finite_places(x in any::<f32>(), y in any::<f32>(), w in any::<[f32; 3]>(), small in -2.0..2.0f32, which in 0usize..4) {
+        let fabric = &fabrics()[which];
+        for w in [w, [small, w[0], 0.0], [0.0, small, 0.0], [f32::NAN, small, 1.0], [small, small, small]] {
+            match fabric.at(x, y, w) {
+                Place::Ply(hit) => {
+                    let finite = hit.frame.iter().flatten().chain([&hit.theta_i, &hit.h_um, &hit.height_um, &hit.across_um]).all(|v| v.is_finite());
+                    prop_assert!(finite && hit.h_um.abs() <= 50.0, "{hit:?}");
+                }
+                Place::Gap(gap) => prop_assert!(gap.aperture_um.iter().all(|d| d.is_finite() && *d >= 0.0), "{gap:?}"),
+            }
+        }
+        let _ = (fabric.yarn_at(x, y, true), fabric.color(Family::Warp, x as i32));
+    }
+}

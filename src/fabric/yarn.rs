@@ -3,9 +3,11 @@
 //! In the yarn's frame (c across, n up, t along) the axis is straight and ply k's is the helix `(D cos psi, D sin psi, s)`, `psi = phase +- 2 pi s / pitch + 2 pi k / P`, D the
 //! radius of the circle the plies lie on. The line runs through (a, 0, 0), a point of the yarn's middle plane, along w.
 //!
-//! The ply is met in two steps. With the plies taken as parallel circles where the point is, the line meets one of them at some distance along t. There every ply is replaced by
-//! the straight cylinder along its tangent, and the first cylinder met counts; h is the distance of line and tangent, so that |h| <= R at every hit.
-//! For one ply, and for parallel plies, this is exact.
+//! The ply is met in three steps. With the plies taken as parallel circles where the point is (as the paper has it), the line meets one of them at some distance along t. There
+//! every ply is replaced by the straight cylinder along its tangent, and the first cylinder met counts. That one is replaced once more, by the cylinder along the tangent at the place of its axis
+//! next to where the line enters it; h is the distance of the line from this tangent, so that |h| <= R at every hit. For one ply, and for parallel plies,
+//! this is exact. `twisted_plies_are_near_true_helices` measures the rest: without the first step errors are 2 to 4 times as large from 45 degrees on, without the last 10 times at
+//! all angles up to there.
 
 use crate::Handedness;
 use std::f32::consts::TAU;
@@ -125,7 +127,8 @@ pub(super) fn ply_frame(w: [f32; 3], z: [f32; 3]) -> ([[f32; 3]; 3], f32) {
     let length = dot(x, x).max(1e-12).sqrt();
     x = x.map(|v| v / length);
     let y = cross(z, x);
-    let theta_i = dot(w, z).atan2(dot(w, y));
+    // Next to the ply's own direction y w may fall below 0 by a rounding.
+    let theta_i = dot(w, z).atan2(dot(w, y).max(0.0));
     ([x, y, z], theta_i)
 }
 
@@ -212,31 +215,48 @@ impl Yarn {
         distance * per_sine * wt
     }
 
+    /// Ply k at the distance `shift` along t, as the straight cylinder along its tangent there; where the line enters it, and how much further along t
+    /// the point of its axis next to that place lies.
+    fn cylinder(&self, line: &Line, k: usize, shift: f32, [c, s]: [f32; 2]) -> (Met, f32, f32) {
+        let [ck, sk] = self.turn[k];
+        let (cos, sin) = (c * ck - s * sk, s * ck + c * sk);
+        let tangent = [-self.slope * sin * self.norm, self.slope * cos * self.norm, self.norm];
+        let (m, sine) = across(line.w, tangent);
+        let d = [line.across - self.circle * cos, -self.circle * sin, -shift];
+        let h = dot(d, m) / sine;
+        let room = self.radius * self.radius - h * h;
+        // Along the line, from its point nearest to the ply's axis: y = z x, up to the sine.
+        let entry = (room.max(0.0).sqrt() - dot(d, cross(tangent, m)) / sine) / sine;
+        let further = (dot(d, tangent) + entry * dot(line.w, tangent)) * tangent[2];
+        (Met { hit: room > 0.0, ply: k as u32, h, tangent, across_per_um: m[0] / sine }, entry, further)
+    }
+
+    /// Cosine and sine of ply 0's angle at `shift` along t.
+    fn angle(&self, line: &Line, shift: f32) -> [f32; 2] {
+        let (s, c) = (TAU * (line.turns + shift * self.turns_per_um)).sin_cos();
+        [c, s]
+    }
+
     /// The first of the straight cylinders along the plies' tangents at `shift` along t.
     fn first_cylinder(&self, line: &Line, shift: f32) -> Met {
-        let (s, c) = (TAU * (line.turns + shift * self.turns_per_um)).sin_cos();
+        let angle = self.angle(line, shift);
         let mut best = Met { hit: false, ply: 0, h: 0.0, tangent: [0.0, 0.0, 1.0], across_per_um: 1.0 };
-        let mut first = f32::NEG_INFINITY;
-        let mut nearest = f32::INFINITY;
-        for (k, &[ck, sk]) in self.turn[..self.plies].iter().enumerate() {
-            let (cos, sin) = (c * ck - s * sk, s * ck + c * sk);
-            let tangent = [-self.slope * sin * self.norm, self.slope * cos * self.norm, self.norm];
-            let (m, sine) = across(line.w, tangent);
-            let d = [line.across - self.circle * cos, -self.circle * sin, -shift];
-            let h = dot(d, m) / sine;
-            let room = self.radius * self.radius - h * h;
-            let ply = |hit: bool| Met { hit, ply: k as u32, h, tangent, across_per_um: m[0] / sine };
-            if room > 0.0 {
-                // Of the distance along the line, from its point nearest to the ply's axis: y = z x, up to the sine.
-                let y = cross(tangent, m);
-                let entry = (room.sqrt() - dot(d, y) / sine) / sine;
+        let (mut first, mut nearest, mut step) = (f32::NEG_INFINITY, f32::INFINITY, 0.0);
+        for k in 0..self.plies {
+            let (met, entry, further) = self.cylinder(line, k, shift, angle);
+            if met.hit {
                 if entry > first {
-                    first = entry;
-                    best = ply(true);
+                    (first, best, step) = (entry, met, further);
                 }
-            } else if !best.hit && h.abs() < nearest {
-                nearest = h.abs();
-                best = ply(false);
+            } else if !best.hit && met.h.abs() < nearest {
+                (nearest, best) = (met.h.abs(), met);
+            }
+        }
+        if best.hit && self.slope != 0.0 && step.abs() < 2.0 * self.half_width {
+            let shift = shift + step;
+            let (met, ..) = self.cylinder(line, best.ply as usize, shift, self.angle(line, shift));
+            if met.hit {
+                best = met;
             }
         }
         best
@@ -417,13 +437,60 @@ mod tests {
         [other / count as f64, (h2 / n).sqrt() / R, (theta2 / n).sqrt()]
     }
 
+    /// Angles between line and normal, and what is allowed: about twice what was measured for the worst of these yarns.
     #[test]
     fn twisted_plies_are_near_true_helices() {
-        for (plies, pitch) in [(2, 1500.0), (3, 1500.0), (2, 800.0), (3, 800.0), (4, 900.0)] {
-            for (steepest, name) in [(0.1f32, "near normal"), (0.8, "to 46 degrees"), (1.3, "to 74 degrees")] {
-                let [other, h, theta] = against_helices(plies, pitch, Handedness::S, steepest, 1500);
-                println!("{plies} plies, pitch {pitch}, {name}: other {other:.4}, h/R {h:.4}, theta {theta:.4} rad");
+        for (plies, pitch, hand) in [
+            (2, 1500.0, Handedness::Z),
+            (3, 1500.0, Handedness::S),
+            (2, 800.0, Handedness::S),
+            (4, 900.0, Handedness::Z),
+        ] {
+            for (steepest, allowed) in
+                [(0.1, [0.01, 0.002, 0.005]), (0.8, [0.02, 0.008, 0.012]), (1.3, [0.05, 0.12, 0.1])]
+            {
+                let got = against_helices(plies, pitch, hand, steepest, 800);
+                println!(
+                    "{plies} plies, pitch {pitch}, to {steepest} rad: other ply {:.4}, h/R {:.4}, theta_i {:.4} rad",
+                    got[0], got[1], got[2]
+                );
+                assert!(
+                    (0..3).all(|k| got[k] <= allowed[k]),
+                    "{plies} plies, pitch {pitch}, to {steepest} rad: {got:?}"
+                );
             }
         }
+    }
+
+    /// A ply of Z twist lies like the middle stroke of the letter: seen from above, its upper side leans from the yarn's axis to the right.
+    #[test]
+    fn hands_are_those_of_the_letters() {
+        for (hand, sign) in [(Handedness::Z, 1.0), (Handedness::S, -1.0)] {
+            let (yarn, _) = yarn(2, Some(800.0), hand);
+            // Ply 0 is at the top at a quarter turn. Seen from +n with t upwards, -c points right.
+            let met = yarn.meet(&Line { across: 0.0, w: [0.0, 1.0, 0.0], turns: 0.25 });
+            assert!(met.hit && met.ply == 0 && met.h.abs() < 1e-4, "{met:?}");
+            let lean = (-met.tangent[0] / met.tangent[2]).atan();
+            assert!((lean - sign * (TAU * 50.0 / 800.0).atan()).abs() < 1e-5, "{lean}");
+        }
+    }
+
+    #[test]
+    fn yarns_begin_at_turns_of_their_own() {
+        let (yarn, _) = yarn(3, Some(800.0), Handedness::Z);
+        let bins = 16;
+        let mut count = vec![0; bins];
+        for index in -2000..2000 {
+            for family in 0..2 {
+                let turns = yarn.turns(index, family, 0.0);
+                assert!((0.0..1.0).contains(&turns));
+                count[(turns * bins as f32) as usize] += 1;
+            }
+        }
+        // 500 a bin, with a standard deviation of 22.
+        assert!(count.iter().all(|c| (390..610).contains(c)), "{count:?}");
+        // A pitch further all plies are where they were.
+        let turn = yarn.turns(5, 0, 123.0) - yarn.turns(5, 0, 123.0 + 8000.0);
+        assert!(turn.abs() < 1e-4 || (turn.abs() - 1.0).abs() < 1e-4, "{turn}");
     }
 }
