@@ -5,6 +5,9 @@
 //! of apertures, none of the paper's color correction. Departures from the print: |K|^2 for K^2, since K is complex for an aperture
 //! off the beam's center; the power on the aperture is that of the intensity, `integral exp(-2 r^2/w0^2)` (docs/papers.md).
 //!
+//! As in print, the beam's cross section in the plane of the aperture is a circle of waist w0 at any tilt. That of a tilted beam is an ellipse,
+//! longer by 1/c_i: a wide gap spreads tilted light by 1/c_i more than the beam itself does.
+//!
 //! f integrates to 1 in Kirchhoff's approximation as long as the aperture is many wavelengths wide and light does not graze;
 //! [`Scatter::albedo`] gives what it does integrate to. By Parseval's theorem it is the mean of `(c_i + c_o)^2/(4 c_i c_o)` over the
 //! spectrum of the aperture, evanescent frequencies counted as 0; c_i and c_o are the cosines in and out.

@@ -115,7 +115,8 @@ fn file_keeps_edge_lobes_and_refuses_bad_ones() {
     let (got, want) = (read.edge.unwrap(), edge_lobes());
     assert_eq!((got.radius_um, &got.lambda_um, &got.inside_um), (want.radius_um, &want.lambda_um, &want.inside_um));
     assert!(got.ln_mu.iter().zip(&want.ln_mu).all(|(a, b)| (a - b).abs() < 1e-6));
-    let bad: [(&str, fn(&mut EdgeLobes)); 6] = [
+    type Spoil = (&'static str, fn(&mut EdgeLobes));
+    let bad: [Spoil; 6] = [
         ("edge_radius_um", |e| e.radius_um = f64::NAN),
         ("edge_lambda_um", |e| e.lambda_um[2] += 0.01),
         ("edge_lambda_um", |e| e.lambda_um.truncate(1)),

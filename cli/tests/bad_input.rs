@@ -136,6 +136,10 @@ fn values_are_refused_in_one_line() {
     refused(dir, &["diff", "tiny.pwm", "tiny.pwm", "--tol", "-1"], &["-1"]);
     refused(dir, &["plot", "tiny.pwm", "--theta-i", "-10"], &["--theta-i", "mirror"]);
     refused(dir, &["plot", "tiny.pwm", "--h-rel", "7"], &["--h-rel"]);
+    refused(dir, &["plot", "tiny.pwm", "--gap", "3,5"], &["--gap", "spec"]);
+    refused(dir, &["plot", "tiny.toml", "--gap=-3,5"], &["--gap", "above 0"]);
+    refused(dir, &["plot", "tiny.toml", "--gap", "3,5,1"], &["--gap", "center"]);
+    refused(dir, &["plot", "tiny.toml", "--tilt", "95"], &["--tilt", "80"]);
     refused(dir, &["build", "tiny.toml", "--threads", "0"], &["--threads"]);
     refused(dir, &["build", "tiny.toml", "--preset", "best"], &["best", "preview"]);
     refused(dir, &["buidl"], &["buidl"]);

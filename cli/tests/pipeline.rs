@@ -108,6 +108,8 @@ fn plots_are_whole_png_files() {
     build(dir);
     let runs: &[&[&str]] = &[
         &["plot", "tiny.pwt", "-o", "a.png"],
+        &["plot", "tiny.toml", "-o", "a.png", "--gap", "3,20,1,0", "--tilt", "30"],
+        &["plot", "tiny.toml", "-o", "a.png", "--part", "edge"],
         &["plot", "tiny.pwm", "-o", "a.png", "--part", "energy"],
         &["plot", "tiny.pwm", "--table", "tiny.pwt", "-o", "a.png"],
         &["plot", "tiny.pwt", "--model", "tiny.pwm", "-o", "a.png", "--part", "errors"],

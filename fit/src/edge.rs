@@ -3,6 +3,9 @@
 //! The aperture is `[e, d_cut] x [-d_cut, d_cut]` (Eq. 17), the beam's center at the origin, incidence normal. Pattern and lobe are set beside each
 //! other at equal energy, and the two bandwidths minimize their squared distance over the hemisphere. At e = d_cut nothing is left of
 //! the aperture; the node there is the limit of a narrow slit.
+//!
+//! The same bandwidths serve tilted light: across the ply nothing changes, and along it the longer cross section of the tilted beam
+//! makes up for the plane that is seen at a slant (test: `lobes_hold_for_tilted_light`).
 
 use crate::minimize::{MinimizeOptions, minimize_bounded};
 use plywave::asg::{MU_MIN, unit_energy_gradient};
@@ -223,6 +226,47 @@ mod tests {
             // Energy that the lobe cannot put into the tails across the ply broadens it along the ply too, by 6 %.
             assert!(half1 < beam - 0.5 && (half2 - beam).abs() < 0.2, "{half1} {half2} {beam}");
             assert!(node(2)[0] < 3.0, "a slit of no width spreads over all angles: {}", node(2)[0]);
+        }
+    }
+
+    /// Relative L2 distance of the lobe from the integral of light at latitude `tilt`, whose cross section along the ply is longer by
+    /// 1/cos(tilt).
+    fn tilted_error(lobe: &plywave::asg::Lobe, lambda: f64, inside: f64, tilt: f64) -> f64 {
+        let (s, c) = tilt.sin_cos();
+        let (d, w0) = (BEAM.d_cut_um, BEAM.w0_um);
+        let lobe = plywave::asg::Lobe { theta_z: -tilt, ..*lobe };
+        let step = 0.5 / (2.0 * beam_mu(w0, lambda)).sqrt();
+        let (mut power, mut energy, mut both, mut lobes) = (0.0, 0.0, 0.0, 0.0);
+        for (u, du) in panels(step, 1.0) {
+            let across = square(diffraction_factor(inside, d, u / lambda, w0));
+            let reach = (1.0 - u * u).sqrt();
+            for (psi, dpsi) in panels(step, FRAC_PI_2).into_iter().flat_map(|(p, w)| [(p, w), (-p, w)]) {
+                let (w, z) = (reach * psi.sin(), reach * psi.cos());
+                let wo = [u, -s * w - c * z, c * w - s * z];
+                if wo[1] < 0.0 {
+                    let along = square(diffraction_factor(-d / c, d / c, (s + wo[2]) / lambda, w0 / c));
+                    let (f, g, area) = ((c - wo[1]).powi(2) * across * along, lobe.eval(wo), 2.0 * du * dpsi);
+                    energy += area * f;
+                    power += area * f * f;
+                    both += area * f * g;
+                    lobes += area * g * g;
+                }
+            }
+        }
+        ((lobes - 2.0 * both / energy + power / (energy * energy)) * energy * energy / power).sqrt()
+    }
+
+    #[test]
+    fn lobes_hold_for_tilted_light() {
+        let fit = fit_edge_lobes(&BEAM, 90.0, &EdgeOptions { lambda_um: [0.5, 0.6], lambdas: 2, insides: 9 });
+        for inside in [-20.0, -5.0, 0.0, 10.0] {
+            let lobe = fit.lobes.lobe(0.0, 90.0 - inside, 0.5);
+            let straight = edge_error(&BEAM, 0.5, inside, [lobe.ln_mu1, lobe.ln_mu2]);
+            for tilt in [0.0, 0.5, 1.0] {
+                let tilted = tilted_error(&lobe, 0.5, inside, tilt);
+                println!("e {inside}, tilt {tilt}: {tilted:.4}, straight {straight:.4}");
+                assert!((tilted - straight).abs() < 0.01, "e {inside}, tilt {tilt}: {tilted}, straight {straight}");
+            }
         }
     }
 

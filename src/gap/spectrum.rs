@@ -122,7 +122,7 @@ impl Spectrum {
     /// The frequencies between `low` and `high`.
     #[inline(always)]
     pub(crate) fn range(&self, low: f32, high: f32) -> Range {
-        if !(low < high) {
+        if low >= high || low.is_nan() || high.is_nan() {
             return Range::NONE;
         }
         let (beyond_low, beyond_high) = (self.beyond(low.abs()), self.beyond(high.abs()));

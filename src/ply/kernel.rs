@@ -415,6 +415,9 @@ pub(super) fn absorbed<const FMA: bool, const H: usize, const J: usize, const N:
     absorb::<FMA, J, N>(&even, t)
 }
 
+/// f_refl and f_high per sigma in a direction, and the density of sampling it [1/sr].
+pub(super) type Values<const N: usize> = (f32, [f32; N], f32);
+
 /// Shapes of the lobes of a [`Mixture`].
 pub(super) struct Shapes<const L: usize> {
     /// Sines and cosines of the angles.
@@ -644,12 +647,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
 
     /// f_refl and f_high per sigma and the density of sampling `wo` [1/sr], missing included. `mean` is of [`Mixture::mean`].
     #[inline(always)]
-    pub(super) fn eval_pdf<const FMA: bool>(
-        &self,
-        x: &Shapes<L>,
-        mean: &[f32; L],
-        wo: [f32; 3],
-    ) -> (f32, [f32; N], f32) {
+    pub(super) fn eval_pdf<const FMA: bool>(&self, x: &Shapes<L>, mean: &[f32; L], wo: [f32; 3]) -> Values<N> {
         let v = mirrored(self.flip, wo);
         let (mut value, mut density) = ([0.0; L], [0.0; L]);
         for i in 0..L {
@@ -732,7 +730,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         &mut self,
         bandwidth: (f32, f32),
         u: [f32; 3],
-    ) -> Option<([f32; 3], (f32, [f32; N], f32))> {
+    ) -> Option<([f32; 3], Values<N>)> {
         let u = unit(u);
         let total = self.total();
         let left = u[0] * total;
@@ -752,7 +750,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         mean: &[f32; L],
         left: f32,
         u: [f32; 3],
-    ) -> Option<([f32; 3], (f32, [f32; N], f32))> {
+    ) -> Option<([f32; 3], Values<N>)> {
         let i = self.choose::<FMA>(mean, left)?;
         let width = |k: usize| root_width::<FMA>(self.params[k][i], bandwidth);
         let disc = disc_point::<FMA>(width(3), width(4), u[1], u[2]);

@@ -45,7 +45,7 @@ fn apertures(numbers: &[f64]) -> Outcome<Vec<Aperture>> {
 }
 
 fn gaps(args: &PlotArgs, name: &str, beam: &GaussianBeam) -> Outcome<image::RgbImage> {
-    if !(args.tilt.abs() <= MOST_TILT) {
+    if args.tilt.is_nan() || args.tilt.abs() > MOST_TILT {
         let mend = format!("must be from -{MOST_TILT} to {MOST_TILT} degrees");
         return Err(Failure::input("command line", "--tilt", args.tilt, &mend));
     }
