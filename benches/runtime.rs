@@ -125,7 +125,15 @@ fn whole(c: &mut Criterion, q: &[Query]) {
         .expect("the planted model is valid");
     let lambda_um = [0.45, 0.52, 0.6, 0.68];
     let slit = Slit::new(2.0, SLIT_SHARE, &beam).expect("a valid slit");
-    let at = |q: &Query| WholePly { model: &m, theta_i: q.0, h_um: q.1, sigma_per_um: q.2, lambda_um, slit: None };
+    let at = |q: &Query| WholePly {
+        model: &m,
+        theta_i: q.0,
+        h_um: q.1,
+        sigma_per_um: q.2,
+        lambda_um,
+        slit: None,
+        instance: None,
+    };
     let forward: Vec<[f32; 3]> = q
         .iter()
         .map(|q| direction(-q.0 + 0.02 * (q.4[0] - 0.5), 1.5 * std::f32::consts::PI + 0.04 * (q.4[1] - 0.5)))

@@ -55,7 +55,8 @@ fn run<'a, S: Scatter<4>>(
     for (theta_i, h_um) in places {
         let last = model.data().sigma_per_um.last().map_or(0.0, |s| *s as f32);
         let sigma_per_um = [0.0, 0.02 * last, 0.2 * last, last];
-        let scatter = at(WholePly { model, theta_i, h_um, sigma_per_um, lambda_um: LAMBDA_UM, slit: None })?;
+        let scatter =
+            at(WholePly { model, theta_i, h_um, sigma_per_um, lambda_um: LAMBDA_UM, slit: None, instance: None })?;
         let sd = [sd_rad, sd_rad / f64::from(theta_i.cos())];
         let found = check_scatter(&scatter, sd, samples, uniform);
         let kept = (f64::from(scatter.albedo()[0]) - 1.0).abs();

@@ -1,7 +1,7 @@
 //! The whole ply model: f_refl + f_high + f_edge (Yu 2025, 7.1, all three beam cases), one [`Scatter`] that keeps all light: at sigma = 0
 //! its energy is 1 at every incidence, |h| up to R + d_cut and beyond, where the beam goes on with its own divergence.
 
-use crate::{PlyModel, Scatter, ScatterSample, Slit};
+use crate::{Instance, PlyModel, Scatter, ScatterSample, Slit};
 
 /// The terms of a ply model in one direction [1/sr].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,6 +47,9 @@ pub struct WholePly<'a, const N: usize> {
     pub lambda_um: [f32; N],
     /// Small gaps between the fibers (Yu 2025, 7.3), for those who want their colors.
     pub slit: Option<&'a Slit>,
+    /// Which speckle patterns f_refl and f_high carry (Yu 2025, Eq. 23); `None` for the smooth model. Of a model without tiles both are the same. Sampling is
+    /// that of the smooth model, and so is the albedo, the mean over instances.
+    pub instance: Option<Instance>,
 }
 
 impl<const N: usize> WholePly<'_, N> {
@@ -59,16 +62,35 @@ impl<const N: usize> WholePly<'_, N> {
         }
     }
 
-    /// f_refl and f_high alone, without the light that passed beside the ply.
+    /// f_refl and f_high alone, those of the instance, without the light that passed beside the ply.
     pub fn split(&self, wo: [f32; 3]) -> ([f32; N], [f32; N]) {
-        let (refl, high) = self.model.eval_split(self.theta_i, self.h_um, self.sigma_per_um, wo);
-        ([refl; N], high)
+        let (refl, mut high) = self.model.eval_split(self.theta_i, self.h_um, self.sigma_per_um, wo);
+        match self.speckle(wo) {
+            None => ([refl; N], high),
+            Some((of_refl, of_high)) => {
+                high.iter_mut().zip(of_high).for_each(|(h, n)| *h *= n);
+                (of_refl.map(|n| refl * n), high)
+            }
+        }
+    }
+
+    /// The factors of f_refl and f_high in a direction, where there are some.
+    fn speckle(&self, wo: [f32; 3]) -> Option<([f32; N], [f32; N])> {
+        Some(self.model.noise()?.factors(self.instance?, self.theta_i, wo, self.lambda_um))
+    }
+
+    /// The sum of terms, each times its factor.
+    fn total(&self, terms: &PlyTerms<N>, wo: [f32; 3]) -> [f32; N] {
+        match self.speckle(wo) {
+            None => terms.sum(),
+            Some(factors) => terms.sum_noised(&factors),
+        }
     }
 }
 
 impl<const N: usize> Scatter<N> for WholePly<'_, N> {
     fn eval(&self, wo: [f32; 3]) -> [f32; N] {
-        self.terms(wo).sum()
+        self.total(&self.terms(wo), wo)
     }
 
     fn pdf(&self, wo: [f32; 3]) -> f32 {
@@ -86,7 +108,7 @@ impl<const N: usize> Scatter<N> for WholePly<'_, N> {
             None => self.model.sample_terms(self.theta_i, self.h_um, sigma, lambda, u)?,
         };
         let pdf = terms.pdf;
-        Some(ScatterSample { wo, weight: terms.sum().map(|f| if pdf > 0.0 { f / pdf } else { 0.0 }), pdf })
+        Some(ScatterSample { wo, weight: self.total(&terms, wo).map(|f| if pdf > 0.0 { f / pdf } else { 0.0 }), pdf })
     }
 
     fn albedo(&self) -> [f32; N] {

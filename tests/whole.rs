@@ -79,8 +79,15 @@ fn every_check_of_a_scatter_passes() {
         (&small, -0.4, 118.0),
         (&m, -0.2, -400.0),
     ] {
-        let s =
-            WholePly { model, theta_i, h_um: h, sigma_per_um: [0.0, 0.003, 0.02, 0.1], lambda_um: LAMBDA, slit: None };
+        let s = WholePly {
+            model,
+            theta_i,
+            h_um: h,
+            sigma_per_um: [0.0, 0.003, 0.02, 0.1],
+            lambda_um: LAMBDA,
+            slit: None,
+            instance: None,
+        };
         let albedo = s.albedo();
         assert!((albedo[0] - 1.0).abs() < 1e-4, "energy at sigma = 0, theta_i {theta_i}, h {h}: {albedo:?}");
         assert_eq!(s.miss(), 0.0);
@@ -99,7 +106,8 @@ fn without_edge_lobes_missed_light_goes_on() {
         let (theta_i, h_um) = (2.8 * (rng.random::<f32>() - 0.5), 280.0 * (rng.random::<f32>() - 0.5));
         let sigma_per_um = [0.0, 0.01];
         let core = PlyIncidence { model: &m, theta_i, h_um, sigma_per_um };
-        let whole = WholePly { model: &m, theta_i, h_um, sigma_per_um, lambda_um: [0.5, 0.6], slit: None };
+        let whole =
+            WholePly { model: &m, theta_i, h_um, sigma_per_um, lambda_um: [0.5, 0.6], slit: None, instance: None };
         let (u, wo) = (rng.random(), anywhere(&mut rng));
         let near = |a: f32, b: f32| (a - b).abs() <= 1e-5 * a.abs().max(1.0);
         assert!(near(core.eval(wo)[1], whole.eval(wo)[1]) && near(core.pdf(wo), whole.pdf(wo)));
@@ -165,8 +173,15 @@ fn slits_keep_the_energy() {
     let mut rng = Pcg64Mcg::seed_from_u64(12);
     for (width, share, theta_i, h_um) in [(1.0, 0.25, 0.0, 10.0), (4.0, 1.0, 0.6, -60.0), (2.0, 0.25, -1.1, 112.0)] {
         let slit = Slit::new(width, share, &BEAM).unwrap();
-        let without =
-            WholePly { model: &m, theta_i, h_um, sigma_per_um: [0.0, 0.03], lambda_um: [0.45, 0.65], slit: None };
+        let without = WholePly {
+            model: &m,
+            theta_i,
+            h_um,
+            sigma_per_um: [0.0, 0.03],
+            lambda_um: [0.45, 0.65],
+            slit: None,
+            instance: None,
+        };
         let with = WholePly { slit: Some(&slit), ..without };
         assert_eq!(with.albedo(), without.albedo());
         let r = check_scatter(&with, [0.008, 0.012], 20_000, &mut || rng.random());

@@ -108,6 +108,9 @@ pub struct RenderArgs {
     /// Light through gaps goes straight on in place of being diffracted, for comparison.
     #[arg(long)]
     pub straight_gaps: bool,
+    /// Without speckle, where the models have tiles of it.
+    #[arg(long)]
+    pub smooth: bool,
     /// Stops by which the PNG is brighter.
     #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
     pub exposure: f64,

@@ -125,8 +125,15 @@ fn a_ply_over_a_layer_is_a_scattering_function() {
         let h_um = if i % 3 == 0 { 48.0 + i as f32 } else { 45.0 * (2.0 * rng.random::<f32>() - 1.0) };
         let sigma = [0.0, 0.002, 0.03];
         let below = model.layer(0.6, sigma).unwrap();
-        let upper =
-            WholePly { model: &model, theta_i, h_um, sigma_per_um: sigma, lambda_um: [0.4, 0.55, 0.7], slit: None };
+        let upper = WholePly {
+            model: &model,
+            theta_i,
+            h_um,
+            sigma_per_um: sigma,
+            lambda_um: [0.4, 0.55, 0.7],
+            slit: None,
+            instance: None,
+        };
         let double = DoubleLayer::new(upper, &below).unwrap();
         let kept = double.albedo()[0];
         assert!((kept - 1.0).abs() < 2e-3, "energy {kept} at {theta_i} {h_um}");

@@ -13,7 +13,7 @@
 use super::{Fabric, Family, LoadedFabric, Place, PlyHit, YarnColor};
 use crate::color::{AlbedoCurve, SigmaSpectrum, SmoothReflectance};
 use crate::gap::{GapIncidence, Spectrum};
-use crate::{DoubleLayer, GaussianBeam, PlyModel, Result, Scatter, ScatterSample, WholePly, YarnSpec};
+use crate::{DoubleLayer, GaussianBeam, Instance, PlyModel, Result, Scatter, ScatterSample, WholePly, YarnSpec};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -37,6 +37,8 @@ pub struct FabricOptions {
     pub gaps: GapLight,
     /// One absorption [1/um] at every wavelength for all yarns, in place of their colors; 0 for a white furnace.
     pub sigma_per_um: Option<f32>,
+    /// Speckle: every stretch of a ply as long as the beam's waist is wide has patterns of its own. Models without tiles stay smooth.
+    pub noise: bool,
 }
 
 /// Absorption of a yarn over the wavelength.
@@ -70,6 +72,9 @@ pub struct FabricBsdf {
     spectra: Vec<Spectrum>,
     edge_step_um: f32,
     gaps: GapLight,
+    noise: bool,
+    /// Length of a ply with the same patterns, 2 w0 [um].
+    grain_um: f32,
 }
 
 impl FabricBsdf {
@@ -118,7 +123,17 @@ impl FabricBsdf {
             Spectrum::new(-step * low as f64, step * high as f64, beam.w0_um)
         };
         let spectra = (0..(EDGES + 1) * (EDGES + 1)).map(spectrum).collect();
-        Ok(FabricBsdf { fabric, models, dyes, threads, spectra, edge_step_um: step as f32, gaps: options.gaps })
+        Ok(FabricBsdf {
+            fabric,
+            models,
+            dyes,
+            threads,
+            spectra,
+            edge_step_um: step as f32,
+            gaps: options.gaps,
+            noise: options.noise,
+            grain_um: (2.0 * beam.w0_um) as f32,
+        })
     }
 
     /// The geometry.
@@ -171,7 +186,15 @@ impl FabricBsdf {
             sigma_per_um: self.sigma(hit.family, hit.yarn, lambda_um),
             lambda_um,
             slit: None,
+            instance: self.noise.then(|| self.instance(hit)),
         }
+    }
+
+    /// The patterns of a stretch of a ply.
+    fn instance(&self, hit: &PlyHit) -> Instance {
+        // Two families, eight plies a yarn at most.
+        let ply = (hit.yarn as u32).wrapping_mul(16) + hit.ply * 2 + hit.family as u32;
+        Instance::new(ply, hit.along_um, self.grain_um)
     }
 
     fn on_ply<const N: usize>(&self, hit: &PlyHit, lambda_um: [f32; N]) -> Kind<'_, N> {

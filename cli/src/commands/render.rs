@@ -57,6 +57,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     let options = FabricOptions {
         gaps: if args.straight_gaps { GapLight::Straight } else { GapLight::Diffracted },
         sigma_per_um: args.sigma.map(|s| s as f32),
+        noise: !args.smooth,
     };
     let fabric = FabricBsdf::load(&args.fabric, &options)?;
     let setup = Setup::from(args.setup);
