@@ -14,7 +14,7 @@
 //! azimuth, not in `q_x = cos theta_o cos phi_o`, whose grains would smear without bound at phi_o = 0 and whose front and back would be mirror images; so u is the arc about the
 //! ply's axis, cos theta_o times the azimuth, in which a pattern has no pole. For reflection the cosine is that of the latitude of the half vector, a
 //! function of v alone, so that the shift is exact. u has a seam opposite to where it starts: exact forward for reflection, which is dark there, and the light's
-//! azimuth for high-order light. Over [`SEAM_RAD`] beside it the two sides are blended; the mean stays 1, the contrast falls to 0.71 of itself at the seam.
+//! azimuth for high-order light; and the pole of f_refl is not the ply's axis, about which its grains narrow. Over [`SEAM_RAD`] beside it the two sides are blended; the mean stays 1, the contrast falls to 0.71 of itself at the seam.
 
 use crate::file::{Check, Reader, Writer, invalid};
 use crate::{PlyModel, PlyTerms, Result};

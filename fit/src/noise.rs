@@ -35,7 +35,7 @@ use plywave::{Error, NoiseTiles, SpecklePatterns, SpecklePolarization, SpeckleSi
 pub enum NoiseContrast {
     /// The contrast and the covariance of the simulated fibers.
     Measured,
-    /// Contrast 1 and `mu = sqrt(max(C / C(0), 0))`: Yu 2025, Eq. 19-22.
+    /// Contrast 1 and `mu^2 = max(C / C(0), 0)`: Yu 2025, Eq. 19-22.
     Developed,
 }
 
@@ -168,7 +168,7 @@ fn field_models(
         let measured = stretched_mean(&covariances, &patterns.lambda_um, contrast);
         let strip = (options.contrast == NoiseContrast::Developed).then(|| strip(patterns, &measured)).flatten();
         let model = match strip {
-            Some(mu) => FieldModel::developed(&mu, patterns.azimuths),
+            Some(covariance) => FieldModel::developed(&covariance, patterns.azimuths),
             None => FieldModel::of(&measured, options.contrast, patterns.azimuths),
         };
         let fade = if options.contrast == NoiseContrast::Developed { [1.0, 0.0] } else { fade };
@@ -198,7 +198,7 @@ fn fade(covariances: &[PatternCovariance], lambda_um: &[f64]) -> ([f64; 2], f64)
     ([(y - slope * x) / top, slope / top], if least >= 1.0 { contrasts.iter().sum::<f64>() / n } else { top })
 }
 
-/// mu of a rough strip as wide as the fiber, `sin(x) / x` with `x = k D d / 2`, for patterns without grains (C does not fall to half within the lags): the
+/// mu^2 of a rough strip as wide as the fiber, mu = `sin(x) / x` with `x = k D d / 2`, for patterns without grains (C does not fall to half within the lags): the
 /// reflection of a smooth round fiber has none, that of a rough one is a speckle of this correlation. D is half the extinction width of the dark fibers, as it
 /// is for all that is large beside the wavelength (van de Hulst 1957, 8.22).
 fn strip(patterns: &SpecklePatterns, measured: &PatternCovariance) -> Option<Vec<f64>> {
@@ -209,9 +209,9 @@ fn strip(patterns: &SpecklePatterns, measured: &PatternCovariance) -> Option<Vec
     let from = (n - patterns.lambda_um.len()) * kinds;
     let width = |all: &[f64]| all[from..from + kinds].iter().sum::<f64>() / kinds as f64;
     let diameter_um = 0.5 * (width(&patterns.c_sca_um) + width(&patterns.c_abs_um));
-    let mu = |lag: usize| {
+    let covariance = |lag: usize| {
         let x = std::f64::consts::PI / patterns.lambda_um[0] * diameter_um * measured.step_rad * lag as f64;
-        if x > 0.0 { x.sin() / x } else { 1.0 }
+        if x > 0.0 { (x.sin() / x).powi(2) } else { 1.0 }
     };
-    Some((0..measured.values.len()).map(mu).collect())
+    Some((0..measured.values.len()).map(covariance).collect())
 }

@@ -1,8 +1,8 @@
 //! From a covariance of the intensity to the power spectrum of the field that has it.
 //!
 //! mu solves `b^2 mu^2 + 2 b (1 - b) mu = C`; its spectrum must not be negative. Clipping the transform of mu at 0 (Yu 2024) moves the covariance by
-//! what is clipped, up to a tenth here. So the spectrum is the one, of those >= 0, whose mu is nearest to the wanted one over the lags that were
-//! measured, in the metric dC/dmu: accelerated projected gradient steps from the clipped transform (Beck and Teboulle 2009).
+//! what is clipped, up to a tenth here, and where b = 1 the root makes a tail of what is noise in C. So the spectrum is the one, of those >= 0, whose
+//! C is nearest to the measured one over its lags, by accelerated projected gradient steps from the clipped transform (Beck and Teboulle 2009).
 
 use super::{NoiseContrast, PatternCovariance};
 use rustfft::{FftPlanner, num_complex::Complex};
@@ -46,33 +46,30 @@ impl FieldModel {
     /// Of a measured covariance.
     pub fn of(measured: &PatternCovariance, contrast: NoiseContrast, azimuths: usize) -> FieldModel {
         let variance = measured.variance();
-        let (share, mu) = match contrast {
-            NoiseContrast::Developed => {
-                // As SpeckleStatistics::rho: the root makes a tail of what is noise of the estimate.
-                let end = measured.values.iter().zip(&measured.errors).position(|(c, se)| *c <= 2.0 * se || *c <= 0.0);
-                let end = end.unwrap_or(measured.values.len());
-                let mu = |(lag, c): (usize, &f64)| if lag < end { (c / variance).max(0.0).sqrt() } else { 0.0 };
-                (1.0, measured.values.iter().enumerate().map(mu).collect::<Vec<_>>())
-            }
-            NoiseContrast::Measured => {
-                let share = share_of(variance);
-                // A variance that N cannot have is scaled to the largest it can.
-                let scale = if variance > 1.0 { 1.0 / variance } else { 1.0 };
-                (share, measured.values.iter().map(|c| correlation(share, scale * c)).collect())
-            }
-        };
         if !(variance > 0.0) {
             // Nothing varies: no field, whatever its spectrum.
             let mut spectrum = vec![0.0; azimuths / 2 + 1];
             spectrum[0] = 1.0;
             return FieldModel { share: 0.0, spectrum, fade: [1.0, 0.0], azimuths };
         }
-        FieldModel { share, spectrum: spectrum_of(share, &mu, azimuths), fade: [1.0, 0.0], azimuths }
+        match contrast {
+            NoiseContrast::Developed => {
+                let covariance: Vec<f64> = measured.values.iter().map(|c| (c / variance).max(0.0)).collect();
+                FieldModel::developed(&covariance, azimuths)
+            }
+            NoiseContrast::Measured => {
+                let share = share_of(variance);
+                // A variance that N cannot have is scaled to the largest it can.
+                let scale = if variance > 1.0 { 1.0 / variance } else { 1.0 };
+                let covariance: Vec<f64> = measured.values.iter().map(|c| scale * c).collect();
+                FieldModel { share, spectrum: spectrum_of(share, &covariance, azimuths), fade: [1.0, 0.0], azimuths }
+            }
+        }
     }
 
-    /// A fully developed speckle of the correlation `mu`, `[lag]`.
-    pub fn developed(mu: &[f64], azimuths: usize) -> FieldModel {
-        FieldModel { share: 1.0, spectrum: spectrum_of(1.0, mu, azimuths), fade: [1.0, 0.0], azimuths }
+    /// A fully developed speckle of the covariance `mu^2`, `[lag]`.
+    pub fn developed(covariance: &[f64], azimuths: usize) -> FieldModel {
+        FieldModel { share: 1.0, spectrum: spectrum_of(1.0, covariance, azimuths), fade: [1.0, 0.0], azimuths }
     }
 
     /// s at a wavelength [um].
@@ -99,9 +96,10 @@ impl FieldModel {
     }
 }
 
-/// The spectrum, `[n / 2 + 1]`, >= 0 and of sum 1 (harmonics beside 0 and n / 2 twice), whose correlation on n places of a circle is nearest to `mu`, `[lag]`.
-pub fn spectrum_of(share: f64, mu: &[f64], n: usize) -> Vec<f64> {
-    let lags = mu.len().min(n / 2 + 1);
+/// The spectrum, `[n / 2 + 1]`, >= 0 and of sum 1 (harmonics beside 0 and n / 2 twice), with which the covariance of N on n places of a circle is nearest to
+/// `covariance`, `[lag]`.
+pub fn spectrum_of(share: f64, covariance: &[f64], n: usize) -> Vec<f64> {
+    let lags = covariance.len().min(n / 2 + 1);
     let mut planner = FftPlanner::new();
     let fft = planner.plan_fft_forward(n);
     let mut scratch = vec![Complex::default(); fft.get_inplace_scratch_len()];
@@ -113,13 +111,6 @@ pub fn spectrum_of(share: f64, mu: &[f64], n: usize) -> Vec<f64> {
         out.iter_mut().zip(&z).for_each(|(o, z)| *o = z.re);
     };
     let fold = |j: usize| j.min(n - j);
-    let slope: Vec<f64> = (0..n)
-        .map(|j| match fold(j) {
-            j if j < lags => (1.0 - share + share * mu[j].max(0.0)).powi(2).max(0.02),
-            _ => 0.0,
-        })
-        .collect();
-    let want: Vec<f64> = (0..n).map(|j| if fold(j) < lags { mu[fold(j)] } else { 0.0 }).collect();
     let normalize = |s: &mut [f64]| {
         let sum: f64 = s.iter().sum();
         if sum > 0.0 {
@@ -128,17 +119,25 @@ pub fn spectrum_of(share: f64, mu: &[f64], n: usize) -> Vec<f64> {
             s[0] = 1.0;
         }
     };
+    let mu: Vec<f64> =
+        (0..n).map(|j| if fold(j) < lags { correlation(share, covariance[fold(j)]) } else { 0.0 }).collect();
     let mut s = vec![0.0; n];
-    transform(&want, &mut s);
+    transform(&mu, &mut s);
     s.iter_mut().for_each(|v| *v = v.max(0.0));
     normalize(&mut s);
+    // Of C / (2 b) = (1 - b) mu + b mu^2 / 2 the slope is at most 1, and the transform's norm is sqrt(n): steps of 1/n descend.
+    let want: Vec<f64> = covariance.iter().take(lags).map(|c| c / (2.0 * share)).collect();
     let (mut ahead, mut momentum) = (s.clone(), 1.0f64);
-    let (mut off, mut gradient) = (vec![0.0; n], vec![0.0; n]);
+    let (mut mu, mut gradient) = (vec![0.0; n], vec![0.0; n]);
     for _ in 0..STEPS {
-        transform(&ahead, &mut off);
-        (0..n).for_each(|j| off[j] = slope[j] * (off[j] - want[j]));
-        transform(&off, &mut gradient);
-        // The slope is at most 1 and the transform's norm sqrt(n), so steps of 1/n descend.
+        transform(&ahead, &mut mu);
+        for (j, mu) in mu.iter_mut().enumerate() {
+            *mu = match want.get(fold(j)) {
+                Some(want) => (1.0 - share + share * *mu) * ((1.0 - share) * *mu + 0.5 * share * *mu * *mu - want),
+                None => 0.0,
+            };
+        }
+        transform(&mu, &mut gradient);
         let next: Vec<f64> = ahead.iter().zip(&gradient).map(|(a, g)| (a - g / n as f64).max(0.0)).collect();
         let faster = 0.5 * (1.0 + (1.0 + 4.0 * momentum * momentum).sqrt());
         let push = (momentum - 1.0) / faster;

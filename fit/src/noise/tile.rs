@@ -39,7 +39,6 @@ pub fn tiles(model: &FieldModel, lambda_um: f64, options: &NoiseOptions, seed: u
     let step_u = model.half_width_rad(LAGS_RAD) / options.nodes_a_half_width;
     let along_v = |node: f64| (-0.5 * (node * step_v / s).powi(2)).exp();
     let lags = ((LAGS_RAD / step_u) as usize).min(2 * columns / 5);
-    let mu: Vec<f64> = (0..=lags).map(|j| model.correlation(step_u * j as f64)).collect();
     // More variance at the nodes makes up for what is lost between them; each share has its own loss.
     let wanted = intensity_covariance(model.share, 1.0);
     let left = |share: f64| {
@@ -52,7 +51,12 @@ pub fn tiles(model: &FieldModel, lambda_um: f64, options: &NoiseOptions, seed: u
         variance = if loss > 0.0 { (variance * wanted / loss).min(1.0) } else { 0.0 };
     }
     let share = share_of(variance);
-    let spectrum_u = spectrum_of(share, &mu, columns);
+    let covariance = |j: usize| intensity_covariance(share, model.correlation(step_u * j as f64));
+    let spectrum_u = if share > 0.0 {
+        spectrum_of(share, &(0..=lags).map(covariance).collect::<Vec<_>>(), columns)
+    } else {
+        vec![0.0; columns / 2 + 1]
+    };
     let spectrum_v: Vec<f64> =
         (0..=rows / 2).map(|k| (-0.5 * (TAU * k as f64 / (rows as f64 * step_v) * s).powi(2)).exp()).collect();
     let twice = |k: usize| if k == 0 || 2 * k == rows { 1.0 } else { 2.0 };
