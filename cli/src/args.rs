@@ -362,6 +362,12 @@ pub struct BuildArgs {
     /// Keep the simulated table too, under the model's name with .pwt.
     #[arg(long)]
     pub keep_table: bool,
+    /// Without speckle tiles, which are most of a model's file; preview quality has none.
+    #[arg(long, conflicts_with = "speckle")]
+    pub smooth: bool,
+    /// Speckle patterns (.pws) to make the tiles from, in place of solving for 200 fibers.
+    #[arg(long, value_name = "PATTERNS")]
+    pub speckle: Option<PathBuf>,
     /// How to run.
     #[command(flatten)]
     pub run: RunArgs,
