@@ -87,7 +87,7 @@ fn frames_are_orthonormal_and_hold_the_light() {
             }
         }
         assert!(
-            plies > 20_000 && doubles > 5000 && (gaps > 500 || fabric.repeat_um()[0] < 600.0),
+            plies > 20_000 && doubles > 5000 && (gaps > 300 || fabric.repeat_um()[0] < 600.0),
             "{plies} {gaps} {doubles}"
         );
     }

@@ -7,7 +7,7 @@
 //!
 //! The axis of a yarn lies at +amplitude where it is on top and at -amplitude where it is below, joined from crossing to crossing by `3 u^2 - 2 u^3`.
 
-use super::yarn::{Line, Met, Yarn, ply_frame};
+use super::yarn::{Line, Met, Yarn, cell};
 use super::{Fabric, Family};
 
 /// What a line meets.
@@ -102,11 +102,9 @@ struct Pair {
 
 impl Pair {
     fn new(position: f32, yarn: &Yarn, threads: usize) -> Pair {
-        let cells = position * yarn.per_spacing;
-        let cell = cells.floor();
-        let t = cells - cell - 0.5;
+        let (index, rest) = cell(position * yarn.per_spacing);
+        let t = rest - 0.5;
         let (side, step) = if t < 0.0 { (-1.0, -1) } else { (1.0, 1) };
-        let index = cell as i32;
         let threads = threads as i32;
         let thread = index.rem_euclid(threads);
         let next = match thread + step {
@@ -211,15 +209,14 @@ impl<'a> Point<'a> {
 
     fn hit(&self, family: Family, meeting: &Meeting, below: Option<Below>) -> PlyHit {
         let pair = &self.pairs[family as usize];
-        let (frame, theta_i) = ply_frame(meeting.w, meeting.met.tangent);
         let [c, n, t] = meeting.axes;
-        let frame = frame.map(|a| std::array::from_fn(|k| a[0] * c[k] + a[1] * n[k] + a[2] * t[k]));
+        let frame = meeting.met.frame().map(|a| std::array::from_fn(|k| a[0] * c[k] + a[1] * n[k] + a[2] * t[k]));
         PlyHit {
             family,
             yarn: pair.index[meeting.which],
             ply: meeting.met.ply,
             frame,
-            theta_i,
+            theta_i: meeting.met.theta_i(meeting.w),
             h_um: meeting.met.h,
             along_um: self.along(family),
             across_um: pair.offset[meeting.which],
@@ -236,8 +233,8 @@ impl<'a> Point<'a> {
                 let meeting = self.meet(family, which, w);
                 // The nearer yarn lies west or south of a point at greater coordinates.
                 let edge = 2 * k + usize::from((self.pairs[k].side > 0.0) == (which == 1));
-                let Met { h, across_per_um, .. } = meeting.met;
-                let open = (h.abs() - yarn.radius) / across_per_um.abs().max(1e-3);
+                let Met { h, x, .. } = meeting.met;
+                let open = (h.abs() - yarn.radius) / x[0].abs().max(1e-3);
                 gap.aperture_um[edge] = open.max(0.0).min(yarn.spacing);
                 if h.abs() < yarn.reach {
                     gap.near[edge] = Some(self.hit(family, &meeting, None));
@@ -274,7 +271,7 @@ impl Fabric {
                 let warp_on_top = point.up[weft.which][warp.which] != (w[2] < 0.0);
                 let (family, top, low) =
                     if warp_on_top { (Family::Warp, warp, weft) } else { (Family::Weft, weft, warp) };
-                let (_, theta_i) = ply_frame(low.w, low.met.tangent);
+                let theta_i = low.met.theta_i(low.w);
                 let yarn = point.pairs[family.other() as usize].index[low.which];
                 Place::Ply(point.hit(family, &top, Some(Below { yarn, theta_i, h_um: low.met.h })))
             }

@@ -89,8 +89,10 @@ pub(super) struct Met {
     pub h: f32,
     /// Tangent of the ply in the yarn's frame.
     pub tangent: [f32; 3],
-    /// Component along c of the ply frame's x axis: by how much h grows when the line is moved along c.
-    pub across_per_um: f32,
+    /// The x axis of the ply frame. Its component along c says by how much h grows when the line is moved along c.
+    pub x: [f32; 3],
+    /// Sine between line and ply.
+    pub sine: f32,
 }
 
 fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
@@ -104,32 +106,42 @@ fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
 /// Squared sine below which a line counts as parallel to a ply; its frame is then turned so that y is n.
 const PARALLEL: f32 = 1e-10;
 
-/// The x axis of the ply frame of tangent `z` (Yu 2025, Eq. 1) times the sine between w and z, and that sine, at least 1e-5.
+/// The x axis of the ply frame of tangent `z` for light from `w`, `w cross z` made unit (Yu 2025, Eq. 1), and the sine between w and z, at least 1e-5.
+#[inline]
 fn across(w: [f32; 3], z: [f32; 3]) -> ([f32; 3], f32) {
     let m = cross(w, z);
     let squared = dot(m, m);
     if squared > PARALLEL {
-        return (m, squared.sqrt());
+        let sine = squared.sqrt();
+        let per_sine = 1.0 / sine;
+        return ([m[0] * per_sine, m[1] * per_sine, m[2] * per_sine], sine);
     }
     let m = cross([0.0, 1.0, 0.0], z);
-    let sine = PARALLEL.sqrt();
-    let scale = sine / dot(m, m).max(1e-6).sqrt();
-    ([m[0] * scale, m[1] * scale, m[2] * scale], sine)
+    let scale = 1.0 / dot(m, m).max(1e-6).sqrt();
+    ([m[0] * scale, m[1] * scale, m[2] * scale], PARALLEL.sqrt())
 }
 
-/// The ply frame [x, y, z] of tangent `z` for light from `w` (Yu 2025, Eq. 1), and theta_i: `w = y cos theta_i + z sin theta_i`.
-pub(super) fn ply_frame(w: [f32; 3], z: [f32; 3]) -> ([[f32; 3]; 3], f32) {
-    let (m, sine) = across(w, z);
-    let mut x = m.map(|v| v / sine);
-    // Lines nearly along the ply lose digits in the product; a step of Gram and Schmidt gives them back.
-    let off = dot(x, z);
-    x = [x[0] - off * z[0], x[1] - off * z[1], x[2] - off * z[2]];
-    let length = dot(x, x).max(1e-12).sqrt();
-    x = x.map(|v| v / length);
-    let y = cross(z, x);
-    // Next to the ply's own direction y w may fall below 0 by a rounding.
-    let theta_i = dot(w, z).atan2(dot(w, y).max(0.0));
-    ([x, y, z], theta_i)
+impl Met {
+    /// Latitude of the light `w` on the ply [rad].
+    #[inline]
+    pub fn theta_i(&self, w: [f32; 3]) -> f32 {
+        dot(w, self.tangent).atan2(self.sine)
+    }
+
+    /// The ply frame [x, y, z] (Yu 2025, Eq. 1): `w = y cos theta_i + z sin theta_i`.
+    #[inline]
+    pub fn frame(&self) -> [[f32; 3]; 3] {
+        let z = self.tangent;
+        let mut x = self.x;
+        if self.sine < 0.05 {
+            // Lines nearly along the ply lose digits in the product; a step of Gram and Schmidt gives them back.
+            let off = dot(x, z);
+            x = [x[0] - off * z[0], x[1] - off * z[1], x[2] - off * z[2]];
+            let scale = 1.0 / dot(x, x).max(1e-12).sqrt();
+            x = x.map(|v| v * scale);
+        }
+        [x, cross(z, x), z]
+    }
 }
 
 impl Yarn {
@@ -169,18 +181,16 @@ impl Yarn {
             return 0.0;
         }
         let begin = (hash(index as u32 ^ family.wrapping_mul(0x9E37_79B9)) >> 8) as f32 / (1 << 24) as f32;
-        let turns = along * self.turns_per_um;
-        begin + (turns - turns.floor())
+        begin + cell(along * self.turns_per_um).1
     }
 
     /// The first ply that a line meets; where it meets none, the one it comes nearest to.
     pub fn meet(&self, line: &Line) -> Met {
         if self.plies == 1 {
             let tangent = [0.0, 0.0, 1.0];
-            let (m, sine) = across(line.w, tangent);
-            let x = m[0] / sine;
-            let h = line.across * x;
-            return Met { hit: h.abs() < self.radius, ply: 0, h, tangent, across_per_um: x };
+            let (x, sine) = across(line.w, tangent);
+            let h = line.across * x[0];
+            return Met { hit: h.abs() < self.radius, ply: 0, h, tangent, x, sine };
         }
         let mut shift = 0.0;
         if self.slope != 0.0 {
@@ -221,14 +231,14 @@ impl Yarn {
         let [ck, sk] = self.turn[k];
         let (cos, sin) = (c * ck - s * sk, s * ck + c * sk);
         let tangent = [-self.slope * sin * self.norm, self.slope * cos * self.norm, self.norm];
-        let (m, sine) = across(line.w, tangent);
+        let (x, sine) = across(line.w, tangent);
         let d = [line.across - self.circle * cos, -self.circle * sin, -shift];
-        let h = dot(d, m) / sine;
+        let h = dot(d, x);
         let room = self.radius * self.radius - h * h;
-        // Along the line, from its point nearest to the ply's axis: y = z x, up to the sine.
-        let entry = (room.max(0.0).sqrt() - dot(d, cross(tangent, m)) / sine) / sine;
+        // Along the line, from its point nearest to the ply's axis; y = z cross x.
+        let entry = (room.max(0.0).sqrt() - dot(d, cross(tangent, x))) / sine;
         let further = (dot(d, tangent) + entry * dot(line.w, tangent)) * tangent[2];
-        (Met { hit: room > 0.0, ply: k as u32, h, tangent, across_per_um: m[0] / sine }, entry, further)
+        (Met { hit: room > 0.0, ply: k as u32, h, tangent, x, sine }, entry, further)
     }
 
     /// Cosine and sine of ply 0's angle at `shift` along t.
@@ -240,7 +250,7 @@ impl Yarn {
     /// The first of the straight cylinders along the plies' tangents at `shift` along t.
     fn first_cylinder(&self, line: &Line, shift: f32) -> Met {
         let angle = self.angle(line, shift);
-        let mut best = Met { hit: false, ply: 0, h: 0.0, tangent: [0.0, 0.0, 1.0], across_per_um: 1.0 };
+        let mut best = Met { hit: false, ply: 0, h: 0.0, tangent: [0.0, 0.0, 1.0], x: [1.0, 0.0, 0.0], sine: 1.0 };
         let (mut first, mut nearest, mut step) = (f32::NEG_INFINITY, f32::INFINITY, 0.0);
         for k in 0..self.plies {
             let (met, entry, further) = self.cylinder(line, k, shift, angle);
@@ -261,6 +271,14 @@ impl Yarn {
         }
         best
     }
+}
+
+/// The whole number at or below `x`, and what is left, 0 to 1. `f32::floor` is a call into a library on machines without SSE 4.
+#[inline]
+pub(super) fn cell(x: f32) -> (i32, f32) {
+    let whole = x as i32;
+    let rest = x - whole as f32;
+    if rest < 0.0 { (whole.wrapping_sub(1), rest + 1.0) } else { (whole, rest) }
 }
 
 /// A mixing hash of 32 bits.
@@ -407,7 +425,7 @@ mod tests {
                     );
                     continue;
                 }
-                let (_, theta_i) = ply_frame(line.w, met.tangent);
+                let theta_i = met.theta_i(line.w);
                 assert!((f64::from(met.h) - h).abs() < 0.01, "{plies}: h {} against {h}", met.h);
                 assert!((f64::from(theta_i) - theta).abs() < 1e-4, "{plies}: theta_i {theta_i} against {theta}");
             }
@@ -425,7 +443,7 @@ mod tests {
             let met = yarn.meet(&line);
             match twin.walk(&line, 1e-3) {
                 Some((ply, theta, h)) if met.hit && ply == met.ply => {
-                    let (_, theta_i) = ply_frame(line.w, met.tangent);
+                    let theta_i = met.theta_i(line.w);
                     n += 1.0;
                     h2 += (f64::from(met.h) - h).powi(2);
                     theta2 += (f64::from(theta_i) - theta).powi(2);

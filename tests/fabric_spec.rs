@@ -1,0 +1,326 @@
+//! Fabric specs and WIF files: good ones load, bad ones are refused in one line that names section, key and mend, none panics.
+
+use plywave::Error;
+use plywave::fabric::{Draft, Fabric, FabricSpec, Family, MAX_THREADS, Wif, YarnColor, YarnShape};
+use proptest::prelude::*;
+use std::path::{Path, PathBuf};
+
+const NAMES: [&str; 5] = ["polyester_satin", "cotton_twill", "silk_organza", "wool_plain", "cotton_plain"];
+
+fn shipped(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("fabrics/{name}.toml"))
+}
+
+fn satin() -> String {
+    std::fs::read_to_string(shipped("polyester_satin")).unwrap()
+}
+
+fn satin_with(old: &str, new: &str) -> String {
+    let text = satin();
+    assert!(text.contains(old), "{old}");
+    text.replacen(old, new, 1)
+}
+
+/// The satin's yarns in another weave.
+fn woven(weave: &str) -> String {
+    satin_with("kind = \"satin\"\nn = 5\nstep = 2\n", weave)
+}
+
+fn one_line<T>(result: &plywave::Result<T>) -> String {
+    let message = result.as_ref().err().map(ToString::to_string).unwrap_or_default();
+    assert!(!message.contains(['\n', '\r']), "{message:?}");
+    message
+}
+
+#[test]
+fn fabrics_that_ship_load() {
+    for name in NAMES {
+        let loaded = FabricSpec::load(shipped(name)).unwrap_or_else(|e| panic!("{e}"));
+        loaded.spec.check("again").unwrap();
+        for family in Family::EACH {
+            let shape = loaded.fabric.shape(family);
+            assert!(shape.spacing_um >= shape.width_um(), "{name}: {shape:?}");
+            // The model has offsets to R + d_cut: plies are those it was made for.
+            let last = *loaded.models[family as usize].data().h_um.last().unwrap();
+            assert!((shape.ply_radius_um + shape.d_cut_um - last).abs() < 1e-6, "{name}: {shape:?} {last}");
+            assert!(matches!(loaded.fabric.color(family, -3), YarnColor::Srgb(_)), "{name}");
+        }
+        assert_eq!(FabricSpec::parse(&toml::to_string(&loaded.spec).unwrap(), "again").unwrap(), loaded.spec);
+    }
+    let twill = FabricSpec::load(shipped("cotton_twill")).unwrap();
+    assert_eq!(twill.fabric.draft(), &Draft::twill(3, 1).unwrap());
+    assert!(std::sync::Arc::ptr_eq(&twill.models[0], &twill.models[1]), "one model is read once");
+}
+
+#[test]
+fn refusals_name_key_value_and_mend() {
+    let warp = |new: &str| satin_with("spacing_um = 102.0", new);
+    let cases = [
+        (warp("spacing_um = -1"), "warp.spacing_um = -1: use a number from 0.01"),
+        (warp("spacing_mm = 0.1"), "warp.spacing_mm = 0.1: unknown unit: use spacing_um"),
+        (warp(""), "warp.spacing_um = (absent): this key must be given"),
+        (warp("spacing_um = 102.0\nwidth = 3"), "warp.width = 3: unknown key: use one of model, plies"),
+        (satin_with("plies = 1", "plies = 8"), "warp.plies = 8: use an integer from 1 to 7"),
+        (satin_with("plies = 1", "handedness = \"X\""), "warp.handedness = \"X\": use one of \"Z\", \"S\""),
+        (satin_with("crimp = 0.3", "crimp = 1.5"), "warp.crimp = 1.5: use a number from 0 to 1"),
+        (satin_with("crimp = 0.3", "crimp = 0.9"), "weft.crimp = 0.2: crimps add up to 1.100; use 1 or less"),
+        (satin_with("[0.50, 0.06, 0.12]", "[0.5, 0.06]"), "warp.srgb = [0.5, 0.06]: use three numbers"),
+        (satin_with("[0.50, 0.06, 0.12]", "[255, 6, 12]"), "warp.srgb = [255, 6, 12]: use three numbers from 0 to 1"),
+        (
+            satin_with("srgb = [0.50", "sigma_per_um = 0.1\nsrgb = [0.50"),
+            "warp.sigma_per_um = 0.1: give either srgb or",
+        ),
+        (satin_with("model = \"models/polyester.pwm\"", "model = \"\""), "warp.model = \"\": use a text in quotes"),
+        (satin_with("name = ", "fiber = {}\nname = "), "fiber = {}: this is a key of a yarn spec"),
+        (satin_with("[weft]", "[woof]"), "woof = {"),
+        (
+            woven("kind = \"velvet\""),
+            "weave.kind = \"velvet\": use one of \"plain\", \"twill\", \"satin\", \"basket\", \"draft\", \"wif\"",
+        ),
+        (woven(""), "weave.kind = (absent): use one of"),
+        (woven("kind = \"plain\"\nn = 2"), "weave.n = 2: unknown key: this kind has none"),
+        (woven("kind = \"twill\"\nup = 3"), "weave.down = (absent)"),
+        (woven("kind = \"twill\"\nup = 0\ndown = 1"), "weave.up = 0: use an integer from 1 to 2048"),
+        (
+            woven("kind = \"satin\"\nn = 8\nstep = 2"),
+            "weave.step = 2: step and n = 8 must have no common factor; use one of 3, 5",
+        ),
+        (woven("kind = \"satin\"\nn = 6\nstep = 2"), "weave.step = 2: no satin has 6 ends"),
+        (woven("kind = \"satin\"\nn = 5\nstep = 4"), "weave.step = 4: step and n = 5"),
+        (woven("kind = \"satin\"\nn = 4\nstep = 2"), "weave.n = 4: use an integer from 5 to 4096"),
+        (woven("kind = \"basket\"\nn = 4000"), "weave.n = 4000: use an integer from 1 to 2048"),
+        (woven("kind = \"draft\"\nrows = []"), "weave.rows = 0 rows: use 1 to 4096 rows"),
+        (woven("kind = \"draft\"\nrows = [\"X.\", \".X.\"]"), "weave.rows[1] = 3 characters: use rows of one length"),
+        (woven("kind = \"draft\"\nrows = [\"X.\", \".x\"]"), "weave.rows[1] = .x: use X where"),
+        (
+            woven("kind = \"draft\"\nrows = [\"X.\", \"..\"]"),
+            "weave.rows = row 2, whose weft lies above all others: bind every yarn",
+        ),
+        (
+            woven("kind = \"draft\"\nrows = [\"XX.\", \"X.X\"]"),
+            "weave.rows = column 1, whose warp lies above all others",
+        ),
+        ("name = \"a\"\n[weave\n".into(), "line 2: "),
+        (String::new(), "name = (absent)"),
+    ];
+    for (text, expected) in cases {
+        let message = one_line(&FabricSpec::parse(&text, "cloth.toml"));
+        assert!(message.starts_with("cloth.toml: ") && message.contains(expected), "got {message}\nwant {expected}");
+    }
+    let wide = format!("kind = \"draft\"\nrows = [\"{}\"]", "X".repeat(MAX_THREADS + 1));
+    let message = one_line(&FabricSpec::parse(&woven(&wide), "cloth.toml"));
+    assert!(message.contains("1 to 4096; the first has 4097"), "{message}");
+}
+
+/// A folder with the satin's text changed, beside a WIF and a model.
+fn load_with(text: &str, wif: Option<&str>) -> plywave::Result<Fabric> {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("models")).unwrap();
+    std::fs::copy(
+        shipped("polyester_satin").with_file_name("models/polyester.pwm"),
+        folder.path().join("models/polyester.pwm"),
+    )
+    .unwrap();
+    if let Some(wif) = wif {
+        std::fs::write(folder.path().join("cloth.wif"), wif).unwrap();
+    }
+    let path = folder.path().join("cloth.toml");
+    std::fs::write(&path, text).unwrap();
+    FabricSpec::load(&path).map(|loaded| loaded.fabric)
+}
+
+#[test]
+fn what_files_say_is_held_together() {
+    for (text, expected) in [
+        (satin_with("spacing_um = 102.0", "spacing_um = 99.0"), "warp.spacing_um = 99: the yarn is 100.00 um wide"),
+        (satin_with("plies = 1", "plies = 3"), "warp.spacing_um = 102: the yarn is 215.47 um wide"),
+        (satin_with("plies = 1", "plies = 1\nply_radius_um = 60"), "the yarn is 120.00 um wide"),
+        (
+            satin_with("spacing_um = 102.0", "spacing_um = 400\nply_pitch_um = 150").replacen(
+                "plies = 1",
+                "plies = 2",
+                1,
+            ),
+            "warp.ply_pitch_um = 150: plies of this pitch would intersect; use more than 200 um",
+        ),
+        (woven("kind = \"wif\"\nfile = \"none.wif\""), "none.wif"),
+    ] {
+        let message = one_line(&load_with(&text, None));
+        assert!(message.contains(expected), "got {message}\nwant {expected}");
+    }
+    assert!(load_with(&satin_with("models/polyester.pwm", "models/none.pwm"), None).is_err());
+    let wif = woven("kind = \"wif\"\nfile = \"cloth.wif\"").replace("srgb = [0.50, 0.06, 0.12]", "");
+    let fabric = load_with(&wif, Some(TWILL)).unwrap();
+    assert_eq!(fabric.color(Family::Warp, 4), YarnColor::Srgb([1.0, 0.0, 0.0]));
+    assert_eq!(fabric.color(Family::Weft, -1), YarnColor::Srgb([0.0, 0.0, 1.0]));
+    // A color of the spec goes before those of the file.
+    let dyed = wif.replacen("[warp]", "[warp]\nsigma_per_um = 0.5", 1);
+    assert_eq!(load_with(&dyed, Some(TWILL)).unwrap().color(Family::Warp, 7), YarnColor::Sigma(0.5));
+}
+
+/// A 2/2 twill of four ends and eight picks; ends 1 and 2 red, the others white, picks blue.
+const TWILL: &str = "\u{feff}; a comment\r\n[WIF]\r\nVersion=1.1\r\nDate=April 20, 1997\r\nDevelopers=none\r\n\r\n\
+[Contents]\r\nWEAVING=yes\r\nWARP=true\r\nWEFT=1\r\nTHREADING=on\r\nTIEUP=true\r\nTREADLING=true\r\nCOLOR TABLE=true\r\n\
+[COLOR PALETTE]\r\nRange=0,999\r\n[COLOR TABLE]\r\n1=999,0,0\r\n2=999, 999, 999\r\n3=0,0,999\r\n\
+[WEAVING]\r\nShafts=4\r\nTreadles=5\r\nRising Shed=true\r\n[WARP]\r\nThreads=4\r\nColor=2\r\n[WEFT]\r\nThreads=8\r\nColor=3 ; blue\r\n\
+[WARP COLORS]\r\n1=1\r\n2=1,7,7\r\n[THREADING]\r\n1=1\r\n2=2\r\n3=3\r\n4=4\r\n\
+[TIEUP]\r\n1=1,2\r\n2=2,3\r\n3=3,4\r\n4=1,4\r\n5=0\r\n[TREADLING]\r\n1=1\r\n2=2\r\n3=3\r\n4=4\r\n5=1\r\n6=2\r\n7=3,5\r\n8=4\r\n\
+[NOTES]\r\n1=what = ever\r\n";
+
+fn drawn(draft: &Draft) -> Vec<String> {
+    let row = |pick: usize| (0..draft.ends()).map(|end| if draft.up(pick, end) { 'X' } else { '.' }).collect();
+    (0..draft.picks()).map(row).collect()
+}
+
+#[test]
+fn wifs_are_read() {
+    let wif = Wif::parse(TWILL.as_bytes(), "t.wif").unwrap();
+    let four = ["XX..", ".XX.", "..XX", "X..X"];
+    assert_eq!(drawn(&wif.draft), [four, four].concat());
+    let [red, white, blue] = [[1.0, 0.0, 0.0], [1.0; 3], [0.0, 0.0, 1.0]];
+    assert_eq!((wif.warp_srgb, wif.weft_srgb), (vec![red, red, white, white], vec![blue; 8]));
+
+    // A sinking shed lowers what is tied.
+    let sinking = Wif::parse(TWILL.replace("Shed=true", "Shed=no").as_bytes(), "t.wif").unwrap();
+    assert_eq!(drawn(&sinking.draft)[..4], ["..XX", "X..X", "XX..", ".XX."]);
+    // A liftplan counts before treadles; several shafts to an end, several treadles to a pick, nothing lifted by a row of 0.
+    let plan =
+        TWILL.replace("[NOTES]", "[LIFTPLAN]\r\n1=1,2,3\r\n2=4\r\n3=0\r\n4=1\r\n5=2\r\n6=3\r\n7=4\r\n8=4\r\n[NOTES]");
+    let message = one_line(&Wif::parse(plan.as_bytes(), "t.wif"));
+    assert!(message.contains("[LIFTPLAN] 3 = 3 of the weft that lies above all others"), "{message}");
+    let plan = plan.replace("3=0\r\n4=1\r\n5=2", "3=2\r\n4=1\r\n5=2");
+    assert_eq!(drawn(&Wif::parse(plan.as_bytes(), "t.wif").unwrap().draft)[..3], ["XXX.", "...X", ".X.."]);
+    let two = TWILL
+        .replace("\r\n2=2\r\n3=3\r\n4=4\r\n[TIEUP]", "\r\n2=2,3\r\n3=3\r\n4=4\r\n[TIEUP]")
+        .replace("TREADLING]\r\n1=1", "TREADLING]\r\n1=1,3,5");
+    let message = one_line(&Wif::parse(two.as_bytes(), "t.wif"));
+    assert!(message.contains("[TREADLING] 1 = 1 of the weft that lies below all others"), "{message}");
+    let two = two.replace("1=1,3,5", "1=1,5");
+    assert_eq!(drawn(&Wif::parse(two.as_bytes(), "t.wif").unwrap().draft)[..4], ["XX..", ".XX.", ".XXX", "X..X"]);
+    // No colors, and bytes of another alphabet in a comment.
+    let mut plain: Vec<u8> = TWILL.replace("[COLOR TABLE]", "[OTHER]").into_bytes();
+    plain.extend_from_slice(b"; \xe9t\xe9\r\n");
+    assert!(Wif::parse(&plain, "t.wif").is_ok_and(|w| w.warp_srgb.is_empty() && w.weft_srgb.is_empty()));
+}
+
+#[test]
+fn wifs_are_refused_by_section_and_key() {
+    let cut = |from: &str, to: &str| {
+        let (a, b) = (TWILL.find(from).unwrap(), TWILL.find(to).unwrap());
+        format!("{}{}", &TWILL[..a], &TWILL[b..])
+    };
+    let with = |old: &str, new: &str| {
+        assert!(TWILL.contains(old), "{old}");
+        TWILL.replacen(old, new, 1)
+    };
+    for (text, expected) in [
+        (cut("[WIF]", "[Contents]"), "no section [WIF]"),
+        (String::new(), "no section [WIF]"),
+        (cut("[THREADING]", "[TIEUP]"), "[CONTENTS] THREADING = true: the section [THREADING] is missing"),
+        (
+            cut("[THREADING]", "[TIEUP]").replace("THREADING=on\r\n", ""),
+            "[THREADING] 1 = (absent): the section [THREADING] is missing",
+        ),
+        (
+            cut("[WEAVING]", "[WARP]").replace("WEAVING=yes\r\n", ""),
+            "[WEAVING] Shafts = (absent): the section [WEAVING] is missing",
+        ),
+        (with("Shafts=4\r\n", ""), "[WEAVING] Shafts = (absent): give Shafts in the section [WEAVING]"),
+        (with("Shafts=4", "Shafts=99999"), "[WEAVING] Shafts = 99999: use a whole number from 1 to 4096"),
+        (with("Treadles=5\r\n", ""), "[WEAVING] Treadles = (absent)"),
+        (with("Shed=true", "Shed=perhaps"), "[WEAVING] Rising Shed = perhaps: use true or false"),
+        (
+            with("[WARP]\r\nThreads=4", "[WARP]\r\nThreads=18446744073709551615"),
+            "[WARP] Threads = 18446744073709551615: use a whole number from 1 to 4096",
+        ),
+        (with("[WARP]\r\nThreads=4", "[WARP]\r\nThreads=5"), "[THREADING] 5 = (absent): an end on no shaft"),
+        (with("[WARP]\r\nThreads=4", "[WARP]\r\nThreads=3"), "[THREADING] 4 = 4: use keys from 1 to 3"),
+        (
+            with("2=2\r\n3=3\r\n4=4\r\n[TIEUP]", "2=-2\r\n3=3\r\n4=4\r\n[TIEUP]"),
+            "[THREADING] 2 = -2: use whole numbers from 1 to 4",
+        ),
+        (with("4=1,4\r\n5=0", "4=1,9\r\n5=0"), "[TIEUP] 4 = 1,9: use whole numbers from 1 to 4"),
+        (with("7=3,5", "7=6"), "[TREADLING] 7 = 6: use whole numbers from 1 to 5"),
+        (with("7=3,5", "7="), "[TREADLING] 7 = (absent): a pick without a treadle"),
+        (
+            cut("[TIEUP]", "[NOTES]").replace("TIEUP=true\r\nTREADLING=true\r\n", ""),
+            "[TREADLING] 1 = (absent): give either [LIFTPLAN], or [TIEUP] and [TREADLING]",
+        ),
+        (with("3=3,4\r\n4=1,4", "3=1\r\n4=1,2"), "[THREADING] 4 = 4 of the warp that lies below all others"),
+        (with("Range=0,999", "Range=9,0"), "[COLOR PALETTE] Range = 9,0: use two whole numbers"),
+        (with("1=999,0,0", "1=1000,0,0"), "[COLOR TABLE] 1 = 1000,0,0: use numbers from 0 to 999"),
+        (with("1=999,0,0", "1=999,0"), "[COLOR TABLE] 1 = 999,0: use three whole numbers"),
+        (with("2=1,7,7", "2=8"), "[WARP COLORS] 2 = 8: use the number of a color"),
+        (with("Color=2\r\n", ""), "[WARP COLORS] 3 = (absent): give every thread a color"),
+    ] {
+        let result = Wif::parse(text.as_bytes(), "t.wif");
+        let message = one_line(&result);
+        assert!(message.starts_with("t.wif: ") && message.contains(expected), "got {message}\nwant {expected}");
+        assert!(matches!(result, Err(Error::Invalid { .. } | Error::Format { .. })));
+    }
+}
+
+#[test]
+fn shapes_of_a_host_are_checked() {
+    let good = YarnShape {
+        plies: 2,
+        ply_radius_um: 50.0,
+        ply_pitch_um: Some(800.0),
+        handedness: plywave::Handedness::Z,
+        spacing_um: 200.0,
+        crimp: 0.5,
+        d_cut_um: 20.0,
+    };
+    let of = |shape: YarnShape| one_line(&Fabric::new(Draft::plain(), [good, shape]));
+    assert_eq!(of(good), "");
+    for (shape, expected) in [
+        (YarnShape { spacing_um: 199.0, ..good }, "weft.spacing_um = 199"),
+        (YarnShape { spacing_um: f64::NAN, ..good }, "weft.spacing_um = NaN"),
+        (YarnShape { ply_radius_um: f64::INFINITY, ..good }, "weft.ply_radius_um = inf"),
+        (YarnShape { plies: 0, ..good }, "weft.plies = 0"),
+        (YarnShape { plies: u32::MAX, ..good }, "weft.plies = 4294967295"),
+        (YarnShape { crimp: f64::NAN, ..good }, "weft.crimp = NaN"),
+        (YarnShape { d_cut_um: -1.0, ..good }, "weft.d_cut_um = -1"),
+        (YarnShape { ply_pitch_um: Some(0.0), ..good }, "weft.ply_pitch_um = 0"),
+    ] {
+        assert!(of(shape).contains(expected), "{expected}: {}", of(shape));
+    }
+    let floats = Draft::from_fn(2, 2, |_, end| end == 0).unwrap();
+    assert!(one_line(&Fabric::new(floats, [good, good])).contains("draft = warp 1 lies above all others"));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn damaged_wifs_are_read_or_refused(at in 0.0..1.0f64, cut in 0usize..40, new in prop::collection::vec(any::<u8>(), 0..8), digits in "[0-9,=\\[\\]\n]{0,9}", which in any::<bool>()) {
+        let bytes = TWILL.as_bytes();
+        let start = (at * bytes.len() as f64) as usize;
+        let end = (start + cut).min(bytes.len());
+        let new = if which { new } else { digits.into_bytes() };
+        let damaged = [&bytes[..start], &new[..], &bytes[end..]].concat();
+        let result = Wif::parse(&damaged, "t.wif");
+        one_line(&result);
+        if let Ok(wif) = result {
+            prop_assert!(wif.draft.unbound().is_none());
+        }
+    }
+
+    #[test]
+    fn any_bytes_are_a_wif_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+        one_line(&Wif::parse(&bytes, "t.wif"));
+        one_line(&Wif::parse(&[b"[WIF]\n[WARP]\nThreads=3\n[WEFT]\nThreads=3\n[WEAVING]\nShafts=3\n[THREADING]\n", &bytes[..]].concat(), "t.wif"));
+    }
+
+    #[test]
+    fn mutated_specs_are_parsed_or_refused(at in 0.0..1.0f64, cut in 0usize..12, new in "[-0-9a-zX_.=\\[\\]{}\"\n, ]{0,8}") {
+        let text = satin();
+        let start = text.floor_char_boundary((at * text.len() as f64) as usize);
+        let end = text.floor_char_boundary((start + cut).min(text.len()));
+        let result = FabricSpec::parse(&format!("{}{new}{}", &text[..start], &text[end..]), "cloth.toml");
+        one_line(&result);
+        if let Ok(spec) = result {
+            spec.check("accepted").unwrap();
+        }
+    }
+}
