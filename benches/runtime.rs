@@ -35,6 +35,66 @@ fn queries() -> Vec<Query> {
         .collect()
 }
 
+/// Tiles of the standard sizes; what is in them does not matter to the time.
+fn tiles() -> NoiseTiles {
+    let mut rng = Pcg64Mcg::seed_from_u64(2);
+    let sizes = [4, 512, 1024];
+    let (mut tiles, mut code) = (Vec::new(), Vec::new());
+    for _ in 0..2 * sizes[0] {
+        let values: Vec<f64> = (0..sizes[1] * sizes[2]).map(|_| -rng.random::<f64>().max(1e-6).ln()).collect();
+        let (codes, scale) = NoiseTiles::code(&values);
+        tiles.extend(codes);
+        code.extend(scale);
+    }
+    let step = [[0.00265, 0.0015]; 2];
+    NoiseTiles { tiles, sizes, code, step, lambda_um: 0.4, fade: [[1.0, 0.0]; 2], contrast: [[1.0; 2]; 2] }
+}
+
+/// Factors of one instance after another, as a host asks for them, and of one instance in all directions.
+fn noise(c: &mut Criterion) {
+    let tiles = tiles();
+    let q = queries();
+    let lambda = [0.45, 0.52, 0.59, 0.66];
+    let mut i = 0;
+    let mut next = || {
+        i = (i + 1) % QUERIES;
+        (i, q[i])
+    };
+    c.bench_function("noise factors N=4, new instances", |b| {
+        b.iter(|| {
+            let (i, (theta_i, _, _, wo, _)) = next();
+            black_box(tiles.factors(Instance::new(i as u32, 0.0, 1.0), theta_i, wo, lambda))
+        })
+    });
+    c.bench_function("noise factors N=1, new instances", |b| {
+        b.iter(|| {
+            let (i, (theta_i, _, _, wo, _)) = next();
+            black_box(tiles.factors(Instance::new(i as u32, 0.0, 1.0), theta_i, wo, [0.55]))
+        })
+    });
+    c.bench_function("noise factors N=4, one instance", |b| {
+        b.iter(|| {
+            let (_, (theta_i, _, _, wo, _)) = next();
+            black_box(tiles.factors(Instance::new(1, 0.0, 1.0), theta_i, wo, lambda))
+        })
+    });
+    let data = PlyData { noise: Some(tiles.clone()), ..model(1, Sizes { refl: 3, ..STANDARD }) };
+    let m = PlyModel::from_data(data).expect("the planted model is valid");
+    c.bench_function("eval of an instance N=4", |b| {
+        b.iter(|| {
+            let (i, (theta_i, h, sigma, wo, _)) = next();
+            let instance = Some(Instance::new(i as u32, 0.0, 1.0));
+            black_box(m.eval_instance(theta_i, h, sigma, lambda, wo, instance))
+        })
+    });
+    c.bench_function("eval of all terms, smooth, N=4", |b| {
+        b.iter(|| {
+            let (_, (theta_i, h, sigma, wo, _)) = next();
+            black_box(m.eval_instance(theta_i, h, sigma, lambda, wo, None))
+        })
+    });
+}
+
 fn runtime(c: &mut Criterion) {
     let data = model(1, Sizes { refl: 3, ..STANDARD });
     let m = PlyModel::from_data(data.clone()).expect("the planted model is valid");

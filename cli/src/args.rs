@@ -42,6 +42,10 @@ pub enum Command {
     Diff(DiffArgs),
     /// Draw a table or a model as a PNG: false-colour maps, energy budget, fit errors; of speckle patterns curves and covariances.
     Plot(PlotArgs),
+    /// Give a model speckle noise: patterns (.pws) and a model (.pwm) in, the model with noise tiles out.
+    Noise(NoiseArgs),
+    /// Turn a color or a reflectance into the absorption of a model's fibers, by inverting its albedo.
+    Color(ColorArgs),
     /// Wave optics of parallel fibers.
     Wave(WaveArgs),
     /// Compare wave and ray optics over instances of a ply's cross section: spec (TOML) in, folder with report.json and compare.png out.
@@ -469,6 +473,88 @@ pub struct DiffArgs {
     pub max_h_rel: Option<f64>,
 }
 
+/// Contrast of noise.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum NoiseContrastArg {
+    /// Contrast and covariance of the simulated fibers.
+    Measured,
+    /// A fully developed speckle, contrast 1 (Yu 2025, Eq. 19-22).
+    Full,
+}
+
+/// Polarization of the light that noise is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum PolarizationArg {
+    /// The mean of both.
+    Unpolarized,
+    /// Electric field with a part along the fiber.
+    Tm,
+    /// Electric field across the fiber.
+    Te,
+}
+
+/// `plywave noise`.
+#[derive(Debug, Args)]
+pub struct NoiseArgs {
+    /// Patterns of the model's fiber (`plywave wave speckle`), clear and absorbing.
+    pub patterns: PathBuf,
+    /// Model to give noise to; without one the statistics are told and nothing is written.
+    #[arg(long, short, value_name = "MODEL")]
+    pub model: Option<PathBuf>,
+    /// Model to write [default: MODEL's name with -noise.pwm, in this folder].
+    #[arg(long, short, value_name = "MODEL", requires = "model")]
+    pub output: Option<PathBuf>,
+    /// Tiles of each kind: 1, 2, 4 or 8, of half a MiB each.
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = tiles)]
+    pub tiles: u32,
+    /// Contrast of the noise.
+    #[arg(long, value_enum, default_value_t = NoiseContrastArg::Measured)]
+    pub contrast: NoiseContrastArg,
+    /// Light of which polarization.
+    #[arg(long, value_enum, default_value_t = PolarizationArg::Unpolarized)]
+    pub polarization: PolarizationArg,
+    /// Fibers in view at once, whose patterns add up.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub fibers: u32,
+    /// Waist of the beam on the ply [um] [default: the one of the patterns' spec].
+    #[arg(long, value_name = "UM", allow_negative_numbers = true)]
+    pub w0: Option<f64>,
+    /// Seed of the tiles.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+}
+
+fn tiles(text: &str) -> Result<u32, String> {
+    match text.parse() {
+        Ok(n) if [1, 2, 4, 8].contains(&n) => Ok(n),
+        _ => Err("must be 1, 2, 4 or 8".into()),
+    }
+}
+
+/// `plywave color`.
+#[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("wanted").required(true))]
+pub struct ColorArgs {
+    /// Model.
+    pub model: PathBuf,
+    /// Color of the light sent back under D65, encoded sRGB, 0 to 1.
+    #[arg(
+        long,
+        value_name = "R,G,B",
+        num_args = 1,
+        value_delimiter = ',',
+        allow_negative_numbers = true,
+        group = "wanted"
+    )]
+    pub srgb: Vec<f64>,
+    /// Reflectances from 0.38 to 0.78 um in equal steps, one for a gray.
+    #[arg(long, value_name = "R", num_args = 1..=401, value_delimiter = ',', allow_negative_numbers = true, group = "wanted")]
+    pub reflectance: Vec<f64>,
+    /// Albedo at this latitude [degrees] [default: under diffuse light].
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub theta_i: Option<f64>,
+}
+
 /// Part of a figure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Part {
@@ -480,6 +566,8 @@ pub enum Part {
     Energy,
     /// Fit error (of a table: its noise) over (theta_i, h).
     Errors,
+    /// Of a model with noise tiles: f_refl and f_high of one instance beside the smooth ones, in color.
+    Noise,
     /// Of a spec: the edge lobes beside the diffraction integral, instead of gaps.
     Edge,
 }

@@ -124,9 +124,9 @@ fn planted_fields_come_back() {
             let got = model.covariance(lag);
             assert!((got - want).abs() < 0.08 * top, "{share} {lag}: {got} {want} of {top}");
         }
-        // The field's spectrum is within the harmonics that were drawn, but for what 400 instances leave.
+        // The field's spectrum is within the harmonics that were drawn, but for what the noise of 400 instances leaves; at share 1 C = mu^2 is flat at 0.
         let beyond: f64 = model.spectrum[REACH as usize + 3..].iter().sum::<f64>() * 2.0;
-        assert!(beyond < 0.08, "{share}: {beyond} beyond the reach");
+        assert!(beyond < if share < 1.0 { 0.08 } else { 0.25 }, "{share}: {beyond} beyond the reach");
         assert!(model.spectrum.iter().all(|v| *v >= 0.0));
     }
     // The paper's form of a fully developed speckle is the same field.
@@ -214,7 +214,7 @@ fn looked_up_statistics_are_the_models() {
     for lambda in [0.4f64, 0.6] {
         for (k, kind) in kinds.iter().enumerate() {
             let pairs = |dphi: f64, dv: f64, rng: &mut Pcg64Mcg| -> f64 {
-                let n = 120_000u64;
+                let n = 40_000u64;
                 let mut sum = 0.0;
                 for _ in 0..n {
                     let i = instance(rng.random());
@@ -410,6 +410,5 @@ fn eval_of_instances_averages_to_the_smooth_model() {
             assert!((mean / f64::from(want[k]) - 1.0).abs() < 0.02, "{mean} {}", want[k]);
         }
     }
-    let pol = [SpecklePolarization::Tm, SpecklePolarization::Te, SpecklePolarization::Unpolarized];
-    assert!(pol.iter().any(|p| *p == NoiseOptions::default().polarization));
+    assert_eq!(NoiseOptions::default().polarization, SpecklePolarization::Unpolarized);
 }

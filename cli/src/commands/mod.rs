@@ -2,6 +2,7 @@
 
 pub mod build;
 pub mod check;
+pub mod color;
 pub mod compare;
 pub mod diff;
 pub mod diff_tables;
@@ -11,6 +12,8 @@ pub mod fiber_view;
 pub mod fit;
 pub mod info;
 pub mod info_fiber;
+pub mod noise;
+pub mod noise_view;
 pub mod plot;
 pub mod render;
 pub mod sample;

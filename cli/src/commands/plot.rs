@@ -420,7 +420,10 @@ pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
         match plywave::file_kind(&args.file)? {
             FileKind::Speckle => {
                 let patterns = SpecklePatterns::load(&args.file)?;
-                return write(cli, &path, &super::speckle_view::figure(&args.file, &patterns)?);
+                let mut figures = vec![super::speckle_view::figure(&args.file, &patterns)?];
+                // Patterns without dark fibers or of one instance have no noise to be set beside.
+                figures.extend(super::noise_view::lines(&args.file, &patterns).ok());
+                return write(cli, &path, &crate::plot::below(&figures));
             }
             FileKind::Fiber => {
                 let table = plywave::fiber::FiberTable::load(&args.file)?;
@@ -430,6 +433,14 @@ pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
         }
     }
     let source = Source::load(args)?;
+    if matches!(args.part, Part::Noise) {
+        let file = args.file.display().to_string();
+        let Some(model) = &source.model else {
+            return Err(Failure::input(file, "FILE", "a table", "--part noise goes with a model that has noise tiles"));
+        };
+        model.require_noise(&file)?;
+        return write(cli, &path, &super::noise_view::model(&source.title, model));
+    }
     if let Some(file) = &args.beside {
         let other = Source::load(&PlotArgs { file: file.clone(), table: None, model: None, ..args.clone() })?;
         let sigma = args.sigma.first().copied().unwrap_or(0.0);

@@ -14,6 +14,19 @@ pub mod sheet;
 use crate::failure::{Failure, Outcome};
 use std::path::Path;
 
+/// Figures one below the other.
+pub fn below(figures: &[image::RgbImage]) -> image::RgbImage {
+    let width = figures.iter().map(image::RgbImage::width).max().unwrap_or(1);
+    let height = figures.iter().map(image::RgbImage::height).sum::<u32>().max(1);
+    let mut all = image::RgbImage::from_pixel(width, height, image::Rgb(canvas::WHITE));
+    let mut y = 0;
+    for figure in figures {
+        image::imageops::replace(&mut all, figure, 0, i64::from(y));
+        y += figure.height();
+    }
+    all
+}
+
 /// A figure as the bytes of a PNG file; `path` is for messages.
 pub fn png(image: &image::RgbImage, path: &Path) -> Outcome<Vec<u8>> {
     let mut bytes = Vec::new();

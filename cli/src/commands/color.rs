@@ -1,0 +1,110 @@
+//! `plywave color`: a color or a reflectance in, the absorption that gives it to a model out, and what the model makes of it.
+
+use super::latitude;
+use crate::args::{Cli, ColorArgs};
+use crate::failure::{Failure, Outcome};
+use crate::output;
+use crate::report::number;
+use plywave::PlyModel;
+use plywave::color::{
+    AlbedoCurve, SPECTRUM_NODES, SPECTRUM_UM, SigmaSpectrum, SmoothReflectance, delta_e, linear_srgb_of_xyz,
+    spectrum_lambda_um, srgb_encode, xyz_of_reflectance,
+};
+
+#[derive(serde::Serialize)]
+struct Report {
+    model: String,
+    incidence: String,
+    /// Albedo of the darkest and of clear fibers.
+    albedo_range: [f64; 2],
+    lambda_um: Vec<f64>,
+    reflectance: Vec<f64>,
+    sigma_per_um: Vec<f64>,
+    albedo: Vec<f64>,
+    srgb_asked: [f64; 3],
+    srgb: [f64; 3],
+    delta_e_spectrum: f64,
+    delta_e: f64,
+    clamped_to_clear: usize,
+    clamped_to_dark: usize,
+}
+
+/// Runs the command.
+pub fn run(cli: &Cli, args: &ColorArgs) -> Outcome {
+    let model = PlyModel::load(&args.model)?;
+    let curve = match args.theta_i {
+        Some(theta) => {
+            latitude("--theta-i", theta)?;
+            AlbedoCurve::at(&model, theta.to_radians())
+        }
+        None => AlbedoCurve::diffuse(&model),
+    };
+    let (flag, values) =
+        if args.srgb.is_empty() { ("--reflectance", &args.reflectance) } else { ("--srgb", &args.srgb) };
+    if let Some(bad) = values.iter().find(|v| !(0.0..=1.0).contains(*v)) {
+        return Err(Failure::input("command line", flag, bad, "must be from 0 to 1"));
+    }
+    if flag == "--srgb" && values.len() != 3 {
+        return Err(Failure::input("command line", flag, values.len(), "give three values, red, green and blue"));
+    }
+    let smooth = (flag == "--srgb").then(|| SmoothReflectance::of_srgb([values[0], values[1], values[2]]));
+    let reflectance = |lambda: f64| match &smooth {
+        Some(smooth) => smooth.at(lambda),
+        None => steps(values, lambda),
+    };
+    let (sigma, [clear, dark]) = SigmaSpectrum::of_reflectance(&curve, reflectance);
+    let albedo = |lambda: f64| curve.albedo(f64::from(sigma.at(lambda as f32)));
+    let (asked, got) = (xyz_of_reflectance(reflectance), xyz_of_reflectance(albedo));
+    let encoded = |xyz| linear_srgb_of_xyz(xyz).map(srgb_encode);
+    let lambda_um: Vec<f64> = (0..SPECTRUM_NODES).map(spectrum_lambda_um).collect();
+    let report = Report {
+        model: args.model.display().to_string(),
+        incidence: args.theta_i.map_or("diffuse".into(), |t| format!("{} degrees", number(t))),
+        albedo_range: curve.range(),
+        reflectance: lambda_um.iter().map(|l| reflectance(*l)).collect(),
+        sigma_per_um: sigma.nodes_per_um().iter().map(|s| f64::from(*s)).collect(),
+        albedo: lambda_um.iter().map(|l| albedo(*l)).collect(),
+        lambda_um,
+        srgb_asked: encoded(asked),
+        srgb: encoded(got),
+        delta_e_spectrum: smooth.map_or(0.0, |s| s.delta_e),
+        delta_e: delta_e(asked, got),
+        clamped_to_clear: clear,
+        clamped_to_dark: dark,
+    };
+    if cli.json {
+        return output::print_json(&report);
+    }
+    let r = &report;
+    output::print(|out| {
+        let color = |c: &[f64; 3]| c.map(|v| format!("{v:.4}")).join(", ");
+        writeln!(
+            out,
+            "{}: albedo from {:.4} to {:.4}, incidence {}",
+            r.model, r.albedo_range[0], r.albedo_range[1], r.incidence
+        )?;
+        writeln!(out, "  sRGB asked for    {}", color(&r.srgb_asked))?;
+        writeln!(out, "  sRGB of the model {} (Delta E {:.3})", color(&r.srgb), r.delta_e)?;
+        for (count, what) in
+            [(clear, "brighter than clear fibers, sigma is 0 there"), (dark, "darker than the darkest fibers")]
+        {
+            if count > 0 {
+                writeln!(out, "  clamped: {count} of {SPECTRUM_NODES} wavelengths are {what}")?;
+            }
+        }
+        writeln!(out, "  {:>11}  {:>11}  {:>14}  {:>8}", "lambda [um]", "reflectance", "sigma [1/um]", "albedo")?;
+        for i in (0..SPECTRUM_NODES).step_by(4) {
+            let (l, s) = (number(r.lambda_um[i]), number(r.sigma_per_um[i]));
+            writeln!(out, "  {l:>11}  {:>11.4}  {s:>14}  {:>8.4}", r.reflectance[i], r.albedo[i])?;
+        }
+        Ok(())
+    })
+}
+
+/// Values in equal steps over the spectrum, linear between.
+fn steps(values: &[f64], lambda_um: f64) -> f64 {
+    let last = values.len() - 1;
+    let x = ((lambda_um - SPECTRUM_UM[0]) / (SPECTRUM_UM[1] - SPECTRUM_UM[0]) * last as f64).clamp(0.0, last as f64);
+    let i = (x as usize).min(last.saturating_sub(1));
+    values[i] + (x - i as f64) * (values[(i + 1).min(last)] - values[i])
+}

@@ -1,0 +1,203 @@
+//! Figures of noise: synthesized patterns beside simulated ones (Yu 2025, Fig. 11 a), and what a model's tiles do to its terms (Fig. 11 b).
+
+use super::compare::color_of;
+use super::noise::{LINES, spec_of};
+use crate::failure::Outcome;
+use crate::plot::axes;
+use crate::plot::canvas::{Align, Canvas, GRAY, INK, LINE, literal};
+use crate::plot::colormap::Rgb;
+use crate::plot::lines::{self, Curve, LinePanel, Row, Scale};
+use crate::plot::sheet;
+use crate::report::number;
+use plywave::color::{color_matching, linear_srgb_of_xyz, srgb_encode};
+use plywave::{Instance, PlyModel, SpecklePatterns, direction};
+use plywave_fit::noise::{LineComparison, NoiseOptions, PatternCovariance, compare_lines};
+use std::path::Path;
+
+const SIMULATED: Rgb = [120, 128, 150];
+const SYNTHESIZED: Rgb = [200, 60, 50];
+/// Azimuths that are shown of each kind, off exact forward [degrees].
+const WINDOWS: [[f64; 2]; 2] = [[110.0, 150.0], [40.0, 80.0]];
+
+/// Two simulated and two synthesized patterns of each kind, and the covariances at three wavelengths.
+pub fn lines(file: &Path, patterns: &SpecklePatterns) -> Outcome<image::RgbImage> {
+    let spec = spec_of(file, patterns)?;
+    let options = NoiseOptions { w0_um: spec.beam.w0_um, ..NoiseOptions::default() };
+    let rows = compare_lines(patterns, &options, LINES / 2, &file.display().to_string())?;
+    let last = patterns.lambda_um.len() - 1;
+    let mut shown = vec![0, last / 2, last];
+    shown.dedup();
+    let drawn =
+        (0..2).map(|k| row(&rows[k * (last + 1)..(k + 1) * (last + 1)], &shown, WINDOWS[k])).collect::<Vec<_>>();
+    let name: String = literal(&spec.name).chars().take(80).collect();
+    let particulars = [
+        "unpolarized light; N = |a + g|², a constant phasor and a Gaussian field whose contrast and covariance are the simulated ones".to_string(),
+        "one field at the shortest wavelength, stretched to the others; C: covariance of the intensity over its squared mean, all azimuths by their light".to_string(),
+    ];
+    let legend = [("simulated".to_string(), SIMULATED), ("synthesized".to_string(), SYNTHESIZED)];
+    Ok(lines::page(&format!("{name}: noise beside simulated patterns"), &particulars, &legend, &drawn))
+}
+
+fn row(rows: &[LineComparison], shown: &[usize], window: [f64; 2]) -> Row {
+    let first = &rows[0];
+    let d = first.mean.len();
+    let inside = |values: &[f64]| -> Vec<[f64; 2]> {
+        (0..d)
+            .map(|j| [360.0 * j as f64 / d as f64 - 270.0, values[j]])
+            .map(|[x, y]| [if x < -180.0 { x + 360.0 } else { x }, y])
+            .filter(|[x, _]| (window[0]..=window[1]).contains(x))
+            .collect::<Vec<_>>()
+    };
+    let sorted = |values: &[f64]| {
+        let mut points = inside(values);
+        points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        points
+    };
+    let curve = |points, color, width| Curve { points, band: Vec::new(), color, width };
+    let all: Vec<Vec<[f64; 2]>> = first.two_simulated.iter().chain(&first.two_synthesized).map(|v| sorted(v)).collect();
+    let top = all.iter().flatten().map(|q| q[1]).fold(0.0, f64::max);
+    let low = all.iter().flatten().map(|q| q[1]).fold(0.0, f64::min);
+    let room = 0.05 * (top - low).max(f64::MIN_POSITIVE);
+    let mut panels = Vec::new();
+    for (k, (name, color)) in [("simulated", SIMULATED), ("synthesized", SYNTHESIZED)].into_iter().enumerate() {
+        let light: Rgb = color.map(|v| v + (255 - v) / 2);
+        panels.push((
+            360,
+            LinePanel {
+                title: format!("f_{{{}}}, {name} [μm/rad]", first.kind),
+                x_title: format!("φ_o - 270° [degrees], {} μm", number(first.lambda_um)),
+                x: window,
+                x_ticks: lines::linear(window[0], window[1], 4.0),
+                y: Scale::Linear(low - room, top + room),
+                curves: vec![
+                    curve(all[2 * k].clone(), light, 1.3),
+                    curve(all[2 * k + 1].clone(), color, 1.6),
+                    curve(sorted(&first.mean), INK, 1.0),
+                ],
+            },
+        ));
+    }
+    let values = |c: &PatternCovariance| -> Vec<[f64; 2]> {
+        c.values.iter().enumerate().map(|(j, v)| [c.step_rad.to_degrees() * j as f64, *v]).collect()
+    };
+    for &l in shown {
+        let row = &rows[l];
+        let curves =
+            vec![curve(values(&row.simulated), SIMULATED, 3.0), curve(values(&row.synthesized), SYNTHESIZED, 1.4)];
+        let end = 8.0;
+        let points = || curves.iter().flat_map(|c| &c.points).filter(|q| q[0] <= end).map(|q| q[1]);
+        let (low, high) = (points().fold(0.0, f64::min), points().fold(1e-6, f64::max));
+        let room = 0.08 * (high - low);
+        panels.push((
+            270,
+            LinePanel {
+                title: format!(
+                    "C, {} μm; √C(0): {:.3}, {:.3}",
+                    number(row.lambda_um),
+                    row.simulated.contrast(),
+                    row.synthesized.contrast()
+                ),
+                x_title: "lag [degrees]".into(),
+                x: [0.0, end],
+                x_ticks: lines::linear(0.0, end, 4.0),
+                y: Scale::Linear(low - room, high + room),
+                curves,
+            },
+        ));
+    }
+    Row { title: String::new(), panels, height: 280 }
+}
+
+/// Wavelengths that a color is summed over [um].
+const LAMBDAS: [f32; 12] = [0.42, 0.445, 0.47, 0.495, 0.52, 0.545, 0.57, 0.595, 0.62, 0.645, 0.67, 0.695];
+/// Size of a panel [dots]; 6 dots a degree.
+const PANEL: [i32; 2] = [300, 240];
+const DOTS: f64 = 6.0;
+/// Latitude at the middle of a panel [degrees].
+const MIDDLE: f64 = -8.0;
+
+/// Linear sRGB of a spectrum at [`LAMBDAS`]; of one that is 1, white.
+fn rgb(light: &[f32; 12]) -> [f64; 3] {
+    let sum = |value: &dyn Fn(usize) -> f64| {
+        let mut xyz = [0.0; 3];
+        for (i, lambda) in LAMBDAS.iter().enumerate() {
+            let bar = color_matching(f64::from(*lambda));
+            (0..3).for_each(|k| xyz[k] += value(i) * bar[k]);
+        }
+        linear_srgb_of_xyz(xyz)
+    };
+    let (of, white) = (sum(&|i| f64::from(light[i])), sum(&|_| 1.0));
+    std::array::from_fn(|k| of[k] / white[k])
+}
+
+/// One instance of a model with tiles at two incidences: smooth, as an instance has it, and the noise alone. Grayscale where light is smooth, color by
+/// [`LAMBDAS`].
+pub fn model(title: &str, model: &PlyModel) -> image::RgbImage {
+    const GAP: [i32; 2] = [26, 64];
+    const LEFT: i32 = 90;
+    const TOP: i32 = 126;
+    let columns = 6;
+    let mut canvas = Canvas::new(LEFT + columns * (PANEL[0] + GAP[0]) + 20, TOP + 2 * (PANEL[1] + GAP[1]) + 10);
+    sheet::heading(&mut canvas, 28, 24, title);
+    let Some(noise) = model.noise() else { return canvas.into_image() };
+    let told = format!(
+        "speckle noise of one instance at h = 0, σ = 0, in the color of 12 wavelengths; contrast of the tiles {:.3} (refl), {:.3} (high); the same scale in a row's three panels of a kind",
+        noise.contrast[0][1], noise.contrast[1][1]
+    );
+    canvas.text(28, 24 + LINE + 2, &told, Align::Left, GRAY);
+    let instance = Instance::new(1, 0.0, 1.0);
+    for (row, theta_deg) in [0.0f64, 15.0].into_iter().enumerate() {
+        let theta_i = theta_deg.to_radians() as f32;
+        let y = TOP + row as i32 * (PANEL[1] + GAP[1]);
+        canvas.text_up(28, y + PANEL[1] / 2, &format!("θ_i = {}°", number(theta_deg)), Align::Center, INK);
+        for kind in 0..2 {
+            // Reflection about the light's azimuth, high-order light beside forward.
+            let center = [90.0, 305.0][kind];
+            let at = |i: i32, j: i32| {
+                let phi = center + (f64::from(i - PANEL[0] / 2) + 0.5) / DOTS;
+                let theta = MIDDLE - (f64::from(j - PANEL[1] / 2) + 0.5) / DOTS;
+                let wo = direction(theta.to_radians() as f32, phi.to_radians() as f32);
+                let (refl, [high]) = model.eval_split(theta_i, 0.0, [0.0], wo);
+                let (n_refl, n_high) = noise.factors(instance, theta_i, wo, LAMBDAS);
+                (if kind == 0 { refl } else { high }, if kind == 0 { n_refl } else { n_high })
+            };
+            let mut top = 0.0f32;
+            (0..PANEL[1]).step_by(8).for_each(|j| (0..PANEL[0]).step_by(8).for_each(|i| top = top.max(at(i, j).0)));
+            let scale = 0.45 / f64::from(top.max(f32::MIN_POSITIVE));
+            let name = ["refl", "high"][kind];
+            let titles = [format!("f_{{{name}}}"), format!("f_{{{name}}} N"), format!("N_{{{name}}}")];
+            for (part, title) in titles.iter().enumerate() {
+                let x = LEFT + (3 * kind + part) as i32 * (PANEL[0] + GAP[0]);
+                for j in 0..PANEL[1] {
+                    for i in 0..PANEL[0] {
+                        let (f, n) = at(i, j);
+                        let f = f64::from(f) * scale;
+                        let color = match part {
+                            0 => [f; 3],
+                            1 => rgb(&n).map(|v| f * v),
+                            _ => rgb(&n).map(|v| 0.35 * v),
+                        };
+                        let encode = |v: f64| (255.0 * srgb_encode(v.clamp(0.0, 1.0))).round() as u8;
+                        canvas.set(x + i, y + j, color.map(encode));
+                    }
+                }
+                canvas.frame(x, y, PANEL[0], PANEL[1], INK);
+                canvas.text(x + PANEL[0] / 2, y - LINE, title, Align::Center, INK);
+                let half = [f64::from(PANEL[0]) / DOTS / 2.0, f64::from(PANEL[1]) / DOTS / 2.0];
+                axes::ticks_below(
+                    &mut canvas,
+                    x,
+                    y + PANEL[1],
+                    PANEL[0],
+                    &lines::linear(center - half[0], center + half[0], 4.0),
+                );
+                canvas.text(x + PANEL[0] / 2, y + PANEL[1] + LINE + 6, "φ_o [degrees]", Align::Center, INK);
+                if part == 0 && kind == 0 {
+                    let ticks = lines::linear(MIDDLE - half[1], MIDDLE + half[1], 4.0);
+                    axes::ticks_left(&mut canvas, x, y, PANEL[1], &ticks);
+                }
+            }
+        }
+    }
+    canvas.into_image()
+}
