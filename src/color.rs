@@ -34,7 +34,7 @@ fn place(lambda_um: f64) -> (usize, f64) {
 
 /// Values of the color matching functions of the CIE 1931 standard observer at a wavelength [um]; 0 outside the table.
 pub fn color_matching(lambda_um: f64) -> [f64; 3] {
-    if !(lambda_um >= SPECTRUM_UM[0] && lambda_um <= SPECTRUM_UM[1]) {
+    if !(SPECTRUM_UM[0]..=SPECTRUM_UM[1]).contains(&lambda_um) {
         return [0.0; 3];
     }
     let (i, t) = place(lambda_um);

@@ -90,8 +90,16 @@ fn azimuth(y: f32, x: f32) -> f32 {
     if y < 0.0 { -a } else { a }
 }
 
-const COEFFICIENTS: [f32; 8] =
-    [0.999999344, -0.333298624, 0.199465662, -0.139086321, 0.0964219943, -0.0559123233, 0.0218629409, -0.00405455939];
+const COEFFICIENTS: [f32; 8] = [
+    0.999_999_34,
+    -0.333_298_62,
+    0.199_465_66,
+    -0.139_086_32,
+    0.096_421_994,
+    -0.055_912_323,
+    0.021_862_94,
+    -0.004_054_559_4,
+];
 
 /// Where a direction falls on the patterns of one kind, before it is stretched.
 #[derive(Clone, Copy)]

@@ -191,7 +191,7 @@ fn fade(covariances: &[PatternCovariance], lambda_um: &[f64]) -> ([f64; 2], f64)
         0.0
     };
     let top = lambda_um.iter().map(|l| y + slope * (l - x)).fold(0.0, f64::max);
-    if !(top > 0.0) {
+    if top.is_nan() || top <= 0.0 {
         return ([1.0, 0.0], 0.0);
     }
     let least = contrasts.iter().copied().fold(f64::INFINITY, f64::min);

@@ -30,6 +30,8 @@ pub struct RenderOptions {
 }
 
 type Light4 = [f32; WAVELENGTHS];
+/// Place and sums of a pixel: light, albedo.
+type Pixel = (u32, u32, [f32; 3], [f32; 3]);
 
 /// Adds samples to a film until it has `options.samples` a pixel, in passes; `after` is called after each with the samples done and may write the film. Tiles run
 /// on the current rayon pool; the picture does not depend on the number of threads, nor on where it was stopped.
@@ -52,7 +54,7 @@ pub fn render<S: Surface>(
         let first = film.samples();
         // Passes grow, so that early pictures come soon and late ones cost little.
         let count = (first / 2).clamp(1, 16).min(options.samples - first);
-        let done: Vec<Option<Vec<(u32, u32, [f32; 3], [f32; 3])>>> = (0..tiles)
+        let done: Vec<Option<Vec<Pixel>>> = (0..tiles)
             .into_par_iter()
             .map(|tile| {
                 let (x0, y0) = (tile % across * TILE, tile / across * TILE);

@@ -10,7 +10,8 @@
 use super::yarn::{Line, Met, Yarn, cell};
 use super::{Fabric, Family};
 
-/// What a line meets.
+/// What a line meets. It lives on the stack of one query: a box would allocate.
+#[allow(clippy::large_enum_variant)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Place {
     /// A ply.

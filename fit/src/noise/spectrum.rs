@@ -46,7 +46,7 @@ impl FieldModel {
     /// Of a measured covariance.
     pub fn of(measured: &PatternCovariance, contrast: NoiseContrast, azimuths: usize) -> FieldModel {
         let variance = measured.variance();
-        if !(variance > 0.0) {
+        if variance.is_nan() || variance <= 0.0 {
             // Nothing varies: no field, whatever its spectrum.
             let mut spectrum = vec![0.0; azimuths / 2 + 1];
             spectrum[0] = 1.0;
