@@ -1,6 +1,5 @@
 //! Figures of noise: synthesized patterns beside simulated ones (Yu 2025, Fig. 11 a), and what a model's tiles do to its terms (Fig. 11 b).
 
-use super::compare::color_of;
 use super::noise::{LINES, spec_of};
 use crate::failure::Outcome;
 use crate::plot::axes;
