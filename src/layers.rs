@@ -23,7 +23,8 @@ pub(crate) const NAMES: [&str; 2] = ["layer_forward", "layer_diffuse"];
 /// the path-length spectrum of f_high on `PlyData::path_um`, so that a factor holds at every absorption.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LayerFactors {
-    /// `[M][H][1 + J]`: energy that leaves into the half space away from the light, y < 0 in the ply frame.
+    /// `[2 M - 1][2 H - 1][1 + J]`, at the nodes and half way between them: energy that leaves into the half space away from the light, y < 0 in the ply frame.
+    /// Lobes turn and blocks change between nodes, and what goes forward with them.
     pub forward: Vec<f64>,
     /// `[2][1 + J]`: fraction of diffuse light that is sent back and that passes, of the light that meets fibers.
     pub diffuse: Vec<f64>,
@@ -32,7 +33,7 @@ pub struct LayerFactors {
 impl LayerFactors {
     pub(crate) fn write(&self, w: &mut Writer, data: &PlyData) {
         let (m, h, _, j) = data.sizes();
-        w.f64(NAMES[0], &[m, h, 1 + j], &self.forward);
+        w.f64(NAMES[0], &[2 * m - 1, 2 * h - 1, 1 + j], &self.forward);
         w.f64(NAMES[1], &[2, 1 + j], &self.diffuse);
     }
 
@@ -40,13 +41,16 @@ impl LayerFactors {
         if !NAMES.iter().any(|name| r.has(name)) {
             return Ok(None);
         }
-        Ok(Some(LayerFactors { forward: r.f64(NAMES[0], &[m, h, 1 + j])?, diffuse: r.f64(NAMES[1], &[2, 1 + j])? }))
+        Ok(Some(LayerFactors {
+            forward: r.f64(NAMES[0], &[2 * m - 1, 2 * h - 1, 1 + j])?,
+            diffuse: r.f64(NAMES[1], &[2, 1 + j])?,
+        }))
     }
 
     pub(crate) fn check(&self, c: &Check<'_>, data: &PlyData) -> Result<()> {
         let (m, h, _, j) = data.sizes();
         for (name, values, shape) in
-            [(NAMES[0], &self.forward, &[m, h, 1 + j][..]), (NAMES[1], &self.diffuse, &[2, 1 + j])]
+            [(NAMES[0], &self.forward, &[2 * m - 1, 2 * h - 1, 1 + j][..]), (NAMES[1], &self.diffuse, &[2, 1 + j])]
         {
             c.len(name, values.len(), shape)?;
             c.range(name, values, 0.0, 1.0 + crate::table::TOLERANCE)?;
@@ -64,9 +68,9 @@ pub(crate) struct LayerTables {
     h_last: f32,
     /// Path lengths [um].
     path_um: Vec<f32>,
-    /// `[M][H][1 + J]`.
+    /// `[rows][columns][1 + J]`.
     forward: Vec<f32>,
-    /// `[M][2][1 + J]`: r and t at the latitudes.
+    /// `[rows][2][1 + J]`: r and t at the latitudes.
     first: Vec<f32>,
     /// `[2][1 + J]`.
     diffuse: Vec<f32>,
@@ -76,20 +80,27 @@ impl LayerTables {
     pub(crate) fn new(d: &PlyData) -> Option<LayerTables> {
         let factors = d.layers.as_ref()?;
         let (m, h, _, j) = d.sizes();
-        let mut first = Vec::with_capacity(m * 2 * (1 + j));
-        for row in 0..m {
+        let (rows, columns) = (2 * m - 1, 2 * h - 1);
+        // Between the nodes energies are bilinear: the mean of the two or four nodes around.
+        let between = |row: usize, column: usize, of: &dyn Fn(usize) -> f64| {
+            let (m0, m1, n0, n1) = (row / 2, row.div_ceil(2), column / 2, column.div_ceil(2));
+            0.25 * (of(m0 * h + n0) + of(m0 * h + n1) + of(m1 * h + n0) + of(m1 * h + n1))
+        };
+        let mut first = Vec::with_capacity(rows * 2 * (1 + j));
+        for row in 0..rows {
             // Trapezoids over h; the ends, where a beam meets next to nothing, count half.
-            let weight = |n: usize| if n == 0 || n + 1 == h { 0.5 } else { 1.0 };
-            let mean = |of: &dyn Fn(usize) -> f64| (0..h).map(|n| weight(n) * of(row * h + n)).sum::<f64>();
-            let met = mean(&|i| 1.0 - d.r_d[i]).max(f64::MIN_POSITIVE);
-            let forward = |p: usize| mean(&|i| factors.forward[i * (1 + j) + p]) / met;
-            let all = |p: usize| mean(&|i| if p == 0 { d.energy_refl[i] } else { d.energy_high[i * j + p - 1] }) / met;
+            let weight = |n: usize| if n == 0 || n + 1 == columns { 0.5 } else { 1.0 };
+            let mean = |of: &dyn Fn(usize) -> f64| (0..columns).map(|n| weight(n) * of(n)).sum::<f64>();
+            let met = mean(&|n| between(row, n, &|i| 1.0 - d.r_d[i])).max(f64::MIN_POSITIVE);
+            let forward = |p: usize| mean(&|n| factors.forward[(row * columns + n) * (1 + j) + p]) / met;
+            let energy = |i: usize, p: usize| if p == 0 { d.energy_refl[i] } else { d.energy_high[i * j + p - 1] };
+            let all = |p: usize| mean(&|n| between(row, n, &|i| energy(i, p))) / met;
             first.extend((0..=j).map(|p| (all(p) - forward(p)) as f32));
             first.extend((0..=j).map(|p| forward(p) as f32));
         }
         Some(LayerTables {
-            rows: m,
-            columns: h,
+            rows,
+            columns,
             theta_last: d.theta_i[m - 1] as f32,
             h_last: d.h_um[h - 1] as f32,
             path_um: d.path_um.iter().map(|p| *p as f32).collect(),

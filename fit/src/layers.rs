@@ -11,8 +11,8 @@
 //! and over theta the weight cos^2(theta). Latitudes beyond the last node carry that node's share.
 
 use crate::absorption::energy_spectrum;
-use crate::fit_errors::{evaluate, node_place};
-use crate::model::{high_lobes, refl_lobes};
+use crate::fit_errors::evaluate;
+use crate::model::{bilinear, high_lobes, locate, refl_lobes};
 use crate::sphere::{PaddedSlice, Scratch, SphereGrid};
 use plywave::{LayerFactors, OutgoingGrid, PlyData};
 use rayon::prelude::*;
@@ -38,7 +38,13 @@ fn shares(sphere: &SphereGrid, slice: &PaddedSlice) -> (f64, f64) {
 /// Layer factors of a fitted model.
 pub fn layer_factors(data: &PlyData) -> LayerFactors {
     let sphere = SphereGrid::new(GRID);
-    let (rows, columns, sigma) = (data.theta_i.len(), data.h_um.len(), &data.sigma_per_um);
+    // The nodes and the places half way between them.
+    let (rows, columns, sigma) = (2 * data.theta_i.len() - 1, 2 * data.h_um.len() - 1, &data.sigma_per_um);
+    let theta = |m: usize| data.theta_i[data.theta_i.len() - 1] * m as f64 / (rows - 1) as f64;
+    let place = |node: usize| {
+        let h = data.h_um[data.h_um.len() - 1] * (2.0 * (node % columns) as f64 / (columns - 1) as f64 - 1.0);
+        locate(data, theta(node / columns), h)
+    };
     let size = 1 + data.path_um.len();
     // Of each node: forward energy of f_refl and its spectrum of f_high; energy that stays above diffuse light, and all, as [1 + K].
     type Node = (Vec<f64>, Vec<f64>, Vec<f64>);
@@ -46,7 +52,7 @@ pub fn layer_factors(data: &PlyData) -> LayerFactors {
         .into_par_iter()
         .map(|node| {
             let mut scratch = Scratch::default();
-            let at = node_place(node / columns, node % columns, rows, columns);
+            let at = place(node);
             let (mut forward, mut above, mut all) = (Vec::new(), Vec::new(), Vec::new());
             let high = sigma.iter().map(|s| high_lobes(data, at, *s));
             for lobes in std::iter::once(refl_lobes(data, at)).chain(high) {
@@ -62,7 +68,7 @@ pub fn layer_factors(data: &PlyData) -> LayerFactors {
         .collect();
     // Light spread evenly over h; latitudes by cos^2 and trapezoids, the last node with the cap beyond it.
     let primitive = |theta: f64| 0.5 * theta + 0.25 * (2.0 * theta).sin();
-    let edge = |m: usize| 0.5 * (data.theta_i[m - 1] + data.theta_i[m]);
+    let edge = |m: usize| 0.5 * (theta(m - 1) + theta(m));
     let (mut above, mut all, mut met) = (vec![0.0; 1 + sigma.len()], vec![0.0; 1 + sigma.len()], 0.0);
     for m in 0..rows {
         let low = if m == 0 { 0.0 } else { edge(m) };
@@ -73,7 +79,7 @@ pub fn layer_factors(data: &PlyData) -> LayerFactors {
             let node = &nodes[m * columns + n];
             above.iter_mut().zip(&node.1).for_each(|(sum, v)| *sum += weight * v);
             all.iter_mut().zip(&node.2).for_each(|(sum, v)| *sum += weight * v);
-            met += weight * (1.0 - data.r_d[m * columns + n]);
+            met += weight * (1.0 - bilinear(&data.r_d, data.h_um.len(), 1, 0, place(m * columns + n)));
         }
     }
     let mut diffuse = Vec::with_capacity(2 * size);

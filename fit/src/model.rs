@@ -90,7 +90,8 @@ fn node_weights(k: usize, t: f64, count: usize) -> [(usize, f64); 4] {
     [(nodes[0], w[0]), (nodes[1], w[1]), (nodes[2], w[2]), (nodes[3], w[3])]
 }
 
-fn bilinear(values: &[f64], columns: usize, stride: usize, offset: usize, at: Place) -> f64 {
+/// A value between the nodes, of arrays `[M][H][stride]`.
+pub(crate) fn bilinear(values: &[f64], columns: usize, stride: usize, offset: usize, at: Place) -> f64 {
     let v = |m: usize, n: usize| values[(m * columns + n) * stride + offset];
     let low = (1.0 - at.t) * v(at.m, at.n) + at.t * v(at.m, at.n + 1);
     let high = (1.0 - at.t) * v(at.m + 1, at.n) + at.t * v(at.m + 1, at.n + 1);

@@ -92,7 +92,7 @@ fn factors_are_those_of_the_evaluator() {
         for k in 0..2 {
             assert!((f64::from(got[k]) - want[k]).abs() < 1e-3, "node {m} {n}: {got:?} against {want:?}");
         }
-        let (t, x) = (t + 0.5 * theta[1] as f32, x + 0.5 * (h[1] - h[0]) as f32);
+        let (t, x) = (t + 0.25 * theta[1] as f32, x + 0.25 * (h[1] - h[0]) as f32);
         let (got, want) = (model.forward_energy(t, x, sigma).unwrap(), brute_force(&model, t, x, sigma).0);
         between = (0..2).map(|k| (f64::from(got[k]) - want[k]).abs()).fold(between, f64::max);
     }
