@@ -141,6 +141,8 @@ struct Node {
     /// `[sigma]`: direct, conv, residual, absorbed.
     ledger: Vec<[f64; 4]>,
     killed: f64,
+    /// Standard error of the energy's sum from the slices that the beam meets.
+    se: f64,
 }
 
 /// Direct light of a part of the table and what it sends to the other plies.
@@ -232,17 +234,17 @@ impl<'a> Yarn<'a> {
             .map(|i| {
                 let mut refl = first_refl[i].direct.clone();
                 chains[i].add_density(None, grid, &mut refl);
+                let met = |values: &[f64]| -> f64 {
+                    hits[i].parts.iter().map(|(n, w)| values[m * columns + n] * w.iter().sum::<f64>()).sum()
+                };
                 Node {
                     r_d: hits[i].r_d,
                     refl: refl.iter().map(|v| *v as f32).collect(),
                     high: Vec::with_capacity(sigmas),
                     noise: vec![first_refl[i].noise],
                     ledger: Vec::with_capacity(sigmas),
-                    killed: hits[i]
-                        .parts
-                        .iter()
-                        .map(|(n, w)| self.table.energy_killed[m * columns + n] * w.iter().sum::<f64>())
-                        .sum(),
+                    killed: met(&self.table.energy_killed),
+                    se: met(&self.table.energy_se),
                 }
             })
             .collect();
@@ -394,10 +396,13 @@ fn assemble(table: &Table, plies: u32, nodes: impl Iterator<Item = Node>) -> (Ta
     };
     let mut out = Table { plies, exit: None, refl: Vec::new(), high: Vec::new(), ..table.clone() };
     let mut ledger = YarnLedger::default();
+    let mean_se = (table.energy_se.iter().map(|s| s * s).sum::<f64>() / table.energy_se.len().max(1) as f64).sqrt();
     for (i, node) in nodes.enumerate() {
         out.r_d[i] = node.r_d;
         out.energy_refl[i] = energy(&node.refl);
         out.energy_killed[i] = node.killed;
+        // Each later scattering takes part in the table's error too: once in conv, some three times in what remains.
+        out.energy_se[i] = (node.se + (node.ledger[0][1] + 3.0 * node.ledger[0][2]) * mean_se).min(1.0);
         out.noise_refl[i] = node.noise[0];
         out.refl.extend(node.refl);
         ledger.r_d.push(node.r_d);
