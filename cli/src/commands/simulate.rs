@@ -140,11 +140,7 @@ pub fn run(cli: &Cli, args: &SimulateArgs) -> Outcome {
     if args.plies == Plies::Traced {
         if job.spec.yarn.plies < 2 {
             let mend = "--plies traced needs 2 or more";
-<<<<<<< HEAD
-            return Err(Failure::input(args.spec.display().to_string(), "yarn.plies", job.spec.yarn.plies, mend));
-=======
             return Err(Failure::input(args.spec.display(), "yarn.plies", job.spec.yarn.plies, mend));
->>>>>>> multiply
         }
         job.options.traced_plies = true;
     }
