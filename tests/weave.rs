@@ -77,7 +77,7 @@ fn frames_are_orthonormal_and_hold_the_light() {
                     if let Some(below) = hit.below {
                         doubles += 1;
                         assert!(below.h_um.abs() <= fabric.shape(hit.family.other()).ply_radius_um as f32);
-                        assert!(below.theta_i.abs() <= 1.5708);
+                        assert!(below.theta_i.abs() <= std::f32::consts::FRAC_PI_2 + 1e-6);
                     }
                 }
                 Place::Gap(gap) => {
