@@ -10,7 +10,8 @@ mod synthetic;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use plywave::{
-    Aperture, Gap, GaussianBeam, PlyData, PlyModel, Queries, SLIT_SHARE, Scatter, Slit, WholePly, direction,
+    Aperture, Gap, GaussianBeam, Instance, NoiseTiles, PlyData, PlyModel, Queries, SLIT_SHARE, Scatter, Slit, WholePly,
+    direction,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
