@@ -155,6 +155,7 @@ fn any_input_gives_finite_numbers() {
             sigma_per_um: [any(), any()],
             lambda_um: [any(), any()],
             slit: if i % 2 == 0 { Some(&slit) } else { None },
+            instance: None,
         };
         let wo = [any(), any(), any()];
         let numbers = s.eval(wo).into_iter().chain(s.albedo()).chain([s.pdf(wo), s.miss()]);
@@ -182,7 +183,7 @@ fn slits_keep_the_energy() {
             slit: None,
             instance: None,
         };
-        let with = WholePly { slit: Some(&slit), ..without };
+        let with = WholePly { slit: Some(&slit), instance: None, ..without };
         assert_eq!(with.albedo(), without.albedo());
         let r = check_scatter(&with, [0.008, 0.012], 20_000, &mut || rng.random());
         println!("slit {width} share {share} at {theta_i} {h_um}: {r:?}");

@@ -180,7 +180,7 @@ mod tests {
         assert_eq!(of(&["..", "X."]), Some((Family::Weft, 1, true)));
         assert_eq!(of(&["XX.", "X.X"]), Some((Family::Warp, 0, true)));
         assert_eq!(of(&["X..", ".X."]), Some((Family::Warp, 2, false)));
-        let mut wide = vec![".".repeat(200), "X".repeat(200)];
+        let mut wide = [".".repeat(200), "X".repeat(200)];
         assert_eq!(of(&[&wide[0], &wide[1]]), Some((Family::Weft, 0, false)));
         wide[0].replace_range(130..131, "X");
         wide[1].replace_range(131..132, ".");
