@@ -262,6 +262,6 @@ fn whole(c: &mut Criterion, q: &[Query]) {
 criterion_group! {
     name = benches;
     config = Criterion::default().sample_size(30).warm_up_time(std::time::Duration::from_millis(500)).measurement_time(std::time::Duration::from_secs(2));
-    targets = runtime
+    targets = runtime, noise
 }
 criterion_main!(benches);
