@@ -28,6 +28,7 @@ fn main() -> ExitCode {
         Command::Diff(args) => commands::diff::run(&cli, args),
         Command::Plot(args) => commands::plot::run(&cli, args),
         Command::Compare(args) => commands::compare::run(&cli, args),
+        Command::Weave(args) => commands::weave::run(&cli, args),
         Command::Wave(wave) => match &wave.command {
             WaveCommand::Scatter(args) => commands::wave_scatter::run(&cli, args),
             WaveCommand::Speckle(args) => commands::wave_speckle::run(&cli, args),

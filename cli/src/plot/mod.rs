@@ -9,6 +9,7 @@ pub mod grid;
 pub mod lines;
 pub mod map;
 pub mod sheet;
+pub mod weave;
 
 use crate::failure::{Failure, Outcome};
 use std::path::Path;
