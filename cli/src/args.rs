@@ -46,6 +46,8 @@ pub enum Command {
     Noise(NoiseArgs),
     /// Turn a color or a reflectance into the absorption of a model's fibers, by inverting its albedo.
     Color(ColorArgs),
+    /// Draw the weave of a fabric: fabric spec (TOML) in, folder with textures (PNG) and a sheet to look at out.
+    Weave(WeaveArgs),
     /// Wave optics of parallel fibers.
     Wave(WaveArgs),
     /// Compare wave and ray optics over instances of a ply's cross section: spec (TOML) in, folder with report.json and compare.png out.
@@ -127,6 +129,22 @@ pub struct RenderArgs {
     /// Keep the sums, so that --resume can add samples.
     #[arg(long)]
     pub keep_sums: bool,
+}
+
+/// `plywave weave`.
+#[derive(Debug, Args)]
+pub struct WeaveArgs {
+    /// Fabric spec (TOML).
+    pub fabric: PathBuf,
+    /// Folder to write [default: FABRIC's name with .weave, in this folder].
+    #[arg(long, short, value_name = "FOLDER")]
+    pub output: Option<PathBuf>,
+    /// Pixels from one yarn to the next, in the family that lies closer [default: 32, fewer where a repeat would be longer than 4096].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub pixels: Option<u32>,
+    /// Textures of the back in place of the face, in the same coordinates.
+    #[arg(long)]
+    pub back: bool,
 }
 
 /// `plywave compare`.

@@ -31,6 +31,7 @@ fn main() -> ExitCode {
         Command::Render(args) => commands::render::run(&cli, args),
         Command::Noise(args) => commands::noise::run(&cli, args),
         Command::Color(args) => commands::color::run(&cli, args),
+        Command::Weave(args) => commands::weave::run(&cli, args),
         Command::Wave(wave) => match &wave.command {
             WaveCommand::Scatter(args) => commands::wave_scatter::run(&cli, args),
             WaveCommand::Speckle(args) => commands::wave_speckle::run(&cli, args),

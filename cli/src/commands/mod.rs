@@ -22,6 +22,7 @@ pub mod speckle_view;
 pub mod wave_scatter;
 pub mod wave_speckle;
 pub mod wave_tabulate;
+pub mod weave;
 
 use crate::args::{Cli, IncidenceArgs};
 use crate::failure::{Failure, Outcome};

@@ -10,6 +10,7 @@ pub mod lines;
 pub mod map;
 pub mod pattern;
 pub mod sheet;
+pub mod weave;
 
 use crate::failure::{Failure, Outcome};
 use std::path::Path;

@@ -1,0 +1,119 @@
+//! `plywave weave` end to end: textures hold what the weave is, bad fabrics are refused in one line.
+
+mod common;
+
+use common::{json, names, refused, succeed};
+use std::path::{Path, PathBuf};
+
+fn fabrics() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../fabrics")
+}
+
+/// A folder with a copy of a shipped fabric and the models it needs.
+fn folder(name: &str, edit: impl Fn(String) -> String) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("models")).unwrap();
+    for model in ["cotton.pwm", "polyester.pwm"] {
+        std::fs::copy(fabrics().join("models").join(model), folder.path().join("models").join(model)).unwrap();
+    }
+    let spec = std::fs::read_to_string(fabrics().join(format!("{name}.toml"))).unwrap();
+    std::fs::write(folder.path().join("cloth.toml"), edit(spec)).unwrap();
+    folder
+}
+
+fn gray16(path: &Path) -> image::ImageBuffer<image::Luma<u16>, Vec<u16>> {
+    match image::open(path).unwrap() {
+        image::DynamicImage::ImageLuma16(image) => image,
+        other => panic!("{}: {:?}", path.display(), other.color()),
+    }
+}
+
+#[test]
+fn textures_hold_the_weave() {
+    let folder = folder("cotton_twill", |spec| spec);
+    let dir = folder.path();
+    let said = json(&succeed(dir, &["weave", "cloth.toml", "-o", "out", "--pixels", "20", "--json"]));
+    assert_eq!((&said["ends"], &said["picks"], &said["memory_bytes"]), (&4.into(), &4.into(), &(32 + 2 * 16).into()));
+    let out = dir.join("out");
+    let wanted = [
+        "across.png",
+        "along.png",
+        "draft.png",
+        "family.png",
+        "height.png",
+        "sheet.png",
+        "tangent.png",
+        "weave.json",
+        "yarn.png",
+    ];
+    assert_eq!(names(&out), wanted);
+    let family = image::open(out.join("family.png")).unwrap().into_luma8();
+    let (yarn, across, height) =
+        (gray16(&out.join("yarn.png")), gray16(&out.join("across.png")), gray16(&out.join("height.png")));
+    let (w, h) = family.dimensions();
+    assert_eq!((w, h), (80, (20.0f64 * 4.0 * 453.6 / 235.2).round() as u32));
+    let draft = image::open(out.join("draft.png")).unwrap().into_luma8();
+    // At crossings: who is on top, which thread it is, axis and height.
+    for pick in 0..4u32 {
+        for end in 0..4u32 {
+            let (x, y) = (20 * end + 10, h - 1 - (f64::from(h) * (f64::from(pick) + 0.5) / 4.0) as u32);
+            let up = (pick + 4 - end) % 4 < 3;
+            assert_eq!(draft.get_pixel(end, 3 - pick)[0], if up { 255 } else { 0 });
+            assert_eq!(family.get_pixel(x, y)[0], if up { 255 } else { 128 }, "{pick} {end}");
+            assert_eq!(u32::from(yarn.get_pixel(x, y)[0]), 1 + if up { end } else { pick });
+            assert!(across.get_pixel(x, y)[0].abs_diff(32768) < 3400 && height.get_pixel(x, y)[0] > 32768 + 5000);
+        }
+    }
+    let tangent = image::open(out.join("tangent.png")).unwrap().into_rgb16();
+    for p in tangent.pixels() {
+        let length: f64 = p.0.iter().map(|&c| ((f64::from(c) - 32768.0) / 32767.0).powi(2)).sum();
+        assert!((length - 1.0).abs() < 1e-3 || length < 1e-3, "{p:?}");
+    }
+    // Written twice, the same; a folder of something else is left alone.
+    let before = std::fs::read(out.join("height.png")).unwrap();
+    succeed(dir, &["weave", "cloth.toml", "-o", "out", "--pixels", "20", "--quiet"]);
+    assert_eq!(std::fs::read(out.join("height.png")).unwrap(), before);
+    refused(dir, &["weave", "cloth.toml", "-o", "models"], &["models", "a folder without weave.json"]);
+    // The back shows the weft where the face shows the warp.
+    succeed(dir, &["weave", "cloth.toml", "-o", "back", "--pixels", "20", "--back", "--quiet"]);
+    let back = image::open(dir.join("back/family.png")).unwrap().into_luma8();
+    let double = family.pixels().zip(back.pixels()).filter(|(a, b)| a[0] != b[0]).count() as f64 / f64::from(w * h);
+    let [a, b] = [202.54 / 235.2, 226.94 / 453.6];
+    assert!((double - a * b).abs() < 0.03, "{double} of {}", a * b);
+}
+
+#[test]
+fn bad_fabrics_are_refused_in_one_line() {
+    let good = folder("polyester_satin", |spec| spec);
+    refused(good.path(), &["weave", "none.toml"], &["none.toml", "no such file"]);
+    refused(good.path(), &["weave", "cloth.toml", "--pixels", "4000"], &["--pixels = 4000", "use "]);
+    for (old, new, words) in [
+        ("spacing_um = 102.0", "spacing_um = 90.0", &["cloth.toml: warp.spacing_um = 90", "100.00 um wide"][..]),
+        ("models/polyester.pwm", "models/none.pwm", &["none.pwm", "no such file"]),
+        ("step = 2", "step = 5", &["weave.step = 5", "use one of 2, 3"]),
+        (
+            "kind = \"satin\"\nn = 5\nstep = 2",
+            "kind = \"draft\"\nrows = [\"XX\", \"X.\"]",
+            &["weave.rows = row 1", "bind every yarn"],
+        ),
+        ("kind = \"satin\"\nn = 5\nstep = 2", "kind = \"wif\"\nfile = \"cloth.toml\"", &["no section [WIF]"]),
+    ] {
+        let folder = folder("polyester_satin", |spec| {
+            assert!(spec.contains(old), "{old}");
+            spec.replacen(old, new, 1)
+        });
+        refused(folder.path(), &["weave", "cloth.toml"], words);
+    }
+}
+
+/// Drafts of 4096 x 4096 are read; their textures would not be.
+#[test]
+fn the_largest_drafts_have_no_textures() {
+    let row = |k: usize| -> String {
+        (0..4096).map(|e| if (k * 7919 + e * 104_729) % 97 < 41 { 'X' } else { '.' }).collect()
+    };
+    let rows: Vec<String> = (0..4096).map(|k| format!("\"{}\"", row(k))).collect();
+    let draft = format!("kind = \"draft\"\nrows = [{}]", rows.join(",\n"));
+    let folder = folder("polyester_satin", |spec| spec.replacen("kind = \"satin\"\nn = 5\nstep = 2", &draft, 1));
+    refused(folder.path(), &["weave", "cloth.toml"], &["--pixels = 1", "too large for textures"]);
+}
