@@ -5,7 +5,8 @@ use super::Family;
 /// Most ends and most picks of a draft.
 pub const MAX_THREADS: usize = 4096;
 
-/// One repeat of a weave, `[picks][ends]`: a set bit has the warp on top, seen from the face. Pick 0 is woven first and lies lowest in y; end 0 lies lowest in x.
+/// One repeat of a weave, `[picks][ends]`: a set bit has the warp on top, seen from the face. Pick 0 is woven first and lies lowest in y; end 0 lies
+/// lowest in x.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Draft {
     ends: usize,

@@ -1,9 +1,10 @@
 //! What is at a point of the fabric: a ply or a gap, by a direction; the yarn on top, by a side.
 //!
-//! The cell of a point is that of the end and the pick whose axes are nearest. The draft says which family is on top in a cell. A line meets the plies of the nearest
-//! yarn of a family or, where it misses those, of the next one on the other side. At a crossing of two yarns that are both met the one on top counts; where only one is met it counts, so
-//! that light passing beside the plies of the upper yarn meets the lower one; where none is met there is a gap.
-//! At normal incidence plies are met where yarns are. An oblique line meets a yarn beyond its width: gaps close towards grazing light, as they do.
+//! The cell of a point is that of the end and the pick whose axes are nearest. The draft says which family is on top in a cell. A line meets the
+//! plies of the nearest yarn of a family or, where it misses those, of the next one on the other side. At a crossing of two yarns that are both met
+//! the one on top counts; where only one is met it counts, so that light passing beside the plies of the upper yarn meets the lower one; where none
+//! is met there is a gap. At normal incidence plies are met where yarns are. An oblique line meets a yarn beyond its width: gaps close towards
+//! grazing light, as they do.
 //!
 //! The axis of a yarn lies at +amplitude where it is on top and at -amplitude where it is below, joined from crossing to crossing by `3 u^2 - 2 u^3`.
 
@@ -59,7 +60,8 @@ pub struct Below {
 /// A gap, or a near miss.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gap {
-    /// Distances in the fabric's plane from the point to the edges west (-x), east (+x), south (-y) and north (+y), 0 or more [um]: how far the line may be moved before it meets a ply.
+    /// Distances in the fabric's plane from the point to the edges west (-x), east (+x), south (-y) and north (+y), 0 or more [um]: how far the line
+    /// may be moved before it meets a ply.
     pub aperture_um: [f32; 4],
     /// The plies at these edges that lie within the beam, |h| < R + d_cut. Those at two edges may be met by one line, at a crossing; none is `below` another.
     pub near: [Option<PlyHit>; 4],
@@ -260,7 +262,8 @@ fn unit(w: [f32; 3]) -> [f32; 3] {
 }
 
 impl Fabric {
-    /// What the line through the point (x, y) [um] towards the light at `w` (unit, in the fabric's frame) meets first. From behind, `w[2] < 0`, the yarns of the other side are on top.
+    /// What the line through the point (x, y) [um] towards the light at `w` (unit, in the fabric's frame) meets first. From behind, `w[2] < 0`, the
+    /// yarns of the other side are on top.
     ///
     /// Never fails: a `w` that is not unit is made so, one that is no direction counts as the face's normal, points that are no numbers or more than 10 m
     /// away as the origin.

@@ -1,4 +1,5 @@
-//! The fabric spec (TOML): the weave, and the yarns of warp and weft. Lengths in um; the unit is part of the key. Keys, ranges and relations are in `check.rs`.
+//! The fabric spec (TOML): the weave, and the yarns of warp and weft. Lengths in um; the unit is part of the key. Keys, ranges and relations are in
+//! `check.rs`.
 
 use super::check::{check_keys, check_relations, format_error, invalid};
 use super::draft::Draft;
@@ -170,8 +171,8 @@ impl FabricSpec {
     /// Reads a spec, its WIF if it has one, and its models.
     ///
     /// # Errors
-    /// As [`FabricSpec::parse`], [`Wif::parse`] and [`PlyModel::load`], [`Error::Io`] when a file cannot be read, and [`Error::Invalid`] for a spacing narrower than
-    /// the yarn.
+    /// As [`FabricSpec::parse`], [`Wif::parse`] and [`PlyModel::load`], [`Error::Io`] when a file cannot be read, and [`Error::Invalid`] for a
+    /// spacing narrower than the yarn.
     pub fn load(path: impl AsRef<Path>) -> Result<LoadedFabric> {
         let path = path.as_ref();
         let file = path.display().to_string();

@@ -1,9 +1,10 @@
 //! WIF, the weavers' exchange format ("Weaving Information File" 1.1, R. Nielsen and others, 1997): an INI file with threading, tie-up and treadling or
 //! liftplan, and colors; from it the draft and the color of each yarn.
 //!
-//! Sections and keys count in any case; `;` begins a comment; yarns, shafts, treadles and colors are numbered from 1, and 0 stands for none. A crossing has the
-//! warp on top where a shaft of the end is lifted: with `Rising Shed` (the default) those tied to a treadle that is pressed, without it those that are
-//! not. A liftplan names lifted shafts in either case, and counts before tie-up and treadling. What the fabric spec says itself (spacing, thickness) is not read.
+//! Sections and keys count in any case; `;` begins a comment; yarns, shafts, treadles and colors are numbered from 1, and 0 stands for none. A
+//! crossing has the warp on top where a shaft of the end is lifted: with `Rising Shed` (the default) those tied to a treadle that is pressed, without
+//! it those that are not. A liftplan names lifted shafts in either case, and counts before tie-up and treadling. What the fabric spec says itself
+//! (spacing, thickness) is not read.
 
 use super::Family;
 use super::draft::{Draft, MAX_THREADS};

@@ -57,7 +57,7 @@ fn seen(fabric: &Fabric, x_um: f64, y_um: f64, from_back: bool) -> [f64; 3] {
     let diffuse = (0.22 + 0.85 * dot(normal, LIGHT).max(0.0)) * depth;
     let half = [LIGHT[0], LIGHT[1], LIGHT[2] + 1.0];
     let along = dot(z, half) / dot(half, half).sqrt();
-    let gloss = 0.25 * (1.0 - along * along).powi(30) * dot(normal, LIGHT).max(0.0);
+    let gloss = 0.12 * (1.0 - along * along).powi(30) * dot(normal, LIGHT).max(0.0);
     dye(fabric.color(hit.family, hit.yarn)).map(|c| c * diffuse + gloss)
 }
 
