@@ -8,7 +8,7 @@
 //! C(0) = 1 - (1 - b)^2
 //! ```
 //!
-//! so that b follows from the contrast sqrt(C(0)) and mu from the covariance, [`spectrum`]. The paper's form is b = 1, a fully developed speckle of contrast 1
+//! so that b follows from the contrast sqrt(C(0)) and mu from the covariance, `noise/spectrum.rs`. The paper's form is b = 1, a fully developed speckle of contrast 1
 //! with `C = mu^2`, whose covariance cannot be negative. The light of one smooth fiber is the sum of few rays: its contrast is below 1, and its
 //! covariance swings below 0 as their fringes do, which the constant phasor allows.
 //!
