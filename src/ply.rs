@@ -4,9 +4,13 @@
 mod batch;
 mod dispatch;
 mod edge;
+mod energy;
 mod file;
-mod kernel;
+mod interpolate;
 mod layout;
+mod lobe;
+mod mixture;
+mod place;
 pub mod reference;
 mod slit;
 mod terms;
@@ -208,7 +212,7 @@ impl PlyModel {
     /// f_refl + f_high [1/sr] (Yu 2025, Eq. 8) for N absorptions `sigma_per_um` in direction `wo`.
     pub fn eval<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N], wo: [f32; 3]) -> [f32; N] {
         let core = dispatch::run_eval(&self.layout, theta_i, h_um, sigma_per_um, wo);
-        kernel::sum(core.refl, core.high)
+        energy::sum(core.refl, core.high)
     }
 
     /// [`PlyModel::eval`] at each of many queries; 0 where an array of `queries` is shorter than `f`.
@@ -238,7 +242,7 @@ impl PlyModel {
         u: [f32; 3],
     ) -> Option<PlySample<N>> {
         let (wo, core) = dispatch::run_sample(&self.layout, theta_i, h_um, sigma_per_um, u);
-        let (wo, f, pdf) = (wo?, kernel::sum(core.refl, core.high), core.pdf);
+        let (wo, f, pdf) = (wo?, energy::sum(core.refl, core.high), core.pdf);
         Some(PlySample { wo, weight: f.map(|f| if pdf > 0.0 { f / pdf } else { 0.0 }), pdf })
     }
 

@@ -2,8 +2,9 @@
 //!
 //! Each of these functions is one inlined copy of the arithmetic. Models beyond the small tables take one portable copy.
 
-use super::kernel::{Core, Energies, energies, mixture, sum, weights};
+use super::energy::{Core, Energies, energies, sum};
 use super::layout::{Layout, SMALL, Tables};
+use super::mixture::{mixture, weights};
 use super::slit::{SlitSample, Taken};
 use super::{MAX_LOBES, MAX_PATHS, Queries, batch};
 use multiversion::{multiversion, target::target_cfg_f};

@@ -1,6 +1,6 @@
 //! Edge lobes at run time: bandwidths interpolated for N wavelengths side by side, the lobe's value, density and sampling.
 
-use super::kernel::{amplitudes, disc_point, root_width, shape, sin_cos};
+use super::lobe::{amplitudes, disc_point, root_width, shape, sin_cos};
 use crate::EdgeLobes;
 use crate::asg::MU_MIN;
 use crate::edge::EDGE_MU_MAX;

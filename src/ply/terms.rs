@@ -1,6 +1,7 @@
 //! All terms of the model at once: what met fibers, and what passed beside the ply and was diffracted at its edge.
 
-use super::kernel::{Core, unit};
+use super::energy::Core;
+use super::lobe::unit;
 use super::slit::SlitSample;
 use super::{dispatch, edge};
 use crate::{PlyModel, PlyTerms, Slit};
