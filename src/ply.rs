@@ -20,6 +20,7 @@ use crate::layers::{LayerFactors, LayerTables};
 use layout::Layout;
 use std::path::Path;
 
+pub(crate) use energy::clamped_sigma;
 pub use file::Golden;
 
 /// Most lobes of each kind.
@@ -246,6 +247,30 @@ impl PlyModel {
         Some(PlySample { wo, weight: f.map(|f| if pdf > 0.0 { f / pdf } else { 0.0 }), pdf })
     }
 
+    /// f_refl and f_high in a direction and the density of [`PlyModel::sample`] [1/sr], of one interpolation.
+    pub(crate) fn split_pdf<const N: usize>(
+        &self,
+        theta_i: f32,
+        h_um: f32,
+        sigma_per_um: [f32; N],
+        wo: [f32; 3],
+    ) -> (f32, [f32; N], f32) {
+        let core = dispatch::run_eval_pdf(&self.layout, theta_i, h_um, sigma_per_um, wo);
+        (core.refl, core.high, core.pdf)
+    }
+
+    /// [`PlyModel::sample`] with the direction's f_refl, f_high and density.
+    pub(crate) fn sample_split<const N: usize>(
+        &self,
+        theta_i: f32,
+        h_um: f32,
+        sigma_per_um: [f32; N],
+        u: [f32; 3],
+    ) -> Option<([f32; 3], (f32, [f32; N], f32))> {
+        let (wo, core) = dispatch::run_sample(&self.layout, theta_i, h_um, sigma_per_um, u);
+        Some((wo?, (core.refl, core.high, core.pdf)))
+    }
+
     /// Density [1/sr] with which [`PlyModel::sample`] gives `wo`; integrates to the chance of not missing.
     pub fn pdf<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N], wo: [f32; 3]) -> f32 {
         dispatch::run_pdf(&self.layout, theta_i, h_um, sigma_per_um, wo)
@@ -267,8 +292,18 @@ impl PlyModel {
 
     /// Integral of f over the sphere: the simulated energies E_refl + E_high(sigma), exactly.
     pub fn albedo<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> [f32; N] {
+        self.albedo_r_d(theta_i, h_um, sigma_per_um).0
+    }
+
+    /// [`PlyModel::albedo`] and [`PlyModel::r_d`].
+    pub(crate) fn albedo_r_d<const N: usize>(
+        &self,
+        theta_i: f32,
+        h_um: f32,
+        sigma_per_um: [f32; N],
+    ) -> ([f32; N], f32) {
         let e = dispatch::run_energies(&self.layout, theta_i, h_um, sigma_per_um);
-        e.high.map(|high| e.refl + high)
+        (energy::sum(e.refl, e.high), e.r_d)
     }
 
     /// Fraction of the beam that meets no fiber.

@@ -43,7 +43,7 @@ pub(super) fn mix<const FMA: bool>(w: [f32; 4], x: [f32; 4]) -> f32 {
 
 /// The absorption that is any number: not a number counts as 0, the range is 0 to 1e6 per um.
 #[inline(always)]
-pub(super) fn clamped_sigma<const N: usize>(sigma: &[f32; N]) -> [f32; N] {
+pub(crate) fn clamped_sigma<const N: usize>(sigma: &[f32; N]) -> [f32; N] {
     let mut s = [0.0; N];
     for k in 0..N {
         s[k] = min(max(sigma[k], 0.0), 1e6);

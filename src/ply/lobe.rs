@@ -86,10 +86,16 @@ pub(super) fn root_width<const FMA: bool>(stored: f32, bounds: (f32, f32)) -> f3
     exp2_within::<FMA>(min(max(stored, bounds.0), bounds.1))
 }
 
-/// `sqrt(mu1 mu2) / pi` and the amplitude of a lobe of energy 1.
+/// `sqrt(mu1 mu2) / pi`.
+#[inline(always)]
+pub(super) fn norm(s1: f32, s2: f32) -> f32 {
+    s1 * s2 * (1.0 / (PI * LOG2_E))
+}
+
+/// [`norm`] and the amplitude of a lobe of energy 1.
 #[inline(always)]
 pub(super) fn amplitudes<const FMA: bool>(s1: f32, s2: f32) -> (f32, f32) {
-    let norm = s1 * s2 * (1.0 / (PI * LOG2_E));
+    let norm = norm(s1, s2);
     (norm, norm / unit_mean::<FMA>(s1 * s1, s2 * s2))
 }
 
