@@ -71,18 +71,21 @@ pub(crate) struct LayerTables {
     h_last: f32,
     /// -log2 e times the path lengths [um]; zeros behind them.
     path: [f32; MAX_PATHS],
-    /// 1 + J.
+    /// Entries of a spectrum: J made a multiple of [`LANES`] by zeros, then that of f_refl.
     size: usize,
-    /// `[rows][columns][1 + J]`.
+    /// `[rows][columns][size]`.
     forward: Vec<f32>,
-    /// `[rows][2][1 + J]`: r and t at the latitudes.
+    /// `[rows][2][size]`: r and t at the latitudes.
     first: Vec<f32>,
-    /// `[2][1 + J]`.
+    /// `[2][size]`.
     diffuse: Vec<f32>,
 }
 
-/// What each entry of a spectrum is multiplied by, of f_refl first.
-type Absorbed<const N: usize> = [[f32; N]; MAX_PATHS + 1];
+/// Path lengths side by side.
+const LANES: usize = 8;
+
+/// Transmittances of the path lengths.
+type Transmittances<const N: usize> = [[f32; N]; MAX_PATHS];
 
 impl LayerTables {
     pub(crate) fn new(d: &PlyData) -> Option<LayerTables> {
@@ -106,51 +109,72 @@ impl LayerTables {
             first.extend((0..=j).map(|p| (all(p) - forward(p)) as f32));
             first.extend((0..=j).map(|p| forward(p) as f32));
         }
+        let size = j.next_multiple_of(LANES) + 1;
+        let padded = |spectra: &[f32]| -> Vec<f32> {
+            let of = |s: &[f32], p: usize| if p + 1 == size { s[0] } else { s.get(p + 1).copied().unwrap_or(0.0) };
+            spectra.chunks(1 + j).flat_map(|s| (0..size).map(move |p| of(s, p))).collect()
+        };
+        let f32s = |x: &[f64]| x.iter().map(|v| *v as f32).collect::<Vec<f32>>();
         Some(LayerTables {
             rows,
             columns,
             theta_last: d.theta_i[m - 1] as f32,
             h_last: d.h_um[h - 1] as f32,
             path: std::array::from_fn(|p| d.path_um.get(p).map_or(0.0, |path| (-LOG2_E * path) as f32)),
-            size: 1 + j,
-            forward: factors.forward.iter().map(|v| *v as f32).collect(),
-            first,
-            diffuse: factors.diffuse.iter().map(|v| *v as f32).collect(),
+            size,
+            forward: padded(&f32s(&factors.forward)),
+            first: padded(&first),
+            diffuse: padded(&f32s(&factors.diffuse)),
         })
     }
 
     #[inline(always)]
-    fn absorptions<const FMA: bool, const N: usize>(&self, sigma: &[f32; N]) -> Absorbed<N> {
+    fn transmittances<const FMA: bool, const N: usize>(&self, sigma: &[f32; N]) -> Transmittances<N> {
         let sigma = clamped_sigma(sigma);
-        let mut t = [[1.0; N]; MAX_PATHS + 1];
-        for (t, path) in t.iter_mut().skip(1).zip(&self.path) {
-            for k in 0..N {
-                t[k] = sigma[k] * path;
+        let mut t = [[0.0; N]; MAX_PATHS];
+        for (t, path) in t.as_chunks_mut::<LANES>().0.iter_mut().zip(self.path.as_chunks::<LANES>().0) {
+            for i in 0..LANES {
+                for k in 0..N {
+                    t[i][k] = sigma[k] * path[i];
+                }
             }
-        }
-        for t in &mut t.as_flattened_mut()[N..] {
-            *t = exp2::<FMA>(*t);
+            for t in t.as_flattened_mut() {
+                *t = exp2::<FMA>(*t);
+            }
+            if self.size <= LANES + 1 {
+                break;
+            }
         }
         t
     }
 
-    /// Sum of the entries of the weighted mean of spectra, each times its absorption.
+    /// Sum of the entries of the weighted mean of spectra, each times its transmittance.
     #[inline(always)]
     fn absorbed<const FMA: bool, const A: usize, const N: usize>(
         &self,
         spectra: [(f32, &[f32]); A],
-        t: &Absorbed<N>,
+        t: &Transmittances<N>,
     ) -> [f32; N] {
-        let mut mean = [0.0; MAX_PATHS + 1];
+        let mut refl = 0.0;
         for (weight, spectrum) in spectra {
-            for (mean, p) in mean.iter_mut().zip(spectrum) {
-                *mean = fma::<FMA>(weight, *p, *mean);
+            if let Some(last) = spectrum.last() {
+                refl = fma::<FMA>(weight, *last, refl);
             }
         }
-        let mut sum = [0.0; N];
-        for (mean, t) in mean.iter().zip(t).take(self.size) {
-            for k in 0..N {
-                sum[k] = fma::<FMA>(*mean, t[k], sum[k]);
+        let mut sum = [refl; N];
+        for (chunk, t) in t.as_chunks::<LANES>().0.iter().enumerate().take(self.size / LANES) {
+            let mut mean = [0.0; LANES];
+            for (weight, spectrum) in spectra {
+                if let Some(spectrum) = spectrum.as_chunks::<LANES>().0.get(chunk) {
+                    for i in 0..LANES {
+                        mean[i] = fma::<FMA>(weight, spectrum[i], mean[i]);
+                    }
+                }
+            }
+            for i in 0..LANES {
+                for k in 0..N {
+                    sum[k] = fma::<FMA>(mean[i], t[i][k], sum[k]);
+                }
             }
         }
         sum
@@ -163,6 +187,7 @@ impl LayerTables {
     }
 
     /// Node below `x` and the fraction to the next, of nodes 0 to `last`; 0 for what is not a number.
+    #[inline(always)]
     fn place(x: f32, count: usize) -> (usize, f32) {
         let x = x.clamp(0.0, (count - 1) as f32);
         let at = (x as usize).min(count - 2);
@@ -176,23 +201,25 @@ impl LayerTables {
     }
 
     #[inline(always)]
-    fn layer<const FMA: bool, const N: usize>(&self, theta_i: f32, t: &Absorbed<N>) -> Layer<N> {
+    fn layer<const FMA: bool, const N: usize>(&self, theta_i: f32, t: &Transmittances<N>) -> Layer<N> {
         let (m, s) = self.row(theta_i);
-        let first = |half: usize| {
-            let at = |m: usize| self.spectrum(&self.first, m * 2 + half);
-            self.absorbed::<FMA, 2, N>([(1.0 - s, at(m)), (s, at(m + 1))], t)
-        };
-        let diffuse = |half: usize| self.absorbed::<FMA, 1, N>([(1.0, self.spectrum(&self.diffuse, half))], t);
         Layer {
-            reflected: first(0),
-            transmitted: first(1),
-            reflected_diffuse: diffuse(0),
-            transmitted_diffuse: diffuse(1),
+            reflected: self.first::<FMA, N>(m, s, 0, t),
+            transmitted: self.first::<FMA, N>(m, s, 1, t),
+            reflected_diffuse: self.absorbed::<FMA, 1, N>([(1.0, self.spectrum(&self.diffuse, 0))], t),
+            transmitted_diffuse: self.absorbed::<FMA, 1, N>([(1.0, self.spectrum(&self.diffuse, 1))], t),
         }
     }
 
+    /// r (0) or t (1), at the fraction `s` from row `m` to the next. (Closures need not be inlined into code for other instruction sets.)
     #[inline(always)]
-    fn forward<const FMA: bool, const N: usize>(&self, theta_i: f32, h_um: f32, t: &Absorbed<N>) -> [f32; N] {
+    fn first<const FMA: bool, const N: usize>(&self, m: usize, s: f32, half: usize, t: &Transmittances<N>) -> [f32; N] {
+        let (a, b) = (self.spectrum(&self.first, m * 2 + half), self.spectrum(&self.first, m * 2 + 2 + half));
+        self.absorbed::<FMA, 2, N>([(1.0 - s, a), (s, b)], t)
+    }
+
+    #[inline(always)]
+    fn forward<const FMA: bool, const N: usize>(&self, theta_i: f32, h_um: f32, t: &Transmittances<N>) -> [f32; N] {
         // Beams beyond the nodes meet nothing.
         if h_um.abs() > self.h_last || h_um.is_nan() || theta_i.is_nan() {
             return [0.0; N];
@@ -200,12 +227,12 @@ impl LayerTables {
         let h = if theta_i < 0.0 { -h_um } else { h_um };
         let (m, s) = self.row(theta_i);
         let (n, x) = Self::place((h / self.h_last + 1.0) * 0.5 * (self.columns - 1) as f32, self.columns);
-        let at = |m: usize, n: usize| self.spectrum(&self.forward, m * self.columns + n);
+        let (low, high) = (m * self.columns + n, (m + 1) * self.columns + n);
         let corners = [
-            ((1.0 - s) * (1.0 - x), at(m, n)),
-            ((1.0 - s) * x, at(m, n + 1)),
-            (s * (1.0 - x), at(m + 1, n)),
-            (s * x, at(m + 1, n + 1)),
+            ((1.0 - s) * (1.0 - x), self.spectrum(&self.forward, low)),
+            ((1.0 - s) * x, self.spectrum(&self.forward, low + 1)),
+            (s * (1.0 - x), self.spectrum(&self.forward, high)),
+            (s * x, self.spectrum(&self.forward, high + 1)),
         ];
         self.absorbed::<FMA, 4, N>(corners, t)
     }
@@ -223,7 +250,7 @@ fn layer_and_forward<const N: usize>(
     sigma: &[f32; N],
 ) -> (Layer<N>, [f32; N]) {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
-    let t = tables.absorptions::<FMA, N>(sigma);
+    let t = tables.transmittances::<FMA, N>(sigma);
     (tables.layer::<FMA, N>(theta_i, &t), tables.forward::<FMA, N>(theta_i, h_um, &t))
 }
 
@@ -234,7 +261,7 @@ fn layer_and_forward<const N: usize>(
 ))]
 fn layer<const N: usize>(tables: &LayerTables, theta_i: f32, sigma: &[f32; N]) -> Layer<N> {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
-    tables.layer::<FMA, N>(theta_i, &tables.absorptions::<FMA, N>(sigma))
+    tables.layer::<FMA, N>(theta_i, &tables.transmittances::<FMA, N>(sigma))
 }
 
 /// What one layer of yarns does to the light that meets its fibers, for N absorptions.

@@ -19,7 +19,7 @@
 mod look;
 
 use crate::file::{Check, Reader, Writer, invalid};
-use crate::{PlyModel, PlyTerms, Result};
+use crate::{PlyModel, PlyTerms, Result, Scatter, WholePly};
 
 pub(crate) use look::Look;
 
@@ -91,8 +91,7 @@ impl NoiseTiles {
         wo: [f32; 3],
         lambda_um: [f32; N],
     ) -> ([f32; N], [f32; N]) {
-        let look = Look::new(self, instance, theta_i, wo, lambda_um);
-        look.read(self)
+        Look::new(self, instance, theta_i, wo, lambda_um).read(self)
     }
 
     /// Values N at the nodes of a tile, `[V][U]`; `kind` 0 for f_refl, 1 for f_high. Empty where there is no such tile.
@@ -190,9 +189,10 @@ impl NoiseTiles {
 }
 
 impl<const N: usize> PlyTerms<N> {
-    /// The sum of the terms of one instance (Yu 2025, Eq. 23): f_refl and f_high times their factors, f_edge as it is.
+    /// The sum of the terms of one instance (Yu 2025, Eq. 23): f_refl and f_high times their factors, light of the edge and of slits as
+    /// it is.
     pub fn sum_noised(&self, (refl, high): &([f32; N], [f32; N])) -> [f32; N] {
-        std::array::from_fn(|k| self.refl * refl[k] + self.high[k] * high[k] + self.edge[k])
+        std::array::from_fn(|k| self.refl * refl[k] + self.high[k] * high[k] + self.edge[k] + self.slit[k])
     }
 }
 
@@ -200,21 +200,6 @@ impl PlyModel {
     /// The model's noise tiles, if it has some.
     pub fn noise(&self) -> Option<&NoiseTiles> {
         self.data().noise.as_ref()
-    }
-
-    /// Where the factors of a direction are, where there are some; their memory is on its way.
-    #[inline]
-    pub(crate) fn look<const N: usize>(
-        &self,
-        instance: Option<Instance>,
-        theta_i: f32,
-        wo: [f32; 3],
-        lambda_um: [f32; N],
-    ) -> Option<(&NoiseTiles, Look<N>)> {
-        let (tiles, instance) = (self.noise()?, instance?);
-        let look = Look::new(tiles, instance, theta_i, wo, lambda_um);
-        look.prefetch(tiles);
-        Some((tiles, look))
     }
 
     /// The model's noise tiles, for a host that is asked for noise.
@@ -238,11 +223,7 @@ impl PlyModel {
         wo: [f32; 3],
         instance: Option<Instance>,
     ) -> [f32; N] {
-        let look = self.look(instance, theta_i, wo, lambda_um);
-        let terms = self.eval_terms(theta_i, h_um, sigma_per_um, lambda_um, wo);
-        match look {
-            Some((tiles, look)) => terms.sum_noised(&look.read(tiles)),
-            None => terms.sum(),
-        }
+        let whole = WholePly { model: self, theta_i, h_um, sigma_per_um, lambda_um, slit: None, instance };
+        whole.eval(wo)
     }
 }

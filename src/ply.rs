@@ -273,7 +273,7 @@ impl PlyModel {
 
     /// Density [1/sr] with which [`PlyModel::sample`] gives `wo`; integrates to the chance of not missing.
     pub fn pdf<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N], wo: [f32; 3]) -> f32 {
-        dispatch::run_pdf(&self.layout, theta_i, h_um, sigma_per_um, wo)
+        dispatch::run_pdf(&self.layout, theta_i, h_um, sigma_per_um, wo).pdf
     }
 
     /// [`PlyModel::eval`] and [`PlyModel::pdf`] in many directions at one incidence, whose lobes are interpolated once. The

@@ -61,10 +61,10 @@ kernel!(
 );
 kernel!(
     run_pdf, pdf_small, pdf_large,
-    (theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> f32,
+    (theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> Core<N>,
     |tables, FMA, L| match mixture::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
-        Some((m, x)) => m.pdf::<FMA>(&x, wo),
-        None => 0.0,
+        Some((m, x)) => m.core(0.0, [0.0; N], m.pdf::<FMA>(&x, wo)),
+        None => Core::MISS,
     }
 );
 kernel!(
