@@ -102,6 +102,9 @@ pub struct PlyModel {
 /// A sampled direction.
 pub type PlySample<const N: usize> = crate::ScatterSample<N>;
 
+/// A direction and what was found there.
+pub(crate) type Drawn<T> = ([f32; 3], T);
+
 /// Many queries, as arrays of equal lengths.
 #[derive(Clone, Copy, Debug)]
 pub struct Queries<'a, const N: usize> {
@@ -266,7 +269,7 @@ impl PlyModel {
         h_um: f32,
         sigma_per_um: [f32; N],
         u: [f32; 3],
-    ) -> Option<([f32; 3], (f32, [f32; N], f32))> {
+    ) -> Option<Drawn<(f32, [f32; N], f32)>> {
         let (wo, core) = dispatch::run_sample(&self.layout, theta_i, h_um, sigma_per_um, u);
         Some((wo?, (core.refl, core.high, core.pdf)))
     }

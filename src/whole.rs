@@ -2,6 +2,7 @@
 //! its energy is 1 at every incidence, |h| up to R + d_cut and beyond, where the beam goes on with its own divergence.
 
 use crate::noise::Look;
+use crate::ply::Drawn;
 use crate::{Instance, NoiseTiles, PlyModel, Scatter, ScatterSample, Slit};
 
 /// The terms of a ply model in one direction [1/sr].
@@ -87,7 +88,7 @@ impl<const N: usize> WholePly<'_, N> {
     }
 
     /// A direction of the lobes, with [`WholePly::lobes_pdf`] there.
-    pub(crate) fn sample_lobes(&self, u: [f32; 3]) -> Option<([f32; 3], ([f32; N], f32))> {
+    pub(crate) fn sample_lobes(&self, u: [f32; 3]) -> Option<Drawn<([f32; N], f32)>> {
         let (wo, (refl, high, pdf)) = self.model.sample_split(self.theta_i, self.h_um, self.sigma_per_um, u)?;
         let Some((tiles, instance)) = self.speckle() else {
             return Some((wo, (high.map(|high| refl + high), pdf)));

@@ -13,6 +13,7 @@
 use super::{Fabric, Family, LoadedFabric, Place, PlyHit, YarnColor};
 use crate::color::{AlbedoCurve, SigmaSpectrum, SmoothReflectance};
 use crate::gap::{GapIncidence, Spectrum};
+use crate::ply::Drawn;
 use crate::{DoubleLayer, GaussianBeam, Instance, PlyModel, Result, Scatter, ScatterSample, WholePly, YarnSpec};
 use std::path::Path;
 use std::sync::Arc;
@@ -266,7 +267,7 @@ impl<'a, const N: usize> Near<'a, N> {
     }
 
     /// A direction of the lobes alone, with [`Near::eval_pdf`] there.
-    fn sample(&self, u: [f32; 3]) -> Option<([f32; 3], ([f32; N], f32))> {
+    fn sample(&self, u: [f32; 3]) -> Option<Drawn<([f32; N], f32)>> {
         let first = (u[0] * self.hit).min(self.hit * (1.0 - 1e-6));
         let (wo, (f, pdf)) = self.ply.sample_lobes([first, u[1], u[2]])?;
         Some((to_fabric(&self.frame, wo), (f, pdf / self.hit)))
@@ -345,7 +346,7 @@ impl<'a, const N: usize> InGap<'a, N> {
     }
 
     /// A direction, f and density there.
-    fn sample(&self, u: [f32; 3]) -> Option<([f32; 3], ([f32; N], f32))> {
+    fn sample(&self, u: [f32; 3]) -> Option<Drawn<([f32; N], f32)>> {
         let mut left = u[0];
         for (i, (ply, chance)) in self.near.iter().zip(&self.chances).enumerate() {
             if let Some(ply) = ply {

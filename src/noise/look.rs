@@ -105,6 +105,18 @@ impl Tile {
         ([row, column], [v - fv, u - fu])
     }
 
+    /// Asks for the memory of places.
+    #[cold]
+    #[inline(never)]
+    fn prefetch<const N: usize>(&self, tiles: &NoiseTiles, v: f32, u: f32, stretch: &[f32; N]) {
+        for s in stretch {
+            let ([row, column], _) = self.cell::<false>(v, u, *s);
+            let below = (row + 1) & (self.rows - 1);
+            prefetch(&tiles.tiles, (self.first + row * self.columns + column) as usize);
+            prefetch(&tiles.tiles, (self.first + below * self.columns + column) as usize);
+        }
+    }
+
     /// N at a place, bilinear: what [`read`] has for most places, in plain words.
     #[cold]
     #[inline(never)]
@@ -218,6 +230,11 @@ fn look<const N: usize>(
     for (top, bottom) in top.as_flattened().iter().zip(bottom.as_flattened()) {
         prefetch(&tiles.tiles, *top as usize);
         prefetch(&tiles.tiles, *bottom as usize);
+    }
+    for kind in 0..2 {
+        if places[kind].share > 0.0 {
+            of[kind].prefetch(tiles, places[kind].v, places[kind].other, &stretch);
+        }
     }
     Look { valid, plain: last == 0, stretch, places, tiles: of, top, bottom, v: cell_v, u: cell_u }
 }

@@ -41,12 +41,17 @@ impl Axis {
         Axis { first: nodes[0] as f32, per: (last as f64 / (nodes[last] - nodes[0])) as f32, last: last as f32 }
     }
 
+    /// The cell of [`Axis::place`] by truncation: `floor` is a call in code for processors that need not have SSE 4.
+    #[inline(always)]
+    fn cell(&self, x: f32) -> usize {
+        max(min((x - self.first) * self.per, self.last - 1.0), 0.0) as i32 as usize
+    }
+
     /// Cell and fraction, clamped to the axis; not a number counts as its end.
     #[inline(always)]
     fn place(&self, x: f32) -> (usize, f32) {
         let t = max(min((x - self.first) * self.per, self.last), 0.0);
-        // Whole numbers by truncation: t is not negative. (`floor` is a call where the processor need not have SSE 4.)
-        let i = min(t as i32 as f32, self.last - 1.0);
+        let i = min(t.floor(), self.last - 1.0);
         (i as usize, t - i)
     }
 }
@@ -80,7 +85,7 @@ impl EdgeTables {
     /// Whether no edge light goes in directions with this component across the ply: most are told so without the trigonometry.
     #[inline]
     pub(super) fn dark(&self, h_um: f32, across: f32) -> bool {
-        let (e, _) = self.inside.place(self.radius_um - h_um.abs());
+        let e = self.inside.cell(self.radius_um - h_um.abs());
         self.least.get(e).is_none_or(|least| least[0] * across * across > DARK)
     }
 
