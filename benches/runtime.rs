@@ -217,6 +217,16 @@ fn whole(c: &mut Criterion, q: &[Query]) {
             black_box(at(&q[i]).eval(forward[i]))
         })
     });
+    let noisy = PlyModel::from_data(PlyData { noise: Some(tiles()), ..m.data().clone() }).expect("a valid model");
+    for (name, instances) in [("new instances", true), ("one instance", false)] {
+        group.bench_function(format!("eval N=4, noise, {name}"), |b| {
+            b.iter(|| {
+                let i = next();
+                let instance = Some(Instance::new(if instances { i as u32 } else { 0 }, 0.0, 1.0));
+                black_box(WholePly { model: &noisy, instance, ..at(&q[i]) }.eval(q[i].3))
+            })
+        });
+    }
     group.bench_function("eval N=4, slit", |b| {
         b.iter(|| {
             let i = next();

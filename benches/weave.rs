@@ -1,10 +1,11 @@
-//! Time of `Fabric::at` on one core: closed and open, one ply and several, twisted or not; random points and directions of the upper half space.
+//! Time of `Fabric::at` on one core: closed and open, one ply and several, twisted or not; random points and directions of the upper half space. Then
+//! of `FabricBsdf` in two fabrics that ship, four wavelengths, light from everywhere: a query finds its place, then evaluates, samples, asks the density.
 //!
 //! `cargo bench -p plywave --bench weave`. The share of gaps stands beside each name: a gap asks all four yarns around it.
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use plywave::Handedness;
-use plywave::fabric::{Draft, Fabric, Place, YarnShape};
+use plywave::fabric::{Draft, Fabric, FabricBsdf, FabricOptions, Place, UvMap, YarnShape};
+use plywave::{Handedness, Scatter};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::hint::black_box;
@@ -57,5 +58,65 @@ fn weave(c: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, weave);
+/// A direction by two numbers in [0, 1).
+fn direction(u: [f32; 2]) -> [f32; 3] {
+    let (s, c) = (std::f32::consts::TAU * u[1]).sin_cos();
+    let z = 2.0 * u[0] - 1.0;
+    let r = (1.0 - z * z).max(0.0).sqrt();
+    [r * c, r * s, z]
+}
+
+fn fabric(c: &mut Criterion) {
+    let mut rng = Pcg64Mcg::seed_from_u64(2);
+    let map = UvMap::new([1e5; 2], 0.3);
+    // Point, viewer, light, random numbers.
+    let queries: Vec<([f32; 2], [f32; 3], [f32; 3], [f32; 3])> = (0..QUERIES)
+        .map(|_| {
+            let [x, y, z] = direction(rng.random());
+            (map.point_um(rng.random()), [x, y, z.abs()], direction(rng.random()), rng.random())
+        })
+        .collect();
+    let lambda_um = [0.45, 0.52, 0.59, 0.66];
+    let mut group = c.benchmark_group("fabric");
+    for name in ["polyester_satin", "cotton_plain"] {
+        let path = format!("{}/fabrics/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+        let bsdf = FabricBsdf::load(path, &FabricOptions::default()).expect("a fabric that ships");
+        let at = |i: usize| bsdf.at(queries[i].0[0], queries[i].0[1], queries[i].1, lambda_um);
+        let mut i = 0;
+        let mut next = || {
+            i = (i + 1) % QUERIES;
+            i
+        };
+        group.bench_function(format!("{name}: at"), |b| b.iter(|| black_box(at(next()))));
+        group.bench_function(format!("{name}: at, eval"), |b| {
+            b.iter(|| {
+                let i = next();
+                black_box(at(i).eval(queries[i].2))
+            })
+        });
+        group.bench_function(format!("{name}: at, sample"), |b| {
+            b.iter(|| {
+                let i = next();
+                black_box(at(i).sample(queries[i].3))
+            })
+        });
+        group.bench_function(format!("{name}: at, eval, sample, pdf"), |b| {
+            b.iter(|| {
+                let i = next();
+                let at = at(i);
+                black_box((at.eval(queries[i].2), at.sample(queries[i].3), at.pdf(queries[i].2)))
+            })
+        });
+        group.bench_function(format!("{name}: at, eval with pdf, sample"), |b| {
+            b.iter(|| {
+                let i = next();
+                let at = at(i);
+                black_box((at.eval_pdf(queries[i].2), at.sample(queries[i].3)))
+            })
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, weave, fabric);
 criterion_main!(benches);

@@ -210,6 +210,23 @@ impl<'a, const N: usize> GapIncidence<'a, N> {
         Some(self.leaving(x, y))
     }
 
+    /// The direction of [`Scatter::sample`].
+    pub(crate) fn direction(&self, u: [f32; 3]) -> Option<[f32; 3]> {
+        if self.side == 0.0 || N == 0 {
+            return None;
+        }
+        let u = u.map(|x| crate::simd::min(crate::simd::max(x, 0.0), 1.0 - f32::EPSILON / 2.0));
+        let (x, y) = if u[0] < UNIFORM {
+            // Uniform over the hemisphere: the height is, and the azimuth.
+            let (sin, cos) = (TAU * u[1]).sin_cos();
+            let radius = (1.0 - u[2] * u[2]).max(0.0).sqrt();
+            (radius * cos, radius * sin)
+        } else {
+            self.tabulated_sample([(u[0] - UNIFORM) / (1.0 - UNIFORM), u[1], u[2]])
+        };
+        Some(self.leaving(x, y))
+    }
+
     /// f_x and f_y of a direction.
     fn frequencies(&self, wo: [f32; 3]) -> ([f32; N], [f32; N]) {
         let (mut fx, mut fy) = ([0.0; N], [0.0; N]);
@@ -281,19 +298,7 @@ impl<const N: usize> Scatter<N> for GapIncidence<'_, N> {
 
     /// A wavelength is drawn uniformly, then f_x and f_y from its spectra, cut to what propagates.
     fn sample(&self, u: [f32; 3]) -> Option<ScatterSample<N>> {
-        if self.side == 0.0 || N == 0 {
-            return None;
-        }
-        let u = u.map(|x| crate::simd::min(crate::simd::max(x, 0.0), 1.0 - f32::EPSILON / 2.0));
-        let (x, y) = if u[0] < UNIFORM {
-            // Uniform over the hemisphere: the height is, and the azimuth.
-            let (sin, cos) = (TAU * u[1]).sin_cos();
-            let radius = (1.0 - u[2] * u[2]).max(0.0).sqrt();
-            (radius * cos, radius * sin)
-        } else {
-            self.tabulated_sample([(u[0] - UNIFORM) / (1.0 - UNIFORM), u[1], u[2]])
-        };
-        let wo = self.leaving(x, y);
+        let wo = self.direction(u)?;
         let pdf = self.pdf(wo);
         let f = self.eval(wo);
         Some(ScatterSample { wo, weight: f.map(|f| if pdf > 0.0 { f / pdf } else { 0.0 }), pdf })

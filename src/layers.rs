@@ -12,9 +12,12 @@
 //! Without absorption r + t = 1 in every layer, and then `T + R = r_1 + t_1 ((1 - r*_2) + r*_2 (1 - r*_1)) / (1 - r*_1 r*_2) = 1`.
 
 use crate::file::{Check, Reader, Writer};
-use crate::ply::PlyData;
+use crate::ply::{MAX_PATHS, PlyData, clamped_sigma};
+use crate::simd::{exp2, fma};
 use crate::{PlyModel, Result, Scatter, ScatterSample, WholePly};
+use multiversion::{multiversion, target::target_cfg_f};
 use std::f32::consts::PI;
+use std::f64::consts::LOG2_E;
 
 /// Names of the tensors in a model file.
 pub(crate) const NAMES: [&str; 2] = ["layer_forward", "layer_diffuse"];
@@ -66,15 +69,23 @@ pub(crate) struct LayerTables {
     columns: usize,
     theta_last: f32,
     h_last: f32,
-    /// Path lengths [um].
-    path_um: Vec<f32>,
-    /// `[rows][columns][1 + J]`.
+    /// -log2 e times the path lengths [um]; zeros behind them.
+    path: [f32; MAX_PATHS],
+    /// Entries of a spectrum: J made a multiple of [`LANES`] by zeros, then that of f_refl.
+    size: usize,
+    /// `[rows][columns][size]`.
     forward: Vec<f32>,
-    /// `[rows][2][1 + J]`: r and t at the latitudes.
+    /// `[rows][2][size]`: r and t at the latitudes.
     first: Vec<f32>,
-    /// `[2][1 + J]`.
+    /// `[2][size]`.
     diffuse: Vec<f32>,
 }
+
+/// Path lengths side by side.
+const LANES: usize = 8;
+
+/// Transmittances of the path lengths.
+type Transmittances<const N: usize> = [[f32; N]; MAX_PATHS];
 
 impl LayerTables {
     pub(crate) fn new(d: &PlyData) -> Option<LayerTables> {
@@ -98,68 +109,159 @@ impl LayerTables {
             first.extend((0..=j).map(|p| (all(p) - forward(p)) as f32));
             first.extend((0..=j).map(|p| forward(p) as f32));
         }
+        let size = j.next_multiple_of(LANES) + 1;
+        let padded = |spectra: &[f32]| -> Vec<f32> {
+            let of = |s: &[f32], p: usize| if p + 1 == size { s[0] } else { s.get(p + 1).copied().unwrap_or(0.0) };
+            spectra.chunks(1 + j).flat_map(|s| (0..size).map(move |p| of(s, p))).collect()
+        };
+        let f32s = |x: &[f64]| x.iter().map(|v| *v as f32).collect::<Vec<f32>>();
         Some(LayerTables {
             rows,
             columns,
             theta_last: d.theta_i[m - 1] as f32,
             h_last: d.h_um[h - 1] as f32,
-            path_um: d.path_um.iter().map(|p| *p as f32).collect(),
-            forward: factors.forward.iter().map(|v| *v as f32).collect(),
-            first,
-            diffuse: factors.diffuse.iter().map(|v| *v as f32).collect(),
+            path: std::array::from_fn(|p| d.path_um.get(p).map_or(0.0, |path| (-LOG2_E * path) as f32)),
+            size,
+            forward: padded(&f32s(&factors.forward)),
+            first: padded(&first),
+            diffuse: padded(&f32s(&factors.diffuse)),
         })
     }
 
-    /// `spectrum[0] + sum_j spectrum[j] exp(-sigma path_j)` for each absorption, at least 0.
-    fn absorbed<const N: usize>(&self, spectrum: impl Fn(usize) -> f32, sigma: &[f32; N]) -> [f32; N] {
-        let mut sum = [spectrum(0); N];
-        for (j, path) in self.path_um.iter().enumerate() {
-            let p = spectrum(j + 1);
-            for (sum, sigma) in sum.iter_mut().zip(sigma) {
-                *sum += p * (-sigma.clamp(0.0, 1e6) * path).exp();
+    #[inline(always)]
+    fn transmittances<const FMA: bool, const N: usize>(&self, sigma: &[f32; N]) -> Transmittances<N> {
+        let sigma = clamped_sigma(sigma);
+        let mut t = [[0.0; N]; MAX_PATHS];
+        for (t, path) in t.as_chunks_mut::<LANES>().0.iter_mut().zip(self.path.as_chunks::<LANES>().0) {
+            for i in 0..LANES {
+                for k in 0..N {
+                    t[i][k] = sigma[k] * path[i];
+                }
+            }
+            for t in t.as_flattened_mut() {
+                *t = exp2::<FMA>(*t);
+            }
+            if self.size <= LANES + 1 {
+                break;
             }
         }
-        sum.map(|v| v.max(0.0))
+        t
+    }
+
+    /// Sum of the entries of the weighted mean of spectra, each times its transmittance.
+    #[inline(always)]
+    fn absorbed<const FMA: bool, const A: usize, const N: usize>(
+        &self,
+        spectra: [(f32, &[f32]); A],
+        t: &Transmittances<N>,
+    ) -> [f32; N] {
+        let mut refl = 0.0;
+        for (weight, spectrum) in spectra {
+            if let Some(last) = spectrum.last() {
+                refl = fma::<FMA>(weight, *last, refl);
+            }
+        }
+        let mut sum = [refl; N];
+        for (chunk, t) in t.as_chunks::<LANES>().0.iter().enumerate().take(self.size / LANES) {
+            let mut mean = [0.0; LANES];
+            for (weight, spectrum) in spectra {
+                if let Some(spectrum) = spectrum.as_chunks::<LANES>().0.get(chunk) {
+                    for i in 0..LANES {
+                        mean[i] = fma::<FMA>(weight, spectrum[i], mean[i]);
+                    }
+                }
+            }
+            for i in 0..LANES {
+                for k in 0..N {
+                    sum[k] = fma::<FMA>(mean[i], t[i][k], sum[k]);
+                }
+            }
+        }
+        sum
+    }
+
+    /// Spectrum `i` of an array of them.
+    #[inline(always)]
+    fn spectrum<'a>(&self, of: &'a [f32], i: usize) -> &'a [f32] {
+        of.get(i * self.size..(i + 1) * self.size).unwrap_or(&[])
     }
 
     /// Node below `x` and the fraction to the next, of nodes 0 to `last`; 0 for what is not a number.
+    #[inline(always)]
     fn place(x: f32, count: usize) -> (usize, f32) {
         let x = x.clamp(0.0, (count - 1) as f32);
         let at = (x as usize).min(count - 2);
         (at, if x.is_nan() { 0.0 } else { x - at as f32 })
     }
 
-    fn layer<const N: usize>(&self, theta_i: f32, sigma: &[f32; N]) -> Layer<N> {
-        let (m, s) = Self::place(theta_i.abs() / self.theta_last * (self.rows - 1) as f32, self.rows);
-        let size = 1 + self.path_um.len();
-        let first = |half: usize| {
-            let at = |m: usize, p: usize| self.first[(m * 2 + half) * size + p];
-            self.absorbed(|p| (1.0 - s) * at(m, p) + s * at(m + 1, p), sigma)
-        };
-        let diffuse = |half: usize| self.absorbed(|p| self.diffuse[half * size + p], sigma);
+    /// Node and fraction along theta_i.
+    #[inline(always)]
+    fn row(&self, theta_i: f32) -> (usize, f32) {
+        Self::place(theta_i.abs() / self.theta_last * (self.rows - 1) as f32, self.rows)
+    }
+
+    #[inline(always)]
+    fn layer<const FMA: bool, const N: usize>(&self, theta_i: f32, t: &Transmittances<N>) -> Layer<N> {
+        let (m, s) = self.row(theta_i);
         Layer {
-            reflected: first(0),
-            transmitted: first(1),
-            reflected_diffuse: diffuse(0),
-            transmitted_diffuse: diffuse(1),
+            reflected: self.first::<FMA, N>(m, s, 0, t),
+            transmitted: self.first::<FMA, N>(m, s, 1, t),
+            reflected_diffuse: self.absorbed::<FMA, 1, N>([(1.0, self.spectrum(&self.diffuse, 0))], t),
+            transmitted_diffuse: self.absorbed::<FMA, 1, N>([(1.0, self.spectrum(&self.diffuse, 1))], t),
         }
     }
 
-    fn forward<const N: usize>(&self, theta_i: f32, h_um: f32, sigma: &[f32; N]) -> [f32; N] {
-        let h = if theta_i < 0.0 { -h_um } else { h_um };
-        let (m, s) = Self::place(theta_i.abs() / self.theta_last * (self.rows - 1) as f32, self.rows);
-        let (n, t) = Self::place((h / self.h_last + 1.0) * 0.5 * (self.columns - 1) as f32, self.columns);
-        let size = 1 + self.path_um.len();
-        let at = |m: usize, n: usize, p: usize| self.forward[(m * self.columns + n) * size + p];
-        self.absorbed(
-            |p| {
-                let low = (1.0 - t) * at(m, n, p) + t * at(m, n + 1, p);
-                let high = (1.0 - t) * at(m + 1, n, p) + t * at(m + 1, n + 1, p);
-                (1.0 - s) * low + s * high
-            },
-            sigma,
-        )
+    /// r (0) or t (1), at the fraction `s` from row `m` to the next. (Closures need not be inlined into code for other instruction sets.)
+    #[inline(always)]
+    fn first<const FMA: bool, const N: usize>(&self, m: usize, s: f32, half: usize, t: &Transmittances<N>) -> [f32; N] {
+        let (a, b) = (self.spectrum(&self.first, m * 2 + half), self.spectrum(&self.first, m * 2 + 2 + half));
+        self.absorbed::<FMA, 2, N>([(1.0 - s, a), (s, b)], t)
     }
+
+    #[inline(always)]
+    fn forward<const FMA: bool, const N: usize>(&self, theta_i: f32, h_um: f32, t: &Transmittances<N>) -> [f32; N] {
+        // Beams beyond the nodes meet nothing.
+        if h_um.abs() > self.h_last || h_um.is_nan() || theta_i.is_nan() {
+            return [0.0; N];
+        }
+        let h = if theta_i < 0.0 { -h_um } else { h_um };
+        let (m, s) = self.row(theta_i);
+        let (n, x) = Self::place((h / self.h_last + 1.0) * 0.5 * (self.columns - 1) as f32, self.columns);
+        let (low, high) = (m * self.columns + n, (m + 1) * self.columns + n);
+        let corners = [
+            ((1.0 - s) * (1.0 - x), self.spectrum(&self.forward, low)),
+            ((1.0 - s) * x, self.spectrum(&self.forward, low + 1)),
+            (s * (1.0 - x), self.spectrum(&self.forward, high)),
+            (s * x, self.spectrum(&self.forward, high + 1)),
+        ];
+        self.absorbed::<FMA, 4, N>(corners, t)
+    }
+}
+
+/// [`PlyModel::layer`], and the energy of [`PlyModel::forward_energy`] as tabulated.
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
+    "x86_64+avx2+bmi1+bmi2+fma"
+))]
+fn layer_and_forward<const N: usize>(
+    tables: &LayerTables,
+    theta_i: f32,
+    h_um: f32,
+    sigma: &[f32; N],
+) -> (Layer<N>, [f32; N]) {
+    const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
+    let t = tables.transmittances::<FMA, N>(sigma);
+    (tables.layer::<FMA, N>(theta_i, &t), tables.forward::<FMA, N>(theta_i, h_um, &t))
+}
+
+/// [`PlyModel::layer`].
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
+    "x86_64+avx2+bmi1+bmi2+fma"
+))]
+fn layer<const N: usize>(tables: &LayerTables, theta_i: f32, sigma: &[f32; N]) -> Layer<N> {
+    const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
+    tables.layer::<FMA, N>(theta_i, &tables.transmittances::<FMA, N>(sigma))
 }
 
 /// What one layer of yarns does to the light that meets its fibers, for N absorptions.
@@ -202,19 +304,14 @@ pub struct TwoLayers<const N: usize> {
 impl PlyModel {
     /// A layer of this ply's yarns at a latitude [rad]. `None` for a model without layer factors.
     pub fn layer<const N: usize>(&self, theta_i: f32, sigma_per_um: [f32; N]) -> Option<Layer<N>> {
-        Some(self.layer_tables()?.layer(theta_i, &sigma_per_um))
+        Some(layer(self.layer_tables()?, theta_i, &sigma_per_um))
     }
 
     /// Energy that f_refl + f_high sends into the half space away from the light, y < 0. `None` for a model without layer factors.
     pub fn forward_energy<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> Option<[f32; N]> {
-        let tables = self.layer_tables()?;
-        if h_um.abs() <= tables.h_last && !theta_i.is_nan() {
-            let forward = tables.forward(theta_i, h_um, &sigma_per_um);
-            let all = self.albedo(theta_i, h_um, sigma_per_um);
-            Some(std::array::from_fn(|k| forward[k].min(all[k])))
-        } else {
-            Some([0.0; N])
-        }
+        let (_, forward) = layer_and_forward(self.layer_tables()?, theta_i, h_um, &sigma_per_um);
+        let all = self.albedo(theta_i, h_um, sigma_per_um);
+        Some(std::array::from_fn(|k| forward[k].min(all[k])))
     }
 }
 
@@ -243,11 +340,12 @@ impl<'a, const N: usize> DoubleLayer<'a, N> {
     /// `None` for a model without layer factors. Units as in [`PlyModel`].
     pub fn new(upper: WholePly<'a, N>, below: &Layer<N>) -> Option<DoubleLayer<'a, N>> {
         let WholePly { model, theta_i, h_um, sigma_per_um, .. } = upper;
-        let layer = model.layer(theta_i, sigma_per_um)?;
+        let (layer, mut forward) = layer_and_forward(model.layer_tables()?, theta_i, h_um, &sigma_per_um);
         let two = layer.over(below);
-        let forward = model.forward_energy(theta_i, h_um, sigma_per_um)?;
-        let scattered = model.albedo(theta_i, h_um, sigma_per_um);
-        let r_d = model.r_d(theta_i, h_um);
+        let (scattered, r_d) = model.albedo_r_d(theta_i, h_um, sigma_per_um);
+        for k in 0..N {
+            forward[k] = forward[k].min(scattered[k]);
+        }
         let share = |part: f32, k: usize| {
             if layer.transmitted[k] > 0.0 { forward[k] * part / layer.transmitted[k] } else { 0.0 }
         };
@@ -277,6 +375,24 @@ impl<'a, const N: usize> DoubleLayer<'a, N> {
     }
 }
 
+impl<const N: usize> DoubleLayer<'_, N> {
+    /// f and the density in a direction, from those of the ply's lobes there.
+    fn over(&self, wo: [f32; 3], (lobes, lobes_pdf): ([f32; N], f32)) -> ([f32; N], f32) {
+        let y = wo[1].clamp(-1.0, 1.0);
+        let mut f = self.below.map(|e| e * -y / PI);
+        if y > 0.0 {
+            for k in 0..N {
+                f[k] = lobes[k] + self.above[k] * y / PI;
+            }
+        }
+        let mut pdf = self.diffuse * self.diffuse_pdf(wo[1]);
+        if self.diffuse < 1.0 {
+            pdf += (1.0 - self.diffuse) / self.hit * lobes_pdf;
+        }
+        (f, pdf)
+    }
+}
+
 impl<const N: usize> Scatter<N> for DoubleLayer<'_, N> {
     fn eval(&self, wo: [f32; 3]) -> [f32; N] {
         let y = if wo.iter().all(|v| v.is_finite()) { wo[1].clamp(-1.0, 1.0) } else { 0.0 };
@@ -300,24 +416,28 @@ impl<const N: usize> Scatter<N> for DoubleLayer<'_, N> {
         pdf
     }
 
+    fn eval_pdf(&self, wo: [f32; 3]) -> ([f32; N], f32) {
+        if wo.iter().all(|v| v.is_finite()) { self.over(wo, self.upper.lobes_pdf(wo)) } else { (self.eval(wo), 0.0) }
+    }
+
     /// Lobe directions that go forward count too, with the diffuse value there: the density covers both ways of drawing.
     fn sample(&self, u: [f32; 3]) -> Option<ScatterSample<N>> {
         // Below 1, and 0 for what is not a number.
         let u = u.map(|x| crate::simd::min(crate::simd::max(x, 0.0), 1.0 - f32::EPSILON / 2.0));
-        let wo = if u[0] < self.diffuse {
+        let (wo, lobes) = if u[0] < self.diffuse {
             let side = u[0] / self.diffuse;
-            let (radius, turn) = (u[1].sqrt(), 2.0 * PI * u[2]);
-            let y = (1.0 - radius * radius).max(0.0).sqrt();
-            [radius * turn.cos(), if side < self.up { y } else { -y }, radius * turn.sin()]
+            let (s, c, sign) = crate::simd::sin_cos_half_turns::<false>(2.0 * u[2]);
+            let radius = crate::simd::signed(u[1].sqrt(), sign);
+            let y = (1.0 - u[1]).max(0.0).sqrt();
+            let wo = [radius * c, if side < self.up { y } else { -y }, radius * s];
+            (wo, self.upper.lobes_pdf(wo))
         } else {
-            let WholePly { model, theta_i, h_um, sigma_per_um, .. } = self.upper;
             let first = (u[0] - self.diffuse) / (1.0 - self.diffuse) * self.hit;
             // The lobes alone: the numbers beyond `hit` are those of the missed light.
             let first = first.min(self.hit * (1.0 - 1e-6));
-            model.sample(theta_i, h_um, sigma_per_um, [first, u[1], u[2]])?.wo
+            self.upper.sample_lobes([first, u[1], u[2]])?
         };
-        let pdf = self.pdf(wo);
-        let f = self.eval(wo);
+        let (f, pdf) = self.over(wo, lobes);
         Some(ScatterSample { wo, weight: f.map(|f| if pdf > 0.0 { f / pdf } else { 0.0 }), pdf })
     }
 

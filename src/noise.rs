@@ -16,9 +16,12 @@
 //! function of v alone, so that the shift is exact. u has a seam opposite to where it starts: exact forward for reflection, which is dark there, and the light's
 //! azimuth for high-order light; and the pole of f_refl is not the ply's axis, about which its grains narrow. Over [`SEAM_RAD`] beside it the two sides are blended; the mean stays 1, the contrast falls to 0.71 of itself at the seam.
 
+mod look;
+
 use crate::file::{Check, Reader, Writer, invalid};
-use crate::{PlyModel, PlyTerms, Result};
-use std::f32::consts::{FRAC_PI_2, PI};
+use crate::{PlyModel, PlyTerms, Result, Scatter, WholePly};
+
+pub(crate) use look::Look;
 
 /// Half width of the blend at the seam of a pattern [rad].
 pub const SEAM_RAD: f32 = 0.15;
@@ -76,51 +79,6 @@ fn mix(x: u64) -> u64 {
     x ^ (x >> 31)
 }
 
-/// Arc tangent of y / x in (-pi, pi], 0 where both are 0; to 3e-7.
-fn azimuth(y: f32, x: f32) -> f32 {
-    let (ax, ay) = (x.abs(), y.abs());
-    let top = ax.max(ay);
-    let t = if top > 0.0 { ax.min(ay) / top } else { 0.0 };
-    let s = t * t;
-    // Least squares on Chebyshev nodes of [0, 1].
-    let p = COEFFICIENTS.iter().rev().fold(0.0, |p, c| p * s + c);
-    let a = t * p;
-    let a = if ay > ax { FRAC_PI_2 - a } else { a };
-    let a = if x < 0.0 { PI - a } else { a };
-    if y < 0.0 { -a } else { a }
-}
-
-const COEFFICIENTS: [f32; 8] = [
-    0.999_999_34,
-    -0.333_298_62,
-    0.199_465_66,
-    -0.139_086_32,
-    0.096_421_994,
-    -0.055_912_323,
-    0.021_862_94,
-    -0.004_054_559_4,
-];
-
-/// Where a direction falls on the patterns of one kind, before it is stretched.
-#[derive(Clone, Copy)]
-struct Place {
-    u: f32,
-    v: f32,
-    /// u on the other side of the seam and the share of that side.
-    other: f32,
-    share: f32,
-}
-
-impl Place {
-    /// Of an azimuth in [-pi, pi], the cosine that turns it into an arc, and v.
-    fn new(azimuth: f32, cos: f32, v: f32) -> Place {
-        let beyond = azimuth - (2.0 * PI).copysign(azimuth);
-        // 1/2 at the seam, 0 and flat at its end.
-        let t = ((azimuth.abs() - (PI - SEAM_RAD)) / SEAM_RAD).max(0.0).min(1.0);
-        Place { u: azimuth * cos, v, other: beyond * cos, share: t * t * (1.5 - t) }
-    }
-}
-
 impl NoiseTiles {
     /// The factors of f_refl and f_high in direction `wo` at N wavelengths [um], for one instance. Their mean over instances is 1.
     ///
@@ -133,52 +91,7 @@ impl NoiseTiles {
         wo: [f32; 3],
         lambda_um: [f32; N],
     ) -> ([f32; N], [f32; N]) {
-        let [x, y, z] = wo;
-        if !(x.abs() <= 2.0 && y.abs() <= 2.0 && z.abs() <= 2.0) {
-            return ([1.0; N], [1.0; N]);
-        }
-        let reference = self.lambda_um as f32;
-        let stretch = lambda_um.map(|l| if l.is_nan() { 1.0 } else { (reference / l).max(0.1).min(10.0) });
-        let sin_i = if theta_i.is_finite() { theta_i.sin() } else { 0.0 };
-        let alpha = azimuth(-x, y);
-        let beta = alpha - PI.copysign(alpha);
-        let v = z + sin_i;
-        let refl = Place::new(alpha, (1.0 - 0.25 * v * v).max(0.0).sqrt(), v);
-        let high = Place::new(beta, (x * x + y * y).sqrt(), z);
-        let refl = self.kind(0, instance, refl, &stretch);
-        (refl, self.kind(1, instance, high, &stretch))
-    }
-
-    fn kind<const N: usize>(&self, kind: usize, instance: Instance, place: Place, stretch: &[f32; N]) -> [f32; N] {
-        let [count, rows, columns] = self.sizes;
-        // Independent bits for each kind: tile, two offsets of 20 bits, two mirrors.
-        let bits = mix(instance.0 ^ (kind as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
-        let index = kind * count + ((bits >> 42) as usize & (count - 1));
-        let area = rows * columns;
-        let (Some(tile), Some(code)) =
-            (self.tiles.get(index * area..(index + 1) * area), self.code.get(2 * index..2 * index + 2))
-        else {
-            return [1.0; N];
-        };
-        let tile = Tile { codes: tile, rows, columns, low: code[0], step: code[1] };
-        const UNIT: f32 = 1.0 / (1u32 << 20) as f32;
-        let offset = [bits & 0xf_ffff, (bits >> 20) & 0xf_ffff].map(|b| b as f32 * UNIT);
-        let sign = |bit: u32| if bits >> bit & 1 == 0 { 1.0f32 } else { -1.0 };
-        let scale = [sign(62) / self.step[kind][0] as f32, sign(63) / self.step[kind][1] as f32];
-        let offset = [offset[0] * rows as f32, offset[1] * columns as f32];
-        let at = |u: f32, s: f32| tile.at(offset[0] + place.v * s * scale[0], offset[1] + u * s * scale[1]);
-        let mut factors = stretch.map(|s| at(place.u, s));
-        if place.share > 0.0 {
-            for (n, s) in factors.iter_mut().zip(stretch) {
-                *n += place.share * (at(place.other, *s) - *n);
-            }
-        }
-        let [at_0, slope] = self.fade[kind].map(|v| v as f32);
-        for (n, s) in factors.iter_mut().zip(stretch) {
-            let fade = (at_0 + slope * self.lambda_um as f32 / s).max(0.0).min(1.0);
-            *n = 1.0 + fade * (*n - 1.0);
-        }
-        factors
+        Look::new(self, instance, theta_i, wo, lambda_um).read(self)
     }
 
     /// Values N at the nodes of a tile, `[V][U]`; `kind` 0 for f_refl, 1 for f_high. Empty where there is no such tile.
@@ -275,37 +188,11 @@ impl NoiseTiles {
     }
 }
 
-struct Tile<'a> {
-    codes: &'a [u8],
-    rows: usize,
-    columns: usize,
-    low: f32,
-    step: f32,
-}
-
-impl Tile<'_> {
-    /// N at a place in units of the nodes, bilinear; it wraps.
-    fn at(&self, v: f32, u: f32) -> f32 {
-        let (fv, fu) = (v.floor(), u.floor());
-        let (tv, tu) = (v - fv, u - fu);
-        // Sizes are powers of two, so the bits of a two's complement wrap as they should.
-        let (row, column) = (fv as i32 as usize & (self.rows - 1), fu as i32 as usize & (self.columns - 1));
-        let (below, right) = ((row + 1) & (self.rows - 1), (column + 1) & (self.columns - 1));
-        let node = |r: usize, c: usize| {
-            let root = self.low + self.step * self.codes.get(r * self.columns + c).map_or(0.0, |c| f32::from(*c));
-            root * root
-        };
-        let (a, b) = (node(row, column), node(row, right));
-        let (c, d) = (node(below, column), node(below, right));
-        let (top, bottom) = (a + tu * (b - a), c + tu * (d - c));
-        top + tv * (bottom - top)
-    }
-}
-
 impl<const N: usize> PlyTerms<N> {
-    /// The sum of the terms of one instance (Yu 2025, Eq. 23): f_refl and f_high times their factors, f_edge as it is.
+    /// The sum of the terms of one instance (Yu 2025, Eq. 23): f_refl and f_high times their factors, light of the edge and of slits as
+    /// it is.
     pub fn sum_noised(&self, (refl, high): &([f32; N], [f32; N])) -> [f32; N] {
-        std::array::from_fn(|k| self.refl * refl[k] + self.high[k] * high[k] + self.edge[k])
+        std::array::from_fn(|k| self.refl * refl[k] + self.high[k] * high[k] + self.edge[k] + self.slit[k])
     }
 }
 
@@ -336,10 +223,7 @@ impl PlyModel {
         wo: [f32; 3],
         instance: Option<Instance>,
     ) -> [f32; N] {
-        let terms = self.eval_terms(theta_i, h_um, sigma_per_um, lambda_um, wo);
-        match (self.noise(), instance) {
-            (Some(noise), Some(instance)) => terms.sum_noised(&noise.factors(instance, theta_i, wo, lambda_um)),
-            _ => terms.sum(),
-        }
+        let whole = WholePly { model: self, theta_i, h_um, sigma_per_um, lambda_um, slit: None, instance };
+        whole.eval(wo)
     }
 }

@@ -4,9 +4,13 @@
 mod batch;
 mod dispatch;
 mod edge;
+mod energy;
 mod file;
-mod kernel;
+mod interpolate;
 mod layout;
+mod lobe;
+mod mixture;
+mod place;
 pub mod reference;
 mod slit;
 mod terms;
@@ -16,6 +20,7 @@ use crate::layers::{LayerFactors, LayerTables};
 use layout::Layout;
 use std::path::Path;
 
+pub(crate) use energy::clamped_sigma;
 pub use file::Golden;
 
 /// Most lobes of each kind.
@@ -96,6 +101,9 @@ pub struct PlyModel {
 
 /// A sampled direction.
 pub type PlySample<const N: usize> = crate::ScatterSample<N>;
+
+/// A direction and what was found there.
+pub(crate) type Drawn<T> = ([f32; 3], T);
 
 /// Many queries, as arrays of equal lengths.
 #[derive(Clone, Copy, Debug)]
@@ -208,7 +216,7 @@ impl PlyModel {
     /// f_refl + f_high [1/sr] (Yu 2025, Eq. 8) for N absorptions `sigma_per_um` in direction `wo`.
     pub fn eval<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N], wo: [f32; 3]) -> [f32; N] {
         let core = dispatch::run_eval(&self.layout, theta_i, h_um, sigma_per_um, wo);
-        kernel::sum(core.refl, core.high)
+        energy::sum(core.refl, core.high)
     }
 
     /// [`PlyModel::eval`] at each of many queries; 0 where an array of `queries` is shorter than `f`.
@@ -238,13 +246,37 @@ impl PlyModel {
         u: [f32; 3],
     ) -> Option<PlySample<N>> {
         let (wo, core) = dispatch::run_sample(&self.layout, theta_i, h_um, sigma_per_um, u);
-        let (wo, f, pdf) = (wo?, kernel::sum(core.refl, core.high), core.pdf);
+        let (wo, f, pdf) = (wo?, energy::sum(core.refl, core.high), core.pdf);
         Some(PlySample { wo, weight: f.map(|f| if pdf > 0.0 { f / pdf } else { 0.0 }), pdf })
+    }
+
+    /// f_refl and f_high in a direction and the density of [`PlyModel::sample`] [1/sr], of one interpolation.
+    pub(crate) fn split_pdf<const N: usize>(
+        &self,
+        theta_i: f32,
+        h_um: f32,
+        sigma_per_um: [f32; N],
+        wo: [f32; 3],
+    ) -> (f32, [f32; N], f32) {
+        let core = dispatch::run_eval_pdf(&self.layout, theta_i, h_um, sigma_per_um, wo);
+        (core.refl, core.high, core.pdf)
+    }
+
+    /// [`PlyModel::sample`] with the direction's f_refl, f_high and density.
+    pub(crate) fn sample_split<const N: usize>(
+        &self,
+        theta_i: f32,
+        h_um: f32,
+        sigma_per_um: [f32; N],
+        u: [f32; 3],
+    ) -> Option<Drawn<(f32, [f32; N], f32)>> {
+        let (wo, core) = dispatch::run_sample(&self.layout, theta_i, h_um, sigma_per_um, u);
+        Some((wo?, (core.refl, core.high, core.pdf)))
     }
 
     /// Density [1/sr] with which [`PlyModel::sample`] gives `wo`; integrates to the chance of not missing.
     pub fn pdf<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N], wo: [f32; 3]) -> f32 {
-        dispatch::run_pdf(&self.layout, theta_i, h_um, sigma_per_um, wo)
+        dispatch::run_pdf(&self.layout, theta_i, h_um, sigma_per_um, wo).pdf
     }
 
     /// [`PlyModel::eval`] and [`PlyModel::pdf`] in many directions at one incidence, whose lobes are interpolated once. The
@@ -263,8 +295,18 @@ impl PlyModel {
 
     /// Integral of f over the sphere: the simulated energies E_refl + E_high(sigma), exactly.
     pub fn albedo<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> [f32; N] {
+        self.albedo_r_d(theta_i, h_um, sigma_per_um).0
+    }
+
+    /// [`PlyModel::albedo`] and [`PlyModel::r_d`].
+    pub(crate) fn albedo_r_d<const N: usize>(
+        &self,
+        theta_i: f32,
+        h_um: f32,
+        sigma_per_um: [f32; N],
+    ) -> ([f32; N], f32) {
         let e = dispatch::run_energies(&self.layout, theta_i, h_um, sigma_per_um);
-        e.high.map(|high| e.refl + high)
+        (energy::sum(e.refl, e.high), e.r_d)
     }
 
     /// Fraction of the beam that meets no fiber.

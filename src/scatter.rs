@@ -24,6 +24,11 @@ pub trait Scatter<const N: usize> {
     /// Density [1/sr] with which [`Scatter::sample`] gives `wo`; integrates to `1 - miss`.
     fn pdf(&self, wo: [f32; 3]) -> f32;
 
+    /// [`Scatter::eval`] and [`Scatter::pdf`], for models that share their work.
+    fn eval_pdf(&self, wo: [f32; 3]) -> ([f32; N], f32) {
+        (self.eval(wo), self.pdf(wo))
+    }
+
     /// A direction from three uniform numbers in [0, 1); `None` for light that goes on unscattered.
     fn sample(&self, u: [f32; 3]) -> Option<ScatterSample<N>>;
 
@@ -36,7 +41,7 @@ pub trait Scatter<const N: usize> {
     /// [`Scatter::eval`] and [`Scatter::pdf`] in many directions; the shortest slice sets how many.
     fn eval_directions(&self, wo: &[[f32; 3]], f: &mut [[f32; N]], pdf: &mut [f32]) {
         for ((wo, f), pdf) in wo.iter().zip(f).zip(pdf) {
-            (*f, *pdf) = (self.eval(*wo), self.pdf(*wo));
+            (*f, *pdf) = self.eval_pdf(*wo);
         }
     }
 }
@@ -61,6 +66,11 @@ impl<const N: usize> Scatter<N> for PlyIncidence<'_, N> {
 
     fn pdf(&self, wo: [f32; 3]) -> f32 {
         self.model.pdf(self.theta_i, self.h_um, self.sigma_per_um, wo)
+    }
+
+    fn eval_pdf(&self, wo: [f32; 3]) -> ([f32; N], f32) {
+        let (refl, high, pdf) = self.model.split_pdf(self.theta_i, self.h_um, self.sigma_per_um, wo);
+        (high.map(|high| refl + high), pdf)
     }
 
     fn sample(&self, u: [f32; 3]) -> Option<ScatterSample<N>> {

@@ -92,6 +92,22 @@ pub(crate) fn signed(x: f32, sign: u32) -> f32 {
     f32::from_bits(x.to_bits() ^ sign)
 }
 
+/// Asks for the cache line of an element that is read soon; does nothing where it does not exist, or where the processor cannot be asked.
+#[inline(always)]
+pub(crate) fn prefetch(of: &[u8], at: usize) {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(x) = of.get(at) {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        // SAFETY: it changes no memory and reads none, and the address is that of an element.
+        #[allow(unsafe_code)]
+        unsafe {
+            _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(x).cast());
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (of, at);
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,7 +1,9 @@
 //! The whole ply model: f_refl + f_high + f_edge (Yu 2025, 7.1, all three beam cases), one [`Scatter`] that keeps all light: at sigma = 0
 //! its energy is 1 at every incidence, |h| up to R + d_cut and beyond, where the beam goes on with its own divergence.
 
-use crate::{Instance, PlyModel, Scatter, ScatterSample, Slit};
+use crate::noise::Look;
+use crate::ply::Drawn;
+use crate::{Instance, NoiseTiles, PlyModel, Scatter, ScatterSample, Slit};
 
 /// The terms of a ply model in one direction [1/sr].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,41 +66,87 @@ impl<const N: usize> WholePly<'_, N> {
 
     /// f_refl and f_high alone, those of the instance, without the light that passed beside the ply.
     pub fn split(&self, wo: [f32; 3]) -> ([f32; N], [f32; N]) {
-        let (refl, mut high) = self.model.eval_split(self.theta_i, self.h_um, self.sigma_per_um, wo);
-        match self.speckle(wo) {
-            None => ([refl; N], high),
-            Some((of_refl, of_high)) => {
-                high.iter_mut().zip(of_high).for_each(|(h, n)| *h *= n);
-                (of_refl.map(|n| refl * n), high)
-            }
+        let Some((tiles, instance)) = self.speckle() else {
+            let (refl, high) = self.model.eval_split(self.theta_i, self.h_um, self.sigma_per_um, wo);
+            return ([refl; N], high);
+        };
+        let look = Look::new(tiles, instance, self.theta_i, wo, self.lambda_um);
+        let (refl, high) = self.model.eval_split(self.theta_i, self.h_um, self.sigma_per_um, wo);
+        speckled(refl, high, &look.read(tiles))
+    }
+
+    /// Sum of f_refl and f_high of the instance, and the density of the lobes' samples, missing included.
+    pub(crate) fn lobes_pdf(&self, wo: [f32; 3]) -> ([f32; N], f32) {
+        let Some((tiles, instance)) = self.speckle() else {
+            let (refl, high, pdf) = self.model.split_pdf(self.theta_i, self.h_um, self.sigma_per_um, wo);
+            return (high.map(|high| refl + high), pdf);
+        };
+        let look = Look::new(tiles, instance, self.theta_i, wo, self.lambda_um);
+        let (refl, high, pdf) = self.model.split_pdf(self.theta_i, self.h_um, self.sigma_per_um, wo);
+        let (refl, high) = speckled(refl, high, &look.read(tiles));
+        (std::array::from_fn(|k| refl[k] + high[k]), pdf)
+    }
+
+    /// A direction of the lobes, with [`WholePly::lobes_pdf`] there.
+    pub(crate) fn sample_lobes(&self, u: [f32; 3]) -> Option<Drawn<([f32; N], f32)>> {
+        let (wo, (refl, high, pdf)) = self.model.sample_split(self.theta_i, self.h_um, self.sigma_per_um, u)?;
+        let Some((tiles, instance)) = self.speckle() else {
+            return Some((wo, (high.map(|high| refl + high), pdf)));
+        };
+        let factors = tiles.factors(instance, self.theta_i, wo, self.lambda_um);
+        let (refl, high) = speckled(refl, high, &factors);
+        Some((wo, (std::array::from_fn(|k| refl[k] + high[k]), pdf)))
+    }
+
+    /// The terms with the density of all samples.
+    fn terms_pdf(&self, wo: [f32; 3]) -> PlyTerms<N> {
+        let (sigma, lambda) = (self.sigma_per_um, self.lambda_um);
+        match self.slit {
+            Some(slit) => self.model.terms_slit(slit, self.theta_i, self.h_um, sigma, lambda, wo),
+            None => self.model.terms_pdf(self.theta_i, self.h_um, sigma, lambda, wo),
         }
     }
 
-    /// The factors of f_refl and f_high in a direction, where there are some.
-    fn speckle(&self, wo: [f32; 3]) -> Option<([f32; N], [f32; N])> {
-        Some(self.model.noise()?.factors(self.instance?, self.theta_i, wo, self.lambda_um))
+    /// Tiles and instance, where there are both. A [`Look`] at a direction comes before the lobes are summed: while they are, the tiles' memory comes.
+    fn speckle(&self) -> Option<(&NoiseTiles, Instance)> {
+        Some((self.model.noise()?, self.instance?))
     }
+}
 
-    /// The sum of terms, each times its factor.
-    fn total(&self, terms: &PlyTerms<N>, wo: [f32; 3]) -> [f32; N] {
-        match self.speckle(wo) {
-            None => terms.sum(),
-            Some(factors) => terms.sum_noised(&factors),
-        }
-    }
+/// f_refl and f_high of the instance, from the smooth ones and their factors.
+fn speckled<const N: usize>(
+    refl: f32,
+    mut high: [f32; N],
+    (of_refl, of_high): &([f32; N], [f32; N]),
+) -> ([f32; N], [f32; N]) {
+    high.iter_mut().zip(of_high).for_each(|(h, n)| *h *= n);
+    (of_refl.map(|n| refl * n), high)
 }
 
 impl<const N: usize> Scatter<N> for WholePly<'_, N> {
     fn eval(&self, wo: [f32; 3]) -> [f32; N] {
-        self.total(&self.terms(wo), wo)
+        let Some((tiles, instance)) = self.speckle() else { return self.terms(wo).sum() };
+        let look = Look::new(tiles, instance, self.theta_i, wo, self.lambda_um);
+        let terms = self.terms(wo);
+        terms.sum_noised(&look.read(tiles))
     }
 
     fn pdf(&self, wo: [f32; 3]) -> f32 {
         let (sigma, lambda) = (self.sigma_per_um, self.lambda_um);
         match self.slit {
-            Some(slit) => self.model.terms_slit(slit, self.theta_i, self.h_um, sigma, lambda, wo).pdf,
-            None => self.model.terms_pdf(self.theta_i, self.h_um, sigma, lambda, wo).pdf,
+            Some(_) => self.terms_pdf(wo).pdf,
+            None => self.model.density_of_terms(self.theta_i, self.h_um, sigma, lambda, wo),
         }
+    }
+
+    fn eval_pdf(&self, wo: [f32; 3]) -> ([f32; N], f32) {
+        let Some((tiles, instance)) = self.speckle() else {
+            let terms = self.terms_pdf(wo);
+            return (terms.sum(), terms.pdf);
+        };
+        let look = Look::new(tiles, instance, self.theta_i, wo, self.lambda_um);
+        let terms = self.terms_pdf(wo);
+        (terms.sum_noised(&look.read(tiles)), terms.pdf)
     }
 
     fn sample(&self, u: [f32; 3]) -> Option<ScatterSample<N>> {
@@ -108,7 +156,11 @@ impl<const N: usize> Scatter<N> for WholePly<'_, N> {
             None => self.model.sample_terms(self.theta_i, self.h_um, sigma, lambda, u)?,
         };
         let pdf = terms.pdf;
-        Some(ScatterSample { wo, weight: self.total(&terms, wo).map(|f| if pdf > 0.0 { f / pdf } else { 0.0 }), pdf })
+        let f = match self.speckle() {
+            None => terms.sum(),
+            Some((tiles, instance)) => terms.sum_noised(&tiles.factors(instance, self.theta_i, wo, self.lambda_um)),
+        };
+        Some(ScatterSample { wo, weight: f.map(|f| if pdf > 0.0 { f / pdf } else { 0.0 }), pdf })
     }
 
     fn albedo(&self) -> [f32; N] {

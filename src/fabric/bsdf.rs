@@ -13,6 +13,7 @@
 use super::{Fabric, Family, LoadedFabric, Place, PlyHit, YarnColor};
 use crate::color::{AlbedoCurve, SigmaSpectrum, SmoothReflectance};
 use crate::gap::{GapIncidence, Spectrum};
+use crate::ply::Drawn;
 use crate::{DoubleLayer, GaussianBeam, Instance, PlyModel, Result, Scatter, ScatterSample, WholePly, YarnSpec};
 use std::path::Path;
 use std::sync::Arc;
@@ -242,8 +243,7 @@ struct Near<'a, const N: usize> {
 
 impl<'a, const N: usize> Near<'a, N> {
     fn new(ply: WholePly<'a, N>, frame: [[f32; 3]; 3]) -> Self {
-        let r_d = ply.model.r_d(ply.theta_i, ply.h_um);
-        let energy = ply.model.albedo(ply.theta_i, ply.h_um, ply.sigma_per_um);
+        let (energy, r_d) = ply.model.albedo_r_d(ply.theta_i, ply.h_um, ply.sigma_per_um);
         let mean = energy.iter().sum::<f32>() / N.max(1) as f32;
         let hit = if mean > 0.0 { mean / (mean + r_d) } else { 0.0 };
         Near { ply, frame, caught: (1.0 - r_d).max(0.0), energy, mean, hit }
@@ -260,10 +260,17 @@ impl<'a, const N: usize> Near<'a, N> {
         if self.hit > 0.0 { model.pdf(theta_i, h_um, sigma_per_um, to_ply(&self.frame, wo)) / self.hit } else { 0.0 }
     }
 
-    fn sample(&self, u: [f32; 3]) -> Option<[f32; 3]> {
-        let WholePly { model, theta_i, h_um, sigma_per_um, .. } = self.ply;
+    /// f and the density of the lobes alone.
+    fn eval_pdf(&self, wo: [f32; 3]) -> ([f32; N], f32) {
+        let (f, pdf) = self.ply.lobes_pdf(to_ply(&self.frame, wo));
+        (f, if self.hit > 0.0 { pdf / self.hit } else { 0.0 })
+    }
+
+    /// A direction of the lobes alone, with [`Near::eval_pdf`] there.
+    fn sample(&self, u: [f32; 3]) -> Option<Drawn<([f32; N], f32)>> {
         let first = (u[0] * self.hit).min(self.hit * (1.0 - 1e-6));
-        Some(to_fabric(&self.frame, model.sample(theta_i, h_um, sigma_per_um, [first, u[1], u[2]])?.wo))
+        let (wo, (f, pdf)) = self.ply.sample_lobes([first, u[1], u[2]])?;
+        Some((to_fabric(&self.frame, wo), (f, pdf / self.hit)))
     }
 }
 
@@ -318,18 +325,45 @@ impl<'a, const N: usize> InGap<'a, N> {
         pdf
     }
 
-    fn direction(&self, u: [f32; 3]) -> Option<[f32; 3]> {
+    fn eval_pdf(&self, wo: [f32; 3]) -> ([f32; N], f32) {
+        self.eval_pdf_but(wo, |ply, _| ply.eval_pdf(wo))
+    }
+
+    /// f and density; those of a ply by `of` its number.
+    fn eval_pdf_but(&self, wo: [f32; 3], of: impl Fn(&Near<'a, N>, usize) -> ([f32; N], f32)) -> ([f32; N], f32) {
+        let mut f = if self.straight { [0.0; N] } else { self.gap.eval(wo).map(|g| self.through * g) };
+        let mut pdf = if self.chances[4] > 0.0 { self.chances[4] * self.gap.pdf(wo) } else { 0.0 };
+        for (i, (ply, chance)) in self.near.iter().zip(&self.chances).enumerate() {
+            if let Some(ply) = ply {
+                let (part, density) = of(ply, i);
+                for k in 0..N {
+                    f[k] += self.scale * part[k];
+                }
+                pdf += chance * density;
+            }
+        }
+        (f, pdf)
+    }
+
+    /// A direction, f and density there.
+    fn sample(&self, u: [f32; 3]) -> Option<Drawn<([f32; N], f32)>> {
         let mut left = u[0];
-        for (ply, chance) in self.near.iter().zip(&self.chances) {
+        for (i, (ply, chance)) in self.near.iter().zip(&self.chances).enumerate() {
             if let Some(ply) = ply {
                 if left < *chance {
-                    return ply.sample([left / chance, u[1], u[2]]);
+                    let (wo, drawn) = ply.sample([left / chance, u[1], u[2]])?;
+                    return Some((wo, self.eval_pdf_but(wo, |ply, k| if k == i { drawn } else { ply.eval_pdf(wo) })));
                 }
                 left -= chance;
             }
         }
         let chance = self.chances[4];
-        if left < chance { Some(self.gap.sample([left / chance, u[1], u[2]])?.wo) } else { None }
+        if left < chance {
+            let wo = self.gap.direction([left / chance, u[1], u[2]])?;
+            Some((wo, self.eval_pdf(wo)))
+        } else {
+            None
+        }
     }
 }
 
@@ -377,6 +411,14 @@ impl<const N: usize> Scatter<N> for FabricAt<'_, N> {
         }
     }
 
+    fn eval_pdf(&self, wo: [f32; 3]) -> ([f32; N], f32) {
+        match &self.kind {
+            Kind::Ply { frame, ply } => ply.eval_pdf(to_ply(frame, wo)),
+            Kind::Double { frame, double } => double.eval_pdf(to_ply(frame, wo)),
+            Kind::Gap(gap) => gap.eval_pdf(wo),
+        }
+    }
+
     fn sample(&self, u: [f32; 3]) -> Option<ScatterSample<N>> {
         let turned = |frame: &[[f32; 3]; 3], s: ScatterSample<N>| ScatterSample { wo: to_fabric(frame, s.wo), ..s };
         match &self.kind {
@@ -384,8 +426,7 @@ impl<const N: usize> Scatter<N> for FabricAt<'_, N> {
             Kind::Double { frame, double } => double.sample(u).map(|s| turned(frame, s)),
             Kind::Gap(gap) => {
                 let u = u.map(|x| crate::simd::min(crate::simd::max(x, 0.0), 1.0 - f32::EPSILON / 2.0));
-                let wo = gap.direction(u)?;
-                let (f, pdf) = (gap.eval(wo), gap.pdf(wo));
+                let (wo, (f, pdf)) = gap.sample(u)?;
                 Some(ScatterSample { wo, weight: f.map(|f| if pdf > 0.0 { f / pdf } else { 0.0 }), pdf })
             }
         }

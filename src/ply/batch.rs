@@ -2,11 +2,12 @@
 //! one query's chain of dependent steps hides behind the others'.
 
 use super::Queries;
-use super::kernel::{
-    Axes, Energies, Places, absorb, absorbed, amplitudes, clamped_sigma, halves, interpolate_high, interpolate_node,
-    interpolate_refl, mixture, project, root_width, scales, shape, sin_cos, sum, transmittance,
-};
+use super::energy::{Energies, absorb, absorbed, clamped_sigma, halves, interpolate_node, scales, sum, transmittance};
+use super::interpolate::{interpolate_high, interpolate_refl};
 use super::layout::Tables;
+use super::lobe::{Axes, amplitudes, project, root_width, shape, sin_cos};
+use super::mixture::mixture;
+use super::place::Places;
 use crate::asg::PARAMS;
 use crate::simd::{fma, max};
 

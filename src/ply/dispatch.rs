@@ -2,8 +2,9 @@
 //!
 //! Each of these functions is one inlined copy of the arithmetic. Models beyond the small tables take one portable copy.
 
-use super::kernel::{Core, Energies, energies, mixture, sum, weights};
+use super::energy::{Core, Energies, energies, sum};
 use super::layout::{Layout, SMALL, Tables};
+use super::mixture::{mixture, weights};
 use super::slit::{SlitSample, Taken};
 use super::{MAX_LOBES, MAX_PATHS, Queries, batch};
 use multiversion::{multiversion, target::target_cfg_f};
@@ -60,10 +61,10 @@ kernel!(
 );
 kernel!(
     run_pdf, pdf_small, pdf_large,
-    (theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> f32,
+    (theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> Core<N>,
     |tables, FMA, L| match mixture::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
-        Some((m, x)) => m.pdf::<FMA>(&x, wo),
-        None => 0.0,
+        Some((m, x)) => m.core(0.0, [0.0; N], m.pdf::<FMA>(&x, wo)),
+        None => Core::MISS,
     }
 );
 kernel!(

@@ -1,6 +1,6 @@
 //! Edge lobes at run time: bandwidths interpolated for N wavelengths side by side, the lobe's value, density and sampling.
 
-use super::kernel::{amplitudes, disc_point, root_width, shape, sin_cos};
+use super::lobe::{amplitudes, disc_point, norm, root_width, shape, sin_cos};
 use crate::EdgeLobes;
 use crate::asg::MU_MIN;
 use crate::edge::EDGE_MU_MAX;
@@ -22,6 +22,8 @@ pub(super) struct EdgeTables {
     cells: Vec<[[f32; 4]; 2]>,
     /// `[E-1]`: least mu1 log2 e and mu2 log2 e of the cells.
     least: Vec<[f32; 2]>,
+    /// Whether every lobe of a cell is [`NARROW`].
+    narrow: Vec<bool>,
     bounds: (f32, f32),
 }
 
@@ -37,6 +39,12 @@ impl Axis {
     fn new(nodes: &[f64]) -> Axis {
         let last = nodes.len() - 1;
         Axis { first: nodes[0] as f32, per: (last as f64 / (nodes[last] - nodes[0])) as f32, last: last as f32 }
+    }
+
+    /// The cell of [`Axis::place`] by truncation: `floor` is a call in code for processors that need not have SSE 4.
+    #[inline(always)]
+    fn cell(&self, x: f32) -> usize {
+        max(min((x - self.first) * self.per, self.last - 1.0), 0.0) as i32 as usize
     }
 
     /// Cell and fraction, clamped to the axis; not a number counts as its end.
@@ -70,13 +78,14 @@ impl EdgeTables {
         }
         let bounds = (stored(MU_MIN.ln()), stored(EDGE_MU_MAX.ln()));
         let (lambda, inside) = (Axis::new(&d.lambda_um), Axis::new(&d.inside_um));
-        EdgeTables { radius_um: d.radius_um as f32, lambda, inside, cells, least, bounds }
+        let narrow = least.iter().map(|[a, b]| a.min(*b) >= NARROW).collect();
+        EdgeTables { radius_um: d.radius_um as f32, lambda, inside, cells, least, narrow, bounds }
     }
 
     /// Whether no edge light goes in directions with this component across the ply: most are told so without the trigonometry.
     #[inline]
     pub(super) fn dark(&self, h_um: f32, across: f32) -> bool {
-        let (e, _) = self.inside.place(self.radius_um - h_um.abs());
+        let e = self.inside.cell(self.radius_um - h_um.abs());
         self.least.get(e).is_none_or(|least| least[0] * across * across > DARK)
     }
 
@@ -91,6 +100,9 @@ impl EdgeTables {
 
 /// log2 of how far below its peak a lobe is dark: what [`shape`] cuts off, and a little more.
 const DARK: f32 = 101.0;
+
+/// mu log2 e from which what a lobe has beyond its hemisphere, exp(-mu) of it, is below the rounding.
+const NARROW: f32 = 30.0;
 
 /// The edge lobes at one incidence, of energy 1.
 #[derive(Clone, Copy)]
@@ -148,6 +160,20 @@ impl Edge<'_> {
         lambda_um: &[f32; N],
         wo: [f32; 3],
     ) -> ([f32; N], f32) {
+        if self.tables.narrow.get(self.e) == Some(&true) {
+            self.values::<FMA, PDF, true, N>(lambda_um, wo)
+        } else {
+            self.values::<FMA, PDF, false, N>(lambda_um, wo)
+        }
+    }
+
+    /// [`Edge::eval`]; where all lobes are `CLOSE` to their axis value and density are the same and need no normalization.
+    #[inline(always)]
+    fn values<const FMA: bool, const PDF: bool, const CLOSE: bool, const N: usize>(
+        &self,
+        lambda_um: &[f32; N],
+        wo: [f32; 3],
+    ) -> ([f32; N], f32) {
         let (mut values, mut pdf) = ([0.0; N], 0.0);
         let [u, w, cz] = self.project::<FMA>(wo);
         let Some([least1, least2]) = self.tables.least.get(self.e) else { return (values, 0.0) };
@@ -161,12 +187,19 @@ impl Edge<'_> {
             let (s1, s2) = self.widths::<FMA, LANES, N>(lambda_um, from);
             let (mut value, mut density) = ([0.0; LANES], [0.0; LANES]);
             for k in 0..LANES {
-                let (norm, amplitude) = amplitudes::<FMA>(s1[k], s2[k]);
+                let (norm, amplitude) = if CLOSE {
+                    let norm = norm(s1[k], s2[k]);
+                    (norm, norm)
+                } else {
+                    amplitudes::<FMA>(s1[k], s2[k])
+                };
                 let (su, sw) = (s1[k] * u, s2[k] * w);
                 let q = fma::<FMA>(su, su, sw * sw);
                 let shape = shape::<FMA>(q, cz);
                 value[k] = shape * amplitude;
-                if PDF {
+                if PDF && CLOSE {
+                    density[k] = value[k];
+                } else if PDF {
                     let a = (q + 1e-30) / (fma::<FMA>(u, u, w * w) + 1e-30);
                     density[k] = shape * norm / (1.0 - exp2::<FMA>(-a));
                 }

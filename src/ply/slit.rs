@@ -1,6 +1,8 @@
 //! What a slit takes of the high-order lobes (`src/slit.rs`), and sampling of what is left.
 
-use super::kernel::{Core, Mixture, sin_cos, unit};
+use super::energy::Core;
+use super::lobe::{sin_cos, unit};
+use super::mixture::Mixture;
 use crate::simd::{fma, max, min};
 use std::f32::consts::FRAC_1_PI;
 

@@ -1,6 +1,7 @@
 //! All terms of the model at once: what met fibers, and what passed beside the ply and was diffracted at its edge.
 
-use super::kernel::{Core, unit};
+use super::energy::Core;
+use super::lobe::unit;
 use super::slit::SlitSample;
 use super::{dispatch, edge};
 use crate::{PlyModel, PlyTerms, Slit};
@@ -43,6 +44,19 @@ impl PlyModel {
     ) -> PlyTerms<N> {
         let core = dispatch::run_eval_pdf(&self.layout, theta_i, h_um, sigma_per_um, wo);
         self.with_edge_pdf(&core, theta_i, h_um, lambda_um, wo)
+    }
+
+    /// Density [1/sr] of [`PlyModel::sample_terms`] alone, for what asks for no more.
+    pub(crate) fn density_of_terms<const N: usize>(
+        &self,
+        theta_i: f32,
+        h_um: f32,
+        sigma_per_um: [f32; N],
+        lambda_um: [f32; N],
+        wo: [f32; 3],
+    ) -> f32 {
+        let core = dispatch::run_pdf(&self.layout, theta_i, h_um, sigma_per_um, wo);
+        self.with_edge_pdf(&core, theta_i, h_um, lambda_um, wo).pdf
     }
 
     /// A direction drawn from all terms, edge light included, with density proportional to their energies averaged over the N

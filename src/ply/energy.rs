@@ -1,0 +1,187 @@
+//! Energies at an incidence: interpolated over the nodes, absorbed along the paths, and what scales lobes to them.
+
+use super::layout::{Node, Tables};
+use super::place::{Place, place};
+use super::reference::LEAST_TRANSMITTANCE;
+use crate::simd::{exp2, fma, max, min};
+
+/// r_d, energy of f_refl and of f_high per sigma.
+#[derive(Clone, Copy)]
+pub(super) struct Energies<const N: usize> {
+    pub(super) r_d: f32,
+    pub(super) refl: f32,
+    pub(super) high: [f32; N],
+}
+
+impl<const N: usize> Energies<N> {
+    /// What a beam beyond the nodes meets: nothing.
+    pub(super) const MISS: Self = Energies { r_d: 1.0, refl: 0.0, high: [0.0; N] };
+}
+
+/// What the lobes answer in one direction, and the light they leave.
+#[derive(Clone, Copy)]
+pub(super) struct Core<const N: usize> {
+    pub(super) refl: f32,
+    pub(super) high: [f32; N],
+    /// Density of sampling the direction; 0 where it was not asked for.
+    pub(super) pdf: f32,
+    pub(super) r_d: f32,
+    /// Chance that a sample is of the missed light.
+    pub(super) missed: f32,
+}
+
+impl<const N: usize> Core<N> {
+    /// Of a beam beyond the nodes.
+    pub(super) const MISS: Self = Core { refl: 0.0, high: [0.0; N], pdf: 0.0, r_d: 1.0, missed: 1.0 };
+}
+
+/// `w[0] x[0] + .. + w[3] x[3]`.
+#[inline(always)]
+pub(super) fn mix<const FMA: bool>(w: [f32; 4], x: [f32; 4]) -> f32 {
+    fma::<FMA>(w[3], x[3], fma::<FMA>(w[2], x[2], fma::<FMA>(w[1], x[1], w[0] * x[0])))
+}
+
+/// The absorption that is any number: not a number counts as 0, the range is 0 to 1e6 per um.
+#[inline(always)]
+pub(crate) fn clamped_sigma<const N: usize>(sigma: &[f32; N]) -> [f32; N] {
+    let mut s = [0.0; N];
+    for k in 0..N {
+        s[k] = min(max(sigma[k], 0.0), 1e6);
+    }
+    s
+}
+
+/// Transmittance of a path from its binary logarithm.
+#[inline(always)]
+pub(super) fn transmittance<const FMA: bool>(log2: f32) -> f32 {
+    exp2::<FMA>(log2) + LEAST_TRANSMITTANCE as f32
+}
+
+/// Transmittances of the path lengths.
+#[inline(always)]
+pub(super) fn transmittances<const FMA: bool, const J: usize, const N: usize>(
+    path: &[f32; J],
+    sigma: &[f32; N],
+) -> [[f32; N]; J] {
+    let sigma = clamped_sigma(sigma);
+    let mut t = [[0.0; N]; J];
+    for j in 0..J {
+        for k in 0..N {
+            t[j][k] = sigma[k] * path[j];
+        }
+    }
+    for t in t.as_flattened_mut() {
+        *t = transmittance::<FMA>(*t);
+    }
+    t
+}
+
+/// r_d, energy of f_refl, spectrum of the energy of f_high, bilinear over the nodes.
+#[inline(always)]
+pub(super) fn interpolate_node<const FMA: bool, const J: usize>(nodes: &[[Node<J>; 2]], p: &Place) -> Option<Node<J>> {
+    let [[a, c], [b, d]] = nodes.get(p.node as usize..)?.first_chunk()?;
+    let w = p.cell;
+    let mut high = [0.0; J];
+    for j in 0..J {
+        high[j] = mix::<FMA>(w, [a.high[j], b.high[j], c.high[j], d.high[j]]);
+    }
+    let r_d = mix::<FMA>(w, [a.r_d, b.r_d, c.r_d, d.r_d]);
+    Some(Node { r_d, refl: mix::<FMA>(w, [a.refl, b.refl, c.refl, d.refl]), high })
+}
+
+/// Sum over path lengths of a spectrum times its transmittances.
+#[inline(always)]
+pub(super) fn absorb<const FMA: bool, const J: usize, const N: usize>(
+    spectrum: &[f32; J],
+    t: &[[f32; N]; J],
+) -> [f32; N] {
+    // Two sums halve the chain of dependent additions.
+    let (mut even, mut odd) = ([0.0; N], [0.0; N]);
+    for j in 0..J / 2 {
+        for k in 0..N {
+            even[k] = fma::<FMA>(spectrum[2 * j], t[2 * j][k], even[k]);
+            odd[k] = fma::<FMA>(spectrum[2 * j + 1], t[2 * j + 1][k], odd[k]);
+        }
+    }
+    for k in 0..N {
+        even[k] += odd[k];
+    }
+    even
+}
+
+/// Exact energies at an incidence: what `albedo` and `r_d` report and what the lobes are scaled to.
+#[inline(always)]
+pub(super) fn energies<const FMA: bool, const H: usize, const R: usize, const J: usize, const N: usize>(
+    tables: &Tables<H, R, J>,
+    theta_i: f32,
+    h_um: f32,
+    sigma: &[f32; N],
+) -> Option<Energies<N>> {
+    let p = &place::<FMA>(&tables.grid, theta_i, h_um);
+    if !p.hit {
+        return None;
+    }
+    let node = interpolate_node::<FMA, J>(&tables.nodes, p)?;
+    let t = transmittances::<FMA, J, N>(&tables.path, sigma);
+    Some(Energies { r_d: node.r_d, refl: node.refl, high: absorb::<FMA, J, N>(&node.high, &t) })
+}
+
+/// Sum over the high-order lobes after absorption. Not scaled.
+#[inline(always)]
+pub(super) fn absorbed<const FMA: bool, const H: usize, const J: usize, const N: usize>(
+    pairs: usize,
+    value: &[f32; H],
+    spectrum: &[[f32; J]; H],
+    t: &[[f32; N]; J],
+) -> [f32; N] {
+    // Of as many turns as there are pairs of lobes, which the compiler does not know: it then keeps the path lengths in vectors.
+    let (mut even, mut odd) = ([0.0; J], [0.0; J]);
+    for (value, spectrum) in value.as_chunks::<2>().0.iter().zip(spectrum.as_chunks::<2>().0).take(pairs) {
+        for j in 0..J {
+            even[j] = fma::<FMA>(value[0], spectrum[0][j], even[j]);
+            odd[j] = fma::<FMA>(value[1], spectrum[1][j], odd[j]);
+        }
+    }
+    for j in 0..J {
+        even[j] += odd[j];
+    }
+    absorb::<FMA, J, N>(&even, t)
+}
+
+/// What makes lobes of these sums of energies add up to the simulated energies.
+#[inline(always)]
+pub(super) fn scales<const N: usize>(energies: &Energies<N>, refl: f32, high: &[f32; N]) -> (f32, [f32; N]) {
+    let mut scale = [0.0; N];
+    for k in 0..N {
+        scale[k] = energies.high[k] / high[k];
+    }
+    (energies.refl / refl, scale)
+}
+
+/// f_refl + f_high. (The standard `map` is not always inlined into code for other instruction sets than the default one.)
+#[inline(always)]
+pub(super) fn sum<const N: usize>(refl: f32, mut high: [f32; N]) -> [f32; N] {
+    for f in &mut high {
+        *f += refl;
+    }
+    high
+}
+
+/// Reflection part plus the mean of the high-order parts.
+#[inline(always)]
+pub(super) fn mean_sum<const N: usize>(refl: f32, high: &[f32; N]) -> f32 {
+    refl + high.iter().sum::<f32>() * (1.0 / N.max(1) as f32)
+}
+
+/// Sum by halves; the length is a power of 2.
+#[inline(always)]
+pub(super) fn halves<const J: usize>(mut x: [f32; J]) -> f32 {
+    let mut n = J;
+    while n > 1 {
+        n /= 2;
+        for j in 0..n {
+            x[j] += x[j + n];
+        }
+    }
+    x[0]
+}

@@ -1,0 +1,126 @@
+//! Where an incidence lies in the tables: the cell of the nodes, the block, and the weights of what is around.
+
+use super::layout::Grid;
+use crate::simd::{fma, max, min};
+
+/// Interpolation at one incidence.
+#[derive(Clone, Copy)]
+pub(super) struct Place {
+    /// Whether the beam is within the nodes.
+    pub(super) hit: bool,
+    /// Whether theta_i < 0: directions are mirrored on the way in and out.
+    pub(super) flip: bool,
+    /// Where the tables hold the cell's energies, its reflection lobes, and the block.
+    pub(super) node: u32,
+    pub(super) refl: u32,
+    pub(super) high: u32,
+    /// Catmull-Rom weights of nodes -1..=2 of the cell along theta_i and h.
+    pub(super) wm: [f32; 4],
+    pub(super) wn: [f32; 4],
+    /// Bilinear weights of the corners of the cell and of the block, theta_i the slower index.
+    pub(super) cell: [f32; 4],
+    pub(super) block: [f32; 4],
+}
+
+/// The place of any incidence, one beyond the nodes included, without a branch.
+#[inline(always)]
+pub(super) fn place<const FMA: bool>(grid: &Grid, theta_i: f32, h_um: f32) -> Place {
+    let flip = theta_i < 0.0;
+    let h = if flip { -h_um } else { h_um };
+    let t = min(theta_i.abs() * grid.per_theta, grid.last_theta);
+    let x = min(max((h + grid.h_last) * grid.per_h, 0.0), grid.last_h);
+    let (m, n) = (min(t.floor(), grid.last_theta - 1.0), min(x.floor(), grid.last_h - 1.0));
+    let (fm, fn_) = (t - m, x - n);
+    let (half_m, half_n) = (0.5 * m, 0.5 * n);
+    // 2^23 plus a whole number has that number in its low bits.
+    let bits = |x: f32| (x + 8_388_608.0).to_bits() & 0x7f_ffff;
+    let (row, column) = (bits(m), bits(n));
+    Place {
+        hit: h_um.abs() <= grid.h_last && !theta_i.is_nan(),
+        flip,
+        node: row * grid.nodes_h + column,
+        refl: row * (grid.nodes_h + 2) + column,
+        high: (row / 2) * (grid.nodes_h / 2) + column / 2,
+        wm: catmull_rom::<FMA>(fm),
+        wn: catmull_rom::<FMA>(fn_),
+        cell: bilinear(fm, fn_),
+        block: bilinear(half_m - half_m.floor() + 0.5 * fm, half_n - half_n.floor() + 0.5 * fn_),
+    }
+}
+
+/// Places side by side.
+pub(super) struct Places<const W: usize> {
+    pub(super) hit: [u32; W],
+    flip: [u32; W],
+    at: [[u32; W]; 3],
+    weights: [[f32; W]; 16],
+}
+
+impl<const W: usize> Places<W> {
+    #[inline(always)]
+    pub(super) fn new<const FMA: bool>(grid: &Grid, theta_i: &[f32; W], h_um: &[f32; W]) -> Self {
+        let mut x = Places { hit: [0; W], flip: [0; W], at: [[0; W]; 3], weights: [[0.0; W]; 16] };
+        for q in 0..W {
+            let p = place::<FMA>(grid, theta_i[q], h_um[q]);
+            x.hit[q] = u32::from(p.hit);
+            x.flip[q] = u32::from(p.flip);
+            (x.at[0][q], x.at[1][q], x.at[2][q]) = (p.node, p.refl, p.high);
+            for k in 0..4 {
+                x.weights[k][q] = p.wm[k];
+                x.weights[4 + k][q] = p.wn[k];
+                x.weights[8 + k][q] = p.cell[k];
+                x.weights[12 + k][q] = p.block[k];
+            }
+        }
+        x
+    }
+
+    /// Directions as at theta_i >= 0.
+    #[inline(always)]
+    pub(super) fn mirror(&self, v: &mut [[f32; W]; 3]) {
+        for q in 0..W {
+            [v[0][q], v[1][q], v[2][q]] = mirrored(self.flip[q] != 0, [v[0][q], v[1][q], v[2][q]]);
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn get(&self, q: usize) -> Place {
+        let w = |k: usize| [self.weights[k][q], self.weights[k + 1][q], self.weights[k + 2][q], self.weights[k + 3][q]];
+        Place {
+            hit: self.hit[q] != 0,
+            flip: self.flip[q] != 0,
+            node: self.at[0][q],
+            refl: self.at[1][q],
+            high: self.at[2][q],
+            wm: w(0),
+            wn: w(4),
+            cell: w(8),
+            block: w(12),
+        }
+    }
+}
+
+/// Catmull-Rom weights of nodes -1..=2 of the cell at fraction `f`: four polynomials side by side.
+#[inline(always)]
+fn catmull_rom<const FMA: bool>(f: f32) -> [f32; 4] {
+    const C: [[f32; 4]; 4] =
+        [[0.0, 1.0, 0.0, 0.0], [-0.5, 0.0, 0.5, 0.0], [1.0, -2.5, 2.0, -0.5], [-0.5, 1.5, -1.5, 0.5]];
+    let mut w = C[3];
+    for c in [C[2], C[1], C[0]] {
+        for i in 0..4 {
+            w[i] = fma::<FMA>(w[i], f, c[i]);
+        }
+    }
+    w
+}
+
+/// Bilinear weights, theta the slower index.
+#[inline(always)]
+fn bilinear(fm: f32, fn_: f32) -> [f32; 4] {
+    [(1.0 - fm) * (1.0 - fn_), (1.0 - fm) * fn_, fm * (1.0 - fn_), fm * fn_]
+}
+
+#[inline(always)]
+pub(super) fn mirrored(flip: bool, w: [f32; 3]) -> [f32; 3] {
+    if flip { crate::mirror_incidence(w) } else { w }
+}

@@ -1,0 +1,104 @@
+//! `eval_pdf` shares work between `eval` and `pdf`, and so does `sample`: here each is held to the two it stands for, in every case of a fabric that
+//! ships (one layer, two layers, gaps), with speckle and without, and for the whole ply, with slits and without.
+
+use plywave::fabric::{FabricBsdf, FabricOptions, FabricSpec};
+use plywave::{GaussianBeam, Instance, NoiseTiles, PlyData, PlyModel, SLIT_SHARE, Scatter, Slit, WholePly, direction};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use std::sync::Arc;
+
+const LAMBDA: [f32; 4] = [0.41, 0.5, 0.6, 0.72];
+
+fn anywhere(rng: &mut Pcg64Mcg) -> [f32; 3] {
+    direction((2.0 * rng.random::<f32>() - 1.0).asin(), std::f32::consts::TAU * rng.random::<f32>())
+}
+
+fn tiles(rng: &mut Pcg64Mcg) -> NoiseTiles {
+    let sizes = [2, 64, 64];
+    let (mut tiles, mut code) = (Vec::new(), Vec::new());
+    for _ in 0..2 * sizes[0] {
+        let values: Vec<f64> = (0..sizes[1] * sizes[2]).map(|_| rng.random()).collect();
+        let (codes, scale) = NoiseTiles::code(&values);
+        tiles.extend(codes);
+        code.extend(scale);
+    }
+    NoiseTiles {
+        tiles,
+        sizes,
+        code,
+        step: [[0.05; 2]; 2],
+        lambda_um: 0.4,
+        fade: [[1.0, -0.2]; 2],
+        contrast: [[1.0; 2]; 2],
+    }
+}
+
+fn with_noise(model: &PlyModel, rng: &mut Pcg64Mcg) -> PlyModel {
+    PlyModel::from_data(PlyData { noise: Some(tiles(rng)), ..model.data().clone() }).unwrap()
+}
+
+fn near(got: f32, want: f32, peak: f32) -> bool {
+    (got - want).abs() <= 3e-6 * peak + 1e-5 * want.abs()
+}
+
+/// At `wo` and at a sample.
+fn check(s: &impl Scatter<4>, wo: [f32; 3], u: [f32; 3]) {
+    let (f, pdf) = s.eval_pdf(wo);
+    let (want, want_pdf) = (s.eval(wo), s.pdf(wo));
+    let peak = want.iter().fold(0.0, |a: f32, b| a.max(*b));
+    assert!(f.iter().zip(&want).all(|(f, want)| near(*f, *want, peak)), "f at {wo:?}: {f:?}, alone {want:?}");
+    assert!(near(pdf, want_pdf, want_pdf), "pdf at {wo:?}: {pdf}, alone {want_pdf}");
+    let Some(sample) = s.sample(u) else { return };
+    let (f, pdf) = s.eval_pdf(sample.wo);
+    // The direction goes through two frames and back, which narrow lobes notice.
+    assert!((sample.pdf / pdf - 1.0).abs() < 2e-3, "pdf of a sample: {}, at its direction {pdf}", sample.pdf);
+    for k in 0..4 {
+        let got = sample.weight[k] * sample.pdf;
+        assert!((got - f[k]).abs() <= 2e-3 * f[k] + 1e-6, "sample {k}: {got}, at its direction {}", f[k]);
+    }
+}
+
+#[test]
+fn fabrics_answer_together_what_they_answer_alone() {
+    let mut rng = Pcg64Mcg::seed_from_u64(1);
+    let (mut gaps, mut doubles) = (0, 0);
+    for (name, noise) in [("polyester_satin", false), ("cotton_plain", true), ("silk_organza", false)] {
+        let path = format!("{}/fabrics/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+        let mut loaded = FabricSpec::load(path).unwrap();
+        if noise {
+            loaded.models = loaded.models.each_ref().map(|m| Arc::new(with_noise(m, &mut rng)));
+        }
+        let bsdf = FabricBsdf::new(loaded, &FabricOptions { noise, ..Default::default() }).unwrap();
+        for _ in 0..1500 {
+            let [x, y, z] = anywhere(&mut rng);
+            let point = rng.random::<[f32; 2]>().map(|u| 1e4 * u);
+            let at = bsdf.at(point[0], point[1], [x, y, z.abs()], LAMBDA);
+            gaps += u32::from(at.is_gap());
+            doubles += u32::from(at.is_double());
+            check(&at, anywhere(&mut rng), rng.random());
+        }
+    }
+    assert!(gaps > 100 && doubles > 100, "{gaps} gaps, {doubles} double layers");
+}
+
+#[test]
+fn whole_plies_answer_together_what_they_answer_alone() {
+    let mut rng = Pcg64Mcg::seed_from_u64(2);
+    let path = format!("{}/fabrics/models/polyester.pwm", env!("CARGO_MANIFEST_DIR"));
+    let smooth = PlyModel::load(path).unwrap();
+    let noisy = with_noise(&smooth, &mut rng);
+    let slit = Slit::new(2.0, SLIT_SHARE, &GaussianBeam { w0_um: 10.0, lambda_um: 0.55, d_cut_um: 20.0 }).unwrap();
+    for i in 0..3000 {
+        let s = WholePly {
+            model: if i % 2 == 0 { &smooth } else { &noisy },
+            theta_i: 2.8 * (rng.random::<f32>() - 0.5),
+            h_um: 150.0 * (rng.random::<f32>() - 0.5),
+            sigma_per_um: rng.random::<[f32; 4]>().map(|s| 0.05 * s),
+            lambda_um: LAMBDA,
+            slit: (i % 3 == 0).then_some(&slit),
+            instance: Some(Instance::from_hash(i)),
+        };
+        let forward = direction(-s.theta_i + 0.01 * rng.random::<f32>(), 1.5 * std::f32::consts::PI);
+        check(&s, if i % 5 == 0 { forward } else { anywhere(&mut rng) }, rng.random());
+    }
+}
