@@ -75,7 +75,7 @@ fn a_yarn_is_built_from_one_ply_and_compared_with_the_traced_yarn() {
     for (k, name) in [(0, "table_twin_sigma_0"), (1, "table_twin_sigma_0.01")] {
         let high = |part: &str, i: usize| c["twin"][part]["slices"][i]["high_relative_l2"][k].as_f64();
         let largest = |part| (0..6).filter_map(|i| high(part, i)).fold(0.0, f64::max);
-        assert!((value(name) - largest("table")).abs() < 1e-12 && largest("table") < 0.5);
+        assert!((value(name) - largest("table")).abs() < 1e-12 && largest("table") < 0.8);
         assert!((value(&name.replace("table_twin", "twin_high")) - largest("model")).abs() < 1e-12);
     }
     assert!(value("table_twin_energy") < 0.05 && (value("twin_energy") - value("table_twin_energy")).abs() < 2e-3);
@@ -88,7 +88,7 @@ fn a_yarn_is_built_from_one_ply_and_compared_with_the_traced_yarn() {
     let of = |name: &str, from: &str, to: &str| {
         let spec = format!("{TINY}\n[yarn]\nplies = 3\n").replace(from, to);
         std::fs::write(dir.join(name).with_extension("toml"), spec).unwrap();
-        let traced = ["simulate", &format!("{name}.toml"), "--plies", "traced", "--paths", "500", "--quiet"];
+        let traced = ["simulate", &format!("{name}.toml"), "--plies", "traced", "--preset", "preview", "--quiet"];
         succeed(dir, &traced);
     };
     of("gray", "[0.0, 0.01, 0.1]", "[0.0, 0.1]");
