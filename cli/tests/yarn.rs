@@ -66,7 +66,8 @@ fn a_yarn_is_built_from_one_ply_and_compared_with_the_traced_yarn() {
     let strict = run(dir, &["diff", "one.pwt", "traced.pwt", "--tol-energy", "1e-9"]);
     assert_eq!(strict.status.code(), Some(1));
     // The model, and the table that it was fitted to, are held to the twin at every incidence up to 40 degrees.
-    let checked = run(dir, &["check", "yarn.pwm", "--table", "yarn.pwt", "--twin", "traced.pwt", "--json"]);
+    let checked =
+        run(dir, &["check", "yarn.pwm", "--table", "yarn.pwt", "--twin", "traced.pwt", "--incidences", "3", "--json"]);
     let c = json(&text(&checked.stdout));
     let value = |name: &str| {
         let lines = c["checks"].as_array().unwrap();
@@ -80,9 +81,10 @@ fn a_yarn_is_built_from_one_ply_and_compared_with_the_traced_yarn() {
     }
     assert!(value("table_twin_energy") < 0.05 && (value("twin_energy") - value("table_twin_energy")).abs() < 2e-3);
     // A traced table is found out: the same figures by --table alone, whose errors are the model's fit errors against it.
-    let told = json(&text(&run(dir, &["check", "yarn.pwm", "--table", "traced.pwt", "--json"]).stdout));
+    let told =
+        json(&text(&run(dir, &["check", "yarn.pwm", "--table", "traced.pwt", "--incidences", "3", "--json"]).stdout));
     assert_eq!(told["twin"]["model"], c["twin"]["model"]);
-    let told = text(&run(dir, &["check", "yarn.pwm", "--twin", "traced.pwt"]).stdout);
+    let told = text(&run(dir, &["check", "yarn.pwm", "--twin", "traced.pwt", "--incidences", "3"]).stdout);
     assert!(told.contains("model against the traced yarn") && told.contains("twin_high_sigma_0.01"), "{told}");
     refused(dir, &["check", "yarn.pwm", "--twin", "yarn.pwt"], &["yarn.pwt: traced = false: must be true"]);
     let of = |name: &str, from: &str, to: &str| {

@@ -289,8 +289,8 @@ impl<'a> Yarn<'a> {
         let mut energies = vec![0.0f32; rows * azimuths];
         let mut escape = vec![0.0f32; azimuths];
         let mut fine = vec![0.0f64; grid.phi_o];
-        let step_um = self.table.h_um[1] - self.table.h_um[0];
-        let beam_sd_um = self.spec.beam.beam().sd_um();
+        let columns = self.table.h_um.len();
+        let correlated = noise::correlations(&self.table.h_um, self.spec.beam.beam().sd_um(), |x| self.met[m].at(x));
         for source in 0..self.table.h_um.len() {
             if !hits.iter().any(|h| h.parts.iter().any(|p| p.0 == source)) {
                 continue;
@@ -369,7 +369,7 @@ impl<'a> Yarn<'a> {
                 }
                 // The variance of a bin goes like its density.
                 let scale = if energy > 0.0 { noise / energy } else { 0.0 };
-                out[i].noise.add(source, variance, scale, step_um / beam_sd_um);
+                out[i].noise.add(source, variance, scale, |from| correlated[from * columns + source]);
             }
         }
         out
