@@ -11,6 +11,9 @@
 //! f integrates to 1 in Kirchhoff's approximation as long as the aperture is many wavelengths wide and light does not graze;
 //! [`Scatter::albedo`] gives what it does integrate to. By Parseval's theorem it is the mean of `(c_i + c_o)^2/(4 c_i c_o)` over the
 //! spectrum of the aperture, evanescent frequencies counted as 0; c_i and c_o are the cosines in and out.
+//! So it falls short by what the aperture's edges send beyond the plane, to first order `lambda/(2 pi^2) (q_x (1/c^2 + pi/(4 c)) + q_y (1 + pi/4)/c)`, c the
+//! cosine of a tilt towards x, q of an axis the mean intensity at its two edges over the power between them (docs/papers.md): of 10 um in a beam of w0 = 10 um,
+//! 0.7 % in green light at normal incidence, 1.6 % at 1 rad, 2.3 % there at 0.78 um.
 
 mod spectrum;
 

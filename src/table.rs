@@ -81,6 +81,8 @@ pub struct Table {
     pub seed: u64,
     /// Plies that scatter: 1 for a single ply, whatever the spec's yarn has, else all of the yarn's.
     pub plies: u32,
+    /// True of a yarn whose plies were traced together, the brute-force twin; false of one ply and of a yarn made from one ply's table.
+    pub traced: bool,
     /// Incident latitudes [rad], uniform, ascending from 0 (negative ones follow from the symmetry of the ply).
     pub theta_i: Vec<f64>,
     /// Beam center offsets [um], uniform, ascending, from -(R + d_cut) to R + d_cut.

@@ -255,9 +255,14 @@ fn exit_positions_and_plies_of_tables_are_checked() {
     assert_eq!(Table::from_bytes(&without.to_bytes().unwrap(), "t").unwrap(), without);
     let yarn = Table { plies: 3, ..without.clone() };
     assert_eq!(Table::from_bytes(&yarn.to_bytes().unwrap(), "t").unwrap().plies, 3);
+    let twin = Table { plies: 3, traced: true, ..without.clone() };
+    assert_eq!(Table::from_bytes(&twin.to_bytes().unwrap(), "t").unwrap(), twin);
+    says(&Table { traced: true, ..good.clone() }, "traced = true");
     // Tables from before there were yarns are of one ply.
     let old = with_document(&without.to_bytes().unwrap(), |d| {
-        d.as_object_mut().unwrap().remove("plies");
+        let document = d.as_object_mut().unwrap();
+        document.remove("plies");
+        document.remove("traced");
     });
     assert_eq!(Table::from_bytes(&old, "old").unwrap(), without);
     says(&Table { plies: 8, ..good.clone() }, "plies = 8");

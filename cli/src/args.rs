@@ -456,6 +456,9 @@ pub struct CheckArgs {
     /// A table to hold the model's slices to, best one of another seed.
     #[arg(long, value_name = "TABLE")]
     pub table: Option<PathBuf>,
+    /// Of a yarn of several plies, the traced yarn (`plywave simulate SPEC --plies traced`) to hold the model to, and the table of --table too; a --table that is traced serves as well.
+    #[arg(long, value_name = "TABLE")]
+    pub twin: Option<PathBuf>,
     /// Largest fit error of an f_refl slice that passes.
     #[arg(long, value_name = "ERROR", default_value_t = 0.2)]
     pub max_error_refl: f64,

@@ -37,4 +37,4 @@ pub use multi_ply::{YarnLedger, YarnOptions, yarn_table};
 pub use nnls::nnls;
 pub use reflection::ReflectionEffort;
 pub use sphere::{PaddedSlice, Scratch, SphereGrid};
-pub use table_distance::{TableDistance, table_distance};
+pub use table_distance::{TableDistance, model_distance, table_distance};

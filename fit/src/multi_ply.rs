@@ -20,6 +20,7 @@ mod beam;
 mod bins;
 mod geometry;
 mod kernel;
+mod noise;
 mod orders;
 
 use crate::FitError;
@@ -27,6 +28,7 @@ use beam::first_hits;
 use bins::{Overlap, density};
 use geometry::{Flights, Intercept, Level};
 use kernel::{Kernel, Light, Scratch};
+use noise::PartsNoise;
 use orders::{Chain, Orders};
 use plywave::{OutgoingGrid, Table, YarnSpec};
 use rayon::prelude::*;
@@ -149,8 +151,8 @@ struct Node {
 struct FirstExit {
     /// `[bin]`: density [1/sr] on the table's grid.
     direct: Vec<f64>,
-    /// Integral of its variance [1/sr].
-    noise: f64,
+    /// Its noise.
+    noise: PartsNoise,
 }
 
 impl<'a> Yarn<'a> {
@@ -241,7 +243,7 @@ impl<'a> Yarn<'a> {
                     r_d: hits[i].r_d,
                     refl: refl.iter().map(|v| *v as f32).collect(),
                     high: Vec::with_capacity(sigmas),
-                    noise: vec![first_refl[i].noise],
+                    noise: vec![first_refl[i].noise.integral],
                     ledger: Vec::with_capacity(sigmas),
                     killed: met(&self.table.energy_killed),
                     se: met(&self.table.energy_se),
@@ -260,7 +262,7 @@ impl<'a> Yarn<'a> {
                 let mut high = first[i].direct.clone();
                 chain.add_density(Some(&chains[i]), grid, &mut high);
                 node.high.push(high.iter().map(|v| *v as f32).collect());
-                node.noise.push(first[i].noise);
+                node.noise.push(first[i].noise.integral);
             }
         }
         out
@@ -280,13 +282,15 @@ impl<'a> Yarn<'a> {
         let (grid, plies) = (self.table.grid, others + 1);
         let width = others * offsets;
         let mut out: Vec<FirstExit> =
-            hits.iter().map(|_| FirstExit { direct: vec![0.0; grid.len()], noise: 0.0 }).collect();
+            hits.iter().map(|_| FirstExit { direct: vec![0.0; grid.len()], noise: PartsNoise::default() }).collect();
         let (mut shares_hit, mut shares_out) =
             (vec![0.0f32; azimuths * azimuths * width], vec![0.0f32; azimuths * azimuths]);
         let mut sent = vec![0.0f32; cells * offsets * azimuths];
         let mut energies = vec![0.0f32; rows * azimuths];
         let mut escape = vec![0.0f32; azimuths];
         let mut fine = vec![0.0f64; grid.phi_o];
+        let columns = self.table.h_um.len();
+        let correlated = noise::correlations(&self.table.h_um, self.spec.beam.beam().sd_um(), |x| self.met[m].at(x));
         for source in 0..self.table.h_um.len() {
             if !hits.iter().any(|h| h.parts.iter().any(|p| p.0 == source)) {
                 continue;
@@ -351,7 +355,7 @@ impl<'a> Yarn<'a> {
                     }
                 }
                 self.overlap.refine(&escape, &mut fine);
-                let (mut squared, mut energy) = (0.0, 0.0);
+                let (mut variance, mut energy) = (Vec::with_capacity(grid.len()), 0.0);
                 for r in 0..grid.theta_o {
                     let from = &slice[r * grid.phi_o..(r + 1) * grid.phi_o];
                     let to = &mut out[i].direct[r * grid.phi_o..(r + 1) * grid.phi_o];
@@ -359,12 +363,13 @@ impl<'a> Yarn<'a> {
                     for ((to, v), e) in to.iter_mut().zip(from).zip(&fine) {
                         let v = f64::from(*v);
                         *to += v * e;
-                        squared += v * e * e * solid_angle;
+                        variance.push((v * e * e * solid_angle) as f32);
                         energy += v * solid_angle;
                     }
                 }
-                // The variance of a bin goes like its density: its mean factor is that of the light.
-                out[i].noise += noise * if energy > 0.0 { squared / energy } else { 0.0 };
+                // The variance of a bin goes like its density.
+                let scale = if energy > 0.0 { noise / energy } else { 0.0 };
+                out[i].noise.add(source, variance, scale, |from| correlated[from * columns + source]);
             }
         }
         out

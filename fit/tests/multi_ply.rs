@@ -67,6 +67,7 @@ fn ply(exits: bool) -> Table {
         preset: "preview".into(),
         seed: 1,
         plies: 1,
+        traced: false,
         noise_refl: vec![0.0; rows * columns],
         noise_high: vec![0.0; rows * columns * sigmas],
         energy_se: vec![0.0; rows * columns],

@@ -149,6 +149,11 @@ fn lines_have_contrast_and_covariance() {
         assert!((ratio - 1.0).abs() < 0.05, "{}: contrast {ratio}", row.kind);
         let distance = row.simulated.distance(&row.synthesized, 0.1);
         assert!(distance < 0.05, "{}: covariance {distance}", row.kind);
+        // 60 patterns are good to some hundredths, and their covariance lies between those of its halves.
+        let floor = 0.5 * row.halves[0].distance(&row.halves[1], 0.1);
+        assert!(floor > 1e-3 && floor < 0.2, "{}: {floor}", row.kind);
+        let middle = 0.5 * (row.halves[0].variance() + row.halves[1].variance());
+        assert!((middle / row.simulated.variance() - 1.0).abs() < 0.1, "{}: {middle}", row.kind);
     }
 }
 

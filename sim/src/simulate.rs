@@ -96,7 +96,8 @@ pub fn simulate(spec: &YarnSpec, spec_text: &str, options: &SimOptions, run: Run
         .collect::<Result<_, SimError>>()?;
     let shards = options.shards.max(1) as usize;
     let mut table = empty_table(spec_text, options, &theta_i, &h_um, &sigma_per_um, grid);
-    table.plies = if twin.is_some() { ring.plies } else { 1 };
+    table.traced = twin.is_some();
+    table.plies = if table.traced { ring.plies } else { 1 };
     if twin.is_none() {
         let rows = theta_i.len() * h_um.len() * (1 + sigma_per_um.len());
         table.exit = Some(ExitPositions {
@@ -328,6 +329,7 @@ fn empty_table(
         paths: vec![0; m],
         interactions: vec![0.0; m],
         plies: 1,
+        traced: false,
         exit: None,
     }
 }

@@ -33,6 +33,7 @@ struct Document<'a> {
     preset: &'a str,
     seed: u64,
     plies: u32,
+    traced: bool,
     spec: &'a str,
     axes: [Axis; 5],
     statistics: Statistics,
@@ -58,6 +59,8 @@ struct Loaded {
     seed: u64,
     #[serde(default = "one")]
     plies: u32,
+    #[serde(default)]
+    traced: bool,
     spec: String,
 }
 
@@ -104,6 +107,7 @@ impl Table {
             preset: &self.preset,
             seed: self.seed,
             plies: self.plies,
+            traced: self.traced,
             spec: &self.spec_text,
             axes: [
                 Axis::new("theta_i", "rad", m),
@@ -175,6 +179,7 @@ impl Table {
             preset: document.preset,
             seed: document.seed,
             plies: document.plies,
+            traced: document.traced,
             theta_i: r.f64("theta_i", &[m])?,
             h_um: r.f64("h_um", &[h])?,
             sigma_per_um: r.f64("sigma_per_um", &[k])?,
@@ -234,6 +239,9 @@ impl Table {
         c.range_f32("high", &self.high, 0.0, f32::MAX)?;
         if !(1..=7).contains(&self.plies) {
             return Err(invalid(name, "plies", self.plies, "expected 1 to 7"));
+        }
+        if self.traced && self.plies == 1 {
+            return Err(invalid(name, "traced", true, "expected false of one ply"));
         }
         if let Some(e) = &self.exit {
             let x = e.met.len() / m;

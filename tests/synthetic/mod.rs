@@ -135,6 +135,7 @@ pub fn table(seed: u64) -> Table {
         preset: "preview".to_string(),
         seed,
         plies: 1,
+        traced: false,
         theta_i: vec![0.0, 0.7, 1.4],
         h_um: vec![-100.0, -50.0, 0.0, 50.0, 100.0],
         sigma_per_um: vec![0.0, 0.01],

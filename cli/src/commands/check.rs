@@ -1,8 +1,8 @@
 //! `plywave check`: does a model keep its promises? Furnace, density and weights of the sampler, chi-square of the samples, stored
-//! values, and, where a table is given, the fit error of every slice.
+//! values, and, where a table is given, the fit error of every slice. Of a yarn, the distance to the traced yarn too (`check_twin.rs`).
 
 use super::info::model_energy_high;
-use super::{Yarn, on_threads};
+use super::{Yarn, check_twin, on_threads};
 use crate::args::{CheckArgs, Cli};
 use crate::failure::{Failure, Outcome};
 use crate::output;
@@ -86,14 +86,28 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     let yarn = Yarn::of(&args.model, &data.spec_text, &data.h_um)?;
     let mut same_run = false;
     // The table first: what is wrong with it is found before the long check.
-    let held = match &args.table {
+    let table = args.table.as_ref().map(|path| Table::load(path).map(|t| (path.as_path(), t))).transpose()?;
+    let twin = args.twin.as_ref().map(|path| Table::load(path).map(|t| (path.as_path(), t))).transpose()?;
+    // A traced table is the twin; where no other is, of that of other incidences than the model's nothing else is asked.
+    let traced = table.as_ref().filter(|(_, t)| t.traced);
+    let only_twin = twin.is_none()
+        && traced.is_some_and(|(_, t)| {
+            (&t.theta_i, &t.h_um, &t.sigma_per_um) != (&data.theta_i, &data.h_um, &data.sigma_per_um)
+        });
+    let held = match table.as_ref().filter(|_| !only_twin) {
         None => None,
-        Some(path) => {
-            let table = Table::load(path)?;
+        Some((path, table)) => {
             same_run = table.r_d == data.r_d && table.energy_refl == data.energy_refl;
-            let errors = on_threads(cli, || plywave_fit::errors(data, &table))?
+            let errors = on_threads(cli, || plywave_fit::errors(data, table))?
                 .map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?;
             Some(errors)
+        }
+    };
+    let twin = match twin.as_ref().or(traced) {
+        None => None,
+        Some((path, twin)) => {
+            let made = table.as_ref().filter(|(_, t)| !t.traced).map(|(path, t)| (*path, t));
+            Some(check_twin::measure(cli, (&args.model, data, &yarn), (path, twin), made)?)
         }
     };
     let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(args.seed);
@@ -160,6 +174,9 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     let high = largest(&mut (0..error_high.len()).map(weighted));
     let meaning = "the same, as a share of the slice's light at sigma = 0";
     lines.push(Line::at_most("fit_error_high", meaning, high, args.max_error_high));
+    for (check, value, allowed, meaning) in twin.iter().flat_map(check_twin::Twin::lines) {
+        lines.push(Line::at_most(check, meaning, value, allowed));
+    }
     // What is not above 0 was hidden by noise.
     let known = |v: f64| (v.is_finite() && v > 0.0).then_some(v);
     let slices: Vec<Slice> = (0..error_refl.len())
@@ -182,15 +199,17 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
             "rms_error_refl": rms.as_ref().and_then(|r| known(r.0)),
             "rms_error_high": rms.as_ref().map(|r| r.1.iter().map(|v| known(*v)).collect::<Vec<_>>()),
             "slices": slices,
+            "twin": twin.as_ref().map(check_twin::Twin::json),
             "passed": passed,
         }))
     } else {
         output::print(|out| {
+            let width = lines.iter().map(|l| l.check.len()).fold(17, usize::max);
             for line in lines.iter().filter(|l| !cli.quiet || !l.passed) {
                 let verdict = if line.passed { "pass" } else { "FAIL" };
                 writeln!(
                     out,
-                    "{verdict}  {:<17} {:>12}  allowed {:<9}  {}",
+                    "{verdict}  {:<width$} {:>12}  allowed {:<9}  {}",
                     line.check,
                     number(line.value),
                     number(line.allowed),
@@ -219,7 +238,10 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
                     writeln!(out)?;
                 }
             }
-            Ok(())
+            match twin.as_ref().filter(|_| !cli.quiet) {
+                Some(twin) => twin.write(out),
+                None => Ok(()),
+            }
         })
     };
     // A reader that went away does not turn a failure into a success.

@@ -6,7 +6,8 @@ use crate::failure::{Failure, Outcome};
 use crate::output;
 use crate::report::number;
 use plywave::Table;
-use plywave_fit::{DiffTolerance, table_distance};
+use plywave_fit::{DiffTolerance, TableDistance, table_distance};
+use std::io::Write;
 
 /// Runs the command for tables; `a` is one.
 pub fn run(cli: &Cli, args: &DiffArgs, tolerance: &DiffTolerance) -> Outcome {
@@ -27,7 +28,6 @@ pub fn run(cli: &Cli, args: &DiffArgs, tolerance: &DiffTolerance) -> Outcome {
     if incidences.is_empty() {
         return Err(Failure::input("command line", "--max-h-rel", most, "leaves no offset; use a larger one"));
     }
-    let root = |v: f64| (!v.is_nan()).then(|| v.max(0.0).sqrt());
     let high = |i: usize, k: usize| root(d.high2[i * sigmas + k]);
     let largest = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
     // Noise can hide every slice: then nothing is known, and nothing passes.
@@ -41,20 +41,7 @@ pub fn run(cli: &Cli, args: &DiffArgs, tolerance: &DiffTolerance) -> Outcome {
     let energy = largest(&mut energy_high.iter().copied().chain([energy_refl, r_d]));
     let equal = refl <= tolerance.l2 && worst_high.iter().all(|w| *w <= tolerance.l2) && energy <= tolerance.energy;
     let printed = if cli.json {
-        let slices: Vec<_> = incidences
-            .iter()
-            .map(|&i| {
-                serde_json::json!({
-                    "theta_i_deg": d.theta_i[i / columns].to_degrees(),
-                    "h_rel": d.h_um[i % columns] / radius_um,
-                    "refl_relative_l2": root(d.refl2[i]),
-                    "high_relative_l2": (0..sigmas).map(|k| high(i, k)).collect::<Vec<_>>(),
-                    "energy_refl": d.energy_refl[i],
-                    "energy_high": d.energy_high[i * sigmas..(i + 1) * sigmas],
-                    "r_d": d.r_d[i],
-                })
-            })
-            .collect();
+        let slices = rows_json(&d, &incidences, radius_um);
         output::print_json(&serde_json::json!({
             "a": args.a.display().to_string(),
             "b": args.b.display().to_string(),
@@ -70,22 +57,7 @@ pub fn run(cli: &Cli, args: &DiffArgs, tolerance: &DiffTolerance) -> Outcome {
         }))
     } else if !cli.quiet || !equal {
         output::print(|out| {
-            writeln!(
-                out,
-                "relative L2 of f_refl, then of f_high at each sigma, noise removed; - where noise hides it"
-            )?;
-            write!(out, "  theta_i    h/R     refl")?;
-            d.sigma_per_um.iter().try_for_each(|s| write!(out, " {:>8}", number(*s)))?;
-            writeln!(out, "   differences of energy and of r_d")?;
-            for &i in &incidences {
-                let figure = |v: Option<f64>| v.map_or("-".into(), |v| format!("{v:.3}"));
-                let (theta, h) = (d.theta_i[i / columns].to_degrees(), d.h_um[i % columns] / radius_um);
-                write!(out, "  {theta:>7.1} {h:>6.2} {:>8}", figure(root(d.refl2[i])))?;
-                (0..sigmas).try_for_each(|k| write!(out, " {:>8}", figure(high(i, k))))?;
-                write!(out, "   {:+.4}", d.energy_refl[i])?;
-                d.energy_high[i * sigmas..(i + 1) * sigmas].iter().try_for_each(|e| write!(out, " {e:+.4}"))?;
-                writeln!(out, "  {:+.4}", d.r_d[i])?;
-            }
+            write_rows(out, &d, &incidences, radius_um)?;
             write!(out, "  largest        {refl:>8.3}")?;
             worst_high.iter().try_for_each(|w| write!(out, " {w:>8.3}"))?;
             writeln!(out, "   {energy:.4}")?;
@@ -102,4 +74,45 @@ pub fn run(cli: &Cli, args: &DiffArgs, tolerance: &DiffTolerance) -> Outcome {
     };
     // A reader that went away does not turn a difference into a success.
     if equal { printed } else { Err(Failure::NotHeld) }
+}
+
+/// Root of a squared distance; None where noise hides it.
+pub fn root(squared: f64) -> Option<f64> {
+    (!squared.is_nan()).then(|| squared.max(0.0).sqrt())
+}
+
+/// The distances at `incidences`, one object each.
+pub fn rows_json(d: &TableDistance, incidences: &[usize], radius_um: f64) -> Vec<serde_json::Value> {
+    let (columns, sigmas) = (d.h_um.len(), d.sigma_per_um.len());
+    let row = |i: usize| {
+        serde_json::json!({
+            "theta_i_deg": d.theta_i[i / columns].to_degrees(),
+            "h_rel": d.h_um[i % columns] / radius_um,
+            "refl_relative_l2": root(d.refl2[i]),
+            "high_relative_l2": d.high2[i * sigmas..(i + 1) * sigmas].iter().map(|v| root(*v)).collect::<Vec<_>>(),
+            "energy_refl": d.energy_refl[i],
+            "energy_high": d.energy_high[i * sigmas..(i + 1) * sigmas],
+            "r_d": d.r_d[i],
+        })
+    };
+    incidences.iter().map(|&i| row(i)).collect()
+}
+
+/// The distances at `incidences`, one line each, under a head.
+pub fn write_rows(out: &mut dyn Write, d: &TableDistance, incidences: &[usize], radius_um: f64) -> std::io::Result<()> {
+    let (columns, sigmas) = (d.h_um.len(), d.sigma_per_um.len());
+    writeln!(out, "relative L2 of f_refl, then of f_high at each sigma, noise removed; - where noise hides it")?;
+    write!(out, "  theta_i    h/R     refl")?;
+    d.sigma_per_um.iter().try_for_each(|s| write!(out, " {:>8}", number(*s)))?;
+    writeln!(out, "   differences of energy and of r_d")?;
+    for &i in incidences {
+        let figure = |v: f64| root(v).map_or("-".into(), |v| format!("{v:.3}"));
+        let (theta, h) = (d.theta_i[i / columns].to_degrees(), d.h_um[i % columns] / radius_um);
+        write!(out, "  {theta:>7.1} {h:>6.2} {:>8}", figure(d.refl2[i]))?;
+        d.high2[i * sigmas..(i + 1) * sigmas].iter().try_for_each(|v| write!(out, " {:>8}", figure(*v)))?;
+        write!(out, "   {:+.4}", d.energy_refl[i])?;
+        d.energy_high[i * sigmas..(i + 1) * sigmas].iter().try_for_each(|e| write!(out, " {e:+.4}"))?;
+        writeln!(out, "  {:+.4}", d.r_d[i])?;
+    }
+    Ok(())
 }

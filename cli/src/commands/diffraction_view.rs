@@ -5,7 +5,7 @@ use crate::failure::{Failure, Outcome};
 use crate::plot::axes::LogScale;
 use crate::plot::canvas::literal;
 use crate::plot::lines::{self, Curve, LinePanel, Row, Scale};
-use crate::plot::pattern::{self, Pattern, RGB_UM};
+use crate::plot::pattern::{self, BANDS, Daylight, Pattern};
 use crate::report::number;
 use plywave::faddeeva::{diffraction_factor, power_between};
 use plywave::{Aperture, EdgeLobes, Gap, GaussianBeam, Scatter, YarnSpec, direction};
@@ -13,6 +13,8 @@ use plywave_fit::{EdgeOptions, fit_edge};
 
 /// Width and height [um] of the gaps shown when none is asked for.
 const GAPS_UM: [[f32; 2]; 4] = [[2.0, 2.0], [5.0, 20.0], [10.0, 10.0], [40.0, 40.0]];
+/// Wavelengths [um] at which the energy is printed.
+const ENERGY_UM: [f32; 3] = [0.45, 0.55, 0.65];
 /// Greatest tilt [degrees].
 const MOST_TILT: f64 = 80.0;
 /// Dots along a pattern.
@@ -51,22 +53,23 @@ fn gaps(args: &PlotArgs, name: &str, beam: &GaussianBeam) -> Outcome<image::RgbI
     }
     let (s, c) = args.tilt.to_radians().sin_cos();
     let xi_i = [s as f32, 0.0, c as f32];
+    let day = Daylight::new();
     let patterns: Vec<Pattern> = apertures(&args.gap)?
         .iter()
         .map(|a| {
             let gap = Gap::new(a, beam);
-            let at = gap.at(xi_i, RGB_UM);
+            let at = gap.at(xi_i, day.lambda_um);
             let size = |[a, b]: [f32; 2]| b - a;
             let least = f64::from(size(a.x_um).min(size(a.y_um))).min(2.0 * beam.d_cut_um);
             // Three lobes of the narrower side in green light, as far as there are directions.
-            let reach = (3.0 * f64::from(RGB_UM[1]) / least).max(6.0 * beam.divergence_rad()).min(1.0);
+            let reach = (3.0 * f64::from(ENERGY_UM[1]) / least).max(6.0 * beam.divergence_rad()).min(1.0);
             let title = format!("{} x {} μm", number(size(a.x_um).into()), number(size(a.y_um).into()));
-            let energy = at.albedo();
+            let energy = gap.at(xi_i, ENERGY_UM).albedo();
             let note = format!("energy {:.3} {:.3} {:.3}", energy[0], energy[1], energy[2]);
             Pattern::sample(title, note, reach, SIDE, |dx, dy| {
                 let (x, y) = (dx as f32 - xi_i[0], dy as f32 - xi_i[1]);
                 match 1.0 - x * x - y * y {
-                    z2 if z2 > 0.0 => at.eval([x, y, -z2.sqrt()]),
+                    z2 if z2 > 0.0 => day.rgb(&at.eval([x, y, -z2.sqrt()])),
                     _ => [0.0; 3],
                 }
             })
@@ -79,8 +82,8 @@ fn gaps(args: &PlotArgs, name: &str, beam: &GaussianBeam) -> Outcome<image::RgbI
             number(args.tilt)
         ),
         format!(
-            "red, green, blue: {} {} {} μm; below: 100 times the light; energy: what f integrates to",
-            RGB_UM[0], RGB_UM[1], RGB_UM[2]
+            "daylight D65 in {BANDS} bands from 0.38 to 0.78 μm, CIE 1931; below: 100 times the light; energy: what f integrates to at {} {} {} μm",
+            ENERGY_UM[0], ENERGY_UM[1], ENERGY_UM[2]
         ),
     ];
     Ok(pattern::page(&format!("{name}: diffraction by gaps of the weave"), &particulars, &patterns))

@@ -107,7 +107,7 @@ fn table_json(head: &Head, t: &Table) -> Outcome {
     output::print_json(&serde_json::json!({
         "file": head.file, "kind": head.kind, "bytes": head.bytes, "name": head.name,
         "program_version": head.program_version, "preset": head.preset, "seed": head.seed,
-        "plies": t.plies, "exit_positions": t.exit.is_some(),
+        "plies": t.plies, "traced": t.traced, "exit_positions": t.exit.is_some(),
         "ply_radius_um": head.ply_radius_um,
         "theta_i_deg": head.theta_i_deg, "h_um": head.h_um, "h_rel": head.h_rel, "sigma_per_um": head.sigma_per_um,
         "theta_o_bins": t.grid.theta_o, "phi_o_bins": t.grid.phi_o,
@@ -247,7 +247,11 @@ fn energies_text(
 fn table_text(head: &Head, spec: &YarnSpec, t: &Table) -> Outcome {
     output::print(|out| {
         head_text(out, head, spec)?;
-        let scatters = if t.plies == 1 { "one ply".to_string() } else { format!("the yarn of {} plies", t.plies) };
+        let scatters = match (t.plies, t.traced) {
+            (1, _) => "one ply".to_string(),
+            (plies, false) => format!("the yarn of {plies} plies"),
+            (plies, true) => format!("the yarn of {plies} plies, traced together"),
+        };
         writeln!(out, "  scatters     {scatters}")?;
         writeln!(out, "  outgoing     {} x {} bins (theta_o, phi_o)", t.grid.theta_o, t.grid.phi_o)?;
         let paths = t.paths.iter().sum::<u64>() as f64;

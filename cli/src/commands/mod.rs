@@ -2,6 +2,7 @@
 
 pub mod build;
 pub mod check;
+pub mod check_twin;
 pub mod color;
 pub mod compare;
 pub mod diff;

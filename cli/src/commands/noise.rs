@@ -27,6 +27,8 @@ struct Line {
     contrast_synthesized: f64,
     /// Largest difference of the covariances over the simulated one at lag 0, up to a lag of 5 and of 30 degrees.
     covariance_distance: [f64; 2],
+    /// What the simulated covariance itself is good to, the same way: half the distance of those of every other pattern.
+    covariance_floor: [f64; 2],
 }
 
 /// The tiles of one kind.
@@ -95,19 +97,21 @@ pub fn run(cli: &Cli, args: &NoiseArgs) -> Outcome {
         }
         writeln!(
             out,
-            "  lines  lambda  contrast simulated, synthesized   distance of covariances to 5 and 30 degrees"
+            "  lines  lambda  contrast simulated, synthesized   distance of covariances to 5 and 30 degrees   of it noise of the simulated"
         )?;
         for l in &lines {
             writeln!(
                 out,
-                "  {:<5}  {:<6}  {:>8.4} +- {:.4}   {:>8.4}        {:>6.3}  {:>6.3}",
+                "  {:<5}  {:<6}  {:>8.4} +- {:.4}   {:>8.4}        {:>6.3}  {:>6.3}                          {:>6.3}  {:>6.3}",
                 l.kind,
                 number(l.lambda_um),
                 l.contrast_simulated,
                 l.contrast_simulated_se,
                 l.contrast_synthesized,
                 l.covariance_distance[0],
-                l.covariance_distance[1]
+                l.covariance_distance[1],
+                l.covariance_floor[0],
+                l.covariance_floor[1]
             )?;
         }
         Ok(())
@@ -124,6 +128,7 @@ fn line(c: &LineComparison) -> Line {
         contrast_simulated_se: if contrast > 0.0 { 0.5 * c.simulated.errors[0] / contrast } else { 0.0 },
         contrast_synthesized: c.synthesized.contrast(),
         covariance_distance: LAGS_RAD.map(|lag| c.simulated.distance(&c.synthesized, lag)),
+        covariance_floor: LAGS_RAD.map(|lag| 0.5 * c.halves[0].distance(&c.halves[1], lag)),
     }
 }
 

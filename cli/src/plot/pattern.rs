@@ -1,12 +1,51 @@
-//! Far-field patterns in colors, as a camera would see them behind an aperture: linear RGB from three wavelengths, one exposure a panel.
+//! Far-field patterns in colors, as an eye would see them behind an aperture: daylight (D65) in bands of the visible spectrum, the CIE 1931 observer, sRGB; one
+//! exposure a panel. Light that is the same at every wavelength is white.
 
 use super::canvas::{Align, CAP, Canvas, GRAY, INK, LINE};
 use super::lines::linear;
 use super::map::Panel;
 use super::{axes, sheet::heading};
+use plywave::color::{SPECTRUM_UM, d65_xyz_density, linear_srgb_of_xyz, srgb_encode, white_d65};
 
-/// Wavelengths [um] that stand for red, green and blue.
-pub const RGB_UM: [f32; 3] = [0.65, 0.55, 0.45];
+/// Bands of the visible spectrum.
+pub const BANDS: usize = 24;
+
+/// Daylight in equal bands of the visible spectrum: their middles [um], and the linear sRGB of each band's light, (1, 1, 1) together.
+pub struct Daylight {
+    /// Middles of the bands [um].
+    pub lambda_um: [f32; BANDS],
+    rgb: [[f64; 3]; BANDS],
+}
+
+impl Daylight {
+    /// D65.
+    pub fn new() -> Self {
+        const PARTS: usize = 40;
+        let width = (SPECTRUM_UM[1] - SPECTRUM_UM[0]) / BANDS as f64;
+        let at = |band: f64| SPECTRUM_UM[0] + width * band;
+        let xyz: [[f64; 3]; BANDS] = std::array::from_fn(|k| {
+            let parts = (0..PARTS).map(|i| d65_xyz_density(at(k as f64 + (i as f64 + 0.5) / PARTS as f64)));
+            parts.fold([0.0; 3], |sum, v| std::array::from_fn(|c| sum[c] + v[c]))
+        });
+        let white = white_d65();
+        let scale: [f64; 3] = std::array::from_fn(|c| white[c] / xyz.iter().map(|v| v[c]).sum::<f64>());
+        let rgb = xyz.map(|v| linear_srgb_of_xyz(std::array::from_fn(|c| v[c] * scale[c])));
+        Daylight { lambda_um: std::array::from_fn(|k| at(k as f64 + 0.5) as f32), rgb }
+    }
+
+    /// Linear sRGB of this light in each band. A color outside the gamut is brought to its border, at the same luminance.
+    pub fn rgb(&self, light: &[f32; BANDS]) -> [f32; 3] {
+        let mut sum = [0.0; 3];
+        for (light, rgb) in light.iter().zip(&self.rgb) {
+            sum.iter_mut().zip(rgb).for_each(|(s, v)| *s += f64::from(*light) * v);
+        }
+        // Luminance of linear sRGB (ITU-R BT.709).
+        let gray = 0.2126 * sum[0] + 0.7152 * sum[1] + 0.0722 * sum[2];
+        let least = sum.iter().fold(f64::INFINITY, |a, b| a.min(*b));
+        let keep = if least < 0.0 && gray > 0.0 { gray / (gray - least) } else { 1.0 };
+        sum.map(|v| (gray + keep * (v - gray)).max(0.0) as f32)
+    }
+}
 
 /// A square window of directions about the forward one.
 pub struct Pattern {
@@ -33,9 +72,7 @@ impl Pattern {
 
 /// The sRGB value of a linear one in [0, 1].
 fn encode(linear: f32) -> u8 {
-    let x = linear.clamp(0.0, 1.0);
-    let v = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
-    (255.0 * v).round() as u8
+    (255.0 * srgb_encode(f64::from(linear.clamp(0.0, 1.0)))).round() as u8
 }
 
 /// Exposures of a pattern: the brightest value at the top of the scale, and this many times as much light, for the side lobes.
@@ -102,5 +139,22 @@ mod tests {
         assert_eq!(image.get_pixel(15, 15).0, [0, 0, 255]);
         assert_eq!(image.get_pixel(45, 45).0, [255, 0, 0]);
         assert_eq!((encode(0.5), encode(2.0), encode(-1.0)), (188, 255, 0));
+    }
+
+    /// Light that is even over the spectrum is white, also where bands are many; single bands have their hues; light between two hues is in the gamut.
+    #[test]
+    fn even_light_is_white_and_bands_have_their_hues() {
+        let day = Daylight::new();
+        for v in day.rgb(&[0.5; BANDS]) {
+            assert!((v - 0.5).abs() < 1e-5, "{v}");
+        }
+        let hue = |lambda: f32| {
+            let at = |k: usize| (day.lambda_um[k] - lambda).abs();
+            let k = (0..BANDS).min_by(|a, b| at(*a).total_cmp(&at(*b))).unwrap();
+            let rgb = day.rgb(&std::array::from_fn(|i| f32::from(i == k)));
+            assert!(rgb.iter().all(|v| *v >= 0.0));
+            (0..3).max_by(|a, b| rgb[*a].total_cmp(&rgb[*b])).unwrap()
+        };
+        assert_eq!([0.45, 0.53, 0.65].map(hue), [2, 1, 0]);
     }
 }

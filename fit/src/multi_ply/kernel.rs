@@ -201,6 +201,7 @@ mod tests {
             preset: String::new(),
             seed: 0,
             plies: 1,
+            traced: false,
             theta_i: vec![0.0, 0.7, 1.4],
             h_um: vec![-70.0, -35.0, 0.0, 35.0, 70.0],
             sigma_per_um: vec![0.0],

@@ -63,6 +63,8 @@ pub struct LineComparison {
     pub lambda_um: f64,
     /// Of the simulated patterns.
     pub simulated: PatternCovariance,
+    /// Of every other simulated pattern, the first and the second ones: half their distance is what the estimate of so many patterns is good to.
+    pub halves: [PatternCovariance; 2],
     /// Of the synthesized ones, mean times N.
     pub synthesized: PatternCovariance,
     /// `[azimuth]`: mean of the simulated patterns [um/rad].
@@ -98,6 +100,10 @@ pub fn compare_lines(
                 kind: KIND_NAMES[k],
                 lambda_um: patterns.lambda_um[l],
                 simulated: PatternCovariance::of(&light, KIND_SIDES[k]).of_fibers(options.fibers),
+                halves: [0, 1].map(|first| {
+                    let half: Vec<_> = light.iter().skip(first).step_by(2).cloned().collect();
+                    PatternCovariance::of(&half, KIND_SIDES[k]).of_fibers(options.fibers)
+                }),
                 synthesized: PatternCovariance::of(&made, KIND_SIDES[k]),
                 two_simulated: [light[0].clone(), light[1].clone()],
                 two_synthesized: [made[0].clone(), made[1].clone()],

@@ -161,6 +161,7 @@ pub fn table(plan: &Planted) -> Table {
         preset: "planted".into(),
         seed: plan.seed,
         plies: 1,
+        traced: false,
         theta_i: theta_i.clone(),
         h_um: h_um.clone(),
         sigma_per_um: plan.sigma_per_um.clone(),
