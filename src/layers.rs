@@ -11,9 +11,10 @@
 //!
 //! Without absorption r + t = 1 in every layer, and then `T + R = r_1 + t_1 ((1 - r*_2) + r*_2 (1 - r*_1)) / (1 - r*_1 r*_2) = 1`.
 
+use crate::asg::PARAMS;
 use crate::file::{Check, Reader, Writer};
 use crate::ply::{MAX_PATHS, PlyData, clamped_sigma};
-use crate::simd::{exp2, fma};
+use crate::simd::{exp2, fma, max};
 use crate::{PlyModel, Result, Scatter, ScatterSample, WholePly};
 use multiversion::{multiversion, target::target_cfg_f};
 use std::f32::consts::PI;
@@ -75,6 +76,8 @@ pub(crate) struct LayerTables {
     size: usize,
     /// `[rows][columns][size]`.
     forward: Vec<f32>,
+    /// `[rows - 1][columns - 1]`: of the four corners of a cell, the sums of its block's lobes at sigma = 0, and their energies f_high.
+    lobes: Vec<[[f32; 4]; 2]>,
     /// `[rows][2][size]`: r and t at the latitudes.
     first: Vec<f32>,
     /// `[2][size]`.
@@ -109,6 +112,16 @@ impl LayerTables {
             first.extend((0..=j).map(|p| (all(p) - forward(p)) as f32));
             first.extend((0..=j).map(|p| forward(p) as f32));
         }
+        let energy_high =
+            |row: usize, column: usize| between(row, column, &|i| d.energy_high[i * j..][..j].iter().sum());
+        let mut lobes = Vec::with_capacity((rows - 1) * (columns - 1));
+        for row in 0..rows - 1 {
+            for column in 0..columns - 1 {
+                let corners = [0, 1, 2, 3].map(|c| (row + c / 2, column + c % 2));
+                let sums = corners.map(|(r, c)| lobe_sum(d, (row / 4, column / 4), [r, c]) as f32);
+                lobes.push([sums, corners.map(|(r, c)| energy_high(r, c) as f32)]);
+            }
+        }
         let size = j.next_multiple_of(LANES) + 1;
         let padded = |spectra: &[f32]| -> Vec<f32> {
             let of = |s: &[f32], p: usize| if p + 1 == size { s[0] } else { s.get(p + 1).copied().unwrap_or(0.0) };
@@ -123,6 +136,7 @@ impl LayerTables {
             path: std::array::from_fn(|p| d.path_um.get(p).map_or(0.0, |path| (-LOG2_E * path) as f32)),
             size,
             forward: padded(&f32s(&factors.forward)),
+            lobes,
             first: padded(&first),
             diffuse: padded(&f32s(&factors.diffuse)),
         })
@@ -228,14 +242,48 @@ impl LayerTables {
         let (m, s) = self.row(theta_i);
         let (n, x) = Self::place((h / self.h_last + 1.0) * 0.5 * (self.columns - 1) as f32, self.columns);
         let (low, high) = (m * self.columns + n, (m + 1) * self.columns + n);
-        let corners = [
-            ((1.0 - s) * (1.0 - x), self.spectrum(&self.forward, low)),
-            ((1.0 - s) * x, self.spectrum(&self.forward, low + 1)),
-            (s * (1.0 - x), self.spectrum(&self.forward, high)),
-            (s * x, self.spectrum(&self.forward, high + 1)),
-        ];
-        self.absorbed::<FMA, 4, N>(corners, t)
+        let weights = [(1.0 - s) * (1.0 - x), (1.0 - s) * x, s * (1.0 - x), s * x];
+        let spectra = [low, low + 1, high, high + 1].map(|i| self.spectrum(&self.forward, i));
+        let Some([sums, energies]) = self.lobes.get(m * (self.columns - 1) + n) else { return [0.0; N] };
+        // Lobes are linear between the corners and scaled to the energy after that, so a corner of strong lobes counts for more than its share.
+        let (mut sum, mut energy) = (0.0, 0.0);
+        for c in 0..4 {
+            sum = fma::<FMA>(weights[c], sums[c], sum);
+            energy = fma::<FMA>(weights[c], energies[c], energy);
+        }
+        let scale = energy / max(sum, LEAST);
+        let (mut corners, mut refl) = ([(0.0, spectra[0]); 4], 0.0);
+        for c in 0..4 {
+            let weight = weights[c] * scale * sums[c] / max(energies[c], LEAST);
+            corners[c] = (weight, spectra[c]);
+            // Those of f_refl are linear.
+            if let Some(last) = spectra[c].last() {
+                refl = fma::<FMA>(weights[c] - weight, *last, refl);
+            }
+        }
+        let mut all = self.absorbed::<FMA, 4, N>(corners, t);
+        for e in &mut all {
+            *e = max(*e + refl, 0.0);
+        }
+        all
     }
+}
+
+/// Energies below this are none.
+const LEAST: f32 = 1e-12;
+
+/// Sum of the energies of a block's high-order lobes at sigma = 0, before they are scaled, at quarters (row, column) of the block counted from the table's first node.
+fn lobe_sum(d: &PlyData, (bm, bn): (usize, usize), [row, column]: [usize; 2]) -> f64 {
+    let (lobes, j) = (d.lobes_high, d.path_um.len());
+    let first = (bm * ((d.h_um.len() - 1) / 2) + bn) * 4 * lobes;
+    let (s, t) = ((row - 4 * bm) as f64 / 4.0, (column - 4 * bn) as f64 / 4.0);
+    let weights = [(1.0 - s) * (1.0 - t), (1.0 - s) * t, s * (1.0 - t), s * t];
+    let mean = |l: usize, of: &dyn Fn(usize) -> f64| -> f64 {
+        weights.iter().enumerate().map(|(c, w)| w * of(first + c * lobes + l)).sum()
+    };
+    let energy = |k: usize| d.high[(k + 1) * PARAMS - 1];
+    let spectrum = |k: usize| d.high_path[k * j..(k + 1) * j].iter().sum();
+    (0..lobes).map(|l| mean(l, &energy) * mean(l, &spectrum)).sum()
 }
 
 /// [`PlyModel::layer`], and the energy of [`PlyModel::forward_energy`] as tabulated.

@@ -25,7 +25,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             for (m, row) in e.high.chunks(columns * sigmas).enumerate() {
                 let row: Vec<f64> = row.iter().step_by(sigmas).copied().filter(|v| v.is_finite()).collect();
                 let rms = (row.iter().map(|v| v * v).sum::<f64>() / row.len().max(1) as f64).sqrt();
-                println!("    theta_i {:5.1} degrees: f_high rms {rms:.4} over {} slices", a.theta_i[m].to_degrees(), row.len());
+                println!(
+                    "    theta_i {:5.1} degrees: f_high rms {rms:.4} over {} slices",
+                    a.theta_i[m].to_degrees(),
+                    row.len()
+                );
             }
         }
     }
