@@ -48,7 +48,8 @@ impl Setup {
                 Mesh::flat(s),
                 vec![lamp(at(0.0, 2.4, 2.6), 0.25)],
                 dark(),
-                Camera::new(at(0.0, -1.5, 2.0), Vec3::ZERO, up, 0.36),
+                // The far edge of the sheet lies just outside the picture.
+                Camera::new(at(0.0, -1.5, 2.0), Vec3::ZERO, up, 0.27),
             ),
             Setup::Back => (
                 Mesh::flat(s),

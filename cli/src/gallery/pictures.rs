@@ -1,0 +1,123 @@
+//! Which pictures there are, what is to be seen in each, and how they are rendered.
+
+use super::materials::{Cloth, Ply};
+use plywave::fabric::{FabricOptions, GapLight};
+use plywave_render::Setup;
+
+/// One render of a picture.
+#[derive(Clone, Debug)]
+pub struct Panel {
+    /// Below it, where a picture has several.
+    pub title: String,
+    /// What is rendered.
+    pub cloth: Cloth,
+    /// In which scene.
+    pub setup: Setup,
+    /// Width of the cloth [mm].
+    pub size_mm: f32,
+    /// How it is shaded.
+    pub options: FabricOptions,
+    /// Stops by which it is brighter.
+    pub exposure: f32,
+    /// Samples a pixel over the gallery's usual.
+    pub samples: u32,
+}
+
+/// A picture: panels side by side.
+#[derive(Clone, Debug)]
+pub struct Picture {
+    /// Name of the files.
+    pub name: String,
+    /// What is to be seen, a sentence or two.
+    pub caption: String,
+    /// From left to right.
+    pub panels: Vec<Panel>,
+}
+
+const SMOOTH: FabricOptions = FabricOptions { gaps: GapLight::Diffracted, sigma_per_um: None, noise: false };
+const NOISED: FabricOptions = FabricOptions { gaps: GapLight::Diffracted, sigma_per_um: None, noise: true };
+
+/// The fabrics that ship: name, width of the cloth from the front [mm], stops from the front and from the back, what is to be seen.
+const FABRICS: [(&str, f32, [f32; 2], [&str; 2]); 5] = [
+    ("polyester_satin", 12.0, [0.0, 0.0], ["satin from the front", "satin from the back"]),
+    ("cotton_twill", 16.0, [0.0, 0.0], ["twill from the front", "twill from the back"]),
+    ("silk_organza", 12.0, [0.0, 0.0], ["organza from the front", "organza from the back"]),
+    ("wool_plain", 16.0, [0.0, 0.0], ["wool from the front", "wool from the back"]),
+    ("cotton_plain", 14.0, [0.0, 0.0], ["cotton from the front", "cotton from the back"]),
+];
+
+fn panel(title: &str, cloth: Cloth, setup: Setup, size_mm: f32, options: FabricOptions) -> Panel {
+    Panel { title: title.into(), cloth, setup, size_mm, options, exposure: 0.0, samples: 1 }
+}
+
+/// All pictures.
+pub fn all() -> Vec<Picture> {
+    let mut list = Vec::new();
+    for (name, size, exposures, captions) in FABRICS {
+        let sides = [(Setup::Front, "front", size, 1), (Setup::Back, "back", 20.0, 2)];
+        for (((setup, side, size_mm, samples), exposure), caption) in sides.into_iter().zip(exposures).zip(captions) {
+            list.push(Picture {
+                name: format!("{name}_{side}"),
+                caption: caption.into(),
+                panels: vec![Panel { exposure, samples, ..panel("", Cloth::shipped(name), setup, size_mm, NOISED) }],
+            });
+        }
+    }
+    for (name, of) in [("polyester_satin", "noise_satin"), ("cotton_twill", "noise_twill")] {
+        let close = |title, options| panel(title, Cloth::shipped(name), Setup::Swatch, 3.0, options);
+        list.push(Picture {
+            name: of.into(),
+            caption: "Close up, without and with the speckle of single plies.".into(),
+            panels: vec![close("smooth", SMOOTH), close("with noise", NOISED)],
+        });
+    }
+    let gaps = |title, gaps, name: &str| Panel {
+        samples: 2,
+        ..panel(title, Cloth::shipped(name), Setup::Back, 20.0, FabricOptions { gaps, ..SMOOTH })
+    };
+    list.push(Picture {
+        name: "gaps".into(),
+        caption: "Organza before a lamp. Light that goes straight on through the gaps shows the lamp's outline; diffracted, it does not.".into(),
+        panels: vec![
+            gaps("straight on", GapLight::Straight, "silk_organza"),
+            gaps("diffracted", GapLight::Diffracted, "silk_organza"),
+        ],
+    });
+    let even = FabricOptions { sigma_per_um: Some(0.003), ..SMOOTH };
+    let satin = |title: &str, cloth, options| panel(title, cloth, Setup::Drape, 90.0, options);
+    let of = |ply: Ply| Cloth::of("polyester_satin", ply);
+    list.push(Picture {
+        name: "fiber_shapes".into(),
+        caption: "One satin, one absorption of the fibers (0.003 per um), other fibers.".into(),
+        panels: vec![
+            satin("polyester: circles", of(Ply::Shipped("polyester")), even),
+            satin("same, kidneys", of(Ply::kidneys()), even),
+            satin("cotton", of(Ply::Shipped("cotton")), even),
+        ],
+    });
+    list.push(Picture {
+        name: "twist".into(),
+        caption: "Satin of plies whose fibers are twisted more and less; pitch in um.".into(),
+        panels: [300.0, 500.0, 1000.0, 4000.0]
+            .map(|pitch| satin(&format!("{pitch} um"), of(Ply::pitch(pitch)), SMOOTH))
+            .to_vec(),
+    });
+    list.push(Picture {
+        name: "absorption".into(),
+        caption: "Satin of fibers that absorb more and more; sigma per um.".into(),
+        panels: [0.0, 0.001, 0.003, 0.01, 0.03]
+            .map(|sigma| {
+                let options = FabricOptions { sigma_per_um: Some(sigma), ..SMOOTH };
+                satin(&format!("{sigma}"), Cloth::shipped("polyester_satin"), options)
+            })
+            .to_vec(),
+    });
+    for name in ["polyester_satin", "silk_organza"] {
+        list.push(Picture {
+            name: format!("{name}_drape"),
+            caption: "Over a ball.".into(),
+            panels: vec![panel("", Cloth::shipped(name), Setup::Drape, 90.0, NOISED)],
+        });
+    }
+    list
+}
