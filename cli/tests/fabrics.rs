@@ -3,6 +3,7 @@
 //! 1. Light: clear fabrics in a white room are white, through the renderer. 2. eval, sample and pdf agree at random points; chi-square.
 //! 3. The mean over speckle is the smooth picture. 4. No line shows where the draft repeats, nor where blocks of the fit meet.
 
+use glam::Vec3;
 use plywave::check::check_scatter;
 use plywave::fabric::{FabricBsdf, FabricOptions, FabricSpec};
 use plywave::{PlyData, PlyModel, Scatter, YarnSpec, direction};
@@ -111,8 +112,7 @@ fn clear_fabrics_in_a_white_room_are_white() {
     fabrics.push(("three plies", three_plies(&clear)));
     // Far from the sheet, so that all of the picture is cloth: from the face, from the face at 70 degrees, from the back; then folds, where light goes from cloth to cloth.
     let s = 30.0f32;
-    let seen =
-        |x: f32, z: f32| Camera::new(glam(x, z) * 4.0 * s, glam(0.0, 0.0), glam(0.0, 1.0).cross(glam(1.0, 0.0)), 0.06);
+    let seen = |x: f32, z: f32| Camera::new(Vec3::new(x, 0.0, z) * (4.0 * s), Vec3::ZERO, Vec3::Y, 0.06);
     let views = [("face", seen(0.3, 0.95)), ("oblique", seen(0.94, 0.34)), ("back", seen(0.5, -0.87))];
     for (name, fabric) in &fabrics {
         for (view, camera) in &views {
@@ -130,11 +130,6 @@ fn clear_fabrics_in_a_white_room_are_white() {
         println!("{name}, folds: {y:.4} +- {se:.4}");
         assert!(se < 0.002 && (y - 1.0).abs() < 0.01, "{name}, folds: {y} +- {se}");
     }
-}
-
-/// A point of the plane of x and z.
-fn glam(x: f32, z: f32) -> glam::Vec3 {
-    glam::Vec3::new(x, 0.0, z)
 }
 
 /// Directions within 70 degrees of the normal, from both sides.
@@ -219,9 +214,9 @@ fn the_mean_over_speckle_is_the_smooth_picture() {
         for uv in &mut mesh.uv_um {
             *uv = [uv[0] + repeat[0] * (3 * instance) as f32, uv[1] + repeat[1] * (2 * instance) as f32];
         }
-        let lamp = Light::facing(glam::Vec3::new(0.3, 1.0, 2.0), glam::Vec3::ZERO, 0.05, 1000.0);
+        let lamp = Light::facing(Vec3::new(0.3, 1.0, 2.0), Vec3::ZERO, 0.05, 1000.0);
         let scene = Scene::new(mesh, vec![lamp], Environment::constant(0.0));
-        let camera = Camera::new(glam::Vec3::new(0.0, -0.6, 2.0), glam::Vec3::ZERO, glam::Vec3::Y, 0.2);
+        let camera = Camera::new(Vec3::new(0.0, -0.6, 2.0), Vec3::ZERO, Vec3::Y, 0.2);
         luminances(&rendered(&scene, &camera, fabric, SIDE, &RenderOptions { samples: 24, depth: 2, seed: 1 }))
     };
     let want = film(&smooth, 0);

@@ -92,6 +92,8 @@ pub fn run(cli: &Cli, args: &GalleryArgs) -> Outcome {
     }
     let folder = &args.output;
     output::check_folder(folder, INDEX, &[])?;
+    let workshop = Workshop { cli, from: &args.fabrics, to: folder, quick: args.quick };
+    pictures.iter().flat_map(|p| &p.panels).try_for_each(|panel| workshop.check(&panel.cloth))?;
     for part in ["", "fabrics", "models", "small"] {
         make_folder(&folder.join(part))?;
     }
@@ -117,7 +119,6 @@ pub fn run(cli: &Cli, args: &GalleryArgs) -> Outcome {
     // From here on the folder is known as a gallery's, so that a stopped run can go on in it.
     write_index(&index)?;
     progress::install_stop();
-    let workshop = Workshop { cli, from: &args.fabrics, to: folder, quick: args.quick };
     let (sides, samples) = sizes(args.quick);
     let mut works = Vec::new();
     for picture in &pictures {

@@ -128,6 +128,15 @@ impl Workshop<'_> {
         if self.quick { 16 } else { 100 }
     }
 
+    /// Whether the specs of a fabric are there.
+    pub fn check(&self, cloth: &Cloth) -> Outcome {
+        read(&self.from.join(format!("{}.toml", cloth.fabric)))?;
+        match &cloth.ply {
+            Some(Ply::Built { from, .. }) => read(&self.from.join(format!("{from}.toml"))).map(|_| ()),
+            _ => Ok(()),
+        }
+    }
+
     /// Makes the fabric's file and its models, where they are not there yet; gives its path.
     pub fn cloth(&self, cloth: &Cloth) -> Outcome<PathBuf> {
         let source = self.from.join(format!("{}.toml", cloth.fabric));
