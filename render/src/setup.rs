@@ -44,9 +44,10 @@ impl Setup {
         let dark = || Environment::constant(0.0);
         let dim = || Environment::constant(0.25);
         let (own, lights, own_sky, camera) = match self {
+            // The highlight of a mirror would lie beside the picture: yarns shine where they lean, and elsewhere show their color.
             Setup::Front => (
                 Mesh::flat(s),
-                vec![lamp(at(0.0, 2.4, 2.6), 0.25)],
+                vec![lamp(at(-1.2, 0.9, 3.2), 0.25)],
                 dark(),
                 // The far edge of the sheet lies just outside the picture.
                 Camera::new(at(0.0, -1.5, 2.0), Vec3::ZERO, up, 0.27),

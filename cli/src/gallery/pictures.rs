@@ -71,16 +71,16 @@ pub fn all() -> Vec<Picture> {
             panels: vec![close("smooth", SMOOTH), close("with noise", NOISED)],
         });
     }
-    let gaps = |title, gaps, name: &str| Panel {
+    let gaps = |title, gaps| Panel {
         samples: 2,
-        ..panel(title, Cloth::shipped(name), Setup::Back, 20.0, FabricOptions { gaps, ..SMOOTH })
+        ..panel(title, Cloth::shipped("silk_organza"), Setup::Back, 20.0, FabricOptions { gaps, ..SMOOTH })
     };
     list.push(Picture {
         name: "gaps".into(),
         caption: "Organza before a lamp. Light that goes straight on through the gaps shows the lamp's outline; diffracted, it does not.".into(),
         panels: vec![
-            gaps("straight on", GapLight::Straight, "silk_organza"),
-            gaps("diffracted", GapLight::Diffracted, "silk_organza"),
+            gaps("straight on", GapLight::Straight),
+            gaps("diffracted", GapLight::Diffracted),
         ],
     });
     let even = FabricOptions { sigma_per_um: Some(0.003), ..SMOOTH };
