@@ -1,5 +1,5 @@
-//! The models and fabrics of the gallery. Those that ship are copied into its folder, made whole where they lack edge lobes, layer factors or speckle; the others
-//! are built there from a yarn spec that ships, with one key changed.
+//! The models and fabrics of the gallery. Those that ship are copied into its folder, made whole where they lack edge lobes, layer factors or, of round fibers, speckle; the
+//! others are built there from a yarn spec that ships, with one key changed.
 
 use super::digest;
 use crate::args::{Cli, Preset, RunArgs};
@@ -7,7 +7,7 @@ use crate::commands::{fit, on_threads, simulate};
 use crate::failure::{Failure, Outcome};
 use crate::progress::{self, Bar};
 use crate::{commands, output};
-use plywave::{PlyData, PlyModel, YarnSpec};
+use plywave::{PlyData, PlyModel, Shape, YarnSpec};
 use plywave_fit::noise::NoiseOptions;
 use plywave_sim::Run;
 use plywave_sim::wave::{SpeckleOptions, speckle};
@@ -215,7 +215,8 @@ impl Workshop<'_> {
         if data.layers.is_none() {
             data.layers = Some(on_threads(self.cli, || plywave_fit::layer_factors(&data))?);
         }
-        if data.noise.is_none() {
+        // Circles are solved in moments; other outlines take minutes a model (`plywave build`, `plywave noise`).
+        if data.noise.is_none() && matches!(spec.fiber.shape, Shape::Circle { .. }) {
             let options = SpeckleOptions { instances: fibers, seed: data.seed, ..SpeckleOptions::default() };
             progress::install_stop();
             let bar = Bar::new("speckle", "fibers", self.cli.quiet);

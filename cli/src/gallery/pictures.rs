@@ -37,13 +37,53 @@ pub struct Picture {
 const SMOOTH: FabricOptions = FabricOptions { gaps: GapLight::Diffracted, sigma_per_um: None, noise: false };
 const NOISED: FabricOptions = FabricOptions { gaps: GapLight::Diffracted, sigma_per_um: None, noise: true };
 
-/// The fabrics that ship: name, width of the cloth from the front [mm], stops from the front and from the back, what is to be seen.
-const FABRICS: [(&str, f32, [f32; 2], [&str; 2]); 5] = [
-    ("polyester_satin", 12.0, [0.0, 0.0], ["satin from the front", "satin from the back"]),
-    ("cotton_twill", 16.0, [0.0, 0.0], ["twill from the front", "twill from the back"]),
-    ("silk_organza", 12.0, [0.0, 0.0], ["organza from the front", "organza from the back"]),
-    ("wool_plain", 16.0, [0.0, 0.0], ["wool from the front", "wool from the back"]),
-    ("cotton_plain", 14.0, [0.0, 0.0], ["cotton from the front", "cotton from the back"]),
+/// The fabrics that ship: name, width of the cloth from the front [mm], stops from the back, what is to be seen from the front and from the back.
+const FABRICS: [(&str, f32, f32, [&str; 2]); 5] = [
+    (
+        "polyester_satin",
+        12.0,
+        -1.0,
+        [
+            "Polyester satin: long floats of the warp, which shine where they lean toward the lamp.",
+            "The same before a lamp: next to no gaps, and those so narrow that they throw the lamp's light far to the sides.",
+        ],
+    ),
+    (
+        "cotton_twill",
+        16.0,
+        -1.0,
+        [
+            "Cotton twill in the colors of denim: indigo warp over three picks, the white weft in diagonals.",
+            "The same before a lamp: light passes between the picks, which lie wider apart than the ends.",
+        ],
+    ),
+    (
+        "silk_organza",
+        12.0,
+        -1.5,
+        [
+            "Silk organza: three tenths of it are open.",
+            "The same before a lamp: yarns scatter across themselves and draw a cross, along warp and weft, about the blurred lamp.",
+        ],
+    ),
+    (
+        "wool_plain",
+        16.0,
+        -1.5,
+        [
+            "Worsted wool in plain weave, dyed charcoal.",
+            "The same before a lamp: dark yarns, so that the gaps alone show.",
+        ],
+    ),
+    (
+        "cotton_plain",
+        14.0,
+        -1.0,
+        [
+            "Bleached cotton percale: bright and even.",
+            "The same before a lamp: the yarns glow as brightly as from the front.",
+        ],
+    ),
 ];
 
 fn panel(title: &str, cloth: Cloth, setup: Setup, size_mm: f32, options: FabricOptions) -> Panel {
@@ -53,9 +93,9 @@ fn panel(title: &str, cloth: Cloth, setup: Setup, size_mm: f32, options: FabricO
 /// All pictures.
 pub fn all() -> Vec<Picture> {
     let mut list = Vec::new();
-    for (name, size, exposures, captions) in FABRICS {
-        let sides = [(Setup::Front, "front", size, 1), (Setup::Back, "back", 20.0, 2)];
-        for (((setup, side, size_mm, samples), exposure), caption) in sides.into_iter().zip(exposures).zip(captions) {
+    for (name, size, stops, captions) in FABRICS {
+        let sides = [(Setup::Front, "front", size, 1, 0.0), (Setup::Back, "back", 20.0, 2, stops)];
+        for ((setup, side, size_mm, samples, exposure), caption) in sides.into_iter().zip(captions) {
             list.push(Picture {
                 name: format!("{name}_{side}"),
                 caption: caption.into(),
@@ -63,16 +103,25 @@ pub fn all() -> Vec<Picture> {
             });
         }
     }
-    for (name, of) in [("polyester_satin", "noise_satin"), ("cotton_twill", "noise_twill")] {
-        let close = |title, options| panel(title, Cloth::shipped(name), Setup::Swatch, 3.0, options);
+    for (name, setup, size_mm, caption) in [
+        (
+            "noise_close",
+            Setup::Swatch,
+            3.0,
+            "A few yarns of the satin, without and with the speckle of single stretches of a ply.",
+        ),
+        ("noise", Setup::Front, 6.0, "The satin from the front, without and with speckle: smooth, and with glints."),
+    ] {
+        let of = |title, options| panel(title, Cloth::shipped("polyester_satin"), setup, size_mm, options);
         list.push(Picture {
-            name: of.into(),
-            caption: "Close up, without and with the speckle of single plies.".into(),
-            panels: vec![close("smooth", SMOOTH), close("with noise", NOISED)],
+            name: name.into(),
+            caption: caption.into(),
+            panels: vec![of("smooth", SMOOTH), of("with noise", NOISED)],
         });
     }
     let gaps = |title, gaps| Panel {
         samples: 2,
+        exposure: -1.5,
         ..panel(title, Cloth::shipped("silk_organza"), Setup::Back, 20.0, FabricOptions { gaps, ..SMOOTH })
     };
     list.push(Picture {
@@ -112,10 +161,13 @@ pub fn all() -> Vec<Picture> {
             })
             .to_vec(),
     });
-    for name in ["polyester_satin", "silk_organza"] {
+    for (name, caption) in [
+        ("polyester_satin", "Polyester satin over a ball: the highlight stretches across the warp."),
+        ("silk_organza", "Silk organza over a ball: what is behind shows through, less so toward the rim."),
+    ] {
         list.push(Picture {
             name: format!("{name}_drape"),
-            caption: "Over a ball.".into(),
+            caption: caption.into(),
             panels: vec![panel("", Cloth::shipped(name), Setup::Drape, 90.0, NOISED)],
         });
     }
