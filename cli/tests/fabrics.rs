@@ -117,13 +117,16 @@ fn clear_fabrics_in_a_white_room_are_white() {
     for (name, fabric) in &fabrics {
         for (view, camera) in &views {
             let (scene, _) = Setup::Furnace.scene(s, None, None);
-            let options = RenderOptions { samples: 24, depth: 64, seed: 1 };
+            let options = RenderOptions { samples: 48, depth: 64, seed: 1 };
             let (y, se) = mean(&luminances(&rendered(&scene, camera, fabric, 32, &options)));
             println!("{name}, {view}: {y:.4} +- {se:.4}");
             assert!(se < 0.002 && (y - 1.0).abs() < 0.01, "{name}, {view}: {y} +- {se}");
         }
+        if !["polyester_satin", "silk_organza", "three plies"].contains(name) {
+            continue;
+        }
         let (scene, camera) = Setup::Furnace.scene(s, Some(Mesh::folded(s)), None);
-        let options = RenderOptions { samples: 16, depth: 256, seed: 2 };
+        let options = RenderOptions { samples: 128, depth: 256, seed: 2 };
         let film = rendered(&scene, &camera, fabric, 32, &options);
         // The sheet does not fill the picture, and the room is white as well.
         let (y, se) = mean(&luminances(&film));
@@ -282,8 +285,16 @@ fn repeats_of_the_draft_show_no_line() {
             let steps: Vec<f64> =
                 (0..cells).map(|c| step_rms(&line, start * period + period * c as f32 / cells as f32, 4.0)).collect();
             let others = steps[1..].iter().sum::<f64>() / (cells - 1) as f64;
-            println!("{along} from {start}: over the repeat {:.4}, over other borders {:.4?}", steps[0], &steps[1..]);
-            assert!((steps[0] / others - 1.0).abs() < 0.1, "{along} from {start}: {steps:?}");
+            let level = line(start * period + 1.0).iter().sum::<f64>() / 1000.0;
+            println!(
+                "{along} from {start}: {:.5} over the repeat, {:.5} over others",
+                steps[0] / level,
+                others / level
+            );
+            assert!(
+                (steps[0] - others).abs() < 0.1 * others + 1e-5 * level,
+                "{along} from {start}: {steps:?}, {level}"
+            );
         }
     }
 }
@@ -311,40 +322,40 @@ fn blocks_of_the_fit_show_no_line() {
             let f = |l: &[f32; 3]| f64::from(model.eval(theta, h, [0.003], *l)[0]);
             lamp.iter().map(f).sum::<f64>() / lamp.len() as f64
         };
-        // Steps of an eighth of a cell, over the borders of blocks (every second node) and over the nodes and the middles between.
-        let (mut border, mut away, mut level) = ([0.0f64; 2], [0.0f64; 2], 0.0f64);
-        let n = 4000;
-        for _ in 0..n {
-            let up = direction(TAU * (rng.random::<f32>() - 0.5) * 0.4, TAU * 0.5 * rng.random::<f32>());
-            let lamp = lamp(up);
-            let pick =
-                |count: usize, rng: &mut Pcg64Mcg| 2 * (1 + (rng.random::<f32>() * (count / 2 - 1) as f32) as usize);
-            let (m, k) = (pick(rows, &mut rng), pick(columns, &mut rng));
-            let (theta, h) = (m as f32 * cell[0], k as f32 * cell[1] - last_h);
-            let (between_theta, between_h) =
-                (rng.random::<f32>() * last_theta, (rng.random::<f32>() - 0.5) * 1.4 * last_h);
-            let step = [cell[0] / 8.0, cell[1] / 8.0];
-            let over_theta = |t: f32| {
-                (seen(t + 0.5 * step[0], between_h, &lamp) - seen(t - 0.5 * step[0], between_h, &lamp)).powi(2)
-            };
-            let over_h = |h: f32| {
-                (seen(between_theta, h + 0.5 * step[1], &lamp) - seen(between_theta, h - 0.5 * step[1], &lamp)).powi(2)
-            };
-            border[0] += over_theta(theta);
-            away[0] += over_theta(theta - cell[0]);
-            border[1] += over_h(h);
-            away[1] += over_h(h - cell[1]);
-            level += seen(theta - cell[0], h - cell[1], &lamp).powi(2);
-        }
-        let rms = |x: f64| (x / f64::from(n)).sqrt();
-        let level = rms(level);
-        for (axis, name) in ["theta_i", "h"].into_iter().enumerate() {
-            let (b, a) = (rms(border[axis]), rms(away[axis]));
-            println!(
-                "{yarn}, {name}: step over borders {:.4} of the light, away from them {:.4}",
-                b / level,
-                a / level
-            );
+        // Steps over the borders of blocks (every second node), and over the nodes between. Over a step near 0 only what is not continuous is left; over half a cell, 3 um
+        // across the ply, it stands beside what differs from there to there anyway.
+        for (share, what) in [(1.0 / 64.0, "least"), (0.5, "pixel")] {
+            let (mut border, mut away, mut level) = ([0.0f64; 2], [0.0f64; 2], 0.0f64);
+            let n = 2000;
+            for _ in 0..n {
+                let lamp = lamp(direction(0.4 * TAU * (rng.random::<f32>() - 0.5), 0.5 * TAU * rng.random::<f32>()));
+                let mut node =
+                    |count: usize| 2.0 * (1 + (rng.random::<f32>() * (count / 2 - 1) as f32) as usize) as f32;
+                let at = [node(rows) * cell[0], node(columns) * cell[1] - last_h];
+                let any = [rng.random::<f32>() * last_theta, (rng.random::<f32>() - 0.5) * 1.4 * last_h];
+                let over = |axis: usize, place: f32| {
+                    let mut ends = [any; 2];
+                    ends[0][axis] = place - 0.5 * share * cell[axis];
+                    ends[1][axis] = place + 0.5 * share * cell[axis];
+                    (seen(ends[1][0], ends[1][1], &lamp) - seen(ends[0][0], ends[0][1], &lamp)).powi(2)
+                };
+                for axis in 0..2 {
+                    border[axis] += over(axis, at[axis]);
+                    away[axis] += over(axis, at[axis] - cell[axis]);
+                }
+                level += seen(any[0], any[1], &lamp).powi(2);
+            }
+            for (axis, name) in ["theta_i", "h"].into_iter().enumerate() {
+                let [b, a] = [border[axis], away[axis]].map(|x| (x / level).sqrt());
+                println!(
+                    "{yarn}, {name}, {what} step: {b:.4} of the light over borders of blocks, {a:.4} away from them"
+                );
+                // The piecewise fit is not continuous (Yu 2025, 5.2): neighbors differ by the error of the fit, stored as 4 % rms.
+                match what {
+                    "least" => assert!(b < 0.06, "{yarn}, {name}: jump of {b} of the light"),
+                    _ => assert!(b < 1.3 * a, "{yarn}, {name}: {b} over borders, {a} away from them"),
+                }
+            }
         }
     }
 }

@@ -16,8 +16,8 @@ const BETWEEN: u32 = 6;
 const BELOW: u32 = 28;
 /// Most bytes of a small picture.
 const SMALL_BYTES: usize = 140_000;
-/// Sides of a small picture's panels, the largest that fits counts.
-const SMALL_SIDES: [u32; 10] = [256, 224, 192, 176, 160, 144, 128, 112, 96, 80];
+/// Sides of a small picture's panels, the largest that fits counts. Titles of ten letters still fit the last.
+const SMALL_SIDES: [u32; 8] = [256, 224, 192, 176, 160, 144, 128, 112];
 
 /// What a panel was rendered with.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

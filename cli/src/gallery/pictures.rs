@@ -37,12 +37,12 @@ pub struct Picture {
 const SMOOTH: FabricOptions = FabricOptions { gaps: GapLight::Diffracted, sigma_per_um: None, noise: false };
 const NOISED: FabricOptions = FabricOptions { gaps: GapLight::Diffracted, sigma_per_um: None, noise: true };
 
-/// The fabrics that ship: name, width of the cloth from the front [mm], stops from the back, what is to be seen from the front and from the back.
-const FABRICS: [(&str, f32, f32, [&str; 2]); 5] = [
+/// The fabrics that ship: name, width of the cloth from the front [mm], stops from the front and from the back, what is to be seen from the front and from the back.
+const FABRICS: [(&str, f32, [f32; 2], [&str; 2]); 5] = [
     (
         "polyester_satin",
         12.0,
-        -1.0,
+        [0.0, -1.0],
         [
             "Polyester satin: long floats of the warp, which shine where they lean toward the lamp.",
             "The same before a lamp: next to no gaps, and those so narrow that they throw the lamp's light far to the sides.",
@@ -51,7 +51,7 @@ const FABRICS: [(&str, f32, f32, [&str; 2]); 5] = [
     (
         "cotton_twill",
         16.0,
-        -1.0,
+        [0.3, -1.0],
         [
             "Cotton twill in the colors of denim: indigo warp over three picks, the white weft in diagonals.",
             "The same before a lamp: light passes between the picks, which lie wider apart than the ends.",
@@ -60,7 +60,7 @@ const FABRICS: [(&str, f32, f32, [&str; 2]); 5] = [
     (
         "silk_organza",
         12.0,
-        -1.5,
+        [0.0, -1.5],
         [
             "Silk organza: three tenths of it are open.",
             "The same before a lamp: yarns scatter across themselves and draw a cross, along warp and weft, about the blurred lamp.",
@@ -69,7 +69,7 @@ const FABRICS: [(&str, f32, f32, [&str; 2]); 5] = [
     (
         "wool_plain",
         16.0,
-        -1.5,
+        [1.0, -1.5],
         [
             "Worsted wool in plain weave, dyed charcoal.",
             "The same before a lamp: dark yarns, so that the gaps alone show.",
@@ -78,7 +78,7 @@ const FABRICS: [(&str, f32, f32, [&str; 2]); 5] = [
     (
         "cotton_plain",
         14.0,
-        -1.0,
+        [0.0, -1.0],
         [
             "Bleached cotton percale: bright and even.",
             "The same before a lamp: the yarns glow as brightly as from the front.",
@@ -93,8 +93,8 @@ fn panel(title: &str, cloth: Cloth, setup: Setup, size_mm: f32, options: FabricO
 /// All pictures.
 pub fn all() -> Vec<Picture> {
     let mut list = Vec::new();
-    for (name, size, stops, captions) in FABRICS {
-        let sides = [(Setup::Front, "front", size, 1, 0.0), (Setup::Back, "back", 20.0, 2, stops)];
+    for (name, size, [front, back], captions) in FABRICS {
+        let sides = [(Setup::Front, "front", size, 1, front), (Setup::Back, "back", 20.0, 2, back)];
         for ((setup, side, size_mm, samples, exposure), caption) in sides.into_iter().zip(captions) {
             list.push(Picture {
                 name: format!("{name}_{side}"),
@@ -116,7 +116,7 @@ pub fn all() -> Vec<Picture> {
         list.push(Picture {
             name: name.into(),
             caption: caption.into(),
-            panels: vec![of("smooth", SMOOTH), of("with noise", NOISED)],
+            panels: vec![of("smooth", SMOOTH), of("noise", NOISED)],
         });
     }
     let gaps = |title, gaps| Panel {
@@ -128,7 +128,7 @@ pub fn all() -> Vec<Picture> {
         name: "gaps".into(),
         caption: "Organza before a lamp. Light that goes straight on through the gaps shows the lamp's outline; diffracted, it does not.".into(),
         panels: vec![
-            gaps("straight on", GapLight::Straight),
+            gaps("straight", GapLight::Straight),
             gaps("diffracted", GapLight::Diffracted),
         ],
     });
@@ -137,10 +137,10 @@ pub fn all() -> Vec<Picture> {
     let of = |ply: Ply| Cloth::of("polyester_satin", ply);
     list.push(Picture {
         name: "fiber_shapes".into(),
-        caption: "One satin, one absorption of the fibers (0.003 per um), other fibers.".into(),
+        caption: "One satin, one absorption of the fibers (0.003 per um): polyester, the same with fibers of cotton's outline, and cotton.".into(),
         panels: vec![
-            satin("polyester: circles", of(Ply::Shipped("polyester")), even),
-            satin("same, kidneys", of(Ply::kidneys()), even),
+            satin("circles", of(Ply::Shipped("polyester")), even),
+            satin("kidneys", of(Ply::kidneys()), even),
             satin("cotton", of(Ply::Shipped("cotton")), even),
         ],
     });
