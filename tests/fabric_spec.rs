@@ -170,9 +170,9 @@ fn yarns_have_the_plies_of_their_models() {
         .unwrap()
         .data()
         .clone();
-    data.save(&folder.path().join("one.pwm")).unwrap();
+    data.save(folder.path().join("one.pwm")).unwrap();
     data.spec_text.push_str("\n[yarn]\nplies = 3\nply_pitch_um = 2000.0\n");
-    data.save(&folder.path().join("three.pwm")).unwrap();
+    data.save(folder.path().join("three.pwm")).unwrap();
     let load = |model: &str, plies: u32| {
         let text = satin().replace("models/polyester.pwm", model);
         let yarns = format!("plies = {plies}\nply_pitch_um = 2000.0");

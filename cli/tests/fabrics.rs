@@ -78,7 +78,7 @@ fn three_plies(options: &FabricOptions) -> FabricBsdf {
         data
     });
     let folder = tempfile::tempdir().unwrap();
-    data.save(&folder.path().join("three.pwm")).unwrap();
+    data.save(folder.path().join("three.pwm")).unwrap();
     let yarn = "model = \"three.pwm\"\nplies = 3\nply_pitch_um = 2000.0\nhandedness = \"S\"\nspacing_um = 240.0\ncrimp = 0.3\n";
     let text = format!("name = \"three\"\n[weave]\nkind = \"twill\"\nup = 2\ndown = 1\n[warp]\n{yarn}[weft]\n{yarn}");
     std::fs::write(folder.path().join("three.toml"), text).unwrap();

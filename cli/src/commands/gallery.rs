@@ -22,7 +22,7 @@ const DEPTH: u32 = 8;
 
 /// Pixels a side of a picture of one panel and of several, and samples a pixel.
 fn sizes(quick: bool) -> ([u32; 2], u32) {
-    if quick { ([128, 128], 16) } else { ([400, 256], 64) }
+    if quick { ([128, 128], 16) } else { ([360, 256], 64) }
 }
 
 /// A panel with what it is rendered of.
