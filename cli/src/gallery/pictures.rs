@@ -110,7 +110,7 @@ pub fn all() -> Vec<Picture> {
             3.0,
             "A few yarns of the satin, without and with the speckle of single stretches of a ply.",
         ),
-        ("noise", Setup::Front, 6.0, "The satin from the front, without and with speckle: smooth, and with glints."),
+        ("noise", Setup::Front, 6.0, "The satin from the front, without and with speckle."),
     ] {
         let of = |title, options| panel(title, Cloth::shipped("polyester_satin"), setup, size_mm, options);
         list.push(Picture {
@@ -163,7 +163,7 @@ pub fn all() -> Vec<Picture> {
     });
     for (name, caption) in [
         ("polyester_satin", "Polyester satin over a ball: the highlight stretches across the warp."),
-        ("silk_organza", "Silk organza over a ball: what is behind shows through, less so toward the rim."),
+        ("silk_organza", "Silk organza over a ball."),
     ] {
         list.push(Picture {
             name: format!("{name}_drape"),
