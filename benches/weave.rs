@@ -2,9 +2,10 @@
 //! of `FabricBsdf` in two fabrics that ship, four wavelengths, light from everywhere: a query finds its place, then evaluates, samples, asks the density.
 //!
 //! `cargo bench -p plywave --bench weave`. The share of gaps stands beside each name: a gap asks all four yarns around it.
+//! Lines that begin with "memory" tell bytes and loading times of drafts up to the largest.
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use plywave::fabric::{Draft, Fabric, FabricBsdf, FabricOptions, Place, UvMap, YarnShape};
+use plywave::fabric::{Draft, Fabric, FabricBsdf, FabricOptions, FabricSpec, Place, UvMap, YarnShape};
 use plywave::{Handedness, Scatter};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -118,5 +119,37 @@ fn fabric(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, weave, fabric);
+/// Bytes and loading time of fabrics of large drafts, all yarns of one color, models apart: rows of text in a fabric spec.
+fn memory(_: &mut Criterion) {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let models = format!("{}/fabrics/models/polyester.pwm", env!("CARGO_MANIFEST_DIR"));
+    println!("memory: threads, spec's text, draft and colors, ready for shading, read in, made ready in");
+    for threads in [5usize, 64, 512, 4096] {
+        let rows = (0..threads).map(|pick| {
+            let row: String =
+                (0..threads).map(|end| if (pick * 2 + end).is_multiple_of(5) { '.' } else { 'X' }).collect();
+            format!("\"{row}\",")
+        });
+        let yarn = format!("model = {models:?}\nspacing_um = 110.0\ncrimp = 0.3\nsrgb = [0.5, 0.1, 0.1]\n");
+        let rows: String = rows.collect();
+        let text =
+            format!("name = \"large\"\n[weave]\nkind = \"draft\"\nrows = [{rows}]\n[warp]\n{yarn}[weft]\n{yarn}");
+        let path = folder.path().join("large.toml");
+        std::fs::write(&path, &text).expect("it can be written");
+        let begun = std::time::Instant::now();
+        let loaded = FabricSpec::load(&path).expect("a sound fabric");
+        let read = begun.elapsed();
+        let fabric = FabricBsdf::new(loaded, &FabricOptions::default()).expect("a sound fabric");
+        println!(
+            "memory: {threads} x {threads}, {} bytes, {} bytes, {} bytes, {:.1} ms, {:.1} ms",
+            text.len(),
+            fabric.fabric().memory_bytes(),
+            fabric.memory_bytes(),
+            1e3 * read.as_secs_f64(),
+            1e3 * (begun.elapsed() - read).as_secs_f64()
+        );
+    }
+}
+
+criterion_group!(benches, weave, fabric, memory);
 criterion_main!(benches);

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Rebuilds the models that ship in fabrics/models/ from the specs in fabrics/: preset standard, seed 1, without speckle tiles.
 #
-#   scripts/rebuild_models.sh                  all five yarns
+#   scripts/rebuild_models.sh                  all six yarns
 #   scripts/rebuild_models.sh silk wool        these only
 #   PRESET=preview OUT=out scripts/rebuild_models.sh     for a try
 #
@@ -13,7 +13,7 @@ preset=${PRESET:-standard}
 seed=${SEED:-1}
 out=${OUT:-fabrics/models}
 yarns=("$@")
-[ ${#yarns[@]} -gt 0 ] || yarns=(polyester cotton silk wool viscose)
+[ ${#yarns[@]} -gt 0 ] || yarns=(polyester polyester_3ply cotton silk wool viscose)
 
 cargo build --locked --release -p plywave-cli
 mkdir -p "$out"

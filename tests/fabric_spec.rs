@@ -134,7 +134,10 @@ fn what_files_say_is_held_together() {
     for (text, expected) in [
         (satin_with("spacing_um = 102.0", "spacing_um = 99.0"), "warp.spacing_um = 99: the yarn is 100.00 um wide"),
         (satin_with("plies = 1", "plies = 3"), "warp.spacing_um = 102: the yarn is 215.47 um wide"),
-        (satin_with("plies = 1", "plies = 1\nply_radius_um = 60"), "the yarn is 120.00 um wide"),
+        (
+            satin_with("plies = 1", "plies = 1\nply_radius_um = 60"),
+            "models/polyester.pwm is of plies of radius 50 um; leave this key out",
+        ),
         (
             satin_with("spacing_um = 102.0", "spacing_um = 400\nply_pitch_um = 150").replacen(
                 "plies = 1",
@@ -149,6 +152,7 @@ fn what_files_say_is_held_together() {
         assert!(message.contains(expected), "got {message}\nwant {expected}");
     }
     assert!(load_with(&satin_with("models/polyester.pwm", "models/none.pwm"), None).is_err());
+    assert!(load_with(&satin_with("plies = 1", "plies = 1\nply_radius_um = 50.0"), None).is_ok());
     let wif = woven("kind = \"wif\"\nfile = \"cloth.wif\"").replace("srgb = [0.50, 0.06, 0.12]", "");
     let fabric = load_with(&wif, Some(TWILL)).unwrap();
     assert_eq!(fabric.color(Family::Warp, 4), YarnColor::Srgb([1.0, 0.0, 0.0]));
@@ -156,6 +160,37 @@ fn what_files_say_is_held_together() {
     // A color of the spec goes before those of the file.
     let dyed = wif.replacen("[warp]", "[warp]\nsigma_per_um = 0.5", 1);
     assert_eq!(load_with(&dyed, Some(TWILL)).unwrap().color(Family::Warp, 7), YarnColor::Sigma(0.5));
+}
+
+/// Plies of the model, of the fabric, and what is said.
+#[test]
+fn yarns_have_the_plies_of_their_models() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut data = plywave::PlyModel::load(shipped("polyester_satin").with_file_name("models/polyester.pwm"))
+        .unwrap()
+        .data()
+        .clone();
+    data.save(folder.path().join("one.pwm")).unwrap();
+    data.spec_text.push_str("\n[yarn]\nplies = 3\nply_pitch_um = 2000.0\n");
+    data.save(folder.path().join("three.pwm")).unwrap();
+    let load = |model: &str, plies: u32| {
+        let text = satin().replace("models/polyester.pwm", model);
+        let yarns = format!("plies = {plies}\nply_pitch_um = 2000.0");
+        let text = text.replace("plies = 1", &yarns).replace("spacing_um = 102.0", "spacing_um = 300.0");
+        let path = folder.path().join("cloth.toml");
+        std::fs::write(&path, text.replace("spacing_um = 200.0", "spacing_um = 300.0")).unwrap();
+        FabricSpec::load(&path)
+    };
+    let said = |model, plies| load(model, plies).unwrap().notes().join("; ");
+    for plies in [1, 2, 4] {
+        let message = one_line(&load("three.pwm", plies));
+        let (value, mend) = (format!("cloth.toml: warp.plies = {plies}: "), "is of a yarn of 3 plies; use plies = 3");
+        assert!(message.contains(&value) && message.contains(mend), "{message}");
+    }
+    assert!(!said("three.pwm", 3).contains("alone"));
+    assert!(!said("one.pwm", 1).contains("alone"));
+    let notes = said("one.pwm", 2);
+    assert!(notes.contains("warp.plies = 2") && notes.contains("weft.plies = 2") && notes.contains("alone"), "{notes}");
 }
 
 /// A 2/2 twill of four ends and eight picks; ends 1 and 2 red, the others white, picks blue.

@@ -54,6 +54,8 @@ pub enum Command {
     Compare(CompareArgs),
     /// Render a fabric in a ready-made scene: fabric spec (TOML) in, PNG and EXR out.
     Render(RenderArgs),
+    /// Render the gallery: the fabrics that ship, front-lit and back-lit, and what each part of the model does to them. A folder of PNGs with an index out.
+    Gallery(GalleryArgs),
 }
 
 /// Ready-made scenes.
@@ -129,6 +131,26 @@ pub struct RenderArgs {
     /// Keep the sums, so that --resume can add samples.
     #[arg(long)]
     pub keep_sums: bool,
+}
+
+/// `plywave gallery`.
+#[derive(Debug, Args)]
+pub struct GalleryArgs {
+    /// Folder to write: pictures, small ones of them, the fabrics and models they are made of, gallery.json and gallery.md.
+    #[arg(long, short, value_name = "FOLDER", default_value = "gallery")]
+    pub output: PathBuf,
+    /// Small pictures of few samples, and models of few paths: the whole gallery in about a minute.
+    #[arg(long)]
+    pub quick: bool,
+    /// These pictures only; an unknown name lists all.
+    #[arg(long, value_name = "NAME", num_args = 1, value_delimiter = ',')]
+    pub only: Vec<String>,
+    /// Folder of the fabric and yarn specs that ship.
+    #[arg(long, value_name = "FOLDER", default_value = "fabrics")]
+    pub fabrics: PathBuf,
+    /// Skip pictures that are there with the same settings.
+    #[arg(long)]
+    pub resume: bool,
 }
 
 /// `plywave weave`.
@@ -313,7 +335,7 @@ impl Preset {
 }
 
 /// Flags of a simulation.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct RunArgs {
     /// Quality [default: standard; preview when no spec is given].
     #[arg(long, value_enum)]

@@ -3,6 +3,7 @@
 mod args;
 mod commands;
 mod failure;
+mod gallery;
 mod output;
 mod plot;
 mod progress;
@@ -29,6 +30,7 @@ fn main() -> ExitCode {
         Command::Plot(args) => commands::plot::run(&cli, args),
         Command::Compare(args) => commands::compare::run(&cli, args),
         Command::Render(args) => commands::render::run(&cli, args),
+        Command::Gallery(args) => commands::gallery::run(&cli, args),
         Command::Noise(args) => commands::noise::run(&cli, args),
         Command::Color(args) => commands::color::run(&cli, args),
         Command::Weave(args) => commands::weave::run(&cli, args),

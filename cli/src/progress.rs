@@ -39,7 +39,7 @@ pub fn stoppable<T>(work: impl FnOnce() -> T) -> T {
 }
 
 /// Commands that have the flag `--resume`.
-const RESUMABLE: [&str; 6] = ["simulate", "build", "tabulate", "compare", "speckle", "render"];
+const RESUMABLE: [&str; 7] = ["simulate", "build", "tabulate", "compare", "speckle", "render", "gallery"];
 
 /// The command line of this run with `--resume`, where the command has that flag.
 pub fn resume_command() -> String {

@@ -42,13 +42,15 @@ impl Setup {
             Light::facing(place, Vec3::ZERO, side * s, std::f32::consts::PI / solid_angle)
         };
         let dark = || Environment::constant(0.0);
-        let dim = || Environment::constant(0.25);
+        let dim = || Environment::constant(0.12);
         let (own, lights, own_sky, camera) = match self {
+            // The highlight of a mirror would lie beside the picture: yarns shine where they lean, and elsewhere show their color.
             Setup::Front => (
                 Mesh::flat(s),
-                vec![lamp(at(0.0, 2.4, 2.6), 0.25)],
+                vec![lamp(at(-1.2, 0.9, 3.2), 0.25)],
                 dark(),
-                Camera::new(at(0.0, -1.5, 2.0), Vec3::ZERO, up, 0.36),
+                // The far edge of the sheet lies just outside the picture.
+                Camera::new(at(0.0, -1.5, 2.0), Vec3::ZERO, up, 0.27),
             ),
             Setup::Back => (
                 Mesh::flat(s),
@@ -60,7 +62,7 @@ impl Setup {
                 Mesh::drape(s),
                 vec![lamp(at(-1.4, -1.0, 2.2), 0.5)],
                 dim(),
-                Camera::new(at(0.0, -2.4, 1.1), at(0.0, 0.0, 0.02), Vec3::Z, 0.36),
+                Camera::new(at(0.0, -2.4, 1.1), at(0.0, 0.0, 0.02), Vec3::Z, 0.31),
             ),
             Setup::Folds => (
                 Mesh::folded(s),
@@ -70,7 +72,8 @@ impl Setup {
             ),
             Setup::Swatch => (
                 Mesh::flat(s * 3.0),
-                vec![lamp(at(1.5, 2.0, 2.4), 0.3)],
+                // Small, so that speckle shows.
+                vec![lamp(at(1.5, 2.0, 2.4), 0.1)],
                 dark(),
                 Camera::new(at(0.0, 0.0, 3.0), Vec3::ZERO, up, 0.33),
             ),

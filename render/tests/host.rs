@@ -79,7 +79,7 @@ fn a_white_sheet_in_a_white_room_is_white() {
 #[test]
 fn lamps_give_the_light_they_are_scaled_to() {
     // The lamp's irradiance at the middle is pi times the cosine: radiance of a white sheet is the cosine.
-    let cosine = 2.6 / 2.4f32.hypot(2.6);
+    let cosine = 3.2 / 1.2f32.hypot(0.9).hypot(3.2);
     let y = middle(Setup::Front, &Diffuse { up: 1.0, down: 0.0 }, 64);
     assert!((y / cosine - 1.0).abs() < 0.03, "front: {y}, cosine {cosine}");
     let y = middle(Setup::Back, &Diffuse { up: 0.0, down: 1.0 }, 64);

@@ -147,6 +147,20 @@ impl FabricBsdf {
         &self.models[family as usize]
     }
 
+    /// Bytes of memory, the models apart, which fabrics share.
+    pub fn memory_bytes(&self) -> usize {
+        let dye = |d: &Dye| match d {
+            Dye::Even(_) => 0,
+            Dye::Spectrum(_) => size_of::<SigmaSpectrum>(),
+        };
+        size_of::<FabricBsdf>()
+            + self.fabric.memory_bytes()
+            + self.threads.iter().map(|t| size_of_val(t.as_slice())).sum::<usize>()
+            + size_of_val(self.dyes.as_slice())
+            + self.dyes.iter().map(dye).sum::<usize>()
+            + size_of_val(self.spectra.as_slice())
+    }
+
     /// Absorptions [1/um] of a yarn at wavelengths [um].
     pub fn sigma<const N: usize>(&self, family: Family, yarn: i32, lambda_um: [f32; N]) -> [f32; N] {
         let threads = &self.threads[family as usize];

@@ -3,10 +3,10 @@
 
 use super::Family;
 use super::draft::{Draft, MAX_THREADS};
-use super::spec::{FabricSpec, WeaveSpec};
+use super::spec::{FabricSpec, WeaveSpec, YarnOfFabric};
 use super::wif::line;
 use super::yarn::YarnShape;
-use crate::{Error, Result};
+use crate::{Error, Result, YarnSpec};
 use toml::{Table, Value};
 
 /// What a key holds.
@@ -239,6 +239,28 @@ fn check_bound(file: &str, draft: &Draft) -> Result<()> {
     let side = if up { "above" } else { "below" };
     let value = format!("{what} {at}, whose {} lies {side} all others", family.name());
     Err(invalid(file, "weave.rows", value, "bind every yarn: both X and . in every row and every column"))
+}
+
+/// What must hold between the yarns of a family and `ply`, the spec in `model`, which they name.
+///
+/// A model of a yarn of P plies is that of its first ply with the light of the others in it (Yu 2025, 5.3), so the fabric's yarns have P plies. A model of one ply is taken for
+/// yarns of any number: every ply then scatters as if it were alone ([`super::LoadedFabric::notes`] says so). Offsets h are in um, so the plies have the model's radius.
+pub(super) fn check_model(file: &str, family: Family, yarn: &YarnOfFabric, model: &str, ply: &YarnSpec) -> Result<()> {
+    let key = |name: &str| format!("{}.{name}", family.name());
+    let plies = ply.yarn.plies;
+    if plies > 1 && yarn.plies != plies {
+        let mend = format!("{model} is of a yarn of {plies} plies; use plies = {plies}, or a model of one ply");
+        return Err(invalid(file, &key("plies"), yarn.plies, mend));
+    }
+    let [a, b] = ply.ply_radii_um();
+    let (least, most) = (a.min(b), a.max(b));
+    // A rounding is no other radius.
+    if let Some(radius) = yarn.ply_radius_um.filter(|r| !(least * (1.0 - 1e-6)..=most * (1.0 + 1e-6)).contains(r)) {
+        let own = if least < most { format!("{least} to {most}") } else { format!("{most}") };
+        let mend = format!("{model} is of plies of radius {own} um; leave this key out, or use a model of such plies");
+        return Err(invalid(file, &key("ply_radius_um"), radius, mend));
+    }
+    Ok(())
 }
 
 /// What must hold of the yarns once their plies are known.

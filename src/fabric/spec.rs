@@ -1,7 +1,7 @@
 //! The fabric spec (TOML): the weave, and the yarns of warp and weft. Lengths in um; the unit is part of the key. Keys, ranges and relations are in
 //! `check.rs`.
 
-use super::check::{check_keys, check_relations, format_error, invalid};
+use super::check::{check_keys, check_model, check_relations, format_error, invalid};
 use super::draft::Draft;
 use super::wif::{self, Wif};
 use super::yarn::YarnShape;
@@ -129,6 +129,34 @@ pub struct LoadedFabric {
     pub models: [Arc<PlyModel>; 2],
 }
 
+impl LoadedFabric {
+    /// What is left out because a model does not hold it, a line each; none where the models are whole.
+    pub fn notes(&self) -> Vec<String> {
+        let mut notes = Vec::new();
+        let mut add = |note: String| {
+            if !notes.contains(&note) {
+                notes.push(note);
+            }
+        };
+        for (k, family) in Family::EACH.into_iter().enumerate() {
+            let (name, plies) = (family.name(), self.spec.yarn(family).plies);
+            let (data, model) = (self.models[k].data(), self.model_paths[k].display());
+            // What cannot be read was refused when the fabric was loaded.
+            let of = YarnSpec::parse(&data.spec_text, "").map_or(1, |ply| ply.yarn.plies);
+            if plies > 1 && of == 1 {
+                add(format!("{name}.plies = {plies}: {model} is of one ply, so each ply scatters as if it were alone"));
+            }
+            if data.edge.is_none() {
+                add(format!("{model} has no edge lobes: light beside a ply goes straight on"));
+            }
+            if data.layers.is_none() {
+                add(format!("{model} has no layer factors: where two yarns lie, the light is that of the upper one"));
+            }
+        }
+        notes
+    }
+}
+
 impl FabricSpec {
     /// Reads a spec from its text; `file` is for messages only. Files it names are not read.
     ///
@@ -172,7 +200,7 @@ impl FabricSpec {
     ///
     /// # Errors
     /// As [`FabricSpec::parse`], [`Wif::parse`] and [`PlyModel::load`], [`Error::Io`] when a file cannot be read, and [`Error::Invalid`] for a
-    /// spacing narrower than the yarn.
+    /// spacing narrower than the yarn, for a number of plies that a model of a yarn is not of, and for a radius that is not that of the model's plies.
     pub fn load(path: impl AsRef<Path>) -> Result<LoadedFabric> {
         let path = path.as_ref();
         let file = path.display().to_string();
@@ -193,6 +221,7 @@ impl FabricSpec {
         for (k, family) in Family::EACH.into_iter().enumerate() {
             let name = format!("{} (its spec)", model_paths[k].display());
             let ply = YarnSpec::parse(&models[k].data().spec_text, &name)?;
+            check_model(&file, family, spec.yarn(family), &model_paths[k].display().to_string(), &ply)?;
             shapes.push(spec.shape(family, &ply));
         }
         let shapes = [shapes[0], shapes[1]];

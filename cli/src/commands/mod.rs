@@ -11,6 +11,7 @@ pub mod diffraction_view;
 pub mod eval;
 pub mod fiber_view;
 pub mod fit;
+pub mod gallery;
 pub mod info;
 pub mod info_fiber;
 pub mod noise;

@@ -6,7 +6,7 @@ use crate::failure::{Failure, Outcome};
 use crate::output;
 use crate::progress::{self, Bar, STOP};
 use crate::report;
-use plywave::fabric::{FabricBsdf, FabricOptions, GapLight};
+use plywave::fabric::{FabricBsdf, FabricOptions, FabricSpec, GapLight};
 use plywave_render::{Environment, Film, FilmView, Mesh, RenderError, RenderOptions, Setup, render};
 use std::time::Duration;
 
@@ -26,7 +26,8 @@ impl From<Scene> for Setup {
     }
 }
 
-fn failed(error: RenderError) -> Failure {
+/// What a render that ended early says.
+pub fn failed(error: RenderError) -> Failure {
     match error {
         RenderError::Stopped { .. } => {
             Failure::Interrupted(format!("stopped; go on with: {}", progress::resume_command()))
@@ -59,7 +60,9 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
         sigma_per_um: args.sigma.map(|s| s as f32),
         noise: !args.smooth,
     };
-    let fabric = FabricBsdf::load(&args.fabric, &options)?;
+    let loaded = FabricSpec::load(&args.fabric)?;
+    let notes = loaded.notes();
+    let fabric = FabricBsdf::new(loaded, &options)?;
     let setup = Setup::from(args.setup);
     let size = args.size_mm.map_or(setup.size_mm(), |s| s as f32);
     let mesh = match &args.mesh {
@@ -128,7 +131,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     if cli.json {
         return output::print_json(&serde_json::json!({
             "png": path.display().to_string(), "exr": exr.display().to_string(), "width": args.width, "height": args.height,
-            "samples": film.samples(), "seconds": time.as_secs_f64(), "paths": paths,
+            "samples": film.samples(), "seconds": time.as_secs_f64(), "paths": paths, "notes": notes,
         }));
     }
     if cli.quiet {
@@ -138,6 +141,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
         writeln!(out, "{}: {} x {}, {} samples a pixel", path.display(), args.width, args.height, film.samples())?;
         let rate = paths as f64 / time.as_secs_f64().max(1e-9);
         writeln!(out, "  time         {}, {} paths/s", report::duration(time), report::count(rate))?;
-        writeln!(out, "  linear       {}", exr.display())
+        writeln!(out, "  linear       {}", exr.display())?;
+        notes.iter().try_for_each(|note| writeln!(out, "  note         {note}"))
     })
 }

@@ -31,7 +31,12 @@ impl Job {
                 ("polyester.toml".into(), (YarnSpec::polyester()?, plywave::POLYESTER.to_string()), Preset::Preview)
             }
         };
-        let mut options = match run.preset.unwrap_or(usual) {
+        Ok(Job::of(file, spec, text, &RunArgs { preset: Some(run.preset.unwrap_or(usual)), ..run.clone() }))
+    }
+
+    /// Of a spec that has been read; standard quality where no preset is given.
+    pub fn of(file: PathBuf, spec: YarnSpec, text: String, run: &RunArgs) -> Self {
+        let mut options = match run.preset.unwrap_or(Preset::Standard) {
             Preset::Preview => SimOptions::preview(),
             Preset::Standard => SimOptions::standard(),
             Preset::Reference => SimOptions::reference(),
@@ -40,7 +45,7 @@ impl Job {
         options.seed = run.seed;
         options.paths_per_theta = run.paths.unwrap_or(options.paths_per_theta);
         options.instances = run.instances.unwrap_or(options.instances);
-        Ok(Job { file, spec, text, options })
+        Job { file, spec, text, options }
     }
 
     /// Runs the simulation with finished shards kept in `parts`; gives the table and what there is to say.

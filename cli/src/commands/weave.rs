@@ -5,8 +5,9 @@ use crate::failure::{Failure, Outcome};
 use crate::report::{self, number};
 use crate::{output, plot, progress};
 use image::{ExtendedColorType, ImageEncoder};
-use plywave::fabric::{Fabric, FabricSpec, Family, YarnPlace};
+use plywave::fabric::{Fabric, FabricBsdf, FabricOptions, FabricSpec, Family, YarnPlace};
 use std::path::Path;
+use std::time::{Duration, Instant};
 
 /// The description in the folder, by which a folder is known as one of ours.
 const DESCRIPTION: &str = "weave.json";
@@ -19,8 +20,13 @@ const USUAL_PIXELS: f64 = 32.0;
 
 /// Runs the command.
 pub fn run(cli: &Cli, args: &WeaveArgs) -> Outcome {
+    let begun = Instant::now();
     let loaded = FabricSpec::load(&args.fabric)?;
-    let fabric = &loaded.fabric;
+    let notes = loaded.notes();
+    let spec = loaded.spec.clone();
+    let shading = FabricBsdf::new(loaded, &FabricOptions::default())?;
+    let load = begun.elapsed();
+    let fabric = shading.fabric();
     let folder = args.output.clone().unwrap_or_else(|| output::default_output(&args.fabric, "weave"));
     output::check_folder(&folder, DESCRIPTION, &[&args.fabric])?;
     let size = size(args, fabric)?;
@@ -30,9 +36,10 @@ pub fn run(cli: &Cli, args: &WeaveArgs) -> Outcome {
     for texture in &textures {
         files.push((texture.file, texture.png(&folder)?));
     }
-    let sheet = plot::weave::sheet(&loaded.spec.name, &particulars(fabric), fabric);
+    let sheet = plot::weave::sheet(&spec.name, &particulars(fabric), fabric);
     files.push(("sheet.png", plot::png(&sheet, &folder)?));
-    let about = about(&loaded.spec, fabric, size, args.back, &textures);
+    let mut about = about(&spec, fabric, size, args.back, &textures);
+    about["shading_bytes"] = shading.memory_bytes().into();
     progress::stoppable(|| {
         let made = std::fs::create_dir_all(&folder);
         made.map_err(|e| Failure::input(folder.display(), "-o", e, "choose a place that can be written"))?;
@@ -45,7 +52,7 @@ pub fn run(cli: &Cli, args: &WeaveArgs) -> Outcome {
             writeln!(out)
         })
     })?;
-    tell(cli, &folder, fabric, &about)
+    tell(cli, &folder, &shading, load, &notes, &about)
 }
 
 /// Width and height of the textures of one repeat.
@@ -209,9 +216,19 @@ fn particulars(fabric: &Fabric) -> Vec<String> {
 }
 
 /// Says what came out.
-fn tell(cli: &Cli, folder: &Path, fabric: &Fabric, about: &serde_json::Value) -> Outcome {
+fn tell(
+    cli: &Cli,
+    folder: &Path,
+    shading: &FabricBsdf,
+    load: Duration,
+    notes: &[String],
+    about: &serde_json::Value,
+) -> Outcome {
+    let fabric = shading.fabric();
     if cli.json {
         let mut about = about.clone();
+        about["load_s"] = load.as_secs_f64().into();
+        about["notes"] = notes.into();
         about["folder"] = folder.display().to_string().into();
         return output::print_json(&about);
     }
@@ -223,6 +240,12 @@ fn tell(cli: &Cli, folder: &Path, fabric: &Fabric, about: &serde_json::Value) ->
         for line in particulars(fabric) {
             writeln!(out, "  {line}")?;
         }
-        writeln!(out, "  {} in memory", report::bytes(fabric.memory_bytes() as u64))
+        let [draft, all] = [fabric.memory_bytes(), shading.memory_bytes()].map(|b| report::bytes(b as u64));
+        writeln!(
+            out,
+            "  {draft} of draft and colors, {all} ready for shading without the models, read in {}",
+            report::duration(load)
+        )?;
+        notes.iter().try_for_each(|note| writeln!(out, "  note: {note}"))
     })
 }

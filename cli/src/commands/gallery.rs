@@ -1,0 +1,229 @@
+//! `plywave gallery`: every picture of the gallery into a folder, with an index of what was rendered how.
+
+use super::on_threads;
+use super::render::failed;
+use crate::args::{Cli, GalleryArgs};
+use crate::failure::{Failure, Outcome};
+use crate::gallery::digest;
+use crate::gallery::materials::Workshop;
+use crate::gallery::pages::{Entry, Index, Shot, markdown, png, small, strip};
+use crate::gallery::pictures::{self, Panel, Picture};
+use crate::progress::{self, Bar, STOP};
+use crate::{output, report};
+use plywave::fabric::{FabricBsdf, FabricSpec};
+use plywave_render::{Film, FilmView, RenderOptions, render};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// The index, by which a folder is known as one of ours.
+const INDEX: &str = "gallery.json";
+/// Most scatterings of a path.
+const DEPTH: u32 = 8;
+
+/// Pixels a side of a picture of one panel and of several, and samples a pixel.
+fn sizes(quick: bool) -> ([u32; 2], u32) {
+    if quick { ([128, 128], 16) } else { ([360, 256], 64) }
+}
+
+/// A panel with what it is rendered of.
+struct Work {
+    panel: Panel,
+    file: PathBuf,
+    shot: Shot,
+}
+
+impl Work {
+    fn paths(&self) -> u64 {
+        u64::from(self.shot.pixels).pow(2) * u64::from(self.shot.samples)
+    }
+
+    /// The finished film.
+    fn render(&self, cli: &Cli, bar: &Bar) -> Outcome<Film> {
+        let fabric = FabricBsdf::load(&self.file, &self.panel.options)?;
+        let (scene, camera) = self.panel.setup.scene(self.panel.size_mm, None, None);
+        let side = self.shot.pixels;
+        let mut film = Film::new(side, side);
+        let options = RenderOptions { samples: self.shot.samples, depth: self.shot.depth, seed: self.shot.seed };
+        let mut before = 0;
+        let work = on_threads(cli, || {
+            progress::stoppable(|| {
+                render(&scene, &camera, &fabric, &mut film, &options, &STOP, &mut |film| {
+                    bar.advance(u64::from(side).pow(2) * u64::from(film.samples() - before));
+                    before = film.samples();
+                    Ok(())
+                })
+            })
+        })?;
+        work.map_err(failed)?;
+        Ok(film)
+    }
+}
+
+/// The pictures asked for.
+fn chosen(only: &[String]) -> Outcome<Vec<Picture>> {
+    let mut all = pictures::all();
+    for name in only {
+        if !all.iter().any(|p| p.name == *name) {
+            let names: Vec<&str> = all.iter().map(|p| p.name.as_str()).collect();
+            return Err(Failure::input("command line", "--only", name, &format!("use some of {}", names.join(", "))));
+        }
+    }
+    all.retain(|p| only.is_empty() || only.contains(&p.name));
+    Ok(all)
+}
+
+/// The index of an earlier run; none where it cannot be read.
+fn earlier(folder: &Path) -> Index {
+    let read = std::fs::read(folder.join(INDEX)).ok();
+    read.and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or_default()
+}
+
+fn make_folder(path: &Path) -> Outcome {
+    std::fs::create_dir_all(path)
+        .map_err(|e| Failure::input(path.display(), "-o", e, "choose a place that can be written"))
+}
+
+/// Runs the command.
+pub fn run(cli: &Cli, args: &GalleryArgs) -> Outcome {
+    let pictures = chosen(&args.only)?;
+    if !args.fabrics.is_dir() {
+        let mend = "no such folder; name that of the fabric specs that ship";
+        return Err(Failure::input("command line", "--fabrics", args.fabrics.display(), mend));
+    }
+    let folder = &args.output;
+    output::check_folder(folder, INDEX, &[])?;
+    let workshop = Workshop { cli, from: &args.fabrics, to: folder, quick: args.quick };
+    pictures.iter().flat_map(|p| &p.panels).try_for_each(|panel| workshop.check(&panel.cloth))?;
+    for part in ["", "fabrics", "models", "small"] {
+        make_folder(&folder.join(part))?;
+    }
+    let begun = Instant::now();
+    let before = earlier(folder);
+    let mut index = Index {
+        program_version: env!("CARGO_PKG_VERSION").into(),
+        quick: args.quick,
+        // Pictures that are not asked for stay in the index.
+        pictures: before.pictures.clone(),
+    };
+    let mut command = "plywave gallery".to_string();
+    if args.quick {
+        command += " --quick";
+    }
+    let write_index = |index: &Index| {
+        output::write_whole_by(&folder.join(INDEX), |out| {
+            serde_json::to_writer_pretty(&mut *out, index).map_err(std::io::Error::from)?;
+            writeln!(out)
+        })?;
+        output::write_whole(&folder.join("gallery.md"), markdown(index, &command).as_bytes())
+    };
+    // From here on the folder is known as a gallery's, so that a stopped run can go on in it.
+    write_index(&index)?;
+    progress::install_stop();
+    let (sides, samples) = sizes(args.quick);
+    let mut works = Vec::new();
+    for picture in &pictures {
+        let side = sides[usize::from(picture.panels.len() > 1)];
+        let mut panels = Vec::new();
+        for panel in &picture.panels {
+            let file = workshop.cloth(&panel.cloth)?;
+            let digest = digest_of(&file)?;
+            let name = format!("fabrics/{}.toml", panel.cloth.name());
+            let shot = Shot::of(panel, name, digest, side, samples, DEPTH);
+            panels.push(Work { panel: panel.clone(), file, shot });
+        }
+        works.push((picture, panels));
+    }
+    let made = begun.elapsed();
+    let total: u64 = works.iter().flat_map(|(_, panels)| panels).map(Work::paths).sum();
+    let bar = Bar::new("render", "paths", cli.quiet);
+    bar.begin("render", total);
+    let (mut rendered, mut skipped) = (0, 0);
+    for (picture, panels) in &works {
+        let shots: Vec<Shot> = panels.iter().map(|w| w.shot.clone()).collect();
+        let entry = Entry {
+            name: picture.name.clone(),
+            caption: picture.caption.clone(),
+            file: format!("{}.png", picture.name),
+            small: format!("small/{}.png", picture.name),
+            panels: shots,
+            seconds: 0.0,
+        };
+        let there = before.pictures.iter().find(|e| e.name == entry.name && e.panels == entry.panels);
+        if let Some(there) =
+            there.filter(|e| args.resume && folder.join(&e.file).is_file() && folder.join(&e.small).is_file())
+        {
+            skipped += 1;
+            put(&mut index, Entry { caption: entry.caption, ..there.clone() });
+            bar.advance(panels.iter().map(Work::paths).sum());
+            continue;
+        }
+        let begun = Instant::now();
+        let mut images = Vec::new();
+        for work in panels {
+            images.push(work.render(cli, &bar)?.image(FilmView::Light, work.shot.exposure));
+        }
+        let titles: Vec<&str> = entry.panels.iter().map(|s| s.title.as_str()).collect();
+        let (file, small_file) = (folder.join(&entry.file), folder.join(&entry.small));
+        output::write_whole(&file, &png(&strip(&images, &titles), &file)?)?;
+        output::write_whole(&small_file, &small(&images, &titles, &small_file)?)?;
+        put(&mut index, Entry { seconds: begun.elapsed().as_secs_f64(), ..entry });
+        write_index(&index)?;
+        rendered += 1;
+    }
+    let time = bar.finish();
+    order(&mut index);
+    write_index(&index)?;
+    tell(cli, folder, (rendered, skipped), (made, time), &index)
+}
+
+/// Of a fabric spec and the models beside it.
+fn digest_of(file: &Path) -> Outcome<String> {
+    let loaded = FabricSpec::load(file)?;
+    let mut bytes = std::fs::read(file).unwrap_or_default();
+    for model in &loaded.model_paths {
+        bytes.extend(digest(&std::fs::read(model).unwrap_or_default()).bytes());
+    }
+    Ok(digest(&bytes))
+}
+
+/// Puts an entry in the place of that of its name.
+fn put(index: &mut Index, entry: Entry) {
+    match index.pictures.iter_mut().find(|e| e.name == entry.name) {
+        Some(there) => *there = entry,
+        None => index.pictures.push(entry),
+    }
+}
+
+/// The gallery's own order; names it does not know any more are left out.
+fn order(index: &mut Index) {
+    let names: Vec<String> = pictures::all().into_iter().map(|p| p.name).collect();
+    let place = |e: &Entry| names.iter().position(|n| *n == e.name);
+    index.pictures.retain(|e| place(e).is_some());
+    index.pictures.sort_by_key(|e| place(e));
+}
+
+fn tell(
+    cli: &Cli,
+    folder: &Path,
+    (rendered, skipped): (usize, usize),
+    (made, time): (Duration, Duration),
+    index: &Index,
+) -> Outcome {
+    if cli.json {
+        return output::print_json(&serde_json::json!({
+            "folder": folder.display().to_string(), "rendered": rendered, "skipped": skipped,
+            "materials_s": made.as_secs_f64(), "render_s": time.as_secs_f64(), "index": index,
+        }));
+    }
+    if cli.quiet {
+        return Ok(());
+    }
+    output::print(|out| {
+        writeln!(
+            out,
+            "{}: {rendered} pictures rendered, {skipped} there already; gallery.md shows them",
+            folder.display()
+        )?;
+        writeln!(out, "  time         {} for models, {} for pictures", report::duration(made), report::duration(time))
+    })
+}
