@@ -67,11 +67,13 @@ fn direction(u: [f32; 2]) -> [f32; 3] {
     [r * c, r * s, z]
 }
 
+/// Point, viewer, light, random numbers.
+type Query = ([f32; 2], [f32; 3], [f32; 3], [f32; 3]);
+
 fn fabric(c: &mut Criterion) {
     let mut rng = Pcg64Mcg::seed_from_u64(2);
     let map = UvMap::new([1e5; 2], 0.3);
-    // Point, viewer, light, random numbers.
-    let queries: Vec<([f32; 2], [f32; 3], [f32; 3], [f32; 3])> = (0..QUERIES)
+    let queries: Vec<Query> = (0..QUERIES)
         .map(|_| {
             let [x, y, z] = direction(rng.random());
             (map.point_um(rng.random()), [x, y, z.abs()], direction(rng.random()), rng.random())

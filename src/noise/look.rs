@@ -378,7 +378,7 @@ mod tests {
         let mut rng = Pcg64Mcg::seed_from_u64(4);
         let tiles = NoiseTiles { step: [[1e-6; 2]; 2], ..tiles(&mut rng) };
         for i in 0..1000 {
-            let wo = crate::direction(1.5 * (rng.random::<f32>() - 0.5), 6.28 * rng.random::<f32>());
+            let wo = crate::direction(1.5 * (rng.random::<f32>() - 0.5), std::f32::consts::TAU * rng.random::<f32>());
             let (refl, high) = tiles.factors(Instance::new(i, 0.0, 1.0), 1e30, wo, [1e-6, 0.5, f32::NAN]);
             assert!(refl.iter().chain(&high).all(|n| (0.0..10.0).contains(n)), "{refl:?} {high:?}");
         }
