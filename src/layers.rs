@@ -114,12 +114,22 @@ impl LayerTables {
         }
         let energy_high =
             |row: usize, column: usize| between(row, column, &|i| d.energy_high[i * j..][..j].iter().sum());
+        // Lobes' spectra add up to 1, so at sigma = 0 the sum of a block's lobes is bilinear over its corners, four half cells apart.
+        let corner = d.lobes_high * PARAMS;
+        let sum = |lobes: &[f64]| lobes.iter().skip(PARAMS - 1).step_by(PARAMS).sum::<f64>() as f32;
+        let corner_sums: Vec<f32> = d.high.chunks_exact(corner).map(sum).collect();
         let mut lobes = Vec::with_capacity((rows - 1) * (columns - 1));
         for row in 0..rows - 1 {
             for column in 0..columns - 1 {
-                let corners = [0, 1, 2, 3].map(|c| (row + c / 2, column + c % 2));
-                let sums = corners.map(|(r, c)| lobe_sum(d, (row / 4, column / 4), [r, c]) as f32);
-                lobes.push([sums, corners.map(|(r, c)| energy_high(r, c) as f32)]);
+                let block = (row / 4) * ((h - 1) / 2) + column / 4;
+                let at = |c: usize| {
+                    ((row + c / 2 - row / 4 * 4) as f32 / 4.0, (column + c % 2 - column / 4 * 4) as f32 / 4.0)
+                };
+                let sums = [0, 1, 2, 3].map(at).map(|(s, t)| {
+                    let [a, b, c, d] = [0, 1, 2, 3].map(|c| corner_sums[4 * block + c]);
+                    (1.0 - s) * ((1.0 - t) * a + t * b) + s * ((1.0 - t) * c + t * d)
+                });
+                lobes.push([sums, [0, 1, 2, 3].map(|c| energy_high(row + c / 2, column + c % 2) as f32)]);
             }
         }
         let size = j.next_multiple_of(LANES) + 1;
@@ -271,20 +281,6 @@ impl LayerTables {
 
 /// Energies below this are none.
 const LEAST: f32 = 1e-12;
-
-/// Sum of the energies of a block's high-order lobes at sigma = 0, before they are scaled, at quarters (row, column) of the block counted from the table's first node.
-fn lobe_sum(d: &PlyData, (bm, bn): (usize, usize), [row, column]: [usize; 2]) -> f64 {
-    let (lobes, j) = (d.lobes_high, d.path_um.len());
-    let first = (bm * ((d.h_um.len() - 1) / 2) + bn) * 4 * lobes;
-    let (s, t) = ((row - 4 * bm) as f64 / 4.0, (column - 4 * bn) as f64 / 4.0);
-    let weights = [(1.0 - s) * (1.0 - t), (1.0 - s) * t, s * (1.0 - t), s * t];
-    let mean = |l: usize, of: &dyn Fn(usize) -> f64| -> f64 {
-        weights.iter().enumerate().map(|(c, w)| w * of(first + c * lobes + l)).sum()
-    };
-    let energy = |k: usize| d.high[(k + 1) * PARAMS - 1];
-    let spectrum = |k: usize| d.high_path[k * j..(k + 1) * j].iter().sum();
-    (0..lobes).map(|l| mean(l, &energy) * mean(l, &spectrum)).sum()
-}
 
 /// [`PlyModel::layer`], and the energy of [`PlyModel::forward_energy`] as tabulated.
 #[multiversion(targets(

@@ -115,26 +115,24 @@ fn factors_are_those_of_the_evaluator() {
     assert!((f64::from(got.reflected_diffuse[0]) - above / met).abs() < 4e-3);
 }
 
-/// Corners of a block whose lobes are scaled apart change what lies between them, and the factors know of it.
+/// At the rim of a yarn's ply the lobes of a block's corners differ in energy many times, so that their shape changes near the weaker one: linear factors are off by 0.03 there.
 #[test]
-fn lobes_of_any_scale_send_forward_what_is_said() {
-    let mut data = model("polyester").data().clone();
-    let corner = data.lobes_high * plywave::asg::PARAMS;
-    for (c, lobes) in data.high.chunks_exact_mut(corner).enumerate() {
-        let scale = [1.0, 0.02, 0.3, 0.005][c % 4];
-        lobes.iter_mut().skip(plywave::asg::PARAMS - 1).step_by(plywave::asg::PARAMS).for_each(|e| *e *= scale);
+fn factors_follow_lobes_at_the_rim() {
+    let model = model("polyester_3ply");
+    let (theta, h) = (model.data().theta_i.clone(), model.data().h_um.clone());
+    let (mut worst, sigma) = (0.0f64, [0.0, 0.01]);
+    for row in [0.5, 3.3, 6.7] {
+        for side in [-1.0, 1.0] {
+            for step in 0..16 {
+                let column = 2.0 + (f64::from(step) + 0.5) / 8.0;
+                let (t, x) = ((row * theta[1]) as f32, (side * (h[0] + column * (h[1] - h[0]))) as f32);
+                let (got, want) = (model.forward_energy(t, x, sigma).unwrap(), brute_force(&model, t, x, sigma).0);
+                worst = (0..2).map(|k| (f64::from(got[k]) - want[k]).abs()).fold(worst, f64::max);
+            }
+        }
     }
-    data.layers = Some(layer_factors(&data));
-    let model = PlyModel::from_data(data).unwrap();
-    let mut rng = Pcg64Mcg::seed_from_u64(8);
-    let mut worst = 0.0f64;
-    for _ in 0..24 {
-        let (theta, h, sigma) = (1.4 * rng.random::<f32>(), 110.0 * (rng.random::<f32>() - 0.5), [0.0, 0.01]);
-        let (got, want) = (model.forward_energy(theta, h, sigma).unwrap(), brute_force(&model, theta, h, sigma).0);
-        worst = (0..2).map(|k| (f64::from(got[k]) - want[k]).abs()).fold(worst, f64::max);
-    }
-    println!("lobes of any scale, largest difference: {worst:.4}");
-    assert!(worst < 0.02, "{worst}");
+    println!("at the rim, largest difference: {worst:.4}");
+    assert!(worst < 0.004, "{worst}");
 }
 
 #[test]

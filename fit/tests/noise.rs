@@ -4,7 +4,10 @@
 #[path = "../../tests/synthetic/mod.rs"]
 mod synthetic;
 
-use plywave::{Instance, NoiseTiles, PlyModel, SpecklePatterns, SpecklePolarization, SpeckleSide, direction};
+use plywave::{
+    GaussianBeam, Instance, NoiseTiles, PlyModel, Scatter, Slit, SpecklePatterns, SpecklePolarization, SpeckleSide,
+    WholePly, direction,
+};
 use plywave_fit::noise::{
     FieldModel, NoiseContrast, NoiseOptions, PatternCovariance, compare_lines, intensity_covariance, noise_tiles,
 };
@@ -416,4 +419,35 @@ fn eval_of_instances_averages_to_the_smooth_model() {
         }
     }
     assert_eq!(NoiseOptions::default().polarization, SpecklePolarization::Unpolarized);
+}
+
+/// Light of slits keeps its place and energy beside speckle.
+#[test]
+fn slits_stay_under_noise() {
+    let bare = synthetic::model(1, synthetic::STANDARD);
+    let model = PlyModel::from_data(plywave::PlyData { noise: Some(tiles().clone()), ..bare }).unwrap();
+    let slit = Slit::new(2.0, 1.0, &GaussianBeam { w0_um: 5.0, lambda_um: 0.55, d_cut_um: 10.0 }).unwrap();
+    let (theta_i, h_um, lambda_um) = (0.2f32, 5.0, [0.45, 0.65]);
+    let smooth = WholePly {
+        model: &model,
+        theta_i,
+        h_um,
+        sigma_per_um: [0.0, 0.01],
+        lambda_um,
+        slit: Some(&slit),
+        instance: None,
+    };
+    let forward = [0.0, -theta_i.cos(), -theta_i.sin()];
+    let (want, without) = (smooth.eval(forward), WholePly { slit: None, ..smooth }.eval(forward));
+    assert!(want[0] > 1.2 * without[0], "the slit must show: {want:?} {without:?}");
+    let n = 100_000;
+    let mut sums = [0.0f64; 2];
+    for i in 0..n {
+        let f = WholePly { instance: Some(instance(i)), ..smooth }.eval(forward);
+        (0..2).for_each(|k| sums[k] += f64::from(f[k]));
+    }
+    for k in 0..2 {
+        let mean = sums[k] / n as f64;
+        assert!((mean / f64::from(want[k]) - 1.0).abs() < 0.02, "{mean} {}", want[k]);
+    }
 }
