@@ -227,6 +227,47 @@ fn whole(c: &mut Criterion, q: &[Query]) {
             })
         });
     }
+    group.bench_function("prepare N=4, noise", |b| {
+        b.iter(|| {
+            let i = next();
+            black_box(
+                WholePly { model: &noisy, instance: Some(Instance::new(i as u32, 0.0, 1.0)), ..at(&q[i]) }.prepare(),
+            )
+        })
+    });
+    // Many incidences that hit, so that the processor cannot learn the directions of one; as many as fit the near caches.
+    let prepared: Vec<_> = (0..q.len())
+        .filter(|i| noisy.r_d(q[*i].0, q[*i].1) < 1.0)
+        .take(16)
+        .map(|i| {
+            let whole = WholePly { model: &noisy, instance: Some(Instance::new(i as u32, 0.0, 1.0)), ..at(&q[i]) };
+            (whole.prepare(), WholePly { instance: None, ..whole }.prepare())
+        })
+        .collect();
+    for (name, noise) in [("smooth", false), ("noise", true)] {
+        let of = |i: usize| {
+            let (with, without) = &prepared[i % prepared.len()];
+            if noise { with } else { without }
+        };
+        group.bench_function(format!("prepared eval N=4, {name}"), |b| {
+            b.iter(|| {
+                let i = next();
+                black_box(of(i).eval(q[i].3))
+            })
+        });
+        group.bench_function(format!("prepared sample N=4, {name}"), |b| {
+            b.iter(|| {
+                let i = next();
+                black_box(of(i).sample(q[i].4))
+            })
+        });
+        group.bench_function(format!("prepared pdf N=4, {name}"), |b| {
+            b.iter(|| {
+                let i = next();
+                black_box(of(i).pdf(q[i].3))
+            })
+        });
+    }
     group.bench_function("eval N=4, slit", |b| {
         b.iter(|| {
             let i = next();

@@ -15,7 +15,7 @@ use crate::asg::PARAMS;
 use crate::file::{Check, Reader, Writer};
 use crate::ply::{MAX_PATHS, PlyData, clamped_sigma};
 use crate::simd::{exp2, fma, max};
-use crate::{PlyModel, Result, Scatter, ScatterSample, WholePly};
+use crate::{PlyModel, PreparedPly, Result, Scatter, ScatterSample, WholePly};
 use multiversion::{multiversion, target::target_cfg_f};
 use std::f32::consts::PI;
 use std::f64::consts::LOG2_E;
@@ -367,7 +367,49 @@ impl PlyModel {
 /// `(E_f T/t + r_d t_2) |y|/pi` below and `(E_f (R - r)/t + r_d r_2) y/pi` above; y is that of the ply frame, toward the light. At sigma = 0 all light is kept.
 #[derive(Clone, Copy, Debug)]
 pub struct DoubleLayer<'a, const N: usize> {
-    upper: WholePly<'a, N>,
+    upper: PreparedPly<'a, N>,
+    two: TwoLayered<N>,
+}
+
+impl<'a, const N: usize> DoubleLayer<'a, N> {
+    /// The ply `upper` over a layer `below` (of its own or another model, at a latitude that the host finds typical).
+    /// `None` for a model without layer factors. Units as in [`PlyModel`].
+    pub fn new(upper: WholePly<'a, N>, below: &Layer<N>) -> Option<DoubleLayer<'a, N>> {
+        let upper = upper.prepare();
+        let two = TwoLayered::new(&upper, below)?;
+        Some(DoubleLayer { upper, two })
+    }
+}
+
+impl<const N: usize> Scatter<N> for DoubleLayer<'_, N> {
+    fn eval(&self, wo: [f32; 3]) -> [f32; N] {
+        self.two.eval(&self.upper, wo)
+    }
+
+    fn pdf(&self, wo: [f32; 3]) -> f32 {
+        self.two.pdf(&self.upper, wo)
+    }
+
+    fn eval_pdf(&self, wo: [f32; 3]) -> ([f32; N], f32) {
+        self.two.eval_pdf(&self.upper, wo)
+    }
+
+    fn sample(&self, u: [f32; 3]) -> Option<ScatterSample<N>> {
+        self.two.sample(&self.upper, u)
+    }
+
+    fn albedo(&self) -> [f32; N] {
+        self.two.albedo()
+    }
+
+    fn miss(&self) -> f32 {
+        0.0
+    }
+}
+
+/// What becomes of a ply's light over a second layer. Its calls take the ply it was made of.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TwoLayered<const N: usize> {
     /// Energy of the diffuse light above and below.
     above: [f32; N],
     below: [f32; N],
@@ -379,14 +421,12 @@ pub struct DoubleLayer<'a, const N: usize> {
     hit: f32,
 }
 
-impl<'a, const N: usize> DoubleLayer<'a, N> {
-    /// The ply `upper` over a layer `below` (of its own or another model, at a latitude that the host finds typical).
-    /// `None` for a model without layer factors. Units as in [`PlyModel`].
-    pub fn new(upper: WholePly<'a, N>, below: &Layer<N>) -> Option<DoubleLayer<'a, N>> {
-        let WholePly { model, theta_i, h_um, sigma_per_um, .. } = upper;
+impl<const N: usize> TwoLayered<N> {
+    pub(crate) fn new(upper: &PreparedPly<'_, N>, below: &Layer<N>) -> Option<TwoLayered<N>> {
+        let WholePly { model, theta_i, h_um, sigma_per_um, .. } = *upper.ply();
         let (layer, mut forward) = layer_and_forward(model.layer_tables()?, theta_i, h_um, &sigma_per_um);
         let two = layer.over(below);
-        let (scattered, r_d) = model.albedo_r_d(theta_i, h_um, sigma_per_um);
+        let (scattered, r_d) = upper.0.albedo_r_d();
         for k in 0..N {
             forward[k] = forward[k].min(scattered[k]);
         }
@@ -402,8 +442,7 @@ impl<'a, const N: usize> DoubleLayer<'a, N> {
         let both = mean(&up) + mean(&down);
         let ratio = |a: f32, b: f32| if b > 0.0 { a / b } else { 0.0 };
         let hit = ratio(mean(&scattered), mean(&scattered) + r_d);
-        Some(DoubleLayer {
-            upper,
+        Some(TwoLayered {
             above: up,
             below: down,
             albedo: std::array::from_fn(|k| scattered[k] - forward[k] + down[k] + up[k]),
@@ -417,9 +456,7 @@ impl<'a, const N: usize> DoubleLayer<'a, N> {
     fn diffuse_pdf(&self, y: f32) -> f32 {
         (if y >= 0.0 { self.up } else { 1.0 - self.up }) * y.abs().min(1.0) / PI
     }
-}
 
-impl<const N: usize> DoubleLayer<'_, N> {
     /// f and the density in a direction, from those of the ply's lobes there.
     fn over(&self, wo: [f32; 3], (lobes, lobes_pdf): ([f32; N], f32)) -> ([f32; N], f32) {
         let y = wo[1].clamp(-1.0, 1.0);
@@ -435,37 +472,38 @@ impl<const N: usize> DoubleLayer<'_, N> {
         }
         (f, pdf)
     }
-}
 
-impl<const N: usize> Scatter<N> for DoubleLayer<'_, N> {
-    fn eval(&self, wo: [f32; 3]) -> [f32; N] {
+    pub(crate) fn eval(&self, upper: &PreparedPly<'_, N>, wo: [f32; 3]) -> [f32; N] {
         let y = if wo.iter().all(|v| v.is_finite()) { wo[1].clamp(-1.0, 1.0) } else { 0.0 };
         if y > 0.0 {
-            let (refl, high) = self.upper.split(wo);
-            std::array::from_fn(|k| refl[k] + high[k] + self.above[k] * y / PI)
+            let lobes = upper.0.lobes(wo);
+            std::array::from_fn(|k| lobes[k] + self.above[k] * y / PI)
         } else {
             self.below.map(|e| e * -y / PI)
         }
     }
 
-    fn pdf(&self, wo: [f32; 3]) -> f32 {
+    pub(crate) fn pdf(&self, upper: &PreparedPly<'_, N>, wo: [f32; 3]) -> f32 {
         if !wo.iter().all(|v| v.is_finite()) {
             return 0.0;
         }
         let mut pdf = self.diffuse * self.diffuse_pdf(wo[1]);
         if self.diffuse < 1.0 {
-            let WholePly { model, theta_i, h_um, sigma_per_um, .. } = self.upper;
-            pdf += (1.0 - self.diffuse) / self.hit * model.pdf(theta_i, h_um, sigma_per_um, wo);
+            pdf += (1.0 - self.diffuse) / self.hit * upper.0.lobes_density(wo);
         }
         pdf
     }
 
-    fn eval_pdf(&self, wo: [f32; 3]) -> ([f32; N], f32) {
-        if wo.iter().all(|v| v.is_finite()) { self.over(wo, self.upper.lobes_pdf(wo)) } else { (self.eval(wo), 0.0) }
+    pub(crate) fn eval_pdf(&self, upper: &PreparedPly<'_, N>, wo: [f32; 3]) -> ([f32; N], f32) {
+        if wo.iter().all(|v| v.is_finite()) {
+            self.over(wo, upper.0.lobes_pdf(wo))
+        } else {
+            (self.eval(upper, wo), 0.0)
+        }
     }
 
     /// Lobe directions that go forward count too, with the diffuse value there: the density covers both ways of drawing.
-    fn sample(&self, u: [f32; 3]) -> Option<ScatterSample<N>> {
+    pub(crate) fn sample(&self, upper: &PreparedPly<'_, N>, u: [f32; 3]) -> Option<ScatterSample<N>> {
         // Below 1, and 0 for what is not a number.
         let u = u.map(|x| crate::simd::min(crate::simd::max(x, 0.0), 1.0 - f32::EPSILON / 2.0));
         let (wo, lobes) = if u[0] < self.diffuse {
@@ -474,22 +512,18 @@ impl<const N: usize> Scatter<N> for DoubleLayer<'_, N> {
             let radius = crate::simd::signed(u[1].sqrt(), sign);
             let y = (1.0 - u[1]).max(0.0).sqrt();
             let wo = [radius * c, if side < self.up { y } else { -y }, radius * s];
-            (wo, self.upper.lobes_pdf(wo))
+            (wo, upper.0.lobes_pdf(wo))
         } else {
             let first = (u[0] - self.diffuse) / (1.0 - self.diffuse) * self.hit;
             // The lobes alone: the numbers beyond `hit` are those of the missed light.
             let first = first.min(self.hit * (1.0 - 1e-6));
-            self.upper.sample_lobes([first, u[1], u[2]])?
+            upper.0.sample_lobes([first, u[1], u[2]])?
         };
         let (f, pdf) = self.over(wo, lobes);
         Some(ScatterSample { wo, weight: f.map(|f| if pdf > 0.0 { f / pdf } else { 0.0 }), pdf })
     }
 
-    fn albedo(&self) -> [f32; N] {
+    pub(crate) fn albedo(&self) -> [f32; N] {
         self.albedo
-    }
-
-    fn miss(&self) -> f32 {
-        0.0
     }
 }

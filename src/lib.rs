@@ -51,4 +51,4 @@ pub use slit::{SLIT_MAX_UM, SLIT_SHARE, Slit};
 pub use spec::*;
 pub use speckle::{FORWARD_RAD, SpecklePatterns, SpecklePolarization, SpeckleSide, SpeckleStatistics};
 pub use table::{ExitPositions, OutgoingGrid, Table};
-pub use whole::{PlyTerms, WholePly};
+pub use whole::{PlyTerms, PreparedPly, WholePly};

@@ -21,7 +21,7 @@ mod look;
 use crate::file::{Check, Reader, Writer, invalid};
 use crate::{PlyModel, PlyTerms, Result, Scatter, WholePly};
 
-pub(crate) use look::Look;
+pub(crate) use look::Speckle;
 
 /// Half width of the blend at the seam of a pattern [rad].
 pub const SEAM_RAD: f32 = 0.15;
@@ -91,7 +91,7 @@ impl NoiseTiles {
         wo: [f32; 3],
         lambda_um: [f32; N],
     ) -> ([f32; N], [f32; N]) {
-        Look::new(self, instance, theta_i, wo, lambda_um).read(self)
+        Speckle::new(self, instance, theta_i, &lambda_um).look(wo).factors()
     }
 
     /// Values N at the nodes of a tile, `[V][U]`; `kind` 0 for f_refl, 1 for f_high. Empty where there is no such tile.

@@ -9,6 +9,8 @@ mod file;
 mod interpolate;
 mod layout;
 mod lobe;
+mod lobes;
+mod made;
 mod mixture;
 mod place;
 pub mod reference;
@@ -20,8 +22,10 @@ use crate::layers::{LayerFactors, LayerTables};
 use layout::Layout;
 use std::path::Path;
 
-pub(crate) use energy::clamped_sigma;
+pub(crate) use energy::{Core, clamped_sigma};
 pub use file::Golden;
+pub(crate) use lobes::{Fresh, Lobes, Ready};
+pub(crate) use terms::Terms;
 
 /// Most lobes of each kind.
 pub(crate) const MAX_LOBES: usize = 16;
@@ -248,30 +252,6 @@ impl PlyModel {
         let (wo, core) = dispatch::run_sample(&self.layout, theta_i, h_um, sigma_per_um, u);
         let (wo, f, pdf) = (wo?, energy::sum(core.refl, core.high), core.pdf);
         Some(PlySample { wo, weight: f.map(|f| if pdf > 0.0 { f / pdf } else { 0.0 }), pdf })
-    }
-
-    /// f_refl and f_high in a direction and the density of [`PlyModel::sample`] [1/sr], of one interpolation.
-    pub(crate) fn split_pdf<const N: usize>(
-        &self,
-        theta_i: f32,
-        h_um: f32,
-        sigma_per_um: [f32; N],
-        wo: [f32; 3],
-    ) -> (f32, [f32; N], f32) {
-        let core = dispatch::run_eval_pdf(&self.layout, theta_i, h_um, sigma_per_um, wo);
-        (core.refl, core.high, core.pdf)
-    }
-
-    /// [`PlyModel::sample`] with the direction's f_refl, f_high and density.
-    pub(crate) fn sample_split<const N: usize>(
-        &self,
-        theta_i: f32,
-        h_um: f32,
-        sigma_per_um: [f32; N],
-        u: [f32; 3],
-    ) -> Option<Drawn<(f32, [f32; N], f32)>> {
-        let (wo, core) = dispatch::run_sample(&self.layout, theta_i, h_um, sigma_per_um, u);
-        Some((wo?, (core.refl, core.high, core.pdf)))
     }
 
     /// Density [1/sr] with which [`PlyModel::sample`] gives `wo`; integrates to the chance of not missing.

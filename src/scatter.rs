@@ -1,6 +1,7 @@
 //! What every scattering model answers at one incidence, so that one set of checks serves them all.
 
 use crate::PlyModel;
+use crate::ply::Lobes;
 
 /// A sampled direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,8 +70,8 @@ impl<const N: usize> Scatter<N> for PlyIncidence<'_, N> {
     }
 
     fn eval_pdf(&self, wo: [f32; 3]) -> ([f32; N], f32) {
-        let (refl, high, pdf) = self.model.split_pdf(self.theta_i, self.h_um, self.sigma_per_um, wo);
-        (high.map(|high| refl + high), pdf)
+        let core = self.model.fresh(self.theta_i, self.h_um, self.sigma_per_um).eval_pdf(wo);
+        (core.high.map(|high| core.refl + high), core.pdf)
     }
 
     fn sample(&self, u: [f32; 3]) -> Option<ScatterSample<N>> {

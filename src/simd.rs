@@ -3,6 +3,8 @@
 //! Each takes the type parameter `FMA`: fused multiply-add where the target has it, a product and a sum elsewhere (there the
 //! fused form would be a call). Nothing here is exact to the last bit; the accuracies below are tested.
 
+use std::f32::consts::{FRAC_PI_2, PI};
+
 /// `a * b + c`.
 #[inline(always)]
 pub(crate) fn fma<const FMA: bool>(a: f32, b: f32, c: f32) -> f32 {
@@ -86,6 +88,35 @@ pub(crate) fn sin_cos_half_turns<const FMA: bool>(x: f32) -> (f32, f32, u32) {
     (r * s, c, shifted.to_bits() << 31)
 }
 
+/// Least squares on Chebyshev nodes of [0, 1].
+const ATAN: [f32; 8] = [
+    0.999_999_34,
+    -0.333_298_62,
+    0.199_465_66,
+    -0.139_086_32,
+    0.096_421_994,
+    -0.055_912_323,
+    0.021_862_94,
+    -0.004_054_559_4,
+];
+
+/// Arc tangent of y / x in (-pi, pi], 0 where both are 0; to 4e-7.
+#[inline(always)]
+pub(crate) fn atan2<const FMA: bool>(y: f32, x: f32) -> f32 {
+    let (ax, ay) = (x.abs(), y.abs());
+    let top = max(ax, ay);
+    let t = if top > 0.0 { min(ax, ay) / top } else { 0.0 };
+    let s = t * t;
+    let mut p = ATAN[7];
+    for i in (0..7).rev() {
+        p = fma::<FMA>(p, s, ATAN[i]);
+    }
+    let a = t * p;
+    let a = if ay > ax { FRAC_PI_2 - a } else { a };
+    let a = if x < 0.0 { PI - a } else { a };
+    if y < 0.0 { -a } else { a }
+}
+
 /// `x` with its sign changed where the top bit of `sign` is set.
 #[inline(always)]
 pub(crate) fn signed(x: f32, sign: u32) -> f32 {
@@ -151,5 +182,19 @@ mod tests {
                 assert!(err < 2e-7, "sin, cos of {x} half turns: got {s} {c}, want {want_s} {want_c}, err {err}");
             }
         }
+    }
+
+    #[test]
+    fn atan2_is_accurate() {
+        for i in 0..400_000 {
+            let angle = (f64::from(i) - 200_000.0) * (std::f64::consts::PI / 200_000.0);
+            let (y, x) = ((1.7 * angle.sin()) as f32, (1.7 * angle.cos()) as f32);
+            let want = f64::from(y).atan2(f64::from(x));
+            for got in [atan2::<true>(y, x), atan2::<false>(y, x)] {
+                let err = (f64::from(got) - want).abs();
+                assert!(err < 4e-7, "atan2({y}, {x}): got {got}, want {want}, err {err}");
+            }
+        }
+        assert_eq!([atan2::<true>(0.0, 0.0), atan2::<true>(0.0, 1.0), atan2::<true>(1.0, 0.0)], [0.0, 0.0, FRAC_PI_2]);
     }
 }

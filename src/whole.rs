@@ -1,9 +1,9 @@
 //! The whole ply model: f_refl + f_high + f_edge (Yu 2025, 7.1, all three beam cases), one [`Scatter`] that keeps all light: at sigma = 0
 //! its energy is 1 at every incidence, |h| up to R + d_cut and beyond, where the beam goes on with its own divergence.
 
-use crate::noise::Look;
-use crate::ply::Drawn;
-use crate::{Instance, NoiseTiles, PlyModel, Scatter, ScatterSample, Slit};
+use crate::noise::Speckle;
+use crate::ply::{Core, Drawn, Fresh, Lobes, Ready, Terms};
+use crate::{Instance, PlyModel, Scatter, ScatterSample, Slit};
 
 /// The terms of a ply model in one direction [1/sr].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,6 +35,8 @@ impl<const N: usize> PlyTerms<N> {
 ///
 /// Of a model without edge lobes the missed light goes on unscattered, as [`crate::PlyIncidence`] has it. Wavelengths outside the tables
 /// count as the nearest in them, and so does what is not a number.
+///
+/// Every call interpolates the model anew. A host that evaluates and samples at one point does better with [`WholePly::prepare`].
 #[derive(Clone, Copy, Debug)]
 pub struct WholePly<'a, const N: usize> {
     /// The model.
@@ -54,133 +56,254 @@ pub struct WholePly<'a, const N: usize> {
     pub instance: Option<Instance>,
 }
 
-impl<const N: usize> WholePly<'_, N> {
+impl<'a, const N: usize> WholePly<'a, N> {
+    /// The ply with its lobes interpolated and its patterns chosen, once for all directions.
+    pub fn prepare(self) -> PreparedPly<'a, N> {
+        let mut ply = self.unprepared();
+        ply.make();
+        ply
+    }
+
+    /// Answers as [`WholePly::prepare`]'s, but interpolates at every call until [`PreparedPly::make`].
+    pub(crate) fn unprepared(self) -> PreparedPly<'a, N> {
+        let lobes = self.model.ready(self.theta_i, self.h_um, self.sigma_per_um);
+        PreparedPly(PlyOn { lobes, speckle: self.speckle(), ply: self })
+    }
+
     /// The terms of f in direction `wo`.
     pub fn terms(&self, wo: [f32; 3]) -> PlyTerms<N> {
-        let (sigma, lambda) = (self.sigma_per_um, self.lambda_um);
-        match self.slit {
-            Some(slit) => self.model.terms_slit(slit, self.theta_i, self.h_um, sigma, lambda, wo),
-            None => self.model.eval_terms(self.theta_i, self.h_um, sigma, lambda, wo),
-        }
+        self.without_speckle().smooth(wo)
     }
 
     /// f_refl and f_high alone, those of the instance, without the light that passed beside the ply.
     pub fn split(&self, wo: [f32; 3]) -> ([f32; N], [f32; N]) {
-        let Some((tiles, instance)) = self.speckle() else {
-            let (refl, high) = self.model.eval_split(self.theta_i, self.h_um, self.sigma_per_um, wo);
-            return ([refl; N], high);
-        };
-        let look = Look::new(tiles, instance, self.theta_i, wo, self.lambda_um);
-        let (refl, high) = self.model.eval_split(self.theta_i, self.h_um, self.sigma_per_um, wo);
-        speckled(refl, high, &look.read(tiles))
+        self.fresh().split(wo)
     }
 
-    /// Sum of f_refl and f_high of the instance, and the density of the lobes' samples, missing included.
+    pub(crate) fn fresh(&self) -> FreshPly<'a, N> {
+        PlyOn { speckle: self.speckle(), ..self.without_speckle() }
+    }
+
+    /// For what patterns do not change: densities and energies.
+    fn without_speckle(&self) -> FreshPly<'a, N> {
+        let lobes = self.model.fresh(self.theta_i, self.h_um, self.sigma_per_um);
+        PlyOn { lobes, speckle: None, ply: *self }
+    }
+
+    /// The patterns, where there are both tiles and an instance.
+    fn speckle(&self) -> Option<Speckle<'a, N>> {
+        Some(Speckle::new(self.model.noise()?, self.instance?, self.theta_i, &self.lambda_um))
+    }
+}
+
+/// A [`WholePly`] made ready: some three times as fast in each direction, and as costly to make as a call of the other. It holds 2 KB, no heap.
+#[derive(Clone, Copy, Debug)]
+pub struct PreparedPly<'a, const N: usize>(pub(crate) PlyOn<'a, Ready<'a, N>, N>);
+
+/// A ply whose lobes are interpolated at every call, with its patterns.
+pub(crate) type FreshPly<'a, const N: usize> = PlyOn<'a, Fresh<'a, N>, N>;
+
+impl<'a, const N: usize> PreparedPly<'a, N> {
+    /// Interpolates the lobes.
+    pub(crate) fn make(&mut self) {
+        self.0.lobes.make();
+    }
+
+    /// The ply it was made of.
+    pub fn ply(&self) -> &WholePly<'a, N> {
+        &self.0.ply
+    }
+}
+
+/// A ply at one incidence, what answers for its lobes, and its patterns.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PlyOn<'a, L, const N: usize> {
+    ply: WholePly<'a, N>,
+    lobes: L,
+    speckle: Option<Speckle<'a, N>>,
+}
+
+impl<'a, L: Lobes<N>, const N: usize> PlyOn<'a, L, N> {
+    /// Energies of f_refl + f_high and of the light that missed.
+    pub(crate) fn albedo_r_d(&self) -> ([f32; N], f32) {
+        let energies = self.lobes.energies();
+        (energies.albedo(), energies.r_d)
+    }
+
+    /// Sum of f_refl and f_high of the instance.
+    pub(crate) fn lobes(&self, wo: [f32; 3]) -> [f32; N] {
+        let (refl, high) = self.split(wo);
+        std::array::from_fn(|k| refl[k] + high[k])
+    }
+
+    /// Density of the lobes' samples, missing included.
+    pub(crate) fn lobes_density(&self, wo: [f32; 3]) -> f32 {
+        self.lobes.pdf(wo).pdf
+    }
+
+    /// Both.
     pub(crate) fn lobes_pdf(&self, wo: [f32; 3]) -> ([f32; N], f32) {
-        let Some((tiles, instance)) = self.speckle() else {
-            let (refl, high, pdf) = self.model.split_pdf(self.theta_i, self.h_um, self.sigma_per_um, wo);
-            return (high.map(|high| refl + high), pdf);
-        };
-        let look = Look::new(tiles, instance, self.theta_i, wo, self.lambda_um);
-        let (refl, high, pdf) = self.model.split_pdf(self.theta_i, self.h_um, self.sigma_per_um, wo);
-        let (refl, high) = speckled(refl, high, &look.read(tiles));
-        (std::array::from_fn(|k| refl[k] + high[k]), pdf)
+        self.sum(wo, |lobes| lobes.eval_pdf(wo))
     }
 
-    /// A direction of the lobes, with [`WholePly::lobes_pdf`] there.
+    /// A direction of the lobes, with [`PlyOn::lobes_pdf`] there.
     pub(crate) fn sample_lobes(&self, u: [f32; 3]) -> Option<Drawn<([f32; N], f32)>> {
-        let (wo, (refl, high, pdf)) = self.model.sample_split(self.theta_i, self.h_um, self.sigma_per_um, u)?;
-        let Some((tiles, instance)) = self.speckle() else {
-            return Some((wo, (high.map(|high| refl + high), pdf)));
-        };
-        let factors = tiles.factors(instance, self.theta_i, wo, self.lambda_um);
-        let (refl, high) = speckled(refl, high, &factors);
-        Some((wo, (std::array::from_fn(|k| refl[k] + high[k]), pdf)))
+        let (wo, core) = self.lobes.sample(u);
+        let wo = wo?;
+        Some((wo, self.sum(wo, |_| core)))
     }
 
-    /// The terms with the density of all samples.
-    fn terms_pdf(&self, wo: [f32; 3]) -> PlyTerms<N> {
-        let (sigma, lambda) = (self.sigma_per_um, self.lambda_um);
-        match self.slit {
-            Some(slit) => self.model.terms_slit(slit, self.theta_i, self.h_um, sigma, lambda, wo),
-            None => self.model.terms_pdf(self.theta_i, self.h_um, sigma, lambda, wo),
+    fn all(&self) -> Terms<'a, &L, N> {
+        let WholePly { model, theta_i, h_um, lambda_um, .. } = self.ply;
+        model.terms_of(&self.lobes, theta_i, h_um, lambda_um)
+    }
+
+    /// The smooth terms.
+    fn smooth(&self, wo: [f32; 3]) -> PlyTerms<N> {
+        let WholePly { model, theta_i, h_um, sigma_per_um, lambda_um, .. } = self.ply;
+        match self.ply.slit {
+            Some(slit) => model.terms_slit(slit, theta_i, h_um, sigma_per_um, lambda_um, wo),
+            None => self.all().eval(wo),
         }
     }
 
-    /// Tiles and instance, where there are both. A [`Look`] at a direction comes before the lobes are summed: while they are, the tiles' memory comes.
-    fn speckle(&self) -> Option<(&NoiseTiles, Instance)> {
-        Some((self.model.noise()?, self.instance?))
+    /// The smooth terms with the density of all samples.
+    fn smooth_pdf(&self, wo: [f32; 3]) -> PlyTerms<N> {
+        if self.ply.slit.is_some() { self.smooth(wo) } else { self.all().eval_pdf(wo) }
+    }
+
+    /// Terms of the instance summed. The look at the tiles comes before the lobes are summed: while they are, the tiles' memory comes.
+    fn noised(&self, wo: [f32; 3], terms: impl FnOnce() -> PlyTerms<N>) -> ([f32; N], f32) {
+        let Some(speckle) = &self.speckle else {
+            let terms = terms();
+            return (terms.sum(), terms.pdf);
+        };
+        let look = speckle.look(wo);
+        let terms = terms();
+        (terms.sum_noised(&look.factors()), terms.pdf)
+    }
+
+    /// f_refl and f_high of the instance.
+    fn split(&self, wo: [f32; 3]) -> ([f32; N], [f32; N]) {
+        let Some(speckle) = &self.speckle else {
+            let core = self.lobes.eval(wo);
+            return ([core.refl; N], core.high);
+        };
+        let look = speckle.look(wo);
+        let Core { refl, mut high, .. } = self.lobes.eval(wo);
+        let (of_refl, of_high) = look.factors();
+        for k in 0..N {
+            high[k] *= of_high[k];
+        }
+        (of_refl.map(|n| refl * n), high)
+    }
+
+    /// Sum of f_refl and f_high of the instance, and the density, of what `of` the lobes gives.
+    fn sum(&self, wo: [f32; 3], of: impl FnOnce(&L) -> Core<N>) -> ([f32; N], f32) {
+        let terms = |core: Core<N>| PlyTerms {
+            refl: core.refl,
+            high: core.high,
+            edge: [0.0; N],
+            slit: [0.0; N],
+            pdf: core.pdf,
+        };
+        self.noised(wo, || terms(of(&self.lobes)))
     }
 }
 
-/// f_refl and f_high of the instance, from the smooth ones and their factors.
-fn speckled<const N: usize>(
-    refl: f32,
-    mut high: [f32; N],
-    (of_refl, of_high): &([f32; N], [f32; N]),
-) -> ([f32; N], [f32; N]) {
-    high.iter_mut().zip(of_high).for_each(|(h, n)| *h *= n);
-    (of_refl.map(|n| refl * n), high)
-}
-
-impl<const N: usize> Scatter<N> for WholePly<'_, N> {
+impl<L: Lobes<N>, const N: usize> Scatter<N> for PlyOn<'_, L, N> {
     fn eval(&self, wo: [f32; 3]) -> [f32; N] {
-        let Some((tiles, instance)) = self.speckle() else { return self.terms(wo).sum() };
-        let look = Look::new(tiles, instance, self.theta_i, wo, self.lambda_um);
-        let terms = self.terms(wo);
-        terms.sum_noised(&look.read(tiles))
+        self.noised(wo, || self.smooth(wo)).0
     }
 
     fn pdf(&self, wo: [f32; 3]) -> f32 {
-        let (sigma, lambda) = (self.sigma_per_um, self.lambda_um);
-        match self.slit {
-            Some(_) => self.terms_pdf(wo).pdf,
-            None => self.model.density_of_terms(self.theta_i, self.h_um, sigma, lambda, wo),
-        }
+        if self.ply.slit.is_some() { self.smooth(wo).pdf } else { self.all().pdf(wo) }
     }
 
     fn eval_pdf(&self, wo: [f32; 3]) -> ([f32; N], f32) {
-        let Some((tiles, instance)) = self.speckle() else {
-            let terms = self.terms_pdf(wo);
-            return (terms.sum(), terms.pdf);
-        };
-        let look = Look::new(tiles, instance, self.theta_i, wo, self.lambda_um);
-        let terms = self.terms_pdf(wo);
-        (terms.sum_noised(&look.read(tiles)), terms.pdf)
+        self.noised(wo, || self.smooth_pdf(wo))
     }
 
     fn sample(&self, u: [f32; 3]) -> Option<ScatterSample<N>> {
-        let (sigma, lambda) = (self.sigma_per_um, self.lambda_um);
-        let (wo, terms) = match self.slit {
-            Some(slit) => self.model.sample_slit(slit, self.theta_i, self.h_um, sigma, lambda, u)?,
-            None => self.model.sample_terms(self.theta_i, self.h_um, sigma, lambda, u)?,
+        let WholePly { model, theta_i, h_um, sigma_per_um, lambda_um, .. } = self.ply;
+        let (wo, terms) = match self.ply.slit {
+            Some(slit) => model.sample_slit(slit, theta_i, h_um, sigma_per_um, lambda_um, u)?,
+            None => self.all().sample(u)?,
         };
-        let pdf = terms.pdf;
-        let f = match self.speckle() {
-            None => terms.sum(),
-            Some((tiles, instance)) => terms.sum_noised(&tiles.factors(instance, self.theta_i, wo, self.lambda_um)),
-        };
+        let (f, pdf) = self.noised(wo, || terms);
         Some(ScatterSample { wo, weight: f.map(|f| if pdf > 0.0 { f / pdf } else { 0.0 }), pdf })
     }
 
     fn albedo(&self) -> [f32; N] {
-        let edge = if self.model.has_edge() { self.model.r_d(self.theta_i, self.h_um) } else { 0.0 };
-        self.model.albedo(self.theta_i, self.h_um, self.sigma_per_um).map(|a| a + edge)
+        let energies = self.lobes.energies();
+        let edge = if self.ply.model.has_edge() { energies.r_d } else { 0.0 };
+        energies.albedo().map(|a| a + edge)
     }
 
     fn miss(&self) -> f32 {
-        let r_d = self.model.r_d(self.theta_i, self.h_um);
-        let scattered =
-            self.model.albedo(self.theta_i, self.h_um, self.sigma_per_um).iter().sum::<f32>() / N.max(1) as f32;
-        match scattered + r_d {
+        let energies = self.lobes.energies();
+        let scattered = energies.albedo().iter().sum::<f32>() / N.max(1) as f32;
+        match scattered + energies.r_d {
             total if total > 0.0 => {
-                if self.model.has_edge() && N > 0 {
+                if self.ply.model.has_edge() && N > 0 {
                     0.0
                 } else {
-                    r_d / total
+                    energies.r_d / total
                 }
             }
             _ => 1.0,
         }
+    }
+}
+
+impl<const N: usize> Scatter<N> for WholePly<'_, N> {
+    fn eval(&self, wo: [f32; 3]) -> [f32; N] {
+        self.fresh().eval(wo)
+    }
+
+    fn pdf(&self, wo: [f32; 3]) -> f32 {
+        self.without_speckle().pdf(wo)
+    }
+
+    fn eval_pdf(&self, wo: [f32; 3]) -> ([f32; N], f32) {
+        self.fresh().eval_pdf(wo)
+    }
+
+    fn sample(&self, u: [f32; 3]) -> Option<ScatterSample<N>> {
+        self.fresh().sample(u)
+    }
+
+    fn albedo(&self) -> [f32; N] {
+        self.without_speckle().albedo()
+    }
+
+    fn miss(&self) -> f32 {
+        self.without_speckle().miss()
+    }
+}
+
+impl<const N: usize> Scatter<N> for PreparedPly<'_, N> {
+    fn eval(&self, wo: [f32; 3]) -> [f32; N] {
+        self.0.eval(wo)
+    }
+
+    fn pdf(&self, wo: [f32; 3]) -> f32 {
+        self.0.pdf(wo)
+    }
+
+    fn eval_pdf(&self, wo: [f32; 3]) -> ([f32; N], f32) {
+        self.0.eval_pdf(wo)
+    }
+
+    fn sample(&self, u: [f32; 3]) -> Option<ScatterSample<N>> {
+        self.0.sample(u)
+    }
+
+    fn albedo(&self) -> [f32; N] {
+        self.0.albedo()
+    }
+
+    fn miss(&self) -> f32 {
+        self.0.miss()
     }
 }

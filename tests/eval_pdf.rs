@@ -102,3 +102,51 @@ fn whole_plies_answer_together_what_they_answer_alone() {
         check(&s, if i % 5 == 0 { forward } else { anywhere(&mut rng) }, rng.random());
     }
 }
+
+/// A prepared ply multiplies out what a fresh one sums: both give the same, of models with few lobes, which are kept, and with many, which are not.
+#[test]
+fn prepared_plies_answer_what_fresh_ones_do() {
+    let mut rng = Pcg64Mcg::seed_from_u64(3);
+    let load =
+        |name: &str| PlyModel::load(format!("{}/fabrics/models/{name}.pwm", env!("CARGO_MANIFEST_DIR"))).unwrap();
+    let (few, many) = (load("polyester_3ply"), load("silk"));
+    let models = [with_noise(&few, &mut rng), few, with_noise(&many, &mut rng), many];
+    let slit = Slit::new(2.0, SLIT_SHARE, &GaussianBeam { w0_um: 10.0, lambda_um: 0.55, d_cut_um: 20.0 }).unwrap();
+    let (mut missed, mut sampled) = (0, 0);
+    for i in 0..6000 {
+        let model = &models[i % 4];
+        let fresh = WholePly {
+            model,
+            theta_i: 2.8 * (rng.random::<f32>() - 0.5),
+            h_um: 2.2 * model.data().h_um[0] as f32 * (rng.random::<f32>() - 0.5),
+            sigma_per_um: rng.random::<[f32; 4]>().map(|s| if i % 7 == 0 { 0.0 } else { 0.1 * s * s }),
+            lambda_um: LAMBDA,
+            slit: (i % 5 == 0).then_some(&slit),
+            instance: Some(Instance::from_hash(i as u64)),
+        };
+        let prepared = fresh.prepare();
+        let forward = direction(-fresh.theta_i + 0.01 * rng.random::<f32>(), 1.5 * std::f32::consts::PI);
+        let wo = if i % 3 == 0 { forward } else { anywhere(&mut rng) };
+        let (got, want) = (prepared.eval(wo), fresh.eval(wo));
+        let peak = want.iter().fold(0.0, |a: f32, b| a.max(*b));
+        assert!(got.iter().zip(&want).all(|(got, want)| near(*got, *want, peak)), "f: {got:?}, fresh {want:?}");
+        let (got, want) = (prepared.pdf(wo), fresh.pdf(wo));
+        assert!(near(got, want, want), "pdf: {got}, fresh {want}");
+        let (got, want) = (prepared.albedo(), fresh.albedo());
+        assert!(got.iter().zip(&want).all(|(got, want)| near(*got, *want, *want)), "albedo: {got:?}, fresh {want:?}");
+        assert!(near(prepared.miss(), fresh.miss(), 1.0));
+        missed += u32::from(model.r_d(fresh.theta_i, fresh.h_um) == 1.0);
+        check(&prepared, wo, rng.random());
+        let u = rng.random();
+        match (prepared.sample(u), fresh.sample(u)) {
+            (Some(got), Some(want)) => {
+                sampled += 1;
+                let apart = (0..3).map(|c| (got.wo[c] - want.wo[c]).abs()).fold(0.0, f32::max);
+                assert!(apart < 1e-4, "sample {u:?}: {:?}, fresh {:?}", got.wo, want.wo);
+            }
+            (None, None) => (),
+            (got, want) => panic!("sample {u:?}: {got:?}, fresh {want:?}"),
+        }
+    }
+    assert!(missed > 100 && sampled > 4000, "{missed} missed, {sampled} sampled");
+}

@@ -13,8 +13,10 @@
 use super::{Fabric, Family, LoadedFabric, Place, PlyHit, YarnColor};
 use crate::color::{AlbedoCurve, SigmaSpectrum, SmoothReflectance};
 use crate::gap::{GapIncidence, Spectrum};
+use crate::layers::TwoLayered;
 use crate::ply::Drawn;
-use crate::{DoubleLayer, GaussianBeam, Instance, PlyModel, Result, Scatter, ScatterSample, WholePly, YarnSpec};
+use crate::whole::FreshPly;
+use crate::{GaussianBeam, Instance, PlyModel, PreparedPly, Result, Scatter, ScatterSample, WholePly, YarnSpec};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -171,26 +173,43 @@ impl FabricBsdf {
 
     /// The scattering function at a point [um] seen from `w`, at wavelengths [um].
     pub fn at<const N: usize>(&self, x_um: f32, y_um: f32, w: [f32; 3], lambda_um: [f32; N]) -> FabricAt<'_, N> {
-        let kind = match self.fabric.at(x_um, y_um, w) {
-            Place::Ply(hit) => self.on_ply(&hit, lambda_um),
+        match self.fabric.at(x_um, y_um, w) {
+            Place::Ply(hit) => {
+                let seat = Seat { ply: self.ply(&hit, lambda_um).unprepared(), frame: hit.frame, over: None };
+                let mut at = FabricAt { case: Case::Ply(seat) };
+                if let Case::Ply(seat) = &mut at.case {
+                    // In its place: lobes are large.
+                    seat.ply.make();
+                    seat.over = self.two_layers(&seat.ply, &hit, lambda_um);
+                }
+                at
+            }
             Place::Gap(gap) => {
                 let mut near = [None; 4];
-                let mut caught = 0.0;
                 for (slot, hit) in near.iter_mut().zip(&gap.near) {
                     if let Some(hit) = hit {
-                        let ply = Near::new(self.ply(hit, lambda_um), hit.frame);
-                        caught += ply.caught;
-                        *slot = Some(ply);
+                        *slot = Some(Near::new(&self.ply(hit, lambda_um), hit.frame));
                     }
                 }
-                let scale = if caught > 1.0 { 1.0 / caught } else { 1.0 };
                 let [west, east, south, north] = gap.aperture_um;
                 let (x, y) = (self.spectrum(west, east), self.spectrum(south, north));
                 let through = GapIncidence::new(x, y, w, lambda_um);
-                Kind::Gap(InGap::new(near, scale, (1.0 - caught).max(0.0), through, self.gaps))
+                FabricAt { case: Case::Gap(InGap::new(near, through, self.gaps)) }
             }
-        };
-        FabricAt { kind }
+        }
+    }
+
+    /// What the ply does over the layer below, where there is one.
+    fn two_layers<const N: usize>(
+        &self,
+        ply: &PreparedPly<'_, N>,
+        hit: &PlyHit,
+        lambda_um: [f32; N],
+    ) -> Option<TwoLayered<N>> {
+        let below = hit.below?;
+        let family = hit.family.other();
+        let sigma = self.sigma(family, below.yarn, lambda_um);
+        TwoLayered::new(ply, &self.models[family as usize].layer(below.theta_i, sigma)?)
     }
 
     fn ply<const N: usize>(&self, hit: &PlyHit, lambda_um: [f32; N]) -> WholePly<'_, N> {
@@ -212,19 +231,6 @@ impl FabricBsdf {
         Instance::new(ply, hit.along_um, self.grain_um)
     }
 
-    fn on_ply<const N: usize>(&self, hit: &PlyHit, lambda_um: [f32; N]) -> Kind<'_, N> {
-        let ply = self.ply(hit, lambda_um);
-        let double = hit.below.and_then(|below| {
-            let family = hit.family.other();
-            let sigma = self.sigma(family, below.yarn, lambda_um);
-            DoubleLayer::new(ply, &self.models[family as usize].layer(below.theta_i, sigma)?)
-        });
-        match double {
-            Some(double) => Kind::Double { frame: hit.frame, double },
-            None => Kind::Ply { frame: hit.frame, ply },
-        }
-    }
-
     /// The spectrum of the aperture whose edges are this far before and beyond the beam's center [um].
     fn spectrum(&self, before_um: f32, beyond_um: f32) -> &Spectrum {
         let node = |x: f32| ((x / self.edge_step_um + 0.5) as usize).min(EDGES);
@@ -242,10 +248,19 @@ fn to_fabric(frame: &[[f32; 3]; 3], w: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|k| frame[0][k] * w[0] + frame[1][k] * w[1] + frame[2][k] * w[2])
 }
 
+/// A ply at the line, and its frame in the fabric's.
+#[derive(Clone, Copy, Debug)]
+struct Seat<'a, const N: usize> {
+    ply: PreparedPly<'a, N>,
+    frame: [[f32; 3]; 3],
+    /// What it does over a second layer.
+    over: Option<TwoLayered<N>>,
+}
+
 /// A ply beside a gap: what its fibers scatter of the beam.
 #[derive(Clone, Copy, Debug)]
 struct Near<'a, const N: usize> {
-    ply: WholePly<'a, N>,
+    ply: FreshPly<'a, N>,
     frame: [[f32; 3]; 3],
     /// 1 - r_d.
     caught: f32,
@@ -256,22 +271,21 @@ struct Near<'a, const N: usize> {
 }
 
 impl<'a, const N: usize> Near<'a, N> {
-    fn new(ply: WholePly<'a, N>, frame: [[f32; 3]; 3]) -> Self {
-        let (energy, r_d) = ply.model.albedo_r_d(ply.theta_i, ply.h_um, ply.sigma_per_um);
+    fn new(ply: &WholePly<'a, N>, frame: [[f32; 3]; 3]) -> Self {
+        let ply = ply.fresh();
+        let (energy, r_d) = ply.albedo_r_d();
         let mean = energy.iter().sum::<f32>() / N.max(1) as f32;
         let hit = if mean > 0.0 { mean / (mean + r_d) } else { 0.0 };
         Near { ply, frame, caught: (1.0 - r_d).max(0.0), energy, mean, hit }
     }
 
     fn eval(&self, wo: [f32; 3]) -> [f32; N] {
-        let (refl, high) = self.ply.split(to_ply(&self.frame, wo));
-        std::array::from_fn(|k| refl[k] + high[k])
+        self.ply.lobes(to_ply(&self.frame, wo))
     }
 
     /// Density of the lobes alone.
     fn pdf(&self, wo: [f32; 3]) -> f32 {
-        let WholePly { model, theta_i, h_um, sigma_per_um, .. } = self.ply;
-        if self.hit > 0.0 { model.pdf(theta_i, h_um, sigma_per_um, to_ply(&self.frame, wo)) / self.hit } else { 0.0 }
+        if self.hit > 0.0 { self.ply.lobes_density(to_ply(&self.frame, wo)) / self.hit } else { 0.0 }
     }
 
     /// f and the density of the lobes alone.
@@ -303,7 +317,9 @@ struct InGap<'a, const N: usize> {
 }
 
 impl<'a, const N: usize> InGap<'a, N> {
-    fn new(near: [Option<Near<'a, N>>; 4], scale: f32, through: f32, gap: GapIncidence<'a, N>, gaps: GapLight) -> Self {
+    fn new(near: [Option<Near<'a, N>>; 4], gap: GapIncidence<'a, N>, gaps: GapLight) -> Self {
+        let caught: f32 = near.iter().flatten().map(|n| n.caught).sum();
+        let (scale, through) = (if caught > 1.0 { 1.0 / caught } else { 1.0 }, (1.0 - caught).max(0.0));
         // An aperture that is closed at the precision of the spectra lets its light pass straight on too.
         let straight = gaps == GapLight::Straight || gap.miss() >= 1.0;
         let mut chances = [0.0; 5];
@@ -318,8 +334,18 @@ impl<'a, const N: usize> InGap<'a, N> {
         InGap { near, scale, through, gap, straight, chances }
     }
 
+    /// The light of the aperture.
+    fn aperture(&self, wo: [f32; 3]) -> [f32; N] {
+        if self.straight { [0.0; N] } else { self.gap.eval(wo).map(|g| self.through * g) }
+    }
+
+    /// The density of the aperture's samples, with their chance.
+    fn aperture_pdf(&self, wo: [f32; 3]) -> f32 {
+        if self.chances[4] > 0.0 { self.chances[4] * self.gap.pdf(wo) } else { 0.0 }
+    }
+
     fn eval(&self, wo: [f32; 3]) -> [f32; N] {
-        let mut f = if self.straight { [0.0; N] } else { self.gap.eval(wo).map(|g| self.through * g) };
+        let mut f = self.aperture(wo);
         for ply in self.near.iter().flatten() {
             let part = ply.eval(wo);
             for k in 0..N {
@@ -330,7 +356,7 @@ impl<'a, const N: usize> InGap<'a, N> {
     }
 
     fn pdf(&self, wo: [f32; 3]) -> f32 {
-        let mut pdf = if self.chances[4] > 0.0 { self.chances[4] * self.gap.pdf(wo) } else { 0.0 };
+        let mut pdf = self.aperture_pdf(wo);
         for (ply, chance) in self.near.iter().zip(&self.chances) {
             if let Some(ply) = ply {
                 pdf += chance * ply.pdf(wo);
@@ -339,17 +365,15 @@ impl<'a, const N: usize> InGap<'a, N> {
         pdf
     }
 
-    fn eval_pdf(&self, wo: [f32; 3]) -> ([f32; N], f32) {
-        self.eval_pdf_but(wo, |ply, _| ply.eval_pdf(wo))
-    }
-
-    /// f and density; those of a ply by `of` its number.
-    fn eval_pdf_but(&self, wo: [f32; 3], of: impl Fn(&Near<'a, N>, usize) -> ([f32; N], f32)) -> ([f32; N], f32) {
-        let mut f = if self.straight { [0.0; N] } else { self.gap.eval(wo).map(|g| self.through * g) };
-        let mut pdf = if self.chances[4] > 0.0 { self.chances[4] * self.gap.pdf(wo) } else { 0.0 };
+    /// f and density; those of a ply that is known by its number need not be asked for.
+    fn eval_pdf(&self, wo: [f32; 3], known: Option<(usize, ([f32; N], f32))>) -> ([f32; N], f32) {
+        let (mut f, mut pdf) = (self.aperture(wo), self.aperture_pdf(wo));
         for (i, (ply, chance)) in self.near.iter().zip(&self.chances).enumerate() {
             if let Some(ply) = ply {
-                let (part, density) = of(ply, i);
+                let (part, density) = match known {
+                    Some((known, drawn)) if known == i => drawn,
+                    _ => ply.eval_pdf(wo),
+                };
                 for k in 0..N {
                     f[k] += self.scale * part[k];
                 }
@@ -366,7 +390,7 @@ impl<'a, const N: usize> InGap<'a, N> {
             if let Some(ply) = ply {
                 if left < *chance {
                     let (wo, drawn) = ply.sample([left / chance, u[1], u[2]])?;
-                    return Some((wo, self.eval_pdf_but(wo, |ply, k| if k == i { drawn } else { ply.eval_pdf(wo) })));
+                    return Some((wo, self.eval_pdf(wo, Some((i, drawn)))));
                 }
                 left -= chance;
             }
@@ -374,7 +398,7 @@ impl<'a, const N: usize> InGap<'a, N> {
         let chance = self.chances[4];
         if left < chance {
             let wo = self.gap.direction([left / chance, u[1], u[2]])?;
-            Some((wo, self.eval_pdf(wo)))
+            Some((wo, self.eval_pdf(wo, None)))
         } else {
             None
         }
@@ -382,63 +406,61 @@ impl<'a, const N: usize> InGap<'a, N> {
 }
 
 /// One of the cases of 7.1. It lives on the stack of one query: a box would allocate.
-#[allow(clippy::large_enum_variant)]
 #[derive(Clone, Copy, Debug)]
-enum Kind<'a, const N: usize> {
-    Ply { frame: [[f32; 3]; 3], ply: WholePly<'a, N> },
-    Double { frame: [[f32; 3]; 3], double: DoubleLayer<'a, N> },
+enum Case<'a, const N: usize> {
+    Ply(Seat<'a, N>),
     Gap(InGap<'a, N>),
 }
 
-/// A fabric at one point and direction, for N wavelengths.
+/// A fabric at one point and direction, for N wavelengths; of a ply the lobes are interpolated once.
 #[derive(Clone, Copy, Debug)]
 pub struct FabricAt<'a, const N: usize> {
-    kind: Kind<'a, N>,
+    case: Case<'a, N>,
 }
 
 impl<const N: usize> FabricAt<'_, N> {
     /// Whether the point lies in a gap.
     pub fn is_gap(&self) -> bool {
-        matches!(self.kind, Kind::Gap(_))
+        matches!(self.case, Case::Gap(_))
     }
 
     /// Whether two layers of yarns lie there.
     pub fn is_double(&self) -> bool {
-        matches!(self.kind, Kind::Double { .. })
+        matches!(self.case, Case::Ply(Seat { over: Some(_), .. }))
     }
 }
 
 impl<const N: usize> Scatter<N> for FabricAt<'_, N> {
     fn eval(&self, wo: [f32; 3]) -> [f32; N] {
-        match &self.kind {
-            Kind::Ply { frame, ply } => ply.eval(to_ply(frame, wo)),
-            Kind::Double { frame, double } => double.eval(to_ply(frame, wo)),
-            Kind::Gap(gap) => gap.eval(wo),
+        match &self.case {
+            Case::Ply(Seat { ply, frame, over: None }) => ply.eval(to_ply(frame, wo)),
+            Case::Ply(Seat { ply, frame, over: Some(two) }) => two.eval(ply, to_ply(frame, wo)),
+            Case::Gap(gap) => gap.eval(wo),
         }
     }
 
     fn pdf(&self, wo: [f32; 3]) -> f32 {
-        match &self.kind {
-            Kind::Ply { frame, ply } => ply.pdf(to_ply(frame, wo)),
-            Kind::Double { frame, double } => double.pdf(to_ply(frame, wo)),
-            Kind::Gap(gap) => gap.pdf(wo),
+        match &self.case {
+            Case::Ply(Seat { ply, frame, over: None }) => ply.pdf(to_ply(frame, wo)),
+            Case::Ply(Seat { ply, frame, over: Some(two) }) => two.pdf(ply, to_ply(frame, wo)),
+            Case::Gap(gap) => gap.pdf(wo),
         }
     }
 
     fn eval_pdf(&self, wo: [f32; 3]) -> ([f32; N], f32) {
-        match &self.kind {
-            Kind::Ply { frame, ply } => ply.eval_pdf(to_ply(frame, wo)),
-            Kind::Double { frame, double } => double.eval_pdf(to_ply(frame, wo)),
-            Kind::Gap(gap) => gap.eval_pdf(wo),
+        match &self.case {
+            Case::Ply(Seat { ply, frame, over: None }) => ply.eval_pdf(to_ply(frame, wo)),
+            Case::Ply(Seat { ply, frame, over: Some(two) }) => two.eval_pdf(ply, to_ply(frame, wo)),
+            Case::Gap(gap) => gap.eval_pdf(wo, None),
         }
     }
 
     fn sample(&self, u: [f32; 3]) -> Option<ScatterSample<N>> {
         let turned = |frame: &[[f32; 3]; 3], s: ScatterSample<N>| ScatterSample { wo: to_fabric(frame, s.wo), ..s };
-        match &self.kind {
-            Kind::Ply { frame, ply } => ply.sample(u).map(|s| turned(frame, s)),
-            Kind::Double { frame, double } => double.sample(u).map(|s| turned(frame, s)),
-            Kind::Gap(gap) => {
+        match &self.case {
+            Case::Ply(Seat { ply, frame, over: None }) => ply.sample(u).map(|s| turned(frame, s)),
+            Case::Ply(Seat { ply, frame, over: Some(two) }) => two.sample(ply, u).map(|s| turned(frame, s)),
+            Case::Gap(gap) => {
                 let u = u.map(|x| crate::simd::min(crate::simd::max(x, 0.0), 1.0 - f32::EPSILON / 2.0));
                 let (wo, (f, pdf)) = gap.sample(u)?;
                 Some(ScatterSample { wo, weight: f.map(|f| if pdf > 0.0 { f / pdf } else { 0.0 }), pdf })
@@ -448,10 +470,10 @@ impl<const N: usize> Scatter<N> for FabricAt<'_, N> {
 
     /// The light that comes back or through. Of the light through an aperture all is counted, as its Kirchhoff integral is to 2 % from 10 um on.
     fn albedo(&self) -> [f32; N] {
-        match &self.kind {
-            Kind::Ply { ply, .. } => ply.albedo(),
-            Kind::Double { double, .. } => double.albedo(),
-            Kind::Gap(gap) => {
+        match &self.case {
+            Case::Ply(Seat { ply, over: None, .. }) => ply.albedo(),
+            Case::Ply(Seat { over: Some(two), .. }) => two.albedo(),
+            Case::Gap(gap) => {
                 let mut albedo = if gap.straight { [0.0; N] } else { [gap.through; N] };
                 for ply in gap.near.iter().flatten() {
                     for k in 0..N {
@@ -464,10 +486,10 @@ impl<const N: usize> Scatter<N> for FabricAt<'_, N> {
     }
 
     fn miss(&self) -> f32 {
-        match &self.kind {
-            Kind::Ply { ply, .. } => ply.miss(),
-            Kind::Double { double, .. } => double.miss(),
-            Kind::Gap(gap) => (1.0 - gap.chances.iter().sum::<f32>()).max(0.0),
+        match &self.case {
+            Case::Ply(Seat { ply, over: None, .. }) => ply.miss(),
+            Case::Ply(_) => 0.0,
+            Case::Gap(gap) => (1.0 - gap.chances.iter().sum::<f32>()).max(0.0),
         }
     }
 }

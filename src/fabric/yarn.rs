@@ -12,7 +12,7 @@
 //! there.
 
 use crate::Handedness;
-use std::f32::consts::TAU;
+use crate::simd::{atan2, signed, sin_cos_half_turns};
 
 /// Most plies of a yarn.
 pub const MAX_PLIES: usize = 7;
@@ -105,6 +105,13 @@ fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
+/// Sine and cosine of an angle in turns.
+#[inline]
+fn sin_cos_turns(turns: f32) -> (f32, f32) {
+    let (s, c, sign) = sin_cos_half_turns::<false>(2.0 * turns);
+    (signed(s, sign), signed(c, sign))
+}
+
 /// Squared sine below which a line counts as parallel to a ply; its frame is then turned so that y is n.
 const PARALLEL: f32 = 1e-10;
 
@@ -127,7 +134,7 @@ impl Met {
     /// Latitude of the light `w` on the ply [rad].
     #[inline]
     pub fn theta_i(&self, w: [f32; 3]) -> f32 {
-        dot(w, self.tangent).atan2(self.sine)
+        atan2::<false>(dot(w, self.tangent), self.sine)
     }
 
     /// The ply frame [x, y, z] (Yu 2025, Eq. 1): `w = y cos theta_i + z sin theta_i`.
@@ -210,7 +217,7 @@ impl Yarn {
             return 0.0;
         }
         let per_sine = 1.0 / sine2.sqrt();
-        let (s, c) = (TAU * line.turns).sin_cos();
+        let (s, c) = sin_cos_turns(line.turns);
         let (mut first, mut met) = (f32::NEG_INFINITY, false);
         for &[ck, sk] in &self.turn[..self.plies] {
             let (x, y) = (self.circle * (c * ck - s * sk), self.circle * (s * ck + c * sk));
@@ -245,7 +252,7 @@ impl Yarn {
 
     /// Cosine and sine of ply 0's angle at `shift` along t.
     fn angle(&self, line: &Line, shift: f32) -> [f32; 2] {
-        let (s, c) = (TAU * (line.turns + shift * self.turns_per_um)).sin_cos();
+        let (s, c) = sin_cos_turns(line.turns + shift * self.turns_per_um);
         [c, s]
     }
 

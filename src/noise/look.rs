@@ -2,38 +2,9 @@
 //! which the memory comes: tiles are larger than the caches near the processor.
 
 use super::{Instance, NoiseTiles, SEAM_RAD, mix};
-use crate::simd::{fma, max, min, prefetch, signed, sin_cos_half_turns};
+use crate::simd::{atan2, fma, max, min, prefetch, signed, sin_cos_half_turns};
 use multiversion::{multiversion, target::target_cfg_f};
-use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, PI};
-
-/// Arc tangent of y / x in (-pi, pi], 0 where both are 0; to 3e-7.
-#[inline(always)]
-fn azimuth<const FMA: bool>(y: f32, x: f32) -> f32 {
-    let (ax, ay) = (x.abs(), y.abs());
-    let top = ax.max(ay);
-    let t = if top > 0.0 { ax.min(ay) / top } else { 0.0 };
-    let s = t * t;
-    let mut p = COEFFICIENTS[7];
-    for i in (0..7).rev() {
-        p = fma::<FMA>(p, s, COEFFICIENTS[i]);
-    }
-    let a = t * p;
-    let a = if ay > ax { FRAC_PI_2 - a } else { a };
-    let a = if x < 0.0 { PI - a } else { a };
-    if y < 0.0 { -a } else { a }
-}
-
-/// Least squares on Chebyshev nodes of [0, 1].
-const COEFFICIENTS: [f32; 8] = [
-    0.999_999_34,
-    -0.333_298_62,
-    0.199_465_66,
-    -0.139_086_32,
-    0.096_421_994,
-    -0.055_912_323,
-    0.021_862_94,
-    -0.004_054_559_4,
-];
+use std::f32::consts::{FRAC_1_PI, PI};
 
 /// Where a direction falls on the patterns of one kind, before it is stretched.
 #[derive(Clone, Copy, Debug)]
@@ -56,77 +27,64 @@ impl Place {
     }
 }
 
-/// One tile, mirrored and moved.
+/// 1.5 2^23 plus a whole number below 2^22 has that number in its low bits, negative ones as their two's complement. What is beyond falls somewhere on
+/// the tile.
+const WHOLE: f32 = 12_582_912.0;
+
+/// Numbers of f_refl and f_high at N wavelengths.
+type Lanes<T, const N: usize> = [[T; N]; 2];
+
+/// The patterns of one instance at one latitude and N wavelengths: which tile each kind has, mirrored, moved and stretched.
 #[derive(Clone, Copy, Debug)]
-struct Tile {
-    /// Place of its first code; low and step of its codes.
-    first: u32,
-    code: [f32; 2],
+pub(crate) struct Speckle<'a, const N: usize> {
+    tiles: &'a NoiseTiles,
+    /// Sine of theta_i.
+    sin_i: f32,
     rows: u32,
     columns: u32,
-    /// Nodes per unit of v and u, and the place of the origin.
-    scale: [f32; 2],
-    offset: [f32; 2],
+    /// Of each kind the place of the tile's first code; low and step of its codes; where its origin lies.
+    first: [u32; 2],
+    code: [[f32; 2]; 2],
+    offset: [[f32; 2]; 2],
+    /// Nodes per unit of v and of u.
+    per_v: Lanes<f32, N>,
+    per_u: Lanes<f32, N>,
+    /// s of [`NoiseTiles::fade`].
+    fade: Lanes<f32, N>,
 }
 
-impl Tile {
-    /// The tile of a kind for one instance.
-    #[inline(always)]
-    fn new(tiles: &NoiseTiles, instance: Instance, kind: usize) -> Tile {
-        let [count, rows, columns] = tiles.sizes;
-        // Independent bits for each kind: tile, two offsets of 20 bits, two mirrors.
-        let bits = mix(instance.0 ^ (kind as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
-        let index = kind * count + ((bits >> 42) as usize & (count - 1));
-        const UNIT: f32 = 1.0 / (1u32 << 20) as f32;
-        let offset = [bits & 0xf_ffff, bits >> 20 & 0xf_ffff];
-        // The top bits of a float are its signs.
-        let (sign_v, sign_u) = ((bits >> 31) as u32 & 1 << 31, (bits >> 32) as u32 & 1 << 31);
-        let [step_v, step_u] = tiles.step[kind];
-        Tile {
-            first: (index * rows * columns) as u32,
-            code: tiles.code.get(2 * index..).and_then(|c| c.first_chunk()).copied().unwrap_or([1.0, 0.0]),
-            rows: rows as u32,
-            columns: columns as u32,
-            scale: [signed(1.0 / step_v as f32, sign_v), signed(1.0 / step_u as f32, sign_u)],
-            offset: [
-                offset[0] as i32 as f32 * UNIT * rows as i32 as f32,
-                offset[1] as i32 as f32 * UNIT * columns as i32 as f32,
-            ],
-        }
+impl<'a, const N: usize> Speckle<'a, N> {
+    #[inline]
+    pub(crate) fn new(tiles: &'a NoiseTiles, instance: Instance, theta_i: f32, lambda_um: &[f32; N]) -> Speckle<'a, N> {
+        speckle(tiles, instance, theta_i, lambda_um)
     }
 
-    /// Cell and the place in it, of (v, u) times a stretch. Sizes are powers of two, so that masks wrap.
+    /// Where the factors of a direction are; reads their codes.
+    #[inline]
+    pub(crate) fn look(&self, wo: [f32; 3]) -> Look<'_, N> {
+        look(self, wo)
+    }
+
+    /// Cell and the place in it at (v, u) of one kind at wavelength k. Sizes are powers of two, so that masks wrap.
     #[inline(always)]
-    fn cell<const FMA: bool>(&self, v: f32, u: f32, stretch: f32) -> ([u32; 2], [f32; 2]) {
-        let v = fma::<FMA>(v * stretch, self.scale[0], self.offset[0]);
-        let u = fma::<FMA>(u * stretch, self.scale[1], self.offset[1]);
+    fn cell<const FMA: bool>(&self, kind: usize, k: usize, v: f32, u: f32) -> ([u32; 2], [f32; 2]) {
+        let v = fma::<FMA>(v, self.per_v[kind][k], self.offset[kind][0]);
+        let u = fma::<FMA>(u, self.per_u[kind][k], self.offset[kind][1]);
         let (fv, fu) = (v.floor(), u.floor());
         let (row, column) = ((fv + WHOLE).to_bits() & (self.rows - 1), (fu + WHOLE).to_bits() & (self.columns - 1));
         ([row, column], [v - fv, u - fu])
     }
 
-    /// Asks for the memory of places.
+    /// N at a place, bilinear: what [`factors`] has for most places, in plain words.
     #[cold]
     #[inline(never)]
-    fn prefetch<const N: usize>(&self, tiles: &NoiseTiles, v: f32, u: f32, stretch: &[f32; N]) {
-        for s in stretch {
-            let ([row, column], _) = self.cell::<false>(v, u, *s);
-            let below = (row + 1) & (self.rows - 1);
-            prefetch(&tiles.tiles, (self.first + row * self.columns + column) as usize);
-            prefetch(&tiles.tiles, (self.first + below * self.columns + column) as usize);
-        }
-    }
-
-    /// N at a place, bilinear: what [`read`] has for most places, in plain words.
-    #[cold]
-    #[inline(never)]
-    fn value(&self, tiles: &NoiseTiles, v: f32, u: f32, stretch: f32) -> f32 {
-        let ([row, column], [v, u]) = self.cell::<false>(v, u, stretch);
+    fn value(&self, kind: usize, k: usize, v: f32, u: f32) -> f32 {
+        let ([row, column], [v, u]) = self.cell::<false>(kind, k, v, u);
         let (below, right) = ((row + 1) & (self.rows - 1), (column + 1) & (self.columns - 1));
         let node = |row: u32, column: u32| {
-            let code =
-                tiles.tiles.get((self.first + row * self.columns + column) as usize).map_or(0.0, |c| f32::from(*c));
-            let root = self.code[0] + self.code[1] * code;
+            let at = self.first[kind] + row * self.columns + column;
+            let code = self.tiles.tiles.get(at as usize).map_or(0.0, |c| f32::from(*c));
+            let root = self.code[kind][0] + self.code[kind][1] * code;
             root * root
         };
         let (a, b) = (node(row, column), node(row, right));
@@ -136,23 +94,80 @@ impl Tile {
     }
 }
 
-/// 1.5 2^23 plus a whole number below 2^22 has that number in its low bits, negative ones as their two's complement. What is beyond falls somewhere on
-/// the tile.
-const WHOLE: f32 = 12_582_912.0;
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
+    "x86_64+avx2+bmi1+bmi2+fma"
+))]
+fn speckle<'a, const N: usize>(
+    tiles: &'a NoiseTiles,
+    instance: Instance,
+    theta_i: f32,
+    lambda_um: &[f32; N],
+) -> Speckle<'a, N> {
+    const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
+    let sin_i = if theta_i.abs() <= 4.0 {
+        let (s, _, sign) = sin_cos_half_turns::<FMA>(theta_i * FRAC_1_PI);
+        signed(s, sign)
+    } else {
+        beyond(theta_i)
+    };
+    let reference = tiles.lambda_um as f32;
+    // Wavelengths over that of the tiles, and the inverse.
+    let (mut lambda, mut stretch) = ([1.0; N], [1.0; N]);
+    for k in 0..N {
+        let ratio = lambda_um[k] / reference;
+        lambda[k] = if ratio.is_nan() { 1.0 } else { min(max(ratio, 0.1), 10.0) };
+        stretch[k] = 1.0 / lambda[k];
+    }
+    let [count, rows, columns] = tiles.sizes;
+    let mut x = Speckle {
+        tiles,
+        sin_i,
+        rows: rows as u32,
+        columns: columns as u32,
+        first: [0; 2],
+        code: [[1.0, 0.0]; 2],
+        offset: [[0.0; 2]; 2],
+        per_v: [[0.0; N]; 2],
+        per_u: [[0.0; N]; 2],
+        fade: [[0.0; N]; 2],
+    };
+    for kind in 0..2 {
+        // Independent bits for each kind: tile, two offsets of 20 bits, two mirrors.
+        let bits = mix(instance.0 ^ (kind as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+        let index = kind * count + ((bits >> 42) as usize & (count - 1));
+        const UNIT: f32 = 1.0 / (1u32 << 20) as f32;
+        x.first[kind] = (index * rows * columns) as u32;
+        if let Some(code) = tiles.code.get(2 * index..).and_then(|c| c.first_chunk()) {
+            x.code[kind] = *code;
+        }
+        x.offset[kind] = [
+            (bits & 0xf_ffff) as i32 as f32 * UNIT * rows as i32 as f32,
+            (bits >> 20 & 0xf_ffff) as i32 as f32 * UNIT * columns as i32 as f32,
+        ];
+        // The top bits of a float are its signs.
+        let (sign_v, sign_u) = ((bits >> 31) as u32 & 1 << 31, (bits >> 32) as u32 & 1 << 31);
+        let [step_v, step_u] = tiles.step[kind];
+        let (per_v, per_u) = (signed(1.0 / step_v as f32, sign_v), signed(1.0 / step_u as f32, sign_u));
+        let [at_0, slope] = tiles.fade[kind].map(|x| x as f32);
+        for k in 0..N {
+            x.per_v[kind][k] = per_v * stretch[k];
+            x.per_u[kind][k] = per_u * stretch[k];
+            x.fade[kind][k] = min(max(fma::<FMA>(slope * reference, lambda[k], at_0), 0.0), 1.0);
+        }
+    }
+    x
+}
 
-/// Numbers of f_refl and f_high at N wavelengths.
-type Lanes<T, const N: usize> = [[T; N]; 2];
-
-/// Where the factors of a direction are, for one instance at N wavelengths.
+/// Where the factors of a direction are.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Look<const N: usize> {
+pub(crate) struct Look<'a, const N: usize> {
+    speckle: &'a Speckle<'a, N>,
     /// Whether the direction is one.
     valid: bool,
     /// Whether two nodes that lie side by side do so in memory.
     plain: bool,
-    stretch: [f32; N],
     places: [Place; 2],
-    tiles: [Tile; 2],
     /// Where the left ones of the four nodes around are, and where between the nodes the direction is.
     top: Lanes<u32, N>,
     bottom: Lanes<u32, N>,
@@ -160,23 +175,11 @@ pub(crate) struct Look<const N: usize> {
     u: Lanes<f32, N>,
 }
 
-impl<const N: usize> Look<N> {
-    /// Asks for the memory of the factors, too.
-    #[inline]
-    pub(crate) fn new(
-        tiles: &NoiseTiles,
-        instance: Instance,
-        theta_i: f32,
-        wo: [f32; 3],
-        lambda_um: [f32; N],
-    ) -> Look<N> {
-        look(tiles, instance, theta_i, wo, &lambda_um)
-    }
-
+impl<const N: usize> Look<'_, N> {
     /// The factors of f_refl and of f_high.
     #[inline]
-    pub(crate) fn read(&self, tiles: &NoiseTiles) -> ([f32; N], [f32; N]) {
-        read(self, tiles)
+    pub(crate) fn factors(&self) -> ([f32; N], [f32; N]) {
+        factors(self)
     }
 }
 
@@ -184,59 +187,34 @@ impl<const N: usize> Look<N> {
     "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
     "x86_64+avx2+bmi1+bmi2+fma"
 ))]
-fn look<const N: usize>(
-    tiles: &NoiseTiles,
-    instance: Instance,
-    theta_i: f32,
-    wo: [f32; 3],
-    lambda_um: &[f32; N],
-) -> Look<N> {
+fn look<'a, const N: usize>(speckle: &'a Speckle<'a, N>, wo: [f32; 3]) -> Look<'a, N> {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
     let [x, y, z] = wo;
     let valid = x.abs() <= 2.0 && y.abs() <= 2.0 && z.abs() <= 2.0;
     let [x, y, z] = if valid { wo } else { [0.0, 1.0, 0.0] };
-    let reference = tiles.lambda_um as f32;
-    let mut stretch = [1.0; N];
-    for k in 0..N {
-        let ratio = reference / lambda_um[k];
-        stretch[k] = if ratio.is_nan() { 1.0 } else { min(max(ratio, 0.1), 10.0) };
-    }
-    let sin_i = if theta_i.abs() <= 4.0 {
-        let (s, _, sign) = sin_cos_half_turns::<FMA>(theta_i * FRAC_1_PI);
-        signed(s, sign)
-    } else {
-        beyond(theta_i)
-    };
-    let alpha = azimuth::<FMA>(-x, y);
+    let alpha = atan2::<FMA>(-x, y);
     let beta = alpha - PI.copysign(alpha);
-    let v = z + sin_i;
+    let v = z + speckle.sin_i;
     let places =
         [Place::new(alpha, max(1.0 - 0.25 * v * v, 0.0).sqrt(), v), Place::new(beta, (x * x + y * y).sqrt(), z)];
-    let of = [Tile::new(tiles, instance, 0), Tile::new(tiles, instance, 1)];
     let (mut top, mut bottom) = ([[0; N]; 2], [[0; N]; 2]);
     let (mut cell_v, mut cell_u) = ([[0.0; N]; 2], [[0.0; N]; 2]);
     let mut last = 0;
     for kind in 0..2 {
-        let tile = &of[kind];
         for k in 0..N {
-            let ([row, column], [v, u]) = tile.cell::<FMA>(places[kind].v, places[kind].u, stretch[k]);
-            let below = (row + 1) & (tile.rows - 1);
-            top[kind][k] = tile.first + row * tile.columns + column;
-            bottom[kind][k] = tile.first + below * tile.columns + column;
+            let ([row, column], [v, u]) = speckle.cell::<FMA>(kind, k, places[kind].v, places[kind].u);
+            let below = (row + 1) & (speckle.rows - 1);
+            top[kind][k] = speckle.first[kind] + row * speckle.columns + column;
+            bottom[kind][k] = speckle.first[kind] + below * speckle.columns + column;
             (cell_v[kind][k], cell_u[kind][k]) = (v, u);
-            last |= u32::from(column + 1 == tile.columns);
+            last |= u32::from(column + 1 == speckle.columns);
         }
     }
     for (top, bottom) in top.as_flattened().iter().zip(bottom.as_flattened()) {
-        prefetch(&tiles.tiles, *top as usize);
-        prefetch(&tiles.tiles, *bottom as usize);
+        prefetch(&speckle.tiles.tiles, *top as usize);
+        prefetch(&speckle.tiles.tiles, *bottom as usize);
     }
-    for kind in 0..2 {
-        if places[kind].share > 0.0 {
-            of[kind].prefetch(tiles, places[kind].v, places[kind].other, &stretch);
-        }
-    }
-    Look { valid, plain: last == 0, stretch, places, tiles: of, top, bottom, v: cell_v, u: cell_u }
+    Look { speckle, valid, plain: last == 0, places, top, bottom, v: cell_v, u: cell_u }
 }
 
 /// The sine of what is no latitude; 0 of what is no number.
@@ -259,22 +237,24 @@ fn pair(codes: &[u8], at: u32) -> u32 {
     "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
     "x86_64+avx2+bmi1+bmi2+fma"
 ))]
-fn read<const N: usize>(look: &Look<N>, tiles: &NoiseTiles) -> ([f32; N], [f32; N]) {
+fn factors<const N: usize>(look: &Look<'_, N>) -> ([f32; N], [f32; N]) {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
     if !look.valid {
         return ([1.0; N], [1.0; N]);
     }
+    let speckle = look.speckle;
     let mut factors = [[1.0; N]; 2];
     if look.plain {
         let mut codes = [[0; N]; 2];
+        let tiles = speckle.tiles.tiles.as_slice();
         for kind in 0..2 {
             for k in 0..N {
-                codes[kind][k] = pair(&tiles.tiles, look.top[kind][k]) | pair(&tiles.tiles, look.bottom[kind][k]) << 16;
+                codes[kind][k] = pair(tiles, look.top[kind][k]) | pair(tiles, look.bottom[kind][k]) << 16;
             }
         }
         let (mut low, mut step) = ([[0.0; N]; 2], [[0.0; N]; 2]);
         for kind in 0..2 {
-            [low[kind], step[kind]] = [[look.tiles[kind].code[0]; N], [look.tiles[kind].code[1]; N]];
+            [low[kind], step[kind]] = [[speckle.code[kind][0]; N], [speckle.code[kind][1]; N]];
         }
         let (low, step, codes) = (low.as_flattened(), step.as_flattened(), codes.as_flattened());
         let (v, u) = (look.v.as_flattened(), look.u.as_flattened());
@@ -290,9 +270,8 @@ fn read<const N: usize>(look: &Look<N>, tiles: &NoiseTiles) -> ([f32; N], [f32; 
         }
     } else {
         for kind in 0..2 {
-            let place = &look.places[kind];
             for k in 0..N {
-                factors[kind][k] = look.tiles[kind].value(tiles, place.v, place.u, look.stretch[k]);
+                factors[kind][k] = speckle.value(kind, k, look.places[kind].v, look.places[kind].u);
             }
         }
     }
@@ -300,16 +279,14 @@ fn read<const N: usize>(look: &Look<N>, tiles: &NoiseTiles) -> ([f32; N], [f32; 
         let place = &look.places[kind];
         if place.share > 0.0 {
             for k in 0..N {
-                let other = look.tiles[kind].value(tiles, place.v, place.other, look.stretch[k]);
+                let other = speckle.value(kind, k, place.v, place.other);
                 factors[kind][k] = fma::<FMA>(place.share, other - factors[kind][k], factors[kind][k]);
             }
         }
-        let at_0 = tiles.fade[kind][0] as f32;
-        let slope = tiles.fade[kind][1] as f32 * tiles.lambda_um as f32;
-        for k in 0..N {
-            let fade = min(max(at_0 + slope / look.stretch[k], 0.0), 1.0);
-            factors[kind][k] = fma::<FMA>(fade, factors[kind][k] - 1.0, 1.0);
-        }
+    }
+    let fade = speckle.fade.as_flattened();
+    for (n, fade) in factors.as_flattened_mut().iter_mut().zip(fade) {
+        *n = fma::<FMA>(*fade, *n - 1.0, 1.0);
     }
     (factors[0], factors[1])
 }
@@ -352,16 +329,16 @@ mod tests {
             let phi = std::f32::consts::TAU * rng.random::<f32>();
             let wo = crate::direction((2.0 * rng.random::<f32>() - 1.0).asin(), phi);
             let theta_i = 3.0 * (rng.random::<f32>() - 0.5);
-            let look = Look::new(&tiles, Instance::new(i, 0.0, 1.0), theta_i, wo, lambda);
+            let speckle = Speckle::new(&tiles, Instance::new(i, 0.0, 1.0), theta_i, &lambda);
+            let look = speckle.look(wo);
             borders += u32::from(!look.plain);
             seams += u32::from(look.places.iter().any(|p| p.share > 0.0));
-            let (refl, high) = look.read(&tiles);
+            let (refl, high) = look.factors();
             for (kind, got) in [refl, high].into_iter().enumerate() {
-                let (place, tile) = (&look.places[kind], &look.tiles[kind]);
+                let place = &look.places[kind];
                 for k in 0..lambda.len() {
-                    let s = tiles.lambda_um as f32 / lambda[k];
-                    let a = tile.value(&tiles, place.v, place.u, s);
-                    let b = tile.value(&tiles, place.v, place.other, s);
+                    let a = speckle.value(kind, k, place.v, place.u);
+                    let b = speckle.value(kind, k, place.v, place.other);
                     let n = a + place.share * (b - a);
                     let fade = (tiles.fade[kind][0] as f32 + tiles.fade[kind][1] as f32 * lambda[k]).clamp(0.0, 1.0);
                     let want = 1.0 + fade * (n - 1.0);

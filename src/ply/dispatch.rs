@@ -4,6 +4,7 @@
 
 use super::energy::{Core, Energies, energies, sum};
 use super::layout::{Layout, SMALL, Tables};
+use super::made::MadeLobes;
 use super::mixture::{mixture, weights};
 use super::slit::{SlitSample, Taken};
 use super::{MAX_LOBES, MAX_PATHS, Queries, batch};
@@ -82,7 +83,7 @@ kernel!(
     run_sample, sample_small, sample_large,
     (theta_i: f32, h_um: f32, sigma: [f32; N], u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>),
     |tables, FMA, L| match weights::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
-        Some(mut m) => match m.sample::<FMA>(tables.bandwidth, u) {
+        Some((mut m, params)) => match m.sample::<FMA>(&params, tables.bandwidth, u) {
             Some((wo, (refl, high, pdf))) => (Some(wo), m.core(refl, high, pdf)),
             None => (None, m.core(0.0, [0.0; N], 0.0)),
         },
@@ -120,7 +121,7 @@ kernel!(
     run_slit_eval, slit_eval_small, slit_eval_large,
     (share: f32, theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> (Core<N>, Taken<N>),
     |tables, FMA, L| match weights::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
-        Some(mut m) => m.slit_eval_pdf::<FMA>(tables.bandwidth, (share, theta_i), wo),
+        Some((mut m, params)) => m.slit_eval_pdf::<FMA>(&params, tables.bandwidth, (share, theta_i), wo),
         None => (Core::MISS, Taken { energy: [0.0; N], chance: 0.0 }),
     }
 );
@@ -128,7 +129,50 @@ kernel!(
     run_slit_sample, slit_sample_small, slit_sample_large,
     (share: f32, theta_i: f32, h_um: f32, sigma: [f32; N], u: [f32; 3]) -> SlitSample,
     |tables, FMA, L| match weights::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
-        Some(mut m) => m.slit_sample::<FMA>(tables.bandwidth, (share, theta_i), u),
+        Some((mut m, params)) => m.slit_sample::<FMA>(&params, tables.bandwidth, (share, theta_i), u),
         None => SlitSample::Missed(u[0]),
     }
 );
+
+/// Lobes of a small table.
+type SmallLobes<const N: usize> = MadeLobes<{ SMALL.0 }, LANES_SMALL, N>;
+
+/// What is kept of an incidence: lobes of the small tables. It lives on the stack of a host's query: a box would allocate.
+#[allow(clippy::large_enum_variant)]
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Made<const N: usize> {
+    Lobes(SmallLobes<N>),
+    /// The beam misses, or the tables are large.
+    Nothing,
+}
+
+/// Puts the lobes at an incidence where they are kept.
+#[inline]
+pub(super) fn run_make<const N: usize>(layout: &Layout, theta_i: f32, h_um: f32, sigma: &[f32; N], made: &mut Made<N>) {
+    if let Layout::Small(tables) = layout {
+        make(tables, theta_i, h_um, sigma, made);
+    }
+}
+
+/// Declares a kernel of kept lobes, compiled for several instruction sets.
+macro_rules! made {
+    ($name:ident, ($($arg:ident: $type:ty),*) -> $out:ty, |$fma:ident| $body:expr) => {
+        #[multiversion(targets(
+            "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
+            "x86_64+avx2+bmi1+bmi2+fma"
+        ))]
+        pub(super) fn $name<const N: usize>($($arg: $type),*) -> $out {
+            const $fma: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
+            $body
+        }
+    };
+}
+
+made!(make, (tables: &Small, theta_i: f32, h_um: f32, sigma: &[f32; N], made: &mut Made<N>) -> (), |FMA| {
+    if let Some((mixture, shapes)) = mixture::<FMA, _, _, LANES_SMALL, _, N>(tables, theta_i, h_um, sigma) {
+        *made = Made::Lobes(MadeLobes::new::<FMA, _, _>(&mixture, &shapes));
+    }
+});
+made!(made_eval, (x: &SmallLobes<N>, wo: [f32; 3]) -> Core<N>, |FMA| x.eval::<FMA>(wo));
+made!(made_eval_pdf, (x: &SmallLobes<N>, wo: [f32; 3]) -> Core<N>, |FMA| x.eval_pdf::<FMA>(wo));
+made!(made_sample, (x: &SmallLobes<N>, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>), |FMA| x.sample::<FMA>(u));

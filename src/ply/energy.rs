@@ -6,9 +6,9 @@ use super::reference::LEAST_TRANSMITTANCE;
 use crate::simd::{exp2, fma, max, min};
 
 /// r_d, energy of f_refl and of f_high per sigma.
-#[derive(Clone, Copy)]
-pub(super) struct Energies<const N: usize> {
-    pub(super) r_d: f32,
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Energies<const N: usize> {
+    pub(crate) r_d: f32,
     pub(super) refl: f32,
     pub(super) high: [f32; N],
 }
@@ -16,15 +16,20 @@ pub(super) struct Energies<const N: usize> {
 impl<const N: usize> Energies<N> {
     /// What a beam beyond the nodes meets: nothing.
     pub(super) const MISS: Self = Energies { r_d: 1.0, refl: 0.0, high: [0.0; N] };
+
+    /// All that is scattered.
+    pub(crate) fn albedo(&self) -> [f32; N] {
+        sum(self.refl, self.high)
+    }
 }
 
 /// What the lobes answer in one direction, and the light they leave.
 #[derive(Clone, Copy)]
-pub(super) struct Core<const N: usize> {
-    pub(super) refl: f32,
-    pub(super) high: [f32; N],
+pub(crate) struct Core<const N: usize> {
+    pub(crate) refl: f32,
+    pub(crate) high: [f32; N],
     /// Density of sampling the direction; 0 where it was not asked for.
-    pub(super) pdf: f32,
+    pub(crate) pdf: f32,
     pub(super) r_d: f32,
     /// Chance that a sample is of the missed light.
     pub(super) missed: f32,

@@ -61,6 +61,18 @@ pub(super) struct Axes {
     pub(super) xy: (f32, f32),
 }
 
+impl Axes {
+    /// The direction with these components along x, y and z.
+    #[inline(always)]
+    pub(super) fn direction(&self, [u, w, cz]: [f32; 3]) -> [f32; 3] {
+        let Axes { theta: (st, ct), phi: (sp, cp), xy: (sx, cx) } = *self;
+        let across = cx * u - sx * w;
+        let up = sx * u + cx * w;
+        let along = ct * cz - st * up;
+        [cp * along - sp * across, sp * along + cp * across, st * cz + ct * up]
+    }
+}
+
 /// Sine and cosine of x half turns.
 #[inline(always)]
 pub(super) fn sin_cos<const FMA: bool>(x: f32) -> (f32, f32) {

@@ -17,17 +17,20 @@ use crate::simd::{exp2, fma, max, min};
 /// f_refl and f_high per sigma in a direction, and the density of sampling it [1/sr].
 pub(super) type Values<const N: usize> = (f32, [f32; N], f32);
 
+/// Rows of the tables, interpolated.
+pub(super) type Params<const L: usize> = [[f32; L]; PARAMS];
+
 /// Shapes of the lobes of a [`Mixture`].
 pub(super) struct Shapes<const L: usize> {
     /// Sines and cosines of the angles.
-    axes: [[f32; L]; PARAMS],
+    pub(super) axes: [[f32; L]; PARAMS],
     /// sqrt(mu1 log2 e), sqrt(mu2 log2 e).
-    s1: [f32; L],
-    s2: [f32; L],
+    pub(super) s1: [f32; L],
+    pub(super) s2: [f32; L],
     /// Energy * sqrt(mu1 mu2) / pi.
-    norm: [f32; L],
+    pub(super) norm: [f32; L],
     /// Energy / energy of the lobe with amplitude 1.
-    amplitude: [f32; L],
+    pub(super) amplitude: [f32; L],
 }
 
 impl<const L: usize> Shapes<L> {
@@ -40,8 +43,6 @@ impl<const L: usize> Shapes<L> {
 
 /// The weights of the lobes at one incidence: H high-order and R reflection lanes, then empty ones up to L; J path lengths, N absorptions.
 pub(super) struct Mixture<const H: usize, const R: usize, const L: usize, const J: usize, const N: usize> {
-    /// Rows of the tables, interpolated.
-    pub(super) params: [[f32; L]; PARAMS],
     /// Energy before the scale to the simulated energy.
     pub(super) energy: [f32; L],
     /// Path-length spectra of the high-order lobes.
@@ -51,10 +52,10 @@ pub(super) struct Mixture<const H: usize, const R: usize, const L: usize, const 
     /// What makes the high-order lobes add up to the simulated energy.
     scale_high: [f32; N],
     /// What makes the reflection lobes add up to the simulated energy.
-    scale_refl: f32,
+    pub(super) scale_refl: f32,
     /// Pairs of high-order lobes.
     pairs: usize,
-    flip: bool,
+    pub(super) flip: bool,
     pub(super) energies: Energies<N>,
 }
 
@@ -73,8 +74,8 @@ pub(super) fn mixture<
     h_um: f32,
     sigma: &[f32; N],
 ) -> Option<(Mixture<H, R, L, J, N>, Shapes<L>)> {
-    let mut x = weights::<FMA, H, R, L, J, N>(tables, theta_i, h_um, sigma)?;
-    let shapes = x.shapes::<FMA>(tables.bandwidth);
+    let (mut x, params) = weights::<FMA, H, R, L, J, N>(tables, theta_i, h_um, sigma)?;
+    let shapes = x.shapes::<FMA>(&params, tables.bandwidth);
     x.scale::<FMA>();
     Some((x, shapes))
 }
@@ -93,7 +94,7 @@ pub(super) fn weights<
     theta_i: f32,
     h_um: f32,
     sigma: &[f32; N],
-) -> Option<Mixture<H, R, L, J, N>> {
+) -> Option<(Mixture<H, R, L, J, N>, Params<L>)> {
     let p = &place::<FMA>(&tables.grid, theta_i, h_um);
     if !p.hit {
         return None;
@@ -112,7 +113,6 @@ pub(super) fn weights<
     least[..H].copy_from_slice(&tables.least_high);
     least[H..H + R].copy_from_slice(&tables.least_refl);
     let mut x = Mixture {
-        params,
         energy: [0.0; L],
         spectrum: high.spectrum,
         transmittance,
@@ -125,7 +125,7 @@ pub(super) fn weights<
     for i in 0..L {
         x.energy[i] = max(params[5][i], least[i]);
     }
-    Some(x)
+    Some((x, params))
 }
 
 /// The `len` numbers of `x` from `at` on.
@@ -144,8 +144,8 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
 
     /// Axes, widths and amplitudes of the lobes.
     #[inline(always)]
-    pub(super) fn shapes<const FMA: bool>(&self, bandwidth: (f32, f32)) -> Shapes<L> {
-        let (params, zero) = (&self.params, [0.0; L]);
+    pub(super) fn shapes<const FMA: bool>(&self, params: &Params<L>, bandwidth: (f32, f32)) -> Shapes<L> {
+        let zero = [0.0; L];
         let mut x = Shapes { axes: [zero; PARAMS], s1: zero, s2: zero, norm: zero, amplitude: zero };
         for i in 0..L {
             let a = axes::<FMA>(params[0][i], params[1][i], params[2][i]);
@@ -227,6 +227,19 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         self.eval_pdf::<FMA>(x, &self.mean::<FMA>(), wo).2
     }
 
+    /// By high-order lobe and absorption: what the energy of a lobe is multiplied by, scaled to the simulated energy.
+    #[inline(always)]
+    pub(super) fn left<const FMA: bool>(&self) -> [[f32; N]; H] {
+        let mut left = [[0.0; N]; H];
+        for (left, spectrum) in left.iter_mut().zip(&self.spectrum).take(2 * self.pairs) {
+            *left = absorb::<FMA, J, N>(spectrum, &self.transmittance);
+            for k in 0..N {
+                left[k] *= self.scale_high[k];
+            }
+        }
+        left
+    }
+
     /// By lane: what the energy of a lobe is multiplied by for its mean over the absorptions, scaled to the simulated energy.
     #[inline(always)]
     pub(super) fn mean<const FMA: bool>(&self) -> [f32; L] {
@@ -278,12 +291,13 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         Core { refl, high, pdf, r_d, missed: if total > 0.0 { r_d / total } else { 0.0 } }
     }
 
-    /// A direction, f_refl, f_high and pdf there; `None` for the light that missed. Of a mixture whose lobes have no shapes yet: the lobe is
-    /// chosen and the place on its disc drawn first, one long chain of scalar operations, and the processor fills its gaps with the
-    /// shapes.
+    /// A direction, f_refl, f_high and pdf there; `None` for the light that missed. Of a mixture that is not scaled, whose lobes have no shapes
+    /// yet: the lobe is chosen and the place on its disc drawn first, one long chain of scalar operations, and the processor fills its gaps with
+    /// the shapes.
     #[inline(always)]
     pub(super) fn sample<const FMA: bool>(
         &mut self,
+        params: &Params<L>,
         bandwidth: (f32, f32),
         u: [f32; 3],
     ) -> Option<([f32; 3], Values<N>)> {
@@ -295,29 +309,24 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         }
         self.scale::<FMA>();
         let mean = self.mean::<FMA>();
-        self.sample_lobe::<FMA>(bandwidth, &mean, left, u)
+        self.sample_lobe::<FMA>(params, bandwidth, &mean, left, u)
     }
 
     /// [`Mixture::sample`] where the running sum of the energies passes `left`.
     #[inline(always)]
     pub(super) fn sample_lobe<const FMA: bool>(
         &self,
+        params: &Params<L>,
         bandwidth: (f32, f32),
         mean: &[f32; L],
         left: f32,
         u: [f32; 3],
     ) -> Option<([f32; 3], Values<N>)> {
         let i = self.choose::<FMA>(mean, left)?;
-        let width = |k: usize| root_width::<FMA>(self.params[k][i], bandwidth);
+        let width = |k: usize| root_width::<FMA>(params[k][i], bandwidth);
         let disc = disc_point::<FMA>(width(3), width(4), u[1], u[2]);
-        let x = self.shapes::<FMA>(bandwidth);
-        let [u_, w_, cz] = disc;
-        let Axes { theta: (st, ct), phi: (sp, cp), xy: (sx, cx) } = x.axes(i);
-        let across = cx * u_ - sx * w_;
-        let up = sx * u_ + cx * w_;
-        let along = ct * cz - st * up;
-        let z = st * cz + ct * up;
-        let wo = mirrored(self.flip, [cp * along - sp * across, sp * along + cp * across, z]);
+        let x = self.shapes::<FMA>(params, bandwidth);
+        let wo = mirrored(self.flip, x.axes(i).direction(disc));
         Some((wo, self.eval_pdf::<FMA>(&x, mean, wo)))
     }
 }

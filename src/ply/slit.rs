@@ -2,7 +2,7 @@
 
 use super::energy::Core;
 use super::lobe::{sin_cos, unit};
-use super::mixture::Mixture;
+use super::mixture::{Mixture, Params};
 use crate::simd::{fma, max, min};
 use std::f32::consts::FRAC_1_PI;
 
@@ -26,12 +26,17 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
     /// Takes the share of each high-order lobe that a slit diffracts (`slit.rs`): `share` times the cosine between its axis and the forward
     /// direction, nothing of a lobe that points back. Gives the energy taken, and its mean over the absorptions.
     #[inline(always)]
-    fn take<const FMA: bool>(&mut self, mean: &[f32; L], share: f32, theta_i: f32) -> ([f32; N], f32) {
+    fn take<const FMA: bool>(
+        &mut self,
+        params: &Params<L>,
+        mean: &[f32; L],
+        (share, theta_i): (f32, f32),
+    ) -> ([f32; N], f32) {
         let (s_i, c_i) = sin_cos::<FMA>(theta_i.abs() * FRAC_1_PI);
         let (mut taken, mut sum) = ([0.0; L], 0.0);
         for i in 0..H {
-            let (s, c) = sin_cos::<FMA>(self.params[0][i]);
-            let (sp, _) = sin_cos::<FMA>(self.params[1][i]);
+            let (s, c) = sin_cos::<FMA>(params[0][i]);
+            let (sp, _) = sin_cos::<FMA>(params[1][i]);
             let forward = fma::<FMA>(-c_i * c, sp, -s_i * s);
             taken[i] = self.energy[i] * (share * min(max(forward, 0.0), 1.0));
             self.energy[i] -= taken[i];
@@ -42,18 +47,19 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         (self.weigh::<FMA>(&taken).1, sum)
     }
 
-    /// [`Mixture::eval_pdf`] less what a slit takes, and that. Of a mixture without shapes, not scaled.
+    /// [`Mixture::eval_pdf`] less what a slit takes, and that; `by` is of [`Mixture::take`]. Of a mixture without shapes, not scaled.
     #[inline(always)]
     pub(super) fn slit_eval_pdf<const FMA: bool>(
         &mut self,
+        params: &Params<L>,
         bandwidth: (f32, f32),
-        (share, theta_i): (f32, f32),
+        by: (f32, f32),
         wo: [f32; 3],
     ) -> (Core<N>, Taken<N>) {
         self.scale::<FMA>();
         let mean = self.mean::<FMA>();
-        let (energy, sum) = self.take::<FMA>(&mean, share, theta_i);
-        let x = self.shapes::<FMA>(bandwidth);
+        let (energy, sum) = self.take::<FMA>(params, &mean, by);
+        let x = self.shapes::<FMA>(params, bandwidth);
         let (refl, high, pdf) = self.eval_pdf::<FMA>(&x, &mean, wo);
         let total = self.total();
         (self.core(refl, high, pdf), Taken { energy, chance: if total > 0.0 { sum / total } else { 0.0 } })
@@ -63,8 +69,9 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
     #[inline(always)]
     pub(super) fn slit_sample<const FMA: bool>(
         &mut self,
+        params: &Params<L>,
         bandwidth: (f32, f32),
-        (share, theta_i): (f32, f32),
+        by: (f32, f32),
         u: [f32; 3],
     ) -> SlitSample {
         let u = unit(u);
@@ -76,12 +83,12 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         }
         self.scale::<FMA>();
         let mean = self.mean::<FMA>();
-        let (_, sum) = self.take::<FMA>(&mean, share, theta_i);
+        let (_, sum) = self.take::<FMA>(params, &mean, by);
         let kept = total - missed - sum;
         if left >= kept && sum > 0.0 {
             return SlitSample::Slit((left - kept) / sum);
         }
-        match self.sample_lobe::<FMA>(bandwidth, &mean, left, u) {
+        match self.sample_lobe::<FMA>(params, bandwidth, &mean, left, u) {
             Some((wo, _)) => SlitSample::Lobe(wo),
             None => SlitSample::None,
         }
