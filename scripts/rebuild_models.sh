@@ -1,27 +1,35 @@
 #!/usr/bin/env bash
-# Rebuilds the models that ship in fabrics/models/ from the specs in fabrics/: preset standard, seed 1, without speckle tiles.
+# Rebuilds the models that ship in fabrics/models/ from the specs in fabrics/: preset standard, seed 1, without speckle tiles. Yarns of several
+# plies, NAME_Pply, are made of the table of one ply, NAME.
 #
-#   scripts/rebuild_models.sh                  all six yarns
-#   scripts/rebuild_models.sh silk wool        these only
+#   scripts/rebuild_models.sh                  all yarns
+#   scripts/rebuild_models.sh silk wool_2ply   these only
 #   PRESET=preview OUT=out scripts/rebuild_models.sh     for a try
 #
-# Interrupted, it goes on where it stopped: finished shards are kept beside the models until each is done.
+# Interrupted, it goes on where it stopped. The tables, 150 MiB each at standard, are kept in target/tables/ for the next run; TABLES names another folder.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 preset=${PRESET:-standard}
 seed=${SEED:-1}
 out=${OUT:-fabrics/models}
+tables=${TABLES:-target/tables}/$preset-$seed
 yarns=("$@")
-[ ${#yarns[@]} -gt 0 ] || yarns=(polyester polyester_3ply cotton silk wool viscose)
+[ ${#yarns[@]} -gt 0 ] || yarns=(polyester polyester_3ply cotton cotton_2ply cotton_3ply cotton_4ply silk wool wool_2ply viscose)
 
 cargo build --locked --release -p plywave-cli
-mkdir -p "$out"
+mkdir -p "$out" "$tables"
 for yarn in "${yarns[@]}"; do
     [ -f "fabrics/$yarn.toml" ] || { echo "fabrics/$yarn.toml: no such spec" >&2; exit 2; }
 done
 for yarn in "${yarns[@]}"; do
-    target/release/plywave build "fabrics/$yarn.toml" --preset "$preset" --seed "$seed" --smooth --resume -o "$out/$yarn.pwm"
+    ply=${yarn%_[2-7]ply}
+    table=$tables/$ply.pwt
+    # A table older than its spec is of another yarn.
+    if [ ! -f "$table" ] || [ "fabrics/$ply.toml" -nt "$table" ]; then
+        target/release/plywave simulate "fabrics/$ply.toml" --preset "$preset" --seed "$seed" --resume -o "$table"
+    fi
+    target/release/plywave fit "$table" --spec "fabrics/$yarn.toml" -o "$out/$yarn.pwm"
 done
 
 echo

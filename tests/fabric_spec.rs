@@ -45,11 +45,13 @@ fn fabrics_that_ship_load() {
             assert!((shape.ply_radius_um + shape.d_cut_um - last).abs() < 1e-6, "{name}: {shape:?} {last}");
             assert!(matches!(loaded.fabric.color(family, -3), YarnColor::Srgb(_)), "{name}");
         }
+        assert_eq!(loaded.notes(), Vec::<String>::new(), "{name}: its models are of its plies, with edge and layers");
         assert_eq!(FabricSpec::parse(&toml::to_string(&loaded.spec).unwrap(), "again").unwrap(), loaded.spec);
     }
     let twill = FabricSpec::load(shipped("cotton_twill")).unwrap();
     assert_eq!(twill.fabric.draft(), &Draft::twill(3, 1).unwrap());
-    assert!(std::sync::Arc::ptr_eq(&twill.models[0], &twill.models[1]), "one model is read once");
+    let plain = FabricSpec::load(shipped("cotton_plain")).unwrap();
+    assert!(std::sync::Arc::ptr_eq(&plain.models[0], &plain.models[1]), "one model is read once");
 }
 
 #[test]

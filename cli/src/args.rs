@@ -390,6 +390,10 @@ pub struct FitArgs {
     /// Quality of the fit [default: the table's].
     #[arg(long, value_enum)]
     pub preset: Option<Preset>,
+    /// Make the model of this spec's yarn in place of that of the table's: of as many plies as it says, made of the fibers and the ply of the
+    /// table.
+    #[arg(long, value_name = "SPEC")]
+    pub spec: Option<PathBuf>,
     /// Write the yarn's table too, made of the ply's where the spec's yarn has several plies.
     #[arg(long, value_name = "TABLE")]
     pub yarn_table: Option<PathBuf>,

@@ -22,6 +22,15 @@ fn a_yarn_is_built_from_one_ply_and_compared_with_the_traced_yarn() {
     assert_eq!(std::fs::read(dir.join("again.pwm")).unwrap(), std::fs::read(dir.join("yarn.pwm")).unwrap());
     succeed(dir, &["build", "yarn.toml", "--preset", "preview", "-o", "built.pwm", "--quiet"]);
     assert_eq!(std::fs::read(dir.join("built.pwm")).unwrap(), std::fs::read(dir.join("yarn.pwm")).unwrap());
+    // A table of such plies that was simulated for another yarn serves as well.
+    succeed(dir, &["simulate", "tiny.toml", "--preset", "preview", "--quiet"]);
+    succeed(dir, &["fit", "tiny.pwt", "--spec", "yarn.toml", "-o", "again.pwm", "--quiet"]);
+    assert_eq!(std::fs::read(dir.join("again.pwm")).unwrap(), std::fs::read(dir.join("yarn.pwm")).unwrap());
+    let spec = std::fs::read_to_string(dir.join("yarn.toml")).unwrap();
+    std::fs::write(dir.join("other.toml"), spec.replace("eta = 1.58", "eta = 1.5")).unwrap();
+    refused(dir, &["fit", "tiny.pwt", "--spec", "other.toml"], &["other.toml: [fiber]", "not that of tiny.pwt"]);
+    refused(dir, &["fit", "yarn.pwt", "--spec", "yarn.toml"], &["yarn.pwt: plies = 3", "one ply"]);
+    refused(dir, &["fit", "tiny.pwt", "--spec", "absent.toml"], &["absent.toml"]);
     let told = succeed(dir, &["info", "yarn.pwt"]);
     assert!(told.contains("the yarn of 3 plies") && told.contains("yarn of 3 parallel plies"), "{told}");
 

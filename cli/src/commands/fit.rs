@@ -130,6 +130,32 @@ pub fn write_summary(out: &mut dyn std::io::Write, summary: &Summary, time: Dura
     )
 }
 
+/// Gives a table of one ply the spec of another yarn of such plies.
+fn respecify(table: &mut Table, file: &Path, path: &Path) -> Outcome {
+    let was = YarnSpec::parse(&table.spec_text, &format!("{} (its spec)", file.display()))?;
+    let (spec, text) = YarnSpec::load(path)?;
+    if table.plies > 1 {
+        let mend = "is of a yarn of several plies already; --spec takes the table of one ply";
+        return Err(Failure::input(file.display(), "plies", table.plies, mend));
+    }
+    // All but the name and the yarn; how many lobes are fitted is no part of the table either.
+    let simulation =
+        |s: &YarnSpec| plywave::SimulationSpec { lobes_refl: None, lobes_high: None, ..s.simulation.clone() };
+    let differs = [
+        ("fiber", spec.fiber != was.fiber),
+        ("ply", spec.ply != was.ply),
+        ("beam", spec.beam != was.beam),
+        ("absorption", spec.absorption != was.absorption),
+        ("simulation", simulation(&spec) != simulation(&was)),
+    ];
+    if let Some((section, _)) = differs.iter().find(|(_, differs)| *differs) {
+        let mend = format!("is not that of {}; simulate this spec, or make the sections the same", file.display());
+        return Err(Failure::Input(format!("{}: [{section}] {mend}", path.display())));
+    }
+    table.spec_text = text;
+    Ok(())
+}
+
 /// Runs the command.
 pub fn run(cli: &Cli, args: &FitArgs) -> Outcome {
     let path = args.output.clone().unwrap_or_else(|| output::default_output(&args.table, "pwm"));
@@ -141,7 +167,10 @@ pub fn run(cli: &Cli, args: &FitArgs) -> Outcome {
         }
         output::check_writable(yarn_path, &[&args.table])?;
     }
-    let table = Table::load(&args.table)?;
+    let mut table = Table::load(&args.table)?;
+    if let Some(spec) = &args.spec {
+        respecify(&mut table, &args.table, spec)?;
+    }
     let made = yarn_of(cli, &args.table, &table)?;
     if let Some(yarn_path) = &args.yarn_table {
         let Some((yarn, _)) = &made else {

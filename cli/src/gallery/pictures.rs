@@ -50,8 +50,8 @@ const FABRICS: [(&str, f32, [f32; 2], [&str; 2]); 5] = [
     ),
     (
         "cotton_twill",
-        16.0,
-        [0.3, -1.0],
+        8.0,
+        [0.8, -1.0],
         [
             "Cotton twill in the colors of denim: indigo warp over three picks, the white weft in diagonals.",
             "The same before a lamp: light passes between the picks, which lie wider apart than the ends.",
@@ -78,7 +78,7 @@ const FABRICS: [(&str, f32, [f32; 2], [&str; 2]); 5] = [
     (
         "cotton_plain",
         14.0,
-        [0.0, -1.0],
+        [0.8, -1.0],
         [
             "Bleached cotton percale: bright and even.",
             "The same before a lamp: the yarns glow as brightly as from the front.",
