@@ -6,7 +6,7 @@
 //!
 //! Without an argument it takes `fabrics/models/polyester.pwm`; where that file is absent, a made-up model of two lobes.
 
-use plywave::{PlyData, PlyModel, PlySample, Queries, direction};
+use plywave::{PlyData, PlyModel, PlySample, Queries, Scatter, WholePly, direction};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
 use std::path::{Path, PathBuf};
@@ -77,6 +77,16 @@ fn run() -> plywave::Result<()> {
     model.eval_batch(&queries, &mut values);
     for (phi, f) in phis.iter().zip(values) {
         println!("phi_o {:>3.0}  {}", phi.to_degrees(), rgb(f));
+    }
+
+    // A path tracer asks several things at one point: the whole ply, with the light diffracted at its edge, interpolated once for all of them.
+    let lambda_um = [0.61, 0.55, 0.465];
+    let ply = WholePly { model: &model, theta_i, h_um, sigma_per_um: sigma, lambda_um, slit: None, instance: None };
+    let ply = ply.prepare();
+    let (f, pdf) = ply.eval_pdf(direction(0.2, 1.0));
+    println!("light   {}  density {pdf:.4}", rgb(f));
+    if let Some(PlySample { wo, weight, .. }) = ply.sample([0.6, 0.3, 0.7]) {
+        println!("sample  {}  towards {}", rgb(weight), rgb(wo));
     }
     Ok(())
 }

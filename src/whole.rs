@@ -57,7 +57,8 @@ pub struct WholePly<'a, const N: usize> {
 }
 
 impl<'a, const N: usize> WholePly<'a, N> {
-    /// The ply with its lobes interpolated and its patterns chosen, once for all directions.
+    /// The ply with its lobes interpolated and its patterns chosen, once for all directions. Of a ply with a [`Slit`], and of a model of more than 8
+    /// high-order or 4 reflection lobes, the lobes are interpolated at every call all the same.
     pub fn prepare(self) -> PreparedPly<'a, N> {
         let mut ply = self.unprepared();
         ply.make();
@@ -70,7 +71,7 @@ impl<'a, const N: usize> WholePly<'a, N> {
         PreparedPly(PlyOn { lobes, speckle: self.speckle(), ply: self })
     }
 
-    /// The terms of f in direction `wo`.
+    /// The smooth terms of f in direction `wo`.
     pub fn terms(&self, wo: [f32; 3]) -> PlyTerms<N> {
         self.without_speckle().smooth(wo)
     }

@@ -1,7 +1,8 @@
 //! ci: build only
 //! How well lobes fit single slices of a table, judged on an independent table of another seed.
 //!
-//! `cargo run --release -p plywave-fit --example slice_errors -- A.pwt B.pwt [lobes of f_high]`
+//! `cargo run --release -p plywave-fit --example slice_errors -- A.pwt B.pwt [lobes of f_high] [reference]`; with the
+//! last word by the reference fit's starts and iterations.
 
 use plywave::Table;
 use plywave_fit::{FitOptions, Part, fit_single_slices};
@@ -11,7 +12,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let [a, b, ..] = args.as_slice() else { return Err("give two tables".into()) };
     let (a, b) = (Table::load(a)?, Table::load(b)?);
     let lobes = args.get(2).map_or(Ok(8), |l| l.parse())?;
-    let options = FitOptions::standard();
+    let options = match args.get(3).map(String::as_str) {
+        None => FitOptions::standard(),
+        Some("reference") => FitOptions::reference(),
+        Some(other) => return Err(format!("{other}: expected reference, or nothing").into()),
+    };
     let (rows, columns) = (a.theta_i.len(), a.h_um.len());
     let nodes: Vec<(usize, usize)> = (0..rows * columns).map(|i| (i / columns, i % columns)).collect();
     for (name, part, lobes) in [("f_high", Part::High, lobes), ("f_refl", Part::Refl, options.lobes_refl)] {
