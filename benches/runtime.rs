@@ -175,6 +175,10 @@ fn runtime(c: &mut Criterion) {
     data.save(&path).expect("the planted model is valid");
     println!("model file: {} bytes", bytes.len());
     c.bench_function("load", |b| b.iter(|| black_box(PlyModel::load(&path).expect("just written"))));
+    let shipped = format!("{}/fabrics/models/polyester_3ply.pwm", env!("CARGO_MANIFEST_DIR"));
+    c.bench_function("load, a model that ships", |b| {
+        b.iter(|| black_box(PlyModel::load(&shipped).expect("a model that ships")))
+    });
 }
 
 /// The whole model beside its core (`eval N=4` above): random directions, and directions about the forward one, where the edge light is;
