@@ -1,5 +1,5 @@
 //! Time of `Fabric::at` on one core: closed and open, one ply and several, twisted or not; random points and directions of the upper half space. Then
-//! of `FabricBsdf` in two fabrics that ship, four wavelengths, light from everywhere: a query finds its place, then evaluates, samples, asks the density.
+//! of `FabricBsdf` in three fabrics that ship, four wavelengths, light from everywhere: a query finds its place, then evaluates, samples, asks the density.
 //!
 //! `cargo bench -p plywave --bench weave`. The share of gaps stands beside each name: a gap asks all four yarns around it.
 //! Lines that begin with "memory" tell bytes and loading times of drafts up to the largest.
@@ -81,7 +81,7 @@ fn fabric(c: &mut Criterion) {
         .collect();
     let lambda_um = [0.45, 0.52, 0.59, 0.66];
     let mut group = c.benchmark_group("fabric");
-    for name in ["polyester_satin", "cotton_plain"] {
+    for name in ["polyester_satin", "cotton_plain", "silk_organza"] {
         let path = format!("{}/fabrics/{name}.toml", env!("CARGO_MANIFEST_DIR"));
         let bsdf = FabricBsdf::load(path, &FabricOptions::default()).expect("a fabric that ships");
         let at = |i: usize| bsdf.at(queries[i].0[0], queries[i].0[1], queries[i].1, lambda_um);

@@ -57,8 +57,8 @@ pub struct WholePly<'a, const N: usize> {
 }
 
 impl<'a, const N: usize> WholePly<'a, N> {
-    /// The ply with its lobes interpolated and its patterns chosen, once for all directions. Of a ply with a [`Slit`], and of a model of more than 8
-    /// high-order or 4 reflection lobes, the lobes are interpolated at every call all the same.
+    /// The ply with its lobes interpolated and its patterns chosen, once for all directions. Of a ply with a [`Slit`], and of a model of more than 12
+    /// high-order or 4 reflection lobes or 8 path lengths, the lobes are interpolated at every call all the same.
     pub fn prepare(self) -> PreparedPly<'a, N> {
         let mut ply = self.unprepared();
         ply.make();

@@ -11,6 +11,8 @@ use rand_pcg::Pcg64Mcg;
 use synthetic::{STANDARD, Sizes, model};
 
 const LARGE: Sizes = Sizes { theta: 3, h: 5, refl: 11, high: 13, paths: 13 };
+/// Between the two sizes that the fast kernels are compiled for.
+const MORE: Sizes = Sizes { refl: 3, high: 11, ..STANDARD };
 const SMALL: Sizes = Sizes { theta: 5, h: 3, refl: 1, high: 3, paths: 1 };
 
 fn incidence(rng: &mut Pcg64Mcg) -> (f32, f32) {
@@ -23,7 +25,7 @@ fn anywhere(rng: &mut Pcg64Mcg) -> [f32; 3] {
 
 #[test]
 fn kernels_match_the_slow_twin() {
-    for (seed, sizes) in [(1, STANDARD), (2, LARGE), (3, SMALL)] {
+    for (seed, sizes) in [(1, STANDARD), (2, LARGE), (3, SMALL), (1, MORE)] {
         let data = model(seed, sizes);
         let m = PlyModel::from_data(data.clone()).unwrap();
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
@@ -56,7 +58,7 @@ fn kernels_match_the_slow_twin() {
 
 #[test]
 fn furnace_sampling_and_chi_square() {
-    for (seed, sizes, incidences) in [(4, STANDARD, 40), (5, LARGE, 6), (6, SMALL, 6)] {
+    for (seed, sizes, incidences) in [(4, STANDARD, 40), (5, LARGE, 6), (6, SMALL, 6), (8, MORE, 20)] {
         let m = PlyModel::from_data(model(seed, sizes)).unwrap();
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
         let options = CheckOptions { incidences, ..CheckOptions::default() };

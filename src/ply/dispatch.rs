@@ -1,30 +1,29 @@
 //! The kernels compiled for several instruction sets; the processor chooses at the first call.
 //!
-//! Each of these functions is one inlined copy of the arithmetic. Models beyond the small tables take one portable copy.
+//! Each of these functions is one inlined copy of the arithmetic. Models beyond the fast tables take one portable copy.
 
 use super::energy::{Core, Energies, energies, sum};
-use super::layout::{Layout, SMALL, Tables};
+use super::layout::{FEW, Fast, Layout, MORE, Tables};
 use super::made::MadeLobes;
 use super::mixture::{mixture, weights};
 use super::slit::{SlitSample, Taken};
 use super::{MAX_LOBES, MAX_PATHS, Queries, batch};
 use multiversion::{multiversion, target::target_cfg_f};
 
-/// The two sizes.
-type Small = Tables<{ SMALL.0 }, { SMALL.1 }, { SMALL.2 }>;
 type Large = Tables<MAX_LOBES, MAX_LOBES, MAX_PATHS>;
-/// Lanes of a mixture of each size: a power of 2.
-const LANES_SMALL: usize = 16;
+/// Lanes of a mixture of fast and of large tables: a power of 2.
+const LANES: usize = 16;
 const LANES_LARGE: usize = 2 * MAX_LOBES;
 
-/// Declares a kernel: `$name` chooses between `$small`, compiled for several instruction sets, and `$large`. In both `$body` is
+/// Declares a kernel: `$name` chooses between `$fast`, compiled for several instruction sets, and `$large`. In both `$body` is
 /// of the tables and of the constants FMA and L (lanes).
 macro_rules! kernel {
-    ($name:ident, $small:ident, $large:ident, ($($arg:ident: $type:ty),*) -> $out:ty, |$t:ident, $fma:ident, $l:ident| $body:expr) => {
+    ($name:ident, $fast:ident, $large:ident, ($($arg:ident: $type:ty),*) -> $out:ty, |$t:ident, $fma:ident, $l:ident| $body:expr) => {
         #[inline]
         pub(super) fn $name<const N: usize>(layout: &Layout, $($arg: $type),*) -> $out {
             match layout {
-                Layout::Small(tables) => $small(tables, $($arg),*),
+                Layout::Few(tables) => $fast(tables, $($arg),*),
+                Layout::More(tables) => $fast(tables, $($arg),*),
                 Layout::Large(tables) => $large(tables, $($arg),*),
             }
         }
@@ -33,9 +32,9 @@ macro_rules! kernel {
             "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
             "x86_64+avx2+bmi1+bmi2+fma"
         ))]
-        fn $small<const N: usize>($t: &Small, $($arg: $type),*) -> $out {
+        fn $fast<const H: usize, const N: usize>($t: &Fast<H>, $($arg: $type),*) -> $out {
             const $fma: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
-            const $l: usize = LANES_SMALL;
+            const $l: usize = LANES;
             $body
         }
 
@@ -50,7 +49,7 @@ macro_rules! kernel {
 }
 
 kernel!(
-    run_eval, eval_small, eval_large,
+    run_eval, eval_fast, eval_large,
     (theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> Core<N>,
     |tables, FMA, L| match mixture::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
         Some((m, x)) => {
@@ -61,7 +60,7 @@ kernel!(
     }
 );
 kernel!(
-    run_pdf, pdf_small, pdf_large,
+    run_pdf, pdf_fast, pdf_large,
     (theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> Core<N>,
     |tables, FMA, L| match mixture::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
         Some((m, x)) => m.core(0.0, [0.0; N], m.pdf::<FMA>(&x, wo)),
@@ -69,7 +68,7 @@ kernel!(
     }
 );
 kernel!(
-    run_eval_pdf, eval_pdf_small, eval_pdf_large,
+    run_eval_pdf, eval_pdf_fast, eval_pdf_large,
     (theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> Core<N>,
     |tables, FMA, L| match mixture::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
         Some((m, x)) => {
@@ -80,7 +79,7 @@ kernel!(
     }
 );
 kernel!(
-    run_sample, sample_small, sample_large,
+    run_sample, sample_fast, sample_large,
     (theta_i: f32, h_um: f32, sigma: [f32; N], u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>),
     |tables, FMA, L| match weights::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
         Some((mut m, params)) => match m.sample::<FMA>(&params, tables.bandwidth, u) {
@@ -91,7 +90,7 @@ kernel!(
     }
 );
 kernel!(
-    run_directions, directions_small, directions_large,
+    run_directions, directions_fast, directions_large,
     (theta_i: f32, h_um: f32, sigma: [f32; N], wo: &[[f32; 3]], f: &mut [[f32; N]], pdf: &mut [f32]) -> (),
     |tables, FMA, L| match mixture::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
         Some((m, x)) => {
@@ -105,12 +104,12 @@ kernel!(
     }
 );
 kernel!(
-    run_batch, batch_small, batch_large,
+    run_batch, batch_fast, batch_large,
     (queries: &Queries<'_, N>, f: &mut [[f32; N]]) -> (),
     |tables, FMA, L| batch::eval::<FMA, _, _, L, _, N>(tables, queries, f)
 );
 kernel!(
-    run_energies, energies_small, energies_large,
+    run_energies, energies_fast, energies_large,
     (theta_i: f32, h_um: f32, sigma: [f32; N]) -> Energies<N>,
     |tables, FMA, _L| match energies::<FMA, _, _, _, N>(tables, theta_i, h_um, &sigma) {
         Some(e) => e,
@@ -118,7 +117,7 @@ kernel!(
     }
 );
 kernel!(
-    run_slit_eval, slit_eval_small, slit_eval_large,
+    run_slit_eval, slit_eval_fast, slit_eval_large,
     (share: f32, theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> (Core<N>, Taken<N>),
     |tables, FMA, L| match weights::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
         Some((mut m, params)) => m.slit_eval_pdf::<FMA>(&params, tables.bandwidth, (share, theta_i), wo),
@@ -126,7 +125,7 @@ kernel!(
     }
 );
 kernel!(
-    run_slit_sample, slit_sample_small, slit_sample_large,
+    run_slit_sample, slit_sample_fast, slit_sample_large,
     (share: f32, theta_i: f32, h_um: f32, sigma: [f32; N], u: [f32; 3]) -> SlitSample,
     |tables, FMA, L| match weights::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
         Some((mut m, params)) => m.slit_sample::<FMA>(&params, tables.bandwidth, (share, theta_i), u),
@@ -134,14 +133,15 @@ kernel!(
     }
 );
 
-/// Lobes of a small table.
-type SmallLobes<const N: usize> = MadeLobes<{ SMALL.0 }, LANES_SMALL, N>;
+/// Lobes of fast tables.
+type FastLobes<const H: usize, const N: usize> = MadeLobes<H, LANES, N>;
 
-/// What is kept of an incidence: lobes of the small tables. It lives on the stack of a host's query: a box would allocate.
+/// What is kept of an incidence. It lives on the stack of a host's query: a box would allocate.
 #[allow(clippy::large_enum_variant)]
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Made<const N: usize> {
-    Lobes(SmallLobes<N>),
+    Few(FastLobes<FEW, N>),
+    More(FastLobes<MORE, N>),
     /// The beam misses, or the tables are large.
     Nothing,
 }
@@ -149,30 +149,37 @@ pub(super) enum Made<const N: usize> {
 /// Puts the lobes at an incidence where they are kept.
 #[inline]
 pub(super) fn run_make<const N: usize>(layout: &Layout, theta_i: f32, h_um: f32, sigma: &[f32; N], made: &mut Made<N>) {
-    if let Layout::Small(tables) = layout {
-        make(tables, theta_i, h_um, sigma, made);
+    match layout {
+        Layout::Few(tables) => make_few(tables, theta_i, h_um, sigma, made),
+        Layout::More(tables) => make_more(tables, theta_i, h_um, sigma, made),
+        Layout::Large(_) => (),
     }
 }
 
 /// Declares a kernel of kept lobes, compiled for several instruction sets.
 macro_rules! made {
-    ($name:ident, ($($arg:ident: $type:ty),*) -> $out:ty, |$fma:ident| $body:expr) => {
+    ($name:ident <$($h:ident)?>, ($($arg:ident: $type:ty),*) -> $out:ty, |$fma:ident| $body:expr) => {
         #[multiversion(targets(
             "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
             "x86_64+avx2+bmi1+bmi2+fma"
         ))]
-        pub(super) fn $name<const N: usize>($($arg: $type),*) -> $out {
+        pub(super) fn $name<$(const $h: usize,)? const N: usize>($($arg: $type),*) -> $out {
             const $fma: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
             $body
         }
     };
 }
 
-made!(make, (tables: &Small, theta_i: f32, h_um: f32, sigma: &[f32; N], made: &mut Made<N>) -> (), |FMA| {
-    if let Some((mixture, shapes)) = mixture::<FMA, _, _, LANES_SMALL, _, N>(tables, theta_i, h_um, sigma) {
-        *made = Made::Lobes(MadeLobes::new::<FMA, _, _>(&mixture, &shapes));
+made!(make_few<>, (tables: &Fast<FEW>, theta_i: f32, h_um: f32, sigma: &[f32; N], made: &mut Made<N>) -> (), |FMA| {
+    if let Some((mixture, shapes)) = mixture::<FMA, _, _, LANES, _, N>(tables, theta_i, h_um, sigma) {
+        *made = Made::Few(MadeLobes::new::<FMA, _, _>(&mixture, &shapes));
     }
 });
-made!(made_eval, (x: &SmallLobes<N>, wo: [f32; 3]) -> Core<N>, |FMA| x.eval::<FMA>(wo));
-made!(made_eval_pdf, (x: &SmallLobes<N>, wo: [f32; 3]) -> Core<N>, |FMA| x.eval_pdf::<FMA>(wo));
-made!(made_sample, (x: &SmallLobes<N>, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>), |FMA| x.sample::<FMA>(u));
+made!(make_more<>, (tables: &Fast<MORE>, theta_i: f32, h_um: f32, sigma: &[f32; N], made: &mut Made<N>) -> (), |FMA| {
+    if let Some((mixture, shapes)) = mixture::<FMA, _, _, LANES, _, N>(tables, theta_i, h_um, sigma) {
+        *made = Made::More(MadeLobes::new::<FMA, _, _>(&mixture, &shapes));
+    }
+});
+made!(made_eval<H>, (x: &FastLobes<H, N>, wo: [f32; 3]) -> Core<N>, |FMA| x.eval::<FMA>(wo));
+made!(made_eval_pdf<H>, (x: &FastLobes<H, N>, wo: [f32; 3]) -> Core<N>, |FMA| x.eval_pdf::<FMA>(wo));
+made!(made_sample<H>, (x: &FastLobes<H, N>, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>), |FMA| x.sample::<FMA>(u));

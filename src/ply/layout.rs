@@ -7,8 +7,17 @@ use super::{MAX_LOBES, MAX_PATHS, PlyData};
 use crate::asg::{MU_MAX, MU_MIN, PARAMS};
 use std::f64::consts::{LOG2_E, PI};
 
-/// Lanes of high-order lobes, of reflection lobes, and path lengths that the fast kernels are compiled for.
-pub(super) const SMALL: (usize, usize, usize) = (8, 4, 8);
+/// Lanes of high-order lobes that the fast kernels are compiled for: those of most models, and those of fibers with flat faces. With the reflection lobes
+/// both fit 16 lanes.
+pub(super) const FEW: usize = 8;
+pub(super) const MORE: usize = 12;
+
+/// Lanes of reflection lobes and path lengths that the fast kernels are compiled for.
+pub(super) const REFL: usize = 4;
+pub(super) const PATHS: usize = 8;
+
+/// Tables of the fast kernels.
+pub(super) type Fast<const H: usize> = Tables<H, REFL, PATHS>;
 
 /// Energies at a node.
 #[derive(Clone, Copy, Debug)]
@@ -69,20 +78,22 @@ pub(super) struct Grid {
     pub(super) h_last: f32,
 }
 
-/// Tables of one of two sizes.
+/// Tables of one of three sizes.
 #[derive(Clone, Debug)]
 pub(super) enum Layout {
-    Small(Box<Tables<{ SMALL.0 }, { SMALL.1 }, { SMALL.2 }>>),
+    Few(Box<Fast<FEW>>),
+    More(Box<Fast<MORE>>),
     Large(Box<Tables<MAX_LOBES, MAX_LOBES, MAX_PATHS>>),
 }
 
 impl Layout {
     /// From checked data.
     pub(super) fn new(d: &PlyData) -> Layout {
-        if d.lobes_high <= SMALL.0 && d.lobes_refl <= SMALL.1 && d.path_um.len() <= SMALL.2 {
-            Layout::Small(Box::new(Tables::new(d)))
-        } else {
-            Layout::Large(Box::new(Tables::new(d)))
+        let fast = d.lobes_refl <= REFL && d.path_um.len() <= PATHS;
+        match d.lobes_high {
+            0..=FEW if fast => Layout::Few(Box::new(Tables::new(d))),
+            0..=MORE if fast => Layout::More(Box::new(Tables::new(d))),
+            _ => Layout::Large(Box::new(Tables::new(d))),
         }
     }
 }

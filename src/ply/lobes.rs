@@ -110,7 +110,8 @@ impl<const N: usize> Lobes<N> for Ready<'_, N> {
     #[inline]
     fn eval(&self, wo: [f32; 3]) -> Core<N> {
         match &self.made {
-            Made::Lobes(made) => dispatch::made_eval(made, wo),
+            Made::Few(made) => dispatch::made_eval(made, wo),
+            Made::More(made) => dispatch::made_eval(made, wo),
             Made::Nothing => self.fresh.eval(wo),
         }
     }
@@ -118,7 +119,8 @@ impl<const N: usize> Lobes<N> for Ready<'_, N> {
     #[inline]
     fn eval_pdf(&self, wo: [f32; 3]) -> Core<N> {
         match &self.made {
-            Made::Lobes(made) => dispatch::made_eval_pdf(made, wo),
+            Made::Few(made) => dispatch::made_eval_pdf(made, wo),
+            Made::More(made) => dispatch::made_eval_pdf(made, wo),
             Made::Nothing => self.fresh.eval_pdf(wo),
         }
     }
@@ -126,7 +128,8 @@ impl<const N: usize> Lobes<N> for Ready<'_, N> {
     #[inline]
     fn pdf(&self, wo: [f32; 3]) -> Core<N> {
         match &self.made {
-            Made::Lobes(made) => dispatch::made_eval_pdf(made, wo),
+            Made::Few(made) => dispatch::made_eval_pdf(made, wo),
+            Made::More(made) => dispatch::made_eval_pdf(made, wo),
             Made::Nothing => self.fresh.pdf(wo),
         }
     }
@@ -134,7 +137,8 @@ impl<const N: usize> Lobes<N> for Ready<'_, N> {
     #[inline]
     fn sample(&self, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>) {
         match &self.made {
-            Made::Lobes(made) => dispatch::made_sample(made, u),
+            Made::Few(made) => dispatch::made_sample(made, u),
+            Made::More(made) => dispatch::made_sample(made, u),
             Made::Nothing => self.fresh.sample(u),
         }
     }
@@ -142,7 +146,8 @@ impl<const N: usize> Lobes<N> for Ready<'_, N> {
     #[inline]
     fn energies(&self) -> Energies<N> {
         match &self.made {
-            Made::Lobes(made) => made.energies,
+            Made::Few(made) => made.energies,
+            Made::More(made) => made.energies,
             Made::Nothing => self.fresh.energies(),
         }
     }
