@@ -275,18 +275,7 @@ impl PlyModel {
 
     /// Integral of f over the sphere: the simulated energies E_refl + E_high(sigma), exactly.
     pub fn albedo<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> [f32; N] {
-        self.albedo_r_d(theta_i, h_um, sigma_per_um).0
-    }
-
-    /// [`PlyModel::albedo`] and [`PlyModel::r_d`].
-    pub(crate) fn albedo_r_d<const N: usize>(
-        &self,
-        theta_i: f32,
-        h_um: f32,
-        sigma_per_um: [f32; N],
-    ) -> ([f32; N], f32) {
-        let e = dispatch::run_energies(&self.layout, theta_i, h_um, sigma_per_um);
-        (energy::sum(e.refl, e.high), e.r_d)
+        dispatch::run_energies(&self.layout, theta_i, h_um, sigma_per_um).albedo()
     }
 
     /// Fraction of the beam that meets no fiber.

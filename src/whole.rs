@@ -125,7 +125,7 @@ pub(crate) struct PlyOn<'a, L, const N: usize> {
     speckle: Option<Speckle<'a, N>>,
 }
 
-impl<'a, L: Lobes<N>, const N: usize> PlyOn<'a, L, N> {
+impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
     /// Energies of f_refl + f_high and of the light that missed.
     pub(crate) fn albedo_r_d(&self) -> ([f32; N], f32) {
         let energies = self.lobes.energies();
@@ -155,7 +155,7 @@ impl<'a, L: Lobes<N>, const N: usize> PlyOn<'a, L, N> {
         Some((wo, self.sum(wo, |_| core)))
     }
 
-    fn all(&self) -> Terms<'a, &L, N> {
+    fn all(&self) -> Terms<'_, L, N> {
         let WholePly { model, theta_i, h_um, lambda_um, .. } = self.ply;
         model.terms_of(&self.lobes, theta_i, h_um, lambda_um)
     }

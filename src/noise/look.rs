@@ -59,7 +59,7 @@ impl<'a, const N: usize> Speckle<'a, N> {
         speckle(tiles, instance, theta_i, lambda_um)
     }
 
-    /// Where the factors of a direction are; reads their codes.
+    /// Where the factors of a direction are; asks for the memory of their codes.
     #[inline]
     pub(crate) fn look(&self, wo: [f32; 3]) -> Look<'_, N> {
         look(self, wo)

@@ -6,7 +6,7 @@ use super::layout::Layout;
 use crate::PlyModel;
 
 /// The lobes of a model at one incidence, N absorptions.
-pub(crate) trait Lobes<const N: usize>: Copy {
+pub(crate) trait Lobes<const N: usize> {
     /// f_refl and f_high in a direction.
     fn eval(&self, wo: [f32; 3]) -> Core<N>;
 
@@ -21,33 +21,6 @@ pub(crate) trait Lobes<const N: usize>: Copy {
 
     /// What the lobes are scaled to.
     fn energies(&self) -> Energies<N>;
-}
-
-impl<L: Lobes<N>, const N: usize> Lobes<N> for &L {
-    #[inline]
-    fn eval(&self, wo: [f32; 3]) -> Core<N> {
-        (*self).eval(wo)
-    }
-
-    #[inline]
-    fn eval_pdf(&self, wo: [f32; 3]) -> Core<N> {
-        (*self).eval_pdf(wo)
-    }
-
-    #[inline]
-    fn pdf(&self, wo: [f32; 3]) -> Core<N> {
-        (*self).pdf(wo)
-    }
-
-    #[inline]
-    fn sample(&self, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>) {
-        (*self).sample(u)
-    }
-
-    #[inline]
-    fn energies(&self) -> Energies<N> {
-        (*self).energies()
-    }
 }
 
 /// Lobes that are interpolated at every call.

@@ -3,14 +3,14 @@
 use super::edge::EdgeTables;
 use super::energy::Core;
 use super::lobe::unit;
-use super::lobes::{Fresh, Lobes};
+use super::lobes::Lobes;
 use super::slit::SlitSample;
 use super::{dispatch, edge};
 use crate::{PlyModel, PlyTerms, Slit};
 
 /// The terms of a model at one incidence, of lobes `L`.
 pub(crate) struct Terms<'a, L, const N: usize> {
-    lobes: L,
+    lobes: &'a L,
     edge: Option<&'a EdgeTables>,
     theta_i: f32,
     h_um: f32,
@@ -84,24 +84,14 @@ impl PlyModel {
     }
 
     /// Terms of given lobes.
-    pub(crate) fn terms_of<L: Lobes<N>, const N: usize>(
-        &self,
-        lobes: L,
+    pub(crate) fn terms_of<'a, L: Lobes<N>, const N: usize>(
+        &'a self,
+        lobes: &'a L,
         theta_i: f32,
         h_um: f32,
         lambda_um: [f32; N],
-    ) -> Terms<'_, L, N> {
+    ) -> Terms<'a, L, N> {
         Terms { lobes, edge: self.edge.as_ref(), theta_i, h_um, lambda_um }
-    }
-
-    fn terms<const N: usize>(
-        &self,
-        theta_i: f32,
-        h_um: f32,
-        sigma_per_um: [f32; N],
-        lambda_um: [f32; N],
-    ) -> Terms<'_, Fresh<'_, N>, N> {
-        self.terms_of(self.fresh(theta_i, h_um, sigma_per_um), theta_i, h_um, lambda_um)
     }
 
     /// All terms of the model in direction `wo`, the light diffracted at the ply's edge (Yu 2025, Eq. 18) at the wavelengths
@@ -114,7 +104,8 @@ impl PlyModel {
         lambda_um: [f32; N],
         wo: [f32; 3],
     ) -> PlyTerms<N> {
-        self.terms(theta_i, h_um, sigma_per_um, lambda_um).eval(wo)
+        let lobes = self.fresh(theta_i, h_um, sigma_per_um);
+        self.terms_of(&lobes, theta_i, h_um, lambda_um).eval(wo)
     }
 
     /// [`PlyModel::eval_terms`] with the density of [`PlyModel::sample_terms`].
@@ -126,7 +117,8 @@ impl PlyModel {
         lambda_um: [f32; N],
         wo: [f32; 3],
     ) -> PlyTerms<N> {
-        self.terms(theta_i, h_um, sigma_per_um, lambda_um).eval_pdf(wo)
+        let lobes = self.fresh(theta_i, h_um, sigma_per_um);
+        self.terms_of(&lobes, theta_i, h_um, lambda_um).eval_pdf(wo)
     }
 
     /// A direction drawn from all terms, edge light included, with density proportional to their energies averaged over the N
@@ -139,7 +131,8 @@ impl PlyModel {
         lambda_um: [f32; N],
         u: [f32; 3],
     ) -> Option<([f32; 3], PlyTerms<N>)> {
-        self.terms(theta_i, h_um, sigma_per_um, lambda_um).sample(u)
+        let lobes = self.fresh(theta_i, h_um, sigma_per_um);
+        self.terms_of(&lobes, theta_i, h_um, lambda_um).sample(u)
     }
 
     /// [`PlyModel::terms_pdf`] of a ply whose forward light has a part that small slits diffract (Yu 2025, 7.3).
@@ -153,7 +146,8 @@ impl PlyModel {
         wo: [f32; 3],
     ) -> PlyTerms<N> {
         let (core, taken) = dispatch::run_slit_eval(&self.layout, slit.share(), theta_i, h_um, sigma_per_um, wo);
-        let mut terms = self.terms(theta_i, h_um, sigma_per_um, lambda_um).with_edge_pdf(&core, wo);
+        let lobes = self.fresh(theta_i, h_um, sigma_per_um);
+        let mut terms = self.terms_of(&lobes, theta_i, h_um, lambda_um).with_edge_pdf(&core, wo);
         let (light, pdf) = slit.eval_pdf(theta_i, lambda_um, wo);
         for k in 0..N {
             terms.slit[k] = taken.energy[k] * light[k];
