@@ -1,0 +1,113 @@
+//! Flags of making models: simulate, fit, build.
+
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+
+/// Quality of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Preset {
+    /// A quick look: under a minute for polyester.
+    Preview,
+    /// For use: minutes.
+    Standard,
+    /// For comparison: hours.
+    Reference,
+}
+
+impl Preset {
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Preset::Preview => "preview",
+            Preset::Standard => "standard",
+            Preset::Reference => "reference",
+        }
+    }
+}
+
+/// Flags of a simulation.
+#[derive(Clone, Debug, Args)]
+pub struct RunArgs {
+    /// Quality [default: standard; preview when no spec is given].
+    #[arg(long, value_enum)]
+    pub preset: Option<Preset>,
+    /// Seed of the random numbers.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Go on with a run that was stopped; the result is bit for bit that of one that was not.
+    #[arg(long)]
+    pub resume: bool,
+    /// Paths per incident latitude, instead of the spec's or the preset's.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000_000))]
+    pub paths: Option<u64>,
+    /// Geometry instances in the ensemble, instead of the spec's or the preset's.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub instances: Option<u32>,
+}
+
+/// What a simulation traces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Plies {
+    /// One ply, as every model needs it.
+    One,
+    /// All plies of the yarn, path by path: the truth that the yarn's model is measured against.
+    Traced,
+}
+
+/// `plywave simulate`.
+#[derive(Debug, Args)]
+pub struct SimulateArgs {
+    /// Yarn spec (TOML).
+    pub spec: PathBuf,
+    /// Table to write [default: SPEC's name with .pwt, in this folder].
+    #[arg(long, short, value_name = "TABLE")]
+    pub output: Option<PathBuf>,
+    /// What to trace, where the spec's yarn has several plies.
+    #[arg(long, value_enum, default_value_t = Plies::One)]
+    pub plies: Plies,
+    /// How to run.
+    #[command(flatten)]
+    pub run: RunArgs,
+}
+
+/// `plywave fit`.
+#[derive(Debug, Args)]
+pub struct FitArgs {
+    /// Table to fit (.pwt).
+    pub table: PathBuf,
+    /// Model to write [default: TABLE's name with .pwm, in this folder].
+    #[arg(long, short, value_name = "MODEL")]
+    pub output: Option<PathBuf>,
+    /// Quality of the fit [default: the table's].
+    #[arg(long, value_enum)]
+    pub preset: Option<Preset>,
+    /// Make the model of this spec's yarn in place of that of the table's: of as many plies as it says, made of the fibers and the ply of the
+    /// table.
+    #[arg(long, value_name = "SPEC")]
+    pub spec: Option<PathBuf>,
+    /// Write the yarn's table too, made of the ply's where the spec's yarn has several plies.
+    #[arg(long, value_name = "TABLE")]
+    pub yarn_table: Option<PathBuf>,
+}
+
+/// `plywave build`.
+#[derive(Debug, Args)]
+pub struct BuildArgs {
+    /// Yarn spec (TOML) [default: polyester, compiled in].
+    pub spec: Option<PathBuf>,
+    /// Model to write [default: SPEC's name with .pwm, in this folder].
+    #[arg(long, short, value_name = "MODEL")]
+    pub output: Option<PathBuf>,
+    /// Keep the simulated table too, under the model's name with .pwt.
+    #[arg(long)]
+    pub keep_table: bool,
+    /// Without speckle tiles, which are most of a model's file; preview quality has none.
+    #[arg(long, conflicts_with = "speckle")]
+    pub smooth: bool,
+    /// Speckle patterns (.pws) to make the tiles from, in place of solving for 200 fibers.
+    #[arg(long, value_name = "PATTERNS")]
+    pub speckle: Option<PathBuf>,
+    /// How to run.
+    #[command(flatten)]
+    pub run: RunArgs,
+}

@@ -1,0 +1,127 @@
+//! Flags of asking, checking and comparing models.
+
+use clap::Args;
+use std::path::PathBuf;
+
+/// `plywave info`.
+#[derive(Debug, Args)]
+pub struct InfoArgs {
+    /// Table, model, fiber or speckle patterns.
+    pub file: PathBuf,
+}
+
+/// An incidence.
+#[derive(Debug, Args)]
+pub struct IncidenceArgs {
+    /// Incident latitude [degrees], -90 to 90.
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub theta_i: f64,
+    /// Offset of the beam's center over the ply radius; light still scatters a little beyond 1.
+    #[arg(long, value_name = "H", allow_negative_numbers = true)]
+    pub h_rel: f64,
+    /// One to four absorption coefficients [1/um].
+    #[arg(long, value_name = "SIGMA", num_args = 1..=4, value_delimiter = ',', default_values_t = [0.0])]
+    pub sigma: Vec<f64>,
+}
+
+/// `plywave eval`.
+#[derive(Debug, Args)]
+pub struct EvalArgs {
+    /// Model.
+    pub model: PathBuf,
+    /// Where the light comes from.
+    #[command(flatten)]
+    pub incidence: IncidenceArgs,
+    /// Outgoing latitude [degrees], -90 to 90.
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub theta_o: f64,
+    /// Outgoing azimuth [degrees]; light comes from 90, exact forward is 270.
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub phi_o: f64,
+}
+
+/// `plywave sample`.
+#[derive(Debug, Args)]
+pub struct SampleArgs {
+    /// Model.
+    pub model: PathBuf,
+    /// Where the light comes from.
+    #[command(flatten)]
+    pub incidence: IncidenceArgs,
+    /// Number of samples.
+    #[arg(short = 'n', long = "count", value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
+    pub count: u64,
+    /// Seed of the random numbers.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+}
+
+/// `plywave check`.
+#[derive(Debug, Args)]
+pub struct CheckArgs {
+    /// Model.
+    pub model: PathBuf,
+    /// A table to hold the model's slices to, best one of another seed.
+    #[arg(long, value_name = "TABLE")]
+    pub table: Option<PathBuf>,
+    /// Of a yarn of several plies, the traced yarn (`plywave simulate SPEC --plies traced`) to hold the model to, and the table of --table too; a --table that is traced serves as well.
+    #[arg(long, value_name = "TABLE")]
+    pub twin: Option<PathBuf>,
+    /// Largest fit error of an f_refl slice that passes.
+    #[arg(long, value_name = "ERROR", default_value_t = 0.2)]
+    pub max_error_refl: f64,
+    /// Largest fit error of an f_high slice that passes, as a share of its light at sigma = 0.
+    #[arg(long, value_name = "ERROR", default_value_t = 0.15)]
+    pub max_error_high: f64,
+    /// Number of incidences to check.
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub incidences: u32,
+    /// Seed of the random numbers.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+}
+
+/// `plywave diff`.
+#[derive(Debug, Args)]
+pub struct DiffArgs {
+    /// First model or table.
+    pub a: PathBuf,
+    /// Second model or table. Of tables, the incidences and absorptions that both hold are compared, the noise of both taken off.
+    pub b: PathBuf,
+    /// Largest relative L2 distance of a slice that passes [default: 0.02].
+    #[arg(long, value_name = "TOL")]
+    pub tol: Option<f64>,
+    /// Largest difference of an energy that passes, as a share of the beam's power [default: 0.002].
+    #[arg(long, value_name = "TOL")]
+    pub tol_energy: Option<f64>,
+    /// Largest turn of a lobe's axis that passes [degrees] [default: any, since different lobes may make one density].
+    #[arg(long, value_name = "DEG")]
+    pub tol_drift: Option<f64>,
+    /// Of tables, leave out offsets beyond this |h/R|, where little light is scattered [default: all].
+    #[arg(long, value_name = "H", allow_negative_numbers = true)]
+    pub max_h_rel: Option<f64>,
+}
+
+/// `plywave color`.
+#[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("wanted").required(true))]
+pub struct ColorArgs {
+    /// Model.
+    pub model: PathBuf,
+    /// Color of the light sent back under D65, encoded sRGB, 0 to 1.
+    #[arg(
+        long,
+        value_name = "R,G,B",
+        num_args = 1,
+        value_delimiter = ',',
+        allow_negative_numbers = true,
+        group = "wanted"
+    )]
+    pub srgb: Vec<f64>,
+    /// Reflectances from 0.38 to 0.78 um in equal steps, one for a gray.
+    #[arg(long, value_name = "R", num_args = 1..=401, value_delimiter = ',', allow_negative_numbers = true, group = "wanted")]
+    pub reflectance: Vec<f64>,
+    /// Albedo at this latitude [degrees] [default: under diffuse light].
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub theta_i: Option<f64>,
+}

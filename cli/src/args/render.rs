@@ -1,0 +1,115 @@
+//! Flags of fabrics: rendering, weaving, the gallery.
+
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+
+/// Ready-made scenes.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Scene {
+    /// A flat sheet lit from the viewer's side.
+    Front,
+    /// A flat sheet between the viewer and the lamp.
+    Back,
+    /// A sheet over a ball.
+    Drape,
+    /// A sheet with parallel folds.
+    Folds,
+    /// A few yarns from above.
+    Swatch,
+    /// A flat sheet under equal light from everywhere.
+    Furnace,
+}
+
+/// `plywave render`.
+#[derive(Debug, Args)]
+pub struct RenderArgs {
+    /// Fabric spec (TOML).
+    pub fabric: PathBuf,
+    /// Scene.
+    #[arg(long, value_enum, default_value_t = Scene::Front)]
+    pub setup: Scene,
+    /// PNG to write, with an EXR of the same name beside it [default: FABRIC's name with .png, in this folder].
+    #[arg(long, short, value_name = "PNG")]
+    pub output: Option<PathBuf>,
+    /// Width of the picture [pixels].
+    #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u32).range(1..=65536))]
+    pub width: u32,
+    /// Height of the picture [pixels].
+    #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u32).range(1..=65536))]
+    pub height: u32,
+    /// Samples a pixel.
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub samples: u32,
+    /// Most scatterings of a path.
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub depth: u32,
+    /// Width of the cloth [mm] [default: the scene's].
+    #[arg(long, value_name = "MM")]
+    pub size_mm: Option<f64>,
+    /// Mesh in place of the scene's own: Wavefront OBJ with texture coordinates.
+    #[arg(long, value_name = "OBJ")]
+    pub mesh: Option<PathBuf>,
+    /// Cloth to one unit of the mesh's texture coordinates [mm].
+    #[arg(long, value_name = "MM", default_value_t = 100.0, requires = "mesh")]
+    pub cloth_mm: f64,
+    /// Light from afar in place of the scene's own: EXR, latitude and longitude, z up.
+    #[arg(long, value_name = "EXR")]
+    pub sky: Option<PathBuf>,
+    /// One absorption coefficient [1/um] for all yarns in place of their colours; 0 for a white fabric.
+    #[arg(long, value_name = "SIGMA", allow_negative_numbers = true)]
+    pub sigma: Option<f64>,
+    /// Light through gaps goes straight on in place of being diffracted, for comparison.
+    #[arg(long)]
+    pub straight_gaps: bool,
+    /// Without speckle, where the models have tiles of it.
+    #[arg(long)]
+    pub smooth: bool,
+    /// Stops by which the PNG is brighter.
+    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
+    pub exposure: f64,
+    /// Seed of the random numbers.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Go on with a render that was stopped or had fewer samples.
+    #[arg(long)]
+    pub resume: bool,
+    /// Keep the sums, so that --resume can add samples.
+    #[arg(long)]
+    pub keep_sums: bool,
+}
+
+/// `plywave gallery`.
+#[derive(Debug, Args)]
+pub struct GalleryArgs {
+    /// Folder to write: pictures, small ones of them, the fabrics and models they are made of, gallery.json and gallery.md.
+    #[arg(long, short, value_name = "FOLDER", default_value = "gallery")]
+    pub output: PathBuf,
+    /// Small pictures of few samples, and models of few paths: the whole gallery in about a minute.
+    #[arg(long)]
+    pub quick: bool,
+    /// These pictures only; an unknown name lists all.
+    #[arg(long, value_name = "NAME", num_args = 1, value_delimiter = ',')]
+    pub only: Vec<String>,
+    /// Folder of the fabric and yarn specs that ship.
+    #[arg(long, value_name = "FOLDER", default_value = "fabrics")]
+    pub fabrics: PathBuf,
+    /// Skip pictures that are there with the same settings.
+    #[arg(long)]
+    pub resume: bool,
+}
+
+/// `plywave weave`.
+#[derive(Debug, Args)]
+pub struct WeaveArgs {
+    /// Fabric spec (TOML).
+    pub fabric: PathBuf,
+    /// Folder to write [default: FABRIC's name with .weave, in this folder].
+    #[arg(long, short, value_name = "FOLDER")]
+    pub output: Option<PathBuf>,
+    /// Pixels from one yarn to the next, in the family that lies closer [default: 32, fewer where a repeat would be longer than 4096].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub pixels: Option<u32>,
+    /// Textures of the back in place of the face, in the same coordinates.
+    #[arg(long)]
+    pub back: bool,
+}
