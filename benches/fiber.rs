@@ -4,9 +4,9 @@
 //! scattered light); wavelengths and directions are random, so that hardly two queries share a slice.
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use plywave::Scatter;
 use plywave::direction;
 use plywave::fiber::{FiberSource, FiberTable, OutlineSymmetry, TabulatedFiber};
+use plywave::{Bsdf, FiberQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -67,29 +67,29 @@ fn fiber(c: &mut Criterion) {
     c.bench_function("eval", |b| {
         b.iter(|| {
             let (lambda, wi, wo, _) = next();
-            black_box(fiber.eval(lambda, wi, wo))
+            black_box(fiber.at(&FiberQuery::new(wi, [lambda])).eval(wo))
         })
     });
     c.bench_function("sample", |b| {
         b.iter(|| {
             let (lambda, wi, _, u) = next();
-            black_box(fiber.sample(lambda, wi, u))
+            black_box(fiber.at(&FiberQuery::new(wi, [lambda])).sample(u))
         })
     });
     c.bench_function("pdf", |b| {
         b.iter(|| {
             let (lambda, wi, wo, _) = next();
-            black_box(fiber.pdf(lambda, wi, wo))
+            black_box(fiber.at(&FiberQuery::new(wi, [lambda])).pdf(wo))
         })
     });
     c.bench_function("width", |b| {
         b.iter(|| {
             let (lambda, wi, _, _) = next();
-            black_box(fiber.width_um(lambda, wi))
+            black_box(fiber.at(&FiberQuery::new(wi, [lambda])).width_um())
         })
     });
     let (lambda, wi, ..) = queries[0];
-    let at = fiber.at(lambda, wi);
+    let at = fiber.at(&FiberQuery::new(wi, [lambda]));
     c.bench_function("eval, incidence looked up once", |b| {
         b.iter(|| {
             let (_, _, wo, _) = next();
@@ -99,7 +99,7 @@ fn fiber(c: &mut Criterion) {
     c.bench_function("sample, incidence looked up once", |b| {
         b.iter(|| {
             let (_, _, _, u) = next();
-            black_box(Scatter::<1>::sample(&at, u))
+            black_box(at.sample(u))
         })
     });
 }

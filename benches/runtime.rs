@@ -1,4 +1,4 @@
-//! Time of the runtime on one core: eval of all terms, single and in batches, sample + pdf, loading; the slow f64 twin beside them;
+//! Time of the runtime on one core: eval of all terms, single and in batches, sample + pdf, loading; the slow f64 reference beside them;
 //! the whole model with its edge light, and weave gaps.
 //!
 //! `cargo bench -p plywave --bench runtime`. The planted model has 3 reflection lobes, 8 high-order lobes, 8 path lengths;
@@ -10,7 +10,7 @@ mod synthetic;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use plywave::{
-    Aperture, Gap, GaussianBeam, Instance, NoiseTiles, PlyData, PlyModel, Queries, SLIT_SHARE, Scatter, Slit, WholePly,
+    Aperture, Bsdf, Gap, GaussianBeam, Instance, NoiseTiles, PlyData, PlyModel, PlyQuery, Queries, SLIT_SHARE, Slit,
     direction,
 };
 use rand::{RngExt, SeedableRng};
@@ -22,6 +22,11 @@ const QUERIES: usize = 4096;
 
 /// theta_i, h, sigma, wo, u.
 type Query = (f32, f32, [f32; 4], [f32; 3], [f32; 3]);
+
+/// f_refl + f_high, interpolated at every call.
+fn uncached<const N: usize>(theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> PlyQuery<'static, N> {
+    PlyQuery { cached: false, ..PlyQuery::lobes(theta_i, h_um, sigma_per_um) }
+}
 
 fn queries() -> Vec<Query> {
     let mut rng = Pcg64Mcg::seed_from_u64(1);
@@ -85,13 +90,13 @@ fn noise(c: &mut Criterion) {
         b.iter(|| {
             let (i, (theta_i, h, sigma, wo, _)) = next();
             let instance = Some(Instance::new(i as u32, 0.0, 1.0));
-            black_box(m.eval_instance(theta_i, h, sigma, lambda, wo, instance))
+            black_box(m.at(&PlyQuery { instance, cached: false, ..PlyQuery::new(theta_i, h, sigma, lambda) }).eval(wo))
         })
     });
     c.bench_function("eval of all terms, smooth, N=4", |b| {
         b.iter(|| {
             let (_, (theta_i, h, sigma, wo, _)) = next();
-            black_box(m.eval_instance(theta_i, h, sigma, lambda, wo, None))
+            black_box(m.at(&PlyQuery { cached: false, ..PlyQuery::new(theta_i, h, sigma, lambda) }).eval(wo))
         })
     });
 }
@@ -108,44 +113,44 @@ fn runtime(c: &mut Criterion) {
     c.bench_function("eval N=4", |b| {
         b.iter(|| {
             let (theta_i, h, sigma, wo, _) = next();
-            black_box(m.eval(theta_i, h, sigma, wo))
+            black_box(m.at(&uncached(theta_i, h, sigma)).eval(wo))
         })
     });
     c.bench_function("eval N=1", |b| {
         b.iter(|| {
             let (theta_i, h, sigma, wo, _) = next();
-            black_box(m.eval(theta_i, h, [sigma[0]], wo))
+            black_box(m.at(&uncached(theta_i, h, [sigma[0]])).eval(wo))
         })
     });
     c.bench_function("eval N=3", |b| {
         b.iter(|| {
             let (theta_i, h, sigma, wo, _) = next();
-            black_box(m.eval(theta_i, h, [sigma[0], sigma[1], sigma[2]], wo))
+            black_box(m.at(&uncached(theta_i, h, [sigma[0], sigma[1], sigma[2]])).eval(wo))
         })
     });
     c.bench_function("sample N=4", |b| {
         b.iter(|| {
             let (theta_i, h, sigma, _, u) = next();
-            black_box(m.sample(theta_i, h, sigma, u))
+            black_box(m.at(&uncached(theta_i, h, sigma)).sample(u))
         })
     });
     c.bench_function("pdf N=4", |b| {
         b.iter(|| {
             let (theta_i, h, sigma, wo, _) = next();
-            black_box(m.pdf(theta_i, h, sigma, wo))
+            black_box(m.at(&uncached(theta_i, h, sigma)).pdf(wo))
         })
     });
     c.bench_function("albedo N=4", |b| {
         b.iter(|| {
             let (theta_i, h, sigma, _, _) = next();
-            black_box(m.albedo(theta_i, h, sigma))
+            black_box(m.at(&uncached(theta_i, h, sigma)).albedo())
         })
     });
-    c.bench_function("eval N=4, f64 twin", |b| {
+    c.bench_function("eval N=4, f64 reference", |b| {
         b.iter(|| {
             let (theta_i, h, sigma, wo, _) = next();
-            let twin = plywave::reference::Mixture::new(&data, theta_i.into(), h.into(), &sigma.map(f64::from));
-            black_box(twin.map(|t| t.eval_split(wo.map(f64::from))))
+            let reference = plywave::reference::Mixture::new(&data, theta_i.into(), h.into(), &sigma.map(f64::from));
+            black_box(reference.map(|t| t.eval_split(wo.map(f64::from))))
         })
     });
 
@@ -163,7 +168,7 @@ fn runtime(c: &mut Criterion) {
     let queries = Queries { theta_i: &theta_i, h_um: &h_um, sigma_per_um: &sigma_per_um, wo: [&x, &y, &z] };
     group.bench_function("eval N=4, one incidence", |b| b.iter(|| m.eval_batch(&queries, &mut f)));
     group.bench_function("eval + pdf N=4, one incidence", |b| {
-        b.iter(|| m.eval_directions(0.5, 20.0, [0.0, 0.01, 0.02, 0.05], &wo, &mut f, &mut pdf))
+        b.iter(|| m.at(&uncached(0.5, 20.0, [0.0, 0.01, 0.02, 0.05])).eval_batch(&wo, &mut f, &mut pdf))
     });
     group.finish();
 
@@ -190,15 +195,7 @@ fn whole(c: &mut Criterion, q: &[Query]) {
         .expect("the planted model is valid");
     let lambda_um = [0.45, 0.52, 0.6, 0.68];
     let slit = Slit::new(2.0, SLIT_SHARE, &beam).expect("a valid slit");
-    let at = |q: &Query| WholePly {
-        model: &m,
-        theta_i: q.0,
-        h_um: q.1,
-        sigma_per_um: q.2,
-        lambda_um,
-        slit: None,
-        instance: None,
-    };
+    let at = |q: &Query| PlyQuery { cached: false, ..PlyQuery::new(q.0, q.1, q.2, lambda_um) };
     let forward: Vec<[f32; 3]> = q
         .iter()
         .map(|q| direction(-q.0 + 0.02 * (q.4[0] - 0.5), 1.5 * std::f32::consts::PI + 0.04 * (q.4[1] - 0.5)))
@@ -212,13 +209,13 @@ fn whole(c: &mut Criterion, q: &[Query]) {
     group.bench_function("eval N=4", |b| {
         b.iter(|| {
             let i = next();
-            black_box(at(&q[i]).eval(q[i].3))
+            black_box(m.at(&at(&q[i])).eval(q[i].3))
         })
     });
     group.bench_function("eval N=4, forward", |b| {
         b.iter(|| {
             let i = next();
-            black_box(at(&q[i]).eval(forward[i]))
+            black_box(m.at(&at(&q[i])).eval(forward[i]))
         })
     });
     let noisy = PlyModel::from_data(PlyData { noise: Some(tiles()), ..m.data().clone() }).expect("a valid model");
@@ -227,25 +224,28 @@ fn whole(c: &mut Criterion, q: &[Query]) {
             b.iter(|| {
                 let i = next();
                 let instance = Some(Instance::new(if instances { i as u32 } else { 0 }, 0.0, 1.0));
-                black_box(WholePly { model: &noisy, instance, ..at(&q[i]) }.eval(q[i].3))
+                black_box(noisy.at(&PlyQuery { instance, ..at(&q[i]) }).eval(q[i].3))
             })
         });
     }
     group.bench_function("prepare N=4, noise", |b| {
         b.iter(|| {
             let i = next();
-            black_box(
-                WholePly { model: &noisy, instance: Some(Instance::new(i as u32, 0.0, 1.0)), ..at(&q[i]) }.prepare(),
-            )
+            black_box(noisy.at(&PlyQuery {
+                instance: Some(Instance::new(i as u32, 0.0, 1.0)),
+                cached: true,
+                ..at(&q[i])
+            }))
         })
     });
     // Many incidences that hit, so that the processor cannot learn the directions of one; as many as fit the near caches.
     let prepared: Vec<_> = (0..q.len())
-        .filter(|i| noisy.r_d(q[*i].0, q[*i].1) < 1.0)
+        .filter(|i| noisy.at(&PlyQuery::lobes(q[*i].0, q[*i].1, [0.0])).r_d() < 1.0)
         .take(16)
         .map(|i| {
-            let whole = WholePly { model: &noisy, instance: Some(Instance::new(i as u32, 0.0, 1.0)), ..at(&q[i]) };
-            (whole.prepare(), WholePly { instance: None, ..whole }.prepare())
+            let smooth = PlyQuery { cached: true, ..at(&q[i]) };
+            let speckled = PlyQuery { instance: Some(Instance::new(i as u32, 0.0, 1.0)), ..smooth };
+            (noisy.at(&speckled), noisy.at(&smooth))
         })
         .collect();
     for (name, noise) in [("smooth", false), ("noise", true)] {
@@ -275,19 +275,19 @@ fn whole(c: &mut Criterion, q: &[Query]) {
     group.bench_function("eval N=4, slit", |b| {
         b.iter(|| {
             let i = next();
-            black_box(WholePly { slit: Some(&slit), ..at(&q[i]) }.eval(q[i].3))
+            black_box(m.at(&PlyQuery { slit: Some(&slit), ..at(&q[i]) }).eval(q[i].3))
         })
     });
     group.bench_function("sample N=4", |b| {
         b.iter(|| {
             let i = next();
-            black_box(at(&q[i]).sample(q[i].4))
+            black_box(m.at(&at(&q[i])).sample(q[i].4))
         })
     });
     group.bench_function("pdf N=4", |b| {
         b.iter(|| {
             let i = next();
-            black_box(at(&q[i]).pdf(q[i].3))
+            black_box(m.at(&at(&q[i])).pdf(q[i].3))
         })
     });
     group.finish();

@@ -6,7 +6,7 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use plywave::fabric::{Draft, Fabric, FabricBsdf, FabricOptions, FabricSpec, Place, UvMap, YarnShape};
-use plywave::{Handedness, Scatter};
+use plywave::{Bsdf, FabricQuery, Handedness};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::hint::black_box;
@@ -84,7 +84,7 @@ fn fabric(c: &mut Criterion) {
     for name in ["polyester_satin", "cotton_plain", "silk_organza"] {
         let path = format!("{}/fabrics/{name}.toml", env!("CARGO_MANIFEST_DIR"));
         let bsdf = FabricBsdf::load(path, &FabricOptions::default()).expect("a fabric that ships");
-        let at = |i: usize| bsdf.at(queries[i].0[0], queries[i].0[1], queries[i].1, lambda_um);
+        let at = |i: usize| bsdf.at(&FabricQuery::new(queries[i].0, queries[i].1, lambda_um));
         let mut i = 0;
         let mut next = || {
             i = (i + 1) % QUERIES;

@@ -4,7 +4,7 @@
 
 pub use crate::check_whole::{PartReport, check_layers, check_whole};
 use crate::chi2::{chi2_test, threshold};
-use crate::{PlyIncidence, PlyModel, Scatter, direction, theta_phi};
+use crate::{Bsdf, BsdfSample, PlyModel, PlyQuery, direction, theta_phi};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Sizes of a check.
@@ -33,7 +33,7 @@ pub struct IncidenceReport {
     pub h_um: f32,
     /// Greatest |integral of eval - albedo| over the absorptions.
     pub furnace_error: f64,
-    /// |integral of pdf - (1 - chance to miss)|.
+    /// |integral of pdf - chance to be scattered|, or what the chances of all outcomes lack to 1.
     pub pdf_error: f64,
     /// Greatest |weight * pdf - eval| over the samples, relative to the greatest eval.
     pub weight_error: f64,
@@ -132,12 +132,12 @@ const BINS: [usize; 2] = [24, 48];
 const GAUSS: [(f64, f64); 3] =
     [(0.112_701_665_379_258_31, 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.887_298_334_620_741_7, 5.0 / 18.0)];
 
-/// What [`check_scatter`] found.
+/// What [`check_bsdf`] found.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ScatterReport {
+pub struct BsdfReport {
     /// Greatest |integral of eval - albedo| over the absorptions.
     pub furnace_error: f64,
-    /// |integral of pdf - (1 - chance to miss)|.
+    /// |integral of pdf - chance to be scattered|, or what the chances of all outcomes lack to 1.
     pub pdf_error: f64,
     /// Greatest |weight * pdf - eval| over the samples, relative to the greatest eval.
     pub weight_error: f64,
@@ -159,7 +159,7 @@ pub fn check_incidence(
     let d = model.data();
     let ln_mu = d.refl.chunks_exact(6).chain(d.high.chunks_exact(6)).flat_map(|p| [p[3], p[4]]).fold(0.0, f64::max);
     let sd = (-0.5 * ln_mu).exp() * std::f64::consts::FRAC_1_SQRT_2;
-    let r = check_scatter(&PlyIncidence { model, theta_i, h_um, sigma_per_um }, [sd; 2], samples, uniform);
+    let r = check_bsdf(&model.at(&PlyQuery::lobes(theta_i, h_um, sigma_per_um)), [sd; 2], samples, uniform);
     IncidenceReport {
         theta_i,
         h_um,
@@ -172,37 +172,54 @@ pub fn check_incidence(
 }
 
 /// Checks any scattering function whose finest features have the standard deviations `sd_rad` along latitude and azimuth.
-pub fn check_scatter<const N: usize>(
-    s: &impl Scatter<N>,
+pub fn check_bsdf<const N: usize>(
+    s: &impl Bsdf<N>,
     sd_rad: [f64; 2],
     samples: usize,
     uniform: &mut dyn FnMut() -> f32,
-) -> ScatterReport {
-    let albedo = s.albedo().map(f64::from);
-    let miss = f64::from(s.miss());
+) -> BsdfReport {
+    let (albedo, straight) = (s.albedo().map(f64::from), s.straight().map(f64::from));
+    let outcomes = s.outcomes();
+    let [scattered, chance_straight, absorbed] =
+        [outcomes.scattered, outcomes.straight, outcomes.absorbed].map(f64::from);
 
     let (f, bins) = integrate(s, sd_rad);
     let furnace_error = f.iter().zip(albedo).map(|(f, a)| (f - a).abs()).fold(0.0, f64::max);
-    let pdf_error = (bins.iter().sum::<f64>() - (1.0 - miss)).abs();
+    let outcomes_error = (scattered + chance_straight + absorbed - 1.0).abs();
+    let pdf_error = (bins.iter().sum::<f64>() - scattered).abs().max(outcomes_error);
 
     let (mut sum, mut squares) = ([0.0f64; N], [0.0f64; N]);
-    let mut observed = vec![0.0; bins.len() + 1];
+    let mut sum_straight = [0.0f64; N];
+    // Bins of the sphere, then light that went straight on, then light that was absorbed.
+    let mut observed = vec![0.0; bins.len() + 2];
     let (mut error, mut peak) = (0.0f64, 0.0f64);
     for _ in 0..samples {
         let u = [uniform(), uniform(), uniform()];
-        let Some(sample) = s.sample(u) else {
-            observed[bins.len()] += 1.0;
-            continue;
+        let sample = match s.sample(u) {
+            BsdfSample::Scattered(sample) => sample,
+            BsdfSample::Straight { weight, probability } => {
+                observed[bins.len()] += 1.0;
+                for k in 0..N {
+                    sum_straight[k] += f64::from(weight[k]);
+                    // A delta has no sampled direction to be held to: weight times probability is its energy.
+                    error = error.max((f64::from(weight[k] * probability) - straight[k]).abs());
+                }
+                continue;
+            }
+            BsdfSample::Absorbed => {
+                observed[bins.len() + 1] += 1.0;
+                continue;
+            }
         };
-        observed[bin(sample.wo)] += 1.0;
-        let f = s.eval(sample.wo);
+        observed[bin(sample.w)] += 1.0;
+        let f = s.eval(sample.w);
         for k in 0..N {
             sum[k] += f64::from(sample.weight[k]);
             squares[k] += f64::from(sample.weight[k]).powi(2);
             peak = peak.max(f64::from(f[k]));
             error = error.max(f64::from((sample.weight[k] * sample.pdf - f[k]).abs()));
         }
-        error = error.max(f64::from((sample.pdf - s.pdf(sample.wo)).abs()));
+        error = error.max(f64::from((sample.pdf - s.pdf(sample.w)).abs()));
         peak = peak.max(f64::from(sample.pdf));
     }
     let n = samples.max(1) as f64;
@@ -212,14 +229,17 @@ pub fn check_scatter<const N: usize>(
             let sampled = squares[k] / n - mean * mean;
             // Where hits are rare, a handful of them says little of their own spread. By Cauchy and Schwarz the mean square weight is
             // at least albedo^2 over the chance to hit.
-            let least = albedo[k] * albedo[k] * (1.0 / (1.0 - miss).max(1e-12) - 1.0);
-            let se = (sampled.max(least).max(0.0) / n).sqrt();
-            (mean - albedo[k]).abs() / (se + 1e-4)
+            let least = |energy: f64, chance: f64| energy * energy * (1.0 / chance.max(1e-12) - 1.0).max(0.0);
+            let se = (sampled.max(least(albedo[k], scattered)).max(0.0) / n).sqrt();
+            // Straight light has one weight, so its spread is that of its count.
+            let se_straight = (least(straight[k], chance_straight) / n).sqrt();
+            let off_straight = (sum_straight[k] / n - straight[k]).abs() / (se_straight + 1e-4);
+            ((mean - albedo[k]).abs() / (se + 1e-4)).max(off_straight)
         })
         .fold(0.0, f64::max);
     let mut expected: Vec<f64> = bins.iter().map(|b| b * n).collect();
-    expected.push(miss * n);
-    ScatterReport {
+    expected.extend([chance_straight * n, absorbed * n]);
+    BsdfReport {
         furnace_error,
         pdf_error,
         weight_error: if peak > 0.0 { error / peak } else { error },
@@ -237,7 +257,7 @@ fn bin(wo: [f32; 3]) -> usize {
 
 /// Integrals over the sphere of eval, and of the pdf over each bin, by panels no wider than 1.5 standard deviations of the
 /// finest features along latitude and azimuth.
-fn integrate<const N: usize>(s: &impl Scatter<N>, sd_rad: [f64; 2]) -> ([f64; N], Vec<f64>) {
+fn integrate<const N: usize>(s: &impl Bsdf<N>, sd_rad: [f64; 2]) -> ([f64; N], Vec<f64>) {
     let width = PI / BINS[0] as f64;
     let points = |sd: f64| -> Vec<(f64, f64)> {
         let panels = ((width / (1.5 * sd)).ceil() as usize).max(3);
@@ -259,7 +279,7 @@ fn integrate<const N: usize>(s: &impl Scatter<N>, sd_rad: [f64; 2]) -> ([f64; N]
             for (wo, (phi, _)) in wo.iter_mut().zip(&columns) {
                 *wo = direction(theta as f32, *phi as f32);
             }
-            s.eval_directions(&wo, &mut f, &mut pdf);
+            s.eval_batch(&wo, &mut f, &mut pdf);
             for (j, (_, v)) in columns.iter().enumerate() {
                 let area = w * v * theta.cos();
                 (0..N).for_each(|k| integral[k] += area * f64::from(f[j][k]));

@@ -1,14 +1,14 @@
 //! Checks of what a model has beyond f_refl and f_high: the whole ply with its edge light, and a ply over a second layer.
 
-use crate::check::{CheckOptions, ScatterReport, check_scatter};
+use crate::check::{BsdfReport, CheckOptions, check_bsdf};
 use crate::chi2::threshold;
-use crate::{DoubleLayer, PlyModel, Scatter, WholePly};
+use crate::{Bsdf, Layer, PlyModel, PlyQuery};
 
 /// What was found of one way to use a model: the worst of its incidences.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PartReport {
     /// The checks of a scattering function.
-    pub scatter: ScatterReport,
+    pub scatter: BsdfReport,
     /// Greatest |energy - 1| at sigma = 0, all terms together: the Monte Carlo error of the table.
     pub kept_error: f64,
     /// Least p-value that passes, corrected for the number of incidences.
@@ -19,10 +19,10 @@ pub struct PartReport {
 const LAMBDA_UM: [f32; 4] = [0.4, 0.5, 0.6, 0.7];
 
 /// The worst of both.
-fn worst(a: ScatterReport, b: ScatterReport) -> ScatterReport {
+fn worst(a: BsdfReport, b: BsdfReport) -> BsdfReport {
     // What is not a number is worse than any.
     let most = |a: f64, b: f64| if b.is_nan() { f64::INFINITY } else { a.max(b) };
-    ScatterReport {
+    BsdfReport {
         furnace_error: most(a.furnace_error, b.furnace_error),
         pdf_error: most(a.pdf_error, b.pdf_error),
         weight_error: most(a.weight_error, b.weight_error),
@@ -41,13 +41,13 @@ fn incidences(model: &PlyModel, uniform: &mut dyn FnMut() -> f32) -> Vec<(f32, f
 }
 
 /// Runs the checks of a scattering function at each incidence.
-fn run<'a, S: Scatter<4>>(
-    model: &'a PlyModel,
+fn run(
+    model: &PlyModel,
     sd_rad: f64,
     samples: usize,
     significance: f64,
     uniform: &mut dyn FnMut() -> f32,
-    at: &dyn Fn(WholePly<'a, 4>) -> Option<S>,
+    below: &dyn Fn([f32; 4]) -> Option<Option<Layer<4>>>,
 ) -> Option<PartReport> {
     let places = incidences(model, uniform);
     let count = places.len();
@@ -55,10 +55,10 @@ fn run<'a, S: Scatter<4>>(
     for (theta_i, h_um) in places {
         let last = model.data().sigma_per_um.last().map_or(0.0, |s| *s as f32);
         let sigma_per_um = [0.0, 0.02 * last, 0.2 * last, last];
-        let scatter =
-            at(WholePly { model, theta_i, h_um, sigma_per_um, lambda_um: LAMBDA_UM, slit: None, instance: None })?;
+        let query = PlyQuery::new(theta_i, h_um, sigma_per_um, LAMBDA_UM);
+        let scatter = model.at(&PlyQuery { below: below(sigma_per_um)?, ..query });
         let sd = [sd_rad, sd_rad / f64::from(theta_i.cos())];
-        let found = check_scatter(&scatter, sd, samples, uniform);
+        let found = check_bsdf(&scatter, sd, samples, uniform);
         let kept = (f64::from(scatter.albedo()[0]) - 1.0).abs();
         report = Some(match report {
             None => PartReport { scatter: found, kept_error: kept, chi2_threshold: threshold(significance, count) },
@@ -73,12 +73,12 @@ pub fn check_whole(model: &PlyModel, options: &CheckOptions, uniform: &mut dyn F
     let edge = model.data().edge.as_ref()?;
     let sharpest = edge.ln_mu.iter().copied().fold(0.0, f64::max);
     let sd = (-0.5 * sharpest).exp() * std::f64::consts::FRAC_1_SQRT_2;
-    run(model, sd, options.samples, options.significance, uniform, &Some)
+    run(model, sd, options.samples, options.significance, uniform, &|_| Some(None))
 }
 
 /// Checks a ply over a second layer of its own kind. `None` for a model without layer factors.
 pub fn check_layers(model: &PlyModel, options: &CheckOptions, uniform: &mut dyn FnMut() -> f32) -> Option<PartReport> {
-    run(model, 0.02, options.samples, options.significance, uniform, &|ply| {
-        DoubleLayer::new(ply, &model.layer(0.5, ply.sigma_per_um)?)
+    run(model, 0.02, options.samples, options.significance, uniform, &|sigma_per_um| {
+        Some(Some(model.layer(0.5, sigma_per_um)?))
     })
 }

@@ -17,6 +17,10 @@ use tables::{D65, X_BAR, Y_BAR, Z_BAR};
 
 /// Nodes of a spectrum.
 pub const SPECTRUM_NODES: usize = 81;
+/// Wavelengths that stand for R, G and B of a host that renders in RGB [um], the dominant ones of the sRGB primaries. Diffraction and speckle take them; the color of
+/// the yarns does not depend on them.
+pub const RGB_LAMBDA_UM: [f32; 3] = [0.612, 0.549, 0.464];
+
 /// First and last wavelength of a spectrum [um].
 pub const SPECTRUM_UM: [f64; 2] = [0.38, 0.78];
 

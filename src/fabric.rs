@@ -10,14 +10,17 @@
 mod bsdf;
 mod check;
 mod draft;
+mod dye;
+mod in_gap;
 mod place;
 mod spec;
 mod uv;
 mod wif;
 mod yarn;
 
-pub use bsdf::{FabricAt, FabricBsdf, FabricOptions, GapLight};
+pub use bsdf::{FabricAt, FabricBsdf, FabricOptions, FabricQuery, GapLight};
 pub use draft::{Draft, MAX_THREADS};
+pub use dye::Channels;
 pub use place::{Below, Gap, Place, PlyHit, YarnPlace};
 pub use spec::{FabricSpec, LoadedFabric, WeaveSpec, YarnColor, YarnOfFabric};
 pub use uv::UvMap;

@@ -9,7 +9,7 @@
 //! `integral L_i f cos theta_i / cos theta_o d wi`, and a path tracer whose rays hit that width needs `f` alone as "BSDF times cosine".
 //!
 //! The width C_e depends on direction and wavelength; a host intersects a cylinder of [`TabulatedFiber::max_width_um`] and asks
-//! [`TabulatedFiber::hit`] whether the ray's offset from the center line is within C_e / 2 (Xia 2020, 6).
+//! [`TabulatedBsdf::hit`] whether the ray's offset from the center line is within C_e / 2 (Xia 2020, 6).
 //!
 //! Departures from Xia: the table is linear in `phi_r - phi_i` instead of phi_r, so that the forward peak stays one peak between nodes; slices are mixed
 //! by the power they take, their weight times their width, which is what conserves it; lambda is linear too.
@@ -19,7 +19,7 @@
 mod longitudinal;
 mod table;
 
-use crate::{Result, Scatter, ScatterSample};
+use crate::{Bsdf, BsdfSample, DirectionSample, Outcomes, Result};
 use longitudinal::{Latitude, Longitudinal};
 use std::f32::consts::{FRAC_PI_2, TAU};
 use std::path::Path;
@@ -57,30 +57,133 @@ pub struct TabulatedFiber {
     turn: f32,
 }
 
-/// A sampled direction of a fiber.
+/// What fixes a shading point of a fiber, for N wavelengths.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FiberSample {
-    /// Outgoing direction, unit.
-    pub wo: [f32; 3],
-    /// f / pdf: the albedo.
-    pub weight: f32,
-    /// Density of the direction [1/sr].
-    pub pdf: f32,
+pub struct FiberQuery<const N: usize> {
+    /// Direction that light comes from (the papers' omega_i), unit, in the fiber's frame: z along it, x and y those of the outline.
+    pub omega_i: [f32; 3],
+    /// Offset of the ray from the center line over half the fiber's width, -1 to 1, for models that resolve it; `None` for the mean over all offsets.
+    /// Tables hold that mean alone and give it at every offset.
+    pub h_rel: Option<f32>,
+    /// Wavelengths [um].
+    pub lambda_um: [f32; N],
 }
 
-/// A fiber at one wavelength and incidence: what [`TabulatedFiber`] looks up once for any number of outgoing directions.
+impl<const N: usize> FiberQuery<N> {
+    /// Light from `omega_i`, averaged over the offsets.
+    pub fn new(omega_i: [f32; 3], lambda_um: [f32; N]) -> Self {
+        FiberQuery { omega_i, h_rel: None, lambda_um }
+    }
+}
+
+/// A scattering model of one fiber.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub enum FiberModel {
+    /// Of a table, by waves or rays (Xia 2020).
+    Tabulated(TabulatedFiber),
+}
+
+impl FiberModel {
+    /// Reads and checks a fiber file (.pwf).
+    ///
+    /// # Errors
+    /// As [`FiberTable::load`].
+    pub fn load(path: impl AsRef<Path>) -> Result<FiberModel> {
+        TabulatedFiber::load(path).map(FiberModel::Tabulated)
+    }
+
+    /// The model at a query.
+    ///
+    /// ```
+    /// use plywave::fiber::{FiberTable, OutlineSymmetry};
+    /// use plywave::{Bsdf, FiberModel, FiberQuery};
+    ///
+    /// fn shade(fiber: &FiberModel, omega_i: [f32; 3], omega_o: [f32; 3], offset_um: f32) -> [f32; 3] {
+    ///     let at = fiber.at(&FiberQuery::new(omega_i, [0.61, 0.55, 0.465]));
+    ///     let (f, width_um) = (at.eval(omega_o), at.width_um());
+    ///     // A ray beyond the width at a wavelength passes the fiber there.
+    ///     std::array::from_fn(|k| if offset_um.abs() <= 0.5 * width_um[k] { f[k] } else { 0.0 })
+    /// }
+    /// ```
+    pub fn at<const N: usize>(&self, query: &FiberQuery<N>) -> FiberBsdf<'_, N> {
+        match self {
+            FiberModel::Tabulated(fiber) => FiberBsdf(fiber.at(query)),
+        }
+    }
+
+    /// Diameter of the cylinder that a ray must meet for the fiber to scatter it, whatever the direction and wavelength [um].
+    pub fn max_width_um(&self) -> f32 {
+        match self {
+            FiberModel::Tabulated(fiber) => fiber.max_width_um(),
+        }
+    }
+}
+
+impl From<TabulatedFiber> for FiberModel {
+    fn from(fiber: TabulatedFiber) -> FiberModel {
+        FiberModel::Tabulated(fiber)
+    }
+}
+
+/// A fiber model at a query, from [`FiberModel::at`].
 #[derive(Clone, Copy, Debug)]
-pub struct FiberIncidence<'a> {
+pub struct FiberBsdf<'a, const N: usize>(TabulatedBsdf<'a, N>);
+
+impl<const N: usize> FiberBsdf<'_, N> {
+    /// Width from which the fiber takes light [um], by wavelength.
+    pub fn width_um(&self) -> [f32; N] {
+        self.0.width_um()
+    }
+
+    /// Whether a ray that passes the center line at the distance `offset_um`, either side, meets the fiber, by wavelength.
+    pub fn hit(&self, offset_um: f32) -> [bool; N] {
+        self.0.hit(offset_um)
+    }
+}
+
+impl<const N: usize> Bsdf<N> for FiberBsdf<'_, N> {
+    fn eval(&self, w: [f32; 3]) -> [f32; N] {
+        self.0.eval(w)
+    }
+
+    fn pdf(&self, w: [f32; 3]) -> f32 {
+        self.0.pdf(w)
+    }
+
+    fn eval_pdf(&self, w: [f32; 3]) -> ([f32; N], f32) {
+        self.0.eval_pdf(w)
+    }
+
+    fn sample(&self, u: [f32; 3]) -> BsdfSample<N> {
+        self.0.sample(u)
+    }
+
+    fn albedo(&self) -> [f32; N] {
+        self.0.albedo()
+    }
+
+    fn outcomes(&self) -> Outcomes {
+        self.0.outcomes()
+    }
+}
+
+/// Slices of the table and their shares of the power, which add up to 1.
+type Corners = [(u32, f32); 8];
+
+/// A tabulated fiber at a query: what is looked up once for any number of outgoing directions.
+#[derive(Clone, Copy, Debug)]
+pub struct TabulatedBsdf<'a, const N: usize> {
     fiber: &'a TabulatedFiber,
     /// Cosine and sine of phi_i; of 0 for light along the fiber.
     azimuth: [f32; 2],
     latitude: Latitude,
-    /// Slices and their shares of the power, which add up to 1; all 0 where the input is not finite.
-    corners: [(usize, f32); 8],
+    /// By wavelength; all 0 where the input is not finite.
+    corners: [Corners; N],
     /// Whether the slices hold the mirrored azimuth.
     mirrored: bool,
-    albedo: f32,
-    width_um: f32,
+    albedo: [f32; N],
+    width_um: [f32; N],
 }
 
 impl TabulatedFiber {
@@ -165,42 +268,49 @@ impl TabulatedFiber {
         self.clamped
     }
 
-    /// The fiber at one wavelength [um] for light from `wi`.
-    pub fn at(&self, lambda_um: f32, wi: [f32; 3]) -> FiberIncidence<'_> {
+    /// The fiber at a query. Where an input is not finite nothing is hit and nothing scattered.
+    pub fn at<const N: usize>(&self, query: &FiberQuery<N>) -> TabulatedBsdf<'_, N> {
+        let wi = query.omega_i;
         let latitude = Latitude::of(wi);
         let azimuth = if latitude.cos > 0.0 { [wi[0] / latitude.cos, wi[1] / latitude.cos] } else { [1.0, 0.0] };
-        let mut incidence = FiberIncidence {
+        let mut at = TabulatedBsdf {
             fiber: self,
             azimuth,
             latitude,
-            corners: [(0, 0.0); 8],
+            corners: [[(0, 0.0); 8]; N],
             mirrored: false,
-            albedo: 0.0,
-            width_um: 0.0,
+            albedo: [0.0; N],
+            width_um: [0.0; N],
         };
-        if !(lambda_um.is_finite() && wi.iter().all(|v| v.is_finite())) {
-            return incidence;
+        if !wi.iter().all(|v| v.is_finite()) {
+            return at;
         }
         let (nl, nt, np) = (self.table.lambda_um.len(), self.table.theta_i.len(), self.table.phi_i.len());
-        let (l, lambda) = place((lambda_um - self.lambda_first) * self.lambda_per_um, nl);
         let theta_i = latitude.sin.abs().atan2(latitude.cos);
         let (t, theta) = place(theta_i / FRAC_PI_2 * nt as f32 - 0.5, nt);
         let (p, phi, mirrored) = self.azimuth(azimuth[1].atan2(azimuth[0]), np);
-        let mut width = 0.0;
-        for (k, corner) in incidence.corners.iter_mut().enumerate() {
-            let (a, b, c) = (k >> 2, k >> 1 & 1, k & 1);
-            let slice = (l[a] * nt + t[b]) * np + p[c];
-            let share = lambda[a] * theta[b] * phi[c] * self.width_um[slice];
-            *corner = (slice, share);
-            width += share;
+        at.mirrored = mirrored;
+        for n in 0..N {
+            if !query.lambda_um[n].is_finite() {
+                continue;
+            }
+            let (l, lambda) = place((query.lambda_um[n] - self.lambda_first) * self.lambda_per_um, nl);
+            let corners = &mut at.corners[n];
+            let mut width = 0.0;
+            for (k, corner) in corners.iter_mut().enumerate() {
+                let (a, b, c) = (k >> 2, k >> 1 & 1, k & 1);
+                let slice = (l[a] * nt + t[b]) * np + p[c];
+                let share = lambda[a] * theta[b] * phi[c] * self.width_um[slice];
+                *corner = (slice as u32, share);
+                width += share;
+            }
+            if width > 0.0 {
+                corners.iter_mut().for_each(|(_, share)| *share /= width);
+            }
+            at.albedo[n] = corners.iter().map(|(slice, share)| share * self.albedo[*slice as usize]).sum();
+            at.width_um[n] = width;
         }
-        if width > 0.0 {
-            incidence.corners.iter_mut().for_each(|(_, share)| *share /= width);
-        }
-        incidence.albedo = incidence.corners.iter().map(|(slice, share)| share * self.albedo[*slice]).sum();
-        incidence.width_um = width;
-        incidence.mirrored = mirrored;
-        incidence
+        at
     }
 
     /// Nodes around the azimuth `phi`, their weights, and whether they hold it mirrored.
@@ -220,39 +330,9 @@ impl TabulatedFiber {
         let (nodes, weights) = place(x * self.phi_per_rad, count);
         (nodes, weights, mirrored)
     }
-
-    /// f [1/sr] at `lambda_um` for light from `wi` in direction `wo`.
-    pub fn eval(&self, lambda_um: f32, wi: [f32; 3], wo: [f32; 3]) -> f32 {
-        self.at(lambda_um, wi).value(wo)
-    }
-
-    /// A direction with density proportional to f, from three independent uniform numbers in [0, 1). `None` where nothing is scattered.
-    pub fn sample(&self, lambda_um: f32, wi: [f32; 3], u: [f32; 3]) -> Option<FiberSample> {
-        self.at(lambda_um, wi).draw(u)
-    }
-
-    /// Density [1/sr] with which [`TabulatedFiber::sample`] gives `wo`; integrates to 1 where anything is scattered.
-    pub fn pdf(&self, lambda_um: f32, wi: [f32; 3], wo: [f32; 3]) -> f32 {
-        self.at(lambda_um, wi).density(wo)
-    }
-
-    /// Scattered over extinguished light: the integral of f over wo. 1 for a lossless fiber.
-    pub fn albedo(&self, lambda_um: f32, wi: [f32; 3]) -> f32 {
-        self.at(lambda_um, wi).albedo
-    }
-
-    /// C_e [um]: the width from which the fiber takes light.
-    pub fn width_um(&self, lambda_um: f32, wi: [f32; 3]) -> f32 {
-        self.at(lambda_um, wi).width_um
-    }
-
-    /// Whether a ray that passes the center line at the distance `offset_um`, either side, meets the fiber (Xia 2020, 6).
-    pub fn hit(&self, offset_um: f32, lambda_um: f32, wi: [f32; 3]) -> bool {
-        offset_um.abs() <= 0.5 * self.width_um(lambda_um, wi)
-    }
 }
 
-/// Two neighbouring nodes and their weights for the place `at` in units of nodes, clamped to `count` nodes.
+/// Two neighboring nodes and their weights for the place `at` in units of nodes, clamped to `count` nodes.
 fn place(at: f32, count: usize) -> ([usize; 2], [f32; 2]) {
     let last = count - 1;
     let at = at.clamp(0.0, last as f32);
@@ -261,14 +341,19 @@ fn place(at: f32, count: usize) -> ([usize; 2], [f32; 2]) {
     ([first, (first + 1).min(last)], [1.0 - t, t])
 }
 
-impl FiberIncidence<'_> {
-    /// C_e [um].
-    pub fn width_um(&self) -> f32 {
+impl<const N: usize> TabulatedBsdf<'_, N> {
+    /// C_e [um], by wavelength.
+    pub fn width_um(&self) -> [f32; N] {
         self.width_um
     }
 
-    /// N(phi_o - phi_i) [1/rad], for the azimuth of `wo`.
-    fn azimuthal(&self, wo: [f32; 3]) -> f32 {
+    /// Whether a ray that passes the center line at the distance `offset_um`, either side, meets the fiber (Xia 2020, 6), by wavelength.
+    pub fn hit(&self, offset_um: f32) -> [bool; N] {
+        self.width_um.map(|width| offset_um.abs() <= 0.5 * width)
+    }
+
+    /// N(phi_o - phi_i) [1/rad], for the azimuth of `wo`, by wavelength.
+    fn azimuthal(&self, wo: [f32; 3]) -> [f32; N] {
         let [x, y] = self.azimuth;
         let relative = (x * wo[1] - y * wo[0]).atan2(x * wo[0] + y * wo[1]);
         let relative = if self.mirrored { -relative } else { relative };
@@ -277,42 +362,64 @@ impl FiberIncidence<'_> {
         let j = (at as usize).min(cells - 1);
         let t = (at - j as f32).clamp(0.0, 1.0);
         let next = if j + 1 == cells { 0 } else { j + 1 };
-        (1.0 - t) * self.node(j) + t * self.node(next)
+        std::array::from_fn(|n| {
+            let corners = &self.corners[n];
+            (1.0 - t) * self.node(corners, j) + t * self.node(corners, next)
+        })
     }
 
-    fn node(&self, j: usize) -> f32 {
+    fn node(&self, corners: &Corners, j: usize) -> f32 {
         let values = &self.fiber.table.azimuthal;
-        self.corners.iter().map(|(slice, share)| share * values[slice * self.fiber.cells + j]).sum()
+        corners.iter().map(|(slice, share)| share * values[*slice as usize * self.fiber.cells + j]).sum()
     }
 
-    fn value(&self, wo: [f32; 3]) -> f32 {
-        let f = self.fiber.longitudinal.eval(self.latitude, Latitude::of(wo)) * self.azimuthal(wo);
-        if f.is_finite() { f } else { 0.0 }
+    /// Sum of the albedos: wavelengths are drawn in proportion to theirs.
+    fn total(&self) -> f32 {
+        self.albedo.iter().sum()
     }
 
-    fn density(&self, wo: [f32; 3]) -> f32 {
-        if self.albedo > 0.0 { self.value(wo) / self.albedo } else { 0.0 }
+    /// Density of samples where f is `f`.
+    fn density(&self, f: &[f32; N]) -> f32 {
+        let total = self.total();
+        if total > 0.0 { f.iter().sum::<f32>() / total } else { 0.0 }
     }
 
-    fn draw(&self, u: [f32; 3]) -> Option<FiberSample> {
-        if !(self.albedo > 0.0 && u.iter().all(|v| (0.0..1.0).contains(v))) {
+    /// A direction: a wavelength, then its azimuth and the latitude.
+    fn draw(&self, u: [f32; 3]) -> Option<[f32; 3]> {
+        let total = self.total();
+        if !(total > 0.0 && u.iter().all(|v| (0.0..1.0).contains(v))) {
             return None;
         }
-        let relative = self.invert(u[0]);
+        let (mut remaining, mut chosen) = (u[0] * total, N - 1);
+        for (n, albedo) in self.albedo.iter().enumerate() {
+            if remaining < *albedo {
+                chosen = n;
+                break;
+            }
+            if n + 1 < N {
+                remaining -= albedo;
+            }
+        }
+        let albedo = self.albedo[chosen];
+        // With one wavelength the number is used as it is.
+        let first = if N == 1 { u[0] } else { (remaining / albedo).min(1.0 - f32::EPSILON / 2.0) };
+        if !(0.0..1.0).contains(&first) {
+            return None;
+        }
+        let relative = self.invert(&self.corners[chosen], first);
         let latitude = self.fiber.longitudinal.sample(self.latitude, [u[1], u[2]]);
         let [x, y] = self.azimuth;
         let phi = y.atan2(x) + if self.mirrored { -relative } else { relative };
         let (sin, cos) = phi.sin_cos();
-        let wo = [latitude.cos * cos, latitude.cos * sin, latitude.sin];
-        Some(FiberSample { wo, weight: self.albedo, pdf: self.density(wo) })
+        Some([latitude.cos * cos, latitude.cos * sin, latitude.sin])
     }
 
     /// Relative azimuth below which the mixed slices hold the fraction `u` of their light [rad]: blocks, then cells, then the root of the square
     /// within a cell.
-    fn invert(&self, u: f32) -> f32 {
+    fn invert(&self, corners: &Corners, u: f32) -> f32 {
         let (cells, blocks) = (self.fiber.cells, self.fiber.blocks);
         let block = |b: usize| -> f32 {
-            self.corners.iter().map(|(slice, share)| share * self.fiber.sums[slice * blocks + b]).sum()
+            corners.iter().map(|(slice, share)| share * self.fiber.sums[*slice as usize * blocks + b]).sum()
         };
         let mut left = u * (0..blocks).map(block).sum::<f32>();
         let mut b = 0;
@@ -326,11 +433,11 @@ impl FiberIncidence<'_> {
         }
         let end = cells.min((b + 1) * BLOCK);
         let mut j = b * BLOCK;
-        let mut low = self.node(j);
+        let mut low = self.node(corners, j);
         // The last cell with light takes what rounding has left over.
         let mut kept = (j, low, low, 0.0);
         while j < end {
-            let high = self.node(if j + 1 == cells { 0 } else { j + 1 });
+            let high = self.node(corners, if j + 1 == cells { 0 } else { j + 1 });
             let sum = 0.5 * (low + high);
             if sum > 0.0 {
                 kept = (j, low, high, (left / sum).clamp(0.0, 1.0));
@@ -349,25 +456,46 @@ impl FiberIncidence<'_> {
     }
 }
 
-impl Scatter<1> for FiberIncidence<'_> {
-    fn eval(&self, wo: [f32; 3]) -> [f32; 1] {
-        [self.value(wo)]
+impl<const N: usize> Bsdf<N> for TabulatedBsdf<'_, N> {
+    fn eval(&self, w: [f32; 3]) -> [f32; N] {
+        let longitudinal = self.fiber.longitudinal.eval(self.latitude, Latitude::of(w));
+        self.azimuthal(w).map(|n| {
+            let f = longitudinal * n;
+            if f.is_finite() { f } else { 0.0 }
+        })
     }
 
-    fn pdf(&self, wo: [f32; 3]) -> f32 {
-        self.density(wo)
+    fn pdf(&self, w: [f32; 3]) -> f32 {
+        self.density(&self.eval(w))
     }
 
-    fn sample(&self, u: [f32; 3]) -> Option<ScatterSample<1>> {
-        self.draw(u).map(|s| ScatterSample { wo: s.wo, weight: [s.weight], pdf: s.pdf })
+    fn eval_pdf(&self, w: [f32; 3]) -> ([f32; N], f32) {
+        let f = self.eval(w);
+        (f, self.density(&f))
     }
 
-    fn albedo(&self) -> [f32; 1] {
-        [self.albedo]
+    fn sample(&self, u: [f32; 3]) -> BsdfSample<N> {
+        match self.draw(u) {
+            Some(w) => {
+                let (f, pdf) = self.eval_pdf(w);
+                if N == 1 {
+                    // The density is f over the albedo: their ratio needs no division of two values near 0.
+                    BsdfSample::Scattered(DirectionSample { w, weight: self.albedo, pdf })
+                } else {
+                    BsdfSample::scattered(w, f, pdf)
+                }
+            }
+            None => BsdfSample::Absorbed,
+        }
     }
 
-    fn miss(&self) -> f32 {
-        if self.albedo > 0.0 { 0.0 } else { 1.0 }
+    /// Scattered over extinguished light; 1 for a lossless fiber.
+    fn albedo(&self) -> [f32; N] {
+        self.albedo
+    }
+
+    fn outcomes(&self) -> Outcomes {
+        if self.total() > 0.0 { Outcomes::SCATTERED } else { Outcomes::ABSORBED }
     }
 }
 

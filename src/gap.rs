@@ -9,17 +9,19 @@
 //! longer by 1/c_i: a wide gap spreads tilted light by 1/c_i more than the beam itself does.
 //!
 //! f integrates to 1 in Kirchhoff's approximation as long as the aperture is many wavelengths wide and light does not graze;
-//! [`Scatter::albedo`] gives what it does integrate to. By Parseval's theorem it is the mean of `(c_i + c_o)^2/(4 c_i c_o)` over the
+//! [`Bsdf::albedo`] gives what it does integrate to. By Parseval's theorem it is the mean of `(c_i + c_o)^2/(4 c_i c_o)` over the
 //! spectrum of the aperture, evanescent frequencies counted as 0; c_i and c_o are the cosines in and out.
 //! So it falls short by what the aperture's edges send beyond the plane, to first order `lambda/(2 pi^2) (q_x (1/c^2 + pi/(4 c)) + q_y (1 + pi/4)/c)`, c the
 //! cosine of a tilt towards x, q of an axis the mean intensity at its two edges over the power between them (docs/papers.md): of 10 um in a beam of w0 = 10 um,
 //! 0.7 % in green light at normal incidence, 1.6 % at 1 rad, 2.3 % there at 0.78 um.
 
+mod slit;
 mod spectrum;
 
 use crate::faddeeva::{Factor, power_between};
-use crate::{Error, GaussianBeam, Result, Scatter, ScatterSample};
+use crate::{Bsdf, BsdfSample, Error, GaussianBeam, Outcomes, Result};
 use multiversion::{multiversion, target::target_cfg_f};
+pub use slit::{SLIT_MAX_UM, SLIT_SHARE, Slit};
 pub(crate) use spectrum::{Range, Spectrum};
 use std::f32::consts::TAU;
 
@@ -91,8 +93,8 @@ impl Gap {
 
     /// The light that comes from `xi_i` (unit, away from the aperture) at N wavelengths [um]. Wavelengths are clamped to [0.05, 20]; not a
     /// number counts as 0.05. An `xi_i` that is no direction, or lies in the plane, gives no light.
-    pub fn at<const N: usize>(&self, xi_i: [f32; 3], lambda_um: [f32; N]) -> GapIncidence<'_, N> {
-        GapIncidence::new(&self.x, &self.y, xi_i, lambda_um)
+    pub fn at<const N: usize>(&self, xi_i: [f32; 3], lambda_um: [f32; N]) -> GapBsdf<'_, N> {
+        GapBsdf::new(&self.x, &self.y, xi_i, lambda_um)
     }
 }
 
@@ -108,7 +110,7 @@ const UNIFORM: f32 = 0.02;
 
 /// A gap at one incidence and N wavelengths. f is per power that falls on the aperture.
 #[derive(Clone, Copy, Debug)]
-pub struct GapIncidence<'a, const N: usize> {
+pub struct GapBsdf<'a, const N: usize> {
     x: &'a Spectrum,
     y: &'a Spectrum,
     xi_i: [f32; 3],
@@ -129,8 +131,8 @@ pub(crate) fn spectra<const N: usize>(factors: [&Factor; 2], f_per_um: [&[f32; N
     crate::faddeeva::spectra::<FMA, N>(factors, f_per_um)
 }
 
-impl<'a, const N: usize> GapIncidence<'a, N> {
-    pub(crate) fn new(x: &'a Spectrum, y: &'a Spectrum, xi_i: [f32; 3], lambda_um: [f32; N]) -> GapIncidence<'a, N> {
+impl<'a, const N: usize> GapBsdf<'a, N> {
+    pub(crate) fn new(x: &'a Spectrum, y: &'a Spectrum, xi_i: [f32; 3], lambda_um: [f32; N]) -> GapBsdf<'a, N> {
         let mut lambda = lambda_um;
         for l in &mut lambda {
             *l = clamp_lambda(*l);
@@ -140,7 +142,12 @@ impl<'a, const N: usize> GapIncidence<'a, N> {
         for (range, l) in across.iter_mut().zip(&lambda) {
             *range = x.range((xi_i[0] - 1.0) / l, (xi_i[0] + 1.0) / l);
         }
-        GapIncidence { x, y, xi_i, lambda_um: lambda, side: if valid { xi_i[2].signum() } else { 0.0 }, across }
+        GapBsdf { x, y, xi_i, lambda_um: lambda, side: if valid { xi_i[2].signum() } else { 0.0 }, across }
+    }
+
+    /// Whether no light passes.
+    pub(crate) fn is_dark(&self) -> bool {
+        self.side == 0.0 || N == 0
     }
 
     /// Whether light leaves in this direction.
@@ -171,7 +178,7 @@ impl<'a, const N: usize> GapIncidence<'a, N> {
         (x, y.clamp(-reach, reach))
     }
 
-    /// Density [1/sr] of [`GapIncidence::tabulated_sample`], c_o the cosine out.
+    /// Density [1/sr] of [`GapBsdf::tabulated_sample`], c_o the cosine out.
     fn tabulated_pdf(&self, wo: [f32; 3], c_o: f32) -> f32 {
         let mut sum = 0.0;
         for k in 0..N {
@@ -185,7 +192,7 @@ impl<'a, const N: usize> GapIncidence<'a, N> {
     }
 
     /// The spectrum of the aperture without Kirchhoff's cosines, scaled to an integral of 1 over the directions that light can leave in; and
-    /// the density of [`GapIncidence::conserved_sample`].
+    /// the density of [`GapBsdf::conserved_sample`].
     pub(crate) fn conserved(&self, wo: [f32; 3]) -> ([f32; N], f32) {
         let mut f = [0.0; N];
         if !self.leaves(wo) || N == 0 {
@@ -204,18 +211,18 @@ impl<'a, const N: usize> GapIncidence<'a, N> {
         (f, if pdf.is_finite() { pdf } else { 0.0 })
     }
 
-    /// A direction drawn from [`GapIncidence::conserved`], by numbers in [0, 1).
+    /// A direction drawn from [`GapBsdf::conserved`], by numbers in [0, 1).
     pub(crate) fn conserved_sample(&self, u: [f32; 3]) -> Option<[f32; 3]> {
-        if self.side == 0.0 || N == 0 {
+        if self.is_dark() {
             return None;
         }
         let (x, y) = self.tabulated_sample(u);
         Some(self.leaving(x, y))
     }
 
-    /// The direction of [`Scatter::sample`].
+    /// The direction of [`Bsdf::sample`].
     pub(crate) fn direction(&self, u: [f32; 3]) -> Option<[f32; 3]> {
-        if self.side == 0.0 || N == 0 {
+        if self.is_dark() {
             return None;
         }
         let u = u.map(|x| crate::simd::min(crate::simd::max(x, 0.0), 1.0 - f32::EPSILON / 2.0));
@@ -272,7 +279,7 @@ impl<'a, const N: usize> GapIncidence<'a, N> {
     }
 }
 
-impl<const N: usize> Scatter<N> for GapIncidence<'_, N> {
+impl<const N: usize> Bsdf<N> for GapBsdf<'_, N> {
     /// Yu 2025, Eq. 15, as energy density [1/sr].
     fn eval(&self, wo: [f32; 3]) -> [f32; N] {
         let mut f = [0.0; N];
@@ -300,11 +307,11 @@ impl<const N: usize> Scatter<N> for GapIncidence<'_, N> {
     }
 
     /// A wavelength is drawn uniformly, then f_x and f_y from its spectra, cut to what propagates.
-    fn sample(&self, u: [f32; 3]) -> Option<ScatterSample<N>> {
-        let wo = self.direction(u)?;
-        let pdf = self.pdf(wo);
-        let f = self.eval(wo);
-        Some(ScatterSample { wo, weight: f.map(|f| if pdf > 0.0 { f / pdf } else { 0.0 }), pdf })
+    fn sample(&self, u: [f32; 3]) -> BsdfSample<N> {
+        match self.direction(u) {
+            Some(w) => BsdfSample::scattered(w, self.eval(w), self.pdf(w)),
+            None => BsdfSample::Absorbed,
+        }
     }
 
     /// What f integrates to, in some 2 ms a wavelength: for checks and for a host's preparation.
@@ -318,7 +325,7 @@ impl<const N: usize> Scatter<N> for GapIncidence<'_, N> {
         energy
     }
 
-    fn miss(&self) -> f32 {
-        if self.side == 0.0 || N == 0 { 1.0 } else { 0.0 }
+    fn outcomes(&self) -> Outcomes {
+        if self.is_dark() { Outcomes::ABSORBED } else { Outcomes::SCATTERED }
     }
 }

@@ -13,9 +13,10 @@
 
 use crate::asg::PARAMS;
 use crate::file::{Check, Reader, Writer};
+use crate::ply::{Lobes, PlyOn};
 use crate::ply::{MAX_PATHS, PlyData, clamped_sigma};
 use crate::simd::{exp2, fma, max};
-use crate::{PlyModel, PreparedPly, Result, Scatter, ScatterSample, WholePly};
+use crate::{Bsdf, BsdfSample, Outcomes, PlyModel, PlyQuery, Result};
 use multiversion::{multiversion, target::target_cfg_f};
 use std::f32::consts::PI;
 use std::f64::consts::LOG2_E;
@@ -354,60 +355,19 @@ impl PlyModel {
     /// Energy that f_refl + f_high sends into the half space away from the light, y < 0. `None` for a model without layer factors.
     pub fn forward_energy<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> Option<[f32; N]> {
         let (_, forward) = layer_and_forward(self.layer_tables()?, theta_i, h_um, &sigma_per_um);
-        let all = self.albedo(theta_i, h_um, sigma_per_um);
+        let all = self.uncached_at(&PlyQuery::lobes(theta_i, h_um, sigma_per_um)).albedo();
         Some(std::array::from_fn(|k| forward[k].min(all[k])))
     }
 }
 
-/// A ply of the upper of two layers at one incidence (Yu 2025, 5.4 and 7.1): what it sends back keeps its lobes, what it sends on is made diffuse and
+/// A ply of the upper of two layers at a query (Yu 2025, 5.4 and 7.1): what it sends back keeps its lobes, what it sends on is made diffuse and
 /// scaled to T, and what comes back from the lower layer, R - r, is added as diffuse light. The light that passes beside the ply, r_d, meets the lower layer alone
 /// and is diffuse after it.
 ///
 /// With E_f the energy the ply sends forward and r_2, t_2 the first-hit factors of the layer below, the diffuse parts are
 /// `(E_f T/t + r_d t_2) |y|/pi` below and `(E_f (R - r)/t + r_d r_2) y/pi` above; y is that of the ply frame, toward the light. At sigma = 0 all light is kept.
-#[derive(Clone, Copy, Debug)]
-pub struct DoubleLayer<'a, const N: usize> {
-    upper: PreparedPly<'a, N>,
-    two: TwoLayered<N>,
-}
-
-impl<'a, const N: usize> DoubleLayer<'a, N> {
-    /// The ply `upper` over a layer `below` (of its own or another model, at a latitude that the host finds typical).
-    /// `None` for a model without layer factors. Units as in [`PlyModel`].
-    pub fn new(upper: WholePly<'a, N>, below: &Layer<N>) -> Option<DoubleLayer<'a, N>> {
-        let upper = upper.prepare();
-        let two = TwoLayered::new(&upper, below)?;
-        Some(DoubleLayer { upper, two })
-    }
-}
-
-impl<const N: usize> Scatter<N> for DoubleLayer<'_, N> {
-    fn eval(&self, wo: [f32; 3]) -> [f32; N] {
-        self.two.eval(&self.upper, wo)
-    }
-
-    fn pdf(&self, wo: [f32; 3]) -> f32 {
-        self.two.pdf(&self.upper, wo)
-    }
-
-    fn eval_pdf(&self, wo: [f32; 3]) -> ([f32; N], f32) {
-        self.two.eval_pdf(&self.upper, wo)
-    }
-
-    fn sample(&self, u: [f32; 3]) -> Option<ScatterSample<N>> {
-        self.two.sample(&self.upper, u)
-    }
-
-    fn albedo(&self) -> [f32; N] {
-        self.two.albedo()
-    }
-
-    fn miss(&self) -> f32 {
-        0.0
-    }
-}
-
-/// What becomes of a ply's light over a second layer. Its calls take the ply it was made of.
+///
+/// Its calls take the ply it was made of.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TwoLayered<const N: usize> {
     /// Energy of the diffuse light above and below.
@@ -422,11 +382,11 @@ pub(crate) struct TwoLayered<const N: usize> {
 }
 
 impl<const N: usize> TwoLayered<N> {
-    pub(crate) fn new(upper: &PreparedPly<'_, N>, below: &Layer<N>) -> Option<TwoLayered<N>> {
-        let WholePly { model, theta_i, h_um, sigma_per_um, .. } = *upper.ply();
-        let (layer, mut forward) = layer_and_forward(model.layer_tables()?, theta_i, h_um, &sigma_per_um);
+    pub(crate) fn new(upper: &PlyOn<'_, impl Lobes<N>, N>, below: &Layer<N>) -> Option<TwoLayered<N>> {
+        let PlyQuery { theta_i, h_um, sigma_per_um, .. } = upper.query;
+        let (layer, mut forward) = layer_and_forward(upper.model.layer_tables()?, theta_i, h_um, &sigma_per_um);
         let two = layer.over(below);
-        let (scattered, r_d) = upper.0.albedo_r_d();
+        let (scattered, r_d) = upper.albedo_r_d();
         for k in 0..N {
             forward[k] = forward[k].min(scattered[k]);
         }
@@ -473,37 +433,37 @@ impl<const N: usize> TwoLayered<N> {
         (f, pdf)
     }
 
-    pub(crate) fn eval(&self, upper: &PreparedPly<'_, N>, wo: [f32; 3]) -> [f32; N] {
+    pub(crate) fn eval(&self, upper: &PlyOn<'_, impl Lobes<N>, N>, wo: [f32; 3]) -> [f32; N] {
         let y = if wo.iter().all(|v| v.is_finite()) { wo[1].clamp(-1.0, 1.0) } else { 0.0 };
         if y > 0.0 {
-            let lobes = upper.0.lobes(wo);
+            let lobes = upper.eval_lobes(wo);
             std::array::from_fn(|k| lobes[k] + self.above[k] * y / PI)
         } else {
             self.below.map(|e| e * -y / PI)
         }
     }
 
-    pub(crate) fn pdf(&self, upper: &PreparedPly<'_, N>, wo: [f32; 3]) -> f32 {
+    pub(crate) fn pdf(&self, upper: &PlyOn<'_, impl Lobes<N>, N>, wo: [f32; 3]) -> f32 {
         if !wo.iter().all(|v| v.is_finite()) {
             return 0.0;
         }
         let mut pdf = self.diffuse * self.diffuse_pdf(wo[1]);
         if self.diffuse < 1.0 {
-            pdf += (1.0 - self.diffuse) / self.hit * upper.0.lobes_density(wo);
+            pdf += (1.0 - self.diffuse) / self.hit * upper.pdf_lobes(wo);
         }
         pdf
     }
 
-    pub(crate) fn eval_pdf(&self, upper: &PreparedPly<'_, N>, wo: [f32; 3]) -> ([f32; N], f32) {
+    pub(crate) fn eval_pdf(&self, upper: &PlyOn<'_, impl Lobes<N>, N>, wo: [f32; 3]) -> ([f32; N], f32) {
         if wo.iter().all(|v| v.is_finite()) {
-            self.over(wo, upper.0.lobes_pdf(wo))
+            self.over(wo, upper.eval_pdf_lobes(wo))
         } else {
             (self.eval(upper, wo), 0.0)
         }
     }
 
     /// Lobe directions that go forward count too, with the diffuse value there: the density covers both ways of drawing.
-    pub(crate) fn sample(&self, upper: &PreparedPly<'_, N>, u: [f32; 3]) -> Option<ScatterSample<N>> {
+    pub(crate) fn sample(&self, upper: &PlyOn<'_, impl Lobes<N>, N>, u: [f32; 3]) -> BsdfSample<N> {
         // Below 1, and 0 for what is not a number.
         let u = u.map(|x| crate::simd::min(crate::simd::max(x, 0.0), 1.0 - f32::EPSILON / 2.0));
         let (wo, lobes) = if u[0] < self.diffuse {
@@ -512,18 +472,25 @@ impl<const N: usize> TwoLayered<N> {
             let radius = crate::simd::signed(u[1].sqrt(), sign);
             let y = (1.0 - u[1]).max(0.0).sqrt();
             let wo = [radius * c, if side < self.up { y } else { -y }, radius * s];
-            (wo, upper.0.lobes_pdf(wo))
+            (wo, upper.eval_pdf_lobes(wo))
         } else {
             let first = (u[0] - self.diffuse) / (1.0 - self.diffuse) * self.hit;
             // The lobes alone: the numbers beyond `hit` are those of the missed light.
             let first = first.min(self.hit * (1.0 - 1e-6));
-            upper.0.sample_lobes([first, u[1], u[2]])?
+            match upper.sample_lobes([first, u[1], u[2]]) {
+                Some(drawn) => drawn,
+                None => return BsdfSample::Absorbed,
+            }
         };
         let (f, pdf) = self.over(wo, lobes);
-        Some(ScatterSample { wo, weight: f.map(|f| if pdf > 0.0 { f / pdf } else { 0.0 }), pdf })
+        BsdfSample::scattered(wo, f, pdf)
     }
 
     pub(crate) fn albedo(&self) -> [f32; N] {
         self.albedo
+    }
+
+    pub(crate) fn outcomes(&self) -> Outcomes {
+        Outcomes::SCATTERED
     }
 }

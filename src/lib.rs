@@ -8,6 +8,7 @@
 
 pub mod asg;
 mod beam;
+mod bsdf;
 pub mod check;
 mod check_whole;
 #[doc(hidden)]
@@ -20,35 +21,32 @@ pub mod faddeeva;
 pub mod fiber;
 mod file;
 mod frame;
-mod gap;
+pub mod gap;
 mod layers;
 mod noise;
-mod ply;
+pub mod ply;
 mod ply_circle;
-mod scatter;
 mod simd;
-mod slit;
 mod spec;
 mod spec_check;
 mod speckle;
 mod table;
-mod whole;
 
 pub use beam::GaussianBeam;
+pub use bsdf::{Bsdf, BsdfSample, DirectionSample, Outcomes};
 pub use edge::{EDGE_MU_MAX, EdgeLobes, beam_mu};
 pub use error::{Error, Result};
+pub use fabric::{FabricBsdf, FabricQuery};
+pub use fiber::{FiberBsdf, FiberModel, FiberQuery};
 pub use file::{FileKind, file_kind};
 pub use frame::{direction, incident_direction, mirror_incidence, theta_phi};
-pub use gap::{Aperture, Gap, GapIncidence};
-pub use layers::{DoubleLayer, Layer, LayerFactors, TwoLayers};
+pub use gap::{Aperture, Gap, GapBsdf, SLIT_MAX_UM, SLIT_SHARE, Slit};
+pub use layers::{Layer, LayerFactors, TwoLayers};
 pub use noise::{Instance, NoiseTiles, SEAM_RAD};
 #[doc(hidden)]
 pub use ply::reference;
-pub use ply::{Golden, PlyData, PlyModel, PlySample, Queries};
+pub use ply::{Golden, PlyBsdf, PlyData, PlyModel, PlyQuery, PlyTerms, Queries};
 pub use ply_circle::{PlyRing, least_ply_pitch_um, ply_circle_um};
-pub use scatter::{PlyIncidence, Scatter, ScatterSample};
-pub use slit::{SLIT_MAX_UM, SLIT_SHARE, Slit};
 pub use spec::*;
 pub use speckle::{FORWARD_RAD, SpecklePatterns, SpecklePolarization, SpeckleSide, SpeckleStatistics};
 pub use table::{ExitPositions, OutgoingGrid, Table};
-pub use whole::{PlyTerms, PreparedPly, WholePly};

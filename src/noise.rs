@@ -19,7 +19,7 @@
 mod look;
 
 use crate::file::{Check, Reader, Writer, invalid};
-use crate::{PlyModel, PlyTerms, Result, Scatter, WholePly};
+use crate::{PlyModel, Result};
 
 pub(crate) use look::Speckle;
 
@@ -188,14 +188,6 @@ impl NoiseTiles {
     }
 }
 
-impl<const N: usize> PlyTerms<N> {
-    /// The sum of the terms of one instance (Yu 2025, Eq. 23): f_refl and f_high times their factors, light of the edge and of slits as
-    /// it is.
-    pub fn sum_noised(&self, (refl, high): &([f32; N], [f32; N])) -> [f32; N] {
-        std::array::from_fn(|k| self.refl * refl[k] + self.high[k] * high[k] + self.edge[k] + self.slit[k])
-    }
-}
-
 impl PlyModel {
     /// The model's noise tiles, if it has some.
     pub fn noise(&self) -> Option<&NoiseTiles> {
@@ -209,21 +201,5 @@ impl PlyModel {
     pub fn require_noise(&self, file: &str) -> Result<&NoiseTiles> {
         let mend = "the model has no noise tiles; add some with `plywave noise`";
         self.noise().ok_or_else(|| invalid(file, NAMES[0], "absent", mend))
-    }
-
-    /// [`PlyModel::eval_terms`] summed, those of one instance where there is one and the model has noise tiles, the smooth ones otherwise.
-    ///
-    /// Sampling stays that of the smooth model: a sample's weight is this over its pdf.
-    pub fn eval_instance<const N: usize>(
-        &self,
-        theta_i: f32,
-        h_um: f32,
-        sigma_per_um: [f32; N],
-        lambda_um: [f32; N],
-        wo: [f32; 3],
-        instance: Option<Instance>,
-    ) -> [f32; N] {
-        let whole = WholePly { model: self, theta_i, h_um, sigma_per_um, lambda_um, slit: None, instance };
-        whole.eval(wo)
     }
 }

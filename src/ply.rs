@@ -2,6 +2,7 @@
 //! absorption by each lobe's path-length spectrum, and the simulated energies, which the evaluator holds exactly.
 
 mod batch;
+mod bsdf;
 mod dispatch;
 mod edge;
 mod energy;
@@ -10,22 +11,23 @@ mod interpolate;
 mod layout;
 mod lobe;
 mod lobes;
-mod made;
 mod mixture;
 mod place;
+mod prepared;
 pub mod reference;
 mod slit;
 mod terms;
 
-use crate::Result;
 use crate::layers::{LayerFactors, LayerTables};
+use crate::{Bsdf, Result};
 use layout::Layout;
 use std::path::Path;
 
+pub(crate) use bsdf::{LobeSample, PlyOn, UncachedPly};
+pub use bsdf::{PlyBsdf, PlyQuery, PlyTerms};
 pub(crate) use energy::{Core, clamped_sigma};
 pub use file::Golden;
-pub(crate) use lobes::{Fresh, Lobes, Ready};
-pub(crate) use terms::Terms;
+pub(crate) use lobes::Lobes;
 
 /// Most lobes of each kind.
 pub(crate) const MAX_LOBES: usize = 16;
@@ -102,12 +104,6 @@ pub struct PlyModel {
     layers: Option<LayerTables>,
     edge: Option<edge::EdgeTables>,
 }
-
-/// A sampled direction.
-pub type PlySample<const N: usize> = crate::ScatterSample<N>;
-
-/// A direction and what was found there.
-pub(crate) type Drawn<T> = ([f32; 3], T);
 
 /// Many queries, as arrays of equal lengths.
 #[derive(Clone, Copy, Debug)]
@@ -208,7 +204,7 @@ impl PlyModel {
     pub fn golden_error(&self) -> f32 {
         let (mut error, mut peak) = (0.0f32, 0.0f32);
         for g in &self.golden {
-            let got = self.eval(g.theta_i, g.h_um, g.sigma_per_um, g.wo);
+            let got = self.uncached_at(&PlyQuery::lobes(g.theta_i, g.h_um, g.sigma_per_um)).eval(g.wo);
             for (got, want) in got.iter().zip(g.value) {
                 error = error.max((got - want).abs());
                 peak = peak.max(want.abs());
@@ -217,70 +213,14 @@ impl PlyModel {
         if error == 0.0 { 0.0 } else { error / peak }
     }
 
-    /// f_refl + f_high [1/sr] (Yu 2025, Eq. 8) for N absorptions `sigma_per_um` in direction `wo`.
-    pub fn eval<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N], wo: [f32; 3]) -> [f32; N] {
-        let core = dispatch::run_eval(&self.layout, theta_i, h_um, sigma_per_um, wo);
-        energy::sum(core.refl, core.high)
+    /// Whether the model has edge lobes.
+    pub fn has_edge(&self) -> bool {
+        self.edge.is_some()
     }
 
-    /// [`PlyModel::eval`] at each of many queries; 0 where an array of `queries` is shorter than `f`.
+    /// f_refl + f_high [1/sr] (Yu 2025, Eq. 8) at each of many queries; 0 where an array of `queries` is shorter than `f`.
     pub fn eval_batch<const N: usize>(&self, queries: &Queries<'_, N>, f: &mut [[f32; N]]) {
         dispatch::run_batch(&self.layout, queries, f);
-    }
-
-    /// f_refl, which does not depend on the absorption, and f_high apart [1/sr]; their sum is [`PlyModel::eval`].
-    pub fn eval_split<const N: usize>(
-        &self,
-        theta_i: f32,
-        h_um: f32,
-        sigma_per_um: [f32; N],
-        wo: [f32; 3],
-    ) -> (f32, [f32; N]) {
-        let core = dispatch::run_eval(&self.layout, theta_i, h_um, sigma_per_um, wo);
-        (core.refl, core.high)
-    }
-
-    /// A direction with density proportional to the lobes, each with its energy averaged over the N absorptions. `u` are three
-    /// independent uniform numbers in [0, 1). `None` is the light that missed, with probability r_d / (mean albedo + r_d).
-    pub fn sample<const N: usize>(
-        &self,
-        theta_i: f32,
-        h_um: f32,
-        sigma_per_um: [f32; N],
-        u: [f32; 3],
-    ) -> Option<PlySample<N>> {
-        let (wo, core) = dispatch::run_sample(&self.layout, theta_i, h_um, sigma_per_um, u);
-        let (wo, f, pdf) = (wo?, energy::sum(core.refl, core.high), core.pdf);
-        Some(PlySample { wo, weight: f.map(|f| if pdf > 0.0 { f / pdf } else { 0.0 }), pdf })
-    }
-
-    /// Density [1/sr] with which [`PlyModel::sample`] gives `wo`; integrates to the chance of not missing.
-    pub fn pdf<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N], wo: [f32; 3]) -> f32 {
-        dispatch::run_pdf(&self.layout, theta_i, h_um, sigma_per_um, wo).pdf
-    }
-
-    /// [`PlyModel::eval`] and [`PlyModel::pdf`] in many directions at one incidence, whose lobes are interpolated once. The
-    /// shortest of the three slices sets how many.
-    pub fn eval_directions<const N: usize>(
-        &self,
-        theta_i: f32,
-        h_um: f32,
-        sigma_per_um: [f32; N],
-        wo: &[[f32; 3]],
-        f: &mut [[f32; N]],
-        pdf: &mut [f32],
-    ) {
-        dispatch::run_directions(&self.layout, theta_i, h_um, sigma_per_um, wo, f, pdf);
-    }
-
-    /// Integral of f over the sphere: the simulated energies E_refl + E_high(sigma), exactly.
-    pub fn albedo<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> [f32; N] {
-        dispatch::run_energies(&self.layout, theta_i, h_um, sigma_per_um).albedo()
-    }
-
-    /// Fraction of the beam that meets no fiber.
-    pub fn r_d(&self, theta_i: f32, h_um: f32) -> f32 {
-        dispatch::run_energies(&self.layout, theta_i, h_um, []).r_d
     }
 }
 

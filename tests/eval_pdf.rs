@@ -5,7 +5,10 @@
 mod synthetic;
 
 use plywave::fabric::{FabricBsdf, FabricOptions, FabricSpec};
-use plywave::{GaussianBeam, Instance, NoiseTiles, PlyData, PlyModel, SLIT_SHARE, Scatter, Slit, WholePly, direction};
+use plywave::{
+    Bsdf, BsdfSample, FabricQuery, GaussianBeam, Instance, NoiseTiles, PlyData, PlyModel, PlyQuery, SLIT_SHARE, Slit,
+    direction,
+};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::sync::Arc;
@@ -45,14 +48,14 @@ fn near(got: f32, want: f32, peak: f32) -> bool {
 }
 
 /// At `wo` and at a sample.
-fn check(s: &impl Scatter<4>, wo: [f32; 3], u: [f32; 3]) {
+fn check(s: &impl Bsdf<4>, wo: [f32; 3], u: [f32; 3]) {
     let (f, pdf) = s.eval_pdf(wo);
     let (want, want_pdf) = (s.eval(wo), s.pdf(wo));
     let peak = want.iter().fold(0.0, |a: f32, b| a.max(*b));
     assert!(f.iter().zip(&want).all(|(f, want)| near(*f, *want, peak)), "f at {wo:?}: {f:?}, alone {want:?}");
     assert!(near(pdf, want_pdf, want_pdf), "pdf at {wo:?}: {pdf}, alone {want_pdf}");
-    let Some(sample) = s.sample(u) else { return };
-    let (f, pdf) = s.eval_pdf(sample.wo);
+    let BsdfSample::Scattered(sample) = s.sample(u) else { return };
+    let (f, pdf) = s.eval_pdf(sample.w);
     // The direction goes through two frames and back, which narrow lobes notice.
     assert!((sample.pdf / pdf - 1.0).abs() < 2e-3, "pdf of a sample: {}, at its direction {pdf}", sample.pdf);
     for k in 0..4 {
@@ -75,7 +78,7 @@ fn fabrics_answer_together_what_they_answer_alone() {
         for _ in 0..1500 {
             let [x, y, z] = anywhere(&mut rng);
             let point = rng.random::<[f32; 2]>().map(|u| 1e4 * u);
-            let at = bsdf.at(point[0], point[1], [x, y, z.abs()], LAMBDA);
+            let at = bsdf.at(&FabricQuery::new(point, [x, y, z.abs()], LAMBDA));
             gaps += u32::from(at.is_gap());
             doubles += u32::from(at.is_double());
             check(&at, anywhere(&mut rng), rng.random());
@@ -92,24 +95,25 @@ fn whole_plies_answer_together_what_they_answer_alone() {
     let noisy = with_noise(&smooth, &mut rng);
     let slit = Slit::new(2.0, SLIT_SHARE, &GaussianBeam { w0_um: 10.0, lambda_um: 0.55, d_cut_um: 20.0 }).unwrap();
     for i in 0..3000 {
-        let s = WholePly {
-            model: if i % 2 == 0 { &smooth } else { &noisy },
-            theta_i: 2.8 * (rng.random::<f32>() - 0.5),
-            h_um: 150.0 * (rng.random::<f32>() - 0.5),
-            sigma_per_um: rng.random::<[f32; 4]>().map(|s| 0.05 * s),
-            lambda_um: LAMBDA,
+        let theta_i = 2.8 * (rng.random::<f32>() - 0.5);
+        let h_um = 150.0 * (rng.random::<f32>() - 0.5);
+        let sigma_per_um = rng.random::<[f32; 4]>().map(|s| 0.05 * s);
+        let model = if i % 2 == 0 { &smooth } else { &noisy };
+        let s = model.at(&PlyQuery {
             slit: (i % 3 == 0).then_some(&slit),
             instance: Some(Instance::from_hash(i)),
-        };
-        let forward = direction(-s.theta_i + 0.01 * rng.random::<f32>(), 1.5 * std::f32::consts::PI);
+            cached: i % 7 != 0,
+            ..PlyQuery::new(theta_i, h_um, sigma_per_um, LAMBDA)
+        });
+        let forward = direction(-theta_i + 0.01 * rng.random::<f32>(), 1.5 * std::f32::consts::PI);
         check(&s, if i % 5 == 0 { forward } else { anywhere(&mut rng) }, rng.random());
     }
 }
 
-/// A prepared ply multiplies out what a fresh one sums: both give the same, of models of both sizes whose lobes are
-/// kept, and of one whose lobes are not.
+/// Cached lobes are multiplied out where uncached ones are summed: both give the same, for models of both sizes whose lobes are
+/// cached, and for one whose lobes are not.
 #[test]
-fn prepared_plies_answer_what_fresh_ones_do() {
+fn cached_plies_answer_what_uncached_ones_do() {
     let mut rng = Pcg64Mcg::seed_from_u64(3);
     let load =
         |name: &str| PlyModel::load(format!("{}/fabrics/models/{name}.pwm", env!("CARGO_MANIFEST_DIR"))).unwrap();
@@ -120,37 +124,43 @@ fn prepared_plies_answer_what_fresh_ones_do() {
     let (mut missed, mut sampled) = (0, 0);
     for i in 0..7500 {
         let model = &models[i % 5];
-        let fresh = WholePly {
-            model,
-            theta_i: 2.8 * (rng.random::<f32>() - 0.5),
-            h_um: 2.2 * model.data().h_um[0] as f32 * (rng.random::<f32>() - 0.5),
-            sigma_per_um: rng.random::<[f32; 4]>().map(|s| if i % 7 == 0 { 0.0 } else { 0.1 * s * s }),
-            lambda_um: LAMBDA,
+        let theta_i = 2.8 * (rng.random::<f32>() - 0.5);
+        let h_um = 2.2 * model.data().h_um[0] as f32 * (rng.random::<f32>() - 0.5);
+        let sigma_per_um = rng.random::<[f32; 4]>().map(|s| if i % 7 == 0 { 0.0 } else { 0.1 * s * s });
+        let query = PlyQuery {
             slit: (i % 11 == 0).then_some(&slit),
             instance: Some(Instance::from_hash(i as u64)),
+            edge: i % 13 != 0,
+            ..PlyQuery::new(theta_i, h_um, sigma_per_um, LAMBDA)
         };
-        let prepared = fresh.prepare();
-        let forward = direction(-fresh.theta_i + 0.01 * rng.random::<f32>(), 1.5 * std::f32::consts::PI);
+        let (cached, uncached) = (model.at(&query), model.at(&PlyQuery { cached: false, ..query }));
+        let forward = direction(-theta_i + 0.01 * rng.random::<f32>(), 1.5 * std::f32::consts::PI);
         let wo = if i % 3 == 0 { forward } else { anywhere(&mut rng) };
-        let (got, want) = (prepared.eval(wo), fresh.eval(wo));
+        let (got, want) = (cached.eval(wo), uncached.eval(wo));
         let peak = want.iter().fold(0.0, |a: f32, b| a.max(*b));
-        assert!(got.iter().zip(&want).all(|(got, want)| near(*got, *want, peak)), "f: {got:?}, fresh {want:?}");
-        let (got, want) = (prepared.pdf(wo), fresh.pdf(wo));
-        assert!(near(got, want, want), "pdf: {got}, fresh {want}");
-        let (got, want) = (prepared.albedo(), fresh.albedo());
-        assert!(got.iter().zip(&want).all(|(got, want)| near(*got, *want, *want)), "albedo: {got:?}, fresh {want:?}");
-        assert!(near(prepared.miss(), fresh.miss(), 1.0));
-        missed += u32::from(model.r_d(fresh.theta_i, fresh.h_um) == 1.0);
-        check(&prepared, wo, rng.random());
+        assert!(got.iter().zip(&want).all(|(got, want)| near(*got, *want, peak)), "f: {got:?}, uncached {want:?}");
+        let (got, want) = (cached.pdf(wo), uncached.pdf(wo));
+        assert!(near(got, want, want), "pdf: {got}, uncached {want}");
+        let (got, want) = (cached.albedo(), uncached.albedo());
+        assert!(
+            got.iter().zip(&want).all(|(got, want)| near(*got, *want, *want)),
+            "albedo: {got:?}, uncached {want:?}"
+        );
+        assert!(near(cached.outcomes().scattered, uncached.outcomes().scattered, 1.0));
+        missed += u32::from(uncached.r_d() == 1.0);
+        check(&cached, wo, rng.random());
         let u = rng.random();
-        match (prepared.sample(u), fresh.sample(u)) {
-            (Some(got), Some(want)) => {
+        match (cached.sample(u), uncached.sample(u)) {
+            (BsdfSample::Scattered(got), BsdfSample::Scattered(want)) => {
                 sampled += 1;
-                let apart = (0..3).map(|c| (got.wo[c] - want.wo[c]).abs()).fold(0.0, f32::max);
-                assert!(apart < 1e-4, "sample {u:?}: {:?}, fresh {:?}", got.wo, want.wo);
+                let apart = (0..3).map(|c| (got.w[c] - want.w[c]).abs()).fold(0.0, f32::max);
+                assert!(apart < 1e-4, "sample {u:?}: {:?}, uncached {:?}", got.w, want.w);
             }
-            (None, None) => (),
-            (got, want) => panic!("sample {u:?}: {got:?}, fresh {want:?}"),
+            (BsdfSample::Straight { weight: got, .. }, BsdfSample::Straight { weight: want, .. }) => {
+                assert!((0..4).all(|k| near(got[k], want[k], 1.0)), "{got:?} {want:?}");
+            }
+            (BsdfSample::Absorbed, BsdfSample::Absorbed) => (),
+            (got, want) => panic!("sample {u:?}: {got:?}, uncached {want:?}"),
         }
     }
     assert!(missed > 100 && sampled > 5000, "{missed} missed, {sampled} sampled");

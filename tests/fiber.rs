@@ -1,9 +1,9 @@
 //! The tabulated fiber. Chain of trust: M_0 is tested against the printed formula and its integrals in its own file; the interpolation is held to a twin in
 //! f64 written from `docs/format.md`; furnace, sampling and chi-square use the checks that serve the ply model too; files are refused by one line.
 
-use plywave::check::{FURNACE_TOLERANCE, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE, check_scatter};
+use plywave::check::{FURNACE_TOLERANCE, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE, check_bsdf};
 use plywave::fiber::{FiberSource, FiberTable, OutlineSymmetry, TabulatedFiber};
-use plywave::{FileKind, direction, file_kind};
+use plywave::{Bsdf, BsdfSample, FiberQuery, FileKind, direction, file_kind};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -118,7 +118,7 @@ fn twin(t: &FiberTable, lambda: f64, theta: f64, phi_i: f64, phi_o: f64) -> (f64
 }
 
 #[test]
-fn interpolation_matches_its_twin() {
+fn interpolation_matches_its_reference() {
     for t in tables(true) {
         let fiber = TabulatedFiber::from_table(t.clone()).unwrap();
         let round = TabulatedFiber::from_table(FiberTable {
@@ -142,16 +142,18 @@ fn interpolation_matches_its_twin() {
             let (wi, wo) = (direction(theta as f32, phi_i as f32), direction(theta_o as f32, phi_o as f32));
             let (width, albedo, n) = twin(&t, lambda, theta, phi_i, phi_o);
             let at = format!("{:?} lambda {lambda}, theta {theta}, phi {phi_i} to {phi_o}", t.symmetry);
-            let got = f64::from(fiber.width_um(lambda as f32, wi));
+            let query = FiberQuery::new(wi, [lambda as f32]);
+            let bsdf = fiber.at(&query);
+            let got = f64::from(bsdf.width_um()[0]);
             assert!((got / width - 1.0).abs() < 1e-4, "{at}: width {got}, want {width}");
-            let got = f64::from(fiber.albedo(lambda as f32, wi));
+            let got = f64::from(bsdf.albedo()[0]);
             assert!((got - albedo).abs() < 1e-4, "{at}: albedo {got}, want {albedo}");
             // The uniform fiber has M_0 / (2 pi).
-            let m0 = f64::from(round.eval(0.5, wi, wo)) * TAU;
-            let got = f64::from(fiber.eval(lambda as f32, wi, wo)) / m0;
+            let m0 = f64::from(round.at(&FiberQuery::new(wi, [0.5])).eval(wo)[0]) * TAU;
+            let got = f64::from(bsdf.eval(wo)[0]) / m0;
             // An azimuth in f32 is known to 1e-6 of a turn, the random function jumps from node to node.
             assert!((got - n).abs() < 2e-3, "{at}: N {got}, want {n}");
-            let pdf = f64::from(fiber.pdf(lambda as f32, wi, wo)) / m0 * albedo;
+            let pdf = f64::from(bsdf.pdf(wo)) / m0 * albedo;
             assert!((pdf - n).abs() < 2e-3, "{at}: pdf {pdf}, want {n}");
         }
     }
@@ -169,16 +171,16 @@ fn furnace_sampling_and_chi_square() {
                 for theta in [0.0, 0.9, -1.3, 1.57] {
                     let wi = direction(theta, std::f32::consts::TAU * rng.random::<f32>());
                     let lambda = 0.36 + 0.44 * rng.random::<f32>();
-                    let at = fiber.at(lambda, wi);
+                    let at = fiber.at(&FiberQuery::new(wi, [lambda]));
                     // Kinks stand at the nodes: panels of a sixth of their distance.
                     let sd = [f64::from(beta_m), TAU / t.phi_r_count() as f64 / 9.0];
-                    let r = check_scatter(&at, sd, 20_000, &mut || rng.random());
+                    let r = check_bsdf(&at, sd, 20_000, &mut || rng.random());
                     let what = format!("{:?} beta {beta_m} theta {theta}: {r:?}", t.symmetry);
                     assert!(r.furnace_error < FURNACE_TOLERANCE && r.pdf_error < FURNACE_TOLERANCE, "{what}");
                     assert!(r.weight_error < WEIGHT_TOLERANCE, "{what}");
                     assert!(r.sampled_furnace_se < SAMPLED_TOLERANCE_SE, "{what}");
                     assert!(r.chi2_p > threshold, "{what}, threshold {threshold}");
-                    let albedo = fiber.albedo(lambda, wi);
+                    let [albedo] = at.albedo();
                     if absorbing {
                         assert!(albedo < 0.999, "{what}");
                     } else {
@@ -204,9 +206,9 @@ fn symmetry_of_the_outline_holds() {
         let fiber = TabulatedFiber::from_table(t.clone()).unwrap();
         for _ in 0..500 {
             let (wi, wo) = (anywhere(&mut rng), anywhere(&mut rng));
-            let want = fiber.eval(0.5, wi, wo);
+            let [want] = fiber.at(&FiberQuery::new(wi, [0.5])).eval(wo);
             let same = |wi, wo, what: &str| {
-                let got = fiber.eval(0.5, wi, wo);
+                let [got] = fiber.at(&FiberQuery::new(wi, [0.5])).eval(wo);
                 assert!((got - want).abs() < 1e-3 * (1.0 + want), "{:?} {what}: {got}, want {want}", t.symmetry);
             };
             let other_end = |w: [f32; 3]| [w[0], w[1], -w[2]];
@@ -235,10 +237,11 @@ fn widths_limit_hits() {
         assert!((f64::from(fiber.max_width_um()) / most - 1.0).abs() < 1e-6);
         for _ in 0..200 {
             let (wi, lambda) = (anywhere(&mut rng), 0.3 + rng.random::<f32>());
-            let width = fiber.width_um(lambda, wi);
+            let at = fiber.at(&FiberQuery::new(wi, [lambda]));
+            let [width] = at.width_um();
             assert!(width > 0.0 && width <= fiber.max_width_um() * 1.000_01, "{width} of {}", fiber.max_width_um());
-            assert!(fiber.hit(0.4999 * width, lambda, wi) && fiber.hit(-0.4999 * width, lambda, wi));
-            assert!(!fiber.hit(0.5001 * width, lambda, wi) && !fiber.hit(f32::NAN, lambda, wi));
+            assert!(at.hit(0.4999 * width)[0] && at.hit(-0.4999 * width)[0]);
+            assert!(!at.hit(0.5001 * width)[0] && !at.hit(f32::NAN)[0]);
         }
     }
     assert!(clamped >= 3, "the made-up widths go beyond six times the geometric ones");
@@ -254,19 +257,21 @@ fn any_input_gives_finite_numbers() {
                 for b in odd {
                     for lambda in [0.5, a] {
                         let (wi, wo) = ([a, b, 0.3], [0.1, a, b]);
-                        let f = [fiber.eval(lambda, wi, wo), fiber.pdf(lambda, wi, wo), fiber.albedo(lambda, wi)];
+                        let at = fiber.at(&FiberQuery::new(wi, [lambda]));
+                        let f = [at.eval(wo)[0], at.pdf(wo), at.albedo()[0]];
                         assert!(f.iter().all(|f| f.is_finite() && *f >= 0.0), "{wi:?} {wo:?}: {f:?}");
-                        assert!(fiber.width_um(lambda, wi) >= 0.0);
-                        if let Some(s) = fiber.sample(lambda, wi, [a, b, 0.5]) {
-                            assert!(s.pdf >= 0.0 && s.weight.is_finite(), "{s:?}");
+                        assert!(at.width_um()[0] >= 0.0);
+                        if let Some(s) = at.sample([a, b, 0.5]).direction() {
+                            assert!(s.pdf >= 0.0 && s.weight[0].is_finite(), "{s:?}");
                         }
                     }
                 }
             }
             // Along the fiber there is no azimuth: the sampler and the density agree on one.
-            let s = fiber.sample(0.5, [0.0, 0.0, 1.0], [0.3, 0.5, 0.2]).unwrap();
-            let pdf = fiber.pdf(0.5, [0.0, 0.0, 1.0], s.wo);
-            assert!(s.wo.iter().all(|v| v.is_finite()) && pdf == s.pdf, "{s:?} {pdf}");
+            let at = fiber.at(&FiberQuery::new([0.0, 0.0, 1.0], [0.5]));
+            let BsdfSample::Scattered(s) = at.sample([0.3, 0.5, 0.2]) else { panic!("light is scattered") };
+            let pdf = at.pdf(s.w);
+            assert!(s.w.iter().all(|v| v.is_finite()) && pdf == s.pdf, "{s:?} {pdf}");
         }
     }
 }
@@ -349,7 +354,7 @@ proptest! {
         bytes.truncate(n.min(cut.max(n / 2)));
         match TabulatedFiber::from_bytes(&bytes, "some.pwf") {
             Ok(fiber) => {
-                let f = fiber.eval(0.5, [0.6, 0.0, 0.8], [0.0, 1.0, 0.0]);
+                let [f] = fiber.at(&FiberQuery::new([0.6, 0.0, 0.8], [0.5])).eval([0.0, 1.0, 0.0]);
                 prop_assert!(f.is_finite() && f >= 0.0);
             }
             Err(error) => {

@@ -2,7 +2,7 @@
 
 mod synthetic;
 
-use plywave::{FileKind, PlyData, PlyModel, Table, file_kind};
+use plywave::{Bsdf, FileKind, PlyData, PlyModel, PlyQuery, Table, file_kind};
 use proptest::prelude::*;
 use synthetic::{STANDARD, Sizes, model, table};
 
@@ -226,7 +226,7 @@ proptest! {
             match PlyModel::from_bytes(&bytes, "x") {
                 Err(e) => prop_assert_eq!(e.to_string().lines().count(), 1),
                 Ok(m) => {
-                    let f = m.eval(0.7, 13.0, [0.0, 0.1], [0.0, 0.6, 0.8]);
+                    let f = m.at(&PlyQuery::lobes(0.7, 13.0, [0.0, 0.1])).eval([0.0, 0.6, 0.8]);
                     prop_assert!(f.iter().all(|f| f.is_finite() && *f >= 0.0));
                     let _ = m.golden_error();
                 }

@@ -1,9 +1,9 @@
 //! Weave gaps. Chain of trust: the factor k is held to quadrature in `src/faddeeva.rs`; here f is held to its formula in f64, its energy to
-//! an integral of its own, and the sampler to f by the checks that every `Scatter` passes.
+//! an integral of its own, and the sampler to f by the checks that every `Bsdf` passes.
 
-use plywave::check::check_scatter;
+use plywave::check::check_bsdf;
 use plywave::faddeeva::{diffraction_factor, power_between};
-use plywave::{Aperture, Gap, GaussianBeam, Scatter};
+use plywave::{Aperture, Bsdf, BsdfSample, Gap, GaussianBeam, Outcomes};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -122,7 +122,7 @@ fn furnace_of_apertures_and_tilts() {
 
 /// Energy, density, weights and samples belong together: open, narrow, off-center and slit-like apertures, tilts to 1 rad.
 #[test]
-fn every_check_of_a_scatter_passes() {
+fn every_check_of_a_bsdf_passes() {
     let cases = [
         ([-20.0, 20.0], [-20.0, 20.0], tilted(0.0, 0.0)),
         ([-5.0, 5.0], [-5.0, 5.0], tilted(1.0, 0.7)),
@@ -133,7 +133,7 @@ fn every_check_of_a_scatter_passes() {
     for (x, y, xi_i) in cases {
         let g = gap(x, y);
         let s = g.at(xi_i, [0.45, 0.65]);
-        let r = check_scatter(&s, [0.012, 0.02], 40_000, &mut || rng.random());
+        let r = check_bsdf(&s, [0.012, 0.02], 40_000, &mut || rng.random());
         println!("{x:?} {y:?}: {r:?}");
         assert!(r.furnace_error < 3e-3, "{r:?}");
         assert!(r.pdf_error < 3e-3, "{r:?}");
@@ -151,12 +151,12 @@ fn bad_apertures_are_refused_and_dark() {
         let dark = Gap::new(&Aperture { x_um: x, y_um: y }, &BEAM);
         let at = dark.at(tilted(0.3, 0.0), LAMBDA);
         assert_eq!(at.eval([0.0, 0.0, -1.0]), [0.0; 4]);
-        assert_eq!((at.albedo(), at.miss(), dark.passing()), ([0.0; 4], 1.0, 0.0));
-        assert!(at.sample([0.5; 3]).is_none());
+        assert_eq!((at.albedo(), at.outcomes(), dark.passing()), ([0.0; 4], Outcomes::ABSORBED, 0.0));
+        assert_eq!(at.sample([0.5; 3]), BsdfSample::Absorbed);
     }
     assert!(Aperture::centered(-3.0, 1.0).is_err());
     // All of it beyond where the beam is dark.
-    assert_eq!(gap([30.0, 40.0], [-5.0, 5.0]).at(tilted(0.0, 0.0), LAMBDA).miss(), 1.0);
+    assert_eq!(gap([30.0, 40.0], [-5.0, 5.0]).at(tilted(0.0, 0.0), LAMBDA).outcomes(), Outcomes::ABSORBED);
 }
 
 #[test]
@@ -177,10 +177,10 @@ fn any_input_gives_finite_numbers() {
         let g = Gap::new(&Aperture { x_um: [any(), any()], y_um: [any(), any()] }, &BEAM);
         let at = g.at([any(), any(), any()], [any(), any(), 0.5]);
         let wo = [any(), any(), any()];
-        let numbers = at.eval(wo).into_iter().chain([at.pdf(wo), at.miss()]);
+        let numbers = at.eval(wo).into_iter().chain([at.pdf(wo), at.outcomes().scattered]);
         numbers.for_each(|v| assert!(v.is_finite() && v >= 0.0, "{v}: {at:?} {wo:?}"));
-        if let Some(s) = at.sample([any(), any(), any()]) {
-            let numbers = s.wo.into_iter().chain(s.weight).chain([s.pdf]);
+        if let Some(s) = at.sample([any(), any(), any()]).direction() {
+            let numbers = s.w.into_iter().chain(s.weight).chain([s.pdf]);
             numbers.for_each(|v| assert!(v.is_finite(), "{s:?} {at:?}"));
         }
     }

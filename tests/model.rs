@@ -1,11 +1,11 @@
-//! The runtime's evaluator. Chain of trust: `asg::Lobe` is tested against brute-force integrals in its own file; the slow twin
+//! The runtime's evaluator. Chain of trust: `asg::Lobe` is tested against brute-force integrals in its own file; the reference implementation
 //! `plywave::reference` uses it in f64 and is the truth for the fast kernels here; the furnace, sampling and symmetry
-//! tests then need no twin.
+//! tests then need no reference.
 
 mod synthetic;
 
 use plywave::check::{CheckOptions, check_incidence, check_model};
-use plywave::{PlyModel, Queries, direction, mirror_incidence, reference::Mixture};
+use plywave::{Bsdf, BsdfSample, PlyModel, PlyQuery, Queries, direction, mirror_incidence, reference::Mixture};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use synthetic::{STANDARD, Sizes, model};
@@ -24,7 +24,7 @@ fn anywhere(rng: &mut Pcg64Mcg) -> [f32; 3] {
 }
 
 #[test]
-fn kernels_match_the_slow_twin() {
+fn kernels_match_the_reference_implementation() {
     for (seed, sizes) in [(1, STANDARD), (2, LARGE), (3, SMALL), (1, MORE)] {
         let data = model(seed, sizes);
         let m = PlyModel::from_data(data.clone()).unwrap();
@@ -32,23 +32,28 @@ fn kernels_match_the_slow_twin() {
         for _ in 0..300 {
             let (theta_i, h) = incidence(&mut rng);
             let sigma = [0.0, 0.002, 0.02 * rng.random::<f32>(), 0.3];
-            let twin = Mixture::new(&data, theta_i.into(), h.into(), &sigma.map(f64::from)).unwrap();
+            let reference = Mixture::new(&data, theta_i.into(), h.into(), &sigma.map(f64::from)).unwrap();
             let (mut peak, mut error, mut pdf_peak, mut pdf_error) = (0.0f64, 0.0f64, 0.0f64, 0.0f64);
+            let query = PlyQuery::lobes(theta_i, h, sigma);
+            let ways = [m.at(&query), m.at(&PlyQuery { cached: false, ..query })];
             for _ in 0..60 {
                 let wo = anywhere(&mut rng);
-                let (refl, high) = m.eval_split(theta_i, h, sigma, wo);
-                let both = m.eval(theta_i, h, sigma, wo);
-                let (want_refl, want_high) = twin.eval_split(wo.map(f64::from));
-                for k in 0..4 {
-                    let want = want_refl + want_high[k];
-                    peak = peak.max(want);
-                    error = error.max((f64::from(both[k]) - want).abs());
-                    error = error.max((f64::from(refl) - want_refl).abs());
-                    error = error.max((f64::from(high[k]) - want_high[k]).abs());
+                let (want_refl, want_high) = reference.eval_split(wo.map(f64::from));
+                for at in &ways {
+                    let (terms, both) = (at.terms(wo), at.eval(wo));
+                    error = error.max((f64::from(terms.refl) - want_refl).abs());
+                    for k in 0..4 {
+                        let want = want_refl + want_high[k];
+                        peak = peak.max(want);
+                        error = error.max((f64::from(both[k]) - want).abs());
+                        error = error.max((f64::from(terms.high[k]) - want_high[k]).abs());
+                    }
                 }
-                let want = twin.pdf(wo.map(f64::from));
+                let want = reference.pdf(wo.map(f64::from));
                 pdf_peak = pdf_peak.max(want);
-                pdf_error = pdf_error.max((f64::from(m.pdf(theta_i, h, sigma, wo)) - want).abs());
+                for at in &ways {
+                    pdf_error = pdf_error.max((f64::from(at.pdf(wo)) - want).abs());
+                }
             }
             assert!(error <= 1e-4 * peak, "eval at {theta_i} {h}: error {error}, peak {peak}");
             assert!(pdf_error <= 1e-4 * pdf_peak, "pdf at {theta_i} {h}: error {pdf_error}, peak {pdf_peak}");
@@ -91,24 +96,26 @@ fn batches_and_directions_equal_single_calls() {
         let mut f = vec![[9.0; 3]; n];
         m.eval_batch(&queries, &mut f);
         for i in 0..n - 1 {
-            assert_eq!(f[i], m.eval(theta_i[i], h_um[i], sigma[i], wo[i]));
+            let query = PlyQuery { cached: false, ..PlyQuery::lobes(theta_i[i], h_um[i], sigma[i]) };
+            assert_eq!(f[i], m.at(&query).eval(wo[i]));
         }
         assert_eq!(f[n - 1], [0.0; 3]);
         let (theta_one, h_one, sigma_one) = (vec![-0.4; n], vec![11.0; n], vec![sigma[0]; n]);
         let one = Queries { theta_i: &theta_one, h_um: &h_one, sigma_per_um: &sigma_one, wo: [&x, &y, &z[..n - 1]] };
         m.eval_batch(&one, &mut f);
         for i in 0..n - 1 {
-            assert_eq!(f[i], m.eval(-0.4, 11.0, sigma[0], wo[i]));
+            assert_eq!(f[i], m.at(&PlyQuery { cached: false, ..PlyQuery::lobes(-0.4, 11.0, sigma[0]) }).eval(wo[i]));
         }
         assert_eq!(f[n - 1], [0.0; 3]);
         let mut pdf = vec![9.0; n];
-        m.eval_directions(0.4, 11.0, sigma[0], &wo, &mut f, &mut pdf);
+        let at = m.at(&PlyQuery::lobes(0.4, 11.0, sigma[0]));
+        at.eval_batch(&wo, &mut f, &mut pdf);
         for i in 0..n {
-            let want = m.eval(0.4, 11.0, sigma[0], wo[i]);
+            let want = at.eval(wo[i]);
             for k in 0..3 {
                 assert!((f[i][k] - want[k]).abs() <= 1e-6 * want[k].abs().max(1e-3), "{:?} {want:?}", f[i]);
             }
-            let want = m.pdf(0.4, 11.0, sigma[0], wo[i]);
+            let want = at.pdf(wo[i]);
             assert!((pdf[i] - want).abs() <= 1e-6 * want.max(1e-3), "pdf {} {want}", pdf[i]);
         }
     }
@@ -122,16 +129,16 @@ fn albedo_falls_with_absorption_and_is_exact_at_nodes() {
     for _ in 0..500 {
         let (theta_i, h) = incidence(&mut rng);
         let sigma: [f32; 11] = std::array::from_fn(|i| 1e-4 * 2f32.powi(i as i32));
-        let a = m.albedo(theta_i, h, sigma);
+        let a = m.at(&PlyQuery::lobes(theta_i, h, sigma)).albedo();
         assert!(a.windows(2).all(|w| w[1] < w[0]), "{a:?}");
     }
     for i in 0..data.theta_i.len() {
         for j in 0..data.h_um.len() {
             let (t, h, at) = (data.theta_i[i] as f32, data.h_um[j] as f32, i * data.h_um.len() + j);
             let want = data.energy_refl[at] + data.energy_high[at * 8..at * 8 + 8].iter().sum::<f64>();
-            let [got] = m.albedo(t, h, [0.0]);
+            let [got] = m.at(&PlyQuery::lobes(t, h, [0.0])).albedo();
             assert!((f64::from(got) - want).abs() < 1e-5, "albedo at node {i} {j}: got {got}, want {want}");
-            assert!((f64::from(m.r_d(t, h)) - data.r_d[at]).abs() < 1e-5);
+            assert!((f64::from(m.at(&PlyQuery::lobes(t, h, [0.0])).r_d()) - data.r_d[at]).abs() < 1e-5);
         }
     }
 }
@@ -145,7 +152,9 @@ fn eval_falls_with_absorption_where_the_lobes_carry_the_spectrum() {
     for i in (0..theta.len()).step_by(2) {
         for j in (0..h.len()).step_by(2) {
             let wo = anywhere(&mut rng);
-            let f = m.eval(theta[i] as f32, h[j] as f32, [0.0, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3], wo);
+            let f = m
+                .at(&PlyQuery::lobes(theta[i] as f32, h[j] as f32, [0.0, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3]))
+                .eval(wo);
             assert!(f.windows(2).all(|w| w[1] <= w[0] * (1.0 + 1e-5)), "{f:?}");
         }
     }
@@ -159,12 +168,14 @@ fn mirrored_incidence_mirrors_the_light() {
         let (theta_i, h) = incidence(&mut rng);
         let (sigma, wo) = ([0.0, 0.01, 0.1], anywhere(&mut rng));
         let back = mirror_incidence(wo);
-        assert_eq!(m.eval(theta_i, h, sigma, wo), m.eval(-theta_i, -h, sigma, back));
-        assert_eq!(m.pdf(theta_i, h, sigma, wo), m.pdf(-theta_i, -h, sigma, back));
-        assert_eq!(m.albedo(theta_i, h, sigma), m.albedo(-theta_i, -h, sigma));
+        let there = m.at(&PlyQuery::lobes(theta_i, h, sigma));
+        let back_there = m.at(&PlyQuery::lobes(-theta_i, -h, sigma));
+        assert_eq!(there.eval(wo), back_there.eval(back));
+        assert_eq!(there.pdf(wo), back_there.pdf(back));
+        assert_eq!(there.albedo(), back_there.albedo());
         let u = rng.random();
-        let (a, b) = (m.sample(theta_i, h, sigma, u), m.sample(-theta_i, -h, sigma, u));
-        assert_eq!(a.map(|s| mirror_incidence(s.wo)), b.map(|s| s.wo));
+        let (a, b) = (there.sample(u), back_there.sample(u));
+        assert_eq!(a.direction().map(|s| mirror_incidence(s.w)), b.direction().map(|s| s.w));
     }
 }
 
@@ -192,24 +203,35 @@ fn any_input_gives_finite_numbers() {
             for h in odd {
                 for s in odd {
                     let sigma = [s, 0.01];
-                    assert!(m.albedo(theta_i, h, sigma).iter().all(|a| (0.0..=1.06).contains(a)));
-                    assert!((0.0..=1.0).contains(&m.r_d(theta_i, h)));
-                    for c in odd {
-                        for wo in [[c, 0.0, 0.0], [0.0, c, 1.0], [0.6, 0.8, c]] {
-                            let (f, pdf) = (m.eval(theta_i, h, sigma, wo), m.pdf(theta_i, h, sigma, wo));
-                            assert!(f.iter().chain([&pdf]).all(|f| f.is_finite() && *f >= 0.0), "{f:?} {pdf}");
-                        }
-                        if let Some(s) = m.sample(theta_i, h, sigma, [0.3 * s, c, c]) {
-                            let n = s.wo.iter().map(|v| v * v).sum::<f32>();
-                            assert!((n - 1.0).abs() < 1e-4 && s.pdf > 0.0 && s.pdf.is_finite(), "{s:?}");
-                            assert!(s.weight.iter().all(|w| w.is_finite() && *w >= 0.0), "{s:?}");
+                    let query = PlyQuery::lobes(theta_i, h, sigma);
+                    for at in [m.at(&query), m.at(&PlyQuery { cached: false, ..query })] {
+                        assert!(at.albedo().iter().all(|a| (0.0..=1.06).contains(a)));
+                        assert!((0.0..=1.0).contains(&at.r_d()));
+                        for c in odd {
+                            for wo in [[c, 0.0, 0.0], [0.0, c, 1.0], [0.6, 0.8, c]] {
+                                let (f, pdf) = (at.eval(wo), at.pdf(wo));
+                                assert!(f.iter().chain([&pdf]).all(|f| f.is_finite() && *f >= 0.0), "{f:?} {pdf}");
+                            }
+                            match at.sample([0.3 * s, c, c]) {
+                                BsdfSample::Scattered(s) => {
+                                    let n = s.w.iter().map(|v| v * v).sum::<f32>();
+                                    assert!((n - 1.0).abs() < 1e-4 && s.pdf > 0.0 && s.pdf.is_finite(), "{s:?}");
+                                    assert!(s.weight.iter().all(|w| w.is_finite() && *w >= 0.0), "{s:?}");
+                                }
+                                BsdfSample::Straight { weight, probability } => {
+                                    assert!((0.0..=1.0).contains(&probability), "{probability}");
+                                    assert!(weight.iter().all(|w| (0.0..=1.06).contains(w)), "{weight:?}");
+                                }
+                                BsdfSample::Absorbed => (),
+                            }
                         }
                     }
                 }
             }
         }
-        assert_eq!(m.eval(0.1, 131.0, [0.0], [0.0, 1.0, 0.0]), [0.0]);
-        assert_eq!((m.r_d(0.1, 131.0), m.albedo(0.1, 131.0, [0.0])), (1.0, [0.0]));
-        assert_eq!(m.sample(0.1, 131.0, [0.0], [0.0; 3]), None);
+        let beyond = m.at(&PlyQuery::lobes(0.1, 131.0, [0.0]));
+        assert_eq!(beyond.eval([0.0, 1.0, 0.0]), [0.0]);
+        assert_eq!((beyond.r_d(), beyond.albedo(), beyond.straight()), (1.0, [0.0], [1.0]));
+        assert_eq!(beyond.sample([0.0; 3]), BsdfSample::Straight { weight: [1.0], probability: 1.0 });
     }
 }

@@ -1,11 +1,13 @@
 //! The whole ply model. Chain of trust: the core's terms are held to their twin in `tests/model.rs`, the edge lobe here to `asg::Lobe`; the
-//! checks that every `Scatter` passes then hold energy, density and samples together.
+//! checks that every `Bsdf` passes then hold energy, density and samples together.
 
 mod synthetic;
 
 use plywave::asg::Lobe;
-use plywave::check::check_scatter;
-use plywave::{EdgeLobes, GaussianBeam, PlyData, PlyIncidence, PlyModel, Scatter, Slit, WholePly, beam_mu, direction};
+use plywave::check::check_bsdf;
+use plywave::{
+    Bsdf, BsdfSample, EdgeLobes, GaussianBeam, Outcomes, PlyData, PlyModel, PlyQuery, Slit, beam_mu, direction,
+};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use synthetic::{STANDARD, Sizes, model};
@@ -43,14 +45,15 @@ fn edge_term_is_its_lobe_and_the_rest_is_the_core() {
     for _ in 0..300 {
         let (theta_i, h) = (2.8 * (rng.random::<f32>() - 0.5), 300.0 * (rng.random::<f32>() - 0.5));
         let sigma = [0.0, 0.002, 0.02 * rng.random::<f32>(), 0.3];
-        let r_d = f64::from(m.r_d(theta_i, h));
+        let r_d = f64::from(m.at(&PlyQuery::lobes(theta_i, h, [0.0])).r_d());
         let wanted: [Lobe; 4] = LAMBDA.map(|l| Lobe { energy: r_d, ..lobes.lobe(theta_i.into(), h.into(), l.into()) });
         for _ in 0..20 {
             // Near the forward direction, where the lobe is.
             let d: [f32; 2] = [0.2 * (rng.random::<f32>() - 0.5), 0.1 * (rng.random::<f32>() - 0.5)];
             let wo = direction((d[1] - theta_i).clamp(-1.57, 1.57), 1.5 * std::f32::consts::PI + d[0]);
-            let t = m.eval_terms(theta_i, h, sigma, LAMBDA, wo);
-            let (refl, high) = m.eval_split(theta_i, h, sigma, wo);
+            let t = m.at(&PlyQuery::new(theta_i, h, sigma, LAMBDA)).terms(wo);
+            let core = m.at(&PlyQuery { cached: false, ..PlyQuery::lobes(theta_i, h, sigma) }).terms(wo);
+            let (refl, high) = (core.refl, core.high);
             let peak = high.iter().fold(refl, |a, b| a.max(*b));
             assert!((t.refl - refl).abs() <= 1e-5 * peak);
             for k in 0..4 {
@@ -65,7 +68,7 @@ fn edge_term_is_its_lobe_and_the_rest_is_the_core() {
 
 /// Center, both rims, partial hits from outside, beams that miss, grazing light.
 #[test]
-fn every_check_of_a_scatter_passes() {
+fn every_check_of_a_bsdf_passes() {
     let m = PlyModel::from_data(planted(3, STANDARD)).unwrap();
     let small = PlyModel::from_data(planted(4, Sizes { theta: 5, h: 3, refl: 11, high: 13, paths: 3 })).unwrap();
     let mut rng = Pcg64Mcg::seed_from_u64(5);
@@ -79,19 +82,11 @@ fn every_check_of_a_scatter_passes() {
         (&small, -0.4, 118.0),
         (&m, -0.2, -400.0),
     ] {
-        let s = WholePly {
-            model,
-            theta_i,
-            h_um: h,
-            sigma_per_um: [0.0, 0.003, 0.02, 0.1],
-            lambda_um: LAMBDA,
-            slit: None,
-            instance: None,
-        };
+        let s = model.at(&PlyQuery::new(theta_i, h, [0.0, 0.003, 0.02, 0.1], LAMBDA));
         let albedo = s.albedo();
         assert!((albedo[0] - 1.0).abs() < 1e-4, "energy at sigma = 0, theta_i {theta_i}, h {h}: {albedo:?}");
-        assert_eq!(s.miss(), 0.0);
-        let r = check_scatter(&s, [sd, sd / f64::from(theta_i.cos())], 20_000, &mut || rng.random());
+        assert_eq!((s.outcomes(), s.straight()), (Outcomes::SCATTERED, [0.0; 4]));
+        let r = check_bsdf(&s, [sd, sd / f64::from(theta_i.cos())], 20_000, &mut || rng.random());
         println!("{theta_i} {h}: {r:?}");
         assert!(r.furnace_error < 1e-3 && r.pdf_error < 1e-3, "{theta_i} {h}: {r:?}");
         assert!(r.weight_error < 1e-4 && r.sampled_furnace_se < 5.0 && r.chi2_p > 1e-3, "{theta_i} {h}: {r:?}");
@@ -102,18 +97,28 @@ fn every_check_of_a_scatter_passes() {
 fn without_edge_lobes_missed_light_goes_on() {
     let m = PlyModel::from_data(model(6, STANDARD)).unwrap();
     let mut rng = Pcg64Mcg::seed_from_u64(7);
+    let mut straight = 0;
     for _ in 0..200 {
         let (theta_i, h_um) = (2.8 * (rng.random::<f32>() - 0.5), 280.0 * (rng.random::<f32>() - 0.5));
         let sigma_per_um = [0.0, 0.01];
-        let core = PlyIncidence { model: &m, theta_i, h_um, sigma_per_um };
-        let whole =
-            WholePly { model: &m, theta_i, h_um, sigma_per_um, lambda_um: [0.5, 0.6], slit: None, instance: None };
+        let core = m.at(&PlyQuery::lobes(theta_i, h_um, sigma_per_um));
+        let whole = m.at(&PlyQuery::new(theta_i, h_um, sigma_per_um, [0.5, 0.6]));
         let (u, wo) = (rng.random(), anywhere(&mut rng));
         let near = |a: f32, b: f32| (a - b).abs() <= 1e-5 * a.abs().max(1.0);
         assert!(near(core.eval(wo)[1], whole.eval(wo)[1]) && near(core.pdf(wo), whole.pdf(wo)));
-        assert_eq!((core.albedo(), core.miss()), (whole.albedo(), whole.miss()));
-        assert_eq!(core.sample(u).map(|s| s.wo), whole.sample(u).map(|s| s.wo));
+        assert_eq!((core.albedo(), core.outcomes()), (whole.albedo(), whole.outcomes()));
+        assert_eq!(core.straight(), [whole.r_d(); 2]);
+        match (core.sample(u), whole.sample(u)) {
+            (BsdfSample::Scattered(a), BsdfSample::Scattered(b)) => assert_eq!(a.w, b.w),
+            (BsdfSample::Straight { weight, probability }, other) => {
+                assert_eq!(BsdfSample::Straight { weight, probability }, other);
+                assert!(weight.iter().all(|w| near(w * probability, core.r_d())));
+                straight += 1;
+            }
+            (a, b) => panic!("{a:?} {b:?}"),
+        }
     }
+    assert!(straight > 5, "{straight} went straight on");
 }
 
 #[test]
@@ -148,22 +153,25 @@ fn any_input_gives_finite_numbers() {
     let mut any = || odd[rng.random_range(0..odd.len())];
     let slit = Slit::new(2.0, 0.25, &BEAM).unwrap();
     for i in 0..5000 {
-        let s = WholePly {
-            model: &m,
-            theta_i: any(),
-            h_um: any(),
-            sigma_per_um: [any(), any()],
-            lambda_um: [any(), any()],
+        let query = PlyQuery::new(any(), any(), [any(), any()], [any(), any()]);
+        let below = m.layer(any(), [any(), any()]);
+        let s = m.at(&PlyQuery {
             slit: if i % 2 == 0 { Some(&slit) } else { None },
-            instance: None,
-        };
+            below: if i % 3 == 0 { below } else { None },
+            cached: i % 5 != 0,
+            edge: i % 7 != 0,
+            ..query
+        });
         let wo = [any(), any(), any()];
-        let numbers = s.eval(wo).into_iter().chain(s.albedo()).chain([s.pdf(wo), s.miss()]);
-        numbers.for_each(|v| assert!(v.is_finite() && v >= 0.0, "{v}: {:?} {:?} {wo:?}", s.theta_i, s.h_um));
-        if let Some(x) = s.sample([any(), any(), any()]) {
-            let numbers = x.wo.into_iter().chain(x.weight).chain([x.pdf]);
-            numbers.for_each(|v| assert!(v.is_finite(), "{x:?} {:?} {:?}", s.theta_i, s.h_um));
-        }
+        let numbers = s.eval(wo).into_iter().chain(s.albedo()).chain([s.pdf(wo), s.outcomes().scattered]);
+        numbers.for_each(|v| assert!(v.is_finite() && v >= 0.0, "{v}: {query:?} {wo:?}"));
+        let sample = s.sample([any(), any(), any()]);
+        let numbers: Vec<f32> = match sample {
+            BsdfSample::Scattered(x) => x.w.into_iter().chain(x.weight).chain([x.pdf]).collect(),
+            BsdfSample::Straight { weight, probability } => weight.into_iter().chain([probability]).collect(),
+            BsdfSample::Absorbed => Vec::new(),
+        };
+        assert!(numbers.iter().all(|v| v.is_finite()), "{sample:?} {query:?}");
     }
 }
 
@@ -174,18 +182,10 @@ fn slits_keep_the_energy() {
     let mut rng = Pcg64Mcg::seed_from_u64(12);
     for (width, share, theta_i, h_um) in [(1.0, 0.25, 0.0, 10.0), (4.0, 1.0, 0.6, -60.0), (2.0, 0.25, -1.1, 112.0)] {
         let slit = Slit::new(width, share, &BEAM).unwrap();
-        let without = WholePly {
-            model: &m,
-            theta_i,
-            h_um,
-            sigma_per_um: [0.0, 0.03],
-            lambda_um: [0.45, 0.65],
-            slit: None,
-            instance: None,
-        };
-        let with = WholePly { slit: Some(&slit), instance: None, ..without };
+        let query = PlyQuery::new(theta_i, h_um, [0.0, 0.03], [0.45, 0.65]);
+        let (without, with) = (m.at(&query), m.at(&PlyQuery { slit: Some(&slit), ..query }));
         assert_eq!(with.albedo(), without.albedo());
-        let r = check_scatter(&with, [0.008, 0.012], 20_000, &mut || rng.random());
+        let r = check_bsdf(&with, [0.008, 0.012], 20_000, &mut || rng.random());
         println!("slit {width} share {share} at {theta_i} {h_um}: {r:?}");
         assert!(r.furnace_error < 1e-3 && r.pdf_error < 1e-3, "{r:?}");
         assert!(r.weight_error < 1e-4 && r.sampled_furnace_se < 5.0 && r.chi2_p > 1e-3, "{r:?}");

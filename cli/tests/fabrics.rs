@@ -4,9 +4,9 @@
 //! 3. The mean over speckle is the smooth picture. 4. No line shows where the draft repeats, nor where blocks of the fit meet.
 
 use glam::Vec3;
-use plywave::check::check_scatter;
+use plywave::check::check_bsdf;
 use plywave::fabric::{FabricBsdf, FabricOptions, FabricSpec};
-use plywave::{PlyData, PlyModel, Scatter, YarnSpec, direction};
+use plywave::{Bsdf, FabricQuery, PlyData, PlyModel, PlyQuery, YarnSpec, direction};
 use plywave_fit::noise::NoiseOptions;
 use plywave_fit::{EdgeOptions, FitOptions, YarnOptions, fit_edge, yarn_table};
 use plywave_render::{Camera, Environment, Film, FilmView, Light, Mesh, RenderOptions, Scene, Setup, render};
@@ -144,10 +144,10 @@ fn eval_sample_and_pdf_agree_at_random_points() {
         let (mut worst, mut off) = (0.0f32, Vec::new());
         for _ in 0..POINTS {
             let (x, y, w, u) = draw();
-            let at = f.at(x, y, w, LAMBDA);
+            let at = f.at(&FabricQuery::new([x, y], w, LAMBDA));
             let albedo = at.albedo();
-            let weight = at.sample(u).map_or([0.0; 4], |s| {
-                let (f, pdf) = (at.eval(s.wo), at.pdf(s.wo));
+            let weight = at.sample(u).direction().map_or([0.0; 4], |s| {
+                let (f, pdf) = (at.eval(s.w), at.pdf(s.w));
                 for k in 0..4 {
                     worst = worst.max((s.weight[k] * s.pdf - f[k]).abs() / (f[k] + 1e-3));
                 }
@@ -168,8 +168,8 @@ fn eval_sample_and_pdf_agree_at_random_points() {
         }
         for _ in 0..TESTED {
             let (x, y, w, _) = draw();
-            let at = f.at(x, y, w, LAMBDA);
-            let r = check_scatter(&at, [0.006, 0.012], 20_000, &mut || draw().3[0]);
+            let at = f.at(&FabricQuery::new([x, y], w, LAMBDA));
+            let r = check_bsdf(&at, [0.006, 0.012], 20_000, &mut || draw().3[0]);
             assert!(r.weight_error < 1e-3, "{name} at {x}, {y}, {w:?}: {r:?}");
             least = least.min(r.chi2_p);
         }
@@ -258,7 +258,7 @@ fn repeats_of_the_draft_show_no_line() {
     let lights: Vec<[f32; 3]> = (0..6).map(|k| direction(0.5 + 0.15 * k as f32, 1.1 * k as f32)).collect();
     let w = direction(1.25, 0.4);
     let seen = |x: f32, y: f32| -> f64 {
-        let at = f.at(x, y, w, LAMBDA);
+        let at = f.at(&FabricQuery::new([x, y], w, LAMBDA));
         lights.iter().map(|l| f64::from(at.eval(*l)[1])).sum()
     };
     for (along, cells, period, other) in [("ends", ends, width, height), ("picks", picks, height, width)] {
@@ -305,7 +305,7 @@ fn blocks_of_the_fit_show_no_line() {
                 .collect()
         };
         let seen = |theta: f32, h: f32, lamp: &[[f32; 3]]| -> f64 {
-            let f = |l: &[f32; 3]| f64::from(model.eval(theta, h, [0.003], *l)[0]);
+            let f = |l: &[f32; 3]| f64::from(model.at(&PlyQuery::lobes(theta, h, [0.003])).eval(*l)[0]);
             lamp.iter().map(f).sum::<f64>() / lamp.len() as f64
         };
         // Steps over the borders of blocks (every second node), and beside them. Over a step near 0 only what is not continuous is left; over half a cell, 3 um

@@ -1,11 +1,11 @@
 //! A fabric as a scattering function, on models that ship: energy of clear fibers at random points and directions, eval against weight and pdf, chi-square, and no
 //! jump at the border of the draft's repeat.
 
-use plywave::check::check_scatter;
+use plywave::check::check_bsdf;
 use plywave::fabric::{
     Draft, Fabric, FabricAt, FabricBsdf, FabricOptions, FabricSpec, Family, GapLight, LoadedFabric, YarnShape,
 };
-use plywave::{Handedness, PlyModel, Scatter, YarnSpec, direction};
+use plywave::{Bsdf, BsdfSample, FabricQuery, Handedness, PlyModel, YarnSpec, direction};
 use plywave_fit::{EdgeOptions, fit_edge, layer_factors};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -80,15 +80,15 @@ fn clear_fabrics_lose_no_light() {
         let n = 10_000;
         for _ in 0..n {
             let [x, y] = [0, 1].map(|_| 2000.0 * rng.random::<f32>());
-            let at: FabricAt<'_, 4> = f.at(x, y, viewer(&mut rng), [0.4, 0.5, 0.6, 0.7]);
+            let at: FabricAt<'_, 4> = f.at(&FabricQuery::new([x, y], viewer(&mut rng), [0.4, 0.5, 0.6, 0.7]));
             gaps += i32::from(at.is_gap());
             doubles += i32::from(at.is_double());
             let all = f64::from(at.albedo()[1]);
             assert!((all - 1.0).abs() < 3e-3, "{name}: albedo {all}");
             albedo += all;
-            let weight = at.sample(rng.random()).map_or(0.0, |s| {
-                let f = at.eval(s.wo);
-                let error = (s.weight[1] * s.pdf - f[1]).abs().max((s.pdf - at.pdf(s.wo)).abs());
+            let weight = at.sample(rng.random()).direction().map_or(0.0, |s| {
+                let f = at.eval(s.w);
+                let error = (s.weight[1] * s.pdf - f[1]).abs().max((s.pdf - at.pdf(s.w)).abs());
                 assert!(error <= 1e-4 * (1.0 + s.pdf), "{name}: weight {s:?}, eval {f:?}");
                 f64::from(s.weight[1])
             });
@@ -117,13 +117,13 @@ fn every_case_of_the_beam_is_a_scattering_function() {
     let (mut checked, mut least, mut furnace) = ([0; 3], 1.0f64, 0.0f64);
     while checked.iter().sum::<i32>() < 18 {
         let [x, y] = [0, 1].map(|_| 300.0 * rng.random::<f32>());
-        let at: FabricAt<'_, 4> = f.at(x, y, viewer(&mut rng), [0.4, 0.5, 0.6, 0.7]);
+        let at: FabricAt<'_, 4> = f.at(&FabricQuery::new([x, y], viewer(&mut rng), [0.4, 0.5, 0.6, 0.7]));
         let case = if at.is_gap() { 0 } else { 1 + usize::from(at.is_double()) };
         if checked[case] >= 6 {
             continue;
         }
         checked[case] += 1;
-        let r = check_scatter(&at, [0.006, 0.012], 20_000, &mut || rng.random());
+        let r = check_bsdf(&at, [0.006, 0.012], 20_000, &mut || rng.random());
         least = least.min(r.chi2_p);
         furnace = furnace.max(r.furnace_error);
         assert!(r.weight_error < 1e-3, "case {case}: {r:?}");
@@ -143,7 +143,7 @@ fn repeats_have_no_seam() {
     for k in 0..200 {
         let y = 7.3 * k as f32;
         // Single precision tells positions apart to 1e-4 um here.
-        let at = |x: f32| -> [f32; 4] { f.at(x, y, w, [0.4, 0.5, 0.6, 0.7]).eval(wo) };
+        let at = |x: f32| -> [f32; 4] { f.at(&FabricQuery::new([x, y], w, [0.4, 0.5, 0.6, 0.7])).eval(wo) };
         let (a, b) = (at(13.0), at(13.0 + width));
         assert!((a[0] - b[0]).abs() <= 2e-3 * (1.0 + a[0]), "y {y}: {a:?} {b:?}");
     }
@@ -153,11 +153,14 @@ fn repeats_have_no_seam() {
 fn straight_gaps_let_the_light_go_on() {
     let options = FabricOptions { gaps: GapLight::Straight, ..FabricOptions::default() };
     let f = fabric(Draft::plain(), 260.0, 1, &options);
-    let at: FabricAt<'_, 4> = f.at(0.0, 0.0, [0.0, 0.0, 1.0], [0.4, 0.5, 0.6, 0.7]);
-    assert!(at.is_gap() && at.miss() > 0.99 && at.sample([0.5; 3]).is_none(), "{}", at.miss());
+    let at: FabricAt<'_, 4> = f.at(&FabricQuery::new([0.0, 0.0], [0.0, 0.0, 1.0], [0.4, 0.5, 0.6, 0.7]));
+    let (straight, outcomes) = (at.straight(), at.outcomes());
+    assert!(at.is_gap() && outcomes.straight > 0.99 && straight[0] > 0.99, "{outcomes:?} {straight:?}");
+    let BsdfSample::Straight { weight, probability } = at.sample([0.5; 3]) else { panic!("{:?}", at.sample([0.5; 3])) };
+    assert!((0..4).all(|k| (weight[k] * probability - straight[k]).abs() < 1e-6), "{weight:?} {probability}");
     let diffracted = fabric(Draft::plain(), 260.0, 1, &FabricOptions::default());
-    let at: FabricAt<'_, 4> = diffracted.at(0.0, 0.0, [0.0, 0.0, 1.0], [0.4, 0.5, 0.6, 0.7]);
-    assert!(at.miss() < 1e-6 && at.sample([0.5; 3]).is_some_and(|s| s.wo[2] < -0.9));
+    let at: FabricAt<'_, 4> = diffracted.at(&FabricQuery::new([0.0, 0.0], [0.0, 0.0, 1.0], [0.4, 0.5, 0.6, 0.7]));
+    assert!(at.outcomes().scattered > 1.0 - 1e-6 && at.sample([0.5; 3]).direction().is_some_and(|s| s.w[2] < -0.9));
     assert!(at.eval([f32::NAN; 3]).iter().all(|v| v.is_finite()));
     assert_eq!(diffracted.sigma(Family::Warp, -3, [0.5]), [0.0]);
 }

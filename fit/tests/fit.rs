@@ -6,7 +6,7 @@ mod planted;
 
 use planted::Planted;
 use plywave::asg::{Lobe, PARAMS};
-use plywave::{OutgoingGrid, PlyData, Table};
+use plywave::{OutgoingGrid, PlyData, PlyQuery, Table};
 use plywave_fit::{
     BlockEffort, DiffTolerance, FitOptions, Part, Place, ScaledLobes, Scratch, SphereGrid, canonicalize, diff, errors,
     fit, fit_single_slices, high_lobes, locate, refl_lobes,
@@ -262,7 +262,8 @@ fn the_runtime_evaluates_what_the_fit_measured() {
         for bin in (0..want_refl.len()).step_by(37) {
             let (theta, phi) = (sphere.grid().theta(bin / 90), sphere.grid().phi(bin % 90));
             let wo = plywave::direction(theta as f32, phi as f32);
-            let (got_refl, [got_high]) = runtime.eval_split(theta_i as f32, h as f32, [0.007], wo);
+            let got = runtime.at(&PlyQuery::lobes(theta_i as f32, h as f32, [0.007])).terms(wo);
+            let (got_refl, [got_high]) = (got.refl, got.high);
             assert!(
                 (got_refl - want_refl[bin]).abs() < 1e-3 * top_refl,
                 "refl: got {got_refl}, want {}",

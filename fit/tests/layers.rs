@@ -1,7 +1,7 @@
 //! Two layers of yarn, on the models that ship.
 
-use plywave::check::check_scatter;
-use plywave::{DoubleLayer, Layer, PlyModel, Scatter, WholePly, direction};
+use plywave::check::check_bsdf;
+use plywave::{Bsdf, Layer, PlyModel, PlyQuery, direction};
 use plywave_fit::layer_factors;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -63,12 +63,13 @@ fn the_series_is_that_of_light_between_the_layers() {
 fn brute_force(model: &PlyModel, theta_i: f32, h_um: f32, sigma: [f32; 2]) -> ([f64; 2], [f64; 2]) {
     let (mut forward, mut above) = ([0.0; 2], [0.0; 2]);
     let (rows, columns) = (240, 480);
+    let bsdf = model.at(&PlyQuery::lobes(theta_i, h_um, sigma));
     for i in 0..rows {
         let theta = PI * ((i as f32 + 0.5) / rows as f32 - 0.5);
         let solid_angle = f64::from(theta.cos() * PI / rows as f32 * TAU / columns as f32);
         for j in 0..columns {
             let phi = TAU * (j as f32 + 0.5) / columns as f32;
-            let f = model.eval(theta_i, h_um, sigma, direction(theta, phi)).map(|f| f64::from(f) * solid_angle);
+            let f = bsdf.eval(direction(theta, phi)).map(|f| f64::from(f) * solid_angle);
             for k in 0..2 {
                 forward[k] += if phi > PI { f[k] } else { 0.0 };
                 above[k] += 0.5 * (1.0 + f64::from(phi.sin())) * f[k];
@@ -145,19 +146,12 @@ fn a_ply_over_a_layer_is_a_scattering_function() {
         let h_um = if i % 3 == 0 { 48.0 + i as f32 } else { 45.0 * (2.0 * rng.random::<f32>() - 1.0) };
         let sigma = [0.0, 0.002, 0.03];
         let below = model.layer(0.6, sigma).unwrap();
-        let upper = WholePly {
-            model: &model,
-            theta_i,
-            h_um,
-            sigma_per_um: sigma,
-            lambda_um: [0.4, 0.55, 0.7],
-            slit: None,
-            instance: None,
-        };
-        let double = DoubleLayer::new(upper, &below).unwrap();
+        let query = PlyQuery { below: Some(below), ..PlyQuery::new(theta_i, h_um, sigma, [0.4, 0.55, 0.7]) };
+        let double = model.at(&query);
+        assert!(double.is_double());
         let kept = double.albedo()[0];
         assert!((kept - 1.0).abs() < 2e-3, "energy {kept} at {theta_i} {h_um}");
-        let r = check_scatter(&double, [0.02, 0.02], 20_000, &mut || rng.random());
+        let r = check_bsdf(&double, [0.02, 0.02], 20_000, &mut || rng.random());
         worst.0 = worst.0.max(r.furnace_error);
         worst.1 = worst.1.max(r.pdf_error);
         worst.2 = worst.2.max(r.weight_error);

@@ -5,8 +5,8 @@
 mod synthetic;
 
 use plywave::{
-    GaussianBeam, Instance, NoiseTiles, PlyModel, Scatter, Slit, SpecklePatterns, SpecklePolarization, SpeckleSide,
-    WholePly, direction,
+    Bsdf, GaussianBeam, Instance, NoiseTiles, PlyModel, PlyQuery, Slit, SpecklePatterns, SpecklePolarization,
+    SpeckleSide, direction,
 };
 use plywave_fit::noise::{
     FieldModel, NoiseContrast, NoiseOptions, PatternCovariance, compare_lines, intensity_covariance, noise_tiles,
@@ -404,13 +404,14 @@ fn eval_of_instances_averages_to_the_smooth_model() {
     let model = PlyModel::from_data(plywave::PlyData { noise: Some(tiles().clone()), ..bare }).unwrap();
     let (sigma, lambda) = ([0.0, 0.01], [0.45, 0.65]);
     for (theta_i, h, wo) in [(0.2, 5.0, at(0.1, 2.0)), (-0.5, -20.0, at(0.4, 4.9))] {
-        let want = smooth.eval_instance(theta_i, h, sigma, lambda, wo, None);
-        assert_eq!(model.eval_instance(theta_i, h, sigma, lambda, wo, None), want);
-        assert_eq!(smooth.eval_instance(theta_i, h, sigma, lambda, wo, Some(instance(1))), want);
+        let smooth_query = PlyQuery::new(theta_i, h, sigma, lambda);
+        let want = smooth.at(&smooth_query).eval(wo);
+        assert_eq!(model.at(&smooth_query).eval(wo), want);
+        assert_eq!(smooth.at(&PlyQuery { instance: Some(instance(1)), ..smooth_query }).eval(wo), want);
         let n = 100_000;
         let mut sums = [0.0f64; 2];
         for i in 0..n {
-            let f = model.eval_instance(theta_i, h, sigma, lambda, wo, Some(instance(i)));
+            let f = model.at(&PlyQuery { instance: Some(instance(i)), ..smooth_query }).eval(wo);
             (0..2).for_each(|k| sums[k] += f64::from(f[k]));
         }
         for k in 0..2 {
@@ -428,22 +429,15 @@ fn slits_stay_under_noise() {
     let model = PlyModel::from_data(plywave::PlyData { noise: Some(tiles().clone()), ..bare }).unwrap();
     let slit = Slit::new(2.0, 1.0, &GaussianBeam { w0_um: 5.0, lambda_um: 0.55, d_cut_um: 10.0 }).unwrap();
     let (theta_i, h_um, lambda_um) = (0.2f32, 5.0, [0.45, 0.65]);
-    let smooth = WholePly {
-        model: &model,
-        theta_i,
-        h_um,
-        sigma_per_um: [0.0, 0.01],
-        lambda_um,
-        slit: Some(&slit),
-        instance: None,
-    };
+    let smooth = PlyQuery { slit: Some(&slit), ..PlyQuery::new(theta_i, h_um, [0.0, 0.01], lambda_um) };
     let forward = [0.0, -theta_i.cos(), -theta_i.sin()];
-    let (want, without) = (smooth.eval(forward), WholePly { slit: None, ..smooth }.eval(forward));
+    let without = model.at(&PlyQuery { slit: None, ..smooth }).eval(forward);
+    let want = model.at(&smooth).eval(forward);
     assert!(want[0] > 1.2 * without[0], "the slit must show: {want:?} {without:?}");
     let n = 100_000;
     let mut sums = [0.0f64; 2];
     for i in 0..n {
-        let f = WholePly { instance: Some(instance(i)), ..smooth }.eval(forward);
+        let f = model.at(&PlyQuery { instance: Some(instance(i)), ..smooth }).eval(forward);
         (0..2).for_each(|k| sums[k] += f64::from(f[k]));
     }
     for k in 0..2 {

@@ -1,12 +1,13 @@
 //! Fabrics as surfaces.
 
 use crate::{Surface, WAVELENGTHS};
-use plywave::fabric::{FabricAt, FabricBsdf};
+use plywave::fabric::FabricAt;
+use plywave::{FabricBsdf, FabricQuery};
 
 impl Surface for FabricBsdf {
     type At<'a> = FabricAt<'a, WAVELENGTHS>;
 
     fn at(&self, uv_um: [f32; 2], wo: [f32; 3], lambda_um: [f32; WAVELENGTHS]) -> FabricAt<'_, WAVELENGTHS> {
-        FabricBsdf::at(self, uv_um[0], uv_um[1], wo, lambda_um)
+        FabricBsdf::at(self, &FabricQuery::new(uv_um, wo, lambda_um))
     }
 }

@@ -71,7 +71,7 @@ pub enum RenderError {
 /// other direction, in the same frame, and holds its cosine.
 pub trait Surface: Sync {
     /// The scattering function at a point.
-    type At<'a>: plywave::Scatter<WAVELENGTHS>
+    type At<'a>: plywave::Bsdf<WAVELENGTHS>
     where
         Self: 'a;
 

@@ -5,7 +5,7 @@ use crate::film::Film;
 use crate::scene::{Scene, SurfacePoint};
 use crate::{RenderError, Surface, WAVELENGTHS};
 use glam::Vec3;
-use plywave::Scatter;
+use plywave::{Bsdf, BsdfSample};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
@@ -182,25 +182,23 @@ fn trace<S: Surface>(
         }
         direct(scene, &point, &at, throughput, rng, &mut light);
         match at.sample(rng.random()) {
-            Some(sample) => {
+            BsdfSample::Scattered(sample) => {
                 for k in 0..WAVELENGTHS {
                     throughput[k] *= sample.weight[k];
                 }
                 pdf = sample.pdf;
-                direction = point.frame.world(sample.wo).normalize_or_zero();
+                direction = point.frame.world(sample.w).normalize_or_zero();
                 if direction == Vec3::ZERO || pdf <= 0.0 {
                     break;
                 }
             }
-            None => {
-                // Light that goes straight on: its energy r over its chance p = r / (mean albedo + r).
-                let mean = at.albedo().iter().sum::<f32>() / WAVELENGTHS as f32;
-                let left = 1.0 - at.miss();
-                if left > 1e-6 {
-                    throughput.iter_mut().for_each(|t| *t *= mean / left);
+            BsdfSample::Straight { weight, .. } => {
+                for k in 0..WAVELENGTHS {
+                    throughput[k] *= weight[k];
                 }
                 pdf = f32::INFINITY;
             }
+            BsdfSample::Absorbed => break,
         }
         origin = leave(&point, direction);
         if depth >= ROULETTE {
@@ -229,7 +227,7 @@ fn leave(point: &SurfacePoint, direction: Vec3) -> Vec3 {
 fn direct(
     scene: &Scene,
     point: &SurfacePoint,
-    at: &impl Scatter<WAVELENGTHS>,
+    at: &impl Bsdf<WAVELENGTHS>,
     throughput: Light4,
     rng: &mut Pcg64Mcg,
     light: &mut Light4,

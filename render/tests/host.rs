@@ -1,6 +1,6 @@
 //! The host itself, with surfaces whose light is known: a white diffuse sheet in a white room, a half transparent one, light sources.
 
-use plywave::{Scatter, ScatterSample};
+use plywave::{Bsdf, BsdfSample, DirectionSample, Outcomes};
 use plywave_render::{Film, FilmView, RenderOptions, Setup, Surface, render};
 use std::f32::consts::{PI, TAU};
 use std::sync::atomic::AtomicBool;
@@ -21,7 +21,7 @@ impl At {
     }
 }
 
-impl Scatter<4> for At {
+impl Bsdf<4> for At {
     fn eval(&self, wo: [f32; 3]) -> [f32; 4] {
         [self.share(wo[2]) * wo[2].abs() / PI; 4]
     }
@@ -30,20 +30,20 @@ impl Scatter<4> for At {
         self.eval(wo)[0] / (self.0.up + self.0.down)
     }
 
-    fn sample(&self, u: [f32; 3]) -> Option<ScatterSample<4>> {
+    fn sample(&self, u: [f32; 3]) -> BsdfSample<4> {
         let all = self.0.up + self.0.down;
         let (r, phi) = (u[1].sqrt(), TAU * u[2]);
         let z = (1.0 - r * r).max(0.0).sqrt() * if u[0] * all < self.0.up { self.1 } else { -self.1 };
-        let wo = [r * phi.cos(), r * phi.sin(), z];
-        Some(ScatterSample { wo, weight: [all; 4], pdf: self.pdf(wo) })
+        let w = [r * phi.cos(), r * phi.sin(), z];
+        BsdfSample::Scattered(DirectionSample { w, weight: [all; 4], pdf: self.pdf(w) })
     }
 
     fn albedo(&self) -> [f32; 4] {
         [self.0.up + self.0.down; 4]
     }
 
-    fn miss(&self) -> f32 {
-        0.0
+    fn outcomes(&self) -> Outcomes {
+        Outcomes::SCATTERED
     }
 }
 

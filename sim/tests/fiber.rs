@@ -2,9 +2,9 @@
 //! solver in its own; here the loaded fiber of a real solver passes the furnace, gives back the wave simulation's net effect on a beam when it is rendered
 //! as rays (Xia 2020, 7.2 and Fig. 10), and large fibers agree with rays on average (Xia 2020, Fig. 4).
 
-use plywave::check::{FURNACE_TOLERANCE, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE, check_scatter};
+use plywave::check::{FURNACE_TOLERANCE, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE, check_bsdf};
 use plywave::fiber::{FiberTable, TabulatedFiber};
-use plywave::{FiberSpec, Shape, YarnSpec, direction};
+use plywave::{Bsdf, FiberQuery, FiberSpec, Shape, YarnSpec, direction};
 use plywave_sim::Run;
 use plywave_sim::wave::{
     Absorption, BeamSource, Body, MieSolver, NystromSolver, Polarization, SingleFiber, Solver, Source, TabulateOptions,
@@ -42,8 +42,8 @@ fn furnace_of_clear_and_dark_fibers() {
         for theta in [0.0, 0.6, -1.2, 1.5] {
             let wi = direction(theta, 6.0 * rng.random::<f32>());
             let sd = [t.beta_m, TAU / t.phi_r_count() as f64 / 9.0];
-            let r = check_scatter(&loaded.at(0.5, wi), sd, 20_000, &mut || rng.random());
-            let albedo = loaded.albedo(0.5, wi);
+            let r = check_bsdf(&loaded.at(&FiberQuery::new(wi, [0.5])), sd, 20_000, &mut || rng.random());
+            let [albedo] = loaded.at(&FiberQuery::new(wi, [0.5])).albedo();
             let what = format!("sigma {sigma}, theta {theta}: albedo {albedo}, {r:?}");
             assert!(r.furnace_error < FURNACE_TOLERANCE && r.pdf_error < FURNACE_TOLERANCE, "{what}");
             assert!(r.weight_error < WEIGHT_TOLERANCE && r.sampled_furnace_se < SAMPLED_TOLERANCE_SE, "{what}");
@@ -119,12 +119,12 @@ fn ellipses_are_known_at_every_azimuth() {
                 let phi_i = 0.5 * PI * f64::from(quarter) + node * step;
                 let (want, c_x) = exact(phi_i);
                 let wi = direction(wave.theta_i as f32, phi_i as f32);
-                let width = f64::from(loaded.width_um(0.5, wi));
+                let at = loaded.at(&FiberQuery::new(wi, [0.5]));
+                let width = f64::from(at.width_um()[0]);
                 assert!((width / c_x - 1.0).abs() < allowed_width, "phi_i {phi_i}: width {width}, want {c_x}");
-                let at = loaded.at(0.5, wi);
                 let f: Vec<f64> = (0..n)
                     .map(|j| direction(-wave.theta_i as f32, (TAU * j as f64 / n as f64) as f32))
-                    .map(|wo| f64::from(plywave::Scatter::eval(&at, wo)[0]))
+                    .map(|wo| f64::from(at.eval(wo)[0]))
                     .collect();
                 // M_0 at its peak drops out: N integrates to 1.
                 let sum = f.iter().sum::<f64>() * TAU / n as f64;
@@ -196,11 +196,12 @@ fn net_by_rays(
         let psi = angle_sd * rng.sample::<f64, _>(StandardNormal);
         let wi = direction(wave.theta_i as f32, (phi_i + psi) as f32);
         let lambda = wave.lambda_um as f32;
-        if fiber.hit((s * psi.cos()) as f32, lambda, wi) {
+        let at = fiber.at(&FiberQuery::new(wi, [lambda]));
+        if at.hit((s * psi.cos()) as f32)[0] {
             net[bin(phi_i + psi + PI)] -= power / rays as f64;
-            if let Some(out) = fiber.sample(lambda, wi, [rng.random(), rng.random(), rng.random()]) {
-                let phi = f64::from(out.wo[1]).atan2(f64::from(out.wo[0]));
-                net[bin(phi)] += f64::from(out.weight) * power / rays as f64;
+            if let Some(out) = at.sample([rng.random(), rng.random(), rng.random()]).direction() {
+                let phi = f64::from(out.w[1]).atan2(f64::from(out.w[0]));
+                net[bin(phi)] += f64::from(out.weight[0]) * power / rays as f64;
             }
         }
     }

@@ -4,19 +4,21 @@
 //!   two layers.
 //! - The line meets no ply (case c): the light that the near plies catch, and what is left goes through the aperture between them.
 //!
-//! The camera ray plays the beam: `w` is the direction to the viewer, and f(wo), an energy density per steradian of the light's direction `wo`, holds the cosine at the
-//! surface: `radiance to w = integral f(wo) radiance from wo d wo`. By reciprocity the same numbers serve light that comes along `w`.
+//! The camera ray plays the beam: the query's `wo` is the direction to the viewer, and f(wi), an energy density per steradian of the light's direction `wi`, holds the
+//! cosine at the surface: `radiance to wo = integral f(wi) radiance from wi d wi`. f is not symmetric in wo and wi: yarns do not shadow their neighbors.
 //!
 //! Energy: with clear fibers f integrates to 1 over the sphere, up to the Kirchhoff integral of small apertures and, over a second layer, the energies between the
 //! nodes of the model. Where the plies at the edges of a gap together catch more than the beam, as rims behind each other do, their light is scaled to all of it.
 
+use super::dye::{Channels, Dye};
+use super::in_gap::{InGap, Near, to_pattern, to_surface};
 use super::{Fabric, Family, LoadedFabric, Place, PlyHit, YarnColor};
-use crate::color::{AlbedoCurve, SigmaSpectrum, SmoothReflectance};
-use crate::gap::{GapIncidence, Spectrum};
-use crate::layers::TwoLayered;
-use crate::ply::Drawn;
-use crate::whole::FreshPly;
-use crate::{GaussianBeam, Instance, PlyModel, PreparedPly, Result, Scatter, ScatterSample, WholePly, YarnSpec};
+use crate::color::{AlbedoCurve, RGB_LAMBDA_UM};
+use crate::gap::{GapBsdf, Spectrum};
+use crate::{
+    Bsdf, BsdfSample, DirectionSample, GaussianBeam, Instance, Layer, Outcomes, PlyBsdf, PlyModel, PlyQuery, Result,
+    YarnSpec,
+};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -29,7 +31,7 @@ pub enum GapLight {
     /// It is diffracted by the aperture.
     #[default]
     Diffracted,
-    /// It goes straight on, as rays do: for comparison. [`Scatter::sample`] gives `None` for it.
+    /// It goes straight on, as rays do: for comparison. [`Bsdf::straight`] is its energy.
     Straight,
 }
 
@@ -44,19 +46,47 @@ pub struct FabricOptions {
     pub noise: bool,
 }
 
-/// Absorption of a yarn over the wavelength.
-#[derive(Clone, Debug)]
-enum Dye {
-    Even(f32),
-    Spectrum(Box<SigmaSpectrum>),
+/// What fixes a shading point of a fabric, for N wavelengths or color channels. [`FabricQuery::new`] is the fabric as its spec has it; a point's own color, turn or
+/// models are options to set: `FabricQuery { turn_rad: 0.3, ..FabricQuery::new(..) }`.
+#[derive(Clone, Copy, Debug)]
+pub struct FabricQuery<'a, const N: usize> {
+    /// Point in the plane of the fabric [um]: x along the weft, y along the warp.
+    pub position_um: [f32; 2],
+    /// Direction towards the viewer, unit, in the frame of the surface: z is the normal of the fabric's face.
+    pub wo: [f32; 3],
+    /// Wavelengths [um].
+    pub lambda_um: [f32; N],
+    /// What the N numbers of a color are.
+    pub channels: Channels,
+    /// The point's own absorptions of warp and weft [1/um], for textures and prints, in place of those of the yarns' colors; a host gets them from
+    /// [`FabricBsdf::sigma_of_reflectance`].
+    pub sigma_per_um: [Option<[f32; N]>; 2],
+    /// Angle by which the pattern is turned about the normal at the point [rad], from x towards y. The position is one of the turned pattern's plane, given in the
+    /// surface's axes.
+    pub turn_rad: f32,
+    /// Ply models of warp and weft in place of the fabric's; of the same ply radius and number of plies.
+    pub models: [Option<&'a PlyModel>; 2],
 }
 
-impl Dye {
-    fn at<const N: usize>(&self, lambda_um: [f32; N]) -> [f32; N] {
-        match self {
-            Dye::Even(sigma) => [*sigma; N],
-            Dye::Spectrum(s) => lambda_um.map(|l| s.at(l)),
+impl<const N: usize> FabricQuery<'_, N> {
+    /// The fabric as its spec has it, at a point [um] seen from `wo`, at wavelengths [um].
+    pub fn new(position_um: [f32; 2], wo: [f32; 3], lambda_um: [f32; N]) -> Self {
+        FabricQuery {
+            position_um,
+            wo,
+            lambda_um,
+            channels: Channels::Wavelengths,
+            sigma_per_um: [None; 2],
+            turn_rad: 0.0,
+            models: [None; 2],
         }
+    }
+}
+
+impl FabricQuery<'_, 3> {
+    /// The fabric for a host that renders in linear sRGB: see [`Channels::Rgb`].
+    pub fn rgb(position_um: [f32; 2], wo: [f32; 3]) -> Self {
+        FabricQuery { channels: Channels::Rgb, ..FabricQuery::new(position_um, wo, RGB_LAMBDA_UM) }
     }
 }
 
@@ -68,6 +98,8 @@ impl Dye {
 pub struct FabricBsdf {
     fabric: Fabric,
     models: [Arc<PlyModel>; 2],
+    /// Albedo over absorption of each family's yarns.
+    curves: [AlbedoCurve; 2],
     /// Different dyes, and that of each thread of a repeat by family.
     dyes: Vec<Dye>,
     threads: [Vec<u32>; 2],
@@ -106,14 +138,7 @@ impl FabricBsdf {
                 };
                 let at = known.iter().position(|c| *c == (k, color)).unwrap_or_else(|| {
                     known.push((k, color));
-                    dyes.push(match color {
-                        YarnColor::Undyed => Dye::Even(0.0),
-                        YarnColor::Sigma(sigma) => Dye::Even(sigma),
-                        YarnColor::Srgb(srgb) => {
-                            let smooth = SmoothReflectance::of_srgb(srgb.map(f64::from));
-                            Dye::Spectrum(Box::new(SigmaSpectrum::of_reflectance(&curves[k], |l| smooth.at(l)).0))
-                        }
-                    });
+                    dyes.push(Dye::new(color, &curves[k]));
                     dyes.len() - 1
                 });
                 threads[k].push(at as u32);
@@ -129,6 +154,7 @@ impl FabricBsdf {
         Ok(FabricBsdf {
             fabric,
             models,
+            curves,
             dyes,
             threads,
             spectra,
@@ -151,36 +177,85 @@ impl FabricBsdf {
 
     /// Bytes of memory, the models apart, which fabrics share.
     pub fn memory_bytes(&self) -> usize {
-        let dye = |d: &Dye| match d {
-            Dye::Even(_) => 0,
-            Dye::Spectrum(_) => size_of::<SigmaSpectrum>(),
-        };
         size_of::<FabricBsdf>()
             + self.fabric.memory_bytes()
             + self.threads.iter().map(|t| size_of_val(t.as_slice())).sum::<usize>()
             + size_of_val(self.dyes.as_slice())
-            + self.dyes.iter().map(dye).sum::<usize>()
+            + self.dyes.iter().map(Dye::memory_bytes).sum::<usize>()
             + size_of_val(self.spectra.as_slice())
     }
 
     /// Absorptions [1/um] of a yarn at wavelengths [um].
     pub fn sigma<const N: usize>(&self, family: Family, yarn: i32, lambda_um: [f32; N]) -> [f32; N] {
-        let threads = &self.threads[family as usize];
-        let thread = yarn.rem_euclid(threads.len().max(1) as i32) as usize;
-        let dye = threads.get(thread).and_then(|d| self.dyes.get(*d as usize));
-        dye.map_or([0.0; N], |d| d.at(lambda_um))
+        self.dye(family, yarn).map_or([0.0; N], |d| d.at(lambda_um))
     }
 
-    /// The scattering function at a point [um] seen from `w`, at wavelengths [um].
-    pub fn at<const N: usize>(&self, x_um: f32, y_um: f32, w: [f32; 3], lambda_um: [f32; N]) -> FabricAt<'_, N> {
-        match self.fabric.at(x_um, y_um, w) {
+    /// Absorptions [1/um] that give the yarns of a family these reflectances (albedos under diffuse light), 0 to 1, at wavelengths or in linear sRGB. What is out of
+    /// reach is clamped to clear or black fibers. An exact inversion, half a microsecond a number: hosts convert a texture once.
+    pub fn sigma_of_reflectance<const N: usize>(&self, family: Family, reflectance: [f32; N]) -> [f32; N] {
+        reflectance.map(|r| self.curves[family as usize].sigma(f64::from(r)).0 as f32)
+    }
+
+    fn dye(&self, family: Family, yarn: i32) -> Option<&Dye> {
+        let threads = &self.threads[family as usize];
+        let thread = yarn.rem_euclid(threads.len().max(1) as i32) as usize;
+        threads.get(thread).and_then(|d| self.dyes.get(*d as usize))
+    }
+
+    /// Absorptions of a yarn at a query.
+    fn query_sigma<const N: usize>(&self, query: &FabricQuery<'_, N>, family: Family, yarn: i32) -> [f32; N] {
+        if let Some(sigma) = query.sigma_per_um[family as usize] {
+            return sigma;
+        }
+        let Some(dye) = self.dye(family, yarn) else { return [0.0; N] };
+        match query.channels {
+            Channels::Wavelengths => dye.at(query.lambda_um),
+            Channels::Rgb => dye.rgb(),
+        }
+    }
+
+    fn query_model<'a, const N: usize>(&'a self, query: &FabricQuery<'a, N>, family: Family) -> &'a PlyModel {
+        query.models[family as usize].unwrap_or(&self.models[family as usize])
+    }
+
+    /// The fabric at a query.
+    ///
+    /// ```
+    /// use plywave::{Bsdf, BsdfSample, FabricBsdf, FabricQuery};
+    /// use plywave::fabric::FabricOptions;
+    ///
+    /// # fn main() -> plywave::Result<()> {
+    /// let path = concat!(env!("CARGO_MANIFEST_DIR"), "/fabrics/polyester_satin.toml");
+    /// let fabric = FabricBsdf::load(path, &FabricOptions::default())?;
+    /// let at = fabric.at(&FabricQuery::rgb([1200.0, 340.0], [0.0, 0.6, 0.8]));
+    /// let rgb = at.eval([0.3, 0.0, 0.954]); // light from there, its cosine included
+    /// if let BsdfSample::Scattered(light) = at.sample([0.3, 0.6, 0.9]) {
+    ///     println!("next ray towards {:?}, weight {:?}", light.w, light.weight);
+    /// }
+    /// # assert!(rgb.iter().all(|f| *f >= 0.0));
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn at<'a, const N: usize>(&'a self, query: &FabricQuery<'a, N>) -> FabricAt<'a, N> {
+        let turned = query.turn_rad != 0.0 && query.turn_rad.is_finite();
+        let turn = if turned { [query.turn_rad.cos(), query.turn_rad.sin()] } else { [1.0, 0.0] };
+        let ([x, y], mut wo) = (query.position_um, query.wo);
+        let mut position = [x, y];
+        if turned {
+            let p = to_pattern(turn, [x, y, 0.0]);
+            (position, wo) = ([p[0], p[1]], to_pattern(turn, wo));
+        }
+        let surface_frame =
+            |frame: [[f32; 3]; 3]| if turned { frame.map(|axis| to_surface(turn, axis)) } else { frame };
+        match self.fabric.at(position[0], position[1], wo) {
             Place::Ply(hit) => {
-                let seat = Seat { ply: self.ply(&hit, lambda_um).unprepared(), frame: hit.frame, over: None };
-                let mut at = FabricAt { case: Case::Ply(seat) };
-                if let Case::Ply(seat) = &mut at.case {
+                let mut ply_query = self.ply_query(query, &hit);
+                ply_query.below = self.layer_below(query, &hit);
+                let ply = self.query_model(query, hit.family).unprepared(&ply_query);
+                let mut at = FabricAt { case: Case::Ply(OnPly { ply, frame: surface_frame(hit.frame) }) };
+                if let Case::Ply(on) = &mut at.case {
                     // In its place: lobes are large.
-                    seat.ply.make();
-                    seat.over = self.two_layers(&seat.ply, &hit, lambda_um);
+                    on.ply.prepare();
                 }
                 at
             }
@@ -188,39 +263,30 @@ impl FabricBsdf {
                 let mut near = [None; 4];
                 for (slot, hit) in near.iter_mut().zip(&gap.near) {
                     if let Some(hit) = hit {
-                        *slot = Some(Near::new(&self.ply(hit, lambda_um), hit.frame));
+                        let ply = self.query_model(query, hit.family).uncached_at(&self.ply_query(query, hit));
+                        *slot = Some(Near::new(ply, surface_frame(hit.frame)));
                     }
                 }
                 let [west, east, south, north] = gap.aperture_um;
                 let (x, y) = (self.spectrum(west, east), self.spectrum(south, north));
-                let through = GapIncidence::new(x, y, w, lambda_um);
-                FabricAt { case: Case::Gap(InGap::new(near, through, self.gaps)) }
+                let through = GapBsdf::new(x, y, wo, query.lambda_um);
+                FabricAt { case: Case::Gap(InGap::new(near, through, self.gaps, turn)) }
             }
         }
     }
 
-    /// What the ply does over the layer below, where there is one.
-    fn two_layers<const N: usize>(
-        &self,
-        ply: &PreparedPly<'_, N>,
-        hit: &PlyHit,
-        lambda_um: [f32; N],
-    ) -> Option<TwoLayered<N>> {
+    /// The layer of the yarn below a ply, where there is one and its model has layer factors.
+    fn layer_below<const N: usize>(&self, query: &FabricQuery<'_, N>, hit: &PlyHit) -> Option<Layer<N>> {
         let below = hit.below?;
         let family = hit.family.other();
-        let sigma = self.sigma(family, below.yarn, lambda_um);
-        TwoLayered::new(ply, &self.models[family as usize].layer(below.theta_i, sigma)?)
+        self.query_model(query, family).layer(below.theta_i, self.query_sigma(query, family, below.yarn))
     }
 
-    fn ply<const N: usize>(&self, hit: &PlyHit, lambda_um: [f32; N]) -> WholePly<'_, N> {
-        WholePly {
-            model: &self.models[hit.family as usize],
-            theta_i: hit.theta_i,
-            h_um: hit.h_um,
-            sigma_per_um: self.sigma(hit.family, hit.yarn, lambda_um),
-            lambda_um,
-            slit: None,
+    fn ply_query<'a, const N: usize>(&self, query: &FabricQuery<'a, N>, hit: &PlyHit) -> PlyQuery<'a, N> {
+        let sigma_per_um = self.query_sigma(query, hit.family, hit.yarn);
+        PlyQuery {
             instance: self.noise.then(|| self.instance(hit)),
+            ..PlyQuery::new(hit.theta_i, hit.h_um, sigma_per_um, query.lambda_um)
         }
     }
 
@@ -239,180 +305,30 @@ impl FabricBsdf {
 }
 
 /// A direction of the fabric's frame in that of a ply.
-fn to_ply(frame: &[[f32; 3]; 3], w: [f32; 3]) -> [f32; 3] {
+pub(super) fn to_ply(frame: &[[f32; 3]; 3], w: [f32; 3]) -> [f32; 3] {
     frame.map(|a| a[0] * w[0] + a[1] * w[1] + a[2] * w[2])
 }
 
 /// A direction of a ply's frame in that of the fabric.
-fn to_fabric(frame: &[[f32; 3]; 3], w: [f32; 3]) -> [f32; 3] {
+pub(super) fn to_fabric(frame: &[[f32; 3]; 3], w: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|k| frame[0][k] * w[0] + frame[1][k] * w[1] + frame[2][k] * w[2])
 }
 
-/// A ply at the line, and its frame in the fabric's.
+/// The ply that a line meets, and its frame in the surface's.
 #[derive(Clone, Copy, Debug)]
-struct Seat<'a, const N: usize> {
-    ply: PreparedPly<'a, N>,
+struct OnPly<'a, const N: usize> {
+    ply: PlyBsdf<'a, N>,
     frame: [[f32; 3]; 3],
-    /// What it does over a second layer.
-    over: Option<TwoLayered<N>>,
-}
-
-/// A ply beside a gap: what its fibers scatter of the beam.
-#[derive(Clone, Copy, Debug)]
-struct Near<'a, const N: usize> {
-    ply: FreshPly<'a, N>,
-    frame: [[f32; 3]; 3],
-    /// 1 - r_d.
-    caught: f32,
-    energy: [f32; N],
-    mean: f32,
-    /// Chance that the ply's lobes give a direction.
-    hit: f32,
-}
-
-impl<'a, const N: usize> Near<'a, N> {
-    fn new(ply: &WholePly<'a, N>, frame: [[f32; 3]; 3]) -> Self {
-        let ply = ply.fresh();
-        let (energy, r_d) = ply.albedo_r_d();
-        let mean = energy.iter().sum::<f32>() / N.max(1) as f32;
-        let hit = if mean > 0.0 { mean / (mean + r_d) } else { 0.0 };
-        Near { ply, frame, caught: (1.0 - r_d).max(0.0), energy, mean, hit }
-    }
-
-    fn eval(&self, wo: [f32; 3]) -> [f32; N] {
-        self.ply.lobes(to_ply(&self.frame, wo))
-    }
-
-    /// Density of the lobes alone.
-    fn pdf(&self, wo: [f32; 3]) -> f32 {
-        if self.hit > 0.0 { self.ply.lobes_density(to_ply(&self.frame, wo)) / self.hit } else { 0.0 }
-    }
-
-    /// f and the density of the lobes alone.
-    fn eval_pdf(&self, wo: [f32; 3]) -> ([f32; N], f32) {
-        let (f, pdf) = self.ply.lobes_pdf(to_ply(&self.frame, wo));
-        (f, if self.hit > 0.0 { pdf / self.hit } else { 0.0 })
-    }
-
-    /// A direction of the lobes alone, with [`Near::eval_pdf`] there.
-    fn sample(&self, u: [f32; 3]) -> Option<Drawn<([f32; N], f32)>> {
-        let first = (u[0] * self.hit).min(self.hit * (1.0 - 1e-6));
-        let (wo, (f, pdf)) = self.ply.sample_lobes([first, u[1], u[2]])?;
-        Some((to_fabric(&self.frame, wo), (f, pdf / self.hit)))
-    }
-}
-
-/// In a gap.
-#[derive(Clone, Copy, Debug)]
-struct InGap<'a, const N: usize> {
-    near: [Option<Near<'a, N>>; 4],
-    /// Factor on the plies' light.
-    scale: f32,
-    /// Energy that goes through the aperture.
-    through: f32,
-    gap: GapIncidence<'a, N>,
-    straight: bool,
-    /// Chances of the four plies and of the aperture; what is left of 1 goes straight on.
-    chances: [f32; 5],
-}
-
-impl<'a, const N: usize> InGap<'a, N> {
-    fn new(near: [Option<Near<'a, N>>; 4], gap: GapIncidence<'a, N>, gaps: GapLight) -> Self {
-        let caught: f32 = near.iter().flatten().map(|n| n.caught).sum();
-        let (scale, through) = (if caught > 1.0 { 1.0 / caught } else { 1.0 }, (1.0 - caught).max(0.0));
-        // An aperture that is closed at the precision of the spectra lets its light pass straight on too.
-        let straight = gaps == GapLight::Straight || gap.miss() >= 1.0;
-        let mut chances = [0.0; 5];
-        for (chance, ply) in chances.iter_mut().zip(&near) {
-            *chance = ply.map_or(0.0, |p| scale * p.mean);
-        }
-        let total: f32 = chances.iter().sum::<f32>() + through;
-        chances[4] = if straight { 0.0 } else { through };
-        if total > 0.0 {
-            chances.iter_mut().for_each(|c| *c /= total);
-        }
-        InGap { near, scale, through, gap, straight, chances }
-    }
-
-    /// The light of the aperture.
-    fn aperture(&self, wo: [f32; 3]) -> [f32; N] {
-        if self.straight { [0.0; N] } else { self.gap.eval(wo).map(|g| self.through * g) }
-    }
-
-    /// The density of the aperture's samples, with their chance.
-    fn aperture_pdf(&self, wo: [f32; 3]) -> f32 {
-        if self.chances[4] > 0.0 { self.chances[4] * self.gap.pdf(wo) } else { 0.0 }
-    }
-
-    fn eval(&self, wo: [f32; 3]) -> [f32; N] {
-        let mut f = self.aperture(wo);
-        for ply in self.near.iter().flatten() {
-            let part = ply.eval(wo);
-            for k in 0..N {
-                f[k] += self.scale * part[k];
-            }
-        }
-        f
-    }
-
-    fn pdf(&self, wo: [f32; 3]) -> f32 {
-        let mut pdf = self.aperture_pdf(wo);
-        for (ply, chance) in self.near.iter().zip(&self.chances) {
-            if let Some(ply) = ply {
-                pdf += chance * ply.pdf(wo);
-            }
-        }
-        pdf
-    }
-
-    /// f and density; those of a ply that is known by its number need not be asked for.
-    fn eval_pdf(&self, wo: [f32; 3], known: Option<(usize, ([f32; N], f32))>) -> ([f32; N], f32) {
-        let (mut f, mut pdf) = (self.aperture(wo), self.aperture_pdf(wo));
-        for (i, (ply, chance)) in self.near.iter().zip(&self.chances).enumerate() {
-            if let Some(ply) = ply {
-                let (part, density) = match known {
-                    Some((known, drawn)) if known == i => drawn,
-                    _ => ply.eval_pdf(wo),
-                };
-                for k in 0..N {
-                    f[k] += self.scale * part[k];
-                }
-                pdf += chance * density;
-            }
-        }
-        (f, pdf)
-    }
-
-    /// A direction, f and density there.
-    fn sample(&self, u: [f32; 3]) -> Option<Drawn<([f32; N], f32)>> {
-        let mut left = u[0];
-        for (i, (ply, chance)) in self.near.iter().zip(&self.chances).enumerate() {
-            if let Some(ply) = ply {
-                if left < *chance {
-                    let (wo, drawn) = ply.sample([left / chance, u[1], u[2]])?;
-                    return Some((wo, self.eval_pdf(wo, Some((i, drawn)))));
-                }
-                left -= chance;
-            }
-        }
-        let chance = self.chances[4];
-        if left < chance {
-            let wo = self.gap.direction([left / chance, u[1], u[2]])?;
-            Some((wo, self.eval_pdf(wo, None)))
-        } else {
-            None
-        }
-    }
 }
 
 /// One of the cases of 7.1. It lives on the stack of one query: a box would allocate.
 #[derive(Clone, Copy, Debug)]
 enum Case<'a, const N: usize> {
-    Ply(Seat<'a, N>),
+    Ply(OnPly<'a, N>),
     Gap(InGap<'a, N>),
 }
 
-/// A fabric at one point and direction, for N wavelengths; of a ply the lobes are interpolated once.
+/// A fabric at a query, for N wavelengths; of a ply the lobes are interpolated once.
 #[derive(Clone, Copy, Debug)]
 pub struct FabricAt<'a, const N: usize> {
     case: Case<'a, N>,
@@ -426,70 +342,61 @@ impl<const N: usize> FabricAt<'_, N> {
 
     /// Whether two layers of yarns lie there.
     pub fn is_double(&self) -> bool {
-        matches!(self.case, Case::Ply(Seat { over: Some(_), .. }))
+        matches!(&self.case, Case::Ply(on) if on.ply.is_double())
     }
 }
 
-impl<const N: usize> Scatter<N> for FabricAt<'_, N> {
-    fn eval(&self, wo: [f32; 3]) -> [f32; N] {
+impl<const N: usize> Bsdf<N> for FabricAt<'_, N> {
+    fn eval(&self, w: [f32; 3]) -> [f32; N] {
         match &self.case {
-            Case::Ply(Seat { ply, frame, over: None }) => ply.eval(to_ply(frame, wo)),
-            Case::Ply(Seat { ply, frame, over: Some(two) }) => two.eval(ply, to_ply(frame, wo)),
-            Case::Gap(gap) => gap.eval(wo),
+            Case::Ply(OnPly { ply, frame }) => ply.eval(to_ply(frame, w)),
+            Case::Gap(gap) => gap.eval(w),
         }
     }
 
-    fn pdf(&self, wo: [f32; 3]) -> f32 {
+    fn pdf(&self, w: [f32; 3]) -> f32 {
         match &self.case {
-            Case::Ply(Seat { ply, frame, over: None }) => ply.pdf(to_ply(frame, wo)),
-            Case::Ply(Seat { ply, frame, over: Some(two) }) => two.pdf(ply, to_ply(frame, wo)),
-            Case::Gap(gap) => gap.pdf(wo),
+            Case::Ply(OnPly { ply, frame }) => ply.pdf(to_ply(frame, w)),
+            Case::Gap(gap) => gap.pdf(w),
         }
     }
 
-    fn eval_pdf(&self, wo: [f32; 3]) -> ([f32; N], f32) {
+    fn eval_pdf(&self, w: [f32; 3]) -> ([f32; N], f32) {
         match &self.case {
-            Case::Ply(Seat { ply, frame, over: None }) => ply.eval_pdf(to_ply(frame, wo)),
-            Case::Ply(Seat { ply, frame, over: Some(two) }) => two.eval_pdf(ply, to_ply(frame, wo)),
-            Case::Gap(gap) => gap.eval_pdf(wo, None),
+            Case::Ply(OnPly { ply, frame }) => ply.eval_pdf(to_ply(frame, w)),
+            Case::Gap(gap) => gap.eval_pdf(w),
         }
     }
 
-    fn sample(&self, u: [f32; 3]) -> Option<ScatterSample<N>> {
-        let turned = |frame: &[[f32; 3]; 3], s: ScatterSample<N>| ScatterSample { wo: to_fabric(frame, s.wo), ..s };
+    fn sample(&self, u: [f32; 3]) -> BsdfSample<N> {
         match &self.case {
-            Case::Ply(Seat { ply, frame, over: None }) => ply.sample(u).map(|s| turned(frame, s)),
-            Case::Ply(Seat { ply, frame, over: Some(two) }) => two.sample(ply, u).map(|s| turned(frame, s)),
-            Case::Gap(gap) => {
-                let u = u.map(|x| crate::simd::min(crate::simd::max(x, 0.0), 1.0 - f32::EPSILON / 2.0));
-                let (wo, (f, pdf)) = gap.sample(u)?;
-                Some(ScatterSample { wo, weight: f.map(|f| if pdf > 0.0 { f / pdf } else { 0.0 }), pdf })
-            }
+            Case::Ply(OnPly { ply, frame }) => match ply.sample(u) {
+                BsdfSample::Scattered(s) => BsdfSample::Scattered(DirectionSample { w: to_fabric(frame, s.w), ..s }),
+                other => other,
+            },
+            Case::Gap(gap) => gap.sample(u),
         }
     }
 
-    /// The light that comes back or through. Of the light through an aperture all is counted, as its Kirchhoff integral is to 2 % from 10 um on.
+    /// The light that comes back or through.
     fn albedo(&self) -> [f32; N] {
         match &self.case {
-            Case::Ply(Seat { ply, over: None, .. }) => ply.albedo(),
-            Case::Ply(Seat { over: Some(two), .. }) => two.albedo(),
-            Case::Gap(gap) => {
-                let mut albedo = if gap.straight { [0.0; N] } else { [gap.through; N] };
-                for ply in gap.near.iter().flatten() {
-                    for k in 0..N {
-                        albedo[k] += gap.scale * ply.energy[k];
-                    }
-                }
-                albedo
-            }
+            Case::Ply(on) => on.ply.albedo(),
+            Case::Gap(gap) => gap.albedo(),
         }
     }
 
-    fn miss(&self) -> f32 {
+    fn straight(&self) -> [f32; N] {
         match &self.case {
-            Case::Ply(Seat { ply, over: None, .. }) => ply.miss(),
-            Case::Ply(_) => 0.0,
-            Case::Gap(gap) => (1.0 - gap.chances.iter().sum::<f32>()).max(0.0),
+            Case::Ply(on) => on.ply.straight(),
+            Case::Gap(gap) => Bsdf::straight(gap),
+        }
+    }
+
+    fn outcomes(&self) -> Outcomes {
+        match &self.case {
+            Case::Ply(on) => on.ply.outcomes(),
+            Case::Gap(gap) => gap.outcomes(),
         }
     }
 }

@@ -4,9 +4,9 @@
 
 use super::energy::{Core, Energies, energies, sum};
 use super::layout::{FEW, Fast, Layout, MORE, Tables};
-use super::made::MadeLobes;
 use super::mixture::{mixture, weights};
-use super::slit::{SlitSample, Taken};
+use super::prepared::PreparedLobes;
+use super::slit::{Diffracted, SlitSample};
 use super::{MAX_LOBES, MAX_PATHS, Queries, batch};
 use multiversion::{multiversion, target::target_cfg_f};
 
@@ -118,10 +118,10 @@ kernel!(
 );
 kernel!(
     run_slit_eval, slit_eval_fast, slit_eval_large,
-    (share: f32, theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> (Core<N>, Taken<N>),
+    (share: f32, theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> (Core<N>, Diffracted<N>),
     |tables, FMA, L| match weights::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
         Some((mut m, params)) => m.slit_eval_pdf::<FMA>(&params, tables.bandwidth, (share, theta_i), wo),
-        None => (Core::MISS, Taken { energy: [0.0; N], chance: 0.0 }),
+        None => (Core::MISS, Diffracted { energy: [0.0; N], chance: 0.0 }),
     }
 );
 kernel!(
@@ -134,12 +134,12 @@ kernel!(
 );
 
 /// Lobes of fast tables.
-type FastLobes<const H: usize, const N: usize> = MadeLobes<H, LANES, N>;
+type FastLobes<const H: usize, const N: usize> = PreparedLobes<H, LANES, N>;
 
 /// What is kept of an incidence. It lives on the stack of a host's query: a box would allocate.
 #[allow(clippy::large_enum_variant)]
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Made<const N: usize> {
+pub(super) enum Prepared<const N: usize> {
     Few(FastLobes<FEW, N>),
     More(FastLobes<MORE, N>),
     /// The beam misses, or the tables are large.
@@ -148,16 +148,22 @@ pub(super) enum Made<const N: usize> {
 
 /// Puts the lobes at an incidence where they are kept.
 #[inline]
-pub(super) fn run_make<const N: usize>(layout: &Layout, theta_i: f32, h_um: f32, sigma: &[f32; N], made: &mut Made<N>) {
+pub(super) fn run_prepare<const N: usize>(
+    layout: &Layout,
+    theta_i: f32,
+    h_um: f32,
+    sigma: &[f32; N],
+    prepared: &mut Prepared<N>,
+) {
     match layout {
-        Layout::Few(tables) => make_few(tables, theta_i, h_um, sigma, made),
-        Layout::More(tables) => make_more(tables, theta_i, h_um, sigma, made),
+        Layout::Few(tables) => prepare_few(tables, theta_i, h_um, sigma, prepared),
+        Layout::More(tables) => prepare_more(tables, theta_i, h_um, sigma, prepared),
         Layout::Large(_) => (),
     }
 }
 
 /// Declares a kernel of kept lobes, compiled for several instruction sets.
-macro_rules! made {
+macro_rules! prepared {
     ($name:ident <$($h:ident)?>, ($($arg:ident: $type:ty),*) -> $out:ty, |$fma:ident| $body:expr) => {
         #[multiversion(targets(
             "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
@@ -170,16 +176,16 @@ macro_rules! made {
     };
 }
 
-made!(make_few<>, (tables: &Fast<FEW>, theta_i: f32, h_um: f32, sigma: &[f32; N], made: &mut Made<N>) -> (), |FMA| {
+prepared!(prepare_few<>, (tables: &Fast<FEW>, theta_i: f32, h_um: f32, sigma: &[f32; N], prepared: &mut Prepared<N>) -> (), |FMA| {
     if let Some((mixture, shapes)) = mixture::<FMA, _, _, LANES, _, N>(tables, theta_i, h_um, sigma) {
-        *made = Made::Few(MadeLobes::new::<FMA, _, _>(&mixture, &shapes));
+        *prepared = Prepared::Few(PreparedLobes::new::<FMA, _, _>(&mixture, &shapes));
     }
 });
-made!(make_more<>, (tables: &Fast<MORE>, theta_i: f32, h_um: f32, sigma: &[f32; N], made: &mut Made<N>) -> (), |FMA| {
+prepared!(prepare_more<>, (tables: &Fast<MORE>, theta_i: f32, h_um: f32, sigma: &[f32; N], prepared: &mut Prepared<N>) -> (), |FMA| {
     if let Some((mixture, shapes)) = mixture::<FMA, _, _, LANES, _, N>(tables, theta_i, h_um, sigma) {
-        *made = Made::More(MadeLobes::new::<FMA, _, _>(&mixture, &shapes));
+        *prepared = Prepared::More(PreparedLobes::new::<FMA, _, _>(&mixture, &shapes));
     }
 });
-made!(made_eval<H>, (x: &FastLobes<H, N>, wo: [f32; 3]) -> Core<N>, |FMA| x.eval::<FMA>(wo));
-made!(made_eval_pdf<H>, (x: &FastLobes<H, N>, wo: [f32; 3]) -> Core<N>, |FMA| x.eval_pdf::<FMA>(wo));
-made!(made_sample<H>, (x: &FastLobes<H, N>, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>), |FMA| x.sample::<FMA>(u));
+prepared!(prepared_eval<H>, (x: &FastLobes<H, N>, wo: [f32; 3]) -> Core<N>, |FMA| x.eval::<FMA>(wo));
+prepared!(prepared_eval_pdf<H>, (x: &FastLobes<H, N>, wo: [f32; 3]) -> Core<N>, |FMA| x.eval_pdf::<FMA>(wo));
+prepared!(prepared_sample<H>, (x: &FastLobes<H, N>, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>), |FMA| x.sample::<FMA>(u));

@@ -1,13 +1,13 @@
 //! Ply model files: writing, reading, checking (`docs/format.md`).
 
-use super::{PlyData, PlyModel};
+use super::{PlyData, PlyModel, PlyQuery};
 use crate::asg::{MU_MAX, MU_MIN, PARAMS};
 use crate::edge::{self, EdgeLobes};
 use crate::file::{Axis, Check, FileKind, Reader, Summary, VERSION, Writer, invalid, read_bytes, write_atomic};
 use crate::layers::{self, LayerFactors};
 use crate::noise::{self, NoiseTiles};
 use crate::table::TOLERANCE;
-use crate::{Result, direction};
+use crate::{Bsdf, Result, direction};
 use std::path::Path;
 
 /// Tensors of every model.
@@ -314,7 +314,13 @@ fn golden_values(model: &PlyModel) -> Vec<Golden> {
         for (theta_o, phi_o) in [(-t * theta, 4.7 + 0.1 * i as f32), (0.3 - t * theta, 1.2 + 0.5 * i as f32)] {
             let (theta_i, h_um, wo) = (t * theta, x * h, direction(theta_o, phi_o));
             let sigma_per_um = [0.0, 0.1 * sigma, 0.5 * sigma, 2.0 * sigma];
-            golden.push(Golden { theta_i, h_um, sigma_per_um, wo, value: model.eval(theta_i, h_um, sigma_per_um, wo) });
+            golden.push(Golden {
+                theta_i,
+                h_um,
+                sigma_per_um,
+                wo,
+                value: model.at(&PlyQuery::lobes(theta_i, h_um, sigma_per_um)).eval(wo),
+            });
         }
     }
     golden

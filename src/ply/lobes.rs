@@ -1,6 +1,6 @@
-//! What f_refl and f_high answer at one incidence: of lobes interpolated anew at every call, or once for many.
+//! What f_refl and f_high answer at one incidence: of lobes interpolated at every call (uncached), or once for many (cached).
 
-use super::dispatch::{self, Made};
+use super::dispatch::{self, Prepared};
 use super::energy::{Core, Energies};
 use super::layout::Layout;
 use crate::PlyModel;
@@ -13,26 +13,26 @@ pub(crate) trait Lobes<const N: usize> {
     /// The same with the density of [`Lobes::sample`].
     fn eval_pdf(&self, wo: [f32; 3]) -> Core<N>;
 
-    /// The density, of the rest as much as it takes.
+    /// The density; the other numbers need not be there.
     fn pdf(&self, wo: [f32; 3]) -> Core<N>;
 
-    /// A direction with what [`Lobes::eval_pdf`] is there; none for the light that missed.
+    /// A direction with what [`Lobes::eval_pdf`] is there; none for light that missed the fibers.
     fn sample(&self, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>);
 
     /// What the lobes are scaled to.
     fn energies(&self) -> Energies<N>;
 }
 
-/// Lobes that are interpolated at every call.
+/// Lobes interpolated at every call.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Fresh<'a, const N: usize> {
+pub(crate) struct Uncached<'a, const N: usize> {
     layout: &'a Layout,
     theta_i: f32,
     h_um: f32,
     sigma_per_um: [f32; N],
 }
 
-impl<const N: usize> Lobes<N> for Fresh<'_, N> {
+impl<const N: usize> Lobes<N> for Uncached<'_, N> {
     #[inline]
     fn eval(&self, wo: [f32; 3]) -> Core<N> {
         dispatch::run_eval(self.layout, self.theta_i, self.h_um, self.sigma_per_um, wo)
@@ -59,79 +59,79 @@ impl<const N: usize> Lobes<N> for Fresh<'_, N> {
     }
 }
 
-/// Lobes that [`Ready::make`] interpolates once; those of models with more lobes than the fast kernels are made for stay [`Fresh`].
+/// Lobes that [`Cached::prepare`] interpolates once; those of models with more lobes than the fast kernels hold stay [`Uncached`].
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Ready<'a, const N: usize> {
-    fresh: Fresh<'a, N>,
-    made: Made<N>,
+pub(crate) struct Cached<'a, const N: usize> {
+    uncached: Uncached<'a, N>,
+    prepared: Prepared<N>,
 }
 
-impl<const N: usize> Ready<'_, N> {
+impl<const N: usize> Cached<'_, N> {
     /// In place: lobes are too large to be moved about.
-    pub(crate) fn make(&mut self) {
-        dispatch::run_make(
-            self.fresh.layout,
-            self.fresh.theta_i,
-            self.fresh.h_um,
-            &self.fresh.sigma_per_um,
-            &mut self.made,
+    pub(crate) fn prepare(&mut self) {
+        dispatch::run_prepare(
+            self.uncached.layout,
+            self.uncached.theta_i,
+            self.uncached.h_um,
+            &self.uncached.sigma_per_um,
+            &mut self.prepared,
         );
     }
 }
 
-impl<const N: usize> Lobes<N> for Ready<'_, N> {
+impl<const N: usize> Lobes<N> for Cached<'_, N> {
     #[inline]
     fn eval(&self, wo: [f32; 3]) -> Core<N> {
-        match &self.made {
-            Made::Few(made) => dispatch::made_eval(made, wo),
-            Made::More(made) => dispatch::made_eval(made, wo),
-            Made::Nothing => self.fresh.eval(wo),
+        match &self.prepared {
+            Prepared::Few(prepared) => dispatch::prepared_eval(prepared, wo),
+            Prepared::More(prepared) => dispatch::prepared_eval(prepared, wo),
+            Prepared::Nothing => self.uncached.eval(wo),
         }
     }
 
     #[inline]
     fn eval_pdf(&self, wo: [f32; 3]) -> Core<N> {
-        match &self.made {
-            Made::Few(made) => dispatch::made_eval_pdf(made, wo),
-            Made::More(made) => dispatch::made_eval_pdf(made, wo),
-            Made::Nothing => self.fresh.eval_pdf(wo),
+        match &self.prepared {
+            Prepared::Few(prepared) => dispatch::prepared_eval_pdf(prepared, wo),
+            Prepared::More(prepared) => dispatch::prepared_eval_pdf(prepared, wo),
+            Prepared::Nothing => self.uncached.eval_pdf(wo),
         }
     }
 
     #[inline]
     fn pdf(&self, wo: [f32; 3]) -> Core<N> {
-        match &self.made {
-            Made::Few(made) => dispatch::made_eval_pdf(made, wo),
-            Made::More(made) => dispatch::made_eval_pdf(made, wo),
-            Made::Nothing => self.fresh.pdf(wo),
+        match &self.prepared {
+            Prepared::Few(prepared) => dispatch::prepared_eval_pdf(prepared, wo),
+            Prepared::More(prepared) => dispatch::prepared_eval_pdf(prepared, wo),
+            Prepared::Nothing => self.uncached.pdf(wo),
         }
     }
 
     #[inline]
     fn sample(&self, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>) {
-        match &self.made {
-            Made::Few(made) => dispatch::made_sample(made, u),
-            Made::More(made) => dispatch::made_sample(made, u),
-            Made::Nothing => self.fresh.sample(u),
+        match &self.prepared {
+            Prepared::Few(prepared) => dispatch::prepared_sample(prepared, u),
+            Prepared::More(prepared) => dispatch::prepared_sample(prepared, u),
+            Prepared::Nothing => self.uncached.sample(u),
         }
     }
 
     #[inline]
     fn energies(&self) -> Energies<N> {
-        match &self.made {
-            Made::Few(made) => made.energies,
-            Made::More(made) => made.energies,
-            Made::Nothing => self.fresh.energies(),
+        match &self.prepared {
+            Prepared::Few(prepared) => prepared.energies,
+            Prepared::More(prepared) => prepared.energies,
+            Prepared::Nothing => self.uncached.energies(),
         }
     }
 }
 
 impl PlyModel {
-    pub(crate) fn fresh<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> Fresh<'_, N> {
-        Fresh { layout: &self.layout, theta_i, h_um, sigma_per_um }
+    pub(crate) fn uncached<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> Uncached<'_, N> {
+        Uncached { layout: &self.layout, theta_i, h_um, sigma_per_um }
     }
 
-    pub(crate) fn ready<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> Ready<'_, N> {
-        Ready { fresh: self.fresh(theta_i, h_um, sigma_per_um), made: Made::Nothing }
+    pub(crate) fn cached<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> Cached<'_, N> {
+        Cached { uncached: self.uncached(theta_i, h_um, sigma_per_um), prepared: Prepared::Nothing }
     }
 }

@@ -8,7 +8,7 @@ use std::f32::consts::FRAC_1_PI;
 
 /// What a slit takes of f_high: energy, and the chance that a sample is of it.
 #[derive(Clone, Copy)]
-pub(super) struct Taken<const N: usize> {
+pub(super) struct Diffracted<const N: usize> {
     pub(super) energy: [f32; N],
     pub(super) chance: f32,
 }
@@ -55,14 +55,14 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         bandwidth: (f32, f32),
         by: (f32, f32),
         wo: [f32; 3],
-    ) -> (Core<N>, Taken<N>) {
+    ) -> (Core<N>, Diffracted<N>) {
         self.scale::<FMA>();
         let mean = self.mean::<FMA>();
         let (energy, sum) = self.take::<FMA>(params, &mean, by);
         let x = self.shapes::<FMA>(params, bandwidth);
         let (refl, high, pdf) = self.eval_pdf::<FMA>(&x, &mean, wo);
         let total = self.total();
-        (self.core(refl, high, pdf), Taken { energy, chance: if total > 0.0 { sum / total } else { 0.0 } })
+        (self.core(refl, high, pdf), Diffracted { energy, chance: if total > 0.0 { sum / total } else { 0.0 } })
     }
 
     /// What a sample is of when a slit takes its share.

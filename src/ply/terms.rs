@@ -1,70 +1,131 @@
-//! All terms of the model at once: what met fibers, and what passed beside the ply and was diffracted at its edge.
+//! All terms of the model at once: light that met fibers, light diffracted at the ply's edge, light of slits.
 
+use super::bsdf::{PlyQuery, PlyTerms};
 use super::edge::EdgeTables;
 use super::energy::Core;
 use super::lobe::unit;
 use super::lobes::Lobes;
 use super::slit::SlitSample;
 use super::{dispatch, edge};
-use crate::{PlyModel, PlyTerms, Slit};
+use crate::PlyModel;
+use crate::gap::Slit;
 
-/// The terms of a model at one incidence, of lobes `L`.
+/// A direction drawn from all terms, or what else becomes of the light.
+pub(crate) enum Drawn<const N: usize> {
+    Scattered([f32; 3], PlyTerms<N>),
+    Missed,
+    Absorbed,
+}
+
+/// The terms of a model at one query, of lobes `L`.
 pub(crate) struct Terms<'a, L, const N: usize> {
-    lobes: &'a L,
-    edge: Option<&'a EdgeTables>,
-    theta_i: f32,
-    h_um: f32,
-    lambda_um: [f32; N],
+    pub(super) model: &'a PlyModel,
+    pub(super) query: &'a PlyQuery<'a, N>,
+    pub(super) lobes: &'a L,
 }
 
 impl<L: Lobes<N>, const N: usize> Terms<'_, L, N> {
-    /// In direction `wo`; `pdf` is left at 0.
-    pub(crate) fn eval(&self, wo: [f32; 3]) -> PlyTerms<N> {
-        let core = self.lobes.eval(wo);
-        let light = match self.lit(&core, wo) {
-            Some(tables) => edge::eval(tables, self.theta_i, self.h_um, &self.lambda_um, wo),
+    /// In direction `w`; `pdf` stays 0 without a slit.
+    pub(crate) fn eval(&self, w: [f32; 3]) -> PlyTerms<N> {
+        if let Some(slit) = self.query.slit {
+            return self.slit_eval_pdf(slit, w);
+        }
+        let core = self.lobes.eval(w);
+        let light = match self.lit(&core, w) {
+            Some(tables) => edge::eval(tables, self.query.theta_i, self.query.h_um, &self.query.lambda_um, w),
             None => [0.0; N],
         };
         join(&core, light, 0.0)
     }
 
     /// [`Terms::eval`] with the density of [`Terms::sample`].
-    pub(crate) fn eval_pdf(&self, wo: [f32; 3]) -> PlyTerms<N> {
-        self.with_edge_pdf(&self.lobes.eval_pdf(wo), wo)
+    pub(crate) fn eval_pdf(&self, w: [f32; 3]) -> PlyTerms<N> {
+        match self.query.slit {
+            Some(slit) => self.slit_eval_pdf(slit, w),
+            None => self.with_edge_pdf(&self.lobes.eval_pdf(w), w),
+        }
     }
 
     /// The density [1/sr] alone.
-    pub(crate) fn pdf(&self, wo: [f32; 3]) -> f32 {
-        self.with_edge_pdf(&self.lobes.pdf(wo), wo).pdf
+    pub(crate) fn pdf(&self, w: [f32; 3]) -> f32 {
+        match self.query.slit {
+            Some(slit) => self.slit_eval_pdf(slit, w).pdf,
+            None => self.with_edge_pdf(&self.lobes.pdf(w), w).pdf,
+        }
     }
 
     /// A direction and the terms there.
-    pub(crate) fn sample(&self, u: [f32; 3]) -> Option<([f32; 3], PlyTerms<N>)> {
+    pub(crate) fn sample(&self, u: [f32; 3]) -> Drawn<N> {
         let u = unit(u);
-        let (wo, core) = self.lobes.sample(u);
-        if let Some(wo) = wo {
-            return Some((wo, self.with_edge_pdf(&core, wo)));
+        if let Some(slit) = self.query.slit {
+            return self.slit_sample(slit, u);
+        }
+        let (w, core) = self.lobes.sample(u);
+        if let Some(w) = w {
+            return Drawn::Scattered(w, self.with_edge_pdf(&core, w));
         }
         if core.missed <= 0.0 {
-            return None;
+            return Drawn::Absorbed;
         }
-        // The missed light is the last part of the unit interval: what is left of the number chooses the wavelength.
-        let left = 1.0 - (1.0 - u[0]) / core.missed;
-        let wo = edge::sample(self.edge?, self.theta_i, self.h_um, &self.lambda_um, unit([left, u[1], u[2]]))?;
-        Some((wo, self.eval_pdf(wo)))
+        // Missed light is the last part of the unit interval: what remains of the number chooses the wavelength.
+        self.sample_missed(1.0 - (1.0 - u[0]) / core.missed, u)
     }
 
-    fn with_edge_pdf(&self, core: &Core<N>, wo: [f32; 3]) -> PlyTerms<N> {
-        let (light, pdf) = match self.lit(core, wo) {
-            Some(tables) => edge::eval_pdf(tables, self.theta_i, self.h_um, &self.lambda_um, wo),
+    /// The edge lobes take all missed light, where the model has some and the query wants them.
+    fn sample_missed(&self, remaining: f32, u: [f32; 3]) -> Drawn<N> {
+        let Some(tables) = self.edge() else { return Drawn::Missed };
+        let q = self.query;
+        match edge::sample(tables, q.theta_i, q.h_um, &q.lambda_um, unit([remaining, u[1], u[2]])) {
+            Some(w) => Drawn::Scattered(w, self.eval_pdf(w)),
+            None => Drawn::Absorbed,
+        }
+    }
+
+    fn with_edge_pdf(&self, core: &Core<N>, w: [f32; 3]) -> PlyTerms<N> {
+        let (light, pdf) = match self.lit(core, w) {
+            Some(tables) => edge::eval_pdf(tables, self.query.theta_i, self.query.h_um, &self.query.lambda_um, w),
             None => ([0.0; N], 0.0),
         };
         join(core, light, pdf)
     }
 
+    #[inline]
+    fn edge(&self) -> Option<&EdgeTables> {
+        if self.query.edge { self.model.edge.as_ref() } else { None }
+    }
+
     /// The edge lobes where they have light in a direction.
-    fn lit(&self, core: &Core<N>, wo: [f32; 3]) -> Option<&EdgeTables> {
-        self.edge.filter(|tables| core.r_d > 0.0 && !tables.dark(self.h_um, wo[0]))
+    fn lit(&self, core: &Core<N>, w: [f32; 3]) -> Option<&EdgeTables> {
+        self.edge().filter(|tables| core.r_d > 0.0 && !tables.dark(self.query.h_um, w[0]))
+    }
+
+    /// The terms of a ply whose forward light has a part that a slit diffracts (Yu 2025, 7.3). Its lobes are interpolated at every call.
+    fn slit_eval_pdf(&self, slit: &Slit, w: [f32; 3]) -> PlyTerms<N> {
+        let q = self.query;
+        let layout = &self.model.layout;
+        let (core, diffracted) = dispatch::run_slit_eval(layout, slit.share(), q.theta_i, q.h_um, q.sigma_per_um, w);
+        let mut terms = self.with_edge_pdf(&core, w);
+        let (light, pdf) = slit.eval_pdf(q.theta_i, q.lambda_um, w);
+        for k in 0..N {
+            terms.slit[k] = diffracted.energy[k] * light[k];
+        }
+        terms.pdf += diffracted.chance * pdf;
+        terms
+    }
+
+    fn slit_sample(&self, slit: &Slit, u: [f32; 3]) -> Drawn<N> {
+        let q = self.query;
+        let layout = &self.model.layout;
+        let w = match dispatch::run_slit_sample(layout, slit.share(), q.theta_i, q.h_um, q.sigma_per_um, u) {
+            SlitSample::Lobe(w) => Some(w),
+            SlitSample::Slit(remaining) => slit.sample(q.theta_i, q.lambda_um, unit([remaining, u[1], u[2]])),
+            SlitSample::Missed(remaining) => return self.sample_missed(remaining, u),
+            SlitSample::None => None,
+        };
+        match w {
+            Some(w) => Drawn::Scattered(w, self.slit_eval_pdf(slit, w)),
+            None => Drawn::Absorbed,
+        }
     }
 }
 
@@ -75,106 +136,4 @@ fn join<const N: usize>(core: &Core<N>, light: [f32; N], pdf: f32) -> PlyTerms<N
         *f *= core.r_d;
     }
     PlyTerms { refl: core.refl, high: core.high, edge, slit: [0.0; N], pdf: core.pdf + core.missed * pdf }
-}
-
-impl PlyModel {
-    /// Whether the model has edge lobes.
-    pub fn has_edge(&self) -> bool {
-        self.edge.is_some()
-    }
-
-    /// Terms of given lobes.
-    pub(crate) fn terms_of<'a, L: Lobes<N>, const N: usize>(
-        &'a self,
-        lobes: &'a L,
-        theta_i: f32,
-        h_um: f32,
-        lambda_um: [f32; N],
-    ) -> Terms<'a, L, N> {
-        Terms { lobes, edge: self.edge.as_ref(), theta_i, h_um, lambda_um }
-    }
-
-    /// All terms of the model in direction `wo`, the light diffracted at the ply's edge (Yu 2025, Eq. 18) at the wavelengths
-    /// `lambda_um` among them, each on its own; `pdf` is left at 0.
-    pub fn eval_terms<const N: usize>(
-        &self,
-        theta_i: f32,
-        h_um: f32,
-        sigma_per_um: [f32; N],
-        lambda_um: [f32; N],
-        wo: [f32; 3],
-    ) -> PlyTerms<N> {
-        let lobes = self.fresh(theta_i, h_um, sigma_per_um);
-        self.terms_of(&lobes, theta_i, h_um, lambda_um).eval(wo)
-    }
-
-    /// [`PlyModel::eval_terms`] with the density of [`PlyModel::sample_terms`].
-    pub fn terms_pdf<const N: usize>(
-        &self,
-        theta_i: f32,
-        h_um: f32,
-        sigma_per_um: [f32; N],
-        lambda_um: [f32; N],
-        wo: [f32; 3],
-    ) -> PlyTerms<N> {
-        let lobes = self.fresh(theta_i, h_um, sigma_per_um);
-        self.terms_of(&lobes, theta_i, h_um, lambda_um).eval_pdf(wo)
-    }
-
-    /// A direction drawn from all terms, edge light included, with density proportional to their energies averaged over the N
-    /// wavelengths. `None` where nothing is scattered, and for the missed light of a model without edge lobes.
-    pub fn sample_terms<const N: usize>(
-        &self,
-        theta_i: f32,
-        h_um: f32,
-        sigma_per_um: [f32; N],
-        lambda_um: [f32; N],
-        u: [f32; 3],
-    ) -> Option<([f32; 3], PlyTerms<N>)> {
-        let lobes = self.fresh(theta_i, h_um, sigma_per_um);
-        self.terms_of(&lobes, theta_i, h_um, lambda_um).sample(u)
-    }
-
-    /// [`PlyModel::terms_pdf`] of a ply whose forward light has a part that small slits diffract (Yu 2025, 7.3).
-    pub fn terms_slit<const N: usize>(
-        &self,
-        slit: &Slit,
-        theta_i: f32,
-        h_um: f32,
-        sigma_per_um: [f32; N],
-        lambda_um: [f32; N],
-        wo: [f32; 3],
-    ) -> PlyTerms<N> {
-        let (core, taken) = dispatch::run_slit_eval(&self.layout, slit.share(), theta_i, h_um, sigma_per_um, wo);
-        let lobes = self.fresh(theta_i, h_um, sigma_per_um);
-        let mut terms = self.terms_of(&lobes, theta_i, h_um, lambda_um).with_edge_pdf(&core, wo);
-        let (light, pdf) = slit.eval_pdf(theta_i, lambda_um, wo);
-        for k in 0..N {
-            terms.slit[k] = taken.energy[k] * light[k];
-        }
-        terms.pdf += taken.chance * pdf;
-        terms
-    }
-
-    /// [`PlyModel::sample_terms`] of what [`PlyModel::terms_slit`] gives.
-    pub fn sample_slit<const N: usize>(
-        &self,
-        slit: &Slit,
-        theta_i: f32,
-        h_um: f32,
-        sigma_per_um: [f32; N],
-        lambda_um: [f32; N],
-        u: [f32; 3],
-    ) -> Option<([f32; 3], PlyTerms<N>)> {
-        let u = unit(u);
-        let wo = match dispatch::run_slit_sample(&self.layout, slit.share(), theta_i, h_um, sigma_per_um, u) {
-            SlitSample::Lobe(wo) => wo,
-            SlitSample::Slit(left) => slit.sample(theta_i, lambda_um, unit([left, u[1], u[2]]))?,
-            SlitSample::Missed(left) => {
-                edge::sample(self.edge.as_ref()?, theta_i, h_um, &lambda_um, unit([left, u[1], u[2]]))?
-            }
-            SlitSample::None => return None,
-        };
-        Some((wo, self.terms_slit(slit, theta_i, h_um, sigma_per_um, lambda_um, wo)))
-    }
 }

@@ -8,7 +8,7 @@ use crate::plot::lines::{self, Curve, LinePanel, Row, Scale};
 use crate::plot::pattern::{self, BANDS, Daylight, Pattern};
 use crate::report::number;
 use plywave::faddeeva::{diffraction_factor, power_between};
-use plywave::{Aperture, EdgeLobes, Gap, GaussianBeam, Scatter, YarnSpec, direction};
+use plywave::{Aperture, Bsdf, EdgeLobes, Gap, GaussianBeam, YarnSpec, direction};
 use plywave_fit::{EdgeOptions, fit_edge};
 
 /// Width and height [um] of the gaps shown when none is asked for.

@@ -5,7 +5,7 @@ use crate::args::{Cli, EvalArgs};
 use crate::failure::{Failure, Outcome};
 use crate::output;
 use crate::report::number;
-use plywave::{PlyModel, direction};
+use plywave::{Bsdf, PlyModel, PlyQuery, direction};
 
 #[derive(serde::Serialize)]
 struct Report {
@@ -60,7 +60,8 @@ fn evaluate<const N: usize>(
     sigma: [f32; N],
 ) -> Outcome<Report> {
     let wo = direction(args.theta_o.to_radians() as f32, args.phi_o.rem_euclid(360.0).to_radians() as f32);
-    let (refl, high) = model.eval_split(theta_i, h_um, sigma, wo);
+    let bsdf = model.at(&PlyQuery::lobes(theta_i, h_um, sigma));
+    let terms = bsdf.terms(wo);
     Ok(Report {
         theta_i_deg: args.incidence.theta_i,
         h_rel: args.incidence.h_rel,
@@ -68,11 +69,11 @@ fn evaluate<const N: usize>(
         theta_o_deg: args.theta_o,
         phi_o_deg: args.phi_o,
         sigma_per_um: args.incidence.sigma.clone(),
-        f_per_sr: model.eval(theta_i, h_um, sigma, wo).to_vec(),
-        refl_per_sr: refl,
-        high_per_sr: high.to_vec(),
-        pdf_per_sr: model.pdf(theta_i, h_um, sigma, wo),
-        albedo: model.albedo(theta_i, h_um, sigma).to_vec(),
-        r_d: model.r_d(theta_i, h_um),
+        f_per_sr: terms.sum().to_vec(),
+        refl_per_sr: terms.refl,
+        high_per_sr: terms.high.to_vec(),
+        pdf_per_sr: terms.pdf,
+        albedo: bsdf.albedo().to_vec(),
+        r_d: bsdf.r_d(),
     })
 }

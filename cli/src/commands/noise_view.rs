@@ -9,7 +9,7 @@ use crate::plot::lines::{self, Curve, LinePanel, Row, Scale};
 use crate::plot::sheet;
 use crate::report::number;
 use plywave::color::{color_matching, linear_srgb_of_xyz, srgb_encode};
-use plywave::{Instance, PlyModel, SpecklePatterns, direction};
+use plywave::{Instance, PlyModel, PlyQuery, PlyTerms, SpecklePatterns, direction};
 use plywave_fit::noise::{LineComparison, NoiseOptions, PatternCovariance, compare_lines};
 use std::path::Path;
 
@@ -147,6 +147,7 @@ pub fn model(title: &str, model: &PlyModel) -> image::RgbImage {
     let instance = Instance::new(1, 0.0, 1.0);
     for (row, theta_deg) in [0.0f64, 15.0].into_iter().enumerate() {
         let theta_i = theta_deg.to_radians() as f32;
+        let bsdf = model.at(&PlyQuery::lobes(theta_i, 0.0, [0.0]));
         let y = TOP + row as i32 * (PANEL[1] + GAP[1]);
         canvas.text_up(28, y + PANEL[1] / 2, &format!("θ_i = {}°", number(theta_deg)), Align::Center, INK);
         for kind in 0..2 {
@@ -156,7 +157,7 @@ pub fn model(title: &str, model: &PlyModel) -> image::RgbImage {
                 let phi = center + (f64::from(i - PANEL[0] / 2) + 0.5) / DOTS;
                 let theta = MIDDLE - (f64::from(j - PANEL[1] / 2) + 0.5) / DOTS;
                 let wo = direction(theta.to_radians() as f32, phi.to_radians() as f32);
-                let (refl, [high]) = model.eval_split(theta_i, 0.0, [0.0], wo);
+                let PlyTerms { refl, high: [high], .. } = bsdf.terms(wo);
                 let (n_refl, n_high) = noise.factors(instance, theta_i, wo, LAMBDAS);
                 (if kind == 0 { refl } else { high }, if kind == 0 { n_refl } else { n_high })
             };

@@ -12,7 +12,7 @@ use crate::plot::map::Field;
 use crate::plot::sheet::{self, Block, Cell, Section};
 use crate::report::number;
 use plywave::asg::{Lobe, PARAMS};
-use plywave::{FileKind, OutgoingGrid, PlyModel, SpecklePatterns, Table, direction};
+use plywave::{FileKind, OutgoingGrid, PlyModel, PlyQuery, SpecklePatterns, Table, direction};
 use std::path::Path;
 
 /// Bins of a map of a model without a table: fine enough that none shows.
@@ -126,10 +126,11 @@ impl Source {
         });
         let fit = self.model.as_ref().map(|model| {
             let (theta_i, h_um) = (view.theta_i as f32, view.h_um as f32);
+            let bsdf = model.at(&PlyQuery::lobes(theta_i, h_um, [sigma.unwrap_or(0.0) as f32]));
             let field = Field::from_fn(self.grid(), |theta, phi| {
                 let wo = direction(theta as f32, phi as f32);
-                let (refl, high) = model.eval_split(theta_i, h_um, [sigma.unwrap_or(0.0) as f32], wo);
-                if sigma.is_some() { high[0] as f64 } else { refl as f64 }
+                let terms = bsdf.terms(wo);
+                f64::from(if sigma.is_some() { terms.high[0] } else { terms.refl })
             });
             let at = plywave_fit::locate(model.data(), view.theta_i, view.h_um);
             let lobes = match sigma {

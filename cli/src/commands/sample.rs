@@ -5,7 +5,7 @@ use super::{Yarn, by_count, incidence};
 use crate::args::{Cli, SampleArgs};
 use crate::failure::Outcome;
 use crate::output;
-use plywave::{PlyModel, theta_phi};
+use plywave::{Bsdf, BsdfSample, PlyModel, PlyQuery, theta_phi};
 use rand::{RngExt, SeedableRng};
 use std::io::Write;
 
@@ -44,14 +44,15 @@ fn draw<const N: usize>(
             let weights: String = (0..N).map(|k| format!(",weight_{k}")).collect();
             writeln!(out, "theta_o_deg,phi_o_deg,pdf_per_sr{weights}")?;
         }
+        let bsdf = model.at(&PlyQuery::lobes(theta_i, h_um, sigma));
         let mut first = true;
         for _ in 0..args.count {
             let u = [rng.random(), rng.random(), rng.random()];
-            let Some(sample) = model.sample(theta_i, h_um, sigma, u) else {
+            let BsdfSample::Scattered(sample) = bsdf.sample(u) else {
                 missed += 1;
                 continue;
             };
-            let (theta, phi) = theta_phi(sample.wo);
+            let (theta, phi) = theta_phi(sample.w);
             let (theta, phi) = (theta.to_degrees(), phi.to_degrees());
             if cli.json {
                 let comma = if first { "" } else { "," };

@@ -614,7 +614,10 @@ mod tests {
         let twin = Soft { wave, axes: [0.5, 0.2] };
         let loaded = TabulatedFiber::from_table(table).unwrap();
         let theta = wave.theta_i as f32;
-        let mean = |phi_i: f32, phi_r: f32| loaded.eval(0.5, direction(theta, phi_i), direction(-theta, phi_r));
+        let mean = |phi_i: f32, phi_r: f32| {
+            let at = loaded.at(&plywave::FiberQuery::new(direction(theta, phi_i), [0.5]));
+            plywave::Bsdf::eval(&at, direction(-theta, phi_r))[0]
+        };
         // M_0 at its peak from the mean over all azimuths, which is M_0 times the albedo over 2 pi.
         for k in 0..40 {
             let phi_i = 0.37 + 0.161 * f64::from(k);

@@ -9,7 +9,7 @@ use crate::simd::{exp2, fma, min};
 
 /// Lobes in L lanes, H high-order ones first, then those of f_refl, for N absorptions.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct MadeLobes<const H: usize, const L: usize, const N: usize> {
+pub(super) struct PreparedLobes<const H: usize, const L: usize, const N: usize> {
     /// Sines and cosines of the angles.
     axes: [[f32; L]; PARAMS],
     s1: [f32; L],
@@ -28,7 +28,7 @@ pub(super) struct MadeLobes<const H: usize, const L: usize, const N: usize> {
     pub(super) energies: Energies<N>,
 }
 
-impl<const H: usize, const L: usize, const N: usize> MadeLobes<H, L, N> {
+impl<const H: usize, const L: usize, const N: usize> PreparedLobes<H, L, N> {
     #[inline(always)]
     pub(super) fn new<const FMA: bool, const R: usize, const J: usize>(
         m: &Mixture<H, R, L, J, N>,
@@ -37,7 +37,7 @@ impl<const H: usize, const L: usize, const N: usize> MadeLobes<H, L, N> {
         let weight = m.left::<FMA>();
         let total = m.total();
         let per_total = if total > 0.0 { 1.0 / total } else { 0.0 };
-        let mut made = MadeLobes {
+        let mut prepared = PreparedLobes {
             axes: x.axes,
             s1: x.s1,
             s2: x.s2,
@@ -59,16 +59,16 @@ impl<const H: usize, const L: usize, const N: usize> MadeLobes<H, L, N> {
             mean[l] = share * sum;
         }
         for i in H..L {
-            made.amplitude[i] *= m.scale_refl;
+            prepared.amplitude[i] *= m.scale_refl;
         }
         for i in 0..L {
-            made.density[i] = mean[i] * x.norm[i] * per_total;
+            prepared.density[i] = mean[i] * x.norm[i] * per_total;
         }
         for i in 0..H + R {
-            made.sum = fma::<FMA>(m.energy[i], mean[i], made.sum);
-            made.sums[i] = made.sum;
+            prepared.sum = fma::<FMA>(m.energy[i], mean[i], prepared.sum);
+            prepared.sums[i] = prepared.sum;
         }
-        made
+        prepared
     }
 
     /// f_refl and f_high of the values of the lobes.

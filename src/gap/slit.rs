@@ -6,7 +6,7 @@
 //! exact, so what is taken is what is sent, at every absorption. Through so narrow a slit Kirchhoff's approximation loses light (5 % and
 //! more below 5 um); the pattern here is the spectrum of the slit alone, scaled to an integral of 1 over the directions that propagate.
 
-use crate::gap::{Aperture, Gap};
+use super::{Aperture, Gap};
 use crate::{Error, GaussianBeam, Result};
 
 /// Widest slit [um]: above it, gaps belong to the weave (Yu 2025, 7.3).

@@ -1,0 +1,156 @@
+//! The interface of every scattering model: a query fixes one direction and all else about a shading point, and the model at that query is a [`Bsdf`].
+//!
+//! Directions are unit vectors that point away from the surface, ply or fiber. One of the two is fixed by the query, the other is the argument `w` of each call:
+//!
+//! | | fixed by the query | `w` of `eval`, `pdf`, `sample` |
+//! |---|---|---|
+//! | ply, fiber, gap, as in the papers | `omega_i`: where the beam comes from | `omega_o`: where light goes |
+//! | fabric in a path tracer from the camera | `wo`: towards the camera | `wi`: towards the light |
+//!
+//! docs/hosts.md has the names of pbrt and Mitsuba beside these.
+
+/// A scattering function with its query fixed, for N absorptions or wavelengths at once.
+///
+/// `f` is an energy density [1/sr], the BSDF times the cosine of `w` (of a ply or fiber: of the papers' energy density): its integral over the sphere is the
+/// scattered fraction of the light that the query counts as incident. No call fails, allocates or panics, whatever numbers come in.
+///
+/// ```
+/// use plywave::{Bsdf, BsdfSample};
+///
+/// /// One light path: what a path tracer does with any model.
+/// fn bounce(bsdf: &impl Bsdf<3>, u: [f32; 3], throughput: &mut [f32; 3]) -> Option<[f32; 3]> {
+///     match bsdf.sample(u) {
+///         BsdfSample::Scattered(s) => {
+///             (0..3).for_each(|k| throughput[k] *= s.weight[k]);
+///             Some(s.w) // s.pdf weighs it against sampling the lights
+///         }
+///         BsdfSample::Straight { weight, .. } => {
+///             (0..3).for_each(|k| throughput[k] *= weight[k]);
+///             None // go on in the same direction
+///         }
+///         BsdfSample::Absorbed => {
+///             *throughput = [0.0; 3];
+///             None
+///         }
+///     }
+/// }
+/// ```
+pub trait Bsdf<const N: usize> {
+    /// f in direction `w` [1/sr]. Light that goes straight on is a delta and not in it.
+    fn eval(&self, w: [f32; 3]) -> [f32; N];
+
+    /// Density [1/sr] with which [`Bsdf::sample`] gives `w`; its integral is [`Outcomes::scattered`].
+    fn pdf(&self, w: [f32; 3]) -> f32;
+
+    /// [`Bsdf::eval`] and [`Bsdf::pdf`], for models that share their work.
+    fn eval_pdf(&self, w: [f32; 3]) -> ([f32; N], f32) {
+        (self.eval(w), self.pdf(w))
+    }
+
+    /// What becomes of a light path, by three independent uniform numbers in [0, 1).
+    fn sample(&self, u: [f32; 3]) -> BsdfSample<N>;
+
+    /// Integral of f over the sphere, by absorption or wavelength.
+    fn albedo(&self) -> [f32; N];
+
+    /// Fraction of the light that goes straight on, unscattered, by absorption or wavelength; 0 for most models.
+    fn straight(&self) -> [f32; N] {
+        [0.0; N]
+    }
+
+    /// Chances of what [`Bsdf::sample`] gives.
+    fn outcomes(&self) -> Outcomes;
+
+    /// [`Bsdf::eval`] and [`Bsdf::pdf`] in many directions; the shortest slice sets how many.
+    fn eval_batch(&self, w: &[[f32; 3]], f: &mut [[f32; N]], pdf: &mut [f32]) {
+        for ((w, f), pdf) in w.iter().zip(f).zip(pdf) {
+            (*f, *pdf) = self.eval_pdf(*w);
+        }
+    }
+}
+
+/// What becomes of a sampled light path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum BsdfSample<const N: usize> {
+    /// It is scattered into a direction.
+    Scattered(DirectionSample<N>),
+    /// It goes straight on, as if nothing were there: a delta.
+    Straight {
+        /// [`Bsdf::straight`] over the probability, by absorption or wavelength.
+        weight: [f32; N],
+        /// Chance of this outcome.
+        probability: f32,
+    },
+    /// It ends here.
+    Absorbed,
+}
+
+/// A sampled direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DirectionSample<const N: usize> {
+    /// Direction, unit.
+    pub w: [f32; 3],
+    /// f / pdf, by absorption or wavelength.
+    pub weight: [f32; N],
+    /// Density of the direction [1/sr], the chance of being scattered at all included.
+    pub pdf: f32,
+}
+
+/// Chances of the variants of [`BsdfSample`]; they add up to 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outcomes {
+    /// Of [`BsdfSample::Scattered`].
+    pub scattered: f32,
+    /// Of [`BsdfSample::Straight`].
+    pub straight: f32,
+    /// Of [`BsdfSample::Absorbed`].
+    pub absorbed: f32,
+}
+
+impl Outcomes {
+    /// All light ends.
+    pub const ABSORBED: Outcomes = Outcomes { scattered: 0.0, straight: 0.0, absorbed: 1.0 };
+    /// All light is scattered.
+    pub const SCATTERED: Outcomes = Outcomes { scattered: 1.0, straight: 0.0, absorbed: 0.0 };
+
+    /// Light is scattered or goes straight on in proportion to these energies; where both are 0 it ends.
+    pub(crate) fn in_proportion(scattered: f32, straight: f32) -> Outcomes {
+        let total = scattered + straight;
+        if total > 0.0 {
+            let straight = straight / total;
+            Outcomes { scattered: 1.0 - straight, straight, absorbed: 0.0 }
+        } else {
+            Outcomes::ABSORBED
+        }
+    }
+}
+
+impl<const N: usize> BsdfSample<N> {
+    /// The direction of scattered light.
+    pub fn direction(&self) -> Option<&DirectionSample<N>> {
+        match self {
+            BsdfSample::Scattered(sample) => Some(sample),
+            _ => None,
+        }
+    }
+
+    /// Light of f and pdf in a direction.
+    pub(crate) fn scattered(w: [f32; 3], f: [f32; N], pdf: f32) -> Self {
+        let mut weight = [0.0; N];
+        if pdf > 0.0 {
+            for k in 0..N {
+                weight[k] = f[k] / pdf;
+            }
+        }
+        BsdfSample::Scattered(DirectionSample { w, weight, pdf })
+    }
+
+    /// Light that goes straight on: its energy and the chance of sampling it.
+    pub(crate) fn straight(energy: [f32; N], probability: f32) -> Self {
+        if probability > 0.0 {
+            BsdfSample::Straight { weight: energy.map(|e| e / probability), probability }
+        } else {
+            BsdfSample::Absorbed
+        }
+    }
+}

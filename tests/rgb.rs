@@ -1,0 +1,173 @@
+//! Hosts that render in RGB get the color they asked for: the RGB mode of a fabric against the spectral answer, for the twenty most used colors there are, those of the
+//! ColorChecker chart, on fabrics that ship. CIEDE2000 is written here from the paper (Sharma, Wu, Dalal 2005) and held to its published pairs.
+
+use plywave::color::{lab_of_xyz, spectrum_lambda_um, xyz_of_linear_srgb, xyz_of_reflectance};
+use plywave::fabric::{FabricOptions, FabricSpec};
+use plywave::{Bsdf, FabricBsdf, FabricQuery, direction};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use std::f64::consts::PI;
+
+/// sRGB of the chart's patches, 8 bit (BabelColor's averages): 18 colors, white and a gray.
+const COLORS: [[u8; 3]; 20] = [
+    [115, 82, 68],
+    [194, 150, 130],
+    [98, 122, 157],
+    [87, 108, 67],
+    [133, 128, 177],
+    [103, 189, 170],
+    [214, 126, 44],
+    [80, 91, 166],
+    [193, 90, 99],
+    [94, 60, 108],
+    [157, 188, 64],
+    [224, 163, 46],
+    [56, 61, 150],
+    [70, 148, 73],
+    [175, 54, 60],
+    [231, 199, 31],
+    [187, 86, 149],
+    [8, 133, 161],
+    [243, 243, 242],
+    [122, 122, 121],
+];
+
+/// CIEDE2000 of two CIELAB colors.
+fn ciede2000([l1, a1, b1]: [f64; 3], [l2, a2, b2]: [f64; 3]) -> f64 {
+    let chroma_mean = 0.5 * (a1.hypot(b1) + a2.hypot(b2));
+    let seventh = |c: f64| (c.powi(7) / (c.powi(7) + 25f64.powi(7))).sqrt();
+    let g = 0.5 * (1.0 - seventh(chroma_mean));
+    let polar = |a: f64, b: f64| {
+        let a = (1.0 + g) * a;
+        let hue = if a == 0.0 && b == 0.0 { 0.0 } else { b.atan2(a).rem_euclid(2.0 * PI) };
+        (a.hypot(b), hue)
+    };
+    let ((c1, h1), (c2, h2)) = (polar(a1, b1), polar(a2, b2));
+    let gray = c1 * c2 == 0.0;
+    let turn = if gray { 0.0 } else { (h2 - h1 + PI).rem_euclid(2.0 * PI) - PI };
+    let (dl, dc, dh) = (l2 - l1, c2 - c1, 2.0 * (c1 * c2).sqrt() * (0.5 * turn).sin());
+    let (l, c) = (0.5 * (l1 + l2), 0.5 * (c1 + c2));
+    let h = match (h1 + h2, (h1 - h2).abs() > PI) {
+        (sum, _) if gray => sum,
+        (sum, false) => 0.5 * sum,
+        (sum, true) if sum < 2.0 * PI => 0.5 * (sum + 2.0 * PI),
+        (sum, true) => 0.5 * (sum - 2.0 * PI),
+    };
+    let degrees = |d: f64| d.to_radians();
+    let t = 1.0 - 0.17 * (h - degrees(30.0)).cos() + 0.24 * (2.0 * h).cos() + 0.32 * (3.0 * h + degrees(6.0)).cos()
+        - 0.20 * (4.0 * h - degrees(63.0)).cos();
+    let spread = degrees(30.0) * (-((h.to_degrees() - 275.0) / 25.0).powi(2)).exp();
+    let sl = 1.0 + 0.015 * (l - 50.0).powi(2) / (20.0 + (l - 50.0).powi(2)).sqrt();
+    let (sc, sh) = (1.0 + 0.045 * c, 1.0 + 0.015 * c * t);
+    let rotation = -(2.0 * spread).sin() * 2.0 * seventh(c);
+    let (l, c, h) = (dl / sl, dc / sc, dh / sh);
+    (l * l + c * c + h * h + rotation * c * h).sqrt()
+}
+
+/// Pairs 1, 7, 13, 17, 19, 24, 25 and 34 of the table in Sharma, Wu, Dalal 2005.
+#[test]
+fn ciede2000_has_the_published_values() {
+    for (a, b, want) in [
+        ([50.0, 2.6772, -79.7751], [50.0, 0.0, -82.7485], 2.0425),
+        ([50.0, 0.0, 0.0], [50.0, -1.0, 2.0], 2.3669),
+        ([50.0, -0.001, 2.49], [50.0, 0.0011, -2.49], 4.7461),
+        ([50.0, 2.5, 0.0], [73.0, 25.0, -18.0], 27.1492),
+        ([50.0, 2.5, 0.0], [56.0, -27.0, -3.0], 31.9030),
+        ([50.0, 2.5, 0.0], [50.0, 3.2592, 0.3350], 1.0000),
+        ([60.2574, -34.0099, 36.2677], [60.4626, -34.1751, 39.4387], 1.2644),
+        ([2.0776, 0.0795, -1.1350], [0.9033, -0.0636, -0.5514], 0.9082),
+    ] {
+        let got = ciede2000(a, b);
+        assert!((got - want).abs() < 1e-4, "{a:?} {b:?}: {got}, want {want}");
+    }
+}
+
+/// A fabric that ships, all yarns of one color.
+fn fabric(name: &str, srgb: [f64; 3]) -> FabricBsdf {
+    let folder = format!("{}/fabrics", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(format!("{folder}/{name}.toml")).unwrap();
+    let color = format!("srgb = [{}, {}, {}]", srgb[0], srgb[1], srgb[2]);
+    let mut lines: Vec<String> = Vec::new();
+    for line in text.lines() {
+        let key = line.split('=').next().unwrap_or("").trim();
+        match key {
+            "srgb" | "sigma_per_um" => continue,
+            "model" => lines.extend([line.replace("models/", &format!("{folder}/models/")), color.clone()]),
+            _ => lines.push(line.into()),
+        }
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("colored.toml");
+    std::fs::write(&path, lines.join("\n")).unwrap();
+    FabricBsdf::new(FabricSpec::load(&path).unwrap(), &FabricOptions::default()).unwrap()
+}
+
+/// Color [linear sRGB or XYZ of a reflectance] of the mean over points, viewers and lights: under a sky all round, and lit from the front.
+struct Colors {
+    sky: [f64; 3],
+    front: [f64; 3],
+}
+
+/// Points of the fabric with a viewer and a light on his side.
+fn places(fabric: &FabricBsdf) -> Vec<([f32; 2], [f32; 3], [f32; 3])> {
+    let mut rng = Pcg64Mcg::seed_from_u64(4);
+    let [width, height] = fabric.fabric().repeat_um().map(|r| r as f32);
+    let mut upper =
+        |rng: &mut Pcg64Mcg| direction((0.3 + 0.7 * rng.random::<f32>()).asin(), 6.28 * rng.random::<f32>());
+    (0..600)
+        .map(|_| ([width * rng.random::<f32>(), height * rng.random::<f32>()], upper(&mut rng), upper(&mut rng)))
+        .collect()
+}
+
+fn spectral(fabric: &FabricBsdf) -> Colors {
+    // Nine wavelengths a query.
+    let places = places(fabric);
+    let (mut sky, mut front) = (vec![0.0; 81], vec![0.0; 81]);
+    for first in (0..81).step_by(9) {
+        let lambda: [f32; 9] = std::array::from_fn(|k| spectrum_lambda_um(first + k) as f32);
+        for (point, viewer, light) in &places {
+            let at = fabric.at(&FabricQuery::new(*point, *viewer, lambda));
+            let (albedo, f) = (at.albedo(), at.eval(*light));
+            for k in 0..9 {
+                sky[first + k] += f64::from(albedo[k]) / places.len() as f64;
+                front[first + k] += PI * f64::from(f[k]) / places.len() as f64;
+            }
+        }
+    }
+    let color =
+        |values: &[f64]| xyz_of_reflectance(|lambda| values[(((lambda - 0.38) / 0.005).round() as usize).min(80)]);
+    Colors { sky: color(&sky), front: color(&front) }
+}
+
+fn rgb(fabric: &FabricBsdf) -> Colors {
+    let places = places(fabric);
+    let (mut sky, mut front) = ([0.0; 3], [0.0; 3]);
+    for (point, viewer, light) in &places {
+        let at = fabric.at(&FabricQuery::rgb(*point, *viewer));
+        let (albedo, f) = (at.albedo(), at.eval(*light));
+        for k in 0..3 {
+            sky[k] += f64::from(albedo[k]) / places.len() as f64;
+            front[k] += PI * f64::from(f[k]) / places.len() as f64;
+        }
+    }
+    Colors { sky: xyz_of_linear_srgb(sky), front: xyz_of_linear_srgb(front) }
+}
+
+#[test]
+fn rgb_hosts_get_the_color_they_ask_for() {
+    for name in ["polyester_satin", "cotton_plain"] {
+        let (mut worst, mut worst_front) = (0.0f64, 0.0f64);
+        let asked: Vec<[f64; 3]> =
+            COLORS.iter().map(|c| c.map(|v| f64::from(v) / 255.0)).chain([[0.50, 0.06, 0.12]]).collect();
+        for srgb in asked {
+            let fabric = fabric(name, srgb);
+            let (want, got) = (spectral(&fabric), rgb(&fabric));
+            let sky = ciede2000(lab_of_xyz(want.sky), lab_of_xyz(got.sky));
+            let front = ciede2000(lab_of_xyz(want.front), lab_of_xyz(got.front));
+            println!("{name} {srgb:.2?}: CIEDE2000 {sky:.2} under a sky all round, {front:.2} lit from the front");
+            (worst, worst_front) = (worst.max(sky), worst_front.max(front));
+        }
+        println!("{name}: largest {worst:.2} and {worst_front:.2}");
+        assert!(worst <= 2.0 && worst_front <= 2.0, "{name}: {worst} {worst_front}");
+    }
+}
