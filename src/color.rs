@@ -97,13 +97,32 @@ fn inverse(m: &Matrix) -> Matrix {
     std::array::from_fn(|r| std::array::from_fn(|c| minor(c, r) / det))
 }
 
-/// Linear sRGB to XYZ: columns are the primaries of BT.709, scaled so that (1, 1, 1) is D65.
-fn rgb_to_xyz() -> Matrix {
-    const PRIMARIES: [[f64; 2]; 3] = [[0.64, 0.33], [0.30, 0.60], [0.15, 0.06]];
-    let columns = PRIMARIES.map(|[x, y]| [x / y, 1.0, (1.0 - x - y) / y]);
+/// Linear RGB of these primaries to XYZ: columns are the primaries, scaled so that (1, 1, 1) is D65.
+fn primaries_to_xyz(primaries: [[f64; 2]; 3]) -> Matrix {
+    let columns = primaries.map(|[x, y]| [x / y, 1.0, (1.0 - x - y) / y]);
     let m: Matrix = std::array::from_fn(|r| std::array::from_fn(|c| columns[c][r]));
     let scale = times(&inverse(&m), white_d65());
     std::array::from_fn(|r| std::array::from_fn(|c| m[r][c] * scale[c]))
+}
+
+/// Of the primaries of sRGB and BT.709.
+fn rgb_to_xyz() -> Matrix {
+    primaries_to_xyz([[0.64, 0.33], [0.30, 0.60], [0.15, 0.06]])
+}
+
+/// Of the primaries of BT.2020.
+fn rec2020_to_xyz() -> Matrix {
+    primaries_to_xyz([[0.708, 0.292], [0.170, 0.797], [0.131, 0.046]])
+}
+
+/// Linear RGB of the primaries of BT.2020, of XYZ; below 0 or above 1 for a color outside their gamut.
+pub fn linear_rec2020_of_xyz(xyz: [f64; 3]) -> [f64; 3] {
+    times(&inverse(&rec2020_to_xyz()), xyz)
+}
+
+/// XYZ of linear RGB of the primaries of BT.2020.
+pub fn xyz_of_linear_rec2020(rgb: [f64; 3]) -> [f64; 3] {
+    times(&rec2020_to_xyz(), rgb)
 }
 
 /// Linear sRGB of XYZ; below 0 or above 1 for a color outside its gamut.

@@ -1,8 +1,11 @@
 //! Hosts that render in RGB get the color they asked for: the RGB mode of a fabric against the spectral answer, for the twenty most used colors there are, those of the
 //! ColorChecker chart, on fabrics that ship. CIEDE2000 is written here from the paper (Sharma, Wu, Dalal 2005) and held to its published pairs.
 
-use plywave::color::{lab_of_xyz, spectrum_lambda_um, xyz_of_linear_srgb, xyz_of_reflectance};
-use plywave::fabric::{FabricOptions, FabricSpec};
+use plywave::color::{
+    AlbedoCurve, SigmaSpectrum, SmoothReflectance, lab_of_xyz, linear_srgb_of_xyz, spectrum_lambda_um,
+    xyz_of_linear_rec2020, xyz_of_linear_srgb, xyz_of_reflectance,
+};
+use plywave::fabric::{Channels, FabricOptions, FabricSpec, Family};
 use plywave::{Bsdf, FabricBsdf, FabricQuery, direction};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -112,8 +115,7 @@ struct Colors {
 fn places(fabric: &FabricBsdf) -> Vec<([f32; 2], [f32; 3], [f32; 3])> {
     let mut rng = Pcg64Mcg::seed_from_u64(4);
     let [width, height] = fabric.fabric().repeat_um().map(|r| r as f32);
-    let mut upper =
-        |rng: &mut Pcg64Mcg| direction((0.3 + 0.7 * rng.random::<f32>()).asin(), 6.28 * rng.random::<f32>());
+    let upper = |rng: &mut Pcg64Mcg| direction((0.3 + 0.7 * rng.random::<f32>()).asin(), 6.28 * rng.random::<f32>());
     (0..600)
         .map(|_| ([width * rng.random::<f32>(), height * rng.random::<f32>()], upper(&mut rng), upper(&mut rng)))
         .collect()
@@ -139,35 +141,54 @@ fn spectral(fabric: &FabricBsdf) -> Colors {
     Colors { sky: color(&sky), front: color(&front) }
 }
 
-fn rgb(fabric: &FabricBsdf) -> Colors {
+fn rgb(fabric: &FabricBsdf, channels: Channels) -> Colors {
     let places = places(fabric);
     let (mut sky, mut front) = ([0.0; 3], [0.0; 3]);
     for (point, viewer, light) in &places {
-        let at = fabric.at(&FabricQuery::rgb(*point, *viewer));
+        let at = fabric.at(&FabricQuery { channels, ..FabricQuery::rgb(*point, *viewer) });
         let (albedo, f) = (at.albedo(), at.eval(*light));
         for k in 0..3 {
             sky[k] += f64::from(albedo[k]) / places.len() as f64;
             front[k] += PI * f64::from(f[k]) / places.len() as f64;
         }
     }
-    Colors { sky: xyz_of_linear_srgb(sky), front: xyz_of_linear_srgb(front) }
+    let xyz = if channels == Channels::LinearSrgb { xyz_of_linear_srgb } else { xyz_of_linear_rec2020 };
+    Colors { sky: xyz(sky), front: xyz(front) }
 }
 
+/// In BT.2020 every color is held to CIEDE2000 2; in linear sRGB those colors of yarns that have no channel below what the fibers' surfaces reflect.
 #[test]
 fn rgb_hosts_get_the_color_they_ask_for() {
+    let asked: Vec<[f64; 3]> =
+        COLORS.iter().map(|c| c.map(|v| f64::from(v) / 255.0)).chain([[0.50, 0.06, 0.12]]).collect();
     for name in ["polyester_satin", "cotton_plain"] {
-        let (mut worst, mut worst_front) = (0.0f64, 0.0f64);
-        let asked: Vec<[f64; 3]> =
-            COLORS.iter().map(|c| c.map(|v| f64::from(v) / 255.0)).chain([[0.50, 0.06, 0.12]]).collect();
-        for srgb in asked {
-            let fabric = fabric(name, srgb);
-            let (want, got) = (spectral(&fabric), rgb(&fabric));
-            let sky = ciede2000(lab_of_xyz(want.sky), lab_of_xyz(got.sky));
-            let front = ciede2000(lab_of_xyz(want.front), lab_of_xyz(got.front));
-            println!("{name} {srgb:.2?}: CIEDE2000 {sky:.2} under a sky all round, {front:.2} lit from the front");
-            (worst, worst_front) = (worst.max(sky), worst_front.max(front));
+        let curve = AlbedoCurve::diffuse(fabric(name, [0.5; 3]).model(Family::Warp));
+        let dark = curve.range()[0];
+        let (mut worst, mut reached) = ([[0.0f64; 2]; 2], 0);
+        for srgb in &asked {
+            let fabric = fabric(name, *srgb);
+            let want = spectral(&fabric);
+            // The color that the yarn's spectrum has.
+            let smooth = SmoothReflectance::of_srgb(*srgb);
+            let (sigma, _) = SigmaSpectrum::of_reflectance(&curve, |lambda| smooth.at(lambda));
+            let yarn = xyz_of_reflectance(|lambda| curve.albedo(f64::from(sigma.at(lambda as f32))));
+            let in_reach = linear_srgb_of_xyz(yarn).iter().all(|channel| *channel >= dark);
+            reached += usize::from(in_reach);
+            let distances = [Channels::LinearSrgb, Channels::LinearRec2020].map(|channels| {
+                let got = rgb(&fabric, channels);
+                [(want.sky, got.sky), (want.front, got.front)].map(|(a, b)| ciede2000(lab_of_xyz(a), lab_of_xyz(b)))
+            });
+            println!("{name} {srgb:.2?}, in reach {in_reach}: sky, front in sRGB, in BT.2020 {distances:.2?}");
+            for (space, distance) in distances.iter().enumerate() {
+                for (light, d) in distance.iter().enumerate() {
+                    if space == 1 || in_reach {
+                        worst[space][light] = worst[space][light].max(*d);
+                    }
+                }
+            }
         }
-        println!("{name}: largest {worst:.2} and {worst_front:.2}");
-        assert!(worst <= 2.0 && worst_front <= 2.0, "{name}: {worst} {worst_front}");
+        println!("{name}: {reached} of {} in reach of linear sRGB, largest {worst:.2?}", asked.len());
+        assert!(reached >= 10, "{name}: {reached} in reach");
+        assert!(worst.as_flattened().iter().all(|d| *d <= 2.0), "{name}: {worst:?}");
     }
 }

@@ -84,9 +84,9 @@ impl<const N: usize> FabricQuery<'_, N> {
 }
 
 impl FabricQuery<'_, 3> {
-    /// The fabric for a host that renders in linear sRGB: see [`Channels::Rgb`].
+    /// The fabric for a host that renders in linear sRGB: see [`Channels::LinearSrgb`].
     pub fn rgb(position_um: [f32; 2], wo: [f32; 3]) -> Self {
-        FabricQuery { channels: Channels::Rgb, ..FabricQuery::new(position_um, wo, RGB_LAMBDA_UM) }
+        FabricQuery { channels: Channels::LinearSrgb, ..FabricQuery::new(position_um, wo, RGB_LAMBDA_UM) }
     }
 }
 
@@ -187,7 +187,7 @@ impl FabricBsdf {
 
     /// Absorptions [1/um] of a yarn at wavelengths [um].
     pub fn sigma<const N: usize>(&self, family: Family, yarn: i32, lambda_um: [f32; N]) -> [f32; N] {
-        self.dye(family, yarn).map_or([0.0; N], |d| d.at(lambda_um))
+        self.dye(family, yarn).map_or([0.0; N], |dye| dye.at(lambda_um, Channels::Wavelengths))
     }
 
     /// Absorptions [1/um] that give the yarns of a family these reflectances (albedos under diffuse light), 0 to 1, at wavelengths or in linear sRGB. What is out of
@@ -207,11 +207,7 @@ impl FabricBsdf {
         if let Some(sigma) = query.sigma_per_um[family as usize] {
             return sigma;
         }
-        let Some(dye) = self.dye(family, yarn) else { return [0.0; N] };
-        match query.channels {
-            Channels::Wavelengths => dye.at(query.lambda_um),
-            Channels::Rgb => dye.rgb(),
-        }
+        self.dye(family, yarn).map_or([0.0; N], |dye| dye.at(query.lambda_um, query.channels))
     }
 
     fn query_model<'a, const N: usize>(&'a self, query: &FabricQuery<'a, N>, family: Family) -> &'a PlyModel {

@@ -1,7 +1,9 @@
 //! Colors of yarns as absorptions: over the wavelength, and for hosts that render in RGB.
 
 use super::YarnColor;
-use crate::color::{AlbedoCurve, SigmaSpectrum, SmoothReflectance, linear_srgb_of_xyz, xyz_of_reflectance};
+use crate::color::{
+    AlbedoCurve, SigmaSpectrum, SmoothReflectance, linear_rec2020_of_xyz, linear_srgb_of_xyz, xyz_of_reflectance,
+};
 
 /// What the N numbers of a color are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -9,10 +11,14 @@ pub enum Channels {
     /// Light of the N wavelengths of the query: a spectral host.
     #[default]
     Wavelengths,
-    /// Linear sRGB: a host that renders in RGB. Each channel has the absorption that gives the yarn, under diffuse light, that channel of the color that the yarn's
-    /// spectrum has under D65. Edges, gaps and speckle take the query's wavelengths, of which [`crate::color::RGB_LAMBDA_UM`] stand for the channels. For N = 3;
+    /// Linear RGB of the primaries of sRGB: a host that renders in RGB. Each channel has the absorption that gives the yarn, under diffuse light, the channel of the color
+    /// that the yarn's spectrum has under D65. Edges, gaps and speckle take the query's wavelengths, of which [`crate::color::RGB_LAMBDA_UM`] stand for the channels.
+    ///
+    /// A channel cannot be darker than what the fibers' surfaces reflect: a saturated color whose spectrum would have a channel below that comes out paler. For N = 3;
     /// channels beyond the third count as the third.
-    Rgb,
+    LinearSrgb,
+    /// The same of the wider primaries of BT.2020, in which every color that fibers can have fits.
+    LinearRec2020,
 }
 
 /// Absorption of a yarn.
@@ -20,8 +26,8 @@ pub enum Channels {
 pub(super) enum Dye {
     /// The same at every wavelength.
     Even(f32),
-    /// Over the wavelength, and of the three channels of linear sRGB.
-    Spectrum(Box<(SigmaSpectrum, [f32; 3])>),
+    /// Over the wavelength, and of the three channels of linear sRGB and of BT.2020.
+    Spectrum(Box<(SigmaSpectrum, [[f32; 3]; 2])>),
 }
 
 impl Dye {
@@ -35,24 +41,21 @@ impl Dye {
                 let (sigma, _) = SigmaSpectrum::of_reflectance(curve, |l| smooth.at(l));
                 // What the fibers can have of the color, seen under D65: out of reach colors are the same in both modes.
                 let achieved = xyz_of_reflectance(|l| curve.albedo(f64::from(sigma.at(l as f32))));
-                let rgb = linear_srgb_of_xyz(achieved).map(|channel| curve.sigma(channel).0 as f32);
+                let rgb = [linear_srgb_of_xyz(achieved), linear_rec2020_of_xyz(achieved)]
+                    .map(|rgb| rgb.map(|channel| curve.sigma(channel).0 as f32));
                 Dye::Spectrum(Box::new((sigma, rgb)))
             }
         }
     }
 
-    pub(super) fn at<const N: usize>(&self, lambda_um: [f32; N]) -> [f32; N] {
-        match self {
-            Dye::Even(sigma) => [*sigma; N],
-            Dye::Spectrum(dye) => lambda_um.map(|l| dye.0.at(l)),
-        }
-    }
-
-    /// Of the channels of linear sRGB.
-    pub(super) fn rgb<const N: usize>(&self) -> [f32; N] {
-        match self {
-            Dye::Even(sigma) => [*sigma; N],
-            Dye::Spectrum(dye) => std::array::from_fn(|k| dye.1[k.min(2)]),
+    /// By channel.
+    pub(super) fn at<const N: usize>(&self, lambda_um: [f32; N], channels: Channels) -> [f32; N] {
+        let rgb = |of: &[f32; 3]| std::array::from_fn(|k| of[k.min(2)]);
+        match (self, channels) {
+            (Dye::Even(sigma), _) => [*sigma; N],
+            (Dye::Spectrum(dye), Channels::Wavelengths) => lambda_um.map(|l| dye.0.at(l)),
+            (Dye::Spectrum(dye), Channels::LinearSrgb) => rgb(&dye.1[0]),
+            (Dye::Spectrum(dye), Channels::LinearRec2020) => rgb(&dye.1[1]),
         }
     }
 
