@@ -1,4 +1,4 @@
-//! Fabric specs and WIF files: good ones load, bad ones are refused in one line that names section, key and mend, none panics.
+//! Fabric specs and WIF files: good ones load, bad ones are refused in one line that names section, key and hint, none panics.
 
 use plywave::fabric::{Draft, Fabric, FabricSpec, Family, LoadedFabric, MAX_THREADS, Wif, YarnColor, YarnShape};
 use plywave::io::{Folder, MemoryAssets};
@@ -160,7 +160,7 @@ fn what_files_say_is_held_together() {
     let fabric = load_with(&wif, Some(TWILL)).unwrap();
     assert_eq!(fabric.color(Family::Warp, 4), YarnColor::Srgb([1.0, 0.0, 0.0]));
     assert_eq!(fabric.color(Family::Weft, -1), YarnColor::Srgb([0.0, 0.0, 1.0]));
-    // A color of the spec goes before those of the file.
+    // A color of the spec takes precedence over those of the file.
     let dyed = wif.replacen("[warp]", "[warp]\nsigma_per_um = 0.5", 1);
     assert_eq!(load_with(&dyed, Some(TWILL)).unwrap().color(Family::Warp, 7), YarnColor::Sigma(0.5));
 }

@@ -61,7 +61,7 @@ impl OutlineSymmetry {
     }
 }
 
-/// What a fiber does to light of any direction and wavelength: Xia's N_wave and C_x, or their ray-optics twins (Xia 2020, 5). Arrays are flat,
+/// What a fiber does to light of any direction and wavelength: Xia's N_wave and C_x, or their ray-optics counterparts (Xia 2020, 5). Arrays are flat,
 /// last index fastest; L wavelengths, T latitudes, P azimuths, D relative azimuths.
 ///
 /// The frame is the fiber's: z along it, x and y those of the outline. Directions point away from the fiber; theta is the latitude above the plane of the

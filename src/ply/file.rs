@@ -51,7 +51,7 @@ pub(crate) struct Keys {
     lobes_refl: usize,
     #[serde(skip_deserializing)]
     lobes_high: usize,
-    /// Called `golden` by version 0.1.0.
+    /// Earlier files call it `golden`.
     #[serde(default, alias = "golden")]
     reference_values: Vec<ReferenceValue>,
 }

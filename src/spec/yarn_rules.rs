@@ -275,11 +275,11 @@ fn check_polygon(file: &str, points: &[[f64; 2]], rounding_um: f64) -> Result<()
         }
     }
     // An arc of radius r that turns by t takes r tan(t/2) of both edges.
-    let taken = |i: usize| {
+    let shortens = |i: usize| {
         let (u, v) = (minus(points[i], points[(i + n - 1) % n]), minus(points[(i + 1) % n], points[i]));
         (0.5 * cross(u, v).atan2(u[0] * v[0] + u[1] * v[1]).abs()).tan()
     };
-    let most = (0..n).map(|i| length(i) / (taken(i) + taken((i + 1) % n))).fold(f64::INFINITY, f64::min);
+    let most = (0..n).map(|i| length(i) / (shortens(i) + shortens((i + 1) % n))).fold(f64::INFINITY, f64::min);
     let least = 0.002 * perimeter;
     if !(least..=most).contains(&rounding_um) {
         let mend = if least < most {
