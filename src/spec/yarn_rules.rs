@@ -17,12 +17,8 @@ const MAX_POINTS: usize = 2000;
 
 const SIZE: Kind = Kind::Number(0.01, 1e4);
 /// The rules of a yarn spec.
-pub const YARN_RULES: Rules = Rules {
-    keys: ROOT,
-    units: &["_per_um", "_um", "_rad"],
-    example: "fabrics/polyester.toml",
-    foreign: &[(&["weave", "warp", "weft"], "this is a key of a fabric spec; give the spec of a yarn")],
-};
+pub const YARN_RULES: Rules =
+    Rules { keys: ROOT, units: &["_per_um", "_um", "_rad"], example: "fabrics/polyester.toml", foreign: &[] };
 
 const ROOT: &[Key] = &[
     required("name", Kind::Text),
