@@ -50,8 +50,8 @@ pub struct CheckReport {
     pub incidences: Vec<IncidenceReport>,
     /// Least p-value that passes, corrected for the number of incidences.
     pub chi2_threshold: f64,
-    /// [`PlyModel::golden_error`].
-    pub golden_error: f32,
+    /// [`PlyModel::reference_error`].
+    pub reference_error: f32,
 }
 
 /// Most that the furnace and the integral of the pdf may miss: the energy quadrature of a lobe is good to 2e-4.
@@ -61,7 +61,7 @@ pub const WEIGHT_TOLERANCE: f64 = 1e-4;
 /// Most standard errors between sampled and exact energy.
 pub const SAMPLED_TOLERANCE_SE: f64 = 5.0;
 /// Most that eval may differ from the stored values: other processors round otherwise.
-pub const GOLDEN_TOLERANCE: f32 = 1e-3;
+pub const REFERENCE_TOLERANCE: f32 = 1e-3;
 
 impl CheckReport {
     /// Greatest furnace error.
@@ -96,7 +96,7 @@ impl CheckReport {
             && self.weight_error() <= WEIGHT_TOLERANCE
             && self.sampled_furnace_se() <= SAMPLED_TOLERANCE_SE
             && self.chi2_p() >= self.chi2_threshold
-            && self.golden_error <= GOLDEN_TOLERANCE
+            && self.reference_error <= REFERENCE_TOLERANCE
     }
 
     /// Greatest of a number over the incidences; one that is not a number counts as infinite.
@@ -122,7 +122,7 @@ pub fn check_model(model: &PlyModel, options: &CheckOptions, uniform: &mut dyn F
     CheckReport {
         incidences,
         chi2_threshold: threshold(options.significance, options.incidences),
-        golden_error: model.golden_error(),
+        reference_error: model.reference_error(),
     }
 }
 

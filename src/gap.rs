@@ -225,7 +225,7 @@ impl<'a, const N: usize> GapBsdf<'a, N> {
         if self.is_dark() {
             return None;
         }
-        let u = u.map(|x| crate::simd::min(crate::simd::max(x, 0.0), 1.0 - f32::EPSILON / 2.0));
+        let u = u.map(crate::math::clamp_unit);
         let (x, y) = if u[0] < UNIFORM {
             // Uniform over the hemisphere: the height is, and the azimuth.
             let (sin, cos) = (TAU * u[1]).sin_cos();

@@ -465,7 +465,7 @@ impl<const N: usize> TwoLayered<N> {
     /// Lobe directions that go forward count too, with the diffuse value there: the density covers both ways of drawing.
     pub(crate) fn sample(&self, upper: &PlyOn<'_, impl Lobes<N>, N>, u: [f32; 3]) -> BsdfSample<N> {
         // Below 1, and 0 for what is not a number.
-        let u = u.map(|x| crate::simd::min(crate::simd::max(x, 0.0), 1.0 - f32::EPSILON / 2.0));
+        let u = u.map(crate::math::clamp_unit);
         let (wo, lobes) = if u[0] < self.diffuse {
             let side = u[0] / self.diffuse;
             let (s, c, sign) = crate::simd::sin_cos_half_turns::<false>(2.0 * u[2]);

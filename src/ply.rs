@@ -26,7 +26,7 @@ use std::path::Path;
 pub(crate) use bsdf::{LobeSample, PlyOn, UncachedPly};
 pub use bsdf::{PlyBsdf, PlyQuery, PlyTerms};
 pub(crate) use energy::{Core, clamped_sigma};
-pub use file::Golden;
+pub use file::ReferenceValue;
 pub(crate) use lobes::Lobes;
 
 /// Most lobes of each kind.
@@ -99,7 +99,7 @@ pub struct PlyData {
 #[derive(Clone, Debug)]
 pub struct PlyModel {
     data: PlyData,
-    golden: Vec<Golden>,
+    reference_values: Vec<ReferenceValue>,
     layout: Layout,
     layers: Option<LayerTables>,
     edge: Option<edge::EdgeTables>,
@@ -163,8 +163,8 @@ impl PlyModel {
     /// # Errors
     /// As [`PlyData::load`].
     pub fn from_bytes(bytes: &[u8], name: &str) -> Result<PlyModel> {
-        let (data, golden) = file::read(bytes, name)?;
-        Ok(PlyModel::of(data, golden))
+        let (data, reference_values) = file::read(bytes, name)?;
+        Ok(PlyModel::of(data, reference_values))
     }
 
     /// A model of tensors that need not have been in a file.
@@ -181,9 +181,9 @@ impl PlyModel {
     }
 
     /// Of checked data.
-    fn of(data: PlyData, golden: Vec<Golden>) -> PlyModel {
+    fn of(data: PlyData, reference_values: Vec<ReferenceValue>) -> PlyModel {
         let edge = data.edge.as_ref().map(edge::EdgeTables::new);
-        PlyModel { layout: Layout::new(&data), layers: LayerTables::new(&data), edge, data, golden }
+        PlyModel { layout: Layout::new(&data), layers: LayerTables::new(&data), edge, data, reference_values }
     }
 
     pub(crate) fn layer_tables(&self) -> Option<&LayerTables> {
@@ -196,14 +196,14 @@ impl PlyModel {
     }
 
     /// Values of eval stored in the file; empty for a model not from a file.
-    pub fn golden(&self) -> &[Golden] {
-        &self.golden
+    pub fn reference_values(&self) -> &[ReferenceValue] {
+        &self.reference_values
     }
 
     /// Greatest difference of eval from the stored values, relative to the greatest of them. 0 when none are stored.
-    pub fn golden_error(&self) -> f32 {
+    pub fn reference_error(&self) -> f32 {
         let (mut error, mut peak) = (0.0f32, 0.0f32);
-        for g in &self.golden {
+        for g in &self.reference_values {
             let got = self.uncached_at(&PlyQuery::lobes(g.theta_i, g.h_um, g.sigma_per_um)).eval(g.wo);
             for (got, want) in got.iter().zip(g.value) {
                 error = error.max((got - want).abs());

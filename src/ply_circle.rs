@@ -107,7 +107,7 @@ impl PlyRing {
         (1..self.plies).all(|p| {
             let [x, y] = self.center(p, psi);
             let there = r2 - (h_um - x) * (h_um - x);
-            // Discs that do not overlap are met in the order of their centers' heights along a line through both.
+            // Discs that do not overlap are hit in the order of their centers' heights along a line through both.
             there <= 0.0 || (top > 0.0 && y + there.sqrt() <= top.sqrt())
         })
     }
@@ -155,19 +155,19 @@ mod tests {
                 assert!(total > 0.1 && total < TAU, "{plies} plies, h {h}: {total}");
                 for i in 0..120 {
                     let psi = (f64::from(i) + 0.37) * TAU / 120.0;
-                    let mut met = None;
+                    let mut hit = None;
                     let mut y = 300.0;
-                    while met.is_none() && y > -300.0 {
-                        met = (0..plies).find(|&p| {
+                    while hit.is_none() && y > -300.0 {
+                        hit = (0..plies).find(|&p| {
                             let [cx, cy] = ring.center(p, psi);
                             (h - cx).hypot(y - cy) < 50.0
                         });
                         y -= 0.25;
                     }
-                    let valid = if f64::abs(h) < 50.0 { met == Some(0) } else { met.is_none() };
+                    let valid = if f64::abs(h) < 50.0 { hit == Some(0) } else { hit.is_none() };
                     let near_an_end = ranges.iter().any(|r| (psi - r.0).abs() < 0.01 || (psi - r.1).abs() < 0.01);
                     let got = ranges.iter().any(|r| r.0 <= psi && psi < r.1);
-                    assert!(got == valid || near_an_end, "{plies} plies, h {h}, psi {psi}: {got}, met {met:?}");
+                    assert!(got == valid || near_an_end, "{plies} plies, h {h}, psi {psi}: {got}, hit {hit:?}");
                 }
             }
         }
@@ -186,7 +186,7 @@ mod tests {
         assert_eq!(ply_circle_um(1, 50.0, Some(10.0)), Some(0.0));
     }
 
-    /// The slow twin: points on all helices against points on the first.
+    /// Reference implementation: points on all helices against points on the first.
     #[test]
     fn helical_plies_touch_and_do_not_intersect() {
         for (plies, pitch) in [(2, 500.0), (2, 260.0), (3, 800.0), (4, 900.0), (7, 1500.0)] {

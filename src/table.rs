@@ -63,7 +63,7 @@ pub struct ExitPositions {
     /// `[theta_i][h][1 + sigma][azimuth][position]`: shares of the light of an azimuth, of f_refl, then of f_high at each sigma; they
     /// add up to 1 over the positions, evenly where there was no light.
     pub shares: Vec<f32>,
-    /// `[theta_i][x]`: fraction of the paths through lateral position x that met a fiber; x in equal parts of [-R, R].
+    /// `[theta_i][x]`: fraction of the paths through lateral position x that hit a fiber; x in equal parts of [-R, R].
     pub met: Vec<f32>,
 }
 
@@ -81,7 +81,7 @@ pub struct Table {
     pub seed: u64,
     /// Plies that scatter: 1 for a single ply, whatever the spec's yarn has, else all of the yarn's.
     pub plies: u32,
-    /// True of a yarn whose plies were traced together, the brute-force twin; false of one ply and of a yarn made from one ply's table.
+    /// True of a yarn whose plies were traced together, the brute-force reference; false of one ply and of a yarn made from one ply's table.
     pub traced: bool,
     /// Incident latitudes [rad], uniform, ascending from 0 (negative ones follow from the symmetry of the ply).
     pub theta_i: Vec<f64>,
@@ -91,7 +91,7 @@ pub struct Table {
     pub sigma_per_um: Vec<f64>,
     /// Bins of the outgoing sphere.
     pub grid: OutgoingGrid,
-    /// `[theta_i][h]`: fraction of the beam that met no fiber.
+    /// `[theta_i][h]`: fraction of the beam that hits no fiber.
     pub r_d: Vec<f64>,
     /// `[theta_i][h]`: energy of the reflection-only light.
     pub energy_refl: Vec<f64>,
@@ -109,9 +109,9 @@ pub struct Table {
     pub noise_refl: Vec<f64>,
     /// `[theta_i][h][sigma]`: the same for `high`.
     pub noise_high: Vec<f64>,
-    /// `[theta_i]`: number of paths drawn, those that met nothing among them.
+    /// `[theta_i]`: number of paths drawn, those that hit nothing among them.
     pub paths: Vec<u64>,
-    /// `[theta_i]`: mean number of fiber surface interactions of a path that met a fiber.
+    /// `[theta_i]`: mean number of fiber surface interactions of a path that hit a fiber.
     pub interactions: Vec<f64>,
     /// Of a single ply, where it was recorded.
     pub exit: Option<ExitPositions>,

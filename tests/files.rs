@@ -19,8 +19,8 @@ fn models_round_trip() {
     assert_eq!(loaded, want);
     assert_eq!(loaded.to_bytes().unwrap(), std::fs::read(&path).unwrap());
     let m = PlyModel::load(&path).unwrap();
-    assert_eq!(m.golden().len(), 12);
-    assert!(m.golden_error() < 1e-5, "golden error {}", m.golden_error());
+    assert_eq!(m.reference_values().len(), 12);
+    assert!(m.reference_error() < 1e-5, "reference error {}", m.reference_error());
     assert!(std::fs::metadata(&path).unwrap().len() < 1 << 20);
     assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1, "a temporary file was left");
 }
@@ -86,7 +86,7 @@ fn foreign_and_hostile_files_are_refused() {
     says(&with_document(&good, |d| d["version"] = 2.into()), "update plywave");
     says(&with_document(&good, |d| d["version"] = 0.into()), "write it again");
     says(&with_document(&good, |d| d["seed"] = "x".into()), "expected u64");
-    says(&with_document(&good, |d| d["golden"][0]["value"][0] = 1e39.into()), "golden");
+    says(&with_document(&good, |d| d["reference_values"][0]["value"][0] = 1e39.into()), "reference_values");
     says(&with_header(&good, |h| h["refl"]["dtype"] = "I32".into()), "refl = I32");
     says(&with_header(&good, |h| h["refl"]["shape"] = [9, 17, 12].into()), "refl = [9, 17, 12]");
     says(&with_header(&good, |h| h["r_d"]["shape"] = [17, 9].into()), "r_d = [17, 9]");
@@ -228,7 +228,7 @@ proptest! {
                 Ok(m) => {
                     let f = m.at(&PlyQuery::lobes(0.7, 13.0, [0.0, 0.1])).eval([0.0, 0.6, 0.8]);
                     prop_assert!(f.iter().all(|f| f.is_finite() && *f >= 0.0));
-                    let _ = m.golden_error();
+                    let _ = m.reference_error();
                 }
             }
         }

@@ -188,7 +188,7 @@ mod tests {
         assert_eq!(of(&[&wide[0], &wide[1]]), Some((Family::Warp, 130, true)));
     }
 
-    /// The slow twin: rows and columns of booleans.
+    /// Reference implementation: rows and columns of booleans.
     #[test]
     fn bits_are_those_of_a_plain_matrix() {
         for (picks, ends) in [(1, 1), (3, 63), (5, 64), (2, 65), (129, 200)] {

@@ -2,8 +2,8 @@
 
 use super::bsdf::{GapLight, to_fabric, to_ply};
 use crate::gap::GapBsdf;
+use crate::math::clamp_unit;
 use crate::ply::{LobeSample, UncachedPly};
-use crate::simd::{max, min};
 use crate::{Bsdf, BsdfSample, Outcomes};
 
 /// A direction of the surface's frame in that of the pattern, turned by an angle of this cosine and sine.
@@ -179,7 +179,7 @@ impl<const N: usize> Bsdf<N> for InGap<'_, N> {
     }
 
     fn sample(&self, u: [f32; 3]) -> BsdfSample<N> {
-        let u = u.map(|x| min(max(x, 0.0), 1.0 - f32::EPSILON / 2.0));
+        let u = u.map(clamp_unit);
         match self.draw(u) {
             Some((w, (f, pdf))) => BsdfSample::scattered(w, f, pdf),
             None => BsdfSample::straight(self.straight(), self.outcomes().straight),

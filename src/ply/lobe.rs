@@ -133,8 +133,8 @@ pub(super) fn shape<const FMA: bool>(q: f32, cz: f32) -> f32 {
 /// Numbers below 1, and 0 for what is not a number.
 #[inline(always)]
 pub(super) fn unit(u: [f32; 3]) -> [f32; 3] {
-    let unit = |x: f32| min(max(x, 0.0), 1.0 - f32::EPSILON / 2.0);
-    [unit(u[0]), unit(u[1]), unit(u[2])]
+    use crate::math::clamp_unit;
+    [clamp_unit(u[0]), clamp_unit(u[1]), clamp_unit(u[2])]
 }
 
 /// Components along x, y and z of a lobe of a direction drawn from it, by two uniform numbers.

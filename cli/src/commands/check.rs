@@ -8,7 +8,7 @@ use crate::failure::{Failure, Outcome};
 use crate::output;
 use crate::report::{Spread, number};
 use plywave::check::{
-    CheckOptions, FURNACE_TOLERANCE, GOLDEN_TOLERANCE, PartReport, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE,
+    CheckOptions, FURNACE_TOLERANCE, PartReport, REFERENCE_TOLERANCE, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE,
     check_layers, check_model, check_whole,
 };
 use plywave::{PlyModel, Table};
@@ -133,8 +133,8 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
         Line::at_most(
             "stored_values",
             "|eval - stored|, relative",
-            report.golden_error.into(),
-            GOLDEN_TOLERANCE.into(),
+            report.reference_error.into(),
+            REFERENCE_TOLERANCE.into(),
         ),
     ];
     if let Some(whole) = check_whole(&model, &options, &mut || rng.random()) {
