@@ -20,6 +20,7 @@ mod target;
 mod tracer;
 mod walk2d;
 pub mod wave;
+pub mod yarn;
 
 pub use dielectric::{RoughDielectric, Scattered, fresnel};
 pub use error::SimError;

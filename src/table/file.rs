@@ -201,8 +201,11 @@ impl Table {
         Ok(table)
     }
 
-    /// What every table must satisfy, read or written.
-    fn check(&self, name: &str) -> Result<()> {
+    /// Checks what every table must satisfy, read or written: lengths, axes, ranges and finiteness. `name` stands for the file in errors.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`].
+    pub fn check(&self, name: &str) -> Result<()> {
         let c = Check(name);
         let (m, h, k) = (self.theta_i.len(), self.h_um.len(), self.sigma_per_um.len());
         let (t, p) = (self.grid.theta_o, self.grid.phi_o);

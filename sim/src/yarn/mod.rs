@@ -1,4 +1,4 @@
-//! From the table of one ply to the table of the yarn that P such plies make (Yu 2025, 5.3, Eq. 9-10), to be fitted like any other.
+//! The table of a yarn of P plies, computed from the table of one ply (Yu 2025, 5.3, Eq. 9-10). It is fitted like any other table.
 //!
 //! `f_multi = f_direct + f_conv + f_resi`, averaged over the yarn's valid orientations psi:
 //!
@@ -23,7 +23,7 @@ mod kernel;
 mod noise;
 mod orders;
 
-use crate::FitError;
+use crate::error::SimError;
 use beam::first_hits;
 use bins::{Overlap, density};
 use geometry::{Flights, Intercept, Level};
@@ -74,23 +74,29 @@ pub struct YarnLedger {
 /// `progress` is called with incidences done and in all.
 ///
 /// # Errors
-/// [`FitError::Table`] for a table that is not of a single ply or whose arrays do not fit together, [`FitError::Option`].
+/// [`SimError::Runtime`] when the table's arrays do not fit together, [`SimError::Table`] when it is not of a single ply,
+/// [`SimError::Option`] when a size is out of range.
 pub fn yarn_table(
     table: &Table,
     spec: &YarnSpec,
     options: &YarnOptions,
     progress: &(dyn Fn(usize, usize) + Sync),
-) -> Result<(Table, YarnLedger), FitError> {
-    crate::fit::check_table(table)?;
+) -> Result<(Table, YarnLedger), SimError> {
+    table.check("table")?;
     if table.plies != 1 {
-        let mend = "must be 1: this table is of a yarn already";
-        return Err(FitError::Table { field: "plies", value: table.plies.to_string(), mend });
+        let hint = "must be 1: this table is of a yarn already";
+        return Err(SimError::Table { field: "plies", value: table.plies.to_string(), hint });
+    }
+    if let Some((field, _)) =
+        [("theta_i", table.theta_i.len()), ("h_um", table.h_um.len())].into_iter().find(|a| a.1 < 3)
+    {
+        return Err(SimError::Table { field, value: "fewer than 3 nodes".into(), hint: "must have 3 or more nodes" });
     }
     for (name, value, allowed) in
         [("rows", options.rows, 4..=180), ("cells", options.cells, 8..=120), ("offsets", options.offsets, 4..=64)]
     {
         if !allowed.contains(&value) {
-            return Err(FitError::Option { name, value, allowed: "rows 4 to 180, cells 8 to 120, offsets 4 to 64" });
+            return Err(SimError::Option { name, value, allowed: "rows 4 to 180, cells 8 to 120, offsets 4 to 64" });
         }
     }
     let ring = spec.ply_ring();

@@ -1,8 +1,8 @@
-//! Chain of trust of the yarn's table. Truth: light is kept at every number of plies. Slow twin: a random walk of photons between plies that
-//! knows the table, the ring of plies and nothing else of the construction.
+//! Chain of trust of the yarn's table. Truth: light is kept at every number of plies. Reference implementation: a random walk of photons between
+//! plies that knows the table, the ring of plies and nothing else of the construction.
 
 use plywave::{ExitPositions, OutgoingGrid, Table, YarnSpec, direction, theta_phi};
-use plywave_fit::{YarnOptions, table_distance, yarn_table};
+use plywave_sim::yarn::{YarnOptions, yarn_table};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::f64::consts::{PI, TAU};
@@ -293,31 +293,4 @@ fn one_ply_stays_and_yarns_are_refused() {
     assert!(again.contains("plies = 2") && again.contains("a yarn already"), "{again}");
     let bad = YarnOptions { cells: 0, ..small() };
     assert!(yarn_table(&ply, &spec(2), &bad, &|_, _| {}).unwrap_err().to_string().contains("cells = 0"));
-}
-
-#[test]
-fn distance_of_tables_is_their_difference_less_noise() {
-    let a = ply(false);
-    let mut b = ply(false);
-    let d = table_distance(&a, &b).unwrap();
-    assert!(d.high2.iter().chain(&d.refl2).all(|v| v.abs() < 1e-12));
-    b.high.iter_mut().for_each(|v| *v *= 1.25);
-    b.energy_high.iter_mut().for_each(|v| *v *= 1.25);
-    let d = table_distance(&a, &b).unwrap();
-    assert!(d.high2.iter().all(|v| (v.sqrt() - 0.2).abs() < 1e-5));
-    assert!(d.energy_high.iter().zip(&a.energy_high).all(|(d, e)| (d + 0.25 * e).abs() < 1e-12));
-    // Noise of both is taken off: as much as the whole distance here.
-    let norm2 = |slice: &[f32]| -> f64 {
-        slice.iter().enumerate().map(|(i, v)| a.grid.solid_angle(i / 48) * f64::from(*v).powi(2)).sum()
-    };
-    let noisy = 0.5 * 0.04 * norm2(b.high_slice(0, 4, 0));
-    let mut a = a.clone();
-    a.noise_high[4 * 2] = noisy;
-    b.noise_high[4 * 2] = noisy;
-    let d = table_distance(&a, &b).unwrap();
-    assert!(d.high2[4 * 2].abs() < 1e-3, "{}", d.high2[4 * 2]);
-    // Axes in part.
-    let mut c = a.clone();
-    c.h_um.iter_mut().for_each(|h| *h += 1.0);
-    assert!(table_distance(&a, &c).unwrap_err().to_string().contains("h_um"));
 }
