@@ -1,9 +1,8 @@
 //! Two models compared: what they evaluate to, their energies, and how far their lobes moved.
 
 use crate::canonical::canonical_order;
-use crate::fit::FitError;
-use crate::fit_errors::evaluate;
-use crate::model::{Place, ScaledLobes, high_lobes, refl_lobes};
+use crate::error::FitError;
+use crate::model::{Place, ScaledLobes, evaluate, high_lobes, refl_lobes};
 use crate::sphere::{Scratch, SphereGrid};
 use plywave::asg::{Lobe, PARAMS};
 use plywave::{OutgoingGrid, PlyData};

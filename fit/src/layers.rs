@@ -11,8 +11,7 @@
 //! and over theta the weight cos^2(theta). Latitudes beyond the last node carry that node's share.
 
 use crate::absorption::energy_spectrum;
-use crate::fit_errors::evaluate;
-use crate::model::{bilinear, high_lobes, locate, refl_lobes};
+use crate::model::{bilinear, evaluate, high_lobes, locate, refl_lobes};
 use crate::sphere::{PaddedSlice, Scratch, SphereGrid};
 use plywave::{LayerFactors, OutgoingGrid, PlyData};
 use rayon::prelude::*;

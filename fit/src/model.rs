@@ -1,6 +1,7 @@
 //! Lobes of a ply model at one incidence, in f64 and straight from the tensors: the fitter's own view of what the runtime
 //! evaluates, for errors and comparisons.
 
+use crate::sphere::{PaddedSlice, Scratch, SphereGrid};
 use plywave::PlyData;
 use plywave::asg::{MU_MAX, MU_MIN, PARAMS};
 
@@ -19,6 +20,11 @@ impl ScaledLobes {
         let sum: f64 = self.params.chunks_exact(PARAMS).map(|p| p[5]).sum();
         if sum > 1e-14 { self.energy / sum } else { 0.0 }
     }
+}
+
+/// The lobes on the bins of `sphere`, scaled to their energy.
+pub(crate) fn evaluate(sphere: &SphereGrid, lobes: &ScaledLobes, scratch: &mut Scratch) -> PaddedSlice {
+    sphere.mixture(&lobes.params, lobes.gain(), scratch)
 }
 
 /// A place between nodes: lower index and fraction along each axis.

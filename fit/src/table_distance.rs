@@ -1,8 +1,9 @@
 //! How far two tables of one yarn, or a fitted model and a table, are apart, their noise removed: the model of a yarn against the path-traced yarn.
 
-use crate::fit::{FitError, check_table};
-use crate::fit_errors::{evaluate, excess2};
-use crate::model::{bilinear, high_lobes, locate, refl_lobes};
+use crate::check::check_table;
+use crate::error::FitError;
+use crate::fit_errors::excess2;
+use crate::model::{bilinear, evaluate, high_lobes, locate, refl_lobes};
 use crate::sphere::{Scratch, SphereGrid};
 use plywave::{PlyData, Table};
 use rayon::prelude::*;

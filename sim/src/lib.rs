@@ -4,6 +4,7 @@
 
 mod dielectric;
 mod error;
+mod fiber_section;
 mod mesh;
 mod mesh_tracer;
 mod options;
@@ -24,13 +25,14 @@ pub mod yarn;
 
 pub use dielectric::{RoughDielectric, Scattered, fresnel};
 pub use error::SimError;
+pub use fiber_section::FiberSection;
 pub use mesh::TriMesh;
 pub use mesh_tracer::{MeshResolution, MeshTracer};
 pub use options::{SimOptions, TracerKind};
 pub use outline::{Outline, OutlinePoint};
 pub use path::{MAX_INTERACTIONS, PathEnd, trace_path};
 pub use screw::ScrewTracer;
-pub use section::{FiberSection, PlySection};
+pub use section::PlySection;
 pub use simulate::{Run, simulate, total_paths};
 pub use tracer::{Hit, Medium, Trace, Tracer, WALL_OFFSET_UM};
 pub use walk2d::{Azimuthal, Walk2d, walk_2d};

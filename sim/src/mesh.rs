@@ -4,7 +4,8 @@
 //! lumen wall if it is hollow, and two caps. Vertices are shared within a fiber; every edge belongs to two triangles of
 //! opposite direction.
 
-use crate::section::{FiberSection, PlySection};
+use crate::fiber_section::FiberSection;
+use crate::section::PlySection;
 use nalgebra::{Rotation2, Vector2};
 use std::io::{self, Write};
 

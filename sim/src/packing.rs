@@ -9,8 +9,8 @@
 //! the grid measured and added to the gap; the packed section is then checked against the exact outlines.
 
 use crate::error::SimError;
+use crate::fiber_section::FiberSection;
 use crate::outline::{Outline, Runs};
-use crate::section::FiberSection;
 use nalgebra::{Rotation2, Vector2};
 use plywave::{FiberSpec, PlySpec};
 use rand::{Rng, RngExt};

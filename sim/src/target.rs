@@ -259,7 +259,8 @@ fn entry(q: Vector2<f32>, dir: Vector3<f32>, bound: f32) -> Option<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::section::{FiberSection, PlySection};
+    use crate::fiber_section::FiberSection;
+    use crate::section::PlySection;
     use crate::shard::{EXIT_AZIMUTHS, EXIT_POSITIONS, Sums, trace_paths};
     use crate::{Outline, ScrewTracer};
     use plywave::{GaussianBeam, OutgoingGrid, ply_circle_um};

@@ -6,10 +6,11 @@
 use super::{SingleFiber, WaveError};
 use crate::dielectric::RoughDielectric;
 use crate::error::SimError;
+use crate::fiber_section::FiberSection;
 use crate::outline::Outline;
 use crate::path::{PathEnd, trace_path};
 use crate::screw::ScrewTracer;
-use crate::section::{FiberSection, PlySection};
+use crate::section::PlySection;
 use crate::simulate::stream;
 use nalgebra::Vector3;
 use rand::RngExt;

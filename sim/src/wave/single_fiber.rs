@@ -5,8 +5,8 @@
 
 use super::{Body, C64, Scene, Shape, WaveError};
 use crate::error::SimError;
+use crate::fiber_section::FiberSection;
 use crate::outline::Outline;
-use crate::section::FiberSection;
 use crate::shape;
 use nalgebra::Vector2;
 use plywave::fiber::OutlineSymmetry;
