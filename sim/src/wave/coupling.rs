@@ -7,12 +7,9 @@
 
 use super::C64;
 use super::kernel::MediumKernel;
+use super::lu::Lu;
 use super::skeleton::{Site, combined};
-use super::system::par;
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::lu::partial_pivoting::{factor, solve};
 use faer::linalg::matmul::matmul;
-use faer::perm::PermRef;
 use faer::traits::ComplexField;
 use faer::{Accum, MatMut, MatRef, Par};
 use num_complex::Complex32;
@@ -192,7 +189,7 @@ impl Coupling<'_> {
             }
         }
         match factors {
-            Factors::Double(lu) => lu.solve(&mut rhs, columns),
+            Factors::Double(lu) => lu.solve(MatMut::from_column_major_slice_mut(&mut rhs, n, columns)),
             Factors::Single(lu) => {
                 // Residuals fall below what single precision holds: each column is scaled to 1.
                 let scales: Vec<f64> = rhs
@@ -204,7 +201,7 @@ impl Coupling<'_> {
                 for (column, scale) in rhs.chunks(n).zip(&scales) {
                     small.extend(column.iter().map(|v| Complex32::round(*v / *scale)));
                 }
-                lu.solve(&mut small, columns);
+                lu.solve(MatMut::from_column_major_slice_mut(&mut small, n, columns));
                 for ((rhs, small), scale) in rhs.chunks_mut(n).zip(small.chunks(n)).zip(&scales) {
                     for (out, value) in rhs.iter_mut().zip(small) {
                         *out = C64::new(f64::from(value.re), f64::from(value.im)) * *scale;
@@ -268,42 +265,4 @@ impl Number for Complex32 {
 pub(crate) enum Factors {
     Single(Lu<Complex32>),
     Double(Lu<C64>),
-}
-
-/// LU factors in place.
-pub(crate) struct Lu<T> {
-    size: usize,
-    lu: Vec<T>,
-    forward: Vec<u32>,
-    inverse: Vec<u32>,
-}
-
-impl<T: ComplexField> Lu<T> {
-    fn new(mut lu: Vec<T>, size: usize) -> Self {
-        let (mut forward, mut inverse) = (vec![0u32; size], vec![0u32; size]);
-        let mut buffer = MemBuffer::new(factor::lu_in_place_scratch::<u32, T>(size, size, par(), Default::default()));
-        factor::lu_in_place(
-            MatMut::from_column_major_slice_mut(&mut lu, size, size),
-            &mut forward,
-            &mut inverse,
-            par(),
-            MemStack::new(&mut buffer),
-            Default::default(),
-        );
-        Self { size, lu, forward, inverse }
-    }
-
-    fn solve(&self, rhs: &mut [T], columns: usize) {
-        let n = self.size;
-        let lu = MatRef::from_column_major_slice(&self.lu, n, n);
-        let mut buffer = MemBuffer::new(solve::solve_in_place_scratch::<u32, T>(n, columns, par()));
-        solve::solve_in_place(
-            lu,
-            lu,
-            PermRef::new_checked(&self.forward, &self.inverse, n),
-            MatMut::from_column_major_slice_mut(rhs, n, columns),
-            par(),
-            MemStack::new(&mut buffer),
-        );
-    }
 }

@@ -13,8 +13,10 @@
 //! takes, which gives C_sca exactly, and from there at any azimuth.
 
 use super::curve::CurvePoint;
+use super::entries::{E, H, P, Q};
+use super::lu::par;
 use super::symmetry::{Element, Group};
-use super::system::{BoundarySystem, E, H, P, Q, par};
+use super::system::BoundarySystem;
 use super::{
     Body, C64, PlaneWave, Polarization, Scattered, SolverStats, Source, Wave, WaveError, WaveSolver, extinction_width,
     scattering_width,

@@ -2,7 +2,8 @@
 //! of outlines that are not circles, whose densities are known; then what must hold of any solution (ledger, reciprocity, convergence); then slow twins.
 
 use super::curve::Resolution;
-use super::system::{BoundarySystem, COMPONENTS};
+use super::entries::COMPONENTS;
+use super::system::BoundarySystem;
 use super::*;
 use complex_bessel::{Scaling, besselj_seq, hankel1_seq};
 

@@ -20,9 +20,9 @@
 //! take their place in a smooth window, to which densities are interpolated and from which arriving fields are projected, by the transposed matrix.
 
 use super::C64;
+use super::close::WINDOW_NODES;
 use super::curve::{Curve, CurvePoint};
 use super::kernel::MediumKernel;
-use super::system::WINDOW_NODES;
 use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::solve_upper_triangular_in_place;
 use faer::{Accum, MatMut, MatRef, Par};
