@@ -43,6 +43,7 @@ mod rays;
 mod scatter;
 mod scene;
 mod scene_check;
+mod scene_toml;
 mod section_bodies;
 mod series;
 mod single_fiber;
