@@ -345,7 +345,9 @@ fn read_coeffs(keys: &Keys<'_>) -> Result<Vec<(i32, C64)>, WaveError> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::scene::degrees;
     use super::*;
+    use crate::wave::Polarization;
     use proptest::prelude::*;
 
     const FULL: &str = r#"
