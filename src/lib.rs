@@ -16,23 +16,25 @@ pub mod color;
 mod edge;
 mod error;
 pub mod fabric;
-pub mod faddeeva;
 pub mod fiber;
 mod file;
 mod frame;
 mod gap;
 mod layers;
+#[doc(hidden)]
+pub mod math;
 mod noise;
 mod ply;
 mod ply_circle;
 mod scatter;
-mod simd;
 mod slit;
 mod spec;
 mod spec_check;
 mod speckle;
 mod table;
 mod whole;
+
+use math::simd;
 
 pub use beam::GaussianBeam;
 pub use edge::{EDGE_MU_MAX, EdgeLobes, beam_mu};
@@ -41,6 +43,8 @@ pub use file::{FileKind, file_kind};
 pub use frame::{direction, incident_direction, mirror_incidence, theta_phi};
 pub use gap::{Aperture, Gap, GapIncidence};
 pub use layers::{DoubleLayer, Layer, LayerFactors, TwoLayers};
+#[doc(hidden)]
+pub use math::faddeeva;
 pub use noise::{Instance, NoiseTiles, SEAM_RAD};
 #[doc(hidden)]
 pub use ply::reference;

@@ -2,19 +2,7 @@
 
 use crate::sphere::{PaddedSlice, SphereGrid};
 use plywave::asg::{Lobe, MU_MAX, MU_MIN};
-
-/// A fixed stream of numbers in [0, 1), for the k-means++ seeds: splitmix64.
-struct Stream(u64);
-
-impl Stream {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
-}
+use plywave::math::hash::SplitMix64;
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
@@ -41,9 +29,9 @@ pub fn kmeans_lobes(sphere: &SphereGrid, slice: &PaddedSlice, count: usize, seed
         let lobe = Lobe { theta_z: 0.0, phi_z: 0.0, phi_xy: 0.0, ln_mu1: 0.0, ln_mu2: 0.0, energy: 0.0 };
         return vec![lobe; count];
     }
-    let mut stream = Stream(seed);
+    let mut stream = SplitMix64(seed);
     let mut pick = |weights: &[f64]| {
-        let mut left = stream.next() * weights.iter().sum::<f64>();
+        let mut left = stream.next_f64() * weights.iter().sum::<f64>();
         weights.iter().position(|w| {
             left -= w;
             left < 0.0

@@ -6,6 +6,7 @@ use crate::scene::{Scene, SurfacePoint};
 use crate::{RenderError, Surface, WAVELENGTHS};
 use glam::Vec3;
 use plywave::Scatter;
+use plywave::math::hash::{GAMMA, mix64};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
@@ -115,10 +116,7 @@ fn pixel<S: Surface>(
 }
 
 fn mix(a: u64, b: u64) -> u64 {
-    let mut z = a ^ b.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(0x7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
+    mix64(a ^ b.wrapping_mul(GAMMA).wrapping_add(0x7f4a_7c15))
 }
 
 /// Share of the first way of sampling by the power heuristic.

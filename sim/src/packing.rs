@@ -12,6 +12,7 @@ use crate::error::SimError;
 use crate::fiber_section::FiberSection;
 use crate::outline::{Outline, Runs};
 use nalgebra::{Rotation2, Vector2};
+use plywave::math::axis;
 use plywave::{FiberSpec, PlySpec};
 use rand::{Rng, RngExt};
 use std::f64::consts::{PI, TAU};
@@ -262,11 +263,7 @@ impl DistanceGrid {
 
     /// Distance at `p`; outside the grid that of the nearest point of the grid's border, which is not more.
     fn at(&self, p: Vector2<f64>) -> f64 {
-        let cell = |x: f64| {
-            let u = ((x + self.half) * self.per_um).clamp(0.0, CELLS as f64);
-            let i = (u as usize).min(CELLS - 1);
-            (i, u - i as f64)
-        };
+        let cell = |x: f64| axis::cell((x + self.half) * self.per_um, CELLS + 1);
         let ((i, s), (j, t)) = (cell(p.x), cell(p.y));
         let row = |j: usize| {
             let k = j * (CELLS + 1) + i;

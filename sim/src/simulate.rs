@@ -15,6 +15,7 @@ use crate::section::PlySection;
 use crate::shard::{EXIT_AZIMUTHS, EXIT_POSITIONS, Incidence, MET_POSITIONS, Sums, trace_paths};
 use crate::target::{Target, YarnTwin};
 use crate::tracer::Tracer;
+use plywave::math::hash::SplitMix64;
 use plywave::{ExitPositions, OutgoingGrid, Table, YarnSpec};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
@@ -183,13 +184,10 @@ fn shard_paths(options: &SimOptions) -> u64 {
 
 /// A well-mixed 128-bit state from the seed and the place of a stream.
 pub(crate) fn stream(seed: u64, place: [u64; 2]) -> Pcg64Mcg {
-    let mut x = seed;
+    let mut state = SplitMix64(seed);
     let mut word = |salt: u64| {
-        x = (x ^ salt).wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = x;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        state.0 ^= salt;
+        state.next_u64()
     };
     let hi = word(place[0]);
     let lo = word(place[1]);

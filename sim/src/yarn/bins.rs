@@ -2,6 +2,7 @@
 //! overlap with their solid angles.
 
 use plywave::OutgoingGrid;
+use plywave::math::axis;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Overlaps of the table's rows and columns with coarse ones: of coarse index i, the table's indices and their measures.
@@ -79,17 +80,14 @@ pub(crate) fn density(grid: OutgoingGrid, rows: usize, columns: usize, energies:
     let total: f64 = energies.iter().map(|e| e.max(0.0)).sum();
     let mut sum = 0.0;
     for r in 0..grid.theta_o {
-        let at = ((r as f64 + 0.5) * rows as f64 / grid.theta_o as f64 - 0.5).clamp(0.0, (rows - 1) as f64);
-        let i = (at as usize).min(rows - 2);
-        let u = at - i as f64;
+        let (i, u) = axis::cell((r as f64 + 0.5) * rows as f64 / grid.theta_o as f64 - 0.5, rows);
         let solid_angle = grid.solid_angle(r);
         for c in 0..grid.phi_o {
             let at = ((c as f64 + 0.5) * columns as f64 / grid.phi_o as f64 - 0.5).rem_euclid(columns as f64);
-            let j = (at as usize).min(columns - 1);
-            let v = at - j as f64;
+            let (j, next, v) = axis::cell_periodic(at, columns);
             let mix = |i: usize| {
                 let row = &mean[i * columns..(i + 1) * columns];
-                row[j] + v * (row[(j + 1) % columns] - row[j])
+                row[j] + v * (row[next] - row[j])
             };
             let value = mix(i) + u * (mix(i + 1) - mix(i));
             out[r * grid.phi_o + c] = value;
