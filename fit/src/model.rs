@@ -4,6 +4,7 @@
 use crate::sphere::{PaddedSlice, Scratch, SphereGrid};
 use plywave::PlyData;
 use plywave::asg::{MU_MAX, MU_MIN, PARAMS};
+use plywave::math::axis;
 
 /// Lobes `[lobes][6]` and the energy their sum is scaled to.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,16 +43,9 @@ pub struct Place {
 
 /// The place of (theta_i >= 0, h), clamped to the nodes.
 pub fn locate(data: &PlyData, theta_i: f64, h_um: f64) -> Place {
-    let (m, s) = along(&data.theta_i, theta_i);
-    let (n, t) = along(&data.h_um, h_um);
+    let (m, s) = axis::locate(theta_i, &data.theta_i);
+    let (n, t) = axis::locate(h_um, &data.h_um);
     Place { m, s, n, t }
-}
-
-fn along(axis: &[f64], x: f64) -> (usize, f64) {
-    let last = axis.len() - 1;
-    let at = ((x - axis[0]) / (axis[last] - axis[0]) * last as f64).clamp(0.0, last as f64);
-    let k = (at as usize).min(last - 1);
-    (k, at - k as f64)
 }
 
 /// Reflection lobes at a place: Catmull-Rom over the nodes, continued linearly beyond the rim.

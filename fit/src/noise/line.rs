@@ -1,6 +1,7 @@
 //! One-dimensional patterns N(lambda, phi) (Yu 2025, Eq. 19-22), to be set beside the simulated ones.
 
 use super::{FieldModel, KIND_NAMES, KIND_SIDES, NoiseOptions, PatternCovariance, field_models, refl_and_high};
+use plywave::math::axis;
 use plywave::{Error, SpecklePatterns};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -43,8 +44,8 @@ impl LinePatterns {
                     let off = (TAU * j as f64 / d as f64 + 0.5 * PI).rem_euclid(TAU);
                     let off = if off > PI { off - TAU } else { off } * lambda_um[0] / lambda;
                     let x = (off / TAU * n as f64).rem_euclid(n as f64);
-                    let (i, t) = (x as usize % n, x.fract());
-                    (field[i] * (1.0 - t) + field[(i + 1) % n] * t + constant).norm_sqr()
+                    let (i, next, t) = axis::cell_periodic(x, n);
+                    (field[i] * (1.0 - t) + field[next] * t + constant).norm_sqr()
                 };
                 let at = |j: usize| 1.0 + fade * (at(j) - 1.0);
                 patterns.push((0..d).map(at).collect());

@@ -64,7 +64,7 @@ pub fn tiles(model: &FieldModel, lambda_um: f64, options: &NoiseOptions, seed: u
     let (mut codes, mut code, mut coding_error) = (Vec::new(), Vec::new(), 0.0f64);
     let mut squares = 0.0;
     for t in 0..options.tiles {
-        let mut rng = Pcg64Mcg::seed_from_u64(seed ^ (t as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+        let mut rng = Pcg64Mcg::seed_from_u64(seed ^ (t as u64 + 1).wrapping_mul(plywave::math::hash::GAMMA));
         let mut field: Vec<Complex<f64>> = Vec::with_capacity(rows * columns);
         for r in 0..rows {
             for c in 0..columns {

@@ -5,6 +5,7 @@
 //! beam, 1 - u (1 - r_d), is shared between the other plies and the light that misses the yarn as the lines were.
 
 use super::geometry::Intercept;
+use plywave::math::axis;
 use plywave::{GaussianBeam, PlyRing, Table};
 use std::f64::consts::TAU;
 
@@ -109,9 +110,7 @@ pub(crate) fn first_hits(
 fn at_nodes(table: &Table, r_d: &[f64], h: f64) -> [(usize, f64); 2] {
     let last = table.h_um.len() - 1;
     let step = (table.h_um[last] - table.h_um[0]) / last as f64;
-    let at = ((h - table.h_um[0]) / step).clamp(0.0, last as f64);
-    let n = (at as usize).min(last - 1);
-    let t = at - n as f64;
+    let (n, t) = axis::cell((h - table.h_um[0]) / step, last + 1);
     let unit = ((1.0 - t) * (1.0 - r_d[n]) + t * (1.0 - r_d[n + 1])).max(1e-6);
     [(n, (1.0 - t) / unit), (n + 1, t / unit)]
 }

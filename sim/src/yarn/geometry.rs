@@ -5,6 +5,7 @@
 //! s(h') of it meets a fiber. Of a ray, plies are asked in the order in which they lie along it; each takes s of what is left, and what is left
 //! in the end escapes. So the shares add up to 1 exactly.
 
+use plywave::math::axis;
 use plywave::{PlyRing, Table};
 use std::f64::consts::TAU;
 
@@ -31,10 +32,9 @@ impl Intercept {
                 None => {
                     let reach_um = table.h_um[columns - 1];
                     let met = |x: f64| {
-                        let at = (x + reach_um) / (2.0 * reach_um) * (columns - 1) as f64;
-                        let n = (at as usize).min(columns - 2);
+                        let (n, t) = axis::cell((x + reach_um) / (2.0 * reach_um) * (columns - 1) as f64, columns);
                         let r_d = &table.r_d[m * columns + n..];
-                        1.0 - (r_d[0] + (at - n as f64) * (r_d[1] - r_d[0]))
+                        1.0 - (r_d[0] + t * (r_d[1] - r_d[0]))
                     };
                     let cells = 8 * columns;
                     let x = |i: usize| reach_um * ((2 * i + 1) as f64 / cells as f64 - 1.0);
@@ -60,10 +60,9 @@ impl Intercept {
         if h_um.abs() > self.reach_um {
             return 0.0;
         }
-        let last = self.values.len() - 1;
-        let at = ((h_um / self.reach_um + 1.0) * 0.5 * self.values.len() as f64 - 0.5).clamp(0.0, last as f64);
-        let i = (at as usize).min(last - 1);
-        self.values[i] + (at - i as f64) * (self.values[i + 1] - self.values[i])
+        let count = self.values.len();
+        let (i, t) = axis::cell((h_um / self.reach_um + 1.0) * 0.5 * count as f64 - 0.5, count);
+        self.values[i] + t * (self.values[i + 1] - self.values[i])
     }
 }
 
@@ -183,8 +182,6 @@ pub(crate) struct CellFlights {
 
 /// The two of `count` equal parts of [-reach, reach] between whose centers `h` lies, with its shares.
 pub(crate) fn split(h: f64, reach: f64, count: usize) -> [(usize, f64); 2] {
-    let at = ((h / reach + 1.0) * 0.5 * count as f64 - 0.5).clamp(0.0, (count - 1) as f64);
-    let i = (at as usize).min(count - 2);
-    let t = at - i as f64;
+    let (i, t) = axis::cell((h / reach + 1.0) * 0.5 * count as f64 - 0.5, count);
     [(i, 1.0 - t), (i + 1, t)]
 }

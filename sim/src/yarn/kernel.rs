@@ -12,6 +12,7 @@ use super::geometry::Level;
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
 use num_complex::Complex;
+use plywave::math::axis;
 use plywave::{OutgoingGrid, Table};
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlanner};
@@ -55,13 +56,7 @@ fn response(table: &Table, light: Light, level: Level, theta_i: f64, h_um: f64) 
     let overlap = Overlap::new(table.grid, level.rows, level.azimuths, -FRAC_PI_2 - 0.5 * width, mirrored);
     let (theta, h) = if mirrored { (-theta_i, -h_um) } else { (theta_i, h_um) };
     let (rows, columns) = (table.theta_i.len(), table.h_um.len());
-    let place = |v: f64, axis: &[f64]| {
-        let last = axis.len() - 1;
-        let at = ((v - axis[0]) / (axis[last] - axis[0]) * last as f64).clamp(0.0, last as f64);
-        let i = (at as usize).min(last - 1);
-        (i, at - i as f64)
-    };
-    let ((m, s), (n, t)) = (place(theta, &table.theta_i), place(h, &table.h_um));
+    let ((m, s), (n, t)) = (axis::locate(theta, &table.theta_i), axis::locate(h, &table.h_um));
     let mut out = vec![0.0f32; level.rows * level.azimuths];
     let mut met = 0.0;
     let nodes = [(0, 0, (1.0 - s) * (1.0 - t)), (0, 1, (1.0 - s) * t), (1, 0, s * (1.0 - t)), (1, 1, s * t)];

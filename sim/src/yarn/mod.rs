@@ -30,6 +30,7 @@ use geometry::{Flights, Intercept, Level};
 use kernel::{Kernel, Light, Scratch};
 use noise::PartsNoise;
 use orders::{Chain, Orders};
+use plywave::math::axis;
 use plywave::{OutgoingGrid, Table, YarnSpec};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -204,9 +205,8 @@ impl<'a> Yarn<'a> {
         let mut out = Vec::with_capacity(azimuths * positions);
         for j in 0..azimuths {
             let at = ((j as f64 + 0.5) * exit.azimuths as f64 / azimuths as f64 - 0.5).rem_euclid(exit.azimuths as f64);
-            let a = (at as usize).min(exit.azimuths - 1);
-            let t = (at - a as f64) as f32;
-            let b = (a + 1) % exit.azimuths;
+            let (a, b, t) = axis::cell_periodic(at, exit.azimuths);
+            let t = t as f32;
             out.extend((0..positions).map(|i| {
                 let (x, y) = (shares[a * positions + i], shares[b * positions + i]);
                 x + t * (y - x)
