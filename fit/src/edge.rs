@@ -7,7 +7,7 @@
 //! The same bandwidths serve tilted light: across the ply nothing changes, and along it the longer cross section of the tilted beam
 //! makes up for the plane that is seen at a slant (test: `lobes_hold_for_tilted_light`).
 
-use crate::minimize::{MinimizeOptions, minimize_bounded};
+use crate::optimize::minimize::{MinimizeOptions, minimize_bounded};
 use plywave::asg::{MU_MIN, unit_energy_gradient};
 use plywave::faddeeva::diffraction_factor;
 use plywave::{EDGE_MU_MAX, EdgeLobes, GaussianBeam, YarnSpec, beam_mu};

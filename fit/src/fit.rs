@@ -1,16 +1,16 @@
 //! From a table of simulated scattering to a ply model.
 
-use crate::absorption::{SliceProducts, attenuation, choose_paths, energy_spectrum, fit_lobe_spectra};
-use crate::block::{CORNERS, Target, blend, coarse_grid, corner_weights, fit_joint};
-use crate::canonical::canonicalize;
 use crate::check::check_table;
-use crate::dark::{DarkSlices, refine};
 use crate::error::FitError;
 use crate::fit_errors::errors;
 use crate::layers::layer_factors;
+use crate::lobes::absorption::{SliceProducts, attenuation, choose_paths, energy_spectrum, fit_lobe_spectra};
+use crate::lobes::block::{CORNERS, Target, blend, coarse_grid, corner_weights, fit_joint};
+use crate::lobes::canonical::canonicalize;
+use crate::lobes::dark::{DarkSlices, refine};
+use crate::lobes::reflection::fit_reflection;
+use crate::lobes::sphere::{Scratch, SphereGrid};
 use crate::options::FitOptions;
-use crate::reflection::fit_reflection;
-use crate::sphere::{Scratch, SphereGrid};
 use plywave::asg::PARAMS;
 use plywave::{PlyData, Table};
 use rayon::prelude::*;

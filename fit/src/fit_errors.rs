@@ -1,10 +1,10 @@
 //! Relative L2 errors of a model against a table, with the table's noise removed.
 
-use crate::block::corner_weights;
 use crate::check::check_table;
 use crate::error::FitError;
-use crate::model::{Place, evaluate, high_lobes_in_block, refl_lobes};
-use crate::sphere::{Scratch, SphereGrid};
+use crate::lobes::block::corner_weights;
+use crate::lobes::model::{Place, evaluate, high_lobes_in_block, refl_lobes};
+use crate::lobes::sphere::{Scratch, SphereGrid};
 use plywave::{PlyData, Table};
 use rayon::prelude::*;
 

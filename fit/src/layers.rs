@@ -10,9 +10,9 @@
 //!
 //! and over theta the weight cos^2(theta). Latitudes beyond the last node carry that node's share.
 
-use crate::absorption::energy_spectrum;
-use crate::model::{bilinear, evaluate, high_lobes, locate, refl_lobes};
-use crate::sphere::{PaddedSlice, Scratch, SphereGrid};
+use crate::lobes::absorption::energy_spectrum;
+use crate::lobes::model::{bilinear, evaluate, high_lobes, locate, refl_lobes};
+use crate::lobes::sphere::{PaddedSlice, Scratch, SphereGrid};
 use plywave::{LayerFactors, OutgoingGrid, PlyData};
 use rayon::prelude::*;
 

@@ -1,8 +1,8 @@
 //! How hard to fit: numbers of lobes and iterations, with presets.
 
-use crate::block::BlockEffort;
 use crate::error::FitError;
-use crate::reflection::ReflectionEffort;
+use crate::lobes::block::BlockEffort;
+use crate::lobes::reflection::ReflectionEffort;
 
 /// How hard and with how many lobes to fit.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -3,8 +3,8 @@
 use crate::check::check_table;
 use crate::error::FitError;
 use crate::fit_errors::excess2;
-use crate::model::{bilinear, evaluate, high_lobes, locate, refl_lobes};
-use crate::sphere::{Scratch, SphereGrid};
+use crate::lobes::model::{bilinear, evaluate, high_lobes, locate, refl_lobes};
+use crate::lobes::sphere::{Scratch, SphereGrid};
 use plywave::{PlyData, Table};
 use rayon::prelude::*;
 

@@ -4,13 +4,13 @@
 //! of a fixed size, that of the fibers the tracer's offsets were made for, and path lengths are scaled back.
 
 use super::{SingleFiber, WaveError};
-use crate::dielectric::RoughDielectric;
 use crate::error::SimError;
-use crate::fiber_section::FiberSection;
-use crate::outline::Outline;
-use crate::path::{PathEnd, trace_path};
-use crate::screw::ScrewTracer;
-use crate::section::PlySection;
+use crate::geometry::fiber_section::FiberSection;
+use crate::geometry::outline::Outline;
+use crate::geometry::section::PlySection;
+use crate::rays::dielectric::RoughDielectric;
+use crate::rays::path::{PathEnd, trace_path};
+use crate::rays::screw::ScrewTracer;
 use crate::simulate::stream;
 use nalgebra::Vector3;
 use rand::RngExt;

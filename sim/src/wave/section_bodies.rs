@@ -7,9 +7,9 @@
 
 use super::scene_check::check_walls;
 use super::{Body, C64, Shape, WaveError};
-use crate::fiber_section::FiberSection;
-use crate::outline::Outline;
-use crate::section::PlySection;
+use crate::geometry::fiber_section::FiberSection;
+use crate::geometry::outline::Outline;
+use crate::geometry::section::PlySection;
 use nalgebra::{Matrix4, Vector2, Vector4};
 use std::f64::consts::TAU;
 

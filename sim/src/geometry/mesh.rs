@@ -4,8 +4,8 @@
 //! lumen wall if it is hollow, and two caps. Vertices are shared within a fiber; every edge belongs to two triangles of
 //! opposite direction.
 
-use crate::fiber_section::FiberSection;
-use crate::section::PlySection;
+use crate::geometry::fiber_section::FiberSection;
+use crate::geometry::section::PlySection;
 use nalgebra::{Rotation2, Vector2};
 use std::io::{self, Write};
 
@@ -198,7 +198,7 @@ fn is_ear(points: &[Vector2<f64>], corners: &[usize], ear: [usize; 3], height: f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::outline::{edges, segments_cross};
+    use crate::geometry::outline::{edges, segments_cross};
 
     fn area(points: &[Vector2<f64>], triangles: &[[usize; 3]]) -> f64 {
         let one = |t: &[usize; 3]| {

@@ -10,9 +10,9 @@
 //! The distance to the nearest fiber comes from one grid over the ply; near the walls its cells name the fibers to ask
 //! for their exact distance: circles in closed form, all others by a grid of distance and gradient of their own.
 
-use crate::outline::Outline;
-use crate::section::PlySection;
-use crate::tracer::{Hit, Medium, Trace, Tracer};
+use crate::geometry::outline::Outline;
+use crate::geometry::section::PlySection;
+use crate::rays::tracer::{Hit, Medium, Trace, Tracer};
 use nalgebra::{Vector2, Vector3};
 
 type V2 = Vector2<f32>;

@@ -1,7 +1,7 @@
 //! Lobes of a ply model at one incidence, in f64 and straight from the tensors: the fitter's own view of what the runtime
 //! evaluates, for errors and comparisons.
 
-use crate::sphere::{PaddedSlice, Scratch, SphereGrid};
+use crate::lobes::sphere::{PaddedSlice, Scratch, SphereGrid};
 use plywave::PlyData;
 use plywave::asg::{MU_MAX, MU_MIN, PARAMS};
 use plywave::math::axis;

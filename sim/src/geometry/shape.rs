@@ -5,8 +5,8 @@
 //! where they bend sharply. What is left out: variation along the fiber (the section is the same at every height).
 
 use crate::error::SimError;
-use crate::fiber_section::FiberSection;
-use crate::outline::{Outline, edges};
+use crate::geometry::fiber_section::FiberSection;
+use crate::geometry::outline::{Outline, edges};
 use nalgebra::{Rotation2, Vector2};
 use plywave::{FiberSpec, Shape};
 use rand::{Rng, RngExt};

@@ -3,8 +3,8 @@
 //! f_high is the Laplace transform in sigma of the distribution of path lengths inside the fibers; a spectrum on a few path
 //! lengths shared by the model is monotone in sigma and holds between and beyond the simulated coefficients.
 
-use crate::minimize::{MinimizeOptions, minimize_bounded};
-use crate::nnls::nnls;
+use crate::optimize::minimize::{MinimizeOptions, minimize_bounded};
+use crate::optimize::nnls::nnls;
 use nalgebra::{DMatrix, DVector};
 
 /// Number of path lengths of a model with absorption.

@@ -1,6 +1,6 @@
 //! The one door to the bounded minimizer: best point kept, stop by the gain over a window of evaluations.
 
-use crate::lbfgsb::{CostGradient, LbfgsbOptions, minimize};
+use crate::optimize::lbfgsb::{CostGradient, LbfgsbOptions, minimize};
 use std::cell::RefCell;
 use std::collections::VecDeque;
 

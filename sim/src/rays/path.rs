@@ -1,7 +1,7 @@
 //! The walk of one path through a ply: rough dielectric scattering at every fiber wall until the path escapes (Yu 2025, 4.4).
 
-use crate::dielectric::RoughDielectric;
-use crate::tracer::{Medium, Trace, Tracer, WALL_OFFSET_UM};
+use crate::rays::dielectric::RoughDielectric;
+use crate::rays::tracer::{Medium, Trace, Tracer, WALL_OFFSET_UM};
 use nalgebra::Vector3;
 use rand::Rng;
 

@@ -3,10 +3,10 @@
 //! Absorption takes long paths first, and long and short paths leave in different directions. Given the lobes of sigma = 0 and
 //! their spectra, both are refined together on the slices of all sigma, where sigma = 0 keeps the larger part of the weight.
 
-use crate::absorption::normalized;
-use crate::block::Target;
-use crate::minimize::{MinimizeOptions, minimize_bounded};
-use crate::sphere::{Scratch, SphereGrid};
+use crate::lobes::absorption::normalized;
+use crate::lobes::block::Target;
+use crate::lobes::sphere::{Scratch, SphereGrid};
+use crate::optimize::minimize::{MinimizeOptions, minimize_bounded};
 use plywave::asg::{MU_MAX, MU_MIN, PARAMS};
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -81,7 +81,7 @@ fn cost_gradient(
     let mut w = vec![0.0; lobes];
     let mut cost = 0.0;
     for slice in slices {
-        crate::block::blend(x, &slice.corners, &mut blended);
+        crate::lobes::block::blend(x, &slice.corners, &mut blended);
         for (k, target) in slice.targets.iter().enumerate() {
             if target.weight <= 0.0 {
                 continue;
@@ -120,7 +120,7 @@ fn cost_gradient(
             }
         }
     }
-    crate::absorption::chain_normalized(&x[split..], &by_p, paths, &mut gradient[split..]);
+    crate::lobes::absorption::chain_normalized(&x[split..], &by_p, paths, &mut gradient[split..]);
     cost
 }
 

@@ -1,6 +1,6 @@
 //! One fiber in the plane of the ply's cross section: its outline, where it lies and how it is turned.
 
-use crate::outline::{Outline, Runs, edges, segments_cross};
+use crate::geometry::outline::{Outline, Runs, edges, segments_cross};
 use nalgebra::{Rotation2, Vector2};
 
 /// One fiber in the cross section plane z = 0 of the ply.

@@ -1,6 +1,6 @@
 //! Starting lobes for a slice: weighted spherical k-means, then each cluster's covariance in the tangent plane of its axis.
 
-use crate::sphere::{PaddedSlice, SphereGrid};
+use crate::lobes::sphere::{PaddedSlice, SphereGrid};
 use plywave::asg::{Lobe, MU_MAX, MU_MIN};
 use plywave::math::hash::SplitMix64;
 

@@ -3,9 +3,9 @@
 //! Along z the whole section turns rigidly about the axis, so fibers that are apart at z = 0 are apart everywhere.
 
 use crate::error::SimError;
-use crate::fiber_section::FiberSection;
-use crate::outline::Outline;
-use crate::{packing, shape};
+use crate::geometry::fiber_section::FiberSection;
+use crate::geometry::outline::Outline;
+use crate::geometry::{packing, shape};
 use plywave::{Handedness, YarnSpec};
 use rand_pcg::Pcg64Mcg;
 use std::f64::consts::TAU;

@@ -4,11 +4,11 @@
 //! the azimuth alone. It is the same walk as in 3D, through the same tracer, over a cross section that does not turn;
 //! made for comparison with 2D wave optics, which sees one fixed instance: nothing is turned at random here.
 
-use crate::dielectric::RoughDielectric;
 use crate::error::SimError;
-use crate::path::{PathEnd, trace_path};
-use crate::screw::ScrewTracer;
-use crate::section::PlySection;
+use crate::geometry::section::PlySection;
+use crate::rays::dielectric::RoughDielectric;
+use crate::rays::path::{PathEnd, trace_path};
+use crate::rays::screw::ScrewTracer;
 use nalgebra::Vector3;
 use plywave::GaussianBeam;
 use rand::{RngExt, SeedableRng};
@@ -85,7 +85,7 @@ pub fn walk_2d(section: &PlySection, walk: &Walk2d) -> Result<Azimuthal, SimErro
         let x = walk.h_um as f32 + sd * normal[0];
         let dir = (forward + Vector3::x() * (angular_sd * normal[1]) + across * (angular_sd * normal[2])).normalize();
         // Far enough back along the ray to be outside the ply.
-        let back = 2.0 * (x.abs() + crate::tracer::Tracer::bound_radius_um(&tracer)) / dir.xy().norm().max(1e-3);
+        let back = 2.0 * (x.abs() + crate::rays::tracer::Tracer::bound_radius_um(&tracer)) / dir.xy().norm().max(1e-3);
         let end = trace_path(&tracer, &surface, Vector3::new(x, 0.0, 0.0) - dir * back, dir, &mut rng);
         let mut cone = |dir: Vector3<f32>| {
             scattered += 1.0;

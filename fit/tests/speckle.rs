@@ -8,7 +8,7 @@ use plywave::{
     GaussianBeam, Instance, NoiseTiles, PlyModel, Scatter, Slit, SpecklePatterns, SpecklePolarization, SpeckleSide,
     WholePly, direction,
 };
-use plywave_fit::noise::{
+use plywave_fit::speckle::{
     FieldModel, NoiseContrast, NoiseOptions, PatternCovariance, compare_lines, intensity_covariance, noise_tiles,
 };
 use rand::{RngExt, SeedableRng};

@@ -3,9 +3,9 @@
 //! The mesh covers one period of the screw and a margin beyond both ends; a ray that reaches the end of the period goes on
 //! at the other end, so that no path ever meets an end cap.
 
-use crate::mesh::TriMesh;
-use crate::section::PlySection;
-use crate::tracer::{Hit, Medium, Trace, Tracer};
+use crate::geometry::mesh::TriMesh;
+use crate::geometry::section::PlySection;
+use crate::rays::tracer::{Hit, Medium, Trace, Tracer};
 use glam::Vec3A;
 use nalgebra::Vector3;
 use obvhs::BvhBuildParams;

@@ -5,9 +5,9 @@
 //! color of a checkerboard while the others stand still. A weak pull to the mean of the neighbors on either side leaves what is
 //! linear in theta_i and h untouched; it decides where a slice has no light.
 
-use crate::block::{BlockEffort, Target, fit_joint, joint_cost};
-use crate::minimize::{MinimizeOptions, minimize_bounded};
-use crate::sphere::{Scratch, SphereGrid};
+use crate::lobes::block::{BlockEffort, Target, fit_joint, joint_cost};
+use crate::lobes::sphere::{Scratch, SphereGrid};
+use crate::optimize::minimize::{MinimizeOptions, minimize_bounded};
 use plywave::asg::{MU_MAX, MU_MIN, PARAMS};
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI};

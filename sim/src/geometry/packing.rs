@@ -9,8 +9,8 @@
 //! the grid measured and added to the gap; the packed section is then checked against the exact outlines.
 
 use crate::error::SimError;
-use crate::fiber_section::FiberSection;
-use crate::outline::{Outline, Runs};
+use crate::geometry::fiber_section::FiberSection;
+use crate::geometry::outline::{Outline, Runs};
 use nalgebra::{Rotation2, Vector2};
 use plywave::math::axis;
 use plywave::{FiberSpec, PlySpec};

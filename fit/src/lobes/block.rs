@@ -3,9 +3,9 @@
 //! The model of a slice is scaled to the slice's energy as the evaluator scales it, inside the objective: what is minimized
 //! is the error of what will be evaluated.
 
-use crate::init::kmeans_lobes;
-use crate::minimize::{MinimizeOptions, minimize_bounded};
-use crate::sphere::{PaddedSlice, Scratch, SphereGrid};
+use crate::lobes::init::kmeans_lobes;
+use crate::lobes::sphere::{PaddedSlice, Scratch, SphereGrid};
+use crate::optimize::minimize::{MinimizeOptions, minimize_bounded};
 use plywave::asg::{MU_MAX, MU_MIN, PARAMS};
 use std::f64::consts::{FRAC_PI_2, PI};
 
