@@ -77,7 +77,7 @@ pub fn edge_error(beam: &GaussianBeam, lambda_um: f64, inside_um: f64, ln_mu: [f
     hemisphere.cost(&pattern, ln_mu, &mut [0.0; 2]).sqrt()
 }
 
-/// Least width [um] of an aperture, for the node where nothing is left of it.
+/// Least width [um] of an aperture, for the node where it has closed.
 const LEAST_WIDTH_UM: f64 = 1e-3;
 
 /// A quarter of the forward hemisphere (pattern and lobe are even in u and w), in the variables u and psi, the angle about x, whose

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 /// Excess errors `sqrt(max(0, |model - table|^2 - noise) / |table|^2)`, |table|^2 with its own noise removed too. A slice whose
 /// noise is more than half of its norm has no meaningful figure and holds NaN.
 ///
-/// The noise that is taken off is an expectation; what a slice really has scatters about it, so that one slice's figure is only
+/// The noise that is subtracted is an expectation; what a slice really has scatters about it, so that one slice's figure is only
 /// good to about `sqrt(noise / |table|^2) (2 / bins)^(1/4)`: 0.03 for a standard table. Means add the squares with their signs, below
 /// zero too, and are good to far less.
 #[derive(Clone, Debug, PartialEq)]

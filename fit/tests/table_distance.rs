@@ -69,7 +69,7 @@ fn distance_of_tables_is_their_difference_less_noise() {
     let d = table_distance(&a, &b).unwrap();
     assert!(d.high2.iter().all(|v| (v.sqrt() - 0.2).abs() < 1e-5));
     assert!(d.energy_high.iter().zip(&a.energy_high).all(|(d, e)| (d + 0.25 * e).abs() < 1e-12));
-    // Noise of both is taken off: as much as the whole distance here.
+    // Noise of both is subtracted: as much as the whole distance here.
     let norm2 = |slice: &[f32]| -> f64 {
         slice.iter().enumerate().map(|(i, v)| a.grid.solid_angle(i / 48) * f64::from(*v).powi(2)).sum()
     };

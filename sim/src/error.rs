@@ -20,12 +20,12 @@ pub enum SimError {
         least_radius_um: f64,
     },
     /// The spec's fiber outline cannot be built.
-    #[error("fiber.shape: {what}; {mend}")]
+    #[error("fiber.shape: {what}; {hint}")]
     BadOutline {
         /// What is wrong.
         what: String,
         /// What would be accepted.
-        mend: String,
+        hint: String,
     },
     /// The fibers crowd so much that the screw march's grid cannot tell them apart.
     #[error("the screw march cannot resolve this cross section; use the mesh tracer")]

@@ -126,7 +126,7 @@ fn light_is_kept_at_every_number_of_plies() {
     }
 }
 
-/// One photon after the other: met by chance, scattered by the table's bins, leaving evenly over the ply's width.
+/// One photon after the other: it hits a ply by chance, is scattered by the table's bins and leaves evenly over the ply's width.
 struct Walk<'a> {
     table: &'a Table,
     spec: &'a YarnSpec,
@@ -190,7 +190,7 @@ impl<'a> Walk<'a> {
         Some((direction(sine.asin() as f32, phi as f32), place < t.grid.len()))
     }
 
-    /// A photon that ply 0 scatters at node (m, n): its last direction, whether it was only reflected, plies it met; None when absorbed.
+    /// A photon that ply 0 scatters at node (m, n): its last direction, whether it was only reflected, plies it hit; None when absorbed.
     fn photon(&mut self, m: usize, n: usize) -> Option<([f32; 3], bool, usize)> {
         let ring = self.spec.ply_ring();
         let mut psi = TAU * self.rng.random::<f64>();

@@ -22,7 +22,7 @@ pub fn energy_spectrum(energy: &[f64], sigma: &[f64], path: &[f64]) -> (Vec<f64>
     if top <= 0.0 {
         return (vec![0.0; path.len()], 0.0);
     }
-    // The first row (sigma = 0) is the sum of P: weighted so that it is met, then met exactly by scaling.
+    // The first row (sigma = 0) is the sum of P: weighted so that it nearly holds, then made exact by scaling.
     let t = attenuation(sigma, path);
     let weight = |k: usize| if k == 0 { 1e3 } else { 1.0 };
     let a = DMatrix::from_fn(sigma.len(), path.len(), |k, j| weight(k) * t[k * path.len() + j]);

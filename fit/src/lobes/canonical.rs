@@ -72,7 +72,7 @@ fn canonical_sets(params: &mut [f64], lobes: usize, extra: &mut [f64], stride: u
     let swap: Vec<bool> = (0..lobes).map(|l| total(3, l) > total(4, l)).collect();
     let (old, old_extra) = (params.to_vec(), extra.to_vec());
     for (to, &(_, from)) in order.iter().enumerate() {
-        // One turn for all sets, by the mean: where the lobe stands on average becomes the canonical range.
+        // One turn for all sets, by the mean: where the lobe lies on average becomes the canonical range.
         let count = sets as f64;
         let quarter = if swap[from] { FRAC_PI_2 } else { 0.0 };
         let mean = |k: usize| (0..sets).map(|s| old[(s * lobes + from) * PARAMS + k]).sum::<f64>() / count;

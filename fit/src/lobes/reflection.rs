@@ -2,7 +2,7 @@
 //!
 //! Nodes are fitted outwards from one in the middle, each started from its fitted neighbors, so that a lobe keeps its identity
 //! and its representation (the swap of mu1 and mu2, the turns of phi_z and phi_xy). Further rounds refit all nodes of one
-//! color of a checkerboard while the others stand still. A weak pull to the mean of the neighbors on either side leaves what is
+//! color of a checkerboard while the others are held. A weak pull to the mean of the neighbors on either side leaves what is
 //! linear in theta_i and h untouched; it decides where a slice has no light.
 
 use crate::lobes::block::{BlockEffort, Target, fit_joint, joint_cost};

@@ -1,11 +1,11 @@
-//! L-BFGS-B, minimisation under simple bounds l <= x <= u, as a solver of argmin and as a plain function.
+//! L-BFGS-B, minimization under simple bounds l <= x <= u, as a solver of argmin and as a plain function.
 //!
 //! The algorithm is that of Byrd, Lu, Nocedal, Zhu, "A limited memory algorithm for bound constrained optimization"
 //! (SIAM J. Sci. Comput. 16, 1995) with the subspace step of Morales and Nocedal (ACM TOMS 38, 2011): generalized Cauchy
-//! point, subspace minimisation, Moré-Thuente search for the strong Wolfe conditions. The numerics are those of the crate
+//! point, subspace minimization, Moré-Thuente search for the strong Wolfe conditions. The numerics are those of the crate
 //! `basin`, driven one iteration at a time; this file adds what argmin and the fits need around them:
 //! - [`Lbfgsb`], an argmin [`Solver`] over `IterState<Vec<f64>, Vec<f64>, (), (), (), f64>`: observers see every iteration,
-//!   and since the whole history is part of the serialised solver, a run resumed from a checkpoint continues bit for bit;
+//!   and since the whole history is part of the serialized solver, a run resumed from a checkpoint continues bit for bit;
 //! - [`CostGradient`], one call for cost and gradient: every argmin problem with `CostFunction` and `Gradient` has it, and an
 //!   objective that computes both at once implements it alone;
 //! - [`minimize`], the same steps without argmin's executor;
@@ -35,7 +35,7 @@ pub trait CostGradient {
     /// A cost or gradient that is not finite makes the line search step back.
     ///
     /// # Errors
-    /// An error ends the whole minimisation.
+    /// An error ends the whole minimization.
     fn cost_gradient(&self, x: &[f64], gradient: &mut [f64]) -> Result<f64, argmin::core::Error>;
 }
 
@@ -55,7 +55,7 @@ where
     }
 }
 
-/// Why a minimisation could not start or go on.
+/// Why a minimization could not start or go on.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LbfgsbError {
@@ -89,7 +89,7 @@ pub enum LbfgsbError {
         /// What it may be.
         allowed: &'static str,
     },
-    /// No start was given, or an iteration was asked for before the start.
+    /// No start was given, or an iteration was requested before the start.
     #[error("L-BFGS-B: no start, give one with `configure(|state| state.param(x0))`")]
     NoStart,
     /// The start is not finite.
@@ -120,7 +120,7 @@ pub struct LbfgsbOptions {
     pub pgtol: f64,
     /// Stop when (f_k - f_k+1) / max(|f_k|, |f_k+1|, 1) is at most this (SciPy's `ftol`).
     pub ftol: f64,
-    /// Evaluations in one line search, at least 1 (SciPy's `maxls`); counted anew when it steps back from a cost that is not
+    /// Evaluations in one line search, at least 1 (SciPy's `maxls`); counted again when it steps back from a cost that is not
     /// finite.
     pub max_line_search: u32,
     /// Iterations of [`minimize`]; argmin's executor has its own `max_iters`.
@@ -153,7 +153,7 @@ impl LbfgsbOptions {
     }
 }
 
-/// Why a minimisation stopped.
+/// Why a minimization stopped.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum LbfgsbStop {
@@ -223,7 +223,7 @@ pub fn minimize<O: CostGradient + ?Sized>(
 
 /// L-BFGS-B as a solver of argmin.
 ///
-/// Its reasons to stop: `SolverConverged` for `pgtol` and `ftol` ([`Lbfgsb::stop`] tells which), `SolverExit` when no further
+/// Its reasons to stop: `SolverConverged` for `pgtol` and `ftol` ([`Lbfgsb::stop`] says which), `SolverExit` when no further
 /// progress is possible. Observers get `pg_norm` (largest component of the projected gradient) and `evaluations`. A
 /// checkpoint needs a format that keeps every bit and infinities, like argmin's own file checkpoints; plain JSON does not.
 ///

@@ -1,4 +1,4 @@
-//! The one door to the bounded minimizer: best point kept, stop by the gain over a window of evaluations.
+//! The bounded minimizer as the fits use it: the best point is kept, and a run stops by its gain over a window of evaluations.
 
 use crate::optimize::lbfgsb::{CostGradient, LbfgsbOptions, minimize};
 use std::cell::RefCell;

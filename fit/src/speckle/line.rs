@@ -1,6 +1,9 @@
 //! One-dimensional patterns N(lambda, phi) (Yu 2025, Eq. 19-22), to be set beside the simulated ones.
 
-use super::{FieldModel, KIND_NAMES, KIND_SIDES, NoiseOptions, PatternCovariance, field_models, refl_and_high};
+use super::covariance::{PatternCovariance, refl_and_high};
+use super::fields::field_models;
+use super::options::{KIND_NAMES, KIND_SIDES, NoiseOptions};
+use super::spectrum::FieldModel;
 use plywave::math::axis;
 use plywave::{Error, SpecklePatterns};
 use rand::SeedableRng;
@@ -95,7 +98,7 @@ pub fn compare_lines(
             let light = std::mem::take(&mut refl_and_high(patterns, l, options.polarization)[k]);
             let n = light.len() as f64;
             let mean: Vec<f64> = (0..patterns.azimuths).map(|j| light.iter().map(|v| v[j]).sum::<f64>() / n).collect();
-            let made: Vec<Vec<f64>> =
+            let synthesized: Vec<Vec<f64>> =
                 noise.into_iter().map(|row| row.iter().zip(&mean).map(|(n, m)| n * m).collect()).collect();
             rows.push(LineComparison {
                 kind: KIND_NAMES[k],
@@ -105,9 +108,9 @@ pub fn compare_lines(
                     let half: Vec<_> = light.iter().skip(first).step_by(2).cloned().collect();
                     PatternCovariance::of(&half, KIND_SIDES[k]).of_fibers(options.fibers)
                 }),
-                synthesized: PatternCovariance::of(&made, KIND_SIDES[k]),
+                synthesized: PatternCovariance::of(&synthesized, KIND_SIDES[k]),
                 two_simulated: [light[0].clone(), light[1].clone()],
-                two_synthesized: [made[0].clone(), made[1].clone()],
+                two_synthesized: [synthesized[0].clone(), synthesized[1].clone()],
                 mean,
             });
         }

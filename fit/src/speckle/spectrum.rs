@@ -4,7 +4,8 @@
 //! what is clipped, up to a tenth here, and where b = 1 the root makes a tail of what is noise in C. So the spectrum is the one, of those >= 0, whose
 //! C is nearest to the measured one over its lags, by accelerated projected gradient steps from the clipped transform (Beck and Teboulle 2009).
 
-use super::{NoiseContrast, PatternCovariance};
+use super::covariance::PatternCovariance;
+use super::options::NoiseContrast;
 use rustfft::{FftPlanner, num_complex::Complex};
 
 /// Steps of the projected gradient; the error has settled to three digits after some hundred.

@@ -1,14 +1,14 @@
 //! Tiles: a Gaussian field over (v, u) that wraps, its intensity, coded.
 //!
-//! The field's correlation is that of the azimuth along u times that of the lit length along v. A beam of waist w0 lights the ply with the intensity
+//! The field's correlation is that of the azimuth along u times that of the illuminated length along v. A beam of waist w0 lights the ply with the intensity
 //! exp(-2 z^2 / w0^2); the far field of what it lights is correlated by the Fourier transform of that (van Cittert and Zernike, Goodman 2007, 4.4):
 //! `mu(q) = exp(-(k w0 q)^2 / 8)`, q the difference of sin theta.
 //!
 //! Between four nodes the mean is kept and the variance is not: over a cell, bilinear weights leave `(4 + 2 c_10 + 2 c_01 + c_11) / 9` of it, c the covariance of
-//! neighbouring nodes over the variance. The nodes get as much more, as far as a variance of 1 allows.
+//! neighboring nodes over the variance. The nodes get as much more, as far as a variance of 1 allows.
 
-use super::spectrum::{share_of, spectrum_of};
-use super::{FieldModel, NoiseOptions, intensity_covariance};
+use super::options::NoiseOptions;
+use super::spectrum::{FieldModel, intensity_covariance, share_of, spectrum_of};
 use plywave::NoiseTiles;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -19,7 +19,8 @@ use std::f64::consts::{PI, TAU};
 /// Largest lag that the field model knows [rad].
 const LAGS_RAD: f64 = PI / 6.0;
 
-pub struct Made {
+/// The tiles of one kind of light, coded, and what the coding keeps of their contrast.
+pub struct TileSet {
     pub codes: Vec<u8>,
     /// `[T][2]`.
     pub code: Vec<f32>,
@@ -31,7 +32,7 @@ pub struct Made {
 }
 
 /// The tiles of one kind.
-pub fn tiles(model: &FieldModel, lambda_um: f64, options: &NoiseOptions, seed: u64) -> Made {
+pub fn tiles(model: &FieldModel, lambda_um: f64, options: &NoiseOptions, seed: u64) -> TileSet {
     let (rows, columns) = (options.rows, options.columns);
     // exp(-q^2 / (2 s^2)); its square, the narrowest that the covariance can be, has its half width at s sqrt(ln 2).
     let s = 2.0 * lambda_um / (TAU * options.w0_um);
@@ -39,15 +40,15 @@ pub fn tiles(model: &FieldModel, lambda_um: f64, options: &NoiseOptions, seed: u
     let step_u = model.half_width_rad(LAGS_RAD) / options.nodes_a_half_width;
     let along_v = |node: f64| (-0.5 * (node * step_v / s).powi(2)).exp();
     let lags = ((LAGS_RAD / step_u) as usize).min(2 * columns / 5);
-    // More variance at the nodes makes up for what is lost between them; each share has its own loss.
+    // More variance at the nodes makes up for what the interpolation loses between them; each share has its own loss.
     let wanted = intensity_covariance(model.share, 1.0);
-    let left = |share: f64| {
+    let kept = |share: f64| {
         let c = |v: f64, u: f64| intensity_covariance(share, along_v(v) * model.correlation(u * step_u));
         (4.0 * c(0.0, 0.0) + 2.0 * (c(1.0, 0.0) + c(0.0, 1.0)) + c(1.0, 1.0)) / 9.0
     };
     let mut variance = wanted;
     for _ in 0..20 {
-        let loss = left(share_of(variance));
+        let loss = kept(share_of(variance));
         variance = if loss > 0.0 { (variance * wanted / loss).min(1.0) } else { 0.0 };
     }
     let share = share_of(variance);
@@ -89,8 +90,8 @@ pub fn tiles(model: &FieldModel, lambda_um: f64, options: &NoiseOptions, seed: u
         codes.extend(coded);
         code.extend([low, step]);
     }
-    let contrast = if variance > 0.0 { (squares * left(share) / variance).sqrt() } else { 0.0 };
-    Made { codes, code, step: [step_v, step_u], contrast_nodes: squares.sqrt(), contrast, coding_error }
+    let contrast = if variance > 0.0 { (squares * kept(share) / variance).sqrt() } else { 0.0 };
+    TileSet { codes, code, step: [step_v, step_u], contrast_nodes: squares.sqrt(), contrast, coding_error }
 }
 
 /// Inverse Fourier transform along both axes, not normalized.

@@ -150,7 +150,7 @@ impl Outline {
         }
     }
 
-    /// Whether no two edges of the outline touch except neighbours at their common vertex.
+    /// Whether no two edges of the outline touch except neighbors at their common vertex.
     pub fn is_simple(&self) -> bool {
         let Outline::Polyline(points) = self else { return true };
         let n = points.len();
@@ -182,7 +182,7 @@ fn crosses_ray(p: Vector2<f64>, a: Vector2<f64>, b: Vector2<f64>) -> bool {
     (a.y > p.y) != (b.y > p.y) && p.x < a.x + (b.x - a.x) * (p.y - a.y) / (b.y - a.y)
 }
 
-/// Whether two closed segments meet.
+/// Whether two closed segments intersect.
 pub(crate) fn segments_cross(a: Vector2<f64>, b: Vector2<f64>, c: Vector2<f64>, d: Vector2<f64>) -> bool {
     // The boxes first: of segments in one line, rounding may put the ends on either side.
     let apart = |a: f64, b: f64, c: f64, d: f64| a.min(b) > c.max(d) || c.min(d) > a.max(b);

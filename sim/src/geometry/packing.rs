@@ -17,7 +17,7 @@ use plywave::{FiberSpec, PlySpec};
 use rand::{Rng, RngExt};
 use std::f64::consts::{PI, TAU};
 
-/// Fresh starts before giving up; a jam at one start is often free at the next.
+/// New starts before giving up; a jam at one start is often free at the next.
 const STARTS: usize = 4;
 /// A jam at this scale is not undone by another start: starts differ by about 0.01.
 const HOPELESS: f64 = 1.03;
@@ -27,7 +27,7 @@ const MAX_SWEEPS: usize = 6000;
 const STALL_SWEEPS: usize = 400;
 /// Relative shrinkage below which compression counts as jammed.
 const STALL: f64 = 1e-3;
-/// Sweeps at the final size; with steps near a third of a gap, tens of sweeps carry a fiber past its neighbours.
+/// Sweeps at the final size; with steps near a third of a gap, tens of sweeps carry a fiber past its neighbors.
 const MIX_SWEEPS: usize = 150;
 /// Densest packing of equal discs in the plane; above it no start is tried.
 const HEXAGONAL: f64 = 0.9069;
@@ -251,7 +251,7 @@ impl DistanceGrid {
         for j in 0..=CELLS {
             for i in 0..=CELLS {
                 let p = Vector2::new(node(i), node(j));
-                // The neighbour's distance is off by one spacing at most, and no wall lies between if it is larger than that.
+                // The neighbor's distance is off by one spacing at most, and no wall lies between if it is larger than that.
                 let last = if i > 0 { values.last().copied() } else { None };
                 let distance = runs.distance(p, last.map_or(f64::INFINITY, |d| d.abs() + 1.001 / per_um));
                 let inside = last.filter(|d| d.abs() > 1.001 / per_um).map_or_else(|| outline.contains(p), |d| d < 0.0);

@@ -1,8 +1,8 @@
 //! Fiber outlines drawn at random from the spec's shape and jitter.
 //!
-//! Every outline is smooth, simple, counterclockwise and centred on its centroid; vertices lie on the smooth curve.
+//! Every outline is smooth, simple, counterclockwise and centered on its centroid; vertices lie on the smooth curve.
 //! Curves are given by a parameter or, for polygons, by lines and arcs; both are sampled evenly in arc length, more densely
-//! where they bend sharply. What is left out: variation along the fiber (the section is the same at every height).
+//! where they bend sharply. Not modeled: variation along the fiber (the section is the same at every height).
 
 use crate::error::SimError;
 use crate::geometry::fiber_section::FiberSection;
@@ -145,7 +145,7 @@ fn kidney(a: f64, b: f64, dent: f64, hollow: f64) -> (Outline, Option<Outline>) 
 ///
 /// With `x = a cos t`, `s = |sin t|` and `g(s) = ((1 + s)/2)^10`, the walls stand at `b (s - dent g(s))` and
 /// `b (-s - dent g(-s))` above the bent midline. As `g(s) - g(-s) <= s`, the thickness is `b (2 - dent) s` or more and that of the
-/// lumen, drawn about the same midline, is less at every x: the walls never meet. Both are trigonometric polynomials of degree 10.
+/// lumen, drawn about the same midline, is less at every x: the walls never touch. Both are trigonometric polynomials of degree 10.
 pub(crate) struct Kidney {
     pub a: f64,
     pub b: f64,
@@ -245,7 +245,7 @@ fn serrated<R: Rng>(radius: f64, depth: f64, teeth: f64, jitter: f64, rng: &mut 
 fn no_room(rounding: f64) -> SimError {
     SimError::BadOutline {
         what: format!("corners of radius {rounding:.3} um do not fit"),
-        mend: "use a smaller rounding_um".to_string(),
+        hint: "use a smaller rounding_um".to_string(),
     }
 }
 
@@ -290,7 +290,7 @@ fn sample(pieces: &[Piece], rounding: f64) -> Outline {
 }
 
 /// A convex counterclockwise polygon opened by a disc: shrunk by `rounding`, then grown by it. Edges too short for two arcs
-/// vanish. None when nothing is left after shrinking.
+/// vanish. None when nothing remains after shrinking.
 fn rounded_convex(corners: &[Vector2<f64>], rounding: f64) -> Option<Outline> {
     let mut inset = corners.to_vec();
     for (a, b) in edges(corners) {
@@ -360,6 +360,6 @@ pub(crate) fn rounded_polygon(mut corners: Vec<Vector2<f64>>, rounding: f64) -> 
     }
     Err(SimError::BadOutline {
         what: "the rounded polygon touches itself".to_string(),
-        mend: "use a smaller rounding_um or a polygon without narrow necks".to_string(),
+        hint: "use a smaller rounding_um or a polygon without narrow necks".to_string(),
     })
 }

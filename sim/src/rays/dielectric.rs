@@ -1,6 +1,6 @@
 //! Multiple-scattering rough dielectric: the random walk of Heitz et al. 2016 on a GGX microsurface of the Smith model.
 //!
-//! A single-scatter microfacet model drops the light that meets a second microfacet; inside a bundle of fibers, with a
+//! A single-scatter microfacet model drops the light that hits a second microfacet; inside a bundle of fibers, with a
 //! dozen interactions a path, that loses half the energy (docs/papers.md, departure 11). The walk follows the ray over the
 //! microsurface until it leaves, so that every sample carries weight 1 and power is conserved exactly.
 //!
@@ -49,7 +49,7 @@ pub fn fresnel(cos_i: f32, eta: f32) -> (f32, f32) {
 }
 
 impl RoughDielectric {
-    /// Scatter a ray that propagates along `dir` (local frame) and meets the interface from `outside` or from inside.
+    /// Scatter a ray that propagates along `dir` (local frame) and hits the interface from `outside` or from inside.
     pub fn scatter<R: Rng>(&self, dir: Vector3<f32>, outside: bool, rng: &mut R) -> Scattered {
         // Frame of the medium the ray comes from; `flipped` says that it is the inside's.
         let mut flipped = !outside;
@@ -105,7 +105,7 @@ impl RoughDielectric {
         0.5 * (-1.0 + if w.z > 0.0 { root } else { -root })
     }
 
-    /// Height (as cumulative probability) of the next facet met by a ray at height `c`; None when it leaves (Heitz 2016, 4.1).
+    /// Height (as cumulative probability) of the next facet hit by a ray at height `c`; None when it leaves (Heitz 2016, 4.1).
     #[inline(always)]
     fn next_height(&self, w: Vector3<f32>, c: f32, u: f32) -> Option<f32> {
         if w.z > 0.9999 {
@@ -115,7 +115,7 @@ impl RoughDielectric {
             return Some(c * (1.0 - u));
         }
         if w.z.abs() < 1e-4 {
-            // A horizontal ray meets the surface where it is.
+            // A horizontal ray hits the surface where it is.
             return Some(c);
         }
         let lambda = self.lambda(w);

@@ -1,7 +1,7 @@
 //! Triangles in an obvhs BVH: the general tracer, for any sweep.
 //!
 //! The mesh covers one period of the screw and a margin beyond both ends; a ray that reaches the end of the period goes on
-//! at the other end, so that no path ever meets an end cap.
+//! at the other end, so that no path ever hits an end cap.
 
 use crate::geometry::mesh::TriMesh;
 use crate::geometry::section::PlySection;

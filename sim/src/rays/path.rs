@@ -8,7 +8,7 @@ use rand::Rng;
 /// How a path ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PathEnd {
-    /// It met no fiber (f_miss).
+    /// It hit no fiber (f_miss).
     Miss,
     /// It left after reflections only (f_refl).
     Reflected {

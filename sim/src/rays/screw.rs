@@ -7,7 +7,7 @@
 //! convex function, so that Newton never passes it from the outside; where an outline is dented or the twist bends the
 //! line, a pass of the wall is seen by the sign and walked back.
 //!
-//! The distance to the nearest fiber comes from one grid over the ply; near the walls its cells name the fibers to ask
+//! The distance to the nearest fiber comes from one grid over the ply; near the walls its cells name the fibers to test
 //! for their exact distance: circles in closed form, all others by a grid of distance and gradient of their own.
 
 use crate::geometry::outline::Outline;
@@ -17,7 +17,7 @@ use nalgebra::{Vector2, Vector3};
 
 type V2 = Vector2<f32>;
 
-/// A wall counts as met when it is closer than this [um]; smaller than the offset that paths start with.
+/// A wall counts as hit when it is closer than this [um]; smaller than the offset that paths start with.
 const HIT_UM: f32 = 2e-4;
 /// Steps after which a march is given up.
 const MAX_STEPS: u32 = 20_000;
@@ -338,7 +338,7 @@ fn careful_step(d: f32, slope: f32, safe: f32, least: f32) -> f32 {
     step.max(least)
 }
 
-/// A wall met by the march: length, place and gradient in the turning frame.
+/// A wall hit by the march: length, place and gradient in the turning frame.
 struct Met {
     s: f32,
     q: V2,

@@ -1,4 +1,4 @@
-//! What the path walk asks of the geometry: the next fiber wall along a ray, in the medium the ray is in.
+//! What the path walk needs from the geometry: the next fiber wall along a ray, in the medium the ray is in.
 //!
 //! Two tracers answer: [`crate::ScrewTracer`] marches through the screw sweep of a 2D picture, [`crate::MeshTracer`] traces
 //! triangles in a BVH. The medium is kept by fiber identity, never by the sign of a normal, so that a ray in a fiber sees only
@@ -17,7 +17,7 @@ pub enum Medium {
     Lumen(u32),
 }
 
-/// A fiber wall met by a ray.
+/// A fiber wall hit by a ray.
 #[derive(Clone, Copy, Debug)]
 pub struct Hit {
     /// Distance along the ray [um].
@@ -40,7 +40,7 @@ impl Hit {
 /// Answer of a tracer.
 #[derive(Clone, Copy, Debug)]
 pub enum Trace {
-    /// A wall was met.
+    /// A wall was hit.
     Hit(Hit),
     /// The ray left the ply.
     Escaped,

@@ -1,6 +1,6 @@
 //! The path walk in 2D: parallel fibers, any incident latitude, one ply instance (Yu 2025, 4.4 and 4.5).
 //!
-//! Light that meets smooth parallel fibers stays on the specular cone theta_o = -theta_i, so that its distribution is one over
+//! Light that hits smooth parallel fibers stays on the specular cone theta_o = -theta_i, so that its distribution is one over
 //! the azimuth alone. It is the same walk as in 3D, through the same tracer, over a cross section that does not turn;
 //! made for comparison with 2D wave optics, which sees one fixed instance: nothing is turned at random here.
 
@@ -41,7 +41,7 @@ pub struct Walk2d {
 /// Energy densities over the azimuth [1/rad], `values[bin]`; the integral over the azimuth is a fraction of the beam's power.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Azimuthal {
-    /// Light that met no fiber.
+    /// Light that hit no fiber.
     pub miss: Vec<f64>,
     /// Reflection-only light.
     pub refl: Vec<f64>,
@@ -53,7 +53,7 @@ pub struct Azimuthal {
     pub cone_spread_rad2: f64,
 }
 
-/// Trace the beam of `walk` through `section`, taken as parallel fibers.
+/// Trace the beam of `walk` through `section`, whose fibers count as parallel.
 ///
 /// # Errors
 /// [`SimError::TooCrowded`] when the screw march cannot resolve the section.

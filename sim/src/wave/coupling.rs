@@ -3,7 +3,7 @@
 //! v holds a body's combined functionals (see [`skeleton`](super::skeleton)) of the fields that arrive from outside, T_c takes them to the strengths of its
 //! sites as sources, and K_bc is the kernel between sites, the same for e and h. The matrix is dense; where the tolerance allows, it is held and
 //! factorized in single precision, which is half the memory and twice the speed, and the solution is refined against residuals in double precision, for
-//! which K is made anew. The residual is that of the whole system in double precision in either case.
+//! which K is computed again. The residual is that of the whole system in double precision in either case.
 
 use super::C64;
 use super::kernel::MediumKernel;
@@ -140,14 +140,14 @@ impl Coupling<'_> {
         let columns = v[0].len() / (fields * self.sites[0].len());
         let external = v.to_vec();
         let sizes = norms(&external, columns);
-        let mut left = external.clone();
+        let mut rest = external.clone();
         for part in v.iter_mut() {
             part.fill(C64::ZERO);
         }
         let mut best = f64::INFINITY;
         for pass in 0..=REFINEMENTS {
-            self.step(factors, fields, &left, columns, v);
-            // left = external - v + K T v
+            self.step(factors, fields, &rest, columns, v);
+            // rest = external - v + K T v
             let strengths: Vec<Vec<C64>> = v
                 .par_iter()
                 .zip(transfer)
@@ -158,13 +158,13 @@ impl Coupling<'_> {
                     out
                 })
                 .collect();
-            left = self.apply(&strengths);
-            for ((left, v), external) in left.iter_mut().zip(v.iter()).zip(&external) {
-                for ((left, v), external) in left.iter_mut().zip(v).zip(external) {
-                    *left += external - v;
+            rest = self.apply(&strengths);
+            for ((rest, v), external) in rest.iter_mut().zip(v.iter()).zip(&external) {
+                for ((rest, v), external) in rest.iter_mut().zip(v).zip(external) {
+                    *rest += external - v;
                 }
             }
-            let residual = norms(&left, columns)
+            let residual = norms(&rest, columns)
                 .iter()
                 .zip(&sizes)
                 .map(|(r, s)| if *s == 0.0 { 0.0 } else { r / s })
@@ -177,15 +177,15 @@ impl Coupling<'_> {
         (best, REFINEMENTS)
     }
 
-    /// Adds the factors' answer to `left` to v.
-    fn step(&self, factors: &Factors, fields: usize, left: &[Vec<C64>], columns: usize, v: &mut [Vec<C64>]) {
+    /// Adds the factors' solution for `rest` to v.
+    fn step(&self, factors: &Factors, fields: usize, rest: &[Vec<C64>], columns: usize, v: &mut [Vec<C64>]) {
         let firsts = self.firsts(fields);
         let n = firsts[self.sites.len()];
         let mut rhs = vec![C64::ZERO; n * columns];
         for (column, rhs) in rhs.chunks_mut(n).enumerate() {
-            for (ends, left) in firsts.windows(2).zip(left) {
+            for (ends, rest) in firsts.windows(2).zip(rest) {
                 let k = ends[1] - ends[0];
-                rhs[ends[0]..ends[1]].copy_from_slice(&left[column * k..][..k]);
+                rhs[ends[0]..ends[1]].copy_from_slice(&rest[column * k..][..k]);
             }
         }
         match factors {

@@ -1,4 +1,4 @@
-//! LU factors of a dense complex matrix with partial pivoting, in either precision: the one door to faer's factorization.
+//! LU factors of a dense complex matrix with partial pivoting, in either precision: the only use of faer's factorization.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::lu::partial_pivoting::{factor, solve};

@@ -1,5 +1,5 @@
 //! Tests of the boundary integral solver. Truth first: the series of layered circular cylinders, written here by itself; then sources inside and outside
-//! of outlines that are not circles, whose densities are known; then what must hold of any solution (ledger, reciprocity, convergence); then slow twins.
+//! of outlines that are not circles, whose densities are known; then what must hold of any solution (ledger, reciprocity, convergence); then reference implementations.
 
 use super::curve::Resolution;
 use super::entries::COMPONENTS;

@@ -19,7 +19,7 @@ use std::f64::consts::TAU;
 /// Radius that fibers are traced at [um].
 const TRACED_UM: f64 = 10.0;
 
-/// A fiber ready to be traced.
+/// A fiber prepared for tracing.
 pub(crate) struct RaySlice {
     fiber: SingleFiber,
     tracer: ScrewTracer,

@@ -48,7 +48,7 @@ pub struct Beams {
     pub h_um: Vec<f64>,
 }
 
-/// What `plywave wave scatter` is asked for. Every combination of wavelength, incidence, offset and polarization is one case.
+/// What `plywave wave scatter` computes. Every combination of wavelength, incidence, offset and polarization is one case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
     /// Vacuum wavelengths [um].

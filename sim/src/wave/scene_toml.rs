@@ -543,7 +543,7 @@ eta = 1.5
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(512))]
 
-        /// No text makes the parser panic; what it takes passes its own check.
+        /// No text makes the parser panic; what it accepts passes its own check.
         #[test]
         fn any_text_is_taken_or_refused(text in "\\PC{0,200}") {
             if let Ok(scene) = Scene::parse(&text) {

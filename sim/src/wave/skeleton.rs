@@ -1,4 +1,4 @@
-//! A body as the others see it: a few directional points on its outer wall that stand for all sources and all receivers on it.
+//! A body as the others see it: a few directional points on its outer wall that represent all sources and all receivers on it.
 //!
 //! Whatever a body radiates is a sum of monopoles, normal dipoles and tangential dipoles on its outer wall, and what its boundary equations ask of an
 //! arriving field is that field's value, normal and tangential derivative there. Both are one matrix, since Green's function is symmetric. Its
@@ -356,7 +356,7 @@ fn subtract(c: &mut [f64], along: C64, q: &[f64]) -> f64 {
     sum.iter().sum()
 }
 
-/// Gram-Schmidt with column pivots, until the largest column left is below `tolerance` of the first. `rows` is a multiple of [`LANES`].
+/// Gram-Schmidt with column pivots, until the largest remaining column is below `tolerance` of the first. `rows` is a multiple of [`LANES`].
 fn pick(columns: &[C64], rows: usize, tolerance: f64) -> Picked {
     let mut split: Vec<f64> = Vec::with_capacity(2 * columns.len());
     for column in columns.chunks(rows) {

@@ -1,7 +1,7 @@
-//! What the beam meets first: ply 0, or another ply that stands in front of it or beside it (Yu 2025, 5.3, last paragraphs).
+//! What the beam hits first: ply 0, or another ply that stands in front of it or beside it (Yu 2025, 5.3, last paragraphs).
 //!
-//! The beam's lateral profile is cut into thin lines, the plies are asked in the order of their height, and each takes the share of a line that meets a
-//! fiber. Ply 0 then scatters its own slice of the table, f(theta_i, h), times the unblocked share u of what it intercepts. What remains of the
+//! The beam's lateral profile is cut into thin lines. The plies are visited in the order of their height, and each stops the share of a line that hits
+//! a fiber. Ply 0 then scatters its own slice of the table, f(theta_i, h), times the unblocked share u of what it intercepts. What remains of the
 //! beam, 1 - u (1 - r_d), is shared between the other plies and the light that misses the yarn as the lines were.
 
 use super::geometry::Intercept;
@@ -28,7 +28,7 @@ pub(crate) fn first_hits(
     table: &Table,
     ring: &PlyRing,
     beam: &GaussianBeam,
-    met: &Intercept,
+    intercept: &Intercept,
     (m, n): (usize, usize),
     bins: usize,
 ) -> FirstHits {
@@ -41,7 +41,7 @@ pub(crate) fn first_hits(
         let total: f64 = (0..LINES).map(|i| (-0.5 * t(i) * t(i)).exp()).sum();
         (0..LINES).map(|i| (h + sd * t(i), (-0.5 * t(i) * t(i)).exp() / total)).collect()
     };
-    let own: f64 = lines.iter().map(|(x, w)| w * met.at(*x)).sum();
+    let own: f64 = lines.iter().map(|(x, w)| w * intercept.at(*x)).sum();
     let mut parts = vec![vec![0.0; bins]; columns];
     let (mut valid, mut missed) = (0usize, 0.0);
     let mut order: Vec<usize> = (0..plies).collect();
@@ -58,24 +58,24 @@ pub(crate) fn first_hits(
         // Energies that other plies catch wait for their common factor.
         let mut others = vec![None; plies];
         for &(x, weight) in &lines {
-            let mut left = weight;
+            let mut remaining = weight;
             for &p in &order {
                 let offset = x - centers[p][0];
-                let taken = left * met.at(offset);
-                if taken <= 0.0 {
+                let stopped = remaining * intercept.at(offset);
+                if stopped <= 0.0 {
                     continue;
                 }
-                left -= taken;
+                remaining -= stopped;
                 if p == 0 {
-                    primary += taken;
+                    primary += stopped;
                     continue;
                 }
                 let caught = others[p].get_or_insert_with(|| vec![0.0; columns]);
                 for (node, share) in at_nodes(table, r_d, offset) {
-                    caught[node] += taken * share;
+                    caught[node] += stopped * share;
                 }
             }
-            miss += left;
+            miss += remaining;
         }
         let unblocked = if own > 1e-9 { (primary / own).min(1.0) } else { 1.0 };
         let rest = 1.0 - unblocked * (1.0 - r_d[n]);

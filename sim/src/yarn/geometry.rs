@@ -1,15 +1,15 @@
-//! Flights between the plies, in the plane across the yarn: where a ray that leaves one ply meets the others (Yu 2025, 5.3, Fig. 9a).
+//! Flights between the plies, in the plane across the yarn: where a ray that leaves one ply hits the others (Yu 2025, 5.3, Fig. 9a).
 //!
-//! A ray leaves ply 0 in azimuth phi at lateral position t along x' = (-sin phi, cos phi). Ply p, its center at c, is met at the offset
-//! h' = t - c . x' in its own frame, whose y' axis points back along the ray. Light of a line through a ply is not stopped for certain: the share
-//! s(h') of it meets a fiber. Of a ray, plies are asked in the order in which they lie along it; each takes s of what is left, and what is left
-//! in the end escapes. So the shares add up to 1 exactly.
+//! A ray leaves ply 0 in azimuth phi at lateral position t along x' = (-sin phi, cos phi). It hits ply p, whose center is c, at the offset
+//! h' = t - c . x' in that ply's frame, whose y' axis points back along the ray. A ply stops only the share
+//! s(h') of a line, which hits a fiber. The plies are visited in their order along the ray; each stops the share s of the remaining light, and what
+//! remains in the end escapes. So the shares add up to 1 exactly.
 
 use plywave::math::axis;
 use plywave::{PlyRing, Table};
 use std::f64::consts::TAU;
 
-/// Share of a line through a ply that meets a fiber, over the line's offset.
+/// Share of a line through a ply that hits a fiber, over the line's offset.
 pub(crate) struct Intercept {
     /// At the centers of equal parts of [-reach, reach].
     values: Vec<f64>,
@@ -17,7 +17,7 @@ pub(crate) struct Intercept {
 }
 
 impl Intercept {
-    /// At each incident latitude of the table: from the paths that met the ply where that was recorded, else 1 - r_d of the beam, whose
+    /// At each incident latitude of the table: from the paths that hit the ply where that was recorded, else 1 - r_d of the beam, whose
     /// waist blurs the ply's edge.
     pub fn of_table(table: &Table, radius_um: f64) -> Vec<Intercept> {
         let rows = table.theta_i.len();
@@ -75,7 +75,7 @@ pub(crate) struct Level {
     pub azimuths: usize,
     /// Cells of the yarn's orientation psi; a multiple of the plies.
     pub cells: usize,
-    /// Offsets h' at which plies are met.
+    /// Offsets h' at which light hits plies.
     pub offsets: usize,
 }
 
@@ -101,9 +101,9 @@ pub(crate) struct Flights {
     pub positions: usize,
     pub others: usize,
     pub offsets: usize,
-    /// `[azimuth - psi][position][ply - 1][h']`: met there.
+    /// `[azimuth - psi][position][ply - 1][h']`: share that hits that ply there.
     pub hits: Vec<f32>,
-    /// `[azimuth - psi][position]`: met no other ply.
+    /// `[azimuth - psi][position]`: share that hits no other ply.
     pub escape: Vec<f32>,
 }
 

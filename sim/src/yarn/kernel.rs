@@ -5,7 +5,7 @@
 //!
 //! `E'(theta, phi) = sum over theta_o, h', phi_o of A(theta_o, h', phi_o) F(-theta_o, h'; theta, phi - phi_o - pi/2)`,
 //!
-//! F the table's distribution of light that met the ply: a circular convolution over the azimuth, a product for each of its frequencies.
+//! F the table's distribution of light that hits the ply: a circular convolution over the azimuth, a product for each of its frequencies.
 
 use super::bins::Overlap;
 use super::geometry::Level;
@@ -48,7 +48,7 @@ pub(crate) struct Scratch {
     work: Vec<C32>,
 }
 
-/// Light of a unit of energy that met the ply at latitude `theta_i` (any sign) and offset `h_um`, in coarse bins of the level
+/// Light of a unit of energy that hit the ply at latitude `theta_i` (any sign) and offset `h_um`, in coarse bins of the level
 /// with azimuths counted from the light's own direction of travel.
 fn response(table: &Table, light: Light, level: Level, theta_i: f64, h_um: f64) -> Vec<f32> {
     let width = TAU / level.azimuths as f64;
@@ -58,17 +58,17 @@ fn response(table: &Table, light: Light, level: Level, theta_i: f64, h_um: f64) 
     let (rows, columns) = (table.theta_i.len(), table.h_um.len());
     let ((m, s), (n, t)) = (axis::locate(theta, &table.theta_i), axis::locate(h, &table.h_um));
     let mut out = vec![0.0f32; level.rows * level.azimuths];
-    let mut met = 0.0;
+    let mut hit = 0.0;
     let nodes = [(0, 0, (1.0 - s) * (1.0 - t)), (0, 1, (1.0 - s) * t), (1, 0, s * (1.0 - t)), (1, 1, s * t)];
     for (a, b, weight) in nodes.into_iter().filter(|node| node.2 > 0.0) {
         let (m, n) = ((m + a).min(rows - 1), (n + b).min(columns - 1));
-        met += weight * (1.0 - table.r_d[m * columns + n]);
+        hit += weight * (1.0 - table.r_d[m * columns + n]);
         overlap.add(table.refl_slice(m, n), weight, &mut out);
         if let Light::All(k) = light {
             overlap.add(table.high_slice(m, n, k), weight, &mut out);
         }
     }
-    let unit = (1.0 / met.max(1e-6)) as f32;
+    let unit = (1.0 / hit.max(1e-6)) as f32;
     out.iter_mut().for_each(|v| *v *= unit);
     out
 }

@@ -2,18 +2,18 @@
 //!
 //! `f_multi = f_direct + f_conv + f_resi`, averaged over the yarn's valid orientations psi:
 //!
-//! - what the beam meets first: ply 0, and the plies that catch some of the beam before or beside it (`beam.rs`);
-//! - *direct*: light of a ply's slice that no other ply stops. The flights between plies are 2D (`geometry.rs`); each ply stops of a line the
-//!   share that meets a fiber, and the line goes on with the rest, so that the shares add up to 1;
-//! - *conv*: what was stopped is scattered by the ply that stopped it, at the latitude -theta_o and the offset h' at which it arrives, by the same
-//!   table: a circular convolution over azimuth (`kernel.rs`);
-//! - *residual*: the same again, order after order, on a grid half as fine (`orders.rs`), until 1e-4 is left, which goes the way of the last order.
+//! - what the beam hits first: ply 0, and the plies that catch some of the beam before or beside it (`beam.rs`);
+//! - *direct*: light of a ply's slice that no other ply stops. The flights between plies are 2D (`geometry.rs`): each ply stops the share of a line
+//!   that hits a fiber, and the rest goes on, so that the shares add up to 1;
+//! - *conv*: the ply that stopped the light scatters it, at the latitude -theta_o and the offset h' at which it arrives, by the same table:
+//!   a circular convolution over azimuth (`kernel.rs`);
+//! - *residual*: the same again, order after order, on a grid half as fine (`orders.rs`). The last 1e-4 is distributed like the last order.
 //!
 //! The paper stops after conv and gives the rest a guessed diffuse lobe. As all plies are alike, light that leaves ply p of a yarn that lies at psi
 //! leaves ply 0 of one that lies at psi + 2 pi p / P: a state over (psi, theta_o, phi_o) is all that orders need.
 //!
 //! f_refl and f_high stay apart: reflection-only light of reflection-only light is f_refl, all else f_high. At each absorption the chain of all
-//! light is computed, and that of f_refl is taken off. Where in its azimuth light leaves a ply is the table's own record
+//! light is computed, and that of f_refl is subtracted. Where in its azimuth light leaves a ply is the table's own record
 //! ([`plywave::ExitPositions`]) for the first exit; the paper's even spread serves later ones, and tables without the record.
 
 mod beam;
@@ -42,11 +42,11 @@ pub struct YarnOptions {
     pub rows: usize,
     /// Least number of orientations psi; the bins of phi_o are three times as many. Orders beyond the first have half of both.
     pub cells: usize,
-    /// Offsets h' at which a ply is met.
+    /// Offsets h' at which light hits a ply.
     pub offsets: usize,
     /// Take the first exit's positions from the table where it has them; else light leaves evenly over the ply's width.
     pub exits: bool,
-    /// Fraction of the light of a chain that may be left to the geometric series.
+    /// Fraction of a chain's light below which the remaining orders are summed as a geometric series.
     pub tolerance: f64,
 }
 
@@ -59,15 +59,15 @@ impl Default for YarnOptions {
 /// Where the beam's power goes, `[theta_i][h][sigma]` but for `r_d`. Their sum is 1.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct YarnLedger {
-    /// Light that no second ply stopped.
+    /// Light that one ply scattered and no other stopped.
     pub direct: Vec<f64>,
-    /// Light that left after two plies.
+    /// Light that two plies scattered.
     pub conv: Vec<f64>,
-    /// Light that left after more.
+    /// Light that more plies scattered.
     pub residual: Vec<f64>,
-    /// Light that did not leave again: absorbed, at sigma = 0 the table's own Monte Carlo error and its killed paths.
+    /// Light that was absorbed; at sigma = 0, the table's own Monte Carlo error and its killed paths.
     pub absorbed: Vec<f64>,
-    /// `[theta_i][h]`: met nothing.
+    /// `[theta_i][h]`: light that missed the yarn.
     pub r_d: Vec<f64>,
 }
 
@@ -128,7 +128,8 @@ struct Yarn<'a> {
     table: &'a Table,
     spec: &'a YarnSpec,
     fine: Level,
-    met: Vec<Intercept>,
+    /// At each latitude of the table.
+    intercepts: Vec<Intercept>,
     flights: Flights,
     escape: Vec<f32>,
     /// Reflection-only light, then all light at each sigma: the first hop, then the orders beyond.
@@ -150,7 +151,7 @@ struct Node {
     /// `[sigma]`: direct, conv, residual, absorbed.
     ledger: Vec<[f64; 4]>,
     killed: f64,
-    /// Standard error of the energy's sum from the slices that the beam meets.
+    /// Standard error of the energy's sum from the slices that the beam hits.
     se: f64,
 }
 
@@ -173,8 +174,8 @@ impl<'a> Yarn<'a> {
             cells: 2 * coarse.cells,
             offsets: 2 * options.offsets.div_ceil(2),
         };
-        let met = Intercept::of_table(table, ring.radius_um);
-        let mean = Intercept::mean(&met, &table.theta_i);
+        let intercepts = Intercept::of_table(table, ring.radius_um);
+        let mean = Intercept::mean(&intercepts, &table.theta_i);
         let positions = table.exit.as_ref().map_or(16, |e| e.positions);
         let flights = Flights::new(&ring, fine.azimuths, positions, fine.offsets, &mean);
         let escape = flights.of_cells().escape;
@@ -190,7 +191,7 @@ impl<'a> Yarn<'a> {
             .collect();
         let overlap = Overlap::new(table.grid, fine.rows, fine.azimuths, 0.0, false);
         let exits = options.exits && table.exit.is_some();
-        Yarn { table, spec, fine, met, flights, escape, kernels, overlap, exits, tolerance: options.tolerance }
+        Yarn { table, spec, fine, intercepts, flights, escape, kernels, overlap, exits, tolerance: options.tolerance }
     }
 
     /// Shares of the lateral positions at each azimuth bin, `[azimuth][position]`, of light `channel` (0 reflected, 1 + k high) at node (m, n).
@@ -222,7 +223,7 @@ impl<'a> Yarn<'a> {
             .iter()
             .map(|&n| {
                 let beam = self.spec.beam.beam();
-                first_hits(self.table, &self.spec.ply_ring(), &beam, &self.met[m], (m, n), self.fine.azimuths)
+                first_hits(self.table, &self.spec.ply_ring(), &beam, &self.intercepts[m], (m, n), self.fine.azimuths)
             })
             .collect();
         let size = self.fine.state_len() * self.fine.offsets;
@@ -242,7 +243,7 @@ impl<'a> Yarn<'a> {
             .map(|i| {
                 let mut refl = first_refl[i].direct.clone();
                 chains[i].add_density(None, grid, &mut refl);
-                let met = |values: &[f64]| -> f64 {
+                let over_hits = |values: &[f64]| -> f64 {
                     hits[i].parts.iter().map(|(n, w)| values[m * columns + n] * w.iter().sum::<f64>()).sum()
                 };
                 Node {
@@ -251,8 +252,8 @@ impl<'a> Yarn<'a> {
                     high: Vec::with_capacity(sigmas),
                     noise: vec![first_refl[i].noise.integral],
                     ledger: Vec::with_capacity(sigmas),
-                    killed: met(&self.table.energy_killed),
-                    se: met(&self.table.energy_se),
+                    killed: over_hits(&self.table.energy_killed),
+                    se: over_hits(&self.table.energy_se),
                 }
             })
             .collect();
@@ -274,7 +275,7 @@ impl<'a> Yarn<'a> {
         out
     }
 
-    /// Light `channel` of the plies that the beam meets, after its first flight: what escapes, and in `arrivals[node][cell][theta_o][h'][phi_o]`, added,
+    /// Light `channel` of the plies that the beam hits, after its first flight: what escapes, and in `arrivals[node][cell][theta_o][h'][phi_o]`, added,
     /// what arrives at other plies.
     fn first_exits(
         &self,
@@ -296,7 +297,8 @@ impl<'a> Yarn<'a> {
         let mut escape = vec![0.0f32; azimuths];
         let mut fine = vec![0.0f64; grid.phi_o];
         let columns = self.table.h_um.len();
-        let correlated = noise::correlations(&self.table.h_um, self.spec.beam.beam().sd_um(), |x| self.met[m].at(x));
+        let correlated =
+            noise::correlations(&self.table.h_um, self.spec.beam.beam().sd_um(), |x| self.intercepts[m].at(x));
         for source in 0..self.table.h_um.len() {
             if !hits.iter().any(|h| h.parts.iter().any(|p| p.0 == source)) {
                 continue;
@@ -391,7 +393,7 @@ impl<'a> Yarn<'a> {
         }
         let sum = |v: &[f32]| v.iter().map(|v| f64::from(*v)).sum::<f64>();
         chain.absorbed = sum(arrivals) - sum(&state);
-        chain.leave(self.fine, &mut state, &self.escape);
+        chain.escape(self.fine, &mut state, &self.escape);
         orders.run(&mut chain, self.fine, &state, self.tolerance, scratch);
         chain
     }
@@ -432,7 +434,7 @@ fn assemble(table: &Table, plies: u32, nodes: impl Iterator<Item = Node>) -> (Ta
 }
 
 impl Chain {
-    /// Adds the density of conv and residual to `out[bin]`; of what is left of them without those of `less`.
+    /// Adds the density of conv and residual to `out[bin]`, less that of the chain `less`.
     fn add_density(&self, less: Option<&Chain>, grid: OutgoingGrid, out: &mut [f64]) {
         let mut part = vec![0.0; grid.len()];
         for (map, less, level) in

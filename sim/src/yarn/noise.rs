@@ -1,27 +1,27 @@
 //! Noise of a sum of slices at different offsets.
 //!
 //! One path serves every offset (`sim/src/shard.rs`): it counts for h by the beam's density g(x - h) at its lateral position x. Slices at neighboring offsets so share
-//! paths. With m(x) the chance to meet a fiber, which stands for where the light comes from, the correlation of the noise at h and h' is
+//! paths. With m(x) the chance to hit a fiber, which weights where the light comes from, the correlation of the noise at h and h' is
 //!
 //! ```text
 //! integral g(x - h) g(x - h') m(x) dx / sqrt(integral g(x - h)^2 m(x) dx * integral g(x - h')^2 m(x) dx)
 //! ```
 //!
-//! Within the ply, where m is even, it is exp(-(h - h')^2 / (4 s^2)), s the standard deviation of g: 0.7 from node to node of usual tables. At the rim, where beams meet
-//! but the same edge, it is near 1. Added up as if they were independent, the parts of a beam beyond the rim, which meets many offsets of other plies, would have half of
+//! Within the ply, where m is even, it is exp(-(h - h')^2 / (4 s^2)), s the standard deviation of g: 0.7 from node to node of usual tables. At the rim, where beams hit
+//! only the same edge, it is near 1. Added up as if they were independent, the parts of a beam beyond the rim, which hits many offsets of other plies, would have half of
 //! their noise.
 
 /// The least correlation that counts.
 const LEAST: f64 = 1e-3;
 
-/// Correlation of the noise of slices at `h_um[n]` and `h_um[k]`, `[n][k]`, `met` the chance to meet a fiber at x; 0 between slices that no light reaches.
-pub(super) fn correlations(h_um: &[f64], beam_sd_um: f64, met: impl Fn(f64) -> f64) -> Vec<f64> {
+/// Correlation of the noise of slices at `h_um[n]` and `h_um[k]`, `[n][k]`, `hit` the chance to hit a fiber at x; 0 between slices that no light reaches.
+pub(super) fn correlations(h_um: &[f64], beam_sd_um: f64, hit: impl Fn(f64) -> f64) -> Vec<f64> {
     const SDS: f64 = 5.0;
     let step = 0.125 * beam_sd_um;
     let (low, high) = h_um.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), h| (a.min(*h), b.max(*h)));
     let count = ((high - low + 2.0 * SDS * beam_sd_um) / step) as usize;
     let lines: Vec<(f64, f64)> =
-        (0..count).map(|i| low - SDS * beam_sd_um + (i as f64 + 0.5) * step).map(|x| (x, met(x).max(0.0))).collect();
+        (0..count).map(|i| low - SDS * beam_sd_um + (i as f64 + 0.5) * step).map(|x| (x, hit(x).max(0.0))).collect();
     let overlap = |a: f64, b: f64| -> f64 {
         let both = |x: f64| (-0.5 * ((x - a).powi(2) + (x - b).powi(2)) / (beam_sd_um * beam_sd_um)).exp();
         lines.iter().map(|(x, m)| m * both(*x)).sum()
@@ -76,9 +76,9 @@ mod tests {
         let weights = [3.0, 1.5, 0.9, 1.0, 0.7, 0.0, 0.0, 0.4, 0.2];
         let reach = 0.5 * step_um * (nodes - 1) as f64 + 4.0 * s;
         let h = |n: usize| step_um * (n as f64 - 0.5 * (nodes - 1) as f64);
-        // The ply's edges: beyond them nothing is met, so the outermost beams share their paths.
-        let met = |x: f64| if x.abs() < 18.0 { 1.0 } else { 0.0 };
-        let correlated = correlations(&(0..nodes).map(h).collect::<Vec<_>>(), s, met);
+        // The ply's edges: beyond them nothing is hit, so the outermost beams share their paths.
+        let hit = |x: f64| if x.abs() < 18.0 { 1.0 } else { 0.0 };
+        let correlated = correlations(&(0..nodes).map(h).collect::<Vec<_>>(), s, hit);
         assert!((correlated[4 * nodes + 5] - (-0.25 * (step_um / s).powi(2)).exp()).abs() < 0.02);
         assert!(correlated[1] > 0.9 && correlated[nodes + 1] == 1.0);
         let mut rng = Pcg64Mcg::seed_from_u64(5);
@@ -92,7 +92,7 @@ mod tests {
                 let x = reach * (2.0 * rng.random::<f64>() - 1.0);
                 let b = ((rng.random::<f64>().sqrt() * bins as f64) as usize).min(bins - 1);
                 for (n, slice) in slices.iter_mut().enumerate() {
-                    slice[b] += met(x) * (-0.5 * ((x - h(n)) / s).powi(2)).exp() / paths as f64;
+                    slice[b] += hit(x) * (-0.5 * ((x - h(n)) / s).powi(2)).exp() / paths as f64;
                 }
             }
             for b in 0..bins {

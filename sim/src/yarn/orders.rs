@@ -1,13 +1,13 @@
-//! Orders of scattering beyond the second ply, one after the other, until little is left; what is left goes the way of the last order.
+//! Orders of scattering beyond the second ply, one after the other, until little remains; the rest is distributed like the last order.
 
 use super::geometry::{BINS_A_CELL, CellFlights, Level};
 use super::kernel::{Kernel, Scratch};
 use std::sync::Arc;
 
-/// Orders after which a chain ends in its geometric series, whatever is left.
+/// Orders after which a chain ends in its geometric series, whatever remains.
 const MOST_ORDERS: usize = 100;
 
-/// Light of one kind that met a second ply, to its end.
+/// Light of one kind that hit a second ply, followed to its end.
 pub(crate) struct Chain {
     /// Sizes (rows, azimuths) of `first` and of `later`.
     pub fine: (usize, usize),
@@ -19,7 +19,7 @@ pub(crate) struct Chain {
     /// Their sums.
     pub conv: f64,
     pub residual: f64,
-    /// Energy that plies did not give back.
+    /// Energy that plies absorbed.
     pub absorbed: f64,
 }
 
@@ -37,13 +37,13 @@ impl Chain {
         }
     }
 
-    /// Takes what escapes out of `state[cell][theta_o][phi_o]`, the light that leaves the second ply.
-    pub fn leave(&mut self, level: Level, state: &mut [f32], escape: &[f32]) {
+    /// Removes what escapes from `state[cell][theta_o][phi_o]`, the light that leaves the second ply.
+    pub fn escape(&mut self, level: Level, state: &mut [f32], escape: &[f32]) {
         self.conv = escape_from(level, state, escape, &mut self.first);
     }
 }
 
-/// Takes what escapes out of a state and adds it to `map[theta_o][phi_o]`; gives its energy.
+/// Removes what escapes from a state and adds it to `map[theta_o][phi_o]`; returns its energy.
 fn escape_from(level: Level, state: &mut [f32], escape: &[f32], map: &mut [f64]) -> f64 {
     let Level { rows, azimuths, cells, .. } = level;
     let mut total = 0.0;
@@ -94,8 +94,8 @@ impl Orders {
             let absorbed = energy - sum(&state);
             let mut map = vec![0.0; chain.later.len()];
             let escaped = {
-                let mut left = state.clone();
-                escape_from(self.level, &mut left, &self.flights.escape, &mut map)
+                let mut remaining = state.clone();
+                escape_from(self.level, &mut remaining, &self.flights.escape, &mut map)
             };
             let before = energy;
             energy = before - absorbed - escaped;

@@ -1,4 +1,4 @@
-//! One minimisation by basin's numerics, an iteration at a time.
+//! One minimization by basin's numerics, an iteration at a time.
 
 use std::cell::Cell;
 
@@ -14,7 +14,7 @@ use super::{CostGradient, LbfgsbError, LbfgsbOptions, LbfgsbStop};
 /// Relative changes of cost or variables up to this are rounding.
 const ROUNDING: f64 = 10.0 * f64::EPSILON;
 
-/// One minimisation between two iterations: everything that a checkpoint must hold.
+/// One minimization between two iterations: everything that a checkpoint must hold.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Run {
     pub(super) lower: Vec<f64>,
@@ -213,7 +213,7 @@ impl<O: CostGradient + ?Sized> basin::Gradient for Boxed<'_, O> {
     }
 }
 
-/// Moré-Thuente search that starts over nearer to its origin when it meets a point that is not finite.
+/// Moré-Thuente search that starts over nearer to its origin when it reaches a point that is not finite.
 ///
 /// The search interpolates, so one infinity would poison its bracket. Half the step that failed becomes the new bound, a quarter
 /// of it the new first trial.

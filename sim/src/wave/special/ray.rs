@@ -29,7 +29,7 @@ pub struct Ray {
     /// sqrt of k/|k|, taken with the root of |z|.
     root: C64,
     pieces: Vec<Piece>,
-    /// `i^m a_m(n) / (k/|k|)^m` for H and its conjugate twin for H^(2), DLMF 10.17.5-6, `[m][h0, h1, g0, g1]`.
+    /// `i^m a_m(n) / (k/|k|)^m` for H and its conjugate for H^(2), DLMF 10.17.5-6, `[m][h0, h1, g0, g1]`.
     asymptotic: [[C64; 4]; ASYMPTOTIC],
 }
 
