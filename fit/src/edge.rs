@@ -1,11 +1,11 @@
 //! Edge lobes (Yu 2025, 6.1): one lobe for each (wavelength, e = R - |h|), fitted to the far field of a beam cut by the half plane x > e.
 //!
-//! The aperture is `[e, d_cut] x [-d_cut, d_cut]` (Eq. 17), the beam's center at the origin, incidence normal. Pattern and lobe are set beside each
-//! other at equal energy, and the two bandwidths minimize their squared distance over the hemisphere. At e = d_cut nothing is left of
-//! the aperture; the node there is the limit of a narrow slit.
+//! The aperture is `[e, d_cut] x [-d_cut, d_cut]` (Eq. 17), the beam's center at the origin, incidence normal. Pattern and lobe have equal
+//! energy, and the two bandwidths minimize their squared distance over the hemisphere. At e = d_cut the aperture has closed; the node there is
+//! the limit of a narrow slit.
 //!
-//! The same bandwidths serve tilted light: across the ply nothing changes, and along it the longer cross section of the tilted beam
-//! makes up for the plane that is seen at a slant (test: `lobes_hold_for_tilted_light`).
+//! The same bandwidths hold for tilted light: across the ply nothing changes, and along it the longer cross section of the tilted beam
+//! compensates for the foreshortened plane (test: `lobes_hold_for_tilted_light`).
 
 use crate::optimize::minimize::{MinimizeOptions, minimize_bounded};
 use plywave::asg::{MU_MIN, unit_energy_gradient};

@@ -1,8 +1,8 @@
-//! Factors of a layer of yarns (Yu 2025, 5.4), from the lobes of a fitted ply: so they belong to what the evaluator gives, not to the table.
+//! Factors of a layer of yarns (Yu 2025, 5.4), computed from the lobes of a fitted ply, so that they match the evaluator rather than the table.
 //!
 //! Forward is the half space y < 0 of the ply frame, phi_o in (pi, 2 pi). Diffuse light comes with the density cos(theta) cos(alpha) of its
 //! projected solid angle cos(theta) d theta d alpha about the layer's normal, alpha its azimuth about the ply. Light scattered to an azimuth
-//! delta beyond the one it came from stays above the layer when |alpha + delta| < pi/2; over alpha that has the chance
+//! delta beyond the one it came from stays above the layer when |alpha + delta| < pi/2. Averaged over alpha, that has the probability
 //!
 //! ```text
 //! 1/2 integral from -pi/2 to pi/2 - delta of cos(alpha) d alpha = (1 + cos delta) / 2,      cos delta = sin phi_o

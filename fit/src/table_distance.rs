@@ -1,4 +1,5 @@
-//! How far two tables of one yarn, or a fitted model and a table, are apart, their noise removed: the model of a yarn against the path-traced yarn.
+//! Distance between two tables of one yarn, or between a fitted model and a table, with their noise removed: for example, of the model of a yarn from the
+//! path-traced yarn.
 
 use crate::check::check_table;
 use crate::error::FitError;

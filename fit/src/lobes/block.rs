@@ -1,7 +1,7 @@
 //! High-order lobes in blocks (Yu 2025, Eq. 6-7): nine slices, the lobes of four free corners, the other five averages of them.
 //!
-//! The model of a slice is scaled to the slice's energy as the evaluator scales it, inside the objective: what is minimized
-//! is the error of what will be evaluated.
+//! Inside the objective, the model of a slice is scaled to the slice's energy as the evaluator scales it. So the objective is the error of the values
+//! that will be evaluated.
 
 use crate::lobes::init::kmeans_lobes;
 use crate::lobes::sphere::{PaddedSlice, Scratch, SphereGrid};

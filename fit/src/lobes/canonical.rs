@@ -1,4 +1,5 @@
-//! One form for lobes that are the same function: (mu1, mu2, phi_xy) may swap, phi_z and phi_xy turn, lobes change places.
+//! One canonical form for parameters that describe the same mixture: mu1 and mu2 may swap with a turn of phi_xy, phi_z and phi_xy are periodic, and lobes
+//! may be listed in any order.
 
 use plywave::PlyData;
 use plywave::asg::{Lobe, PARAMS};

@@ -1,6 +1,6 @@
-//! Joint refinement of a block at all absorptions: lobes that fit sigma = 0 alone cannot fit what absorption leaves over.
+//! Joint refinement of a block at all absorptions: lobes that fit sigma = 0 alone cannot fit the light that remains after absorption.
 //!
-//! Absorption takes long paths first, and long and short paths leave in different directions. Given the lobes of sigma = 0 and
+//! Absorption removes long paths first, and long and short paths leave in different directions. Given the lobes of sigma = 0 and
 //! their spectra, both are refined together on the slices of all sigma, where sigma = 0 keeps the larger part of the weight.
 
 use crate::lobes::absorption::normalized;

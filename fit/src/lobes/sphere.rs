@@ -6,7 +6,7 @@
 //! the Gaussian factor is below e^-18) are skipped in chunks.
 //!
 //! Tables hold bin averages, lobes are compared at bin centers: a fitted lobe is broader than the truth by the variance of a bin,
-//! (pi / rows)^2 / 12 along theta. With 2 degree bins that is 0.5 % of the width of a lobe of standard deviation 0.1 rad. Left out.
+//! (pi / rows)^2 / 12 along theta. With 2 degree bins that is 0.5 % of the width of a lobe of standard deviation 0.1 rad; it is not corrected.
 
 use multiversion::{multiversion, target::target_cfg_f};
 use plywave::{

@@ -1,7 +1,7 @@
 //! Covariance of the patterns of instances, light of many weights together.
 //!
 //! `C(d) = <(I(phi) - m(phi)) (I(phi + d) - m(phi + d))> / <m(phi) m(phi + d)>`, m the mean over the instances: a ratio of sums over the azimuths, in which
-//! bright directions count by their light. The mean of the ratios, [`plywave::SpeckleStatistics`], has no meaning for high-order light: it is the difference of
+//! directions are weighted by their light. The mean of the ratios, [`plywave::SpeckleStatistics`], has no meaning for high-order light: it is the difference of
 //! two patterns, so its mean over the instances may come near 0.
 
 use plywave::{SpecklePatterns, SpecklePolarization, SpeckleSide};

@@ -1,4 +1,4 @@
-//! One-dimensional patterns N(lambda, phi) (Yu 2025, Eq. 19-22), to be set beside the simulated ones.
+//! One-dimensional patterns N(lambda, phi) (Yu 2025, Eq. 19-22), for comparison with the simulated ones.
 
 use super::covariance::{PatternCovariance, refl_and_high};
 use super::fields::field_models;

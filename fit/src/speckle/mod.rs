@@ -12,12 +12,12 @@
 //! with `C = mu^2`, whose covariance cannot be negative. The light of one smooth fiber is the sum of few rays: its contrast is below 1, and its
 //! covariance swings below 0 as their fringes do, which the constant phasor allows.
 //!
-//! A contrast above 1 (glints of flat faces, turned at random) is more than N can have; b = 1 then, and the report says so. Where several fibers are in view
-//! whose light adds up without phase, C is that of one over their number.
+//! A contrast above 1 (glints of flat faces, turned at random) is more than N can have; then b = 1, and the report says so. Where several fibers are in view,
+//! their light adds up incoherently, and C is that of one fiber divided by their number.
 //!
-//! One field serves all wavelengths by a stretch, so C / C(0) is the mean over the simulated wavelengths, each at its stretched lag. Their contrasts differ too;
-//! a straight line over the wavelength is fitted to them, the field has the largest on it, and N fades to the others as `1 + s (N - 1)`, s <= 1, which keeps mean
-//! and sign and scales C by s^2.
+//! One field serves all wavelengths by a stretch, so C / C(0) is the mean over the simulated wavelengths, each at its stretched lag. Their contrasts differ too:
+//! a straight line over the wavelength is fitted to them. The field has the largest contrast on that line; at the other wavelengths N fades to `1 + s (N - 1)`,
+//! s <= 1, which keeps mean and sign and scales C by s^2.
 
 mod covariance;
 mod fields;

@@ -1,8 +1,8 @@
 //! From a covariance of the intensity to the power spectrum of the field that has it.
 //!
-//! mu solves `b^2 mu^2 + 2 b (1 - b) mu = C`; its spectrum must not be negative. Clipping the transform of mu at 0 (Yu 2024) moves the covariance by
-//! what is clipped, up to a tenth here, and where b = 1 the root makes a tail of what is noise in C. So the spectrum is the one, of those >= 0, whose
-//! C is nearest to the measured one over its lags, by accelerated projected gradient steps from the clipped transform (Beck and Teboulle 2009).
+//! mu solves `b^2 mu^2 + 2 b (1 - b) mu = C`; its spectrum must not be negative. Clipping the transform of mu at 0 (Yu 2024) changes the covariance by
+//! the clipped part, up to a tenth here, and where b = 1 the root turns noise in C into a tail. So we look for the non-negative spectrum whose C is
+//! nearest to the measured one over its lags, by accelerated projected gradient steps from the clipped transform (Beck and Teboulle 2009).
 
 use super::covariance::PatternCovariance;
 use super::options::NoiseContrast;

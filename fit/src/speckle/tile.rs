@@ -1,11 +1,11 @@
-//! Tiles: a Gaussian field over (v, u) that wraps, its intensity, coded.
+//! Tiles: the intensity of a periodic Gaussian field over (v, u), coded in bytes.
 //!
-//! The field's correlation is that of the azimuth along u times that of the illuminated length along v. A beam of waist w0 lights the ply with the intensity
-//! exp(-2 z^2 / w0^2); the far field of what it lights is correlated by the Fourier transform of that (van Cittert and Zernike, Goodman 2007, 4.4):
+//! The field's correlation is that of the azimuth along u times that of the illuminated length along v. A beam of waist w0 illuminates the ply with the intensity
+//! exp(-2 z^2 / w0^2); the correlation of the far field is the Fourier transform of that (van Cittert and Zernike, Goodman 2007, 4.4):
 //! `mu(q) = exp(-(k w0 q)^2 / 8)`, q the difference of sin theta.
 //!
-//! Between four nodes the mean is kept and the variance is not: over a cell, bilinear weights leave `(4 + 2 c_10 + 2 c_01 + c_11) / 9` of it, c the covariance of
-//! neighboring nodes over the variance. The nodes get as much more, as far as a variance of 1 allows.
+//! Bilinear interpolation between four nodes keeps the mean but not the variance: over a cell, `(4 + 2 c_10 + 2 c_01 + c_11) / 9` of it remains, c the covariance of
+//! neighboring nodes over the variance. The nodes' variance is raised to compensate, up to 1.
 
 use super::options::NoiseOptions;
 use super::spectrum::{FieldModel, intensity_covariance, share_of, spectrum_of};

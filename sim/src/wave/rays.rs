@@ -1,7 +1,7 @@
 //! One fiber by rays: its azimuthal scattering under a beam that is wider than it (Xia 2020, 6: "Ray traced BCSDF").
 //!
-//! The walk is that of the ply, [`trace_path`], through a section of one straight fiber. Rays know no scale but absorption, so the fiber is traced as if it were
-//! of a fixed size, that of the fibers the tracer's offsets were made for, and path lengths are scaled back.
+//! The walk is that of the ply, [`trace_path`], through a section of one straight fiber. Only absorption has a scale for rays, so the fiber is traced at a fixed size,
+//! that of the fibers the tracer's offsets are meant for, and path lengths are scaled back.
 
 use super::{SingleFiber, WaveError};
 use crate::error::SimError;

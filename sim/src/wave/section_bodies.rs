@@ -2,7 +2,7 @@
 //!
 //! Circles stay circles. A polyline whose vertices lie on an ellipse becomes that ellipse. Any other polyline has its vertices on a smooth curve, evenly in
 //! arc length, so that its trigonometric interpolant converges as fast as the curve is smooth: it becomes a Fourier outline through the vertices, cut
-//! where the rest is below [`CUT_UM`], and held to the outline between them. Rounded polygons, whose curvature jumps, decay as 1/k^3: their joints are
+//! where the rest is below [`CUT_UM`], and checked against the outline between them. Rounded polygons, whose curvature jumps, decay as 1/k^3: their joints are
 //! softened over one spacing of the vertices or so.
 
 use super::scene_check::check_walls;

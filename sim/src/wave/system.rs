@@ -12,11 +12,11 @@
 //! eps Q = +-[-eps K' Q - (W/k_0 - k_0 eps n.n' S) h + (k_z/k_0) A' P - k_z eps t.n' S e]
 //! ```
 //!
-//! In P the hypersingular operators of e and h meet with the factors `k_0 eps/kappa^2` and `-k_z^2/(k_0 kappa^2)`, whose sum is 1/k_0 in every medium, and
-//! `d_t K + K' d_t = kappa^2 t.S n'` removes what else has 1/kappa^2. So with these weights the sum of the equations from both sides of a wall holds
+//! In P the hypersingular operators of e and h have the factors `k_0 eps/kappa^2` and `-k_z^2/(k_0 kappa^2)`, whose sum is 1/k_0 in every medium, and
+//! `d_t K + K' d_t = kappa^2 t.S n'` removes the other terms in 1/kappa^2. So with these weights the sum of the equations from both sides of a wall holds
 //! only differences of W, A, A' and S between the media, all weakly singular or smooth: a Fredholm system of the second kind at every incidence,
 //! with `(eps_o + eps_i)/2, 1, 1, (eps_o + eps_i)/2` on its diagonal (Müller's choice, here for 2.5 dimensions). At normal incidence (e, P) and (h, Q)
-//! part into two systems.
+//! are two separate systems.
 
 use super::assemble::Assembly;
 use super::curve::{CurvePoint, Resolution};

@@ -1,8 +1,8 @@
 //! What the beam hits first: ply 0, or another ply that stands in front of it or beside it (Yu 2025, 5.3, last paragraphs).
 //!
 //! The beam's lateral profile is cut into thin lines. The plies are visited in the order of their height, and each stops the share of a line that hits
-//! a fiber. Ply 0 then scatters its own slice of the table, f(theta_i, h), times the unblocked share u of what it intercepts. What remains of the
-//! beam, 1 - u (1 - r_d), is shared between the other plies and the light that misses the yarn as the lines were.
+//! a fiber. Ply 0 then scatters its own slice of the table, f(theta_i, h), times the unblocked share u of what it intercepts. The rest of the
+//! beam, 1 - u (1 - r_d), is divided between the other plies and the light that misses the yarn in the proportions of the lines.
 
 use super::geometry::Intercept;
 use plywave::math::axis;
@@ -55,7 +55,7 @@ pub(crate) fn first_hits(
         let centers: Vec<[f64; 2]> = (0..ring.plies).map(|p| ring.center(p, psi)).collect();
         order.sort_by(|&p, &q| centers[q][1].total_cmp(&centers[p][1]));
         let (mut primary, mut miss) = (0.0, 0.0);
-        // Energies that other plies catch wait for their common factor.
+        // Energies that other plies catch, before their common factor.
         let mut others = vec![None; plies];
         for &(x, weight) in &lines {
             let mut remaining = weight;

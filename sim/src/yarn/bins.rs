@@ -1,5 +1,5 @@
-//! Between the table's bins of the outgoing sphere and the coarser ones of light between plies. Energy is moved, never density: bins
-//! overlap with their solid angles.
+//! Conversion between the table's bins of the outgoing sphere and the coarser bins of light between plies. Energy is moved, never density: a bin's
+//! energy is divided in proportion to the solid angles of its overlaps.
 
 use plywave::OutgoingGrid;
 use plywave::math::axis;

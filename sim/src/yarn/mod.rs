@@ -12,7 +12,7 @@
 //! The paper stops after conv and gives the rest a guessed diffuse lobe. As all plies are alike, light that leaves ply p of a yarn that lies at psi
 //! leaves ply 0 of one that lies at psi + 2 pi p / P: a state over (psi, theta_o, phi_o) is all that orders need.
 //!
-//! f_refl and f_high stay apart: reflection-only light of reflection-only light is f_refl, all else f_high. At each absorption the chain of all
+//! f_refl and f_high are kept apart: light that was only reflected at every ply is f_refl, all else f_high. At each absorption the chain of all
 //! light is computed, and that of f_refl is subtracted. Where in its azimuth light leaves a ply is the table's own record
 //! ([`plywave::ExitPositions`]) for the first exit; the paper's even spread serves later ones, and tables without the record.
 

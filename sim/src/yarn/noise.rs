@@ -1,6 +1,6 @@
 //! Noise of a sum of slices at different offsets.
 //!
-//! One path serves every offset (`sim/src/shard.rs`): it counts for h by the beam's density g(x - h) at its lateral position x. Slices at neighboring offsets so share
+//! One path serves every offset (`sim/src/shard.rs`): it counts for h by the beam's density g(x - h) at its lateral position x. So slices at neighboring offsets share
 //! paths. With m(x) the chance to hit a fiber, which weights where the light comes from, the correlation of the noise at h and h' is
 //!
 //! ```text
