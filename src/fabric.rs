@@ -8,9 +8,10 @@
 //! Left out, as in the paper: yarns do not shadow their neighbors and do not shift by parallax; a line meets every yarn in the yarn's own middle plane.
 
 mod bsdf;
-mod check;
 mod draft;
+mod load;
 mod place;
+mod rules;
 mod spec;
 mod uv;
 mod wif;
@@ -18,8 +19,11 @@ mod yarn;
 
 pub use bsdf::{FabricAt, FabricBsdf, FabricOptions, GapLight};
 pub use draft::{Draft, MAX_THREADS};
+pub use load::LoadedFabric;
 pub use place::{Below, Gap, Place, PlyHit, YarnPlace};
-pub use spec::{FabricSpec, LoadedFabric, WeaveSpec, YarnColor, YarnOfFabric};
+#[doc(hidden)]
+pub use rules::FABRIC_RULES;
+pub use spec::{FabricSpec, WeaveSpec, YarnColor, YarnOfFabric};
 pub use uv::UvMap;
 pub use wif::Wif;
 pub use yarn::YarnShape;
@@ -81,9 +85,9 @@ impl Fabric {
         if let Some((family, thread, up)) = draft.unbound() {
             let side = if up { "above" } else { "below" };
             let value = format!("{} {} lies {side} all others", family.name(), thread + 1);
-            return Err(check::invalid(file, "draft", value, "bind every yarn"));
+            return Err(crate::spec::rules::invalid(file, "draft", value, "bind every yarn"));
         }
-        check::check_shapes(file, &shapes)?;
+        rules::check_shapes(file, &shapes)?;
         let yarns = [Yarn::new(&shapes[0], &shapes[1]), Yarn::new(&shapes[1], &shapes[0])];
         Ok(Fabric { draft, shapes, yarns, colors })
     }

@@ -17,9 +17,9 @@ mod edge;
 mod error;
 pub mod fabric;
 pub mod fiber;
-mod file;
 mod frame;
 mod gap;
+pub mod io;
 mod layers;
 #[doc(hidden)]
 pub mod math;
@@ -28,20 +28,20 @@ mod ply;
 mod ply_circle;
 mod scatter;
 mod slit;
-mod spec;
-mod spec_check;
+pub mod spec;
 mod speckle;
 mod table;
 mod whole;
 
+use io as file;
 use math::simd;
 
 pub use beam::GaussianBeam;
 pub use edge::{EDGE_MU_MAX, EdgeLobes, beam_mu};
 pub use error::{Error, Result};
-pub use file::{FileKind, file_kind};
 pub use frame::{direction, incident_direction, mirror_incidence, theta_phi};
 pub use gap::{Aperture, Gap, GapIncidence};
+pub use io::{FileKind, file_kind};
 pub use layers::{DoubleLayer, Layer, LayerFactors, TwoLayers};
 #[doc(hidden)]
 pub use math::faddeeva;
@@ -52,7 +52,9 @@ pub use ply::{Golden, PlyData, PlyModel, PlySample, Queries};
 pub use ply_circle::{PlyRing, least_ply_pitch_um, ply_circle_um};
 pub use scatter::{PlyIncidence, Scatter, ScatterSample};
 pub use slit::{SLIT_MAX_UM, SLIT_SHARE, Slit};
-pub use spec::*;
+pub use spec::{
+    AbsorptionSpec, BeamSpec, FiberSpec, Handedness, POLYESTER, PlySpec, Shape, SimulationSpec, YarnGeometry, YarnSpec,
+};
 pub use speckle::{FORWARD_RAD, SpecklePatterns, SpecklePolarization, SpeckleSide, SpeckleStatistics};
 pub use table::{ExitPositions, OutgoingGrid, Table};
 pub use whole::{PlyTerms, PreparedPly, WholePly};

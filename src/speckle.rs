@@ -7,7 +7,7 @@
 //! The directions about exact forward are left out: light diffracted there is the same in every instance.
 
 use crate::Result;
-use crate::file::{Axis, Check, FileKind, Reader, Summary, VERSION, Writer, invalid, read_bytes, write_atomic};
+use crate::io::{Axis, Check, Document, FileKind, Provenance, Reader, Summary, Writer, document, invalid};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::path::Path;
 
@@ -210,26 +210,11 @@ const TENSORS: [&str; 5] = ["kappa", "lambda_um", "patterns", "c_sca_um", "c_abs
 /// Most values of `patterns`: 1 GiB.
 const MAX_VALUES: usize = 1 << 28;
 
+/// Keys of the JSON document beyond the common ones.
 #[derive(serde::Serialize, serde::Deserialize)]
-struct Document {
-    format: String,
-    version: u64,
-    program_version: String,
-    preset: String,
-    seed: u64,
-    spec: String,
+pub(crate) struct Keys {
     theta_i_rad: f64,
     w0_um: f64,
-    #[serde(default, skip_deserializing)]
-    axes: Vec<Axis>,
-    #[serde(default, skip_deserializing)]
-    statistics: Option<Statistics>,
-}
-
-#[derive(serde::Serialize)]
-struct Statistics {
-    c_sca_um: Summary,
-    c_abs_um: Summary,
 }
 
 impl SpecklePatterns {
@@ -272,34 +257,7 @@ impl SpecklePatterns {
     /// # Errors
     /// [`crate::Error::Invalid`] when the arrays break what loading checks, [`crate::Error::Io`].
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
-        let path = path.as_ref();
-        let file = path.display().to_string();
-        self.check(&file)?;
-        let shape = self.shape();
-        let names = ["kappa", "lambda", "polarization", "instance", "phi_o"];
-        let units = ["1", "um", "1", "1", "rad"];
-        let document = Document {
-            format: FileKind::Speckle.format().into(),
-            version: VERSION,
-            program_version: self.program_version.clone(),
-            preset: "speckle".into(),
-            seed: self.seed,
-            spec: self.spec_text.clone(),
-            theta_i_rad: self.theta_i,
-            w0_um: self.w0_um,
-            axes: (0..5).map(|i| Axis::new(names[i], units[i], shape[i])).collect(),
-            statistics: Some(Statistics {
-                c_sca_um: Summary::of(self.c_sca_um.iter().copied()),
-                c_abs_um: Summary::of(self.c_abs_um.iter().copied()),
-            }),
-        };
-        let mut writer = Writer::new();
-        writer.f64("kappa", &shape[..1], &self.kappa);
-        writer.f64("lambda_um", &shape[1..2], &self.lambda_um);
-        writer.f32("patterns", &shape, self.patterns.iter().copied());
-        writer.f64("c_sca_um", &shape[..4], &self.c_sca_um);
-        writer.f64("c_abs_um", &shape[..4], &self.c_abs_um);
-        write_atomic(path, &writer.finish(&file, &document)?)
+        document::save(self, path.as_ref())
     }
 
     /// Reads a file.
@@ -307,9 +265,7 @@ impl SpecklePatterns {
     /// # Errors
     /// [`crate::Error::Io`], [`crate::Error::Format`] for what is no whole file of patterns, [`crate::Error::Invalid`] for arrays of other shapes or values.
     pub fn load(path: impl AsRef<Path>) -> Result<SpecklePatterns> {
-        let path = path.as_ref();
-        let file = path.display().to_string();
-        SpecklePatterns::from_bytes(&read_bytes(path)?, &file)
+        document::load(path.as_ref())
     }
 
     /// As [`SpecklePatterns::load`]; `file` is for messages.
@@ -317,17 +273,68 @@ impl SpecklePatterns {
     /// # Errors
     /// As [`SpecklePatterns::load`].
     pub fn from_bytes(bytes: &[u8], file: &str) -> Result<SpecklePatterns> {
-        let (reader, document): (_, Document) = Reader::open(file, bytes, FileKind::Speckle, &TENSORS)?;
+        Ok(document::from_bytes(bytes, file)?.0)
+    }
+}
+
+impl Document for SpecklePatterns {
+    const KIND: FileKind = FileKind::Speckle;
+    type Keys = Keys;
+
+    fn names() -> Vec<&'static str> {
+        TENSORS.to_vec()
+    }
+
+    fn provenance(&self) -> Provenance {
+        Provenance {
+            program_version: self.program_version.clone(),
+            preset: "speckle".into(),
+            seed: self.seed,
+            spec: self.spec_text.clone(),
+        }
+    }
+
+    fn keys(&self, _: &str) -> Result<Keys> {
+        Ok(Keys { theta_i_rad: self.theta_i, w0_um: self.w0_um })
+    }
+
+    fn summary(&self) -> (Vec<Axis>, serde_json::Value) {
+        let names = ["kappa", "lambda", "polarization", "instance", "phi_o"];
+        let units = ["1", "um", "1", "1", "rad"];
+        let shape = self.shape();
+        let axes = (0..5).map(|i| Axis::new(names[i], units[i], shape[i])).collect();
+        let statistics = serde_json::json!({
+            "c_sca_um": Summary::of(self.c_sca_um.iter().copied()),
+            "c_abs_um": Summary::of(self.c_abs_um.iter().copied()),
+        });
+        (axes, statistics)
+    }
+
+    fn tensors(&self, writer: &mut Writer) {
+        let shape = self.shape();
+        writer.f64("kappa", &shape[..1], &self.kappa);
+        writer.f64("lambda_um", &shape[1..2], &self.lambda_um);
+        writer.f32("patterns", &shape, self.patterns.iter().copied());
+        writer.f64("c_sca_um", &shape[..4], &self.c_sca_um);
+        writer.f64("c_abs_um", &shape[..4], &self.c_abs_um);
+    }
+
+    fn read(reader: &Reader<'_>, provenance: Provenance, keys: &Keys) -> Result<SpecklePatterns> {
         let shape = reader.shape("patterns", 5)?;
         if shape[2] != 2 {
-            return Err(invalid(file, "patterns", format!("{shape:?}"), "its third axis must be 2, for TM and TE"));
+            return Err(invalid(
+                reader.file(),
+                "patterns",
+                format!("{shape:?}"),
+                "its third axis must be 2, for TM and TE",
+            ));
         }
-        let patterns = SpecklePatterns {
-            spec_text: document.spec,
-            program_version: document.program_version,
-            seed: document.seed,
-            theta_i: document.theta_i_rad,
-            w0_um: document.w0_um,
+        Ok(SpecklePatterns {
+            spec_text: provenance.spec,
+            program_version: provenance.program_version,
+            seed: provenance.seed,
+            theta_i: keys.theta_i_rad,
+            w0_um: keys.w0_um,
             kappa: reader.f64("kappa", &shape[..1])?,
             lambda_um: reader.f64("lambda_um", &shape[1..2])?,
             instances: shape[3],
@@ -335,9 +342,7 @@ impl SpecklePatterns {
             patterns: reader.f32("patterns", &shape)?,
             c_sca_um: reader.f64("c_sca_um", &shape[..4])?,
             c_abs_um: reader.f64("c_abs_um", &shape[..4])?,
-        };
-        patterns.check(file)?;
-        Ok(patterns)
+        })
     }
 
     /// What loading and saving hold the arrays to.

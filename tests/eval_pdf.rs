@@ -69,7 +69,7 @@ fn fabrics_answer_together_what_they_answer_alone() {
         let path = format!("{}/fabrics/{name}.toml", env!("CARGO_MANIFEST_DIR"));
         let mut loaded = FabricSpec::load(path).unwrap();
         if noise {
-            loaded.models = loaded.models.each_ref().map(|m| Arc::new(with_noise(m, &mut rng)));
+            loaded.models.iter_mut().for_each(|m| *m = Arc::new(with_noise(m, &mut rng)));
         }
         let bsdf = FabricBsdf::new(loaded, &FabricOptions { noise, ..Default::default() }).unwrap();
         for _ in 0..1500 {

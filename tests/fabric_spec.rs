@@ -1,7 +1,8 @@
 //! Fabric specs and WIF files: good ones load, bad ones are refused in one line that names section, key and mend, none panics.
 
-use plywave::Error;
-use plywave::fabric::{Draft, Fabric, FabricSpec, Family, MAX_THREADS, Wif, YarnColor, YarnShape};
+use plywave::fabric::{Draft, Fabric, FabricSpec, Family, LoadedFabric, MAX_THREADS, Wif, YarnColor, YarnShape};
+use plywave::io::{Folder, MemoryAssets};
+use plywave::{Error, PlyModel};
 use proptest::prelude::*;
 use std::path::{Path, PathBuf};
 
@@ -41,7 +42,7 @@ fn fabrics_that_ship_load() {
             let shape = loaded.fabric.shape(family);
             assert!(shape.spacing_um >= shape.width_um(), "{name}: {shape:?}");
             // The model has offsets to R + d_cut: plies are those it was made for.
-            let last = *loaded.models[family as usize].data().h_um.last().unwrap();
+            let last = *loaded.model_of(family, 0).data().h_um.last().unwrap();
             assert!((shape.ply_radius_um + shape.d_cut_um - last).abs() < 1e-6, "{name}: {shape:?} {last}");
             assert!(matches!(loaded.fabric.color(family, -3), YarnColor::Srgb(_)), "{name}");
         }
@@ -51,7 +52,7 @@ fn fabrics_that_ship_load() {
     let twill = FabricSpec::load(shipped("cotton_twill")).unwrap();
     assert_eq!(twill.fabric.draft(), &Draft::twill(3, 1).unwrap());
     let plain = FabricSpec::load(shipped("cotton_plain")).unwrap();
-    assert!(std::sync::Arc::ptr_eq(&plain.models[0], &plain.models[1]), "one model is read once");
+    assert!(plain.models.len() == 1, "one model is read once");
 }
 
 #[test]
@@ -168,10 +169,8 @@ fn what_files_say_is_held_together() {
 #[test]
 fn yarns_have_the_plies_of_their_models() {
     let folder = tempfile::tempdir().unwrap();
-    let mut data = plywave::PlyModel::load(shipped("polyester_satin").with_file_name("models/polyester.pwm"))
-        .unwrap()
-        .data()
-        .clone();
+    let mut data =
+        PlyModel::load(shipped("polyester_satin").with_file_name("models/polyester.pwm")).unwrap().data().clone();
     data.save(folder.path().join("one.pwm")).unwrap();
     data.spec_text.push_str("\n[yarn]\nplies = 3\nply_pitch_um = 2000.0\n");
     data.save(folder.path().join("three.pwm")).unwrap();
@@ -193,6 +192,96 @@ fn yarns_have_the_plies_of_their_models() {
     assert!(!said("one.pwm", 1).contains("alone"));
     let notes = said("one.pwm", 2);
     assert!(notes.contains("warp.plies = 2") && notes.contains("weft.plies = 2") && notes.contains("alone"), "{notes}");
+}
+
+fn polyester() -> Vec<u8> {
+    std::fs::read(shipped("polyester_satin").with_file_name("models/polyester.pwm")).unwrap()
+}
+
+/// What hosts without file system do: the same fabric from bytes, and from models that are loaded already.
+#[test]
+fn fabrics_are_built_in_memory() {
+    let text = woven("kind = \"wif\"\nfile = \"cloth.wif\"\n");
+    let assets = MemoryAssets::new().with("models/polyester.pwm", polyester()).with("cloth.wif", TWILL.as_bytes());
+    let loaded = FabricSpec::load_from(&text, "cloth.toml", &assets).unwrap();
+    assert_eq!((loaded.models.len(), &loaded.threads), (1, &[vec![0], vec![0]]));
+    assert_eq!(loaded.fabric.draft(), load_with(&text, Some(TWILL)).unwrap().draft());
+    let wif = || Some(Wif::parse(TWILL.as_bytes(), "t.wif").unwrap());
+    let model = || vec![loaded.models[0].clone()];
+    let again = LoadedFabric::new(loaded.spec.clone(), wif(), [model(), model()]).unwrap();
+    assert_eq!((again.models.len(), again.fabric.draft()), (1, loaded.fabric.draft()));
+    assert_eq!(again.fabric.color(Family::Weft, 3), loaded.fabric.color(Family::Weft, 3));
+    for (result, expected) in [
+        (LoadedFabric::new(loaded.spec.clone(), None, [model(), model()]), "weave.kind = no draft"),
+        (LoadedFabric::new(loaded.spec.clone(), wif(), [model(), vec![]]), "weft.models = 0 models: hand in 1"),
+        (FabricSpec::load_from(&satin(), "cloth.toml", &MemoryAssets::new()), "no such asset in memory"),
+    ] {
+        let message = one_line(&result);
+        assert!(message.contains(expected), "got {message}\nwant {expected}");
+    }
+}
+
+/// Names lead nowhere but into the spec's folder, unless the host says so.
+#[test]
+fn specs_read_their_own_folder_only() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("inner")).unwrap();
+    std::fs::write(folder.path().join("polyester.pwm"), polyester()).unwrap();
+    let path = folder.path().join("inner/cloth.toml");
+    let absolute = folder.path().join("polyester.pwm").display().to_string();
+    for name in ["../polyester.pwm", &absolute] {
+        let text = satin_with("models/polyester.pwm", name).replace("models/polyester.pwm", name);
+        std::fs::write(&path, &text).unwrap();
+        let message = one_line(&FabricSpec::load(&path));
+        assert!(message.contains("leads out of the folder"), "{message}");
+        let anywhere = Folder::of_file(&path).anywhere();
+        assert_eq!(FabricSpec::load_from(&text, "cloth.toml", &anywhere).unwrap().models.len(), 1);
+    }
+}
+
+#[test]
+fn stripes_give_each_yarn_its_model() {
+    let one = PlyModel::from_bytes(&polyester(), "one").unwrap().data().clone();
+    let with_spec = |old: &str, new: &str| {
+        let mut data = one.clone();
+        assert!(data.spec_text.contains(old), "{old}");
+        data.spec_text = data.spec_text.replacen(old, new, 1);
+        data.to_bytes().unwrap()
+    };
+    let assets = MemoryAssets::new()
+        .with("one.pwm", one.to_bytes().unwrap())
+        .with("like.pwm", with_spec("name = ", "name = \"another\" # "))
+        .with("thin.pwm", with_spec("radius_um = 50", "radius_um = 49"))
+        .with("beam.pwm", with_spec("[ply]", "[beam]\nw0_um = 9.0\n[ply]"));
+    let (warp, weft) = ("model = \"models/polyester.pwm\"", "model = \"one.pwm\"");
+    let striped = |models: &str| {
+        let text = satin().replacen(warp, models, 1).replace("models/polyester.pwm", "one.pwm");
+        FabricSpec::load_from(&text, "cloth.toml", &assets)
+    };
+    let loaded = striped("models = { A = \"one.pwm\", C = \"like.pwm\" }\nthreads = \"AAC\"").unwrap();
+    assert_eq!((loaded.models.len(), &loaded.threads), (2, &[vec![0, 0, 1], vec![0]]));
+    let index = |yarn| loaded.model_index(Family::Warp, yarn);
+    assert_eq!([-4, -1, 0, 1, 2, 3, 5, i32::MIN].map(index), [1, 1, 0, 0, 1, 0, 1, 0]);
+    assert!((i32::MIN..i32::MIN + 9).all(|yarn| loaded.model_index(Family::Weft, yarn) == 0));
+    assert_eq!(FabricSpec::parse(&toml::to_string(&loaded.spec).unwrap(), "again").unwrap(), loaded.spec);
+    for (models, expected) in [
+        ("", "warp.model = (absent): give model, or models and threads"),
+        ("models = { A = \"one.pwm\" }", "warp.threads = (absent): say which yarn has which model, such as \"AA\""),
+        ("threads = \"AB\"", "warp.model = (absent)"),
+        (&format!("{weft}\nthreads = \"AB\""), "warp.threads = AB: give models"),
+        (&format!("{weft}\nmodels = {{ A = \"one.pwm\" }}"), "warp.model = one.pwm: give either model or models"),
+        ("models = { A = \"one.pwm\" }\nthreads = \"AB\"", "warp.threads = AB: use 1 to 4096 of the letters A"),
+        ("models = { A = \"one.pwm\", B = \"x.pwm\" }\nthreads = \"A\"", "warp.models.B = x.pwm: no yarn"),
+        ("models = { a = \"one.pwm\" }\nthreads = \"a\"", "use a table of texts by capital letters"),
+        (
+            "models = { A = \"one.pwm\", B = \"thin.pwm\" }\nthreads = \"AB\"",
+            "plies of radius 49 and 50 um in one family",
+        ),
+        ("models = { A = \"one.pwm\", B = \"beam.pwm\" }\nthreads = \"AB\"", "beams of w0 9 and 10 um"),
+    ] {
+        let message = one_line(&striped(models));
+        assert!(message.contains(expected), "got {message}\nwant {expected}");
+    }
 }
 
 /// A 2/2 twill of four ends and eight picks; ends 1 and 2 red, the others white, picks blue.

@@ -86,7 +86,7 @@ fn foreign_and_hostile_files_are_refused() {
     says(&with_document(&good, |d| d["version"] = 2.into()), "update plywave");
     says(&with_document(&good, |d| d["version"] = 0.into()), "write it again");
     says(&with_document(&good, |d| d["seed"] = "x".into()), "expected u64");
-    says(&with_document(&good, |d| d["golden"][0]["value"][0] = 1e39.into()), "golden");
+    says(&with_document(&good, |d| d["reference_values"][0]["value"][0] = 1e39.into()), "reference_values");
     says(&with_header(&good, |h| h["refl"]["dtype"] = "I32".into()), "refl = I32");
     says(&with_header(&good, |h| h["refl"]["shape"] = [9, 17, 12].into()), "refl = [9, 17, 12]");
     says(&with_header(&good, |h| h["r_d"]["shape"] = [17, 9].into()), "r_d = [17, 9]");

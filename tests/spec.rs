@@ -1,5 +1,6 @@
 //! The yarn spec: good ones load, bad ones are refused in one line that names the key and the mend, none panics.
 
+use plywave::io::MemoryAssets;
 use plywave::{Error, POLYESTER, Shape, YarnSpec};
 use proptest::prelude::*;
 
@@ -173,13 +174,23 @@ fn polygon_points_are_read_once_and_embedded() {
     let Shape::Polygon { file, points_um, .. } = &spec.fiber.shape else { panic!("{:?}", spec.fiber.shape) };
     assert_eq!((file.as_str(), &points_um[..]), ("", &[[-6.5, -6.0], [6.0, -6.0], [6.0, 6.0], [-6.0, 6.0]][..]));
     assert_eq!(YarnSpec::parse(&text, "embedded").unwrap(), spec);
-    for (points, expected) in
-        [("0 0\n1 x\n", "line 2 = 1 x"), ("0 0\n1 1\n", "points = 2"), ("0 0\ninf 0\n", "line 2 = inf 0")]
-    {
+    for (points, expected) in [
+        ("0 0\n1 secret\n", "line 2 = "),
+        ("0 0\n1 1\n", "points = 2"),
+        ("0 0\ninf 0\n", "line 2 = "),
+        ("0 0\n1 2 x\n", "line 2 = "),
+    ] {
         std::fs::write(folder.path().join("square.txt"), points).unwrap();
         let message = YarnSpec::load(&path).unwrap_err().to_string();
         assert!(message.contains("square.txt: ") && message.contains(expected), "{message}");
+        // A spec may name any file: what is in it stays in it.
+        assert!(!message.contains("secret") && !message.contains("inf"), "{message}");
     }
+    std::fs::write(&path, with_shape(&shape.replace("square.txt", "../square.txt"))).unwrap();
+    let message = YarnSpec::load(&path).unwrap_err().to_string();
+    assert!(message.contains("leads out of the folder"), "{message}");
+    let assets = MemoryAssets::new().with("square.txt", *b"-6.5 -6\n6 -6\n6 6\n-6 6");
+    assert_eq!(YarnSpec::load_from(&with_shape(shape), "yarn.toml", &assets).unwrap(), (spec, text));
 }
 
 #[test]

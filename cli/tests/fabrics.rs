@@ -193,7 +193,7 @@ fn the_mean_over_speckle_is_the_smooth_picture() {
     let model = Arc::new(PlyModel::from_data(data).unwrap());
     let satin = |noise: bool| {
         let mut loaded = FabricSpec::load(folder().join("polyester_satin.toml")).unwrap();
-        loaded.models = [model.clone(), model.clone()];
+        loaded.models.fill(model.clone());
         FabricBsdf::new(loaded, &FabricOptions { noise, ..FabricOptions::default() }).unwrap()
     };
     let (smooth, noised) = (satin(false), satin(true));

@@ -28,8 +28,7 @@ fn pictures_are_made_and_taken_up() {
     let gallery = ["gallery", "-o", "out", "--quick", "--only", "polyester_satin_front,absorption", "--json"];
     let said = json(&succeed(dir, &gallery));
     assert_eq!((&said["rendered"], &said["skipped"]), (&2.into(), &0.into()));
-    let files =
-        ["absorption.png", "fabrics", "gallery.json", "gallery.md", "models", "polyester_satin_front.png", "small"];
+    let files = ["absorption.png", "fabrics", "gallery.json", "gallery.md", "polyester_satin_front.png", "small"];
     assert_eq!(names(&dir.join("out")), files);
     let strip = image::open(dir.join("out/absorption.png")).unwrap().to_rgb8();
     assert!(strip.width() > 4 * strip.height(), "{:?}", strip.dimensions());

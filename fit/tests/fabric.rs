@@ -49,12 +49,12 @@ fn fabric(draft: Draft, spacing_um: f64, plies: u32, options: &FabricOptions) ->
         crimp: 0.4,
         d_cut_um: 20.0,
     };
-    let models = [model(), model()];
     let loaded = LoadedFabric {
         spec: FabricSpec::parse(SPEC, "spec").unwrap(),
         fabric: Fabric::new(draft, [shape, shape]).unwrap(),
-        model_paths: Default::default(),
-        models,
+        models: vec![model()],
+        model_paths: Vec::new(),
+        threads: [vec![0], vec![0]],
     };
     FabricBsdf::new(loaded, options).unwrap()
 }

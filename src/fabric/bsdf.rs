@@ -94,7 +94,8 @@ impl FabricBsdf {
     /// # Errors
     /// As [`YarnSpec::parse`], for the spec in the warp's model.
     pub fn new(loaded: LoadedFabric, options: &FabricOptions) -> Result<FabricBsdf> {
-        let LoadedFabric { fabric, models, .. } = loaded;
+        let models = Family::EACH.map(|family| loaded.model_of(family, 0).clone());
+        let fabric = loaded.fabric;
         let curves = [0, 1].map(|k| AlbedoCurve::diffuse(&models[k]));
         let (mut dyes, mut known): (Vec<Dye>, Vec<(usize, YarnColor)>) = (Vec::new(), Vec::new());
         let mut threads = [Vec::new(), Vec::new()];

@@ -3,12 +3,14 @@
 //!
 //! Sections and keys count in any case; `;` begins a comment; yarns, shafts, treadles and colors are numbered from 1, and 0 stands for none. A
 //! crossing has the warp on top where a shaft of the end is lifted: with `Rising Shed` (the default) those tied to a treadle that is pressed, without
-//! it those that are not. A liftplan names lifted shafts in either case, and counts before tie-up and treadling. What the fabric spec says itself
+//! it those that are not. A liftplan names lifted shafts in either case, and takes precedence over tie-up and treadling. What the fabric spec says itself
 //! (spacing, thickness) is not read.
 
 use super::Family;
 use super::draft::{Draft, MAX_THREADS};
+use crate::spec::rules::line;
 use crate::{Error, Result};
+use configparser::ini::IniDefault;
 use std::collections::HashMap;
 
 /// Largest WIF that is read [bytes].
@@ -102,28 +104,26 @@ impl Shafts {
     }
 }
 
-/// Sections and their keys, names in capitals, as slices of the text.
+/// Sections and their keys, names in capitals. The syntax is the crate `configparser`'s.
 struct Ini<'a> {
     file: &'a str,
-    sections: HashMap<String, HashMap<String, &'a str>>,
+    sections: HashMap<String, HashMap<String, String>>,
 }
 
 impl<'a> Ini<'a> {
-    fn read(text: &'a str, file: &'a str) -> Result<Ini<'a>> {
-        let mut sections: HashMap<String, HashMap<String, &'a str>> = HashMap::new();
-        let mut at: Option<String> = None;
-        for row in text.trim_start_matches('\u{feff}').lines() {
-            let row = row.split(';').next().unwrap_or_default().trim();
-            if let Some(name) = row.strip_prefix('[').and_then(|r| r.split(']').next()) {
-                let name = name.trim().to_ascii_uppercase();
-                sections.entry(name.clone()).or_default();
-                at = Some(name);
-            } else if let (Some((key, value)), Some(name)) = (row.split_once('='), &at)
-                && let Some(section) = sections.get_mut(name)
-            {
-                section.insert(key.trim().to_ascii_uppercase(), value.trim());
-            }
-        }
+    fn read(text: &str, file: &'a str) -> Result<Ini<'a>> {
+        let mut syntax = IniDefault::default();
+        (syntax.comment_symbols, syntax.delimiters) = (vec![';'], vec!['=']);
+        let parsed = configparser::ini::Ini::new_from_defaults(syntax).read(text.trim_start_matches('\u{feff}').into());
+        let parsed = parsed.map_err(|what| Error::Format {
+            file: line(file),
+            what: line(&what),
+            mend: "write sections as [NAME] and keys as name=value".into(),
+        })?;
+        let keys = |keys: HashMap<String, Option<String>>| {
+            keys.into_iter().filter_map(|(key, value)| Some((key.to_ascii_uppercase(), value?))).collect()
+        };
+        let sections = parsed.into_iter().map(|(name, section)| (name.to_ascii_uppercase(), keys(section))).collect();
         let ini = Ini { file, sections };
         if !ini.has("WIF") {
             let mend = "use a Weaving Information File, which begins with the section [WIF]".into();
@@ -144,8 +144,8 @@ impl<'a> Ini<'a> {
     }
 
     /// The value of a key in capitals; an empty one counts as absent.
-    fn text(&self, section: &str, key: &str) -> Option<&'a str> {
-        self.sections.get(section)?.get(key).copied().filter(|v| !v.is_empty())
+    fn text(&self, section: &str, key: &str) -> Option<&str> {
+        self.sections.get(section)?.get(key).map(String::as_str).filter(|v| !v.is_empty())
     }
 
     fn invalid(&self, section: &str, key: &str, value: impl std::fmt::Display, mend: String) -> Error {
@@ -157,7 +157,7 @@ impl<'a> Ini<'a> {
         }
     }
 
-    fn need(&self, section: &str, key: &str) -> Result<&'a str> {
+    fn need(&self, section: &str, key: &str) -> Result<&str> {
         self.text(section, &key.to_ascii_uppercase()).ok_or_else(|| {
             let mend = if self.has(section) {
                 format!("give {key} in the section [{section}]")
@@ -202,7 +202,7 @@ impl<'a> Ini<'a> {
         };
         let mut lists = vec![Vec::new(); rows];
         // In the order of the text's keys as sorted, so that the same file gives the same message.
-        let mut keys: Vec<(&String, &&str)> = keys.iter().collect();
+        let mut keys: Vec<(&String, &String)> = keys.iter().collect();
         keys.sort();
         for (key, given) in keys {
             let row = key.parse::<usize>().ok().filter(|n| (1..=rows).contains(n));
@@ -266,7 +266,7 @@ impl<'a> Ini<'a> {
         };
         let [low, high] = self.color_range()?;
         let mut colors = HashMap::new();
-        let mut keys: Vec<(&String, &&str)> = table.iter().collect();
+        let mut keys: Vec<(&String, &String)> = table.iter().collect();
         keys.sort();
         for (key, given) in keys {
             let index = key.parse::<usize>().ok().filter(|n| (1..=MAX_COLORS).contains(n));
@@ -297,7 +297,7 @@ impl<'a> Ini<'a> {
             };
             let common = self.text(rest, "COLOR").map(|given| first(rest, "Color", given)).transpose()?;
             let mut list = vec![common; threads[k]];
-            let mut keys: Vec<(&String, &&str)> = self.sections.get(own).into_iter().flatten().collect();
+            let mut keys: Vec<(&String, &String)> = self.sections.get(own).into_iter().flatten().collect();
             keys.sort();
             for (key, given) in keys {
                 let thread = key.parse::<usize>().ok().filter(|n| (1..=threads[k]).contains(n));
@@ -341,11 +341,4 @@ fn truth(word: &str) -> bool {
 
 fn lie(word: &str) -> bool {
     ["false", "no", "off", "0", "f", "n"].iter().any(|w| word.eq_ignore_ascii_case(w))
-}
-
-/// One line, at most 80 characters.
-pub(super) fn line(text: &str) -> String {
-    let words: Vec<&str> = text.split_whitespace().collect();
-    let flat: String = words.join(" ").chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
-    if flat.chars().count() <= 80 { flat } else { flat.chars().take(77).chain("...".chars()).collect() }
 }

@@ -1,7 +1,7 @@
 //! The fiber's table and its file (`.pwf`, `docs/format.md`).
 
 use crate::Result;
-use crate::file::{Axis, Check, FileKind, Reader, Summary, VERSION, Writer, invalid, read_bytes, write_atomic};
+use crate::io::{Axis, Check, Document, FileKind, Provenance, Reader, Summary, Writer, document, invalid};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::path::Path;
 
@@ -102,38 +102,9 @@ pub struct FiberTable {
 
 const NAMES: [&str; 7] = ["lambda_um", "theta_i", "phi_i", "width_um", "c_x_um", "c_abs_um", "azimuthal"];
 
-/// The JSON document of a fiber table.
-#[derive(serde::Serialize)]
-struct Document<'a> {
-    format: &'static str,
-    version: u64,
-    program_version: &'a str,
-    preset: &'a str,
-    seed: u64,
-    spec: &'a str,
-    source: FiberSource,
-    symmetry: OutlineSymmetry,
-    beta_m_rad: f64,
-    axes: [Axis; 4],
-    statistics: Statistics,
-}
-
-/// For the reader of the header alone; loading recomputes nothing from them.
-#[derive(serde::Serialize)]
-struct Statistics {
-    c_x_um: Summary,
-    c_x_over_width: Summary,
-    albedo: Summary,
-    ledger: Summary,
-}
-
-/// What loading needs of the document.
-#[derive(serde::Deserialize)]
-struct Loaded {
-    program_version: String,
-    preset: String,
-    seed: u64,
-    spec: String,
+/// Keys of the JSON document beyond the common ones.
+#[derive(serde::Serialize, serde::Deserialize)]
+pub(crate) struct Keys {
     source: FiberSource,
     symmetry: OutlineSymmetry,
     beta_m_rad: f64,
@@ -171,8 +142,7 @@ impl FiberTable {
     /// # Errors
     /// [`crate::Error::Invalid`] when the table would not load again, [`crate::Error::Io`].
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
-        let path = path.as_ref();
-        write_atomic(path, &self.to_bytes_named(&path.display().to_string())?)
+        document::save(self, path.as_ref())
     }
 
     /// Reads a table and checks names, shapes, axes, ranges, finiteness and the ledger.
@@ -181,8 +151,7 @@ impl FiberTable {
     /// [`crate::Error::Io`], [`crate::Error::Format`] for a foreign, damaged or newer file, [`crate::Error::Invalid`] for a value that is not
     /// allowed.
     pub fn load(path: impl AsRef<Path>) -> Result<FiberTable> {
-        let path = path.as_ref();
-        FiberTable::from_bytes(&read_bytes(path)?, &path.display().to_string())
+        document::load(path.as_ref())
     }
 
     /// The bytes of the file.
@@ -190,45 +159,7 @@ impl FiberTable {
     /// # Errors
     /// [`crate::Error::Invalid`] when the table would not load again.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
-        self.to_bytes_named("fiber table")
-    }
-
-    fn to_bytes_named(&self, name: &str) -> Result<Vec<u8>> {
-        self.check(name)?;
-        let (l, t, p, d) = (self.lambda_um.len(), self.theta_i.len(), self.phi_i.len(), self.phi_r_count());
-        let slices = 0..self.c_x_um.len();
-        let document = Document {
-            format: FileKind::Fiber.format(),
-            version: VERSION,
-            program_version: &self.program_version,
-            preset: &self.preset,
-            seed: self.seed,
-            spec: &self.spec_text,
-            source: self.source,
-            symmetry: self.symmetry,
-            beta_m_rad: self.beta_m,
-            axes: [
-                Axis::new("lambda_um", "um", l),
-                Axis::new("theta_i", "rad", t),
-                Axis::new("phi_i", "rad", p),
-                Axis::new("phi_r - phi_i", "rad", d),
-            ],
-            statistics: Statistics {
-                c_x_um: Summary::of(self.c_x_um.iter().copied()),
-                c_x_over_width: Summary::of(slices.clone().map(|s| self.c_x_um[s] / self.width_um[s % p])),
-                albedo: Summary::of(slices.clone().map(|s| self.slice_albedo(s))),
-                ledger: Summary::of(slices.map(|s| self.ledger(s))),
-            },
-        };
-        let mut w = Writer::new();
-        w.f64("lambda_um", &[l], &self.lambda_um);
-        w.f64("theta_i", &[t], &self.theta_i);
-        w.f64("phi_i", &[p], &self.phi_i);
-        w.f64("width_um", &[p], &self.width_um);
-        w.f64("c_x_um", &[l, t, p], &self.c_x_um);
-        w.f64("c_abs_um", &[l, t, p], &self.c_abs_um);
-        w.f32("azimuthal", &[l, t, p, d], self.azimuthal.iter().copied());
-        w.finish(name, &document)
+        document::to_bytes(self, "fiber table")
     }
 
     /// Reads a table from the bytes of its file; `name` stands for the file in errors.
@@ -236,27 +167,7 @@ impl FiberTable {
     /// # Errors
     /// As [`FiberTable::load`].
     pub fn from_bytes(bytes: &[u8], name: &str) -> Result<FiberTable> {
-        let (r, document): (_, Loaded) = Reader::open(name, bytes, FileKind::Fiber, &NAMES)?;
-        let shape = r.shape("azimuthal", 4)?;
-        let [l, t, p, d] = [shape[0], shape[1], shape[2], shape[3]];
-        let table = FiberTable {
-            spec_text: document.spec,
-            program_version: document.program_version,
-            preset: document.preset,
-            seed: document.seed,
-            source: document.source,
-            symmetry: document.symmetry,
-            beta_m: document.beta_m_rad,
-            lambda_um: r.f64("lambda_um", &[l])?,
-            theta_i: r.f64("theta_i", &[t])?,
-            phi_i: r.f64("phi_i", &[p])?,
-            width_um: r.f64("width_um", &[p])?,
-            c_x_um: r.f64("c_x_um", &[l, t, p])?,
-            c_abs_um: r.f64("c_abs_um", &[l, t, p])?,
-            azimuthal: r.f32("azimuthal", &[l, t, p, d])?,
-        };
-        table.check(name)?;
-        Ok(table)
+        Ok(document::from_bytes(bytes, name)?.0)
     }
 
     /// What every table must satisfy, read or written.
@@ -322,6 +233,82 @@ impl FiberTable {
         }
         let mend = "expected 1 and no mirror for a circle, 2 or more with a mirror";
         Err(invalid(name, "phi_i", format!("{p} values with symmetry {s:?}"), mend))
+    }
+}
+
+impl Document for FiberTable {
+    const KIND: FileKind = FileKind::Fiber;
+    type Keys = Keys;
+
+    fn names() -> Vec<&'static str> {
+        NAMES.to_vec()
+    }
+
+    fn provenance(&self) -> Provenance {
+        Provenance {
+            program_version: self.program_version.clone(),
+            preset: self.preset.clone(),
+            seed: self.seed,
+            spec: self.spec_text.clone(),
+        }
+    }
+
+    fn keys(&self, _: &str) -> Result<Keys> {
+        Ok(Keys { source: self.source, symmetry: self.symmetry, beta_m_rad: self.beta_m })
+    }
+
+    fn summary(&self) -> (Vec<Axis>, serde_json::Value) {
+        let (l, t, p, d) = (self.lambda_um.len(), self.theta_i.len(), self.phi_i.len(), self.phi_r_count());
+        let slices = || 0..self.c_x_um.len();
+        let axes = vec![
+            Axis::new("lambda_um", "um", l),
+            Axis::new("theta_i", "rad", t),
+            Axis::new("phi_i", "rad", p),
+            Axis::new("phi_r - phi_i", "rad", d),
+        ];
+        let statistics = serde_json::json!({
+            "c_x_um": Summary::of(self.c_x_um.iter().copied()),
+            "c_x_over_width": Summary::of(slices().map(|s| self.c_x_um[s] / self.width_um[s % p])),
+            "albedo": Summary::of(slices().map(|s| self.slice_albedo(s))),
+            "ledger": Summary::of(slices().map(|s| self.ledger(s))),
+        });
+        (axes, statistics)
+    }
+
+    fn tensors(&self, w: &mut Writer) {
+        let (l, t, p, d) = (self.lambda_um.len(), self.theta_i.len(), self.phi_i.len(), self.phi_r_count());
+        w.f64("lambda_um", &[l], &self.lambda_um);
+        w.f64("theta_i", &[t], &self.theta_i);
+        w.f64("phi_i", &[p], &self.phi_i);
+        w.f64("width_um", &[p], &self.width_um);
+        w.f64("c_x_um", &[l, t, p], &self.c_x_um);
+        w.f64("c_abs_um", &[l, t, p], &self.c_abs_um);
+        w.f32("azimuthal", &[l, t, p, d], self.azimuthal.iter().copied());
+    }
+
+    fn read(r: &Reader<'_>, provenance: Provenance, keys: &Keys) -> Result<FiberTable> {
+        let shape = r.shape("azimuthal", 4)?;
+        let [l, t, p, d] = [shape[0], shape[1], shape[2], shape[3]];
+        Ok(FiberTable {
+            spec_text: provenance.spec,
+            program_version: provenance.program_version,
+            preset: provenance.preset,
+            seed: provenance.seed,
+            source: keys.source,
+            symmetry: keys.symmetry,
+            beta_m: keys.beta_m_rad,
+            lambda_um: r.f64("lambda_um", &[l])?,
+            theta_i: r.f64("theta_i", &[t])?,
+            phi_i: r.f64("phi_i", &[p])?,
+            width_um: r.f64("width_um", &[p])?,
+            c_x_um: r.f64("c_x_um", &[l, t, p])?,
+            c_abs_um: r.f64("c_abs_um", &[l, t, p])?,
+            azimuthal: r.f32("azimuthal", &[l, t, p, d])?,
+        })
+    }
+
+    fn check(&self, name: &str) -> Result<()> {
+        FiberTable::check(self, name)
     }
 }
 

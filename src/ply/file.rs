@@ -3,7 +3,7 @@
 use super::{PlyData, PlyModel};
 use crate::asg::{MU_MAX, MU_MIN, PARAMS};
 use crate::edge::{self, EdgeLobes};
-use crate::file::{Axis, Check, FileKind, Reader, Summary, VERSION, Writer, invalid, read_bytes, write_atomic};
+use crate::io::{Axis, Check, Document, FileKind, Provenance, Reader, Summary, Writer, document, invalid};
 use crate::layers::{self, LayerFactors};
 use crate::noise::{self, NoiseTiles};
 use crate::table::TOLERANCE;
@@ -27,8 +27,11 @@ const NAMES: [&str; 12] = [
 ];
 
 /// One stored value of eval: a foreign reader, or a later version of this one, finds out whether it computes the same.
+///
+/// Queries lie inside the cells of the grid, away from nodes and from the borders of blocks, where f_high jumps: there the rounding of theta_i and h alone
+/// would decide which block answers.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Golden {
+pub struct ReferenceValue {
     /// Incident latitude [rad].
     pub theta_i: f32,
     /// Beam offset [um].
@@ -41,41 +44,16 @@ pub struct Golden {
     pub value: [f32; 4],
 }
 
-/// The JSON document of a model.
-#[derive(serde::Serialize)]
-struct Document<'a> {
-    format: &'static str,
-    version: u64,
-    program_version: &'a str,
-    preset: &'a str,
-    seed: u64,
-    spec: &'a str,
+/// Keys of the JSON document beyond the common ones.
+#[derive(serde::Serialize, serde::Deserialize)]
+pub(crate) struct Keys {
+    #[serde(skip_deserializing)]
     lobes_refl: usize,
+    #[serde(skip_deserializing)]
     lobes_high: usize,
-    axes: [Axis; 4],
-    statistics: Statistics,
-    golden: Vec<Golden>,
-}
-
-/// For the reader of the header alone.
-#[derive(serde::Serialize)]
-struct Statistics {
-    r_d: Summary,
-    energy_refl: Summary,
-    energy_high_sigma_0: Summary,
-    error_refl: Summary,
-    error_high: Summary,
-}
-
-/// What loading needs of the document.
-#[derive(serde::Deserialize)]
-struct Loaded {
-    program_version: String,
-    preset: String,
-    seed: u64,
-    spec: String,
-    #[serde(default)]
-    golden: Vec<Golden>,
+    /// Called `golden` by version 0.1.0.
+    #[serde(default, alias = "golden")]
+    reference_values: Vec<ReferenceValue>,
 }
 
 impl PlyData {
@@ -85,8 +63,7 @@ impl PlyData {
     /// # Errors
     /// [`crate::Error::Invalid`] when the model would not load again, [`crate::Error::Io`].
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
-        let path = path.as_ref();
-        write_atomic(path, &self.to_bytes_named(&path.display().to_string())?)
+        document::save(self, path.as_ref())
     }
 
     /// Reads a model's tensors and checks names, shapes, axes, ranges and finiteness.
@@ -95,16 +72,15 @@ impl PlyData {
     /// [`crate::Error::Io`], [`crate::Error::Format`] for a foreign, damaged or newer file, [`crate::Error::Invalid`] for a
     /// value that is not allowed.
     pub fn load(path: impl AsRef<Path>) -> Result<PlyData> {
-        let path = path.as_ref();
-        PlyData::from_bytes(&read_bytes(path)?, &path.display().to_string())
+        document::load(path.as_ref())
     }
 
-    /// The bytes of the file, with values of eval for later comparison.
+    /// The bytes of the file, with reference values of eval.
     ///
     /// # Errors
     /// [`crate::Error::Invalid`] when the model would not load again.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
-        self.to_bytes_named("model")
+        document::to_bytes(self, "model")
     }
 
     /// Reads a model from the bytes of its file; `name` stands for the file in errors.
@@ -115,35 +91,55 @@ impl PlyData {
         Ok(read(bytes, name)?.0)
     }
 
-    fn to_bytes_named(&self, name: &str) -> Result<Vec<u8>> {
-        let model = PlyModel::from_data_named(self.clone(), name)?;
+    /// M, H, K, J.
+    pub(crate) fn sizes(&self) -> (usize, usize, usize, usize) {
+        (self.theta_i.len(), self.h_um.len(), self.sigma_per_um.len(), self.path_um.len())
+    }
+}
+
+impl Document for PlyData {
+    const KIND: FileKind = FileKind::Model;
+    type Keys = Keys;
+
+    fn names() -> Vec<&'static str> {
+        [&NAMES[..], &layers::NAMES, &edge::NAMES, &noise::NAMES].concat()
+    }
+
+    fn provenance(&self) -> Provenance {
+        Provenance {
+            program_version: self.program_version.clone(),
+            preset: self.preset.clone(),
+            seed: self.seed,
+            spec: self.spec_text.clone(),
+        }
+    }
+
+    fn keys(&self, name: &str) -> Result<Keys> {
+        let reference_values = reference_values(&PlyModel::from_data_named(self.clone(), name)?);
+        Ok(Keys { lobes_refl: self.lobes_refl, lobes_high: self.lobes_high, reference_values })
+    }
+
+    fn summary(&self) -> (Vec<Axis>, serde_json::Value) {
+        let (m, h, k, j) = self.sizes();
+        let axes = vec![
+            Axis::new("theta_i", "rad", m),
+            Axis::new("h_um", "um", h),
+            Axis::new("sigma_per_um", "1/um", k),
+            Axis::new("path_um", "um", j),
+        ];
+        let statistics = serde_json::json!({
+            "r_d": Summary::of(self.r_d.iter().copied()),
+            "energy_refl": Summary::of(self.energy_refl.iter().copied()),
+            "energy_high_sigma_0": Summary::of(self.energy_high.chunks_exact(j).map(|e| e.iter().sum())),
+            "error_refl": Summary::of(self.error_refl.iter().copied()),
+            "error_high": Summary::of(self.error_high.iter().copied()),
+        });
+        (axes, statistics)
+    }
+
+    fn tensors(&self, w: &mut Writer) {
         let (m, h, k, j) = self.sizes();
         let (bm, bh, lr, lh) = (m / 2, h / 2, self.lobes_refl, self.lobes_high);
-        let document = Document {
-            format: FileKind::Model.format(),
-            version: VERSION,
-            program_version: &self.program_version,
-            preset: &self.preset,
-            seed: self.seed,
-            spec: &self.spec_text,
-            lobes_refl: lr,
-            lobes_high: lh,
-            axes: [
-                Axis::new("theta_i", "rad", m),
-                Axis::new("h_um", "um", h),
-                Axis::new("sigma_per_um", "1/um", k),
-                Axis::new("path_um", "um", j),
-            ],
-            statistics: Statistics {
-                r_d: Summary::of(self.r_d.iter().copied()),
-                energy_refl: Summary::of(self.energy_refl.iter().copied()),
-                energy_high_sigma_0: Summary::of(self.energy_high.chunks_exact(j).map(|e| e.iter().sum())),
-                error_refl: Summary::of(self.error_refl.iter().copied()),
-                error_high: Summary::of(self.error_high.iter().copied()),
-            },
-            golden: golden_values(&model),
-        };
-        let mut w = Writer::new();
         w.f64("theta_i", &[m], &self.theta_i);
         w.f64("h_um", &[h], &self.h_um);
         w.f64("sigma_per_um", &[k], &self.sigma_per_um);
@@ -157,22 +153,62 @@ impl PlyData {
         w.f32("high", &[bm, bh, 2, 2, lh, PARAMS], self.high.iter().map(|v| *v as f32));
         w.f32("high_path", &[bm, bh, 2, 2, lh, j], self.high_path.iter().map(|v| *v as f32));
         if let Some(layers) = &self.layers {
-            layers.write(&mut w, self);
+            layers.write(w, self);
         }
         if let Some(edge) = &self.edge {
-            edge.write(&mut w);
+            edge.write(w);
         }
         if let Some(noise) = &self.noise {
-            noise.write(&mut w);
+            noise.write(w);
         }
-        w.finish(name, &document)
     }
 
-    /// M, H, K, J.
-    pub(crate) fn sizes(&self) -> (usize, usize, usize, usize) {
-        (self.theta_i.len(), self.h_um.len(), self.sigma_per_um.len(), self.path_um.len())
+    fn read(r: &Reader<'_>, provenance: Provenance, keys: &Keys) -> Result<PlyData> {
+        for (i, g) in keys.reference_values.iter().enumerate() {
+            let numbers = [g.theta_i, g.h_um].into_iter().chain(g.sigma_per_um).chain(g.wo).chain(g.value);
+            if let Some(v) = numbers.into_iter().find(|v| !v.is_finite()) {
+                return Err(invalid(r.file(), &format!("reference_values[{i}]"), v, "expected finite numbers"));
+            }
+        }
+        let (m, h, k, j) = (
+            r.shape("theta_i", 1)?[0],
+            r.shape("h_um", 1)?[0],
+            r.shape("sigma_per_um", 1)?[0],
+            r.shape("path_um", 1)?[0],
+        );
+        let (lr, lh) = (r.shape("refl", 4)?[2], r.shape("high", 6)?[4]);
+        let (bm, bh) = (m / 2, h / 2);
+        Ok(PlyData {
+            spec_text: provenance.spec,
+            program_version: provenance.program_version,
+            preset: provenance.preset,
+            seed: provenance.seed,
+            theta_i: r.f64("theta_i", &[m])?,
+            h_um: r.f64("h_um", &[h])?,
+            sigma_per_um: r.f64("sigma_per_um", &[k])?,
+            path_um: r.f64("path_um", &[j])?,
+            lobes_refl: lr,
+            lobes_high: lh,
+            r_d: r.f64("r_d", &[m, h])?,
+            energy_refl: r.f64("energy_refl", &[m, h])?,
+            energy_high: r.f64("energy_high", &[m, h, j])?,
+            refl: r.f64("refl", &[m, h, lr, PARAMS])?,
+            high: r.f64("high", &[bm, bh, 2, 2, lh, PARAMS])?,
+            high_path: r.f64("high_path", &[bm, bh, 2, 2, lh, j])?,
+            error_refl: r.f64("error_refl", &[m, h])?,
+            error_high: r.f64("error_high", &[m, h, k])?,
+            layers: LayerFactors::read(r, (m, h, j))?,
+            edge: EdgeLobes::read(r)?,
+            noise: NoiseTiles::read(r)?,
+        })
     }
 
+    fn check(&self, name: &str) -> Result<()> {
+        PlyData::check(self, name)
+    }
+}
+
+impl PlyData {
     /// What every model must satisfy, read or written.
     pub(crate) fn check(&self, name: &str) -> Result<()> {
         let c = Check(name);
@@ -261,61 +297,41 @@ fn check_lobes(name: &str, key: &str, lobes: &[f64]) -> Result<()> {
     Ok(())
 }
 
-/// The tensors and golden values of a file, checked.
-pub(crate) fn read(bytes: &[u8], name: &str) -> Result<(PlyData, Vec<Golden>)> {
-    let names = [&NAMES[..], &layers::NAMES, &edge::NAMES, &noise::NAMES].concat();
-    let (r, document): (_, Loaded) = Reader::open(name, bytes, FileKind::Model, &names)?;
-    let (m, h, k, j) =
-        (r.shape("theta_i", 1)?[0], r.shape("h_um", 1)?[0], r.shape("sigma_per_um", 1)?[0], r.shape("path_um", 1)?[0]);
-    let (lr, lh) = (r.shape("refl", 4)?[2], r.shape("high", 6)?[4]);
-    let (bm, bh) = (m / 2, h / 2);
-    let data = PlyData {
-        spec_text: document.spec,
-        program_version: document.program_version,
-        preset: document.preset,
-        seed: document.seed,
-        theta_i: r.f64("theta_i", &[m])?,
-        h_um: r.f64("h_um", &[h])?,
-        sigma_per_um: r.f64("sigma_per_um", &[k])?,
-        path_um: r.f64("path_um", &[j])?,
-        lobes_refl: lr,
-        lobes_high: lh,
-        r_d: r.f64("r_d", &[m, h])?,
-        energy_refl: r.f64("energy_refl", &[m, h])?,
-        energy_high: r.f64("energy_high", &[m, h, j])?,
-        refl: r.f64("refl", &[m, h, lr, PARAMS])?,
-        high: r.f64("high", &[bm, bh, 2, 2, lh, PARAMS])?,
-        high_path: r.f64("high_path", &[bm, bh, 2, 2, lh, j])?,
-        error_refl: r.f64("error_refl", &[m, h])?,
-        error_high: r.f64("error_high", &[m, h, k])?,
-        layers: LayerFactors::read(&r, (m, h, j))?,
-        edge: EdgeLobes::read(&r)?,
-        noise: NoiseTiles::read(&r)?,
-    };
-    data.check(name)?;
-    for (i, g) in document.golden.iter().enumerate() {
-        let numbers = [g.theta_i, g.h_um].into_iter().chain(g.sigma_per_um).chain(g.wo).chain(g.value);
-        if let Some(v) = numbers.into_iter().find(|v| !v.is_finite()) {
-            return Err(invalid(name, &format!("golden[{i}]"), v, "expected finite numbers"));
-        }
-    }
-    Ok((data, document.golden))
+/// The tensors and reference values of a file, checked.
+pub(crate) fn read(bytes: &[u8], name: &str) -> Result<(PlyData, Vec<ReferenceValue>)> {
+    let (data, keys): (PlyData, Keys) = document::from_bytes(bytes, name)?;
+    Ok((data, keys.reference_values))
 }
 
-/// A dozen values of eval: on and between nodes, both signs of theta_i, forward and backward.
-fn golden_values(model: &PlyModel) -> Vec<Golden> {
+/// A dozen values of eval: six incidences of both signs of theta_i, each inside a cell of the grid, forward and backward.
+fn reference_values(model: &PlyModel) -> Vec<ReferenceValue> {
     let d = model.data();
-    let (theta, h) = (d.theta_i[d.theta_i.len() - 1] as f32, d.h_um[d.h_um.len() - 1] as f32);
     let sigma = d.sigma_per_um[d.sigma_per_um.len() - 1] as f32;
-    let mut golden = Vec::new();
-    for (i, (t, x)) in
-        [(0.0, 0.0), (0.37, 0.21), (-0.37, 0.21), (0.81, -0.63), (0.5, 0.93), (1.0, -0.4)].iter().enumerate()
-    {
-        for (theta_o, phi_o) in [(-t * theta, 4.7 + 0.1 * i as f32), (0.3 - t * theta, 1.2 + 0.5 * i as f32)] {
-            let (theta_i, h_um, wo) = (t * theta, x * h, direction(theta_o, phi_o));
+    // Along each axis: where the cell lies, as a fraction of all cells, and where in it the query does.
+    const PLACES: [([f64; 2], [f64; 2], f32); 6] = [
+        ([0.05, 0.35], [0.50, 0.45], 1.0),
+        ([0.37, 0.70], [0.60, 0.30], 1.0),
+        ([0.37, 0.30], [0.60, 0.55], -1.0),
+        ([0.81, 0.40], [0.18, 0.65], 1.0),
+        ([0.50, 0.60], [0.93, 0.25], 1.0),
+        ([0.97, 0.45], [0.30, 0.60], -1.0),
+    ];
+    let inside = |axis: &[f64], [along, within]: [f64; 2]| {
+        let cells = axis.len() - 1;
+        let cell = ((along * cells as f64) as usize).min(cells - 1);
+        (axis[cell] + within * (axis[cell + 1] - axis[cell])) as f32
+    };
+    let mut values = Vec::new();
+    for (i, (t, x, sign)) in PLACES.into_iter().enumerate() {
+        let (theta_i, h_um) = (sign * inside(&d.theta_i, t), inside(&d.h_um, x));
+        for (theta_o, phi_o) in [(-theta_i, 4.7 + 0.1 * i as f32), (0.3 - theta_i, 1.2 + 0.5 * i as f32)] {
+            let wo = direction(theta_o, phi_o);
             let sigma_per_um = [0.0, 0.1 * sigma, 0.5 * sigma, 2.0 * sigma];
-            golden.push(Golden { theta_i, h_um, sigma_per_um, wo, value: model.eval(theta_i, h_um, sigma_per_um, wo) });
+            let value = model.eval(theta_i, h_um, sigma_per_um, wo);
+            values.push(ReferenceValue { theta_i, h_um, sigma_per_um, wo, value });
         }
     }
-    golden
+    values
 }
+
+pub use ReferenceValue as Golden;

@@ -2,7 +2,7 @@
 
 use super::{ExitPositions, OutgoingGrid, Table};
 use crate::Result;
-use crate::file::{Axis, Check, FileKind, Reader, Summary, VERSION, Writer, invalid, read_bytes, write_atomic};
+use crate::io::{Axis, Check, Document, FileKind, Provenance, Reader, Summary, Writer, document, invalid};
 use std::path::Path;
 
 const NAMES: [&str; 16] = [
@@ -24,44 +24,13 @@ const NAMES: [&str; 16] = [
     "met",
 ];
 
-/// The JSON document of a table.
-#[derive(serde::Serialize)]
-struct Document<'a> {
-    format: &'static str,
-    version: u64,
-    program_version: &'a str,
-    preset: &'a str,
-    seed: u64,
-    plies: u32,
-    traced: bool,
-    spec: &'a str,
-    axes: [Axis; 5],
-    statistics: Statistics,
-}
-
-/// For the reader of the header alone; loading recomputes nothing from them.
-#[derive(serde::Serialize)]
-struct Statistics {
-    r_d: Summary,
-    energy_refl: Summary,
-    energy_high_sigma_0: Summary,
-    energy_killed: Summary,
-    energy_sum_minus_1: Summary,
-    paths: u64,
-    interactions: Summary,
-}
-
-/// What loading needs of the document.
-#[derive(serde::Deserialize)]
-struct Loaded {
-    program_version: String,
-    preset: String,
-    seed: u64,
+/// Keys of the JSON document beyond the common ones.
+#[derive(serde::Serialize, serde::Deserialize)]
+pub(crate) struct Keys {
     #[serde(default = "one")]
     plies: u32,
     #[serde(default)]
     traced: bool,
-    spec: String,
 }
 
 fn one() -> u32 {
@@ -74,8 +43,7 @@ impl Table {
     /// # Errors
     /// [`crate::Error::Invalid`] when the table would not load again, [`crate::Error::Io`].
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
-        let path = path.as_ref();
-        write_atomic(path, &self.to_bytes_named(&path.display().to_string())?)
+        document::save(self, path.as_ref())
     }
 
     /// Reads a table and checks names, shapes, axes, ranges and finiteness.
@@ -84,8 +52,7 @@ impl Table {
     /// [`crate::Error::Io`], [`crate::Error::Format`] for a foreign, damaged or newer file, [`crate::Error::Invalid`] for a
     /// value that is not allowed.
     pub fn load(path: impl AsRef<Path>) -> Result<Table> {
-        let path = path.as_ref();
-        Table::from_bytes(&read_bytes(path)?, &path.display().to_string())
+        document::load(path.as_ref())
     }
 
     /// The bytes of the file.
@@ -93,32 +60,74 @@ impl Table {
     /// # Errors
     /// [`crate::Error::Invalid`] when the table would not load again.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
-        self.to_bytes_named("table")
+        document::to_bytes(self, "table")
     }
 
-    fn to_bytes_named(&self, name: &str) -> Result<Vec<u8>> {
-        self.check(name)?;
+    /// Reads a table from the bytes of its file; `name` stands for the file in errors.
+    ///
+    /// # Errors
+    /// As [`Table::load`].
+    pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Table> {
+        Ok(document::from_bytes(bytes, name)?.0)
+    }
+
+    /// Checks what every table must satisfy, read or written: lengths, axes, ranges and finiteness. `name` stands for the file in errors.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`].
+    pub fn check(&self, name: &str) -> Result<()> {
+        Document::check(self, name)
+    }
+}
+
+impl Document for Table {
+    const KIND: FileKind = FileKind::Table;
+    type Keys = Keys;
+
+    fn names() -> Vec<&'static str> {
+        NAMES.to_vec()
+    }
+
+    fn provenance(&self) -> Provenance {
+        Provenance {
+            program_version: self.program_version.clone(),
+            preset: self.preset.clone(),
+            seed: self.seed,
+            spec: self.spec_text.clone(),
+        }
+    }
+
+    fn keys(&self, _: &str) -> Result<Keys> {
+        Ok(Keys { plies: self.plies, traced: self.traced })
+    }
+
+    fn summary(&self) -> (Vec<Axis>, serde_json::Value) {
         let (m, h, k) = (self.theta_i.len(), self.h_um.len(), self.sigma_per_um.len());
         let (t, p) = (self.grid.theta_o, self.grid.phi_o);
-        let document = Document {
-            format: FileKind::Table.format(),
-            version: VERSION,
-            program_version: &self.program_version,
-            preset: &self.preset,
-            seed: self.seed,
-            plies: self.plies,
-            traced: self.traced,
-            spec: &self.spec_text,
-            axes: [
-                Axis::new("theta_i", "rad", m),
-                Axis::new("h_um", "um", h),
-                Axis::new("sigma_per_um", "1/um", k),
-                Axis::new("theta_o", "rad", t),
-                Axis::new("phi_o", "rad", p),
-            ],
-            statistics: self.statistics(),
-        };
-        let mut w = Writer::new();
+        let high = || self.energy_high.chunks_exact(k).map(|e| e[0]);
+        let sum = self.r_d.iter().zip(&self.energy_refl).zip(high()).map(|((d, r), e)| d + r + e - 1.0);
+        let axes = vec![
+            Axis::new("theta_i", "rad", m),
+            Axis::new("h_um", "um", h),
+            Axis::new("sigma_per_um", "1/um", k),
+            Axis::new("theta_o", "rad", t),
+            Axis::new("phi_o", "rad", p),
+        ];
+        let statistics = serde_json::json!({
+            "r_d": Summary::of(self.r_d.iter().copied()),
+            "energy_refl": Summary::of(self.energy_refl.iter().copied()),
+            "energy_high_sigma_0": Summary::of(high()),
+            "energy_killed": Summary::of(self.energy_killed.iter().copied()),
+            "energy_sum_minus_1": Summary::of(sum),
+            "paths": self.paths.iter().fold(0u64, |a, b| a.saturating_add(*b)),
+            "interactions": Summary::of(self.interactions.iter().copied()),
+        });
+        (axes, statistics)
+    }
+
+    fn tensors(&self, w: &mut Writer) {
+        let (m, h, k) = (self.theta_i.len(), self.h_um.len(), self.sigma_per_um.len());
+        let (t, p) = (self.grid.theta_o, self.grid.phi_o);
         w.f64("theta_i", &[m], &self.theta_i);
         w.f64("h_um", &[h], &self.h_um);
         w.f64("sigma_per_um", &[k], &self.sigma_per_um);
@@ -137,33 +146,12 @@ impl Table {
             w.f32("exit", &[m, h, 1 + k, e.azimuths, e.positions], e.shares.iter().copied());
             w.f32("met", &[m, e.met.len() / m], e.met.iter().copied());
         }
-        w.finish(name, &document)
     }
 
-    fn statistics(&self) -> Statistics {
-        let k = self.sigma_per_um.len();
-        let high = || self.energy_high.chunks_exact(k).map(|e| e[0]);
-        let sum = self.r_d.iter().zip(&self.energy_refl).zip(high()).map(|((d, r), e)| d + r + e - 1.0);
-        Statistics {
-            r_d: Summary::of(self.r_d.iter().copied()),
-            energy_refl: Summary::of(self.energy_refl.iter().copied()),
-            energy_high_sigma_0: Summary::of(high()),
-            energy_killed: Summary::of(self.energy_killed.iter().copied()),
-            energy_sum_minus_1: Summary::of(sum),
-            paths: self.paths.iter().fold(0, |a, b| a.saturating_add(*b)),
-            interactions: Summary::of(self.interactions.iter().copied()),
-        }
-    }
-
-    /// Reads a table from the bytes of its file; `name` stands for the file in errors.
-    ///
-    /// # Errors
-    /// As [`Table::load`].
-    pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Table> {
-        let (r, document): (_, Loaded) = Reader::open(name, bytes, FileKind::Table, &NAMES)?;
+    fn read(r: &Reader<'_>, p: Provenance, keys: &Keys) -> Result<Table> {
         let (m, h, k) = (r.shape("theta_i", 1)?[0], r.shape("h_um", 1)?[0], r.shape("sigma_per_um", 1)?[0]);
         let bins = r.shape("refl", 4)?;
-        let (t, p) = (bins[2], bins[3]);
+        let (theta_o, phi_o) = (bins[2], bins[3]);
         let exit = match r.has("exit") || r.has("met") {
             false => None,
             true => {
@@ -173,39 +161,33 @@ impl Table {
                 Some(ExitPositions { azimuths, positions, shares, met: r.f32("met", &[m, met[1]])? })
             }
         };
-        let table = Table {
-            spec_text: document.spec,
-            program_version: document.program_version,
-            preset: document.preset,
-            seed: document.seed,
-            plies: document.plies,
-            traced: document.traced,
+        Ok(Table {
+            spec_text: p.spec,
+            program_version: p.program_version,
+            preset: p.preset,
+            seed: p.seed,
+            plies: keys.plies,
+            traced: keys.traced,
             theta_i: r.f64("theta_i", &[m])?,
             h_um: r.f64("h_um", &[h])?,
             sigma_per_um: r.f64("sigma_per_um", &[k])?,
-            grid: OutgoingGrid { theta_o: t, phi_o: p },
+            grid: OutgoingGrid { theta_o, phi_o },
             r_d: r.f64("r_d", &[m, h])?,
             energy_refl: r.f64("energy_refl", &[m, h])?,
             energy_high: r.f64("energy_high", &[m, h, k])?,
             energy_se: r.f64("energy_se", &[m, h])?,
             energy_killed: r.f64("energy_killed", &[m, h])?,
-            refl: r.f32("refl", &[m, h, t, p])?,
-            high: r.f32("high", &[m, h, k, t, p])?,
+            refl: r.f32("refl", &[m, h, theta_o, phi_o])?,
+            high: r.f32("high", &[m, h, k, theta_o, phi_o])?,
             noise_refl: r.f64("noise_refl", &[m, h])?,
             noise_high: r.f64("noise_high", &[m, h, k])?,
             paths: r.u64("paths", &[m])?,
             interactions: r.f64("interactions", &[m])?,
             exit,
-        };
-        table.check(name)?;
-        Ok(table)
+        })
     }
 
-    /// Checks what every table must satisfy, read or written: lengths, axes, ranges and finiteness. `name` stands for the file in errors.
-    ///
-    /// # Errors
-    /// [`crate::Error::Invalid`].
-    pub fn check(&self, name: &str) -> Result<()> {
+    fn check(&self, name: &str) -> Result<()> {
         let c = Check(name);
         let (m, h, k) = (self.theta_i.len(), self.h_um.len(), self.sigma_per_um.len());
         let (t, p) = (self.grid.theta_o, self.grid.phi_o);

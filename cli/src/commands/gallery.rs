@@ -94,7 +94,7 @@ pub fn run(cli: &Cli, args: &GalleryArgs) -> Outcome {
     output::check_folder(folder, INDEX, &[])?;
     let workshop = Workshop { cli, from: &args.fabrics, to: folder, quick: args.quick };
     pictures.iter().flat_map(|p| &p.panels).try_for_each(|panel| workshop.check(&panel.cloth))?;
-    for part in ["", "fabrics", "models", "small"] {
+    for part in ["", "fabrics", "fabrics/models", "small"] {
         make_folder(&folder.join(part))?;
     }
     let begun = Instant::now();

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 /// A model.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Ply {
-    /// Of `models/NAME.pwm`.
+    /// Of `fabrics/models/NAME.pwm`.
     Shipped(&'static str),
     /// Built at preview quality from the spec of a yarn that ships, with other values of some keys.
     Built {
@@ -152,7 +152,7 @@ impl Workshop<'_> {
                 Some(ply) => self.ply(ply)?,
                 None => self.shipped(name)?,
             };
-            lines += &format!("model = \"../models/{file}.pwm\"\n");
+            lines += &format!("model = \"models/{file}.pwm\"\n");
         }
         let path = self.to.join("fabrics").join(format!("{}.toml", cloth.name()));
         if std::fs::read_to_string(&path).ok().as_deref() != Some(&lines) {
@@ -176,7 +176,7 @@ impl Workshop<'_> {
     }
 
     fn model_path(&self, name: &str) -> PathBuf {
-        self.to.join("models").join(format!("{name}.pwm"))
+        self.to.join("fabrics/models").join(format!("{name}.pwm"))
     }
 
     /// Whether a model was made from the same source before.

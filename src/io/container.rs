@@ -1,12 +1,11 @@
 //! The container of plywave's files: safetensors with one JSON document in its metadata (`docs/format.md`).
 //!
 //! Reading checks names, types and shapes and hands out owned arrays; what the numbers may be is checked by their owners.
-//! Writing goes to a temporary name in the same folder, is flushed to the disk, then renamed.
 
 use crate::{Error, Result};
 use safetensors::tensor::{Dtype, Metadata, SafeTensors, TensorInfo, TensorView};
 use std::collections::HashMap;
-use std::io::{Read, Write};
+use std::io::Read;
 use std::path::Path;
 
 /// Key of the JSON document in the safetensors metadata.
@@ -23,7 +22,7 @@ pub enum FileKind {
     Table,
     /// A ply model, [`crate::PlyData`].
     Model,
-    /// A fiber's scattering, [`crate::fiber::FiberTable`].
+    /// Scattering of a fiber, [`crate::fiber::FiberTable`].
     Fiber,
     /// Patterns of single fibers, [`crate::SpecklePatterns`].
     Speckle,
@@ -37,6 +36,15 @@ impl FileKind {
             FileKind::Model => "plywave-ply",
             FileKind::Fiber => "plywave-fiber",
             FileKind::Speckle => "plywave-speckle",
+        }
+    }
+
+    /// Largest file that is read [bytes]: the most cells that a spec may ask for, and as much again for what comes with them.
+    pub fn most_bytes(self) -> u64 {
+        match self {
+            FileKind::Table => 4 << 30,
+            FileKind::Model => 1 << 30,
+            FileKind::Fiber | FileKind::Speckle => 2 << 30,
         }
     }
 
@@ -58,7 +66,7 @@ pub fn file_kind(path: impl AsRef<Path>) -> Result<FileKind> {
     let path = path.as_ref();
     let name = path.display().to_string();
     let io = |source| Error::Io { file: name.clone(), source };
-    let mut file = std::fs::File::open(path).map_err(io)?;
+    let mut file = super::disk::open_file(path)?;
     let mut size = [0u8; 8];
     let foreign = || format_error(&name, "no safetensors header", "give a table or model written by plywave");
     match file.read_exact(&mut size) {
@@ -116,37 +124,10 @@ pub(crate) fn invalid(file: &str, key: &str, value: impl std::fmt::Display, mend
 }
 
 /// The message of an error, on one line and of bounded length (it may quote the file).
-fn one_line(e: &dyn std::fmt::Display) -> String {
+pub(crate) fn one_line(e: &dyn std::fmt::Display) -> String {
     let text = e.to_string();
     let text: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
     if text.chars().count() > 160 { text.chars().take(157).chain("...".chars()).collect() } else { text }
-}
-
-/// The whole content of a file.
-pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>> {
-    std::fs::read(path).map_err(|source| Error::Io { file: path.display().to_string(), source })
-}
-
-/// Writes `bytes` to a temporary name beside `path`, flushes them to the disk and renames: `path` never holds half a file.
-pub(crate) fn write_atomic(path: &Path, bytes: &[u8]) -> Result<()> {
-    let io = |source| Error::Io { file: path.display().to_string(), source };
-    let Some(file_name) = path.file_name() else {
-        return Err(io(std::io::Error::new(std::io::ErrorKind::InvalidInput, "not a file name")));
-    };
-    let mut temporary = std::ffi::OsString::from(".");
-    temporary.push(file_name);
-    temporary.push(format!(".{}.tmp", std::process::id()));
-    let temporary = path.with_file_name(temporary);
-    let written = std::fs::File::create(&temporary).and_then(|mut file| {
-        file.write_all(bytes)?;
-        file.sync_all()
-    });
-    let renamed = written.and_then(|()| std::fs::rename(&temporary, path));
-    if renamed.is_err() {
-        // The first error is the one to report; a leftover that cannot be removed changes nothing about it.
-        let _ = std::fs::remove_file(&temporary);
-    }
-    renamed.map_err(io)
 }
 
 /// Arrays to be written, in the order of the calls (safetensors then sorts them by type and name).
@@ -202,17 +183,13 @@ pub(crate) struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    /// Parses the header and the JSON document. Only `names` may be present as tensors.
-    pub(crate) fn open<D: serde::de::DeserializeOwned>(
-        file: &'a str,
-        bytes: &'a [u8],
-        kind: FileKind,
-        names: &[&str],
-    ) -> Result<(Self, D)> {
+    /// Parses the header; gives the text of the JSON document too. Only `names` may be present as tensors.
+    pub(crate) fn open(file: &'a str, bytes: &'a [u8], kind: FileKind, names: &[&str]) -> Result<(Self, String)> {
         let damaged = |what: &str| format_error(file, what, kind.remake());
         match bytes.first_chunk::<8>().map(|n| u64::from_le_bytes(*n)) {
             None => return Err(damaged("shorter than a safetensors header")),
-            Some(n) if n > MAX_HEADER => return Err(damaged(&format!("header of {n} bytes, at most {MAX_HEADER}"))),
+            // The number is not told: of a file that is none of ours it is the file's text.
+            Some(n) if n > MAX_HEADER => return Err(damaged(&format!("header of more than {MAX_HEADER} bytes"))),
             Some(_) => {}
         }
         let (n, metadata) = SafeTensors::read_metadata(bytes)
@@ -233,14 +210,23 @@ impl<'a> Reader<'a> {
             return Err(format_error(file, &what, mend));
         }
         check_version(file, &head, kind)?;
-        let document =
-            serde_json::from_str(&text).map_err(|e| damaged(&format!("metadata {KEY}: {}", one_line(&e))))?;
         for name in metadata.offset_keys() {
             if !names.contains(&name.as_str()) {
                 return Err(damaged(&format!("unknown tensor {:?}", one_line(&name))));
             }
         }
-        Ok((Reader { file, kind, metadata, data: &bytes[8 + n..] }, document))
+        Ok((Reader { file, kind, metadata, data: &bytes[8 + n..] }, text))
+    }
+
+    /// Name of the file in errors.
+    pub(crate) fn file(&self) -> &'a str {
+        self.file
+    }
+
+    /// Keys of the JSON document.
+    pub(crate) fn keys<D: serde::de::DeserializeOwned>(&self, text: &str) -> Result<D> {
+        serde_json::from_str(text)
+            .map_err(|e| format_error(self.file, &format!("metadata {KEY}: {}", one_line(&e)), self.kind.remake()))
     }
 
     fn info(&self, name: &str) -> Result<(&TensorInfo, &'a [u8])> {
@@ -318,132 +304,5 @@ impl<'a> Reader<'a> {
             Dtype::U64 => Ok(bytes.as_chunks().0.iter().map(|c| u64::from_le_bytes(*c)).collect()),
             _ => Err(self.type_error(name, info, "U64")),
         }
-    }
-}
-
-/// Checks on arrays, each with the file's name at hand.
-pub(crate) struct Check<'a>(pub(crate) &'a str);
-
-impl Check<'_> {
-    /// Every value in `[low, high]` and finite.
-    pub(crate) fn range(&self, name: &str, values: &[f64], low: f64, high: f64) -> Result<()> {
-        match values.iter().position(|v| !(*v >= low && *v <= high)) {
-            None => Ok(()),
-            Some(i) => {
-                let mend = format!("expected a value in [{low}, {high}]");
-                Err(invalid(self.0, &format!("{name}[{i}]"), values[i], &mend))
-            }
-        }
-    }
-
-    /// [`Check::range`] for f32.
-    pub(crate) fn range_f32(&self, name: &str, values: &[f32], low: f32, high: f32) -> Result<()> {
-        match values.iter().position(|v| !(*v >= low && *v <= high)) {
-            None => Ok(()),
-            Some(i) => {
-                let mend = format!("expected a value in [{low}, {high}]");
-                Err(invalid(self.0, &format!("{name}[{i}]"), values[i], &mend))
-            }
-        }
-    }
-
-    /// Length is the product of `shape`.
-    pub(crate) fn len(&self, name: &str, len: usize, shape: &[usize]) -> Result<()> {
-        let want = shape.iter().try_fold(1usize, |a, b| a.checked_mul(*b));
-        if want == Some(len) {
-            return Ok(());
-        }
-        Err(invalid(self.0, name, format!("{len} values"), &format!("expected the shape {shape:?}")))
-    }
-
-    /// Finite, strictly ascending.
-    pub(crate) fn ascending(&self, name: &str, axis: &[f64]) -> Result<()> {
-        self.range(name, axis, f64::MIN, f64::MAX)?;
-        match axis.windows(2).position(|w| w[1] <= w[0]) {
-            None => Ok(()),
-            Some(i) => Err(invalid(self.0, &format!("{name}[{}]", i + 1), axis[i + 1], "the axis must ascend")),
-        }
-    }
-
-    /// Ascending with equal steps, to 1e-6 of a step.
-    pub(crate) fn uniform(&self, name: &str, axis: &[f64]) -> Result<()> {
-        self.ascending(name, axis)?;
-        let step = (axis[axis.len() - 1] - axis[0]) / (axis.len() - 1).max(1) as f64;
-        for (i, v) in axis.iter().enumerate() {
-            let want = axis[0] + step * i as f64;
-            if (v - want).abs() > 1e-6 * step {
-                let mend = format!("the axis must have equal steps: expected {want}");
-                return Err(invalid(self.0, &format!("{name}[{i}]"), v, &mend));
-            }
-        }
-        Ok(())
-    }
-
-    /// The axis of incident latitudes: uniform from 0, below pi/2.
-    pub(crate) fn theta_axis(&self, axis: &[f64]) -> Result<()> {
-        self.uniform("theta_i", axis)?;
-        self.range("theta_i", axis, 0.0, std::f64::consts::FRAC_PI_2)?;
-        if axis[0] != 0.0 {
-            return Err(invalid(self.0, "theta_i[0]", axis[0], "the first incident latitude must be 0"));
-        }
-        Ok(())
-    }
-
-    /// The axis of offsets: uniform and symmetric about 0, since negative latitudes are mirrored onto it.
-    pub(crate) fn h_axis(&self, axis: &[f64]) -> Result<()> {
-        self.uniform("h_um", axis)?;
-        self.range("h_um", axis, -1e6, 1e6)?;
-        let (first, last) = (axis[0], axis[axis.len() - 1]);
-        if (first + last).abs() > 1e-6 * last.abs() || (last <= 0.0 && axis.len() > 1) {
-            return Err(invalid(
-                self.0,
-                "h_um[0]",
-                first,
-                &format!("the offsets must be symmetric: expected {}", -last),
-            ));
-        }
-        Ok(())
-    }
-
-    /// The axis of absorption coefficients: ascending from 0.
-    pub(crate) fn sigma_axis(&self, axis: &[f64]) -> Result<()> {
-        self.ascending("sigma_per_um", axis)?;
-        self.range("sigma_per_um", axis, 0.0, 1e6)?;
-        if axis[0] != 0.0 {
-            return Err(invalid(self.0, "sigma_per_um[0]", axis[0], "the first absorption coefficient must be 0"));
-        }
-        Ok(())
-    }
-}
-
-/// Unit and length of an axis, for the JSON document.
-#[derive(serde::Serialize, serde::Deserialize)]
-pub(crate) struct Axis {
-    pub(crate) name: String,
-    pub(crate) unit: String,
-    pub(crate) size: usize,
-}
-
-impl Axis {
-    pub(crate) fn new(name: &str, unit: &str, size: usize) -> Self {
-        Axis { name: name.to_string(), unit: unit.to_string(), size }
-    }
-}
-
-/// Least, mean and greatest value of an array, for the JSON document. Empty arrays give zeros.
-#[derive(serde::Serialize)]
-pub(crate) struct Summary {
-    min: f64,
-    mean: f64,
-    max: f64,
-}
-
-impl Summary {
-    pub(crate) fn of(values: impl Iterator<Item = f64>) -> Self {
-        let (mut min, mut max, mut sum, mut n) = (f64::INFINITY, f64::NEG_INFINITY, 0.0, 0u64);
-        for v in values {
-            (min, max, sum, n) = (min.min(v), max.max(v), sum + v, n + 1);
-        }
-        if n == 0 { Summary { min: 0.0, mean: 0.0, max: 0.0 } } else { Summary { min, mean: sum / n as f64, max } }
     }
 }

@@ -1,0 +1,241 @@
+//! Reading of fabric specs: from files, from memory, or of models that the host has loaded already.
+
+use super::rules::{FABRIC_RULES, check_alike, check_model, check_relations};
+use super::spec::{FabricSpec, WeaveSpec, YarnColor, YarnOfFabric};
+use super::wif::{self, Wif};
+use super::yarn::YarnShape;
+use super::{Fabric, Family};
+use crate::io::{AssetSource, FileKind, Folder, read_text};
+use crate::spec::rules;
+use crate::{PlyModel, Result, YarnSpec};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Largest fabric spec that is read [bytes]: a draft of 4096 x 4096 in rows of text takes 17 MB.
+const MAX_BYTES: u64 = 32 << 20;
+
+/// A fabric spec with what it refers to: all that a host needs to shade a fabric.
+#[derive(Clone, Debug)]
+pub struct LoadedFabric {
+    /// The spec.
+    pub spec: FabricSpec,
+    /// The geometry.
+    pub fabric: Fabric,
+    /// The models that the spec names, each once.
+    pub models: Vec<Arc<PlyModel>>,
+    /// Path of each model, or its name where it is not from a file.
+    pub model_paths: Vec<PathBuf>,
+    /// For warp and weft, and each yarn of one repeat of their stripes: the index of its model. [`LoadedFabric::model_of`] looks it up.
+    pub threads: [Vec<usize>; 2],
+}
+
+impl LoadedFabric {
+    /// A fabric of a spec, the WIF if its weave is one, and models, all of which the host has: nothing is read. `models` are those that
+    /// the spec names, in the order of [`YarnOfFabric::stripes`], of warp and weft.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`] when the spec does not pass its rules, a WIF or a model is missing, and as [`FabricSpec::load`].
+    pub fn new(spec: FabricSpec, wif: Option<Wif>, models: [Vec<Arc<PlyModel>>; 2]) -> Result<LoadedFabric> {
+        spec.check("fabric")?;
+        let (mut all, mut names): (Vec<Arc<PlyModel>>, Vec<String>) = (Vec::new(), Vec::new());
+        let mut indices = [Vec::new(), Vec::new()];
+        for (k, family) in Family::EACH.into_iter().enumerate() {
+            let (wanted, _) = spec.yarn(family).stripes();
+            if wanted.len() != models[k].len() {
+                let hint = format!("hand in {}, one for each that the spec names", wanted.len());
+                let key = format!("{}.models", family.name());
+                return Err(rules::invalid("fabric", &key, format!("{} models", models[k].len()), hint));
+            }
+            for (name, model) in wanted.into_iter().zip(&models[k]) {
+                let known = all.iter().position(|m| Arc::ptr_eq(m, model));
+                indices[k].push(known.unwrap_or_else(|| {
+                    all.push(model.clone());
+                    names.push(name.to_string());
+                    all.len() - 1
+                }));
+            }
+        }
+        LoadedFabric::assembled(spec, "fabric", wif, (all, names), indices)
+    }
+
+    /// Of parts: `indices` say which of the models each name of a family is.
+    fn assembled(
+        spec: FabricSpec,
+        file: &str,
+        wif: Option<Wif>,
+        (models, names): (Vec<Arc<PlyModel>>, Vec<String>),
+        indices: [Vec<usize>; 2],
+    ) -> Result<LoadedFabric> {
+        let (draft, colors) = match (wif, spec.weave.draft()) {
+            (Some(wif), None) => (wif.draft, [wif.warp_srgb, wif.weft_srgb]),
+            (None, Some(draft)) => (draft, [Vec::new(), Vec::new()]),
+            (given, _) => {
+                let (value, hint) = match given {
+                    Some(_) => ("a WIF", "this weave has a draft of its own: hand in none"),
+                    None => ("no draft", "hand in the WIF that the spec names"),
+                };
+                return Err(rules::invalid(file, "weave.kind", value, hint));
+            }
+        };
+        let mut shapes = Vec::with_capacity(2);
+        let mut threads = [Vec::new(), Vec::new()];
+        for (k, family) in Family::EACH.into_iter().enumerate() {
+            let mut first: Option<YarnSpec> = None;
+            for &index in &indices[k] {
+                let name = &names[index];
+                let ply = YarnSpec::parse(&models[index].data().spec_text, &format!("{name} (its spec)"))?;
+                check_model(file, family, spec.yarn(family), name, &ply)?;
+                match &first {
+                    Some(first) => check_alike(file, family, name, &ply, first)?,
+                    None => first = Some(ply),
+                }
+            }
+            if let Some(ply) = &first {
+                shapes.push(spec.shape(family, ply));
+            }
+            threads[k] = spec.yarn(family).stripes().1.into_iter().map(|at| indices[k][at]).collect();
+        }
+        let [warp, weft] = shapes[..] else {
+            return Err(rules::invalid(file, "warp.model", "(absent)", "give a model of each family"));
+        };
+        let fabric = Fabric::named(draft, [warp, weft], spec.colors(colors), file)?;
+        let model_paths = names.into_iter().map(PathBuf::from).collect();
+        Ok(LoadedFabric { spec, fabric, models, model_paths, threads })
+    }
+
+    /// Index in [`LoadedFabric::models`] of the model of a yarn; stripes go on without end.
+    pub fn model_index(&self, family: Family, yarn: i32) -> usize {
+        let threads = &self.threads[family as usize];
+        let at = i64::from(yarn).rem_euclid(threads.len().max(1) as i64);
+        threads.get(at as usize).copied().unwrap_or(0)
+    }
+
+    /// The model of a yarn.
+    pub fn model_of(&self, family: Family, yarn: i32) -> &Arc<PlyModel> {
+        &self.models[self.model_index(family, yarn)]
+    }
+
+    /// What is left out because a model does not hold it, a line each; none where the models are whole.
+    pub fn notes(&self) -> Vec<String> {
+        let mut notes = Vec::new();
+        let mut add = |note: String| {
+            if !notes.contains(&note) {
+                notes.push(note);
+            }
+        };
+        for (k, family) in Family::EACH.into_iter().enumerate() {
+            for &index in &self.threads[k] {
+                let (name, plies) = (family.name(), self.spec.yarn(family).plies);
+                let (data, model) = (self.models[index].data(), self.model_paths[index].display());
+                // What cannot be read was refused when the fabric was loaded.
+                let of = YarnSpec::parse(&data.spec_text, "").map_or(1, |ply| ply.yarn.plies);
+                if plies > 1 && of == 1 {
+                    add(format!(
+                        "{name}.plies = {plies}: {model} is of one ply, so each ply scatters as if it were alone"
+                    ));
+                }
+                if data.edge.is_none() {
+                    add(format!("{model} has no edge lobes: light beside a ply goes straight on"));
+                }
+                if data.layers.is_none() {
+                    add(format!(
+                        "{model} has no layer factors: where two yarns lie, the light is that of the upper one"
+                    ));
+                }
+            }
+        }
+        notes
+    }
+}
+
+impl FabricSpec {
+    /// Reads a spec from its text; `file` is for messages only. Files it names are not read.
+    ///
+    /// # Errors
+    /// [`crate::Error::Format`] when the text is not TOML, [`crate::Error::Invalid`] for a key that is unknown, absent or out of range, and for a draft
+    /// that binds a yarn nowhere.
+    pub fn parse(text: &str, file: &str) -> Result<FabricSpec> {
+        let spec: FabricSpec = rules::typed(rules::parse(text, file, &FABRIC_RULES)?, file, &FABRIC_RULES)?;
+        check_relations(file, &spec)?;
+        Ok(spec)
+    }
+
+    /// Checks a spec that was made or changed in code, by the same rules as a parsed one.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`], with `file` as given.
+    pub fn check(&self, file: &str) -> Result<()> {
+        rules::check_typed(self, file, &FABRIC_RULES)?;
+        check_relations(file, self)
+    }
+
+    /// Reads a spec, its WIF if it has one, and its models. What the spec names must lie in its folder or below; [`FabricSpec::load_from`] with
+    /// [`Folder::anywhere`] allows other places.
+    ///
+    /// # Errors
+    /// As [`FabricSpec::parse`], [`Wif::parse`] and [`PlyModel::load`], [`crate::Error::Io`] when a file cannot be read, and
+    /// [`crate::Error::Invalid`] for a spacing narrower than the yarn, for a number of plies that a model of a yarn is not of, for a radius that is not
+    /// that of the model's plies, and for models of one family whose yarns differ in size.
+    pub fn load(path: impl AsRef<Path>) -> Result<LoadedFabric> {
+        let path = path.as_ref();
+        FabricSpec::load_from(&read_text(path, MAX_BYTES)?, &path.display().to_string(), &Folder::of_file(path))
+    }
+
+    /// As [`FabricSpec::load`], from the spec's text and a source of the files it names, which may be in memory; `file` is for messages.
+    ///
+    /// # Errors
+    /// As [`FabricSpec::load`].
+    pub fn load_from(text: &str, file: &str, assets: &dyn AssetSource) -> Result<LoadedFabric> {
+        let spec = FabricSpec::parse(text, file)?;
+        let wif = match &spec.weave {
+            WeaveSpec::Wif { file } => Some(Wif::parse(&assets.read(file, wif::MAX_BYTES)?, &assets.display(file))?),
+            _ => None,
+        };
+        let (mut models, mut names): (Vec<Arc<PlyModel>>, Vec<String>) = (Vec::new(), Vec::new());
+        let mut indices = [Vec::new(), Vec::new()];
+        for (k, family) in Family::EACH.into_iter().enumerate() {
+            for name in spec.yarn(family).stripes().0 {
+                let shown = assets.display(name);
+                let index = match names.iter().position(|known| *known == shown) {
+                    Some(index) => index,
+                    None => {
+                        let bytes = assets.read(name, FileKind::Model.most_bytes())?;
+                        models.push(Arc::new(PlyModel::from_bytes(&bytes, &shown)?));
+                        names.push(shown);
+                        names.len() - 1
+                    }
+                };
+                indices[k].push(index);
+            }
+        }
+        LoadedFabric::assembled(spec, file, wif, (models, names), indices)
+    }
+
+    /// Shape of the yarns of a family, of the plies of a yarn spec where the fabric's does not give their radius. Of an elliptical ply the greater
+    /// semi-axis counts, which holds all of it.
+    pub fn shape(&self, family: Family, ply: &YarnSpec) -> YarnShape {
+        let yarn = self.yarn(family);
+        let [a, b] = ply.ply_radii_um();
+        YarnShape {
+            plies: yarn.plies,
+            ply_radius_um: yarn.ply_radius_um.unwrap_or(a.max(b)),
+            ply_pitch_um: yarn.ply_pitch_um,
+            handedness: yarn.handedness,
+            spacing_um: yarn.spacing_um,
+            crimp: yarn.crimp,
+            d_cut_um: ply.beam.beam().d_cut_um,
+        }
+    }
+
+    /// Colors of one repeat of ends and picks, or of all of them: the spec's own take precedence over a WIF's.
+    fn colors(&self, threads: [Vec<[f32; 3]>; 2]) -> [Vec<YarnColor>; 2] {
+        let [warp, weft] = threads;
+        let of = |yarn: &YarnOfFabric, threads: Vec<[f32; 3]>| match (yarn.srgb, yarn.sigma_per_um) {
+            (Some(srgb), _) => vec![YarnColor::Srgb(srgb.map(|c| c as f32))],
+            (None, Some(sigma)) => vec![YarnColor::Sigma(sigma as f32)],
+            (None, None) if threads.is_empty() => vec![YarnColor::Undyed],
+            (None, None) => threads.into_iter().map(YarnColor::Srgb).collect(),
+        };
+        [of(&self.warp, warp), of(&self.weft, weft)]
+    }
+}

@@ -1,0 +1,46 @@
+//! Files: the container of tables, models, fibers and speckle patterns, its one reader and writer, and where named files come from.
+//!
+//! No other module of this crate touches the file system. Loading goes through an [`AssetSource`], so that a host without file system
+//! (a browser, a renderer with its own archive) hands in bytes by name.
+//!
+//! Public for the crates of this workspace; a host needs [`AssetSource`] and its two implementations only.
+
+pub(crate) mod check;
+pub(crate) mod container;
+pub mod disk;
+pub(crate) mod document;
+mod source;
+
+pub use container::{FileKind, file_kind};
+pub use disk::{output_target, read_file, read_text, write_file, write_file_with};
+pub use source::{AssetSource, Folder, MemoryAssets};
+
+pub(crate) use check::{Axis, Check, Summary};
+pub(crate) use container::{Reader, Writer, invalid};
+pub(crate) use document::{Document, Provenance};
+
+use crate::{Error, Result};
+use std::path::Path;
+
+/// The bytes of a file of the given kind of at most the kind's size.
+pub(crate) fn read_kind(path: &Path, kind: FileKind) -> Result<Vec<u8>> {
+    read_file(path, kind.most_bytes())
+}
+
+/// The bytes of a model file.
+pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>> {
+    read_kind(path, FileKind::Model)
+}
+
+/// Text of at most `most` bytes from a source.
+pub(crate) fn text_of(source: &dyn AssetSource, name: &str, most: u64) -> Result<String> {
+    utf8(source.read(name, most)?, &source.display(name))
+}
+
+fn utf8(bytes: Vec<u8>, file: &str) -> Result<String> {
+    String::from_utf8(bytes).map_err(|_| Error::Format {
+        file: file.to_string(),
+        what: "not text in UTF-8".into(),
+        mend: "save it as UTF-8 text".into(),
+    })
+}

@@ -1,0 +1,131 @@
+//! Checks on arrays that loading and saving share, and summaries for the readers of headers.
+
+use super::container::invalid;
+use crate::Result;
+
+/// Checks on arrays, each with the file's name at hand.
+pub(crate) struct Check<'a>(pub(crate) &'a str);
+
+impl Check<'_> {
+    /// Every value in `[low, high]` and finite.
+    pub(crate) fn range(&self, name: &str, values: &[f64], low: f64, high: f64) -> Result<()> {
+        match values.iter().position(|v| !(*v >= low && *v <= high)) {
+            None => Ok(()),
+            Some(i) => {
+                let mend = format!("expected a value in [{low}, {high}]");
+                Err(invalid(self.0, &format!("{name}[{i}]"), values[i], &mend))
+            }
+        }
+    }
+
+    /// [`Check::range`] for f32.
+    pub(crate) fn range_f32(&self, name: &str, values: &[f32], low: f32, high: f32) -> Result<()> {
+        match values.iter().position(|v| !(*v >= low && *v <= high)) {
+            None => Ok(()),
+            Some(i) => {
+                let mend = format!("expected a value in [{low}, {high}]");
+                Err(invalid(self.0, &format!("{name}[{i}]"), values[i], &mend))
+            }
+        }
+    }
+
+    /// Length is the product of `shape`.
+    pub(crate) fn len(&self, name: &str, len: usize, shape: &[usize]) -> Result<()> {
+        let want = shape.iter().try_fold(1usize, |a, b| a.checked_mul(*b));
+        if want == Some(len) {
+            return Ok(());
+        }
+        Err(invalid(self.0, name, format!("{len} values"), &format!("expected the shape {shape:?}")))
+    }
+
+    /// Finite, strictly ascending.
+    pub(crate) fn ascending(&self, name: &str, axis: &[f64]) -> Result<()> {
+        self.range(name, axis, f64::MIN, f64::MAX)?;
+        match axis.windows(2).position(|w| w[1] <= w[0]) {
+            None => Ok(()),
+            Some(i) => Err(invalid(self.0, &format!("{name}[{}]", i + 1), axis[i + 1], "the axis must ascend")),
+        }
+    }
+
+    /// Ascending with equal steps, to 1e-6 of a step.
+    pub(crate) fn uniform(&self, name: &str, axis: &[f64]) -> Result<()> {
+        self.ascending(name, axis)?;
+        let step = (axis[axis.len() - 1] - axis[0]) / (axis.len() - 1).max(1) as f64;
+        for (i, v) in axis.iter().enumerate() {
+            let want = axis[0] + step * i as f64;
+            if (v - want).abs() > 1e-6 * step {
+                let mend = format!("the axis must have equal steps: expected {want}");
+                return Err(invalid(self.0, &format!("{name}[{i}]"), v, &mend));
+            }
+        }
+        Ok(())
+    }
+
+    /// The axis of incident latitudes: uniform from 0, below pi/2.
+    pub(crate) fn theta_axis(&self, axis: &[f64]) -> Result<()> {
+        self.uniform("theta_i", axis)?;
+        self.range("theta_i", axis, 0.0, std::f64::consts::FRAC_PI_2)?;
+        if axis[0] != 0.0 {
+            return Err(invalid(self.0, "theta_i[0]", axis[0], "the first incident latitude must be 0"));
+        }
+        Ok(())
+    }
+
+    /// The axis of offsets: uniform and symmetric about 0, since negative latitudes are mirrored onto it.
+    pub(crate) fn h_axis(&self, axis: &[f64]) -> Result<()> {
+        self.uniform("h_um", axis)?;
+        self.range("h_um", axis, -1e6, 1e6)?;
+        let (first, last) = (axis[0], axis[axis.len() - 1]);
+        if (first + last).abs() > 1e-6 * last.abs() || (last <= 0.0 && axis.len() > 1) {
+            return Err(invalid(
+                self.0,
+                "h_um[0]",
+                first,
+                &format!("the offsets must be symmetric: expected {}", -last),
+            ));
+        }
+        Ok(())
+    }
+
+    /// The axis of absorption coefficients: ascending from 0.
+    pub(crate) fn sigma_axis(&self, axis: &[f64]) -> Result<()> {
+        self.ascending("sigma_per_um", axis)?;
+        self.range("sigma_per_um", axis, 0.0, 1e6)?;
+        if axis[0] != 0.0 {
+            return Err(invalid(self.0, "sigma_per_um[0]", axis[0], "the first absorption coefficient must be 0"));
+        }
+        Ok(())
+    }
+}
+
+/// Unit and length of an axis, for the JSON document.
+#[derive(serde::Serialize, serde::Deserialize)]
+pub(crate) struct Axis {
+    pub(crate) name: String,
+    pub(crate) unit: String,
+    pub(crate) size: usize,
+}
+
+impl Axis {
+    pub(crate) fn new(name: &str, unit: &str, size: usize) -> Self {
+        Axis { name: name.to_string(), unit: unit.to_string(), size }
+    }
+}
+
+/// Least, mean and greatest value of an array, for the JSON document. Empty arrays give zeros.
+#[derive(serde::Serialize)]
+pub(crate) struct Summary {
+    min: f64,
+    mean: f64,
+    max: f64,
+}
+
+impl Summary {
+    pub(crate) fn of(values: impl Iterator<Item = f64>) -> Self {
+        let (mut min, mut max, mut sum, mut n) = (f64::INFINITY, f64::NEG_INFINITY, 0.0, 0u64);
+        for v in values {
+            (min, max, sum, n) = (min.min(v), max.max(v), sum + v, n + 1);
+        }
+        if n == 0 { Summary { min: 0.0, mean: 0.0, max: 0.0 } } else { Summary { min, mean: sum / n as f64, max } }
+    }
+}

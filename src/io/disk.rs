@@ -1,0 +1,257 @@
+//! Reading and writing of whole files. Every reader has a limit of size and takes regular files only; every writer leaves a whole file or none.
+
+use super::utf8;
+use crate::math::hash::mix64;
+use crate::{Error, Result};
+use std::fs::{self, File, Metadata, OpenOptions};
+use std::hash::{BuildHasher, Hasher};
+use std::io::{BufWriter, ErrorKind, Read, Write};
+use std::path::{Path, PathBuf};
+
+/// Symbolic links that are followed to find an output's target, as many as Linux does.
+const MOST_LINKS: usize = 40;
+/// Temporary names that are tried before giving up.
+const MOST_NAMES: usize = 100;
+
+fn shown(path: &Path) -> String {
+    path.display().to_string()
+}
+
+fn io_error(path: &Path) -> impl Fn(std::io::Error) -> Error {
+    let file = shown(path);
+    move |source| Error::Io { file: file.clone(), source }
+}
+
+fn format_error(path: &Path, what: String, hint: &str) -> Error {
+    Error::Format { file: shown(path), what, mend: hint.to_string() }
+}
+
+/// What a file that is not regular is.
+fn kind_of(metadata: &Metadata) -> &'static str {
+    if metadata.is_dir() { "a folder" } else { "a device, pipe or socket" }
+}
+
+/// Refuses what is no regular file. It is asked for before opening, which would wait for the other end of a pipe.
+fn regular(path: &Path, metadata: &Metadata) -> Result<()> {
+    if metadata.is_file() {
+        return Ok(());
+    }
+    Err(format_error(path, format!("{}, not a regular file", kind_of(metadata)), "give a regular file"))
+}
+
+/// Opens a regular file for reading.
+///
+/// # Errors
+/// [`Error::Io`] when it cannot be opened, [`Error::Format`] for a folder, device, pipe or socket.
+pub fn open_file(path: impl AsRef<Path>) -> Result<File> {
+    let path = path.as_ref();
+    regular(path, &fs::metadata(path).map_err(io_error(path))?)?;
+    let file = File::open(path).map_err(io_error(path))?;
+    // The name may have been given to something else meanwhile.
+    regular(path, &file.metadata().map_err(io_error(path))?)?;
+    Ok(file)
+}
+
+/// The bytes of a regular file of at most `most` bytes.
+///
+/// # Errors
+/// As [`open_file`], and [`Error::Format`] for a larger file.
+pub fn read_file(path: impl AsRef<Path>, most: u64) -> Result<Vec<u8>> {
+    let path = path.as_ref();
+    let file = open_file(path)?;
+    let large = || format_error(path, format!("larger than {most} bytes"), "use a smaller file");
+    let size = file.metadata().map_err(io_error(path))?.len();
+    if size > most {
+        return Err(large());
+    }
+    let mut bytes = Vec::new();
+    if bytes.try_reserve_exact(size as usize + 1).is_err() {
+        return Err(format_error(path, format!("{size} bytes do not fit in memory"), "use a smaller file"));
+    }
+    // The file may grow while it is read.
+    file.take(most + 1).read_to_end(&mut bytes).map_err(io_error(path))?;
+    if bytes.len() as u64 > most { Err(large()) } else { Ok(bytes) }
+}
+
+/// The text of a regular file of at most `most` bytes in UTF-8.
+///
+/// # Errors
+/// As [`read_file`], and [`Error::Format`] for bytes that are not UTF-8.
+pub fn read_text(path: impl AsRef<Path>, most: u64) -> Result<String> {
+    let path = path.as_ref();
+    utf8(read_file(path, most)?, &shown(path))
+}
+
+/// The file that an output path stands for: that at the end of its symbolic links. It need not exist.
+///
+/// # Errors
+/// [`Error::Format`] for a folder, device, pipe or socket, a file that is write-protected, and a path without file name; [`Error::Io`].
+pub fn output_target(path: impl AsRef<Path>) -> Result<PathBuf> {
+    let path = path.as_ref();
+    let mut target = path.to_path_buf();
+    for _ in 0..MOST_LINKS {
+        match fs::symlink_metadata(&target) {
+            Err(e) if e.kind() == ErrorKind::NotFound => break,
+            Err(e) => return Err(io_error(path)(e)),
+            Ok(metadata) if metadata.is_symlink() => {
+                let next = fs::read_link(&target).map_err(io_error(path))?;
+                target = target.parent().unwrap_or(Path::new("")).join(next);
+            }
+            Ok(metadata) if !metadata.is_file() => {
+                let what = format!("{}, not a regular file", kind_of(&metadata));
+                return Err(format_error(path, what, "name a regular file, or one that does not exist yet"));
+            }
+            Ok(metadata) if metadata.permissions().readonly() => {
+                return Err(format_error(path, "write-protected".into(), "name another file, or allow writing to it"));
+            }
+            Ok(_) => break,
+        }
+    }
+    if target.file_name().is_none() {
+        return Err(format_error(path, "no file name".into(), "name a file"));
+    }
+    if target.is_symlink() {
+        return Err(format_error(path, format!("more than {MOST_LINKS} symbolic links"), "name a regular file"));
+    }
+    Ok(target)
+}
+
+/// Writes `bytes` as the whole content of a file, as [`write_file_with`].
+///
+/// # Errors
+/// As [`write_file_with`].
+pub fn write_file(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
+    write_file_with(path, |out| out.write_all(bytes))
+}
+
+/// Writes a file piece by piece: to a new file of random name in the same folder, which is flushed to the disk and renamed. `path` holds
+/// the old content or the new one, never a part. A symbolic link is kept and its target written; an existing file keeps its permissions.
+///
+/// # Errors
+/// As [`output_target`], and [`Error::Io`]. On an error the temporary file is removed.
+pub fn write_file_with(
+    path: impl AsRef<Path>,
+    write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
+) -> Result<()> {
+    let path = path.as_ref();
+    let target = output_target(path)?;
+    let folder = match target.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    let (temporary, file) = create_new(folder).map_err(io_error(path))?;
+    let written = fill(file, write).and_then(|()| {
+        if let Ok(old) = fs::metadata(&target) {
+            fs::set_permissions(&temporary, old.permissions())?;
+        }
+        fs::rename(&temporary, &target)
+    });
+    if written.is_err() {
+        // The first error is the one to report; a leftover that cannot be removed changes nothing about it.
+        let _ = fs::remove_file(&temporary);
+    }
+    written.map_err(io_error(path))?;
+    // The rename is on the disk once the folder is; some file systems cannot be asked for that.
+    if let Ok(folder) = File::open(folder) {
+        let _ = folder.sync_all();
+    }
+    Ok(())
+}
+
+fn fill(file: File, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> std::io::Result<()> {
+    let mut out = BufWriter::with_capacity(1 << 16, file);
+    write(&mut out)?;
+    out.into_inner().map_err(std::io::IntoInnerError::into_error)?.sync_all()
+}
+
+/// A new file of a name that nobody can foresee, in `folder`.
+fn create_new(folder: &Path) -> std::io::Result<(PathBuf, File)> {
+    let state = std::hash::RandomState::new();
+    let mut last = ErrorKind::AlreadyExists.into();
+    for k in 0..MOST_NAMES {
+        let mut hasher = state.build_hasher();
+        hasher.write_usize(k);
+        let path = folder.join(format!(".plywave-{:016x}.tmp", mix64(hasher.finish())));
+        match OpenOptions::new().write(true).create_new(true).open(&path) {
+            Ok(file) => return Ok((path, file)),
+            Err(e) if e.kind() == ErrorKind::AlreadyExists => last = e,
+            Err(e) => return Err(e),
+        }
+    }
+    Err(last)
+}
+
+#[cfg(test)]
+mod tests {
+    //! What is written comes back whole; what is no regular file is refused before it can block.
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let mut names: Vec<String> =
+            fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().to_string_lossy().into_owned()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn files_are_whole_or_untouched() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        write_file(&path, b"old").unwrap();
+        let failed = write_file_with(&path, |out| {
+            out.write_all(&[b'n'; 200_000])?;
+            Err(std::io::Error::other("stop"))
+        });
+        assert!(failed.unwrap_err().to_string().ends_with("stop"));
+        assert_eq!(read_file(&path, 3).unwrap(), b"old");
+        write_file(&path, b"new").unwrap();
+        assert_eq!(read_text(&path, 3).unwrap(), "new");
+        assert_eq!(names(folder.path()), ["a"]);
+        let message = read_file(&path, 2).unwrap_err().to_string();
+        assert!(message.contains("larger than 2 bytes"), "{message}");
+        assert!(matches!(write_file(folder.path().join("none/a"), b""), Err(Error::Io { .. })));
+        assert!(write_file("", b"").is_err());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_keep_and_devices_are_refused() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::create_dir(at("deep")).unwrap();
+        write_file(at("deep/target"), b"old").unwrap();
+        fs::set_permissions(at("deep/target"), fs::Permissions::from_mode(0o640)).unwrap();
+        symlink("deep/target", at("one")).unwrap();
+        symlink(at("one"), at("two")).unwrap();
+        write_file(at("two"), b"new").unwrap();
+        assert!(at("one").is_symlink() && at("two").is_symlink() && !at("deep/target").is_symlink());
+        assert_eq!(fs::read(at("deep/target")).unwrap(), b"new");
+        assert_eq!(fs::metadata(at("deep/target")).unwrap().permissions().mode() & 0o777, 0o640);
+        assert_eq!(names(&at("deep")), ["target"]);
+        // A link to nothing makes its target.
+        symlink("deep/later", at("dangling")).unwrap();
+        write_file(at("dangling"), b"x").unwrap();
+        assert_eq!(fs::read(at("deep/later")).unwrap(), b"x");
+        symlink("loop", at("loop")).unwrap();
+        assert!(write_file(at("loop"), b"x").is_err() && read_file(at("loop"), 9).is_err());
+
+        symlink("/dev/null", at("null")).unwrap();
+        for path in [Path::new("/dev/null"), &at("null"), &at("deep")] {
+            let (read, write) = (read_file(path, 9).unwrap_err(), write_file(path, b"x").unwrap_err());
+            for error in [read, write] {
+                let message = error.to_string();
+                assert!(message.contains("not a regular file") && message.lines().count() == 1, "{message}");
+            }
+        }
+        assert!(at("null").is_symlink());
+        // A socket, as a pipe would, has no end to wait for.
+        let _socket = std::os::unix::net::UnixListener::bind(at("socket")).unwrap();
+        assert!(read_file(at("socket"), 9).is_err() && write_file(at("socket"), b"x").is_err());
+        assert!(read_file("/dev/zero", u64::MAX - 1).is_err());
+
+        fs::set_permissions(at("deep/target"), fs::Permissions::from_mode(0o440)).unwrap();
+        let message = write_file(at("one"), b"x").unwrap_err().to_string();
+        assert!(message.contains("write-protected"), "{message}");
+    }
+}

@@ -1,0 +1,144 @@
+//! Where files that a spec names come from.
+
+use super::disk::read_file;
+use crate::{Error, Result};
+use std::collections::BTreeMap;
+use std::path::{Component, Path, PathBuf};
+use std::sync::Arc;
+
+/// Gives the bytes of files by the names that a spec has for them: a folder, a map in memory, an archive, a network.
+pub trait AssetSource {
+    /// The bytes of `name`, at most `most`.
+    ///
+    /// # Errors
+    /// [`Error::Io`] or [`Error::Format`] for a name that is unknown or not allowed, and for more bytes.
+    fn read(&self, name: &str, most: u64) -> Result<Vec<u8>>;
+
+    /// What messages call `name`, such as its path.
+    fn display(&self, name: &str) -> String {
+        name.to_string()
+    }
+}
+
+/// Files of a folder on the disk. Names are paths relative to it and stay inside it: absolute ones and `..` are refused, unless
+/// [`Folder::anywhere`] allows them. Symbolic links in the folder are followed.
+#[derive(Clone, Debug)]
+pub struct Folder {
+    root: PathBuf,
+    anywhere: bool,
+}
+
+impl Folder {
+    /// Of the folder `root`; the empty path is the current folder.
+    pub fn new(root: impl Into<PathBuf>) -> Folder {
+        Folder { root: root.into(), anywhere: false }
+    }
+
+    /// Of the folder that holds the file `path`.
+    pub fn of_file(path: &Path) -> Folder {
+        Folder::new(path.parent().unwrap_or(Path::new("")))
+    }
+
+    /// The same with names that may lead out of the folder.
+    #[must_use]
+    pub fn anywhere(self) -> Folder {
+        Folder { anywhere: true, ..self }
+    }
+
+    /// The path of a name.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.root.join(name)
+    }
+}
+
+impl AssetSource for Folder {
+    fn read(&self, name: &str, most: u64) -> Result<Vec<u8>> {
+        let inside = Path::new(name).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
+        if !(inside || self.anywhere) {
+            return Err(Error::Format {
+                file: super::container::one_line(&name),
+                what: "leads out of the folder of the file that names it".into(),
+                mend: "use a file in that folder or below".into(),
+            });
+        }
+        read_file(self.path(name), most)
+    }
+
+    fn display(&self, name: &str) -> String {
+        self.path(name).display().to_string()
+    }
+}
+
+/// Files in memory by name, for hosts without file system. Cloning shares the bytes.
+///
+/// ```
+/// use plywave::io::{AssetSource, MemoryAssets};
+/// let assets = MemoryAssets::new().with("a.txt", *b"text");
+/// assert_eq!(assets.read("a.txt", 100)?, b"text");
+/// assert!(assets.read("b.txt", 100).is_err() && assets.read("a.txt", 3).is_err());
+/// # Ok::<(), plywave::Error>(())
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct MemoryAssets {
+    files: BTreeMap<String, Arc<[u8]>>,
+}
+
+impl MemoryAssets {
+    /// No files.
+    pub fn new() -> MemoryAssets {
+        MemoryAssets::default()
+    }
+
+    /// Adds or replaces a file.
+    pub fn insert(&mut self, name: impl Into<String>, bytes: impl Into<Arc<[u8]>>) {
+        self.files.insert(name.into(), bytes.into());
+    }
+
+    /// The same with a further file.
+    #[must_use]
+    pub fn with(mut self, name: impl Into<String>, bytes: impl Into<Arc<[u8]>>) -> MemoryAssets {
+        self.insert(name, bytes);
+        self
+    }
+}
+
+impl AssetSource for MemoryAssets {
+    fn read(&self, name: &str, most: u64) -> Result<Vec<u8>> {
+        let format =
+            |what: String, mend: String| Err(Error::Format { file: super::container::one_line(&name), what, mend });
+        match self.files.get(name) {
+            Some(bytes) if bytes.len() as u64 <= most => Ok(bytes.to_vec()),
+            Some(_) => format(format!("larger than {most} bytes"), "use a smaller file".into()),
+            None => {
+                let known: Vec<&str> = self.files.keys().map(String::as_str).take(8).collect();
+                let known = if known.is_empty() { "none".to_string() } else { known.join(", ") };
+                format("no such asset in memory".into(), format!("hand it in by this name; there are: {known}"))
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_stay_inside_the_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let inner = folder.path().join("inner");
+        std::fs::create_dir_all(inner.join("deep")).unwrap();
+        std::fs::write(inner.join("deep/a"), "a").unwrap();
+        std::fs::write(folder.path().join("secret"), "s").unwrap();
+        let source = Folder::new(&inner);
+        for name in ["deep/a", "./deep/a", "deep/./a"] {
+            assert_eq!(source.read(name, 9).unwrap(), b"a");
+        }
+        let absolute = folder.path().join("secret").display().to_string();
+        for name in ["../secret", "deep/../../secret", &absolute] {
+            let message = source.read(name, 9).unwrap_err().to_string();
+            assert!(message.contains("leads out of the folder"), "{message}");
+            assert_eq!(source.clone().anywhere().read(name, 9).unwrap(), b"s");
+        }
+        assert!(matches!(source.read("none", 9), Err(Error::Io { .. })));
+    }
+}

@@ -1,0 +1,340 @@
+//! Rules of TOML specs: which keys there are, in which ranges, and what a refusal says.
+//!
+//! The validator walks the parsed TOML, not a typed spec, so that every refusal is one line that names the file, the dotted key, the value as
+//! given and what would be accepted. [`Rules`] are static data; the keys of yarn and fabric specs are listed in `docs/spec.md`, which a test
+//! holds to them.
+
+use crate::{Error, Result};
+use toml::{Table, Value};
+
+/// The rules of one kind of file.
+#[derive(Clone, Copy, Debug)]
+pub struct Rules {
+    /// Keys of the root.
+    pub keys: &'static [Key],
+    /// Units that the names of keys end in, longest first: a key with another unit is told the right one.
+    pub units: &'static [&'static str],
+    /// A file to look at, named in the hint for text that is not TOML.
+    pub example: &'static str,
+    /// Keys at the root that belong to another kind of file, and what to say of them.
+    pub foreign: &'static [(&'static [&'static str], &'static str)],
+}
+
+/// One key.
+#[derive(Clone, Copy, Debug)]
+pub struct Key {
+    /// Its name, unit included.
+    pub name: &'static str,
+    /// What it holds.
+    pub kind: Kind,
+    /// Whether it must be given.
+    pub need: Need,
+}
+
+/// Whether a key must be given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Need {
+    /// It must.
+    Required,
+    /// It need not; the value that counts without it, as TOML, or what its absence means.
+    Default(&'static str),
+}
+
+/// A check of a value beyond the common kinds: what would be accepted, and the check, given file, dotted key and value.
+#[derive(Clone, Copy, Debug)]
+pub struct Custom {
+    /// What is accepted, as in "use ...".
+    pub expected: &'static str,
+    /// The check.
+    pub check: fn(&str, &str, &Value) -> Result<()>,
+}
+
+/// What a key holds. Ranges are closed unless said otherwise.
+#[derive(Clone, Copy, Debug)]
+pub enum Kind {
+    /// Number in a range.
+    Number(f64, f64),
+    /// Number above the first and up to the second.
+    Above(f64, f64),
+    /// Integer in a range.
+    Integer(i64, i64),
+    /// Odd integer in a range.
+    Odd(i64, i64),
+    /// Text that is not empty.
+    Text,
+    /// One of some words.
+    Choice(&'static [&'static str]),
+    /// Up to 32 numbers ascending from 0, the second 1e-6 or more, the last up to the value.
+    Ascending(f64),
+    /// Two numbers in a range.
+    Pair(f64, f64),
+    /// Three numbers from 0 to 1: red, green, blue.
+    Srgb,
+    /// So many `[x, y]` pairs [um] at most, at least 3, coordinates within the bound.
+    Points(usize, f64),
+    /// Texts by name, of names that are one capital letter each.
+    Letters,
+    /// A table of further keys.
+    Table(&'static [Key]),
+    /// A table whose keys depend on its key `kind`: an example of one, and the keys of each kind.
+    Tagged(&'static str, &'static [(&'static str, &'static [Key])]),
+    /// Anything else.
+    Custom(Custom),
+}
+
+/// A key that must be given.
+pub const fn required(name: &'static str, kind: Kind) -> Key {
+    Key { name, kind, need: Need::Required }
+}
+
+/// A key that may be absent, and what counts then.
+pub const fn optional(name: &'static str, kind: Kind, default: &'static str) -> Key {
+    Key { name, kind, need: Need::Default(default) }
+}
+
+impl Kind {
+    /// What is accepted, as in "use ..."; `key` is the dotted key, which tables name.
+    pub fn expected(&self, key: &str) -> String {
+        match self {
+            Kind::Number(min, max) => format!("a number from {min} to {max}"),
+            Kind::Above(min, max) => format!("a number above {min} and up to {max}"),
+            Kind::Integer(min, max) => format!("an integer from {min} to {max}"),
+            Kind::Odd(min, max) => format!("an odd integer from {min} to {max}"),
+            Kind::Text => "a text in quotes".into(),
+            Kind::Choice(words) => format!("one of \"{}\"", words.join("\", \"")),
+            Kind::Ascending(max) => {
+                format!("1 to 32 ascending numbers, the first 0, the next 1e-6 or more, the last up to {max}")
+            }
+            Kind::Pair(min, max) => format!("two numbers from {min} to {max}"),
+            Kind::Srgb => "three numbers from 0 to 1, red, green and blue".into(),
+            Kind::Points(count, max) => format!("3 to {count} pairs [x, y] within {max} um of the origin"),
+            Kind::Letters => "a table of texts by capital letters, such as { A = \"a.pwm\", B = \"b.pwm\" }".into(),
+            Kind::Table(_) => format!("a table, [{key}]"),
+            Kind::Tagged(example, _) => format!("a table such as {example}"),
+            Kind::Custom(custom) => custom.expected.into(),
+        }
+    }
+
+    /// Whether a value is one of this kind. Tables are looked into by [`check`] only.
+    fn holds(&self, value: &Value) -> bool {
+        let within = |v: &Value, min: f64, max: f64| number(v).is_some_and(|x| (min..=max).contains(&x));
+        let integer = |min: i64, max: i64| value.as_integer().filter(|i| (min..=max).contains(i));
+        let list = || value.as_array().map_or(&[][..], Vec::as_slice);
+        match self {
+            Kind::Number(min, max) => within(value, *min, *max),
+            Kind::Above(min, max) => within(value, *min, *max) && number(value) != Some(*min),
+            Kind::Integer(min, max) => integer(*min, *max).is_some(),
+            Kind::Odd(min, max) => integer(*min, *max).is_some_and(|i| i % 2 == 1),
+            Kind::Text => text(value),
+            Kind::Choice(words) => value.as_str().is_some_and(|s| words.contains(&s)),
+            Kind::Ascending(max) => {
+                let x: Vec<f64> = list().iter().filter_map(number).collect();
+                (1..=32).contains(&list().len())
+                    && x.len() == list().len()
+                    && x[0] == 0.0
+                    && x.get(1).is_none_or(|x| *x >= 1e-6)
+                    && x.windows(2).all(|w| w[0] < w[1])
+                    && x[x.len() - 1] <= *max
+            }
+            Kind::Pair(min, max) => list().len() == 2 && list().iter().all(|x| within(x, *min, *max)),
+            Kind::Srgb => list().len() == 3 && list().iter().all(|x| within(x, 0.0, 1.0)),
+            Kind::Points(count, max) => {
+                let pair =
+                    |v: &Value| v.as_array().is_some_and(|v| v.len() == 2 && v.iter().all(|x| within(x, -max, *max)));
+                (3..=*count).contains(&list().len()) && list().iter().all(pair)
+            }
+            Kind::Letters => value.as_table().is_some_and(|table| {
+                let letter = |name: &str| name.len() == 1 && name.as_bytes()[0].is_ascii_uppercase();
+                !table.is_empty() && table.iter().all(|(name, value)| letter(name) && text(value))
+            }),
+            Kind::Table(_) | Kind::Tagged(..) => value.is_table(),
+            Kind::Custom(_) => true,
+        }
+    }
+}
+
+/// Parses TOML and checks it by `rules`.
+///
+/// # Errors
+/// [`Error::Format`] with the line when the text is not TOML, and as [`check`].
+pub fn parse(text: &str, file: &str, rules: &Rules) -> Result<Table> {
+    let table: Table = toml::from_str(text).map_err(|e| {
+        let at = e.span().and_then(|span| text.as_bytes().get(..span.start)).map(|head| {
+            let line = 1 + head.iter().filter(|&&byte| byte == b'\n').count();
+            format!("line {line}: ")
+        });
+        format_error(file, at.unwrap_or_default() + e.message(), rules)
+    })?;
+    check(file, &table, rules)?;
+    Ok(table)
+}
+
+/// A typed spec from a table that has passed [`check`].
+///
+/// # Errors
+/// [`Error::Format`] where the type holds a table to more than its rules do.
+pub fn typed<T: serde::de::DeserializeOwned>(table: Table, file: &str, rules: &Rules) -> Result<T> {
+    table.try_into().map_err(|e: toml::de::Error| format_error(file, e.message().to_string(), rules))
+}
+
+/// The table of a typed spec, checked by `rules`.
+///
+/// # Errors
+/// As [`check`].
+pub fn check_typed(spec: &impl serde::Serialize, file: &str, rules: &Rules) -> Result<()> {
+    let table = Table::try_from(spec).map_err(|e| format_error(file, e.to_string(), rules))?;
+    check(file, &table, rules)
+}
+
+/// Checks every key of `table`, then that none is missing.
+///
+/// # Errors
+/// [`Error::Invalid`] for a key that is unknown, absent or out of range.
+pub fn check(file: &str, table: &Table, rules: &Rules) -> Result<()> {
+    check_table(file, "", table, rules.keys, rules)
+}
+
+/// A refusal of the value of a key. Each part is made one line.
+pub fn invalid(file: &str, key: &str, value: impl std::fmt::Display, hint: impl Into<String>) -> Error {
+    Error::Invalid { file: line(file), key: line(key), value: line(&value.to_string()), mend: hint.into() }
+}
+
+/// A refusal of the whole text.
+fn format_error(file: &str, what: String, rules: &Rules) -> Error {
+    let what = what.split_whitespace().collect::<Vec<_>>().join(" ");
+    Error::Format { file: line(file), what, mend: format!("use TOML with the keys of {}", rules.example) }
+}
+
+/// One line, at most 80 characters.
+pub fn line(text: &str) -> String {
+    let words: Vec<&str> = text.split_whitespace().collect();
+    let flat: String = words.join(" ").chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+    if flat.chars().count() <= 80 { flat } else { flat.chars().take(77).chain("...".chars()).collect() }
+}
+
+fn dotted(path: &str, key: &str) -> String {
+    if path.is_empty() { key.to_string() } else { format!("{path}.{key}") }
+}
+
+/// A finite TOML number as f64.
+fn number(value: &Value) -> Option<f64> {
+    let x = match value {
+        Value::Float(x) => *x,
+        Value::Integer(i) => *i as f64,
+        _ => return None,
+    };
+    x.is_finite().then_some(x)
+}
+
+fn text(value: &Value) -> bool {
+    value.as_str().is_some_and(|s| !s.trim().is_empty())
+}
+
+fn check_table(file: &str, path: &str, table: &Table, keys: &[Key], rules: &Rules) -> Result<()> {
+    for (name, value) in table {
+        let Some(key) = keys.iter().find(|key| key.name == name) else {
+            return Err(invalid(file, &dotted(path, name), value, unknown(path, name, keys, rules)));
+        };
+        check_value(file, &dotted(path, name), value, &key.kind, rules)?;
+    }
+    match keys.iter().find(|key| key.need == Need::Required && !table.contains_key(key.name)) {
+        None => Ok(()),
+        Some(key) => Err(invalid(file, &dotted(path, key.name), "(absent)", "this key must be given")),
+    }
+}
+
+/// What to do about an unknown key: a known one with another unit, another kind of file, or the list of all.
+fn unknown(path: &str, name: &str, keys: &[Key], rules: &Rules) -> String {
+    for key in keys {
+        let Some(stem) = rules.units.iter().find_map(|unit| key.name.strip_suffix(unit)) else { continue };
+        if name == stem || name.strip_prefix(stem).is_some_and(|rest| rest.starts_with('_')) {
+            return format!("unknown unit: use {}", key.name);
+        }
+    }
+    if let Some((_, hint)) = rules.foreign.iter().find(|(names, _)| path.is_empty() && names.contains(&name)) {
+        return (*hint).to_string();
+    }
+    let names: Vec<&str> = keys.iter().map(|key| key.name).collect();
+    if names.is_empty() {
+        return "unknown key: this kind has none".into();
+    }
+    format!("unknown key: use one of {}", names.join(", "))
+}
+
+fn check_value(file: &str, key: &str, value: &Value, kind: &Kind, rules: &Rules) -> Result<()> {
+    if !kind.holds(value) {
+        return Err(invalid(file, key, value, format!("use {}", kind.expected(key))));
+    }
+    match (kind, value) {
+        (Kind::Table(keys), Value::Table(table)) => check_table(file, key, table, keys, rules),
+        (Kind::Tagged(_, variants), Value::Table(table)) => {
+            let names: Vec<&str> = variants.iter().map(|(name, _)| *name).collect();
+            let tag = dotted(key, "kind");
+            let hint = || format!("use one of \"{}\"", names.join("\", \""));
+            let given = table.get("kind").ok_or_else(|| invalid(file, &tag, "(absent)", hint()))?;
+            let Some((_, keys)) = variants.iter().find(|(name, _)| given.as_str() == Some(name)) else {
+                return Err(invalid(file, &tag, given, hint()));
+            };
+            let mut rest = table.clone();
+            rest.remove("kind");
+            check_table(file, key, &rest, keys, rules)
+        }
+        (Kind::Custom(custom), _) => (custom.check)(file, key, value),
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RULES: Rules = Rules {
+        keys: &[
+            required("name", Kind::Text),
+            optional("size_um", Kind::Number(0.5, 2.0), "1.0"),
+            optional("odd", Kind::Odd(3, 9), "3"),
+            optional("letters", Kind::Letters, "none"),
+            optional("srgb", Kind::Srgb, "clear"),
+            optional("sub", Kind::Table(&[required("above", Kind::Above(1.0, 4.0))]), "none"),
+            optional(
+                "tagged",
+                Kind::Tagged("{ kind = \"a\" }", &[("a", &[]), ("b", &[required("n", Kind::Integer(1, 5))])]),
+                "none",
+            ),
+        ],
+        units: &["_um"],
+        example: "some/file.toml",
+        foreign: &[(&["ply"], "a key of another file")],
+    };
+
+    #[test]
+    fn refusals_name_file_key_value_and_hint() {
+        for (text, expected) in [
+            ("name = \"x\"\nsize_um = 3", "f.toml: size_um = 3: use a number from 0.5 to 2"),
+            ("name = \"x\"\nsize_um = nan", "f.toml: size_um = nan: use a number from 0.5 to 2"),
+            ("name = \"x\"\nsize_mm = 1", "f.toml: size_mm = 1: unknown unit: use size_um"),
+            ("name = \"x\"\nsize = 1", "f.toml: size = 1: unknown unit: use size_um"),
+            ("name = \"x\"\nply = 1", "f.toml: ply = 1: a key of another file"),
+            ("odd = 3", "f.toml: name = (absent): this key must be given"),
+            ("name = \" \"", "f.toml: name = \" \": use a text in quotes"),
+            ("name = \"x\"\nodd = 4", "f.toml: odd = 4: use an odd integer from 3 to 9"),
+            ("name = \"x\"\nletters = { a = \"b\" }", "letters = { a = \"b\" }: use a table of texts by capital"),
+            ("name = \"x\"\nletters = {}", "letters = {}: use a table of texts"),
+            ("name = \"x\"\nsrgb = [0, 1]", "srgb = [0, 1]: use three numbers"),
+            ("name = \"x\"\nsub = { above = 1 }", "sub.above = 1: use a number above 1 and up to 4"),
+            ("name = \"x\"\nsub = 1", "sub = 1: use a table, [sub]"),
+            ("name = \"x\"\ntagged = { kind = \"c\" }", "tagged.kind = \"c\": use one of \"a\", \"b\""),
+            ("name = \"x\"\ntagged = { kind = \"a\", n = 1 }", "tagged.n = 1: unknown key: this kind has none"),
+            ("name = \"x\"\ntagged = { kind = \"b\" }", "tagged.n = (absent): this key must be given"),
+            ("name = \"x\"\n\nsize_um = [", "f.toml: line 3: "),
+        ] {
+            let message = parse(text, "f.toml", &RULES).unwrap_err().to_string();
+            assert!(message.contains(expected), "got {message}\nwant {expected}");
+            assert_eq!(message.lines().count(), 1, "{message}");
+        }
+        let good = "name = \"x\"\nsize_um = 2\nodd = 9\nletters = { A = \"a\", Z = \"z\" }\nsrgb = [0, 0.5, 1]\nsub = { above = 4 }\n";
+        parse(&format!("{good}tagged = {{ kind = \"b\", n = 5 }}"), "f.toml", &RULES).unwrap();
+        let message = parse("[", "f.toml", &RULES).unwrap_err().to_string();
+        assert!(message.ends_with("use TOML with the keys of some/file.toml"), "{message}");
+    }
+}

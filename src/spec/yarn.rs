@@ -1,0 +1,299 @@
+//! The yarn spec: its keys as types. Lengths in um, angles in rad; the unit is part of the key.
+//!
+//! Ranges and relations of the keys are in `yarn_rules.rs`; [`YarnSpec::parse`] and [`YarnSpec::load`] hold every spec to them.
+
+use crate::GaussianBeam;
+use crate::ply_circle::{PlyRing, ply_circle_um};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
+
+/// A yarn spec, as in `fabrics/*.toml`. Unknown keys are refused.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct YarnSpec {
+    /// Name of the yarn, for the record.
+    pub name: String,
+    /// One fiber.
+    pub fiber: FiberSpec,
+    /// The ply of fibers.
+    pub ply: PlySpec,
+    /// How many plies make the yarn, and how they lie.
+    #[serde(default)]
+    pub yarn: YarnGeometry,
+    /// The illuminating beam.
+    #[serde(default)]
+    pub beam: BeamSpec,
+    /// Absorption coefficients to tabulate.
+    #[serde(default)]
+    pub absorption: AbsorptionSpec,
+    /// Sizes of the simulation and fit; each key that is given overrides the preset.
+    #[serde(default)]
+    pub simulation: SimulationSpec,
+}
+
+impl YarnSpec {
+    /// Semi-axes of the ply [um]; both the same for a circular one.
+    pub fn ply_radii_um(&self) -> [f64; 2] {
+        self.ply.radii_um.unwrap_or([self.ply.radius_um.unwrap_or(0.0); 2])
+    }
+
+    /// Distance D [um] of the plies' axes from the yarn's axis, 0 for a single ply (Yu 2025, 5.3; [`ply_circle_um`]).
+    pub fn ply_circle_um(&self) -> f64 {
+        let [a, b] = self.ply_radii_um();
+        ply_circle_um(self.yarn.plies, a.max(b), self.yarn.ply_pitch_um).unwrap_or(0.0)
+    }
+
+    /// The plies in the plane across the yarn.
+    pub fn ply_ring(&self) -> PlyRing {
+        let [a, b] = self.ply_radii_um();
+        PlyRing { plies: self.yarn.plies, radius_um: a.max(b), circle_um: self.ply_circle_um() }
+    }
+
+    /// Area of the fibers, lumens included and without jitter, over the area of the ply.
+    pub fn packing_fraction(&self) -> f64 {
+        let [a, b] = self.ply_radii_um();
+        f64::from(self.ply.fibers) * self.fiber.shape.area_um2() / (PI * a * b)
+    }
+}
+
+/// Cross section, size, jitter and material of the fibers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FiberSpec {
+    /// Outline of the cross section.
+    pub shape: Shape,
+    /// Relative standard deviation of the size from fiber to fiber.
+    #[serde(default)]
+    pub size_jitter: f64,
+    /// Relative standard deviation of the shape's parameters from fiber to fiber.
+    #[serde(default)]
+    pub shape_jitter: f64,
+    /// Standard deviation [rad] of the turn of the cross section from fiber to fiber; absent: any turn, uniformly.
+    #[serde(default)]
+    pub angle_jitter_rad: Option<f64>,
+    /// Real refractive index.
+    pub eta: f64,
+    /// GGX roughness of the fiber surface, 0 for smooth.
+    pub alpha_fiber: f64,
+}
+
+/// Outlines of fiber cross sections; every length in um.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub enum Shape {
+    /// Circle.
+    Circle {
+        /// Radius [um].
+        radius_um: f64,
+    },
+    /// Ellipse.
+    Ellipse {
+        /// Semi-axis along x [um].
+        a_um: f64,
+        /// Semi-axis along y [um].
+        b_um: f64,
+    },
+    /// Kidney with a hollow lumen (cotton).
+    Kidney {
+        /// Half width [um].
+        a_um: f64,
+        /// Half height [um].
+        b_um: f64,
+        /// Depth of the dent, as a fraction of b.
+        dent: f64,
+        /// Size of the lumen, as a fraction of the outline; 0 for none.
+        lumen: f64,
+    },
+    /// Triangle with rounded corners (silk).
+    RoundedTriangle {
+        /// Radius of the circle through the sharp corners [um].
+        radius_um: f64,
+        /// Radius of the rounding [um].
+        rounding_um: f64,
+    },
+    /// Irregular rounded convex polygon (silk).
+    Stone {
+        /// Mean radius [um].
+        radius_um: f64,
+        /// Number of corners.
+        corners: u32,
+        /// Radius of the rounding [um].
+        rounding_um: f64,
+    },
+    /// Three lobes: `r = radius (1 + depth cos 3 t)`.
+    Trilobal {
+        /// Mean radius [um].
+        radius_um: f64,
+        /// Relative depth of the lobes.
+        depth: f64,
+    },
+    /// Serrated outline (viscose): `r = radius (1 + depth cos(teeth t))` with irregular teeth.
+    Serrated {
+        /// Mean radius [um].
+        radius_um: f64,
+        /// Relative depth of the teeth.
+        depth: f64,
+        /// Number of teeth.
+        teeth: u32,
+    },
+    /// Polygon, either from a file of `x y` lines [um] or with its points in the spec. [`YarnSpec::load`] puts the points of the
+    /// file in `points_um` and empties `file`, so that a loaded spec and its text stand alone.
+    Polygon {
+        /// Path of the file, relative to the spec; empty once loaded.
+        #[serde(default, skip_serializing_if = "String::is_empty")]
+        file: String,
+        /// Corners in order [um], either way round; closed implicitly.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        points_um: Vec<[f64; 2]>,
+        /// Radius of the rounding of its corners [um].
+        rounding_um: f64,
+    },
+}
+
+impl Shape {
+    /// Area of the outer outline without jitter [um^2].
+    pub fn area_um2(&self) -> f64 {
+        match self {
+            Shape::Circle { radius_um } | Shape::Stone { radius_um, .. } => PI * radius_um * radius_um,
+            Shape::Ellipse { a_um, b_um } => PI * a_um * b_um,
+            // The dent of `sim/src/geometry/shape.rs`, integrated.
+            Shape::Kidney { a_um, b_um, dent, .. } => a_um * b_um * (PI - 1.006_44 * dent),
+            Shape::RoundedTriangle { radius_um, rounding_um } => {
+                let sharp = 0.75 * 3.0_f64.sqrt() * radius_um * radius_um;
+                sharp - (3.0 * 3.0_f64.sqrt() - PI) * rounding_um * rounding_um
+            }
+            Shape::Trilobal { radius_um, depth } => PI * radius_um * radius_um * (1.0 + 0.5 * depth * depth),
+            Shape::Serrated { radius_um, depth, .. } => PI * radius_um * radius_um * (1.0 + 0.3 * depth * depth),
+            Shape::Polygon { points_um, .. } => {
+                let n = points_um.len();
+                let twice = |i: usize| {
+                    let (a, b) = (points_um[i], points_um[(i + 1) % n]);
+                    a[0] * b[1] - a[1] * b[0]
+                };
+                0.5 * (0..n).map(twice).sum::<f64>().abs()
+            }
+        }
+    }
+}
+
+/// The ply: a packed bundle of twisted fibers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlySpec {
+    /// Number of fibers, 1 to 200.
+    pub fibers: u32,
+    /// Radius R of a circular ply [um]; the fibers lie within it.
+    #[serde(default)]
+    pub radius_um: Option<f64>,
+    /// Semi-axes of an elliptical ply [um] (Yu 2025, Fig. 17).
+    #[serde(default)]
+    pub radii_um: Option<[f64; 2]>,
+    /// Smallest gap between fibers [um].
+    #[serde(default = "default_gap_um")]
+    pub min_gap_um: f64,
+    /// Pitch of the helix [um]; absent for parallel fibers.
+    #[serde(default)]
+    pub fiber_pitch_um: Option<f64>,
+    /// Hand of the helix.
+    #[serde(default)]
+    pub handedness: Handedness,
+}
+
+fn default_gap_um() -> f64 {
+    0.2
+}
+
+/// Hand of the fiber helix. With Z twist (right-handed helix) a fiber's azimuth grows with z, as `2 pi z / pitch`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Handedness {
+    /// Right-handed helix.
+    #[default]
+    Z,
+    /// Left-handed helix.
+    S,
+}
+
+/// The yarn: P plies of one radius with their axes on a circle about the yarn's axis (Yu 2025, 5.3).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct YarnGeometry {
+    /// Number of plies, 1 to 7.
+    pub plies: u32,
+    /// Pitch of the plies' helix [um]; absent for parallel plies. It sets the plies' distance from the yarn's axis.
+    pub ply_pitch_um: Option<f64>,
+    /// Hand of the plies' helix, for the record: scattering takes plies as parallel where they lie.
+    pub handedness: Handedness,
+}
+
+impl Default for YarnGeometry {
+    fn default() -> Self {
+        YarnGeometry { plies: 1, ply_pitch_um: None, handedness: Handedness::Z }
+    }
+}
+
+/// The beam of the spec.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct BeamSpec {
+    /// Waist w0 [um].
+    pub w0_um: f64,
+    /// Wavelength of the divergence [um].
+    pub lambda_um: f64,
+    /// Dark beyond this distance [um]; absent: 2 w0.
+    pub d_cut_um: Option<f64>,
+}
+
+impl Default for BeamSpec {
+    fn default() -> Self {
+        BeamSpec { w0_um: 10.0, lambda_um: 0.55, d_cut_um: None }
+    }
+}
+
+impl BeamSpec {
+    /// The beam, with d_cut resolved.
+    pub fn beam(&self) -> GaussianBeam {
+        GaussianBeam {
+            w0_um: self.w0_um,
+            lambda_um: self.lambda_um,
+            d_cut_um: self.d_cut_um.unwrap_or(2.0 * self.w0_um),
+        }
+    }
+}
+
+/// Absorption coefficients to tabulate.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct AbsorptionSpec {
+    /// Ascending, first 0 [1/um].
+    pub sigma_per_um: Vec<f64>,
+}
+
+impl Default for AbsorptionSpec {
+    fn default() -> Self {
+        AbsorptionSpec { sigma_per_um: vec![0.0, 0.001, 0.003, 0.01, 0.03, 0.1] }
+    }
+}
+
+/// Sizes of a run. A key that is absent takes the preset's value.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SimulationSpec {
+    /// Geometry instances in the ensemble.
+    pub instances: Option<u32>,
+    /// Paths per incident latitude.
+    pub paths_per_theta: Option<u64>,
+    /// Incident latitudes, odd.
+    pub theta_i_nodes: Option<u32>,
+    /// Largest incident latitude [rad].
+    pub theta_i_max_rad: Option<f64>,
+    /// Beam offsets, odd.
+    pub h_nodes: Option<u32>,
+    /// Latitude bins of the outgoing sphere.
+    pub theta_o_bins: Option<u32>,
+    /// Azimuth bins of the outgoing sphere.
+    pub phi_o_bins: Option<u32>,
+    /// Lobes of f_refl (1 is the paper's choice).
+    pub lobes_refl: Option<u32>,
+    /// Lobes of f_high.
+    pub lobes_high: Option<u32>,
+}

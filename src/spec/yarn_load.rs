@@ -1,0 +1,107 @@
+//! Reading and checking of yarn specs.
+
+use super::rules;
+use super::yarn::{Shape, YarnSpec};
+use super::yarn_rules::{YARN_RULES, check_relations};
+use crate::Result;
+use crate::io::{AssetSource, Folder, read_text, text_of};
+use std::path::Path;
+
+/// Largest spec or point file that is read [bytes].
+const MAX_BYTES: u64 = 4 << 20;
+
+/// Text of the polyester spec that ships with the program, `fabrics/polyester.toml`.
+pub const POLYESTER: &str = include_str!("../../fabrics/polyester.toml");
+
+impl YarnSpec {
+    /// The polyester that ships with the program, [`POLYESTER`].
+    ///
+    /// # Errors
+    /// None in a build whose tests pass.
+    pub fn polyester() -> Result<YarnSpec> {
+        YarnSpec::parse(POLYESTER, "fabrics/polyester.toml")
+    }
+
+    /// Read a spec from its text; `file` is for messages only. A polygon must hold its points itself.
+    ///
+    /// # Errors
+    /// [`crate::Error::Format`] when the text is not TOML, [`crate::Error::Invalid`] for a key that is unknown, absent or out of range.
+    pub fn parse(text: &str, file: &str) -> Result<YarnSpec> {
+        parse_near(text, file, None)
+    }
+
+    /// Read a spec from a file; gives the spec and the text to embed in tables and models, from which [`YarnSpec::parse`] makes the
+    /// same spec. That is the file's own text, except for a polygon from a file: there the spec is written anew with the points in it.
+    /// The polygon's file must lie in the spec's folder or below; [`YarnSpec::load_from`] with [`Folder::anywhere`] allows others.
+    ///
+    /// # Errors
+    /// As [`YarnSpec::parse`], and [`crate::Error::Io`] when a file cannot be read.
+    pub fn load(path: impl AsRef<Path>) -> Result<(YarnSpec, String)> {
+        let path = path.as_ref();
+        YarnSpec::load_from(&read_text(path, MAX_BYTES)?, &path.display().to_string(), &Folder::of_file(path))
+    }
+
+    /// As [`YarnSpec::load`], from the spec's text and a source of the file that it may name; `file` is for messages.
+    ///
+    /// # Errors
+    /// As [`YarnSpec::load`].
+    pub fn load_from(text: &str, file: &str, assets: &dyn AssetSource) -> Result<(YarnSpec, String)> {
+        let spec = parse_near(text, file, Some(assets))?;
+        if YarnSpec::parse(text, file).is_ok() {
+            return Ok((spec, text.to_string()));
+        }
+        let text =
+            toml::to_string(&spec).map_err(|e| rules::invalid(file, "spec", e, "use values that TOML can hold"))?;
+        Ok((spec, text))
+    }
+
+    /// Check a spec that was made or changed in code, by the same rules as a parsed one.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`], with `file` as given.
+    pub fn check(&self, file: &str) -> Result<()> {
+        rules::check_typed(self, file, &YARN_RULES)?;
+        check_relations(file, self)
+    }
+}
+
+/// Parse and check; the file of a polygon is looked for in `assets`.
+fn parse_near(text: &str, file: &str, assets: Option<&dyn AssetSource>) -> Result<YarnSpec> {
+    let mut spec: YarnSpec = rules::typed(rules::parse(text, file, &YARN_RULES)?, file, &YARN_RULES)?;
+    if let (Shape::Polygon { file: points_file, points_um, .. }, Some(assets)) = (&mut spec.fiber.shape, assets)
+        && points_um.is_empty()
+        && !points_file.is_empty()
+    {
+        *points_um = read_points(assets, points_file)?;
+        points_file.clear();
+    }
+    check_relations(file, &spec)?;
+    Ok(spec)
+}
+
+/// Points of a polygon: one `x y` per line [um], blank lines and `#` comments skipped. Errors do not quote the file, which another file named.
+fn read_points(assets: &dyn AssetSource, name: &str) -> Result<Vec<[f64; 2]>> {
+    let file = assets.display(name);
+    let mut points = Vec::new();
+    for (i, row) in text_of(assets, name, MAX_BYTES)?.lines().enumerate() {
+        let row = row.split('#').next().unwrap_or_default().trim();
+        if row.is_empty() {
+            continue;
+        }
+        let parts = || row.split([' ', '\t', ',']).filter(|s| !s.is_empty());
+        let numbers: Vec<f64> = parts().flat_map(str::parse).collect();
+        match numbers[..] {
+            [x, y] if parts().count() == 2 && x.abs() <= 1e4 && y.abs() <= 1e4 && points.len() < 2000 => {
+                points.push([x, y]);
+            }
+            _ => {
+                let hint = "use two numbers `x y` [um] within 10000 of the origin, 2000 lines at most";
+                return Err(rules::invalid(&file, &format!("line {}", i + 1), "(no such point)", hint));
+            }
+        }
+    }
+    if points.len() < 3 {
+        return Err(rules::invalid(&file, "points", points.len(), "use 3 or more lines `x y` [um]"));
+    }
+    Ok(points)
+}

@@ -1,0 +1,295 @@
+//! Rules of the yarn spec: its keys and their ranges, and what must hold between them.
+//!
+//! Bounds are those within which the simulator's geometry and grids are sound, far wider than real yarns.
+
+use super::rules::{Key, Kind, Rules, invalid, optional, required};
+use super::yarn::{PlySpec, Shape, YarnSpec};
+use crate::Result;
+use crate::ply_circle::{least_ply_pitch_um, ply_circle_um};
+use std::f64::consts::PI;
+
+/// Densest ply that is let through to packing; random packings of discs end near 0.8.
+const MAX_FRACTION: f64 = 0.9;
+/// Most cells of a table, 1 GiB in f32.
+const MAX_CELLS: f64 = 2.7e8;
+/// Largest number of polygon points.
+const MAX_POINTS: usize = 2000;
+
+const SIZE: Kind = Kind::Number(0.01, 1e4);
+/// The rules of a yarn spec.
+pub const YARN_RULES: Rules = Rules {
+    keys: ROOT,
+    units: &["_per_um", "_um", "_rad"],
+    example: "fabrics/polyester.toml",
+    foreign: &[(&["weave", "warp", "weft"], "this is a key of a fabric spec; give the spec of a yarn")],
+};
+
+const ROOT: &[Key] = &[
+    required("name", Kind::Text),
+    required("fiber", Kind::Table(FIBER)),
+    required("ply", Kind::Table(PLY)),
+    optional("yarn", Kind::Table(YARN), "its keys' defaults"),
+    optional("beam", Kind::Table(BEAM), "its keys' defaults"),
+    optional("absorption", Kind::Table(ABSORPTION), "its keys' defaults"),
+    optional("simulation", Kind::Table(SIMULATION), "its keys' defaults"),
+];
+const FIBER: &[Key] = &[
+    required("shape", Kind::Tagged("{ kind = \"circle\", radius_um = 7.5 }", SHAPES)),
+    optional("size_jitter", Kind::Number(0.0, 0.25), "0.0"),
+    optional("shape_jitter", Kind::Number(0.0, 0.25), "0.0"),
+    optional("angle_jitter_rad", Kind::Number(0.0, PI), "any turn, uniformly"),
+    required("eta", Kind::Above(1.0, 4.0)),
+    required("alpha_fiber", Kind::Number(0.0, 1.0)),
+];
+const PLY: &[Key] = &[
+    required("fibers", Kind::Integer(1, 200)),
+    // Beyond 1 mm the tracer's single precision would no longer resolve its own offset from a wall.
+    optional("radius_um", Kind::Number(0.01, 1e3), "radii_um"),
+    optional("radii_um", Kind::Pair(0.01, 1e3), "radius_um"),
+    optional("min_gap_um", Kind::Number(0.001, 100.0), "0.2"),
+    optional("fiber_pitch_um", Kind::Number(0.01, 1e7), "parallel fibers"),
+    optional("handedness", Kind::Choice(&["Z", "S"]), "\"Z\""),
+];
+const YARN: &[Key] = &[
+    optional("plies", Kind::Integer(1, 7), "1"),
+    optional("ply_pitch_um", Kind::Number(0.01, 1e7), "parallel plies"),
+    optional("handedness", Kind::Choice(&["Z", "S"]), "\"Z\""),
+];
+const BEAM: &[Key] = &[
+    optional("w0_um", Kind::Number(0.1, 1e4), "10.0"),
+    optional("lambda_um", Kind::Number(0.1, 20.0), "0.55"),
+    optional("d_cut_um", Kind::Number(0.1, 1e5), "2 w0_um"),
+];
+const ABSORPTION: &[Key] = &[optional("sigma_per_um", Kind::Ascending(10.0), "[0.0, 0.001, 0.003, 0.01, 0.03, 0.1]")];
+const SIMULATION: &[Key] = &[
+    optional("instances", Kind::Integer(1, 1000), "the preset's"),
+    optional("paths_per_theta", Kind::Integer(1, 1_000_000_000_000), "the preset's"),
+    optional("theta_i_nodes", Kind::Odd(3, 201), "the preset's"),
+    optional("theta_i_max_rad", Kind::Above(0.0, 1.55), "the preset's"),
+    optional("h_nodes", Kind::Odd(3, 401), "the preset's"),
+    optional("theta_o_bins", Kind::Integer(4, 720), "the preset's"),
+    optional("phi_o_bins", Kind::Integer(4, 1440), "the preset's"),
+    optional("lobes_refl", Kind::Integer(1, 16), "the preset's"),
+    optional("lobes_high", Kind::Integer(1, 16), "the preset's"),
+];
+/// Keys of each `fiber.shape.kind`, besides `kind`.
+const SHAPES: &[(&str, &[Key])] = &[
+    ("circle", &[required("radius_um", SIZE)]),
+    ("ellipse", &[required("a_um", SIZE), required("b_um", SIZE)]),
+    (
+        "kidney",
+        &[
+            required("a_um", SIZE),
+            required("b_um", SIZE),
+            required("dent", Kind::Number(0.0, 0.8)),
+            required("lumen", Kind::Number(0.0, 0.9)),
+        ],
+    ),
+    ("rounded_triangle", &[required("radius_um", SIZE), required("rounding_um", SIZE)]),
+    ("stone", &[required("radius_um", SIZE), required("corners", Kind::Integer(3, 24)), required("rounding_um", SIZE)]),
+    ("trilobal", &[required("radius_um", SIZE), required("depth", Kind::Number(0.0, 0.35))]),
+    (
+        "serrated",
+        &[
+            required("radius_um", SIZE),
+            required("depth", Kind::Number(0.0, 0.3)),
+            required("teeth", Kind::Integer(3, 60)),
+        ],
+    ),
+    (
+        "polygon",
+        &[
+            optional("file", Kind::Text, "points_um"),
+            optional("points_um", Kind::Points(MAX_POINTS, 1e4), "file"),
+            required("rounding_um", SIZE),
+        ],
+    ),
+];
+
+/// What must hold between keys. The polygon's points are in place.
+pub(super) fn check_relations(file: &str, spec: &YarnSpec) -> Result<()> {
+    check_outline(file, &spec.fiber.shape)?;
+    let ply = &spec.ply;
+    let radii = match (ply.radius_um, ply.radii_um) {
+        (Some(radius), None) => [radius; 2],
+        (None, Some(radii)) => radii,
+        (None, None) => {
+            return Err(invalid(file, "ply.radius_um", "(absent)", "give radius_um, or radii_um for an ellipse"));
+        }
+        (Some(_), Some(radii)) => {
+            return Err(invalid(
+                file,
+                "ply.radii_um",
+                format!("{radii:?}"),
+                "give either radius_um or radii_um, not both",
+            ));
+        }
+    };
+    let widest = radii[0].max(radii[1]);
+    if radii[0].min(radii[1]) < 0.05 * widest {
+        return Err(invalid(file, "ply.radii_um", format!("{radii:?}"), "use semi-axes within a factor of 20"));
+    }
+    if let Some(pitch) = ply.fiber_pitch_um.filter(|&pitch| pitch < widest) {
+        return Err(invalid(
+            file,
+            "ply.fiber_pitch_um",
+            pitch,
+            format!("use a pitch of the ply's radius {widest} um or more"),
+        ));
+    }
+    check_plies(file, spec, widest)?;
+    check_fraction(file, ply, radii, spec.fiber.shape.area_um2())?;
+    let beam = spec.beam.beam();
+    if beam.w0_um < beam.lambda_um {
+        return Err(invalid(
+            file,
+            "beam.w0_um",
+            beam.w0_um,
+            format!("use a waist of lambda_um = {} or more", beam.lambda_um),
+        ));
+    }
+    if beam.d_cut_um < 0.5 * beam.w0_um || beam.d_cut_um > 20.0 * beam.w0_um {
+        let mend = format!("use from {} to {} (0.5 to 20 w0)", 0.5 * beam.w0_um, 20.0 * beam.w0_um);
+        return Err(invalid(file, "beam.d_cut_um", beam.d_cut_um, mend));
+    }
+    let sim = &spec.simulation;
+    let least = |n: Option<u32>, absent: u32| f64::from(n.unwrap_or(absent));
+    let slices = least(sim.theta_i_nodes, 3) * least(sim.h_nodes, 3) * (1 + spec.absorption.sigma_per_um.len()) as f64;
+    let cells = slices * least(sim.theta_o_bins, 4) * least(sim.phi_o_bins, 4);
+    if cells > MAX_CELLS {
+        let value = format!("{} bins of phi_o in a table of {cells:.2e} cells", least(sim.phi_o_bins, 4));
+        return Err(invalid(
+            file,
+            "simulation.phi_o_bins",
+            value,
+            format!("use fewer nodes or bins, {MAX_CELLS:.1e} cells at most"),
+        ));
+    }
+    Ok(())
+}
+
+/// Plies of one radius that do not intersect.
+fn check_plies(file: &str, spec: &YarnSpec, radius_um: f64) -> Result<()> {
+    let yarn = &spec.yarn;
+    if let (2.., Some(radii)) = (yarn.plies, spec.ply.radii_um) {
+        let mend = "elliptical plies cannot be plied: give ply.radius_um, or yarn.plies = 1";
+        return Err(invalid(file, "ply.radii_um", format!("{radii:?} with yarn.plies = {}", yarn.plies), mend));
+    }
+    if let Some(pitch) = yarn.ply_pitch_um
+        && ply_circle_um(yarn.plies, radius_um, Some(pitch)).is_none()
+    {
+        let least = least_ply_pitch_um(yarn.plies, radius_um);
+        let mend = format!(
+            "{} plies of radius {radius_um} um intersect however they lie: use {:.1} or more, or leave it out for parallel plies",
+            yarn.plies,
+            (10.0 * least).ceil() / 10.0
+        );
+        return Err(invalid(file, "yarn.ply_pitch_um", pitch, mend));
+    }
+    Ok(())
+}
+
+fn check_fraction(file: &str, ply: &PlySpec, radii: [f64; 2], fiber_area: f64) -> Result<()> {
+    let fraction = f64::from(ply.fibers) * fiber_area / (PI * radii[0] * radii[1]);
+    if fraction <= MAX_FRACTION {
+        return Ok(());
+    }
+    let scale = (fraction / 0.65).sqrt();
+    let count = format!("{} fibers fill {fraction:.3} of the ply, at most {MAX_FRACTION} can be tried", ply.fibers);
+    Err(match ply.radii_um {
+        None => invalid(file, "ply.radius_um", radii[0], format!("{count}; use about {:.1}", scale * radii[0])),
+        Some(_) => {
+            let mend = format!("{count}; use about [{:.1}, {:.1}]", scale * radii[0], scale * radii[1]);
+            invalid(file, "ply.radii_um", format!("{radii:?}"), mend)
+        }
+    })
+}
+
+/// Relations within a shape.
+fn check_outline(file: &str, shape: &Shape) -> Result<()> {
+    let key = |name: &str| format!("fiber.shape.{name}");
+    match shape {
+        Shape::Ellipse { a_um, b_um } | Shape::Kidney { a_um, b_um, .. } if 6.0 * a_um.min(*b_um) < a_um.max(*b_um) => {
+            Err(invalid(file, &key("b_um"), b_um, format!("use a value within a factor of 6 of a_um = {a_um}")))
+        }
+        Shape::Kidney { lumen, .. } if *lumen > 0.0 && *lumen < 0.02 => {
+            Err(invalid(file, &key("lumen"), lumen, "use 0 for no lumen, or from 0.02 to 0.9"))
+        }
+        Shape::RoundedTriangle { radius_um, rounding_um } | Shape::Stone { radius_um, rounding_um, .. }
+            if !(0.02 * radius_um..=0.4 * radius_um).contains(rounding_um) =>
+        {
+            let mend = format!("use from {:.3} to {:.3} (0.02 to 0.4 of radius_um)", 0.02 * radius_um, 0.4 * radius_um);
+            Err(invalid(file, &key("rounding_um"), rounding_um, mend))
+        }
+        // The curvature of the teeth grows as depth teeth^2; an outline of 1024 points resolves this much.
+        Shape::Serrated { depth, teeth, .. } if depth * f64::from(*teeth).powi(2) > 12.0 => {
+            let most = 12.0 / f64::from(*teeth).powi(2);
+            Err(invalid(
+                file,
+                &key("depth"),
+                depth,
+                format!("teeth too sharp: use {most:.3} or less with {teeth} teeth"),
+            ))
+        }
+        Shape::Polygon { file: points_file, points_um, rounding_um } => {
+            if points_um.is_empty() {
+                let mend = "load the spec from its file, or give points_um = [[x, y], ...] in it";
+                let value = if points_file.is_empty() { "(absent)" } else { points_file };
+                return Err(invalid(file, &key("file"), value, mend));
+            }
+            if !points_file.is_empty() {
+                return Err(invalid(file, &key("file"), points_file, "give either file or points_um, not both"));
+            }
+            check_polygon(file, points_um, *rounding_um)
+        }
+        _ => Ok(()),
+    }
+}
+
+/// A polygon must not touch itself, and each rounding arc must fit on its two edges.
+fn check_polygon(file: &str, points: &[[f64; 2]], rounding_um: f64) -> Result<()> {
+    let n = points.len();
+    let show = |p: [f64; 2]| format!("[{}, {}]", p[0], p[1]);
+    let refuse = |p: [f64; 2], mend: &str| Err(invalid(file, "fiber.shape.points_um", show(p), mend));
+    let minus = |a: [f64; 2], b: [f64; 2]| [a[0] - b[0], a[1] - b[1]];
+    let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
+    let side = |a: [f64; 2], b: [f64; 2], p: [f64; 2]| cross(minus(b, a), minus(p, a));
+    let length = |i: usize| {
+        let d = minus(points[(i + 1) % n], points[i]);
+        d[0].hypot(d[1])
+    };
+    let perimeter: f64 = (0..n).map(length).sum();
+    if let Some(i) = (0..n).find(|&i| length(i) < 1e-6 * perimeter) {
+        return refuse(points[i], "this point is given twice in a row; leave one out (the polygon closes by itself)");
+    }
+    for i in 0..n {
+        for j in (i + 2..n).filter(|&j| (j + 1) % n != i) {
+            let (a, b, c, d) = (points[i], points[i + 1], points[j], points[(j + 1) % n]);
+            let boxes_meet = (0..2).all(|k| a[k].min(b[k]) <= c[k].max(d[k]) && c[k].min(d[k]) <= a[k].max(b[k]));
+            if boxes_meet && side(a, b, c) * side(a, b, d) <= 0.0 && side(c, d, a) * side(c, d, b) <= 0.0 {
+                return refuse(
+                    points[j],
+                    "the edge from here crosses or touches another; use a polygon without crossings",
+                );
+            }
+        }
+    }
+    // An arc of radius r that turns by t takes r tan(t/2) of both edges.
+    let taken = |i: usize| {
+        let (u, v) = (minus(points[i], points[(i + n - 1) % n]), minus(points[(i + 1) % n], points[i]));
+        (0.5 * cross(u, v).atan2(u[0] * v[0] + u[1] * v[1]).abs()).tan()
+    };
+    let most = (0..n).map(|i| length(i) / (taken(i) + taken((i + 1) % n))).fold(f64::INFINITY, f64::min);
+    let least = 0.002 * perimeter;
+    if !(least..=most).contains(&rounding_um) {
+        let mend = if least < most {
+            format!("use from {least:.3} to {most:.3}, so that arcs are resolved and fit on the polygon's edges")
+        } else {
+            format!(
+                "no rounding fits this polygon: an edge has room for {most:.3} um only; drop its shortest edges or spikes"
+            )
+        };
+        return Err(invalid(file, "fiber.shape.rounding_um", rounding_um, mend));
+    }
+    Ok(())
+}
