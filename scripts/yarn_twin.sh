@@ -11,7 +11,7 @@ folder=${3:-target/yarn_twin}
 mkdir -p "$folder"
 
 cargo build --release --quiet -p plywave-cli
-cargo build --release --quiet -p plywave-fit --example yarn_twin
+cargo build --release --quiet -p plywave --example yarn_twin
 
 # Polyester, with the packing of its 30 fibers. Angles in radians: 9 latitudes to 80 degrees, 3 to 40.
 spec() {

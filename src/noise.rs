@@ -1,6 +1,6 @@
 //! Speckle noise at run time (Yu 2025, 6.2, Eq. 23): factors of mean 1 that turn the smooth f_refl and f_high into those of one instance of the ply.
 //!
-//! A tile holds N over a plane that wraps in both axes, made at one wavelength (`plywave_fit::noise_tiles`). A speckle pattern is the Fourier transform of what
+//! A tile holds N over a plane that wraps in both axes, made at one wavelength (`plywave_fit::speckle_tiles`). A speckle pattern is the Fourier transform of what
 //! is lit, so at the wavelength lambda it is the same pattern stretched about the direction in which all wavelengths are in phase: angles are looked
 //! up times `lambda_ref / lambda`. What differs in contrast is faded, `1 + s(lambda) (N - 1)`. The two coordinates of a direction are
 //!

@@ -7,10 +7,11 @@ use glam::Vec3;
 use plywave::check::check_bsdf;
 use plywave::fabric::{FabricBsdf, FabricOptions, FabricSpec};
 use plywave::{Bsdf, FabricQuery, PlyData, PlyModel, PlyQuery, YarnSpec, direction};
-use plywave_fit::noise::NoiseOptions;
-use plywave_fit::{EdgeOptions, FitOptions, YarnOptions, fit_edge, yarn_table};
+use plywave_fit::speckle::NoiseOptions;
+use plywave_fit::{EdgeOptions, FitOptions, fit_edge};
 use plywave_render::{Camera, Environment, Film, FilmView, Light, Mesh, RenderOptions, Scene, Setup, render};
 use plywave_sim::wave::{SpeckleOptions, speckle};
+use plywave_sim::yarn::{YarnOptions, yarn_table};
 use plywave_sim::{Run, SimOptions, simulate};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -188,7 +189,7 @@ fn the_mean_over_speckle_is_the_smooth_picture() {
     let options = SpeckleOptions { instances: 8, lambda_um: vec![0.4, 0.55, 0.7], ..SpeckleOptions::default() };
     let patterns = speckle(&spec, &data.spec_text, &options, Run::plain()).unwrap();
     let options = NoiseOptions { w0_um: spec.beam.w0_um, ..NoiseOptions::default() };
-    data.noise = Some(plywave_fit::noise::noise_tiles(&patterns, &options, "patterns").unwrap().0);
+    data.noise = Some(plywave_fit::speckle::noise_tiles(&patterns, &options, "patterns").unwrap().0);
     let model = Arc::new(PlyModel::from_data(data).unwrap());
     let satin = |noise: bool| {
         let mut loaded = FabricSpec::load(folder().join("polyester_satin.toml")).unwrap();

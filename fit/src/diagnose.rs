@@ -1,9 +1,11 @@
 //! Parts of a fit on their own, for measuring it: one slice alone, one block alone.
 
-use crate::block::{BlockEffort, CORNERS, Target, coarse_grid, fit_joint};
-use crate::fit::{FitError, block_targets, check_table};
+use crate::check::check_table;
+use crate::error::FitError;
+use crate::fit::block_targets;
 use crate::fit_errors::excess2;
-use crate::sphere::{Scratch, SphereGrid};
+use crate::lobes::block::{BlockEffort, CORNERS, Target, coarse_grid, fit_joint};
+use crate::lobes::sphere::{Scratch, SphereGrid};
 use plywave::Table;
 use plywave::asg::PARAMS;
 use rayon::prelude::*;

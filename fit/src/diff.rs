@@ -1,10 +1,9 @@
 //! Two models compared: what they evaluate to, their energies, and how far their lobes moved.
 
-use crate::canonical::canonical_order;
-use crate::fit::FitError;
-use crate::fit_errors::evaluate;
-use crate::model::{Place, ScaledLobes, high_lobes, refl_lobes};
-use crate::sphere::{Scratch, SphereGrid};
+use crate::error::FitError;
+use crate::lobes::canonical::canonical_order;
+use crate::lobes::model::{Place, ScaledLobes, evaluate, high_lobes, refl_lobes};
+use crate::lobes::sphere::{Scratch, SphereGrid};
 use plywave::asg::{Lobe, PARAMS};
 use plywave::{OutgoingGrid, PlyData};
 use rayon::prelude::*;
@@ -122,7 +121,7 @@ pub fn diff(a: &PlyData, b: &PlyData, tolerance: &DiffTolerance) -> Result<DiffR
     };
     let columns_high: Vec<Vec<f64>> = by_sigma.iter().map(|s| all(s)).collect();
     let high: Vec<f64> = (0..nodes.len()).flat_map(|k| columns_high.iter().map(move |c| c[k])).collect();
-    let energy_at = |d: &PlyData, at: Place, s: f64| crate::model::energy_high(d, at, s);
+    let energy_at = |d: &PlyData, at: Place, s: f64| crate::lobes::model::energy_high(d, at, s);
     let energy = nodes
         .iter()
         .enumerate()

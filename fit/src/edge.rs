@@ -1,13 +1,13 @@
 //! Edge lobes (Yu 2025, 6.1): one lobe for each (wavelength, e = R - |h|), fitted to the far field of a beam cut by the half plane x > e.
 //!
-//! The aperture is `[e, d_cut] x [-d_cut, d_cut]` (Eq. 17), the beam's center at the origin, incidence normal. Pattern and lobe are set beside each
-//! other at equal energy, and the two bandwidths minimize their squared distance over the hemisphere. At e = d_cut nothing is left of
-//! the aperture; the node there is the limit of a narrow slit.
+//! The aperture is `[e, d_cut] x [-d_cut, d_cut]` (Eq. 17), the beam's center at the origin, incidence normal. Pattern and lobe have equal
+//! energy, and the two bandwidths minimize their squared distance over the hemisphere. At e = d_cut the aperture has closed; the node there is
+//! the limit of a narrow slit.
 //!
-//! The same bandwidths serve tilted light: across the ply nothing changes, and along it the longer cross section of the tilted beam
-//! makes up for the plane that is seen at a slant (test: `lobes_hold_for_tilted_light`).
+//! The same bandwidths hold for tilted light: across the ply nothing changes, and along it the longer cross section of the tilted beam
+//! compensates for the foreshortened plane (test: `lobes_hold_for_tilted_light`).
 
-use crate::minimize::{MinimizeOptions, minimize_bounded};
+use crate::optimize::minimize::{MinimizeOptions, minimize_bounded};
 use plywave::asg::{MU_MIN, unit_energy_gradient};
 use plywave::faddeeva::diffraction_factor;
 use plywave::{EDGE_MU_MAX, EdgeLobes, GaussianBeam, YarnSpec, beam_mu};
@@ -77,7 +77,7 @@ pub fn edge_error(beam: &GaussianBeam, lambda_um: f64, inside_um: f64, ln_mu: [f
     hemisphere.cost(&pattern, ln_mu, &mut [0.0; 2]).sqrt()
 }
 
-/// Least width [um] of an aperture, for the node where nothing is left of it.
+/// Least width [um] of an aperture, for the node where it has closed.
 const LEAST_WIDTH_UM: f64 = 1e-3;
 
 /// A quarter of the forward hemisphere (pattern and lobe are even in u and w), in the variables u and psi, the angle about x, whose

@@ -1,100 +1,20 @@
 //! From a table of simulated scattering to a ply model.
 
-use crate::absorption::{SliceProducts, attenuation, choose_paths, energy_spectrum, fit_lobe_spectra};
-use crate::block::{BlockEffort, CORNERS, Target, blend, coarse_grid, corner_weights, fit_joint};
-use crate::canonical::canonicalize;
-use crate::dark::{DarkSlices, refine};
+use crate::check::check_table;
+use crate::error::FitError;
 use crate::fit_errors::errors;
 use crate::layers::layer_factors;
-use crate::reflection::{ReflectionEffort, fit_reflection};
-use crate::sphere::{Scratch, SphereGrid};
+use crate::lobes::absorption::{SliceProducts, attenuation, choose_paths, energy_spectrum, fit_lobe_spectra};
+use crate::lobes::block::{CORNERS, Target, blend, coarse_grid, corner_weights, fit_joint};
+use crate::lobes::canonical::canonicalize;
+use crate::lobes::dark::{DarkSlices, refine};
+use crate::lobes::reflection::fit_reflection;
+use crate::lobes::sphere::{Scratch, SphereGrid};
+use crate::options::FitOptions;
 use plywave::asg::PARAMS;
 use plywave::{PlyData, Table};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
-
-/// How hard and with how many lobes to fit.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FitOptions {
-    /// Reflection lobes per incidence; 1 is the paper's choice, which cannot wrap a distribution wider than a half turn.
-    pub lobes_refl: usize,
-    /// High-order lobes.
-    pub lobes_high: usize,
-    /// Effort of a block of high-order slices.
-    pub block: BlockEffort,
-    /// Effort of the reflection slices.
-    pub reflection: ReflectionEffort,
-    /// Iterations of the absorption spectra of a block.
-    pub absorption_iterations: usize,
-    /// Iterations of the joint refinement of a block's lobes and spectra at all sigma.
-    pub dark_iterations: usize,
-    /// Weight in it of a slice at sigma > 0 against one at sigma = 0.
-    pub dark_share: f64,
-}
-
-impl FitOptions {
-    /// Seconds: for a first look.
-    pub fn preview() -> Self {
-        FitOptions {
-            block: BlockEffort {
-                starts: 2,
-                start_iterations: 60,
-                moves: 2,
-                move_iterations: 40,
-                iterations: 80,
-                tolerance: 3e-3,
-            },
-            reflection: ReflectionEffort { rounds: 1, iterations: 40, ..Self::standard().reflection },
-            absorption_iterations: 60,
-            dark_iterations: 40,
-            ..Self::standard()
-        }
-    }
-
-    /// The errors of the README.
-    pub fn standard() -> Self {
-        FitOptions {
-            lobes_refl: 3,
-            lobes_high: 8,
-            block: BlockEffort {
-                starts: 8,
-                start_iterations: 150,
-                moves: 6,
-                move_iterations: 60,
-                iterations: 300,
-                tolerance: 1e-3,
-            },
-            reflection: ReflectionEffort { starts: 4, iterations: 80, rounds: 3, smoothness: 5e-3, tolerance: 1e-3 },
-            absorption_iterations: 150,
-            dark_iterations: 80,
-            dark_share: 0.03,
-        }
-    }
-
-    /// Everything the minimizer can find.
-    pub fn reference() -> Self {
-        FitOptions {
-            block: BlockEffort {
-                starts: 8,
-                start_iterations: 400,
-                moves: 30,
-                move_iterations: 150,
-                iterations: 1000,
-                tolerance: 1e-4,
-            },
-            reflection: ReflectionEffort {
-                starts: 8,
-                iterations: 300,
-                rounds: 4,
-                tolerance: 1e-4,
-                ..Self::standard().reflection
-            },
-            absorption_iterations: 400,
-            dark_iterations: 300,
-            ..Self::standard()
-        }
-    }
-}
 
 /// Part of the work that a [`Progress`] counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -118,113 +38,12 @@ pub struct Progress {
     pub total: usize,
 }
 
-/// What a fit can refuse.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum FitError {
-    /// A table's field has a length or value that cannot be fitted.
-    #[error("table: {field} = {value}: {mend}")]
-    Table {
-        /// Name of the field.
-        field: &'static str,
-        /// Offending length or value.
-        value: String,
-        /// What would be accepted.
-        mend: &'static str,
-    },
-    /// An option is out of range.
-    #[error("fit options: {name} = {value}: must be {allowed}")]
-    Option {
-        /// Name of the option.
-        name: &'static str,
-        /// Offending value.
-        value: usize,
-        /// Allowed values.
-        allowed: &'static str,
-    },
-    /// Model and table, or two models, differ in an axis.
-    #[error(
-        "axis {axis} differs: {model} nodes in the model, {table} in the other, or other values; use files of one yarn and preset"
-    )]
-    Axes {
-        /// Name of the axis.
-        axis: &'static str,
-        /// Length in the model.
-        model: usize,
-        /// Length in the table or other model.
-        table: usize,
-    },
-}
-
-/// Refuses tables whose arrays do not fit together or whose incidences make no blocks.
-pub(crate) fn check_table(table: &Table) -> Result<(), FitError> {
-    let bad = |field, value: String, mend| Err(FitError::Table { field, value, mend });
-    let (m, n, k, bins) = (table.theta_i.len(), table.h_um.len(), table.sigma_per_um.len(), table.grid.len());
-    for (field, len) in [("theta_i", m), ("h_um", n)] {
-        if len < 3 || len.is_multiple_of(2) {
-            return bad(field, format!("{len} nodes"), "must have an odd number of nodes, 3 or more");
-        }
-    }
-    if table.grid.theta_o < 4 || table.grid.phi_o < 4 {
-        return bad("grid", format!("{} x {}", table.grid.theta_o, table.grid.phi_o), "must have at least 4 x 4 bins");
-    }
-    if k == 0
-        || table.sigma_per_um[0] != 0.0
-        || table.sigma_per_um.windows(2).any(|w| w[1] <= w[0] || !w[1].is_finite())
-    {
-        return bad("sigma_per_um", format!("{:?}", table.sigma_per_um), "must ascend from 0");
-    }
-    for (field, len, want) in [
-        ("r_d", table.r_d.len(), m * n),
-        ("energy_refl", table.energy_refl.len(), m * n),
-        ("energy_high", table.energy_high.len(), m * n * k),
-        ("refl", table.refl.len(), m * n * bins),
-        ("high", table.high.len(), m * n * k * bins),
-        ("noise_refl", table.noise_refl.len(), m * n),
-        ("noise_high", table.noise_high.len(), m * n * k),
-    ] {
-        if len != want {
-            return bad(field, format!("{len} values"), "must have one value for each index of its axes");
-        }
-    }
-    for (field, values) in [
-        ("theta_i", &table.theta_i),
-        ("h_um", &table.h_um),
-        ("r_d", &table.r_d),
-        ("energy_refl", &table.energy_refl),
-        ("energy_high", &table.energy_high),
-        ("noise_refl", &table.noise_refl),
-        ("noise_high", &table.noise_high),
-    ] {
-        if let Some(v) = values.iter().find(|v| !v.is_finite()) {
-            return bad(field, v.to_string(), "must be finite");
-        }
-    }
-    for (field, values) in [("refl", &table.refl), ("high", &table.high)] {
-        if let Some(v) = values.iter().find(|v| !v.is_finite() || **v < 0.0) {
-            return bad(field, v.to_string(), "must be finite and not negative");
-        }
-    }
-    Ok(())
-}
-
-fn check_options(options: &FitOptions) -> Result<(), FitError> {
-    for (name, value) in [("lobes_refl", options.lobes_refl), ("lobes_high", options.lobes_high)] {
-        if !(1..=64).contains(&value) {
-            return Err(FitError::Option { name, value, allowed: "1 to 64" });
-        }
-    }
-    if options.block.starts == 0 || options.reflection.starts == 0 {
-        return Err(FitError::Option { name: "starts", value: 0, allowed: "1 or more" });
-    }
-    Ok(())
-}
-
 /// Fits a ply model to a table. The lobes of f_refl carry shares of `energy_refl` that add up to 1 at each node, those of a block of
 /// f_high energies up to a common factor; the evaluator scales both to the energies of the table. The result depends on the table and options alone, not on the number of threads.
 /// `progress` is called from worker threads, after each unit of work.
 pub fn fit(table: &Table, options: &FitOptions, progress: &(dyn Fn(Progress) + Sync)) -> Result<PlyData, FitError> {
     check_table(table)?;
-    check_options(options)?;
+    options.check()?;
     let sphere = SphereGrid::new(table.grid);
     let coarse = coarse_grid(&sphere);
     let (rows, columns, sigmas) = (table.theta_i.len(), table.h_um.len(), table.sigma_per_um.len());

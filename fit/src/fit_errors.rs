@@ -1,15 +1,17 @@
 //! Relative L2 errors of a model against a table, with the table's noise removed.
 
-use crate::block::corner_weights;
-use crate::model::{Place, ScaledLobes, high_lobes_in_block, refl_lobes};
-use crate::sphere::{PaddedSlice, Scratch, SphereGrid};
+use crate::check::check_table;
+use crate::error::FitError;
+use crate::lobes::block::corner_weights;
+use crate::lobes::model::{Place, evaluate, high_lobes_in_block, refl_lobes};
+use crate::lobes::sphere::{Scratch, SphereGrid};
 use plywave::{PlyData, Table};
 use rayon::prelude::*;
 
 /// Excess errors `sqrt(max(0, |model - table|^2 - noise) / |table|^2)`, |table|^2 with its own noise removed too. A slice whose
 /// noise is more than half of its norm has no meaningful figure and holds NaN.
 ///
-/// The noise that is taken off is an expectation; what a slice really has scatters about it, so that one slice's figure is only
+/// The noise that is subtracted is an expectation; what a slice really has scatters about it, so that one slice's figure is only
 /// good to about `sqrt(noise / |table|^2) (2 / bins)^(1/4)`: 0.03 for a standard table. Means add the squares with their signs, below
 /// zero too, and are good to far less.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,14 +59,10 @@ pub(crate) fn node_place(m: usize, n: usize, rows: usize, columns: usize) -> Pla
     Place { m: m0, s: (m - m0) as f64, n: n0, t: (n - n0) as f64 }
 }
 
-pub(crate) fn evaluate(sphere: &SphereGrid, lobes: &ScaledLobes, scratch: &mut Scratch) -> PaddedSlice {
-    sphere.mixture(&lobes.params, lobes.gain(), scratch)
-}
-
 /// Errors of `model` against `table`, which must have the same incidences and absorption coefficients. Against the table of
 /// the fit the figures are optimistic by what the fit took up of its noise: use one of another seed.
-pub fn errors(model: &PlyData, table: &Table) -> Result<FitErrors, crate::FitError> {
-    crate::fit::check_table(table)?;
+pub fn errors(model: &PlyData, table: &Table) -> Result<FitErrors, FitError> {
+    check_table(table)?;
     let same = |a: &[f64], b: &[f64]| {
         a.len() == b.len() && a.iter().zip(b).all(|(x, y)| (x - y).abs() <= 1e-9 * (1.0 + x.abs()))
     };
@@ -74,7 +72,7 @@ pub fn errors(model: &PlyData, table: &Table) -> Result<FitErrors, crate::FitErr
         ("sigma_per_um", &model.sigma_per_um, &table.sigma_per_um),
     ] {
         if !same(a, b) {
-            return Err(crate::FitError::Axes { axis: name, model: a.len(), table: b.len() });
+            return Err(FitError::Axes { axis: name, model: a.len(), table: b.len() });
         }
     }
     let sphere = SphereGrid::new(table.grid);

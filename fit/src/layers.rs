@@ -1,8 +1,8 @@
-//! Factors of a layer of yarns (Yu 2025, 5.4), from the lobes of a fitted ply: so they belong to what the evaluator gives, not to the table.
+//! Factors of a layer of yarns (Yu 2025, 5.4), computed from the lobes of a fitted ply, so that they match the evaluator rather than the table.
 //!
 //! Forward is the half space y < 0 of the ply frame, phi_o in (pi, 2 pi). Diffuse light comes with the density cos(theta) cos(alpha) of its
 //! projected solid angle cos(theta) d theta d alpha about the layer's normal, alpha its azimuth about the ply. Light scattered to an azimuth
-//! delta beyond the one it came from stays above the layer when |alpha + delta| < pi/2; over alpha that has the chance
+//! delta beyond the one it came from stays above the layer when |alpha + delta| < pi/2. Averaged over alpha, that has the probability
 //!
 //! ```text
 //! 1/2 integral from -pi/2 to pi/2 - delta of cos(alpha) d alpha = (1 + cos delta) / 2,      cos delta = sin phi_o
@@ -10,10 +10,9 @@
 //!
 //! and over theta the weight cos^2(theta). Latitudes beyond the last node carry that node's share.
 
-use crate::absorption::energy_spectrum;
-use crate::fit_errors::evaluate;
-use crate::model::{bilinear, high_lobes, locate, refl_lobes};
-use crate::sphere::{PaddedSlice, Scratch, SphereGrid};
+use crate::lobes::absorption::energy_spectrum;
+use crate::lobes::model::{bilinear, evaluate, high_lobes, locate, refl_lobes};
+use crate::lobes::sphere::{PaddedSlice, Scratch, SphereGrid};
 use plywave::{LayerFactors, OutgoingGrid, PlyData};
 use rayon::prelude::*;
 

@@ -1,9 +1,11 @@
-//! How far two tables of one yarn, or a fitted model and a table, are apart, their noise removed: the model of a yarn against the path-traced yarn.
+//! Distance between two tables of one yarn, or between a fitted model and a table, with their noise removed: for example, of the model of a yarn from the
+//! path-traced yarn.
 
-use crate::fit::{FitError, check_table};
-use crate::fit_errors::{evaluate, excess2};
-use crate::model::{bilinear, high_lobes, locate, refl_lobes};
-use crate::sphere::{Scratch, SphereGrid};
+use crate::check::check_table;
+use crate::error::FitError;
+use crate::fit_errors::excess2;
+use crate::lobes::model::{bilinear, evaluate, high_lobes, locate, refl_lobes};
+use crate::lobes::sphere::{Scratch, SphereGrid};
 use plywave::{PlyData, Table};
 use rayon::prelude::*;
 
@@ -16,7 +18,7 @@ pub struct TableDistance {
     pub h_um: Vec<f64>,
     /// `[K]`: absorptions [1/um].
     pub sigma_per_um: Vec<f64>,
-    /// `[M][H]`: squared relative L2 distance of f_refl, the noise of both taken off; below zero where it is less than expected, NaN where noise hides it.
+    /// `[M][H]`: squared relative L2 distance of f_refl, the noise of both subtracted; below zero where it is less than expected, NaN where noise hides it.
     pub refl2: Vec<f64>,
     /// `[M][H][K]`: the same of f_high.
     pub high2: Vec<f64>,
@@ -93,13 +95,13 @@ pub fn table_distance(a: &Table, b: &Table) -> Result<TableDistance, FitError> {
     Ok(out)
 }
 
-/// Distance of a fitted model to `twin`, relative to it, at the twin's incidences up to `theta_i` [rad] and |h| `h_um`, as the model stands there, between
-/// its nodes too, and at all of the twin's absorptions. What noise the model took up from its table is in the distance.
+/// Distance of a fitted model to the table `reference`, relative to it, at the table's incidences up to `theta_i` [rad] and |h| `h_um`, between the
+/// model's nodes too, and at all of the table's absorptions. Noise that the model took from its own table is part of the distance.
 ///
 /// # Errors
-/// [`FitError::Axes`] when no incidence is left, or one lies beyond the model's nodes; [`FitError::Table`].
-pub fn model_distance(model: &PlyData, twin: &Table, theta_i: f64, h_um: f64) -> Result<TableDistance, FitError> {
-    check_table(twin)?;
+/// [`FitError::Axes`] when no incidence remains, or one lies beyond the model's nodes; [`FitError::Table`].
+pub fn model_distance(model: &PlyData, reference: &Table, theta_i: f64, h_um: f64) -> Result<TableDistance, FitError> {
+    check_table(reference)?;
     let within = |axis: &'static str, x: &[f64], nodes: &[f64], most: f64| -> Result<Vec<usize>, FitError> {
         let kept: Vec<usize> = (0..x.len()).filter(|i| x[*i].abs() <= most + 1e-9 * (1.0 + most)).collect();
         let last = nodes.last().map_or(0.0, |n| n + 1e-9 * (1.0 + n.abs()));
@@ -108,29 +110,29 @@ pub fn model_distance(model: &PlyData, twin: &Table, theta_i: f64, h_um: f64) ->
         }
         Ok(kept)
     };
-    let rows = within("theta_i", &twin.theta_i, &model.theta_i, theta_i)?;
-    let columns = within("h_um", &twin.h_um, &model.h_um, h_um)?;
-    let sphere = SphereGrid::new(twin.grid);
-    let sigmas = twin.sigma_per_um.len();
+    let rows = within("theta_i", &reference.theta_i, &model.theta_i, theta_i)?;
+    let columns = within("h_um", &reference.h_um, &model.h_um, h_um)?;
+    let sphere = SphereGrid::new(reference.grid);
+    let sigmas = reference.sigma_per_um.len();
     let incidences: Vec<(usize, usize)> = rows.iter().flat_map(|m| columns.iter().map(|n| (*m, *n))).collect();
     // f_refl, then f_high at each sigma: squared distance, difference of energy.
     let slices: Vec<Vec<(f64, f64)>> = incidences
         .par_iter()
         .map(|&(m, n)| {
             let mut scratch = Scratch::default();
-            let place = locate(model, twin.theta_i[m], twin.h_um[n]);
-            let node = m * twin.h_um.len() + n;
+            let place = locate(model, reference.theta_i[m], reference.h_um[n]);
+            let node = m * reference.h_um.len() + n;
             (0..=sigmas)
                 .map(|channel| {
                     let (lobes, slice, noise, energy) = match channel.checked_sub(1) {
                         None => {
                             let lobes = refl_lobes(model, place);
-                            (lobes, twin.refl_slice(m, n), twin.noise_refl[node], twin.energy_refl[node])
+                            (lobes, reference.refl_slice(m, n), reference.noise_refl[node], reference.energy_refl[node])
                         }
                         Some(k) => {
-                            let lobes = high_lobes(model, place, twin.sigma_per_um[k]);
+                            let lobes = high_lobes(model, place, reference.sigma_per_um[k]);
                             let at = node * sigmas + k;
-                            (lobes, twin.high_slice(m, n, k), twin.noise_high[at], twin.energy_high[at])
+                            (lobes, reference.high_slice(m, n, k), reference.noise_high[at], reference.energy_high[at])
                         }
                     };
                     let slice = sphere.pad(slice, 1.0);
@@ -142,13 +144,13 @@ pub fn model_distance(model: &PlyData, twin: &Table, theta_i: f64, h_um: f64) ->
         })
         .collect();
     let r_d = |&(m, n): &(usize, usize)| {
-        let place = locate(model, twin.theta_i[m], twin.h_um[n]);
-        bilinear(&model.r_d, model.h_um.len(), 1, 0, place) - twin.r_d[m * twin.h_um.len() + n]
+        let place = locate(model, reference.theta_i[m], reference.h_um[n]);
+        bilinear(&model.r_d, model.h_um.len(), 1, 0, place) - reference.r_d[m * reference.h_um.len() + n]
     };
     Ok(TableDistance {
-        theta_i: rows.iter().map(|m| twin.theta_i[*m]).collect(),
-        h_um: columns.iter().map(|n| twin.h_um[*n]).collect(),
-        sigma_per_um: twin.sigma_per_um.clone(),
+        theta_i: rows.iter().map(|m| reference.theta_i[*m]).collect(),
+        h_um: columns.iter().map(|n| reference.h_um[*n]).collect(),
+        sigma_per_um: reference.sigma_per_um.clone(),
         refl2: slices.iter().map(|s| s[0].0).collect(),
         high2: slices.iter().flat_map(|s| s[1..].iter().map(|v| v.0)).collect(),
         energy_refl: slices.iter().map(|s| s[0].1).collect(),

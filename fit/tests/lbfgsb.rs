@@ -1,6 +1,6 @@
 //! L-BFGS-B on problems of More, Garbow and Hillstrom in seven settings of bounds and start.
 //!
-//! Chain of trust: the residuals agree with their Python twins and the gradients with differences; the minima and the numbers of
+//! Chain of trust: the residuals agree with the same in Python and the gradients with differences; the minima and the numbers of
 //! evaluations are held to SciPy's (`tests/data/scipy_lbfgsb.json`, written by the script beside it), and every iterate to the
 //! crate `basin` run by its own executor; argmin's executor, with and without a checkpoint, must then give the same bits.
 

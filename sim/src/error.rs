@@ -20,16 +20,36 @@ pub enum SimError {
         least_radius_um: f64,
     },
     /// The spec's fiber outline cannot be built.
-    #[error("fiber.shape: {what}; {mend}")]
+    #[error("fiber.shape: {what}; {hint}")]
     BadOutline {
         /// What is wrong.
         what: String,
         /// What would be accepted.
-        mend: String,
+        hint: String,
     },
     /// The fibers crowd so much that the screw march's grid cannot tell them apart.
     #[error("the screw march cannot resolve this cross section; use the mesh tracer")]
     TooCrowded,
+    /// A table that a computation starts from cannot be used.
+    #[error("table: {field} = {value}: {hint}")]
+    Table {
+        /// Name of the field.
+        field: &'static str,
+        /// Offending value.
+        value: String,
+        /// What would be accepted.
+        hint: &'static str,
+    },
+    /// A size among the options is out of range.
+    #[error("options: {name} = {value}: must be {allowed}")]
+    Option {
+        /// Name of the option.
+        name: &'static str,
+        /// Offending value.
+        value: usize,
+        /// Allowed values.
+        allowed: &'static str,
+    },
     /// The table would not fit in memory.
     #[error(
         "simulation.phi_o_bins: the table would have {cells:.2e} cells; use fewer nodes or bins, {allowed:.1e} cells at most"

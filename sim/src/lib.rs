@@ -1,35 +1,24 @@
 //! Simulator of plywave: fiber and ply geometry, path tracing, scattering tables.
 //!
-//! Yarn spec -> cross section ([`PlySection`]) -> tracer ([`ScrewTracer`] or [`MeshTracer`]) -> [`simulate`] -> `plywave::Table`.
+//! Yarn spec -> cross section ([`PlySection`]) -> tracer ([`ScrewTracer`] or [`MeshTracer`]) -> [`simulate`] -> `plywave::Table`;
+//! a yarn of several plies: [`yarn::yarn_table`]. Single fibers by waves: [`wave`].
 
-mod dielectric;
 mod error;
-mod mesh;
-mod mesh_tracer;
+mod geometry;
 mod options;
-mod outline;
-mod packing;
 mod parts;
-mod path;
-mod screw;
-mod section;
-mod shape;
+mod rays;
 mod shard;
 mod simulate;
 mod target;
-mod tracer;
-mod walk2d;
 pub mod wave;
+pub mod yarn;
 
-pub use dielectric::{RoughDielectric, Scattered, fresnel};
 pub use error::SimError;
-pub use mesh::TriMesh;
-pub use mesh_tracer::{MeshResolution, MeshTracer};
+pub use geometry::{FiberSection, Outline, OutlinePoint, PlySection, TriMesh};
 pub use options::{SimOptions, TracerKind};
-pub use outline::{Outline, OutlinePoint};
-pub use path::{MAX_INTERACTIONS, PathEnd, trace_path};
-pub use screw::ScrewTracer;
-pub use section::{FiberSection, PlySection};
+pub use rays::{
+    Azimuthal, Hit, MAX_INTERACTIONS, Medium, MeshResolution, MeshTracer, PathEnd, RoughDielectric, Scattered,
+    ScrewTracer, Trace, Tracer, WALL_OFFSET_UM, Walk2d, fresnel, trace_path, walk_2d,
+};
 pub use simulate::{Run, simulate, total_paths};
-pub use tracer::{Hit, Medium, Trace, Tracer, WALL_OFFSET_UM};
-pub use walk2d::{Azimuthal, Walk2d, walk_2d};

@@ -6,8 +6,8 @@
 //!
 //! A single ply also tells where light leaves it and where rays meet it, for the model of a yarn ([`plywave::ExitPositions`]).
 
-use crate::dielectric::RoughDielectric;
-use crate::path::PathEnd;
+use crate::rays::dielectric::RoughDielectric;
+use crate::rays::path::PathEnd;
 use crate::target::Target;
 use nalgebra::Vector3;
 use plywave::{GaussianBeam, OutgoingGrid};

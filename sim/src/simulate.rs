@@ -5,16 +5,16 @@
 //! threads, nor on interruptions. With a parts folder every finished shard is written there before it counts, so that
 //! a resumed run loses at most the shards in work.
 
-use crate::dielectric::RoughDielectric;
 use crate::error::SimError;
-use crate::mesh_tracer::{MeshResolution, MeshTracer};
+use crate::geometry::section::PlySection;
 use crate::options::{SimOptions, TracerKind};
 use crate::parts::Parts;
-use crate::screw::ScrewTracer;
-use crate::section::PlySection;
+use crate::rays::dielectric::RoughDielectric;
+use crate::rays::mesh_tracer::{MeshResolution, MeshTracer};
+use crate::rays::screw::ScrewTracer;
+use crate::rays::tracer::Tracer;
 use crate::shard::{EXIT_AZIMUTHS, EXIT_POSITIONS, Incidence, MET_POSITIONS, Sums, trace_paths};
 use crate::target::{Target, YarnTwin};
-use crate::tracer::Tracer;
 use plywave::math::hash::SplitMix64;
 use plywave::{ExitPositions, OutgoingGrid, Table, YarnSpec};
 use rand::RngExt;

@@ -8,10 +8,10 @@
 //! every h, it counts for h by valid(psi, h)/V(h), V(h) the fraction of psi that is valid. Psi follows the golden ratio from path to path, which
 //! with the stratified lateral position covers the rectangle (x, psi) evenly.
 
-use crate::dielectric::{RoughDielectric, sin_cos_turn};
-use crate::path::{PathEnd, trace_path};
+use crate::rays::dielectric::{RoughDielectric, sin_cos_turn};
+use crate::rays::path::{PathEnd, trace_path};
+use crate::rays::tracer::{Hit, Medium, Trace, Tracer};
 use crate::shard::Incidence;
-use crate::tracer::{Hit, Medium, Trace, Tracer};
 use nalgebra::{Vector2, Vector3};
 use plywave::PlyRing;
 use rand::{Rng, RngExt};
@@ -259,7 +259,8 @@ fn entry(q: Vector2<f32>, dir: Vector3<f32>, bound: f32) -> Option<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::section::{FiberSection, PlySection};
+    use crate::geometry::fiber_section::FiberSection;
+    use crate::geometry::section::PlySection;
     use crate::shard::{EXIT_AZIMUTHS, EXIT_POSITIONS, Sums, trace_paths};
     use crate::{Outline, ScrewTracer};
     use plywave::{GaussianBeam, OutgoingGrid, ply_circle_um};

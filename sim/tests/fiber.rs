@@ -176,7 +176,7 @@ fn net_by_waves(solver: &dyn WaveSolver, wave: &Wave, phi_i: f64, beam: BeamSour
     net
 }
 
-/// The same by rays: places and directions from the beam's intensity, those that meet the effective width scattered by the table.
+/// The same by rays: places and directions from the beam's intensity, those that hit the effective width scattered by the table.
 fn net_by_rays(
     fiber: &TabulatedFiber,
     wave: &Wave,

@@ -1,4 +1,4 @@
-//! Outlines at random seeds and strong jitter: simple, counterclockwise, centred, smooth, evenly sampled; lumens strictly within.
+//! Outlines at random seeds and strong jitter: simple, counterclockwise, centered, smooth, evenly sampled; lumens strictly within.
 
 use nalgebra::Vector2;
 use plywave::{Shape, YarnSpec};
@@ -47,7 +47,7 @@ fn vertices(outline: &Outline) -> &[Vector2<f64>] {
 }
 
 #[test]
-fn outlines_are_simple_smooth_and_centred() {
+fn outlines_are_simple_smooth_and_centered() {
     for shape in shapes() {
         for fiber in fibers(&shape, 0.25, 12, 3) {
             for wall in std::iter::once(&fiber.outer).chain(&fiber.lumen) {

@@ -1,5 +1,5 @@
 //! Chain of trust of the path tracer. Truth: the closed form of a smooth circular cylinder (Zinke and Weber 2007, 5.1) and
-//! the conservation of power. Twin: the triangle mesh beside the screw march, and a run at sigma beside the reweighted one.
+//! the conservation of power. Reference: the triangle mesh beside the screw march, and a run at sigma beside the reweighted one.
 
 use nalgebra::{Vector2, Vector3};
 use plywave::{Table, YarnSpec};
@@ -269,7 +269,7 @@ fn turned_ply_is_the_same_ply() {
     }
 }
 
-/// Random rays from outside, and then on through the fiber they met: every wall the screw march finds is on that fiber's outline.
+/// Random rays from outside, and then on through the fiber they hit: every wall the screw march finds is on that fiber's outline.
 #[test]
 fn hits_lie_on_the_walls() {
     for name in ["polyester", "cotton", "silk", "viscose"] {

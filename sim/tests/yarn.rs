@@ -45,7 +45,7 @@ fn power_of_a_traced_yarn_is_conserved() {
     }
 }
 
-/// More plies send more light back and let less through: light that leaves one ply meets others.
+/// More plies send more light back and let less through: light that leaves one ply hits others.
 #[test]
 fn other_plies_stop_forward_light() {
     let forward = |t: &Table| -> f64 {

@@ -156,7 +156,7 @@ impl Shape {
         match self {
             Shape::Circle { radius_um } | Shape::Stone { radius_um, .. } => PI * radius_um * radius_um,
             Shape::Ellipse { a_um, b_um } => PI * a_um * b_um,
-            // The dent of `sim/src/shape.rs`, integrated.
+            // The dent of `sim/src/geometry/shape.rs`, integrated.
             Shape::Kidney { a_um, b_um, dent, .. } => a_um * b_um * (PI - 1.006_44 * dent),
             Shape::RoundedTriangle { radius_um, rounding_um } => {
                 let sharp = 0.75 * 3.0_f64.sqrt() * radius_um * radius_um;

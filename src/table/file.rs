@@ -70,6 +70,14 @@ impl Table {
     pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Table> {
         Ok(document::from_bytes(bytes, name)?.0)
     }
+
+    /// Checks what every table must satisfy, read or written: lengths, axes, ranges and finiteness. `name` stands for the file in errors.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`].
+    pub fn check(&self, name: &str) -> Result<()> {
+        Document::check(self, name)
+    }
 }
 
 impl Document for Table {

@@ -8,7 +8,7 @@ use crate::failure::{Failure, Outcome};
 use crate::progress::{self, Bar};
 use crate::{output, report};
 use plywave::SpecklePatterns;
-use plywave_fit::noise::NoiseOptions;
+use plywave_fit::speckle::NoiseOptions;
 use plywave_sim::Run;
 use plywave_sim::wave::{SpeckleOptions, speckle};
 use std::path::Path;
@@ -55,7 +55,7 @@ pub fn run(cli: &Cli, args: &BuildArgs) -> Outcome {
         let beam = job.spec.beam.beam();
         let options = NoiseOptions { seed: data.seed, w0_um: beam.w0_um, ..NoiseOptions::default() };
         let name = args.speckle.as_ref().map_or_else(|| job.file.display().to_string(), |f| f.display().to_string());
-        data.noise = Some(plywave_fit::noise::noise_tiles(&patterns, &options, &name)?.0);
+        data.noise = Some(plywave_fit::speckle::noise_tiles(&patterns, &options, &name)?.0);
     }
     data.save(&path)?;
     remove_parts(&parts);

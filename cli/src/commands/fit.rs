@@ -8,7 +8,8 @@ use crate::output;
 use crate::progress::{self, Bar};
 use crate::report::{self, Spread};
 use plywave::{PlyData, Table, YarnSpec};
-use plywave_fit::{FitOptions, Stage, YarnOptions, yarn_table};
+use plywave_fit::{FitOptions, Stage};
+use plywave_sim::yarn::{YarnOptions, yarn_table};
 use std::path::Path;
 use std::time::Duration;
 

@@ -6,7 +6,7 @@ use crate::failure::{Failure, Outcome};
 use crate::output;
 use crate::report::{self, number};
 use plywave::{PlyData, SpecklePatterns, SpecklePolarization, YarnSpec};
-use plywave_fit::noise::{
+use plywave_fit::speckle::{
     KIND_NAMES, LineComparison, NoiseContrast, NoiseKind, NoiseOptions, compare_lines, noise_tiles,
 };
 use std::path::{Path, PathBuf};

@@ -10,7 +10,7 @@ use crate::plot::sheet;
 use crate::report::number;
 use plywave::color::{color_matching, linear_srgb_of_xyz, srgb_encode};
 use plywave::{Instance, PlyModel, PlyQuery, PlyTerms, SpecklePatterns, direction};
-use plywave_fit::noise::{LineComparison, NoiseOptions, PatternCovariance, compare_lines};
+use plywave_fit::speckle::{LineComparison, NoiseOptions, PatternCovariance, compare_lines};
 use std::path::Path;
 
 const SIMULATED: Rgb = [120, 128, 150];

@@ -8,7 +8,7 @@ use crate::failure::{Failure, Outcome};
 use crate::progress::{self, Bar};
 use crate::{commands, output};
 use plywave::{PlyData, PlyModel, Shape, YarnSpec};
-use plywave_fit::noise::NoiseOptions;
+use plywave_fit::speckle::NoiseOptions;
 use plywave_sim::Run;
 use plywave_sim::wave::{SpeckleOptions, speckle};
 use std::path::{Path, PathBuf};
@@ -228,7 +228,7 @@ impl Workshop<'_> {
             bar.finish();
             let patterns = work?.map_err(|error| commands::compare::refuse(error, &path))?;
             let options = NoiseOptions { seed: data.seed, w0_um: spec.beam.beam().w0_um, ..NoiseOptions::default() };
-            data.noise = Some(plywave_fit::noise::noise_tiles(&patterns, &options, &path.display().to_string())?.0);
+            data.noise = Some(plywave_fit::speckle::noise_tiles(&patterns, &options, &path.display().to_string())?.0);
         }
         self.keep(name, &data, &mark)
     }

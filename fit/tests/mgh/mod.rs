@@ -181,7 +181,7 @@ pub const PROBLEMS: [(&str, Residuals); 21] = [
     }),
 ];
 
-/// Neighbour of variable `i`, zero beyond the ends.
+/// Neighbor of variable `i`, zero beyond the ends.
 fn at(x: &[Dual], i: usize, offset: isize) -> Dual {
     i.checked_add_signed(offset).and_then(|i| x.get(i)).copied().unwrap_or(Dual(0.0, 0.0))
 }

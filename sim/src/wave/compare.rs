@@ -14,10 +14,10 @@ use super::{
     total_field,
 };
 use crate::error::SimError;
+use crate::geometry::section::PlySection;
 use crate::parts::JobOutput;
-use crate::section::PlySection;
+use crate::rays::walk2d::{Walk2d, walk_2d};
 use crate::simulate::{Run, instance_seed};
-use crate::walk2d::{Walk2d, walk_2d};
 use plywave::{GaussianBeam, YarnSpec};
 use rayon::prelude::*;
 use serde::Serialize;

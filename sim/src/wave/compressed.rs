@@ -5,12 +5,15 @@
 //! others can see of it, and to the matrix T from what its sites receive to what they radiate. The [`coupling`](super::coupling) of all is a dense system that is
 //! factorized once; directions, beams and polarizations are its right-hand sides. Equal bodies share their boundary equations, wherever they lie.
 
+use super::close::{FINEST, closeness};
 use super::coupling::{Coupling, Factors, SINGLE, product};
 use super::curve::{Curve, CurvePoint, Resolution};
+use super::entries::{E, H};
 use super::kernel::{Medium, MediumKernel};
 use super::nystrom::harvest;
 use super::skeleton::{Candidates, Site, Skeleton, circle};
-use super::system::{BoundarySystem, E, FINEST, H, check_overlap, closeness, trace_walls};
+use super::system::BoundarySystem;
+use super::walls::{check_overlap, trace_walls};
 use super::{Body, C64, PlaneWave, Polarization, Scattered, SolverStats, Source, Wave, WaveError, WaveSolver, memory};
 use faer::Accum;
 use rayon::prelude::*;

@@ -3,16 +3,13 @@
 //! v holds a body's combined functionals (see [`skeleton`](super::skeleton)) of the fields that arrive from outside, T_c takes them to the strengths of its
 //! sites as sources, and K_bc is the kernel between sites, the same for e and h. The matrix is dense; where the tolerance allows, it is held and
 //! factorized in single precision, which is half the memory and twice the speed, and the solution is refined against residuals in double precision, for
-//! which K is made anew. The residual is that of the whole system in double precision in either case.
+//! which K is computed again. The residual is that of the whole system in double precision in either case.
 
 use super::C64;
 use super::kernel::MediumKernel;
+use super::lu::Lu;
 use super::skeleton::{Site, combined};
-use super::system::par;
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::lu::partial_pivoting::{factor, solve};
 use faer::linalg::matmul::matmul;
-use faer::perm::PermRef;
 use faer::traits::ComplexField;
 use faer::{Accum, MatMut, MatRef, Par};
 use num_complex::Complex32;
@@ -143,14 +140,14 @@ impl Coupling<'_> {
         let columns = v[0].len() / (fields * self.sites[0].len());
         let external = v.to_vec();
         let sizes = norms(&external, columns);
-        let mut left = external.clone();
+        let mut rest = external.clone();
         for part in v.iter_mut() {
             part.fill(C64::ZERO);
         }
         let mut best = f64::INFINITY;
         for pass in 0..=REFINEMENTS {
-            self.step(factors, fields, &left, columns, v);
-            // left = external - v + K T v
+            self.step(factors, fields, &rest, columns, v);
+            // rest = external - v + K T v
             let strengths: Vec<Vec<C64>> = v
                 .par_iter()
                 .zip(transfer)
@@ -161,13 +158,13 @@ impl Coupling<'_> {
                     out
                 })
                 .collect();
-            left = self.apply(&strengths);
-            for ((left, v), external) in left.iter_mut().zip(v.iter()).zip(&external) {
-                for ((left, v), external) in left.iter_mut().zip(v).zip(external) {
-                    *left += external - v;
+            rest = self.apply(&strengths);
+            for ((rest, v), external) in rest.iter_mut().zip(v.iter()).zip(&external) {
+                for ((rest, v), external) in rest.iter_mut().zip(v).zip(external) {
+                    *rest += external - v;
                 }
             }
-            let residual = norms(&left, columns)
+            let residual = norms(&rest, columns)
                 .iter()
                 .zip(&sizes)
                 .map(|(r, s)| if *s == 0.0 { 0.0 } else { r / s })
@@ -180,19 +177,19 @@ impl Coupling<'_> {
         (best, REFINEMENTS)
     }
 
-    /// Adds the factors' answer to `left` to v.
-    fn step(&self, factors: &Factors, fields: usize, left: &[Vec<C64>], columns: usize, v: &mut [Vec<C64>]) {
+    /// Adds the factors' solution for `rest` to v.
+    fn step(&self, factors: &Factors, fields: usize, rest: &[Vec<C64>], columns: usize, v: &mut [Vec<C64>]) {
         let firsts = self.firsts(fields);
         let n = firsts[self.sites.len()];
         let mut rhs = vec![C64::ZERO; n * columns];
         for (column, rhs) in rhs.chunks_mut(n).enumerate() {
-            for (ends, left) in firsts.windows(2).zip(left) {
+            for (ends, rest) in firsts.windows(2).zip(rest) {
                 let k = ends[1] - ends[0];
-                rhs[ends[0]..ends[1]].copy_from_slice(&left[column * k..][..k]);
+                rhs[ends[0]..ends[1]].copy_from_slice(&rest[column * k..][..k]);
             }
         }
         match factors {
-            Factors::Double(lu) => lu.solve(&mut rhs, columns),
+            Factors::Double(lu) => lu.solve(MatMut::from_column_major_slice_mut(&mut rhs, n, columns)),
             Factors::Single(lu) => {
                 // Residuals fall below what single precision holds: each column is scaled to 1.
                 let scales: Vec<f64> = rhs
@@ -204,7 +201,7 @@ impl Coupling<'_> {
                 for (column, scale) in rhs.chunks(n).zip(&scales) {
                     small.extend(column.iter().map(|v| Complex32::round(*v / *scale)));
                 }
-                lu.solve(&mut small, columns);
+                lu.solve(MatMut::from_column_major_slice_mut(&mut small, n, columns));
                 for ((rhs, small), scale) in rhs.chunks_mut(n).zip(small.chunks(n)).zip(&scales) {
                     for (out, value) in rhs.iter_mut().zip(small) {
                         *out = C64::new(f64::from(value.re), f64::from(value.im)) * *scale;
@@ -268,42 +265,4 @@ impl Number for Complex32 {
 pub(crate) enum Factors {
     Single(Lu<Complex32>),
     Double(Lu<C64>),
-}
-
-/// LU factors in place.
-pub(crate) struct Lu<T> {
-    size: usize,
-    lu: Vec<T>,
-    forward: Vec<u32>,
-    inverse: Vec<u32>,
-}
-
-impl<T: ComplexField> Lu<T> {
-    fn new(mut lu: Vec<T>, size: usize) -> Self {
-        let (mut forward, mut inverse) = (vec![0u32; size], vec![0u32; size]);
-        let mut buffer = MemBuffer::new(factor::lu_in_place_scratch::<u32, T>(size, size, par(), Default::default()));
-        factor::lu_in_place(
-            MatMut::from_column_major_slice_mut(&mut lu, size, size),
-            &mut forward,
-            &mut inverse,
-            par(),
-            MemStack::new(&mut buffer),
-            Default::default(),
-        );
-        Self { size, lu, forward, inverse }
-    }
-
-    fn solve(&self, rhs: &mut [T], columns: usize) {
-        let n = self.size;
-        let lu = MatRef::from_column_major_slice(&self.lu, n, n);
-        let mut buffer = MemBuffer::new(solve::solve_in_place_scratch::<u32, T>(n, columns, par()));
-        solve::solve_in_place(
-            lu,
-            lu,
-            PermRef::new_checked(&self.forward, &self.inverse, n),
-            MatMut::from_column_major_slice_mut(rhs, n, columns),
-            par(),
-            MemStack::new(&mut buffer),
-        );
-    }
 }

@@ -14,7 +14,7 @@ pub fn binned(samples: &[f64], bins: usize) -> Vec<f64> {
     (0..bins).map(mean).collect()
 }
 
-/// Means over `factor` neighbouring bins.
+/// Means over `factor` neighboring bins.
 pub fn coarser(values: &[f64], factor: usize) -> Vec<f64> {
     values.chunks(factor).map(|c| c.iter().sum::<f64>() / c.len() as f64).collect()
 }

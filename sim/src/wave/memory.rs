@@ -1,6 +1,6 @@
-//! Memory of the machine and of this process, where the system tells (Linux' `/proc`); `None` elsewhere.
+//! Memory of the machine and of this process, where the system reports it (Linux' `/proc`); `None` elsewhere.
 
-/// Memory that can still be taken [bytes].
+/// Free memory [bytes].
 pub fn available_bytes() -> Option<usize> {
     kib_of(&std::fs::read_to_string("/proc/meminfo").ok()?, "MemAvailable:")
 }

@@ -1,7 +1,7 @@
 //! Scattering by one circular cylinder, plain or of concentric layers, at oblique incidence: the closed form every other solver is held to.
 //!
 //! Each order is a 2x2 problem of its own (Bohren and Huffman 1983, chapter 8, for the plain cylinder); layers by the recursion of `circle.rs`. The
-//! series is cut where the outside's J_n/H_n falls below rounding, so what is left is rounding alone.
+//! series is cut where the outside's J_n/H_n falls below rounding, so only rounding remains.
 
 use super::circle::{Circle, Response, order_for};
 use super::series::{AzimuthGrid, incident, minus_i_power};
@@ -34,7 +34,7 @@ pub(super) fn reachable(circle: &Circle, wave: &Wave) -> f64 {
     1e-13 + 4e-16 * x
 }
 
-/// What all solvers ask of a wave.
+/// What all solvers require of a wave.
 pub(super) fn check_wave(wave: &Wave) -> Result<(), WaveError> {
     let invalid = |key: &str, value: f64, mend: &str| {
         Err(WaveError::Invalid { key: key.into(), value: value.to_string(), mend: mend.into() })

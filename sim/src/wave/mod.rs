@@ -16,17 +16,21 @@
 //!
 //! Conventions: exp(-i omega t), index eta + i kappa with kappa >= 0 absorbing, outgoing waves H^(1), phase zero at the origin.
 
+mod assemble;
 mod circle;
+mod close;
 mod compare;
 mod compressed;
 #[cfg(test)]
 mod compressed_tests;
 mod coupling;
 mod curve;
+mod entries;
 mod error;
 mod jobs;
 mod kernel;
 mod likeness;
+mod lu;
 mod memory;
 mod mie;
 mod multipole;
@@ -39,6 +43,7 @@ mod rays;
 mod scatter;
 mod scene;
 mod scene_check;
+mod scene_toml;
 mod section_bodies;
 mod series;
 mod single_fiber;
@@ -50,6 +55,7 @@ mod symmetry;
 mod system;
 mod tabulate;
 mod total_field;
+mod walls;
 
 pub use compare::{
     AcrossWavelengths, CompareCase, CompareCurves, CompareOptions, CompareReport, Energies, Resolved, compare,

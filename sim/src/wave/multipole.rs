@@ -9,16 +9,14 @@
 //! amplitudes of the last ones are small enough for probe waves from several sides.
 
 use super::circle::{Circle, M2, Response, order_for};
+use super::lu::{Lu, par};
 use super::memory::available_bytes;
 use super::mie::{check_wave, reachable};
 use super::series::{incident, minus_i_power};
 use super::special::{Sequence, power_of_two};
 use super::{Body, C64, Polarization, Scattered, SolverStats, Source, Wave, WaveError, WaveSolver};
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::lu::partial_pivoting::{factor, solve};
 use faer::linalg::matmul::matmul;
-use faer::perm::PermRef;
-use faer::{Accum, Mat, MatMut, MatRef, Par};
+use faer::{Accum, Mat, MatRef};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -69,9 +67,7 @@ impl Cylinder {
 struct System {
     fields: &'static [usize],
     size: usize,
-    lu: Vec<C64>,
-    perm: Vec<usize>,
-    perm_inverse: Vec<usize>,
+    lu: Lu<C64>,
 }
 
 /// Right-hand side and solution of one batch, columns by source.
@@ -82,10 +78,6 @@ struct Solution {
     exciting: Mat<C64>,
     /// Scattered amplitudes times s.
     x: Mat<C64>,
-}
-
-fn par() -> Par {
-    if rayon::current_num_threads() > 1 { Par::rayon(0) } else { Par::Seq }
 }
 
 impl MultipoleSolver {
@@ -283,18 +275,7 @@ impl MultipoleSolver {
                 }
             }
         });
-        let (mut perm, mut perm_inverse) = (vec![0usize; size], vec![0usize; size]);
-        let mut memory =
-            MemBuffer::new(factor::lu_in_place_scratch::<usize, C64>(size, size, par(), Default::default()));
-        factor::lu_in_place(
-            MatMut::from_column_major_slice_mut(&mut lu, size, size),
-            &mut perm,
-            &mut perm_inverse,
-            par(),
-            MemStack::new(&mut memory),
-            Default::default(),
-        );
-        System { fields, size, lu, perm, perm_inverse }
+        System { fields, size, lu: Lu::new(lu, size) }
     }
 
     /// `out += G x` in scaled amplitudes, every field alike.
@@ -535,10 +516,7 @@ impl System {
     }
 
     fn solve(&self, x: &mut Mat<C64>) {
-        let lu = MatRef::from_column_major_slice(&self.lu, self.size, self.size);
-        let perm = PermRef::new_checked(&self.perm, &self.perm_inverse, self.size);
-        let mut memory = MemBuffer::new(solve::solve_in_place_scratch::<usize, C64>(self.size, x.ncols(), par()));
-        solve::solve_in_place(lu, lu, perm, x.as_mut(), par(), MemStack::new(&mut memory));
+        self.lu.solve(x.as_mut());
     }
 }
 

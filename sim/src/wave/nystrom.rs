@@ -9,12 +9,14 @@
 //! ```
 //!
 //! and the power that enters the fibers is `-(1/2) integral Im(P e* + Q h*) ds`, since E_t = -i Q and H_t = i P on the walls. The far field of bodies
-//! within r of a point is a trigonometric polynomial of order little above k_rho r about it: it is computed on as many azimuths as that
-//! takes, which gives C_sca exactly, and from there at any azimuth.
+//! within r of a point is a trigonometric polynomial of order little above k_rho r about it. It is computed on the azimuths that determine this
+//! polynomial, which gives C_sca exactly, and interpolated to any azimuth.
 
 use super::curve::CurvePoint;
+use super::entries::{E, H, P, Q};
+use super::lu::par;
 use super::symmetry::{Element, Group};
-use super::system::{BoundarySystem, E, H, P, Q, par};
+use super::system::BoundarySystem;
 use super::{
     Body, C64, PlaneWave, Polarization, Scattered, SolverStats, Source, Wave, WaveError, WaveSolver, extinction_width,
     scattering_width,

@@ -1,8 +1,9 @@
-//! Tests of the boundary integral solver. Truth first: the series of layered circular cylinders, written here by itself; then sources inside and outside
-//! of outlines that are not circles, whose densities are known; then what must hold of any solution (ledger, reciprocity, convergence); then slow twins.
+//! Tests of the boundary integral solver. Truth first: the series of layered circular cylinders, implemented here independently; then sources inside and outside
+//! of outlines that are not circles, whose densities are known; then what must hold of any solution (ledger, reciprocity, convergence); then reference implementations.
 
 use super::curve::Resolution;
-use super::system::{BoundarySystem, COMPONENTS};
+use super::entries::COMPONENTS;
+use super::system::BoundarySystem;
 use super::*;
 use complex_bessel::{Scaling, besselj_seq, hankel1_seq};
 

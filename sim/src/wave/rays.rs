@@ -1,15 +1,16 @@
 //! One fiber by rays: its azimuthal scattering under a beam that is wider than it (Xia 2020, 6: "Ray traced BCSDF").
 //!
-//! The walk is that of the ply, [`trace_path`], through a section of one straight fiber. Rays know no scale but absorption, so the fiber is traced as if it were
-//! of a fixed size, that of the fibers the tracer's offsets were made for, and path lengths are scaled back.
+//! The walk is that of the ply, [`trace_path`], through a section of one straight fiber. Only absorption has a scale for rays, so the fiber is traced at a fixed size,
+//! that of the fibers the tracer's offsets are meant for, and path lengths are scaled back.
 
 use super::{SingleFiber, WaveError};
-use crate::dielectric::RoughDielectric;
 use crate::error::SimError;
-use crate::outline::Outline;
-use crate::path::{PathEnd, trace_path};
-use crate::screw::ScrewTracer;
-use crate::section::{FiberSection, PlySection};
+use crate::geometry::fiber_section::FiberSection;
+use crate::geometry::outline::Outline;
+use crate::geometry::section::PlySection;
+use crate::rays::dielectric::RoughDielectric;
+use crate::rays::path::{PathEnd, trace_path};
+use crate::rays::screw::ScrewTracer;
 use crate::simulate::stream;
 use nalgebra::Vector3;
 use rand::RngExt;
@@ -18,7 +19,7 @@ use std::f64::consts::TAU;
 /// Radius that fibers are traced at [um].
 const TRACED_UM: f64 = 10.0;
 
-/// A fiber ready to be traced.
+/// A fiber prepared for tracing.
 pub(crate) struct RaySlice {
     fiber: SingleFiber,
     tracer: ScrewTracer,

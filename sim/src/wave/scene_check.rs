@@ -1,7 +1,7 @@
 //! Walls of a scene against themselves and each other: simple, smooth, apart, lumens inside of their bodies.
 //!
 //! Circles are treated exactly. Other walls are sampled so densely that the chords leave the curve by some 1e-6 of its size; two walls that are closer
-//! than their chords' departures count as touching. Chords are looked at in runs with a bounding box each, so that a pair of walls costs
+//! than their chords' departures count as touching. Chords are grouped into runs with a bounding box each, so that a pair of walls costs
 //! little more than its nearest runs.
 
 use super::{Body, C64, Shape, WaveError};

@@ -1,14 +1,15 @@
-//! The cross section of a ply instance as bodies of the wave code: the plane z = 0 of a [`PlySection`], taken as parallel fibers (Yu 2025, 4.3).
+//! The cross section of a ply instance as bodies of the wave code: the plane z = 0 of a [`PlySection`], whose fibers count as parallel (Yu 2025, 4.3).
 //!
 //! Circles stay circles. A polyline whose vertices lie on an ellipse becomes that ellipse. Any other polyline has its vertices on a smooth curve, evenly in
 //! arc length, so that its trigonometric interpolant converges as fast as the curve is smooth: it becomes a Fourier outline through the vertices, cut
-//! where the rest is below [`CUT_UM`], and held to the outline between them. Rounded polygons, whose curvature jumps, decay as 1/k^3: their joints are
+//! where the rest is below [`CUT_UM`], and checked against the outline between them. Rounded polygons, whose curvature jumps, decay as 1/k^3: their joints are
 //! softened over one spacing of the vertices or so.
 
 use super::scene_check::check_walls;
 use super::{Body, C64, Shape, WaveError};
-use crate::outline::Outline;
-use crate::section::{FiberSection, PlySection};
+use crate::geometry::fiber_section::FiberSection;
+use crate::geometry::outline::Outline;
+use crate::geometry::section::PlySection;
 use nalgebra::{Matrix4, Vector2, Vector4};
 use std::f64::consts::TAU;
 
@@ -105,7 +106,7 @@ fn fourier_through(points: &[Vector2<f64>]) -> Result<Shape, WaveError> {
         (k, sum * (share / n as f64))
     };
     let mut coeffs: Vec<(i32, C64)> = (-top..=top).map(coefficient).collect();
-    // No point moves by more than the sum of what is left out.
+    // No point moves by more than the sum of the omitted harmonics.
     let mut moved = 0.0;
     let keep = (1..=top).rev().find(|k| {
         moved += coeffs.iter().filter(|(j, _)| j.abs() == *k).map(|(_, c)| c.norm()).sum::<f64>();
@@ -205,7 +206,7 @@ mod tests {
                     let walls = [(Some(body), Some(&fiber.outer)), (lumen, fiber.lumen.as_ref())];
                     for (body, wall) in walls.into_iter().filter_map(|(b, w)| Some((b?, w?))) {
                         let points: Vec<_> = points(body, 3000).into_iter().map(|p| fiber.to_fiber(p)).collect();
-                        // A vertex that stands out of the chord between its neighbours by s makes the polyline that much too small.
+                        // A vertex that stands out of the chord between its neighbors by s makes the polyline that much too small.
                         let sagitta = match wall {
                             Outline::Circle { .. } => 0.0,
                             Outline::Polyline(p) => {

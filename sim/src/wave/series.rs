@@ -3,7 +3,7 @@
 use super::{C64, PlaneWave};
 use std::f64::consts::{PI, TAU};
 
-/// Multiplications by one phase factor before it is computed anew: keeps the phase to 1e-14.
+/// Multiplications by one phase factor before it is computed again: keeps the phase to 1e-14.
 const REFRESH: usize = 32;
 
 /// Amplitudes p_n, n = -top..=top, of `sum_m A_m exp(-i k_rho x . u_m) = sum_n p_n J_n(k_rho rho) exp(i n phi)` about `center_um`.
@@ -46,7 +46,7 @@ impl AzimuthGrid {
     pub fn sum(&self, coeffs: &[C64]) -> Vec<C64> {
         let size = self.roots.len();
         let top = (coeffs.len() / 2) as i64;
-        // Orders that agree modulo the grid's size cannot be told apart on it.
+        // Orders that agree modulo the grid's size are the same on it.
         let mut folded = vec![C64::new(0.0, 0.0); size];
         for (i, c) in coeffs.iter().enumerate() {
             folded[(i as i64 - top).rem_euclid(size as i64) as usize] += c;

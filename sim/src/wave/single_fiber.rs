@@ -5,9 +5,9 @@
 
 use super::{Body, C64, Scene, Shape, WaveError};
 use crate::error::SimError;
-use crate::outline::Outline;
-use crate::section::FiberSection;
-use crate::shape;
+use crate::geometry::fiber_section::FiberSection;
+use crate::geometry::outline::Outline;
+use crate::geometry::shape;
 use nalgebra::Vector2;
 use plywave::fiber::OutlineSymmetry;
 use plywave::{FiberSpec, YarnSpec};

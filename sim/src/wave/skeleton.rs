@@ -1,6 +1,6 @@
-//! A body as the others see it: a few directional points on its outer wall that stand for all sources and all receivers on it.
+//! A body as the others see it: a few directional points on its outer wall that represent all sources and all receivers on it.
 //!
-//! Whatever a body radiates is a sum of monopoles, normal dipoles and tangential dipoles on its outer wall, and what its boundary equations ask of an
+//! Whatever a body radiates is a sum of monopoles, normal dipoles and tangential dipoles on its outer wall, and what its boundary equations need of an
 //! arriving field is that field's value, normal and tangential derivative there. Both are one matrix, since Green's function is symmetric. Its
 //! numerical rank is little more than the number of waves that fit around the wall, `2 k_rho r`, so that an interpolative decomposition (Cheng, Gimbutas,
 //! Martinsson and Rokhlin 2005) writes it through `k` of its own rows and columns.
@@ -12,17 +12,17 @@
 //! ```
 //!
 //! at points of the wall (s: root of the arc length a point stands for). As a source it is Brakhage and Werner's combined layer, as a receiver the
-//! impedance trace; with either alone some interior wavenumbers would not be served (single and double layer alone need hundreds of times larger coefficients).
-//! One kind of point makes all interactions one kernel, `L_x L_y G`, in [`combined`].
+//! impedance trace; either layer alone fails at some interior wavenumbers (single and double layer alone need coefficients hundreds of times larger).
+//! With one kind of point, all interactions have one kernel, `L_x L_y G`, in [`combined`].
 //!
 //! What the others see is tested by a circle around the body, which stands for everything beyond it (Green), and by the points of those walls that
 //! reach into the circle: circumscribed circles may overlap. Where another wall is so close that the nodes do not resolve the kernel, finer points
 //! take their place in a smooth window, to which densities are interpolated and from which arriving fields are projected, by the transposed matrix.
 
 use super::C64;
+use super::close::WINDOW_NODES;
 use super::curve::{Curve, CurvePoint};
 use super::kernel::MediumKernel;
-use super::system::WINDOW_NODES;
 use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::solve_upper_triangular_in_place;
 use faer::{Accum, MatMut, MatRef, Par};
@@ -356,7 +356,7 @@ fn subtract(c: &mut [f64], along: C64, q: &[f64]) -> f64 {
     sum.iter().sum()
 }
 
-/// Gram-Schmidt with column pivots, until the largest column left is below `tolerance` of the first. `rows` is a multiple of [`LANES`].
+/// Gram-Schmidt with column pivots, until the largest remaining column is below `tolerance` of the first. `rows` is a multiple of [`LANES`].
 fn pick(columns: &[C64], rows: usize, tolerance: f64) -> Picked {
     let mut split: Vec<f64> = Vec::with_capacity(2 * columns.len());
     for column in columns.chunks(rows) {

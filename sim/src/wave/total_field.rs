@@ -1,4 +1,4 @@
-//! The far field of a beam and of what the fibers make of it, as energy over the azimuth: what rays call f_miss + f_refl + f_high (Yu 2025, 4.5).
+//! The far field of a beam together with the light that the fibers scatter, as energy over the azimuth: for rays, f_miss + f_refl + f_high (Yu 2025, 4.5).
 //!
 //! A beam is an integral of plane waves over the azimuth alpha that they come from, `E = integral A(alpha) e_pol(alpha) exp(-i k_rho rho cos(phi - alpha))
 //! d alpha`, with `A(alpha) = k_rho cos(alpha - phi_i) a(q)`, `q = k_rho sin(alpha - phi_i)` and a the beam's spectrum. At large rho the phase is

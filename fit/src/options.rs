@@ -1,0 +1,103 @@
+//! How hard to fit: numbers of lobes and iterations, with presets.
+
+use crate::error::FitError;
+use crate::lobes::block::BlockEffort;
+use crate::lobes::reflection::ReflectionEffort;
+
+/// How hard and with how many lobes to fit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FitOptions {
+    /// Reflection lobes per incidence; 1 is the paper's choice, which cannot wrap a distribution wider than a half turn.
+    pub lobes_refl: usize,
+    /// High-order lobes.
+    pub lobes_high: usize,
+    /// Effort of a block of high-order slices.
+    pub block: BlockEffort,
+    /// Effort of the reflection slices.
+    pub reflection: ReflectionEffort,
+    /// Iterations of the absorption spectra of a block.
+    pub absorption_iterations: usize,
+    /// Iterations of the joint refinement of a block's lobes and spectra at all sigma.
+    pub dark_iterations: usize,
+    /// Weight in it of a slice at sigma > 0 against one at sigma = 0.
+    pub dark_share: f64,
+}
+
+impl FitOptions {
+    /// Seconds: for a first look.
+    pub fn preview() -> Self {
+        FitOptions {
+            block: BlockEffort {
+                starts: 2,
+                start_iterations: 60,
+                moves: 2,
+                move_iterations: 40,
+                iterations: 80,
+                tolerance: 3e-3,
+            },
+            reflection: ReflectionEffort { rounds: 1, iterations: 40, ..Self::standard().reflection },
+            absorption_iterations: 60,
+            dark_iterations: 40,
+            ..Self::standard()
+        }
+    }
+
+    /// The errors of the README.
+    pub fn standard() -> Self {
+        FitOptions {
+            lobes_refl: 3,
+            lobes_high: 8,
+            block: BlockEffort {
+                starts: 8,
+                start_iterations: 150,
+                moves: 6,
+                move_iterations: 60,
+                iterations: 300,
+                tolerance: 1e-3,
+            },
+            reflection: ReflectionEffort { starts: 4, iterations: 80, rounds: 3, smoothness: 5e-3, tolerance: 1e-3 },
+            absorption_iterations: 150,
+            dark_iterations: 80,
+            dark_share: 0.03,
+        }
+    }
+
+    /// Everything the minimizer can find.
+    pub fn reference() -> Self {
+        FitOptions {
+            block: BlockEffort {
+                starts: 8,
+                start_iterations: 400,
+                moves: 30,
+                move_iterations: 150,
+                iterations: 1000,
+                tolerance: 1e-4,
+            },
+            reflection: ReflectionEffort {
+                starts: 8,
+                iterations: 300,
+                rounds: 4,
+                tolerance: 1e-4,
+                ..Self::standard().reflection
+            },
+            absorption_iterations: 400,
+            dark_iterations: 300,
+            ..Self::standard()
+        }
+    }
+}
+
+impl FitOptions {
+    /// Refuses numbers of lobes and starts that are out of range.
+    pub(crate) fn check(&self) -> Result<(), FitError> {
+        for (name, value) in [("lobes_refl", self.lobes_refl), ("lobes_high", self.lobes_high)] {
+            if !(1..=64).contains(&value) {
+                return Err(FitError::Option { name, value, allowed: "1 to 64" });
+            }
+        }
+        if self.block.starts == 0 || self.reflection.starts == 0 {
+            return Err(FitError::Option { name: "starts", value: 0, allowed: "1 or more" });
+        }
+        Ok(())
+    }
+}

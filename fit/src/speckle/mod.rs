@@ -1,0 +1,90 @@
+//! Noise tiles from the patterns of simulated fibers (Yu 2025, 6.2, Eq. 19-23; supplement not at hand, `docs/papers.md`).
+//!
+//! The light of one kind in one direction is modeled as `N = |a + sqrt(b) g|^2` times its mean, a a constant phasor and g a circular complex Gaussian process of
+//! unit variance and correlation mu, `a^2 + b = 1`. Then N has mean 1 and, by the moments of Gaussian variables,
+//!
+//! ```text
+//! C(d) = <N(x) N(x + d)> - 1 = 2 b (1 - b) mu(d) + b^2 mu(d)^2            (mu real)
+//! C(0) = 1 - (1 - b)^2
+//! ```
+//!
+//! so that b follows from the contrast sqrt(C(0)) and mu from the covariance, `spectrum.rs`. The paper's form is b = 1, a fully developed speckle of contrast 1
+//! with `C = mu^2`, whose covariance cannot be negative. The light of one smooth fiber is the sum of few rays: its contrast is below 1, and its
+//! covariance swings below 0 as their fringes do, which the constant phasor allows.
+//!
+//! A contrast above 1 (glints of flat faces, turned at random) is more than N can have; then b = 1, and the report says so. Where several fibers are in view,
+//! their light adds up incoherently, and C is that of one fiber divided by their number.
+//!
+//! One field serves all wavelengths by a stretch, so C / C(0) is the mean over the simulated wavelengths, each at its stretched lag. Their contrasts differ too:
+//! a straight line over the wavelength is fitted to them. The field has the largest contrast on that line; at the other wavelengths N fades to `1 + s (N - 1)`,
+//! s <= 1, which keeps mean and sign and scales C by s^2.
+
+mod covariance;
+mod fields;
+mod line;
+mod options;
+mod spectrum;
+mod tile;
+
+pub use covariance::{PatternCovariance, refl_and_high, stretched_mean};
+pub use line::{LineComparison, LinePatterns, compare_lines};
+pub use options::{KIND_NAMES, KIND_SIDES, NoiseContrast, NoiseOptions};
+pub use spectrum::{FieldModel, intensity_covariance};
+
+use fields::field_models;
+use plywave::{Error, NoiseTiles, SpecklePatterns};
+
+/// What the noise of one kind of light was computed from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NoiseKind {
+    /// Of the simulated patterns at all wavelengths, stretched to the shortest.
+    pub measured: PatternCovariance,
+    /// The field fitted to it.
+    pub model: FieldModel,
+    /// Contrast of the tiles at their nodes.
+    pub contrast_nodes: f64,
+    /// Contrast of the tiles looked up between the nodes, on average.
+    pub contrast: f64,
+    /// Largest error of a coded value, over the standard deviation of the tile.
+    pub coding_error: f64,
+}
+
+/// Tiles of the light of `patterns`, which need clear and absorbing fibers (first and last kappa), and what they were computed from, f_refl first. The tiles
+/// are those of the shortest wavelength. `file` is for messages.
+///
+/// # Errors
+/// [`Error::Invalid`] for patterns without absorbing fibers or of fewer than two instances.
+pub fn noise_tiles(
+    patterns: &SpecklePatterns,
+    options: &NoiseOptions,
+    file: &str,
+) -> Result<(NoiseTiles, [NoiseKind; 2]), Error> {
+    let models = field_models(patterns, options, file)?;
+    let mut tiles = Vec::new();
+    let mut code = Vec::new();
+    let (mut step, mut contrast, mut fade) = ([[0.0; 2]; 2], [[0.0; 2]; 2], [[0.0; 2]; 2]);
+    let mut kinds = Vec::new();
+    for (k, (measured, model)) in models.into_iter().enumerate() {
+        let tile_set =
+            tile::tiles(&model, patterns.lambda_um[0], options, options.seed.wrapping_mul(2).wrapping_add(k as u64));
+        tiles.extend(tile_set.codes);
+        code.extend(tile_set.code);
+        step[k] = tile_set.step;
+        fade[k] = model.fade;
+        contrast[k] = [measured.contrast(), tile_set.contrast];
+        kinds.push(NoiseKind {
+            measured,
+            model,
+            contrast_nodes: tile_set.contrast_nodes,
+            contrast: tile_set.contrast,
+            coding_error: tile_set.coding_error,
+        });
+    }
+    let sizes = [options.tiles, options.rows, options.columns];
+    let tiles = NoiseTiles { tiles, sizes, code, step, lambda_um: patterns.lambda_um[0], fade, contrast };
+    let [refl, high]: [NoiseKind; 2] = match kinds.try_into() {
+        Ok(kinds) => kinds,
+        Err(_) => unreachable!("one for each of the two kinds"),
+    };
+    Ok((tiles, [refl, high]))
+}

@@ -1,0 +1,56 @@
+//! What noise to synthesize: sizes, polarization and contrast.
+
+use plywave::{SpecklePolarization, SpeckleSide};
+
+/// What the noise is to have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NoiseContrast {
+    /// The contrast and the covariance of the simulated fibers.
+    Measured,
+    /// Contrast 1 and `mu^2 = max(C / C(0), 0)`: Yu 2025, Eq. 19-22.
+    Developed,
+}
+
+/// Sizes and choices.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NoiseOptions {
+    /// Seed of the tiles.
+    pub seed: u64,
+    /// Tiles a kind, a power of two.
+    pub tiles: usize,
+    /// Nodes along v, a power of two.
+    pub rows: usize,
+    /// Nodes along u, a power of two.
+    pub columns: usize,
+    /// Nodes in the half width at half height of the covariance.
+    pub nodes_a_half_width: f64,
+    /// Waist of the beam on the ply [um], which is the illuminated length.
+    pub w0_um: f64,
+    /// Light of which polarization; renderers have unpolarized light.
+    pub polarization: SpecklePolarization,
+    /// Fibers that are in view at once, whose patterns add up.
+    pub fibers: u32,
+    /// Contrast of the noise.
+    pub contrast: NoiseContrast,
+}
+
+impl Default for NoiseOptions {
+    fn default() -> Self {
+        NoiseOptions {
+            seed: 1,
+            tiles: 4,
+            rows: 512,
+            columns: 1024,
+            nodes_a_half_width: 4.0,
+            w0_um: 10.0,
+            polarization: SpecklePolarization::Unpolarized,
+            fibers: 1,
+            contrast: NoiseContrast::Measured,
+        }
+    }
+}
+
+/// The azimuths that the statistics of f_refl and f_high look at. Behind a dark fiber there is diffracted light, which is no reflection.
+pub const KIND_SIDES: [SpeckleSide; 2] = [SpeckleSide::Reflection, SpeckleSide::All];
+/// Names of the kinds.
+pub const KIND_NAMES: [&str; 2] = ["refl", "high"];

@@ -1,0 +1,68 @@
+//! The cross section of a ply: fibers placed without overlap in the plane z = 0 (Yu 2025, 4.1, Fig. 5a).
+//!
+//! Along z the whole section turns rigidly about the axis, so fibers that are apart at z = 0 are apart everywhere.
+
+use crate::error::SimError;
+use crate::geometry::fiber_section::FiberSection;
+use crate::geometry::outline::Outline;
+use crate::geometry::{packing, shape};
+use plywave::{Handedness, YarnSpec};
+use rand_pcg::Pcg64Mcg;
+use std::f64::consts::TAU;
+
+/// The cross section of a ply at z = 0; at height z it is turned by `z * twist_per_um` about the axis.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlySection {
+    /// The fibers.
+    pub fibers: Vec<FiberSection>,
+    /// Radius of the smallest circle about the axis that holds all fibers [um].
+    pub bound_radius_um: f64,
+    /// Turn per length, `2 pi / pitch` [rad/um]: positive for Z twist, negative for S, 0 for parallel fibers.
+    pub twist_per_um: f64,
+}
+
+impl PlySection {
+    /// Draw the fibers of `spec` and pack them. The same seed gives the same section.
+    ///
+    /// # Errors
+    /// [`SimError::CannotPack`] when the fibers do not fit within the ply, [`SimError::BadOutline`] for a shape that cannot be built.
+    pub fn generate(spec: &YarnSpec, seed: u64) -> Result<PlySection, SimError> {
+        let mut rng = Pcg64Mcg::new(0x9e37_79b9_7f4a_7c15_f39c_c060_5ced_c835 ^ u128::from(seed) << 1);
+        let mut fibers = Vec::new();
+        for _ in 0..spec.ply.fibers {
+            fibers.push(shape::draw(&spec.fiber, &mut rng)?);
+        }
+        packing::pack(&mut fibers, &spec.fiber, &spec.ply, &mut rng)?;
+        let bound_radius_um = fibers.iter().map(reach).fold(0.0, f64::max);
+        let sign = if spec.ply.handedness == Handedness::Z { 1.0 } else { -1.0 };
+        let twist_per_um = spec.ply.fiber_pitch_um.map_or(0.0, |pitch| sign * TAU / pitch);
+        Ok(PlySection { fibers, bound_radius_um, twist_per_um })
+    }
+
+    /// Turn of the section at height `z_um` [rad].
+    pub fn turn(&self, z_um: f64) -> f64 {
+        z_um * self.twist_per_um
+    }
+
+    /// Least gap between any two fibers [um], infinite for fewer than two. Exact for the outlines as held.
+    pub fn min_gap_um(&self) -> f64 {
+        let mut least = f64::INFINITY;
+        for (i, a) in self.fibers.iter().enumerate() {
+            for b in &self.fibers[i + 1..] {
+                let bounds = a.outer.bounding_radius() + b.outer.bounding_radius();
+                if (a.center_um - b.center_um).norm() - bounds < least {
+                    least = least.min(a.min_distance(b));
+                }
+            }
+        }
+        least
+    }
+}
+
+/// Largest distance of a fiber's points from the axis [um].
+fn reach(fiber: &FiberSection) -> f64 {
+    match &fiber.outer {
+        Outline::Circle { radius_um } => fiber.center_um.norm() + radius_um,
+        Outline::Polyline(points) => points.iter().map(|&p| fiber.to_ply(p).norm()).fold(0.0, f64::max),
+    }
+}

@@ -1,0 +1,102 @@
+//! The walk of one path through a ply: rough dielectric scattering at every fiber wall until the path escapes (Yu 2025, 4.4).
+
+use crate::rays::dielectric::RoughDielectric;
+use crate::rays::tracer::{Medium, Trace, Tracer, WALL_OFFSET_UM};
+use nalgebra::Vector3;
+use rand::Rng;
+
+/// How a path ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PathEnd {
+    /// It hit no fiber (f_miss).
+    Miss,
+    /// It left after reflections only (f_refl).
+    Reflected {
+        /// Direction of propagation.
+        dir: Vector3<f32>,
+        /// A place on its last line [um].
+        pos: Vector3<f32>,
+        /// Wall interactions.
+        interactions: u32,
+    },
+    /// It was in a fiber's material (f_high).
+    High {
+        /// Direction of propagation.
+        dir: Vector3<f32>,
+        /// A place on its last line [um].
+        pos: Vector3<f32>,
+        /// Length in the material [um].
+        length_um: f32,
+        /// Wall interactions.
+        interactions: u32,
+    },
+    /// It was stopped at the interaction limit or lost by the tracer; counted, never added elsewhere.
+    Killed,
+}
+
+/// Wall interactions after which a path is killed. Smooth fibers guide light for long; rough ones never come near.
+pub const MAX_INTERACTIONS: u32 = 10_000;
+
+/// Trace one path from `pos` [um] outside the ply in unit direction `dir`.
+pub fn trace_path<T: Tracer + ?Sized, R: Rng>(
+    tracer: &T,
+    surface: &RoughDielectric,
+    mut pos: Vector3<f32>,
+    mut dir: Vector3<f32>,
+    rng: &mut R,
+) -> PathEnd {
+    let mut medium = Medium::Air;
+    let mut interactions = 0;
+    let mut length_um = 0.0f32;
+    let mut entered = false;
+    loop {
+        let hit = match tracer.trace(pos, dir, medium) {
+            Trace::Hit(hit) => hit,
+            Trace::Escaped => break,
+            Trace::Lost => return PathEnd::Killed,
+        };
+        interactions += 1;
+        if interactions > MAX_INTERACTIONS {
+            return PathEnd::Killed;
+        }
+        let outside = !matches!(medium, Medium::Fiber(_));
+        if !outside {
+            length_um += hit.t_um;
+        }
+        let n = hit.normal;
+        let (t, b) = basis(n);
+        // At a corner sharper than the geometry resolves, the normal can face away from a ray that passes the wall: it then
+        // counts as grazing, from the side of its medium.
+        let z = dir.dot(&n).abs().max(1e-6);
+        let local = Vector3::new(dir.dot(&t), dir.dot(&b), if outside { -z } else { z });
+        let s = surface.scatter(local, outside, rng);
+        if s.order == 0 {
+            return PathEnd::Killed;
+        }
+        pos += dir * hit.t_um;
+        dir = (t * s.dir.x + b * s.dir.y + n * s.dir.z).normalize();
+        if s.outside {
+            medium = hit.air_side();
+            pos += n * WALL_OFFSET_UM;
+        } else {
+            medium = Medium::Fiber(hit.fiber);
+            entered = true;
+            pos -= n * WALL_OFFSET_UM;
+        }
+    }
+    if interactions == 0 {
+        PathEnd::Miss
+    } else if entered {
+        PathEnd::High { dir, pos, length_um, interactions }
+    } else {
+        PathEnd::Reflected { dir, pos, interactions }
+    }
+}
+
+/// Two unit vectors that make a right-handed basis with the unit vector `n` (Duff et al. 2017).
+fn basis(n: Vector3<f32>) -> (Vector3<f32>, Vector3<f32>) {
+    let sign = 1.0f32.copysign(n.z);
+    let a = -1.0 / (sign + n.z);
+    let b = n.x * n.y * a;
+    (Vector3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x), Vector3::new(b, sign + n.y * n.y * a, -n.y))
+}

@@ -1,0 +1,529 @@
+//! The screw march: a rigid screw sweep is a 2D picture, `inside(x, y, z) = inside2D(Rot(-twist z)(x, y))`, so a ray is
+//! marched through signed distances of the cross section in the frame that turns with the fibers.
+//!
+//! In that frame a ray `p + s d` moves as `q(s) = Rot(-twist d_z s)(q0 + s d_xy)`, at a speed of at most
+//! `|d_xy| + |twist d_z| |q|`. Within the distance to the nearest wall, and so within `r + distance` of the axis, nothing can be
+//! hit, which bounds a safe step. Close to a wall the step is Newton's: along a line the distance to a convex outline is a
+//! convex function, so that Newton never passes it from the outside; where an outline is dented or the twist bends the
+//! line, a pass of the wall is seen by the sign and walked back.
+//!
+//! The distance to the nearest fiber comes from one grid over the ply; near the walls its cells name the fibers to test
+//! for their exact distance: circles in closed form, all others by a grid of distance and gradient of their own.
+
+use crate::geometry::outline::Outline;
+use crate::geometry::section::PlySection;
+use crate::rays::tracer::{Hit, Medium, Trace, Tracer};
+use nalgebra::{Vector2, Vector3};
+
+type V2 = Vector2<f32>;
+
+/// A wall counts as hit when it is closer than this [um]; smaller than the offset that paths start with.
+const HIT_UM: f32 = 2e-4;
+/// Steps after which a march is given up.
+const MAX_STEPS: u32 = 20_000;
+/// Least step along dented walls and walls seen from inside, as motion in the turning frame [um].
+const LEAST_STEP_UM: f32 = 0.2;
+/// Distance from a dented wall, or one seen from inside, within which Newton's step is taken, up to four safe steps long [um].
+/// It may pass the wall, which is seen; that it passes out and in again would take a dent thinner than what it overshoots.
+const NEWTON_WITHIN_UM: f32 = 1.0;
+/// Fibers that one cell of the ply's grid names.
+const NEAR: usize = 4;
+/// Marks an unused place in a cell.
+const NONE: u8 = u8::MAX;
+/// Least free length [um] that a cell must leave before a fiber it does not name can count.
+const LEAST_FREE_UM: f32 = 0.2;
+
+/// Signed distance and its gradient, negative inside, of one outline in the ply's frame.
+enum Wall {
+    Circle { center: V2, radius: f32 },
+    Grid(DistanceGrid),
+}
+
+impl Wall {
+    fn new(outline: &Outline, center: Vector2<f64>, angle: f64) -> Wall {
+        match outline {
+            Outline::Circle { radius_um } => Wall::Circle { center: center.cast(), radius: *radius_um as f32 },
+            Outline::Polyline(points) => {
+                let turn = nalgebra::Rotation2::new(angle);
+                Wall::Grid(DistanceGrid::new(&points.iter().map(|p| center + turn * p).collect::<Vec<_>>()))
+            }
+        }
+    }
+
+    /// Signed distance, gradient, and whether the outline is convex and the distance exact (not a lower bound).
+    #[inline(always)]
+    fn distance(&self, q: V2) -> (f32, V2, bool) {
+        match self {
+            Wall::Circle { center, radius } => {
+                let v = q - center;
+                let r = v.norm().max(1e-12);
+                (r - radius, v / r, true)
+            }
+            Wall::Grid(grid) => grid.distance(q),
+        }
+    }
+}
+
+/// Distance and gradient of a polyline on a square grid, bilinear between the nodes. The gradient is stored, not
+/// differenced: its error is of second order in cell size times curvature.
+struct DistanceGrid {
+    origin: V2,
+    inv_cell: f32,
+    n: usize,
+    nodes: Vec<[f32; 3]>,
+    convex: bool,
+}
+
+/// Bounds of the number of cells across an outline's grid. With 48 cells on a fiber of 15 um the bilinear error of the distance
+/// is 2 nm; more only cost cache.
+const CELLS: (usize, usize) = (48, 96);
+/// Nodes along the side of a block that shares its choice of near edges.
+const BLOCK: usize = 8;
+
+impl DistanceGrid {
+    fn new(points: &[Vector2<f64>]) -> DistanceGrid {
+        let m = points.len();
+        let convex = (0..m).all(|i| {
+            let (a, b, c) = (points[i], points[(i + 1) % m], points[(i + 2) % m]);
+            // Dents of less than a milliradian are rounding.
+            (b - a).perp(&(c - b)) >= -1e-3 * (b - a).norm() * (c - b).norm()
+        });
+        let (mut lo, mut hi) = (points[0], points[0]);
+        for p in points {
+            (lo, hi) = (lo.inf(p), hi.sup(p));
+        }
+        let size = (hi - lo).max();
+        // A corner of curvature kappa wants cells of half its radius.
+        let cells = ((1.24 * size * 2.0 * max_curvature(points)) as usize).clamp(CELLS.0, CELLS.1);
+        let cell = 1.24 * size / cells as f64;
+        let origin = (lo + hi) * 0.5 - Vector2::repeat(0.5 * cell * cells as f64);
+        let n = cells + 1;
+        let mut nodes = vec![[0.0f32; 3]; n * n];
+        // Only edges about as near to a block's center as the nearest one can be nearest to one of its nodes.
+        let radius = std::f64::consts::FRAC_1_SQRT_2 * cell * (BLOCK - 1) as f64;
+        let mut distance = vec![0.0; m];
+        let mut near = Vec::new();
+        for (j0, i0) in (0..n).step_by(BLOCK).flat_map(|j| (0..n).step_by(BLOCK).map(move |i| (j, i))) {
+            let at = |i: usize, j: usize| origin + Vector2::new(i as f64, j as f64) * cell;
+            let middle = at(i0, j0) + Vector2::repeat(0.5 * cell * (BLOCK - 1) as f64);
+            for (k, d) in distance.iter_mut().enumerate() {
+                *d = (nearest_on_edge(points, k, middle).0 - middle).norm();
+            }
+            let reach = distance.iter().fold(f64::INFINITY, |a, &b| a.min(b)) + 2.0 * radius;
+            near.clear();
+            near.extend((0..m).filter(|&k| distance[k] <= reach));
+            for j in j0..(j0 + BLOCK).min(n) {
+                for i in i0..(i0 + BLOCK).min(n) {
+                    let (d, g) = signed_distance(points, &near, at(i, j));
+                    nodes[j * n + i] = [d as f32, g.x as f32, g.y as f32];
+                }
+            }
+        }
+        DistanceGrid { origin: origin.cast(), inv_cell: (1.0 / cell) as f32, n, nodes, convex }
+    }
+
+    /// Length along the line q + s v, from inside the outline, at which it is beyond the outline: in the middle of the margin
+    /// that the grid has about it, so that a path bent a little stays on the grid.
+    #[inline(always)]
+    fn leave(&self, q: V2, v: V2) -> f32 {
+        let size = (self.n - 1) as f32 / self.inv_cell;
+        let axis = |q: f32, v: f32, lo: f32| {
+            let end = lo + if v > 0.0 { 0.95 * size } else { 0.05 * size };
+            if v.abs() < 1e-9 { f32::INFINITY } else { (end - q) / v }
+        };
+        axis(q.x, v.x, self.origin.x).min(axis(q.y, v.y, self.origin.y))
+    }
+
+    #[inline(always)]
+    fn distance(&self, q: V2) -> (f32, V2, bool) {
+        let f = (q - self.origin) * self.inv_cell;
+        let top = (self.n - 1) as f32 - 1e-3;
+        let c = V2::new(f.x.clamp(0.0, top), f.y.clamp(0.0, top));
+        let (i, j) = (c.x as usize, c.y as usize);
+        let (u, v) = (c.x - i as f32, c.y - j as f32);
+        let at = j * self.n + i;
+        let (a, b) = (&self.nodes[at..at + 2], &self.nodes[at + self.n..at + self.n + 2]);
+        let mix = |k: usize| {
+            let lo = a[0][k] + u * (a[1][k] - a[0][k]);
+            let hi = b[0][k] + u * (b[1][k] - b[0][k]);
+            lo + v * (hi - lo)
+        };
+        let g = V2::new(mix(1), mix(2));
+        let g = g / g.norm().max(1e-6);
+        // Beyond the grid, the distance from its edge is a lower bound of what is added.
+        let beyond = (f - c).norm();
+        let d = mix(0);
+        if beyond > 2e-3 {
+            let out = beyond / self.inv_cell;
+            (d.max(0.0).hypot(out), g, false)
+        } else {
+            (d, g, self.convex)
+        }
+    }
+}
+
+/// Largest curvature of a polyline that samples a smooth outline, from the turn at each point.
+fn max_curvature(points: &[Vector2<f64>]) -> f64 {
+    let m = points.len();
+    (0..m)
+        .map(|i| {
+            let (a, b) = (points[(i + 1) % m] - points[i], points[(i + 2) % m] - points[(i + 1) % m]);
+            a.angle(&b) * 2.0 / (a.norm() + b.norm())
+        })
+        .fold(0.0, f64::max)
+}
+
+/// The point of edge `k` (from point k to the next) nearest to `q`, and its place along the edge in [0, 1].
+fn nearest_on_edge(points: &[Vector2<f64>], k: usize, q: Vector2<f64>) -> (Vector2<f64>, f64) {
+    let (a, b) = (points[k], points[(k + 1) % points.len()]);
+    let e = b - a;
+    let t = ((q - a).dot(&e) / e.norm_squared()).clamp(0.0, 1.0);
+    (a + e * t, t)
+}
+
+/// Signed distance (negative inside) to a counterclockwise polyline and its gradient, from the edges `near` that may be nearest.
+/// At a vertex the side is that of the mean of both edges' normals.
+fn signed_distance(points: &[Vector2<f64>], near: &[usize], q: Vector2<f64>) -> (f64, Vector2<f64>) {
+    let m = points.len();
+    let (mut best, mut place) = (f64::INFINITY, (0, 0.0, points[0]));
+    for &k in near {
+        let (p, t) = nearest_on_edge(points, k, q);
+        let d2 = (q - p).norm_squared();
+        if d2 < best {
+            (best, place) = (d2, (k, t, p));
+        }
+    }
+    let normal = |k: usize| {
+        let e = points[(k + 1) % m] - points[k];
+        Vector2::new(e.y, -e.x).normalize()
+    };
+    let (k, t, p) = place;
+    let n = if t <= 0.0 {
+        normal(k) + normal((k + m - 1) % m)
+    } else if t >= 1.0 {
+        normal(k) + normal((k + 1) % m)
+    } else {
+        normal(k)
+    };
+    let sign = if (q - p).dot(&n) < 0.0 { -1.0 } else { 1.0 };
+    let d = best.sqrt();
+    // On the line itself the offset has no direction; the normal has.
+    let g = if d > 1e-9 { (q - p) * (sign / d) } else { n.normalize() };
+    (sign * d, g)
+}
+
+/// A cell of the ply's grid: the nearest fibers, and the distance from any of its points within which no other counts.
+#[derive(Clone, Copy)]
+struct Cell {
+    free: f32,
+    near: [u8; NEAR],
+}
+
+/// Screw march through one ply instance.
+pub struct ScrewTracer {
+    outer: Vec<Wall>,
+    lumen: Vec<Option<Wall>>,
+    bound: f32,
+    twist: f32,
+    cells: Vec<Cell>,
+    n: usize,
+    inv_cell: f32,
+}
+
+impl ScrewTracer {
+    /// Build the distance grids of a cross section. None when more fibers crowd round one spot than a cell can name even
+    /// on the finest grid; the mesh tracer is then the one to use.
+    pub fn new(section: &PlySection) -> Option<ScrewTracer> {
+        if section.fibers.len() >= NONE as usize {
+            return None;
+        }
+        let outer: Vec<Wall> = section.fibers.iter().map(|f| Wall::new(&f.outer, f.center_um, f.angle_rad)).collect();
+        let lumen =
+            section.fibers.iter().map(|f| f.lumen.as_ref().map(|l| Wall::new(l, f.center_um, f.angle_rad))).collect();
+        let mut tracer = ScrewTracer {
+            outer,
+            lumen,
+            bound: section.bound_radius_um as f32 * 1.0001 + 0.01,
+            twist: section.twist_per_um as f32,
+            cells: Vec::new(),
+            n: 0,
+            inv_cell: 0.0,
+        };
+        [128, 256, 512, 1024].into_iter().any(|n| tracer.fill_cells(n)).then_some(tracer)
+    }
+
+    /// Fill an n x n grid; false when a cell with air in it cannot name enough fibers.
+    fn fill_cells(&mut self, n: usize) -> bool {
+        let cell = 2.0 * self.bound / n as f32;
+        let half_diagonal = std::f32::consts::FRAC_1_SQRT_2 * cell;
+        self.n = n;
+        self.inv_cell = 1.0 / cell;
+        self.cells.clear();
+        let mut distances: Vec<(f32, u8)> = Vec::new();
+        for j in 0..n {
+            for i in 0..n {
+                let q = V2::new((i as f32 + 0.5) * cell - self.bound, (j as f32 + 0.5) * cell - self.bound);
+                distances.clear();
+                distances.extend(self.outer.iter().enumerate().map(|(f, wall)| (wall.distance(q).0, f as u8)));
+                distances.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+                let free = distances.get(NEAR).map_or(4.0 * self.bound, |d| d.0) - half_diagonal;
+                if free < LEAST_FREE_UM && distances[0].0 > -half_diagonal {
+                    return false;
+                }
+                let near = std::array::from_fn(|k| distances.get(k).map_or(NONE, |d| d.1));
+                self.cells.push(Cell { free, near });
+            }
+        }
+        true
+    }
+
+    #[inline(always)]
+    fn cell(&self, q: V2) -> &Cell {
+        let at = |x: f32| (((x + self.bound) * self.inv_cell) as usize).min(self.n - 1);
+        &self.cells[at(q.y) * self.n + at(q.x)]
+    }
+}
+
+/// A ray in the turning frame, from the point where it starts.
+struct TurningRay {
+    q0: V2,
+    d: V2,
+    /// Turn of the ray in the frame per length, -twist d_z.
+    rate: f32,
+    d_norm: f32,
+}
+
+impl TurningRay {
+    /// Position and velocity at `s`.
+    #[inline(always)]
+    fn at(&self, s: f32) -> (V2, V2) {
+        let p = self.q0 + self.d * s;
+        let a = self.rate * s;
+        let (sin, cos) = if a.abs() < 0.4 {
+            let a2 = a * a;
+            (a * (1.0 - a2 * (1.0 / 6.0 - a2 / 120.0)), 1.0 - a2 * (0.5 - a2 * (1.0 / 24.0 - a2 / 720.0)))
+        } else {
+            a.sin_cos()
+        };
+        let turn = |v: V2| V2::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y);
+        let q = turn(p);
+        (q, turn(self.d) + V2::new(-q.y, q.x) * self.rate)
+    }
+
+    /// Bound of the path's acceleration in the frame, within `bound` of the axis.
+    #[inline(always)]
+    fn bend(&self, bound: f32) -> f32 {
+        self.rate.abs() * (2.0 * self.d_norm + self.rate.abs() * bound)
+    }
+
+    /// A length within which the ray cannot have moved by `distance` in the frame.
+    #[inline(always)]
+    fn safe_step(&self, r: f32, distance: f32) -> f32 {
+        distance / (self.d_norm + self.rate.abs() * (r + distance) + 1e-12)
+    }
+}
+
+/// Length within which the distance to a convex outline, now `d` > 0 and changing by `slope` per length, stays positive when
+/// the path's acceleration is at most `bend`: the zero of d + slope s - bend s^2 / 2.
+#[inline(always)]
+fn convex_step(d: f32, slope: f32, bend: f32) -> f32 {
+    let root = (slope * slope + 2.0 * bend * d).sqrt();
+    if slope < 0.0 { 2.0 * d / (root - slope) } else { (slope + root) / bend.max(1e-20) }
+}
+
+/// Step towards a wall that is dented, or seen from inside, at distance `d` > 0 changing by `slope`.
+#[inline(always)]
+fn careful_step(d: f32, slope: f32, safe: f32, least: f32) -> f32 {
+    let step = if slope < 0.0 && d < NEWTON_WITHIN_UM { (d / -slope).clamp(safe, 4.0 * safe) } else { safe };
+    step.max(least)
+}
+
+/// A wall hit by the march: length, place and gradient in the turning frame.
+struct Met {
+    s: f32,
+    q: V2,
+    n: V2,
+}
+
+/// The march was given up.
+struct GivenUp;
+
+/// Place where the ray passes a wall between `good` (before it) and `bad` (behind it), by Newton kept within the bracket;
+/// `side` is -1 for a wall seen from inside.
+fn crossing(ray: &TurningRay, wall: &Wall, side: f32, mut good: f32, mut bad: f32) -> Met {
+    let mut s = bad;
+    loop {
+        let (q, v) = ray.at(s);
+        let (d, n, _) = wall.distance(q);
+        let (d, slope) = (side * d, side * v.dot(&n));
+        if d.abs() < HIT_UM || bad - good < 1e-5 * (1.0 + bad) {
+            return Met { s, q, n };
+        }
+        if d > 0.0 {
+            good = s
+        } else {
+            bad = s
+        }
+        let newton = s - d / slope;
+        s = if newton > good && newton < bad { newton } else { 0.5 * (good + bad) };
+    }
+}
+
+impl ScrewTracer {
+    /// March between the fibers; None when the ray leaves the ply.
+    fn march_air(&self, ray: &TurningRay) -> Result<Option<(Met, u32)>, GivenUp> {
+        let (mut s, mut before) = (0.0f32, 0.0f32);
+        let bend = ray.bend(self.bound);
+        for _ in 0..MAX_STEPS {
+            let (q, v) = ray.at(s);
+            let r = q.norm();
+            if r > self.bound && (ray.q0 + ray.d * s).dot(&ray.d) >= 0.0 {
+                return Ok(None);
+            }
+            let cell = self.cell(q);
+            let mut step = ray.safe_step(r, cell.free);
+            let least = LEAST_STEP_UM / (v.norm() + 1e-6);
+            for &f in &cell.near {
+                if f == NONE {
+                    break;
+                }
+                let wall = &self.outer[f as usize];
+                let (d, n, convex) = wall.distance(q);
+                let slope = v.dot(&n);
+                if d < HIT_UM {
+                    if slope < 0.0 && d > -HIT_UM {
+                        return Ok(Some((Met { s, q, n }, f as u32)));
+                    }
+                    if d <= -HIT_UM && s > before {
+                        return Ok(Some((crossing(ray, wall, 1.0, before, s), f as u32)));
+                    }
+                    // Leaving the wall, or grazing past it.
+                    step = step.min(least);
+                } else if convex {
+                    step = step.min(convex_step(d, slope, bend));
+                } else {
+                    step = step.min(careful_step(d, slope, ray.safe_step(r, d), least));
+                }
+            }
+            before = s;
+            s += step;
+        }
+        Err(GivenUp)
+    }
+
+    /// March within a fiber or its lumen to the next wall; true when it is the lumen's.
+    fn march_inside(&self, ray: &TurningRay, fiber: u32, in_lumen: bool) -> Result<(Met, bool), GivenUp> {
+        let outer = &self.outer[fiber as usize];
+        let lumen = self.lumen[fiber as usize].as_ref();
+        if lumen.is_none()
+            && let Some(met) = leave_convex(ray, outer)
+        {
+            return Ok((met, false));
+        }
+        let (mut s, mut before) = (0.0f32, 0.0f32);
+        let bend = ray.bend(self.bound);
+        for _ in 0..MAX_STEPS {
+            let (q, v) = ray.at(s);
+            let r = q.norm();
+            let mut step = f32::INFINITY;
+            let least = LEAST_STEP_UM / (v.norm() + 1e-6);
+            for (wall, is_lumen) in [(Some(outer), false), (lumen, true)] {
+                let Some(wall) = wall else { continue };
+                if in_lumen && !is_lumen {
+                    continue;
+                }
+                // Distance on the side of the medium: outside the lumen in the material, inside the wall otherwise.
+                let side = if is_lumen && !in_lumen { 1.0 } else { -1.0 };
+                let (d, n, convex) = wall.distance(q);
+                let (d, slope) = (side * d, side * v.dot(&n));
+                if d < HIT_UM {
+                    if slope < 0.0 && d > -HIT_UM {
+                        return Ok((Met { s, q, n }, is_lumen));
+                    }
+                    if d <= -HIT_UM && s > before {
+                        return Ok((crossing(ray, wall, side, before, s), is_lumen));
+                    }
+                    step = step.min(least);
+                } else if convex && side > 0.0 {
+                    step = step.min(convex_step(d, slope, bend));
+                } else {
+                    step = step.min(careful_step(d, slope, ray.safe_step(r, d), least));
+                }
+            }
+            before = s;
+            s += step;
+        }
+        Err(GivenUp)
+    }
+}
+
+/// Where a ray leaves a convex outline, by Newton from beyond: along a straight line the distance is a convex function, so
+/// that Newton comes down on its larger root from the outside. None when the outline is dented, or the twist bends the ray too
+/// much for that (it then marches).
+#[inline(always)]
+fn leave_convex(ray: &TurningRay, wall: &Wall) -> Option<Met> {
+    let (q, v) = ray.at(0.0);
+    // A place on the ray's tangent that is certainly not inside.
+    let mut s = match wall {
+        Wall::Circle { center, .. } => -2.0 * (q - center).dot(&v) / v.norm_squared().max(1e-12),
+        Wall::Grid(grid) if grid.convex => grid.leave(q, v),
+        Wall::Grid(_) => return None,
+    };
+    if !(s > 0.0 && ray.rate.abs() * s < 0.3) {
+        return None;
+    }
+    for _ in 0..16 {
+        let (q, v) = ray.at(s);
+        let (d, n, trusted) = wall.distance(q);
+        let slope = v.dot(&n);
+        if !trusted {
+            s *= 0.85;
+            continue;
+        }
+        if slope <= 0.0 {
+            return None;
+        }
+        if d.abs() < HIT_UM {
+            return Some(Met { s, q, n });
+        }
+        s -= d / slope;
+        if s <= 0.0 {
+            return None;
+        }
+    }
+    None
+}
+
+impl Tracer for ScrewTracer {
+    fn bound_radius_um(&self) -> f32 {
+        self.bound
+    }
+
+    fn period_um(&self) -> f32 {
+        if self.twist == 0.0 { 1.0 } else { std::f32::consts::TAU / self.twist.abs() }
+    }
+
+    fn trace(&self, pos: Vector3<f32>, dir: Vector3<f32>, medium: Medium) -> Trace {
+        let (sin, cos) = (-self.twist * pos.z).sin_cos();
+        let turn = |x: f32, y: f32| V2::new(cos * x - sin * y, sin * x + cos * y);
+        let d = turn(dir.x, dir.y);
+        let ray = TurningRay { q0: turn(pos.x, pos.y), d, rate: -self.twist * dir.z, d_norm: d.norm() };
+        let found = match medium {
+            Medium::Air => match self.march_air(&ray) {
+                Ok(None) => return Trace::Escaped,
+                Ok(Some((met, fiber))) => Ok((met, fiber, false)),
+                Err(GivenUp) => Err(GivenUp),
+            },
+            Medium::Fiber(f) => self.march_inside(&ray, f, false).map(|(met, lumen)| (met, f, lumen)),
+            Medium::Lumen(f) => self.march_inside(&ray, f, true).map(|(met, lumen)| (met, f, lumen)),
+        };
+        let Ok((Met { s, q, n }, fiber, lumen)) = found else { return Trace::Lost };
+        // Into the air: out of the fiber, or into the lumen.
+        let n = if lumen { -n } else { n };
+        // Gradient of sdf2D(Rot(-twist z)(x, y)): in the frame (n, twist (q.y n.x - q.x n.y)), turned back by the angle at the hit.
+        let (sin, cos) = (self.twist * (pos.z + s * dir.z)).sin_cos();
+        let normal = Vector3::new(cos * n.x - sin * n.y, sin * n.x + cos * n.y, self.twist * (q.y * n.x - q.x * n.y))
+            .normalize();
+        Trace::Hit(Hit { t_um: s, normal, fiber, lumen })
+    }
+}

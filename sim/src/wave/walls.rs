@@ -1,0 +1,105 @@
+//! Walls between media: the outlines of bodies and their lumens, with nodes and the media on both sides, and the check that no two cross.
+
+use super::curve::{Curve, Resolution};
+use super::kernel::Medium;
+use super::{Body, C64, Wave, WaveError};
+use std::f64::consts::TAU;
+
+/// A wall, its place among the nodes and its media.
+pub(crate) struct Wall {
+    /// The outline and its nodes.
+    pub curve: Curve,
+    /// Index of its first node among all.
+    pub first: usize,
+    /// Media (of [`BoundarySystem::media`]) on both sides.
+    pub outside: usize,
+    pub inside: usize,
+    /// Its name in errors.
+    pub name: String,
+}
+
+/// Media and walls of bodies, each with the nodes its wavelength asks for.
+pub(crate) fn trace_walls(
+    bodies: &[Body],
+    wave: &Wave,
+    resolution: &Resolution,
+) -> Result<(Vec<Medium>, Vec<Wall>), WaveError> {
+    let mut media = vec![Medium { kappa: C64::new(wave.k_rho(), 0.0), eps: C64::ONE }];
+    let mut walls = Vec::new();
+    for (index, top) in bodies.iter().enumerate() {
+        let mut outside = 0;
+        let mut name = format!("fiber[{index}]");
+        let mut next = Some(top);
+        while let Some(body) = next {
+            if !(body.eta > 0.0 && body.eta.is_finite()) {
+                return Err(WaveError::Invalid {
+                    key: format!("{name}.eta"),
+                    value: body.eta.to_string(),
+                    mend: "use a positive index".into(),
+                });
+            }
+            if !(body.kappa >= 0.0 && body.kappa.is_finite()) {
+                return Err(WaveError::Invalid {
+                    key: format!("{name}.kappa"),
+                    value: body.kappa.to_string(),
+                    mend: "use 0 or more (absorption)".into(),
+                });
+            }
+            let inside = media.len();
+            media.push(Medium { kappa: wave.k_rho_in(body.index()), eps: body.index() * body.index() });
+            let largest: f64 = media[outside].kappa.norm().max(media[inside].kappa.norm());
+            let curve = Curve::new(body, resolution, TAU / largest, &name)?;
+            walls.push(Wall { curve, first: 0, outside, inside, name: name.clone() });
+            outside = inside;
+            name.push_str(".lumen");
+            next = body.lumen.as_deref();
+        }
+    }
+    Ok((media, walls))
+}
+
+/// Refuses walls that cross: a node of one on the wrong side of another.
+pub(crate) fn check_overlap(walls: &[Wall]) -> Result<(), WaveError> {
+    for (j, a) in walls.iter().enumerate() {
+        for b in &walls[j + 1..] {
+            // b inside of a, or both beside each other with boxes that meet.
+            let nested = b.outside == a.inside;
+            if !nested && (b.outside != a.outside || apart(a, b)) {
+                continue;
+            }
+            let crosses = b.curve.nodes.iter().any(|p| encloses(&a.curve, p.at) != nested)
+                || a.curve.nodes.iter().any(|p| encloses(&b.curve, p.at));
+            if crosses {
+                return Err(WaveError::Overlap { first: a.name.clone(), second: b.name.clone() });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Whether the boxes of two walls are apart.
+fn apart(a: &Wall, b: &Wall) -> bool {
+    let side = |w: &Wall, k: usize| {
+        w.curve.nodes.iter().fold((f64::MAX, f64::MIN), |(l, h), p| (l.min(p.at[k]), h.max(p.at[k])))
+    };
+    (0..2).any(|k| {
+        let ((al, ah), (bl, bh)) = (side(a, k), side(b, k));
+        al > bh || bl > ah
+    })
+}
+
+/// Whether the polygon of a wall's nodes encloses a point.
+fn encloses(curve: &Curve, p: [f64; 2]) -> bool {
+    let mut inside = false;
+    let mut last = curve.nodes[curve.nodes.len() - 1].at;
+    for node in &curve.nodes {
+        let this = node.at;
+        if (this[1] > p[1]) != (last[1] > p[1])
+            && p[0] < (last[0] - this[0]) * (p[1] - this[1]) / (last[1] - this[1]) + this[0]
+        {
+            inside = !inside;
+        }
+        last = this;
+    }
+    inside
+}
