@@ -16,7 +16,7 @@ use clap::{Parser, Subcommand};
 
 /// Simulates how a ply of fibers scatters light, fits a compact model to it, and inspects, checks, compares and plots models.
 #[derive(Debug, Parser)]
-#[command(name = "plywave", version, max_term_width = 110, disable_help_subcommand = true)]
+#[command(name = "plywave", version, max_term_width = 110)]
 pub struct Cli {
     /// What to do.
     #[command(subcommand)]
@@ -51,7 +51,7 @@ pub enum Command {
     Check(CheckArgs),
     /// Compare two models, or two tables, slice by slice. Exit code 1 beyond the tolerance.
     Diff(DiffArgs),
-    /// Draw a table or a model as a PNG: false-colour maps, energy budget, fit errors; of speckle patterns curves and covariances.
+    /// Draw a table or a model as PNG or SVG: false-color maps, energy budget, fit errors; of speckle patterns curves and covariances.
     Plot(PlotArgs),
     /// Give a model speckle noise: patterns (.pws) and a model (.pwm) in, the model with noise tiles out.
     Noise(NoiseArgs),
