@@ -4,12 +4,14 @@ mod build;
 mod model;
 mod plot;
 mod render;
+mod shell;
 mod wave;
 
 pub use build::*;
 pub use model::*;
 pub use plot::*;
 pub use render::*;
+pub use shell::*;
 pub use wave::*;
 
 use clap::{Parser, Subcommand};
@@ -67,6 +69,10 @@ pub enum Command {
     Render(RenderArgs),
     /// Render the gallery: the fabrics that ship, front-lit and back-lit, and what each part of the model does to them. A folder of PNGs with an index out.
     Gallery(GalleryArgs),
+    /// Print completions for a shell: bash, elvish, fish, powershell or zsh.
+    Completions(CompletionsArgs),
+    /// Print the manual page, or write the pages of all commands into a folder.
+    Man(ManArgs),
 }
 
 #[cfg(test)]

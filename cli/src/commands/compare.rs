@@ -233,8 +233,7 @@ fn figure(report: &CompareReport) -> Figure {
     let singles = largest(&|c| {
         [points(&c.curves.wave_first, 2), points(&c.curves.ray_first, 2)].concat().iter().map(|p| p[1]).collect()
     });
-    let round = lines::linear(-180.0, 180.0, 360.0 / 45.0).into_iter().filter(|(p, _)| (p * 360.0) as i32 % 60 == 0);
-    let round: Vec<(f64, String)> = round.chain([(0.0, "-180".into()), (1.0, "180".into())]).collect();
+    let round = lines::every(-180.0, 180.0, 60.0);
     let rows: Vec<Row> = offsets
         .iter()
         .map(|&h| {

@@ -58,7 +58,7 @@ pub fn figure(file: &Path, t: &FiberTable) -> Outcome<Figure> {
                     title: format!("N [1/rad], light from φ_i = {}°", number(t.phi_i[p].to_degrees())),
                     x_title: "φ_r - φ_i [degrees]".into(),
                     x: [0.0, 360.0],
-                    x_ticks: lines::linear(0.0, 360.0, 4.0),
+                    x_ticks: lines::every(0.0, 360.0, 90.0),
                     y: Scale::Log(LogScale::above(top, DECADES)),
                     curves,
                 };

@@ -162,8 +162,11 @@ impl Source {
     /// The overview: several incidences, f_refl at the left and f_high at the right.
     fn overview(&self, sigma: f64, decades: f64) -> Section {
         let last = self.axes().0.last().copied().unwrap_or(0.0).to_degrees();
-        let thetas: Vec<f64> = [0.0, 30.0, 60.0].into_iter().filter(|t| *t <= last + 1.0).collect();
-        let offsets = [0.0, 0.5, 0.9];
+        // Two of them may have the same node of a coarse table.
+        let mut thetas: Vec<f64> = [0.0, 30.0, 60.0].into_iter().filter(|t| *t <= last + 1.0).collect();
+        thetas.dedup_by_key(|theta| self.view(*theta, 0.0).theta_i);
+        let mut offsets = vec![0.0, 0.5, 0.9];
+        offsets.dedup_by_key(|h| self.view(0.0, *h).h_um);
         let both = self.table.is_some() && self.model.is_some();
         let block = |sigma: Option<f64>| {
             let (name, quantity) = names(sigma);

@@ -157,7 +157,7 @@ pub fn figure(file: &Path, p: &SpecklePatterns) -> Outcome<Figure> {
                 title: format!("{} μm: two instances and their mean [μm/rad]", number(p.lambda_um[first])),
                 x_title: "φ_o - 270° [degrees]".into(),
                 x: [-180.0, 180.0],
-                x_ticks: ticks(-180.0, 180.0, 4.0),
+                x_ticks: lines::every(-180.0, 180.0, 60.0),
                 y: Scale::Log(LogScale::above(top, DECADES)),
                 curves,
             },

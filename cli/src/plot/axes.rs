@@ -81,8 +81,7 @@ pub fn residual_bar(figure: &mut Figure, at: [i32; 3], scale: LogScale, title: &
     let apart = 2.0 * f64::from(LINE) / f64::from(at[2]);
     let shown: Ticks = scale.labels().into_iter().filter(|(p, _)| *p >= apart).collect();
     let signed = shown.iter().flat_map(|(p, label)| [half(*p, -1.0, label), half(*p, 1.0, label)]);
-    let mut ticks: Ticks = signed.chain([(0.5, "0".into())]).collect();
-    ticks.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let ticks: Ticks = signed.chain([(0.5, "0".into())]).collect();
     bar(figure, at, |t| color::diverging(2.0 * t - 1.0), &ticks, title);
 }
 
@@ -94,6 +93,8 @@ pub fn linear_bar(figure: &mut Figure, at: [i32; 3], max: f64, title: &str) {
 /// The marks of which none is nearer to the one before than their sizes allow.
 fn spaced(ticks: &Ticks, length: f64, size: impl Fn(&str) -> f64) -> Ticks {
     let mut shown: Ticks = Vec::new();
+    let mut ticks: Vec<&(f64, String)> = ticks.iter().collect();
+    ticks.sort_by(|a, b| a.0.total_cmp(&b.0));
     for (p, label) in ticks {
         let room = |(q, last): &(f64, String)| (p - q) * length - 0.5 * (size(last) + size(label));
         if shown.last().is_none_or(|last| room(last) >= 0.0) {
@@ -112,7 +113,11 @@ fn nice_step(max: f64, count: f64) -> f64 {
 
 /// Round marks between two values, about `count` of them.
 pub fn linear(from: f64, to: f64, count: f64) -> Ticks {
-    let step = nice_step(to - from, count);
+    every(from, to, nice_step(to - from, count))
+}
+
+/// Marks at the multiples of `step` between two values.
+pub fn every(from: f64, to: f64, step: f64) -> Ticks {
     let digits = (-step.log10().floor()).clamp(0.0, 6.0) as usize;
     let (first, last) = ((from / step - 1e-9).ceil() as i64, (to / step + 1e-9).floor() as i64);
     let mark = |i: i64| ((i as f64 * step - from) / (to - from), format!("{:.digits$}", i as f64 * step + 0.0));
@@ -177,6 +182,8 @@ mod tests {
         assert_eq!(labels(0.0, 0.13, 3.0), ["0.00", "0.05", "0.10"]);
         assert_eq!(linear(0.0, 1.0, 4.0).len(), 3);
         assert_eq!(labels(-180.0, 180.0, 4.0), ["-100", "0", "100"]);
+        let degrees: Vec<String> = every(-180.0, 180.0, 90.0).into_iter().map(|t| t.1).collect();
+        assert_eq!(degrees, ["-180", "-90", "0", "90", "180"]);
         let at: Vec<f64> = linear(0.0, 0.3, 3.0).into_iter().map(|t| t.0).collect();
         assert!((at[1] - 1.0 / 3.0).abs() < 1e-12 && at.len() == 4, "{at:?}");
     }

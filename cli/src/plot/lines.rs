@@ -1,7 +1,7 @@
 //! Curves over one axis, linear or logarithmic, with bands of their spread; pages of such panels.
 
-pub use super::axes::linear;
 use super::axes::{self, BELOW, LEFT, LogScale, Ticks};
+pub use super::axes::{every, linear};
 use super::color::Rgb;
 use super::figure::{Figure, INK, LINE, Panel};
 use super::page::{Head, page as with_head};

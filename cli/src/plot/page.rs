@@ -8,6 +8,8 @@ use super::text;
 const MARGIN: i32 = 28;
 /// Least and largest width of a page whose content is narrower than its texts.
 const WIDTHS: [i32; 2] = [640, 1100];
+/// Room above a legend.
+const GAP: i32 = 6;
 /// From a name of a legend to the next one's swatch.
 pub const NEXT: i32 = 24;
 /// A swatch with the space behind it.
@@ -30,7 +32,7 @@ pub fn page(head: &Head, [width, height]: [i32; 2], draw: impl FnOnce(&mut Figur
     let room = texts.max().unwrap_or(0).clamp(WIDTHS[0], WIDTHS[1]).max(width);
     let lines: Vec<String> = head.particulars.iter().flat_map(|p| text::wrap(p, room)).collect();
     let rows = legend_rows(&head.legend, room);
-    let top = MARGIN + (1 + (lines.len() + rows) as i32) * LINE + 24;
+    let top = MARGIN + (1 + (lines.len() + rows) as i32) * LINE + 24 + GAP;
     let mut figure = Figure::new(2 * MARGIN + room, top + height + MARGIN);
     figure.set_title(&head.title);
     figure.heading(MARGIN, MARGIN - 4, room, &head.title);
@@ -39,7 +41,7 @@ pub fn page(head: &Head, [width, height]: [i32; 2], draw: impl FnOnce(&mut Figur
         figure.text_within(MARGIN, y, room, line, Align::Left, GRAY);
         y += LINE;
     }
-    legend(&mut figure, [MARGIN, y], &head.legend, room);
+    legend(&mut figure, [MARGIN, y + GAP], &head.legend, room);
     draw(&mut figure, MARGIN, top);
     figure
 }

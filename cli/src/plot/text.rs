@@ -146,8 +146,13 @@ impl Text {
             let size = if letter.level == 0 { SIZE } else { INDEX * SIZE };
             pen.scale = size / f64::from(FACE.units_per_em());
             pen.y = f64::from(letter.level) * (SHIFT * SIZE).round();
-            FACE.outline_glyph(FACE.glyph_index(letter.c).unwrap_or(GlyphId(0)), &mut pen);
-            pen.x += letter.width();
+            // The box of a letter that the font lacks stands in the middle of its square.
+            let glyph = FACE.glyph_index(letter.c).unwrap_or(GlyphId(0));
+            let advance = pen.scale * f64::from(FACE.glyph_hor_advance(glyph).unwrap_or(0));
+            let (from, width) = (pen.x, letter.width());
+            pen.x += 0.5 * (width - advance);
+            FACE.outline_glyph(glyph, &mut pen);
+            pen.x = from + width;
         }
         pen.d
     }
