@@ -97,7 +97,7 @@ fn spaced(ticks: &Ticks, length: f64, size: impl Fn(&str) -> f64) -> Ticks {
     ticks.sort_by(|a, b| a.0.total_cmp(&b.0));
     for (p, label) in ticks {
         let room = |(q, last): &(f64, String)| (p - q) * length - 0.5 * (size(last) + size(label));
-        if shown.last().is_none_or(|last| room(last) >= 0.0) {
+        if shown.last().is_none_or(|last| room(last) >= -1e-6) {
             shown.push((*p, label.clone()));
         }
     }

@@ -44,7 +44,8 @@ mod tests {
         let l: Vec<f64> = (0..=32).map(|i| lightness(sequential(f64::from(i) / 32.0))).collect();
         assert!(l[0] < 0.02 && l[32] > 0.95, "{l:?}");
         let mean = (l[32] - l[0]) / 32.0;
-        assert!(l.windows(2).all(|w| ((w[1] - w[0]) / mean - 1.0).abs() < 0.6), "{l:?}");
+        // Its makers measured evenness in CAM02-UCS, which near black is not that of CIE lightness.
+        assert!(l.windows(2).all(|w| (0.2..1.5).contains(&((w[1] - w[0]) / mean))), "{l:?}");
         assert_eq!(sequential(f64::NAN), sequential(0.0));
     }
 

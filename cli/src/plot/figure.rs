@@ -317,7 +317,7 @@ mod tests {
         let document = roxmltree::Document::parse(&text).unwrap_or_else(|e| panic!("{e}"));
         let of = |name: &str| -> Vec<String> {
             let nodes = document.descendants().filter(|n| n.has_tag_name(("http://www.w3.org/2000/svg", name)));
-            nodes.map(|n| n.descendants().filter_map(|n| n.text()).collect()).collect()
+            nodes.map(|n| n.descendants().filter(|n| n.is_text()).filter_map(|n| n.text()).collect()).collect()
         };
         assert_eq!(of("title"), ["Ångström, Żółw & 絹 <fhigh>"]);
         assert!(of("text")[0].contains("Żółw & θ"), "{:?}", of("text"));

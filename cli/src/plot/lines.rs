@@ -154,4 +154,25 @@ mod tests {
         let banded = |y: u32| image.get_pixel(90, y).0[1] < 230;
         assert!(banded(110) && banded(190) && !banded(90) && !banded(210));
     }
+
+    /// Titles longer than their panels are shortened: between two panels, titles and names of axes leave paper.
+    #[test]
+    fn titles_keep_to_their_panels() {
+        let long = LinePanel {
+            title: "a title of many words ".repeat(9),
+            x_title: "an axis' name ".repeat(9),
+            ..panel(Scale::Linear(0.0, 1.0))
+        };
+        let row = Row { title: "up ".repeat(90), panels: vec![(200, long.clone()), (200, long)], height: 100 };
+        let head = Head { title: "two panels".into(), ..Head::default() };
+        let image = page(&head, &[row]).raster();
+        let ink = |x: u32, y: u32| image.get_pixel(x, y).0 != [255, 255, 255];
+        let dark = |x: u32, y: u32| image.get_pixel(x, y).0[0] < 100;
+        let frames: Vec<u32> = (0..image.width()).filter(|x| (110..180).all(|y| dark(*x, y))).collect();
+        assert_eq!(frames.len(), 4, "{frames:?}");
+        let below = |x: u32| (40..image.height()).any(|y| ink(x, y));
+        // The name of an axis may reach 20 units beyond its panel; marks of the y axis stand from 50 on.
+        assert!((frames[1] + 22..frames[2] - 50).all(|x| !below(x)));
+        assert!((frames[3] + 22..image.width()).all(|x| !below(x)));
+    }
 }
