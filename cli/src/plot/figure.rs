@@ -1,16 +1,15 @@
-//! A figure: an SVG document that is drawn once, then written as it is or rasterized by resvg. Both use the font that is compiled in, so that a figure does
-//! not depend on the fonts of the machine. The rasterizer gets texts as outlines and images as pixels: resvg then needs neither its text shaping nor its image
-//! decoders, which take longer to compile than all else of it. Images lie below everything and texts above it.
+//! A figure: an SVG document that is drawn once, then written as it is or rasterized by resvg. Texts are the outlines of their letters in the font that is
+//! compiled in, each with its words as `aria-label`, so that a figure looks the same in every viewer, whatever fonts it finds. Images lie below all else; the
+//! rasterizer gets them as pixels, so that resvg needs neither its image decoders nor its text shaping, which take longer to compile than all else of it.
 
 use super::color::Rgb;
-use super::text::{self, SIZE, Text};
+use super::text::Text;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use image::RgbImage;
 use resvg::{tiny_skia, usvg};
 use svg::Node;
-use svg::node::element::{Circle, Element, Group, Image, Line, Path, Polygon, Polyline, Rectangle, SVG, Style, Title};
-use svg::node::{Blob, Value};
+use svg::node::element::{Circle, Group, Image, Line, Path, Polygon, Polyline, Rectangle, SVG, Title};
 
 /// Paper of every figure.
 pub const WHITE: Rgb = [255, 255, 255];
@@ -49,16 +48,6 @@ pub struct Panel {
     pub h: i32,
 }
 
-/// A line of text on its page.
-struct Label {
-    at: [i32; 2],
-    text: Text,
-    align: Align,
-    color: Rgb,
-    size: f64,
-    upwards: bool,
-}
-
 /// An SVG document in the making. A unit is a pixel of the PNG.
 pub struct Figure {
     width: i32,
@@ -66,14 +55,13 @@ pub struct Figure {
     title: String,
     images: Vec<([i32; 2], RgbImage)>,
     body: Group,
-    labels: Vec<Label>,
 }
 
 impl Figure {
     /// A white page.
     pub fn new(width: i32, height: i32) -> Self {
         let (width, height) = (width.max(1), height.max(1));
-        Figure { width, height, title: String::new(), images: Vec::new(), body: Group::new(), labels: Vec::new() }
+        Figure { width, height, title: String::new(), images: Vec::new(), body: Group::new() }
     }
 
     /// Figures one below the other.
@@ -85,7 +73,6 @@ impl Figure {
         for figure in figures {
             all.images.extend(figure.images.into_iter().map(|(at, image)| ([at[0], at[1] + y], image)));
             all.body.append(figure.body.set("transform", format!("translate(0 {y})")));
-            all.labels.extend(figure.labels.into_iter().map(|l| Label { at: [l.at[0], l.at[1] + y], ..l }));
             y += figure.height;
         }
         all
@@ -152,7 +139,7 @@ impl Figure {
         self.images.push(([at.x, at.y], image));
     }
 
-    /// Draws with everything cut off that leaves `at`. Coordinates stay the page's; texts and images are not for here.
+    /// Draws with everything cut off that leaves `at`. Coordinates stay the page's; images are not for here.
     pub fn clipped(&mut self, at: Panel, draw: impl FnOnce(&mut Figure)) {
         let mut inner = Figure::new(self.width, self.height);
         draw(&mut inner);
@@ -168,36 +155,41 @@ impl Figure {
     /// As [`Self::text`], shortened to `room` units.
     pub fn text_within(&mut self, x: i32, y: i32, room: i32, markup: &str, align: Align, color: Rgb) {
         let text = Text::parse(markup).shortened(f64::from(room));
-        self.labels.push(Label { at: [x, y + CAP], text, align, color, size: SIZE, upwards: false });
+        self.write(&text, &format!("translate({x} {})", y + CAP), align, color);
     }
 
     /// A heading, shortened to `room` units.
     pub fn heading(&mut self, x: i32, y: i32, room: i32, markup: &str) {
         let text = Text::parse(markup).shortened(f64::from(room) / HEADING);
-        let (at, align, size) = ([x, y + CAP], Align::Left, HEADING * SIZE);
-        self.labels.push(Label { at, text, align, color: INK, size, upwards: false });
+        self.write(&text, &format!("translate({x} {}) scale({HEADING})", y + CAP), Align::Left, INK);
     }
 
     /// Text that runs upwards and is centered at `y`, its capitals reaching from `x` to the right, shortened to `room` units.
     pub fn text_up(&mut self, x: i32, y: i32, room: i32, markup: &str) {
         let text = Text::parse(markup).shortened(f64::from(room));
-        self.labels.push(Label { at: [x + CAP, y], text, align: Align::Center, color: INK, size: SIZE, upwards: true });
+        self.write(&text, &format!("translate({} {y}) rotate(-90)", x + CAP), Align::Center, INK);
     }
 
-    /// The document, with the font in it.
+    fn write(&mut self, text: &Text, place: &str, align: Align, color: Rgb) {
+        let words = text.plain();
+        if words.trim().is_empty() {
+            return;
+        }
+        let back = match align {
+            Align::Left => 0.0,
+            Align::Center => 0.5,
+            Align::Right => 1.0,
+        };
+        let outline = Path::new().set("d", text.outline(-back * text.width())).set("fill", hex(color));
+        self.body.append(outline.set("transform", place).set("role", "img").set("aria-label", words));
+    }
+
+    /// The document.
     pub fn svg(&self) -> String {
-        let face = format!(
-            "@font-face{{font-family:\"{}\";src:url(data:font/ttf;base64,{})}}",
-            text::FAMILY,
-            BASE64.encode(text::FONT)
-        );
         let page = Rectangle::new().set("width", self.width).set("height", self.height).set("fill", hex(WHITE));
-        // Verdana is as wide as the embedded font, for viewers that do not read it.
-        let document = self.document().set("font-family", format!("'{}', Verdana, sans-serif", text::FAMILY));
-        let document = document.add(Title::new(self.title.clone())).add(Style::new(face)).add(page);
+        let document = self.document().add(Title::new(self.title.clone())).add(page);
         let document = self.images.iter().fold(document, |document, (at, image)| document.add(embedded(*at, image)));
-        let document = document.add(self.body.clone());
-        self.labels.iter().fold(document, |document, label| document.add(label.element())).to_string()
+        document.add(self.body.clone()).to_string()
     }
 
     fn document(&self) -> SVG {
@@ -213,7 +205,6 @@ impl Figure {
             image::imageops::replace(&mut page, image, i64::from(*x), i64::from(*y));
         }
         let document = self.document().add(self.body.clone());
-        let document = self.labels.iter().fold(document, |document, label| document.add(label.outline()));
         let tree = usvg::Tree::from_str(&document.to_string(), &usvg::Options::default());
         let opaque: Vec<u8> = page.pixels().flat_map(|p| [p[0], p[1], p[2], 255]).collect();
         let pixmap = tiny_skia::IntSize::from_wh(width, height).and_then(|s| tiny_skia::Pixmap::from_vec(opaque, s));
@@ -226,44 +217,6 @@ impl Figure {
             to.0 = [from.red(), from.green(), from.blue()];
         }
         page
-    }
-}
-
-impl Label {
-    /// As text.
-    fn element(&self) -> Element {
-        let [x, y] = self.at;
-        let anchor = match self.align {
-            Align::Left => "start",
-            Align::Center => "middle",
-            Align::Right => "end",
-        };
-        let mut element = Element::new("text");
-        // One line: between two pieces of a text a line break would be a space.
-        element.append(Blob::new(self.text.spans(self.size)));
-        let mut set = |key: &str, value: Value| element.get_attributes_mut().insert(key.into(), value);
-        set("x", x.into());
-        set("y", y.into());
-        set("fill", hex(self.color).into());
-        set("text-anchor", anchor.into());
-        if self.upwards {
-            set("transform", format!("rotate(-90 {x} {y})").into());
-        }
-        element
-    }
-
-    /// As the outlines of its letters.
-    fn outline(&self) -> Path {
-        let [x, y] = self.at;
-        let scale = self.size / SIZE;
-        let back = match self.align {
-            Align::Left => 0.0,
-            Align::Center => 0.5,
-            Align::Right => 1.0,
-        };
-        let turn = if self.upwards { " rotate(-90)" } else { "" };
-        let place = format!("translate({x} {y}){turn} scale({scale}) translate({:.2})", -back * self.text.width());
-        Path::new().set("transform", place).set("fill", hex(self.color)).set("d", self.text.outline())
     }
 }
 
@@ -303,25 +256,22 @@ fn list(points: impl IntoIterator<Item = [f64; 2]>) -> String {
 mod tests {
     use super::*;
 
-    /// The document can be read, holds its texts as text, also those that mean something in XML, and both forms show the same.
+    /// The document can be read and says its texts, also those that mean something in XML; shapes and images lie where they belong.
     #[test]
-    fn documents_hold_their_text_and_their_font() {
+    fn documents_say_their_texts() {
         let mut figure = Figure::new(300, 80);
         figure.set_title("Ångström, Żółw & 絹 <f_{high}>");
-        figure.text(10, 10, "Żółw & θ_i", Align::Left, INK);
+        figure.text(10, 10, "\"Żółw\" & θ_i", Align::Left, INK);
         figure.clipped(Panel { x: 100, y: 40, w: 20, h: 20 }, |inner| {
             inner.fill(Panel { x: 0, y: 0, w: 300, h: 80 }, [200, 0, 0]);
         });
         figure.pixels(Panel { x: 200, y: 40, w: 2, h: 2 }, |i, j| [[10, 20, 30], [40, 50, 60]][usize::from(i == j)]);
         let text = figure.svg();
         let document = roxmltree::Document::parse(&text).unwrap_or_else(|e| panic!("{e}"));
-        let of = |name: &str| -> Vec<String> {
-            let nodes = document.descendants().filter(|n| n.has_tag_name(("http://www.w3.org/2000/svg", name)));
-            nodes.map(|n| n.descendants().filter(|n| n.is_text()).filter_map(|n| n.text()).collect()).collect()
-        };
-        assert_eq!(of("title"), ["Ångström, Żółw & 絹 <fhigh>"]);
-        assert!(of("text")[0].contains("Żółw & θ"), "{:?}", of("text"));
-        assert!(of("style")[0].contains("@font-face"));
+        let title = document.descendants().find(|n| n.tag_name().name() == "title").and_then(|n| n.text());
+        assert_eq!(title, Some("Ångström, Żółw & 絹 <fhigh>"));
+        let label = document.descendants().find_map(|n| n.attribute("aria-label"));
+        assert_eq!(label, Some("\"Żółw\" & θi"));
         let image = figure.raster();
         assert_eq!(image.dimensions(), (300, 80));
         let red = image.enumerate_pixels().filter(|(_, _, p)| p.0 == [200, 0, 0]);

@@ -6,11 +6,9 @@ use ttf_parser::{Face, GlyphId, OutlineBuilder};
 
 /// DejaVu Sans 2.37 (license beside it): Latin, Greek, Cyrillic and a few signs, without hints, kerning and ligatures, so that a text is as wide as its
 /// letters. Made by `pyftsubset` of fonttools; README of the folder has the command.
-pub const FONT: &[u8] = include_bytes!("../../fonts/DejaVuSans.ttf");
-/// Its family.
-pub const FAMILY: &str = "DejaVu Sans";
+const FONT: &[u8] = include_bytes!("../../fonts/DejaVuSans.ttf");
 /// Size of text [pixels an em].
-pub const SIZE: f64 = 15.0;
+const SIZE: f64 = 15.0;
 /// Size of an index over that of its line.
 const INDEX: f64 = 0.75;
 /// How far an index lies below its line, and an exponent above it, over the size.
@@ -41,7 +39,7 @@ impl Pen {
         for [x, y] in points {
             let (x, y) = (self.x + self.scale * f64::from(*x), self.y - self.scale * f64::from(*y));
             // Writing to a string does not fail.
-            let _ = write!(self.d, "{x:.3} {y:.3} ");
+            let _ = write!(self.d, "{x:.2} {y:.2} ");
         }
     }
 }
@@ -139,9 +137,9 @@ impl Text {
         self
     }
 
-    /// Its outline as the data of an SVG path, at the size [`SIZE`], from the origin on. A letter that the font lacks is a box.
-    pub fn outline(&self) -> String {
-        let mut pen = Pen { d: String::new(), scale: 0.0, x: 0.0, y: 0.0 };
+    /// Its outline as the data of an SVG path, at the size [`SIZE`], from `x` on along the axis. A letter that the font lacks is a box.
+    pub fn outline(&self, x: f64) -> String {
+        let mut pen = Pen { d: String::new(), scale: 0.0, x, y: 0.0 };
         for letter in &self.0 {
             let size = if letter.level == 0 { SIZE } else { INDEX * SIZE };
             pen.scale = size / f64::from(FACE.units_per_em());
@@ -155,22 +153,6 @@ impl Text {
             pen.x = from + width;
         }
         pen.d
-    }
-
-    /// Its pieces as the content of an SVG `text` element.
-    pub fn spans(&self, size: f64) -> String {
-        let mut out = String::new();
-        let mut level = 0;
-        for piece in self.0.chunk_by(|a, b| a.level == b.level) {
-            let text: String = piece.iter().map(|l| l.c).collect();
-            let text = text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
-            let to = piece[0].level;
-            let dy = f64::from(to - level) * (SHIFT * size).round();
-            let em = if to == 0 { size } else { INDEX * size };
-            out += &format!("<tspan dy=\"{dy}\" font-size=\"{em:.2}\">{text}</tspan>");
-            level = to;
-        }
-        out
     }
 }
 
@@ -224,13 +206,13 @@ mod tests {
             x.fold([f64::INFINITY, 0.0], |[low, high], x| [low.min(x), high.max(x)])
         };
         // A and H have bearings of 0.01 and 0.1 em.
-        let [from, to] = ends(&line.outline());
+        let [from, to] = ends(&line.outline(0.0));
         assert!(
-            from >= 0.0 && from < 0.2 && (line.width() - to - 0.1 * SIZE).abs() < 0.3,
+            (0.0..0.2).contains(&from) && (line.width() - to - 0.1 * SIZE).abs() < 0.3,
             "{from}..{to} of {}",
             line.width()
         );
-        assert!(!Text::parse("絹").outline().is_empty());
+        assert!(!Text::parse("絹").outline(0.0).is_empty());
     }
 
     #[test]
