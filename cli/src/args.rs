@@ -4,19 +4,21 @@ mod build;
 mod model;
 mod plot;
 mod render;
+mod shell;
 mod wave;
 
 pub use build::*;
 pub use model::*;
 pub use plot::*;
 pub use render::*;
+pub use shell::*;
 pub use wave::*;
 
 use clap::{Parser, Subcommand};
 
 /// Simulates how a ply of fibers scatters light, fits a compact model to it, and inspects, checks, compares and plots models.
 #[derive(Debug, Parser)]
-#[command(name = "plywave", version, max_term_width = 110, disable_help_subcommand = true)]
+#[command(name = "plywave", version, max_term_width = 110)]
 pub struct Cli {
     /// What to do.
     #[command(subcommand)]
@@ -51,7 +53,7 @@ pub enum Command {
     Check(CheckArgs),
     /// Compare two models, or two tables, slice by slice. Exit code 1 beyond the tolerance.
     Diff(DiffArgs),
-    /// Draw a table or a model as a PNG: false-colour maps, energy budget, fit errors; of speckle patterns curves and covariances.
+    /// Draw a table or a model as PNG or SVG: false-color maps, energy budget, fit errors; of speckle patterns curves and covariances.
     Plot(PlotArgs),
     /// Give a model speckle noise: patterns (.pws) and a model (.pwm) in, the model with noise tiles out.
     Noise(NoiseArgs),
@@ -67,6 +69,10 @@ pub enum Command {
     Render(RenderArgs),
     /// Render the gallery: the fabrics that ship, front-lit and back-lit, and what each part of the model does to them. A folder of PNGs with an index out.
     Gallery(GalleryArgs),
+    /// Print completions for a shell: bash, elvish, fish, powershell or zsh.
+    Completions(CompletionsArgs),
+    /// Print the manual page, or write the pages of all commands into a folder.
+    Man(ManArgs),
 }
 
 #[cfg(test)]

@@ -34,6 +34,8 @@ fn main() -> ExitCode {
         Command::Noise(args) => commands::noise::run(&cli, args),
         Command::Color(args) => commands::color::run(&cli, args),
         Command::Weave(args) => commands::weave::run(&cli, args),
+        Command::Completions(args) => commands::shell::completions(args),
+        Command::Man(args) => commands::shell::man(&cli, args),
         Command::Wave(wave) => match &wave.command {
             WaveCommand::Scatter(args) => commands::wave_scatter::run(&cli, args),
             WaveCommand::Speckle(args) => commands::wave_speckle::run(&cli, args),

@@ -29,6 +29,11 @@ pub fn count(value: f64) -> String {
     }
 }
 
+/// A number of things: 1 fiber, 12 fibers.
+pub fn plural(count: usize, thing: &str) -> String {
+    format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
+}
+
 /// A size in bytes: 812 B, 34.1 KiB, 2.5 MiB.
 pub fn bytes(value: u64) -> String {
     match value as f64 {
@@ -99,6 +104,7 @@ mod tests {
         }
         assert_eq!(number(29.999999999), "30");
         assert_eq!(count(95_210.0), "95.2 k");
+        assert_eq!((plural(1, "fiber"), plural(0, "fiber")), ("1 fiber".into(), "0 fibers".into()));
         assert_eq!(bytes(34_900), "34.1 KiB");
         assert_eq!(duration(std::time::Duration::from_secs(200)), "3 min 20 s");
     }

@@ -12,7 +12,7 @@ pub enum Part {
     Maps,
     /// Energy over (theta_i, h).
     Energy,
-    /// Fit error (of a table: its noise) over (theta_i, h).
+    /// Fit error (of a table its noise) over (theta_i, h).
     Errors,
     /// Of a model with noise tiles: f_refl and f_high of one instance beside the smooth ones, in color.
     Noise,
@@ -25,8 +25,8 @@ pub enum Part {
 pub struct PlotArgs {
     /// Table, model, fiber table, speckle patterns (the last two take no other flags), or a yarn spec (.toml): how gaps and the ply's edge diffract its beam.
     pub file: PathBuf,
-    /// PNG to write [default: FILE's name with .png, in this folder].
-    #[arg(long, short, value_name = "PNG")]
+    /// Figure to write, a PNG or an SVG by its ending [default: FILE's name with .png, in this folder].
+    #[arg(long, short, value_name = "PNG|SVG")]
     pub output: Option<PathBuf>,
     /// With a model: the table to set beside it, with the residual.
     #[arg(long, value_name = "TABLE", conflicts_with = "model")]
@@ -46,7 +46,7 @@ pub struct PlotArgs {
     /// Absorption coefficients [1/um], one to four; the nearest of a table [default: 0 in maps, and one of the table's in the budget].
     #[arg(long, value_name = "SIGMA", num_args = 1..=4, value_delimiter = ',')]
     pub sigma: Vec<f64>,
-    /// Decades of the colour scale.
+    /// Decades of the color scale.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=12))]
     pub decades: u32,
     /// What to draw.

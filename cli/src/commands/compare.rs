@@ -5,11 +5,13 @@ use super::{latitude, on_threads};
 use crate::args::{Cli, CompareArgs};
 use crate::failure::{Failure, Outcome};
 use crate::plot::axes::LogScale;
-use crate::plot::canvas::literal;
-use crate::plot::colormap::Rgb;
+use crate::plot::color::Rgb;
+use crate::plot::figure::Figure;
 use crate::plot::lines::{self, Curve, LinePanel, Row, Scale};
+use crate::plot::page::Head;
+use crate::plot::text::literal;
 use crate::progress::{self, Bar};
-use crate::report::{self, number};
+use crate::report::{self, number, plural};
 use crate::{output, plot};
 use plywave::YarnSpec;
 use plywave_sim::wave::{CompareCase, CompareOptions, CompareReport, compare};
@@ -48,7 +50,7 @@ pub fn run(cli: &Cli, args: &CompareArgs) -> Outcome {
         }
         refuse(error, &args.spec)
     })?;
-    let figure = plot::png(&figure(&report), &folder)?;
+    let figure = plot::Format::Png.encode(&figure(&report), &folder)?;
     progress::stoppable(|| {
         let made = std::fs::create_dir_all(&folder);
         made.map_err(|e| Failure::input(folder.display(), "-o", e, "choose a place that can be written"))?;
@@ -207,7 +209,7 @@ fn banded(mean: &[f64], sd: &[f64], color: Rgb) -> Curve {
 }
 
 /// Averages, one instance and the forward peak for each offset.
-fn figure(report: &CompareReport) -> image::RgbImage {
+fn figure(report: &CompareReport) -> Figure {
     const DECADES: f64 = 5.0;
     const NEAR_DEG: f64 = 12.0;
     let mut offsets: Vec<f64> = Vec::new();
@@ -231,8 +233,7 @@ fn figure(report: &CompareReport) -> image::RgbImage {
     let singles = largest(&|c| {
         [points(&c.curves.wave_first, 2), points(&c.curves.ray_first, 2)].concat().iter().map(|p| p[1]).collect()
     });
-    let round = lines::linear(-180.0, 180.0, 360.0 / 45.0).into_iter().filter(|(p, _)| (p * 360.0) as i32 % 60 == 0);
-    let round: Vec<(f64, String)> = round.chain([(0.0, "-180".into()), (1.0, "180".into())]).collect();
+    let round = lines::every(-180.0, 180.0, 60.0);
     let rows: Vec<Row> = offsets
         .iter()
         .map(|&h| {
@@ -272,7 +273,7 @@ fn figure(report: &CompareReport) -> image::RgbImage {
                     (
                         560,
                         panel(
-                            &format!("mean of {} instances, 1° bins", report.instances),
+                            &format!("mean of {}, 1° bins", plural(report.instances as usize, "instance")),
                             averages,
                             [-180.0, 180.0],
                             round.clone(),
@@ -298,8 +299,8 @@ fn figure(report: &CompareReport) -> image::RgbImage {
     let mut legend: Vec<(String, Rgb)> =
         lambdas.iter().map(|&l| (format!("waves, {} μm", number(l)), color_of(l))).collect();
     legend.push(("rays (near forward: each wavelength's, darker)".into(), RAY));
-    let name: String = literal(&report.name).chars().take(80).collect();
-    let particulars = [
+    let name = literal(&report.name, 80);
+    let particulars = vec![
         format!(
             "θ_i = {}°, w_0 = {} μm, σ = {} /μm, seed {}, {} rays each; bands: one standard deviation from instance to instance",
             number(report.theta_i_deg),
@@ -311,7 +312,7 @@ fn figure(report: &CompareReport) -> image::RgbImage {
         "total light that leaves, beam included, over the beam's power; light comes from -180°, exact forward is 0"
             .into(),
     ];
-    lines::page(&format!("{name}: waves against rays"), &particulars, &legend, &rows)
+    lines::page(&Head { title: format!("{name}: waves against rays"), particulars, legend }, &rows)
 }
 
 #[cfg(test)]

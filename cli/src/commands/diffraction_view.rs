@@ -3,9 +3,11 @@
 use crate::args::PlotArgs;
 use crate::failure::{Failure, Outcome};
 use crate::plot::axes::LogScale;
-use crate::plot::canvas::literal;
+use crate::plot::figure::Figure;
 use crate::plot::lines::{self, Curve, LinePanel, Row, Scale};
+use crate::plot::page::Head;
 use crate::plot::pattern::{self, BANDS, Daylight, Pattern};
+use crate::plot::text::literal;
 use crate::report::number;
 use plywave::faddeeva::{diffraction_factor, power_between};
 use plywave::{Aperture, Bsdf, EdgeLobes, Gap, GaussianBeam, YarnSpec, direction};
@@ -17,13 +19,13 @@ const GAPS_UM: [[f32; 2]; 4] = [[2.0, 2.0], [5.0, 20.0], [10.0, 10.0], [40.0, 40
 const ENERGY_UM: [f32; 3] = [0.45, 0.55, 0.65];
 /// Greatest tilt [degrees].
 const MOST_TILT: f64 = 80.0;
-/// Dots along a pattern.
+/// Pixels along a pattern.
 const SIDE: usize = 300;
 
 /// The figure the flags ask for: gap patterns, or edge lobes with `--part edge`.
-pub fn figure(args: &PlotArgs, spec: &YarnSpec, edge: bool) -> Outcome<image::RgbImage> {
+pub fn figure(args: &PlotArgs, spec: &YarnSpec, edge: bool) -> Outcome<Figure> {
     let beam = spec.beam.beam();
-    let name: String = literal(&spec.name).chars().take(80).collect();
+    let name = literal(&spec.name, 80);
     if edge { Ok(edge_lobes(&name, spec, &beam)) } else { gaps(args, &name, &beam) }
 }
 
@@ -40,16 +42,16 @@ fn apertures(numbers: &[f64]) -> Outcome<Vec<Aperture>> {
         [w, h] => Ok(vec![centered([w, h], [0.0; 2])?]),
         [w, h, x, y] => Ok(vec![centered([w, h], [x, y])?]),
         _ => {
-            let mend = "give width and height [um], and if you like the center's x and y";
-            Err(Failure::input("command line", "--gap", format!("{} numbers", numbers.len()), mend))
+            let hint = "give width and height [um], and if you like the center's x and y";
+            Err(Failure::input("command line", "--gap", format!("{} numbers", numbers.len()), hint))
         }
     }
 }
 
-fn gaps(args: &PlotArgs, name: &str, beam: &GaussianBeam) -> Outcome<image::RgbImage> {
+fn gaps(args: &PlotArgs, name: &str, beam: &GaussianBeam) -> Outcome<Figure> {
     if args.tilt.is_nan() || args.tilt.abs() > MOST_TILT {
-        let mend = format!("must be from -{MOST_TILT} to {MOST_TILT} degrees");
-        return Err(Failure::input("command line", "--tilt", args.tilt, &mend));
+        let hint = format!("must be from -{MOST_TILT} to {MOST_TILT} degrees");
+        return Err(Failure::input("command line", "--tilt", args.tilt, &hint));
     }
     let (s, c) = args.tilt.to_radians().sin_cos();
     let xi_i = [s as f32, 0.0, c as f32];
@@ -75,7 +77,7 @@ fn gaps(args: &PlotArgs, name: &str, beam: &GaussianBeam) -> Outcome<image::RgbI
             })
         })
         .collect();
-    let particulars = [
+    let particulars = vec![
         format!(
             "Gaussian beam, w_0 = {} μm, tilted by {}° towards x; directions by the change of their components x, y in the plane",
             number(beam.w0_um),
@@ -86,11 +88,12 @@ fn gaps(args: &PlotArgs, name: &str, beam: &GaussianBeam) -> Outcome<image::RgbI
             ENERGY_UM[0], ENERGY_UM[1], ENERGY_UM[2]
         ),
     ];
-    Ok(pattern::page(&format!("{name}: diffraction by gaps of the weave"), &particulars, &patterns))
+    let title = format!("{name}: diffraction by gaps of the weave");
+    Ok(pattern::page(&Head { title, particulars, legend: Vec::new() }, &patterns))
 }
 
 /// Edge lobes and the diffraction integral in the plane across the ply: columns of e = R - |h|, rows of wavelengths.
-fn edge_lobes(name: &str, spec: &YarnSpec, beam: &GaussianBeam) -> image::RgbImage {
+fn edge_lobes(name: &str, spec: &YarnSpec, beam: &GaussianBeam) -> Figure {
     const LAMBDA: [f64; 3] = [0.45, 0.55, 0.65];
     const DECADES: f64 = 4.0;
     const COLORS: [[u8; 3]; 2] = [[40, 90, 170], [200, 80, 40]];
@@ -126,14 +129,14 @@ fn edge_lobes(name: &str, spec: &YarnSpec, beam: &GaussianBeam) -> image::RgbIma
         })
         .collect::<Vec<_>>();
     let worst = fit.error.iter().fold(0.0f64, |a, b| a.max(*b));
-    let particulars = [format!(
+    let particulars = vec![format!(
         "w_0 = {} μm, d_{{cut}} = {} μm; f / r_d [1/sr], both of energy 1; relative L2 distance over all (λ, h): at most {:.3}",
         number(beam.w0_um),
         number(d),
         worst
     )];
-    let legend = [("diffraction integral".to_string(), COLORS[0]), ("lobe".to_string(), COLORS[1])];
-    lines::page(&format!("{name}: diffraction at the ply's edge"), &particulars, &legend, &rows)
+    let legend = vec![("diffraction integral".to_string(), COLORS[0]), ("lobe".to_string(), COLORS[1])];
+    lines::page(&Head { title: format!("{name}: diffraction at the ply's edge"), particulars, legend }, &rows)
 }
 
 /// Degrees shown either side of the forward direction.

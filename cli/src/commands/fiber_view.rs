@@ -3,10 +3,12 @@
 use super::compare::color_of;
 use crate::failure::{Failure, Outcome};
 use crate::plot::axes::LogScale;
-use crate::plot::canvas::literal;
-use crate::plot::colormap::Rgb;
+use crate::plot::color::Rgb;
+use crate::plot::figure::Figure;
 use crate::plot::lines::{self, Curve, LinePanel, Row, Scale};
-use crate::report::number;
+use crate::plot::page::Head;
+use crate::plot::text::literal;
+use crate::report::{number, plural};
 use plywave::fiber::{FiberSource, FiberTable};
 use std::path::Path;
 
@@ -20,7 +22,7 @@ const DECADES: f64 = 5.0;
 const PLAIN: Rgb = [90, 90, 96];
 
 /// The whole figure.
-pub fn figure(file: &Path, t: &FiberTable) -> Outcome<image::RgbImage> {
+pub fn figure(file: &Path, t: &FiberTable) -> Outcome<Figure> {
     let (lambdas, latitudes, azimuths) = (t.lambda_um.len(), t.theta_i.len(), t.phi_i.len());
     let cells = t.azimuthal.len() / t.c_x_um.len().max(1);
     if lambdas == 0 || latitudes == 0 || azimuths == 0 || cells < 2 {
@@ -56,7 +58,7 @@ pub fn figure(file: &Path, t: &FiberTable) -> Outcome<image::RgbImage> {
                     title: format!("N [1/rad], light from φ_i = {}°", number(t.phi_i[p].to_degrees())),
                     x_title: "φ_r - φ_i [degrees]".into(),
                     x: [0.0, 360.0],
-                    x_ticks: lines::linear(0.0, 360.0, 4.0),
+                    x_ticks: lines::every(0.0, 360.0, 90.0),
                     y: Scale::Log(LogScale::above(top, DECADES)),
                     curves,
                 };
@@ -100,10 +102,13 @@ pub fn figure(file: &Path, t: &FiberTable) -> Outcome<image::RgbImage> {
         FiberSource::Wave => "wave optics",
         FiberSource::Ray => "ray optics",
     };
-    let particulars = [format!(
-        "{source}: {lambdas} wavelengths, {latitudes} latitudes, {azimuths} azimuths of the light, {cells} of the scattered light; N: scattered share of the extinguished power per azimuth, unpolarized"
+    let particulars = vec![format!(
+        "{source}: {}, {}, {} of the light, {cells} of the scattered light; N: scattered share of the extinguished power per azimuth, unpolarized",
+        plural(lambdas, "wavelength"),
+        plural(latitudes, "latitude"),
+        plural(azimuths, "azimuth"),
     )];
     let name = file.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
-    let name: String = literal(&name).chars().take(80).collect();
-    Ok(lines::page(&format!("{name}: scattering of a single fiber"), &particulars, &legend, &rows))
+    let name = literal(&name, 80);
+    Ok(lines::page(&Head { title: format!("{name}: scattering of a single fiber"), particulars, legend }, &rows))
 }

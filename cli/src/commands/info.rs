@@ -5,7 +5,7 @@ use super::{Loaded, Yarn, load_any};
 use crate::args::{Cli, InfoArgs};
 use crate::failure::Outcome;
 use crate::output;
-use crate::report::{self, Spread, number};
+use crate::report::{self, Spread, number, plural};
 use plywave::{PlyData, Shape, Table, YarnSpec};
 use std::io::Write;
 
@@ -175,8 +175,8 @@ pub fn yarn_line(spec: &YarnSpec) -> String {
         }
     };
     format!(
-        "{} fibers, {shape}, eta {}, alpha_fiber {}; {ply}, {twist}{yarn}",
-        spec.ply.fibers,
+        "{}, {shape}, eta {}, alpha_fiber {}; {ply}, {twist}{yarn}",
+        plural(spec.ply.fibers as usize, "fiber"),
         number(spec.fiber.eta),
         number(spec.fiber.alpha_fiber)
     )

@@ -19,6 +19,7 @@ pub mod noise_view;
 pub mod plot;
 pub mod render;
 pub mod sample;
+pub mod shell;
 pub mod simulate;
 pub mod speckle_view;
 pub mod wave_scatter;

@@ -2,11 +2,12 @@
 
 use super::noise::{LINES, spec_of};
 use crate::failure::Outcome;
-use crate::plot::axes;
-use crate::plot::canvas::{Align, Canvas, GRAY, INK, LINE, literal};
-use crate::plot::colormap::Rgb;
+use crate::plot::axes::{self, BELOW, LEFT, linear};
+use crate::plot::color::Rgb;
+use crate::plot::figure::{Figure, INK, LINE, Panel};
 use crate::plot::lines::{self, Curve, LinePanel, Row, Scale};
-use crate::plot::sheet;
+use crate::plot::page::{Head, page};
+use crate::plot::text::literal;
 use crate::report::number;
 use plywave::color::{color_matching, linear_srgb_of_xyz, srgb_encode};
 use plywave::{Instance, PlyModel, PlyQuery, PlyTerms, SpecklePatterns, direction};
@@ -19,7 +20,7 @@ const SYNTHESIZED: Rgb = [200, 60, 50];
 const WINDOWS: [[f64; 2]; 2] = [[110.0, 150.0], [40.0, 80.0]];
 
 /// Two simulated and two synthesized patterns of each kind, and the covariances at three wavelengths.
-pub fn lines(file: &Path, patterns: &SpecklePatterns) -> Outcome<image::RgbImage> {
+pub fn lines(file: &Path, patterns: &SpecklePatterns) -> Outcome<Figure> {
     let spec = spec_of(file, patterns)?;
     let options = NoiseOptions { w0_um: spec.beam.w0_um, ..NoiseOptions::default() };
     let rows = compare_lines(patterns, &options, LINES / 2, &file.display().to_string())?;
@@ -28,13 +29,13 @@ pub fn lines(file: &Path, patterns: &SpecklePatterns) -> Outcome<image::RgbImage
     shown.dedup();
     let drawn =
         (0..2).map(|k| row(&rows[k * (last + 1)..(k + 1) * (last + 1)], &shown, WINDOWS[k])).collect::<Vec<_>>();
-    let name: String = literal(&spec.name).chars().take(80).collect();
-    let particulars = [
+    let name = literal(&spec.name, 80);
+    let particulars = vec![
         "unpolarized light; N = |a + g|², a constant phasor and a Gaussian field whose contrast and covariance are the simulated ones".to_string(),
         "one field at the shortest wavelength, stretched to the others; C: covariance of the intensity over its squared mean, all azimuths by their light".to_string(),
     ];
-    let legend = [("simulated".to_string(), SIMULATED), ("synthesized".to_string(), SYNTHESIZED)];
-    Ok(lines::page(&format!("{name}: noise beside simulated patterns"), &particulars, &legend, &drawn))
+    let legend = vec![("simulated".to_string(), SIMULATED), ("synthesized".to_string(), SYNTHESIZED)];
+    Ok(lines::page(&Head { title: format!("{name}: noise beside simulated patterns"), particulars, legend }, &drawn))
 }
 
 fn row(rows: &[LineComparison], shown: &[usize], window: [f64; 2]) -> Row {
@@ -109,7 +110,7 @@ fn row(rows: &[LineComparison], shown: &[usize], window: [f64; 2]) -> Row {
 
 /// Wavelengths that a color is summed over [um].
 const LAMBDAS: [f32; 12] = [0.42, 0.445, 0.47, 0.495, 0.52, 0.545, 0.57, 0.595, 0.62, 0.645, 0.67, 0.695];
-/// Size of a panel [dots]; 6 dots a degree.
+/// Size of a panel [pixels]; 6 pixels a degree.
 const PANEL: [i32; 2] = [300, 240];
 const DOTS: f64 = 6.0;
 /// Latitude at the middle of a panel [degrees].
@@ -131,73 +132,61 @@ fn rgb(light: &[f32; 12]) -> [f64; 3] {
 
 /// One instance of a model with tiles at two incidences: smooth, as an instance has it, and the noise alone. Grayscale where light is smooth, color by
 /// [`LAMBDAS`].
-pub fn model(title: &str, model: &PlyModel) -> image::RgbImage {
-    const GAP: [i32; 2] = [26, 64];
-    const LEFT: i32 = 90;
-    const TOP: i32 = 126;
-    let columns = 6;
-    let mut canvas = Canvas::new(LEFT + columns * (PANEL[0] + GAP[0]) + 20, TOP + 2 * (PANEL[1] + GAP[1]) + 10);
-    sheet::heading(&mut canvas, 28, 24, title);
-    let Some(noise) = model.noise() else { return canvas.into_image() };
-    let told = format!(
+pub fn model(title: &str, model: &PlyModel) -> Figure {
+    const GAP: [i32; 2] = [26, LINE + BELOW + 6];
+    let mut head = Head { title: title.into(), ..Head::default() };
+    let Some(noise) = model.noise() else { return page(&head, [0, 0], |_, _, _| ()) };
+    head.particulars.push(format!(
         "speckle noise of one instance at h = 0, σ = 0, in the color of 12 wavelengths; contrast of the tiles {:.3} (refl), {:.3} (high); the same scale in a row's three panels of a kind",
         noise.contrast[0][1], noise.contrast[1][1]
-    );
-    canvas.text(28, 24 + LINE + 2, &told, Align::Left, GRAY);
+    ));
     let instance = Instance::new(1, 0.0, 1.0);
-    for (row, theta_deg) in [0.0f64, 15.0].into_iter().enumerate() {
-        let theta_i = theta_deg.to_radians() as f32;
-        let bsdf = model.at(&PlyQuery::lobes(theta_i, 0.0, [0.0]));
-        let y = TOP + row as i32 * (PANEL[1] + GAP[1]);
-        canvas.text_up(28, y + PANEL[1] / 2, &format!("θ_i = {}°", number(theta_deg)), Align::Center, INK);
-        for kind in 0..2 {
-            // Reflection about the light's azimuth, high-order light beside forward.
-            let center = [90.0, 305.0][kind];
-            let at = |i: i32, j: i32| {
-                let phi = center + (f64::from(i - PANEL[0] / 2) + 0.5) / DOTS;
-                let theta = MIDDLE - (f64::from(j - PANEL[1] / 2) + 0.5) / DOTS;
-                let wo = direction(theta.to_radians() as f32, phi.to_radians() as f32);
-                let PlyTerms { refl, high: [high], .. } = bsdf.terms(wo);
-                let (n_refl, n_high) = noise.factors(instance, theta_i, wo, LAMBDAS);
-                (if kind == 0 { refl } else { high }, if kind == 0 { n_refl } else { n_high })
-            };
-            let mut top = 0.0f32;
-            (0..PANEL[1]).step_by(8).for_each(|j| (0..PANEL[0]).step_by(8).for_each(|i| top = top.max(at(i, j).0)));
-            let scale = 0.45 / f64::from(top.max(f32::MIN_POSITIVE));
-            let name = ["refl", "high"][kind];
-            let titles = [format!("f_{{{name}}}"), format!("f_{{{name}}} N"), format!("N_{{{name}}}")];
-            for (part, title) in titles.iter().enumerate() {
-                let x = LEFT + (3 * kind + part) as i32 * (PANEL[0] + GAP[0]);
-                for j in 0..PANEL[1] {
-                    for i in 0..PANEL[0] {
-                        let (f, n) = at(i, j);
+    let size = [LEFT + LINE + 6 * (PANEL[0] + GAP[0]), 2 * (PANEL[1] + GAP[1])];
+    page(&head, size, |figure, left, top| {
+        for (row, theta_deg) in [0.0f64, 15.0].into_iter().enumerate() {
+            let theta_i = theta_deg.to_radians() as f32;
+            let bsdf = model.at(&PlyQuery::lobes(theta_i, 0.0, [0.0]));
+            let y = top + LINE + row as i32 * (PANEL[1] + GAP[1]);
+            figure.text_up(left, y + PANEL[1] / 2, PANEL[1], &format!("θ_i = {}°", number(theta_deg)));
+            for kind in 0..2 {
+                // Reflection about the light's azimuth, high-order light beside forward.
+                let center = [90.0, 305.0][kind];
+                let lit = |i: i32, j: i32| {
+                    let phi = center + (f64::from(i - PANEL[0] / 2) + 0.5) / DOTS;
+                    let theta = MIDDLE - (f64::from(j - PANEL[1] / 2) + 0.5) / DOTS;
+                    let wo = direction(theta.to_radians() as f32, phi.to_radians() as f32);
+                    let PlyTerms { refl, high: [high], .. } = bsdf.terms(wo);
+                    let (n_refl, n_high) = noise.factors(instance, theta_i, wo, LAMBDAS);
+                    (if kind == 0 { refl } else { high }, if kind == 0 { n_refl } else { n_high })
+                };
+                let every_eighth = |n: i32| (0..n).step_by(8);
+                let values = every_eighth(PANEL[1]).flat_map(|j| every_eighth(PANEL[0]).map(move |i| (i, j)));
+                let brightest = values.map(|(i, j)| lit(i, j).0).fold(f32::MIN_POSITIVE, f32::max);
+                let scale = 0.45 / f64::from(brightest);
+                let name = ["refl", "high"][kind];
+                let titles = [format!("f_{{{name}}}"), format!("f_{{{name}}} N"), format!("N_{{{name}}}")];
+                for (part, title) in titles.iter().enumerate() {
+                    let x = left + LINE + LEFT + (3 * kind + part) as i32 * (PANEL[0] + GAP[0]);
+                    let at = Panel { x, y, w: PANEL[0], h: PANEL[1] };
+                    figure.pixels(at, |i, j| {
+                        let (f, n) = lit(i, j);
                         let f = f64::from(f) * scale;
                         let color = match part {
                             0 => [f; 3],
                             1 => rgb(&n).map(|v| f * v),
                             _ => rgb(&n).map(|v| 0.35 * v),
                         };
-                        let encode = |v: f64| (255.0 * srgb_encode(v.clamp(0.0, 1.0))).round() as u8;
-                        canvas.set(x + i, y + j, color.map(encode));
+                        color.map(|v| (255.0 * srgb_encode(v.clamp(0.0, 1.0))).round() as u8)
+                    });
+                    figure.frame(at, INK);
+                    axes::above(figure, at, title);
+                    let half = PANEL.map(|n| f64::from(n) / DOTS / 2.0);
+                    axes::below(figure, at, &linear(center - half[0], center + half[0], 4.0), "φ_o [degrees]");
+                    if part == 0 && kind == 0 {
+                        axes::left(figure, at, &linear(MIDDLE - half[1], MIDDLE + half[1], 4.0), "");
                     }
-                }
-                canvas.frame(x, y, PANEL[0], PANEL[1], INK);
-                canvas.text(x + PANEL[0] / 2, y - LINE, title, Align::Center, INK);
-                let half = [f64::from(PANEL[0]) / DOTS / 2.0, f64::from(PANEL[1]) / DOTS / 2.0];
-                axes::ticks_below(
-                    &mut canvas,
-                    x,
-                    y + PANEL[1],
-                    PANEL[0],
-                    &lines::linear(center - half[0], center + half[0], 4.0),
-                );
-                canvas.text(x + PANEL[0] / 2, y + PANEL[1] + LINE + 6, "φ_o [degrees]", Align::Center, INK);
-                if part == 0 && kind == 0 {
-                    let ticks = lines::linear(MIDDLE - half[1], MIDDLE + half[1], 4.0);
-                    axes::ticks_left(&mut canvas, x, y, PANEL[1], &ticks);
                 }
             }
         }
-    }
-    canvas.into_image()
+    })
 }

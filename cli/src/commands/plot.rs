@@ -1,15 +1,17 @@
-//! `plywave plot`: a table, a model, or both side by side, as one PNG.
+//! `plywave plot`: a table, a model, or both side by side, as one figure.
 
 use super::info::{model_energy_high, yarn_line};
 use super::{Loaded, Yarn, absorptions, load_any};
 use crate::args::{Cli, Part, PlotArgs};
 use crate::failure::{Failure, Outcome};
 use crate::output;
+use crate::plot::Format;
 use crate::plot::budget::Budget;
-use crate::plot::canvas::literal;
+use crate::plot::figure::Figure;
 use crate::plot::grid::Numbers;
 use crate::plot::map::Field;
 use crate::plot::sheet::{self, Block, Cell, Section};
+use crate::plot::text::literal;
 use crate::report::number;
 use plywave::asg::{Lobe, PARAMS};
 use plywave::{FileKind, OutgoingGrid, PlyModel, PlyQuery, SpecklePatterns, Table, direction};
@@ -44,20 +46,20 @@ impl Source {
             (Loaded::Model(m), Some(table), _) => (Some(Box::new(Table::load(table)?)), Some(m)),
             (Loaded::Model(m), None, None) => (None, Some(m)),
             (Loaded::Fiber(_), ..) => {
-                let mend = "there is nothing to set beside a fiber table; leave --table and --model out";
-                return Err(Failure::input(args.file.display(), "FILE", "a fiber table", mend));
+                let hint = "there is nothing to set beside a fiber table; leave --table and --model out";
+                return Err(Failure::input(args.file.display(), "FILE", "a fiber table", hint));
             }
             (Loaded::Speckle(_), ..) => {
-                let mend = "there is nothing to set beside speckle patterns; leave --table and --model out";
-                return Err(Failure::input(args.file.display(), "FILE", "speckle patterns", mend));
+                let hint = "there is nothing to set beside speckle patterns; leave --table and --model out";
+                return Err(Failure::input(args.file.display(), "FILE", "speckle patterns", hint));
             }
             (Loaded::Table(_), Some(_), _) => {
-                let mend = "this flag goes with a model; FILE is a table, give --model instead";
-                return Err(Failure::input(args.file.display(), "--table", "given", mend));
+                let hint = "this flag goes with a model; FILE is a table, give --model instead";
+                return Err(Failure::input(args.file.display(), "--table", "given", hint));
             }
             (Loaded::Model(_), None, Some(_)) => {
-                let mend = "this flag goes with a table; FILE is a model, give --table instead";
-                return Err(Failure::input(args.file.display(), "--model", "given", mend));
+                let hint = "this flag goes with a table; FILE is a model, give --table instead";
+                return Err(Failure::input(args.file.display(), "--model", "given", hint));
             }
         };
         let (yarn, written) = match (&table, &model) {
@@ -83,9 +85,9 @@ impl Source {
             _ => "ply model",
         };
         // Names come from the file; a page has room for so much.
-        let title: String = literal(&yarn.spec.name).chars().take(80).collect();
-        let particulars: String = literal(&format!("{written}; {}", yarn_line(&yarn.spec))).chars().take(170).collect();
-        Ok(Source { table, model, yarn, title: format!("{title}: {kind}"), particulars })
+        let title = format!("{}: {kind}", literal(&yarn.spec.name, 80));
+        let particulars = literal(&format!("{written}; {}", yarn_line(&yarn.spec)), 400);
+        Ok(Source { table, model, yarn, title, particulars })
     }
 
     fn axes(&self) -> (&[f64], &[f64], &[f64]) {
@@ -161,8 +163,11 @@ impl Source {
     /// The overview: several incidences, f_refl at the left and f_high at the right.
     fn overview(&self, sigma: f64, decades: f64) -> Section {
         let last = self.axes().0.last().copied().unwrap_or(0.0).to_degrees();
-        let thetas: Vec<f64> = [0.0, 30.0, 60.0].into_iter().filter(|t| *t <= last + 1.0).collect();
-        let offsets = [0.0, 0.5, 0.9];
+        // Two of them may have the same node of a coarse table.
+        let mut thetas: Vec<f64> = [0.0, 30.0, 60.0].into_iter().filter(|t| *t <= last + 1.0).collect();
+        thetas.dedup_by_key(|theta| self.view(*theta, 0.0).theta_i);
+        let mut offsets = vec![0.0, 0.5, 0.9];
+        offsets.dedup_by_key(|h| self.view(0.0, *h).h_um);
         let both = self.table.is_some() && self.model.is_some();
         let block = |sigma: Option<f64>| {
             let (name, quantity) = names(sigma);
@@ -347,7 +352,7 @@ fn noise(t: &Table) -> (Vec<f64>, Vec<f64>) {
     (refl.collect(), high.collect())
 }
 
-/// Heading and colour bar title of a component.
+/// Heading and color bar title of a component.
 fn names(sigma: Option<f64>) -> (String, String) {
     match sigma {
         None => ("f_{refl}, light that was only reflected".into(), "f_{refl} [1/sr]".into()),
@@ -398,37 +403,39 @@ pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
     let path = args.output.clone().unwrap_or_else(|| output::default_output(&args.file, "png"));
     let others = [args.table.as_deref(), args.model.as_deref()];
     let inputs: Vec<&std::path::Path> = others.into_iter().flatten().chain([args.file.as_path()]).collect();
+    let format = Format::of(&path)?;
     output::check_writable(&path, &inputs)?;
+    wrong_kind(&args.file)?;
     absorptions(&args.sigma)?;
     if args.file.extension().is_some_and(|e| e == "toml") {
         if let Some(other) = others.into_iter().flatten().next() {
-            let mend = "FILE is a yarn spec; leave --table and --model out";
-            return Err(Failure::input(args.file.display(), "FILE", other.display(), mend));
+            let hint = "FILE is a yarn spec; leave --table and --model out";
+            return Err(Failure::input(args.file.display(), "FILE", other.display(), hint));
         }
         let (spec, _) = plywave::YarnSpec::load(&args.file)?;
         let edge = matches!(args.part, Part::Edge);
-        return write(cli, &path, &super::diffraction_view::figure(args, &spec, edge)?);
+        return write(cli, &path, format, &super::diffraction_view::figure(args, &spec, edge)?);
     }
     if !args.gap.is_empty() || args.tilt != 0.0 || matches!(args.part, Part::Edge) {
-        let mend = "--gap, --tilt and --part edge go with a yarn spec (.toml), whose beam they show";
-        return Err(Failure::input(args.file.display(), "FILE", "no spec", mend));
+        let hint = "--gap, --tilt and --part edge go with a yarn spec (.toml), whose beam they show";
+        return Err(Failure::input(args.file.display(), "FILE", "no spec", hint));
     }
     if let Some(theta) = args.theta_i.filter(|t| !(0.0..=90.0).contains(t)) {
-        let mend = "must be from 0 to 90 degrees; (-theta_i, h) is the mirror image of (theta_i, -h)";
-        return Err(Failure::input("command line", "--theta-i", theta, mend));
+        let hint = "must be from 0 to 90 degrees; (-theta_i, h) is the mirror image of (theta_i, -h)";
+        return Err(Failure::input("command line", "--theta-i", theta, hint));
     }
     if others.iter().all(Option::is_none) {
         match plywave::file_kind(&args.file)? {
             FileKind::Speckle => {
                 let patterns = SpecklePatterns::load(&args.file)?;
                 let mut figures = vec![super::speckle_view::figure(&args.file, &patterns)?];
-                // Patterns without dark fibers or of one instance have no noise to be set beside.
+                // Patterns without dark fibers or of one instance have no noise to compare with.
                 figures.extend(super::noise_view::lines(&args.file, &patterns).ok());
-                return write(cli, &path, &crate::plot::below(&figures));
+                return write(cli, &path, format, &Figure::below(figures));
             }
             FileKind::Fiber => {
                 let table = plywave::fiber::FiberTable::load(&args.file)?;
-                return write(cli, &path, &super::fiber_view::figure(&args.file, &table)?);
+                return write(cli, &path, format, &super::fiber_view::figure(&args.file, &table)?);
             }
             FileKind::Table | FileKind::Model => {}
         }
@@ -440,18 +447,18 @@ pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
             return Err(Failure::input(file, "FILE", "a table", "--part noise goes with a model that has noise tiles"));
         };
         model.require_noise(&file)?;
-        return write(cli, &path, &super::noise_view::model(&source.title, model));
+        return write(cli, &path, format, &super::noise_view::model(&source.title, model));
     }
     if let Some(file) = &args.beside {
         let other = Source::load(&PlotArgs { file: file.clone(), table: None, model: None, ..args.clone() })?;
         let sigma = args.sigma.first().copied().unwrap_or(0.0);
         let section = source.pair(&other, sigma, f64::from(args.decades));
-        return write(cli, &path, &sheet::page(&source.title, &source.particulars, &[section]));
+        return write(cli, &path, format, &sheet::page(&source.title, &source.particulars, &[section]));
     }
     let reach = source.axes().1.last().copied().unwrap_or(0.0) / source.yarn.radius_um;
     if let Some(h) = args.h_rel.filter(|h| !(0.0..=reach * (1.0 + 1e-9)).contains(&h.abs())) {
-        let mend = format!("must be from -{0} to {0}, where the beam still meets the ply", number(reach));
-        return Err(Failure::input("command line", "--h-rel", h, &mend));
+        let hint = format!("must be from -{0} to {0}, where the beam still meets the ply", number(reach));
+        return Err(Failure::input("command line", "--h-rel", h, &hint));
     }
     let sigmas: Vec<f64> = args.sigma.iter().map(|s| source.sigma(*s)).collect();
     let budget_sigma = sigmas.iter().copied().find(|s| *s > 0.0).unwrap_or_else(|| source.telling_sigma());
@@ -472,20 +479,45 @@ pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
     if matches!(args.part, Part::All | Part::Errors) {
         sections.push(source.errors(args)?);
     }
-    write(cli, &path, &sheet::page(&source.title, &source.particulars, &sections))
+    write(cli, &path, format, &sheet::page(&source.title, &source.particulars, &sections))
+}
+
+/// Refuses a file that is of no kind that can be drawn. Files of plywave's that are damaged pass: their loaders say more of them.
+fn wrong_kind(file: &Path) -> Outcome {
+    const KINDS: &str =
+        "give a table (.pwt), a model (.pwm), a fiber table (.pwf), speckle patterns (.pws) or a yarn spec (.toml)";
+    let refuse = |what: &str, more: &str| Err(Failure::input(file.display(), "FILE", what, &format!("{KINDS}{more}")));
+    // What cannot be read is for the loaders too.
+    let Ok(bytes) = std::fs::read(file) else { return Ok(()) };
+    if file.extension().is_some_and(|e| e == "toml") {
+        let Ok(text) = str::from_utf8(&bytes) else { return Ok(()) };
+        let has = |section: &str| text.lines().any(|line| line.trim() == section);
+        return match (has("[weave]") || has("[warp]"), has("[[fiber]]")) {
+            (true, _) => refuse("a fabric spec", "; plywave weave draws fabrics"),
+            (_, true) => refuse("a scene", ""),
+            _ => Ok(()),
+        };
+    }
+    match bytes.get(8) {
+        // A length of eight bytes and the header in JSON: a container as plywave writes it.
+        Some(b'{') => Ok(()),
+        _ if image::guess_format(&bytes).is_ok() || bytes.starts_with(b"<svg") => refuse("a picture", ""),
+        _ => refuse("no file of plywave's", ""),
+    }
 }
 
 /// Writes a figure and says so.
-fn write(cli: &Cli, path: &Path, image: &image::RgbImage) -> Outcome {
-    let png = crate::plot::png(image, path)?;
-    output::write_whole(path, &png)?;
+fn write(cli: &Cli, path: &Path, format: Format, figure: &Figure) -> Outcome {
+    let bytes = format.encode(figure, path)?;
+    output::write_whole(path, &bytes)?;
+    let (width, height) = figure.size();
     if cli.json {
         return output::print_json(&serde_json::json!({
-            "png": path.display().to_string(), "width": image.width(), "height": image.height(), "bytes": png.len(),
+            format.name(): path.display().to_string(), "width": width, "height": height, "bytes": bytes.len(),
         }));
     }
     if cli.quiet {
         return Ok(());
     }
-    output::print(|out| writeln!(out, "{}: {} x {}", path.display(), image.width(), image.height()))
+    output::print(|out| writeln!(out, "{}: {width} x {height}", path.display()))
 }

@@ -5,10 +5,12 @@ use crate::args::Cli;
 use crate::failure::{Failure, Outcome, one_line};
 use crate::output;
 use crate::plot::axes::LogScale;
-use crate::plot::canvas::literal;
-use crate::plot::colormap::Rgb;
+use crate::plot::color::Rgb;
+use crate::plot::figure::Figure;
 use crate::plot::lines::{self, Curve, LinePanel, Row, Scale};
-use crate::report::{self, number};
+use crate::plot::page::Head;
+use crate::plot::text::literal;
+use crate::report::{self, number, plural};
 use plywave::{SpecklePatterns, SpecklePolarization, SpeckleSide, YarnSpec};
 use std::path::Path;
 
@@ -126,7 +128,7 @@ const SINGLE: [Rgb; 2] = [[150, 160, 185], [205, 170, 130]];
 const MOST_LAMBDAS: usize = 8;
 
 /// Patterns, covariances over the lag, and over the lag in units of the wavelength, one row an absorption.
-pub fn figure(file: &Path, p: &SpecklePatterns) -> Outcome<image::RgbImage> {
+pub fn figure(file: &Path, p: &SpecklePatterns) -> Outcome<Figure> {
     const DECADES: f64 = 5.0;
     let spec = YarnSpec::parse(&p.spec_text, &format!("{} (its spec)", file.display()))?;
     let shown: Vec<usize> = (0..p.lambda_um.len()).step_by(p.lambda_um.len().div_ceil(MOST_LAMBDAS)).collect();
@@ -155,7 +157,7 @@ pub fn figure(file: &Path, p: &SpecklePatterns) -> Outcome<image::RgbImage> {
                 title: format!("{} μm: two instances and their mean [μm/rad]", number(p.lambda_um[first])),
                 x_title: "φ_o - 270° [degrees]".into(),
                 x: [-180.0, 180.0],
-                x_ticks: ticks(-180.0, 180.0, 4.0),
+                x_ticks: lines::every(-180.0, 180.0, 60.0),
                 y: Scale::Log(LogScale::above(top, DECADES)),
                 curves,
             },
@@ -208,13 +210,13 @@ pub fn figure(file: &Path, p: &SpecklePatterns) -> Outcome<image::RgbImage> {
         .map(|&l| (format!("{} μm", number(p.lambda_um[l])), color_of(p.lambda_um[l])))
         .chain([("single instances".into(), SINGLE[0])])
         .collect();
-    let name: String = literal(&spec.name).chars().take(80).collect();
-    let particulars = [format!(
-        "{} instances of one fiber, θ_i = {}°, w_0 = {} μm, seed {}; TM light; C: covariance of the intensity over its mean, without 20° either side of forward",
-        p.instances,
+    let name = literal(&spec.name, 80);
+    let particulars = vec![format!(
+        "{} of one fiber, θ_i = {}°, w_0 = {} μm, seed {}; TM light; C: covariance of the intensity over its mean, without 20° either side of forward",
+        plural(p.instances, "instance"),
         number(p.theta_i.to_degrees()),
         number(p.w0_um),
         p.seed
     )];
-    Ok(lines::page(&format!("{name}: speckle of single fibers"), &particulars, &legend, &rows))
+    Ok(lines::page(&Head { title: format!("{name}: speckle of single fibers"), particulars, legend }, &rows))
 }

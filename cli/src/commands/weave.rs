@@ -37,7 +37,7 @@ pub fn run(cli: &Cli, args: &WeaveArgs) -> Outcome {
         files.push((texture.file, texture.png(&folder)?));
     }
     let sheet = plot::weave::sheet(&spec.name, &particulars(fabric), fabric);
-    files.push(("sheet.png", plot::png(&sheet, &folder)?));
+    files.push(("sheet.png", plot::Format::Png.encode(&sheet, &folder)?));
     let mut about = about(&spec, fabric, size, args.back, &textures);
     about["shading_bytes"] = shading.memory_bytes().into();
     progress::stoppable(|| {

@@ -2,7 +2,8 @@
 
 use super::pictures::Panel;
 use crate::failure::{Failure, Outcome};
-use crate::plot::canvas::{Align, CAP, Canvas, INK, literal};
+use crate::plot::figure::{Align, CAP, Figure, INK};
+use crate::plot::text::literal;
 use image::imageops::{FilterType, replace, resize};
 use image::{ImageEncoder, RgbImage};
 use plywave::fabric::GapLight;
@@ -137,14 +138,14 @@ pub fn strip(panels: &[RgbImage], titles: &[&str]) -> RgbImage {
     let [panel] = panels else {
         let height = panels.iter().map(RgbImage::height).max().unwrap_or(1);
         let width = panels.iter().map(|p| p.width() + BETWEEN).sum::<u32>().max(BETWEEN + 1) - BETWEEN;
-        let mut canvas = Canvas::new(width as i32, (height + BELOW) as i32);
+        let mut figure = Figure::new(width as i32, (height + BELOW) as i32);
         let mut x = 0;
         for (panel, title) in panels.iter().zip(titles) {
             let (middle, y) = ((x + panel.width() / 2) as i32, height as i32 + (BELOW as i32 - CAP) / 2);
-            canvas.text(middle, y, &literal(title), Align::Center, INK);
+            figure.text_within(middle, y, panel.width() as i32, &literal(title, 80), Align::Center, INK);
             x += panel.width() + BETWEEN;
         }
-        let mut image = canvas.into_image();
+        let mut image = figure.raster();
         let mut x = 0;
         for panel in panels {
             replace(&mut image, panel, i64::from(x), 0);

@@ -1,9 +1,9 @@
 //! The energy budget of a ply over (theta_i, h): stacked shares of the beam's power.
 
-use super::axes::{self, Ticks};
-use super::canvas::{Align, Canvas, GRAY, INK, LINE};
-use super::colormap::Rgb;
-use super::map::Panel;
+use super::axes;
+use super::color::Rgb;
+use super::figure::{Figure, INK, LINE, Panel};
+use super::{page, text};
 
 /// Shares of the beam's power over h at one theta_i; arrays `[h]`.
 #[derive(Clone, Debug)]
@@ -14,15 +14,15 @@ pub struct Budget {
     pub h_rel: Vec<f64>,
     /// Light that was only reflected.
     pub refl: Vec<f64>,
-    /// All other scattered light that is left at the chosen absorption.
+    /// All other scattered light that remains at the chosen absorption.
     pub high: Vec<f64>,
-    /// What the fibers took of it.
+    /// What the fibers absorbed of it.
     pub absorbed: Vec<f64>,
-    /// What met no fiber.
+    /// What hit no fiber.
     pub r_d: Vec<f64>,
 }
 
-/// The parts in their order of stacking: name and colour.
+/// The parts in their order of stacking: name and color.
 pub const PARTS: [(&str, Rgb); 4] = [
     ("refl", [214, 112, 66]),
     ("high", [240, 200, 116]),
@@ -31,97 +31,55 @@ pub const PARTS: [(&str, Rgb); 4] = [
 ];
 
 /// Draws the stack over h into a panel; the h axis spans the table's range.
-pub fn draw(canvas: &mut Canvas, panel: Panel, budget: &Budget, below: bool, left: bool) {
-    let Panel { x, y, w, h } = panel;
+pub fn draw(figure: &mut Figure, at: Panel, budget: &Budget, left: bool) {
     let (from, to) = (budget.h_rel[0], budget.h_rel[budget.h_rel.len() - 1]);
     let span = (to - from).max(1e-12);
-    canvas.fill(x, y, w, h, [255, 255, 255]);
-    for i in 0..w {
-        let at = from + span * (i as f64 + 0.5) / w as f64;
-        let mut low = 0.0;
+    let x = |h: f64| f64::from(at.x) + (h - from) / span * f64::from(at.w);
+    // The stack may exceed 1 by the noise of the simulation.
+    let y = |share: f64| f64::from(at.y) + (1.0 - share) * f64::from(at.h);
+    let mut low = vec![0.0; budget.h_rel.len()];
+    figure.clipped(at, |figure| {
         for (part, (_, color)) in [&budget.refl, &budget.high, &budget.absorbed, &budget.r_d].into_iter().zip(PARTS) {
-            let high = low + interpolate(&budget.h_rel, part, at).max(0.0);
-            let row = |v: f64| y + h - (v.min(1.02) * h as f64).round() as i32;
-            let (upper, lower) = (row(high).max(y), row(low));
-            canvas.fill(x + i, upper, 1, lower - upper, color);
+            let high: Vec<f64> = low.iter().zip(part).map(|(low, part)| low + part.max(0.0)).collect();
+            let edge = |shares: &[f64]| -> Vec<[f64; 2]> {
+                budget.h_rel.iter().zip(shares).map(|(h, share)| [x(*h), y(*share)]).collect()
+            };
+            figure.area(edge(&low).into_iter().chain(edge(&high).into_iter().rev()), color, 1.0);
             low = high;
         }
-    }
-    // The ply's own rim.
-    for rim in [-1.0, 1.0] {
-        if rim > from && rim < to {
-            let at = x + ((rim - from) / span * w as f64) as i32;
-            for j in (0..h).step_by(8) {
-                canvas.fill(at, y + j, 1, 4.min(h - j), INK);
-            }
+        // The ply's own rim.
+        for rim in [-1.0, 1.0] {
+            figure.line([x(rim), y(0.0)], [x(rim), y(1.0)], INK, 4.0);
         }
-    }
-    canvas.frame(x, y, w, h, INK);
-    let ticks: Ticks = (-4..=4)
-        .map(|k| 0.5 * k as f64)
-        .filter(|v| *v >= from - 1e-9 && *v <= to + 1e-9 && (v.fract() == 0.0))
-        .map(|v| ((v - from) / span, format!("{v}")))
-        .collect();
-    if below {
-        axes::ticks_below(canvas, x, y + h, w, &ticks);
-        canvas.text(x + w / 2, y + h + 14 + LINE, "h / R", Align::Center, INK);
-    }
+    });
+    figure.frame(at, INK);
+    let ticks = [-2.0f64, -1.0, 0.0, 1.0, 2.0].map(|v| ((v - from) / span, format!("{v}")));
+    let shown = ticks.into_iter().filter(|(p, _)| (-1e-9..=1.0 + 1e-9).contains(p)).collect();
+    axes::below(figure, at, &shown, "h / R");
     if left {
-        axes::ticks_left(canvas, x, y, h, &[0.0, 0.5, 1.0].map(|v| (v, format!("{v:.1}"))).to_vec());
+        axes::left(figure, at, &axes::linear(0.0, 1.0, 2.0), "share of the power");
     }
-    canvas.text(
-        x + w / 2,
-        y - LINE,
-        &format!("θ_i = {}°", crate::report::number((10.0 * budget.theta_i.to_degrees()).round() / 10.0)),
-        Align::Center,
-        INK,
-    );
+    let degrees = crate::report::number((10.0 * budget.theta_i.to_degrees()).round() / 10.0);
+    axes::above(figure, at, &format!("θ_i = {degrees}°"));
 }
 
-/// The legend on one line; returns where it ends.
-pub fn legend(canvas: &mut Canvas, x: i32, y: i32, sigma_per_um: f64) -> i32 {
-    let mut at = x;
-    for (name, color) in PARTS {
-        canvas.fill(at, y, 14, 14, color);
-        canvas.frame(at, y, 14, 14, GRAY);
-        let name = match name {
-            "absorbed" => format!("absorbed at σ = {} /μm", crate::report::number(sigma_per_um)),
-            name => name.to_string(),
-        };
-        canvas.text(at + 22, y, &name, Align::Left, INK);
-        at += 22 + Canvas::text_width(&name) + 28;
-    }
-    for j in (0..14).step_by(8) {
-        canvas.fill(at + 6, y + j, 1, 4, INK);
-    }
-    canvas.text(at + 20, y, "rim of the ply", Align::Left, INK);
-    at + 20 + Canvas::text_width("rim of the ply")
-}
-
-/// Piecewise linear interpolation, held at the ends.
-fn interpolate(xs: &[f64], ys: &[f64], x: f64) -> f64 {
-    let last = xs.len() - 1;
-    let k = xs.partition_point(|v| *v <= x).clamp(1, last.max(1)) - 1;
-    if last == 0 {
-        return ys[0];
-    }
-    let t = ((x - xs[k]) / (xs[k + 1] - xs[k])).clamp(0.0, 1.0);
-    ys[k] + t * (ys[k + 1] - ys[k])
+/// The legend on one line.
+pub fn legend(figure: &mut Figure, x: i32, y: i32, sigma_per_um: f64) {
+    let name = |name: &str| match name {
+        "absorbed" => format!("absorbed at σ = {} /μm", crate::report::number(sigma_per_um)),
+        name => name.to_string(),
+    };
+    let names = PARTS.map(|(part, color)| (name(part), color));
+    page::legend(figure, [x, y], &names, i32::MAX);
+    let width: i32 = names.iter().map(|(name, _)| page::NEXT + page::SWATCH + text::width(name)).sum();
+    let at = f64::from(x + width + 8);
+    figure.line([at, f64::from(y - 2)], [at, f64::from(y + LINE - 6)], INK, 4.0);
+    figure.text(x + width + 18, y, "rim of the ply", super::figure::Align::Left, INK);
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn interpolation_is_linear_between_and_held_beyond() {
-        let (xs, ys) = ([-1.0, 0.0, 2.0], [1.0, 3.0, 7.0]);
-        for (x, want) in [(-2.0, 1.0), (-1.0, 1.0), (-0.5, 2.0), (0.0, 3.0), (1.0, 5.0), (2.0, 7.0), (9.0, 7.0)] {
-            let got = interpolate(&xs, &ys, x);
-            assert!((got - want).abs() < 1e-12, "{x}: got {got}, want {want}");
-        }
-        assert_eq!(interpolate(&[1.0], &[5.0], 3.0), 5.0);
-    }
 
     #[test]
     fn stack_fills_the_panel_in_order() {
@@ -133,12 +91,27 @@ mod tests {
             absorbed: vec![0.2; 3],
             r_d: vec![0.3; 3],
         };
-        let mut canvas = Canvas::new(120, 200);
-        draw(&mut canvas, Panel { x: 10, y: 50, w: 100, h: 100 }, &budget, false, false);
-        let image = canvas.into_image();
+        let drawn = |budget: &Budget| {
+            let mut figure = Figure::new(120, 200);
+            draw(&mut figure, Panel { x: 10, y: 50, w: 100, h: 100 }, budget, false);
+            figure.raster()
+        };
+        let image = drawn(&budget);
         for (share, part) in [(0.05, 0), (0.3, 1), (0.6, 2), (0.85, 3)] {
             let y = 150 - (share * 100.0) as u32;
             assert_eq!(image.get_pixel(60, y).0, PARTS[part].1, "at {share}");
+        }
+        // Linear between nodes: a quarter of the way from 0 to the middle's 0.8, the border lies at 0.2 and 0.4.
+        let image = drawn(&Budget {
+            refl: vec![0.0, 0.8, 0.0],
+            high: vec![0.0; 3],
+            absorbed: vec![0.0; 3],
+            r_d: vec![1.0; 3],
+            ..budget
+        });
+        for (x, border) in [(22, 0.2), (35, 0.4), (60, 0.8), (85, 0.4)] {
+            let at = |share: f64| image.get_pixel(x, 150 - (share * 100.0) as u32).0;
+            assert_eq!((at(border - 0.04), at(border + 0.04)), (PARTS[0].1, PARTS[3].1), "at {x}");
         }
     }
 }

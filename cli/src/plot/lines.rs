@@ -1,10 +1,10 @@
 //! Curves over one axis, linear or logarithmic, with bands of their spread; pages of such panels.
 
-use super::axes::{self, LogScale, Ticks};
-use super::canvas::{Align, Canvas, GRAY, INK, LINE};
-use super::colormap::Rgb;
-use super::map::Panel;
-use super::sheet::heading;
+use super::axes::{self, BELOW, LEFT, LogScale, Ticks};
+pub use super::axes::{every, linear};
+use super::color::Rgb;
+use super::figure::{Figure, INK, LINE, Panel};
+use super::page::{Head, page as with_head};
 
 /// A curve.
 #[derive(Clone, Debug)]
@@ -15,7 +15,7 @@ pub struct Curve {
     pub band: Vec<[f64; 2]>,
     /// Color.
     pub color: Rgb,
-    /// Width [dots].
+    /// Width [pixels].
     pub width: f64,
 }
 
@@ -45,19 +45,6 @@ impl Scale {
     }
 }
 
-/// Round marks between two values, about `count` of them.
-pub fn linear(from: f64, to: f64, count: f64) -> Ticks {
-    let step = axes::nice_step(to - from, count);
-    let digits = (-step.log10().floor()).clamp(0.0, 6.0) as usize;
-    let (first, last) = ((from / step - 1e-9).ceil() as i64, (to / step + 1e-9).floor() as i64);
-    (first..=last)
-        .map(|i| {
-            let value = i as f64 * step;
-            ((value - from) / (to - from), format!("{:.digits$}", value + 0.0))
-        })
-        .collect()
-}
-
 /// Curves in one frame.
 #[derive(Clone, Debug)]
 pub struct LinePanel {
@@ -76,92 +63,63 @@ pub struct LinePanel {
 }
 
 impl LinePanel {
-    fn draw(&self, canvas: &mut Canvas, at: Panel) {
-        let clip = at.clip();
-        for (p, _) in self.y.ticks() {
-            let y = at.y + at.h - 1 - (p * (at.h - 1) as f64).round() as i32;
-            canvas.fill(at.x, y, at.w, 1, PALE);
-        }
-        for (p, _) in &self.x_ticks {
-            canvas.fill(at.x + (p * (at.w - 1) as f64).round() as i32, at.y, 1, at.h, PALE);
-        }
-        let x = |v: f64| f64::from(at.x) + (v - self.x[0]) / (self.x[1] - self.x[0]) * f64::from(at.w);
+    fn draw(&self, figure: &mut Figure, at: Panel) {
+        let [left, top, w, h] = [at.x, at.y, at.w, at.h].map(f64::from);
+        let x = |v: f64| left + (v - self.x[0]) / (self.x[1] - self.x[0]) * w;
         // Far beyond the frame all heights look the same.
-        let y = |v: f64| f64::from(at.y + at.h) - self.y.position(v).clamp(-2.0, 3.0) * f64::from(at.h);
-        for curve in &self.curves {
-            for (pair, band) in curve.points.windows(2).zip(curve.band.windows(2)) {
-                let (from, to) = (x(pair[0][0]), x(pair[1][0]));
-                for column in (from.floor() as i32).max(clip[0])..(to.floor() as i32).min(clip[2]) {
-                    let t = ((f64::from(column) + 0.5 - from) / (to - from)).clamp(0.0, 1.0);
-                    let edge = |k: usize| y(band[0][k] + t * (band[1][k] - band[0][k]));
-                    for row in (edge(1).round() as i32).max(clip[1])..(edge(0).round() as i32).min(clip[3]) {
-                        canvas.blend(column, row, curve.color, 0.18);
-                    }
-                }
+        let y = |v: f64| top + (1.0 - self.y.position(v).clamp(-2.0, 3.0)) * h;
+        figure.clipped(at, |figure| {
+            for (p, _) in self.y.ticks() {
+                figure.line([left, top + (1.0 - p) * h], [left + w, top + (1.0 - p) * h], PALE, 0.0);
             }
-        }
-        for curve in &self.curves {
-            for pair in curve.points.windows(2) {
-                let ends = [pair[0], pair[1]].map(|p| [x(p[0]), y(p[1])]);
-                canvas.stroke(ends[0], ends[1], curve.width, curve.color, clip);
+            for (p, _) in &self.x_ticks {
+                figure.line([left + p * w, top], [left + p * w, top + h], PALE, 0.0);
             }
-        }
-        canvas.frame(at.x, at.y, at.w, at.h, INK);
-        canvas.text(at.x + at.w / 2, at.y - LINE, &self.title, Align::Center, INK);
-        axes::ticks_below(canvas, at.x, at.y + at.h, at.w, &self.x_ticks);
-        canvas.text(at.x + at.w / 2, at.y + at.h + LINE + 10, &self.x_title, Align::Center, INK);
-        axes::ticks_left(canvas, at.x, at.y, at.h, &self.y.ticks());
+            for curve in self.curves.iter().filter(|c| !c.band.is_empty()) {
+                let edge = |k: usize| curve.points.iter().zip(&curve.band).map(move |(p, b)| [p[0], b[k]]);
+                let outline = edge(0).chain(edge(1).collect::<Vec<_>>().into_iter().rev());
+                figure.area(outline.map(|[a, b]| [x(a), y(b)]), curve.color, 0.18);
+            }
+            for curve in &self.curves {
+                figure.curve(curve.points.iter().map(|p| [x(p[0]), y(p[1])]), curve.width, curve.color);
+            }
+        });
+        figure.frame(at, INK);
+        axes::above(figure, at, &self.title);
+        axes::below(figure, at, &self.x_ticks, &self.x_title);
+        axes::left(figure, at, &self.y.ticks(), "");
     }
 }
 
 /// Lines of the grid.
 const PALE: Rgb = [234, 234, 238];
-const MARGIN: i32 = 28;
-const LEFT: i32 = 96;
-const BELOW: i32 = 2 * LINE + 14;
 
 /// A row of panels.
 pub struct Row {
     /// At the left, upwards.
     pub title: String,
-    /// Panels, each with its width [dots].
+    /// Panels, each with its width [pixels].
     pub panels: Vec<(i32, LinePanel)>,
-    /// Height of the panels [dots].
+    /// Height of the panels [pixels].
     pub height: i32,
 }
 
-/// A page: title, particulars, the legend's names in their colors, rows of panels.
-pub fn page(title: &str, particulars: &[String], legend: &[(String, Rgb)], rows: &[Row]) -> image::RgbImage {
-    let head = MARGIN + (2 + particulars.len() as i32) * LINE + 14;
+/// A page of rows of panels.
+pub fn page(head: &Head, rows: &[Row]) -> Figure {
     let row_width = |row: &Row| LINE + row.panels.iter().map(|(w, _)| LEFT + w).sum::<i32>();
     let row_height = |row: &Row| LINE + row.height + BELOW + 10;
-    let names: i32 = legend.iter().map(|(name, _)| 62 + Canvas::text_width(name)).sum();
-    let texts = particulars.iter().map(|p| Canvas::text_width(p)).max().unwrap_or(0).max(Canvas::text_width(title));
-    let width = rows.iter().map(row_width).max().unwrap_or(0).max(names).max(texts);
-    let height = head + rows.iter().map(row_height).sum::<i32>();
-    let mut canvas = Canvas::new(2 * MARGIN + width, height + MARGIN);
-    heading(&mut canvas, MARGIN, MARGIN, title);
-    for (i, line) in particulars.iter().enumerate() {
-        canvas.text(MARGIN, MARGIN + (i as i32 + 1) * LINE + 2, line, Align::Left, GRAY);
-    }
-    let (mut x, mut y) = (MARGIN, head - LINE);
-    for (name, color) in legend {
-        canvas.fill(x, y + 5, 26, 4, *color);
-        canvas.text(x + 34, y, name, Align::Left, INK);
-        x += 62 + Canvas::text_width(name);
-    }
-    y = head + LINE;
-    for row in rows {
-        canvas.text_up(MARGIN, y + row.height / 2, &row.title, Align::Center, INK);
-        let mut x = MARGIN + LINE;
-        for (w, panel) in &row.panels {
-            x += LEFT;
-            panel.draw(&mut canvas, Panel { x, y, w: *w, h: row.height });
-            x += w;
+    let width = rows.iter().map(row_width).max().unwrap_or(0) + LEFT / 4;
+    with_head(head, [width, rows.iter().map(row_height).sum()], |figure, x, mut y| {
+        for row in rows {
+            figure.text_up(x, y + LINE + row.height / 2, row.height, &row.title);
+            let mut at = x + LINE;
+            for (w, panel) in &row.panels {
+                panel.draw(figure, Panel { x: at + LEFT, y: y + LINE, w: *w, h: row.height });
+                at += LEFT + w;
+            }
+            y += row_height(row);
         }
-        y += row_height(row);
-    }
-    canvas.into_image()
+    })
 }
 
 #[cfg(test)]
@@ -188,20 +146,33 @@ mod tests {
     /// A level curve at the middle of four decades lies halfway up, its band a quarter either side.
     #[test]
     fn curves_and_bands_lie_where_they_belong() {
-        let mut canvas = Canvas::new(300, 300);
+        let mut figure = Figure::new(300, 300);
         let at = Panel { x: 50, y: 50, w: 200, h: 200 };
-        panel(Scale::Log(LogScale { top: 2.0, decades: 4.0 })).draw(&mut canvas, at);
-        let image = canvas.into_image();
+        panel(Scale::Log(LogScale { top: 2.0, decades: 4.0 })).draw(&mut figure, at);
+        let image = figure.raster();
         assert_eq!(image.get_pixel(90, 150).0, [200, 0, 0]);
         let banded = |y: u32| image.get_pixel(90, y).0[1] < 230;
         assert!(banded(110) && banded(190) && !banded(90) && !banded(210));
     }
 
+    /// Titles longer than their panels are shortened: between two panels, titles and names of axes leave paper.
     #[test]
-    fn marks_are_round() {
-        let labels: Vec<String> = linear(-180.0, 180.0, 4.0).into_iter().map(|t| t.1).collect();
-        assert_eq!(labels, ["-100", "0", "100"]);
-        let at: Vec<f64> = linear(0.0, 0.3, 3.0).into_iter().map(|t| t.0).collect();
-        assert!((at[1] - 1.0 / 3.0).abs() < 1e-12 && at.len() == 4, "{at:?}");
+    fn titles_keep_to_their_panels() {
+        let long = LinePanel {
+            title: "a title of many words ".repeat(9),
+            x_title: "an axis' name ".repeat(9),
+            ..panel(Scale::Linear(0.0, 1.0))
+        };
+        let row = Row { title: "up ".repeat(90), panels: vec![(200, long.clone()), (200, long)], height: 100 };
+        let head = Head { title: "two panels".into(), ..Head::default() };
+        let image = page(&head, &[row]).raster();
+        let ink = |x: u32, y: u32| image.get_pixel(x, y).0 != [255, 255, 255];
+        let dark = |x: u32, y: u32| image.get_pixel(x, y).0[0] < 100;
+        let frames: Vec<u32> = (0..image.width()).filter(|x| (110..180).all(|y| dark(*x, y))).collect();
+        assert_eq!(frames.len(), 4, "{frames:?}");
+        let below = |x: u32| (40..image.height()).any(|y| ink(x, y));
+        // The name of an axis may reach 20 units beyond its panel; marks of the y axis stand from 50 on.
+        assert!((frames[1] + 22..frames[2] - 50).all(|x| !below(x)));
+        assert!((frames[3] + 22..image.width()).all(|x| !below(x)));
     }
 }

@@ -1,8 +1,8 @@
 //! Latitude-longitude maps of a density over the outgoing sphere, with the axes and widths of its lobes.
 
 use super::axes::{self, LogScale, Ticks};
-use super::canvas::{Align, CAP, Canvas, INK, LINE, WHITE};
-use super::colormap::{self, Rgb};
+use super::color;
+use super::figure::{Figure, INK, Panel, WHITE};
 use plywave::OutgoingGrid;
 use plywave::asg::Lobe;
 
@@ -59,7 +59,7 @@ impl Field {
     }
 }
 
-/// How a map's values become colours.
+/// How a map's values become colors.
 #[derive(Clone, Copy, Debug)]
 pub enum Coloring {
     /// Densities, sequential.
@@ -68,47 +68,25 @@ pub enum Coloring {
     Residual(LogScale),
 }
 
-/// A panel of `w` by `h` dots at `(x, y)`.
-#[derive(Clone, Copy, Debug)]
-pub struct Panel {
-    /// Left edge.
-    pub x: i32,
-    /// Upper edge.
-    pub y: i32,
-    /// Width.
-    pub w: i32,
-    /// Height.
-    pub h: i32,
-}
-
-impl Panel {
-    /// What may be drawn on: `[x0, y0, x1, y1)`.
-    pub fn clip(&self) -> [i32; 4] {
-        [self.x, self.y, self.x + self.w, self.y + self.h]
-    }
-
-    fn point(&self, theta: f64, phi: f64) -> [f64; 2] {
-        [
-            self.x as f64 + phi / std::f64::consts::TAU * self.w as f64,
-            self.y as f64 + (0.5 - theta / std::f64::consts::PI) * self.h as f64,
-        ]
-    }
+/// Place of a direction on a map.
+fn point(at: Panel, theta: f64, phi: f64) -> [f64; 2] {
+    [
+        f64::from(at.x) + phi / std::f64::consts::TAU * f64::from(at.w),
+        f64::from(at.y) + (0.5 - theta / std::f64::consts::PI) * f64::from(at.h),
+    ]
 }
 
 /// Draws a map: theta_o upwards from -90 to 90 degrees, phi_o rightwards from 0 to 360.
-pub fn draw(canvas: &mut Canvas, panel: Panel, field: &Field, coloring: Coloring) {
-    for j in 0..panel.h {
-        let v = 1.0 - (j as f64 + 0.5) / panel.h as f64;
-        for i in 0..panel.w {
-            let value = field.at((i as f64 + 0.5) / panel.w as f64, v);
-            let color = match coloring {
-                Coloring::Density(scale) => colormap::sequential(scale.position(value)),
-                Coloring::Residual(scale) => colormap::diverging(scale.signed(value)),
-            };
-            canvas.set(panel.x + i, panel.y + j, color);
+pub fn draw(figure: &mut Figure, at: Panel, field: &Field, coloring: Coloring) {
+    figure.pixels(at, |i, j| {
+        let u = (f64::from(i) + 0.5) / f64::from(at.w);
+        let value = field.at(u, 1.0 - (f64::from(j) + 0.5) / f64::from(at.h));
+        match coloring {
+            Coloring::Density(scale) => color::sequential(scale.position(value)),
+            Coloring::Residual(scale) => color::diverging(scale.signed(value)),
         }
-    }
-    canvas.frame(panel.x, panel.y, panel.w, panel.h, INK);
+    });
+    figure.frame(at, INK);
 }
 
 /// Degree ticks of phi_o; 360 has none, so that neighbouring panels' numbers keep apart.
@@ -123,94 +101,76 @@ fn theta_ticks(h: i32) -> Ticks {
 }
 
 /// Axes of a map: numbers below and at the left, each with or without the axis' name.
-pub fn label(canvas: &mut Canvas, panel: Panel, below: Option<bool>, left: Option<bool>) {
-    if let Some(name) = below {
-        axes::ticks_below(canvas, panel.x, panel.y + panel.h, panel.w, &phi_ticks());
-        if name {
-            canvas.text(panel.x + panel.w / 2, panel.y + panel.h + 12 + LINE, "φ_o", Align::Center, INK);
-        }
+pub fn label(figure: &mut Figure, at: Panel, below: Option<bool>, left: Option<bool>) {
+    let name = |shown: bool, name: &'static str| if shown { name } else { "" };
+    if let Some(shown) = below {
+        axes::below(figure, at, &phi_ticks(), name(shown, "φ_o"));
     }
-    if let Some(name) = left {
-        axes::ticks_left(canvas, panel.x, panel.y, panel.h, &theta_ticks(panel.h));
-        if name {
-            canvas.text_up(panel.x - 80, panel.y + panel.h / 2, "θ_o", Align::Center, INK);
-        }
+    if let Some(shown) = left {
+        axes::left(figure, at, &theta_ticks(at.h), name(shown, "θ_o"));
     }
 }
-
-/// Room [dots] that [`label`] takes at the left.
-pub const LEFT: i32 = 88;
-/// Room [dots] that [`label`] takes below.
-pub const BELOW: i32 = 12 + LINE + CAP + 8;
 
 /// Marks the mirror direction of a smooth cylinder's cone and the exact forward direction: the cone theta_o = -theta_i as ticks
 /// on both edges, forward as a small ring at phi_o = 270 degrees.
-pub fn mark_forward(canvas: &mut Canvas, panel: Panel, theta_i: f64) {
-    let center = panel.point(-theta_i, 1.5 * std::f64::consts::PI);
-    for (width, color) in [(3.5, [0, 0, 0]), (1.5, WHITE)] {
-        ring(canvas, center, 6.0, width, color, panel.clip());
-    }
-    let y = center[1] as i32;
-    for x in [panel.x - 6, panel.x + panel.w + 1] {
-        canvas.fill(x, y - 1, 5, 3, INK);
-    }
-}
-
-fn ring(canvas: &mut Canvas, center: [f64; 2], r: f64, width: f64, color: Rgb, clip: [i32; 4]) {
-    let at = |i: usize| {
-        let (s, c) = (i as f64 / 24.0 * std::f64::consts::TAU).sin_cos();
-        [center[0] + r * c, center[1] + r * s]
-    };
-    for i in 0..24 {
-        canvas.stroke(at(i), at(i + 1), width, color, clip);
+pub fn mark_forward(figure: &mut Figure, at: Panel, theta_i: f64) {
+    let center = point(at, -theta_i, 1.5 * std::f64::consts::PI);
+    figure.clipped(at, |figure| {
+        figure.ring(center, 6.0, 3.5, [0, 0, 0]);
+        figure.ring(center, 6.0, 1.5, WHITE);
+    });
+    let y = center[1].round() as i32 - 1;
+    for x in [at.x - 6, at.x + at.w + 1] {
+        figure.fill(Panel { x, y, w: 5, h: 3 }, INK);
     }
 }
 
 /// Draws each lobe's axis as a dot, as large as its energy, and its two principal directions as arcs half a standard
 /// deviation long each way: whole ones hide the map. Lobes with less than 1 % of the energy are left out.
-pub fn draw_lobes(canvas: &mut Canvas, panel: Panel, lobes: &[Lobe]) {
+pub fn draw_lobes(figure: &mut Figure, at: Panel, lobes: &[Lobe]) {
     let total: f64 = lobes.iter().map(|l| l.energy).sum();
     let shown = || lobes.iter().filter(|l| l.energy > 0.01 * total);
-    // Dark casings first, so that no lobe's casing cuts another's line.
-    for (widen, color) in [(2.4, [0, 0, 0]), (0.0, WHITE)] {
-        for lobe in shown() {
-            let [x, y, z] = lobe.frame();
-            for (axis, ln_mu) in [(x, lobe.ln_mu1), (y, lobe.ln_mu2)] {
-                let sd = (0.5 * (-ln_mu).exp()).sqrt().min(1.0).asin();
-                arc(canvas, panel, z, axis, 0.5 * sd, 1.2 + widen, color);
+    figure.clipped(at, |figure| {
+        // Dark casings first, so that no lobe's casing cuts another's line.
+        for (widen, color) in [(2.4, [0, 0, 0]), (0.0, WHITE)] {
+            for lobe in shown() {
+                let [x, y, z] = lobe.frame();
+                for (axis, ln_mu) in [(x, lobe.ln_mu1), (y, lobe.ln_mu2)] {
+                    let sd = (0.5 * (-ln_mu).exp()).sqrt().min(1.0).asin();
+                    for piece in arc(at, z, axis, 0.5 * sd) {
+                        figure.curve(piece, 1.2 + widen, color);
+                    }
+                }
+                let radius = 2.0 + 6.0 * (lobe.energy / total).sqrt();
+                figure.dot(point(at, z[2].clamp(-1.0, 1.0).asin(), azimuth(z)), radius + 0.5 * widen, color);
             }
-            let r = 2.0 + 6.0 * (lobe.energy / total).sqrt();
-            canvas.dot(panel.point(z[2].clamp(-1.0, 1.0).asin(), azimuth(z)), r + 0.5 * widen, color, panel.clip());
         }
-    }
+    });
 }
 
 fn azimuth(v: [f64; 3]) -> f64 {
     v[1].atan2(v[0]).rem_euclid(std::f64::consts::TAU)
 }
 
-/// The great-circle arc from -reach to reach [rad] about `z` towards `axis`, cut where it wraps around the map.
-fn arc(canvas: &mut Canvas, panel: Panel, z: [f64; 3], axis: [f64; 3], reach: f64, width: f64, color: Rgb) {
-    let at = |i: i32| {
-        let (s, c) = (reach * i as f64 / 16.0).sin_cos();
+/// The great-circle arc from -reach to reach [rad] about `z` towards `axis`; one that wraps around the map comes in pieces, which end and begin off its edges.
+fn arc(at: Panel, z: [f64; 3], axis: [f64; 3], reach: f64) -> Vec<Vec<[f64; 2]>> {
+    let w = f64::from(at.w);
+    let mut pieces: Vec<Vec<[f64; 2]>> = vec![Vec::new()];
+    for i in -16..=16 {
+        let (s, c) = (reach * f64::from(i) / 16.0).sin_cos();
         let v: [f64; 3] = std::array::from_fn(|a| c * z[a] + s * axis[a]);
-        panel.point(v[2].clamp(-1.0, 1.0).asin(), azimuth(v))
-    };
-    for i in -16..16 {
-        let (mut a, mut b) = (at(i), at(i + 1));
-        let w = panel.w as f64;
-        if (a[0] - b[0]).abs() < 0.5 * w {
-            canvas.stroke(a, b, width, color, panel.clip());
-        } else {
-            // The piece that wraps is drawn twice, once off each edge.
-            let by = w.copysign(a[0] - b[0]);
-            b[0] += by;
-            canvas.stroke(a, b, width, color, panel.clip());
-            a[0] -= by;
-            b[0] -= by;
-            canvas.stroke(a, b, width, color, panel.clip());
+        let next = point(at, v[2].clamp(-1.0, 1.0).asin(), azimuth(v));
+        let piece = pieces.last_mut().expect("there is one from the start");
+        match piece.last().copied() {
+            Some(last) if (next[0] - last[0]).abs() >= 0.5 * w => {
+                let turn = w.copysign(last[0] - next[0]);
+                piece.push([next[0] + turn, next[1]]);
+                pieces.push(vec![[last[0] - turn, last[1]], next]);
+            }
+            _ => piece.push(next),
         }
     }
+    pieces
 }
 
 #[cfg(test)]
@@ -231,17 +191,25 @@ mod tests {
         let grid = OutgoingGrid { theta_o: 36, phi_o: 72 };
         // A lobe at theta_o = -45, phi_o = 270 degrees: right half, lower half.
         let field = Field::from_fn(grid, |t, p| f64::from((t + 0.785).abs() < 0.1 && (p - 4.712).abs() < 0.1));
-        let mut canvas = Canvas::new(144, 72);
-        draw(
-            &mut canvas,
-            Panel { x: 0, y: 0, w: 144, h: 72 },
-            &field,
-            Coloring::Density(LogScale { top: 0.0, decades: 3.0 }),
-        );
-        let image = canvas.into_image();
-        let (bright, dark) = (colormap::sequential(1.0), colormap::sequential(0.0));
+        let mut figure = Figure::new(144, 72);
+        let at = Panel { x: 0, y: 0, w: 144, h: 72 };
+        draw(&mut figure, at, &field, Coloring::Density(LogScale { top: 0.0, decades: 3.0 }));
+        let image = figure.raster();
+        let (bright, dark) = (color::sequential(1.0), color::sequential(0.0));
         assert_eq!(image.get_pixel(108, 54).0, bright);
         assert_eq!(image.get_pixel(108, 18).0, dark);
         assert_eq!(image.get_pixel(36, 54).0, dark);
+    }
+
+    /// An arc across the seam leaves the map at one edge and enters it at the other; another is in one piece.
+    #[test]
+    fn arcs_wrap_around() {
+        let at = Panel { x: 0, y: 0, w: 200, h: 100 };
+        let whole = arc(at, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0], 0.4);
+        assert_eq!((whole.len(), whole[0].len()), (1, 33));
+        let wrapped = arc(at, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 0.4);
+        assert_eq!(wrapped.len(), 2);
+        let (leaves, enters) = (wrapped[0].last().unwrap()[0], wrapped[1][0][0]);
+        assert!(leaves >= 200.0 && enters <= 0.0 || leaves <= 0.0 && enters >= 200.0, "{leaves} {enters}");
     }
 }

@@ -1,38 +1,83 @@
-//! Figures: false-colour maps of the outgoing sphere, energy budgets and grids of numbers, drawn with no outside help.
+//! Figures: false-color maps of the outgoing sphere, energy budgets, grids of numbers and curves, laid out here, written as SVG and rasterized by libraries.
 
 pub mod axes;
 pub mod budget;
-pub mod canvas;
-pub mod colormap;
-mod font;
+pub mod color;
+pub mod figure;
 pub mod grid;
 pub mod lines;
 pub mod map;
+pub mod page;
 pub mod pattern;
 pub mod sheet;
+pub mod text;
 pub mod weave;
 
 use crate::failure::{Failure, Outcome};
+use figure::Figure;
 use std::path::Path;
 
-/// Figures one below the other.
-pub fn below(figures: &[image::RgbImage]) -> image::RgbImage {
-    let width = figures.iter().map(image::RgbImage::width).max().unwrap_or(1);
-    let height = figures.iter().map(image::RgbImage::height).sum::<u32>().max(1);
-    let mut all = image::RgbImage::from_pixel(width, height, image::Rgb(canvas::WHITE));
-    let mut y = 0;
-    for figure in figures {
-        image::imageops::replace(&mut all, figure, 0, i64::from(y));
-        y += figure.height();
-    }
-    all
+/// What a figure is written as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Pixels.
+    Png,
+    /// The document.
+    Svg,
 }
 
-/// A figure as the bytes of a PNG file; `path` is for messages.
+impl Format {
+    /// By the ending of an output file.
+    pub fn of(path: &Path) -> Outcome<Format> {
+        match path.extension().map(|e| e.to_string_lossy().to_lowercase()).as_deref() {
+            Some("png") => Ok(Format::Png),
+            Some("svg") => Ok(Format::Svg),
+            other => {
+                let ending = other.map_or("no ending".into(), |e| format!(".{e}"));
+                Err(Failure::input(
+                    path.display(),
+                    "-o",
+                    ending,
+                    "figures are written as .png or .svg; name the file so",
+                ))
+            }
+        }
+    }
+
+    /// Its name, which is the ending.
+    pub fn name(self) -> &'static str {
+        match self {
+            Format::Png => "png",
+            Format::Svg => "svg",
+        }
+    }
+
+    /// A figure as the bytes of a file; `path` is for messages.
+    pub fn encode(self, figure: &Figure, path: &Path) -> Outcome<Vec<u8>> {
+        match self {
+            Format::Png => png(&figure.raster(), path),
+            Format::Svg => Ok(figure.svg().into_bytes()),
+        }
+    }
+}
+
+/// A picture as the bytes of a PNG file; `path` is for messages.
 pub fn png(image: &image::RgbImage, path: &Path) -> Outcome<Vec<u8>> {
     let mut bytes = Vec::new();
     image
         .write_to(&mut std::io::Cursor::new(&mut bytes), image::ImageFormat::Png)
         .map_err(|e| Failure::input(path.display(), "-o", e, "choose a place that can be written"))?;
     Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_ending_says_the_format() {
+        let of = |name: &str| Format::of(Path::new(name)).ok();
+        assert_eq!(of("a.png").zip(of("b.c.SVG")), Some((Format::Png, Format::Svg)));
+        assert!(["a.jpg", "a", "png", ".svg", "a.png.gz"].into_iter().all(|name| of(name).is_none()));
+    }
 }

@@ -1,13 +1,13 @@
-//! A page of a figure: a heading, then sections one below the other. Sections are measured first and drawn after.
+//! Pages of a table or a model: maps, energy budgets and grids of numbers in sections one below the other. Sections are measured first and drawn after.
 
-use super::axes::{self, LogScale};
+use super::axes::{self, BELOW, LEFT, LogScale};
 use super::budget::{self, Budget};
-use super::canvas::{Align, Canvas, GRAY, INK, LINE};
+use super::figure::{Figure, LINE, Panel};
 use super::grid::{self, Numbers};
-use super::map::{self, Coloring, Field, Panel};
+use super::map::{self, Coloring, Field};
+use super::page::{Head, page as with_head};
 use plywave::asg::Lobe;
 
-const MARGIN: i32 = 28;
 const GAP: i32 = 14;
 
 /// One map of a block.
@@ -26,7 +26,7 @@ pub struct Cell {
 pub struct Block {
     /// Heading.
     pub title: String,
-    /// Name of the density on the colour bar.
+    /// Name of the density on the color bar.
     pub quantity: String,
     /// One title a column.
     pub columns: Vec<String>,
@@ -34,7 +34,7 @@ pub struct Block {
     pub rows: Vec<[String; 2]>,
     /// `cells[row][column]`.
     pub cells: Vec<Vec<Cell>>,
-    /// Width of a map [dots]; it is half as high.
+    /// Width of a map [pixels]; it is half as high.
     pub map_width: i32,
     /// Decades of the scale.
     pub decades: f64,
@@ -48,12 +48,12 @@ impl Block {
     fn width(&self) -> i32 {
         let n = self.columns.len() as i32;
         let bars = axes::BAR * (1 + self.has_residual() as i32);
-        2 * LINE + map::LEFT + n * self.map_width + (n - 1) * GAP + 2 * GAP + bars
+        2 * LINE + LEFT + n * self.map_width + (n - 1) * GAP + 2 * GAP + bars
     }
 
     fn height(&self) -> i32 {
         let n = self.rows.len() as i32;
-        2 * LINE + 6 + n * (self.map_width / 2) + (n - 1) * GAP + map::BELOW
+        2 * LINE + 6 + n * (self.map_width / 2) + (n - 1) * GAP + BELOW
     }
 
     /// The scale of the block: the densities' own top, table and fit alike.
@@ -62,37 +62,38 @@ impl Block {
         LogScale::above(top, self.decades)
     }
 
-    fn draw(&self, canvas: &mut Canvas, x: i32, y: i32) {
+    fn draw(&self, figure: &mut Figure, x: i32, y: i32) {
         let scale = self.scale();
         let (w, h) = (self.map_width, self.map_width / 2);
-        let left = x + 2 * LINE + map::LEFT;
+        let left = x + 2 * LINE + LEFT;
         let top = y + 2 * LINE + 6;
-        heading(canvas, left, y, &self.title);
+        figure.heading(left, y, self.width() - 2 * LINE - LEFT, &self.title);
         for (c, title) in self.columns.iter().enumerate() {
-            canvas.text(left + c as i32 * (w + GAP) + w / 2, y + LINE + 4, title, Align::Center, INK);
+            axes::above(figure, Panel { x: left + c as i32 * (w + GAP), y: top, w, h }, title);
         }
         for (r, row) in self.cells.iter().enumerate() {
             let panel_y = top + r as i32 * (h + GAP);
-            canvas.text_up(x, panel_y + h / 2, &self.rows[r][0], Align::Center, INK);
-            canvas.text_up(x + LINE, panel_y + h / 2, &self.rows[r][1], Align::Center, INK);
+            for (k, title) in self.rows[r].iter().enumerate() {
+                figure.text_up(x + k as i32 * LINE, panel_y + h / 2, h, title);
+            }
             for (c, cell) in row.iter().enumerate() {
-                let panel = Panel { x: left + c as i32 * (w + GAP), y: panel_y, w, h };
+                let at = Panel { x: left + c as i32 * (w + GAP), y: panel_y, w, h };
                 let coloring = if cell.residual { Coloring::Residual(scale) } else { Coloring::Density(scale) };
-                map::draw(canvas, panel, &cell.field, coloring);
+                map::draw(figure, at, &cell.field, coloring);
                 if !cell.residual {
-                    map::mark_forward(canvas, panel, cell.theta_i);
+                    map::mark_forward(figure, at, cell.theta_i);
                 }
-                map::draw_lobes(canvas, panel, &cell.lobes);
+                map::draw_lobes(figure, at, &cell.lobes);
                 let below = (r + 1 == self.cells.len()).then_some(c == row.len() / 2);
                 let at_left = (c == 0).then_some(r == self.cells.len() / 2);
-                map::label(canvas, panel, below, at_left);
+                map::label(figure, at, below, at_left);
             }
         }
         let bars = left + self.columns.len() as i32 * (w + GAP) + GAP;
         let tall = (self.rows.len() as i32 * (h + GAP) - GAP).min(420);
-        axes::density_bar(canvas, bars, top, tall, scale, &self.quantity);
+        axes::density_bar(figure, [bars, top, tall], scale, &self.quantity);
         if self.has_residual() {
-            axes::residual_bar(canvas, bars + axes::BAR, top, tall, scale, "fit - table [1/sr]");
+            axes::residual_bar(figure, [bars + axes::BAR, top, tall], scale, "fit - table [1/sr]");
         }
     }
 }
@@ -108,13 +109,13 @@ pub enum Section {
         /// Absorption [1/um] that the absorbed part is shown at.
         sigma_per_um: f64,
     },
-    /// Grids of numbers side by side on one colour scale, each with its title.
+    /// Grids of numbers side by side on one color scale, each with its title.
     Grids(Vec<(String, Numbers)>),
 }
 
 const BUDGET_W: i32 = 250;
 const BUDGET_H: i32 = 220;
-const BUDGET_LEFT: i32 = 2 * LINE + map::LEFT;
+const BUDGET_LEFT: i32 = 2 * LINE + LEFT;
 const GRID_H: i32 = 260;
 
 /// Width of a grid of numbers: room for a number in each column where that stays on the page.
@@ -131,32 +132,32 @@ impl Section {
             ),
             Section::Budgets { panels, .. } => {
                 let n = panels.len() as i32;
-                (BUDGET_LEFT + n * (BUDGET_W + GAP) + 40, 3 * LINE + 14 + BUDGET_H + map::BELOW)
+                (BUDGET_LEFT + n * (BUDGET_W + GAP) + 40, 3 * LINE + 14 + BUDGET_H + BELOW)
             }
             Section::Grids(grids) => (
                 grids.iter().map(|(_, n)| BUDGET_LEFT + grid_width(n) + axes::BAR + GAP).sum(),
-                2 * LINE + GRID_H + map::BELOW,
+                2 * LINE + GRID_H + BELOW,
             ),
         }
     }
 
-    fn draw(&self, canvas: &mut Canvas, x: i32, y: i32) {
+    fn draw(&self, figure: &mut Figure, x: i32, y: i32) {
         match self {
             Section::Maps(blocks) => {
                 let mut at = x;
                 for block in blocks {
-                    block.draw(canvas, at, y);
+                    block.draw(figure, at, y);
                     at += block.width() + 2 * GAP;
                 }
             }
             Section::Budgets { panels, sigma_per_um } => {
                 let left = x + BUDGET_LEFT;
-                heading(canvas, left, y, "Energy budget over h, share of the beam's power");
-                budget::legend(canvas, left, y + LINE + 2, *sigma_per_um);
+                figure.heading(left, y, i32::MAX, "Energy budget over h, share of the beam's power");
+                budget::legend(figure, left, y + LINE + 6, *sigma_per_um);
                 for (i, panel) in panels.iter().enumerate() {
                     let frame =
                         Panel { x: left + i as i32 * (BUDGET_W + GAP), y: y + 3 * LINE + 14, w: BUDGET_W, h: BUDGET_H };
-                    budget::draw(canvas, frame, panel, true, i == 0);
+                    budget::draw(figure, frame, panel, i == 0);
                 }
             }
             Section::Grids(grids) => {
@@ -165,7 +166,7 @@ impl Section {
                 for (title, numbers) in grids {
                     let w = grid_width(numbers);
                     let frame = Panel { x: at + BUDGET_LEFT, y: y + 2 * LINE, w, h: GRID_H };
-                    grid::draw(canvas, frame, numbers, max, title);
+                    grid::draw(figure, frame, numbers, max, title);
                     at += BUDGET_LEFT + w + axes::BAR + GAP;
                 }
             }
@@ -176,33 +177,17 @@ impl Section {
 /// What the marks on the maps mean.
 const MARKS: &str = "light from φ_o = 90°; ring: exact forward, ticks: the cone θ_o = -θ_i; dots: axes of lobes, larger with energy, arcs: half a standard deviation";
 
-/// Text made bold by a second strike.
-pub fn heading(canvas: &mut Canvas, x: i32, y: i32, text: &str) {
-    canvas.text(x, y, text, Align::Left, INK);
-    canvas.text(x + 1, y, text, Align::Left, INK);
-}
-
-/// Draws a page: a bold title, a line of particulars, the meaning of the marks where there are maps, then the sections.
-pub fn page(title: &str, particulars: &str, sections: &[Section]) -> image::RgbImage {
+/// A page of sections; the meaning of the marks is told where there are maps.
+pub fn page(title: &str, particulars: &str, sections: &[Section]) -> Figure {
     let maps = sections.iter().any(|s| matches!(s, Section::Maps(_)));
-    let head = MARGIN + (2 + maps as i32) * LINE + 24;
-    let widest = sections.iter().map(|s| s.size().0).max().unwrap_or(0);
-    let text = Canvas::text_width(title).max(Canvas::text_width(particulars)).max(if maps {
-        Canvas::text_width(MARKS)
-    } else {
-        0
-    });
-    let height: i32 = sections.iter().map(|s| s.size().1 + 30).sum();
-    let mut canvas = Canvas::new(2 * MARGIN + widest.max(text), head + height + MARGIN / 2);
-    heading(&mut canvas, MARGIN, MARGIN, title);
-    canvas.text(MARGIN, MARGIN + LINE + 2, particulars, Align::Left, GRAY);
-    if maps {
-        canvas.text(MARGIN, MARGIN + 2 * LINE + 2, MARKS, Align::Left, GRAY);
-    }
-    let mut y = head;
-    for section in sections {
-        section.draw(&mut canvas, MARGIN, y);
-        y += section.size().1 + 30;
-    }
-    canvas.into_image()
+    let mut head = Head { title: title.into(), particulars: vec![particulars.into()], ..Head::default() };
+    head.particulars.extend(maps.then(|| MARKS.to_string()));
+    let width = sections.iter().map(|s| s.size().0).max().unwrap_or(0);
+    let height = sections.iter().map(|s| s.size().1 + 30).sum();
+    with_head(&head, [width, height], |figure, x, mut y| {
+        for section in sections {
+            section.draw(figure, x, y);
+            y += section.size().1 + 30;
+        }
+    })
 }

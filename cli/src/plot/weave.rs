@@ -2,17 +2,16 @@
 //!
 //! Light falls from the upper left on smooth, dull fibers: enough to tell one weave from another, and no more. How fabrics scatter light is not shown here.
 
-use super::canvas::{Align, CAP, Canvas, GRAY, INK, LINE, WHITE, literal};
-use super::colormap::{self, Rgb};
-use super::map::Panel;
-use super::sheet::heading;
+use super::axes;
+use super::color::{self, Rgb};
+use super::figure::{Figure, INK, LINE, Panel, WHITE};
+use super::page::{Head, page};
+use super::text::literal;
+use plywave::color::{srgb_decode, srgb_encode};
 use plywave::fabric::{Fabric, Family, Place, YarnColor};
 
 const SIDE: i32 = 400;
-const MARGIN: i32 = 28;
 const GAP: i32 = 24;
-/// Room below a panel.
-const BELOW: i32 = 2 * LINE + CAP;
 
 /// Towards the light, unit, for a viewer above the page.
 const LIGHT: [f64; 3] = [-0.38, 0.50, 0.778];
@@ -21,21 +20,15 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-fn linear(srgb: f64) -> f64 {
-    if srgb <= 0.04045 { srgb / 12.92 } else { ((srgb + 0.055) / 1.055).powf(2.4) }
-}
-
 fn encoded(linear: f64) -> u8 {
-    let x = linear.clamp(0.0, 1.0);
-    let y = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
-    (255.0 * y).round() as u8
+    (255.0 * srgb_encode(linear.clamp(0.0, 1.0))).round() as u8
 }
 
 /// Color of a yarn, linear. An absorption is shown as the gray of light that crosses 30 um of it.
 fn dye(color: YarnColor) -> [f64; 3] {
     match color {
-        YarnColor::Undyed => [linear(0.88); 3],
-        YarnColor::Srgb(srgb) => srgb.map(|c| linear(f64::from(c))),
+        YarnColor::Undyed => [srgb_decode(0.88); 3],
+        YarnColor::Srgb(srgb) => srgb.map(|c| srgb_decode(f64::from(c))),
         YarnColor::Sigma(sigma) => [0.75 * (-30.0 * f64::from(sigma)).exp(); 3],
     }
 }
@@ -44,7 +37,7 @@ fn dye(color: YarnColor) -> [f64; 3] {
 fn seen(fabric: &Fabric, x_um: f64, y_um: f64, from_back: bool) -> [f64; 3] {
     let side = if from_back { -1.0 } else { 1.0 };
     let Place::Ply(hit) = fabric.at((side * x_um) as f32, y_um as f32, [0.0, 0.0, side as f32]) else {
-        return [linear(0.97); 3];
+        return [srgb_decode(0.97); 3];
     };
     let turned = |v: [f32; 3]| [side * f64::from(v[0]), f64::from(v[1]), side * f64::from(v[2])];
     let [x, y, z] = hit.frame.map(turned);
@@ -61,68 +54,54 @@ fn seen(fabric: &Fabric, x_um: f64, y_um: f64, from_back: bool) -> [f64; 3] {
     dye(fabric.color(hit.family, hit.yarn)).map(|c| c * diffuse + gloss)
 }
 
-/// A panel of the fabric from (x, y) = 0 on, `um` um to a side, with `fine` by `fine` points to a dot.
-fn shaded(canvas: &mut Canvas, at: Panel, fabric: &Fabric, um: f64, fine: i32, from_back: bool) {
-    for j in 0..at.h {
-        for i in 0..at.w {
-            let mut sum = [0.0; 3];
-            for s in 0..fine * fine {
-                let (a, b) = (
-                    f64::from(i) + (f64::from(s % fine) + 0.5) / f64::from(fine),
-                    f64::from(j) + (f64::from(s / fine) + 0.5) / f64::from(fine),
-                );
-                let light = seen(fabric, a / f64::from(at.w) * um, (1.0 - b / f64::from(at.h)) * um, from_back);
-                (0..3).for_each(|k| sum[k] += light[k] / f64::from(fine * fine));
-            }
-            canvas.set(at.x + i, at.y + j, sum.map(encoded));
+/// A panel of the fabric from (x, y) = 0 on, `um` um to a side, with `fine` by `fine` points to a pixel.
+fn shaded(figure: &mut Figure, at: Panel, fabric: &Fabric, um: f64, fine: i32, from_back: bool) {
+    figure.pixels(at, |i, j| {
+        let mut sum = [0.0; 3];
+        for s in 0..fine * fine {
+            let (a, b) = (
+                f64::from(i) + (f64::from(s % fine) + 0.5) / f64::from(fine),
+                f64::from(j) + (f64::from(s / fine) + 0.5) / f64::from(fine),
+            );
+            let light = seen(fabric, a / f64::from(at.w) * um, (1.0 - b / f64::from(at.h)) * um, from_back);
+            (0..3).for_each(|k| sum[k] += light[k] / f64::from(fine * fine));
         }
-    }
-    canvas.frame(at.x, at.y, at.w, at.h, INK);
+        sum.map(encoded)
+    });
 }
 
 /// A panel of `color(x, y)` [um], or white where that is `None`.
-fn mapped(canvas: &mut Canvas, at: Panel, um: f64, color: impl Fn(f32, f32) -> Option<Rgb>) {
-    for j in 0..at.h {
-        for i in 0..at.w {
-            let (x, y) =
-                ((f64::from(i) + 0.5) / f64::from(at.w) * um, (1.0 - (f64::from(j) + 0.5) / f64::from(at.h)) * um);
-            canvas.set(at.x + i, at.y + j, color(x as f32, y as f32).unwrap_or(WHITE));
-        }
-    }
-    canvas.frame(at.x, at.y, at.w, at.h, INK);
+fn mapped(figure: &mut Figure, at: Panel, um: f64, color: impl Fn(f32, f32) -> Option<Rgb>) {
+    figure.pixels(at, |i, j| {
+        let x = (f64::from(i) + 0.5) / f64::from(at.w) * um;
+        let y = (1.0 - (f64::from(j) + 0.5) / f64::from(at.h)) * um;
+        color(x as f32, y as f32).unwrap_or(WHITE)
+    });
 }
 
 /// The draft: a square a crossing, at most 32 to a side, dark where the warp is on top.
-fn drafted(canvas: &mut Canvas, at: Panel, fabric: &Fabric) {
+fn drafted(figure: &mut Figure, at: Panel, fabric: &Fabric) {
     let draft = fabric.draft();
     let n = draft.ends().max(draft.picks()).clamp(8, 32) as i32;
-    for j in 0..at.h {
-        for i in 0..at.w {
-            let (end, pick) = (i * n / at.w, (at.h - 1 - j) * n / at.h);
-            let up = draft.up(pick as usize % draft.picks(), end as usize % draft.ends());
-            canvas.set(at.x + i, at.y + j, if up { [60, 72, 110] } else { [236, 228, 210] });
-        }
-    }
-    canvas.frame(at.x, at.y, at.w, at.h, INK);
+    figure.pixels(at, |i, j| {
+        let (end, pick) = (i * n / at.w, (at.h - 1 - j) * n / at.h);
+        let up = draft.up(pick as usize % draft.picks(), end as usize % draft.ends());
+        if up { [60, 72, 110] } else { [236, 228, 210] }
+    });
 }
 
 /// The sheet.
-pub fn sheet(name: &str, particulars: &[String], fabric: &Fabric) -> image::RgbImage {
+pub fn sheet(name: &str, particulars: &[String], fabric: &Fabric) -> Figure {
     let spacing = Family::EACH.map(|f| fabric.shape(f).spacing_um);
     let [a, b] = fabric.repeat_um();
     // Close up: a repeat or two, between 6 and 12 yarns.
     let near = (2.0 * a.max(b)).clamp(6.0 * spacing[0].max(spacing[1]), 12.0 * spacing[0].max(spacing[1]));
     let far = 5.0 * near;
-    let text_rows = particulars.len() as i32;
-    let top = MARGIN + (2 + text_rows) * LINE + CAP;
-    let width = 2 * MARGIN + 4 * SIDE + 3 * GAP;
-    let mut canvas = Canvas::new(width, top + 2 * (SIDE + BELOW) + MARGIN / 2);
-    heading(&mut canvas, MARGIN, MARGIN, &literal(name));
-    for (i, row) in particulars.iter().enumerate() {
-        canvas.text(MARGIN, MARGIN + (1 + i as i32) * LINE + 4, &literal(row), Align::Left, GRAY);
-    }
-    let panel =
-        |k: i32| Panel { x: MARGIN + (k % 4) * (SIDE + GAP), y: top + (k / 4) * (SIDE + BELOW), w: SIDE, h: SIDE };
+    let head = Head {
+        title: literal(name, 80),
+        particulars: particulars.iter().map(|row| literal(row, 300)).collect(),
+        ..Head::default()
+    };
     let mm = |um: f64| format!("{:.2} mm", um / 1000.0);
     let half = f64::from(fabric.half_thickness_um());
     let titles = [
@@ -131,29 +110,32 @@ pub fn sheet(name: &str, particulars: &[String], fabric: &Fabric) -> image::RgbI
         format!("face, {}", mm(far)),
         format!("back, {}", mm(far)),
         "draft: dark, warp on top".to_string(),
-        format!("height: +-{half:.0} um"),
+        format!("height: ±{half:.0} μm"),
         "across the yarn: edge to edge".to_string(),
         "direction: x, y, z as r, g, b".to_string(),
     ];
-    for (k, title) in titles.iter().enumerate() {
-        let at = panel(k as i32);
-        canvas.text(at.x, at.y - CAP - 8, &literal(title), Align::Left, INK);
-    }
-    for (k, from_back) in [false, true].into_iter().enumerate() {
-        shaded(&mut canvas, panel(k as i32), fabric, near, 2, from_back);
-        shaded(&mut canvas, panel(2 + k as i32), fabric, far, 4, from_back);
-    }
-    drafted(&mut canvas, panel(4), fabric);
-    mapped(&mut canvas, panel(5), near, |x, y| {
-        let place = fabric.yarn_at(x, y, false)?;
-        Some(colormap::sequential(0.5 + 0.5 * f64::from(place.height_um) / half))
-    });
-    mapped(&mut canvas, panel(6), near, |x, y| {
-        let place = fabric.yarn_at(x, y, false)?;
-        Some(colormap::diverging(2.0 * f64::from(place.across_um) / fabric.shape(place.family).width_um()))
-    });
-    mapped(&mut canvas, panel(7), near, |x, y| {
-        Some(fabric.yarn_at(x, y, false)?.tangent.map(|t| (127.5 + 127.5 * t).round() as u8))
-    });
-    canvas.into_image()
+    let row = SIDE + 2 * LINE;
+    page(&head, [4 * SIDE + 3 * GAP, 2 * row], |figure, x, y| {
+        let panel = |k: i32| Panel { x: x + (k % 4) * (SIDE + GAP), y: y + LINE + (k / 4) * row, w: SIDE, h: SIDE };
+        for (k, title) in (0..).zip(&titles) {
+            axes::above(figure, panel(k), title);
+            figure.frame(panel(k), INK);
+        }
+        for (k, from_back) in [false, true].into_iter().enumerate() {
+            shaded(figure, panel(k as i32), fabric, near, 2, from_back);
+            shaded(figure, panel(2 + k as i32), fabric, far, 4, from_back);
+        }
+        drafted(figure, panel(4), fabric);
+        mapped(figure, panel(5), near, |x, y| {
+            let place = fabric.yarn_at(x, y, false)?;
+            Some(color::sequential(0.5 + 0.5 * f64::from(place.height_um) / half))
+        });
+        mapped(figure, panel(6), near, |x, y| {
+            let place = fabric.yarn_at(x, y, false)?;
+            Some(color::diverging(2.0 * f64::from(place.across_um) / fabric.shape(place.family).width_um()))
+        });
+        mapped(figure, panel(7), near, |x, y| {
+            Some(fabric.yarn_at(x, y, false)?.tangent.map(|t| (127.5 + 127.5 * t).round() as u8))
+        });
+    })
 }
