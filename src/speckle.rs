@@ -521,7 +521,7 @@ mod tests {
         assert_eq!(p.pattern(1, 0, 1, 2)[3], (((2 * 2 + 1) * 3 + 2) * 6 + 3) as f32);
         let both = p.instances_of(0, 1, SpecklePolarization::Unpolarized);
         assert_eq!(both[1][2], f64::from(0.5 * (p.pattern(0, 1, 0, 1)[2] + p.pattern(0, 1, 1, 1)[2])));
-        let bytes = std::fs::read(&path).unwrap();
+        let bytes = crate::io::read_file(&path, 1 << 20).unwrap();
         assert!(SpecklePatterns::from_bytes(&bytes[..bytes.len() - 4], "x").is_err());
         assert!(crate::Table::load(&path).is_err());
         let bad: [fn(&mut SpecklePatterns); 6] = [
