@@ -6,6 +6,7 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use plywave::fabric::{Draft, Fabric, FabricBsdf, FabricOptions, FabricSpec, Place, UvMap, YarnShape};
+use plywave::io::Folder;
 use plywave::{Bsdf, FabricQuery, Handedness};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -123,7 +124,6 @@ fn fabric(c: &mut Criterion) {
 
 /// Bytes and loading time of fabrics of large drafts, all yarns of one color, models apart: rows of text in a fabric spec.
 fn memory(_: &mut Criterion) {
-    let folder = tempfile::tempdir().expect("a temporary folder");
     let models = format!("{}/fabrics/models/polyester.pwm", env!("CARGO_MANIFEST_DIR"));
     println!("memory: threads, spec's text, draft and colors, ready for shading, read in, made ready in");
     for threads in [5usize, 64, 512, 4096] {
@@ -136,10 +136,8 @@ fn memory(_: &mut Criterion) {
         let rows: String = rows.collect();
         let text =
             format!("name = \"large\"\n[weave]\nkind = \"draft\"\nrows = [{rows}]\n[warp]\n{yarn}[weft]\n{yarn}");
-        let path = folder.path().join("large.toml");
-        std::fs::write(&path, &text).expect("it can be written");
         let begun = std::time::Instant::now();
-        let loaded = FabricSpec::load(&path).expect("a sound fabric");
+        let loaded = FabricSpec::load_from(&text, "large.toml", &Folder::new("").anywhere()).expect("a sound fabric");
         let read = begun.elapsed();
         let fabric = FabricBsdf::new(loaded, &FabricOptions::default()).expect("a sound fabric");
         println!(

@@ -1,4 +1,4 @@
-//! Hosts that render in RGB get the color they asked for: the RGB mode of a fabric against the spectral answer, for the twenty most used colors there are, those of the
+//! Hosts that render in RGB get the color they asked for: the RGB mode of a fabric against the spectral answer, for the colors of the
 //! ColorChecker chart, on fabrics that ship. CIEDE2000 is written here from the paper (Sharma, Wu, Dalal 2005) and held to its published pairs.
 
 use plywave::color::{
@@ -6,6 +6,7 @@ use plywave::color::{
     xyz_of_linear_rec2020, xyz_of_linear_srgb, xyz_of_reflectance,
 };
 use plywave::fabric::{Channels, FabricOptions, FabricSpec, Family};
+use plywave::io::Folder;
 use plywave::{Bsdf, FabricBsdf, FabricQuery, direction};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -95,14 +96,12 @@ fn fabric(name: &str, srgb: [f64; 3]) -> FabricBsdf {
         let key = line.split('=').next().unwrap_or("").trim();
         match key {
             "srgb" | "sigma_per_um" => continue,
-            "model" => lines.extend([line.replace("models/", &format!("{folder}/models/")), color.clone()]),
+            "model" => lines.extend([line.into(), color.clone()]),
             _ => lines.push(line.into()),
         }
     }
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("colored.toml");
-    std::fs::write(&path, lines.join("\n")).unwrap();
-    FabricBsdf::new(FabricSpec::load(&path).unwrap(), &FabricOptions::default()).unwrap()
+    let loaded = FabricSpec::load_from(&lines.join("\n"), name, &Folder::new(folder)).unwrap();
+    FabricBsdf::new(loaded, &FabricOptions::default()).unwrap()
 }
 
 /// Color [linear sRGB or XYZ of a reflectance] of the mean over points, viewers and lights: under a sky all round, and lit from the front.
@@ -162,7 +161,7 @@ fn rgb_hosts_get_the_color_they_ask_for() {
     let asked: Vec<[f64; 3]> =
         COLORS.iter().map(|c| c.map(|v| f64::from(v) / 255.0)).chain([[0.50, 0.06, 0.12]]).collect();
     for name in ["polyester_satin", "cotton_plain"] {
-        let curve = AlbedoCurve::diffuse(fabric(name, [0.5; 3]).model(Family::Warp));
+        let curve = AlbedoCurve::diffuse(fabric(name, [0.5; 3]).model_of(Family::Warp, 0));
         let dark = curve.range()[0];
         let (mut worst, mut reached) = ([[0.0f64; 2]; 2], 0);
         for srgb in &asked {

@@ -97,12 +97,15 @@ impl FabricQuery<'_, 3> {
 #[derive(Clone, Debug)]
 pub struct FabricBsdf {
     fabric: Fabric,
-    models: [Arc<PlyModel>; 2],
-    /// Albedo over absorption of each family's yarns.
-    curves: [AlbedoCurve; 2],
-    /// Different dyes, and that of each thread of a repeat by family.
-    dyes: Vec<Dye>,
+    models: Vec<Arc<PlyModel>>,
+    /// Albedo over absorption of each model.
+    curves: Vec<AlbedoCurve>,
+    /// By family, the model of each yarn of one repeat of its stripes.
+    stripes: [Vec<u32>; 2],
+    /// By family, the color of each thread of the draft's repeat.
     threads: [Vec<u32>; 2],
+    /// `[color][model]`: the absorption that gives yarns of the model the color.
+    dyes: Vec<Dye>,
     /// `[EDGES + 1][EDGES + 1]` of the distances of the two edges along one axis, of the beam of the warp's model.
     spectra: Vec<Spectrum>,
     edge_step_um: f32,
@@ -126,10 +129,12 @@ impl FabricBsdf {
     /// # Errors
     /// As [`YarnSpec::parse`], for the spec in the warp's model.
     pub fn new(loaded: LoadedFabric, options: &FabricOptions) -> Result<FabricBsdf> {
-        let models = Family::EACH.map(|family| loaded.model_of(family, 0).clone());
-        let fabric = loaded.fabric;
-        let curves = [0, 1].map(|k| AlbedoCurve::diffuse(&models[k]));
-        let (mut dyes, mut known): (Vec<Dye>, Vec<(usize, YarnColor)>) = (Vec::new(), Vec::new());
+        let warp = loaded.model_of(Family::Warp, 0).data();
+        let beam: GaussianBeam = YarnSpec::parse(&warp.spec_text, "warp.model (its spec)")?.beam.beam();
+        let LoadedFabric { fabric, models, threads: stripes, .. } = loaded;
+        let stripes = stripes.map(|of| of.into_iter().map(|model| model as u32).collect());
+        let curves: Vec<AlbedoCurve> = models.iter().map(|model| AlbedoCurve::diffuse(model)).collect();
+        let mut colors: Vec<YarnColor> = Vec::new();
         let mut threads = [Vec::new(), Vec::new()];
         for (k, family) in Family::EACH.into_iter().enumerate() {
             for thread in 0..fabric.draft().threads(family) {
@@ -137,15 +142,14 @@ impl FabricBsdf {
                     Some(sigma) => YarnColor::Sigma(sigma),
                     None => fabric.color(family, thread as i32),
                 };
-                let at = known.iter().position(|c| *c == (k, color)).unwrap_or_else(|| {
-                    known.push((k, color));
-                    dyes.push(Dye::new(color, &curves[k]));
-                    dyes.len() - 1
+                let at = colors.iter().position(|c| *c == color).unwrap_or_else(|| {
+                    colors.push(color);
+                    colors.len() - 1
                 });
                 threads[k].push(at as u32);
             }
         }
-        let beam: GaussianBeam = YarnSpec::parse(&models[0].data().spec_text, "warp.model (its spec)")?.beam.beam();
+        let dyes = colors.iter().flat_map(|color| curves.iter().map(|curve| Dye::new(*color, curve))).collect();
         let step = beam.d_cut_um / EDGES as f64;
         let spectrum = |i: usize| {
             let (low, high) = (i / (EDGES + 1), i % (EDGES + 1));
@@ -156,8 +160,9 @@ impl FabricBsdf {
             fabric,
             models,
             curves,
-            dyes,
+            stripes,
             threads,
+            dyes,
             spectra,
             edge_step_um: step as f32,
             gaps: options.gaps,
@@ -171,16 +176,27 @@ impl FabricBsdf {
         &self.fabric
     }
 
-    /// The ply model of a family.
-    pub fn model(&self, family: Family) -> &PlyModel {
-        &self.models[family as usize]
+    /// The ply model of a yarn.
+    pub fn model_of(&self, family: Family, yarn: i32) -> &PlyModel {
+        &self.models[self.model_index(family, yarn)]
+    }
+
+    /// Number of yarns after which the models of a family repeat; 1 without stripes.
+    pub fn repeat_of_stripes(&self, family: Family) -> usize {
+        self.stripes[family as usize].len()
+    }
+
+    /// Index of the model of a yarn; stripes go on without end.
+    #[inline]
+    fn model_index(&self, family: Family, yarn: i32) -> usize {
+        repeated(&self.stripes[family as usize], yarn) as usize
     }
 
     /// Bytes of memory, the models apart, which fabrics share.
     pub fn memory_bytes(&self) -> usize {
         size_of::<FabricBsdf>()
             + self.fabric.memory_bytes()
-            + self.threads.iter().map(|t| size_of_val(t.as_slice())).sum::<usize>()
+            + self.threads.iter().chain(&self.stripes).map(|t| size_of_val(t.as_slice())).sum::<usize>()
             + size_of_val(self.dyes.as_slice())
             + self.dyes.iter().map(Dye::memory_bytes).sum::<usize>()
             + size_of_val(self.spectra.as_slice())
@@ -188,19 +204,20 @@ impl FabricBsdf {
 
     /// Absorptions [1/um] of a yarn at wavelengths [um].
     pub fn sigma<const N: usize>(&self, family: Family, yarn: i32, lambda_um: [f32; N]) -> [f32; N] {
-        self.dye(family, yarn).map_or([0.0; N], |dye| dye.at(lambda_um, Channels::Wavelengths))
+        self.dye(family, yarn).at(lambda_um, Channels::Wavelengths)
     }
 
-    /// Absorptions [1/um] that give the yarns of a family these reflectances (albedos under diffuse light), 0 to 1, at wavelengths or in linear sRGB. What is out of
-    /// reach is clamped to clear or black fibers. An exact inversion, half a microsecond a number: hosts convert a texture once.
+    /// Absorptions [1/um] that give the first yarn of a family these reflectances (albedos under diffuse light), 0 to 1, at wavelengths or in linear RGB. What is out of
+    /// reach is clamped to clear or black fibers. An exact inversion by Newton's steps: hosts convert a texture once.
     pub fn sigma_of_reflectance<const N: usize>(&self, family: Family, reflectance: [f32; N]) -> [f32; N] {
-        reflectance.map(|r| self.curves[family as usize].sigma(f64::from(r)).0 as f32)
+        let curve = &self.curves[self.model_index(family, 0)];
+        reflectance.map(|r| curve.sigma(f64::from(r)).0 as f32)
     }
 
-    fn dye(&self, family: Family, yarn: i32) -> Option<&Dye> {
-        let threads = &self.threads[family as usize];
-        let thread = yarn.rem_euclid(threads.len().max(1) as i32) as usize;
-        threads.get(thread).and_then(|d| self.dyes.get(*d as usize))
+    #[inline]
+    fn dye(&self, family: Family, yarn: i32) -> &Dye {
+        let color = repeated(&self.threads[family as usize], yarn) as usize;
+        &self.dyes[color * self.models.len() + self.model_index(family, yarn)]
     }
 
     /// Absorptions of a yarn at a query.
@@ -208,11 +225,16 @@ impl FabricBsdf {
         if let Some(sigma) = query.sigma_per_um[family as usize] {
             return sigma;
         }
-        self.dye(family, yarn).map_or([0.0; N], |dye| dye.at(query.lambda_um, query.channels))
+        self.dye(family, yarn).at(query.lambda_um, query.channels)
     }
 
-    fn query_model<'a, const N: usize>(&'a self, query: &FabricQuery<'a, N>, family: Family) -> &'a PlyModel {
-        query.models[family as usize].unwrap_or(&self.models[family as usize])
+    fn query_model<'a, const N: usize>(
+        &'a self,
+        query: &FabricQuery<'a, N>,
+        family: Family,
+        yarn: i32,
+    ) -> &'a PlyModel {
+        query.models[family as usize].unwrap_or_else(|| self.model_of(family, yarn))
     }
 
     /// The fabric at a query.
@@ -248,7 +270,7 @@ impl FabricBsdf {
             Place::Ply(hit) => {
                 let mut ply_query = self.ply_query(query, &hit);
                 ply_query.below = self.layer_below(query, &hit);
-                let ply = self.query_model(query, hit.family).unprepared(&ply_query);
+                let ply = self.query_model(query, hit.family, hit.yarn).unprepared(&ply_query);
                 let mut at = FabricAt { case: Case::Ply(OnPly { ply, frame: surface_frame(hit.frame) }) };
                 if let Case::Ply(on) = &mut at.case {
                     // In its place: lobes are large.
@@ -260,7 +282,8 @@ impl FabricBsdf {
                 let mut near = [None; 4];
                 for (slot, hit) in near.iter_mut().zip(&gap.near) {
                     if let Some(hit) = hit {
-                        let ply = self.query_model(query, hit.family).uncached_at(&self.ply_query(query, hit));
+                        let ply =
+                            self.query_model(query, hit.family, hit.yarn).uncached_at(&self.ply_query(query, hit));
                         *slot = Some(Near::new(ply, surface_frame(hit.frame)));
                     }
                 }
@@ -276,7 +299,7 @@ impl FabricBsdf {
     fn layer_below<const N: usize>(&self, query: &FabricQuery<'_, N>, hit: &PlyHit) -> Option<Layer<N>> {
         let below = hit.below?;
         let family = hit.family.other();
-        self.query_model(query, family).layer(below.theta_i, self.query_sigma(query, family, below.yarn))
+        self.query_model(query, family, below.yarn).layer(below.theta_i, self.query_sigma(query, family, below.yarn))
     }
 
     fn ply_query<'a, const N: usize>(&self, query: &FabricQuery<'a, N>, hit: &PlyHit) -> PlyQuery<'a, N> {
@@ -298,6 +321,15 @@ impl FabricBsdf {
     fn spectrum(&self, before_um: f32, beyond_um: f32) -> &Spectrum {
         let node = |x: f32| ((x / self.edge_step_um + 0.5) as usize).min(EDGES);
         &self.spectra[node(before_um) * (EDGES + 1) + node(beyond_um)]
+    }
+}
+
+/// The entry of a yarn in a list that repeats; 0 for an empty one.
+#[inline]
+fn repeated(list: &[u32], yarn: i32) -> u32 {
+    match list {
+        [one] => *one,
+        _ => list.get(yarn.rem_euclid(list.len().max(1) as i32) as usize).copied().unwrap_or(0),
     }
 }
 
