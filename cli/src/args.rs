@@ -16,7 +16,7 @@ use clap::{Parser, Subcommand};
 
 /// Simulates how a ply of fibers scatters light, fits a compact model to it, and inspects, checks, compares and plots models.
 #[derive(Debug, Parser)]
-#[command(name = "plywave", version, max_term_width = 110, disable_help_subcommand = true)]
+#[command(name = "plywave", version, max_term_width = 110)]
 pub struct Cli {
     /// What to do.
     #[command(subcommand)]

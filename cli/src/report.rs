@@ -29,6 +29,11 @@ pub fn count(value: f64) -> String {
     }
 }
 
+/// A number of things: 1 fiber, 2 fibers.
+pub fn counted(n: u64, one: &str, many: &str) -> String {
+    if n == 1 { format!("1 {one}") } else { format!("{n} {many}") }
+}
+
 /// A size in bytes: 812 B, 34.1 KiB, 2.5 MiB.
 pub fn bytes(value: u64) -> String {
     match value as f64 {
@@ -99,6 +104,7 @@ mod tests {
         }
         assert_eq!(number(29.999999999), "30");
         assert_eq!(count(95_210.0), "95.2 k");
+        assert_eq!((counted(1, "ply", "plies"), counted(0, "ply", "plies")), ("1 ply".into(), "0 plies".into()));
         assert_eq!(bytes(34_900), "34.1 KiB");
         assert_eq!(duration(std::time::Duration::from_secs(200)), "3 min 20 s");
     }

@@ -38,11 +38,14 @@ fn textures_hold_the_weave() {
     let wanted = [
         "across.png",
         "along.png",
+        "base_color.png",
         "draft.png",
         "family.png",
         "height.png",
+        "normal.png",
         "sheet.png",
         "tangent.png",
+        "thickness.png",
         "weave.json",
         "yarn.png",
     ];

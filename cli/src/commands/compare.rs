@@ -131,11 +131,16 @@ fn tell(cli: &Cli, folder: &Path, report: &CompareReport, time: std::time::Durat
     }
     output::print(|out| {
         let (n, time) = (report.instances, report::duration(time));
-        writeln!(out, "{}: {n} instances, {time}", folder.display())?;
+        writeln!(out, "{}: {}, {time}", folder.display(), report::counted(n.into(), "instance", "instances"))?;
         writeln!(out, "  correlation of waves and rays (relative L2 distance), bins of 1 degree")?;
+        writeln!(out, "  lambda    h/R   average          off forward      single           missed / extinguished")?;
         writeln!(
             out,
-            "  lambda    h/R   average          off forward      single           missed / not extinguished"
+            "  (missed: share of the beam that rays carry past the ply; extinguished: light that waves take out of the"
+        )?;
+        writeln!(
+            out,
+            "  beam over its power: scattered and absorbed, up to 2, since the field that casts the shadow is scattered too)"
         )?;
         for case in &report.cases {
             let at = one_degree(case);
@@ -149,7 +154,7 @@ fn tell(cli: &Cli, folder: &Path, report: &CompareReport, time: std::time::Durat
                 pair(at.average_off_forward.correlation, at.average_off_forward.relative_l2),
                 pair(at.single_correlation.mean, at.single_relative_l2.mean),
                 case.energies.ray_miss.mean,
-                1.0 - case.energies.wave_extinguished.mean
+                case.energies.wave_extinguished.mean
             )?;
         }
         for pair in &report.across_wavelengths {

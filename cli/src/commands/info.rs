@@ -175,8 +175,8 @@ pub fn yarn_line(spec: &YarnSpec) -> String {
         }
     };
     format!(
-        "{} fibers, {shape}, eta {}, alpha_fiber {}; {ply}, {twist}{yarn}",
-        spec.ply.fibers,
+        "{}, {shape}, eta {}, alpha_fiber {}; {ply}, {twist}{yarn}",
+        report::counted(spec.ply.fibers as u64, "fiber", "fibers"),
         number(spec.fiber.eta),
         number(spec.fiber.alpha_fiber)
     )
