@@ -95,7 +95,8 @@ fn textures_for_hosts_without_the_model() {
     let dir = folder.path();
     let said = json(&succeed(dir, &["weave", "cloth.toml", "-o", "out", "--pixels", "40", "--json"]));
     let out = dir.join("out");
-    let (color, family) = (image::open(out.join("base_color.png")).unwrap(), image::open(out.join("family.png")).unwrap());
+    let (color, family) =
+        (image::open(out.join("base_color.png")).unwrap(), image::open(out.join("family.png")).unwrap());
     assert_eq!(color.color(), image::ColorType::Rgba8);
     let (color, family) = (color.into_rgba8(), family.into_luma8());
     let normal = image::open(out.join("normal.png")).unwrap().into_rgb16();
@@ -105,7 +106,8 @@ fn textures_for_hosts_without_the_model() {
         .lines()
         .filter_map(|l| l.strip_prefix("srgb = [")?.strip_suffix(']'))
         .map(|l| {
-            let values: Vec<u8> = l.split(',').map(|v| (255.0 * v.trim().parse::<f64>().unwrap()).round() as u8).collect();
+            let values: Vec<u8> =
+                l.split(',').map(|v| (255.0 * v.trim().parse::<f64>().unwrap()).round() as u8).collect();
             [values[0], values[1], values[2]]
         })
         .collect();
@@ -138,7 +140,8 @@ fn textures_for_hosts_without_the_model() {
     assert!(seen[0] > 2 * seen[1] && seen[1] > 0 && gaps > 0, "{seen:?} {gaps}");
     // The mean thickness is the plies' volume over the area: plies pi R^2 / spacing of either family.
     let step = said["textures"].as_array().unwrap().iter().find_map(|t| t["um_per_step"].as_f64()).unwrap();
-    let mean = thickness.pixels().map(|p| f64::from(p[0])).sum::<f64>() / f64::from(thickness.width() * thickness.height());
+    let mean =
+        thickness.pixels().map(|p| f64::from(p[0])).sum::<f64>() / f64::from(thickness.width() * thickness.height());
     let of = |family: &str, key: &str| said["yarns"][family][key].as_f64().unwrap();
     let want: f64 = ["warp", "weft"]
         .map(|f| of(f, "plies") * std::f64::consts::PI * of(f, "ply_radius_um").powi(2) / of(f, "spacing_um"))

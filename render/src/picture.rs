@@ -98,8 +98,32 @@ impl Film {
         let mut out = std::io::Cursor::new(Vec::new());
         let bad = |e: exr::error::Error| RenderError::Picture { file: "EXR".into(), what: e.to_string() };
         image.write().to_buffered(&mut out).map_err(bad)?;
-        Ok(out.into_inner())
+        Ok(sorted_header(out.into_inner()))
     }
+}
+
+/// The file with the attributes of its header in the order of their names: the library writes them in the order of a hash map, another one in each run. No length
+/// changes, so that the offsets hold.
+fn sorted_header(mut file: Vec<u8>) -> Vec<u8> {
+    /// Magic number and version come before the first attribute.
+    const START: usize = 8;
+    let mut list = Vec::new();
+    let mut at = START;
+    // An attribute: name, 0, type, 0, length in 4 bytes, value.
+    while file.get(at).is_some_and(|b| *b != 0) {
+        let after = |from: usize| file.get(from..)?.iter().position(|b| *b == 0).map(|n| from + n + 1);
+        let end = after(at).and_then(after).and_then(|from| {
+            let size = file.get(from..)?.first_chunk::<4>()?;
+            Some(from + 4 + u32::from_le_bytes(*size) as usize).filter(|end| *end <= file.len())
+        });
+        // A header that is not understood stays as it is.
+        let Some(end) = end else { return file };
+        list.push(file[at..end].to_vec());
+        at = end;
+    }
+    list.sort_unstable();
+    file[START..at].copy_from_slice(&list.concat());
+    file
 }
 
 /// A PNG in sRGB with `entries` as text (iTXt, UTF-8).

@@ -236,6 +236,7 @@ fn exr_files_tell_what_they_are_of() {
     let film = sheet(4, &Diffuse { up: 0.2, down: 0.4 });
     let bytes = film.exr(&facts()).unwrap();
     let list = attributes(&bytes);
+    assert!(list.is_sorted_by(|a, b| a.0 < b.0), "the same bytes in every run");
     let of = |name: &str| &list.iter().find(|a| a.0 == name).unwrap_or_else(|| panic!("no {name}")).2;
     let latin = |bytes: &[u8]| bytes.iter().map(|b| char::from(*b)).collect::<String>();
     for (name, want) in [
