@@ -1,5 +1,9 @@
 //! `plywave check` promises that a correct model fails its chi-square tests with a chance of 1 %, all of them together: is that the chance?
 //!
+//! Measured on the polyester that ships, 126 seeds of the command's own sizes: where each of the three lines had 1 % of its own, 6 seeds failed (lines 1, 1 and 4); with
+//! one threshold for all 116 tests none does. Single p-values are uniform: of 11 337, 0.996, 1.08 and 1.4 times the expected number lie below 0.1, 0.01 and 0.001.
+//! (A tenth of the incidences lie beyond the rim, where next to all light misses and there is nothing to test.)
+//!
 //! Over many seeds, the least of a seed's p-values, corrected for their number, is a uniform number where each p-value is one (Kolmogorov and Smirnov's test of
 //! that, whose limit at n seeds is 1.95 / sqrt(n) for one false alarm in 1000), and some 1 % of the seeds fail.
 
@@ -25,7 +29,7 @@ fn alarms(seeds: u64, options: &CheckOptions) -> (usize, Vec<f64>) {
         assert_eq!(thresholds, [least; 3], "one threshold for all tests");
         let p = [report.chi2_p(), whole.scatter.chi2_p, layers.scatter.chi2_p];
         let se = [report.sampled_furnace_se(), whole.scatter.sampled_furnace_se, layers.scatter.sampled_furnace_se];
-        println!("{seed}: least p {p:.3e?}, sampled furnace {se:.2?} standard errors");
+        println!("{seed}: least p {p:?}, sampled furnace {se:?} standard errors");
         let p = p.into_iter().fold(1.0, f64::min);
         failed += usize::from(p < least);
         corrected.push(1.0 - (1.0 - p).powf(tests));
