@@ -10,12 +10,12 @@ use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::node::Bvh2Node;
+use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::cwbvh::CwBvh;
-use obvhs::cwbvh::builder::build_cwbvh_from_tris;
 use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
+use obvhs::ploc::PlocBuilder;
 use obvhs::triangle::Triangle;
 use std::collections::HashMap;
-use std::time::Duration;
 
 /// Most levels of a tree that obvhs traverses: its stack has 32 entries.
 const MOST_LEVELS: usize = 31;
@@ -29,12 +29,26 @@ const LEAF: u32 = 3;
 /// A tree over `triangles`, at most [`MOST_LEVELS`] deep.
 pub fn build(triangles: &[Triangle]) -> CwBvh {
     if !crowded(triangles) {
-        let bvh = build_cwbvh_from_tris(triangles, BvhBuildParams::medium_build(), &mut Duration::default());
+        let bvh = clustered(triangles);
         if levels(&bvh) <= MOST_LEVELS {
             return bvh;
         }
     }
     by_medians(triangles)
+}
+
+/// obvhs' own tree at its medium effort. Its own function for that panics on a tree that is too deep where debug assertions are on, before anyone can look.
+fn clustered(triangles: &[Triangle]) -> CwBvh {
+    let effort = BvhBuildParams::medium_build();
+    let mut bvh2 = PlocBuilder::with_capacity(triangles.len()).build(
+        effort.ploc_search_distance,
+        triangles,
+        (0..triangles.len() as u32).collect(),
+        effort.sort_precision,
+        effort.search_depth_threshold,
+    );
+    ReinsertionOptimizer::default().run(&mut bvh2, effort.reinsertion_batch_ratio, None);
+    bvh2_to_cwbvh(&bvh2, LEAF, true, false)
 }
 
 /// Whether more than [`MOST_EQUAL`] triangles have nearly the same box.
@@ -157,6 +171,7 @@ mod tests {
                 Triangle { v0: Vec3A::ZERO, v1: Vec3A::new(s, 0.0, 0.3 * s), v2: Vec3A::new(0.0, s, 0.1 * s) }
             })
             .collect();
+        assert!(levels(&clustered(&triangles)) > MOST_LEVELS, "{}", levels(&clustered(&triangles)));
         let bvh = build(&triangles);
         assert!(levels(&bvh) <= MOST_LEVELS);
         let ray = Ray::new(Vec3A::new(1e-3, 1e-3, -1.0), Vec3A::Z, 0.0, f32::INFINITY);

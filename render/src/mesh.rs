@@ -38,13 +38,7 @@ const MEMORY_PER_BYTE: u64 = 16;
 
 /// Reads the lines of an OBJ file, comments left out, with one index a corner.
 fn read_obj<'a>(lines: impl Iterator<Item = &'a str>) -> Result<Vec<tobj::Model>, tobj::LoadError> {
-    let options = tobj::LoadOptions {
-        single_index: true,
-        triangulate: true,
-        ignore_points: true,
-        ignore_lines: true,
-        ..tobj::LoadOptions::default()
-    };
+    let options = tobj::LoadOptions { single_index: true, triangulate: true, ignore_points: true, ignore_lines: true };
     let mut text = String::new();
     for line in lines {
         text += line.split('#').next().unwrap_or("");

@@ -6,7 +6,7 @@ use crate::args::{Cli, GalleryArgs};
 use crate::failure::{Failure, Outcome};
 use crate::gallery::digest;
 use crate::gallery::materials::Workshop;
-use crate::gallery::pages::{Entry, Index, Shot, markdown, png, small, strip};
+use crate::gallery::pages::{Entry, Index, Shot, about, markdown, png, small, strip};
 use crate::gallery::pictures::{self, Panel, Picture};
 use crate::progress::{self, Bar, STOP};
 use crate::{output, report};
@@ -171,8 +171,9 @@ pub fn run(cli: &Cli, args: &GalleryArgs) -> Outcome {
         }
         let titles: Vec<&str> = entry.panels.iter().map(|s| s.title.as_str()).collect();
         let (file, small_file) = (folder.join(&entry.file), folder.join(&entry.small));
-        output::write_whole(&file, &png(&strip(&images, &titles), &file)?)?;
-        output::write_whole(&small_file, &small(&images, &titles, &small_file)?)?;
+        let about = about(&entry);
+        output::write_whole(&file, &png(&strip(&images, &titles), &about, &file)?)?;
+        output::write_whole(&small_file, &small(&images, &titles, &about, &small_file)?)?;
         put(&mut index, Entry { seconds: begun.elapsed().as_secs_f64(), ..entry });
         write_index(&index)?;
         rendered += 1;
