@@ -66,7 +66,7 @@ pub fn check_writable(path: &Path, inputs: &[&Path]) -> Outcome {
 
 /// Refuses a folder to be written that could not be made, or that holds what is not from an earlier run: an existing one must be empty or hold `mark`.
 pub fn check_folder(path: &Path, mark: &str, inputs: &[&Path]) -> Outcome {
-    let refuse = |what: String, mend: &str| Err(Failure::input(path.display(), "-o", what, mend));
+    let refuse = |what: String, hint: &str| Err(Failure::input(path.display(), "-o", what, hint));
     if !path.exists() {
         return check_writable(path, inputs);
     }

@@ -274,6 +274,21 @@ fn models_of_other_nodes_are_compared() {
     refused(dir, &["diff", "a.pwm", "b.pwm", "--tol-drift", "1"], &["--tol-drift", "leave it out"]);
 }
 
+/// One of a thing is no plural.
+#[test]
+fn one_fiber_is_one_fiber() {
+    let folder = folder();
+    let dir = folder.path();
+    let one = common::TINY.replace("fibers = 12", "fibers = 1").replace("radius_um = 40.0", "radius_um = 8.0");
+    std::fs::write(dir.join("one.toml"), one).unwrap();
+    succeed(dir, &["build", "one.toml", "--preset", "preview", "--quiet"]);
+    let said = succeed(dir, &["info", "one.pwm"]);
+    assert!(said.contains(" 1 fiber, "), "{said}");
+    let said =
+        succeed(dir, &["render", "cloth.toml", "-o", "a.png", "--samples", "1", "--width", "4", "--height", "4"]);
+    assert!(said.contains("1 sample a pixel"), "{said}");
+}
+
 /// In an address space of 3 GiB a film of 45 is refused before the work.
 #[cfg(target_os = "linux")]
 #[test]

@@ -165,9 +165,9 @@ mod tests {
     #[test]
     fn trees_that_come_out_too_deep_are_built_again() {
         // Each twice as large as the one before, all from one corner: the cheapest partner of the union of the first k is the next one.
-        let triangles: Vec<Triangle> = (0..120)
+        let triangles: Vec<Triangle> = (0..250)
             .map(|k| {
-                let s = (0.5f32 * (k as f32 - 60.0)).exp2();
+                let s = (0.5f32 * (k as f32 - 125.0)).exp2();
                 Triangle { v0: Vec3A::ZERO, v1: Vec3A::new(s, 0.0, 0.3 * s), v2: Vec3A::new(0.0, s, 0.1 * s) }
             })
             .collect();

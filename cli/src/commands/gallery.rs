@@ -87,8 +87,8 @@ fn make_folder(path: &Path) -> Outcome {
 pub fn run(cli: &Cli, args: &GalleryArgs) -> Outcome {
     let pictures = chosen(&args.only)?;
     if !args.fabrics.is_dir() {
-        let mend = "no such folder; name that of the fabric specs that ship";
-        return Err(Failure::input("command line", "--fabrics", args.fabrics.display(), mend));
+        let hint = "no such folder; name that of the fabric specs that ship";
+        return Err(Failure::input("command line", "--fabrics", args.fabrics.display(), hint));
     }
     let folder = &args.output;
     // Specs and models of the gallery go into folders of its own, never over those that it reads.

@@ -109,11 +109,11 @@ pub fn info(cli: &Cli, file: &str, bytes: u64, p: &SpecklePatterns) -> Outcome {
         writeln!(out, "  written by   plywave {}, seed {}", one_line(&p.program_version), p.seed)?;
         writeln!(
             out,
-            "  patterns     {} instances, {} azimuths, {} wavelengths, {} absorptions, TM and TE",
-            p.instances,
+            "  patterns     {}, {} azimuths, {}, {}, TM and TE",
+            report::counted(p.instances as u64, "instance", "instances"),
             p.azimuths,
-            p.lambda_um.len(),
-            p.kappa.len()
+            report::counted(p.lambda_um.len() as u64, "wavelength", "wavelengths"),
+            report::counted(p.kappa.len() as u64, "absorption", "absorptions")
         )?;
         writeln!(out, "  beam         w0 {} um, theta_i {} degrees", number(p.w0_um), number(p.theta_i.to_degrees()))?;
         write_kinds(out, &kinds)

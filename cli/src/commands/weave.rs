@@ -94,11 +94,11 @@ fn size(args: &WeaveArgs, fabric: &Fabric) -> Outcome<[u32; 2]> {
     let [w, h] = cells.map(|c| (c * pixels).round().max(1.0));
     if w * h > MOST_PIXELS {
         let most = (MOST_PIXELS / (cells[0] * cells[1])).sqrt().floor();
-        let mend = match most {
+        let hint = match most {
             most if most >= 1.0 => format!("one repeat would take {w} x {h} pixels; use {most} or less"),
             _ => "one repeat of this draft is too large for textures; ask the fabric on the fly".into(),
         };
-        return Err(Failure::input("command line", "--pixels", pixels, &mend));
+        return Err(Failure::input("command line", "--pixels", pixels, &hint));
     }
     Ok([w as u32, h as u32])
 }
