@@ -2,7 +2,7 @@
 //!
 //! The same code serves `plywave check` and the tests. Random numbers come in as a closure of uniform numbers in [0, 1).
 
-pub use crate::check_whole::{PartReport, check_layers, check_whole};
+pub use crate::check_whole::{PART_INCIDENCES, PartReport, check_layers, check_whole};
 use crate::chi2::{chi2_test, threshold};
 use crate::{Bsdf, BsdfSample, PlyModel, PlyQuery, direction, theta_phi};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -14,8 +14,17 @@ pub struct CheckOptions {
     pub incidences: usize,
     /// Samples per incidence.
     pub samples: usize,
-    /// Chance that a correct model fails the chi-square tests, all together.
+    /// Chance that a correct model fails any of its chi-square tests: of [`check_model`], [`check_whole`] and [`check_layers`] together.
     pub significance: f64,
+}
+
+impl CheckOptions {
+    /// Least p-value of a single chi-square test that passes, so that all tests of `model` together fail with the chance `significance`.
+    pub fn chi2_threshold(&self, model: &PlyModel) -> f64 {
+        let d = model.data();
+        let parts = usize::from(d.edge.is_some()) + usize::from(d.layers.is_some());
+        threshold(self.significance, self.incidences + parts * PART_INCIDENCES)
+    }
 }
 
 impl Default for CheckOptions {
@@ -48,7 +57,7 @@ pub struct IncidenceReport {
 pub struct CheckReport {
     /// Every incidence.
     pub incidences: Vec<IncidenceReport>,
-    /// Least p-value that passes, corrected for the number of incidences.
+    /// Least p-value that passes, [`CheckOptions::chi2_threshold`].
     pub chi2_threshold: f64,
     /// [`PlyModel::reference_error`].
     pub reference_error: f32,
@@ -119,11 +128,7 @@ pub fn check_model(model: &PlyModel, options: &CheckOptions, uniform: &mut dyn F
             check_incidence(model, theta_i, x * h, sigma, options.samples, uniform)
         })
         .collect();
-    CheckReport {
-        incidences,
-        chi2_threshold: threshold(options.significance, options.incidences),
-        reference_error: model.reference_error(),
-    }
+    CheckReport { incidences, chi2_threshold: options.chi2_threshold(model), reference_error: model.reference_error() }
 }
 
 /// Latitude and azimuth bins of the chi-square test.

@@ -1,7 +1,6 @@
 //! Checks of what a model has beyond f_refl and f_high: the whole ply with its edge light, and a ply over a second layer.
 
 use crate::check::{BsdfReport, CheckOptions, check_bsdf};
-use crate::chi2::threshold;
 use crate::{Bsdf, Layer, PlyModel, PlyQuery};
 
 /// What was found of one way to use a model: the worst of its incidences.
@@ -11,7 +10,7 @@ pub struct PartReport {
     pub scatter: BsdfReport,
     /// Greatest |energy - 1| at sigma = 0, all terms together: the Monte Carlo error of the table.
     pub kept_error: f64,
-    /// Least p-value that passes, corrected for the number of incidences.
+    /// Least p-value that passes, [`CheckOptions::chi2_threshold`].
     pub chi2_threshold: f64,
 }
 
@@ -31,12 +30,15 @@ fn worst(a: BsdfReport, b: BsdfReport) -> BsdfReport {
     }
 }
 
+/// Incidences of each of these checks.
+pub const PART_INCIDENCES: usize = 8;
+
 /// Incidences of the checks: the center, the rim and beyond it, both signs; the last nodes limit them.
 fn incidences(model: &PlyModel, uniform: &mut dyn FnMut() -> f32) -> Vec<(f32, f32)> {
     let d = model.data();
     let last = d.h_um[d.h_um.len() - 1] as f32;
     let mut all = vec![(0.0, 0.0), (0.3, 0.7 * last), (-0.5, -0.8 * last), (0.9, 0.95 * last)];
-    all.extend((0..4).map(|_| (1.8 * (uniform() - 0.5), 2.0 * last * (uniform() - 0.5))));
+    all.extend((all.len()..PART_INCIDENCES).map(|_| (1.8 * (uniform() - 0.5), 2.0 * last * (uniform() - 0.5))));
     all
 }
 
@@ -44,13 +46,12 @@ fn incidences(model: &PlyModel, uniform: &mut dyn FnMut() -> f32) -> Vec<(f32, f
 fn run(
     model: &PlyModel,
     sd_rad: f64,
-    samples: usize,
-    significance: f64,
+    options: &CheckOptions,
     uniform: &mut dyn FnMut() -> f32,
     below: &dyn Fn([f32; 4]) -> Option<Option<Layer<4>>>,
 ) -> Option<PartReport> {
     let places = incidences(model, uniform);
-    let count = places.len();
+    let chi2_threshold = options.chi2_threshold(model);
     let mut report: Option<PartReport> = None;
     for (theta_i, h_um) in places {
         let last = model.data().sigma_per_um.last().map_or(0.0, |s| *s as f32);
@@ -58,10 +59,10 @@ fn run(
         let query = PlyQuery::new(theta_i, h_um, sigma_per_um, LAMBDA_UM);
         let scatter = model.at(&PlyQuery { below: below(sigma_per_um)?, ..query });
         let sd = [sd_rad, sd_rad / f64::from(theta_i.cos())];
-        let found = check_bsdf(&scatter, sd, samples, uniform);
+        let found = check_bsdf(&scatter, sd, options.samples, uniform);
         let kept = (f64::from(scatter.albedo()[0]) - 1.0).abs();
         report = Some(match report {
-            None => PartReport { scatter: found, kept_error: kept, chi2_threshold: threshold(significance, count) },
+            None => PartReport { scatter: found, kept_error: kept, chi2_threshold },
             Some(r) => PartReport { scatter: worst(r.scatter, found), kept_error: r.kept_error.max(kept), ..r },
         });
     }
@@ -73,12 +74,10 @@ pub fn check_whole(model: &PlyModel, options: &CheckOptions, uniform: &mut dyn F
     let edge = model.data().edge.as_ref()?;
     let sharpest = edge.ln_mu.iter().copied().fold(0.0, f64::max);
     let sd = (-0.5 * sharpest).exp() * std::f64::consts::FRAC_1_SQRT_2;
-    run(model, sd, options.samples, options.significance, uniform, &|_| Some(None))
+    run(model, sd, options, uniform, &|_| Some(None))
 }
 
 /// Checks a ply over a second layer of its own kind. `None` for a model without layer factors.
 pub fn check_layers(model: &PlyModel, options: &CheckOptions, uniform: &mut dyn FnMut() -> f32) -> Option<PartReport> {
-    run(model, 0.02, options.samples, options.significance, uniform, &|sigma_per_um| {
-        Some(Some(model.layer(0.5, sigma_per_um)?))
-    })
+    run(model, 0.02, options, uniform, &|sigma_per_um| Some(Some(model.layer(0.5, sigma_per_um)?)))
 }

@@ -19,9 +19,9 @@ pub enum Failure {
 pub type Outcome<T = ()> = Result<T, Failure>;
 
 impl Failure {
-    /// `error: file: key = value: mend`.
-    pub fn input(file: impl std::fmt::Display, key: &str, value: impl std::fmt::Display, mend: &str) -> Self {
-        Failure::Input(format!("{file}: {key} = {value}: {mend}"))
+    /// `error: file: key = value: hint`.
+    pub fn input(file: impl std::fmt::Display, key: &str, value: impl std::fmt::Display, hint: &str) -> Self {
+        Failure::Input(format!("{file}: {key} = {value}: {hint}"))
     }
 
     /// Says what there is to say on stderr; gives the exit code.

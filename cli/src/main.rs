@@ -4,6 +4,7 @@ mod args;
 mod commands;
 mod failure;
 mod gallery;
+mod kinds;
 mod output;
 mod plot;
 mod progress;
@@ -57,13 +58,6 @@ fn usage(error: &clap::Error) -> ExitCode {
     }
     let text = error.render().to_string();
     let mut lines = text.lines().map(str::trim).filter(|l| !l.is_empty());
-    let what = if error.kind() == clap::error::ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
-        "no command given".to_string()
-    } else {
-        let said: Vec<&str> =
-            lines.by_ref().take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more")).collect();
-        said.join(" ").trim_start_matches("error: ").to_string()
-    };
     // The command that was asked for, as far as there is such a one.
     let mut command = "plywave".to_string();
     let mut at = <Cli as clap::CommandFactory>::command();
@@ -72,5 +66,23 @@ fn usage(error: &clap::Error) -> ExitCode {
         command = format!("{command} {}", next.get_name());
         at = next;
     }
+    let commands = || at.get_subcommands().map(clap::Command::get_name).collect::<Vec<_>>().join(", ");
+    use clap::error::ErrorKind;
+    let what = match error.kind() {
+        ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand | ErrorKind::MissingSubcommand => {
+            format!("no command given, expected one of {}", commands())
+        }
+        kind => {
+            let said: Vec<&str> =
+                lines.by_ref().take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more")).collect();
+            let said = said.join(" ").trim_start_matches("error: ").to_string();
+            match kind {
+                ErrorKind::InvalidSubcommand if !said.contains("tip:") => {
+                    format!("{said}, expected one of {}", commands())
+                }
+                _ => said,
+            }
+        }
+    };
     failure::Failure::Input(format!("{what}; see {command} --help")).report()
 }

@@ -26,36 +26,47 @@ fn stdout_failure(error: std::io::Error) -> Failure {
     }
 }
 
-/// Refuses an output path that cannot be written, before any work is done: its folder must exist and take a new file, the path
-/// itself must not be a folder, nor one of the command's inputs.
-pub fn check_writable(path: &Path, inputs: &[&Path]) -> Outcome {
-    let refuse = |what: String, mend: &str| Err(Failure::input(path.display(), "-o", what, mend));
-    if let Ok(there) = path.canonicalize()
-        && inputs.iter().any(|input| input.canonicalize().is_ok_and(|input| input == there))
+/// Whether two paths lead to one file: through links, other spellings and other names of it.
+fn is_same(a: &Path, b: &Path) -> bool {
+    #[cfg(unix)]
     {
+        use std::os::unix::fs::MetadataExt;
+        let [a, b] = [a, b].map(std::fs::metadata);
+        if let (Ok(a), Ok(b)) = (a, b) {
+            return (a.dev(), a.ino()) == (b.dev(), b.ino());
+        }
+    }
+    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
+}
+
+/// Refuses an output path that cannot be written, before any work is done: its folder must exist and take a new file; the path itself must be a regular file or
+/// none, and not one of the command's inputs.
+pub fn check_writable(path: &Path, inputs: &[&Path]) -> Outcome {
+    let refuse = |what: String, hint: &str| Err(Failure::input(path.display(), "-o", what, hint));
+    if inputs.iter().any(|input| is_same(input, path)) {
         return refuse("an input of this command".into(), "name another file");
     }
     if path.file_name().is_none() || path.is_dir() {
         return refuse("a folder".into(), "name a file in it");
     }
-    let folder = folder(path);
+    if std::fs::metadata(path).is_ok_and(|m| !m.is_file()) {
+        return refuse("a device or pipe".into(), "name a regular file");
+    }
+    let target = target_of(path);
+    let folder = folder(&target);
     if !folder.is_dir() {
         return refuse(format!("a file in {}", folder.display()), "this folder does not exist; make it first");
     }
-    let probe = temporary(path);
-    match std::fs::File::create(&probe) {
-        Ok(_) => {
-            // A probe that cannot be taken away again was at least written, which was the question.
-            let _ = std::fs::remove_file(&probe);
-            Ok(())
-        }
+    match temporary(&target) {
+        // The probe goes away when it is dropped.
+        Ok(_) => Ok(()),
         Err(error) => refuse(error.to_string(), "choose a place that can be written"),
     }
 }
 
 /// Refuses a folder to be written that could not be made, or that holds what is not from an earlier run: an existing one must be empty or hold `mark`.
 pub fn check_folder(path: &Path, mark: &str, inputs: &[&Path]) -> Outcome {
-    let refuse = |what: String, mend: &str| Err(Failure::input(path.display(), "-o", what, mend));
+    let refuse = |what: String, hint: &str| Err(Failure::input(path.display(), "-o", what, hint));
     if !path.exists() {
         return check_writable(path, inputs);
     }
@@ -75,19 +86,21 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Outcome {
     write_whole_by(path, |out| out.write_all(bytes))
 }
 
-/// As [`write_whole`], piece by piece.
+/// As [`write_whole`], piece by piece. A new file of a random name takes the bytes and is flushed to the disk; then it gets the name, and the folder is flushed.
+/// Of a link, the file that it leads to is replaced.
 pub fn write_whole_by(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Outcome {
-    let part = temporary(path);
-    let written = std::fs::File::create(&part).and_then(|file| {
+    let target = target_of(path);
+    let written = temporary(&target).and_then(|file| {
         let mut out = std::io::BufWriter::with_capacity(1 << 16, file);
         write(&mut out)?;
-        out.into_inner().map_err(std::io::IntoInnerError::into_error)?.sync_all()?;
-        std::fs::rename(&part, path)
+        let file = out.into_inner().map_err(std::io::IntoInnerError::into_error)?;
+        file.as_file().sync_all()?;
+        file.persist(&target).map_err(|e| e.error)?;
+        // Where a folder cannot be flushed, the file in it was.
+        let _ = std::fs::File::open(folder(&target)).and_then(|folder| folder.sync_all());
+        Ok(())
     });
-    written.map_err(|error| {
-        let _ = std::fs::remove_file(&part);
-        Failure::input(path.display(), "-o", error, "choose a place that can be written")
-    })
+    written.map_err(|error| Failure::input(path.display(), "-o", error, "choose a place that can be written"))
 }
 
 fn folder(path: &Path) -> &Path {
@@ -97,11 +110,27 @@ fn folder(path: &Path) -> &Path {
     }
 }
 
-fn temporary(path: &Path) -> PathBuf {
-    let mut name = std::ffi::OsString::from(".");
-    name.push(path.file_name().unwrap_or_default());
-    name.push(format!(".{}.part", std::process::id()));
-    folder(path).join(name)
+/// The file that a link leads to; a path that is no link itself.
+fn target_of(path: &Path) -> PathBuf {
+    match std::fs::symlink_metadata(path) {
+        Ok(about) if about.is_symlink() => path.canonicalize().unwrap_or_else(|_| path.to_path_buf()),
+        _ => path.to_path_buf(),
+    }
+}
+
+/// A new file beside `path`, of a random hidden name, which goes away unless it is kept.
+fn temporary(path: &Path) -> std::io::Result<tempfile::NamedTempFile> {
+    let mut prefix = std::ffi::OsString::from(".");
+    prefix.push(path.file_name().unwrap_or_default());
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(&prefix).suffix(".part");
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        // As any new file: the umask takes its part.
+        builder.permissions(std::fs::Permissions::from_mode(0o666));
+    }
+    builder.tempfile_in(folder(path))
 }
 
 /// `path` with another ending, in the current folder: where an output goes when no `-o` is given.
@@ -128,6 +157,29 @@ mod tests {
         assert_eq!(std::fs::read(&file).unwrap(), b"abc");
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1);
         assert!(check_writable(&file, &[&dir.path().join(".").join("x.pwm")]).is_err(), "an input is not overwritten");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_are_followed_and_devices_refused() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+        let dir = tempfile::tempdir().unwrap();
+        let (file, link, twin) = (dir.path().join("a"), dir.path().join("link"), dir.path().join("twin"));
+        write_whole(&file, b"1").unwrap();
+        assert_eq!(std::fs::metadata(&file).unwrap().permissions().mode() & 0o400, 0o400);
+        symlink(&file, &link).unwrap();
+        std::fs::hard_link(&file, &twin).unwrap();
+        for input in [&link, &twin] {
+            assert!(check_writable(&file, &[input]).is_err(), "{input:?} is the same file");
+        }
+        write_whole(&link, b"2").unwrap();
+        assert!(std::fs::symlink_metadata(&link).unwrap().is_symlink());
+        assert_eq!(std::fs::read(&file).unwrap(), b"2");
+        assert!(check_writable(Path::new("/dev/null"), &[]).is_err());
+        // What fails midway leaves the old file and nothing else.
+        assert!(write_whole_by(&file, |_| Err(std::io::Error::other("full"))).is_err());
+        assert_eq!(std::fs::read(&file).unwrap(), b"2");
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 3);
     }
 
     #[test]

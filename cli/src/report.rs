@@ -29,9 +29,9 @@ pub fn count(value: f64) -> String {
     }
 }
 
-/// A number of things: 1 fiber, 12 fibers.
-pub fn plural(count: usize, thing: &str) -> String {
-    format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
+/// A number of things: 1 fiber, 2 fibers.
+pub fn counted(n: u64, one: &str, many: &str) -> String {
+    if n == 1 { format!("1 {one}") } else { format!("{n} {many}") }
 }
 
 /// A size in bytes: 812 B, 34.1 KiB, 2.5 MiB.
@@ -104,7 +104,7 @@ mod tests {
         }
         assert_eq!(number(29.999999999), "30");
         assert_eq!(count(95_210.0), "95.2 k");
-        assert_eq!((plural(1, "fiber"), plural(0, "fiber")), ("1 fiber".into(), "0 fibers".into()));
+        assert_eq!((counted(1, "ply", "plies"), counted(0, "ply", "plies")), ("1 ply".into(), "0 plies".into()));
         assert_eq!(bytes(34_900), "34.1 KiB");
         assert_eq!(duration(std::time::Duration::from_secs(200)), "3 min 20 s");
     }

@@ -48,6 +48,8 @@ fn compare_reports_both_optics() {
     let dir = folder.path();
     let told = succeed(dir, &[COMPARE, &["-o", "r", "--instances", "3", "--threads", "1"]].concat());
     assert!(told.contains("3 instances") && told.contains("correlation"), "{told}");
+    // A ply takes more than its beam out of it: the column says why, and has no share below 0.
+    assert!(told.contains("missed / extinguished") && told.contains("up to 2") && !told.contains("/ -"), "{told}");
     assert_eq!(names(dir), ["oval.toml", "r", "thin.toml"]);
     assert_eq!(names(&dir.join("r")), ["compare.png", "report.json"]);
     let report = json(&std::fs::read_to_string(dir.join("r/report.json")).unwrap());

@@ -73,7 +73,7 @@ fn three_plies(options: &FabricOptions) -> FabricBsdf {
 }
 
 fn rendered(scene: &Scene, camera: &Camera, fabric: &FabricBsdf, side: u32, options: &RenderOptions) -> Film {
-    let mut film = Film::new(side, side);
+    let mut film = Film::new(side, side).unwrap();
     render(scene, camera, fabric, &mut film, options, &AtomicBool::new(false), &mut |_| Ok(())).unwrap();
     film
 }

@@ -38,11 +38,14 @@ fn textures_hold_the_weave() {
     let wanted = [
         "across.png",
         "along.png",
+        "base_color.png",
         "draft.png",
         "family.png",
         "height.png",
+        "normal.png",
         "sheet.png",
         "tangent.png",
+        "thickness.png",
         "weave.json",
         "yarn.png",
     ];
@@ -80,6 +83,83 @@ fn textures_hold_the_weave() {
     let double = family.pixels().zip(back.pixels()).filter(|(a, b)| a[0] != b[0]).count() as f64 / f64::from(w * h);
     let [a, b] = [202.54 / 235.2, 226.94 / 453.6];
     assert!((double - a * b).abs() < 0.03, "{double} of {}", a * b);
+}
+
+/// Base color, normal and thickness, of yarns that lie level so that each has a closed form.
+#[test]
+fn textures_for_hosts_without_the_model() {
+    let folder = folder("cotton_twill", |spec| {
+        let level = |line: &str| if line.starts_with("crimp") { "crimp = 0.0" } else { line }.to_string() + "\n";
+        spec.lines().map(level).collect()
+    });
+    let dir = folder.path();
+    let said = json(&succeed(dir, &["weave", "cloth.toml", "-o", "out", "--pixels", "40", "--json"]));
+    let out = dir.join("out");
+    let (color, family) =
+        (image::open(out.join("base_color.png")).unwrap(), image::open(out.join("family.png")).unwrap());
+    assert_eq!(color.color(), image::ColorType::Rgba8);
+    let (color, family) = (color.into_rgba8(), family.into_luma8());
+    let normal = image::open(out.join("normal.png")).unwrap().into_rgb16();
+    let (across, thickness) = (gray16(&out.join("across.png")), gray16(&out.join("thickness.png")));
+    let spec = std::fs::read_to_string(dir.join("cloth.toml")).unwrap();
+    let asked: Vec<[u8; 3]> = spec
+        .lines()
+        .filter_map(|l| l.strip_prefix("srgb = [")?.strip_suffix(']'))
+        .map(|l| {
+            let values: Vec<u8> =
+                l.split(',').map(|v| (255.0 * v.trim().parse::<f64>().unwrap()).round() as u8).collect();
+            [values[0], values[1], values[2]]
+        })
+        .collect();
+    let (mut seen, mut gaps) = ([0, 0], 0);
+    for (x, y, who) in family.enumerate_pixels() {
+        let n = normal.get_pixel(x, y).0.map(|v| 2.0 * f64::from(v) / 65535.0 - 1.0);
+        let length: f64 = n.iter().map(|v| v * v).sum();
+        assert!((length - 1.0).abs() < 1e-3 && n[2] > -1e-4, "{n:?}");
+        let aside = (f64::from(across.get_pixel(x, y)[0]) - 32768.0) / 32767.0;
+        let [r, g, b, alpha] = color.get_pixel(x, y).0;
+        // Level warp turns its sides to x, weft to y.
+        match who[0] {
+            255 => {
+                assert!((n[0] - aside).abs() < 1e-3 && n[1].abs() < 1e-3, "{n:?} {aside}");
+                seen[0] += 1;
+            }
+            128 => {
+                assert!((n[1] - aside).abs() < 1e-3 && n[0].abs() < 1e-3, "{n:?} {aside}");
+                seen[1] += 1;
+            }
+            _ => {
+                assert_eq!((alpha, thickness.get_pixel(x, y)[0]), (0, 0));
+                gaps += 1;
+                continue;
+            }
+        }
+        assert_eq!(alpha, 255);
+        assert!(who[0] == 128 || asked.first().is_none_or(|c| *c == [r, g, b]), "{asked:?} {r} {g} {b}");
+    }
+    assert!(seen[0] > 2 * seen[1] && seen[1] > 0 && gaps > 0, "{seen:?} {gaps}");
+    // The mean thickness is the plies' volume over the area: plies pi R^2 / spacing of either family.
+    let step = said["textures"].as_array().unwrap().iter().find_map(|t| t["um_per_step"].as_f64()).unwrap();
+    let mean =
+        thickness.pixels().map(|p| f64::from(p[0])).sum::<f64>() / f64::from(thickness.width() * thickness.height());
+    let of = |family: &str, key: &str| said["yarns"][family][key].as_f64().unwrap();
+    let want: f64 = ["warp", "weft"]
+        .map(|f| of(f, "plies") * std::f64::consts::PI * of(f, "ply_radius_um").powi(2) / of(f, "spacing_um"))
+        .iter()
+        .sum();
+    assert!((mean * step / want - 1.0).abs() < 0.01, "{} {want}", mean * step);
+    // A cloth that leans is told of.
+    let steep = folder_with("cotton_plain", "crimp = 0.5");
+    let said = json(&succeed(steep.path(), &["weave", "cloth.toml", "-o", "out", "--pixels", "8", "--json"]));
+    assert!(said["notes"].to_string().contains("warp leans by up to"), "{said}");
+}
+
+/// As [`folder`], with `crimp` for both yarns.
+fn folder_with(name: &str, crimp: &str) -> tempfile::TempDir {
+    folder(name, |spec| {
+        let line = |line: &str| if line.starts_with("crimp") { crimp } else { line }.to_string() + "\n";
+        spec.lines().map(line).collect()
+    })
 }
 
 #[test]

@@ -20,6 +20,11 @@ impl Camera {
         Camera { origin, forward, right: right * half, up: right.cross(forward) * half }
     }
 
+    /// Depth of a point `t` along a ray in unit `direction`: its distance along the camera's axis [mm].
+    pub(crate) fn depth(&self, direction: Vec3, t: f32) -> f32 {
+        t * direction.dot(self.forward)
+    }
+
     /// Origin and unit direction of the ray through (x, y) of a picture `width` by `height` pixels, y down.
     pub fn ray(&self, x: f32, y: f32, width: u32, height: u32) -> (Vec3, Vec3) {
         let size = height as f32;

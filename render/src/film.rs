@@ -1,21 +1,35 @@
-//! The picture: sums of XYZ a pixel, kept whole on disk so that a render can go on, and written as EXR and PNG.
+//! The film: sums over the samples of each pixel, kept whole on disk so that a render can go on. `picture.rs` writes it as EXR and PNG.
 
 use crate::RenderError;
 use crate::path::LAMBDA_RANGE_UM;
+use crate::room::check_room;
 use plywave::color;
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Sums over the samples of each pixel.
+/// Bytes a pixel of a film's sums.
+const PIXEL_BYTES: u64 = 4 * 14;
+/// Bytes a pixel that a render needs at most, beside its sums: one pass of samples, or the pictures while they are written.
+const WORK_BYTES: u64 = 120;
+
+/// Sums over the samples of each pixel, `[y][x]`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Film {
     width: u32,
     height: u32,
     samples: u32,
-    /// XYZ of the light, `[y][x]`.
+    /// XYZ of the light.
     light: Vec<[f32; 3]>,
-    /// XYZ of the albedo first seen, lit by the illuminant.
+    /// XYZ of the albedo of the first hit, lit by the illuminant.
     albedo: Vec<[f32; 3]>,
+    /// Normals of the first hits, in the scene's axes, turned to the camera.
+    normal: Vec<[f32; 3]>,
+    /// Depths of the first hits [mm].
+    depth: Vec<f32>,
+    /// Samples that hit the sheet first.
+    hits: Vec<f32>,
+    /// Squared deviations of the samples' linear sRGB from their mean.
+    deviation: Vec<[f32; 3]>,
 }
 
 /// Which picture of a film.
@@ -23,15 +37,82 @@ pub struct Film {
 pub enum FilmView {
     /// The light.
     Light,
-    /// The albedo.
+    /// The albedo of the surface that is hit first.
     Albedo,
 }
 
+/// One sample of a pixel.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sample {
+    /// XYZ of the light.
+    pub light: [f32; 3],
+    /// XYZ of the albedo of the first hit.
+    pub albedo: [f32; 3],
+    /// Normal and depth of the first hit.
+    pub hit: Option<([f32; 3], f32)>,
+}
+
+/// Sums over some samples of one pixel.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct PixelSums {
+    light: [f32; 3],
+    albedo: [f32; 3],
+    normal: [f32; 3],
+    depth: f32,
+    hits: f32,
+    /// Of linear sRGB: sum and sum of squares.
+    rgb: [[f64; 3]; 2],
+}
+
+impl PixelSums {
+    pub fn add(&mut self, sample: &Sample) {
+        let rgb = color::linear_srgb_of_xyz(sample.light.map(f64::from));
+        for k in 0..3 {
+            self.light[k] += sample.light[k];
+            self.albedo[k] += sample.albedo[k];
+            self.rgb[0][k] += rgb[k];
+            self.rgb[1][k] += rgb[k] * rgb[k];
+        }
+        if let Some((normal, depth)) = sample.hit {
+            (0..3).for_each(|k| self.normal[k] += normal[k]);
+            self.depth += depth;
+            self.hits += 1.0;
+        }
+    }
+}
+
+/// What a render is made of, by name: sums go on only where all of it is the same.
+pub type Ingredients = [(String, String)];
+
+/// Names of the sums in the file, and the numbers of each a pixel.
+const TENSORS: [(&str, usize); 6] =
+    [("light", 3), ("albedo", 3), ("normal", 3), ("depth", 1), ("hits", 1), ("deviation", 3)];
+/// Prefix of the ingredients in the file.
+const INGREDIENT: &str = "of ";
+/// Largest header of a file of sums [bytes].
+const MOST_HEADER: u64 = 1 << 20;
+
 impl Film {
     /// A black film.
-    pub fn new(width: u32, height: u32) -> Film {
-        let pixels = width as usize * height as usize;
-        Film { width, height, samples: 0, light: vec![[0.0; 3]; pixels], albedo: vec![[0.0; 3]; pixels] }
+    ///
+    /// # Errors
+    /// [`RenderError::TooLarge`] where memory does not hold the film and the pictures that are made of it.
+    pub fn new(width: u32, height: u32) -> Result<Film, RenderError> {
+        let pixels = u64::from(width) * u64::from(height);
+        let what = format!("a film of {width} x {height} pixels");
+        check_room(&what, pixels.saturating_mul(PIXEL_BYTES + WORK_BYTES))?;
+        let n = pixels as usize;
+        Ok(Film {
+            width,
+            height,
+            samples: 0,
+            light: vec![[0.0; 3]; n],
+            albedo: vec![[0.0; 3]; n],
+            normal: vec![[0.0; 3]; n],
+            depth: vec![0.0; n],
+            hits: vec![0.0; n],
+            deviation: vec![[0.0; 3]; n],
+        })
     }
 
     /// Pixels across.
@@ -49,21 +130,36 @@ impl Film {
         self.samples
     }
 
-    pub(crate) fn add(&mut self, x: u32, y: u32, light: [f32; 3], albedo: [f32; 3]) {
-        let at = y as usize * self.width as usize + x as usize;
+    /// Adds `count` samples of a pixel. [`Film::count`] follows once all pixels have them.
+    pub(crate) fn add(&mut self, x: u32, y: u32, sums: &PixelSums, count: u32) {
+        let at = self.at(x, y);
+        let (before, n) = (f64::from(self.samples), f64::from(count.max(1)));
+        // Two sets of samples have the squared deviations of both and of their means (Chan, Golub and LeVeque 1979).
+        let mean = color::linear_srgb_of_xyz(self.light[at].map(|v| f64::from(v) / before.max(1.0)));
         for k in 0..3 {
-            self.light[at][k] += light[k];
-            self.albedo[at][k] += albedo[k];
+            let own = sums.rgb[0][k] / n;
+            let within = (sums.rgb[1][k] - n * own * own).max(0.0);
+            let between = (own - mean[k]).powi(2) * before * n / (before + n);
+            self.deviation[at][k] += (within + between) as f32;
+            self.light[at][k] += sums.light[k];
+            self.albedo[at][k] += sums.albedo[k];
+            self.normal[at][k] += sums.normal[k];
         }
+        self.depth[at] += sums.depth;
+        self.hits[at] += sums.hits;
     }
 
     pub(crate) fn count(&mut self, samples: u32) {
         self.samples += samples;
     }
 
+    fn at(&self, x: u32, y: u32) -> usize {
+        y as usize * self.width as usize + x as usize
+    }
+
     /// Mean XYZ of a pixel; 1 for Y is the white of the illuminant.
     pub fn xyz(&self, view: FilmView, x: u32, y: u32) -> [f32; 3] {
-        let at = y as usize * self.width as usize + x as usize;
+        let at = self.at(x, y);
         let sums = match view {
             FilmView::Light => &self.light,
             FilmView::Albedo => &self.albedo,
@@ -76,89 +172,102 @@ impl Film {
         color::linear_srgb_of_xyz(self.xyz(view, x, y).map(f64::from)).map(|v| v as f32)
     }
 
-    /// Writes the sums, so that [`Film::resume`] can go on. `key` names what is rendered.
-    ///
-    /// # Errors
-    /// [`RenderError::Io`].
-    pub fn save(&self, path: &Path, key: &str) -> Result<(), RenderError> {
-        let file = path.display().to_string();
-        let bytes = |values: &[[f32; 3]]| values.iter().flatten().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
-        let (light, albedo) = (bytes(&self.light), bytes(&self.albedo));
-        let shape = vec![self.height as usize, self.width as usize, 3];
-        let view = |data| {
-            safetensors::tensor::TensorView::new(safetensors::Dtype::F32, shape.clone(), data)
-                .map_err(|e| RenderError::Picture { file: file.clone(), what: e.to_string() })
-        };
-        let about = HashMap::from([("key".into(), key.into()), ("samples".into(), self.samples.to_string())]);
-        let data = safetensors::serialize([("light", view(&light)?), ("albedo", view(&albedo)?)], Some(about))
-            .map_err(|e| RenderError::Picture { file: file.clone(), what: e.to_string() })?;
-        let partial = path.with_extension("partial");
-        let io = |source| RenderError::Io { file: file.clone(), source };
-        std::fs::write(&partial, data).map_err(io)?;
-        std::fs::rename(&partial, path).map_err(io)
+    /// Unit mean of the normals that are hit first, in the scene's axes, turned to the camera; 0 where no sample hits.
+    pub fn normal(&self, x: u32, y: u32) -> [f32; 3] {
+        let n = self.normal[self.at(x, y)];
+        let length = n.iter().map(|v| v * v).sum::<f32>().sqrt();
+        if length > 0.0 { n.map(|v| v / length) } else { n }
     }
 
-    /// Goes on from sums that [`Film::save`] wrote.
+    /// Mean depth of the first hits along the camera's axis [mm]; 0 where no sample hits.
+    pub fn depth(&self, x: u32, y: u32) -> f32 {
+        let at = self.at(x, y);
+        self.depth[at] / self.hits[at].max(1.0)
+    }
+
+    /// Variance of a pixel's mean, of red, green and blue of linear sRGB, from the samples' own spread; `None` of fewer than two samples.
+    pub fn variance(&self, x: u32, y: u32) -> Option<[f32; 3]> {
+        let n = self.samples as f32;
+        (self.samples > 1).then(|| self.deviation[self.at(x, y)].map(|d| d / (n * (n - 1.0))))
+    }
+
+    /// The sums as a file's bytes, for [`Film::resume`].
     ///
     /// # Errors
-    /// [`RenderError::Picture`] when they are of something else than `key`, or damaged; [`RenderError::Io`].
-    pub fn resume(path: &Path, key: &str) -> Result<Film, RenderError> {
+    /// [`RenderError::Picture`] where they cannot be written down.
+    pub fn sums(&self, of: &Ingredients) -> Result<Vec<u8>, RenderError> {
+        let bad = |e: safetensors::SafeTensorError| RenderError::Picture { file: "sums".into(), what: e.to_string() };
+        let triples = |v: &[[f32; 3]]| v.iter().flatten().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
+        let singles = |v: &[f32]| v.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
+        let data = [
+            triples(&self.light),
+            triples(&self.albedo),
+            triples(&self.normal),
+            singles(&self.depth),
+            singles(&self.hits),
+            triples(&self.deviation),
+        ];
+        let mut about: HashMap<String, String> =
+            of.iter().map(|(name, value)| (format!("{INGREDIENT}{name}"), value.clone())).collect();
+        about.insert("samples".into(), self.samples.to_string());
+        let mut views = Vec::new();
+        for ((name, channels), data) in TENSORS.into_iter().zip(&data) {
+            let shape = vec![self.height as usize, self.width as usize, channels];
+            views
+                .push((name, safetensors::tensor::TensorView::new(safetensors::Dtype::F32, shape, data).map_err(bad)?));
+        }
+        safetensors::serialize(views, Some(about)).map_err(bad)
+    }
+
+    /// Goes on from [`Film::sums`] of a film of this size.
+    ///
+    /// # Errors
+    /// [`RenderError::Picture`] when they are of something else than `of`, which is named, or damaged; [`RenderError::Io`]; as [`Film::new`].
+    pub fn resume(path: &Path, of: &Ingredients, width: u32, height: u32) -> Result<Film, RenderError> {
         let file = path.display().to_string();
-        let bad = |what: &str| RenderError::Picture { file: file.clone(), what: what.to_string() };
-        let bytes = std::fs::read(path).map_err(|source| RenderError::Io { file: file.clone(), source })?;
-        let damaged = |_| bad("not sums of a render; remove it to start anew");
+        let bad = |what: &str| RenderError::Picture {
+            file: file.clone(),
+            what: format!("{what}; remove it, or render without --resume"),
+        };
+        let mut film = Film::new(width, height)?;
+        let most = u64::from(width) * u64::from(height) * PIXEL_BYTES + MOST_HEADER;
+        let bytes = crate::room::read_file(path, most)?;
+        let damaged = |_| bad("not the sums of a render");
         let (_, metadata) = safetensors::SafeTensors::read_metadata(&bytes).map_err(damaged)?;
         let about = metadata.metadata().clone().unwrap_or_default();
-        if about.get("key").map(String::as_str) != Some(key) {
-            return Err(bad("of another fabric, setup or size; remove it to start anew"));
-        }
-        let samples =
-            about.get("samples").and_then(|s| s.parse().ok()).ok_or_else(|| bad("without its count of samples"))?;
-        let tensors = safetensors::SafeTensors::deserialize(&bytes).map_err(damaged)?;
-        let mut sums = Vec::new();
-        let mut size = [0, 0];
-        for name in ["light", "albedo"] {
-            let t = tensors.tensor(name).map_err(damaged)?;
-            let [height, width, 3] = *t.shape() else { return Err(bad("damaged")) };
-            size = [width as u32, height as u32];
-            let numbers: Vec<f32> = t.data().as_chunks().0.iter().map(|c| f32::from_le_bytes(*c)).collect();
-            sums.push(numbers.as_chunks().0.to_vec());
-        }
-        let (Some(albedo), Some(light)) = (sums.pop(), sums.pop()) else { return Err(bad("damaged")) };
-        if light.len() != albedo.len() || light.len() != size[0] as usize * size[1] as usize {
-            return Err(bad("damaged"));
-        }
-        Ok(Film { width: size[0], height: size[1], samples, light, albedo })
-    }
-
-    /// Writes an EXR of linear sRGB with two layers, the light (unnamed) and `albedo`.
-    ///
-    /// # Errors
-    /// [`RenderError::Picture`].
-    pub fn write_exr(&self, path: &Path) -> Result<(), RenderError> {
-        use exr::prelude::*;
-        let size = Vec2(self.width as usize, self.height as usize);
-        let of = |view: FilmView| {
-            move |at: Vec2<usize>| {
-                let [r, g, b] = self.linear(view, at.x() as u32, at.y() as u32);
-                (r, g, b)
+        for (name, value) in of {
+            if about.get(&format!("{INGREDIENT}{name}")) != Some(value) {
+                return Err(bad(&format!("sums of another render: not the same {name}")));
             }
-        };
-        let layer = |name: &str| LayerAttributes::named(name);
-        let light =
-            Layer::new(size, layer("light"), Encoding::SMALL_FAST_LOSSLESS, SpecificChannels::rgb(of(FilmView::Light)));
-        let albedo = Layer::new(
-            size,
-            layer("albedo"),
-            Encoding::SMALL_FAST_LOSSLESS,
-            SpecificChannels::rgb(of(FilmView::Albedo)),
-        );
-        Image::empty(ImageAttributes::new(IntegerBounds::from_dimensions(size)))
-            .with_layer(light)
-            .with_layer(albedo)
-            .write()
-            .to_file(path)
-            .map_err(|e| RenderError::Picture { file: path.display().to_string(), what: e.to_string() })
+        }
+        if about.keys().filter(|k| k.starts_with(INGREDIENT)).count() != of.len() {
+            return Err(bad("sums of another render: of more inputs"));
+        }
+        let samples: Option<u32> = about.get("samples").and_then(|s| s.parse().ok());
+        film.samples = samples.filter(|n| *n > 0).ok_or_else(|| bad("damaged: no count of samples"))?;
+        let tensors = safetensors::SafeTensors::deserialize(&bytes).map_err(damaged)?;
+        let mut sums = TENSORS.map(|_| Vec::new());
+        for ((name, channels), out) in TENSORS.into_iter().zip(&mut sums) {
+            let t = tensors.tensor(name).map_err(damaged)?;
+            if *t.shape() != [height as usize, width as usize, channels] || t.dtype() != safetensors::Dtype::F32 {
+                return Err(bad("damaged: sums of another size"));
+            }
+            *out = t.data().as_chunks().0.iter().map(|c| f32::from_le_bytes(*c)).collect();
+            if out.iter().any(|v: &f32| !v.is_finite()) {
+                return Err(bad("damaged: a sum that is not finite"));
+            }
+        }
+        let [light, albedo, normal, depth, hits, deviation] = sums;
+        let triples = |v: Vec<f32>| v.as_chunks().0.to_vec();
+        Ok(Film {
+            light: triples(light),
+            albedo: triples(albedo),
+            normal: triples(normal),
+            depth,
+            hits,
+            deviation: triples(deviation),
+            ..film
+        })
     }
 
     /// The picture in sRGB, times 2^`exposure`.

@@ -6,20 +6,24 @@
 //!
 //! What is left out: subsurface and volumes, textures other than the weave, depth of field, denoising.
 
+mod bvh;
 mod camera;
 mod cloth;
 mod film;
 mod light;
 mod mesh;
 mod path;
+mod picture;
+mod room;
 mod scene;
 mod setup;
 
 pub use camera::Camera;
-pub use film::{Film, FilmView};
+pub use film::{Film, FilmView, Ingredients};
 pub use light::{Environment, Light};
-pub use mesh::Mesh;
+pub use mesh::{Mesh, MeshNotes};
 pub use path::{LAMBDA_RANGE_UM, RenderOptions, render};
+pub use picture::{Facts, png};
 pub use scene::{Frame, Scene, SurfacePoint};
 pub use setup::Setup;
 
@@ -38,7 +42,7 @@ pub enum RenderError {
         source: std::io::Error,
     },
     /// A mesh cannot be used.
-    #[error("{file}: line {line}: {what}")]
+    #[error("{file}: {}{what}", if *line > 0 { format!("line {line}: ") } else { String::new() })]
     Mesh {
         /// The file.
         file: String,
@@ -54,6 +58,14 @@ pub enum RenderError {
         file: String,
         /// What is wrong.
         what: String,
+    },
+    /// Memory does not hold it.
+    #[error("{what} needs {gib:.1} GiB of memory, more than there is; ask for a smaller one")]
+    TooLarge {
+        /// What is too large.
+        what: String,
+        /// What it needs [GiB].
+        gib: f64,
     },
     /// Stopped by the host.
     #[error("stopped after {done} of {total} samples a pixel; --resume goes on")]

@@ -1,6 +1,7 @@
 //! Light sources: rectangles, and an environment of equal light or from a latitude-longitude picture.
 
 use crate::RenderError;
+use crate::room::check_room;
 use glam::Vec3;
 use std::f32::consts::{PI, TAU};
 use std::path::Path;
@@ -58,6 +59,13 @@ impl Light {
     }
 }
 
+/// Most texels of an environment: 16384 x 8192.
+const MOST_TEXELS: u64 = 1 << 27;
+/// Bytes that a chunk of an EXR takes at least: 8 in the table of offsets, 4 of its place, 4 of its size.
+const CHUNK_BYTES: u64 = 16;
+/// Bytes a texel that an environment takes: the colors, twice while they are read, and the running sums.
+const TEXEL_BYTES: u64 = 28;
+
 /// Light from infinitely far: radiance over the sphere, z up, relative to the illuminant's spectrum. A picture's colors become a scale of three broad bands.
 #[derive(Clone, Debug)]
 pub struct Environment {
@@ -79,11 +87,12 @@ impl Environment {
     /// A latitude-longitude picture in OpenEXR, times `scale`.
     ///
     /// # Errors
-    /// [`RenderError::Picture`] when it cannot be read or holds numbers that are not finite or below 0.
+    /// [`RenderError::Picture`] when it cannot be read, has more than 134 M texels, or holds numbers that are not finite or below 0; [`RenderError::TooLarge`].
     pub fn load(path: &Path, scale: f32) -> Result<Environment, RenderError> {
         use exr::prelude::*;
         let name = path.display().to_string();
         let bad = |what: String| RenderError::Picture { file: name.clone(), what };
+        check_header(path)?;
         let image = read_first_rgba_layer_from_file(
             path,
             |size, _| (size.width(), vec![[0.0f32; 3]; size.width() * size.height()]),
@@ -168,6 +177,33 @@ impl Environment {
         let (sin, phi) = ((1.0 - z * z).max(0.0).sqrt(), TAU * (i as f32 + w) / self.width as f32);
         Vec3::new(sin * phi.cos(), sin * phi.sin(), z)
     }
+}
+
+/// Refuses an EXR by its header alone, before anything is allocated by the sizes that it claims.
+fn check_header(path: &Path) -> Result<(), RenderError> {
+    let name = path.display().to_string();
+    let bad = |what: String| RenderError::Picture { file: name.clone(), what };
+    let io = |source| RenderError::Io { file: name.clone(), source };
+    let about = std::fs::metadata(path).map_err(io)?;
+    if !about.is_file() {
+        return Err(bad("no regular file; give an EXR".into()));
+    }
+    let meta = exr::meta::MetaData::read_from_file(path, false).map_err(|e| bad(e.to_string()))?;
+    for header in &meta.headers {
+        let [w, h] = [header.layer_size.x() as u64, header.layer_size.y() as u64];
+        let texels = w.saturating_mul(h);
+        if texels > MOST_TEXELS {
+            return Err(bad(format!("{w} x {h} texels; use a picture of at most {MOST_TEXELS}")));
+        }
+        // Every chunk has its place in a table and a head of its own.
+        let least = (header.chunk_count as u64).saturating_mul(CHUNK_BYTES);
+        if least > about.len() {
+            return Err(bad(format!("{w} x {h} texels do not fit into {} bytes; the file is cut off", about.len())));
+        }
+        let sample = header.channels.bytes_per_pixel as u64 + TEXEL_BYTES;
+        check_room(&format!("{name}: a sky of {w} x {h} texels"), texels.saturating_mul(sample))?;
+    }
+    Ok(())
 }
 
 #[cfg(test)]

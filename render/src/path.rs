@@ -1,7 +1,7 @@
 //! Path tracing with four wavelengths a path.
 
 use crate::camera::Camera;
-use crate::film::Film;
+use crate::film::{Film, PixelSums, Sample};
 use crate::scene::{Scene, SurfacePoint};
 use crate::{RenderError, Surface, WAVELENGTHS};
 use glam::Vec3;
@@ -31,8 +31,10 @@ pub struct RenderOptions {
 }
 
 type Light4 = [f32; WAVELENGTHS];
-/// Place and sums of a pixel: light, albedo.
-type Pixel = (u32, u32, [f32; 3], [f32; 3]);
+/// Place and sums of a pixel.
+type Pixel = (u32, u32, PixelSums);
+/// Point and direction of the first hit.
+type FirstHit = (SurfacePoint, Vec3);
 
 /// Adds samples to a film until it has `options.samples` a pixel, in passes; `after` is called after each with the samples done and may write the film. Tiles run
 /// on the current rayon pool; the picture does not depend on the number of threads, nor on where it was stopped.
@@ -65,15 +67,11 @@ pub fn render<S: Surface>(
                         if stop.load(Ordering::Relaxed) {
                             return None;
                         }
-                        let (mut light, mut albedo) = ([0.0; 3], [0.0; 3]);
+                        let mut sums = PixelSums::default();
                         for sample in first..first + count {
-                            let (l, a) = pixel(scene, camera, surface, options, (x, y), (width, height), sample);
-                            for k in 0..3 {
-                                light[k] += l[k];
-                                albedo[k] += a[k];
-                            }
+                            sums.add(&pixel(scene, camera, surface, options, (x, y), (width, height), sample));
                         }
-                        pixels.push((x, y, light, albedo));
+                        pixels.push((x, y, sums));
                     }
                 }
                 Some(pixels)
@@ -82,8 +80,8 @@ pub fn render<S: Surface>(
         if stop.load(Ordering::Relaxed) {
             return Err(RenderError::Stopped { done: first, total: options.samples });
         }
-        for (x, y, light, albedo) in done.into_iter().flatten().flatten() {
-            film.add(x, y, light, albedo);
+        for (x, y, sums) in done.into_iter().flatten().flatten() {
+            film.add(x, y, &sums, count);
         }
         film.count(count);
         after(film)?;
@@ -91,7 +89,7 @@ pub fn render<S: Surface>(
     Ok(())
 }
 
-/// XYZ of one sample: of the light and of the albedo that is seen first.
+/// One sample of a pixel.
 fn pixel<S: Surface>(
     scene: &Scene,
     camera: &Camera,
@@ -100,7 +98,7 @@ fn pixel<S: Surface>(
     (x, y): (u32, u32),
     (width, height): (u32, u32),
     sample: u32,
-) -> ([f32; 3], [f32; 3]) {
+) -> Sample {
     let place = u64::from(y) * u64::from(width) + u64::from(x);
     let mut rng = Pcg64Mcg::seed_from_u64(mix(options.seed, mix(place, u64::from(sample))));
     let first: f32 = rng.random();
@@ -111,8 +109,14 @@ fn pixel<S: Surface>(
     });
     let (px, py) = (x as f32 + rng.random::<f32>(), y as f32 + rng.random::<f32>());
     let (origin, direction) = camera.ray(px, py, width, height);
-    let (light, albedo) = trace(scene, surface, options, origin, direction, lambda, &mut rng);
-    (crate::film::xyz(lambda, light), crate::film::xyz(lambda, albedo))
+    let (light, albedo, hit) = trace(scene, surface, options, origin, direction, lambda, &mut rng);
+    // First hits take no random numbers: the light is the same with them and without.
+    let hit = hit.map(|(point, direction)| {
+        let normal = point.frame.axes[2];
+        let to_camera = if normal.dot(direction) > 0.0 { -normal } else { normal };
+        (to_camera.to_array(), camera.depth(direction, point.t))
+    });
+    Sample { light: crate::film::xyz(lambda, light), albedo: crate::film::xyz(lambda, albedo), hit }
 }
 
 fn mix(a: u64, b: u64) -> u64 {
@@ -131,7 +135,7 @@ fn share(a: f32, b: f32) -> f32 {
     }
 }
 
-/// Radiance along a ray, and the albedo of the cloth that it meets.
+/// Radiance along a ray, the albedo of the cloth that it hits first, and that hit.
 fn trace<S: Surface>(
     scene: &Scene,
     surface: &S,
@@ -140,7 +144,8 @@ fn trace<S: Surface>(
     mut direction: Vec3,
     lambda: Light4,
     rng: &mut Pcg64Mcg,
-) -> (Light4, Light4) {
+) -> (Light4, Light4, Option<FirstHit>) {
+    let mut hit = None;
     let (mut light, mut albedo, mut throughput) = ([0.0; WAVELENGTHS], [0.0; WAVELENGTHS], [1.0f32; WAVELENGTHS]);
     // Density with which the direction was drawn; the camera's counts as certain.
     let mut pdf = f32::INFINITY;
@@ -174,6 +179,7 @@ fn trace<S: Surface>(
         let at = surface.at(point.uv_um, point.frame.local(-direction), lambda);
         if depth == 0 {
             albedo = at.albedo();
+            hit = Some((point, direction));
         }
         if depth == options.depth {
             break;
@@ -207,7 +213,7 @@ fn trace<S: Surface>(
             throughput.iter_mut().for_each(|t| *t /= keep);
         }
     }
-    (light, albedo)
+    (light, albedo, hit)
 }
 
 /// Ways of sampling light, one of which is chosen.

@@ -3,12 +3,9 @@
 use crate::light::{Environment, Light};
 use crate::mesh::Mesh;
 use glam::{Vec3, Vec3A};
-use obvhs::BvhBuildParams;
 use obvhs::cwbvh::CwBvh;
-use obvhs::cwbvh::builder::build_cwbvh_from_tris;
 use obvhs::ray::{Ray, RayHit};
 use obvhs::triangle::Triangle;
-use std::time::Duration;
 
 /// Axes of the surface at a point: along u, along v, normal.
 #[derive(Clone, Copy, Debug)]
@@ -63,7 +60,7 @@ impl Scene {
         let v = |i: u32| Vec3A::from(mesh.positions[i as usize]);
         let triangles: Vec<Triangle> =
             mesh.triangles.iter().map(|t| Triangle { v0: v(t[0]), v1: v(t[1]), v2: v(t[2]) }).collect();
-        let bvh = build_cwbvh_from_tris(&triangles, BvhBuildParams::medium_build(), &mut Duration::default());
+        let bvh = crate::bvh::build(&triangles);
         let order = &bvh.primitive_indices;
         let corners = order.iter().map(|&i| mesh.triangles[i as usize]).collect();
         let triangles = order.iter().map(|&i| triangles[i as usize]).collect();

@@ -1,7 +1,7 @@
 //! The host itself, with surfaces whose light is known: a white diffuse sheet in a white room, a half transparent one, light sources.
 
 use plywave::{Bsdf, BsdfSample, DirectionSample, Outcomes};
-use plywave_render::{Film, FilmView, RenderOptions, Setup, Surface, render};
+use plywave_render::{Facts, Film, FilmView, RenderOptions, Setup, Surface, render};
 use std::f32::consts::{PI, TAU};
 use std::sync::atomic::AtomicBool;
 
@@ -55,10 +55,23 @@ impl Surface for Diffuse {
     }
 }
 
+fn facts() -> Facts {
+    Facts {
+        software: "plywave 0".into(),
+        fabric: "Leinen, gr\u{fc}n".into(),
+        spec: "linen.toml".into(),
+        digest: "sha256:00".into(),
+        scene: "drape".into(),
+        seed: 3,
+        samples: 7,
+        exposure: 0.5,
+    }
+}
+
 /// Mean Y of the picture's middle, and the number of samples that went into it.
 fn middle(setup: Setup, surface: &Diffuse, samples: u32) -> f32 {
     let (scene, camera) = setup.scene(20.0, None, None);
-    let mut film = Film::new(24, 24);
+    let mut film = Film::new(24, 24).unwrap();
     let options = RenderOptions { samples, depth: 8, seed: 1 };
     render(&scene, &camera, surface, &mut film, &options, &AtomicBool::new(false), &mut |_| Ok(())).unwrap();
     let of = |k: u32| film.xyz(FilmView::Light, 8 + k % 8, 8 + k / 8)[1];
@@ -101,12 +114,16 @@ fn renders_go_on_to_the_same_picture() {
     };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("sums");
-    let part = whole(1, 3, Film::new(20, 12));
-    part.save(&path, "drape").unwrap();
-    assert!(Film::resume(&path, "other").is_err());
-    let back = Film::resume(&path, "drape").unwrap();
+    let part = whole(1, 3, Film::new(20, 12).unwrap());
+    let of = |mesh: &str| [("spec".to_string(), "a".to_string()), ("mesh".to_string(), mesh.to_string())];
+    std::fs::write(&path, part.sums(&of("b")).unwrap()).unwrap();
+    let refused = Film::resume(&path, &of("c"), 20, 12).unwrap_err().to_string();
+    assert!(refused.contains("not the same mesh"), "{refused}");
+    assert!(Film::resume(&path, &of("b")[..1], 20, 12).is_err());
+    assert!(Film::resume(&path, &of("b"), 12, 20).is_err());
+    let back = Film::resume(&path, &of("b"), 20, 12).unwrap();
     assert_eq!(back, part);
-    let (a, b) = (whole(7, 7, back), whole(7, 7, Film::new(20, 12)));
+    let (a, b) = (whole(7, 7, back), whole(7, 7, Film::new(20, 12).unwrap()));
     for y in 0..12 {
         for x in 0..20 {
             let (a, b) = (a.xyz(FilmView::Light, x, y), b.xyz(FilmView::Light, x, y));
@@ -114,7 +131,7 @@ fn renders_go_on_to_the_same_picture() {
         }
     }
     let exr = folder.path().join("a.exr");
-    a.write_exr(&exr).unwrap();
+    std::fs::write(&exr, a.exr(&facts()).unwrap()).unwrap();
     let env = plywave_render::Environment::load(&exr, 1.0);
     assert!(env.is_ok(), "{:?}", env.err());
     assert_eq!(a.image(FilmView::Albedo, 0.0).dimensions(), (20, 12));
@@ -123,9 +140,180 @@ fn renders_go_on_to_the_same_picture() {
 #[test]
 fn stopped_renders_say_so() {
     let (scene, camera) = Setup::Folds.scene(20.0, None, None);
-    let mut film = Film::new(8, 8);
+    let mut film = Film::new(8, 8).unwrap();
     let options = RenderOptions { samples: 4, depth: 4, seed: 3 };
     let surface = Diffuse { up: 0.5, down: 0.4 };
     let stopped = render(&scene, &camera, &surface, &mut film, &options, &AtomicBool::new(true), &mut |_| Ok(()));
     assert!(stopped.is_err() && film.samples() == 0);
+}
+
+/// A flat sheet at z = 0, seen from above at distance 2.5 sizes.
+fn sheet(samples: u32, surface: &Diffuse) -> Film {
+    let (scene, camera) = Setup::Back.scene(20.0, None, None);
+    let mut film = Film::new(16, 16).unwrap();
+    let options = RenderOptions { samples, depth: 4, seed: 5 };
+    render(&scene, &camera, surface, &mut film, &options, &AtomicBool::new(false), &mut |_| Ok(())).unwrap();
+    film
+}
+
+#[test]
+fn first_hits_have_their_normal_depth_and_albedo() {
+    let film = sheet(4, &Diffuse { up: 0.2, down: 0.4 });
+    for (x, y) in [(8, 8), (3, 12), (15, 0)] {
+        assert_eq!(film.normal(x, y), [0.0, 0.0, 1.0]);
+        // Depth counts along the axis: the same all over the sheet.
+        assert!((film.depth(x, y) - 50.0).abs() < 1e-3, "{}", film.depth(x, y));
+        let y = film.xyz(FilmView::Albedo, x, y)[1];
+        assert!((y - 0.6).abs() < 0.1, "{y}");
+    }
+    // Folds have normals to both sides, all toward the camera; beside the cloth there is none.
+    let (scene, camera) = Setup::Drape.scene(20.0, None, None);
+    let mut film = Film::new(32, 32).unwrap();
+    let options = RenderOptions { samples: 2, depth: 2, seed: 5 };
+    let surface = Diffuse { up: 0.2, down: 0.4 };
+    render(&scene, &camera, &surface, &mut film, &options, &AtomicBool::new(false), &mut |_| Ok(())).unwrap();
+    let toward = [0.0, -2.4, 1.08f32].map(|v| v / 2.4f32.hypot(1.08));
+    let mut beside = 0;
+    for k in 0..32 * 32 {
+        let (n, depth) = (film.normal(k % 32, k / 32), film.depth(k % 32, k / 32));
+        let length = n.iter().map(|v| v * v).sum::<f32>();
+        match depth > 0.0 {
+            true => assert!((length - 1.0).abs() < 1e-5 && (0..3).map(|i| n[i] * toward[i]).sum::<f32>() > -0.3),
+            false => beside += u32::from(length == 0.0),
+        }
+    }
+    assert!(beside > 20, "{beside}");
+}
+
+/// The variance that a film tells is that of pixels rendered again with other seeds.
+#[test]
+fn variance_is_that_of_the_mean() {
+    let surface = Diffuse { up: 0.0, down: 0.5 };
+    let (scene, camera) = Setup::Back.scene(20.0, None, None);
+    let (mut told, mut seen) = (0.0f64, 0.0f64);
+    let seeds = 24;
+    let films: Vec<Film> = (0..seeds)
+        .map(|seed| {
+            let mut film = Film::new(12, 12).unwrap();
+            let options = RenderOptions { samples: 13, depth: 3, seed };
+            render(&scene, &camera, &surface, &mut film, &options, &AtomicBool::new(false), &mut |_| Ok(())).unwrap();
+            film
+        })
+        .collect();
+    assert!(sheet(1, &surface).variance(3, 3).is_none());
+    for k in 0..144 {
+        let green: Vec<f64> = films.iter().map(|f| f.linear(FilmView::Light, k % 12, k / 12)[1].into()).collect();
+        let mean = green.iter().sum::<f64>() / seeds as f64;
+        seen += green.iter().map(|g| (g - mean).powi(2)).sum::<f64>() / (seeds - 1) as f64;
+        told += films.iter().map(|f| f64::from(f.variance(k % 12, k / 12).unwrap()[1])).sum::<f64>() / seeds as f64;
+    }
+    // Of 144 * 23 degrees of freedom: 2.5 % standard error, of a variance whose own samples have heavy tails.
+    assert!((told / seen - 1.0).abs() < 0.2, "{told} {seen}");
+}
+
+/// Attributes of an EXR's first header, read by hand: name, type, bytes.
+fn attributes(exr: &[u8]) -> Vec<(String, String, Vec<u8>)> {
+    assert_eq!(exr[..4], [0x76, 0x2f, 0x31, 0x01], "magic number");
+    let mut at = 8;
+    let word = |at: &mut usize| {
+        let end = exr[*at..].iter().position(|b| *b == 0).unwrap();
+        let text = exr[*at..*at + end].iter().map(|b| char::from(*b)).collect::<String>();
+        *at += end + 1;
+        text
+    };
+    let mut list = Vec::new();
+    while exr[at] != 0 {
+        let (name, kind) = (word(&mut at), word(&mut at));
+        let size = u32::from_le_bytes(exr[at..at + 4].try_into().unwrap()) as usize;
+        list.push((name, kind, exr[at + 4..at + 4 + size].to_vec()));
+        at += 4 + size;
+    }
+    list
+}
+
+#[test]
+fn exr_files_tell_what_they_are_of() {
+    let film = sheet(4, &Diffuse { up: 0.2, down: 0.4 });
+    let bytes = film.exr(&facts()).unwrap();
+    let list = attributes(&bytes);
+    assert!(list.is_sorted_by(|a, b| a.0 < b.0), "the same bytes in every run");
+    let of = |name: &str| &list.iter().find(|a| a.0 == name).unwrap_or_else(|| panic!("no {name}")).2;
+    let latin = |bytes: &[u8]| bytes.iter().map(|b| char::from(*b)).collect::<String>();
+    for (name, want) in [
+        ("software", "plywave 0"),
+        ("plywave.fabric", "Leinen, gr\u{fc}n"),
+        ("plywave.digest", "sha256:00"),
+        ("plywave.seed", "3"),
+        ("plywave.samples", "7"),
+    ] {
+        assert_eq!(latin(of(name)), want);
+    }
+    let numbers: Vec<f32> = of("chromaticities").as_chunks().0.iter().map(|c| f32::from_le_bytes(*c)).collect();
+    assert_eq!(numbers, [0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290]);
+    let channels = latin(of("channels"));
+    let names: Vec<&str> = channels.split('\0').filter(|w| w.chars().all(|c| c.is_ascii_graphic())).collect();
+    for name in ["R", "albedo.G", "normal.X", "depth.Z", "variance.B"] {
+        assert!(names.contains(&name), "{name} of {names:?}");
+    }
+    // The layers hold what the film tells.
+    let image = exr::prelude::read_all_flat_layers_from_file;
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("a.exr"), &bytes).unwrap();
+    let image = image(folder.path().join("a.exr")).unwrap();
+    let value = |name: &str| {
+        let list = &image.layer_data[0].channel_data.list;
+        list.iter().find(|c| c.name.to_string() == name).unwrap().sample_data.value_by_flat_index(5 * 16 + 9).to_f32()
+    };
+    assert_eq!(value("depth.Z"), film.depth(9, 5));
+    assert_eq!(value("normal.Z"), 1.0);
+    assert_eq!(value("B"), film.linear(FilmView::Light, 9, 5)[2]);
+    assert_eq!(value("variance.G"), film.variance(9, 5).unwrap()[1]);
+    assert_eq!(value("albedo.R"), film.linear(FilmView::Albedo, 9, 5)[0]);
+}
+
+#[test]
+fn png_files_tell_what_they_are_of() {
+    let film = sheet(1, &Diffuse { up: 0.2, down: 0.4 });
+    let image = film.image(FilmView::Light, 0.0);
+    let bytes = plywave_render::png(&image, &facts().entries()).unwrap();
+    // Chunks by hand: length, type, data, checksum.
+    let (mut at, mut texts) = (8, Vec::new());
+    while at < bytes.len() {
+        let size = u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+        if &bytes[at + 4..at + 8] == b"iTXt" {
+            let text = String::from_utf8(bytes[at + 8..at + 8 + size].to_vec()).unwrap();
+            let parts: Vec<String> = text.split('\0').map(str::to_string).collect();
+            texts.push((parts[0].clone(), parts.last().unwrap().clone()));
+        }
+        at += size + 12;
+    }
+    for (name, value) in facts().entries() {
+        assert!(texts.contains(&(name.to_string(), value.clone())), "{name} = {value} in {texts:?}");
+    }
+    assert_eq!(image::load_from_memory(&bytes).unwrap().to_rgb8(), image);
+}
+
+#[test]
+fn skies_are_refused_by_their_header() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sky.exr");
+    let good = sheet(1, &Diffuse { up: 0.2, down: 0.4 }).exr(&facts()).unwrap();
+    // The data window of 16 x 16 becomes one of some 10^5 x 10^5 texels.
+    let mut huge = good.clone();
+    let mark = b"dataWindow\0box2i\0";
+    let at = huge.windows(mark.len()).position(|w| w == mark).unwrap() + mark.len() + 4 + 8;
+    for (size, words) in [(119_999i32, "texels"), (9_999, "cut off")] {
+        huge[at..at + 4].copy_from_slice(&size.to_le_bytes());
+        huge[at + 4..at + 8].copy_from_slice(&size.to_le_bytes());
+        std::fs::write(&path, &huge).unwrap();
+        let error = plywave_render::Environment::load(&path, 1.0).unwrap_err().to_string();
+        assert!(error.contains("sky.exr") && error.contains(words), "{error}");
+    }
+    assert!(plywave_render::Environment::load(folder.path(), 1.0).is_err());
+}
+
+#[test]
+fn films_too_large_for_memory_are_refused() {
+    let error = Film::new(u32::MAX, u32::MAX).unwrap_err().to_string();
+    assert!(error.contains("GiB of memory"), "{error}");
 }

@@ -20,7 +20,7 @@ pub struct IncidenceArgs {
     #[arg(long, value_name = "H", allow_negative_numbers = true)]
     pub h_rel: f64,
     /// One to four absorption coefficients [1/um].
-    #[arg(long, value_name = "SIGMA", num_args = 1..=4, value_delimiter = ',', default_values_t = [0.0])]
+    #[arg(long, value_name = "SIGMA", num_args = 1..=4, value_delimiter = ',', default_values_t = [0.0], allow_negative_numbers = true)]
     pub sigma: Vec<f64>,
 }
 
@@ -49,10 +49,10 @@ pub struct SampleArgs {
     #[command(flatten)]
     pub incidence: IncidenceArgs,
     /// Number of samples.
-    #[arg(short = 'n', long = "count", value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
+    #[arg(short = 'n', long = "count", value_name = "N", allow_negative_numbers = true, default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     pub count: u64,
     /// Seed of the random numbers.
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 1)]
     pub seed: u64,
 }
 
@@ -68,16 +68,16 @@ pub struct CheckArgs {
     #[arg(long, value_name = "TABLE")]
     pub twin: Option<PathBuf>,
     /// Largest fit error of an f_refl slice that passes.
-    #[arg(long, value_name = "ERROR", default_value_t = 0.2)]
+    #[arg(long, value_name = "ERROR", allow_negative_numbers = true, default_value_t = 0.2)]
     pub max_error_refl: f64,
     /// Largest fit error of an f_high slice that passes, as a share of its light at sigma = 0.
-    #[arg(long, value_name = "ERROR", default_value_t = 0.15)]
+    #[arg(long, value_name = "ERROR", allow_negative_numbers = true, default_value_t = 0.15)]
     pub max_error_high: f64,
     /// Number of incidences to check.
-    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub incidences: u32,
     /// Seed of the random numbers.
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 1)]
     pub seed: u64,
 }
 
@@ -86,16 +86,16 @@ pub struct CheckArgs {
 pub struct DiffArgs {
     /// First model or table.
     pub a: PathBuf,
-    /// Second model or table. Of tables, the incidences and absorptions that both hold are compared, the noise of both taken off.
+    /// Second model or table. Of models with other nodes, incidences that both hold are compared. Of tables, the incidences and absorptions that both hold are compared, the noise of both taken off.
     pub b: PathBuf,
     /// Largest relative L2 distance of a slice that passes [default: 0.02].
-    #[arg(long, value_name = "TOL")]
+    #[arg(long, value_name = "TOL", allow_negative_numbers = true)]
     pub tol: Option<f64>,
     /// Largest difference of an energy that passes, as a share of the beam's power [default: 0.002].
-    #[arg(long, value_name = "TOL")]
+    #[arg(long, value_name = "TOL", allow_negative_numbers = true)]
     pub tol_energy: Option<f64>,
     /// Largest turn of a lobe's axis that passes [degrees] [default: any, since different lobes may make one density].
-    #[arg(long, value_name = "DEG")]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub tol_drift: Option<f64>,
     /// Of tables, leave out offsets beyond this |h/R|, where little light is scattered [default: all].
     #[arg(long, value_name = "H", allow_negative_numbers = true)]

@@ -28,34 +28,37 @@ pub struct RenderArgs {
     /// Scene.
     #[arg(long, value_enum, default_value_t = Scene::Front)]
     pub setup: Scene,
-    /// PNG to write, with an EXR of the same name beside it [default: FABRIC's name with .png, in this folder].
-    #[arg(long, short, value_name = "PNG")]
+    /// Picture to write: a .png, with an EXR of the same name beside it, or an .exr alone [default: FABRIC's name with .png, in this folder].
+    #[arg(long, short, value_name = "PNG|EXR")]
     pub output: Option<PathBuf>,
+    /// No EXR beside the PNG.
+    #[arg(long)]
+    pub no_exr: bool,
     /// Width of the picture [pixels].
-    #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u32).range(1..=65536))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 512, value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub width: u32,
     /// Height of the picture [pixels].
-    #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u32).range(1..=65536))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 512, value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub height: u32,
     /// Samples a pixel.
-    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub samples: u32,
     /// Most scatterings of a path.
-    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub depth: u32,
     /// Width of the cloth [mm] [default: the scene's].
-    #[arg(long, value_name = "MM")]
+    #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub size_mm: Option<f64>,
     /// Mesh in place of the scene's own: Wavefront OBJ with texture coordinates.
     #[arg(long, value_name = "OBJ")]
     pub mesh: Option<PathBuf>,
     /// Cloth to one unit of the mesh's texture coordinates [mm].
-    #[arg(long, value_name = "MM", default_value_t = 100.0, requires = "mesh")]
+    #[arg(long, value_name = "MM", allow_negative_numbers = true, default_value_t = 100.0, requires = "mesh")]
     pub cloth_mm: f64,
     /// Light from afar in place of the scene's own: EXR, latitude and longitude, z up.
     #[arg(long, value_name = "EXR")]
     pub sky: Option<PathBuf>,
-    /// One absorption coefficient [1/um] for all yarns in place of their colours; 0 for a white fabric.
+    /// One absorption coefficient [1/um] for all yarns in place of their colors; 0 for a white fabric.
     #[arg(long, value_name = "SIGMA", allow_negative_numbers = true)]
     pub sigma: Option<f64>,
     /// Light through gaps goes straight on in place of being diffracted, for comparison.
@@ -68,7 +71,7 @@ pub struct RenderArgs {
     #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
     pub exposure: f64,
     /// Seed of the random numbers.
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 1)]
     pub seed: u64,
     /// Go on with a render that was stopped or had fewer samples.
     #[arg(long)]
@@ -107,7 +110,7 @@ pub struct WeaveArgs {
     #[arg(long, short, value_name = "FOLDER")]
     pub output: Option<PathBuf>,
     /// Pixels from one yarn to the next, in the family that lies closer [default: 32, fewer where a repeat would be longer than 4096].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=4096))]
     pub pixels: Option<u32>,
     /// Textures of the back in place of the face, in the same coordinates.
     #[arg(long)]

@@ -5,13 +5,12 @@ use super::info::model_energy_high;
 use super::{Yarn, check_twin, on_threads};
 use crate::args::{CheckArgs, Cli};
 use crate::failure::{Failure, Outcome};
-use crate::output;
 use crate::report::{Spread, number};
+use crate::{kinds, output};
 use plywave::check::{
     CheckOptions, FURNACE_TOLERANCE, PartReport, REFERENCE_TOLERANCE, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE,
     check_layers, check_model, check_whole,
 };
-use plywave::{PlyModel, Table};
 use rand::{RngExt, SeedableRng};
 
 /// One check: what was measured and what is allowed.
@@ -68,7 +67,7 @@ fn part_lines(lines: &mut Vec<Line>, names: [&'static str; 5], part: &PartReport
         value: s.chi2_p,
         allowed: part.chi2_threshold,
         passed: s.chi2_p >= part.chi2_threshold,
-        meaning: "least p-value; must not be below",
+        meaning: "least p-value; must not be below: 1 % chance of a false alarm, all chi-square tests together",
     });
     lines.push(Line::at_most(names[4], "|all light - 1| at sigma = 0", part.kept_error, KEPT_TOLERANCE));
 }
@@ -81,13 +80,13 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     {
         return Err(Failure::input("command line", flag, value, "must be 0 or more"));
     }
-    let model = PlyModel::load(&args.model)?;
+    let model = kinds::load_model(&args.model)?;
     let data = model.data();
     let yarn = Yarn::of(&args.model, &data.spec_text, &data.h_um)?;
     let mut same_run = false;
     // The table first: what is wrong with it is found before the long check.
-    let table = args.table.as_ref().map(|path| Table::load(path).map(|t| (path.as_path(), t))).transpose()?;
-    let twin = args.twin.as_ref().map(|path| Table::load(path).map(|t| (path.as_path(), t))).transpose()?;
+    let table = args.table.as_ref().map(|path| kinds::load_table(path).map(|t| (path.as_path(), t))).transpose()?;
+    let twin = args.twin.as_ref().map(|path| kinds::load_table(path).map(|t| (path.as_path(), t))).transpose()?;
     // A traced table is the twin; where no other is, of that of other incidences than the model's nothing else is asked.
     let traced = table.as_ref().filter(|(_, t)| t.traced);
     let only_twin = twin.is_none()
@@ -128,7 +127,7 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
             value: report.chi2_p(),
             allowed: report.chi2_threshold,
             passed: report.chi2_p() >= report.chi2_threshold,
-            meaning: "least p-value; must not be below",
+            meaning: "least p-value; must not be below: 1 % chance of a false alarm, all chi-square tests together",
         },
         Line::at_most(
             "stored_values",

@@ -66,12 +66,12 @@ pub fn measure(
 ) -> Outcome<Twin> {
     let plies = yarn.spec.yarn.plies;
     if plies == 1 {
-        let mend = "one ply has no twin; leave it out";
-        return Err(Failure::input(model_file.display(), "yarn.plies", plies, mend));
+        let hint = "one ply has no twin; leave it out";
+        return Err(Failure::input(model_file.display(), "yarn.plies", plies, hint));
     }
     if !twin.traced {
-        let mend = "must be true; make the twin with plywave simulate SPEC --plies traced";
-        return Err(Failure::input(twin_file.display(), "traced", twin.traced, mend));
+        let hint = "must be true; make the twin with plywave simulate SPEC --plies traced";
+        return Err(Failure::input(twin_file.display(), "traced", twin.traced, hint));
     }
     let other = Yarn::of(twin_file, &twin.spec_text, &twin.h_um)?.spec;
     let same = [
@@ -81,8 +81,8 @@ pub fn measure(
         ("beam", other.beam == yarn.spec.beam),
     ];
     if let Some((key, _)) = same.iter().find(|(_, same)| !same) {
-        let mend = format!("must be as in the spec of {}: the twin is of another yarn", model_file.display());
-        return Err(Failure::input(twin_file.display(), key, "other values", &mend));
+        let hint = format!("must be as in the spec of {}: the twin is of another yarn", model_file.display());
+        return Err(Failure::input(twin_file.display(), key, "other values", &hint));
     }
     let refused = |e: plywave_fit::FitError| Failure::Input(format!("{}: {e}", twin_file.display()));
     let (theta_i, h_um) = (MOST_THETA_DEG.to_radians(), MOST_H_REL * yarn.radius_um);
@@ -112,15 +112,15 @@ pub fn measure(
         };
         let incidences: Vec<usize> = (0..d.refl2.len()).filter(held).collect();
         if incidences.is_empty() {
-            let mend = "has no incidence up to 40 degrees and |h/R| 0.9 in common with the table";
-            return Err(Failure::input(twin_file.display(), "theta_i, h_um", "other nodes", mend));
+            let hint = "has no incidence up to 40 degrees and |h/R| 0.9 in common with the table";
+            return Err(Failure::input(twin_file.display(), "theta_i, h_um", "other nodes", hint));
         }
         if let Some((sigma, _)) = HELD.iter().find(|s| at_sigma(&d.sigma_per_um, s.0).is_none()) {
             let values = d.sigma_per_um.iter().map(|s| number(*s)).collect::<Vec<_>>().join(", ");
-            let mend = format!(
+            let hint = format!(
                 "needs {sigma}; put 0 and 0.01 into absorption.sigma_per_um of the {what}'s spec and the twin's"
             );
-            return Err(Failure::input(twin_file.display(), "sigma_per_um", format!("[{values}]"), &mend));
+            return Err(Failure::input(twin_file.display(), "sigma_per_um", format!("[{values}]"), &hint));
         }
         distances.push(Distance { what, names, d, incidences });
     }

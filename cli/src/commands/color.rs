@@ -3,13 +3,13 @@
 use super::latitude;
 use crate::args::{Cli, ColorArgs};
 use crate::failure::{Failure, Outcome};
-use crate::output;
 use crate::report::number;
-use plywave::PlyModel;
+use crate::{kinds, output};
 use plywave::color::{
     AlbedoCurve, SPECTRUM_NODES, SPECTRUM_UM, SigmaSpectrum, SmoothReflectance, delta_e, linear_srgb_of_xyz,
     spectrum_lambda_um, srgb_encode, xyz_of_reflectance,
 };
+use plywave::fabric::{Family, LoadedFabric, YarnColor};
 
 #[derive(serde::Serialize)]
 struct Report {
@@ -31,7 +31,7 @@ struct Report {
 
 /// Runs the command.
 pub fn run(cli: &Cli, args: &ColorArgs) -> Outcome {
-    let model = PlyModel::load(&args.model)?;
+    let model = kinds::load_model(&args.model)?;
     let curve = match args.theta_i {
         Some(theta) => {
             latitude("--theta-i", theta)?;
@@ -85,12 +85,8 @@ pub fn run(cli: &Cli, args: &ColorArgs) -> Outcome {
         )?;
         writeln!(out, "  sRGB asked for    {}", color(&r.srgb_asked))?;
         writeln!(out, "  sRGB of the model {} (Delta E {:.3})", color(&r.srgb), r.delta_e)?;
-        for (count, what) in
-            [(clear, "brighter than clear fibers, sigma is 0 there"), (dark, "darker than the darkest fibers")]
-        {
-            if count > 0 {
-                writeln!(out, "  clamped: {count} of {SPECTRUM_NODES} wavelengths are {what}")?;
-            }
+        for note in out_of_reach([clear, dark], r.albedo_range, r.delta_e) {
+            writeln!(out, "  {note}")?;
         }
         writeln!(out, "  {:>11}  {:>11}  {:>14}  {:>8}", "lambda [um]", "reflectance", "sigma [1/um]", "albedo")?;
         for i in (0..SPECTRUM_NODES).step_by(4) {
@@ -99,6 +95,50 @@ pub fn run(cli: &Cli, args: &ColorArgs) -> Outcome {
         }
         Ok(())
     })
+}
+
+/// What there is to say of a color that a model does not reach: at how many wavelengths, why, and how far off it comes out.
+pub fn out_of_reach([clear, dark]: [usize; 2], [low, high]: [f64; 2], delta_e: f64) -> Vec<String> {
+    let line = |count: usize, why: String| {
+        format!(
+            "out of reach: {count} of {SPECTRUM_NODES} wavelengths are {why}; the color comes out at Delta E {delta_e:.3}"
+        )
+    };
+    let mut notes = Vec::new();
+    if clear > 0 {
+        notes.push(line(clear, format!("brighter than clear fibers (albedo {high:.4}), sigma is 0 there")));
+    }
+    if dark > 0 {
+        notes.push(line(dark, format!("darker than the darkest fibers (albedo {low:.4})")));
+    }
+    notes
+}
+
+/// The same of the yarns of a fabric: a line for each color that its models do not reach.
+pub fn fabric_notes(loaded: &LoadedFabric) -> Vec<String> {
+    let mut notes = Vec::new();
+    for (k, family) in Family::EACH.into_iter().enumerate() {
+        let threads = loaded.fabric.draft().threads(family);
+        let mut colors: Vec<[f32; 3]> = Vec::new();
+        for thread in 0..threads {
+            if let YarnColor::Srgb(srgb) = loaded.fabric.color(family, thread as i32)
+                && !colors.contains(&srgb)
+            {
+                colors.push(srgb);
+            }
+        }
+        let Some(curve) = (!colors.is_empty()).then(|| AlbedoCurve::diffuse(&loaded.models[k])) else { continue };
+        for srgb in colors {
+            let smooth = SmoothReflectance::of_srgb(srgb.map(f64::from));
+            let (sigma, clamped) = SigmaSpectrum::of_reflectance(&curve, |l| smooth.at(l));
+            let got = xyz_of_reflectance(|l| curve.albedo(f64::from(sigma.at(l as f32))));
+            let off = delta_e(xyz_of_reflectance(|l| smooth.at(l)), got);
+            let [r, g, b] = srgb.map(|v| number(f64::from(v)));
+            let of = format!("{} srgb [{r}, {g}, {b}]", family.name());
+            notes.extend(out_of_reach(clamped, curve.range(), off).into_iter().map(|note| format!("{of}: {note}")));
+        }
+    }
+    notes
 }
 
 /// Values in equal steps over the spectrum, linear between.

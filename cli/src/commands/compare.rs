@@ -11,7 +11,7 @@ use crate::plot::lines::{self, Curve, LinePanel, Row, Scale};
 use crate::plot::page::Head;
 use crate::plot::text::literal;
 use crate::progress::{self, Bar};
-use crate::report::{self, number, plural};
+use crate::report::{self, counted, number};
 use crate::{output, plot};
 use plywave::YarnSpec;
 use plywave_sim::wave::{CompareCase, CompareOptions, CompareReport, compare};
@@ -133,11 +133,16 @@ fn tell(cli: &Cli, folder: &Path, report: &CompareReport, time: std::time::Durat
     }
     output::print(|out| {
         let (n, time) = (report.instances, report::duration(time));
-        writeln!(out, "{}: {n} instances, {time}", folder.display())?;
+        writeln!(out, "{}: {}, {time}", folder.display(), report::counted(n.into(), "instance", "instances"))?;
         writeln!(out, "  correlation of waves and rays (relative L2 distance), bins of 1 degree")?;
+        writeln!(out, "  lambda    h/R   average          off forward      single           missed / extinguished")?;
         writeln!(
             out,
-            "  lambda    h/R   average          off forward      single           missed / not extinguished"
+            "  (missed: share of the beam that rays carry past the ply; extinguished: light that waves take out of the"
+        )?;
+        writeln!(
+            out,
+            "  beam over its power: scattered and absorbed, up to 2, since the field that casts the shadow is scattered too)"
         )?;
         for case in &report.cases {
             let at = one_degree(case);
@@ -151,7 +156,7 @@ fn tell(cli: &Cli, folder: &Path, report: &CompareReport, time: std::time::Durat
                 pair(at.average_off_forward.correlation, at.average_off_forward.relative_l2),
                 pair(at.single_correlation.mean, at.single_relative_l2.mean),
                 case.energies.ray_miss.mean,
-                1.0 - case.energies.wave_extinguished.mean
+                case.energies.wave_extinguished.mean
             )?;
         }
         for pair in &report.across_wavelengths {
@@ -273,7 +278,7 @@ fn figure(report: &CompareReport) -> Figure {
                     (
                         560,
                         panel(
-                            &format!("mean of {}, 1° bins", plural(report.instances as usize, "instance")),
+                            &format!("mean of {}, 1° bins", counted(report.instances as u64, "instance", "instances")),
                             averages,
                             [-180.0, 180.0],
                             round.clone(),

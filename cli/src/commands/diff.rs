@@ -1,12 +1,14 @@
-//! `plywave diff`: two models compared slice by slice; tables: `diff_tables.rs`.
+//! `plywave diff`: two models of the same nodes compared slice by slice; of other nodes: `diff_models.rs`; tables: `diff_tables.rs`.
 
 use super::{Yarn, on_threads};
 use crate::args::{Cli, DiffArgs};
 use crate::failure::{Failure, Outcome};
+use crate::kinds::{self, Kind};
 use crate::output;
 use crate::report::{Spread, number};
 use plywave::{FileKind, PlyData};
 use plywave_fit::{DiffTolerance, LobeDrift};
+use std::path::Path;
 
 /// Drift of lobes, for the report.
 #[derive(serde::Serialize)]
@@ -46,13 +48,18 @@ pub fn run(cli: &Cli, args: &DiffArgs) -> Outcome {
             return Err(Failure::input("command line", flag, value, "must be 0 or more"));
         }
     }
-    if plywave::file_kind(&args.a)? == FileKind::Table {
+    let either = [Kind::Model, Kind::Table];
+    if plywave::file_kind(&args.a).map_err(|e| kinds::explain(&args.a, &either, e))? == FileKind::Table {
         return super::diff_tables::run(cli, args, &tolerance);
     }
     if args.max_h_rel.is_some() {
         return Err(Failure::Input("command line: --max-h-rel is for tables; leave it out".into()));
     }
-    let (a, b) = (PlyData::load(&args.a)?, PlyData::load(&args.b)?);
+    let load = |path: &Path| PlyData::load(path).map_err(|e| kinds::explain(path, &[Kind::Model], e));
+    let (a, b) = (load(&args.a)?, load(&args.b)?);
+    if !super::diff_models::same_axes(&a, &b) {
+        return super::diff_models::run(cli, args, [&a, &b], &tolerance);
+    }
     let yarn = Yarn::of(&args.a, &a.spec_text, &a.h_um)?;
     let report = on_threads(cli, || plywave_fit::diff(&a, &b, &tolerance))?
         .map_err(|e| Failure::Input(format!("{}: {e}", args.b.display())))?;

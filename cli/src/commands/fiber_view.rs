@@ -8,7 +8,7 @@ use crate::plot::figure::Figure;
 use crate::plot::lines::{self, Curve, LinePanel, Row, Scale};
 use crate::plot::page::Head;
 use crate::plot::text::literal;
-use crate::report::{number, plural};
+use crate::report::{counted, number};
 use plywave::fiber::{FiberSource, FiberTable};
 use std::path::Path;
 
@@ -104,9 +104,9 @@ pub fn figure(file: &Path, t: &FiberTable) -> Outcome<Figure> {
     };
     let particulars = vec![format!(
         "{source}: {}, {}, {} of the light, {cells} of the scattered light; N: scattered share of the extinguished power per azimuth, unpolarized",
-        plural(lambdas, "wavelength"),
-        plural(latitudes, "latitude"),
-        plural(azimuths, "azimuth"),
+        counted(lambdas as u64, "wavelength", "wavelengths"),
+        counted(latitudes as u64, "latitude", "latitudes"),
+        counted(azimuths as u64, "azimuth", "azimuths"),
     )];
     let name = file.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
     let name = literal(&name, 80);

@@ -6,7 +6,7 @@ use crate::args::{Cli, GalleryArgs};
 use crate::failure::{Failure, Outcome};
 use crate::gallery::digest;
 use crate::gallery::materials::Workshop;
-use crate::gallery::pages::{Entry, Index, Shot, markdown, png, small, strip};
+use crate::gallery::pages::{Entry, Index, Shot, about, markdown, png, small, strip};
 use crate::gallery::pictures::{self, Panel, Picture};
 use crate::progress::{self, Bar, STOP};
 use crate::{output, report};
@@ -42,7 +42,7 @@ impl Work {
         let fabric = FabricBsdf::load(&self.file, &self.panel.options)?;
         let (scene, camera) = self.panel.setup.scene(self.panel.size_mm, None, None);
         let side = self.shot.pixels;
-        let mut film = Film::new(side, side);
+        let mut film = Film::new(side, side).map_err(failed)?;
         let options = RenderOptions { samples: self.shot.samples, depth: self.shot.depth, seed: self.shot.seed };
         let mut before = 0;
         let work = on_threads(cli, || {
@@ -87,10 +87,17 @@ fn make_folder(path: &Path) -> Outcome {
 pub fn run(cli: &Cli, args: &GalleryArgs) -> Outcome {
     let pictures = chosen(&args.only)?;
     if !args.fabrics.is_dir() {
-        let mend = "no such folder; name that of the fabric specs that ship";
-        return Err(Failure::input("command line", "--fabrics", args.fabrics.display(), mend));
+        let hint = "no such folder; name that of the fabric specs that ship";
+        return Err(Failure::input("command line", "--fabrics", args.fabrics.display(), hint));
     }
     let folder = &args.output;
+    // Specs and models of the gallery go into folders of its own, never over those that it reads.
+    let same = |a: &Path, b: &Path| matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b);
+    let written = [folder.clone(), folder.join("fabrics"), folder.join("models")];
+    let read = [args.fabrics.clone(), args.fabrics.join("models")];
+    if written.iter().any(|w| read.iter().any(|r| same(w, r))) {
+        return Err(Failure::input(folder.display(), "-o", "a folder that --fabrics reads", "name another folder"));
+    }
     output::check_folder(folder, INDEX, &[])?;
     let workshop = Workshop { cli, from: &args.fabrics, to: folder, quick: args.quick };
     pictures.iter().flat_map(|p| &p.panels).try_for_each(|panel| workshop.check(&panel.cloth))?;
@@ -164,8 +171,9 @@ pub fn run(cli: &Cli, args: &GalleryArgs) -> Outcome {
         }
         let titles: Vec<&str> = entry.panels.iter().map(|s| s.title.as_str()).collect();
         let (file, small_file) = (folder.join(&entry.file), folder.join(&entry.small));
-        output::write_whole(&file, &png(&strip(&images, &titles), &file)?)?;
-        output::write_whole(&small_file, &small(&images, &titles, &small_file)?)?;
+        let about = about(&entry);
+        output::write_whole(&file, &png(&strip(&images, &titles), &about, &file)?)?;
+        output::write_whole(&small_file, &small(&images, &titles, &about, &small_file)?)?;
         put(&mut index, Entry { seconds: begun.elapsed().as_secs_f64(), ..entry });
         write_index(&index)?;
         rendered += 1;
@@ -221,8 +229,9 @@ fn tell(
     output::print(|out| {
         writeln!(
             out,
-            "{}: {rendered} pictures rendered, {skipped} there already; gallery.md shows them",
-            folder.display()
+            "{}: {} rendered, {skipped} there already; gallery.md shows them",
+            folder.display(),
+            report::counted(rendered as u64, "picture", "pictures")
         )?;
         writeln!(out, "  time         {} for models, {} for pictures", report::duration(made), report::duration(time))
     })

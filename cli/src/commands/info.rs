@@ -5,7 +5,7 @@ use super::{Loaded, Yarn, load_any};
 use crate::args::{Cli, InfoArgs};
 use crate::failure::Outcome;
 use crate::output;
-use crate::report::{self, Spread, number, plural};
+use crate::report::{self, Spread, counted, number};
 use plywave::{PlyData, Shape, Table, YarnSpec};
 use std::io::Write;
 
@@ -176,7 +176,7 @@ pub fn yarn_line(spec: &YarnSpec) -> String {
     };
     format!(
         "{}, {shape}, eta {}, alpha_fiber {}; {ply}, {twist}{yarn}",
-        plural(spec.ply.fibers as usize, "fiber"),
+        counted(spec.ply.fibers as u64, "fiber", "fibers"),
         number(spec.fiber.eta),
         number(spec.fiber.alpha_fiber)
     )

@@ -6,6 +6,7 @@ pub mod check_twin;
 pub mod color;
 pub mod compare;
 pub mod diff;
+pub mod diff_models;
 pub mod diff_tables;
 pub mod diffraction_view;
 pub mod eval;
@@ -48,7 +49,9 @@ pub enum Loaded {
 
 /// Loads a file by what its header says it is.
 pub fn load_any(path: &Path) -> Outcome<Loaded> {
-    Ok(match plywave::file_kind(path)? {
+    use crate::kinds::Kind;
+    let kinds = [Kind::Model, Kind::Table, Kind::Fiber, Kind::Speckle];
+    Ok(match plywave::file_kind(path).map_err(|e| crate::kinds::explain(path, &kinds, e))? {
         FileKind::Table => Loaded::Table(Box::new(Table::load(path)?)),
         FileKind::Model => Loaded::Model(Box::new(PlyModel::load(path)?)),
         FileKind::Fiber => Loaded::Fiber(Box::new(FiberTable::load(path)?)),

@@ -1,13 +1,16 @@
 //! `plywave render`: a fabric in a ready-made scene, by the reference host.
 
-use super::on_threads;
+use super::{color, on_threads};
 use crate::args::{Cli, RenderArgs, Scene};
 use crate::failure::{Failure, Outcome};
-use crate::output;
 use crate::progress::{self, Bar, STOP};
-use crate::report;
-use plywave::fabric::{FabricBsdf, FabricOptions, FabricSpec, GapLight};
-use plywave_render::{Environment, Film, FilmView, Mesh, RenderError, RenderOptions, Setup, render};
+use crate::{kinds, output, report};
+use plywave::fabric::{FabricBsdf, FabricOptions, FabricSpec, GapLight, WeaveSpec};
+use plywave_render::{
+    Environment, Facts, Film, FilmView, Ingredients, Mesh, MeshNotes, RenderError, RenderOptions, Setup, png, render,
+};
+use sha2::{Digest, Sha256};
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Most pixels of a picture.
@@ -32,18 +35,136 @@ pub fn failed(error: RenderError) -> Failure {
         RenderError::Stopped { .. } => {
             Failure::Interrupted(format!("stopped; go on with: {}", progress::resume_command()))
         }
+        RenderError::Io { file, source } if source.kind() == std::io::ErrorKind::NotFound => {
+            Failure::Input(format!("{file}: no such file; check the path"))
+        }
         other => Failure::Input(other.to_string()),
     }
 }
 
-/// Runs the command.
-pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
-    let path = args.output.clone().unwrap_or_else(|| output::default_output(&args.fabric, "png"));
-    output::check_writable(&path, &[&args.fabric])?;
-    let flag =
-        |name: &str, value: &dyn std::fmt::Display, mend: &str| Err(Failure::input("command line", name, value, mend));
+/// The files that a render writes, by the ending of `-o`.
+struct Outputs {
+    png: Option<PathBuf>,
+    exr: Option<PathBuf>,
+    /// For `--resume`.
+    sums: PathBuf,
+}
+
+impl Outputs {
+    fn of(args: &RenderArgs) -> Outcome<Outputs> {
+        let path = args.output.clone().unwrap_or_else(|| output::default_output(&args.fabric, "png"));
+        let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+        let sums = path.with_extension("sums");
+        match ending.as_str() {
+            "png" => {
+                let exr = (!args.no_exr).then(|| path.with_extension("exr"));
+                Ok(Outputs { png: Some(path), exr, sums })
+            }
+            "exr" if args.no_exr => {
+                Err(Failure::input("command line", "--no-exr", path.display(), "leave it out, or name a .png"))
+            }
+            "exr" => Ok(Outputs { png: None, exr: Some(path), sums }),
+            "" => {
+                Err(Failure::input(path.display(), "-o", "no ending", "use .png, with an EXR beside it, or .exr alone"))
+            }
+            other => {
+                let hint = "use .png, with an EXR beside it, or .exr alone";
+                Err(Failure::input(path.display(), "-o", format!(".{other}"), hint))
+            }
+        }
+    }
+
+    fn each(&self) -> impl Iterator<Item = &Path> {
+        [self.png.as_deref(), self.exr.as_deref(), Some(self.sums.as_path())].into_iter().flatten()
+    }
+
+    /// The picture that was asked for.
+    fn main(&self) -> &Path {
+        self.png.as_deref().or(self.exr.as_deref()).unwrap_or(&self.sums)
+    }
+}
+
+/// What a render reads: names for people, and paths.
+fn inputs(args: &RenderArgs, spec: &FabricSpec, models: &[PathBuf]) -> Vec<(&'static str, PathBuf)> {
+    let mut list = vec![("fabric spec", args.fabric.clone())];
+    list.extend(models.iter().map(|model| ("model", model.clone())));
+    if let WeaveSpec::Wif { file } = &spec.weave {
+        list.push(("WIF", args.fabric.parent().unwrap_or(Path::new("")).join(file)));
+    }
+    list.extend(args.mesh.iter().map(|m| ("mesh", m.clone())));
+    list.extend(args.sky.iter().map(|s| ("sky", s.clone())));
+    list
+}
+
+/// SHA-256 of a file's bytes, in hex.
+fn digest_of_file(path: &Path) -> Outcome<String> {
+    let mut hash = Sha256::new();
+    let copied = std::fs::File::open(path).and_then(|mut file| {
+        let mut buffer = vec![0; 1 << 16];
+        loop {
+            match std::io::Read::read(&mut file, &mut buffer)? {
+                0 => return Ok(()),
+                n => hash.update(&buffer[..n]),
+            }
+        }
+    });
+    copied.map_err(|e| Failure::Input(format!("{}: {e}; check the path and its rights", path.display())))?;
+    Ok(hex(&hash.finalize()))
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|b| format!("{b:02x}")).collect()
+}
+
+/// Contents of the inputs and the flags that matter for the picture: what sums must have in common with a render to go on.
+fn ingredients(args: &RenderArgs, size: f32, inputs: &[(&'static str, PathBuf)]) -> Outcome<Vec<(String, String)>> {
+    let mut list = vec![("version".to_string(), env!("CARGO_PKG_VERSION").to_string())];
+    for (name, path) in inputs {
+        list.push(((*name).to_string(), digest_of_file(path)?));
+    }
+    let flags: [(&str, String); 10] = [
+        ("--setup", format!("{:?}", args.setup)),
+        ("--size-mm", size.to_string()),
+        ("--cloth-mm", args.cloth_mm.to_string()),
+        ("--width", args.width.to_string()),
+        ("--height", args.height.to_string()),
+        ("--depth", args.depth.to_string()),
+        ("--seed", args.seed.to_string()),
+        ("--sigma", format!("{:?}", args.sigma)),
+        ("--straight-gaps", args.straight_gaps.to_string()),
+        ("--smooth", args.smooth.to_string()),
+    ];
+    list.extend(flags.map(|(name, value)| (name.to_string(), value)));
+    Ok(list)
+}
+
+/// One digest for all of it.
+fn digest(of: &Ingredients) -> String {
+    let mut hash = Sha256::new();
+    for (name, value) in of {
+        hash.update(format!("{name} = {value}\n"));
+    }
+    format!("sha256:{}", hex(&hash.finalize()))
+}
+
+/// What was done to a mesh, a line each.
+fn mesh_notes(file: &Path, notes: &MeshNotes) -> Vec<String> {
+    let file = file.display();
+    let scale = report::number(f64::from(notes.mm_per_unit));
+    let mut lines =
+        vec![format!("{file}: scaled and centered, 1 unit is {scale} mm; --size-mm sets its largest extent")];
+    for (count, what) in [(notes.equal_faces, "equal to another"), (notes.flat_faces, "without area")] {
+        if count > 0 {
+            lines.push(format!("{file}: left out {} {what}", report::counted(count as u64, "face", "faces")));
+        }
+    }
+    lines
+}
+
+/// Refuses flags out of range.
+fn check_flags(args: &RenderArgs) -> Outcome {
     if u64::from(args.width) * u64::from(args.height) > MOST_PIXELS {
-        return flag("--width", &args.width, "a picture of at most 268 M pixels");
+        return Err(Failure::input("command line", "--width", args.width, "a picture of at most 268 M pixels"));
     }
     for (name, value, low, high) in [
         ("--size-mm", args.size_mm, 1e-3, 1e5),
@@ -52,96 +173,133 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
         ("--exposure", Some(args.exposure), -40.0, 40.0),
     ] {
         if let Some(v) = value.filter(|v| !(low..=high).contains(v)) {
-            return flag(name, &v, &format!("must be from {low} to {high}"));
+            return Err(Failure::input("command line", name, v, &format!("must be from {low} to {high}")));
         }
     }
+    Ok(())
+}
+
+/// Runs the command.
+pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
+    check_flags(args)?;
+    let outputs = Outputs::of(args)?;
+    let loaded = kinds::load_fabric(&args.fabric)?;
+    let inputs = inputs(args, &loaded.spec, &loaded.model_paths);
+    let read: Vec<&Path> = inputs.iter().map(|(_, path)| path.as_path()).collect();
+    outputs.each().try_for_each(|path| output::check_writable(path, &read))?;
     let options = FabricOptions {
         gaps: if args.straight_gaps { GapLight::Straight } else { GapLight::Diffracted },
         sigma_per_um: args.sigma.map(|s| s as f32),
         noise: !args.smooth,
     };
-    let loaded = FabricSpec::load(&args.fabric)?;
-    let notes = loaded.notes();
-    let fabric = FabricBsdf::new(loaded, &options)?;
     let setup = Setup::from(args.setup);
     let size = args.size_mm.map_or(setup.size_mm(), |s| s as f32);
+    let of = ingredients(args, size, &inputs)?;
+    let mut film = match outputs.sums.exists() && args.resume {
+        true => Film::resume(&outputs.sums, &of, args.width, args.height).map_err(failed)?,
+        false => Film::new(args.width, args.height).map_err(failed)?,
+    };
+    let mut notes = loaded.notes();
+    notes.extend(super::weave::lean_notes(&loaded.fabric));
+    if args.sigma.is_none() {
+        notes.extend(color::fabric_notes(&loaded));
+    }
+    let name = loaded.spec.name.clone();
+    let fabric = FabricBsdf::new(loaded, &options)?;
     let mesh = match &args.mesh {
-        Some(file) => Some(Mesh::obj(file, 1000.0 * args.cloth_mm as f32, size).map_err(failed)?),
+        Some(file) => {
+            let (mesh, told) = Mesh::obj(file, 1000.0 * args.cloth_mm as f32, size).map_err(failed)?;
+            notes.extend(mesh_notes(file, &told));
+            Some(mesh)
+        }
         None => None,
     };
-    let sky = match &args.sky {
-        Some(file) => Some(Environment::load(file, 1.0).map_err(failed)?),
-        None => None,
-    };
+    let sky = args.sky.as_ref().map(|file| Environment::load(file, 1.0)).transpose().map_err(failed)?;
     let (scene, camera) = setup.scene(size, mesh, sky);
-    // What a render must have in common with its sums to go on from them.
-    let key = format!(
-        "{args:?}",
-        args = (
-            &args.fabric,
-            args.setup,
-            size,
-            args.width,
-            args.height,
-            args.seed,
-            args.depth,
-            &options,
-            &args.mesh,
-            &args.sky
-        )
-    );
-    let sums = path.with_extension("sums");
-    let mut film = match sums.exists() && args.resume {
-        true => Film::resume(&sums, &key).map_err(failed)?,
-        false => Film::new(args.width, args.height),
-    };
     let render_options = RenderOptions { samples: args.samples, depth: args.depth, seed: args.seed };
     progress::install_stop();
     let bar = Bar::new("render", "samples", cli.quiet);
-    let begun = std::time::Instant::now();
     let first = film.samples();
-    let mut saved = begun;
+    let mut saved = std::time::Instant::now();
+    let save = |film: &Film| output::write_whole(&outputs.sums, &film.sums(&of).map_err(failed)?);
+    let mut unsaved = None;
     let work = on_threads(cli, || {
         progress::stoppable(|| {
             render(&scene, &camera, &fabric, &mut film, &render_options, &STOP, &mut |film| {
                 bar.update("render", film.samples().into(), args.samples.into());
                 if saved.elapsed() > Duration::from_secs(10) && film.samples() < args.samples {
-                    film.save(&sums, &key)?;
+                    if let Err(failure) = save(film) {
+                        unsaved = Some(failure);
+                        return Err(RenderError::Stopped { done: film.samples(), total: args.samples });
+                    }
                     saved = std::time::Instant::now();
                 }
                 Ok(())
             })
         })
     })?;
+    if let Some(failure) = unsaved {
+        return Err(failure);
+    }
     if let Err(error) = work {
-        film.save(&sums, &key).map_err(failed)?;
+        save(&film)?;
         return Err(failed(error));
     }
     let time = bar.finish();
-    let exr = path.with_extension("exr");
-    film.write_exr(&exr).map_err(failed)?;
-    let png = crate::plot::png(&film.image(FilmView::Light, args.exposure as f32), &path)?;
-    output::write_whole(&path, &png)?;
-    match args.keep_sums {
-        true => film.save(&sums, &key).map_err(failed)?,
-        // Sums that were never written, or are gone already, need no removal.
-        false => drop(std::fs::remove_file(&sums)),
+    let facts = Facts {
+        software: format!("plywave {}", env!("CARGO_PKG_VERSION")),
+        fabric: name,
+        spec: args.fabric.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
+        digest: digest(&of),
+        scene: format!("{:?}", args.setup).to_lowercase(),
+        seed: args.seed,
+        samples: film.samples(),
+        exposure: args.exposure as f32,
+    };
+    if let Some(path) = &outputs.exr {
+        output::write_whole(path, &film.exr(&facts).map_err(failed)?)?;
     }
-    let paths = u64::from(film.samples() - first) * u64::from(args.width) * u64::from(args.height);
+    if let Some(path) = &outputs.png {
+        let image = film.image(FilmView::Light, args.exposure as f32);
+        output::write_whole(path, &png(&image, &facts.entries()).map_err(failed)?)?;
+    }
+    match args.keep_sums {
+        true => save(&film)?,
+        // Sums that were never written, or are gone already, need no removal.
+        false => drop(std::fs::remove_file(&outputs.sums)),
+    }
+    tell(cli, args, &outputs, (&film, first), time, &facts, &notes)
+}
+
+/// Says what came out.
+fn tell(
+    cli: &Cli,
+    args: &RenderArgs,
+    outputs: &Outputs,
+    (film, first): (&Film, u32),
+    time: Duration,
+    facts: &Facts,
+    notes: &[String],
+) -> Outcome {
+    let paths = u64::from(film.samples().saturating_sub(first)) * u64::from(args.width) * u64::from(args.height);
     if cli.json {
+        let shown = |path: &Option<PathBuf>| path.as_ref().map(|p| p.display().to_string());
         return output::print_json(&serde_json::json!({
-            "png": path.display().to_string(), "exr": exr.display().to_string(), "width": args.width, "height": args.height,
-            "samples": film.samples(), "seconds": time.as_secs_f64(), "paths": paths, "notes": notes,
+            "png": shown(&outputs.png), "exr": shown(&outputs.exr), "width": args.width, "height": args.height,
+            "samples": film.samples(), "seconds": time.as_secs_f64(), "paths": paths, "digest": facts.digest, "notes": notes,
         }));
     }
     if cli.quiet {
         return Ok(());
     }
     output::print(|out| {
-        writeln!(out, "{}: {} x {}, {} samples a pixel", path.display(), args.width, args.height, film.samples())?;
+        let samples = report::counted(film.samples().into(), "sample", "samples");
+        writeln!(out, "{}: {} x {}, {samples} a pixel", outputs.main().display(), args.width, args.height)?;
         let rate = paths as f64 / time.as_secs_f64().max(1e-9);
         writeln!(out, "  time         {}, {} paths/s", report::duration(time), report::count(rate))?;
-        writeln!(out, "  linear       {}", exr.display())?;
+        if let (Some(_), Some(exr)) = (&outputs.png, &outputs.exr) {
+            writeln!(out, "  linear       {}", exr.display())?;
+        }
         notes.iter().try_for_each(|note| writeln!(out, "  note         {note}"))
     })
 }

@@ -4,14 +4,14 @@
 use super::{Yarn, by_count, incidence};
 use crate::args::{Cli, SampleArgs};
 use crate::failure::Outcome;
-use crate::output;
+use crate::{kinds, output};
 use plywave::{Bsdf, BsdfSample, PlyModel, PlyQuery, theta_phi};
 use rand::{RngExt, SeedableRng};
 use std::io::Write;
 
 /// Runs the command.
 pub fn run(cli: &Cli, args: &SampleArgs) -> Outcome {
-    let model = PlyModel::load(&args.model)?;
+    let model = kinds::load_model(&args.model)?;
     let yarn = Yarn::of(&args.model, &model.data().spec_text, &model.data().h_um)?;
     let (theta_i, h_um) = incidence(&args.incidence, model.data(), yarn.radius_um)?;
     by_count!(args.incidence.sigma, draw(cli, args, &model, theta_i, h_um))

@@ -10,7 +10,7 @@ use crate::plot::figure::Figure;
 use crate::plot::lines::{self, Curve, LinePanel, Row, Scale};
 use crate::plot::page::Head;
 use crate::plot::text::literal;
-use crate::report::{self, number, plural};
+use crate::report::{self, counted, number};
 use plywave::{SpecklePatterns, SpecklePolarization, SpeckleSide, YarnSpec};
 use std::path::Path;
 
@@ -111,11 +111,11 @@ pub fn info(cli: &Cli, file: &str, bytes: u64, p: &SpecklePatterns) -> Outcome {
         writeln!(out, "  written by   plywave {}, seed {}", one_line(&p.program_version), p.seed)?;
         writeln!(
             out,
-            "  patterns     {} instances, {} azimuths, {} wavelengths, {} absorptions, TM and TE",
-            p.instances,
+            "  patterns     {}, {} azimuths, {}, {}, TM and TE",
+            report::counted(p.instances as u64, "instance", "instances"),
             p.azimuths,
-            p.lambda_um.len(),
-            p.kappa.len()
+            report::counted(p.lambda_um.len() as u64, "wavelength", "wavelengths"),
+            report::counted(p.kappa.len() as u64, "absorption", "absorptions")
         )?;
         writeln!(out, "  beam         w0 {} um, theta_i {} degrees", number(p.w0_um), number(p.theta_i.to_degrees()))?;
         write_kinds(out, &kinds)
@@ -213,7 +213,7 @@ pub fn figure(file: &Path, p: &SpecklePatterns) -> Outcome<Figure> {
     let name = literal(&spec.name, 80);
     let particulars = vec![format!(
         "{} of one fiber, θ_i = {}°, w_0 = {} μm, seed {}; TM light; C: covariance of the intensity over its mean, without 20° either side of forward",
-        plural(p.instances, "instance"),
+        counted(p.instances as u64, "instance", "instances"),
         number(p.theta_i.to_degrees()),
         number(p.w0_um),
         p.seed

@@ -55,7 +55,12 @@ pub fn run(cli: &Cli, args: &WaveSpeckleArgs) -> Outcome {
     }
     output::print(|out| {
         writeln!(out, "{}: {}", path.display(), report::bytes(bytes))?;
-        writeln!(out, "  work         {}: {} fibers", report::duration(time), patterns.instances)?;
+        writeln!(
+            out,
+            "  work         {}: {}",
+            report::duration(time),
+            report::counted(patterns.instances as u64, "fiber", "fibers")
+        )?;
         speckle_view::write_kinds(out, &kinds)
     })
 }

@@ -3,14 +3,30 @@
 use crate::args::{Cli, WeaveArgs};
 use crate::failure::{Failure, Outcome};
 use crate::report::{self, number};
-use crate::{output, plot, progress};
+use crate::{kinds, output, plot, progress};
 use image::{ExtendedColorType, ImageEncoder};
-use plywave::fabric::{Fabric, FabricBsdf, FabricOptions, FabricSpec, Family, YarnPlace};
+use plywave::color::{AlbedoCurve, srgb_encode};
+use plywave::fabric::{Fabric, FabricBsdf, FabricOptions, FabricSpec, Family, WeaveSpec, YarnColor, YarnPlace};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// The description in the folder, by which a folder is known as one of ours.
 const DESCRIPTION: &str = "weave.json";
+/// All files in the folder.
+const FILES: [&str; 12] = [
+    "draft.png",
+    "family.png",
+    "yarn.png",
+    "across.png",
+    "along.png",
+    "tangent.png",
+    "height.png",
+    "base_color.png",
+    "normal.png",
+    "thickness.png",
+    "sheet.png",
+    DESCRIPTION,
+];
 /// Most pixels of a texture.
 const MOST_PIXELS: f64 = (1u64 << 24) as f64;
 /// Longest side of a texture whose size nobody asked for.
@@ -21,17 +37,29 @@ const USUAL_PIXELS: f64 = 32.0;
 /// Runs the command.
 pub fn run(cli: &Cli, args: &WeaveArgs) -> Outcome {
     let begun = Instant::now();
-    let loaded = FabricSpec::load(&args.fabric)?;
-    let notes = loaded.notes();
+    let loaded = kinds::load_fabric(&args.fabric)?;
+    let mut notes = loaded.notes();
+    notes.extend(lean_notes(&loaded.fabric));
+    notes.extend(super::color::fabric_notes(&loaded));
     let spec = loaded.spec.clone();
+    let mut inputs = loaded.model_paths.to_vec();
+    if let WeaveSpec::Wif { file } = &spec.weave {
+        inputs.push(args.fabric.parent().unwrap_or(Path::new("")).join(file));
+    }
     let shading = FabricBsdf::new(loaded, &FabricOptions::default())?;
     let load = begun.elapsed();
+    let colors = Family::EACH.map(|family| base_colors(&shading, family));
     let fabric = shading.fabric();
     let folder = args.output.clone().unwrap_or_else(|| output::default_output(&args.fabric, "weave"));
     output::check_folder(&folder, DESCRIPTION, &[&args.fabric])?;
+    let read = [&[args.fabric.clone()][..], &inputs].concat();
+    let read: Vec<&Path> = read.iter().map(std::path::PathBuf::as_path).collect();
+    if folder.is_dir() {
+        FILES.iter().try_for_each(|name| output::check_writable(&folder.join(name), &read))?;
+    }
     let size = size(args, fabric)?;
     progress::install_stop();
-    let textures = textures(fabric, size, args.back);
+    let textures = textures(fabric, &colors, size, args.back);
     let mut files = Vec::new();
     for texture in &textures {
         files.push((texture.file, texture.png(&folder)?));
@@ -66,16 +94,16 @@ fn size(args: &WeaveArgs, fabric: &Fabric) -> Outcome<[u32; 2]> {
     let [w, h] = cells.map(|c| (c * pixels).round().max(1.0));
     if w * h > MOST_PIXELS {
         let most = (MOST_PIXELS / (cells[0] * cells[1])).sqrt().floor();
-        let mend = match most {
+        let hint = match most {
             most if most >= 1.0 => format!("one repeat would take {w} x {h} pixels; use {most} or less"),
             _ => "one repeat of this draft is too large for textures; ask the fabric on the fly".into(),
         };
-        return Err(Failure::input("command line", "--pixels", pixels, &mend));
+        return Err(Failure::input("command line", "--pixels", pixels, &hint));
     }
     Ok([w as u32, h as u32])
 }
 
-/// One texture: gray of 8 or 16 bits, or three channels of 16.
+/// One texture: gray of 8 or 16 bits, three channels of 16, or four of 8.
 struct Texture {
     file: &'static str,
     meaning: String,
@@ -83,6 +111,8 @@ struct Texture {
     color: ExtendedColorType,
     /// Native-endian samples.
     bytes: Vec<u8>,
+    /// Micrometers to a step of the samples, where they are a length.
+    um_per_step: Option<f64>,
 }
 
 impl Texture {
@@ -105,11 +135,77 @@ fn signed16(x: f64) -> u16 {
     (32768.0 + 32767.0 * x.clamp(-1.0, 1.0)).round() as u16
 }
 
+/// Base colors of the yarns of a repeat, encoded sRGB: the color of the spec or the WIF; of other yarns the albedo of their fibers under diffuse light.
+fn base_colors(shading: &FabricBsdf, family: Family) -> Vec<[u8; 3]> {
+    let fabric = shading.fabric();
+    let gray = |thread: i32, sigma: f64| {
+        let curve = AlbedoCurve::diffuse(shading.model_of(family, thread));
+        [srgb_encode(curve.albedo(sigma)); 3]
+    };
+    let of = |thread: usize| match fabric.color(family, thread as i32) {
+        YarnColor::Srgb(srgb) => srgb.map(f64::from),
+        YarnColor::Sigma(sigma) => gray(thread as i32, f64::from(sigma)),
+        YarnColor::Undyed => gray(thread as i32, 0.0),
+    };
+    let bytes = |c: [f64; 3]| c.map(|v| (255.0 * v.clamp(0.0, 1.0)).round() as u8);
+    (0..fabric.draft().threads(family)).map(|thread| bytes(of(thread))).collect()
+}
+
+/// Normal of a yarn's round outline where it is seen, in the fabric's axes; z points out of the side that is seen.
+fn normal(fabric: &Fabric, place: &YarnPlace) -> [f64; 3] {
+    let half = 0.5 * fabric.shape(place.family).width_um();
+    let sin = (f64::from(place.across_um) / half).clamp(-1.0, 1.0);
+    let cos = (1.0 - sin * sin).sqrt();
+    let [tx, ty, tz] = place.tangent.map(f64::from);
+    // The axis of warp has no x, that of weft no y; the outline leans back where the axis climbs.
+    let normal = match place.family {
+        Family::Warp => [sin, -cos * tz * ty.signum(), cos * ty.abs()],
+        Family::Weft => [-cos * tz * tx.signum(), sin, cos * tx.abs()],
+    };
+    normal.map(|v| if v.is_finite() { v } else { 0.0 })
+}
+
+/// Steps of the tables of [`chords`].
+const CHORDS: usize = 1024;
+
+/// Height of fiber-filled plies over distances from a level yarn's axis, from 0 to half its width [um], the mean over the turn of the plies.
+fn chords(fabric: &Fabric, family: Family) -> Vec<f64> {
+    const TURNS: usize = 96;
+    let s = fabric.shape(family);
+    let (radius, circle, plies) = (s.ply_radius_um, s.circle_um(), s.plies as usize);
+    let turns = if plies > 1 { TURNS } else { 1 };
+    let at = |across: f64| {
+        let mut sum = 0.0;
+        for turn in 0..turns {
+            for ply in 0..plies {
+                let psi = (ply as f64 + (turn as f64 + 0.5) / turns as f64) / plies as f64 * std::f64::consts::TAU;
+                let from_axis = across - circle * psi.cos();
+                sum += 2.0 * (radius * radius - from_axis * from_axis).max(0.0).sqrt();
+            }
+        }
+        sum / turns as f64
+    };
+    (0..=CHORDS).map(|k| at(0.5 * s.width_um() * k as f64 / CHORDS as f64)).collect()
+}
+
+/// Height of the plies of one yarn at a point [um]: of a yarn that leans a vertical line cuts a longer piece.
+fn thickness(fabric: &Fabric, chords: &[Vec<f64>; 2], place: &YarnPlace) -> f64 {
+    let half = 0.5 * fabric.shape(place.family).width_um();
+    let x = (f64::from(place.across_um).abs() / half).min(1.0) * CHORDS as f64;
+    let (k, table) = ((x as usize).min(CHORDS - 1), &chords[place.family as usize]);
+    let level = table[k] + (x - k as f64) * (table[k + 1] - table[k]);
+    let tz = f64::from(place.tangent[2]);
+    level / (1.0 - tz * tz).max(1e-6).sqrt()
+}
+
 /// All textures; the first row is that of the largest y.
-fn textures(fabric: &Fabric, [w, h]: [u32; 2], from_back: bool) -> Vec<Texture> {
+fn textures(fabric: &Fabric, colors: &[Vec<[u8; 3]>; 2], [w, h]: [u32; 2], from_back: bool) -> Vec<Texture> {
     let repeat = fabric.repeat_um();
     let half = f64::from(fabric.half_thickness_um());
     let [mut family, mut yarn, mut across, mut along, mut tangent, mut height] = [const { Vec::new() }; 6];
+    let [mut base_color, mut normals] = [const { Vec::new() }; 2];
+    let chords = Family::EACH.map(|f| chords(fabric, f));
+    let mut thick: Vec<f64> = Vec::new();
     for row in 0..h {
         for column in 0..w {
             let x = (f64::from(column) + 0.5) / f64::from(w) * repeat[0];
@@ -129,15 +225,33 @@ fn textures(fabric: &Fabric, [w, h]: [u32; 2], from_back: bool) -> Vec<Texture> 
                 tangent.extend(of(&|p| signed16(f64::from(p.tangent[k])), 32768));
             }
             height.extend(of(&|p| signed16(f64::from(p.height_um) / half), 32768));
+            base_color.extend(match &place {
+                Some(p) => {
+                    let [r, g, b] = colors[p.family as usize][p.yarn.rem_euclid(threads(p)) as usize];
+                    [r, g, b, 255]
+                }
+                None => [0; 4],
+            });
+            let n = place.as_ref().map_or([0.0, 0.0, 1.0], |p| normal(fabric, p));
+            n.iter().for_each(|v| normals.extend(unit16(0.5 + 0.5 * v).to_ne_bytes()));
+            // Where two yarns lie, the lower one is on top for who looks from the other side.
+            let below = place.as_ref().filter(|p| p.is_double);
+            let below = below.and_then(|_| fabric.yarn_at(x as f32, y as f32, !from_back));
+            thick.push([place, below].iter().flatten().map(|p| thickness(fabric, &chords, p)).sum());
         }
     }
+    let thickest = thick.iter().copied().fold(0.0, f64::max);
+    // Hundredths of a micrometer, or ten, hundred.. times as much, as 16 bits hold it.
+    let um_per_step = (0..).map(|k| 0.01 * 10f64.powi(k)).find(|step| 65535.0 * step >= thickest).unwrap_or(0.01);
+    let thick: Vec<u8> = thick.iter().flat_map(|um| ((um / um_per_step).round() as u16).to_ne_bytes()).collect();
     let draft = fabric.draft();
     let crossings = [draft.ends() as u32, draft.picks() as u32];
     let mut matrix = Vec::with_capacity(draft.ends() * draft.picks());
     for pick in (0..draft.picks()).rev() {
         matrix.extend((0..draft.ends()).map(|end| if draft.up(pick, end) { 255 } else { 0 }));
     }
-    let of = |file, meaning: String, color, bytes| Texture { file, meaning, size: [w, h], color, bytes };
+    let of =
+        |file, meaning: String, color, bytes| Texture { file, meaning, size: [w, h], color, bytes, um_per_step: None };
     let (l8, l16, rgb16) = (ExtendedColorType::L8, ExtendedColorType::L16, ExtendedColorType::Rgb16);
     vec![
         Texture {
@@ -146,6 +260,7 @@ fn textures(fabric: &Fabric, [w, h]: [u32; 2], from_back: bool) -> Vec<Texture> 
             size: crossings,
             color: l8,
             bytes: matrix,
+            um_per_step: None,
         },
         of("family.png", "yarn on top: 255 warp, 128 weft, 0 gap".into(), l8, family),
         of("yarn.png", "its number in the repeat, from 1; 0 gap".into(), l16, yarn),
@@ -158,6 +273,30 @@ fn textures(fabric: &Fabric, [w, h]: [u32; 2], from_back: bool) -> Vec<Texture> 
         of("along.png", "value / 65535 times the repeat is the place along the yarn: y on warp, x on weft".into(), l16, along),
         of("tangent.png", "(value - 32768) / 32767 are x, y, z of the yarn's direction".into(), rgb16, tangent),
         of("height.png", format!("(value - 32768) / 32767 times {half} um is the height of its axis"), l16, height),
+        of(
+            "base_color.png",
+            "color of the yarn on top, encoded sRGB; alpha 0 in gaps".into(),
+            ExtendedColorType::Rgba8,
+            base_color,
+        ),
+        of(
+            "normal.png",
+            "2 value / 65535 - 1 are x, y, z of the normal of the yarn's round outline (OpenGL: red to the right, +y up the image, +z out of the side seen); flat in gaps"
+                .into(),
+            rgb16,
+            normals,
+        ),
+        Texture {
+            um_per_step: Some(um_per_step),
+            ..of(
+                "thickness.png",
+                format!(
+                    "value times {um_per_step} um is the height of all plies above each other, both yarns of a crossing; 0 in gaps; the mean over the turn of twisted plies"
+                ),
+                l16,
+                thick,
+            )
+        },
     ]
 }
 
@@ -176,7 +315,13 @@ fn about(spec: &FabricSpec, fabric: &Fabric, size: [u32; 2], back: bool, texture
         .collect();
     let list: Vec<_> = textures
         .iter()
-        .map(|t| serde_json::json!({ "file": t.file, "pixels": t.size, "meaning": t.meaning }))
+        .map(|t| {
+            let mut entry = serde_json::json!({ "file": t.file, "pixels": t.size, "meaning": t.meaning });
+            if let Some(step) = t.um_per_step {
+                entry["um_per_step"] = step.into();
+            }
+            entry
+        })
         .collect();
     serde_json::json!({
         "name": spec.name, "program_version": env!("CARGO_PKG_VERSION"), "side": if back { "back" } else { "face" },
@@ -187,13 +332,42 @@ fn about(spec: &FabricSpec, fabric: &Fabric, size: [u32; 2], back: bool, texture
     })
 }
 
+/// Largest angle between the axis of a family's yarns and the fabric [degrees]: the axis climbs twice its amplitude from crossing to crossing, half as steep again in
+/// the middle.
+fn lean_deg(fabric: &Fabric, family: Family) -> f64 {
+    let (shape, other) = (fabric.shape(family), fabric.shape(family.other()));
+    let amplitude = 0.5 * shape.crimp * (shape.width_um() + other.width_um());
+    (3.0 * amplitude / other.spacing_um).atan().to_degrees()
+}
+
+/// Yarns that lean by more than this are told of [degrees]: such cloths are rare, and the default crimp makes them of dense ones.
+const STEEP_DEG: f64 = 45.0;
+/// A usual lean [degrees], for the hint.
+const USUAL_DEG: f64 = 25.0;
+
+/// A line for each family whose yarns lean a lot.
+pub fn lean_notes(fabric: &Fabric) -> Vec<String> {
+    let note = |family: Family| {
+        let (lean, crimp) = (lean_deg(fabric, family), fabric.shape(family).crimp);
+        let usual = crimp * USUAL_DEG.to_radians().tan() / lean.to_radians().tan();
+        (lean > STEEP_DEG).then(|| {
+            format!(
+                "{0} leans by up to {lean:.0} degrees; {0}.crimp = {usual:.2} in place of {1} leans by {USUAL_DEG}",
+                family.name(),
+                number(crimp)
+            )
+        })
+    };
+    Family::EACH.into_iter().filter_map(note).collect()
+}
+
 /// The yarns in words, one line a family.
 fn particulars(fabric: &Fabric) -> Vec<String> {
     let draft = fabric.draft();
     let mut lines = vec![format!(
-        "{} ends x {} picks, warp on top at {} % of the crossings",
-        draft.ends(),
-        draft.picks(),
+        "{} x {}, warp on top at {} % of the crossings",
+        report::counted(draft.ends() as u64, "end", "ends"),
+        report::counted(draft.picks() as u64, "pick", "picks"),
         number((1000.0 * draft.warp_share()).round() / 10.0)
     )];
     for family in Family::EACH {
@@ -201,15 +375,15 @@ fn particulars(fabric: &Fabric) -> Vec<String> {
         let pitch =
             s.ply_pitch_um.filter(|_| s.plies > 1).map(|p| format!(", pitch {} um {:?}", number(p), s.handedness));
         lines.push(format!(
-            "{}: {:.1} to the cm, {:.0} um wide, {} {} of radius {} um{}, crimp {}",
+            "{}: {:.1} to the cm, {:.0} um wide, {} of radius {} um{}, crimp {} (leans by up to {:.0} degrees)",
             family.name(),
             1e4 / s.spacing_um,
             s.width_um(),
-            s.plies,
-            if s.plies == 1 { "ply" } else { "plies" },
+            report::counted(s.plies.into(), "ply", "plies"),
             number(s.ply_radius_um),
             pitch.unwrap_or_default(),
-            number(s.crimp)
+            number(s.crimp),
+            lean_deg(fabric, family)
         ));
     }
     lines

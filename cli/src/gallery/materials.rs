@@ -197,8 +197,8 @@ impl Workshop<'_> {
         let path = self.from.join("models").join(format!("{name}.pwm"));
         let bytes = std::fs::read(&path).map_err(|e| match e.kind() {
             std::io::ErrorKind::NotFound => {
-                let mend = "no such file; give the folder of the fabrics that ship by --fabrics";
-                Failure::Input(format!("{}: {mend}", path.display()))
+                let hint = "no such file; give the folder of the fabrics that ship by --fabrics";
+                Failure::Input(format!("{}: {hint}", path.display()))
             }
             _ => Failure::Input(format!("{}: {e}", path.display())),
         })?;

@@ -4,8 +4,8 @@ use super::pictures::Panel;
 use crate::failure::{Failure, Outcome};
 use crate::plot::figure::{Align, CAP, Figure, INK};
 use crate::plot::text::literal;
+use image::RgbImage;
 use image::imageops::{FilterType, replace, resize};
-use image::{ImageEncoder, RgbImage};
 use plywave::fabric::GapLight;
 use plywave_render::Setup;
 use serde::{Deserialize, Serialize};
@@ -157,7 +157,7 @@ pub fn strip(panels: &[RgbImage], titles: &[&str]) -> RgbImage {
 }
 
 /// A picture small enough for a page, as PNG: fewer pixels, and colors in steps of 4 of 255, which noise hides.
-pub fn small(panels: &[RgbImage], titles: &[&str], path: &Path) -> Outcome<Vec<u8>> {
+pub fn small(panels: &[RgbImage], titles: &[&str], about: &[(String, String)], path: &Path) -> Outcome<Vec<u8>> {
     let mut last = Vec::new();
     for side in SMALL_SIDES {
         let of = |p: &RgbImage| {
@@ -169,7 +169,7 @@ pub fn small(panels: &[RgbImage], titles: &[&str], path: &Path) -> Outcome<Vec<u
             image
         };
         let image = strip(&panels.iter().map(of).collect::<Vec<_>>(), titles);
-        last = png(&image, path)?;
+        last = png(&image, about, path)?;
         if last.len() <= SMALL_BYTES {
             break;
         }
@@ -177,14 +177,24 @@ pub fn small(panels: &[RgbImage], titles: &[&str], path: &Path) -> Outcome<Vec<u
     Ok(last)
 }
 
-/// A PNG packed as well as it goes.
-pub fn png(image: &RgbImage, path: &Path) -> Outcome<Vec<u8>> {
-    use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-    let mut bytes = Vec::new();
-    PngEncoder::new_with_quality(&mut bytes, CompressionType::Best, FilterType::Adaptive)
-        .write_image(image, image.width(), image.height(), image::ExtendedColorType::Rgb8)
-        .map_err(|e| Failure::input(path.display(), "-o", e, "choose a place that can be written"))?;
-    Ok(bytes)
+/// A PNG with what it is of as text: the program, the caption and the command of each panel.
+pub fn png(image: &RgbImage, about: &[(String, String)], path: &Path) -> Outcome<Vec<u8>> {
+    plywave_render::png(image, about).map_err(|e| Failure::input(path.display(), "-o", e, "choose another place"))
+}
+
+/// What a picture of the gallery is of, for its file: names and values.
+pub fn about(entry: &Entry) -> Vec<(String, String)> {
+    let mut list = vec![
+        ("Software".to_string(), format!("plywave {}", env!("CARGO_PKG_VERSION"))),
+        ("Title".to_string(), entry.name.clone()),
+        ("Description".to_string(), entry.caption.clone()),
+    ];
+    for (k, shot) in entry.panels.iter().enumerate() {
+        let file = format!("{}_{}.png", entry.name, k + 1);
+        list.push((format!("panel {} command", k + 1), shot.command(&file)));
+        list.push((format!("panel {} digest", k + 1), shot.digest.clone()));
+    }
+    list
 }
 
 /// The page for README: the small pictures with what is to be seen, and the commands of each panel.

@@ -1,0 +1,167 @@
+//! `plywave diff` of two models of other incidences, offsets or absorptions: both are evaluated at incidences that both hold.
+
+use super::{Yarn, on_threads};
+use crate::args::{Cli, DiffArgs};
+use crate::failure::{Failure, Outcome};
+use crate::output;
+use crate::report::number;
+use plywave::{OutgoingGrid, PlyData};
+use plywave_fit::{
+    DiffTolerance, Place, ScaledLobes, Scratch, SphereGrid, energy_high, high_lobes, locate, refl_lobes,
+};
+
+/// Common incidences: latitudes from 0 on, offsets from rim to rim.
+const NODES: [usize; 2] = [7, 9];
+/// Bins of the comparison: 4 degrees.
+const GRID: OutgoingGrid = OutgoingGrid { theta_o: 45, phi_o: 90 };
+/// Slices dimmer than this fraction of the brightest one are compared relative to that fraction of it.
+const FLOOR: f64 = 1e-3;
+
+/// Whether the axes of two models are the same, so that they are compared node by node.
+pub fn same_axes(a: &PlyData, b: &PlyData) -> bool {
+    let same = |x: &[f64], y: &[f64]| {
+        x.len() == y.len() && x.iter().zip(y).all(|(x, y)| (x - y).abs() <= 1e-9 * (1.0 + x.abs()))
+    };
+    same(&a.theta_i, &b.theta_i) && same(&a.h_um, &b.h_um) && same(&a.sigma_per_um, &b.sigma_per_um)
+}
+
+/// One common incidence.
+#[derive(serde::Serialize)]
+struct Row {
+    theta_i_deg: f64,
+    h_rel: f64,
+    refl_relative_l2: f64,
+    /// At each absorption.
+    high_relative_l2: Vec<f64>,
+    /// Largest difference of r_d, of the energy of f_refl and of those of f_high.
+    energy: f64,
+}
+
+/// A number at the nodes, bilinear between them.
+fn at_place(values: &[f64], columns: usize, at: Place) -> f64 {
+    let row = |m: usize| {
+        let [low, high] = [values[m * columns + at.n], values[m * columns + at.n + 1]];
+        low + at.t * (high - low)
+    };
+    row(at.m) + at.s * (row(at.m + 1) - row(at.m))
+}
+
+/// `n` numbers in equal steps.
+fn steps(from: f64, to: f64, n: usize) -> Vec<f64> {
+    (0..n).map(|k| from + (to - from) * k as f64 / (n - 1) as f64).collect()
+}
+
+/// Absorptions of either model that both reach.
+fn absorptions(a: &PlyData, b: &PlyData) -> Vec<f64> {
+    let last = |d: &PlyData| d.sigma_per_um.last().copied().unwrap_or(0.0);
+    let most = last(a).min(last(b));
+    let mut all: Vec<f64> = a.sigma_per_um.iter().chain(&b.sigma_per_um).copied().filter(|s| *s <= most).collect();
+    all.sort_by(f64::total_cmp);
+    all.dedup_by(|x, y| (*x - *y).abs() <= 1e-9 * (1.0 + y.abs()));
+    all
+}
+
+/// Relative L2 distances of the slices at `places`, one of each model.
+fn distances(places: &[[Place; 2]], lobes: &dyn Fn(usize, Place) -> ScaledLobes) -> Vec<f64> {
+    let sphere = SphereGrid::new(GRID);
+    let mut scratch = Scratch::default();
+    let found: Vec<[f64; 2]> = places
+        .iter()
+        .map(|place| {
+            let [x, y] = [0, 1].map(|k| lobes(k, place[k]));
+            let (x, y) =
+                (sphere.mixture(&x.params, x.gain(), &mut scratch), sphere.mixture(&y.params, y.gain(), &mut scratch));
+            [sphere.distance2(&x, &y).sqrt(), sphere.inner(&x, &x).max(sphere.inner(&y, &y)).sqrt()]
+        })
+        .collect();
+    let top = found.iter().map(|f| f[1]).fold(0.0, f64::max);
+    let relative = |[distance, norm]: [f64; 2]| {
+        let scale = norm.max(FLOOR * top);
+        if scale > 0.0 { distance / scale } else { 0.0 }
+    };
+    found.into_iter().map(relative).collect()
+}
+
+/// Runs the command for models whose axes differ.
+pub fn run(cli: &Cli, args: &DiffArgs, [a, b]: [&PlyData; 2], tolerance: &DiffTolerance) -> Outcome {
+    if args.tol_drift.is_some() {
+        let hint = "the models have other incidences or absorptions, so no lobe has its own partner; leave it out";
+        return Err(Failure::Input(format!("command line: --tol-drift: {hint}")));
+    }
+    let both = [a, b];
+    let radii =
+        [Yarn::of(&args.a, &a.spec_text, &a.h_um)?.radius_um, Yarn::of(&args.b, &b.spec_text, &b.h_um)?.radius_um];
+    let last = |v: &[f64]| v.last().copied().unwrap_or(0.0);
+    let theta = last(&a.theta_i).min(last(&b.theta_i));
+    let reach = (last(&a.h_um) / radii[0]).min(last(&b.h_um) / radii[1]);
+    let incidences: Vec<(f64, f64)> = steps(0.0, theta, NODES[0])
+        .into_iter()
+        .flat_map(|t| steps(-reach, reach, NODES[1]).into_iter().map(move |h| (t, h)))
+        .collect();
+    let places: Vec<[Place; 2]> =
+        incidences.iter().map(|(t, h)| [0, 1].map(|k| locate(both[k], *t, h * radii[k]))).collect();
+    let sigma = absorptions(a, b);
+    let (refl, high) = on_threads(cli, || {
+        let refl = distances(&places, &|k, at| refl_lobes(both[k], at));
+        let high: Vec<Vec<f64>> =
+            sigma.iter().map(|s| distances(&places, &|k, at| high_lobes(both[k], at, *s))).collect();
+        (refl, high)
+    })?;
+    let difference = |of: &dyn Fn(usize, Place) -> f64, at: &[Place; 2]| (of(0, at[0]) - of(1, at[1])).abs();
+    let rows: Vec<Row> = (0..places.len())
+        .map(|i| {
+            let at = &places[i];
+            let node =
+                |values: [&[f64]; 2]| difference(&|k: usize, place| at_place(values[k], both[k].h_um.len(), place), at);
+            let scattered = sigma.iter().map(|s| difference(&|k: usize, place| energy_high(both[k], place, *s), at));
+            let stored = [node([&a.r_d, &b.r_d]), node([&a.energy_refl, &b.energy_refl])];
+            Row {
+                theta_i_deg: incidences[i].0.to_degrees(),
+                h_rel: incidences[i].1,
+                refl_relative_l2: refl[i],
+                high_relative_l2: high.iter().map(|h| h[i]).collect(),
+                energy: scattered.chain(stored).fold(0.0, f64::max),
+            }
+        })
+        .collect();
+    let largest =
+        |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, |a: f64, v| if v.is_nan() { v } else { a.max(v) });
+    let worst_refl = largest(&mut refl.iter().copied());
+    let worst_high: Vec<f64> = high.iter().map(|h| largest(&mut h.iter().copied())).collect();
+    let energy = largest(&mut rows.iter().map(|r| r.energy));
+    let equal =
+        worst_refl <= tolerance.l2 && worst_high.iter().all(|w| *w <= tolerance.l2) && energy <= tolerance.energy;
+    let printed = if cli.json {
+        output::print_json(&serde_json::json!({
+            "a": args.a.display().to_string(), "b": args.b.display().to_string(), "compared": "common incidences",
+            "sigma_per_um": sigma, "slices": rows, "worst_refl": worst_refl, "worst_high": worst_high, "energy": energy,
+            "tolerance_relative_l2": tolerance.l2, "tolerance_energy": tolerance.energy, "equal": equal,
+        }))
+    } else if !cli.quiet || !equal {
+        output::print(|out| {
+            writeln!(
+                out,
+                "the models have other nodes: both are evaluated at {} common incidences, theta_i to {:.1} degrees, |h/R| to {}",
+                rows.len(),
+                theta.to_degrees(),
+                number(reach)
+            )?;
+            writeln!(out, "f_refl  relative L2 largest {}", number(worst_refl))?;
+            for (s, w) in sigma.iter().zip(&worst_high) {
+                writeln!(out, "f_high  relative L2 largest {} at sigma {}", number(*w), number(*s))?;
+            }
+            writeln!(out, "energy  largest difference {} of the beam's power", number(energy))?;
+            let verdict = if equal { "within" } else { "BEYOND" };
+            writeln!(
+                out,
+                "{verdict} the tolerance: relative L2 {}, energy {}",
+                number(tolerance.l2),
+                number(tolerance.energy)
+            )
+        })
+    } else {
+        Ok(())
+    };
+    // A reader that went away does not turn a difference into a success.
+    if equal { printed } else { Err(Failure::NotHeld) }
+}

@@ -1,0 +1,134 @@
+//! What a file is, by its first bytes, so that a command given the wrong kind of file says which it is and which it needs.
+
+use crate::failure::{Failure, Outcome};
+use plywave::FileKind;
+use plywave::fabric::{FabricSpec, LoadedFabric};
+use plywave::{PlyModel, Table};
+use std::io::Read;
+use std::path::Path;
+
+/// Kinds of files that the commands read and write.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Simulated scattering.
+    Table,
+    /// A fitted model.
+    Model,
+    /// A fiber's scattering.
+    Fiber,
+    /// Speckle patterns.
+    Speckle,
+    /// A yarn spec.
+    YarnSpec,
+    /// A fabric spec.
+    FabricSpec,
+    /// A scene of the wave simulator.
+    WaveScene,
+    /// A picture.
+    Picture,
+    /// A mesh.
+    Mesh,
+}
+
+impl Kind {
+    /// In words, with its article.
+    fn words(self) -> &'static str {
+        match self {
+            Kind::Table => "a table (.pwt)",
+            Kind::Model => "a ply model (.pwm)",
+            Kind::Fiber => "a fiber table (.pwf)",
+            Kind::Speckle => "speckle patterns (.pws)",
+            Kind::YarnSpec => "a yarn spec (TOML)",
+            Kind::FabricSpec => "a fabric spec (TOML)",
+            Kind::WaveScene => "a scene for waves (TOML)",
+            Kind::Picture => "a picture",
+            Kind::Mesh => "a mesh (OBJ)",
+        }
+    }
+
+    /// Which command makes the wanted kind of this one, or what takes this one.
+    fn hint(self, wanted: Kind) -> &'static str {
+        match (self, wanted) {
+            (Kind::YarnSpec, Kind::Model) => "`plywave build SPEC` makes a model of it",
+            (Kind::YarnSpec, Kind::Table) => "`plywave simulate SPEC` makes a table of it",
+            (Kind::Table, Kind::Model) => "`plywave fit TABLE` makes a model of it",
+            (Kind::Model, Kind::FabricSpec) => "write a fabric spec that names it, as fabrics/cotton_plain.toml",
+            (Kind::YarnSpec, Kind::FabricSpec) => "build its model and write a fabric spec that names it",
+            (Kind::FabricSpec, _) => "`plywave render` and `plywave weave` take it",
+            (Kind::YarnSpec, _) => "`plywave build` takes it",
+            (Kind::Model, _) => "`plywave info` tells what it holds",
+            (Kind::Table, _) => "`plywave fit` takes it",
+            (Kind::Fiber | Kind::Speckle, _) => "`plywave info` tells what it holds",
+            (Kind::WaveScene, _) => "`plywave wave scatter` takes it",
+            (Kind::Picture | Kind::Mesh, _) => "check the path",
+        }
+    }
+}
+
+/// Most bytes of a file that are looked at.
+const HEAD: u64 = 64 << 10;
+
+/// What a file is, as far as its first bytes tell.
+pub fn kind_of(path: &Path) -> Option<Kind> {
+    if !std::fs::metadata(path).ok()?.is_file() {
+        return None;
+    }
+    if let Ok(kind) = plywave::file_kind(path) {
+        return Some(match kind {
+            FileKind::Table => Kind::Table,
+            FileKind::Model => Kind::Model,
+            FileKind::Fiber => Kind::Fiber,
+            FileKind::Speckle => Kind::Speckle,
+        });
+    }
+    let mut head = Vec::new();
+    std::fs::File::open(path).ok()?.take(HEAD).read_to_end(&mut head).ok()?;
+    if [&b"\x89PNG"[..], &[0x76, 0x2f, 0x31, 0x01], &[0xff, 0xd8, 0xff]].iter().any(|m| head.starts_with(m)) {
+        return Some(Kind::Picture);
+    }
+    let text = std::str::from_utf8(&head).ok()?;
+    let has = |starts: &[&str]| text.lines().any(|l| starts.iter().any(|s| l.trim_start().starts_with(s)));
+    if has(&["[weave", "weave.", "[warp", "[weft"]) {
+        Some(Kind::FabricSpec)
+    } else if has(&["[[fiber"]) {
+        Some(Kind::WaveScene)
+    } else if has(&["[fiber", "[ply", "[absorption"]) {
+        Some(Kind::YarnSpec)
+    } else if has(&["v "]) && has(&["f "]) {
+        Some(Kind::Mesh)
+    } else {
+        None
+    }
+}
+
+/// Says that `path` is of another kind than `wanted`, where that is why `error` came up.
+pub fn explain(path: &Path, wanted: &[Kind], error: impl Into<Failure>) -> Failure {
+    match kind_of(path) {
+        Some(kind) if !wanted.contains(&kind) => {
+            let names: Vec<&str> = wanted.iter().map(|k| k.words()).collect();
+            let names = match names.split_last() {
+                Some((last, [])) => (*last).to_string(),
+                Some((last, rest)) => format!("{} or {last}", rest.join(", ")),
+                None => String::new(),
+            };
+            let hint = kind.hint(wanted.first().copied().unwrap_or(kind));
+            Failure::Input(format!("{}: {}, expected {names}; {hint}", path.display(), kind.words()))
+        }
+        _ => error.into(),
+    }
+}
+
+/// Loads a model; another kind of file is named.
+pub fn load_model(path: &Path) -> Outcome<PlyModel> {
+    PlyModel::load(path).map_err(|e| explain(path, &[Kind::Model], e))
+}
+
+/// Loads a table; another kind of file is named.
+pub fn load_table(path: &Path) -> Outcome<Table> {
+    Table::load(path).map_err(|e| explain(path, &[Kind::Table], e))
+}
+
+/// Loads a fabric spec and its models; another kind of file is named.
+pub fn load_fabric(path: &Path) -> Outcome<LoadedFabric> {
+    FabricSpec::load(path).map_err(|e| explain(path, &[Kind::FabricSpec], e))
+}

@@ -1,0 +1,148 @@
+//! Pictures as bytes, with what they are of: EXR with layers that denoisers read, PNG with text.
+
+use crate::{Film, FilmView, RenderError};
+use exr::prelude::{
+    AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, IntegerBounds, Layer, LayerAttributes,
+    SmallVec, Text, Vec2, WritableImage,
+};
+
+/// What a picture is of, written into its file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Facts {
+    /// Program and version.
+    pub software: String,
+    /// Name of the fabric.
+    pub fabric: String,
+    /// File name of the fabric's spec.
+    pub spec: String,
+    /// Digest of all that was read for the picture, as `sha256:...`.
+    pub digest: String,
+    /// The scene.
+    pub scene: String,
+    /// Seed of the random numbers.
+    pub seed: u64,
+    /// Samples a pixel.
+    pub samples: u32,
+    /// Stops by which a PNG is brighter.
+    pub exposure: f32,
+}
+
+impl Facts {
+    /// Names and values: of the PNG's text chunks, and of the EXR's attributes with `plywave.` before the name.
+    pub fn entries(&self) -> [(&'static str, String); 8] {
+        [
+            ("Software", self.software.clone()),
+            ("fabric", self.fabric.clone()),
+            ("spec", self.spec.clone()),
+            ("digest", self.digest.clone()),
+            ("scene", self.scene.clone()),
+            ("seed", self.seed.to_string()),
+            ("samples", self.samples.to_string()),
+            ("exposure", self.exposure.to_string()),
+        ]
+    }
+}
+
+/// Chromaticities of the primaries and the white of linear sRGB (ITU-R BT.709, D65).
+const REC_709: [[f32; 2]; 4] = [[0.64, 0.33], [0.30, 0.60], [0.15, 0.06], [0.3127, 0.3290]];
+
+/// An OpenEXR text: Latin-1, with `?` for what that lacks.
+fn text(value: &str) -> Text {
+    let plain: String = value.chars().map(|c| if (c as u32) < 256 { c } else { '?' }).collect();
+    Text::new_or_panic(&plain)
+}
+
+impl Film {
+    /// An OpenEXR file, one part of 32-bit floats: `R G B`, linear sRGB of the light; `albedo.R G B`; `normal.X Y Z`, unit, in the scene's axes, turned to the camera;
+    /// `depth.Z` along the camera's axis [mm]; from two samples on `variance.R G B`, of the mean of a pixel. Normal and depth are 0 where nothing is hit. The header
+    /// has `facts` and the chromaticities.
+    ///
+    /// # Errors
+    /// [`RenderError::Picture`].
+    pub fn exr(&self, facts: &Facts) -> Result<Vec<u8>, RenderError> {
+        let (width, height) = (self.width(), self.height());
+        let plane = |of: &dyn Fn(u32, u32) -> f32| -> Vec<f32> {
+            (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| of(x, y)).collect()
+        };
+        let mut channels: SmallVec<[AnyChannel<FlatSamples>; 4]> = SmallVec::new();
+        let mut add = |name: &str, of: &dyn Fn(u32, u32) -> f32| {
+            channels.push(AnyChannel::new(text(name), FlatSamples::F32(plane(of))));
+        };
+        for (k, c) in ["R", "G", "B"].into_iter().enumerate() {
+            add(c, &|x, y| self.linear(FilmView::Light, x, y)[k]);
+            add(&format!("albedo.{c}"), &|x, y| self.linear(FilmView::Albedo, x, y)[k]);
+            if self.samples() > 1 {
+                add(&format!("variance.{c}"), &|x, y| self.variance(x, y).map_or(0.0, |v| v[k]));
+            }
+        }
+        for (k, c) in ["X", "Y", "Z"].into_iter().enumerate() {
+            add(&format!("normal.{c}"), &|x, y| self.normal(x, y)[k]);
+        }
+        add("depth.Z", &|x, y| self.depth(x, y));
+        let size = Vec2(width as usize, height as usize);
+        let mut attributes = LayerAttributes::default();
+        for (name, value) in facts.entries() {
+            match name {
+                "Software" => attributes.software_name = Some(text(&value)),
+                _ => {
+                    let key = text(&format!("plywave.{name}"));
+                    attributes.other.insert(key, AttributeValue::Text(text(&value)));
+                }
+            }
+        }
+        let layer = Layer::new(size, attributes, Encoding::SMALL_FAST_LOSSLESS, AnyChannels::sort(channels));
+        let mut image = Image::from_layer(layer);
+        image.attributes.display_window = IntegerBounds::from_dimensions(size);
+        let [red, green, blue, white] = REC_709.map(|[x, y]| Vec2(x, y));
+        image.attributes.chromaticities = Some(exr::meta::attribute::Chromaticities { red, green, blue, white });
+        let mut out = std::io::Cursor::new(Vec::new());
+        let bad = |e: exr::error::Error| RenderError::Picture { file: "EXR".into(), what: e.to_string() };
+        image.write().to_buffered(&mut out).map_err(bad)?;
+        Ok(sorted_header(out.into_inner()))
+    }
+}
+
+/// The file with the attributes of its header in the order of their names: the library writes them in the order of a hash map, another one in each run. No length
+/// changes, so that the offsets hold.
+fn sorted_header(mut file: Vec<u8>) -> Vec<u8> {
+    /// Magic number and version come before the first attribute.
+    const START: usize = 8;
+    let mut list = Vec::new();
+    let mut at = START;
+    // An attribute: name, 0, type, 0, length in 4 bytes, value.
+    while file.get(at).is_some_and(|b| *b != 0) {
+        let after = |from: usize| file.get(from..)?.iter().position(|b| *b == 0).map(|n| from + n + 1);
+        let end = after(at).and_then(after).and_then(|from| {
+            let size = file.get(from..)?.first_chunk::<4>()?;
+            Some(from + 4 + u32::from_le_bytes(*size) as usize).filter(|end| *end <= file.len())
+        });
+        // A header that is not understood stays as it is.
+        let Some(end) = end else { return file };
+        list.push(file[at..end].to_vec());
+        at = end;
+    }
+    list.sort_unstable();
+    file[START..at].copy_from_slice(&list.concat());
+    file
+}
+
+/// A PNG in sRGB with `entries` as text (iTXt, UTF-8).
+///
+/// # Errors
+/// [`RenderError::Picture`].
+pub fn png(image: &image::RgbImage, entries: &[(impl AsRef<str>, String)]) -> Result<Vec<u8>, RenderError> {
+    let mut out = Vec::new();
+    let bad = |e: png::EncodingError| RenderError::Picture { file: "PNG".into(), what: e.to_string() };
+    let mut encoder = png::Encoder::new(&mut out, image.width(), image.height());
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::High);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    for (name, value) in entries {
+        encoder.add_itxt_chunk(name.as_ref().to_string(), value.clone()).map_err(bad)?;
+    }
+    let mut writer = encoder.write_header().map_err(bad)?;
+    writer.write_image_data(image.as_raw()).map_err(bad)?;
+    writer.finish().map_err(bad)?;
+    Ok(out)
+}
