@@ -24,10 +24,9 @@ mod compressed_tests;
 mod coupling;
 mod curve;
 mod error;
-mod jobs;
 mod kernel;
 mod likeness;
-mod memory;
+pub(crate) mod memory;
 mod mie;
 mod multipole;
 #[cfg(test)]
@@ -49,10 +48,13 @@ mod speckle;
 mod symmetry;
 mod system;
 mod tabulate;
+#[cfg(test)]
+mod tabulate_tests;
 mod total_field;
 
 pub use compare::{
-    AcrossWavelengths, CompareCase, CompareCurves, CompareOptions, CompareReport, Energies, Resolved, compare,
+    AcrossWavelengths, CompareCase, CompareCurves, CompareJob, CompareOptions, CompareReport, Energies, Resolved,
+    compare,
 };
 pub use compressed::CompressedSolver;
 pub use error::WaveError;
@@ -60,14 +62,16 @@ pub use likeness::{Likeness, Spread};
 pub use mie::MieSolver;
 pub use multipole::MultipoleSolver;
 pub use nystrom::NystromSolver;
-pub use scatter::{Case, Report, RunStats, check_ledger, scatter};
+pub use scatter::{Case, Report, RunStats, ScatterJob, check_ledger, scatter};
 pub use scene::{Beams, Method, Scene};
 pub use scene_check::check_walls;
 pub use section_bodies::{fiber_body, section_bodies};
 pub use single_fiber::{Absorption, SingleFiber};
 pub use source::{BeamSource, PlaneWave, Source};
-pub use speckle::{SpeckleOptions, speckle};
-pub use tabulate::{MakeSolver, Solver, TabulateOptions, tabulate, tabulate_rays, tabulate_slices, tabulate_with};
+pub use speckle::{SpeckleJob, SpeckleOptions, speckle};
+pub use tabulate::{
+    MakeSolver, Solver, TabulateJob, TabulateOptions, tabulate, tabulate_rays, tabulate_slices, tabulate_with,
+};
 pub use total_field::{TotalField, azimuths, beam_power, incident_far_field, total_field};
 
 use num_complex::Complex64;
