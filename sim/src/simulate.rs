@@ -93,7 +93,8 @@ impl SimulateJob {
     /// # Errors
     /// [`SimError::TooFewPaths`].
     pub fn check_savable(&self) -> Result<(), SimError> {
-        let off = |paths: u64| 5.0 * self.standard_error(&SimOptions { paths_per_theta: paths, ..self.options.clone() });
+        let off =
+            |paths: u64| 5.0 * self.standard_error(&SimOptions { paths_per_theta: paths, ..self.options.clone() });
         let paths = self.options.paths_per_theta;
         let error = off(paths);
         if error <= ENERGY_TOLERANCE {
@@ -224,8 +225,7 @@ impl Job for SimulateJob {
 
     fn begin(&self) -> Table {
         let sigma_per_um = &self.spec.absorption.sigma_per_um;
-        let mut table =
-            empty_table(&self.spec_text, &self.options, &self.theta_i, &self.h_um, sigma_per_um, self.grid);
+        let mut table = empty_table(&self.spec_text, &self.options, &self.theta_i, &self.h_um, sigma_per_um, self.grid);
         table.traced = self.twin.is_some();
         table.plies = if table.traced { self.spec.ply_ring().plies } else { 1 };
         if self.twin.is_none() {

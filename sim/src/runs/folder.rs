@@ -39,10 +39,20 @@ impl PartsFolder {
     /// Makes the folder where there is none, and locks it.
     ///
     /// # Errors
-    /// [`SimError::PartsInUse`] when another process has the lock, [`Error::Io`] when the folder cannot be made.
+    /// [`SimError::PartsInUse`] when another process has the lock, [`Error::Io`] when the folder cannot be made, [`Error::Format`] when it is a folder of
+    /// something else.
     pub fn open(path: impl Into<PathBuf>, found: Found) -> Result<PartsFolder, SimError> {
         let path = path.into();
-        fs::create_dir_all(&path).map_err(io(&path))?;
+        let names = if path.exists() { names_in(&path)? } else { Vec::new() };
+        let ours = |name: &String| name == LOCK || disk::is_temporary(name) || parse_name(name).is_some();
+        if !names.is_empty() && !names.iter().any(ours) {
+            return Err(Error::Format {
+                file: path.display().to_string(),
+                what: "a folder that holds something else than the shards of a run".into(),
+                mend: "move it away, or choose another output".into(),
+            }
+            .into());
+        }
         let lock = lock(&path)?;
         let folder = PartsFolder { path, found, notes: Mutex::default(), _lock: lock };
         // What a killed run was writing.
@@ -120,13 +130,7 @@ impl PartsFolder {
         self.entry(job, &PartFile::open(&self.file(first, count))?, first, count)
     }
 
-    fn entry<J: Job + ?Sized>(
-        &self,
-        job: &J,
-        file: &PartFile,
-        first: usize,
-        count: usize,
-    ) -> Result<Entry, SimError> {
+    fn entry<J: Job + ?Sized>(&self, job: &J, file: &PartFile, first: usize, count: usize) -> Result<Entry, SimError> {
         if !file.entries().eq([(first, count)]) {
             return Err(Error::Format {
                 file: self.file(first, count).display().to_string(),
@@ -152,7 +156,10 @@ impl PartsFolder {
 
     fn note(&self, error: &SimError) {
         let line = format!("{error} (dropped, its shards are run again)");
-        self.notes.lock().unwrap_or_else(PoisonError::into_inner).push(line);
+        let mut notes = self.notes.lock().unwrap_or_else(PoisonError::into_inner);
+        if !notes.contains(&line) {
+            notes.push(line);
+        }
     }
 
     fn file(&self, first: usize, count: usize) -> PathBuf {
@@ -163,13 +170,18 @@ impl PartsFolder {
     }
 
     fn names(&self) -> Result<Vec<String>, SimError> {
-        let mut names = Vec::new();
-        for entry in fs::read_dir(&self.path).map_err(io(&self.path))? {
-            names.push(entry.map_err(io(&self.path))?.file_name().to_string_lossy().into_owned());
-        }
-        names.sort();
-        Ok(names)
+        names_in(&self.path)
     }
+}
+
+/// Names in a folder, sorted.
+fn names_in(folder: &Path) -> Result<Vec<String>, SimError> {
+    let mut names = Vec::new();
+    for entry in fs::read_dir(folder).map_err(io(folder))? {
+        names.push(entry.map_err(io(folder))?.file_name().to_string_lossy().into_owned());
+    }
+    names.sort();
+    Ok(names)
 }
 
 impl Drop for PartsFolder {

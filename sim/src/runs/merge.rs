@@ -47,8 +47,7 @@ impl Parts {
             }
             if (file.shards(), file.extent()) != (known.shards, known.extent) {
                 let (ours, theirs) = (file.shards(), known.shards);
-                let what =
-                    format!("{}: of a job of {ours} shards, {} of {theirs}", path.display(), other.display());
+                let what = format!("{}: of a job of {ours} shards, {} of {theirs}", path.display(), other.display());
                 return Err(refuse(what, "give parts of one command"));
             }
         }

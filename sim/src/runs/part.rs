@@ -210,7 +210,12 @@ pub struct PartFile {
 }
 
 /// Bytes of the file of `entries` of a job.
-pub(super) fn encode<J: Job + ?Sized>(job: &J, plan: &Plan, entries: &[Entry], name: &str) -> Result<Vec<u8>, SimError> {
+pub(super) fn encode<J: Job + ?Sized>(
+    job: &J,
+    plan: &Plan,
+    entries: &[Entry],
+    name: &str,
+) -> Result<Vec<u8>, SimError> {
     let failed = |e: &dyn std::fmt::Display| -> SimError {
         Error::Format { file: name.into(), what: e.to_string(), mend: "use fewer shards a part".into() }.into()
     };
@@ -365,8 +370,7 @@ impl PartFile {
                 .map_err(|_| bad(format!("array {} is missing", array.name)))?;
             let dtype = if array.single { Dtype::F32 } else { Dtype::F64 };
             if tensor.shape() != array.shape || tensor.dtype() != dtype {
-                let what =
-                    format!("{} has the shape {:?}, expected {:?}", array.name, tensor.shape(), array.shape);
+                let what = format!("{} has the shape {:?}, expected {:?}", array.name, tensor.shape(), array.shape);
                 return Err(bad(what));
             }
             let data = tensor.data();

@@ -507,9 +507,7 @@ mod tests {
                             beams: Some(super::super::Beams { w0_um: 5.0, h_um: vec![h_um] }),
                             ..scene.clone()
                         };
-                        for (case, pol) in
-                            solve(&one).unwrap().cases.iter().zip([Polarization::Tm, Polarization::Te])
-                        {
+                        for (case, pol) in solve(&one).unwrap().cases.iter().zip([Polarization::Tm, Polarization::Te]) {
                             assert_eq!(Some(case), want.next());
                             assert_eq!((case.lambda_um, case.theta_i, case.phi_i), (lambda_um, theta_i, phi_i));
                             assert_eq!((case.h_um, case.pol), (Some(h_um), pol));

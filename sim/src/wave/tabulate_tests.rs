@@ -4,13 +4,13 @@ use super::tabulate::*;
 use super::{Absorption, Polarization, SingleFiber, Source, Wave, WaveError, WaveSolver};
 use crate::error::SimError;
 use crate::runs::{Found, PartsFolder, Run};
-use plywave::fiber::FiberSource;
-use std::f64::consts::{PI, TAU};
-use std::sync::atomic::{AtomicBool, Ordering};
 use crate::wave::{C64, Scattered, SolverStats};
+use plywave::fiber::FiberSource;
 use plywave::fiber::TabulatedFiber;
 use plywave::{Shape, YarnSpec, direction};
+use std::f64::consts::{PI, TAU};
 use std::sync::atomic::AtomicU64;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A made-up scatterer of the ellipse's symmetry whose powers are known in closed form: first order in a soft ellipse of Gaussian profile,
 /// `F = (k_0 a b) exp(-((a u)^2 + (b v)^2) / 4)` with (u, v) the change of the transverse wavevector, and what is scattered is extinguished, but
@@ -249,10 +249,7 @@ fn rays_keep_their_energy() {
         }
         let got = table.c_abs_um[m] / table.c_x_um[m];
         let tolerance = 5.0 * (variance / rays as f64).sqrt();
-        assert!(
-            (got - want).abs() < tolerance,
-            "theta_i {theta_i}: absorbed {got}, want {want} within {tolerance}"
-        );
+        assert!((got - want).abs() < tolerance, "theta_i {theta_i}: absorbed {got}, want {want} within {tolerance}");
     }
 }
 
@@ -260,8 +257,7 @@ fn rays_keep_their_energy() {
 fn sizes_follow_symmetry_and_band_limit() {
     let polyester = YarnSpec::polyester().unwrap().fiber;
     let sizes = |shape: Shape| {
-        let fiber =
-            SingleFiber::of_spec(&plywave::FiberSpec { shape, ..polyester.clone() }, Absorption::Sigma(0.0));
+        let fiber = SingleFiber::of_spec(&plywave::FiberSpec { shape, ..polyester.clone() }, Absorption::Sigma(0.0));
         let plan = Plan::new(&fiber, &TabulateOptions::standard(), FiberSource::Wave).unwrap();
         (plan.phi_i.len(), plan.relative, plan.fine)
     };
