@@ -121,7 +121,7 @@ impl Bar {
 
     /// `done` of `total` units of a stage are done.
     pub fn update(&self, what: &'static str, done: u64, total: u64) {
-        if self.bar.prefix() != what {
+        if self.bar.prefix() != what || self.bar.length() != Some(total) {
             self.begin(what, total);
         }
         self.bar.set_position(done);

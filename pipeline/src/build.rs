@@ -1,7 +1,7 @@
 //! The whole pipeline in one call.
 
 use crate::error::Error;
-use crate::recipe::{Quality, Recipe, Speckle};
+use crate::recipe::{Recipe, Speckle};
 use crate::stages::{add_speckle, fit_model, simulate, simulate_job, solve_speckle, speckle_options, yarn_table};
 use plywave::{PlyData, Table};
 use plywave_sim::runs::{self, PartsFolder};
@@ -127,12 +127,7 @@ pub struct Built {
 /// before any work.
 pub fn build(recipe: &Recipe, run: &Run<'_>) -> Result<Built, Error> {
     let (spec, text, file) = (&recipe.spec, &recipe.spec_text, recipe.file.as_str());
-    let instances = match &recipe.speckle {
-        Speckle::Usual if recipe.quality != Quality::Preview => Some(None),
-        Speckle::Solve(instances) => Some(Some(*instances)),
-        _ => None,
-    };
-    let speckle = instances.map(|instances| speckle_options(recipe, instances));
+    let speckle = recipe.solved_speckle().map(|instances| speckle_options(recipe, instances));
     let refuse = |error| Error::of_simulation(error, file);
     // What may not be used is told now, not after the stages before it.
     let check = runs::Run { parts: run.parts, ..runs::Run::plain() };

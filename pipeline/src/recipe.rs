@@ -137,6 +137,15 @@ impl Recipe {
         Ok(Recipe::new(file, spec, text, quality))
     }
 
+    /// Instances of the fiber whose speckle is solved; `None` where nothing is to be solved, `Some(None)` for the usual number.
+    pub fn solved_speckle(&self) -> Option<Option<u32>> {
+        match &self.speckle {
+            Speckle::Usual if self.quality != Quality::Preview => Some(None),
+            Speckle::Solve(instances) => Some(Some(*instances)),
+            _ => None,
+        }
+    }
+
     /// Sizes of the simulation: the quality's, then the spec's, then the recipe's.
     pub fn simulation(&self) -> SimOptions {
         let mut options = self.quality.simulation().overridden_by(&self.spec.simulation);

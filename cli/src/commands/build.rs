@@ -31,27 +31,31 @@ pub fn run(cli: &Cli, args: &BuildArgs) -> Outcome {
     let resume = &args.run.resume;
     let resumed = resume.resume && runs::parts_of(&path).exists();
     let parts = runs::open_parts(&path, resume)?;
-    let speckle_parts = runs::open_parts(&path.with_extension("pws"), resume)?;
+    let speckle_parts = match recipe.solved_speckle() {
+        Some(_) => Some(runs::open_parts(&path.with_extension("pws"), resume)?),
+        None => None,
+    };
     progress::install_stop();
     let bar = PipelineBar::new(cli.quiet);
     let tell = |progress| bar.update(progress);
     let run = Run {
         parts: Some(&parts),
-        speckle_parts: Some(&speckle_parts),
+        speckle_parts: speckle_parts.as_ref(),
         stop: Some(&progress::STOP),
         progress: Some(&tell),
     };
     let built = on_threads(cli, || build(&recipe, &run));
     bar.finish();
-    runs::tell_notes(cli, &parts);
-    runs::tell_notes(cli, &speckle_parts);
+    [Some(&parts), speckle_parts.as_ref()].into_iter().flatten().for_each(|parts| runs::tell_notes(cli, parts));
     let built = built?.map_err(pipeline_failure)?;
     if let Some(table_path) = &table_path {
         built.table.save(table_path)?;
     }
     built.model.save(&path)?;
     parts.remove();
-    speckle_parts.remove();
+    if let Some(parts) = speckle_parts {
+        parts.remove();
+    }
 
     let (data, times) = (&built.model, built.times);
     let simulated = simulate::Summary::of(&built.table, times.simulate, resumed);
