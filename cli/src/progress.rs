@@ -21,6 +21,9 @@ static STOPPABLE: AtomicBool = AtomicBool::new(false);
 pub fn install_stop() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
+        // A file beyond the limit of its size is then a failed write with a message, not the end of the program. Without room for a handler it stays that.
+        #[cfg(unix)]
+        let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());
         let handler = || {
             if !STOPPABLE.load(Ordering::SeqCst) || STOP.swap(true, Ordering::SeqCst) {
                 if std::io::stderr().is_terminal() {

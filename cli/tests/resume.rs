@@ -181,7 +181,8 @@ fn shares_make_the_whole() {
     let b = share(dir, &[tiny, &["--seed", "2"]].concat(), (2, 2));
     common::refused(dir, &["merge", &a, &b, "-o", "x.pwt"], &["part2of2", "another job", "seed"]);
     common::refused(dir, &["merge", &a, "tiny.toml", "-o", "x.pwt"], &["tiny.toml", "not a part"]);
-    common::refused(dir, &["merge", &a, "-o", &a], &["-o"]);
+    let all = share(dir, tiny, (1, 1));
+    common::refused(dir, &["merge", &all, "-o", &all], &["-o", "an input"]);
     common::refused(dir, &[tiny, &["--shards", "1/1000"]].concat(), &["--shards", "1000", "shards"]);
     common::refused(dir, &[tiny, &["--shards", "3/2"]].concat(), &["--shards", "K/N"]);
     let plan = common::json(&succeed(dir, &[tiny, &["--plan", "--json"]].concat()));
@@ -199,4 +200,25 @@ fn runs_that_cannot_be_saved_are_refused() {
         common::refused(folder.path(), &few, &["wide.toml", "paths_per_theta = 100", "too few", "or more"]);
     }
     succeed(folder.path(), &["simulate", "wide.toml", "--preset", "preview", "--paths", "20000", "--quiet"]);
+}
+
+/// A limit of file sizes: one line, and what was finished before goes on.
+#[test]
+fn limits_of_file_sizes_are_failed_writes() {
+    let folder = folder();
+    let dir = folder.path();
+    // Shards fit into 100 KiB (in units of 512 bytes), the sum of the table does not.
+    let command = format!(
+        "ulimit -f 100; exec '{}' simulate tiny.toml --preset preview --quiet -o t.pwt",
+        env!("CARGO_BIN_EXE_plywave")
+    );
+    let output = Command::new("sh").current_dir(dir).args(["-c", &command]).output().unwrap();
+    let err = text(&output.stderr);
+    assert_eq!((output.status.code(), err.lines().count()), (Some(2), 1), "{err}");
+    assert!(err.contains("t.pwt") && err.contains("too large"), "{err}");
+    assert!(!dir.join("t.pwt").exists() && dir.join("t.pwt.parts").is_dir());
+    let resume = ["simulate", "tiny.toml", "--preset", "preview", "--quiet", "-o", "t.pwt", "--resume"];
+    succeed(dir, &resume);
+    succeed(dir, &["simulate", "tiny.toml", "--preset", "preview", "--quiet", "-o", "u.pwt"]);
+    assert_eq!(bytes(dir, "t.pwt"), bytes(dir, "u.pwt"));
 }

@@ -18,6 +18,8 @@
 
 mod circle;
 mod compare;
+#[cfg(test)]
+mod compare_tests;
 mod compressed;
 #[cfg(test)]
 mod compressed_tests;
