@@ -55,6 +55,8 @@ pub enum Command {
     Diff(DiffArgs),
     /// Draw a table or a model as PNG or SVG: false-color maps, energy budget, fit errors; of speckle patterns curves and covariances.
     Plot(PlotArgs),
+    /// Join the parts of a run that was shared out with --shards: parts (.pwp) in, what the run makes out.
+    Merge(MergeArgs),
     /// Give a model speckle noise: patterns (.pws) and a model (.pwm) in, the model with noise tiles out.
     Noise(NoiseArgs),
     /// Turn a color or a reflectance into the absorption of a model's fibers, by inverting its albedo.

@@ -32,6 +32,7 @@ fn main() -> ExitCode {
         Command::Compare(args) => commands::compare::run(&cli, args),
         Command::Render(args) => commands::render::run(&cli, args),
         Command::Gallery(args) => commands::gallery::run(&cli, args),
+        Command::Merge(args) => commands::merge::run(&cli, args),
         Command::Noise(args) => commands::noise::run(&cli, args),
         Command::Color(args) => commands::color::run(&cli, args),
         Command::Weave(args) => commands::weave::run(&cli, args),

@@ -1,20 +1,29 @@
-//! Progress bars on stderr, silent when it is not a terminal or `--quiet` is given, and Ctrl-C.
+//! Progress on stderr: a bar on a terminal, else a line every ten seconds; nothing with `--quiet`. And Ctrl-C and SIGTERM.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use plywave_pipeline::{Progress, Stage};
 use std::io::{IsTerminal, Write};
-use std::sync::Once;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::sync::{Mutex, Once, PoisonError};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Set by the first Ctrl-C during stoppable work, which looks at it between shards.
+/// Time between two lines where stderr is no terminal.
+const LINES_EVERY: Duration = Duration::from_secs(10);
+
+/// Set by the first Ctrl-C or SIGTERM during stoppable work, which looks at it between shards.
 pub static STOP: AtomicBool = AtomicBool::new(false);
 static STOPPABLE: AtomicBool = AtomicBool::new(false);
 
-/// Makes the first Ctrl-C stop the work in good order where it can be, else (and the second one always) end the program at once.
+/// Makes the first Ctrl-C or SIGTERM stop the work in good order where it can be, else (and the second one always) end the program at once.
 /// Shards already written stay whole either way.
 pub fn install_stop() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
+        // A file beyond the limit of its size is then a failed write with a message, not the end of the program. Without room for a handler it stays that.
+        #[cfg(unix)]
+        let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());
         let handler = || {
             if !STOPPABLE.load(Ordering::SeqCst) || STOP.swap(true, Ordering::SeqCst) {
                 if std::io::stderr().is_terminal() {
@@ -60,12 +69,15 @@ pub fn resume_command() -> String {
 pub struct Bar {
     bar: ProgressBar,
     begun: Instant,
+    /// Where stderr is no terminal: the thread that writes lines, which ends when the sender is dropped.
+    lines: Option<(Sender<()>, JoinHandle<()>)>,
 }
 
 impl Bar {
     /// A bar named `what` that counts `unit`s, or a silent one.
     pub fn new(what: &'static str, unit: &'static str, quiet: bool) -> Self {
-        let hidden = quiet || !std::io::stderr().is_terminal();
+        let terminal = std::io::stderr().is_terminal();
+        let hidden = quiet || !terminal;
         let target = if hidden { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr_with_hz(8) };
         let bar = ProgressBar::with_draw_target(Some(1), target);
         let template =
@@ -82,7 +94,19 @@ impl Bar {
         if !hidden {
             bar.enable_steady_tick(Duration::from_millis(250));
         }
-        Bar { bar, begun: Instant::now() }
+        let begun = Instant::now();
+        let lines = (!quiet && !terminal).then(|| {
+            let (sender, ended) = channel();
+            let bar = bar.clone();
+            let write = move || {
+                while ended.recv_timeout(LINES_EVERY) == Err(RecvTimeoutError::Timeout) {
+                    // A log that cannot be written is no reason to stop.
+                    let _ = writeln!(std::io::stderr(), "{}", line(&bar, begun.elapsed()));
+                }
+            };
+            (sender, std::thread::spawn(write))
+        });
+        Bar { bar, begun, lines }
     }
 
     /// Begins a stage of `total` units.
@@ -100,7 +124,7 @@ impl Bar {
 
     /// `done` of `total` units of a stage are done.
     pub fn update(&self, what: &'static str, done: u64, total: u64) {
-        if self.bar.prefix() != what {
+        if self.bar.prefix() != what || self.bar.length() != Some(total) {
             self.begin(what, total);
         }
         self.bar.set_position(done);
@@ -108,7 +132,78 @@ impl Bar {
 
     /// Takes the bar away; gives the time it stood.
     pub fn finish(self) -> Duration {
-        self.bar.finish_and_clear();
         self.begun.elapsed()
+    }
+}
+
+impl Drop for Bar {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+        if let Some((sender, thread)) = self.lines.take() {
+            drop(sender);
+            // A thread that panicked has nothing left to write.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// A line for logs.
+fn line(bar: &ProgressBar, time: Duration) -> String {
+    let (done, total) = (bar.position(), bar.length().unwrap_or(0));
+    let percent = 100.0 * done as f64 / total.max(1) as f64;
+    let left = match done {
+        0 => String::new(),
+        _ => format!(", {} left", crate::report::duration(bar.eta())),
+    };
+    format!("{}: {percent:.0} %, {}{left}", bar.prefix(), crate::report::duration(time))
+}
+
+/// A bar for the stages of the pipeline, which also says which of them Ctrl-C can stop in good order.
+pub struct PipelineBar {
+    quiet: bool,
+    begun: Instant,
+    state: Mutex<Option<(Stage, Bar)>>,
+}
+
+impl PipelineBar {
+    /// No stage yet.
+    pub fn new(quiet: bool) -> Self {
+        PipelineBar { quiet, begun: Instant::now(), state: Mutex::new(None) }
+    }
+
+    /// A stage is so far.
+    pub fn update(&self, progress: Progress) {
+        let Progress { stage, done, total } = progress;
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = state.as_ref().is_some_and(|(known, _)| known.unit() == stage.unit());
+        STOPPABLE.store(stage.is_stoppable(), Ordering::SeqCst);
+        if !known {
+            *state = Some((stage, Bar::new(stage.name(), stage.unit(), self.quiet)));
+        }
+        if let Some((_, bar)) = state.as_ref() {
+            bar.update(stage.name(), done, total);
+        }
+    }
+
+    /// Takes the bar away; gives the time it stood.
+    pub fn finish(self) -> Duration {
+        STOPPABLE.store(false, Ordering::SeqCst);
+        self.begun.elapsed()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_tell_stage_and_share() {
+        let bar = ProgressBar::with_draw_target(Some(8), ProgressDrawTarget::hidden());
+        bar.set_prefix("simulate");
+        bar.set_position(2);
+        let told = line(&bar, Duration::from_secs(70));
+        assert!(told.starts_with("simulate: 25 %, 1 min 10 s, ") && told.ends_with(" left"), "{told}");
+        bar.set_position(0);
+        assert_eq!(line(&bar, Duration::from_secs(10)), "simulate: 0 %, 10.0 s");
     }
 }

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{TINY, run, succeed, text};
+use common::{ANY_FIT, TINY, run, succeed, text};
 use std::path::Path;
 
 fn json(text: &str) -> serde_json::Value {
@@ -28,7 +28,7 @@ fn fibers_give_a_model_noise() {
     std::fs::write(dir.join("other.toml"), jittered.replace("radius_um = 7.5", "radius_um = 5.0")).unwrap();
     let speckle = ["wave", "speckle", "--instances", "40", "--lambda", "0.5,0.6", "--quiet"];
     succeed(dir, &[&speckle[..], &["tiny.toml"]].concat());
-    succeed(dir, &["build", "tiny.toml", "--preset", "preview", "--quiet"]);
+    succeed(dir, &[&["build", "tiny.toml", "--preset", "preview", "--quiet"], ANY_FIT].concat());
 
     let told = succeed(dir, &["noise", "tiny.pws", "-m", "tiny.pwm", "--tiles", "1"]);
     assert!(told.contains("tiny-noise.pwm") && told.contains("contrast"), "{told}");

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{build, folder, json, names, plywave, run, succeed, text};
+use common::{ANY_FIT, build, folder, json, names, plywave, run, succeed, text};
 use std::io::Read;
 use std::process::Stdio;
 
@@ -10,7 +10,8 @@ use std::process::Stdio;
 fn build_makes_what_every_command_reads() {
     let folder = folder();
     let dir = folder.path();
-    let built = json(&succeed(dir, &["build", "tiny.toml", "--preset", "preview", "--keep-table", "--json"]));
+    let built = ["build", "tiny.toml", "--preset", "preview", "--keep-table", "--json"];
+    let built = json(&succeed(dir, &[&built[..], ANY_FIT].concat()));
     assert_eq!(names(dir), ["tiny.pwm", "tiny.pwt", "tiny.toml"]);
     assert_eq!(built["bytes"], std::fs::metadata(dir.join("tiny.pwm")).unwrap().len());
     let balance = built["energy_balance_max_standard_errors"].as_f64().unwrap();
@@ -56,12 +57,30 @@ fn build_makes_what_every_command_reads() {
     assert!(text(&strict.stdout).contains("FAIL  fit_error_high"), "{}", text(&strict.stdout));
 }
 
+/// A fit beyond what `check` allows: said on stderr, the model kept, exit code 1.
+#[test]
+fn bad_fits_are_told() {
+    let folder = folder();
+    let dir = folder.path();
+    let output = run(dir, &["build", "tiny.toml", "--preset", "preview", "--quiet"]);
+    let err = text(&output.stderr);
+    assert_eq!((output.status.code(), err.lines().count()), (Some(1), 1), "{err}");
+    for word in ["tiny.pwm", "bad fit", "f_refl", "f_high", "allowed 0.15", "lobes_high"] {
+        assert!(err.contains(word), "no {word} in {err}");
+    }
+    assert_eq!(names(dir), ["tiny.pwm", "tiny.toml"]);
+    // The same by the check of the model.
+    let checked = json(&text(&run(dir, &["check", "tiny.pwm", "--json", "--incidences", "2"]).stdout));
+    assert_eq!(checked["passed"], false);
+}
+
 #[test]
 fn diff_tells_two_seeds_apart() {
     let folder = folder();
     let dir = folder.path();
     build(dir);
-    succeed(dir, &["build", "tiny.toml", "--preset", "preview", "--seed", "2", "-o", "two.pwm", "--quiet"]);
+    let two = ["build", "tiny.toml", "--preset", "preview", "--seed", "2", "-o", "two.pwm", "--quiet"];
+    succeed(dir, &[&two[..], ANY_FIT].concat());
     let same = json(&succeed(dir, &["diff", "tiny.pwm", "tiny.pwm", "--tol", "0", "--tol-energy", "0", "--json"]));
     assert_eq!((same["equal"].as_bool(), same["worst_relative_l2"].as_f64()), (Some(true), Some(0.0)));
     let other = run(dir, &["diff", "tiny.pwm", "two.pwm", "--tol", "1e-9", "--json"]);
@@ -147,7 +166,7 @@ fn plots_are_whole_png_files() {
 fn quiet_is_quiet_and_help_is_help() {
     let folder = folder();
     let dir = folder.path();
-    let output = run(dir, &["build", "tiny.toml", "--preset", "preview", "--quiet"]);
+    let output = run(dir, &[&["build", "tiny.toml", "--preset", "preview", "--quiet"][..], ANY_FIT].concat());
     assert!(output.status.success() && output.stdout.is_empty() && output.stderr.is_empty());
     let help = succeed(dir, &["--help"]);
     for command in ["simulate", "fit", "build", "info", "eval", "sample", "check", "diff", "plot"] {

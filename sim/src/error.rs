@@ -68,6 +68,70 @@ pub enum SimError {
         /// Shards in all.
         total: usize,
     },
+    /// Another process runs in the parts folder.
+    #[error("{folder}: another run is writing to this output; wait for it, or choose another output")]
+    PartsInUse {
+        /// The folder.
+        folder: String,
+    },
+    /// The parts folder holds finished shards of the same job, and nobody said what to do with them.
+    #[error(
+        "{folder}: holds {found} of {total} finished shards of this run; go on with --resume, or delete them with --fresh"
+    )]
+    PartsFound {
+        /// The folder.
+        folder: String,
+        /// Finished shards.
+        found: usize,
+        /// Shards of the job.
+        total: usize,
+    },
+    /// The parts folder holds finished shards of another job.
+    #[error(
+        "{folder}: holds shards of another run (its spec, options, seed or version differ); choose another output, or delete them with --fresh"
+    )]
+    PartsOfAnotherRun {
+        /// The folder.
+        folder: String,
+    },
+    /// A shard came out with values that cannot be.
+    #[error("shard {shard}: {what}; the run cannot be saved: change the spec or its sizes")]
+    BadShard {
+        /// Number of the shard.
+        shard: usize,
+        /// What is wrong.
+        what: String,
+    },
+    /// A share of a job that does not exist.
+    #[error("--shards = {index}/{count}: the run has {shards} shards; give K/N with 1 <= K <= N <= {shards}")]
+    TooManyParts {
+        /// Number of the part.
+        index: usize,
+        /// Number of parts.
+        count: usize,
+        /// Shards of the job.
+        shards: usize,
+    },
+    /// Parts that do not make a whole.
+    #[error("{what}; {hint}")]
+    Merge {
+        /// What is wrong.
+        what: String,
+        /// What to do about it.
+        hint: String,
+    },
+    /// A run whose result could not be saved, for the noise of its energies.
+    #[error(
+        "simulation.paths_per_theta = {paths}: too few paths, the energies would be off by up to {error:.1e} and the table refused; use {least} or more"
+    )]
+    TooFewPaths {
+        /// Paths of an incident latitude.
+        paths: u64,
+        /// Five standard errors of the energies' sum.
+        error: f64,
+        /// Paths that are enough.
+        least: u64,
+    },
     /// Something of the wave code.
     #[error(transparent)]
     Wave(#[from] crate::wave::WaveError),

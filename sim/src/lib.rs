@@ -6,8 +6,8 @@
 mod error;
 mod geometry;
 mod options;
-mod parts;
 mod rays;
+pub mod runs;
 mod shard;
 mod simulate;
 mod target;
@@ -21,4 +21,5 @@ pub use rays::{
     Azimuthal, Hit, MAX_INTERACTIONS, Medium, MeshResolution, MeshTracer, PathEnd, RoughDielectric, Scattered,
     ScrewTracer, Trace, Tracer, WALL_OFFSET_UM, Walk2d, fresnel, trace_path, walk_2d,
 };
-pub use simulate::{Run, simulate, total_paths};
+pub use runs::{Found, PartsFolder, Run};
+pub use simulate::{SimulateJob, simulate, total_paths};

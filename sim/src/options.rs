@@ -1,9 +1,10 @@
 //! Sizes of a simulation, with named presets; keys of the spec override them.
 
 use plywave::{SimulationSpec, YarnSpec};
+use serde::{Deserialize, Serialize};
 
 /// Which tracer walks the paths.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum TracerKind {
     /// The screw march where the geometry allows it, else the mesh.
     #[default]
@@ -15,7 +16,7 @@ pub enum TracerKind {
 }
 
 /// Sizes of a simulation.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SimOptions {
     /// Name of the preset they started from, for the record.
     pub preset: String,

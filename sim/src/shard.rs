@@ -8,6 +8,7 @@
 
 use crate::rays::dielectric::RoughDielectric;
 use crate::rays::path::PathEnd;
+use crate::runs::{ArrayLayout, Part, Values};
 use crate::target::Target;
 use nalgebra::Vector3;
 use plywave::{GaussianBeam, OutgoingGrid};
@@ -81,39 +82,62 @@ impl Sums {
         }
     }
 
-    pub fn add(&mut self, other: &Sums) {
-        self.bins.iter_mut().zip(&other.bins).for_each(|(a, b)| *a += b);
-        for ((_, to), (_, from)) in self.doubles_mut().into_iter().zip(other.doubles()) {
-            to.iter_mut().zip(from).for_each(|(a, b)| *a += b);
+    /// Arrays of the part that holds the sums, by the names and in the order of the fields. Weights are sums of densities, squares and tails: never
+    /// negative.
+    pub fn layout(at: &Incidence<'_>) -> Vec<ArrayLayout> {
+        let (h, c) = (at.h_um.len(), 1 + at.sigma_per_um.len());
+        let any = [0.0, f64::MAX];
+        let exits = if at.record_exits { [EXIT_AZIMUTHS, EXIT_POSITIONS, h, c] } else { [0; 4] };
+        let met = if at.record_exits { [2, MET_POSITIONS] } else { [0; 2] };
+        vec![
+            ArrayLayout::f32("bins", &[at.grid.len(), h, c], [0.0, f64::from(f32::MAX)]),
+            ArrayLayout::f64("energy", &[h, c], any),
+            ArrayLayout::f64("noise", &[h, c], any),
+            ArrayLayout::f64("missed", &[h], any),
+            ArrayLayout::f64("killed", &[h], any),
+            ArrayLayout::f64("variance", &[h], any),
+            ArrayLayout::f64("counts", &[3], any),
+            ArrayLayout::f64("exit", &exits, any),
+            ArrayLayout::f64("met", &met, any),
+        ]
+    }
+
+    /// As a part.
+    pub fn into_part(self) -> Part {
+        let Sums { bins, energy, noise, missed, killed, variance, counts, exit, met } = self;
+        let doubles = [energy, noise, missed, killed, variance, counts.to_vec(), exit, met];
+        Part::new(std::iter::once(Values::F32(bins)).chain(doubles.into_iter().map(Values::F64)).collect())
+    }
+
+    /// From a part of [`Sums::layout`].
+    pub fn from_part(part: &Part) -> Sums {
+        let doubles = |at: usize| part.f64(at).to_vec();
+        let mut counts = [0.0; 3];
+        counts.iter_mut().zip(part.f64(6)).for_each(|(to, v)| *to = *v);
+        Sums {
+            bins: part.f32(0).to_vec(),
+            energy: doubles(1),
+            noise: doubles(2),
+            missed: doubles(3),
+            killed: doubles(4),
+            variance: doubles(5),
+            counts,
+            exit: doubles(7),
+            met: doubles(8),
         }
     }
 
-    /// The double-precision sums, by name.
-    pub fn doubles(&self) -> [(&'static str, &[f64]); 8] {
-        [
-            ("energy", &self.energy),
-            ("noise", &self.noise),
-            ("missed", &self.missed),
-            ("killed", &self.killed),
-            ("variance", &self.variance),
-            ("counts", &self.counts),
-            ("exit", &self.exit),
-            ("met", &self.met),
-        ]
-    }
-
-    /// The same, to be written to.
-    pub fn doubles_mut(&mut self) -> [(&'static str, &mut [f64]); 8] {
-        [
-            ("energy", &mut self.energy),
-            ("noise", &mut self.noise),
-            ("missed", &mut self.missed),
-            ("killed", &mut self.killed),
-            ("variance", &mut self.variance),
-            ("counts", &mut self.counts),
-            ("exit", &mut self.exit),
-            ("met", &mut self.met),
-        ]
+    /// What cannot be of sums over `paths` paths.
+    pub fn check(&self, paths: u64) -> Result<(), String> {
+        let [drawn, hits, _] = self.counts;
+        if drawn != paths as f64 || hits > drawn {
+            return Err(format!("{hits} of {drawn} paths met a fiber, expected {paths} paths"));
+        }
+        let (drawn, met) = self.met.split_at(self.met.len() / 2);
+        if met.iter().zip(drawn).any(|(met, drawn)| met > drawn) {
+            return Err("more rays met the ply than were drawn".into());
+        }
+        Ok(())
     }
 }
 

@@ -1,18 +1,16 @@
 //! The whole simulation: an ensemble of ply instances, every incidence, into a [`Table`] (Yu 2025, 5.1).
 //!
-//! Work is cut into shards of one incident latitude. A shard's random stream and instances depend on the seed and its place
-//! alone, and shards are summed in their order, whatever thread finished first: the table does not depend on the number of
-//! threads, nor on interruptions. With a parts folder every finished shard is written there before it counts, so that
-//! a resumed run loses at most the shards in work.
+//! Work is cut into shards of one incident latitude. A shard's random stream and instances depend on the seed and its number alone, and the shards of a
+//! latitude form a group that is summed in their order: the table does not depend on threads, machines or interruptions.
 
 use crate::error::SimError;
 use crate::geometry::section::PlySection;
 use crate::options::{SimOptions, TracerKind};
-use crate::parts::Parts;
 use crate::rays::dielectric::RoughDielectric;
 use crate::rays::mesh_tracer::{MeshResolution, MeshTracer};
 use crate::rays::screw::ScrewTracer;
 use crate::rays::tracer::Tracer;
+use crate::runs::{self, ArrayLayout, Description, Done, Job, Part, Run};
 use crate::shard::{EXIT_AZIMUTHS, EXIT_POSITIONS, Incidence, MET_POSITIONS, Sums, trace_paths};
 use crate::target::{Target, YarnTwin};
 use plywave::math::hash::SplitMix64;
@@ -20,152 +18,237 @@ use plywave::{ExitPositions, OutgoingGrid, Table, YarnSpec};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
-use std::collections::BTreeMap;
-use std::path::Path;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-
-/// How a simulation is run: nothing here changes its result.
-#[derive(Clone, Copy)]
-pub struct Run<'a> {
-    /// Folder for finished shards; None keeps them in memory only.
-    pub parts: Option<&'a Path>,
-    /// Take up what the parts folder holds; else it must not exist or is emptied.
-    pub resume: bool,
-    /// Set to stop at the next opportunity with [`SimError::Interrupted`].
-    pub stop: Option<&'a AtomicBool>,
-    /// Called with a number of paths just traced (or found done in the parts folder), from any thread.
-    pub progress: Option<&'a (dyn Fn(u64) + Sync)>,
-}
-
-impl Run<'_> {
-    /// In memory, without progress, to the end.
-    pub fn plain() -> Run<'static> {
-        Run { parts: None, resume: false, stop: None, progress: None }
-    }
-}
+use std::sync::OnceLock;
+use std::sync::atomic::AtomicBool;
 
 /// Largest table, in cells of (theta_i, h, 1 + sigma, theta_o, phi_o): 1 GiB of densities.
 const MAX_CELLS: f64 = 2.7e8;
+/// How far the energies of an incidence may be off 1 for a table to be saved.
+const ENERGY_TOLERANCE: f64 = 0.05;
 
 /// Paths that [`simulate`] will report through `progress`, in all.
 pub fn total_paths(options: &SimOptions) -> u64 {
-    u64::from(options.theta_i_nodes.max(2)) * shard_paths(options) * u64::from(options.shards)
+    u64::from(options.theta_i_nodes.max(2)) * shard_paths(options) * u64::from(options.shards.max(1))
 }
 
 /// Simulate the scattering of `spec`, whose text is `spec_text` (kept in the table), on the threads of the current rayon pool: that of one ply, or
-/// with `options.traced_plies` that of the whole yarn, its plies parallel where they lie.
+/// with `options.traced_plies` that of the whole yarn, its plies parallel where they lie. Progress counts paths.
 ///
 /// # Errors
-/// [`SimError::CannotPack`] and the like when the geometry cannot be built, [`SimError::Interrupted`] when stopped, file errors
-/// of the parts folder.
+/// [`SimError::CannotPack`] and the like when the geometry cannot be built, [`SimError::Interrupted`] when stopped, errors of the parts folder.
 pub fn simulate(spec: &YarnSpec, spec_text: &str, options: &SimOptions, run: Run<'_>) -> Result<Table, SimError> {
-    let theta_i = options.theta_i();
-    let h_um = options.h_um(spec);
-    let sigma_per_um = spec.absorption.sigma_per_um.clone();
-    let grid = OutgoingGrid { theta_o: options.theta_o_bins as usize, phi_o: options.phi_o_bins as usize };
-    let cells = theta_i.len() as f64 * h_um.len() as f64 * (1 + sigma_per_um.len()) as f64 * grid.len() as f64;
-    if cells > MAX_CELLS {
-        return Err(SimError::TooLarge { cells, allowed: MAX_CELLS });
-    }
-    let never = AtomicBool::new(false);
-    let stop = run.stop.unwrap_or(&never);
-    let silent = |_: u64| {};
-    let progress: &(dyn Fn(u64) + Sync) = run.progress.unwrap_or(&silent);
-    let parts = match run.parts {
-        Some(folder) => Some(Parts::open(folder, run.resume, spec_text, options)?),
-        None => None,
-    };
-    let ring = spec.ply_ring();
-    let twin = (options.traced_plies && ring.plies > 1).then(|| YarnTwin::new(ring, &h_um));
-    let incidences: Vec<Incidence<'_>> = theta_i
-        .iter()
-        .map(|&theta_i| Incidence {
+    runs::run(&SimulateJob::new(spec, spec_text, options)?, run)
+}
+
+/// A simulation as a job: shard `m S + s` is the s-th of the S shards of latitude `m`.
+pub struct SimulateJob {
+    spec: YarnSpec,
+    spec_text: String,
+    options: SimOptions,
+    theta_i: Vec<f64>,
+    h_um: Vec<f64>,
+    grid: OutgoingGrid,
+    twin: Option<YarnTwin>,
+    tracers: OnceLock<Vec<Box<dyn Tracer + Send>>>,
+}
+
+impl SimulateJob {
+    /// The job of `spec`, whose text is `spec_text`.
+    ///
+    /// # Errors
+    /// [`SimError::TooLarge`].
+    pub fn new(spec: &YarnSpec, spec_text: &str, options: &SimOptions) -> Result<SimulateJob, SimError> {
+        let (theta_i, h_um) = (options.theta_i(), options.h_um(spec));
+        let grid = OutgoingGrid { theta_o: options.theta_o_bins as usize, phi_o: options.phi_o_bins as usize };
+        let channels = 1 + spec.absorption.sigma_per_um.len();
+        let cells = theta_i.len() as f64 * h_um.len() as f64 * channels as f64 * grid.len() as f64;
+        if cells > MAX_CELLS {
+            return Err(SimError::TooLarge { cells, allowed: MAX_CELLS });
+        }
+        let ring = spec.ply_ring();
+        let twin = (options.traced_plies && ring.plies > 1).then(|| YarnTwin::new(ring, &h_um));
+        Ok(SimulateJob {
+            spec: spec.clone(),
+            spec_text: spec_text.into(),
+            options: options.clone(),
             theta_i,
-            h_um: &h_um,
-            sigma_per_um: &sigma_per_um,
-            beam: spec.beam.beam(),
+            h_um,
             grid,
-            surface: RoughDielectric { eta: spec.fiber.eta as f32, alpha: spec.fiber.alpha_fiber as f32 },
-            radius_um: ring.radius_um,
-            record_exits: twin.is_none(),
+            twin,
+            tracers: OnceLock::new(),
         })
-        .collect();
-    let tracers: Vec<Box<dyn Tracer + Send>> = (0..options.instances.max(1))
-        .into_par_iter()
-        .map(|i| tracer_of(spec, options, i))
-        .collect::<Result<_, SimError>>()?;
-    let shards = options.shards.max(1) as usize;
-    let mut table = empty_table(spec_text, options, &theta_i, &h_um, &sigma_per_um, grid);
-    table.traced = twin.is_some();
-    table.plies = if table.traced { ring.plies } else { 1 };
-    if twin.is_none() {
-        let rows = theta_i.len() * h_um.len() * (1 + sigma_per_um.len());
-        table.exit = Some(ExitPositions {
-            azimuths: EXIT_AZIMUTHS,
-            positions: EXIT_POSITIONS,
-            shares: vec![0.0; rows * EXIT_AZIMUTHS * EXIT_POSITIONS],
-            met: vec![0.0; theta_i.len() * MET_POSITIONS],
-        });
     }
-    // Latitudes that an earlier run finished, and the shards that are left, in the order they are summed.
-    let mut left = Vec::new();
-    for (m, at) in incidences.iter().enumerate() {
-        let mut sums = Sums::zero(at);
-        if let Some(parts) = &parts
-            && parts.read(m, None, &mut sums)?
-        {
-            fill(&mut table, m, at, &sums);
-            progress(shard_paths(options) * shards as u64);
-        } else {
-            left.extend((0..shards).map(|s| (m, s)));
+
+    /// The same job from its description.
+    ///
+    /// # Errors
+    /// [`SimError::Merge`] and those of the spec.
+    pub(crate) fn of(description: &Description) -> Result<SimulateJob, SimError> {
+        let options: SimOptions = description.parse_options()?;
+        let spec = YarnSpec::parse(&description.spec, "the part's spec")?;
+        SimulateJob::new(&spec, &description.spec, &options)
+    }
+
+    /// Refuses a run whose energies would be off 1 by more than a table may be, for the noise of its few paths.
+    ///
+    /// # Errors
+    /// [`SimError::TooFewPaths`].
+    pub fn check_savable(&self) -> Result<(), SimError> {
+        let off =
+            |paths: u64| 5.0 * self.standard_error(&SimOptions { paths_per_theta: paths, ..self.options.clone() });
+        let paths = self.options.paths_per_theta;
+        let error = off(paths);
+        if error <= ENERGY_TOLERANCE {
+            return Ok(());
+        }
+        let mut least = paths.max(1);
+        while off(least) > ENERGY_TOLERANCE && least < 1 << 50 {
+            least += least.div_ceil(8);
+        }
+        Err(SimError::TooFewPaths { paths, error, least })
+    }
+
+    /// Largest standard error of the energies' sum of an incidence: that of the stratified integral of a beam's density over the drawn width.
+    fn standard_error(&self, options: &SimOptions) -> f64 {
+        let n = instance_paths(options);
+        let sd = self.spec.beam.beam().sd_um();
+        let half = self.spec.ply_ring().radius_um;
+        let step = 2.0 * half / n as f64;
+        let batches = (instances_per_shard(options) * u64::from(options.shards.max(1))) as f64;
+        // Narrow strata: each one's variance is that of a slope, and the sum over them an integral.
+        let narrow = (step / sd).powi(3) / (48.0 * std::f64::consts::PI.sqrt());
+        if step < 0.5 * sd {
+            return (narrow / batches).sqrt();
+        }
+        let density = |x: f64, h: f64| (-0.5 * ((x - h) / sd).powi(2)).exp() / (sd * std::f64::consts::TAU.sqrt());
+        let inside = self.h_um.iter().filter(|h| h.abs() <= half);
+        let variance = inside.map(|h| {
+            (0..n)
+                .map(|i| {
+                    let at = |k: u32| step * density(-half + step * (i as f64 + (f64::from(k) + 0.5) / 64.0), *h);
+                    let mean = (0..64).map(at).sum::<f64>() / 64.0;
+                    (0..64).map(|k| (at(k) - mean).powi(2)).sum::<f64>() / 64.0
+                })
+                .sum::<f64>()
+        });
+        (variance.fold(0.0, f64::max) / batches).sqrt()
+    }
+
+    fn incidence(&self, m: usize) -> Incidence<'_> {
+        let spec = &self.spec;
+        Incidence {
+            theta_i: self.theta_i[m],
+            h_um: &self.h_um,
+            sigma_per_um: &spec.absorption.sigma_per_um,
+            beam: spec.beam.beam(),
+            grid: self.grid,
+            surface: RoughDielectric { eta: spec.fiber.eta as f32, alpha: spec.fiber.alpha_fiber as f32 },
+            radius_um: spec.ply_ring().radius_um,
+            record_exits: self.twin.is_none(),
         }
     }
-    let jobs = left.len();
-    let state = Mutex::new(Reduction { next: 0, pending: BTreeMap::new(), sums: None, table, failed: None });
-    let counter = AtomicUsize::new(0);
-    rayon::scope(|scope| {
-        for _ in 0..rayon::current_num_threads() {
-            scope.spawn(|_| {
-                loop {
-                    let job = counter.fetch_add(1, Ordering::Relaxed);
-                    if job >= jobs || stop.load(Ordering::Relaxed) {
-                        return;
-                    }
-                    let (m, s) = left[job];
-                    let done = run_shard(
-                        &incidences[m],
-                        &tracers,
-                        twin.as_ref(),
-                        options,
-                        (m, s),
-                        parts.as_ref(),
-                        stop,
-                        progress,
-                    );
-                    let mut reduction = state.lock().unwrap_or_else(|e| e.into_inner());
-                    match done {
-                        Ok(Some(sums)) => {
-                            reduction.pending.insert(job, sums);
-                            if let Err(e) = reduction.advance(&left, &incidences, shards, parts.as_ref()) {
-                                reduction.fail(e, stop);
-                            }
-                        }
-                        Ok(None) => return,
-                        Err(e) => reduction.fail(e, stop),
-                    }
-                }
+
+    /// The instances, made when they are first asked for.
+    fn tracers(&self) -> Result<&[Box<dyn Tracer + Send>], SimError> {
+        if let Some(tracers) = self.tracers.get() {
+            return Ok(tracers);
+        }
+        let tracers = (0..self.options.instances.max(1))
+            .into_par_iter()
+            .map(|i| tracer_of(&self.spec, &self.options, i))
+            .collect::<Result<_, SimError>>()?;
+        Ok(self.tracers.get_or_init(|| tracers))
+    }
+}
+
+impl Job for SimulateJob {
+    type Output = Table;
+    type Merge = Table;
+
+    fn description(&self) -> Description {
+        Description::new("simulate", &self.options, &self.spec_text)
+    }
+
+    fn shards(&self) -> usize {
+        self.theta_i.len() * self.group()
+    }
+
+    fn group(&self) -> usize {
+        self.options.shards.max(1) as usize
+    }
+
+    fn units(&self, _: usize) -> u64 {
+        shard_paths(&self.options)
+    }
+
+    fn layout(&self, _: usize) -> Vec<ArrayLayout> {
+        Sums::layout(&self.incidence(0))
+    }
+
+    fn check(&self, _: usize, count: usize, part: &Part) -> Result<(), String> {
+        Sums::from_part(part).check(shard_paths(&self.options) * count as u64)
+    }
+
+    fn shard_bytes(&self) -> Option<usize> {
+        // The sums of a lane, and as much again that waits for its turn.
+        Some(self.layout(0).iter().map(|a| a.len() * if a.single { 8 } else { 16 }).sum())
+    }
+
+    fn prepare(&self) -> Result<(), SimError> {
+        self.tracers().map(|_| ())
+    }
+
+    fn run_shard(
+        &self,
+        shard: usize,
+        stop: &AtomicBool,
+        progress: &(dyn Fn(u64) + Sync),
+    ) -> Result<Option<Done>, SimError> {
+        let (m, s) = (shard / self.group(), shard % self.group());
+        let (options, tracers, at) = (&self.options, self.tracers()?, self.incidence(m));
+        let mut sums = Sums::zero(&at);
+        let mut rng = stream(options.seed, [m as u64, s as u64 + 1]);
+        let per_shard = instances_per_shard(options);
+        for k in 0..per_shard {
+            let first = (s as u64 * per_shard + k) as usize;
+            let tracer = |p: usize| -> &dyn Tracer { tracers[(first + p) % tracers.len()].as_ref() };
+            let paths = instance_paths(options);
+            let target = match &self.twin {
+                None => Target::Ply(tracer(0)),
+                Some(twin) => Target::Yarn(twin, (0..7).map(tracer).collect(), rng.random()),
+            };
+            if trace_paths(&at, &target, paths, &mut rng, &mut sums, stop, progress).is_none() {
+                return Ok(None);
+            }
+        }
+        Ok(Some(Done { part: sums.into_part(), peak_bytes: 0 }))
+    }
+
+    fn begin(&self) -> Table {
+        let sigma_per_um = &self.spec.absorption.sigma_per_um;
+        let mut table = empty_table(&self.spec_text, &self.options, &self.theta_i, &self.h_um, sigma_per_um, self.grid);
+        table.traced = self.twin.is_some();
+        table.plies = if table.traced { self.spec.ply_ring().plies } else { 1 };
+        if self.twin.is_none() {
+            let rows = self.theta_i.len() * self.h_um.len() * (1 + sigma_per_um.len());
+            table.exit = Some(ExitPositions {
+                azimuths: EXIT_AZIMUTHS,
+                positions: EXIT_POSITIONS,
+                shares: vec![0.0; rows * EXIT_AZIMUTHS * EXIT_POSITIONS],
+                met: vec![0.0; self.theta_i.len() * MET_POSITIONS],
             });
         }
-    });
-    let reduction = state.into_inner().unwrap_or_else(|e| e.into_inner());
-    if let Some(e) = reduction.failed {
-        return Err(e);
+        table
     }
-    if reduction.next < jobs {
-        return Err(SimError::Interrupted { left: jobs - reduction.next, total: theta_i.len() * shards });
+
+    fn absorb(&self, table: &mut Table, first: usize, part: Part) {
+        let m = first / self.group();
+        fill(table, m, &self.incidence(m), &Sums::from_part(&part));
     }
-    Ok(reduction.table)
+
+    fn finish(&self, table: Table) -> Result<Table, SimError> {
+        Ok(table)
+    }
 }
 
 /// Paths of one shard over one instance, at least two (one pair of strata).
@@ -210,90 +293,6 @@ fn tracer_of(spec: &YarnSpec, options: &SimOptions, instance: u32) -> Result<Box
         },
         TracerKind::Screw => Box::new(ScrewTracer::new(&section).ok_or(SimError::TooCrowded)?),
     })
-}
-
-/// One shard, from the parts folder or traced (and then written there); None when stopped.
-fn run_shard(
-    at: &Incidence<'_>,
-    tracers: &[Box<dyn Tracer + Send>],
-    twin: Option<&YarnTwin>,
-    options: &SimOptions,
-    (m, s): (usize, usize),
-    parts: Option<&Parts>,
-    stop: &AtomicBool,
-    progress: &(dyn Fn(u64) + Sync),
-) -> Result<Option<Sums>, SimError> {
-    let mut sums = Sums::zero(at);
-    if let Some(parts) = parts {
-        if parts.read(m, Some(s), &mut sums)? {
-            progress(shard_paths(options));
-            return Ok(Some(sums));
-        }
-        // What a damaged file may have left in the sums is thrown away.
-        sums = Sums::zero(at);
-    }
-    let mut rng = stream(options.seed, [m as u64, s as u64 + 1]);
-    let per_shard = instances_per_shard(options);
-    for k in 0..per_shard {
-        let first = (s as u64 * per_shard + k) as usize;
-        let tracer = |p: usize| -> &dyn Tracer { tracers[(first + p) % tracers.len()].as_ref() };
-        let paths = instance_paths(options);
-        let target = match twin {
-            None => Target::Ply(tracer(0)),
-            Some(twin) => Target::Yarn(twin, (0..7).map(tracer).collect(), rng.random()),
-        };
-        if trace_paths(at, &target, paths, &mut rng, &mut sums, stop, progress).is_none() {
-            return Ok(None);
-        }
-    }
-    if let Some(parts) = parts {
-        parts.write(m, Some(s), &sums)?;
-    }
-    Ok(Some(sums))
-}
-
-/// Sums shards in their order and turns each finished incident latitude into its slices of the table.
-struct Reduction {
-    next: usize,
-    pending: BTreeMap<usize, Sums>,
-    sums: Option<Sums>,
-    table: Table,
-    failed: Option<SimError>,
-}
-
-impl Reduction {
-    /// Sum what is next in order; a finished latitude is written as one file in place of its shards.
-    fn advance(
-        &mut self,
-        left: &[(usize, usize)],
-        incidences: &[Incidence<'_>],
-        shards: usize,
-        parts: Option<&Parts>,
-    ) -> Result<(), SimError> {
-        while let Some(shard) = self.pending.remove(&self.next) {
-            let (m, s) = left[self.next];
-            match &mut self.sums {
-                Some(sums) => sums.add(&shard),
-                None => self.sums = Some(shard),
-            }
-            self.next += 1;
-            if s + 1 == shards
-                && let Some(sums) = self.sums.take()
-            {
-                fill(&mut self.table, m, &incidences[m], &sums);
-                if let Some(parts) = parts {
-                    parts.write(m, None, &sums)?;
-                    parts.remove_shards(m, shards);
-                }
-            }
-        }
-        Ok(())
-    }
-
-    fn fail(&mut self, error: SimError, stop: &AtomicBool) {
-        self.failed.get_or_insert(error);
-        stop.store(true, Ordering::Relaxed);
-    }
 }
 
 fn empty_table(

@@ -237,13 +237,14 @@ fn threads_and_interruptions_do_not_matter() {
             stop.store(true, std::sync::atomic::Ordering::Relaxed);
         }
     };
-    let run = Run { parts: Some(&parts), resume: false, stop: Some(&stop), progress: Some(&progress) };
+    let folder = PartsFolder::open(&parts, Found::Resume).unwrap();
+    let run = Run { parts: Some(&folder), stop: Some(&stop), progress: Some(&progress) };
     assert!(matches!(with(2, run), Err(SimError::Interrupted { .. })));
-    let resumed = with(2, Run { resume: true, stop: None, progress: None, parts: Some(&parts) }).unwrap();
+    let resumed = with(2, Run { parts: Some(&folder), ..Run::plain() }).unwrap();
     assert_eq!(whole, resumed);
     // Another seed may not take these shards up.
     let other = SimOptions { seed: 9, ..options.clone() };
-    let refused = simulate(&spec, &text, &other, Run { parts: Some(&parts), resume: true, stop: None, progress: None });
+    let refused = simulate(&spec, &text, &other, Run { parts: Some(&folder), ..Run::plain() });
     assert!(refused.is_err());
 }
 

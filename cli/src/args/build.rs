@@ -1,7 +1,8 @@
 //! Flags of making models: simulate, fit, build.
 
 use clap::{Args, ValueEnum};
-use std::path::PathBuf;
+use plywave_pipeline::{FitQuality, Quality};
+use std::path::{Path, PathBuf};
 
 /// Quality of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -15,14 +16,57 @@ pub enum Preset {
 }
 
 impl Preset {
-    /// Its name in files.
-    pub fn name(self) -> &'static str {
+    /// As the pipeline has it.
+    pub fn quality(self) -> Quality {
         match self {
-            Preset::Preview => "preview",
-            Preset::Standard => "standard",
-            Preset::Reference => "reference",
+            Preset::Preview => Quality::Preview,
+            Preset::Standard => Quality::Standard,
+            Preset::Reference => Quality::Reference,
         }
     }
+}
+
+/// Flags about the finished shards of an earlier run.
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub struct ResumeArgs {
+    /// Go on with a run that was stopped; the result is bit for bit that of one that was not.
+    #[arg(long)]
+    pub resume: bool,
+    /// Delete the finished shards of a run that was stopped, and start over.
+    #[arg(long, conflicts_with = "resume")]
+    pub fresh: bool,
+}
+
+/// Flags of a share of a run.
+#[derive(Clone, Debug, Default, Args)]
+pub struct ShardArgs {
+    /// Run part K of N only, here or on another machine, and write its part; `plywave merge` joins all parts to the bits of one run.
+    #[arg(long, value_name = "K/N", value_parser = crate::commands::runs::share)]
+    pub shards: Option<(usize, usize)>,
+    /// Print how the run is cut into shards, and its identity; run nothing.
+    #[arg(long, conflicts_with = "shards")]
+    pub plan: bool,
+}
+
+impl ShardArgs {
+    /// Where the output, or the part, goes when no `-o` is given.
+    pub fn default_output(&self, input: &Path, extension: &str) -> PathBuf {
+        match self.shards {
+            Some((index, count)) => crate::output::default_output(input, &format!("{index}-of-{count}.pwp")),
+            None => crate::output::default_output(input, extension),
+        }
+    }
+}
+
+/// `plywave merge`.
+#[derive(Debug, Args)]
+pub struct MergeArgs {
+    /// Parts written with --shards (.pwp), all of one run, in any order.
+    #[arg(required = true)]
+    pub parts: Vec<PathBuf>,
+    /// What the run makes: a table (.pwt), a fiber (.pwf), patterns (.pws), the folder of a comparison, or a JSON file of a scene.
+    #[arg(long, short, value_name = "OUTPUT")]
+    pub output: PathBuf,
 }
 
 /// Flags of a simulation.
@@ -34,9 +78,9 @@ pub struct RunArgs {
     /// Seed of the random numbers.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
-    /// Go on with a run that was stopped; the result is bit for bit that of one that was not.
-    #[arg(long)]
-    pub resume: bool,
+    /// What to do with shards of an earlier run.
+    #[command(flatten)]
+    pub resume: ResumeArgs,
     /// Paths per incident latitude, instead of the spec's or the preset's.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000_000))]
     pub paths: Option<u64>,
@@ -68,6 +112,9 @@ pub struct SimulateArgs {
     /// How to run.
     #[command(flatten)]
     pub run: RunArgs,
+    /// A share of the run.
+    #[command(flatten)]
+    pub shards: ShardArgs,
 }
 
 /// `plywave fit`.
@@ -107,6 +154,12 @@ pub struct BuildArgs {
     /// Speckle patterns (.pws) to make the tiles from, in place of solving for 200 fibers.
     #[arg(long, value_name = "PATTERNS")]
     pub speckle: Option<PathBuf>,
+    /// Largest fit error of an f_refl slice of a good fit; beyond it the exit code is 1, and the model is kept.
+    #[arg(long, value_name = "ERROR", default_value_t = FitQuality::good().refl)]
+    pub max_error_refl: f64,
+    /// The same of f_high, as a share of the slice's light at sigma = 0.
+    #[arg(long, value_name = "ERROR", default_value_t = FitQuality::good().high)]
+    pub max_error_high: f64,
     /// How to run.
     #[command(flatten)]
     pub run: RunArgs,

@@ -1,6 +1,6 @@
 //! Flags of wave optics.
 
-use super::Preset;
+use super::{Preset, ResumeArgs, ShardArgs};
 use clap::{Args, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -36,9 +36,12 @@ pub struct CompareArgs {
     /// Seed of the random numbers.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
-    /// Go on with a run that was stopped, or that had fewer instances and kept its parts; the result is bit for bit that of one that was not.
-    #[arg(long)]
-    pub resume: bool,
+    /// What to do with shards of an earlier run, which may have had fewer instances.
+    #[command(flatten)]
+    pub resume: ResumeArgs,
+    /// A share of the run.
+    #[command(flatten)]
+    pub shards: ShardArgs,
     /// Keep the finished instances beside the folder, so that --resume can add more of them.
     #[arg(long)]
     pub keep_parts: bool,
@@ -92,9 +95,12 @@ pub struct WaveSpeckleArgs {
     /// Seed of the random numbers.
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 1)]
     pub seed: u64,
-    /// Go on with a run that was stopped; the result is bit for bit that of one that was not.
-    #[arg(long)]
-    pub resume: bool,
+    /// What to do with shards of an earlier run.
+    #[command(flatten)]
+    pub resume: ResumeArgs,
+    /// A share of the run.
+    #[command(flatten)]
+    pub shards: ShardArgs,
 }
 
 /// `plywave wave tabulate`.
@@ -111,9 +117,12 @@ pub struct WaveTabulateArgs {
     /// Quality; standard has the sizes of Xia 2020.
     #[arg(long, value_enum, default_value_t = Preset::Standard)]
     pub preset: Preset,
-    /// Go on with a run that was stopped; the result is bit for bit that of one that was not.
-    #[arg(long)]
-    pub resume: bool,
+    /// What to do with shards of an earlier run.
+    #[command(flatten)]
+    pub resume: ResumeArgs,
+    /// A share of the run.
+    #[command(flatten)]
+    pub shards: ShardArgs,
     /// Absorption coefficient of a yarn spec's fiber [1/um].
     #[arg(long, value_name = "SIGMA", default_value_t = 0.0, allow_negative_numbers = true)]
     pub sigma: f64,
@@ -145,6 +154,9 @@ pub struct WaveScatterArgs {
     /// JSON file to write [default: SCENE's name with .json, in this folder].
     #[arg(long, short, value_name = "OUT")]
     pub output: Option<PathBuf>,
+    /// A share of the run.
+    #[command(flatten)]
+    pub shards: ShardArgs,
 }
 
 /// Contrast of noise.

@@ -1,87 +1,102 @@
 //! `plywave build`: simulate and fit in one go.
 
-use super::compare::refuse;
-use super::simulate::{Job, merge, parts_of, remove_parts};
+use super::runs::{self, pipeline_failure};
 use super::{fit, on_threads, simulate};
 use crate::args::{BuildArgs, Cli};
 use crate::failure::{Failure, Outcome};
-use crate::progress::{self, Bar};
+use crate::progress::{self, PipelineBar};
 use crate::{output, report};
 use plywave::SpecklePatterns;
-use plywave_fit::speckle::NoiseOptions;
-use plywave_sim::Run;
-use plywave_sim::wave::{SpeckleOptions, speckle};
-use std::path::Path;
-
-/// Patterns of 200 fibers of the spec by waves, for the tiles.
-fn solve_speckle(cli: &Cli, job: &Job, parts: &Path, resume: bool) -> Outcome<SpecklePatterns> {
-    let options = SpeckleOptions { seed: job.options.seed, ..SpeckleOptions::default() };
-    progress::install_stop();
-    let bar = Bar::new("speckle", "fibers", cli.quiet);
-    bar.begin("speckle", u64::from(options.instances));
-    let advance = |fibers: u64| bar.advance(fibers);
-    let run = Run { parts: Some(parts), resume, stop: Some(&progress::STOP), progress: Some(&advance) };
-    let work = progress::stoppable(|| on_threads(cli, || speckle(&job.spec, &job.text, &options, run)));
-    bar.finish();
-    work?.map_err(|error| refuse(error, &job.file))
-}
+use plywave_pipeline::{FitQuality, Run, Speckle, build};
 
 /// Runs the command. The shards stay until the model is written, so that a run stopped while fitting can go on too.
 pub fn run(cli: &Cli, args: &BuildArgs) -> Outcome {
-    let job = Job::new(args.spec.as_deref(), &args.run)?;
-    let path = args.output.clone().unwrap_or_else(|| output::default_output(&job.file, "pwm"));
-    output::check_writable(&path, &[&job.file])?;
+    let mut recipe = simulate::recipe(args.spec.as_deref(), &args.run)?;
+    let spec_path = args.spec.clone().unwrap_or_else(|| "polyester.toml".into());
+    let path = args.output.clone().unwrap_or_else(|| output::default_output(&spec_path, "pwm"));
+    output::check_writable(&path, &[&spec_path])?;
     let table_path = args.keep_table.then(|| path.with_extension("pwt"));
     if let Some(table_path) = &table_path {
         if *table_path == path {
-            let mend = "is where --keep-table puts the table; name the model NAME.pwm";
-            return Err(Failure::input("command line", "-o", path.display(), mend));
+            let hint = "is where --keep-table puts the table; name the model NAME.pwm";
+            return Err(Failure::input("command line", "-o", path.display(), hint));
         }
-        output::check_writable(table_path, &[&job.file])?;
+        output::check_writable(table_path, &[&spec_path])?;
     }
-    let parts = parts_of(&path);
-    let (table, simulated) = job.simulate(cli, &parts, args.run.resume)?;
-    if let Some(table_path) = &table_path {
-        table.save(table_path)?;
-    }
-    let (mut data, fit_time) = fit::fit_table(cli, &job.file, &table, args.run.preset)?;
-    let speckle_parts = parts_of(&path.with_extension("pws"));
-    let patterns = match &args.speckle {
-        Some(file) => Some(SpecklePatterns::load(file)?),
-        None if args.smooth || data.preset == "preview" => None,
-        None => Some(solve_speckle(cli, &job, &speckle_parts, args.run.resume)?),
+    recipe.speckle = match &args.speckle {
+        Some(file) => Speckle::Patterns(Box::new(SpecklePatterns::load(file)?), file.display().to_string()),
+        None if args.smooth => Speckle::None,
+        None => Speckle::Usual,
     };
-    if let Some(patterns) = patterns {
-        let beam = job.spec.beam.beam();
-        let options = NoiseOptions { seed: data.seed, w0_um: beam.w0_um, ..NoiseOptions::default() };
-        let name = args.speckle.as_ref().map_or_else(|| job.file.display().to_string(), |f| f.display().to_string());
-        data.noise = Some(plywave_fit::speckle::noise_tiles(&patterns, &options, &name)?.0);
+    let resume = &args.run.resume;
+    let resumed = resume.resume && runs::parts_of(&path).exists();
+    let parts = runs::open_parts(&path, resume)?;
+    let speckle_parts = match recipe.solved_speckle() {
+        Some(_) => Some(runs::open_parts(&path.with_extension("pws"), resume)?),
+        None => None,
+    };
+    progress::install_stop();
+    let bar = PipelineBar::new(cli.quiet);
+    let tell = |progress| bar.update(progress);
+    let run = Run {
+        parts: Some(&parts),
+        speckle_parts: speckle_parts.as_ref(),
+        stop: Some(&progress::STOP),
+        progress: Some(&tell),
+    };
+    let built = on_threads(cli, || build(&recipe, &run));
+    bar.finish();
+    [Some(&parts), speckle_parts.as_ref()].into_iter().flatten().for_each(|parts| runs::tell_notes(cli, parts));
+    let built = built?.map_err(pipeline_failure)?;
+    if let Some(table_path) = &table_path {
+        built.table.save(table_path)?;
     }
-    data.save(&path)?;
-    remove_parts(&parts);
-    remove_parts(&speckle_parts);
-    let fitted = fit::Summary::of(&data, fit_time);
+    built.model.save(&path)?;
+    parts.remove();
+    if let Some(parts) = speckle_parts {
+        parts.remove();
+    }
+
+    let (data, times) = (&built.model, built.times);
+    let simulated = simulate::Summary::of(&built.table, times.simulate, resumed);
+    let fitted = fit::Summary::of(data, times.fit);
+    let (quality, allowed) =
+        (FitQuality::of(data), FitQuality { refl: args.max_error_refl, high: args.max_error_high });
+    let good = quality.is_within(&allowed);
     let bytes = std::fs::metadata(&path).map_or(0, |m| m.len());
     if cli.json {
         let mut object = serde_json::json!({
             "model": path.display().to_string(),
             "table": table_path.as_ref().map(|p| p.display().to_string()),
             "bytes": bytes,
-            "name": job.spec.name,
+            "name": recipe.spec.name,
             "preset": data.preset,
             "seed": data.seed,
+            "good_fit": good,
         });
-        merge(&mut object, &simulated);
-        merge(&mut object, &fitted);
-        return output::print_json(&object);
+        simulate::merge(&mut object, &simulated);
+        simulate::merge(&mut object, &fitted);
+        output::print_json(&object)?;
+    } else if !cli.quiet {
+        output::print(|out| {
+            let name = &recipe.spec.name;
+            writeln!(out, "{}: {}, {name} at {} quality", path.display(), report::bytes(bytes), data.preset)?;
+            simulate::write_summary(out, &simulated)?;
+            fit::write_summary(out, &fitted, times.fit)?;
+            writeln!(out, "look at it with: plywave plot {}", path.display())
+        })?;
     }
-    if cli.quiet {
+    if good {
         return Ok(());
     }
-    output::print(|out| {
-        writeln!(out, "{}: {}, {} at {} quality", path.display(), report::bytes(bytes), job.spec.name, data.preset)?;
-        simulate::write_summary(out, &simulated)?;
-        fit::write_summary(out, &fitted, fit_time)?;
-        writeln!(out, "look at it with: plywave plot {}", path.display())
-    })
+    // Said on stderr in quiet runs too: the exit code alone would not tell why.
+    eprintln!(
+        "{}: bad fit: the largest errors are f_refl {:.2} (allowed {}), f_high {:.2} (allowed {}); the model is kept; try more lobes ([simulation] lobes_refl, lobes_high) or a better --preset",
+        path.display(),
+        quality.refl,
+        report::number(allowed.refl),
+        quality.high,
+        report::number(allowed.high)
+    );
+    Err(Failure::NotHeld)
 }

@@ -1,7 +1,7 @@
 //! `plywave compare`: a spec in, wave and ray optics of its ply's cross section side by side (Yu 2025, Fig. 7).
 
-use super::simulate::{parts_of, remove_parts};
-use super::{latitude, on_threads};
+use super::latitude;
+use super::runs::{self, Told};
 use crate::args::{Cli, CompareArgs};
 use crate::failure::{Failure, Outcome};
 use crate::plot::axes::LogScale;
@@ -10,17 +10,15 @@ use crate::plot::figure::Figure;
 use crate::plot::lines::{self, Curve, LinePanel, Row, Scale};
 use crate::plot::page::Head;
 use crate::plot::text::literal;
-use crate::progress::{self, Bar};
+use crate::progress;
 use crate::report::{self, counted, number};
 use crate::{output, plot};
 use plywave::YarnSpec;
-use plywave_sim::wave::{CompareCase, CompareOptions, CompareReport, compare};
-use plywave_sim::{Run, SimError};
+use plywave_sim::wave::{CompareCase, CompareJob, CompareOptions, CompareReport};
 use std::path::Path;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 /// The report in the folder, by which a folder is known as one of ours.
-const REPORT: &str = "report.json";
+pub const REPORT: &str = "report.json";
 /// The figure beside it.
 const FIGURE: &str = "compare.png";
 
@@ -28,55 +26,39 @@ const FIGURE: &str = "compare.png";
 pub fn run(cli: &Cli, args: &CompareArgs) -> Outcome {
     let (spec, text) = YarnSpec::load(&args.spec)?;
     let options = options(args, &spec)?;
-    let folder = args.output.clone().unwrap_or_else(|| output::default_output(&args.spec, "compare"));
-    output::check_folder(&folder, REPORT, &[&args.spec])?;
-    let parts = parts_of(&folder);
-    let fresh = !parts.exists();
-    progress::install_stop();
-    let bar = Bar::new("compare", "sections", cli.quiet);
-    bar.begin("compare", options.jobs());
-    let done = AtomicU64::new(0);
-    let advance = |jobs: u64| {
-        done.fetch_add(jobs, Ordering::Relaxed);
-        bar.advance(jobs);
-    };
-    let run = Run { parts: Some(&parts), resume: args.resume, stop: Some(&progress::STOP), progress: Some(&advance) };
-    let work = progress::stoppable(|| on_threads(cli, || compare(&spec, &text, &options, run)));
-    let time = bar.finish();
-    let report = work?.map_err(|error| {
-        // What cannot be solved leaves nothing behind; jobs that were done are kept.
-        if fresh && done.load(Ordering::Relaxed) == 0 {
-            remove_parts(&parts);
-        }
-        refuse(error, &args.spec)
-    })?;
-    let figure = plot::Format::Png.encode(&figure(&report), &folder)?;
-    progress::stoppable(|| {
-        let made = std::fs::create_dir_all(&folder);
-        made.map_err(|e| Failure::input(folder.display(), "-o", e, "choose a place that can be written"))?;
-        // The report last: it stands for the whole.
-        output::write_whole(&folder.join(FIGURE), &figure)?;
-        output::write_whole_by(&folder.join(REPORT), |out| {
-            serde_json::to_writer(&mut *out, &report).map_err(std::io::Error::from)?;
-            writeln!(out)
-        })
-    })?;
+    let folder = args.output.clone().unwrap_or_else(|| args.shards.default_output(&args.spec, "compare"));
+    if args.shards.shards.is_some() {
+        output::check_writable(&folder, &[&args.spec])?;
+    } else {
+        output::check_folder(&folder, REPORT, &[&args.spec])?;
+    }
+    let job = CompareJob::new(&spec, &text, &options).map_err(|e| runs::failure(e, &args.spec))?;
+    let told = Told { what: "compare", unit: "sections" };
+    if runs::run_share(cli, &job, told, &args.shards, (&folder, &args.resume), &args.spec)? {
+        return Ok(());
+    }
+    let parts = runs::open_parts(&folder, &args.resume)?;
+    let (report, time) = runs::run_job(cli, &job, told, Some(&parts), &args.spec)?;
+    save(&folder, &report)?;
     if !args.keep_parts {
-        remove_parts(&parts);
+        parts.remove();
     }
     tell(cli, &folder, &report, time)
 }
 
-/// A failure of a run over instances as the command says it.
-pub fn refuse(error: SimError, spec: &Path) -> Failure {
-    match error {
-        SimError::Interrupted { left, total } => Failure::Interrupted(format!(
-            "stopped with {left} of {total} jobs left; go on with: {}",
-            progress::resume_command()
-        )),
-        SimError::Runtime(error) => error.into(),
-        other => Failure::Input(format!("{}: {other}", spec.display())),
-    }
+/// Writes the report and its figure into a folder.
+pub fn save(folder: &Path, report: &CompareReport) -> Outcome {
+    let figure = plot::Format::Png.encode(&figure(report), folder)?;
+    progress::stoppable(|| {
+        let made = std::fs::create_dir_all(folder);
+        made.map_err(|e| Failure::input(folder.display(), "-o", e, "choose a place that can be written"))?;
+        // The report last: it stands for the whole.
+        output::write_whole(&folder.join(FIGURE), &figure)?;
+        output::write_whole_by(&folder.join(REPORT), |out| {
+            serde_json::to_writer(&mut *out, report).map_err(std::io::Error::from)?;
+            writeln!(out)
+        })
+    })
 }
 
 /// Refuses a list of numbers of which one is out of range.

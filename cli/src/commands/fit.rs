@@ -1,77 +1,35 @@
 //! `plywave fit`: table in, model out.
 
 use super::on_threads;
+use super::runs::pipeline_failure;
 use super::simulate::merge;
-use crate::args::{Cli, FitArgs, Preset};
+use crate::args::{Cli, FitArgs};
 use crate::failure::{Failure, Outcome};
 use crate::output;
-use crate::progress::{self, Bar};
+use crate::progress::{self, PipelineBar};
 use crate::report::{self, Spread};
 use plywave::{PlyData, Table, YarnSpec};
-use plywave_fit::{FitOptions, Stage};
-use plywave_sim::yarn::{YarnOptions, yarn_table};
+use plywave_pipeline::{Quality, Run, fit_model, yarn_table};
 use std::path::Path;
 use std::time::Duration;
 
-/// The table of the yarn when the spec has several plies and `table` is of one of them; gives it and the time it took.
-pub fn yarn_of(cli: &Cli, file: &Path, table: &Table) -> Outcome<Option<(Table, Duration)>> {
-    let spec = YarnSpec::parse(&table.spec_text, &format!("{} (its spec)", file.display()))?;
-    if table.plies > 1 || spec.yarn.plies == 1 {
-        return Ok(None);
-    }
-    progress::install_stop();
-    let bar = Bar::new("yarn", "incidences", cli.quiet);
-    let work = on_threads(cli, || {
-        yarn_table(table, &spec, &YarnOptions::default(), &|done, total| bar.update("yarn", done as u64, total as u64))
-    })?;
-    let time = bar.finish();
-    match work {
-        Ok((yarn, _)) => Ok(Some((yarn, time))),
-        Err(error) => Err(Failure::Input(format!("{}: {error}", file.display()))),
-    }
+/// The spec in a table.
+fn spec_of(file: &Path, table: &Table) -> Outcome<YarnSpec> {
+    Ok(YarnSpec::parse(&table.spec_text, &format!("{} (its spec)", file.display()))?)
 }
 
-/// Fits a model; gives it and the time it took. A table of one ply of a yarn of several becomes the yarn's first, so that nothing is fitted
-/// but what the spec describes. Without a preset the table's own counts; the spec's lobe numbers go before both.
-pub fn fit_table(cli: &Cli, file: &Path, table: &Table, preset: Option<Preset>) -> Outcome<(PlyData, Duration)> {
-    match yarn_of(cli, file, table)? {
-        Some((yarn, time)) => {
-            let (data, fit_time) = fit_as_it_is(cli, file, &yarn, preset)?;
-            Ok((data, time + fit_time))
-        }
-        None => fit_as_it_is(cli, file, table, preset),
-    }
-}
-
-fn fit_as_it_is(cli: &Cli, file: &Path, table: &Table, preset: Option<Preset>) -> Outcome<(PlyData, Duration)> {
-    let spec = YarnSpec::parse(&table.spec_text, &format!("{} (its spec)", file.display()))?;
-    let mut options = match preset.map_or(table.preset.as_str(), |p| p.name()) {
-        "preview" => FitOptions::preview(),
-        "reference" => FitOptions::reference(),
-        _ => FitOptions::standard(),
-    };
-    options.lobes_refl = spec.simulation.lobes_refl.map_or(options.lobes_refl, |n| n as usize);
-    options.lobes_high = spec.simulation.lobes_high.map_or(options.lobes_high, |n| n as usize);
+/// Runs a stage of the pipeline with a bar; gives what it makes and the time it took.
+fn stage<T: Send>(
+    cli: &Cli,
+    work: impl FnOnce(&Run<'_>) -> Result<T, plywave_pipeline::Error> + Send,
+) -> Outcome<(T, Duration)> {
     progress::install_stop();
-    let bar = Bar::new("fit", "slices", cli.quiet);
-    let work = on_threads(cli, || {
-        plywave_fit::fit(table, &options, &|p| {
-            let name = match p.stage {
-                Stage::High => "fit high",
-                Stage::Reflection => "fit refl",
-                Stage::Errors => "errors",
-            };
-            bar.update(name, p.done as u64, p.total as u64);
-        })
-    })?;
+    let bar = PipelineBar::new(cli.quiet);
+    let tell = |progress| bar.update(progress);
+    let run = Run { progress: Some(&tell), ..Run::plain() };
+    let done = on_threads(cli, || work(&run));
     let time = bar.finish();
-    match work {
-        Ok(mut data) => {
-            data.edge = Some(plywave_fit::fit_edge(&spec, &plywave_fit::EdgeOptions::default()).lobes);
-            Ok((data, time))
-        }
-        Err(error) => Err(Failure::Input(format!("{}: {error}", file.display()))),
-    }
+    Ok((done?.map_err(pipeline_failure)?, time))
 }
 
 /// What a finished fit has to say.
@@ -172,18 +130,20 @@ pub fn run(cli: &Cli, args: &FitArgs) -> Outcome {
     if let Some(spec) = &args.spec {
         respecify(&mut table, &args.table, spec)?;
     }
-    let made = yarn_of(cli, &args.table, &table)?;
+    let (spec, file) = (spec_of(&args.table, &table)?, args.table.display().to_string());
+    let (made, yarn_time) = stage(cli, |run| yarn_table(&table, &spec, &file, run))?;
     if let Some(yarn_path) = &args.yarn_table {
-        let Some((yarn, _)) = &made else {
-            let mend = "there is no yarn to make: it takes a table of one ply whose spec has yarn.plies of 2 or more";
-            return Err(Failure::input(args.table.display(), "plies", table.plies, mend));
+        let Some(yarn) = &made else {
+            let hint = "there is no yarn to make: it takes a table of one ply whose spec has yarn.plies of 2 or more";
+            return Err(Failure::input(args.table.display(), "plies", table.plies, hint));
         };
         yarn.save(yarn_path)?;
     }
-    let yarn_s = made.as_ref().map(|m| m.1.as_secs_f64());
-    let table = made.map_or(table, |m| m.0);
+    let yarn_s = made.as_ref().map(|_| yarn_time.as_secs_f64());
+    let table = made.unwrap_or(table);
     let plies = table.plies;
-    let (data, time) = fit_as_it_is(cli, &args.table, &table, args.preset)?;
+    let quality = args.preset.map_or_else(|| Quality::of_preset(&table.preset), |preset| preset.quality());
+    let (data, time) = stage(cli, |run| fit_model(&table, &spec, &quality.fit(), &file, run))?;
     data.save(&path)?;
     let summary = Summary::of(&data, time);
     let bytes = std::fs::metadata(&path).map_or(0, |m| m.len());

@@ -1,35 +1,44 @@
 //! `plywave wave scatter`: scene in, far fields and widths out.
 
-use super::on_threads;
-use crate::args::{Cli, WaveScatterArgs};
+use super::runs::{self, Told};
+use crate::args::{Cli, ResumeArgs, WaveScatterArgs};
 use crate::failure::{Failure, Outcome};
-use crate::progress::{self, Bar};
-use crate::{output, report};
-use plywave_sim::wave::{Report, Scene, WaveError, scatter};
+use crate::{output, progress, report};
+use plywave_sim::wave::{Report, ScatterJob, Scene};
 use std::path::Path;
 use std::time::Duration;
 
 /// Runs the command.
 pub fn run(cli: &Cli, args: &WaveScatterArgs) -> Outcome {
-    let refuse = |error: WaveError| Failure::Input(format!("{}: {error}", args.scene.display()));
-    let scene = Scene::load(&args.scene).map_err(refuse)?;
-    let path = args.output.clone().unwrap_or_else(|| output::default_output(&args.scene, "json"));
+    let refuse = |error| runs::wave_failure(error, &args.scene);
+    Scene::load(&args.scene).map_err(refuse)?;
+    // The text that parts carry.
+    let text =
+        std::fs::read_to_string(&args.scene).map_err(|e| Failure::Input(format!("{}: {e}", args.scene.display())))?;
+    let scene = Scene::parse(&text).map_err(refuse)?;
+    let path = args.output.clone().unwrap_or_else(|| args.shards.default_output(&args.scene, "json"));
     output::check_writable(&path, &[&args.scene])?;
-    // There is nothing to save on the way, so that Ctrl-C may end the program at once.
-    progress::install_stop();
-    let bar = Bar::new("scatter", "cases", cli.quiet);
-    bar.begin("scatter", scene.cases() as u64);
-    let done = on_threads(cli, || scatter(&scene, &|cases| bar.advance(cases)));
-    bar.finish();
-    let report = done?.map_err(refuse)?;
-    // But a file that is half written is finished first.
+    let job = ScatterJob::new(&scene, &text);
+    let told = Told { what: "scatter", unit: "cases" };
+    let never = ResumeArgs::default();
+    if runs::run_share(cli, &job, told, &args.shards, (&path, &never), &args.scene)? {
+        return Ok(());
+    }
+    // Scenes are short runs: nothing is saved on the way.
+    let (mut report, time) = runs::run_job(cli, &job, told, None, &args.scene)?;
+    report.stats.seconds = time.as_secs_f64();
+    save(&path, &report)?;
+    tell(cli, &path, &report)
+}
+
+/// Writes the report.
+pub fn save(path: &Path, report: &Report) -> Outcome {
     progress::stoppable(|| {
-        output::write_whole_by(&path, |out| {
-            serde_json::to_writer(&mut *out, &report).map_err(std::io::Error::from)?;
+        output::write_whole_by(path, |out| {
+            serde_json::to_writer(&mut *out, report).map_err(std::io::Error::from)?;
             writeln!(out)
         })
-    })?;
-    tell(cli, &path, &report)
+    })
 }
 
 /// Says how the run went.

@@ -1,47 +1,29 @@
 //! `plywave wave speckle`: a spec in, patterns of many instances of its fiber out (Yu 2025, 6.2).
 
-use super::compare::{refuse, within};
-use super::simulate::{parts_of, remove_parts};
-use super::speckle_view;
-use super::{latitude, on_threads};
+use super::compare::within;
+use super::runs::{self, Told};
+use super::{latitude, speckle_view};
 use crate::args::{Cli, WaveSpeckleArgs};
 use crate::failure::{Failure, Outcome};
-use crate::output;
-use crate::progress::{self, Bar};
-use crate::report;
+use crate::{output, progress, report};
 use plywave::YarnSpec;
-use plywave_sim::Run;
-use plywave_sim::wave::{SpeckleOptions, speckle};
-use std::sync::atomic::{AtomicU64, Ordering};
+use plywave_sim::wave::{SpeckleJob, SpeckleOptions};
 
 /// Runs the command.
 pub fn run(cli: &Cli, args: &WaveSpeckleArgs) -> Outcome {
     let (spec, text) = YarnSpec::load(&args.spec)?;
     let options = options(args)?;
-    let path = args.output.clone().unwrap_or_else(|| output::default_output(&args.spec, "pws"));
+    let path = args.output.clone().unwrap_or_else(|| args.shards.default_output(&args.spec, "pws"));
     output::check_writable(&path, &[&args.spec])?;
-    let parts = parts_of(&path);
-    let fresh = !parts.exists();
-    progress::install_stop();
-    let bar = Bar::new("speckle", "fibers", cli.quiet);
-    bar.begin("speckle", u64::from(options.instances));
-    let done = AtomicU64::new(0);
-    let advance = |fibers: u64| {
-        done.fetch_add(fibers, Ordering::Relaxed);
-        bar.advance(fibers);
-    };
-    let run = Run { parts: Some(&parts), resume: args.resume, stop: Some(&progress::STOP), progress: Some(&advance) };
-    let work = progress::stoppable(|| on_threads(cli, || speckle(&spec, &text, &options, run)));
-    let time = bar.finish();
-    let patterns = work?.map_err(|error| {
-        // What cannot be solved leaves nothing behind; jobs that were done are kept.
-        if fresh && done.load(Ordering::Relaxed) == 0 {
-            remove_parts(&parts);
-        }
-        refuse(error, &args.spec)
-    })?;
+    let job = SpeckleJob::new(&spec, &text, &options).map_err(|e| runs::failure(e, &args.spec))?;
+    let told = Told { what: "speckle", unit: "fibers" };
+    if runs::run_share(cli, &job, told, &args.shards, (&path, &args.resume), &args.spec)? {
+        return Ok(());
+    }
+    let parts = runs::open_parts(&path, &args.resume)?;
+    let (patterns, time) = runs::run_job(cli, &job, told, Some(&parts), &args.spec)?;
     progress::stoppable(|| patterns.save(&path))?;
-    remove_parts(&parts);
+    parts.remove();
     let bytes = std::fs::metadata(&path).map_or(0, |m| m.len());
     let kinds = speckle_view::kinds(&patterns);
     if cli.json {

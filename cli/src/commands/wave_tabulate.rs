@@ -1,59 +1,35 @@
 //! `plywave wave tabulate`: a fiber's spec or scene in, the table of its scattering out (Xia 2020).
 
-use super::on_threads;
-use super::simulate::{parts_of, remove_parts};
-use crate::args::{Cli, Preset, WaveTabulateArgs};
+use super::runs::{self, Told};
+use crate::args::{Cli, WaveTabulateArgs};
 use crate::failure::{Failure, Outcome};
-use crate::output;
-use crate::progress::{self, Bar};
 use crate::report::{self, number};
+use crate::{output, progress};
 use plywave::fiber::{FiberSource, FiberTable};
-use plywave_sim::wave::{SingleFiber, TabulateOptions, tabulate, tabulate_rays, tabulate_slices};
-use plywave_sim::{Run, SimError};
+use plywave_sim::runs::Plan;
+use plywave_sim::wave::{SingleFiber, TabulateJob, TabulateOptions};
 use std::path::Path;
 use std::time::Duration;
 
 /// Runs the command.
 pub fn run(cli: &Cli, args: &WaveTabulateArgs) -> Outcome {
     let options = options(args)?;
-    let refuse = |error: SimError| match error {
-        SimError::Interrupted { left, total } => Failure::Interrupted(format!(
-            "stopped with {left} of {total} shards left; go on with: {}",
-            progress::resume_command()
-        )),
-        SimError::Runtime(error) => error.into(),
-        other => Failure::Input(format!("{}: {other}", args.spec.display())),
-    };
+    let refuse = |error| runs::failure(error, &args.spec);
     let (fiber, text) = SingleFiber::load(&args.spec, args.sigma).map_err(refuse)?;
-    let path = args.output.clone().unwrap_or_else(|| output::default_output(&args.spec, "pwf"));
+    let path = args.output.clone().unwrap_or_else(|| args.shards.default_output(&args.spec, "pwf"));
     output::check_writable(&path, &[&args.spec])?;
     let source = if args.rays { FiberSource::Ray } else { FiberSource::Wave };
-    let total = tabulate_slices(&fiber, &options, source).map_err(refuse)?;
-
-    let parts = parts_of(&path);
-    let fresh = !parts.exists();
-    progress::install_stop();
-    let bar = Bar::new("tabulate", "slices", cli.quiet);
-    bar.begin("tabulate", total);
-    let advance = |slices: u64| bar.advance(slices);
-    let run = Run { parts: Some(&parts), resume: args.resume, stop: Some(&progress::STOP), progress: Some(&advance) };
-    let work = progress::stoppable(|| {
-        on_threads(cli, || match source {
-            FiberSource::Wave => tabulate(&fiber, &text, &options, run),
-            FiberSource::Ray => tabulate_rays(&fiber, &text, &options, run),
-        })
-    });
-    let time = bar.finish();
-    let table = work?.map_err(|error| {
-        // A fiber that cannot be solved leaves nothing behind.
-        if fresh && !matches!(error, SimError::Interrupted { .. } | SimError::Runtime(_)) {
-            remove_parts(&parts);
-        }
-        refuse(error)
-    })?;
+    let job = TabulateJob::new(&fiber, &text, &options, source).map_err(refuse)?;
+    let told = Told { what: "tabulate", unit: "slices" };
+    if runs::run_share(cli, &job, told, &args.shards, (&path, &args.resume), &args.spec)? {
+        return Ok(());
+    }
+    let resumed = args.resume.resume && runs::parts_of(&path).exists();
+    let parts = runs::open_parts(&path, &args.resume)?;
+    let (table, time) = runs::run_job(cli, &job, told, Some(&parts), &args.spec)?;
     progress::stoppable(|| table.save(&path))?;
-    remove_parts(&parts);
-    tell(cli, &path, &table, total, time, args.resume && !fresh)
+    parts.remove();
+    tell(cli, &path, &table, Plan::of(&job).units, time, resumed)
 }
 
 /// Sizes: the preset's, then the command line's.
@@ -66,11 +42,7 @@ fn options(args: &WaveTabulateArgs) -> Outcome<TabulateOptions> {
     if !(args.beta_m >= 0.058 && args.beta_m <= 114.0) {
         return refuse("--beta-m", args.beta_m, "must be from 0.058 to 114 degrees");
     }
-    let mut options = match args.preset {
-        Preset::Preview => TabulateOptions::preview(),
-        Preset::Standard => TabulateOptions::standard(),
-        Preset::Reference => TabulateOptions::reference(),
-    };
+    let mut options = args.preset.quality().tabulate();
     let set = |to: &mut usize, from: Option<u32>| *to = from.map_or(*to, |n| n as usize);
     set(&mut options.lambdas, args.lambdas);
     set(&mut options.thetas, args.thetas);
@@ -106,7 +78,7 @@ fn tell(cli: &Cli, path: &Path, table: &FiberTable, slices: u64, time: Duration,
     output::print(|out| {
         writeln!(out, "{}: {}", path.display(), report::bytes(bytes))?;
         let rate = match resumed {
-            true => "taken up from an earlier run".into(),
+            true => "resumed from an earlier run".into(),
             false => format!("{} slices/s", report::count(slices as f64 / time.as_secs_f64().max(1e-9))),
         };
         writeln!(out, "  work         {}: {slices} slices, {rate}", report::duration(time))?;

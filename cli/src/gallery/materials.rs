@@ -2,15 +2,16 @@
 //! others are built there from a yarn spec that ships, with one key changed.
 
 use super::digest;
-use crate::args::{Cli, Preset, RunArgs};
-use crate::commands::{fit, on_threads, simulate};
+use crate::args::Cli;
+use crate::commands::on_threads;
+use crate::commands::runs::{failure, parts_of, pipeline_failure};
 use crate::failure::{Failure, Outcome};
-use crate::progress::{self, Bar};
-use crate::{commands, output};
+use crate::output;
+use crate::progress::{self, PipelineBar};
 use plywave::{PlyData, PlyModel, Shape, YarnSpec};
-use plywave_fit::speckle::NoiseOptions;
-use plywave_sim::Run;
-use plywave_sim::wave::{SpeckleOptions, speckle};
+use plywave_pipeline::{Quality, Recipe, Run, add_speckle, build, solve_speckle};
+use plywave_sim::runs::{Found, PartsFolder};
+use plywave_sim::wave::SpeckleOptions;
 use std::path::{Path, PathBuf};
 
 /// A model.
@@ -89,23 +90,6 @@ pub struct Workshop<'a> {
     pub quick: bool,
 }
 
-/// A TOML text with the values of some keys changed; `None` where one is not there.
-fn with_keys(text: &str, changes: &[(&str, String)]) -> Option<String> {
-    let mut changed = vec![false; changes.len()];
-    let lines = text.lines().map(|line| {
-        let key = line.split('=').next().unwrap_or("").trim();
-        match changes.iter().position(|(name, _)| *name == key && line.contains('=')) {
-            Some(at) => {
-                changed[at] = true;
-                format!("{key} = {}\n", changes[at].1)
-            }
-            None => format!("{line}\n"),
-        }
-    });
-    let text: String = lines.collect();
-    changed.iter().all(|c| *c).then_some(text)
-}
-
 fn read(path: &Path) -> Outcome<String> {
     let bad = |e: std::io::Error| match e.kind() {
         std::io::ErrorKind::NotFound => Failure::Input(format!(
@@ -166,11 +150,9 @@ impl Workshop<'_> {
             Ply::Shipped(name) => self.shipped(name),
             Ply::Built { name, from, changes } => {
                 let file = self.from.join(format!("{from}.toml"));
-                let text = with_keys(&read(&file)?, changes).ok_or_else(|| {
-                    let keys: Vec<&str> = changes.iter().map(|c| c.0).collect();
-                    Failure::input(file.display(), &keys.join(", "), "(absent)", "use the spec that ships")
-                })?;
-                self.built(name, &text, &file)
+                let recipe = Recipe::changed(&file.display().to_string(), &read(&file)?, changes, Quality::Preview);
+                let (paths, instances) = self.sizes();
+                self.built(name, &Recipe { paths, instances, ..recipe.map_err(pipeline_failure)? })
             }
         }
     }
@@ -218,37 +200,40 @@ impl Workshop<'_> {
         // Circles are solved in moments; other outlines take minutes a model (`plywave build`, `plywave noise`).
         if data.noise.is_none() && matches!(spec.fiber.shape, Shape::Circle { .. }) {
             let options = SpeckleOptions { instances: fibers, seed: data.seed, ..SpeckleOptions::default() };
-            progress::install_stop();
-            let bar = Bar::new("speckle", "fibers", self.cli.quiet);
-            bar.begin("speckle", u64::from(fibers));
-            let advance = |fibers: u64| bar.advance(fibers);
-            let run = Run { parts: None, resume: false, stop: Some(&progress::STOP), progress: Some(&advance) };
-            let text = data.spec_text.clone();
-            let work = progress::stoppable(|| on_threads(self.cli, || speckle(&spec, &text, &options, run)));
-            bar.finish();
-            let patterns = work?.map_err(|error| commands::compare::refuse(error, &path))?;
-            let options = NoiseOptions { seed: data.seed, w0_um: spec.beam.beam().w0_um, ..NoiseOptions::default() };
-            data.noise = Some(plywave_fit::speckle::noise_tiles(&patterns, &options, &path.display().to_string())?.0);
+            let (text, file) = (data.spec_text.clone(), path.display().to_string());
+            let patterns = self.staged(None, |run| solve_speckle(&spec, &text, &options, &file, run))?;
+            add_speckle(&mut data, &patterns, &spec, &file).map_err(pipeline_failure)?;
         }
         self.keep(name, &data, &mark)
     }
 
-    /// A model of a spec, at preview quality.
-    fn built(&self, name: &str, text: &str, file: &Path) -> Outcome<String> {
-        let (paths, instances) = self.sizes();
-        let mark = format!("{} {paths:?} {instances:?}", digest(text.as_bytes()));
+    /// Runs a part of the pipeline with a bar, stoppable, on the threads that were asked for.
+    fn staged<T: Send>(
+        &self,
+        parts: Option<&PartsFolder>,
+        work: impl FnOnce(&Run<'_>) -> Result<T, plywave_pipeline::Error> + Send,
+    ) -> Outcome<T> {
+        progress::install_stop();
+        let bar = PipelineBar::new(self.cli.quiet);
+        let tell = |progress| bar.update(progress);
+        let run = Run { parts, stop: Some(&progress::STOP), progress: Some(&tell), ..Run::plain() };
+        let done = on_threads(self.cli, || work(&run));
+        bar.finish();
+        done?.map_err(pipeline_failure)
+    }
+
+    /// A model of a recipe at preview quality.
+    fn built(&self, name: &str, recipe: &Recipe) -> Outcome<String> {
+        let mark = format!("{} {:?} {:?}", digest(recipe.spec_text.as_bytes()), recipe.paths, recipe.instances);
         if self.is_made(name, &mark) {
             return Ok(name.into());
         }
-        let spec = YarnSpec::parse(text, &format!("{} ({name})", file.display()))?;
-        let run = RunArgs { preset: Some(Preset::Preview), seed: 1, resume: true, paths, instances };
-        let job = simulate::Job::of(file.into(), spec, text.into(), &run);
-        // Shards of other sizes are not taken up.
-        let parts = simulate::parts_of(&self.model_path(&format!("{name}-{}", digest(mark.as_bytes()))));
-        let (table, _) = job.simulate(self.cli, &parts, true)?;
-        let (data, _) = fit::fit_table(self.cli, file, &table, run.preset)?;
-        simulate::remove_parts(&parts);
-        self.keep(name, &data, &mark)
+        // Shards of other sizes have another folder.
+        let parts = parts_of(&self.model_path(&format!("{name}-{}", digest(mark.as_bytes()))));
+        let parts = PartsFolder::open(&parts, Found::Resume).map_err(|e| failure(e, &parts))?;
+        let built = self.staged(Some(&parts), |run| build(recipe, run))?;
+        parts.remove();
+        self.keep(name, &built.model, &mark)
     }
 }
 
@@ -257,20 +242,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn keys_are_changed_where_they_are() {
-        let text = "# pitch = 2\n[ply]\npitch = 1\nother = 3\n";
-        assert_eq!(with_keys(text, &[("pitch", "7".into())]).unwrap(), "# pitch = 2\n[ply]\npitch = 7\nother = 3\n");
-        assert_eq!(with_keys(text, &[("none", "7".into())]), None);
-    }
-
-    #[test]
     fn built_plies_change_one_thing() {
         for (ply, seen) in [(Ply::kidneys(), "kidney"), (Ply::pitch(300.0), "300.0")] {
             let Ply::Built { from, changes, .. } = ply else { panic!() };
             let path = format!("{}/../fabrics/{from}.toml", env!("CARGO_MANIFEST_DIR"));
-            let text = with_keys(&std::fs::read_to_string(path).unwrap(), &changes).unwrap();
-            assert!(text.contains(seen));
-            YarnSpec::parse(&text, "changed").unwrap();
+            let text = std::fs::read_to_string(path).unwrap();
+            assert!(Recipe::changed(from, &text, &changes, Quality::Preview).unwrap().spec_text.contains(seen));
         }
     }
 }

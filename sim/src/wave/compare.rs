@@ -4,9 +4,8 @@
 //! over smooth walls, with the position and angle of the beam at each wavelength (the paper takes the angles of 0.55 um for all). Both are shares of the
 //! beam's power per azimuth, in bins of half a degree; coarser ones are their means.
 //!
-//! The pair of a section and a wavelength is one job. Instance i is the same section whatever the number of instances, so that a run can be made longer.
+//! The pair of a section and a wavelength is one shard. Instance i is the same section whatever the number of instances, so that a run can be made longer.
 
-use super::jobs::run_jobs;
 use super::likeness::{Likeness, Spread, binned, coarser, correlation, likeness, mean_and_sd};
 use super::scatter::solver_of;
 use super::{
@@ -15,13 +14,14 @@ use super::{
 };
 use crate::error::SimError;
 use crate::geometry::section::PlySection;
-use crate::parts::JobOutput;
 use crate::rays::walk2d::{Walk2d, walk_2d};
-use crate::simulate::{Run, instance_seed};
+use crate::runs::{self, ArrayLayout, Description, Done, Job, Part, Run, Values};
+use crate::simulate::instance_seed;
 use plywave::{GaussianBeam, YarnSpec};
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Bins of the azimuth that are kept: half a degree.
@@ -33,13 +33,13 @@ const DEGREE: usize = 2;
 /// Half of the range about exact forward that is left out where the report says so [degrees]: some fifteen times the beam's spread, so that
 /// what is left is light that a fiber turned.
 const FORWARD_DEG: f64 = 10.0;
-/// Curves of a case in a job: total by waves, missed, reflected, other by rays.
+/// Curves of a case in a shard: total by waves, missed, reflected, other by rays.
 const CURVES: usize = 4;
-/// Numbers of a case in a job: shares scattered, absorbed, extinguished by waves, killed of rays.
+/// Numbers of a case in a shard: shares scattered, absorbed, extinguished by waves, killed of rays.
 const SHARES: usize = 4;
 
 /// Sizes of a comparison.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CompareOptions {
     /// Instances of the section.
     pub instances: u32,
@@ -76,7 +76,7 @@ impl Default for CompareOptions {
 }
 
 impl CompareOptions {
-    /// Jobs of the run, which progress counts.
+    /// Shards of the run, which progress counts.
     pub fn jobs(&self) -> u64 {
         u64::from(self.instances) * self.lambda_um.len() as u64
     }
@@ -91,8 +91,8 @@ impl CompareOptions {
         self.h_rel.iter().map(|h| h * spec.ply_radii_um()[0]).collect()
     }
 
-    /// What a run's jobs depend on.
-    fn marker(&self) -> Self {
+    /// What a shard depends on: a run can be made longer.
+    fn of_a_shard(&self) -> Self {
         CompareOptions { instances: 0, ..self.clone() }
     }
 }
@@ -234,34 +234,122 @@ pub fn compare(
     options: &CompareOptions,
     run: Run<'_>,
 ) -> Result<CompareReport, SimError> {
-    compare_with(spec, spec_text, options, run, &solver_of)
+    runs::run(&CompareJob::new(spec, spec_text, options)?, run)
 }
 
-pub(crate) fn compare_with(
-    spec: &YarnSpec,
-    spec_text: &str,
-    options: &CompareOptions,
-    run: Run<'_>,
-    solver: &MakeSolver<'_>,
-) -> Result<CompareReport, SimError> {
-    let (l, h) = (options.lambda_um.len(), options.h_rel.len());
-    // Waists that are too narrow are refused before the first job.
-    for &lambda_um in &options.lambda_um {
-        let wave = Wave { lambda_um, theta_i: options.theta_i };
-        options.source(spec, 0.0, Polarization::Tm).plane_waves(&wave, 0.0)?;
+/// A comparison as a job: shard `i L + l` is instance i at wavelength l.
+pub struct CompareJob<'a> {
+    spec: YarnSpec,
+    spec_text: String,
+    options: CompareOptions,
+    solver: &'a MakeSolver<'a>,
+    sections: OnceLock<Vec<PlySection>>,
+}
+
+impl CompareJob<'static> {
+    /// The job of `spec`, whose text is `spec_text`.
+    ///
+    /// # Errors
+    /// Beams that are too narrow, [`SimError::Wave`].
+    pub fn new(spec: &YarnSpec, spec_text: &str, options: &CompareOptions) -> Result<Self, SimError> {
+        CompareJob::with_solver(spec, spec_text, options, &solver_of)
     }
-    // All sections are made first, so that fibers that do not fit are told before hours of work.
-    let sections: Vec<PlySection> = (0..options.instances)
-        .into_par_iter()
-        .map(|i| PlySection::generate(spec, instance_seed(options.seed, i)))
-        .collect::<Result<_, _>>()?;
-    let empty = JobOutput { floats: Vec::new(), numbers: vec![0.0; h * (CURVES * BINS + SHARES)] };
-    let work = |job: usize, stop: &AtomicBool| {
-        let (instance, at) = (job / l, job % l);
-        one(spec, options, (instance as u32, &sections[instance]), at, stop, solver)
-    };
-    let jobs = run_jobs(options.jobs() as usize, &empty, &options.marker(), spec_text, run, &work)?;
-    Ok(report(spec, spec_text, options, &jobs))
+
+    /// The same job from its description and its number of instances.
+    ///
+    /// # Errors
+    /// [`SimError::Merge`] and those of the spec.
+    pub(crate) fn of(description: &Description, instances: u64) -> Result<Self, SimError> {
+        let options: CompareOptions = description.parse_options()?;
+        let spec = YarnSpec::parse(&description.spec, "the part's spec")?;
+        let instances = u32::try_from(instances).unwrap_or(u32::MAX);
+        CompareJob::new(&spec, &description.spec, &CompareOptions { instances, ..options })
+    }
+}
+
+impl<'a> CompareJob<'a> {
+    pub(crate) fn with_solver(
+        spec: &YarnSpec,
+        spec_text: &str,
+        options: &CompareOptions,
+        solver: &'a MakeSolver<'a>,
+    ) -> Result<Self, SimError> {
+        // Waists that are too narrow are refused before the first shard.
+        for &lambda_um in &options.lambda_um {
+            let wave = Wave { lambda_um, theta_i: options.theta_i };
+            options.source(spec, 0.0, Polarization::Tm).plane_waves(&wave, 0.0)?;
+        }
+        let (spec, spec_text, options) = (spec.clone(), spec_text.to_string(), options.clone());
+        Ok(CompareJob { spec, spec_text, options, solver, sections: OnceLock::new() })
+    }
+
+    /// All sections, made when they are first asked for, so that fibers that do not fit are told before hours of work.
+    fn sections(&self) -> Result<&[PlySection], SimError> {
+        if let Some(sections) = self.sections.get() {
+            return Ok(sections);
+        }
+        let sections = (0..self.options.instances)
+            .into_par_iter()
+            .map(|i| PlySection::generate(&self.spec, instance_seed(self.options.seed, i)))
+            .collect::<Result<_, _>>()?;
+        Ok(self.sections.get_or_init(|| sections))
+    }
+}
+
+impl Job for CompareJob<'_> {
+    type Output = CompareReport;
+    type Merge = Vec<Part>;
+
+    fn description(&self) -> Description {
+        Description::new("compare", &self.options.of_a_shard(), &self.spec_text)
+    }
+
+    fn shards(&self) -> usize {
+        self.options.jobs() as usize
+    }
+
+    fn extent(&self) -> u64 {
+        u64::from(self.options.instances)
+    }
+
+    fn layout(&self, _: usize) -> Vec<ArrayLayout> {
+        let h = self.options.h_rel.len();
+        // Extinction and absorption may be negative by the solver's tolerance, and by the beam's own interference.
+        let any = [f64::MIN, f64::MAX];
+        vec![ArrayLayout::f64("curves", &[h, CURVES, BINS], any), ArrayLayout::f64("shares", &[h, SHARES], any)]
+    }
+
+    fn prepare(&self) -> Result<(), SimError> {
+        self.sections().map(|_| ())
+    }
+
+    fn run_shard(
+        &self,
+        shard: usize,
+        stop: &AtomicBool,
+        progress: &(dyn Fn(u64) + Sync),
+    ) -> Result<Option<Done>, SimError> {
+        let l = self.options.lambda_um.len();
+        let (instance, at) = (shard / l, shard % l);
+        let section = (instance as u32, &self.sections()?[instance]);
+        let done = one(&self.spec, &self.options, section, at, stop, self.solver)?;
+        if done.is_some() {
+            progress(1);
+        }
+        Ok(done)
+    }
+
+    fn begin(&self) -> Vec<Part> {
+        Vec::new()
+    }
+
+    fn absorb(&self, parts: &mut Vec<Part>, _: usize, part: Part) {
+        parts.push(part);
+    }
+
+    fn finish(&self, parts: Vec<Part>) -> Result<CompareReport, SimError> {
+        Ok(report(&self.spec, &self.spec_text, &self.options, &parts))
+    }
 }
 
 /// One instance at wavelength `at`: `[h]` of the curves, then of the shares; and the most memory it took.
@@ -272,7 +360,7 @@ fn one(
     at: usize,
     stop: &AtomicBool,
     solver: &MakeSolver<'_>,
-) -> Result<Option<(JobOutput, usize)>, SimError> {
+) -> Result<Option<Done>, SimError> {
     if stop.load(Ordering::Relaxed) {
         return Ok(None);
     }
@@ -296,8 +384,7 @@ fn one(
     }
     drop(prepared);
 
-    let mut output = JobOutput { floats: Vec::new(), numbers: Vec::new() };
-    let mut shares = Vec::new();
+    let (mut curves, mut shares) = (Vec::new(), Vec::new());
     for (k, pair) in sources.chunks_exact(2).zip(scattered.chunks_exact(2)).enumerate() {
         if stop.load(Ordering::Relaxed) {
             return Ok(None);
@@ -329,45 +416,44 @@ fn one(
             },
         )?;
         share[3] = rays.killed;
-        output.numbers.extend(total);
-        output.numbers.extend(rays.miss);
-        output.numbers.extend(rays.refl);
-        output.numbers.extend(&rays.high[0]);
+        curves.extend(total);
+        curves.extend(rays.miss);
+        curves.extend(rays.refl);
+        curves.extend(&rays.high[0]);
         shares.extend(share);
     }
-    output.numbers.extend(shares);
-    Ok(Some((output, stats.peak_bytes)))
+    let part = Part::new(vec![Values::F64(curves), Values::F64(shares)]);
+    Ok(Some(Done { part, peak_bytes: stats.peak_bytes }))
 }
 
-/// Curve `which` of offset `k` in a job's output.
-fn curve(job: &JobOutput, k: usize, which: usize) -> &[f64] {
-    &job.numbers[(k * CURVES + which) * BINS..][..BINS]
+/// Curve `which` of offset `k` in a part.
+fn curve(part: &Part, k: usize, which: usize) -> &[f64] {
+    &part.f64(0)[(k * CURVES + which) * BINS..][..BINS]
 }
 
 /// All light by rays.
-fn ray_total(job: &JobOutput, k: usize) -> Vec<f64> {
-    let (miss, refl, high) = (curve(job, k, 1), curve(job, k, 2), curve(job, k, 3));
+fn ray_total(part: &Part, k: usize) -> Vec<f64> {
+    let (miss, refl, high) = (curve(part, k, 1), curve(part, k, 2), curve(part, k, 3));
     (0..BINS).map(|bin| miss[bin] + refl[bin] + high[bin]).collect()
 }
 
-/// Everything that is told of the finished jobs.
-fn report(spec: &YarnSpec, spec_text: &str, options: &CompareOptions, jobs: &[JobOutput]) -> CompareReport {
+/// Everything that is told of the finished shards.
+fn report(spec: &YarnSpec, spec_text: &str, options: &CompareOptions, parts: &[Part]) -> CompareReport {
     let (l, h) = (options.lambda_um.len(), options.h_rel.len());
     let h_um = options.h_um(spec);
-    let of = |at: usize| jobs.iter().skip(at).step_by(l);
-    let waves_of = |at: usize, k: usize| -> Vec<Vec<f64>> { of(at).map(|job| curve(job, k, 0).to_vec()).collect() };
+    let of = |at: usize| parts.iter().skip(at).step_by(l);
+    let waves_of = |at: usize, k: usize| -> Vec<Vec<f64>> { of(at).map(|part| curve(part, k, 0).to_vec()).collect() };
     let mut cases = Vec::new();
     for at in 0..l {
         for k in 0..h {
             let waves = waves_of(at, k);
-            let rays: Vec<Vec<f64>> = of(at).map(|job| ray_total(job, k)).collect();
-            let share =
-                |which: usize| Spread::of(of(at).map(move |job| job.numbers[h * CURVES * BINS + k * SHARES + which]));
+            let rays: Vec<Vec<f64>> = of(at).map(|part| ray_total(part, k)).collect();
+            let share = |which: usize| Spread::of(of(at).map(move |part| part.f64(1)[k * SHARES + which]));
             let sum = |values: &[f64]| values.iter().sum::<f64>() * TAU / BINS as f64;
-            let energy = |which: usize| Spread::of(of(at).map(move |job| sum(curve(job, k, which))));
+            let energy = |which: usize| Spread::of(of(at).map(move |part| sum(curve(part, k, which))));
             let (wave_mean, wave_sd) = mean_and_sd(&waves);
             let (ray_mean, ray_sd) = mean_and_sd(&rays);
-            let misses: Vec<Vec<f64>> = of(at).map(|job| curve(job, k, 1).to_vec()).collect();
+            let misses: Vec<Vec<f64>> = of(at).map(|part| curve(part, k, 1).to_vec()).collect();
             cases.push(CompareCase {
                 lambda_um: options.lambda_um[at],
                 h_rel: options.h_rel[k],
@@ -461,126 +547,4 @@ fn averages(waves: &[Vec<f64>], rays: &[Vec<f64>]) -> (Likeness, f64) {
     let variance: f64 = mean_and_sd(&apart).1.iter().map(|sd| sd * sd).sum::<f64>() / waves.len().max(1) as f64;
     let size: f64 = wave.iter().map(|w| w * w).sum();
     (likeness(&wave, &ray), (variance / size.max(f64::MIN_POSITIVE)).sqrt())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::wave::MieSolver;
-    use std::sync::atomic::AtomicU64;
-
-    const ONE: &str = "name = \"one\"\n[fiber]\nshape = { kind = \"circle\", radius_um = 4.0 }\nsize_jitter = 0.05\neta = 1.5\nalpha_fiber = 0.2\n\
-        [ply]\nfibers = 1\nradius_um = 6.0\n[beam]\nw0_um = 4.0\n";
-
-    fn options() -> CompareOptions {
-        CompareOptions {
-            instances: 3,
-            lambda_um: vec![0.5, 0.7],
-            h_rel: vec![0.0, 0.8],
-            paths: 20_000,
-            tolerance: 1e-8,
-            ..CompareOptions::default()
-        }
-    }
-
-    fn mie(bodies: &[Body], wave: &Wave, tolerance: f64) -> Result<Solver, WaveError> {
-        Ok(Box::new(MieSolver::new(&bodies[0], wave, tolerance)?))
-    }
-
-    /// Clear fibers: both optics give back the beam, waves to the solver's accuracy; the share that missed is that of rays. With absorption both keep less.
-    #[test]
-    fn energies_add_up() {
-        let spec = YarnSpec::parse(ONE, "one.toml").unwrap();
-        let clear = compare_with(&spec, ONE, &options(), Run::plain(), &mie).unwrap();
-        assert_eq!(clear.cases.len(), 4);
-        for case in &clear.cases {
-            let e = &case.energies;
-            assert!((e.wave_total.min - 1.0).abs() < 1e-7 && (e.wave_total.max - 1.0).abs() < 1e-7, "{e:?}");
-            let rays = e.ray_miss.mean + e.ray_refl.mean + e.ray_high.mean + e.ray_killed.mean;
-            assert!((rays - 1.0).abs() < 1e-9, "{rays}");
-            assert!((e.wave_scattered.mean + e.wave_absorbed.mean - e.wave_extinguished.mean).abs() < 1e-7);
-            // The curves hold the same energy.
-            let mean: f64 = case.curves.wave_mean.iter().sum::<f64>() * TAU / case.curves.wave_mean.len() as f64;
-            assert!((mean - 1.0).abs() < 1e-7, "{mean}");
-        }
-        let dark = CompareOptions { sigma_per_um: 0.05, ..options() };
-        let dark = compare_with(&spec, ONE, &dark, Run::plain(), &mie).unwrap();
-        for case in &dark.cases {
-            let e = &case.energies;
-            let (wave, ray) = (1.0 - e.wave_total.mean, 1.0 - e.ray_miss.mean - e.ray_refl.mean - e.ray_high.mean);
-            assert!((wave - e.wave_absorbed.mean).abs() < 1e-7, "{wave} {e:?}");
-            // Ray optics of a fiber eight wavelengths thick absorbs alike; its noise: 20000 rays, three times.
-            assert!((wave / ray - 1.0).abs() < 0.1, "waves absorb {wave}, rays {ray}");
-        }
-    }
-
-    /// A fiber of hundreds of wavelengths in coarse bins is what rays say: the whole chain from section to likeness, with angles, sides and offsets right.
-    #[test]
-    fn thick_fibers_are_ray_optics() {
-        let text = ONE.replace("radius_um = 4.0", "radius_um = 40.0").replace("radius_um = 6.0", "radius_um = 52.0");
-        let text = text.replace("w0_um = 4.0", "w0_um = 10.0");
-        let spec = YarnSpec::parse(&text, "thick.toml").unwrap();
-        let thick = CompareOptions {
-            instances: 4,
-            lambda_um: vec![0.4],
-            h_rel: vec![0.0, 0.5, -0.5],
-            paths: 200_000,
-            ..options()
-        };
-        let report = compare_with(&spec, &text, &thick, Run::plain(), &mie).unwrap();
-        for case in &report.cases {
-            let coarse = &case.resolutions[3];
-            assert!(
-                coarse.average.correlation > 0.999 && coarse.average.relative_l2 < 0.05,
-                "h {}: {:?}",
-                case.h_rel,
-                coarse.average
-            );
-        }
-        // Sides matter: rays at -h are not waves at h.
-        let [a, b] = [1, 2].map(|k| &report.cases[k].curves);
-        let [a, b] = [(&a.wave_mean, &b.ray_mean), (&b.wave_mean, &a.ray_mean)]
-            .map(|(w, r)| correlation(&coarser(w, 20), &coarser(r, 20)));
-        assert!(a < 0.9 && b < 0.9, "{a} {b}");
-    }
-
-    /// Threads, a stop and a longer run later change nothing.
-    #[test]
-    fn threads_stops_and_more_instances_do_not_matter() {
-        let spec = YarnSpec::parse(ONE, "one.toml").unwrap();
-        let whole = |threads: usize, run: Run<'_>, options: &CompareOptions| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| compare_with(&spec, ONE, options, run, &mie))
-        };
-        let options = CompareOptions { paths: 2000, ..options() };
-        let want = whole(1, Run::plain(), &options).unwrap();
-        assert_eq!(whole(3, Run::plain(), &options).unwrap(), want);
-
-        let folder = tempfile::tempdir().unwrap();
-        let parts = folder.path().join("r.parts");
-        let (stop, done) = (AtomicBool::new(false), AtomicU64::new(0));
-        let halt = |jobs: u64| {
-            if done.fetch_add(jobs, Ordering::Relaxed) + jobs >= 2 {
-                stop.store(true, Ordering::Relaxed);
-            }
-        };
-        let run = Run { parts: Some(&parts), resume: false, stop: Some(&stop), progress: Some(&halt) };
-        let fewer = CompareOptions { instances: 2, ..options.clone() };
-        assert!(matches!(whole(1, run, &fewer), Err(SimError::Interrupted { left: 2, total: 4 })));
-        let again = Run { parts: Some(&parts), resume: true, stop: None, progress: None };
-        assert_eq!(whole(2, again, &fewer).unwrap().instances, 2);
-        assert_eq!(whole(2, again, &options).unwrap(), want);
-    }
-
-    /// A solver that loses power is found out.
-    #[test]
-    fn lost_power_is_an_error() {
-        let spec = YarnSpec::parse(ONE, "one.toml").unwrap();
-        let options = CompareOptions { tolerance: 1e-300, ..options() };
-        let solver = |bodies: &[Body], wave: &Wave, _: f64| mie(bodies, wave, 1e-8);
-        assert!(matches!(
-            compare_with(&spec, ONE, &options, Run::plain(), &solver),
-            Err(SimError::Wave(WaveError::Ledger { .. }))
-        ));
-    }
 }

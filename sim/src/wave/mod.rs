@@ -20,6 +20,8 @@ mod assemble;
 mod circle;
 mod close;
 mod compare;
+#[cfg(test)]
+mod compare_tests;
 mod compressed;
 #[cfg(test)]
 mod compressed_tests;
@@ -27,11 +29,10 @@ mod coupling;
 mod curve;
 mod entries;
 mod error;
-mod jobs;
 mod kernel;
 mod likeness;
 mod lu;
-mod memory;
+pub(crate) mod memory;
 mod mie;
 mod multipole;
 #[cfg(test)]
@@ -54,11 +55,14 @@ mod speckle;
 mod symmetry;
 mod system;
 mod tabulate;
+#[cfg(test)]
+mod tabulate_tests;
 mod total_field;
 mod walls;
 
 pub use compare::{
-    AcrossWavelengths, CompareCase, CompareCurves, CompareOptions, CompareReport, Energies, Resolved, compare,
+    AcrossWavelengths, CompareCase, CompareCurves, CompareJob, CompareOptions, CompareReport, Energies, Resolved,
+    compare,
 };
 pub use compressed::CompressedSolver;
 pub use error::WaveError;
@@ -66,14 +70,16 @@ pub use likeness::{Likeness, Spread};
 pub use mie::MieSolver;
 pub use multipole::MultipoleSolver;
 pub use nystrom::NystromSolver;
-pub use scatter::{Case, Report, RunStats, check_ledger, scatter};
+pub use scatter::{Case, Report, RunStats, ScatterJob, check_ledger, scatter};
 pub use scene::{Beams, Method, Scene};
 pub use scene_check::check_walls;
 pub use section_bodies::{fiber_body, section_bodies};
 pub use single_fiber::{Absorption, SingleFiber};
 pub use source::{BeamSource, PlaneWave, Source};
-pub use speckle::{SpeckleOptions, speckle};
-pub use tabulate::{MakeSolver, Solver, TabulateOptions, tabulate, tabulate_rays, tabulate_slices, tabulate_with};
+pub use speckle::{SpeckleJob, SpeckleOptions, speckle};
+pub use tabulate::{
+    MakeSolver, Solver, TabulateJob, TabulateOptions, tabulate, tabulate_rays, tabulate_slices, tabulate_with,
+};
 pub use total_field::{TotalField, azimuths, beam_power, incident_far_field, total_field};
 
 use num_complex::Complex64;

@@ -6,14 +6,13 @@
 use super::scene::degrees;
 use super::{
     Body, C64, CompressedSolver, Method, MieSolver, MultipoleSolver, NystromSolver, Polarization, Scattered, Scene,
-    Shape, Wave, WaveError, WaveSolver, memory,
+    Shape, Source, Wave, WaveError, WaveSolver, memory,
 };
-use rayon::prelude::*;
+use crate::error::SimError;
+use crate::runs::{self, ArrayLayout, Description, Done, Job, Part, Run, Values};
 use serde::{Serialize, Serializer};
 use std::f64::consts::TAU;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Instant;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// Sources given to a solver at a time: enough for block solves, few enough for a bar to move.
 const SOURCES: usize = 256;
@@ -63,13 +62,13 @@ pub struct Case {
 /// How a run went.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RunStats {
-    /// The solver that was used.
+    /// The solver that was used; the costliest where slices needed several.
     pub method: &'static str,
     /// Size of the largest linear system.
     pub unknowns: usize,
     /// Largest relative residual of a solve.
     pub residual: f64,
-    /// Wall time [s].
+    /// Time of the slices, one after the other [s].
     pub seconds: f64,
     /// The most memory the process held at once, or the solvers' estimate where the system does not tell [bytes].
     pub peak_bytes: usize,
@@ -103,21 +102,16 @@ fn in_pairs<S: Serializer>(list: &[C64], out: S) -> Result<S::Ok, S::Error> {
 /// A solver behind its trait.
 type Solver = Box<dyn WaveSolver>;
 
-/// Solves every case of a scene that has passed [`Scene::check`]. `progress` is told of cases as they are done. The work runs in the current
-/// thread pool of rayon; results do not depend on its size.
+/// Solves every case of a scene that has passed [`Scene::check`]. Progress counts cases. The work runs in the current thread pool of rayon; results do
+/// not depend on its size. `text` is the scene's.
 ///
 /// # Errors
-/// What the solvers refuse, [`WaveError::NotConverged`] for a residual above the tolerance, [`WaveError::Ledger`] for powers that do not add up.
-pub fn scatter(scene: &Scene, progress: &(dyn Fn(u64) + Sync)) -> Result<Report, WaveError> {
-    let mut refusal = None;
-    for method in candidates(scene) {
-        let prepare = |wave: &Wave| prepare(method, &scene.bodies, wave, scene.tolerance);
-        match run(scene, method, &prepare, progress) {
-            Err(error) if passes_on(&error) => refusal = Some(error),
-            done => return done,
-        }
-    }
-    Err(refusal.unwrap_or_else(|| unsupported(scene.method, "serves no scene", "use \"auto\"")))
+/// What the solvers refuse, [`WaveError::NotConverged`] for a residual above the tolerance, [`WaveError::Ledger`] for powers that do not add up, all in
+/// [`SimError::Wave`]; [`SimError::Interrupted`] and errors of the parts folder.
+pub fn scatter(scene: &Scene, text: &str, run: Run<'_>) -> Result<Report, SimError> {
+    let mut report = runs::run(&ScatterJob::new(scene, text), run)?;
+    report.stats.peak_bytes = memory::peak_bytes().unwrap_or(report.stats.peak_bytes);
+    Ok(report)
 }
 
 fn unsupported(method: Method, what: &str, mend: &str) -> WaveError {
@@ -233,127 +227,206 @@ fn check_memory(unknowns: f64, bytes: f64) -> Result<(), WaveError> {
     }
 }
 
-/// A slice that is done.
-struct Slice {
+/// What makes the solver of a slice by a method.
+pub(crate) type Prepare<'a> = dyn Fn(Method, &Wave) -> Result<Solver, WaveError> + Sync + 'a;
+
+/// A scene as a job: a shard is a slice, those of the shortest waves first, as they make the largest systems. Its part has the far fields and widths of its
+/// cases and how it was solved.
+pub struct ScatterJob<'a> {
+    scene: Scene,
+    text: String,
+    waves: Vec<Wave>,
+    sources: Vec<Source>,
+    /// Slices in the order of the shards.
+    order: Vec<usize>,
+    prepare: Option<&'a Prepare<'a>>,
+}
+
+impl<'a> ScatterJob<'a> {
+    /// The job of a scene that has passed [`Scene::check`], whose text is `text`.
+    pub fn new(scene: &Scene, text: &str) -> ScatterJob<'a> {
+        let (waves, sources) = (scene.waves(), scene.sources());
+        let mut order: Vec<usize> = (0..waves.len()).collect();
+        order.sort_by(|&a, &b| waves[b].k0().total_cmp(&waves[a].k0()));
+        ScatterJob { scene: scene.clone(), text: text.into(), waves, sources, order, prepare: None }
+    }
+
+    /// The same job from its description.
+    ///
+    /// # Errors
+    /// Those of the scene.
+    pub(crate) fn of(description: &Description) -> Result<ScatterJob<'a>, SimError> {
+        Ok(ScatterJob::new(&Scene::parse(&description.spec)?, &description.spec))
+    }
+
+    fn solver(&self, method: Method, wave: &Wave) -> Result<Solver, WaveError> {
+        match self.prepare {
+            Some(prepare) => prepare(method, wave),
+            None => prepare(method, &self.scene.bodies, wave, self.scene.tolerance),
+        }
+    }
+
+    /// One slice by one method: all sources by one solver, each checked. `None` when stopped. `progress` is told of all cases done so far.
+    fn slice(
+        &self,
+        method: Method,
+        wave: &Wave,
+        stop: &AtomicBool,
+        progress: &dyn Fn(u64),
+    ) -> Result<Option<Done>, WaveError> {
+        let solver = self.solver(method, wave)?;
+        let n = self.scene.n_phi_out;
+        let (mut fields, mut widths) = (Vec::with_capacity(4 * n * self.sources.len()), Vec::new());
+        let mut done = 0;
+        for sources in self.sources.chunks(SOURCES) {
+            if stop.load(Ordering::Relaxed) {
+                return Ok(None);
+            }
+            let checked = (|| {
+                let scattered = solver.scatter(sources, n)?;
+                let residual = solver.stats().residual;
+                // Asked this way, a NaN does not pass.
+                let solved = residual <= self.scene.tolerance;
+                if !solved {
+                    return Err(WaveError::NotConverged { residual, iterations: 1 });
+                }
+                scattered.iter().try_for_each(|s| check_ledger(wave, self.scene.tolerance, s))?;
+                Ok(scattered)
+            })();
+            for (source, s) in sources.iter().zip(checked?) {
+                let (f_co, f_cross) = match source.pol {
+                    Polarization::Tm => (s.f_u, s.f_phi),
+                    Polarization::Te => (s.f_phi, s.f_u),
+                };
+                fields.extend(f_co.iter().chain(&f_cross).flat_map(|z| [z.re, z.im]));
+                widths.extend([s.c_sca_um, s.c_abs_um, s.c_ext_um]);
+            }
+            done += sources.len() as u64;
+            progress(done);
+        }
+        let stats = solver.stats();
+        let number = METHODS.iter().position(|m| *m == method).unwrap_or(0);
+        let solved = vec![number as f64, stats.unknowns as f64, stats.residual];
+        let part = Part::new(vec![Values::F64(fields), Values::F64(widths), Values::F64(solved)]);
+        Ok(Some(Done { part, peak_bytes: stats.peak_bytes }))
+    }
+}
+
+/// A slice as it comes back from a part.
+pub struct Slice {
     cases: Vec<Case>,
+    method: Method,
     unknowns: usize,
     residual: f64,
+    seconds: f64,
     peak_bytes: usize,
 }
 
-/// All slices, by solvers that `prepare` makes.
-fn run(
-    scene: &Scene,
-    method: Method,
-    prepare: &(dyn Fn(&Wave) -> Result<Solver, WaveError> + Sync),
-    progress: &(dyn Fn(u64) + Sync),
-) -> Result<Report, WaveError> {
-    let begun = Instant::now();
-    let waves = scene.waves();
-    // The shortest waves make the largest systems: one of them goes first and tells how many slices fit into memory side by side.
-    let mut order: Vec<usize> = (0..waves.len()).collect();
-    order.sort_by(|&a, &b| waves[b].k0().total_cmp(&waves[a].k0()));
-    let mut slices: Vec<Option<Slice>> = waves.iter().map(|_| None).collect();
-    let (mut rest, mut lanes) = (&order[..], 0);
-    if let Some((&first, others)) = order.split_first() {
-        let done = slice(scene, &waves[first], prepare, progress)?;
-        lanes = fitting(done.peak_bytes).min(others.len());
-        slices[first] = Some(done);
-        rest = others;
+impl Job for ScatterJob<'_> {
+    type Output = Report;
+    type Merge = Vec<Option<Slice>>;
+
+    fn description(&self) -> Description {
+        Description::new("scatter", &serde_json::json!({}), &self.text)
     }
 
-    let next = AtomicUsize::new(0);
-    let failed: Mutex<Option<(usize, WaveError)>> = Mutex::new(None);
-    let found: Mutex<Vec<(usize, Slice)>> = Mutex::new(Vec::with_capacity(rest.len()));
-    (0..lanes).into_par_iter().with_max_len(1).for_each(|_| {
-        loop {
-            let turn = next.fetch_add(1, Ordering::Relaxed);
-            // Slices begin in order, so that the first failure by that order is found whatever the number of lanes.
-            if turn >= rest.len() || lock(&failed).as_ref().is_some_and(|(at, _)| *at < turn) {
-                return;
+    fn shards(&self) -> usize {
+        self.waves.len()
+    }
+
+    fn units(&self, _: usize) -> u64 {
+        self.sources.len() as u64
+    }
+
+    fn layout(&self, _: usize) -> Vec<ArrayLayout> {
+        let any = [f64::MIN, f64::MAX];
+        vec![
+            // F_co and F_cross, real and imaginary.
+            ArrayLayout::f64("fields", &[self.sources.len(), 2, self.scene.n_phi_out, 2], any),
+            // C_sca, C_abs, C_ext.
+            ArrayLayout::f64("widths", &[self.sources.len(), 3], any),
+            // Number of the method, unknowns, residual.
+            ArrayLayout::f64("solved", &[3], [0.0, 1e15]),
+        ]
+    }
+
+    fn check(&self, _: usize, _: usize, part: &Part) -> Result<(), String> {
+        let number = part.f64(2)[0];
+        method_of(number).map(|_| ()).ok_or_else(|| format!("{number} is no method"))
+    }
+
+    fn run_shard(
+        &self,
+        shard: usize,
+        stop: &AtomicBool,
+        progress: &(dyn Fn(u64) + Sync),
+    ) -> Result<Option<Done>, SimError> {
+        let wave = &self.waves[self.order[shard]];
+        let mut refusal = None;
+        // Cases that a method solved before it failed are not told again of the next one.
+        let told = AtomicU64::new(0);
+        let tell = |done: u64| progress(done.saturating_sub(told.fetch_max(done, Ordering::Relaxed)));
+        for method in candidates(&self.scene) {
+            match self.slice(method, wave, stop, &tell) {
+                Err(error) if passes_on(&error) => refusal = Some(error),
+                done => return Ok(done?),
             }
-            match slice(scene, &waves[rest[turn]], prepare, progress) {
-                Ok(done) => lock(&found).push((rest[turn], done)),
-                Err(error) => {
-                    let mut failed = lock(&failed);
-                    if failed.as_ref().is_none_or(|(at, _)| turn < *at) {
-                        *failed = Some((turn, error));
-                    }
-                }
-            }
         }
-    });
-    if let Some((_, error)) = failed.into_inner().unwrap_or_else(|e| e.into_inner()) {
-        return Err(error);
+        Err(refusal.unwrap_or_else(|| unsupported(self.scene.method, "serves no scene", "use \"auto\"")).into())
     }
-    for (i, slice) in found.into_inner().unwrap_or_else(|e| e.into_inner()) {
-        slices[i] = Some(slice);
+
+    fn begin(&self) -> Vec<Option<Slice>> {
+        self.waves.iter().map(|_| None).collect()
     }
-    let slices: Vec<Slice> = slices.into_iter().flatten().collect();
-    let estimate = slices.iter().map(|s| s.peak_bytes).max().unwrap_or(0) * lanes.max(1);
-    let stats = RunStats {
-        method: method.name(),
-        unknowns: slices.iter().map(|s| s.unknowns).max().unwrap_or(0),
-        residual: slices.iter().map(|s| s.residual).fold(0.0, f64::max),
-        seconds: begun.elapsed().as_secs_f64(),
-        peak_bytes: memory::peak_bytes().unwrap_or(estimate),
-    };
-    Ok(Report { cases: slices.into_iter().flat_map(|s| s.cases).collect(), stats })
+
+    fn absorb(&self, slices: &mut Vec<Option<Slice>>, shard: usize, part: Part) {
+        let wave = &self.waves[self.order[shard]];
+        let n = self.scene.n_phi_out;
+        let complex = |values: &[f64]| values.as_chunks().0.iter().map(|[re, im]| C64::new(*re, *im)).collect();
+        let (fields, widths, solved) = (part.f64(0), part.f64(1), part.f64(2));
+        let case = |(source, (fields, widths)): (&Source, (&[f64], &[f64]))| Case {
+            lambda_um: wave.lambda_um,
+            theta_i: wave.theta_i,
+            phi_i: source.phi_i,
+            h_um: source.beam.map(|b| b.h_um),
+            pol: source.pol,
+            f_co: complex(&fields[..2 * n]),
+            f_cross: complex(&fields[2 * n..]),
+            c_sca_um: widths[0],
+            c_abs_um: widths[1],
+            c_ext_um: widths[2],
+        };
+        slices[self.order[shard]] = Some(Slice {
+            cases: self.sources.iter().zip(fields.chunks(4 * n).zip(widths.chunks(3))).map(case).collect(),
+            method: method_of(solved[0]).unwrap_or_default(),
+            unknowns: solved[1] as usize,
+            residual: solved[2],
+            seconds: part.seconds,
+            peak_bytes: part.peak_bytes as usize,
+        });
+    }
+
+    fn finish(&self, slices: Vec<Option<Slice>>) -> Result<Report, SimError> {
+        let slices: Vec<Slice> = slices.into_iter().flatten().collect();
+        // The costliest that a slice needed.
+        let method = METHODS.into_iter().rfind(|m| slices.iter().any(|s| s.method == *m));
+        let stats = RunStats {
+            method: method.unwrap_or_default().name(),
+            unknowns: slices.iter().map(|s| s.unknowns).max().unwrap_or(0),
+            residual: slices.iter().map(|s| s.residual).fold(0.0, f64::max),
+            seconds: slices.iter().map(|s| s.seconds).sum(),
+            peak_bytes: slices.iter().map(|s| s.peak_bytes).max().unwrap_or(0),
+        };
+        Ok(Report { cases: slices.into_iter().flat_map(|s| s.cases).collect(), stats })
+    }
 }
 
-/// The lock of a mutex, whoever panicked while holding it: the values within are whole at any time.
-fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(|e| e.into_inner())
-}
+/// Methods in the order of their cost.
+const METHODS: [Method; 5] = [Method::Auto, Method::Mie, Method::Multipole, Method::Compressed, Method::Nystrom];
 
-/// Slices that may be held at once where each takes `bytes`: one a thread, in half of the memory that is free.
-fn fitting(bytes: usize) -> usize {
-    let fit = memory::available_bytes().map_or(1, |free| free / 2 / bytes.max(1));
-    fit.clamp(1, rayon::current_num_threads())
-}
-
-/// One slice: all sources by one solver, each checked.
-fn slice(
-    scene: &Scene,
-    wave: &Wave,
-    prepare: &dyn Fn(&Wave) -> Result<Solver, WaveError>,
-    progress: &dyn Fn(u64),
-) -> Result<Slice, WaveError> {
-    let solver = prepare(wave)?;
-    let sources = scene.sources();
-    let mut cases = Vec::with_capacity(sources.len());
-    for sources in sources.chunks(SOURCES) {
-        let scattered = solver.scatter(sources, scene.n_phi_out)?;
-        let residual = solver.stats().residual;
-        // Asked this way, a NaN does not pass.
-        let solved = residual <= scene.tolerance;
-        if !solved {
-            return Err(WaveError::NotConverged { residual, iterations: 1 });
-        }
-        for (source, scattered) in sources.iter().zip(scattered) {
-            check_ledger(wave, scene.tolerance, &scattered)?;
-            let Scattered { f_u, f_phi, c_sca_um, c_abs_um, c_ext_um } = scattered;
-            let (f_co, f_cross) = match source.pol {
-                Polarization::Tm => (f_u, f_phi),
-                Polarization::Te => (f_phi, f_u),
-            };
-            cases.push(Case {
-                lambda_um: wave.lambda_um,
-                theta_i: wave.theta_i,
-                phi_i: source.phi_i,
-                h_um: source.beam.map(|b| b.h_um),
-                pol: source.pol,
-                f_co,
-                f_cross,
-                c_sca_um,
-                c_abs_um,
-                c_ext_um,
-            });
-        }
-        progress(sources.len() as u64);
-    }
-    let stats = solver.stats();
-    Ok(Slice { cases, unknowns: stats.unknowns, residual: stats.residual, peak_bytes: stats.peak_bytes })
+/// The method of a number in a part.
+fn method_of(number: f64) -> Option<Method> {
+    METHODS.into_iter().enumerate().find(|(at, _)| *at as f64 == number).map(|(_, m)| m)
 }
 
 /// Refuses powers that do not add up within the tolerance, and fields that are not numbers.
@@ -374,7 +447,12 @@ pub fn check_ledger(wave: &Wave, tolerance: f64, scattered: &Scattered) -> Resul
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::wave::{SolverStats, Source};
+    use crate::wave::SolverStats;
+    use std::sync::atomic::AtomicUsize;
+
+    fn solve(scene: &Scene) -> Result<Report, SimError> {
+        scatter(scene, "", Run::plain())
+    }
 
     const SCENE: &str = "lambda_um = [0.7, 0.5, 0.6]\ntheta_i_deg = [0, 20]\nphi_i_deg = [0, 90]\nn_phi_out = 12\n[beam]\nw0_um = 5\nh_um = [0, 1]\n[[fiber]]\nshape = \"circle\"\nradius_um = 0.8\neta = 1.5\nkappa = 0.01\n";
 
@@ -397,12 +475,12 @@ mod tests {
         }
     }
 
-    fn spoiled(scene: &Scene, residual: f64, factor: impl Fn(&Wave) -> f64 + Sync) -> Result<Report, WaveError> {
-        let prepare = |wave: &Wave| -> Result<Solver, WaveError> {
+    fn spoiled(scene: &Scene, residual: f64, factor: impl Fn(&Wave) -> f64 + Sync) -> Result<Report, SimError> {
+        let prepare = |_: Method, wave: &Wave| -> Result<Solver, WaveError> {
             let inner = MieSolver::new(&scene.bodies[0], wave, scene.tolerance)?;
             Ok(Box::new(Spoiled { inner, residual, factor: factor(wave) }))
         };
-        run(scene, Method::Mie, &prepare, &|_| ())
+        runs::run(&ScatterJob { prepare: Some(&prepare), ..ScatterJob::new(scene, "") }, Run::plain())
     }
 
     /// Every combination once, in order; each equals a run of its own; progress adds up.
@@ -410,10 +488,10 @@ mod tests {
     fn cases_are_complete_and_in_order() {
         let scene = Scene::parse(SCENE).unwrap();
         let done = AtomicUsize::new(0);
-        let report = scatter(&scene, &|n| {
+        let count = |n: u64| {
             done.fetch_add(n as usize, Ordering::Relaxed);
-        })
-        .unwrap();
+        };
+        let report = scatter(&scene, "", Run { progress: Some(&count), ..Run::plain() }).unwrap();
         assert_eq!((report.cases.len(), done.into_inner()), (48, 48));
         assert_eq!(report.stats.method, "mie");
         assert!(report.stats.unknowns > 10 && report.stats.peak_bytes > 0);
@@ -429,9 +507,7 @@ mod tests {
                             beams: Some(super::super::Beams { w0_um: 5.0, h_um: vec![h_um] }),
                             ..scene.clone()
                         };
-                        for (case, pol) in
-                            scatter(&one, &|_| ()).unwrap().cases.iter().zip([Polarization::Tm, Polarization::Te])
-                        {
+                        for (case, pol) in solve(&one).unwrap().cases.iter().zip([Polarization::Tm, Polarization::Te]) {
                             assert_eq!(Some(case), want.next());
                             assert_eq!((case.lambda_um, case.theta_i, case.phi_i), (lambda_um, theta_i, phi_i));
                             assert_eq!((case.h_um, case.pol), (Some(h_um), pol));
@@ -448,11 +524,11 @@ mod tests {
         let scene = Scene::parse(SCENE).unwrap();
         assert!(spoiled(&scene, 1e-7, |_| 1.0).is_ok());
         let off = spoiled(&scene, 0.0, |wave| if wave.lambda_um == 0.6 { 1.001 } else { 1.0 }).unwrap_err();
-        assert!(matches!(off, WaveError::Ledger { lambda_um: 0.6, theta_i_deg: 0.0, .. }), "{off}");
-        assert!(matches!(spoiled(&scene, 0.0, |_| f64::NAN).unwrap_err(), WaveError::Ledger { .. }));
+        assert!(matches!(off, SimError::Wave(WaveError::Ledger { lambda_um: 0.6, theta_i_deg: 0.0, .. })), "{off}");
+        assert!(matches!(spoiled(&scene, 0.0, |_| f64::NAN).unwrap_err(), SimError::Wave(WaveError::Ledger { .. })));
         for bad in [1e-5, f64::NAN, f64::INFINITY] {
             let error = spoiled(&scene, bad, |_| 1.0).unwrap_err();
-            assert!(matches!(error, WaveError::NotConverged { .. }), "{error}");
+            assert!(matches!(error, SimError::Wave(WaveError::NotConverged { .. })), "{error}");
         }
     }
 
@@ -475,14 +551,14 @@ mod tests {
             (pair(&oval), 1e-9, "nystrom"),
         ] {
             let text = format!("lambda_um = [1]\nphi_i_deg = [0]\ntolerance = {tolerance}\n{fibers}");
-            let report = scatter(&Scene::parse(&text).unwrap(), &|_| ()).unwrap();
+            let report = solve(&Scene::parse(&text).unwrap()).unwrap();
             assert_eq!(report.stats.method, method, "{text}");
             assert!(report.stats.residual <= tolerance);
         }
         // What was asked for by name is not replaced.
         let text = format!("lambda_um = [1]\nphi_i_deg = [0]\nmethod = \"mie\"\n{}", pair(&circle));
-        let error = scatter(&Scene::parse(&text).unwrap(), &|_| ()).unwrap_err();
-        assert!(matches!(error, WaveError::Unsupported { method: "mie", .. }), "{error}");
+        let error = solve(&Scene::parse(&text).unwrap()).unwrap_err();
+        assert!(matches!(error, SimError::Wave(WaveError::Unsupported { method: "mie", .. })), "{error}");
     }
 
     /// A square of side 4 with arcs of radius 1 has four straight pieces of 2 and a circle of circumference.
@@ -497,7 +573,7 @@ mod tests {
     #[test]
     fn reports_are_written_as_promised() {
         let scene = Scene::parse(SCENE).unwrap();
-        let report = scatter(&scene, &|_| ()).unwrap();
+        let report = solve(&scene).unwrap();
         let text = serde_json::to_string(&report).unwrap();
         let head = r#"{"cases":[{"lambda_um":0.7,"theta_i_deg":0.0,"phi_i_deg":0.0,"h_um":0.0,"pol":"TM","F_co":[["#;
         assert!(text.starts_with(head), "{}", &text[..200]);
@@ -512,7 +588,7 @@ mod tests {
             assert!(!json["stats"][key].is_null(), "{key}");
         }
         let planes = Scene { beams: None, ..scene };
-        let text = serde_json::to_string(&scatter(&planes, &|_| ()).unwrap()).unwrap();
+        let text = serde_json::to_string(&solve(&planes).unwrap()).unwrap();
         assert!(!text.contains("h_um"));
     }
 }

@@ -67,13 +67,26 @@ impl SingleFiber {
         let path = path.as_ref();
         // What cannot be read or parsed is told by the reader of yarn specs.
         let text = std::fs::read_to_string(path).unwrap_or_default();
-        let is_scene =
-            toml::from_str::<toml::Table>(&text).is_ok_and(|t| t.get("fiber").is_some_and(toml::Value::is_array));
-        if !is_scene {
+        if !is_scene(&text) {
             let (spec, text) = YarnSpec::load(path)?;
             return Ok((SingleFiber::of_spec(&spec.fiber, Absorption::Sigma(sigma_per_um)), text));
         }
-        let scene = Scene::parse(&text)?;
+        Ok((SingleFiber::of_scene(&text, sigma_per_um)?, text))
+    }
+
+    /// The fiber of the text that [`SingleFiber::load`] gives; `file` stands for the file in errors.
+    ///
+    /// # Errors
+    /// As [`SingleFiber::load`].
+    pub fn parse(text: &str, file: &str, sigma_per_um: f64) -> Result<SingleFiber, SimError> {
+        if is_scene(text) {
+            return SingleFiber::of_scene(text, sigma_per_um);
+        }
+        Ok(SingleFiber::of_spec(&YarnSpec::parse(text, file)?.fiber, Absorption::Sigma(sigma_per_um)))
+    }
+
+    fn of_scene(text: &str, sigma_per_um: f64) -> Result<SingleFiber, SimError> {
+        let scene = Scene::parse(text)?;
         let [body] = &scene.bodies[..] else {
             let value = format!("{} fibers", scene.bodies.len());
             return Err(
@@ -84,7 +97,7 @@ impl SingleFiber {
             let mend = "a scene's fiber has its kappa; leave this out".into();
             return Err(WaveError::Invalid { key: "sigma".into(), value: sigma_per_um.to_string(), mend }.into());
         }
-        Ok((SingleFiber::of_body(body), text))
+        Ok(SingleFiber::of_body(body))
     }
 
     /// The mean fiber of a yarn spec: its shape as given, without jitter of any kind. Shapes that are irregular by nature take their regular form: a
@@ -237,6 +250,11 @@ impl SingleFiber {
         let along = points.iter().map(|p| p.x * sin - p.y * cos);
         Ok([along.clone().fold(f64::INFINITY, f64::min), along.fold(f64::NEG_INFINITY, f64::max)])
     }
+}
+
+/// Whether a text is that of a scene, whose fibers are a list.
+fn is_scene(text: &str) -> bool {
+    toml::from_str::<toml::Table>(text).is_ok_and(|t| t.get("fiber").is_some_and(toml::Value::is_array))
 }
 
 /// A dense outline of a wall.

@@ -1,25 +1,25 @@
 //! Patterns of single fibers for the statistics of speckle (Yu 2025, 6.2): many instances of one fiber, drawn with the spec's jitter and turned at random,
 //! each under the same wide beam, clear and absorbing, at several wavelengths.
 //!
-//! One instance is one job. Instance i is the same fiber whatever the number of instances. What is kept is the scattered field's power alone, without the
+//! One instance is one shard. Instance i is the same fiber whatever the number of instances. What is kept is the scattered field's power alone, without the
 //! beam: `2/(pi k_0) |F|^2`, the scattering width per azimuth.
 
-use super::jobs::run_jobs;
 use super::scatter::solver_of;
 use super::total_field::azimuths;
 use super::{BeamSource, Body, Polarization, Source, Wave, WaveError, check_ledger, fiber_body};
 use crate::error::SimError;
 use crate::geometry::shape;
-use crate::parts::JobOutput;
-use crate::simulate::{Run, instance_seed};
+use crate::runs::{self, ArrayLayout, Description, Done, Job, Part, Run, Values};
+use crate::simulate::instance_seed;
 use plywave::{SpecklePatterns, YarnSpec};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Sizes of a run.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SpeckleOptions {
     /// Instances of the fiber.
     pub instances: u32,
@@ -53,8 +53,8 @@ impl Default for SpeckleOptions {
 }
 
 impl SpeckleOptions {
-    /// What a run's jobs depend on.
-    fn marker(&self) -> Self {
+    /// What a shard depends on: a run can be made longer.
+    fn of_a_shard(&self) -> Self {
         SpeckleOptions { instances: 0, ..self.clone() }
     }
 
@@ -96,89 +96,159 @@ pub fn speckle(
     options: &SpeckleOptions,
     run: Run<'_>,
 ) -> Result<SpecklePatterns, SimError> {
-    let (a, l, n) = (options.kappa.len(), options.lambda_um.len(), options.instances as usize);
-    for &lambda_um in &options.lambda_um {
-        options.source(Polarization::Tm).plane_waves(&options.wave(lambda_um), 0.0)?;
-    }
-    let d = grid(spec, options)?;
-    let kinds = a * l * 2;
-    // Of the file's patterns, 1 GiB at most.
-    const MOST: f64 = 2.7e8;
-    let cells = kinds as f64 * n as f64 * d as f64;
-    if cells > MOST {
-        return Err(SimError::TooLarge { cells, allowed: MOST });
-    }
-    let empty = JobOutput { floats: vec![0.0; kinds * d], numbers: vec![0.0; 2 * kinds] };
-    let work = |i: usize, stop: &AtomicBool| one(spec, options, i as u32, d, stop);
-    let jobs = run_jobs(n, &empty, &options.marker(), spec_text, run, &work)?;
-    let mut patterns = Vec::with_capacity(kinds * n * d);
-    let (mut c_sca_um, mut c_abs_um) = (Vec::with_capacity(kinds * n), Vec::with_capacity(kinds * n));
-    for kind in 0..kinds {
-        for job in &jobs {
-            patterns.extend_from_slice(&job.floats[kind * d..][..d]);
-            c_sca_um.push(job.numbers[2 * kind]);
-            c_abs_um.push(job.numbers[2 * kind + 1]);
-        }
-    }
-    Ok(SpecklePatterns {
-        spec_text: spec_text.into(),
-        program_version: env!("CARGO_PKG_VERSION").into(),
-        seed: options.seed,
-        theta_i: options.theta_i,
-        w0_um: options.w0_um,
-        kappa: options.kappa.clone(),
-        lambda_um: options.lambda_um.clone(),
-        instances: n,
-        azimuths: d,
-        patterns,
-        c_sca_um,
-        c_abs_um,
-    })
+    runs::run(&SpeckleJob::new(spec, spec_text, options)?, run)
 }
 
-/// One instance: `[A][L][2][D]` patterns and `[A][L][2]` pairs of C_sca and C_abs; and the most memory it took.
-fn one(
-    spec: &YarnSpec,
-    options: &SpeckleOptions,
-    i: u32,
-    d: usize,
-    stop: &AtomicBool,
-) -> Result<Option<(JobOutput, usize)>, SimError> {
-    let (clear, _) = fiber(spec, options.seed, i)?;
-    let mut output = JobOutput { floats: Vec::new(), numbers: Vec::new() };
-    let mut bytes = 0;
-    let sources = [Polarization::Tm, Polarization::Te].map(|pol| options.source(pol));
-    for &kappa in &options.kappa {
+/// Speckle patterns as a job: shard i is instance i.
+pub struct SpeckleJob {
+    spec: YarnSpec,
+    spec_text: String,
+    options: SpeckleOptions,
+    azimuths: usize,
+}
+
+impl SpeckleJob {
+    /// The job of `spec`, whose text is `spec_text`.
+    ///
+    /// # Errors
+    /// Beams that are too narrow and outlines that cannot be made ([`SimError::Wave`]), [`SimError::TooLarge`].
+    pub fn new(spec: &YarnSpec, spec_text: &str, options: &SpeckleOptions) -> Result<SpeckleJob, SimError> {
         for &lambda_um in &options.lambda_um {
-            if stop.load(Ordering::Relaxed) {
-                return Ok(None);
-            }
-            let wave = options.wave(lambda_um);
-            let body = Body { kappa, ..clear.clone() };
-            let solver = solver_of(&[body], &wave, options.tolerance)?;
-            let scattered = solver.scatter(&sources, d)?;
-            let stats = solver.stats();
-            // Asked this way, a NaN does not pass.
-            let solved = stats.residual <= options.tolerance;
-            if !solved {
-                return Err(WaveError::NotConverged { residual: stats.residual, iterations: 1 }.into());
-            }
-            bytes = bytes.max(stats.peak_bytes);
-            for scattered in &scattered {
-                check_ledger(&wave, options.tolerance, scattered)?;
-                let scale = 2.0 / (PI * wave.k0());
-                let power = |j: usize| scale * (scattered.f_u[j].norm_sqr() + scattered.f_phi[j].norm_sqr());
-                output.floats.extend((0..d).map(|j| power(j) as f32));
-                output.numbers.extend([scattered.c_sca_um, scattered.c_abs_um]);
+            options.source(Polarization::Tm).plane_waves(&options.wave(lambda_um), 0.0)?;
+        }
+        let azimuths = grid(spec, options)?;
+        let job = SpeckleJob { spec: spec.clone(), spec_text: spec_text.into(), options: options.clone(), azimuths };
+        // Of the file's patterns, 1 GiB at most.
+        const MOST: f64 = 2.7e8;
+        let cells = job.kinds() as f64 * f64::from(options.instances) * azimuths as f64;
+        if cells > MOST {
+            return Err(SimError::TooLarge { cells, allowed: MOST });
+        }
+        Ok(job)
+    }
+
+    /// The same job from its description and its number of instances.
+    ///
+    /// # Errors
+    /// [`SimError::Merge`] and those of the spec.
+    pub(crate) fn of(description: &Description, instances: u64) -> Result<SpeckleJob, SimError> {
+        let options: SpeckleOptions = description.parse_options()?;
+        let spec = YarnSpec::parse(&description.spec, "the part's spec")?;
+        let instances = u32::try_from(instances).unwrap_or(u32::MAX);
+        SpeckleJob::new(&spec, &description.spec, &SpeckleOptions { instances, ..options })
+    }
+
+    /// Absorptions, wavelengths and polarizations.
+    fn kinds(&self) -> usize {
+        self.options.kappa.len() * self.options.lambda_um.len() * 2
+    }
+}
+
+impl Job for SpeckleJob {
+    type Output = SpecklePatterns;
+    type Merge = Vec<Part>;
+
+    fn description(&self) -> Description {
+        Description::new("speckle", &self.options.of_a_shard(), &self.spec_text)
+    }
+
+    fn shards(&self) -> usize {
+        self.options.instances as usize
+    }
+
+    fn extent(&self) -> u64 {
+        u64::from(self.options.instances)
+    }
+
+    fn layout(&self, _: usize) -> Vec<ArrayLayout> {
+        let (a, l) = (self.options.kappa.len(), self.options.lambda_um.len());
+        vec![
+            ArrayLayout::f32("patterns", &[a, l, 2, self.azimuths], [0.0, f64::from(f32::MAX)]),
+            // C_sca and C_abs; the latter of clear fibers is 0 but for rounding.
+            ArrayLayout::f64("widths", &[a, l, 2, 2], [f64::MIN, f64::MAX]),
+        ]
+    }
+
+    fn run_shard(
+        &self,
+        shard: usize,
+        stop: &AtomicBool,
+        progress: &(dyn Fn(u64) + Sync),
+    ) -> Result<Option<Done>, SimError> {
+        let options = &self.options;
+        let (clear, _) = fiber(&self.spec, options.seed, shard as u32)?;
+        let (mut patterns, mut widths) = (Vec::new(), Vec::new());
+        let mut peak_bytes = 0;
+        let sources = [Polarization::Tm, Polarization::Te].map(|pol| options.source(pol));
+        for &kappa in &options.kappa {
+            for &lambda_um in &options.lambda_um {
+                if stop.load(Ordering::Relaxed) {
+                    return Ok(None);
+                }
+                let wave = options.wave(lambda_um);
+                let body = Body { kappa, ..clear.clone() };
+                let solver = solver_of(&[body], &wave, options.tolerance)?;
+                let scattered = solver.scatter(&sources, self.azimuths)?;
+                let stats = solver.stats();
+                // Asked this way, a NaN does not pass.
+                let solved = stats.residual <= options.tolerance;
+                if !solved {
+                    return Err(WaveError::NotConverged { residual: stats.residual, iterations: 1 }.into());
+                }
+                peak_bytes = peak_bytes.max(stats.peak_bytes);
+                for scattered in &scattered {
+                    check_ledger(&wave, options.tolerance, scattered)?;
+                    let scale = 2.0 / (PI * wave.k0());
+                    let power = |j: usize| scale * (scattered.f_u[j].norm_sqr() + scattered.f_phi[j].norm_sqr());
+                    patterns.extend((0..self.azimuths).map(|j| power(j) as f32));
+                    widths.extend([scattered.c_sca_um, scattered.c_abs_um]);
+                }
             }
         }
+        progress(1);
+        Ok(Some(Done { part: Part::new(vec![Values::F32(patterns), Values::F64(widths)]), peak_bytes }))
     }
-    Ok(Some((output, bytes)))
+
+    fn begin(&self) -> Vec<Part> {
+        Vec::new()
+    }
+
+    fn absorb(&self, parts: &mut Vec<Part>, _: usize, part: Part) {
+        parts.push(part);
+    }
+
+    fn finish(&self, parts: Vec<Part>) -> Result<SpecklePatterns, SimError> {
+        let (kinds, n, d, options) = (self.kinds(), parts.len(), self.azimuths, &self.options);
+        let mut patterns = Vec::with_capacity(kinds * n * d);
+        let (mut c_sca_um, mut c_abs_um) = (Vec::with_capacity(kinds * n), Vec::with_capacity(kinds * n));
+        for kind in 0..kinds {
+            for part in &parts {
+                patterns.extend_from_slice(&part.f32(0)[kind * d..][..d]);
+                c_sca_um.push(part.f64(1)[2 * kind]);
+                c_abs_um.push(part.f64(1)[2 * kind + 1]);
+            }
+        }
+        Ok(SpecklePatterns {
+            spec_text: self.spec_text.clone(),
+            program_version: env!("CARGO_PKG_VERSION").into(),
+            seed: options.seed,
+            theta_i: options.theta_i,
+            w0_um: options.w0_um,
+            kappa: options.kappa.clone(),
+            lambda_um: options.lambda_um.clone(),
+            instances: n,
+            azimuths: d,
+            patterns,
+            c_sca_um,
+            c_abs_um,
+        })
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::runs::{Found, PartsFolder};
     use plywave::{SpecklePolarization, SpeckleSide};
     use std::sync::atomic::AtomicU64;
 
@@ -253,9 +323,10 @@ mod tests {
                 stop.store(true, Ordering::Relaxed);
             }
         };
-        let run = Run { parts: Some(&parts), resume: false, stop: Some(&stop), progress: Some(&halt) };
+        let parts = PartsFolder::open(&parts, Found::Resume).unwrap();
+        let run = Run { parts: Some(&parts), stop: Some(&stop), progress: Some(&halt) };
         assert!(matches!(whole(1, run, 3), Err(SimError::Interrupted { left: 1, total: 3 })));
-        let again = Run { parts: Some(&parts), resume: true, stop: None, progress: None };
+        let again = Run { parts: Some(&parts), ..Run::plain() };
         assert_eq!(whole(2, again, 3).unwrap().instances, 3);
         assert_eq!(whole(1, again, 4).unwrap(), want);
     }

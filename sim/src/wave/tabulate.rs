@@ -14,15 +14,14 @@ use super::rays::RaySlice;
 use super::scatter::solver_of;
 use super::{Absorption, Polarization, SingleFiber, Source, Wave, WaveError, WaveSolver, check_walls};
 use crate::error::SimError;
-use crate::parts::Parts;
-use crate::simulate::Run;
+use crate::runs::{self, ArrayLayout, Description, Done, Job, Part, Run, Values};
 use plywave::fiber::{FiberSource, FiberTable};
-use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Sizes of a fiber table.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TabulateOptions {
     /// Name of the preset they started from, for the record.
     pub preset: String,
@@ -115,21 +114,21 @@ const SHARD: usize = 5;
 
 /// Axes and sampling of a table.
 #[derive(Clone, Debug, PartialEq)]
-struct Plan {
-    lambda_um: Vec<f64>,
-    theta_i: Vec<f64>,
-    phi_i: Vec<f64>,
+pub(super) struct Plan {
+    pub(super) lambda_um: Vec<f64>,
+    pub(super) theta_i: Vec<f64>,
+    pub(super) phi_i: Vec<f64>,
     width_um: Vec<f64>,
     /// D.
-    relative: usize,
+    pub(super) relative: usize,
     /// Azimuths solved for each that is kept, along phi_i and phi_r alike; odd.
-    fine: usize,
+    pub(super) fine: usize,
     /// Solves of a cell along lambda and theta_i.
-    samples: [usize; 2],
+    pub(super) samples: [usize; 2],
 }
 
 impl Plan {
-    fn new(fiber: &SingleFiber, options: &TabulateOptions, source: FiberSource) -> Result<Plan, SimError> {
+    pub(super) fn new(fiber: &SingleFiber, options: &TabulateOptions, source: FiberSource) -> Result<Plan, SimError> {
         let radius = fiber.bound_um()?;
         let [first, last] = options.lambda_um;
         if !(first > 0.0 && last >= first && last.is_finite()) {
@@ -195,7 +194,7 @@ impl Plan {
     }
 
     /// The solves of cell (l, m).
-    fn waves(&self, options: &TabulateOptions, l: usize, m: usize) -> Vec<Wave> {
+    pub(super) fn waves(&self, options: &TabulateOptions, l: usize, m: usize) -> Vec<Wave> {
         let band = (options.lambda_um[1] - options.lambda_um[0]) / self.lambda_um.len() as f64;
         let part = FRAC_PI_2 / self.theta_i.len() as f64;
         let within = |k: usize, n: usize| (k as f64 + 0.5) / n as f64 - 0.5;
@@ -239,7 +238,7 @@ pub type MakeSolver<'a> = dyn Fn(&SingleFiber, &Wave, f64) -> Result<Solver, Wav
 /// The table of `fiber` by wave optics, each solve made by `solver`; `spec_text` is kept in the table. Progress counts solves.
 ///
 /// # Errors
-/// [`SimError::TooLarge`], [`SimError::Wave`] from the solver, [`SimError::Interrupted`], file errors of the parts folder.
+/// [`SimError::TooLarge`], [`SimError::Wave`] from the solver, [`SimError::Interrupted`], errors of the parts folder.
 pub fn tabulate_with(
     fiber: &SingleFiber,
     spec_text: &str,
@@ -247,11 +246,7 @@ pub fn tabulate_with(
     run: Run<'_>,
     solver: &MakeSolver<'_>,
 ) -> Result<FiberTable, SimError> {
-    let plan = Plan::new(fiber, options, FiberSource::Wave)?;
-    let cell = |l: usize, m: usize, out: Cell<'_>, done: &dyn Fn() -> bool| {
-        wave_cell(&plan, &plan.waves(options, l, m), out, done, &|wave| solver(fiber, wave, options.tolerance))
-    };
-    fill(fiber, spec_text, options, run, &plan, FiberSource::Wave, &cell)
+    runs::run(&TabulateJob::with_solver(fiber, spec_text, options, solver)?, run)
 }
 
 /// [`tabulate_with`] the cheapest solver that serves the fiber: series for circles, boundary integrals for all others.
@@ -264,13 +259,10 @@ pub fn tabulate(
     options: &TabulateOptions,
     run: Run<'_>,
 ) -> Result<FiberTable, SimError> {
-    check_walls(std::slice::from_ref(&fiber.body))?;
-    let solver =
-        |fiber: &SingleFiber, wave: &Wave, tolerance: f64| solver_of(&[fiber.at(wave.lambda_um)], wave, tolerance);
-    tabulate_with(fiber, spec_text, options, run, &solver)
+    runs::run(&TabulateJob::new(fiber, spec_text, options, FiberSource::Wave)?, run)
 }
 
-/// The ray-optics twin of the table: the same axes, the same cells, geometric widths. Progress counts latitudes.
+/// The same table by ray optics: the same axes, the same cells, geometric widths. Progress counts latitudes.
 ///
 /// # Errors
 /// As [`tabulate_with`].
@@ -280,9 +272,110 @@ pub fn tabulate_rays(
     options: &TabulateOptions,
     run: Run<'_>,
 ) -> Result<FiberTable, SimError> {
-    let plan = Plan::new(fiber, options, FiberSource::Ray)?;
-    let slice = RaySlice::new(fiber)?;
-    let cell = |l: usize, m: usize, out: Cell<'_>, done: &dyn Fn() -> bool| {
+    runs::run(&TabulateJob::new(fiber, spec_text, options, FiberSource::Ray)?, run)
+}
+
+/// What the shards of a fiber table depend on, beside the text.
+#[derive(Serialize, Deserialize)]
+struct Identity {
+    rays: bool,
+    /// Absorption of a yarn spec's fiber [1/um]; scenes bring their own.
+    sigma_per_um: f64,
+    /// The fiber in full, as a fiber may be made in code.
+    fiber: String,
+    options: TabulateOptions,
+}
+
+/// How the cells of a table are computed.
+enum Method<'a> {
+    Wave(&'a MakeSolver<'a>),
+    Ray(Box<RaySlice>),
+}
+
+/// A fiber table as a job: a shard is a run of latitudes of one wavelength, latitudes within wavelengths.
+pub struct TabulateJob<'a> {
+    fiber: SingleFiber,
+    spec_text: String,
+    options: TabulateOptions,
+    plan: Plan,
+    method: Method<'a>,
+}
+
+/// The cheapest solver that serves the fiber.
+fn cheapest(fiber: &SingleFiber, wave: &Wave, tolerance: f64) -> Result<Solver, WaveError> {
+    solver_of(&[fiber.at(wave.lambda_um)], wave, tolerance)
+}
+
+impl TabulateJob<'static> {
+    /// The job of `fiber`, whose spec or scene has the text `spec_text`, by waves or by rays.
+    ///
+    /// # Errors
+    /// What is wrong with the fiber's walls, [`SimError::TooLarge`].
+    pub fn new(
+        fiber: &SingleFiber,
+        spec_text: &str,
+        options: &TabulateOptions,
+        source: FiberSource,
+    ) -> Result<Self, SimError> {
+        if source == FiberSource::Wave {
+            check_walls(std::slice::from_ref(&fiber.body))?;
+            return TabulateJob::with_solver(fiber, spec_text, options, &cheapest);
+        }
+        Ok(TabulateJob {
+            plan: Plan::new(fiber, options, FiberSource::Ray)?,
+            method: Method::Ray(Box::new(RaySlice::new(fiber)?)),
+            fiber: fiber.clone(),
+            spec_text: spec_text.into(),
+            options: options.clone(),
+        })
+    }
+
+    /// The same job from its description.
+    ///
+    /// # Errors
+    /// [`SimError::Merge`] and those of the spec or scene.
+    pub(crate) fn of(description: &Description) -> Result<Self, SimError> {
+        let Identity { rays, sigma_per_um, options, .. } = description.parse_options()?;
+        let fiber = SingleFiber::parse(&description.spec, "the part's spec", sigma_per_um)?;
+        let source = if rays { FiberSource::Ray } else { FiberSource::Wave };
+        TabulateJob::new(&fiber, &description.spec, &options, source)
+    }
+}
+
+impl<'a> TabulateJob<'a> {
+    fn with_solver(
+        fiber: &SingleFiber,
+        spec_text: &str,
+        options: &TabulateOptions,
+        solver: &'a MakeSolver<'a>,
+    ) -> Result<Self, SimError> {
+        Ok(TabulateJob {
+            plan: Plan::new(fiber, options, FiberSource::Wave)?,
+            method: Method::Wave(solver),
+            fiber: fiber.clone(),
+            spec_text: spec_text.into(),
+            options: options.clone(),
+        })
+    }
+
+    /// Wavelength, first latitude and number of latitudes of a shard.
+    fn place(&self, shard: usize) -> (usize, usize, usize) {
+        let latitudes = self.plan.theta_i.len();
+        let per_band = latitudes.div_ceil(SHARD);
+        let first = shard % per_band * SHARD;
+        (shard / per_band, first, SHARD.min(latitudes - first))
+    }
+
+    /// Fills the cell of wavelength `l` and latitude `m`; false when stopped.
+    fn cell(&self, l: usize, m: usize, out: Cell<'_>, done: &dyn Fn() -> bool) -> Result<bool, SimError> {
+        let (plan, options, fiber) = (&self.plan, &self.options, &self.fiber);
+        let slice = match &self.method {
+            Method::Wave(solver) => {
+                let waves = plan.waves(options, l, m);
+                return wave_cell(plan, &waves, out, done, &|wave| solver(fiber, wave, options.tolerance));
+            }
+            Method::Ray(slice) => slice,
+        };
         let sigma = fiber.absorption.sigma_per_um(plan.lambda_um[l]);
         for (p, phi_i) in plan.phi_i.iter().enumerate() {
             let bins = &mut out.azimuthal[p * plan.relative..(p + 1) * plan.relative];
@@ -293,8 +386,124 @@ pub fn tabulate_rays(
             out.c_abs_um[p] = plan.width_um[p] * absorbed;
         }
         Ok(done())
-    };
-    fill(fiber, spec_text, options, run, &plan, FiberSource::Ray, &cell)
+    }
+}
+
+/// The arrays of a table.
+pub struct Arrays {
+    azimuthal: Vec<f32>,
+    c_x_um: Vec<f64>,
+    c_abs_um: Vec<f64>,
+}
+
+impl Arrays {
+    fn of(cells: usize, p: usize, d: usize) -> Arrays {
+        Arrays { azimuthal: vec![0.0; cells * p * d], c_x_um: vec![0.0; cells * p], c_abs_um: vec![0.0; cells * p] }
+    }
+}
+
+impl Job for TabulateJob<'_> {
+    type Output = FiberTable;
+    type Merge = Arrays;
+
+    fn description(&self) -> Description {
+        let sigma_per_um = match self.fiber.absorption {
+            Absorption::Sigma(sigma) => sigma,
+            Absorption::Kappa(_) => 0.0,
+        };
+        let identity = Identity {
+            rays: matches!(self.method, Method::Ray(_)),
+            sigma_per_um,
+            fiber: format!("{:?}", self.fiber),
+            options: self.options.clone(),
+        };
+        Description::new("tabulate", &identity, &self.spec_text)
+    }
+
+    fn shards(&self) -> usize {
+        self.plan.lambda_um.len() * self.plan.theta_i.len().div_ceil(SHARD)
+    }
+
+    fn units(&self, shard: usize) -> u64 {
+        (self.plan.samples[0] * self.plan.samples[1] * self.place(shard).2) as u64
+    }
+
+    fn layout(&self, shard: usize) -> Vec<ArrayLayout> {
+        let (thetas, p) = (self.place(shard).2, self.plan.phi_i.len());
+        // Waves may leave a far field below 0 by rounding nowhere, an absorption by the solver's tolerance.
+        vec![
+            ArrayLayout::f32("azimuthal", &[thetas, p, self.plan.relative], [0.0, f64::from(f32::MAX)]),
+            ArrayLayout::f64("c_x_um", &[thetas, p], [f64::MIN_POSITIVE, f64::MAX]),
+            ArrayLayout::f64("c_abs_um", &[thetas, p], [f64::MIN, f64::MAX]),
+        ]
+    }
+
+    fn shard_bytes(&self) -> Option<usize> {
+        Some(8 * SHARD * self.plan.phi_i.len() * self.plan.relative)
+    }
+
+    fn run_shard(
+        &self,
+        shard: usize,
+        stop: &AtomicBool,
+        progress: &(dyn Fn(u64) + Sync),
+    ) -> Result<Option<Done>, SimError> {
+        let (band, first, thetas) = self.place(shard);
+        let (p, d) = (self.plan.phi_i.len(), self.plan.relative);
+        let mut arrays = Arrays::of(thetas, p, d);
+        let done = || {
+            progress(1);
+            !stop.load(Ordering::Relaxed)
+        };
+        for m in 0..thetas {
+            let cell = Cell {
+                azimuthal: &mut arrays.azimuthal[m * p * d..][..p * d],
+                c_x_um: &mut arrays.c_x_um[m * p..][..p],
+                c_abs_um: &mut arrays.c_abs_um[m * p..][..p],
+            };
+            if !self.cell(band, first + m, cell, &done)? {
+                return Ok(None);
+            }
+        }
+        let Arrays { azimuthal, c_x_um, c_abs_um } = arrays;
+        let part = Part::new(vec![Values::F32(azimuthal), Values::F64(c_x_um), Values::F64(c_abs_um)]);
+        Ok(Some(Done { part, peak_bytes: 0 }))
+    }
+
+    fn begin(&self) -> Arrays {
+        let plan = &self.plan;
+        Arrays::of(plan.lambda_um.len() * plan.theta_i.len(), plan.phi_i.len(), plan.relative)
+    }
+
+    fn absorb(&self, to: &mut Arrays, shard: usize, part: Part) {
+        let (band, first, thetas) = self.place(shard);
+        let (p, d) = (self.plan.phi_i.len(), self.plan.relative);
+        let at = (band * self.plan.theta_i.len() + first) * p;
+        to.azimuthal[at * d..][..thetas * p * d].copy_from_slice(part.f32(0));
+        to.c_x_um[at..][..thetas * p].copy_from_slice(part.f64(1));
+        to.c_abs_um[at..][..thetas * p].copy_from_slice(part.f64(2));
+    }
+
+    fn finish(&self, arrays: Arrays) -> Result<FiberTable, SimError> {
+        let (plan, options) = (&self.plan, &self.options);
+        let Arrays { azimuthal, c_x_um, c_abs_um } = arrays;
+        Ok(FiberTable {
+            spec_text: self.spec_text.clone(),
+            program_version: env!("CARGO_PKG_VERSION").to_string(),
+            preset: options.preset.clone(),
+            seed: options.seed,
+            source: if matches!(self.method, Method::Ray(_)) { FiberSource::Ray } else { FiberSource::Wave },
+            symmetry: self.fiber.symmetry,
+            beta_m: options.beta_m,
+            lambda_um: plan.lambda_um.clone(),
+            theta_i: plan.theta_i.clone(),
+            phi_i: plan.phi_i.clone(),
+            width_um: plan.width_um.clone(),
+            c_x_um,
+            c_abs_um,
+            azimuthal,
+        })
+    }
 }
 
 /// Place of one cell's results: `[P][D]`, `[P]`, `[P]`.
@@ -304,10 +513,7 @@ struct Cell<'a> {
     c_abs_um: &'a mut [f64],
 }
 
-/// Work of one cell; calls `done` after each solve, which says whether to go on. False when stopped.
-type Work<'a> = dyn Fn(usize, usize, Cell<'_>, &dyn Fn() -> bool) -> Result<bool, SimError> + Sync + 'a;
-
-/// Averages of the cell's solves.
+/// Averages of the cell's solves; calls `done` after each, which says whether to go on. False when stopped.
 fn wave_cell(
     plan: &Plan,
     waves: &[Wave],
@@ -367,375 +573,4 @@ fn wave_cell(
         }
     }
     Ok(true)
-}
-
-/// All cells, shard by shard, into a table.
-fn fill(
-    fiber: &SingleFiber,
-    spec_text: &str,
-    options: &TabulateOptions,
-    run: Run<'_>,
-    plan: &Plan,
-    source: FiberSource,
-    work: &Work<'_>,
-) -> Result<FiberTable, SimError> {
-    let (l, t, p, d) = (plan.lambda_um.len(), plan.theta_i.len(), plan.phi_i.len(), plan.relative);
-    let parts = match run.parts {
-        Some(folder) => Some(Parts::open(folder, run.resume, spec_text, &(source, fiber, options))?),
-        None => None,
-    };
-    let never = AtomicBool::new(false);
-    let stop = run.stop.unwrap_or(&never);
-    let silent = |_: u64| {};
-    let progress: &(dyn Fn(u64) + Sync) = run.progress.unwrap_or(&silent);
-    let mut azimuthal = vec![0.0f32; l * t * p * d];
-    let (mut c_x_um, mut c_abs_um) = (vec![0.0; l * t * p], vec![0.0; l * t * p]);
-    // Shards of consecutive latitudes of one wavelength, each with its own stretch of the three arrays.
-    let mut shards = Vec::new();
-    let mut rest = (&mut azimuthal[..], &mut c_x_um[..], &mut c_abs_um[..]);
-    for band in 0..l {
-        for first in (0..t).step_by(SHARD) {
-            let thetas = SHARD.min(t - first);
-            let (a, more_a) = rest.0.split_at_mut(thetas * p * d);
-            let (x, more_x) = rest.1.split_at_mut(thetas * p);
-            let (b, more_b) = rest.2.split_at_mut(thetas * p);
-            shards.push((band, first, a, x, b));
-            rest = (more_a, more_x, more_b);
-        }
-    }
-    let total = shards.len();
-    let left = AtomicUsize::new(total);
-    let solves = (plan.samples[0] * plan.samples[1]) as u64;
-    let outcome = shards.into_par_iter().try_for_each(|(band, first, a, x, b)| {
-        if stop.load(Ordering::Relaxed) {
-            return Ok(());
-        }
-        if let Some(parts) = &parts
-            && parts.read_fiber(band, first, a, [&mut *x, &mut *b])?
-        {
-            progress(solves * (x.len() / p) as u64);
-            left.fetch_sub(1, Ordering::Relaxed);
-            return Ok(());
-        }
-        let mut cells = a.chunks_exact_mut(p * d).zip(x.chunks_exact_mut(p)).zip(b.chunks_exact_mut(p)).enumerate();
-        let whole = cells.try_fold(true, |whole, (m, ((azimuthal, c_x_um), c_abs_um))| {
-            let done = || {
-                progress(1);
-                !stop.load(Ordering::Relaxed)
-            };
-            if !whole {
-                return Ok(false);
-            }
-            work(band, first + m, Cell { azimuthal, c_x_um, c_abs_um }, &done)
-        })?;
-        // A stop that comes after the last solve of a shard leaves it whole.
-        if whole {
-            if let Some(parts) = &parts {
-                parts.write_fiber(band, first, a, [&*x, &*b])?;
-            }
-            left.fetch_sub(1, Ordering::Relaxed);
-        }
-        Ok::<(), SimError>(())
-    });
-    outcome?;
-    let left = left.into_inner();
-    if left > 0 {
-        return Err(SimError::Interrupted { left, total });
-    }
-    Ok(FiberTable {
-        spec_text: spec_text.to_string(),
-        program_version: env!("CARGO_PKG_VERSION").to_string(),
-        preset: options.preset.clone(),
-        seed: options.seed,
-        source,
-        symmetry: fiber.symmetry,
-        beta_m: options.beta_m,
-        lambda_um: plan.lambda_um.clone(),
-        theta_i: plan.theta_i.clone(),
-        phi_i: plan.phi_i.clone(),
-        width_um: plan.width_um.clone(),
-        c_x_um,
-        c_abs_um,
-        azimuthal,
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::wave::{C64, Scattered, SolverStats};
-    use plywave::fiber::TabulatedFiber;
-    use plywave::{Shape, YarnSpec, direction};
-    use std::sync::atomic::AtomicU64;
-
-    /// A made-up scatterer of the ellipse's symmetry whose powers are known in closed form: first order in a soft ellipse of Gaussian profile,
-    /// `F = (k_0 a b) exp(-((a u)^2 + (b v)^2) / 4)` with (u, v) the change of the transverse wavevector, and what is scattered is extinguished, but
-    /// for a tenth that is absorbed.
-    struct Soft {
-        wave: Wave,
-        axes: [f64; 2],
-    }
-
-    impl Soft {
-        fn amplitude(&self, phi_i: f64, phi_r: f64) -> f64 {
-            let k = self.wave.k_rho();
-            let [a, b] = self.axes;
-            let (u, v) = (k * (phi_i.cos() + phi_r.cos()), k * (phi_i.sin() + phi_r.sin()));
-            self.wave.k0() * a * b * (-0.25 * ((a * u).powi(2) + (b * v).powi(2))).exp()
-        }
-
-        /// Differential scattering width of unpolarized light [um/rad].
-        fn width(&self, phi_i: f64, phi_r: f64) -> f64 {
-            2.0 / (PI * self.wave.k0()) * self.amplitude(phi_i, phi_r).powi(2)
-        }
-
-        fn c_sca(&self, phi_i: f64) -> f64 {
-            const N: usize = 4096;
-            (0..N).map(|j| self.width(phi_i, TAU * j as f64 / N as f64)).sum::<f64>() * TAU / N as f64
-        }
-    }
-
-    impl WaveSolver for Soft {
-        fn scatter(&self, sources: &[Source], n_phi_out: usize) -> Result<Vec<Scattered>, WaveError> {
-            Ok(sources
-                .iter()
-                .map(|source| {
-                    let f = |j: usize| self.amplitude(source.phi_i, TAU * j as f64 / n_phi_out as f64);
-                    // The polarizations scatter unlike amounts with the same mean.
-                    let (tm, te) = (1.2f64.sqrt(), 0.8f64.sqrt());
-                    let part = if source.pol == Polarization::Tm { tm } else { te };
-                    let c_sca_um = part * part * self.c_sca(source.phi_i);
-                    Scattered {
-                        f_u: (0..n_phi_out).map(|j| C64::new(0.6 * part * f(j), 0.0)).collect(),
-                        f_phi: (0..n_phi_out).map(|j| C64::new(0.0, 0.8 * part * f(j))).collect(),
-                        c_sca_um,
-                        c_abs_um: c_sca_um / 9.0,
-                        c_ext_um: c_sca_um * 10.0 / 9.0,
-                    }
-                })
-                .collect())
-        }
-
-        fn stats(&self) -> SolverStats {
-            SolverStats { unknowns: 0, residual: 0.0, peak_bytes: 0 }
-        }
-    }
-
-    fn soft(fiber: &SingleFiber, wave: &Wave, _: f64) -> Result<Solver, WaveError> {
-        let axes = match fiber.body.shape {
-            crate::wave::Shape::Ellipse { a_um, b_um } => [a_um, b_um],
-            crate::wave::Shape::Circle { radius_um } => [radius_um; 2],
-            _ => [1.0, 1.5],
-        };
-        Ok(Box::new(Soft { wave: *wave, axes }))
-    }
-
-    fn ellipse(a_um: f64, b_um: f64) -> SingleFiber {
-        let mut spec = YarnSpec::polyester().unwrap().fiber;
-        spec.shape = Shape::Ellipse { a_um, b_um };
-        SingleFiber::of_spec(&spec, Absorption::Sigma(0.0))
-    }
-
-    fn small() -> TabulateOptions {
-        TabulateOptions { lambdas: 3, thetas: 7, azimuths: 120, relative: 120, ..TabulateOptions::preview() }
-    }
-
-    #[test]
-    fn nodes_hold_the_solver_s_powers() {
-        let fiber = ellipse(0.5, 0.2);
-        let table = tabulate_with(&fiber, "spec", &small(), Run::plain(), &soft).unwrap();
-        assert_eq!((table.phi_i.len(), table.phi_r_count()), (31, 120));
-        let mut slice = 0;
-        for &lambda_um in &table.lambda_um {
-            for &theta_i in &table.theta_i {
-                let twin = Soft { wave: Wave { lambda_um, theta_i }, axes: [0.5, 0.2] };
-                for &phi_i in &table.phi_i {
-                    let want = twin.c_sca(phi_i) / 0.9 / theta_i.cos();
-                    assert!((table.c_x_um[slice] / want - 1.0).abs() < 1e-12, "{} {want}", table.c_x_um[slice]);
-                    assert!((table.c_abs_um[slice] / (0.1 * want) - 1.0).abs() < 1e-12);
-                    for (j, got) in table.azimuthal[slice * 120..(slice + 1) * 120].iter().enumerate() {
-                        let phi_r = phi_i + TAU * j as f64 / 120.0;
-                        let want = 0.9 * twin.width(phi_i, phi_r) / twin.c_sca(phi_i);
-                        assert!((f64::from(*got) - want).abs() < 1e-6, "{phi_i} {phi_r}: {got} {want}");
-                    }
-                    slice += 1;
-                }
-            }
-        }
-        assert!(table.ledger_error() < 1e-6, "{}", table.ledger_error());
-    }
-
-    /// Cells that average several solves and azimuths hold the power of all of them, and the loaded fiber gives it back at azimuths that are not stored.
-    #[test]
-    fn averages_keep_the_power_and_symmetry_the_rest() {
-        let fiber = ellipse(3.0, 2.0);
-        let options = TabulateOptions { lambdas: 2, thetas: 3, turns: 0.5, most_samples: 5, ..small() };
-        let plan = Plan::new(&fiber, &options, FiberSource::Wave).unwrap();
-        assert!(plan.fine >= 3 && plan.samples[0] > 1 && plan.samples[1] > 1, "{plan:?}");
-        let table = tabulate_with(&fiber, "spec", &options, Run::plain(), &soft).unwrap();
-        assert!(table.ledger_error() < 1e-5, "{}", table.ledger_error());
-        let (p, d) = (table.phi_i.len(), table.phi_r_count());
-        // Cell (1, 1, k) by hand.
-        for k in [0, 7, p - 1] {
-            let (mut c_x, mut n) = (0.0, vec![0.0; d]);
-            let waves = plan.waves(&options, 1, 1);
-            for wave in &waves {
-                let twin = Soft { wave: *wave, axes: [3.0, 2.0] };
-                for i in 0..plan.fine {
-                    let shift = |i: usize| (i as f64 - (plan.fine / 2) as f64) / plan.fine as f64;
-                    let phi_i = table.phi_i[k] + shift(i) * (table.phi_i[1] - table.phi_i[0]);
-                    c_x += twin.c_sca(phi_i) / 0.9 / wave.theta_i.cos();
-                    for (j, n) in n.iter_mut().enumerate() {
-                        for m in 0..plan.fine {
-                            let phi_r = phi_i + TAU * (j as f64 + shift(m)) / d as f64;
-                            *n += twin.width(phi_i, phi_r) / wave.theta_i.cos() / plan.fine as f64;
-                        }
-                    }
-                }
-            }
-            let slice = (3 + 1) * p + k;
-            let got = table.c_x_um[slice];
-            let want = c_x / (waves.len() * plan.fine) as f64;
-            assert!((got / want - 1.0).abs() < 1e-12, "azimuth {k}: C_x {got}, want {want}");
-            for j in 0..d {
-                let (got, want) = (f64::from(table.azimuthal[slice * d + j]), n[j] / c_x);
-                assert!((got - want).abs() < 1e-5 * (1.0 + want), "azimuth {k}, {j}: {got}, want {want}");
-            }
-        }
-    }
-
-    /// The loaded fiber at any azimuth against the closed form, through M_0 of the same width.
-    #[test]
-    fn loaded_fiber_gives_any_azimuth_back() {
-        let fiber = ellipse(0.5, 0.2);
-        let options = TabulateOptions { lambdas: 1, thetas: 1, azimuths: 360, relative: 360, ..small() };
-        let table = tabulate_with(&fiber, "spec", &options, Run::plain(), &soft).unwrap();
-        let wave = Wave { lambda_um: table.lambda_um[0], theta_i: table.theta_i[0] };
-        let twin = Soft { wave, axes: [0.5, 0.2] };
-        let loaded = TabulatedFiber::from_table(table).unwrap();
-        let theta = wave.theta_i as f32;
-        let mean = |phi_i: f32, phi_r: f32| {
-            let at = loaded.at(&plywave::FiberQuery::new(direction(theta, phi_i), [0.5]));
-            plywave::Bsdf::eval(&at, direction(-theta, phi_r))[0]
-        };
-        // M_0 at its peak from the mean over all azimuths, which is M_0 times the albedo over 2 pi.
-        for k in 0..40 {
-            let phi_i = 0.37 + 0.161 * f64::from(k);
-            let all: f64 = (0..720).map(|j| f64::from(mean(phi_i as f32, TAU as f32 * j as f32 / 720.0))).sum::<f64>();
-            let m_0 = all * TAU / 720.0 / 0.9;
-            let peak = 0.9 * twin.width(phi_i, phi_i + PI) / twin.c_sca(phi_i);
-            for j in 0..100 {
-                let phi_r = 0.0631 * f64::from(j);
-                let got = f64::from(mean(phi_i as f32, phi_r as f32)) / m_0;
-                let want = 0.9 * twin.width(phi_i, phi_r) / twin.c_sca(phi_i);
-                assert!((got - want).abs() < 2e-3 * peak, "{phi_i} {phi_r}: {got}, want {want}, peak {peak}");
-            }
-        }
-    }
-
-    #[test]
-    fn threads_and_interruptions_change_nothing() {
-        let fiber = ellipse(0.5, 0.2);
-        let dir = tempfile::tempdir().unwrap();
-        let parts = dir.path().join("f.parts");
-        let want = tabulate_with(&fiber, "spec", &small(), Run::plain(), &soft).unwrap();
-        let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-        assert_eq!(one.install(|| tabulate_with(&fiber, "spec", &small(), Run::plain(), &soft)).unwrap(), want);
-        let stop = AtomicBool::new(false);
-        let count = AtomicU64::new(0);
-        let halt = |n: u64| {
-            if count.fetch_add(n, Ordering::Relaxed) >= 8 {
-                stop.store(true, Ordering::Relaxed);
-            }
-        };
-        let run = Run { parts: Some(&parts), resume: false, stop: Some(&stop), progress: Some(&halt) };
-        let stopped = tabulate_with(&fiber, "spec", &small(), run, &soft);
-        let Err(SimError::Interrupted { left, total: 6 }) = stopped else { panic!("{stopped:?}") };
-        assert!(left > 0);
-        let before = std::fs::read_dir(&parts).unwrap().count() - 1;
-        assert_eq!(before, 6 - left);
-        let solved = AtomicU64::new(0);
-        let counted = |fiber: &SingleFiber, wave: &Wave, tolerance: f64| {
-            solved.fetch_add(1, Ordering::Relaxed);
-            soft(fiber, wave, tolerance)
-        };
-        let total = AtomicU64::new(0);
-        let add = |n: u64| {
-            total.fetch_add(n, Ordering::Relaxed);
-        };
-        let run = Run { parts: Some(&parts), resume: true, stop: None, progress: Some(&add) };
-        assert_eq!(tabulate_with(&fiber, "spec", &small(), run, &counted).unwrap(), want);
-        assert!(solved.into_inner() < 21, "nothing was taken up");
-        assert_eq!(total.into_inner(), tabulate_slices(&fiber, &small(), FiberSource::Wave).unwrap());
-        // Another fiber does not take these parts up.
-        let run = Run { parts: Some(&parts), resume: true, stop: None, progress: None };
-        assert!(tabulate_with(&ellipse(0.5, 0.3), "spec", &small(), run, &soft).is_err());
-    }
-
-    /// A smooth circle's rays: nothing is lost, the width is the diameter, and what is absorbed has a closed form: all chords of a path are equally long, so
-    /// that with Fresnel's R, T = 1 - R and the transmittance x of a chord `R + T^2 x / (1 - R x)` leaves.
-    #[test]
-    fn rays_keep_their_energy() {
-        let mut spec = YarnSpec::polyester().unwrap().fiber;
-        spec.alpha_fiber = 0.0;
-        spec.shape = Shape::Circle { radius_um: 0.7 };
-        let rays = 100_000;
-        let options = TabulateOptions { rays, relative: 36, azimuths: 36, thetas: 3, ..small() };
-        let clear = SingleFiber::of_spec(&spec, Absorption::Sigma(0.0));
-        let table = tabulate_rays(&clear, "spec", &options, Run::plain()).unwrap();
-        assert_eq!((table.lambda_um.len(), table.phi_i.len(), table.source), (1, 1, FiberSource::Ray));
-        assert!(table.ledger_error() < 1e-6, "{}", table.ledger_error());
-        assert!(table.c_x_um.iter().all(|c| (c - 1.4).abs() < 1e-12));
-        let dark = SingleFiber::of_spec(&spec, Absorption::Sigma(1.0));
-        let table = tabulate_rays(&dark, "spec", &options, Run::plain()).unwrap();
-        assert!(table.ledger_error() < 1e-6);
-        for (m, theta_i) in table.theta_i.iter().enumerate() {
-            let n = 20_000;
-            let (mut want, mut variance) = (0.0, 0.0);
-            for k in 0..n {
-                let h = 2.0 * (f64::from(k) + 0.5) / f64::from(n) - 1.0;
-                let eta = (spec.eta.powi(2) - theta_i.sin().powi(2)).sqrt() / theta_i.cos();
-                let cos_t = (1.0 - (theta_i.sin() / spec.eta).powi(2)).sqrt();
-                let cos_wall = theta_i.cos() * (1.0 - h * h).sqrt();
-                let r = f64::from(crate::fresnel(cos_wall as f32, spec.eta as f32).0);
-                let length = 2.0 * 0.7 * (1.0 - (h / eta).powi(2)).sqrt() / cos_t;
-                let x = (-length).exp();
-                let out = r + (1.0 - r).powi(2) * x / (1.0 - r * x);
-                want += (1.0 - out) / f64::from(n);
-                // Where the path goes is chance, with a result between 0 and 1.
-                variance += out * (1.0 - out) / f64::from(n);
-            }
-            let got = table.c_abs_um[m] / table.c_x_um[m];
-            let tolerance = 5.0 * (variance / rays as f64).sqrt();
-            assert!(
-                (got - want).abs() < tolerance,
-                "theta_i {theta_i}: absorbed {got}, want {want} within {tolerance}"
-            );
-        }
-    }
-
-    #[test]
-    fn sizes_follow_symmetry_and_band_limit() {
-        let polyester = YarnSpec::polyester().unwrap().fiber;
-        let sizes = |shape: Shape| {
-            let fiber =
-                SingleFiber::of_spec(&plywave::FiberSpec { shape, ..polyester.clone() }, Absorption::Sigma(0.0));
-            let plan = Plan::new(&fiber, &TabulateOptions::standard(), FiberSource::Wave).unwrap();
-            (plan.phi_i.len(), plan.relative, plan.fine)
-        };
-        assert_eq!(sizes(Shape::Circle { radius_um: 7.5 }), (1, 360, 3));
-        assert_eq!(sizes(Shape::Ellipse { a_um: 1.6, b_um: 1.0 }), (91, 360, 1));
-        assert_eq!(sizes(Shape::Ellipse { a_um: 16.0, b_um: 10.0 }), (91, 360, 5));
-        assert_eq!(sizes(Shape::Trilobal { radius_um: 5.0, depth: 0.2 }).0, 61);
-        assert_eq!(sizes(Shape::Kidney { a_um: 8.0, b_um: 5.0, dent: 0.3, lumen: 0.2 }).0, 181);
-        let triangle = vec![[0.0, 0.0], [3.0, 0.0], [0.0, 4.0]];
-        let polygon = Shape::Polygon { file: String::new(), points_um: triangle, rounding_um: 0.3 };
-        assert_eq!(sizes(polygon).0, 360);
-        // Few harmonics need few azimuths.
-        let (phi_i, relative, fine) = sizes(Shape::Ellipse { a_um: 0.1, b_um: 0.05 });
-        assert!(phi_i < 40 && relative < 160 && fine == 1, "{phi_i} {relative} {fine}");
-        // Teeth: 7 * 2 does not divide 360.
-        let (phi_i, relative, _) = sizes(Shape::Serrated { radius_um: 5.0, depth: 0.1, teeth: 7 });
-        assert_eq!((phi_i, relative), (25, 336));
-    }
 }

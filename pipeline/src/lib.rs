@@ -1,0 +1,28 @@
+//! Pipeline of plywave: from a yarn's spec to its ply model.
+//!
+//! A [`Recipe`] says what to make: a spec, a [`Quality`], a seed, overrides of sizes, and where speckle tiles come from. [`build`] makes it, with progress, a
+//! stop flag and finished shards on disk. Its stages are plain functions too:
+//!
+//! ```text
+//! spec --simulate--> table of a ply --yarn_table--> table of the yarn --fit_model--> model, edge lobes, layer factors --add_speckle--> model with tiles
+//! ```
+//!
+//! ```no_run
+//! use plywave_pipeline::{Quality, Recipe, Run, build};
+//!
+//! # fn main() -> Result<(), plywave_pipeline::Error> {
+//! let built = build(&Recipe::load("silk.toml", Quality::Preview)?, &Run::plain())?;
+//! built.model.save("silk.pwm")?;
+//! # Ok(())
+//! # }
+//! ```
+
+mod build;
+mod error;
+mod recipe;
+mod stages;
+
+pub use build::{Built, Progress, Run, Stage, Times, build};
+pub use error::Error;
+pub use recipe::{Quality, Recipe, Speckle, with_keys};
+pub use stages::{FitQuality, add_speckle, fit_model, simulate, solve_speckle, speckle_options, yarn_table};

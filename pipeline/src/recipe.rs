@@ -1,0 +1,209 @@
+//! What to make: a spec, a quality, a seed and what overrides them.
+
+use crate::error::Error;
+use plywave::{SpecklePatterns, YarnSpec};
+use plywave_fit::FitOptions;
+use plywave_sim::SimOptions;
+use plywave_sim::wave::TabulateOptions;
+use std::path::Path;
+
+/// Quality of a run: the name of the presets of all its stages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quality {
+    /// To look at a yarn: under a minute for polyester.
+    Preview,
+    /// For use: minutes.
+    Standard,
+    /// For comparison: hours.
+    Reference,
+}
+
+impl Quality {
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Quality::Preview => "preview",
+            Quality::Standard => "standard",
+            Quality::Reference => "reference",
+        }
+    }
+
+    /// By its name in a file; other presets count as standard.
+    pub fn of_preset(name: &str) -> Quality {
+        match name {
+            "preview" => Quality::Preview,
+            "reference" => Quality::Reference,
+            _ => Quality::Standard,
+        }
+    }
+
+    /// Sizes of a simulation.
+    pub fn simulation(self) -> SimOptions {
+        match self {
+            Quality::Preview => SimOptions::preview(),
+            Quality::Standard => SimOptions::standard(),
+            Quality::Reference => SimOptions::reference(),
+        }
+    }
+
+    /// Effort of a fit.
+    pub fn fit(self) -> FitOptions {
+        match self {
+            Quality::Preview => FitOptions::preview(),
+            Quality::Standard => FitOptions::standard(),
+            Quality::Reference => FitOptions::reference(),
+        }
+    }
+
+    /// Sizes of a fiber table.
+    pub fn tabulate(self) -> TabulateOptions {
+        match self {
+            Quality::Preview => TabulateOptions::preview(),
+            Quality::Standard => TabulateOptions::standard(),
+            Quality::Reference => TabulateOptions::reference(),
+        }
+    }
+}
+
+/// Where a model's speckle tiles come from.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Speckle {
+    /// Nowhere: a smooth model.
+    None,
+    /// Patterns of the spec's fiber are solved, but at preview quality.
+    #[default]
+    Usual,
+    /// Patterns of this many instances of the spec's fiber are solved, at any quality.
+    Solve(u32),
+    /// These patterns, of a file of this name.
+    Patterns(Box<SpecklePatterns>, String),
+}
+
+/// A model to be made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recipe {
+    /// Name of the spec in messages.
+    pub file: String,
+    /// The yarn.
+    pub spec: YarnSpec,
+    /// Text of the spec, kept in table and model.
+    pub spec_text: String,
+    /// Quality of all stages.
+    pub quality: Quality,
+    /// Seed of all stages.
+    pub seed: u64,
+    /// Paths per incident latitude, taking precedence over spec and quality.
+    pub paths: Option<u64>,
+    /// Instances of the ply, taking precedence over spec and quality.
+    pub instances: Option<u32>,
+    /// Whether all plies of the yarn are traced together, for measuring models; such a table is not fitted.
+    pub traced_plies: bool,
+    /// Speckle tiles.
+    pub speckle: Speckle,
+}
+
+impl Recipe {
+    /// Of a spec that has been read, whose text is `spec_text`; seed 1, no overrides.
+    pub fn new(file: impl Into<String>, spec: YarnSpec, spec_text: impl Into<String>, quality: Quality) -> Recipe {
+        Recipe {
+            file: file.into(),
+            spec,
+            spec_text: spec_text.into(),
+            quality,
+            seed: 1,
+            paths: None,
+            instances: None,
+            traced_plies: false,
+            speckle: Speckle::Usual,
+        }
+    }
+
+    /// Of a spec's file.
+    ///
+    /// # Errors
+    /// Those of [`YarnSpec::load`].
+    pub fn load(path: impl AsRef<Path>, quality: Quality) -> Result<Recipe, Error> {
+        let (spec, text) = YarnSpec::load(&path)?;
+        Ok(Recipe::new(path.as_ref().display().to_string(), spec, text, quality))
+    }
+
+    /// Of a spec's text with the values of some keys changed; `file` stands for it in messages.
+    ///
+    /// # Errors
+    /// [`Error::NoSuchKey`] for a key that the text lacks, those of [`YarnSpec::parse`] for the changed text.
+    pub fn changed(file: &str, text: &str, changes: &[(&str, String)], quality: Quality) -> Result<Recipe, Error> {
+        let text = with_keys(text, changes).map_err(|key| Error::NoSuchKey { file: file.into(), key: key.into() })?;
+        let spec = YarnSpec::parse(&text, &format!("{file} (changed)"))?;
+        Ok(Recipe::new(file, spec, text, quality))
+    }
+
+    /// Instances of the fiber whose speckle is solved; `None` where nothing is to be solved, `Some(None)` for the usual number.
+    pub fn solved_speckle(&self) -> Option<Option<u32>> {
+        match &self.speckle {
+            Speckle::Usual if self.quality != Quality::Preview => Some(None),
+            Speckle::Solve(instances) => Some(Some(*instances)),
+            _ => None,
+        }
+    }
+
+    /// Sizes of the simulation: the quality's, then the spec's, then the recipe's.
+    pub fn simulation(&self) -> SimOptions {
+        let mut options = self.quality.simulation().overridden_by(&self.spec.simulation);
+        options.seed = self.seed;
+        options.paths_per_theta = self.paths.unwrap_or(options.paths_per_theta);
+        options.instances = self.instances.unwrap_or(options.instances);
+        options.traced_plies = self.traced_plies;
+        options
+    }
+}
+
+/// A TOML text with the values of some keys changed, wherever they stand.
+///
+/// # Errors
+/// The first key that the text lacks.
+pub fn with_keys<'a>(text: &str, changes: &'a [(&'a str, String)]) -> Result<String, &'a str> {
+    let mut changed = vec![false; changes.len()];
+    let lines = text.lines().map(|line| {
+        let key = line.split('=').next().unwrap_or("").trim();
+        match changes.iter().position(|(name, _)| *name == key && line.contains('=')) {
+            Some(at) => {
+                changed[at] = true;
+                format!("{key} = {}\n", changes[at].1)
+            }
+            None => format!("{line}\n"),
+        }
+    });
+    let text: String = lines.collect();
+    match changed.iter().position(|changed| !changed) {
+        None => Ok(text),
+        Some(at) => Err(changes[at].0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_are_changed_where_they_are() {
+        let text = "# pitch = 2\n[ply]\npitch = 1\nother = 3\n";
+        let changed = with_keys(text, &[("pitch", "7".to_string())]).map_err(str::to_string);
+        assert_eq!(changed, Ok("# pitch = 2\n[ply]\npitch = 7\nother = 3\n".into()));
+        assert_eq!(with_keys(text, &[("none", "7".into())]), Err("none"));
+    }
+
+    #[test]
+    fn overrides_take_precedence() {
+        let text = format!("{}\n[simulation]\ninstances = 5\npaths_per_theta = 70\n", plywave::POLYESTER);
+        let spec = YarnSpec::parse(&text, "p.toml").unwrap();
+        let recipe = Recipe { seed: 9, paths: Some(90), ..Recipe::new("p.toml", spec, text, Quality::Preview) };
+        let options = recipe.simulation();
+        assert_eq!((options.seed, options.paths_per_theta, options.instances), (9, 90, 5));
+        assert_eq!(options.theta_i_nodes, SimOptions::preview().theta_i_nodes);
+        for quality in [Quality::Preview, Quality::Standard, Quality::Reference] {
+            assert_eq!(Quality::of_preset(quality.name()), quality);
+            assert_eq!(SimOptions::preset(quality.name()), Some(quality.simulation()));
+            assert_eq!(TabulateOptions::preset(quality.name()), Some(quality.tabulate()));
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! The stages of the pipeline, each from input and options to its output.
+
+use crate::build::{Progress, Run, Stage};
+use crate::error::Error;
+use crate::recipe::Recipe;
+use plywave::{PlyData, SpecklePatterns, Table, YarnSpec};
+use plywave_fit::speckle::{NoiseOptions, noise_tiles};
+use plywave_fit::{EdgeOptions, FitOptions, fit, fit_edge};
+use plywave_sim::runs::{self, PartsFolder};
+use plywave_sim::wave::{SpeckleJob, SpeckleOptions};
+use plywave_sim::{SimError, SimulateJob};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Largest error of an f_refl slice, and of an f_high slice as a share of its light at sigma = 0, of a good fit.
+const GOOD_REFL: f64 = 0.2;
+/// See [`GOOD_REFL`].
+const GOOD_HIGH: f64 = 0.15;
+
+/// Runs one stage's job with the stage's progress.
+fn run_job<J: runs::Job>(
+    job: &J,
+    stage: Stage,
+    parts: Option<&PartsFolder>,
+    run: &Run<'_>,
+    file: &str,
+) -> Result<J::Output, Error> {
+    let total = runs::Plan::of(job).units;
+    let done = AtomicU64::new(0);
+    let advance = |units: u64| {
+        let done = done.fetch_add(units, Ordering::Relaxed) + units;
+        run.tell(Progress { stage, done, total });
+    };
+    run.tell(Progress { stage, done: 0, total });
+    let inner = runs::Run { parts, stop: run.stop, progress: Some(&advance) };
+    runs::run(job, inner).map_err(|e| Error::of_simulation(e, file))
+}
+
+/// The job of a recipe's simulation, refused when its table could not be saved for the noise of few paths.
+pub(crate) fn simulate_job(recipe: &Recipe) -> Result<SimulateJob, Error> {
+    let refuse = |e: SimError| Error::of_simulation(e, &recipe.file);
+    let job = SimulateJob::new(&recipe.spec, &recipe.spec_text, &recipe.simulation()).map_err(refuse)?;
+    job.check_savable().map_err(refuse)?;
+    Ok(job)
+}
+
+/// The table of the recipe's ply, or of its traced yarn.
+///
+/// # Errors
+/// Those of [`plywave_sim::simulate`], and [`SimError::TooFewPaths`] before any work.
+pub fn simulate(recipe: &Recipe, run: &Run<'_>) -> Result<Table, Error> {
+    run_job(&simulate_job(recipe)?, Stage::Simulate, run.parts, run, &recipe.file)
+}
+
+/// The table of the yarn of `spec` from the table of one of its plies; `None` where the table is that of the yarn already, or the yarn is one ply.
+/// `file` stands for the table in messages.
+///
+/// # Errors
+/// [`Error::Simulation`] for tables whose arrays do not fit together.
+pub fn yarn_table(table: &Table, spec: &YarnSpec, file: &str, run: &Run<'_>) -> Result<Option<Table>, Error> {
+    if table.plies > 1 || spec.yarn.plies == 1 {
+        return Ok(None);
+    }
+    let tell = |done: usize, total: usize| {
+        run.tell(Progress { stage: Stage::Yarn, done: done as u64, total: total as u64 });
+    };
+    match plywave_sim::yarn::yarn_table(table, spec, &plywave_sim::yarn::YarnOptions::default(), &tell) {
+        Ok((yarn, _)) => Ok(Some(yarn)),
+        Err(error) => Err(Error::of_simulation(error, file)),
+    }
+}
+
+/// The model of a table with its layer factors and the edge lobes of `spec`, which is the table's; the spec's numbers of lobes take precedence over the
+/// options'. `file` stands for the table in messages.
+///
+/// # Errors
+/// [`Error::Fit`].
+pub fn fit_model(
+    table: &Table,
+    spec: &YarnSpec,
+    options: &FitOptions,
+    file: &str,
+    run: &Run<'_>,
+) -> Result<PlyData, Error> {
+    let mut options = *options;
+    options.lobes_refl = spec.simulation.lobes_refl.map_or(options.lobes_refl, |n| n as usize);
+    options.lobes_high = spec.simulation.lobes_high.map_or(options.lobes_high, |n| n as usize);
+    let tell = |p: plywave_fit::Progress| {
+        let stage = match p.stage {
+            plywave_fit::Stage::High => Stage::FitHigh,
+            plywave_fit::Stage::Reflection => Stage::FitReflection,
+            plywave_fit::Stage::Errors => Stage::FitErrors,
+        };
+        run.tell(Progress { stage, done: p.done as u64, total: p.total as u64 });
+    };
+    let mut data = fit(table, &options, &tell).map_err(|source| Error::Fit { file: file.into(), source })?;
+    data.edge = Some(fit_edge(spec, &EdgeOptions::default()).lobes);
+    Ok(data)
+}
+
+/// Sizes of the speckle patterns that a recipe's tiles are made from.
+pub fn speckle_options(recipe: &Recipe, instances: Option<u32>) -> SpeckleOptions {
+    let usual = SpeckleOptions::default();
+    SpeckleOptions { seed: recipe.seed, instances: instances.unwrap_or(usual.instances), ..usual }
+}
+
+/// Patterns of single fibers of `spec`, whose text is `spec_text`. `file` stands for it in messages.
+///
+/// # Errors
+/// Those of [`plywave_sim::wave::speckle`].
+pub fn solve_speckle(
+    spec: &YarnSpec,
+    spec_text: &str,
+    options: &SpeckleOptions,
+    file: &str,
+    run: &Run<'_>,
+) -> Result<SpecklePatterns, Error> {
+    let job = SpeckleJob::new(spec, spec_text, options).map_err(|e| Error::of_simulation(e, file))?;
+    run_job(&job, Stage::Speckle, run.speckle_parts, run, file)
+}
+
+/// Gives a model the speckle tiles of patterns of its fiber, in the beam of `spec`. `file` stands for the patterns in messages.
+///
+/// # Errors
+/// Those of [`noise_tiles`].
+pub fn add_speckle(model: &mut PlyData, patterns: &SpecklePatterns, spec: &YarnSpec, file: &str) -> Result<(), Error> {
+    let options = NoiseOptions { seed: model.seed, w0_um: spec.beam.beam().w0_um, ..NoiseOptions::default() };
+    model.noise = Some(noise_tiles(patterns, &options, file)?.0);
+    Ok(())
+}
+
+/// How far a model is from the table of its fit: the largest errors of its slices, as `plywave check` takes them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FitQuality {
+    /// Largest relative L2 error of an f_refl slice, noise removed; NaN where noise hides them all.
+    pub refl: f64,
+    /// The same of f_high, as a share of the slice's light at sigma = 0.
+    pub high: f64,
+}
+
+impl FitQuality {
+    /// Of a model, by the errors that its fit stored.
+    pub fn of(data: &PlyData) -> FitQuality {
+        let (paths, sigmas) = (data.path_um.len(), data.sigma_per_um.len().max(1));
+        // What is not above 0 was hidden by noise.
+        let largest = |errors: &mut dyn Iterator<Item = f64>| errors.filter(|e| *e > 0.0).fold(f64::NAN, f64::max);
+        let energy = |k: usize| -> f64 {
+            let spectrum = &data.energy_high[k / sigmas * paths..][..paths];
+            let sigma = data.sigma_per_um[k % sigmas];
+            spectrum.iter().zip(&data.path_um).map(|(e, l)| e * (-sigma * l).exp()).sum()
+        };
+        let share = |k: usize| energy(k) / energy(k - k % sigmas).max(f64::MIN_POSITIVE);
+        FitQuality {
+            refl: largest(&mut data.error_refl.iter().copied()),
+            high: largest(&mut (0..data.error_high.len()).map(|k| data.error_high[k] * share(k))),
+        }
+    }
+
+    /// What a model should reach: 0.2 and 0.15.
+    pub fn good() -> FitQuality {
+        FitQuality { refl: GOOD_REFL, high: GOOD_HIGH }
+    }
+
+    /// Whether both errors are at most those of `allowed`. Errors that noise hides pass.
+    pub fn is_within(&self, allowed: &FitQuality) -> bool {
+        let exceeds = |value: f64, most: f64| value > most;
+        !exceeds(self.refl, allowed.refl) && !exceeds(self.high, allowed.high)
+    }
+}

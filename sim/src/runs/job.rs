@@ -1,0 +1,204 @@
+//! What a job is: a description that identifies it, shards that can be run alone, and a merge in fixed order.
+
+use super::part::{ArrayLayout, Part};
+use crate::error::SimError;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use std::sync::atomic::AtomicBool;
+
+/// Version of the part format that this program writes and reads.
+pub const PART_VERSION: u64 = 1;
+
+/// All that the shards of a job depend on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Description {
+    /// Version of the part format.
+    pub part_version: u64,
+    /// Version of the program, whose arithmetic the shards depend on.
+    pub program_version: String,
+    /// Kind of the job: "simulate", "tabulate", "speckle", "compare" or "scatter".
+    pub kind: String,
+    /// Options and seed, without what only says how many shards there are.
+    pub options: serde_json::Value,
+    /// Text of the spec or scene.
+    pub spec: String,
+}
+
+impl Description {
+    /// A description by this program.
+    pub(crate) fn new(kind: &str, options: &impl Serialize, spec: &str) -> Description {
+        Description {
+            part_version: PART_VERSION,
+            program_version: env!("CARGO_PKG_VERSION").into(),
+            kind: kind.into(),
+            // Options are structs of numbers, strings and lists: nothing that JSON cannot hold.
+            options: serde_json::to_value(options).unwrap_or_default(),
+            spec: spec.into(),
+        }
+    }
+
+    /// The options, as the job of this kind has them.
+    ///
+    /// # Errors
+    /// [`SimError::Merge`].
+    pub(crate) fn parse_options<T: serde::de::DeserializeOwned>(&self) -> Result<T, SimError> {
+        serde_json::from_value(self.options.clone()).map_err(|e| SimError::Merge {
+            what: format!("the part's options are not those of {}: {e}", self.kind),
+            hint: "merge it with the program that wrote it".into(),
+        })
+    }
+
+    /// Its canonical text: JSON without spaces, the keys of `options` sorted, numbers in the fewest digits that give them back.
+    pub fn text(&self) -> String {
+        // Strings, numbers and objects with string keys: nothing that JSON cannot hold.
+        serde_json::to_string(self).unwrap_or_default()
+    }
+}
+
+/// SHA-256 in hexadecimal digits.
+pub(super) fn hex_digest(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// A finished shard.
+pub struct Done {
+    /// What it leaves.
+    pub part: Part,
+    /// The most memory that it held [bytes]; 0 where that is little.
+    pub peak_bytes: usize,
+}
+
+/// Work cut into shards.
+///
+/// Shard `i` depends on the description and `i` alone. Consecutive shards may form groups, whose parts are added up in their order; the sums of the
+/// groups, again in their order, make the output. So the output has the same bits whatever threads, machines and interruptions made the parts.
+pub trait Job: Sync {
+    /// What the parts are merged into.
+    type Output;
+    /// An output that is not complete.
+    type Merge: Send;
+
+    /// All that the shards depend on.
+    fn description(&self) -> Description;
+
+    /// Number of shards.
+    fn shards(&self) -> usize;
+
+    /// What of the number of shards is not in the description, for jobs that can be made longer.
+    fn extent(&self) -> u64 {
+        0
+    }
+
+    /// Shards of a group.
+    fn group(&self) -> usize {
+        1
+    }
+
+    /// What progress counts of a shard.
+    fn units(&self, _shard: usize) -> u64 {
+        1
+    }
+
+    /// Arrays of the part of shard `shard` or of the group that it begins.
+    fn layout(&self, shard: usize) -> Vec<ArrayLayout>;
+
+    /// Whether the values of the part of shards `first..first + count` can be theirs, beyond what the layout says.
+    ///
+    /// # Errors
+    /// A sentence about what cannot be.
+    fn check(&self, _first: usize, _count: usize, _part: &Part) -> Result<(), String> {
+        Ok(())
+    }
+
+    /// Memory that a shard takes [bytes], where that is known before the first has run.
+    fn shard_bytes(&self) -> Option<usize> {
+        None
+    }
+
+    /// What all shards need, made once before the first one is run.
+    ///
+    /// # Errors
+    /// What is wrong with the spec.
+    fn prepare(&self) -> Result<(), SimError> {
+        Ok(())
+    }
+
+    /// Runs one shard; `None` when stopped. `progress` is told of units.
+    ///
+    /// # Errors
+    /// What the solvers refuse.
+    fn run_shard(
+        &self,
+        shard: usize,
+        stop: &AtomicBool,
+        progress: &(dyn Fn(u64) + Sync),
+    ) -> Result<Option<Done>, SimError>;
+
+    /// The output before the first part.
+    fn begin(&self) -> Self::Merge;
+
+    /// Takes up the part of the group that begins at shard `first`. Called once a group, in their order.
+    fn absorb(&self, merge: &mut Self::Merge, first: usize, part: Part);
+
+    /// The output after the last part.
+    ///
+    /// # Errors
+    /// What cannot be made of the parts.
+    fn finish(&self, merge: Self::Merge) -> Result<Self::Output, SimError>;
+}
+
+/// What of a job is cheap to hold: its identity and sizes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// What the job is.
+    pub description: Description,
+    /// SHA-256 of the description's text, in hexadecimal digits: the job's identity.
+    pub digest: String,
+    /// Number of shards.
+    pub shards: usize,
+    /// Shards of a group.
+    pub group: usize,
+    /// As [`Job::extent`].
+    pub extent: u64,
+    /// Units of progress of all shards.
+    pub units: u64,
+    /// Values of a part.
+    pub values: usize,
+}
+
+impl Plan {
+    /// The plan of a job.
+    pub fn of<J: Job + ?Sized>(job: &J) -> Plan {
+        let description = job.description();
+        let shards = job.shards();
+        Plan {
+            digest: hex_digest(description.text().as_bytes()),
+            description,
+            shards,
+            group: job.group().max(1),
+            extent: job.extent(),
+            units: (0..shards).map(|shard| job.units(shard)).sum(),
+            values: job.layout(0).iter().map(ArrayLayout::len).sum(),
+        }
+    }
+
+    /// The shards of part `index` (from 1) of `count`, evenly spread.
+    pub fn slice(&self, index: usize, count: usize) -> std::ops::Range<usize> {
+        let at = |k: usize| (self.shards as u128 * k as u128 / count.max(1) as u128) as usize;
+        at(index.saturating_sub(1))..at(index)
+    }
+}
+
+impl std::fmt::Display for Plan {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "{} {}: {} shards in groups of {}, {} values each",
+            self.description.kind,
+            &self.digest[..16.min(self.digest.len())],
+            self.shards,
+            self.group,
+            self.values
+        )
+    }
+}

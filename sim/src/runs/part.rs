@@ -1,0 +1,387 @@
+//! Parts: what shards leave, as named arrays, and the file that holds one or several of them (`docs/format.md`, "plywave-part").
+
+use super::disk;
+use super::job::{Description, Job, PART_VERSION, Plan, hex_digest};
+use crate::error::SimError;
+use plywave::Error;
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use std::collections::HashMap;
+use std::ops::Range;
+use std::path::Path;
+
+/// Format name in the file.
+const FORMAT: &str = "plywave-part";
+/// Key of the JSON document in the metadata.
+const KEY: &str = "plywave";
+/// The tensor that holds the checksum: the only one of bytes, so that safetensors puts it last.
+const CHECKSUM: &str = "sha256";
+/// Its length.
+const CHECKSUM_BYTES: usize = 32;
+
+/// The numbers of an array.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Values {
+    /// Single precision.
+    F32(Vec<f32>),
+    /// Double precision.
+    F64(Vec<f64>),
+}
+
+impl Values {
+    fn len(&self) -> usize {
+        match self {
+            Values::F32(v) => v.len(),
+            Values::F64(v) => v.len(),
+        }
+    }
+
+    fn dtype(&self) -> Dtype {
+        match self {
+            Values::F32(_) => Dtype::F32,
+            Values::F64(_) => Dtype::F64,
+        }
+    }
+
+    fn bytes(&self) -> Vec<u8> {
+        match self {
+            Values::F32(v) => v.iter().flat_map(|v| v.to_le_bytes()).collect(),
+            Values::F64(v) => v.iter().flat_map(|v| v.to_le_bytes()).collect(),
+        }
+    }
+
+    fn add(&mut self, other: &Values) {
+        match (self, other) {
+            (Values::F32(to), Values::F32(from)) => to.iter_mut().zip(from).for_each(|(a, b)| *a += b),
+            (Values::F64(to), Values::F64(from)) => to.iter_mut().zip(from).for_each(|(a, b)| *a += b),
+            // One job's arrays have one type.
+            _ => {}
+        }
+    }
+}
+
+/// What a job knows of an array of its parts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ArrayLayout {
+    /// Name.
+    pub name: &'static str,
+    /// Axes; the last is the fastest.
+    pub shape: Vec<usize>,
+    /// Whether it is of single precision.
+    pub single: bool,
+    /// Least and greatest value that can be.
+    pub range: [f64; 2],
+}
+
+impl ArrayLayout {
+    /// An array of double precision.
+    pub(crate) fn f64(name: &'static str, shape: &[usize], range: [f64; 2]) -> ArrayLayout {
+        ArrayLayout { name, shape: shape.to_vec(), single: false, range }
+    }
+
+    /// An array of single precision.
+    pub(crate) fn f32(name: &'static str, shape: &[usize], range: [f64; 2]) -> ArrayLayout {
+        ArrayLayout { name, shape: shape.to_vec(), single: true, range }
+    }
+
+    /// Number of values.
+    pub fn len(&self) -> usize {
+        self.shape.iter().product()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// What a shard, or the sum of a run of shards, leaves.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Part {
+    /// Arrays in the order of the job's layout.
+    pub arrays: Vec<Values>,
+    /// Time of its work [s]; no part of the result.
+    pub seconds: f64,
+    /// The most memory that the work held [bytes]; no part of the result.
+    pub peak_bytes: u64,
+}
+
+impl Part {
+    /// A part of these arrays.
+    pub(crate) fn new(arrays: Vec<Values>) -> Part {
+        Part { arrays, seconds: 0.0, peak_bytes: 0 }
+    }
+
+    /// The values of array `at` of the layout; empty where it is of another type.
+    pub(crate) fn f32(&self, at: usize) -> &[f32] {
+        match self.arrays.get(at) {
+            Some(Values::F32(v)) => v,
+            _ => &[],
+        }
+    }
+
+    /// As [`Part::f32`], of double precision.
+    pub(crate) fn f64(&self, at: usize) -> &[f64] {
+        match self.arrays.get(at) {
+            Some(Values::F64(v)) => v,
+            _ => &[],
+        }
+    }
+
+    /// Adds the part of the shard that follows.
+    pub(crate) fn add(&mut self, next: &Part) {
+        self.arrays.iter_mut().zip(&next.arrays).for_each(|(to, from)| to.add(from));
+        self.seconds += next.seconds;
+        self.peak_bytes = self.peak_bytes.max(next.peak_bytes);
+    }
+
+    /// Whether it is what `job` expects of shards `first..first + count`.
+    pub(super) fn check<J: Job + ?Sized>(&self, job: &J, first: usize, count: usize) -> Result<(), String> {
+        let layout = job.layout(first);
+        if layout.len() != self.arrays.len() {
+            return Err(format!("{} arrays, expected {}", self.arrays.len(), layout.len()));
+        }
+        for (array, values) in layout.iter().zip(&self.arrays) {
+            let name = array.name;
+            if values.len() != array.len() || array.single != matches!(values, Values::F32(_)) {
+                return Err(format!("{name} has {} values, expected the shape {:?}", values.len(), array.shape));
+            }
+            let [low, high] = array.range;
+            // Asked this way, a NaN does not pass.
+            let bad = match values {
+                Values::F32(v) => v.iter().position(|v| !(f64::from(*v) >= low && f64::from(*v) <= high)),
+                Values::F64(v) => v.iter().position(|v| !(*v >= low && *v <= high)),
+            };
+            if let Some(at) = bad {
+                return Err(format!("{name}[{at}] is not between {low} and {high}"));
+            }
+        }
+        job.check(first, count, self)
+    }
+}
+
+/// A part and the shards that it is of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Entry {
+    /// First shard.
+    pub first: usize,
+    /// Number of shards, added up in their order.
+    pub count: usize,
+    /// Their sum.
+    pub part: Part,
+}
+
+impl Entry {
+    /// The shards.
+    pub fn shards(&self) -> Range<usize> {
+        self.first..self.first + self.count
+    }
+}
+
+#[derive(Serialize, Deserialize)]
+struct EntryHead {
+    first: usize,
+    count: usize,
+    seconds: f64,
+    peak_bytes: u64,
+}
+
+/// The JSON document of a file of parts.
+#[derive(Serialize, Deserialize)]
+struct Document {
+    format: String,
+    version: u64,
+    program_version: String,
+    kind: String,
+    job: String,
+    shards: usize,
+    extent: u64,
+    description: Description,
+    entries: Vec<EntryHead>,
+}
+
+/// A file of parts, read and found whole: its checksum holds, and the job's digest is that of its description.
+pub struct PartFile {
+    /// Name for messages.
+    name: String,
+    document: Document,
+    bytes: Vec<u8>,
+}
+
+/// Bytes of the file of `entries` of a job.
+pub(super) fn encode<J: Job + ?Sized>(
+    job: &J,
+    plan: &Plan,
+    entries: &[Entry],
+    name: &str,
+) -> Result<Vec<u8>, SimError> {
+    let failed = |e: &dyn std::fmt::Display| -> SimError {
+        Error::Format { file: name.into(), what: e.to_string(), mend: "use fewer shards a part".into() }.into()
+    };
+    let document = Document {
+        format: FORMAT.into(),
+        version: PART_VERSION,
+        program_version: plan.description.program_version.clone(),
+        kind: plan.description.kind.clone(),
+        job: plan.digest.clone(),
+        shards: plan.shards,
+        extent: plan.extent,
+        description: plan.description.clone(),
+        entries: entries
+            .iter()
+            .map(|e| EntryHead {
+                first: e.first,
+                count: e.count,
+                seconds: e.part.seconds,
+                peak_bytes: e.part.peak_bytes,
+            })
+            .collect(),
+    };
+    let text = serde_json::to_string(&document).map_err(|e| failed(&e))?;
+    let mut tensors = Vec::new();
+    for entry in entries {
+        for (array, values) in job.layout(entry.first).iter().zip(&entry.part.arrays) {
+            tensors.push((tensor_name(entry.first, array.name), values.dtype(), array.shape.clone(), values.bytes()));
+        }
+    }
+    tensors.push((CHECKSUM.into(), Dtype::U8, vec![CHECKSUM_BYTES], vec![0; CHECKSUM_BYTES]));
+    let mut views = Vec::with_capacity(tensors.len());
+    for (name, dtype, shape, bytes) in &tensors {
+        let view = TensorView::new(*dtype, shape.clone(), bytes).map_err(|e| failed(&e))?;
+        views.push((name.as_str(), view));
+    }
+    let metadata = HashMap::from([(KEY.to_string(), text)]);
+    let mut bytes = safetensors::serialize(views, Some(metadata)).map_err(|e| failed(&e))?;
+    let end = bytes.len() - CHECKSUM_BYTES;
+    let (content, checksum) = bytes.split_at_mut(end);
+    checksum.copy_from_slice(Sha256::digest(&*content).as_slice());
+    Ok(bytes)
+}
+
+fn tensor_name(first: usize, array: &str) -> String {
+    format!("{first:06}.{array}")
+}
+
+impl PartFile {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when it cannot be read, [`Error::Format`] when it is no file of parts, of another version or damaged.
+    pub fn open(path: &Path) -> Result<PartFile, SimError> {
+        PartFile::from_bytes(disk::read_whole(path)?, &path.display().to_string())
+    }
+
+    /// The same from its bytes; `name` stands for the file in errors.
+    ///
+    /// # Errors
+    /// As [`PartFile::open`].
+    pub fn from_bytes(bytes: Vec<u8>, name: &str) -> Result<PartFile, SimError> {
+        let refuse = |what: &str, hint: &str| -> SimError {
+            Error::Format { file: name.into(), what: what.into(), mend: hint.into() }.into()
+        };
+        let damaged = |what: &str| refuse(what, "the part is damaged: run its shards again");
+        let foreign = || refuse("not a part of plywave", "give files written with --shards");
+        let (_, metadata) = SafeTensors::read_metadata(&bytes).map_err(|_| foreign())?;
+        let text = metadata.metadata().as_ref().and_then(|m| m.get(KEY)).ok_or_else(foreign)?;
+        let (content, checksum) = bytes.split_at(bytes.len().saturating_sub(CHECKSUM_BYTES));
+        #[derive(Deserialize)]
+        struct Head {
+            format: String,
+            version: u64,
+        }
+        let head: Head = serde_json::from_str(text).map_err(|_| foreign())?;
+        if head.format != FORMAT {
+            return Err(foreign());
+        }
+        if Sha256::digest(content).as_slice() != checksum {
+            return Err(damaged("its checksum does not hold"));
+        }
+        if head.version != PART_VERSION {
+            let what = format!("version {} of {FORMAT}, expected {PART_VERSION}", head.version);
+            return Err(refuse(&what, "merge it with the program that wrote it, or run its shards again"));
+        }
+        let document: Document = serde_json::from_str(text).map_err(|_| damaged("its description cannot be read"))?;
+        if document.job != hex_digest(document.description.text().as_bytes())
+            || document.kind != document.description.kind
+        {
+            return Err(damaged("the job's digest is not that of its description"));
+        }
+        let mut last = 0;
+        for entry in &document.entries {
+            let end = entry.first.checked_add(entry.count).filter(|end| *end <= document.shards);
+            let Some(end) = end.filter(|_| entry.count > 0 && entry.first >= last) else {
+                return Err(damaged("its shards are not in ascending order"));
+            };
+            if !(entry.seconds >= 0.0 && entry.seconds.is_finite()) {
+                return Err(damaged("the time of its work is no time"));
+            }
+            last = end;
+        }
+        if document.entries.is_empty() {
+            return Err(damaged("it holds no shards"));
+        }
+        Ok(PartFile { name: name.into(), document, bytes })
+    }
+
+    /// What the job is.
+    pub fn description(&self) -> &Description {
+        &self.document.description
+    }
+
+    /// The job's identity.
+    pub fn digest(&self) -> &str {
+        &self.document.job
+    }
+
+    /// Shards of the whole job.
+    pub fn shards(&self) -> usize {
+        self.document.shards
+    }
+
+    /// As [`Job::extent`].
+    pub fn extent(&self) -> u64 {
+        self.document.extent
+    }
+
+    /// First shard and number of shards of each entry, ascending.
+    pub fn entries(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        self.document.entries.iter().map(|e| (e.first, e.count))
+    }
+
+    /// Entry `at`, its sizes and values checked against the job's.
+    ///
+    /// # Errors
+    /// [`Error::Format`] for arrays that are not what the job expects.
+    pub fn entry<J: Job + ?Sized>(&self, job: &J, at: usize) -> Result<Entry, SimError> {
+        let head = &self.document.entries[at];
+        let bad = |what: String| -> SimError {
+            let mend = "the part is damaged: run its shards again".into();
+            Error::Format { file: self.name.clone(), what: format!("shard {}: {what}", head.first), mend }.into()
+        };
+        if head.count > 1 && (!head.first.is_multiple_of(job.group()) || head.count > job.group()) {
+            return Err(bad("a sum that is no group of the job's".into()));
+        }
+        let file = SafeTensors::deserialize(&self.bytes).map_err(|e| bad(e.to_string()))?;
+        let mut arrays = Vec::new();
+        for array in job.layout(head.first) {
+            let tensor = file
+                .tensor(&tensor_name(head.first, array.name))
+                .map_err(|_| bad(format!("array {} is missing", array.name)))?;
+            let dtype = if array.single { Dtype::F32 } else { Dtype::F64 };
+            if tensor.shape() != array.shape || tensor.dtype() != dtype {
+                let what = format!("{} has the shape {:?}, expected {:?}", array.name, tensor.shape(), array.shape);
+                return Err(bad(what));
+            }
+            let data = tensor.data();
+            arrays.push(if array.single {
+                Values::F32(data.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect())
+            } else {
+                Values::F64(data.as_chunks().0.iter().map(|b| f64::from_le_bytes(*b)).collect())
+            });
+        }
+        let part = Part { arrays, seconds: head.seconds, peak_bytes: head.peak_bytes };
+        part.check(job, head.first, head.count).map_err(bad)?;
+        Ok(Entry { first: head.first, count: head.count, part })
+    }
+}

@@ -1,0 +1,268 @@
+//! Runs shards side by side as far as memory allows, with finished ones in memory or in a folder, and gives their sums out in order.
+
+use super::folder::PartsFolder;
+use super::job::{Job, Plan};
+use super::part::{Entry, Part, encode};
+use super::{disk, memory};
+use crate::error::SimError;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+/// How a job is run: nothing here changes its result.
+#[derive(Clone, Copy, Default)]
+pub struct Run<'a> {
+    /// Folder for finished shards; `None` keeps them in memory only.
+    pub parts: Option<&'a PartsFolder>,
+    /// Set to stop at the next opportunity with [`SimError::Interrupted`].
+    pub stop: Option<&'a AtomicBool>,
+    /// Called with a number of units just done (or found done in the parts folder), from any thread.
+    pub progress: Option<&'a (dyn Fn(u64) + Sync)>,
+}
+
+impl Run<'_> {
+    /// In memory, without progress, to the end.
+    pub fn plain() -> Run<'static> {
+        Run::default()
+    }
+}
+
+/// Runs all shards of a job on the current thread pool and merges them.
+///
+/// # Errors
+/// The failure of the first shard by number that fails, [`SimError::Interrupted`] when stopped, errors of the parts folder.
+pub fn run<J: Job>(job: &J, run: Run<'_>) -> Result<J::Output, SimError> {
+    let plan = Plan::of(job);
+    let mut merge = job.begin();
+    execute(job, &plan, 0..plan.shards, run, &mut |entry| job.absorb(&mut merge, entry.first, entry.part))?;
+    job.finish(merge)
+}
+
+/// Runs part `index` (from 1) of `count` of a job and writes it to the file `path`.
+///
+/// # Errors
+/// As [`run`], and [`SimError::TooManyParts`] when the job has fewer shards than parts.
+pub fn run_part<J: Job>(
+    job: &J,
+    (index, count): (usize, usize),
+    path: &Path,
+    run: Run<'_>,
+) -> Result<Range<usize>, SimError> {
+    let plan = Plan::of(job);
+    if count > plan.shards || index == 0 || index > count {
+        return Err(SimError::TooManyParts { index, count, shards: plan.shards });
+    }
+    let shards = plan.slice(index, count);
+    let mut entries = Vec::new();
+    execute(job, &plan, shards.clone(), run, &mut |entry| entries.push(entry))?;
+    disk::write_whole(path, &encode(job, &plan, &entries, &path.display().to_string())?)?;
+    Ok(shards)
+}
+
+/// Checks what the folder of `run` holds of `job` before any work, so that a job that comes later in a chain is not refused after hours.
+///
+/// # Errors
+/// As [`run`], for parts that may not be used or deleted.
+pub fn check_parts<J: Job>(job: &J, run: Run<'_>) -> Result<(), SimError> {
+    run.parts.map_or(Ok(()), |parts| parts.scan(job, &Plan::of(job)).map(|_| ()))
+}
+
+/// Runs of shards that are added up: groups, the beginnings of groups, else single shards.
+pub(super) fn blocks(plan: &Plan, shards: Range<usize>) -> Vec<Range<usize>> {
+    let mut blocks = Vec::new();
+    let mut at = shards.start;
+    while at < shards.end {
+        let end = if at.is_multiple_of(plan.group) { (at + plan.group).min(shards.end) } else { at + 1 };
+        blocks.push(at..end);
+        at = end;
+    }
+    blocks
+}
+
+/// One step of the sums, in their order.
+enum Step {
+    /// A block that an earlier run finished.
+    Block(Range<usize>),
+    /// A shard, and whether an earlier run finished it; with the block that it ends.
+    Shard { shard: usize, stored: bool, ends: Option<Range<usize>> },
+}
+
+/// What the lanes share.
+struct State<'a> {
+    next: usize,
+    finished: BTreeMap<usize, Part>,
+    sum: Option<Part>,
+    failed: Option<(usize, SimError)>,
+    give: &'a mut (dyn FnMut(Entry) + Send),
+}
+
+/// Gives the sums of all blocks of `shards` to `give`, in order.
+fn execute<J: Job>(
+    job: &J,
+    plan: &Plan,
+    shards: Range<usize>,
+    run: Run<'_>,
+    give: &mut (dyn FnMut(Entry) + Send),
+) -> Result<(), SimError> {
+    let never = AtomicBool::new(false);
+    let stop = run.stop.unwrap_or(&never);
+    let silent = |_: u64| {};
+    let progress: &(dyn Fn(u64) + Sync) = run.progress.unwrap_or(&silent);
+    let there = run.parts.map(|parts| parts.scan(job, plan)).transpose()?.unwrap_or_default();
+    let mut steps = Vec::new();
+    for block in blocks(plan, shards.clone()) {
+        if block.len() > 1 && there.contains(&(block.start, block.len())) {
+            steps.push(Step::Block(block));
+            continue;
+        }
+        for shard in block.clone() {
+            let ends = (shard + 1 == block.end).then(|| block.clone());
+            steps.push(Step::Shard { shard, stored: there.contains(&(shard, 1)), ends });
+        }
+    }
+    // Shards in their order, as numbers of steps; those that are stored need no work.
+    let turns: Vec<usize> = (0..steps.len()).filter(|at| matches!(steps[*at], Step::Shard { .. })).collect();
+    if turns.iter().any(|at| matches!(steps[*at], Step::Shard { stored: false, .. })) {
+        job.prepare()?;
+    }
+    let state = Mutex::new(State { next: 0, finished: BTreeMap::new(), sum: None, failed: None, give });
+    let lanes = Lanes { job, plan, parts: run.parts, steps: &steps, stop, progress, state: &state };
+    lanes.advance()?;
+    let next = AtomicUsize::new(0);
+    let mut side_by_side = rayon::current_num_threads();
+    match job.shard_bytes() {
+        Some(bytes) => side_by_side = memory::lanes(bytes),
+        // The first shard that is run alone tells how many may be held side by side.
+        None => {
+            while let Some(&step) = turns.get(next.fetch_add(1, Ordering::Relaxed)) {
+                if stop.load(Ordering::Relaxed) {
+                    break;
+                }
+                if let Some(bytes) = lanes.one(step)? {
+                    side_by_side = memory::lanes(bytes);
+                    break;
+                }
+            }
+        }
+    }
+    let begun = next.load(Ordering::Relaxed).min(turns.len());
+    (0..side_by_side.min(turns.len() - begun)).into_par_iter().with_max_len(1).for_each(|_| {
+        loop {
+            let turn = next.fetch_add(1, Ordering::Relaxed);
+            // Shards begin in order, so that the first failure by number is found whatever the number of lanes.
+            let hopeless = || lock(&state).failed.as_ref().is_some_and(|(at, _)| *at < turn);
+            if turn >= turns.len() || stop.load(Ordering::Relaxed) || hopeless() {
+                return;
+            }
+            if let Err(error) = lanes.one(turns[turn]) {
+                let mut state = lock(&state);
+                if state.failed.as_ref().is_none_or(|(at, _)| turn < *at) {
+                    state.failed = Some((turn, error));
+                }
+            }
+        }
+    });
+    let state = state.into_inner().unwrap_or_else(PoisonError::into_inner);
+    if let Some((_, error)) = state.failed {
+        return Err(error);
+    }
+    if state.next < steps.len() {
+        // Shards whose sums wait for an earlier one are done too.
+        let done = |(at, step): (usize, &Step)| match step {
+            Step::Block(block) => block.len(),
+            Step::Shard { stored, .. } => usize::from(*stored || at < state.next || state.finished.contains_key(&at)),
+        };
+        let done: usize = steps.iter().enumerate().map(done).sum();
+        return Err(SimError::Interrupted { left: shards.len() - done, total: shards.len() });
+    }
+    Ok(())
+}
+
+/// What a lane needs.
+struct Lanes<'a, 'b, J> {
+    job: &'a J,
+    plan: &'a Plan,
+    parts: Option<&'a PartsFolder>,
+    steps: &'a [Step],
+    stop: &'a AtomicBool,
+    progress: &'a (dyn Fn(u64) + Sync),
+    state: &'a Mutex<State<'b>>,
+}
+
+impl<J: Job> Lanes<'_, '_, J> {
+    /// Reads or runs the shard of a step and adds up what is next in order; gives the memory that it took when it was run.
+    fn one(&self, at: usize) -> Result<Option<usize>, SimError> {
+        let Step::Shard { shard, stored, .. } = self.steps[at] else { return Ok(None) };
+        let mut bytes = None;
+        let part = match self.parts {
+            Some(parts) if stored => {
+                (self.progress)(self.job.units(shard));
+                parts.read(self.job, shard, 1)?.part
+            }
+            _ => {
+                let begun = Instant::now();
+                let Some(mut done) = self.job.run_shard(shard, self.stop, self.progress)? else { return Ok(None) };
+                done.part.seconds = begun.elapsed().as_secs_f64();
+                done.part.peak_bytes = done.peak_bytes as u64;
+                bytes = Some(done.peak_bytes);
+                let entry = Entry { first: shard, count: 1, part: done.part };
+                if let Err(what) = entry.part.check(self.job, shard, 1) {
+                    return Err(SimError::BadShard { shard, what });
+                }
+                if let Some(parts) = self.parts {
+                    parts.write(self.job, self.plan, &entry)?;
+                }
+                entry.part
+            }
+        };
+        lock(self.state).finished.insert(at, part);
+        self.advance()?;
+        Ok(bytes)
+    }
+
+    /// Adds up what is next in order; a finished group is written as one file in place of its shards.
+    fn advance(&self) -> Result<(), SimError> {
+        let mut state = lock(self.state);
+        while let Some(step) = self.steps.get(state.next) {
+            let block = match step {
+                Step::Block(block) => {
+                    // Found whole before.
+                    let entry = self.parts.map(|parts| parts.read(self.job, block.start, block.len())).transpose()?;
+                    state.sum = entry.map(|e| e.part);
+                    block.clone().for_each(|shard| (self.progress)(self.job.units(shard)));
+                    Some(block)
+                }
+                Step::Shard { ends, .. } => {
+                    let at = state.next;
+                    let Some(part) = state.finished.remove(&at) else { return Ok(()) };
+                    match &mut state.sum {
+                        Some(sum) => sum.add(&part),
+                        None => state.sum = Some(part),
+                    }
+                    ends.as_ref()
+                }
+            };
+            state.next += 1;
+            if let Some(block) = block
+                && let Some(part) = state.sum.take()
+            {
+                let entry = Entry { first: block.start, count: block.len(), part };
+                if let (Some(parts), Step::Shard { .. }, true) = (self.parts, step, block.len() > 1) {
+                    parts.write(self.job, self.plan, &entry)?;
+                    block.clone().for_each(|shard| parts.forget(shard));
+                }
+                (state.give)(entry);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The lock of a mutex, whoever panicked while holding it: the values within are whole at any time.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
