@@ -80,8 +80,8 @@ impl EdgeLobes {
             [("edge_lambda_um", &self.lambda_um, 0.05, 20.0), ("edge_inside_um", &self.inside_um, -1e6, 1e6)]
         {
             if !(2..=MOST_NODES).contains(&axis.len()) {
-                let mend = format!("expected 2 to {MOST_NODES}");
-                return Err(invalid(c.0, name, format!("{} values", axis.len()), &mend));
+                let hint = format!("expected 2 to {MOST_NODES}");
+                return Err(invalid(c.0, name, format!("{} values", axis.len()), &hint));
             }
             c.uniform(name, axis)?;
             c.range(name, axis, low, high)?;

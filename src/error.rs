@@ -1,4 +1,4 @@
-//! Errors of the runtime: values, not prose. One line names the file, the key, the value and the mend.
+//! Errors of the runtime: values, not prose. One line names the file, the key, the value and the hint.
 
 /// What can go wrong where data enters. `eval`, `sample` and `pdf` never fail.
 #[derive(Debug, thiserror::Error)]
@@ -12,7 +12,7 @@ pub enum Error {
         source: std::io::Error,
     },
     /// A key of a spec, or a tensor or field of a table or model, holds a value that is not allowed.
-    #[error("{file}: {key} = {value}: {mend}")]
+    #[error("{file}: {key} = {value}: {hint}")]
     Invalid {
         /// Path as given.
         file: String,
@@ -21,17 +21,17 @@ pub enum Error {
         /// Offending value as text.
         value: String,
         /// What would be accepted.
-        mend: String,
+        hint: String,
     },
     /// The file is not of the expected format or version, or is damaged.
-    #[error("{file}: {what}; {mend}")]
+    #[error("{file}: {what}; {hint}")]
     Format {
         /// Path as given.
         file: String,
         /// What is wrong.
         what: String,
         /// What to do about it.
-        mend: String,
+        hint: String,
     },
 }
 

@@ -42,9 +42,9 @@ impl Aperture {
     pub fn new(x_um: [f32; 2], y_um: [f32; 2]) -> Result<Aperture> {
         for (key, [a, b]) in [("x_um", x_um), ("y_um", y_um)] {
             if !(a.is_finite() && b.is_finite() && a < b) {
-                let mend = "expected two finite edges, the second greater than the first".to_string();
+                let hint = "expected two finite edges, the second greater than the first".to_string();
                 let value = format!("[{a}, {b}]");
-                return Err(Error::Invalid { file: "aperture".into(), key: key.into(), value, mend });
+                return Err(Error::Invalid { file: "aperture".into(), key: key.into(), value, hint });
             }
         }
         Ok(Aperture { x_um, y_um })

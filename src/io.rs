@@ -41,6 +41,6 @@ fn utf8(bytes: Vec<u8>, file: &str) -> Result<String> {
     String::from_utf8(bytes).map_err(|_| Error::Format {
         file: file.to_string(),
         what: "not text in UTF-8".into(),
-        mend: "save it as UTF-8 text".into(),
+        hint: "save it as UTF-8 text".into(),
     })
 }

@@ -160,12 +160,12 @@ impl NoiseTiles {
         let [count, rows, columns] = self.sizes;
         let small = |n: usize| n.is_power_of_two() && n <= 1 << 20;
         if !(small(count) && small(rows) && small(columns) && rows >= 2 && columns >= 2) {
-            let mend = "expected powers of two, two or more nodes along v and u";
-            return Err(invalid(c.0, NAMES[0], format!("{:?}", self.sizes), mend));
+            let hint = "expected powers of two, two or more nodes along v and u";
+            return Err(invalid(c.0, NAMES[0], format!("{:?}", self.sizes), hint));
         }
         if (2 * count * rows).saturating_mul(columns) > MOST_BYTES {
-            let mend = format!("expected {MOST_BYTES} values at most");
-            return Err(invalid(c.0, NAMES[0], format!("{:?}", self.sizes), &mend));
+            let hint = format!("expected {MOST_BYTES} values at most");
+            return Err(invalid(c.0, NAMES[0], format!("{:?}", self.sizes), &hint));
         }
         c.len(NAMES[0], self.tiles.len(), &[2, count, rows, columns])?;
         c.len(NAMES[1], self.code.len(), &[2, count, 2])?;
@@ -199,7 +199,7 @@ impl PlyModel {
     /// # Errors
     /// [`crate::Error::Invalid`] when the model has none; `file` names it in the message.
     pub fn require_noise(&self, file: &str) -> Result<&NoiseTiles> {
-        let mend = "the model has no noise tiles; add some with `plywave noise`";
-        self.noise().ok_or_else(|| invalid(file, NAMES[0], "absent", mend))
+        let hint = "the model has no noise tiles; add some with `plywave noise`";
+        self.noise().ok_or_else(|| invalid(file, NAMES[0], "absent", hint))
     }
 }

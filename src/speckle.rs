@@ -350,8 +350,8 @@ impl Document for SpecklePatterns {
         let (check, shape) = (Check(file), self.shape());
         let size = shape.iter().try_fold(1usize, |a, b| a.checked_mul(*b)).filter(|n| (1..=MAX_VALUES).contains(n));
         if size.is_none() || self.azimuths < 4 {
-            let mend = format!("expected axes of one or more, 4 or more azimuths, {MAX_VALUES} values at most");
-            return Err(invalid(file, "patterns", format!("{shape:?}"), &mend));
+            let hint = format!("expected axes of one or more, 4 or more azimuths, {MAX_VALUES} values at most");
+            return Err(invalid(file, "patterns", format!("{shape:?}"), &hint));
         }
         check.len("patterns", self.patterns.len(), &shape)?;
         check.len("c_sca_um", self.c_sca_um.len(), &shape[..4])?;

@@ -185,8 +185,8 @@ fn yarns_have_the_plies_of_their_models() {
     let said = |model, plies| load(model, plies).unwrap().notes().join("; ");
     for plies in [1, 2, 4] {
         let message = one_line(&load("three.pwm", plies));
-        let (value, mend) = (format!("cloth.toml: warp.plies = {plies}: "), "is of a yarn of 3 plies; use plies = 3");
-        assert!(message.contains(&value) && message.contains(mend), "{message}");
+        let (value, hint) = (format!("cloth.toml: warp.plies = {plies}: "), "is of a yarn of 3 plies; use plies = 3");
+        assert!(message.contains(&value) && message.contains(hint), "{message}");
     }
     assert!(!said("three.pwm", 3).contains("alone"));
     assert!(!said("one.pwm", 1).contains("alone"));

@@ -1,4 +1,4 @@
-//! The yarn spec: good ones load, bad ones are refused in one line that names the key and the mend, none panics.
+//! The yarn spec: good ones load, bad ones are refused in one line that names the key and the hint, none panics.
 
 use plywave::io::MemoryAssets;
 use plywave::{Error, POLYESTER, Shape, YarnSpec};

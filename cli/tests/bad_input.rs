@@ -1,4 +1,4 @@
-//! Bad input: one line on stderr that names file, key and mend, exit code 2, nothing written.
+//! Bad input: one line on stderr that names file, key and hint, exit code 2, nothing written.
 
 mod common;
 

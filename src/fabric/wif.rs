@@ -62,8 +62,8 @@ impl Wif {
             };
             let side = if up { "above" } else { "below" };
             let value = format!("{} of the {} that lies {side} all others", thread + 1, family.name());
-            let mend = "bind this yarn: each must pass at least once above and once below".into();
-            return Err(ini.invalid(section, &(thread + 1).to_string(), value, mend));
+            let hint = "bind this yarn: each must pass at least once above and once below".into();
+            return Err(ini.invalid(section, &(thread + 1).to_string(), value, hint));
         }
         let [warp_srgb, weft_srgb] = ini.colors([ends, picks])?;
         Ok(Wif { draft, warp_srgb, weft_srgb })
@@ -118,7 +118,7 @@ impl<'a> Ini<'a> {
         let parsed = parsed.map_err(|what| Error::Format {
             file: line(file),
             what: line(&what),
-            mend: "write sections as [NAME] and keys as name=value".into(),
+            hint: "write sections as [NAME] and keys as name=value".into(),
         })?;
         let keys = |keys: HashMap<String, Option<String>>| {
             keys.into_iter().filter_map(|(key, value)| Some((key.to_ascii_uppercase(), value?))).collect()
@@ -126,14 +126,14 @@ impl<'a> Ini<'a> {
         let sections = parsed.into_iter().map(|(name, section)| (name.to_ascii_uppercase(), keys(section))).collect();
         let ini = Ini { file, sections };
         if !ini.has("WIF") {
-            let mend = "use a Weaving Information File, which begins with the section [WIF]".into();
-            return Err(Error::Format { file: line(file), what: "no section [WIF]".into(), mend });
+            let hint = "use a Weaving Information File, which begins with the section [WIF]".into();
+            return Err(Error::Format { file: line(file), what: "no section [WIF]".into(), hint });
         }
         // A section that is announced must be there.
         for name in ["WEAVING", "WARP", "WEFT", "THREADING", "TIEUP", "TREADLING", "LIFTPLAN"] {
             if ini.text("CONTENTS", name).is_some_and(truth) && !ini.has(name) {
-                let mend = format!("the section [{name}] is missing; add it, or write false here");
-                return Err(ini.invalid("CONTENTS", name, "true", mend));
+                let hint = format!("the section [{name}] is missing; add it, or write false here");
+                return Err(ini.invalid("CONTENTS", name, "true", hint));
             }
         }
         Ok(ini)
@@ -148,23 +148,23 @@ impl<'a> Ini<'a> {
         self.sections.get(section)?.get(key).map(String::as_str).filter(|v| !v.is_empty())
     }
 
-    fn invalid(&self, section: &str, key: &str, value: impl std::fmt::Display, mend: String) -> Error {
+    fn invalid(&self, section: &str, key: &str, value: impl std::fmt::Display, hint: String) -> Error {
         Error::Invalid {
             file: line(self.file),
             key: line(&format!("[{section}] {key}")),
             value: line(&value.to_string()),
-            mend,
+            hint,
         }
     }
 
     fn need(&self, section: &str, key: &str) -> Result<&str> {
         self.text(section, &key.to_ascii_uppercase()).ok_or_else(|| {
-            let mend = if self.has(section) {
+            let hint = if self.has(section) {
                 format!("give {key} in the section [{section}]")
             } else {
                 format!("the section [{section}] is missing; it must give {key}")
             };
-            self.invalid(section, key, "(absent)", mend)
+            self.invalid(section, key, "(absent)", hint)
         })
     }
 
@@ -185,8 +185,8 @@ impl<'a> Ini<'a> {
                 Ok(0) => {}
                 Ok(n) if n <= most => list.push(n - 1),
                 _ => {
-                    let mend = format!("use whole numbers from 1 to {most} with commas between them");
-                    return Err(self.invalid(section, key, given, mend));
+                    let hint = format!("use whole numbers from 1 to {most} with commas between them");
+                    return Err(self.invalid(section, key, given, hint));
                 }
             }
         }
@@ -197,8 +197,8 @@ impl<'a> Ini<'a> {
     /// `empty` unless that is "".
     fn lists(&self, section: &str, rows: usize, most: usize, empty: &str) -> Result<Vec<Vec<usize>>> {
         let Some(keys) = self.sections.get(section) else {
-            let mend = format!("the section [{section}] is missing; add it with one line for each of {rows}");
-            return Err(self.invalid(section, "1", "(absent)", mend));
+            let hint = format!("the section [{section}] is missing; add it with one line for each of {rows}");
+            return Err(self.invalid(section, "1", "(absent)", hint));
         };
         let mut lists = vec![Vec::new(); rows];
         // In the order of the text's keys as sorted, so that the same file gives the same message.
@@ -207,8 +207,8 @@ impl<'a> Ini<'a> {
         for (key, given) in keys {
             let row = key.parse::<usize>().ok().filter(|n| (1..=rows).contains(n));
             let Some(row) = row else {
-                let mend = format!("use keys from 1 to {rows} in this section");
-                return Err(self.invalid(section, key, given, mend));
+                let hint = format!("use keys from 1 to {rows} in this section");
+                return Err(self.invalid(section, key, given, hint));
             };
             lists[row - 1] = self.numbers(section, key, given, most)?;
         }
@@ -234,8 +234,8 @@ impl<'a> Ini<'a> {
             return Ok(plan.iter().map(|lifted| gather(lifted.iter().copied(), shafts)).collect());
         }
         if !self.has("TREADLING") && !self.has("TIEUP") {
-            let mend = "give either [LIFTPLAN], or [TIEUP] and [TREADLING]; all are missing".into();
-            return Err(self.invalid("TREADLING", "1", "(absent)", mend));
+            let hint = "give either [LIFTPLAN], or [TIEUP] and [TREADLING]; all are missing".into();
+            return Err(self.invalid("TREADLING", "1", "(absent)", hint));
         }
         let treadles = self.count("WEAVING", "Treadles", MAX_SHAFTS)?;
         let tieup = self.lists("TIEUP", treadles, shafts, "")?;
@@ -278,8 +278,8 @@ impl<'a> Ini<'a> {
                 return Err(self.invalid("COLOR TABLE", key, given, "use three whole numbers r,g,b".into()));
             };
             if [r, g, b].iter().any(|c| !(low..=high).contains(c)) {
-                let mend = format!("use numbers from {low} to {high}, the Range of [COLOR PALETTE]");
-                return Err(self.invalid("COLOR TABLE", key, given, mend));
+                let hint = format!("use numbers from {low} to {high}, the Range of [COLOR PALETTE]");
+                return Err(self.invalid("COLOR TABLE", key, given, hint));
             }
             colors.insert(index, [r, g, b].map(|c| ((c - low) as f64 / (high - low) as f64) as f32));
         }
@@ -308,8 +308,8 @@ impl<'a> Ini<'a> {
             }
             if list.iter().any(Option::is_some) {
                 if let Some(thread) = list.iter().position(Option::is_none) {
-                    let mend = format!("give every thread a color, or Color in the section [{rest}]");
-                    return Err(self.invalid(own, &(thread + 1).to_string(), "(absent)", mend));
+                    let hint = format!("give every thread a color, or Color in the section [{rest}]");
+                    return Err(self.invalid(own, &(thread + 1).to_string(), "(absent)", hint));
                 }
                 both[k] = list.into_iter().flatten().collect();
             }

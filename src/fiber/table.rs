@@ -231,8 +231,8 @@ impl FiberTable {
         if fits {
             return Ok(());
         }
-        let mend = "expected 1 and no mirror for a circle, 2 or more with a mirror";
-        Err(invalid(name, "phi_i", format!("{p} values with symmetry {s:?}"), mend))
+        let hint = "expected 1 and no mirror for a circle, 2 or more with a mirror";
+        Err(invalid(name, "phi_i", format!("{p} values with symmetry {s:?}"), hint))
     }
 }
 

@@ -30,8 +30,8 @@ impl Slit {
     /// # Errors
     /// [`Error::Invalid`] for a width outside (0, [`SLIT_MAX_UM`]] or a share outside [0, 1].
     pub fn new(width_um: f32, share: f32, beam: &GaussianBeam) -> Result<Slit> {
-        let invalid = |key: &str, value: f32, mend: String| {
-            Err(Error::Invalid { file: "slit".into(), key: key.into(), value: value.to_string(), mend })
+        let invalid = |key: &str, value: f32, hint: String| {
+            Err(Error::Invalid { file: "slit".into(), key: key.into(), value: value.to_string(), hint })
         };
         if !(width_um > 0.0 && width_um <= SLIT_MAX_UM) {
             return invalid("width_um", width_um, format!("expected a width above 0 and at most {SLIT_MAX_UM}"));

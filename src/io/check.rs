@@ -12,8 +12,8 @@ impl Check<'_> {
         match values.iter().position(|v| !(*v >= low && *v <= high)) {
             None => Ok(()),
             Some(i) => {
-                let mend = format!("expected a value in [{low}, {high}]");
-                Err(invalid(self.0, &format!("{name}[{i}]"), values[i], &mend))
+                let hint = format!("expected a value in [{low}, {high}]");
+                Err(invalid(self.0, &format!("{name}[{i}]"), values[i], &hint))
             }
         }
     }
@@ -23,8 +23,8 @@ impl Check<'_> {
         match values.iter().position(|v| !(*v >= low && *v <= high)) {
             None => Ok(()),
             Some(i) => {
-                let mend = format!("expected a value in [{low}, {high}]");
-                Err(invalid(self.0, &format!("{name}[{i}]"), values[i], &mend))
+                let hint = format!("expected a value in [{low}, {high}]");
+                Err(invalid(self.0, &format!("{name}[{i}]"), values[i], &hint))
             }
         }
     }
@@ -54,8 +54,8 @@ impl Check<'_> {
         for (i, v) in axis.iter().enumerate() {
             let want = axis[0] + step * i as f64;
             if (v - want).abs() > 1e-6 * step {
-                let mend = format!("the axis must have equal steps: expected {want}");
-                return Err(invalid(self.0, &format!("{name}[{i}]"), v, &mend));
+                let hint = format!("the axis must have equal steps: expected {want}");
+                return Err(invalid(self.0, &format!("{name}[{i}]"), v, &hint));
             }
         }
         Ok(())

@@ -107,20 +107,20 @@ fn check_version(name: &str, head: &Head, kind: FileKind) -> Result<()> {
     if head.version == VERSION {
         return Ok(());
     }
-    let mend = if head.version > VERSION {
+    let hint = if head.version > VERSION {
         "it was written by a newer plywave: update plywave or the file".to_string()
     } else {
         kind.remake().to_string()
     };
-    Err(format_error(name, &format!("version {} of {}, expected {VERSION}", head.version, head.format), &mend))
+    Err(format_error(name, &format!("version {} of {}, expected {VERSION}", head.version, head.format), &hint))
 }
 
-pub(crate) fn format_error(file: &str, what: &str, mend: &str) -> Error {
-    Error::Format { file: file.to_string(), what: what.to_string(), mend: mend.to_string() }
+pub(crate) fn format_error(file: &str, what: &str, hint: &str) -> Error {
+    Error::Format { file: file.to_string(), what: what.to_string(), hint: hint.to_string() }
 }
 
-pub(crate) fn invalid(file: &str, key: &str, value: impl std::fmt::Display, mend: &str) -> Error {
-    Error::Invalid { file: file.to_string(), key: key.to_string(), value: value.to_string(), mend: mend.to_string() }
+pub(crate) fn invalid(file: &str, key: &str, value: impl std::fmt::Display, hint: &str) -> Error {
+    Error::Invalid { file: file.to_string(), key: key.to_string(), value: value.to_string(), hint: hint.to_string() }
 }
 
 /// The message of an error, on one line and of bounded length (it may quote the file).
@@ -201,13 +201,13 @@ impl<'a> Reader<'a> {
         let head = parse_head(file, &text)?;
         if head.format != kind.format() {
             let what = format!("format {:?}, expected {:?}", one_line(&head.format), kind.format());
-            let mend = match kind {
+            let hint = match kind {
                 FileKind::Table => "give a table (`plywave simulate` writes one)",
                 FileKind::Model => "give a ply model (`plywave fit` writes one)",
                 FileKind::Fiber => "give a fiber table (`plywave wave tabulate` writes one)",
                 FileKind::Speckle => "give speckle patterns (`plywave wave speckle` writes some)",
             };
-            return Err(format_error(file, &what, mend));
+            return Err(format_error(file, &what, hint));
         }
         check_version(file, &head, kind)?;
         for name in metadata.offset_keys() {

@@ -23,7 +23,7 @@ fn io_error(path: &Path) -> impl Fn(std::io::Error) -> Error {
 }
 
 fn format_error(path: &Path, what: String, hint: &str) -> Error {
-    Error::Format { file: shown(path), what, mend: hint.to_string() }
+    Error::Format { file: shown(path), what, hint: hint.to_string() }
 }
 
 /// What a file that is not regular is.

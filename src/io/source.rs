@@ -58,7 +58,7 @@ impl AssetSource for Folder {
             return Err(Error::Format {
                 file: super::container::one_line(&name),
                 what: "leads out of the folder of the file that names it".into(),
-                mend: "use a file in that folder or below".into(),
+                hint: "use a file in that folder or below".into(),
             });
         }
         read_file(self.path(name), most)
@@ -105,7 +105,7 @@ impl MemoryAssets {
 impl AssetSource for MemoryAssets {
     fn read(&self, name: &str, most: u64) -> Result<Vec<u8>> {
         let format =
-            |what: String, mend: String| Err(Error::Format { file: super::container::one_line(&name), what, mend });
+            |what: String, hint: String| Err(Error::Format { file: super::container::one_line(&name), what, hint });
         match self.files.get(name) {
             Some(bytes) if bytes.len() as u64 <= most => Ok(bytes.to_vec()),
             Some(_) => format(format!("larger than {most} bytes"), "use a smaller file".into()),

@@ -196,13 +196,13 @@ pub fn check(file: &str, table: &Table, rules: &Rules) -> Result<()> {
 
 /// A refusal of the value of a key. Each part is made one line.
 pub fn invalid(file: &str, key: &str, value: impl std::fmt::Display, hint: impl Into<String>) -> Error {
-    Error::Invalid { file: line(file), key: line(key), value: line(&value.to_string()), mend: hint.into() }
+    Error::Invalid { file: line(file), key: line(key), value: line(&value.to_string()), hint: hint.into() }
 }
 
 /// A refusal of the whole text.
 fn format_error(file: &str, what: String, rules: &Rules) -> Error {
     let what = what.split_whitespace().collect::<Vec<_>>().join(" ");
-    Error::Format { file: line(file), what, mend: format!("use TOML with the keys of {}", rules.example) }
+    Error::Format { file: line(file), what, hint: format!("use TOML with the keys of {}", rules.example) }
 }
 
 /// One line, at most 80 characters.

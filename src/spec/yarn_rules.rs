@@ -145,8 +145,8 @@ pub(super) fn check_relations(file: &str, spec: &YarnSpec) -> Result<()> {
         ));
     }
     if beam.d_cut_um < 0.5 * beam.w0_um || beam.d_cut_um > 20.0 * beam.w0_um {
-        let mend = format!("use from {} to {} (0.5 to 20 w0)", 0.5 * beam.w0_um, 20.0 * beam.w0_um);
-        return Err(invalid(file, "beam.d_cut_um", beam.d_cut_um, mend));
+        let hint = format!("use from {} to {} (0.5 to 20 w0)", 0.5 * beam.w0_um, 20.0 * beam.w0_um);
+        return Err(invalid(file, "beam.d_cut_um", beam.d_cut_um, hint));
     }
     let sim = &spec.simulation;
     let least = |n: Option<u32>, absent: u32| f64::from(n.unwrap_or(absent));
@@ -168,19 +168,19 @@ pub(super) fn check_relations(file: &str, spec: &YarnSpec) -> Result<()> {
 fn check_plies(file: &str, spec: &YarnSpec, radius_um: f64) -> Result<()> {
     let yarn = &spec.yarn;
     if let (2.., Some(radii)) = (yarn.plies, spec.ply.radii_um) {
-        let mend = "elliptical plies cannot be plied: give ply.radius_um, or yarn.plies = 1";
-        return Err(invalid(file, "ply.radii_um", format!("{radii:?} with yarn.plies = {}", yarn.plies), mend));
+        let hint = "elliptical plies cannot be plied: give ply.radius_um, or yarn.plies = 1";
+        return Err(invalid(file, "ply.radii_um", format!("{radii:?} with yarn.plies = {}", yarn.plies), hint));
     }
     if let Some(pitch) = yarn.ply_pitch_um
         && ply_circle_um(yarn.plies, radius_um, Some(pitch)).is_none()
     {
         let least = least_ply_pitch_um(yarn.plies, radius_um);
-        let mend = format!(
+        let hint = format!(
             "{} plies of radius {radius_um} um intersect however they lie: use {:.1} or more, or leave it out for parallel plies",
             yarn.plies,
             (10.0 * least).ceil() / 10.0
         );
-        return Err(invalid(file, "yarn.ply_pitch_um", pitch, mend));
+        return Err(invalid(file, "yarn.ply_pitch_um", pitch, hint));
     }
     Ok(())
 }
@@ -195,8 +195,8 @@ fn check_fraction(file: &str, ply: &PlySpec, radii: [f64; 2], fiber_area: f64) -
     Err(match ply.radii_um {
         None => invalid(file, "ply.radius_um", radii[0], format!("{count}; use about {:.1}", scale * radii[0])),
         Some(_) => {
-            let mend = format!("{count}; use about [{:.1}, {:.1}]", scale * radii[0], scale * radii[1]);
-            invalid(file, "ply.radii_um", format!("{radii:?}"), mend)
+            let hint = format!("{count}; use about [{:.1}, {:.1}]", scale * radii[0], scale * radii[1]);
+            invalid(file, "ply.radii_um", format!("{radii:?}"), hint)
         }
     })
 }
@@ -214,8 +214,8 @@ fn check_outline(file: &str, shape: &Shape) -> Result<()> {
         Shape::RoundedTriangle { radius_um, rounding_um } | Shape::Stone { radius_um, rounding_um, .. }
             if !(0.02 * radius_um..=0.4 * radius_um).contains(rounding_um) =>
         {
-            let mend = format!("use from {:.3} to {:.3} (0.02 to 0.4 of radius_um)", 0.02 * radius_um, 0.4 * radius_um);
-            Err(invalid(file, &key("rounding_um"), rounding_um, mend))
+            let hint = format!("use from {:.3} to {:.3} (0.02 to 0.4 of radius_um)", 0.02 * radius_um, 0.4 * radius_um);
+            Err(invalid(file, &key("rounding_um"), rounding_um, hint))
         }
         // The curvature of the teeth grows as depth teeth^2; an outline of 1024 points resolves this much.
         Shape::Serrated { depth, teeth, .. } if depth * f64::from(*teeth).powi(2) > 12.0 => {
@@ -229,9 +229,9 @@ fn check_outline(file: &str, shape: &Shape) -> Result<()> {
         }
         Shape::Polygon { file: points_file, points_um, rounding_um } => {
             if points_um.is_empty() {
-                let mend = "load the spec from its file, or give points_um = [[x, y], ...] in it";
+                let hint = "load the spec from its file, or give points_um = [[x, y], ...] in it";
                 let value = if points_file.is_empty() { "(absent)" } else { points_file };
-                return Err(invalid(file, &key("file"), value, mend));
+                return Err(invalid(file, &key("file"), value, hint));
             }
             if !points_file.is_empty() {
                 return Err(invalid(file, &key("file"), points_file, "give either file or points_um, not both"));
@@ -246,7 +246,7 @@ fn check_outline(file: &str, shape: &Shape) -> Result<()> {
 fn check_polygon(file: &str, points: &[[f64; 2]], rounding_um: f64) -> Result<()> {
     let n = points.len();
     let show = |p: [f64; 2]| format!("[{}, {}]", p[0], p[1]);
-    let refuse = |p: [f64; 2], mend: &str| Err(invalid(file, "fiber.shape.points_um", show(p), mend));
+    let refuse = |p: [f64; 2], hint: &str| Err(invalid(file, "fiber.shape.points_um", show(p), hint));
     let minus = |a: [f64; 2], b: [f64; 2]| [a[0] - b[0], a[1] - b[1]];
     let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
     let side = |a: [f64; 2], b: [f64; 2], p: [f64; 2]| cross(minus(b, a), minus(p, a));
@@ -278,14 +278,14 @@ fn check_polygon(file: &str, points: &[[f64; 2]], rounding_um: f64) -> Result<()
     let most = (0..n).map(|i| length(i) / (shortens(i) + shortens((i + 1) % n))).fold(f64::INFINITY, f64::min);
     let least = 0.002 * perimeter;
     if !(least..=most).contains(&rounding_um) {
-        let mend = if least < most {
+        let hint = if least < most {
             format!("use from {least:.3} to {most:.3}, so that arcs are resolved and fit on the polygon's edges")
         } else {
             format!(
                 "no rounding fits this polygon: an edge has room for {most:.3} um only; drop its shortest edges or spikes"
             )
         };
-        return Err(invalid(file, "fiber.shape.rounding_um", rounding_um, mend));
+        return Err(invalid(file, "fiber.shape.rounding_um", rounding_um, hint));
     }
     Ok(())
 }

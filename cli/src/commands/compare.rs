@@ -66,8 +66,8 @@ pub fn within(flag: &str, values: &[f64], (min, max): (f64, f64), unit: &str) ->
     match values.iter().find(|v| !(min..=max).contains(*v)) {
         None => Ok(()),
         Some(value) => {
-            let mend = format!("must be from {} to {}{unit}", number(min), number(max));
-            Err(Failure::input("command line", flag, value, &mend))
+            let hint = format!("must be from {} to {}{unit}", number(min), number(max));
+            Err(Failure::input("command line", flag, value, &hint))
         }
     }
 }

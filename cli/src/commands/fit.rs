@@ -94,8 +94,8 @@ fn respecify(table: &mut Table, file: &Path, path: &Path) -> Outcome {
     let was = YarnSpec::parse(&table.spec_text, &format!("{} (its spec)", file.display()))?;
     let (spec, text) = YarnSpec::load(path)?;
     if table.plies > 1 {
-        let mend = "is of a yarn of several plies already; --spec takes the table of one ply";
-        return Err(Failure::input(file.display(), "plies", table.plies, mend));
+        let hint = "is of a yarn of several plies already; --spec takes the table of one ply";
+        return Err(Failure::input(file.display(), "plies", table.plies, hint));
     }
     // All but the name and the yarn; how many lobes are fitted is no part of the table either.
     let simulation =
@@ -108,8 +108,8 @@ fn respecify(table: &mut Table, file: &Path, path: &Path) -> Outcome {
         ("simulation", simulation(&spec) != simulation(&was)),
     ];
     if let Some((section, _)) = differs.iter().find(|(_, differs)| *differs) {
-        let mend = format!("is not that of {}; simulate this spec, or make the sections the same", file.display());
-        return Err(Failure::Input(format!("{}: [{section}] {mend}", path.display())));
+        let hint = format!("is not that of {}; simulate this spec, or make the sections the same", file.display());
+        return Err(Failure::Input(format!("{}: [{section}] {hint}", path.display())));
     }
     table.spec_text = text;
     Ok(())
@@ -121,8 +121,8 @@ pub fn run(cli: &Cli, args: &FitArgs) -> Outcome {
     output::check_writable(&path, &[&args.table])?;
     if let Some(yarn_path) = &args.yarn_table {
         if *yarn_path == path {
-            let mend = "is where the model goes; name the yarn's table NAME.pwt";
-            return Err(Failure::input("command line", "--yarn-table", path.display(), mend));
+            let hint = "is where the model goes; name the yarn's table NAME.pwt";
+            return Err(Failure::input("command line", "--yarn-table", path.display(), hint));
         }
         output::check_writable(yarn_path, &[&args.table])?;
     }

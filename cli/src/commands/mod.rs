@@ -78,8 +78,8 @@ impl Yarn {
         if radius_um > 0.0 {
             Ok(Yarn { spec, radius_um })
         } else {
-            let mend = "must exceed the beam's d_cut_um; write the file again from its spec";
-            Err(Failure::input(file.display(), "largest h_um", reach, mend))
+            let hint = "must exceed the beam's d_cut_um; write the file again from its spec";
+            Err(Failure::input(file.display(), "largest h_um", reach, hint))
         }
     }
 }
@@ -89,8 +89,8 @@ pub fn incidence(args: &IncidenceArgs, data: &plywave::PlyData, radius_um: f64) 
     let reach = data.h_um.last().copied().unwrap_or(0.0) / radius_um;
     latitude("--theta-i", args.theta_i)?;
     if !(0.0..=reach).contains(&args.h_rel.abs()) {
-        let mend = format!("must be from -{0} to {0}, where the beam still meets the ply", number(reach));
-        return Err(Failure::input("command line", "--h-rel", args.h_rel, &mend));
+        let hint = format!("must be from -{0} to {0}, where the beam still meets the ply", number(reach));
+        return Err(Failure::input("command line", "--h-rel", args.h_rel, &hint));
     }
     absorptions(&args.sigma)?;
     // The product may leave the last node by a rounding.

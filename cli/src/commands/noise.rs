@@ -182,6 +182,6 @@ fn same_fiber(args: &NoiseArgs, patterns: &SpecklePatterns, data: PlyData, model
     if ours == theirs {
         return Ok(data);
     }
-    let mend = format!("is not the fiber of {}; make patterns from the model's spec", model.display());
-    Err(Failure::input(args.patterns.display(), "[fiber]", format!("{:?}", theirs.shape), &mend))
+    let hint = format!("is not the fiber of {}; make patterns from the model's spec", model.display());
+    Err(Failure::input(args.patterns.display(), "[fiber]", format!("{:?}", theirs.shape), &hint))
 }

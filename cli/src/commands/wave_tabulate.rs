@@ -34,7 +34,7 @@ pub fn run(cli: &Cli, args: &WaveTabulateArgs) -> Outcome {
 
 /// Sizes: the preset's, then the command line's.
 fn options(args: &WaveTabulateArgs) -> Outcome<TabulateOptions> {
-    let refuse = |key: &str, value: f64, mend: &str| Err(Failure::input("command line", key, value, mend));
+    let refuse = |key: &str, value: f64, hint: &str| Err(Failure::input("command line", key, value, hint));
     if !(args.sigma >= 0.0 && args.sigma <= 1e3) {
         return refuse("--sigma", args.sigma, "must be 0 to 1000, in 1/um");
     }

@@ -15,7 +15,7 @@ pub(super) fn field_models(
         file: file.into(),
         key: key.into(),
         value,
-        mend: hint.into(),
+        hint: hint.into(),
     };
     if patterns.kappa.len() < 2 {
         let hint = "noise needs clear and absorbing fibers: give `plywave wave speckle` two values of --kappa";

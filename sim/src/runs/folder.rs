@@ -49,7 +49,7 @@ impl PartsFolder {
             return Err(Error::Format {
                 file: path.display().to_string(),
                 what: "a folder that holds something else than the shards of a run".into(),
-                mend: "move it away, or choose another output".into(),
+                hint: "move it away, or choose another output".into(),
             }
             .into());
         }
@@ -135,7 +135,7 @@ impl PartsFolder {
             return Err(Error::Format {
                 file: self.file(first, count).display().to_string(),
                 what: "its name is that of other shards".into(),
-                mend: "the shards are run again".into(),
+                hint: "the shards are run again".into(),
             }
             .into());
         }

@@ -217,7 +217,7 @@ pub(super) fn encode<J: Job + ?Sized>(
     name: &str,
 ) -> Result<Vec<u8>, SimError> {
     let failed = |e: &dyn std::fmt::Display| -> SimError {
-        Error::Format { file: name.into(), what: e.to_string(), mend: "use fewer shards a part".into() }.into()
+        Error::Format { file: name.into(), what: e.to_string(), hint: "use fewer shards a part".into() }.into()
     };
     let document = Document {
         format: FORMAT.into(),
@@ -278,7 +278,7 @@ impl PartFile {
     /// As [`PartFile::open`].
     pub fn from_bytes(bytes: Vec<u8>, name: &str) -> Result<PartFile, SimError> {
         let refuse = |what: &str, hint: &str| -> SimError {
-            Error::Format { file: name.into(), what: what.into(), mend: hint.into() }.into()
+            Error::Format { file: name.into(), what: what.into(), hint: hint.into() }.into()
         };
         let damaged = |what: &str| refuse(what, "the part is damaged: run its shards again");
         let foreign = || refuse("not a part of plywave", "give files written with --shards");
@@ -356,8 +356,8 @@ impl PartFile {
     pub fn entry<J: Job + ?Sized>(&self, job: &J, at: usize) -> Result<Entry, SimError> {
         let head = &self.document.entries[at];
         let bad = |what: String| -> SimError {
-            let mend = "the part is damaged: run its shards again".into();
-            Error::Format { file: self.name.clone(), what: format!("shard {}: {what}", head.first), mend }.into()
+            let hint = "the part is damaged: run its shards again".into();
+            Error::Format { file: self.name.clone(), what: format!("shard {}: {what}", head.first), hint }.into()
         };
         if head.count > 1 && (!head.first.is_multiple_of(job.group()) || head.count > job.group()) {
             return Err(bad("a sum that is no group of the job's".into()));

@@ -39,10 +39,10 @@ impl Circle {
         while let Some(b) = at {
             let Shape::Circle { radius_um } = b.shape else {
                 let what = format!("{key} is no circle");
-                return Err(WaveError::Unsupported { method, what, mend: "use \"nystrom\"".into() });
+                return Err(WaveError::Unsupported { method, what, hint: "use \"nystrom\"".into() });
             };
-            let invalid = |field: &str, value: f64, mend: &str| {
-                Err(WaveError::Invalid { key: format!("{key}.{field}"), value: value.to_string(), mend: mend.into() })
+            let invalid = |field: &str, value: f64, hint: &str| {
+                Err(WaveError::Invalid { key: format!("{key}.{field}"), value: value.to_string(), hint: hint.into() })
             };
             if !(radius_um > 0.0 && radius_um.is_finite()) {
                 return invalid("radius_um", radius_um, "use a positive radius");
@@ -64,7 +64,7 @@ impl Circle {
                 }
                 if off > 1e-12 * outer {
                     let what = format!("{key} is off its fiber's center");
-                    return Err(WaveError::Unsupported { method, what, mend: "use \"nystrom\"".into() });
+                    return Err(WaveError::Unsupported { method, what, hint: "use \"nystrom\"".into() });
                 }
             }
             layers.push((radius_um, b.index()));
@@ -115,7 +115,7 @@ impl Response {
                 return Err(WaveError::Invalid {
                     key: "eta".into(),
                     value: index.re.to_string(),
-                    mend: "light travels along this fiber at this latitude; move either a little".into(),
+                    hint: "light travels along this fiber at this latitude; move either a little".into(),
                 });
             }
             let begin = circle.layers.get(i + 1).map(|l| l.0);

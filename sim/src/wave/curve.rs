@@ -179,7 +179,7 @@ fn pieces_of(points: &[[f64; 2]], rounding: f64, key: &str) -> Result<Vec<Piece>
             return Err(WaveError::Invalid {
                 key: format!("{key}.rounding_um"),
                 value: rounding.to_string(),
-                mend: "use a positive radius whose arcs fit on every edge".into(),
+                hint: "use a positive radius whose arcs fit on every edge".into(),
             });
         }
         let unit = edges[j] / edges[j].norm();

@@ -4,22 +4,22 @@
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum WaveError {
     /// A number or a shape that cannot be used.
-    #[error("{key} = {value}: {mend}")]
+    #[error("{key} = {value}: {hint}")]
     Invalid {
         /// Key of the scene, with its index: `fiber[2].eta`.
         key: String,
         /// What was given.
         value: String,
         /// What would be accepted.
-        mend: String,
+        hint: String,
     },
     /// A scene that cannot be read at all.
-    #[error("{what}; {mend}")]
+    #[error("{what}; {hint}")]
     Unreadable {
         /// What is wrong.
         what: String,
         /// What would help.
-        mend: String,
+        hint: String,
     },
     /// A wall that crosses itself.
     #[error("{wall}: the outline crosses itself; give a simple closed curve")]
@@ -42,14 +42,14 @@ pub enum WaveError {
         wall: String,
     },
     /// The method cannot treat the scene.
-    #[error("method = \"{method}\": {what}; {mend}")]
+    #[error("method = \"{method}\": {what}; {hint}")]
     Unsupported {
         /// Name of the method.
         method: &'static str,
         /// What stands in the way.
         what: String,
         /// What to do.
-        mend: String,
+        hint: String,
     },
     /// The tolerance is below what the method reaches.
     #[error("tolerance = {asked:e}: {method} reaches {reachable:e} here; ask for that or more")]

@@ -36,8 +36,8 @@ pub(super) fn reachable(circle: &Circle, wave: &Wave) -> f64 {
 
 /// What all solvers require of a wave.
 pub(super) fn check_wave(wave: &Wave) -> Result<(), WaveError> {
-    let invalid = |key: &str, value: f64, mend: &str| {
-        Err(WaveError::Invalid { key: key.into(), value: value.to_string(), mend: mend.into() })
+    let invalid = |key: &str, value: f64, hint: &str| {
+        Err(WaveError::Invalid { key: key.into(), value: value.to_string(), hint: hint.into() })
     };
     if !(wave.lambda_um > 0.0 && wave.lambda_um.is_finite()) {
         return invalid("lambda_um", wave.lambda_um, "use a positive wavelength");

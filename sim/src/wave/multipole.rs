@@ -93,7 +93,7 @@ impl MultipoleSolver {
             return Err(WaveError::Invalid {
                 key: "fiber".into(),
                 value: "none".into(),
-                mend: "give one or more".into(),
+                hint: "give one or more".into(),
             });
         }
         let circles: Vec<Circle> = bodies

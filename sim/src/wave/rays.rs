@@ -42,7 +42,7 @@ impl RaySlice {
         let tracer = ScrewTracer::new(&ply).ok_or_else(|| WaveError::Unsupported {
             method: "rays",
             what: "an outline that the tracer cannot resolve".into(),
-            mend: "use waves, or a smoother outline".into(),
+            hint: "use waves, or a smoother outline".into(),
         })?;
         let surface = RoughDielectric { eta: fiber.body.eta as f32, alpha: fiber.alpha_fiber as f32 };
         Ok(RaySlice { fiber: fiber.clone(), tracer, surface, scale })

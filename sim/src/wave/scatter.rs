@@ -114,8 +114,8 @@ pub fn scatter(scene: &Scene, text: &str, run: Run<'_>) -> Result<Report, SimErr
     Ok(report)
 }
 
-fn unsupported(method: Method, what: &str, mend: &str) -> WaveError {
-    WaveError::Unsupported { method: method.name(), what: what.into(), mend: mend.into() }
+fn unsupported(method: Method, what: &str, hint: &str) -> WaveError {
+    WaveError::Unsupported { method: method.name(), what: what.into(), hint: hint.into() }
 }
 
 /// Whether another method may succeed where one fails so. Whatever answers in the end has passed its own residual and ledger.

@@ -81,10 +81,10 @@ impl Scene {
         let amplitudes = self.cases() as f64 * 2.0 * self.n_phi_out as f64;
         if amplitudes > MAX_AMPLITUDES {
             let value = format!("{} for {} cases", self.n_phi_out, self.cases());
-            let mend = format!(
+            let hint = format!(
                 "{amplitudes:.1e} amplitudes; take fewer azimuths or cases, {MAX_AMPLITUDES:.0e} amplitudes at most"
             );
-            return Err(invalid("n_phi_out", value, mend));
+            return Err(invalid("n_phi_out", value, hint));
         }
         self.check_waists()?;
         for &theta_i in &self.theta_i {
@@ -110,11 +110,11 @@ impl Scene {
             let (mut body, mut name) = (Some(fiber), format!("fiber[{i}]"));
             while let Some(at) = body {
                 if wave.k_rho_in(at.index()).norm() < LEAST_K_RHO * wave.k0() {
-                    let mend = format!(
+                    let hint = format!(
                         "light of theta_i_deg = {} does not travel across a medium of this index; change one of them",
                         degrees(theta_i)
                     );
-                    return Err(invalid(&format!("{name}.eta"), at.eta, mend));
+                    return Err(invalid(&format!("{name}.eta"), at.eta, hint));
                 }
                 body = at.lumen.as_deref();
                 name.push_str(".lumen");
@@ -165,8 +165,8 @@ pub(crate) fn degrees(angle: f64) -> f64 {
     rounded + 0.0
 }
 
-pub(super) fn invalid(key: &str, value: impl std::fmt::Display, mend: impl Into<String>) -> WaveError {
-    WaveError::Invalid { key: short(key), value: short(&value.to_string()), mend: mend.into() }
+pub(super) fn invalid(key: &str, value: impl std::fmt::Display, hint: impl Into<String>) -> WaveError {
+    WaveError::Invalid { key: short(key), value: short(&value.to_string()), hint: hint.into() }
 }
 
 /// One line of at most 80 characters.

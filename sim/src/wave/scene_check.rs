@@ -137,7 +137,7 @@ impl Wall {
             return Err(WaveError::Invalid {
                 key: format!("{name}.{key}"),
                 value: "an outline with a cusp".into(),
-                mend: "give a smooth curve".into(),
+                hint: "give a smooth curve".into(),
             });
         }
         let n = points.len();
@@ -298,7 +298,7 @@ fn round(points_um: &[[f64; 2]], rounding_um: f64, name: &str) -> Result<Vec<Poi
     let corners: Vec<Point> = points_um.iter().map(|&p| Point::from(p)).collect();
     let n = corners.len();
     let invalid =
-        |key: &str, value: String, mend: String| Err(WaveError::Invalid { key: format!("{name}.{key}"), value, mend });
+        |key: &str, value: String, hint: String| Err(WaveError::Invalid { key: format!("{name}.{key}"), value, hint });
     let length = |i: usize| (corners[(i + 1) % n] - corners[i]).norm();
     let perimeter: f64 = (0..n).map(length).sum();
     if let Some(i) = (0..n).find(|&i| length(i) <= 1e-9 * perimeter) {
@@ -317,12 +317,12 @@ fn round(points_um: &[[f64; 2]], rounding_um: f64, name: &str) -> Result<Vec<Poi
     let most = (0..n).map(|i| length(i) / (taken(i) + taken((i + 1) % n))).fold(f64::INFINITY, f64::min);
     let least = 1e-4 * perimeter;
     if !(least..=most).contains(&rounding_um) {
-        let mend = if least < most {
+        let hint = if least < most {
             format!("use from {least:.4} to {most:.4}, so that arcs are resolved and fit on the polygon's edges")
         } else {
             format!("an edge has room for {most:.2e} um only; leave out the shortest edges and spikes")
         };
-        return invalid("rounding_um", rounding_um.to_string(), mend);
+        return invalid("rounding_um", rounding_um.to_string(), hint);
     }
     let mut points = Vec::with_capacity(n + CHORDS);
     for i in 0..n {

@@ -39,7 +39,7 @@ impl Scene {
                 format!("line {line}: ")
             });
             let what = e.message().split_whitespace().collect::<Vec<_>>().join(" ");
-            WaveError::Unreadable { what: at.unwrap_or_default() + &what, mend: "use TOML".into() }
+            WaveError::Unreadable { what: at.unwrap_or_default() + &what, hint: "use TOML".into() }
         })?;
         let scene = read_scene(&Keys { path: String::new(), table: &table })?;
         scene.check()?;
@@ -51,7 +51,7 @@ impl Scene {
     /// # Errors
     /// As [`Scene::parse`], and [`WaveError::Unreadable`] for a file that cannot be read.
     pub fn load(path: impl AsRef<Path>) -> Result<Scene, WaveError> {
-        let unreadable = |what: String, mend: &str| WaveError::Unreadable { what, mend: mend.into() };
+        let unreadable = |what: String, hint: &str| WaveError::Unreadable { what, hint: hint.into() };
         let mut bytes = Vec::new();
         let read = std::fs::File::open(path).and_then(|file| file.take(MAX_BYTES + 1).read_to_end(&mut bytes));
         match read {
@@ -81,9 +81,9 @@ impl<'a> Keys<'a> {
         if self.path.is_empty() { key.to_string() } else { format!("{}.{key}", self.path) }
     }
 
-    fn refuse<T>(&self, key: &str, mend: impl Into<String>) -> Result<T, WaveError> {
+    fn refuse<T>(&self, key: &str, hint: impl Into<String>) -> Result<T, WaveError> {
         let value = self.table.get(key).map_or("(absent)".to_string(), show);
-        Err(invalid(&self.name(key), value, mend))
+        Err(invalid(&self.name(key), value, hint))
     }
 
     /// Refuses keys that are not among `known`.
@@ -122,15 +122,15 @@ impl<'a> Keys<'a> {
     /// Numbers in a closed range, one or more, if given.
     fn list(&self, key: &str, (min, max): (f64, f64)) -> Result<Option<Vec<f64>>, WaveError> {
         let Some(value) = self.table.get(key) else { return Ok(None) };
-        let mend = || format!("use a list of 1 to {MAX_LIST} numbers from {min} to {max}");
+        let hint = || format!("use a list of 1 to {MAX_LIST} numbers from {min} to {max}");
         let Some(list) = value.as_array().filter(|list| (1..=MAX_LIST).contains(&list.len())) else {
-            return self.refuse(key, mend());
+            return self.refuse(key, hint());
         };
         let mut numbers = Vec::with_capacity(list.len());
         for (i, entry) in list.iter().enumerate() {
             match number(entry) {
                 Some(x) if (min..=max).contains(&x) => numbers.push(x),
-                _ => return Err(invalid(&format!("{}[{i}]", self.name(key)), show(entry), mend())),
+                _ => return Err(invalid(&format!("{}[{i}]", self.name(key)), show(entry), hint())),
             }
         }
         Ok(Some(numbers))
@@ -147,16 +147,16 @@ impl<'a> Keys<'a> {
 
     /// A list of `N`-tuples of finite numbers, `least` or more.
     fn tuples<const N: usize>(&self, key: &str, least: usize, what: &str) -> Result<Vec<[f64; N]>, WaveError> {
-        let mend = || format!("use a list of {least} to {MAX_POINTS} {what}");
+        let hint = || format!("use a list of {least} to {MAX_POINTS} {what}");
         let list = self.table.get(key).and_then(Value::as_array);
         let Some(list) = list.filter(|list| (least..=MAX_POINTS).contains(&list.len())) else {
-            return self.refuse(key, mend());
+            return self.refuse(key, hint());
         };
         let mut tuples = Vec::with_capacity(list.len());
         for (i, entry) in list.iter().enumerate() {
             match tuple(entry) {
                 Some(t) => tuples.push(t),
-                None => return Err(invalid(&format!("{}[{i}]", self.name(key)), entry, mend())),
+                None => return Err(invalid(&format!("{}[{i}]", self.name(key)), entry, hint())),
             }
         }
         Ok(tuples)
@@ -228,8 +228,8 @@ fn read_scene(keys: &Keys<'_>) -> Result<Scene, WaveError> {
         None => return keys.refuse("fiber", "give one or more [[fiber]]"),
         Some(Value::Array(fibers)) if (1..=MAX_FIBERS).contains(&fibers.len()) => fibers,
         Some(Value::Array(fibers)) => {
-            let mend = format!("use 1 to {MAX_FIBERS}");
-            return Err(invalid("fiber", format!("{} of them", fibers.len()), mend));
+            let hint = format!("use 1 to {MAX_FIBERS}");
+            return Err(invalid("fiber", format!("{} of them", fibers.len()), hint));
         }
         Some(_) => return keys.refuse("fiber", "use double brackets, [[fiber]]"),
     };
@@ -287,8 +287,8 @@ fn read_body(keys: &Keys<'_>, outer: Option<(&Body, usize)>) -> Result<Body, Wav
         _ => {
             let points_um = keys.tuples::<2>("points_um", 3, "corners [x, y]")?;
             if let Some(p) = points_um.iter().find(|p| !p.iter().all(|&x| within(x, PLACE))) {
-                let mend = format!("use corners within {} um of the origin", PLACE.1);
-                return Err(invalid(&keys.name("points_um"), format!("[{}, {}]", p[0], p[1]), mend));
+                let hint = format!("use corners within {} um of the origin", PLACE.1);
+                return Err(invalid(&keys.name("points_um"), format!("[{}, {}]", p[0], p[1]), hint));
             }
             Shape::Polygon { points_um, rounding_um: keys.must("rounding_um", SIZE)? }
         }
@@ -323,7 +323,7 @@ fn read_coeffs(keys: &Keys<'_>) -> Result<Vec<(i32, C64)>, WaveError> {
     let mut coeffs: Vec<(i32, C64)> = Vec::with_capacity(triples.len());
     for (i, &[k, re, im]) in triples.iter().enumerate() {
         let refuse =
-            |mend: String| Err(invalid(&format!("{}[{i}]", keys.name("coeffs")), format!("[{k}, {re}, {im}]"), mend));
+            |hint: String| Err(invalid(&format!("{}[{i}]", keys.name("coeffs")), format!("[{k}, {re}, {im}]"), hint));
         if k.fract() != 0.0 || k.abs() > MAX_HARMONIC as f64 {
             return refuse(format!("use an integer k from -{MAX_HARMONIC} to {MAX_HARMONIC}"));
         }
@@ -337,8 +337,8 @@ fn read_coeffs(keys: &Keys<'_>) -> Result<Vec<(i32, C64)>, WaveError> {
     }
     let size = coeffs.iter().filter(|(k, _)| *k != 0).map(|(_, c)| c.norm()).fold(0.0, f64::max);
     if !within(size, SIZE) {
-        let mend = format!("give at least one c_k with k other than 0, the largest from {} to {} um", SIZE.0, SIZE.1);
-        return keys.refuse("coeffs", mend);
+        let hint = format!("give at least one c_k with k other than 0, the largest from {} to {} um", SIZE.0, SIZE.1);
+        return keys.refuse("coeffs", hint);
     }
     Ok(coeffs)
 }

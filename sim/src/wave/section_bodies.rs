@@ -119,7 +119,7 @@ fn fourier_through(points: &[Vector2<f64>]) -> Result<Shape, WaveError> {
         return Err(WaveError::Invalid {
             key: "fiber.shape".into(),
             value: format!("{off:.3} um between the outline and a smooth curve through its {n} points"),
-            mend: format!("round its corners more, so that this is below {LARGEST_DEVIATION_UM} um"),
+            hint: format!("round its corners more, so that this is below {LARGEST_DEVIATION_UM} um"),
         });
     }
     Ok(Shape::Fourier { coeffs })

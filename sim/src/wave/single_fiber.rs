@@ -90,12 +90,12 @@ impl SingleFiber {
         let [body] = &scene.bodies[..] else {
             let value = format!("{} fibers", scene.bodies.len());
             return Err(
-                WaveError::Invalid { key: "fiber".into(), value, mend: "give a scene of one fiber".into() }.into()
+                WaveError::Invalid { key: "fiber".into(), value, hint: "give a scene of one fiber".into() }.into()
             );
         };
         if sigma_per_um != 0.0 {
-            let mend = "a scene's fiber has its kappa; leave this out".into();
-            return Err(WaveError::Invalid { key: "sigma".into(), value: sigma_per_um.to_string(), mend }.into());
+            let hint = "a scene's fiber has its kappa; leave this out".into();
+            return Err(WaveError::Invalid { key: "sigma".into(), value: sigma_per_um.to_string(), hint }.into());
         }
         Ok(SingleFiber::of_body(body))
     }
@@ -209,7 +209,7 @@ impl SingleFiber {
         let unsupported = |what: &str| WaveError::Unsupported {
             method: "rays",
             what: what.into(),
-            mend: "use waves, or a fiber whose lumen is air".into(),
+            hint: "use waves, or a fiber whose lumen is air".into(),
         };
         let lumen = match &self.body.lumen {
             None => None,
@@ -278,7 +278,7 @@ fn outline(shape: &Shape) -> Result<Outline, WaveError> {
             shape::rounded_polygon(corners, *rounding_um).map_err(|e| WaveError::Invalid {
                 key: "rounding_um".into(),
                 value: rounding_um.to_string(),
-                mend: e.to_string(),
+                hint: e.to_string(),
             })?
         }
     })

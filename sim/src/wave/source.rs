@@ -68,7 +68,7 @@ impl Source {
             return Err(WaveError::Invalid {
                 key: "beam.w0_um".into(),
                 value: beam.w0_um.to_string(),
-                mend: format!("use {least:.3} or more at this wavelength and latitude"),
+                hint: format!("use {least:.3} or more at this wavelength and latitude"),
             });
         }
         // exp(-w0^2 q^2 / 4) is below 1e-16 at q = 12.2 / w0. Beside the beam, q may be sampled as if it had period 2 pi / dq: images of the

@@ -79,7 +79,7 @@ impl BoundarySystem {
             return Err(WaveError::Invalid {
                 key: "tolerance".into(),
                 value: tolerance.to_string(),
-                mend: "use a number between 0 and 1, such as 1e-6".into(),
+                hint: "use a number between 0 and 1, such as 1e-6".into(),
             });
         }
         if tolerance < LEAST_TOLERANCE {
@@ -89,7 +89,7 @@ impl BoundarySystem {
             return Err(WaveError::Invalid {
                 key: "fiber".into(),
                 value: "[]".into(),
-                mend: "give at least one fiber".into(),
+                hint: "give at least one fiber".into(),
             });
         }
         let (media, mut walls) = trace_walls(bodies, wave, resolution)?;

@@ -133,8 +133,8 @@ impl Plan {
         let [first, last] = options.lambda_um;
         if !(first > 0.0 && last >= first && last.is_finite()) {
             let value = format!("{first} to {last}");
-            let mend = "give two wavelengths above 0, the shorter first".to_string();
-            return Err(WaveError::Invalid { key: "lambda_um".into(), value, mend }.into());
+            let hint = "give two wavelengths above 0, the shorter first".to_string();
+            return Err(WaveError::Invalid { key: "lambda_um".into(), value, hint }.into());
         }
         // Rays know wavelength by absorption alone.
         let colored = matches!(fiber.absorption, Absorption::Kappa(k) if k > 0.0);

@@ -103,7 +103,7 @@ fn plane() -> WaveError {
     WaveError::Unsupported {
         method: "total field",
         what: "a plane wave goes into one direction".into(),
-        mend: "give a beam".into(),
+        hint: "give a beam".into(),
     }
 }
 

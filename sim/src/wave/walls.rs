@@ -35,14 +35,14 @@ pub(crate) fn trace_walls(
                 return Err(WaveError::Invalid {
                     key: format!("{name}.eta"),
                     value: body.eta.to_string(),
-                    mend: "use a positive index".into(),
+                    hint: "use a positive index".into(),
                 });
             }
             if !(body.kappa >= 0.0 && body.kappa.is_finite()) {
                 return Err(WaveError::Invalid {
                     key: format!("{name}.kappa"),
                     value: body.kappa.to_string(),
-                    mend: "use 0 or more (absorption)".into(),
+                    hint: "use 0 or more (absorption)".into(),
                 });
             }
             let inside = media.len();
