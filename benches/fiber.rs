@@ -4,8 +4,8 @@
 //! scattered light); wavelengths and directions are random, so that hardly two queries share a slice.
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use plywave::direction;
 use plywave::fiber::{FiberSource, FiberTable, OutlineSymmetry, TabulatedFiber};
+use plywave::frame::direction;
 use plywave::{Bsdf, FiberQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;

@@ -9,10 +9,12 @@
 mod synthetic;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use plywave::{
-    Aperture, Bsdf, Gap, GaussianBeam, Instance, NoiseTiles, PlyData, PlyModel, PlyQuery, Queries, SLIT_SHARE, Slit,
-    direction,
-};
+use plywave::frame::direction;
+use plywave::gap::{Aperture, Gap, SLIT_SHARE, Slit};
+use plywave::ply::{PlyData, Queries};
+use plywave::spec::GaussianBeam;
+use plywave::speckle::{Instance, NoiseTiles};
+use plywave::{Bsdf, PlyModel, PlyQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::hint::black_box;
@@ -149,7 +151,8 @@ fn runtime(c: &mut Criterion) {
     c.bench_function("eval N=4, f64 reference", |b| {
         b.iter(|| {
             let (theta_i, h, sigma, wo, _) = next();
-            let reference = plywave::reference::Mixture::new(&data, theta_i.into(), h.into(), &sigma.map(f64::from));
+            let reference =
+                plywave::ply::reference::Mixture::new(&data, theta_i.into(), h.into(), &sigma.map(f64::from));
             black_box(reference.map(|t| t.eval_split(wo.map(f64::from))))
         })
     });

@@ -7,7 +7,8 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use plywave::fabric::{Draft, Fabric, FabricBsdf, FabricOptions, FabricSpec, Place, UvMap, YarnShape};
 use plywave::io::Folder;
-use plywave::{Bsdf, FabricQuery, Handedness};
+use plywave::spec::Handedness;
+use plywave::{Bsdf, FabricQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::hint::black_box;

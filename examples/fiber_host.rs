@@ -7,7 +7,8 @@
 //! `plywave wave tabulate SPEC.toml` makes a fiber file. Without an argument the example takes a made-up one: a lossless round fiber with a forward peak.
 
 use plywave::fiber::{FiberSource, FiberTable, OutlineSymmetry, TabulatedFiber};
-use plywave::{Bsdf, BsdfSample, FiberModel, FiberQuery, direction};
+use plywave::frame::direction;
+use plywave::{Bsdf, BsdfSample, FiberModel, FiberQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
 use std::f64::consts::{FRAC_PI_2, TAU};

@@ -7,7 +7,9 @@
 //! Without an argument it takes `fabrics/models/polyester.pwm`, the model that ships.
 
 use plywave::color::RGB_LAMBDA_UM;
-use plywave::{Bsdf, BsdfSample, PlyModel, PlyQuery, Queries, direction};
+use plywave::frame::direction;
+use plywave::ply::Queries;
+use plywave::{Bsdf, BsdfSample, PlyModel, PlyQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
 use std::path::{Path, PathBuf};

@@ -8,7 +8,8 @@
 //! relative L2 distance of f_high and f_refl with the noise of both removed, and the differences of the energies, of three constructions: the ply's table unchanged, light
 //! leaving plies evenly over their width, light leaving where the table says.
 
-use plywave::{Table, YarnSpec};
+use plywave::spec::YarnSpec;
+use plywave::table::Table;
 use plywave_fit::{TableDistance, table_distance};
 use plywave_sim::yarn::{YarnOptions, yarn_table};
 use std::time::Instant;

@@ -2,9 +2,15 @@
 //!
 //! The same code serves `plywave check` and the tests. Random numbers come in as a closure of uniform numbers in [0, 1).
 
-pub use crate::check_whole::{PART_INCIDENCES, PartReport, check_layers, check_whole};
-use crate::chi2::{chi2_test, threshold};
-use crate::{Bsdf, BsdfSample, PlyModel, PlyQuery, direction, theta_phi};
+#[doc(hidden)]
+pub mod chi2;
+mod whole;
+
+pub use whole::{PART_INCIDENCES, PartReport, check_layers, check_whole};
+
+use crate::frame::{direction, theta_phi};
+use crate::{Bsdf, BsdfSample, PlyModel, PlyQuery};
+use chi2::{chi2_test, threshold};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Sizes of a check.

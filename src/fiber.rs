@@ -19,7 +19,8 @@
 mod longitudinal;
 mod table;
 
-use crate::{Bsdf, BsdfSample, DirectionSample, Outcomes, Result};
+use crate::bsdf::{DirectionSample, Outcomes};
+use crate::{Bsdf, BsdfSample, Result};
 use longitudinal::{Latitude, Longitudinal};
 use std::f32::consts::{FRAC_PI_2, TAU};
 use std::path::Path;

@@ -18,8 +18,10 @@
 mod slit;
 mod spectrum;
 
-use crate::faddeeva::{Factor, power_between};
-use crate::{Bsdf, BsdfSample, Error, GaussianBeam, Outcomes, Result};
+use crate::bsdf::Outcomes;
+use crate::math::faddeeva::{Factor, power_between};
+use crate::spec::GaussianBeam;
+use crate::{Bsdf, BsdfSample, Error, Result};
 use multiversion::{multiversion, target::target_cfg_f};
 pub use slit::{SLIT_MAX_UM, SLIT_SHARE, Slit};
 pub(crate) use spectrum::{Range, Spectrum};
@@ -100,7 +102,7 @@ impl Gap {
 
 /// The wavelength that is any number.
 pub(crate) fn clamp_lambda(lambda_um: f32) -> f32 {
-    crate::simd::min(crate::simd::max(lambda_um, 0.05), 20.0)
+    crate::math::simd::min(crate::math::simd::max(lambda_um, 0.05), 20.0)
 }
 
 /// Least cosine of incidence that f divides by: light that grazes more is treated as this.
@@ -121,14 +123,14 @@ pub struct GapBsdf<'a, const N: usize> {
     across: [Range; N],
 }
 
-/// [`crate::faddeeva::spectra`] for the instruction set at hand.
+/// [`crate::math::faddeeva::spectra`] for the instruction set at hand.
 #[multiversion(targets(
     "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
     "x86_64+avx2+bmi1+bmi2+fma"
 ))]
 pub(crate) fn spectra<const N: usize>(factors: [&Factor; 2], f_per_um: [&[f32; N]; 2]) -> [[f32; N]; 2] {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
-    crate::faddeeva::spectra::<FMA, N>(factors, f_per_um)
+    crate::math::faddeeva::spectra::<FMA, N>(factors, f_per_um)
 }
 
 impl<'a, const N: usize> GapBsdf<'a, N> {

@@ -1,5 +1,7 @@
 //! Specs in TOML: the rules that all of them are held to, and the yarn spec. The fabric spec is in `fabric/`.
 
+mod beam;
+mod ply_circle;
 mod yarn;
 mod yarn_load;
 mod yarn_rules;
@@ -7,6 +9,8 @@ mod yarn_rules;
 #[doc(hidden)]
 pub mod rules;
 
+pub use beam::GaussianBeam;
+pub use ply_circle::{PlyRing, least_ply_pitch_um, ply_circle_um};
 pub use yarn::{
     AbsorptionSpec, BeamSpec, FiberSpec, Handedness, PlySpec, Shape, SimulationSpec, YarnGeometry, YarnSpec,
 };

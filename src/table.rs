@@ -45,7 +45,7 @@ impl OutgoingGrid {
 
     /// Index of the bin that holds the unit direction `w`.
     pub fn bin(&self, w: [f32; 3]) -> usize {
-        let (theta, phi) = crate::theta_phi(w);
+        let (theta, phi) = crate::frame::theta_phi(w);
         let i = ((theta / std::f32::consts::PI + 0.5) * self.theta_o as f32) as usize;
         let j = (phi / std::f32::consts::TAU * self.phi_o as f32) as usize;
         i.min(self.theta_o - 1) * self.phi_o + j.min(self.phi_o - 1)

@@ -5,10 +5,12 @@
 mod synthetic;
 
 use plywave::fabric::{FabricBsdf, FabricOptions, FabricSpec};
-use plywave::{
-    Bsdf, BsdfSample, FabricQuery, GaussianBeam, Instance, NoiseTiles, PlyData, PlyModel, PlyQuery, SLIT_SHARE, Slit,
-    direction,
-};
+use plywave::frame::direction;
+use plywave::gap::{SLIT_SHARE, Slit};
+use plywave::ply::PlyData;
+use plywave::spec::GaussianBeam;
+use plywave::speckle::{Instance, NoiseTiles};
+use plywave::{Bsdf, BsdfSample, FabricQuery, PlyModel, PlyQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::sync::Arc;

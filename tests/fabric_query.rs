@@ -2,8 +2,10 @@
 //! that has it everywhere.
 
 use plywave::fabric::{FabricOptions, FabricSpec, Family, GapLight};
+use plywave::frame::direction;
 use plywave::io::MemoryAssets;
-use plywave::{Bsdf, BsdfSample, FabricBsdf, FabricQuery, PlyData, PlyModel, direction};
+use plywave::ply::PlyData;
+use plywave::{Bsdf, BsdfSample, FabricBsdf, FabricQuery, PlyModel};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::f32::consts::TAU;

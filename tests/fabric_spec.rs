@@ -392,7 +392,7 @@ fn shapes_of_a_host_are_checked() {
         plies: 2,
         ply_radius_um: 50.0,
         ply_pitch_um: Some(800.0),
-        handedness: plywave::Handedness::Z,
+        handedness: plywave::spec::Handedness::Z,
         spacing_um: 200.0,
         crimp: 0.5,
         d_cut_um: 20.0,

@@ -3,7 +3,9 @@
 
 use plywave::check::{FURNACE_TOLERANCE, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE, check_bsdf};
 use plywave::fiber::{FiberSource, FiberTable, OutlineSymmetry, TabulatedFiber};
-use plywave::{Bsdf, BsdfSample, FiberQuery, FileKind, direction, file_kind};
+use plywave::frame::direction;
+use plywave::io::{FileKind, file_kind};
+use plywave::{Bsdf, BsdfSample, FiberQuery};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -195,7 +197,7 @@ fn furnace_sampling_and_chi_square() {
 }
 
 fn threshold_of(significance: f64, tests: usize) -> f64 {
-    plywave::chi2::threshold(significance, tests)
+    plywave::check::chi2::threshold(significance, tests)
 }
 
 /// Light from a mirrored or turned direction scatters into mirrored or turned ones; -theta_i is theta_i seen from the other end.

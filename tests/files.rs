@@ -2,7 +2,10 @@
 
 mod synthetic;
 
-use plywave::{Bsdf, FileKind, PlyData, PlyModel, PlyQuery, Table, file_kind};
+use plywave::io::{FileKind, file_kind};
+use plywave::ply::PlyData;
+use plywave::table::Table;
+use plywave::{Bsdf, PlyModel, PlyQuery};
 use proptest::prelude::*;
 use synthetic::{STANDARD, Sizes, model, table};
 

@@ -1,9 +1,12 @@
 //! Weave gaps. Chain of trust: the factor k is held to quadrature in `src/faddeeva.rs`; here f is held to its formula in f64, its energy to
 //! an integral of its own, and the sampler to f by the checks that every `Bsdf` passes.
 
+use plywave::bsdf::Outcomes;
 use plywave::check::check_bsdf;
-use plywave::faddeeva::{diffraction_factor, power_between};
-use plywave::{Aperture, Bsdf, BsdfSample, Gap, GaussianBeam, Outcomes};
+use plywave::gap::{Aperture, Gap};
+use plywave::math::faddeeva::{diffraction_factor, power_between};
+use plywave::spec::GaussianBeam;
+use plywave::{Bsdf, BsdfSample};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 

@@ -1,11 +1,13 @@
 //! The runtime's evaluator. Chain of trust: `asg::Lobe` is tested against brute-force integrals in its own file; the reference implementation
-//! `plywave::reference` uses it in f64 and is the truth for the fast kernels here; the furnace, sampling and symmetry
+//! `plywave::ply::reference` uses it in f64 and is the truth for the fast kernels here; the furnace, sampling and symmetry
 //! tests then need no reference.
 
 mod synthetic;
 
 use plywave::check::{CheckOptions, check_incidence, check_model};
-use plywave::{Bsdf, BsdfSample, PlyModel, PlyQuery, Queries, direction, mirror_incidence, reference::Mixture};
+use plywave::frame::{direction, mirror_incidence};
+use plywave::ply::{Queries, reference::Mixture};
+use plywave::{Bsdf, BsdfSample, PlyModel, PlyQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use synthetic::{STANDARD, Sizes, model};

@@ -1,6 +1,6 @@
 //! Reference values of the models that ship: a reader that rounds otherwise finds them too.
 
-use plywave::reference::Mixture;
+use plywave::ply::reference::Mixture;
 use plywave::{Bsdf, PlyModel, PlyQuery};
 use std::path::PathBuf;
 

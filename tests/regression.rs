@@ -4,7 +4,9 @@
 //! `plywave simulate tests/data/small.toml --preset preview -o tests/data/small.pwt` and
 //! `plywave fit tests/data/small.pwt -o tests/data/small.pwm`.
 
-use plywave::{PlyData, Table, YarnSpec};
+use plywave::ply::PlyData;
+use plywave::spec::YarnSpec;
+use plywave::table::Table;
 use plywave_fit::{DiffTolerance, FitOptions, diff, errors, fit};
 use plywave_sim::{Run, SimOptions, simulate};
 

@@ -6,8 +6,9 @@ use plywave::color::{
     xyz_of_linear_rec2020, xyz_of_linear_srgb, xyz_of_reflectance,
 };
 use plywave::fabric::{Channels, FabricOptions, FabricSpec, Family};
+use plywave::frame::direction;
 use plywave::io::Folder;
-use plywave::{Bsdf, FabricBsdf, FabricQuery, direction};
+use plywave::{Bsdf, FabricBsdf, FabricQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::f64::consts::PI;

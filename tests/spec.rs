@@ -1,7 +1,8 @@
 //! The yarn spec: good ones load, bad ones are refused in one line that names the key and the hint, none panics.
 
+use plywave::Error;
 use plywave::io::MemoryAssets;
-use plywave::{Error, POLYESTER, Shape, YarnSpec};
+use plywave::spec::{POLYESTER, Shape, YarnSpec};
 use proptest::prelude::*;
 
 /// The message of a refused spec; one line, naming the file.

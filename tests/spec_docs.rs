@@ -3,7 +3,7 @@
 use plywave::fabric::{FABRIC_RULES, FabricSpec};
 use plywave::spec::YARN_RULES;
 use plywave::spec::rules::{Key, Kind, Need, Rules};
-use plywave::{POLYESTER, YarnSpec};
+use plywave::spec::{POLYESTER, YarnSpec};
 use std::collections::BTreeMap;
 
 /// Section and name of a key, to its range and default.

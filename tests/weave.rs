@@ -1,7 +1,7 @@
 //! Places in woven fabrics: frames, coverage, repeats, both sides, any numbers. The ray and ply intersection has its own slow twin in `src/fabric/yarn.rs`.
 
-use plywave::Handedness;
 use plywave::fabric::{Draft, Fabric, Family, Gap, Place, PlyHit, YarnShape};
+use plywave::spec::Handedness;
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;

@@ -3,11 +3,14 @@
 
 mod synthetic;
 
-use plywave::asg::Lobe;
+use plywave::bsdf::Outcomes;
 use plywave::check::check_bsdf;
-use plywave::{
-    Bsdf, BsdfSample, EdgeLobes, GaussianBeam, Outcomes, PlyData, PlyModel, PlyQuery, Slit, beam_mu, direction,
-};
+use plywave::frame::direction;
+use plywave::gap::Slit;
+use plywave::ply::asg::Lobe;
+use plywave::ply::{EdgeLobes, PlyData, beam_mu};
+use plywave::spec::GaussianBeam;
+use plywave::{Bsdf, BsdfSample, PlyModel, PlyQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use synthetic::{STANDARD, Sizes, model};

@@ -1,9 +1,10 @@
 //! What a file is, by its first bytes, so that a command given the wrong kind of file says which it is and which it needs.
 
 use crate::failure::{Failure, Outcome};
-use plywave::FileKind;
+use plywave::PlyModel;
 use plywave::fabric::{FabricSpec, LoadedFabric};
-use plywave::{PlyModel, Table};
+use plywave::io::FileKind;
+use plywave::table::Table;
 use std::io::Read;
 use std::path::Path;
 
@@ -73,7 +74,7 @@ pub fn kind_of(path: &Path) -> Option<Kind> {
     if !std::fs::metadata(path).ok()?.is_file() {
         return None;
     }
-    if let Ok(kind) = plywave::file_kind(path) {
+    if let Ok(kind) = plywave::io::file_kind(path) {
         return Some(match kind {
             FileKind::Table => Kind::Table,
             FileKind::Model => Kind::Model,

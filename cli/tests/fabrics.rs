@@ -6,7 +6,10 @@
 use glam::Vec3;
 use plywave::check::check_bsdf;
 use plywave::fabric::{FabricBsdf, FabricOptions, FabricSpec};
-use plywave::{Bsdf, FabricQuery, PlyData, PlyModel, PlyQuery, YarnSpec, direction};
+use plywave::frame::direction;
+use plywave::ply::PlyData;
+use plywave::spec::YarnSpec;
+use plywave::{Bsdf, FabricQuery, PlyModel, PlyQuery};
 use plywave_fit::speckle::NoiseOptions;
 use plywave_fit::{EdgeOptions, FitOptions, fit_edge};
 use plywave_render::{Camera, Environment, Film, FilmView, Light, Mesh, RenderOptions, Scene, Setup, render};

@@ -6,7 +6,7 @@ mod planted;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use planted::Planted;
-use plywave::OutgoingGrid;
+use plywave::table::OutgoingGrid;
 use plywave_fit::{FitOptions, Scratch, SphereGrid, fit_block};
 use std::hint::black_box;
 

@@ -3,7 +3,7 @@
 //!
 //! `cargo run --release -p plywave-fit --example block_errors -- A.pwt B.pwt 8 12 16`
 
-use plywave::Table;
+use plywave::table::Table;
 use plywave_fit::{FitOptions, errors, fit};
 use std::time::Instant;
 

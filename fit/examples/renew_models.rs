@@ -5,7 +5,8 @@
 //!
 //! ci: build only
 
-use plywave::{PlyData, YarnSpec};
+use plywave::ply::PlyData;
+use plywave::spec::YarnSpec;
 use plywave_fit::{EdgeOptions, fit_edge, layer_factors};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

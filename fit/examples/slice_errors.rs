@@ -4,7 +4,7 @@
 //! `cargo run --release -p plywave-fit --example slice_errors -- A.pwt B.pwt [lobes of f_high] [reference]`; with the
 //! last word by the reference fit's starts and iterations.
 
-use plywave::Table;
+use plywave::table::Table;
 use plywave_fit::{FitOptions, Part, fit_single_slices};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -1,7 +1,7 @@
 //! What a table must satisfy before anything is fitted to it.
 
 use crate::error::FitError;
-use plywave::Table;
+use plywave::table::Table;
 
 /// Refuses tables whose arrays do not fit together or whose incidences make no blocks.
 pub(crate) fn check_table(table: &Table) -> Result<(), FitError> {

@@ -6,8 +6,8 @@ use crate::fit::block_targets;
 use crate::fit_errors::excess2;
 use crate::lobes::block::{BlockEffort, CORNERS, Target, coarse_grid, fit_joint};
 use crate::lobes::sphere::{Scratch, SphereGrid};
-use plywave::Table;
-use plywave::asg::PARAMS;
+use plywave::ply::asg::PARAMS;
+use plywave::table::Table;
 use rayon::prelude::*;
 
 /// A fitted part: lobe parameters `[sets][lobes][6]` and what it cost.

@@ -4,8 +4,9 @@ use crate::error::FitError;
 use crate::lobes::canonical::canonical_order;
 use crate::lobes::model::{Place, ScaledLobes, evaluate, high_lobes, refl_lobes};
 use crate::lobes::sphere::{Scratch, SphereGrid};
-use plywave::asg::{Lobe, PARAMS};
-use plywave::{OutgoingGrid, PlyData};
+use plywave::ply::PlyData;
+use plywave::ply::asg::{Lobe, PARAMS};
+use plywave::table::OutgoingGrid;
 use rayon::prelude::*;
 
 /// Largest differences that count as equal.

@@ -8,9 +8,10 @@
 //! compensates for the foreshortened plane (test: `lobes_hold_for_tilted_light`).
 
 use crate::optimize::minimize::{MinimizeOptions, minimize_bounded};
-use plywave::asg::{MU_MIN, unit_energy_gradient};
-use plywave::faddeeva::diffraction_factor;
-use plywave::{EDGE_MU_MAX, EdgeLobes, GaussianBeam, YarnSpec, beam_mu};
+use plywave::math::faddeeva::diffraction_factor;
+use plywave::ply::asg::{MU_MIN, unit_energy_gradient};
+use plywave::ply::{EDGE_MU_MAX, EdgeLobes, beam_mu};
+use plywave::spec::{GaussianBeam, YarnSpec};
 use std::f64::consts::FRAC_PI_2;
 
 /// Sizes of the table.
@@ -231,10 +232,10 @@ mod tests {
 
     /// Relative L2 distance of the lobe from the integral of light at latitude `tilt`, whose cross section along the ply is longer by
     /// 1/cos(tilt).
-    fn tilted_error(lobe: &plywave::asg::Lobe, lambda: f64, inside: f64, tilt: f64) -> f64 {
+    fn tilted_error(lobe: &plywave::ply::asg::Lobe, lambda: f64, inside: f64, tilt: f64) -> f64 {
         let (s, c) = tilt.sin_cos();
         let (d, w0) = (BEAM.d_cut_um, BEAM.w0_um);
-        let lobe = plywave::asg::Lobe { theta_z: -tilt, ..*lobe };
+        let lobe = plywave::ply::asg::Lobe { theta_z: -tilt, ..*lobe };
         let step = 0.5 / (2.0 * beam_mu(w0, lambda)).sqrt();
         let (mut power, mut energy, mut both, mut lobes) = (0.0, 0.0, 0.0, 0.0);
         for (u, du) in panels(step, 1.0) {

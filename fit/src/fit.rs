@@ -11,8 +11,9 @@ use crate::lobes::dark::{DarkSlices, refine};
 use crate::lobes::reflection::fit_reflection;
 use crate::lobes::sphere::{Scratch, SphereGrid};
 use crate::options::FitOptions;
-use plywave::asg::PARAMS;
-use plywave::{PlyData, Table};
+use plywave::ply::PlyData;
+use plywave::ply::asg::PARAMS;
+use plywave::table::Table;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 

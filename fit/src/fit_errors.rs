@@ -5,7 +5,8 @@ use crate::error::FitError;
 use crate::lobes::block::corner_weights;
 use crate::lobes::model::{Place, evaluate, high_lobes_in_block, refl_lobes};
 use crate::lobes::sphere::{Scratch, SphereGrid};
-use plywave::{PlyData, Table};
+use plywave::ply::PlyData;
+use plywave::table::Table;
 use rayon::prelude::*;
 
 /// Excess errors `sqrt(max(0, |model - table|^2 - noise) / |table|^2)`, |table|^2 with its own noise removed too. A slice whose

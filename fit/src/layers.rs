@@ -13,7 +13,8 @@
 use crate::lobes::absorption::energy_spectrum;
 use crate::lobes::model::{bilinear, evaluate, high_lobes, locate, refl_lobes};
 use crate::lobes::sphere::{PaddedSlice, Scratch, SphereGrid};
-use plywave::{LayerFactors, OutgoingGrid, PlyData};
+use plywave::ply::{LayerFactors, PlyData};
+use plywave::table::OutgoingGrid;
 use rayon::prelude::*;
 
 /// Bins of the quadrature over the outgoing sphere; halves and quarters of the azimuth fall between bins.

@@ -6,7 +6,8 @@ use crate::error::FitError;
 use crate::fit_errors::excess2;
 use crate::lobes::model::{bilinear, evaluate, high_lobes, locate, refl_lobes};
 use crate::lobes::sphere::{Scratch, SphereGrid};
-use plywave::{PlyData, Table};
+use plywave::ply::PlyData;
+use plywave::table::Table;
 use rayon::prelude::*;
 
 /// Distances at the incidences and absorptions that both hold.

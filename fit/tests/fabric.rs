@@ -5,7 +5,9 @@ use plywave::check::check_bsdf;
 use plywave::fabric::{
     Draft, Fabric, FabricAt, FabricBsdf, FabricOptions, FabricSpec, Family, GapLight, LoadedFabric, YarnShape,
 };
-use plywave::{Bsdf, BsdfSample, FabricQuery, Handedness, PlyModel, YarnSpec, direction};
+use plywave::frame::direction;
+use plywave::spec::{Handedness, YarnSpec};
+use plywave::{Bsdf, BsdfSample, FabricQuery, PlyModel};
 use plywave_fit::{EdgeOptions, fit_edge, layer_factors};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;

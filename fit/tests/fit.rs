@@ -5,8 +5,10 @@
 mod planted;
 
 use planted::Planted;
-use plywave::asg::{Lobe, PARAMS};
-use plywave::{OutgoingGrid, PlyData, PlyQuery, Table};
+use plywave::PlyQuery;
+use plywave::ply::PlyData;
+use plywave::ply::asg::{Lobe, PARAMS};
+use plywave::table::{OutgoingGrid, Table};
 use plywave_fit::{
     BlockEffort, DiffTolerance, FitOptions, Part, Place, ScaledLobes, Scratch, SphereGrid, canonicalize, diff, errors,
     fit, fit_single_slices, high_lobes, locate, refl_lobes,
@@ -261,7 +263,7 @@ fn the_runtime_evaluates_what_the_fit_measured() {
             (want_refl.iter().copied().fold(0.0, f32::max), want_high.iter().copied().fold(0.0, f32::max));
         for bin in (0..want_refl.len()).step_by(37) {
             let (theta, phi) = (sphere.grid().theta(bin / 90), sphere.grid().phi(bin % 90));
-            let wo = plywave::direction(theta as f32, phi as f32);
+            let wo = plywave::frame::direction(theta as f32, phi as f32);
             let got = runtime.at(&PlyQuery::lobes(theta_i as f32, h as f32, [0.007])).terms(wo);
             let (got_refl, [got_high]) = (got.refl, got.high);
             assert!(

@@ -1,7 +1,9 @@
 //! Two layers of yarn, on the models that ship.
 
 use plywave::check::check_bsdf;
-use plywave::{Bsdf, Layer, PlyModel, PlyQuery, direction};
+use plywave::frame::direction;
+use plywave::ply::Layer;
+use plywave::{Bsdf, PlyModel, PlyQuery};
 use plywave_fit::layer_factors;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;

@@ -4,10 +4,11 @@
 #[path = "../../tests/synthetic/mod.rs"]
 mod synthetic;
 
-use plywave::{
-    Bsdf, GaussianBeam, Instance, NoiseTiles, PlyModel, PlyQuery, Slit, SpecklePatterns, SpecklePolarization,
-    SpeckleSide, direction,
-};
+use plywave::frame::direction;
+use plywave::gap::Slit;
+use plywave::spec::GaussianBeam;
+use plywave::speckle::{Instance, NoiseTiles, SpecklePatterns, SpecklePolarization, SpeckleSide};
+use plywave::{Bsdf, PlyModel, PlyQuery};
 use plywave_fit::speckle::{
     FieldModel, NoiseContrast, NoiseOptions, PatternCovariance, compare_lines, intensity_covariance, noise_tiles,
 };
@@ -371,7 +372,7 @@ fn any_numbers_come_in() {
 #[test]
 fn models_keep_their_tiles() {
     let bare = synthetic::model(1, synthetic::STANDARD);
-    let data = plywave::PlyData { noise: Some(tiles().clone()), ..bare.clone() };
+    let data = plywave::ply::PlyData { noise: Some(tiles().clone()), ..bare.clone() };
     let bytes = data.to_bytes().unwrap();
     let back = PlyModel::from_bytes(&bytes, "m.pwm").unwrap();
     assert_eq!(back.noise(), Some(tiles()));
@@ -392,7 +393,7 @@ fn models_keep_their_tiles() {
     for spoil in spoils {
         let mut noise = tiles().clone();
         spoil(&mut noise);
-        assert!(PlyModel::from_data(plywave::PlyData { noise: Some(noise), ..bare.clone() }).is_err());
+        assert!(PlyModel::from_data(plywave::ply::PlyData { noise: Some(noise), ..bare.clone() }).is_err());
     }
 }
 
@@ -401,7 +402,7 @@ fn models_keep_their_tiles() {
 fn eval_of_instances_averages_to_the_smooth_model() {
     let bare = synthetic::model(1, synthetic::STANDARD);
     let smooth = PlyModel::from_data(bare.clone()).unwrap();
-    let model = PlyModel::from_data(plywave::PlyData { noise: Some(tiles().clone()), ..bare }).unwrap();
+    let model = PlyModel::from_data(plywave::ply::PlyData { noise: Some(tiles().clone()), ..bare }).unwrap();
     let (sigma, lambda) = ([0.0, 0.01], [0.45, 0.65]);
     for (theta_i, h, wo) in [(0.2, 5.0, at(0.1, 2.0)), (-0.5, -20.0, at(0.4, 4.9))] {
         let smooth_query = PlyQuery::new(theta_i, h, sigma, lambda);
@@ -426,7 +427,7 @@ fn eval_of_instances_averages_to_the_smooth_model() {
 #[test]
 fn slits_stay_under_noise() {
     let bare = synthetic::model(1, synthetic::STANDARD);
-    let model = PlyModel::from_data(plywave::PlyData { noise: Some(tiles().clone()), ..bare }).unwrap();
+    let model = PlyModel::from_data(plywave::ply::PlyData { noise: Some(tiles().clone()), ..bare }).unwrap();
     let slit = Slit::new(2.0, 1.0, &GaussianBeam { w0_um: 5.0, lambda_um: 0.55, d_cut_um: 10.0 }).unwrap();
     let (theta_i, h_um, lambda_um) = (0.2f32, 5.0, [0.45, 0.65]);
     let smooth = PlyQuery { slit: Some(&slit), ..PlyQuery::new(theta_i, h_um, [0.0, 0.01], lambda_um) };

@@ -1,6 +1,6 @@
 //! Chain of trust of the distance between tables: a known factor, energies, and noise of a known size.
 
-use plywave::{OutgoingGrid, Table};
+use plywave::table::{OutgoingGrid, Table};
 use plywave_fit::table_distance;
 
 /// A made-up table of 3 latitudes, 9 offsets and 2 absorptions: smooth densities that follow the incidence, nothing equal to anything else.

@@ -3,7 +3,8 @@
 use crate::error::Error;
 use crate::recipe::{Recipe, Speckle};
 use crate::stages::{add_speckle, fit_model, simulate, simulate_job, solve_speckle, speckle_options, yarn_table};
-use plywave::{PlyData, Table};
+use plywave::ply::PlyData;
+use plywave::table::Table;
 use plywave_sim::runs::{self, PartsFolder};
 use plywave_sim::wave::SpeckleJob;
 use std::sync::atomic::{AtomicBool, Ordering};

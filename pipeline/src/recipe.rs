@@ -1,7 +1,8 @@
 //! What to make: a spec, a quality, a seed and what overrides them.
 
 use crate::error::Error;
-use plywave::{SpecklePatterns, YarnSpec};
+use plywave::spec::YarnSpec;
+use plywave::speckle::SpecklePatterns;
 use plywave_fit::FitOptions;
 use plywave_sim::SimOptions;
 use plywave_sim::wave::TabulateOptions;
@@ -194,7 +195,7 @@ mod tests {
 
     #[test]
     fn overrides_take_precedence() {
-        let text = format!("{}\n[simulation]\ninstances = 5\npaths_per_theta = 70\n", plywave::POLYESTER);
+        let text = format!("{}\n[simulation]\ninstances = 5\npaths_per_theta = 70\n", plywave::spec::POLYESTER);
         let spec = YarnSpec::parse(&text, "p.toml").unwrap();
         let recipe = Recipe { seed: 9, paths: Some(90), ..Recipe::new("p.toml", spec, text, Quality::Preview) };
         let options = recipe.simulation();

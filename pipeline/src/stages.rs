@@ -3,7 +3,10 @@
 use crate::build::{Progress, Run, Stage};
 use crate::error::Error;
 use crate::recipe::Recipe;
-use plywave::{PlyData, SpecklePatterns, Table, YarnSpec};
+use plywave::ply::PlyData;
+use plywave::spec::YarnSpec;
+use plywave::speckle::SpecklePatterns;
+use plywave::table::Table;
 use plywave_fit::speckle::{NoiseOptions, noise_tiles};
 use plywave_fit::{EdgeOptions, FitOptions, fit, fit_edge};
 use plywave_sim::runs::{self, PartsFolder};

@@ -1,6 +1,6 @@
 //! The pipeline on a tiny ply: one call against its stages, progress, and a stop that is resumed to the same model.
 
-use plywave::YarnSpec;
+use plywave::spec::YarnSpec;
 use plywave_pipeline::*;
 use plywave_sim::runs::{Found, PartsFolder};
 use std::sync::Mutex;

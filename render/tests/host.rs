@@ -1,6 +1,7 @@
 //! The host itself, with surfaces whose light is known: a white diffuse sheet in a white room, a half transparent one, light sources.
 
-use plywave::{Bsdf, BsdfSample, DirectionSample, Outcomes};
+use plywave::bsdf::{DirectionSample, Outcomes};
+use plywave::{Bsdf, BsdfSample};
 use plywave_render::{Facts, Film, FilmView, RenderOptions, Setup, Surface, render};
 use std::f32::consts::{PI, TAU};
 use std::sync::atomic::AtomicBool;

@@ -3,7 +3,7 @@
 //! `cargo bench -p plywave-sim --bench trace`; the throughput line of each is paths per second.
 
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
-use plywave::YarnSpec;
+use plywave::spec::YarnSpec;
 use plywave_sim::{PlySection, Run, ScrewTracer, SimOptions, TracerKind, simulate};
 use std::time::{Duration, Instant};
 

@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release -p plywave-sim --example throughput -- [fabrics/NAME.toml] [threads] [preset] [paths per theta] [seed] [out.pwt]`
 
-use plywave::YarnSpec;
+use plywave::spec::YarnSpec;
 use plywave_sim::{Run, SimOptions, simulate};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -1,6 +1,6 @@
 //! Simulator of plywave: fiber and ply geometry, path tracing, scattering tables.
 //!
-//! Yarn spec -> cross section ([`PlySection`]) -> tracer ([`ScrewTracer`] or [`MeshTracer`]) -> [`simulate`] -> `plywave::Table`;
+//! Yarn spec -> cross section ([`PlySection`]) -> tracer ([`ScrewTracer`] or [`MeshTracer`]) -> [`simulate`] -> `plywave::table::Table`;
 //! a yarn of several plies: [`yarn::yarn_table`]. Single fibers by waves: [`wave`].
 
 mod error;

@@ -1,6 +1,6 @@
 //! Sizes of a simulation, with named presets; keys of the spec override them.
 
-use plywave::{SimulationSpec, YarnSpec};
+use plywave::spec::{SimulationSpec, YarnSpec};
 use serde::{Deserialize, Serialize};
 
 /// Which tracer walks the paths.

@@ -4,14 +4,15 @@
 //! at h has the density N(x - h; w0/2) there, so the path counts for h with that density over its own: one path serves every h,
 //! and with exp(-sigma L) every sigma. Light beyond the drawn width misses for certain; its share is the Gaussian's tail.
 //!
-//! A single ply also tells where light leaves it and where rays meet it, for the model of a yarn ([`plywave::ExitPositions`]).
+//! A single ply also tells where light leaves it and where rays meet it, for the model of a yarn ([`plywave::table::ExitPositions`]).
 
 use crate::rays::dielectric::RoughDielectric;
 use crate::rays::path::PathEnd;
 use crate::runs::{ArrayLayout, Part, Values};
 use crate::target::Target;
 use nalgebra::Vector3;
-use plywave::{GaussianBeam, OutgoingGrid};
+use plywave::spec::GaussianBeam;
+use plywave::table::OutgoingGrid;
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 use std::sync::atomic::{AtomicBool, Ordering};

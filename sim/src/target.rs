@@ -13,7 +13,7 @@ use crate::rays::path::{PathEnd, trace_path};
 use crate::rays::tracer::{Hit, Medium, Trace, Tracer};
 use crate::shard::Incidence;
 use nalgebra::{Vector2, Vector3};
-use plywave::PlyRing;
+use plywave::spec::PlyRing;
 use rand::{Rng, RngExt};
 use std::f64::consts::TAU;
 
@@ -263,7 +263,8 @@ mod tests {
     use crate::geometry::section::PlySection;
     use crate::shard::{EXIT_AZIMUTHS, EXIT_POSITIONS, Sums, trace_paths};
     use crate::{Outline, ScrewTracer};
-    use plywave::{GaussianBeam, OutgoingGrid, ply_circle_um};
+    use plywave::spec::{GaussianBeam, ply_circle_um};
+    use plywave::table::OutgoingGrid;
     use rand::SeedableRng;
     use rand_pcg::Pcg64Mcg;
     use std::sync::atomic::AtomicBool;

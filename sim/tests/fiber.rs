@@ -4,7 +4,9 @@
 
 use plywave::check::{FURNACE_TOLERANCE, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE, check_bsdf};
 use plywave::fiber::{FiberTable, TabulatedFiber};
-use plywave::{Bsdf, FiberQuery, FiberSpec, Shape, YarnSpec, direction};
+use plywave::frame::direction;
+use plywave::spec::{FiberSpec, Shape, YarnSpec};
+use plywave::{Bsdf, FiberQuery};
 use plywave_sim::Run;
 use plywave_sim::wave::{
     Absorption, BeamSource, Body, MieSolver, NystromSolver, Polarization, SingleFiber, Solver, Source, TabulateOptions,

@@ -1,6 +1,6 @@
 //! The sweep: every fiber one closed surface, oriented out of its material, of the right volume, along the right helix.
 
-use plywave::{Handedness, Shape, YarnSpec};
+use plywave::spec::{Handedness, Shape, YarnSpec};
 use plywave_sim::{PlySection, TriMesh};
 use std::collections::HashMap;
 

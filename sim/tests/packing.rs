@@ -2,7 +2,7 @@
 //! The gap is measured here by a second, plain code over all vertices and edges.
 
 use nalgebra::Vector2;
-use plywave::{Handedness, Shape, YarnSpec};
+use plywave::spec::{Handedness, Shape, YarnSpec};
 use plywave_sim::{FiberSection, Outline, PlySection, SimError};
 use proptest::prelude::*;
 

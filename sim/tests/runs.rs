@@ -1,7 +1,7 @@
 //! Every kind of job run in shares, merged by what the parts themselves say, against the same job in one run: equal to the bit.
 
-use plywave::YarnSpec;
 use plywave::fiber::FiberSource;
+use plywave::spec::YarnSpec;
 use plywave_sim::runs::{Job, Output, Parts, Run, run, run_part};
 use plywave_sim::wave::{
     Absorption, CompareJob, CompareOptions, ScatterJob, Scene, SingleFiber, SpeckleJob, SpeckleOptions, TabulateJob,

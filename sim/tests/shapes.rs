@@ -1,7 +1,7 @@
 //! Outlines at random seeds and strong jitter: simple, counterclockwise, centered, smooth, evenly sampled; lumens strictly within.
 
 use nalgebra::Vector2;
-use plywave::{Shape, YarnSpec};
+use plywave::spec::{Shape, YarnSpec};
 use plywave_sim::{FiberSection, Outline, PlySection};
 
 /// Every kind of polyline outline, common and extreme.

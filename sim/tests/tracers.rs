@@ -2,7 +2,8 @@
 //! the conservation of power. Reference: the triangle mesh beside the screw march, and a run at sigma beside the reweighted one.
 
 use nalgebra::{Vector2, Vector3};
-use plywave::{Table, YarnSpec};
+use plywave::spec::YarnSpec;
+use plywave::table::Table;
 use plywave_sim::*;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;

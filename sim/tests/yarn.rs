@@ -1,7 +1,8 @@
 //! Traced yarns: power is kept, other plies stop light, one ply is none of a yarn's business. What misses a yarn and where light leaves a ply is held
 //! to closed forms in `sim/src/target.rs`.
 
-use plywave::{Table, YarnSpec};
+use plywave::spec::YarnSpec;
+use plywave::table::Table;
 use plywave_sim::{Run, SimOptions, simulate};
 
 /// A yarn of plies that are one cylinder each.
@@ -30,7 +31,7 @@ fn options(paths_per_theta: u64, traced_plies: bool) -> SimOptions {
 
 #[test]
 fn power_of_a_traced_yarn_is_conserved() {
-    let text = format!("{}\n[yarn]\nplies = 2\n", plywave::POLYESTER);
+    let text = format!("{}\n[yarn]\nplies = 2\n", plywave::spec::POLYESTER);
     for (spec, text) in [solid(3, 0.2), (YarnSpec::parse(&text, "yarn").unwrap(), text)] {
         let t = simulate(&spec, &text, &options(16_000, true), Run::plain()).unwrap();
         let ks = t.sigma_per_um.len();
@@ -58,7 +59,7 @@ fn other_plies_stop_forward_light() {
             .sum()
     };
     let of = |plies: u32| {
-        let text = format!("{}\n[yarn]\nplies = {plies}\n", plywave::POLYESTER);
+        let text = format!("{}\n[yarn]\nplies = {plies}\n", plywave::spec::POLYESTER);
         let spec = YarnSpec::parse(&text, "yarn").unwrap();
         forward(&simulate(&spec, &text, &options(40_000, plies > 1), Run::plain()).unwrap())
     };

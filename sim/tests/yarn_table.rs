@@ -1,14 +1,16 @@
 //! Chain of trust of the yarn's table. Truth: light is kept at every number of plies. Reference implementation: a random walk of photons between
 //! plies that knows the table, the ring of plies and nothing else of the construction.
 
-use plywave::{ExitPositions, OutgoingGrid, Table, YarnSpec, direction, theta_phi};
+use plywave::frame::{direction, theta_phi};
+use plywave::spec::YarnSpec;
+use plywave::table::{ExitPositions, OutgoingGrid, Table};
 use plywave_sim::yarn::{YarnOptions, yarn_table};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::f64::consts::{PI, TAU};
 
 fn spec(plies: u32) -> YarnSpec {
-    YarnSpec::parse(&format!("{}\n[yarn]\nplies = {plies}\n", plywave::POLYESTER), "yarn").unwrap()
+    YarnSpec::parse(&format!("{}\n[yarn]\nplies = {plies}\n", plywave::spec::POLYESTER), "yarn").unwrap()
 }
 
 const THETAS: u32 = 3;
@@ -221,7 +223,7 @@ impl<'a> Walk<'a> {
                 let m = self.pick(theta / 1.4 * f64::from(THETAS - 1), THETAS as usize - 1);
                 let n = self.pick((h / REACH_UM + 1.0) * 0.5 * f64::from(OFFSETS - 1), OFFSETS as usize - 1);
                 let (local, only) = self.scatter(m, n)?;
-                let local = if turned { plywave::mirror_incidence(local) } else { local };
+                let local = if turned { plywave::frame::mirror_incidence(local) } else { local };
                 reflected &= only;
                 // x' = (-sin, cos), y' = (-cos, -sin).
                 let (x, y) = (f64::from(local[0]), f64::from(local[1]));

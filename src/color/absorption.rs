@@ -152,7 +152,10 @@ impl SigmaSpectrum {
     pub fn at(&self, lambda_um: f32) -> f32 {
         // As `place`, in f32 and without its division.
         const LAST: usize = SPECTRUM_NODES - 1;
-        let x = crate::simd::min(crate::simd::max((lambda_um - SPECTRUM_UM[0] as f32) * 200.0, 0.0), LAST as f32);
+        let x = crate::math::simd::min(
+            crate::math::simd::max((lambda_um - SPECTRUM_UM[0] as f32) * 200.0, 0.0),
+            LAST as f32,
+        );
         let i = (x as i32 as usize).min(LAST - 1);
         self.per_um[i] + (x - i as f32) * (self.per_um[i + 1] - self.per_um[i])
     }

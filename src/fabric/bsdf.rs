@@ -13,12 +13,13 @@
 use super::dye::{Channels, Dye};
 use super::in_gap::{InGap, Near, to_pattern, to_surface};
 use super::{Fabric, Family, LoadedFabric, Place, PlyHit, YarnColor};
+use crate::bsdf::{DirectionSample, Outcomes};
 use crate::color::{AlbedoCurve, RGB_LAMBDA_UM};
 use crate::gap::{GapBsdf, Spectrum};
-use crate::{
-    Bsdf, BsdfSample, DirectionSample, GaussianBeam, Instance, Layer, Outcomes, PlyBsdf, PlyModel, PlyQuery, Result,
-    YarnSpec,
-};
+use crate::ply::Layer;
+use crate::spec::{GaussianBeam, YarnSpec};
+use crate::speckle::Instance;
+use crate::{Bsdf, BsdfSample, PlyBsdf, PlyModel, PlyQuery, Result};
 use std::path::Path;
 use std::sync::Arc;
 

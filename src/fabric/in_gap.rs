@@ -1,10 +1,11 @@
 //! Where a line meets no ply (Yu 2025, 7.1, case c): the light that the plies beside it catch, and the light through the aperture between them.
 
 use super::bsdf::{GapLight, to_fabric, to_ply};
+use crate::bsdf::Outcomes;
 use crate::gap::GapBsdf;
 use crate::math::clamp_unit;
 use crate::ply::{LobeSample, UncachedPly};
-use crate::{Bsdf, BsdfSample, Outcomes};
+use crate::{Bsdf, BsdfSample};
 
 /// A direction of the surface's frame in that of the pattern, turned by an angle of this cosine and sine.
 pub(super) fn to_pattern([c, s]: [f32; 2], w: [f32; 3]) -> [f32; 3] {

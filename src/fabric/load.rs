@@ -6,8 +6,9 @@ use super::wif::{self, Wif};
 use super::yarn::YarnShape;
 use super::{Fabric, Family};
 use crate::io::{AssetSource, FileKind, Folder, read_text};
+use crate::spec::YarnSpec;
 use crate::spec::rules;
-use crate::{PlyModel, Result, YarnSpec};
+use crate::{PlyModel, Result};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

@@ -4,8 +4,9 @@ use super::Family;
 use super::draft::{Draft, MAX_THREADS};
 use super::spec::{FabricSpec, WeaveSpec, YarnOfFabric};
 use super::yarn::YarnShape;
+use crate::Result;
+use crate::spec::YarnSpec;
 use crate::spec::rules::{Custom, Key, Kind, Rules, invalid, optional, required};
-use crate::{Result, YarnSpec};
 use toml::Value;
 
 const THREADS: i64 = MAX_THREADS as i64;

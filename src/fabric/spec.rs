@@ -5,7 +5,7 @@ use super::Family;
 use super::draft::Draft;
 #[cfg(doc)]
 use super::{wif::Wif, yarn::YarnShape};
-use crate::Handedness;
+use crate::spec::Handedness;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 

@@ -11,8 +11,8 @@
 //! measures the rest: without the first step errors are 2 to 4 times as large from 45 degrees on, without the last 10 times at all angles up to
 //! there.
 
-use crate::Handedness;
-use crate::simd::{atan2, signed, sin_cos_half_turns};
+use crate::math::simd::{atan2, signed, sin_cos_half_turns};
+use crate::spec::Handedness;
 
 /// Most plies of a yarn.
 pub const MAX_PLIES: usize = 7;

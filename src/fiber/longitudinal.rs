@@ -108,7 +108,7 @@ fn chebyshev(c: &[f32], t: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chi2::chi2_test;
+    use crate::check::chi2::chi2_test;
     use rand::{RngExt, SeedableRng};
     use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -193,7 +193,7 @@ mod tests {
     #[test]
     fn samples_follow_the_density() {
         let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(11);
-        let threshold = crate::chi2::threshold(0.01, 20);
+        let threshold = crate::check::chi2::threshold(0.01, 20);
         for beta in [0.005, 0.05, 0.2, 0.7, 2.0_f64] {
             let m = Longitudinal::new(beta as f32);
             for i in [0.0, 0.7, -1.3, 1.565_f64] {

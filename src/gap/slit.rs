@@ -7,7 +7,8 @@
 //! more below 5 um); the pattern here is the spectrum of the slit alone, scaled to an integral of 1 over the directions that propagate.
 
 use super::{Aperture, Gap};
-use crate::{Error, GaussianBeam, Result};
+use crate::spec::GaussianBeam;
+use crate::{Error, Result};
 
 /// Widest slit [um]: above it, gaps belong to the weave (Yu 2025, 7.3).
 pub const SLIT_MAX_UM: f32 = 5.0;
@@ -74,6 +75,6 @@ fn swapped(w: [f32; 3]) -> [f32; 3] {
 /// The incident direction in the slit's frame; not a number counts as grazing.
 fn incident(theta_i: f32) -> [f32; 3] {
     use std::f32::consts::FRAC_PI_2;
-    let (s, c) = crate::simd::max(crate::simd::min(theta_i, FRAC_PI_2), -FRAC_PI_2).sin_cos();
+    let (s, c) = crate::math::simd::max(crate::math::simd::min(theta_i, FRAC_PI_2), -FRAC_PI_2).sin_cos();
     [0.0, s, c.max(LEAST_COSINE)]
 }

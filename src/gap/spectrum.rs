@@ -5,7 +5,7 @@
 //! the central lobes are resolved, and a far cell holds many fringes and their mean. Within a cell the tabulated density is uniform in t.
 
 use super::spectra;
-use crate::faddeeva::Factor;
+use crate::math::faddeeva::Factor;
 
 /// Cells of t in [0, 1).
 pub(super) const CELLS: usize = 64;
@@ -205,7 +205,7 @@ impl Spectrum {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::faddeeva::diffraction_factor;
+    use crate::math::faddeeva::diffraction_factor;
 
     const W0: f64 = 10.0;
     const EDGES: [[f64; 2]; 6] = [[-20.0, 20.0], [-1.0, 1.0], [-2.0, 17.0], [3.0, 20.0], [-5.0, 5.0], [-12.0, -11.5]];
@@ -215,7 +215,7 @@ mod tests {
     fn masses_are_integrals_of_the_spectrum() {
         for [a, b] in EDGES {
             let s = Spectrum::new(a, b, W0);
-            let power = crate::faddeeva::power_between(a, b, W0);
+            let power = crate::math::faddeeva::power_between(a, b, W0);
             let spectrum = |f: f64| {
                 let k = diffraction_factor(a, b, f, W0);
                 (k[0] * k[0] + k[1] * k[1]) / power

@@ -18,13 +18,13 @@ const MAX_HEADER: u64 = 16 << 20;
 /// What a file holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FileKind {
-    /// A [`crate::Table`].
+    /// A [`crate::table::Table`].
     Table,
-    /// A ply model, [`crate::PlyData`].
+    /// A ply model, [`crate::ply::PlyData`].
     Model,
     /// Scattering of a fiber, [`crate::fiber::FiberTable`].
     Fiber,
-    /// Patterns of single fibers, [`crate::SpecklePatterns`].
+    /// Patterns of single fibers, [`crate::speckle::SpecklePatterns`].
     Speckle,
 }
 

@@ -10,7 +10,7 @@
 //! `D(t) = exp(-s^2) - E(t)`, `E(t) = exp(-t^2 - 2 i s t) w(-s + i t)` for t >= 0, and D is odd up to conjugation,
 //! `D(-t) = -conj D(t)`. So w is needed in the upper half plane alone, where |w| <= 1.
 
-use crate::simd::{exp2, fma, max, min, signed, sin_cos_half_turns};
+use crate::math::simd::{exp2, fma, max, min, signed, sin_cos_half_turns};
 use std::f64::consts::PI;
 
 /// Terms and scale of the series in f64: good to 3e-14 relative to |w| (tested against SciPy).

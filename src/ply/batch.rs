@@ -8,8 +8,8 @@ use super::layout::Tables;
 use super::lobe::{Axes, amplitudes, project, root_width, shape, sin_cos};
 use super::mixture::mixture;
 use super::place::Places;
-use crate::asg::PARAMS;
-use crate::simd::{fma, max};
+use crate::math::simd::{fma, max};
+use crate::ply::asg::PARAMS;
 
 /// Queries in a chunk: their numbers, 13 KiB, stay in the first-level cache.
 const W: usize = 16;

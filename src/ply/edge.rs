@@ -1,10 +1,10 @@
 //! Edge lobes at run time: bandwidths interpolated for N wavelengths side by side, the lobe's value, density and sampling.
 
 use super::lobe::{amplitudes, disc_point, norm, root_width, shape, sin_cos};
-use crate::EdgeLobes;
-use crate::asg::MU_MIN;
-use crate::edge::EDGE_MU_MAX;
-use crate::simd::{exp2, fma, max, min};
+use crate::math::simd::{exp2, fma, max, min};
+use crate::ply::EdgeLobes;
+use crate::ply::asg::MU_MIN;
+use crate::ply::edge_lobes::EDGE_MU_MAX;
 use multiversion::{multiversion, target::target_cfg_f};
 use std::f32::consts::{FRAC_1_PI, FRAC_PI_2};
 use std::f64::consts::LOG2_E;

@@ -3,7 +3,7 @@
 use super::layout::{Node, Tables};
 use super::place::{Place, place};
 use super::reference::LEAST_TRANSMITTANCE;
-use crate::simd::{exp2, fma, max, min};
+use crate::math::simd::{exp2, fma, max, min};
 
 /// r_d, energy of f_refl and of f_high per sigma.
 #[derive(Clone, Copy, Debug)]

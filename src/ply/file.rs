@@ -1,13 +1,14 @@
 //! Ply model files: writing, reading, checking (`docs/format.md`).
 
+use super::edge_lobes::{self, EdgeLobes};
+use super::layer_factors::{self, LayerFactors};
 use super::{PlyData, PlyModel, PlyQuery};
-use crate::asg::{MU_MAX, MU_MIN, PARAMS};
-use crate::edge::{self, EdgeLobes};
+use crate::frame::direction;
 use crate::io::{Axis, Check, Document, FileKind, Provenance, Reader, Summary, Writer, document, invalid};
-use crate::layers::{self, LayerFactors};
-use crate::noise::{self, NoiseTiles};
+use crate::ply::asg::{MU_MAX, MU_MIN, PARAMS};
+use crate::speckle::tiles::{self, NoiseTiles};
 use crate::table::TOLERANCE;
-use crate::{Bsdf, Result, direction};
+use crate::{Bsdf, Result};
 use std::path::Path;
 
 /// Tensors of every model.
@@ -102,7 +103,7 @@ impl Document for PlyData {
     type Keys = Keys;
 
     fn names() -> Vec<&'static str> {
-        [&NAMES[..], &layers::NAMES, &edge::NAMES, &noise::NAMES].concat()
+        [&NAMES[..], &layer_factors::NAMES, &edge_lobes::NAMES, &tiles::NAMES].concat()
     }
 
     fn provenance(&self) -> Provenance {
@@ -153,7 +154,7 @@ impl Document for PlyData {
         w.f32("high", &[bm, bh, 2, 2, lh, PARAMS], self.high.iter().map(|v| *v as f32));
         w.f32("high_path", &[bm, bh, 2, 2, lh, j], self.high_path.iter().map(|v| *v as f32));
         if let Some(layers) = &self.layers {
-            layers.write(w, self);
+            layers.write(w, (m, h, j));
         }
         if let Some(edge) = &self.edge {
             edge.write(w);
@@ -268,7 +269,7 @@ impl PlyData {
             }
         }
         if let Some(layers) = &self.layers {
-            layers.check(&c, self)?;
+            layers.check(&c, (m, h, j))?;
         }
         if let Some(edge) = &self.edge {
             edge.check(&c)?;

@@ -3,7 +3,7 @@
 use super::energy::mix;
 use super::layout::{High, Tables};
 use super::place::Place;
-use crate::asg::PARAMS;
+use crate::ply::asg::PARAMS;
 
 #[inline(always)]
 pub(super) fn interpolate_refl<const FMA: bool, const H: usize, const R: usize, const J: usize>(

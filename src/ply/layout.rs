@@ -4,7 +4,7 @@
 
 use super::reference::{LEAST_ENERGY, extended};
 use super::{MAX_LOBES, MAX_PATHS, PlyData};
-use crate::asg::{MU_MAX, MU_MIN, PARAMS};
+use crate::ply::asg::{MU_MAX, MU_MIN, PARAMS};
 use std::f64::consts::{LOG2_E, PI};
 
 /// Lanes of high-order lobes that the fast kernels are compiled for: those of most models, and those of fibers with flat faces. With the reflection lobes

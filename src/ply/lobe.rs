@@ -1,6 +1,6 @@
 //! The arithmetic of one lobe: axes, amplitude, value in a direction, a direction drawn from it. Loops over lanes call these.
 
-use crate::simd::{exp2, exp2_within, fma, ln, max, min, signed, sin_cos_half_turns};
+use crate::math::simd::{exp2, exp2_within, fma, ln, max, min, signed, sin_cos_half_turns};
 use std::f32::consts::{LN_2, LOG2_E, PI};
 
 // Coefficients of the mean over s of 1 - exp(-1/b(s)) (see asg.rs) in x = (a + b)/2 and y = a b, a = (2 - mu1)/(2 + mu1) and b
@@ -154,7 +154,7 @@ pub(super) fn disc_point<const FMA: bool>(s1: f32, s2: f32, u1: f32, u2: f32) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::asg::{MU_MAX, MU_MIN};
+    use crate::ply::asg::{MU_MAX, MU_MIN};
 
     /// The mean over s of 1 - exp(-1/b(s)) with many nodes.
     fn mean(mu1: f64, mu2: f64) -> f64 {

@@ -3,7 +3,7 @@
 use super::dispatch::{self, Prepared};
 use super::energy::{Core, Energies};
 use super::layout::Layout;
-use crate::PlyModel;
+use super::model::PlyModel;
 
 /// The lobes of a model at one incidence, N absorptions.
 pub(crate) trait Lobes<const N: usize> {

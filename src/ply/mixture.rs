@@ -11,8 +11,8 @@ use super::interpolate::{interpolate_high, interpolate_refl};
 use super::layout::Tables;
 use super::lobe::{Axes, amplitudes, axes, disc_point, project, root_width, shape, unit};
 use super::place::{mirrored, place};
-use crate::asg::PARAMS;
-use crate::simd::{exp2, fma, max, min};
+use crate::math::simd::{exp2, fma, max, min};
+use crate::ply::asg::PARAMS;
 
 /// f_refl and f_high per sigma in a direction, and the density of sampling it [1/sr].
 pub(super) type Values<const N: usize> = (f32, [f32; N], f32);

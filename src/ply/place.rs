@@ -1,7 +1,7 @@
 //! Where an incidence lies in the tables: the cell of the nodes, the block, and the weights of what is around.
 
 use super::layout::Grid;
-use crate::simd::{fma, max, min};
+use crate::math::simd::{fma, max, min};
 
 /// Interpolation at one incidence.
 #[derive(Clone, Copy)]
@@ -122,5 +122,5 @@ fn bilinear(fm: f32, fn_: f32) -> [f32; 4] {
 
 #[inline(always)]
 pub(super) fn mirrored(flip: bool, w: [f32; 3]) -> [f32; 3] {
-    if flip { crate::mirror_incidence(w) } else { w }
+    if flip { crate::frame::mirror_incidence(w) } else { w }
 }

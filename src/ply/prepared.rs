@@ -4,8 +4,8 @@ use super::energy::{Core, Energies, halves};
 use super::lobe::{Axes, disc_point, project, shape, unit};
 use super::mixture::{Mixture, Shapes};
 use super::place::mirrored;
-use crate::asg::PARAMS;
-use crate::simd::{exp2, fma, min};
+use crate::math::simd::{exp2, fma, min};
+use crate::ply::asg::PARAMS;
 
 /// Lobes in L lanes, H high-order ones first, then those of f_refl, for N absorptions.
 #[derive(Clone, Copy, Debug)]

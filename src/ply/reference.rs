@@ -1,8 +1,8 @@
 //! The slow, obvious twin of the runtime's kernels: the model as [`super::PlyData`] defines it, in f64, through
-//! [`crate::asg::Lobe`]. Tests hold the fast path to it.
+//! [`crate::ply::asg::Lobe`]. Tests hold the fast path to it.
 
 use super::PlyData;
-use crate::asg::{Lobe, MU_MAX, MU_MIN, PARAMS, unit_energy};
+use crate::ply::asg::{Lobe, MU_MAX, MU_MIN, PARAMS, unit_energy};
 
 /// Weight of a lobe whose energy or spectrum has vanished: keeps the sum of the lobes above 0, so that the mixture can always be
 /// scaled to the simulated energy.

@@ -3,7 +3,7 @@
 use super::energy::Core;
 use super::lobe::{sin_cos, unit};
 use super::mixture::{Mixture, Params};
-use crate::simd::{fma, max, min};
+use crate::math::simd::{fma, max, min};
 use std::f32::consts::FRAC_1_PI;
 
 /// What a slit takes of f_high: energy, and the chance that a sample is of it.

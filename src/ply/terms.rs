@@ -1,13 +1,13 @@
 //! All terms of the model at once: light that met fibers, light diffracted at the ply's edge, light of slits.
 
-use super::bsdf::{PlyQuery, PlyTerms};
 use super::edge::EdgeTables;
 use super::energy::Core;
 use super::lobe::unit;
 use super::lobes::Lobes;
+use super::model::PlyModel;
+use super::query::{PlyQuery, PlyTerms};
 use super::slit::SlitSample;
 use super::{dispatch, edge};
-use crate::PlyModel;
 use crate::gap::Slit;
 
 /// A direction drawn from all terms, or what else becomes of the light.

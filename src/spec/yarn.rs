@@ -2,8 +2,8 @@
 //!
 //! Ranges and relations of the keys are in `yarn_rules.rs`; [`YarnSpec::parse`] and [`YarnSpec::load`] hold every spec to them.
 
-use crate::GaussianBeam;
-use crate::ply_circle::{PlyRing, ply_circle_um};
+use super::beam::GaussianBeam;
+use super::ply_circle::{PlyRing, ply_circle_um};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 

@@ -2,10 +2,10 @@
 //!
 //! Bounds are those within which the simulator's geometry and grids are sound, far wider than real yarns.
 
+use super::ply_circle::{least_ply_pitch_um, ply_circle_um};
 use super::rules::{Key, Kind, Rules, invalid, optional, required};
 use super::yarn::{PlySpec, Shape, YarnSpec};
 use crate::Result;
-use crate::ply_circle::{least_ply_pitch_um, ply_circle_um};
 use std::f64::consts::PI;
 
 /// Densest ply that is let through to packing; random packings of discs end near 0.8.

@@ -1,8 +1,9 @@
 //! A planted model: random lobes, smooth over the grid, with energies and spectra of its own.
 #![allow(dead_code)]
 
-use plywave::asg::PARAMS;
-use plywave::{ExitPositions, OutgoingGrid, PlyData, Table};
+use plywave::ply::PlyData;
+use plywave::ply::asg::PARAMS;
+use plywave::table::{ExitPositions, OutgoingGrid, Table};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 

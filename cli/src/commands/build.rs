@@ -6,7 +6,7 @@ use crate::args::{BuildArgs, Cli};
 use crate::failure::{Failure, Outcome};
 use crate::progress::{self, PipelineBar};
 use crate::{output, report};
-use plywave::SpecklePatterns;
+use plywave::speckle::SpecklePatterns;
 use plywave_pipeline::{FitQuality, Run, Speckle, build};
 
 /// Runs the command. The shards stay until the model is written, so that a run stopped while fitting can go on too.

@@ -13,7 +13,7 @@ use crate::plot::text::literal;
 use crate::progress;
 use crate::report::{self, counted, number};
 use crate::{output, plot};
-use plywave::YarnSpec;
+use plywave::spec::YarnSpec;
 use plywave_sim::wave::{CompareCase, CompareJob, CompareOptions, CompareReport};
 use std::path::Path;
 

@@ -6,7 +6,8 @@ use crate::failure::{Failure, Outcome};
 use crate::kinds::{self, Kind};
 use crate::output;
 use crate::report::{Spread, number};
-use plywave::{FileKind, PlyData};
+use plywave::io::FileKind;
+use plywave::ply::PlyData;
 use plywave_fit::{DiffTolerance, LobeDrift};
 use std::path::Path;
 
@@ -49,7 +50,7 @@ pub fn run(cli: &Cli, args: &DiffArgs) -> Outcome {
         }
     }
     let either = [Kind::Model, Kind::Table];
-    if plywave::file_kind(&args.a).map_err(|e| kinds::explain(&args.a, &either, e))? == FileKind::Table {
+    if plywave::io::file_kind(&args.a).map_err(|e| kinds::explain(&args.a, &either, e))? == FileKind::Table {
         return super::diff_tables::run(cli, args, &tolerance);
     }
     if args.max_h_rel.is_some() {

@@ -5,7 +5,8 @@ use crate::args::{Cli, DiffArgs};
 use crate::failure::{Failure, Outcome};
 use crate::output;
 use crate::report::number;
-use plywave::{OutgoingGrid, PlyData};
+use plywave::ply::PlyData;
+use plywave::table::OutgoingGrid;
 use plywave_fit::{
     DiffTolerance, Place, ScaledLobes, Scratch, SphereGrid, energy_high, high_lobes, locate, refl_lobes,
 };

@@ -9,8 +9,12 @@ use crate::plot::page::Head;
 use crate::plot::pattern::{self, BANDS, Daylight, Pattern};
 use crate::plot::text::literal;
 use crate::report::number;
-use plywave::faddeeva::{diffraction_factor, power_between};
-use plywave::{Aperture, Bsdf, EdgeLobes, Gap, GaussianBeam, YarnSpec, direction};
+use plywave::Bsdf;
+use plywave::frame::direction;
+use plywave::gap::{Aperture, Gap};
+use plywave::math::faddeeva::{diffraction_factor, power_between};
+use plywave::ply::EdgeLobes;
+use plywave::spec::{GaussianBeam, YarnSpec};
 use plywave_fit::{EdgeOptions, fit_edge};
 
 /// Width and height [um] of the gaps shown when none is asked for.

@@ -5,7 +5,8 @@ use crate::args::{Cli, EvalArgs};
 use crate::failure::{Failure, Outcome};
 use crate::report::number;
 use crate::{kinds, output};
-use plywave::{Bsdf, PlyModel, PlyQuery, direction};
+use plywave::frame::direction;
+use plywave::{Bsdf, PlyModel, PlyQuery};
 
 #[derive(serde::Serialize)]
 struct Report {

@@ -8,7 +8,9 @@ use crate::failure::{Failure, Outcome};
 use crate::output;
 use crate::progress::{self, PipelineBar};
 use crate::report::{self, Spread};
-use plywave::{PlyData, Table, YarnSpec};
+use plywave::ply::PlyData;
+use plywave::spec::YarnSpec;
+use plywave::table::Table;
 use plywave_pipeline::{Quality, Run, fit_model, yarn_table};
 use std::path::Path;
 use std::time::Duration;
@@ -99,7 +101,7 @@ fn respecify(table: &mut Table, file: &Path, path: &Path) -> Outcome {
     }
     // All but the name and the yarn; how many lobes are fitted is no part of the table either.
     let simulation =
-        |s: &YarnSpec| plywave::SimulationSpec { lobes_refl: None, lobes_high: None, ..s.simulation.clone() };
+        |s: &YarnSpec| plywave::spec::SimulationSpec { lobes_refl: None, lobes_high: None, ..s.simulation.clone() };
     let differs = [
         ("fiber", spec.fiber != was.fiber),
         ("ply", spec.ply != was.ply),

@@ -6,7 +6,9 @@ use crate::args::{Cli, InfoArgs};
 use crate::failure::Outcome;
 use crate::output;
 use crate::report::{self, Spread, counted, number};
-use plywave::{PlyData, Shape, Table, YarnSpec};
+use plywave::ply::PlyData;
+use plywave::spec::{Shape, YarnSpec};
+use plywave::table::Table;
 use std::io::Write;
 
 /// What tables and models have in common.

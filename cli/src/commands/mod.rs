@@ -33,8 +33,12 @@ pub mod weave;
 use crate::args::{Cli, IncidenceArgs};
 use crate::failure::{Failure, Outcome};
 use crate::report::number;
+use plywave::PlyModel;
 use plywave::fiber::FiberTable;
-use plywave::{FileKind, PlyModel, SpecklePatterns, Table, YarnSpec};
+use plywave::io::FileKind;
+use plywave::spec::YarnSpec;
+use plywave::speckle::SpecklePatterns;
+use plywave::table::Table;
 use std::path::Path;
 
 /// A table, a model, a fiber or speckle patterns.
@@ -53,7 +57,7 @@ pub enum Loaded {
 pub fn load_any(path: &Path) -> Outcome<Loaded> {
     use crate::kinds::Kind;
     let kinds = [Kind::Model, Kind::Table, Kind::Fiber, Kind::Speckle];
-    Ok(match plywave::file_kind(path).map_err(|e| crate::kinds::explain(path, &kinds, e))? {
+    Ok(match plywave::io::file_kind(path).map_err(|e| crate::kinds::explain(path, &kinds, e))? {
         FileKind::Table => Loaded::Table(Box::new(Table::load(path)?)),
         FileKind::Model => Loaded::Model(Box::new(PlyModel::load(path)?)),
         FileKind::Fiber => Loaded::Fiber(Box::new(FiberTable::load(path)?)),
@@ -85,7 +89,7 @@ impl Yarn {
 }
 
 /// Checks an incidence of the command line against a model; gives theta_i [rad] and h [um].
-pub fn incidence(args: &IncidenceArgs, data: &plywave::PlyData, radius_um: f64) -> Outcome<(f32, f32)> {
+pub fn incidence(args: &IncidenceArgs, data: &plywave::ply::PlyData, radius_um: f64) -> Outcome<(f32, f32)> {
     let reach = data.h_um.last().copied().unwrap_or(0.0) / radius_um;
     latitude("--theta-i", args.theta_i)?;
     if !(0.0..=reach).contains(&args.h_rel.abs()) {

@@ -5,7 +5,9 @@ use crate::args::{Cli, NoiseArgs, NoiseContrastArg, PolarizationArg};
 use crate::failure::{Failure, Outcome};
 use crate::output;
 use crate::report::{self, number};
-use plywave::{PlyData, SpecklePatterns, SpecklePolarization, YarnSpec};
+use plywave::ply::PlyData;
+use plywave::spec::YarnSpec;
+use plywave::speckle::{SpecklePatterns, SpecklePolarization};
 use plywave_fit::speckle::{
     KIND_NAMES, LineComparison, NoiseContrast, NoiseKind, NoiseOptions, compare_lines, noise_tiles,
 };
@@ -178,7 +180,7 @@ fn same_fiber(args: &NoiseArgs, patterns: &SpecklePatterns, data: PlyData, model
     let theirs = spec_of(&args.patterns, patterns)?.fiber;
     let ours = YarnSpec::parse(&data.spec_text, &format!("{} (its spec)", model.display()))?.fiber;
     // Roughness is no part of wave optics here.
-    let ours = plywave::FiberSpec { alpha_fiber: theirs.alpha_fiber, ..ours };
+    let ours = plywave::spec::FiberSpec { alpha_fiber: theirs.alpha_fiber, ..ours };
     if ours == theirs {
         return Ok(data);
     }

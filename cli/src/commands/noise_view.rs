@@ -10,7 +10,10 @@ use crate::plot::page::{Head, page};
 use crate::plot::text::literal;
 use crate::report::number;
 use plywave::color::{color_matching, linear_srgb_of_xyz, srgb_encode};
-use plywave::{Instance, PlyModel, PlyQuery, PlyTerms, SpecklePatterns, direction};
+use plywave::frame::direction;
+use plywave::ply::PlyTerms;
+use plywave::speckle::{Instance, SpecklePatterns};
+use plywave::{PlyModel, PlyQuery};
 use plywave_fit::speckle::{LineComparison, NoiseOptions, PatternCovariance, compare_lines};
 use std::path::Path;
 

@@ -13,8 +13,12 @@ use crate::plot::map::Field;
 use crate::plot::sheet::{self, Block, Cell, Section};
 use crate::plot::text::literal;
 use crate::report::number;
-use plywave::asg::{Lobe, PARAMS};
-use plywave::{FileKind, OutgoingGrid, PlyModel, PlyQuery, SpecklePatterns, Table, direction};
+use plywave::frame::direction;
+use plywave::io::FileKind;
+use plywave::ply::asg::{Lobe, PARAMS};
+use plywave::speckle::SpecklePatterns;
+use plywave::table::{OutgoingGrid, Table};
+use plywave::{PlyModel, PlyQuery};
 use std::path::Path;
 
 /// Bins of a map of a model without a table: fine enough that none shows.
@@ -412,7 +416,7 @@ pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
             let hint = "FILE is a yarn spec; leave --table and --model out";
             return Err(Failure::input(args.file.display(), "FILE", other.display(), hint));
         }
-        let (spec, _) = plywave::YarnSpec::load(&args.file)?;
+        let (spec, _) = plywave::spec::YarnSpec::load(&args.file)?;
         let edge = matches!(args.part, Part::Edge);
         return write(cli, &path, format, &super::diffraction_view::figure(args, &spec, edge)?);
     }
@@ -425,7 +429,7 @@ pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
         return Err(Failure::input("command line", "--theta-i", theta, hint));
     }
     if others.iter().all(Option::is_none) {
-        match plywave::file_kind(&args.file)? {
+        match plywave::io::file_kind(&args.file)? {
             FileKind::Speckle => {
                 let patterns = SpecklePatterns::load(&args.file)?;
                 let mut figures = vec![super::speckle_view::figure(&args.file, &patterns)?];

@@ -5,7 +5,8 @@ use super::{Yarn, by_count, incidence};
 use crate::args::{Cli, SampleArgs};
 use crate::failure::Outcome;
 use crate::{kinds, output};
-use plywave::{Bsdf, BsdfSample, PlyModel, PlyQuery, theta_phi};
+use plywave::frame::theta_phi;
+use plywave::{Bsdf, BsdfSample, PlyModel, PlyQuery};
 use rand::{RngExt, SeedableRng};
 use std::io::Write;
 

@@ -4,7 +4,8 @@ use super::runs::{self, Told, pipeline_failure};
 use crate::args::{Cli, Plies, Preset, RunArgs, SimulateArgs};
 use crate::failure::{Failure, Outcome};
 use crate::{output, report};
-use plywave::{Table, YarnSpec};
+use plywave::spec::YarnSpec;
+use plywave::table::Table;
 use plywave_pipeline::{Recipe, Speckle};
 use plywave_sim::SimulateJob;
 use std::path::Path;
@@ -16,7 +17,7 @@ pub fn recipe(spec: Option<&Path>, run: &RunArgs) -> Outcome<Recipe> {
         Some(path) => Recipe::load(path, run.preset.unwrap_or(Preset::Standard).quality()).map_err(pipeline_failure)?,
         None => {
             let quality = run.preset.unwrap_or(Preset::Preview).quality();
-            Recipe::new("polyester.toml", YarnSpec::polyester()?, plywave::POLYESTER, quality)
+            Recipe::new("polyester.toml", YarnSpec::polyester()?, plywave::spec::POLYESTER, quality)
         }
     };
     recipe.seed = run.seed;

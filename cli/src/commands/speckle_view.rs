@@ -11,7 +11,8 @@ use crate::plot::lines::{self, Curve, LinePanel, Row, Scale};
 use crate::plot::page::Head;
 use crate::plot::text::literal;
 use crate::report::{self, counted, number};
-use plywave::{SpecklePatterns, SpecklePolarization, SpeckleSide, YarnSpec};
+use plywave::spec::YarnSpec;
+use plywave::speckle::{SpecklePatterns, SpecklePolarization, SpeckleSide};
 use std::path::Path;
 
 /// Statistics of the patterns at one absorption and wavelength on one side.
@@ -49,7 +50,7 @@ pub fn kinds(p: &SpecklePatterns) -> Vec<Kind> {
             let from = (a * p.lambda_um.len() + l) * 2 * p.instances;
             let widths = &p.c_sca_um[from..from + 2 * p.instances];
             for side in SpeckleSide::EACH {
-                let of = |patterns: &[Vec<f64>]| plywave::SpeckleStatistics::of(patterns, side, LAGS_RAD);
+                let of = |patterns: &[Vec<f64>]| plywave::speckle::SpeckleStatistics::of(patterns, side, LAGS_RAD);
                 let (tm, te, both) = (of(&tm), of(&te), of(&both));
                 let half_width_deg = Some(tm.half_width_rad.to_degrees()).filter(|w| w.is_finite());
                 kinds.push(Kind {
@@ -162,12 +163,12 @@ pub fn figure(file: &Path, p: &SpecklePatterns) -> Outcome<Figure> {
                 curves,
             },
         )];
-        let all: Vec<(usize, [plywave::SpeckleStatistics; 2])> = shown
+        let all: Vec<(usize, [plywave::speckle::SpeckleStatistics; 2])> = shown
             .iter()
             .map(|&l| {
                 let patterns = p.instances_of(a, l, SpecklePolarization::Tm);
                 let sides = [SpeckleSide::Reflection, SpeckleSide::Forward];
-                (l, sides.map(|side| plywave::SpeckleStatistics::of(&patterns, side, LAGS_RAD)))
+                (l, sides.map(|side| plywave::speckle::SpeckleStatistics::of(&patterns, side, LAGS_RAD)))
             })
             .collect();
         for (k, side) in ["light's side", "far side"].into_iter().enumerate() {

@@ -6,7 +6,7 @@ use super::{latitude, speckle_view};
 use crate::args::{Cli, WaveSpeckleArgs};
 use crate::failure::{Failure, Outcome};
 use crate::{output, progress, report};
-use plywave::YarnSpec;
+use plywave::spec::YarnSpec;
 use plywave_sim::wave::{SpeckleJob, SpeckleOptions};
 
 /// Runs the command.

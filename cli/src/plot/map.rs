@@ -3,8 +3,8 @@
 use super::axes::{self, LogScale, Ticks};
 use super::color;
 use super::figure::{Figure, INK, Panel, WHITE};
-use plywave::OutgoingGrid;
-use plywave::asg::Lobe;
+use plywave::ply::asg::Lobe;
+use plywave::table::OutgoingGrid;
 
 /// Values over the bins of the outgoing sphere, `values[theta_o][phi_o]`, last fastest.
 #[derive(Clone, Debug)]

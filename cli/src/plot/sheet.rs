@@ -6,7 +6,7 @@ use super::figure::{Figure, LINE, Panel};
 use super::grid::{self, Numbers};
 use super::map::{self, Coloring, Field};
 use super::page::{Head, page as with_head};
-use plywave::asg::Lobe;
+use plywave::ply::asg::Lobe;
 
 const GAP: i32 = 14;
 

@@ -6,7 +6,7 @@
 use crate::lobes::init::kmeans_lobes;
 use crate::lobes::sphere::{PaddedSlice, Scratch, SphereGrid};
 use crate::optimize::minimize::{MinimizeOptions, minimize_bounded};
-use plywave::asg::{MU_MAX, MU_MIN, PARAMS};
+use plywave::ply::asg::{MU_MAX, MU_MIN, PARAMS};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Corners of a block in file order (theta_i, h): (0, 0), (0, 2), (2, 0), (2, 2).
@@ -58,7 +58,7 @@ pub(crate) fn coarse_grid(sphere: &SphereGrid) -> Option<SphereGrid> {
     let g = sphere.grid();
     let even = g.theta_o.is_multiple_of(2) && g.phi_o.is_multiple_of(2);
     (even && g.theta_o >= 60)
-        .then(|| SphereGrid::new(plywave::OutgoingGrid { theta_o: g.theta_o / 2, phi_o: g.phi_o / 2 }))
+        .then(|| SphereGrid::new(plywave::table::OutgoingGrid { theta_o: g.theta_o / 2, phi_o: g.phi_o / 2 }))
 }
 
 /// Sum over targets of the weighted squared distance of the energy-scaled mixture, and its gradient by the free parameter
@@ -265,7 +265,7 @@ fn relocate(sphere: &SphereGrid, targets: &[Target], x: &[f64], lobes: usize, ro
     let mut order: Vec<usize> = (0..lobes).collect();
     order.sort_by(|a, b| used[*a].total_cmp(&used[*b]).then(a.cmp(b)));
     let mut places = kmeans_lobes(sphere, &missing, MISSING, round as u64);
-    let peak = |l: &plywave::asg::Lobe| l.energy.powi(2) * (0.5 * (l.ln_mu1 + l.ln_mu2)).exp();
+    let peak = |l: &plywave::ply::asg::Lobe| l.energy.powi(2) * (0.5 * (l.ln_mu1 + l.ln_mu2)).exp();
     places.sort_by(|a, b| peak(b).total_cmp(&peak(a)));
     let victim = order[round % lobes.min(3)];
     let place = places[(round / 3) % 2];

@@ -1,8 +1,8 @@
 //! One canonical form for parameters that describe the same mixture: mu1 and mu2 may swap with a turn of phi_xy, phi_z and phi_xy are periodic, and lobes
 //! may be listed in any order.
 
-use plywave::PlyData;
-use plywave::asg::{Lobe, PARAMS};
+use plywave::ply::PlyData;
+use plywave::ply::asg::{Lobe, PARAMS};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// The same lobe with theta_z in [-pi/2, pi/2], phi_z in [0, 2 pi), mu1 <= mu2 and phi_xy in [-pi/2, pi/2).

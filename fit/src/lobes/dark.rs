@@ -7,7 +7,7 @@ use crate::lobes::absorption::normalized;
 use crate::lobes::block::Target;
 use crate::lobes::sphere::{Scratch, SphereGrid};
 use crate::optimize::minimize::{MinimizeOptions, minimize_bounded};
-use plywave::asg::{MU_MAX, MU_MIN, PARAMS};
+use plywave::ply::asg::{MU_MAX, MU_MIN, PARAMS};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Slices of one incidence at all sigma, `targets[k]`, the energies the evaluator scales to in `Target::energy`.
@@ -127,7 +127,7 @@ fn cost_gradient(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use plywave::OutgoingGrid;
+    use plywave::table::OutgoingGrid;
 
     #[test]
     fn gradient_matches_differences() {

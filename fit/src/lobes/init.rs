@@ -1,8 +1,8 @@
 //! Starting lobes for a slice: weighted spherical k-means, then each cluster's covariance in the tangent plane of its axis.
 
 use crate::lobes::sphere::{PaddedSlice, SphereGrid};
-use plywave::asg::{Lobe, MU_MAX, MU_MIN};
 use plywave::math::hash::SplitMix64;
+use plywave::ply::asg::{Lobe, MU_MAX, MU_MIN};
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

@@ -2,9 +2,9 @@
 //! evaluates, for errors and comparisons.
 
 use crate::lobes::sphere::{PaddedSlice, Scratch, SphereGrid};
-use plywave::PlyData;
-use plywave::asg::{MU_MAX, MU_MIN, PARAMS};
 use plywave::math::axis;
+use plywave::ply::PlyData;
+use plywave::ply::asg::{MU_MAX, MU_MIN, PARAMS};
 
 /// Lobes `[lobes][6]` and the energy their sum is scaled to.
 #[derive(Clone, Debug, PartialEq)]

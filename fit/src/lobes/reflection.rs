@@ -8,7 +8,7 @@
 use crate::lobes::block::{BlockEffort, Target, fit_joint, joint_cost};
 use crate::lobes::sphere::{Scratch, SphereGrid};
 use crate::optimize::minimize::{MinimizeOptions, minimize_bounded};
-use plywave::asg::{MU_MAX, MU_MIN, PARAMS};
+use plywave::ply::asg::{MU_MAX, MU_MIN, PARAMS};
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI};
 

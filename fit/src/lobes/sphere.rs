@@ -9,10 +9,8 @@
 //! (pi / rows)^2 / 12 along theta. With 2 degree bins that is 0.5 % of the width of a lobe of standard deviation 0.1 rad; it is not corrected.
 
 use multiversion::{multiversion, target::target_cfg_f};
-use plywave::{
-    OutgoingGrid,
-    asg::{Lobe, PARAMS, unit_energy_gradient},
-};
+use plywave::ply::asg::{Lobe, PARAMS, unit_energy_gradient};
+use plywave::table::OutgoingGrid;
 
 /// Lanes of the kernels.
 const LANES: usize = 16;

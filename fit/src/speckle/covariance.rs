@@ -1,10 +1,10 @@
 //! Covariance of the patterns of instances, light of many weights together.
 //!
 //! `C(d) = <(I(phi) - m(phi)) (I(phi + d) - m(phi + d))> / <m(phi) m(phi + d)>`, m the mean over the instances: a ratio of sums over the azimuths, in which
-//! directions are weighted by their light. The mean of the ratios, [`plywave::SpeckleStatistics`], has no meaning for high-order light: it is the difference of
+//! directions are weighted by their light. The mean of the ratios, [`plywave::speckle::SpeckleStatistics`], has no meaning for high-order light: it is the difference of
 //! two patterns, so its mean over the instances may come near 0.
 
-use plywave::{SpecklePatterns, SpecklePolarization, SpeckleSide};
+use plywave::speckle::{SpecklePatterns, SpecklePolarization, SpeckleSide};
 use rustfft::{FftPlanner, num_complex::Complex};
 use std::f64::consts::{PI, TAU};
 

@@ -3,7 +3,8 @@
 use super::covariance::{PatternCovariance, refl_and_high, stretched_mean};
 use super::options::{KIND_SIDES, NoiseContrast, NoiseOptions};
 use super::spectrum::FieldModel;
-use plywave::{Error, SpecklePatterns};
+use plywave::Error;
+use plywave::speckle::SpecklePatterns;
 
 /// Covariance and field of each kind.
 pub(super) fn field_models(

@@ -32,7 +32,8 @@ pub use options::{KIND_NAMES, KIND_SIDES, NoiseContrast, NoiseOptions};
 pub use spectrum::{FieldModel, intensity_covariance};
 
 use fields::field_models;
-use plywave::{Error, NoiseTiles, SpecklePatterns};
+use plywave::Error;
+use plywave::speckle::{NoiseTiles, SpecklePatterns};
 
 /// What the noise of one kind of light was computed from.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,6 +1,6 @@
 //! What noise to synthesize: sizes, polarization and contrast.
 
-use plywave::{SpecklePolarization, SpeckleSide};
+use plywave::speckle::{SpecklePolarization, SpeckleSide};
 
 /// What the noise is to have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -9,7 +9,7 @@
 
 use super::options::NoiseOptions;
 use super::spectrum::{FieldModel, intensity_covariance, share_of, spectrum_of};
-use plywave::NoiseTiles;
+use plywave::speckle::NoiseTiles;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;

@@ -1,8 +1,8 @@
 //! Tables made from known lobes that drift smoothly over (theta_i, h), with Poisson noise of a known number of paths.
 #![allow(dead_code)]
 
-use plywave::asg::Lobe;
-use plywave::{OutgoingGrid, Table};
+use plywave::ply::asg::Lobe;
+use plywave::table::{OutgoingGrid, Table};
 use plywave_fit::{PaddedSlice, Scratch, SphereGrid};
 use rand::{Rng, RngExt, SeedableRng};
 use std::f64::consts::PI;

@@ -13,7 +13,7 @@ use crate::geometry::fiber_section::FiberSection;
 use crate::geometry::outline::{Outline, Runs};
 use nalgebra::{Rotation2, Vector2};
 use plywave::math::axis;
-use plywave::{FiberSpec, PlySpec};
+use plywave::spec::{FiberSpec, PlySpec};
 use rand::{Rng, RngExt};
 use std::f64::consts::{PI, TAU};
 

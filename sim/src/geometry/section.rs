@@ -6,7 +6,7 @@ use crate::error::SimError;
 use crate::geometry::fiber_section::FiberSection;
 use crate::geometry::outline::Outline;
 use crate::geometry::{packing, shape};
-use plywave::{Handedness, YarnSpec};
+use plywave::spec::{Handedness, YarnSpec};
 use rand_pcg::Pcg64Mcg;
 use std::f64::consts::TAU;
 

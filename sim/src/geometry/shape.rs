@@ -8,7 +8,7 @@ use crate::error::SimError;
 use crate::geometry::fiber_section::FiberSection;
 use crate::geometry::outline::{Outline, edges};
 use nalgebra::{Rotation2, Vector2};
-use plywave::{FiberSpec, Shape};
+use plywave::spec::{FiberSpec, Shape};
 use rand::{Rng, RngExt};
 use std::f64::consts::{PI, TAU};
 

@@ -10,7 +10,7 @@ use crate::rays::dielectric::RoughDielectric;
 use crate::rays::path::{PathEnd, trace_path};
 use crate::rays::screw::ScrewTracer;
 use nalgebra::Vector3;
-use plywave::GaussianBeam;
+use plywave::spec::GaussianBeam;
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64Mcg;

@@ -5,7 +5,8 @@ use crate::error::SimError;
 use crate::simulate::SimulateJob;
 use crate::wave::{CompareJob, CompareReport, Report, ScatterJob, SpeckleJob, TabulateJob};
 use plywave::fiber::FiberTable;
-use plywave::{SpecklePatterns, Table};
+use plywave::speckle::SpecklePatterns;
+use plywave::table::Table;
 
 /// What a job makes.
 pub enum Output {

@@ -17,7 +17,7 @@ use crate::geometry::section::PlySection;
 use crate::rays::walk2d::{Walk2d, walk_2d};
 use crate::runs::{self, ArrayLayout, Description, Done, Job, Part, Run, Values};
 use crate::simulate::instance_seed;
-use plywave::{GaussianBeam, YarnSpec};
+use plywave::spec::{GaussianBeam, YarnSpec};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};

@@ -5,7 +5,7 @@ use super::likeness::{coarser, correlation};
 use super::{Body, MieSolver, Solver, Wave, WaveError};
 use crate::error::SimError;
 use crate::runs::{self, Found, PartsFolder, Run};
-use plywave::YarnSpec;
+use plywave::spec::YarnSpec;
 use std::f64::consts::TAU;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 

@@ -150,7 +150,7 @@ fn deviation(points: &[Vector2<f64>], coeffs: &[(i32, C64)]) -> f64 {
 mod tests {
     //! Truth: the curves that the outlines are drawn from, and the outlines' own area, centroid and gaps.
     use super::*;
-    use plywave::YarnSpec;
+    use plywave::spec::YarnSpec;
 
     fn spec(shape: &str, jitter: f64) -> YarnSpec {
         let text = format!(

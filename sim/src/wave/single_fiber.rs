@@ -10,7 +10,7 @@ use crate::geometry::outline::Outline;
 use crate::geometry::shape;
 use nalgebra::Vector2;
 use plywave::fiber::OutlineSymmetry;
-use plywave::{FiberSpec, YarnSpec};
+use plywave::spec::{FiberSpec, YarnSpec};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::path::Path;
 
@@ -106,12 +106,14 @@ impl SingleFiber {
         let fold = |folds, mirror| OutlineSymmetry { folds, mirror_rad: Some(mirror) };
         let mut lumen = None;
         let (shape, symmetry) = match &spec.shape {
-            plywave::Shape::Circle { radius_um } => (Shape::Circle { radius_um: *radius_um }, OutlineSymmetry::CIRCLE),
-            plywave::Shape::Ellipse { a_um, b_um } if a_um == b_um => {
+            plywave::spec::Shape::Circle { radius_um } => {
+                (Shape::Circle { radius_um: *radius_um }, OutlineSymmetry::CIRCLE)
+            }
+            plywave::spec::Shape::Ellipse { a_um, b_um } if a_um == b_um => {
                 (Shape::Circle { radius_um: *a_um }, OutlineSymmetry::CIRCLE)
             }
-            plywave::Shape::Ellipse { a_um, b_um } => (Shape::Ellipse { a_um: *a_um, b_um: *b_um }, fold(2, 0.0)),
-            plywave::Shape::Kidney { a_um, b_um, dent, lumen: hollow } => {
+            plywave::spec::Shape::Ellipse { a_um, b_um } => (Shape::Ellipse { a_um: *a_um, b_um: *b_um }, fold(2, 0.0)),
+            plywave::spec::Shape::Kidney { a_um, b_um, dent, lumen: hollow } => {
                 let bean = shape::Kidney { a: *a_um, b: *b_um, dent: *dent, hollow: *hollow };
                 let mut coeffs = trigonometric(|t| bean.outer(t));
                 let center = center_of(&coeffs);
@@ -125,21 +127,21 @@ impl SingleFiber {
                 lumen = (*hollow > 0.0).then(|| shifted(&mut trigonometric(|t| bean.lumen(t))));
                 (shifted(&mut coeffs), fold(1, FRAC_PI_2))
             }
-            plywave::Shape::RoundedTriangle { radius_um, rounding_um } => {
+            plywave::spec::Shape::RoundedTriangle { radius_um, rounding_um } => {
                 (regular(3, *radius_um, *rounding_um), fold(3, 0.0))
             }
-            plywave::Shape::Stone { radius_um, corners, rounding_um } => {
+            plywave::spec::Shape::Stone { radius_um, corners, rounding_um } => {
                 // Area of a regular polygon of circumradius c with arcs of radius r: c^2 n/2 sin(2 pi/n) - r^2 (n tan(pi/n) - pi).
                 let n = f64::from(*corners);
                 let taken = rounding_um * rounding_um * (n * (PI / n).tan() - PI);
                 let c = (2.0 * (PI * radius_um * radius_um + taken) / (n * (TAU / n).sin())).sqrt();
                 (regular(*corners, c, *rounding_um), fold(*corners, 0.0))
             }
-            plywave::Shape::Trilobal { radius_um, depth } => (lobed(*radius_um, *depth, 3), fold(3, 0.0)),
-            plywave::Shape::Serrated { radius_um, depth, teeth } => {
+            plywave::spec::Shape::Trilobal { radius_um, depth } => (lobed(*radius_um, *depth, 3), fold(3, 0.0)),
+            plywave::spec::Shape::Serrated { radius_um, depth, teeth } => {
                 (lobed(*radius_um, shape::MEAN_TOOTH * depth, *teeth), fold(*teeth, 0.0))
             }
-            plywave::Shape::Polygon { points_um, rounding_um, .. } => {
+            plywave::spec::Shape::Polygon { points_um, rounding_um, .. } => {
                 let corners: Vec<_> = points_um.iter().map(|p| Vector2::new(p[0], p[1])).collect();
                 // A rounding that does not fit is refused where the outline is made.
                 let rounded = shape::rounded_polygon(corners.clone(), *rounding_um);
@@ -361,7 +363,7 @@ mod tests {
     use rand::SeedableRng;
     use rand_pcg::Pcg64Mcg;
 
-    fn spec(shape: plywave::Shape) -> FiberSpec {
+    fn spec(shape: plywave::spec::Shape) -> FiberSpec {
         FiberSpec {
             shape,
             size_jitter: 0.0,
@@ -371,14 +373,14 @@ mod tests {
         }
     }
 
-    fn shapes() -> Vec<plywave::Shape> {
+    fn shapes() -> Vec<plywave::spec::Shape> {
         vec![
-            plywave::Shape::Circle { radius_um: 7.5 },
-            plywave::Shape::Ellipse { a_um: 1.6, b_um: 1.0 },
-            plywave::Shape::Kidney { a_um: 8.0, b_um: 5.0, dent: 0.4, lumen: 0.5 },
-            plywave::Shape::RoundedTriangle { radius_um: 6.0, rounding_um: 1.0 },
-            plywave::Shape::Trilobal { radius_um: 6.0, depth: 0.2 },
-            plywave::Shape::Polygon {
+            plywave::spec::Shape::Circle { radius_um: 7.5 },
+            plywave::spec::Shape::Ellipse { a_um: 1.6, b_um: 1.0 },
+            plywave::spec::Shape::Kidney { a_um: 8.0, b_um: 5.0, dent: 0.4, lumen: 0.5 },
+            plywave::spec::Shape::RoundedTriangle { radius_um: 6.0, rounding_um: 1.0 },
+            plywave::spec::Shape::Trilobal { radius_um: 6.0, depth: 0.2 },
+            plywave::spec::Shape::Polygon {
                 file: String::new(),
                 points_um: vec![[1.0, 0.0], [9.0, 1.0], [5.0, 6.0]],
                 rounding_um: 0.5,
@@ -411,7 +413,7 @@ mod tests {
     /// Irregular shapes have the area their spec says.
     #[test]
     fn regular_forms_keep_the_area() {
-        let stone = spec(plywave::Shape::Stone { radius_um: 5.0, corners: 6, rounding_um: 0.7 });
+        let stone = spec(plywave::spec::Shape::Stone { radius_um: 5.0, corners: 6, rounding_um: 0.7 });
         let area = SingleFiber::of_spec(&stone, Absorption::Sigma(0.0)).section().unwrap().outer.area();
         assert!((area / (25.0 * PI) - 1.0).abs() < 1e-3, "{area}");
     }
@@ -420,8 +422,8 @@ mod tests {
     #[test]
     fn symmetries_hold() {
         let mut all = shapes();
-        all.push(plywave::Shape::Stone { radius_um: 5.0, corners: 5, rounding_um: 0.7 });
-        all.push(plywave::Shape::Serrated { radius_um: 5.0, depth: 0.1, teeth: 9 });
+        all.push(plywave::spec::Shape::Stone { radius_um: 5.0, corners: 5, rounding_um: 0.7 });
+        all.push(plywave::spec::Shape::Serrated { radius_um: 5.0, depth: 0.1, teeth: 9 });
         for shape in all {
             let fiber = SingleFiber::of_spec(&spec(shape), Absorption::Sigma(0.0));
             let outer = fiber.section().unwrap().outer;

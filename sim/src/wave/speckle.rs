@@ -11,7 +11,8 @@ use crate::error::SimError;
 use crate::geometry::shape;
 use crate::runs::{self, ArrayLayout, Description, Done, Job, Part, Run, Values};
 use crate::simulate::instance_seed;
-use plywave::{SpecklePatterns, YarnSpec};
+use plywave::spec::YarnSpec;
+use plywave::speckle::SpecklePatterns;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
@@ -249,7 +250,7 @@ impl Job for SpeckleJob {
 mod tests {
     use super::*;
     use crate::runs::{Found, PartsFolder};
-    use plywave::{SpecklePolarization, SpeckleSide};
+    use plywave::speckle::{SpecklePolarization, SpeckleSide};
     use std::sync::atomic::AtomicU64;
 
     const SPEC: &str = "name = \"s\"\n[fiber]\nshape = { kind = \"ellipse\", a_um = 1.6, b_um = 1.0 }\nsize_jitter = 0.1\nshape_jitter = 0.1\neta = 1.5\n\

@@ -7,7 +7,8 @@ use crate::runs::{Found, PartsFolder, Run};
 use crate::wave::{C64, Scattered, SolverStats};
 use plywave::fiber::FiberSource;
 use plywave::fiber::TabulatedFiber;
-use plywave::{Shape, YarnSpec, direction};
+use plywave::frame::direction;
+use plywave::spec::{Shape, YarnSpec};
 use std::f64::consts::{PI, TAU};
 use std::sync::atomic::AtomicU64;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -260,7 +261,8 @@ fn rays_keep_their_energy() {
 fn sizes_follow_symmetry_and_band_limit() {
     let polyester = YarnSpec::polyester().unwrap().fiber;
     let sizes = |shape: Shape| {
-        let fiber = SingleFiber::of_spec(&plywave::FiberSpec { shape, ..polyester.clone() }, Absorption::Sigma(0.0));
+        let fiber =
+            SingleFiber::of_spec(&plywave::spec::FiberSpec { shape, ..polyester.clone() }, Absorption::Sigma(0.0));
         let plan = Plan::new(&fiber, &TabulateOptions::standard(), FiberSource::Wave).unwrap();
         (plan.phi_i.len(), plan.relative, plan.fine)
     };

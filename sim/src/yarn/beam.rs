@@ -6,7 +6,8 @@
 
 use super::geometry::Intercept;
 use plywave::math::axis;
-use plywave::{GaussianBeam, PlyRing, Table};
+use plywave::spec::{GaussianBeam, PlyRing};
+use plywave::table::Table;
 use std::f64::consts::TAU;
 
 /// Samples of psi in a bin.

@@ -1,8 +1,8 @@
 //! Conversion between the table's bins of the outgoing sphere and the coarser bins of light between plies. Energy is moved, never density: a bin's
 //! energy is divided in proportion to the solid angles of its overlaps.
 
-use plywave::OutgoingGrid;
 use plywave::math::axis;
+use plywave::table::OutgoingGrid;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Overlaps of the table's rows and columns with coarse ones: of coarse index i, the table's indices and their measures.

@@ -6,7 +6,8 @@
 //! remains in the end escapes. So the shares add up to 1 exactly.
 
 use plywave::math::axis;
-use plywave::{PlyRing, Table};
+use plywave::spec::PlyRing;
+use plywave::table::Table;
 use std::f64::consts::TAU;
 
 /// Share of a line through a ply that hits a fiber, over the line's offset.

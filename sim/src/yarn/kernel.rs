@@ -13,7 +13,7 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
 use num_complex::Complex;
 use plywave::math::axis;
-use plywave::{OutgoingGrid, Table};
+use plywave::table::{OutgoingGrid, Table};
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlanner};
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -261,7 +261,9 @@ mod tests {
         let (rows, columns) = (table.theta_i.len(), table.h_um.len());
         table.refl = vec![0.0; rows * columns * table.grid.len()];
         let forward: Vec<_> = (0..rows)
-            .map(|m| table.grid.bin(plywave::direction(-table.theta_i[m] as f32, 1.5 * std::f32::consts::PI + 1e-3)))
+            .map(|m| {
+                table.grid.bin(plywave::frame::direction(-table.theta_i[m] as f32, 1.5 * std::f32::consts::PI + 1e-3))
+            })
             .collect();
         for m in 0..rows {
             for n in 0..columns {

@@ -14,7 +14,7 @@
 //!
 //! f_refl and f_high are kept apart: light that was only reflected at every ply is f_refl, all else f_high. At each absorption the chain of all
 //! light is computed, and that of f_refl is subtracted. Where in its azimuth light leaves a ply is the table's own record
-//! ([`plywave::ExitPositions`]) for the first exit; the paper's even spread serves later ones, and tables without the record.
+//! ([`plywave::table::ExitPositions`]) for the first exit; the paper's even spread serves later ones, and tables without the record.
 
 mod beam;
 mod bins;
@@ -31,7 +31,8 @@ use kernel::{Kernel, Light, Scratch};
 use noise::PartsNoise;
 use orders::{Chain, Orders};
 use plywave::math::axis;
-use plywave::{OutgoingGrid, Table, YarnSpec};
+use plywave::spec::YarnSpec;
+use plywave::table::{OutgoingGrid, Table};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 

@@ -16,12 +16,9 @@
 //! function of v alone, so that the shift is exact. u has a seam opposite to where it starts: exact forward for reflection, which is dark there, and the light's
 //! azimuth for high-order light; and the pole of f_refl is not the ply's axis, about which its grains narrow. Over [`SEAM_RAD`] beside it the two sides are blended; the mean stays 1, the contrast falls to 0.71 of itself at the seam.
 
-mod look;
-
-use crate::file::{Check, Reader, Writer, invalid};
-use crate::{PlyModel, Result};
-
-pub(crate) use look::Speckle;
+use crate::Result;
+use crate::io::{Check, Reader, Writer, invalid};
+use crate::math::hash::mix64;
 
 /// Half width of the blend at the seam of a pattern [rad].
 pub const SEAM_RAD: f32 = 0.15;
@@ -56,44 +53,23 @@ pub struct NoiseTiles {
 ///
 /// Made of a number, 0 for the unstretched corner of the first tile; [`Instance::new`] hashes ply and position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Instance(u64);
+pub struct Instance(pub(super) u64);
 
 impl Instance {
     /// Of a ply's number and a position along its fibers, in grains of `grain_um`: all positions within one grain have the same patterns. A grain that is not
     /// above 0, or no number, gives one instance for the whole ply; a position that is not a number counts as 0.
     pub fn new(ply_id: u32, position_um: f32, grain_um: f32) -> Instance {
         let grain = if grain_um > 0.0 { (position_um / grain_um).floor() as i32 as u32 } else { 0 };
-        Instance(mix(mix(u64::from(ply_id) << 32 | u64::from(grain)) ^ 0x9e37_79b9_7f4a_7c15))
+        Instance(mix64(mix64(u64::from(ply_id) << 32 | u64::from(grain)) ^ 0x9e37_79b9_7f4a_7c15))
     }
 
     /// Of any number, for hosts with a hash of their own.
     pub fn from_hash(hash: u64) -> Instance {
-        Instance(mix(hash))
+        Instance(mix64(hash))
     }
-}
-
-/// The finalizer of SplitMix64 (Steele, Lea and Flood 2014): every bit of the result depends on every bit of x.
-fn mix(x: u64) -> u64 {
-    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^ (x >> 31)
 }
 
 impl NoiseTiles {
-    /// The factors of f_refl and f_high in direction `wo` at N wavelengths [um], for one instance. Their mean over instances is 1.
-    ///
-    /// A direction that is not finite gives 1. Wavelengths count as within a tenth and ten times that of the tiles; not a number counts as that of the tiles,
-    /// and a theta_i that is none as 0. No call fails, allocates or panics.
-    pub fn factors<const N: usize>(
-        &self,
-        instance: Instance,
-        theta_i: f32,
-        wo: [f32; 3],
-        lambda_um: [f32; N],
-    ) -> ([f32; N], [f32; N]) {
-        Speckle::new(self, instance, theta_i, &lambda_um).look(wo).factors()
-    }
-
     /// Values N at the nodes of a tile, `[V][U]`; `kind` 0 for f_refl, 1 for f_high. Empty where there is no such tile.
     pub fn tile(&self, kind: usize, tile: usize) -> Vec<f32> {
         let [count, rows, columns] = self.sizes;
@@ -185,21 +161,5 @@ impl NoiseTiles {
             }
         }
         Ok(())
-    }
-}
-
-impl PlyModel {
-    /// The model's noise tiles, if it has some.
-    pub fn noise(&self) -> Option<&NoiseTiles> {
-        self.data().noise.as_ref()
-    }
-
-    /// The model's noise tiles, for a host that is asked for noise.
-    ///
-    /// # Errors
-    /// [`crate::Error::Invalid`] when the model has none; `file` names it in the message.
-    pub fn require_noise(&self, file: &str) -> Result<&NoiseTiles> {
-        let hint = "the model has no noise tiles; add some with `plywave noise`";
-        self.noise().ok_or_else(|| invalid(file, NAMES[0], "absent", hint))
     }
 }

@@ -5,8 +5,8 @@
 //! a beam whose center misses. The lobe is normalized exactly, not by `mu1 mu2/pi` (docs/papers.md).
 
 use crate::Result;
-use crate::asg::{Lobe, MU_MIN};
-use crate::file::{Check, Reader, Writer, invalid};
+use crate::io::{Check, Reader, Writer, invalid};
+use crate::ply::asg::{Lobe, MU_MIN};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Tensors of the edge lobes in a model file.

@@ -1,7 +1,8 @@
 //! Checks of what a model has beyond f_refl and f_high: the whole ply with its edge light, and a ply over a second layer.
 
 use crate::check::{BsdfReport, CheckOptions, check_bsdf};
-use crate::{Bsdf, Layer, PlyModel, PlyQuery};
+use crate::ply::Layer;
+use crate::{Bsdf, PlyModel, PlyQuery};
 
 /// What was found of one way to use a model: the worst of its incidences.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,10 +1,27 @@
 //! The look-up of a direction's speckle: first where its factors are in the tiles, then what they are. Between the two a host has other work, while
 //! which the memory comes: tiles are larger than the caches near the processor.
 
-use super::{Instance, NoiseTiles, SEAM_RAD, mix};
-use crate::simd::{atan2, fma, max, min, prefetch, signed, sin_cos_half_turns};
+use super::tiles::{Instance, NoiseTiles, SEAM_RAD};
+use crate::math::hash::mix64;
+use crate::math::simd::{atan2, fma, max, min, prefetch, signed, sin_cos_half_turns};
 use multiversion::{multiversion, target::target_cfg_f};
 use std::f32::consts::{FRAC_1_PI, PI};
+
+impl NoiseTiles {
+    /// The factors of f_refl and f_high in direction `wo` at N wavelengths [um], for one instance. Their mean over instances is 1.
+    ///
+    /// A direction that is not finite gives 1. Wavelengths count as within a tenth and ten times that of the tiles; not a number counts as that of the tiles,
+    /// and a theta_i that is none as 0. No call fails, allocates or panics.
+    pub fn factors<const N: usize>(
+        &self,
+        instance: Instance,
+        theta_i: f32,
+        wo: [f32; 3],
+        lambda_um: [f32; N],
+    ) -> ([f32; N], [f32; N]) {
+        Speckle::new(self, instance, theta_i, &lambda_um).look(wo).factors()
+    }
+}
 
 /// Where a direction falls on the patterns of one kind, before it is stretched.
 #[derive(Clone, Copy, Debug)]
@@ -134,7 +151,7 @@ fn speckle<'a, const N: usize>(
     };
     for kind in 0..2 {
         // Independent bits for each kind: tile, two offsets of 20 bits, two mirrors.
-        let bits = mix(instance.0 ^ (kind as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+        let bits = mix64(instance.0 ^ (kind as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
         let index = kind * count + ((bits >> 42) as usize & (count - 1));
         const UNIT: f32 = 1.0 / (1u32 << 20) as f32;
         x.first[kind] = (index * rows * columns) as u32;
@@ -327,7 +344,7 @@ mod tests {
         let (mut seams, mut borders) = (0, 0);
         for i in 0..5000 {
             let phi = std::f32::consts::TAU * rng.random::<f32>();
-            let wo = crate::direction((2.0 * rng.random::<f32>() - 1.0).asin(), phi);
+            let wo = crate::frame::direction((2.0 * rng.random::<f32>() - 1.0).asin(), phi);
             let theta_i = 3.0 * (rng.random::<f32>() - 0.5);
             let speckle = Speckle::new(&tiles, Instance::new(i, 0.0, 1.0), theta_i, &lambda);
             let look = speckle.look(wo);
@@ -355,7 +372,8 @@ mod tests {
         let mut rng = Pcg64Mcg::seed_from_u64(4);
         let tiles = NoiseTiles { step: [[1e-6; 2]; 2], ..tiles(&mut rng) };
         for i in 0..1000 {
-            let wo = crate::direction(1.5 * (rng.random::<f32>() - 0.5), std::f32::consts::TAU * rng.random::<f32>());
+            let wo =
+                crate::frame::direction(1.5 * (rng.random::<f32>() - 0.5), std::f32::consts::TAU * rng.random::<f32>());
             let (refl, high) = tiles.factors(Instance::new(i, 0.0, 1.0), 1e30, wo, [1e-6, 0.5, f32::NAN]);
             assert!(refl.iter().chain(&high).all(|n| (0.0..10.0).contains(n)), "{refl:?} {high:?}");
         }

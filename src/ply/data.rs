@@ -1,0 +1,65 @@
+//! The tensors of a ply model (Yu 2025, Eq. 8), as files hold them and the fitter makes them.
+
+use super::edge_lobes::EdgeLobes;
+use super::layer_factors::LayerFactors;
+use crate::speckle::NoiseTiles;
+
+/// Most lobes of each kind.
+pub(crate) const MAX_LOBES: usize = 16;
+/// Most path lengths of a spectrum.
+pub(crate) const MAX_PATHS: usize = 16;
+
+/// The tensors of a ply model file, as the fitter makes them. All arrays are flat, last index fastest.
+/// Lobe parameters are in the order of [`crate::ply::asg::Lobe`]: theta_z, phi_z, phi_xy [rad], ln mu1, ln mu2, energy.
+///
+/// A model at (theta_i >= 0, h): `f_refl` has its lobe parameters by bicubic (Catmull-Rom) interpolation over the nodes,
+/// lobe energies clamped at 0 and scaled so that they add up to the bilinear `energy_refl`. `f_high` has its lobe parameters by
+/// bilinear interpolation over the four corners of the block that holds (theta_i, h); block (m, n) spans the nodes
+/// 2m..2m+2 and 2n..2n+2. Lobe l's energy is multiplied by `w_l(sigma) = sum_j high_path[l][j] exp(-sigma path_um[j])`
+/// (spectrum interpolated as the lobe is), and the sum scaled to `E_high(sigma) = sum_j energy_high[j] exp(-sigma path_um[j])`,
+/// bilinear over the nodes. Incidences outside the nodes are clamped to them; theta_i < 0 is mirrored.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlyData {
+    /// Text of the yarn spec, as given.
+    pub spec_text: String,
+    /// Program version that fitted it.
+    pub program_version: String,
+    /// Preset name, for the record.
+    pub preset: String,
+    /// Seed of the simulation.
+    pub seed: u64,
+    /// `[M]` incident latitudes [rad], uniform, ascending from 0; M odd.
+    pub theta_i: Vec<f64>,
+    /// `[H]` beam center offsets [um], uniform, ascending; H odd.
+    pub h_um: Vec<f64>,
+    /// `[K]` absorption coefficients of the simulation [1/um]; the model holds between and beyond them.
+    pub sigma_per_um: Vec<f64>,
+    /// `[J]` path lengths of the absorption spectra [um], ascending, >= 0.
+    pub path_um: Vec<f64>,
+    /// Number of reflection lobes.
+    pub lobes_refl: usize,
+    /// Number of high-order lobes.
+    pub lobes_high: usize,
+    /// `[M][H]`: fraction of the beam that meets no fiber.
+    pub r_d: Vec<f64>,
+    /// `[M][H]`: energy of f_refl.
+    pub energy_refl: Vec<f64>,
+    /// `[M][H][J]`: path-length spectrum of the energy of f_high, >= 0; its sum over J is the energy at sigma = 0.
+    pub energy_high: Vec<f64>,
+    /// `[M][H][lobes_refl][6]`: reflection lobes at the nodes.
+    pub refl: Vec<f64>,
+    /// `[(M-1)/2][(H-1)/2][2][2][lobes_high][6]`: high-order lobes at the corners (theta_i, h) of each block.
+    pub high: Vec<f64>,
+    /// `[(M-1)/2][(H-1)/2][2][2][lobes_high][J]`: path-length spectrum of each lobe, >= 0, sum over J = 1.
+    pub high_path: Vec<f64>,
+    /// `[M][H]`: relative L2 error of f_refl against the table it was fitted to, its noise removed.
+    pub error_refl: Vec<f64>,
+    /// `[M][H][K]`: the same for f_high, rms over the blocks that hold the node.
+    pub error_high: Vec<f64>,
+    /// What layers of this ply's yarns send back and let through; absent from models of one ply alone.
+    pub layers: Option<LayerFactors>,
+    /// Edge diffraction (Yu 2025, 6.1); absent in models without it, whose missed light goes on.
+    pub edge: Option<EdgeLobes>,
+    /// Speckle noise (Yu 2025, 6.2); absent in models that are smooth only.
+    pub noise: Option<NoiseTiles>,
+}

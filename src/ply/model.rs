@@ -1,0 +1,123 @@
+//! A loaded ply model.
+
+use super::data::PlyData;
+use super::file::{self, ReferenceValue};
+use super::layers::LayerTables;
+use super::layout::Layout;
+use super::queries::Queries;
+use super::query::PlyQuery;
+use super::{dispatch, edge};
+use crate::speckle::NoiseTiles;
+use crate::{Bsdf, Result};
+use std::path::Path;
+
+/// A loaded ply model, laid out for evaluation.
+///
+/// All angles in radians, lengths in um, densities in 1/sr; every f is an energy density: BSDF times |cos theta_o|. Directions are
+/// unit vectors in the ply frame and are not normalised. No call allocates, fails or panics. Where |h| is beyond the nodes, or
+/// theta_i or h is not a number, the beam misses: f = 0 and r_d = 1. |theta_i| beyond the nodes counts as the last node.
+/// Absorption is clamped to [0, 1e6]; not a number counts as 0. A `wo` that is not finite gives 0. Interpolated ln mu is kept
+/// within [`crate::ply::asg::MU_MIN`] and [`crate::ply::asg::MU_MAX`], lobe energies at 0 or more.
+#[derive(Clone, Debug)]
+pub struct PlyModel {
+    data: PlyData,
+    reference_values: Vec<ReferenceValue>,
+    pub(super) layout: Layout,
+    layers: Option<LayerTables>,
+    pub(super) edge: Option<edge::EdgeTables>,
+}
+
+impl PlyModel {
+    /// Reads and checks a model file.
+    ///
+    /// # Errors
+    /// As [`PlyData::load`].
+    pub fn load(path: impl AsRef<Path>) -> Result<PlyModel> {
+        let path = path.as_ref();
+        PlyModel::from_bytes(&crate::io::read_bytes(path)?, &path.display().to_string())
+    }
+
+    /// Reads and checks a model from the bytes of its file; `name` stands for the file in errors.
+    ///
+    /// # Errors
+    /// As [`PlyData::load`].
+    pub fn from_bytes(bytes: &[u8], name: &str) -> Result<PlyModel> {
+        let (data, reference_values) = file::read(bytes, name)?;
+        Ok(PlyModel::of(data, reference_values))
+    }
+
+    /// A model of tensors that need not have been in a file.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`] when a file with them would be refused.
+    pub fn from_data(data: PlyData) -> Result<PlyModel> {
+        PlyModel::from_data_named(data, "model")
+    }
+
+    pub(super) fn from_data_named(data: PlyData, name: &str) -> Result<PlyModel> {
+        data.check(name)?;
+        Ok(PlyModel::of(data, Vec::new()))
+    }
+
+    /// Of checked data.
+    fn of(data: PlyData, reference_values: Vec<ReferenceValue>) -> PlyModel {
+        let edge = data.edge.as_ref().map(edge::EdgeTables::new);
+        PlyModel { layout: Layout::new(&data), layers: LayerTables::new(&data), edge, data, reference_values }
+    }
+
+    pub(crate) fn layer_tables(&self) -> Option<&LayerTables> {
+        self.layers.as_ref()
+    }
+
+    /// The tensors as stored in the file.
+    pub fn data(&self) -> &PlyData {
+        &self.data
+    }
+
+    /// Values of eval stored in the file; empty for a model not from a file.
+    pub fn reference_values(&self) -> &[ReferenceValue] {
+        &self.reference_values
+    }
+
+    /// Greatest difference of eval from the stored values, relative to the greatest of them. 0 when none are stored.
+    pub fn reference_error(&self) -> f32 {
+        let (mut error, mut peak) = (0.0f32, 0.0f32);
+        for g in &self.reference_values {
+            let got = self.uncached_at(&PlyQuery::lobes(g.theta_i, g.h_um, g.sigma_per_um)).eval(g.wo);
+            for (got, want) in got.iter().zip(g.value) {
+                error = error.max((got - want).abs());
+                peak = peak.max(want.abs());
+            }
+        }
+        if error == 0.0 { 0.0 } else { error / peak }
+    }
+
+    /// Whether the model has edge lobes.
+    pub fn has_edge(&self) -> bool {
+        self.edge.is_some()
+    }
+
+    /// f_refl + f_high [1/sr] (Yu 2025, Eq. 8) at each of many queries; 0 where an array of `queries` is shorter than `f`.
+    pub fn eval_batch<const N: usize>(&self, queries: &Queries<'_, N>, f: &mut [[f32; N]]) {
+        dispatch::run_batch(&self.layout, queries, f);
+    }
+
+    /// The model's noise tiles, if it has some.
+    pub fn noise(&self) -> Option<&NoiseTiles> {
+        self.data.noise.as_ref()
+    }
+
+    /// The model's noise tiles, for a host that is asked for noise.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`] when the model has none; `file` names it in the message.
+    pub fn require_noise(&self, file: &str) -> Result<&NoiseTiles> {
+        let hint = "the model has no noise tiles; add some with `plywave noise`";
+        self.noise().ok_or_else(|| crate::io::invalid(file, "noise_tiles", "absent", hint))
+    }
+}
+
+const _: () = {
+    const fn is_send_sync<T: Send + Sync>() {}
+    is_send_sync::<PlyModel>();
+};

@@ -1,0 +1,85 @@
+//! What fixes a shading point of a ply, and the terms of its scattering function.
+
+use super::layers::Layer;
+use crate::gap::Slit;
+use crate::speckle::Instance;
+
+/// What fixes a shading point of a ply, for N absorptions, each with its wavelength. [`PlyQuery::new`] is the smooth ply with its edge light; the parts are
+/// options to set: `PlyQuery { instance: Some(..), ..PlyQuery::new(..) }`.
+///
+/// Units and odd values as in [`PlyModel`]. Wavelengths outside the tables count as the nearest in them, and so does what is not a number.
+#[derive(Clone, Copy, Debug)]
+pub struct PlyQuery<'a, const N: usize> {
+    /// Incident latitude [rad].
+    pub theta_i: f32,
+    /// Offset of the beam's center [um]: its x coordinate in the ply frame.
+    pub h_um: f32,
+    /// Absorptions of the fibers [1/um]: the host's color.
+    pub sigma_per_um: [f32; N],
+    /// Wavelengths [um]; edge light, slits and speckle depend on them.
+    pub lambda_um: [f32; N],
+    /// Light that passes beside the ply is diffracted at its edge (Yu 2025, Eq. 18). Without, and in a model without edge lobes, it goes straight on.
+    pub edge: bool,
+    /// Small gaps between the fibers (Yu 2025, 7.3), for those who want their colors. Has no effect over a second layer.
+    pub slit: Option<&'a Slit>,
+    /// Speckle patterns that f_refl and f_high carry (Yu 2025, Eq. 23); `None` for the smooth model. Of a model without tiles both are the same. Sampling and
+    /// albedo are those of the smooth model, the mean over instances.
+    pub instance: Option<Instance>,
+    /// A second layer of yarns below (Yu 2025, 5.4), from [`PlyModel::layer`] of its model. Has no effect in a model without layer factors.
+    pub below: Option<Layer<N>>,
+    /// Interpolate the lobes once for all calls. Without, every call interpolates them anew: faster only where a single call is made.
+    pub cached: bool,
+}
+
+impl<const N: usize> PlyQuery<'_, N> {
+    /// The smooth ply with its edge light.
+    pub fn new(theta_i: f32, h_um: f32, sigma_per_um: [f32; N], lambda_um: [f32; N]) -> Self {
+        PlyQuery {
+            theta_i,
+            h_um,
+            sigma_per_um,
+            lambda_um,
+            edge: true,
+            slit: None,
+            instance: None,
+            below: None,
+            cached: true,
+        }
+    }
+
+    /// f_refl + f_high alone, which no wavelength enters: what passes beside the fibers goes straight on.
+    pub fn lobes(theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> Self {
+        PlyQuery { edge: false, ..PlyQuery::new(theta_i, h_um, sigma_per_um, [0.55; N]) }
+    }
+}
+
+/// The terms of a ply model in one direction [1/sr].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlyTerms<const N: usize> {
+    /// Single reflection; the same at every absorption.
+    pub refl: f32,
+    /// All other light that met fibers.
+    pub high: [f32; N],
+    /// Light that passed beside the ply and was diffracted (Yu 2025, Eq. 18).
+    pub edge: [f32; N],
+    /// Light of f_high that small slits diffract, where the query has a [`Slit`]; `high` is then without it.
+    pub slit: [f32; N],
+    /// Density of sampling the direction, all terms together [1/sr].
+    pub pdf: f32,
+}
+
+impl<const N: usize> PlyTerms<N> {
+    /// f_refl + f_high + f_edge, and the light of slits.
+    pub fn sum(&self) -> [f32; N] {
+        let mut f = [0.0; N];
+        for k in 0..N {
+            f[k] = self.refl + self.high[k] + self.edge[k] + self.slit[k];
+        }
+        f
+    }
+
+    /// The sum of the terms of one instance (Yu 2025, Eq. 23): f_refl and f_high times their speckle factors, other light as it is.
+    pub(super) fn sum_speckled(&self, (refl, high): &([f32; N], [f32; N])) -> [f32; N] {
+        std::array::from_fn(|k| self.refl * refl[k] + self.high[k] * high[k] + self.edge[k] + self.slit[k])
+    }
+}
