@@ -70,6 +70,18 @@ pub trait Bsdf<const N: usize> {
 }
 
 /// What becomes of a sampled light path.
+///
+/// ```
+/// use plywave::{Bsdf, BsdfSample, PlyModel, PlyQuery};
+///
+/// # fn main() -> plywave::Result<()> {
+/// let model = PlyModel::load(concat!(env!("CARGO_MANIFEST_DIR"), "/fabrics/models/wool.pwm"))?;
+/// // A beam that passes beside the ply, whose edge is left out, goes straight on.
+/// let beside = model.at(&PlyQuery { edge: false, ..PlyQuery::new(0.0, 1e4, [0.01], [0.55]) });
+/// assert_eq!(beside.sample([0.5; 3]), BsdfSample::Straight { weight: [1.0], probability: 1.0 });
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BsdfSample<const N: usize> {
     /// It is scattered into a direction.

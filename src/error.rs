@@ -1,6 +1,13 @@
 //! Errors of the runtime: values, not prose. One line names the file, the key, the value and the hint.
 
 /// What can go wrong where data enters. `eval`, `sample` and `pdf` never fail.
+///
+/// ```
+/// use plywave::{Error, PlyModel};
+///
+/// let error = PlyModel::from_bytes(b"no model", "broken.pwm").unwrap_err();
+/// assert!(matches!(error, Error::Format { .. }) && error.to_string().starts_with("broken.pwm: "));
+/// ```
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The file could not be read or written.

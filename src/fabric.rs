@@ -19,9 +19,10 @@ mod uv;
 mod wif;
 mod yarn;
 
-pub use bsdf::{FabricAt, FabricBsdf, FabricOptions, FabricQuery, GapLight};
+pub use bsdf::{FabricAt, FabricBsdf, FabricOptions, FabricQuery};
 pub use draft::{Draft, MAX_THREADS};
 pub use dye::Channels;
+pub use in_gap::GapLight;
 pub use load::LoadedFabric;
 pub use place::{Below, Gap, Place, PlyHit, YarnPlace};
 #[doc(hidden)]

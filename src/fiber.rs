@@ -59,6 +59,14 @@ pub struct TabulatedFiber {
 }
 
 /// What fixes a shading point of a fiber, for N wavelengths.
+///
+/// ```
+/// use plywave::FiberQuery;
+/// use plywave::frame::direction;
+///
+/// let query = FiberQuery::new(direction(0.4, 1.1), [0.65, 0.55, 0.45]);
+/// # assert!(query.h_rel.is_none());
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FiberQuery<const N: usize> {
     /// Direction that light comes from (the papers' omega_i), unit, in the fiber's frame: z along it, x and y those of the outline.
@@ -77,7 +85,7 @@ impl<const N: usize> FiberQuery<N> {
     }
 }
 
-/// A scattering model of one fiber.
+/// A scattering model of one fiber. `FiberModel::load("fiber.pwf")` reads what `plywave wave tabulate` writes; see [`FiberModel::at`].
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum FiberModel {
@@ -128,6 +136,17 @@ impl From<TabulatedFiber> for FiberModel {
 }
 
 /// A fiber model at a query, from [`FiberModel::at`].
+///
+/// ```
+/// use plywave::{Bsdf, BsdfSample, FiberBsdf};
+///
+/// fn bounce(fiber: &FiberBsdf<'_, 3>, u: [f32; 3]) -> Option<([f32; 3], [f32; 3])> {
+///     match fiber.sample(u) {
+///         BsdfSample::Scattered(light) => Some((light.w, light.weight)),
+///         _ => None, // absorbed: a fiber that takes light lets none pass
+///     }
+/// }
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct FiberBsdf<'a, const N: usize>(TabulatedBsdf<'a, N>);
 

@@ -34,7 +34,10 @@ fn fabric(warp: &str, options: &FabricOptions) -> FabricBsdf {
     FabricBsdf::new(loaded, options).unwrap()
 }
 
-fn queries(count: usize) -> Vec<([f32; 2], [f32; 3], [f32; 3], [f32; 3])> {
+/// Point, viewer, light, random numbers.
+type Query = ([f32; 2], [f32; 3], [f32; 3], [f32; 3]);
+
+fn queries(count: usize) -> Vec<Query> {
     let mut rng = Pcg64Mcg::seed_from_u64(11);
     (0..count)
         .map(|_| {

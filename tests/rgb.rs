@@ -115,7 +115,9 @@ struct Colors {
 fn places(fabric: &FabricBsdf) -> Vec<([f32; 2], [f32; 3], [f32; 3])> {
     let mut rng = Pcg64Mcg::seed_from_u64(4);
     let [width, height] = fabric.fabric().repeat_um().map(|r| r as f32);
-    let upper = |rng: &mut Pcg64Mcg| direction((0.3 + 0.7 * rng.random::<f32>()).asin(), 6.28 * rng.random::<f32>());
+    let upper = |rng: &mut Pcg64Mcg| {
+        direction((0.3 + 0.7 * rng.random::<f32>()).asin(), std::f32::consts::TAU * rng.random::<f32>())
+    };
     (0..600)
         .map(|_| ([width * rng.random::<f32>(), height * rng.random::<f32>()], upper(&mut rng), upper(&mut rng)))
         .collect()

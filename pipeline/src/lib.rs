@@ -20,9 +20,11 @@
 mod build;
 mod error;
 mod recipe;
+mod run;
 mod stages;
 
-pub use build::{Built, Progress, Run, Stage, Times, build};
+pub use build::{Built, Times, build};
 pub use error::Error;
 pub use recipe::{Quality, Recipe, Speckle, with_keys};
+pub use run::{Progress, Run, Stage};
 pub use stages::{FitQuality, add_speckle, fit_model, simulate, solve_speckle, speckle_options, yarn_table};

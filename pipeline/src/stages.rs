@@ -1,8 +1,8 @@
 //! The stages of the pipeline, each from input and options to its output.
 
-use crate::build::{Progress, Run, Stage};
 use crate::error::Error;
 use crate::recipe::Recipe;
+use crate::run::{Progress, Run, Stage};
 use plywave::ply::PlyData;
 use plywave::spec::YarnSpec;
 use plywave::speckle::SpecklePatterns;

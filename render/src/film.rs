@@ -1,11 +1,13 @@
 //! The film: sums over the samples of each pixel, kept whole on disk so that a render can go on. `picture.rs` writes it as EXR and PNG.
 
 use crate::RenderError;
-use crate::path::LAMBDA_RANGE_UM;
 use crate::room::check_room;
 use plywave::color;
 use std::collections::HashMap;
 use std::path::Path;
+
+/// Wavelengths of a picture [um].
+pub const LAMBDA_RANGE_UM: [f32; 2] = [0.38, 0.78];
 
 /// Bytes a pixel of a film's sums.
 const PIXEL_BYTES: u64 = 4 * 14;

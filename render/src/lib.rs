@@ -19,10 +19,10 @@ mod scene;
 mod setup;
 
 pub use camera::Camera;
-pub use film::{Film, FilmView, Ingredients};
+pub use film::{Film, FilmView, Ingredients, LAMBDA_RANGE_UM};
 pub use light::{Environment, Light};
 pub use mesh::{Mesh, MeshNotes};
-pub use path::{LAMBDA_RANGE_UM, RenderOptions, render};
+pub use path::{RenderOptions, render};
 pub use picture::{Facts, png};
 pub use scene::{Frame, Scene, SurfacePoint};
 pub use setup::Setup;

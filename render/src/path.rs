@@ -1,7 +1,7 @@
 //! Path tracing with four wavelengths a path.
 
 use crate::camera::Camera;
-use crate::film::{Film, PixelSums, Sample};
+use crate::film::{Film, LAMBDA_RANGE_UM, PixelSums, Sample};
 use crate::scene::{Scene, SurfacePoint};
 use crate::{RenderError, Surface, WAVELENGTHS};
 use glam::Vec3;
@@ -12,8 +12,6 @@ use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Wavelengths of a picture [um].
-pub const LAMBDA_RANGE_UM: [f32; 2] = [0.38, 0.78];
 /// Side of a tile [pixels].
 const TILE: u32 = 16;
 /// Scatterings after which paths are thinned out by chance.

@@ -5,6 +5,7 @@
 
 mod error;
 mod geometry;
+mod incidence;
 mod options;
 mod rays;
 pub mod runs;

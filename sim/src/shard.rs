@@ -6,13 +6,11 @@
 //!
 //! A single ply also tells where light leaves it and where rays meet it, for the model of a yarn ([`plywave::table::ExitPositions`]).
 
-use crate::rays::dielectric::RoughDielectric;
+use crate::incidence::Incidence;
 use crate::rays::path::PathEnd;
 use crate::runs::{ArrayLayout, Part, Values};
 use crate::target::Target;
 use nalgebra::Vector3;
-use plywave::spec::GaussianBeam;
-use plywave::table::OutgoingGrid;
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -21,20 +19,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 const BATCH: u64 = 4096;
 /// Standard deviations beyond which a beam's density counts as 0; the mass beyond is 8e-11.
 const BEAM_SDS: f64 = 6.5;
-
-/// What is the same for all shards of an incident latitude.
-pub(crate) struct Incidence<'a> {
-    pub theta_i: f64,
-    pub h_um: &'a [f64],
-    pub sigma_per_um: &'a [f64],
-    pub beam: GaussianBeam,
-    pub grid: OutgoingGrid,
-    pub surface: RoughDielectric,
-    /// The ply's radius [um].
-    pub radius_um: f64,
-    /// Whether exit positions are recorded.
-    pub record_exits: bool,
-}
 
 /// Azimuths of exit positions: 10 degrees each.
 pub(crate) const EXIT_AZIMUTHS: usize = 36;

@@ -5,13 +5,14 @@
 
 use crate::error::SimError;
 use crate::geometry::section::PlySection;
+use crate::incidence::Incidence;
 use crate::options::{SimOptions, TracerKind};
 use crate::rays::dielectric::RoughDielectric;
 use crate::rays::mesh_tracer::{MeshResolution, MeshTracer};
 use crate::rays::screw::ScrewTracer;
 use crate::rays::tracer::Tracer;
 use crate::runs::{self, ArrayLayout, Description, Done, Job, Part, Run};
-use crate::shard::{EXIT_AZIMUTHS, EXIT_POSITIONS, Incidence, MET_POSITIONS, Sums, trace_paths};
+use crate::shard::{EXIT_AZIMUTHS, EXIT_POSITIONS, MET_POSITIONS, Sums, trace_paths};
 use crate::target::{Target, YarnTwin};
 use plywave::math::hash::SplitMix64;
 use plywave::spec::YarnSpec;

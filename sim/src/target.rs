@@ -8,10 +8,10 @@
 //! every h, it counts for h by valid(psi, h)/V(h), V(h) the fraction of psi that is valid. Psi follows the golden ratio from path to path, which
 //! with the stratified lateral position covers the rectangle (x, psi) evenly.
 
+use crate::incidence::Incidence;
 use crate::rays::dielectric::{RoughDielectric, sin_cos_turn};
 use crate::rays::path::{PathEnd, trace_path};
 use crate::rays::tracer::{Hit, Medium, Trace, Tracer};
-use crate::shard::Incidence;
 use nalgebra::{Vector2, Vector3};
 use plywave::spec::PlyRing;
 use rand::{Rng, RngExt};

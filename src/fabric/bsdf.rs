@@ -11,7 +11,7 @@
 //! nodes of the model. Where the plies at the edges of a gap together catch more than the beam, as rims behind each other do, their light is scaled to all of it.
 
 use super::dye::{Channels, Dye};
-use super::in_gap::{InGap, Near, to_pattern, to_surface};
+use super::in_gap::{GapLight, InGap, Near, to_fabric, to_pattern, to_ply, to_surface};
 use super::{Fabric, Family, LoadedFabric, Place, PlyHit, YarnColor};
 use crate::bsdf::{DirectionSample, Outcomes};
 use crate::color::{AlbedoCurve, RGB_LAMBDA_UM};
@@ -26,16 +26,6 @@ use std::sync::Arc;
 /// Edges of apertures, in equal steps from the beam's center to d_cut, for which spectra are kept.
 const EDGES: usize = 32;
 
-/// What light through the gaps does.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum GapLight {
-    /// It is diffracted by the aperture.
-    #[default]
-    Diffracted,
-    /// It goes straight on, as rays do: for comparison. [`Bsdf::straight`] is its energy.
-    Straight,
-}
-
 /// How a fabric is shaded.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FabricOptions {
@@ -49,6 +39,15 @@ pub struct FabricOptions {
 
 /// What fixes a shading point of a fabric, for N wavelengths or color channels. [`FabricQuery::new`] is the fabric as its spec has it; a point's own color, turn or
 /// models are options to set: `FabricQuery { turn_rad: 0.3, ..FabricQuery::new(..) }`.
+///
+/// ```
+/// use plywave::FabricQuery;
+///
+/// let spectral = FabricQuery::new([120.0, 40.0], [0.0, 0.6, 0.8], [0.45, 0.55, 0.65]);
+/// let turned = FabricQuery { turn_rad: 0.3, ..spectral };
+/// let rgb = FabricQuery::rgb([120.0, 40.0], [0.0, 0.6, 0.8]);
+/// # assert!(turned.turn_rad > rgb.turn_rad);
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct FabricQuery<'a, const N: usize> {
     /// Point in the plane of the fabric [um]: x along the weft, y along the warp.
@@ -92,6 +91,23 @@ impl FabricQuery<'_, 3> {
 }
 
 /// A woven fabric, ready for shading.
+///
+/// ```
+/// use plywave::FabricBsdf;
+/// use plywave::fabric::{FabricOptions, FabricSpec};
+/// use plywave::io::MemoryAssets;
+///
+/// # fn main() -> plywave::Result<()> {
+/// # let model = std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/fabrics/models/polyester.pwm")).expect("it ships");
+/// // Without a file system: a spec's text, and the bytes of the models it names.
+/// let assets = MemoryAssets::new().with("ply.pwm", model);
+/// let yarn = "model = \"ply.pwm\"\nspacing_um = 130.0\ncrimp = 0.3\nsrgb = [0.6, 0.2, 0.2]\n";
+/// let text = format!("name = \"plain\"\n[weave]\nkind = \"plain\"\n[warp]\n{yarn}[weft]\n{yarn}");
+/// let fabric = FabricBsdf::new(FabricSpec::load_from(&text, "plain.toml", &assets)?, &FabricOptions::default())?;
+/// assert_eq!(fabric.fabric().repeat_um(), [260.0, 260.0]);
+/// # Ok(())
+/// # }
+/// ```
 ///
 /// Lengths in um in the plane of the fabric (x along the weft, y along the warp, z the face's normal), directions unit in that frame. No call to
 /// evaluate fails, allocates or panics.
@@ -332,16 +348,6 @@ fn repeated(list: &[u32], yarn: i32) -> u32 {
         [one] => *one,
         _ => list.get(yarn.rem_euclid(list.len().max(1) as i32) as usize).copied().unwrap_or(0),
     }
-}
-
-/// A direction of the fabric's frame in that of a ply.
-pub(super) fn to_ply(frame: &[[f32; 3]; 3], w: [f32; 3]) -> [f32; 3] {
-    frame.map(|a| a[0] * w[0] + a[1] * w[1] + a[2] * w[2])
-}
-
-/// A direction of a ply's frame in that of the fabric.
-pub(super) fn to_fabric(frame: &[[f32; 3]; 3], w: [f32; 3]) -> [f32; 3] {
-    std::array::from_fn(|k| frame[0][k] * w[0] + frame[1][k] * w[1] + frame[2][k] * w[2])
 }
 
 /// The ply that a line meets, and its frame in the surface's.

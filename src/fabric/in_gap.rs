@@ -1,11 +1,30 @@
 //! Where a line meets no ply (Yu 2025, 7.1, case c): the light that the plies beside it catch, and the light through the aperture between them.
 
-use super::bsdf::{GapLight, to_fabric, to_ply};
 use crate::bsdf::Outcomes;
 use crate::gap::GapBsdf;
 use crate::math::clamp_unit;
 use crate::ply::{LobeSample, UncachedPly};
 use crate::{Bsdf, BsdfSample};
+
+/// What light through the gaps does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum GapLight {
+    /// It is diffracted by the aperture.
+    #[default]
+    Diffracted,
+    /// It goes straight on, as rays do: for comparison. [`Bsdf::straight`] is its energy.
+    Straight,
+}
+
+/// A direction of the fabric's frame in that of a ply.
+pub(super) fn to_ply(frame: &[[f32; 3]; 3], w: [f32; 3]) -> [f32; 3] {
+    frame.map(|a| a[0] * w[0] + a[1] * w[1] + a[2] * w[2])
+}
+
+/// A direction of a ply's frame in that of the fabric.
+pub(super) fn to_fabric(frame: &[[f32; 3]; 3], w: [f32; 3]) -> [f32; 3] {
+    std::array::from_fn(|k| frame[0][k] * w[0] + frame[1][k] * w[1] + frame[2][k] * w[2])
+}
 
 /// A direction of the surface's frame in that of the pattern, turned by an angle of this cosine and sine.
 pub(super) fn to_pattern([c, s]: [f32; 2], w: [f32; 3]) -> [f32; 3] {

@@ -58,6 +58,18 @@ impl PlyModel {
 }
 
 /// A ply model at a query, from [`PlyModel::at`].
+///
+/// ```
+/// use plywave::{Bsdf, PlyModel, PlyQuery};
+///
+/// # fn main() -> plywave::Result<()> {
+/// let model = PlyModel::load(concat!(env!("CARGO_MANIFEST_DIR"), "/fabrics/models/polyester.pwm"))?;
+/// let ply = model.at(&PlyQuery::new(0.2, -5.0, [0.0, 0.02], [0.55; 2]));
+/// let terms = ply.terms([0.0, -1.0, 0.0]); // f_refl, f_high, f_edge apart
+/// assert!(terms.high[0] > terms.high[1] && ply.albedo()[0] > ply.albedo()[1]);
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct PlyBsdf<'a, const N: usize> {
     ply: PlyOn<'a, Cached<'a, N>, N>,

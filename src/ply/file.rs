@@ -32,6 +32,7 @@ const NAMES: [&str; 12] = [
 /// Queries lie inside the cells of the grid, away from nodes and from the borders of blocks, where f_high jumps: there the rounding of theta_i and h alone
 /// would decide which block answers.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(from = "ReferenceNumbers")]
 pub struct ReferenceValue {
     /// Incident latitude [rad].
     pub theta_i: f32,
@@ -43,6 +44,28 @@ pub struct ReferenceValue {
     pub wo: [f32; 3],
     /// `eval` there [1/sr].
     pub value: [f32; 4],
+}
+
+/// A [`ReferenceValue`] as files have it: numbers beyond single precision become infinite, which the check of the model tells.
+#[derive(serde::Deserialize)]
+struct ReferenceNumbers {
+    theta_i: f64,
+    h_um: f64,
+    sigma_per_um: [f64; 4],
+    wo: [f64; 3],
+    value: [f64; 4],
+}
+
+impl From<ReferenceNumbers> for ReferenceValue {
+    fn from(n: ReferenceNumbers) -> ReferenceValue {
+        ReferenceValue {
+            theta_i: n.theta_i as f32,
+            h_um: n.h_um as f32,
+            sigma_per_um: n.sigma_per_um.map(|v| v as f32),
+            wo: n.wo.map(|v| v as f32),
+            value: n.value.map(|v| v as f32),
+        }
+    }
 }
 
 /// Keys of the JSON document beyond the common ones.

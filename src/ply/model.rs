@@ -13,6 +13,17 @@ use std::path::Path;
 
 /// A loaded ply model, laid out for evaluation.
 ///
+/// ```
+/// use plywave::PlyModel;
+///
+/// # fn main() -> plywave::Result<()> {
+/// let bytes = std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/fabrics/models/polyester.pwm")).expect("it ships");
+/// let model = PlyModel::from_bytes(&bytes, "polyester.pwm")?; // or PlyModel::load(path)
+/// assert!(model.has_edge() && model.reference_error() < 1e-4);
+/// # Ok(())
+/// # }
+/// ```
+///
 /// All angles in radians, lengths in um, densities in 1/sr; every f is an energy density: BSDF times |cos theta_o|. Directions are
 /// unit vectors in the ply frame and are not normalised. No call allocates, fails or panics. Where |h| is beyond the nodes, or
 /// theta_i or h is not a number, the beam misses: f = 0 and r_d = 1. |theta_i| beyond the nodes counts as the last node.

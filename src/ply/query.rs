@@ -7,6 +7,15 @@ use crate::speckle::Instance;
 /// What fixes a shading point of a ply, for N absorptions, each with its wavelength. [`PlyQuery::new`] is the smooth ply with its edge light; the parts are
 /// options to set: `PlyQuery { instance: Some(..), ..PlyQuery::new(..) }`.
 ///
+/// ```
+/// use plywave::PlyQuery;
+///
+/// let smooth = PlyQuery::new(0.3, 10.0, [0.001, 0.004, 0.010], [0.612, 0.549, 0.464]);
+/// let without_edge = PlyQuery { edge: false, ..smooth };
+/// let asked_once = PlyQuery { cached: false, ..smooth };
+/// # assert!(smooth.edge && !without_edge.edge && !asked_once.cached);
+/// ```
+///
 /// Units and odd values as in [`PlyModel`]. Wavelengths outside the tables count as the nearest in them, and so does what is not a number.
 #[derive(Clone, Copy, Debug)]
 pub struct PlyQuery<'a, const N: usize> {

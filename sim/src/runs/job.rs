@@ -1,6 +1,6 @@
 //! What a job is: a description that identifies it, shards that can be run alone, and a merge in fixed order.
 
-use super::part::{ArrayLayout, Part};
+use super::arrays::{ArrayLayout, Part};
 use crate::error::SimError;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};

@@ -1,7 +1,8 @@
 //! Parts made apart, checked against each other and merged.
 
+use super::arrays::Part;
 use super::job::{Description, Job, Plan};
-use super::part::{Part, PartFile};
+use super::part::PartFile;
 use crate::error::SimError;
 use std::path::{Path, PathBuf};
 

@@ -5,6 +5,7 @@
 //! and [`Parts::merge`] makes the output of them: the same bits as [`run`], whatever machines, threads and interruptions made the parts.
 
 mod any;
+mod arrays;
 mod disk;
 mod folder;
 mod job;
@@ -14,10 +15,11 @@ mod part;
 mod runner;
 
 pub use any::Output;
+pub use arrays::{ArrayLayout, Part, Values};
 pub use folder::{Found, PartsFolder};
 pub use job::{Description, Done, Job, PART_VERSION, Plan};
 pub use merge::Parts;
-pub use part::{ArrayLayout, Entry, Part, PartFile, Values};
+pub use part::{Entry, PartFile};
 pub use runner::{Run, check_parts, run, run_part};
 
 #[cfg(test)]

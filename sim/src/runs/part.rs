@@ -1,5 +1,6 @@
-//! Parts: what shards leave, as named arrays, and the file that holds one or several of them (`docs/format.md`, "plywave-part").
+//! The file that holds one or several parts (`docs/format.md`, "plywave-part").
 
+use super::arrays::{Part, Values};
 use super::disk;
 use super::job::{Description, Job, PART_VERSION, Plan, hex_digest};
 use crate::error::SimError;
@@ -20,145 +21,28 @@ const CHECKSUM: &str = "sha256";
 /// Its length.
 const CHECKSUM_BYTES: usize = 32;
 
-/// The numbers of an array.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Values {
-    /// Single precision.
-    F32(Vec<f32>),
-    /// Double precision.
-    F64(Vec<f64>),
-}
-
-impl Values {
-    fn len(&self) -> usize {
-        match self {
-            Values::F32(v) => v.len(),
-            Values::F64(v) => v.len(),
+/// Whether a part is what `job` expects of shards `first..first + count`.
+pub(super) fn check_part<J: Job + ?Sized>(part: &Part, job: &J, first: usize, count: usize) -> Result<(), String> {
+    let layout = job.layout(first);
+    if layout.len() != part.arrays.len() {
+        return Err(format!("{} arrays, expected {}", part.arrays.len(), layout.len()));
+    }
+    for (array, values) in layout.iter().zip(&part.arrays) {
+        let name = array.name;
+        if values.len() != array.len() || array.single != matches!(values, Values::F32(_)) {
+            return Err(format!("{name} has {} values, expected the shape {:?}", values.len(), array.shape));
+        }
+        let [low, high] = array.range;
+        // Asked this way, a NaN does not pass.
+        let bad = match values {
+            Values::F32(v) => v.iter().position(|v| !(f64::from(*v) >= low && f64::from(*v) <= high)),
+            Values::F64(v) => v.iter().position(|v| !(*v >= low && *v <= high)),
+        };
+        if let Some(at) = bad {
+            return Err(format!("{name}[{at}] is not between {low} and {high}"));
         }
     }
-
-    fn dtype(&self) -> Dtype {
-        match self {
-            Values::F32(_) => Dtype::F32,
-            Values::F64(_) => Dtype::F64,
-        }
-    }
-
-    fn bytes(&self) -> Vec<u8> {
-        match self {
-            Values::F32(v) => v.iter().flat_map(|v| v.to_le_bytes()).collect(),
-            Values::F64(v) => v.iter().flat_map(|v| v.to_le_bytes()).collect(),
-        }
-    }
-
-    fn add(&mut self, other: &Values) {
-        match (self, other) {
-            (Values::F32(to), Values::F32(from)) => to.iter_mut().zip(from).for_each(|(a, b)| *a += b),
-            (Values::F64(to), Values::F64(from)) => to.iter_mut().zip(from).for_each(|(a, b)| *a += b),
-            // One job's arrays have one type.
-            _ => {}
-        }
-    }
-}
-
-/// What a job knows of an array of its parts.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ArrayLayout {
-    /// Name.
-    pub name: &'static str,
-    /// Axes; the last is the fastest.
-    pub shape: Vec<usize>,
-    /// Whether it is of single precision.
-    pub single: bool,
-    /// Least and greatest value that can be.
-    pub range: [f64; 2],
-}
-
-impl ArrayLayout {
-    /// An array of double precision.
-    pub(crate) fn f64(name: &'static str, shape: &[usize], range: [f64; 2]) -> ArrayLayout {
-        ArrayLayout { name, shape: shape.to_vec(), single: false, range }
-    }
-
-    /// An array of single precision.
-    pub(crate) fn f32(name: &'static str, shape: &[usize], range: [f64; 2]) -> ArrayLayout {
-        ArrayLayout { name, shape: shape.to_vec(), single: true, range }
-    }
-
-    /// Number of values.
-    pub fn len(&self) -> usize {
-        self.shape.iter().product()
-    }
-
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-}
-
-/// What a shard, or the sum of a run of shards, leaves.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Part {
-    /// Arrays in the order of the job's layout.
-    pub arrays: Vec<Values>,
-    /// Time of its work [s]; no part of the result.
-    pub seconds: f64,
-    /// The most memory that the work held [bytes]; no part of the result.
-    pub peak_bytes: u64,
-}
-
-impl Part {
-    /// A part of these arrays.
-    pub(crate) fn new(arrays: Vec<Values>) -> Part {
-        Part { arrays, seconds: 0.0, peak_bytes: 0 }
-    }
-
-    /// The values of array `at` of the layout; empty where it is of another type.
-    pub(crate) fn f32(&self, at: usize) -> &[f32] {
-        match self.arrays.get(at) {
-            Some(Values::F32(v)) => v,
-            _ => &[],
-        }
-    }
-
-    /// As [`Part::f32`], of double precision.
-    pub(crate) fn f64(&self, at: usize) -> &[f64] {
-        match self.arrays.get(at) {
-            Some(Values::F64(v)) => v,
-            _ => &[],
-        }
-    }
-
-    /// Adds the part of the shard that follows.
-    pub(crate) fn add(&mut self, next: &Part) {
-        self.arrays.iter_mut().zip(&next.arrays).for_each(|(to, from)| to.add(from));
-        self.seconds += next.seconds;
-        self.peak_bytes = self.peak_bytes.max(next.peak_bytes);
-    }
-
-    /// Whether it is what `job` expects of shards `first..first + count`.
-    pub(super) fn check<J: Job + ?Sized>(&self, job: &J, first: usize, count: usize) -> Result<(), String> {
-        let layout = job.layout(first);
-        if layout.len() != self.arrays.len() {
-            return Err(format!("{} arrays, expected {}", self.arrays.len(), layout.len()));
-        }
-        for (array, values) in layout.iter().zip(&self.arrays) {
-            let name = array.name;
-            if values.len() != array.len() || array.single != matches!(values, Values::F32(_)) {
-                return Err(format!("{name} has {} values, expected the shape {:?}", values.len(), array.shape));
-            }
-            let [low, high] = array.range;
-            // Asked this way, a NaN does not pass.
-            let bad = match values {
-                Values::F32(v) => v.iter().position(|v| !(f64::from(*v) >= low && f64::from(*v) <= high)),
-                Values::F64(v) => v.iter().position(|v| !(*v >= low && *v <= high)),
-            };
-            if let Some(at) = bad {
-                return Err(format!("{name}[{at}] is not between {low} and {high}"));
-            }
-        }
-        job.check(first, count, self)
-    }
+    job.check(first, count, part)
 }
 
 /// A part and the shards that it is of.
@@ -381,7 +265,7 @@ impl PartFile {
             });
         }
         let part = Part { arrays, seconds: head.seconds, peak_bytes: head.peak_bytes };
-        part.check(job, head.first, head.count).map_err(bad)?;
+        check_part(&part, job, head.first, head.count).map_err(bad)?;
         Ok(Entry { first: head.first, count: head.count, part })
     }
 }

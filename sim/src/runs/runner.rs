@@ -1,8 +1,9 @@
 //! Runs shards side by side as far as memory allows, with finished ones in memory or in a folder, and gives their sums out in order.
 
+use super::arrays::Part;
 use super::folder::PartsFolder;
 use super::job::{Job, Plan};
-use super::part::{Entry, Part, encode};
+use super::part::{Entry, check_part, encode};
 use super::{disk, memory};
 use crate::error::SimError;
 use rayon::prelude::*;
@@ -210,7 +211,7 @@ impl<J: Job> Lanes<'_, '_, J> {
                 done.part.peak_bytes = done.peak_bytes as u64;
                 bytes = Some(done.peak_bytes);
                 let entry = Entry { first: shard, count: 1, part: done.part };
-                if let Err(what) = entry.part.check(self.job, shard, 1) {
+                if let Err(what) = check_part(&entry.part, self.job, shard, 1) {
                     return Err(SimError::BadShard { shard, what });
                 }
                 if let Some(parts) = self.parts {

@@ -1,0 +1,120 @@
+//! What shards leave: named arrays that add up.
+
+use safetensors::tensor::Dtype;
+
+/// The numbers of an array.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Values {
+    /// Single precision.
+    F32(Vec<f32>),
+    /// Double precision.
+    F64(Vec<f64>),
+}
+
+impl Values {
+    pub(super) fn len(&self) -> usize {
+        match self {
+            Values::F32(v) => v.len(),
+            Values::F64(v) => v.len(),
+        }
+    }
+
+    pub(super) fn dtype(&self) -> Dtype {
+        match self {
+            Values::F32(_) => Dtype::F32,
+            Values::F64(_) => Dtype::F64,
+        }
+    }
+
+    pub(super) fn bytes(&self) -> Vec<u8> {
+        match self {
+            Values::F32(v) => v.iter().flat_map(|v| v.to_le_bytes()).collect(),
+            Values::F64(v) => v.iter().flat_map(|v| v.to_le_bytes()).collect(),
+        }
+    }
+
+    fn add(&mut self, other: &Values) {
+        match (self, other) {
+            (Values::F32(to), Values::F32(from)) => to.iter_mut().zip(from).for_each(|(a, b)| *a += b),
+            (Values::F64(to), Values::F64(from)) => to.iter_mut().zip(from).for_each(|(a, b)| *a += b),
+            // One job's arrays have one type.
+            _ => {}
+        }
+    }
+}
+
+/// What a job knows of an array of its parts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ArrayLayout {
+    /// Name.
+    pub name: &'static str,
+    /// Axes; the last is the fastest.
+    pub shape: Vec<usize>,
+    /// Whether it is of single precision.
+    pub single: bool,
+    /// Least and greatest value that can be.
+    pub range: [f64; 2],
+}
+
+impl ArrayLayout {
+    /// An array of double precision.
+    pub(crate) fn f64(name: &'static str, shape: &[usize], range: [f64; 2]) -> ArrayLayout {
+        ArrayLayout { name, shape: shape.to_vec(), single: false, range }
+    }
+
+    /// An array of single precision.
+    pub(crate) fn f32(name: &'static str, shape: &[usize], range: [f64; 2]) -> ArrayLayout {
+        ArrayLayout { name, shape: shape.to_vec(), single: true, range }
+    }
+
+    /// Number of values.
+    pub fn len(&self) -> usize {
+        self.shape.iter().product()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// What a shard, or the sum of a run of shards, leaves.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Part {
+    /// Arrays in the order of the job's layout.
+    pub arrays: Vec<Values>,
+    /// Time of its work [s]; no part of the result.
+    pub seconds: f64,
+    /// The most memory that the work held [bytes]; no part of the result.
+    pub peak_bytes: u64,
+}
+
+impl Part {
+    /// A part of these arrays.
+    pub(crate) fn new(arrays: Vec<Values>) -> Part {
+        Part { arrays, seconds: 0.0, peak_bytes: 0 }
+    }
+
+    /// The values of array `at` of the layout; empty where it is of another type.
+    pub(crate) fn f32(&self, at: usize) -> &[f32] {
+        match self.arrays.get(at) {
+            Some(Values::F32(v)) => v,
+            _ => &[],
+        }
+    }
+
+    /// As [`Part::f32`], of double precision.
+    pub(crate) fn f64(&self, at: usize) -> &[f64] {
+        match self.arrays.get(at) {
+            Some(Values::F64(v)) => v,
+            _ => &[],
+        }
+    }
+
+    /// Adds the part of the shard that follows.
+    pub(crate) fn add(&mut self, next: &Part) {
+        self.arrays.iter_mut().zip(&next.arrays).for_each(|(to, from)| to.add(from));
+        self.seconds += next.seconds;
+        self.peak_bytes = self.peak_bytes.max(next.peak_bytes);
+    }
+}
