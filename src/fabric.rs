@@ -23,7 +23,7 @@ pub use bsdf::{FabricAt, FabricBsdf, FabricOptions, FabricQuery};
 pub use draft::{Draft, MAX_THREADS};
 pub use dye::Channels;
 pub use in_gap::GapLight;
-pub use load::LoadedFabric;
+pub use load::{LoadedFabric, USUAL_LEAN_DEG};
 pub use place::{Below, Gap, Place, PlyHit, YarnPlace};
 #[doc(hidden)]
 pub use rules::FABRIC_RULES;

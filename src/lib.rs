@@ -27,3 +27,12 @@ pub use error::{Error, Result};
 pub use fabric::{FabricBsdf, FabricQuery};
 pub use fiber::{FiberBsdf, FiberModel, FiberQuery};
 pub use ply::{PlyBsdf, PlyModel, PlyQuery};
+
+/// The examples of README and of the page for hosts compile.
+#[cfg(doctest)]
+mod pages {
+    #[doc = include_str!("../README.md")]
+    struct Readme;
+    #[doc = include_str!("../docs/hosts.md")]
+    struct Hosts;
+}

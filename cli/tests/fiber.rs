@@ -62,7 +62,7 @@ fn killed_runs_resume_bit_for_bit() {
     let mut child = plywave(dir, &[&command[..], &["-o", "killed.pwf", "--threads", "1"]].concat()).spawn().unwrap();
     let parts = dir.join("killed.pwf.parts");
     let begun = Instant::now();
-    while !parts.is_dir() || names(&parts).iter().filter(|n| n.ends_with(".safetensors")).count() < 2 {
+    while !parts.is_dir() || names(&parts).iter().filter(|n| n.ends_with(".pwp")).count() < 2 {
         assert!(child.try_wait().unwrap().is_none(), "ended before it could be stopped");
         assert!(begun.elapsed() < Duration::from_secs(60), "no shard within a minute");
         std::thread::sleep(Duration::from_millis(1));

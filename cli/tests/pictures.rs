@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{json, names, refused, run, succeed, text};
+use common::{ANY_FIT, json, names, refused, run, succeed, text};
 use std::path::{Path, PathBuf};
 
 fn fabrics() -> PathBuf {
@@ -254,7 +254,8 @@ fn models_of_other_nodes_are_compared() {
             if from.is_empty() { tiny.to_string() } else { tiny.replacen(from, to, 1) },
         )
         .unwrap();
-        succeed(dir, &["build", &format!("{name}.toml"), "--preset", "preview", "--quiet"]);
+        let spec = format!("{name}.toml");
+        succeed(dir, &[&["build", &spec, "--preset", "preview", "--quiet"], ANY_FIT].concat());
     }
     let diff = |args: &[&str]| run(dir, &[&["diff"], args].concat());
     let energy = |a: &str, b: &str| {
@@ -281,7 +282,7 @@ fn one_fiber_is_one_fiber() {
     let dir = folder.path();
     let one = common::TINY.replace("fibers = 12", "fibers = 1").replace("radius_um = 40.0", "radius_um = 8.0");
     std::fs::write(dir.join("one.toml"), one).unwrap();
-    succeed(dir, &["build", "one.toml", "--preset", "preview", "--quiet"]);
+    succeed(dir, &[&["build", "one.toml", "--preset", "preview", "--quiet"], ANY_FIT].concat());
     let said = succeed(dir, &["info", "one.pwm"]);
     assert!(said.contains(" 1 fiber, "), "{said}");
     let said =

@@ -152,6 +152,12 @@ fn textures_for_hosts_without_the_model() {
     let steep = folder_with("cotton_plain", "crimp = 0.5");
     let said = json(&succeed(steep.path(), &["weave", "cloth.toml", "-o", "out", "--pixels", "8", "--json"]));
     assert!(said["notes"].to_string().contains("warp leans by up to"), "{said}");
+    // Without a crimp in the spec the yarns lean as those of the cloths that ship do.
+    let usual = folder_with("cotton_plain", "");
+    let said = json(&succeed(usual.path(), &["weave", "cloth.toml", "-o", "out", "--pixels", "8", "--json"]));
+    assert!(!said["notes"].to_string().contains("leans"), "{said}");
+    let text = succeed(usual.path(), &["weave", "cloth.toml", "-o", "again", "--pixels", "8"]);
+    assert_eq!(text.matches("leans by up to 25 degrees").count(), 2, "{text}");
 }
 
 /// As [`folder`], with `crimp` for both yarns.

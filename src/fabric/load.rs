@@ -96,9 +96,17 @@ impl LoadedFabric {
             }
             threads[k] = spec.yarn(family).stripes().1.into_iter().map(|at| indices[k][at]).collect();
         }
-        let [warp, weft] = shapes[..] else {
+        let [mut warp, mut weft] = shapes[..] else {
             return Err(rules::invalid(file, "warp.model", "(absent)", "give a model of each family"));
         };
+        // An absent crimp leaves room for the other family's.
+        let room = |other: Option<f64>| 1.0 - other.unwrap_or(0.5);
+        if spec.warp.crimp.is_none() {
+            warp.crimp = usual_crimp(&warp, &weft).min(room(spec.weft.crimp));
+        }
+        if spec.weft.crimp.is_none() {
+            weft.crimp = usual_crimp(&weft, &warp).min(room(spec.warp.crimp));
+        }
         let fabric = Fabric::named(draft, [warp, weft], spec.colors(colors), file)?;
         let model_paths = names.into_iter().map(PathBuf::from).collect();
         Ok(LoadedFabric { spec, fabric, models, model_paths, threads })
@@ -147,6 +155,16 @@ impl LoadedFabric {
         }
         notes
     }
+}
+
+/// Greatest lean of a yarn whose crimp the spec does not give [degrees], as in the cloths that ship.
+pub const USUAL_LEAN_DEG: f64 = 25.0;
+
+/// The crimp by which a yarn leans by [`USUAL_LEAN_DEG`] where it is steepest, half way between crossings: its axis goes from -a to a by `3 u^2 - 2 u^3`, a the crimp
+/// times the mean width of both families, so its slope there is `3 a / spacing` of the other family. 0.5, where both families bend alike, at most.
+fn usual_crimp(yarn: &YarnShape, other: &YarnShape) -> f64 {
+    let widths = yarn.width_um() + other.width_um();
+    (USUAL_LEAN_DEG.to_radians().tan() * other.spacing_um / (1.5 * widths)).min(0.5)
 }
 
 impl FabricSpec {
@@ -223,7 +241,7 @@ impl FabricSpec {
             ply_pitch_um: yarn.ply_pitch_um,
             handedness: yarn.handedness,
             spacing_um: yarn.spacing_um,
-            crimp: yarn.crimp,
+            crimp: yarn.crimp.unwrap_or(0.5),
             d_cut_um: ply.beam.beam().d_cut_um,
         }
     }

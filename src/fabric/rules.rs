@@ -35,7 +35,7 @@ const YARN: &[Key] = &[
     optional("ply_pitch_um", Kind::Number(0.01, 1e7), "parallel plies"),
     optional("handedness", Kind::Choice(&["Z", "S"]), "\"Z\""),
     required("spacing_um", Kind::Number(0.01, 1e5)),
-    optional("crimp", Kind::Number(0.0, 1.0), "0.5"),
+    optional("crimp", Kind::Number(0.0, 1.0), "a lean of 25 degrees, 0.5 at most"),
     optional("srgb", Kind::Srgb, "the WIF's, or clear fibers"),
     optional("sigma_per_um", Kind::Number(0.0, 10.0), "srgb"),
     optional("models", Kind::Letters, "model"),
@@ -109,12 +109,12 @@ pub(super) fn check_relations(file: &str, spec: &FabricSpec) -> Result<()> {
             ));
         }
     }
-    if spec.warp.crimp + spec.weft.crimp > 1.0 + 1e-9 {
-        let hint = format!(
-            "crimps add up to {:.3}; use 1 or less, beyond which the yarns would lie apart",
-            spec.warp.crimp + spec.weft.crimp
-        );
-        return Err(invalid(file, "weft.crimp", spec.weft.crimp, hint));
+    // Crimps that are absent are small enough for any other.
+    let (warp, weft) = (spec.warp.crimp.unwrap_or(0.0), spec.weft.crimp.unwrap_or(0.0));
+    if warp + weft > 1.0 + 1e-9 {
+        let hint =
+            format!("crimps add up to {:.3}; use 1 or less, beyond which the yarns would lie apart", warp + weft);
+        return Err(invalid(file, "weft.crimp", weft, hint));
     }
     Ok(())
 }

@@ -87,9 +87,10 @@ pub struct YarnOfFabric {
     pub handedness: Handedness,
     /// From the axis of a yarn to that of the next [um].
     pub spacing_um: f64,
-    /// Amplitude of the yarn's height over the distance of the axes of touching yarns, [`YarnShape::crimp`].
-    #[serde(default = "half")]
-    pub crimp: f64,
+    /// Amplitude of the yarn's height over the distance of the axes of touching yarns, [`YarnShape::crimp`]; absent: one by which the yarn leans by
+    /// [`super::USUAL_LEAN_DEG`] at most, 0.5 in loose weaves.
+    #[serde(default)]
+    pub crimp: Option<f64>,
     /// Color of the yarns [sRGB, 0 to 1].
     #[serde(default)]
     pub srgb: Option<[f64; 3]>,
@@ -116,10 +117,6 @@ impl YarnOfFabric {
 
 fn one() -> u32 {
     1
-}
-
-fn half() -> f64 {
-    0.5
 }
 
 /// What a yarn is colored by.

@@ -118,17 +118,19 @@ pub fn out_of_reach([clear, dark]: [usize; 2], [low, high]: [f64; 2], delta_e: f
 pub fn fabric_notes(loaded: &LoadedFabric) -> Vec<String> {
     let mut notes = Vec::new();
     for (k, family) in Family::EACH.into_iter().enumerate() {
-        let threads = loaded.fabric.draft().threads(family);
-        let mut colors: Vec<[f32; 3]> = Vec::new();
-        for thread in 0..threads {
-            if let YarnColor::Srgb(srgb) = loaded.fabric.color(family, thread as i32)
-                && !colors.contains(&srgb)
-            {
-                colors.push(srgb);
+        let threads = loaded.fabric.draft().threads(family).max(loaded.threads[k].len());
+        // Different colors and models of yarns.
+        let mut kinds: Vec<([f32; 3], usize)> = Vec::new();
+        for thread in 0..threads as i32 {
+            if let YarnColor::Srgb(srgb) = loaded.fabric.color(family, thread) {
+                let kind = (srgb, loaded.model_index(family, thread));
+                if !kinds.contains(&kind) {
+                    kinds.push(kind);
+                }
             }
         }
-        let Some(curve) = (!colors.is_empty()).then(|| AlbedoCurve::diffuse(&loaded.models[k])) else { continue };
-        for srgb in colors {
+        for (srgb, model) in kinds {
+            let curve = AlbedoCurve::diffuse(&loaded.models[model]);
             let smooth = SmoothReflectance::of_srgb(srgb.map(f64::from));
             let (sigma, clamped) = SigmaSpectrum::of_reflectance(&curve, |l| smooth.at(l));
             let got = xyz_of_reflectance(|l| curve.albedo(f64::from(sigma.at(l as f32))));

@@ -6,7 +6,9 @@ use crate::report::{self, number};
 use crate::{kinds, output, plot, progress};
 use image::{ExtendedColorType, ImageEncoder};
 use plywave::color::{AlbedoCurve, srgb_encode};
-use plywave::fabric::{Fabric, FabricBsdf, FabricOptions, FabricSpec, Family, WeaveSpec, YarnColor, YarnPlace};
+use plywave::fabric::{
+    Fabric, FabricBsdf, FabricOptions, FabricSpec, Family, USUAL_LEAN_DEG, WeaveSpec, YarnColor, YarnPlace,
+};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -340,19 +342,17 @@ fn lean_deg(fabric: &Fabric, family: Family) -> f64 {
     (3.0 * amplitude / other.spacing_um).atan().to_degrees()
 }
 
-/// Yarns that lean by more than this are told of [degrees]: such cloths are rare, and the default crimp makes them of dense ones.
+/// Yarns that lean by more than this are told of [degrees]: such cloths are rare.
 const STEEP_DEG: f64 = 45.0;
-/// A usual lean [degrees], for the hint.
-const USUAL_DEG: f64 = 25.0;
 
 /// A line for each family whose yarns lean a lot.
 pub fn lean_notes(fabric: &Fabric) -> Vec<String> {
     let note = |family: Family| {
         let (lean, crimp) = (lean_deg(fabric, family), fabric.shape(family).crimp);
-        let usual = crimp * USUAL_DEG.to_radians().tan() / lean.to_radians().tan();
+        let usual = crimp * USUAL_LEAN_DEG.to_radians().tan() / lean.to_radians().tan();
         (lean > STEEP_DEG).then(|| {
             format!(
-                "{0} leans by up to {lean:.0} degrees; {0}.crimp = {usual:.2} in place of {1} leans by {USUAL_DEG}",
+                "{0} leans by up to {lean:.0} degrees; {0}.crimp = {usual:.2} in place of {1} leans by {USUAL_LEAN_DEG}",
                 family.name(),
                 number(crimp)
             )
