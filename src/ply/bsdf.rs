@@ -29,7 +29,7 @@ impl PlyModel {
     /// # Ok(())
     /// # }
     /// ```
-    #[inline]
+    #[inline(always)]
     pub fn at<'a, const N: usize>(&'a self, query: &PlyQuery<'a, N>) -> PlyBsdf<'a, N> {
         let mut bsdf = self.unprepared(query);
         bsdf.prepare();
@@ -37,7 +37,7 @@ impl PlyModel {
     }
 
     /// What [`PlyBsdf::prepare`] makes [`PlyModel::at`] of, in place: its lobes are too large to be moved about.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn unprepared<'a, const N: usize>(&'a self, query: &PlyQuery<'a, N>) -> PlyBsdf<'a, N> {
         let lobes = self.cached(query.theta_i, query.h_um, query.sigma_per_um);
         PlyBsdf { ply: PlyOn { model: self, query: *query, lobes, speckle: self.speckle(query) }, two: None }
@@ -51,7 +51,7 @@ impl PlyModel {
     }
 
     /// The patterns of a query, where there are both tiles and an instance.
-    #[inline]
+    #[inline(always)]
     fn speckle<'a, const N: usize>(&'a self, query: &PlyQuery<'a, N>) -> Option<Speckle<'a, N>> {
         Some(Speckle::new(self.noise()?, query.instance?, query.theta_i, &query.lambda_um))
     }
@@ -77,7 +77,7 @@ pub struct PlyBsdf<'a, const N: usize> {
 }
 
 impl<'a, const N: usize> PlyBsdf<'a, N> {
-    #[inline]
+    #[inline(always)]
     pub(crate) fn prepare(&mut self) {
         if self.ply.query.cached {
             self.ply.lobes.prepare();

@@ -127,10 +127,12 @@ impl<const N: usize> Lobes<N> for Cached<'_, N> {
 }
 
 impl PlyModel {
+    #[inline(always)]
     pub(crate) fn uncached<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> Uncached<'_, N> {
         Uncached { layout: &self.layout, theta_i, h_um, sigma_per_um }
     }
 
+    #[inline(always)]
     pub(crate) fn cached<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> Cached<'_, N> {
         Cached { uncached: self.uncached(theta_i, h_um, sigma_per_um), prepared: Prepared::Nothing }
     }
