@@ -24,7 +24,7 @@ pub fn models() -> Vec<Vec<u8>> {
     let mut diffuse = vec![0.0; 2 * (1 + j)];
     (diffuse[0], diffuse[1], diffuse[1 + j]) = (0.3, 0.2, 0.5);
     layered.layers =
-        Some(plywave::ply::LayerFactors { forward: vec![0.01; (2 * m - 1) * (2 * h - 1) * (1 + j)], diffuse });
+        Some(plywave::ply::LayerFactors { forward: vec![0.004; (2 * m - 1) * (2 * h - 1) * (1 + j)], diffuse });
     vec![
         small.to_bytes().expect("it loads"),
         layered.to_bytes().expect("it is within the energies"),
