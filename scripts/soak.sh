@@ -38,16 +38,17 @@ w0_um = 2.0
 TOML
 
 # A run of each kind, without its output.
-run_simulate() { "$plywave" simulate spec.toml --preset preview --paths 400000 --quiet "$@"; }
-run_speckle() { "$plywave" wave speckle thin.toml --instances 24 --lambda 0.5 --w0 30 --quiet "$@"; }
-run_render() { "$plywave" render "$root/fabrics/silk_organza.toml" --width 96 --height 96 --spp 48 --quiet "$@"; }
+simulate=(simulate spec.toml --preset preview --paths 400000 --quiet)
+speckle=(wave speckle thin.toml --instances 24 --lambda 0.5 --w0 30 --quiet)
+render=(render "$root/fabrics/silk_organza.toml" --width 96 --height 96 --samples 48 --quiet)
 kinds=(simulate speckle render)
 outputs=(pwt pws png)
 
 declare -A seconds
 for i in "${!kinds[@]}"; do
     begun=$(date +%s%N)
-    "run_${kinds[i]}" -o "whole.${outputs[i]}"
+    declare -n run=${kinds[i]}
+    "$plywave" "${run[@]}" -o "whole.${outputs[i]}"
     seconds[${kinds[i]}]=$((($(date +%s%N) - begun) / 1000000))
     echo "${kinds[i]}: undisturbed in ${seconds[${kinds[i]}]} ms"
 done
@@ -55,22 +56,18 @@ done
 landed=0
 for ((n = 0; n < kills; n++)); do
     i=$((n % ${#kinds[@]})) kind=${kinds[n % ${#kinds[@]}]}
+    declare -n run=$kind
     out=killed.${outputs[i]}
     rm -rf killed.*
     # One to three kills of the same run, each at a random moment of what an undisturbed one takes.
     for ((k = 0; k <= RANDOM % 3; k++)); do
-        case $kind in
-            simulate) set -- simulate spec.toml --preset preview --paths 400000 --quiet ;;
-            speckle) set -- wave speckle thin.toml --instances 24 --lambda 0.5 --w0 30 --quiet ;;
-            render) set -- render "$root/fabrics/silk_organza.toml" --width 96 --height 96 --spp 48 --quiet ;;
-        esac
-        "$plywave" "$@" -o "$out" --resume &
+        "$plywave" "${run[@]}" -o "$out" --resume &
         child=$!
         sleep "$(awk -v ms="${seconds[$kind]}" -v r=$RANDOM 'BEGIN { printf "%.3f", ms * r / 32768e3 }')"
         if kill -9 "$child" 2>/dev/null; then landed=$((landed + 1)); fi
         wait "$child" 2>/dev/null || true
     done
-    "run_$kind" -o "$out" --resume
+    "$plywave" "${run[@]}" -o "$out" --resume
     cmp "whole.${outputs[i]}" "$out" || { echo "kill $n: $kind differs from an undisturbed run" >&2; exit 1; }
     if [ "$kind" = render ]; then cmp whole.exr killed.exr; fi
     left=$(find . -maxdepth 1 -name 'killed*.parts' -o -maxdepth 1 -name 'killed*.sums' -o -maxdepth 1 -name '.*tmp*' | wc -l)
