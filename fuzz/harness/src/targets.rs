@@ -11,6 +11,7 @@ use plywave_render::{Environment, Film, Light, Mesh, Scene};
 use plywave_sim::runs::{PartFile, Parts};
 use std::fmt::Display;
 use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
 /// Largest albedo of one model: energies of loaded models add up to at most this (docs/format.md), and rounding.
@@ -26,7 +27,11 @@ fn one_line(error: &impl Display) {
     );
 }
 
+/// Files and jobs that loaded so far: a harness whose inputs are all refused at the door would test little.
+pub static LOADED: AtomicU64 = AtomicU64::new(0);
+
 fn loaded<T, E: Display>(result: Result<T, E>) -> Option<T> {
+    LOADED.fetch_add(u64::from(result.is_ok()), Ordering::Relaxed);
     result.inspect_err(one_line).ok()
 }
 
