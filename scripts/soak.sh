@@ -11,7 +11,7 @@ root=$PWD
 inputs=${1:-10000000} kills=${2:-50}
 RANDOM=${3:-1}
 
-cargo build --locked --release -p plywave-cli
+cargo build --locked --quiet --release -p plywave-cli
 plywave=$root/target/release/plywave
 
 echo "== $inputs inputs from seed ${3:-1}"

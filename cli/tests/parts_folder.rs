@@ -1,4 +1,4 @@
-//! A folder of parts may hold what is not ours: only the job's own files are ever deleted, and the folder only when nothing else is in it.
+//! A folder of parts may hold what is not ours: a run leaves all of it, and refuses a folder that holds nothing of its own.
 
 mod common;
 
@@ -20,13 +20,20 @@ fn files_of_others_stay_in_a_folder_of_parts() {
     let kept = || mine.iter().all(|name| std::fs::read_to_string(parts.join(name)).is_ok_and(|t| t == *name));
     let before = names(&parts);
     for more in [&[][..], &["--fresh"], &["--resume"]] {
-        succeed(dir, &[RUN, more].concat());
+        let output = run(dir, &[RUN, more].concat());
+        let err = text(&output.stderr);
+        assert_eq!((output.status.code(), err.lines().count()), (Some(2), 1), "{more:?}: {err}");
+        assert!(err.contains("t.pwt.parts") && err.contains("something else"), "{err}");
         assert!(kept(), "{more:?}: {:?}", names(&parts));
-        assert_eq!(names(&parts), before, "{more:?}: its own files are gone, and nothing else");
+        assert_eq!(names(&parts), before, "{more:?}");
     }
-    // With a damaged part of its own beside them.
-    std::fs::write(parts.join("shard000000.pwp"), "no part").unwrap();
-    let again = run(dir, &[RUN, &["--fresh"]].concat());
-    assert!(again.status.success(), "{}", text(&again.stderr));
-    assert!(kept());
+}
+
+/// A fabric whose families share one model is rendered too.
+#[test]
+fn fabrics_of_one_model_render() {
+    let folder = folder();
+    let organza = concat!(env!("CARGO_MANIFEST_DIR"), "/../fabrics/silk_organza.toml");
+    let size = ["--width", "8", "--height", "8", "--samples", "1", "--quiet"];
+    succeed(folder.path(), &[&["render", organza, "-o", "x.png"][..], &size].concat());
 }

@@ -117,7 +117,7 @@ pub fn out_of_reach([clear, dark]: [usize; 2], [low, high]: [f64; 2], delta_e: f
 /// The same of the yarns of a fabric: a line for each color that its models do not reach.
 pub fn fabric_notes(loaded: &LoadedFabric) -> Vec<String> {
     let mut notes = Vec::new();
-    for (k, family) in Family::EACH.into_iter().enumerate() {
+    for family in Family::EACH {
         let threads = loaded.fabric.draft().threads(family);
         let mut colors: Vec<[f32; 3]> = Vec::new();
         for thread in 0..threads {
@@ -127,7 +127,9 @@ pub fn fabric_notes(loaded: &LoadedFabric) -> Vec<String> {
                 colors.push(srgb);
             }
         }
-        let Some(curve) = (!colors.is_empty()).then(|| AlbedoCurve::diffuse(&loaded.models[k])) else { continue };
+        let Some(curve) = (!colors.is_empty()).then(|| AlbedoCurve::diffuse(loaded.model_of(family, 0))) else {
+            continue;
+        };
         for srgb in colors {
             let smooth = SmoothReflectance::of_srgb(srgb.map(f64::from));
             let (sigma, clamped) = SigmaSpectrum::of_reflectance(&curve, |l| smooth.at(l));
