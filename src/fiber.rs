@@ -20,6 +20,7 @@ mod longitudinal;
 mod table;
 
 use crate::bsdf::{DirectionSample, Outcomes};
+use crate::frame::is_direction;
 use crate::{Bsdf, BsdfSample, Result};
 use longitudinal::{Latitude, Longitudinal};
 use std::f32::consts::{FRAC_PI_2, TAU};
@@ -35,7 +36,8 @@ const BLOCK: usize = 16;
 /// A loaded fiber table, ready for evaluation.
 ///
 /// Directions are unit vectors in the fiber's frame, away from the fiber: z along it, x and y those of the outline. No call allocates, fails or panics.
-/// Wavelengths and latitudes beyond the nodes count as the last node; where an input is not finite, f = 0 and nothing is hit.
+/// Wavelengths and latitudes beyond the nodes count as the last node; where an input is not finite, or a component of a direction is beyond 1.001,
+/// f = 0 and nothing is hit.
 #[derive(Clone, Debug)]
 pub struct TabulatedFiber {
     table: FiberTable,
@@ -271,9 +273,9 @@ impl TabulatedFiber {
         &self.table
     }
 
-    /// With another longitudinal width [rad], clamped to [0.001, 2].
+    /// With another longitudinal width [rad], clamped to [0.001, 2]; not a number counts as the least.
     pub fn with_beta_m(mut self, beta_m: f32) -> Self {
-        self.table.beta_m = f64::from(beta_m).clamp(table::BETA_M.0, table::BETA_M.1);
+        self.table.beta_m = f64::from(beta_m).max(table::BETA_M.0).min(table::BETA_M.1);
         self.longitudinal = Longitudinal::new(self.table.beta_m as f32);
         self
     }
@@ -288,9 +290,10 @@ impl TabulatedFiber {
         self.clamped
     }
 
-    /// The fiber at a query. Where an input is not finite nothing is hit and nothing scattered.
+    /// The fiber at a query. Where an input is not finite, or `omega_i` is no direction, nothing is hit and nothing scattered.
     pub fn at<const N: usize>(&self, query: &FiberQuery<N>) -> TabulatedBsdf<'_, N> {
-        let wi = query.omega_i;
+        let valid = is_direction(query.omega_i);
+        let wi = if valid { query.omega_i } else { [1.0, 0.0, 0.0] };
         let latitude = Latitude::of(wi);
         let azimuth = if latitude.cos > 0.0 { [wi[0] / latitude.cos, wi[1] / latitude.cos] } else { [1.0, 0.0] };
         let mut at = TabulatedBsdf {
@@ -302,7 +305,7 @@ impl TabulatedFiber {
             albedo: [0.0; N],
             width_um: [0.0; N],
         };
-        if !wi.iter().all(|v| v.is_finite()) {
+        if !valid {
             return at;
         }
         let (nl, nt, np) = (self.table.lambda_um.len(), self.table.theta_i.len(), self.table.phi_i.len());
@@ -478,6 +481,9 @@ impl<const N: usize> TabulatedBsdf<'_, N> {
 
 impl<const N: usize> Bsdf<N> for TabulatedBsdf<'_, N> {
     fn eval(&self, w: [f32; 3]) -> [f32; N] {
+        if !is_direction(w) {
+            return [0.0; N];
+        }
         let longitudinal = self.fiber.longitudinal.eval(self.latitude, Latitude::of(w));
         self.azimuthal(w).map(|n| {
             let f = longitudinal * n;

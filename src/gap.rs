@@ -19,6 +19,7 @@ mod slit;
 mod spectrum;
 
 use crate::bsdf::Outcomes;
+use crate::frame::is_direction;
 use crate::math::faddeeva::{Factor, power_between};
 use crate::spec::GaussianBeam;
 use crate::{Bsdf, BsdfSample, Error, Result};
@@ -94,7 +95,7 @@ impl Gap {
     }
 
     /// The light that comes from `xi_i` (unit, away from the aperture) at N wavelengths [um]. Wavelengths are clamped to [0.05, 20]; not a
-    /// number counts as 0.05. An `xi_i` that is no direction, or lies in the plane, gives no light.
+    /// number counts as 0.05. An `xi_i` that is no direction, or lies in the plane, gives no light, and so does a `w` that is none.
     pub fn at<const N: usize>(&self, xi_i: [f32; 3], lambda_um: [f32; N]) -> GapBsdf<'_, N> {
         GapBsdf::new(&self.x, &self.y, xi_i, lambda_um)
     }
@@ -139,7 +140,7 @@ impl<'a, const N: usize> GapBsdf<'a, N> {
         for l in &mut lambda {
             *l = clamp_lambda(*l);
         }
-        let valid = xi_i.iter().all(|x| x.abs() <= 1.001) && xi_i[2] != 0.0 && x.passes() && y.passes();
+        let valid = is_direction(xi_i) && xi_i[2] != 0.0 && x.passes() && y.passes();
         let mut across = [x.range(0.0, 0.0); N];
         for (range, l) in across.iter_mut().zip(&lambda) {
             *range = x.range((xi_i[0] - 1.0) / l, (xi_i[0] + 1.0) / l);
@@ -152,9 +153,9 @@ impl<'a, const N: usize> GapBsdf<'a, N> {
         self.side == 0.0 || N == 0
     }
 
-    /// Whether light leaves in this direction.
+    /// Whether light leaves in this direction; not where a component is beyond 1.001.
     fn leaves(&self, wo: [f32; 3]) -> bool {
-        wo[2] * self.side < 0.0
+        wo[2] * self.side < 0.0 && is_direction(wo)
     }
 
     /// Frequencies along y that propagate beside `xi_x`, at wavelength `k`.

@@ -1,7 +1,7 @@
 //! Edge lobes at run time: bandwidths interpolated for N wavelengths side by side, the lobe's value, density and sampling.
 
-use super::lobe::{amplitudes, disc_point, norm, root_width, shape, sin_cos};
-use crate::math::simd::{exp2, fma, max, min};
+use super::lobe::{amplitudes, disc_point, disc_share, norm, root_width, shape, sin_cos};
+use crate::math::simd::{fma, max, min};
 use crate::ply::EdgeLobes;
 use crate::ply::asg::MU_MIN;
 use crate::ply::edge_lobes::EDGE_MU_MAX;
@@ -201,7 +201,7 @@ impl Edge<'_> {
                     density[k] = value[k];
                 } else if PDF {
                     let a = (q + 1e-30) / (fma::<FMA>(u, u, w * w) + 1e-30);
-                    density[k] = shape * norm / (1.0 - exp2::<FMA>(-a));
+                    density[k] = shape * norm / disc_share::<FMA>(a);
                 }
             }
             for k in 0..LANES {

@@ -27,6 +27,11 @@ const NAMES: [&str; 12] = [
     "error_high",
 ];
 
+/// Most nodes of an axis of incidence.
+const MOST_NODES: usize = 4095;
+/// Least step of an axis of incidence [rad, um]: its inverse is a number in f32.
+const LEAST_STEP: f64 = 1e-6;
+
 /// One stored value of eval: a foreign reader, or a later version of this one, finds out whether it computes the same.
 ///
 /// Queries lie inside the cells of the grid, away from nodes and from the borders of blocks, where f_high jumps: there the rounding of theta_i and h alone
@@ -119,6 +124,11 @@ impl PlyData {
     pub(crate) fn sizes(&self) -> (usize, usize, usize, usize) {
         (self.theta_i.len(), self.h_um.len(), self.sigma_per_um.len(), self.path_um.len())
     }
+
+    /// Energy at a node: of f_refl at `p` = 0, then the spectrum of f_high.
+    pub(super) fn energy(&self, node: usize, p: usize) -> f64 {
+        if p == 0 { self.energy_refl[node] } else { self.energy_high[node * self.path_um.len() + p - 1] }
+    }
 }
 
 impl Document for PlyData {
@@ -201,6 +211,7 @@ impl Document for PlyData {
             r.shape("path_um", 1)?[0],
         );
         let (lr, lh) = (r.shape("refl", 4)?[2], r.shape("high", 6)?[4]);
+        check_sizes(r.file(), (m, h, k, j), (lr, lh))?;
         let (bm, bh) = (m / 2, h / 2);
         Ok(PlyData {
             spec_text: provenance.spec,
@@ -237,23 +248,14 @@ impl PlyData {
     pub(crate) fn check(&self, name: &str) -> Result<()> {
         let c = Check(name);
         let (m, h, k, j) = self.sizes();
-        for (axis, size) in [("theta_i", m), ("h_um", h)] {
-            if size < 3 || size % 2 == 0 {
-                return Err(invalid(name, axis, format!("{size} values"), "expected an odd number, at least 3"));
-            }
-        }
-        for (key, size, most) in [
-            ("sigma_per_um values", k, 1024),
-            ("path_um values", j, super::MAX_PATHS),
-            ("lobes_refl", self.lobes_refl, super::MAX_LOBES),
-            ("lobes_high", self.lobes_high, super::MAX_LOBES),
-        ] {
-            if size == 0 || size > most {
-                return Err(invalid(name, key, size, &format!("expected 1 to {most}")));
-            }
-        }
+        check_sizes(name, (m, h, k, j), (self.lobes_refl, self.lobes_high))?;
         c.theta_axis(&self.theta_i)?;
         c.h_axis(&self.h_um)?;
+        for (key, axis) in [("theta_i[1]", &self.theta_i), ("h_um[1]", &self.h_um)] {
+            if axis[1] - axis[0] < LEAST_STEP {
+                return Err(invalid(name, key, axis[1], &format!("expected steps of at least {LEAST_STEP}")));
+            }
+        }
         c.sigma_axis(&self.sigma_per_um)?;
         c.ascending("path_um", &self.path_um)?;
         c.range("path_um", &self.path_um, 0.0, 1e9)?;
@@ -292,7 +294,7 @@ impl PlyData {
             }
         }
         if let Some(layers) = &self.layers {
-            layers.check(&c, (m, h, j))?;
+            layers.check(&c, self)?;
         }
         if let Some(edge) = &self.edge {
             edge.check(&c)?;
@@ -302,6 +304,29 @@ impl PlyData {
         }
         Ok(())
     }
+}
+
+/// Sizes M, H, K, J and the numbers of lobes: asked before any arithmetic on them.
+fn check_sizes(name: &str, (m, h, k, j): (usize, usize, usize, usize), (lr, lh): (usize, usize)) -> Result<()> {
+    for (axis, size) in [("theta_i", m), ("h_um", h)] {
+        if size < 3 || size % 2 == 0 {
+            return Err(invalid(name, axis, format!("{size} values"), "expected an odd number, at least 3"));
+        }
+        if size > MOST_NODES {
+            return Err(invalid(name, axis, format!("{size} values"), &format!("expected at most {MOST_NODES}")));
+        }
+    }
+    for (key, size, most) in [
+        ("sigma_per_um values", k, 1024),
+        ("path_um values", j, super::MAX_PATHS),
+        ("lobes_refl", lr, super::MAX_LOBES),
+        ("lobes_high", lh, super::MAX_LOBES),
+    ] {
+        if size == 0 || size > most {
+            return Err(invalid(name, key, size, &format!("expected 1 to {most}")));
+        }
+    }
+    Ok(())
 }
 
 /// Angles within +-100 rad (f32 keeps 1e-5 of them), bandwidths and energies within their ranges.

@@ -14,7 +14,8 @@
 use super::asg::PARAMS;
 use super::data::{MAX_PATHS, PlyData};
 use super::energy::clamped_sigma;
-use crate::math::simd::{exp2, fma, max};
+use super::layer_factors::between;
+use crate::math::simd::{exp2, fma, max, min};
 use multiversion::{multiversion, target::target_cfg_f};
 use std::f64::consts::LOG2_E;
 
@@ -50,11 +51,7 @@ impl LayerTables {
         let factors = d.layers.as_ref()?;
         let (m, h, _, j) = d.sizes();
         let (rows, columns) = (2 * m - 1, 2 * h - 1);
-        // Between the nodes energies are bilinear: the mean of the two or four nodes around.
-        let between = |row: usize, column: usize, of: &dyn Fn(usize) -> f64| {
-            let (m0, m1, n0, n1) = (row / 2, row.div_ceil(2), column / 2, column.div_ceil(2));
-            0.25 * (of(m0 * h + n0) + of(m0 * h + n1) + of(m1 * h + n0) + of(m1 * h + n1))
-        };
+        let between = |row: usize, column: usize, of: &dyn Fn(usize) -> f64| between(h, row, column, of);
         let mut first = Vec::with_capacity(rows * 2 * (1 + j));
         for row in 0..rows {
             // Trapezoids over h; the ends, where a beam meets next to nothing, count half.
@@ -62,8 +59,7 @@ impl LayerTables {
             let mean = |of: &dyn Fn(usize) -> f64| (0..columns).map(|n| weight(n) * of(n)).sum::<f64>();
             let met = mean(&|n| between(row, n, &|i| 1.0 - d.r_d[i])).max(f64::MIN_POSITIVE);
             let forward = |p: usize| mean(&|n| factors.forward[(row * columns + n) * (1 + j) + p]) / met;
-            let energy = |i: usize, p: usize| if p == 0 { d.energy_refl[i] } else { d.energy_high[i * j + p - 1] };
-            let all = |p: usize| mean(&|n| between(row, n, &|i| energy(i, p))) / met;
+            let all = |p: usize| mean(&|n| between(row, n, &|i| d.energy(i, p))) / met;
             first.extend((0..=j).map(|p| (all(p) - forward(p)) as f32));
             first.extend((0..=j).map(|p| forward(p) as f32));
         }
@@ -188,6 +184,7 @@ impl LayerTables {
             reflected_diffuse: self.absorbed::<FMA, 1, N>([(1.0, self.spectrum(&self.diffuse, 0))], t),
             transmitted_diffuse: self.absorbed::<FMA, 1, N>([(1.0, self.spectrum(&self.diffuse, 1))], t),
         }
+        .conserved()
     }
 
     /// r (0) or t (1), at the fraction `s` from row `m` to the next. (Closures need not be inlined into code for other instruction sets.)
@@ -277,6 +274,22 @@ pub struct Layer<const N: usize> {
 }
 
 impl<const N: usize> Layer<N> {
+    /// Of fractions at 0 or more, and each pair scaled to no more than 1: simulated energies have noise, and a layer sends on no more than it gets. Not a
+    /// number counts as 0.
+    pub(super) fn conserved(mut self) -> Self {
+        for k in 0..N {
+            for (r, t) in [
+                (&mut self.reflected[k], &mut self.transmitted[k]),
+                (&mut self.reflected_diffuse[k], &mut self.transmitted_diffuse[k]),
+            ] {
+                let (back, through) = (min(max(*r, 0.0), 1e6), min(max(*t, 0.0), 1e6));
+                let scale = 1.0 / max(back + through, 1.0);
+                (*r, *t) = (back * scale, through * scale);
+            }
+        }
+        self
+    }
+
     /// R and T of this layer with `below` beneath it (module text).
     pub fn over(&self, below: &Layer<N>) -> TwoLayers<N> {
         let mut two = TwoLayers { reflected: [0.0; N], transmitted: [0.0; N] };

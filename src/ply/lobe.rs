@@ -130,6 +130,13 @@ pub(super) fn shape<const FMA: bool>(q: f32, cz: f32) -> f32 {
     if cz > 0.0 && cz < 2.0 && q < 100.0 { value } else { 0.0 }
 }
 
+/// `1 - 2^-a`, the share of a lobe's plane that lies within the unit disc. Bandwidths keep it above 0.05; it would be 0 for what is no direction, whose squares
+/// overflow.
+#[inline(always)]
+pub(super) fn disc_share<const FMA: bool>(a: f32) -> f32 {
+    max(1.0 - exp2::<FMA>(-a), 1e-6)
+}
+
 /// Numbers below 1, and 0 for what is not a number.
 #[inline(always)]
 pub(super) fn unit(u: [f32; 3]) -> [f32; 3] {

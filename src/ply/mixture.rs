@@ -9,9 +9,9 @@ use super::energy::interpolate_node;
 use super::energy::{Core, Energies, absorb, absorbed, halves, mean_sum, scales, transmittances};
 use super::interpolate::{interpolate_high, interpolate_refl};
 use super::layout::Tables;
-use super::lobe::{Axes, amplitudes, axes, disc_point, project, root_width, shape, unit};
+use super::lobe::{Axes, amplitudes, axes, disc_point, disc_share, project, root_width, shape, unit};
 use super::place::{mirrored, place};
-use crate::math::simd::{exp2, fma, max, min};
+use crate::math::simd::{fma, max, min};
 use crate::ply::asg::PARAMS;
 
 /// f_refl and f_high per sigma in a direction, and the density of sampling it [1/sr].
@@ -214,7 +214,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
             // a(t) of the direction t of (u, w); at the axis, where t is undefined, any mean of mu1 and mu2 serves.
             let a = (q + 1e-30) / (fma::<FMA>(u, u, w * w) + 1e-30);
             value[i] = shape * x.amplitude[i];
-            density[i] = shape * (mean[i] * x.norm[i]) / (1.0 - exp2::<FMA>(-a));
+            density[i] = shape * (mean[i] * x.norm[i]) / disc_share::<FMA>(a);
         }
         let (refl, high) = self.weigh::<FMA>(&value);
         let total = self.total();

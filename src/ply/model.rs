@@ -27,7 +27,7 @@ use std::path::Path;
 /// All angles in radians, lengths in um, densities in 1/sr; every f is an energy density: BSDF times |cos theta_o|. Directions are
 /// unit vectors in the ply frame and are not normalised. No call allocates, fails or panics. Where |h| is beyond the nodes, or
 /// theta_i or h is not a number, the beam misses: f = 0 and r_d = 1. |theta_i| beyond the nodes counts as the last node.
-/// Absorption is clamped to [0, 1e6]; not a number counts as 0. A `wo` that is not finite gives 0. Interpolated ln mu is kept
+/// Absorption is clamped to [0, 1e6]; not a number counts as 0. A `wo` that is not finite, or far from unit, gives 0. Interpolated ln mu is kept
 /// within [`crate::ply::asg::MU_MIN`] and [`crate::ply::asg::MU_MAX`], lobe energies at 0 or more.
 #[derive(Clone, Debug)]
 pub struct PlyModel {

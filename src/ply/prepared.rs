@@ -1,10 +1,10 @@
 //! The lobes at one incidence, kept for many directions: what does not depend on the direction is multiplied out, sums over path lengths above all.
 
 use super::energy::{Core, Energies, halves};
-use super::lobe::{Axes, disc_point, project, shape, unit};
+use super::lobe::{Axes, disc_point, disc_share, project, shape, unit};
 use super::mixture::{Mixture, Shapes};
 use super::place::mirrored;
-use crate::math::simd::{exp2, fma, min};
+use crate::math::simd::{fma, min};
 use crate::ply::asg::PARAMS;
 
 /// Lobes in L lanes, H high-order ones first, then those of f_refl, for N absorptions.
@@ -115,7 +115,7 @@ impl<const H: usize, const L: usize, const N: usize> PreparedLobes<H, L, N> {
             // As in `Mixture::eval_pdf`.
             let a = (q + 1e-30) / (fma::<FMA>(u, u, w * w) + 1e-30);
             value[i] = shape * self.amplitude[i];
-            density[i] = shape * self.density[i] / (1.0 - exp2::<FMA>(-a));
+            density[i] = shape * self.density[i] / disc_share::<FMA>(a);
         }
         self.core::<FMA>(&value, halves(density))
     }

@@ -6,6 +6,7 @@ use super::model::PlyModel;
 use super::on::PlyOn;
 use super::query::PlyQuery;
 use crate::bsdf::Outcomes;
+use crate::frame::is_direction;
 use crate::{Bsdf, BsdfSample};
 use std::f32::consts::PI;
 
@@ -48,6 +49,7 @@ impl<const N: usize> TwoLayered<N> {
     pub(crate) fn new(upper: &PlyOn<'_, impl Lobes<N>, N>, below: &Layer<N>) -> Option<TwoLayered<N>> {
         let PlyQuery { theta_i, h_um, sigma_per_um, .. } = upper.query;
         let (layer, mut forward) = layer_and_forward(upper.model.layer_tables()?, theta_i, h_um, &sigma_per_um);
+        let below = &below.conserved();
         let two = layer.over(below);
         let (scattered, r_d) = upper.albedo_r_d();
         for k in 0..N {
@@ -97,7 +99,7 @@ impl<const N: usize> TwoLayered<N> {
     }
 
     pub(crate) fn eval(&self, upper: &PlyOn<'_, impl Lobes<N>, N>, wo: [f32; 3]) -> [f32; N] {
-        let y = if wo.iter().all(|v| v.is_finite()) { wo[1].clamp(-1.0, 1.0) } else { 0.0 };
+        let y = if is_direction(wo) { wo[1].clamp(-1.0, 1.0) } else { 0.0 };
         if y > 0.0 {
             let lobes = upper.eval_lobes(wo);
             std::array::from_fn(|k| lobes[k] + self.above[k] * y / PI)
@@ -107,7 +109,7 @@ impl<const N: usize> TwoLayered<N> {
     }
 
     pub(crate) fn pdf(&self, upper: &PlyOn<'_, impl Lobes<N>, N>, wo: [f32; 3]) -> f32 {
-        if !wo.iter().all(|v| v.is_finite()) {
+        if !is_direction(wo) {
             return 0.0;
         }
         let mut pdf = self.diffuse * self.diffuse_pdf(wo[1]);
@@ -118,11 +120,7 @@ impl<const N: usize> TwoLayered<N> {
     }
 
     pub(crate) fn eval_pdf(&self, upper: &PlyOn<'_, impl Lobes<N>, N>, wo: [f32; 3]) -> ([f32; N], f32) {
-        if wo.iter().all(|v| v.is_finite()) {
-            self.over(wo, upper.eval_pdf_lobes(wo))
-        } else {
-            (self.eval(upper, wo), 0.0)
-        }
+        if is_direction(wo) { self.over(wo, upper.eval_pdf_lobes(wo)) } else { (self.eval(upper, wo), 0.0) }
     }
 
     /// Lobe directions that go forward count too, with the diffuse value there: the density covers both ways of drawing.

@@ -1,0 +1,237 @@
+//! Bytes taken as a file of each kind. An error is one line; what loads keeps its promises. A broken promise is a panic.
+
+use crate::Rng;
+use plywave::fabric::{FabricOptions, FabricSpec, LoadedFabric, Wif};
+use plywave::fiber::{FiberTable, TabulatedFiber};
+use plywave::spec::YarnSpec;
+use plywave::speckle::{Instance, SpecklePatterns};
+use plywave::table::Table;
+use plywave::{Bsdf, FabricBsdf, FabricQuery, FiberQuery, PlyModel, PlyQuery};
+use plywave_render::{Environment, Film, Light, Mesh, Scene};
+use plywave_sim::runs::{PartFile, Parts};
+use std::fmt::Display;
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
+
+/// Largest albedo of one model: energies of loaded models add up to at most this (docs/format.md), and rounding.
+const MOST: f32 = 1.0501;
+
+/// An error is one line that is not endless.
+fn one_line(error: &impl Display) {
+    let text = error.to_string();
+    assert!(
+        !text.is_empty() && text.lines().count() == 1 && text.len() < 2000,
+        "an error of {} lines: {text:.2000}",
+        text.lines().count()
+    );
+}
+
+/// Files and jobs that loaded so far: a harness whose inputs are all refused at the door would test little.
+pub static LOADED: AtomicU64 = AtomicU64::new(0);
+
+fn loaded<T, E: Display>(result: Result<T, E>) -> Option<T> {
+    LOADED.fetch_add(u64::from(result.is_ok()), Ordering::Relaxed);
+    result.inspect_err(one_line).ok()
+}
+
+fn good(what: &str, values: &[f32]) {
+    assert!(values.iter().all(|v| v.is_finite() && *v >= 0.0), "{what}: {values:?}");
+}
+
+/// A number of any size, most of them sensible.
+fn any(rng: &mut Rng, scale: f32) -> f32 {
+    const ODD: [f32; 9] = [0.0, -0.0, 1e-30, 1.9e19, -1.9e19, 1e30, f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
+    if rng.below(40) == 0 { ODD[rng.below(ODD.len())] } else { scale * (2.0 * rng.unit() - 1.0) }
+}
+
+fn direction(rng: &mut Rng) -> [f32; 3] {
+    let (z, phi) = (2.0 * rng.unit() - 1.0, std::f32::consts::TAU * rng.unit());
+    let r = (1.0 - z * z).max(0.0).sqrt();
+    let mut w = [r * phi.cos(), r * phi.sin(), z];
+    if rng.below(12) == 0 {
+        w[rng.below(3)] = any(rng, 1.0);
+    }
+    w
+}
+
+/// Everything a scattering function answers, in some directions.
+fn ask<const N: usize>(what: &str, at: &impl Bsdf<N>, most: f32, rng: &mut Rng) {
+    let albedo = at.albedo();
+    good(what, &albedo);
+    assert!(albedo.iter().all(|a| *a <= most), "{what}: albedo {albedo:?}");
+    good(what, &at.straight());
+    let outcomes = at.outcomes();
+    good(what, &[outcomes.scattered, outcomes.straight, outcomes.absorbed]);
+    for _ in 0..3 {
+        let w = direction(rng);
+        let ((f, pdf), g, p) = (at.eval_pdf(w), at.eval(w), at.pdf(w));
+        for values in [&f[..], &g, &[pdf, p]] {
+            assert!(values.iter().all(|v| v.is_finite() && *v >= 0.0), "{what}: {values:?} in {w:?}");
+        }
+        let u = [rng.unit(), rng.unit(), rng.unit()].map(|u| if rng.below(30) == 0 { any(rng, 1.0) } else { u });
+        if let Some(s) = at.sample(u).direction() {
+            assert!(s.w.iter().all(|v| v.is_finite()), "{what}: sample {u:?} of {s:?}");
+            good(what, &s.weight);
+            good(what, &[s.pdf]);
+        }
+    }
+}
+
+fn seeded(bytes: &[u8]) -> Rng {
+    let mut rng = Rng(bytes.len() as u64);
+    for chunk in bytes.chunks(bytes.len() / 64 + 1) {
+        rng.0 = rng.0.rotate_left(7) ^ u64::from(chunk[0]);
+    }
+    rng
+}
+
+/// A ply model: alone, over a layer, with speckle.
+pub fn model(bytes: &[u8]) {
+    let Some(ply) = loaded(PlyModel::from_bytes(bytes, "m")) else { return };
+    let mut rng = seeded(bytes);
+    let error = ply.reference_error();
+    assert!(!error.is_nan() || !ply.reference_values().is_empty());
+    let (last_h, last_t) = (ply.data().h_um.last().map_or(0.0, |h| *h as f32), 1.6);
+    for _ in 0..4 {
+        let (theta_i, h_um) = (any(&mut rng, last_t), any(&mut rng, 1.1 * last_h));
+        let sigma = [0.0, any(&mut rng, 0.1)];
+        let base =
+            PlyQuery { cached: rng.below(2) == 0, ..PlyQuery::new(theta_i, h_um, sigma, [0.55, any(&mut rng, 1.0)]) };
+        let at = ply.at(&base);
+        ask("ply", &at, MOST, &mut rng);
+        if let Some(below) = ply.layer(theta_i, sigma) {
+            ask("two layers", &ply.at(&PlyQuery { below: Some(below), ..base }), MOST, &mut rng);
+        }
+        let instance = Some(Instance::new(rng.next() as u32, any(&mut rng, 1e4), 20.0));
+        ask("speckled ply", &ply.at(&PlyQuery { instance, ..base }), MOST, &mut rng);
+    }
+}
+
+/// A table.
+pub fn table(bytes: &[u8]) {
+    if let Some(table) = loaded(Table::from_bytes(bytes, "t")) {
+        assert_eq!(
+            Table::from_bytes(&table.to_bytes().expect("what loads can be written"), "t").expect("and read"),
+            table
+        );
+    }
+}
+
+/// A fiber table.
+pub fn fiber(bytes: &[u8]) {
+    let Some(table) = loaded(FiberTable::from_bytes(bytes, "f")) else { return };
+    let mut rng = seeded(bytes);
+    let fiber = TabulatedFiber::from_table(table).expect("a checked table");
+    let fiber = if rng.below(4) == 0 { fiber.with_beta_m(any(&mut rng, 2.0)) } else { fiber };
+    for _ in 0..4 {
+        let at = fiber.at(&FiberQuery::new(direction(&mut rng), [0.5, any(&mut rng, 1.0)]));
+        good("width", &at.width_um());
+        ask("fiber", &at, MOST, &mut rng);
+    }
+}
+
+/// Speckle patterns.
+pub fn speckle(bytes: &[u8]) {
+    if let Some(patterns) = loaded(SpecklePatterns::from_bytes(bytes, "s")) {
+        assert!(patterns.patterns.iter().all(|v| v.is_finite() && *v >= 0.0));
+    }
+}
+
+/// The text of a yarn spec.
+pub fn yarn(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else { return };
+    if let Some(spec) = loaded(YarnSpec::parse(text, "y.toml")) {
+        let beam = spec.beam.beam();
+        assert!(beam.w0_um > 0.0 && beam.w0_um.is_finite() && beam.d_cut_um.is_finite());
+        spec.check("y.toml").expect("a parsed spec passes its own rules");
+    }
+}
+
+/// The text of a fabric spec, woven of a model that ships.
+pub fn fabric(bytes: &[u8]) {
+    static MODEL: OnceLock<Arc<PlyModel>> = OnceLock::new();
+    let Ok(text) = std::str::from_utf8(bytes) else { return };
+    let Some(spec) = loaded(FabricSpec::parse(text, "f.toml")) else { return };
+    let mut rng = seeded(bytes);
+    // The spectra of its gaps take 20 ms.
+    if rng.below(4) > 0 {
+        return;
+    }
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fabrics/models/polyester.pwm");
+    let model = MODEL.get_or_init(|| Arc::new(PlyModel::load(path).expect("the model ships")));
+    let woven = LoadedFabric::new(spec, None, [vec![model.clone()], vec![model.clone()]]);
+    let Some(fabric) = loaded(woven).and_then(|woven| loaded(FabricBsdf::new(woven, &FabricOptions::default()))) else {
+        return;
+    };
+    for _ in 0..40 {
+        let position = [any(&mut rng, 5e3), any(&mut rng, 5e3)];
+        let query = FabricQuery { turn_rad: any(&mut rng, 3.0), ..FabricQuery::rgb(position, direction(&mut rng)) };
+        // In a gap four plies and the aperture, each within its tolerance.
+        ask("fabric", &fabric.at(&query), 1.25, &mut rng);
+    }
+}
+
+/// A draft in WIF.
+pub fn wif(bytes: &[u8]) {
+    loaded(Wif::parse(bytes, "w.wif"));
+}
+
+/// Calls `with` on a file of these bytes.
+fn on_disk<T>(bytes: &[u8], with: impl FnOnce(&Path) -> T) -> T {
+    thread_local!(static FOLDER: tempfile::TempDir = tempfile::tempdir().expect("a temporary folder"));
+    FOLDER.with(|folder| {
+        let path = folder.path().join("input");
+        std::fs::write(&path, bytes).expect("it can be written");
+        with(&path)
+    })
+}
+
+/// A mesh in OBJ, and rays at it.
+pub fn obj(bytes: &[u8]) {
+    let Some((mesh, _)) = loaded(on_disk(bytes, |path| Mesh::obj(path, 1000.0, 100.0))) else { return };
+    let lights: Vec<Light> = Vec::new();
+    let scene = Scene::new(mesh, lights, Environment::constant(1.0));
+    let mut rng = seeded(bytes);
+    for _ in 0..8 {
+        let origin = direction(&mut rng).map(|v| if v.is_finite() { 200.0 * v } else { 0.0 });
+        if let Some(point) = scene.meet(origin.into(), origin.map(|v| -v / 200.0).into()) {
+            let _ = point;
+        }
+    }
+}
+
+/// A sky in OpenEXR.
+pub fn sky(bytes: &[u8]) {
+    loaded(on_disk(bytes, |path| Environment::load(path, 1.0)));
+}
+
+/// A scene of the wave simulator.
+pub fn scene(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else { return };
+    loaded(plywave_sim::wave::Scene::parse(text));
+}
+
+/// A part of a run: read, and merged where it is whole.
+pub fn part(bytes: &[u8]) {
+    let Some(part) = loaded(PartFile::from_bytes(bytes.to_vec(), "p.pwp")) else { return };
+    assert!(part.entries().all(|(first, count)| count > 0 && first + count <= part.shards()));
+    if part.description().kind == "scatter" {
+        on_disk(bytes, |path| {
+            if let Some(parts) = loaded(Parts::open(&[path.to_path_buf()])) {
+                loaded(parts.output().map(|_| ()));
+            }
+        });
+    }
+}
+
+/// Sums of a render of 4 x 3 pixels.
+pub fn sums(bytes: &[u8]) {
+    let of = [("spec".to_string(), "digest".to_string())];
+    if let Some(film) = loaded(on_disk(bytes, |path| Film::resume(path, &of, 4, 3))) {
+        for (x, y) in (0..4).flat_map(|x| (0..3).map(move |y| (x, y))) {
+            let values = [film.xyz(plywave_render::FilmView::Light, x, y), film.normal(x, y)];
+            assert!(values.iter().flatten().chain([&film.depth(x, y)]).all(|v| v.is_finite()), "{values:?}");
+        }
+    }
+}

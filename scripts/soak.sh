@@ -1,0 +1,76 @@
+#!/usr/bin/env bash
+# Soak test: INPUTS mutated files through every loader, then KILLS runs killed with SIGKILL at random moments and resumed, whose results must be those of undisturbed
+# runs to the bit.
+#
+#     scripts/soak.sh [INPUTS] [KILLS] [SEED]        by default 10000000 inputs, 50 kills, seed 1
+#
+# Runs in a temporary folder; the figures are for docs/numbers.md, with the date.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+root=$PWD
+inputs=${1:-10000000} kills=${2:-50}
+RANDOM=${3:-1}
+
+cargo build --locked --quiet --release -p plywave-cli
+plywave=$root/target/release/plywave
+
+echo "== $inputs inputs from seed ${3:-1}"
+PLYWAVE_FUZZ_COUNT=$inputs PLYWAVE_FUZZ_SEED=${3:-1} \
+    cargo test --locked --release -p plywave-fuzz --test run -- --nocapture --test-threads 1 every_loader_keeps_its_promises
+
+echo "== $kills kills"
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+cd "$work"
+cp "$root/tests/data/small.toml" spec.toml
+cat >thin.toml <<'TOML'
+name = "thin"
+[fiber]
+shape = { kind = "circle", radius_um = 1.0 }
+size_jitter = 0.1
+eta = 1.5
+alpha_fiber = 0.2
+[ply]
+fibers = 3
+radius_um = 4.0
+[beam]
+w0_um = 2.0
+TOML
+
+# A run of each kind, without its output.
+simulate=(simulate spec.toml --preset preview --paths 400000 --quiet)
+speckle=(wave speckle thin.toml --instances 24 --lambda 0.5 --w0 30 --quiet)
+render=(render "$root/fabrics/silk_organza.toml" --width 96 --height 96 --samples 48 --quiet)
+kinds=(simulate speckle render)
+outputs=(pwt pws png)
+
+declare -A seconds
+for i in "${!kinds[@]}"; do
+    begun=$(date +%s%N)
+    declare -n run=${kinds[i]}
+    "$plywave" "${run[@]}" -o "whole.${outputs[i]}"
+    seconds[${kinds[i]}]=$((($(date +%s%N) - begun) / 1000000))
+    echo "${kinds[i]}: undisturbed in ${seconds[${kinds[i]}]} ms"
+done
+
+landed=0
+for ((n = 0; n < kills; n++)); do
+    i=$((n % ${#kinds[@]})) kind=${kinds[n % ${#kinds[@]}]}
+    declare -n run=$kind
+    out=killed.${outputs[i]}
+    rm -rf killed.*
+    # One to three kills of the same run, each at a random moment of what an undisturbed one takes.
+    for ((k = 0; k <= RANDOM % 3; k++)); do
+        "$plywave" "${run[@]}" -o "$out" --resume &
+        child=$!
+        sleep "$(awk -v ms="${seconds[$kind]}" -v r=$RANDOM 'BEGIN { printf "%.3f", ms * r / 32768e3 }')"
+        if kill -9 "$child" 2>/dev/null; then landed=$((landed + 1)); fi
+        wait "$child" 2>/dev/null || true
+    done
+    "$plywave" "${run[@]}" -o "$out" --resume
+    cmp "whole.${outputs[i]}" "$out" || { echo "kill $n: $kind differs from an undisturbed run" >&2; exit 1; }
+    if [ "$kind" = render ]; then cmp whole.exr killed.exr; fi
+    left=$(find . -maxdepth 1 -name 'killed*.parts' -o -maxdepth 1 -name 'killed*.sums' -o -maxdepth 1 -name '.*tmp*' | wc -l)
+    [ "$left" -eq 0 ] || { echo "kill $n: $kind left files behind:" >&2; ls -A >&2; exit 1; }
+done
+echo "$kills runs killed and resumed, $landed kills while they ran: the bits of undisturbed runs"
