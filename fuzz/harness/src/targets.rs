@@ -79,7 +79,7 @@ fn ask<const N: usize>(what: &str, at: &impl Bsdf<N>, most: f32, rng: &mut Rng) 
 }
 
 fn seeded(bytes: &[u8]) -> Rng {
-    let mut rng = Rng(bytes.len() as u64);
+    let mut rng = Rng::new(bytes.len() as u64);
     for chunk in bytes.chunks(bytes.len() / 64 + 1) {
         rng.0 = rng.0.rotate_left(7) ^ u64::from(chunk[0]);
     }
@@ -103,7 +103,7 @@ pub fn model(bytes: &[u8]) {
         if let Some(below) = ply.layer(theta_i, sigma) {
             ask("two layers", &ply.at(&PlyQuery { below: Some(below), ..base }), MOST, &mut rng);
         }
-        let instance = Some(Instance::new(rng.next() as u32, any(&mut rng, 1e4), 20.0));
+        let instance = Some(Instance::new(rng.bits() as u32, any(&mut rng, 1e4), 20.0));
         ask("speckled ply", &ply.at(&PlyQuery { instance, ..base }), MOST, &mut rng);
     }
 }

@@ -17,7 +17,7 @@ fn seeds_are_good_and_mutations_differ() {
         assert!(!target.seeds.is_empty(), "{}", target.name);
         for seed in &target.seeds {
             (target.run)(seed);
-            let changed = (0..20u64).filter(|i| mutate(seed, &mut Rng(*i)) != *seed).count();
+            let changed = (0..20u64).filter(|i| mutate(seed, &mut Rng::new(*i)) != *seed).count();
             assert!(changed >= 15, "{}: {changed} of 20 inputs differ from their seed", target.name);
         }
     }
@@ -40,7 +40,7 @@ fn every_loader_keeps_its_promises() {
         };
         let target = &targets[which];
         let seed = first + done;
-        let mut rng = Rng(seed.wrapping_mul(0x2545_f491_4f6c_dd1d));
+        let mut rng = Rng::new(seed.wrapping_mul(0x2545_f491_4f6c_dd1d));
         let input = mutate(&target.seeds[rng.below(target.seeds.len())], &mut rng);
         let (start, loaded) = (Instant::now(), LOADED.load(Ordering::Relaxed));
         let result = catch_unwind(AssertUnwindSafe(|| (target.run)(&input)));
