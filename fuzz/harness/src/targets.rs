@@ -79,11 +79,11 @@ fn ask<const N: usize>(what: &str, at: &impl Bsdf<N>, most: f32, rng: &mut Rng) 
 }
 
 fn seeded(bytes: &[u8]) -> Rng {
-    let mut rng = Rng::new(bytes.len() as u64);
+    let mut state = bytes.len() as u64;
     for chunk in bytes.chunks(bytes.len() / 64 + 1) {
-        rng.0 = rng.0.rotate_left(7) ^ u64::from(chunk[0]);
+        state = state.rotate_left(7) ^ u64::from(chunk[0]);
     }
-    rng
+    Rng::new(state)
 }
 
 /// A ply model: alone, over a layer, with speckle.
