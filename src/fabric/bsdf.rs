@@ -98,7 +98,7 @@ impl FabricQuery<'_, 3> {
 /// use plywave::io::MemoryAssets;
 ///
 /// # fn main() -> plywave::Result<()> {
-/// # let model = std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/fabrics/models/polyester.pwm")).expect("it ships");
+/// # let model = &include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/fabrics/models/polyester.pwm"))[..];
 /// // Without a file system: a spec's text, and the bytes of the models it names.
 /// let assets = MemoryAssets::new().with("ply.pwm", model);
 /// let yarn = "model = \"ply.pwm\"\nspacing_um = 130.0\ncrimp = 0.3\nsrgb = [0.6, 0.2, 0.2]\n";

@@ -17,8 +17,8 @@ use std::path::Path;
 /// use plywave::PlyModel;
 ///
 /// # fn main() -> plywave::Result<()> {
-/// let bytes = std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/fabrics/models/polyester.pwm")).expect("it ships");
-/// let model = PlyModel::from_bytes(&bytes, "polyester.pwm")?; // or PlyModel::load(path)
+/// let bytes = include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/fabrics/models/polyester.pwm"));
+/// let model = PlyModel::from_bytes(bytes, "polyester.pwm")?; // or PlyModel::load(path)
 /// assert!(model.has_edge() && model.reference_error() < 1e-4);
 /// # Ok(())
 /// # }
