@@ -9,6 +9,12 @@ pub(crate) const MAX_LOBES: usize = 16;
 /// Most path lengths of a spectrum.
 pub(crate) const MAX_PATHS: usize = 16;
 
+/// Weight of a lobe whose energy or spectrum has vanished: keeps the sum of the lobes above 0, so that the mixture can always be
+/// scaled to the simulated energy.
+pub(crate) const LEAST_ENERGY: f64 = 1e-12;
+/// The same for a lobe's transmittance.
+pub(crate) const LEAST_TRANSMITTANCE: f64 = 1e-20;
+
 /// The tensors of a ply model file, as the fitter makes them. All arrays are flat, last index fastest.
 /// Lobe parameters are in the order of [`crate::ply::asg::Lobe`]: theta_z, phi_z, phi_xy [rad], ln mu1, ln mu2, energy.
 ///
@@ -62,4 +68,15 @@ pub struct PlyData {
     pub edge: Option<EdgeLobes>,
     /// Speckle noise (Yu 2025, 6.2); absent in models that are smooth only.
     pub noise: Option<NoiseTiles>,
+}
+
+/// Value of a node array at index -1..=n, continued linearly beyond both ends: `at(-1) = 2 at(0) - at(1)`.
+pub(crate) fn extended(i: isize, n: usize, at: &dyn Fn(usize) -> f64) -> f64 {
+    if i < 0 {
+        2.0 * at(0) - at(1)
+    } else if i as usize >= n {
+        2.0 * at(n - 1) - at(n - 2)
+    } else {
+        at(i as usize)
+    }
 }

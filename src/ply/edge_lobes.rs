@@ -31,7 +31,7 @@ pub struct EdgeLobes {
 }
 
 impl EdgeLobes {
-    /// The lobe of energy 1 at an incidence: the slow twin of what the runtime evaluates.
+    /// The lobe of energy 1 at an incidence: the reference implementation of what the runtime evaluates.
     pub fn lobe(&self, theta_i: f64, h_um: f64, lambda_um: f64) -> Lobe {
         let place = |axis: &[f64], x: f64| {
             let last = axis.len() - 1;

@@ -1,8 +1,8 @@
 //! Energies at an incidence: interpolated over the nodes, absorbed along the paths, and what scales lobes to them.
 
+use super::data::LEAST_TRANSMITTANCE;
 use super::layout::{Node, Tables};
 use super::place::{Place, place};
-use super::reference::LEAST_TRANSMITTANCE;
 use crate::math::simd::{exp2, fma, max, min};
 
 /// r_d, energy of f_refl and of f_high per sigma.

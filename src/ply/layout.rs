@@ -2,8 +2,7 @@
 //! reflection grid, angles in half turns and bandwidths as the binary logarithm of sqrt(mu log2 e), so that the kernels need no
 //! range reduction and no square root: `exp(-mu u^2) = 2^-(s u)^2` with s = 2 to the stored number.
 
-use super::reference::{LEAST_ENERGY, extended};
-use super::{MAX_LOBES, MAX_PATHS, PlyData};
+use super::data::{LEAST_ENERGY, MAX_LOBES, MAX_PATHS, PlyData, extended};
 use crate::ply::asg::{MU_MAX, MU_MIN, PARAMS};
 use std::f64::consts::{LOG2_E, PI};
 

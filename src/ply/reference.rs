@@ -1,14 +1,8 @@
-//! The slow, obvious twin of the runtime's kernels: the model as [`super::PlyData`] defines it, in f64, through
+//! The reference implementation of the runtime's kernels, slow and obvious: the model as [`super::PlyData`] defines it, in f64, through
 //! [`crate::ply::asg::Lobe`]. Tests hold the fast path to it.
 
-use super::PlyData;
+use super::data::{LEAST_ENERGY, LEAST_TRANSMITTANCE, PlyData, extended};
 use crate::ply::asg::{Lobe, MU_MAX, MU_MIN, PARAMS, unit_energy};
-
-/// Weight of a lobe whose energy or spectrum has vanished: keeps the sum of the lobes above 0, so that the mixture can always be
-/// scaled to the simulated energy.
-pub(crate) const LEAST_ENERGY: f64 = 1e-12;
-/// The same for a lobe's transmittance.
-pub(crate) const LEAST_TRANSMITTANCE: f64 = 1e-20;
 
 /// A lobe with its energy per wavelength.
 struct Weighted {
@@ -41,17 +35,6 @@ fn cell(x: f64, axis: &[f64]) -> (usize, f64) {
 pub(crate) fn catmull_rom(f: f64) -> [f64; 4] {
     let (f2, f3) = (f * f, f * f * f);
     [0.5 * (-f3 + 2.0 * f2 - f), 0.5 * (3.0 * f3 - 5.0 * f2 + 2.0), 0.5 * (-3.0 * f3 + 4.0 * f2 + f), 0.5 * (f3 - f2)]
-}
-
-/// Value of a node array at index -1..=n, continued linearly beyond both ends: `at(-1) = 2 at(0) - at(1)`.
-pub(crate) fn extended(i: isize, n: usize, at: &dyn Fn(usize) -> f64) -> f64 {
-    if i < 0 {
-        2.0 * at(0) - at(1)
-    } else if i as usize >= n {
-        2.0 * at(n - 1) - at(n - 2)
-    } else {
-        at(i as usize)
-    }
 }
 
 impl Mixture {

@@ -1,4 +1,4 @@
-//! The slow twin of the meeting of line and plies, and what follows from the conventions alone.
+//! The reference implementation of the hit of a line and plies, and what follows from the conventions alone.
 
 use super::*;
 use rand::{RngExt, SeedableRng};
@@ -21,7 +21,7 @@ fn cross64(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// The slow twin: a walk along the line in small steps until it is within R of the axis of a ply, a true helix; its ply, theta_i and h there.
+/// The reference implementation: a walk along the line in small steps until it is within R of the axis of a ply, a true helix; its ply, theta_i and h there.
 struct Twin {
     circle: f64,
     turns_per_um: f64,
