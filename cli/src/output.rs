@@ -57,7 +57,7 @@ pub fn check_writable(path: &Path, inputs: &[&Path]) -> Outcome {
     if !folder.is_dir() {
         return refuse(format!("a file in {}", folder.display()), "this folder does not exist; make it first");
     }
-    match temporary(&target) {
+    match tempfile::tempfile_in(folder) {
         // The probe goes away when it is dropped.
         Ok(_) => Ok(()),
         Err(error) => refuse(error.to_string(), "choose a place that can be written"),
@@ -81,26 +81,19 @@ pub fn check_folder(path: &Path, mark: &str, inputs: &[&Path]) -> Outcome {
     }
 }
 
-/// Writes a file under a temporary name beside it, then renames it.
+/// Writes a file whole or not at all.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Outcome {
     write_whole_by(path, |out| out.write_all(bytes))
 }
 
-/// As [`write_whole`], piece by piece. A new file of a random name takes the bytes and is flushed to the disk; then it gets the name, and the folder is flushed.
-/// Of a link, the file that it leads to is replaced.
+/// As [`write_whole`], piece by piece, by the one writer of `plywave::io`.
 pub fn write_whole_by(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Outcome {
-    let target = target_of(path);
-    let written = temporary(&target).and_then(|file| {
-        let mut out = std::io::BufWriter::with_capacity(1 << 16, file);
-        write(&mut out)?;
-        let file = out.into_inner().map_err(std::io::IntoInnerError::into_error)?;
-        file.as_file().sync_all()?;
-        file.persist(&target).map_err(|e| e.error)?;
-        // Where a folder cannot be flushed, the file in it was.
-        let _ = std::fs::File::open(folder(&target)).and_then(|folder| folder.sync_all());
-        Ok(())
-    });
-    written.map_err(|error| Failure::input(path.display(), "-o", error, "choose a place that can be written"))
+    plywave::io::write_file_with(path, write).map_err(|error| match error {
+        plywave::Error::Io { source, .. } => {
+            Failure::input(path.display(), "-o", source, "choose a place that can be written")
+        }
+        other => other.into(),
+    })
 }
 
 fn folder(path: &Path) -> &Path {
@@ -116,21 +109,6 @@ fn target_of(path: &Path) -> PathBuf {
         Ok(about) if about.is_symlink() => path.canonicalize().unwrap_or_else(|_| path.to_path_buf()),
         _ => path.to_path_buf(),
     }
-}
-
-/// A new file beside `path`, of a random hidden name, which goes away unless it is kept.
-fn temporary(path: &Path) -> std::io::Result<tempfile::NamedTempFile> {
-    let mut prefix = std::ffi::OsString::from(".");
-    prefix.push(path.file_name().unwrap_or_default());
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(&prefix).suffix(".part");
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        // As any new file: the umask takes its part.
-        builder.permissions(std::fs::Permissions::from_mode(0o666));
-    }
-    builder.tempfile_in(folder(path))
 }
 
 /// `path` with another ending, in the current folder: where an output goes when no `-o` is given.

@@ -10,6 +10,8 @@ use std::path::{Path, PathBuf};
 
 /// Symbolic links that are followed to find an output's target, as many as Linux does.
 const MOST_LINKS: usize = 40;
+/// First and last letters of the names that files have while they are written.
+const TEMPORARY: [&str; 2] = [".plywave-", ".tmp"];
 /// Temporary names that are tried before giving up.
 const MOST_NAMES: usize = 100;
 
@@ -158,6 +160,11 @@ pub fn write_file_with(
     Ok(())
 }
 
+/// Whether a name is one that files have while they are written: what a killed program leaves.
+pub fn is_temporary(name: &str) -> bool {
+    name.starts_with(TEMPORARY[0]) && name.ends_with(TEMPORARY[1])
+}
+
 fn fill(file: File, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> std::io::Result<()> {
     let mut out = BufWriter::with_capacity(1 << 16, file);
     write(&mut out)?;
@@ -171,7 +178,8 @@ fn create_new(folder: &Path) -> std::io::Result<(PathBuf, File)> {
     for k in 0..MOST_NAMES {
         let mut hasher = state.build_hasher();
         hasher.write_usize(k);
-        let path = folder.join(format!(".plywave-{:016x}.tmp", mix64(hasher.finish())));
+        let [head, tail] = TEMPORARY;
+        let path = folder.join(format!("{head}{:016x}{tail}", mix64(hasher.finish())));
         match OpenOptions::new().write(true).create_new(true).open(&path) {
             Ok(file) => return Ok((path, file)),
             Err(e) if e.kind() == ErrorKind::AlreadyExists => last = e,

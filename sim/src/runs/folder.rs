@@ -44,7 +44,7 @@ impl PartsFolder {
     pub fn open(path: impl Into<PathBuf>, found: Found) -> Result<PartsFolder, SimError> {
         let path = path.into();
         let names = if path.exists() { names_in(&path)? } else { Vec::new() };
-        let ours = |name: &String| name == LOCK || disk::is_temporary(name) || parse_name(name).is_some();
+        let ours = |name: &String| name == LOCK || plywave::io::is_temporary(name) || parse_name(name).is_some();
         if !names.is_empty() && !names.iter().any(ours) {
             return Err(Error::Format {
                 file: path.display().to_string(),
@@ -57,7 +57,7 @@ impl PartsFolder {
         let folder = PartsFolder { path, found, notes: Mutex::default(), _lock: lock };
         // What a killed run was writing.
         for name in folder.names()? {
-            if disk::is_temporary(&name) {
+            if plywave::io::is_temporary(&name) {
                 let _ = fs::remove_file(folder.path.join(name));
             }
         }
@@ -278,10 +278,10 @@ mod tests {
         let held = PartsFolder::open(&path, Found::Refuse).unwrap();
         fs::write(path.join("diary.txt"), "mine").unwrap();
         fs::write(path.join("shard-000000.pwp"), "not whole").unwrap();
-        fs::write(path.join(".shard-1-0.tmp"), "half").unwrap();
+        fs::write(path.join(".plywave-1-0.tmp"), "half").unwrap();
         drop(held);
         let held = PartsFolder::open(&path, Found::Refuse).unwrap();
-        assert!(!path.join(".shard-1-0.tmp").exists());
+        assert!(!path.join(".plywave-1-0.tmp").exists());
         held.remove();
         assert_eq!(fs::read_dir(&path).unwrap().count(), 1);
         assert!(path.join("diary.txt").exists());
