@@ -3,24 +3,32 @@
 # runs to the bit.
 #
 #     scripts/soak.sh [INPUTS] [KILLS] [SEED]        by default 10000000 inputs, 50 kills, seed 1
+#     SOAK_SECONDS=3600 scripts/soak.sh              ends the inputs after an hour, if they are not done before
 #
-# Runs in a temporary folder; the figures are for docs/numbers.md, with the date.
+# Runs in a temporary folder, from copies of the programs, so that a build beside it changes nothing; the figures are for docs/numbers.md, with the date.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 root=$PWD
 inputs=${1:-10000000} kills=${2:-50}
 RANDOM=${3:-1}
 
-cargo build --locked --quiet --release -p plywave-cli
-plywave=$root/target/release/plywave
-
-echo "== $inputs inputs from seed ${3:-1}"
-PLYWAVE_FUZZ_COUNT=$inputs PLYWAVE_FUZZ_SEED=${3:-1} \
-    cargo test --locked --release -p plywave-fuzz --test run -- --nocapture --test-threads 1 every_loader_keeps_its_promises
-
-echo "== $kills kills"
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
+cargo build --locked --quiet --release -p plywave-cli
+cp target/release/plywave "$work/plywave"
+fuzz=$(cargo test --locked --release -p plywave-fuzz --test run --no-run 2>&1 | sed -n 's/.*Executable.*(\(.*\))$/\1/p')
+cp "$fuzz" "$work/fuzz"
+plywave=$work/plywave
+
+if [ "$inputs" -gt 0 ]; then
+    echo "== $inputs inputs from seed ${3:-1}"
+    export PLYWAVE_FUZZ_COUNT=$inputs PLYWAVE_FUZZ_SEED=${3:-1}
+    if [ -n "${SOAK_SECONDS:-}" ]; then export PLYWAVE_FUZZ_SECONDS=$SOAK_SECONDS; fi
+    (cd fuzz/harness && "$work/fuzz" --nocapture --test-threads 1 every_loader_keeps_its_promises)
+fi
+
+if [ "$kills" -eq 0 ]; then exit; fi
+echo "== $kills kills"
 cd "$work"
 cp "$root/tests/data/small.toml" spec.toml
 cat >thin.toml <<'TOML'
@@ -37,10 +45,10 @@ radius_um = 4.0
 w0_um = 2.0
 TOML
 
-# A run of each kind, without its output.
-simulate=(simulate spec.toml --preset preview --paths 400000 --quiet)
-speckle=(wave speckle thin.toml --instances 24 --lambda 0.5 --w0 30 --quiet)
-render=(render "$root/fabrics/silk_organza.toml" --width 96 --height 96 --samples 48 --quiet)
+# A run of each kind, without its output; each takes one to two seconds of a core.
+simulate=(simulate spec.toml --preset preview --paths 200000 --quiet)
+speckle=(wave speckle thin.toml --instances 480 --lambda 0.5 --w0 30 --quiet)
+render=(render "$root/fabrics/silk_organza.toml" --width 96 --height 96 --samples 96 --quiet)
 kinds=(simulate speckle render)
 outputs=(pwt pws png)
 
@@ -54,6 +62,7 @@ for i in "${!kinds[@]}"; do
 done
 
 landed=0
+declare -A hits
 for ((n = 0; n < kills; n++)); do
     i=$((n % ${#kinds[@]})) kind=${kinds[n % ${#kinds[@]}]}
     declare -n run=$kind
@@ -64,8 +73,16 @@ for ((n = 0; n < kills; n++)); do
         "$plywave" "${run[@]}" -o "$out" --resume &
         child=$!
         sleep "$(awk -v ms="${seconds[$kind]}" -v r=$RANDOM 'BEGIN { printf "%.3f", ms * r / 32768e3 }')"
-        if kill -9 "$child" 2>/dev/null; then landed=$((landed + 1)); fi
-        wait "$child" 2>/dev/null || true
+        kill -9 "$child" 2>/dev/null || true
+        status=0
+        wait "$child" 2>/dev/null || status=$?
+        # 137: it was killed. A run that was faster than its kill ended well.
+        if [ "$status" -eq 137 ]; then
+            landed=$((landed + 1)) hits[$kind]=$((${hits[$kind]:-0} + 1))
+        elif [ "$status" -ne 0 ]; then
+            echo "kill $n: $kind ended with $status before its kill" >&2
+            exit 1
+        fi
     done
     "$plywave" "${run[@]}" -o "$out" --resume
     cmp "whole.${outputs[i]}" "$out" || { echo "kill $n: $kind differs from an undisturbed run" >&2; exit 1; }
@@ -74,3 +91,4 @@ for ((n = 0; n < kills; n++)); do
     [ "$left" -eq 0 ] || { echo "kill $n: $kind left files behind:" >&2; ls -A >&2; exit 1; }
 done
 echo "$kills runs killed and resumed, $landed kills while they ran: the bits of undisturbed runs"
+for kind in "${kinds[@]}"; do echo "$kind: ${hits[$kind]:-0} kills while it ran"; done

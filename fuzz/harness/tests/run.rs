@@ -1,5 +1,5 @@
-//! The targets under mutations, for as long or as many inputs as asked: `PLYWAVE_FUZZ_SECONDS` (4 by default) or `PLYWAVE_FUZZ_COUNT`, from `PLYWAVE_FUZZ_SEED` on. A failure names
-//! target and seed, which give the same input again.
+//! The targets under mutations, for as long or as many inputs as asked: `PLYWAVE_FUZZ_SECONDS` (4 by default) or `PLYWAVE_FUZZ_COUNT`, from `PLYWAVE_FUZZ_SEED` on. With both, the
+//! run ends at whichever comes first. A failure names target and seed, which give the same input again.
 
 use plywave_fuzz::targets::LOADED;
 use plywave_fuzz::{Rng, all, mutate};
@@ -26,13 +26,14 @@ fn seeds_are_good_and_mutations_differ() {
 #[test]
 fn every_loader_keeps_its_promises() {
     let count = number("PLYWAVE_FUZZ_COUNT");
-    let budget = Duration::from_secs(number("PLYWAVE_FUZZ_SECONDS").unwrap_or(4));
+    let seconds = number("PLYWAVE_FUZZ_SECONDS").or(if count.is_none() { Some(4) } else { None });
+    let budget = seconds.map_or(Duration::MAX, Duration::from_secs);
     let first = number("PLYWAVE_FUZZ_SEED").unwrap_or(1);
     let targets = all();
     let begun = Instant::now();
     let (mut done, mut by_target) = (0u64, vec![(0u64, Duration::ZERO, 0u64); targets.len()]);
     let mut failures = Vec::new();
-    while count.map_or(begun.elapsed() < budget, |count| done < count) && failures.len() < 20 {
+    while begun.elapsed() < budget && done < count.unwrap_or(u64::MAX) && failures.len() < 20 {
         // Each target has its turn; in time, not in number, where the budget is time.
         let which = match count {
             Some(_) => (done % targets.len() as u64) as usize,
