@@ -13,6 +13,16 @@ pub enum FitError {
         /// What would be accepted.
         hint: &'static str,
     },
+    /// The model of a table could not be saved, whatever its lobes.
+    #[error("table: {key} = {value} of its model: {hint}; such a model could not be saved")]
+    Unsavable {
+        /// What of the model.
+        key: String,
+        /// Its value.
+        value: String,
+        /// What would be accepted, and what to do.
+        hint: String,
+    },
     /// An option is out of range.
     #[error("fit options: {name} = {value}: must be {allowed}")]
     Option {

@@ -11,6 +11,7 @@ use crate::lobes::dark::{DarkSlices, refine};
 use crate::lobes::reflection::fit_reflection;
 use crate::lobes::sphere::{Scratch, SphereGrid};
 use crate::options::FitOptions;
+use plywave::ply::EdgeLobes;
 use plywave::ply::PlyData;
 use plywave::ply::asg::PARAMS;
 use plywave::table::Table;
@@ -39,19 +40,66 @@ pub struct Progress {
     pub total: usize,
 }
 
+/// A model without its lobes: axes, absorption and energies of a table, and these edge lobes. Refused where it could not be saved, in some milliseconds.
+///
+/// # Errors
+/// [`FitError::Table`], [`FitError::Option`], [`FitError::Unsavable`].
+pub fn frame(table: &Table, options: &FitOptions, edge: Option<EdgeLobes>) -> Result<PlyData, FitError> {
+    check_table(table)?;
+    options.check()?;
+    let energies: Vec<Vec<f64>> =
+        table.energy_high.chunks_exact(table.sigma_per_um.len()).map(|e| e.to_vec()).collect();
+    let path_um = choose_paths(&energies, &table.sigma_per_um);
+    let spectra: Vec<Vec<f64>> = energies.iter().map(|e| energy_spectrum(e, &table.sigma_per_um, &path_um).0).collect();
+    let data = PlyData {
+        spec_text: table.spec_text.clone(),
+        program_version: env!("CARGO_PKG_VERSION").to_string(),
+        preset: table.preset.clone(),
+        seed: table.seed,
+        theta_i: table.theta_i.clone(),
+        h_um: table.h_um.clone(),
+        sigma_per_um: table.sigma_per_um.clone(),
+        path_um,
+        lobes_refl: options.lobes_refl,
+        lobes_high: options.lobes_high,
+        r_d: table.r_d.clone(),
+        energy_refl: table.energy_refl.clone(),
+        energy_high: spectra.concat(),
+        refl: Vec::new(),
+        high: Vec::new(),
+        high_path: Vec::new(),
+        error_refl: Vec::new(),
+        error_high: Vec::new(),
+        layers: None,
+        edge,
+        noise: None,
+    };
+    match data.check_frame("table") {
+        Ok(()) => Ok(data),
+        Err(plywave::Error::Invalid { key, value, mut hint, .. }) => {
+            if key.starts_with("path_um") {
+                hint += "; paths are some 1/sigma_per_um long: give absorption.sigma_per_um other values and simulate again";
+            } else if key.starts_with("theta_i") || key.starts_with("h_um") {
+                hint += "; give simulation.theta_i_nodes and h_nodes other values and simulate again";
+            }
+            Err(FitError::Unsavable { key, value, hint })
+        }
+        Err(other) => {
+            Err(FitError::Unsavable { key: "model".into(), value: "invalid".into(), hint: other.to_string() })
+        }
+    }
+}
+
 /// Fits a ply model to a table. The lobes of f_refl carry shares of `energy_refl` that add up to 1 at each node, those of a block of
 /// f_high energies up to a common factor; the evaluator scales both to the energies of the table. The result depends on the table and options alone, not on the number of threads.
 /// `progress` is called from worker threads, after each unit of work.
 pub fn fit(table: &Table, options: &FitOptions, progress: &(dyn Fn(Progress) + Sync)) -> Result<PlyData, FitError> {
-    check_table(table)?;
-    options.check()?;
+    let mut data = frame(table, options, None)?;
     let sphere = SphereGrid::new(table.grid);
     let coarse = coarse_grid(&sphere);
     let (rows, columns, sigmas) = (table.theta_i.len(), table.h_um.len(), table.sigma_per_um.len());
-
-    let energies: Vec<Vec<f64>> = table.energy_high.chunks_exact(sigmas).map(|e| e.to_vec()).collect();
-    let path_um = choose_paths(&energies, &table.sigma_per_um);
-    let spectra: Vec<Vec<f64>> = energies.iter().map(|e| energy_spectrum(e, &table.sigma_per_um, &path_um).0).collect();
+    let path_um = data.path_um.clone();
+    let spectra: Vec<Vec<f64>> = data.energy_high.chunks_exact(path_um.len()).map(|e| e.to_vec()).collect();
 
     let (block_rows, block_columns) = ((rows - 1) / 2, (columns - 1) / 2);
     let blocks = block_rows * block_columns;
@@ -124,29 +172,9 @@ pub fn fit(table: &Table, options: &FitOptions, progress: &(dyn Fn(Progress) + S
         },
     );
 
-    let mut data = PlyData {
-        spec_text: table.spec_text.clone(),
-        program_version: env!("CARGO_PKG_VERSION").to_string(),
-        preset: table.preset.clone(),
-        seed: table.seed,
-        theta_i: table.theta_i.clone(),
-        h_um: table.h_um.clone(),
-        sigma_per_um: table.sigma_per_um.clone(),
-        path_um,
-        lobes_refl: options.lobes_refl,
-        lobes_high: options.lobes_high,
-        r_d: table.r_d.clone(),
-        energy_refl: table.energy_refl.clone(),
-        energy_high: spectra.concat(),
-        refl,
-        high: fitted.iter().flat_map(|f| f.0.iter().copied()).collect(),
-        high_path: fitted.iter().flat_map(|f| f.1.iter().copied()).collect(),
-        error_refl: Vec::new(),
-        error_high: Vec::new(),
-        layers: None,
-        edge: None,
-        noise: None,
-    };
+    data.refl = refl;
+    data.high = fitted.iter().flat_map(|f| f.0.iter().copied()).collect();
+    data.high_path = fitted.iter().flat_map(|f| f.1.iter().copied()).collect();
     canonicalize(&mut data);
     let own = errors(&data, table)?;
     let finite = |values: Vec<f64>| values.into_iter().map(|v| if v.is_finite() { v } else { 0.0 }).collect();

@@ -18,7 +18,7 @@ pub use diagnose::{Part, PartFit, fit_block, fit_single_slices};
 pub use diff::{DiffReport, DiffTolerance, LobeDrift, diff, lobe_drift};
 pub use edge::{EdgeFit, EdgeOptions, edge_error, fit_edge, fit_edge_lobes};
 pub use error::FitError;
-pub use fit::{Progress, Stage, fit};
+pub use fit::{Progress, Stage, fit, frame};
 pub use fit_errors::{FitErrors, errors};
 pub use layers::layer_factors;
 pub use lobes::{

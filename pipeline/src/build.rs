@@ -3,9 +3,12 @@
 use crate::error::Error;
 use crate::recipe::{Recipe, Speckle};
 use crate::run::Run;
-use crate::stages::{add_speckle, fit_model, simulate, simulate_job, solve_speckle, speckle_options, yarn_table};
+use crate::stages::{
+    add_speckle, fit_model, noise_options, simulate, simulate_job, solve_speckle, speckle_options, yarn_table,
+};
 use plywave::ply::PlyData;
 use plywave::table::Table;
+use plywave_fit::speckle::check_savable;
 use plywave_sim::runs;
 use plywave_sim::wave::SpeckleJob;
 use std::time::{Duration, Instant};
@@ -47,6 +50,10 @@ pub fn build(recipe: &Recipe, run: &Run<'_>) -> Result<Built, Error> {
         let job = SpeckleJob::new(spec, text, options).map_err(refuse)?;
         let check = runs::Run { parts: run.speckle_parts, ..runs::Run::plain() };
         runs::check_parts(&job, check).map_err(refuse)?;
+    }
+
+    if let Speckle::Patterns(patterns, name) = &recipe.speckle {
+        check_savable(patterns, &noise_options(recipe.seed, spec), name)?;
     }
 
     let mut times = Times::default();

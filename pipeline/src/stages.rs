@@ -8,7 +8,7 @@ use plywave::spec::YarnSpec;
 use plywave::speckle::SpecklePatterns;
 use plywave::table::Table;
 use plywave_fit::speckle::{NoiseOptions, noise_tiles};
-use plywave_fit::{EdgeOptions, FitOptions, fit, fit_edge};
+use plywave_fit::{EdgeOptions, FitOptions, fit, fit_edge, frame};
 use plywave_sim::runs::{self, PartsFolder};
 use plywave_sim::wave::{SpeckleJob, SpeckleOptions};
 use plywave_sim::{SimError, SimulateJob};
@@ -84,9 +84,10 @@ pub fn fit_model(
     file: &str,
     run: &Run<'_>,
 ) -> Result<PlyData, Error> {
-    let mut options = *options;
-    options.lobes_refl = spec.simulation.lobes_refl.map_or(options.lobes_refl, |n| n as usize);
-    options.lobes_high = spec.simulation.lobes_high.map_or(options.lobes_high, |n| n as usize);
+    let options = with_lobes_of(options, spec);
+    let refuse = |source| Error::Fit { file: file.into(), source };
+    let edge = fit_edge(spec, &EdgeOptions::default()).lobes;
+    frame(table, &options, Some(edge.clone())).map_err(refuse)?;
     let tell = |p: plywave_fit::Progress| {
         let stage = match p.stage {
             plywave_fit::Stage::High => Stage::FitHigh,
@@ -95,9 +96,17 @@ pub fn fit_model(
         };
         run.tell(Progress { stage, done: p.done as u64, total: p.total as u64 });
     };
-    let mut data = fit(table, &options, &tell).map_err(|source| Error::Fit { file: file.into(), source })?;
-    data.edge = Some(fit_edge(spec, &EdgeOptions::default()).lobes);
+    let mut data = fit(table, &options, &tell).map_err(refuse)?;
+    data.edge = Some(edge);
     Ok(data)
+}
+
+/// The options with the numbers of lobes that a spec asks for.
+fn with_lobes_of(options: &FitOptions, spec: &YarnSpec) -> FitOptions {
+    let mut options = *options;
+    options.lobes_refl = spec.simulation.lobes_refl.map_or(options.lobes_refl, |n| n as usize);
+    options.lobes_high = spec.simulation.lobes_high.map_or(options.lobes_high, |n| n as usize);
+    options
 }
 
 /// Sizes of the speckle patterns that a recipe's tiles are made from.
@@ -126,9 +135,13 @@ pub fn solve_speckle(
 /// # Errors
 /// Those of [`noise_tiles`].
 pub fn add_speckle(model: &mut PlyData, patterns: &SpecklePatterns, spec: &YarnSpec, file: &str) -> Result<(), Error> {
-    let options = NoiseOptions { seed: model.seed, w0_um: spec.beam.beam().w0_um, ..NoiseOptions::default() };
-    model.noise = Some(noise_tiles(patterns, &options, file)?.0);
+    model.noise = Some(noise_tiles(patterns, &noise_options(model.seed, spec), file)?.0);
     Ok(())
+}
+
+/// Noise of a model of `spec`.
+pub(crate) fn noise_options(seed: u64, spec: &YarnSpec) -> NoiseOptions {
+    NoiseOptions { seed, w0_um: spec.beam.beam().w0_um, ..NoiseOptions::default() }
 }
 
 /// How far a model is from the table of its fit: the largest errors of its slices, as `plywave check` takes them.

@@ -37,6 +37,10 @@ pub(crate) struct Spectrum {
     g_per_um: f32,
     /// Mass beyond the borders of the cells, both signs of f together: 1 at t = 0, 0 at t = 1.
     beyond: [f32; CELLS + 1],
+    /// Fourth power of the mean of `sqrt(|f|)` [1/um^2].
+    pub(super) root_mean_4: f32,
+    /// Twice the standard deviation of the frequencies of the beam without an aperture, `1/(pi w0)` [1/um].
+    pub(super) beam_spread: f32,
 }
 
 /// Frequencies from `low` to `high` [1/um] and what is sampled there.
@@ -80,14 +84,23 @@ impl Spectrum {
         }
         let total: f64 = mass.iter().sum();
         let mut beyond = [0.0; CELLS + 1];
+        let mut root_mean = 0.0;
         if factor.passes() && total > 0.0 {
             let mut sum = 0.0;
+            // The integral over t of sqrt(f/g) = sqrt(t/(1 - t)).
+            let roots = |i: usize| {
+                let t = i as f64 / CELLS as f64;
+                t.sqrt().asin() - (t * (1.0 - t)).sqrt()
+            };
             for i in (0..CELLS).rev() {
                 sum += mass[i] / total;
                 beyond[i] = sum as f32;
+                root_mean += mass[i] / total * CELLS as f64 * (roots(i + 1) - roots(i));
             }
         }
-        Spectrum { factor, g_per_um: g, beyond }
+        let root_mean_4 = (f64::from(g) * root_mean * root_mean).powi(2) as f32;
+        let beam_spread = (1.0 / (std::f64::consts::PI * w0_um)) as f32;
+        Spectrum { factor, g_per_um: g, beyond, root_mean_4, beam_spread }
     }
 
     /// Whether any light passes.

@@ -244,8 +244,12 @@ impl Document for PlyData {
 }
 
 impl PlyData {
-    /// What every model must satisfy, read or written.
-    pub(crate) fn check(&self, name: &str) -> Result<()> {
+    /// What a model must satisfy whatever its lobes are: the number of lobes, the axes, the absorption, the energies, the edge lobes if there are any. Lobes, their spectra and their errors are not
+    /// looked at and may be absent: a fit asks this before its work. `name` stands for the model in messages.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`](crate::Error::Invalid), which saving would answer too.
+    pub fn check_frame(&self, name: &str) -> Result<()> {
         let c = Check(name);
         let (m, h, k, j) = self.sizes();
         check_sizes(name, (m, h, k, j), (self.lobes_refl, self.lobes_high))?;
@@ -259,7 +263,6 @@ impl PlyData {
         c.sigma_axis(&self.sigma_per_um)?;
         c.ascending("path_um", &self.path_um)?;
         c.range("path_um", &self.path_um, 0.0, 1e9)?;
-        let (bm, bh, lr, lh) = (m / 2, h / 2, self.lobes_refl, self.lobes_high);
         for (key, values, shape) in [
             ("r_d", &self.r_d, &[m, h][..]),
             ("energy_refl", &self.energy_refl, &[m, h]),
@@ -268,18 +271,30 @@ impl PlyData {
             c.len(key, values.len(), shape)?;
             c.range(key, values, 0.0, 1.0 + TOLERANCE)?;
         }
-        for (key, values, shape) in
-            [("error_refl", &self.error_refl, &[m, h][..]), ("error_high", &self.error_high, &[m, h, k])]
-        {
-            c.len(key, values.len(), shape)?;
-            c.range(key, values, 0.0, f64::MAX)?;
-        }
         for (i, e) in self.energy_high.chunks_exact(j).enumerate() {
             let sum = self.r_d[i] + self.energy_refl[i] + e.iter().sum::<f64>();
             if sum > 1.0 + TOLERANCE {
                 let key = format!("r_d + energy_refl + energy_high at incidence {i}");
                 return Err(invalid(name, &key, sum, &format!("expected at most {}", 1.0 + TOLERANCE)));
             }
+        }
+        if let Some(edge) = &self.edge {
+            edge.check(&c)?;
+        }
+        Ok(())
+    }
+
+    /// What every model must satisfy, read or written.
+    pub(crate) fn check(&self, name: &str) -> Result<()> {
+        self.check_frame(name)?;
+        let c = Check(name);
+        let (m, h, k, j) = self.sizes();
+        let (bm, bh, lr, lh) = (m / 2, h / 2, self.lobes_refl, self.lobes_high);
+        for (key, values, shape) in
+            [("error_refl", &self.error_refl, &[m, h][..]), ("error_high", &self.error_high, &[m, h, k])]
+        {
+            c.len(key, values.len(), shape)?;
+            c.range(key, values, 0.0, f64::MAX)?;
         }
         c.len("refl", self.refl.len(), &[m, h, lr, PARAMS])?;
         c.len("high", self.high.len(), &[bm, bh, 2, 2, lh, PARAMS])?;
@@ -295,9 +310,6 @@ impl PlyData {
         }
         if let Some(layers) = &self.layers {
             layers.check(&c, self)?;
-        }
-        if let Some(edge) = &self.edge {
-            edge.check(&c)?;
         }
         if let Some(noise) = &self.noise {
             noise.check(&c)?;

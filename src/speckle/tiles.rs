@@ -132,7 +132,15 @@ impl NoiseTiles {
         }))
     }
 
-    pub(crate) fn check(&self, c: &Check<'_>) -> Result<()> {
+    /// Least and greatest step between the nodes of a tile that a file may have, along v [1] and u [rad].
+    pub const STEPS: [f64; 2] = [1e-6, 10.0];
+
+    /// What tiles must satisfy whatever their values are: sizes, steps, wavelength, contrasts. Values and codes may be absent: noise asks this before its work. `name` stands for the file in messages.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`](crate::Error::Invalid), which saving would answer too.
+    pub fn check_frame(&self, name: &str) -> Result<()> {
+        let c = Check(name);
         let [count, rows, columns] = self.sizes;
         let small = |n: usize| n.is_power_of_two() && n <= 1 << 20;
         if !(small(count) && small(rows) && small(columns) && rows >= 2 && columns >= 2) {
@@ -143,13 +151,18 @@ impl NoiseTiles {
             let hint = format!("expected {MOST_BYTES} values at most");
             return Err(invalid(c.0, NAMES[0], format!("{:?}", self.sizes), &hint));
         }
+        c.range(NAMES[2], self.step.as_flattened(), Self::STEPS[0], Self::STEPS[1])?;
+        c.range(NAMES[3], &[self.lambda_um], 0.01, 100.0)?;
+        c.range(NAMES[4], self.fade.as_flattened(), -100.0, 100.0)?;
+        c.range(NAMES[5], self.contrast.as_flattened(), 0.0, 1e3)
+    }
+
+    pub(crate) fn check(&self, c: &Check<'_>) -> Result<()> {
+        self.check_frame(c.0)?;
+        let [count, rows, columns] = self.sizes;
         c.len(NAMES[0], self.tiles.len(), &[2, count, rows, columns])?;
         c.len(NAMES[1], self.code.len(), &[2, count, 2])?;
         c.range_f32(NAMES[1], &self.code, 0.0, 100.0)?;
-        c.range(NAMES[2], self.step.as_flattened(), 1e-6, 10.0)?;
-        c.range(NAMES[3], &[self.lambda_um], 0.01, 100.0)?;
-        c.range(NAMES[4], self.fade.as_flattened(), -100.0, 100.0)?;
-        c.range(NAMES[5], self.contrast.as_flattened(), 0.0, 1e3)?;
         for kind in 0..2 {
             for tile in 0..count {
                 let values = self.tile(kind, tile);

@@ -60,7 +60,9 @@ pub fn noise_tiles(
     options: &NoiseOptions,
     file: &str,
 ) -> Result<(NoiseTiles, [NoiseKind; 2]), Error> {
+    check_savable(patterns, options, file)?;
     let models = field_models(patterns, options, file)?;
+    check_frame(patterns, options, Some(&models), file)?;
     let mut tiles = Vec::new();
     let mut code = Vec::new();
     let (mut step, mut contrast, mut fade) = ([[0.0; 2]; 2], [[0.0; 2]; 2], [[0.0; 2]; 2]);
@@ -88,4 +90,45 @@ pub fn noise_tiles(
         Err(_) => unreachable!("one for each of the two kinds"),
     };
     Ok((tiles, [refl, high]))
+}
+
+/// Refuses patterns and options whose tiles no model could hold, whatever the patterns' values, at no cost. `file` stands for the patterns in messages.
+///
+/// # Errors
+/// [`Error::Invalid`].
+pub fn check_savable(patterns: &SpecklePatterns, options: &NoiseOptions, file: &str) -> Result<(), Error> {
+    let ([least, most], step) = (NoiseTiles::STEPS, tile::step_v(patterns.lambda_um[0], options));
+    // The step is inversely proportional to the waist.
+    let waist = |other: f64| options.w0_um * step / other;
+    if !(step >= least && step <= most) {
+        let hint = format!(
+            "patterns of {} um make tiles that a model can hold in a beam of waist {:.3} to {:.3} um",
+            patterns.lambda_um[0],
+            waist(most),
+            waist(least)
+        );
+        return Err(Error::Invalid { file: file.into(), key: "w0_um".into(), value: options.w0_um.to_string(), hint });
+    }
+    check_frame(patterns, options, None, file)
+}
+
+/// What of the tiles is known before they are made: nothing of the light without `models`.
+fn check_frame(
+    patterns: &SpecklePatterns,
+    options: &NoiseOptions,
+    models: Option<&[(PatternCovariance, FieldModel); 2]>,
+    file: &str,
+) -> Result<(), Error> {
+    let step_v = tile::step_v(patterns.lambda_um[0], options);
+    let kinds = models.map_or([None; 2], |models| models.each_ref().map(Some));
+    NoiseTiles {
+        tiles: Vec::new(),
+        sizes: [options.tiles, options.rows, options.columns],
+        code: Vec::new(),
+        step: kinds.map(|kind| [step_v, kind.map_or(step_v, |(_, model)| tile::step_u(model, options))]),
+        lambda_um: patterns.lambda_um[0],
+        fade: kinds.map(|kind| kind.map_or([1.0, 0.0], |(_, model)| model.fade)),
+        contrast: kinds.map(|kind| [kind.map_or(0.0, |(measured, _)| measured.contrast()), 0.0]),
+    }
+    .check_frame(file)
 }

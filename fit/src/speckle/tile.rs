@@ -31,13 +31,26 @@ pub struct TileSet {
     pub coding_error: f64,
 }
 
+/// s of the correlation `exp(-q^2 / (2 s^2))` along v.
+fn width_v(lambda_um: f64, options: &NoiseOptions) -> f64 {
+    2.0 * lambda_um / (TAU * options.w0_um)
+}
+
+/// Step between nodes along v: the square of the correlation, the narrowest that the covariance can be, has its half width at s sqrt(ln 2).
+pub fn step_v(lambda_um: f64, options: &NoiseOptions) -> f64 {
+    width_v(lambda_um, options) * 2f64.ln().sqrt() / options.nodes_a_half_width
+}
+
+/// Step between nodes along u [rad].
+pub fn step_u(model: &FieldModel, options: &NoiseOptions) -> f64 {
+    model.half_width_rad(LAGS_RAD) / options.nodes_a_half_width
+}
+
 /// The tiles of one kind.
 pub fn tiles(model: &FieldModel, lambda_um: f64, options: &NoiseOptions, seed: u64) -> TileSet {
     let (rows, columns) = (options.rows, options.columns);
-    // exp(-q^2 / (2 s^2)); its square, the narrowest that the covariance can be, has its half width at s sqrt(ln 2).
-    let s = 2.0 * lambda_um / (TAU * options.w0_um);
-    let step_v = s * 2f64.ln().sqrt() / options.nodes_a_half_width;
-    let step_u = model.half_width_rad(LAGS_RAD) / options.nodes_a_half_width;
+    let s = width_v(lambda_um, options);
+    let (step_v, step_u) = (step_v(lambda_um, options), step_u(model, options));
     let along_v = |node: f64| (-0.5 * (node * step_v / s).powi(2)).exp();
     let lags = ((LAGS_RAD / step_u) as usize).min(2 * columns / 5);
     // More variance at the nodes makes up for what the interpolation loses between them; each share has its own loss.
