@@ -77,9 +77,7 @@ pub fn frame(table: &Table, options: &FitOptions, edge: Option<EdgeLobes>) -> Re
     match data.check_frame("table") {
         Ok(()) => Ok(data),
         Err(plywave::Error::Invalid { key, value, mut hint, .. }) => {
-            if key.starts_with("path_um") {
-                hint += "; paths are some 1/sigma_per_um long: give absorption.sigma_per_um other values and simulate again";
-            } else if key.starts_with("theta_i") || key.starts_with("h_um") {
+            if key.starts_with("theta_i") || key.starts_with("h_um") {
                 hint += "; give simulation.theta_i_nodes and h_nodes other values and simulate again";
             }
             Err(FitError::Unsavable { key, value, hint })

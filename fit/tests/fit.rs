@@ -224,6 +224,31 @@ fn bad_tables_are_refused_by_name() {
     assert!(fit(&good, &none, &|_| {}).unwrap_err().to_string().contains("lobes_high"));
 }
 
+/// What saving would refuse after the fit is refused before any of its work.
+#[test]
+fn what_cannot_be_saved_is_refused_before_the_work() {
+    let plan = Planted { rows: 3, columns: 3, sigma_per_um: vec![0.0, 0.01], paths: 1e4, ..Planted::default() };
+    let good = planted::table(&plan);
+    let refuse = |change: &dyn Fn(&mut Table, &mut FitOptions), words: &[&str]| {
+        let (mut table, mut options) = (good.clone(), FitOptions::preview());
+        change(&mut table, &mut options);
+        let message = fit(&table, &options, &|_| panic!("works on what cannot be saved")).unwrap_err().to_string();
+        assert!(words.iter().all(|word| message.contains(word)), "{message}");
+        assert!(message.contains("could not be saved") && message.lines().count() == 1, "{message}");
+    };
+    refuse(&|_, o| o.lobes_high = 17, &["lobes_high = 17", "1 to 16"]);
+    refuse(&|t, _| t.h_um = vec![-1e-7, 0.0, 1e-7], &["h_um[1]", "steps", "simulation"]);
+    refuse(&|t, _| t.theta_i = vec![0.0, 1e-9, 2e-9], &["theta_i[1]", "steps", "simulation"]);
+    refuse(&|t, _| t.theta_i = vec![0.0, 1.0, 2.0], &["theta_i[2]", "simulation"]);
+    refuse(&|t, _| t.r_d[4] = 0.9, &["r_d + energy_refl + energy_high", "at most"]);
+
+    // Absorption so small that it would take paths of kilometers.
+    let mut faint = good.clone();
+    faint.sigma_per_um[1] = 1e-12;
+    let model = fit(&faint, &FitOptions::preview(), &|_| {}).unwrap();
+    assert!(model.to_bytes().is_ok_and(|bytes| plywave::PlyModel::from_bytes(&bytes, "faint").is_ok()));
+}
+
 #[test]
 fn dark_and_empty_slices_are_no_trouble() {
     let mut table = planted::table(&Planted { rows: 3, columns: 3, paths: 1e4, ..Planted::default() });

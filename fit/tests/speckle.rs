@@ -113,6 +113,26 @@ fn correlation(x: &[f64], y: &[f64]) -> f64 {
     sum(&|x, y| x * y) / (sum(&|x, _| x * x) * sum(&|_, y| y * y)).sqrt()
 }
 
+/// What saving would refuse after the work is refused before it: the patterns here have no light to look at.
+#[test]
+fn what_cannot_be_saved_is_refused_before_the_work() {
+    let empty =
+        |lambda_um: f64| SpecklePatterns { lambda_um: vec![lambda_um], patterns: Vec::new(), ..patterns([0.4, 1.0]) };
+    let refuse = |lambda_um: f64, options: NoiseOptions, words: &[&str]| {
+        let message = noise_tiles(&empty(lambda_um), &options, "x.pws").unwrap_err().to_string();
+        assert!(words.iter().all(|word| message.contains(word)), "{message}");
+        assert_eq!(message.lines().count(), 1, "{message}");
+    };
+    // Waves that a tile is too coarse or too fine for, with the waists that go.
+    let wide = NoiseOptions { w0_um: 1e4, ..options() };
+    refuse(0.1, wide.clone(), &["x.pws", "w0_um = 10000", "waist 0.001 to 6625.259"]);
+    assert!(plywave_fit::speckle::check_savable(&empty(0.1), &NoiseOptions { w0_um: 6600.0, ..wide }, "").is_ok());
+    refuse(1e3, NoiseOptions { w0_um: 0.5, ..options() }, &["w0_um = 0.5", "waist 6.6"]);
+    refuse(200.0, options(), &["noise_lambda_um", "200"]);
+    refuse(0.4, NoiseOptions { rows: 300, ..options() }, &["noise_tiles", "powers of two"]);
+    refuse(0.4, NoiseOptions { tiles: 256, rows: 4096, ..options() }, &["noise_tiles", "values at most"]);
+}
+
 /// Share and covariance of planted fields come back, partly and fully developed.
 #[test]
 fn planted_fields_come_back() {

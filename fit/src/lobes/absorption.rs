@@ -7,6 +7,8 @@ use crate::optimize::minimize::{MinimizeOptions, minimize_bounded};
 use crate::optimize::nnls::nnls;
 use nalgebra::{DMatrix, DVector};
 
+/// Longest path [um], 900 m: what absorbs less than over this absorbs nothing, and a model holds no longer ones.
+const LONGEST_UM: f64 = 9e8;
 /// Number of path lengths of a model with absorption.
 pub const PATHS: usize = 8;
 
@@ -53,7 +55,7 @@ pub fn choose_paths(energies: &[Vec<f64>], sigma: &[f64]) -> Vec<f64> {
     for zero in [true, false] {
         for low in [0.03, 0.1, 0.2, 0.4, 0.8, 1.2, 2.0] {
             for high in [0.1, 0.2, 0.4, 0.8, 1.6, 4.0] {
-                let (first, last) = (low / most, high / least);
+                let (first, last) = (low / most, (high / least).min(LONGEST_UM));
                 let count = if zero { PATHS - 1 } else { PATHS };
                 if last <= first * 1.5 {
                     continue;
