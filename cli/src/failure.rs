@@ -45,11 +45,19 @@ impl From<plywave::Error> for Failure {
             plywave::Error::Io { file, source } if source.kind() == std::io::ErrorKind::NotFound => {
                 Failure::Input(format!("{file}: no such file; check the path"))
             }
-            plywave::Error::Io { file, source } => {
-                Failure::Input(format!("{file}: {source}; check the path and its rights"))
-            }
+            plywave::Error::Io { file, source } => Failure::Input(format!("{file}: {source}; {}", hint_of(&source))),
             other => Failure::Input(other.to_string()),
         }
+    }
+}
+
+/// What to do about a file that could not be read or written.
+fn hint_of(error: &std::io::Error) -> &'static str {
+    use std::io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
+    match error.kind() {
+        StorageFull | QuotaExceeded => "make room there, or choose another place",
+        FileTooLarge => "raise the limit of file sizes, or choose another place",
+        _ => "check the path and its rights",
     }
 }
 

@@ -27,4 +27,4 @@ pub use build::{Built, Times, build};
 pub use error::Error;
 pub use recipe::{Quality, Recipe, Speckle, with_keys};
 pub use run::{Progress, Run, Stage};
-pub use stages::{FitQuality, add_speckle, fit_model, simulate, solve_speckle, speckle_options, yarn_table};
+pub use stages::{FitQuality, add_speckle, check_fit, fit_model, simulate, solve_speckle, speckle_options, yarn_table};

@@ -3,7 +3,7 @@
 use crate::error::Error;
 use crate::recipe::Recipe;
 use crate::run::{Progress, Run, Stage};
-use plywave::ply::PlyData;
+use plywave::ply::{EdgeLobes, PlyData};
 use plywave::spec::YarnSpec;
 use plywave::speckle::SpecklePatterns;
 use plywave::table::Table;
@@ -84,10 +84,8 @@ pub fn fit_model(
     file: &str,
     run: &Run<'_>,
 ) -> Result<PlyData, Error> {
+    let edge = check_fit(table, spec, options, file)?;
     let options = with_lobes_of(options, spec);
-    let refuse = |source| Error::Fit { file: file.into(), source };
-    let edge = fit_edge(spec, &EdgeOptions::default()).lobes;
-    frame(table, &options, Some(edge.clone())).map_err(refuse)?;
     let tell = |p: plywave_fit::Progress| {
         let stage = match p.stage {
             plywave_fit::Stage::High => Stage::FitHigh,
@@ -96,9 +94,21 @@ pub fn fit_model(
         };
         run.tell(Progress { stage, done: p.done as u64, total: p.total as u64 });
     };
-    let mut data = fit(table, &options, &tell).map_err(refuse)?;
+    let mut data = fit(table, &options, &tell).map_err(|source| Error::Fit { file: file.into(), source })?;
     data.edge = Some(edge);
     Ok(data)
+}
+
+/// Refuses a table whose model could not be saved, in some milliseconds; gives the edge lobes of `spec`. `file` stands for the table in messages.
+///
+/// # Errors
+/// [`Error::Fit`].
+pub fn check_fit(table: &Table, spec: &YarnSpec, options: &FitOptions, file: &str) -> Result<EdgeLobes, Error> {
+    let edge = fit_edge(spec, &EdgeOptions::default()).lobes;
+    match frame(table, &with_lobes_of(options, spec), Some(edge.clone())) {
+        Ok(_) => Ok(edge),
+        Err(source) => Err(Error::Fit { file: file.into(), source }),
+    }
 }
 
 /// The options with the numbers of lobes that a spec asks for.

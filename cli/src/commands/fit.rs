@@ -11,7 +11,7 @@ use crate::report::{self, Spread};
 use plywave::ply::PlyData;
 use plywave::spec::YarnSpec;
 use plywave::table::Table;
-use plywave_pipeline::{Quality, Run, fit_model, yarn_table};
+use plywave_pipeline::{Quality, Run, check_fit, fit_model, yarn_table};
 use std::path::Path;
 use std::time::Duration;
 
@@ -133,6 +133,8 @@ pub fn run(cli: &Cli, args: &FitArgs) -> Outcome {
         respecify(&mut table, &args.table, spec)?;
     }
     let (spec, file) = (spec_of(&args.table, &table)?, args.table.display().to_string());
+    let quality = args.preset.map_or_else(|| Quality::of_preset(&table.preset), |preset| preset.quality());
+    check_fit(&table, &spec, &quality.fit(), &file).map_err(pipeline_failure)?;
     let (made, yarn_time) = stage(cli, |run| yarn_table(&table, &spec, &file, run))?;
     if let Some(yarn_path) = &args.yarn_table {
         let Some(yarn) = &made else {
@@ -144,7 +146,6 @@ pub fn run(cli: &Cli, args: &FitArgs) -> Outcome {
     let yarn_s = made.as_ref().map(|_| yarn_time.as_secs_f64());
     let table = made.unwrap_or(table);
     let plies = table.plies;
-    let quality = args.preset.map_or_else(|| Quality::of_preset(&table.preset), |preset| preset.quality());
     let (data, time) = stage(cli, |run| fit_model(&table, &spec, &quality.fit(), &file, run))?;
     data.save(&path)?;
     let summary = Summary::of(&data, time);
