@@ -13,7 +13,7 @@ use plywave::frame::direction;
 use plywave::gap::{Aperture, Gap, SLIT_SHARE, Slit};
 use plywave::ply::{PlyData, Queries};
 use plywave::spec::GaussianBeam;
-use plywave::speckle::{Instance, NoiseTiles};
+use plywave::speckle::{Instance, Noise, NoiseTiles};
 use plywave::{Bsdf, PlyModel, PlyQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -68,6 +68,11 @@ fn noise(c: &mut Criterion) {
         i = (i + 1) % QUERIES;
         (i, q[i])
     };
+    let data =
+        PlyData::load(concat!(env!("CARGO_MANIFEST_DIR"), "/fabrics/models/silk.pwm")).expect("a model that ships");
+    if let Some(Noise::Spectrum(spectrum)) = &data.noise {
+        c.bench_function("noise tiles of silk made of their spectrum", |b| b.iter(|| black_box(spectrum.tiles())));
+    }
     c.bench_function("noise factors N=4, new instances", |b| {
         b.iter(|| {
             let (i, (theta_i, _, _, wo, _)) = next();
@@ -86,7 +91,7 @@ fn noise(c: &mut Criterion) {
             black_box(tiles.factors(Instance::new(1, 0.0, 1.0), theta_i, wo, lambda))
         })
     });
-    let data = PlyData { noise: Some(tiles.clone()), ..model(1, Sizes { refl: 3, ..STANDARD }) };
+    let data = PlyData { noise: Some(tiles.clone().into()), ..model(1, Sizes { refl: 3, ..STANDARD }) };
     let m = PlyModel::from_data(data).expect("the planted model is valid");
     c.bench_function("eval of an instance N=4", |b| {
         b.iter(|| {
@@ -221,7 +226,8 @@ fn whole(c: &mut Criterion, q: &[Query]) {
             black_box(m.at(&at(&q[i])).eval(forward[i]))
         })
     });
-    let noisy = PlyModel::from_data(PlyData { noise: Some(tiles()), ..m.data().clone() }).expect("a valid model");
+    let noisy =
+        PlyModel::from_data(PlyData { noise: Some(tiles().into()), ..m.data().clone() }).expect("a valid model");
     for (name, instances) in [("new instances", true), ("one instance", false)] {
         group.bench_function(format!("eval N=4, noise, {name}"), |b| {
             b.iter(|| {

@@ -6,7 +6,7 @@
 //!
 //! Without an argument it takes `fabrics/polyester_satin.toml`.
 
-use plywave::fabric::{FabricOptions, Family};
+use plywave::fabric::FabricOptions;
 use plywave::{Bsdf, BsdfSample, FabricBsdf, FabricQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
@@ -41,7 +41,7 @@ fn run() -> plywave::Result<()> {
     println!("f                {}  the cosine at the surface included", rgb(at.eval(light)));
 
     // The same point of a print: a texture's color in place of the yarn's. Convert a texture once, not at every hit.
-    let print = Family::EACH.map(|family| Some(fabric.sigma_of_reflectance(family, [0.6, 0.5, 0.1])));
+    let print = [Some(fabric.sigma_of_reflectance([0.6, 0.5, 0.1])); 2];
     println!("printed          {}", rgb(fabric.at(&FabricQuery { sigma_per_um: print, ..query }).eval(light)));
     // The pattern turned by 45 degrees, as on a sleeve cut on the bias.
     let bias = FabricQuery { turn_rad: std::f32::consts::FRAC_PI_4, ..query };

@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# Rebuilds the models that ship in fabrics/models/ from the specs in fabrics/: preset standard, seed 1, without speckle tiles. Yarns of several
+# Rebuilds the models that ship in fabrics/models/ from the specs in fabrics/: preset standard, seed 1, with speckle of single fibers. Yarns of several
 # plies, NAME_Pply, are made of the table of one ply, NAME.
 #
 #   scripts/rebuild_models.sh                  all yarns
 #   scripts/rebuild_models.sh silk wool_2ply   these only
 #   PRESET=preview OUT=out scripts/rebuild_models.sh     for a try
 #
-# Interrupted, it goes on where it stopped. The tables, 150 MiB each at standard, are kept in target/tables/ for the next run; TABLES names another folder.
+# Interrupted, it goes on where it stopped. The tables, 150 MiB each at standard, and the patterns of fibers (NAME.pws) are kept in target/tables/ for the next run; TABLES names another folder.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -19,6 +19,15 @@ yarns=("$@")
 
 cargo build --locked --release -p plywave-cli
 mkdir -p "$out" "$tables"
+# Fibers whose patterns speckle is made from: all that build takes where circles are solved in moments; elsewhere what some minutes allow.
+fibers() {
+    case $1 in
+        polyester) echo 200 ;;
+        wool) echo 100 ;;
+        silk) echo 50 ;;
+        *) echo 24 ;;
+    esac
+}
 for yarn in "${yarns[@]}"; do
     [ -f "fabrics/$yarn.toml" ] || { echo "fabrics/$yarn.toml: no such spec" >&2; exit 2; }
 done
@@ -29,7 +38,12 @@ for yarn in "${yarns[@]}"; do
     if [ ! -f "$table" ] || [ "fabrics/$ply.toml" -nt "$table" ]; then
         target/release/plywave simulate "fabrics/$ply.toml" --preset "$preset" --seed "$seed" --resume -o "$table"
     fi
-    target/release/plywave fit "$table" --spec "fabrics/$yarn.toml" -o "$out/$yarn.pwm"
+    patterns=$tables/$ply-$(fibers "$ply").pws
+    if [ ! -f "$patterns" ] || [ "fabrics/$ply.toml" -nt "$patterns" ]; then
+        target/release/plywave wave speckle "fabrics/$ply.toml" --instances "$(fibers "$ply")" --seed "$seed" --resume -o "$patterns"
+    fi
+    target/release/plywave fit "$table" --spec "fabrics/$yarn.toml" -o "$tables/$yarn-smooth.pwm"
+    target/release/plywave noise "$patterns" -m "$tables/$yarn-smooth.pwm" --seed "$seed" -o "$out/$yarn.pwm"
 done
 
 echo

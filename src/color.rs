@@ -7,10 +7,12 @@
 //! flat reflectance is an exact gray; the digits printed in IEC 61966-2-1 differ by 4e-4 at most.
 
 mod absorption;
+mod difference;
 mod tables;
 mod upsample;
 
 pub use absorption::{AlbedoCurve, Clamped, SigmaSpectrum};
+pub use difference::delta_e_2000;
 pub use upsample::SmoothReflectance;
 
 use tables::{D65, X_BAR, Y_BAR, Z_BAR};

@@ -5,26 +5,35 @@
 //! `x = (j + 1/2) spacing` of the warp, pick i at `y = (i + 1/2) spacing` of the weft; both go on without end, the draft repeats.
 //!
 //! Nothing is stored but the draft, one bit a crossing: all else is computed where it is asked for, without allocation.
-//! Left out, as in the paper: yarns do not shadow their neighbors and do not shift by parallax; a line meets every yarn in the yarn's own middle plane.
+//! A line meets the first yarn along it; light that leaves a ply meets other yarns (`between.rs`).
 
+mod at;
+mod between;
 mod bsdf;
+mod center_line;
+mod color_of;
 mod draft;
 mod dye;
-mod in_gap;
+mod flight;
 mod load;
 mod place;
+mod profile;
 mod rules;
+mod shadow;
 mod spec;
+mod splines;
 mod uv;
 mod wif;
 mod yarn;
 
-pub use bsdf::{FabricAt, FabricBsdf, FabricOptions, FabricQuery};
+pub use at::{FabricAt, GapLight};
+pub use bsdf::{FabricBsdf, FabricOptions, FabricQuery};
+pub use center_line::{CenterPoint, Overlap};
+pub use color_of::ColorOf;
 pub use draft::{Draft, MAX_THREADS};
-pub use dye::Channels;
-pub use in_gap::GapLight;
+pub use dye::{Channels, ColorReach};
 pub use load::{LoadedFabric, USUAL_LEAN_DEG};
-pub use place::{Below, Gap, Place, PlyHit, YarnPlace};
+pub use place::{Gap, Place, PlyHit, YarnPlace};
 #[doc(hidden)]
 pub use rules::FABRIC_RULES;
 pub use spec::{FabricSpec, WeaveSpec, YarnColor, YarnOfFabric};
@@ -120,7 +129,22 @@ impl Fabric {
 
     /// Greatest distance of any fiber from the fabric's middle plane [um].
     pub fn half_thickness_um(&self) -> f32 {
-        self.yarns.iter().map(|y| y.amplitude + y.half_width).fold(0.0, f32::max)
+        self.yarns.iter().map(|y| y.profile.amplitude + y.half_width).fold(0.0, f32::max)
+    }
+
+    /// Greatest lean of a family's yarns between crossings over which they change sides [degrees].
+    pub fn lean_deg(&self, family: Family) -> f64 {
+        f64::from(self.yarns[family as usize].profile.steepest()).atan().to_degrees()
+    }
+
+    /// Crimp with which a family's yarns lean by [`USUAL_LEAN_DEG`], 0.5 at most.
+    pub fn usual_crimp(&self, family: Family) -> f64 {
+        load::usual_crimp(&self.shapes[family as usize], &self.shapes[family.other() as usize])
+    }
+
+    /// Other colors, of one repeat of the yarns of warp and weft.
+    fn set_colors(&mut self, colors: [Vec<YarnColor>; 2]) {
+        self.colors = colors;
     }
 
     /// Bytes that draft and colors take.

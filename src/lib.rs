@@ -21,6 +21,7 @@ pub mod ply;
 pub mod spec;
 pub mod speckle;
 pub mod table;
+pub mod twin;
 
 pub use bsdf::{Bsdf, BsdfSample};
 pub use error::{Error, Result};

@@ -4,7 +4,9 @@
 
 pub mod axis;
 pub mod faddeeva;
+pub(crate) mod fft;
 pub mod hash;
+pub(crate) mod parallel;
 pub(crate) mod simd;
 
 use simd::{max, min};

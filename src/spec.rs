@@ -12,7 +12,7 @@ pub mod rules;
 pub use beam::GaussianBeam;
 pub use ply_circle::{PlyRing, least_ply_pitch_um, ply_circle_um};
 pub use yarn::{
-    AbsorptionSpec, BeamSpec, FiberSpec, Handedness, PlySpec, Shape, SimulationSpec, YarnGeometry, YarnSpec,
+    AbsorptionSpec, BeamSpec, FiberSpec, Handedness, Packing, PlySpec, Shape, SimulationSpec, YarnGeometry, YarnSpec,
 };
 pub use yarn_load::POLYESTER;
 #[doc(hidden)]

@@ -3,8 +3,12 @@
 //! Every distribution is an energy density [1/sr] averaged over a bin of the outgoing sphere; for sigma = 0
 //! `energy_refl + energy_high + r_d = 1` to Monte Carlo accuracy.
 
+use std::borrow::Cow;
+
+mod energies;
 mod file;
 
+pub use energies::{TableEnergies, TableEnergiesAt};
 pub(crate) use file::TOLERANCE;
 
 /// Uniform bins of the outgoing sphere: latitude theta_o over [-pi/2, pi/2], azimuth phi_o over [0, 2 pi).
@@ -113,11 +117,21 @@ pub struct Table {
     pub paths: Vec<u64>,
     /// `[theta_i]`: mean number of fiber surface interactions of a path that hit a fiber.
     pub interactions: Vec<f64>,
-    /// Of a single ply, where it was recorded.
+    /// Where it was recorded; of a yarn, that of its single plies.
     pub exit: Option<ExitPositions>,
+    /// Energies on finer grids; of a table without them those of its slices stand for all offsets between.
+    pub energies: Option<TableEnergies>,
 }
 
 impl Table {
+    /// [`Table::energies`], or those of the slices.
+    pub fn fine_energies(&self) -> Cow<'_, TableEnergies> {
+        match &self.energies {
+            Some(energies) => Cow::Borrowed(energies),
+            None => Cow::Owned(TableEnergies::of_nodes(self)),
+        }
+    }
+
     /// Reflection-only slice `[theta_o][phi_o]` at incidence indices `(m, n)`.
     pub fn refl_slice(&self, m: usize, n: usize) -> &[f32] {
         let at = (m * self.h_um.len() + n) * self.grid.len();

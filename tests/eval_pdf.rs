@@ -42,7 +42,7 @@ fn tiles(rng: &mut Pcg64Mcg) -> NoiseTiles {
 }
 
 fn with_noise(model: &PlyModel, rng: &mut Pcg64Mcg) -> PlyModel {
-    PlyModel::from_data(PlyData { noise: Some(tiles(rng)), ..model.data().clone() }).unwrap()
+    PlyModel::from_data(PlyData { noise: Some(tiles(rng).into()), ..model.data().clone() }).unwrap()
 }
 
 fn near(got: f32, want: f32, peak: f32) -> bool {

@@ -65,8 +65,8 @@ fn refusals_name_key_value_and_mend() {
         (warp("spacing_um = 102.0\nwidth = 3"), "warp.width = 3: unknown key: use one of model, plies"),
         (satin_with("plies = 1", "plies = 8"), "warp.plies = 8: use an integer from 1 to 7"),
         (satin_with("plies = 1", "handedness = \"X\""), "warp.handedness = \"X\": use one of \"Z\", \"S\""),
-        (satin_with("crimp = 0.3", "crimp = 1.5"), "warp.crimp = 1.5: use a number from 0 to 1"),
-        (satin_with("crimp = 0.3", "crimp = 0.9"), "weft.crimp = 0.2: crimps add up to 1.100; use 1 or less"),
+        (satin_with("crimp = 0.95", "crimp = 1.5"), "warp.crimp = 1.5: use a number from 0 to 1"),
+        (satin_with("crimp = 0.95", "crimp = 0.99"), "weft.crimp = 0.05: crimps add up to 1.040; use 1 or less"),
         (satin_with("[0.50, 0.06, 0.12]", "[0.5, 0.06]"), "warp.srgb = [0.5, 0.06]: use three numbers"),
         (satin_with("[0.50, 0.06, 0.12]", "[255, 6, 12]"), "warp.srgb = [255, 6, 12]: use three numbers from 0 to 1"),
         (
@@ -78,7 +78,7 @@ fn refusals_name_key_value_and_mend() {
         (satin_with("[weft]", "[woof]"), "woof = {"),
         (
             woven("kind = \"velvet\""),
-            "weave.kind = \"velvet\": use one of \"plain\", \"twill\", \"satin\", \"basket\", \"draft\", \"wif\"",
+            "weave.kind = \"velvet\": use one of \"plain\", \"twill\", \"satin\", \"basket\", \"layers\", \"draft\", \"wif\"",
         ),
         (woven(""), "weave.kind = (absent): use one of"),
         (woven("kind = \"plain\"\nn = 2"), "weave.n = 2: unknown key: this kind has none"),
@@ -190,6 +190,14 @@ fn yarns_have_the_plies_of_their_models() {
     }
     assert!(!said("three.pwm", 3).contains("alone"));
     assert!(!said("one.pwm", 1).contains("alone"));
+    // A flat ply lies on one of its sides, which a model of plies turned every way does not know.
+    data.spec_text = plywave::spec::POLYESTER.replace("radius_um = 50.0", "radii_um = [50.0, 40.0]");
+    data.save(folder.path().join("flat.pwm")).unwrap();
+    let message = one_line(&load("flat.pwm", 1));
+    assert!(
+        message.contains("warp.model = ") && message.contains("flat.pwm is of elliptical plies, 50 x 40 um"),
+        "{message}"
+    );
     let notes = said("one.pwm", 2);
     assert!(notes.contains("warp.plies = 2") && notes.contains("weft.plies = 2") && notes.contains("alone"), "{notes}");
 }

@@ -3,7 +3,7 @@
 mod synthetic;
 
 use plywave::io::{FileKind, file_kind};
-use plywave::ply::PlyData;
+use plywave::ply::{PlyData, PlyEnergies};
 use plywave::table::Table;
 use plywave::{Bsdf, PlyModel, PlyQuery};
 use proptest::prelude::*;
@@ -18,7 +18,19 @@ fn models_round_trip() {
     assert_eq!(file_kind(&path).unwrap(), FileKind::Model);
     let loaded = PlyData::load(&path).unwrap();
     let round = |v: &[f64]| v.iter().map(|v| f64::from(*v as f32)).collect::<Vec<f64>>();
-    let want = PlyData { refl: round(&data.refl), high: round(&data.high), high_path: round(&data.high_path), ..data };
+    let energies = PlyEnergies {
+        miss: round(&data.energies.miss),
+        share_refl: round(&data.energies.share_refl),
+        share_high: round(&data.energies.share_high),
+        ..data.energies.clone()
+    };
+    let want = PlyData {
+        energies,
+        refl: round(&data.refl),
+        high: round(&data.high),
+        high_path: round(&data.high_path),
+        ..data
+    };
     assert_eq!(loaded, want);
     assert_eq!(loaded.to_bytes().unwrap(), std::fs::read(&path).unwrap());
     let m = PlyModel::load(&path).unwrap();
@@ -86,21 +98,21 @@ fn foreign_and_hostile_files_are_refused() {
     says(&good[..good.len() - 1], "not a whole");
     says(&[&good[..], b"x"].concat(), "not a whole");
     says(&table(1).to_bytes().unwrap(), "expected \"plywave-ply\"");
-    says(&with_document(&good, |d| d["version"] = 2.into()), "update plywave");
-    says(&with_document(&good, |d| d["version"] = 0.into()), "write it again");
+    says(&with_document(&good, |d| d["version"] = 3.into()), "update plywave");
+    says(&with_document(&good, |d| d["version"] = 1.into()), "write it again");
     says(&with_document(&good, |d| d["seed"] = "x".into()), "expected u64");
     says(&with_document(&good, |d| d["reference_values"][0]["value"][0] = 1e39.into()), "reference_values");
     says(&with_header(&good, |h| h["refl"]["dtype"] = "I32".into()), "refl = I32");
     says(&with_header(&good, |h| h["refl"]["shape"] = [9, 17, 12].into()), "refl = [9, 17, 12]");
-    says(&with_header(&good, |h| h["r_d"]["shape"] = [17, 9].into()), "r_d = [17, 9]");
-    says(&with_header(&good, |h| h["r_d"]["data_offsets"] = h["h_um"]["data_offsets"].clone()), "not a whole");
-    says(&with_header(&good, |h| h["r_d"]["shape"] = [u64::MAX, u64::MAX].into()), "not a whole");
+    says(&with_header(&good, |h| h["share_refl"]["shape"] = [17, 9].into()), "share_refl = [17, 9]");
+    says(&with_header(&good, |h| h["miss"]["data_offsets"] = h["h_um"]["data_offsets"].clone()), "not a whole");
+    says(&with_header(&good, |h| h["miss"]["shape"] = [u64::MAX, u64::MAX].into()), "not a whole");
     says(
         &with_header(&good, |h| {
-            let r_d = h.as_object_mut().unwrap().remove("r_d").unwrap();
-            h["rd"] = r_d;
+            let miss = h.as_object_mut().unwrap().remove("miss").unwrap();
+            h["mis"] = miss;
         }),
-        "unknown tensor \"rd\"",
+        "unknown tensor \"mis\"",
     );
     says(
         &with_header(&good, |h| {
@@ -129,10 +141,15 @@ fn spoilt(spoil: impl Fn(&mut PlyData)) -> String {
 #[test]
 fn models_are_checked() {
     for (error, key) in [
-        (spoilt(|d| d.r_d[3] = f64::NAN), "r_d[3] = NaN"),
-        (spoilt(|d| d.energy_refl[0] = -0.1), "energy_refl[0] = -0.1"),
-        (spoilt(|d| d.energy_refl[76] = 0.99), "r_d + energy_refl + energy_high at incidence 76"),
-        (spoilt(|d| d.energy_high[7] = f64::INFINITY), "energy_high[7] = inf"),
+        (spoilt(|d| d.energies.miss[3] = f64::NAN), "miss[3] = NaN"),
+        (spoilt(|d| d.energies.miss[5] = 1.01), "miss[5] = 1.01"),
+        (spoilt(|d| d.energies.share_refl[0] = -0.1), "share_refl[0] = -0.1"),
+        (spoilt(|d| d.energies.share_refl[76] = 0.99), "share_refl + share_high at node 76"),
+        (spoilt(|d| d.energies.share_high[7] = f64::INFINITY), "share_high[7] = inf"),
+        (spoilt(|d| d.energies.miss_h_um.iter_mut().for_each(|h| *h *= 1.1)), "miss_h_um = 143"),
+        (spoilt(|d| d.energies.share_theta_i.truncate(1)), "share_theta_i = 1 values"),
+        (spoilt(|d| d.energies.share_theta_i.truncate(8)), "share_theta_i = "),
+        (spoilt(|d| d.energies.miss.truncate(9)), "miss = "),
         (spoilt(|d| d.refl[9] = 50.0), "refl lobe 1 ln_mu1 = 50"),
         (spoilt(|d| d.high[1] = 1e9), "high lobe 0 phi_z"),
         (spoilt(|d| d.high[5] = -1.0), "high lobe 0 energy"),
@@ -189,7 +206,7 @@ fn io_errors_name_the_file_and_leave_nothing() {
     std::fs::write(&text, "name = \"polyester\"\n").unwrap();
     assert!(file_kind(&text).unwrap_err().to_string().contains("give a table or model"));
     let mut bad = model(1, STANDARD);
-    bad.r_d[0] = 2.0;
+    bad.energies.miss[0] = 2.0;
     let target = dir.path().join("bad.ply");
     assert!(bad.save(&target).is_err());
     // A folder in the way: the write fails at the rename, and the temporary file goes.

@@ -134,13 +134,14 @@ fn albedo_falls_with_absorption_and_is_exact_at_nodes() {
         let a = m.at(&PlyQuery::lobes(theta_i, h, sigma)).albedo();
         assert!(a.windows(2).all(|w| w[1] < w[0]), "{a:?}");
     }
+    let nodes = data.node_energies();
     for i in 0..data.theta_i.len() {
         for j in 0..data.h_um.len() {
             let (t, h, at) = (data.theta_i[i] as f32, data.h_um[j] as f32, i * data.h_um.len() + j);
-            let want = data.energy_refl[at] + data.energy_high[at * 8..at * 8 + 8].iter().sum::<f64>();
+            let want = nodes[at].refl + nodes[at].high.iter().sum::<f64>();
             let [got] = m.at(&PlyQuery::lobes(t, h, [0.0])).albedo();
             assert!((f64::from(got) - want).abs() < 1e-5, "albedo at node {i} {j}: got {got}, want {want}");
-            assert!((f64::from(m.at(&PlyQuery::lobes(t, h, [0.0])).r_d()) - data.r_d[at]).abs() < 1e-5);
+            assert!((f64::from(m.at(&PlyQuery::lobes(t, h, [0.0])).r_d()) - nodes[at].r_d).abs() < 1e-5);
         }
     }
 }

@@ -2,12 +2,11 @@
 //! ColorChecker chart, on fabrics that ship. CIEDE2000 is written here from the paper (Sharma, Wu, Dalal 2005) and held to its published pairs.
 
 use plywave::color::{
-    AlbedoCurve, SigmaSpectrum, SmoothReflectance, lab_of_xyz, linear_srgb_of_xyz, spectrum_lambda_um,
-    xyz_of_linear_rec2020, xyz_of_linear_srgb, xyz_of_reflectance,
+    SigmaSpectrum, SmoothReflectance, lab_of_xyz, linear_srgb_of_xyz, spectrum_lambda_um, xyz_of_linear_rec2020,
+    xyz_of_linear_srgb, xyz_of_reflectance,
 };
-use plywave::fabric::{Channels, FabricOptions, FabricSpec, Family};
+use plywave::fabric::{Channels, ColorOf, FabricOptions, YarnColor};
 use plywave::frame::direction;
-use plywave::io::Folder;
 use plywave::{Bsdf, FabricBsdf, FabricQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -87,22 +86,15 @@ fn ciede2000_has_the_published_values() {
     }
 }
 
-/// A fabric that ships, all yarns of one color.
-fn fabric(name: &str, srgb: [f64; 3]) -> FabricBsdf {
-    let folder = format!("{}/fabrics", env!("CARGO_MANIFEST_DIR"));
-    let text = std::fs::read_to_string(format!("{folder}/{name}.toml")).unwrap();
-    let color = format!("srgb = [{}, {}, {}]", srgb[0], srgb[1], srgb[2]);
-    let mut lines: Vec<String> = Vec::new();
-    for line in text.lines() {
-        let key = line.split('=').next().unwrap_or("").trim();
-        match key {
-            "srgb" | "sigma_per_um" => continue,
-            "model" => lines.extend([line.into(), color.clone()]),
-            _ => lines.push(line.into()),
-        }
-    }
-    let loaded = FabricSpec::load_from(&lines.join("\n"), name, &Folder::new(folder)).unwrap();
-    FabricBsdf::new(loaded, &FabricOptions::default()).unwrap()
+/// A fabric that ships.
+fn fabric(name: &str) -> FabricBsdf {
+    let path = format!("{}/fabrics/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+    FabricBsdf::load(path, &FabricOptions::default()).unwrap()
+}
+
+/// All yarns of one color.
+fn dyed(fabric: &FabricBsdf, srgb: [f64; 3]) -> FabricBsdf {
+    fabric.with_colors([YarnColor::Srgb(srgb.map(|c| c as f32)); 2], ColorOf::EvenSky)
 }
 
 /// Color [linear sRGB or XYZ of a reflectance] of the mean over points, viewers and lights: under a sky all round, and lit from the front.
@@ -164,15 +156,16 @@ fn rgb_hosts_get_the_color_they_ask_for() {
     let asked: Vec<[f64; 3]> =
         COLORS.iter().map(|c| c.map(|v| f64::from(v) / 255.0)).chain([[0.50, 0.06, 0.12]]).collect();
     for name in ["polyester_satin", "cotton_plain"] {
-        let curve = AlbedoCurve::diffuse(fabric(name, [0.5; 3]).model_of(Family::Warp, 0));
+        let clear = fabric(name);
+        let curve = clear.color_curve();
         let dark = curve.range()[0];
         let (mut worst, mut reached) = ([[0.0f64; 2]; 2], 0);
         for srgb in &asked {
-            let fabric = fabric(name, *srgb);
+            let fabric = dyed(&clear, *srgb);
             let want = spectral(&fabric);
-            // The color that the yarn's spectrum has.
+            // The color that the cloth's spectrum has.
             let smooth = SmoothReflectance::of_srgb(*srgb);
-            let (sigma, _) = SigmaSpectrum::of_reflectance(&curve, |lambda| smooth.at(lambda));
+            let (sigma, _) = SigmaSpectrum::of_reflectance(curve, |lambda| smooth.at(lambda));
             let yarn = xyz_of_reflectance(|lambda| curve.albedo(f64::from(sigma.at(lambda as f32))));
             let in_reach = linear_srgb_of_xyz(yarn).iter().all(|channel| *channel >= dark);
             reached += usize::from(in_reach);

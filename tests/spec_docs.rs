@@ -126,7 +126,7 @@ fn defaults_are_those_of_the_program() {
     let fabric = toml::Table::try_from(FabricSpec::parse(&fabric, "bare").unwrap()).unwrap();
     let count = compare(&yarn, &YARN_RULES) + compare(&fabric, &FABRIC_RULES);
     // Those that are values: what an absent crimp means is told in words, of warp and weft.
-    assert_eq!(count, 13, "defaults compared");
+    assert_eq!(count, 14, "defaults compared");
 }
 
 fn compare(spec: &toml::Table, rules: &Rules) -> usize {

@@ -28,19 +28,10 @@ fn layered(share: f64, back: f64, through: f64) -> PlyData {
     let mut forward = Vec::new();
     for row in 0..2 * m - 1 {
         for column in 0..2 * h - 1 {
-            let nodes = [
-                (row / 2, column / 2),
-                (row / 2, column.div_ceil(2)),
-                (row.div_ceil(2), column / 2),
-                (row.div_ceil(2), column.div_ceil(2)),
-            ];
-            for p in 0..=j {
-                let energy = |(a, b): (usize, usize)| {
-                    let node = a * h + b;
-                    if p == 0 { data.energy_refl[node] } else { data.energy_high[node * j + p - 1] }
-                };
-                forward.push(share * nodes.into_iter().map(energy).sum::<f64>() / 4.0);
-            }
+            let half = |axis: &[f64], i: usize| 0.5 * (axis[i / 2] + axis[i.div_ceil(2)]);
+            let energies = data.energies.at(half(&data.theta_i, row), half(&data.h_um, column));
+            forward.push(share * energies.refl);
+            forward.extend(energies.high.iter().map(|e| share * e));
         }
     }
     let mut diffuse = vec![0.0; 2 * (1 + j)];
@@ -68,14 +59,18 @@ fn no_nodes_are_refused_before_any_arithmetic() {
     for (m, h) in [(0, 0), (0, 5), (3, 0)] {
         let mut empty = serde_json::json!({ "__metadata__": header["__metadata__"] });
         let mut at = 0;
-        let shapes: [(&str, &str, Vec<usize>); 14] = [
+        let shapes: [(&str, &str, Vec<usize>); 18] = [
             ("theta_i", "F64", vec![m]),
             ("h_um", "F64", vec![h]),
             ("sigma_per_um", "F64", vec![1]),
             ("path_um", "F64", vec![1]),
-            ("r_d", "F64", vec![m, h]),
-            ("energy_refl", "F64", vec![m, h]),
-            ("energy_high", "F64", vec![m, h, 1]),
+            ("miss_theta_i", "F64", vec![m]),
+            ("miss_h_um", "F64", vec![h]),
+            ("miss", "F32", vec![m, h]),
+            ("share_theta_i", "F64", vec![m]),
+            ("share_h_um", "F64", vec![h]),
+            ("share_refl", "F32", vec![m, h]),
+            ("share_high", "F32", vec![m, h, 1]),
             ("refl", "F32", vec![m, h, 1, 6]),
             ("high", "F32", vec![m / 2, h / 2, 2, 2, 1, 6]),
             ("high_path", "F32", vec![m / 2, h / 2, 2, 2, 1, 1]),
@@ -104,14 +99,15 @@ fn layer_factors_are_held_to_the_energies() {
         assert!(error.contains(what) && error.lines().count() == 1, "{error:?} does not say {what:?}");
     };
     let mut more = layered(1.0, 0.4, 0.6);
-    let high: f64 = (0..3).map(|p| more.energy_high[7 * 3 + p]).sum();
+    let node = more.node_energies().swap_remove(7);
+    let high: f64 = node.high.iter().sum();
     let (columns, size) = (2 * more.h_um.len() - 1, 1 + more.path_um.len());
     // The node (1, 2).
     let at = (2 * columns + 4) * size;
     more.layers.as_mut().unwrap().forward[at + 1..at + size].fill((high + 0.06) / 3.0);
     says(more, "layer_forward of f_high at row 2, column 4");
     let mut more = layered(0.5, 0.4, 0.6);
-    more.layers.as_mut().unwrap().forward[at] = more.energy_refl[7] + 0.06;
+    more.layers.as_mut().unwrap().forward[at] = node.refl + 0.06;
     says(more, "layer_forward of f_refl at row 2, column 4");
     says(layered(0.5, 0.8, 0.6), "sum of layer_diffuse");
     let mut dense = layered(0.5, 0.4, 0.6);

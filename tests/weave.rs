@@ -18,16 +18,16 @@ fn shape(plies: u32, spacing_um: f64, crimp: f64, pitch: Option<f64>) -> YarnSha
     }
 }
 
-/// Fabrics of every kind: closed and open, one ply and several, flat and crimped.
+/// Fabrics of every kind: closed and open, one ply and several, flat and crimped; none jams (Peirce's geometry, src/fabric/profile.rs).
 fn fabrics() -> Vec<Fabric> {
     let of = |draft: Draft, warp, weft| Fabric::new(draft, [warp, weft]).unwrap();
-    let mut odd = shape(3, 260.0, 0.3, Some(900.0));
+    let mut odd = shape(3, 260.0, 0.15, Some(900.0));
     odd.handedness = Handedness::Z;
     odd.ply_radius_um = 40.0;
     vec![
-        of(Draft::satin(5, 2).unwrap(), shape(1, 100.0, 0.2, None), shape(1, 200.0, 0.5, None)),
+        of(Draft::satin(5, 2).unwrap(), shape(1, 100.0, 0.2, None), shape(1, 200.0, 0.1, None)),
         of(Draft::plain(), shape(1, 230.0, 0.5, None), shape(1, 230.0, 0.5, None)),
-        of(Draft::twill(3, 1).unwrap(), shape(2, 210.0, 0.4, Some(800.0)), odd),
+        of(Draft::twill(3, 1).unwrap(), shape(2, 210.0, 0.15, Some(800.0)), odd),
         of(Draft::basket(3).unwrap(), odd, shape(7, 400.0, 0.0, None)),
     ]
 }
@@ -74,11 +74,7 @@ fn frames_are_orthonormal_and_hold_the_light() {
                 Place::Ply(hit) => {
                     plies += 1;
                     check_hit(&fabric, &hit, w, fabric.shape(hit.family).ply_radius_um as f32);
-                    if let Some(below) = hit.below {
-                        doubles += 1;
-                        assert!(below.h_um.abs() <= fabric.shape(hit.family.other()).ply_radius_um as f32);
-                        assert!(below.theta_i.abs() <= std::f32::consts::FRAC_PI_2 + 1e-6);
-                    }
+                    doubles += u32::from(hit.is_double);
                 }
                 Place::Gap(gap) => {
                     gaps += 1;
@@ -100,7 +96,7 @@ fn check_gap(fabric: &Fabric, gap: &Gap, w: [f32; 3]) {
         assert_eq!(hit.family, if edge < 2 { Family::Warp } else { Family::Weft });
         let radius = fabric.shape(hit.family).ply_radius_um as f32;
         check_hit(fabric, hit, w, radius + 20.0);
-        assert!(hit.h_um.abs() >= radius && hit.below.is_none(), "{hit:?}");
+        assert!(hit.h_um.abs() >= radius, "{hit:?}");
     }
 }
 
@@ -114,7 +110,7 @@ fn shares(fabric: &Fabric, w: [f32; 3], n: usize, repeats: f64) -> [f64; 4] {
             match fabric.at(x as f32, y as f32, w) {
                 Place::Ply(hit) => {
                     count[hit.family as usize] += 1.0;
-                    count[3] += f64::from(u8::from(hit.below.is_some()));
+                    count[3] += f64::from(u8::from(hit.is_double));
                 }
                 Place::Gap(_) => count[2] += 1.0,
             }
@@ -123,25 +119,62 @@ fn shares(fabric: &Fabric, w: [f32; 3], n: usize, repeats: f64) -> [f64; 4] {
     count.map(|c| c / (n * n) as f64)
 }
 
+/// Along vertical lines the first family is the one whose tube is highest there, by points of its center lines: no straight pieces, no steps along a line.
+fn first_is_highest(fabric: &Fabric) {
+    let [width, height] = fabric.repeat_um();
+    let (mut other, n) = (0, 1500);
+    for i in 0..n {
+        let at = [width * (f64::from(i) * 0.754_877_666).fract(), height * (f64::from(i) * 0.569_840_291).fract()];
+        let top = Family::EACH.map(|family| {
+            let k = family as usize;
+            let near = (at[k] / fabric.shape(family).spacing_um).floor() as i32;
+            let mut top = f64::NEG_INFINITY;
+            for yarn in near - 1..=near + 1 {
+                for step in -200..=200 {
+                    let along = at[1 - k] + f64::from(step) * 0.5;
+                    let p = fabric.center_line(family, yarn, along).point_um;
+                    let room = 2500.0 - (p[0] - at[0]).powi(2) - (p[1] - at[1]).powi(2);
+                    if room > 0.0 {
+                        top = top.max(p[2] + room.sqrt());
+                    }
+                }
+            }
+            top
+        });
+        if let Place::Ply(hit) = fabric.at(at[0] as f32, at[1] as f32, [0.0, 0.0, 1.0]) {
+            let higher = if top[0] > top[1] { Family::Warp } else { Family::Weft };
+            other += u32::from(hit.family != higher);
+        }
+    }
+    assert!(f64::from(other) < 0.01 * f64::from(n), "{other} of {n} points have another yarn first");
+}
+
 /// The truth: areas of strips.
 #[test]
 fn coverage_is_the_area_of_the_yarns() {
     let up = [0.0, 0.0, 1.0];
-    for (draft, warp, weft) in [
-        (Draft::plain(), 160.0, 250.0),
-        (Draft::satin(5, 2).unwrap(), 100.0, 130.0),
-        (Draft::twill(2, 1).unwrap(), 333.0, 100.0),
+    // Yarns that touch and do not jam.
+    for (draft, warp, weft, crimps) in [
+        (Draft::plain(), 160.0, 250.0, [0.6, 0.4]),
+        (Draft::satin(5, 2).unwrap(), 100.0, 250.0, [0.88, 0.12]),
+        (Draft::twill(2, 1).unwrap(), 333.0, 100.0, [0.13, 0.87]),
     ] {
-        let fabric = Fabric::new(draft.clone(), [shape(1, warp, 0.5, None), shape(1, weft, 0.4, None)]).unwrap();
+        let shapes = [shape(1, warp, crimps[0], None), shape(1, weft, crimps[1], None)];
+        let fabric = Fabric::new(draft.clone(), shapes).unwrap();
         let [a, b] = [100.0 / warp, 100.0 / weft];
         let above = draft.warp_share();
         let want = [a * (1.0 - b) + a * b * above, b * (1.0 - a) + a * b * (1.0 - above), (1.0 - a) * (1.0 - b), a * b];
+        // Beside a crossing a yarn that rises may lie above the one that is on top at it: which family is first, `first_is_highest` tells.
+        let near = |got: [f64; 4], want: [f64; 4]| {
+            (got[0] + got[1] - want[0] - want[1]).abs() < 3e-3 && (2..4).all(|k| (got[k] - want[k]).abs() < 3e-3)
+        };
         let got = shares(&fabric, up, 1000, 1.0);
-        assert!((0..4).all(|k| (got[k] - want[k]).abs() < 3e-3), "got {got:?}, want {want:?}");
+        assert!(near(got, want), "got {got:?}, want {want:?}");
         // From behind the other family is on top.
         let behind = shares(&fabric, [0.0, 0.0, -1.0], 1000, 1.0);
         let want = [a * (1.0 - b) + a * b * (1.0 - above), b * (1.0 - a) + a * b * above, want[2], want[3]];
-        assert!((0..4).all(|k| (behind[k] - want[k]).abs() < 3e-3), "got {behind:?}, want {want:?}");
+        assert!(near(behind, want), "got {behind:?}, want {want:?}");
+        first_is_highest(&fabric);
     }
 }
 
@@ -202,7 +235,7 @@ fn a_repeat_further_all_is_the_same() {
                     continue;
                 };
                 if p.family != q.family {
-                    assert!(p.h_um.abs() > 49.99 || p.below.is_some_and(|b| b.h_um.abs() > 49.99), "{p:?} {q:?}");
+                    assert!(p.h_um.abs() > 49.99, "{p:?} {q:?}");
                     continue;
                 }
                 let threads = fabric.draft().threads(p.family) as i32;
@@ -218,7 +251,8 @@ fn a_repeat_further_all_is_the_same() {
     }
 }
 
-/// Along a yarn theta_i, h and height change by what the step gives, at borders of cells and repeats as anywhere.
+/// Along a yarn theta_i, h and height change by what the step gives, at borders of cells and repeats as anywhere. Yarns of several plies that bend more than these are met in
+/// two places by some lines, as straight pieces along their tangents, and jump by some um there.
 #[test]
 fn nothing_jumps_along_a_yarn() {
     let w = [0.3f32, 0.35, (1.0f32 - 0.09 - 0.1225).sqrt()];
@@ -241,8 +275,12 @@ fn nothing_jumps_along_a_yarn() {
                     followed += 1;
                     let moved =
                         [(b.theta_i - a.theta_i).abs(), (b.h_um - a.h_um).abs(), (b.height_um - a.height_um).abs()];
+                    // Seen obliquely, a step of the line is a longer one along a yarn that falls away from the viewer.
+                    let stretch = ((b.along_um - a.along_um).abs() / step as f32).max(1.0);
+                    assert!(stretch < 12.0, "{stretch} at {along}: {a:?} {b:?}");
                     // The steepest that these yarns get: a curvature of 12 50/100^2 per um, slopes of 1.5, plies of pitch 800 um.
-                    assert!(moved[0] < 0.016 && moved[1] < 1.0 && moved[2] < 0.5, "{moved:?} at {along}: {a:?} {b:?}");
+                    let most = [0.016, 1.0, 0.5].map(|m| m * stretch);
+                    assert!((0..3).all(|k| moved[k] < most[k]), "{moved:?} at {along}: {a:?} {b:?}");
                 }
                 last = hit;
             }
@@ -291,7 +329,7 @@ fn a_straight_yarn_is_what_it_is_on_paper() {
     let fabric = Fabric::new(Draft::plain(), [shape(1, 300.0, 0.0, None), shape(1, 300.0, 0.0, None)]).unwrap();
     // End 0 lies at x = 150; at y = 0 there is no weft.
     let Place::Ply(hit) = fabric.at(170.0, 0.0, [0.0, 0.6, 0.8]) else { panic!("a yarn is there") };
-    assert_eq!((hit.family, hit.yarn, hit.ply, hit.below), (Family::Warp, 0, 0, None));
+    assert_eq!((hit.family, hit.yarn, hit.ply, hit.is_double), (Family::Warp, 0, 0, false));
     assert!((hit.theta_i - 0.6f32.asin()).abs() < 1e-6 && (hit.across_um - 20.0).abs() < 1e-3 && hit.along_um == 0.0);
     // z along +y, y up: x = y cross z points to -x of the fabric, where h is counted.
     assert!((hit.frame[2][1] - 1.0).abs() < 1e-6 && (hit.frame[1][2] - 1.0).abs() < 1e-6);
@@ -302,9 +340,9 @@ fn a_straight_yarn_is_what_it_is_on_paper() {
     // From below the frame is turned over, and h with it.
     let Place::Ply(hit) = fabric.at(170.0, 0.0, [0.0, 0.0, -1.0]) else { panic!("a yarn is there") };
     assert!((hit.frame[0][0] - 1.0).abs() < 1e-6 && (hit.h_um - 20.0).abs() < 1e-3, "{hit:?}");
-    // A gap in the corner: 50 um and 250 um from yarns to the west and east, 75 and 125 south and north, but for the radius.
+    // A gap in the corner: 50 um and 250 um from yarns to the west and east, 75 and 125 south and north, but for the radius; only the first lies within the beam.
     let Place::Gap(gap) = fabric.at(210.0, 225.0 + 300.0, [0.0, 0.0, 1.0]) else { panic!("no yarn is there") };
-    let want = [10.0, 190.0, 25.0, 175.0];
+    let want = [10.0, 300.0, 300.0, 300.0];
     assert!((0..4).all(|k| (gap.aperture_um[k] - want[k]).abs() < 1e-3), "{gap:?}");
     assert!(
         gap.near[0].is_some_and(|h| (h.h_um + 60.0).abs() < 1e-3 && h.yarn == 0)

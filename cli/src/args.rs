@@ -5,6 +5,7 @@ mod model;
 mod plot;
 mod render;
 mod shell;
+mod twin;
 mod wave;
 
 pub use build::*;
@@ -12,6 +13,7 @@ pub use model::*;
 pub use plot::*;
 pub use render::*;
 pub use shell::*;
+pub use twin::*;
 pub use wave::*;
 
 use clap::{Parser, Subcommand};
@@ -43,7 +45,7 @@ pub enum Command {
     Fit(FitArgs),
     /// Simulate and fit in one go. Without a spec: polyester, compiled in, at preview quality.
     Build(BuildArgs),
-    /// Tell what a table, a model, a fiber or a file of speckle patterns holds.
+    /// Tell what a yarn spec, a table, a model, a fiber or a file of speckle patterns holds.
     Info(InfoArgs),
     /// Evaluate a model at one incidence and one outgoing direction.
     Eval(EvalArgs),
@@ -57,12 +59,14 @@ pub enum Command {
     Plot(PlotArgs),
     /// Join the parts of a run that was shared out with --shards: parts (.pwp) in, what the run makes out.
     Merge(MergeArgs),
-    /// Give a model speckle noise: patterns (.pws) and a model (.pwm) in, the model with noise tiles out.
+    /// Give a model speckle noise: patterns (.pws) and a model (.pwm) in, the model with noise out.
     Noise(NoiseArgs),
     /// Turn a color or a reflectance into the absorption of a model's fibers, by inverting its albedo.
     Color(ColorArgs),
     /// Draw the weave of a fabric: fabric spec (TOML) in, folder with textures (PNG) and a sheet to look at out.
     Weave(WeaveArgs),
+    /// Trace the explicit fibers of a cloth, with no model in between: fabric spec (TOML) in, its twin (.pwx) out, which `check` holds the fabric to.
+    Twin(TwinArgs),
     /// Wave optics of parallel fibers.
     Wave(WaveArgs),
     /// Compare wave and ray optics over instances of a ply's cross section: spec (TOML) in, folder with report.json and compare.png out.

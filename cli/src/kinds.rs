@@ -5,6 +5,7 @@ use plywave::PlyModel;
 use plywave::fabric::{FabricSpec, LoadedFabric};
 use plywave::io::FileKind;
 use plywave::table::Table;
+use plywave::twin::ClothTwin;
 use std::io::Read;
 use std::path::Path;
 
@@ -19,6 +20,8 @@ pub enum Kind {
     Fiber,
     /// Speckle patterns.
     Speckle,
+    /// The twin of a cloth.
+    Twin,
     /// A yarn spec.
     YarnSpec,
     /// A fabric spec.
@@ -39,6 +42,7 @@ impl Kind {
             Kind::Model => "a ply model (.pwm)",
             Kind::Fiber => "a fiber table (.pwf)",
             Kind::Speckle => "speckle patterns (.pws)",
+            Kind::Twin => "the twin of a cloth (.pwx)",
             Kind::YarnSpec => "a yarn spec (TOML)",
             Kind::FabricSpec => "a fabric spec (TOML)",
             Kind::WaveScene => "a scene for waves (TOML)",
@@ -55,11 +59,12 @@ impl Kind {
             (Kind::Table, Kind::Model) => "`plywave fit TABLE` makes a model of it",
             (Kind::Model, Kind::FabricSpec) => "write a fabric spec that names it, as fabrics/cotton_plain.toml",
             (Kind::YarnSpec, Kind::FabricSpec) => "build its model and write a fabric spec that names it",
+            (Kind::FabricSpec, Kind::Twin) => "`plywave twin SPEC` makes one of it",
             (Kind::FabricSpec, _) => "`plywave render` and `plywave weave` take it",
             (Kind::YarnSpec, _) => "`plywave build` takes it",
             (Kind::Model, _) => "`plywave info` tells what it holds",
             (Kind::Table, _) => "`plywave fit` takes it",
-            (Kind::Fiber | Kind::Speckle, _) => "`plywave info` tells what it holds",
+            (Kind::Fiber | Kind::Speckle | Kind::Twin, _) => "`plywave info` tells what it holds",
             (Kind::WaveScene, _) => "`plywave wave scatter` takes it",
             (Kind::Picture | Kind::Mesh, _) => "check the path",
         }
@@ -80,6 +85,7 @@ pub fn kind_of(path: &Path) -> Option<Kind> {
             FileKind::Model => Kind::Model,
             FileKind::Fiber => Kind::Fiber,
             FileKind::Speckle => Kind::Speckle,
+            FileKind::Twin => Kind::Twin,
         });
     }
     let mut head = Vec::new();
@@ -127,6 +133,11 @@ pub fn load_model(path: &Path) -> Outcome<PlyModel> {
 /// Loads a table; another kind of file is named.
 pub fn load_table(path: &Path) -> Outcome<Table> {
     Table::load(path).map_err(|e| explain(path, &[Kind::Table], e))
+}
+
+/// Loads the twin of a cloth; another kind of file is named.
+pub fn load_twin(path: &Path) -> Outcome<ClothTwin> {
+    ClothTwin::load(path).map_err(|e| explain(path, &[Kind::Twin], e))
 }
 
 /// Loads a fabric spec and its models; another kind of file is named.

@@ -28,7 +28,7 @@ fn pictures_are_made_and_taken_up() {
     let gallery = ["gallery", "-o", "out", "--quick", "--only", "polyester_satin_front,absorption", "--json"];
     let said = json(&succeed(dir, &gallery));
     assert_eq!((&said["rendered"], &said["skipped"]), (&2.into(), &0.into()));
-    let files = ["absorption.png", "fabrics", "gallery.json", "gallery.md", "polyester_satin_front.png", "small"];
+    let files = ["absorption.png", "fabrics", "gallery.json", "gallery.md", "page", "polyester_satin_front.png"];
     assert_eq!(names(&dir.join("out")), files);
     let strip = image::open(dir.join("out/absorption.png")).unwrap().to_rgb8();
     assert!(strip.width() > 4 * strip.height(), "{:?}", strip.dimensions());
@@ -43,7 +43,7 @@ fn pictures_are_made_and_taken_up() {
     assert!(lights.windows(2).all(|w| w[1] < w[0]), "{lights:?}");
     let page = std::fs::read_to_string(dir.join("out/gallery.md")).unwrap();
     assert!(
-        page.contains("small/absorption.png") && page.contains("plywave render fabrics/polyester_satin.toml --setup")
+        page.contains("page/absorption.jpg") && page.contains("plywave render fabrics/polyester_satin.toml --setup")
     );
     // The command on the page renders the same picture.
     let line = page.lines().find(|l| l.contains("--setup front")).unwrap();

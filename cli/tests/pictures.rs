@@ -9,7 +9,7 @@ fn fabrics() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../fabrics")
 }
 
-/// A folder with a plain cotton cloth, its model, a mesh and a sky.
+/// A folder with a plain cotton cloth, its model, a mesh and a sky: a smooth picture, as the colors of few samples of speckle are beyond sRGB, negative there, which no sky may be.
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path();
@@ -21,7 +21,7 @@ fn folder() -> tempfile::TempDir {
     assert!(spec.contains("models/"));
     std::fs::write(dir.join("cloth.toml"), spec).unwrap();
     std::fs::write(dir.join("sheet.obj"), SHEET).unwrap();
-    succeed(dir, &[&["render", "cloth.toml", "-o", "sky.exr"], SMALL].concat());
+    succeed(dir, &[&["render", "cloth.toml", "-o", "sky.exr", "--smooth"], SMALL].concat());
     folder
 }
 
@@ -41,9 +41,9 @@ fn the_ending_decides() {
     let dir = folder.path();
     assert!(starts_with(&dir.join("sky.exr"), EXR));
     assert_eq!(names(dir), ["cloth.toml", "models", "sheet.obj", "sky.exr"], "an EXR alone");
-    succeed(dir, &[&["render", "cloth.toml", "-o", "b.PNG"], SMALL].concat());
+    succeed(dir, &[&["render", "cloth.toml", "-o", "b.PNG", "--smooth"], SMALL].concat());
     assert!(starts_with(&dir.join("b.PNG"), PNG) && starts_with(&dir.join("b.exr"), EXR));
-    succeed(dir, &[&["render", "cloth.toml", "-o", "c.png", "--no-exr"], SMALL].concat());
+    succeed(dir, &[&["render", "cloth.toml", "-o", "c.png", "--no-exr", "--smooth"], SMALL].concat());
     assert!(starts_with(&dir.join("c.png"), PNG) && !dir.join("c.exr").exists());
     // The same bits, whichever file is asked for.
     assert!(std::fs::read(dir.join("sky.exr")).unwrap() == std::fs::read(dir.join("b.exr")).unwrap());
@@ -123,7 +123,7 @@ fn sums_of_other_inputs_are_refused() {
         refused(dir, &again, &["a.sums", &format!("not the same {name}")]);
         std::fs::write(&path, bytes).unwrap();
     };
-    succeed(dir, &[&["render", "cloth.toml", "-o", "sky2.exr", "--seed", "5"], SMALL].concat());
+    succeed(dir, &[&["render", "cloth.toml", "-o", "sky2.exr", "--smooth", "--seed", "5"], SMALL].concat());
     edit("cloth.toml", "fabric spec");
     edit("sheet.obj", "mesh");
     edit("sky.exr", "sky");
@@ -176,6 +176,25 @@ fn meshes_tell_what_was_done_to_them() {
     );
 }
 
+/// Models that ship have speckle; one without is told, once, where speckle is asked for.
+#[test]
+fn models_without_speckle_are_told() {
+    let folder = folder();
+    let dir = folder.path();
+    let said = |more: &[&str]| {
+        let told = succeed(dir, &[&["render", "cloth.toml", "-o", "a.png", "--json"], &SMALL[..6], more].concat());
+        json(&told)["notes"].to_string().matches("no speckle noise").count()
+    };
+    assert_eq!(said(&[]), 0);
+    for model in ["cotton.pwm", "cotton_2ply.pwm"] {
+        let path = dir.join("models").join(model);
+        let mut data = plywave::ply::PlyData::load(&path).unwrap();
+        assert!(data.noise.take().is_some(), "{model}");
+        data.save(&path).unwrap();
+    }
+    assert_eq!((said(&[]), said(&["--smooth"])), (1, 0));
+}
+
 #[test]
 fn colors_out_of_reach_are_told_in_the_same_words() {
     let folder = folder();
@@ -186,16 +205,15 @@ fn colors_out_of_reach_are_told_in_the_same_words() {
         family = if line.starts_with('[') { line } else { family };
         lines.push(line.to_string());
         if line == "[warp]" {
-            lines.push("srgb = [1.0, 1.0, 0.0]".into());
+            lines.push("srgb = [0.5, 0.02, 0.08]".into());
         }
     }
-    std::fs::write(dir.join("yellow.toml"), lines.join("\n")).unwrap();
-    let said = json(&succeed(dir, &[&["render", "yellow.toml", "-o", "a.png", "--json"][..], &SMALL[..6]].concat()));
+    std::fs::write(dir.join("red.toml"), lines.join("\n")).unwrap();
+    let said = json(&succeed(dir, &[&["render", "red.toml", "-o", "a.png", "--json"][..], &SMALL[..6]].concat()));
     let notes: Vec<&str> = said["notes"].as_array().unwrap().iter().filter_map(|n| n.as_str()).collect();
     let told: Vec<&str> = notes.iter().filter_map(|n| n.split_once("out of reach: ").map(|n| n.1)).collect();
     assert!(!told.is_empty(), "{notes:?}");
-    let model = spec.lines().find_map(|l| l.strip_prefix("model = \"")).unwrap().trim_end_matches('"');
-    let color = succeed(dir, &["color", model, "--srgb", "1,1,0"]);
+    let color = succeed(dir, &["color", "red.toml", "--srgb", "0.5,0.02,0.08"]);
     for note in told {
         assert!(color.contains(note), "{note:?} not in {color}");
     }
@@ -215,7 +233,6 @@ fn wrong_kinds_of_files_are_named() {
         (render("yarn.toml"), ["a yarn spec", "expected a fabric spec"]),
         (render("sky.exr"), ["a picture", "expected a fabric spec"]),
         (vec!["weave", "yarn.toml"], ["a yarn spec", "expected a fabric spec"]),
-        (vec!["info", "yarn.toml"], ["a yarn spec", "plywave build"]),
         (vec!["info", "cloth.toml"], ["a fabric spec", "plywave render"]),
         (eval("cloth.toml"), ["a fabric spec", "expected a ply model"]),
         (eval("yarn.toml"), ["a yarn spec", "plywave build"]),
@@ -223,7 +240,7 @@ fn wrong_kinds_of_files_are_named() {
         (vec!["check", model, "--table", model], ["a ply model", "expected a table"]),
         (vec!["diff", "yarn.toml", model], ["a yarn spec", "expected a ply model"]),
         (vec!["diff", model, "cloth.toml"], ["a fabric spec", "expected a ply model"]),
-        (vec!["color", "cloth.toml", "--srgb", "1,0,0"], ["a fabric spec", "expected a ply model"]),
+        (vec!["color", "yarn.toml", "--srgb", "1,0,0"], ["a yarn spec", "expected a ply model"]),
     ] {
         refused(dir, &args, &words);
     }
@@ -268,7 +285,8 @@ fn models_of_other_nodes_are_compared() {
     };
     // The same paths at other absorptions; the same yarn at other offsets; another yarn.
     let (near, nodes, far) = (energy("a.pwm", "b.pwm"), energy("a.pwm", "c.pwm"), energy("a.pwm", "models/cotton.pwm"));
-    assert!(near < 0.1 && near < 0.5 * nodes && near < 0.5 * far, "{near} {nodes} {far}");
+    // Energies have grids of their own: nodes of the lobes do not change them.
+    assert!(near < 0.1 && nodes < 0.01 && near < 0.5 * far, "{near} {nodes} {far}");
     let output = diff(&["a.pwm", "c.pwm", "--tol", "3", "--tol-energy", "1"]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stdout));
     assert!(text(&output.stdout).contains("other nodes"));

@@ -2,7 +2,7 @@
 
 use crate::error::FitError;
 use crate::lobes::canonical::canonical_order;
-use crate::lobes::model::{Place, ScaledLobes, evaluate, high_lobes, refl_lobes};
+use crate::lobes::model::{Place, ScaledLobes, energies, evaluate, high_lobes, refl_lobes};
 use crate::lobes::sphere::{Scratch, SphereGrid};
 use plywave::ply::PlyData;
 use plywave::ply::asg::{Lobe, PARAMS};
@@ -48,7 +48,7 @@ pub struct DiffReport {
     pub refl_between: Vec<f64>,
     /// `[M-1][H-1]`: of f_high at sigma = 0 at the centers of the cells.
     pub high_between: Vec<f64>,
-    /// Largest difference of r_d, energy_refl or E_high(sigma_k) over the nodes.
+    /// Largest difference of r_d, the energy of f_refl or of f_high at sigma_k over the nodes and half way between them.
     pub energy: f64,
     /// Drift of the reflection lobes over all nodes; none when the models differ in their number.
     pub drift_refl: Option<LobeDrift>,
@@ -122,13 +122,14 @@ pub fn diff(a: &PlyData, b: &PlyData, tolerance: &DiffTolerance) -> Result<DiffR
     };
     let columns_high: Vec<Vec<f64>> = by_sigma.iter().map(|s| all(s)).collect();
     let high: Vec<f64> = (0..nodes.len()).flat_map(|k| columns_high.iter().map(move |c| c[k])).collect();
-    let energy_at = |d: &PlyData, at: Place, s: f64| crate::lobes::model::energy_high(d, at, s);
     let energy = nodes
         .iter()
-        .enumerate()
-        .flat_map(|(k, &at)| {
-            let high = sigma.iter().map(move |&s| (energy_at(a, at, s) - energy_at(b, at, s)).abs());
-            high.chain([(a.r_d[k] - b.r_d[k]).abs(), (a.energy_refl[k] - b.energy_refl[k]).abs()])
+        .chain(&cells)
+        .flat_map(|&at| {
+            let (x, y) = (energies(a, at), energies(b, at));
+            let high = |s: f64| (x.high_at(s, &a.path_um) - y.high_at(s, &b.path_um)).abs();
+            let others = [(x.r_d - y.r_d).abs(), (x.refl - y.refl).abs()];
+            sigma.iter().map(|s| high(*s)).chain(others).collect::<Vec<f64>>()
         })
         .fold(0.0, f64::max);
     let drift = |slices: &[SliceDiff]| {

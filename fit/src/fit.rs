@@ -1,10 +1,12 @@
 //! From a table of simulated scattering to a ply model.
 
 use crate::check::check_table;
+use crate::energies::energy_splines;
 use crate::error::FitError;
+use crate::exits::fit_exits;
 use crate::fit_errors::errors;
 use crate::layers::layer_factors;
-use crate::lobes::absorption::{SliceProducts, attenuation, choose_paths, energy_spectrum, fit_lobe_spectra};
+use crate::lobes::absorption::{SliceProducts, attenuation, energy_spectrum, fit_lobe_spectra};
 use crate::lobes::block::{CORNERS, Target, blend, coarse_grid, corner_weights, fit_joint};
 use crate::lobes::canonical::canonicalize;
 use crate::lobes::dark::{DarkSlices, refine};
@@ -40,6 +42,9 @@ pub struct Progress {
     pub total: usize,
 }
 
+/// Most that becomes of the light at a node: 1 and room for the noise of few paths.
+const MOST_ENERGY: f64 = 1.05;
+
 /// A model without its lobes: axes, absorption and energies of a table, and these edge lobes. Refused where it could not be saved, in some milliseconds.
 ///
 /// # Errors
@@ -47,10 +52,7 @@ pub struct Progress {
 pub fn frame(table: &Table, options: &FitOptions, edge: Option<EdgeLobes>) -> Result<PlyData, FitError> {
     check_table(table)?;
     options.check()?;
-    let energies: Vec<Vec<f64>> =
-        table.energy_high.chunks_exact(table.sigma_per_um.len()).map(|e| e.to_vec()).collect();
-    let path_um = choose_paths(&energies, &table.sigma_per_um);
-    let spectra: Vec<Vec<f64>> = energies.iter().map(|e| energy_spectrum(e, &table.sigma_per_um, &path_um).0).collect();
+    let (energies, path_um) = energy_splines(table);
     let data = PlyData {
         spec_text: table.spec_text.clone(),
         program_version: env!("CARGO_PKG_VERSION").to_string(),
@@ -62,18 +64,29 @@ pub fn frame(table: &Table, options: &FitOptions, edge: Option<EdgeLobes>) -> Re
         path_um,
         lobes_refl: options.lobes_refl,
         lobes_high: options.lobes_high,
-        r_d: table.r_d.clone(),
-        energy_refl: table.energy_refl.clone(),
-        energy_high: spectra.concat(),
+        energies,
         refl: Vec::new(),
         high: Vec::new(),
         high_path: Vec::new(),
         error_refl: Vec::new(),
         error_high: Vec::new(),
         layers: None,
+        exits: None,
         edge,
         noise: None,
     };
+    // The splines' coefficients are kept within bounds: what the table itself has is looked at first.
+    for node in 0..table.r_d.len() {
+        let all = table.r_d[node] + table.energy_refl[node] + table.energy_high[node * table.sigma_per_um.len()];
+        if all > MOST_ENERGY {
+            let key = format!("r_d + energy_refl + energy_high at node {node}");
+            return Err(FitError::Unsavable {
+                key,
+                value: all.to_string(),
+                hint: format!("expected at most {MOST_ENERGY}"),
+            });
+        }
+    }
     match data.check_frame("table") {
         Ok(()) => Ok(data),
         Err(plywave::Error::Invalid { key, value, mut hint, .. }) => {
@@ -97,7 +110,8 @@ pub fn fit(table: &Table, options: &FitOptions, progress: &(dyn Fn(Progress) + S
     let coarse = coarse_grid(&sphere);
     let (rows, columns, sigmas) = (table.theta_i.len(), table.h_um.len(), table.sigma_per_um.len());
     let path_um = data.path_um.clone();
-    let spectra: Vec<Vec<f64>> = data.energy_high.chunks_exact(path_um.len()).map(|e| e.to_vec()).collect();
+    let energies: Vec<Vec<f64>> = table.energy_high.chunks_exact(sigmas).map(|e| e.to_vec()).collect();
+    let spectra: Vec<Vec<f64>> = energies.iter().map(|e| energy_spectrum(e, &table.sigma_per_um, &path_um).0).collect();
 
     let (block_rows, block_columns) = ((rows - 1) / 2, (columns - 1) / 2);
     let blocks = block_rows * block_columns;
@@ -178,6 +192,7 @@ pub fn fit(table: &Table, options: &FitOptions, progress: &(dyn Fn(Progress) + S
     let finite = |values: Vec<f64>| values.into_iter().map(|v| if v.is_finite() { v } else { 0.0 }).collect();
     data.error_refl = finite(own.refl);
     data.error_high = finite(own.high);
+    data.exits = fit_exits(table);
     data.layers = Some(layer_factors(&data));
     progress(Progress { stage: Stage::Errors, done: 1, total: 1 });
     Ok(data)

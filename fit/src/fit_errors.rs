@@ -27,7 +27,7 @@ pub struct FitErrors {
     pub rms_refl: f64,
     /// `[K]`: rms of f_high over the nine slices of all blocks.
     pub rms_high: Vec<f64>,
-    /// `[M][H]`: difference of the model's lobe energies from the table's, f_refl; absolute.
+    /// `[M][H]`: difference of the model's lobe energies from the table's own ([`Table::fine_energies`]), f_refl; absolute.
     pub energy_refl: Vec<f64>,
     /// `[M][H][K]`: the same for f_high.
     pub energy_high: Vec<f64>,
@@ -78,6 +78,8 @@ pub fn errors(model: &PlyData, table: &Table) -> Result<FitErrors, FitError> {
     }
     let sphere = SphereGrid::new(table.grid);
     let (rows, columns, sigmas) = (table.theta_i.len(), table.h_um.len(), table.sigma_per_um.len());
+    let fine = table.fine_energies();
+    let held = |node: usize| fine.at_node(table.theta_i[node / columns], table.h_um[node % columns]);
     let refl: Vec<(Option<f64>, f64)> = (0..rows * columns)
         .into_par_iter()
         .map(|node| {
@@ -86,7 +88,7 @@ pub fn errors(model: &PlyData, table: &Table) -> Result<FitErrors, FitError> {
             let slice = sphere.pad(table.refl_slice(node / columns, node % columns), 1.0);
             let distance2 = sphere.distance2(&evaluate(&sphere, &lobes, &mut scratch), &slice);
             let error = excess2(distance2, sphere.inner(&slice, &slice), table.noise_refl[node]);
-            (error, lobes.energy - table.energy_refl[node])
+            (error, lobes.energy - held(node).refl)
         })
         .collect();
     let (block_rows, block_columns) = ((rows - 1) / 2, (columns - 1) / 2);
@@ -116,7 +118,7 @@ pub fn errors(model: &PlyData, table: &Table) -> Result<FitErrors, FitError> {
                         let distance2 = sphere.distance2(&evaluate(&sphere, &lobes, &mut scratch), &slice);
                         let at = (m * columns + n) * sigmas + k;
                         let error = excess2(distance2, sphere.inner(&slice, &slice), table.noise_high[at]);
-                        out.push((at, error, lobes.energy - table.energy_high[at]));
+                        out.push((at, error, lobes.energy - held(m * columns + n).high[k]));
                     }
                 }
             }

@@ -11,7 +11,7 @@
 //! and over theta the weight cos^2(theta). Latitudes beyond the last node carry that node's share.
 
 use crate::lobes::absorption::energy_spectrum;
-use crate::lobes::model::{bilinear, evaluate, high_lobes, locate, refl_lobes};
+use crate::lobes::model::{energies, evaluate, high_lobes, locate, refl_lobes};
 use crate::lobes::sphere::{PaddedSlice, Scratch, SphereGrid};
 use plywave::ply::{LayerFactors, PlyData};
 use plywave::table::OutgoingGrid;
@@ -79,7 +79,7 @@ pub fn layer_factors(data: &PlyData) -> LayerFactors {
             let node = &nodes[m * columns + n];
             above.iter_mut().zip(&node.1).for_each(|(sum, v)| *sum += weight * v);
             all.iter_mut().zip(&node.2).for_each(|(sum, v)| *sum += weight * v);
-            met += weight * (1.0 - bilinear(&data.r_d, data.h_um.len(), 1, 0, place(m * columns + n)));
+            met += weight * (1.0 - energies(data, place(m * columns + n)).r_d);
         }
     }
     let mut diffuse = Vec::with_capacity(2 * size);

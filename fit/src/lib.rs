@@ -4,7 +4,9 @@ mod check;
 mod diagnose;
 mod diff;
 mod edge;
+mod energies;
 mod error;
+mod exits;
 mod fit;
 mod fit_errors;
 mod layers;
@@ -17,13 +19,15 @@ mod table_distance;
 pub use diagnose::{Part, PartFit, fit_block, fit_single_slices};
 pub use diff::{DiffReport, DiffTolerance, LobeDrift, diff, lobe_drift};
 pub use edge::{EdgeFit, EdgeOptions, edge_error, fit_edge, fit_edge_lobes};
+pub use energies::has_energies_of;
 pub use error::FitError;
+pub use exits::fit_exits;
 pub use fit::{Progress, Stage, fit, frame};
 pub use fit_errors::{FitErrors, errors};
 pub use layers::layer_factors;
 pub use lobes::{
     BlockEffort, CORNERS, PATHS, PaddedSlice, Place, ReflectionEffort, ScaledLobes, Scratch, SphereGrid, canonical,
-    canonical_order, canonicalize, choose_paths, corner_weights, energy_high, energy_spectrum, high_lobes,
+    canonical_order, canonicalize, choose_paths, corner_weights, energies, energy_high, energy_spectrum, high_lobes,
     high_lobes_in_block, kmeans_lobes, locate, nearest_representation, refl_lobes,
 };
 pub use optimize::{

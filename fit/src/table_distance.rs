@@ -4,7 +4,7 @@
 use crate::check::check_table;
 use crate::error::FitError;
 use crate::fit_errors::excess2;
-use crate::lobes::model::{bilinear, evaluate, high_lobes, locate, refl_lobes};
+use crate::lobes::model::{energies, evaluate, high_lobes, locate, refl_lobes};
 use crate::lobes::sphere::{Scratch, SphereGrid};
 use plywave::ply::PlyData;
 use plywave::table::Table;
@@ -146,7 +146,7 @@ pub fn model_distance(model: &PlyData, reference: &Table, theta_i: f64, h_um: f6
         .collect();
     let r_d = |&(m, n): &(usize, usize)| {
         let place = locate(model, reference.theta_i[m], reference.h_um[n]);
-        bilinear(&model.r_d, model.h_um.len(), 1, 0, place) - reference.r_d[m * reference.h_um.len() + n]
+        energies(model, place).r_d - reference.r_d[m * reference.h_um.len() + n]
     };
     Ok(TableDistance {
         theta_i: rows.iter().map(|m| reference.theta_i[*m]).collect(),

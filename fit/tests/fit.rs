@@ -65,13 +65,22 @@ fn planted_lobes_come_back_on_an_independent_table() {
 #[test]
 fn energies_of_the_table_are_the_model_s() {
     let (table, model) = fitted();
-    assert_eq!(model.energy_refl, table.energy_refl);
-    assert_eq!(model.r_d, table.r_d);
+    assert!(plywave_fit::has_energies_of(model, table));
+    for (node, e) in model.node_energies().iter().enumerate() {
+        // A table without energies of its own: bilinear between its few nodes, whose kinks splines round off.
+        assert!(
+            (e.refl - table.energy_refl[node]).abs() < 1e-2,
+            "f_refl at node {node}: {} {}",
+            e.refl,
+            table.energy_refl[node]
+        );
+        assert!((e.r_d - table.r_d[node]).abs() < 2e-2, "r_d at node {node}: {}", e.r_d);
+    }
     let e = errors(model, table).unwrap();
     for (k, d) in e.energy_high.iter().enumerate() {
         let top = table.energy_high[k / model.sigma_per_um.len() * model.sigma_per_um.len()];
-        assert!(d.abs() < 1e-3 * top, "{k}: {d} of {top}");
-        assert!(k % model.sigma_per_um.len() != 0 || d.abs() < 1e-12, "sigma = 0 is exact: {d}");
+        assert!(d.abs() < 2e-2 * top, "{k}: {d} of {top}");
+        assert!(k % model.sigma_per_um.len() != 0 || d.abs() < 2e-2, "sigma = 0: {d}");
     }
     for node in 0..table.energy_refl.len() {
         let size = model.lobes_refl * PARAMS;
@@ -181,9 +190,11 @@ fn diff_sees_a_moved_lobe_and_nothing_else() {
     assert!((report.drift_high.unwrap().axis_rad - 0.1 * moved.high[0].cos()).abs() < 0.01);
     assert_eq!(worst(&report.refl), 0.0);
     let mut brighter = model.clone();
-    brighter.energy_refl[7] += 0.01;
+    // Node 2 of the slices: their steps are cut in four.
+    brighter.energies.share_refl[8] += 0.02;
     let report = diff(model, &brighter, &tolerance).unwrap();
-    assert!(!report.equal && (report.energy - 0.01).abs() < 1e-12);
+    let want = brighter.node_energies()[2].refl - model.node_energies()[2].refl;
+    assert!(want > 1e-3 && !report.equal && (report.energy - want).abs() < 1e-12, "{}, want {want}", report.energy);
     let mut other = model.clone();
     other.h_um.pop();
     assert!(diff(model, &other, &tolerance).is_err());
@@ -260,10 +271,12 @@ fn dark_and_empty_slices_are_no_trouble() {
         table.energy_high[node * sigmas..(node + 1) * sigmas].fill(0.0);
     }
     let model = fit(&table, &FitOptions::preview(), &|_| {}).unwrap();
-    let all = [&model.refl, &model.high, &model.high_path, &model.energy_high, &model.error_refl, &model.error_high];
+    let all =
+        [&model.refl, &model.high, &model.high_path, &model.energies.share_high, &model.error_refl, &model.error_high];
     assert!(all.iter().all(|v| v.iter().all(|x| x.is_finite())));
     let at = Place { m: 0, s: 0.0, n: 0, t: 0.0 };
-    assert_eq!(high_lobes(&model, at, 0.0).energy, 0.0);
+    // A jump from 0 to 0.9 within a node: the spline is bounded and smooth, not exact.
+    assert!(high_lobes(&model, at, 0.0).energy < 0.03);
 
     table.refl.fill(0.0);
     table.high.fill(0.0);

@@ -7,7 +7,7 @@ mod synthetic;
 use plywave::frame::direction;
 use plywave::gap::Slit;
 use plywave::spec::GaussianBeam;
-use plywave::speckle::{Instance, NoiseTiles, SpecklePatterns, SpecklePolarization, SpeckleSide};
+use plywave::speckle::{Instance, Noise, NoiseSpectrum, NoiseTiles, SpecklePatterns, SpecklePolarization, SpeckleSide};
 use plywave::{Bsdf, PlyModel, PlyQuery};
 use plywave_fit::speckle::{
     FieldModel, NoiseContrast, NoiseOptions, PatternCovariance, compare_lines, intensity_covariance, noise_tiles,
@@ -90,7 +90,12 @@ fn patterns(shares: [f64; 2]) -> SpecklePatterns {
 /// Tiles of half developed reflection and of fully developed high-order light, made once.
 fn tiles() -> &'static NoiseTiles {
     static TILES: OnceLock<NoiseTiles> = OnceLock::new();
-    TILES.get_or_init(|| noise_tiles(&patterns([0.4, 1.0]), &options(), "planted").unwrap().0)
+    TILES.get_or_init(|| spectrum().tiles())
+}
+
+/// What they are made of.
+fn spectrum() -> NoiseSpectrum {
+    noise_tiles(&patterns([0.4, 1.0]), &options(), "planted").unwrap().0
 }
 
 fn options() -> NoiseOptions {
@@ -129,8 +134,8 @@ fn what_cannot_be_saved_is_refused_before_the_work() {
     assert!(plywave_fit::speckle::check_savable(&empty(0.1), &NoiseOptions { w0_um: 6600.0, ..wide }, "").is_ok());
     refuse(1e3, NoiseOptions { w0_um: 0.5, ..options() }, &["w0_um = 0.5", "waist 6.6"]);
     refuse(200.0, options(), &["noise_lambda_um", "200"]);
-    refuse(0.4, NoiseOptions { rows: 300, ..options() }, &["noise_tiles", "powers of two"]);
-    refuse(0.4, NoiseOptions { tiles: 256, rows: 4096, ..options() }, &["noise_tiles", "values at most"]);
+    refuse(0.4, NoiseOptions { rows: 300, ..options() }, &["noise_sizes", "powers of two"]);
+    refuse(0.4, NoiseOptions { tiles: 256, rows: 4096, ..options() }, &["noise_sizes", "values at most"]);
 }
 
 /// Share and covariance of planted fields come back, partly and fully developed.
@@ -192,14 +197,14 @@ fn patterns_are_checked_and_seeds_count() {
     let p = patterns([0.4, 1.0]);
     let made = |options: &NoiseOptions| noise_tiles(&p, options, "x").unwrap().0;
     assert_eq!(made(&small), made(&small));
-    assert_ne!(made(&small).tiles, made(&NoiseOptions { seed: 2, ..small.clone() }).tiles);
+    assert_ne!(made(&small).tiles().tiles, made(&NoiseOptions { seed: 2, ..small.clone() }).tiles().tiles);
     // Light that does not vary has tiles of 1.
     let mut flat = p.clone();
     flat.patterns.fill(1.0);
-    assert!(made_of(&flat, &small).tile(1, 0).iter().all(|v| *v == 1.0));
+    assert!(made_of(&flat, &small).tiles().tile(1, 0).iter().all(|v| *v == 1.0));
 }
 
-fn made_of(p: &SpecklePatterns, options: &NoiseOptions) -> NoiseTiles {
+fn made_of(p: &SpecklePatterns, options: &NoiseOptions) -> NoiseSpectrum {
     noise_tiles(p, options, "x").unwrap().0
 }
 
@@ -238,7 +243,8 @@ fn mean_over_instances_is_one() {
 #[test]
 fn looked_up_statistics_are_the_models() {
     // Large tiles: their own statistics are those of so many grains.
-    let (tiles, kinds) = noise_tiles(&patterns([0.4, 1.0]), &NoiseOptions::default(), "planted").unwrap();
+    let (noise, kinds) = noise_tiles(&patterns([0.4, 1.0]), &NoiseOptions::default(), "planted").unwrap();
+    let tiles = noise.tiles();
     let mut rng = Pcg64Mcg::seed_from_u64(3);
     for lambda in [0.4f64, 0.6] {
         for (k, kind) in kinds.iter().enumerate() {
@@ -388,20 +394,29 @@ fn any_numbers_come_in() {
     assert_eq!(tiles.factors(instance(1), 0.0, [0.0, 1.0, 0.0], []), ([], []));
 }
 
-/// A model keeps its tiles in its file, of 8 MB at most at the standard sizes; a model without any says so; broken tiles are refused.
+/// A model keeps its noise in its file, in 20 kB at the standard sizes, and makes the tiles of it; tiles of earlier files stay what they are; a model without any
+/// says so; broken noise is refused.
 #[test]
-fn models_keep_their_tiles() {
+fn models_keep_their_noise() {
     let bare = synthetic::model(1, synthetic::STANDARD);
-    let data = plywave::ply::PlyData { noise: Some(tiles().clone()), ..bare.clone() };
-    let bytes = data.to_bytes().unwrap();
-    let back = PlyModel::from_bytes(&bytes, "m.pwm").unwrap();
-    assert_eq!(back.noise(), Some(tiles()));
-    assert!(back.require_noise("m.pwm").is_ok());
-    let standard = 2 * NoiseOptions::default().tiles * NoiseOptions::default().rows * NoiseOptions::default().columns;
-    assert!(standard + bytes.len() - tiles().tiles.len() < 8 << 20, "{}", bytes.len());
-    let smooth = PlyModel::from_data(bare.clone()).unwrap();
-    let error = smooth.require_noise("m.pwm").unwrap_err().to_string();
-    assert!(error.contains("m.pwm: noise_tiles") && error.contains("plywave noise"), "{error}");
+    let with = |noise: Noise| plywave::ply::PlyData { noise: Some(noise), ..bare.clone() };
+    let smooth = bare.to_bytes().unwrap().len();
+    for noise in [Noise::from(spectrum()), tiles().clone().into()] {
+        let data = with(noise.clone());
+        let bytes = data.to_bytes().unwrap();
+        let back = PlyModel::from_bytes(&bytes, "m.pwm").unwrap();
+        assert_eq!(back.data().noise, Some(noise));
+        assert_eq!(back.noise(), Some(tiles()));
+        assert_eq!(back.clone().noise(), Some(tiles()));
+        assert!(back.require_noise("m.pwm").is_ok());
+        assert_eq!(back.data().to_bytes().unwrap(), bytes);
+    }
+    let standard = noise_tiles(&patterns([0.4, 1.0]), &NoiseOptions::default(), "planted").unwrap().0;
+    let bytes = with(standard.clone().into()).to_bytes().unwrap();
+    assert!(bytes.len() < smooth + 20_000, "{} {smooth}", bytes.len());
+    let none = PlyModel::from_data(bare.clone()).unwrap();
+    let error = none.require_noise("m.pwm").unwrap_err().to_string();
+    assert!(error.contains("m.pwm: noise_spectrum") && error.contains("plywave noise"), "{error}");
     let spoils: [fn(&mut NoiseTiles); 6] = [
         |t| t.sizes[1] = 100,
         |t| t.tiles.truncate(9),
@@ -413,7 +428,30 @@ fn models_keep_their_tiles() {
     for spoil in spoils {
         let mut noise = tiles().clone();
         spoil(&mut noise);
-        assert!(PlyModel::from_data(plywave::ply::PlyData { noise: Some(noise), ..bare.clone() }).is_err());
+        assert!(PlyModel::from_data(with(noise.into())).is_err());
+    }
+    type Spoil = fn(&mut NoiseSpectrum);
+    let spoils: [(&str, Spoil); 14] = [
+        ("noise_sizes", |s| s.sizes[1] = 100),
+        ("noise_sizes", |s| s.sizes[0] = 0),
+        ("noise_sizes", |s| s.sizes[0] = 1 << 20),
+        ("noise_sizes", |s| s.sizes = [1, 8192, 8192]),
+        ("noise_sizes", |s| s.sizes = [usize::MAX; 3]),
+        ("noise_spectrum", |s| s.sizes[2] = 256),
+        ("noise_spectrum", |s| s.spectrum.truncate(9)),
+        ("noise_spectrum", |s| s.spectrum[3] = f32::NAN),
+        ("noise_spectrum", |s| s.spectrum[3] = -1e-3),
+        ("noise_spectrum", |s| s.spectrum.fill(0.0)),
+        ("noise_share", |s| s.share[1] = 1.1),
+        ("noise_w0_um", |s| s.w0_um = 0.0),
+        ("noise_step", |s| s.step[1][0] = 0.0),
+        ("noise_lambda_um", |s| s.lambda_um = f64::INFINITY),
+    ];
+    for (key, spoil) in spoils {
+        let mut noise = spectrum();
+        spoil(&mut noise);
+        let error = PlyModel::from_data(with(noise.into())).unwrap_err().to_string();
+        assert!(error.contains(key), "{key}: {error}");
     }
 }
 
@@ -422,7 +460,7 @@ fn models_keep_their_tiles() {
 fn eval_of_instances_averages_to_the_smooth_model() {
     let bare = synthetic::model(1, synthetic::STANDARD);
     let smooth = PlyModel::from_data(bare.clone()).unwrap();
-    let model = PlyModel::from_data(plywave::ply::PlyData { noise: Some(tiles().clone()), ..bare }).unwrap();
+    let model = PlyModel::from_data(plywave::ply::PlyData { noise: Some(tiles().clone().into()), ..bare }).unwrap();
     let (sigma, lambda) = ([0.0, 0.01], [0.45, 0.65]);
     for (theta_i, h, wo) in [(0.2, 5.0, at(0.1, 2.0)), (-0.5, -20.0, at(0.4, 4.9))] {
         let smooth_query = PlyQuery::new(theta_i, h, sigma, lambda);
@@ -447,7 +485,7 @@ fn eval_of_instances_averages_to_the_smooth_model() {
 #[test]
 fn slits_stay_under_noise() {
     let bare = synthetic::model(1, synthetic::STANDARD);
-    let model = PlyModel::from_data(plywave::ply::PlyData { noise: Some(tiles().clone()), ..bare }).unwrap();
+    let model = PlyModel::from_data(plywave::ply::PlyData { noise: Some(tiles().clone().into()), ..bare }).unwrap();
     let slit = Slit::new(2.0, 1.0, &GaussianBeam { w0_um: 5.0, lambda_um: 0.55, d_cut_um: 10.0 }).unwrap();
     let (theta_i, h_um, lambda_um) = (0.2f32, 5.0, [0.45, 0.65]);
     let smooth = PlyQuery { slit: Some(&slit), ..PlyQuery::new(theta_i, h_um, [0.0, 0.01], lambda_um) };

@@ -55,6 +55,7 @@ fn table() -> Table {
         refl,
         high,
         exit: None,
+        energies: None,
     }
 }
 

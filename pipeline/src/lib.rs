@@ -1,10 +1,10 @@
 //! Pipeline of plywave: from a yarn's spec to its ply model.
 //!
-//! A [`Recipe`] says what to make: a spec, a [`Quality`], a seed, overrides of sizes, and where speckle tiles come from. [`build`] makes it, with progress, a
+//! A [`Recipe`] says what to make: a spec, a [`Quality`], a seed, overrides of sizes, and where speckle comes from. [`build`] makes it, with progress, a
 //! stop flag and finished shards on disk. Its stages are plain functions too:
 //!
 //! ```text
-//! spec --simulate--> table of a ply --yarn_table--> table of the yarn --fit_model--> model, edge lobes, layer factors --add_speckle--> model with tiles
+//! spec --simulate--> table of a ply --yarn_table--> table of the yarn --fit_model--> model, edge lobes, layer factors --add_speckle--> model with noise
 //! ```
 //!
 //! ```no_run
@@ -27,4 +27,6 @@ pub use build::{Built, Times, build};
 pub use error::Error;
 pub use recipe::{Quality, Recipe, Speckle, with_keys};
 pub use run::{Progress, Run, Stage};
-pub use stages::{FitQuality, add_speckle, check_fit, fit_model, simulate, solve_speckle, speckle_options, yarn_table};
+pub use stages::{
+    FitQuality, LEAST_MET, add_speckle, check_fit, fit_model, simulate, solve_speckle, speckle_options, yarn_table,
+};

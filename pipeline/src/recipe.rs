@@ -66,7 +66,7 @@ impl Quality {
     }
 }
 
-/// Where a model's speckle tiles come from.
+/// Where a model's speckle comes from.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Speckle {
     /// Nowhere: a smooth model.
@@ -99,7 +99,7 @@ pub struct Recipe {
     pub instances: Option<u32>,
     /// Whether all plies of the yarn are traced together, for measuring models; such a table is not fitted.
     pub traced_plies: bool,
-    /// Speckle tiles.
+    /// Speckle.
     pub speckle: Speckle,
 }
 

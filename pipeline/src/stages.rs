@@ -140,12 +140,12 @@ pub fn solve_speckle(
     run_job(&job, Stage::Speckle, run.speckle_parts, run, file)
 }
 
-/// Gives a model the speckle tiles of patterns of its fiber, in the beam of `spec`. `file` stands for the patterns in messages.
+/// Gives a model the speckle noise of patterns of its fiber, in the beam of `spec`. `file` stands for the patterns in messages.
 ///
 /// # Errors
 /// Those of [`noise_tiles`].
 pub fn add_speckle(model: &mut PlyData, patterns: &SpecklePatterns, spec: &YarnSpec, file: &str) -> Result<(), Error> {
-    model.noise = Some(noise_tiles(patterns, &noise_options(model.seed, spec), file)?.0);
+    model.noise = Some(noise_tiles(patterns, &noise_options(model.seed, spec), file)?.0.into());
     Ok(())
 }
 
@@ -153,6 +153,9 @@ pub fn add_speckle(model: &mut PlyData, patterns: &SpecklePatterns, spec: &YarnS
 pub(crate) fn noise_options(seed: u64, spec: &YarnSpec) -> NoiseOptions {
     NoiseOptions { seed, w0_um: spec.beam.beam().w0_um, ..NoiseOptions::default() }
 }
+
+/// Share of a beam, of which a slice's errors count in full [`FitQuality::of_errors`].
+pub const LEAST_MET: f64 = 0.02;
 
 /// How far a model is from the table of its fit: the largest errors of its slices, as `plywave check` takes them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -166,18 +169,23 @@ pub struct FitQuality {
 impl FitQuality {
     /// Of a model, by the errors that its fit stored.
     pub fn of(data: &PlyData) -> FitQuality {
-        let (paths, sigmas) = (data.path_um.len(), data.sigma_per_um.len().max(1));
+        FitQuality::of_errors(data, &data.error_refl, &data.error_high)
+    }
+
+    /// Of a model with these errors of its slices, `[theta_i][h]` and `[theta_i][h][sigma]`.
+    ///
+    /// Beyond the ply's rim next to nothing of a beam meets fibers, and energies are good to 0.002 of the beam: where less than [`LEAST_MET`] of it meets any, a slice's
+    /// errors count in proportion to that.
+    pub fn of_errors(data: &PlyData, error_refl: &[f64], error_high: &[f64]) -> FitQuality {
+        let (nodes, sigmas) = (data.node_energies(), data.sigma_per_um.len().max(1));
         // What is not above 0 was hidden by noise.
         let largest = |errors: &mut dyn Iterator<Item = f64>| errors.filter(|e| *e > 0.0).fold(f64::NAN, f64::max);
-        let energy = |k: usize| -> f64 {
-            let spectrum = &data.energy_high[k / sigmas * paths..][..paths];
-            let sigma = data.sigma_per_um[k % sigmas];
-            spectrum.iter().zip(&data.path_um).map(|(e, l)| e * (-sigma * l).exp()).sum()
-        };
+        let energy = |k: usize| nodes[k / sigmas].high_at(data.sigma_per_um[k % sigmas], &data.path_um);
         let share = |k: usize| energy(k) / energy(k - k % sigmas).max(f64::MIN_POSITIVE);
+        let met = |node: usize| ((1.0 - nodes[node].r_d) / LEAST_MET).clamp(0.0, 1.0);
         FitQuality {
-            refl: largest(&mut data.error_refl.iter().copied()),
-            high: largest(&mut (0..data.error_high.len()).map(|k| data.error_high[k] * share(k))),
+            refl: largest(&mut error_refl.iter().enumerate().map(|(node, e)| e * met(node))),
+            high: largest(&mut error_high.iter().enumerate().map(|(k, e)| e * share(k) * met(k / sigmas))),
         }
     }
 

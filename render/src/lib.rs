@@ -1,4 +1,4 @@
-//! Reference host of plywave: a small spectral path tracer for sheets of fabric, so that every part of the shading model is exercised by a real renderer.
+//! Reference host of plywave: a small spectral path tracer for a sheet of fabric, so that every part of the shading model is exercised by a real renderer.
 //!
 //! Four wavelengths go along a path. The camera ray plays the beam of the ply model: at a point of the cloth it gives latitude and offset on the ply that it
 //! meets, and `f(wo)`, which holds the cosine of the light's direction, weighs the light from `wo`. Light sources are sampled and hit, weighed by the power
@@ -9,11 +9,13 @@
 mod bvh;
 mod camera;
 mod cloth;
+mod drape;
 mod film;
 mod light;
 mod mesh;
 mod path;
 mod picture;
+mod props;
 mod room;
 mod scene;
 mod setup;
@@ -24,6 +26,7 @@ pub use light::{Environment, Light};
 pub use mesh::{Mesh, MeshNotes};
 pub use path::{RenderOptions, render};
 pub use picture::{Facts, png};
+pub use props::{Prop, Shape};
 pub use scene::{Frame, Scene, SurfacePoint};
 pub use setup::Setup;
 

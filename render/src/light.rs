@@ -84,6 +84,11 @@ impl Environment {
         Environment::new(1, 1, vec![[radiance; 3]])
     }
 
+    /// The same radiance from everywhere above the horizon, none from below.
+    pub fn above(radiance: f32) -> Environment {
+        Environment::new(1, 2, vec![[radiance; 3], [0.0; 3]])
+    }
+
     /// A latitude-longitude picture in OpenEXR, times `scale`.
     ///
     /// # Errors

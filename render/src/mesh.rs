@@ -78,29 +78,38 @@ impl Mesh {
         Mesh::grid(1, 1000.0 * size_mm, |s, t| Vec3::new((s - 0.5) * size_mm, (t - 0.5) * size_mm, 0.0))
     }
 
-    /// A square sheet that lies on a ball of a third of its width and hangs from it in folds. Lengths along the cloth are kept on the ball and in the
-    /// hanging part roughly.
+    /// A square sheet that has fallen over the ball of [`Mesh::BALL`] of its width about the origin and lies with its corners on the floor at [`Mesh::FLOOR`] of it. A
+    /// simulation of a second or two, the same each time.
     pub fn drape(size_mm: f32) -> Mesh {
-        let radius = size_mm / 3.0;
-        Mesh::grid(256, 1000.0 * size_mm, |s, t| {
-            let (x, y) = ((s - 0.5) * size_mm, (t - 0.5) * size_mm);
-            let (r, angle) = (x.hypot(y), y.atan2(x));
-            // On the ball the distance from the pole is an arc; below the equator's three quarters the cloth hangs.
-            let hang = radius * 1.25;
-            let (out, down) = if r < hang {
-                (radius * (r / radius).sin(), radius * (1.0 - (r / radius).cos()))
-            } else {
-                let (sin, cos) = (hang / radius).sin_cos();
-                let left = r - hang;
-                let (dr, dz) = (cos * 0.35, sin + (1.0 - sin) * (left / radius).min(1.0));
-                (radius * sin + dr * left, radius * (1.0 - cos) + dz * left)
-            };
-            let grown = ((r - 0.9 * radius) / radius).max(0.0);
-            let fold = 0.16 * radius * grown * grown.min(1.0) * (7.0 * angle).cos();
-            let out = out + fold;
-            Vec3::new(out * angle.cos(), out * angle.sin(), radius - down)
+        // The cloth's own thickness above what carries it.
+        let lift = 0.004;
+        let (points, side) = crate::drape::fallen(Mesh::BALL + lift, Mesh::FLOOR + lift);
+        let cells = side - 1;
+        // Catmull-Rom between the points.
+        let at = |i: isize, j: isize| {
+            let [i, j] = [i, j].map(|k| k.clamp(0, cells as isize) as usize);
+            points[j * side + i]
+        };
+        let spline = |p: [Vec3; 4], u: f32| {
+            let (a, b, c) =
+                (p[2] - p[0], 2.0 * p[0] - 5.0 * p[1] + 4.0 * p[2] - p[3], 3.0 * (p[1] - p[2]) + p[3] - p[0]);
+            p[1] + 0.5 * u * (a + u * (b + u * c))
+        };
+        Mesh::grid(4 * cells, 1000.0 * size_mm, |s, t| {
+            let [(i, u), (j, v)] = [s, t].map(|x| {
+                let x = x.clamp(0.0, 1.0) * cells as f32;
+                let cell = (x as usize).min(cells - 1);
+                (cell as isize, x - cell as f32)
+            });
+            let row = |j: isize| spline([-1, 0, 1, 2].map(|k| at(i + k, j)), u);
+            spline([-1, 0, 1, 2].map(|k| row(j + k)), v) * size_mm
         })
     }
+
+    /// Radius of the ball below a drape over the sheet's width.
+    pub const BALL: f32 = 0.2;
+    /// Height of the floor below a drape over the sheet's width, the ball's center at 0.
+    pub const FLOOR: f32 = -0.2;
 
     /// A square sheet with parallel folds along y.
     pub fn folded(size_mm: f32) -> Mesh {

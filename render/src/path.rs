@@ -2,7 +2,8 @@
 
 use crate::camera::Camera;
 use crate::film::{Film, LAMBDA_RANGE_UM, PixelSums, Sample};
-use crate::scene::{Scene, SurfacePoint};
+use crate::props::Matte;
+use crate::scene::{Meeting, Scene, SurfacePoint};
 use crate::{RenderError, Surface, WAVELENGTHS};
 use glam::Vec3;
 use plywave::math::hash::{GAMMA, mix64};
@@ -148,9 +149,9 @@ fn trace<S: Surface>(
     // Density with which the direction was drawn; the camera's counts as certain.
     let mut pdf = f32::INFINITY;
     for depth in 0..=options.depth {
-        let point = scene.meet(origin, direction);
+        let meeting = scene.first(origin, direction);
         // Lights that are met.
-        let reach = point.map_or(f32::INFINITY, |p| p.t);
+        let reach = meeting.map_or(f32::INFINITY, |m| m.point().t);
         let nearest = scene
             .lights
             .iter()
@@ -164,7 +165,7 @@ fn trace<S: Surface>(
             }
             break;
         }
-        let Some(point) = point else {
+        let Some(meeting) = meeting else {
             if !scene.environment.is_dark() {
                 let weight = share(pdf, scene.environment.pdf(direction) / ways);
                 let radiance = scene.environment.radiance(direction, lambda);
@@ -174,16 +175,23 @@ fn trace<S: Surface>(
             }
             break;
         };
-        let at = surface.at(point.uv_um, point.frame.local(-direction), lambda);
+        let point = *meeting.point();
+        let last = depth == options.depth;
+        let (seen, next) = match meeting {
+            Meeting::Sheet(_) => {
+                let at = surface.at(point.uv_um, point.frame.local(-direction), lambda);
+                (at.albedo(), scatter(scene, &point, &at, last, throughput, rng, &mut light))
+            }
+            Meeting::Prop(_, albedo) => {
+                let at = Matte(albedo);
+                (Bsdf::<WAVELENGTHS>::albedo(&at), scatter(scene, &point, &at, last, throughput, rng, &mut light))
+            }
+        };
         if depth == 0 {
-            albedo = at.albedo();
+            albedo = seen;
             hit = Some((point, direction));
         }
-        if depth == options.depth {
-            break;
-        }
-        direct(scene, &point, &at, throughput, rng, &mut light);
-        match at.sample(rng.random()) {
+        match next {
             BsdfSample::Scattered(sample) => {
                 for k in 0..WAVELENGTHS {
                     throughput[k] *= sample.weight[k];
@@ -212,6 +220,23 @@ fn trace<S: Surface>(
         }
     }
     (light, albedo, hit)
+}
+
+/// Light from the sources at a point, and how the path goes on; it ends after the last.
+fn scatter(
+    scene: &Scene,
+    point: &SurfacePoint,
+    at: &impl Bsdf<WAVELENGTHS>,
+    is_last: bool,
+    throughput: Light4,
+    rng: &mut Pcg64Mcg,
+    light: &mut Light4,
+) -> BsdfSample<WAVELENGTHS> {
+    if is_last {
+        return BsdfSample::Absorbed;
+    }
+    direct(scene, point, at, throughput, rng, light);
+    at.sample(rng.random())
 }
 
 /// Ways of sampling light, one of which is chosen.

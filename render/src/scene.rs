@@ -2,6 +2,7 @@
 
 use crate::light::{Environment, Light};
 use crate::mesh::Mesh;
+use crate::props::Prop;
 use glam::{Vec3, Vec3A};
 use obvhs::cwbvh::CwBvh;
 use obvhs::ray::{Ray, RayHit};
@@ -52,6 +53,25 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// Light from afar.
     pub environment: Environment,
+    /// Things beside the sheet.
+    pub props: Vec<Prop>,
+}
+
+/// What a ray meets.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Meeting {
+    /// The sheet.
+    Sheet(SurfacePoint),
+    /// A prop, and its albedo.
+    Prop(SurfacePoint, f32),
+}
+
+impl Meeting {
+    pub fn point(&self) -> &SurfacePoint {
+        match self {
+            Meeting::Sheet(point) | Meeting::Prop(point, _) => point,
+        }
+    }
 }
 
 impl Scene {
@@ -64,7 +84,7 @@ impl Scene {
         let order = &bvh.primitive_indices;
         let corners = order.iter().map(|&i| mesh.triangles[i as usize]).collect();
         let triangles = order.iter().map(|&i| triangles[i as usize]).collect();
-        Scene { bvh, triangles, corners, mesh, lights, environment }
+        Scene { bvh, triangles, corners, mesh, lights, environment, props: Vec::new() }
     }
 
     fn nearest(&self, origin: Vec3, direction: Vec3, reach: f32) -> Option<(usize, f32)> {
@@ -75,9 +95,27 @@ impl Scene {
         (hit.t < f32::INFINITY).then_some((hit.primitive_id as usize, hit.t))
     }
 
-    /// Whether nothing of the sheet lies between `origin` and the point `reach` along `direction`.
+    /// Whether nothing lies between `origin` and the point `reach` along `direction`.
     pub fn free(&self, origin: Vec3, direction: Vec3, reach: f32) -> bool {
-        self.nearest(origin, direction, reach).is_none()
+        self.props.iter().all(|prop| prop.hit(origin, direction).is_none_or(|t| t >= reach))
+            && self.nearest(origin, direction, reach).is_none()
+    }
+
+    /// What a ray meets first, lights apart.
+    pub(crate) fn first(&self, origin: Vec3, direction: Vec3) -> Option<Meeting> {
+        let sheet = self.meet(origin, direction);
+        let reach = sheet.map_or(f32::INFINITY, |point| point.t);
+        let prop = self
+            .props
+            .iter()
+            .filter_map(|prop| prop.hit(origin, direction).filter(|t| *t < reach).map(|t| (t, prop)))
+            .min_by(|a, b| a.0.total_cmp(&b.0));
+        let Some((t, prop)) = prop else { return sheet.map(Meeting::Sheet) };
+        let position = origin + direction * t;
+        let face = prop.normal(position);
+        let x = face.any_orthonormal_vector();
+        let frame = Frame { axes: [x, face.cross(x), face] };
+        Some(Meeting::Prop(SurfacePoint { t, position, frame, face, uv_um: [0.0; 2] }, prop.albedo))
     }
 
     /// The point of the sheet that a ray meets first.

@@ -1,6 +1,6 @@
 //! Ready-made scenes: what a fabric is looked at in.
 
-use crate::{Camera, Environment, Light, Mesh, Scene};
+use crate::{Camera, Environment, Light, Mesh, Prop, Scene, Shape};
 use glam::Vec3;
 
 /// A ready-made scene.
@@ -10,12 +10,14 @@ pub enum Setup {
     Front,
     /// A flat sheet between the viewer and a lamp.
     Back,
-    /// A sheet that hangs over a ball, under a lamp and a dim sky.
+    /// A sheet that has fallen over a ball on the floor, under a large lamp and a dim sky.
     Drape,
     /// A sheet with parallel folds, under a lamp and a dim sky.
     Folds,
-    /// A few yarns seen from above, lit from the side.
+    /// A few yarns seen from above, lit from the side by a lamp of half a degree.
     Swatch,
+    /// A flat sheet seen from ten degrees above its plane, against the light, under a dim sky.
+    Grazing,
     /// A flat sheet under equal light from everywhere: white stays white.
     Furnace,
 }
@@ -25,7 +27,9 @@ impl Setup {
     pub fn size_mm(self) -> f32 {
         match self {
             Setup::Front | Setup::Back | Setup::Furnace => 30.0,
-            Setup::Drape | Setup::Folds => 90.0,
+            Setup::Drape => 400.0,
+            Setup::Grazing => 200.0,
+            Setup::Folds => 90.0,
             Setup::Swatch => 3.0,
         }
     }
@@ -43,47 +47,62 @@ impl Setup {
         };
         let dark = || Environment::constant(0.0);
         let dim = || Environment::constant(0.12);
-        let (own, lights, own_sky, camera) = match self {
+        // A mesh of the caller's takes the place of the setup's, which is then not made.
+        let own = mesh.is_none();
+        let (made, lights, own_sky, camera) = match self {
             // The highlight of a mirror would lie beside the picture: yarns shine where they lean, and elsewhere show their color.
             Setup::Front => (
-                Mesh::flat(s),
+                own.then(|| Mesh::flat(s)),
                 vec![lamp(at(-1.2, 0.9, 3.2), 0.25)],
                 dark(),
                 // The far edge of the sheet lies just outside the picture.
                 Camera::new(at(0.0, -1.5, 2.0), Vec3::ZERO, up, 0.27),
             ),
             Setup::Back => (
-                Mesh::flat(s),
+                own.then(|| Mesh::flat(s)),
                 vec![lamp(at(0.0, 0.0, -3.0), 0.3)],
                 dark(),
                 Camera::new(at(0.0, 0.0, 2.5), Vec3::ZERO, up, 0.36),
             ),
             Setup::Drape => (
-                Mesh::drape(s),
-                vec![lamp(at(-1.4, -1.0, 2.2), 0.5)],
+                own.then(|| Mesh::drape(s)),
+                vec![lamp(at(-1.5, -0.9, 1.7), 1.0)],
                 dim(),
-                Camera::new(at(0.0, -2.4, 1.1), at(0.0, 0.0, 0.02), Vec3::Z, 0.31),
+                Camera::new(at(0.35, -2.3, 1.25), at(0.0, 0.0, -0.04), Vec3::Z, 0.31),
             ),
             Setup::Folds => (
-                Mesh::folded(s),
+                own.then(|| Mesh::folded(s)),
                 vec![lamp(at(1.8, 1.0, 1.6), 0.4)],
                 dim(),
                 Camera::new(at(0.0, -1.2, 1.8), Vec3::ZERO, up, 0.42),
             ),
             Setup::Swatch => (
-                Mesh::flat(s * 3.0),
+                own.then(|| Mesh::flat(s * 3.0)),
                 // Small, so that speckle shows.
-                vec![lamp(at(1.5, 2.0, 2.4), 0.1)],
+                vec![lamp(at(1.5, 2.0, 2.4), 0.03)],
                 dark(),
                 Camera::new(at(0.0, 0.0, 3.0), Vec3::ZERO, up, 0.33),
             ),
+            Setup::Grazing => (
+                own.then(|| Mesh::flat(s)),
+                vec![lamp(at(-0.3, 2.6, 0.9), 0.3)],
+                dim(),
+                Camera::new(at(0.0, -2.0, 0.36), at(0.0, 0.0, 0.0), Vec3::Z, 0.26),
+            ),
             Setup::Furnace => (
-                Mesh::flat(s),
+                own.then(|| Mesh::flat(s)),
                 Vec::new(),
                 Environment::constant(1.0),
                 Camera::new(at(0.0, -1.0, 2.0), Vec3::ZERO, up, 0.36),
             ),
         };
-        (Scene::new(mesh.unwrap_or(own), lights, sky.unwrap_or(own_sky)), camera)
+        let mut scene = Scene::new(mesh.or(made).unwrap_or_default(), lights, sky.unwrap_or(own_sky));
+        if own && self == Setup::Drape {
+            scene.props = vec![
+                Prop { shape: Shape::Floor { height_mm: Mesh::FLOOR * s }, albedo: 0.35 },
+                Prop { shape: Shape::Ball { center: Vec3::ZERO, radius_mm: Mesh::BALL * s }, albedo: 0.5 },
+            ];
+        }
+        (scene, camera)
     }
 }

@@ -1,5 +1,6 @@
 //! What all shards of one incident latitude share.
 
+use crate::energies::EnergyGrids;
 use crate::rays::dielectric::RoughDielectric;
 use plywave::spec::GaussianBeam;
 use plywave::table::OutgoingGrid;
@@ -16,4 +17,13 @@ pub(crate) struct Incidence<'a> {
     pub radius_um: f64,
     /// Whether exit positions are recorded.
     pub record_exits: bool,
+    /// Lateral positions over which the energies are tallied; `None` for whole yarns, whose plies' orientations h depends on.
+    pub energies: Option<&'a EnergyGrids>,
+}
+
+impl Incidence<'_> {
+    /// Sideways tilt of a ray in the xy plane that is not exceeded: 5 standard deviations, at most 1 rad.
+    pub fn sideways_rad(&self) -> f64 {
+        (5.0 * self.beam.angular_sd_rad() / self.theta_i.cos().max(1e-3)).min(1.0)
+    }
 }

@@ -2,7 +2,9 @@
 //!
 //! Yarn spec -> cross section ([`PlySection`]) -> tracer ([`ScrewTracer`] or [`MeshTracer`]) -> [`simulate`] -> `plywave::table::Table`;
 //! a yarn of several plies: [`yarn::yarn_table`]. Single fibers by waves: [`wave`].
+//! A cloth of explicit fibers: [`twin`].
 
+mod energies;
 mod error;
 mod geometry;
 mod incidence;
@@ -12,6 +14,7 @@ pub mod runs;
 mod shard;
 mod simulate;
 mod target;
+pub mod twin;
 pub mod wave;
 pub mod yarn;
 

@@ -9,10 +9,9 @@
 use crate::incidence::Incidence;
 use crate::rays::path::PathEnd;
 use crate::runs::{ArrayLayout, Part, Values};
-use crate::target::Target;
+use crate::target::{Target, ray};
 use nalgebra::Vector3;
 use rand::{Rng, RngExt};
-use rand_distr::StandardNormal;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Paths between two looks at the stop flag.
@@ -49,11 +48,19 @@ pub(crate) struct Sums {
     pub exit: Vec<f64>,
     /// `[2][x]`: paths through a lateral position, and those of them that met a fiber; empty when not recorded.
     pub met: Vec<f64>,
+    /// `[row][bin]`: chance to hit a fiber by lateral position, at each fine latitude, summed over instances; with what follows empty where energies are
+    /// not tallied.
+    pub miss_met: Vec<f64>,
+    /// `[row][h]`: square of the missed share, summed over instances.
+    pub miss_squares: Vec<f64>,
+    /// `[row][bin][2 + sigma]`: of paths that hit a fiber, by lateral position: killed, reflected, high-order at each sigma.
+    pub shares: Vec<f64>,
 }
 
 impl Sums {
     pub fn zero(at: &Incidence<'_>) -> Sums {
         let (h, c) = (at.h_um.len(), 1 + at.sigma_per_um.len());
+        let energies = Sums::energies(at);
         Sums {
             bins: vec![0.0; at.grid.len() * h * c],
             energy: vec![0.0; h * c],
@@ -64,14 +71,29 @@ impl Sums {
             counts: [0.0; 3],
             exit: vec![0.0; if at.record_exits { EXIT_AZIMUTHS * EXIT_POSITIONS * h * c } else { 0 }],
             met: vec![0.0; if at.record_exits { 2 * MET_POSITIONS } else { 0 }],
+            miss_met: vec![0.0; energies[0].iter().product()],
+            miss_squares: vec![0.0; energies[1].iter().product()],
+            shares: vec![0.0; energies[2].iter().product()],
         }
+    }
+
+    /// Shapes of the energies' arrays.
+    fn energies(at: &Incidence<'_>) -> [[usize; 3]; 3] {
+        let channels = 2 + at.sigma_per_um.len();
+        at.energies.map_or([[0; 3]; 3], |e| {
+            [
+                [1, e.miss_rows, e.bins.count],
+                [1, e.miss_rows, e.miss_h_um.len()],
+                [e.share_rows, e.bins.count, channels],
+            ]
+        })
     }
 
     /// Arrays of the part that holds the sums, by the names and in the order of the fields. Weights are sums of densities, squares and tails: never
     /// negative.
     pub fn layout(at: &Incidence<'_>) -> Vec<ArrayLayout> {
         let (h, c) = (at.h_um.len(), 1 + at.sigma_per_um.len());
-        let any = [0.0, f64::MAX];
+        let (any, energies) = ([0.0, f64::MAX], Sums::energies(at));
         let exits = if at.record_exits { [EXIT_AZIMUTHS, EXIT_POSITIONS, h, c] } else { [0; 4] };
         let met = if at.record_exits { [2, MET_POSITIONS] } else { [0; 2] };
         vec![
@@ -84,13 +106,18 @@ impl Sums {
             ArrayLayout::f64("counts", &[3], any),
             ArrayLayout::f64("exit", &exits, any),
             ArrayLayout::f64("met", &met, any),
+            ArrayLayout::f64("miss_met", &energies[0], any),
+            ArrayLayout::f64("miss_squares", &energies[1], any),
+            ArrayLayout::f64("shares", &energies[2], any),
         ]
     }
 
     /// As a part.
     pub fn into_part(self) -> Part {
-        let Sums { bins, energy, noise, missed, killed, variance, counts, exit, met } = self;
-        let doubles = [energy, noise, missed, killed, variance, counts.to_vec(), exit, met];
+        let Sums { bins, energy, noise, missed, killed, variance, counts, exit, met, .. } = self;
+        let Sums { miss_met, miss_squares, shares, .. } = self;
+        let counts = counts.to_vec();
+        let doubles = [energy, noise, missed, killed, variance, counts, exit, met, miss_met, miss_squares, shares];
         Part::new(std::iter::once(Values::F32(bins)).chain(doubles.into_iter().map(Values::F64)).collect())
     }
 
@@ -109,6 +136,9 @@ impl Sums {
             counts,
             exit: doubles(7),
             met: doubles(8),
+            miss_met: doubles(9),
+            miss_squares: doubles(10),
+            shares: doubles(11),
         }
     }
 
@@ -140,12 +170,8 @@ pub(crate) fn trace_paths<R: Rng>(
     let sd = at.beam.sd_um();
     let peak = 2.0 * half / (sd * std::f64::consts::TAU.sqrt());
     let (h_count, channels) = (at.h_um.len(), 1 + at.sigma_per_um.len());
-    let (first_h, inv_dh) = (at.h_um[0], 1.0 / (at.h_um[1] - at.h_um[0]));
-    let (sin_i, cos_i) = (at.theta_i as f32).sin_cos();
-    // Propagation of the beam's center, and the transverse axis beside x.
-    let forward = Vector3::new(0.0, -cos_i, -sin_i);
-    let across = Vector3::new(0.0, -sin_i, cos_i);
-    let angular_sd = at.beam.angular_sd_rad() as f32;
+    // A latitude of the energies alone has no offsets.
+    let (first_h, inv_dh) = if h_count > 1 { (at.h_um[0], 1.0 / (at.h_um[1] - at.h_um[0])) } else { (0.0, 1.0) };
     let inv_solid_angle: Vec<f64> = (0..at.grid.theta_o).map(|i| 1.0 / at.grid.solid_angle(i)).collect();
     let mut weights = vec![0.0f64; h_count];
     let mut previous = vec![0.0f64; h_count];
@@ -161,8 +187,7 @@ pub(crate) fn trace_paths<R: Rng>(
         }
         let u: f64 = rng.random();
         let x = half * (2.0 * (i as f64 + u) / paths as f64 - 1.0);
-        let tilt: [f32; 2] = [rng.sample(StandardNormal), rng.sample(StandardNormal)];
-        let dir = (forward + Vector3::x() * (tilt[0] * angular_sd) + across * (tilt[1] * angular_sd)).normalize();
+        let dir = ray(at, rng);
         let (end, share) = target.walk(i, x, dir, &at.surface, rng, &mut shares);
         // Weight of the path for each h that its position can serve.
         let lo = ((x - BEAM_SDS * sd - first_h) * inv_dh).ceil().max(0.0) as usize;
@@ -183,6 +208,8 @@ pub(crate) fn trace_paths<R: Rng>(
                 sums.met[MET_POSITIONS + place.min(MET_POSITIONS - 1)] += 1.0;
             }
         }
+        // Instances differ in the width that is drawn over.
+        let tally = at.energies.and_then(|e| e.bins.of(x).map(|bin| (bin * (channels + 1), half / e.bins.reach_um)));
         let mut record = |dir: Vector3<f32>, pos: Vector3<f32>, first: usize, absorbed: &[f64], interactions: u32| {
             sums.counts[1] += 1.0;
             sums.counts[2] += f64::from(interactions);
@@ -202,6 +229,11 @@ pub(crate) fn trace_paths<R: Rng>(
                     }
                 }
             }
+            if let Some((place, weight)) = tally {
+                for (k, a) in absorbed.iter().enumerate() {
+                    sums.shares[place + 1 + first + k] += weight * a;
+                }
+            }
         };
         match end {
             PathEnd::Reflected { dir, pos, interactions } => record(dir, pos, 0, &[1.0], interactions),
@@ -213,6 +245,9 @@ pub(crate) fn trace_paths<R: Rng>(
             }
             PathEnd::Miss => (lo..hi).for_each(|n| sums.missed[n] += weights[n]),
             PathEnd::Killed => {
+                if let Some((place, weight)) = tally {
+                    sums.shares[place] += weight;
+                }
                 for n in lo..hi {
                     sums.killed[n] += weights[n];
                     weights[n] = 0.0;

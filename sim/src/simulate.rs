@@ -3,6 +3,7 @@
 //! Work is cut into shards of one incident latitude. A shard's random stream and instances depend on the seed and its number alone, and the shards of a
 //! latitude form a group that is summed in their order: the table does not depend on threads, machines or interruptions.
 
+use crate::energies::{EnergyGrids, share_rows};
 use crate::error::SimError;
 use crate::geometry::section::PlySection;
 use crate::incidence::Incidence;
@@ -21,16 +22,20 @@ use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use std::sync::OnceLock;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Largest table, in cells of (theta_i, h, 1 + sigma, theta_o, phi_o): 1 GiB of densities.
 const MAX_CELLS: f64 = 2.7e8;
+/// Marks the streams of the energies' own rays and paths.
+const ENERGIES: u64 = 1 << 63;
 /// How far the energies of an incidence may be off 1 for a table to be saved.
 const ENERGY_TOLERANCE: f64 = 0.05;
 
 /// Paths that [`simulate`] will report through `progress`, in all.
 pub fn total_paths(options: &SimOptions) -> u64 {
-    u64::from(options.theta_i_nodes.max(2)) * shard_paths(options) * u64::from(options.shards.max(1))
+    let rows = u64::from(options.theta_i_nodes.max(2));
+    let rows = if options.traced_plies { rows } else { (rows - 1) * share_rows(options) as u64 + 1 };
+    rows * shard_paths(options) * u64::from(options.shards.max(1))
 }
 
 /// Simulate the scattering of `spec`, whose text is `spec_text` (kept in the table), on the threads of the current rayon pool: that of one ply, or
@@ -51,6 +56,7 @@ pub struct SimulateJob {
     h_um: Vec<f64>,
     grid: OutgoingGrid,
     twin: Option<YarnTwin>,
+    energies: Option<EnergyGrids>,
     tracers: OnceLock<Vec<Box<dyn Tracer + Send>>>,
 }
 
@@ -73,6 +79,7 @@ impl SimulateJob {
             spec: spec.clone(),
             spec_text: spec_text.into(),
             options: options.clone(),
+            energies: twin.is_none().then(|| EnergyGrids::new(spec, options, &theta_i, &h_um)),
             theta_i,
             h_um,
             grid,
@@ -147,7 +154,20 @@ impl SimulateJob {
             surface: RoughDielectric { eta: spec.fiber.eta as f32, alpha: spec.fiber.alpha_fiber as f32 },
             radius_um: spec.ply_ring().radius_um,
             record_exits: self.twin.is_none(),
+            energies: self.energies.as_ref(),
         }
+    }
+
+    /// A latitude between those of the slices, `row` of `rows` parts beyond latitude `m`: no slices, only energies.
+    fn between(&self, m: usize, row: usize, rows: usize) -> Incidence<'_> {
+        let step = self.theta_i[1] - self.theta_i[0];
+        let theta_i = self.theta_i[m] + step * row as f64 / rows as f64;
+        Incidence { theta_i, h_um: &[], record_exits: false, ..self.incidence(m) }
+    }
+
+    /// Of `rows` parts of a step, those that latitude `m` has: the last has itself alone.
+    fn rows_at(&self, m: usize, rows: usize) -> usize {
+        if m + 1 < self.theta_i.len() { rows } else { 1 }
     }
 
     /// The instances, made when they are first asked for.
@@ -179,8 +199,9 @@ impl Job for SimulateJob {
         self.options.shards.max(1) as usize
     }
 
-    fn units(&self, _: usize) -> u64 {
-        shard_paths(&self.options)
+    fn units(&self, shard: usize) -> u64 {
+        let rows = self.energies.as_ref().map_or(1, |e| self.rows_at(shard / self.group(), e.share_rows));
+        shard_paths(&self.options) * rows as u64
     }
 
     fn layout(&self, _: usize) -> Vec<ArrayLayout> {
@@ -222,6 +243,27 @@ impl Job for SimulateJob {
             if trace_paths(&at, &target, paths, &mut rng, &mut sums, stop, progress).is_none() {
                 return Ok(None);
             }
+            let Some(energies) = &self.energies else { continue };
+            // Streams of their own: the slices' paths are the same whatever the energies' grids are.
+            let mut rng = stream(options.seed, [m as u64, ENERGIES | first as u64]);
+            for row in 1..self.rows_at(m, energies.share_rows) {
+                let at = self.between(m, row, energies.share_rows);
+                let mut apart = Sums::zero(&at);
+                trace_paths(&at, &target, paths, &mut rng, &mut apart, stop, progress);
+                if stop.load(Ordering::Relaxed) {
+                    return Ok(None);
+                }
+                let len = apart.shares.len() / energies.share_rows;
+                let to = &mut sums.shares[row * len..(row + 1) * len];
+                to.iter_mut().zip(&apart.shares).for_each(|(to, v)| *to += v);
+            }
+            for row in 0..self.rows_at(m, energies.miss_rows) {
+                let at = self.between(m, row, energies.miss_rows);
+                energies.trace_rays(&at, tracer(0), row, &mut rng, &mut sums);
+                if stop.load(Ordering::Relaxed) {
+                    return Ok(None);
+                }
+            }
         }
         Ok(Some(Done { part: sums.into_part(), peak_bytes: 0 }))
     }
@@ -232,6 +274,7 @@ impl Job for SimulateJob {
         table.traced = self.twin.is_some();
         table.plies = if table.traced { self.spec.ply_ring().plies } else { 1 };
         if self.twin.is_none() {
+            table.energies = self.energies.as_ref().map(|e| e.empty(&self.theta_i, sigma_per_um.len()));
             let rows = self.theta_i.len() * self.h_um.len() * (1 + sigma_per_um.len());
             table.exit = Some(ExitPositions {
                 azimuths: EXIT_AZIMUTHS,
@@ -245,7 +288,13 @@ impl Job for SimulateJob {
 
     fn absorb(&self, table: &mut Table, first: usize, part: Part) {
         let m = first / self.group();
-        fill(table, m, &self.incidence(m), &Sums::from_part(&part));
+        let sums = Sums::from_part(&part);
+        fill(table, m, &self.incidence(m), &sums);
+        if let (Some(grids), Some(to)) = (&self.energies, &mut table.energies) {
+            let runs = (self.group() as u64 * instances_per_shard(&self.options)) as f64;
+            let instances = runs.min(f64::from(self.options.instances.max(1)));
+            grids.fill(to, m, self.spec.beam.beam().sd_um(), &sums, runs, instances);
+        }
     }
 
     fn finish(&self, table: Table) -> Result<Table, SimError> {
@@ -330,6 +379,7 @@ fn empty_table(
         plies: 1,
         traced: false,
         exit: None,
+        energies: None,
     }
 }
 

@@ -15,10 +15,11 @@ use crate::rays::tracer::{Hit, Medium, Trace, Tracer};
 use nalgebra::{Vector2, Vector3};
 use plywave::spec::PlyRing;
 use rand::{Rng, RngExt};
+use rand_distr::StandardNormal;
 use std::f64::consts::TAU;
 
 /// Step of psi from path to path, in turns: the golden ratio.
-const GOLDEN: f64 = 0.618_033_988_749_894_9;
+pub(crate) const GOLDEN: f64 = 0.618_033_988_749_894_9;
 /// Most plies of a yarn.
 const MOST_PLIES: usize = 7;
 /// Fibers that a ply may have, in the yarn's numbers of fibers.
@@ -65,7 +66,7 @@ impl Target<'_> {
     /// Half of the width over which lateral positions are drawn [um]: all rays that can meet the ply or yarn, their sideways tilt in the xy plane up to
     /// 5 standard deviations (at most 1 rad) included, but no further than beams reach: `beam_sds` standard deviations beyond the last h.
     pub fn half_width(&self, at: &Incidence<'_>, beam_sds: f64) -> f64 {
-        let tilt = (5.0 * at.beam.angular_sd_rad() / at.theta_i.cos().max(1e-3)).min(1.0);
+        let tilt = at.sideways_rad();
         match self {
             Target::Ply(tracer) => f64::from(tracer.bound_radius_um()) / tilt.cos(),
             Target::Yarn(yarn, tracers, _) => {
@@ -99,6 +100,26 @@ impl Target<'_> {
             }
         }
     }
+}
+
+/// Direction of a ray of the beam: its center's with the divergence.
+pub(crate) fn ray<R: Rng>(at: &Incidence<'_>, rng: &mut R) -> Vector3<f32> {
+    let (sin_i, cos_i) = (at.theta_i as f32).sin_cos();
+    // Propagation of the beam's center, and the transverse axis beside x.
+    let (forward, across) = (Vector3::new(0.0, -cos_i, -sin_i), Vector3::new(0.0, -sin_i, cos_i));
+    let angular_sd = at.beam.angular_sd_rad() as f32;
+    let tilt: [f32; 2] = [rng.sample(StandardNormal), rng.sample(StandardNormal)];
+    (forward + Vector3::x() * (tilt[0] * angular_sd) + across * (tilt[1] * angular_sd)).normalize()
+}
+
+/// Whether the ray through (x, 0) in direction `dir` hits a fiber of the ply turned by `turn` turns, at a random height.
+pub(crate) fn hits<R: Rng>(tracer: &dyn Tracer, x: f32, dir: Vector3<f32>, turn: f32, rng: &mut R) -> bool {
+    let z = rng.random::<f32>() * tracer.period_um();
+    let (sin, cos) = sin_cos_turn(turn);
+    let turn = |v: Vector3<f32>| Vector3::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y, v.z);
+    let Some(s) = entry(Vector2::new(x, 0.0), dir, tracer.bound_radius_um()) else { return false };
+    let p = Vector3::new(x + s * dir.x, s * dir.y, z + s * dir.z);
+    !matches!(tracer.trace(turn(p), turn(dir), Medium::Air), Trace::Escaped)
 }
 
 fn walk_ply<R: Rng>(tracer: &dyn Tracer, x: f32, dir: Vector3<f32>, surface: &RoughDielectric, rng: &mut R) -> PathEnd {
@@ -287,6 +308,7 @@ mod tests {
             surface: RoughDielectric { eta: 1.5, alpha },
             radius_um: RADIUS,
             record_exits,
+            energies: None,
         }
     }
 

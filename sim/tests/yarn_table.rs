@@ -86,6 +86,7 @@ fn ply(exits: bool) -> Table {
         refl,
         high,
         exit,
+        energies: None,
     }
 }
 
@@ -100,7 +101,7 @@ fn light_is_kept_at_every_number_of_plies() {
         for exits in if plies < 4 { vec![false, true] } else { vec![plies % 2 == 0] } {
             let ply = ply(exits);
             let (yarn, ledger) = yarn_table(&ply, &spec(plies), &small(), &|_, _| {}).unwrap();
-            assert_eq!((yarn.plies, yarn.exit.is_some()), (plies, false));
+            assert_eq!((yarn.plies, yarn.exit.is_some()), (plies, exits));
             let sigmas = yarn.sigma_per_um.len();
             for i in 0..yarn.r_d.len() {
                 for k in 0..sigmas {

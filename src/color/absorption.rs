@@ -9,12 +9,16 @@ use crate::PlyModel;
 /// Largest absorption that a reflectance is turned to [1/um]: black before a fiber is crossed.
 const MOST_PER_UM: f64 = 1.0;
 
-/// Albedo of a model over the absorption, averaged over incidences.
+/// Albedo of a model or a cloth over the absorption, averaged over incidences.
 #[derive(Clone, Debug, PartialEq)]
-pub struct AlbedoCurve {
-    constant: f64,
-    path_um: Vec<f64>,
-    energy: Vec<f64>,
+pub struct AlbedoCurve(Form);
+
+#[derive(Clone, Debug, PartialEq)]
+enum Form {
+    /// A constant, and energies by path length.
+    Paths { constant: f64, path_um: Vec<f64>, energy: Vec<f64> },
+    /// `(v, value)`, falling with the absorption, at nodes of `v = 1 / (1 + sigma L)` from 1 to 0, linear in v between.
+    Nodes { length_um: f64, nodes: Vec<(f64, f64)> },
 }
 
 /// What a reflectance was, beside the albedos that the model can have.
@@ -54,15 +58,19 @@ impl AlbedoCurve {
 
     fn of(model: &PlyModel, weight: &dyn Fn(usize) -> f64) -> AlbedoCurve {
         let d = model.data();
-        let (h, j) = (d.h_um.len(), d.path_um.len());
+        let (theta_i, h_um, j) = (&d.theta_i, &d.h_um, d.path_um.len());
+        let h = h_um.len();
         let (mut constant, mut energy, mut met) = (0.0, vec![0.0; j], 0.0);
         for row in 0..d.theta_i.len() {
             for column in 0..h {
                 let w = weight(row) * if column == 0 || column + 1 == h { 0.5 } else { 1.0 };
-                let node = row * h + column;
-                met += w * (1.0 - d.r_d[node]);
-                constant += w * d.energy_refl[node];
-                for (sum, e) in energy.iter_mut().zip(&d.energy_high[node * j..]) {
+                if w == 0.0 {
+                    continue;
+                }
+                let at = d.energies.at(theta_i[row], h_um[column]);
+                met += w * (1.0 - at.r_d);
+                constant += w * at.refl;
+                for (sum, e) in energy.iter_mut().zip(&at.high) {
                     *sum += w * e;
                 }
             }
@@ -70,28 +78,61 @@ impl AlbedoCurve {
         // A model in which no light meets anything is black.
         let scale = if met > 0.0 { 1.0 / met } else { 0.0 };
         energy.iter_mut().for_each(|e| *e *= scale);
-        AlbedoCurve { constant: constant * scale, path_um: d.path_um.clone(), energy }
+        AlbedoCurve(Form::Paths { constant: constant * scale, path_um: d.path_um.clone(), energy })
+    }
+
+    /// Of values at two nodes or more of `v = 1 / (1 + sigma L)`, falling from clear fibers, 1, to infinite absorption, 0. A value above the one before counts as that.
+    pub(crate) fn of_nodes(length_um: f64, nodes: impl Iterator<Item = (f64, f64)>) -> AlbedoCurve {
+        let mut least = f64::INFINITY;
+        let falling = |(v, value): (f64, f64)| {
+            least = least.min(value);
+            (v, least)
+        };
+        AlbedoCurve(Form::Nodes { length_um, nodes: nodes.map(falling).collect() })
     }
 
     /// Albedo at an absorption [1/um].
     pub fn albedo(&self, sigma_per_um: f64) -> f64 {
-        self.value(sigma_per_um).0
-    }
-
-    /// Albedo and its slope [um].
-    fn value(&self, sigma: f64) -> (f64, f64) {
-        let (mut value, mut slope) = (self.constant, 0.0);
-        for (path, energy) in self.path_um.iter().zip(&self.energy) {
-            let e = energy * (-sigma * path).exp();
-            value += e;
-            slope -= path * e;
+        match &self.0 {
+            Form::Paths { constant, path_um, energy } => value(*constant, path_um, energy, sigma_per_um).0,
+            Form::Nodes { length_um, nodes } => {
+                let v = 1.0 / (1.0 + sigma_per_um.max(0.0) * length_um);
+                let node = nodes.partition_point(|node| node.0 > v).clamp(1, nodes.len() - 1) - 1;
+                let ((v0, a), (v1, b)) = (nodes[node], nodes[node + 1]);
+                a + (v0 - v) / (v0 - v1) * (b - a)
+            }
         }
-        (value, slope)
     }
 
     /// The darkest and the brightest albedo that [`AlbedoCurve::sigma`] reaches.
     pub fn range(&self) -> [f64; 2] {
         [self.albedo(MOST_PER_UM), self.albedo(0.0)]
+    }
+
+    /// The absorption of an albedo that is reached.
+    fn inverse(&self, albedo: f64) -> f64 {
+        match &self.0 {
+            Form::Paths { constant, path_um, energy } => {
+                let mut sigma = 0.0;
+                for _ in 0..200 {
+                    let (value, slope) = value(*constant, path_um, energy, sigma);
+                    let step = (albedo - value) / slope;
+                    let next = if step.is_finite() { (sigma + step).clamp(0.0, MOST_PER_UM) } else { sigma };
+                    let done = (next - sigma).abs() <= 1e-14 * next;
+                    sigma = next;
+                    if done {
+                        break;
+                    }
+                }
+                sigma
+            }
+            Form::Nodes { length_um, nodes } => {
+                let node = nodes.iter().rposition(|(_, value)| *value >= albedo).unwrap_or(0).min(nodes.len() - 2);
+                let ((v0, a), (v1, b)) = (nodes[node], nodes[node + 1]);
+                let v = v0 + if a > b { ((a - albedo) / (a - b)).clamp(0.0, 1.0) } else { 0.0 } * (v1 - v0);
+                ((1.0 / v - 1.0) / length_um).min(MOST_PER_UM)
+            }
+        }
     }
 
     /// The absorption [1/um] whose albedo is `reflectance`, 0 to 1 per um, and whether the reflectance had to be clamped.
@@ -105,19 +146,19 @@ impl AlbedoCurve {
         if !within {
             return (MOST_PER_UM, Clamped::ToDark);
         }
-        let mut sigma = 0.0;
-        for _ in 0..200 {
-            let (value, slope) = self.value(sigma);
-            let step = (reflectance - value) / slope;
-            let next = if step.is_finite() { (sigma + step).clamp(0.0, MOST_PER_UM) } else { sigma };
-            if (next - sigma).abs() <= 1e-14 * next {
-                sigma = next;
-                break;
-            }
-            sigma = next;
-        }
-        (sigma, Clamped::No)
+        (self.inverse(reflectance), Clamped::No)
     }
+}
+
+/// Value of a sum over paths, and its slope [um].
+fn value(constant: f64, path_um: &[f64], energy: &[f64], sigma: f64) -> (f64, f64) {
+    let (mut value, mut slope) = (constant, 0.0);
+    for (path, energy) in path_um.iter().zip(energy) {
+        let e = energy * (-sigma * path).exp();
+        value += e;
+        slope -= path * e;
+    }
+    (value, slope)
 }
 
 /// Absorption over the wavelength.
@@ -167,7 +208,11 @@ mod tests {
     use crate::color::{SmoothReflectance, delta_e, xyz_of_reflectance};
 
     fn curve() -> AlbedoCurve {
-        AlbedoCurve { constant: 0.004, path_um: vec![0.0, 4.0, 30.0, 200.0], energy: vec![0.0, 0.096, 0.6, 0.3] }
+        AlbedoCurve(Form::Paths {
+            constant: 0.004,
+            path_um: vec![0.0, 4.0, 30.0, 200.0],
+            energy: vec![0.0, 0.096, 0.6, 0.3],
+        })
     }
 
     /// Inverse of the albedo to 1e-12, falling, and clamped with a word outside its range.
@@ -205,5 +250,20 @@ mod tests {
         assert_eq!(clamped, [24, 57]);
         assert_eq!([sigma.at(0.1), sigma.at(5.0), sigma.at(f32::NAN)], [0.0, 1.0, 0.0]);
         assert!((sigma.at(0.4975) - 0.5).abs() < 1e-4);
+    }
+
+    /// Curves of nodes are inverted where they fall, and where they do not, clear fibers win.
+    #[test]
+    fn curves_of_nodes_are_inverted() {
+        let values = [1.0, 0.7, 0.7, 0.75, 0.2, 0.05].into_iter().enumerate();
+        let curve = AlbedoCurve::of_nodes(150.0, values.map(|(i, value)| (1.0 - 0.2 * i as f64, value)));
+        for sigma in [0.0, 1e-4, 0.001, 0.009, 0.03, 0.4] {
+            let albedo = curve.albedo(sigma);
+            let (back, clamped) = curve.sigma(albedo);
+            assert!(clamped == Clamped::No && (curve.albedo(back) - albedo).abs() < 1e-9, "{sigma}: {back}");
+        }
+        assert_eq!(curve.sigma(1.1), (0.0, Clamped::ToClear));
+        assert_eq!(curve.sigma(0.01).1, Clamped::ToDark);
+        assert!(curve.albedo(0.001) > curve.albedo(0.009) && curve.range()[1] == 1.0);
     }
 }

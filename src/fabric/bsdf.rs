@@ -1,40 +1,70 @@
-//! The fabric as a surface that scatters light (Yu 2025, 7.1): at a point, seen from a direction, one of three cases of the beam.
-//!
-//! - The line meets a ply near its center or near its rim (cases a and b): the whole ply, edge light included; over a second layer of yarns what it sends on is that of
-//!   two layers.
-//! - The line meets no ply (case c): the light that the near plies catch, and what is left goes through the aperture between them.
+//! The fabric as a surface that scatters light (Yu 2025, 7.1), loaded with what all its points share: models, colors, shadows, the light between yarns.
 //!
 //! The camera ray plays the beam: the query's `wo` is the direction to the viewer, and f(wi), an energy density per steradian of the light's direction `wi`, holds the
-//! cosine at the surface: `radiance to wo = integral f(wi) radiance from wi d wi`. f is not symmetric in wo and wi: yarns do not shadow their neighbors.
-//!
-//! Energy: with clear fibers f integrates to 1 over the sphere, up to the Kirchhoff integral of small apertures and, over a second layer, the energies between the
-//! nodes of the model. Where the plies at the edges of a gap together catch more than the beam, as rims behind each other do, their light is scaled to all of it.
+//! cosine at the surface: `radiance to wo = integral f(wi) radiance from wi d wi`. Averaged over a repeat, f over that cosine is symmetric in wo and wi up to the ply
+//! models' own asymmetry, and energy is conserved either way (docs/papers.md: departures from 7.1).
 
-use super::dye::{Channels, Dye};
-use super::in_gap::{GapLight, InGap, Near, to_fabric, to_pattern, to_ply, to_surface};
-use super::{Fabric, Family, LoadedFabric, Place, PlyHit, YarnColor};
-use crate::bsdf::{DirectionSample, Outcomes};
+use super::at::{FabricAt, GapLight, NearPly, Passes, Shade, by_family, to_pattern};
+use super::between::{Between, BetweenAt, Yarns, class};
+use super::color_of::{self, ColorOf};
+use super::dye::{Channels, ColorReach, Dye};
+use super::flight::Near;
+use super::place::MAX_NEAR;
+use super::shadow::{Passing, Shadows, r_d};
+use super::{Fabric, Family, Gap, LoadedFabric, PlyHit, YarnColor};
 use crate::color::{AlbedoCurve, RGB_LAMBDA_UM};
 use crate::gap::{GapBsdf, Spectrum};
-use crate::ply::Layer;
+use crate::ply::{Lobes, PlyOn};
 use crate::spec::{GaussianBeam, YarnSpec};
 use crate::speckle::Instance;
-use crate::{Bsdf, BsdfSample, PlyBsdf, PlyModel, PlyQuery, Result};
+use crate::{PlyModel, PlyQuery, Result};
 use std::path::Path;
 use std::sync::Arc;
 
+/// Share of a beam that is not followed further.
+const LEAST_CAUGHT: f32 = 1e-3;
 /// Edges of apertures, in equal steps from the beam's center to d_cut, for which spectra are kept.
 const EDGES: usize = 32;
 
 /// How a fabric is shaded.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FabricOptions {
     /// Light through the gaps.
     pub gaps: GapLight,
     /// One absorption [1/um] at every wavelength for all yarns, in place of their colors; 0 for a white furnace.
     pub sigma_per_um: Option<f32>,
-    /// Speckle: every stretch of a ply as long as the beam's waist is wide has patterns of its own. Models without tiles stay smooth.
+    /// Speckle: every stretch of a ply as long as the beam's waist is wide has patterns of its own. Models without noise stay smooth.
     pub noise: bool,
+    /// The layer below catches what a ply sends on. Without, as a single layer: for comparison (Yu 2025, Fig. 13).
+    pub layers: bool,
+    /// Yarns catch what their neighbors send back. Without, as the paper has it: for comparison.
+    pub shadowing: bool,
+    /// Light that passes beside a ply that the line meets is diffracted at its edge. Without, it goes straight on.
+    pub edges: bool,
+}
+
+impl FabricOptions {
+    /// All parts but speckle; the colors of the spec.
+    pub const SMOOTH: FabricOptions = FabricOptions {
+        gaps: GapLight::Diffracted,
+        sigma_per_um: None,
+        noise: false,
+        layers: true,
+        shadowing: true,
+        edges: true,
+    };
+}
+
+impl FabricOptions {
+    /// Without diffraction, as ray optics has it: what a twin of explicit fibers traces.
+    pub const RAYS: FabricOptions = FabricOptions { gaps: GapLight::Straight, edges: false, ..FabricOptions::SMOOTH };
+}
+
+impl Default for FabricOptions {
+    /// [`FabricOptions::SMOOTH`].
+    fn default() -> Self {
+        FabricOptions::SMOOTH
+    }
 }
 
 /// What fixes a shading point of a fabric, for N wavelengths or color channels. [`FabricQuery::new`] is the fabric as its spec has it; a point's own color, turn or
@@ -115,8 +145,9 @@ impl FabricQuery<'_, 3> {
 pub struct FabricBsdf {
     fabric: Fabric,
     models: Vec<Arc<PlyModel>>,
-    /// Albedo over absorption of each model.
-    curves: Vec<AlbedoCurve>,
+    /// Brightness of the cloth over absorption, and what it is the brightness of.
+    curve: AlbedoCurve,
+    color_of: ColorOf,
     /// By family, the model of each yarn of one repeat of its stripes.
     stripes: [Vec<u32>; 2],
     /// By family, the color of each thread of the draft's repeat.
@@ -126,8 +157,9 @@ pub struct FabricBsdf {
     /// `[EDGES + 1][EDGES + 1]` of the distances of the two edges along one axis, of the beam of the warp's model.
     spectra: Vec<Spectrum>,
     edge_step_um: f32,
-    gaps: GapLight,
-    noise: bool,
+    options: FabricOptions,
+    shadows: Shadows,
+    between: Between,
     /// Length of a ply with the same patterns, 2 w0 [um].
     grain_um: f32,
 }
@@ -148,9 +180,8 @@ impl FabricBsdf {
     pub fn new(loaded: LoadedFabric, options: &FabricOptions) -> Result<FabricBsdf> {
         let warp = loaded.model_of(Family::Warp, 0).data();
         let beam: GaussianBeam = YarnSpec::parse(&warp.spec_text, "warp.model (its spec)")?.beam.beam();
-        let LoadedFabric { fabric, models, threads: stripes, .. } = loaded;
+        let LoadedFabric { fabric, models, threads: stripes, spec, .. } = loaded;
         let stripes = stripes.map(|of| of.into_iter().map(|model| model as u32).collect());
-        let curves: Vec<AlbedoCurve> = models.iter().map(|model| AlbedoCurve::diffuse(model)).collect();
         let mut colors: Vec<YarnColor> = Vec::new();
         let mut threads = [Vec::new(), Vec::new()];
         for (k, family) in Family::EACH.into_iter().enumerate() {
@@ -166,26 +197,42 @@ impl FabricBsdf {
                 threads[k].push(at as u32);
             }
         }
-        let dyes = colors.iter().flat_map(|color| curves.iter().map(|curve| Dye::new(*color, curve))).collect();
         let step = beam.d_cut_um / EDGES as f64;
         let spectrum = |i: usize| {
             let (low, high) = (i / (EDGES + 1), i % (EDGES + 1));
             Spectrum::new(-step * low as f64, step * high as f64, beam.w0_um)
         };
         let spectra = (0..(EDGES + 1) * (EDGES + 1)).map(spectrum).collect();
-        Ok(FabricBsdf {
+        let yarns = OfYarns { models: &models, stripes: &stripes };
+        let shadows = Shadows::new(&fabric, &yarns);
+        let between = Between::new(&fabric, &shadows, &yarns);
+        if options.noise {
+            // No query makes tiles then.
+            for model in &models {
+                let _ = model.noise();
+            }
+        }
+        let mut shading = FabricBsdf {
+            shadows,
+            curve: between.curve(),
+            between,
             fabric,
             models,
-            curves,
+            color_of: ColorOf::EvenSky,
             stripes,
             threads,
-            dyes,
+            dyes: Vec::new(),
             spectra,
             edge_step_um: step as f32,
-            gaps: options.gaps,
-            noise: options.noise,
+            options: *options,
             grain_um: (2.0 * beam.w0_um) as f32,
-        })
+        };
+        if colors.iter().any(|color| matches!(color, YarnColor::Srgb(_))) {
+            shading.curve = shading.color_curve_of(spec.color_of);
+            shading.color_of = spec.color_of;
+        }
+        shading.dyes = colors.iter().map(|color| Dye::new(*color, &shading.curve)).collect();
+        Ok(shading)
     }
 
     /// The geometry.
@@ -217,6 +264,8 @@ impl FabricBsdf {
             + size_of_val(self.dyes.as_slice())
             + self.dyes.iter().map(Dye::memory_bytes).sum::<usize>()
             + size_of_val(self.spectra.as_slice())
+            + self.shadows.memory_bytes()
+            + self.between.memory_bytes()
     }
 
     /// Absorptions [1/um] of a yarn at wavelengths [um].
@@ -224,17 +273,68 @@ impl FabricBsdf {
         self.dye(family, yarn).at(lambda_um, Channels::Wavelengths)
     }
 
-    /// Absorptions [1/um] that give the first yarn of a family these reflectances (albedos under diffuse light), 0 to 1, at wavelengths or in linear RGB. What is out of
-    /// reach is clamped to clear or black fibers. An exact inversion by Newton's steps: hosts convert a texture once.
-    pub fn sigma_of_reflectance<const N: usize>(&self, family: Family, reflectance: [f32; N]) -> [f32; N] {
-        let curve = &self.curves[self.model_index(family, 0)];
-        reflectance.map(|r| curve.sigma(f64::from(r)).0 as f32)
+    /// Brightness of the cloth over the absorption of its fibers, in the meaning that the spec gives to colors: what a color asked for is a color of. Of a spec without
+    /// colors, under a sky all round.
+    pub fn color_curve(&self) -> &AlbedoCurve {
+        &self.curve
+    }
+
+    /// What the colors of the spec are colors of; of a spec without colors, a sky all round.
+    pub fn color_of(&self) -> ColorOf {
+        self.color_of
+    }
+
+    /// As [`FabricBsdf::color_curve`], in another meaning. It takes tenths of a second but for the spec's own and [`ColorOf::EvenSky`].
+    pub fn color_curve_of(&self, of: ColorOf) -> AlbedoCurve {
+        let even_sky = self.between.curve();
+        if of == ColorOf::EvenSky {
+            return even_sky;
+        }
+        if of == self.color_of {
+            return self.curve.clone();
+        }
+        let mut rays = self.clone();
+        rays.options = FabricOptions::RAYS;
+        color_of::curve(&rays, of, &even_sky)
+    }
+
+    /// The same fabric with other colors of warp and weft, which are colors of `of`. Nothing is traced anew; where `of` was not the fabric's, it takes tenths of a second.
+    #[must_use]
+    pub fn with_colors(&self, [warp, weft]: [YarnColor; 2], of: ColorOf) -> FabricBsdf {
+        let mut other = self.clone();
+        other.curve = self.color_curve_of(of);
+        other.color_of = of;
+        other.fabric.set_colors([vec![warp], vec![weft]]);
+        other.threads = [vec![0], vec![1]];
+        other.dyes = [warp, weft].iter().map(|color| Dye::new(*color, &other.curve)).collect();
+        other
+    }
+
+    /// The colors of the spec, each once, and what becomes of them.
+    pub fn colors(&self) -> Vec<ColorReach> {
+        let mut colors: Vec<[f32; 3]> = Vec::new();
+        for family in Family::EACH {
+            for thread in 0..self.fabric.draft().threads(family) {
+                if let YarnColor::Srgb(srgb) = self.fabric.color(family, thread as i32)
+                    && !colors.contains(&srgb)
+                {
+                    colors.push(srgb);
+                }
+            }
+        }
+        colors.into_iter().map(|srgb| ColorReach::of(srgb, &self.curve)).collect()
+    }
+
+    /// Absorptions [1/um] with which the cloth has these reflectances, 0 to 1, at wavelengths or in linear RGB: [`FabricBsdf::color_curve`] inverted. What is out of
+    /// reach is clamped to clear or black fibers. Hosts convert a texture once.
+    pub fn sigma_of_reflectance<const N: usize>(&self, reflectance: [f32; N]) -> [f32; N] {
+        reflectance.map(|r| self.curve.sigma(f64::from(r)).0 as f32)
     }
 
     #[inline]
     fn dye(&self, family: Family, yarn: i32) -> &Dye {
         let color = repeated(&self.threads[family as usize], yarn) as usize;
-        &self.dyes[color * self.models.len() + self.model_index(family, yarn)]
+        &self.dyes[color]
     }
 
     /// Absorptions of a yarn at a query.
@@ -275,54 +375,123 @@ impl FabricBsdf {
     pub fn at<'a, const N: usize>(&'a self, query: &FabricQuery<'a, N>) -> FabricAt<'a, N> {
         let turned = query.turn_rad != 0.0 && query.turn_rad.is_finite();
         let turn = if turned { [query.turn_rad.cos(), query.turn_rad.sin()] } else { [1.0, 0.0] };
-        let ([x, y], mut wo) = (query.position_um, query.wo);
+        let ([x, y], mut wo) = (query.position_um, super::place::unit(query.wo));
         let mut position = [x, y];
         if turned {
             let p = to_pattern(turn, [x, y, 0.0]);
             (position, wo) = ([p[0], p[1]], to_pattern(turn, wo));
         }
-        let surface_frame =
-            |frame: [[f32; 3]; 3]| if turned { frame.map(|axis| to_surface(turn, axis)) } else { frame };
-        match self.fabric.at(position[0], position[1], wo) {
-            Place::Ply(hit) => {
-                let mut ply_query = self.ply_query(query, &hit);
-                ply_query.below = self.layer_below(query, &hit);
-                let ply = self.query_model(query, hit.family, hit.yarn).unprepared(&ply_query);
-                let mut at = FabricAt { case: Case::Ply(OnPly { ply, frame: surface_frame(hit.frame) }) };
-                if let Case::Ply(on) = &mut at.case {
-                    // In its place: lobes are large.
-                    on.ply.prepare();
+        let mut at = FabricAt {
+            main: None,
+            others: [const { None }; MAX_NEAR],
+            passes: Passes::Straight,
+            passing: 1.0,
+            between: BetweenAt::none(wo),
+            chances: [0.0; 3],
+            turn,
+            is_double: false,
+        };
+        let mut firsts = [(0, [0.0; N]); MAX_NEAR + 1];
+        let (mut count, mut last_other) = (0, 0);
+        let mut sigma = None;
+        let mut gap = Gap::open(&self.fabric);
+        let mut flight = self.fabric.flight_through(super::place::position(position[0], position[1]), wo);
+        while let Some(near) = flight.next_near() {
+            let hit = &near.hit;
+            let ply_query = self.ply_query(query, hit);
+            let model = self.query_model(query, hit.family, hit.yarn);
+            let arrives = at.passing;
+            let (r_d, energy) = if near.is_hit && at.main.is_none() {
+                at.is_double = hit.is_double;
+                let ply = self.near_ply(&near, model.unprepared(&ply_query).into_ply(), arrives, wo);
+                // In its place: lobes are large.
+                let main = at.main.insert(ply);
+                main.ply.prepare();
+                (main.energies(), main.energy)
+            } else {
+                gap.close(&self.fabric, hit);
+                let ply = model.uncached_at(&ply_query);
+                let r_d = ply.albedo_r_d().1;
+                // Of less than this of the beam, what rims catch counts as passing.
+                if arrives * (1.0 - r_d) < LEAST_CAUGHT {
+                    continue;
                 }
-                at
-            }
-            Place::Gap(gap) => {
-                let mut near = [None; 4];
-                for (slot, hit) in near.iter_mut().zip(&gap.near) {
-                    if let Some(hit) = hit {
-                        let ply =
-                            self.query_model(query, hit.family, hit.yarn).uncached_at(&self.ply_query(query, hit));
-                        *slot = Some(Near::new(ply, surface_frame(hit.frame)));
+                let Some(slot) = at.others.iter_mut().find(|slot| slot.is_none()) else {
+                    // Grazing lines pass many rims: what those beyond these catch, the last of these scatters.
+                    if let Some(last) = &mut at.others[MAX_NEAR - 1] {
+                        let more = 1.0 + arrives * (1.0 - r_d) / (last.arrives * last.caught).max(LEAST_CAUGHT);
+                        last.arrives *= more;
+                        firsts[last_other].1.iter_mut().for_each(|energy| *energy *= more);
                     }
-                }
-                let [west, east, south, north] = gap.aperture_um;
-                let (x, y) = (self.spectrum(west, east), self.spectrum(south, north));
-                let through = GapBsdf::new(x, y, wo, query.lambda_um);
-                FabricAt { case: Case::Gap(InGap::new(near, through, self.gaps, turn)) }
+                    at.passing *= r_d;
+                    if at.passing < LEAST_CAUGHT {
+                        break;
+                    }
+                    continue;
+                };
+                let ply = slot.insert(self.near_ply(&near, ply, arrives, wo));
+                ply.caught = 1.0 - ply.energies();
+                last_other = count;
+                (r_d, ply.energy)
+            };
+            firsts[count] = (class(hit), energy.map(|e| arrives * e));
+            count += 1;
+            if sigma.is_none() || near.is_hit {
+                let other = hit.family.other();
+                let across = hit.along_um * self.fabric.yarns[other as usize].per_spacing;
+                let other_yarn = crate::math::floor_fraction(across).0;
+                sigma = Some(by_family(hit.family, ply_query.sigma_per_um, self.query_sigma(query, other, other_yarn)));
+            }
+            at.passing *= r_d;
+            if at.passing < LEAST_CAUGHT {
+                break;
             }
         }
+        let on = |switch: bool| f32::from(u8::from(switch));
+        if let Some(sigma) = sigma {
+            let sent = [on(self.options.shadowing), on(self.options.layers)];
+            at.between = self.between.at(wo, &firsts[..count], sigma, sent);
+        }
+        at.passes = match &at.main {
+            Some(main) if self.options.edges && main.ply.model.has_edge() => Passes::Edge,
+            None if self.options.gaps == GapLight::Diffracted => {
+                let [west, east, south, north] = gap.aperture_um;
+                let (x, y) = (self.spectrum(west, east), self.spectrum(south, north));
+                let gap = GapBsdf::new(x, y, wo, query.lambda_um);
+                if gap.is_dark() { Passes::Straight } else { Passes::Aperture(gap) }
+            }
+            _ => Passes::Straight,
+        };
+        at.set_chances();
+        at
     }
 
-    /// The layer of the yarn below a ply, where there is one and its model has layer factors.
-    fn layer_below<const N: usize>(&self, query: &FabricQuery<'_, N>, hit: &PlyHit) -> Option<Layer<N>> {
-        let below = hit.below?;
-        let family = hit.family.other();
-        self.query_model(query, family, below.yarn).layer(below.theta_i, self.query_sigma(query, family, below.yarn))
+    /// A ply near the line, of a beam of which the share `arrives` comes to it.
+    fn near_ply<'a, L: Lobes<N>, const N: usize>(
+        &'a self,
+        near: &Near,
+        ply: PlyOn<'a, L, N>,
+        arrives: f32,
+        wo: [f32; 3],
+    ) -> NearPly<'a, L, N> {
+        let hit = &near.hit;
+        NearPly {
+            frame: hit.frame,
+            shade: Shade::new(&self.fabric, &self.shadows, near, wo, [self.options.shadowing, self.options.layers]),
+            exits: ply.model.exits_at(hit.theta_i, hit.h_um, self.fabric.yarns[hit.family as usize].radius),
+            ply,
+            arrives,
+            caught: 0.0,
+            energy: [0.0; N],
+            hit: 0.0,
+            chance: 0.0,
+        }
     }
 
     fn ply_query<'a, const N: usize>(&self, query: &FabricQuery<'a, N>, hit: &PlyHit) -> PlyQuery<'a, N> {
         let sigma_per_um = self.query_sigma(query, hit.family, hit.yarn);
         PlyQuery {
-            instance: self.noise.then(|| self.instance(hit)),
+            instance: self.options.noise.then(|| self.instance(hit)),
             ..PlyQuery::new(hit.theta_i, hit.h_um, sigma_per_um, query.lambda_um)
         }
     }
@@ -350,89 +519,20 @@ fn repeated(list: &[u32], yarn: i32) -> u32 {
     }
 }
 
-/// The ply that a line meets, and its frame in the surface's.
-#[derive(Clone, Copy, Debug)]
-struct OnPly<'a, const N: usize> {
-    ply: PlyBsdf<'a, N>,
-    frame: [[f32; 3]; 3],
+/// The models of a fabric's yarns.
+struct OfYarns<'a> {
+    models: &'a [Arc<PlyModel>],
+    stripes: &'a [Vec<u32>; 2],
 }
 
-/// One of the cases of 7.1. It lives on the stack of one query: a box would allocate.
-#[derive(Clone, Copy, Debug)]
-enum Case<'a, const N: usize> {
-    Ply(OnPly<'a, N>),
-    Gap(InGap<'a, N>),
-}
-
-/// A fabric at a query, for N wavelengths; of a ply the lobes are interpolated once.
-#[derive(Clone, Copy, Debug)]
-pub struct FabricAt<'a, const N: usize> {
-    case: Case<'a, N>,
-}
-
-impl<const N: usize> FabricAt<'_, N> {
-    /// Whether the point lies in a gap.
-    pub fn is_gap(&self) -> bool {
-        matches!(self.case, Case::Gap(_))
-    }
-
-    /// Whether two layers of yarns lie there.
-    pub fn is_double(&self) -> bool {
-        matches!(&self.case, Case::Ply(on) if on.ply.is_double())
+impl Yarns for OfYarns<'_> {
+    fn model(&self, family: Family, yarn: i32) -> &PlyModel {
+        &self.models[repeated(&self.stripes[family as usize], yarn) as usize]
     }
 }
 
-impl<const N: usize> Bsdf<N> for FabricAt<'_, N> {
-    fn eval(&self, w: [f32; 3]) -> [f32; N] {
-        match &self.case {
-            Case::Ply(OnPly { ply, frame }) => ply.eval(to_ply(frame, w)),
-            Case::Gap(gap) => gap.eval(w),
-        }
-    }
-
-    fn pdf(&self, w: [f32; 3]) -> f32 {
-        match &self.case {
-            Case::Ply(OnPly { ply, frame }) => ply.pdf(to_ply(frame, w)),
-            Case::Gap(gap) => gap.pdf(w),
-        }
-    }
-
-    fn eval_pdf(&self, w: [f32; 3]) -> ([f32; N], f32) {
-        match &self.case {
-            Case::Ply(OnPly { ply, frame }) => ply.eval_pdf(to_ply(frame, w)),
-            Case::Gap(gap) => gap.eval_pdf(w),
-        }
-    }
-
-    fn sample(&self, u: [f32; 3]) -> BsdfSample<N> {
-        match &self.case {
-            Case::Ply(OnPly { ply, frame }) => match ply.sample(u) {
-                BsdfSample::Scattered(s) => BsdfSample::Scattered(DirectionSample { w: to_fabric(frame, s.w), ..s }),
-                other => other,
-            },
-            Case::Gap(gap) => gap.sample(u),
-        }
-    }
-
-    /// The light that comes back or through.
-    fn albedo(&self) -> [f32; N] {
-        match &self.case {
-            Case::Ply(on) => on.ply.albedo(),
-            Case::Gap(gap) => gap.albedo(),
-        }
-    }
-
-    fn straight(&self) -> [f32; N] {
-        match &self.case {
-            Case::Ply(on) => on.ply.straight(),
-            Case::Gap(gap) => Bsdf::straight(gap),
-        }
-    }
-
-    fn outcomes(&self) -> Outcomes {
-        match &self.case {
-            Case::Ply(on) => on.ply.outcomes(),
-            Case::Gap(gap) => gap.outcomes(),
-        }
+impl Passing for OfYarns<'_> {
+    fn r_d(&self, family: Family, yarn: i32, theta_i: f32, h_um: f32) -> f32 {
+        r_d(self.model(family, yarn), theta_i, h_um)
     }
 }

@@ -64,6 +64,11 @@ impl Draft {
         Draft::from_fn(2 * n, 2 * n, |pick, end| pick / n == end / n)
     }
 
+    /// Two layers of straight yarns, the warp above the weft at every crossing: not woven, since no yarn binds another.
+    pub fn layers() -> Draft {
+        Draft { ends: 1, picks: 1, stride: 1, bits: vec![1] }
+    }
+
     /// Number of ends.
     pub fn ends(&self) -> usize {
         self.ends
@@ -94,8 +99,12 @@ impl Draft {
         self.bits.len() * size_of::<u64>()
     }
 
-    /// A yarn that is on top, or below, at all its crossings, and is thus bound by none: its family, its index in the repeat, whether it is on top.
+    /// A yarn that is on top, or below, at all its crossings, and is thus bound by none: its family, its index in the repeat, whether it is on top. `None` of [`Draft::layers`],
+    /// which binds none on purpose.
     pub fn unbound(&self) -> Option<(Family, usize, bool)> {
+        if *self == Draft::layers() {
+            return None;
+        }
         // Ends that are up somewhere, and ends that are down somewhere.
         let (mut some, mut all) = (vec![0u64; self.stride], vec![u64::MAX; self.stride]);
         for (pick, row) in self.bits.chunks_exact(self.stride).enumerate() {

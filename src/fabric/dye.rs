@@ -2,7 +2,8 @@
 
 use super::YarnColor;
 use crate::color::{
-    AlbedoCurve, SigmaSpectrum, SmoothReflectance, linear_rec2020_of_xyz, linear_srgb_of_xyz, xyz_of_reflectance,
+    AlbedoCurve, SigmaSpectrum, SmoothReflectance, delta_e_2000, linear_rec2020_of_xyz, linear_srgb_of_xyz,
+    srgb_encode, xyz_of_reflectance,
 };
 
 /// What the N numbers of a color are.
@@ -21,6 +22,35 @@ pub enum Channels {
     LinearRec2020,
 }
 
+/// What becomes of a color that was asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ColorReach {
+    /// As asked for [sRGB, 0 to 1].
+    pub asked: [f32; 3],
+    /// As the cloth has it, in the meaning that its spec gives to colors [sRGB; beyond 0 to 1 out of its gamut].
+    pub comes_out: [f64; 3],
+    /// CIEDE2000 between the two; one that is just seen is about 1.
+    pub delta_e: f64,
+    /// How many of the 81 wavelengths were brighter than clear fibers and darker than black ones.
+    pub clamped: [usize; 2],
+}
+
+impl ColorReach {
+    fn new(srgb: [f32; 3], curve: &AlbedoCurve) -> (ColorReach, SigmaSpectrum, [f64; 3]) {
+        let smooth = SmoothReflectance::of_srgb(srgb.map(f64::from));
+        let (sigma, clamped) = SigmaSpectrum::of_reflectance(curve, |l| smooth.at(l));
+        let achieved = xyz_of_reflectance(|l| curve.albedo(f64::from(sigma.at(l as f32))));
+        let delta_e = delta_e_2000(xyz_of_reflectance(|l| smooth.at(l)), achieved);
+        let comes_out = linear_srgb_of_xyz(achieved).map(srgb_encode);
+        (ColorReach { asked: srgb, comes_out, delta_e, clamped }, sigma, achieved)
+    }
+
+    /// Of a color of a cloth of this brightness over absorption.
+    pub fn of(srgb: [f32; 3], curve: &AlbedoCurve) -> ColorReach {
+        ColorReach::new(srgb, curve).0
+    }
+}
+
 /// Absorption of a yarn.
 #[derive(Clone, Debug)]
 pub(super) enum Dye {
@@ -37,10 +67,8 @@ impl Dye {
             YarnColor::Undyed => Dye::Even(0.0),
             YarnColor::Sigma(sigma) => Dye::Even(sigma),
             YarnColor::Srgb(srgb) => {
-                let smooth = SmoothReflectance::of_srgb(srgb.map(f64::from));
-                let (sigma, _) = SigmaSpectrum::of_reflectance(curve, |l| smooth.at(l));
                 // What the fibers can have of the color, seen under D65: out of reach colors are the same in both modes.
-                let achieved = xyz_of_reflectance(|l| curve.albedo(f64::from(sigma.at(l as f32))));
+                let (_, sigma, achieved) = ColorReach::new(srgb, curve);
                 let rgb = [linear_srgb_of_xyz(achieved), linear_rec2020_of_xyz(achieved)]
                     .map(|rgb| rgb.map(|channel| curve.sigma(channel).0 as f32));
                 Dye::Spectrum(Box::new((sigma, rgb)))

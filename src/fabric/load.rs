@@ -160,11 +160,10 @@ impl LoadedFabric {
 /// Greatest lean of a yarn whose crimp the spec does not give [degrees], as in the cloths that ship.
 pub const USUAL_LEAN_DEG: f64 = 25.0;
 
-/// The crimp by which a yarn leans by [`USUAL_LEAN_DEG`] where it is steepest, half way between crossings: its axis goes from -a to a by `3 u^2 - 2 u^3`, a the crimp
-/// times the mean width of both families, so its slope there is `3 a / spacing` of the other family. 0.5, where both families bend alike, at most.
-fn usual_crimp(yarn: &YarnShape, other: &YarnShape) -> f64 {
-    let widths = yarn.width_um() + other.width_um();
-    (USUAL_LEAN_DEG.to_radians().tan() * other.spacing_um / (1.5 * widths)).min(0.5)
+/// The crimp by which a yarn leans by [`USUAL_LEAN_DEG`] where it is steepest, half way between crossings. 0.5, where both families bend alike, at most.
+pub(super) fn usual_crimp(yarn: &YarnShape, other: &YarnShape) -> f64 {
+    let radii = 0.5 * (yarn.width_um() + other.width_um());
+    (super::profile::amplitude_of(USUAL_LEAN_DEG.to_radians(), other.spacing_um, radii) / radii).min(0.5)
 }
 
 impl FabricSpec {
@@ -230,8 +229,7 @@ impl FabricSpec {
         LoadedFabric::assembled(spec, file, wif, (models, names), indices)
     }
 
-    /// Shape of the yarns of a family, of the plies of a yarn spec where the fabric's does not give their radius. Of an elliptical ply the greater
-    /// semi-axis counts, which holds all of it.
+    /// Shape of the yarns of a family, of the plies of a yarn spec where the fabric's does not give their radius.
     pub fn shape(&self, family: Family, ply: &YarnSpec) -> YarnShape {
         let yarn = self.yarn(family);
         let [a, b] = ply.ply_radii_um();

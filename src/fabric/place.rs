@@ -1,14 +1,10 @@
-//! What is at a point of the fabric: a ply or a gap, by a direction; the yarn on top, by a side.
+//! What is at a point of the fabric: the plies and gaps that a line meets, in their order; the yarn on top, by a side.
 //!
-//! The cell of a point is that of the end and the pick whose axes are nearest. The draft says which family is on top in a cell. A line meets the
-//! plies of the nearest yarn of a family or, where it misses those, of the next one on the other side. At a crossing of two yarns that are both met
-//! the one on top counts; where only one is met it counts, so that light passing beside the plies of the upper yarn meets the lower one; where none
-//! is met there is a gap. At normal incidence plies are met where yarns are. An oblique line meets a yarn beyond its width: gaps close towards
+//! A line meets the plies of the first yarn along it (`flight.rs`). The draft says on which side of a crossing a yarn passes; its axis lies at +amplitude where it is
+//! on top and at -amplitude where it is below, joined from crossing to crossing by arcs and a straight line (`profile.rs`). An oblique line meets a yarn beyond its width: gaps close towards
 //! grazing light, as they do.
-//!
-//! The axis of a yarn lies at +amplitude where it is on top and at -amplitude where it is below, joined from crossing to crossing by `3 u^2 - 2 u^3`.
 
-use super::yarn::{Line, Met, Yarn, cell};
+use super::yarn::{Yarn, cell};
 use super::{Fabric, Family};
 
 /// What a line meets. It lives on the stack of one query: a box would allocate.
@@ -42,28 +38,17 @@ pub struct PlyHit {
     pub across_um: f32,
     /// Height of the yarn's axis over the fabric's middle plane [um].
     pub height_um: f32,
-    /// The ply of the other family that the line meets below this one; `None` where one layer is met.
-    pub below: Option<Below>,
-}
-
-/// A ply of the lower of two layers.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Below {
-    /// Number of its yarn; of the other family.
-    pub yarn: i32,
-    /// Latitude of w on it [rad].
-    pub theta_i: f32,
-    /// Offset of the line [um].
-    pub h_um: f32,
+    /// Whether a yarn of the other family lies over or under it there.
+    pub is_double: bool,
 }
 
 /// A gap, or a near miss.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gap {
     /// Distances in the fabric's plane from the point to the edges west (-x), east (+x), south (-y) and north (+y), 0 or more [um]: how far the line
-    /// may be moved before it meets a ply.
+    /// may be moved before it meets a ply. Of edges beyond the beam, |h| > R + d_cut, the yarns' spacing.
     pub aperture_um: [f32; 4],
-    /// The plies at these edges that lie within the beam, |h| < R + d_cut. Those at two edges may be met by one line, at a crossing; none is `below` another.
+    /// The plies at these edges that lie within the beam.
     pub near: [Option<PlyHit>; 4],
 }
 
@@ -135,22 +120,9 @@ struct Point<'a> {
     up: [[bool; 2]; 2],
 }
 
-/// The axis of a yarn at a point, and a line's meeting with its plies.
-#[derive(Clone, Copy)]
-struct Meeting {
-    which: usize,
-    met: Met,
-    /// Axes c, n, t of the yarn in the fabric's frame.
-    axes: [[f32; 3]; 3],
-    height: f32,
-    /// w in the yarn's frame.
-    w: [f32; 3],
-}
-
 impl<'a> Point<'a> {
     fn new(fabric: &'a Fabric, x_um: f32, y_um: f32) -> Point<'a> {
-        // Not a number counts as 0, as far does.
-        let at = [x_um, y_um].map(|p| if p.abs() <= FAR_UM { p } else { 0.0 });
+        let at = position(x_um, y_um);
         let draft = &fabric.draft;
         let pairs =
             [Pair::new(at[0], &fabric.yarns[0], draft.ends()), Pair::new(at[1], &fabric.yarns[1], draft.picks())];
@@ -164,92 +136,55 @@ impl<'a> Point<'a> {
             Family::Warp => [self.up[0][which], self.up[1][which]],
             Family::Weft => [!self.up[which][0], !self.up[which][1]],
         };
-        let amplitude = self.fabric.yarns[family as usize].amplitude;
-        let [from, to] = sides.map(|up| if up { amplitude } else { -amplitude });
         // Crossings stand where the other family's yarns lie.
         let Pair { fraction: u, side, .. } = self.pairs[family.other() as usize];
-        let per_um = self.fabric.yarns[family.other() as usize].per_spacing;
-        (from + (to - from) * u * u * (3.0 - 2.0 * u), side * (to - from) * 6.0 * u * (1.0 - u) * per_um)
-    }
-
-    /// Axes c, n, t of a yarn of this slope, in the fabric's frame.
-    fn axes(family: Family, slope: f32) -> [[f32; 3]; 3] {
-        let c = 1.0 / (1.0 + slope * slope).sqrt();
-        let s = slope * c;
-        match family {
-            Family::Warp => [[-1.0, 0.0, 0.0], [0.0, -s, c], [0.0, c, s]],
-            Family::Weft => [[0.0, 1.0, 0.0], [-s, 0.0, c], [c, 0.0, s]],
-        }
-    }
-
-    fn along(&self, family: Family) -> f32 {
-        self.at[family.other() as usize]
-    }
-
-    fn meet(&self, family: Family, which: usize, w: [f32; 3]) -> Meeting {
-        let (height, slope) = self.axis(family, which);
-        let axes = Self::axes(family, slope);
-        let pair = &self.pairs[family as usize];
-        let w = axes.map(|a| a[0] * w[0] + a[1] * w[1] + a[2] * w[2]);
-        let yarn = &self.fabric.yarns[family as usize];
-        let across = match family {
-            Family::Warp => -pair.offset[which],
-            Family::Weft => pair.offset[which],
-        };
-        let turns = yarn.turns(pair.index[which], family as u32, self.along(family));
-        Meeting { which, met: yarn.meet(&Line { across, w, turns }), axes, height, w }
-    }
-
-    /// The yarn of a family whose plies the line meets.
-    fn first(&self, family: Family, w: [f32; 3]) -> Option<Meeting> {
-        let near = self.meet(family, 0, w);
-        if near.met.hit {
-            return Some(near);
-        }
-        let next = self.meet(family, 1, w);
-        next.met.hit.then_some(next)
-    }
-
-    fn hit(&self, family: Family, meeting: &Meeting, below: Option<Below>) -> PlyHit {
-        let pair = &self.pairs[family as usize];
-        let [c, n, t] = meeting.axes;
-        let frame = meeting.met.frame().map(|a| std::array::from_fn(|k| a[0] * c[k] + a[1] * n[k] + a[2] * t[k]));
-        PlyHit {
-            family,
-            yarn: pair.index[meeting.which],
-            ply: meeting.met.ply,
-            frame,
-            theta_i: meeting.met.theta_i(meeting.w),
-            h_um: meeting.met.h,
-            along_um: self.along(family),
-            across_um: pair.offset[meeting.which],
-            height_um: meeting.height,
-            below,
-        }
-    }
-
-    fn gap(&self, w: [f32; 3]) -> Gap {
-        let mut gap = Gap { aperture_um: [0.0; 4], near: [None; 4] };
-        for (k, family) in Family::EACH.into_iter().enumerate() {
-            let yarn = &self.fabric.yarns[k];
-            for which in 0..2 {
-                let meeting = self.meet(family, which, w);
-                // The nearer yarn lies west or south of a point at greater coordinates.
-                let edge = 2 * k + usize::from((self.pairs[k].side > 0.0) == (which == 1));
-                let Met { h, x, .. } = meeting.met;
-                let open = (h.abs() - yarn.radius) / x[0].abs().max(1e-3);
-                gap.aperture_um[edge] = open.max(0.0).min(yarn.spacing);
-                if h.abs() < yarn.reach {
-                    gap.near[edge] = Some(self.hit(family, &meeting, None));
-                }
-            }
-        }
-        gap
+        let (height, slope) = self.fabric.yarns[family as usize].profile.joined(sides[0], sides[1], u);
+        (height, side * slope)
     }
 }
 
+/// Axes c, n, t of a yarn of this slope, in the fabric's frame.
+#[inline]
+pub(super) fn axes(family: Family, slope: f32) -> [[f32; 3]; 3] {
+    let c = 1.0 / (1.0 + slope * slope).sqrt();
+    let s = slope * c;
+    match family {
+        Family::Warp => [[-1.0, 0.0, 0.0], [0.0, -s, c], [0.0, c, s]],
+        Family::Weft => [[0.0, 1.0, 0.0], [-s, 0.0, c], [c, 0.0, s]],
+    }
+}
+
+/// Plies beside the first that a line meets, of which a query keeps the light.
+pub(super) const MAX_NEAR: usize = 4;
+
+impl Gap {
+    /// Without a ply near it.
+    pub(super) fn open(fabric: &Fabric) -> Gap {
+        let [warp, weft] = [0, 1].map(|k| fabric.yarns[k].spacing);
+        Gap { aperture_um: [warp, warp, weft, weft], near: [None; 4] }
+    }
+
+    /// With the edge of a ply, if it is nearer than what was there.
+    pub(super) fn close(&mut self, fabric: &Fabric, hit: &PlyHit) {
+        let k = hit.family as usize;
+        // By how much h changes when the line is moved along x or y.
+        let per_um = hit.frame[0][k];
+        let open = (hit.h_um.abs() - fabric.yarns[k].radius).max(0.0) / per_um.abs().max(1e-3);
+        let edge = 2 * k + usize::from((hit.h_um < 0.0) == (per_um > 0.0));
+        if open < self.aperture_um[edge] {
+            self.aperture_um[edge] = open;
+            self.near[edge] = Some(*hit);
+        }
+    }
+}
+
+/// A point of the plane. Not a number counts as 0, as far does.
+pub(super) fn position(x_um: f32, y_um: f32) -> [f32; 2] {
+    [x_um, y_um].map(|p| if p.abs() <= FAR_UM { p } else { 0.0 })
+}
+
 /// A direction as it came, made unit; what is none counts as the face's normal.
-fn unit(w: [f32; 3]) -> [f32; 3] {
+pub(super) fn unit(w: [f32; 3]) -> [f32; 3] {
     let squared = w[0] * w[0] + w[1] * w[1] + w[2] * w[2];
     if (squared - 1.0).abs() < 1e-5 {
         return w;
@@ -262,27 +197,21 @@ fn unit(w: [f32; 3]) -> [f32; 3] {
 }
 
 impl Fabric {
-    /// What the line through the point (x, y) [um] towards the light at `w` (unit, in the fabric's frame) meets first. From behind, `w[2] < 0`, the
-    /// yarns of the other side are on top.
+    /// What the line through the point (x, y) of the middle plane [um] towards the light at `w` (unit, in the fabric's frame) meets first. From behind, `w[2] < 0`,
+    /// the yarns of the other side are on top.
     ///
     /// Never fails: a `w` that is not unit is made so, one that is no direction counts as the face's normal, points that are no numbers or more than 10 m
     /// away as the origin.
     pub fn at(&self, x_um: f32, y_um: f32, w: [f32; 3]) -> Place {
-        let w = unit(w);
-        let point = Point::new(self, x_um, y_um);
-        match Family::EACH.map(|family| point.first(family, w)) {
-            [Some(warp), Some(weft)] => {
-                let warp_on_top = point.up[weft.which][warp.which] != (w[2] < 0.0);
-                let (family, top, low) =
-                    if warp_on_top { (Family::Warp, warp, weft) } else { (Family::Weft, weft, warp) };
-                let theta_i = low.met.theta_i(low.w);
-                let yarn = point.pairs[family.other() as usize].index[low.which];
-                Place::Ply(point.hit(family, &top, Some(Below { yarn, theta_i, h_um: low.met.h })))
+        let mut flight = self.flight_through(position(x_um, y_um), unit(w));
+        let mut gap = Gap::open(self);
+        while let Some(near) = flight.next_near() {
+            if near.is_hit {
+                return Place::Ply(near.hit);
             }
-            [Some(warp), None] => Place::Ply(point.hit(Family::Warp, &warp, None)),
-            [None, Some(weft)] => Place::Ply(point.hit(Family::Weft, &weft, None)),
-            [None, None] => Place::Gap(point.gap(w)),
+            gap.close(self, &near.hit);
         }
+        Place::Gap(gap)
     }
 
     /// The yarn on top at the point (x, y) [um], seen from the face or from the back; `None` in gaps between yarns. Points as in [`Fabric::at`].
@@ -297,12 +226,12 @@ impl Fabric {
             _ => Family::Weft,
         };
         let (height_um, slope) = point.axis(family, 0);
-        let [_, _, tangent] = Point::axes(family, slope);
+        let [_, _, tangent] = axes(family, slope);
         let pair = &point.pairs[family as usize];
         Some(YarnPlace {
             family,
             yarn: pair.index[0],
-            along_um: point.along(family),
+            along_um: point.at[family.other() as usize],
             across_um: pair.offset[0],
             tangent,
             height_um,

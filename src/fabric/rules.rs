@@ -27,6 +27,7 @@ const ROOT: &[Key] = &[
     required("weave", Kind::Tagged("{ kind = \"satin\", n = 5, step = 2 }", WEAVES)),
     required("warp", Kind::Table(YARN)),
     required("weft", Kind::Table(YARN)),
+    optional("color_of", Kind::Choice(&["even_sky", "reflected", "folded"]), "\"even_sky\""),
 ];
 const YARN: &[Key] = &[
     optional("model", Kind::Text, "models"),
@@ -47,6 +48,7 @@ const WEAVES: &[(&str, &[Key])] = &[
     ("twill", &[required("up", Kind::Integer(1, THREADS / 2)), required("down", Kind::Integer(1, THREADS / 2))]),
     ("satin", &[required("n", Kind::Integer(5, THREADS)), required("step", Kind::Integer(2, THREADS))]),
     ("basket", &[required("n", Kind::Integer(1, THREADS / 2))]),
+    ("layers", &[]),
     ("draft", &[required("rows", Kind::Custom(ROWS))]),
     ("wif", &[required("file", Kind::Text)]),
 ];
@@ -179,11 +181,15 @@ pub(super) fn check_model(file: &str, family: Family, yarn: &YarnOfFabric, model
         return Err(invalid(file, &key("plies"), yarn.plies, hint));
     }
     let [a, b] = ply.ply_radii_um();
-    let (least, most) = (a.min(b), a.max(b));
+    // Models are of plies turned every way, and yarns of a cloth lie flat.
+    if (a - b).abs() > 1e-6 * a {
+        let hint =
+            format!("{model} is of elliptical plies, {a} x {b} um, whose side a cloth cannot tell; use round plies");
+        return Err(invalid(file, &key("model"), model, hint));
+    }
     // A rounding is no other radius.
-    if let Some(radius) = yarn.ply_radius_um.filter(|r| !(least * (1.0 - 1e-6)..=most * (1.0 + 1e-6)).contains(r)) {
-        let own = if least < most { format!("{least} to {most}") } else { format!("{most}") };
-        let hint = format!("{model} is of plies of radius {own} um; leave this key out, or use a model of such plies");
+    if let Some(radius) = yarn.ply_radius_um.filter(|r| (r - a).abs() > 1e-6 * a) {
+        let hint = format!("{model} is of plies of radius {a} um; leave this key out, or use a model of such plies");
         return Err(invalid(file, &key("ply_radius_um"), radius, hint));
     }
     Ok(())

@@ -2,6 +2,7 @@
 //! `rules.rs`, reading in `load.rs`.
 
 use super::Family;
+use super::color_of::ColorOf;
 use super::draft::Draft;
 #[cfg(doc)]
 use super::{wif::Wif, yarn::YarnShape};
@@ -15,6 +16,9 @@ use std::collections::BTreeMap;
 pub struct FabricSpec {
     /// Name of the fabric, for the record.
     pub name: String,
+    /// What the colors are colors of.
+    #[serde(default)]
+    pub color_of: ColorOf,
     /// Which yarn is on top where.
     pub weave: WeaveSpec,
     /// Yarns along y.
@@ -48,6 +52,8 @@ pub enum WeaveSpec {
         /// Yarns of a group.
         n: usize,
     },
+    /// Two layers of straight yarns, warp above weft: no cloth, but the simplest case to hold a model to. Round yarns touch where the crimps add up to 1.
+    Layers {},
     /// Any draft: rows of `X` (warp on top) and `.`, as seen, so that the last row is the first pick.
     Draft {
         /// Rows of one repeat, all of the same length.
@@ -148,6 +154,7 @@ impl WeaveSpec {
             WeaveSpec::Twill { up, down } => Draft::twill(*up, *down),
             WeaveSpec::Satin { n, step } => Draft::satin(*n, *step),
             WeaveSpec::Basket { n } => Draft::basket(*n),
+            WeaveSpec::Layers {} => Some(Draft::layers()),
             WeaveSpec::Draft { rows } => {
                 let up = |pick: usize, end: usize| {
                     rows.get(rows.len() - 1 - pick).and_then(|r| r.as_bytes().get(end)) == Some(&b'X')

@@ -11,6 +11,7 @@
 //! measures the rest: without the first step errors are 2 to 4 times as large from 45 degrees on, without the last 10 times at all angles up to
 //! there.
 
+use super::profile::{Profile, Profile32};
 use crate::math::simd::{atan2, signed, sin_cos_half_turns};
 use crate::spec::Handedness;
 
@@ -44,6 +45,12 @@ impl YarnShape {
         if self.plies < 2 { 0.0 } else { self.ply_radius_um / (std::f64::consts::PI / f64::from(self.plies)).sin() }
     }
 
+    /// Height of the axis between crossings with yarns of the other family.
+    pub(super) fn profile(&self, other: &YarnShape) -> Profile {
+        let radii = 0.5 * (self.width_um() + other.width_um());
+        Profile::new(self.crimp * radii, other.spacing_um, radii)
+    }
+
     /// Width of the yarn [um]: 2 R, and 2 (D + R) of several plies.
     pub fn width_um(&self) -> f64 {
         2.0 * (self.circle_um() + self.ply_radius_um)
@@ -59,8 +66,8 @@ pub(super) struct Yarn {
     pub half_width: f32,
     pub spacing: f32,
     pub per_spacing: f32,
-    /// Amplitude of the height of the axis [um].
-    pub amplitude: f32,
+    /// Height of the axis.
+    pub profile: Profile32,
     /// R + d_cut.
     pub reach: f32,
     /// Turns of the plies per um, negative for S.
@@ -75,8 +82,8 @@ pub(super) struct Yarn {
 /// A line in the yarn's frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Line {
-    /// Where it crosses the middle plane, along c [um].
-    pub across: f32,
+    /// A point of it [um]: along c, n and t.
+    pub origin: [f32; 3],
     /// Its direction, toward the light, unit: along c, n and t.
     pub w: [f32; 3],
     /// Turns of ply 0 about the axis at this place.
@@ -95,6 +102,10 @@ pub(super) struct Met {
     pub x: [f32; 3],
     /// Sine between line and ply.
     pub sine: f32,
+    /// Along the line from its point, towards the light: where it comes nearest to the ply's axis [um].
+    pub nearest: f32,
+    /// The point of the axis there, in the yarn's frame [um].
+    pub center: [f32; 3],
 }
 
 fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
@@ -174,7 +185,7 @@ impl Yarn {
             half_width: (0.5 * shape.width_um()) as f32,
             spacing: shape.spacing_um as f32,
             per_spacing: (1.0 / shape.spacing_um) as f32,
-            amplitude: (shape.crimp * 0.5 * (shape.width_um() + other.width_um())) as f32,
+            profile: shape.profile(other).single(),
             reach: (shape.ply_radius_um + shape.d_cut_um) as f32,
             turns_per_um: turns_per_um as f32,
             slope: slope as f32,
@@ -198,8 +209,10 @@ impl Yarn {
         if self.plies == 1 {
             let tangent = [0.0, 0.0, 1.0];
             let (x, sine) = across(line.w, tangent);
-            let h = line.across * x[0];
-            return Met { hit: h.abs() < self.radius, ply: 0, h, tangent, x, sine };
+            let h = dot(line.origin, x);
+            let nearest = -dot(line.origin, cross(tangent, x)) / sine;
+            let center = [0.0, 0.0, line.origin[2] + nearest * line.w[2]];
+            return Met { hit: h.abs() < self.radius, ply: 0, h, tangent, x, sine, nearest, center };
         }
         let mut shift = 0.0;
         if self.slope != 0.0 {
@@ -214,14 +227,14 @@ impl Yarn {
         let sine2 = wc * wc + wn * wn;
         // A line along the yarn meets nothing within a length over which plies could be followed.
         if sine2 < 1e-3 {
-            return 0.0;
+            return line.origin[2];
         }
         let per_sine = 1.0 / sine2.sqrt();
         let (s, c) = sin_cos_turns(line.turns);
         let (mut first, mut met) = (f32::NEG_INFINITY, false);
         for &[ck, sk] in &self.turn[..self.plies] {
             let (x, y) = (self.circle * (c * ck - s * sk), self.circle * (s * ck + c * sk));
-            let (dx, dy) = (line.across - x, -y);
+            let (dx, dy) = (line.origin[0] - x, line.origin[1] - y);
             let h = (dx * wn - dy * wc) * per_sine;
             let room = self.radius * self.radius - h * h;
             if room > 0.0 {
@@ -230,8 +243,8 @@ impl Yarn {
                 met = true;
             }
         }
-        let distance = if met { first } else { -line.across * wc * per_sine };
-        distance * per_sine * wt
+        let distance = if met { first } else { -(line.origin[0] * wc + line.origin[1] * wn) * per_sine };
+        line.origin[2] + distance * per_sine * wt
     }
 
     /// Ply k at the distance `shift` along t, as the straight cylinder along its tangent there; where the line enters it, and how much further along t
@@ -241,13 +254,16 @@ impl Yarn {
         let (cos, sin) = (c * ck - s * sk, s * ck + c * sk);
         let tangent = [-self.slope * sin * self.norm, self.slope * cos * self.norm, self.norm];
         let (x, sine) = across(line.w, tangent);
-        let d = [line.across - self.circle * cos, -self.circle * sin, -shift];
+        let d = [line.origin[0] - self.circle * cos, line.origin[1] - self.circle * sin, line.origin[2] - shift];
         let h = dot(d, x);
         let room = self.radius * self.radius - h * h;
         // Along the line, from its point nearest to the ply's axis; y = z cross x.
-        let entry = (room.max(0.0).sqrt() - dot(d, cross(tangent, x))) / sine;
+        let nearest = -dot(d, cross(tangent, x)) / sine;
+        let entry = nearest + room.max(0.0).sqrt() / sine;
         let further = (dot(d, tangent) + entry * dot(line.w, tangent)) * tangent[2];
-        (Met { hit: room > 0.0, ply: k as u32, h, tangent, x, sine }, entry, further)
+        let along = dot(d, tangent) + nearest * dot(line.w, tangent);
+        let center = std::array::from_fn(|i| line.origin[i] - d[i] + along * tangent[i]);
+        (Met { hit: room > 0.0, ply: k as u32, h, tangent, x, sine, nearest, center }, entry, further)
     }
 
     /// Cosine and sine of ply 0's angle at `shift` along t.
@@ -259,7 +275,16 @@ impl Yarn {
     /// The first of the straight cylinders along the plies' tangents at `shift` along t.
     fn first_cylinder(&self, line: &Line, shift: f32) -> Met {
         let angle = self.angle(line, shift);
-        let mut best = Met { hit: false, ply: 0, h: 0.0, tangent: [0.0, 0.0, 1.0], x: [1.0, 0.0, 0.0], sine: 1.0 };
+        let mut best = Met {
+            hit: false,
+            ply: 0,
+            h: 0.0,
+            tangent: [0.0, 0.0, 1.0],
+            x: [1.0, 0.0, 0.0],
+            sine: 1.0,
+            nearest: 0.0,
+            center: [0.0; 3],
+        };
         let (mut first, mut nearest, mut step) = (f32::NEG_INFINITY, f32::INFINITY, 0.0);
         for k in 0..self.plies {
             let (met, entry, further) = self.cylinder(line, k, shift, angle);

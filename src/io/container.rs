@@ -10,8 +10,6 @@ use std::path::Path;
 
 /// Key of the JSON document in the safetensors metadata.
 pub(crate) const KEY: &str = "plywave";
-/// Version of both formats that this program writes and reads.
-pub(crate) const VERSION: u64 = 1;
 /// Largest header accepted. A table's header is a few kilobytes plus the spec's text.
 const MAX_HEADER: u64 = 16 << 20;
 
@@ -26,6 +24,8 @@ pub enum FileKind {
     Fiber,
     /// Patterns of single fibers, [`crate::speckle::SpecklePatterns`].
     Speckle,
+    /// Path-traced scattering of a cloth's explicit fibers, [`crate::twin::ClothTwin`].
+    Twin,
 }
 
 impl FileKind {
@@ -36,6 +36,16 @@ impl FileKind {
             FileKind::Model => "plywave-ply",
             FileKind::Fiber => "plywave-fiber",
             FileKind::Speckle => "plywave-speckle",
+            FileKind::Twin => "plywave-twin",
+        }
+    }
+
+    /// Version of the format that this program writes and reads.
+    pub(crate) fn version(self) -> u64 {
+        match self {
+            // 2: energies as splines on grids of their own.
+            FileKind::Model => 2,
+            FileKind::Table | FileKind::Fiber | FileKind::Speckle | FileKind::Twin => 1,
         }
     }
 
@@ -43,7 +53,7 @@ impl FileKind {
     pub fn most_bytes(self) -> u64 {
         match self {
             FileKind::Table => 4 << 30,
-            FileKind::Model => 1 << 30,
+            FileKind::Model | FileKind::Twin => 1 << 30,
             FileKind::Fiber | FileKind::Speckle => 2 << 30,
         }
     }
@@ -54,6 +64,7 @@ impl FileKind {
             FileKind::Model => "write it again with `plywave fit`",
             FileKind::Fiber => "write it again with `plywave wave tabulate`",
             FileKind::Speckle => "write it again with `plywave wave speckle`",
+            FileKind::Twin => "write it again with `plywave twin`",
         }
     }
 }
@@ -82,7 +93,7 @@ pub fn file_kind(path: impl AsRef<Path>) -> Result<FileKind> {
     let header: serde_json::Value = serde_json::from_slice(&header).map_err(|_| foreign())?;
     let text = header["__metadata__"][KEY].as_str().ok_or_else(foreign)?;
     let head: Head = parse_head(&name, text)?;
-    let kind = [FileKind::Table, FileKind::Model, FileKind::Fiber, FileKind::Speckle]
+    let kind = [FileKind::Table, FileKind::Model, FileKind::Fiber, FileKind::Speckle, FileKind::Twin]
         .into_iter()
         .find(|k| k.format() == head.format)
         .ok_or_else(foreign)?;
@@ -104,15 +115,16 @@ fn parse_head(name: &str, text: &str) -> Result<Head> {
 }
 
 fn check_version(name: &str, head: &Head, kind: FileKind) -> Result<()> {
-    if head.version == VERSION {
+    let version = kind.version();
+    if head.version == version {
         return Ok(());
     }
-    let hint = if head.version > VERSION {
+    let hint = if head.version > version {
         "it was written by a newer plywave: update plywave or the file".to_string()
     } else {
         kind.remake().to_string()
     };
-    Err(format_error(name, &format!("version {} of {}, expected {VERSION}", head.version, head.format), &hint))
+    Err(format_error(name, &format!("version {} of {}, expected {version}", head.version, head.format), &hint))
 }
 
 pub(crate) fn format_error(file: &str, what: &str, hint: &str) -> Error {
@@ -206,6 +218,7 @@ impl<'a> Reader<'a> {
                 FileKind::Model => "give a ply model (`plywave fit` writes one)",
                 FileKind::Fiber => "give a fiber table (`plywave wave tabulate` writes one)",
                 FileKind::Speckle => "give speckle patterns (`plywave wave speckle` writes some)",
+                FileKind::Twin => "give the twin of a cloth (`plywave twin` writes one)",
             };
             return Err(format_error(file, &what, hint));
         }

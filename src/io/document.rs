@@ -1,6 +1,6 @@
 //! The one loader and saver: what tables, models, fibers and speckle patterns have in common as files.
 
-use super::container::{FileKind, Reader, VERSION, Writer};
+use super::container::{FileKind, Reader, Writer};
 use super::{Axis, disk, read_kind};
 use crate::Result;
 use serde::de::DeserializeOwned;
@@ -62,7 +62,10 @@ pub(crate) fn to_bytes<D: Document>(document: &D, name: &str) -> Result<Vec<u8>>
     let mut writer = Writer::new();
     document.tensors(&mut writer);
     let (provenance, keys) = (&document.provenance(), &document.keys(name)?);
-    writer.finish(name, &Envelope { format: D::KIND.format(), version: VERSION, provenance, keys, axes, statistics })
+    writer.finish(
+        name,
+        &Envelope { format: D::KIND.format(), version: D::KIND.version(), provenance, keys, axes, statistics },
+    )
 }
 
 /// A document and its further keys from the bytes of its file, checked.

@@ -147,7 +147,7 @@ fn many<const FMA: bool, const H: usize, const R: usize, const J: usize, const N
         s.transmittance[q] = [clamped_sigma(&sigma[q]); J];
         if let Some(high) = interpolate_high::<FMA, H, R, J>(tables, p)
             && let Some(refl) = interpolate_refl::<FMA, H, R, J>(tables, p)
-            && let Some(node) = interpolate_node::<FMA, J>(&tables.nodes, p)
+            && let Some(node) = interpolate_node::<FMA, H, R, J>(tables, p)
         {
             s.spectrum[q] = high.spectrum;
             s.high.set(q, &high.params, v);

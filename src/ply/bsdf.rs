@@ -50,10 +50,11 @@ impl PlyModel {
         PlyOn { model: self, query: *query, lobes, speckle: self.speckle(query) }
     }
 
-    /// The patterns of a query, where there are both tiles and an instance.
+    /// The patterns of a query, where there are both noise and an instance.
     #[inline(always)]
     fn speckle<'a, const N: usize>(&'a self, query: &PlyQuery<'a, N>) -> Option<Speckle<'a, N>> {
-        Some(Speckle::new(self.noise()?, query.instance?, query.theta_i, &query.lambda_um))
+        let instance = query.instance?;
+        Some(Speckle::new(self.noise()?, instance, query.theta_i, &query.lambda_um))
     }
 }
 
@@ -77,6 +78,11 @@ pub struct PlyBsdf<'a, const N: usize> {
 }
 
 impl<'a, const N: usize> PlyBsdf<'a, N> {
+    /// The ply without a second layer, its lobes not yet prepared.
+    pub(crate) fn into_ply(self) -> PlyOn<'a, Cached<'a, N>, N> {
+        self.ply
+    }
+
     #[inline(always)]
     pub(crate) fn prepare(&mut self) {
         if self.ply.query.cached {

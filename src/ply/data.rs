@@ -1,8 +1,10 @@
 //! The tensors of a ply model (Yu 2025, Eq. 8), as files hold them and the fitter makes them.
 
 use super::edge_lobes::EdgeLobes;
+use super::energies::PlyEnergies;
+use super::exits::ExitOffsets;
 use super::layer_factors::LayerFactors;
-use crate::speckle::NoiseTiles;
+use crate::speckle::Noise;
 
 /// Most lobes of each kind.
 pub(crate) const MAX_LOBES: usize = 16;
@@ -19,11 +21,10 @@ pub(crate) const LEAST_TRANSMITTANCE: f64 = 1e-20;
 /// Lobe parameters are in the order of [`crate::ply::asg::Lobe`]: theta_z, phi_z, phi_xy [rad], ln mu1, ln mu2, energy.
 ///
 /// A model at (theta_i >= 0, h): `f_refl` has its lobe parameters by bicubic (Catmull-Rom) interpolation over the nodes,
-/// lobe energies clamped at 0 and scaled so that they add up to the bilinear `energy_refl`. `f_high` has its lobe parameters by
+/// lobe energies clamped at 0 and scaled so that they add up to the energy of f_refl in `energies`. `f_high` has its lobe parameters by
 /// bilinear interpolation over the four corners of the block that holds (theta_i, h); block (m, n) spans the nodes
 /// 2m..2m+2 and 2n..2n+2. Lobe l's energy is multiplied by `w_l(sigma) = sum_j high_path[l][j] exp(-sigma path_um[j])`
-/// (spectrum interpolated as the lobe is), and the sum scaled to `E_high(sigma) = sum_j energy_high[j] exp(-sigma path_um[j])`,
-/// bilinear over the nodes. Incidences outside the nodes are clamped to them; theta_i < 0 is mirrored.
+/// (spectrum interpolated as the lobe is), and the sum scaled to the energy of f_high in `energies`. Incidences outside the nodes are clamped to them; theta_i < 0 is mirrored.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlyData {
     /// Text of the yarn spec, as given.
@@ -46,12 +47,8 @@ pub struct PlyData {
     pub lobes_refl: usize,
     /// Number of high-order lobes.
     pub lobes_high: usize,
-    /// `[M][H]`: fraction of the beam that meets no fiber.
-    pub r_d: Vec<f64>,
-    /// `[M][H]`: energy of f_refl.
-    pub energy_refl: Vec<f64>,
-    /// `[M][H][J]`: path-length spectrum of the energy of f_high, >= 0; its sum over J is the energy at sigma = 0.
-    pub energy_high: Vec<f64>,
+    /// What is missed, and the energies of f_refl and of f_high.
+    pub energies: PlyEnergies,
     /// `[M][H][lobes_refl][6]`: reflection lobes at the nodes.
     pub refl: Vec<f64>,
     /// `[(M-1)/2][(H-1)/2][2][2][lobes_high][6]`: high-order lobes at the corners (theta_i, h) of each block.
@@ -64,10 +61,12 @@ pub struct PlyData {
     pub error_high: Vec<f64>,
     /// What layers of this ply's yarns send back and let through; absent from models of one ply alone.
     pub layers: Option<LayerFactors>,
+    /// Where light leaves the ply; absent from models of tables without exits, whose light leaves anywhere across the ply.
+    pub exits: Option<ExitOffsets>,
     /// Edge diffraction (Yu 2025, 6.1); absent in models without it, whose missed light goes on.
     pub edge: Option<EdgeLobes>,
     /// Speckle noise (Yu 2025, 6.2); absent in models that are smooth only.
-    pub noise: Option<NoiseTiles>,
+    pub noise: Option<Noise>,
 }
 
 /// Value of a node array at index -1..=n, continued linearly beyond both ends: `at(-1) = 2 at(0) - at(1)`.

@@ -1,7 +1,7 @@
 //! Energies at an incidence: interpolated over the nodes, absorbed along the paths, and what scales lobes to them.
 
 use super::data::LEAST_TRANSMITTANCE;
-use super::layout::{Node, Tables};
+use super::layout::{Shares, Tables};
 use super::place::{Place, place};
 use crate::math::simd::{exp2, fma, max, min};
 
@@ -81,17 +81,46 @@ pub(super) fn transmittances<const FMA: bool, const J: usize, const N: usize>(
     t
 }
 
-/// r_d, energy of f_refl, spectrum of the energy of f_high, bilinear over the nodes.
+/// What is missed, and the energies of what is not.
+#[derive(Clone, Copy)]
+pub(super) struct Node<const J: usize> {
+    pub(super) r_d: f32,
+    pub(super) refl: f32,
+    /// Path-length spectrum of the energy of f_high.
+    pub(super) high: [f32; J],
+}
+
+/// r_d, energy of f_refl, spectrum of the energy of f_high at a place, by their splines.
 #[inline(always)]
-pub(super) fn interpolate_node<const FMA: bool, const J: usize>(nodes: &[[Node<J>; 2]], p: &Place) -> Option<Node<J>> {
-    let [[a, c], [b, d]] = nodes.get(p.node as usize..)?.first_chunk()?;
-    let w = p.cell;
-    let mut high = [0.0; J];
-    for j in 0..J {
-        high[j] = mix::<FMA>(w, [a.high[j], b.high[j], c.high[j], d.high[j]]);
+pub(super) fn interpolate_node<const FMA: bool, const H: usize, const R: usize, const J: usize>(
+    tables: &Tables<H, R, J>,
+    p: &Place,
+) -> Option<Node<J>> {
+    let mut r_d = 0.0;
+    for a in 0..3 {
+        let [x, y, z] = tables.miss.get((p.miss.at + a as u32 * tables.grid.miss.row) as usize..)?.first_chunk()?;
+        let [u, v, w] = p.miss.wn;
+        r_d = fma::<FMA>(p.miss.wm[a], fma::<FMA>(w, *z, fma::<FMA>(v, *y, u * x)), r_d);
     }
-    let r_d = mix::<FMA>(w, [a.r_d, b.r_d, c.r_d, d.r_d]);
-    Some(Node { r_d, refl: mix::<FMA>(w, [a.refl, b.refl, c.refl, d.refl]), high })
+    let (mut refl, mut high) = (0.0, [0.0; J]);
+    for a in 0..3 {
+        let row: &[Shares<J>; 3] =
+            tables.shares.get((p.shares.at + a as u32 * tables.grid.shares.row) as usize..)?.first_chunk()?;
+        for b in 0..3 {
+            let w = p.shares.wm[a] * p.shares.wn[b];
+            refl = fma::<FMA>(w, row[b].refl, refl);
+            for j in 0..J {
+                high[j] = fma::<FMA>(w, row[b].high[j], high[j]);
+            }
+        }
+    }
+    // Weights and coefficients are not negative but beyond the ends, where rounding may leave a little below 0.
+    let r_d = min(max(r_d, 0.0), 1.0);
+    let hit = 1.0 - r_d;
+    for e in &mut high {
+        *e = max(*e, 0.0) * hit;
+    }
+    Some(Node { r_d, refl: max(refl, 0.0) * hit, high })
 }
 
 /// Sum over path lengths of a spectrum times its transmittances.
@@ -126,7 +155,7 @@ pub(super) fn energies<const FMA: bool, const H: usize, const R: usize, const J:
     if !p.hit {
         return None;
     }
-    let node = interpolate_node::<FMA, J>(&tables.nodes, p)?;
+    let node = interpolate_node::<FMA, H, R, J>(tables, p)?;
     let t = transmittances::<FMA, J, N>(&tables.path, sigma);
     Some(Energies { r_d: node.r_d, refl: node.refl, high: absorb::<FMA, J, N>(&node.high, &t) })
 }

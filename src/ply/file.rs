@@ -1,25 +1,30 @@
 //! Ply model files: writing, reading, checking (`docs/format.md`).
 
 use super::edge_lobes::{self, EdgeLobes};
+use super::exits::{self, ExitOffsets};
 use super::layer_factors::{self, LayerFactors};
-use super::{PlyData, PlyModel, PlyQuery};
+use super::{EnergiesAt, PlyData, PlyEnergies, PlyModel, PlyQuery};
 use crate::frame::direction;
 use crate::io::{Axis, Check, Document, FileKind, Provenance, Reader, Summary, Writer, document, invalid};
 use crate::ply::asg::{MU_MAX, MU_MIN, PARAMS};
-use crate::speckle::tiles::{self, NoiseTiles};
+use crate::speckle::Noise;
 use crate::table::TOLERANCE;
 use crate::{Bsdf, Result};
 use std::path::Path;
 
 /// Tensors of every model.
-const NAMES: [&str; 12] = [
+const NAMES: [&str; 16] = [
     "theta_i",
     "h_um",
     "sigma_per_um",
     "path_um",
-    "r_d",
-    "energy_refl",
-    "energy_high",
+    "miss_theta_i",
+    "miss_h_um",
+    "miss",
+    "share_theta_i",
+    "share_h_um",
+    "share_refl",
+    "share_high",
     "refl",
     "high",
     "high_path",
@@ -125,9 +130,14 @@ impl PlyData {
         (self.theta_i.len(), self.h_um.len(), self.sigma_per_um.len(), self.path_um.len())
     }
 
-    /// Energy at a node: of f_refl at `p` = 0, then the spectrum of f_high.
-    pub(super) fn energy(&self, node: usize, p: usize) -> f64 {
-        if p == 0 { self.energy_refl[node] } else { self.energy_high[node * self.path_um.len() + p - 1] }
+    /// With the energies as a file has them, so that a model that was loaded is written to the same bytes.
+    fn as_stored(&self) -> PlyData {
+        PlyData { energies: self.energies.rounded(), ..self.clone() }
+    }
+
+    /// Energies at the nodes of the lobes, `[M][H]`.
+    pub fn node_energies(&self) -> Vec<EnergiesAt> {
+        self.theta_i.iter().flat_map(|t| self.h_um.iter().map(|h| self.energies.at(*t, *h))).collect()
     }
 }
 
@@ -136,7 +146,8 @@ impl Document for PlyData {
     type Keys = Keys;
 
     fn names() -> Vec<&'static str> {
-        [&NAMES[..], &layer_factors::NAMES, &edge_lobes::NAMES, &tiles::NAMES].concat()
+        let parts = [&NAMES[..], &layer_factors::NAMES, &exits::NAMES, &edge_lobes::NAMES].concat();
+        parts.into_iter().chain(Noise::names()).collect()
     }
 
     fn provenance(&self) -> Provenance {
@@ -149,7 +160,7 @@ impl Document for PlyData {
     }
 
     fn keys(&self, name: &str) -> Result<Keys> {
-        let reference_values = reference_values(&PlyModel::from_data_named(self.clone(), name)?);
+        let reference_values = reference_values(&PlyModel::from_data_named(self.as_stored(), name)?);
         Ok(Keys { lobes_refl: self.lobes_refl, lobes_high: self.lobes_high, reference_values })
     }
 
@@ -160,11 +171,16 @@ impl Document for PlyData {
             Axis::new("h_um", "um", h),
             Axis::new("sigma_per_um", "1/um", k),
             Axis::new("path_um", "um", j),
+            Axis::new("miss_theta_i", "rad", self.energies.miss_theta_i.len()),
+            Axis::new("miss_h_um", "um", self.energies.miss_h_um.len()),
+            Axis::new("share_theta_i", "rad", self.energies.share_theta_i.len()),
+            Axis::new("share_h_um", "um", self.energies.share_h_um.len()),
         ];
+        let nodes = self.as_stored().node_energies();
         let statistics = serde_json::json!({
-            "r_d": Summary::of(self.r_d.iter().copied()),
-            "energy_refl": Summary::of(self.energy_refl.iter().copied()),
-            "energy_high_sigma_0": Summary::of(self.energy_high.chunks_exact(j).map(|e| e.iter().sum())),
+            "r_d": Summary::of(nodes.iter().map(|e| e.r_d)),
+            "energy_refl": Summary::of(nodes.iter().map(|e| e.refl)),
+            "energy_high_sigma_0": Summary::of(nodes.iter().map(|e| e.high.iter().sum())),
             "error_refl": Summary::of(self.error_refl.iter().copied()),
             "error_high": Summary::of(self.error_high.iter().copied()),
         });
@@ -178,9 +194,7 @@ impl Document for PlyData {
         w.f64("h_um", &[h], &self.h_um);
         w.f64("sigma_per_um", &[k], &self.sigma_per_um);
         w.f64("path_um", &[j], &self.path_um);
-        w.f64("r_d", &[m, h], &self.r_d);
-        w.f64("energy_refl", &[m, h], &self.energy_refl);
-        w.f64("energy_high", &[m, h, j], &self.energy_high);
+        self.energies.write(w, j);
         w.f64("error_refl", &[m, h], &self.error_refl);
         w.f64("error_high", &[m, h, k], &self.error_high);
         w.f32("refl", &[m, h, lr, PARAMS], self.refl.iter().map(|v| *v as f32));
@@ -188,6 +202,9 @@ impl Document for PlyData {
         w.f32("high_path", &[bm, bh, 2, 2, lh, j], self.high_path.iter().map(|v| *v as f32));
         if let Some(layers) = &self.layers {
             layers.write(w, (m, h, j));
+        }
+        if let Some(exits) = &self.exits {
+            exits.write(w, m, h);
         }
         if let Some(edge) = &self.edge {
             edge.write(w);
@@ -224,17 +241,16 @@ impl Document for PlyData {
             path_um: r.f64("path_um", &[j])?,
             lobes_refl: lr,
             lobes_high: lh,
-            r_d: r.f64("r_d", &[m, h])?,
-            energy_refl: r.f64("energy_refl", &[m, h])?,
-            energy_high: r.f64("energy_high", &[m, h, j])?,
+            energies: PlyEnergies::read(r, j)?,
             refl: r.f64("refl", &[m, h, lr, PARAMS])?,
             high: r.f64("high", &[bm, bh, 2, 2, lh, PARAMS])?,
             high_path: r.f64("high_path", &[bm, bh, 2, 2, lh, j])?,
             error_refl: r.f64("error_refl", &[m, h])?,
             error_high: r.f64("error_high", &[m, h, k])?,
             layers: LayerFactors::read(r, (m, h, j))?,
+            exits: ExitOffsets::read(r, m, h)?,
             edge: EdgeLobes::read(r)?,
-            noise: NoiseTiles::read(r)?,
+            noise: Noise::read(r)?,
         })
     }
 
@@ -263,21 +279,7 @@ impl PlyData {
         c.sigma_axis(&self.sigma_per_um)?;
         c.ascending("path_um", &self.path_um)?;
         c.range("path_um", &self.path_um, 0.0, 1e9)?;
-        for (key, values, shape) in [
-            ("r_d", &self.r_d, &[m, h][..]),
-            ("energy_refl", &self.energy_refl, &[m, h]),
-            ("energy_high", &self.energy_high, &[m, h, j]),
-        ] {
-            c.len(key, values.len(), shape)?;
-            c.range(key, values, 0.0, 1.0 + TOLERANCE)?;
-        }
-        for (i, e) in self.energy_high.chunks_exact(j).enumerate() {
-            let sum = self.r_d[i] + self.energy_refl[i] + e.iter().sum::<f64>();
-            if sum > 1.0 + TOLERANCE {
-                let key = format!("r_d + energy_refl + energy_high at incidence {i}");
-                return Err(invalid(name, &key, sum, &format!("expected at most {}", 1.0 + TOLERANCE)));
-            }
-        }
+        self.energies.check(&c, [self.theta_i[m - 1], self.h_um[h - 1]], j)?;
         if let Some(edge) = &self.edge {
             edge.check(&c)?;
         }
@@ -307,6 +309,9 @@ impl PlyData {
             if (sum - 1.0).abs() > 1e-3 {
                 return Err(invalid(name, &format!("high_path of lobe {i}"), sum, "a spectrum must add up to 1"));
             }
+        }
+        if let Some(exits) = &self.exits {
+            exits.check(&c, m, h)?;
         }
         if let Some(layers) = &self.layers {
             layers.check(&c, self)?;

@@ -1,6 +1,6 @@
 //! The tensors of a model that say what layers of its yarns send back and let through (Yu 2025, 5.4).
 
-use super::PlyData;
+use super::{EnergiesAt, PlyData};
 use crate::Result;
 use crate::io::{Check, Reader, Writer, invalid};
 use crate::table::TOLERANCE;
@@ -46,14 +46,14 @@ impl LayerFactors {
             c.len(name, values.len(), shape)?;
             c.range(name, values, 0.0, 1.0 + TOLERANCE)?;
         }
+        let energies = half_nodes(model);
         // Of f_high all paths together: lobes are scaled to the energy as a whole, so that one of its paths may take more forward than is scattered on that path.
         for (i, forward) in self.forward.chunks_exact(1 + j).enumerate() {
-            let energy = |paths: std::ops::Range<usize>| {
-                between(h, i / columns, i % columns, |node| paths.clone().map(|p| model.energy(node, p)).sum())
-            };
-            for (part, forward, energy) in
-                [("f_refl", forward[0], energy(0..1)), ("f_high", forward[1..].iter().sum::<f64>(), energy(1..1 + j))]
-            {
+            let energy = &energies[i];
+            for (part, forward, energy) in [
+                ("f_refl", forward[0], energy.refl),
+                ("f_high", forward[1..].iter().sum(), energy.high.iter().sum::<f64>()),
+            ] {
                 if forward > energy + TOLERANCE {
                     let key = format!("{} of {part} at row {}, column {}", NAMES[0], i / columns, i % columns);
                     let hint = format!("what goes forward is a part of what is scattered there, {energy:.4}");
@@ -71,8 +71,9 @@ impl LayerFactors {
     }
 }
 
-/// A bilinear quantity at a node or half way between nodes: the mean of the one, two or four nodes around, of `h` a row.
-pub(super) fn between(h: usize, row: usize, column: usize, of: impl Fn(usize) -> f64) -> f64 {
-    let (m0, m1, n0, n1) = (row / 2, row.div_ceil(2), column / 2, column.div_ceil(2));
-    0.25 * (of(m0 * h + n0) + of(m0 * h + n1) + of(m1 * h + n0) + of(m1 * h + n1))
+/// Energies at the nodes and half way between them, `[2 M - 1][2 H - 1]`.
+pub(super) fn half_nodes(d: &PlyData) -> Vec<EnergiesAt> {
+    let (rows, columns) = (2 * d.theta_i.len() - 1, 2 * d.h_um.len() - 1);
+    let half = |axis: &[f64], i: usize| 0.5 * (axis[i / 2] + axis[i.div_ceil(2)]);
+    (0..rows * columns).map(|i| d.energies.at(half(&d.theta_i, i / columns), half(&d.h_um, i % columns))).collect()
 }

@@ -14,7 +14,7 @@
 use super::asg::PARAMS;
 use super::data::{MAX_PATHS, PlyData};
 use super::energy::clamped_sigma;
-use super::layer_factors::between;
+use super::layer_factors::half_nodes;
 use crate::math::simd::{exp2, fma, max, min};
 use multiversion::{multiversion, target::target_cfg_f};
 use std::f64::consts::LOG2_E;
@@ -32,8 +32,9 @@ pub(crate) struct LayerTables {
     size: usize,
     /// `[rows][columns][size]`.
     forward: Vec<f32>,
-    /// `[rows - 1][columns - 1]`: of the four corners of a cell, the sums of its block's lobes at sigma = 0, and their energies f_high.
-    lobes: Vec<[[f32; 4]; 2]>,
+    /// `[rows - 1][columns - 1]`: of the four corners of a cell, the sums of its block's lobes at sigma = 0, their energies f_high, and the shares of the beam
+    /// that meet fibers.
+    lobes: Vec<[[f32; 4]; 3]>,
     /// `[rows][2][size]`: r and t at the latitudes.
     first: Vec<f32>,
     /// `[2][size]`.
@@ -51,20 +52,20 @@ impl LayerTables {
         let factors = d.layers.as_ref()?;
         let (m, h, _, j) = d.sizes();
         let (rows, columns) = (2 * m - 1, 2 * h - 1);
-        let between = |row: usize, column: usize, of: &dyn Fn(usize) -> f64| between(h, row, column, of);
+        let half_nodes = half_nodes(d);
+        let at = |row: usize, column: usize| &half_nodes[row * columns + column];
         let mut first = Vec::with_capacity(rows * 2 * (1 + j));
         for row in 0..rows {
             // Trapezoids over h; the ends, where a beam meets next to nothing, count half.
             let weight = |n: usize| if n == 0 || n + 1 == columns { 0.5 } else { 1.0 };
             let mean = |of: &dyn Fn(usize) -> f64| (0..columns).map(|n| weight(n) * of(n)).sum::<f64>();
-            let met = mean(&|n| between(row, n, &|i| 1.0 - d.r_d[i])).max(f64::MIN_POSITIVE);
+            let met = mean(&|n| 1.0 - at(row, n).r_d).max(f64::MIN_POSITIVE);
             let forward = |p: usize| mean(&|n| factors.forward[(row * columns + n) * (1 + j) + p]) / met;
-            let all = |p: usize| mean(&|n| between(row, n, &|i| d.energy(i, p))) / met;
+            let all = |p: usize| mean(&|n| at(row, n).part(p)) / met;
             first.extend((0..=j).map(|p| (all(p) - forward(p)) as f32));
             first.extend((0..=j).map(|p| forward(p) as f32));
         }
-        let energy_high =
-            |row: usize, column: usize| between(row, column, &|i| d.energy_high[i * j..][..j].iter().sum());
+        let energy_high = |row: usize, column: usize| at(row, column).high.iter().sum::<f64>();
         // Lobes' spectra add up to 1, so at sigma = 0 the sum of a block's lobes is bilinear over its corners, four half cells apart.
         let corner = d.lobes_high * PARAMS;
         let sum = |lobes: &[f64]| lobes.iter().skip(PARAMS - 1).step_by(PARAMS).sum::<f64>() as f32;
@@ -73,14 +74,16 @@ impl LayerTables {
         for row in 0..rows - 1 {
             for column in 0..columns - 1 {
                 let block = (row / 4) * ((h - 1) / 2) + column / 4;
-                let at = |c: usize| {
+                let within = |c: usize| {
                     ((row + c / 2 - row / 4 * 4) as f32 / 4.0, (column + c % 2 - column / 4 * 4) as f32 / 4.0)
                 };
-                let sums = [0, 1, 2, 3].map(at).map(|(s, t)| {
+                let sums = [0, 1, 2, 3].map(within).map(|(s, t)| {
                     let [a, b, c, d] = [0, 1, 2, 3].map(|c| corner_sums[4 * block + c]);
                     (1.0 - s) * ((1.0 - t) * a + t * b) + s * ((1.0 - t) * c + t * d)
                 });
-                lobes.push([sums, [0, 1, 2, 3].map(|c| energy_high(row + c / 2, column + c % 2) as f32)]);
+                let corners =
+                    |of: &dyn Fn(usize, usize) -> f64| [0, 1, 2, 3].map(|c| of(row + c / 2, column + c % 2) as f32);
+                lobes.push([sums, corners(&energy_high), corners(&|m, n| 1.0 - at(m, n).r_d)]);
             }
         }
         let size = j.next_multiple_of(LANES) + 1;
@@ -195,7 +198,13 @@ impl LayerTables {
     }
 
     #[inline(always)]
-    fn forward<const FMA: bool, const N: usize>(&self, theta_i: f32, h_um: f32, t: &Transmittances<N>) -> [f32; N] {
+    fn forward<const FMA: bool, const N: usize>(
+        &self,
+        theta_i: f32,
+        h_um: f32,
+        r_d: f32,
+        t: &Transmittances<N>,
+    ) -> [f32; N] {
         // Beams beyond the nodes meet nothing.
         if h_um.abs() > self.h_last || h_um.is_nan() || theta_i.is_nan() {
             return [0.0; N];
@@ -206,13 +215,16 @@ impl LayerTables {
         let (low, high) = (m * self.columns + n, (m + 1) * self.columns + n);
         let weights = [(1.0 - s) * (1.0 - x), (1.0 - s) * x, s * (1.0 - x), s * x];
         let spectra = [low, low + 1, high, high + 1].map(|i| self.spectrum(&self.forward, i));
-        let Some([sums, energies]) = self.lobes.get(m * (self.columns - 1) + n) else { return [0.0; N] };
+        let Some([sums, energies, met]) = self.lobes.get(m * (self.columns - 1) + n) else { return [0.0; N] };
         // Lobes are linear between the corners and scaled to the energy after that, so a corner of strong lobes counts for more than its share.
-        let (mut sum, mut energy) = (0.0, 0.0);
+        let (mut sum, mut energy, mut linear) = (0.0, 0.0, 0.0);
         for c in 0..4 {
             sum = fma::<FMA>(weights[c], sums[c], sum);
             energy = fma::<FMA>(weights[c], energies[c], energy);
+            linear = fma::<FMA>(weights[c], met[c], linear);
         }
+        // What meets fibers is not linear at the ply's edge, and all energies go with it.
+        let met = max(1.0 - r_d, 0.0) / max(linear, LEAST);
         let scale = energy / max(sum, LEAST);
         let (mut corners, mut refl) = ([(0.0, spectra[0]); 4], 0.0);
         for c in 0..4 {
@@ -225,7 +237,7 @@ impl LayerTables {
         }
         let mut all = self.absorbed::<FMA, 4, N>(corners, t);
         for e in &mut all {
-            *e = max(*e + refl, 0.0);
+            *e = max(*e + refl, 0.0) * met;
         }
         all
     }
@@ -234,7 +246,7 @@ impl LayerTables {
 /// Energies below this are none.
 const LEAST: f32 = 1e-12;
 
-/// [`PlyModel::layer`], and the energy of [`PlyModel::forward_energy`] as tabulated.
+/// [`PlyModel::layer`], and the energy of [`PlyModel::forward_energy`] as tabulated, where the share `r_d` of the beam misses.
 #[multiversion(targets(
     "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
     "x86_64+avx2+bmi1+bmi2+fma"
@@ -243,11 +255,12 @@ pub(super) fn layer_and_forward<const N: usize>(
     tables: &LayerTables,
     theta_i: f32,
     h_um: f32,
+    r_d: f32,
     sigma: &[f32; N],
 ) -> (Layer<N>, [f32; N]) {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
     let t = tables.transmittances::<FMA, N>(sigma);
-    (tables.layer::<FMA, N>(theta_i, &t), tables.forward::<FMA, N>(theta_i, h_um, &t))
+    (tables.layer::<FMA, N>(theta_i, &t), tables.forward::<FMA, N>(theta_i, h_um, r_d, &t))
 }
 
 /// [`PlyModel::layer`].

@@ -3,6 +3,7 @@
 //! range reduction and no square root: `exp(-mu u^2) = 2^-(s u)^2` with s = 2 to the stored number.
 
 use super::data::{LEAST_ENERGY, MAX_LOBES, MAX_PATHS, PlyData, extended};
+use super::energies::coefficient;
 use crate::ply::asg::{MU_MAX, MU_MIN, PARAMS};
 use std::f64::consts::{LOG2_E, PI};
 
@@ -18,13 +19,12 @@ pub(super) const PATHS: usize = 8;
 /// Tables of the fast kernels.
 pub(super) type Fast<const H: usize> = Tables<H, REFL, PATHS>;
 
-/// Energies at a node.
+/// Shares of the light that meets fibers, as coefficients of a spline ([`super::energies`]).
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
-pub(super) struct Node<const J: usize> {
-    pub(super) r_d: f32,
+pub(super) struct Shares<const J: usize> {
     pub(super) refl: f32,
-    /// Path-length spectrum of the energy of f_high.
+    /// Path-length spectrum of f_high.
     pub(super) high: [f32; J],
 }
 
@@ -47,8 +47,10 @@ pub(super) struct Tables<const H: usize, const R: usize, const J: usize> {
     pub(super) grid: Grid,
     /// -log2 e times the path lengths [um].
     pub(super) path: [f32; J],
-    /// `[M-1][H]`: a node and the next along theta_i, so that the corners of a cell follow each other.
-    pub(super) nodes: Vec<[Node<J>; 2]>,
+    /// `[A+2][B+2]`: coefficients of r_d, with one beyond each end.
+    pub(super) miss: Vec<f32>,
+    /// `[P+2][Q+2]`: coefficients of the shares, with one beyond each end.
+    pub(super) shares: Vec<Shares<J>>,
     /// `[M-1][H+2]`: the nodes -1..=2 of a cell along theta_i, so that all a cell needs follows each other; continued linearly by
     /// one node on each side.
     pub(super) refl: Vec<Refl<R>>,
@@ -75,6 +77,38 @@ pub(super) struct Grid {
     pub(super) per_h: f32,
     /// Last offset node [um]; the first is its negative.
     pub(super) h_last: f32,
+    /// Nodes of r_d and of the shares.
+    pub(super) miss: SplineGrid,
+    pub(super) shares: SplineGrid,
+}
+
+/// Nodes of a spline over the same range of theta_i and h.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SplineGrid {
+    /// Coefficients of a row, those beyond the ends included.
+    pub(super) row: u32,
+    pub(super) last_theta: f32,
+    pub(super) last_h: f32,
+    pub(super) per_theta: f32,
+    pub(super) per_h: f32,
+}
+
+impl SplineGrid {
+    fn new(theta_i: &[f64], h_um: &[f64]) -> SplineGrid {
+        let (rows, columns) = (theta_i.len(), h_um.len());
+        SplineGrid {
+            row: columns as u32 + 2,
+            last_theta: (rows - 1) as f32,
+            last_h: (columns - 1) as f32,
+            per_theta: ((rows - 1) as f64 / theta_i[rows - 1]) as f32,
+            per_h: ((columns - 1) as f64 / (2.0 * h_um[columns - 1])) as f32,
+        }
+    }
+}
+
+/// The coefficients `of(node)` of a grid of `sizes`, with one beyond each end.
+fn bordered<T>([rows, columns]: [usize; 2], of: impl Fn(isize, isize) -> T) -> Vec<T> {
+    (-1..=rows as isize).flat_map(|m| (-1..=columns as isize).map(move |n| (m, n))).map(|(m, n)| of(m, n)).collect()
 }
 
 /// Tables of one of three sizes.
@@ -111,10 +145,18 @@ impl<const H: usize, const R: usize, const J: usize> Tables<H, R, J> {
     /// From checked data of at most these sizes.
     fn new(d: &PlyData) -> Self {
         let (m, h, _, j) = d.sizes();
-        let node = |i: usize| Node {
-            r_d: d.r_d[i] as f32,
-            refl: d.energy_refl[i] as f32,
-            high: std::array::from_fn(|p| if p < j { d.energy_high[i * j + p] as f32 } else { 0.0 }),
+        let e = &d.energies;
+        let miss_sizes = [e.miss_theta_i.len(), e.miss_h_um.len()];
+        let share_sizes = [e.share_theta_i.len(), e.share_h_um.len()];
+        let missed = |m: isize, n: isize| coefficient(miss_sizes, m, n, &|m, n| e.miss[m * miss_sizes[1] + n]) as f32;
+        let shares = |m: isize, n: isize| {
+            let of = |c: &[f64], stride: usize, k: usize| {
+                coefficient(share_sizes, m, n, &|m, n| c[(m * share_sizes[1] + n) * stride + k]) as f32
+            };
+            Shares {
+                refl: of(&e.share_refl, 1, 0),
+                high: std::array::from_fn(|p| if p < j { of(&e.share_high, j, p) } else { 0.0 }),
+            }
         };
         let mut refl = Vec::with_capacity((m - 1) * (h + 2));
         for a in 0..m as isize - 1 {
@@ -150,9 +192,12 @@ impl<const H: usize, const R: usize, const J: usize> Tables<H, R, J> {
                 per_theta: (m - 1) as f32 / d.theta_i[m - 1] as f32,
                 per_h: (h - 1) as f32 / (2.0 * d.h_um[h - 1]) as f32,
                 h_last: d.h_um[h - 1] as f32,
+                miss: SplineGrid::new(&e.miss_theta_i, &e.miss_h_um),
+                shares: SplineGrid::new(&e.share_theta_i, &e.share_h_um),
             },
             path: std::array::from_fn(|p| if p < j { (-LOG2_E * d.path_um[p]) as f32 } else { 0.0 }),
-            nodes: (0..(m - 1) * h).map(|i| [node(i), node(i + h)]).collect(),
+            miss: bordered(miss_sizes, missed),
+            shares: bordered(share_sizes, shares),
             refl,
             high: (0..(m / 2) * (h / 2)).map(|b| std::array::from_fn(|c| corner(b * 4 + c))).collect(),
             least_high: std::array::from_fn(|l| least(l < d.lobes_high)),

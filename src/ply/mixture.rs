@@ -99,7 +99,7 @@ pub(super) fn weights<
     if !p.hit {
         return None;
     }
-    let node = interpolate_node::<FMA, J>(&tables.nodes, p)?;
+    let node = interpolate_node::<FMA, H, R, J>(tables, p)?;
     let refl = interpolate_refl::<FMA, H, R, J>(tables, p)?;
     let high = interpolate_high::<FMA, H, R, J>(tables, p)?;
     let transmittance = transmittances::<FMA, J, N>(&tables.path, sigma);

@@ -1,15 +1,17 @@
 //! A loaded ply model.
 
 use super::data::PlyData;
+use super::exits::{ExitTables, ExitsAt};
 use super::file::{self, ReferenceValue};
 use super::layers::LayerTables;
 use super::layout::Layout;
 use super::queries::Queries;
 use super::query::PlyQuery;
 use super::{dispatch, edge};
-use crate::speckle::NoiseTiles;
+use crate::speckle::{Noise, NoiseTiles};
 use crate::{Bsdf, Result};
 use std::path::Path;
+use std::sync::OnceLock;
 
 /// A loaded ply model, laid out for evaluation.
 ///
@@ -25,7 +27,7 @@ use std::path::Path;
 /// ```
 ///
 /// All angles in radians, lengths in um, densities in 1/sr; every f is an energy density: BSDF times |cos theta_o|. Directions are
-/// unit vectors in the ply frame and are not normalised. No call allocates, fails or panics. Where |h| is beyond the nodes, or
+/// unit vectors in the ply frame and are not normalised. No call allocates, fails or panics, but for the first that asks for speckle ([`PlyModel::noise`]), which allocates. Where |h| is beyond the nodes, or
 /// theta_i or h is not a number, the beam misses: f = 0 and r_d = 1. |theta_i| beyond the nodes counts as the last node.
 /// Absorption is clamped to [0, 1e6]; not a number counts as 0. A `wo` that is not finite, or far from unit, gives 0. Interpolated ln mu is kept
 /// within [`crate::ply::asg::MU_MIN`] and [`crate::ply::asg::MU_MAX`], lobe energies at 0 or more.
@@ -35,7 +37,10 @@ pub struct PlyModel {
     reference_values: Vec<ReferenceValue>,
     pub(super) layout: Layout,
     layers: Option<LayerTables>,
+    exits: Option<ExitTables>,
     pub(super) edge: Option<edge::EdgeTables>,
+    /// Made of the noise's spectrum when first asked for.
+    tiles: OnceLock<NoiseTiles>,
 }
 
 impl PlyModel {
@@ -73,7 +78,20 @@ impl PlyModel {
     /// Of checked data.
     fn of(data: PlyData, reference_values: Vec<ReferenceValue>) -> PlyModel {
         let edge = data.edge.as_ref().map(edge::EdgeTables::new);
-        PlyModel { layout: Layout::new(&data), layers: LayerTables::new(&data), edge, data, reference_values }
+        PlyModel {
+            layout: Layout::new(&data),
+            layers: LayerTables::new(&data),
+            exits: ExitTables::new(&data),
+            edge,
+            tiles: OnceLock::new(),
+            data,
+            reference_values,
+        }
+    }
+
+    /// Where light of an incidence leaves the ply of this radius [um].
+    pub(crate) fn exits_at(&self, theta_i: f32, h_um: f32, radius_um: f32) -> ExitsAt {
+        self.exits.as_ref().map_or_else(|| ExitsAt::unknown(theta_i, h_um / radius_um), |exits| exits.at(theta_i, h_um))
     }
 
     pub(crate) fn layer_tables(&self) -> Option<&LayerTables> {
@@ -113,9 +131,14 @@ impl PlyModel {
         dispatch::run_batch(&self.layout, queries, f);
     }
 
-    /// The model's noise tiles, if it has some.
+    /// The model's noise tiles, if it has noise. The first call makes them of their spectrum, in a tenth of a second or less, and allocates; the first query with an instance
+    /// does the same.
+    #[inline]
     pub fn noise(&self) -> Option<&NoiseTiles> {
-        self.data.noise.as_ref()
+        match self.data.noise.as_ref()? {
+            Noise::Tiles(tiles) => Some(tiles),
+            Noise::Spectrum(spectrum) => Some(self.tiles.get_or_init(|| spectrum.tiles())),
+        }
     }
 
     /// The model's noise tiles, for a host that is asked for noise.
@@ -123,8 +146,8 @@ impl PlyModel {
     /// # Errors
     /// [`crate::Error::Invalid`] when the model has none; `file` names it in the message.
     pub fn require_noise(&self, file: &str) -> Result<&NoiseTiles> {
-        let hint = "the model has no noise tiles; add some with `plywave noise`";
-        self.noise().ok_or_else(|| crate::io::invalid(file, "noise_tiles", "absent", hint))
+        let hint = "the model has no speckle noise; add it with `plywave noise`";
+        self.noise().ok_or_else(|| crate::io::invalid(file, "noise_spectrum", "absent", hint))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::dispatch;
 use super::energy::Core;
-use super::lobes::{Lobes, Uncached};
+use super::lobes::{Cached, Lobes, Uncached};
 use super::model::PlyModel;
 use super::query::{PlyQuery, PlyTerms};
 use super::terms::{Drawn, Terms};
@@ -10,8 +10,14 @@ use crate::bsdf::Outcomes;
 use crate::speckle::Speckle;
 use crate::{Bsdf, BsdfSample};
 
-/// A direction, f and density there.
-pub(crate) type LobeSample<const N: usize> = ([f32; 3], ([f32; N], f32));
+/// The lobes in one direction, those of the instance, and the density of drawing it from them [1/sr].
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LobeLight<const N: usize> {
+    pub(crate) refl: [f32; N],
+    pub(crate) high: [f32; N],
+    /// Of directions that the lobes give, missed light left out: its integral is 1.
+    pub(crate) pdf: f32,
+}
 
 /// A ply whose lobes are interpolated at every call.
 pub(crate) type UncachedPly<'a, const N: usize> = PlyOn<'a, Uncached<'a, N>, N>;
@@ -25,6 +31,14 @@ pub(crate) struct PlyOn<'a, L, const N: usize> {
     pub(super) speckle: Option<Speckle<'a, N>>,
 }
 
+impl<const N: usize> PlyOn<'_, Cached<'_, N>, N> {
+    /// Interpolates the lobes, in place.
+    #[inline(always)]
+    pub(crate) fn prepare(&mut self) {
+        self.lobes.prepare();
+    }
+}
+
 impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
     /// Energies of f_refl + f_high and of the light that missed.
     pub(crate) fn albedo_r_d(&self) -> ([f32; N], f32) {
@@ -34,34 +48,64 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
 
     /// f_refl + f_high, those of the instance.
     pub(crate) fn eval_lobes(&self, w: [f32; 3]) -> [f32; N] {
-        let Some(speckle) = &self.speckle else {
-            let core = self.lobes.eval(w);
-            return std::array::from_fn(|k| core.refl + core.high[k]);
-        };
-        let lookup = speckle.look(w);
-        let Core { refl, mut high, .. } = self.lobes.eval(w);
-        let (of_refl, of_high) = lookup.factors();
-        for k in 0..N {
-            high[k] = refl * of_refl[k] + high[k] * of_high[k];
-        }
-        high
+        let light = self.light(w, 1.0, |lobes| lobes.eval(w));
+        std::array::from_fn(|k| light.refl[k] + light.high[k])
     }
 
-    /// Density of the lobes' samples, the chance of missing included.
-    pub(crate) fn pdf_lobes(&self, w: [f32; 3]) -> f32 {
-        self.lobes.pdf(w).pdf
+    /// Chance that a sample of the lobes and of missed light is of the lobes.
+    pub(crate) fn hit_chance(&self) -> f32 {
+        let (albedo, r_d) = self.albedo_r_d();
+        let mean = albedo.iter().sum::<f32>() / N.max(1) as f32;
+        if mean > 0.0 { mean / (mean + r_d) } else { 0.0 }
     }
 
-    /// Both.
-    pub(crate) fn eval_pdf_lobes(&self, w: [f32; 3]) -> ([f32; N], f32) {
-        self.sum_lobes(w, |lobes| lobes.eval_pdf(w))
+    /// The lobes in a direction; `hit` is [`PlyOn::hit_chance`].
+    #[inline]
+    pub(crate) fn eval_pdf_lobes(&self, hit: f32, w: [f32; 3]) -> LobeLight<N> {
+        self.light(w, hit, |lobes| lobes.eval_pdf(w))
+    }
+
+    /// Density of the lobes alone.
+    #[inline]
+    pub(crate) fn pdf_lobes(&self, hit: f32, w: [f32; 3]) -> f32 {
+        if hit > 0.0 { self.lobes.pdf(w).pdf / hit } else { 0.0 }
     }
 
     /// A direction of the lobes, with [`PlyOn::eval_pdf_lobes`] there.
-    pub(crate) fn sample_lobes(&self, u: [f32; 3]) -> Option<LobeSample<N>> {
-        let (w, core) = self.lobes.sample(u);
+    #[inline]
+    pub(crate) fn sample_lobes(&self, hit: f32, u: [f32; 3]) -> Option<([f32; 3], LobeLight<N>)> {
+        // The last numbers are those of missed light.
+        let (w, core) = self.lobes.sample([(u[0] * hit).min(hit * (1.0 - 1e-6)), u[1], u[2]]);
         let w = w?;
-        Some((w, self.sum_lobes(w, |_| core)))
+        Some((w, self.light(w, hit, |_| core)))
+    }
+
+    /// What `of` the lobes gives, with the patterns. The tiles are looked up before the lobes are summed: their memory comes meanwhile.
+    #[inline]
+    fn light(&self, w: [f32; 3], hit: f32, of: impl FnOnce(&L) -> Core<N>) -> LobeLight<N> {
+        let lookup = self.speckle.as_ref().map(|speckle| speckle.look(w));
+        let Core { refl, mut high, pdf, .. } = of(&self.lobes);
+        let mut refl = [refl; N];
+        if let Some(lookup) = lookup {
+            let (of_refl, of_high) = lookup.factors();
+            for k in 0..N {
+                refl[k] *= of_refl[k];
+                high[k] *= of_high[k];
+            }
+        }
+        LobeLight { refl, high, pdf: if hit > 0.0 { pdf / hit } else { 0.0 } }
+    }
+
+    /// Light diffracted at the ply's edge, of a beam of which all passes, and the density of drawing it; `None` for a ply without.
+    pub(crate) fn edge_eval_pdf(&self, w: [f32; 3]) -> Option<([f32; N], f32)> {
+        let q = &self.query;
+        Some(super::edge::eval_pdf(self.model.edge.as_ref()?, q.theta_i, q.h_um, &q.lambda_um, w))
+    }
+
+    /// A direction of the edge's light.
+    pub(crate) fn edge_sample(&self, u: [f32; 3]) -> Option<[f32; 3]> {
+        let q = &self.query;
+        super::edge::sample(self.model.edge.as_ref()?, q.theta_i, q.h_um, &q.lambda_um, u)
     }
 
     #[inline]
@@ -78,14 +122,6 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
         let lookup = speckle.look(w);
         let terms = terms();
         (terms.sum_speckled(&lookup.factors()), terms.pdf)
-    }
-
-    /// Sum of f_refl and f_high of the instance, and the density, of what `of` the lobes gives.
-    fn sum_lobes(&self, w: [f32; 3], of: impl FnOnce(&L) -> Core<N>) -> ([f32; N], f32) {
-        self.speckled(w, || {
-            let core = of(&self.lobes);
-            PlyTerms { refl: core.refl, high: core.high, edge: [0.0; N], slit: [0.0; N], pdf: core.pdf }
-        })
     }
 
     /// Light that is diffracted at the edge is scattered; of other plies it goes straight on.

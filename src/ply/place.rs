@@ -1,6 +1,6 @@
 //! Where an incidence lies in the tables: the cell of the nodes, the block, and the weights of what is around.
 
-use super::layout::Grid;
+use super::layout::{Grid, SplineGrid};
 use crate::math::simd::{fma, max, min};
 
 /// Interpolation at one incidence.
@@ -10,16 +10,41 @@ pub(super) struct Place {
     pub(super) hit: bool,
     /// Whether theta_i < 0: directions are mirrored on the way in and out.
     pub(super) flip: bool,
-    /// Where the tables hold the cell's energies, its reflection lobes, and the block.
-    pub(super) node: u32,
+    /// The coefficients of r_d and of the shares.
+    pub(super) miss: Taps,
+    pub(super) shares: Taps,
+    /// Where the tables hold the cell's reflection lobes, and the block.
     pub(super) refl: u32,
     pub(super) high: u32,
     /// Catmull-Rom weights of nodes -1..=2 of the cell along theta_i and h.
     pub(super) wm: [f32; 4],
     pub(super) wn: [f32; 4],
-    /// Bilinear weights of the corners of the cell and of the block, theta_i the slower index.
-    pub(super) cell: [f32; 4],
+    /// Bilinear weights of the corners of the block, theta_i the slower index.
     pub(super) block: [f32; 4],
+}
+
+/// Three by three coefficients of a spline: where the tables hold the first, and the weights along theta_i and h.
+#[derive(Clone, Copy)]
+pub(super) struct Taps {
+    pub(super) at: u32,
+    pub(super) wm: [f32; 3],
+    pub(super) wn: [f32; 3],
+}
+
+impl Taps {
+    #[inline(always)]
+    fn new<const FMA: bool>(grid: &SplineGrid, theta_i: f32, h: f32, h_last: f32) -> Taps {
+        let t = min(theta_i.abs() * grid.per_theta, grid.last_theta);
+        let x = min(max((h + h_last) * grid.per_h, 0.0), grid.last_h);
+        let (m, n) = (min((t + 0.5).floor(), grid.last_theta), min((x + 0.5).floor(), grid.last_h));
+        Taps { at: bits(m) * grid.row + bits(n), wm: spline::<FMA>(t - m), wn: spline::<FMA>(x - n) }
+    }
+}
+
+/// 2^23 plus a whole number has that number in its low bits.
+#[inline(always)]
+fn bits(x: f32) -> u32 {
+    (x + 8_388_608.0).to_bits() & 0x7f_ffff
 }
 
 /// The place of any incidence, one beyond the nodes included, without a branch.
@@ -32,18 +57,16 @@ pub(super) fn place<const FMA: bool>(grid: &Grid, theta_i: f32, h_um: f32) -> Pl
     let (m, n) = (min(t.floor(), grid.last_theta - 1.0), min(x.floor(), grid.last_h - 1.0));
     let (fm, fn_) = (t - m, x - n);
     let (half_m, half_n) = (0.5 * m, 0.5 * n);
-    // 2^23 plus a whole number has that number in its low bits.
-    let bits = |x: f32| (x + 8_388_608.0).to_bits() & 0x7f_ffff;
     let (row, column) = (bits(m), bits(n));
     Place {
         hit: h_um.abs() <= grid.h_last && !theta_i.is_nan(),
         flip,
-        node: row * grid.nodes_h + column,
+        miss: Taps::new::<FMA>(&grid.miss, theta_i, h, grid.h_last),
+        shares: Taps::new::<FMA>(&grid.shares, theta_i, h, grid.h_last),
         refl: row * (grid.nodes_h + 2) + column,
         high: (row / 2) * (grid.nodes_h / 2) + column / 2,
         wm: catmull_rom::<FMA>(fm),
         wn: catmull_rom::<FMA>(fn_),
-        cell: bilinear(fm, fn_),
         block: bilinear(half_m - half_m.floor() + 0.5 * fm, half_n - half_n.floor() + 0.5 * fn_),
     }
 }
@@ -52,24 +75,29 @@ pub(super) fn place<const FMA: bool>(grid: &Grid, theta_i: f32, h_um: f32) -> Pl
 pub(super) struct Places<const W: usize> {
     pub(super) hit: [u32; W],
     flip: [u32; W],
-    at: [[u32; W]; 3],
-    weights: [[f32; W]; 16],
+    at: [[u32; W]; 4],
+    weights: [[f32; W]; 24],
 }
 
 impl<const W: usize> Places<W> {
     #[inline(always)]
     pub(super) fn new<const FMA: bool>(grid: &Grid, theta_i: &[f32; W], h_um: &[f32; W]) -> Self {
-        let mut x = Places { hit: [0; W], flip: [0; W], at: [[0; W]; 3], weights: [[0.0; W]; 16] };
+        let mut x = Places { hit: [0; W], flip: [0; W], at: [[0; W]; 4], weights: [[0.0; W]; 24] };
         for q in 0..W {
             let p = place::<FMA>(grid, theta_i[q], h_um[q]);
             x.hit[q] = u32::from(p.hit);
             x.flip[q] = u32::from(p.flip);
-            (x.at[0][q], x.at[1][q], x.at[2][q]) = (p.node, p.refl, p.high);
+            (x.at[0][q], x.at[1][q], x.at[2][q], x.at[3][q]) = (p.refl, p.high, p.miss.at, p.shares.at);
             for k in 0..4 {
                 x.weights[k][q] = p.wm[k];
                 x.weights[4 + k][q] = p.wn[k];
-                x.weights[8 + k][q] = p.cell[k];
-                x.weights[12 + k][q] = p.block[k];
+                x.weights[8 + k][q] = p.block[k];
+            }
+            for k in 0..3 {
+                x.weights[12 + k][q] = p.miss.wm[k];
+                x.weights[15 + k][q] = p.miss.wn[k];
+                x.weights[18 + k][q] = p.shares.wm[k];
+                x.weights[21 + k][q] = p.shares.wn[k];
             }
         }
         x
@@ -86,16 +114,17 @@ impl<const W: usize> Places<W> {
     #[inline(always)]
     pub(super) fn get(&self, q: usize) -> Place {
         let w = |k: usize| [self.weights[k][q], self.weights[k + 1][q], self.weights[k + 2][q], self.weights[k + 3][q]];
+        let w3 = |k: usize| [self.weights[k][q], self.weights[k + 1][q], self.weights[k + 2][q]];
         Place {
             hit: self.hit[q] != 0,
             flip: self.flip[q] != 0,
-            node: self.at[0][q],
-            refl: self.at[1][q],
-            high: self.at[2][q],
+            miss: Taps { at: self.at[2][q], wm: w3(12), wn: w3(15) },
+            shares: Taps { at: self.at[3][q], wm: w3(18), wn: w3(21) },
+            refl: self.at[0][q],
+            high: self.at[1][q],
             wm: w(0),
             wn: w(4),
-            cell: w(8),
-            block: w(12),
+            block: w(8),
         }
     }
 }
@@ -112,6 +141,13 @@ fn catmull_rom<const FMA: bool>(f: f32) -> [f32; 4] {
         }
     }
     w
+}
+
+/// Weights of a quadratic spline's coefficients before, at and after the nearest node, `f` steps beyond it.
+#[inline(always)]
+fn spline<const FMA: bool>(f: f32) -> [f32; 3] {
+    let (low, high) = (0.5 - f, 0.5 + f);
+    [0.5 * low * low, fma::<FMA>(-f, f, 0.75), 0.5 * high * high]
 }
 
 /// Bilinear weights, theta the slower index.

@@ -31,7 +31,7 @@ pub struct PlyQuery<'a, const N: usize> {
     pub edge: bool,
     /// Small gaps between the fibers (Yu 2025, 7.3), for those who want their colors. Has no effect over a second layer.
     pub slit: Option<&'a Slit>,
-    /// Speckle patterns that f_refl and f_high carry (Yu 2025, Eq. 23); `None` for the smooth model. Of a model without tiles both are the same. Sampling and
+    /// Speckle patterns that f_refl and f_high carry (Yu 2025, Eq. 23); `None` for the smooth model. Of a model without noise both are the same. Sampling and
     /// albedo are those of the smooth model, the mean over instances.
     pub instance: Option<Instance>,
     /// A second layer of yarns below (Yu 2025, 5.4), from [`PlyModel::layer`] of its model. Has no effect in a model without layer factors.

@@ -37,6 +37,37 @@ pub(crate) fn catmull_rom(f: f64) -> [f64; 4] {
     [0.5 * (-f3 + 2.0 * f2 - f), 0.5 * (3.0 * f3 - 5.0 * f2 + 2.0), 0.5 * (-3.0 * f3 + 4.0 * f2 + f), 0.5 * (f3 - f2)]
 }
 
+/// A spline of coefficients `of(node)` at (theta_i >= 0, h): the sum over every basis function, the three boxes of the quadratic one written out, and those
+/// beyond the ends with the coefficients that the ends give them.
+fn spline(theta_i: &[f64], h_um: &[f64], t: f64, h: f64, of: &dyn Fn(usize) -> f64) -> f64 {
+    let basis = |x: f64| match x.abs() {
+        a if a <= 0.5 => 0.75 - a * a,
+        a if a <= 1.5 => 0.5 * (1.5 - a) * (1.5 - a),
+        _ => 0.0,
+    };
+    let (rows, columns) = (theta_i.len() as isize, h_um.len() as isize);
+    let step = |axis: &[f64]| (axis[axis.len() - 1] - axis[0]) / (axis.len() - 1) as f64;
+    let (t, h) = (t.min(theta_i[theta_i.len() - 1]), h.clamp(h_um[0], h_um[h_um.len() - 1]));
+    let inner = |m: isize, n: isize| of((m * columns + n) as usize);
+    let along_h = |m: isize, n: isize| match n {
+        -1 => 2.0 * inner(m, 0) - inner(m, 1),
+        n if n == columns => 2.0 * inner(m, n - 1) - inner(m, n - 2),
+        n => inner(m, n),
+    };
+    let mut sum = 0.0;
+    for m in -1..=rows {
+        for n in -1..=columns {
+            let c = match m {
+                -1 => along_h(1, columns - 1 - n),
+                m if m == rows => 2.0 * along_h(m - 1, n) - along_h(m - 2, n),
+                m => along_h(m, n),
+            };
+            sum += basis(t / step(theta_i) - m as f64) * basis((h - h_um[0]) / step(h_um) - n as f64) * c;
+        }
+    }
+    sum
+}
+
 impl Mixture {
     /// The model `d` at an incidence; `None` where the beam misses (|h| beyond the nodes, or an input that is not a number).
     pub fn new(d: &PlyData, theta_i: f64, h_um: f64, sigma: &[f64]) -> Option<Mixture> {
@@ -48,19 +79,14 @@ impl Mixture {
         let (m, fm) = cell(theta_i.abs(), &d.theta_i);
         let (n, fn_) = cell(if flip { -h_um } else { h_um }, &d.h_um);
         let sigma: Vec<f64> = sigma.iter().map(|s| if s.is_nan() { 0.0 } else { s.clamp(0.0, 1e6) }).collect();
-        let corners = [
-            (m, n, (1.0 - fm) * (1.0 - fn_)),
-            (m, n + 1, (1.0 - fm) * fn_),
-            (m + 1, n, fm * (1.0 - fn_)),
-            (m + 1, n + 1, fm * fn_),
-        ];
-        let bilinear = |at: &dyn Fn(usize) -> f64| corners.iter().map(|(m, n, w)| w * at(m * nh + n)).sum::<f64>();
-        let r_d = bilinear(&|i| d.r_d[i]);
-        let energy_refl = bilinear(&|i| d.energy_refl[i]);
-        let energy_high: Vec<f64> = sigma
-            .iter()
-            .map(|s| (0..nj).map(|j| bilinear(&|i| d.energy_high[i * nj + j]) * (-s * d.path_um[j]).exp()).sum())
-            .collect();
+        let e = &d.energies;
+        let h = if flip { -h_um } else { h_um };
+        let shares = |of: &dyn Fn(usize) -> f64| spline(&e.share_theta_i, &e.share_h_um, theta_i.abs(), h, of);
+        let r_d = spline(&e.miss_theta_i, &e.miss_h_um, theta_i.abs(), h, &|i| e.miss[i]);
+        let energy_refl = (1.0 - r_d) * shares(&|i| e.share_refl[i]);
+        let spectrum: Vec<f64> = (0..nj).map(|j| (1.0 - r_d) * shares(&|i| e.share_high[i * nj + j])).collect();
+        let energy_high: Vec<f64> =
+            sigma.iter().map(|s| spectrum.iter().zip(&d.path_um).map(|(e, l)| e * (-s * l).exp()).sum()).collect();
 
         let mut lobes = Vec::new();
         let (wm, wn) = (catmull_rom(fm), catmull_rom(fn_));

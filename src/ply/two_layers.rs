@@ -3,11 +3,11 @@
 use super::layers::{Layer, layer, layer_and_forward};
 use super::lobes::Lobes;
 use super::model::PlyModel;
-use super::on::PlyOn;
+use super::on::{LobeLight, PlyOn};
 use super::query::PlyQuery;
+use crate::BsdfSample;
 use crate::bsdf::Outcomes;
 use crate::frame::is_direction;
-use crate::{Bsdf, BsdfSample};
 use std::f32::consts::PI;
 
 impl PlyModel {
@@ -18,8 +18,9 @@ impl PlyModel {
 
     /// Energy that f_refl + f_high sends into the half space away from the light, y < 0. `None` for a model without layer factors.
     pub fn forward_energy<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> Option<[f32; N]> {
-        let (_, forward) = layer_and_forward(self.layer_tables()?, theta_i, h_um, &sigma_per_um);
-        let all = self.uncached_at(&PlyQuery::lobes(theta_i, h_um, sigma_per_um)).albedo();
+        let at = self.uncached_at(&PlyQuery::lobes(theta_i, h_um, sigma_per_um));
+        let (all, r_d) = at.albedo_r_d();
+        let (_, forward) = layer_and_forward(self.layer_tables()?, theta_i, h_um, r_d, &sigma_per_um);
         Some(std::array::from_fn(|k| forward[k].min(all[k])))
     }
 }
@@ -45,13 +46,18 @@ pub(crate) struct TwoLayered<const N: usize> {
     hit: f32,
 }
 
+/// f_refl + f_high and the density.
+fn both<const N: usize>(light: &LobeLight<N>) -> ([f32; N], f32) {
+    (std::array::from_fn(|k| light.refl[k] + light.high[k]), light.pdf)
+}
+
 impl<const N: usize> TwoLayered<N> {
     pub(crate) fn new(upper: &PlyOn<'_, impl Lobes<N>, N>, below: &Layer<N>) -> Option<TwoLayered<N>> {
         let PlyQuery { theta_i, h_um, sigma_per_um, .. } = upper.query;
-        let (layer, mut forward) = layer_and_forward(upper.model.layer_tables()?, theta_i, h_um, &sigma_per_um);
+        let (scattered, r_d) = upper.albedo_r_d();
+        let (layer, mut forward) = layer_and_forward(upper.model.layer_tables()?, theta_i, h_um, r_d, &sigma_per_um);
         let below = &below.conserved();
         let two = layer.over(below);
-        let (scattered, r_d) = upper.albedo_r_d();
         for k in 0..N {
             forward[k] = forward[k].min(scattered[k]);
         }
@@ -93,7 +99,7 @@ impl<const N: usize> TwoLayered<N> {
         }
         let mut pdf = self.diffuse * self.diffuse_pdf(wo[1]);
         if self.diffuse < 1.0 {
-            pdf += (1.0 - self.diffuse) / self.hit * lobes_pdf;
+            pdf += (1.0 - self.diffuse) * lobes_pdf;
         }
         (f, pdf)
     }
@@ -114,13 +120,17 @@ impl<const N: usize> TwoLayered<N> {
         }
         let mut pdf = self.diffuse * self.diffuse_pdf(wo[1]);
         if self.diffuse < 1.0 {
-            pdf += (1.0 - self.diffuse) / self.hit * upper.pdf_lobes(wo);
+            pdf += (1.0 - self.diffuse) * upper.pdf_lobes(self.hit, wo);
         }
         pdf
     }
 
     pub(crate) fn eval_pdf(&self, upper: &PlyOn<'_, impl Lobes<N>, N>, wo: [f32; 3]) -> ([f32; N], f32) {
-        if is_direction(wo) { self.over(wo, upper.eval_pdf_lobes(wo)) } else { (self.eval(upper, wo), 0.0) }
+        if is_direction(wo) {
+            self.over(wo, both(&upper.eval_pdf_lobes(self.hit, wo)))
+        } else {
+            (self.eval(upper, wo), 0.0)
+        }
     }
 
     /// Lobe directions that go forward count too, with the diffuse value there: the density covers both ways of drawing.
@@ -133,13 +143,11 @@ impl<const N: usize> TwoLayered<N> {
             let radius = crate::math::simd::signed(u[1].sqrt(), sign);
             let y = (1.0 - u[1]).max(0.0).sqrt();
             let wo = [radius * c, if side < self.up { y } else { -y }, radius * s];
-            (wo, upper.eval_pdf_lobes(wo))
+            (wo, both(&upper.eval_pdf_lobes(self.hit, wo)))
         } else {
-            let first = (u[0] - self.diffuse) / (1.0 - self.diffuse) * self.hit;
-            // The lobes alone: the numbers beyond `hit` are those of the missed light.
-            let first = first.min(self.hit * (1.0 - 1e-6));
-            match upper.sample_lobes([first, u[1], u[2]]) {
-                Some(drawn) => drawn,
+            let first = (u[0] - self.diffuse) / (1.0 - self.diffuse);
+            match upper.sample_lobes(self.hit, [first, u[1], u[2]]) {
+                Some((wo, light)) => (wo, both(&light)),
                 None => return BsdfSample::Absorbed,
             }
         };

@@ -191,6 +191,9 @@ pub struct PlySpec {
     /// Smallest gap between fibers [um].
     #[serde(default = "default_gap_um")]
     pub min_gap_um: f64,
+    /// How densely the fibers lie from the axis to the surface.
+    #[serde(default)]
+    pub packing: Packing,
     /// Pitch of the helix [um]; absent for parallel fibers.
     #[serde(default)]
     pub fiber_pitch_um: Option<f64>,
@@ -201,6 +204,17 @@ pub struct PlySpec {
 
 fn default_gap_um() -> f64 {
     0.2
+}
+
+/// Radial density of the fibers in a ply.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Packing {
+    /// Densest in the middle, falling to nothing at the surface, as measured in spun yarns: a ragged rim.
+    #[default]
+    Falling,
+    /// As hard particles fill a container: even, with fibers along its wall.
+    Lined,
 }
 
 /// Hand of the fiber helix. With Z twist (right-handed helix) a fiber's azimuth grows with z, as `2 pi z / pitch`.

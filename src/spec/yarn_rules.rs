@@ -43,6 +43,7 @@ const PLY: &[Key] = &[
     optional("radius_um", Kind::Number(0.01, 1e3), "radii_um"),
     optional("radii_um", Kind::Pair(0.01, 1e3), "radius_um"),
     optional("min_gap_um", Kind::Number(0.001, 100.0), "0.2"),
+    optional("packing", Kind::Choice(&["falling", "lined"]), "\"falling\""),
     optional("fiber_pitch_um", Kind::Number(0.01, 1e7), "parallel fibers"),
     optional("handedness", Kind::Choice(&["Z", "S"]), "\"Z\""),
 ];

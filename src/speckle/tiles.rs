@@ -1,6 +1,6 @@
 //! Speckle noise at run time (Yu 2025, 6.2, Eq. 23): factors of mean 1 that turn the smooth f_refl and f_high into those of one instance of the ply.
 //!
-//! A tile holds N over a plane that wraps in both axes, made at one wavelength (`plywave_fit::speckle_tiles`). A speckle pattern is the Fourier transform of what
+//! A tile holds N over a plane that wraps in both axes, made at one wavelength ([`super::NoiseSpectrum`]). A speckle pattern is the Fourier transform of what
 //! is lit, so at the wavelength lambda it is the same pattern stretched about the direction in which all wavelengths are in phase: angles are looked
 //! up times `lambda_ref / lambda`. What differs in contrast is faded, `1 + s(lambda) (N - 1)`. The two coordinates of a direction are
 //!
@@ -23,8 +23,9 @@ use crate::math::hash::mix64;
 /// Half width of the blend at the seam of a pattern [rad].
 pub const SEAM_RAD: f32 = 0.15;
 /// Names of the tensors in a model file.
-pub(crate) const NAMES: [&str; 6] =
-    ["noise_tiles", "noise_code", "noise_step", "noise_lambda_um", "noise_fade", "noise_contrast"];
+pub(crate) const NAMES: [&str; 2] = ["noise_tiles", "noise_code"];
+/// Names of those that spectra have too.
+pub(crate) const FRAME_NAMES: [&str; 4] = ["noise_step", "noise_lambda_um", "noise_fade", "noise_contrast"];
 /// Most bytes of tiles.
 const MOST_BYTES: usize = 64 << 20;
 
@@ -85,19 +86,29 @@ impl NoiseTiles {
     /// The codes of a tile of values `N >= 0`, with low and step of the root scaled so that the mean of the coded values is 1: least and greatest root get the
     /// codes 0 and 255. Values that are all 0 or not finite give a tile that is 1.
     pub fn code(values: &[f64]) -> (Vec<u8>, [f32; 2]) {
+        NoiseTiles::code_of(values.len(), values.iter().map(|v| v.max(0.0).sqrt()))
+    }
+
+    /// [`NoiseTiles::code`] of the roots of values.
+    pub(super) fn code_roots(roots: &[f32]) -> (Vec<u8>, [f32; 2]) {
+        NoiseTiles::code_of(roots.len(), roots.iter().map(|root| f64::from(*root)))
+    }
+
+    fn code_of(count: usize, roots: impl Iterator<Item = f64> + Clone) -> (Vec<u8>, [f32; 2]) {
         let (mut low, mut high) = (f64::INFINITY, 0.0f64);
-        for v in values {
-            let root = v.max(0.0).sqrt();
+        for root in roots.clone() {
             (low, high) = (low.min(root), high.max(root));
         }
         if !(high > 0.0 && high.is_finite() && low.is_finite()) {
-            return (vec![0; values.len()], [1.0, 0.0]);
+            return (vec![0; count], [1.0, 0.0]);
         }
         let step = (high - low) / 255.0;
-        let code = |v: &f64| if step > 0.0 { ((v.max(0.0).sqrt() - low) / step).round() as u8 } else { 0 };
-        let codes: Vec<u8> = values.iter().map(code).collect();
-        let mean = codes.iter().map(|c| (low + step * f64::from(*c)).powi(2)).sum::<f64>() / codes.len() as f64;
-        let scale = mean.sqrt().recip();
+        let per_step = if step > 0.0 { 1.0 / step } else { 0.0 };
+        let codes: Vec<u8> = roots.map(|root| ((root - low) * per_step + 0.5) as u8).collect();
+        let mut counts = [0u32; 256];
+        codes.iter().for_each(|c| counts[usize::from(*c)] += 1);
+        let squares = counts.iter().enumerate().map(|(c, n)| f64::from(*n) * (low + step * c as f64).powi(2));
+        let scale = (squares.sum::<f64>() / count as f64).sqrt().recip();
         (codes, [(low * scale) as f32, (step * scale) as f32])
     }
 
@@ -105,42 +116,27 @@ impl NoiseTiles {
         let [count, rows, columns] = self.sizes;
         w.u8(NAMES[0], &[2, count, rows, columns], &self.tiles);
         w.f32(NAMES[1], &[2, count, 2], self.code.iter().copied());
-        w.f64(NAMES[2], &[2, 2], self.step.as_flattened());
-        w.f64(NAMES[3], &[1], &[self.lambda_um]);
-        w.f64(NAMES[4], &[2, 2], self.fade.as_flattened());
-        w.f64(NAMES[5], &[2, 2], self.contrast.as_flattened());
+        write_frame(w, &self.step, self.lambda_um, &self.fade, &self.contrast);
     }
 
-    pub(crate) fn read(r: &Reader<'_>) -> Result<Option<NoiseTiles>> {
-        if !NAMES.iter().any(|name| r.has(name)) {
-            return Ok(None);
-        }
+    pub(crate) fn read(r: &Reader<'_>) -> Result<NoiseTiles> {
         let shape = r.shape(NAMES[0], 4)?;
-        let sizes = [shape[1], shape[2], shape[3]];
-        let pairs = |name: &str| {
-            let v = r.f64(name, &[2, 2])?;
-            Ok([[v[0], v[1]], [v[2], v[3]]])
-        };
-        Ok(Some(NoiseTiles {
+        let (step, lambda_um, fade, contrast) = read_frame(r)?;
+        Ok(NoiseTiles {
             tiles: r.u8(NAMES[0], &[2, shape[1], shape[2], shape[3]])?,
-            sizes,
+            sizes: [shape[1], shape[2], shape[3]],
             code: r.f32(NAMES[1], &[2, shape[1], 2])?,
-            step: pairs(NAMES[2])?,
-            lambda_um: r.f64(NAMES[3], &[1])?[0],
-            fade: pairs(NAMES[4])?,
-            contrast: pairs(NAMES[5])?,
-        }))
+            step,
+            lambda_um,
+            fade,
+            contrast,
+        })
     }
 
     /// Least and greatest step between the nodes of a tile that a file may have, along v [1] and u [rad].
     pub const STEPS: [f64; 2] = [1e-6, 10.0];
 
-    /// What tiles must satisfy whatever their values are: sizes, steps, wavelength, contrasts. Values and codes may be absent: noise asks this before its work. `name` stands for the file in messages.
-    ///
-    /// # Errors
-    /// [`Error::Invalid`](crate::Error::Invalid), which saving would answer too.
-    pub fn check_frame(&self, name: &str) -> Result<()> {
-        let c = Check(name);
+    pub(crate) fn check(&self, c: &Check<'_>) -> Result<()> {
         let [count, rows, columns] = self.sizes;
         let small = |n: usize| n.is_power_of_two() && n <= 1 << 20;
         if !(small(count) && small(rows) && small(columns) && rows >= 2 && columns >= 2) {
@@ -151,15 +147,7 @@ impl NoiseTiles {
             let hint = format!("expected {MOST_BYTES} values at most");
             return Err(invalid(c.0, NAMES[0], format!("{:?}", self.sizes), &hint));
         }
-        c.range(NAMES[2], self.step.as_flattened(), Self::STEPS[0], Self::STEPS[1])?;
-        c.range(NAMES[3], &[self.lambda_um], 0.01, 100.0)?;
-        c.range(NAMES[4], self.fade.as_flattened(), -100.0, 100.0)?;
-        c.range(NAMES[5], self.contrast.as_flattened(), 0.0, 1e3)
-    }
-
-    pub(crate) fn check(&self, c: &Check<'_>) -> Result<()> {
-        self.check_frame(c.0)?;
-        let [count, rows, columns] = self.sizes;
+        check_frame(c, &self.step, self.lambda_um, &self.fade, &self.contrast)?;
         c.len(NAMES[0], self.tiles.len(), &[2, count, rows, columns])?;
         c.len(NAMES[1], self.code.len(), &[2, count, 2])?;
         c.range_f32(NAMES[1], &self.code, 0.0, 100.0)?;
@@ -175,4 +163,30 @@ impl NoiseTiles {
         }
         Ok(())
     }
+}
+
+type Pairs = [[f64; 2]; 2];
+
+/// What tiles and spectra have alike: step, wavelength, fade and contrast.
+pub(super) fn write_frame(w: &mut Writer, step: &Pairs, lambda_um: f64, fade: &Pairs, contrast: &Pairs) {
+    w.f64(FRAME_NAMES[0], &[2, 2], step.as_flattened());
+    w.f64(FRAME_NAMES[1], &[1], &[lambda_um]);
+    w.f64(FRAME_NAMES[2], &[2, 2], fade.as_flattened());
+    w.f64(FRAME_NAMES[3], &[2, 2], contrast.as_flattened());
+}
+
+pub(super) fn read_frame(r: &Reader<'_>) -> Result<(Pairs, f64, Pairs, Pairs)> {
+    let pairs = |name: &str| {
+        let v = r.f64(name, &[2, 2])?;
+        Ok([[v[0], v[1]], [v[2], v[3]]])
+    };
+    let lambda_um = r.f64(FRAME_NAMES[1], &[1])?[0];
+    Ok((pairs(FRAME_NAMES[0])?, lambda_um, pairs(FRAME_NAMES[2])?, pairs(FRAME_NAMES[3])?))
+}
+
+pub(super) fn check_frame(c: &Check<'_>, step: &Pairs, lambda_um: f64, fade: &Pairs, contrast: &Pairs) -> Result<()> {
+    c.range(FRAME_NAMES[0], step.as_flattened(), NoiseTiles::STEPS[0], NoiseTiles::STEPS[1])?;
+    c.range(FRAME_NAMES[1], &[lambda_um], 0.01, 100.0)?;
+    c.range(FRAME_NAMES[2], fade.as_flattened(), -100.0, 100.0)?;
+    c.range(FRAME_NAMES[3], contrast.as_flattened(), 0.0, 1e3)
 }

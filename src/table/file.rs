@@ -1,6 +1,6 @@
 //! Table files: writing, reading, checking (`docs/format.md`).
 
-use super::{ExitPositions, OutgoingGrid, Table};
+use super::{ExitPositions, OutgoingGrid, Table, TableEnergies, energies};
 use crate::Result;
 use crate::io::{Axis, Check, Document, FileKind, Provenance, Reader, Summary, Writer, document, invalid};
 use std::path::Path;
@@ -85,7 +85,7 @@ impl Document for Table {
     type Keys = Keys;
 
     fn names() -> Vec<&'static str> {
-        NAMES.to_vec()
+        [&NAMES[..], &energies::NAMES].concat()
     }
 
     fn provenance(&self) -> Provenance {
@@ -146,6 +146,9 @@ impl Document for Table {
             w.f32("exit", &[m, h, 1 + k, e.azimuths, e.positions], e.shares.iter().copied());
             w.f32("met", &[m, e.met.len() / m], e.met.iter().copied());
         }
+        if let Some(energies) = &self.energies {
+            energies.write(w);
+        }
     }
 
     fn read(r: &Reader<'_>, p: Provenance, keys: &Keys) -> Result<Table> {
@@ -184,6 +187,7 @@ impl Document for Table {
             paths: r.u64("paths", &[m])?,
             interactions: r.f64("interactions", &[m])?,
             exit,
+            energies: TableEnergies::read(r, k)?,
         })
     }
 
@@ -243,6 +247,9 @@ impl Document for Table {
                     return Err(invalid(name, &format!("exit, row {i}"), sum, "expected shares that add up to 1"));
                 }
             }
+        }
+        if let Some(energies) = &self.energies {
+            energies.check(&c, &self.theta_i, &self.h_um, k)?;
         }
         for (i, e) in self.energy_high.chunks_exact(k).enumerate() {
             let sum = self.r_d[i] + self.energy_refl[i] + e[0];

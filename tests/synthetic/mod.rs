@@ -1,8 +1,8 @@
 //! A planted model: random lobes, smooth over the grid, with energies and spectra of its own.
 #![allow(dead_code)]
 
-use plywave::ply::PlyData;
 use plywave::ply::asg::PARAMS;
+use plywave::ply::{PlyData, PlyEnergies, spline_coefficients};
 use plywave::table::{ExitPositions, OutgoingGrid, Table};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -107,20 +107,50 @@ pub fn model(seed: u64, s: Sizes) -> PlyData {
         error_refl: vec![0.1; s.theta * s.h],
         error_high: vec![0.02; s.theta * s.h * sigma_per_um.len()],
         layers: None,
+        exits: None,
         edge: None,
         noise: None,
-        theta_i,
-        h_um,
+        theta_i: theta_i.clone(),
+        h_um: h_um.clone(),
         sigma_per_um,
         path_um,
         lobes_refl: s.refl,
         lobes_high: s.high,
-        r_d,
-        energy_refl,
-        energy_high,
+        energies: energies(s, &r_d, &energy_refl, &energy_high, theta_i, h_um),
         refl,
         high,
         high_path,
+    }
+}
+
+/// Splines through energies at the nodes; r_d on a grid twice as fine, for its own indices.
+fn energies(s: Sizes, r_d: &[f64], refl: &[f64], high: &[f64], theta_i: Vec<f64>, h_um: Vec<f64>) -> PlyEnergies {
+    let clamped = |c: Vec<f64>| c.into_iter().map(|v| v.clamp(0.0, 1.0)).collect::<Vec<f64>>();
+    let half = |axis: &[f64], i: usize| 0.5 * (axis[i / 2] + axis[i.div_ceil(2)]);
+    let fine = |axis: &[f64]| (0..2 * axis.len() - 1).map(|i| half(axis, i)).collect::<Vec<f64>>();
+    let (miss_theta_i, miss_h_um) = (fine(&theta_i), fine(&h_um));
+    let columns = miss_h_um.len();
+    let node = |m: usize, n: usize| r_d[m * s.h + n];
+    let miss: Vec<f64> = (0..miss_theta_i.len() * columns)
+        .map(|i| {
+            let (m, n) = (i / columns, i % columns);
+            let (m1, n1) = (m.div_ceil(2), n.div_ceil(2));
+            0.25 * (node(m / 2, n / 2) + node(m / 2, n1) + node(m1, n / 2) + node(m1, n1))
+        })
+        .collect();
+    let share = |stride: usize, k: usize, of: &[f64]| {
+        let values: Vec<f64> = (0..s.theta * s.h).map(|i| of[i * stride + k] / (1.0 - r_d[i]).max(1e-9)).collect();
+        clamped(spline_coefficients(&values, s.theta, s.h))
+    };
+    let spectra: Vec<Vec<f64>> = (0..s.paths).map(|p| share(s.paths, p, high)).collect();
+    PlyEnergies {
+        miss: clamped(spline_coefficients(&miss, miss_theta_i.len(), columns)),
+        miss_theta_i,
+        miss_h_um,
+        share_refl: share(1, 0, refl),
+        share_high: (0..s.theta * s.h).flat_map(|i| spectra.iter().map(move |c| c[i]).collect::<Vec<_>>()).collect(),
+        share_theta_i: theta_i,
+        share_h_um: h_um,
     }
 }
 
@@ -160,5 +190,6 @@ pub fn table(seed: u64) -> Table {
                 .collect(),
             met: (0..m * 4).map(|i| 1.0 / (1.0 + i as f32)).collect(),
         }),
+        energies: None,
     }
 }

@@ -64,7 +64,7 @@ pub struct MergeArgs {
     /// Parts written with --shards (.pwp), all of one run, in any order.
     #[arg(required = true)]
     pub parts: Vec<PathBuf>,
-    /// What the run makes: a table (.pwt), a fiber (.pwf), patterns (.pws), the folder of a comparison, or a JSON file of a scene.
+    /// What the run makes: a table (.pwt), a fiber (.pwf), patterns (.pws), the twin of a cloth (.pwx), the folder of a comparison, or a JSON file of a scene.
     #[arg(long, short, value_name = "OUTPUT")]
     pub output: PathBuf,
 }
@@ -148,10 +148,10 @@ pub struct BuildArgs {
     /// Keep the simulated table too, under the model's name with .pwt.
     #[arg(long)]
     pub keep_table: bool,
-    /// Without speckle tiles, which are most of a model's file; preview quality has none.
+    /// Without speckle; preview quality has none.
     #[arg(long, conflicts_with = "speckle")]
     pub smooth: bool,
-    /// Speckle patterns (.pws) to make the tiles from, in place of solving for 200 fibers.
+    /// Speckle patterns (.pws) to make the noise from, in place of solving for 200 fibers.
     #[arg(long, value_name = "PATTERNS")]
     pub speckle: Option<PathBuf>,
     /// Largest fit error of an f_refl slice of a good fit; beyond it the exit code is 1, and the model is kept.

@@ -1,12 +1,13 @@
 //! Flags of asking, checking and comparing models.
 
-use clap::Args;
+use clap::{Args, ValueEnum};
+use plywave::fabric::ColorOf;
 use std::path::PathBuf;
 
 /// `plywave info`.
 #[derive(Debug, Args)]
 pub struct InfoArgs {
-    /// Table, model, fiber or speckle patterns.
+    /// Yarn spec, table, model, fiber or speckle patterns.
     pub file: PathBuf,
 }
 
@@ -59,13 +60,13 @@ pub struct SampleArgs {
 /// `plywave check`.
 #[derive(Debug, Args)]
 pub struct CheckArgs {
-    /// Model.
+    /// Model; or a fabric spec, which is held to its twin and nothing else.
     pub model: PathBuf,
     /// A table to hold the model's slices to, best one of another seed.
     #[arg(long, value_name = "TABLE")]
     pub table: Option<PathBuf>,
-    /// Of a yarn of several plies, the traced yarn (`plywave simulate SPEC --plies traced`) to hold the model to, and the table of --table too; a --table that is traced serves as well.
-    #[arg(long, value_name = "TABLE")]
+    /// Of a yarn of several plies, the traced yarn (`plywave simulate SPEC --plies traced`) to hold the model to, and the table of --table too; a --table that is traced serves as well. Of a fabric, what `plywave twin` wrote.
+    #[arg(long, value_name = "FILE")]
     pub twin: Option<PathBuf>,
     /// Largest fit error of an f_refl slice that passes.
     #[arg(long, value_name = "ERROR", allow_negative_numbers = true, default_value_t = 0.2)]
@@ -106,8 +107,11 @@ pub struct DiffArgs {
 #[derive(Debug, Args)]
 #[command(group = clap::ArgGroup::new("wanted").required(true))]
 pub struct ColorArgs {
-    /// Model.
+    /// Model, or fabric spec.
     pub model: PathBuf,
+    /// What the color is a color of, of a fabric [default: as its spec says]
+    #[arg(long, value_enum, value_name = "WHAT")]
+    pub color_of: Option<ColorOfChoice>,
     /// Color of the light sent back under D65, encoded sRGB, 0 to 1.
     #[arg(
         long,
@@ -121,7 +125,29 @@ pub struct ColorArgs {
     /// Reflectances from 0.38 to 0.78 um in equal steps, one for a gray.
     #[arg(long, value_name = "R", num_args = 1..=401, value_delimiter = ',', allow_negative_numbers = true, group = "wanted")]
     pub reflectance: Vec<f64>,
-    /// Albedo at this latitude [degrees] [default: under diffuse light].
-    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    /// Albedo at this latitude [degrees], of a model [default: under diffuse light].
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, conflicts_with = "color_of")]
     pub theta_i: Option<f64>,
+}
+
+/// What the color of a fabric is a color of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[value(rename_all = "snake_case")]
+pub enum ColorOfChoice {
+    /// The cloth's fibers under a sky all round.
+    EvenSky,
+    /// The cloth's face, lit from the viewer's side, with dark behind.
+    Reflected,
+    /// The cloth folded until no light comes through, as a d/8 spectrophotometer reads it.
+    Folded,
+}
+
+impl From<ColorOfChoice> for ColorOf {
+    fn from(choice: ColorOfChoice) -> ColorOf {
+        match choice {
+            ColorOfChoice::EvenSky => ColorOf::EvenSky,
+            ColorOfChoice::Reflected => ColorOf::Reflected,
+            ColorOfChoice::Folded => ColorOf::Folded,
+        }
+    }
 }

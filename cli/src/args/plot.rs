@@ -14,7 +14,7 @@ pub enum Part {
     Energy,
     /// Fit error (of a table its noise) over (theta_i, h).
     Errors,
-    /// Of a model with noise tiles: f_refl and f_high of one instance beside the smooth ones, in color.
+    /// Of a model with noise: f_refl and f_high of one instance beside the smooth ones, in color.
     Noise,
     /// Of a spec: the edge lobes beside the diffraction integral, instead of gaps.
     Edge,

@@ -16,6 +16,8 @@ pub enum Scene {
     Folds,
     /// A few yarns from above.
     Swatch,
+    /// A flat sheet seen from ten degrees above its plane, against the light.
+    Grazing,
     /// A flat sheet under equal light from everywhere.
     Furnace,
 }
@@ -64,9 +66,13 @@ pub struct RenderArgs {
     /// Light through gaps goes straight on in place of being diffracted, for comparison.
     #[arg(long)]
     pub straight_gaps: bool,
-    /// Without speckle, where the models have tiles of it.
+    /// Without speckle, which the models that ship have.
     #[arg(long)]
     pub smooth: bool,
+    /// Leave parts of the model out, for comparison: `layers` (yarns of the layer below catch nothing), `shadowing` (yarns beside catch nothing), `edges` (light at a ply's
+    /// edge goes straight on).
+    #[arg(long, value_name = "PART", num_args = 1, value_delimiter = ',', value_enum)]
+    pub without: Vec<FabricPart>,
     /// Stops by which the PNG is brighter.
     #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true)]
     pub exposure: f64,
@@ -81,10 +87,21 @@ pub struct RenderArgs {
     pub keep_sums: bool,
 }
 
+/// Parts of the fabric model that can be left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum FabricPart {
+    /// The layer below.
+    Layers,
+    /// Neighbors.
+    Shadowing,
+    /// Diffraction at a ply's edge.
+    Edges,
+}
+
 /// `plywave gallery`.
 #[derive(Debug, Args)]
 pub struct GalleryArgs {
-    /// Folder to write: pictures, small ones of them, the fabrics and models they are made of, gallery.json and gallery.md.
+    /// Folder to write: pictures, the same as JPEG for pages, the fabrics and models they are made of, gallery.json and gallery.md.
     #[arg(long, short, value_name = "FOLDER", default_value = "gallery")]
     pub output: PathBuf,
     /// Small pictures of few samples, and models of few paths: the whole gallery in about a minute.

@@ -190,7 +190,7 @@ pub struct NoiseArgs {
     /// Model to write [default: MODEL's name with -noise.pwm, in this folder].
     #[arg(long, short, value_name = "MODEL", requires = "model")]
     pub output: Option<PathBuf>,
-    /// Tiles of each kind: 1, 2, 4 or 8, of half a MiB each.
+    /// Tiles of each kind: 1, 2, 4 or 8, of half a MiB each in memory.
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = tiles)]
     pub tiles: u32,
     /// Contrast of the noise.

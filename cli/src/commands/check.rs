@@ -1,7 +1,7 @@
 //! `plywave check`: does a model keep its promises? Furnace, density and weights of the sampler, chi-square of the samples, stored
-//! values, and, where a table is given, the fit error of every slice. Of a yarn, the distance to the traced yarn too (`check_twin.rs`).
+//! values, and, where a table is given, the fit error of every slice. Of a yarn, the distance to the traced yarn too (`check_twin.rs`);
+//! a fabric is held to its twin (`check_cloth.rs`).
 
-use super::info::model_energy_high;
 use super::{Yarn, check_twin, on_threads};
 use crate::args::{CheckArgs, Cli};
 use crate::failure::{Failure, Outcome};
@@ -11,6 +11,7 @@ use plywave::check::{
     CheckOptions, FURNACE_TOLERANCE, PartReport, REFERENCE_TOLERANCE, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE,
     check_layers, check_model, check_whole,
 };
+use plywave_pipeline::FitQuality;
 use rand::{RngExt, SeedableRng};
 
 /// One check: what was measured and what is allowed.
@@ -80,6 +81,9 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     {
         return Err(Failure::input("command line", flag, value, "must be 0 or more"));
     }
+    if kinds::kind_of(&args.model) == Some(kinds::Kind::FabricSpec) {
+        return super::check_cloth::run(cli, args);
+    }
     let model = kinds::load_model(&args.model)?;
     let data = model.data();
     let yarn = Yarn::of(&args.model, &data.spec_text, &data.h_um)?;
@@ -96,7 +100,7 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     let held = match table.as_ref().filter(|_| !only_twin) {
         None => None,
         Some((path, table)) => {
-            same_run = table.r_d == data.r_d && table.energy_refl == data.energy_refl;
+            same_run = plywave_fit::has_energies_of(data, table);
             let errors = on_threads(cli, || plywave_fit::errors(data, table))?
                 .map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?;
             Some(errors)
@@ -159,20 +163,12 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     };
     let (columns, sigmas) = (data.h_um.len(), data.sigma_per_um.len());
     // Noise can hide every slice: then nothing is known, and nothing passes.
-    let largest = |errors: &mut dyn Iterator<Item = f64>| errors.filter(|e| *e > 0.0).fold(f64::NAN, f64::max);
-    let refl = largest(&mut error_refl.iter().copied());
-    lines.push(Line::at_most(
-        "fit_error_refl",
-        "largest relative L2 of a slice, noise removed",
-        refl,
-        args.max_error_refl,
-    ));
+    let quality = FitQuality::of_errors(data, &error_refl, &error_high);
+    let meaning = "largest relative L2 of a slice, noise removed";
+    lines.push(Line::at_most("fit_error_refl", meaning, quality.refl, args.max_error_refl));
     // A slice that absorption has nearly put out may miss much of what is left: errors count by the light that the slice holds.
-    let energy = model_energy_high(data);
-    let weighted = |k: usize| error_high[k] * energy[k] / energy[k - k % sigmas].max(f64::MIN_POSITIVE);
-    let high = largest(&mut (0..error_high.len()).map(weighted));
     let meaning = "the same, as a share of the slice's light at sigma = 0";
-    lines.push(Line::at_most("fit_error_high", meaning, high, args.max_error_high));
+    lines.push(Line::at_most("fit_error_high", meaning, quality.high, args.max_error_high));
     for (check, value, allowed, meaning) in twin.iter().flat_map(check_twin::Twin::lines) {
         lines.push(Line::at_most(check, meaning, value, allowed));
     }

@@ -1,15 +1,20 @@
-//! `plywave color`: a color or a reflectance in, the absorption that gives it to a model out, and what the model makes of it.
+//! `plywave color`: a color or a reflectance in, the absorption that gives it to a model or a fabric out, and what that makes of it.
 
 use super::latitude;
 use crate::args::{Cli, ColorArgs};
 use crate::failure::{Failure, Outcome};
+use crate::kinds::{self, Kind};
+use crate::output;
 use crate::report::number;
-use crate::{kinds, output};
+use plywave::FabricBsdf;
 use plywave::color::{
-    AlbedoCurve, SPECTRUM_NODES, SPECTRUM_UM, SigmaSpectrum, SmoothReflectance, delta_e, linear_srgb_of_xyz,
+    AlbedoCurve, SPECTRUM_NODES, SPECTRUM_UM, SigmaSpectrum, SmoothReflectance, delta_e_2000, linear_srgb_of_xyz,
     spectrum_lambda_um, srgb_encode, xyz_of_reflectance,
 };
-use plywave::fabric::{Family, LoadedFabric, YarnColor};
+use plywave::fabric::{ColorOf, FabricOptions};
+
+/// CIEDE2000 of colors that are just told apart.
+const SEEN: f64 = 1.0;
 
 #[derive(serde::Serialize)]
 struct Report {
@@ -31,14 +36,7 @@ struct Report {
 
 /// Runs the command.
 pub fn run(cli: &Cli, args: &ColorArgs) -> Outcome {
-    let model = kinds::load_model(&args.model)?;
-    let curve = match args.theta_i {
-        Some(theta) => {
-            latitude("--theta-i", theta)?;
-            AlbedoCurve::at(&model, theta.to_radians())
-        }
-        None => AlbedoCurve::diffuse(&model),
-    };
+    let (curve, incidence) = curve(args)?;
     let (flag, values) =
         if args.srgb.is_empty() { ("--reflectance", &args.reflectance) } else { ("--srgb", &args.srgb) };
     if let Some(bad) = values.iter().find(|v| !(0.0..=1.0).contains(*v)) {
@@ -59,7 +57,7 @@ pub fn run(cli: &Cli, args: &ColorArgs) -> Outcome {
     let lambda_um: Vec<f64> = (0..SPECTRUM_NODES).map(spectrum_lambda_um).collect();
     let report = Report {
         model: args.model.display().to_string(),
-        incidence: args.theta_i.map_or("diffuse".into(), |t| format!("{} degrees", number(t))),
+        incidence,
         albedo_range: curve.range(),
         reflectance: lambda_um.iter().map(|l| reflectance(*l)).collect(),
         sigma_per_um: sigma.nodes_per_um().iter().map(|s| f64::from(*s)).collect(),
@@ -68,7 +66,7 @@ pub fn run(cli: &Cli, args: &ColorArgs) -> Outcome {
         srgb_asked: encoded(asked),
         srgb: encoded(got),
         delta_e_spectrum: smooth.map_or(0.0, |s| s.delta_e),
-        delta_e: delta_e(asked, got),
+        delta_e: delta_e_2000(asked, got),
         clamped_to_clear: clear,
         clamped_to_dark: dark,
     };
@@ -97,6 +95,35 @@ pub fn run(cli: &Cli, args: &ColorArgs) -> Outcome {
     })
 }
 
+/// The albedo over absorption that is asked for, and of which light.
+fn curve(args: &ColorArgs) -> Outcome<(AlbedoCurve, String)> {
+    if kinds::kind_of(&args.model) == Some(Kind::FabricSpec) {
+        if let Some(theta) = args.theta_i {
+            return Err(Failure::input(
+                "command line",
+                "--theta-i",
+                theta,
+                "is of a model; for a fabric use --color-of",
+            ));
+        }
+        let loaded = kinds::load_fabric(&args.model)?;
+        let of = args.color_of.map_or(loaded.spec.color_of, ColorOf::from);
+        let fabric = FabricBsdf::new(loaded, &FabricOptions::default())?;
+        return Ok((fabric.color_curve_of(of), of.name().into()));
+    }
+    let model = kinds::load_model(&args.model)?;
+    if let Some(of) = args.color_of {
+        return Err(Failure::input("command line", "--color-of", ColorOf::from(of).name(), "is of a fabric spec"));
+    }
+    match args.theta_i {
+        Some(theta) => {
+            latitude("--theta-i", theta)?;
+            Ok((AlbedoCurve::at(&model, theta.to_radians()), format!("{} degrees", number(theta))))
+        }
+        None => Ok((AlbedoCurve::diffuse(&model), "diffuse".into())),
+    }
+}
+
 /// What there is to say of a color that a model does not reach: at how many wavelengths, why, and how far off it comes out.
 pub fn out_of_reach([clear, dark]: [usize; 2], [low, high]: [f64; 2], delta_e: f64) -> Vec<String> {
     let line = |count: usize, why: String| {
@@ -114,31 +141,14 @@ pub fn out_of_reach([clear, dark]: [usize; 2], [low, high]: [f64; 2], delta_e: f
     notes
 }
 
-/// The same of the yarns of a fabric: a line for each color that its models do not reach.
-pub fn fabric_notes(loaded: &LoadedFabric) -> Vec<String> {
+/// The same of the colors of a fabric: of each that comes out visibly other than it was asked for.
+pub fn fabric_notes(fabric: &FabricBsdf) -> Vec<String> {
     let mut notes = Vec::new();
-    for (k, family) in Family::EACH.into_iter().enumerate() {
-        let threads = loaded.fabric.draft().threads(family).max(loaded.threads[k].len());
-        // Different colors and models of yarns.
-        let mut kinds: Vec<([f32; 3], usize)> = Vec::new();
-        for thread in 0..threads as i32 {
-            if let YarnColor::Srgb(srgb) = loaded.fabric.color(family, thread) {
-                let kind = (srgb, loaded.model_index(family, thread));
-                if !kinds.contains(&kind) {
-                    kinds.push(kind);
-                }
-            }
-        }
-        for (srgb, model) in kinds {
-            let curve = AlbedoCurve::diffuse(&loaded.models[model]);
-            let smooth = SmoothReflectance::of_srgb(srgb.map(f64::from));
-            let (sigma, clamped) = SigmaSpectrum::of_reflectance(&curve, |l| smooth.at(l));
-            let got = xyz_of_reflectance(|l| curve.albedo(f64::from(sigma.at(l as f32))));
-            let off = delta_e(xyz_of_reflectance(|l| smooth.at(l)), got);
-            let [r, g, b] = srgb.map(|v| number(f64::from(v)));
-            let of = format!("{} srgb [{r}, {g}, {b}]", family.name());
-            notes.extend(out_of_reach(clamped, curve.range(), off).into_iter().map(|note| format!("{of}: {note}")));
-        }
+    for color in fabric.colors().iter().filter(|color| color.delta_e > SEEN) {
+        let [r, g, b] = color.asked.map(|v| number(f64::from(v)));
+        let of = format!("srgb [{r}, {g}, {b}] as color_of = \"{}\"", fabric.color_of().name());
+        let lines = out_of_reach(color.clamped, fabric.color_curve().range(), color.delta_e);
+        notes.extend(lines.into_iter().map(|line| format!("{of}: {line}")));
     }
     notes
 }

@@ -8,7 +8,7 @@ use crate::report::number;
 use plywave::ply::PlyData;
 use plywave::table::OutgoingGrid;
 use plywave_fit::{
-    DiffTolerance, Place, ScaledLobes, Scratch, SphereGrid, energy_high, high_lobes, locate, refl_lobes,
+    DiffTolerance, Place, ScaledLobes, Scratch, SphereGrid, energies, energy_high, high_lobes, locate, refl_lobes,
 };
 
 /// Common incidences: latitudes from 0 on, offsets from rim to rim.
@@ -36,15 +36,6 @@ struct Row {
     high_relative_l2: Vec<f64>,
     /// Largest difference of r_d, of the energy of f_refl and of those of f_high.
     energy: f64,
-}
-
-/// A number at the nodes, bilinear between them.
-fn at_place(values: &[f64], columns: usize, at: Place) -> f64 {
-    let row = |m: usize| {
-        let [low, high] = [values[m * columns + at.n], values[m * columns + at.n + 1]];
-        low + at.t * (high - low)
-    };
-    row(at.m) + at.s * (row(at.m + 1) - row(at.m))
 }
 
 /// `n` numbers in equal steps.
@@ -112,10 +103,11 @@ pub fn run(cli: &Cli, args: &DiffArgs, [a, b]: [&PlyData; 2], tolerance: &DiffTo
     let rows: Vec<Row> = (0..places.len())
         .map(|i| {
             let at = &places[i];
-            let node =
-                |values: [&[f64]; 2]| difference(&|k: usize, place| at_place(values[k], both[k].h_um.len(), place), at);
             let scattered = sigma.iter().map(|s| difference(&|k: usize, place| energy_high(both[k], place, *s), at));
-            let stored = [node([&a.r_d, &b.r_d]), node([&a.energy_refl, &b.energy_refl])];
+            let stored = [
+                difference(&|k: usize, place| energies(both[k], place).r_d, at),
+                difference(&|k: usize, place| energies(both[k], place).refl, at),
+            ];
             Row {
                 theta_i_deg: incidences[i].0.to_degrees(),
                 h_rel: incidences[i].1,

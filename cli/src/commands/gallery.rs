@@ -6,7 +6,7 @@ use crate::args::{Cli, GalleryArgs};
 use crate::failure::{Failure, Outcome};
 use crate::gallery::digest;
 use crate::gallery::materials::Workshop;
-use crate::gallery::pages::{Entry, Index, Shot, about, markdown, png, small, strip};
+use crate::gallery::pages::{Entry, Index, Shot, about, for_page, markdown, png, strip};
 use crate::gallery::pictures::{self, Panel, Picture};
 use crate::progress::{self, Bar, STOP};
 use crate::{output, report};
@@ -20,9 +20,19 @@ const INDEX: &str = "gallery.json";
 /// Most scatterings of a path.
 const DEPTH: u32 = 8;
 
-/// Pixels a side of a picture of one panel and of several, and samples a pixel.
-fn sizes(quick: bool) -> ([u32; 2], u32) {
-    if quick { ([128, 128], 16) } else { ([360, 256], 64) }
+/// Pixels a side of a panel of a picture that has so many, and samples a pixel. Pictures are 1024 pixels wide or more.
+fn sizes(quick: bool, panels: usize) -> (u32, u32) {
+    if quick {
+        return (128, 16);
+    }
+    let side = match panels {
+        1 => 1024,
+        2 => 640,
+        3 => 480,
+        4 => 400,
+        _ => 320,
+    };
+    (side, 48)
 }
 
 /// A panel with what it is rendered of.
@@ -101,7 +111,7 @@ pub fn run(cli: &Cli, args: &GalleryArgs) -> Outcome {
     output::check_folder(folder, INDEX, &[])?;
     let workshop = Workshop { cli, from: &args.fabrics, to: folder, quick: args.quick };
     pictures.iter().flat_map(|p| &p.panels).try_for_each(|panel| workshop.check(&panel.cloth))?;
-    for part in ["", "fabrics", "fabrics/models", "small"] {
+    for part in ["", "fabrics", "fabrics/models", "page"] {
         make_folder(&folder.join(part))?;
     }
     let begun = Instant::now();
@@ -126,10 +136,9 @@ pub fn run(cli: &Cli, args: &GalleryArgs) -> Outcome {
     // From here on the folder is known as a gallery's, so that a stopped run can go on in it.
     write_index(&index)?;
     progress::install_stop();
-    let (sides, samples) = sizes(args.quick);
     let mut works = Vec::new();
     for picture in &pictures {
-        let side = sides[usize::from(picture.panels.len() > 1)];
+        let (side, samples) = sizes(args.quick, picture.panels.len());
         let mut panels = Vec::new();
         for panel in &picture.panels {
             let file = workshop.cloth(&panel.cloth)?;
@@ -151,7 +160,7 @@ pub fn run(cli: &Cli, args: &GalleryArgs) -> Outcome {
             name: picture.name.clone(),
             caption: picture.caption.clone(),
             file: format!("{}.png", picture.name),
-            small: format!("small/{}.png", picture.name),
+            small: format!("page/{}.jpg", picture.name),
             panels: shots,
             seconds: 0.0,
         };
@@ -173,7 +182,7 @@ pub fn run(cli: &Cli, args: &GalleryArgs) -> Outcome {
         let (file, small_file) = (folder.join(&entry.file), folder.join(&entry.small));
         let about = about(&entry);
         output::write_whole(&file, &png(&strip(&images, &titles), &about, &file)?)?;
-        output::write_whole(&small_file, &small(&images, &titles, &about, &small_file)?)?;
+        output::write_whole(&small_file, &for_page(&images, &titles, &small_file)?)?;
         put(&mut index, Entry { seconds: begun.elapsed().as_secs_f64(), ..entry });
         write_index(&index)?;
         rendered += 1;

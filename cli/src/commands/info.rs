@@ -3,13 +3,16 @@
 use super::simulate::energy_balance;
 use super::{Loaded, Yarn, load_any};
 use crate::args::{Cli, InfoArgs};
-use crate::failure::Outcome;
+use crate::failure::{Failure, Outcome};
+use crate::kinds::{self, Kind};
 use crate::output;
 use crate::report::{self, Spread, counted, number};
-use plywave::ply::PlyData;
-use plywave::spec::{Shape, YarnSpec};
+use plywave::ply::{EnergiesAt, PlyData};
+use plywave::spec::{Packing, Shape, YarnSpec};
 use plywave::table::Table;
+use plywave_sim::PlySection;
 use std::io::Write;
+use std::path::Path;
 
 /// What tables and models have in common.
 #[derive(serde::Serialize)]
@@ -41,23 +44,109 @@ fn rows<T: Clone>(values: &[T], rows: usize) -> Vec<Vec<T>> {
     values.chunks((values.len() / rows.max(1)).max(1)).map(<[T]>::to_vec).collect()
 }
 
-/// Energy of f_high of a model over its incidences and absorptions, `[theta_i][h][sigma]`.
-pub fn model_energy_high(data: &PlyData) -> Vec<f64> {
-    let paths = data.path_um.len();
-    let nodes = data.theta_i.len() * data.h_um.len();
-    (0..nodes)
-        .flat_map(|node| {
-            let spectrum = &data.energy_high[node * paths..(node + 1) * paths];
-            data.sigma_per_um
-                .iter()
-                .map(|sigma| spectrum.iter().zip(&data.path_um).map(|(e, l)| e * (-sigma * l).exp()).sum())
-                .collect::<Vec<f64>>()
-        })
-        .collect()
+/// Energies of a model at the nodes of its lobes: r_d and f_refl `[theta_i][h]`, f_high `[theta_i][h][sigma]`.
+pub struct NodeEnergies {
+    pub r_d: Vec<f64>,
+    pub refl: Vec<f64>,
+    pub high: Vec<f64>,
+}
+
+impl NodeEnergies {
+    pub fn of(data: &PlyData) -> NodeEnergies {
+        let nodes = data.node_energies();
+        let high = |e: &EnergiesAt| -> Vec<f64> {
+            data.sigma_per_um.iter().map(|sigma| e.high_at(*sigma, &data.path_um)).collect()
+        };
+        NodeEnergies {
+            r_d: nodes.iter().map(|e| e.r_d).collect(),
+            refl: nodes.iter().map(|e| e.refl).collect(),
+            high: nodes.iter().flat_map(high).collect(),
+        }
+    }
+}
+
+/// Offsets over R at which the chance to meet a fiber is told.
+const MET_AT: [f64; 8] = [0.0, 0.25, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0];
+/// Plies of a spec that are packed for it, and turns of each.
+const MET_PLIES: u64 = 16;
+const MET_TURNS: usize = 360;
+
+/// Chance to meet a fiber over h/R at normal incidence: of a line, or of a model's beam, which blurs it.
+#[derive(serde::Serialize)]
+struct Met {
+    h_rel: Vec<f64>,
+    chance: Vec<f64>,
+    of: &'static str,
+}
+
+impl Met {
+    fn of(chance: impl Fn(f64) -> f64, of: &'static str) -> Met {
+        Met { h_rel: MET_AT.to_vec(), chance: MET_AT.into_iter().map(chance).collect(), of }
+    }
+
+    /// Of a table's recorded lines, both sides alike.
+    fn table(t: &Table, radius_um: f64) -> Option<Met> {
+        let energies = t.energies.as_ref().filter(|e| !e.met.is_empty())?;
+        let count = energies.met.len() / energies.miss_theta_i.len();
+        let reach = energies.miss_h_um[energies.miss_h_um.len() - 1];
+        let bin = |x: f64| (((x / reach + 1.0) * 0.5 * count as f64).max(0.0) as usize).min(count - 1);
+        let at = |x: f64| f64::from(energies.met[bin(x)]);
+        Some(Met::of(|h| 0.5 * (at(h * radius_um) + at(-h * radius_um)), "line"))
+    }
+
+    /// Of a model's beam.
+    fn model(d: &PlyData, radius_um: f64) -> Met {
+        Met::of(|h| 1.0 - d.energies.at(0.0, h * radius_um).r_d, "beam")
+    }
+
+    /// Of plies packed by a spec.
+    fn spec(spec: &YarnSpec, file: &str) -> Outcome<Met> {
+        let h_um: Vec<f64> = MET_AT.iter().map(|h| h * spec.ply_radii_um()[0]).collect();
+        let mut chance = vec![0.0; h_um.len()];
+        for seed in 0..MET_PLIES {
+            let ply = PlySection::generate(spec, seed).map_err(|e| Failure::Input(format!("{file}: {e}")))?;
+            for (sum, met) in chance.iter_mut().zip(ply.chance_to_meet(&h_um, MET_TURNS)) {
+                *sum += met / MET_PLIES as f64;
+            }
+        }
+        Ok(Met { h_rel: MET_AT.to_vec(), chance, of: "line" })
+    }
+
+    fn text(&self, out: &mut dyn Write) -> std::io::Result<()> {
+        let list = |values: &[f64]| values.iter().map(|v| format!("{v:>6.3}")).collect::<Vec<_>>().join(" ");
+        writeln!(out, "  meets        h/R {}", list(&self.h_rel))?;
+        writeln!(out, "               {}  of the {}s at h meet a fiber", list(&self.chance), self.of)
+    }
+}
+
+/// A yarn spec: its yarn, how full its ply is, and the chance to meet a fiber.
+fn spec(cli: &Cli, path: &Path) -> Outcome {
+    let (spec, _) = YarnSpec::load(path)?;
+    let file = path.display().to_string();
+    let met = Met::spec(&spec, &file)?;
+    let packing = match spec.ply.packing {
+        Packing::Falling => "falling",
+        Packing::Lined => "lined",
+    };
+    if cli.json {
+        return output::print_json(&serde_json::json!({
+            "file": file, "kind": "yarn spec", "name": spec.name, "ply_radius_um": spec.ply_radii_um()[0],
+            "packing": packing, "packing_fraction": spec.packing_fraction(), "chance_to_meet": met,
+        }));
+    }
+    output::print(|out| {
+        writeln!(out, "{file}: yarn spec of {}", crate::failure::one_line(&spec.name))?;
+        writeln!(out, "  yarn         {}", yarn_line(&spec))?;
+        writeln!(out, "  packing      {packing}, fibers fill {:.3} of the ply", spec.packing_fraction())?;
+        met.text(out)
+    })
 }
 
 /// Runs the command.
 pub fn run(cli: &Cli, args: &InfoArgs) -> Outcome {
+    if kinds::kind_of(&args.file) == Some(Kind::YarnSpec) {
+        return spec(cli, &args.file);
+    }
     let bytes = std::fs::metadata(&args.file).map_or(0, |m| m.len());
     let file = args.file.display().to_string();
     match load_any(&args.file)? {
@@ -77,7 +166,8 @@ pub fn run(cli: &Cli, args: &InfoArgs) -> Outcome {
                 h_um: t.h_um.clone(),
                 sigma_per_um: t.sigma_per_um.clone(),
             };
-            if cli.json { table_json(&head, &t) } else { table_text(&head, &yarn.spec, &t) }
+            let met = Met::table(&t, yarn.radius_um);
+            if cli.json { table_json(&head, &t, met) } else { table_text(&head, &yarn.spec, &t, met) }
         }
         Loaded::Model(m) => {
             let d = m.data();
@@ -96,14 +186,16 @@ pub fn run(cli: &Cli, args: &InfoArgs) -> Outcome {
                 h_um: d.h_um.clone(),
                 sigma_per_um: d.sigma_per_um.clone(),
             };
-            if cli.json { model_json(&head, d) } else { model_text(&head, &yarn.spec, d) }
+            let met = Met::model(d, yarn.radius_um);
+            if cli.json { model_json(&head, d, met) } else { model_text(&head, &yarn.spec, d, met) }
         }
         Loaded::Fiber(t) => super::info_fiber::run(cli, &file, bytes, &t),
         Loaded::Speckle(p) => super::speckle_view::info(cli, &file, bytes, &p),
+        Loaded::Twin(twin) => super::twin::info(cli, &args.file, bytes, &twin),
     }
 }
 
-fn table_json(head: &Head, t: &Table) -> Outcome {
+fn table_json(head: &Head, t: &Table, met: Option<Met>) -> Outcome {
     let m = t.theta_i.len();
     let sigmas = t.sigma_per_um.len();
     output::print_json(&serde_json::json!({
@@ -119,16 +211,17 @@ fn table_json(head: &Head, t: &Table) -> Outcome {
             energy_refl: rows(&t.energy_refl, m),
             energy_high: rows(&rows(&t.energy_high, t.energy_high.len() / sigmas.max(1)), m),
         },
+        "chance_to_meet": met,
         "energy_balance_max_standard_errors": energy_balance(t),
         "energy_killed_max": t.energy_killed.iter().copied().fold(0.0, f64::max),
         "spec": t.spec_text,
     }))
 }
 
-fn model_json(head: &Head, d: &PlyData) -> Outcome {
+fn model_json(head: &Head, d: &PlyData, met: Met) -> Outcome {
     let m = d.theta_i.len();
     let sigmas = d.sigma_per_um.len();
-    let high = model_energy_high(d);
+    let NodeEnergies { r_d, refl, high } = NodeEnergies::of(d);
     output::print_json(&serde_json::json!({
         "file": head.file, "kind": head.kind, "bytes": head.bytes, "name": head.name,
         "program_version": head.program_version, "preset": head.preset, "seed": head.seed,
@@ -136,10 +229,11 @@ fn model_json(head: &Head, d: &PlyData) -> Outcome {
         "theta_i_deg": head.theta_i_deg, "h_um": head.h_um, "h_rel": head.h_rel, "sigma_per_um": head.sigma_per_um,
         "path_um": d.path_um, "lobes_refl": d.lobes_refl, "lobes_high": d.lobes_high,
         "energies": Energies {
-            r_d: rows(&d.r_d, m),
-            energy_refl: rows(&d.energy_refl, m),
+            r_d: rows(&r_d, m),
+            energy_refl: rows(&refl, m),
             energy_high: rows(&rows(&high, high.len() / sigmas.max(1)), m),
         },
+        "chance_to_meet": met,
         "fit_error_refl": rows(&d.error_refl, m),
         "fit_error_high": rows(&rows(&d.error_high, d.error_high.len() / sigmas.max(1)), m),
         "spec": d.spec_text,
@@ -246,7 +340,7 @@ fn energies_text(
     Ok(())
 }
 
-fn table_text(head: &Head, spec: &YarnSpec, t: &Table) -> Outcome {
+fn table_text(head: &Head, spec: &YarnSpec, t: &Table, met: Option<Met>) -> Outcome {
     output::print(|out| {
         head_text(out, head, spec)?;
         let scatters = match (t.plies, t.traced) {
@@ -271,11 +365,14 @@ fn table_text(head: &Head, spec: &YarnSpec, t: &Table) -> Outcome {
             energy_balance(t),
             number(t.energy_killed.iter().copied().fold(0.0, f64::max))
         )?;
+        if let Some(met) = &met {
+            met.text(out)?;
+        }
         energies_text(out, head, &t.energy_refl, &t.energy_high, &t.r_d, None)
     })
 }
 
-fn model_text(head: &Head, spec: &YarnSpec, d: &PlyData) -> Outcome {
+fn model_text(head: &Head, spec: &YarnSpec, d: &PlyData, met: Met) -> Outcome {
     let sigmas = d.sigma_per_um.len();
     output::print(|out| {
         head_text(out, head, spec)?;
@@ -296,6 +393,8 @@ fn model_text(head: &Head, spec: &YarnSpec, d: &PlyData) -> Outcome {
             let error = Spread::of_errors(d.error_high.iter().copied().skip(k).step_by(sigmas));
             writeln!(out, "               f_high {error} at sigma {}", number(*sigma))?;
         }
-        energies_text(out, head, &d.energy_refl, &model_energy_high(d), &d.r_d, Some((&d.error_refl, &d.error_high)))
+        met.text(out)?;
+        let e = NodeEnergies::of(d);
+        energies_text(out, head, &e.refl, &e.high, &e.r_d, Some((&d.error_refl, &d.error_high)))
     })
 }

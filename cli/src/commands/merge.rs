@@ -24,6 +24,7 @@ pub fn run(cli: &Cli, args: &MergeArgs) -> Outcome {
         Output::Fiber(fiber) => fiber.save(path)?,
         Output::Speckle(patterns) => patterns.save(path)?,
         Output::Compare(report) => compare::save(path, &report)?,
+        Output::Twin(twin) => twin.save(path)?,
         Output::Scatter(report) => super::wave_scatter::save(path, &report)?,
     }
     let bytes = std::fs::metadata(path).map_or(0, |m| m.len());

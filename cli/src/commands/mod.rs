@@ -2,6 +2,7 @@
 
 pub mod build;
 pub mod check;
+pub mod check_cloth;
 pub mod check_twin;
 pub mod color;
 pub mod compare;
@@ -25,6 +26,7 @@ pub mod sample;
 pub mod shell;
 pub mod simulate;
 pub mod speckle_view;
+pub mod twin;
 pub mod wave_scatter;
 pub mod wave_speckle;
 pub mod wave_tabulate;
@@ -39,9 +41,10 @@ use plywave::io::FileKind;
 use plywave::spec::YarnSpec;
 use plywave::speckle::SpecklePatterns;
 use plywave::table::Table;
+use plywave::twin::ClothTwin;
 use std::path::Path;
 
-/// A table, a model, a fiber or speckle patterns.
+/// A table, a model, a fiber, speckle patterns or the twin of a cloth.
 pub enum Loaded {
     /// Simulated scattering.
     Table(Box<Table>),
@@ -51,17 +54,20 @@ pub enum Loaded {
     Fiber(Box<FiberTable>),
     /// Patterns of single fibers.
     Speckle(Box<SpecklePatterns>),
+    /// The twin of a cloth.
+    Twin(Box<ClothTwin>),
 }
 
 /// Loads a file by what its header says it is.
 pub fn load_any(path: &Path) -> Outcome<Loaded> {
     use crate::kinds::Kind;
-    let kinds = [Kind::Model, Kind::Table, Kind::Fiber, Kind::Speckle];
+    let kinds = [Kind::Model, Kind::Table, Kind::Fiber, Kind::Speckle, Kind::Twin];
     Ok(match plywave::io::file_kind(path).map_err(|e| crate::kinds::explain(path, &kinds, e))? {
         FileKind::Table => Loaded::Table(Box::new(Table::load(path)?)),
         FileKind::Model => Loaded::Model(Box::new(PlyModel::load(path)?)),
         FileKind::Fiber => Loaded::Fiber(Box::new(FiberTable::load(path)?)),
         FileKind::Speckle => Loaded::Speckle(Box::new(SpecklePatterns::load(path)?)),
+        FileKind::Twin => Loaded::Twin(Box::new(ClothTwin::load(path)?)),
     })
 }
 

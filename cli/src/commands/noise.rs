@@ -1,4 +1,4 @@
-//! `plywave noise`: speckle patterns in, their statistics beside those of the noise made from them, and a model with noise tiles out (Yu 2025, 6.2).
+//! `plywave noise`: speckle patterns in, their statistics beside those of the noise made from them, and a model with noise out (Yu 2025, 6.2).
 
 use super::compare::within;
 use crate::args::{Cli, NoiseArgs, NoiseContrastArg, PolarizationArg};
@@ -62,13 +62,13 @@ pub fn run(cli: &Cli, args: &NoiseArgs) -> Outcome {
     };
     let file = args.patterns.display().to_string();
     let start = Instant::now();
-    let (tiles, kinds) = noise_tiles(&patterns, &options, &file)?;
+    let (noise, kinds) = noise_tiles(&patterns, &options, &file)?;
     let time = start.elapsed();
     let lines: Vec<Line> = compare_lines(&patterns, &options, LINES, &file)?.iter().map(line).collect();
     let kinds: Vec<Tiles> = kinds.iter().zip(KIND_NAMES).map(told).collect();
     let mut bytes = 0;
     if let (Some((_, data)), Some(path)) = (data, &path) {
-        PlyData { noise: Some(tiles), ..data }.save(path)?;
+        PlyData { noise: Some(noise.into()), ..data }.save(path)?;
         bytes = std::fs::metadata(path).map_or(0, |m| m.len());
     }
     if cli.json {

@@ -133,7 +133,7 @@ fn rgb(light: &[f32; 12]) -> [f64; 3] {
     std::array::from_fn(|k| of[k] / white[k])
 }
 
-/// One instance of a model with tiles at two incidences: smooth, as an instance has it, and the noise alone. Grayscale where light is smooth, color by
+/// One instance of a model with noise at two incidences: smooth, as an instance has it, and the noise alone. Grayscale where light is smooth, color by
 /// [`LAMBDAS`].
 pub fn model(title: &str, model: &PlyModel) -> Figure {
     const GAP: [i32; 2] = [26, LINE + BELOW + 6];

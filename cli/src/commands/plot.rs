@@ -1,6 +1,6 @@
 //! `plywave plot`: a table, a model, or both side by side, as one figure.
 
-use super::info::{model_energy_high, yarn_line};
+use super::info::{NodeEnergies, yarn_line};
 use super::{Loaded, Yarn, absorptions, load_any};
 use crate::args::{Cli, Part, PlotArgs};
 use crate::failure::{Failure, Outcome};
@@ -56,6 +56,10 @@ impl Source {
             (Loaded::Speckle(_), ..) => {
                 let hint = "there is nothing to set beside speckle patterns; leave --table and --model out";
                 return Err(Failure::input(args.file.display(), "FILE", "speckle patterns", hint));
+            }
+            (Loaded::Twin(_), ..) => {
+                let hint = "twins have no figure; `plywave info` tells what it holds";
+                return Err(Failure::input(args.file.display(), "FILE", "the twin of a cloth", hint));
             }
             (Loaded::Table(_), Some(_), _) => {
                 let hint = "this flag goes with a model; FILE is a table, give --model instead";
@@ -256,6 +260,10 @@ impl Source {
         let h_rel: Vec<f64> = h_um.iter().map(|h| h / self.yarn.radius_um).collect();
         let columns = h_um.len();
         // Energies at sigma = 0 and at the chosen one, per node.
+        let nodes = match (&self.table, &self.model) {
+            (None, Some(m)) => m.data().node_energies(),
+            _ => Vec::new(),
+        };
         let high_at = |node: usize| -> (f64, f64) {
             match (&self.table, &self.model) {
                 (Some(t), _) => {
@@ -264,19 +272,15 @@ impl Source {
                     (t.energy_high[node * sigmas], t.energy_high[node * sigmas + k])
                 }
                 (None, Some(m)) => {
-                    let d = m.data();
-                    let paths = d.path_um.len();
-                    let spectrum = &d.energy_high[node * paths..(node + 1) * paths];
-                    let at = |s: f64| spectrum.iter().zip(&d.path_um).map(|(e, l)| e * (-s * l).exp()).sum();
+                    let at = |s: f64| nodes[node].high_at(s, &m.data().path_um);
                     (at(0.0), at(sigma))
                 }
                 (None, None) => (0.0, 0.0),
             }
         };
-        let (refl, r_d) = match (&self.table, &self.model) {
-            (Some(t), _) => (&t.energy_refl[..], &t.r_d[..]),
-            (None, Some(m)) => (&m.data().energy_refl[..], &m.data().r_d[..]),
-            (None, None) => (&[][..], &[][..]),
+        let (refl, r_d) = match &self.table {
+            Some(t) => (t.energy_refl.clone(), t.r_d.clone()),
+            None => (nodes.iter().map(|e| e.refl).collect(), nodes.iter().map(|e| e.r_d).collect()),
         };
         let panels = spread(theta_i.len(), MOST_BUDGETS)
             .into_iter()
@@ -330,7 +334,7 @@ impl Source {
         let node = h_um.len() / 2;
         let high = match (&self.table, &self.model) {
             (Some(t), _) => t.energy_high.clone(),
-            (None, Some(m)) => model_energy_high(m.data()),
+            (None, Some(m)) => NodeEnergies::of(m.data()).high,
             (None, None) => vec![],
         };
         let row = &high[node * sigma.len()..(node + 1) * sigma.len()];
@@ -441,14 +445,14 @@ pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
                 let table = plywave::fiber::FiberTable::load(&args.file)?;
                 return write(cli, &path, format, &super::fiber_view::figure(&args.file, &table)?);
             }
-            FileKind::Table | FileKind::Model => {}
+            FileKind::Table | FileKind::Model | FileKind::Twin => {}
         }
     }
     let source = Source::load(args)?;
     if matches!(args.part, Part::Noise) {
         let file = args.file.display().to_string();
         let Some(model) = &source.model else {
-            return Err(Failure::input(file, "FILE", "a table", "--part noise goes with a model that has noise tiles"));
+            return Err(Failure::input(file, "FILE", "a table", "--part noise goes with a model that has noise"));
         };
         model.require_noise(&file)?;
         return write(cli, &path, format, &super::noise_view::model(&source.title, model));

@@ -1,7 +1,7 @@
 //! `plywave render`: a fabric in a ready-made scene, by the reference host.
 
 use super::{color, on_threads};
-use crate::args::{Cli, RenderArgs, Scene};
+use crate::args::{Cli, FabricPart, RenderArgs, Scene};
 use crate::failure::{Failure, Outcome};
 use crate::progress::{self, Bar, STOP};
 use crate::{kinds, output, report};
@@ -24,6 +24,7 @@ impl From<Scene> for Setup {
             Scene::Drape => Setup::Drape,
             Scene::Folds => Setup::Folds,
             Scene::Swatch => Setup::Swatch,
+            Scene::Grazing => Setup::Grazing,
             Scene::Furnace => Setup::Furnace,
         }
     }
@@ -122,7 +123,7 @@ fn ingredients(args: &RenderArgs, size: f32, inputs: &[(&'static str, PathBuf)])
     for (name, path) in inputs {
         list.push(((*name).to_string(), digest_of_file(path)?));
     }
-    let flags: [(&str, String); 10] = [
+    let flags: [(&str, String); 11] = [
         ("--setup", format!("{:?}", args.setup)),
         ("--size-mm", size.to_string()),
         ("--cloth-mm", args.cloth_mm.to_string()),
@@ -133,6 +134,14 @@ fn ingredients(args: &RenderArgs, size: f32, inputs: &[(&'static str, PathBuf)])
         ("--sigma", format!("{:?}", args.sigma)),
         ("--straight-gaps", args.straight_gaps.to_string()),
         ("--smooth", args.smooth.to_string()),
+        (
+            "--without",
+            [FabricPart::Layers, FabricPart::Shadowing, FabricPart::Edges]
+                .map(|p| args.without.contains(&p))
+                .map(u8::from)
+                .map(|b| b.to_string())
+                .concat(),
+        ),
     ];
     list.extend(flags.map(|(name, value)| (name.to_string(), value)));
     Ok(list)
@@ -191,6 +200,9 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
         gaps: if args.straight_gaps { GapLight::Straight } else { GapLight::Diffracted },
         sigma_per_um: args.sigma.map(|s| s as f32),
         noise: !args.smooth,
+        layers: !args.without.contains(&FabricPart::Layers),
+        shadowing: !args.without.contains(&FabricPart::Shadowing),
+        edges: !args.without.contains(&FabricPart::Edges),
     };
     let setup = Setup::from(args.setup);
     let size = args.size_mm.map_or(setup.size_mm(), |s| s as f32);
@@ -201,11 +213,17 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     };
     let mut notes = loaded.notes();
     notes.extend(super::weave::lean_notes(&loaded.fabric));
-    if args.sigma.is_none() {
-        notes.extend(color::fabric_notes(&loaded));
+    if options.noise {
+        let smooth = loaded.models.iter().zip(&loaded.model_paths).filter(|(model, _)| model.data().noise.is_none());
+        notes.extend(smooth.map(|(_, path)| {
+            format!("{} has no speckle noise and stays smooth; `plywave noise` adds it", path.display())
+        }));
     }
     let name = loaded.spec.name.clone();
     let fabric = FabricBsdf::new(loaded, &options)?;
+    if args.sigma.is_none() {
+        notes.extend(color::fabric_notes(&fabric));
+    }
     let mesh = match &args.mesh {
         Some(file) => {
             let (mesh, told) = Mesh::obj(file, 1000.0 * args.cloth_mm as f32, size).map_err(failed)?;

@@ -42,13 +42,13 @@ pub fn run(cli: &Cli, args: &WeaveArgs) -> Outcome {
     let loaded = kinds::load_fabric(&args.fabric)?;
     let mut notes = loaded.notes();
     notes.extend(lean_notes(&loaded.fabric));
-    notes.extend(super::color::fabric_notes(&loaded));
     let spec = loaded.spec.clone();
     let mut inputs = loaded.model_paths.to_vec();
     if let WeaveSpec::Wif { file } = &spec.weave {
         inputs.push(args.fabric.parent().unwrap_or(Path::new("")).join(file));
     }
     let shading = FabricBsdf::new(loaded, &FabricOptions::default())?;
+    notes.extend(super::color::fabric_notes(&shading));
     let load = begun.elapsed();
     let colors = Family::EACH.map(|family| base_colors(&shading, family));
     let fabric = shading.fabric();
@@ -334,22 +334,13 @@ fn about(spec: &FabricSpec, fabric: &Fabric, size: [u32; 2], back: bool, texture
     })
 }
 
-/// Largest angle between the axis of a family's yarns and the fabric [degrees]: the axis climbs twice its amplitude from crossing to crossing, half as steep again in
-/// the middle.
-fn lean_deg(fabric: &Fabric, family: Family) -> f64 {
-    let (shape, other) = (fabric.shape(family), fabric.shape(family.other()));
-    let amplitude = 0.5 * shape.crimp * (shape.width_um() + other.width_um());
-    (3.0 * amplitude / other.spacing_um).atan().to_degrees()
-}
-
 /// Yarns that lean by more than this are told of [degrees]: such cloths are rare.
 const STEEP_DEG: f64 = 45.0;
 
 /// A line for each family whose yarns lean a lot.
 pub fn lean_notes(fabric: &Fabric) -> Vec<String> {
     let note = |family: Family| {
-        let (lean, crimp) = (lean_deg(fabric, family), fabric.shape(family).crimp);
-        let usual = crimp * USUAL_LEAN_DEG.to_radians().tan() / lean.to_radians().tan();
+        let (lean, crimp, usual) = (fabric.lean_deg(family), fabric.shape(family).crimp, fabric.usual_crimp(family));
         (lean > STEEP_DEG).then(|| {
             format!(
                 "{0} leans by up to {lean:.0} degrees; {0}.crimp = {usual:.2} in place of {1} leans by {USUAL_LEAN_DEG}",
@@ -383,7 +374,7 @@ fn particulars(fabric: &Fabric) -> Vec<String> {
             number(s.ply_radius_um),
             pitch.unwrap_or_default(),
             number(s.crimp),
-            lean_deg(fabric, family)
+            fabric.lean_deg(family)
         ));
     }
     lines

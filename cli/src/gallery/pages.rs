@@ -1,11 +1,12 @@
-//! What the gallery writes: the pictures composed of their panels, small ones of them, and the pages that list them.
+//! What the gallery writes: the pictures composed of their panels, compressed for pages, and the pages that list them.
 
 use super::pictures::Panel;
 use crate::failure::{Failure, Outcome};
 use crate::plot::figure::{Align, CAP, Figure, INK};
 use crate::plot::text::literal;
 use image::RgbImage;
-use image::imageops::{FilterType, replace, resize};
+use image::codecs::jpeg::JpegEncoder;
+use image::imageops::replace;
 use plywave::fabric::GapLight;
 use plywave_render::Setup;
 use serde::{Deserialize, Serialize};
@@ -15,10 +16,9 @@ use std::path::Path;
 const BETWEEN: u32 = 6;
 /// Room for a line of text below panels.
 const BELOW: u32 = 28;
-/// Most bytes of a small picture.
-const SMALL_BYTES: usize = 140_000;
-/// Sides of a small picture's panels, the largest that fits counts. Titles of ten letters still fit the last.
-const SMALL_SIDES: [u32; 8] = [256, 224, 192, 176, 160, 144, 128, 112];
+/// Most bytes of a picture for a page, and the qualities that are tried.
+const PAGE_BYTES: usize = 300_000;
+const PAGE_QUALITIES: [u8; 5] = [92, 88, 82, 74, 64];
 
 /// What a panel was rendered with.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -47,6 +47,8 @@ pub struct Shot {
     pub straight_gaps: bool,
     /// Without speckle.
     pub smooth: bool,
+    /// Parts that are left out.
+    pub without: Vec<String>,
     /// One absorption for all yarns [1/um].
     pub sigma_per_um: Option<f32>,
 }
@@ -67,6 +69,15 @@ impl Shot {
             exposure: panel.exposure,
             straight_gaps: panel.options.gaps == GapLight::Straight,
             smooth: !panel.options.noise,
+            without: [
+                (panel.options.layers, "layers"),
+                (panel.options.shadowing, "shadowing"),
+                (panel.options.edges, "edges"),
+            ]
+            .into_iter()
+            .filter(|(is_in, _)| !is_in)
+            .map(|(_, name)| name.to_string())
+            .collect(),
             sigma_per_um: panel.options.sigma_per_um,
         }
     }
@@ -86,6 +97,9 @@ impl Shot {
         if self.smooth {
             words += " --smooth";
         }
+        if !self.without.is_empty() {
+            words += &format!(" --without {}", self.without.join(","));
+        }
         if self.exposure != 0.0 {
             words += &format!(" --exposure {}", self.exposure);
         }
@@ -101,6 +115,7 @@ fn name_of(setup: Setup) -> &'static str {
         Setup::Drape => "drape",
         Setup::Folds => "folds",
         Setup::Swatch => "swatch",
+        Setup::Grazing => "grazing",
         Setup::Furnace => "furnace",
     }
 }
@@ -114,7 +129,7 @@ pub struct Entry {
     pub caption: String,
     /// PNG, relative to the folder.
     pub file: String,
-    /// Small PNG.
+    /// JPEG for a page.
     pub small: String,
     /// From left to right.
     pub panels: Vec<Shot>,
@@ -156,21 +171,17 @@ pub fn strip(panels: &[RgbImage], titles: &[&str]) -> RgbImage {
     panel.clone()
 }
 
-/// A picture small enough for a page, as PNG: fewer pixels, and colors in steps of 4 of 255, which noise hides.
-pub fn small(panels: &[RgbImage], titles: &[&str], about: &[(String, String)], path: &Path) -> Outcome<Vec<u8>> {
+/// A picture for a page: JPEG of all its pixels, at the best quality that fits into [`PAGE_BYTES`].
+pub fn for_page(panels: &[RgbImage], titles: &[&str], path: &Path) -> Outcome<Vec<u8>> {
+    let image = strip(panels, titles);
     let mut last = Vec::new();
-    for side in SMALL_SIDES {
-        let of = |p: &RgbImage| {
-            let mut image = match p.width() > side {
-                true => resize(p, side, side, FilterType::Triangle),
-                false => p.clone(),
-            };
-            image.iter_mut().for_each(|v| *v = ((u16::from(*v) + 2).min(255) & !3) as u8);
-            image
-        };
-        let image = strip(&panels.iter().map(of).collect::<Vec<_>>(), titles);
-        last = png(&image, about, path)?;
-        if last.len() <= SMALL_BYTES {
+    for quality in PAGE_QUALITIES {
+        last.clear();
+        let encoder = JpegEncoder::new_with_quality(&mut last, quality);
+        image
+            .write_with_encoder(encoder)
+            .map_err(|e| Failure::input(path.display(), "-o", e, "choose another place"))?;
+        if last.len() <= PAGE_BYTES {
             break;
         }
     }
@@ -197,7 +208,7 @@ pub fn about(entry: &Entry) -> Vec<(String, String)> {
     list
 }
 
-/// The page for README: the small pictures with what is to be seen, and the commands of each panel.
+/// The page: the pictures with what is to be seen, and the commands of each panel.
 pub fn markdown(index: &Index, command: &str) -> String {
     let mut page = format!("Made by `{command}`.\n");
     for entry in &index.pictures {

@@ -13,6 +13,6 @@ pub use absorption::{PATHS, choose_paths, energy_spectrum};
 pub use block::{BlockEffort, CORNERS, corner_weights};
 pub use canonical::{canonical, canonical_order, canonicalize, nearest_representation};
 pub use init::kmeans_lobes;
-pub use model::{Place, ScaledLobes, energy_high, high_lobes, high_lobes_in_block, locate, refl_lobes};
+pub use model::{Place, ScaledLobes, energies, energy_high, high_lobes, high_lobes_in_block, locate, refl_lobes};
 pub use reflection::ReflectionEffort;
 pub use sphere::{PaddedSlice, Scratch, SphereGrid};

@@ -3,8 +3,8 @@
 
 use crate::lobes::sphere::{PaddedSlice, Scratch, SphereGrid};
 use plywave::math::axis;
-use plywave::ply::PlyData;
 use plywave::ply::asg::{MU_MAX, MU_MIN, PARAMS};
+use plywave::ply::{EnergiesAt, PlyData};
 
 /// Lobes `[lobes][6]` and the energy their sum is scaled to.
 #[derive(Clone, Debug, PartialEq)]
@@ -64,7 +64,7 @@ pub fn refl_lobes(data: &PlyData, at: Place) -> ScaledLobes {
         p[4] = p[4].clamp(MU_MIN.ln(), MU_MAX.ln());
         p[5] = p[5].max(0.0);
     }
-    ScaledLobes { params, energy: bilinear(&data.energy_refl, columns, 1, 0, at) }
+    ScaledLobes { params, energy: energies(data, at).refl }
 }
 
 /// Nodes and Catmull-Rom weights at fraction `t` beyond node `k` of `count`; a node beyond the rim is `2 rim - next`.
@@ -90,20 +90,15 @@ fn node_weights(k: usize, t: f64, count: usize) -> [(usize, f64); 4] {
     [(nodes[0], w[0]), (nodes[1], w[1]), (nodes[2], w[2]), (nodes[3], w[3])]
 }
 
-/// A value between the nodes, of arrays `[M][H][stride]`.
-pub(crate) fn bilinear(values: &[f64], columns: usize, stride: usize, offset: usize, at: Place) -> f64 {
-    let v = |m: usize, n: usize| values[(m * columns + n) * stride + offset];
-    let low = (1.0 - at.t) * v(at.m, at.n) + at.t * v(at.m, at.n + 1);
-    let high = (1.0 - at.t) * v(at.m + 1, at.n) + at.t * v(at.m + 1, at.n + 1);
-    (1.0 - at.s) * low + at.s * high
+/// Energies of the model at a place.
+pub fn energies(data: &PlyData, at: Place) -> EnergiesAt {
+    let along = |axis: &[f64], i: usize, t: f64| axis[i] + t * (axis[i + 1] - axis[i]);
+    data.energies.at(along(&data.theta_i, at.m, at.s), along(&data.h_um, at.n, at.t))
 }
 
 /// Energy of f_high at a place and sigma [1/um].
 pub fn energy_high(data: &PlyData, at: Place, sigma_per_um: f64) -> f64 {
-    let paths = data.path_um.len();
-    (0..paths)
-        .map(|j| bilinear(&data.energy_high, data.h_um.len(), paths, j, at) * (-sigma_per_um * data.path_um[j]).exp())
-        .sum()
+    energies(data, at).high_at(sigma_per_um, &data.path_um)
 }
 
 /// High-order lobes at a place and sigma [1/um], by the block that holds the place.

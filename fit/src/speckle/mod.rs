@@ -1,4 +1,4 @@
-//! Noise tiles from the patterns of simulated fibers (Yu 2025, 6.2, Eq. 19-23; supplement not at hand, `docs/papers.md`).
+//! Noise from the patterns of simulated fibers (Yu 2025, 6.2, Eq. 19-23; supplement not at hand, `docs/papers.md`).
 //!
 //! The light of one kind in one direction is modeled as `N = |a + sqrt(b) g|^2` times its mean, a a constant phasor and g a circular complex Gaussian process of
 //! unit variance and correlation mu, `a^2 + b = 1`. Then N has mean 1 and, by the moments of Gaussian variables,
@@ -33,7 +33,7 @@ pub use spectrum::{FieldModel, intensity_covariance};
 
 use fields::field_models;
 use plywave::Error;
-use plywave::speckle::{NoiseTiles, SpecklePatterns};
+use plywave::speckle::{NoiseSpectrum, NoiseTiles, SpecklePatterns};
 
 /// What the noise of one kind of light was computed from.
 #[derive(Clone, Debug, PartialEq)]
@@ -50,8 +50,8 @@ pub struct NoiseKind {
     pub coding_error: f64,
 }
 
-/// Tiles of the light of `patterns`, which need clear and absorbing fibers (first and last kappa), and what they were computed from, f_refl first. The tiles
-/// are those of the shortest wavelength. `file` is for messages.
+/// Noise of the light of `patterns`, which need clear and absorbing fibers (first and last kappa), and what it was computed from, f_refl first. Its tiles, which the
+/// runtime makes, are those of the shortest wavelength. `file` is for messages.
 ///
 /// # Errors
 /// [`Error::Invalid`] for patterns without absorbing fibers or of fewer than two instances.
@@ -59,37 +59,26 @@ pub fn noise_tiles(
     patterns: &SpecklePatterns,
     options: &NoiseOptions,
     file: &str,
-) -> Result<(NoiseTiles, [NoiseKind; 2]), Error> {
+) -> Result<(NoiseSpectrum, [NoiseKind; 2]), Error> {
     check_savable(patterns, options, file)?;
     let models = field_models(patterns, options, file)?;
-    check_frame(patterns, options, Some(&models), file)?;
-    let mut tiles = Vec::new();
-    let mut code = Vec::new();
-    let (mut step, mut contrast, mut fade) = ([[0.0; 2]; 2], [[0.0; 2]; 2], [[0.0; 2]; 2]);
-    let mut kinds = Vec::new();
-    for (k, (measured, model)) in models.into_iter().enumerate() {
-        let tile_set =
-            tile::tiles(&model, patterns.lambda_um[0], options, options.seed.wrapping_mul(2).wrapping_add(k as u64));
-        tiles.extend(tile_set.codes);
-        code.extend(tile_set.code);
-        step[k] = tile_set.step;
-        fade[k] = model.fade;
-        contrast[k] = [measured.contrast(), tile_set.contrast];
-        kinds.push(NoiseKind {
-            measured,
-            model,
-            contrast_nodes: tile_set.contrast_nodes,
-            contrast: tile_set.contrast,
-            coding_error: tile_set.coding_error,
-        });
-    }
-    let sizes = [options.tiles, options.rows, options.columns];
-    let tiles = NoiseTiles { tiles, sizes, code, step, lambda_um: patterns.lambda_um[0], fade, contrast };
-    let [refl, high]: [NoiseKind; 2] = match kinds.try_into() {
-        Ok(kinds) => kinds,
-        Err(_) => unreachable!("one for each of the two kinds"),
-    };
-    Ok((tiles, [refl, high]))
+    let mut noise = frame(patterns, options, Some(&models));
+    noise.check_frame(file)?;
+    let fields = models.each_ref().map(|(_, model)| tile::field(model, patterns.lambda_um[0], options));
+    noise.share = fields.each_ref().map(|field| field.share);
+    noise.spectrum = fields.iter().flat_map(|field| &field.spectrum_u).map(|power| *power as f32).collect();
+    let tiles = noise.tiles();
+    let measured = [0, 1].map(|kind| tile::measured(&noise, &tiles, kind));
+    let mut kind = 0;
+    let kinds = models.map(|(covariance, model)| {
+        let (of, field) = (&measured[kind], &fields[kind]);
+        let contrast = of.contrast_nodes * field.kept.sqrt();
+        noise.contrast[kind][1] = contrast;
+        kind += 1;
+        let (contrast_nodes, coding_error) = (of.contrast_nodes, of.coding_error);
+        NoiseKind { measured: covariance, model, contrast_nodes, contrast, coding_error }
+    });
+    Ok((noise, kinds))
 }
 
 /// Refuses patterns and options whose tiles no model could hold, whatever the patterns' values, at no cost. `file` stands for the patterns in messages.
@@ -109,26 +98,26 @@ pub fn check_savable(patterns: &SpecklePatterns, options: &NoiseOptions, file: &
         );
         return Err(Error::Invalid { file: file.into(), key: "w0_um".into(), value: options.w0_um.to_string(), hint });
     }
-    check_frame(patterns, options, None, file)
+    frame(patterns, options, None).check_frame(file)
 }
 
-/// What of the tiles is known before they are made: nothing of the light without `models`.
-fn check_frame(
+/// What of the noise is known before its spectrum is: nothing of the light without `models`.
+fn frame(
     patterns: &SpecklePatterns,
     options: &NoiseOptions,
     models: Option<&[(PatternCovariance, FieldModel); 2]>,
-    file: &str,
-) -> Result<(), Error> {
+) -> NoiseSpectrum {
     let step_v = tile::step_v(patterns.lambda_um[0], options);
     let kinds = models.map_or([None; 2], |models| models.each_ref().map(Some));
-    NoiseTiles {
-        tiles: Vec::new(),
+    NoiseSpectrum {
         sizes: [options.tiles, options.rows, options.columns],
-        code: Vec::new(),
+        seed: options.seed,
+        spectrum: Vec::new(),
+        share: [0.0; 2],
+        w0_um: options.w0_um,
         step: kinds.map(|kind| [step_v, kind.map_or(step_v, |(_, model)| tile::step_u(model, options))]),
         lambda_um: patterns.lambda_um[0],
         fade: kinds.map(|kind| kind.map_or([1.0, 0.0], |(_, model)| model.fade)),
         contrast: kinds.map(|kind| [kind.map_or(0.0, |(measured, _)| measured.contrast()), 0.0]),
     }
-    .check_frame(file)
 }

@@ -1,44 +1,31 @@
-//! Tiles: the intensity of a periodic Gaussian field over (v, u), coded in bytes.
+//! The spectrum of a kind's tiles: the intensity of a periodic Gaussian field over (v, u), which the runtime synthesizes ([`NoiseSpectrum`]).
 //!
-//! The field's correlation is that of the azimuth along u times that of the illuminated length along v. A beam of waist w0 illuminates the ply with the intensity
-//! exp(-2 z^2 / w0^2); the correlation of the far field is the Fourier transform of that (van Cittert and Zernike, Goodman 2007, 4.4):
-//! `mu(q) = exp(-(k w0 q)^2 / 8)`, q the difference of sin theta.
+//! The field's correlation is that of the azimuth along u times that of the illuminated length along v.
 //!
 //! Bilinear interpolation between four nodes keeps the mean but not the variance: over a cell, `(4 + 2 c_10 + 2 c_01 + c_11) / 9` of it remains, c the covariance of
 //! neighboring nodes over the variance. The nodes' variance is raised to compensate, up to 1.
 
 use super::options::NoiseOptions;
 use super::spectrum::{FieldModel, intensity_covariance, share_of, spectrum_of};
-use plywave::speckle::NoiseTiles;
-use rand::SeedableRng;
-use rand_distr::{Distribution, StandardNormal};
-use rand_pcg::Pcg64Mcg;
-use rustfft::{FftPlanner, num_complex::Complex};
-use std::f64::consts::{PI, TAU};
+use plywave::speckle::{NoiseSpectrum, NoiseTiles};
+use std::f64::consts::PI;
 
 /// Largest lag that the field model knows [rad].
 const LAGS_RAD: f64 = PI / 6.0;
 
-/// The tiles of one kind of light, coded, and what the coding keeps of their contrast.
-pub struct TileSet {
-    pub codes: Vec<u8>,
-    /// `[T][2]`.
-    pub code: Vec<f32>,
-    /// Along v and u.
-    pub step: [f64; 2],
-    pub contrast_nodes: f64,
-    pub contrast: f64,
-    pub coding_error: f64,
-}
-
-/// s of the correlation `exp(-q^2 / (2 s^2))` along v.
-fn width_v(lambda_um: f64, options: &NoiseOptions) -> f64 {
-    2.0 * lambda_um / (TAU * options.w0_um)
+/// What the tiles of one kind of light are made of.
+pub struct TileField {
+    /// Share of the fluctuating field at the nodes.
+    pub share: f64,
+    /// Power at harmonics 0 to U/2 along u.
+    pub spectrum_u: Vec<f64>,
+    /// Variance between the nodes over that at the nodes.
+    pub kept: f64,
 }
 
 /// Step between nodes along v: the square of the correlation, the narrowest that the covariance can be, has its half width at s sqrt(ln 2).
 pub fn step_v(lambda_um: f64, options: &NoiseOptions) -> f64 {
-    width_v(lambda_um, options) * 2f64.ln().sqrt() / options.nodes_a_half_width
+    NoiseSpectrum::width_v(lambda_um, options.w0_um) * 2f64.ln().sqrt() / options.nodes_a_half_width
 }
 
 /// Step between nodes along u [rad].
@@ -46,10 +33,10 @@ pub fn step_u(model: &FieldModel, options: &NoiseOptions) -> f64 {
     model.half_width_rad(LAGS_RAD) / options.nodes_a_half_width
 }
 
-/// The tiles of one kind.
-pub fn tiles(model: &FieldModel, lambda_um: f64, options: &NoiseOptions, seed: u64) -> TileSet {
-    let (rows, columns) = (options.rows, options.columns);
-    let s = width_v(lambda_um, options);
+/// The field of one kind on the nodes.
+pub fn field(model: &FieldModel, lambda_um: f64, options: &NoiseOptions) -> TileField {
+    let columns = options.columns;
+    let s = NoiseSpectrum::width_v(lambda_um, options.w0_um);
     let (step_v, step_u) = (step_v(lambda_um, options), step_u(model, options));
     let along_v = |node: f64| (-0.5 * (node * step_v / s).powi(2)).exp();
     let lags = ((LAGS_RAD / step_u) as usize).min(2 * columns / 5);
@@ -69,53 +56,32 @@ pub fn tiles(model: &FieldModel, lambda_um: f64, options: &NoiseOptions, seed: u
     let spectrum_u = if share > 0.0 {
         spectrum_of(share, &(0..=lags).map(covariance).collect::<Vec<_>>(), columns)
     } else {
-        vec![0.0; columns / 2 + 1]
+        // Of no field, whatever its spectrum.
+        (0..=columns / 2).map(|q| if q == 0 { 1.0 } else { 0.0 }).collect()
     };
-    let spectrum_v: Vec<f64> =
-        (0..=rows / 2).map(|k| (-0.5 * (TAU * k as f64 / (rows as f64 * step_v) * s).powi(2)).exp()).collect();
-    let twice = |k: usize| if k == 0 || 2 * k == rows { 1.0 } else { 2.0 };
-    let sum: f64 = spectrum_v.iter().enumerate().map(|(k, v)| twice(k) * v).sum();
-    let (mut codes, mut code, mut coding_error) = (Vec::new(), Vec::new(), 0.0f64);
-    let mut squares = 0.0;
-    for t in 0..options.tiles {
-        let mut rng = Pcg64Mcg::seed_from_u64(seed ^ (t as u64 + 1).wrapping_mul(plywave::math::hash::GAMMA));
-        let mut field: Vec<Complex<f64>> = Vec::with_capacity(rows * columns);
-        for r in 0..rows {
-            for c in 0..columns {
-                let power = spectrum_v[r.min(rows - r)] / sum * spectrum_u[c.min(columns - c)];
-                let size = (0.5 * share * power).sqrt();
-                field.push(Complex::new(StandardNormal.sample(&mut rng), StandardNormal.sample(&mut rng)) * size);
-            }
-        }
-        transform(&mut field, rows, columns);
-        let constant = (1.0 - share).sqrt();
-        let mut values: Vec<f64> = field.iter().map(|g| (g + constant).norm_sqr()).collect();
-        let mean = values.iter().sum::<f64>() / values.len() as f64;
-        values.iter_mut().for_each(|v| *v /= mean);
-        let (coded, [low, step]) = NoiseTiles::code(&values);
-        let variance = values.iter().map(|v| (v - 1.0).powi(2)).sum::<f64>() / values.len() as f64;
-        squares += variance / options.tiles as f64;
-        if variance > 0.0 {
-            let back = |c: &u8| (f64::from(low) + f64::from(step) * f64::from(*c)).powi(2);
-            let worst = coded.iter().zip(&values).map(|(c, v)| (back(c) - v).abs()).fold(0.0, f64::max);
-            coding_error = coding_error.max(worst / variance.sqrt());
-        }
-        codes.extend(coded);
-        code.extend([low, step]);
-    }
-    let contrast = if variance > 0.0 { (squares * kept(share) / variance).sqrt() } else { 0.0 };
-    TileSet { codes, code, step: [step_v, step_u], contrast_nodes: squares.sqrt(), contrast, coding_error }
+    TileField { share, spectrum_u, kept: if variance > 0.0 { kept(share) / variance } else { 0.0 } }
 }
 
-/// Inverse Fourier transform along both axes, not normalized.
-fn transform(field: &mut [Complex<f64>], rows: usize, columns: usize) {
-    let mut planner = FftPlanner::new();
-    planner.plan_fft_inverse(columns).process(field);
-    let along = planner.plan_fft_inverse(rows);
-    let mut column = vec![Complex::default(); rows];
-    for c in 0..columns {
-        (0..rows).for_each(|r| column[r] = field[r * columns + c]);
-        along.process(&mut column);
-        (0..rows).for_each(|r| field[r * columns + c] = column[r]);
+/// What the tiles of one kind turned out to be.
+pub struct Measured {
+    /// Contrast at the nodes.
+    pub contrast_nodes: f64,
+    /// Largest error of a coded value, over the standard deviation of its tile.
+    pub coding_error: f64,
+}
+
+/// Of the tiles that the runtime makes of `spectrum`, beside the values that they code.
+pub fn measured(spectrum: &NoiseSpectrum, tiles: &NoiseTiles, kind: usize) -> Measured {
+    let (mut squares, mut coding_error) = (0.0, 0.0f64);
+    for tile in 0..spectrum.sizes[0] {
+        let values = spectrum.values(kind, tile);
+        let variance = values.iter().map(|v| (v - 1.0).powi(2)).sum::<f64>() / values.len() as f64;
+        squares += variance / spectrum.sizes[0] as f64;
+        if variance > 0.0 {
+            let coded = tiles.tile(kind, tile);
+            let worst = coded.iter().zip(&values).map(|(c, v)| (f64::from(*c) - v).abs()).fold(0.0, f64::max);
+            coding_error = coding_error.max(worst / variance.sqrt());
+        }
     }
+    Measured { contrast_nodes: squares.sqrt(), coding_error }
 }

@@ -178,6 +178,7 @@ pub fn table(plan: &Planted) -> Table {
         paths: vec![plan.paths.min(1e15) as u64; plan.rows],
         interactions: vec![3.0; plan.rows],
         exit: None,
+        energies: None,
     };
     for &theta in &theta_i {
         for &h in &h_um {

@@ -2,7 +2,7 @@
 
 use plywave::fiber::{FiberSource, FiberTable, OutlineSymmetry};
 use plywave::ply::PlyData;
-use plywave::speckle::SpecklePatterns;
+use plywave::speckle::{NoiseSpectrum, SpecklePatterns};
 use plywave_sim::runs::{self, Run};
 use plywave_sim::wave::{ScatterJob, Scene};
 use std::path::{Path, PathBuf};
@@ -25,11 +25,30 @@ pub fn models() -> Vec<Vec<u8>> {
     (diffuse[0], diffuse[1], diffuse[1 + j]) = (0.3, 0.2, 0.5);
     layered.layers =
         Some(plywave::ply::LayerFactors { forward: vec![0.004; (2 * m - 1) * (2 * h - 1) * (1 + j)], diffuse });
+    let mut noised = small.clone();
+    noised.noise = Some(noise().into());
     vec![
         small.to_bytes().expect("it loads"),
+        noised.to_bytes().expect("good noise"),
         layered.to_bytes().expect("it is within the energies"),
         file("fabrics/models/silk.pwm"),
     ]
+}
+
+/// Noise of small tiles.
+fn noise() -> NoiseSpectrum {
+    NoiseSpectrum {
+        sizes: [1, 16, 16],
+        seed: 1,
+        spectrum: [[0.5, 0.25, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.25, 0.25, 0.0, 0.0, 0.0, 0.0]]
+            .concat(),
+        share: [0.3, 1.0],
+        w0_um: 10.0,
+        step: [[0.003, 0.01]; 2],
+        lambda_um: 0.4,
+        fade: [[1.0, -0.2]; 2],
+        contrast: [[1.0; 2]; 2],
+    }
 }
 
 /// The small table of the tests.

@@ -4,7 +4,7 @@ use crate::Rng;
 use plywave::fabric::{FabricOptions, FabricSpec, LoadedFabric, Wif};
 use plywave::fiber::{FiberTable, TabulatedFiber};
 use plywave::spec::YarnSpec;
-use plywave::speckle::{Instance, SpecklePatterns};
+use plywave::speckle::{Instance, Noise, SpecklePatterns};
 use plywave::table::Table;
 use plywave::{Bsdf, FabricBsdf, FabricQuery, FiberQuery, PlyModel, PlyQuery};
 use plywave_render::{Environment, Film, Light, Mesh, Scene};
@@ -102,6 +102,12 @@ pub fn model(bytes: &[u8]) {
         ask("ply", &at, MOST, &mut rng);
         if let Some(below) = ply.layer(theta_i, sigma) {
             ask("two layers", &ply.at(&PlyQuery { below: Some(below), ..base }), MOST, &mut rng);
+        }
+        // Large tiles take some hundredths of a second to make.
+        if rng.below(8) != 0
+            && matches!(&ply.data().noise, Some(Noise::Spectrum(s)) if s.sizes[1] * s.sizes[2] > 1 << 16)
+        {
+            continue;
         }
         let instance = Some(Instance::new(rng.bits() as u32, any(&mut rng, 1e4), 20.0));
         ask("speckled ply", &ply.at(&PlyQuery { instance, ..base }), MOST, &mut rng);

@@ -4,6 +4,7 @@ pub(crate) mod fiber_section;
 pub(crate) mod mesh;
 pub(crate) mod outline;
 pub(crate) mod packing;
+mod radial;
 pub(crate) mod section;
 pub(crate) mod shape;
 

@@ -2,7 +2,8 @@
 //!
 //! The fibers start apart in a ply that is too large. Random moves and turns are accepted only while every gap is kept,
 //! and after each sweep the arrangement is compressed as far as the gaps allow, until all fibers lie within the ply.
-//! Further sweeps at that size forget the way there: hard particles at equilibrium fill their container uniformly.
+//! Further sweeps at that size forget the way there, and hold the radial density that is asked for (`radial.rs`); without one, hard particles at
+//! equilibrium fill their container evenly and line its wall.
 //! At no moment do two fibers overlap. (Yu 2025, 4.1, only says that cross sections are "generated and clustered".)
 //!
 //! Outlines other than circles are tested through a grid of exact signed distances in the fiber's frame, with the error of
@@ -11,9 +12,10 @@
 use crate::error::SimError;
 use crate::geometry::fiber_section::FiberSection;
 use crate::geometry::outline::{Outline, Runs};
+use crate::geometry::radial::{LEAST_FIBERS, Radial};
 use nalgebra::{Rotation2, Vector2};
 use plywave::math::axis;
-use plywave::spec::{FiberSpec, PlySpec};
+use plywave::spec::{FiberSpec, Packing, PlySpec};
 use rand::{Rng, RngExt};
 use std::f64::consts::{PI, TAU};
 
@@ -29,6 +31,8 @@ const STALL_SWEEPS: usize = 400;
 const STALL: f64 = 1e-3;
 /// Sweeps at the final size; with steps near a third of a gap, tens of sweeps carry a fiber past its neighbors.
 const MIX_SWEEPS: usize = 150;
+/// The same where a radial density is held: two thirds of them on the way there.
+const RADIAL_SWEEPS: usize = 600;
 /// Densest packing of equal discs in the plane; above it no start is tried.
 const HEXAGONAL: f64 = 0.9069;
 /// Cells across the grid of signed distances.
@@ -52,7 +56,8 @@ pub(crate) fn pack<R: Rng>(
     let mut reached = f64::INFINITY;
     if with_gap / container <= HEXAGONAL {
         let bodies: Vec<Body> = fibers.iter().map(|f| Body::new(&f.outer, gap)).collect();
-        let mut state = State::new(bodies, radii, gap, fiber.angle_jitter_rad);
+        let areas = fibers.iter().map(|f| f.outer.area()).collect();
+        let mut state = State::new(bodies, areas, radii, gap, fiber.angle_jitter_rad);
         for _ in 0..STARTS {
             let angles = fibers.iter().map(|f| f.angle_rad);
             if !state.start(angles, rng) {
@@ -60,9 +65,7 @@ pub(crate) fn pack<R: Rng>(
             }
             let scale = state.compress(rng);
             if scale <= 1.0 {
-                for _ in 0..MIX_SWEEPS {
-                    state.sweep(1.0, rng);
-                }
+                state.mix(ply.packing, rng);
                 for (f, pose) in fibers.iter_mut().zip(&state.poses) {
                     (f.center_um, f.angle_rad) = (pose.center, pose.angle.rem_euclid(TAU));
                 }
@@ -282,11 +285,33 @@ struct State {
     angle_sd: Option<f64>,
     /// Largest move per axis [um], tuned to accept about 40 %.
     step: f64,
+    /// Areas of the fibers [um^2].
+    areas: Vec<f64>,
+    radial: Option<Radial>,
 }
 
 impl State {
-    fn new(bodies: Vec<Body>, radii: [f64; 2], gap: f64, angle_sd: Option<f64>) -> State {
-        State { bodies, poses: Vec::new(), radii, gap, angle_sd, step: 1.0 }
+    fn new(bodies: Vec<Body>, areas: Vec<f64>, radii: [f64; 2], gap: f64, angle_sd: Option<f64>) -> State {
+        State { bodies, poses: Vec::new(), radii, gap, angle_sd, step: 1.0, areas, radial: None }
+    }
+
+    /// Sweeps at the final size.
+    fn mix<R: Rng>(&mut self, packing: Packing, rng: &mut R) {
+        if packing == Packing::Lined || self.bodies.len() < LEAST_FIBERS {
+            (0..MIX_SWEEPS).for_each(|_| self.sweep(1.0, rng));
+            return;
+        }
+        let discs = self.bodies.iter().all(|b| matches!(b.form, Form::Disc));
+        let mut radial = Radial::new(&self.areas, self.radii, discs);
+        for sweep in 0..RADIAL_SWEEPS {
+            radial.count(self.poses.iter().map(|p| p.center), 1.5 * sweep as f64 / RADIAL_SWEEPS as f64);
+            self.radial = Some(radial);
+            self.sweep(1.0, rng);
+            match self.radial.take() {
+                Some(back) => radial = back,
+                None => return,
+            }
+        }
     }
 
     /// Place the fibers at random in a ply wide enough for their bounding circles; false when that fails.
@@ -388,10 +413,18 @@ impl State {
                 }
             };
             let pose = Pose { center, angle };
-            let free = body.extent(&pose, self.radii) <= scale
+            let (gain, part) = self.radial.as_ref().map_or((0.0, None), |r| {
+                let (gain, part) = r.gain(i, center);
+                (gain, Some(part))
+            });
+            let free = (gain <= 0.0 || rng.random::<f64>() < (-gain).exp())
+                && body.extent(&pose, self.radii) <= scale
                 && (0..n).all(|j| j == i || apart(body, &pose, &self.bodies[j], &self.poses[j], self.gap));
             if free {
                 self.poses[i] = pose;
+                if let (Some(radial), Some(part)) = (&mut self.radial, part) {
+                    radial.set(i, part);
+                }
                 accepted += 1;
             }
         }

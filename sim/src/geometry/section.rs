@@ -44,6 +44,34 @@ impl PlySection {
         z_um * self.twist_per_um
     }
 
+    /// Chance that the line x = `h_um[n]` meets a fiber when the section is turned at random: mean over `turns` even turns.
+    pub fn chance_to_meet(&self, h_um: &[f64], turns: usize) -> Vec<f64> {
+        let mut met = vec![0usize; h_um.len()];
+        for k in 0..turns {
+            let (sin, cos) = (TAU * (k as f64 + 0.5) / turns as f64).sin_cos();
+            // A fiber covers one stretch of lines.
+            let stretches: Vec<(f64, f64)> = self
+                .fibers
+                .iter()
+                .map(|f| match &f.outer {
+                    Outline::Circle { radius_um } => {
+                        let x = cos * f.center_um.x - sin * f.center_um.y;
+                        (x - radius_um, x + radius_um)
+                    }
+                    Outline::Polyline(points) => points.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), p| {
+                        let p = f.to_ply(*p);
+                        let x = cos * p.x - sin * p.y;
+                        (a.min(x), b.max(x))
+                    }),
+                })
+                .collect();
+            for (met, h) in met.iter_mut().zip(h_um) {
+                *met += usize::from(stretches.iter().any(|(a, b)| a <= h && h <= b));
+            }
+        }
+        met.into_iter().map(|n| n as f64 / turns.max(1) as f64).collect()
+    }
+
     /// Least gap between any two fibers [um], infinite for fewer than two. Exact for the outlines as held.
     pub fn min_gap_um(&self) -> f64 {
         let mut least = f64::INFINITY;

@@ -41,16 +41,30 @@ pub const MAX_INTERACTIONS: u32 = 10_000;
 pub fn trace_path<T: Tracer + ?Sized, R: Rng>(
     tracer: &T,
     surface: &RoughDielectric,
+    pos: Vector3<f32>,
+    dir: Vector3<f32>,
+    rng: &mut R,
+) -> PathEnd {
+    walk(|pos, dir, medium| tracer.trace(pos, dir, medium), |_| *surface, pos, dir, rng, |_, _, _| ())
+}
+
+/// The walk itself. `trace` answers for the next wall as a [`Tracer`] does, `surface` says what the walls of a fiber are, and `on_hit` is told of every wall
+/// that the path hits: its fiber, the length passed within the fiber's material just before, 0 in air, and the place, which it may move to an equal one.
+#[inline(always)]
+pub(crate) fn walk<R: Rng>(
+    trace: impl Fn(Vector3<f32>, Vector3<f32>, Medium) -> Trace,
+    surface: impl Fn(u32) -> RoughDielectric,
     mut pos: Vector3<f32>,
     mut dir: Vector3<f32>,
     rng: &mut R,
+    mut on_hit: impl FnMut(u32, f32, &mut Vector3<f32>),
 ) -> PathEnd {
     let mut medium = Medium::Air;
     let mut interactions = 0;
     let mut length_um = 0.0f32;
     let mut entered = false;
     loop {
-        let hit = match tracer.trace(pos, dir, medium) {
+        let hit = match trace(pos, dir, medium) {
             Trace::Hit(hit) => hit,
             Trace::Escaped => break,
             Trace::Lost => return PathEnd::Killed,
@@ -60,20 +74,20 @@ pub fn trace_path<T: Tracer + ?Sized, R: Rng>(
             return PathEnd::Killed;
         }
         let outside = !matches!(medium, Medium::Fiber(_));
-        if !outside {
-            length_um += hit.t_um;
-        }
+        let inside_um = if outside { 0.0 } else { hit.t_um };
+        length_um += inside_um;
         let n = hit.normal;
         let (t, b) = basis(n);
         // At a corner sharper than the geometry resolves, the normal can face away from a ray that passes the wall: it then
         // counts as grazing, from the side of its medium.
         let z = dir.dot(&n).abs().max(1e-6);
         let local = Vector3::new(dir.dot(&t), dir.dot(&b), if outside { -z } else { z });
-        let s = surface.scatter(local, outside, rng);
+        let s = surface(hit.fiber).scatter(local, outside, rng);
         if s.order == 0 {
             return PathEnd::Killed;
         }
         pos += dir * hit.t_um;
+        on_hit(hit.fiber, inside_um, &mut pos);
         dir = (t * s.dir.x + b * s.dir.y + n * s.dir.z).normalize();
         if s.outside {
             medium = hit.air_side();

@@ -3,10 +3,12 @@
 use super::merge::Parts;
 use crate::error::SimError;
 use crate::simulate::SimulateJob;
+use crate::twin::TwinJob;
 use crate::wave::{CompareJob, CompareReport, Report, ScatterJob, SpeckleJob, TabulateJob};
 use plywave::fiber::FiberTable;
 use plywave::speckle::SpecklePatterns;
 use plywave::table::Table;
+use plywave::twin::ClothTwin;
 
 /// What a job makes.
 pub enum Output {
@@ -20,6 +22,8 @@ pub enum Output {
     Compare(Box<CompareReport>),
     /// Of "scatter".
     Scatter(Box<Report>),
+    /// Of "twin".
+    Twin(Box<ClothTwin>),
 }
 
 impl Parts {
@@ -35,10 +39,11 @@ impl Parts {
             "speckle" => Output::Speckle(Box::new(self.merge(&SpeckleJob::of(job, extent)?)?)),
             "compare" => Output::Compare(Box::new(self.merge(&CompareJob::of(job, extent)?)?)),
             "scatter" => Output::Scatter(Box::new(self.merge(&ScatterJob::of(job)?)?)),
+            "twin" => Output::Twin(Box::new(self.merge(&TwinJob::of(job)?)?)),
             other => {
                 return Err(SimError::Merge {
                     what: format!("parts of kind {other:?}"),
-                    hint: "this program knows simulate, tabulate, speckle, compare and scatter".into(),
+                    hint: "this program knows simulate, tabulate, speckle, compare, scatter and twin".into(),
                 });
             }
         })

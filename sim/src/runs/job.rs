@@ -16,7 +16,7 @@ pub struct Description {
     pub part_version: u64,
     /// Version of the program, whose arithmetic the shards depend on.
     pub program_version: String,
-    /// Kind of the job: "simulate", "tabulate", "speckle", "compare" or "scatter".
+    /// Kind of the job: "simulate", "tabulate", "speckle", "compare", "scatter" or "twin".
     pub kind: String,
     /// Options and seed, without what only says how many shards there are.
     pub options: serde_json::Value,

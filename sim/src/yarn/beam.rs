@@ -15,6 +15,8 @@ const SUB: usize = 8;
 /// Lines of a beam, and the standard deviations that they cover to each side.
 const LINES: usize = 96;
 const SDS: f64 = 5.0;
+/// Orientations over which the missed light alone is averaged.
+const ORIENTATIONS: usize = 240;
 
 /// Where a beam's power goes, averaged over the valid orientations of the yarn.
 pub(crate) struct FirstHits {
@@ -36,12 +38,7 @@ pub(crate) fn first_hits(
     let (columns, h) = (table.h_um.len(), table.h_um[n]);
     let r_d = &table.r_d[m * columns..(m + 1) * columns];
     let plies = ring.plies as usize;
-    let sd = beam.sd_um();
-    let lines: Vec<(f64, f64)> = {
-        let t = |i: usize| SDS * ((2 * i + 1) as f64 / LINES as f64 - 1.0);
-        let total: f64 = (0..LINES).map(|i| (-0.5 * t(i) * t(i)).exp()).sum();
-        (0..LINES).map(|i| (h + sd * t(i), (-0.5 * t(i) * t(i)).exp() / total)).collect()
-    };
+    let lines = lines(beam, h);
     let own: f64 = lines.iter().map(|(x, w)| w * intercept.at(*x)).sum();
     let mut parts = vec![vec![0.0; bins]; columns];
     let (mut valid, mut missed) = (0usize, 0.0);
@@ -105,6 +102,33 @@ pub(crate) fn first_hits(
         .map(|(node, part)| (node, part.into_iter().map(|w| w * scale).collect()))
         .collect();
     FirstHits { parts, r_d: missed * scale }
+}
+
+/// Share of the beam at offset `h` that misses the whole yarn, averaged over its valid orientations: what every line of it has left behind all plies.
+pub(crate) fn missed(ring: &PlyRing, beam: &GaussianBeam, intercept: &Intercept, h: f64) -> f64 {
+    let lines = lines(beam, h);
+    let (mut valid, mut missed) = (0usize, 0.0);
+    for i in 0..ORIENTATIONS {
+        let psi = TAU * (i as f64 + 0.5) / ORIENTATIONS as f64;
+        if !ring.is_valid(psi, h) {
+            continue;
+        }
+        valid += 1;
+        let centers: Vec<f64> = (0..ring.plies).map(|p| ring.center(p, psi)[0]).collect();
+        missed += lines
+            .iter()
+            .map(|(x, w)| w * centers.iter().map(|c| 1.0 - intercept.at(x - c)).product::<f64>())
+            .sum::<f64>();
+    }
+    missed / valid.max(1) as f64
+}
+
+/// Lateral positions of a beam's lines and their shares of its power.
+fn lines(beam: &GaussianBeam, h: f64) -> Vec<(f64, f64)> {
+    let sd = beam.sd_um();
+    let t = |i: usize| SDS * ((2 * i + 1) as f64 / LINES as f64 - 1.0);
+    let total: f64 = (0..LINES).map(|i| (-0.5 * t(i) * t(i)).exp()).sum();
+    (0..LINES).map(|i| (h + sd * t(i), (-0.5 * t(i) * t(i)).exp() / total)).collect()
 }
 
 /// Nodes around an offset, with factors of the table's slices there that make a unit of scattered and absorbed energy.

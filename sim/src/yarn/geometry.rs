@@ -45,6 +45,14 @@ impl Intercept {
             .collect()
     }
 
+    /// At each latitude of the table's fine energies, if it has them.
+    pub fn fine(table: &Table) -> Vec<Intercept> {
+        let Some(energies) = table.energies.as_ref().filter(|e| !e.met.is_empty()) else { return Vec::new() };
+        let (rows, reach_um) = (energies.miss_theta_i.len(), energies.miss_h_um[energies.miss_h_um.len() - 1]);
+        let values = energies.met.chunks_exact(energies.met.len() / rows);
+        values.map(|met| Intercept { values: met.iter().map(|v| f64::from(*v)).collect(), reach_um }).collect()
+    }
+
     /// Mean over the latitudes, by the light of an even sphere, and over both signs of the offset, which a turned ply exchanges.
     pub fn mean(all: &[Intercept], theta: &[f64]) -> Intercept {
         let n = all[0].values.len();

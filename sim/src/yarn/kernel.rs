@@ -213,6 +213,7 @@ mod tests {
             paths: vec![],
             interactions: vec![],
             exit: None,
+            energies: None,
         }
     }
 

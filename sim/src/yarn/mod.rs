@@ -24,7 +24,7 @@ mod noise;
 mod orders;
 
 use crate::error::SimError;
-use beam::first_hits;
+use beam::{first_hits, missed};
 use bins::{Overlap, density};
 use geometry::{Flights, Intercept, Level};
 use kernel::{Kernel, Light, Scratch};
@@ -32,7 +32,7 @@ use noise::PartsNoise;
 use orders::{Chain, Orders};
 use plywave::math::axis;
 use plywave::spec::YarnSpec;
-use plywave::table::{OutgoingGrid, Table};
+use plywave::table::{OutgoingGrid, Table, TableEnergies};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -121,7 +121,31 @@ pub fn yarn_table(
             out
         })
         .collect();
-    Ok(assemble(table, ring.plies, slices.into_iter().flatten()))
+    let (mut out, ledger) = assemble(table, ring.plies, slices.into_iter().flatten());
+    out.energies = fine_energies(table, &out, spec);
+    Ok((out, ledger))
+}
+
+/// The yarn's missed light on the fine grid of its ply's; what becomes of the rest at the nodes of its slices.
+fn fine_energies(ply: &Table, yarn: &Table, spec: &YarnSpec) -> Option<TableEnergies> {
+    let fine = ply.energies.as_ref()?;
+    let intercepts = Intercept::fine(ply);
+    if intercepts.is_empty() {
+        return None;
+    }
+    let (ring, beam) = (spec.ply_ring(), spec.beam.beam());
+    let row = |intercept: &Intercept| -> Vec<f64> {
+        fine.miss_h_um.iter().map(|h| missed(&ring, &beam, intercept, *h).clamp(0.0, 1.0)).collect()
+    };
+    let miss: Vec<Vec<f64>> = intercepts.par_iter().map(row).collect();
+    Some(TableEnergies {
+        miss_theta_i: fine.miss_theta_i.clone(),
+        miss_h_um: fine.miss_h_um.clone(),
+        miss: miss.concat(),
+        miss_se: fine.miss_se.clone(),
+        met: Vec::new(),
+        ..TableEnergies::of_nodes(yarn)
+    })
 }
 
 /// What is the same for all incidences.
@@ -408,7 +432,7 @@ fn assemble(table: &Table, plies: u32, nodes: impl Iterator<Item = Node>) -> (Ta
         let row = |r: &[f32]| r.iter().map(|v| f64::from(*v)).sum::<f64>();
         f.chunks_exact(grid.phi_o).enumerate().map(|(i, r)| grid.solid_angle(i) * row(r)).sum()
     };
-    let mut out = Table { plies, exit: None, refl: Vec::new(), high: Vec::new(), ..table.clone() };
+    let mut out = Table { plies, energies: None, refl: Vec::new(), high: Vec::new(), ..table.clone() };
     let mut ledger = YarnLedger::default();
     let mean_se = (table.energy_se.iter().map(|s| s * s).sum::<f64>() / table.energy_se.len().max(1) as f64).sqrt();
     for (i, node) in nodes.enumerate() {

@@ -55,10 +55,10 @@ impl Twin {
     fn walk(&self, line: &Line, step: f64) -> Option<(u32, f64, f64)> {
         let w = line.w.map(f64::from);
         let sine = w[0].hypot(w[1]);
-        let reach = (self.circle + R) / sine + 2.0 * f64::from(line.across).abs();
+        let reach = (self.circle + R) / sine + 2.0 * f64::from(line.origin[0]).abs();
         let mut at = reach;
         while at > -reach {
-            let p = [f64::from(line.across) + at * w[0], at * w[1], at * w[2]];
+            let p = [f64::from(line.origin[0]) + at * w[0], at * w[1], at * w[2]];
             let mut least = f64::INFINITY;
             for ply in 0..self.plies {
                 let (q, t) = self.next(f64::from(line.turns), ply, p);
@@ -87,7 +87,7 @@ fn lines(seed: u64, count: usize, half_width: f32, steepest: f32) -> Vec<Line> {
             let (s, c) = (TAU * rng.random::<f32>()).sin_cos();
             let sine = (1.0 - cos * cos).sqrt();
             let across = (2.0 * rng.random::<f32>() - 1.0) * half_width;
-            Line { across, w: [sine * c, cos, sine * s], turns: rng.random() }
+            Line { origin: [across, 0.0, 0.0], w: [sine * c, cos, sine * s], turns: rng.random() }
         })
         .collect()
 }
@@ -180,7 +180,7 @@ fn hands_are_those_of_the_letters() {
     for (hand, sign) in [(Handedness::Z, 1.0), (Handedness::S, -1.0)] {
         let (yarn, _) = yarn(2, Some(800.0), hand);
         // Ply 0 is at the top at a quarter turn. Seen from +n with t upwards, -c points right.
-        let met = yarn.meet(&Line { across: 0.0, w: [0.0, 1.0, 0.0], turns: 0.25 });
+        let met = yarn.meet(&Line { origin: [0.0; 3], w: [0.0, 1.0, 0.0], turns: 0.25 });
         assert!(met.hit && met.ply == 0 && met.h.abs() < 1e-4, "{met:?}");
         let lean = (-met.tangent[0] / met.tangent[2]).atan();
         assert!((lean - sign * (TAU * 50.0 / 800.0).atan()).abs() < 1e-5, "{lean}");

@@ -1,0 +1,113 @@
+//! `plywave check FABRIC --twin`: a cloth model beside path tracing of its explicit fibers, direction by direction.
+
+use super::on_threads;
+use super::twin::{angles, sigma_text};
+use crate::args::{CheckArgs, Cli};
+use crate::failure::{Failure, Outcome};
+use crate::{kinds, output};
+use plywave::FabricBsdf;
+use plywave::fabric::FabricOptions;
+use plywave::twin::{ClothTwin, Comparison, ComparisonOptions, compare};
+use plywave_sim::twin::TwinCloth;
+
+/// Most that reflected and all transmitted light may be off, up to a tilt of 60 degrees and beyond.
+const LIGHT_TOLERANCE: [f64; 2] = [0.015, 0.03];
+/// Most that the light's half of the sphere may be off, relative L2.
+const UPPER_TOLERANCE: f64 = 0.12;
+/// Most that the other half may be off, where more than [`LEAST_TRANSMITTED`] goes there.
+const LOWER_TOLERANCE: f64 = 0.20;
+const LEAST_TRANSMITTED: f64 = 0.05;
+
+/// Whether a comparison passes, in the order reflected, transmitted, upper, lower.
+fn verdicts(twin: &ClothTwin, c: &Comparison) -> [bool; 4] {
+    let [tilt, _] = angles(twin.view(c.view));
+    let tilt = tilt.min(180.0 - tilt);
+    let most = LIGHT_TOLERANCE[usize::from(tilt > 60.5)];
+    let all = |light: &plywave::twin::Light| light.transmitted + light.straight;
+    [
+        (c.model.reflected - c.twin.reflected).abs() <= most,
+        (all(&c.model) - all(&c.twin)).abs() <= most,
+        c.upper <= UPPER_TOLERANCE,
+        c.twin.transmitted <= LEAST_TRANSMITTED || c.lower <= LOWER_TOLERANCE,
+    ]
+}
+
+/// Runs the command.
+pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
+    let Some(path) = &args.twin else {
+        let hint = "a fabric is checked against its twin: give --twin FILE, which `plywave twin` writes";
+        return Err(Failure::input("command line", "--twin", "(absent)", hint));
+    };
+    let loaded = kinds::load_fabric(&args.model)?;
+    let twin = kinds::load_twin(path)?;
+    let refuse = |e| super::runs::failure(e, path);
+    if let Some(what) = TwinCloth::parse(&twin.spec_text).map_err(refuse)?.difference(&loaded) {
+        let hint = format!("{} is of another; trace it again with `plywave twin`", path.display());
+        return Err(Failure::input(args.model.display(), what, "not the twin's", &hint));
+    }
+    let fabric = FabricBsdf::new(loaded, &FabricOptions::RAYS)?;
+    let all = on_threads(cli, || compare(&fabric, &twin, &ComparisonOptions::default()))?;
+    let passed = all.iter().all(|c| verdicts(&twin, c).iter().all(|v| *v));
+    let printed = if cli.json {
+        let views: Vec<serde_json::Value> = all
+            .iter()
+            .map(|c| {
+                let ([tilt, azimuth], pass) = (angles(twin.view(c.view)), verdicts(&twin, c));
+                serde_json::json!({
+                    "tilt_deg": tilt, "azimuth_deg": azimuth, "sigma_per_um": twin.sigma(c.sigma),
+                    "twin": c.twin, "twin_se": twin.standard_errors(c.view, c.sigma), "model": c.model,
+                    "upper": c.upper, "lower": c.lower.is_finite().then_some(c.lower),
+                    "passed": pass.iter().all(|v| *v),
+                })
+            })
+            .collect();
+        output::print_json(&serde_json::json!({
+            "fabric": args.model.display().to_string(), "twin": path.display().to_string(), "views": views, "passed": passed,
+        }))
+    } else {
+        output::print(|out| {
+            writeln!(
+                out,
+                "{} beside {}, twin / model; * beyond what is allowed",
+                args.model.display(),
+                path.display()
+            )?;
+            writeln!(
+                out,
+                "  {:>5} {:>7} {:>11}  {:>15}  {:>15}  {:>15}  {:>8} {:>8}",
+                "tilt", "azimuth", "sigma", "reflected", "transmitted", "straight", "L2 upper", "L2 lower"
+            )?;
+            for c in &all {
+                let [tilt, azimuth] = angles(twin.view(c.view));
+                let pass = verdicts(&twin, c);
+                if cli.quiet && pass.iter().all(|v| *v) {
+                    continue;
+                }
+                let mark = |k: usize| if pass[k] { ' ' } else { '*' };
+                writeln!(
+                    out,
+                    "  {tilt:>5.1} {azimuth:>7.1} {:>11}  {:.4} / {:.4}{} {:.4} / {:.4}{}  {:.4} / {:.4}  {:>7.3}{} {:>7.3}{}",
+                    sigma_text(twin.sigma(c.sigma)),
+                    c.twin.reflected,
+                    c.model.reflected,
+                    mark(0),
+                    c.twin.transmitted,
+                    c.model.transmitted,
+                    mark(1),
+                    c.twin.straight,
+                    c.model.straight,
+                    c.upper,
+                    mark(2),
+                    c.lower,
+                    mark(3)
+                )?;
+            }
+            writeln!(
+                out,
+                "allowed: reflected and transmitted + straight {} to 60 degrees, {} beyond; upper {UPPER_TOLERANCE}; lower {LOWER_TOLERANCE} where more than {LEAST_TRANSMITTED} is transmitted",
+                LIGHT_TOLERANCE[0], LIGHT_TOLERANCE[1]
+            )
+        })
+    };
+    if passed { printed } else { Err(Failure::NotHeld) }
+}

@@ -1,0 +1,58 @@
+//! Energies of a table as the splines of a model ([`PlyEnergies`]).
+
+use crate::lobes::absorption::{choose_paths, energy_spectrum};
+use plywave::ply::{PlyData, PlyEnergies, spline_coefficients};
+use plywave::table::{Table, TableEnergies};
+use rayon::prelude::*;
+
+/// Most that the shares of a coefficient add up to, as of a table's nodes: beside a sudden fall splines swing over.
+const MOST: f64 = 1.049;
+
+/// The splines of a table's energies, and the path lengths [um] of their spectra.
+///
+/// Coefficients sharpen what the splines blur, noise too: what falls below 0 by that is set to 0, and the sum of the shares at sigma = 0 is kept.
+pub(crate) fn energy_splines(table: &Table) -> (PlyEnergies, Vec<f64>) {
+    let energies = &*table.fine_energies();
+    let TableEnergies { miss_theta_i, miss_h_um, share_theta_i, share_h_um, .. } = energies.clone();
+    let (rows, columns, sigmas) = (share_theta_i.len(), share_h_um.len(), table.sigma_per_um.len());
+    let spline = |values: &[f64]| spline_coefficients(values, rows, columns);
+    let refl = spline(&energies.share_refl);
+    let high: Vec<Vec<f64>> = (0..sigmas)
+        .map(|k| spline(&energies.share_high.iter().skip(k).step_by(sigmas).copied().collect::<Vec<_>>()))
+        .collect();
+    // Per node: f_refl, then f_high at each sigma.
+    let shares: Vec<(f64, Vec<f64>)> = (0..rows * columns)
+        .map(|i| {
+            let all = (refl[i] + high[0][i]).clamp(0.0, MOST);
+            let refl = refl[i].clamp(0.0, all);
+            let clear = all - refl;
+            (refl, (0..sigmas).map(|k| if k == 0 { clear } else { high[k][i].clamp(0.0, clear) }).collect())
+        })
+        .collect();
+    let curves: Vec<Vec<f64>> = shares.iter().map(|s| s.1.clone()).collect();
+    let path_um = choose_paths(&curves, &table.sigma_per_um);
+    let spectra: Vec<Vec<f64>> =
+        curves.par_iter().map(|c| energy_spectrum(c, &table.sigma_per_um, &path_um).0).collect();
+    let splines = PlyEnergies {
+        miss: missed(energies),
+        miss_theta_i,
+        miss_h_um,
+        share_theta_i,
+        share_h_um,
+        share_refl: shares.iter().map(|s| s.0).collect(),
+        share_high: spectra.concat(),
+    };
+    (splines, path_um)
+}
+
+/// Coefficients of r_d.
+fn missed(energies: &TableEnergies) -> Vec<f64> {
+    let (rows, columns) = (energies.miss_theta_i.len(), energies.miss_h_um.len());
+    spline_coefficients(&energies.miss, rows, columns).into_iter().map(|c| c.clamp(0.0, 1.0)).collect()
+}
+
+/// Whether a model was fitted to this very table, by its missed light: tables of other seeds or numbers of paths have other noise.
+pub fn has_energies_of(model: &PlyData, table: &Table) -> bool {
+    let (own, held) = (missed(&table.fine_energies()), &model.energies.miss);
+    own.len() == held.len() && own.iter().zip(held).all(|(a, b)| *a as f32 == *b as f32)
+}

@@ -1,0 +1,90 @@
+//! Things of matte paint beside the sheet: a floor, a ball that it hangs over.
+
+use glam::Vec3;
+use plywave::bsdf::{DirectionSample, Outcomes};
+use plywave::{Bsdf, BsdfSample};
+use std::f32::consts::{PI, TAU};
+
+/// Shape of a prop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Shape {
+    /// The plane z = `height_mm`, seen from above.
+    Floor {
+        /// Height [mm].
+        height_mm: f32,
+    },
+    /// A ball, seen from outside.
+    Ball {
+        /// Center [mm].
+        center: Vec3,
+        /// Radius [mm].
+        radius_mm: f32,
+    },
+}
+
+/// A thing that reflects light evenly, the same at every wavelength.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prop {
+    /// Where it is.
+    pub shape: Shape,
+    /// Share of light that it reflects, 0 to 1.
+    pub albedo: f32,
+}
+
+impl Prop {
+    /// Distance along a ray to its outer side, if it is met.
+    pub(crate) fn hit(&self, origin: Vec3, direction: Vec3) -> Option<f32> {
+        match self.shape {
+            Shape::Floor { height_mm } => {
+                let t = (height_mm - origin.z) / direction.z;
+                (direction.z < 0.0 && t > 0.0).then_some(t)
+            }
+            Shape::Ball { center, radius_mm } => {
+                // From the point of the line nearest to the center: no difference of large numbers.
+                let to = center - origin;
+                let along = to.dot(direction);
+                let off = (to - direction * along).length_squared();
+                let room = radius_mm * radius_mm - off;
+                let t = along - room.max(0.0).sqrt();
+                (room > 0.0 && t > 0.0).then_some(t)
+            }
+        }
+    }
+
+    /// Unit normal at a point of it.
+    pub(crate) fn normal(&self, position: Vec3) -> Vec3 {
+        match self.shape {
+            Shape::Floor { .. } => Vec3::Z,
+            Shape::Ball { center, .. } => (position - center).normalize_or(Vec3::Z),
+        }
+    }
+}
+
+/// Lambert's law, about z.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Matte(pub f32);
+
+impl<const N: usize> Bsdf<N> for Matte {
+    fn eval(&self, w: [f32; 3]) -> [f32; N] {
+        [self.0 * w[2].max(0.0) / PI; N]
+    }
+
+    fn pdf(&self, w: [f32; 3]) -> f32 {
+        w[2].max(0.0) / PI
+    }
+
+    fn sample(&self, u: [f32; 3]) -> BsdfSample<N> {
+        let (sin, cos) = (TAU * u[0]).sin_cos();
+        let r = u[1].sqrt();
+        let w = [r * cos, r * sin, (1.0 - u[1]).max(0.0).sqrt()];
+        BsdfSample::Scattered(DirectionSample { w, weight: [self.0; N], pdf: (w[2] / PI).max(1e-12) })
+    }
+
+    fn albedo(&self) -> [f32; N] {
+        [self.0; N]
+    }
+
+    fn outcomes(&self) -> Outcomes {
+        Outcomes::SCATTERED
+    }
+}

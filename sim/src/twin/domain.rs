@@ -1,0 +1,120 @@
+//! How many repeats are traced, and which pitches close over them.
+//!
+//! Rays that leave the domain at one side come in again at the other, so that plies and fibers make whole turns over its length. Their pitches change a
+//! little for that. As few repeats are traced as keep every change under 10 % and give four yarns a family. Where these are too many fibers for the memory, larger
+//! changes are allowed; where nothing serves, the domain is that of the least change and refused later.
+
+use super::cloth::TwinCloth;
+use super::options::TwinMesh;
+use super::strand::{Helix, Strand, Winding};
+use super::sweep::{MAX_QUADS, estimate};
+use plywave::fabric::Family;
+
+/// Most that a pitch should change, and what is allowed where memory forbids that.
+const MOST_CHANGE: [f64; 5] = [0.1, 0.15, 0.2, 0.3, 0.5];
+/// Most repeats along a side that are looked at.
+const MOST_REPEATS: u32 = 24;
+/// Least yarns of a family: each has its own packed sections.
+const LEAST_YARNS: u32 = 4;
+
+/// A pitch of the spec and what it was changed to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PitchUsed {
+    /// Family of the yarns.
+    pub family: Family,
+    /// Whether it is the pitch of the plies, else that of the fibers.
+    pub of_plies: bool,
+    /// As in the spec [um].
+    pub spec_um: f64,
+    /// As traced [um]; infinite for no turn at all.
+    pub used_um: f64,
+}
+
+impl PitchUsed {
+    /// Relative change of the turns per length.
+    fn change(&self) -> f64 {
+        (self.spec_um / self.used_um - 1.0).abs()
+    }
+}
+
+/// The part of the cloth that is traced.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Domain {
+    /// Repeats along x and y.
+    pub repeats: [u32; 2],
+    /// Size along x and y [um].
+    pub size_um: [f64; 2],
+    /// Yarns of warp and weft.
+    pub yarns: [u32; 2],
+    /// Pitches, as far as the spec has some.
+    pub pitches: Vec<PitchUsed>,
+}
+
+impl Domain {
+    /// The domain of a cloth, of these repeats along x and y or of as many as it takes.
+    pub fn new(cloth: &TwinCloth, repeats: Option<[u32; 2]>, mesh: &TwinMesh) -> Domain {
+        let threads = Family::EACH.map(|family| cloth.fabric.draft().threads(family) as u32);
+        let repeat = cloth.fabric.repeat_um();
+        // Along x lies the weft, and ends are counted; along y the warp.
+        let enough = threads.map(|n| LEAST_YARNS.div_ceil(n.max(1)));
+        let of = |repeats: [u32; 2]| Domain {
+            repeats,
+            size_um: [0, 1].map(|k| repeat[k] * f64::from(repeats[k])),
+            yarns: [threads[0] * repeats[0], threads[1] * repeats[1]],
+            pitches: Vec::new(),
+        };
+        let least = |change: f64| {
+            of([
+                least_repeats(cloth, Family::Weft, repeat[0], enough[0], change),
+                least_repeats(cloth, Family::Warp, repeat[1], enough[1], change),
+            ])
+        };
+        let mut domain = match repeats {
+            Some(given) => of(given.map(|n| n.max(1))),
+            None => {
+                let fits = |domain: &Domain| estimate(cloth, domain, mesh) <= MAX_QUADS;
+                MOST_CHANGE.map(least).into_iter().find(fits).unwrap_or_else(|| least(MOST_CHANGE[0]))
+            }
+        };
+        let [x, y] = domain.size_um;
+        domain.pitches = [pitches(cloth, Family::Warp, y), pitches(cloth, Family::Weft, x)].concat();
+        domain
+    }
+
+    /// Length of the domain along the yarns of a family [um].
+    pub fn along_um(&self, family: Family) -> f64 {
+        match family {
+            Family::Warp => self.size_um[1],
+            Family::Weft => self.size_um[0],
+        }
+    }
+}
+
+fn least_repeats(cloth: &TwinCloth, family: Family, repeat_um: f64, least: u32, allowed: f64) -> u32 {
+    let change =
+        |n: u32| pitches(cloth, family, repeat_um * f64::from(n)).iter().map(PitchUsed::change).fold(0.0, f64::max);
+    let most = MOST_REPEATS.max(least);
+    (least..=most)
+        .find(|n| change(*n) <= allowed)
+        .unwrap_or_else(|| (least..=most).min_by(|a, b| change(*a).total_cmp(&change(*b))).unwrap_or(least))
+}
+
+/// Pitches of a family's plies and fibers over a length.
+fn pitches(cloth: &TwinCloth, family: Family, length_um: f64) -> Vec<PitchUsed> {
+    let mut all: Vec<PitchUsed> = Vec::new();
+    let strand = Strand::new(&cloth.fabric, family, 0, length_um);
+    let helix = Helix::new(cloth.fabric.shape(family), length_um);
+    if let Some(spec_um) = helix.spec_pitch_um {
+        all.push(PitchUsed { family, of_plies: true, spec_um, used_um: helix.pitch_um() });
+    }
+    let mut known: Vec<f64> = Vec::new();
+    for &spec in &cloth.threads[family as usize] {
+        let Some(spec_um) = cloth.yarns[spec].ply.fiber_pitch_um.filter(|pitch| !known.contains(pitch)) else {
+            continue;
+        };
+        known.push(spec_um);
+        let winding = Winding::new(&strand, &helix, std::f64::consts::TAU / spec_um);
+        all.push(PitchUsed { family, of_plies: false, spec_um, used_um: winding.pitch_um() });
+    }
+    all
+}

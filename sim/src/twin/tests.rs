@@ -1,0 +1,113 @@
+//! The twin against the simulation of a single ply, which shares no geometry with it beyond the packed section.
+
+use super::cloth::TwinCloth;
+use super::domain::Domain;
+use super::options::TwinMesh;
+use super::tracer::ClothTracer;
+use crate::geometry::section::PlySection;
+use crate::rays::dielectric::RoughDielectric;
+use crate::rays::path::{PathEnd, trace_path, walk};
+use crate::rays::screw::ScrewTracer;
+use crate::simulate::stream;
+use nalgebra::{Rotation3, Vector3};
+use plywave::fabric::{Draft, Fabric, YarnShape};
+use plywave::spec::{Handedness, POLYESTER, YarnSpec};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+fn layers(spacing_um: [f64; 2]) -> TwinCloth {
+    let shape = |spacing_um| YarnShape {
+        plies: 1,
+        ply_radius_um: 50.0,
+        ply_pitch_um: None,
+        handedness: Handedness::Z,
+        spacing_um,
+        crimp: 0.5,
+        d_cut_um: 0.0,
+    };
+    let fabric = Fabric::new(Draft::layers(), spacing_um.map(shape)).unwrap();
+    TwinCloth::new("layers", fabric, vec![POLYESTER.into()], [vec![0], vec![0]]).unwrap()
+}
+
+/// Means over paths of light onto a ply: missed, reflected without entering a fiber, absorbed-weighted light upwards and downwards at sigma 0 and 0.01,
+/// mean of the outgoing component along the ply; with squares for standard errors.
+#[derive(Default)]
+struct Tally {
+    sums: [f64; 7],
+    squares: [f64; 7],
+    paths: f64,
+}
+
+impl Tally {
+    fn add(&mut self, end: PathEnd, up: Vector3<f32>, along: Vector3<f32>) {
+        let mut values = [0.0; 7];
+        let mut out = |dir: Vector3<f32>, length: f32| {
+            let half = usize::from(dir.dot(&up) < 0.0);
+            values[2 + half] = 1.0;
+            values[4 + half] = f64::from(-0.01 * length).exp();
+            values[6] = f64::from(dir.dot(&along));
+        };
+        match end {
+            PathEnd::Miss => values[0] = 1.0,
+            PathEnd::Reflected { dir, .. } => {
+                out(dir, 0.0);
+                values[1] = 1.0;
+            }
+            PathEnd::High { dir, length_um, .. } => out(dir, length_um),
+            PathEnd::Killed => {}
+        }
+        for k in 0..7 {
+            self.sums[k] += values[k];
+            self.squares[k] += values[k] * values[k];
+        }
+        self.paths += 1.0;
+    }
+
+    fn mean(&self, k: usize) -> (f64, f64) {
+        let mean = self.sums[k] / self.paths;
+        (mean, (self.squares[k] / self.paths - mean * mean) / self.paths)
+    }
+}
+
+/// A lone straight ply of the twin, lit evenly over its width, against the screw march of the same section: two geometries, one physics. They
+/// differ by the triangles alone.
+#[test]
+fn a_lone_ply_scatters_as_in_its_own_simulation() {
+    let cloth = layers([4000.0, 100.0]);
+    let mut domain = Domain::new(&cloth, Some([1, 8]), &TwinMesh::default());
+    domain.yarns = [1, 0];
+    let mesh = TwinMesh { outline_points: 64, turn_rad: 0.05, ..TwinMesh::default() };
+    let tracer = ClothTracer::new(&cloth, &domain, &mesh, 7).unwrap();
+    let spec = YarnSpec::parse(POLYESTER, "polyester.toml").unwrap();
+    let section = PlySection::generate(&spec, stream(7, [u64::MAX, 0]).random()).unwrap();
+    let screw = ScrewTracer::new(&section).unwrap();
+    let surface = RoughDielectric { eta: spec.fiber.eta as f32, alpha: spec.fiber.alpha_fiber as f32 };
+    let mut rng = Pcg64Mcg::seed_from_u64(3);
+    let paths = 60_000;
+    for theta in [0.0f32, -0.7] {
+        let (mut twin, mut ply) = (Tally::default(), Tally::default());
+        for _ in 0..paths {
+            let (x, along, turn): (f32, f32, f32) = (100.0 * rng.random::<f32>() - 50.0, rng.random(), rng.random());
+            // The warp yarn's frame: across is -x, up is z, along is y; its axis lies at a height of 50.
+            let dir = Vector3::new(0.0, -theta.sin(), -theta.cos());
+            let pos = Vector3::new(x, 800.0 * (along - 0.5), 50.0) - dir * 60.0 / theta.cos();
+            let end =
+                walk(|p, d, m| tracer.trace(p, d, m), |fiber| tracer.surface(fiber), pos, dir, &mut rng, |_, _, _| ());
+            twin.add(end, Vector3::z(), Vector3::y());
+            let spin = Rotation3::from_axis_angle(&Vector3::z_axis(), std::f32::consts::TAU * turn);
+            let dir = Vector3::new(0.0, -theta.cos(), -theta.sin());
+            let pos = Vector3::new(x, 0.0, 0.0) - dir * 60.0 / theta.cos();
+            let end = trace_path(&screw, &surface, spin * pos, spin * dir, &mut rng);
+            ply.add(end, spin * Vector3::y(), Vector3::z());
+        }
+        let names = ["missed", "reflected only", "up", "down", "up, absorbed", "down, absorbed", "along"];
+        for (k, name) in names.into_iter().enumerate() {
+            let ((a, va), (b, vb)) = (twin.mean(k), ply.mean(k));
+            let tolerance = 5.0 * (va + vb).sqrt();
+            assert!(
+                (a - b).abs() < tolerance,
+                "theta {theta}, {name}: twin {a:.5}, ply {b:.5}, tolerance {tolerance:.5}"
+            );
+        }
+    }
+}

@@ -1,0 +1,416 @@
+//! The fabric at a query (Yu 2025, 7.1): the plies that the line meets, the light that passes them all, and the light between yarns.
+//!
+//! The line comes near one ply or several, in order; each catches its part of what those before it left. Its light counts as far as it meets no other yarn on its way out,
+//! single reflection from where the line enters the ply, other light from anywhere across it. What passes all plies is diffracted, at the edge of the ply that the line
+//! meets or by the aperture of the gap. All directions are those of the pattern, which may be turned about the surface's normal.
+
+use super::between::BetweenAt;
+use super::flight::Near;
+use super::place::MAX_NEAR;
+use super::shadow::{Shadows, ShadowsAt};
+use super::{Fabric, Family};
+use crate::bsdf::{DirectionSample, Outcomes};
+use crate::frame::is_direction;
+use crate::gap::GapBsdf;
+use crate::math::clamp_unit;
+use crate::ply::{Cached, EXIT_KINDS, ExitLine, ExitsAt, LobeLight, Lobes, PlyOn, Uncached};
+use crate::{Bsdf, BsdfSample};
+use std::f32::consts::{PI, TAU};
+
+/// What light through the gaps does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum GapLight {
+    /// It is diffracted by the aperture.
+    #[default]
+    Diffracted,
+    /// It goes straight on, as rays do: for comparison. [`Bsdf::straight`] is its energy.
+    Straight,
+}
+
+/// A direction of the fabric's frame in that of a ply.
+fn to_ply(frame: &[[f32; 3]; 3], w: [f32; 3]) -> [f32; 3] {
+    frame.map(|a| a[0] * w[0] + a[1] * w[1] + a[2] * w[2])
+}
+
+/// A direction of a ply's frame in that of the fabric.
+fn to_fabric(frame: &[[f32; 3]; 3], w: [f32; 3]) -> [f32; 3] {
+    std::array::from_fn(|k| frame[0][k] * w[0] + frame[1][k] * w[1] + frame[2][k] * w[2])
+}
+
+/// A direction of the surface's frame in that of the pattern, turned by an angle of this cosine and sine.
+pub(super) fn to_pattern([c, s]: [f32; 2], w: [f32; 3]) -> [f32; 3] {
+    [c * w[0] + s * w[1], c * w[1] - s * w[0], w[2]]
+}
+
+/// The inverse of [`to_pattern`].
+fn to_surface([c, s]: [f32; 2], w: [f32; 3]) -> [f32; 3] {
+    to_pattern([c, -s], w)
+}
+
+/// Neighbors of a ply: which of them count, and the place.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shade<'a> {
+    /// Of the half the light comes from, and of the other.
+    counts: [bool; 2],
+    /// Sign of z of the half the light comes from.
+    up_sign: f32,
+    fabric: &'a Fabric,
+    shadows: &'a Shadows,
+    family: Family,
+    yarn: i32,
+    /// Where the line is nearest to the ply's axis along the yarn [um], and how much further a point lies that is R further along the ply.
+    along_um: f32,
+    per_radius_um: f32,
+    /// The ply's axis, the way to it from the yarn's over the ply's radius, and that radius over half of the yarn's width.
+    axis: [f32; 3],
+    off_axis: [f32; 3],
+    scale: f32,
+}
+
+/// Half of the width over which single reflection and light of dark fibers spread, over R.
+const NARROW: f32 = 0.2;
+
+impl<'a> Shade<'a> {
+    /// Of a ply that a line from direction `a` comes near; `counts` are the halves, up first, in which shadows count.
+    pub(super) fn new(
+        fabric: &'a Fabric,
+        shadows: &'a Shadows,
+        near: &Near,
+        a: [f32; 3],
+        counts: [bool; 2],
+    ) -> Shade<'a> {
+        let hit = &near.hit;
+        let k = hit.family as usize;
+        let yarn = &fabric.yarns[k];
+        Shade {
+            counts,
+            up_sign: if a[2] < 0.0 { -1.0 } else { 1.0 },
+            fabric,
+            shadows,
+            family: hit.family,
+            yarn: hit.yarn,
+            along_um: hit.along_um,
+            per_radius_um: yarn.radius * hit.frame[2][1 - k],
+            axis: hit.frame[2],
+            off_axis: near.off_axis.map(|v| v / yarn.radius),
+            scale: yarn.radius / yarn.half_width,
+        }
+    }
+
+    fn at(&self, s: f32) -> ShadowsAt<'a> {
+        self.shadows.at(self.fabric, self.family, self.yarn, self.along_um + s * self.per_radius_um)
+    }
+
+    /// Shares of single reflection, of other light of clear fibers and of that of dark ones that get out in direction `b`, of light that leaves on these lines.
+    #[inline]
+    pub(super) fn free(&self, b: [f32; 3], [refl, clear, dark]: [ExitLine; EXIT_KINDS]) -> [f32; EXIT_KINDS] {
+        if !self.counts[usize::from(b[2] * self.up_sign < 0.0)] {
+            return [1.0; EXIT_KINDS];
+        }
+        // Of the ply's axis: the offset along `b cross z`, as the table counts it, and how much further along z the line is nearest to the yarn's axis than to the ply's.
+        let (mut off, mut further) = (0.0, 0.0);
+        if self.scale < 1.0 {
+            let (z, p) = (self.axis, self.off_axis);
+            let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+            let bz = dot(b, z);
+            let per_sine = 1.0 / (1.0 - bz * bz).max(0.02).sqrt();
+            let x = [b[1] * z[2] - b[2] * z[1], b[2] * z[0] - b[0] * z[2], b[0] * z[1] - b[1] * z[0]];
+            off = dot(p, x) * per_sine;
+            further = -(dot(p, b) - bz * dot(p, z)) * bz * per_sine * per_sine;
+        }
+        // Single reflection and light of dark fibers turn at places near each other.
+        let narrow = self.at(0.5 * (refl.s + dark.s) + further).free(b);
+        let wide = self.at(clear.s + further).free(b);
+        let at = |t: f32| (off - t) * self.scale;
+        [
+            narrow.within(at(refl.t), NARROW * self.scale),
+            wide.within(at(clear.t), (1.0 - clear.t.abs()) * self.scale),
+            narrow.within(at(dark.t), NARROW * self.scale),
+        ]
+    }
+}
+
+/// A ply near the line.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct NearPly<'a, L, const N: usize> {
+    pub ply: PlyOn<'a, L, N>,
+    pub frame: [[f32; 3]; 3],
+    pub shade: Shade<'a>,
+    pub exits: ExitsAt,
+    /// Share of the beam that comes to it.
+    pub arrives: f32,
+    /// Share of that which it catches; of plies beside the one that the line meets.
+    pub caught: f32,
+    /// Energy that it scatters of all that could come, and chance that its lobes give a direction.
+    pub energy: [f32; N],
+    pub hit: f32,
+    /// Chance of it.
+    pub chance: f32,
+}
+
+impl<L: Lobes<N>, const N: usize> NearPly<'_, L, N> {
+    /// Finds the energies; r_d comes out.
+    pub(super) fn energies(&mut self) -> f32 {
+        let (energy, r_d) = self.ply.albedo_r_d();
+        self.energy = energy;
+        self.hit = self.ply.hit_chance();
+        r_d
+    }
+
+    #[inline]
+    fn add(&self, b: [f32; 3], wo: [f32; 3], light: &LobeLight<N>, f: &mut [f32; N], pdf: &mut f32) {
+        let [refl, clear, dark] = self.shade.free(b, self.exits.lines(wo)).map(|free| free * self.arrives);
+        for k in 0..N {
+            let v = ExitsAt::clear_share(self.ply.query.sigma_per_um[k]);
+            f[k] += refl * light.refl[k] + (dark + v * (clear - dark)) * light.high[k];
+        }
+        *pdf += self.chance * light.pdf;
+    }
+
+    #[inline]
+    fn eval_pdf(&self, b: [f32; 3], f: &mut [f32; N], pdf: &mut f32) {
+        let wo = to_ply(&self.frame, b);
+        self.add(b, wo, &self.ply.eval_pdf_lobes(self.hit, wo), f, pdf);
+    }
+
+    #[inline]
+    fn pdf(&self, b: [f32; 3]) -> f32 {
+        self.chance * self.ply.pdf_lobes(self.hit, to_ply(&self.frame, b))
+    }
+
+    #[inline]
+    fn sample(&self, u: [f32; 3]) -> Option<([f32; 3], LobeLight<N>)> {
+        let (w, light) = self.ply.sample_lobes(self.hit, u)?;
+        Some((to_fabric(&self.frame, w), light))
+    }
+}
+
+/// What becomes of the light that passes all plies.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Passes<'a, const N: usize> {
+    /// It goes straight on.
+    Straight,
+    /// It is diffracted at the edge of the ply that the line meets.
+    Edge,
+    /// It is diffracted by the gap.
+    Aperture(GapBsdf<'a, N>),
+}
+
+/// A direction, and the number and light of the ply whose lobes gave it.
+type Drawn<const N: usize> = ([f32; 3], Option<(usize, LobeLight<N>)>);
+
+/// Which part of a fabric's light a sample is of.
+const PASSES: usize = MAX_NEAR;
+const UP: usize = MAX_NEAR + 1;
+const DOWN: usize = MAX_NEAR + 2;
+
+/// A fabric at a query, for N wavelengths; of the ply that the line meets the lobes are interpolated once.
+#[derive(Clone, Copy, Debug)]
+pub struct FabricAt<'a, const N: usize> {
+    /// The ply that the line meets, and its place among those that it comes near.
+    pub(super) main: Option<NearPly<'a, Cached<'a, N>, N>>,
+    pub(super) others: [Option<NearPly<'a, Uncached<'a, N>, N>>; MAX_NEAR],
+    pub(super) passes: Passes<'a, N>,
+    /// Energy that passes all plies.
+    pub(super) passing: f32,
+    pub(super) between: BetweenAt<N>,
+    /// Chances of what passes, and of light between yarns that leaves up and down.
+    pub(super) chances: [f32; 3],
+    /// Cosine and sine of the pattern's turn.
+    pub(super) turn: [f32; 2],
+    pub(super) is_double: bool,
+}
+
+impl<const N: usize> FabricAt<'_, N> {
+    /// Whether the point lies in a gap: the line meets no ply.
+    pub fn is_gap(&self) -> bool {
+        self.main.is_none()
+    }
+
+    /// Whether two layers of yarns lie there.
+    pub fn is_double(&self) -> bool {
+        self.is_double
+    }
+
+    /// Sets the chances of all parts by their mean energies.
+    pub(super) fn set_chances(&mut self) {
+        let mean = |x: &[f32; N]| x.iter().sum::<f32>() / N.max(1) as f32;
+        let between = self.between.energy.map(|e| mean(&e));
+        let plies = self.main.iter().map(|p| p.arrives * mean(&p.energy)).sum::<f32>()
+            + self.others.iter().flatten().map(|p| p.arrives * mean(&p.energy)).sum::<f32>();
+        // What leaves between yarns was scattered by a ply and caught by another: directions in which that one's light is in the shadow are of less use.
+        let direct = (plies - between[0] - between[1]).max(0.3 * plies);
+        let passing = if matches!(self.passes, Passes::Straight) { 0.0 } else { self.passing };
+        // Straight light is the rest.
+        let all = direct + between[0] + between[1] + self.passing;
+        let per = if all > 0.0 { 1.0 / all } else { 0.0 };
+        let per_ply = if plies > 0.0 { per * direct / plies } else { 0.0 };
+        if let Some(p) = &mut self.main {
+            p.chance = per_ply * p.arrives * mean(&p.energy);
+        }
+        for p in self.others.iter_mut().flatten() {
+            p.chance = per_ply * p.arrives * mean(&p.energy);
+        }
+        self.chances = [per * passing, per * between[0], per * between[1]];
+    }
+
+    /// What passes all plies and is diffracted, with the density of its samples.
+    #[inline]
+    fn passing(&self, b: [f32; 3], f: &mut [f32; N], pdf: &mut f32) {
+        if self.chances[0] <= 0.0 {
+            return;
+        }
+        let light = match (&self.passes, &self.main) {
+            (Passes::Aperture(gap), _) => Some(gap.conserved(b)),
+            (Passes::Edge, Some(main)) => main.ply.edge_eval_pdf(to_ply(&main.frame, b)),
+            _ => None,
+        };
+        if let Some((light, density)) = light {
+            for k in 0..N {
+                f[k] += self.passing * light[k];
+            }
+            *pdf += self.chances[0] * density;
+        }
+    }
+
+    fn between_pdf(&self, b: [f32; 3]) -> f32 {
+        self.chances[if self.between.is_up(b) { 1 } else { 2 }] * b[2].abs().min(1.0) / PI
+    }
+
+    /// f and density in a direction of the pattern, of which those of one ply may be known.
+    #[inline]
+    fn sum(&self, b: [f32; 3], known: Option<(usize, LobeLight<N>)>) -> ([f32; N], f32) {
+        let (mut f, mut pdf) = (self.between.eval(b), self.between_pdf(b));
+        self.passing(b, &mut f, &mut pdf);
+        if let Some(ply) = &self.main {
+            match &known {
+                Some((0, light)) => ply.add(b, to_ply(&ply.frame, b), light, &mut f, &mut pdf),
+                _ => ply.eval_pdf(b, &mut f, &mut pdf),
+            }
+        }
+        for (i, ply) in self.others.iter().enumerate() {
+            let Some(ply) = ply else { continue };
+            match &known {
+                Some((known, light)) if *known == i + 1 => ply.add(b, to_ply(&ply.frame, b), light, &mut f, &mut pdf),
+                _ => ply.eval_pdf(b, &mut f, &mut pdf),
+            }
+        }
+        (f, pdf)
+    }
+
+    /// A direction of the pattern, and the light of the ply that gave it.
+    #[inline]
+    fn draw(&self, u: [f32; 3]) -> Option<Drawn<N>> {
+        let mut remaining = u[0];
+        let rescaled = |remaining: f32, chance: f32| [clamp_unit(remaining / chance), u[1], u[2]];
+        if let Some(ply) = &self.main {
+            if remaining < ply.chance {
+                return ply.sample(rescaled(remaining, ply.chance)).map(|(w, light)| (w, Some((0, light))));
+            }
+            remaining -= ply.chance;
+        }
+        for (i, ply) in self.others.iter().enumerate() {
+            let Some(ply) = ply else { continue };
+            if remaining < ply.chance {
+                return ply.sample(rescaled(remaining, ply.chance)).map(|(w, light)| (w, Some((i + 1, light))));
+            }
+            remaining -= ply.chance;
+        }
+        for (i, chance) in self.chances.into_iter().enumerate() {
+            if remaining >= chance {
+                remaining -= chance;
+                continue;
+            }
+            let u = rescaled(remaining, chance);
+            let w = match (PASSES + i, &self.passes, &self.main) {
+                (PASSES, Passes::Aperture(gap), _) => gap.conserved_sample(u)?,
+                (PASSES, Passes::Edge, Some(main)) => to_fabric(&main.frame, main.ply.edge_sample(u)?),
+                (UP | DOWN, ..) => {
+                    let (sin, cos) = (TAU * u[2]).sin_cos();
+                    let radius = u[1].sqrt();
+                    let up = if PASSES + i == UP { self.between.up_sign() } else { -self.between.up_sign() };
+                    [radius * cos, radius * sin, up * (1.0 - u[1]).max(0.0).sqrt()]
+                }
+                _ => return None,
+            };
+            return Some((w, None));
+        }
+        None
+    }
+}
+
+impl<const N: usize> Bsdf<N> for FabricAt<'_, N> {
+    fn eval(&self, w: [f32; 3]) -> [f32; N] {
+        self.eval_pdf(w).0
+    }
+
+    fn pdf(&self, w: [f32; 3]) -> f32 {
+        if !is_direction(w) {
+            return 0.0;
+        }
+        let b = to_pattern(self.turn, w);
+        let mut pdf = self.between_pdf(b);
+        self.passing(b, &mut [0.0; N], &mut pdf);
+        pdf += self.main.as_ref().map_or(0.0, |ply| ply.pdf(b));
+        pdf + self.others.iter().flatten().map(|ply| ply.pdf(b)).sum::<f32>()
+    }
+
+    fn eval_pdf(&self, w: [f32; 3]) -> ([f32; N], f32) {
+        if !is_direction(w) {
+            return ([0.0; N], 0.0);
+        }
+        self.sum(to_pattern(self.turn, w), None)
+    }
+
+    fn sample(&self, u: [f32; 3]) -> BsdfSample<N> {
+        let u = u.map(clamp_unit);
+        if let Some((b, known)) = self.draw(u) {
+            let (f, pdf) = self.sum(b, known);
+            return match BsdfSample::scattered(b, f, pdf) {
+                BsdfSample::Scattered(s) => {
+                    BsdfSample::Scattered(DirectionSample { w: to_surface(self.turn, s.w), ..s })
+                }
+                other => other,
+            };
+        }
+        BsdfSample::straight(self.straight(), self.outcomes().straight)
+    }
+
+    /// The light that comes back or through, shadows at the mean over directions: what a ply sends out less what other yarns catch of it, which is the light between yarns of
+    /// clear fibers, and the light between yarns.
+    fn albedo(&self) -> [f32; N] {
+        let mut albedo = if matches!(self.passes, Passes::Straight) { [0.0; N] } else { [self.passing; N] };
+        let lit = |energy: &[f32; N], arrives: f32, k: usize| arrives * energy[k];
+        for k in 0..N {
+            let plies = self.main.iter().map(|p| lit(&p.energy, p.arrives, k)).sum::<f32>()
+                + self.others.iter().flatten().map(|p| lit(&p.energy, p.arrives, k)).sum::<f32>();
+            albedo[k] +=
+                (plies - self.between.caught[k]).max(0.0) + self.between.energy[0][k] + self.between.energy[1][k];
+        }
+        albedo
+    }
+
+    fn straight(&self) -> [f32; N] {
+        if matches!(self.passes, Passes::Straight) { [self.passing; N] } else { [0.0; N] }
+    }
+
+    fn outcomes(&self) -> Outcomes {
+        let scattered = self.chances.iter().sum::<f32>()
+            + self.main.iter().map(|p| p.chance).sum::<f32>()
+            + self.others.iter().flatten().map(|p| p.chance).sum::<f32>();
+        let rest = (1.0 - scattered).max(0.0);
+        if matches!(self.passes, Passes::Straight) && self.passing > 0.0 {
+            Outcomes { scattered, straight: rest, absorbed: 0.0 }
+        } else {
+            Outcomes { scattered, straight: 0.0, absorbed: rest }
+        }
+    }
+}
+
+/// The two families' numbers by what they are to a yarn: its own, the other's.
+pub(super) fn by_family<T: Copy>(family: Family, own: T, other: T) -> [T; 2] {
+    match family {
+        Family::Warp => [own, other],
+        Family::Weft => [other, own],
+    }
+}

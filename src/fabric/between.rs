@@ -1,0 +1,605 @@
+//! Light between yarns: what leaves a ply and meets another yarn, until it leaves the cloth.
+//!
+//! The cloth's f is that of the ply which the line meets, as far as the light gets out without meeting another yarn (`shadow.rs`), and the rest, the light that is
+//! scattered by two or more yarns. The rest is smooth. Its energies are found once a fabric by following light from ply to ply: a ply scatters as its model says; light of
+//! single reflection leaves the ply's wall where the line enters it, other light anywhere across the ply; a beam that passes a ply's rim goes on. Energies are regressed
+//! on polynomials of the direction `a` that the light comes from (by reciprocity: of the viewer), apart for
+//!
+//! - the face and the back, from which the light comes,
+//! - the family and whether two layers lie there, of the first ply,
+//! - the half of the sphere, of the cloth's normal, into which the first ply sends the light: what yarns beside it catch, and what the layer below catches,
+//! - the half in which the light leaves the cloth at last,
+//! - absorptions of warp and weft, each at nodes.
+//!
+//! The direction in which it leaves is given by reciprocity: averaged over a repeat, the light from a to b over the cosine at b is symmetric. With the energy
+//! E(a) of light reflected so, the form `E(a) E(b) cos b / integral E cos` is symmetric, has the energy E(a) and no other parameter; of light that is transmitted, E(b) is
+//! the energy of light from b transmitted the other way. (Kulla and Conty 2017 give microfacets their missing energy in this form.)
+
+use super::flight::{Near, exit};
+use super::place::PlyHit;
+use super::shadow::Shadows;
+use super::splines;
+use super::{Fabric, Family};
+use crate::color::AlbedoCurve;
+use crate::math::hash::SplitMix64;
+use crate::math::parallel;
+use crate::ply::{EXIT_KINDS, ExitLine, ExitsAt, UncachedPly};
+use crate::{PlyModel, PlyQuery};
+use std::f32::consts::PI;
+
+/// Nodes of absorption.
+const SIGMAS: usize = 8;
+/// Nodes are even in 1 / (1 + sigma L), L this length [um], some paths through a ply.
+const LENGTH_UM: f32 = 150.0;
+/// Absorption of the last node [1/um], for an infinite one.
+const DARKEST: f32 = 3.0;
+/// Polynomials of the direction.
+const TERMS: usize = 16;
+/// Polynomials of what depends little on it.
+const FEW: usize = 8;
+/// Pairs of absorptions.
+const PAIRS: usize = SIGMAS * SIGMAS;
+/// Classes of a first ply: family, and whether two layers lie there.
+const CLASSES: usize = 4;
+/// Beams from each side whose first ply is looked at, and of which two of `FOLLOWED` are followed until they leave the cloth: what is caught needs many terms of the direction
+/// and so many beams.
+const BEAMS: usize = 1 << 18;
+const FOLLOWED: usize = 4;
+/// Most plies that scatter a path.
+const MOST_ORDERS: usize = 64;
+/// Half width of the offsets at which light leaves dark fibers, over R.
+const DARK_WIDTH: f32 = 0.35;
+/// Greatest mean offset that is drawn.
+const MOST_SIDED: f32 = 0.45;
+/// What f has over the density of its samples, at most.
+const MOST_OVER: f32 = 2.0;
+/// Directions of the first ply's light that are looked at.
+const FIRSTS: usize = 4;
+/// Steps of an even sequence of three numbers (Roberts 2018).
+const EVEN: [f32; 3] = [0.819_172_5, 0.671_043_6, 0.549_700_5];
+/// Most directions drawn for one that is kept.
+const MOST_DRAWN: usize = 100;
+/// A path of less energy is dropped.
+const LEAST_WEIGHT: f32 = 1e-4;
+
+/// A polynomial of the direction for each pair of absorptions.
+type Poly = [f32; TERMS];
+type Few = [f32; FEW];
+
+/// Energies of a side, the face or the back.
+#[derive(Clone, Debug)]
+struct Side {
+    /// `[class][sent up, sent down, all][absorption of its family]`: what other yarns catch of the first ply's light, up the half the light came from, and all that it
+    /// scatters.
+    caught: Vec<splines::Coefficients>,
+    /// `[class][sent up, down][leaves up, down][pair]`: what leaves the cloth, per energy that is caught.
+    leaves: Vec<Few>,
+    /// `[leaves up, down][pair]`: the mean over classes, divided by the integral of its cosine-weighted values.
+    shape: Vec<Poly>,
+}
+
+/// The light between the yarns of a fabric.
+#[derive(Clone, Debug)]
+pub(super) struct Between {
+    sides: [Side; 2],
+    /// By node of absorption of both families alike, of clear fibers first: scattered light of all orders over the light that meets fibers, under light from everywhere.
+    albedo: [f64; SIGMAS],
+}
+
+/// Absorption of a node.
+fn sigma_of(node: usize) -> f32 {
+    let v = 1.0 - node as f32 / (SIGMAS - 1) as f32;
+    if v > 0.0 { (1.0 / v - 1.0) / LENGTH_UM } else { DARKEST }
+}
+
+/// Node below an absorption and the fraction to the next.
+#[inline]
+fn node_of(sigma: f32) -> (usize, f32) {
+    let x = (1.0 - 1.0 / (1.0 + sigma.clamp(0.0, 1e6) * LENGTH_UM)) * (SIGMAS - 1) as f32;
+    let node = (x as usize).min(SIGMAS - 2);
+    (node, x - node as f32)
+}
+
+/// The polynomials at a direction; z counts as positive.
+#[inline]
+fn terms(w: [f32; 3]) -> Poly {
+    let [x, y, z] = w;
+    let z = z.abs();
+    let (d, e) = (x * x - y * y, 2.0 * x * y);
+    [1.0, z, z * z, z * z * z, x, y, x * z, y * z, d, e, d * z, e * z, d * z * z, e * z * z, d * d - e * e, 2.0 * d * e]
+}
+
+/// The terms that energies per caught energy have: they depend little on the direction.
+#[inline]
+fn few(t: &Poly) -> Few {
+    [t[0], t[1], t[2], t[3], t[4], t[5], t[8], t[9]]
+}
+
+/// Integrals over a half of the sphere of the terms times z.
+fn integrals() -> Poly {
+    let mut sums = [0.0; TERMS];
+    sums[0] = PI;
+    sums[1] = 2.0 * PI / 3.0;
+    sums[2] = 0.5 * PI;
+    sums[3] = 0.4 * PI;
+    sums
+}
+
+#[inline]
+fn dot<const T: usize>(a: &[f32; T], b: &[f32; T]) -> f32 {
+    // Lanes apart: the compiler keeps the order of sums.
+    let mut sums = [0.0; 4];
+    for i in 0..T {
+        sums[i % 4] += a[i] * b[i];
+    }
+    (sums[0] + sums[1]) + (sums[2] + sums[3])
+}
+
+/// Models of a fabric's yarns.
+pub(super) trait Yarns {
+    /// The model of a yarn.
+    fn model(&self, family: Family, yarn: i32) -> &PlyModel;
+}
+
+/// Sums of a regression.
+struct Sums<const T: usize> {
+    normal: [[f64; T]; T],
+    right: Vec<[f64; T]>,
+}
+
+impl<const T: usize> Sums<T> {
+    fn new(outputs: usize) -> Sums<T> {
+        Sums { normal: [[0.0; T]; T], right: vec![[0.0; T]; outputs] }
+    }
+
+    /// With the sums of another.
+    fn join(&mut self, other: &Sums<T>) {
+        let all = |sums: &mut [[f64; T]], others: &[[f64; T]]| {
+            for (sum, other) in sums.as_flattened_mut().iter_mut().zip(others.as_flattened()) {
+                *sum += other;
+            }
+        };
+        all(&mut self.normal, &other.normal);
+        all(&mut self.right, &other.right);
+    }
+
+    fn seen(&mut self, terms: &[f32; T]) {
+        for i in 0..T {
+            for j in 0..=i {
+                self.normal[i][j] += f64::from(terms[i] * terms[j]);
+            }
+        }
+    }
+
+    fn add(&mut self, output: usize, value: f32, terms: &[f32; T]) {
+        for (sum, t) in self.right[output].iter_mut().zip(terms) {
+            *sum += f64::from(value * t);
+        }
+    }
+
+    /// Coefficients, by Cholesky's factorization.
+    fn solve(&self) -> Vec<[f32; T]> {
+        let mut l = self.normal;
+        let ridge = 1e-6 * self.normal[0][0].max(1e-30);
+        for i in 0..T {
+            l[i][i] += ridge;
+        }
+        for i in 0..T {
+            for j in 0..=i {
+                let sum = l[i][j] - (0..j).map(|k| l[i][k] * l[j][k]).sum::<f64>();
+                l[i][j] = if i == j { sum.max(1e-30).sqrt() } else { sum / l[j][j] };
+            }
+        }
+        let solved = |right: &[f64; T]| {
+            let mut x = *right;
+            for i in 0..T {
+                x[i] = (x[i] - (0..i).map(|k| l[i][k] * x[k]).sum::<f64>()) / l[i][i];
+            }
+            for i in (0..T).rev() {
+                x[i] = (x[i] - (i + 1..T).map(|k| l[k][i] * x[k]).sum::<f64>()) / l[i][i];
+            }
+            x.map(|v| v as f32)
+        };
+        self.right.iter().map(solved).collect()
+    }
+}
+
+/// Light that has left the cloth.
+struct Gone {
+    /// Plies that scattered it.
+    orders: usize,
+    /// Class of the first ply; whether it sent the light up.
+    class: usize,
+    sent_up: bool,
+    up: bool,
+    /// Energies by node of absorption, of what the warp and what the weft leave of it.
+    weight: [[f32; SIGMAS]; 2],
+    /// What the first ply left of it.
+    first: [f32; SIGMAS],
+    /// Means over directions that the first ply may send light in: `[sent up, down]`, what other yarns catch by the table of shadows, and all that it scatters.
+    caught: [[f32; SIGMAS]; 2],
+    scattered: [f32; SIGMAS],
+}
+
+/// The class of a first ply.
+pub(super) fn class(hit: &PlyHit) -> usize {
+    2 * (hit.family as usize) + usize::from(hit.is_double)
+}
+
+/// An offset at which light of several scatterings leaves clear fibers, and by how much likelier light of dark fibers leaves there. Over all of [-1, 1] evenly and over one
+/// half of it, so that the mean is that of clear fibers; of dark ones, evenly within [`DARK_WIDTH`] of its mean.
+fn exit_offset([_, clear, dark]: [ExitLine; EXIT_KINDS], u: [f32; 2]) -> (f32, f32) {
+    let [clear, dark] = [clear.t, dark.t];
+    let sided = 2.0 * clear.abs().min(MOST_SIDED);
+    let side = if clear < 0.0 { -1.0 } else { 1.0 };
+    let t = if u[0] < sided { side * u[1] } else { 2.0 * u[1] - 1.0 };
+    let density = 0.5 * (1.0 - sided) + if t * side > 0.0 { sided } else { 0.0 };
+    let [low, high] =
+        [(dark - DARK_WIDTH).clamp(-1.0, 1.0 - DARK_WIDTH), (dark + DARK_WIDTH).clamp(DARK_WIDTH - 1.0, 1.0)];
+    let of_dark = if low < t && t < high { 1.0 / (high - low) } else { 0.0 };
+    (t, of_dark / density)
+}
+
+/// A path from direction `a` through a point of the middle plane, followed to its end or to its first ply; none where it is dropped or lost.
+fn path(
+    (fabric, shadows, yarns): (&Fabric, &Shadows, &impl Yarns),
+    (a, at): ([f32; 3], [f32; 2]),
+    is_followed: bool,
+    number: &mut impl FnMut() -> f32,
+) -> Option<Gone> {
+    let sigma: [f32; SIGMAS] = std::array::from_fn(sigma_of);
+    let mut flight = fabric.flight_through(at, a);
+    let mut d = a.map(|v| -v);
+    let mut gone = Gone {
+        orders: 0,
+        class: 0,
+        sent_up: false,
+        up: false,
+        weight: [[1.0; SIGMAS]; 2],
+        first: [1.0; SIGMAS],
+        caught: [[0.0; SIGMAS]; 2],
+        scattered: [0.0; SIGMAS],
+    };
+    for _ in 0..MOST_ORDERS {
+        // The first ply that catches the beam.
+        let near: Near = loop {
+            let Some(near) = flight.next_near() else {
+                gone.up = d[2] * a[2] > 0.0;
+                return Some(gone);
+            };
+            let model = yarns.model(near.hit.family, near.hit.yarn);
+            if number() >= super::shadow::r_d(model, near.hit.theta_i, near.hit.h_um) {
+                break near;
+            }
+        };
+        let hit = &near.hit;
+        let model = yarns.model(hit.family, hit.yarn);
+        // Drawn for clear fibers: their light is then neither lost nor made, and that of others is less.
+        let query = PlyQuery { cached: false, ..PlyQuery::lobes(hit.theta_i, hit.h_um, [0.0]) };
+        let ply: UncachedPly<'_, 1> = model.uncached_at(&query);
+        let energy = ply.albedo_r_d().0[0].max(1e-12);
+        let per_mean = 1.0 / (MOST_OVER * energy);
+        let looks = 1.0 / (FIRSTS as f32 * energy);
+        let query = PlyQuery { cached: false, ..PlyQuery::lobes(hit.theta_i, hit.h_um, sigma) };
+        let dyed: UncachedPly<'_, SIGMAS> = model.uncached_at(&query);
+        let radius = fabric.yarns[hit.family as usize].radius;
+        let (frame, z) = (hit.frame, hit.frame[2]);
+        let exits = model.exits_at(hit.theta_i, hit.h_um, radius);
+        let clear_shares = sigma.map(ExitsAt::clear_share);
+        let to_cloth = |w: [f32; 3]| -> [f32; 3] {
+            std::array::from_fn(|i| frame[0][i] * w[0] + frame[1][i] * w[1] + frame[2][i] * w[2])
+        };
+        if gone.orders == 0 {
+            gone.class = class(hit);
+            let shade = super::at::Shade::new(fabric, shadows, &near, a, [true; 2]);
+            // An even sequence, turned at random; what the density lacks is made good by weights.
+            let turn = [number(), number(), number()];
+            for i in 0..FIRSTS {
+                let u = std::array::from_fn(|n| (turn[n] + i as f32 * EVEN[n]).fract());
+                let Some((w, clear)) = ply.sample_lobes(ply.hit_chance(), u) else { continue };
+                let d = to_cloth(w);
+                let (free, light) = (shade.free(d, exits.lines(w)), dyed.eval_pdf_lobes(1.0, w));
+                let (most, per) = (clear.refl[0] + clear.high[0], looks / clear.pdf);
+                for k in 0..SIGMAS {
+                    let share = clear_shares[k];
+                    let all = (light.refl[k] + light.high[k]).min(most);
+                    let out = light.refl[k] * free[0] + light.high[k] * (free[2] + share * (free[1] - free[2]));
+                    gone.scattered[k] += per * all;
+                    gone.caught[usize::from(d[2] * a[2] < 0.0)][k] += per * (all - out).max(0.0);
+                }
+            }
+        }
+        if !is_followed {
+            gone.orders = 1;
+            return Some(gone);
+        }
+        // Directions are drawn with a density near to f, and kept by what f has over it: weights would be noise.
+        let (w, clear) = (0..MOST_DRAWN).find_map(|_| {
+            let (w, light) = ply.sample_lobes(ply.hit_chance(), [number(), number(), number()])?;
+            (number() * light.pdf <= (light.refl[0] + light.high[0]) * per_mean).then_some((w, light))
+        })?;
+        let (lines, [refl, high]) = (exits.lines(w), [clear.refl[0], clear.high[0]]);
+        let light = dyed.eval_pdf_lobes(1.0, w);
+        d = to_cloth(w);
+        if gone.orders == 0 {
+            gone.sent_up = d[2] * a[2] > 0.0;
+            gone.first = std::array::from_fn(|k| ((light.refl[k] + light.high[k]) / (refl + high)).min(1.0));
+        }
+        let ExitLine { t, s } = if number() * (refl + high) < refl {
+            lines[0]
+        } else {
+            // Drawn for clear fibers.
+            let (t, dark) = exit_offset(lines, [number(), number()]);
+            for (k, weight) in gone.weight[hit.family as usize].iter_mut().enumerate() {
+                *weight *= (light.high[k] / high).min(1.0) * (clear_shares[k] + (1.0 - clear_shares[k]) * dark);
+            }
+            ExitLine { t, s: lines[1].s }
+        };
+        let x = [d[1] * z[2] - d[2] * z[1], d[2] * z[0] - d[0] * z[2], d[0] * z[1] - d[1] * z[0]];
+        let scale = -t * radius / (x[0] * x[0] + x[1] * x[1] + x[2] * x[2]).sqrt().max(1e-6);
+        let inner = std::array::from_fn(|i| near.center[i] + scale * x[i] + s * radius * z[i]);
+        let from = exit(near.center, z, radius, inner, d);
+        flight = fabric.flight(from, d, Some(fabric.own(near.id(), from, d)));
+        gone.orders += 1;
+        let most = gone.weight.iter().map(|w| w.iter().fold(0.0f32, |m, v| m.max(*v))).product::<f32>();
+        if most < LEAST_WEIGHT {
+            return None;
+        }
+    }
+    None
+}
+
+/// Parts of the paths, whose sums are joined in order.
+const CHUNKS: usize = 16;
+
+/// Sums of paths, by side.
+struct Found {
+    caught: [Vec<splines::Sums>; 2],
+    leaves: [Vec<Sums<FEW>>; 2],
+    mean: [Sums<TERMS>; 2],
+    albedo: [f64; SIGMAS],
+}
+
+impl Found {
+    fn none() -> Found {
+        Found {
+            caught: [0, 1].map(|_| (0..CLASSES).map(|_| splines::Sums::new(3 * SIGMAS)).collect()),
+            leaves: [0, 1].map(|_| (0..2 * CLASSES).map(|_| Sums::new(2 * PAIRS)).collect()),
+            mean: [0, 1].map(|_| Sums::new(2 * PAIRS)),
+            albedo: [0.0; SIGMAS],
+        }
+    }
+
+    fn new(fabric: &Fabric, shadows: &Shadows, yarns: &impl Yarns, chunk: usize) -> Found {
+        let mut found = Found::none();
+        // Plies of twisted yarns are met at every turn.
+        let spread = fabric.repeat_um().map(|r| r * (1 + (20_000.0 / r) as usize) as f64);
+        for side in 0..2 {
+            let mut rng = SplitMix64(0x70_6c79 + (2 * chunk + side) as u64);
+            let sign = if side == 0 { 1.0 } else { -1.0 };
+            for k in chunk * (BEAMS / CHUNKS)..(chunk + 1) * (BEAMS / CHUNKS) {
+                // Even sequences (Roberts 2018) of direction and place; half of the directions even, half by their cosine.
+                let even = |step: f64| (0.5 + k as f64 * step).fract();
+                let (u, turn) = (even(0.856_674_883_854_502_9) as f32, even(0.733_891_856_627_126_9));
+                let place = [even(0.628_706_721_042_211_5), even(0.538_597_257_223_612_7)];
+                let is_followed = k % FOLLOWED < 2;
+                let cosine_weighted = k % 2 == 0;
+                let z = if cosine_weighted { u.sqrt() } else { u }.max(2e-3);
+                let (s, c) = (std::f64::consts::TAU * turn).sin_cos();
+                let r = (1.0 - z * z).max(0.0).sqrt();
+                let a = [r * c as f32, r * s as f32, sign * z];
+                let at = [(place[0] * spread[0]) as f32, (place[1] * spread[1]) as f32];
+                let mut number = || rng.next_f64() as f32;
+                let t = terms(a);
+                if is_followed {
+                    found.mean[side].seen(&t);
+                }
+                if let Some(gone) = path((fabric, shadows, yarns), (a, at), is_followed, &mut number) {
+                    found.add(side, a, &t, &gone, is_followed && cosine_weighted && side == 0);
+                }
+            }
+        }
+        found
+    }
+
+    fn add(&mut self, side: usize, a: [f32; 3], t: &Poly, gone: &Gone, counts: bool) {
+        if gone.orders == 0 {
+            return;
+        }
+        if counts {
+            for i in 0..SIGMAS {
+                self.albedo[i] += f64::from(gone.weight[0][i] * gone.weight[1][i]);
+            }
+        }
+        let cause = usize::from(!gone.sent_up);
+        let of_class = &mut self.caught[side][gone.class];
+        let at = splines::At::new(a);
+        of_class.seen(&at);
+        for i in 0..SIGMAS {
+            for (cause, caught) in gone.caught.iter().enumerate() {
+                of_class.add(SIGMAS * cause + i, caught[i], &at);
+            }
+            of_class.add(2 * SIGMAS + i, gone.scattered[i], &at);
+        }
+        if gone.orders < 2 {
+            return;
+        }
+        let few = few(t);
+        let of_cause = &mut self.leaves[side][2 * gone.class + cause];
+        of_cause.seen(&few);
+        let first = PAIRS * usize::from(!gone.up);
+        let own = gone.class / 2;
+        for i in 0..SIGMAS {
+            for j in 0..SIGMAS {
+                let energy = gone.weight[0][i] * gone.weight[1][j];
+                let pair = first + SIGMAS * i + j;
+                of_cause.add(pair, energy / gone.first[[i, j][own]].max(1e-30), &few);
+                self.mean[side].add(pair, energy, t);
+            }
+        }
+    }
+
+    fn join(&mut self, other: &Found) {
+        for side in 0..2 {
+            self.caught[side].iter_mut().zip(&other.caught[side]).for_each(|(sums, other)| sums.join(other));
+            self.leaves[side].iter_mut().zip(&other.leaves[side]).for_each(|(sums, other)| sums.join(other));
+            self.mean[side].join(&other.mean[side]);
+        }
+        self.albedo.iter_mut().zip(other.albedo).for_each(|(sum, other)| *sum += other);
+    }
+}
+
+impl Between {
+    /// Of a fabric whose yarns have these models.
+    pub(super) fn new(fabric: &Fabric, shadows: &Shadows, yarns: &(impl Yarns + Sync)) -> Between {
+        let found = parallel::map(CHUNKS, |chunk| Found::new(fabric, shadows, yarns, chunk));
+        let mut all = Found::none();
+        found.iter().for_each(|found| all.join(found));
+        let Found { caught, leaves, mean, albedo } = all;
+        let means = mean.map(|sums| sums.solve());
+        let integrals = integrals();
+        let side = |side: usize| {
+            let shape = |half: usize, pair: usize| -> Poly {
+                // What leaves on the other side is what comes from there.
+                let from = if half == 0 { side } else { 1 - side };
+                let poly = means[from][half * PAIRS + pair];
+                let all = dot(&poly, &integrals);
+                if all > 1e-6 {
+                    poly.map(|v| v / all)
+                } else {
+                    std::array::from_fn(|i| if i == 0 { 1.0 / PI } else { 0.0 })
+                }
+            };
+            Side {
+                caught: caught[side].iter().flat_map(splines::Sums::solve).collect(),
+                leaves: leaves[side].iter().flat_map(Sums::solve).collect(),
+                shape: (0..2 * PAIRS).map(|at| shape(at / PAIRS, at % PAIRS)).collect(),
+            }
+        };
+        // Clear fibers send out all that meets them.
+        let clear = albedo[0].max(f64::MIN_POSITIVE);
+        Between { sides: [side(0), side(1)], albedo: albedo.map(|a| a / clear) }
+    }
+
+    /// The color of the cloth over the absorption, under a sky all round: what it scatters of the light that meets its fibers.
+    pub(super) fn curve(&self) -> AlbedoCurve {
+        let v = |node: usize| 1.0 - node as f64 / (SIGMAS - 1) as f64;
+        AlbedoCurve::of_nodes(f64::from(LENGTH_UM), self.albedo.iter().enumerate().map(|(node, a)| (v(node), *a)))
+    }
+
+    pub(super) fn memory_bytes(&self) -> usize {
+        self.sides
+            .iter()
+            .map(|s| {
+                size_of_val(s.caught.as_slice()) + size_of_val(s.leaves.as_slice()) + size_of_val(s.shape.as_slice())
+            })
+            .sum()
+    }
+
+    /// The light between yarns of a beam from `a`. `firsts` are the classes of the plies that scatter it and the energies that they scatter, `sent` factors on what the
+    /// first ply sends up and what it sends down.
+    #[inline]
+    pub(super) fn at<const N: usize>(
+        &self,
+        a: [f32; 3],
+        firsts: &[(usize, [f32; N])],
+        sigma_per_um: [[f32; N]; 2],
+        sent: [f32; 2],
+    ) -> BetweenAt<N> {
+        let side = &self.sides[usize::from(a[2] < 0.0)];
+        let t = terms(a);
+        let mut at = BetweenAt::none(a);
+        let (few, place) = (few(&t), splines::At::new(a));
+        let mut classes = [[0.0; N]; CLASSES];
+        for (class, energy) in firsts {
+            (0..N).for_each(|k| classes[*class][k] += energy[k]);
+        }
+        for k in 0..N {
+            let nodes = [node_of(sigma_per_um[0][k]), node_of(sigma_per_um[1][k])];
+            let [(i, x), (j, y)] = nodes;
+            let corners = [
+                (SIGMAS * i + j, (1.0 - x) * (1.0 - y)),
+                (SIGMAS * i + j + 1, (1.0 - x) * y),
+                (SIGMAS * (i + 1) + j, x * (1.0 - y)),
+                (SIGMAS * (i + 1) + j + 1, x * y),
+            ];
+            for (class, energy) in classes.iter().enumerate() {
+                if energy[k] <= 0.0 {
+                    continue;
+                }
+                let (own, u) = nodes[class / 2];
+                let of = |what: usize| {
+                    let of = |node: usize| place.of(&side.caught[SIGMAS * (3 * class + what) + node]);
+                    (1.0 - u) * of(own) + u * of(own + 1)
+                };
+                // Shares change less with the absorption than energies do.
+                let per = energy[k] / of(2).max(1e-6);
+                for (cause, factor) in sent.into_iter().enumerate() {
+                    if factor == 0.0 {
+                        continue;
+                    }
+                    let caught = factor * (per * of(cause)).clamp(0.0, energy[k]);
+                    at.caught[k] += caught;
+                    for half in 0..2 {
+                        let first = PAIRS * (2 * (2 * class + cause) + half);
+                        let leaves: f32 =
+                            corners.iter().map(|(pair, share)| share * dot(&side.leaves[first + pair], &few)).sum();
+                        at.energy[half][k] += caught * leaves.clamp(0.0, 1.0);
+                    }
+                }
+            }
+            for half in 0..2 {
+                for (pair, weight) in corners {
+                    let shape = &side.shape[half * PAIRS + pair];
+                    for n in 0..TERMS {
+                        at.shape[half][k][n] += weight * shape[n];
+                    }
+                }
+            }
+        }
+        at
+    }
+}
+
+/// The light between yarns for one direction, N absorptions.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct BetweenAt<const N: usize> {
+    up_sign: f32,
+    /// `[leaves up, down]`.
+    pub energy: [[f32; N]; 2],
+    /// What other yarns catch of the first ply's light.
+    pub caught: [f32; N],
+    shape: [[Poly; N]; 2],
+}
+
+impl<const N: usize> BetweenAt<N> {
+    /// No light, of a beam from `a`.
+    pub(super) fn none(a: [f32; 3]) -> BetweenAt<N> {
+        BetweenAt {
+            up_sign: if a[2] < 0.0 { -1.0 } else { 1.0 },
+            energy: [[0.0; N]; 2],
+            caught: [0.0; N],
+            shape: [[[0.0; TERMS]; N]; 2],
+        }
+    }
+
+    /// Sign of z of the half that the light comes from.
+    pub(super) fn up_sign(&self) -> f32 {
+        self.up_sign
+    }
+
+    /// Whether a direction lies in that half.
+    #[inline]
+    pub(super) fn is_up(&self, b: [f32; 3]) -> bool {
+        b[2] * self.up_sign >= 0.0
+    }
+
+    /// f in direction `b` [1/sr].
+    #[inline]
+    pub(super) fn eval(&self, b: [f32; 3]) -> [f32; N] {
+        let half = usize::from(!self.is_up(b));
+        let t = terms(b);
+        let cos = b[2].abs();
+        std::array::from_fn(|k| self.energy[half][k] * (dot(&self.shape[half][k], &t) * cos).max(0.0))
+    }
+}

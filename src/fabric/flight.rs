@@ -1,0 +1,315 @@
+//! The plies that a line comes near, in the order along it: yarns as tubes about their crimped axes.
+//!
+//! A line is followed by steps as long as the distance to the nearest yarn's hull, the tube of its outer radius and d_cut about it. At a hull the yarn counts as straight
+//! along its tangent where the line is nearest to its axis, which is looked for in a few steps; its plies are asked for the line's offset (`yarn.rs`). A line that passes
+//! them goes on behind the hull. Distances are those to the tangent at the same coordinate along the yarn, 0.9 of which is stepped: the axis bends away from it.
+
+use super::place::PlyHit;
+use super::yarn::{Line, Met};
+use super::{Fabric, Family};
+use crate::math::floor_fraction;
+
+/// Least step along a line [um].
+const LEAST_STEP_UM: f32 = 1.0;
+/// A hull nearer than this is reached [um].
+const CLOSE_UM: f32 = 3.0;
+/// How near to the place where a line is nearest to a yarn's axis the axis is taken, over half of the yarn's width.
+const NEAREST: f32 = 0.001;
+/// Most rounds of looking for the place where a line is nearest to a yarn.
+const MOST_ROUNDS: usize = 7;
+/// Most steps of one line: what grazes for longer counts as gone.
+const MOST_STEPS: usize = 1024;
+/// Yarns that a line may be in the hulls of at once, and more: hulls overlap by twice d_cut.
+const PASSED: usize = 8;
+/// Lines start and end this far above and below the yarns [um].
+const MARGIN_UM: f32 = 1.0;
+
+/// A yarn of a fabric.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct YarnId {
+    pub family: Family,
+    pub yarn: i32,
+}
+
+/// A ply within whose reach, R + d_cut, a line comes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Near {
+    pub hit: PlyHit,
+    /// Whether the line meets the ply itself, |h| < R.
+    pub is_hit: bool,
+    /// Point of the ply's axis that the line is nearest to [um], and the way to it from the yarn's axis.
+    pub center: [f32; 3],
+    pub off_axis: [f32; 3],
+}
+
+impl Near {
+    pub(super) fn id(&self) -> YarnId {
+        YarnId { family: self.hit.family, yarn: self.hit.yarn }
+    }
+}
+
+/// A line on its way through a fabric.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Flight<'a> {
+    fabric: &'a Fabric,
+    from: [f32; 3],
+    d: [f32; 3],
+    at: f32,
+    /// Yarns that have been asked, each until the line leaves its hull.
+    passed: [(Option<YarnId>, f32); PASSED],
+    oldest: usize,
+    /// By family.
+    sides: [Sides; 2],
+}
+
+/// On which sides the two nearest yarns of a family lie at the crossings before and after a point.
+#[derive(Clone, Copy, Debug)]
+struct Sides {
+    /// The nearest yarn, the way to the other one, the crossing before.
+    at: [i32; 3],
+    up: [[bool; 2]; 2],
+}
+
+impl Sides {
+    const UNKNOWN: Sides = Sides { at: [0; 3], up: [[false; 2]; 2] };
+}
+
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Where light in direction `b` leaves the tube of this radius about the axis through `center` along `z` (unit), from a point `p` in it. Along the tube at most ten
+/// radii further.
+pub(super) fn exit(center: [f32; 3], z: [f32; 3], radius: f32, p: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    let q: [f32; 3] = std::array::from_fn(|i| p[i] - center[i]);
+    let (qz, bz) = (dot(q, z), dot(b, z));
+    let across: [f32; 3] = std::array::from_fn(|i| q[i] - qz * z[i]);
+    let turned: [f32; 3] = std::array::from_fn(|i| b[i] - bz * z[i]);
+    let a = dot(turned, turned).max(1e-4);
+    let half = dot(across, turned);
+    let room = (half * half - a * (dot(across, across) - radius * radius)).max(0.0);
+    let way = ((room.sqrt() - half) / a).clamp(0.0, 10.0 * radius);
+    std::array::from_fn(|i| p[i] + way * b[i])
+}
+
+impl Fabric {
+    /// The line from `from` [um] in direction `d` (unit). The yarn that it comes from, if any, is not asked until the line is `until` [um] away.
+    pub(super) fn flight(&self, from: [f32; 3], d: [f32; 3], skip: Option<(YarnId, f32)>) -> Flight<'_> {
+        let mut passed = [(None, 0.0); PASSED];
+        if let Some((id, until)) = skip {
+            passed[0] = (Some(id), until);
+        }
+        Flight { fabric: self, from, d, at: 0.0, passed, oldest: 1, sides: [Sides::UNKNOWN; 2] }
+    }
+
+    /// Of light that leaves a ply of a yarn at `from` in direction `d`: the yarn, and how far away it may be met again. Its own model has what its other plies do.
+    pub(super) fn own(&self, id: YarnId, from: [f32; 3], d: [f32; 3]) -> (YarnId, f32) {
+        let k = id.family as usize;
+        let yarn = &self.yarns[k];
+        let beside = 2.5 * yarn.radius;
+        if yarn.plies < 2 {
+            return (id, beside);
+        }
+        let along = from[1 - k];
+        let (height, slope) = self.axis_at(id, along);
+        let [_, _, tangent] = super::place::axes(id.family, slope);
+        let mut axis = [height; 3];
+        axis[k] = (id.yarn as f32 + 0.5) * yarn.spacing;
+        axis[1 - k] = along;
+        let gone = exit(axis, tangent, yarn.half_width, from, d);
+        let way: [f32; 3] = std::array::from_fn(|i| gone[i] - from[i]);
+        (id, dot(way, way).sqrt() + beside)
+    }
+
+    /// The line that crosses the middle plane at a point [um], towards the light at `w` (unit), followed the other way from above the yarns.
+    pub(super) fn flight_through(&self, at: [f32; 2], w: [f32; 3]) -> Flight<'_> {
+        // Lines in the plane itself come from ten repeats of a thick cloth away.
+        let lift = (self.top_um() / w[2].abs().max(1e-6)).min(1e5);
+        self.flight([at[0] + lift * w[0], at[1] + lift * w[1], lift * w[2]], w.map(|v| -v), None)
+    }
+
+    /// Height above which there is no yarn's reach [um].
+    fn top_um(&self) -> f32 {
+        self.half_thickness_um() + self.yarns.iter().map(|y| y.reach - y.radius).fold(0.0, f32::max) + MARGIN_UM
+    }
+
+    /// The crossing before a coordinate along the yarns of a family [um], and the share of the way to the next.
+    #[inline]
+    fn between_crossings(&self, family: Family, along: f32) -> (i32, f32) {
+        floor_fraction(along * self.yarns[family.other() as usize].per_spacing - 0.5)
+    }
+
+    /// Height and slope of a yarn's axis at the coordinate along it [um].
+    #[inline]
+    fn axis_at(&self, id: YarnId, along: f32) -> (f32, f32) {
+        let (first, u) = self.between_crossings(id.family, along);
+        let [from, to] = [first, first.wrapping_add(1)].map(|k| self.is_on_top(id.family, id.yarn, k));
+        self.yarns[id.family as usize].profile.joined(from, to, u)
+    }
+}
+
+impl Flight<'_> {
+    fn point(&self, at: f32) -> [f32; 3] {
+        std::array::from_fn(|i| self.from[i] + at * self.d[i])
+    }
+
+    fn is_passed(&self, id: YarnId) -> bool {
+        self.passed.iter().any(|(p, until)| *p == Some(id) && self.at < *until)
+    }
+
+    fn pass(&mut self, id: YarnId, until: f32) {
+        // A yarn has one entry.
+        let slot = self.passed.iter().position(|(p, _)| *p == Some(id)).unwrap_or(self.oldest);
+        self.passed[slot] = (Some(id), until);
+        if slot == self.oldest {
+            self.oldest = (self.oldest + 1) % self.passed.len();
+        }
+    }
+
+    /// The nearest hull that has not been asked: its distance, yarn, and how far the line may go without meeting any.
+    fn nearest(&mut self, q: [f32; 3]) -> (f32, Option<YarnId>, f32) {
+        let (mut least, mut which, mut free) = (f32::INFINITY, None, f32::INFINITY);
+        for family in Family::EACH {
+            let k = family as usize;
+            let yarn = &self.fabric.yarns[k];
+            let hull = yarn.half_width + yarn.reach - yarn.radius;
+            let (cell, rest) = floor_fraction(q[k] * yarn.per_spacing);
+            let t = rest - 0.5;
+            let other = if t < 0.0 { -1 } else { 1 };
+            let (first, u) = self.fabric.between_crossings(family, q[1 - k]);
+            let sides = &mut self.sides[k];
+            if sides.at != [cell, other, first] {
+                let of = |yarn: i32| [first, first.wrapping_add(1)].map(|n| self.fabric.is_on_top(family, yarn, n));
+                *sides = Sides { at: [cell, other, first], up: [of(cell), of(cell.wrapping_add(other))] };
+            }
+            let up = sides.up;
+            for (n, (index, offset)) in
+                [(cell, t), (cell.wrapping_add(other), t - other as f32)].into_iter().enumerate()
+            {
+                let id = YarnId { family, yarn: index };
+                if self.is_passed(id) {
+                    continue;
+                }
+                let [from, to] = up[n];
+                let (height, slope) = yarn.profile.joined(from, to, u);
+                let lateral = offset * yarn.spacing;
+                let up = (q[2] - height) * (q[2] - height) / (1.0 + slope * slope);
+                let distance = (lateral * lateral + up).sqrt() - hull;
+                if distance < least {
+                    (least, which) = (distance, Some(id));
+                }
+            }
+            // The yarns beside these two are a spacing away at least.
+            free = free.min((yarn.spacing - hull).max(0.3 * yarn.half_width));
+        }
+        (least, which, free.min(0.9 * least))
+    }
+
+    /// As [`Fabric::axis_at`], with the sides that are known.
+    #[inline]
+    fn axis_at(&self, id: YarnId, along: f32) -> (f32, f32) {
+        let (first, u) = self.fabric.between_crossings(id.family, along);
+        let Sides { at: [cell, other, before], up } = self.sides[id.family as usize];
+        let known = [cell, cell.wrapping_add(other)].iter().position(|yarn| *yarn == id.yarn);
+        match known.filter(|_| before == first && other != 0) {
+            Some(which) => {
+                let [from, to] = up[which];
+                self.fabric.yarns[id.family as usize].profile.joined(from, to, u)
+            }
+            None => self.fabric.axis_at(id, along),
+        }
+    }
+
+    /// A yarn, straight along its tangent where the line is nearest to it: what the line meets, the yarn's axes, the point of its axis, and where on the line.
+    fn meet(&self, id: YarnId) -> (Met, [[f32; 3]; 3], [f32; 3], f32) {
+        let k = id.family as usize;
+        let yarn = &self.fabric.yarns[k];
+        let w = self.d.map(|v| -v);
+        let mut at = self.at;
+        for round in 0.. {
+            let q = self.point(at);
+            let along = q[1 - k];
+            let (height, slope) = self.axis_at(id, along);
+            let axes = super::place::axes(id.family, slope);
+            let mut axis = [height; 3];
+            axis[k] = (id.yarn as f32 + 0.5) * yarn.spacing;
+            axis[1 - k] = along;
+            let off: [f32; 3] = std::array::from_fn(|i| q[i] - axis[i]);
+            let line = Line {
+                origin: axes.map(|a| dot(a, off)),
+                w: axes.map(|a| dot(a, w)),
+                turns: yarn.turns(id.yarn, id.family as u32, along),
+            };
+            let met = yarn.meet(&line);
+            // A line that grazes along the yarn may be nearest far away, where the yarn has bent.
+            let step = (-met.nearest).clamp(-2.0 * yarn.half_width, 2.0 * yarn.half_width);
+            if step.abs() < NEAREST * yarn.half_width || round == MOST_ROUNDS {
+                return (met, axes, axis, at - met.nearest);
+            }
+            at += step;
+        }
+        unreachable!("the loop above returns")
+    }
+
+    /// The next ply that the line comes near.
+    pub(super) fn next_near(&mut self) -> Option<Near> {
+        let fabric = self.fabric;
+        let top = fabric.top_um();
+        for _ in 0..MOST_STEPS {
+            let q = self.point(self.at);
+            if q[2].abs() > top {
+                if q[2] * self.d[2] >= 0.0 {
+                    return None;
+                }
+                self.at += (q[2].abs() - top) / self.d[2].abs() + 0.1 * MARGIN_UM;
+                continue;
+            }
+            let (distance, which, free) = self.nearest(q);
+            let Some(id) = which.filter(|_| distance < CLOSE_UM) else {
+                self.at += free.max(LEAST_STEP_UM);
+                continue;
+            };
+            let (met, axes, axis, nearest) = self.meet(id);
+            let yarn = &fabric.yarns[id.family as usize];
+            let hull = yarn.half_width + yarn.reach - yarn.radius;
+            // Where it leaves the hull, straight as the yarn is here.
+            let off: [f32; 3] = std::array::from_fn(|i| q[i] - axis[i]);
+            let [o, v] = [off, self.d].map(|x| [dot(axes[0], x), dot(axes[1], x)]);
+            let a = v[0] * v[0] + v[1] * v[1];
+            let half = o[0] * v[0] + o[1] * v[1];
+            let room = half * half - a * (o[0] * o[0] + o[1] * o[1] - hull * hull);
+            let leaves = if a > 1e-6 && room > 0.0 { (room.sqrt() - half) / a } else { 0.0 };
+            // It goes on in any case, so that every line ends.
+            self.pass(id, self.at + leaves.clamp(LEAST_STEP_UM, 4.0 * hull));
+            self.at += 0.1 * LEAST_STEP_UM;
+            // What lies behind the line's start is not met.
+            if met.h.abs() < yarn.reach && nearest > 0.0 && (nearest - self.at).abs() < 6.0 * hull {
+                let to_fabric = |v: [f32; 3]| -> [f32; 3] {
+                    std::array::from_fn(|i| v[0] * axes[0][i] + v[1] * axes[1][i] + v[2] * axes[2][i])
+                };
+                let center = to_fabric(met.center);
+                let k = id.family as usize;
+                let along_um = axis[1 - k] + center[1 - k];
+                let other = &fabric.yarns[1 - k];
+                let (_, beside) = floor_fraction(along_um * other.per_spacing);
+                let hit = PlyHit {
+                    family: id.family,
+                    yarn: id.yarn,
+                    ply: met.ply,
+                    frame: met.frame().map(to_fabric),
+                    theta_i: met.theta_i(axes.map(|a| -dot(a, self.d))),
+                    h_um: met.h,
+                    along_um,
+                    is_double: (beside - 0.5).abs() * other.spacing < other.half_width,
+                    across_um: self.point(nearest)[k] - axis[k],
+                    height_um: fabric.axis_at(id, along_um).0,
+                };
+                let [c, n, _] = met.center;
+                let off_axis = std::array::from_fn(|i| c * axes[0][i] + n * axes[1][i]);
+                let center = std::array::from_fn(|i| axis[i] + center[i]);
+                return Some(Near { hit, is_hit: met.hit, center, off_axis });
+            }
+        }
+        None
+    }
+}

@@ -1,0 +1,186 @@
+//! Functions of a direction of the half sphere by quadratic B-splines, fitted to samples in least squares.
+//!
+//! Along `z^(2/3)`, which is finer towards the plane, knots are even from 0 to 1; along the azimuth they are even and periodic. The splines add up to 1.
+
+use super::shadow::two_thirds;
+use std::f32::consts::TAU;
+
+/// Intervals of z^(2/3), and splines over them.
+const INTERVALS: usize = 5;
+const ROWS: usize = INTERVALS + 2;
+/// Splines about the normal.
+const COLUMNS: usize = 24;
+/// Coefficients of a function.
+const COUNT: usize = ROWS * COLUMNS;
+/// Splines that are not 0 at a direction.
+const FEW: usize = 9;
+/// Weight of the mean, of a coefficient that a few samples bear upon.
+const RIDGE: f64 = 0.05;
+
+/// A function's coefficients.
+pub(super) type Coefficients = [f32; COUNT];
+
+/// The splines that are not 0 at a direction.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct At {
+    index: [u16; FEW],
+    weight: [f32; FEW],
+}
+
+/// Quadratic B-splines at the fraction u of an interval.
+#[inline]
+fn quadratic(u: f32) -> [f32; 3] {
+    [0.5 * (1.0 - u) * (1.0 - u), 0.5 + u * (1.0 - u), 0.5 * u * u]
+}
+
+impl At {
+    /// At a unit direction; z counts as positive.
+    #[inline]
+    pub fn new(w: [f32; 3]) -> At {
+        let x = two_thirds(w[2].abs().min(1.0)) * INTERVALS as f32;
+        let row = (x as usize).min(INTERVALS - 1);
+        let rows = quadratic(x - row as f32);
+        let (column, u) =
+            crate::math::floor_fraction(crate::math::simd::atan2::<false>(w[1], w[0]) / TAU * COLUMNS as f32);
+        let columns = quadratic(u);
+        let mut at = At { index: [0; FEW], weight: [0.0; FEW] };
+        for i in 0..3 {
+            for j in 0..3 {
+                let column = (column + j as i32 + COLUMNS as i32) as usize % COLUMNS;
+                at.index[3 * i + j] = ((row + i) * COLUMNS + column) as u16;
+                at.weight[3 * i + j] = rows[i] * columns[j];
+            }
+        }
+        at
+    }
+
+    /// A function there.
+    #[inline]
+    pub fn of(&self, c: &Coefficients) -> f32 {
+        let mut sum = 0.0;
+        for (index, weight) in self.index.iter().zip(self.weight) {
+            sum += weight * c[usize::from(*index) % COUNT];
+        }
+        sum
+    }
+}
+
+/// Sums of samples of several functions.
+pub(super) struct Sums {
+    normal: Vec<f64>,
+    right: Vec<[f64; COUNT]>,
+}
+
+impl Sums {
+    pub fn new(functions: usize) -> Sums {
+        Sums { normal: vec![0.0; COUNT * COUNT], right: vec![[0.0; COUNT]; functions] }
+    }
+
+    /// With the sums of another.
+    pub fn join(&mut self, other: &Sums) {
+        self.normal.iter_mut().zip(&other.normal).for_each(|(sum, other)| *sum += other);
+        for (sum, other) in self.right.as_flattened_mut().iter_mut().zip(other.right.as_flattened()) {
+            *sum += other;
+        }
+    }
+
+    /// A sample at a direction.
+    pub fn seen(&mut self, at: &At) {
+        for (i, wi) in at.index.iter().zip(at.weight) {
+            for (j, wj) in at.index.iter().zip(at.weight) {
+                self.normal[usize::from(*i) * COUNT + usize::from(*j)] += f64::from(wi * wj);
+            }
+        }
+    }
+
+    /// A function's value at it.
+    pub fn add(&mut self, function: usize, value: f32, at: &At) {
+        for (i, weight) in at.index.iter().zip(at.weight) {
+            self.right[function][usize::from(*i)] += f64::from(weight * value);
+        }
+    }
+
+    /// The functions; where there are few samples, their means.
+    pub fn solve(&self) -> Vec<Coefficients> {
+        let count: f64 = self.normal.iter().sum();
+        let mut matrix = cholesky::Lower::new(&self.normal, RIDGE);
+        matrix.factor();
+        let solved = |right: &[f64; COUNT]| {
+            let mean = if count > 0.0 { right.iter().sum::<f64>() / count } else { 0.0 };
+            let mut x = *right;
+            for (i, x) in x.iter_mut().enumerate() {
+                *x -= mean * self.normal[i * COUNT..(i + 1) * COUNT].iter().sum::<f64>();
+            }
+            matrix.solve(&mut x);
+            x.map(|v| (v + mean) as f32)
+        };
+        self.right.iter().map(solved).collect()
+    }
+}
+
+/// Cholesky's factorization.
+mod cholesky {
+    use super::COUNT;
+
+    pub(super) struct Lower(Vec<f64>);
+
+    impl Lower {
+        pub fn new(normal: &[f64], ridge: f64) -> Lower {
+            let mut l = normal.to_vec();
+            (0..COUNT).for_each(|i| l[i * COUNT + i] += ridge);
+            Lower(l)
+        }
+
+        pub fn factor(&mut self) {
+            let l = &mut self.0;
+            for i in 0..COUNT {
+                for j in 0..=i {
+                    let sum = l[i * COUNT + j] - (0..j).map(|k| l[i * COUNT + k] * l[j * COUNT + k]).sum::<f64>();
+                    l[i * COUNT + j] = if i == j { sum.max(1e-30).sqrt() } else { sum / l[j * COUNT + j] };
+                }
+            }
+        }
+
+        pub fn solve(&self, x: &mut [f64; COUNT]) {
+            let l = &self.0;
+            for i in 0..COUNT {
+                x[i] = (x[i] - (0..i).map(|k| l[i * COUNT + k] * x[k]).sum::<f64>()) / l[i * COUNT + i];
+            }
+            for i in (0..COUNT).rev() {
+                x[i] = (x[i] - (i + 1..COUNT).map(|k| l[k * COUNT + i] * x[k]).sum::<f64>()) / l[i * COUNT + i];
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A smooth function is found from samples, a constant exactly.
+    #[test]
+    fn functions_are_found() {
+        let mut sums = Sums::new(2);
+        let direction = |k: usize| {
+            let even = |step: f64| (0.5 + k as f64 * step).fract() as f32;
+            let (z, turn) = (even(0.754_877_666), TAU * even(0.569_840_291));
+            let r = (1.0 - z * z).sqrt();
+            [r * turn.cos(), r * turn.sin(), z]
+        };
+        let f = |w: [f32; 3]| 0.3 + 0.4 * w[2] * w[2] - 0.2 * w[0] * w[2] + 0.1 * (w[0] * w[0] - w[1] * w[1]);
+        for k in 0..60_000 {
+            let at = At::new(direction(k));
+            sums.seen(&at);
+            sums.add(0, f(direction(k)), &at);
+            sums.add(1, 0.7, &at);
+        }
+        let found = sums.solve();
+        for k in 0..500 {
+            let w = direction(3 * k + 1);
+            let off = (At::new(w).of(&found[0]) - f(w)).abs();
+            // About the normal x falls as a root of 1 - z, which no spline of z does.
+            assert!(off < if w[2] > 0.9 { 2e-2 } else { 4e-3 }, "{w:?}: {off}");
+            assert!((At::new(w).of(&found[1]) - 0.7).abs() < 1e-5, "{w:?}");
+        }
+    }
+}

@@ -1,0 +1,200 @@
+//! Where light leaves a ply: at which distance from the ply's axis its line passes.
+//!
+//! Yu 2025, 5.3, lets light leave evenly over the ply's width. The simulation records where light of each azimuth leaves (`table::ExitPositions`), as t, over R from -1 to 1:
+//! light that has passed little material leaves near the place at which it came in. The mean of t is a polynomial of the azimuth, `t = c . (1, x, y, x y, x^2 - y^2)` of
+//! the unit vector (x, y) of the direction's azimuth in the ply frame: light that leaves around a place P over R of the ply's section has `t = x P_y - y P_x`. There is one for
+//! single reflection, one for other light of clear fibers and one for that of dark ones, of which light with the absorption sigma has the shares `v = 1 / (1 + sigma L)` and 1 - v,
+//! L = [`EXIT_LENGTH_UM`]. Single reflection and the light of dark fibers spread little about the mean, that of clear ones all over the ply.
+
+use super::PlyData;
+use crate::Result;
+use crate::io::{Check, Reader, Writer};
+
+/// Name of the tensor in a model file.
+pub(crate) const NAMES: [&str; 1] = ["exit_offset"];
+/// Kinds of light: single reflection, other light of clear fibers, that of dark ones.
+pub const EXIT_KINDS: usize = 3;
+/// Terms of the polynomial of the azimuth.
+pub const EXIT_TERMS: usize = 5;
+/// L of the dependence on absorption [um], a path through a ply.
+pub const EXIT_LENGTH_UM: f64 = 150.0;
+/// Largest coefficient of a file.
+const MOST: f64 = 100.0;
+
+/// Mean offsets at which light leaves.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExitOffsets {
+    /// `[M][H][EXIT_KINDS][EXIT_TERMS]`: coefficients over R, at the nodes of the lobes.
+    pub mean: Vec<f64>,
+}
+
+/// The polynomial's terms at an azimuth of this cosine and sine.
+#[inline]
+pub fn exit_terms(x: f32, y: f32) -> [f32; EXIT_TERMS] {
+    [1.0, x, y, x * y, x * x - y * y]
+}
+
+impl ExitOffsets {
+    pub(crate) fn write(&self, w: &mut Writer, m: usize, h: usize) {
+        w.f32(NAMES[0], &[m, h, EXIT_KINDS, EXIT_TERMS], self.mean.iter().map(|v| *v as f32));
+    }
+
+    pub(crate) fn read(r: &Reader<'_>, m: usize, h: usize) -> Result<Option<ExitOffsets>> {
+        if !r.has(NAMES[0]) {
+            return Ok(None);
+        }
+        Ok(Some(ExitOffsets { mean: r.f64(NAMES[0], &[m, h, EXIT_KINDS, EXIT_TERMS])? }))
+    }
+
+    pub(crate) fn check(&self, c: &Check<'_>, m: usize, h: usize) -> Result<()> {
+        c.len(NAMES[0], self.mean.len(), &[m, h, EXIT_KINDS, EXIT_TERMS])?;
+        c.range(NAMES[0], &self.mean, -MOST, MOST)
+    }
+}
+
+type Coefficients = [[f32; EXIT_TERMS]; EXIT_KINDS];
+
+/// The offsets of a model as evaluation needs them.
+#[derive(Clone, Debug)]
+pub(crate) struct ExitTables {
+    rows: usize,
+    columns: usize,
+    per_theta: f32,
+    per_h: f32,
+    h_first: f32,
+    mean: Vec<Coefficients>,
+}
+
+impl ExitTables {
+    pub(crate) fn new(d: &PlyData) -> Option<ExitTables> {
+        let exits = d.exits.as_ref()?;
+        let (rows, columns) = (d.theta_i.len(), d.h_um.len());
+        let of = |at: usize| std::array::from_fn(|i| exits.mean[at * EXIT_TERMS + i] as f32);
+        Some(ExitTables {
+            rows,
+            columns,
+            per_theta: ((rows - 1) as f64 / d.theta_i[rows - 1]) as f32,
+            per_h: ((columns - 1) as f64 / (d.h_um[columns - 1] - d.h_um[0])) as f32,
+            h_first: d.h_um[0] as f32,
+            mean: (0..rows * columns).map(|node| std::array::from_fn(|k| of(EXIT_KINDS * node + k))).collect(),
+        })
+    }
+
+    /// At an incidence, bilinear over the nodes. A negative latitude is turned about y.
+    pub(crate) fn at(&self, theta_i: f32, h_um: f32) -> ExitsAt {
+        let (theta, h) = (theta_i.abs(), if theta_i < 0.0 { -h_um } else { h_um });
+        let place = |x: f32, count: usize| {
+            let x = crate::math::simd::min(crate::math::simd::max(x, 0.0), (count - 1) as f32);
+            let node = (x as usize).min(count - 2);
+            (node, x - node as f32)
+        };
+        let (m, s) = place(theta * self.per_theta, self.rows);
+        let (n, t) = place((h - self.h_first) * self.per_h, self.columns);
+        let mut mean = [[0.0; EXIT_TERMS]; EXIT_KINDS];
+        for (node, weight) in [
+            (m * self.columns + n, (1.0 - s) * (1.0 - t)),
+            (m * self.columns + n + 1, (1.0 - s) * t),
+            ((m + 1) * self.columns + n, s * (1.0 - t)),
+            ((m + 1) * self.columns + n + 1, s * t),
+        ] {
+            let of = &self.mean[node];
+            for k in 0..EXIT_KINDS {
+                for i in 0..EXIT_TERMS {
+                    mean[k][i] += weight * of[k][i];
+                }
+            }
+        }
+        if theta_i < 0.0 {
+            // x turns to -x, t to -t.
+            for c in &mut mean {
+                *c = [-c[0], c[1], -c[2], c[3], -c[4]];
+            }
+        }
+        ExitsAt { mean, tan: tan(theta_i) }
+    }
+}
+
+/// Greatest tangent of a latitude that counts, for light all but along a ply.
+const MOST_TAN: f32 = 6.0;
+
+fn tan(theta: f32) -> f32 {
+    theta.sin() / theta.cos().max(1.0 / MOST_TAN)
+}
+
+/// The line on which light leaves, in units of R: at its nearest to the ply's axis it passes it `-t` along `w cross z`, `s` further along z than the line on which the light came.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct ExitLine {
+    pub t: f32,
+    pub s: f32,
+}
+
+/// Offsets at an incidence.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ExitsAt {
+    mean: Coefficients,
+    /// Tangent of the latitude.
+    tan: f32,
+}
+
+impl ExitsAt {
+    /// Of models without a record: single reflection leaves from the ply's wall, where a line at the offset `h` (over R) enters it, other light from anywhere.
+    pub(crate) fn unknown(theta_i: f32, h: f32) -> ExitsAt {
+        let h = h.clamp(-1.0, 1.0);
+        let mut mean = [[0.0; EXIT_TERMS]; EXIT_KINDS];
+        mean[0] = [0.0, (1.0 - h * h).sqrt(), -h, 0.0, 0.0];
+        ExitsAt { mean, tan: tan(theta_i) }
+    }
+
+    /// Mean lines of the three kinds of light in a direction of the ply frame.
+    ///
+    /// The place P at which the light turns lies on the line on which it came, `P_z = P_y tan theta_i`; the line on which it leaves is nearest to the axis at
+    /// `s = P_z - (P_x x + P_y y) tan theta_o`.
+    #[inline]
+    pub(crate) fn lines(&self, wo: [f32; 3]) -> [ExitLine; EXIT_KINDS] {
+        let squared = wo[0] * wo[0] + wo[1] * wo[1];
+        let per = if squared > 1e-8 { 1.0 / squared.sqrt() } else { 0.0 };
+        let (x, y) = (wo[0] * per, wo[1] * per);
+        let terms = exit_terms(x, y);
+        let tan = (wo[2] * per).clamp(-MOST_TAN, MOST_TAN);
+        self.mean.map(|c| {
+            let mut sum = 0.0;
+            for i in 0..EXIT_TERMS {
+                sum += c[i] * terms[i];
+            }
+            let [px, py] = [-c[2], c[1]];
+            ExitLine { t: sum.clamp(-1.0, 1.0), s: py * self.tan - (px * x + py * y) * tan }
+        })
+    }
+
+    /// Share v of the clear fibers' kind.
+    #[inline]
+    pub(crate) fn clear_share(sigma_per_um: f32) -> f32 {
+        1.0 / (1.0 + EXIT_LENGTH_UM as f32 * sigma_per_um.clamp(0.0, 1e6))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A place of the section, seen from a turned ply, is the turned place.
+    #[test]
+    fn negative_latitudes_are_turned() {
+        let node = |h: f32| -> Coefficients { [[0.1, 0.7, -h, 0.2, 0.05]; EXIT_KINDS] };
+        let tables = ExitTables {
+            rows: 2,
+            columns: 3,
+            per_theta: 1.0,
+            per_h: 1.0,
+            h_first: -1.0,
+            mean: [-1.0, 0.0, 1.0, -1.0, 0.0, 1.0].map(node).to_vec(),
+        };
+        for (h, w) in [(0.5, [0.6, 0.3, 0.2]), (-0.2, [-0.3, -0.8, 0.1f32])] {
+            let one = tables.at(0.4, h).lines(w);
+            let turned = tables.at(-0.4, -h).lines([-w[0], w[1], -w[2]]);
+            for (a, b) in one.iter().zip(turned) {
+                assert!((a.t + b.t).abs() < 1e-6 && (a.s + b.s).abs() < 1e-6, "{a:?} {b:?}");
+            }
+        }
+    }
+}

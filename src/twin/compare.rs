@@ -1,0 +1,190 @@
+//! How far a cloth model is from its twin: energies and distributions, direction by direction.
+//!
+//! The model's distribution is the mean of its `eval` over places in the repeats that were traced and over directions within each bin. The distance in a
+//! half of the sphere is the relative L2 of the bins with the twin's noise removed: with t the twin's density, v its variance and m the model's,
+//! `sqrt((sum (m - t)^2 - v) / (sum t^2 - v))`: the expected value of `(m - t)^2` is `(m - E t)^2 + v`, that of `t^2` is `(E t)^2 + v`.
+
+use super::{ClothTwin, SphereBins};
+use crate::{Bsdf, FabricBsdf, FabricQuery};
+
+/// Where the light goes, as fractions of what comes in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Light {
+    /// To the side that it came from.
+    pub reflected: f64,
+    /// To the other side, scattered.
+    pub transmitted: f64,
+    /// Straight on.
+    pub straight: f64,
+}
+
+/// A model beside its twin, for one view and one pair of absorptions.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Comparison {
+    /// Index of the view.
+    pub view: usize,
+    /// Index of the pair of absorptions.
+    pub sigma: usize,
+    /// The twin's light.
+    pub twin: Light,
+    /// The model's light; `transmitted` holds what gaps diffract, where they do.
+    pub model: Light,
+    /// Relative L2 distance in the half that the light came from, noise removed.
+    pub upper: f64,
+    /// Relative L2 distance in the other half, noise removed; not a number where noise hides the twin's light.
+    pub lower: f64,
+}
+
+/// How a model's mean over the repeats is taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ComparisonOptions {
+    /// Places, spread evenly over the repeats that were traced.
+    pub places: usize,
+    /// Directions a side of a bin.
+    pub directions: usize,
+}
+
+impl Default for ComparisonOptions {
+    /// The mean is then good to about 0.003 of the light.
+    fn default() -> Self {
+        ComparisonOptions { places: 1024, directions: 2 }
+    }
+}
+
+/// Absorptions that are asked together.
+const N: usize = 4;
+
+/// The inverse of the plastic number and its square: steps of an even sequence in the plane.
+const STEPS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
+
+/// The same of the directions within a bin, at odds with those of the places: powers of the root of x^5 = x + 1.
+const STEPS_OF_DIRECTIONS: [f64; 2] = [0.856_674_883_854_502_9, 0.733_891_856_627_126];
+
+/// All views and absorptions of the twin, in its order. The fabric's own colors do not count: the absorptions are the twin's.
+pub fn compare(fabric: &FabricBsdf, twin: &ClothTwin, options: &ComparisonOptions) -> Vec<Comparison> {
+    let mut all = Vec::with_capacity(twin.view_count() * twin.sigma_count());
+    for view in 0..twin.view_count() {
+        for first in (0..twin.sigma_count()).step_by(N) {
+            let (densities, straight) = mean_of_model(fabric, twin, view, first, options);
+            for k in 0..N.min(twin.sigma_count() - first) {
+                let model: Vec<f64> = densities.iter().map(|d| d[k]).collect();
+                all.push(held_to(twin, view, first + k, &model, straight[k]));
+            }
+        }
+    }
+    all
+}
+
+/// Half-angle of the cone about the straight direction that is integrated apart [rad]: light beside plies and through gaps is narrow there.
+const CONE_RAD: f64 = 0.2;
+/// Directions in the cone at each place.
+const CONE_DIRECTIONS: usize = 64;
+
+/// Directions with their solid angles and bins, drawn anew for each place.
+struct Directions {
+    w: Vec<[f32; 3]>,
+    solid_angle: Vec<f64>,
+    bin: Vec<usize>,
+}
+
+impl Directions {
+    /// Evenly spread over cells of the bins, but for the cone about the straight direction, and over the cone, denser towards its middle. Each place has
+    /// others, so that the mean over places finds lobes narrower than the cells.
+    fn fill(&mut self, bins: &SphereBins, wo: [f32; 3], side: usize, place: usize) {
+        let straight = wo.map(|v| f64::from(-v));
+        let shift = STEPS_OF_DIRECTIONS.map(|step| (0.5 + place as f64 * step).fract());
+        let inside = |k: usize, shift: f64| (k as f64 + shift) / side as f64;
+        self.w.clear();
+        self.solid_angle.clear();
+        self.bin.clear();
+        let cell = bins.solid_angle() / (side * side) as f64;
+        for i in 0..bins.len() * side * side {
+            let bin = i / (side * side);
+            let w = bins.direction(bin, inside(i / side % side, shift[0]), inside(i % side, shift[1]));
+            if (0..3).map(|k| f64::from(w[k]) * straight[k]).sum::<f64>() < CONE_RAD.cos() {
+                self.push(w, cell, bin);
+            }
+        }
+        // Two axes at right angles to the straight direction.
+        let [x, y, z] = straight;
+        let a = if x.abs() < 0.7 { [0.0, z, -y] } else { [-z, 0.0, x] };
+        let norm = a.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let a = a.map(|v| v / norm);
+        let b = [y * a[2] - z * a[1], z * a[0] - x * a[2], x * a[1] - y * a[0]];
+        for i in 0..CONE_DIRECTIONS {
+            let u = (i as f64 + shift[0]) / CONE_DIRECTIONS as f64;
+            let tilt = CONE_RAD * u * u;
+            let turn = std::f64::consts::TAU * ((i as f64 * STEPS[0] + shift[1]).fract());
+            let (sin, cos) = tilt.sin_cos();
+            let w = std::array::from_fn(|k| (cos * straight[k] + sin * (turn.cos() * a[k] + turn.sin() * b[k])) as f32);
+            // d omega = sin(tilt) d tilt d turn.
+            let solid_angle = sin * 2.0 * CONE_RAD * u * std::f64::consts::TAU / CONE_DIRECTIONS as f64;
+            self.push(w, solid_angle, bins.bin(w));
+        }
+    }
+
+    fn push(&mut self, w: [f32; 3], solid_angle: f64, bin: usize) {
+        self.w.push(w);
+        self.solid_angle.push(solid_angle);
+        self.bin.push(bin);
+    }
+}
+
+/// `[bin][N]` densities and the straight light of the model, for the absorptions from `first` on.
+fn mean_of_model(
+    fabric: &FabricBsdf,
+    twin: &ClothTwin,
+    view: usize,
+    first: usize,
+    options: &ComparisonOptions,
+) -> (Vec<[f64; N]>, [f64; N]) {
+    let last = twin.sigma_count() - 1;
+    let sigma = [0, 1].map(|family| std::array::from_fn(|k| twin.sigma((first + k).min(last))[family] as f32));
+    let wo = twin.view(view).map(|v| v as f32);
+    let side = options.directions.max(1);
+    let most = twin.bins.len() * side * side + CONE_DIRECTIONS;
+    let mut directions = Directions { w: Vec::new(), solid_angle: Vec::new(), bin: Vec::new() };
+    let (mut f, mut pdf) = (vec![[0.0f32; N]; most], vec![0.0f32; most]);
+    let mut sums = vec![[0.0f64; N]; twin.bins.len()];
+    let mut straight = [0.0f64; N];
+    let places = options.places.max(1);
+    let size = [0, 1].map(|k| twin.repeat_um[k] * f64::from(twin.repeats[k].max(1)));
+    for place in 0..places {
+        let at = [0, 1].map(|k| (size[k] * (0.5 + place as f64 * STEPS[k]).fract()) as f32);
+        let query = FabricQuery { sigma_per_um: sigma.map(Some), ..FabricQuery::new(at, wo, [0.55; N]) };
+        let bsdf = fabric.at(&query);
+        directions.fill(&twin.bins, wo, side, place);
+        bsdf.eval_batch(&directions.w, &mut f, &mut pdf);
+        for ((f, bin), solid_angle) in f.iter().zip(&directions.bin).zip(&directions.solid_angle) {
+            (0..N).for_each(|k| sums[*bin][k] += f64::from(f[k]) * solid_angle);
+        }
+        bsdf.straight().iter().zip(&mut straight).for_each(|(s, sum)| *sum += f64::from(*s) / places as f64);
+    }
+    let scale = 1.0 / (places as f64 * twin.bins.solid_angle());
+    (sums.into_iter().map(|sum| sum.map(|s| s * scale)).collect(), straight)
+}
+
+/// A model's densities beside the twin's.
+fn held_to(twin: &ClothTwin, view: usize, sigma: usize, model: &[f64], straight: f64) -> Comparison {
+    let (density, variance) = twin.distribution(view, sigma);
+    let from_face = twin.view(view)[2] > 0.0;
+    let solid_angle = twin.bins.solid_angle();
+    // Of the upper half, the light's, then of the lower one: the model's energy, squared difference and squared density less the noise.
+    let mut halves = [[0.0f64; 3]; 2];
+    for bin in 0..twin.bins.len() {
+        let half = &mut halves[usize::from(twin.bins.is_up(bin) != from_face)];
+        let (t, v, m) = (f64::from(density[bin]), f64::from(variance[bin]), model[bin]);
+        half[0] += m * solid_angle;
+        half[1] += (m - t).powi(2) - v;
+        half[2] += t * t - v;
+    }
+    let distance = |[_, off, norm]: [f64; 3]| if norm > 0.0 { (off.max(0.0) / norm).sqrt() } else { f64::NAN };
+    Comparison {
+        view,
+        sigma,
+        twin: twin.light(view, sigma),
+        model: Light { reflected: halves[0][0], transmitted: halves[1][0], straight },
+        upper: distance(halves[0]),
+        lower: distance(halves[1]),
+    }
+}
