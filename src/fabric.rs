@@ -19,6 +19,7 @@ mod load;
 mod place;
 mod profile;
 mod rules;
+mod shade;
 mod shadow;
 mod spec;
 mod splines;

@@ -1,6 +1,6 @@
 //! What all shards of one incident latitude share.
 
-use crate::energies::EnergyGrids;
+use crate::energy_grids::EnergyGrids;
 use crate::rays::dielectric::RoughDielectric;
 use plywave::spec::GaussianBeam;
 use plywave::table::OutgoingGrid;

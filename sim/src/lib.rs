@@ -5,6 +5,7 @@
 //! A cloth of explicit fibers: [`twin`].
 
 mod energies;
+mod energy_grids;
 mod error;
 mod geometry;
 mod incidence;

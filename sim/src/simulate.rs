@@ -3,7 +3,7 @@
 //! Work is cut into shards of one incident latitude. A shard's random stream and instances depend on the seed and its number alone, and the shards of a
 //! latitude form a group that is summed in their order: the table does not depend on threads, machines or interruptions.
 
-use crate::energies::{EnergyGrids, share_rows};
+use crate::energy_grids::{EnergyGrids, share_rows};
 use crate::error::SimError;
 use crate::geometry::section::PlySection;
 use crate::incidence::Incidence;

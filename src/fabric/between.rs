@@ -291,7 +291,7 @@ fn path(
         };
         if gone.orders == 0 {
             gone.class = class(hit);
-            let shade = super::at::Shade::new(fabric, shadows, &near, a, [true; 2]);
+            let shade = super::shade::Shade::new(fabric, shadows, &near, a, [true; 2]);
             // An even sequence, turned at random; what the density lacks is made good by weights.
             let turn = [number(), number(), number()];
             for i in 0..FIRSTS {

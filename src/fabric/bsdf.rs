@@ -4,20 +4,22 @@
 //! cosine at the surface: `radiance to wo = integral f(wi) radiance from wi d wi`. Averaged over a repeat, f over that cosine is symmetric in wo and wi up to the ply
 //! models' own asymmetry, and energy is conserved either way (docs/papers.md: departures from 7.1).
 
-use super::at::{FabricAt, GapLight, NearPly, Passes, Shade, by_family, to_pattern};
+use super::at::{FabricAt, GapLight, NearPly, Passes, by_family, to_pattern};
 use super::between::{Between, BetweenAt, Yarns, class};
-use super::color_of::{self, ColorOf};
+use super::color_of::{self, ColorOf, Sheet};
 use super::dye::{Channels, ColorReach, Dye};
 use super::flight::Near;
 use super::place::MAX_NEAR;
+use super::shade::Shade;
 use super::shadow::{Passing, Shadows, r_d};
 use super::{Fabric, Family, Gap, LoadedFabric, PlyHit, YarnColor};
+use crate::bsdf::DirectionSample;
 use crate::color::{AlbedoCurve, RGB_LAMBDA_UM};
 use crate::gap::{GapBsdf, Spectrum};
 use crate::ply::{Lobes, PlyOn};
 use crate::spec::{GaussianBeam, YarnSpec};
 use crate::speckle::Instance;
-use crate::{PlyModel, PlyQuery, Result};
+use crate::{Bsdf, PlyModel, PlyQuery, Result};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -507,6 +509,25 @@ impl FabricBsdf {
     fn spectrum(&self, before_um: f32, beyond_um: f32) -> &Spectrum {
         let node = |x: f32| ((x / self.edge_step_um + 0.5) as usize).min(EDGES);
         &self.spectra[node(before_um) * (EDGES + 1) + node(beyond_um)]
+    }
+}
+
+impl Sheet for FabricBsdf {
+    fn repeat_um(&self) -> [f64; 2] {
+        self.fabric.repeat_um()
+    }
+
+    fn sample<const N: usize>(
+        &self,
+        position_um: [f32; 2],
+        wo: [f32; 3],
+        sigma_per_um: [f32; N],
+        u: [f32; 3],
+    ) -> ([f32; N], Option<DirectionSample<N>>) {
+        let query =
+            FabricQuery { sigma_per_um: [Some(sigma_per_um); 2], ..FabricQuery::new(position_um, wo, [0.55; N]) };
+        let at = self.at(&query);
+        (at.straight(), at.sample(u).direction().copied())
     }
 }
 

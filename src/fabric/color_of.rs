@@ -10,8 +10,7 @@
 //!
 //! R and T are means over places and samples of the fabric as it is shaded, clear fibers' scaled to lose nothing.
 
-use super::bsdf::{FabricBsdf, FabricQuery};
-use crate::Bsdf;
+use crate::bsdf::DirectionSample;
 use crate::color::AlbedoCurve;
 use serde::{Deserialize, Serialize};
 
@@ -78,11 +77,26 @@ impl Light {
     }
 }
 
+/// A cloth as its colors need it.
+pub(super) trait Sheet {
+    /// Size of its repeat [um].
+    fn repeat_um(&self) -> [f64; 2];
+
+    /// What goes straight on at a point [um] seen from `wo`, all yarns of these absorptions [1/um], and a sample of the rest.
+    fn sample<const N: usize>(
+        &self,
+        position_um: [f32; 2],
+        wo: [f32; 3],
+        sigma_per_um: [f32; N],
+        u: [f32; 3],
+    ) -> ([f32; N], Option<DirectionSample<N>>);
+}
+
 /// R and T of one side, the face or the back: of views of the cosine given, or of the mean over views.
-fn light(fabric: &FabricBsdf, is_face: bool, cosine: Option<f64>) -> Light {
+fn light(sheet: &impl Sheet, is_face: bool, cosine: Option<f64>) -> Light {
     let sigma: [f32; NODES] = std::array::from_fn(|node| sigma_of(v_of(node)) as f32);
     // Plies of twisted yarns are met at every turn.
-    let [width, height] = fabric.fabric().repeat_um().map(|r| r * (1 + (20_000.0 / r) as usize) as f64);
+    let [width, height] = sheet.repeat_um().map(|r| r * (1 + (20_000.0 / r) as usize) as f64);
     let (mut r, mut t) = ([0.0; NODES], [0.0; NODES]);
     for k in 0..SAMPLES {
         // An even sequence of seven numbers (Roberts 2018).
@@ -93,11 +107,8 @@ fn light(fabric: &FabricBsdf, is_face: bool, cosine: Option<f64>) -> Light {
         let up = if is_face { z } else { -z };
         let wo = [(across * cos) as f32, (across * sin) as f32, up as f32];
         let at = [(width * even(0.757_533_810_0)) as f32, (height * even(0.690_562_028_7)) as f32];
-        let query = FabricQuery { sigma_per_um: [Some(sigma); 2], ..FabricQuery::new(at, wo, [0.55; NODES]) };
-        let at = fabric.at(&query);
-        let straight = at.straight();
         let u = [0.629_511_064_9, 0.573_857_473_2, 0.523_124_084_6].map(|step| even(step) as f32);
-        let sample = at.sample(u).direction().copied();
+        let (straight, sample) = sheet.sample(at, wo, sigma, u);
         for i in 0..NODES {
             t[i] += f64::from(straight[i]);
             if let Some(sample) = &sample {
@@ -116,17 +127,17 @@ fn on_pile([r, t]: [f64; 2], [from_below_r, from_below_t]: [f64; 2], pile: f64) 
     r + t * pile * from_below_t / (1.0 - from_below_r * pile).max(1e-12)
 }
 
-/// The curve of a meaning; of a fabric that is shaded by rays. `even_sky` is the curve of the first meaning.
-pub(super) fn curve(fabric: &FabricBsdf, of: ColorOf, even_sky: &AlbedoCurve) -> AlbedoCurve {
+/// The curve of a meaning; of a cloth that is shaded by rays. `even_sky` is the curve of the first meaning.
+pub(super) fn curve(sheet: &impl Sheet, of: ColorOf, even_sky: &AlbedoCurve) -> AlbedoCurve {
     match of {
         ColorOf::EvenSky => even_sky.clone(),
         ColorOf::Reflected => {
-            let face = light(fabric, true, None);
+            let face = light(sheet, true, None);
             AlbedoCurve::of_nodes(LENGTH_UM, (0..NODES).map(|node| (v_of(node), face.r[node])))
         }
         ColorOf::Folded => {
             let (near, face, back) =
-                (light(fabric, true, Some(COS_8_DEG)), light(fabric, true, None), light(fabric, false, None));
+                (light(sheet, true, Some(COS_8_DEG)), light(sheet, true, None), light(sheet, false, None));
             let pile = |node: usize| {
                 // Dense towards clear fibers.
                 let x = node as f64 / (PILE_NODES - 1) as f64;

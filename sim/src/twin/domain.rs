@@ -7,9 +7,12 @@
 use super::cloth::TwinCloth;
 use super::options::TwinMesh;
 use super::strand::{Helix, Strand, Winding};
-use super::sweep::{MAX_QUADS, estimate};
 use plywave::fabric::Family;
+use plywave::spec::Shape;
+use std::f64::consts::TAU;
 
+/// Most quads: they stay below 6 GiB, of which most is held only while a family's BVH is built.
+pub(super) const MAX_QUADS: f64 = 2.8e7;
 /// Most that a pitch should change, and what is allowed where memory forbids that.
 const MOST_CHANGE: [f64; 5] = [0.1, 0.15, 0.2, 0.3, 0.5];
 /// Most repeats along a side that are looked at.
@@ -113,8 +116,49 @@ fn pitches(cloth: &TwinCloth, family: Family, length_um: f64) -> Vec<PitchUsed> 
             continue;
         };
         known.push(spec_um);
-        let winding = Winding::new(&strand, &helix, std::f64::consts::TAU / spec_um);
+        let winding = Winding::new(&strand, &helix, TAU / spec_um);
         all.push(PitchUsed { family, of_plies: false, spec_um, used_um: winding.pitch_um() });
     }
     all
+}
+
+/// A ply of a yarn.
+#[derive(Clone, Copy)]
+pub(super) struct PlyOf {
+    pub family: Family,
+    pub yarn: u32,
+    pub ply: u32,
+    pub spec: usize,
+}
+
+/// The plies of a domain.
+pub(super) fn plies_of(cloth: &TwinCloth, domain: &Domain) -> Vec<PlyOf> {
+    let mut plies = Vec::new();
+    for family in Family::EACH {
+        for yarn in 0..domain.yarns[family as usize] {
+            let spec = cloth.spec_index(family, yarn as usize);
+            plies.extend((0..cloth.fabric.shape(family).plies).map(|ply| PlyOf { family, yarn, ply, spec }));
+        }
+    }
+    plies
+}
+
+/// About how many quads the fibers of a domain make, before their sections are packed.
+pub(super) fn estimate(cloth: &TwinCloth, domain: &Domain, options: &TwinMesh) -> f64 {
+    plies_of(cloth, domain).into_iter().map(|ply| estimate_ply(cloth, domain, options, ply)).sum()
+}
+
+fn estimate_ply(cloth: &TwinCloth, domain: &Domain, options: &TwinMesh, ply: PlyOf) -> f64 {
+    let spec = &cloth.yarns[ply.spec];
+    let length = domain.along_um(ply.family);
+    let turn = spec.ply.fiber_pitch_um.map_or(0.0, |pitch| TAU / pitch) + 0.005;
+    let rings = length * (turn / options.turn_rad.max(1e-3)).max(1.0 / options.step_um.max(0.1));
+    let shape = match spec.fiber.shape {
+        Shape::Circle { .. } | Shape::Ellipse { .. } | Shape::RoundedTriangle { .. } | Shape::Stone { .. } => 1.0,
+        Shape::Kidney { lumen, .. } => 1.3 + if lumen > 0.0 { 0.9 } else { 0.0 },
+        Shape::Trilobal { .. } | Shape::Polygon { .. } => 2.0,
+        Shape::Serrated { .. } => 4.0,
+    };
+    let points = f64::from(options.outline_points) * shape;
+    rings * points * f64::from(spec.ply.fibers)
 }

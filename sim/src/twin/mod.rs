@@ -21,4 +21,5 @@ pub use cloth::{OVERLAP_TOLERANCE_UM, TwinCloth};
 pub use domain::{Domain, PitchUsed};
 pub use job::{TwinJob, TwinSize, twin};
 pub use options::{TwinMesh, TwinOptions, direction, standard_views};
-pub use tracer::{ClothTracer, ThreadOfFiber};
+pub use sweep::ThreadOfFiber;
+pub use tracer::ClothTracer;

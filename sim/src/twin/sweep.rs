@@ -4,10 +4,9 @@
 //! A polygon within an outline has less area than the outline; its points are moved out so that the areas agree.
 
 use super::cloth::TwinCloth;
-use super::domain::Domain;
+use super::domain::{Domain, MAX_QUADS, PlyOf, estimate, plies_of};
 use super::options::TwinMesh;
 use super::strand::{Helix, Strand, V3, Winding, cross, dot, unit};
-use super::tracer::ThreadOfFiber;
 use crate::error::SimError;
 use crate::geometry::fiber_section::FiberSection;
 use crate::geometry::outline::{Outline, edges};
@@ -15,17 +14,29 @@ use crate::geometry::section::PlySection;
 use crate::simulate::stream;
 use nalgebra::{Rotation2, Vector2};
 use plywave::fabric::Family;
-use plywave::spec::Shape;
 use rand::RngExt;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
 /// Length by which tubes go on beyond the ends of the domain, besides what leaning sections take [um].
 const MARGIN_UM: f64 = 5.0;
-/// Most quads: they stay below 6 GiB, of which most is held only while a family's BVH is built.
-pub(super) const MAX_QUADS: f64 = 2.8e7;
 /// Points on an outline from which those of a ring are chosen.
 const FINE: usize = 512;
+
+/// What a fiber belongs to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ThreadOfFiber {
+    /// Family of its yarn.
+    pub family: Family,
+    /// Number of its yarn in the domain.
+    pub yarn: u32,
+    /// Number of its ply among all of the domain.
+    pub ply: u32,
+    /// Index of its spec.
+    pub spec: u32,
+    /// Where its yarn's axis lies across, from the middle of the domain [um].
+    pub(super) across: f32,
+}
 
 /// Quads of the fibers of a cloth, two triangles each. Positions are relative to the middle of the domain.
 #[derive(Default)]
@@ -39,15 +50,6 @@ pub(super) struct ClothMesh {
     pub wall: Vec<u32>,
     /// `[fiber]`.
     pub fibers: Vec<ThreadOfFiber>,
-}
-
-/// A ply of a yarn.
-#[derive(Clone, Copy)]
-struct PlyOf {
-    family: Family,
-    yarn: u32,
-    ply: u32,
-    spec: usize,
 }
 
 /// Points of a ring in the ply's section, with outward normals.
@@ -178,38 +180,6 @@ fn ring(fiber: &FiberSection, outline: &Outline, is_lumen: bool, turn: f64, opti
     };
     let angle = Rotation2::new(fiber.angle_rad);
     points.iter().map(|p| (angle * p.position_um * scale, angle * p.normal)).collect()
-}
-
-/// The plies of a domain.
-fn plies_of(cloth: &TwinCloth, domain: &Domain) -> Vec<PlyOf> {
-    let mut plies = Vec::new();
-    for family in Family::EACH {
-        for yarn in 0..domain.yarns[family as usize] {
-            let spec = cloth.spec_index(family, yarn as usize);
-            plies.extend((0..cloth.fabric.shape(family).plies).map(|ply| PlyOf { family, yarn, ply, spec }));
-        }
-    }
-    plies
-}
-
-/// About how many quads the fibers of a domain make, before their sections are packed.
-pub(super) fn estimate(cloth: &TwinCloth, domain: &Domain, options: &TwinMesh) -> f64 {
-    plies_of(cloth, domain).into_iter().map(|ply| estimate_ply(cloth, domain, options, ply)).sum()
-}
-
-fn estimate_ply(cloth: &TwinCloth, domain: &Domain, options: &TwinMesh, ply: PlyOf) -> f64 {
-    let spec = &cloth.yarns[ply.spec];
-    let length = domain.along_um(ply.family);
-    let turn = spec.ply.fiber_pitch_um.map_or(0.0, |pitch| TAU / pitch) + 0.005;
-    let rings = length * (turn / options.turn_rad.max(1e-3)).max(1.0 / options.step_um.max(0.1));
-    let shape = match spec.fiber.shape {
-        Shape::Circle { .. } | Shape::Ellipse { .. } | Shape::RoundedTriangle { .. } | Shape::Stone { .. } => 1.0,
-        Shape::Kidney { lumen, .. } => 1.3 + if lumen > 0.0 { 0.9 } else { 0.0 },
-        Shape::Trilobal { .. } | Shape::Polygon { .. } => 2.0,
-        Shape::Serrated { .. } => 4.0,
-    };
-    let points = f64::from(options.outline_points) * shape;
-    rings * points * f64::from(spec.ply.fibers)
 }
 
 fn sweep_ply(

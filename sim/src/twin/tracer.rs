@@ -8,7 +8,7 @@
 use super::cloth::TwinCloth;
 use super::domain::Domain;
 use super::options::TwinMesh;
-use super::sweep::ClothMesh;
+use super::sweep::{ClothMesh, ThreadOfFiber};
 use crate::error::SimError;
 use crate::rays::dielectric::RoughDielectric;
 use crate::rays::tracer::{Hit, Medium, Trace};
@@ -27,21 +27,6 @@ use std::time::Duration;
 const MAX_WRAPS: u32 = 10_000;
 /// Length beyond a border within which a wall still counts [um], for rounding.
 const BEYOND_UM: f32 = 1e-3;
-
-/// What a fiber belongs to.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ThreadOfFiber {
-    /// Family of its yarn.
-    pub family: Family,
-    /// Number of its yarn in the domain.
-    pub yarn: u32,
-    /// Number of its ply among all of the domain.
-    pub ply: u32,
-    /// Index of its spec.
-    pub spec: u32,
-    /// Where its yarn's axis lies across, from the middle of the domain [um].
-    pub(super) across: f32,
-}
 
 /// The quads of one family, in the order of the leaves of their BVH.
 struct Walls {

@@ -1,8 +1,8 @@
 //! What the beam hits first: ply 0, or another ply that stands in front of it or beside it (Yu 2025, 5.3, last paragraphs).
 //!
 //! The beam's lateral profile is cut into thin lines. The plies are visited in the order of their height, and each stops the share of a line that hits
-//! a fiber. Ply 0 then scatters its own slice of the table, f(theta_i, h), times the unblocked share u of what it intercepts. The rest of the
-//! beam, 1 - u (1 - r_d), is divided between the other plies and the light that misses the yarn in the proportions of the lines.
+//! a fiber. Ply 0 then scatters its own slice of the table, f(theta_i, h), scaled to the energy that it stops; another ply scatters the slices at the offsets of the lines
+//! that it stops. What no ply stops misses the yarn. So energies are those of the lines alone, whatever the slices' own Monte Carlo errors beside the rim.
 
 use super::geometry::Intercept;
 use plywave::math::axis;
@@ -10,13 +10,15 @@ use plywave::spec::{GaussianBeam, PlyRing};
 use plywave::table::Table;
 use std::f64::consts::TAU;
 
-/// Samples of psi in a bin.
+/// Samples of psi in what a bin has of a valid range.
 const SUB: usize = 8;
 /// Lines of a beam, and the standard deviations that they cover to each side.
 const LINES: usize = 96;
 const SDS: f64 = 5.0;
-/// Orientations over which the missed light alone is averaged.
-const ORIENTATIONS: usize = 240;
+/// Least share of a beam that a slice is of, for its factor.
+const LEAST_MET: f64 = 1e-6;
+/// Bins of psi over which the missed light alone is averaged.
+const BINS: usize = 36;
 
 /// Where a beam's power goes, averaged over the valid orientations of the yarn.
 pub(crate) struct FirstHits {
@@ -39,24 +41,17 @@ pub(crate) fn first_hits(
     let r_d = &table.r_d[m * columns..(m + 1) * columns];
     let plies = ring.plies as usize;
     let lines = lines(beam, h);
-    let own: f64 = lines.iter().map(|(x, w)| w * intercept.at(*x)).sum();
+    let own = |primary: f64| primary / (1.0 - r_d[n]).max(LEAST_MET);
     let mut parts = vec![vec![0.0; bins]; columns];
-    let (mut valid, mut missed) = (0usize, 0.0);
+    let (orientations, mut missed) = (orientations(ring, h, bins), 0.0);
     let mut order: Vec<usize> = (0..plies).collect();
-    let mut caught = vec![0.0; columns];
-    for i in 0..bins * SUB {
-        let psi = TAU * (i as f64 + 0.5) / (bins * SUB) as f64;
-        if !ring.is_valid(psi, h) {
-            continue;
-        }
-        valid += 1;
+    for (psi, share) in orientations {
+        let own_bin = ((psi / TAU * bins as f64) as usize).min(bins - 1);
         let centers: Vec<[f64; 2]> = (0..ring.plies).map(|p| ring.center(p, psi)).collect();
         order.sort_by(|&p, &q| centers[q][1].total_cmp(&centers[p][1]));
-        let (mut primary, mut miss) = (0.0, 0.0);
-        // Energies that other plies catch, before their common factor.
-        let mut others = vec![None; plies];
+        let mut primary = 0.0;
         for &(x, weight) in &lines {
-            let mut remaining = weight;
+            let mut remaining = share * weight;
             for &p in &order {
                 let offset = x - centers[p][0];
                 let stopped = remaining * intercept.at(offset);
@@ -68,59 +63,44 @@ pub(crate) fn first_hits(
                     primary += stopped;
                     continue;
                 }
-                let caught = others[p].get_or_insert_with(|| vec![0.0; columns]);
-                for (node, share) in at_nodes(table, r_d, offset) {
-                    caught[node] += stopped * share;
+                // Ply p lies at psi + 2 pi p / P.
+                let bin = (own_bin + bins * p / plies) % bins;
+                for (node, factor) in at_nodes(table, r_d, offset) {
+                    parts[node][bin] += stopped * factor;
                 }
             }
-            miss += remaining;
+            missed += remaining;
         }
-        let unblocked = if own > 1e-9 { (primary / own).min(1.0) } else { 1.0 };
-        let rest = 1.0 - unblocked * (1.0 - r_d[n]);
-        let elsewhere = 1.0 - primary;
-        parts[n][i / SUB] += unblocked;
-        if elsewhere < 1e-9 {
-            missed += rest;
-            continue;
-        }
-        missed += rest * miss / elsewhere;
-        for (p, other) in others.iter().enumerate() {
-            let Some(other) = other else { continue };
-            // Ply p lies at psi + 2 pi p / P.
-            let bin = (i / SUB + bins * p / plies) % bins;
-            caught.copy_from_slice(other);
-            for (part, energy) in parts.iter_mut().zip(&caught) {
-                part[bin] += energy * rest / elsewhere;
-            }
-        }
+        parts[n][own_bin] += own(primary);
     }
-    let scale = 1.0 / valid.max(1) as f64;
-    let parts = parts
-        .into_iter()
-        .enumerate()
-        .filter(|(_, part)| part.iter().any(|w| *w > 0.0))
-        .map(|(node, part)| (node, part.into_iter().map(|w| w * scale).collect()))
-        .collect();
-    FirstHits { parts, r_d: missed * scale }
+    let parts = parts.into_iter().enumerate().filter(|(_, part)| part.iter().any(|w| *w > 0.0)).collect();
+    FirstHits { parts, r_d: missed }
+}
+
+/// Valid orientations psi of the yarn for a beam at `h`, and their shares: the middles of equal parts of what each bin has of each valid range, whose ends are sharp.
+fn orientations(ring: &PlyRing, h: f64, bins: usize) -> Vec<(f64, f64)> {
+    let ranges = ring.valid_ranges(h);
+    let per_turn = 1.0 / ranges.iter().map(|(a, b)| b - a).sum::<f64>().max(f64::MIN_POSITIVE);
+    let bin = |i: usize| (TAU * i as f64 / bins as f64, TAU * (i + 1) as f64 / bins as f64);
+    let within = |(a, b): (f64, f64), (c, d): (f64, f64)| (a.max(c), b.min(d));
+    let pieces = ranges.iter().flat_map(|range| (0..bins).map(|i| within(*range, bin(i)))).filter(|(a, b)| a < b);
+    pieces
+        .flat_map(|(a, b)| {
+            let step = (b - a) / SUB as f64;
+            (0..SUB).map(move |i| (a + step * (i as f64 + 0.5), step * per_turn))
+        })
+        .collect()
 }
 
 /// Share of the beam at offset `h` that misses the whole yarn, averaged over its valid orientations: what every line of it has left behind all plies.
 pub(crate) fn missed(ring: &PlyRing, beam: &GaussianBeam, intercept: &Intercept, h: f64) -> f64 {
     let lines = lines(beam, h);
-    let (mut valid, mut missed) = (0usize, 0.0);
-    for i in 0..ORIENTATIONS {
-        let psi = TAU * (i as f64 + 0.5) / ORIENTATIONS as f64;
-        if !ring.is_valid(psi, h) {
-            continue;
-        }
-        valid += 1;
+    let missed = |(psi, share): (f64, f64)| -> f64 {
         let centers: Vec<f64> = (0..ring.plies).map(|p| ring.center(p, psi)[0]).collect();
-        missed += lines
-            .iter()
-            .map(|(x, w)| w * centers.iter().map(|c| 1.0 - intercept.at(x - c)).product::<f64>())
-            .sum::<f64>();
-    }
-    missed / valid.max(1) as f64
+        let passes = |x: f64| centers.iter().map(|c| 1.0 - intercept.at(x - c)).product::<f64>();
+        share * lines.iter().map(|(x, w)| w * passes(*x)).sum::<f64>()
+    };
+    orientations(ring, h, BINS).into_iter().map(missed).sum()
 }
 
 /// Lateral positions of a beam's lines and their shares of its power.
@@ -136,6 +116,6 @@ fn at_nodes(table: &Table, r_d: &[f64], h: f64) -> [(usize, f64); 2] {
     let last = table.h_um.len() - 1;
     let step = (table.h_um[last] - table.h_um[0]) / last as f64;
     let (n, t) = axis::cell((h - table.h_um[0]) / step, last + 1);
-    let unit = ((1.0 - t) * (1.0 - r_d[n]) + t * (1.0 - r_d[n + 1])).max(1e-6);
+    let unit = ((1.0 - t) * (1.0 - r_d[n]) + t * (1.0 - r_d[n + 1])).max(LEAST_MET);
     [(n, (1.0 - t) / unit), (n + 1, t / unit)]
 }

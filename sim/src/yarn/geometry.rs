@@ -53,6 +53,13 @@ impl Intercept {
         values.map(|met| Intercept { values: met.iter().map(|v| f64::from(*v)).collect(), reach_um }).collect()
     }
 
+    /// At the latitudes of the table's slices, of those of its fine energies, if it has them: the parts are finer than those of [`Intercept::of_table`].
+    pub fn of_beams(table: &Table) -> Option<Vec<Intercept>> {
+        let fine = Intercept::fine(table);
+        let steps = fine.len().checked_sub(1)? / (table.theta_i.len() - 1);
+        Some(fine.into_iter().step_by(steps.max(1)).collect())
+    }
+
     /// Mean over the latitudes, by the light of an even sphere, and over both signs of the offset, which a turned ply exchanges.
     pub fn mean(all: &[Intercept], theta: &[f64]) -> Intercept {
         let n = all[0].values.len();

@@ -153,7 +153,7 @@ struct Yarn<'a> {
     table: &'a Table,
     spec: &'a YarnSpec,
     fine: Level,
-    /// At each latitude of the table.
+    /// At each latitude of the table, of the light that comes in.
     intercepts: Vec<Intercept>,
     flights: Flights,
     escape: Vec<f32>,
@@ -216,6 +216,7 @@ impl<'a> Yarn<'a> {
             .collect();
         let overlap = Overlap::new(table.grid, fine.rows, fine.azimuths, 0.0, false);
         let exits = options.exits && table.exit.is_some();
+        let intercepts = Intercept::of_beams(table).unwrap_or(intercepts);
         Yarn { table, spec, fine, intercepts, flights, escape, kernels, overlap, exits, tolerance: options.tolerance }
     }
 

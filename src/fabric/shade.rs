@@ -1,0 +1,89 @@
+//! What a ply's neighbors leave of its light: the table of shadows (`shadow.rs`) at the place where light leaves the ply.
+
+use super::flight::Near;
+use super::shadow::{Shadows, ShadowsAt};
+use super::{Fabric, Family};
+use crate::ply::{EXIT_KINDS, ExitLine};
+
+/// Neighbors of a ply: which of them count, and the place.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shade<'a> {
+    /// Of the half the light comes from, and of the other.
+    counts: [bool; 2],
+    /// Sign of z of the half the light comes from.
+    up_sign: f32,
+    fabric: &'a Fabric,
+    shadows: &'a Shadows,
+    family: Family,
+    yarn: i32,
+    /// Where the line is nearest to the ply's axis along the yarn [um], and how much further a point lies that is R further along the ply.
+    along_um: f32,
+    per_radius_um: f32,
+    /// The ply's axis, the way to it from the yarn's over the ply's radius, and that radius over half of the yarn's width.
+    axis: [f32; 3],
+    off_axis: [f32; 3],
+    scale: f32,
+}
+
+/// Half of the width over which single reflection and light of dark fibers spread, over R.
+const NARROW: f32 = 0.2;
+
+impl<'a> Shade<'a> {
+    /// Of a ply that a line from direction `a` comes near; `counts` are the halves, up first, in which shadows count.
+    pub(super) fn new(
+        fabric: &'a Fabric,
+        shadows: &'a Shadows,
+        near: &Near,
+        a: [f32; 3],
+        counts: [bool; 2],
+    ) -> Shade<'a> {
+        let hit = &near.hit;
+        let k = hit.family as usize;
+        let yarn = &fabric.yarns[k];
+        Shade {
+            counts,
+            up_sign: if a[2] < 0.0 { -1.0 } else { 1.0 },
+            fabric,
+            shadows,
+            family: hit.family,
+            yarn: hit.yarn,
+            along_um: hit.along_um,
+            per_radius_um: yarn.radius * hit.frame[2][1 - k],
+            axis: hit.frame[2],
+            off_axis: near.off_axis.map(|v| v / yarn.radius),
+            scale: yarn.radius / yarn.half_width,
+        }
+    }
+
+    fn at(&self, s: f32) -> ShadowsAt<'a> {
+        self.shadows.at(self.fabric, self.family, self.yarn, self.along_um + s * self.per_radius_um)
+    }
+
+    /// Shares of single reflection, of other light of clear fibers and of that of dark ones that get out in direction `b`, of light that leaves on these lines.
+    #[inline]
+    pub(super) fn free(&self, b: [f32; 3], [refl, clear, dark]: [ExitLine; EXIT_KINDS]) -> [f32; EXIT_KINDS] {
+        if !self.counts[usize::from(b[2] * self.up_sign < 0.0)] {
+            return [1.0; EXIT_KINDS];
+        }
+        // Of the ply's axis: the offset along `b cross z`, as the table counts it, and how much further along z the line is nearest to the yarn's axis than to the ply's.
+        let (mut off, mut further) = (0.0, 0.0);
+        if self.scale < 1.0 {
+            let (z, p) = (self.axis, self.off_axis);
+            let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+            let bz = dot(b, z);
+            let per_sine = 1.0 / (1.0 - bz * bz).max(0.02).sqrt();
+            let x = [b[1] * z[2] - b[2] * z[1], b[2] * z[0] - b[0] * z[2], b[0] * z[1] - b[1] * z[0]];
+            off = dot(p, x) * per_sine;
+            further = -(dot(p, b) - bz * dot(p, z)) * bz * per_sine * per_sine;
+        }
+        // Single reflection and light of dark fibers turn at places near each other.
+        let narrow = self.at(0.5 * (refl.s + dark.s) + further).free(b);
+        let wide = self.at(clear.s + further).free(b);
+        let at = |t: f32| (off - t) * self.scale;
+        [
+            narrow.within(at(refl.t), NARROW * self.scale),
+            wide.within(at(clear.t), (1.0 - clear.t.abs()) * self.scale),
+            narrow.within(at(dark.t), NARROW * self.scale),
+        ]
+    }
+}
