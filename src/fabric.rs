@@ -14,6 +14,7 @@ mod center_line;
 mod color_of;
 mod draft;
 mod dye;
+mod far;
 mod flight;
 mod load;
 mod place;

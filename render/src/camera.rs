@@ -25,6 +25,11 @@ impl Camera {
         t * direction.dot(self.forward)
     }
 
+    /// Width of a pixel at unit distance along the axis, of a picture `height` pixels high.
+    pub(crate) fn pixel_width(&self, height: u32) -> f32 {
+        2.0 * self.up.length() / height.max(1) as f32
+    }
+
     /// Origin and unit direction of the ray through (x, y) of a picture `width` by `height` pixels, y down.
     pub fn ray(&self, x: f32, y: f32, width: u32, height: u32) -> (Vec3, Vec3) {
         let size = height as f32;

@@ -90,6 +90,6 @@ pub trait Surface: Sync {
     where
         Self: 'a;
 
-    /// At a position on the cloth [um], seen from `wo`, at wavelengths [um].
-    fn at(&self, uv_um: [f32; 2], wo: [f32; 3], lambda_um: [f32; WAVELENGTHS]) -> Self::At<'_>;
+    /// At a position on the cloth [um] that stands for a part of it of this diameter [um], seen from `wo`, at wavelengths [um].
+    fn at(&self, uv_um: [f32; 2], footprint_um: f32, wo: [f32; 3], lambda_um: [f32; WAVELENGTHS]) -> Self::At<'_>;
 }

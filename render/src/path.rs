@@ -15,6 +15,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Side of a tile [pixels].
 const TILE: u32 = 16;
+/// Share of the width of a scattered path's cone that it stands for.
+const SPREAD: f32 = 0.1;
 /// Scatterings after which paths are thinned out by chance.
 const ROULETTE: u32 = 4;
 
@@ -108,7 +110,8 @@ fn pixel<S: Surface>(
     });
     let (px, py) = (x as f32 + rng.random::<f32>(), y as f32 + rng.random::<f32>());
     let (origin, direction) = camera.ray(px, py, width, height);
-    let (light, albedo, hit) = trace(scene, surface, options, origin, direction, lambda, &mut rng);
+    let width_per_mm = camera.pixel_width(height);
+    let (light, albedo, hit) = trace(scene, surface, options, (origin, direction, width_per_mm), lambda, &mut rng);
     // First hits take no random numbers: the light is the same with them and without.
     let hit = hit.map(|(point, direction)| {
         let normal = point.frame.axes[2];
@@ -139,11 +142,12 @@ fn trace<S: Surface>(
     scene: &Scene,
     surface: &S,
     options: &RenderOptions,
-    mut origin: Vec3,
-    mut direction: Vec3,
+    (mut origin, mut direction, mut width_per_mm): (Vec3, Vec3, f32),
     lambda: Light4,
     rng: &mut Pcg64Mcg,
 ) -> (Light4, Light4, Option<FirstHit>) {
+    // Width of the bundle of paths that this one stands for [mm]; it grows with the distance.
+    let mut width = 0.0;
     let mut hit = None;
     let (mut light, mut albedo, mut throughput) = ([0.0; WAVELENGTHS], [0.0; WAVELENGTHS], [1.0f32; WAVELENGTHS]);
     // Density with which the direction was drawn; the camera's counts as certain.
@@ -176,10 +180,14 @@ fn trace<S: Surface>(
             break;
         };
         let point = *meeting.point();
+        width += width_per_mm * point.t;
         let last = depth == options.depth;
         let (seen, next) = match meeting {
             Meeting::Sheet(_) => {
-                let at = surface.at(point.uv_um, point.frame.local(-direction), lambda);
+                let wo = point.frame.local(-direction);
+                // Of the ellipse on the cloth, the geometric mean of its axes.
+                let footprint_mm = width / wo[2].abs().max(0.01).sqrt();
+                let at = surface.at(point.uv_um, 1000.0 * footprint_mm, wo, lambda);
                 (at.albedo(), scatter(scene, &point, &at, last, throughput, rng, &mut light))
             }
             Meeting::Prop(_, albedo) => {
@@ -197,6 +205,8 @@ fn trace<S: Surface>(
                     throughput[k] *= sample.weight[k];
                 }
                 pdf = sample.pdf;
+                // A direction of this density stands for a cone of the solid angle 1 / density, thinly as paths are.
+                width_per_mm += SPREAD * (1.0 / pdf.max(1e-3)).sqrt();
                 direction = point.frame.world(sample.w).normalize_or_zero();
                 if direction == Vec3::ZERO || pdf <= 0.0 {
                     break;

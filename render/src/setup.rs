@@ -34,6 +34,20 @@ impl Setup {
         }
     }
 
+    /// Width that a pixel of a picture `height` pixels high covers of a sheet `size_mm` wide that faces the viewer [um].
+    pub fn pixel_um(self, size_mm: f32, height: u32) -> f32 {
+        // Distance of the camera times the angle across the picture, over the sheet's size.
+        let view = match self {
+            Setup::Front => 0.68,
+            Setup::Back | Setup::Folds => 0.9,
+            Setup::Drape => 0.82,
+            Setup::Furnace => 0.8,
+            Setup::Swatch => 1.0,
+            Setup::Grazing => 0.53,
+        };
+        1000.0 * view * size_mm / height.max(1) as f32
+    }
+
     /// Scene and camera for a sheet `size_mm` wide; `mesh` in place of the setup's own, `sky` in place of its environment. Lamps are scaled so that a
     /// white diffuse sheet that faces one comes out at about 1.
     pub fn scene(self, size_mm: f32, mesh: Option<Mesh>, sky: Option<Environment>) -> (Scene, Camera) {

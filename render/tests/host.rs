@@ -51,7 +51,7 @@ impl Bsdf<4> for At {
 impl Surface for Diffuse {
     type At<'a> = At;
 
-    fn at(&self, _: [f32; 2], wo: [f32; 3], _: [f32; 4]) -> At {
+    fn at(&self, _: [f32; 2], _: f32, wo: [f32; 3], _: [f32; 4]) -> At {
         At(*self, wo[2].signum())
     }
 }

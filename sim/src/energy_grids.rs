@@ -17,8 +17,9 @@ const SHARE_STEP_RAD: f64 = 0.18;
 const SHARE_STEP_SDS: f64 = 1.2;
 /// Most nodes of an axis.
 const MOST_NODES: usize = 1001;
-/// Rays of a latitude of r_d over all instances, and the least of one.
+/// Rays of a latitude of r_d over all instances, those for each path where runs are short, and the least of an instance.
 const RAYS: u64 = 1 << 18;
+const RAYS_A_PATH: u64 = 4;
 const LEAST_RAYS: u64 = 1 << 12;
 
 /// The grids, as refinements of those of the slices.
@@ -100,7 +101,8 @@ impl EnergyGrids {
                 reach_um,
                 count: (2.0 * reach_um / sd * BINS_PER_SD).ceil().clamp(64.0, MOST_BINS) as usize,
             },
-            rays: (RAYS / u64::from(options.instances.max(1))).max(LEAST_RAYS),
+            rays: (RAYS.min(RAYS_A_PATH * options.paths_per_theta) / u64::from(options.instances.max(1)))
+                .max(LEAST_RAYS),
         }
     }
 

@@ -6,6 +6,7 @@
 
 use super::Family;
 use super::between::BetweenAt;
+use super::far::FarAt;
 use super::place::MAX_NEAR;
 use super::shade::Shade;
 use crate::bsdf::{DirectionSample, Outcomes};
@@ -53,6 +54,8 @@ pub(super) struct NearPly<'a, L, const N: usize> {
     pub frame: [[f32; 3]; 3],
     pub shade: Shade<'a>,
     pub exits: ExitsAt,
+    pub family: Family,
+    pub is_double: bool,
     /// Share of the beam that comes to it.
     pub arrives: f32,
     /// Share of that which it catches; of plies beside the one that the line meets.
@@ -135,10 +138,19 @@ pub struct FabricAt<'a, const N: usize> {
     /// Cosine and sine of the pattern's turn.
     pub(super) turn: [f32; 2],
     pub(super) is_double: bool,
+    /// In a gap with diffracted light: its spectra.
+    pub(super) aperture: Option<[u16; 2]>,
+    /// The mean over the repeat, and its share; all else has the rest.
+    pub(super) far: Option<(FarAt<'a, N>, f32)>,
 }
 
 impl<const N: usize> FabricAt<'_, N> {
-    /// Whether the point lies in a gap: the line meets no ply.
+    /// Share of the mean over the repeat in the answer: 0 for a point, 1 for a footprint as large as the repeat.
+    pub fn far_share(&self) -> f32 {
+        self.far.as_ref().map_or(0.0, |(_, share)| *share)
+    }
+
+    /// Whether the point lies in a gap: the line meets no ply. Of no meaning where [`FabricAt::far_share`] is 1.
     pub fn is_gap(&self) -> bool {
         self.main.is_none()
     }
@@ -146,6 +158,23 @@ impl<const N: usize> FabricAt<'_, N> {
     /// Whether two layers of yarns lie there.
     pub fn is_double(&self) -> bool {
         self.is_double
+    }
+
+    /// f of the plies of one family towards `lights`, and the energies that they scatter, of one layer and of two.
+    pub(super) fn of_family(&self, family: Family, lights: &[[f32; 3]]) -> (Vec<[f32; N]>, [[f32; N]; 2]) {
+        let (mut f, mut first) = (vec![[0.0; N]; lights.len()], [[0.0; N]; 2]);
+        let mut scatters = |is_double: bool, arrives: f32, energy: &[f32; N]| {
+            (0..N).for_each(|k| first[usize::from(is_double)][k] += arrives * energy[k]);
+        };
+        if let Some(ply) = self.main.as_ref().filter(|ply| ply.family == family) {
+            scatters(ply.is_double, ply.arrives, &ply.energy);
+            lights.iter().zip(&mut f).for_each(|(b, f)| ply.eval_pdf(*b, f, &mut 0.0));
+        }
+        for ply in self.others.iter().flatten().filter(|ply| ply.family == family) {
+            scatters(ply.is_double, ply.arrives, &ply.energy);
+            lights.iter().zip(&mut f).for_each(|(b, f)| ply.eval_pdf(*b, f, &mut 0.0));
+        }
+        (f, first)
     }
 
     /// Sets the chances of all parts by their mean energies.
@@ -196,6 +225,17 @@ impl<const N: usize> FabricAt<'_, N> {
     /// f and density in a direction of the pattern, of which those of one ply may be known.
     #[inline]
     fn sum(&self, b: [f32; 3], known: Option<(usize, LobeLight<N>)>) -> ([f32; N], f32) {
+        let Some((far, share)) = &self.far else { return self.near(b, known) };
+        let (mut f, mut pdf) = if *share < 1.0 { self.near(b, known) } else { ([0.0; N], 0.0) };
+        f.iter_mut().for_each(|f| *f *= 1.0 - share);
+        pdf *= 1.0 - share;
+        far.add(b, *share, &mut f, &mut pdf);
+        (f, pdf)
+    }
+
+    /// f and density of the point alone.
+    #[inline]
+    fn near(&self, b: [f32; 3], known: Option<(usize, LobeLight<N>)>) -> ([f32; N], f32) {
         let (mut f, mut pdf) = (self.between.eval(b), self.between_pdf(b));
         self.passing(b, &mut f, &mut pdf);
         if let Some(ply) = &self.main {
@@ -217,6 +257,15 @@ impl<const N: usize> FabricAt<'_, N> {
     /// A direction of the pattern, and the light of the ply that gave it.
     #[inline]
     fn draw(&self, u: [f32; 3]) -> Option<Drawn<N>> {
+        let Some((far, share)) = &self.far else { return self.draw_near(u) };
+        if u[0] < *share {
+            return far.draw([clamp_unit(u[0] / share), u[1], u[2]]).map(|w| (w, None));
+        }
+        self.draw_near([clamp_unit((u[0] - share) / (1.0 - share)), u[1], u[2]])
+    }
+
+    #[inline]
+    fn draw_near(&self, u: [f32; 3]) -> Option<Drawn<N>> {
         let mut remaining = u[0];
         let rescaled = |remaining: f32, chance: f32| [clamp_unit(remaining / chance), u[1], u[2]];
         if let Some(ply) = &self.main {
@@ -265,6 +314,9 @@ impl<const N: usize> Bsdf<N> for FabricAt<'_, N> {
             return 0.0;
         }
         let b = to_pattern(self.turn, w);
+        if self.far.is_some() {
+            return self.sum(b, None).1;
+        }
         let mut pdf = self.between_pdf(b);
         self.passing(b, &mut [0.0; N], &mut pdf);
         pdf += self.main.as_ref().map_or(0.0, |ply| ply.pdf(b));
@@ -302,20 +354,27 @@ impl<const N: usize> Bsdf<N> for FabricAt<'_, N> {
                 + self.others.iter().flatten().map(|p| lit(&p.energy, p.arrives, k)).sum::<f32>();
             albedo[k] +=
                 (plies - self.between.caught[k]).max(0.0) + self.between.energy[0][k] + self.between.energy[1][k];
+            if let Some((far, share)) = &self.far {
+                albedo[k] += share * (far.albedo(k) - albedo[k]);
+            }
         }
         albedo
     }
 
     fn straight(&self) -> [f32; N] {
-        if matches!(self.passes, Passes::Straight) { [self.passing; N] } else { [0.0; N] }
+        let straight = if matches!(self.passes, Passes::Straight) { self.passing } else { 0.0 };
+        let far = self.far.as_ref().map_or(0.0, |(far, share)| share * (far.straight() - straight));
+        [straight + far; N]
     }
 
     fn outcomes(&self) -> Outcomes {
         let scattered = self.chances.iter().sum::<f32>()
             + self.main.iter().map(|p| p.chance).sum::<f32>()
             + self.others.iter().flatten().map(|p| p.chance).sum::<f32>();
+        let far = self.far.as_ref().map_or(0.0, |(far, share)| share * (far.scattered() - scattered));
+        let scattered = scattered + far;
         let rest = (1.0 - scattered).max(0.0);
-        if matches!(self.passes, Passes::Straight) && self.passing > 0.0 {
+        if Bsdf::<N>::straight(self).iter().any(|e| *e > 0.0) {
             Outcomes { scattered, straight: rest, absorbed: 0.0 }
         } else {
             Outcomes { scattered, straight: 0.0, absorbed: rest }

@@ -8,6 +8,7 @@ use super::at::{FabricAt, GapLight, NearPly, Passes, by_family, to_pattern};
 use super::between::{Between, BetweenAt, Yarns, class};
 use super::color_of::{self, ColorOf, Sheet};
 use super::dye::{Channels, ColorReach, Dye};
+use super::far::{self, Far, FarAt, Mixed, Places, Seen};
 use super::flight::Near;
 use super::place::MAX_NEAR;
 use super::shade::Shade;
@@ -43,6 +44,8 @@ pub struct FabricOptions {
     pub shadowing: bool,
     /// Light that passes beside a ply that the line meets is diffracted at its edge. Without, it goes straight on.
     pub edges: bool,
+    /// The mean over the repeat is made ready, some seconds, for queries with a footprint ([`FabricQuery::footprint_um`]). Without, footprints count as points.
+    pub far: bool,
 }
 
 impl FabricOptions {
@@ -54,6 +57,7 @@ impl FabricOptions {
         layers: true,
         shadowing: true,
         edges: true,
+        far: false,
     };
 }
 
@@ -98,6 +102,9 @@ pub struct FabricQuery<'a, const N: usize> {
     pub turn_rad: f32,
     /// Ply models of warp and weft in place of the fabric's; of the same ply radius and number of plies.
     pub models: [Option<&'a PlyModel>; 2],
+    /// Diameter of the part of the cloth that the point stands for [um], as of a pixel: from half a repeat on the mean over the repeat takes part, and beyond a repeat it is
+    /// all. 0 for a point. Fabrics loaded without [`FabricOptions::far`], and points with models of their own, do without.
+    pub footprint_um: f32,
 }
 
 impl<const N: usize> FabricQuery<'_, N> {
@@ -111,6 +118,7 @@ impl<const N: usize> FabricQuery<'_, N> {
             sigma_per_um: [None; 2],
             turn_rad: 0.0,
             models: [None; 2],
+            footprint_um: 0.0,
         }
     }
 }
@@ -164,6 +172,9 @@ pub struct FabricBsdf {
     between: Between,
     /// Length of a ply with the same patterns, 2 w0 [um].
     grain_um: f32,
+    /// The mean over the repeat, and by family the share of each color.
+    far: Option<Arc<Far>>,
+    color_shares: [Vec<(u32, f32)>; 2],
 }
 
 impl FabricBsdf {
@@ -228,12 +239,19 @@ impl FabricBsdf {
             edge_step_um: step as f32,
             options: *options,
             grain_um: (2.0 * beam.w0_um) as f32,
+            far: None,
+            color_shares: [Vec::new(), Vec::new()],
         };
         if colors.iter().any(|color| matches!(color, YarnColor::Srgb(_))) {
             shading.curve = shading.color_curve_of(spec.color_of);
             shading.color_of = spec.color_of;
         }
         shading.dyes = colors.iter().map(|color| Dye::new(*color, &shading.curve)).collect();
+        shading.color_shares = shares_of(&shading.threads);
+        if options.far {
+            let smooth = FabricBsdf { options: FabricOptions { noise: false, ..*options }, ..shading.clone() };
+            shading.far = Some(Arc::new(Far::new(&smooth)));
+        }
         Ok(shading)
     }
 
@@ -268,6 +286,8 @@ impl FabricBsdf {
             + size_of_val(self.spectra.as_slice())
             + self.shadows.memory_bytes()
             + self.between.memory_bytes()
+            + self.far.as_ref().map_or(0, |far| far.memory_bytes())
+            + self.color_shares.iter().map(|shares| size_of_val(shares.as_slice())).sum::<usize>()
     }
 
     /// Absorptions [1/um] of a yarn at wavelengths [um].
@@ -308,6 +328,7 @@ impl FabricBsdf {
         other.color_of = of;
         other.fabric.set_colors([vec![warp], vec![weft]]);
         other.threads = [vec![0], vec![1]];
+        other.color_shares = shares_of(&other.threads);
         other.dyes = [warp, weft].iter().map(|color| Dye::new(*color, &other.curve)).collect();
         other
     }
@@ -392,7 +413,13 @@ impl FabricBsdf {
             chances: [0.0; 3],
             turn,
             is_double: false,
+            aperture: None,
+            far: self.far_at(query, wo),
         };
+        if at.far_share() >= 1.0 {
+            at.passing = 0.0;
+            return at;
+        }
         let mut firsts = [(0, [0.0; N]); MAX_NEAR + 1];
         let (mut count, mut last_other) = (0, 0);
         let mut sigma = None;
@@ -449,18 +476,21 @@ impl FabricBsdf {
                 break;
             }
         }
-        let on = |switch: bool| f32::from(u8::from(switch));
         if let Some(sigma) = sigma {
-            let sent = [on(self.options.shadowing), on(self.options.layers)];
-            at.between = self.between.at(wo, &firsts[..count], sigma, sent);
+            at.between = self.between.at(wo, &firsts[..count], sigma, self.sent());
         }
         at.passes = match &at.main {
             Some(main) if self.options.edges && main.ply.model.has_edge() => Passes::Edge,
             None if self.options.gaps == GapLight::Diffracted => {
                 let [west, east, south, north] = gap.aperture_um;
-                let (x, y) = (self.spectrum(west, east), self.spectrum(south, north));
-                let gap = GapBsdf::new(x, y, wo, query.lambda_um);
-                if gap.is_dark() { Passes::Straight } else { Passes::Aperture(gap) }
+                let aperture = [self.aperture(west, east), self.aperture(south, north)];
+                let gap = self.gap(aperture, wo, query.lambda_um);
+                if gap.is_dark() {
+                    Passes::Straight
+                } else {
+                    at.aperture = Some(aperture);
+                    Passes::Aperture(gap)
+                }
             }
             _ => Passes::Straight,
         };
@@ -482,6 +512,8 @@ impl FabricBsdf {
             shade: Shade::new(&self.fabric, &self.shadows, near, wo, [self.options.shadowing, self.options.layers]),
             exits: ply.model.exits_at(hit.theta_i, hit.h_um, self.fabric.yarns[hit.family as usize].radius),
             ply,
+            family: hit.family,
+            is_double: hit.is_double,
             arrives,
             caught: 0.0,
             energy: [0.0; N],
@@ -505,10 +537,80 @@ impl FabricBsdf {
         Instance::new(ply, hit.along_um, self.grain_um)
     }
 
-    /// The spectrum of the aperture whose edges are this far before and beyond the beam's center [um].
-    fn spectrum(&self, before_um: f32, beyond_um: f32) -> &Spectrum {
+    /// The spectrum of the aperture whose edges are this far before and beyond the beam's center [um], by its number.
+    fn aperture(&self, before_um: f32, beyond_um: f32) -> u16 {
         let node = |x: f32| ((x / self.edge_step_um + 0.5) as usize).min(EDGES);
-        &self.spectra[node(before_um) * (EDGES + 1) + node(beyond_um)]
+        (node(before_um) * (EDGES + 1) + node(beyond_um)) as u16
+    }
+
+    fn gap<const N: usize>(&self, [x, y]: [u16; 2], wo: [f32; 3], lambda_um: [f32; N]) -> GapBsdf<'_, N> {
+        GapBsdf::new(&self.spectra[usize::from(x)], &self.spectra[usize::from(y)], wo, lambda_um)
+    }
+
+    /// The mean over the repeat where a query asks for it, seen from `wo` in the pattern's frame, and its share.
+    fn far_at<'a, const N: usize>(&'a self, query: &FabricQuery<'a, N>, wo: [f32; 3]) -> Option<(FarAt<'a, N>, f32)> {
+        let far = self.far.as_deref().filter(|_| query.models.iter().all(Option::is_none))?;
+        let [x, y] = self.fabric.repeat_um();
+        let t = (2.0 * query.footprint_um / x.max(y) as f32 - 1.0).clamp(0.0, 1.0);
+        let share = t * t * (3.0 - 2.0 * t);
+        // Not a number is no footprint.
+        if !(share > 0.0 && crate::frame::is_direction(wo)) {
+            return None;
+        }
+        let mut sigma = [Mixed::NONE; 2];
+        for (k, sigma) in sigma.iter_mut().enumerate() {
+            match query.sigma_per_um[k] {
+                Some(own) => sigma.add(1.0, own),
+                None => self.color_shares[k].iter().for_each(|(color, share)| {
+                    sigma.add(*share, self.dyes[*color as usize].at(query.lambda_um, query.channels));
+                }),
+            }
+        }
+        let plies = far.at(wo, [&sigma[0], &sigma[1]]);
+        let firsts: [(usize, [f32; N]); 4] = std::array::from_fn(|class| (class, plies.first[class]));
+        let between = self.between.at(wo, &firsts, sigma.map(|s| s.sigma()), self.sent());
+        let (passing, apertures) = far.passing(wo);
+        let mut gaps = [None; far::APERTURES];
+        if self.options.gaps == GapLight::Diffracted {
+            for (gap, aperture) in gaps.iter_mut().zip(apertures) {
+                *gap = Some(self.gap(*aperture, wo, query.lambda_um));
+            }
+        }
+        Some((FarAt::new(plies, between, passing, gaps), share))
+    }
+
+    /// Factors on what first plies send up and down.
+    fn sent(&self) -> [f32; 2] {
+        let on = |switch: bool| f32::from(u8::from(switch));
+        [on(self.options.shadowing), on(self.options.layers)]
+    }
+}
+
+/// By family, each color of one repeat of its threads and its share of them.
+fn shares_of(threads: &[Vec<u32>; 2]) -> [Vec<(u32, f32)>; 2] {
+    [0, 1].map(|k| {
+        let mut shares: Vec<(u32, f32)> = Vec::new();
+        for color in &threads[k] {
+            match shares.iter_mut().find(|(known, _)| known == color) {
+                Some((_, share)) => *share += 1.0,
+                None => shares.push((*color, 1.0)),
+            }
+        }
+        shares.into_iter().map(|(color, count)| (color, count / threads[k].len() as f32)).collect()
+    })
+}
+
+impl Places for FabricBsdf {
+    fn seen(&self, family: Family, place: [f64; 2], turn: f64, wo: [f32; 3], lights: &[[f32; 3]]) -> Seen {
+        let at = [0, 1].map(|k| {
+            let repeat = self.fabric.repeat_um()[k];
+            ((place[k] + (turn * (1.0 + 20_000.0 / repeat)).floor()) * repeat) as f32
+        });
+        let query =
+            FabricQuery { sigma_per_um: [Some(far::SIGMA_PER_UM); 2], ..FabricQuery::new(at, wo, [0.55; far::SIGMAS]) };
+        let at = self.at(&query);
+        let (f, first) = at.of_family(family, lights);
+        Seen { f, first, passing: at.passing, aperture: at.aperture }
     }
 }
 

@@ -96,6 +96,8 @@ pub enum FabricPart {
     Shadowing,
     /// Diffraction at a ply's edge.
     Edges,
+    /// The mean over the repeat, for pixels that cover half of it or more.
+    Far,
 }
 
 /// `plywave gallery`.

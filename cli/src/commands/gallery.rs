@@ -10,7 +10,7 @@ use crate::gallery::pages::{Entry, Index, Shot, about, for_page, markdown, png, 
 use crate::gallery::pictures::{self, Panel, Picture};
 use crate::progress::{self, Bar, STOP};
 use crate::{output, report};
-use plywave::fabric::{FabricBsdf, FabricSpec};
+use plywave::fabric::{FabricBsdf, FabricOptions, FabricSpec};
 use plywave_render::{Film, FilmView, RenderOptions, render};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -49,8 +49,11 @@ impl Work {
 
     /// The finished film.
     fn render(&self, cli: &Cli, bar: &Bar) -> Outcome<Film> {
-        let fabric = FabricBsdf::load(&self.file, &self.panel.options)?;
-        let (scene, camera) = self.panel.setup.scene(self.panel.size_mm, None, None);
+        let loaded = FabricSpec::load(&self.file)?;
+        let Panel { setup, size_mm, options, .. } = self.panel;
+        let far = super::render::covers_repeats(&loaded.fabric, setup, size_mm, self.shot.pixels);
+        let fabric = FabricBsdf::new(loaded, &FabricOptions { far, ..options })?;
+        let (scene, camera) = setup.scene(size_mm, None, None);
         let side = self.shot.pixels;
         let mut film = Film::new(side, side).map_err(failed)?;
         let options = RenderOptions { samples: self.shot.samples, depth: self.shot.depth, seed: self.shot.seed };

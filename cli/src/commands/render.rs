@@ -5,7 +5,7 @@ use crate::args::{Cli, FabricPart, RenderArgs, Scene};
 use crate::failure::{Failure, Outcome};
 use crate::progress::{self, Bar, STOP};
 use crate::{kinds, output, report};
-use plywave::fabric::{FabricBsdf, FabricOptions, FabricSpec, GapLight, WeaveSpec};
+use plywave::fabric::{Fabric, FabricBsdf, FabricOptions, FabricSpec, GapLight, WeaveSpec};
 use plywave_render::{
     Environment, Facts, Film, FilmView, Ingredients, Mesh, MeshNotes, RenderError, RenderOptions, Setup, png, render,
 };
@@ -136,7 +136,7 @@ fn ingredients(args: &RenderArgs, size: f32, inputs: &[(&'static str, PathBuf)])
         ("--smooth", args.smooth.to_string()),
         (
             "--without",
-            [FabricPart::Layers, FabricPart::Shadowing, FabricPart::Edges]
+            [FabricPart::Layers, FabricPart::Shadowing, FabricPart::Edges, FabricPart::Far]
                 .map(|p| args.without.contains(&p))
                 .map(u8::from)
                 .map(|b| b.to_string())
@@ -188,6 +188,12 @@ fn check_flags(args: &RenderArgs) -> Outcome {
     Ok(())
 }
 
+/// Whether a pixel covers half of a fabric's repeat or more, so that its mean takes part.
+pub(super) fn covers_repeats(fabric: &Fabric, setup: Setup, size_mm: f32, height: u32) -> bool {
+    let [x, y] = fabric.repeat_um();
+    f64::from(setup.pixel_um(size_mm, height)) > 0.5 * x.max(y)
+}
+
 /// Runs the command.
 pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     check_flags(args)?;
@@ -203,9 +209,12 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
         layers: !args.without.contains(&FabricPart::Layers),
         shadowing: !args.without.contains(&FabricPart::Shadowing),
         edges: !args.without.contains(&FabricPart::Edges),
+        far: false,
     };
     let setup = Setup::from(args.setup);
     let size = args.size_mm.map_or(setup.size_mm(), |s| s as f32);
+    let far = !args.without.contains(&FabricPart::Far) && covers_repeats(&loaded.fabric, setup, size, args.height);
+    let options = FabricOptions { far, ..options };
     let of = ingredients(args, size, &inputs)?;
     let mut film = match outputs.sums.exists() && args.resume {
         true => Film::resume(&outputs.sums, &of, args.width, args.height).map_err(failed)?,

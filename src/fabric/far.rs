@@ -1,0 +1,544 @@
+//! The mean of a cloth over its repeat: what a pixel sees that covers many yarns.
+//!
+//! Light of the plies is tabulated for each family in angles about its yarns' mean axis z, which runs in the cloth: `theta = asin(w . z)`, and `phi` from the other in-plane
+//! axis towards the normal. A cylinder's light keeps near the cone `theta_o = -theta_i`, so that the table has theta_o on nodes about that cone which move with theta_i:
+//! entries at neighboring theta_i then hold the same feature. Entries are the fabric's own f (`at.rs`), its shadows included, at places spread evenly over the repeat, at
+//! nodes of absorption; between the nodes they are linear. The light between yarns is that of the mean energies (`between.rs`), which are a function of the direction to begin with.
+//! What passes all plies is diffracted by a few apertures that stand for those of the repeat.
+//!
+//! Energies are those of the means, in as far as the table's integrals are; tests/far.rs has both beside the mean of many places. The mean is as reciprocal as the fabric.
+
+use super::Family;
+use super::between::BetweenAt;
+use crate::math::{clamp_unit, parallel};
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
+
+/// Nodes of absorption [1/um], the last for an infinite one; between them f is linear in `1 / (1 + sigma L)`, L some paths through a ply [um].
+pub(super) const SIGMA_PER_UM: [f32; SIGMAS] = [0.0, 0.0012, 0.003, 0.0065, 0.014, 0.032, 0.09, 3.0];
+pub(super) const SIGMAS: usize = 8;
+const LENGTH_UM: f32 = 150.0;
+/// Azimuths of the viewer over one side of the cloth [degrees], closer towards the plane.
+const PHI_I_DEG: [f32; 13] = [2.5, 8.0, 18.0, 32.0, 50.0, 70.0, 90.0, 110.0, 130.0, 148.0, 162.0, 172.0, 177.5];
+const SIDE: usize = PHI_I_DEG.len();
+/// Latitudes of the viewer [degrees].
+const THETA_I_DEG: [f32; 11] = [-82.0, -66.0, -49.0, -33.0, -16.0, 0.0, 16.0, 33.0, 49.0, 66.0, 82.0];
+const ROWS: usize = THETA_I_DEG.len();
+/// Directions to the viewer.
+const VIEWS: usize = 2 * SIDE * ROWS;
+/// Azimuths of the light, evenly, and steps of its latitude to each side of the cone.
+const COLUMNS: usize = 24;
+const STEPS: usize = 8;
+const NODES: usize = 2 * STEPS + 1;
+const CELLS: usize = COLUMNS * (NODES - 1);
+/// Places of the repeat at which a view is looked at, and the Fibonacci number before it.
+const PLACES: usize = 233;
+const LATTICE: usize = 144;
+/// Apertures that stand for those of the repeat.
+pub(super) const APERTURES: usize = 3;
+/// Share of the samples of plies' light that is even over the sphere.
+const EVEN: f32 = 0.02;
+
+/// Shares of the nodes of absorption at one.
+fn sigma_weights(sigma: f32) -> [f32; SIGMAS] {
+    let v = |sigma: f32| 1.0 / (1.0 + sigma * LENGTH_UM);
+    let sigma = sigma.max(0.0).min(SIGMA_PER_UM[SIGMAS - 1]);
+    let node = SIGMA_PER_UM.partition_point(|node| *node <= sigma).clamp(1, SIGMAS - 1) - 1;
+    let [low, high] = [SIGMA_PER_UM[node], SIGMA_PER_UM[node + 1]].map(v);
+    let t = (low - v(sigma)) / (low - high);
+    std::array::from_fn(|i| {
+        if i == node {
+            1.0 - t
+        } else if i == node + 1 {
+            t
+        } else {
+            0.0
+        }
+    })
+}
+
+/// Absorptions of a family whose yarns have several colors.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Mixed<const N: usize> {
+    weights: [[f32; SIGMAS]; N],
+    /// Mean of `1 / (1 + sigma L)`.
+    mean: [f32; N],
+}
+
+impl<const N: usize> Mixed<N> {
+    pub(super) const NONE: Mixed<N> = Mixed { weights: [[0.0; SIGMAS]; N], mean: [0.0; N] };
+
+    /// With a color that this share of the yarns has.
+    pub(super) fn add(&mut self, share: f32, sigma_per_um: [f32; N]) {
+        for k in 0..N {
+            let weights = sigma_weights(sigma_per_um[k]);
+            (0..SIGMAS).for_each(|s| self.weights[k][s] += share * weights[s]);
+            self.mean[k] += share / (1.0 + sigma_per_um[k].clamp(0.0, 1e6) * LENGTH_UM);
+        }
+    }
+
+    /// One absorption that stands for all [1/um].
+    pub(super) fn sigma(&self) -> [f32; N] {
+        self.mean.map(|v| (1.0 / v.max(1e-9) - 1.0).max(0.0) / LENGTH_UM)
+    }
+}
+
+/// theta and phi of a direction about a family's yarns.
+fn angles(family: Family, w: [f32; 3]) -> (f32, f32) {
+    let (along, across) = match family {
+        Family::Warp => (w[1], w[0]),
+        Family::Weft => (w[0], w[1]),
+    };
+    (along.clamp(-1.0, 1.0).asin(), w[2].atan2(across))
+}
+
+/// The inverse of [`angles`].
+fn direction(family: Family, theta: f32, phi: f32) -> [f32; 3] {
+    let (along, cos) = theta.sin_cos();
+    let (up, across) = (cos * phi.sin(), cos * phi.cos());
+    match family {
+        Family::Warp => [across, along, up],
+        Family::Weft => [along, across, up],
+    }
+}
+
+/// Latitude of a node of the light, q from 0 to `2 STEPS`, seen from theta_i: closer about the cone.
+fn theta_of(theta_i: f32, q: f32) -> f32 {
+    let t = q / STEPS as f32 - 1.0;
+    let t = t * t.abs().sqrt();
+    if t < 0.0 { -theta_i + t * (FRAC_PI_2 - theta_i) } else { -theta_i + t * (FRAC_PI_2 + theta_i) }
+}
+
+/// The inverse of [`theta_of`].
+fn q_of(theta_i: f32, theta_o: f32) -> f32 {
+    let off = theta_o + theta_i;
+    let width = if off < 0.0 { FRAC_PI_2 - theta_i } else { FRAC_PI_2 + theta_i };
+    let t = (off.abs() / width.max(1e-6)).min(1.0);
+    // t^(2/3).
+    let t = t.cbrt();
+    STEPS as f32 * (1.0 + (t * t).copysign(off))
+}
+
+/// Node below `x` on an axis and the share of the next.
+fn between_nodes(axis: &[f32], x: f32) -> (usize, f32) {
+    let node = axis.partition_point(|node| *node <= x).clamp(1, axis.len() - 1) - 1;
+    (node, ((x - axis[node]) / (axis[node + 1] - axis[node])).clamp(0.0, 1.0))
+}
+
+/// The four views around one, and their shares.
+fn views(family: Family, wo: [f32; 3]) -> ([usize; 4], [f32; 4], f32) {
+    let (theta, phi) = angles(family, wo);
+    let (i, s) = between_nodes(&PHI_I_DEG, phi.abs().to_degrees());
+    let (m, t) = between_nodes(&THETA_I_DEG, theta.to_degrees());
+    let first = if phi < 0.0 { SIDE } else { 0 };
+    let at = |i: usize, m: usize| (first + i) * ROWS + m;
+    let shares = [(1.0 - s) * (1.0 - t), (1.0 - s) * t, s * (1.0 - t), s * t];
+    ([at(i, m), at(i, m + 1), at(i + 1, m), at(i + 1, m + 1)], shares, theta)
+}
+
+/// Direction of a view.
+fn view(family: Family, view: usize) -> [f32; 3] {
+    let (azimuth, row) = (view / ROWS, view % ROWS);
+    let phi = PHI_I_DEG[azimuth % SIDE].to_radians();
+    direction(family, THETA_I_DEG[row].to_radians(), if azimuth < SIDE { phi } else { -phi })
+}
+
+/// What a view sees at one place.
+pub(super) struct Seen {
+    /// `[direction][node of absorption]`: f of the plies of the family.
+    pub f: Vec<[f32; SIGMAS]>,
+    /// `[one layer, two layers][node]`: energies that its first plies scatter.
+    pub first: [[f32; SIGMAS]; 2],
+    /// Energy that passes all plies, and the aperture that it passes, in a gap.
+    pub passing: f32,
+    pub aperture: Option<[u16; 2]>,
+}
+
+/// A cloth as the table needs it.
+pub(super) trait Places: Sync {
+    /// What is seen of the plies of `family` from `wo` at a place of the repeat, by fractions of it, towards `lights`. `turn`, 0 to 1, says which repeat, as plies turn.
+    fn seen(&self, family: Family, place: [f64; 2], turn: f64, wo: [f32; 3], lights: &[[f32; 3]]) -> Seen;
+}
+
+/// Of one family.
+#[derive(Clone, Debug)]
+struct Plies {
+    /// `[view][column][q][SIGMAS]`.
+    f: Vec<[f32; SIGMAS]>,
+    /// `[view][clear, dark][cell]`: sums of the energies up to a cell's end, of all 1.
+    chances: Vec<f32>,
+    /// `[view][SIGMAS]`: integral of f.
+    energy: Vec<[f32; SIGMAS]>,
+    /// `[view][one layer, two layers][SIGMAS]`.
+    first: Vec<[[f32; SIGMAS]; 2]>,
+}
+
+/// The mean of a fabric.
+#[derive(Clone, Debug)]
+pub(super) struct Far {
+    families: [Plies; 2],
+    /// `[view about the warp]`: energy that passes, and apertures for it, with how many there are.
+    passing: Vec<f32>,
+    apertures: Vec<([[u16; 2]; APERTURES], usize)>,
+}
+
+/// One view of one family.
+struct View {
+    f: Vec<[f32; SIGMAS]>,
+    first: [[f32; SIGMAS]; 2],
+    passing: f32,
+    apertures: Vec<[u16; 2]>,
+}
+
+fn look(places: &impl Places, family: Family, number: usize) -> View {
+    let wo = view(family, number);
+    let theta_i = angles(family, wo).0;
+    let lights: Vec<[f32; 3]> = (0..COLUMNS * NODES)
+        .map(|i| {
+            let theta = theta_of(theta_i, (i % NODES) as f32).clamp(-1.55, 1.55);
+            // Not in the plane itself, where f ends.
+            let phi = TAU * ((i / NODES) as f32 + 1e-3) / COLUMNS as f32;
+            direction(family, theta, phi)
+        })
+        .collect();
+    let mut seen =
+        View { f: vec![[0.0; SIGMAS]; lights.len()], first: [[0.0; SIGMAS]; 2], passing: 0.0, apertures: Vec::new() };
+    let per = 1.0 / PLACES as f32;
+    for k in 0..PLACES {
+        // Fibonacci's lattice, shifted from view to view.
+        let even = |step: f64, shift: f64| (k as f64 * step + number as f64 * shift).fract();
+        let place = [even(1.0 / PLACES as f64, 0.618_034), even(LATTICE as f64 / PLACES as f64, 0.414_214)];
+        let at = places.seen(family, place, even(0.414_214, 0.732_051), wo, &lights);
+        for (sum, f) in seen.f.iter_mut().zip(&at.f) {
+            (0..SIGMAS).for_each(|s| sum[s] += per * f[s]);
+        }
+        for (sum, energy) in seen.first.as_flattened_mut().iter_mut().zip(at.first.as_flattened()) {
+            *sum += per * energy;
+        }
+        seen.passing += per * at.passing;
+        seen.apertures.extend(at.aperture);
+    }
+    seen
+}
+
+/// Solid angle of a cell seen from theta_i.
+fn solid_angle(theta_i: f32, q: usize) -> f32 {
+    let [low, high] = [q, q + 1].map(|q| theta_of(theta_i, q as f32).sin());
+    (high - low) * TAU / COLUMNS as f32
+}
+
+impl Far {
+    pub(super) fn new(places: &impl Places) -> Far {
+        let seen = parallel::map(2 * VIEWS, |i| look(places, Family::EACH[i / VIEWS], i % VIEWS));
+        let family = |k: usize| {
+            let seen = &seen[k * VIEWS..(k + 1) * VIEWS];
+            let (mut chances, mut energy) = (Vec::new(), Vec::new());
+            for (number, view) in seen.iter().enumerate() {
+                let theta_i = THETA_I_DEG[number % ROWS].to_radians();
+                let mut cells = Vec::with_capacity(CELLS);
+                let mut whole = [0.0; SIGMAS];
+                for cell in 0..CELLS {
+                    let (column, q) = (cell / (NODES - 1), cell % (NODES - 1));
+                    let omega = solid_angle(theta_i, q);
+                    let at = |column: usize, q: usize| &view.f[column % COLUMNS * NODES + q];
+                    let corners = [at(column, q), at(column, q + 1), at(column + 1, q), at(column + 1, q + 1)];
+                    let mean: [f32; SIGMAS] =
+                        std::array::from_fn(|s| 0.25 * omega * corners.iter().map(|f| f[s]).sum::<f32>());
+                    (0..SIGMAS).for_each(|s| whole[s] += mean[s]);
+                    cells.push((omega / (4.0 * PI), mean));
+                }
+                for s in [0, SIGMAS - 1] {
+                    let mut sum = 0.0;
+                    for (even, mean) in &cells {
+                        sum += EVEN * even
+                            + if whole[s] > 0.0 { (1.0 - EVEN) * mean[s] / whole[s] } else { (1.0 - EVEN) * even };
+                        chances.push(sum);
+                    }
+                }
+                energy.push(whole);
+            }
+            Plies {
+                f: seen.iter().flat_map(|view| view.f.iter().copied()).collect(),
+                chances,
+                energy,
+                first: seen.iter().map(|view| view.first).collect(),
+            }
+        };
+        let families = [family(0), family(1)];
+        let warp = &seen[..VIEWS];
+        let apertures = |view: &View| {
+            // By area, from the parts of which each has as many.
+            let mut all = view.apertures.clone();
+            all.sort_by_key(|[x, y]| u32::from(*x) * u32::from(*y));
+            let count = all.len().min(APERTURES);
+            (
+                std::array::from_fn(|i| if i < count { all[(2 * i + 1) * all.len() / (2 * count)] } else { [0; 2] }),
+                count,
+            )
+        };
+        Far {
+            families,
+            passing: warp.iter().map(|view| view.passing).collect(),
+            apertures: warp.iter().map(apertures).collect(),
+        }
+    }
+
+    pub(super) fn memory_bytes(&self) -> usize {
+        let plies = |p: &Plies| {
+            size_of_val(p.f.as_slice())
+                + size_of_val(p.chances.as_slice())
+                + size_of_val(p.energy.as_slice())
+                + size_of_val(p.first.as_slice())
+        };
+        self.families.iter().map(plies).sum::<usize>()
+            + size_of_val(self.passing.as_slice())
+            + size_of_val(self.apertures.as_slice())
+    }
+
+    /// Seen from `wo`, for the absorptions of warp and weft.
+    pub(super) fn at<const N: usize>(&self, wo: [f32; 3], dyes: [&Mixed<N>; 2]) -> PliesAt<'_, N> {
+        let sigma = dyes.map(|dye| dye.weights);
+        let around = Family::EACH.map(|family| views(family, wo));
+        let mut at = PliesAt { far: self, around, sigma, energy: [[0.0; N]; 2], first: [[0.0; N]; 4], dark: [0.0; 2] };
+        for k in 0..2 {
+            let (views, shares, _) = around[k];
+            let plies = &self.families[k];
+            for (view, share) in views.into_iter().zip(shares) {
+                for n in 0..N {
+                    at.energy[k][n] += share * dot(&plies.energy[view], &sigma[k][n]);
+                    for layers in 0..2 {
+                        at.first[2 * k + layers][n] += share * dot(&plies.first[view][layers], &sigma[k][n]);
+                    }
+                }
+            }
+            // Samples: of dark fibers by their share of the light.
+            let mean = |s: usize| -> f32 {
+                views.iter().zip(shares).map(|(view, share)| share * plies.energy[*view][s]).sum()
+            };
+            let (clear, dark) = (mean(0), mean(SIGMAS - 1));
+            let energy = at.energy[k].iter().sum::<f32>() / N.max(1) as f32;
+            at.dark[k] = if energy > 0.0 {
+                ((clear - energy) / (clear - dark).max(1e-9) * dark / energy).clamp(0.0, 1.0)
+            } else {
+                0.0
+            };
+        }
+        at
+    }
+
+    /// Energy that passes from `wo`, and the apertures that it passes.
+    pub(super) fn passing(&self, wo: [f32; 3]) -> (f32, &[[u16; 2]]) {
+        let (views, shares, _) = views(Family::Warp, wo);
+        let passing = views.iter().zip(shares).map(|(view, share)| share * self.passing[*view]).sum();
+        let nearest = (0..4).max_by(|a, b| shares[*a].total_cmp(&shares[*b])).map_or(0, |i| views[i]);
+        let (apertures, count) = &self.apertures[nearest];
+        (passing, &apertures[..*count])
+    }
+}
+
+fn dot(a: &[f32; SIGMAS], b: &[f32; SIGMAS]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// The plies' mean light seen from one direction.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PliesAt<'a, const N: usize> {
+    far: &'a Far,
+    /// By family, views around, their shares, theta_i.
+    around: [([usize; 4], [f32; 4], f32); 2],
+    /// `[family][wavelength]`: shares of the nodes of absorption.
+    sigma: [[[f32; SIGMAS]; N]; 2],
+    /// `[family]`: energy that leaves the cloth straight from its plies.
+    pub energy: [[f32; N]; 2],
+    /// `[class]`: energies that first plies scatter.
+    pub first: [[f32; N]; 4],
+    /// `[family]`: share of the samples that is drawn as for dark fibers.
+    dark: [f32; 2],
+}
+
+impl<const N: usize> PliesAt<'_, N> {
+    /// Adds f in a direction, and the density of a family's samples times its chance.
+    pub(super) fn add(&self, b: [f32; 3], chances: [f32; 2], f: &mut [f32; N], pdf: &mut f32) {
+        for (k, family) in Family::EACH.into_iter().enumerate() {
+            let (views, shares, theta_i) = self.around[k];
+            let plies = &self.far.families[k];
+            let (theta, phi) = angles(family, b);
+            let q = q_of(theta_i, theta).clamp(0.0, (NODES - 1) as f32);
+            let x = (phi / TAU + 1.0) * COLUMNS as f32;
+            let (row, s) = ((q as usize).min(NODES - 2), q - (q as usize).min(NODES - 2) as f32);
+            let (column, t) = (x as usize % COLUMNS, x.fract());
+            let next = (column + 1) % COLUMNS;
+            let mut sum = [0.0; SIGMAS];
+            let cell = column * (NODES - 1) + row;
+            let mut density = 0.0;
+            for (view, share) in views.into_iter().zip(shares) {
+                if share <= 0.0 {
+                    continue;
+                }
+                let of = &plies.f[view * COLUMNS * NODES..][..COLUMNS * NODES];
+                for (node, weight) in [
+                    (column * NODES + row, (1.0 - t) * (1.0 - s)),
+                    (column * NODES + row + 1, (1.0 - t) * s),
+                    (next * NODES + row, t * (1.0 - s)),
+                    (next * NODES + row + 1, t * s),
+                ] {
+                    let weight = weight * share;
+                    (0..SIGMAS).for_each(|i| sum[i] += weight * of[node][i]);
+                }
+                let chance = |dark: usize| {
+                    let sums = &plies.chances[(2 * view + dark) * CELLS..][..CELLS];
+                    sums[cell] - if cell > 0 { sums[cell - 1] } else { 0.0 }
+                };
+                density += share * ((1.0 - self.dark[k]) * chance(0) + self.dark[k] * chance(1));
+            }
+            for n in 0..N {
+                f[n] += dot(&sum, &self.sigma[k][n]);
+            }
+            *pdf += chances[k] * density / solid_angle(theta_i, row).max(1e-12);
+        }
+    }
+
+    /// A direction of a family's light.
+    pub(super) fn draw(&self, k: usize, u: [f32; 3]) -> [f32; 3] {
+        let (views, shares, theta_i) = self.around[k];
+        let (mut u0, mut view) = (u[0], views[3]);
+        for (v, share) in views.into_iter().zip(shares) {
+            if u0 < share {
+                (view, u0) = (v, u0 / share);
+                break;
+            }
+            u0 -= share;
+        }
+        let dark = usize::from(clamp_unit(u0) < self.dark[k]);
+        let sums = &self.far.families[k].chances[(2 * view + dark) * CELLS..][..CELLS];
+        let target = u[1] * sums[CELLS - 1];
+        let cell = sums.partition_point(|sum| *sum <= target).min(CELLS - 1);
+        let low = if cell > 0 { sums[cell - 1] } else { 0.0 };
+        let across = clamp_unit((target - low) / (sums[cell] - low).max(1e-20));
+        let (column, row) = (cell / (NODES - 1), cell % (NODES - 1));
+        let [a, b] = [row, row + 1].map(|q| theta_of(theta_i, q as f32).sin());
+        let sine = a + (b - a) * u[2];
+        direction(Family::EACH[k], sine.clamp(-1.0, 1.0).asin(), TAU * (column as f32 + across) / COLUMNS as f32)
+    }
+}
+
+/// The mean of a fabric at a query, and its share of the answer.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FarAt<'a, const N: usize> {
+    pub plies: PliesAt<'a, N>,
+    pub between: BetweenAt<N>,
+    /// Energy that passes all plies, and the apertures that diffract it; straight on without.
+    pub passing: f32,
+    pub gaps: [Option<crate::gap::GapBsdf<'a, N>>; APERTURES],
+    /// Chances of warp and weft, light between yarns that leaves up and down, diffracted light; the rest goes straight on.
+    chances: [f32; 5],
+}
+
+impl<'a, const N: usize> FarAt<'a, N> {
+    pub(super) fn new(
+        plies: PliesAt<'a, N>,
+        between: BetweenAt<N>,
+        passing: f32,
+        gaps: [Option<crate::gap::GapBsdf<'a, N>>; APERTURES],
+    ) -> Self {
+        let mean = |x: &[f32; N]| x.iter().sum::<f32>() / N.max(1) as f32;
+        let [warp, weft] = plies.energy.map(|e| mean(&e));
+        let [up, down] = between.energy.map(|e| mean(&e));
+        let all = warp + weft + up + down + passing;
+        let per = if all > 0.0 { 1.0 / all } else { 0.0 };
+        let diffracted = if gaps.iter().flatten().next().is_some() { passing } else { 0.0 };
+        FarAt { plies, between, passing, gaps, chances: [warp, weft, up, down, diffracted].map(|e| e * per) }
+    }
+
+    fn is_diffracted(&self) -> bool {
+        self.gaps[0].is_some()
+    }
+
+    /// Chance of a direction.
+    pub(super) fn scattered(&self) -> f32 {
+        self.chances.iter().sum::<f32>().min(1.0)
+    }
+
+    pub(super) fn straight(&self) -> f32 {
+        if self.is_diffracted() { 0.0 } else { self.passing }
+    }
+
+    pub(super) fn albedo(&self, k: usize) -> f32 {
+        let diffracted = if self.is_diffracted() { self.passing } else { 0.0 };
+        self.plies.energy[0][k]
+            + self.plies.energy[1][k]
+            + self.between.energy[0][k]
+            + self.between.energy[1][k]
+            + diffracted
+    }
+
+    pub(super) fn add(&self, b: [f32; 3], share: f32, f: &mut [f32; N], pdf: &mut f32) {
+        let (mut own, mut density) = (self.between.eval(b), 0.0);
+        density += self.chances[if self.between.is_up(b) { 2 } else { 3 }] * b[2].abs().min(1.0) / PI;
+        self.plies.add(b, [self.chances[0], self.chances[1]], &mut own, &mut density);
+        let count = self.gaps.iter().flatten().count();
+        for gap in self.gaps.iter().flatten() {
+            let (light, gap_pdf) = gap.conserved(b);
+            (0..N).for_each(|k| own[k] += self.passing / count as f32 * light[k]);
+            density += self.chances[4] / count as f32 * gap_pdf;
+        }
+        (0..N).for_each(|k| f[k] += share * own[k]);
+        *pdf += share * density;
+    }
+
+    /// A direction; none where light goes straight on.
+    pub(super) fn draw(&self, u: [f32; 3]) -> Option<[f32; 3]> {
+        let mut remaining = u[0];
+        for (i, chance) in self.chances.into_iter().enumerate() {
+            if remaining >= chance {
+                remaining -= chance;
+                continue;
+            }
+            let u0 = clamp_unit(remaining / chance);
+            return match i {
+                0 | 1 => Some(self.plies.draw(i, [u0, u[1], u[2]])),
+                2 | 3 => {
+                    let (sin, cos) = (TAU * u[2]).sin_cos();
+                    let radius = u[1].sqrt();
+                    let up = if i == 2 { self.between.up_sign() } else { -self.between.up_sign() };
+                    Some([radius * cos, radius * sin, up * (1.0 - u[1]).max(0.0).sqrt()])
+                }
+                _ => {
+                    let count = self.gaps.iter().flatten().count();
+                    let x = u0 * count as f32;
+                    let gap = self.gaps.iter().flatten().nth((x as usize).min(count - 1))?;
+                    gap.conserved_sample([clamp_unit(x.fract()), u[1], u[2]])
+                }
+            };
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn angles_and_nodes_are_inverted() {
+        for (i, family) in Family::EACH.into_iter().enumerate() {
+            for k in 0..200 {
+                let (theta, phi) = (1.5 * (0.37 * k as f32 + i as f32).sin(), 3.1 * (0.71 * k as f32).cos());
+                let (t, p) = angles(family, direction(family, theta, phi));
+                assert!((t - theta).abs() < 1e-3 && (p - phi).abs() < 1e-4, "{family:?} {theta} {phi}: {t} {p}");
+                let theta_o = 1.55 * (0.13 * k as f32).sin();
+                assert!((theta_of(theta, q_of(theta, theta_o)) - theta_o).abs() < 1e-4, "{theta} {theta_o}");
+            }
+        }
+    }
+
+    #[test]
+    fn views_are_found_at_their_nodes() {
+        for family in Family::EACH {
+            for number in 0..VIEWS {
+                let (views, shares, _) = views(family, view(family, number));
+                let share: f32 = views.iter().zip(shares).filter(|(v, _)| **v == number).map(|(_, s)| s).sum();
+                assert!(share > 0.999, "{family:?} view {number}: {views:?} {shares:?}");
+            }
+        }
+    }
+}
