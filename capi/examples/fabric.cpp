@@ -16,78 +16,64 @@
 #include <vector>
 
 // [material]
-using Color = std::array<float, 3>; // linear sRGB
 using Vec = std::array<float, 3>;
-
+using Color = std::array<float, 3>; // linear sRGB
 inline float dot(const Vec &a, const Vec &b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
-struct Hit {                  // what a renderer knows of a ray's hit
-    Vec s, t, n;              // along u, along v, normal of the face: orthonormal
-    Vec wo;                   // towards where the ray came from
-    std::array<float, 2> uv;  // texture coordinates
-    float footprint = 0.0f;   // width of the ray there, in uv; 0 is a point
-    const float *sigma = nullptr; // the texel's absorptions [1/um] (plywave_fabric_sigma_of_reflectance), if it has some
+struct Hit {                      // what a renderer knows where a ray hits
+    Vec s, t, n;                  // along u, along v, normal of the face: orthonormal
+    Vec wo;                       // towards where the ray came from
+    std::array<float, 2> uv;
+    float footprint = 0.0f;       // width of the ray there, in uv; 0 is a point
+    const float *sigma = nullptr; // the texel's absorptions (plywave_fabric_sigma_of_reflectance), if it has some
+};
+
+struct Sample {
+    PlywaveOutcome outcome; // scattered; straight on along the ray, a delta that no lamp finds; absorbed
+    Vec wi;
+    Color weight;           // f / pdf
+    float pdf;
 };
 
 class Material {
   public:
-    // One unit of uv is as large as `um_per_uv`; `turn` turns the pattern [rad].
-    Material(const char *path, float um_per_uv, float turn = 0.0f, const PlywaveFabricOptions *options = nullptr)
-        : um_per_uv_(um_per_uv), turn_(turn) {
-        check(plywave_fabric_load(path, options, &fabric_, &error_), error_);
+    // A unit of uv is `um_per_uv` large; the pattern is turned by `turn` [rad].
+    Material(const char *path, float um_per_uv, float turn, const PlywaveFabricOptions *options) : um_per_uv_(um_per_uv), turn_(turn) {
+        PlywaveError error;
+        if (plywave_fabric_load(path, options, &fabric_, &error) != PLYWAVE_STATUS_OK) throw std::runtime_error(error.message);
     }
     ~Material() { plywave_fabric_free(fabric_); }
     Material(const Material &) = delete;
     Material &operator=(const Material &) = delete;
-
-    // The material at a hit. It is 8 KB on the stack and owns nothing.
-    class Point {
-      public:
-        // `jitter` in [0, 1)^2: yarns narrower than the ray's footprint are averaged by the samples of the pixel.
-        Point(const Material &m, const Hit &hit, std::array<float, 2> jitter = {0.5f, 0.5f}) : hit_(hit) {
-            PlywaveFabricQuery q = {};
-            for (int k = 0; k < 2; ++k) q.position_um[k] = (hit.uv[k] + hit.footprint * (jitter[k] - 0.5f)) * m.um_per_uv_;
-            for (int k = 0; k < 3; ++k) q.wo[k] = local(hit.wo)[k];
-            q.count = 3;
-            q.channels = PLYWAVE_CHANNELS_LINEAR_SRGB;
-            q.turn_rad = m.turn_;
-            q.sigma_warp_per_um = q.sigma_weft_per_um = hit.sigma;
-            PlywaveError error;
-            check(plywave_fabric_at(m.fabric_, &q, &bsdf_, &error), error);
-        }
-        // The BSDF times the cosine, and the density with which `sample` gives the direction, for multiple importance sampling.
-        Color eval(const Vec &wi, float *pdf) const {
-            Color f = {};
-            plywave_bsdf_eval_pdf(&bsdf_, local(wi).data(), f.data(), pdf, nullptr);
-            return f;
-        }
-        struct Sample {
-            enum { Absorbed, Scattered, Straight } kind; // Straight is a delta: go on along the ray, no lamp is sampled
-            Vec wi;
-            Color weight;
-            float pdf;
-        };
-        Sample sample(const Vec &u) const {
-            PlywaveSample s;
-            if (plywave_bsdf_sample(&bsdf_, u.data(), &s, nullptr) != PLYWAVE_STATUS_OK) return {Sample::Absorbed, {}, {}, 0.0f};
-            Vec wi = {-hit_.wo[0], -hit_.wo[1], -hit_.wo[2]};
-            if (s.outcome == PLYWAVE_OUTCOME_SCATTERED)
-                for (int k = 0; k < 3; ++k) wi[k] = s.w[0] * hit_.s[k] + s.w[1] * hit_.t[k] + s.w[2] * hit_.n[k];
-            auto kind = s.outcome == PLYWAVE_OUTCOME_SCATTERED ? Sample::Scattered
-                      : s.outcome == PLYWAVE_OUTCOME_STRAIGHT  ? Sample::Straight : Sample::Absorbed;
-            return {kind, wi, {s.weight[0], s.weight[1], s.weight[2]}, s.pdf};
-        }
-      private:
-        Vec local(const Vec &w) const { return {dot(w, hit_.s), dot(w, hit_.t), dot(w, hit_.n)}; }
-        Hit hit_;
-        PlywaveBsdf bsdf_;
-    };
-  private:
-    static void check(PlywaveStatus status, const PlywaveError &error) {
-        if (status != PLYWAVE_STATUS_OK) throw std::runtime_error(error.message);
+    // Prepares a hit, in 6 KB of the caller's stack. `jitter` in [0, 1)^2 moves it within the ray's footprint: the samples of a pixel average the yarns.
+    bool at(const Hit &hit, std::array<float, 2> jitter, PlywaveBsdf *bsdf) const {
+        PlywaveFabricQuery query = {};
+        for (int k = 0; k < 2; ++k) query.position_um[k] = um_per_uv_ * (hit.uv[k] + hit.footprint * (jitter[k] - 0.5f));
+        for (int k = 0; k < 3; ++k) query.wo[k] = local(hit, hit.wo)[k];
+        query.count = 3;
+        query.channels = PLYWAVE_CHANNELS_LINEAR_SRGB;
+        query.turn_rad = turn_;
+        query.sigma_warp_per_um = query.sigma_weft_per_um = hit.sigma;
+        return plywave_fabric_at(fabric_, &query, bsdf, nullptr) == PLYWAVE_STATUS_OK;
     }
+    // The BSDF times the cosine, and the density with which `sample` gives `wi`, for multiple importance sampling.
+    static Color eval(const Hit &hit, const PlywaveBsdf &bsdf, const Vec &wi, float *pdf) {
+        Color f = {};
+        *pdf = 0.0f;
+        plywave_bsdf_eval_pdf(&bsdf, local(hit, wi).data(), f.data(), pdf, nullptr);
+        return f;
+    }
+    static Sample sample(const Hit &hit, const PlywaveBsdf &bsdf, const Vec &u) {
+        PlywaveSample s = {};
+        plywave_bsdf_sample(&bsdf, u.data(), &s, nullptr);
+        Sample sample = {PlywaveOutcome(s.outcome), {-hit.wo[0], -hit.wo[1], -hit.wo[2]}, {s.weight[0], s.weight[1], s.weight[2]}, s.pdf};
+        if (s.outcome == PLYWAVE_OUTCOME_SCATTERED)
+            for (int k = 0; k < 3; ++k) sample.wi[k] = s.w[0] * hit.s[k] + s.w[1] * hit.t[k] + s.w[2] * hit.n[k];
+        return sample;
+    }
+  private:
+    static Vec local(const Hit &hit, const Vec &w) { return {dot(w, hit.s), dot(w, hit.t), dot(w, hit.n)}; }
     PlywaveFabric *fabric_ = nullptr;
-    PlywaveError error_ = {};
     float um_per_uv_, turn_;
 };
 // [/material]
@@ -137,7 +123,8 @@ static std::array<double, 3> shade(const Material &cloth, const Vec &wo, const L
     auto u = [&] { return uniform(rng); };
     // A surface that stands askew in the world: s, t, n are its frame.
     Hit hit = {{0.6f, 0.0f, -0.8f}, {0.0f, 1.0f, 0.0f}, {0.8f, 0.0f, 0.6f}, wo, {u(), u()}, 0.1f, nullptr};
-    Material::Point point(cloth, hit, {u(), u()});
+    PlywaveBsdf bsdf;
+    if (!cloth.at(hit, {u(), u()}, &bsdf)) std::abort();
     std::array<double, 3> light = {};
     auto add = [&](const Color &a, const Color &b, float scale) {
         for (int k = 0; k < 3; ++k) light[k] += double(a[k]) * b[k] * scale;
@@ -145,13 +132,13 @@ static std::array<double, 3> shade(const Material &cloth, const Vec &wo, const L
     if (strategy != ByMaterial) {
         Vec wi = lamp.sample(u(), u());
         float pdf = 0.0f;
-        Color f = point.eval(wi, &pdf);
+        Color f = Material::eval(hit, bsdf, wi, &pdf);
         float weight = strategy == Both ? lamp.pdf() / (lamp.pdf() + pdf) : 1.0f; // the balance heuristic
         add(f, lamp.radiance, weight / lamp.pdf());
     }
-    auto s = point.sample({u(), u(), u()});
-    if (s.kind == Material::Point::Sample::Straight) add(s.weight, lamp.seen(s.wi), 1.0f); // no other strategy finds it
-    if (s.kind == Material::Point::Sample::Scattered && strategy != ByLamp)
+    Sample s = Material::sample(hit, bsdf, {u(), u(), u()});
+    if (s.outcome == PLYWAVE_OUTCOME_STRAIGHT) add(s.weight, lamp.seen(s.wi), 1.0f); // no other strategy finds it
+    if (s.outcome == PLYWAVE_OUTCOME_SCATTERED && strategy != ByLamp)
         add(s.weight, lamp.seen(s.wi), strategy == Both ? s.pdf / (lamp.pdf() + s.pdf) : 1.0f);
     return light;
 }

@@ -1,8 +1,6 @@
 //! A prepared query: a model at one query, in memory of the caller, asked for any number of directions. One set of functions serves plies, fabrics and fibers.
 
-use crate::pointer::{
-    disjoint, is_uniform, is_unit, numbers, pointer, put, slice, slice_mut, span, uniform, unit,
-};
+use crate::pointer::{disjoint, is_uniform, is_unit, numbers, pointer, put, slice, slice_mut, span, uniform, unit};
 use crate::status::{AtIndex, Checked, PlywaveError, PlywaveStatus, failure, guard};
 use plywave::fabric::FabricAt;
 use plywave::{Bsdf, BsdfSample, FiberBsdf, PlyBsdf};
@@ -10,8 +8,8 @@ use plywave::{Bsdf, BsdfSample, FiberBsdf, PlyBsdf};
 /// Most wavelengths or channels of a query.
 pub const PLYWAVE_MAX_COUNT: usize = 4;
 
-/// Words of memory of a prepared query.
-pub const PLYWAVE_BSDF_WORDS: usize = 1023;
+/// Words of memory of a prepared query: 6 KB with its tag. The largest, a fabric at four wavelengths, takes 4.4 KB.
+pub const PLYWAVE_BSDF_WORDS: usize = 767;
 
 /// A model at a query. The caller's memory, on the stack above all; what is in it is the library's. It owns nothing and needs no release; it may be copied and moved, and read by
 /// many threads. It is valid as long as the handles that it was prepared from: the model or fabric, and the slit and models of its query.
@@ -167,7 +165,10 @@ pub(crate) unsafe fn as_prepared<'a, T: Prepared>(bsdf: *const PlywaveBsdf) -> &
 
 #[cold]
 pub(crate) fn not_prepared() -> Box<crate::status::Failure> {
-    failure(PlywaveStatus::NotPrepared, "bsdf was not prepared: call plywave_ply_at, plywave_fabric_at or plywave_fiber_at first, and look at its status")
+    failure(
+        PlywaveStatus::NotPrepared,
+        "bsdf was not prepared: call plywave_ply_at, plywave_fabric_at or plywave_fiber_at first, and look at its status",
+    )
 }
 
 /// Evaluates an expression of the prepared model, whatever its kind and count.
@@ -246,9 +247,12 @@ pub(crate) fn sample_of<const N: usize>(sample: BsdfSample<N>) -> PlywaveSample 
         BsdfSample::Scattered(s) => {
             PlywaveSample { outcome: PlywaveOutcome::Scattered as i32, w: s.w, weight: padded(s.weight), pdf: s.pdf }
         }
-        BsdfSample::Straight { weight, probability } => {
-            PlywaveSample { outcome: PlywaveOutcome::Straight as i32, w: [0.0; 3], weight: padded(weight), pdf: probability }
-        }
+        BsdfSample::Straight { weight, probability } => PlywaveSample {
+            outcome: PlywaveOutcome::Straight as i32,
+            w: [0.0; 3],
+            weight: padded(weight),
+            pdf: probability,
+        },
         BsdfSample::Absorbed => {
             PlywaveSample { outcome: PlywaveOutcome::Absorbed as i32, w: [0.0; 3], weight: [0.0; 4], pdf: 0.0 }
         }

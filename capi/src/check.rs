@@ -5,8 +5,8 @@ use crate::ply::PlywavePly;
 use crate::pointer::{put, reference};
 use crate::status::{Checked, PlywaveError, PlywaveStatus, guard, invalid};
 use plywave::check::{
-    BsdfReport, CheckOptions, FURNACE_TOLERANCE, KEPT_TOLERANCE, LAYER_TOLERANCE, PartReport,
-    SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE, check_bsdf, check_layers, check_model, check_whole,
+    BsdfReport, CheckOptions, FURNACE_TOLERANCE, KEPT_TOLERANCE, LAYER_TOLERANCE, PartReport, SAMPLED_TOLERANCE_SE,
+    WEIGHT_TOLERANCE, check_bsdf, check_layers, check_model, check_whole,
 };
 use plywave::fabric::FabricAt;
 use plywave::{FiberBsdf, PlyBsdf};
@@ -152,9 +152,11 @@ pub unsafe extern "C" fn plywave_bsdf_check(
         within("samples", samples)?;
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
         let mut uniform = || rng.random();
-        let (r, is_fabric) = with_prepared!(bsdf, at => Ok((check_bsdf(at, [sd_rad; 2], samples, &mut uniform), is_fabric(at))))?;
+        let (r, is_fabric) =
+            with_prepared!(bsdf, at => Ok((check_bsdf(at, [sd_rad; 2], samples, &mut uniform), is_fabric(at))))?;
         let furnace = r.furnace_error <= FURNACE_TOLERANCE && r.pdf_error <= FURNACE_TOLERANCE;
-        let passed = r.weight_error <= POINT_WEIGHT_TOLERANCE && r.chi2_p >= POINT_CHI2_THRESHOLD && (is_fabric || furnace);
+        let passed =
+            r.weight_error <= POINT_WEIGHT_TOLERANCE && r.chi2_p >= POINT_CHI2_THRESHOLD && (is_fabric || furnace);
         let value = PlywaveReport { passed: passed.into(), ..report(&r, POINT_CHI2_THRESHOLD, 0.0) };
         // SAFETY: the caller's pointer, as documented.
         unsafe { put(found, value, "found") }

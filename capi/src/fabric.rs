@@ -1,13 +1,12 @@
 //! Woven fabrics.
 
 use crate::bsdf::{PLYWAVE_MAX_COUNT, PlywaveBsdf, PlywaveSample, prepare, unprepare};
-use crate::pointer::{
-    all_finite, disjoint, finite, numbers, optional, pointer, put, put_text, reference, slice, slice_mut, span, text, unit,
-};
 use crate::ply::PlywavePly;
-use crate::queries::{
-    Counted, by_count, count_of, eval_queries, hand_out, sample_queries, take_back, wavelengths,
+use crate::pointer::{
+    all_finite, disjoint, finite, numbers, optional, pointer, put, put_text, reference, slice, slice_mut, span, text,
+    unit,
 };
+use crate::queries::{Counted, by_count, count_of, eval_queries, hand_out, sample_queries, take_back, wavelengths};
 use crate::status::{AtIndex, Checked, PlywaveError, PlywaveStatus, failure, guard, invalid};
 use plywave::fabric::{Channels, ColorOf, FabricOptions, FabricSpec, Family, GapLight, LoadedFabric, YarnColor};
 use plywave::io::MemoryAssets;
@@ -189,7 +188,11 @@ fn options_of(of: Option<&PlywaveFabricOptions>) -> Checked<FabricOptions> {
 
 /// An absorption that a caller gives for good.
 fn absorption(sigma: f32) -> Checked<f32> {
-    if (0.0..f32::INFINITY).contains(&sigma) { Ok(sigma) } else { Err(invalid("sigma_per_um", sigma, "0 or more, finite")) }
+    if (0.0..f32::INFINITY).contains(&sigma) {
+        Ok(sigma)
+    } else {
+        Err(invalid("sigma_per_um", sigma, "0 or more, finite"))
+    }
 }
 
 fn handle_of(loaded: LoadedFabric, options: Option<&PlywaveFabricOptions>) -> Checked<PlywaveFabric> {
@@ -218,20 +221,27 @@ unsafe fn query_of<'a, const N: usize>(q: &PlywaveFabricQuery) -> Checked<Fabric
     unit(&q.wo, "wo")?;
     finite(q.turn_rad, "turn_rad")?;
     // SAFETY: the caller's pointers, as documented.
-    let sigma = |p: *const f32, name: &str| -> Checked<Option<[f32; N]>> { match unsafe { optional(p, name) }? {
-        None => Ok(None),
-        Some(_) => {
-            // SAFETY: as above; it has N numbers.
-            let sigma: [f32; N] = unsafe { numbers(p, name) }?;
-            all_finite(&sigma, name)?;
-            Ok(Some(sigma))
+    let sigma = |p: *const f32, name: &str| -> Checked<Option<[f32; N]>> {
+        match unsafe { optional(p, name) }? {
+            None => Ok(None),
+            Some(_) => {
+                // SAFETY: as above; it has N numbers.
+                let sigma: [f32; N] = unsafe { numbers(p, name) }?;
+                all_finite(&sigma, name)?;
+                Ok(Some(sigma))
+            }
         }
-    } };
+    };
     // SAFETY: as above.
-    let model = |p: *const PlywavePly| -> Checked<Option<&'a PlyModel>> { Ok(unsafe { optional(p, "models") }?.map(|ply| &ply.0)) };
+    let model = |p: *const PlywavePly| -> Checked<Option<&'a PlyModel>> {
+        Ok(unsafe { optional(p, "models") }?.map(|ply| &ply.0))
+    };
     Ok(FabricQuery {
         channels: channels_of(q.channels, N)?,
-        sigma_per_um: [sigma(q.sigma_warp_per_um, "sigma_warp_per_um")?, sigma(q.sigma_weft_per_um, "sigma_weft_per_um")?],
+        sigma_per_um: [
+            sigma(q.sigma_warp_per_um, "sigma_warp_per_um")?,
+            sigma(q.sigma_weft_per_um, "sigma_weft_per_um")?,
+        ],
         turn_rad: q.turn_rad,
         models: [model(q.models[0])?, model(q.models[1])?],
         ..FabricQuery::new(q.position_um, q.wo, wavelengths(&q.lambda_um)?)
@@ -540,7 +550,8 @@ pub unsafe extern "C" fn plywave_fabric_model(
             reference(fabric, "fabric")?
         };
         let family = usize::try_from(family).ok().and_then(|i| Family::EACH.get(i).copied());
-        let family = family.ok_or_else(|| failure(PlywaveStatus::InvalidArgument, "family: expected 0 (warp) or 1 (weft)"))?;
+        let family =
+            family.ok_or_else(|| failure(PlywaveStatus::InvalidArgument, "family: expected 0 (warp) or 1 (weft)"))?;
         // SAFETY: as above.
         unsafe { hand_out(out, PlywavePly(of.fabric.model_of(family, thread).clone())) }
     })

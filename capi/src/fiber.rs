@@ -2,9 +2,7 @@
 
 use crate::bsdf::{PLYWAVE_MAX_COUNT, PlywaveBsdf, PlywaveSample, prepare, unprepare};
 use crate::pointer::{optional, put, reference, slice, text, unit};
-use crate::queries::{
-    Counted, by_count, count_of, eval_queries, hand_out, sample_queries, take_back, wavelengths,
-};
+use crate::queries::{Counted, by_count, count_of, eval_queries, hand_out, sample_queries, take_back, wavelengths};
 use crate::status::{Checked, PlywaveError, PlywaveStatus, guard, invalid};
 use plywave::fiber::TabulatedFiber;
 use plywave::{Bsdf, FiberModel, FiberQuery};

@@ -21,9 +21,7 @@ pub use check::*;
 pub use fabric::*;
 pub use fiber::*;
 pub use ply::*;
-pub use status::{
-    PLYWAVE_MESSAGE_SIZE, PLYWAVE_NO_INDEX, PlywaveError, PlywaveStatus, plywave_status_name,
-};
+pub use status::{PLYWAVE_MESSAGE_SIZE, PLYWAVE_NO_INDEX, PlywaveError, PlywaveStatus, plywave_status_name};
 
 use std::ffi::c_char;
 

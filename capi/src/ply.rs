@@ -1,7 +1,9 @@
 //! Ply models.
 
 use crate::bsdf::{PLYWAVE_MAX_COUNT, PlywaveBsdf, PlywaveSample, padded, prepare, unprepare};
-use crate::pointer::{disjoint, finite, numbers, optional, pointer, put, put_text, reference, slice, slice_mut, span, text};
+use crate::pointer::{
+    disjoint, finite, numbers, optional, pointer, put, put_text, reference, slice, slice_mut, span, text,
+};
 use crate::queries::{
     Counted, by_count, count_of, eval_queries, first, hand_out, sample_queries, take_back, wavelengths,
 };
@@ -127,9 +129,8 @@ unsafe fn query_of<'a, const N: usize>(q: &PlywavePlyQuery, cached: bool) -> Che
     finite(q.h_um, "h_um")?;
     let (sigma_per_um, lambda_um) = (first(&q.sigma_per_um, "sigma_per_um")?, wavelengths(&q.lambda_um)?);
     // SAFETY: the caller's pointers, as documented.
-    let (slit, instance, below) = unsafe {
-        (optional(q.slit, "slit")?, optional(q.instance, "instance")?, optional(q.below, "below")?)
-    };
+    let (slit, instance, below) =
+        unsafe { (optional(q.slit, "slit")?, optional(q.instance, "instance")?, optional(q.below, "below")?) };
     let instance = instance.map(|i| Instance::new(i.ply_id, i.position_um, i.grain_um));
     let below = below.map(layer_of).transpose()?;
     Ok(PlyQuery {

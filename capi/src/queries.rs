@@ -37,7 +37,11 @@ pub(crate) trait Counted {
 pub(crate) fn count_of<Q: Counted>(queries: &[Q]) -> Checked<i32> {
     let Some(first) = queries.first() else { return Ok(1) };
     let same = |(i, q): (usize, &Q)| {
-        if q.count() == first.count() { Ok(()) } else { Err(invalid("count", q.count(), "that of the first query")).at(i) }
+        if q.count() == first.count() {
+            Ok(())
+        } else {
+            Err(invalid("count", q.count(), "that of the first query")).at(i)
+        }
     };
     queries.iter().enumerate().try_for_each(same)?;
     Ok(first.count())
