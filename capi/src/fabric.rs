@@ -220,20 +220,17 @@ unsafe fn query_of<'a, const N: usize>(q: &PlywaveFabricQuery) -> Checked<Fabric
     all_finite(&q.position_um, "position_um")?;
     unit(&q.wo, "wo")?;
     finite(q.turn_rad, "turn_rad")?;
-    // SAFETY: the caller's pointers, as documented.
     let sigma = |p: *const f32, name: &str| -> Checked<Option<[f32; N]>> {
-        match unsafe { optional(p, name) }? {
-            None => Ok(None),
-            Some(_) => {
-                // SAFETY: as above; it has N numbers.
-                let sigma: [f32; N] = unsafe { numbers(p, name) }?;
-                all_finite(&sigma, name)?;
-                Ok(Some(sigma))
-            }
+        if p.is_null() {
+            return Ok(None);
         }
+        // SAFETY: the caller's pointer, as documented; it has N numbers.
+        let sigma = unsafe { numbers(p, name) }?;
+        all_finite(&sigma, name)?;
+        Ok(Some(sigma))
     };
-    // SAFETY: as above.
     let model = |p: *const PlywavePly| -> Checked<Option<&'a PlyModel>> {
+        // SAFETY: the caller's pointer, as documented.
         Ok(unsafe { optional(p, "models") }?.map(|ply| &ply.0))
     };
     Ok(FabricQuery {

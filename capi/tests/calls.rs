@@ -350,7 +350,7 @@ fn fabrics_give_the_bits_of_rust_on_any_number_of_threads() {
     let mut text = [1 as c_char; 64];
     let mut length = 0;
     ok(|e| unsafe { plywave_fabric_name(of.c.0, text.as_mut_ptr(), text.len(), &mut length, e) });
-    assert_eq!(text[..length].iter().map(|c| *c as u8 as char).collect::<String>(), "silk_organza");
+    assert_eq!(text[..length].iter().map(|c| *c as u8 as char).collect::<String>(), "silk organza");
     ok(|e| unsafe { plywave_fabric_notes(of.c.0, text.as_mut_ptr(), text.len(), &mut length, e) });
     assert_eq!((length, text[0]), (0, 0), "nothing is left out of a model that ships");
 
