@@ -1,6 +1,8 @@
 //! A prepared query: a model at one query, in memory of the caller, asked for any number of directions. One set of functions serves plies, fabrics and fibers.
 
-use crate::pointer::{disjoint, is_uniform, is_unit, numbers, pointer, put, slice, slice_mut, span, uniform, unit};
+use crate::pointer::{
+    direction, disjoint, is_uniform, is_unit, pointer, put, random, slice, slice_mut, span, uniform, unit,
+};
 use crate::status::{AtIndex, Checked, PlywaveError, PlywaveStatus, failure, guard};
 use plywave::fabric::FabricAt;
 use plywave::{Bsdf, BsdfSample, FiberBsdf, PlyBsdf};
@@ -228,11 +230,15 @@ macro_rules! with_prepared {
 }
 pub(crate) use with_prepared;
 
-/// N values to the caller's array.
+/// N values to the caller's array, number by number.
 #[inline(always)]
 unsafe fn put_values<const N: usize>(to: *mut f32, values: [f32; N], name: &str) -> Checked {
-    // SAFETY: the caller's array of N numbers; arrays are aligned as their numbers.
-    unsafe { put(to.cast::<[f32; N]>(), values, name) }
+    pointer(to, name)?;
+    for k in 0..N {
+        // SAFETY: not null and aligned; that it has N numbers is the caller's.
+        unsafe { to.add(k).write(values[k]) };
+    }
+    Ok(())
 }
 
 /// The first N of four.
@@ -240,23 +246,27 @@ pub(crate) fn padded<const N: usize>(values: [f32; N]) -> [f32; PLYWAVE_MAX_COUN
     std::array::from_fn(|k| values.get(k).copied().unwrap_or(0.0))
 }
 
-/// A sample as C has it.
+/// A sample to the caller's memory, number by number: none goes through memory twice.
 #[inline(always)]
-pub(crate) fn sample_of<const N: usize>(sample: BsdfSample<N>) -> PlywaveSample {
-    match sample {
-        BsdfSample::Scattered(s) => {
-            PlywaveSample { outcome: PlywaveOutcome::Scattered as i32, w: s.w, weight: padded(s.weight), pdf: s.pdf }
+pub(crate) unsafe fn put_sample<const N: usize>(to: *mut PlywaveSample, sample: BsdfSample<N>) -> Checked {
+    pointer(to, "sample")?;
+    let (outcome, w, weight, pdf) = match sample {
+        BsdfSample::Scattered(s) => (PlywaveOutcome::Scattered, s.w, s.weight, s.pdf),
+        BsdfSample::Straight { weight, probability } => (PlywaveOutcome::Straight, [0.0; 3], weight, probability),
+        BsdfSample::Absorbed => (PlywaveOutcome::Absorbed, [0.0; 3], [0.0; N], 0.0),
+    };
+    // SAFETY: not null and aligned; the rest is the caller's.
+    unsafe {
+        (&raw mut (*to).outcome).write(outcome as i32);
+        for k in 0..3 {
+            (&raw mut (*to).w[k]).write(w[k]);
         }
-        BsdfSample::Straight { weight, probability } => PlywaveSample {
-            outcome: PlywaveOutcome::Straight as i32,
-            w: [0.0; 3],
-            weight: padded(weight),
-            pdf: probability,
-        },
-        BsdfSample::Absorbed => {
-            PlywaveSample { outcome: PlywaveOutcome::Absorbed as i32, w: [0.0; 3], weight: [0.0; 4], pdf: 0.0 }
+        for k in 0..PLYWAVE_MAX_COUNT {
+            (&raw mut (*to).weight[k]).write(if k < N { weight[k] } else { 0.0 });
         }
+        (&raw mut (*to).pdf).write(pdf);
     }
+    Ok(())
 }
 
 /// f in direction `w` [1/sr], the cosine included, to the `count` numbers of `f`. What goes straight on is not in it.
@@ -271,8 +281,7 @@ pub unsafe extern "C" fn plywave_bsdf_eval(
 ) -> PlywaveStatus {
     guard(error, || {
         // SAFETY: the caller's pointers, as documented.
-        let w = unsafe { numbers(w, "w") }?;
-        unit(&w, "w")?;
+        let w = unsafe { direction(w, "w") }?;
         with_prepared!(bsdf, at => {
             // SAFETY: as above.
             unsafe { put_values(f, at.eval(w), "f") }
@@ -290,8 +299,7 @@ pub unsafe extern "C" fn plywave_bsdf_pdf(
 ) -> PlywaveStatus {
     guard(error, || {
         // SAFETY: the caller's pointers, as documented.
-        let w = unsafe { numbers(w, "w") }?;
-        unit(&w, "w")?;
+        let w = unsafe { direction(w, "w") }?;
         with_prepared!(bsdf, at => {
             // SAFETY: as above.
             unsafe { put(pdf, at.pdf(w), "pdf") }
@@ -311,8 +319,7 @@ pub unsafe extern "C" fn plywave_bsdf_eval_pdf(
     guard(error, || {
         pointer(pdf, "pdf")?;
         // SAFETY: the caller's pointers, as documented.
-        let w = unsafe { numbers(w, "w") }?;
-        unit(&w, "w")?;
+        let w = unsafe { direction(w, "w") }?;
         with_prepared!(bsdf, at => {
             let (value, density) = at.eval_pdf(w);
             // SAFETY: as above.
@@ -334,11 +341,10 @@ pub unsafe extern "C" fn plywave_bsdf_sample(
 ) -> PlywaveStatus {
     guard(error, || {
         // SAFETY: the caller's pointers, as documented.
-        let u = unsafe { numbers(u, "u") }?;
-        uniform(&u)?;
+        let u = unsafe { random(u) }?;
         with_prepared!(bsdf, at => {
             // SAFETY: as above.
-            unsafe { put(sample, sample_of(at.sample(u)), "sample") }
+            unsafe { put_sample(sample, at.sample(u)) }
         })
     })
 }
@@ -422,8 +428,8 @@ unsafe fn eval_directions<const N: usize>(
     let w = unsafe { slice(w.cast::<[f32; 3]>(), n, "w") }?;
     outputs(n, f, pdf, &[span(w.as_ptr(), n)])?;
     // All at once: vector code.
-    if !w.iter().fold(true, |all, w| all & is_unit(w)) {
-        return w.iter().enumerate().try_for_each(|(i, w)| unit(w, "w").at(i));
+    if !w.iter().fold(true, |all, [x, y, z]| all & is_unit(*x, *y, *z)) {
+        return w.iter().enumerate().try_for_each(|(i, w)| unit(*w, "w").at(i));
     }
     // SAFETY: the caller's arrays, which `outputs` found not to overlap.
     let (f, pdf) = unsafe { (slice_mut(f, n, "f")?, slice_mut(pdf, n, "pdf")?) };
@@ -458,14 +464,16 @@ pub unsafe extern "C" fn plywave_bsdf_sample_batch(
         if n > 0 {
             disjoint(span(samples, n), &[span(u.as_ptr(), n)], "samples")?;
         }
-        if !u.iter().fold(true, |all, u| all & is_uniform(u)) {
-            return u.iter().enumerate().try_for_each(|(i, u)| uniform(u).at(i));
+        if !u.iter().fold(true, |all, [x, y, z]| all & is_uniform(*x, *y, *z)) {
+            return u.iter().enumerate().try_for_each(|(i, u)| uniform(*u).at(i));
         }
         // SAFETY: the caller's array, which was found not to overlap `u`.
         let samples = unsafe { slice_mut(samples, n, "samples") }?;
         with_prepared!(bsdf, at => {
-            samples.iter_mut().zip(u).for_each(|(sample, u)| *sample = sample_of(at.sample(*u)));
-            Ok(())
+            samples.iter_mut().zip(u).try_for_each(|(sample, u)| {
+                // SAFETY: an entry of the array.
+                unsafe { put_sample(sample, at.sample(*u)) }
+            })
         })
     })
 }

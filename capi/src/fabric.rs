@@ -218,7 +218,7 @@ fn channels_of(channels: i32, count: usize) -> Checked<Channels> {
 #[inline(always)]
 unsafe fn query_of<'a, const N: usize>(q: &PlywaveFabricQuery) -> Checked<FabricQuery<'a, N>> {
     all_finite(&q.position_um, "position_um")?;
-    unit(&q.wo, "wo")?;
+    unit(q.wo, "wo")?;
     finite(q.turn_rad, "turn_rad")?;
     let sigma = |p: *const f32, name: &str| -> Checked<Option<[f32; N]>> {
         if p.is_null() {

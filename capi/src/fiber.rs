@@ -42,7 +42,7 @@ impl Counted for PlywaveFiberQuery {
 /// Its pointer is NULL or to a number.
 #[inline(always)]
 unsafe fn query_of<const N: usize>(q: &PlywaveFiberQuery) -> Checked<FiberQuery<N>> {
-    unit(&q.omega_i, "omega_i")?;
+    unit(q.omega_i, "omega_i")?;
     // SAFETY: the caller's pointer, as documented.
     let h_rel = unsafe { optional(q.h_rel, "h_rel") }?.copied();
     if h_rel.is_some_and(|h| !(-1.0..=1.0).contains(&h)) {

@@ -1,6 +1,6 @@
 //! Many queries, one direction each, and handles: what the three kinds of models share.
 
-use crate::bsdf::{PlywaveSample, outputs, sample_of};
+use crate::bsdf::{PlywaveSample, outputs, put_sample};
 use crate::pointer::{disjoint, put, slice, slice_mut, span, uniform, unit};
 use crate::status::{AtIndex, Checked, invalid};
 use plywave::BsdfSample;
@@ -62,7 +62,7 @@ pub(crate) unsafe fn eval_queries<Q, const N: usize>(
     // SAFETY: the caller's arrays, which `outputs` found not to overlap.
     let (f, pdf) = unsafe { (slice_mut(f, n, "f")?, slice_mut(pdf, n, "pdf")?) };
     for i in 0..n {
-        let one = unit(&w[i], "w").and_then(|()| eval_pdf(&queries[i], w[i]));
+        let one = unit(w[i], "w").and_then(|()| eval_pdf(&queries[i], w[i]));
         (f[i], pdf[i]) = one.at(i)?;
     }
     Ok(())
@@ -84,8 +84,9 @@ pub(crate) unsafe fn sample_queries<Q, const N: usize>(
     // SAFETY: the caller's array, which was found not to overlap the others.
     let samples = unsafe { slice_mut(samples, n, "samples") }?;
     for i in 0..n {
-        let one = uniform(&u[i]).and_then(|()| sample(&queries[i], u[i]));
-        samples[i] = sample_of(one.at(i)?);
+        let one = uniform(u[i]).and_then(|()| sample(&queries[i], u[i]));
+        // SAFETY: an entry of the array.
+        unsafe { put_sample(&mut samples[i], one.at(i)?) }?;
     }
     Ok(())
 }
