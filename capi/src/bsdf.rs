@@ -1,7 +1,7 @@
 //! A prepared query: a model at one query, in memory of the caller, asked for any number of directions. One set of functions serves plies, fabrics and fibers.
 
 use crate::pointer::{
-    direction, disjoint, is_uniform, is_unit, pointer, put, random, slice, slice_mut, span, uniform, unit,
+    disjoint, is_uniform, is_unit, pointer, put, slice, slice_mut, span, three, to_direction, to_random, uniform, unit,
 };
 use crate::status::{AtIndex, Checked, PlywaveError, PlywaveStatus, failure, guard};
 use plywave::fabric::FabricAt;
@@ -281,7 +281,10 @@ pub unsafe extern "C" fn plywave_bsdf_eval(
 ) -> PlywaveStatus {
     guard(error, || {
         // SAFETY: the caller's pointers, as documented.
-        let w = unsafe { direction(w, "w") }?;
+        let w = unsafe {
+            to_direction(w, "w")?;
+            three(w)
+        };
         with_prepared!(bsdf, at => {
             // SAFETY: as above.
             unsafe { put_values(f, at.eval(w), "f") }
@@ -299,7 +302,10 @@ pub unsafe extern "C" fn plywave_bsdf_pdf(
 ) -> PlywaveStatus {
     guard(error, || {
         // SAFETY: the caller's pointers, as documented.
-        let w = unsafe { direction(w, "w") }?;
+        let w = unsafe {
+            to_direction(w, "w")?;
+            three(w)
+        };
         with_prepared!(bsdf, at => {
             // SAFETY: as above.
             unsafe { put(pdf, at.pdf(w), "pdf") }
@@ -319,7 +325,10 @@ pub unsafe extern "C" fn plywave_bsdf_eval_pdf(
     guard(error, || {
         pointer(pdf, "pdf")?;
         // SAFETY: the caller's pointers, as documented.
-        let w = unsafe { direction(w, "w") }?;
+        let w = unsafe {
+            to_direction(w, "w")?;
+            three(w)
+        };
         with_prepared!(bsdf, at => {
             let (value, density) = at.eval_pdf(w);
             // SAFETY: as above.
@@ -341,7 +350,10 @@ pub unsafe extern "C" fn plywave_bsdf_sample(
 ) -> PlywaveStatus {
     guard(error, || {
         // SAFETY: the caller's pointers, as documented.
-        let u = unsafe { random(u) }?;
+        let u = unsafe {
+            to_random(u)?;
+            three(u)
+        };
         with_prepared!(bsdf, at => {
             // SAFETY: as above.
             unsafe { put_sample(sample, at.sample(u)) }
