@@ -6,7 +6,7 @@
 pub mod chi2;
 mod whole;
 
-pub use whole::{PART_INCIDENCES, PartReport, check_layers, check_whole};
+pub use whole::{KEPT_TOLERANCE, LAYER_TOLERANCE, PART_INCIDENCES, PartReport, check_layers, check_whole};
 
 use crate::frame::{direction, theta_phi};
 use crate::{Bsdf, BsdfSample, PlyModel, PlyQuery};

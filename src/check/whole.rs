@@ -15,6 +15,11 @@ pub struct PartReport {
     pub chi2_threshold: f64,
 }
 
+/// Most that a ply over a second layer may miss in the furnace: what it sends forward is bilinear between nodes, its lobes are not.
+pub const LAYER_TOLERANCE: f64 = 0.02;
+/// Most that all light together may miss 1 at sigma = 0: the Monte Carlo error of a preview table.
+pub const KEPT_TOLERANCE: f64 = 5e-3;
+
 /// Wavelengths of the checks [um].
 const LAMBDA_UM: [f32; 4] = [0.4, 0.5, 0.6, 0.7];
 

@@ -8,8 +8,8 @@ use crate::failure::{Failure, Outcome};
 use crate::report::{Spread, number};
 use crate::{kinds, output};
 use plywave::check::{
-    CheckOptions, FURNACE_TOLERANCE, PartReport, REFERENCE_TOLERANCE, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE,
-    check_layers, check_model, check_whole,
+    CheckOptions, FURNACE_TOLERANCE, KEPT_TOLERANCE, LAYER_TOLERANCE, PartReport, REFERENCE_TOLERANCE,
+    SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE, check_layers, check_model, check_whole,
 };
 use plywave_pipeline::FitQuality;
 use rand::{RngExt, SeedableRng};
@@ -43,11 +43,6 @@ struct Slice {
 
 /// Most that the model's energies may differ from the table's: the spectra of path lengths are fitted, not copied.
 const ENERGY_TOLERANCE: f64 = 1e-3;
-
-/// Most that a ply over a second layer may miss: what it sends forward is bilinear between nodes, its lobes are not.
-const LAYER_TOLERANCE: f64 = 0.02;
-/// Most that all light together may miss 1 at sigma = 0: the Monte Carlo error of a preview table.
-const KEPT_TOLERANCE: f64 = 5e-3;
 
 /// Names of the lines of the whole ply, edge light included.
 const WHOLE: [&str; 5] = ["whole_furnace", "whole_weight", "whole_sampled", "whole_chi_square", "whole_kept"];

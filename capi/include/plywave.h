@@ -1,0 +1,780 @@
+// plywave for C11 and C++17: ply, fabric and fiber models for renderers. Made by capi/header.sh of capi/src; do not edit.
+//
+// Link with -lplywave (pkg-config: plywave). docs/c.md of the project has an example and the link lines.
+//
+// - Units: um, 1/um, rad, 1/sr. Directions are unit vectors away from the surface, ply or fiber.
+// - f is an energy density [1/sr]: the BSDF times the absolute cosine of the direction. `weight` of a sample is f / pdf.
+// - A function returns a PlywaveStatus, PLYWAVE_STATUS_OK where it is done; its last argument, which may be NULL, takes code and message of an error.
+// - Handles are made by load, from_bytes and the like, and released by the free of their kind. They never change: threads share them without locks.
+// - A PlywaveBsdf is memory of the caller and is not released. Each thread has its own, or several read one.
+// - Zeroed structs are fine starts: `PlywaveFabricQuery query = {0};`
+
+
+#ifndef PLYWAVE_H
+#define PLYWAVE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+// Version of what this header declares: it rises with every change that programs compiled before would not notice.
+#define PLYWAVE_ABI_VERSION 1
+
+// Most wavelengths or channels of a query.
+#define PLYWAVE_MAX_COUNT 4
+
+// Words of memory of a prepared query: 6 KB with its tag. The largest, a fabric at four wavelengths, takes 4.4 KB.
+#define PLYWAVE_BSDF_WORDS 767
+
+// Bytes of a message, its end included.
+#define PLYWAVE_MESSAGE_SIZE 496
+
+// Index of an error that belongs to no entry of an array.
+#define PLYWAVE_NO_INDEX UINT64_MAX
+
+// What a call came to. Every function that can fail returns one; 0 is success.
+enum PlywaveStatus
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    // Done.
+    PLYWAVE_STATUS_OK = 0,
+    // A pointer that must not be null is null.
+    PLYWAVE_STATUS_NULL_POINTER = 1,
+    // An argument has a value that is not allowed: not a finite number, a direction that is no unit vector, a number out of range, a misaligned pointer, arrays that overlap.
+    PLYWAVE_STATUS_INVALID_ARGUMENT = 2,
+    // A `PlywaveBsdf` was not prepared, or its preparation failed.
+    PLYWAVE_STATUS_NOT_PREPARED = 3,
+    // The buffer is too small; the length that is needed was written.
+    PLYWAVE_STATUS_BUFFER_TOO_SMALL = 4,
+    // The model does not hold what was asked for, such as layer factors.
+    PLYWAVE_STATUS_MISSING = 5,
+    // A file cannot be read.
+    PLYWAVE_STATUS_IO = 6,
+    // A file is not of the expected format or version, or is damaged.
+    PLYWAVE_STATUS_FORMAT = 7,
+    // A file is well formed and holds a value that is not allowed.
+    PLYWAVE_STATUS_INVALID_FILE = 8,
+    // A defect of the library, caught at the border. What the call was to write is undefined; handles stay usable.
+    PLYWAVE_STATUS_PANIC = 9,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum PlywaveStatus PlywaveStatus;
+#else
+typedef int32_t PlywaveStatus;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+// Kinds of models.
+enum PlywaveKind
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    // A ply.
+    PLYWAVE_KIND_PLY = 1,
+    // A fabric.
+    PLYWAVE_KIND_FABRIC = 2,
+    // A fiber.
+    PLYWAVE_KIND_FIBER = 3,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum PlywaveKind PlywaveKind;
+#else
+typedef int32_t PlywaveKind;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+// What a color asked for is a color of.
+enum PlywaveColorOf
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    // The cloth under a sky all round: reflected and transmitted light over the light that meets fibers.
+    PLYWAVE_COLOR_OF_EVEN_SKY = 0,
+    // The cloth's face, lit from the viewer's side, with dark behind it.
+    PLYWAVE_COLOR_OF_REFLECTED = 1,
+    // The cloth folded until no light comes through, as textile labs read it (d/8).
+    PLYWAVE_COLOR_OF_FOLDED = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum PlywaveColorOf PlywaveColorOf;
+#else
+typedef int32_t PlywaveColorOf;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+// What becomes of a sampled light path.
+enum PlywaveOutcome
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    // It ends here: w, weight and pdf are 0.
+    PLYWAVE_OUTCOME_ABSORBED = 0,
+    // It is scattered into the direction w.
+    PLYWAVE_OUTCOME_SCATTERED = 1,
+    // It goes straight on, as if nothing were there: a delta. w is 0, pdf the probability of this outcome.
+    PLYWAVE_OUTCOME_STRAIGHT = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum PlywaveOutcome PlywaveOutcome;
+#else
+typedef int32_t PlywaveOutcome;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+// What the numbers of a color are; the `channels` of a query.
+enum PlywaveChannels
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    // Light of the query's wavelengths: a spectral host.
+    PLYWAVE_CHANNELS_WAVELENGTHS = 0,
+    // Linear RGB of the primaries of sRGB. For a count of 3.
+    PLYWAVE_CHANNELS_LINEAR_SRGB = 1,
+    // Linear RGB of the wider primaries of BT.2020. For a count of 3.
+    PLYWAVE_CHANNELS_LINEAR_REC2020 = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum PlywaveChannels PlywaveChannels;
+#else
+typedef int32_t PlywaveChannels;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+// What a yarn is colored by; the `kind` of a `PlywaveYarnColor`.
+enum PlywaveYarnColorKind
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    // Nothing: clear fibers.
+    PLYWAVE_YARN_COLOR_KIND_UNDYED = 0,
+    // A color [sRGB, 0 to 1].
+    PLYWAVE_YARN_COLOR_KIND_SRGB = 1,
+    // An absorption of the fibers [1/um].
+    PLYWAVE_YARN_COLOR_KIND_SIGMA = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum PlywaveYarnColorKind PlywaveYarnColorKind;
+#else
+typedef int32_t PlywaveYarnColorKind;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+// A loaded fabric. It never changes: any number of threads may use it at once.
+typedef struct PlywaveFabric PlywaveFabric;
+
+// A loaded model of a fiber. It never changes: any number of threads may use it at once.
+typedef struct PlywaveFiber PlywaveFiber;
+
+// A loaded ply model. It never changes: any number of threads may use it at once.
+typedef struct PlywavePly PlywavePly;
+
+// A small gap between the fibers of a ply. It never changes.
+typedef struct PlywaveSlit PlywaveSlit;
+
+// A model at a query. The caller's memory, on the stack above all; what is in it is the library's. It owns nothing and needs no release; it may be copied and moved, and read by
+// many threads. It is valid as long as the handles that it was prepared from: the model or fabric, and the slit and models of its query.
+typedef struct PlywaveBsdf {
+    // What is in it.
+    uint64_t tag;
+    // The library's.
+    uint64_t words[PLYWAVE_BSDF_WORDS];
+} PlywaveBsdf;
+
+// What went wrong. The caller's memory: each call takes a pointer to one, or NULL. It is written only where the status is not `PLYWAVE_STATUS_OK`.
+typedef struct PlywaveError {
+    // As returned: a `PlywaveStatus`.
+    int32_t status;
+    // In a batch, the first bad entry, before which all are done; else `PLYWAVE_NO_INDEX`.
+    uint64_t index;
+    // One line in UTF-8 that names file, key or argument, value and what is allowed; ends with a 0.
+    char message[PLYWAVE_MESSAGE_SIZE];
+} PlywaveError;
+
+// A sampled light path.
+typedef struct PlywaveSample {
+    // What becomes of it: a `PlywaveOutcome`.
+    int32_t outcome;
+    // Direction, unit, where it is scattered.
+    float w[3];
+    // f / pdf by wavelength, or what goes straight on over its probability; 0 beyond the count.
+    float weight[PLYWAVE_MAX_COUNT];
+    // Density of the direction [1/sr], the chance of being scattered included; or the probability of going straight on.
+    float pdf;
+} PlywaveSample;
+
+// Chances of the outcomes of sampling; they add up to 1.
+typedef struct PlywaveOutcomes {
+    // Of `PLYWAVE_OUTCOME_ABSORBED`.
+    float absorbed;
+    // Of `PLYWAVE_OUTCOME_SCATTERED`: the integral of the pdf.
+    float scattered;
+    // Of `PLYWAVE_OUTCOME_STRAIGHT`.
+    float straight;
+} PlywaveOutcomes;
+
+// What a prepared query is.
+typedef struct PlywaveBsdfInfo {
+    // Of which kind of model.
+    PlywaveKind kind;
+    // Number of wavelengths or channels: 1, 3 or 4.
+    int32_t count;
+    // Whether a second layer of yarn lies there; 0 or 1.
+    int32_t is_double;
+    // Of a fabric: whether the point lies in a gap, where the line meets no ply; 0 or 1.
+    int32_t is_gap;
+    // Of a ply: the fraction of the beam that meets no fiber; else 0.
+    float r_d;
+    // Of a fiber: the width from which it takes light [um], by wavelength; else 0.
+    float width_um[PLYWAVE_MAX_COUNT];
+} PlywaveBsdfInfo;
+
+// What a check found: the worst of its incidences.
+typedef struct PlywaveReport {
+    // Greatest |integral of eval - albedo|.
+    double furnace_error;
+    // Greatest |integral of pdf - chance to be scattered|, or what the chances of all outcomes lack to 1.
+    double pdf_error;
+    // Greatest |weight times pdf - eval| over the samples, relative to the greatest eval.
+    double weight_error;
+    // Greatest |mean weight - albedo| in standard errors.
+    double sampled_furnace_se;
+    // Least p-value of the samples against the pdf.
+    double chi2_p;
+    // Least p-value that passes.
+    double chi2_threshold;
+    // Greatest |all energy - 1| at sigma = 0; 0 where it is not looked at.
+    double kept_error;
+    // Whether all that is held to a limit is within it; 0 or 1.
+    int32_t passed;
+} PlywaveReport;
+
+// What the check of a ply model found.
+typedef struct PlywavePlyReport {
+    // Of f_refl + f_high.
+    struct PlywaveReport lobes;
+    // Of all terms, edge light included, where `has_whole`.
+    struct PlywaveReport whole;
+    // Of a ply over a second layer, where `has_layers`.
+    struct PlywaveReport layers;
+    // Whether the model has edge lobes, and `whole` was found; 0 or 1.
+    int32_t has_whole;
+    // Whether the model has layer factors, and `layers` was found; 0 or 1.
+    int32_t has_layers;
+    // Greatest difference of eval from the values stored in the file, relative to the greatest of them.
+    double reference_error;
+    // Whether everything passed; 0 or 1.
+    int32_t passed;
+} PlywavePlyReport;
+
+// How a fabric is shaded. Zeroed memory, or NULL in its place, is the whole model without speckle, in the colors of the spec.
+typedef struct PlywaveFabricOptions {
+    // Not 0: light goes straight through gaps, a delta. 0: gaps diffract it.
+    int32_t straight_gaps;
+    // Not 0: light that passes beside a ply goes straight on. 0: it is diffracted at its edge.
+    int32_t no_edges;
+    // Not 0: speckle, in models that have noise.
+    int32_t noise;
+    // Not 0: a single layer of yarn. For comparison.
+    int32_t no_layers;
+    // Not 0: no shadows of yarns on their neighbors. For comparison.
+    int32_t no_shadowing;
+    // Not 0: `sigma_per_um` takes the place of all colors.
+    int32_t has_sigma;
+    // One absorption [1/um] at every wavelength for all yarns; 0 for a white furnace.
+    float sigma_per_um;
+} PlywaveFabricOptions;
+
+// A file in memory, for `plywave_fabric_from_memory`.
+typedef struct PlywaveAsset {
+    // Name as the spec has it, UTF-8.
+    const char *name;
+    // Its bytes.
+    const uint8_t *bytes;
+    // How many.
+    size_t size;
+} PlywaveAsset;
+
+// What a fabric is. Pairs are of warp and weft.
+typedef struct PlywaveFabricInfo {
+    // Size of one repeat along x and y [um].
+    double repeat_um[2];
+    // From the axis of a yarn to that of the next [um].
+    double spacing_um[2];
+    // Width of a yarn [um].
+    double width_um[2];
+    // Plies of a yarn.
+    int32_t plies[2];
+    // Ends and picks of one repeat of the draft.
+    int32_t threads[2];
+    // Greatest distance of any fiber from the middle plane [um].
+    float half_thickness_um;
+    // What its colors are colors of.
+    PlywaveColorOf color_of;
+    // Memory that it takes, its models apart.
+    uint64_t memory_bytes;
+} PlywaveFabricInfo;
+
+// Color of the yarns of warp or weft. Zeroed memory is clear fibers.
+typedef struct PlywaveYarnColor {
+    // A `PlywaveYarnColorKind`.
+    int32_t kind;
+    // Of `PLYWAVE_YARN_COLOR_KIND_SRGB`: the color, gamma encoded, 0 to 1.
+    float srgb[3];
+    // Of `PLYWAVE_YARN_COLOR_KIND_SIGMA`: the absorption [1/um], 0 or more.
+    float sigma_per_um;
+} PlywaveYarnColor;
+
+// What becomes of a color that was asked for.
+typedef struct PlywaveColorReach {
+    // As asked for [sRGB, 0 to 1].
+    float asked[3];
+    // As the cloth has it [sRGB; beyond 0 to 1 out of its gamut].
+    double comes_out[3];
+    // CIEDE2000 between the two; one that is just seen is about 1.
+    double delta_e;
+    // How many of the 81 wavelengths were brighter than clear fibers and darker than black ones.
+    uint32_t clamped[2];
+} PlywaveColorReach;
+
+// What fixes a shading point of a fabric. Zeroed memory is a fine start: what is 0 or NULL is left at its default; `count` and `wo` must be given.
+//
+// The surface's frame: x along the weft (along u), y along the warp (along v), z the normal of the face.
+typedef struct PlywaveFabricQuery {
+    // Point in the plane of the fabric [um]: uv times the size that a unit of uv has.
+    float position_um[2];
+    // Direction towards the viewer, unit.
+    float wo[3];
+    // Number of wavelengths or channels: 1, 3 or 4.
+    int32_t count;
+    // Wavelengths [um]. All 0 with a count of 3: 0.612, 0.549 and 0.464, those of red, green and blue. RGB channels need them too, for diffraction and speckle.
+    float lambda_um[PLYWAVE_MAX_COUNT];
+    // A `PlywaveChannels`.
+    int32_t channels;
+    // Angle by which the pattern is turned about the normal at the point [rad], from x towards y. The position is one of the turned pattern's plane, in the surface's axes.
+    float turn_rad;
+    // `[count]` absorptions [1/um] of the warp at the point, for textures and prints, or NULL for the fabric's own. Read during the call only.
+    const float *sigma_warp_per_um;
+    // The same of the weft.
+    const float *sigma_weft_per_um;
+    // Models of the warp and the weft in place of the fabric's, of the same ply radius and number of plies, or NULL. They must live as long as what is prepared with them.
+    const struct PlywavePly *models[2];
+} PlywaveFabricQuery;
+
+// What fixes a shading point of a fiber. Zeroed memory is a fine start; `count` and `omega_i` must be given.
+//
+// The fiber's frame: z along it, x and y those of its outline.
+typedef struct PlywaveFiberQuery {
+    // Direction that light comes from, unit.
+    float omega_i[3];
+    // Number of wavelengths: 1, 3 or 4.
+    int32_t count;
+    // Wavelengths [um]. All 0 with a count of 3: 0.612, 0.549 and 0.464, those of red, green and blue.
+    float lambda_um[PLYWAVE_MAX_COUNT];
+    // Offset of the ray from the center line over half the fiber's width, -1 to 1, or NULL for the mean over all. Tables hold that mean alone. Read during the call only.
+    const float *h_rel;
+} PlywaveFiberQuery;
+
+// What a model is.
+typedef struct PlywavePlyInfo {
+    // Greater radius R of a ply [um].
+    double radius_um;
+    // Greatest offset |h| at which a beam may meet fibers [um].
+    double h_limit_um;
+    // Greatest latitude of the nodes [rad]; beyond, the last node counts.
+    double theta_limit;
+    // Greatest absorption of the simulation [1/um]; the model holds beyond.
+    double sigma_limit_per_um;
+    // Waist w0 of the beam [um].
+    double w0_um;
+    // Distance beyond which the beam counts as dark [um].
+    double d_cut_um;
+    // Greatest difference of eval on this machine from the values stored in the file, relative to the greatest of them; 1e-3 and less is fine.
+    double reference_error;
+    // Plies of the yarn that the model is of.
+    int32_t plies;
+    // Lobes of single reflection.
+    int32_t lobes_refl;
+    // Lobes of other light.
+    int32_t lobes_high;
+    // Whether the model has edge lobes; 0 or 1.
+    int32_t has_edge;
+    // Whether it has layer factors; 0 or 1.
+    int32_t has_layers;
+    // Whether it has speckle noise; 0 or 1.
+    int32_t has_noise;
+} PlywavePlyInfo;
+
+// What a layer of yarn does to the light that meets its fibers; of `plywave_ply_layer`.
+typedef struct PlywaveLayer {
+    // Fraction sent back.
+    float reflected[PLYWAVE_MAX_COUNT];
+    // Fraction let through.
+    float transmitted[PLYWAVE_MAX_COUNT];
+    // Of diffuse light, fraction sent back.
+    float reflected_diffuse[PLYWAVE_MAX_COUNT];
+    // Of diffuse light, fraction let through.
+    float transmitted_diffuse[PLYWAVE_MAX_COUNT];
+} PlywaveLayer;
+
+// Which speckle patterns a point of a ply has: those of a stretch of a ply.
+typedef struct PlywaveInstance {
+    // Number of the ply.
+    uint32_t ply_id;
+    // Position along its fibers [um].
+    float position_um;
+    // Length of a stretch with the same patterns [um]; 0 for one instance for the whole ply. Twice the beam's waist suits.
+    float grain_um;
+} PlywaveInstance;
+
+// What fixes a shading point of a ply. Zeroed memory is a fine start: what is 0 or NULL is left at its default.
+//
+// The ply's frame: z along the ply, light comes from `(0, cos theta_i, sin theta_i)`, `h_um` is the x coordinate of the beam's center.
+typedef struct PlywavePlyQuery {
+    // Incident latitude [rad].
+    float theta_i;
+    // Offset of the beam's center [um].
+    float h_um;
+    // Number of absorptions and wavelengths: 1, 3 or 4.
+    int32_t count;
+    // Absorptions of the fibers [1/um]: the host's color. Below 0 counts as 0.
+    float sigma_per_um[PLYWAVE_MAX_COUNT];
+    // Wavelengths [um]. All 0 with a count of 3: 0.612, 0.549 and 0.464, those of red, green and blue.
+    float lambda_um[PLYWAVE_MAX_COUNT];
+    // Not 0: light that passes beside the ply goes straight on. 0: it is diffracted at the ply's edge, where the model has edge lobes.
+    int32_t no_edge;
+    // Not 0: every call interpolates the lobes anew. 0: `plywave_ply_at` does it once. The batches of queries never keep them, whatever is here.
+    int32_t uncached;
+    // Small gaps between the fibers, or NULL. Must live as long as what is prepared with it.
+    const struct PlywaveSlit *slit;
+    // Speckle patterns, or NULL for the smooth model. Read during the call only.
+    const struct PlywaveInstance *instance;
+    // A second layer below, or NULL. Read during the call only. Without effect for a model without layer factors.
+    const struct PlywaveLayer *below;
+} PlywavePlyQuery;
+
+#ifdef __cplusplus
+extern "C" {
+#endif // __cplusplus
+
+// `PLYWAVE_ABI_VERSION` of the library at run time: a program that was compiled with another one must not go on.
+uint32_t plywave_abi_version(void);
+
+// Version of the library, such as `"0.1.0"`. Never NULL.
+const char *plywave_version(void);
+
+// f in direction `w` [1/sr], the cosine included, to the `count` numbers of `f`. What goes straight on is not in it.
+//
+// `w`: 3 numbers, a unit vector. On an error nothing is written.
+PlywaveStatus plywave_bsdf_eval(const struct PlywaveBsdf *bsdf, const float *w, float *f, struct PlywaveError *error);
+
+// Density [1/sr] with which `plywave_bsdf_sample` gives the direction `w`, to the one number of `pdf`.
+PlywaveStatus plywave_bsdf_pdf(const struct PlywaveBsdf *bsdf, const float *w, float *pdf, struct PlywaveError *error);
+
+// `plywave_bsdf_eval` and `plywave_bsdf_pdf` in one, which share their work.
+PlywaveStatus plywave_bsdf_eval_pdf(const struct PlywaveBsdf *bsdf,
+                                    const float *w,
+                                    float *f,
+                                    float *pdf,
+                                    struct PlywaveError *error);
+
+// What becomes of a light path, by three independent uniform random numbers `u` in [0, 1).
+PlywaveStatus plywave_bsdf_sample(const struct PlywaveBsdf *bsdf,
+                                  const float *u,
+                                  struct PlywaveSample *sample,
+                                  struct PlywaveError *error);
+
+// Integral of f over the sphere, to the `count` numbers of `albedo`. Of a fabric with shadows at their mean over directions.
+PlywaveStatus plywave_bsdf_albedo(const struct PlywaveBsdf *bsdf,
+                                  float *albedo,
+                                  struct PlywaveError *error);
+
+// Fraction of the light that goes straight on, unscattered, to the `count` numbers of `straight`; 0 for most models.
+PlywaveStatus plywave_bsdf_straight(const struct PlywaveBsdf *bsdf, float *straight, struct PlywaveError *error);
+
+// Chances of what `plywave_bsdf_sample` gives.
+PlywaveStatus plywave_bsdf_outcomes(const struct PlywaveBsdf *bsdf,
+                                    struct PlywaveOutcomes *outcomes,
+                                    struct PlywaveError *error);
+
+// f and pdf in `n` directions at one query: of `w` `[n][3]`, to `f` `[n][count]` and `pdf` `[n]`. The fastest way to ask for many directions.
+//
+// With a bad direction the status is that of the first, `error` has its index, and nothing is written. `n` = 0 does nothing.
+PlywaveStatus plywave_bsdf_eval_batch(const struct PlywaveBsdf *bsdf,
+                                      size_t n,
+                                      const float *w,
+                                      float *f,
+                                      float *pdf,
+                                      struct PlywaveError *error);
+
+// Samples of one query, of `u` `[n][3]`, to `samples` `[n]`. Errors as in `plywave_bsdf_eval_batch`.
+PlywaveStatus plywave_bsdf_sample_batch(const struct PlywaveBsdf *bsdf,
+                                        size_t n,
+                                        const float *u,
+                                        struct PlywaveSample *samples,
+                                        struct PlywaveError *error);
+
+// What a prepared query is: kind, count, and what is known of the point.
+PlywaveStatus plywave_bsdf_info(const struct PlywaveBsdf *bsdf,
+                                struct PlywaveBsdfInfo *info,
+                                struct PlywaveError *error);
+
+// Holds a model to what it promises at `incidences` incidences (100 in `plywave check`), with `samples` samples each (20000 there) and random numbers of `seed` (1 there):
+// the checks of `plywave check` that need no table, and its numbers. It takes some 0.1 s an incidence.
+PlywaveStatus plywave_ply_check(const struct PlywavePly *ply,
+                                size_t incidences,
+                                size_t samples,
+                                uint64_t seed,
+                                struct PlywavePlyReport *found,
+                                struct PlywaveError *error);
+
+// Holds a prepared query to what it promises, with `samples` samples and random numbers of `seed`. The integrals take steps that resolve features of `sd_rad` (0.001 to 1)
+// along latitude and azimuth: 0.01 suits most. It passes with weight times pdf = eval within 1e-3 and a p-value of 1e-4 or more; of plies and fibers furnace and integral of
+// the pdf are held to 1e-3 too. The furnace of a single point of a fabric differs by what its shadows differ from their mean, and is reported only.
+PlywaveStatus plywave_bsdf_check(const struct PlywaveBsdf *bsdf,
+                                 double sd_rad,
+                                 size_t samples,
+                                 uint64_t seed,
+                                 struct PlywaveReport *found,
+                                 struct PlywaveError *error);
+
+// Reads a fabric spec (TOML) and the models that it names, which lie in its folder or below. `path` is UTF-8; `options` may be NULL. It takes a second or two: light between
+// yarns is followed. On an error `*out` is NULL. Release it with `plywave_fabric_free`.
+PlywaveStatus plywave_fabric_load(const char *path,
+                                  const struct PlywaveFabricOptions *options,
+                                  struct PlywaveFabric **out,
+                                  struct PlywaveError *error);
+
+// As `plywave_fabric_load`, of the text of a spec and the files that it names, `assets` `[n]`; `name` stands for the spec in messages.
+PlywaveStatus plywave_fabric_from_memory(const char *spec,
+                                         const char *name,
+                                         const struct PlywaveAsset *assets,
+                                         size_t n,
+                                         const struct PlywaveFabricOptions *options,
+                                         struct PlywaveFabric **out,
+                                         struct PlywaveError *error);
+
+// Releases a fabric; NULL is allowed. No prepared query and no call may use it any more.
+void plywave_fabric_free(struct PlywaveFabric *fabric);
+
+// What a fabric is.
+PlywaveStatus plywave_fabric_info(const struct PlywaveFabric *fabric,
+                                  struct PlywaveFabricInfo *info,
+                                  struct PlywaveError *error);
+
+// Name of a fabric, as its spec has it. The buffer as in `plywave_ply_spec`.
+PlywaveStatus plywave_fabric_name(const struct PlywaveFabric *fabric,
+                                  char *buffer,
+                                  size_t size,
+                                  size_t *length,
+                                  struct PlywaveError *error);
+
+// What is left out because a model does not hold it, a line each; empty where the models are whole. The buffer as in `plywave_ply_spec`.
+PlywaveStatus plywave_fabric_notes(const struct PlywaveFabric *fabric,
+                                   char *buffer,
+                                   size_t size,
+                                   size_t *length,
+                                   struct PlywaveError *error);
+
+// The same fabric in other colors, as a new handle; nothing is traced anew. `color_of` is a `PlywaveColorOf`; where it is not the fabric's, it takes tenths of a second.
+PlywaveStatus plywave_fabric_with_colors(const struct PlywaveFabric *fabric,
+                                         const struct PlywaveYarnColor *warp,
+                                         const struct PlywaveYarnColor *weft,
+                                         int32_t color_of,
+                                         struct PlywaveFabric **out,
+                                         struct PlywaveError *error);
+
+// The colors of the fabric, each once, and what becomes of them: the first `capacity` to `colors`, the number of all to `*count`.
+PlywaveStatus plywave_fabric_colors(const struct PlywaveFabric *fabric,
+                                    struct PlywaveColorReach *colors,
+                                    size_t capacity,
+                                    size_t *count,
+                                    struct PlywaveError *error);
+
+// Absorptions [1/um] with which the cloth has `n` reflectances, 0 to 1, at wavelengths or in linear RGB: `sigma_per_um` may be `reflectance`. What is out of reach is clamped to
+// clear or black fibers. Convert a texture once, not at every hit. With a bad entry nothing is written.
+PlywaveStatus plywave_fabric_sigma_of_reflectance(const struct PlywaveFabric *fabric,
+                                                  size_t n,
+                                                  const float *reflectance,
+                                                  float *sigma_per_um,
+                                                  struct PlywaveError *error);
+
+// Prepares the fabric at a query for any number of directions.
+PlywaveStatus plywave_fabric_at(const struct PlywaveFabric *fabric,
+                                const struct PlywaveFabricQuery *query,
+                                struct PlywaveBsdf *bsdf,
+                                struct PlywaveError *error);
+
+// f and pdf of `n` queries, one direction each: of `queries` `[n]` and `w` `[n][3]`, to `f` `[n][count]` and `pdf` `[n]`. All queries have the count of the first.
+//
+// With a bad entry the status is that of the first, `error` has its index, and all before it are written. `n` = 0 does nothing.
+PlywaveStatus plywave_fabric_eval_batch(const struct PlywaveFabric *fabric,
+                                        size_t n,
+                                        const struct PlywaveFabricQuery *queries,
+                                        const float *w,
+                                        float *f,
+                                        float *pdf,
+                                        struct PlywaveError *error);
+
+// Samples of `n` queries, one each: of `queries` `[n]` and `u` `[n][3]`, to `samples` `[n]`. As `plywave_fabric_eval_batch`.
+PlywaveStatus plywave_fabric_sample_batch(const struct PlywaveFabric *fabric,
+                                          size_t n,
+                                          const struct PlywaveFabricQuery *queries,
+                                          const float *u,
+                                          struct PlywaveSample *samples,
+                                          struct PlywaveError *error);
+
+// A model of a fabric as a handle of its own, of the yarn `thread` of the warp (`family` 0) or the weft (1): what it is, its spec, its check. Release it with `plywave_ply_free`.
+PlywaveStatus plywave_fabric_model(const struct PlywaveFabric *fabric,
+                                   int32_t family,
+                                   int32_t thread,
+                                   struct PlywavePly **out,
+                                   struct PlywaveError *error);
+
+// Reads and checks a fiber table (.pwf). `path` is UTF-8. On an error `*out` is NULL. Release it with `plywave_fiber_free`.
+PlywaveStatus plywave_fiber_load(const char *path,
+                                 struct PlywaveFiber **out,
+                                 struct PlywaveError *error);
+
+// As `plywave_fiber_load`, of the `size` bytes of a file; `name` stands for it in messages.
+PlywaveStatus plywave_fiber_from_bytes(const uint8_t *bytes,
+                                       size_t size,
+                                       const char *name,
+                                       struct PlywaveFiber **out,
+                                       struct PlywaveError *error);
+
+// Releases a fiber; NULL is allowed. No prepared query and no call may use it any more.
+void plywave_fiber_free(struct PlywaveFiber *fiber);
+
+// Diameter of the cylinder that a ray must meet for the fiber to scatter it, whatever the direction and wavelength [um].
+PlywaveStatus plywave_fiber_max_width(const struct PlywaveFiber *fiber,
+                                      float *max_width_um,
+                                      struct PlywaveError *error);
+
+// Prepares the fiber at a query for any number of directions. The widths from which it takes light are in `plywave_bsdf_info`.
+PlywaveStatus plywave_fiber_at(const struct PlywaveFiber *fiber,
+                               const struct PlywaveFiberQuery *query,
+                               struct PlywaveBsdf *bsdf,
+                               struct PlywaveError *error);
+
+// f and pdf of `n` queries, one direction each: of `queries` `[n]` and `w` `[n][3]`, to `f` `[n][count]` and `pdf` `[n]`. All queries have the count of the first.
+//
+// With a bad entry the status is that of the first, `error` has its index, and all before it are written. `n` = 0 does nothing.
+PlywaveStatus plywave_fiber_eval_batch(const struct PlywaveFiber *fiber,
+                                       size_t n,
+                                       const struct PlywaveFiberQuery *queries,
+                                       const float *w,
+                                       float *f,
+                                       float *pdf,
+                                       struct PlywaveError *error);
+
+// Samples of `n` queries, one each: of `queries` `[n]` and `u` `[n][3]`, to `samples` `[n]`. As `plywave_fiber_eval_batch`.
+PlywaveStatus plywave_fiber_sample_batch(const struct PlywaveFiber *fiber,
+                                         size_t n,
+                                         const struct PlywaveFiberQuery *queries,
+                                         const float *u,
+                                         struct PlywaveSample *samples,
+                                         struct PlywaveError *error);
+
+// Reads and checks a ply model (.pwm). `path` is UTF-8. On an error `*out` is NULL. Release it with `plywave_ply_free`.
+PlywaveStatus plywave_ply_load(const char *path, struct PlywavePly **out, struct PlywaveError *error);
+
+// As `plywave_ply_load`, of the `size` bytes of a file; `name` stands for it in messages.
+PlywaveStatus plywave_ply_from_bytes(const uint8_t *bytes,
+                                     size_t size,
+                                     const char *name,
+                                     struct PlywavePly **out,
+                                     struct PlywaveError *error);
+
+// Releases a model; NULL is allowed. No prepared query and no call may use it any more.
+void plywave_ply_free(struct PlywavePly *ply);
+
+// What a model is.
+PlywaveStatus plywave_ply_info(const struct PlywavePly *ply, struct PlywavePlyInfo *info, struct PlywaveError *error);
+
+// The text of the yarn spec that a model was made of, with a 0 at its end, to a buffer of `size` bytes; its length without that 0 to `*length`, which may be NULL.
+// With `PLYWAVE_STATUS_BUFFER_TOO_SMALL`, as with NULL and 0, `*length` + 1 bytes are needed.
+PlywaveStatus plywave_ply_spec(const struct PlywavePly *ply,
+                               char *buffer,
+                               size_t size,
+                               size_t *length,
+                               struct PlywaveError *error);
+
+// A layer of this ply's yarns at a latitude [rad], for `count` absorptions [1/um]; what lies below another ply. `PLYWAVE_STATUS_MISSING` for a model without layer factors.
+PlywaveStatus plywave_ply_layer(const struct PlywavePly *ply,
+                                float theta_i,
+                                int32_t count,
+                                const float *sigma_per_um,
+                                struct PlywaveLayer *layer,
+                                struct PlywaveError *error);
+
+// A slit between the fibers of a model's ply, `width_um` wide (above 0, at most 5), through which `share` of the forward light goes (0.25 in the paper).
+// Release it with `plywave_slit_free`.
+PlywaveStatus plywave_slit_new(const struct PlywavePly *ply,
+                               float width_um,
+                               float share,
+                               struct PlywaveSlit **out,
+                               struct PlywaveError *error);
+
+// Releases a slit; NULL is allowed.
+void plywave_slit_free(struct PlywaveSlit *slit);
+
+// Prepares the model at a query for any number of directions.
+PlywaveStatus plywave_ply_at(const struct PlywavePly *ply,
+                             const struct PlywavePlyQuery *query,
+                             struct PlywaveBsdf *bsdf,
+                             struct PlywaveError *error);
+
+// f and pdf of `n` queries, one direction each: of `queries` `[n]` and `w` `[n][3]`, to `f` `[n][count]` and `pdf` `[n]`. All queries have the count of the first.
+//
+// With a bad entry the status is that of the first, `error` has its index, and all before it are written. `n` = 0 does nothing.
+PlywaveStatus plywave_ply_eval_batch(const struct PlywavePly *ply,
+                                     size_t n,
+                                     const struct PlywavePlyQuery *queries,
+                                     const float *w,
+                                     float *f,
+                                     float *pdf,
+                                     struct PlywaveError *error);
+
+// Samples of `n` queries, one each: of `queries` `[n]` and `u` `[n][3]`, to `samples` `[n]`. As `plywave_ply_eval_batch`.
+PlywaveStatus plywave_ply_sample_batch(const struct PlywavePly *ply,
+                                       size_t n,
+                                       const struct PlywavePlyQuery *queries,
+                                       const float *u,
+                                       struct PlywaveSample *samples,
+                                       struct PlywaveError *error);
+
+// f_refl + f_high alone, without edge light, of `n` queries as arrays: `theta_i` `[n]` [rad], `h_um` `[n]`, `sigma_per_um` `[n][count]`, components of the directions
+// `x`, `y`, `z` `[n]`, to `f` `[n][count]` [1/sr]. The fastest way to ask for many queries: it works on 16 at a time. Nothing is checked entry by entry: where a number is
+// not finite, the ply is missed and f is 0.
+PlywaveStatus plywave_ply_lobes_batch(const struct PlywavePly *ply,
+                                      size_t n,
+                                      int32_t count,
+                                      const float *theta_i,
+                                      const float *h_um,
+                                      const float *sigma_per_um,
+                                      const float *x,
+                                      const float *y,
+                                      const float *z,
+                                      float *f,
+                                      struct PlywaveError *error);
+
+// Name of a status as in C, such as `"PLYWAVE_STATUS_NULL_POINTER"`; `"unknown status"` for other numbers. Never NULL.
+const char *plywave_status_name(int32_t status);
+
+#ifdef __cplusplus
+}  // extern "C"
+#endif  // __cplusplus
+
+#endif  /* PLYWAVE_H */

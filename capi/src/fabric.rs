@@ -1,0 +1,555 @@
+//! Woven fabrics.
+
+use crate::bsdf::{PLYWAVE_MAX_COUNT, PlywaveBsdf, PlywaveSample, prepare, unprepare};
+use crate::ply::PlywavePly;
+use crate::pointer::{
+    all_finite, disjoint, finite, numbers, optional, pointer, put, put_text, reference, slice, slice_mut, span, text,
+    unit,
+};
+use crate::queries::{Counted, by_count, count_of, eval_queries, hand_out, sample_queries, take_back, wavelengths};
+use crate::status::{AtIndex, Checked, PlywaveError, PlywaveStatus, failure, guard, invalid};
+use plywave::fabric::{Channels, ColorOf, FabricOptions, FabricSpec, Family, GapLight, LoadedFabric, YarnColor};
+use plywave::io::MemoryAssets;
+use plywave::{Bsdf, FabricBsdf, FabricQuery, PlyModel};
+use std::ffi::c_char;
+
+/// A loaded fabric. It never changes: any number of threads may use it at once.
+pub struct PlywaveFabric {
+    fabric: FabricBsdf,
+    name: String,
+    notes: String,
+}
+
+const _: () = {
+    const fn is_send_sync<T: Send + Sync>() {}
+    is_send_sync::<PlywaveFabric>();
+};
+
+/// What the numbers of a color are; the `channels` of a query.
+#[repr(i32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PlywaveChannels {
+    /// Light of the query's wavelengths: a spectral host.
+    Wavelengths = 0,
+    /// Linear RGB of the primaries of sRGB. For a count of 3.
+    LinearSrgb = 1,
+    /// Linear RGB of the wider primaries of BT.2020. For a count of 3.
+    LinearRec2020 = 2,
+}
+
+/// What a color asked for is a color of.
+#[repr(i32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PlywaveColorOf {
+    /// The cloth under a sky all round: reflected and transmitted light over the light that meets fibers.
+    EvenSky = 0,
+    /// The cloth's face, lit from the viewer's side, with dark behind it.
+    Reflected = 1,
+    /// The cloth folded until no light comes through, as textile labs read it (d/8).
+    Folded = 2,
+}
+
+/// What a yarn is colored by; the `kind` of a `PlywaveYarnColor`.
+#[repr(i32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PlywaveYarnColorKind {
+    /// Nothing: clear fibers.
+    Undyed = 0,
+    /// A color [sRGB, 0 to 1].
+    Srgb = 1,
+    /// An absorption of the fibers [1/um].
+    Sigma = 2,
+}
+
+/// Color of the yarns of warp or weft. Zeroed memory is clear fibers.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlywaveYarnColor {
+    /// A `PlywaveYarnColorKind`.
+    pub kind: i32,
+    /// Of `PLYWAVE_YARN_COLOR_KIND_SRGB`: the color, gamma encoded, 0 to 1.
+    pub srgb: [f32; 3],
+    /// Of `PLYWAVE_YARN_COLOR_KIND_SIGMA`: the absorption [1/um], 0 or more.
+    pub sigma_per_um: f32,
+}
+
+/// How a fabric is shaded. Zeroed memory, or NULL in its place, is the whole model without speckle, in the colors of the spec.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlywaveFabricOptions {
+    /// Not 0: light goes straight through gaps, a delta. 0: gaps diffract it.
+    pub straight_gaps: i32,
+    /// Not 0: light that passes beside a ply goes straight on. 0: it is diffracted at its edge.
+    pub no_edges: i32,
+    /// Not 0: speckle, in models that have noise.
+    pub noise: i32,
+    /// Not 0: a single layer of yarn. For comparison.
+    pub no_layers: i32,
+    /// Not 0: no shadows of yarns on their neighbors. For comparison.
+    pub no_shadowing: i32,
+    /// Not 0: `sigma_per_um` takes the place of all colors.
+    pub has_sigma: i32,
+    /// One absorption [1/um] at every wavelength for all yarns; 0 for a white furnace.
+    pub sigma_per_um: f32,
+}
+
+/// A file in memory, for `plywave_fabric_from_memory`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct PlywaveAsset {
+    /// Name as the spec has it, UTF-8.
+    pub name: *const c_char,
+    /// Its bytes.
+    pub bytes: *const u8,
+    /// How many.
+    pub size: usize,
+}
+
+/// What fixes a shading point of a fabric. Zeroed memory is a fine start: what is 0 or NULL is left at its default; `count` and `wo` must be given.
+///
+/// The surface's frame: x along the weft (along u), y along the warp (along v), z the normal of the face.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct PlywaveFabricQuery {
+    /// Point in the plane of the fabric [um]: uv times the size that a unit of uv has.
+    pub position_um: [f32; 2],
+    /// Direction towards the viewer, unit.
+    pub wo: [f32; 3],
+    /// Number of wavelengths or channels: 1, 3 or 4.
+    pub count: i32,
+    /// Wavelengths [um]. All 0 with a count of 3: 0.612, 0.549 and 0.464, those of red, green and blue. RGB channels need them too, for diffraction and speckle.
+    pub lambda_um: [f32; PLYWAVE_MAX_COUNT],
+    /// A `PlywaveChannels`.
+    pub channels: i32,
+    /// Angle by which the pattern is turned about the normal at the point [rad], from x towards y. The position is one of the turned pattern's plane, in the surface's axes.
+    pub turn_rad: f32,
+    /// `[count]` absorptions [1/um] of the warp at the point, for textures and prints, or NULL for the fabric's own. Read during the call only.
+    pub sigma_warp_per_um: *const f32,
+    /// The same of the weft.
+    pub sigma_weft_per_um: *const f32,
+    /// Models of the warp and the weft in place of the fabric's, of the same ply radius and number of plies, or NULL. They must live as long as what is prepared with them.
+    pub models: [*const PlywavePly; 2],
+}
+
+impl Counted for PlywaveFabricQuery {
+    fn count(&self) -> i32 {
+        self.count
+    }
+}
+
+/// What a fabric is. Pairs are of warp and weft.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlywaveFabricInfo {
+    /// Size of one repeat along x and y [um].
+    pub repeat_um: [f64; 2],
+    /// From the axis of a yarn to that of the next [um].
+    pub spacing_um: [f64; 2],
+    /// Width of a yarn [um].
+    pub width_um: [f64; 2],
+    /// Plies of a yarn.
+    pub plies: [i32; 2],
+    /// Ends and picks of one repeat of the draft.
+    pub threads: [i32; 2],
+    /// Greatest distance of any fiber from the middle plane [um].
+    pub half_thickness_um: f32,
+    /// What its colors are colors of.
+    pub color_of: PlywaveColorOf,
+    /// Memory that it takes, its models apart.
+    pub memory_bytes: u64,
+}
+
+/// What becomes of a color that was asked for.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlywaveColorReach {
+    /// As asked for [sRGB, 0 to 1].
+    pub asked: [f32; 3],
+    /// As the cloth has it [sRGB; beyond 0 to 1 out of its gamut].
+    pub comes_out: [f64; 3],
+    /// CIEDE2000 between the two; one that is just seen is about 1.
+    pub delta_e: f64,
+    /// How many of the 81 wavelengths were brighter than clear fibers and darker than black ones.
+    pub clamped: [u32; 2],
+}
+
+fn options_of(of: Option<&PlywaveFabricOptions>) -> Checked<FabricOptions> {
+    let Some(o) = of else { return Ok(FabricOptions::default()) };
+    let sigma_per_um = (o.has_sigma != 0).then(|| absorption(o.sigma_per_um)).transpose()?;
+    Ok(FabricOptions {
+        gaps: if o.straight_gaps != 0 { GapLight::Straight } else { GapLight::Diffracted },
+        sigma_per_um,
+        noise: o.noise != 0,
+        layers: o.no_layers == 0,
+        shadowing: o.no_shadowing == 0,
+        edges: o.no_edges == 0,
+    })
+}
+
+/// An absorption that a caller gives for good.
+fn absorption(sigma: f32) -> Checked<f32> {
+    if (0.0..f32::INFINITY).contains(&sigma) {
+        Ok(sigma)
+    } else {
+        Err(invalid("sigma_per_um", sigma, "0 or more, finite"))
+    }
+}
+
+fn handle_of(loaded: LoadedFabric, options: Option<&PlywaveFabricOptions>) -> Checked<PlywaveFabric> {
+    let (name, notes) = (loaded.spec.name.clone(), loaded.notes().join("\n"));
+    Ok(PlywaveFabric { fabric: FabricBsdf::new(loaded, &options_of(options)?)?, name, notes })
+}
+
+#[inline(always)]
+fn channels_of(channels: i32, count: usize) -> Checked<Channels> {
+    match (channels, count) {
+        (0, _) => Ok(Channels::Wavelengths),
+        (1, 3) => Ok(Channels::LinearSrgb),
+        (2, 3) => Ok(Channels::LinearRec2020),
+        (1 | 2, _) => Err(invalid("count", count, "3 channels of RGB")),
+        _ => Err(invalid("channels", channels, "a PlywaveChannels, 0 to 2")),
+    }
+}
+
+/// The query as Rust has it.
+///
+/// # Safety
+/// Its pointers are NULL or to live memory.
+#[inline(always)]
+unsafe fn query_of<'a, const N: usize>(q: &PlywaveFabricQuery) -> Checked<FabricQuery<'a, N>> {
+    all_finite(&q.position_um, "position_um")?;
+    unit(q.wo, "wo")?;
+    finite(q.turn_rad, "turn_rad")?;
+    let sigma = |p: *const f32, name: &str| -> Checked<Option<[f32; N]>> {
+        if p.is_null() {
+            return Ok(None);
+        }
+        // SAFETY: the caller's pointer, as documented; it has N numbers.
+        let sigma = unsafe { numbers(p, name) }?;
+        all_finite(&sigma, name)?;
+        Ok(Some(sigma))
+    };
+    let model = |p: *const PlywavePly| -> Checked<Option<&'a PlyModel>> {
+        // SAFETY: the caller's pointer, as documented.
+        Ok(unsafe { optional(p, "models") }?.map(|ply| &ply.0))
+    };
+    Ok(FabricQuery {
+        channels: channels_of(q.channels, N)?,
+        sigma_per_um: [
+            sigma(q.sigma_warp_per_um, "sigma_warp_per_um")?,
+            sigma(q.sigma_weft_per_um, "sigma_weft_per_um")?,
+        ],
+        turn_rad: q.turn_rad,
+        models: [model(q.models[0])?, model(q.models[1])?],
+        ..FabricQuery::new(q.position_um, q.wo, wavelengths(&q.lambda_um)?)
+    })
+}
+
+/// Reads a fabric spec (TOML) and the models that it names, which lie in its folder or below. `path` is UTF-8; `options` may be NULL. It takes a second or two: light between
+/// yarns is followed. On an error `*out` is NULL. Release it with `plywave_fabric_free`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_fabric_load(
+    path: *const c_char,
+    options: *const PlywaveFabricOptions,
+    out: *mut *mut PlywaveFabric,
+    error: *mut PlywaveError,
+) -> PlywaveStatus {
+    guard(error, || {
+        // SAFETY: the caller's pointers, as documented.
+        unsafe {
+            put(out, std::ptr::null_mut(), "out")?;
+            let options = optional(options, "options")?;
+            hand_out(out, handle_of(FabricSpec::load(text(path, "path")?)?, options)?)
+        }
+    })
+}
+
+/// As `plywave_fabric_load`, of the text of a spec and the files that it names, `assets` `[n]`; `name` stands for the spec in messages.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_fabric_from_memory(
+    spec: *const c_char,
+    name: *const c_char,
+    assets: *const PlywaveAsset,
+    n: usize,
+    options: *const PlywaveFabricOptions,
+    out: *mut *mut PlywaveFabric,
+    error: *mut PlywaveError,
+) -> PlywaveStatus {
+    guard(error, || {
+        // SAFETY: the caller's pointers, as documented.
+        unsafe {
+            put(out, std::ptr::null_mut(), "out")?;
+            let options = optional(options, "options")?;
+            let mut files = MemoryAssets::new();
+            for (i, asset) in slice(assets, n, "assets")?.iter().enumerate() {
+                let name = text(asset.name, "name").at(i)?;
+                files.insert(name, slice(asset.bytes, asset.size, "bytes").at(i)?);
+            }
+            let loaded = FabricSpec::load_from(text(spec, "spec")?, text(name, "name")?, &files)?;
+            hand_out(out, handle_of(loaded, options)?)
+        }
+    })
+}
+
+/// Releases a fabric; NULL is allowed. No prepared query and no call may use it any more.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_fabric_free(fabric: *mut PlywaveFabric) {
+    guard(std::ptr::null_mut(), || {
+        // SAFETY: the caller's handle, given back once.
+        unsafe { take_back(fabric) };
+        Ok(())
+    });
+}
+
+/// What a fabric is.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_fabric_info(
+    fabric: *const PlywaveFabric,
+    info: *mut PlywaveFabricInfo,
+    error: *mut PlywaveError,
+) -> PlywaveStatus {
+    guard(error, || {
+        // SAFETY: the caller's pointers, as documented.
+        let f = unsafe { &reference(fabric, "fabric")?.fabric };
+        let geometry = f.fabric();
+        let shape = Family::EACH.map(|family| geometry.shape(family));
+        let value = PlywaveFabricInfo {
+            repeat_um: geometry.repeat_um(),
+            spacing_um: shape.map(|s| s.spacing_um),
+            width_um: shape.map(|s| s.width_um()),
+            plies: shape.map(|s| s.plies as i32),
+            threads: Family::EACH.map(|family| geometry.draft().threads(family) as i32),
+            half_thickness_um: geometry.half_thickness_um(),
+            color_of: match f.color_of() {
+                ColorOf::EvenSky => PlywaveColorOf::EvenSky,
+                ColorOf::Reflected => PlywaveColorOf::Reflected,
+                ColorOf::Folded => PlywaveColorOf::Folded,
+            },
+            memory_bytes: f.memory_bytes() as u64,
+        };
+        // SAFETY: as above.
+        unsafe { put(info, value, "info") }
+    })
+}
+
+/// Name of a fabric, as its spec has it. The buffer as in `plywave_ply_spec`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_fabric_name(
+    fabric: *const PlywaveFabric,
+    buffer: *mut c_char,
+    size: usize,
+    length: *mut usize,
+    error: *mut PlywaveError,
+) -> PlywaveStatus {
+    guard(error, || {
+        // SAFETY: the caller's pointers, as documented.
+        unsafe { put_text(&reference(fabric, "fabric")?.name, buffer, size, length) }
+    })
+}
+
+/// What is left out because a model does not hold it, a line each; empty where the models are whole. The buffer as in `plywave_ply_spec`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_fabric_notes(
+    fabric: *const PlywaveFabric,
+    buffer: *mut c_char,
+    size: usize,
+    length: *mut usize,
+    error: *mut PlywaveError,
+) -> PlywaveStatus {
+    guard(error, || {
+        // SAFETY: the caller's pointers, as documented.
+        unsafe { put_text(&reference(fabric, "fabric")?.notes, buffer, size, length) }
+    })
+}
+
+/// The same fabric in other colors, as a new handle; nothing is traced anew. `color_of` is a `PlywaveColorOf`; where it is not the fabric's, it takes tenths of a second.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_fabric_with_colors(
+    fabric: *const PlywaveFabric,
+    warp: *const PlywaveYarnColor,
+    weft: *const PlywaveYarnColor,
+    color_of: i32,
+    out: *mut *mut PlywaveFabric,
+    error: *mut PlywaveError,
+) -> PlywaveStatus {
+    guard(error, || {
+        // SAFETY: the caller's pointers, as documented.
+        let (of, warp, weft) = unsafe {
+            put(out, std::ptr::null_mut(), "out")?;
+            (reference(fabric, "fabric")?, reference(warp, "warp")?, reference(weft, "weft")?)
+        };
+        let meaning = match color_of {
+            0 => ColorOf::EvenSky,
+            1 => ColorOf::Reflected,
+            2 => ColorOf::Folded,
+            other => return Err(invalid("color_of", other, "a PlywaveColorOf, 0 to 2")),
+        };
+        let colors = [yarn_color(warp)?, yarn_color(weft)?];
+        let fabric = of.fabric.with_colors(colors, meaning);
+        // SAFETY: as above.
+        unsafe { hand_out(out, PlywaveFabric { fabric, name: of.name.clone(), notes: of.notes.clone() }) }
+    })
+}
+
+fn yarn_color(of: &PlywaveYarnColor) -> Checked<YarnColor> {
+    match of.kind {
+        0 => Ok(YarnColor::Undyed),
+        1 if of.srgb.iter().all(|c| (0.0..=1.0).contains(c)) => Ok(YarnColor::Srgb(of.srgb)),
+        1 => Err(invalid("srgb", of.srgb, "numbers in [0, 1]")),
+        2 => Ok(YarnColor::Sigma(absorption(of.sigma_per_um)?)),
+        other => Err(invalid("kind", other, "a PlywaveYarnColorKind, 0 to 2")),
+    }
+}
+
+/// The colors of the fabric, each once, and what becomes of them: the first `capacity` to `colors`, the number of all to `*count`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_fabric_colors(
+    fabric: *const PlywaveFabric,
+    colors: *mut PlywaveColorReach,
+    capacity: usize,
+    count: *mut usize,
+    error: *mut PlywaveError,
+) -> PlywaveStatus {
+    guard(error, || {
+        // SAFETY: the caller's pointers, as documented.
+        let (of, out) = unsafe { (reference(fabric, "fabric")?, slice_mut(colors, capacity, "colors")?) };
+        let all = of.fabric.colors();
+        for (out, c) in out.iter_mut().zip(&all) {
+            let clamped = c.clamped.map(|n| n as u32);
+            *out = PlywaveColorReach { asked: c.asked, comes_out: c.comes_out, delta_e: c.delta_e, clamped };
+        }
+        // SAFETY: as above.
+        unsafe { put(count, all.len(), "count") }
+    })
+}
+
+/// Absorptions [1/um] with which the cloth has `n` reflectances, 0 to 1, at wavelengths or in linear RGB: `sigma_per_um` may be `reflectance`. What is out of reach is clamped to
+/// clear or black fibers. Convert a texture once, not at every hit. With a bad entry nothing is written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_fabric_sigma_of_reflectance(
+    fabric: *const PlywaveFabric,
+    n: usize,
+    reflectance: *const f32,
+    sigma_per_um: *mut f32,
+    error: *mut PlywaveError,
+) -> PlywaveStatus {
+    guard(error, || {
+        // SAFETY: the caller's pointers, as documented.
+        let of = unsafe {
+            // One after another by pointers: the two may be the same array, and then no slice of both may be.
+            for (i, r) in slice(reflectance, n, "reflectance")?.iter().enumerate() {
+                if !(0.0..=1.0).contains(r) {
+                    return Err(invalid("reflectance", r, "a number in [0, 1]")).at(i);
+                }
+            }
+            reference(fabric, "fabric")?
+        };
+        if n == 0 {
+            return Ok(());
+        }
+        pointer(sigma_per_um, "sigma_per_um")?;
+        if sigma_per_um.addr() != reflectance.addr() {
+            disjoint(span(sigma_per_um, n), &[span(reflectance, n)], "sigma_per_um")?;
+        }
+        for i in 0..n {
+            // SAFETY: both have n entries; entry i is read before it is written.
+            unsafe {
+                let [sigma] = of.fabric.sigma_of_reflectance([reflectance.add(i).read()]);
+                sigma_per_um.add(i).write(sigma);
+            }
+        }
+        Ok(())
+    })
+}
+
+/// Prepares the fabric at a query for any number of directions.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_fabric_at(
+    fabric: *const PlywaveFabric,
+    query: *const PlywaveFabricQuery,
+    bsdf: *mut PlywaveBsdf,
+    error: *mut PlywaveError,
+) -> PlywaveStatus {
+    let status = guard(error, || {
+        // SAFETY: the caller's pointers, as documented.
+        let (f, q) = unsafe { (&reference(fabric, "fabric")?.fabric, reference(query, "query")?) };
+        by_count!(q.count, N => {
+            // SAFETY: as above.
+            unsafe {
+                let query = query_of::<N>(q)?;
+                prepare(bsdf, || f.at(&query))
+            }
+        })
+    });
+    if status != PlywaveStatus::Ok {
+        // SAFETY: as above.
+        unsafe { unprepare(bsdf) };
+    }
+    status
+}
+
+/// f and pdf of `n` queries, one direction each: of `queries` `[n]` and `w` `[n][3]`, to `f` `[n][count]` and `pdf` `[n]`. All queries have the count of the first.
+///
+/// With a bad entry the status is that of the first, `error` has its index, and all before it are written. `n` = 0 does nothing.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_fabric_eval_batch(
+    fabric: *const PlywaveFabric,
+    n: usize,
+    queries: *const PlywaveFabricQuery,
+    w: *const f32,
+    f: *mut f32,
+    pdf: *mut f32,
+    error: *mut PlywaveError,
+) -> PlywaveStatus {
+    guard(error, || {
+        // SAFETY: the caller's pointers, as documented.
+        let (of, queries) = unsafe { (&reference(fabric, "fabric")?.fabric, slice(queries, n, "queries")?) };
+        by_count!(count_of(queries)?, N => {
+            // SAFETY: as above.
+            unsafe { eval_queries::<_, N>(queries, w, f, pdf, |q, w| Ok(of.at(&query_of(q)?).eval_pdf(w))) }
+        })
+    })
+}
+
+/// Samples of `n` queries, one each: of `queries` `[n]` and `u` `[n][3]`, to `samples` `[n]`. As `plywave_fabric_eval_batch`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_fabric_sample_batch(
+    fabric: *const PlywaveFabric,
+    n: usize,
+    queries: *const PlywaveFabricQuery,
+    u: *const f32,
+    samples: *mut PlywaveSample,
+    error: *mut PlywaveError,
+) -> PlywaveStatus {
+    guard(error, || {
+        // SAFETY: the caller's pointers, as documented.
+        let (of, queries) = unsafe { (&reference(fabric, "fabric")?.fabric, slice(queries, n, "queries")?) };
+        by_count!(count_of(queries)?, N => {
+            // SAFETY: as above.
+            unsafe { sample_queries::<_, N>(queries, u, samples, |q, u| Ok(of.at(&query_of(q)?).sample(u))) }
+        })
+    })
+}
+
+/// A model of a fabric as a handle of its own, of the yarn `thread` of the warp (`family` 0) or the weft (1): what it is, its spec, its check. Release it with `plywave_ply_free`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_fabric_model(
+    fabric: *const PlywaveFabric,
+    family: i32,
+    thread: i32,
+    out: *mut *mut PlywavePly,
+    error: *mut PlywaveError,
+) -> PlywaveStatus {
+    guard(error, || {
+        // SAFETY: the caller's pointers, as documented.
+        let of = unsafe {
+            put(out, std::ptr::null_mut(), "out")?;
+            reference(fabric, "fabric")?
+        };
+        let family = usize::try_from(family).ok().and_then(|i| Family::EACH.get(i).copied());
+        let family =
+            family.ok_or_else(|| failure(PlywaveStatus::InvalidArgument, "family: expected 0 (warp) or 1 (weft)"))?;
+        // SAFETY: as above.
+        unsafe { hand_out(out, PlywavePly(of.fabric.model_of(family, thread).clone())) }
+    })
+}

@@ -1,0 +1,208 @@
+//! What comes in from C: pointers and numbers, checked as far as C allows.
+//!
+//! A pointer can be null, misaligned, or of a length that no memory has: these are errors. That it points to live memory of that length and is not written meanwhile
+//! is the caller's part, and the safety condition of every `unsafe fn` here.
+
+use crate::status::{Checked, PlywaveStatus, failure, invalid};
+use std::ffi::{CStr, c_char};
+
+#[cold]
+fn bad_pointer(is_null: bool, name: &str) -> Box<crate::status::Failure> {
+    if is_null {
+        failure(PlywaveStatus::NullPointer, format!("{name} is NULL"))
+    } else {
+        failure(PlywaveStatus::InvalidArgument, format!("{name} is not aligned"))
+    }
+}
+
+/// Refuses null and misaligned pointers.
+#[inline(always)]
+pub(crate) fn pointer<T>(p: *const T, name: &str) -> Checked {
+    if p.is_null() || !p.is_aligned() { Err(bad_pointer(p.is_null(), name)) } else { Ok(()) }
+}
+
+/// A reference of a pointer that must not be null.
+#[inline(always)]
+pub(crate) unsafe fn reference<'a, T>(p: *const T, name: &str) -> Checked<&'a T> {
+    pointer(p, name)?;
+    // SAFETY: not null and aligned; the rest is the caller's.
+    Ok(unsafe { &*p })
+}
+
+/// A reference of a pointer that may be null.
+#[inline(always)]
+pub(crate) unsafe fn optional<'a, T>(p: *const T, name: &str) -> Checked<Option<&'a T>> {
+    // SAFETY: the caller's.
+    if p.is_null() { Ok(None) } else { unsafe { reference(p, name) }.map(Some) }
+}
+
+#[cold]
+fn too_long(len: usize, name: &str) -> Box<crate::status::Failure> {
+    invalid(name, len, "a number of entries that fit in memory")
+}
+
+/// Refuses what cannot be an array: of no entries everything can.
+#[inline(always)]
+fn array<T>(p: *const T, len: usize, name: &str) -> Checked {
+    if len == 0 {
+        return Ok(());
+    }
+    pointer(p, name)?;
+    // More than half of the address space is no array, and one that goes beyond its end neither.
+    let bytes = len.checked_mul(size_of::<T>()).filter(|bytes| *bytes <= isize::MAX as usize);
+    if bytes.and_then(|bytes| p.addr().checked_add(bytes)).is_none() { Err(too_long(len, name)) } else { Ok(()) }
+}
+
+/// Entries to read; of none, any pointer.
+#[inline(always)]
+pub(crate) unsafe fn slice<'a, T>(p: *const T, len: usize, name: &str) -> Checked<&'a [T]> {
+    array(p, len, name)?;
+    // SAFETY: not null, aligned and of a length that memory can have; the rest is the caller's.
+    Ok(if len == 0 { &[] } else { unsafe { std::slice::from_raw_parts(p, len) } })
+}
+
+/// Entries to write; of none, any pointer.
+#[inline(always)]
+pub(crate) unsafe fn slice_mut<'a, T>(p: *mut T, len: usize, name: &str) -> Checked<&'a mut [T]> {
+    array(p, len, name)?;
+    // SAFETY: as in `slice`; that nothing else refers to it is asked by `disjoint`.
+    Ok(if len == 0 { &mut [] } else { unsafe { std::slice::from_raw_parts_mut(p, len) } })
+}
+
+/// First address of an array and the one behind its last, for [`disjoint`].
+#[inline(always)]
+pub(crate) fn span<T>(p: *const T, len: usize) -> [usize; 2] {
+    let bytes = len.saturating_mul(size_of::<T>());
+    [p.addr(), p.addr().saturating_add(bytes)]
+}
+
+/// Refuses an output that shares memory with another array.
+#[inline(always)]
+pub(crate) fn disjoint(output: [usize; 2], others: &[[usize; 2]], name: &str) -> Checked {
+    let overlaps = |other: &[usize; 2]| output[0] < other[1] && other[0] < output[1];
+    if others.iter().any(overlaps) {
+        return Err(failure(PlywaveStatus::InvalidArgument, format!("{name} overlaps another array")));
+    }
+    Ok(())
+}
+
+/// Writes a result.
+#[inline(always)]
+pub(crate) unsafe fn put<T>(p: *mut T, value: T, name: &str) -> Checked {
+    pointer(p, name)?;
+    // SAFETY: not null and aligned; the rest is the caller's.
+    unsafe { p.write(value) };
+    Ok(())
+}
+
+/// A copy of K numbers.
+#[inline(always)]
+pub(crate) unsafe fn numbers<const K: usize>(p: *const f32, name: &str) -> Checked<[f32; K]> {
+    pointer(p, name)?;
+    // SAFETY: not null and aligned as f32, which is how arrays of them are aligned; the rest is the caller's.
+    Ok(unsafe { p.cast::<[f32; K]>().read() })
+}
+
+/// Three numbers, read one by one. No `Result` carries them: its pieces are of other sizes than theirs, and an array that goes through memory in such pieces costs a call 10 ns.
+///
+/// # Safety
+/// The pointer was checked, and three numbers are there.
+#[inline(always)]
+pub(crate) unsafe fn three(p: *const f32) -> [f32; 3] {
+    // SAFETY: as above.
+    unsafe { [p.read(), p.add(1).read(), p.add(2).read()] }
+}
+
+/// Refuses a pointer that is not to a unit vector.
+#[inline(always)]
+pub(crate) unsafe fn to_direction(p: *const f32, name: &str) -> Checked {
+    pointer(p, name)?;
+    // SAFETY: not null and aligned; that it has three numbers is the caller's.
+    unit(unsafe { three(p) }, name)
+}
+
+/// Refuses a pointer that is not to three random numbers.
+#[inline(always)]
+pub(crate) unsafe fn to_random(p: *const f32) -> Checked {
+    pointer(p, "u")?;
+    // SAFETY: not null and aligned; that it has three numbers is the caller's.
+    uniform(unsafe { three(p) })
+}
+
+/// A string that ends with a 0, in UTF-8.
+pub(crate) unsafe fn text<'a>(p: *const c_char, name: &str) -> Checked<&'a str> {
+    pointer(p, name)?;
+    // SAFETY: not null; that it ends is the caller's.
+    let bytes = unsafe { CStr::from_ptr(p) };
+    bytes.to_str().map_err(|_| failure(PlywaveStatus::InvalidArgument, format!("{name} is not text in UTF-8")))
+}
+
+/// Copies a text and the 0 at its end to the caller's buffer, and its length without that 0.
+pub(crate) unsafe fn put_text(from: &str, buffer: *mut c_char, size: usize, length: *mut usize) -> Checked {
+    if !length.is_null() {
+        // SAFETY: the caller's; `put` checks the rest.
+        unsafe { put(length, from.len(), "length") }?;
+    }
+    if size <= from.len() {
+        let message = format!("size = {size}: expected {} or more", from.len() + 1);
+        return Err(failure(PlywaveStatus::BufferTooSmall, message));
+    }
+    // SAFETY: the caller's; `slice_mut` checks the rest.
+    let to = unsafe { slice_mut(buffer, size, "buffer") }?;
+    for (to, from) in to.iter_mut().zip(from.bytes().chain([0])) {
+        *to = from as c_char;
+    }
+    Ok(())
+}
+
+/// A finite number.
+#[inline(always)]
+pub(crate) fn finite(value: f32, name: &str) -> Checked {
+    if value.is_finite() { Ok(()) } else { Err(invalid(name, value, "a finite number")) }
+}
+
+/// Finite numbers.
+#[inline(always)]
+pub(crate) fn all_finite<const K: usize>(values: &[f32; K], name: &str) -> Checked {
+    // 0 times what is not finite is no number.
+    let sum = values.iter().fold(0.0, |sum, v| sum + 0.0 * v);
+    if sum == 0.0 { Ok(()) } else { Err(invalid(name, values, "finite numbers")) }
+}
+
+/// How far the square of a direction's length may be from 1.
+const UNIT_TOLERANCE: f32 = 0.01;
+
+/// Whether a vector is a direction; what is not a number is none.
+#[inline(always)]
+pub(crate) fn is_unit(x: f32, y: f32, z: f32) -> bool {
+    (x * x + y * y + z * z - 1.0).abs() <= UNIT_TOLERANCE
+}
+
+#[cold]
+fn no_direction(x: f32, y: f32, z: f32, name: &str) -> Box<crate::status::Failure> {
+    invalid(name, [x, y, z], "a unit vector")
+}
+
+/// A unit vector.
+#[inline(always)]
+pub(crate) fn unit([x, y, z]: [f32; 3], name: &str) -> Checked {
+    if is_unit(x, y, z) { Ok(()) } else { Err(no_direction(x, y, z, name)) }
+}
+
+/// Whether numbers can be uniform random numbers. 1 may come of rounding and counts as the greatest below it.
+#[inline(always)]
+pub(crate) fn is_uniform(x: f32, y: f32, z: f32) -> bool {
+    let range = 0.0..=1.0;
+    range.contains(&x) & range.contains(&y) & range.contains(&z)
+}
+
+#[cold]
+fn not_uniform(x: f32, y: f32, z: f32) -> Box<crate::status::Failure> {
+    invalid("u", [x, y, z], "numbers in [0, 1)")
+}
+
+/// Three uniform random numbers.
+#[inline(always)]
+pub(crate) fn uniform([x, y, z]: [f32; 3]) -> Checked {
+    if is_uniform(x, y, z) { Ok(()) } else { Err(not_uniform(x, y, z)) }
+}
