@@ -47,6 +47,14 @@ def lambdas(value: Any, count: int) -> np.ndarray:
     return np.array(RGB_LAMBDA_UM if count == 3 else [0.55], np.float32)
 
 
+def integers(value: Any, name: str) -> np.ndarray:
+    """An array of whole numbers, 0 or more, as uint64."""
+    given = value if isinstance(value, np.ndarray) else _array(value, name)
+    if given.dtype.kind not in "iu" or (given.dtype.kind == "i" and given.size and int(given.min()) < 0):
+        raise Error(f"{name}: dtype {given.dtype}, shape {given.shape}; give whole numbers, 0 or more")
+    return given.astype(np.uint64)
+
+
 def count_of(arrays: Dict[str, np.ndarray]) -> int:
     """N of arrays [..., N] or [..., 1]."""
     counts = {name: a.shape[-1] for name, a in arrays.items()}
