@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, List, Optional, Sequence, Tuple
+from typing import Any, Dict, List, Optional, Tuple
 
 import numpy as np
 
@@ -101,6 +101,10 @@ class Queries:
         return flat.reshape(self.shape + core)
 
 
-def unpack(arrays: Sequence[Any]) -> List[np.ndarray]:
-    """Results of the extension module as arrays."""
-    return [np.asarray(a) for a in arrays]
+def call(rust: Any, what: str, ask: Dict[str, Any], *widths: int, events: bool = False) -> List[np.ndarray]:
+    """Asks the extension module; gives its results flat, `n` rows of each width."""
+    n = ask["n"]
+    made = [np.zeros(n * width, np.float32) for width in widths]
+    event = np.zeros(n, np.uint8) if events else None
+    rust.ask(what, ask, {"floats": made, "events": event})
+    return made if event is None else [*made, event]

@@ -103,12 +103,13 @@ class Document:
 
     @classmethod
     def from_tensors(cls: Type[Self], tensors: Mapping[str, Any], document: Mapping[str, Any], name: str = "tensors") -> Self:
-        """From arrays by name and a document, as `tensors()` and `document` give them; checked as a file is.
+        """From arrays by name and a document, as `tensors()` and `document` give them; checked as a file is. Axes and
+        statistics of the document are made anew.
 
         Raises:
             Error: for what a file with them would be refused for.
         """
-        return cls.from_bytes(pack(tensors, document, name), name)
+        return cls.from_bytes(_plywave.rewritten(cls._kind, pack(tensors, document, name), name), name)
 
     def to_bytes(self) -> bytes:
         """The bytes of its file."""

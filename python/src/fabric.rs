@@ -1,10 +1,11 @@
 //! Woven fabrics.
 
-use crate::batch::{Arrays, Asked, Floats, Rows, What, by_channels, flat};
+use crate::batch::{Asked, Floats, Out, Rows, What, by_channels, rows_mut};
 use crate::errors::{Failure, Outcome};
+use numpy::IntoPyArray;
 use plywave::fabric::{Channels, ColorOf, FabricAt, FabricOptions, FabricSpec, Family, GapLight, LoadedFabric, YarnColor};
 use plywave::io::Folder;
-use plywave::{Bsdf, FabricBsdf, FabricQuery};
+use plywave::{FabricBsdf, FabricQuery};
 use pyo3::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -143,8 +144,8 @@ impl Fabric {
             Floats::Double(array) => array.len()?,
         };
         let rows: Rows<'_, 1> = Rows::of(&reflectance, n, "reflectance")?;
-        let sigma: Vec<[f32; 1]> = py.detach(|| (0..n).map(|i| self.fabric.sigma_of_reflectance(rows.get(i))).collect());
-        Ok(flat(py, sigma))
+        let sigma: Vec<f32> = py.detach(|| (0..n).map(|i| self.fabric.sigma_of_reflectance(rows.get(i))[0]).collect());
+        Ok(sigma.into_pyarray(py).into_any())
     }
 
     /// The ply model of a yarn.
@@ -155,8 +156,8 @@ impl Fabric {
     }
 
     /// Answers `what` of the queries.
-    fn ask<'py>(&self, py: Python<'py>, what: &str, arrays: FabricArrays<'py>) -> Outcome<Arrays<'py>> {
-        by_channels!(arrays.channels, N => self.answer::<N>(py, what, &arrays))
+    fn ask<'py>(&self, py: Python<'py>, what: &str, arrays: FabricArrays<'py>, mut out: Out<'py>) -> Outcome {
+        by_channels!(arrays.channels, N => self.answer::<N>(py, what, &arrays, &mut out))
     }
 }
 
@@ -169,7 +170,7 @@ impl Fabric {
         Ok(Fabric { fabric: Arc::new(FabricBsdf::new(loaded, options)?), notes })
     }
 
-    fn answer<'py, const N: usize>(&self, py: Python<'py>, what: &str, arrays: &FabricArrays<'py>) -> Outcome<Arrays<'py>> {
+    fn answer<const N: usize>(&self, py: Python<'_>, what: &str, arrays: &FabricArrays<'_>, out: &mut Out<'_>) -> Outcome {
         let FabricArrays { n, threads, .. } = *arrays;
         let position: Rows<'_, 2> = Rows::of(&arrays.position, n, "position_um")?;
         let wo: Rows<'_, 3> = Rows::of(&arrays.wo, n, "wo")?;
@@ -177,8 +178,7 @@ impl Fabric {
         plywave::color::RGB_LAMBDA_UM.iter().zip(&mut rgb).for_each(|(from, to)| *to = *from);
         let lambda: Rows<'_, N> = Rows::of_optional(arrays.lambda.as_ref(), n, "lambda_um", rgb)?;
         let channels = if arrays.lambda.is_some() { Channels::Wavelengths } else { Channels::LinearSrgb };
-        let sigma = |floats: &'_ Option<Floats<'py>>| floats.is_some();
-        let has = [sigma(&arrays.warp), sigma(&arrays.weft)];
+        let has = [arrays.warp.is_some(), arrays.weft.is_some()];
         let warp: Rows<'_, N> = Rows::of_optional(arrays.warp.as_ref(), n, "sigma_per_um", [0.0; N])?;
         let weft: Rows<'_, N> = Rows::of_optional(arrays.weft.as_ref(), n, "sigma_per_um", [0.0; N])?;
         let turn: Rows<'_, 1> = Rows::of(&arrays.turn, n, "turn_rad")?;
@@ -197,14 +197,15 @@ impl Fabric {
             },
         };
         match What::of(what) {
-            Some(what) => asked.answer(py, what, w, |(_, wo, ..)| wo.map(|v| -v)),
+            Some(what) => asked.answer(py, what, w, out, |(_, wo, ..)| wo.map(|v| -v)),
             None if what == "is_gap" => {
                 let of = |at: &FabricAt<'_, N>| [f32::from(u8::from(at.is_gap()))];
-                Ok(vec![flat(py, py.detach(|| asked.map(|at, _| of(at))))])
+                let [gap] = out.floats()?;
+                let gap = rows_mut(gap, n)?;
+                py.detach(|| asked.map(gap, |at, _| of(at)));
+                Ok(())
             }
             None => Err(Failure::input("fabric", "question", what, "there is no such")),
         }
     }
 }
-
-const _: fn(&FabricAt<'_, 3>) -> [f32; 3] = |at| at.albedo();

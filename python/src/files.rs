@@ -54,6 +54,20 @@ pub(crate) fn check_bytes(py: Python<'_>, kind: &str, bytes: &[u8], name: &str) 
     py.detach(|| check(kind, bytes, name))
 }
 
+/// The bytes of a file as this program writes it, of bytes that may have been made elsewhere: checked, its statistics and reference values made anew.
+#[pyfunction]
+pub(crate) fn rewritten<'py>(py: Python<'py>, kind: &str, bytes: &[u8], name: &str) -> Outcome<Bound<'py, PyBytes>> {
+    let kind = kind_of(kind)?;
+    let bytes = py.detach(|| match kind {
+        FileKind::Table => Table::from_bytes(bytes, name)?.to_bytes(),
+        FileKind::Model => PlyData::from_bytes(bytes, name)?.to_bytes(),
+        FileKind::Fiber => FiberTable::from_bytes(bytes, name)?.to_bytes(),
+        FileKind::Speckle => SpecklePatterns::from_bytes(bytes, name)?.to_bytes(),
+        FileKind::Twin => ClothTwin::from_bytes(bytes, name)?.to_bytes(),
+    });
+    Ok(PyBytes::new(py, &bytes?))
+}
+
 /// What a file holds, by its header.
 #[pyfunction]
 pub(crate) fn file_kind(path: PathBuf) -> Outcome<&'static str> {

@@ -24,6 +24,7 @@ fn _plywave(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<fiber::Fiber>()?;
     module.add_function(wrap_pyfunction!(files::read_checked, module)?)?;
     module.add_function(wrap_pyfunction!(files::check_bytes, module)?)?;
+    module.add_function(wrap_pyfunction!(files::rewritten, module)?)?;
     module.add_function(wrap_pyfunction!(files::file_kind, module)?)?;
     module.add_function(wrap_pyfunction!(files::write_file, module)?)?;
     module.add_function(wrap_pyfunction!(files::toml_of_json, module)?)?;

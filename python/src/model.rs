@@ -1,6 +1,6 @@
 //! Ply models.
 
-use crate::batch::{Arrays, Asked, Floats, Rows, What, by_channels, flat};
+use crate::batch::{Arrays, Asked, CHUNK, Floats, Out, Rows, What, by_channels, parallel, rows_mut};
 use crate::errors::{Failure, Outcome};
 use numpy::{IntoPyArray, PyReadonlyArray1};
 use plywave::ply::{PlyData, Queries};
@@ -111,8 +111,8 @@ impl Model {
     }
 
     /// Answers `what` of the queries.
-    fn ask<'py>(&self, py: Python<'py>, what: &str, arrays: PlyArrays<'py>) -> Outcome<Arrays<'py>> {
-        by_channels!(arrays.channels, N => self.answer::<N>(py, what, &arrays))
+    fn ask<'py>(&self, py: Python<'py>, what: &str, arrays: PlyArrays<'py>, mut out: Out<'py>) -> Outcome {
+        by_channels!(arrays.channels, N => self.answer::<N>(py, what, &arrays, &mut out))
     }
 }
 
@@ -127,7 +127,6 @@ impl Model {
 
     fn time<const N: usize>(&self, py: Python<'_>, what: &str, arrays: &PlyArrays<'_>, repeats: usize) -> Outcome<f64> {
         use plywave::Bsdf;
-        use crate::batch::parallel;
         let PlyArrays { n, threads, edge, .. } = *arrays;
         let all: Rows<'_, 1> = Rows::of(&arrays.theta_i, n, "theta_i")?;
         let theta_i: Vec<f32> = (0..n).map(|i| all.get(i)[0]).collect();
@@ -187,7 +186,7 @@ impl Model {
         }))
     }
 
-    fn answer<'py, const N: usize>(&self, py: Python<'py>, what: &str, arrays: &PlyArrays<'py>) -> Outcome<Arrays<'py>> {
+    fn answer<const N: usize>(&self, py: Python<'_>, what: &str, arrays: &PlyArrays<'_>, out: &mut Out<'_>) -> Outcome {
         let PlyArrays { n, threads, edge, .. } = *arrays;
         let theta_i: Rows<'_, 1> = Rows::of(&arrays.theta_i, n, "theta_i")?;
         let h_um: Rows<'_, 1> = Rows::of(&arrays.h_um, n, "h_um")?;
@@ -212,7 +211,10 @@ impl Model {
         let model = &*self.model;
         let smooth = instances.is_empty();
         if let (true, Kernel::Lobes, Some(w)) = (smooth, Kernel::of(what, edge, (theta_i, h_um, sigma)), w) {
-            return Ok(vec![flat(py, py.detach(|| lobes(model, n, threads, (theta_i, h_um, sigma), w)))]);
+            let [f] = out.floats()?;
+            let f = rows_mut(f, n)?;
+            py.detach(|| lobes(model, threads, (theta_i, h_um, sigma), w, f));
+            return Ok(());
         }
         let asked = Asked {
             n,
@@ -224,21 +226,26 @@ impl Model {
             },
         };
         match (what, w) {
-            ("r_d", _) => Ok(vec![flat(py, py.detach(|| asked.map(|bsdf: &PlyBsdf<'_, N>, _| [bsdf.r_d()])))]),
+            ("r_d", _) => {
+                let [r_d] = out.floats()?;
+                let r_d = rows_mut(r_d, n)?;
+                py.detach(|| asked.map(r_d, |bsdf: &PlyBsdf<'_, N>, _| [bsdf.r_d()]));
+                Ok(())
+            }
             ("terms", Some(w)) => {
-                let terms = py.detach(|| {
-                    let of = |bsdf: &PlyBsdf<'_, N>, i: usize| bsdf.terms(w.get(i));
-                    [
-                        asked.map(|bsdf, i| [of(bsdf, i).refl; N]),
-                        asked.map(|bsdf, i| of(bsdf, i).high),
-                        asked.map(|bsdf, i| of(bsdf, i).edge),
-                    ]
+                let [refl, high, edge] = out.floats()?;
+                let (refl, high, edge) = (rows_mut(refl, n)?, rows_mut(high, n)?, rows_mut(edge, n)?);
+                let of = |bsdf: &PlyBsdf<'_, N>, i: usize| bsdf.terms(w.get(i));
+                py.detach(|| {
+                    asked.map(refl, |bsdf, i| [of(bsdf, i).refl; N]);
+                    asked.map(high, |bsdf, i| of(bsdf, i).high);
+                    asked.map(edge, |bsdf, i| of(bsdf, i).edge);
                 });
-                Ok(terms.into_iter().map(|rows| flat(py, rows)).collect())
+                Ok(())
             }
             _ => {
                 let what = What::of(what).ok_or_else(|| Failure::input("model", "question", what, "there is no such"))?;
-                asked.answer(py, what, w, |(theta_i, ..)| [0.0, -theta_i.cos(), -theta_i.sin()])
+                asked.answer(py, what, w, out, |(theta_i, ..)| [0.0, -theta_i.cos(), -theta_i.sin()])
             }
         }
     }
@@ -265,14 +272,12 @@ impl Kernel {
 /// f_refl + f_high by the kernel for many incidences.
 fn lobes<const N: usize>(
     model: &PlyModel,
-    n: usize,
     threads: usize,
     (theta_i, h_um, sigma): (Rows<'_, 1>, Rows<'_, 1>, Rows<'_, N>),
     w: Rows<'_, 3>,
-) -> Vec<[f32; N]> {
-    use crate::batch::{CHUNK, parallel};
-    let mut f = vec![[0.0; N]; n];
-    let threads = threads.min(n.div_ceil(CHUNK)).max(1);
+    f: &mut [[f32; N]],
+) {
+    let threads = threads.min(f.len().div_ceil(CHUNK)).max(1);
     parallel(f.chunks_mut(CHUNK).enumerate(), threads, |(chunk, f)| {
         let range = chunk * CHUNK..chunk * CHUNK + f.len();
         let (mut a, mut b, mut c, mut d) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
@@ -286,5 +291,4 @@ fn lobes<const N: usize>(
         };
         model.eval_batch(&queries, f);
     });
-    f
 }

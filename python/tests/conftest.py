@@ -22,7 +22,6 @@ alpha_fiber = 0.2
 [ply]
 fibers = 12
 radius_um = 40.0
-fiber_pitch_um = 800.0
 
 [absorption]
 sigma_per_um = [0.0, 0.01, 0.1]

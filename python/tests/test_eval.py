@@ -92,11 +92,11 @@ def test_samples_keep_their_promises(polyester, satin, n):
 
 def test_light_that_goes_straight_on(polyester, satin):
     """Without its edge a ply lets what misses it pass, along the beam."""
-    s = polyester.sample(0.5, 0.0, np.random.default_rng(3).uniform(size=(20000, 3)), 0.0, edge=False)
+    s = polyester.sample(0.5, 60.0, np.random.default_rng(3).uniform(size=(20000, 3)), 0.0, edge=False)
     straight = s.event == plywave.STRAIGHT
     assert straight.any()
     np.testing.assert_allclose(s.w[straight], np.tile([0.0, -np.cos(0.5), -np.sin(0.5)], (straight.sum(), 1)), atol=1e-6)
-    np.testing.assert_allclose(polyester.straight(0.5, 0.0, 0.0, edge=False)[0], polyester.r_d(0.5, 0.0), rtol=1e-5)
+    np.testing.assert_allclose(polyester.straight(0.5, 60.0, 0.0, edge=False)[0], polyester.r_d(0.5, 60.0), rtol=1e-5)
     beside = polyester.sample(0.0, 1e4, [0.5, 0.5, 0.5], 0.01, edge=False)
     assert beside.event == plywave.STRAIGHT and beside.weight[0] == 1.0 and beside.pdf == 1.0
 
