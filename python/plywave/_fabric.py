@@ -114,7 +114,7 @@ class Fabric:
         flat = np.ascontiguousarray(given).reshape(-1)
         return np.asarray(self._rust.sigma_of_reflectance(flat)).reshape(given.shape)
 
-    def _ask(self, what: str, widths: Tuple[int, ...], position: Any, wo: Any, lambda_um: Any, sigma: Any, turn: Any, w: Any = None, w_name: str = "wi") -> Any:
+    def _ask(self, what: str, widths: Tuple[int, ...], position: Any, wo: Any, lambda_um: Any, sigma: Any, turn: Any, w: Any = None, w_name: str = "wi") -> Tuple[Queries, int, List[np.ndarray]]:
         scalars = {"turn_rad": floats(turn, "turn_rad")}
         vectors = {"position_um": floats(position, "position_um", 2), "wo": floats(wo, "wo", 3)}
         counted: Dict[str, np.ndarray] = {}
@@ -131,7 +131,10 @@ class Fabric:
         if w is not None:
             vectors[w_name] = floats(w, w_name, 3)
         q = Queries(scalars, vectors)
-        row = lambda name: q.flat(counted[name], (n,)) if name in counted else None  # noqa: E731
+
+        def row(name: str) -> Optional[np.ndarray]:
+            return q.flat(counted[name], (n,)) if name in counted else None
+
         ask = {
             "n": q.n,
             "channels": n,
@@ -185,7 +188,7 @@ class Fabric:
     def is_gap(self, position_um: Any, wo: Any, *, turn_rad: Any = 0.0) -> np.ndarray:
         """Whether the point lies in a gap `[...]`, bool: the line from the viewer meets no ply."""
         q, _, (gap,) = self._ask("is_gap", (1,), position_um, wo, None, None, turn_rad)
-        return q.rows(gap) > 0.5
+        return np.asarray(q.rows(gap) > 0.5)
 
     def __repr__(self) -> str:
         x, y = self.repeat_um

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import Any, Tuple
+from typing import Any, List, Tuple
 
 import numpy as np
 
@@ -62,7 +62,7 @@ class Fiber(Document):
         """Largest width from which it takes light [um]: the diameter of the cylinder to intersect."""
         return self._rust.max_width_um
 
-    def _ask(self, what: str, widths: Tuple[int, ...], omega_i: Any, lambda_um: Any, w: Any = None, w_name: str = "omega_o") -> Any:
+    def _ask(self, what: str, widths: Tuple[int, ...], omega_i: Any, lambda_um: Any, w: Any = None, w_name: str = "omega_o") -> Tuple[Queries, int, List[np.ndarray]]:
         vectors = {"omega_i": floats(omega_i, "omega_i", 3), "lambda_um": channels(lambda_um, "lambda_um")}
         n = count_of({"lambda_um": vectors["lambda_um"]})
         if w is not None:

@@ -127,7 +127,7 @@ class Document:
         known = self.__dict__.get("_parts")
         if known is None:
             known = self.__dict__["_parts"] = unpack(self.to_bytes())
-        return known  # type: ignore[no-any-return]
+        return known
 
     def tensors(self) -> Dict[str, np.ndarray]:
         """Arrays by name, read-only, as docs/format.md has them: shapes, units and meanings are there."""

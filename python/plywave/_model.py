@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import Any, Optional, Tuple
+from typing import Any, List, Optional, Tuple
 
 import numpy as np
 
@@ -78,7 +78,7 @@ class Model(Document):
         """Greatest difference of eval from the values stored in the file, over the greatest of them; 0 when none are stored."""
         return self._rust.reference_error
 
-    def _ask(self, what: str, widths: Tuple[int, ...], theta_i: Any, h_um: Any, sigma: Any, lambda_um: Any, edge: bool, w: Any = None, w_name: str = "omega_o", instance: Any = None) -> Any:
+    def _ask(self, what: str, widths: Tuple[int, ...], theta_i: Any, h_um: Any, sigma: Any, lambda_um: Any, edge: bool, w: Any = None, w_name: str = "omega_o", instance: Any = None) -> Tuple[Queries, int, List[np.ndarray]]:
         scalars = {"theta_i": floats(theta_i, "theta_i"), "h_um": floats(h_um, "h_um")}
         sigmas = channels(sigma, "sigma_per_um")
         wavelengths = lambdas(lambda_um, sigmas.shape[-1])

@@ -153,7 +153,11 @@ class _Ply:
             return what, arrays["error_refl"], arrays["error_high"][..., 0]
         theta, phi = self.grid()
         solid_angle = np.diff(np.sin(theta))[:, None] * np.diff(phi)[None, :]
-        noise = lambda of, slices: np.sqrt(of / np.maximum((slices.astype(np.float64) ** 2 * solid_angle).sum((-2, -1)), 1e-300))  # noqa: E731
+
+        def noise(of: np.ndarray, slices: np.ndarray) -> np.ndarray:
+            norm = (slices.astype(np.float64) ** 2 * solid_angle).sum((-2, -1))
+            return np.sqrt(of / np.maximum(norm, 1e-300))
+
         high = noise(self.arrays["noise_high"][..., 0], self.arrays["high"][:, :, 0])
         return "noise, relative L2 [%]", noise(self.arrays["noise_refl"], self.arrays["refl"]), high
 

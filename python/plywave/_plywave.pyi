@@ -1,6 +1,30 @@
 """Fast parts of the package: classes and functions of flat arrays. Use what `plywave` has instead."""
 
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Dict, List, Optional, Tuple, final
+
+__all__ = [
+    "MOST_CHANNELS",
+    "RGB_LAMBDA_UM",
+    "__version__",
+    "Error",
+    "Model",
+    "Fiber",
+    "Fabric",
+    "read_checked",
+    "check_bytes",
+    "rewritten",
+    "file_kind",
+    "write_file",
+    "toml_of_json",
+    "check",
+    "build",
+    "simulate",
+    "fit",
+    "fit_quality",
+    "wave_scatter",
+    "wave_tabulate",
+    "wave_speckle",
+]
 
 __version__: str
 MOST_CHANNELS: int
@@ -8,6 +32,7 @@ RGB_LAMBDA_UM: List[float]
 
 class Error(ValueError): ...
 
+@final
 class Model:
     @staticmethod
     def from_bytes(bytes: bytes, name: str) -> Model: ...
@@ -27,6 +52,7 @@ class Model:
     def bench(self, what: str, arrays: Dict[str, Any], repeats: int) -> float: ...
     def ask(self, what: str, arrays: Dict[str, Any], out: Dict[str, Any]) -> None: ...
 
+@final
 class Fiber:
     @staticmethod
     def from_bytes(bytes: bytes, name: str) -> Fiber: ...
@@ -39,6 +65,7 @@ class Fiber:
     def with_beta_m(self, beta_m_rad: float) -> Fiber: ...
     def ask(self, what: str, arrays: Dict[str, Any], out: Dict[str, Any]) -> None: ...
 
+@final
 class Fabric:
     @staticmethod
     def load(path: str, options: Dict[str, Any]) -> Fabric: ...

@@ -81,16 +81,19 @@ def scatter(scene: Spec, *, progress: Progress = None) -> Scattering:
     return Scattering([_case(case) for case in report["cases"]], report["stats"])
 
 
+def _amplitudes(pairs: Any) -> np.ndarray:
+    return np.ascontiguousarray(pairs, np.float64).reshape(-1, 2).view(np.complex128)[:, 0]
+
+
 def _case(case: Dict[str, Any]) -> Case:
-    amplitudes = lambda key: np.array(case[key], np.float64).reshape(-1, 2) @ np.array([1.0, 1.0j])  # noqa: E731
     return Case(
         case["lambda_um"],
         float(np.radians(case["theta_i_deg"])),
         float(np.radians(case["phi_i_deg"])),
         case.get("h_um"),
         case["pol"],
-        amplitudes("F_co"),
-        amplitudes("F_cross"),
+        _amplitudes(case["F_co"]),
+        _amplitudes(case["F_cross"]),
         case["C_sca_um"],
         case["C_abs_um"],
         case["C_ext_um"],
@@ -130,20 +133,23 @@ def tabulate(
         resume: Use shards that are there; without, they are deleted.
         progress: `True` for a bar, or a function of stage, unit, done and total.
     """
-    count = lambda value, name: None if value is None else whole(value, name)  # noqa: E731
     args = {
         "quality": str(quality),
         "sigma_per_um": float(sigma_per_um),
         "rays": bool(rays),
-        "lambdas": count(lambdas, "lambdas"),
-        "thetas": count(thetas, "thetas"),
-        "azimuths": count(azimuths, "azimuths"),
-        "ray_count": count(ray_count, "ray_count"),
+        "lambdas": _count(lambdas, "lambdas"),
+        "thetas": _count(thetas, "thetas"),
+        "azimuths": _count(azimuths, "azimuths"),
+        "ray_count": _count(ray_count, "ray_count"),
         "seed": whole(seed, "seed"),
         "beta_m_rad": float(beta_m_rad),
     }
     with Told(progress) as call:
         return Fiber.from_bytes(_plywave.wave_tabulate(spec_args(spec, "spec"), args, run_args(folder, resume, call)), "fiber")
+
+
+def _count(value: Any, name: str) -> Optional[int]:
+    return None if value is None else whole(value, name)
 
 
 def speckle(

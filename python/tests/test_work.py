@@ -173,8 +173,8 @@ def test_waves_keep_energy(fabrics):
         assert abs(power - case.c_sca_um) < 1e-9 * case.c_sca_um
     np.testing.assert_allclose([c.theta_i for c in found.cases], np.radians([0.0, 0.0, 30.0, 30.0]))
     assert "far fields" in found._repr_html_() and "cases" in repr(found)
-    with pytest.raises(plywave.Error, match="fiber"):
-        plywave.wave.scatter({"lambda_um": [0.5]})
+    with pytest.raises(plywave.Error, match="phi_i_deg"):
+        plywave.wave.scatter({"lambda_um": [0.5], "theta_i_deg": [0.0]})
 
 
 def test_speckle_patterns(tiny):
