@@ -156,7 +156,7 @@ class _Ply:
 
         def noise(of: np.ndarray, slices: np.ndarray) -> np.ndarray:
             norm = (slices.astype(np.float64) ** 2 * solid_angle).sum((-2, -1))
-            return np.sqrt(of / np.maximum(norm, 1e-300))
+            return np.asarray(np.sqrt(of / np.maximum(norm, 1e-300)))
 
         high = noise(self.arrays["noise_high"][..., 0], self.arrays["high"][:, :, 0])
         return "noise, relative L2 [%]", noise(self.arrays["noise_refl"], self.arrays["refl"]), high

@@ -7,12 +7,16 @@ use numpy::{PyReadonlyArray1, PyReadwriteArray1};
 use plywave::{Bsdf, BsdfSample};
 use pyo3::prelude::*;
 use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 /// Most absorptions or wavelengths of a call.
 pub(crate) const MOST_CHANNELS: usize = 8;
 /// Queries that one thread takes at a time.
 pub(crate) const CHUNK: usize = 2048;
+/// Time between two looks for Ctrl-C.
+const LOOK_EVERY: Duration = Duration::from_millis(100);
 /// Directions of one query from which they are evaluated together.
 const TOGETHER: usize = 4;
 
@@ -40,7 +44,9 @@ impl<'a, const K: usize> Rows<'a, K> {
     /// Of an array of `n` rows or of one.
     pub(crate) fn of(floats: &'a Floats<'_>, n: usize, name: &str) -> Outcome<Rows<'a, K>> {
         fn slice<'a, T: numpy::Element>(array: &'a PyReadonlyArray1<'_, T>, name: &str) -> Outcome<&'a [T]> {
-            array.as_slice().map_err(|_| Failure::input("arrays", name, "not contiguous", "the wrapper hands in flat arrays"))
+            array
+                .as_slice()
+                .map_err(|_| Failure::input("arrays", name, "not contiguous", "the wrapper hands in flat arrays"))
         }
         let rows = match floats {
             Floats::Single(array) => {
@@ -64,7 +70,12 @@ impl<'a, const K: usize> Rows<'a, K> {
     }
 
     /// Of an array that may be left out: then `usual` for all.
-    pub(crate) fn of_optional(floats: Option<&'a Floats<'_>>, n: usize, name: &str, usual: [f32; K]) -> Outcome<Rows<'a, K>> {
+    pub(crate) fn of_optional(
+        floats: Option<&'a Floats<'_>>,
+        n: usize,
+        name: &str,
+        usual: [f32; K],
+    ) -> Outcome<Rows<'a, K>> {
         floats.map_or(Ok(Rows::One(usual)), |floats| Rows::of(floats, n, name))
     }
 
@@ -89,27 +100,43 @@ impl<'a, const K: usize> Rows<'a, K> {
     }
 }
 
-/// Works on jobs on `threads` threads, each taking the next.
-pub(crate) fn parallel<I: Iterator + Send>(jobs: I, threads: usize, work: impl Fn(I::Item) + Sync)
+/// Works on jobs on `threads` threads, each taking the next. The calling thread, which must not hold the interpreter's lock, looks for Ctrl-C now and then.
+///
+/// # Errors
+/// The exception that a signal raised; some jobs are then not done.
+pub(crate) fn parallel<I: Iterator + Send>(jobs: I, threads: usize, work: impl Fn(I::Item) + Sync) -> PyResult<()>
 where
     I::Item: Send,
 {
-    if threads <= 1 {
-        return jobs.for_each(work);
-    }
-    let jobs = Mutex::new(jobs);
-    let next = || jobs.lock().unwrap_or_else(PoisonError::into_inner).next();
-    std::thread::scope(|scope| {
-        let run = || {
-            while let Some(job) = next() {
-                work(job);
+    let (jobs, stop) = (Mutex::new(jobs), AtomicBool::new(false));
+    let next = || match stop.load(Ordering::Relaxed) {
+        true => None,
+        false => jobs.lock().unwrap_or_else(PoisonError::into_inner).next(),
+    };
+    let calling = || {
+        let mut looked = Instant::now();
+        while let Some(job) = next() {
+            work(job);
+            if looked.elapsed() > LOOK_EVERY {
+                looked = Instant::now();
+                Python::attach(|py| py.check_signals()).inspect_err(|_| stop.store(true, Ordering::Relaxed))?;
             }
-        };
-        for _ in 1..threads {
-            scope.spawn(run);
         }
-        run();
-    });
+        Ok(())
+    };
+    if threads <= 1 {
+        return calling();
+    }
+    std::thread::scope(|scope| {
+        for _ in 1..threads {
+            scope.spawn(|| {
+                while let Some(job) = next() {
+                    work(job);
+                }
+            });
+        }
+        calling()
+    })
 }
 
 /// How many threads `n` queries are worth.
@@ -167,7 +194,11 @@ impl<G, A> Asked<G, A> {
     }
 
     /// M numbers a query, of what is there at it and its index.
-    pub(crate) fn map<Q: PartialEq, B, const M: usize>(&self, out: &mut [[f32; M]], f: impl Fn(&B, usize) -> [f32; M] + Sync)
+    pub(crate) fn map<Q: PartialEq, B, const M: usize>(
+        &self,
+        out: &mut [[f32; M]],
+        f: impl Fn(&B, usize) -> [f32; M] + Sync,
+    ) -> PyResult<()>
     where
         G: Fn(usize) -> Q + Sync,
         A: Fn(&Q, bool) -> B + Sync,
@@ -179,11 +210,16 @@ impl<G, A> Asked<G, A> {
                     out[i - start] = f(bsdf, i);
                 }
             });
-        });
+        })
     }
 
     /// f and pdf in the directions `w`.
-    fn eval_pdf<Q: PartialEq, B: Bsdf<N>, const N: usize>(&self, w: Rows<'_, 3>, f: &mut [[f32; N]], pdf: &mut [f32])
+    fn eval_pdf<Q: PartialEq, B: Bsdf<N>, const N: usize>(
+        &self,
+        w: Rows<'_, 3>,
+        f: &mut [[f32; N]],
+        pdf: &mut [f32],
+    ) -> PyResult<()>
     where
         G: Fn(usize) -> Q + Sync,
         A: Fn(&Q, bool) -> B + Sync,
@@ -202,11 +238,11 @@ impl<G, A> Asked<G, A> {
                     }
                 }
             });
-        });
+        })
     }
 
     /// f alone in the directions `w`.
-    fn eval<Q: PartialEq, B: Bsdf<N>, const N: usize>(&self, w: Rows<'_, 3>, f: &mut [[f32; N]])
+    fn eval<Q: PartialEq, B: Bsdf<N>, const N: usize>(&self, w: Rows<'_, 3>, f: &mut [[f32; N]]) -> PyResult<()>
     where
         G: Fn(usize) -> Q + Sync,
         A: Fn(&Q, bool) -> B + Sync,
@@ -225,7 +261,7 @@ impl<G, A> Asked<G, A> {
                     }
                 }
             });
-        });
+        })
     }
 
     /// Samples by the numbers `u`: directions, weights, densities and what became of the light. Light that goes straight on leaves along `onward`.
@@ -234,7 +270,8 @@ impl<G, A> Asked<G, A> {
         u: Rows<'_, 3>,
         onward: impl Fn(&Q) -> [f32; 3] + Sync,
         (w, weight, pdf, event): (&mut [[f32; 3]], &mut [[f32; N]], &mut [f32], &mut [u8]),
-    ) where
+    ) -> PyResult<()>
+    where
         G: Fn(usize) -> Q + Sync,
         A: Fn(&Q, bool) -> B + Sync,
     {
@@ -252,7 +289,7 @@ impl<G, A> Asked<G, A> {
                     };
                 }
             });
-        });
+        })
     }
 
     /// What `what` asks for, into the caller's arrays.
@@ -274,17 +311,17 @@ impl<G, A> Asked<G, A> {
             What::Eval => {
                 let (w, [f]) = (directions()?, out.floats()?);
                 let f = rows_mut(f, n)?;
-                py.detach(|| self.eval(w, f));
+                py.detach(|| self.eval(w, f))?;
             }
             What::Pdf => {
                 let (w, [pdf]) = (directions()?, out.floats()?);
                 let pdf = rows_mut(pdf, n)?;
-                py.detach(|| self.map(pdf, |bsdf: &B, i| [bsdf.pdf(w.get(i))]));
+                py.detach(|| self.map(pdf, |bsdf: &B, i| [bsdf.pdf(w.get(i))]))?;
             }
             What::EvalPdf => {
                 let (w, [f, pdf]) = (directions()?, out.floats()?);
                 let (f, pdf) = (rows_mut(f, n)?, rows_mut::<_, 1>(pdf, n)?);
-                py.detach(|| self.eval_pdf(w, f, pdf.as_flattened_mut()));
+                py.detach(|| self.eval_pdf(w, f, pdf.as_flattened_mut()))?;
             }
             What::Sample => {
                 let u = directions()?;
@@ -292,17 +329,17 @@ impl<G, A> Asked<G, A> {
                 let (w, weight) = (rows_mut(w, n)?, rows_mut(weight, n)?);
                 let (pdf, event) = (rows_mut::<_, 1>(pdf, n)?, rows_mut::<_, 1>(event, n)?);
                 let (pdf, event) = (pdf.as_flattened_mut(), event.as_flattened_mut());
-                py.detach(|| self.sample(u, &onward, (w, weight, pdf, event)));
+                py.detach(|| self.sample(u, &onward, (w, weight, pdf, event)))?;
             }
             What::Albedo => {
                 let [albedo] = out.floats()?;
                 let albedo = rows_mut(albedo, n)?;
-                py.detach(|| self.map(albedo, |bsdf: &B, _| bsdf.albedo()));
+                py.detach(|| self.map(albedo, |bsdf: &B, _| bsdf.albedo()))?;
             }
             What::Straight => {
                 let [straight] = out.floats()?;
                 let straight = rows_mut(straight, n)?;
-                py.detach(|| self.map(straight, |bsdf: &B, _| bsdf.straight()));
+                py.detach(|| self.map(straight, |bsdf: &B, _| bsdf.straight()))?;
             }
             What::Outcomes => {
                 let [outcomes] = out.floats()?;
@@ -311,7 +348,7 @@ impl<G, A> Asked<G, A> {
                     let o = bsdf.outcomes();
                     [o.scattered, o.straight, o.absorbed]
                 };
-                py.detach(|| self.map(outcomes, |bsdf: &B, _| of(bsdf)));
+                py.detach(|| self.map(outcomes, |bsdf: &B, _| of(bsdf)))?;
             }
         }
         Ok(())
@@ -389,15 +426,44 @@ impl What {
 macro_rules! by_channels {
     ($channels:expr, $n:ident => $body:expr) => {
         match $channels {
-            1 => { const $n: usize = 1; $body }
-            2 => { const $n: usize = 2; $body }
-            3 => { const $n: usize = 3; $body }
-            4 => { const $n: usize = 4; $body }
-            5 => { const $n: usize = 5; $body }
-            6 => { const $n: usize = 6; $body }
-            7 => { const $n: usize = 7; $body }
-            8 => { const $n: usize = 8; $body }
-            other => Err($crate::errors::Failure::input("arrays", "channels", other, "give 1 to 8 absorptions or wavelengths a query")),
+            1 => {
+                const $n: usize = 1;
+                $body
+            }
+            2 => {
+                const $n: usize = 2;
+                $body
+            }
+            3 => {
+                const $n: usize = 3;
+                $body
+            }
+            4 => {
+                const $n: usize = 4;
+                $body
+            }
+            5 => {
+                const $n: usize = 5;
+                $body
+            }
+            6 => {
+                const $n: usize = 6;
+                $body
+            }
+            7 => {
+                const $n: usize = 7;
+                $body
+            }
+            8 => {
+                const $n: usize = 8;
+                $body
+            }
+            other => Err($crate::errors::Failure::input(
+                "arrays",
+                "channels",
+                other,
+                "give 1 to 8 absorptions or wavelengths a query",
+            )),
         }
     };
 }

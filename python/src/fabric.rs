@@ -3,7 +3,9 @@
 use crate::batch::{Asked, Floats, Out, Rows, What, by_channels, rows_mut};
 use crate::errors::{Failure, Outcome};
 use numpy::IntoPyArray;
-use plywave::fabric::{Channels, ColorOf, FabricAt, FabricOptions, FabricSpec, Family, GapLight, LoadedFabric, YarnColor};
+use plywave::fabric::{
+    Channels, ColorOf, FabricAt, FabricOptions, FabricSpec, Family, GapLight, LoadedFabric, YarnColor,
+};
 use plywave::io::Folder;
 use plywave::{FabricBsdf, FabricQuery};
 use pyo3::prelude::*;
@@ -34,7 +36,14 @@ impl Options {
         let gaps = match self.gaps.as_str() {
             "diffracted" => GapLight::Diffracted,
             "straight" => GapLight::Straight,
-            other => return Err(Failure::input("options", "gaps", format!("{other:?}"), "use \"diffracted\" or \"straight\"")),
+            other => {
+                return Err(Failure::input(
+                    "options",
+                    "gaps",
+                    format!("{other:?}"),
+                    "use \"diffracted\" or \"straight\"",
+                ));
+            }
         };
         if let Some(sigma) = self.sigma_per_um.filter(|sigma| !(*sigma >= 0.0 && *sigma <= 1e6)) {
             return Err(Failure::input("options", "sigma_per_um", sigma, "must be 0 to 1e6, in 1/um"));
@@ -78,7 +87,9 @@ fn yarn_color(color: Option<Color>, name: &str) -> Outcome<YarnColor> {
     Ok(match color {
         None => YarnColor::Undyed,
         Some(Color::Srgb(srgb)) if srgb.iter().all(|c| (0.0..=1.0).contains(c)) => YarnColor::Srgb(srgb),
-        Some(Color::Srgb(srgb)) => return Err(Failure::input("colors", name, format!("{srgb:?}"), "use sRGB from 0 to 1")),
+        Some(Color::Srgb(srgb)) => {
+            return Err(Failure::input("colors", name, format!("{srgb:?}"), "use sRGB from 0 to 1"));
+        }
         Some(Color::Sigma(sigma)) if sigma >= 0.0 && sigma <= 1e6 => YarnColor::Sigma(sigma),
         Some(Color::Sigma(sigma)) => return Err(Failure::input("colors", name, sigma, "must be 0 to 1e6, in 1/um")),
     })
@@ -108,7 +119,13 @@ impl Fabric {
 
     /// The same fabric with other colors of warp and weft.
     #[pyo3(signature = (warp, weft, of))]
-    fn with_colors(&self, py: Python<'_>, warp: Option<Color>, weft: Option<Color>, of: Option<&str>) -> Outcome<Fabric> {
+    fn with_colors(
+        &self,
+        py: Python<'_>,
+        warp: Option<Color>,
+        weft: Option<Color>,
+        of: Option<&str>,
+    ) -> Outcome<Fabric> {
         let colors = [yarn_color(warp, "warp")?, yarn_color(weft, "weft")?];
         let of = of.map_or(Ok(self.fabric.color_of()), color_of)?;
         let fabric = py.detach(|| self.fabric.with_colors(colors, of));
@@ -170,7 +187,13 @@ impl Fabric {
         Ok(Fabric { fabric: Arc::new(FabricBsdf::new(loaded, options)?), notes })
     }
 
-    fn answer<const N: usize>(&self, py: Python<'_>, what: &str, arrays: &FabricArrays<'_>, out: &mut Out<'_>) -> Outcome {
+    fn answer<const N: usize>(
+        &self,
+        py: Python<'_>,
+        what: &str,
+        arrays: &FabricArrays<'_>,
+        out: &mut Out<'_>,
+    ) -> Outcome {
         let FabricArrays { n, threads, .. } = *arrays;
         let position: Rows<'_, 2> = Rows::of(&arrays.position, n, "position_um")?;
         let wo: Rows<'_, 3> = Rows::of(&arrays.wo, n, "wo")?;
@@ -192,7 +215,8 @@ impl Fabric {
                 (position.get(i), wo.get(i), lambda.get(i), sigma, turn.get(i)[0])
             },
             at: |&(position_um, wo, lambda_um, sigma_per_um, turn_rad): &Numbers<N>, _| {
-                let query = FabricQuery { channels, sigma_per_um, turn_rad, ..FabricQuery::new(position_um, wo, lambda_um) };
+                let query =
+                    FabricQuery { channels, sigma_per_um, turn_rad, ..FabricQuery::new(position_um, wo, lambda_um) };
                 fabric.at(&query)
             },
         };
@@ -202,7 +226,7 @@ impl Fabric {
                 let of = |at: &FabricAt<'_, N>| [f32::from(u8::from(at.is_gap()))];
                 let [gap] = out.floats()?;
                 let gap = rows_mut(gap, n)?;
-                py.detach(|| asked.map(gap, |at, _| of(at)));
+                py.detach(|| asked.map(gap, |at, _| of(at)))?;
                 Ok(())
             }
             None => Err(Failure::input("fabric", "question", what, "there is no such")),

@@ -78,7 +78,13 @@ impl Fiber {
         }
     }
 
-    fn answer<const N: usize>(&self, py: Python<'_>, what: &str, arrays: &FiberArrays<'_>, out: &mut Out<'_>) -> Outcome {
+    fn answer<const N: usize>(
+        &self,
+        py: Python<'_>,
+        what: &str,
+        arrays: &FiberArrays<'_>,
+        out: &mut Out<'_>,
+    ) -> Outcome {
         let FiberArrays { n, threads, .. } = *arrays;
         let omega_i: Rows<'_, 3> = Rows::of(&arrays.omega_i, n, "omega_i")?;
         let lambda: Rows<'_, N> = Rows::of(&arrays.lambda, n, "lambda_um")?;
@@ -95,7 +101,7 @@ impl Fiber {
             None if what == "width_um" => {
                 let [width] = out.floats()?;
                 let width = rows_mut(width, n)?;
-                py.detach(|| asked.map(width, |bsdf: &FiberBsdf<'_, N>, _| bsdf.width_um()));
+                py.detach(|| asked.map(width, |bsdf: &FiberBsdf<'_, N>, _| bsdf.width_um()))?;
                 Ok(())
             }
             None => Err(Failure::input("fiber", "question", what, "there is no such")),

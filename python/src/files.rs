@@ -84,7 +84,8 @@ pub(crate) fn write_file(py: Python<'_>, path: PathBuf, bytes: &[u8]) -> Outcome
 /// A document as TOML text.
 #[pyfunction]
 pub(crate) fn toml_of_json(json: &str, name: &str) -> Outcome<String> {
-    let value: serde_json::Value =
-        serde_json::from_str(json).map_err(|e| Failure::Input(format!("{name}: {e}; give a dict of numbers, texts, lists and dicts")))?;
-    toml::to_string(&value).map_err(|e| Failure::Input(format!("{name}: {e}; give a dict of numbers, texts, lists and dicts")))
+    let value: serde_json::Value = serde_json::from_str(json)
+        .map_err(|e| Failure::Input(format!("{name}: {e}; give a dict of numbers, texts, lists and dicts")))?;
+    toml::to_string(&value)
+        .map_err(|e| Failure::Input(format!("{name}: {e}; give a dict of numbers, texts, lists and dicts")))
 }

@@ -144,7 +144,8 @@ impl Model {
         let model = &*self.model;
         // As large as chunks can be: one a thread, at least.
         let chunk = n.div_ceil(threads * 8).max(1);
-        Ok(py.detach(|| {
+        let what = What::of(what).ok_or_else(|| Failure::input("model", "question", what, "there is no such"))?;
+        Ok(py.detach(|| -> PyResult<f64> {
             let mut best = f64::INFINITY;
             for _ in 0..repeats.max(1) {
                 let begun = std::time::Instant::now();
@@ -152,7 +153,7 @@ impl Model {
                 parallel(jobs, threads, |(k, (f, pdf))| {
                     let from = k * chunk;
                     let to = from + f.len();
-                    if what == "eval" && !edge {
+                    if what == What::Eval && !edge {
                         let queries = Queries {
                             theta_i: &theta_i[from..to],
                             h_um: &h_um[from..to],
@@ -169,9 +170,9 @@ impl Model {
                         };
                         let bsdf = model.at(&query);
                         match what {
-                            "eval" => f[i] = bsdf.eval(w[from + i]),
-                            "eval_pdf" => (f[i], pdf[i]) = bsdf.eval_pdf(w[from + i]),
-                            "sample" => {
+                            What::Eval => f[i] = bsdf.eval(w[from + i]),
+                            What::EvalPdf => (f[i], pdf[i]) = bsdf.eval_pdf(w[from + i]),
+                            What::Sample => {
                                 if let Some(s) = bsdf.sample(w[from + i]).direction() {
                                     (f[i], pdf[i]) = (s.weight, s.pdf);
                                 }
@@ -179,11 +180,11 @@ impl Model {
                             _ => f[i] = bsdf.albedo(),
                         }
                     }
-                });
+                })?;
                 best = best.min(begun.elapsed().as_secs_f64());
             }
-            best
-        }))
+            Ok(best)
+        })?)
     }
 
     fn answer<const N: usize>(&self, py: Python<'_>, what: &str, arrays: &PlyArrays<'_>, out: &mut Out<'_>) -> Outcome {
@@ -213,7 +214,7 @@ impl Model {
         if let (true, Kernel::Lobes, Some(w)) = (smooth, Kernel::of(what, edge, (theta_i, h_um, sigma)), w) {
             let [f] = out.floats()?;
             let f = rows_mut(f, n)?;
-            py.detach(|| lobes(model, threads, (theta_i, h_um, sigma), w, f));
+            py.detach(|| lobes(model, threads, (theta_i, h_um, sigma), w, f))?;
             return Ok(());
         }
         let asked = Asked {
@@ -229,7 +230,7 @@ impl Model {
             ("r_d", _) => {
                 let [r_d] = out.floats()?;
                 let r_d = rows_mut(r_d, n)?;
-                py.detach(|| asked.map(r_d, |bsdf: &PlyBsdf<'_, N>, _| [bsdf.r_d()]));
+                py.detach(|| asked.map(r_d, |bsdf: &PlyBsdf<'_, N>, _| [bsdf.r_d()]))?;
                 Ok(())
             }
             ("terms", Some(w)) => {
@@ -237,14 +238,15 @@ impl Model {
                 let (refl, high, edge) = (rows_mut(refl, n)?, rows_mut(high, n)?, rows_mut(edge, n)?);
                 let of = |bsdf: &PlyBsdf<'_, N>, i: usize| bsdf.terms(w.get(i));
                 py.detach(|| {
-                    asked.map(refl, |bsdf, i| [of(bsdf, i).refl; N]);
-                    asked.map(high, |bsdf, i| of(bsdf, i).high);
-                    asked.map(edge, |bsdf, i| of(bsdf, i).edge);
-                });
+                    asked.map(refl, |bsdf, i| [of(bsdf, i).refl; N])?;
+                    asked.map(high, |bsdf, i| of(bsdf, i).high)?;
+                    asked.map(edge, |bsdf, i| of(bsdf, i).edge)
+                })?;
                 Ok(())
             }
             _ => {
-                let what = What::of(what).ok_or_else(|| Failure::input("model", "question", what, "there is no such"))?;
+                let what =
+                    What::of(what).ok_or_else(|| Failure::input("model", "question", what, "there is no such"))?;
                 asked.answer(py, what, w, out, |(theta_i, ..)| [0.0, -theta_i.cos(), -theta_i.sin()])
             }
         }
@@ -276,7 +278,7 @@ fn lobes<const N: usize>(
     (theta_i, h_um, sigma): (Rows<'_, 1>, Rows<'_, 1>, Rows<'_, N>),
     w: Rows<'_, 3>,
     f: &mut [[f32; N]],
-) {
+) -> PyResult<()> {
     let threads = threads.min(f.len().div_ceil(CHUNK)).max(1);
     parallel(f.chunks_mut(CHUNK).enumerate(), threads, |(chunk, f)| {
         let range = chunk * CHUNK..chunk * CHUNK + f.len();
@@ -290,5 +292,5 @@ fn lobes<const N: usize>(
             wo: wo.each_ref().map(Vec::as_slice),
         };
         model.eval_batch(&queries, f);
-    });
+    })
 }

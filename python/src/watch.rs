@@ -59,7 +59,11 @@ impl Watch {
     }
 
     /// A run of the pipeline.
-    pub(crate) fn run<T>(&self, parts: [Option<&PartsFolder>; 2], work: impl FnOnce(&Run<'_>) -> Outcome<T>) -> Outcome<T> {
+    pub(crate) fn run<T>(
+        &self,
+        parts: [Option<&PartsFolder>; 2],
+        work: impl FnOnce(&Run<'_>) -> Outcome<T>,
+    ) -> Outcome<T> {
         let tell = |progress| self.tell(progress);
         work(&Run { parts: parts[0], speckle_parts: parts[1], stop: Some(&self.stop), progress: Some(&tell) })
     }

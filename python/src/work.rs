@@ -9,7 +9,7 @@ use plywave::speckle::SpecklePatterns;
 use plywave::table::Table;
 use plywave_pipeline::{FitQuality, Quality, Recipe, Speckle, build as build_recipe, check_fit, fit_model, yarn_table};
 use plywave_sim::SimulateJob;
-use plywave_sim::wave::{Scene, ScatterJob, SingleFiber, SpeckleJob, SpeckleOptions, TabulateJob};
+use plywave_sim::wave::{ScatterJob, Scene, SingleFiber, SpeckleJob, SpeckleOptions, TabulateJob};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use std::path::{Path, PathBuf};
@@ -51,7 +51,8 @@ impl SpecArgs {
 }
 
 fn read(path: &Path) -> Outcome<String> {
-    std::fs::read_to_string(path).map_err(|source| plywave::Error::Io { file: path.display().to_string(), source }.into())
+    std::fs::read_to_string(path)
+        .map_err(|source| plywave::Error::Io { file: path.display().to_string(), source }.into())
 }
 
 /// How a run goes.
@@ -148,7 +149,12 @@ pub(crate) fn build<'py>(
 
 /// The bytes of the table of a spec's ply.
 #[pyfunction]
-pub(crate) fn simulate<'py>(py: Python<'py>, spec: SpecArgs, args: RecipeArgs, run: RunArgs) -> Outcome<Bound<'py, PyBytes>> {
+pub(crate) fn simulate<'py>(
+    py: Python<'py>,
+    spec: SpecArgs,
+    args: RecipeArgs,
+    run: RunArgs,
+) -> Outcome<Bound<'py, PyBytes>> {
     let recipe = py.detach(|| recipe(&spec, args))?;
     let refuse = |e| Failure::of_run(e, &recipe.file);
     let job = SimulateJob::new(&recipe.spec, &recipe.spec_text, &recipe.simulation()).map_err(refuse)?;
@@ -222,7 +228,12 @@ pub(crate) struct TabulateArgs {
 
 /// The bytes of a fiber's table.
 #[pyfunction]
-pub(crate) fn wave_tabulate<'py>(py: Python<'py>, spec: SpecArgs, args: TabulateArgs, run: RunArgs) -> Outcome<Bound<'py, PyBytes>> {
+pub(crate) fn wave_tabulate<'py>(
+    py: Python<'py>,
+    spec: SpecArgs,
+    args: TabulateArgs,
+    run: RunArgs,
+) -> Outcome<Bound<'py, PyBytes>> {
     let refuse = |key: &str, value: f64, hint: &str| Err(Failure::input("options", key, value, hint));
     if !(args.sigma_per_um >= 0.0 && args.sigma_per_um <= 1e3) {
         return refuse("sigma_per_um", args.sigma_per_um, "must be 0 to 1000, in 1/um");
@@ -272,7 +283,13 @@ pub(crate) fn wave_tabulate<'py>(py: Python<'py>, spec: SpecArgs, args: Tabulate
 
 /// The bytes of speckle patterns of a spec's fiber.
 #[pyfunction]
-pub(crate) fn wave_speckle<'py>(py: Python<'py>, spec: SpecArgs, instances: u32, seed: u64, run: RunArgs) -> Outcome<Bound<'py, PyBytes>> {
+pub(crate) fn wave_speckle<'py>(
+    py: Python<'py>,
+    spec: SpecArgs,
+    instances: u32,
+    seed: u64,
+    run: RunArgs,
+) -> Outcome<Bound<'py, PyBytes>> {
     if !(2..=100_000).contains(&instances) {
         return Err(Failure::input("options", "instances", instances, "must be 2 to 100000"));
     }

@@ -1,5 +1,7 @@
 """Shapes, types and threads of arrays."""
 
+import os
+import signal
 import threading
 import time
 
@@ -145,3 +147,27 @@ def test_the_lock_of_the_interpreter_is_released(satin):
     thread.join()
     within = [t for t in ticks if begun < t < ended]
     assert ended - begun > 0.05 and len(within) > 5, (ended - begun, len(within))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends SIGINT")
+def test_long_calls_stop(satin):
+    """Ctrl-C reaches a call that would take minutes."""
+    position = np.random.default_rng(1).uniform(0, 3000, (20_000_000, 2)).astype(np.float32)
+    timer = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    begun = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        satin.albedo(position, [0.0, 0.6, 0.8])
+    assert time.monotonic() - begun < 5.0
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="forks")
+def test_calls_work_after_a_fork(polyester, tiny):
+    w = np.random.default_rng(1).normal(size=(10000, 3))
+    w /= np.linalg.norm(w, axis=1, keepdims=True)
+    plywave.set_threads(2)
+    want = polyester.eval(0.3, 0.0, w, 0.01)
+    child = os.fork()
+    if child == 0:
+        os._exit(0 if np.array_equal(polyester.eval(0.3, 0.0, w, 0.01), want) else 3)
+    assert os.waitpid(child, 0)[1] == 0
