@@ -86,7 +86,7 @@ def test_the_words_are_those_of_the_program(built, tiny, program, tmp_path, monk
     (tmp_path / "old.pwm").write_bytes(data.replace(b'\\"version\\":2', b'\\"version\\":1'))
     (tmp_path / "dir.pwm").mkdir()
     for name in ["cut.pwm", "empty.pwm", "old.pwm", "none.pwm", "dir.pwm"]:
-        assert refused(lambda: plywave.Model(name)) == program_says(program, "eval", name)
+        assert refused(lambda: plywave.Model(name)) == program_says(program, "check", name)
     for k, (was, now) in enumerate(
         [
             ("eta = 1.58", "eta = 0.2"),
