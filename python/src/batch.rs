@@ -269,7 +269,7 @@ impl<G, A> Asked<G, A> {
         &self,
         u: Rows<'_, 3>,
         onward: impl Fn(&Q) -> [f32; 3] + Sync,
-        (w, weight, pdf, event): (&mut [[f32; 3]], &mut [[f32; N]], &mut [f32], &mut [u8]),
+        (w, weight, pdf, event): SamplesMut<'_, N>,
     ) -> PyResult<()>
     where
         G: Fn(usize) -> Q + Sync,
@@ -394,6 +394,9 @@ pub(crate) fn rows_mut<T, const K: usize>(flat: &mut [T], n: usize) -> Outcome<&
 
 /// Arrays of Python.
 pub(crate) type Arrays<'py> = Vec<Bound<'py, PyAny>>;
+
+/// Where samples go: directions, weights, densities, events.
+type SamplesMut<'a, const N: usize> = (&'a mut [[f32; 3]], &'a mut [[f32; N]], &'a mut [f32], &'a mut [u8]);
 
 /// What every scattering function answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

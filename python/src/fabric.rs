@@ -90,7 +90,7 @@ fn yarn_color(color: Option<Color>, name: &str) -> Outcome<YarnColor> {
         Some(Color::Srgb(srgb)) => {
             return Err(Failure::input("colors", name, format!("{srgb:?}"), "use sRGB from 0 to 1"));
         }
-        Some(Color::Sigma(sigma)) if sigma >= 0.0 && sigma <= 1e6 => YarnColor::Sigma(sigma),
+        Some(Color::Sigma(sigma)) if (0.0..=1e6).contains(&sigma) => YarnColor::Sigma(sigma),
         Some(Color::Sigma(sigma)) => return Err(Failure::input("colors", name, sigma, "must be 0 to 1e6, in 1/um")),
     })
 }
