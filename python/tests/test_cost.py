@@ -8,7 +8,7 @@ import pytest
 import plywave
 
 
-def ratio(model, what, n, edge, rounds=5):
+def ratio(model, what, n, edge, rounds=7):
     rng = np.random.default_rng(1)
     w = rng.normal(size=(n, 3)).astype(np.float32)
     w /= np.linalg.norm(w, axis=1, keepdims=True)
