@@ -1,0 +1,97 @@
+"""What the three BSDF plugins share: keys, the calls of ``mitsuba.BSDF``."""
+
+import difflib
+
+import drjit as dr
+import mitsuba as mi
+
+from ._kit import Kit
+
+#: Wavelengths that stand for the channels of linear sRGB [um] (``plywave::color::RGB_LAMBDA_UM``).
+RGB_LAMBDA_UM = (0.612, 0.549, 0.464)
+
+
+def check_keys(plugin, props, known):
+    """Refuses keys that the plugin does not know, by the one that is most like it."""
+    for key in props.keys():
+        if key not in known and not key.startswith("_"):
+            near = difflib.get_close_matches(key, known, 1)
+            hint = f"did you mean '{near[0]}'?" if near else "known keys: " + ", ".join(sorted(known))
+            raise ValueError(f"{plugin}: {key}: unknown key: {hint}")
+
+
+def typed(plugin, props, key, kind, default):
+    """A key's value of one type, with one clear line for any other."""
+    if not props.has_property(key):
+        return default
+    value = props[key]
+    names = {bool: "true or false", float: "a number", str: "a text"}
+    ok = isinstance(value, kind) or (kind is float and isinstance(value, int) and not isinstance(value, bool))
+    if not ok:
+        raise ValueError(f"{plugin}: {key}: {value!r}: expected {names[kind]}")
+    return float(value) if kind is float else value
+
+
+def texture(plugin, props, key, default=None):
+    """A texture, color or number that may be above 1."""
+    if not props.has_property(key):
+        return None if default is None else props.get_unbounded_texture(key, default)
+    try:
+        return props.get_unbounded_texture(key)
+    except Exception as e:
+        raise ValueError(f"{plugin}: {key}: expected a number, a color or a texture: {str(e).splitlines()[-1]}") from None
+
+
+class Calls(mi.BSDF if mi.variant() else object):
+    """Placeholder that :func:`make_calls` replaces by a class of the current variant."""
+
+
+def make_calls():
+    """The base class of the plugins for the current variant.
+
+    A plugin has ``model_eval(si, wo, active)``, f and the density of samples, and ``model_sample(si, u, active)``, a direction, whether light goes straight on, its
+    energy and chance.
+    """
+
+    class Calls(mi.BSDF):
+        def setup(self, components):
+            self.m_components = list(components)
+            flags = 0
+            for c in components:
+                flags |= int(c)
+            self.m_flags = mi.BSDFFlags(flags) if not isinstance(components[0], int) else flags
+
+        def lambda_um(self, si):
+            """Wavelengths of the channels [um]."""
+            if self.kit.spectral:
+                return [si.wavelengths[k] * 1e-3 for k in range(self.kit.count)]
+            return [RGB_LAMBDA_UM[min(k, 2)] for k in range(self.kit.count)]
+
+        def eval_pdf(self, ctx, si, wo, active=True):
+            f, pdf = self.model_eval(si, wo, active)
+            on = active & (pdf > 0.0)
+            return dr.select(on, f, 0.0), dr.select(on, pdf, 0.0)
+
+        def eval(self, ctx, si, wo, active=True):
+            return self.eval_pdf(ctx, si, wo, active)[0]
+
+        def pdf(self, ctx, si, wo, active=True):
+            return self.eval_pdf(ctx, si, wo, active)[1]
+
+        def sample(self, ctx, si, sample1, sample2, active=True):
+            bs = dr.zeros(mi.BSDFSample3f)
+            with dr.suspend_grad():
+                wo, straight, energy, chance = self.model_sample(si, [sample1, sample2.x, sample2.y], active)
+            f, pdf = self.eval_pdf(ctx, si, wo, active & ~straight if self.kit.jit else active and not straight)
+            bs.wo = dr.select(straight, -si.wi, wo)
+            bs.pdf = dr.select(straight, chance, pdf)
+            bs.eta = 1.0
+            null = int(mi.BSDFFlags.Null)
+            glossy = int(mi.BSDFFlags.GlossyReflection)
+            bs.sampled_type = dr.select(straight, null, glossy) if not self.kit.jit else dr.select(straight, mi.UInt32(null), mi.UInt32(glossy))
+            bs.sampled_component = 0
+            weight = dr.select(straight, self.kit.S(energy / dr.maximum(chance, 1e-30)), f / dr.maximum(pdf, 1e-30))
+            on = active & (bs.pdf > 0.0)
+            return bs, dr.select(on, weight, 0.0)
+
+    return Calls
