@@ -80,6 +80,11 @@ class Cloth:
         self.free_table = kit.words(np.ascontiguousarray(tensors["shadow_free"]).reshape(-1).view("<u4"))
         patterns = tensors["shadow_patterns"]
         self.patterns = kit.words(patterns) if patterns.size else None
+        curve = tensors["curve"]
+        self.curve_nodes = len(curve)
+        self.curve = kit.floats(curve)
+        at_one = 1.0 / (1.0 + self.curve_length)
+        self.curve_range = (float(np.interp(at_one, curve[::-1, 0], curve[::-1, 1])), float(curve[0, 1]))
         widths = np.diff(np.float32(MEAN_Z))
         self.mean_z = kit.floats(np.stack([MEAN_Z[:-1], 1.0 / widths], 1))
         caught = np.zeros((2, CLASSES, SIGMAS - 1, COUNT, 8), np.float32)
@@ -170,6 +175,27 @@ class Cloth:
             begin = (x >> 8) / (1 << 24)
         turned = along * self.of_family("turns_per_um", is_warp)
         return begin + turned - dr.floor(turned)
+
+    def model_of(self, hit):
+        """Index of the model of a yarn: a number where all have the same."""
+        if self.models == 1:
+            return 0
+        return self.entry("stripes", hit["is_warp"], hit["yarn"])
+
+    def sigma_of_brightness(self, brightness):
+        """The absorption with which the cloth has a brightness: clear fibers above its range, black ones below (src/color/absorption.rs)."""
+        kit, last = self.kit, self.curve_nodes - 2
+        low, high = kit.uint(0), kit.uint(last)
+        # The last node whose value is not below the brightness.
+        for _ in range(max(1, math.ceil(math.log2(last + 1)))):
+            middle = (low + high + 1) >> 1
+            up = kit.take(self.curve, middle * 2 + 1) >= brightness
+            low, high = dr.select(up, middle, low), dr.select(up, high, middle - 1 if not kit.jit else dr.maximum(middle, 1) - 1)
+        v0, a, v1, b = (kit.take(self.curve, low * 2 + i) for i in range(4))
+        v = v0 + dr.select(a > b, clamp((a - brightness) / dr.maximum(a - b, 1e-12), 0.0, 1.0), 0.0) * (v1 - v0)
+        sigma = dr.minimum((1.0 / dr.maximum(v, 1e-9) - 1.0) / self.curve_length, 1.0)
+        dark, bright = self.curve_range
+        return dr.select(brightness > bright, 0.0, dr.select(brightness >= dark, sigma, 1.0))
 
     # A yarn and a line (src/fabric/yarn.rs)
 
