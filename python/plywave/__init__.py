@@ -1,0 +1,41 @@
+"""plywave: wave-aware appearance of cloth and fibers on NumPy arrays.
+
+    import numpy as np, plywave
+
+    model = plywave.load("fabrics/models/polyester.pwm")
+    f = model.eval(theta_i=0.5, h_um=10.0, omega_o=np.array([0.0, 1.0, 0.0]), sigma_per_um=[0.001, 0.004, 0.010])
+
+Angles are in radians, lengths in um, absorption in 1/um, densities in 1/sr. `Model`, `Fabric` and `Fiber` have `eval`, `pdf`, `sample` and `albedo` on arrays that broadcast;
+`build` makes a model of a yarn spec. What is refused raises `Error` with one line. Docs: docs/python.md of the repository.
+"""
+
+from ._plywave import RGB_LAMBDA_UM, Error, __version__
+from ._results import ABSORBED, SCATTERED, STRAIGHT, Outcomes, Samples, Terms
+from ._threads import get_threads, set_threads
+from ._files import Document, Speckle, Table, Twin
+from ._model import Model
+from ._fiber import Fiber
+from ._fabric import Fabric
+from ._load import load
+
+__all__ = [
+    "ABSORBED",
+    "RGB_LAMBDA_UM",
+    "SCATTERED",
+    "STRAIGHT",
+    "Document",
+    "Error",
+    "Fabric",
+    "Fiber",
+    "Model",
+    "Outcomes",
+    "Samples",
+    "Speckle",
+    "Table",
+    "Terms",
+    "Twin",
+    "__version__",
+    "get_threads",
+    "load",
+    "set_threads",
+]

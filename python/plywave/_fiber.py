@@ -1,0 +1,115 @@
+"""Fibers on arrays."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+
+from . import _plywave
+from ._arrays import Queries, channels, count_of, floats, unpack
+from ._files import Document, PathLike
+from ._results import Outcomes, Samples
+from ._threads import get_threads
+
+
+class Fiber(Document):
+    """A fiber by wave optics or rays, from its table (.pwf).
+
+    - `omega_i` `[..., 3]`: direction that light comes from, unit, in the fiber's frame: z along it.
+    - `omega_o` `[..., 3]`: outgoing directions, unit.
+    - `lambda_um` `[..., N]`: wavelengths [um], N from 1 to 8. A number alone is N = 1.
+
+    f is an energy density [1/sr] of the light that the fiber takes from the width `width_um`. Results are float32.
+    """
+
+    _kind, _words = "fiber", "fiber table"
+
+    def __init__(self, path: PathLike) -> None:
+        """Reads a fiber file.
+
+        Raises:
+            Error: when the file cannot be read or holds something else.
+        """
+        self._name = os.fspath(path)
+        self._rust = _plywave.Fiber.load(self._name)
+
+    @classmethod
+    def from_bytes(cls, data: bytes, name: str = "bytes") -> "Fiber":
+        """From the bytes of a fiber file; `name` stands for it in messages."""
+        return cls._of(_plywave.Fiber.from_bytes(bytes(data), name), name)
+
+    @classmethod
+    def _of(cls, rust: "_plywave.Fiber", name: str) -> "Fiber":
+        made = cls.__new__(cls)
+        made._rust, made._name = rust, name
+        return made
+
+    def to_bytes(self) -> bytes:
+        """The bytes of its file."""
+        known = self.__dict__.get("_bytes")
+        if known is None:
+            known = self.__dict__["_bytes"] = self._rust.to_bytes()
+        return bytes(known)
+
+    def with_beta_m(self, beta_m_rad: float) -> "Fiber":
+        """The same with another longitudinal width [rad], clamped to [0.001, 2]."""
+        return Fiber._of(self._rust.with_beta_m(beta_m_rad), self._name)
+
+    @property
+    def max_width_um(self) -> float:
+        """Largest width from which it takes light [um]: the diameter of the cylinder to intersect."""
+        return self._rust.max_width_um
+
+    def _ask(self, what: str, omega_i: Any, lambda_um: Any, w: Any = None, w_name: str = "omega_o") -> Any:
+        vectors = {"omega_i": floats(omega_i, "omega_i", 3), "lambda_um": channels(lambda_um, "lambda_um")}
+        n = count_of({"lambda_um": vectors["lambda_um"]})
+        if w is not None:
+            vectors[w_name] = floats(w, w_name, 3)
+        q = Queries({}, vectors)
+        ask = {
+            "n": q.n,
+            "channels": n,
+            "omega_i": q.flat(vectors["omega_i"], (3,)),
+            "lambda": q.flat(vectors["lambda_um"], (n,)),
+            "w": None if w is None else q.flat(vectors[w_name], (3,)),
+            "threads": get_threads(),
+        }
+        return q, n, unpack(self._rust.ask(what, ask))
+
+    def eval(self, omega_i: Any, omega_o: Any, lambda_um: Any) -> np.ndarray:
+        """f `[..., N]` [1/sr]."""
+        q, n, (f,) = self._ask("eval", omega_i, lambda_um, omega_o)
+        return q.rows(f, n)
+
+    def pdf(self, omega_i: Any, omega_o: Any, lambda_um: Any) -> np.ndarray:
+        """Density `[...]` [1/sr] with which `sample` gives `omega_o`."""
+        q, _, (pdf,) = self._ask("pdf", omega_i, lambda_um, omega_o)
+        return q.rows(pdf)
+
+    def eval_pdf(self, omega_i: Any, omega_o: Any, lambda_um: Any) -> "tuple[np.ndarray, np.ndarray]":
+        """`eval` and `pdf` in about the time of one."""
+        q, n, (f, pdf) = self._ask("eval_pdf", omega_i, lambda_um, omega_o)
+        return q.rows(f, n), q.rows(pdf)
+
+    def sample(self, omega_i: Any, u: Any, lambda_um: Any) -> Samples:
+        """What becomes of light, by three uniform numbers `u` `[..., 3]` in [0, 1) a query."""
+        q, n, (w, weight, pdf, event) = self._ask("sample", omega_i, lambda_um, u, "u")
+        return Samples(q.rows(w, 3), q.rows(weight, n), q.rows(pdf), q.rows(event))
+
+    def albedo(self, omega_i: Any, lambda_um: Any) -> np.ndarray:
+        """Scattered over extinguished light `[..., N]`; 1 for a lossless fiber."""
+        q, n, (albedo,) = self._ask("albedo", omega_i, lambda_um)
+        return q.rows(albedo, n)
+
+    def outcomes(self, omega_i: Any, lambda_um: Any) -> Outcomes:
+        """Chances of what `sample` gives, `[...]` each."""
+        q, _, (all_of,) = self._ask("outcomes", omega_i, lambda_um)
+        rows = q.rows(all_of, 3)
+        return Outcomes(rows[..., 0], rows[..., 1], rows[..., 2])
+
+    def width_um(self, omega_i: Any, lambda_um: Any) -> np.ndarray:
+        """Width from which the fiber takes light [um] `[..., N]`: rays whose offset from the center line is beyond half of it pass."""
+        q, n, (width,) = self._ask("width_um", omega_i, lambda_um)
+        return q.rows(width, n)

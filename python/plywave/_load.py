@@ -1,0 +1,41 @@
+"""Loading by what a file holds."""
+
+from __future__ import annotations
+
+import os
+from typing import Any, Union
+
+from . import _plywave
+from ._fabric import Fabric
+from ._fiber import Fiber
+from ._files import PathLike, Speckle, Table, Twin
+from ._model import Model
+from ._plywave import Error
+
+_CLASSES: Any = {"table": Table, "model": Model, "fiber": Fiber, "speckle": Speckle, "twin": Twin}
+
+
+def load(path: PathLike) -> "Union[Model, Fabric, Fiber, Table, Speckle, Twin]":
+    """Reads a file by what it holds: a model (.pwm), a fabric spec (.toml), a fiber (.pwf), a table (.pwt), speckle patterns (.pws), the twin of a cloth (.pwx).
+
+    Raises:
+        Error: when the file cannot be read, is damaged, or is of another kind, such as a yarn spec.
+    """
+    name = os.fspath(path)
+    if name.endswith(".toml"):
+        sections = _sections(name)
+        if "[[fiber]]" in sections:
+            raise Error(f"{name}: a scene for waves (TOML); `plywave.wave.scatter` takes it")
+        if not sections & {"[weave]", "[warp]", "[weft]"} and sections & {"[fiber]", "[fiber.shape]", "[ply]", "[absorption]"}:
+            raise Error(f"{name}: a yarn spec (TOML); `plywave.build` makes a model of it")
+        return Fabric(name)
+    return _CLASSES[_plywave.file_kind(name)](name)  # type: ignore[no-any-return]
+
+
+def _sections(name: str) -> "set[str]":
+    try:
+        with open(name, encoding="utf-8", errors="replace") as file:
+            return {line.split("#")[0].strip() for line in file.read(1 << 20).splitlines() if line.lstrip().startswith("[")}
+    except OSError:
+        # The loader says why.
+        return set()

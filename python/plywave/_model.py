@@ -1,0 +1,146 @@
+"""Ply models on arrays."""
+
+from __future__ import annotations
+
+import os
+from typing import Any, Optional
+
+import numpy as np
+
+from . import _plywave
+from ._arrays import Queries, channels, count_of, floats, lambdas, unpack
+from ._files import Document, PathLike, Table
+from ._results import Outcomes, Samples, Terms
+from ._threads import get_threads
+
+
+class Model(Document):
+    """A ply model (.pwm), ready for evaluation.
+
+    Queries are arrays that broadcast against each other as NumPy's do; `omega_o`, `u`, `sigma_per_um` and `lambda_um` have a last axis of their own:
+
+    - `theta_i` `[...]`: incident latitude [rad]; the beam comes from `(0, cos theta_i, sin theta_i)`, z along the ply.
+    - `h_um` `[...]`: x coordinate of the beam's center [um].
+    - `omega_o` `[..., 3]`: outgoing directions, unit.
+    - `sigma_per_um` `[..., N]`: absorptions of the fibers [1/um], N from 1 to 8: the color. A number alone is N = 1.
+    - `lambda_um` `[..., N]`: wavelengths [um]; by default those of R, G, B for N = 3, else 0.55. Edge light alone depends on them.
+    - `edge`: light that passes beside the ply is diffracted at its edge; without, it goes straight on.
+
+    f is an energy density [1/sr], the BSDF times the cosine. Results are float32. Whatever numbers come in, calls give numbers: where a query is not finite, the
+    beam misses and f = 0. Arrays that are no floats, or do not broadcast, raise `Error`.
+    """
+
+    _kind, _words = "model", "ply model"
+    table: Optional[Table] = None
+    """The table it was fitted to, of a model that `build` made."""
+
+    def __init__(self, path: PathLike) -> None:
+        """Reads a model file.
+
+        Raises:
+            Error: when the file cannot be read or holds something else.
+        """
+        self._name = os.fspath(path)
+        self._rust = _plywave.Model.load(self._name)
+
+    @classmethod
+    def from_bytes(cls, data: bytes, name: str = "bytes") -> "Model":
+        """From the bytes of a model file; `name` stands for it in messages."""
+        return cls._of(_plywave.Model.from_bytes(bytes(data), name), name)
+
+    @classmethod
+    def _of(cls, rust: "_plywave.Model", name: str) -> "Model":
+        made = cls.__new__(cls)
+        made._rust, made._name = rust, name
+        return made
+
+    def to_bytes(self) -> bytes:
+        """The bytes of its file."""
+        known = self.__dict__.get("_bytes")
+        if known is None:
+            known = self.__dict__["_bytes"] = self._rust.to_bytes()
+        return bytes(known)
+
+    @property
+    def has_edge(self) -> bool:
+        """Whether it has edge lobes."""
+        return self._rust.has_edge
+
+    @property
+    def has_noise(self) -> bool:
+        """Whether it carries speckle."""
+        return self._rust.has_noise
+
+    @property
+    def reference_error(self) -> float:
+        """Greatest difference of eval from the values stored in the file, over the greatest of them; 0 when none are stored."""
+        return self._rust.reference_error
+
+    def _ask(self, what: str, theta_i: Any, h_um: Any, sigma: Any, lambda_um: Any, edge: bool, w: Any = None, w_name: str = "omega_o") -> Any:
+        scalars = {"theta_i": floats(theta_i, "theta_i"), "h_um": floats(h_um, "h_um")}
+        sigmas = channels(sigma, "sigma_per_um")
+        wavelengths = lambdas(lambda_um, sigmas.shape[-1])
+        n = count_of({"sigma_per_um": sigmas, "lambda_um": wavelengths})
+        vectors = {"sigma_per_um": sigmas, "lambda_um": wavelengths}
+        if w is not None:
+            vectors[w_name] = floats(w, w_name, 3)
+        q = Queries(scalars, vectors)
+        ask = {
+            "n": q.n,
+            "channels": n,
+            "theta_i": q.flat(scalars["theta_i"]),
+            "h_um": q.flat(scalars["h_um"]),
+            "sigma": q.flat(sigmas, (n,)),
+            "lambda": q.flat(wavelengths, (n,)),
+            "w": None if w is None else q.flat(vectors[w_name], (3,)),
+            "edge": bool(edge),
+            "threads": get_threads(),
+        }
+        return q, n, unpack(self._rust.ask(what, ask))
+
+    def eval(self, theta_i: Any, h_um: Any, omega_o: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True) -> np.ndarray:
+        """f `[..., N]` [1/sr] in the directions `omega_o`."""
+        q, n, (f,) = self._ask("eval", theta_i, h_um, sigma_per_um, lambda_um, edge, omega_o)
+        return q.rows(f, n)
+
+    def pdf(self, theta_i: Any, h_um: Any, omega_o: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True) -> np.ndarray:
+        """Density `[...]` [1/sr] with which `sample` gives `omega_o`."""
+        q, _, (pdf,) = self._ask("pdf", theta_i, h_um, sigma_per_um, lambda_um, edge, omega_o)
+        return q.rows(pdf)
+
+    def eval_pdf(self, theta_i: Any, h_um: Any, omega_o: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True) -> "tuple[np.ndarray, np.ndarray]":
+        """`eval` and `pdf` in about the time of one."""
+        q, n, (f, pdf) = self._ask("eval_pdf", theta_i, h_um, sigma_per_um, lambda_um, edge, omega_o)
+        return q.rows(f, n), q.rows(pdf)
+
+    def sample(self, theta_i: Any, h_um: Any, u: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True) -> Samples:
+        """What becomes of light, by three uniform numbers `u` `[..., 3]` in [0, 1) a query."""
+        q, n, (w, weight, pdf, event) = self._ask("sample", theta_i, h_um, sigma_per_um, lambda_um, edge, u, "u")
+        return Samples(q.rows(w, 3), q.rows(weight, n), q.rows(pdf), q.rows(event))
+
+    def albedo(self, theta_i: Any, h_um: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True) -> np.ndarray:
+        """Integral of f over the sphere `[..., N]`."""
+        q, n, (albedo,) = self._ask("albedo", theta_i, h_um, sigma_per_um, lambda_um, edge)
+        return q.rows(albedo, n)
+
+    def straight(self, theta_i: Any, h_um: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True) -> np.ndarray:
+        """Fraction of the light that goes straight on, unscattered `[..., N]`."""
+        q, n, (straight,) = self._ask("straight", theta_i, h_um, sigma_per_um, lambda_um, edge)
+        return q.rows(straight, n)
+
+    def outcomes(self, theta_i: Any, h_um: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True) -> Outcomes:
+        """Chances of what `sample` gives, `[...]` each."""
+        q, _, (all_of,) = self._ask("outcomes", theta_i, h_um, sigma_per_um, lambda_um, edge)
+        rows = q.rows(all_of, 3)
+        return Outcomes(rows[..., 0], rows[..., 1], rows[..., 2])
+
+    def terms(self, theta_i: Any, h_um: Any, omega_o: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True) -> Terms:
+        """The terms of f apart, `[..., N]` each [1/sr]."""
+        q, n, parts = self._ask("terms", theta_i, h_um, sigma_per_um, lambda_um, edge, omega_o)
+        refl, high, edge_light = (q.rows(part, n) for part in parts)
+        return Terms(refl, high, edge_light)
+
+    def r_d(self, theta_i: Any, h_um: Any) -> np.ndarray:
+        """Fraction of the beam that meets no fiber `[...]`."""
+        q, _, (r_d,) = self._ask("r_d", theta_i, h_um, 0.0, None, False)
+        return q.rows(r_d)

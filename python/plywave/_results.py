@@ -1,0 +1,46 @@
+"""What calls give back."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+ABSORBED = 0
+"""`Samples.event` of light that ends."""
+SCATTERED = 1
+"""`Samples.event` of light that leaves in a sampled direction."""
+STRAIGHT = 2
+"""`Samples.event` of light that goes straight on, as if nothing were there: a delta."""
+
+
+class Samples(NamedTuple):
+    """What became of sampled light, an entry a query."""
+
+    w: np.ndarray
+    """Directions `[..., 3]`, unit; of light that goes straight on the onward one, of absorbed light 0."""
+    weight: np.ndarray
+    """f over pdf `[..., N]`; of light that goes straight on its energy over the chance of it."""
+    pdf: np.ndarray
+    """Density `[...]` [1/sr]; of light that goes straight on the chance of it."""
+    event: np.ndarray
+    """`ABSORBED`, `SCATTERED` or `STRAIGHT` `[...]`, uint8."""
+
+
+class Terms(NamedTuple):
+    """Terms of a ply model [1/sr], `[..., N]` each; their sum is f."""
+
+    refl: np.ndarray
+    """Single reflection, the same at every absorption."""
+    high: np.ndarray
+    """All other light that met fibers."""
+    edge: np.ndarray
+    """Light that passed beside the ply and was diffracted."""
+
+
+class Outcomes(NamedTuple):
+    """Chances of what `sample` gives, `[...]` each; they add up to 1."""
+
+    scattered: np.ndarray
+    straight: np.ndarray
+    absorbed: np.ndarray

@@ -1,0 +1,119 @@
+//! Errors as exceptions: one line each, the words of the command line.
+
+use plywave_pipeline::Error as PipelineError;
+use plywave_sim::SimError;
+use plywave_sim::wave::WaveError;
+use pyo3::PyErr;
+use pyo3::exceptions::{PyKeyboardInterrupt, PyValueError};
+use std::io::ErrorKind;
+
+pyo3::create_exception!(
+    plywave,
+    Error,
+    PyValueError,
+    "What plywave refuses: bad arrays, specs, files and options. The message is one line that names file, key, value and a hint, as the program prints it."
+);
+
+/// What went wrong, before it is an exception.
+#[derive(Debug)]
+pub(crate) enum Failure {
+    /// Bad input: `plywave.Error`.
+    Input(String),
+    /// The user stopped the work: `KeyboardInterrupt`.
+    Interrupted(String),
+    /// An exception that Python code raised, passed on as it is.
+    Python(PyErr),
+}
+
+/// Result of what may fail.
+pub(crate) type Outcome<T = ()> = Result<T, Failure>;
+
+impl Failure {
+    /// `file: key = value: hint`.
+    pub(crate) fn input(file: &str, key: &str, value: impl std::fmt::Display, hint: &str) -> Failure {
+        Failure::Input(format!("{file}: {key} = {value}: {hint}"))
+    }
+
+    /// Of the simulator; `file` is the spec or scene.
+    pub(crate) fn of_run(error: SimError, file: &str) -> Failure {
+        match error {
+            SimError::Interrupted { left, total } => interrupted(left, total),
+            SimError::Runtime(error) => error.into(),
+            SimError::PartsInUse { .. }
+            | SimError::PartsFound { .. }
+            | SimError::PartsOfAnotherRun { .. }
+            | SimError::Merge { .. } => Failure::Input(error.to_string()),
+            other => Failure::Input(format!("{file}: {other}")),
+        }
+    }
+
+    /// Of the wave code; `file` is the spec or scene.
+    pub(crate) fn of_wave(error: WaveError, file: &str) -> Failure {
+        Failure::of_run(error.into(), file)
+    }
+}
+
+fn interrupted(left: usize, total: usize) -> Failure {
+    Failure::Interrupted(if total > 0 { format!("stopped with {left} of {total} shards left") } else { "stopped".into() })
+}
+
+impl From<PyErr> for Failure {
+    fn from(error: PyErr) -> Failure {
+        Failure::Python(error)
+    }
+}
+
+impl From<PipelineError> for Failure {
+    fn from(error: PipelineError) -> Failure {
+        match error {
+            PipelineError::Interrupted { left, total } => interrupted(left, total),
+            PipelineError::Runtime(error) => error.into(),
+            other => Failure::Input(other.to_string()),
+        }
+    }
+}
+
+impl From<plywave::Error> for Failure {
+    fn from(error: plywave::Error) -> Failure {
+        match error {
+            plywave::Error::Io { file, source } if source.kind() == ErrorKind::NotFound => {
+                Failure::Input(format!("{file}: no such file; check the path"))
+            }
+            plywave::Error::Io { file, source } => Failure::Input(format!("{file}: {source}; {}", hint_of(&source))),
+            other => Failure::Input(other.to_string()),
+        }
+    }
+}
+
+impl From<Failure> for PyErr {
+    fn from(failure: Failure) -> PyErr {
+        match failure {
+            Failure::Input(line) => Error::new_err(one_line(&line)),
+            Failure::Interrupted(line) => PyKeyboardInterrupt::new_err(one_line(&line)),
+            Failure::Python(error) => error,
+        }
+    }
+}
+
+/// What to do about a file that could not be read or written.
+fn hint_of(error: &std::io::Error) -> &'static str {
+    match error.kind() {
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => "make room there, or choose another place",
+        ErrorKind::FileTooLarge => "raise the limit of file sizes, or choose another place",
+        _ => "check the path and its rights",
+    }
+}
+
+/// A message as one printable line of at most 2000 characters, whatever a file put into it.
+fn one_line(text: &str) -> String {
+    const LONGEST: usize = 2000;
+    let mut line = String::with_capacity(text.len().min(LONGEST));
+    for c in text.chars().take(LONGEST) {
+        let c = if c.is_control() { ' ' } else { c };
+        if !(c == ' ' && line.ends_with(' ')) {
+            line.push(c);
+        }
+    }
+    line.truncate(line.trim_end().len());
+    line
+}

@@ -1,0 +1,76 @@
+//! Files that are arrays to Python: read, checked, written.
+
+use crate::errors::{Failure, Outcome};
+use plywave::fiber::FiberTable;
+use plywave::io::{self, FileKind};
+use plywave::ply::PlyData;
+use plywave::speckle::SpecklePatterns;
+use plywave::table::Table;
+use plywave::twin::ClothTwin;
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use std::path::PathBuf;
+
+const KINDS: [(&str, FileKind); 5] = [
+    ("table", FileKind::Table),
+    ("model", FileKind::Model),
+    ("fiber", FileKind::Fiber),
+    ("speckle", FileKind::Speckle),
+    ("twin", FileKind::Twin),
+];
+
+fn kind_of(name: &str) -> Outcome<FileKind> {
+    let kind = KINDS.into_iter().find(|(known, _)| *known == name);
+    kind.map(|(_, kind)| kind).ok_or_else(|| Failure::input("files", "kind", name, "there is no such"))
+}
+
+fn check(kind: FileKind, bytes: &[u8], name: &str) -> Outcome {
+    match kind {
+        FileKind::Table => Table::from_bytes(bytes, name).map(drop)?,
+        FileKind::Model => PlyData::from_bytes(bytes, name).map(drop)?,
+        FileKind::Fiber => FiberTable::from_bytes(bytes, name).map(drop)?,
+        FileKind::Speckle => SpecklePatterns::from_bytes(bytes, name).map(drop)?,
+        FileKind::Twin => ClothTwin::from_bytes(bytes, name).map(drop)?,
+    }
+    Ok(())
+}
+
+/// Bytes of a file of this kind, checked.
+#[pyfunction]
+pub(crate) fn read_checked<'py>(py: Python<'py>, kind: &str, path: PathBuf) -> Outcome<Bound<'py, PyBytes>> {
+    let kind = kind_of(kind)?;
+    let bytes = py.detach(|| -> Outcome<Vec<u8>> {
+        let bytes = io::read_file(&path, kind.most_bytes())?;
+        check(kind, &bytes, &path.display().to_string())?;
+        Ok(bytes)
+    })?;
+    Ok(PyBytes::new(py, &bytes))
+}
+
+/// Refuses bytes that are no file of this kind.
+#[pyfunction]
+pub(crate) fn check_bytes(py: Python<'_>, kind: &str, bytes: &[u8], name: &str) -> Outcome {
+    let kind = kind_of(kind)?;
+    py.detach(|| check(kind, bytes, name))
+}
+
+/// What a file holds, by its header.
+#[pyfunction]
+pub(crate) fn file_kind(path: PathBuf) -> Outcome<&'static str> {
+    let kind = io::file_kind(path)?;
+    Ok(KINDS.into_iter().find(|(_, known)| *known == kind).map_or("", |(name, _)| name))
+}
+
+/// Writes a file, whole or not at all.
+#[pyfunction]
+pub(crate) fn write_file(py: Python<'_>, path: PathBuf, bytes: &[u8]) -> Outcome {
+    Ok(py.detach(|| io::write_file(path, bytes))?)
+}
+
+/// A document as TOML text.
+#[pyfunction]
+pub(crate) fn toml_of_json(json: &str, name: &str) -> Outcome<String> {
+    let value: serde_json::Value =
+        serde_json::from_str(json).map_err(|e| Failure::Input(format!("{name}: {e}; give a dict of numbers, texts, lists and dicts")))?;
+    toml::to_string(&value).map_err(|e| Failure::Input(format!("{name}: {e}; give a dict of numbers, texts, lists and dicts")))
+}

@@ -1,0 +1,28 @@
+//! Extension module of the Python package `plywave`. What users see is in `plywave/`: its functions check shapes and types and hand flat arrays to the classes here.
+
+mod batch;
+mod errors;
+mod fabric;
+mod fiber;
+mod files;
+mod model;
+
+use pyo3::prelude::*;
+
+/// Fast parts of the package `plywave`.
+#[pymodule]
+fn _plywave(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add("MOST_CHANNELS", batch::MOST_CHANNELS)?;
+    module.add("RGB_LAMBDA_UM", plywave::color::RGB_LAMBDA_UM.to_vec())?;
+    module.add("Error", module.py().get_type::<errors::Error>())?;
+    module.add_class::<model::Model>()?;
+    module.add_class::<fabric::Fabric>()?;
+    module.add_class::<fiber::Fiber>()?;
+    module.add_function(wrap_pyfunction!(files::read_checked, module)?)?;
+    module.add_function(wrap_pyfunction!(files::check_bytes, module)?)?;
+    module.add_function(wrap_pyfunction!(files::file_kind, module)?)?;
+    module.add_function(wrap_pyfunction!(files::write_file, module)?)?;
+    module.add_function(wrap_pyfunction!(files::toml_of_json, module)?)?;
+    Ok(())
+}
