@@ -6,6 +6,7 @@ mod fabric;
 mod fiber;
 mod files;
 mod model;
+mod tensors;
 
 use pyo3::prelude::*;
 
@@ -24,5 +25,5 @@ fn _plywave(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(files::file_kind, module)?)?;
     module.add_function(wrap_pyfunction!(files::write_file, module)?)?;
     module.add_function(wrap_pyfunction!(files::toml_of_json, module)?)?;
-    Ok(())
+    tensors::register(module)
 }

@@ -5,8 +5,6 @@ import difflib
 import drjit as dr
 import mitsuba as mi
 
-from ._kit import Kit
-
 #: Wavelengths that stand for the channels of linear sRGB [um] (``plywave::color::RGB_LAMBDA_UM``).
 RGB_LAMBDA_UM = (0.612, 0.549, 0.464)
 
@@ -40,10 +38,6 @@ def texture(plugin, props, key, default=None):
         return props.get_unbounded_texture(key)
     except Exception as e:
         raise ValueError(f"{plugin}: {key}: expected a number, a color or a texture: {str(e).splitlines()[-1]}") from None
-
-
-class Calls(mi.BSDF if mi.variant() else object):
-    """Placeholder that :func:`make_calls` replaces by a class of the current variant."""
 
 
 def make_calls():
@@ -82,7 +76,7 @@ def make_calls():
             bs = dr.zeros(mi.BSDFSample3f)
             with dr.suspend_grad():
                 wo, straight, energy, chance = self.model_sample(si, [sample1, sample2.x, sample2.y], active)
-            f, pdf = self.eval_pdf(ctx, si, wo, active & ~straight if self.kit.jit else active and not straight)
+            f, pdf = self.eval_pdf(ctx, si, wo, self.kit.both(active, self.kit.no(straight)))
             bs.wo = dr.select(straight, -si.wi, wo)
             bs.pdf = dr.select(straight, chance, pdf)
             bs.eta = 1.0

@@ -276,7 +276,7 @@ class Cloth:
             met, entry, further = self.cylinder(of, line, ck, sk, shift, c, s)
             exists = n < plies
             is_hit = kit.both(kit.both(met["hit"], entry > first), exists)
-            no_hit = ~(met["hit"] | best["hit"]) if kit.jit else not (met["hit"] or best["hit"])
+            no_hit = kit.no(met["hit"] | best["hit"])
             is_near = kit.both(kit.both(no_hit, dr.abs(met["h"]) < near), exists)
             here = is_hit | is_near
             first, step = dr.select(is_hit, entry, first), dr.select(is_hit, further, step)
@@ -356,7 +356,7 @@ class Cloth:
                 lateral = offset * yarn["spacing"]
                 up = (q[2] - height) * (q[2] - height) / (1.0 + slope * slope)
                 distance = dr.sqrt(lateral * lateral + up) - hull
-                nearer = kit.both(~passed if kit.jit else not passed, distance < least)
+                nearer = kit.both(kit.no(passed), distance < least)
                 least, which = dr.select(nearer, distance, least), dr.select(nearer, name, which)
             free = min(free, max(yarn["spacing"] - hull, 0.3 * yarn["half_width"]))
         return least, which, dr.minimum(free, 0.9 * least)
@@ -371,12 +371,12 @@ class Cloth:
             out = height > self.top
             gone = kit.both(out, q[2] * d[2] >= 0.0)
             distance, near, free = self.nearest(q, ids, until, at)
-            close = kit.both(distance < CLOSE_UM, ~out if kit.jit else not out)
+            close = kit.both(distance < CLOSE_UM, kit.no(out))
             way = dr.select(out, (height - self.top) / dr.maximum(dr.abs(d[2]), 1e-12) + 0.1 * MARGIN_UM, dr.maximum(free, LEAST_STEP_UM))
             which = dr.select(close, near, which)
-            go = ~(gone | close) if kit.jit else not (gone or close)
+            go = kit.no(gone | close)
             at = dr.select(go, at + way, at)
-            on = kit.both(kit.both(on, ~gone if kit.jit else not gone), steps < MOST_STEPS)
+            on = kit.both(kit.both(on, kit.no(gone)), steps < MOST_STEPS)
             return at, which, on, steps + 1, ids, until
 
         def refine(at, round_, looking, which):
@@ -385,7 +385,7 @@ class Cloth:
             half = self.of_family("half_width", is_warp)
             step = clamp(-met["nearest"], -2.0 * half, 2.0 * half)
             stop = (dr.abs(step) < NEAREST * half) | (round_ == MOST_ROUNDS)
-            return dr.select(stop, at, at + step), round_ + 1, kit.both(looking, ~stop if kit.jit else not stop), which
+            return dr.select(stop, at, at + step), round_ + 1, kit.both(looking, kit.no(stop)), which
 
         def search(at, ids, until, oldest, on, searching, found_which, found_at):
             which = kit.int(NO_YARN)
@@ -428,7 +428,7 @@ class Cloth:
             taken = dr.abs(met["h"]) < self.of_family("reach", is_warp)
             taken = kit.both(kit.both(taken, nearest > 0.0), dr.abs(nearest - at) < 6.0 * hull)
             taken = kit.both(has, taken)
-            searching = kit.both(kit.both(searching, on), ~taken if kit.jit else not taken)
+            searching = kit.both(kit.both(searching, on), kit.no(taken))
             return at, ids, until, oldest, on, searching, dr.select(taken, which, found_which), dr.select(taken, place, found_at)
 
         s = state
@@ -586,7 +586,7 @@ class Cloth:
         corners = [self.corners(nodes[0][k], nodes[1][k]) for k in range(n)]
         sent = [self.options["shadowing"], self.options["layers"]]
 
-        def of_class(cls):
+        def of_class(classes, cls):
             e = classes[CLASSES - 1]
             for c in range(CLASSES - 2, -1, -1):
                 e = dr.select(cls == c, classes[c], e)
@@ -599,13 +599,14 @@ class Cloth:
                 found = dr.select(kit.both(cls <= c, self.some(classes[c])), kit.uint(c), found)
             return found
 
-        def body(cls, up, down):
-            energy = of_class(cls)
+        def body(given, cls, up, down):
+            classes, fractions, weights = given
+            energy = of_class(classes, cls)
             is_warp = cls < 2
             up, down = kit.S(up), kit.S(down)
             for k in range(n):
                 node = dr.select(is_warp, nodes[0][k][0], nodes[1][k][0])
-                u = dr.select(is_warp, nodes[0][k][1], nodes[1][k][1])
+                u = dr.select(is_warp, fractions[0][k], fractions[1][k])
                 at = ((side * CLASSES + cls) * (SIGMAS - 1) + node) * COUNT
                 sums = [0.0] * 6
                 for index, w in spline:
@@ -620,7 +621,7 @@ class Cloth:
                     for half in range(2):
                         at_leaves = (((side * CLASSES + cls) * 2 + cause) * 2 + half) * (SIGMAS * SIGMAS)
                         leaves = 0.0
-                        for pair, share in corners[k]:
+                        for (pair, _), share in zip(corners[k], weights[k]):
                             values = kit.packets(self.leaves, (at_leaves + pair) * 2, 2)
                             leaves = leaves + share * sum(v * t for v, t in zip(values, terms))
                         out = caught * clamp(leaves, 0.0, 1.0)
@@ -630,7 +631,10 @@ class Cloth:
                             down[k] = down[k] + out
             return following(cls + 1), up, down
 
-        _, up, down = kit.loop((following(kit.uint(0)), kit.zero_s(), kit.zero_s()), lambda cls, up, down: cls < CLASSES, body, "light between yarns")
+        fractions = [[nodes[f][k][1] for k in range(n)] for f in range(2)]
+        given = (list(classes), fractions, [[share for _, share in corners[k]] for k in range(n)])
+        state = (following(kit.uint(0)), kit.zero_s(), kit.zero_s())
+        _, up, down = kit.loop(state, lambda cls, up, down: cls < CLASSES, body, "light between yarns", given)
         return up, down, (side, corners)
 
     def some(self, s):

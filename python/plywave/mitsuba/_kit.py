@@ -76,13 +76,29 @@ class Kit:
     def both(self, a, b):
         return a & b if self.jit else bool(a) and bool(b)
 
-    def loop(self, state, cond, body, label=None):
-        """While ``cond(*state)`` holds, ``state = body(*state)``. Results that gradients flow through are sums over the iterations."""
+    def no(self, x):
+        return ~x if self.jit else not x
+
+    def loop(self, state, cond, body, label=None, given=None):
+        """While ``cond(*state)`` holds, ``state = body(*state)``. Results that gradients flow through are sums over the iterations.
+
+        What is ``given`` comes to ``body`` as its first argument. All that has gradients and is not a table must be given so: in calls, Dr.Jit 1.5 loses the gradients of
+        what a loop finds around it.
+        """
         if not self.jit:
             while cond(*state):
-                state = body(*state)
+                state = body(*state) if given is None else body(given, *state)
             return state
-        return dr.while_loop(state, cond, body, label=label, max_iterations=-1)
+        if given is None:
+            return dr.while_loop(state, cond, body, label=label)
+        state = dr.while_loop(
+            (given, *state),
+            lambda _, *s: cond(*s),
+            lambda given, *s: (given, *body(given, *s)),
+            label=label,
+            max_iterations=-1,
+        )
+        return state[1:]
 
     def times(self, count, state, body, unrolled, label=None):
         """``count`` iterations of ``state = body(i, *state)``; gradients do not pass loops in loops, so these are unrolled where gradients flow."""
@@ -95,7 +111,6 @@ class Kit:
             lambda i, *_: i < count,
             lambda i, *s: (i + 1, *body(i, *s)),
             label=label,
-            max_iterations=-1,
         )
         return state[1:]
 

@@ -230,10 +230,9 @@ def define():
                 out[k] = self.cloth.sigma_of_brightness(reflectance[k])
             return out
 
-        def sigma_of(self, si, active):
-            """Gives the absorptions of a yarn: a function of family and number."""
-            kit, cloth = self.kit, self.cloth
-            own = []
+        def own_sigmas(self, si, active):
+            """Absorptions of warp and weft at a point, where all their yarns have the same."""
+            kit, cloth, own = self.kit, self.cloth, []
             for k in range(2):
                 if self.sigmas[k] is not None:
                     own.append(dr.maximum(self.sigmas[k].eval(si, active), 0.0))
@@ -243,17 +242,18 @@ def define():
                     own.append(self.dye(si, kit.uint(int(cloth.dyes[k][0]))))
                 else:
                     own.append(None)
+            return own
 
-            def sigma(is_warp, yarn):
-                if own[0] is not None and own[1] is not None:
-                    return dr.select(is_warp, own[0], own[1])
-                dyed = self.dye(si, cloth.entry("dyes", is_warp, yarn))
-                for k in range(2):
-                    if own[k] is not None:
-                        dyed = dr.select(is_warp if k == 0 else ~is_warp if kit.jit else not is_warp, own[k], dyed)
-                return dyed
-
-            return sigma
+        def sigma_of(self, si, own, is_warp, yarn):
+            """Absorptions of a yarn."""
+            kit = self.kit
+            if own[0] is not None and own[1] is not None:
+                return dr.select(is_warp, own[0], own[1])
+            dyed = self.dye(si, self.cloth.entry("dyes", is_warp, yarn))
+            for k in range(2):
+                if own[k] is not None:
+                    dyed = dr.select(is_warp if k == 0 else kit.no(is_warp), own[k], dyed)
+            return dyed
 
         def dye(self, si, dye):
             kit, out = self.kit, self.kit.zero_s()
@@ -277,8 +277,8 @@ def define():
             which one of the plies is chosen."""
             kit, cloth = self.kit, self.cloth
             options = cloth.options
-            sigma_of = self.sigma_of(si, active)
-            gradients = kit.jit and b is not None and dr.grad_enabled(sigma_of(kit.bool(True), kit.int(0)), sigma_of(kit.bool(False), kit.int(0)))
+            own = self.own_sigmas(si, active)
+            gradients = kit.jit and b is not None and dr.grad_enabled(self.dyes, *(x for x in own if x is not None))
             wo = [dr.detach(x) if kit.jit else x for x in self.to_pattern(si, si.wi)]
             position = [dr.detach(x) if kit.jit else x for x in self.place(si)]
             start, d, state = cloth.begin(position, wo, active)
@@ -309,32 +309,31 @@ def define():
             def replaced(here, a, b):
                 return {key: [dr.select(here, x, y) for x, y in zip(a[key], b[key])] if key == "q" else dr.select(here, a[key], b[key]) for key in b}
 
-            def body(s):
+            def body(own, s):
                 s = dict(s)
-                with dr.suspend_grad():
-                    state, which, place = cloth.next_near(start, d, s["state"])
-                    hit = cloth.hit(which, start, d, place)
-                    model = cloth.model_of(hit)
+                state, which, place = cloth.next_near(start, d, s["state"])
+                hit = cloth.hit(which, start, d, place)
+                model = cloth.model_of(hit)
                 on = state["on"]
                 theta_i, h = hit["theta_i"], hit["h"]
                 main, last = dict(s["main"]), dict(s["last"])
-                is_main = kit.both(kit.both(on, hit["is_hit"]), ~main["is"] if kit.jit else not main["is"])
+                is_main = kit.both(kit.both(on, hit["is_hit"]), kit.no(main["is"]))
                 energies = cloth.plies.energies(model, theta_i, h)
                 r_d, met = energies[0], 1.0 - energies[0]
                 arrives = s["passing"]
-                beside = kit.both(on, ~is_main if kit.jit else not is_main)
+                beside = kit.both(on, kit.no(is_main))
                 beside = kit.both(beside, arrives * met >= LEAST_CAUGHT)
                 is_other = kit.both(beside, s["others"] < MAX_NEAR)
                 is_beyond = kit.both(beside, s["others"] >= MAX_NEAR)
                 is_last = kit.both(is_other, s["others"] == MAX_NEAR - 1)
                 counted = is_main | is_other
-                sigma = sigma_of(hit["is_warp"], hit["yarn"])
+                sigma = self.sigma_of(si, own, hit["is_warp"], hit["yarn"])
                 through = cloth.plies.transmittances(model, sigma)
                 energy = kit.S(energies[1]) + cloth.plies.high_energy(energies[2], through)
                 sent = dr.select(counted, arrives * energy, none)
                 s["plies"] = s["plies"] + dr.select(is_last, none, sent)
                 cls = dr.select(hit["is_warp"], kit.uint(0), kit.uint(2)) + dr.select(hit["is_double"], kit.uint(1), kit.uint(0))
-                s["classes"] = [e + dr.select(kit.both(cls == c, ~is_last if kit.jit else not is_last), sent, none) for c, e in enumerate(s["classes"])]
+                s["classes"] = [e + dr.select(kit.both(cls == c, kit.no(is_last)), sent, none) for c, e in enumerate(s["classes"])]
                 # Beyond as many as are told apart, the last of them scatters what others catch.
                 more = dr.select(is_beyond, 1.0 + arrives * met / dr.maximum(last["catch"], LEAST_CAUGHT), 1.0)
                 last["more"] = last["more"] * more
@@ -357,7 +356,7 @@ def define():
                     s["last_density"] = s["last_density"] + dr.select(is_last, density, 0.0)
                 q = [theta_i, h, *hit["frame"][0], *hit["frame"][2]]
                 if number is not None:
-                    weight = dr.select(kit.both(counted, ~is_last if kit.jit else not is_last), kit.mean(sent), 0.0)
+                    weight = dr.select(kit.both(counted, kit.no(is_last)), kit.mean(sent), 0.0)
                     s["weight"] = s["weight"] + weight
                     part = dr.select(weight > 0.0, weight / dr.maximum(s["weight"], 1e-30), 0.0)
                     here = s["number"] < part
@@ -369,7 +368,7 @@ def define():
                 main["model"] = dr.select(is_main, kit.uint(model), main["model"])
                 main["is"] = main["is"] | is_main
                 dyed = dict(s["dyed"])
-                takes = kit.both(counted, hit["is_hit"] | (~dyed["is"] if kit.jit else not dyed["is"]))
+                takes = kit.both(counted, hit["is_hit"] | (kit.no(dyed["is"])))
                 yarns = [dr.select(hit["is_warp"], hit["yarn"], hit["other"]), dr.select(hit["is_warp"], hit["other"], hit["yarn"])]
                 dyed["yarns"] = [dr.select(takes, x, y) for x, y in zip(yarns, dyed["yarns"])]
                 dyed["is"] = dyed["is"] | takes
@@ -380,11 +379,11 @@ def define():
                 s |= {"state": state, "passing": passing, "main": main, "last": last, "dyed": dyed}
                 return (s,)
 
-            (s,) = kit.loop((loop,), lambda s: s["state"]["on"], body, "plies")
+            (s,) = kit.loop((loop,), lambda s: s["state"]["on"], body, "plies", own)
             last = s["last"]
             classes = [e + dr.select(last["class"] == c, last["more"] * last["energy"], none) for c, e in enumerate(s["classes"])]
             yarns = s["dyed"]["yarns"]
-            dyes = [sigma_of(kit.bool(True), yarns[0]), sigma_of(kit.bool(False), yarns[1])]
+            dyes = [self.sigma_of(si, own, kit.bool(k == 0), yarns[k]) for k in range(2)]
             up, down, about = cloth.between(wo, classes, dyes)
             # Chances (set_chances of src/fabric/at.rs).
             detach = dr.detach if kit.jit else (lambda x: x)
@@ -409,7 +408,7 @@ def define():
                 "per_ply": dr.select(plies > 0.0, per * direct / dr.maximum(plies, 1e-30), 0.0),
                 "chances": [per * direct, per * dr.select(is_edge, s["passing"], 0.0), per * mean_up, per * mean_down],
                 "straight": per * dr.select(is_edge, 0.0, s["passing"]),
-                "sigma_of": sigma_of,
+                "own": own,
             }
             if b is not None:
                 out |= {"f": s["f"] + last["more"] * s["last_f"], "density": s["density"] + last["more"] * s["last_density"]}
@@ -441,7 +440,7 @@ def define():
             left, found, wo = u[0], kit.bool(False), [kit.float(0.0)] * 3
             first = []
             for chance in at["chances"]:
-                here = kit.both(~found if kit.jit else not found, left < chance)
+                here = kit.both(kit.no(found), left < chance)
                 first.append((here, dr.minimum(left / dr.maximum(chance, 1e-30), 0.9999999)))
                 left = dr.select(found | here, left, left - chance)
                 found = found | here
@@ -454,7 +453,7 @@ def define():
 
             theta_i, h = chosen["q"][:2]
             energies = cloth.plies.energies(chosen["model"], theta_i, h)
-            sigma = at["sigma_of"](chosen["is_warp"], chosen["yarn"])
+            sigma = self.sigma_of(si, at["own"], chosen["is_warp"], chosen["yarn"])
             w = cloth.plies.draw(chosen["model"], theta_i, h, sigma, energies, [first[0][1], u[1], u[2]], False)
             b = to_fabric(chosen["q"], w)
             if cloth.plies.some_edge and cloth.options["edges"]:
@@ -466,7 +465,7 @@ def define():
             is_between = first[2][0] | first[3][0]
             up = dr.select(first[2][0], at["up_sign"], -at["up_sign"])
             b = [dr.select(is_between, x, y) for x, y in zip([radius * cos, radius * sin, up * height], b)]
-            straight = kit.both(~found if kit.jit else not found, at["straight"] > 0.0)
+            straight = kit.both(kit.no(found), at["straight"] > 0.0)
             b = [dr.select(found, x, -y) for x, y in zip(b, at["wo"])]
             return self.to_surface(si, b), straight, at["passing"], at["straight"]
 
