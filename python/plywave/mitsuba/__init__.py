@@ -22,5 +22,23 @@ def _register(old=None, new=None):
     classes[variant] = _plugins.define()
 
 
+def check(scene):
+    """Refuses a scene in which a shape cannot carry the plugin that it has; what a plugin cannot see by itself.
+
+    Raises ``ValueError``, in one line, for a mesh without texture coordinates under ``plywave_fabric``, and for a ``linearcurve`` under ``plywave_ply``: Mitsuba's linear
+    curves do not tell where they run; take ``bsplinecurve``.
+    """
+    for shape in scene.shapes():
+        bsdf = shape.bsdf()
+        kind = type(bsdf).__name__
+        name = shape.id() or shape.class_name()
+        if kind == "Fabric" and shape.is_mesh() and not shape.has_vertex_texcoords():
+            raise ValueError(f"{name}: no texture coordinates: plywave_fabric needs uv, along whose u the weft runs")
+        if kind == "Fabric" and "Curve" in shape.class_name():
+            raise ValueError(f"{name}: a curve: plywave_fabric is for surfaces: use plywave_ply")
+        if kind == "Ply" and shape.class_name() == "LinearCurve":
+            raise ValueError(f"{name}: a linearcurve: Mitsuba does not tell where it runs: use a bsplinecurve")
+
+
 _mi.detail.add_variant_callback(_register)
 _register()

@@ -73,19 +73,34 @@ def make_calls():
             return self.eval_pdf(ctx, si, wo, active)[1]
 
         def sample(self, ctx, si, sample1, sample2, active=True):
-            bs = dr.zeros(mi.BSDFSample3f)
             with dr.suspend_grad():
-                wo, straight, energy, chance = self.model_sample(si, [sample1, sample2.x, sample2.y], active)
+                drawn = self.model_sample(si, [sample1, sample2.x, sample2.y], active)
+            return self.sampled(ctx, si, drawn, active)
+
+        def sampled(self, ctx, si, drawn, active):
+            """The sample of a direction that was drawn."""
+            wo, straight, energy, chance = drawn
             f, pdf = self.eval_pdf(ctx, si, wo, self.kit.both(active, self.kit.no(straight)))
+            bs = dr.zeros(mi.BSDFSample3f)
             bs.wo = dr.select(straight, -si.wi, wo)
             bs.pdf = dr.select(straight, chance, pdf)
             bs.eta = 1.0
-            null = int(mi.BSDFFlags.Null)
-            glossy = int(mi.BSDFFlags.GlossyReflection)
-            bs.sampled_type = dr.select(straight, null, glossy) if not self.kit.jit else dr.select(straight, mi.UInt32(null), mi.UInt32(glossy))
+            null, glossy = int(mi.BSDFFlags.Null), int(mi.BSDFFlags.GlossyReflection)
+            bs.sampled_type = dr.select(straight, mi.UInt32(null), mi.UInt32(glossy))
             bs.sampled_component = 0
             weight = dr.select(straight, self.kit.S(energy / dr.maximum(chance, 1e-30)), f / dr.maximum(pdf, 1e-30))
-            on = active & (bs.pdf > 0.0)
-            return bs, dr.select(on, weight, 0.0)
+            return bs, dr.select(active & (bs.pdf > 0.0), weight, 0.0)
+
+        def eval_pdf_sample(self, ctx, si, wo, sample1, sample2, active=True):
+            u = [sample1, sample2.x, sample2.y]
+            (f, pdf), drawn = self.model_both(si, wo, u, active)
+            bs, weight = self.sampled(ctx, si, drawn, active)
+            on = active & (pdf > 0.0)
+            return dr.select(on, f, 0.0), dr.select(on, pdf, 0.0), bs, weight
+
+        def model_both(self, si, wo, u, active):
+            with dr.suspend_grad():
+                drawn = self.model_sample(si, u, active)
+            return self.model_eval(si, wo, active), drawn
 
     return Calls

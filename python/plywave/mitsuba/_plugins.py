@@ -420,7 +420,11 @@ def define():
         def model_eval(self, si, wo, active):
             kit, cloth = self.kit, self.cloth
             b = [dr.detach(x) if kit.jit else x for x in self.to_pattern(si, wo)]
-            at = self.walk(si, active, b=b)
+            return self.light(si, self.walk(si, active, b=b), b)
+
+        def light(self, si, at, b):
+            """f and the density of samples in direction ``b`` of the pattern, of the line that was followed."""
+            kit, cloth = self.kit, self.cloth
             is_up = b[2] * at["up_sign"] >= 0.0
             f = at["f"] + cloth.between_eval(at["about"], at["up"], at["down"], is_up, b)
             cos = dr.minimum(dr.abs(b[2]), 1.0)
@@ -436,7 +440,19 @@ def define():
 
         def model_sample(self, si, u, active):
             kit, cloth = self.kit, self.cloth
-            at = self.walk(si, active, number=_another(kit, u))
+            return self.drawn(si, self.walk(si, active, number=_another(kit, u)), u)
+
+        def model_both(self, si, wo, u, active):
+            kit = self.kit
+            b = [dr.detach(x) if kit.jit else x for x in self.to_pattern(si, wo)]
+            at = self.walk(si, active, b=b, number=_another(kit, u))
+            with dr.suspend_grad():
+                drawn = self.drawn(si, at, u)
+            return self.light(si, at, b), drawn
+
+        def drawn(self, si, at, u):
+            """A direction of the line that was followed."""
+            kit, cloth = self.kit, self.cloth
             left, found, wo = u[0], kit.bool(False), [kit.float(0.0)] * 3
             first = []
             for chance in at["chances"]:
