@@ -9,6 +9,7 @@ import numpy as np
 
 from . import _native
 from ._base import check_keys, make_calls, texture, typed
+from ._gaps import Gaps
 from ._kit import Kit, cross3, dot3
 from ._cloth import CLASSES, LEAST_CAUGHT, MAX_NEAR, Cloth, kit_false
 from ._ply import Plies, clear_share, exit_lines, read_container
@@ -142,11 +143,9 @@ def define():
             if (filename is None) == (text is None):
                 raise ValueError(f"{name}: filename: give one of 'filename', a fabric's spec (.toml), and 'spec', its text")
             folder = typed(name, props, "folder", str, ".")
-            gaps = typed(name, props, "gaps", str, "straight")
+            gaps = typed(name, props, "gaps", str, "diffracted")
             if gaps not in ("straight", "diffracted"):
                 raise ValueError(f"{name}: gaps: {gaps!r}: expected 'straight' or 'diffracted'")
-            if gaps == "diffracted":
-                raise ValueError(f"{name}: gaps: 'diffracted': not in this version: use 'straight'")
             on = {key: typed(name, props, key, bool, key != "speckle") for key in sorted(self.FLAGS)}
             if on["speckle"]:
                 raise ValueError(f"{name}: speckle: true: not in this version: leave it out")
@@ -155,6 +154,7 @@ def define():
             tables = _native.FabricTables(filename, text, folder, gaps == "diffracted", **on)
             tensors = tables.tensors()
             self.cloth = Cloth(kit, tensors)
+            self.gaps = Gaps(kit, tensors["apertures"], self.cloth.edge_step) if gaps == "diffracted" else None
             self.repeat_um = tables.repeat_um()
             scale = props["um_per_uv"] if props.has_property("um_per_uv") else 1e5
             self.um_per_uv = self.pair(name, "um_per_uv", scale)
@@ -300,6 +300,8 @@ def define():
                 # The last of the plies beside it, of which those beyond scatter more.
                 "last": {"more": kit.float(1.0), "catch": zero, "class": kit.uint(0), "energy": kit.zero_s()},
             }
+            if self.gaps is not None:
+                loop["aperture"] = [kit.float(cloth.yarn[k]["spacing"]) for k in (0, 0, 1, 1)]
             if b is not None:
                 loop |= {"f": kit.zero_s(), "density": zero, "last_f": kit.zero_s(), "last_density": zero}
             if number is not None:
@@ -355,6 +357,18 @@ def define():
                     s["density"] = s["density"] + dr.select(is_last, 0.0, density)
                     s["last_density"] = s["last_density"] + dr.select(is_last, density, 0.0)
                 q = [theta_i, h, *hit["frame"][0], *hit["frame"][2]]
+                if self.gaps is not None:
+                    # The line may be moved as far before it meets this ply (src/fabric/place.rs).
+                    per_um = dr.select(hit["is_warp"], hit["frame"][0][0], hit["frame"][0][1])
+                    room = dr.maximum(dr.abs(h) - cloth.of_family("radius", hit["is_warp"]), 0.0) / dr.maximum(dr.abs(per_um), 1e-3)
+                    beyond = (h < 0.0) == (per_um > 0.0)
+                    aside = kit.both(on, kit.no(is_main))
+                    edges = [
+                        kit.both(hit["is_warp"] if k == 0 else kit.no(hit["is_warp"]), beyond if far else kit.no(beyond))
+                        for k in range(2)
+                        for far in (False, True)
+                    ]
+                    s["aperture"] = [dr.select(kit.both(aside, e), dr.minimum(a, room), a) for e, a in zip(edges, s["aperture"])]
                 if number is not None:
                     weight = dr.select(kit.both(counted, kit.no(is_last)), kit.mean(sent), 0.0)
                     s["weight"] = s["weight"] + weight
@@ -394,6 +408,12 @@ def define():
             is_edge = kit.both(s["main"]["is"], kit.bool(options["edges"] and cloth.plies.some_edge))
             if not cloth.plies.has_edge:
                 is_edge = kit.both(is_edge, cloth.plies.number("edge", s["main"]["model"]) > 0.5)
+            is_aperture, spectra = kit.bool(False), None
+            if self.gaps is not None:
+                spectra = self.gaps.at(s["aperture"])
+                open_ = kit.both(kit.both(spectra[0].passes(), spectra[1].passes()), wo[2] != 0.0)
+                is_aperture = kit.both(kit.no(s["main"]["is"]), open_)
+            is_diffracted = is_edge | is_aperture
             total = direct + mean_up + mean_down + s["passing"]
             per = dr.select(total > 0.0, 1.0 / dr.maximum(total, 1e-30), 0.0)
             out = {
@@ -401,13 +421,15 @@ def define():
                 "up_sign": up_sign,
                 "passing": s["passing"],
                 "is_edge": is_edge,
+                "is_aperture": is_aperture,
+                "spectra": spectra,
                 "main": s["main"],
                 "up": up,
                 "down": down,
                 "about": about,
                 "per_ply": dr.select(plies > 0.0, per * direct / dr.maximum(plies, 1e-30), 0.0),
-                "chances": [per * direct, per * dr.select(is_edge, s["passing"], 0.0), per * mean_up, per * mean_down],
-                "straight": per * dr.select(is_edge, 0.0, s["passing"]),
+                "chances": [per * direct, per * dr.select(is_diffracted, s["passing"], 0.0), per * mean_up, per * mean_down],
+                "straight": per * dr.select(is_diffracted, 0.0, s["passing"]),
                 "own": own,
             }
             if b is not None:
@@ -435,7 +457,11 @@ def define():
                 v = [dot3(a, b) for a in (x, cross3(z, x), z)]
                 light, density = cloth.plies.edge(main["model"], theta_i, h, self.lambda_um(si), v)
                 f = f + dr.select(at["is_edge"], at["passing"] * light, kit.zero_s())
-                pdf = pdf + at["chances"][1] * density
+                pdf = pdf + dr.select(at["is_edge"], at["chances"][1] * density, 0.0)
+            if self.gaps is not None:
+                light, density = self.gaps.eval(at["spectra"], at["wo"], self.lambda_um(si), b)
+                f = f + dr.select(at["is_aperture"], at["passing"] * light, kit.zero_s())
+                pdf = pdf + dr.select(at["is_aperture"], at["chances"][1] * density, 0.0)
             return f, dr.detach(pdf) if kit.jit else pdf
 
         def model_sample(self, si, u, active):
@@ -476,6 +502,9 @@ def define():
                 q = main["q"]
                 w = cloth.plies.edge_draw(main["model"], q[0], q[1], self.lambda_um(si), [first[1][1], u[1], u[2]])
                 b = [dr.select(first[1][0], x, y) for x, y in zip(to_fabric(q, w), b)]
+            if self.gaps is not None:
+                w = self.gaps.draw(at["spectra"], at["wo"], self.lambda_um(si), [first[1][1], u[1], u[2]])
+                b = [dr.select(kit.both(first[1][0], at["is_aperture"]), x, y) for x, y in zip(w, b)]
             sin, cos = dr.sincos(2.0 * math.pi * u[2])
             radius, height = dr.sqrt(u[1]), dr.sqrt(dr.maximum(1.0 - u[1], 0.0))
             is_between = first[2][0] | first[3][0]
@@ -487,7 +516,7 @@ def define():
 
         def eval_null_transmission(self, si, active=True):
             at = self.walk(si, active)
-            return self.kit.S(dr.select(at["is_edge"], 0.0, at["passing"]))
+            return self.kit.S(dr.select(at["is_edge"] | at["is_aperture"], 0.0, at["passing"]))
 
         def to_string(self):
             return f"plywave_fabric[repeat = {self.repeat_um} um, um_per_uv = {self.um_per_uv}]"
