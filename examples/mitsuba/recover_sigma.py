@@ -19,14 +19,13 @@ def scene(sigma_per_um):
     return mi.load_dict(
         {
             "type": "scene",
-            "integrator": {"type": "direct"},
+            "integrator": {"type": "direct", "emitter_samples": 1, "bsdf_samples": 0},
             "sensor": {
                 "type": "perspective",
                 "fov": 30,
                 "to_world": mi.ScalarTransform4f().look_at([0, -1.2, 2.2], [0, 0, 0], [0, 0, 1]),
                 "film": {"type": "hdrfilm", "width": SIZE, "height": SIZE, "rfilter": {"type": "box"}},
             },
-            "sky": {"type": "constant", "radiance": 0.3},
             "lamp": {"type": "point", "position": [1, 1, 2], "intensity": 3.0},
             "cloth": {
                 "type": "rectangle",
@@ -34,6 +33,7 @@ def scene(sigma_per_um):
                     "type": "plywave_fabric",
                     "filename": FABRIC,
                     "um_per_uv": 2e4,
+                    "gaps": "straight",
                     "warp_sigma_per_um": color,
                     "weft_sigma_per_um": color,
                 },
@@ -42,7 +42,7 @@ def scene(sigma_per_um):
     )
 
 
-def recover(photograph, start=0.005, steps=60, last=20, spp=16, told=None):
+def recover(photograph, start=0.005, steps=60, last=15, spp=8, told=None):
     """Absorptions [1/um] of the three channels by which the satin looks as in the photograph, the mean of the last steps."""
     import drjit as dr
 
@@ -54,7 +54,7 @@ def recover(photograph, start=0.005, steps=60, last=20, spp=16, told=None):
     adam["ln_sigma"] = mi.Color3f(float(np.log(start)))
     found = []
     for step in range(steps):
-        adam.set_learning_rate(0.3 * 0.03 ** (step / steps))
+        adam.set_learning_rate(0.3 * 0.05 ** (step / steps))
         sigma = dr.exp(adam["ln_sigma"])
         for key in KEYS:
             params[key] = sigma

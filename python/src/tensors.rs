@@ -70,9 +70,15 @@ impl FabricTables {
         for tensor in self.fabric.tensors() {
             let shape = IxDyn(&tensor.shape);
             match tensor.values {
-                Values::F32(v) => all.set_item(tensor.name, ArrayD::from_shape_vec(shape, v).map_err(raise)?.into_pyarray(py))?,
-                Values::U32(v) => all.set_item(tensor.name, ArrayD::from_shape_vec(shape, v).map_err(raise)?.into_pyarray(py))?,
-                Values::U8(v) => all.set_item(tensor.name, ArrayD::from_shape_vec(shape, v).map_err(raise)?.into_pyarray(py))?,
+                Values::F32(v) => {
+                    all.set_item(tensor.name, ArrayD::from_shape_vec(shape, v).map_err(raise)?.into_pyarray(py))?
+                }
+                Values::U32(v) => {
+                    all.set_item(tensor.name, ArrayD::from_shape_vec(shape, v).map_err(raise)?.into_pyarray(py))?
+                }
+                Values::U8(v) => {
+                    all.set_item(tensor.name, ArrayD::from_shape_vec(shape, v).map_err(raise)?.into_pyarray(py))?
+                }
             }
         }
         let models = PyList::empty(py);
@@ -138,8 +144,10 @@ impl FabricTables {
             match self.fabric.fabric().at(x, y, row(&wo, i)) {
                 Place::Ply(hit) => {
                     let [fx, _, fz] = hit.frame;
-                    let numbers = [1.0, hit.family as u8 as f32, hit.yarn as f32, hit.ply as f32, hit.theta_i, hit.h_um];
-                    let rest = [hit.along_um, f32::from(u8::from(hit.is_double)), fx[0], fx[1], fx[2], fz[0], fz[1], fz[2]];
+                    let numbers =
+                        [1.0, hit.family as u8 as f32, hit.yarn as f32, hit.ply as f32, hit.theta_i, hit.h_um];
+                    let rest =
+                        [hit.along_um, f32::from(u8::from(hit.is_double)), fx[0], fx[1], fx[2], fz[0], fz[1], fz[2]];
                     numbers.into_iter().chain(rest).enumerate().for_each(|(k, v)| hits[[i, k]] = v);
                 }
                 Place::Gap(gap) => gap.aperture_um.into_iter().enumerate().for_each(|(k, v)| hits[[i, 4 + k]] = v),

@@ -1,6 +1,5 @@
-"""What comes from the Rust library."""
+"""What comes from the Rust library (python/src/tensors.rs)."""
 
-try:
-    from plywave._plywave import FabricTables, ply_file, ply_radius_um, ply_terms
-except ImportError:  # development
-    from mi_native import FabricTables, ply_file, ply_radius_um, ply_terms
+from plywave._plywave import FabricTables, ply_file, ply_radius_um, ply_terms
+
+__all__ = ["FabricTables", "ply_file", "ply_radius_um", "ply_terms"]
