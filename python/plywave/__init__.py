@@ -17,12 +17,17 @@ from ._model import Model
 from ._fiber import Fiber
 from ._fabric import Fabric
 from ._load import load
+from ._work import CheckLine, CheckReport, build, check, fit, simulate
+from ._plot import plot
+from . import wave
 
 __all__ = [
     "ABSORBED",
     "RGB_LAMBDA_UM",
     "SCATTERED",
     "STRAIGHT",
+    "CheckLine",
+    "CheckReport",
     "Document",
     "Error",
     "Fabric",
@@ -35,7 +40,13 @@ __all__ = [
     "Terms",
     "Twin",
     "__version__",
+    "build",
+    "check",
+    "fit",
     "get_threads",
     "load",
+    "plot",
     "set_threads",
+    "simulate",
+    "wave",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, List, Optional, Sequence, Tuple
+from typing import Any, Dict, List, Optional, Tuple
 
 import numpy as np
 
@@ -45,6 +45,14 @@ def lambdas(value: Any, count: int) -> np.ndarray:
     if value is not None:
         return channels(value, "lambda_um")
     return np.array(RGB_LAMBDA_UM if count == 3 else [0.55], np.float32)
+
+
+def integers(value: Any, name: str) -> np.ndarray:
+    """An array of whole numbers, 0 or more, as uint64."""
+    given = value if isinstance(value, np.ndarray) else _array(value, name)
+    if given.dtype.kind not in "iu" or (given.dtype.kind == "i" and given.size and int(given.min()) < 0):
+        raise Error(f"{name}: dtype {given.dtype}, shape {given.shape}; give whole numbers, 0 or more")
+    return given.astype(np.uint64)
 
 
 def count_of(arrays: Dict[str, np.ndarray]) -> int:
@@ -93,6 +101,10 @@ class Queries:
         return flat.reshape(self.shape + core)
 
 
-def unpack(arrays: Sequence[Any]) -> List[np.ndarray]:
-    """Results of the extension module as arrays."""
-    return [np.asarray(a) for a in arrays]
+def call(rust: Any, what: str, ask: Dict[str, Any], *widths: int, events: bool = False) -> List[np.ndarray]:
+    """Asks the extension module; gives its results flat, `n` rows of each width."""
+    n = ask["n"]
+    made = [np.zeros(n * width, np.float32) for width in widths]
+    event = np.zeros(n, np.uint8) if events else None
+    rust.ask(what, ask, {"floats": made, "events": event})
+    return made if event is None else [*made, event]

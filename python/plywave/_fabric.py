@@ -8,7 +8,7 @@ from typing import Any, Dict, List, Optional, Tuple
 import numpy as np
 
 from . import _plywave
-from ._arrays import Queries, channels, count_of, floats, unpack
+from ._arrays import Queries, call, channels, count_of, floats
 from ._files import PathLike, html_table
 from ._model import Model
 from ._plywave import Error
@@ -114,7 +114,7 @@ class Fabric:
         flat = np.ascontiguousarray(given).reshape(-1)
         return np.asarray(self._rust.sigma_of_reflectance(flat)).reshape(given.shape)
 
-    def _ask(self, what: str, position: Any, wo: Any, lambda_um: Any, sigma: Any, turn: Any, w: Any = None, w_name: str = "wi") -> Any:
+    def _ask(self, what: str, widths: Tuple[int, ...], position: Any, wo: Any, lambda_um: Any, sigma: Any, turn: Any, w: Any = None, w_name: str = "wi") -> Tuple[Queries, int, List[np.ndarray]]:
         scalars = {"turn_rad": floats(turn, "turn_rad")}
         vectors = {"position_um": floats(position, "position_um", 2), "wo": floats(wo, "wo", 3)}
         counted: Dict[str, np.ndarray] = {}
@@ -131,7 +131,10 @@ class Fabric:
         if w is not None:
             vectors[w_name] = floats(w, w_name, 3)
         q = Queries(scalars, vectors)
-        row = lambda name: q.flat(counted[name], (n,)) if name in counted else None  # noqa: E731
+
+        def row(name: str) -> Optional[np.ndarray]:
+            return q.flat(counted[name], (n,)) if name in counted else None
+
         ask = {
             "n": q.n,
             "channels": n,
@@ -144,48 +147,48 @@ class Fabric:
             "w": None if w is None else q.flat(vectors[w_name], (3,)),
             "threads": get_threads(),
         }
-        return q, n, unpack(self._rust.ask(what, ask))
+        return q, n, call(self._rust, what, ask, *(width or n for width in widths), events=what == "sample")
 
     def eval(self, position_um: Any, wo: Any, wi: Any, lambda_um: Any = None, *, sigma_per_um: Any = None, turn_rad: Any = 0.0) -> np.ndarray:
         """f `[..., N]` [1/sr] for light from `wi`."""
-        q, n, (f,) = self._ask("eval", position_um, wo, lambda_um, sigma_per_um, turn_rad, wi)
+        q, n, (f,) = self._ask("eval", (0,), position_um, wo, lambda_um, sigma_per_um, turn_rad, wi)
         return q.rows(f, n)
 
     def pdf(self, position_um: Any, wo: Any, wi: Any, lambda_um: Any = None, *, sigma_per_um: Any = None, turn_rad: Any = 0.0) -> np.ndarray:
         """Density `[...]` [1/sr] with which `sample` gives `wi`."""
-        q, _, (pdf,) = self._ask("pdf", position_um, wo, lambda_um, sigma_per_um, turn_rad, wi)
+        q, _, (pdf,) = self._ask("pdf", (1,), position_um, wo, lambda_um, sigma_per_um, turn_rad, wi)
         return q.rows(pdf)
 
     def eval_pdf(self, position_um: Any, wo: Any, wi: Any, lambda_um: Any = None, *, sigma_per_um: Any = None, turn_rad: Any = 0.0) -> "tuple[np.ndarray, np.ndarray]":
         """`eval` and `pdf` in about the time of one."""
-        q, n, (f, pdf) = self._ask("eval_pdf", position_um, wo, lambda_um, sigma_per_um, turn_rad, wi)
+        q, n, (f, pdf) = self._ask("eval_pdf", (0, 1), position_um, wo, lambda_um, sigma_per_um, turn_rad, wi)
         return q.rows(f, n), q.rows(pdf)
 
     def sample(self, position_um: Any, wo: Any, u: Any, lambda_um: Any = None, *, sigma_per_um: Any = None, turn_rad: Any = 0.0) -> Samples:
         """Directions towards light, by three uniform numbers `u` `[..., 3]` in [0, 1) a query."""
-        q, n, (w, weight, pdf, event) = self._ask("sample", position_um, wo, lambda_um, sigma_per_um, turn_rad, u, "u")
+        q, n, (w, weight, pdf, event) = self._ask("sample", (3, 0, 1), position_um, wo, lambda_um, sigma_per_um, turn_rad, u, "u")
         return Samples(q.rows(w, 3), q.rows(weight, n), q.rows(pdf), q.rows(event))
 
     def albedo(self, position_um: Any, wo: Any, lambda_um: Any = None, *, sigma_per_um: Any = None, turn_rad: Any = 0.0) -> np.ndarray:
         """Integral of f over the sphere `[..., N]`."""
-        q, n, (albedo,) = self._ask("albedo", position_um, wo, lambda_um, sigma_per_um, turn_rad)
+        q, n, (albedo,) = self._ask("albedo", (0,), position_um, wo, lambda_um, sigma_per_um, turn_rad)
         return q.rows(albedo, n)
 
     def straight(self, position_um: Any, wo: Any, lambda_um: Any = None, *, sigma_per_um: Any = None, turn_rad: Any = 0.0) -> np.ndarray:
         """Fraction of the light that goes straight through, unscattered `[..., N]`."""
-        q, n, (straight,) = self._ask("straight", position_um, wo, lambda_um, sigma_per_um, turn_rad)
+        q, n, (straight,) = self._ask("straight", (0,), position_um, wo, lambda_um, sigma_per_um, turn_rad)
         return q.rows(straight, n)
 
     def outcomes(self, position_um: Any, wo: Any, lambda_um: Any = None, *, sigma_per_um: Any = None, turn_rad: Any = 0.0) -> Outcomes:
         """Chances of what `sample` gives, `[...]` each."""
-        q, _, (all_of,) = self._ask("outcomes", position_um, wo, lambda_um, sigma_per_um, turn_rad)
+        q, _, (all_of,) = self._ask("outcomes", (3,), position_um, wo, lambda_um, sigma_per_um, turn_rad)
         rows = q.rows(all_of, 3)
         return Outcomes(rows[..., 0], rows[..., 1], rows[..., 2])
 
     def is_gap(self, position_um: Any, wo: Any, *, turn_rad: Any = 0.0) -> np.ndarray:
         """Whether the point lies in a gap `[...]`, bool: the line from the viewer meets no ply."""
-        q, _, (gap,) = self._ask("is_gap", position_um, wo, None, None, turn_rad)
-        return q.rows(gap) > 0.5
+        q, _, (gap,) = self._ask("is_gap", (1,), position_um, wo, None, None, turn_rad)
+        return np.asarray(q.rows(gap) > 0.5)
 
     def __repr__(self) -> str:
         x, y = self.repeat_um

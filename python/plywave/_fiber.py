@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-from typing import Any
+from typing import Any, List, Tuple
 
 import numpy as np
 
 from . import _plywave
-from ._arrays import Queries, channels, count_of, floats, unpack
+from ._arrays import Queries, call, channels, count_of, floats
 from ._files import Document, PathLike
 from ._results import Outcomes, Samples
 from ._threads import get_threads
@@ -62,7 +62,7 @@ class Fiber(Document):
         """Largest width from which it takes light [um]: the diameter of the cylinder to intersect."""
         return self._rust.max_width_um
 
-    def _ask(self, what: str, omega_i: Any, lambda_um: Any, w: Any = None, w_name: str = "omega_o") -> Any:
+    def _ask(self, what: str, widths: Tuple[int, ...], omega_i: Any, lambda_um: Any, w: Any = None, w_name: str = "omega_o") -> Tuple[Queries, int, List[np.ndarray]]:
         vectors = {"omega_i": floats(omega_i, "omega_i", 3), "lambda_um": channels(lambda_um, "lambda_um")}
         n = count_of({"lambda_um": vectors["lambda_um"]})
         if w is not None:
@@ -76,40 +76,40 @@ class Fiber(Document):
             "w": None if w is None else q.flat(vectors[w_name], (3,)),
             "threads": get_threads(),
         }
-        return q, n, unpack(self._rust.ask(what, ask))
+        return q, n, call(self._rust, what, ask, *(width or n for width in widths), events=what == "sample")
 
     def eval(self, omega_i: Any, omega_o: Any, lambda_um: Any) -> np.ndarray:
         """f `[..., N]` [1/sr]."""
-        q, n, (f,) = self._ask("eval", omega_i, lambda_um, omega_o)
+        q, n, (f,) = self._ask("eval", (0,), omega_i, lambda_um, omega_o)
         return q.rows(f, n)
 
     def pdf(self, omega_i: Any, omega_o: Any, lambda_um: Any) -> np.ndarray:
         """Density `[...]` [1/sr] with which `sample` gives `omega_o`."""
-        q, _, (pdf,) = self._ask("pdf", omega_i, lambda_um, omega_o)
+        q, _, (pdf,) = self._ask("pdf", (1,), omega_i, lambda_um, omega_o)
         return q.rows(pdf)
 
     def eval_pdf(self, omega_i: Any, omega_o: Any, lambda_um: Any) -> "tuple[np.ndarray, np.ndarray]":
         """`eval` and `pdf` in about the time of one."""
-        q, n, (f, pdf) = self._ask("eval_pdf", omega_i, lambda_um, omega_o)
+        q, n, (f, pdf) = self._ask("eval_pdf", (0, 1), omega_i, lambda_um, omega_o)
         return q.rows(f, n), q.rows(pdf)
 
     def sample(self, omega_i: Any, u: Any, lambda_um: Any) -> Samples:
         """What becomes of light, by three uniform numbers `u` `[..., 3]` in [0, 1) a query."""
-        q, n, (w, weight, pdf, event) = self._ask("sample", omega_i, lambda_um, u, "u")
+        q, n, (w, weight, pdf, event) = self._ask("sample", (3, 0, 1), omega_i, lambda_um, u, "u")
         return Samples(q.rows(w, 3), q.rows(weight, n), q.rows(pdf), q.rows(event))
 
     def albedo(self, omega_i: Any, lambda_um: Any) -> np.ndarray:
         """Scattered over extinguished light `[..., N]`; 1 for a lossless fiber."""
-        q, n, (albedo,) = self._ask("albedo", omega_i, lambda_um)
+        q, n, (albedo,) = self._ask("albedo", (0,), omega_i, lambda_um)
         return q.rows(albedo, n)
 
     def outcomes(self, omega_i: Any, lambda_um: Any) -> Outcomes:
         """Chances of what `sample` gives, `[...]` each."""
-        q, _, (all_of,) = self._ask("outcomes", omega_i, lambda_um)
+        q, _, (all_of,) = self._ask("outcomes", (3,), omega_i, lambda_um)
         rows = q.rows(all_of, 3)
         return Outcomes(rows[..., 0], rows[..., 1], rows[..., 2])
 
     def width_um(self, omega_i: Any, lambda_um: Any) -> np.ndarray:
         """Width from which the fiber takes light [um] `[..., N]`: rays whose offset from the center line is beyond half of it pass."""
-        q, n, (width,) = self._ask("width_um", omega_i, lambda_um)
+        q, n, (width,) = self._ask("width_um", (0,), omega_i, lambda_um)
         return q.rows(width, n)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-from typing import Any, Optional
+from typing import Any, List, Optional, Tuple
 
 import numpy as np
 
 from . import _plywave
-from ._arrays import Queries, channels, count_of, floats, lambdas, unpack
+from ._arrays import Queries, call, channels, count_of, floats, integers, lambdas
 from ._files import Document, PathLike, Table
 from ._results import Outcomes, Samples, Terms
 from ._threads import get_threads
@@ -24,6 +24,8 @@ class Model(Document):
     - `omega_o` `[..., 3]`: outgoing directions, unit.
     - `sigma_per_um` `[..., N]`: absorptions of the fibers [1/um], N from 1 to 8: the color. A number alone is N = 1.
     - `lambda_um` `[..., N]`: wavelengths [um]; by default those of R, G, B for N = 3, else 0.55. Edge light alone depends on them.
+    - `instance` `[...]`: whole numbers, 0 or more, each of which stands for one speckle pattern of a model with noise (`has_noise`); by default the smooth model.
+      Sampling, pdf and albedo are those of the smooth model.
     - `edge`: light that passes beside the ply is diffracted at its edge; without, it goes straight on.
 
     f is an energy density [1/sr], the BSDF times the cosine. Results are float32. Whatever numbers come in, calls give numbers: where a query is not finite, the
@@ -76,7 +78,7 @@ class Model(Document):
         """Greatest difference of eval from the values stored in the file, over the greatest of them; 0 when none are stored."""
         return self._rust.reference_error
 
-    def _ask(self, what: str, theta_i: Any, h_um: Any, sigma: Any, lambda_um: Any, edge: bool, w: Any = None, w_name: str = "omega_o") -> Any:
+    def _ask(self, what: str, widths: Tuple[int, ...], theta_i: Any, h_um: Any, sigma: Any, lambda_um: Any, edge: bool, w: Any = None, w_name: str = "omega_o", instance: Any = None) -> Tuple[Queries, int, List[np.ndarray]]:
         scalars = {"theta_i": floats(theta_i, "theta_i"), "h_um": floats(h_um, "h_um")}
         sigmas = channels(sigma, "sigma_per_um")
         wavelengths = lambdas(lambda_um, sigmas.shape[-1])
@@ -84,6 +86,8 @@ class Model(Document):
         vectors = {"sigma_per_um": sigmas, "lambda_um": wavelengths}
         if w is not None:
             vectors[w_name] = floats(w, w_name, 3)
+        if instance is not None:
+            scalars["instance"] = integers(instance, "instance")
         q = Queries(scalars, vectors)
         ask = {
             "n": q.n,
@@ -93,54 +97,55 @@ class Model(Document):
             "sigma": q.flat(sigmas, (n,)),
             "lambda": q.flat(wavelengths, (n,)),
             "w": None if w is None else q.flat(vectors[w_name], (3,)),
+            "instance": None if instance is None else q.flat(scalars["instance"]),
             "edge": bool(edge),
             "threads": get_threads(),
         }
-        return q, n, unpack(self._rust.ask(what, ask))
+        return q, n, call(self._rust, what, ask, *(width or n for width in widths), events=what == "sample")
 
-    def eval(self, theta_i: Any, h_um: Any, omega_o: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True) -> np.ndarray:
+    def eval(self, theta_i: Any, h_um: Any, omega_o: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True, instance: Any = None) -> np.ndarray:
         """f `[..., N]` [1/sr] in the directions `omega_o`."""
-        q, n, (f,) = self._ask("eval", theta_i, h_um, sigma_per_um, lambda_um, edge, omega_o)
+        q, n, (f,) = self._ask("eval", (0,), theta_i, h_um, sigma_per_um, lambda_um, edge, omega_o, instance=instance)
         return q.rows(f, n)
 
     def pdf(self, theta_i: Any, h_um: Any, omega_o: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True) -> np.ndarray:
         """Density `[...]` [1/sr] with which `sample` gives `omega_o`."""
-        q, _, (pdf,) = self._ask("pdf", theta_i, h_um, sigma_per_um, lambda_um, edge, omega_o)
+        q, _, (pdf,) = self._ask("pdf", (1,), theta_i, h_um, sigma_per_um, lambda_um, edge, omega_o)
         return q.rows(pdf)
 
-    def eval_pdf(self, theta_i: Any, h_um: Any, omega_o: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True) -> "tuple[np.ndarray, np.ndarray]":
+    def eval_pdf(self, theta_i: Any, h_um: Any, omega_o: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True, instance: Any = None) -> "tuple[np.ndarray, np.ndarray]":
         """`eval` and `pdf` in about the time of one."""
-        q, n, (f, pdf) = self._ask("eval_pdf", theta_i, h_um, sigma_per_um, lambda_um, edge, omega_o)
+        q, n, (f, pdf) = self._ask("eval_pdf", (0, 1), theta_i, h_um, sigma_per_um, lambda_um, edge, omega_o, instance=instance)
         return q.rows(f, n), q.rows(pdf)
 
-    def sample(self, theta_i: Any, h_um: Any, u: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True) -> Samples:
+    def sample(self, theta_i: Any, h_um: Any, u: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True, instance: Any = None) -> Samples:
         """What becomes of light, by three uniform numbers `u` `[..., 3]` in [0, 1) a query."""
-        q, n, (w, weight, pdf, event) = self._ask("sample", theta_i, h_um, sigma_per_um, lambda_um, edge, u, "u")
+        q, n, (w, weight, pdf, event) = self._ask("sample", (3, 0, 1), theta_i, h_um, sigma_per_um, lambda_um, edge, u, "u", instance)
         return Samples(q.rows(w, 3), q.rows(weight, n), q.rows(pdf), q.rows(event))
 
     def albedo(self, theta_i: Any, h_um: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True) -> np.ndarray:
         """Integral of f over the sphere `[..., N]`."""
-        q, n, (albedo,) = self._ask("albedo", theta_i, h_um, sigma_per_um, lambda_um, edge)
+        q, n, (albedo,) = self._ask("albedo", (0,), theta_i, h_um, sigma_per_um, lambda_um, edge)
         return q.rows(albedo, n)
 
     def straight(self, theta_i: Any, h_um: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True) -> np.ndarray:
         """Fraction of the light that goes straight on, unscattered `[..., N]`."""
-        q, n, (straight,) = self._ask("straight", theta_i, h_um, sigma_per_um, lambda_um, edge)
+        q, n, (straight,) = self._ask("straight", (0,), theta_i, h_um, sigma_per_um, lambda_um, edge)
         return q.rows(straight, n)
 
     def outcomes(self, theta_i: Any, h_um: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True) -> Outcomes:
         """Chances of what `sample` gives, `[...]` each."""
-        q, _, (all_of,) = self._ask("outcomes", theta_i, h_um, sigma_per_um, lambda_um, edge)
+        q, _, (all_of,) = self._ask("outcomes", (3,), theta_i, h_um, sigma_per_um, lambda_um, edge)
         rows = q.rows(all_of, 3)
         return Outcomes(rows[..., 0], rows[..., 1], rows[..., 2])
 
     def terms(self, theta_i: Any, h_um: Any, omega_o: Any, sigma_per_um: Any, lambda_um: Any = None, *, edge: bool = True) -> Terms:
         """The terms of f apart, `[..., N]` each [1/sr]."""
-        q, n, parts = self._ask("terms", theta_i, h_um, sigma_per_um, lambda_um, edge, omega_o)
+        q, n, parts = self._ask("terms", (0, 0, 0), theta_i, h_um, sigma_per_um, lambda_um, edge, omega_o)
         refl, high, edge_light = (q.rows(part, n) for part in parts)
         return Terms(refl, high, edge_light)
 
     def r_d(self, theta_i: Any, h_um: Any) -> np.ndarray:
         """Fraction of the beam that meets no fiber `[...]`."""
-        q, _, (r_d,) = self._ask("r_d", theta_i, h_um, 0.0, None, False)
+        q, _, (r_d,) = self._ask("r_d", (1,), theta_i, h_um, 0.0, None, False)
         return q.rows(r_d)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from typing import Any, Mapping, Optional, Tuple, Union
+from typing import Any, Dict, Mapping, Optional, Tuple, Union
 
 from . import _plywave
 from ._plywave import Error
@@ -25,3 +25,9 @@ def text_of(spec: Spec, name: str) -> Tuple[Optional[str], str]:
     if isinstance(spec, (str, os.PathLike)):
         return os.fspath(spec), ""
     raise Error(f"{name}: {type(spec).__name__}; give a path, the text of a spec, or a dict of its keys")
+
+
+def spec_args(spec: Spec, name: str) -> Dict[str, Any]:
+    """A spec for the extension module; files that a text or dict names are looked for in the current folder."""
+    path, text = text_of(spec, name)
+    return {"path": path, "text": text, "name": name, "folder": ""}

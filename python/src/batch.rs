@@ -3,16 +3,20 @@
 //! Chunks have a fixed size and each is worked on alone, so that results do not depend on the number of threads.
 
 use crate::errors::{Failure, Outcome};
-use numpy::{IntoPyArray, PyReadonlyArray1};
+use numpy::{PyReadonlyArray1, PyReadwriteArray1};
 use plywave::{Bsdf, BsdfSample};
 use pyo3::prelude::*;
 use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 /// Most absorptions or wavelengths of a call.
 pub(crate) const MOST_CHANNELS: usize = 8;
 /// Queries that one thread takes at a time.
 pub(crate) const CHUNK: usize = 2048;
+/// Time between two looks for Ctrl-C.
+const LOOK_EVERY: Duration = Duration::from_millis(100);
 /// Directions of one query from which they are evaluated together.
 const TOGETHER: usize = 4;
 
@@ -40,7 +44,9 @@ impl<'a, const K: usize> Rows<'a, K> {
     /// Of an array of `n` rows or of one.
     pub(crate) fn of(floats: &'a Floats<'_>, n: usize, name: &str) -> Outcome<Rows<'a, K>> {
         fn slice<'a, T: numpy::Element>(array: &'a PyReadonlyArray1<'_, T>, name: &str) -> Outcome<&'a [T]> {
-            array.as_slice().map_err(|_| Failure::input("arrays", name, "not contiguous", "the wrapper hands in flat arrays"))
+            array
+                .as_slice()
+                .map_err(|_| Failure::input("arrays", name, "not contiguous", "the wrapper hands in flat arrays"))
         }
         let rows = match floats {
             Floats::Single(array) => {
@@ -64,7 +70,12 @@ impl<'a, const K: usize> Rows<'a, K> {
     }
 
     /// Of an array that may be left out: then `usual` for all.
-    pub(crate) fn of_optional(floats: Option<&'a Floats<'_>>, n: usize, name: &str, usual: [f32; K]) -> Outcome<Rows<'a, K>> {
+    pub(crate) fn of_optional(
+        floats: Option<&'a Floats<'_>>,
+        n: usize,
+        name: &str,
+        usual: [f32; K],
+    ) -> Outcome<Rows<'a, K>> {
         floats.map_or(Ok(Rows::One(usual)), |floats| Rows::of(floats, n, name))
     }
 
@@ -89,27 +100,43 @@ impl<'a, const K: usize> Rows<'a, K> {
     }
 }
 
-/// Works on jobs on `threads` threads, each taking the next.
-pub(crate) fn parallel<I: Iterator + Send>(jobs: I, threads: usize, work: impl Fn(I::Item) + Sync)
+/// Works on jobs on `threads` threads, each taking the next. The calling thread, which must not hold the interpreter's lock, looks for Ctrl-C now and then.
+///
+/// # Errors
+/// The exception that a signal raised; some jobs are then not done.
+pub(crate) fn parallel<I: Iterator + Send>(jobs: I, threads: usize, work: impl Fn(I::Item) + Sync) -> PyResult<()>
 where
     I::Item: Send,
 {
-    if threads <= 1 {
-        return jobs.for_each(work);
-    }
-    let jobs = Mutex::new(jobs);
-    let next = || jobs.lock().unwrap_or_else(PoisonError::into_inner).next();
-    std::thread::scope(|scope| {
-        let run = || {
-            while let Some(job) = next() {
-                work(job);
+    let (jobs, stop) = (Mutex::new(jobs), AtomicBool::new(false));
+    let next = || match stop.load(Ordering::Relaxed) {
+        true => None,
+        false => jobs.lock().unwrap_or_else(PoisonError::into_inner).next(),
+    };
+    let calling = || {
+        let mut looked = Instant::now();
+        while let Some(job) = next() {
+            work(job);
+            if looked.elapsed() > LOOK_EVERY {
+                looked = Instant::now();
+                Python::attach(|py| py.check_signals()).inspect_err(|_| stop.store(true, Ordering::Relaxed))?;
             }
-        };
-        for _ in 1..threads {
-            scope.spawn(run);
         }
-        run();
-    });
+        Ok(())
+    };
+    if threads <= 1 {
+        return calling();
+    }
+    std::thread::scope(|scope| {
+        for _ in 1..threads {
+            scope.spawn(|| {
+                while let Some(job) = next() {
+                    work(job);
+                }
+            });
+        }
+        calling()
+    })
 }
 
 /// How many threads `n` queries are worth.
@@ -131,53 +158,77 @@ pub(crate) struct Asked<G, A> {
 
 impl<G, A> Asked<G, A> {
     /// Calls `each` with every run of equal queries within `range`.
-    fn runs<Q: PartialEq, B>(&self, range: Range<usize>, mut each: impl FnMut(&B, Range<usize>))
+    #[inline(always)]
+    fn runs<Q: PartialEq, B>(&self, range: Range<usize>, mut each: impl FnMut(&B, &Q, Range<usize>))
     where
         G: Fn(usize) -> Q,
         A: Fn(&Q, bool) -> B,
     {
         let mut i = range.start;
-        while i < range.end {
-            let query = (self.get)(i);
+        if i == range.end {
+            return;
+        }
+        let mut query = (self.get)(i);
+        loop {
             let mut end = i + 1;
-            while end < range.end && (self.get)(end) == query {
+            let mut next = None;
+            while end < range.end {
+                let other = (self.get)(end);
+                if other != query {
+                    next = Some(other);
+                    break;
+                }
                 end += 1;
             }
-            each(&(self.at)(&query, end > i + 1), i..end);
-            i = end;
+            // Two calls, so that each is compiled for what it is asked.
+            if next.is_some() && end == i + 1 {
+                each(&(self.at)(&query, false), &query, i..end);
+            } else {
+                each(&(self.at)(&query, end > i + 1), &query, i..end);
+            }
+            match next {
+                Some(other) => (i, query) = (end, other),
+                None => return,
+            }
         }
     }
 
     /// M numbers a query, of what is there at it and its index.
-    pub(crate) fn map<Q: PartialEq, B, const M: usize>(&self, f: impl Fn(&B, usize) -> [f32; M] + Sync) -> Vec<[f32; M]>
+    pub(crate) fn map<Q: PartialEq, B, const M: usize>(
+        &self,
+        out: &mut [[f32; M]],
+        f: impl Fn(&B, usize) -> [f32; M] + Sync,
+    ) -> PyResult<()>
     where
         G: Fn(usize) -> Q + Sync,
         A: Fn(&Q, bool) -> B + Sync,
     {
-        let mut out = vec![[0.0; M]; self.n];
         parallel(out.chunks_mut(CHUNK).enumerate(), threads_for(self.n, self.threads), |(chunk, out)| {
             let start = chunk * CHUNK;
-            self.runs(start..start + out.len(), |bsdf, range| {
+            self.runs(start..start + out.len(), |bsdf, _, range| {
                 for i in range {
                     out[i - start] = f(bsdf, i);
                 }
             });
-        });
-        out
+        })
     }
 
     /// f and pdf in the directions `w`.
-    fn eval_pdf<Q: PartialEq, B: Bsdf<N>, const N: usize>(&self, w: Rows<'_, 3>) -> (Vec<[f32; N]>, Vec<f32>)
+    fn eval_pdf<Q: PartialEq, B: Bsdf<N>, const N: usize>(
+        &self,
+        w: Rows<'_, 3>,
+        f: &mut [[f32; N]],
+        pdf: &mut [f32],
+    ) -> PyResult<()>
     where
         G: Fn(usize) -> Q + Sync,
         A: Fn(&Q, bool) -> B + Sync,
     {
-        let (mut f, mut pdf) = (vec![[0.0; N]; self.n], vec![0.0; self.n]);
         let jobs = f.chunks_mut(CHUNK).zip(pdf.chunks_mut(CHUNK)).enumerate();
         parallel(jobs, threads_for(self.n, self.threads), |(chunk, (f, pdf))| {
             let (start, mut kept) = (chunk * CHUNK, Vec::new());
             let w = w.range(start..start + f.len(), &mut kept);
-            self.runs(start..start + f.len(), |bsdf, range| {
+            self.runs(start..start + f.len(), |bsdf, _, range| {
                 let range = range.start - start..range.end - start;
                 if range.len() >= TOGETHER {
                     bsdf.eval_batch(&w[range.clone()], &mut f[range.clone()], &mut pdf[range]);
@@ -187,21 +238,19 @@ impl<G, A> Asked<G, A> {
                     }
                 }
             });
-        });
-        (f, pdf)
+        })
     }
 
     /// f alone in the directions `w`.
-    fn eval<Q: PartialEq, B: Bsdf<N>, const N: usize>(&self, w: Rows<'_, 3>) -> Vec<[f32; N]>
+    fn eval<Q: PartialEq, B: Bsdf<N>, const N: usize>(&self, w: Rows<'_, 3>, f: &mut [[f32; N]]) -> PyResult<()>
     where
         G: Fn(usize) -> Q + Sync,
         A: Fn(&Q, bool) -> B + Sync,
     {
-        let mut f = vec![[0.0; N]; self.n];
         parallel(f.chunks_mut(CHUNK).enumerate(), threads_for(self.n, self.threads), |(chunk, f)| {
             let (start, mut kept, mut pdf) = (chunk * CHUNK, Vec::new(), Vec::new());
             let w = w.range(start..start + f.len(), &mut kept);
-            self.runs(start..start + f.len(), |bsdf, range| {
+            self.runs(start..start + f.len(), |bsdf, _, range| {
                 let range = range.start - start..range.end - start;
                 if range.len() >= TOGETHER {
                     pdf.resize(range.len(), 0.0);
@@ -212,8 +261,7 @@ impl<G, A> Asked<G, A> {
                     }
                 }
             });
-        });
-        f
+        })
     }
 
     /// Samples by the numbers `u`: directions, weights, densities and what became of the light. Light that goes straight on leaves along `onward`.
@@ -221,94 +269,131 @@ impl<G, A> Asked<G, A> {
         &self,
         u: Rows<'_, 3>,
         onward: impl Fn(&Q) -> [f32; 3] + Sync,
-    ) -> Samples<N>
+        (w, weight, pdf, event): (&mut [[f32; 3]], &mut [[f32; N]], &mut [f32], &mut [u8]),
+    ) -> PyResult<()>
     where
         G: Fn(usize) -> Q + Sync,
         A: Fn(&Q, bool) -> B + Sync,
     {
-        let n = self.n;
-        let mut s = Samples { w: vec![[0.0; 3]; n], weight: vec![[0.0; N]; n], pdf: vec![0.0; n], event: vec![0u8; n] };
-        let jobs = s.w.chunks_mut(CHUNK).zip(s.weight.chunks_mut(CHUNK));
-        let jobs = jobs.zip(s.pdf.chunks_mut(CHUNK)).zip(s.event.chunks_mut(CHUNK)).enumerate();
-        parallel(jobs, threads_for(n, self.threads), |(chunk, (((w, weight), pdf), event))| {
+        let jobs = w.chunks_mut(CHUNK).zip(weight.chunks_mut(CHUNK));
+        let jobs = jobs.zip(pdf.chunks_mut(CHUNK)).zip(event.chunks_mut(CHUNK)).enumerate();
+        parallel(jobs, threads_for(self.n, self.threads), |(chunk, (((w, weight), pdf), event))| {
             let start = chunk * CHUNK;
-            self.runs(start..start + w.len(), |bsdf, range| {
+            self.runs(start..start + w.len(), |bsdf, query, range| {
                 for i in range {
                     let k = i - start;
-                    match bsdf.sample(u.get(i)) {
-                        BsdfSample::Scattered(s) => (w[k], weight[k], pdf[k], event[k]) = (s.w, s.weight, s.pdf, 1),
-                        BsdfSample::Straight { weight: by, probability } => {
-                            (w[k], weight[k], pdf[k], event[k]) = (onward(&(self.get)(i)), by, probability, 2);
-                        }
-                        BsdfSample::Absorbed => {}
-                    }
+                    (w[k], weight[k], pdf[k], event[k]) = match bsdf.sample(u.get(i)) {
+                        BsdfSample::Scattered(s) => (s.w, s.weight, s.pdf, 1),
+                        BsdfSample::Straight { weight, probability } => (onward(query), weight, probability, 2),
+                        BsdfSample::Absorbed => ([0.0; 3], [0.0; N], 0.0, 0),
+                    };
                 }
             });
-        });
-        s
+        })
     }
 
-    /// What `what` asks for, as flat arrays.
-    pub(crate) fn answer<'py, Q: PartialEq, B: Bsdf<N>, const N: usize>(
+    /// What `what` asks for, into the caller's arrays.
+    pub(crate) fn answer<Q: PartialEq, B: Bsdf<N>, const N: usize>(
         &self,
-        py: Python<'py>,
+        py: Python<'_>,
         what: What,
         w: Option<Rows<'_, 3>>,
+        out: &mut Out<'_>,
         onward: impl Fn(&Q) -> [f32; 3] + Sync,
-    ) -> Outcome<Arrays<'py>>
+    ) -> Outcome
     where
         G: Fn(usize) -> Q + Sync,
         A: Fn(&Q, bool) -> B + Sync,
     {
         let directions = || w.ok_or_else(|| Failure::Input("directions are missing".into()));
-        Ok(match what {
+        let n = self.n;
+        match what {
             What::Eval => {
-                let w = directions()?;
-                vec![flat(py, py.detach(|| self.eval(w)))]
+                let (w, [f]) = (directions()?, out.floats()?);
+                let f = rows_mut(f, n)?;
+                py.detach(|| self.eval(w, f))?;
             }
-            What::EvalPdf | What::Pdf => {
-                let w = directions()?;
-                if what == What::Pdf {
-                    vec![flat(py, py.detach(|| self.map(|bsdf, i| [bsdf.pdf(w.get(i))])))]
-                } else {
-                    let (f, pdf) = py.detach(|| self.eval_pdf(w));
-                    vec![flat(py, f), pdf.into_pyarray(py).into_any()]
-                }
+            What::Pdf => {
+                let (w, [pdf]) = (directions()?, out.floats()?);
+                let pdf = rows_mut(pdf, n)?;
+                py.detach(|| self.map(pdf, |bsdf: &B, i| [bsdf.pdf(w.get(i))]))?;
+            }
+            What::EvalPdf => {
+                let (w, [f, pdf]) = (directions()?, out.floats()?);
+                let (f, pdf) = (rows_mut(f, n)?, rows_mut::<_, 1>(pdf, n)?);
+                py.detach(|| self.eval_pdf(w, f, pdf.as_flattened_mut()))?;
             }
             What::Sample => {
                 let u = directions()?;
-                let s = py.detach(|| self.sample(u, &onward));
-                let (w, weight) = (flat(py, s.w), flat(py, s.weight));
-                vec![w, weight, s.pdf.into_pyarray(py).into_any(), s.event.into_pyarray(py).into_any()]
+                let ([w, weight, pdf], event) = out.floats_and_events()?;
+                let (w, weight) = (rows_mut(w, n)?, rows_mut(weight, n)?);
+                let (pdf, event) = (rows_mut::<_, 1>(pdf, n)?, rows_mut::<_, 1>(event, n)?);
+                let (pdf, event) = (pdf.as_flattened_mut(), event.as_flattened_mut());
+                py.detach(|| self.sample(u, &onward, (w, weight, pdf, event)))?;
             }
-            What::Albedo => vec![flat(py, py.detach(|| self.map(|bsdf, _| bsdf.albedo())))],
-            What::Straight => vec![flat(py, py.detach(|| self.map(|bsdf, _| bsdf.straight())))],
+            What::Albedo => {
+                let [albedo] = out.floats()?;
+                let albedo = rows_mut(albedo, n)?;
+                py.detach(|| self.map(albedo, |bsdf: &B, _| bsdf.albedo()))?;
+            }
+            What::Straight => {
+                let [straight] = out.floats()?;
+                let straight = rows_mut(straight, n)?;
+                py.detach(|| self.map(straight, |bsdf: &B, _| bsdf.straight()))?;
+            }
             What::Outcomes => {
+                let [outcomes] = out.floats()?;
+                let outcomes = rows_mut(outcomes, n)?;
                 let of = |bsdf: &B| {
                     let o = bsdf.outcomes();
                     [o.scattered, o.straight, o.absorbed]
                 };
-                vec![flat(py, py.detach(|| self.map(|bsdf, _| of(bsdf))))]
+                py.detach(|| self.map(outcomes, |bsdf: &B, _| of(bsdf)))?;
             }
-        })
+        }
+        Ok(())
+    }
+}
+
+/// The caller's arrays for results: floats in the order of the results, and what became of samples. NumPy allocates them, as large pages where it can.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct Out<'py> {
+    floats: Vec<PyReadwriteArray1<'py, f32>>,
+    events: Option<PyReadwriteArray1<'py, u8>>,
+}
+
+impl Out<'_> {
+    /// The K arrays of floats.
+    pub(crate) fn floats<const K: usize>(&mut self) -> Outcome<[&mut [f32]; K]> {
+        slices(&mut self.floats)
+    }
+
+    fn floats_and_events<const K: usize>(&mut self) -> Outcome<([&mut [f32]; K], &mut [u8])> {
+        let events = self.events.as_mut().ok_or_else(|| Failure::Input("an array of events is missing".into()))?;
+        let events = events.as_slice_mut().map_err(|_| Failure::Input("results: not contiguous".into()))?;
+        Ok((slices(&mut self.floats)?, events))
+    }
+}
+
+fn slices<'a, const K: usize>(arrays: &'a mut [PyReadwriteArray1<'_, f32>]) -> Outcome<[&'a mut [f32]; K]> {
+    let mut made = Vec::new();
+    for array in arrays {
+        made.push(array.as_slice_mut().map_err(|_| Failure::Input("results: not contiguous".into()))?);
+    }
+    made.try_into().map_err(|_| Failure::Input("results: of another number".into()))
+}
+
+/// A flat array as `n` rows.
+pub(crate) fn rows_mut<T, const K: usize>(flat: &mut [T], n: usize) -> Outcome<&mut [[T; K]]> {
+    match flat.as_chunks_mut::<K>() {
+        (rows, []) if rows.len() == n => Ok(rows),
+        _ => Err(Failure::Input("results: of another length".into())),
     }
 }
 
 /// Arrays of Python.
 pub(crate) type Arrays<'py> = Vec<Bound<'py, PyAny>>;
-
-/// Samples as arrays.
-struct Samples<const N: usize> {
-    w: Vec<[f32; 3]>,
-    weight: Vec<[f32; N]>,
-    pdf: Vec<f32>,
-    event: Vec<u8>,
-}
-
-/// Rows as one flat array of Python.
-pub(crate) fn flat<const M: usize>(py: Python<'_>, rows: Vec<[f32; M]>) -> Bound<'_, PyAny> {
-    rows.into_flattened().into_pyarray(py).into_any()
-}
 
 /// What every scattering function answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -341,15 +426,44 @@ impl What {
 macro_rules! by_channels {
     ($channels:expr, $n:ident => $body:expr) => {
         match $channels {
-            1 => { const $n: usize = 1; $body }
-            2 => { const $n: usize = 2; $body }
-            3 => { const $n: usize = 3; $body }
-            4 => { const $n: usize = 4; $body }
-            5 => { const $n: usize = 5; $body }
-            6 => { const $n: usize = 6; $body }
-            7 => { const $n: usize = 7; $body }
-            8 => { const $n: usize = 8; $body }
-            other => Err($crate::errors::Failure::input("arrays", "channels", other, "give 1 to 8 absorptions or wavelengths a query")),
+            1 => {
+                const $n: usize = 1;
+                $body
+            }
+            2 => {
+                const $n: usize = 2;
+                $body
+            }
+            3 => {
+                const $n: usize = 3;
+                $body
+            }
+            4 => {
+                const $n: usize = 4;
+                $body
+            }
+            5 => {
+                const $n: usize = 5;
+                $body
+            }
+            6 => {
+                const $n: usize = 6;
+                $body
+            }
+            7 => {
+                const $n: usize = 7;
+                $body
+            }
+            8 => {
+                const $n: usize = 8;
+                $body
+            }
+            other => Err($crate::errors::Failure::input(
+                "arrays",
+                "channels",
+                other,
+                "give 1 to 8 absorptions or wavelengths a query",
+            )),
         }
     };
 }

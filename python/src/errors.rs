@@ -54,7 +54,11 @@ impl Failure {
 }
 
 fn interrupted(left: usize, total: usize) -> Failure {
-    Failure::Interrupted(if total > 0 { format!("stopped with {left} of {total} shards left") } else { "stopped".into() })
+    Failure::Interrupted(if total > 0 {
+        format!("stopped with {left} of {total} shards left")
+    } else {
+        "stopped".into()
+    })
 }
 
 impl From<PyErr> for Failure {

@@ -1,10 +1,13 @@
 //! Woven fabrics.
 
-use crate::batch::{Arrays, Asked, Floats, Rows, What, by_channels, flat};
+use crate::batch::{Asked, Floats, Out, Rows, What, by_channels, rows_mut};
 use crate::errors::{Failure, Outcome};
-use plywave::fabric::{Channels, ColorOf, FabricAt, FabricOptions, FabricSpec, Family, GapLight, LoadedFabric, YarnColor};
+use numpy::IntoPyArray;
+use plywave::fabric::{
+    Channels, ColorOf, FabricAt, FabricOptions, FabricSpec, Family, GapLight, LoadedFabric, YarnColor,
+};
 use plywave::io::Folder;
-use plywave::{Bsdf, FabricBsdf, FabricQuery};
+use plywave::{FabricBsdf, FabricQuery};
 use pyo3::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -33,7 +36,14 @@ impl Options {
         let gaps = match self.gaps.as_str() {
             "diffracted" => GapLight::Diffracted,
             "straight" => GapLight::Straight,
-            other => return Err(Failure::input("options", "gaps", format!("{other:?}"), "use \"diffracted\" or \"straight\"")),
+            other => {
+                return Err(Failure::input(
+                    "options",
+                    "gaps",
+                    format!("{other:?}"),
+                    "use \"diffracted\" or \"straight\"",
+                ));
+            }
         };
         if let Some(sigma) = self.sigma_per_um.filter(|sigma| !(*sigma >= 0.0 && *sigma <= 1e6)) {
             return Err(Failure::input("options", "sigma_per_um", sigma, "must be 0 to 1e6, in 1/um"));
@@ -77,7 +87,9 @@ fn yarn_color(color: Option<Color>, name: &str) -> Outcome<YarnColor> {
     Ok(match color {
         None => YarnColor::Undyed,
         Some(Color::Srgb(srgb)) if srgb.iter().all(|c| (0.0..=1.0).contains(c)) => YarnColor::Srgb(srgb),
-        Some(Color::Srgb(srgb)) => return Err(Failure::input("colors", name, format!("{srgb:?}"), "use sRGB from 0 to 1")),
+        Some(Color::Srgb(srgb)) => {
+            return Err(Failure::input("colors", name, format!("{srgb:?}"), "use sRGB from 0 to 1"));
+        }
         Some(Color::Sigma(sigma)) if sigma >= 0.0 && sigma <= 1e6 => YarnColor::Sigma(sigma),
         Some(Color::Sigma(sigma)) => return Err(Failure::input("colors", name, sigma, "must be 0 to 1e6, in 1/um")),
     })
@@ -107,7 +119,13 @@ impl Fabric {
 
     /// The same fabric with other colors of warp and weft.
     #[pyo3(signature = (warp, weft, of))]
-    fn with_colors(&self, py: Python<'_>, warp: Option<Color>, weft: Option<Color>, of: Option<&str>) -> Outcome<Fabric> {
+    fn with_colors(
+        &self,
+        py: Python<'_>,
+        warp: Option<Color>,
+        weft: Option<Color>,
+        of: Option<&str>,
+    ) -> Outcome<Fabric> {
         let colors = [yarn_color(warp, "warp")?, yarn_color(weft, "weft")?];
         let of = of.map_or(Ok(self.fabric.color_of()), color_of)?;
         let fabric = py.detach(|| self.fabric.with_colors(colors, of));
@@ -143,8 +161,8 @@ impl Fabric {
             Floats::Double(array) => array.len()?,
         };
         let rows: Rows<'_, 1> = Rows::of(&reflectance, n, "reflectance")?;
-        let sigma: Vec<[f32; 1]> = py.detach(|| (0..n).map(|i| self.fabric.sigma_of_reflectance(rows.get(i))).collect());
-        Ok(flat(py, sigma))
+        let sigma: Vec<f32> = py.detach(|| (0..n).map(|i| self.fabric.sigma_of_reflectance(rows.get(i))[0]).collect());
+        Ok(sigma.into_pyarray(py).into_any())
     }
 
     /// The ply model of a yarn.
@@ -155,8 +173,8 @@ impl Fabric {
     }
 
     /// Answers `what` of the queries.
-    fn ask<'py>(&self, py: Python<'py>, what: &str, arrays: FabricArrays<'py>) -> Outcome<Arrays<'py>> {
-        by_channels!(arrays.channels, N => self.answer::<N>(py, what, &arrays))
+    fn ask<'py>(&self, py: Python<'py>, what: &str, arrays: FabricArrays<'py>, mut out: Out<'py>) -> Outcome {
+        by_channels!(arrays.channels, N => self.answer::<N>(py, what, &arrays, &mut out))
     }
 }
 
@@ -169,7 +187,13 @@ impl Fabric {
         Ok(Fabric { fabric: Arc::new(FabricBsdf::new(loaded, options)?), notes })
     }
 
-    fn answer<'py, const N: usize>(&self, py: Python<'py>, what: &str, arrays: &FabricArrays<'py>) -> Outcome<Arrays<'py>> {
+    fn answer<const N: usize>(
+        &self,
+        py: Python<'_>,
+        what: &str,
+        arrays: &FabricArrays<'_>,
+        out: &mut Out<'_>,
+    ) -> Outcome {
         let FabricArrays { n, threads, .. } = *arrays;
         let position: Rows<'_, 2> = Rows::of(&arrays.position, n, "position_um")?;
         let wo: Rows<'_, 3> = Rows::of(&arrays.wo, n, "wo")?;
@@ -177,8 +201,7 @@ impl Fabric {
         plywave::color::RGB_LAMBDA_UM.iter().zip(&mut rgb).for_each(|(from, to)| *to = *from);
         let lambda: Rows<'_, N> = Rows::of_optional(arrays.lambda.as_ref(), n, "lambda_um", rgb)?;
         let channels = if arrays.lambda.is_some() { Channels::Wavelengths } else { Channels::LinearSrgb };
-        let sigma = |floats: &'_ Option<Floats<'py>>| floats.is_some();
-        let has = [sigma(&arrays.warp), sigma(&arrays.weft)];
+        let has = [arrays.warp.is_some(), arrays.weft.is_some()];
         let warp: Rows<'_, N> = Rows::of_optional(arrays.warp.as_ref(), n, "sigma_per_um", [0.0; N])?;
         let weft: Rows<'_, N> = Rows::of_optional(arrays.weft.as_ref(), n, "sigma_per_um", [0.0; N])?;
         let turn: Rows<'_, 1> = Rows::of(&arrays.turn, n, "turn_rad")?;
@@ -192,19 +215,21 @@ impl Fabric {
                 (position.get(i), wo.get(i), lambda.get(i), sigma, turn.get(i)[0])
             },
             at: |&(position_um, wo, lambda_um, sigma_per_um, turn_rad): &Numbers<N>, _| {
-                let query = FabricQuery { channels, sigma_per_um, turn_rad, ..FabricQuery::new(position_um, wo, lambda_um) };
+                let query =
+                    FabricQuery { channels, sigma_per_um, turn_rad, ..FabricQuery::new(position_um, wo, lambda_um) };
                 fabric.at(&query)
             },
         };
         match What::of(what) {
-            Some(what) => asked.answer(py, what, w, |(_, wo, ..)| wo.map(|v| -v)),
+            Some(what) => asked.answer(py, what, w, out, |(_, wo, ..)| wo.map(|v| -v)),
             None if what == "is_gap" => {
                 let of = |at: &FabricAt<'_, N>| [f32::from(u8::from(at.is_gap()))];
-                Ok(vec![flat(py, py.detach(|| asked.map(|at, _| of(at))))])
+                let [gap] = out.floats()?;
+                let gap = rows_mut(gap, n)?;
+                py.detach(|| asked.map(gap, |at, _| of(at)))?;
+                Ok(())
             }
             None => Err(Failure::input("fabric", "question", what, "there is no such")),
         }
     }
 }
-
-const _: fn(&FabricAt<'_, 3>) -> [f32; 3] = |at| at.albedo();

@@ -1,6 +1,6 @@
 //! Fibers.
 
-use crate::batch::{Arrays, Asked, Floats, Rows, What, by_channels, flat};
+use crate::batch::{Asked, Floats, Out, Rows, What, by_channels, rows_mut};
 use crate::errors::{Failure, Outcome};
 use plywave::fiber::TabulatedFiber;
 use plywave::{FiberBsdf, FiberModel, FiberQuery};
@@ -65,8 +65,8 @@ impl Fiber {
     }
 
     /// Answers `what` of the queries.
-    fn ask<'py>(&self, py: Python<'py>, what: &str, arrays: FiberArrays<'py>) -> Outcome<Arrays<'py>> {
-        by_channels!(arrays.channels, N => self.answer::<N>(py, what, &arrays))
+    fn ask<'py>(&self, py: Python<'py>, what: &str, arrays: FiberArrays<'py>, mut out: Out<'py>) -> Outcome {
+        by_channels!(arrays.channels, N => self.answer::<N>(py, what, &arrays, &mut out))
     }
 }
 
@@ -78,7 +78,13 @@ impl Fiber {
         }
     }
 
-    fn answer<'py, const N: usize>(&self, py: Python<'py>, what: &str, arrays: &FiberArrays<'py>) -> Outcome<Arrays<'py>> {
+    fn answer<const N: usize>(
+        &self,
+        py: Python<'_>,
+        what: &str,
+        arrays: &FiberArrays<'_>,
+        out: &mut Out<'_>,
+    ) -> Outcome {
         let FiberArrays { n, threads, .. } = *arrays;
         let omega_i: Rows<'_, 3> = Rows::of(&arrays.omega_i, n, "omega_i")?;
         let lambda: Rows<'_, N> = Rows::of(&arrays.lambda, n, "lambda_um")?;
@@ -91,9 +97,12 @@ impl Fiber {
             at: |&(omega_i, lambda): &([f32; 3], [f32; N]), _| fiber.at(&FiberQuery::new(omega_i, lambda)),
         };
         match What::of(what) {
-            Some(what) => asked.answer(py, what, w, |(omega_i, _)| omega_i.map(|v| -v)),
+            Some(what) => asked.answer(py, what, w, out, |(omega_i, _)| omega_i.map(|v| -v)),
             None if what == "width_um" => {
-                Ok(vec![flat(py, py.detach(|| asked.map(|bsdf: &FiberBsdf<'_, N>, _| bsdf.width_um())))])
+                let [width] = out.floats()?;
+                let width = rows_mut(width, n)?;
+                py.detach(|| asked.map(width, |bsdf: &FiberBsdf<'_, N>, _| bsdf.width_um()))?;
+                Ok(())
             }
             None => Err(Failure::input("fiber", "question", what, "there is no such")),
         }

@@ -54,6 +54,20 @@ pub(crate) fn check_bytes(py: Python<'_>, kind: &str, bytes: &[u8], name: &str) 
     py.detach(|| check(kind, bytes, name))
 }
 
+/// The bytes of a file as this program writes it, of bytes that may have been made elsewhere: checked, its statistics and reference values made anew.
+#[pyfunction]
+pub(crate) fn rewritten<'py>(py: Python<'py>, kind: &str, bytes: &[u8], name: &str) -> Outcome<Bound<'py, PyBytes>> {
+    let kind = kind_of(kind)?;
+    let bytes = py.detach(|| match kind {
+        FileKind::Table => Table::from_bytes(bytes, name)?.to_bytes(),
+        FileKind::Model => PlyData::from_bytes(bytes, name)?.to_bytes(),
+        FileKind::Fiber => FiberTable::from_bytes(bytes, name)?.to_bytes(),
+        FileKind::Speckle => SpecklePatterns::from_bytes(bytes, name)?.to_bytes(),
+        FileKind::Twin => ClothTwin::from_bytes(bytes, name)?.to_bytes(),
+    });
+    Ok(PyBytes::new(py, &bytes?))
+}
+
 /// What a file holds, by its header.
 #[pyfunction]
 pub(crate) fn file_kind(path: PathBuf) -> Outcome<&'static str> {
@@ -70,7 +84,8 @@ pub(crate) fn write_file(py: Python<'_>, path: PathBuf, bytes: &[u8]) -> Outcome
 /// A document as TOML text.
 #[pyfunction]
 pub(crate) fn toml_of_json(json: &str, name: &str) -> Outcome<String> {
-    let value: serde_json::Value =
-        serde_json::from_str(json).map_err(|e| Failure::Input(format!("{name}: {e}; give a dict of numbers, texts, lists and dicts")))?;
-    toml::to_string(&value).map_err(|e| Failure::Input(format!("{name}: {e}; give a dict of numbers, texts, lists and dicts")))
+    let value: serde_json::Value = serde_json::from_str(json)
+        .map_err(|e| Failure::Input(format!("{name}: {e}; give a dict of numbers, texts, lists and dicts")))?;
+    toml::to_string(&value)
+        .map_err(|e| Failure::Input(format!("{name}: {e}; give a dict of numbers, texts, lists and dicts")))
 }

@@ -1,12 +1,15 @@
 //! Extension module of the Python package `plywave`. What users see is in `plywave/`: its functions check shapes and types and hand flat arrays to the classes here.
 
 mod batch;
+mod check;
 mod errors;
 mod fabric;
 mod fiber;
 mod files;
 mod model;
 mod tensors;
+mod watch;
+mod work;
 
 use pyo3::prelude::*;
 
@@ -22,8 +25,17 @@ fn _plywave(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<fiber::Fiber>()?;
     module.add_function(wrap_pyfunction!(files::read_checked, module)?)?;
     module.add_function(wrap_pyfunction!(files::check_bytes, module)?)?;
+    module.add_function(wrap_pyfunction!(files::rewritten, module)?)?;
     module.add_function(wrap_pyfunction!(files::file_kind, module)?)?;
     module.add_function(wrap_pyfunction!(files::write_file, module)?)?;
     module.add_function(wrap_pyfunction!(files::toml_of_json, module)?)?;
+    module.add_function(wrap_pyfunction!(check::check, module)?)?;
+    module.add_function(wrap_pyfunction!(work::build, module)?)?;
+    module.add_function(wrap_pyfunction!(work::simulate, module)?)?;
+    module.add_function(wrap_pyfunction!(work::fit, module)?)?;
+    module.add_function(wrap_pyfunction!(work::fit_quality, module)?)?;
+    module.add_function(wrap_pyfunction!(work::wave_scatter, module)?)?;
+    module.add_function(wrap_pyfunction!(work::wave_tabulate, module)?)?;
+    module.add_function(wrap_pyfunction!(work::wave_speckle, module)?)?;
     tensors::register(module)
 }

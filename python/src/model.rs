@@ -1,8 +1,11 @@
 //! Ply models.
 
-use crate::batch::{Arrays, Asked, Floats, Rows, What, by_channels, flat};
+use crate::batch::{Arrays, Asked, CHUNK, Floats, Out, Rows, What, by_channels, parallel, rows_mut};
 use crate::errors::{Failure, Outcome};
+use numpy::{IntoPyArray, PyReadonlyArray1};
 use plywave::ply::{PlyData, Queries};
+use plywave::speckle::Instance;
+use plywave::table::Table;
 use plywave::{PlyBsdf, PlyModel, PlyQuery};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -26,9 +29,14 @@ pub(crate) struct PlyArrays<'py> {
     sigma: Floats<'py>,
     lambda: Floats<'py>,
     w: Option<Floats<'py>>,
+    /// Numbers of speckle instances; absent for the smooth model.
+    instance: Option<PyReadonlyArray1<'py, u64>>,
     edge: bool,
     threads: usize,
 }
+
+/// A query as numbers: theta_i, h, absorptions, wavelengths, instance.
+type Numbers<const N: usize> = (f32, f32, [f32; N], [f32; N], Option<u64>);
 
 #[pymethods]
 impl Model {
@@ -69,9 +77,42 @@ impl Model {
         py.detach(|| self.model.reference_error())
     }
 
+    /// Energies at the nodes: r_d and f_refl `[M * H]`, f_high at each of the absorptions `[S * M * H]`.
+    fn node_energies<'py>(&self, py: Python<'py>, sigma_per_um: Vec<f64>) -> Arrays<'py> {
+        let data = self.data();
+        let nodes = data.node_energies();
+        let high = sigma_per_um.iter().flat_map(|s| nodes.iter().map(|e| e.high_at(*s, &data.path_um)));
+        let high: Vec<f64> = high.collect();
+        let [r_d, refl] = [nodes.iter().map(|e| e.r_d).collect::<Vec<_>>(), nodes.iter().map(|e| e.refl).collect()];
+        [r_d, refl, high].map(|values| values.into_pyarray(py).into_any()).into()
+    }
+
+    /// Lobes at an incidence, `[L][6]`: of f_refl, or of f_high at an absorption.
+    fn lobes(&self, theta_i: f64, h_um: f64, sigma_per_um: Option<f64>) -> Vec<f64> {
+        let at = plywave_fit::locate(self.data(), theta_i, h_um);
+        match sigma_per_um {
+            None => plywave_fit::refl_lobes(self.data(), at).params,
+            Some(sigma) => plywave_fit::high_lobes(self.data(), at, sigma).params,
+        }
+    }
+
+    /// Errors of f_refl `[M * H]` and f_high `[M * H * K]` against the table of these bytes.
+    fn fit_errors<'py>(&self, py: Python<'py>, table: &[u8], name: &str) -> Outcome<Arrays<'py>> {
+        let errors = py.detach(|| {
+            let table = Table::from_bytes(table, name)?;
+            plywave_fit::errors(self.data(), &table).map_err(|e| Failure::Input(format!("{name}: {e}")))
+        })?;
+        Ok([errors.refl, errors.high].map(|values| values.into_pyarray(py).into_any()).into())
+    }
+
+    /// For the tests of cost: seconds that the Rust library takes for the queries, the best of `repeats`, its own arrays made before.
+    fn bench(&self, py: Python<'_>, what: &str, arrays: PlyArrays<'_>, repeats: usize) -> Outcome<f64> {
+        by_channels!(arrays.channels, N => self.time::<N>(py, what, &arrays, repeats))
+    }
+
     /// Answers `what` of the queries.
-    fn ask<'py>(&self, py: Python<'py>, what: &str, arrays: PlyArrays<'py>) -> Outcome<Arrays<'py>> {
-        by_channels!(arrays.channels, N => self.answer::<N>(py, what, &arrays))
+    fn ask<'py>(&self, py: Python<'py>, what: &str, arrays: PlyArrays<'py>, mut out: Out<'py>) -> Outcome {
+        by_channels!(arrays.channels, N => self.answer::<N>(py, what, &arrays, &mut out))
     }
 }
 
@@ -84,41 +125,129 @@ impl Model {
         self.model.data()
     }
 
-    fn answer<'py, const N: usize>(&self, py: Python<'py>, what: &str, arrays: &PlyArrays<'py>) -> Outcome<Arrays<'py>> {
+    fn time<const N: usize>(&self, py: Python<'_>, what: &str, arrays: &PlyArrays<'_>, repeats: usize) -> Outcome<f64> {
+        use plywave::Bsdf;
+        let PlyArrays { n, threads, edge, .. } = *arrays;
+        let all: Rows<'_, 1> = Rows::of(&arrays.theta_i, n, "theta_i")?;
+        let theta_i: Vec<f32> = (0..n).map(|i| all.get(i)[0]).collect();
+        let all: Rows<'_, 1> = Rows::of(&arrays.h_um, n, "h_um")?;
+        let h_um: Vec<f32> = (0..n).map(|i| all.get(i)[0]).collect();
+        let all: Rows<'_, N> = Rows::of(&arrays.sigma, n, "sigma_per_um")?;
+        let sigma: Vec<[f32; N]> = (0..n).map(|i| all.get(i)).collect();
+        let all: Rows<'_, N> = Rows::of(&arrays.lambda, n, "lambda_um")?;
+        let lambda: Vec<[f32; N]> = (0..n).map(|i| all.get(i)).collect();
+        let Some(w) = &arrays.w else { return Err(Failure::Input("directions are missing".into())) };
+        let all: Rows<'_, 3> = Rows::of(w, n, "omega_o")?;
+        let w: Vec<[f32; 3]> = (0..n).map(|i| all.get(i)).collect();
+        let wo: [Vec<f32>; 3] = std::array::from_fn(|k| w.iter().map(|w| w[k]).collect());
+        let (mut f, mut pdf) = (vec![[1.0f32; N]; n], vec![1.0f32; n]);
+        let model = &*self.model;
+        // As large as chunks can be: one a thread, at least.
+        let chunk = n.div_ceil(threads * 8).max(1);
+        let what = What::of(what).ok_or_else(|| Failure::input("model", "question", what, "there is no such"))?;
+        Ok(py.detach(|| -> PyResult<f64> {
+            let mut best = f64::INFINITY;
+            for _ in 0..repeats.max(1) {
+                let begun = std::time::Instant::now();
+                let jobs = f.chunks_mut(chunk).zip(pdf.chunks_mut(chunk)).enumerate();
+                parallel(jobs, threads, |(k, (f, pdf))| {
+                    let from = k * chunk;
+                    let to = from + f.len();
+                    if what == What::Eval && !edge {
+                        let queries = Queries {
+                            theta_i: &theta_i[from..to],
+                            h_um: &h_um[from..to],
+                            sigma_per_um: &sigma[from..to],
+                            wo: wo.each_ref().map(|w| &w[from..to]),
+                        };
+                        return model.eval_batch(&queries, f);
+                    }
+                    for i in 0..f.len() {
+                        let query = PlyQuery {
+                            edge,
+                            cached: false,
+                            ..PlyQuery::new(theta_i[from + i], h_um[from + i], sigma[from + i], lambda[from + i])
+                        };
+                        let bsdf = model.at(&query);
+                        match what {
+                            What::Eval => f[i] = bsdf.eval(w[from + i]),
+                            What::EvalPdf => (f[i], pdf[i]) = bsdf.eval_pdf(w[from + i]),
+                            What::Sample => {
+                                if let Some(s) = bsdf.sample(w[from + i]).direction() {
+                                    (f[i], pdf[i]) = (s.weight, s.pdf);
+                                }
+                            }
+                            _ => f[i] = bsdf.albedo(),
+                        }
+                    }
+                })?;
+                best = best.min(begun.elapsed().as_secs_f64());
+            }
+            Ok(best)
+        })?)
+    }
+
+    fn answer<const N: usize>(&self, py: Python<'_>, what: &str, arrays: &PlyArrays<'_>, out: &mut Out<'_>) -> Outcome {
         let PlyArrays { n, threads, edge, .. } = *arrays;
         let theta_i: Rows<'_, 1> = Rows::of(&arrays.theta_i, n, "theta_i")?;
         let h_um: Rows<'_, 1> = Rows::of(&arrays.h_um, n, "h_um")?;
         let sigma: Rows<'_, N> = Rows::of(&arrays.sigma, n, "sigma_per_um")?;
         let lambda: Rows<'_, N> = Rows::of(&arrays.lambda, n, "lambda_um")?;
         let w: Option<Rows<'_, 3>> = arrays.w.as_ref().map(|w| Rows::of(w, n, "omega_o")).transpose()?;
+        let instances = match &arrays.instance {
+            None => &[][..],
+            Some(array) => array.as_slice().map_err(|_| Failure::Input("instance: not contiguous".into()))?,
+        };
+        if !(instances.len() <= 1 || instances.len() == n) {
+            return Err(Failure::Input("instance: of another length".into()));
+        }
+        if !instances.is_empty() {
+            py.detach(|| self.model.require_noise("model").map(drop))?;
+        }
+        let instance = |i: usize| match instances {
+            [] => None,
+            [one] => Some(*one),
+            many => Some(many[i]),
+        };
         let model = &*self.model;
-        if let (Kernel::Lobes, Some(w)) = (Kernel::of(what, edge, (theta_i, h_um, sigma)), w) {
-            return Ok(vec![flat(py, py.detach(|| lobes(model, n, threads, (theta_i, h_um, sigma), w)))]);
+        let smooth = instances.is_empty();
+        if let (true, Kernel::Lobes, Some(w)) = (smooth, Kernel::of(what, edge, (theta_i, h_um, sigma)), w) {
+            let [f] = out.floats()?;
+            let f = rows_mut(f, n)?;
+            py.detach(|| lobes(model, threads, (theta_i, h_um, sigma), w, f))?;
+            return Ok(());
         }
         let asked = Asked {
             n,
             threads,
-            get: |i| (theta_i.get(i)[0], h_um.get(i)[0], sigma.get(i), lambda.get(i)),
-            at: |&(theta_i, h_um, sigma, lambda): &(f32, f32, [f32; N], [f32; N]), cached: bool| {
-                model.at(&PlyQuery { edge, cached, ..PlyQuery::new(theta_i, h_um, sigma, lambda) })
+            get: |i| -> Numbers<N> { (theta_i.get(i)[0], h_um.get(i)[0], sigma.get(i), lambda.get(i), instance(i)) },
+            at: |&(theta_i, h_um, sigma, lambda, hash): &Numbers<N>, cached: bool| {
+                let instance = hash.map(Instance::from_hash);
+                model.at(&PlyQuery { edge, cached, instance, ..PlyQuery::new(theta_i, h_um, sigma, lambda) })
             },
         };
         match (what, w) {
-            ("r_d", _) => Ok(vec![flat(py, py.detach(|| asked.map(|bsdf: &PlyBsdf<'_, N>, _| [bsdf.r_d()])))]),
+            ("r_d", _) => {
+                let [r_d] = out.floats()?;
+                let r_d = rows_mut(r_d, n)?;
+                py.detach(|| asked.map(r_d, |bsdf: &PlyBsdf<'_, N>, _| [bsdf.r_d()]))?;
+                Ok(())
+            }
             ("terms", Some(w)) => {
-                let terms = py.detach(|| {
-                    let of = |bsdf: &PlyBsdf<'_, N>, i: usize| bsdf.terms(w.get(i));
-                    [
-                        asked.map(|bsdf, i| [of(bsdf, i).refl; N]),
-                        asked.map(|bsdf, i| of(bsdf, i).high),
-                        asked.map(|bsdf, i| of(bsdf, i).edge),
-                    ]
-                });
-                Ok(terms.into_iter().map(|rows| flat(py, rows)).collect())
+                let [refl, high, edge] = out.floats()?;
+                let (refl, high, edge) = (rows_mut(refl, n)?, rows_mut(high, n)?, rows_mut(edge, n)?);
+                let of = |bsdf: &PlyBsdf<'_, N>, i: usize| bsdf.terms(w.get(i));
+                py.detach(|| {
+                    asked.map(refl, |bsdf, i| [of(bsdf, i).refl; N])?;
+                    asked.map(high, |bsdf, i| of(bsdf, i).high)?;
+                    asked.map(edge, |bsdf, i| of(bsdf, i).edge)
+                })?;
+                Ok(())
             }
             _ => {
-                let what = What::of(what).ok_or_else(|| Failure::input("model", "question", what, "there is no such"))?;
-                asked.answer(py, what, w, |(theta_i, ..)| [0.0, -theta_i.cos(), -theta_i.sin()])
+                let what =
+                    What::of(what).ok_or_else(|| Failure::input("model", "question", what, "there is no such"))?;
+                asked.answer(py, what, w, out, |(theta_i, ..)| [0.0, -theta_i.cos(), -theta_i.sin()])
             }
         }
     }
@@ -145,14 +274,12 @@ impl Kernel {
 /// f_refl + f_high by the kernel for many incidences.
 fn lobes<const N: usize>(
     model: &PlyModel,
-    n: usize,
     threads: usize,
     (theta_i, h_um, sigma): (Rows<'_, 1>, Rows<'_, 1>, Rows<'_, N>),
     w: Rows<'_, 3>,
-) -> Vec<[f32; N]> {
-    use crate::batch::{CHUNK, parallel};
-    let mut f = vec![[0.0; N]; n];
-    let threads = threads.min(n.div_ceil(CHUNK)).max(1);
+    f: &mut [[f32; N]],
+) -> PyResult<()> {
+    let threads = threads.min(f.len().div_ceil(CHUNK)).max(1);
     parallel(f.chunks_mut(CHUNK).enumerate(), threads, |(chunk, f)| {
         let range = chunk * CHUNK..chunk * CHUNK + f.len();
         let (mut a, mut b, mut c, mut d) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
@@ -165,6 +292,5 @@ fn lobes<const N: usize>(
             wo: wo.each_ref().map(Vec::as_slice),
         };
         model.eval_batch(&queries, f);
-    });
-    f
+    })
 }

@@ -2,8 +2,8 @@
 
 use super::YarnColor;
 use crate::color::{
-    AlbedoCurve, SPECTRUM_NODES, SigmaSpectrum, SmoothReflectance, delta_e_2000, linear_rec2020_of_xyz, linear_srgb_of_xyz,
-    srgb_encode, xyz_of_reflectance,
+    AlbedoCurve, SPECTRUM_NODES, SigmaSpectrum, SmoothReflectance, delta_e_2000, linear_rec2020_of_xyz,
+    linear_srgb_of_xyz, srgb_encode, xyz_of_reflectance,
 };
 
 /// What the N numbers of a color are.

@@ -260,6 +260,14 @@ impl SpecklePatterns {
         document::save(self, path.as_ref())
     }
 
+    /// The bytes of the file.
+    ///
+    /// # Errors
+    /// As [`SpecklePatterns::save`].
+    pub fn to_bytes(&self) -> Result<Vec<u8>> {
+        document::to_bytes(self, "speckle patterns")
+    }
+
     /// Reads a file.
     ///
     /// # Errors
