@@ -19,6 +19,7 @@ dr = pytest.importorskip("drjit")
 
 FABRICS = pathlib.Path(__file__).resolve().parents[2] / "fabrics"
 SATIN, WOOL = str(FABRICS / "polyester_satin.toml"), str(FABRICS / "wool_plain.toml")
+ORGANZA = str(FABRICS / "silk_organza.toml")
 PLY = str(FABRICS / "models" / "polyester.pwm")
 QUERIES = 100_000
 RGB_LAMBDA_UM = [0.612, 0.549, 0.464]
@@ -129,17 +130,25 @@ def test_lines_meet_what_they_meet_in_the_library(spec, share):
         (SATIN, {"layers": False, "shadowing": False}, 3e-4),
         (SATIN, {"edges": False}, 2e-4),
         (WOOL, {}, 5e-3),
+        (ORGANZA, {"gaps": "diffracted"}, 3e-3),
     ],
 )
 def test_fabric_is_the_librarys(spec, options, share):
     """f and density of the whole cloth to 1e-4. Of twisted yarns, half a percent of the queries is beyond that: the place at which a line is next to a yarn's axis is
-    found to a thousandth of its width, and both answers have that error; the mean is the same to 5e-4."""
+    found to a thousandth of its width, and both answers have that error; the mean is the same to 5e-4. Light of gaps and edges peaks within a few hundredths about forward,
+    where half of the directions are: 0.2 % of the queries are beyond 1e-4, by the rounding of angles and phases, none by 1e-2."""
     rng, n = np.random.default_rng(3), QUERIES
-    tables = _native.FabricTables(spec, diffracted=False, **options)
+    options = {"gaps": "straight", **options}
+    is_diffracted = options["gaps"] == "diffracted"
+    parts = {key: on for key, on in options.items() if key != "gaps"}
+    tables = _native.FabricTables(spec, diffracted=is_diffracted, **parts)
     position = rng.uniform(-3000, 3000, (n, 2)).astype(np.float32)
     wo, wi = directions(rng, n), directions(rng, n)
+    if is_diffracted:
+        wi[: n // 2] = -wo[: n // 2] + 0.04 * rng.normal(size=(n // 2, 3))
+        wi = np.ascontiguousarray(wi / np.linalg.norm(wi, axis=1)[:, None], np.float32)
     f, pdf, straight = tables.eval_pdf(position, wo, wi)
-    bsdf = mi.load_dict({"type": "plywave_fabric", "filename": spec, "um_per_uv": 1.0, "gaps": "straight", **options})
+    bsdf = mi.load_dict({"type": "plywave_fabric", "filename": spec, "um_per_uv": 1.0, **options})
     si = interaction(n, mi.Point2f(position.T.copy()), mi.Vector3f(wo.T.copy()))
     got, density = bsdf.eval_pdf(mi.BSDFContext(), si, mi.Vector3f(wi.T.copy()))
     got, density = np.array(got).T, np.array(density)
@@ -153,13 +162,13 @@ def test_fabric_is_the_librarys(spec, options, share):
 def of_kind(kind, **more):
     if kind == "ply":
         return mi.load_dict({"type": "plywave_ply", "filename": PLY, "sigma_per_um": 0.003, **more})
-    return mi.load_dict({"type": "plywave_fabric", "filename": SATIN, "um_per_uv": 1.0, **more})
+    return mi.load_dict({"type": "plywave_fabric", "filename": ORGANZA if kind == "gap" else SATIN, "um_per_uv": 1.0, **more})
 
 
-@pytest.mark.parametrize("kind", ["ply", "fabric"])
+@pytest.mark.parametrize("kind, at", [("ply", (0.0, 0.0)), ("fabric", (60.0, 33.0)), ("gap", (0.0, 0.0))])
 @pytest.mark.parametrize("wi", [(0.3, 0.2, 0.9), (0.8, 0.1, 0.2)])
-def test_samples_have_their_density(kind, wi):
-    """Mitsuba's chi-square test."""
+def test_samples_have_their_density(kind, at, wi):
+    """Mitsuba's chi-square test; of a gap, of which all light is diffracted, too."""
     from mitsuba.chi2 import ChiSquareTest, SphericalDomain
 
     bsdf, context = of_kind(kind), mi.BSDFContext()
@@ -167,15 +176,15 @@ def test_samples_have_their_density(kind, wi):
     null = int(mi.BSDFFlags.Null)
 
     def sample(u, *_):
-        si = interaction(dr.width(u), mi.Point2f(60.0, 33.0), wi)
+        si = interaction(dr.width(u), mi.Point2f(*at), wi)
         bs, _ = bsdf.sample(context, si, u.x, mi.Point2f(u.y, u.z))
         return bs.wo, dr.select((bs.pdf > 0) & (bs.sampled_type != null), 1.0, 0.0)
 
     def pdf(wo, *_):
-        return bsdf.pdf(context, interaction(dr.width(wo), mi.Point2f(60.0, 33.0), wi), wo)
+        return bsdf.pdf(context, interaction(dr.width(wo), mi.Point2f(*at), wi), wo)
 
     test = ChiSquareTest(SphericalDomain(), sample, pdf, sample_dim=3, sample_count=500_000, res=101, ires=24)
-    assert test.run(0.01 / 4), test.messages
+    assert test.run(0.01 / 6), test.messages
 
 
 @pytest.mark.parametrize("kind", ["ply", "fabric"])

@@ -20,7 +20,7 @@ def check_keys(plugin, props, known):
 
 def typed(plugin, props, key, kind, default):
     """A key's value of one type, with one clear line for any other."""
-    if not props.has_property(key):
+    if key not in props:
         return default
     value = props[key]
     names = {bool: "true or false", float: "a number", str: "a text"}
@@ -32,7 +32,7 @@ def typed(plugin, props, key, kind, default):
 
 def texture(plugin, props, key, default=None):
     """A texture, color or number that may be above 1."""
-    if not props.has_property(key):
+    if key not in props:
         return None if default is None else props.get_unbounded_texture(key, default)
     try:
         return props.get_unbounded_texture(key)

@@ -156,12 +156,12 @@ def define():
             self.cloth = Cloth(kit, tensors)
             self.gaps = Gaps(kit, tensors["apertures"], self.cloth.edge_step) if gaps == "diffracted" else None
             self.repeat_um = tables.repeat_um()
-            scale = props["um_per_uv"] if props.has_property("um_per_uv") else 1e5
+            scale = props["um_per_uv"] if "um_per_uv" in props else 1e5
             self.um_per_uv = self.pair(name, "um_per_uv", scale)
             turn = math.radians(typed(name, props, "rotation_deg", float, 0.0))
             self.turn = (math.cos(turn), math.sin(turn))
             self.to_uv = None
-            if props.has_property("to_uv"):
+            if "to_uv" in props:
                 to_uv = props["to_uv"]
                 matrix = getattr(to_uv, "matrix", None)
                 if matrix is None:
