@@ -1,4 +1,4 @@
-"""Pictures by Mitsuba 3: a satin drape, back-lit organza, denim from near by, a knit of explicit yarns, a strand of hair-like plies.
+"""Pictures by Mitsuba 3: a satin drape, back-lit organza, denim from near by, loops of explicit yarns, a strand of plies as hair.
 
     pip install "./python[mitsuba]"
     python examples/mitsuba/render.py satin_drape --width 1280 --spp 64 -o satin_drape.png
@@ -114,7 +114,7 @@ def write_curves(path, curves, radius):
 
 
 def knit_swatch(size, folder):
-    """Plain knit of wool yarns of three plies, each ply a curve."""
+    """Loops of wool yarns of three plies, each ply a curve."""
     rows, loops, n = 12, 11, 48
     curves, radius = [], 0.035
     for row in range(rows):

@@ -257,7 +257,7 @@ def scene(bsdf, integrator="direct", size=32):
 
 def satin(sigma):
     color = {"type": "rgb", "value": [float(s) for s in np.broadcast_to(sigma, 3)]}
-    return {"type": "plywave_fabric", "filename": SATIN, "um_per_uv": 2e4, "warp_sigma_per_um": color, "weft_sigma_per_um": color}
+    return {"type": "plywave_fabric", "filename": SATIN, "um_per_uv": 2e4, "gaps": "straight", "warp_sigma_per_um": color, "weft_sigma_per_um": color}
 
 
 def test_gradients_are_differences():
