@@ -59,7 +59,7 @@ impl FabricBsdf {
         &self.models
     }
 
-    /// The tables of the fabric (module text); those of its models are in their files, [`crate::ply::PlyData::to_bytes`].
+    /// The tables of the fabric, each described in the head of src/fabric/tensors.rs; those of its models are in their files, [`crate::ply::PlyData::to_bytes`].
     pub fn tensors(&self) -> Vec<Tensor> {
         let mut all = Vec::new();
         let mut f32s = |name, shape: &[usize], values: Vec<f32>| {
