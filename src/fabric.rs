@@ -24,6 +24,7 @@ mod shade;
 mod shadow;
 mod spec;
 mod splines;
+mod tensors;
 mod uv;
 mod wif;
 mod yarn;
@@ -39,6 +40,7 @@ pub use place::{Gap, Place, PlyHit, YarnPlace};
 #[doc(hidden)]
 pub use rules::FABRIC_RULES;
 pub use spec::{FabricSpec, WeaveSpec, YarnColor, YarnOfFabric};
+pub use tensors::{Tensor, Values};
 pub use uv::UvMap;
 pub use wif::Wif;
 pub use yarn::YarnShape;

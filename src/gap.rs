@@ -29,7 +29,7 @@ use crate::spec::GaussianBeam;
 use crate::{Bsdf, BsdfSample, Error, Result};
 use multiversion::{multiversion, target::target_cfg_f};
 pub use slit::{SLIT_MAX_UM, SLIT_SHARE, Slit};
-pub(crate) use spectrum::{Range, Spectrum};
+pub(crate) use spectrum::{CELLS as SPECTRUM_CELLS, Range, Spectrum};
 use std::f32::consts::TAU;
 
 /// A rectangular aperture in the plane of a weave: its edges [um], relative to the beam's center.

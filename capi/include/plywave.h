@@ -294,6 +294,8 @@ typedef struct PlywaveFabricOptions {
     int32_t has_sigma;
     // One absorption [1/um] at every wavelength for all yarns; 0 for a white furnace.
     float sigma_per_um;
+    // Not 0: the mean over the repeat is made ready, some seconds, for queries with a footprint. Without, footprints count as points.
+    int32_t far;
 } PlywaveFabricOptions;
 
 // A file in memory, for `plywave_fabric_from_memory`.
@@ -370,6 +372,8 @@ typedef struct PlywaveFabricQuery {
     const float *sigma_weft_per_um;
     // Models of the warp and the weft in place of the fabric's, of the same ply radius and number of plies, or NULL. They must live as long as what is prepared with them.
     const struct PlywavePly *models[2];
+    // Diameter of the part of the cloth that the point stands for [um], as of a pixel: beyond a repeat the mean over it answers. 0 for a point. See `far` of the options.
+    float footprint_um;
 } PlywaveFabricQuery;
 
 // What fixes a shading point of a fiber. Zeroed memory is a fine start; `count` and `omega_i` must be given.

@@ -91,6 +91,8 @@ pub struct PlywaveFabricOptions {
     pub has_sigma: i32,
     /// One absorption [1/um] at every wavelength for all yarns; 0 for a white furnace.
     pub sigma_per_um: f32,
+    /// Not 0: the mean over the repeat is made ready, some seconds, for queries with a footprint. Without, footprints count as points.
+    pub far: i32,
 }
 
 /// A file in memory, for `plywave_fabric_from_memory`.
@@ -129,6 +131,8 @@ pub struct PlywaveFabricQuery {
     pub sigma_weft_per_um: *const f32,
     /// Models of the warp and the weft in place of the fabric's, of the same ply radius and number of plies, or NULL. They must live as long as what is prepared with them.
     pub models: [*const PlywavePly; 2],
+    /// Diameter of the part of the cloth that the point stands for [um], as of a pixel: beyond a repeat the mean over it answers. 0 for a point. See `far` of the options.
+    pub footprint_um: f32,
 }
 
 impl Counted for PlywaveFabricQuery {
@@ -183,6 +187,7 @@ fn options_of(of: Option<&PlywaveFabricOptions>) -> Checked<FabricOptions> {
         layers: o.no_layers == 0,
         shadowing: o.no_shadowing == 0,
         edges: o.no_edges == 0,
+        far: o.far != 0,
     })
 }
 
@@ -220,6 +225,7 @@ unsafe fn query_of<'a, const N: usize>(q: &PlywaveFabricQuery) -> Checked<Fabric
     all_finite(&q.position_um, "position_um")?;
     unit(q.wo, "wo")?;
     finite(q.turn_rad, "turn_rad")?;
+    finite(q.footprint_um, "footprint_um")?;
     let sigma = |p: *const f32, name: &str| -> Checked<Option<[f32; N]>> {
         if p.is_null() {
             return Ok(None);
@@ -240,6 +246,7 @@ unsafe fn query_of<'a, const N: usize>(q: &PlywaveFabricQuery) -> Checked<Fabric
             sigma(q.sigma_weft_per_um, "sigma_weft_per_um")?,
         ],
         turn_rad: q.turn_rad,
+        footprint_um: q.footprint_um,
         models: [model(q.models[0])?, model(q.models[1])?],
         ..FabricQuery::new(q.position_um, q.wo, wavelengths(&q.lambda_um)?)
     })

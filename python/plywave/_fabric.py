@@ -28,6 +28,7 @@ class Fabric:
     - `lambda_um` `[..., N]`: wavelengths [um], N from 1 to 8. Without, results are linear sRGB, N = 3.
     - `sigma_per_um`: absorptions [1/um] `[..., N]` in place of those of the yarns' colors, or a pair of these (or `None`) for warp and weft.
     - `turn_rad` `[...]`: angle by which the pattern is turned about the normal at the point [rad].
+    - `footprint_um` `[...]`: diameter of the part of the cloth that the point stands for [um]; beyond a repeat the mean over it answers, of a fabric made with `far`.
 
     f is an energy density [1/sr], the BSDF times the cosine of `wi`. Results are float32. Whatever numbers come in, calls give numbers.
     """
@@ -42,6 +43,7 @@ class Fabric:
         layers: bool = True,
         shadowing: bool = True,
         edges: bool = True,
+        far: bool = False,
         folder: Optional[PathLike] = None,
     ) -> None:
         """Of a fabric spec: its file's path, its text, or a dict of its keys.
@@ -54,6 +56,7 @@ class Fabric:
             layers: The layer below catches what a ply sends on.
             shadowing: Yarns catch what their neighbors send back.
             edges: Light that passes beside a ply is diffracted at its edge.
+            far: The mean over the repeat is made ready, some seconds, for queries with a footprint; without, footprints count as points.
             folder: Where the files lie that a text or dict names; by default the current folder.
 
         Raises:
@@ -66,6 +69,7 @@ class Fabric:
             "layers": bool(layers),
             "shadowing": bool(shadowing),
             "edges": bool(edges),
+            "far": bool(far),
         }
         path, text = text_of(spec, "fabric spec")
         if path is not None:
@@ -114,8 +118,8 @@ class Fabric:
         flat = np.ascontiguousarray(given).reshape(-1)
         return np.asarray(self._rust.sigma_of_reflectance(flat)).reshape(given.shape)
 
-    def _ask(self, what: str, widths: Tuple[int, ...], position: Any, wo: Any, lambda_um: Any, sigma: Any, turn: Any, w: Any = None, w_name: str = "wi") -> Tuple[Queries, int, List[np.ndarray]]:
-        scalars = {"turn_rad": floats(turn, "turn_rad")}
+    def _ask(self, what: str, widths: Tuple[int, ...], position: Any, wo: Any, lambda_um: Any, sigma: Any, turn: Any, footprint: Any, w: Any = None, w_name: str = "wi") -> Tuple[Queries, int, List[np.ndarray]]:
+        scalars = {"turn_rad": floats(turn, "turn_rad"), "footprint_um": floats(footprint, "footprint_um")}
         vectors = {"position_um": floats(position, "position_um", 2), "wo": floats(wo, "wo", 3)}
         counted: Dict[str, np.ndarray] = {}
         if lambda_um is None:
@@ -144,50 +148,51 @@ class Fabric:
             "warp": row("sigma_per_um of the warp"),
             "weft": row("sigma_per_um of the weft"),
             "turn": q.flat(scalars["turn_rad"]),
+            "footprint": q.flat(scalars["footprint_um"]),
             "w": None if w is None else q.flat(vectors[w_name], (3,)),
             "threads": get_threads(),
         }
         return q, n, call(self._rust, what, ask, *(width or n for width in widths), events=what == "sample")
 
-    def eval(self, position_um: Any, wo: Any, wi: Any, lambda_um: Any = None, *, sigma_per_um: Any = None, turn_rad: Any = 0.0) -> np.ndarray:
+    def eval(self, position_um: Any, wo: Any, wi: Any, lambda_um: Any = None, *, sigma_per_um: Any = None, turn_rad: Any = 0.0, footprint_um: Any = 0.0) -> np.ndarray:
         """f `[..., N]` [1/sr] for light from `wi`."""
-        q, n, (f,) = self._ask("eval", (0,), position_um, wo, lambda_um, sigma_per_um, turn_rad, wi)
+        q, n, (f,) = self._ask("eval", (0,), position_um, wo, lambda_um, sigma_per_um, turn_rad, footprint_um, wi)
         return q.rows(f, n)
 
-    def pdf(self, position_um: Any, wo: Any, wi: Any, lambda_um: Any = None, *, sigma_per_um: Any = None, turn_rad: Any = 0.0) -> np.ndarray:
+    def pdf(self, position_um: Any, wo: Any, wi: Any, lambda_um: Any = None, *, sigma_per_um: Any = None, turn_rad: Any = 0.0, footprint_um: Any = 0.0) -> np.ndarray:
         """Density `[...]` [1/sr] with which `sample` gives `wi`."""
-        q, _, (pdf,) = self._ask("pdf", (1,), position_um, wo, lambda_um, sigma_per_um, turn_rad, wi)
+        q, _, (pdf,) = self._ask("pdf", (1,), position_um, wo, lambda_um, sigma_per_um, turn_rad, footprint_um, wi)
         return q.rows(pdf)
 
-    def eval_pdf(self, position_um: Any, wo: Any, wi: Any, lambda_um: Any = None, *, sigma_per_um: Any = None, turn_rad: Any = 0.0) -> "tuple[np.ndarray, np.ndarray]":
+    def eval_pdf(self, position_um: Any, wo: Any, wi: Any, lambda_um: Any = None, *, sigma_per_um: Any = None, turn_rad: Any = 0.0, footprint_um: Any = 0.0) -> "tuple[np.ndarray, np.ndarray]":
         """`eval` and `pdf` in about the time of one."""
-        q, n, (f, pdf) = self._ask("eval_pdf", (0, 1), position_um, wo, lambda_um, sigma_per_um, turn_rad, wi)
+        q, n, (f, pdf) = self._ask("eval_pdf", (0, 1), position_um, wo, lambda_um, sigma_per_um, turn_rad, footprint_um, wi)
         return q.rows(f, n), q.rows(pdf)
 
-    def sample(self, position_um: Any, wo: Any, u: Any, lambda_um: Any = None, *, sigma_per_um: Any = None, turn_rad: Any = 0.0) -> Samples:
+    def sample(self, position_um: Any, wo: Any, u: Any, lambda_um: Any = None, *, sigma_per_um: Any = None, turn_rad: Any = 0.0, footprint_um: Any = 0.0) -> Samples:
         """Directions towards light, by three uniform numbers `u` `[..., 3]` in [0, 1) a query."""
-        q, n, (w, weight, pdf, event) = self._ask("sample", (3, 0, 1), position_um, wo, lambda_um, sigma_per_um, turn_rad, u, "u")
+        q, n, (w, weight, pdf, event) = self._ask("sample", (3, 0, 1), position_um, wo, lambda_um, sigma_per_um, turn_rad, footprint_um, u, "u")
         return Samples(q.rows(w, 3), q.rows(weight, n), q.rows(pdf), q.rows(event))
 
-    def albedo(self, position_um: Any, wo: Any, lambda_um: Any = None, *, sigma_per_um: Any = None, turn_rad: Any = 0.0) -> np.ndarray:
+    def albedo(self, position_um: Any, wo: Any, lambda_um: Any = None, *, sigma_per_um: Any = None, turn_rad: Any = 0.0, footprint_um: Any = 0.0) -> np.ndarray:
         """Integral of f over the sphere `[..., N]`."""
-        q, n, (albedo,) = self._ask("albedo", (0,), position_um, wo, lambda_um, sigma_per_um, turn_rad)
+        q, n, (albedo,) = self._ask("albedo", (0,), position_um, wo, lambda_um, sigma_per_um, turn_rad, footprint_um)
         return q.rows(albedo, n)
 
-    def straight(self, position_um: Any, wo: Any, lambda_um: Any = None, *, sigma_per_um: Any = None, turn_rad: Any = 0.0) -> np.ndarray:
+    def straight(self, position_um: Any, wo: Any, lambda_um: Any = None, *, sigma_per_um: Any = None, turn_rad: Any = 0.0, footprint_um: Any = 0.0) -> np.ndarray:
         """Fraction of the light that goes straight through, unscattered `[..., N]`."""
-        q, n, (straight,) = self._ask("straight", (0,), position_um, wo, lambda_um, sigma_per_um, turn_rad)
+        q, n, (straight,) = self._ask("straight", (0,), position_um, wo, lambda_um, sigma_per_um, turn_rad, footprint_um)
         return q.rows(straight, n)
 
-    def outcomes(self, position_um: Any, wo: Any, lambda_um: Any = None, *, sigma_per_um: Any = None, turn_rad: Any = 0.0) -> Outcomes:
+    def outcomes(self, position_um: Any, wo: Any, lambda_um: Any = None, *, sigma_per_um: Any = None, turn_rad: Any = 0.0, footprint_um: Any = 0.0) -> Outcomes:
         """Chances of what `sample` gives, `[...]` each."""
-        q, _, (all_of,) = self._ask("outcomes", (3,), position_um, wo, lambda_um, sigma_per_um, turn_rad)
+        q, _, (all_of,) = self._ask("outcomes", (3,), position_um, wo, lambda_um, sigma_per_um, turn_rad, footprint_um)
         rows = q.rows(all_of, 3)
         return Outcomes(rows[..., 0], rows[..., 1], rows[..., 2])
 
     def is_gap(self, position_um: Any, wo: Any, *, turn_rad: Any = 0.0) -> np.ndarray:
         """Whether the point lies in a gap `[...]`, bool: the line from the viewer meets no ply."""
-        q, _, (gap,) = self._ask("is_gap", (1,), position_um, wo, None, None, turn_rad)
+        q, _, (gap,) = self._ask("is_gap", (1,), position_um, wo, None, None, turn_rad, 0.0)
         return np.asarray(q.rows(gap) > 0.5)
 
     def __repr__(self) -> str:

@@ -29,6 +29,7 @@ pub(crate) struct Options {
     layers: bool,
     shadowing: bool,
     edges: bool,
+    far: bool,
 }
 
 impl Options {
@@ -55,6 +56,7 @@ impl Options {
             layers: self.layers,
             shadowing: self.shadowing,
             edges: self.edges,
+            far: self.far,
         })
     }
 }
@@ -72,6 +74,7 @@ pub(crate) struct FabricArrays<'py> {
     warp: Option<Floats<'py>>,
     weft: Option<Floats<'py>>,
     turn: Floats<'py>,
+    footprint: Floats<'py>,
     w: Option<Floats<'py>>,
     threads: usize,
 }
@@ -179,7 +182,7 @@ impl Fabric {
 }
 
 /// A query as numbers: position, wo, wavelengths, absorptions of warp and weft, turn.
-type Numbers<const N: usize> = ([f32; 2], [f32; 3], [f32; N], [Option<[f32; N]>; 2], f32);
+type Numbers<const N: usize> = ([f32; 2], [f32; 3], [f32; N], [Option<[f32; N]>; 2], [f32; 2]);
 
 impl Fabric {
     fn of(loaded: LoadedFabric, options: &FabricOptions) -> Outcome<Fabric> {
@@ -205,6 +208,7 @@ impl Fabric {
         let warp: Rows<'_, N> = Rows::of_optional(arrays.warp.as_ref(), n, "sigma_per_um", [0.0; N])?;
         let weft: Rows<'_, N> = Rows::of_optional(arrays.weft.as_ref(), n, "sigma_per_um", [0.0; N])?;
         let turn: Rows<'_, 1> = Rows::of(&arrays.turn, n, "turn_rad")?;
+        let footprint: Rows<'_, 1> = Rows::of(&arrays.footprint, n, "footprint_um")?;
         let w: Option<Rows<'_, 3>> = arrays.w.as_ref().map(|w| Rows::of(w, n, "wi")).transpose()?;
         let fabric = &*self.fabric;
         let asked = Asked {
@@ -212,11 +216,16 @@ impl Fabric {
             threads,
             get: |i: usize| -> Numbers<N> {
                 let sigma = [has[0].then(|| warp.get(i)), has[1].then(|| weft.get(i))];
-                (position.get(i), wo.get(i), lambda.get(i), sigma, turn.get(i)[0])
+                (position.get(i), wo.get(i), lambda.get(i), sigma, [turn.get(i)[0], footprint.get(i)[0]])
             },
-            at: |&(position_um, wo, lambda_um, sigma_per_um, turn_rad): &Numbers<N>, _| {
-                let query =
-                    FabricQuery { channels, sigma_per_um, turn_rad, ..FabricQuery::new(position_um, wo, lambda_um) };
+            at: |&(position_um, wo, lambda_um, sigma_per_um, [turn_rad, footprint_um]): &Numbers<N>, _| {
+                let query = FabricQuery {
+                    channels,
+                    sigma_per_um,
+                    turn_rad,
+                    footprint_um,
+                    ..FabricQuery::new(position_um, wo, lambda_um)
+                };
                 fabric.at(&query)
             },
         };

@@ -7,6 +7,7 @@ mod fabric;
 mod fiber;
 mod files;
 mod model;
+mod tensors;
 mod watch;
 mod work;
 
@@ -36,5 +37,5 @@ fn _plywave(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(work::wave_scatter, module)?)?;
     module.add_function(wrap_pyfunction!(work::wave_tabulate, module)?)?;
     module.add_function(wrap_pyfunction!(work::wave_speckle, module)?)?;
-    Ok(())
+    tensors::register(module)
 }

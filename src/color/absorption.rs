@@ -91,6 +91,14 @@ impl AlbedoCurve {
         AlbedoCurve(Form::Nodes { length_um, nodes: nodes.map(falling).collect() })
     }
 
+    /// `(v, value)` at the nodes of `v = 1 / (1 + sigma L)`, and L [um]; `None` for a curve of path lengths.
+    pub(crate) fn nodes(&self) -> Option<(f64, &[(f64, f64)])> {
+        match &self.0 {
+            Form::Paths { .. } => None,
+            Form::Nodes { length_um, nodes } => Some((*length_um, nodes)),
+        }
+    }
+
     /// Albedo at an absorption [1/um].
     pub fn albedo(&self, sigma_per_um: f64) -> f64 {
         match &self.0 {

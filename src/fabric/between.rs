@@ -28,19 +28,19 @@ use crate::{PlyModel, PlyQuery};
 use std::f32::consts::PI;
 
 /// Nodes of absorption.
-const SIGMAS: usize = 8;
+pub(super) const SIGMAS: usize = 8;
 /// Nodes are even in 1 / (1 + sigma L), L this length [um], some paths through a ply.
 const LENGTH_UM: f32 = 150.0;
 /// Absorption of the last node [1/um], for an infinite one.
 const DARKEST: f32 = 3.0;
 /// Polynomials of the direction.
-const TERMS: usize = 16;
+pub(super) const TERMS: usize = 16;
 /// Polynomials of what depends little on it.
-const FEW: usize = 8;
+pub(super) const FEW: usize = 8;
 /// Pairs of absorptions.
-const PAIRS: usize = SIGMAS * SIGMAS;
+pub(super) const PAIRS: usize = SIGMAS * SIGMAS;
 /// Classes of a first ply: family, and whether two layers lie there.
-const CLASSES: usize = 4;
+pub(super) const CLASSES: usize = 4;
 /// Beams from each side whose first ply is looked at, and of which two of `FOLLOWED` are followed until they leave the cloth: what is caught needs many terms of the direction
 /// and so many beams.
 const BEAMS: usize = 1 << 18;
@@ -63,25 +63,25 @@ const MOST_DRAWN: usize = 100;
 const LEAST_WEIGHT: f32 = 1e-4;
 
 /// A polynomial of the direction for each pair of absorptions.
-type Poly = [f32; TERMS];
-type Few = [f32; FEW];
+pub(super) type Poly = [f32; TERMS];
+pub(super) type Few = [f32; FEW];
 
 /// Energies of a side, the face or the back.
 #[derive(Clone, Debug)]
-struct Side {
+pub(super) struct Side {
     /// `[class][sent up, sent down, all][absorption of its family]`: what other yarns catch of the first ply's light, up the half the light came from, and all that it
     /// scatters.
-    caught: Vec<splines::Coefficients>,
+    pub(super) caught: Vec<splines::Coefficients>,
     /// `[class][sent up, down][leaves up, down][pair]`: what leaves the cloth, per energy that is caught.
-    leaves: Vec<Few>,
+    pub(super) leaves: Vec<Few>,
     /// `[leaves up, down][pair]`: the mean over classes, divided by the integral of its cosine-weighted values.
-    shape: Vec<Poly>,
+    pub(super) shape: Vec<Poly>,
 }
 
 /// The light between the yarns of a fabric.
 #[derive(Clone, Debug)]
 pub(super) struct Between {
-    sides: [Side; 2],
+    pub(super) sides: [Side; 2],
     /// By node of absorption of both families alike, of clear fibers first: scattered light of all orders over the light that meets fibers, under light from everywhere.
     albedo: [f64; SIGMAS],
 }

@@ -27,7 +27,7 @@ use std::sync::Arc;
 /// Share of a beam that is not followed further.
 const LEAST_CAUGHT: f32 = 1e-3;
 /// Edges of apertures, in equal steps from the beam's center to d_cut, for which spectra are kept.
-const EDGES: usize = 32;
+pub(super) const EDGES: usize = 32;
 
 /// How a fabric is shaded.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -153,25 +153,25 @@ impl FabricQuery<'_, 3> {
 /// evaluate fails, allocates or panics.
 #[derive(Clone, Debug)]
 pub struct FabricBsdf {
-    fabric: Fabric,
-    models: Vec<Arc<PlyModel>>,
+    pub(super) fabric: Fabric,
+    pub(super) models: Vec<Arc<PlyModel>>,
     /// Brightness of the cloth over absorption, and what it is the brightness of.
-    curve: AlbedoCurve,
+    pub(super) curve: AlbedoCurve,
     color_of: ColorOf,
     /// By family, the model of each yarn of one repeat of its stripes.
-    stripes: [Vec<u32>; 2],
+    pub(super) stripes: [Vec<u32>; 2],
     /// By family, the color of each thread of the draft's repeat.
-    threads: [Vec<u32>; 2],
+    pub(super) threads: [Vec<u32>; 2],
     /// `[color][model]`: the absorption that gives yarns of the model the color.
-    dyes: Vec<Dye>,
+    pub(super) dyes: Vec<Dye>,
     /// `[EDGES + 1][EDGES + 1]` of the distances of the two edges along one axis, of the beam of the warp's model.
-    spectra: Vec<Spectrum>,
-    edge_step_um: f32,
-    options: FabricOptions,
-    shadows: Shadows,
-    between: Between,
+    pub(super) spectra: Vec<Spectrum>,
+    pub(super) edge_step_um: f32,
+    pub(super) options: FabricOptions,
+    pub(super) shadows: Shadows,
+    pub(super) between: Between,
     /// Length of a ply with the same patterns, 2 w0 [um].
-    grain_um: f32,
+    pub(super) grain_um: f32,
     /// The mean over the repeat, and by family the share of each color.
     far: Option<Arc<Far>>,
     color_shares: [Vec<(u32, f32)>; 2],

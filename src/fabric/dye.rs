@@ -2,8 +2,8 @@
 
 use super::YarnColor;
 use crate::color::{
-    AlbedoCurve, SigmaSpectrum, SmoothReflectance, delta_e_2000, linear_rec2020_of_xyz, linear_srgb_of_xyz,
-    srgb_encode, xyz_of_reflectance,
+    AlbedoCurve, SPECTRUM_NODES, SigmaSpectrum, SmoothReflectance, delta_e_2000, linear_rec2020_of_xyz,
+    linear_srgb_of_xyz, srgb_encode, xyz_of_reflectance,
 };
 
 /// What the N numbers of a color are.
@@ -84,6 +84,14 @@ impl Dye {
             (Dye::Spectrum(dye), Channels::Wavelengths) => lambda_um.map(|l| dye.0.at(l)),
             (Dye::Spectrum(dye), Channels::LinearSrgb) => rgb(&dye.1[0]),
             (Dye::Spectrum(dye), Channels::LinearRec2020) => rgb(&dye.1[1]),
+        }
+    }
+
+    /// Of the three channels of linear sRGB, and at the nodes of a spectrum.
+    pub(super) fn numbers(&self) -> ([f32; 3], [f32; SPECTRUM_NODES]) {
+        match self {
+            Dye::Even(sigma) => ([*sigma; 3], [*sigma; SPECTRUM_NODES]),
+            Dye::Spectrum(dye) => (dye.1[0], *dye.0.nodes_per_um()),
         }
     }
 

@@ -129,7 +129,7 @@ impl Fabric {
     }
 
     /// Height above which there is no yarn's reach [um].
-    fn top_um(&self) -> f32 {
+    pub(super) fn top_um(&self) -> f32 {
         self.half_thickness_um() + self.yarns.iter().map(|y| y.reach - y.radius).fold(0.0, f32::max) + MARGIN_UM
     }
 

@@ -83,11 +83,11 @@ pub(super) fn amplitude_of(angle: f64, step: f64, radii: f64) -> f64 {
 /// A [`Profile`] in single precision.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Profile32 {
-    step: f32,
+    pub step: f32,
     pub amplitude: f32,
-    radius: f32,
-    arc: f32,
-    slope: f32,
+    pub radius: f32,
+    pub arc: f32,
+    pub slope: f32,
 }
 
 impl Profile32 {

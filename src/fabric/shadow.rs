@@ -15,12 +15,12 @@ use std::f32::consts::TAU;
 /// Places along a yarn from one crossing to the next.
 const PLACES: usize = 4;
 /// Rows of directions in each half of the sphere, and columns about the normal.
-const ROWS: usize = 8;
-const COLUMNS: usize = 16;
+pub(super) const ROWS: usize = 8;
+pub(super) const COLUMNS: usize = 16;
 /// Offsets across a yarn.
 const OFFSETS: usize = 7;
 /// Numbers of a direction: the offsets, and zeros up to a word.
-const LANES: usize = 8;
+pub(super) const LANES: usize = 8;
 /// Lines an entry.
 const LINES: usize = 2;
 /// Bytes of a place.
@@ -36,9 +36,9 @@ const LOOKED_AT: usize = 1 << 18;
 #[derive(Clone, Debug)]
 pub(super) struct Shadows {
     /// `[place][row][column][LANES]`, 0 to 255.
-    free: Vec<u8>,
+    pub(super) free: Vec<u8>,
     /// For patterns: of `[family][place][pattern]` the index of its row; empty where every place has its own.
-    patterns: Vec<u32>,
+    pub(super) patterns: Vec<u32>,
 }
 
 /// What a ply model says of the light that passes beside its fibers.

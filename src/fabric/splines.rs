@@ -11,7 +11,7 @@ const ROWS: usize = INTERVALS + 2;
 /// Splines about the normal.
 const COLUMNS: usize = 24;
 /// Coefficients of a function.
-const COUNT: usize = ROWS * COLUMNS;
+pub(super) const COUNT: usize = ROWS * COLUMNS;
 /// Splines that are not 0 at a direction.
 const FEW: usize = 9;
 /// Weight of the mean, of a coefficient that a few samples bear upon.

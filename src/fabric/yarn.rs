@@ -71,12 +71,12 @@ pub(super) struct Yarn {
     /// R + d_cut.
     pub reach: f32,
     /// Turns of the plies per um, negative for S.
-    turns_per_um: f32,
+    pub turns_per_um: f32,
     /// Slope of a ply against the yarn, D dpsi/ds, and `1 / sqrt(1 + slope^2)`.
-    slope: f32,
-    norm: f32,
+    pub slope: f32,
+    pub norm: f32,
     /// Cosine and sine of 2 pi k / P.
-    turn: [[f32; 2]; MAX_PLIES],
+    pub turn: [[f32; 2]; MAX_PLIES],
 }
 
 /// A line in the yarn's frame.

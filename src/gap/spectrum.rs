@@ -8,7 +8,7 @@ use super::spectra;
 use crate::math::faddeeva::Factor;
 
 /// Cells of t in [0, 1).
-pub(super) const CELLS: usize = 64;
+pub(crate) const CELLS: usize = 64;
 /// Points and weights of the 8-point Gauss-Legendre rule on [0, 1].
 const GAUSS: [[(f32, f32); 4]; 2] = [
     [
@@ -101,6 +101,11 @@ impl Spectrum {
         let root_mean_4 = (f64::from(g) * root_mean * root_mean).powi(2) as f32;
         let beam_spread = (1.0 / (std::f64::consts::PI * w0_um)) as f32;
         Spectrum { factor, g_per_um: g, beyond, root_mean_4, beam_spread }
+    }
+
+    /// The factor's eight numbers, g [1/um] and the masses beyond the borders of the cells: for hosts that evaluate the spectrum themselves.
+    pub(crate) fn numbers(&self) -> impl Iterator<Item = f32> {
+        self.factor.numbers().into_iter().chain([self.g_per_um]).chain(self.beyond)
     }
 
     /// Whether any light passes.

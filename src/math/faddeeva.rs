@@ -153,6 +153,12 @@ impl Factor {
         Factor { edges: [edge(a_um), edge(b_um)], w0_um: w0_um as f32, scale_um: scale as f32 }
     }
 
+    /// t, sign and amplitude of the two edges, then w0 and the scale [um]: for hosts that evaluate the spectrum themselves.
+    pub(crate) fn numbers(&self) -> [f32; 8] {
+        let [a, b] = &self.edges;
+        [a.t, a.sign, a.amplitude, b.t, b.sign, b.amplitude, self.w0_um, self.scale_um]
+    }
+
     /// Whether any light passes.
     pub(crate) fn passes(&self) -> bool {
         self.scale_um > 0.0

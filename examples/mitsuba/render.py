@@ -1,0 +1,187 @@
+"""Pictures by Mitsuba 3: a satin drape, back-lit organza, denim from near by, loops of explicit yarns, a strand of plies as hair.
+
+    pip install "./python[mitsuba]"
+    python examples/mitsuba/render.py satin_drape --width 1280 --spp 64 -o satin_drape.png
+"""
+
+import argparse
+import pathlib
+import sys
+import tempfile
+import time
+
+import mitsuba as mi
+import numpy as np
+
+HERE = pathlib.Path(__file__).resolve().parent
+FABRICS = HERE.parents[1] / "fabrics"
+
+
+def base(origin, target, up, fov, width, height, spp, depth, distance=None):
+    T = mi.ScalarTransform4f()
+    return {
+        "type": "scene",
+        "integrator": {"type": "path", "max_depth": depth},
+        "sensor": {
+            "type": "perspective",
+            "fov": fov,
+            "to_world": T.look_at(origin, target, up),
+            "film": {"type": "hdrfilm", "width": width, "height": height, "rfilter": {"type": "gaussian"}},
+            "sampler": {"type": "independent", "sample_count": spp},
+        },
+    }
+
+
+def lamp(at, radius, radiance):
+    return {"type": "sphere", "center": at, "radius": radius, "emitter": {"type": "area", "radiance": {"type": "rgb", "value": radiance}}}
+
+
+def satin_drape(size, folder):
+    """A sheet of 60 mm that has fallen over a ball."""
+    sys.path.insert(0, str(HERE))
+    import drape
+
+    drape.save(folder / "drape.ply", drape.finer(drape.fallen()))
+    s = base([0.75, -1.15, 0.62], [0, 0, -0.06], [0, 0, 1], 33, *size, 6)
+    s["sky"] = {"type": "constant", "radiance": {"type": "rgb", "value": [0.45, 0.5, 0.58]}}
+    s["lamp"] = lamp([-1.6, -1.2, 2.2], 0.3, [75, 70, 62])
+    s["floor"] = {
+        "type": "rectangle",
+        "to_world": mi.ScalarTransform4f().translate([0, 0, drape.FLOOR]).scale(8.0),
+        "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.35, 0.34, 0.33]}},
+    }
+    cloth = {"type": "plywave_fabric", "filename": str(FABRICS / "polyester_satin.toml"), "um_per_uv": 60_000.0}
+    s["cloth"] = {"type": "ply", "filename": str(folder / "drape.ply"), "bsdf": cloth}
+    return s
+
+
+def sheet(folder, waves, side=256):
+    """A square of width 2 with gentle waves, with uv."""
+    sys.path.insert(0, str(HERE))
+    import drape
+
+    x, y = np.meshgrid(np.linspace(-1, 1, side), np.linspace(-1, 1, side))
+    z = waves * (np.sin(2.6 * x + 0.7 * y) + 0.5 * np.sin(4.1 * x - 1.3 * y + 1.0))
+    drape.save(folder / "sheet.ply", np.stack([x, y, z], -1))
+    return str(folder / "sheet.ply")
+
+
+def organza_backlit(size, folder):
+    """12 mm of silk organza between the camera and a lamp."""
+    s = base([0.5, -0.8, 2.6], [0, 0.05, 0], [0, 1, 0], 32, *size, 8)
+    s["sky"] = {"type": "constant", "radiance": {"type": "rgb", "value": [0.05, 0.055, 0.07]}}
+    s["lamp"] = lamp([-0.9, 0.8, -3.0], 0.4, [14, 12.5, 10])
+    s["front"] = lamp([3.0, 2.0, 4.0], 0.3, [6, 6, 6])
+    cloth = {"type": "plywave_fabric", "filename": str(FABRICS / "silk_organza.toml"), "um_per_uv": 12_000.0}
+    s["cloth"] = {"type": "ply", "filename": sheet(folder, 0.12), "bsdf": cloth}
+    return s
+
+
+def denim_close(size, folder):
+    """8 mm of cotton twill."""
+    s = base([0.0, -1.5, 1.6], [0, 0.0, 0], [0, 0, 1], 40, *size, 6)
+    s["sky"] = {"type": "constant", "radiance": {"type": "rgb", "value": [0.25, 0.27, 0.3]}}
+    s["lamp"] = lamp([-2.0, 1.0, 1.6], 0.25, [30, 28, 25])
+    cloth = {"type": "plywave_fabric", "filename": str(FABRICS / "cotton_twill.toml"), "um_per_uv": 8_000.0}
+    s["cloth"] = {"type": "ply", "filename": sheet(folder, 0.03), "bsdf": cloth}
+    return s
+
+
+def helices(center, radius, pitch, plies, turn=0.0):
+    """Plies about a curve ``[n, 3]``: by parallel transport of a frame along it."""
+    t = np.gradient(center, axis=0)
+    length = np.linalg.norm(t, axis=1)
+    t /= length[:, None]
+    n = np.cross(t[0], [0.3, 0.2, 0.9])
+    frames = []
+    for v in t:
+        n = n - v * (n @ v)
+        n /= np.linalg.norm(n)
+        frames.append((n, np.cross(v, n)))
+    a, b = (np.array(f) for f in zip(*frames))
+    s = np.cumsum(length)
+    for k in range(plies):
+        psi = (2 * np.pi * (s / pitch + k / plies) + turn)[:, None]
+        yield center + radius * (np.cos(psi) * a + np.sin(psi) * b)
+
+
+def write_curves(path, curves, radius):
+    with open(path, "w") as file:
+        for curve in curves:
+            file.writelines(f"{x:.6g} {y:.6g} {z:.6g} {radius}\n" for x, y, z in curve)
+            file.write("\n")
+    return str(path)
+
+
+def knit_swatch(size, folder):
+    """Loops of wool yarns of three plies, each ply a curve."""
+    rows, loops, n = 12, 11, 48
+    curves, radius = [], 0.035
+    for row in range(rows):
+        t = np.linspace(0, 2 * np.pi * loops, n * loops)
+        x = t / (2 * np.pi) + 0.28 * np.sin(2 * t)
+        y = 0.62 * row - 0.62 * np.cos(t)
+        z = 0.16 * np.cos(2 * t)
+        center = np.stack([x, y, z], 1)
+        curves += helices(center, radius * 1.16, 0.75, 3, 1.3 * row)
+    middle = np.concatenate(curves).mean(0)
+    curves = [(c - middle) for c in curves]
+    s = base([1.0, -3.0, 7.0], [0, 0, 0], [0, 1, 0], 42, *size, 8)
+    s["sky"] = {"type": "constant", "radiance": {"type": "rgb", "value": [0.3, 0.32, 0.35]}}
+    s["lamp"] = lamp([-6.0, 5.0, 7.0], 0.8, [34, 31, 27])
+    ply = {"type": "plywave_ply", "filename": str(FABRICS / "models" / "wool.pwm"), "sigma_per_um": {"type": "rgb", "value": [0.0016, 0.006, 0.011]}}
+    s["yarns"] = {"type": "bsplinecurve", "filename": write_curves(folder / "knit.txt", curves, radius), "bsdf": ply}
+    return s
+
+
+def strand(size, folder):
+    """A strand of 600 silk plies, as hair."""
+    rng = np.random.default_rng(7)
+    t = np.linspace(0, 1, 40)
+    curves = []
+    for _ in range(600):
+        a, r = rng.uniform(0, 2 * np.pi), 0.32 * np.sqrt(rng.uniform())
+        fan = 1.0 + 0.9 * t
+        x = r * np.cos(a) * fan + 0.55 * np.sin(3.2 * t) + 0.05 * np.sin(9 * t + rng.uniform(0, 6))
+        y = r * np.sin(a) * fan + 0.05 * np.cos(8 * t + rng.uniform(0, 6))
+        curves.append(np.stack([x, y, 1.4 - 2.8 * t], 1))
+    s = base([0.4, -5.0, 0.4], [0.25, 0, 0], [0, 0, 1], 36, *size, 10)
+    s["sky"] = {"type": "constant", "radiance": {"type": "rgb", "value": [0.15, 0.17, 0.2]}}
+    s["lamp"] = lamp([-3.0, -3.0, 3.0], 0.5, [34, 32, 28])
+    s["rim"] = lamp([3.0, 3.0, 1.5], 0.4, [40, 42, 48])
+    ply = {"type": "plywave_ply", "filename": str(FABRICS / "models" / "silk.pwm"), "sigma_per_um": {"type": "rgb", "value": [0.003, 0.008, 0.02]}}
+    s["hair"] = {"type": "bsplinecurve", "filename": write_curves(folder / "strand.txt", curves, 0.012), "bsdf": ply}
+    return s
+
+
+SCENES = {f.__name__: f for f in (satin_drape, organza_backlit, denim_close, knit_swatch, strand)}
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("scene", choices=SCENES)
+    parser.add_argument("--width", type=int, default=1280)
+    parser.add_argument("--height", type=int, default=0, help="default: 5/8 of the width")
+    parser.add_argument("--spp", type=int, default=64)
+    parser.add_argument("--passes", type=int, default=1, help="renders of --spp samples that are averaged: less memory")
+    parser.add_argument("--variant", default="llvm_ad_rgb")
+    parser.add_argument("-o", "--output", default=None)
+    args = parser.parse_args()
+    mi.set_variant(args.variant)
+    import plywave.mitsuba
+
+    with tempfile.TemporaryDirectory() as folder:
+        size = (args.width, args.height or args.width * 5 // 8, args.spp)
+        scene = mi.load_dict(SCENES[args.scene](size, pathlib.Path(folder)))
+    plywave.mitsuba.check(scene)
+    begun, image = time.time(), 0.0
+    for seed in range(args.passes):
+        image = image + np.array(mi.render(scene, spp=args.spp, seed=seed)) / args.passes
+        print(f"pass {seed + 1} of {args.passes}: {time.time() - begun:.1f} s", flush=True)
+    output = args.output or f"{args.scene}.png"
+    mi.util.write_bitmap(output, mi.TensorXf(image.astype(np.float32)), write_async=False)
+    print(f"{output}: {args.width} x {size[1]}, {args.spp * args.passes} samples, {time.time() - begun:.1f} s")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,106 @@
+"""What the three BSDF plugins share: keys, the calls of ``mitsuba.BSDF``."""
+
+import difflib
+
+import drjit as dr
+import mitsuba as mi
+
+#: Wavelengths that stand for the channels of linear sRGB [um] (``plywave::color::RGB_LAMBDA_UM``).
+RGB_LAMBDA_UM = (0.612, 0.549, 0.464)
+
+
+def check_keys(plugin, props, known):
+    """Refuses keys that the plugin does not know, by the one that is most like it."""
+    for key in props.keys():
+        if key not in known and not key.startswith("_"):
+            near = difflib.get_close_matches(key, known, 1)
+            hint = f"did you mean '{near[0]}'?" if near else "known keys: " + ", ".join(sorted(known))
+            raise ValueError(f"{plugin}: {key}: unknown key: {hint}")
+
+
+def typed(plugin, props, key, kind, default):
+    """A key's value of one type, with one clear line for any other."""
+    if key not in props:
+        return default
+    value = props[key]
+    names = {bool: "true or false", float: "a number", str: "a text"}
+    ok = isinstance(value, kind) or (kind is float and isinstance(value, int) and not isinstance(value, bool))
+    if not ok:
+        raise ValueError(f"{plugin}: {key}: {value!r}: expected {names[kind]}")
+    return float(value) if kind is float else value
+
+
+def texture(plugin, props, key, default=None):
+    """A texture, color or number that may be above 1."""
+    if key not in props:
+        return None if default is None else props.get_unbounded_texture(key, default)
+    try:
+        return props.get_unbounded_texture(key)
+    except Exception as e:
+        raise ValueError(f"{plugin}: {key}: expected a number, a color or a texture: {str(e).splitlines()[-1]}") from None
+
+
+def make_calls():
+    """The base class of the plugins for the current variant.
+
+    A plugin has ``model_eval(si, wo, active)``, f and the density of samples, and ``model_sample(si, u, active)``, a direction, whether light goes straight on, its
+    energy and chance.
+    """
+
+    class Calls(mi.BSDF):
+        def setup(self, components):
+            self.m_components = list(components)
+            flags = 0
+            for c in components:
+                flags |= int(c)
+            self.m_flags = mi.BSDFFlags(flags) if not isinstance(components[0], int) else flags
+
+        def lambda_um(self, si):
+            """Wavelengths of the channels [um]."""
+            if self.kit.spectral:
+                return [si.wavelengths[k] * 1e-3 for k in range(self.kit.count)]
+            return [RGB_LAMBDA_UM[min(k, 2)] for k in range(self.kit.count)]
+
+        def eval_pdf(self, ctx, si, wo, active=True):
+            f, pdf = self.model_eval(si, wo, active)
+            on = active & (pdf > 0.0)
+            return dr.select(on, f, 0.0), dr.select(on, pdf, 0.0)
+
+        def eval(self, ctx, si, wo, active=True):
+            return self.eval_pdf(ctx, si, wo, active)[0]
+
+        def pdf(self, ctx, si, wo, active=True):
+            return self.eval_pdf(ctx, si, wo, active)[1]
+
+        def sample(self, ctx, si, sample1, sample2, active=True):
+            with dr.suspend_grad():
+                drawn = self.model_sample(si, [sample1, sample2.x, sample2.y], active)
+            return self.sampled(ctx, si, drawn, active)
+
+        def sampled(self, ctx, si, drawn, active):
+            """The sample of a direction that was drawn."""
+            wo, straight, energy, chance = drawn
+            f, pdf = self.eval_pdf(ctx, si, wo, self.kit.both(active, self.kit.no(straight)))
+            bs = dr.zeros(mi.BSDFSample3f)
+            bs.wo = dr.select(straight, -si.wi, wo)
+            bs.pdf = dr.select(straight, chance, pdf)
+            bs.eta = 1.0
+            null, glossy = int(mi.BSDFFlags.Null), int(mi.BSDFFlags.GlossyReflection)
+            bs.sampled_type = dr.select(straight, mi.UInt32(null), mi.UInt32(glossy))
+            bs.sampled_component = 0
+            weight = dr.select(straight, self.kit.S(energy / dr.maximum(chance, 1e-30)), f / dr.maximum(pdf, 1e-30))
+            return bs, dr.select(active & (bs.pdf > 0.0), weight, 0.0)
+
+        def eval_pdf_sample(self, ctx, si, wo, sample1, sample2, active=True):
+            u = [sample1, sample2.x, sample2.y]
+            (f, pdf), drawn = self.model_both(si, wo, u, active)
+            bs, weight = self.sampled(ctx, si, drawn, active)
+            on = active & (pdf > 0.0)
+            return dr.select(on, f, 0.0), dr.select(on, pdf, 0.0), bs, weight
+
+        def model_both(self, si, wo, u, active):
+            with dr.suspend_grad():
+                drawn = self.model_sample(si, u, active)
+            return self.model_eval(si, wo, active), drawn
+
+    return Calls

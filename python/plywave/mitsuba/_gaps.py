@@ -1,0 +1,161 @@
+"""Light through the gaps between yarns, diffracted by rectangular apertures (src/gap.rs, src/gap/spectrum.rs, src/math/faddeeva.rs)."""
+
+import math
+
+import drjit as dr
+import numpy as np
+
+from ._kit import clamp
+
+EDGES, CELLS, LEAST_MASS = 32, 64, 1e-12
+SCALE = 3.3635857
+SERIES = [
+    1.7483959, 1.3622408, 0.88644785, 0.4692909, 0.19124173, 0.0518224, 0.0036825673, -0.003881015,
+    -0.0015276597, 8.7031585e-05, 0.00021071057, 2.1709868e-05, -2.7346405e-05, -5.5842333e-06, 3.9812876e-06, 9.939323e-07,
+]  # fmt: skip
+
+
+def faddeeva(x, y):
+    """w(x + i y), y >= 0: Weideman's series."""
+    d = SCALE + y
+    norm = 1.0 / (d * d + x * x)
+    r = (d * norm, x * norm)
+    mul = lambda a, b: (a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0])
+    z = mul((SCALE - y, x), r)
+    p = (SERIES[-1], 0.0)
+    for c in SERIES[-2::-1]:
+        p = mul(p, z)
+        p = (p[0] + c, p[1])
+    p = mul(mul(p, r), r)
+    return 2.0 * p[0] + 0.5641896 * r[0], 2.0 * p[1] + 0.5641896 * r[1]
+
+
+class Spectrum:
+    """The spectrum of one axis of an aperture."""
+
+    def __init__(self, gaps, before, beyond):
+        kit = self.kit = gaps.kit
+        self.gaps = gaps
+        node = lambda x: dr.minimum(dr.floor(x / gaps.step + 0.5), float(EDGES))
+        at = kit.uint(node(before)) * (EDGES + 1) + kit.uint(node(beyond))
+        factor = kit.packets(gaps.factors, at * 3, 3)
+        self.edges = [factor[0:3], factor[3:6]]
+        self.w0, self.scale, self.g = factor[6:9]
+        self.first = at * (CELLS + 1)
+
+    def mass_at(self, i):
+        return self.kit.take(self.gaps.masses, self.first + i)
+
+    def passes(self):
+        return self.mass_at(0) > 0.0
+
+    def place(self, f):
+        t = f / (f + self.g) * CELLS
+        i = dr.minimum(dr.floor(t), CELLS - 1.0)
+        return self.kit.uint(i), clamp(t - i, 0.0, 1.0)
+
+    def beyond(self, f):
+        i, x = self.place(f)
+        low = self.mass_at(i)
+        return low + x * (self.mass_at(i + 1) - low)
+
+    def range(self, low, high):
+        """Frequencies between two, and the share of the spectrum within."""
+        a, b = self.beyond(dr.abs(low)), self.beyond(dr.abs(high))
+        about = (low < 0.0) & (high > 0.0)
+        return low, high, a, b, dr.select(about, 1.0 - 0.5 * (a + b), 0.5 * dr.abs(a - b))
+
+    def pdf(self, r, f):
+        low, high, _, _, mass = r
+        i, _ = self.place(dr.abs(f))
+        stretch = dr.abs(f) + self.g
+        density = 0.5 * CELLS * (self.mass_at(i) - self.mass_at(i + 1)) * self.g / (stretch * stretch)
+        flat = dr.select(low < high, 1.0 / dr.maximum(high - low, 1e-12), 0.0)
+        return dr.select(mass > LEAST_MASS, density / dr.maximum(mass, LEAST_MASS), flat)
+
+    def sample(self, r, u):
+        low, high, a, b, mass = r
+        about = (low < 0.0) & (high > 0.0)
+        left, at = 0.5 * (1.0 - a), u * mass
+        is_left = at < left
+        within = dr.select(is_left, dr.maximum(1.0 - 2.0 * at, a), dr.maximum(1.0 - 2.0 * (at - left), b))
+        beyond = dr.select(about, within, a + u * (b - a))
+        sign = dr.select(dr.select(about, is_left, low < 0.0), -1.0, 1.0)
+        kit = self.kit
+        i = kit.uint(0)
+        step = CELLS // 2
+        while step:
+            i = dr.select(self.mass_at(i + step) >= beyond, i + step, i)
+            step //= 2
+        before = self.mass_at(i)
+        cell = before - self.mass_at(i + 1)
+        x = dr.select(cell > 0.0, clamp((before - beyond) / dr.maximum(cell, 1e-30), 0.0, 1.0), 0.5)
+        t = dr.minimum((kit.float(i) + x) * (1.0 / CELLS), 1.0 - 1.2e-7)
+        f = clamp(sign * self.g * t / (1.0 - t), low, high)
+        return dr.select(mass > LEAST_MASS, f, low + u * (high - low))
+
+    def value(self, f):
+        """Density of the exact spectrum at a frequency [um]."""
+        g = clamp(f * self.w0, -1e4, 1e4)
+        parts = []
+        for t, _, amplitude in self.edges:
+            w = faddeeva(-math.pi * g, t)
+            turns = g * t
+            s, c = dr.sincos(2.0 * math.pi * (turns - dr.floor(turns + 0.5)))
+            parts.append((amplitude * (w[0] * c + w[1] * s), amplitude * (w[1] * c - w[0] * s)))
+        low, high = self.edges[0][1], self.edges[1][1]
+        s = math.pi * g
+        re = (high - low) * dr.exp(-dr.minimum(s * s, 80.0)) - high * parts[1][0] + low * parts[0][0]
+        im = parts[0][1] - parts[1][1]
+        return self.scale * (re * re + im * im)
+
+
+class Gaps:
+    """The apertures' spectra of a fabric on the device."""
+
+    def __init__(self, kit, tables, step):
+        self.kit, self.step = kit, step
+        rows = tables.reshape(-1, 9 + CELLS + 1)
+        self.factors = kit.floats(np.pad(rows[:, :9], ((0, 0), (0, 3))))
+        self.masses = kit.floats(rows[:, 9:])
+
+    def at(self, aperture):
+        west, east, south, north = aperture
+        return Spectrum(self, west, east), Spectrum(self, south, north)
+
+    def along(self, y, wo, x, per):
+        reach = dr.sqrt(dr.maximum(1.0 - x * x, 0.0)) * per
+        middle = wo[1] * per
+        return y.range(middle - reach, middle + reach)
+
+    def eval(self, spectra, wo, lam, b):
+        """Light of energy 1 by wavelength, and the density of :meth:`draw`."""
+        kit, (x, y) = self.kit, spectra
+        leaves = b[2] * wo[2] < 0.0
+        cos = dr.minimum(dr.abs(b[2]), 1.0)
+        f, pdf = kit.zero_s(), 0.0
+        for k in range(kit.count):
+            per = 1.0 / clamp(lam[k], 0.05, 20.0)
+            fx, fy = (wo[0] + b[0]) * per, (wo[1] + b[1]) * per
+            across, along = x.range((wo[0] - 1.0) * per, (wo[0] + 1.0) * per), self.along(y, wo, b[0], per)
+            mass = across[4] * along[4]
+            scale = cos * per * per
+            f[k] = dr.select(leaves & (mass > 1e-12), x.value(fx) * y.value(fy) * scale / dr.maximum(mass, 1e-12), 0.0)
+            pdf = pdf + dr.select(leaves, x.pdf(across, fx) * y.pdf(along, fy) * scale, 0.0)
+        return f, pdf * (1.0 / kit.count)
+
+    def draw(self, spectra, wo, lam, u):
+        kit, (x, y) = self.kit, spectra
+        which = kit.uint(dr.minimum(u[0] * kit.count, kit.count - 1.0))
+        chosen = lam[0]
+        for k in range(1, kit.count):
+            chosen = dr.select(which == k, lam[k], chosen)
+        chosen = clamp(chosen, 0.05, 20.0)
+        per = 1.0 / chosen
+        across = x.range((wo[0] - 1.0) * per, (wo[0] + 1.0) * per)
+        bx = clamp(chosen * x.sample(across, u[1]) - wo[0], -1.0, 1.0)
+        by = chosen * y.sample(self.along(y, wo, bx, per), u[2]) - wo[1]
+        reach = dr.sqrt(dr.maximum(1.0 - bx * bx, 0.0))
+        by = clamp(by, -reach, reach)
+        bz = dr.sqrt(dr.maximum(1.0 - bx * bx - by * by, 1e-12))
+        return [bx, by, dr.select(wo[2] > 0.0, -bz, bz)]

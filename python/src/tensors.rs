@@ -1,0 +1,225 @@
+//! What `plywave.mitsuba` takes from the Rust library: all tables of a fabric as arrays, and the library's own answers, term by term, to which its tests hold it.
+
+use numpy::ndarray::{Array1, Array2, ArrayD, IxDyn};
+use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
+use plywave::fabric::{FabricOptions, FabricSpec, GapLight, Place, Values};
+use plywave::io::Folder;
+use plywave::spec::YarnSpec;
+use plywave::{Bsdf, FabricBsdf, FabricQuery, PlyModel, PlyQuery};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict, PyList};
+use std::path::Path;
+
+fn raise(e: impl std::fmt::Display) -> PyErr {
+    PyValueError::new_err(e.to_string())
+}
+
+fn row<const N: usize>(a: &numpy::ndarray::ArrayView2<'_, f32>, i: usize) -> [f32; N] {
+    std::array::from_fn(|k| a[[i, k]])
+}
+
+fn columns(name: &str, a: &PyReadonlyArray2<'_, f32>, n: usize, count: usize) -> PyResult<()> {
+    let shape = a.as_array().dim();
+    if shape == (n, count) {
+        return Ok(());
+    }
+    Err(raise(format!("{name}: {shape:?}: expected an array [{n}, {count}]")))
+}
+
+/// A fabric as `plywave.mitsuba` loads it.
+#[pyclass(frozen, module = "plywave._plywave")]
+pub struct FabricTables {
+    fabric: FabricBsdf,
+}
+
+#[pymethods]
+impl FabricTables {
+    /// Of a spec's file, or of its text and the folder that its models are in.
+    #[new]
+    #[pyo3(signature = (filename = None, text = None, folder = ".", diffracted = true, layers = true, shadowing = true, edges = true, speckle = false))]
+    #[allow(clippy::fn_params_excessive_bools)]
+    fn new(
+        py: Python<'_>,
+        filename: Option<String>,
+        text: Option<String>,
+        folder: &str,
+        diffracted: bool,
+        layers: bool,
+        shadowing: bool,
+        edges: bool,
+        speckle: bool,
+    ) -> PyResult<Self> {
+        let gaps = if diffracted { GapLight::Diffracted } else { GapLight::Straight };
+        let options = FabricOptions { gaps, noise: speckle, layers, shadowing, edges, ..FabricOptions::SMOOTH };
+        let folder = folder.to_string();
+        let load = move || -> plywave::Result<FabricBsdf> {
+            match (filename, text) {
+                (_, Some(text)) => {
+                    FabricBsdf::new(FabricSpec::load_from(&text, "spec", &Folder::new(Path::new(&folder)))?, &options)
+                }
+                (filename, None) => FabricBsdf::load(filename.unwrap_or_default(), &options),
+            }
+        };
+        Ok(FabricTables { fabric: py.detach(load).map_err(raise)? })
+    }
+
+    /// Tables by name, and `models`, the files of the ply models.
+    fn tensors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let all = PyDict::new(py);
+        for tensor in self.fabric.tensors() {
+            let shape = IxDyn(&tensor.shape);
+            match tensor.values {
+                Values::F32(v) => {
+                    all.set_item(tensor.name, ArrayD::from_shape_vec(shape, v).map_err(raise)?.into_pyarray(py))?
+                }
+                Values::U32(v) => {
+                    all.set_item(tensor.name, ArrayD::from_shape_vec(shape, v).map_err(raise)?.into_pyarray(py))?
+                }
+                Values::U8(v) => {
+                    all.set_item(tensor.name, ArrayD::from_shape_vec(shape, v).map_err(raise)?.into_pyarray(py))?
+                }
+            }
+        }
+        let models = PyList::empty(py);
+        for model in self.fabric.models() {
+            models.append(PyBytes::new(py, &model.data().to_bytes().map_err(raise)?))?;
+        }
+        all.set_item("models", models)?;
+        Ok(all)
+    }
+
+    /// Size of one repeat along x and y [um].
+    fn repeat_um(&self) -> [f64; 2] {
+        self.fabric.fabric().repeat_um()
+    }
+
+    /// Of `position_um` [n, 2], `wo` and `wi` [n, 3]: f [n, 3] and the density of samples [n] by the library, at three wavelengths [um] or in linear sRGB, and the energy that goes straight on.
+    #[pyo3(signature = (position_um, wo, wi, lambda_um = None, sigma_per_um = None))]
+    fn eval_pdf<'py>(
+        &self,
+        py: Python<'py>,
+        position_um: PyReadonlyArray2<'py, f32>,
+        wo: PyReadonlyArray2<'py, f32>,
+        wi: PyReadonlyArray2<'py, f32>,
+        lambda_um: Option<[f32; 3]>,
+        sigma_per_um: Option<[[f32; 3]; 2]>,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let n = wo.as_array().nrows();
+        columns("position_um", &position_um, n, 2)?;
+        columns("wo", &wo, n, 3)?;
+        columns("wi", &wi, n, 3)?;
+        let (position_um, wo, wi) = (position_um.as_array(), wo.as_array(), wi.as_array());
+        let (mut f, mut pdf, mut straight) = (Array2::zeros((n, 3)), Array1::zeros(n), Array1::zeros(n));
+        for i in 0..n {
+            let (at, viewer) = (row(&position_um, i), row(&wo, i));
+            let query = match lambda_um {
+                Some(lambda) => FabricQuery::new(at, viewer, lambda),
+                None => FabricQuery::rgb(at, viewer),
+            };
+            let query = FabricQuery { sigma_per_um: sigma_per_um.map_or([None; 2], |s| s.map(Some)), ..query };
+            let at = self.fabric.at(&query);
+            let (value, density) = at.eval_pdf(row(&wi, i));
+            (0..3).for_each(|k| f[[i, k]] = value[k]);
+            pdf[i] = density;
+            straight[i] = at.straight()[0];
+        }
+        Ok((f.into_pyarray(py).into_any(), pdf.into_pyarray(py).into_any(), straight.into_pyarray(py).into_any()))
+    }
+
+    /// What lines meet first, `[n, 16]`: 1 for a ply, family, yarn, ply, theta_i, h, along, 1 for two layers, the x and z axes; a gap's edges from number 4 on.
+    fn hits<'py>(
+        &self,
+        py: Python<'py>,
+        position_um: PyReadonlyArray2<'py, f32>,
+        wo: PyReadonlyArray2<'py, f32>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let n = wo.as_array().nrows();
+        columns("position_um", &position_um, n, 2)?;
+        columns("wo", &wo, n, 3)?;
+        let (position_um, wo) = (position_um.as_array(), wo.as_array());
+        let mut hits = Array2::<f32>::zeros((n, 14));
+        for i in 0..n {
+            let [x, y] = row(&position_um, i);
+            match self.fabric.fabric().at(x, y, row(&wo, i)) {
+                Place::Ply(hit) => {
+                    let [fx, _, fz] = hit.frame;
+                    let numbers =
+                        [1.0, hit.family as u8 as f32, hit.yarn as f32, hit.ply as f32, hit.theta_i, hit.h_um];
+                    let rest =
+                        [hit.along_um, f32::from(u8::from(hit.is_double)), fx[0], fx[1], fx[2], fz[0], fz[1], fz[2]];
+                    numbers.into_iter().chain(rest).enumerate().for_each(|(k, v)| hits[[i, k]] = v);
+                }
+                Place::Gap(gap) => gap.aperture_um.into_iter().enumerate().for_each(|(k, v)| hits[[i, 4 + k]] = v),
+            }
+        }
+        Ok(hits.into_pyarray(py).into_any())
+    }
+
+    /// Absorptions [1/um] with which the cloth has these reflectances.
+    fn sigma_of_reflectance(&self, reflectance: Vec<f32>) -> Vec<f32> {
+        reflectance.into_iter().map(|r| self.fabric.sigma_of_reflectance([r])[0]).collect()
+    }
+}
+
+/// The bytes of a ply model's file, read and checked by the library.
+#[pyfunction]
+pub fn ply_file<'py>(py: Python<'py>, filename: &str) -> PyResult<Bound<'py, PyBytes>> {
+    let model = PlyModel::load(filename).map_err(raise)?;
+    Ok(PyBytes::new(py, &model.data().to_bytes().map_err(raise)?))
+}
+
+/// Radius R of a ply model [um], from the spec in its file.
+#[pyfunction]
+pub fn ply_radius_um(filename: &str) -> PyResult<f64> {
+    let model = PlyModel::load(filename).map_err(raise)?;
+    let [a, b] = YarnSpec::parse(&model.data().spec_text, filename).map_err(raise)?.ply_radii_um();
+    Ok(a.max(b))
+}
+
+/// The terms of a ply by the library, of n queries: f_refl `[n]`, f_high and f_edge `[n, 3]`, the density of samples `[n]`.
+#[pyfunction]
+#[allow(clippy::type_complexity)]
+pub fn ply_terms<'py>(
+    py: Python<'py>,
+    filename: &str,
+    theta_i: PyReadonlyArray1<'py, f32>,
+    h_um: PyReadonlyArray1<'py, f32>,
+    sigma_per_um: PyReadonlyArray2<'py, f32>,
+    lambda_um: PyReadonlyArray2<'py, f32>,
+    wo: PyReadonlyArray2<'py, f32>,
+    edge: bool,
+) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+    let model = PlyModel::load(filename).map_err(raise)?;
+    let (theta_i, h_um) = (theta_i.as_array(), h_um.as_array());
+    let n = theta_i.len();
+    columns("sigma_per_um", &sigma_per_um, n, 3)?;
+    columns("lambda_um", &lambda_um, n, 3)?;
+    columns("wo", &wo, n, 3)?;
+    if h_um.len() != n {
+        return Err(raise(format!("h_um: {} numbers: expected {n}", h_um.len())));
+    }
+    let (sigma, lambda, wo) = (sigma_per_um.as_array(), lambda_um.as_array(), wo.as_array());
+    let (mut refl, mut pdf) = (Array1::zeros(n), Array1::zeros(n));
+    let (mut high, mut of_edge) = (Array2::zeros((n, 3)), Array2::zeros((n, 3)));
+    for i in 0..n {
+        let query = PlyQuery { edge, ..PlyQuery::new(theta_i[i], h_um[i], row::<3>(&sigma, i), row(&lambda, i)) };
+        let terms = model.at(&query).terms(row(&wo, i));
+        (refl[i], pdf[i]) = (terms.refl, terms.pdf);
+        for k in 0..3 {
+            high[[i, k]] = terms.high[k];
+            of_edge[[i, k]] = terms.edge[k];
+        }
+    }
+    let [refl, pdf] = [refl, pdf].map(|a| a.into_pyarray(py).into_any());
+    let [high, of_edge] = [high, of_edge].map(|a| a.into_pyarray(py).into_any());
+    Ok((refl, high, of_edge, pdf))
+}
+
+/// Adds them to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<FabricTables>()?;
+    module.add_function(wrap_pyfunction!(ply_file, module)?)?;
+    module.add_function(wrap_pyfunction!(ply_radius_um, module)?)?;
+    module.add_function(wrap_pyfunction!(ply_terms, module)?)
+}

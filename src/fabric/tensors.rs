@@ -1,0 +1,139 @@
+//! All tables of a loaded fabric as named arrays, for hosts that evaluate it on machines of their own (GPUs, differentiating compilers): `python/plywave/mitsuba` is one.
+//!
+//! With these arrays, the files of the ply models and the formulas of this folder, [`FabricBsdf`] can be rebuilt. Arrays are flat, last index fastest; lengths in um.
+//!
+//! | name | shape | |
+//! |---|---|---|
+//! | `yarn` | `[2][15]` | of warp and weft: plies, R, circle D, half width, spacing, its inverse, reach R + d_cut, turns per um, slope and norm of the plies, then of the axis' profile: step, amplitude, radius, arc, slope |
+//! | `turn` | `[2][7][2]` | cosine and sine of the plies' places |
+//! | `draft` | `[picks][ends]` | 1 where the warp is on top |
+//! | `scalars` | `[4]` | height above which nothing is near, length of a ply with one speckle pattern, step of the apertures' edges, L of `curve` |
+//! | `options` | `[5]` | gaps diffracted, speckle, layers, shadowing, edges |
+//! | `stripes_warp`, `stripes_weft` | `[..]` | model of each yarn of one repeat |
+//! | `threads_warp`, `threads_weft` | `[..]` | dye of each yarn of one repeat |
+//! | `dye_rgb`, `dye_spectrum` | `[dyes][3]`, `[dyes][81]` | absorptions [1/um] of linear sRGB, and at 0.38 to 0.78 um |
+//! | `curve` | `[..][2]` | v = 1 / (1 + sigma L) and the cloth's brightness |
+//! | `shadow_free` | `[rows][16][16][8]` | chances of being free, 0 to 255 |
+//! | `shadow_patterns` | `[2][4][512]` or empty | rows by pattern |
+//! | `between_caught` | `[2][4][3][8][168]` | by side, class, sent up, down and all, absorption: splines of the direction |
+//! | `between_leaves` | `[2][4][2][2][64][8]` | by side, class, sent, leaves, pair of absorptions |
+//! | `between_shape` | `[2][2][64][16]` | by side, leaves, pair |
+//! | `apertures` | `[33][33][74]` | spectra by the distances of their two edges: the factor's eight numbers, g, 65 masses |
+
+use super::between::{CLASSES, FEW, PAIRS, SIGMAS, Side, TERMS};
+use super::bsdf::{EDGES, FabricBsdf};
+use super::shadow::{COLUMNS, LANES, ROWS};
+use super::splines::COUNT;
+use super::yarn::MAX_PLIES;
+use super::{Family, GapLight};
+use crate::PlyModel;
+use crate::color::SPECTRUM_NODES;
+use crate::gap::SPECTRUM_CELLS;
+use std::sync::Arc;
+
+/// Numbers of a [`Tensor`].
+#[derive(Clone, Debug, PartialEq)]
+pub enum Values {
+    /// Single precision.
+    F32(Vec<f32>),
+    /// Indices.
+    U32(Vec<u32>),
+    /// Bytes.
+    U8(Vec<u8>),
+}
+
+/// A named array.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tensor {
+    /// Name.
+    pub name: &'static str,
+    /// Its sizes, last index fastest.
+    pub shape: Vec<usize>,
+    /// Its numbers.
+    pub values: Values,
+}
+
+impl FabricBsdf {
+    /// The models, in the order of `stripes_warp` and `stripes_weft`.
+    pub fn models(&self) -> &[Arc<PlyModel>] {
+        &self.models
+    }
+
+    /// The tables of the fabric, each described in the head of src/fabric/tensors.rs; those of its models are in their files, [`crate::ply::PlyData::to_bytes`].
+    pub fn tensors(&self) -> Vec<Tensor> {
+        let mut all = Vec::new();
+        let mut f32s = |name, shape: &[usize], values: Vec<f32>| {
+            all.push(Tensor { name, shape: shape.to_vec(), values: Values::F32(values) });
+        };
+        let f = &self.fabric;
+        let yarns = f.yarns.iter().flat_map(|y| {
+            let p = &y.profile;
+            let shape = [y.plies as f32, y.radius, y.circle, y.half_width, y.spacing, y.per_spacing, y.reach];
+            let rest = [y.turns_per_um, y.slope, y.norm, p.step, p.amplitude, p.radius, p.arc, p.slope];
+            shape.into_iter().chain(rest)
+        });
+        f32s("yarn", &[2, 15], yarns.collect());
+        let turns = f.yarns.iter().flat_map(|y| y.turn.as_flattened().iter().copied());
+        f32s("turn", &[2, MAX_PLIES, 2], turns.collect());
+        let (length_um, curve) = self.curve.nodes().unwrap_or((1.0, &[]));
+        f32s("scalars", &[4], vec![f.top_um(), self.grain_um, self.edge_step_um, length_um as f32]);
+        let o = &self.options;
+        let options = [o.gaps == GapLight::Diffracted, o.noise, o.layers, o.shadowing, o.edges];
+        f32s("options", &[5], options.map(|on| f32::from(u8::from(on))).to_vec());
+        let dyes: Vec<_> = self.dyes.iter().map(super::dye::Dye::numbers).collect();
+        f32s("dye_rgb", &[dyes.len(), 3], dyes.iter().flat_map(|d| d.0).collect());
+        f32s("dye_spectrum", &[dyes.len(), SPECTRUM_NODES], dyes.iter().flat_map(|d| d.1).collect());
+        f32s("curve", &[curve.len(), 2], curve.iter().flat_map(|(v, value)| [*v as f32, *value as f32]).collect());
+        let of = |values: &dyn Fn(&Side) -> Vec<f32>| self.between.sides.iter().flat_map(values).collect::<Vec<f32>>();
+        f32s("between_caught", &[2, CLASSES, 3, SIGMAS, COUNT], of(&|s| s.caught.as_flattened().to_vec()));
+        f32s("between_leaves", &[2, CLASSES, 2, 2, PAIRS, FEW], of(&|s| s.leaves.as_flattened().to_vec()));
+        f32s("between_shape", &[2, 2, PAIRS, TERMS], of(&|s| s.shape.as_flattened().to_vec()));
+        let apertures = self.spectra.iter().flat_map(crate::gap::Spectrum::numbers);
+        f32s("apertures", &[EDGES + 1, EDGES + 1, 10 + SPECTRUM_CELLS], apertures.collect());
+
+        let lists = [("stripes_warp", &self.stripes[0]), ("stripes_weft", &self.stripes[1])];
+        let threads = [("threads_warp", &self.threads[0]), ("threads_weft", &self.threads[1])];
+        for (name, list) in lists.into_iter().chain(threads).chain([("shadow_patterns", &self.shadows.patterns)]) {
+            all.push(Tensor { name, shape: vec![list.len()], values: Values::U32(list.clone()) });
+        }
+        let draft = f.draft();
+        let (picks, ends) = (draft.threads(Family::Weft), draft.threads(Family::Warp));
+        let up = (0..picks).flat_map(|pick| (0..ends).map(move |end| u8::from(draft.up(pick, end))));
+        all.push(Tensor { name: "draft", shape: vec![picks, ends], values: Values::U8(up.collect()) });
+        let rows = self.shadows.free.len() / (2 * ROWS * COLUMNS * LANES);
+        let shape = vec![rows, 2 * ROWS, COLUMNS, LANES];
+        all.push(Tensor { name: "shadow_free", shape, values: Values::U8(self.shadows.free.clone()) });
+        all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fabric::FabricOptions;
+
+    /// Shapes are those of the values, names are unique, and what the module text says of some holds.
+    #[test]
+    fn tensors_are_whole() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/fabrics/polyester_satin.toml");
+        let fabric = FabricBsdf::load(path, &FabricOptions::default()).unwrap();
+        let all = fabric.tensors();
+        for (i, t) in all.iter().enumerate() {
+            let len = match &t.values {
+                Values::F32(v) => v.len(),
+                Values::U32(v) => v.len(),
+                Values::U8(v) => v.len(),
+            };
+            assert_eq!(len, t.shape.iter().product::<usize>(), "{}", t.name);
+            assert!(all[..i].iter().all(|other| other.name != t.name), "{}", t.name);
+        }
+        let of = |name: &str| all.iter().find(|t| t.name == name).unwrap();
+        assert_eq!(of("draft").shape, [5, 5]);
+        assert_eq!(of("yarn").values, {
+            let Values::F32(v) = &of("yarn").values else { panic!() };
+            assert!(v[4] == 102.0 && v[15 + 4] == 250.0 && v[0] == 1.0);
+            Values::F32(v.clone())
+        });
+        assert!(matches!(&of("shadow_free").values, Values::U8(v) if v.iter().any(|f| *f > 0)));
+    }
+}
