@@ -306,6 +306,7 @@ fn fabrics<const N: usize>(of: &Organza, rng: &mut Pcg64Mcg) -> Vec<i32> {
             sigma_warp_per_um: if warp { sigmas[i].as_ptr() } else { null() },
             sigma_weft_per_um: if weft { sigmas[n + i].as_ptr() } else { null() },
             models: [null(), if other { of.model.0 } else { null() }],
+            footprint_um: 0.0,
         };
         let mut bsdf: PlywaveBsdf = zeroed();
         ok(|e| unsafe { plywave_fabric_at(of.c.0, &c_query, &mut bsdf, e) });

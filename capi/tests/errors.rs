@@ -258,6 +258,7 @@ fn bad_files_and_fabrics() {
     refused(Invalid, "wo", at(PlywaveFabricQuery { wo: [0.0; 3], ..good }));
     refused(Invalid, "position_um", at(PlywaveFabricQuery { position_um: [0.0, f32::INFINITY], ..good }));
     refused(Invalid, "turn_rad", at(PlywaveFabricQuery { turn_rad: f32::NAN, ..good }));
+    refused(Invalid, "footprint_um", at(PlywaveFabricQuery { footprint_um: f32::NAN, ..good }));
     refused(Invalid, "channels", at(PlywaveFabricQuery { channels: 3, ..good }));
     refused(Invalid, "3 channels", at(PlywaveFabricQuery { channels: 1, count: 4, lambda_um: [0.5; 4], ..good }));
     let nan = [f32::NAN; 3];
