@@ -20,7 +20,9 @@ esac
 cargo build --locked --release --quiet -p plywave-capi --lib
 
 # What a static library asks of the system, in rustc's words.
-libs=$(rustc --print native-static-libs --crate-type staticlib --crate-name none -o /dev/null - <<<'' 2>&1 | sed -n 's/.*native-static-libs: //p')
+scratch=$(mktemp -d)
+trap 'rm -rf "$scratch"' EXIT
+libs=$(rustc --print native-static-libs --crate-type staticlib --crate-name none -o "$scratch/none.a" - <<<'' 2>&1 | sed -n 's/.*native-static-libs: //p')
 
 to=${DESTDIR:-}$prefix
 mkdir -p "$to/include" "$to/lib/pkgconfig"

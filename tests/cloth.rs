@@ -3,14 +3,20 @@
 use plywave::fabric::FabricOptions;
 use plywave::twin::{ClothTwin, ComparisonOptions, Light, compare};
 use plywave::{Bsdf, FabricBsdf, FabricQuery};
+use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
+use std::sync::{Arc, Mutex};
 
 fn folder() -> String {
     format!("{}/fabrics", env!("CARGO_MANIFEST_DIR"))
 }
 
-fn fabric(name: &str) -> FabricBsdf {
-    FabricBsdf::load(format!("{}/{name}.toml", folder()), &FabricOptions::RAYS).unwrap()
+/// Each is loaded once.
+fn fabric(name: &'static str) -> Arc<FabricBsdf> {
+    static LOADED: Mutex<BTreeMap<&str, Arc<FabricBsdf>>> = Mutex::new(BTreeMap::new());
+    let mut loaded = LOADED.lock().unwrap();
+    let load = || Arc::new(FabricBsdf::load(format!("{}/{name}.toml", folder()), &FabricOptions::RAYS).unwrap());
+    loaded.entry(name).or_insert_with(load).clone()
 }
 
 /// What a cloth may be off from its twin: R and T up to 60 degrees, twice that beyond; L2 of the upper half up to 60 degrees and beyond; L2 of the lower half where more than 0.05 is
@@ -36,7 +42,7 @@ const LIMITS: [Limits; 6] = [
 #[test]
 fn cloths_are_near_their_twins() {
     for limits in &LIMITS {
-        let fabric = FabricBsdf::load(format!("{}/{}.toml", folder(), limits.name), &FabricOptions::RAYS).unwrap();
+        let fabric = fabric(limits.name);
         let twin = ClothTwin::load(format!("{}/twins/{}.pwx", folder(), limits.name)).unwrap();
         // Light up to 60 degrees and beyond, L2 of the upper half alike, of the lower one.
         let (mut light, mut upper, mut lower) = ([0.0f64; 2], [0.0f64; 2], 0.0f64);

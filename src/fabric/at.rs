@@ -67,6 +67,16 @@ pub(super) struct NearPly<'a, L, const N: usize> {
     pub chance: f32,
 }
 
+impl<'a, const N: usize> NearPly<'a, Uncached<'a, N>, N> {
+    /// With its lobes interpolated once, for many directions.
+    fn prepared(&self) -> NearPly<'a, Cached<'a, N>, N> {
+        let NearPly { frame, shade, exits, family, is_double, arrives, caught, energy, hit, chance, .. } = *self;
+        let mut ply = self.ply.model.unprepared(&self.ply.query).into_ply();
+        ply.prepare();
+        NearPly { ply, frame, shade, exits, family, is_double, arrives, caught, energy, hit, chance }
+    }
+}
+
 impl<L: Lobes<N>, const N: usize> NearPly<'_, L, N> {
     /// Finds the energies; r_d comes out.
     pub(super) fn energies(&mut self) -> f32 {
@@ -172,6 +182,7 @@ impl<const N: usize> FabricAt<'_, N> {
         }
         for ply in self.others.iter().flatten().filter(|ply| ply.family == family) {
             scatters(ply.is_double, ply.arrives, &ply.energy);
+            let ply = ply.prepared();
             lights.iter().zip(&mut f).for_each(|(b, f)| ply.eval_pdf(*b, f, &mut 0.0));
         }
         (f, first)
