@@ -33,7 +33,7 @@ const LIMITS: [Limits; 6] = [
     Limits { name: "polyester_satin", light: 0.022, upper: [0.12, 0.12], lower: 0.12 },
     Limits { name: "silk_organza", light: 0.030, upper: [0.12, 0.17], lower: 0.16 },
     Limits { name: "cotton_plain", light: 0.024, upper: [0.11, 0.18], lower: 0.18 },
-    Limits { name: "cotton_twill", light: 0.037, upper: [0.13, 0.17], lower: 0.42 },
+    Limits { name: "cotton_twill", light: 0.039, upper: [0.13, 0.17], lower: 0.42 },
     Limits { name: "wool_plain", light: 0.024, upper: [0.11, 0.17], lower: 0.26 },
 ];
 
