@@ -188,10 +188,13 @@ fn check_flags(args: &RenderArgs) -> Outcome {
     Ok(())
 }
 
+/// Lines of a picture that is worth the seconds in which the mean over the repeat is made.
+const FAR_LINES: u32 = 256;
+
 /// Whether a pixel covers half of a fabric's repeat or more, so that its mean takes part.
 pub(super) fn covers_repeats(fabric: &Fabric, setup: Setup, size_mm: f32, height: u32) -> bool {
     let [x, y] = fabric.repeat_um();
-    f64::from(setup.pixel_um(size_mm, height)) > 0.5 * x.max(y)
+    height >= FAR_LINES && f64::from(setup.pixel_um(size_mm, height)) > 0.5 * x.max(y)
 }
 
 /// Runs the command.
