@@ -15,6 +15,7 @@ mod color_of;
 mod draft;
 mod dye;
 mod far;
+mod far_query;
 mod flight;
 mod load;
 mod place;

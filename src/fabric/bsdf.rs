@@ -7,8 +7,8 @@
 use super::at::{FabricAt, GapLight, NearPly, Passes, by_family, to_pattern};
 use super::between::{Between, BetweenAt, Yarns, class};
 use super::color_of::{self, ColorOf, Sheet};
-use super::dye::{Channels, ColorReach, Dye};
-use super::far::{self, Far, FarAt, Mixed, Places, Seen};
+use super::dye::{Channels, ColorReach, Dye, shares_of};
+use super::far::Far;
 use super::flight::Near;
 use super::place::MAX_NEAR;
 use super::shade::Shade;
@@ -173,8 +173,8 @@ pub struct FabricBsdf {
     /// Length of a ply with the same patterns, 2 w0 [um].
     pub(super) grain_um: f32,
     /// The mean over the repeat, and by family the share of each color.
-    far: Option<Arc<Far>>,
-    color_shares: [Vec<(u32, f32)>; 2],
+    pub(super) far: Option<Arc<Far>>,
+    pub(super) color_shares: [Vec<(u32, f32)>; 2],
 }
 
 impl FabricBsdf {
@@ -543,74 +543,14 @@ impl FabricBsdf {
         (node(before_um) * (EDGES + 1) + node(beyond_um)) as u16
     }
 
-    fn gap<const N: usize>(&self, [x, y]: [u16; 2], wo: [f32; 3], lambda_um: [f32; N]) -> GapBsdf<'_, N> {
+    pub(super) fn gap<const N: usize>(&self, [x, y]: [u16; 2], wo: [f32; 3], lambda_um: [f32; N]) -> GapBsdf<'_, N> {
         GapBsdf::new(&self.spectra[usize::from(x)], &self.spectra[usize::from(y)], wo, lambda_um)
     }
 
-    /// The mean over the repeat where a query asks for it, seen from `wo` in the pattern's frame, and its share.
-    fn far_at<'a, const N: usize>(&'a self, query: &FabricQuery<'a, N>, wo: [f32; 3]) -> Option<(FarAt<'a, N>, f32)> {
-        let far = self.far.as_deref().filter(|_| query.models.iter().all(Option::is_none))?;
-        let [x, y] = self.fabric.repeat_um();
-        let t = (2.0 * query.footprint_um / x.max(y) as f32 - 1.0).clamp(0.0, 1.0);
-        let share = t * t * (3.0 - 2.0 * t);
-        // Not a number is no footprint.
-        if !(share > 0.0 && crate::frame::is_direction(wo)) {
-            return None;
-        }
-        let mut sigma = [Mixed::NONE; 2];
-        for (k, sigma) in sigma.iter_mut().enumerate() {
-            match query.sigma_per_um[k] {
-                Some(own) => sigma.add(1.0, own),
-                None => self.color_shares[k].iter().for_each(|(color, share)| {
-                    sigma.add(*share, self.dyes[*color as usize].at(query.lambda_um, query.channels));
-                }),
-            }
-        }
-        let plies = far.at(wo, [&sigma[0], &sigma[1]]);
-        let firsts: [(usize, [f32; N]); 4] = std::array::from_fn(|class| (class, plies.first[class]));
-        let between = self.between.at(wo, &firsts, sigma.map(|s| s.sigma()), self.sent());
-        let (passing, apertures) = far.passing(wo);
-        let mut gaps = [None; far::APERTURES];
-        if self.options.gaps == GapLight::Diffracted {
-            for (gap, aperture) in gaps.iter_mut().zip(apertures) {
-                *gap = Some(self.gap(*aperture, wo, query.lambda_um));
-            }
-        }
-        Some((FarAt::new(plies, between, passing, gaps), share))
-    }
-
     /// Factors on what first plies send up and down.
-    fn sent(&self) -> [f32; 2] {
+    pub(super) fn sent(&self) -> [f32; 2] {
         let on = |switch: bool| f32::from(u8::from(switch));
         [on(self.options.shadowing), on(self.options.layers)]
-    }
-}
-
-/// By family, each color of one repeat of its threads and its share of them.
-fn shares_of(threads: &[Vec<u32>; 2]) -> [Vec<(u32, f32)>; 2] {
-    [0, 1].map(|k| {
-        let mut shares: Vec<(u32, f32)> = Vec::new();
-        for color in &threads[k] {
-            match shares.iter_mut().find(|(known, _)| known == color) {
-                Some((_, share)) => *share += 1.0,
-                None => shares.push((*color, 1.0)),
-            }
-        }
-        shares.into_iter().map(|(color, count)| (color, count / threads[k].len() as f32)).collect()
-    })
-}
-
-impl Places for FabricBsdf {
-    fn seen(&self, family: Family, place: [f64; 2], turn: f64, wo: [f32; 3], lights: &[[f32; 3]]) -> Seen {
-        let at = [0, 1].map(|k| {
-            let repeat = self.fabric.repeat_um()[k];
-            ((place[k] + (turn * (1.0 + 20_000.0 / repeat)).floor()) * repeat) as f32
-        });
-        let query =
-            FabricQuery { sigma_per_um: [Some(far::SIGMA_PER_UM); 2], ..FabricQuery::new(at, wo, [0.55; far::SIGMAS]) };
-        let at = self.at(&query);
-        let (f, first) = at.of_family(family, lights);
-        Seen { f, first, passing: at.passing, aperture: at.aperture }
     }
 }
 

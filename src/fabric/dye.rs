@@ -103,3 +103,17 @@ impl Dye {
         }
     }
 }
+
+/// By family, each color of one repeat of its threads and its share of them.
+pub(super) fn shares_of(threads: &[Vec<u32>; 2]) -> [Vec<(u32, f32)>; 2] {
+    [0, 1].map(|k| {
+        let mut shares: Vec<(u32, f32)> = Vec::new();
+        for color in &threads[k] {
+            match shares.iter_mut().find(|(known, _)| known == color) {
+                Some((_, share)) => *share += 1.0,
+                None => shares.push((*color, 1.0)),
+            }
+        }
+        shares.into_iter().map(|(color, count)| (color, count / threads[k].len() as f32)).collect()
+    })
+}

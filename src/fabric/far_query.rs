@@ -1,0 +1,58 @@
+//! The mean over the repeat at a query, and what its table sees of a fabric at a place.
+
+use super::Family;
+use super::at::GapLight;
+use super::bsdf::{FabricBsdf, FabricQuery};
+use super::far::{self, FarAt, Mixed, Places, Seen};
+
+impl FabricBsdf {
+    /// The mean over the repeat where a query asks for it, seen from `wo` in the pattern's frame, and its share.
+    pub(super) fn far_at<'a, const N: usize>(
+        &'a self,
+        query: &FabricQuery<'a, N>,
+        wo: [f32; 3],
+    ) -> Option<(FarAt<'a, N>, f32)> {
+        let far = self.far.as_deref().filter(|_| query.models.iter().all(Option::is_none))?;
+        let [x, y] = self.fabric.repeat_um();
+        let t = (2.0 * query.footprint_um / x.max(y) as f32 - 1.0).clamp(0.0, 1.0);
+        let share = t * t * (3.0 - 2.0 * t);
+        // Not a number is no footprint.
+        if !(share > 0.0 && crate::frame::is_direction(wo)) {
+            return None;
+        }
+        let mut sigma = [Mixed::NONE; 2];
+        for (k, sigma) in sigma.iter_mut().enumerate() {
+            match query.sigma_per_um[k] {
+                Some(own) => sigma.add(1.0, own),
+                None => self.color_shares[k].iter().for_each(|(color, share)| {
+                    sigma.add(*share, self.dyes[*color as usize].at(query.lambda_um, query.channels));
+                }),
+            }
+        }
+        let plies = far.at(wo, [&sigma[0], &sigma[1]]);
+        let firsts: [(usize, [f32; N]); 4] = std::array::from_fn(|class| (class, plies.first[class]));
+        let between = self.between.at(wo, &firsts, sigma.map(|s| s.sigma()), self.sent());
+        let (passing, apertures) = far.passing(wo);
+        let mut gaps = [None; far::APERTURES];
+        if self.options.gaps == GapLight::Diffracted {
+            for (gap, aperture) in gaps.iter_mut().zip(apertures) {
+                *gap = Some(self.gap(*aperture, wo, query.lambda_um));
+            }
+        }
+        Some((FarAt::new(plies, between, passing, gaps), share))
+    }
+}
+
+impl Places for FabricBsdf {
+    fn seen(&self, family: Family, place: [f64; 2], turn: f64, wo: [f32; 3], lights: &[[f32; 3]]) -> Seen {
+        let at = [0, 1].map(|k| {
+            let repeat = self.fabric.repeat_um()[k];
+            ((place[k] + (turn * (1.0 + 20_000.0 / repeat)).floor()) * repeat) as f32
+        });
+        let query =
+            FabricQuery { sigma_per_um: [Some(far::SIGMA_PER_UM); 2], ..FabricQuery::new(at, wo, [0.55; far::SIGMAS]) };
+        let at = self.at(&query);
+        let (f, first) = at.of_family(family, lights);
+        Seen { f, first, passing: at.passing, aperture: at.aperture }
+    }
+}
