@@ -30,6 +30,21 @@ import plywave.mitsuba  # noqa: E402  (registers the plugins)
 from plywave.mitsuba import _native  # noqa: E402
 
 
+_load, _loaded = _native.FabricTables, {}
+
+
+def once(filename=None, text=None, folder=".", diffracted=True, **parts):
+    """A fabric of these keys, loaded once: the mean over the repeat takes seconds."""
+    parts = {"layers": True, "shadowing": True, "edges": True, "speckle": False, "far": False} | parts
+    key = (filename, text, folder, diffracted, *parts.items())
+    if key not in _loaded:
+        _loaded[key] = _load(filename, text, folder, diffracted, **parts)
+    return _loaded[key]
+
+
+_native.FabricTables = once
+
+
 @pytest.fixture(autouse=True)
 def _variant():
     mi.set_variant("llvm_ad_rgb")
@@ -555,3 +570,95 @@ def test_fibers_on_curves_in_a_furnace(tmp_path):
         even = mi.load_dict({"type": "scene", "integrator": {"type": "path", "max_depth": 16}, "sensor": sensor, "sky": {"type": "constant"}, "curve": curve})
         mean = np.array(mi.render(even, spp=256)).mean(dtype=np.float64)
         assert abs(mean - 1.0) < 0.01, f"{width}: {mean}"
+
+
+@pytest.mark.parametrize("spec, gaps", [("polyester_satin", "straight"), ("silk_organza", "diffracted")])
+def test_far_views_are_the_librarys(spec, gaps):
+    """f, density and straight light at footprints from none to two repeats, with the spec's colors and with textures' own. From 0.5 repeats on the mean takes part, and at
+    one it is all; of f nothing is then beyond 1e-4 but directions of the diffraction's peak. Densities are constant in cells: next to a cell's border the rounding of an angle
+    tells which. Below, both have the errors of test_fabric_is_the_librarys."""
+    rng, n = np.random.default_rng(21), QUERIES
+    spec, is_diffracted = str(FABRICS / f"{spec}.toml"), gaps == "diffracted"
+    tables = _native.FabricTables(spec, diffracted=is_diffracted, far=True)
+    position = rng.uniform(-3000, 3000, (n, 2)).astype(np.float32)
+    wo, wi = directions(rng, n), directions(rng, n)
+    if is_diffracted:
+        wi[: n // 2] = -wo[: n // 2] + 0.04 * rng.normal(size=(n // 2, 3))
+        wi = np.ascontiguousarray(wi / np.linalg.norm(wi, axis=1)[:, None], np.float32)
+    si = interaction(n, mi.Point2f(position.T.copy()), mi.Vector3f(wo.T.copy()))
+    own = [[0.0008, 0.004, 0.02], [0.05, 0.0, 4.0]]
+    textures = {f"{family}_sigma_per_um": {"type": "rgb", "value": sigma} for family, sigma in zip(("warp", "weft"), own)}
+    for share, sigma in [(0.0, None), (0.45, None), (0.65, None), (0.9, own), (1.0, None), (2.0, own)]:
+        footprint = share * max(tables.repeat_um())
+        f, pdf, straight = tables.eval_pdf(position, wo, wi, sigma_per_um=sigma, footprint_um=footprint)
+        keys = {"far": True, "footprint_um": footprint, "gaps": gaps} | (textures if sigma else {})
+        bsdf = mi.load_dict({"type": "plywave_fabric", "filename": spec, "um_per_uv": 1.0, **keys})
+        assert not bsdf.needs_differentials()
+        got, density = bsdf.eval_pdf(mi.BSDFContext(), si, mi.Vector3f(wi.T.copy()))
+        got, density = np.array(got).T, np.array(density)
+        is_far = share >= 1.0
+        close(f"f at {share}", got, f, share=5e-3 if not is_far else 2e-3 if is_diffracted else 0.0)
+        close(f"pdf at {share}", density, pdf, share=1e-3 if is_far and not is_diffracted else 2e-2)
+        passes = np.array(bsdf.eval_null_transmission(si))[0]
+        close(f"straight at {share}", np.broadcast_to(passes, n), straight, share=1e-3)
+        assert abs(got.mean(dtype=np.float64) / f.mean(dtype=np.float64) - 1.0) < 5e-4
+
+
+FAR = {"far": True, "um_per_uv": 1.0}
+
+
+@pytest.mark.parametrize("spec, keys", [(SATIN, {"footprint_um": 900.0, "gaps": "straight"}), (ORGANZA, {"footprint_um": 1e5})])
+@pytest.mark.parametrize("wi", [(0.3, 0.2, 0.9), (0.8, 0.1, 0.2)])
+def test_samples_of_far_views_have_their_density(spec, keys, wi):
+    from mitsuba.chi2 import ChiSquareTest, SphericalDomain
+
+    bsdf, context = mi.load_dict({"type": "plywave_fabric", "filename": spec, **FAR, **keys}), mi.BSDFContext()
+    wi = mi.Vector3f(*(float(x) for x in np.array(wi) / np.linalg.norm(wi)))
+    null, uv = int(mi.BSDFFlags.Null), mi.Point2f(60.0, 33.0)
+
+    def sample(u, *_):
+        bs, _ = bsdf.sample(context, interaction(dr.width(u), uv, wi), u.x, mi.Point2f(u.y, u.z))
+        return bs.wo, dr.select((bs.pdf > 0) & (bs.sampled_type != null), 1.0, 0.0)
+
+    def pdf(wo, *_):
+        return bsdf.pdf(context, interaction(dr.width(wo), uv, wi), wo)
+
+    test = ChiSquareTest(SphericalDomain(), sample, pdf, sample_dim=3, sample_count=500_000, res=101, ires=24)
+    assert test.run(0.01 / 4), test.messages
+
+
+@pytest.mark.parametrize("footprint", [900.0, 1e5])
+@pytest.mark.parametrize("gaps", ["straight", "diffracted"])
+def test_far_weights_and_furnace(footprint, gaps):
+    """Weight times density is f; clear fibers are as bright as what is around, to 1 %."""
+    white = {f"{family}_sigma_per_um": 0.0 for family in ("warp", "weft")}
+    bsdf, context = mi.load_dict({"type": "plywave_fabric", "filename": ORGANZA, **FAR, **white, "footprint_um": footprint, "gaps": gaps}), mi.BSDFContext()
+    rng, n = np.random.default_rng(4), 400_000
+    wi = directions(rng, n)
+    si = interaction(n, mi.Point2f(rng.uniform(-500, 500, (2, n)).astype(np.float32)), mi.Vector3f(wi.T.copy()))
+    u = rng.random((3, n), dtype=np.float32)
+    bs, weight = bsdf.sample(context, si, mi.Float(u[0]), mi.Point2f(u[1:]))
+    f, pdf = bsdf.eval_pdf(context, si, bs.wo)
+    weight, of_sample = np.array(weight), np.array(bs.pdf)
+    scattered = np.broadcast_to(np.array(bs.sampled_type) != int(mi.BSDFFlags.Null), n)
+    close("pdf", of_sample[scattered], np.array(pdf)[scattered], tolerance=1e-5)
+    close("f", (weight * of_sample)[:, scattered], np.array(f)[:, scattered], tolerance=1e-4)
+    if gaps == "straight":
+        passes = np.array(bsdf.eval_null_transmission(si))
+        close("straight", (weight * of_sample)[:, ~scattered], passes[:, ~scattered], tolerance=1e-4)
+    assert abs(weight.mean(dtype=np.float64) - 1.0) < 0.01, weight.mean()
+
+
+@pytest.mark.parametrize(
+    "keys, words",
+    [
+        ({"far": 1.0}, "far: 1.0: expected true or false"),
+        ({"footprint_um": 10.0}, "footprint_um: given without far"),
+        ({"far": True, "footprint_um": -1.0}, "footprint_um: -1.0: expected a number that is not negative"),
+        ({"far": True, "footprint_scale": "wide"}, "footprint_scale: 'wide': expected a number"),
+    ],
+)
+def test_bad_keys_of_far_views_are_told(keys, words):
+    with pytest.raises(Exception) as told:
+        mi.load_dict({"type": "plywave_fabric", "filename": SATIN, **keys})
+    assert words in str(told.value), str(told.value)

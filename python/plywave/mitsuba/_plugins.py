@@ -10,10 +10,14 @@ import numpy as np
 from . import _native
 from ._base import check_keys, make_calls, texture, typed
 from ._gaps import Gaps
+from ._far import Far
 from ._fiber import BETA_M, Fiber
 from ._kit import Kit, clamp, cross3, dot3
 from ._cloth import CLASSES, LEAST_CAUGHT, MAX_NEAR, Cloth, kit_false
 from ._ply import Plies, clear_share, exit_lines, read_container
+
+#: ``BSDFFlags::NeedsDifferentials`` of Mitsuba's bsdf.h, which its Python enumeration lacks.
+NEEDS_DIFFERENTIALS = 0x20000
 
 
 def ply_frame(wi, axis):
@@ -233,8 +237,8 @@ def define():
     class Fabric(Calls):
         """``plywave_fabric``: a woven fabric on a surface with uv."""
 
-        FLAGS = {"layers", "shadowing", "edges", "speckle"}
-        KEYS = FLAGS | {"filename", "spec", "folder", "gaps", "um_per_uv", "rotation_deg", "to_uv", "id"}
+        FLAGS = {"layers": True, "shadowing": True, "edges": True, "speckle": False, "far": False}
+        KEYS = set(FLAGS) | {"filename", "spec", "folder", "gaps", "um_per_uv", "rotation_deg", "to_uv", "footprint_um", "footprint_scale", "id"}
         KEYS |= {f"{family}_{what}" for family in ("warp", "weft") for what in ("color", "sigma_per_um")}
 
         def __init__(self, props):
@@ -249,7 +253,8 @@ def define():
             gaps = typed(name, props, "gaps", str, "diffracted")
             if gaps not in ("straight", "diffracted"):
                 raise ValueError(f"{name}: gaps: {gaps!r}: expected 'straight' or 'diffracted'")
-            on = {key: typed(name, props, key, bool, key != "speckle") for key in sorted(self.FLAGS)}
+            on = {key: typed(name, props, key, bool, default) for key, default in self.FLAGS.items()}
+            self.footprint_um, self.footprint_scale = (self.length(name, props, key, on["far"]) for key in ("footprint_um", "footprint_scale"))
             if on["speckle"]:
                 raise ValueError(f"{name}: speckle: true: not in this version: leave it out")
             if filename is not None:
@@ -258,6 +263,7 @@ def define():
             tensors = tables.tensors()
             self.cloth = Cloth(kit, tensors)
             self.gaps = Gaps(kit, tensors["apertures"], self.cloth.edge_step) if gaps == "diffracted" else None
+            self.far = Far(kit, tensors, self.cloth) if on["far"] else None
             self.repeat_um = tables.repeat_um()
             scale = props["um_per_uv"] if "um_per_uv" in props else 1e5
             self.um_per_uv = self.pair(name, "um_per_uv", scale)
@@ -279,7 +285,22 @@ def define():
                     raise ValueError(f"{name}: {f}_color: given with {f}_sigma_per_um: give one of them")
             F = mi.BSDFFlags
             sides = F.FrontSide | F.BackSide | F.SpatiallyVarying | F.Anisotropic | F.NonSymmetric
-            self.setup([F.GlossyReflection | sides, F.GlossyTransmission | sides, F.Null | sides])
+            components = [int(part | sides) for part in (F.GlossyReflection, F.GlossyTransmission, F.Null)]
+            if on["far"] and self.footprint_um is None:
+                components = [c | NEEDS_DIFFERENTIALS for c in components]
+            self.setup(components)
+
+        @staticmethod
+        def length(name, props, key, far):
+            """A number of the far view, at least 0."""
+            value = typed(name, props, key, float, None)
+            if value is None:
+                return None
+            if not far:
+                raise ValueError(f"{name}: {key}: given without far: set far to true")
+            if not (math.isfinite(value) and value >= 0.0):
+                raise ValueError(f"{name}: {key}: {value}: expected a number that is not negative")
+            return value
 
         def pair(self, name, key, value):
             """Two numbers, or one for both, as a differentiable point."""
@@ -325,6 +346,30 @@ def define():
             c, s = self.turn
             x, y = w[0] * c - w[1] * s, w[1] * c + w[0] * s
             return self.kit.Vector3f(x, dr.select(mirrored, -y, y), w[2])
+
+        def far_share(self, si):
+            """Share of the mean over the repeat in the answer (``FabricBsdf::far_at``): by the footprint that is given, or that of the ray, the geometric mean of the axes of
+            the ellipse that it has on the cloth."""
+            kit, scale = self.kit, 1.0 if self.footprint_scale is None else self.footprint_scale
+            footprint = self.footprint_um
+            if footprint is None:
+                (a, b), (c, d) = ((1.0, 0.0), (0.0, 1.0)) if self.to_uv is None else (row[:2] for row in self.to_uv)
+                x, y = ([a * v.x + b * v.y, c * v.x + d * v.y] for v in (si.duv_dx, si.duv_dy))
+                area = (x[0] * y[1] - x[1] * y[0]) * self.um_per_uv.x * self.um_per_uv.y
+                footprint = dr.sqrt(dr.abs(dr.detach(area) if kit.jit else area))
+            t = clamp(scale * footprint * (2.0 / max(self.repeat_um)) - 1.0, 0.0, 1.0)
+            # Not a number is no footprint.
+            return kit.float(dr.select(t > 0.0, t * t * (3.0 - 2.0 * t), 0.0))
+
+        def mean_at(self, si, own, wo):
+            """The mean over the repeat seen from ``wo``, of the colors that the point has."""
+            colors = []
+            for k in range(2):
+                if own[k] is not None:
+                    colors.append([(1.0, own[k])])
+                else:
+                    colors.append([(share, self.dye(si, self.kit.uint(dye))) for dye, share in self.far.shares[k]])
+            return self.far.at(wo, colors, self.gaps)
 
         def sigma_of_color(self, reflectance):
             """Absorptions that give the cloth a color: its brightness inverted (src/color/absorption.rs)."""
@@ -381,6 +426,9 @@ def define():
             kit, cloth = self.kit, self.cloth
             options = cloth.options
             own = self.own_sigmas(si, active)
+            if self.far is not None:
+                share = self.far_share(si)
+                active = kit.both(active, share < 1.0)
             gradients = kit.jit and b is not None and dr.grad_enabled(self.dyes, *(x for x in own if x is not None))
             wo = [dr.detach(x) if kit.jit else x for x in self.to_pattern(si, si.wi)]
             position = [dr.detach(x) if kit.jit else x for x in self.place(si)]
@@ -537,6 +585,8 @@ def define():
             }
             if b is not None:
                 out |= {"f": s["f"] + last["more"] * s["last_f"], "density": s["density"] + last["more"] * s["last_density"]}
+            if self.far is not None:
+                out |= {"far": self.mean_at(si, own, wo), "far_share": share}
             if number is not None:
                 part = dr.select(of_last > 0.0, of_last / dr.maximum(plies, 1e-30), 0.0)
                 out["chosen"] = replaced(s["number"] < part, s["last_ply"], s["chosen"])
@@ -548,7 +598,18 @@ def define():
             return self.light(si, self.walk(si, active, b=b), b)
 
         def light(self, si, at, b):
-            """f and the density of samples in direction ``b`` of the pattern, of the line that was followed."""
+            """f and the density of samples in direction ``b`` of the pattern, of the line that was followed and of the mean over the repeat."""
+            f, pdf = self.near_light(si, at, b)
+            if self.far is None:
+                return f, pdf
+            share = at["far_share"]
+            mean, density = self.far.eval(at["far"], b, self.lambda_um(si), self.gaps)
+            far, near = share > 0.0, share < 1.0
+            f = dr.select(near, (1.0 - share) * f, 0.0) + dr.select(far, share * mean, 0.0)
+            density = dr.detach(density) if self.kit.jit else density
+            return f, dr.select(near, (1.0 - share) * pdf, 0.0) + dr.select(far, share * density, 0.0)
+
+        def near_light(self, si, at, b):
             kit, cloth = self.kit, self.cloth
             is_up = b[2] * at["up_sign"] >= 0.0
             f = at["f"] + cloth.between_eval(at["about"], at["up"], at["down"], is_up, b)
@@ -580,7 +641,31 @@ def define():
             return self.light(si, at, b), drawn
 
         def drawn(self, si, at, u):
-            """A direction of the line that was followed."""
+            """A direction of the line that was followed, or of the mean over the repeat; whether light goes straight on, its energy and chance."""
+            if self.far is None:
+                b, straight, energy, chance = self.near_drawn(si, at, u)
+                return self.to_surface(si, b), straight, energy, chance
+            kit, share, mean = self.kit, at["far_share"], at["far"]
+            is_far = u[0] < share
+            rest = clamp((u[0] - share) / dr.maximum(1.0 - share, 1e-7), 0.0, 0.9999999)
+            b, straight, energy, chance = self.near_drawn(si, at, [rest, u[1], u[2]])
+            first = dr.minimum(u[0] / dr.maximum(share, 1e-30), 0.9999999)
+            w, through = self.far.draw(mean, self.lambda_um(si), self.gaps, [first, u[1], u[2]])
+            b = [dr.select(is_far, x, y) for x, y in zip(w, b)]
+            straight = dr.select(is_far, kit.both(through, mean["chance"] > 0.0), straight)
+            wo = [dr.select(straight, -x, y) for x, y in zip(at["wo"], b)]
+            energy, chance = self.passing_of(at), (1.0 - share) * chance + share * mean["chance"]
+            return self.to_surface(si, wo), straight, energy, chance
+
+        def passing_of(self, at):
+            """Energy that goes straight on."""
+            near = dr.select(at["is_edge"] | at["is_aperture"], 0.0, at["passing"])
+            if self.far is None:
+                return near
+            share = at["far_share"]
+            return dr.select(share < 1.0, (1.0 - share) * near, 0.0) + share * at["far"]["straight"]
+
+        def near_drawn(self, si, at, u):
             kit, cloth = self.kit, self.cloth
             left, found, wo = u[0], kit.bool(False), [kit.float(0.0)] * 3
             first = []
@@ -615,11 +700,10 @@ def define():
             b = [dr.select(is_between, x, y) for x, y in zip([radius * cos, radius * sin, up * height], b)]
             straight = kit.both(kit.no(found), at["straight"] > 0.0)
             b = [dr.select(found, x, -y) for x, y in zip(b, at["wo"])]
-            return self.to_surface(si, b), straight, at["passing"], at["straight"]
+            return b, straight, at["passing"], at["straight"]
 
         def eval_null_transmission(self, si, active=True):
-            at = self.walk(si, active)
-            return self.kit.S(dr.select(at["is_edge"] | at["is_aperture"], 0.0, at["passing"]))
+            return self.kit.S(self.passing_of(self.walk(si, active)))
 
         def to_string(self):
             return f"plywave_fabric[repeat = {self.repeat_um} um, um_per_uv = {self.um_per_uv}]"
