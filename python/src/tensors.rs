@@ -33,6 +33,7 @@ fn columns(name: &str, a: &PyReadonlyArray2<'_, f32>, n: usize, count: usize) ->
 #[pyclass(frozen, module = "plywave._plywave")]
 pub struct FabricTables {
     fabric: FabricBsdf,
+    speckle: bool,
 }
 
 #[pymethods]
@@ -64,10 +65,10 @@ impl FabricTables {
                 (filename, None) => FabricBsdf::load(filename.unwrap_or_default(), &options),
             }
         };
-        Ok(FabricTables { fabric: py.detach(load).map_err(raise)? })
+        Ok(FabricTables { fabric: py.detach(load).map_err(raise)?, speckle })
     }
 
-    /// Tables by name; `models`, the files of the ply models; `noise`, the noise tiles of each model or none.
+    /// Tables by name; `models`, the files of the ply models; `noise`, the noise tiles of each model, none without speckle.
     fn tensors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
         for tensor in self.fabric.tensors() {
@@ -91,7 +92,8 @@ impl FabricTables {
         all.set_item("models", models)?;
         let noise = PyList::empty(py);
         for model in self.fabric.models() {
-            noise.append(model.noise().map(|tiles| noise_tiles(py, tiles)).transpose()?)?;
+            let tiles = if self.speckle { model.noise() } else { None };
+            noise.append(tiles.map(|tiles| noise_tiles(py, tiles)).transpose()?)?;
         }
         all.set_item("noise", noise)?;
         Ok(all)

@@ -6,6 +6,7 @@ queries a term, then to Mitsuba's own tests: chi-square, weight times pdf, a whi
     DRJIT_LIBLLVM_PATH=/usr/lib/x86_64-linux-gnu/libLLVM.so.19.1 pytest python/tests/test_mitsuba.py
 """
 
+import math
 import os
 import pathlib
 import subprocess
@@ -110,7 +111,8 @@ def test_ply_terms_are_the_librarys(name):
 def test_lines_meet_what_they_meet_in_the_library(spec, share):
     """Yarn and ply of the first hit are the same; at the rims of twisted plies one of 10^4 lines is met by the next ply. theta_i to 1e-3 rad and h to 0.1 um: places along a
     grazing line follow from looking until they move by less than a thousandth of the yarn's width, so both answers have that error."""
-    from plywave.mitsuba._cloth import NO_YARN, Cloth
+    from plywave.mitsuba._cloth import Cloth
+    from plywave.mitsuba._flight import NO_YARN
     from plywave.mitsuba._kit import Kit
 
     kit, rng, n = Kit(), np.random.default_rng(2), QUERIES
@@ -662,3 +664,98 @@ def test_bad_keys_of_far_views_are_told(keys, words):
     with pytest.raises(Exception) as told:
         mi.load_dict({"type": "plywave_fabric", "filename": SATIN, **keys})
     assert words in str(told.value), str(told.value)
+
+
+@pytest.mark.parametrize("name", ["polyester", "silk", "cotton"])
+def test_speckle_factors_are_the_librarys(name):
+    """Factors of f_refl and f_high by the hash, the tiles, the seams and the fading over wavelengths, relative to 1 and themselves to 1e-4. Of one in 10^4 the rounding of a place
+    on the tile counts for more, between nodes that differ by several times the mean. Half of the directions are about the seams."""
+    from plywave.mitsuba._kit import Kit
+    from plywave.mitsuba._speckle import Speckle, instance
+
+    rng, n, kit = np.random.default_rng(31), QUERIES, Kit()
+    theta = rng.uniform(-1.5, 1.5, n).astype(np.float32)
+    ply, along = rng.integers(0, 1 << 32, n, dtype=np.uint32), rng.uniform(-1e5, 1e5, n).astype(np.float32)
+    wo, k = directions(rng, n), n // 2
+    wo[:k, 0] *= 0.1
+    wo = np.ascontiguousarray(wo / np.linalg.norm(wo, axis=1)[:, None], np.float32)
+    lam = np.ascontiguousarray(np.broadcast_to(np.float32(RGB_LAMBDA_UM), (n, 3)))
+    noise, *want = _native.speckle_factors(str(FABRICS / "models" / f"{name}.pwm"), ply, along, 20.0, theta, lam, wo)
+    speckle = Speckle(kit, [None, noise])
+    patterns = instance(kit, mi.UInt32(ply), mi.Float(along), 20.0)
+    v = mi.Vector3f(wo.T.copy())
+    got = speckle.factors(mi.UInt32(1), patterns, dr.sin(mi.Float(theta)), [v.x, v.y, v.z], RGB_LAMBDA_UM)
+    for kind, a, b in zip(("refl", "high"), got, want):
+        a, scale = np.array(a).T, 1.0 + b
+        error = np.abs(a - b) / scale
+        assert (error > 1e-4).mean() < 1e-4 and error.max() < 1e-3, f"{kind}: {(error > 1e-4).mean()} {error.max()}"
+        assert b.std() > 0.02 and abs(a.mean(dtype=np.float64) - 1.0) < 0.05
+    without = speckle.factors(mi.UInt32(0), patterns, dr.sin(mi.Float(theta)), [v.x, v.y, v.z], RGB_LAMBDA_UM)
+    assert all(np.allclose(np.array(f), 1.0) for f in without)
+
+
+@pytest.mark.parametrize("variant", ["llvm_ad_rgb", "scalar_rgb"])
+def test_speckle_of_fabrics_is_the_librarys(variant):
+    """f of the whole cloth with speckle: another than the smooth one, and the library's."""
+    mi.set_variant(variant)
+    rng, n = np.random.default_rng(32), QUERIES if variant != "scalar_rgb" else 12
+    tables = _native.FabricTables(SATIN, diffracted=False, speckle=True)
+    position = rng.uniform(-3000, 3000, (n, 2)).astype(np.float32)
+    wo, wi = directions(rng, n), directions(rng, n)
+    f, pdf, _ = tables.eval_pdf(position, wo, wi)
+    smooth, _, _ = _native.FabricTables(SATIN, diffracted=False).eval_pdf(position, wo, wi)
+    bsdf = mi.load_dict({"type": "plywave_fabric", "filename": SATIN, "um_per_uv": 1.0, "gaps": "straight", "speckle": True})
+    if variant == "scalar_rgb":
+        calls = [bsdf.eval_pdf(mi.BSDFContext(), interaction(1, mi.Point2f(*map(float, p)), mi.Vector3f(*map(float, a))), mi.Vector3f(*map(float, b))) for p, a, b in zip(position, wo, wi)]
+        got, density = np.array([np.array(c[0]) for c in calls]), np.array([c[1] for c in calls])
+        close("f", got, f, tolerance=1e-2)
+        close("pdf", density, pdf, tolerance=1e-2)
+        return
+    si = interaction(n, mi.Point2f(position.T.copy()), mi.Vector3f(wo.T.copy()))
+    got, density = bsdf.eval_pdf(mi.BSDFContext(), si, mi.Vector3f(wi.T.copy()))
+    got, density = np.array(got).T, np.array(density)
+    assert np.abs(smooth - f).mean() > 0.03 * f.mean()
+    close("f", got, f, share=1e-3)
+    close("f", got, f, tolerance=2e-2)
+    close("pdf", density, pdf, share=2e-4)
+    assert abs(got.mean(dtype=np.float64) / f.mean(dtype=np.float64) - 1.0) < 5e-4
+
+
+def plane(bsdf, distance, integrator, size=16):
+    """A plane under a lamp, seen from ``distance`` so that it fills the picture."""
+    T = mi.ScalarTransform4f()
+    sensor = {"type": "perspective", "fov": 1.0, "to_world": T.look_at([0, -0.6 * distance, 0.8 * distance], [0, 0, 0], [0, 1, 0])}
+    sensor["film"] = {"type": "hdrfilm", "width": size, "height": size, "rfilter": {"type": "box"}}
+    lamp = {"type": "directional", "direction": [0.3, -0.2, -0.9], "irradiance": 3.0}
+    cloth = {"type": "rectangle", "to_world": T.scale(0.1 * distance), "bsdf": bsdf}
+    return mi.load_dict({"type": "scene", "integrator": integrator, "sensor": sensor, "lamp": lamp, "cloth": cloth})
+
+
+def test_footprints_are_those_of_rays():
+    """By the angle of a pixel, pixels that cover a repeat and more see the mean, and near ones see points; scaled to nothing all see points, of the same mean. The share of the mean
+    by the differentials of a ray is that by the angle. (Mitsuba 3.9 hands differentials to BSDFs in scalar variants only.)"""
+    keys = {"type": "plywave_fabric", "filename": SATIN, "gaps": "straight", "far": True}
+    integrator, angle = {"type": "direct", "emitter_samples": 1, "bsdf_samples": 0}, math.radians(1.0 / 16.0)
+    # 20 mm away, a pixel is 22 um wide; 2 m away, 2.2 mm. A unit of uv is a fifth of the distance long.
+    for distance, is_far in ((0.02, False), (0.6, None), (2.0, True)):
+        at = {**keys, "um_per_uv": 0.2 * distance * 1e6}
+        by_rays, by_angle, points = (mi.load_dict({**at, **more}) for more in ({}, {"footprint_rad": angle}, {"footprint_rad": angle, "footprint_scale": 0.0}))
+        assert by_rays.needs_differentials() and not by_angle.needs_differentials()
+        seen = plane(by_angle, distance, integrator)
+        ray, _ = seen.sensors()[0].sample_ray_differential(mi.Float([0.0, 0.0]), mi.Float([0.5, 0.5]), mi.Point2f([0.1, 0.7], [0.4, 0.5]), mi.Point2f(0.5))
+        si = seen.ray_intersect(mi.Ray3f(ray))
+        si.compute_uv_partials(ray)
+        shares = [np.array(bsdf.far_share(si)) for bsdf in (by_rays, by_angle)]
+        assert np.allclose(*shares, rtol=0.02), shares
+        assert (shares[0] == is_far).all() if is_far is not None else (0.05 < shares[0][0] < 0.95), shares
+        if is_far is None:
+            continue
+        images = [np.array(mi.render(plane(bsdf, distance, integrator), spp=1, seed=2)) for bsdf in (by_angle, points)]
+        if not is_far:
+            assert np.allclose(*images, rtol=1e-3, atol=1e-6)
+            continue
+        spread = [image[..., 1].std() / image[..., 1].mean() for image in images]
+        assert spread[0] < 0.02 and spread[1] > 5.0 * spread[0], spread
+        want = np.array(mi.render(plane(points, distance, integrator), spp=1024, seed=3))
+        error = abs(images[0].mean() / want.mean() - 1.0)
+        assert error < 0.03, error
