@@ -759,3 +759,13 @@ def test_footprints_are_those_of_rays():
         want = np.array(mi.render(plane(points, distance, integrator), spp=1024, seed=3))
         error = abs(images[0].mean() / want.mean() - 1.0)
         assert error < 0.03, error
+
+
+def test_both_hosts_agree(program):
+    """The same satin by `plywave render` and by Mitsuba: means within 1 %, pixels within noise."""
+    sys.path.insert(0, str(FABRICS.parent / "examples" / "mitsuba"))
+    import both_hosts
+
+    means, squares, _, _ = both_hosts.compare(program, 48, 64)
+    assert np.abs(means - 1.0).max() < 0.01, means
+    assert 0.8 < squares < 1.25, squares
