@@ -335,6 +335,42 @@ impl<G, A> Asked<G, A> {
         })
     }
 
+    /// f, f and pdf, or samples, into the caller's arrays.
+    pub(crate) fn answer_often<Q: PartialEq, const N: usize>(
+        &self,
+        py: Python<'_>,
+        what: Often,
+        w: Rows<'_, 3>,
+        out: &mut Out<'_>,
+        onward: impl Fn(&Q) -> [f32; 3] + Sync,
+    ) -> Outcome
+    where
+        G: Fn(usize) -> Q + Sync,
+        A: At<Q, Bsdf: Bsdf<N>> + Sync,
+    {
+        let n = self.n;
+        match what {
+            Often::Eval => {
+                let [f] = out.floats()?;
+                let f = rows_mut(f, n)?;
+                py.detach(|| self.eval(w, f))?;
+            }
+            Often::EvalPdf => {
+                let [f, pdf] = out.floats()?;
+                let (f, pdf) = (rows_mut(f, n)?, rows_mut::<_, 1>(pdf, n)?);
+                py.detach(|| self.eval_pdf(w, f, pdf.as_flattened_mut()))?;
+            }
+            Often::Sample => {
+                let ([drawn, weight, pdf], event) = out.floats_and_events()?;
+                let (drawn, weight) = (rows_mut(drawn, n)?, rows_mut(weight, n)?);
+                let (pdf, event) = (rows_mut::<_, 1>(pdf, n)?, rows_mut::<_, 1>(event, n)?);
+                let (pdf, event) = (pdf.as_flattened_mut(), event.as_flattened_mut());
+                py.detach(|| self.sample(w, &onward, (drawn, weight, pdf, event)))?;
+            }
+        }
+        Ok(())
+    }
+
     /// What `what` asks for, into the caller's arrays.
     pub(crate) fn answer<Q: PartialEq, const N: usize>(
         &self,
@@ -350,29 +386,15 @@ impl<G, A> Asked<G, A> {
     {
         let directions = || w.ok_or_else(|| Failure::Input("directions are missing".into()));
         let n = self.n;
+        if let Some(often) = Often::of(what) {
+            return self.answer_often(py, often, directions()?, out, onward);
+        }
         match what {
-            What::Eval => {
-                let (w, [f]) = (directions()?, out.floats()?);
-                let f = rows_mut(f, n)?;
-                py.detach(|| self.eval(w, f))?;
-            }
+            What::Eval | What::EvalPdf | What::Sample => {}
             What::Pdf => {
                 let (w, [pdf]) = (directions()?, out.floats()?);
                 let pdf = rows_mut(pdf, n)?;
                 py.detach(|| self.map(pdf, |bsdf, i| [bsdf.pdf(w.get(i))]))?;
-            }
-            What::EvalPdf => {
-                let (w, [f, pdf]) = (directions()?, out.floats()?);
-                let (f, pdf) = (rows_mut(f, n)?, rows_mut::<_, 1>(pdf, n)?);
-                py.detach(|| self.eval_pdf(w, f, pdf.as_flattened_mut()))?;
-            }
-            What::Sample => {
-                let u = directions()?;
-                let ([w, weight, pdf], event) = out.floats_and_events()?;
-                let (w, weight) = (rows_mut(w, n)?, rows_mut(weight, n)?);
-                let (pdf, event) = (rows_mut::<_, 1>(pdf, n)?, rows_mut::<_, 1>(event, n)?);
-                let (pdf, event) = (pdf.as_flattened_mut(), event.as_flattened_mut());
-                py.detach(|| self.sample(u, &onward, (w, weight, pdf, event)))?;
             }
             What::Albedo => {
                 let [albedo] = out.floats()?;
@@ -463,6 +485,25 @@ impl What {
             "albedo" => What::Albedo,
             "straight" => What::Straight,
             "outcomes" => What::Outcomes,
+            _ => return None,
+        })
+    }
+}
+
+/// Questions that are asked by the million.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Often {
+    Eval,
+    EvalPdf,
+    Sample,
+}
+
+impl Often {
+    pub(crate) fn of(what: What) -> Option<Often> {
+        Some(match what {
+            What::Eval => Often::Eval,
+            What::EvalPdf => Often::EvalPdf,
+            What::Sample => Often::Sample,
             _ => return None,
         })
     }

@@ -1,6 +1,6 @@
 //! Ply models.
 
-use crate::batch::{Arrays, Asked, At, CHUNK, Floats, Out, Rows, What, by_channels, parallel, rows_mut};
+use crate::batch::{Arrays, Asked, At, CHUNK, Floats, Often, Out, Rows, What, by_channels, parallel, rows_mut};
 use crate::errors::{Failure, Outcome};
 use numpy::{IntoPyArray, PyReadonlyArray1};
 use plywave::gap::Slit;
@@ -44,6 +44,36 @@ pub(crate) struct PlyArrays<'py> {
 /// A query as numbers: theta_i, h, absorptions, wavelengths, instance, and the row of the layer below.
 type Numbers<const N: usize> = (f32, f32, [f32; N], [f32; N], Option<u64>, Option<usize>);
 
+/// A smooth ply alone: theta_i, h, absorptions, wavelengths.
+type PlainNumbers<const N: usize> = (f32, f32, [f32; N], [f32; N]);
+
+/// Makes what is there at the query of a smooth ply alone.
+struct PlainAt<'a> {
+    model: &'a PlyModel,
+    edge: bool,
+}
+
+impl<'a> PlainAt<'a> {
+    #[inline(always)]
+    fn at<const N: usize>(&self, &(theta_i, h, sigma, lambda): &PlainNumbers<N>, cached: bool) -> PlyBsdf<'a, N> {
+        self.model.at(&PlyQuery { edge: self.edge, cached, ..PlyQuery::new(theta_i, h, sigma, lambda) })
+    }
+}
+
+impl<'a, const N: usize> At<PlainNumbers<N>> for PlainAt<'a> {
+    type Bsdf = PlyBsdf<'a, N>;
+
+    // What is prepared of a query takes 1.3 KB: compiled into the loop over queries, and without what else a query may have, most of it never exists.
+    #[inline(always)]
+    fn one(&self, query: &PlainNumbers<N>) -> PlyBsdf<'a, N> {
+        self.at(query, false)
+    }
+
+    fn many(&self, query: &PlainNumbers<N>) -> PlyBsdf<'a, N> {
+        self.at(query, true)
+    }
+}
+
 /// Makes what is there at a query.
 struct PlyAt<'a, const N: usize> {
     model: &'a PlyModel,
@@ -53,7 +83,6 @@ struct PlyAt<'a, const N: usize> {
 }
 
 impl<'a, const N: usize> PlyAt<'a, N> {
-    #[inline(always)]
     fn at(&self, &(theta_i, h_um, sigma, lambda, hash, row): &Numbers<N>, cached: bool) -> PlyBsdf<'a, N> {
         let below = match (&self.below, row) {
             (Some(of), Some(i)) => {
@@ -71,8 +100,6 @@ impl<'a, const N: usize> PlyAt<'a, N> {
 impl<'a, const N: usize> At<Numbers<N>> for PlyAt<'a, N> {
     type Bsdf = PlyBsdf<'a, N>;
 
-    // What is prepared of a query takes 1.3 KB: compiled into the loop over queries, most of it never exists.
-    #[inline(always)]
     fn one(&self, query: &Numbers<N>) -> PlyBsdf<'a, N> {
         self.at(query, false)
     }
@@ -288,6 +315,12 @@ impl Model {
             py.detach(|| lobes(model, threads, (theta_i, h_um, sigma), w, f))?;
             return Ok(());
         }
+        let onward = |theta_i: f32| [0.0, -theta_i.cos(), -theta_i.sin()];
+        if let (true, Some(often), Some(w)) = (plain, What::of(what).and_then(Often::of), w) {
+            let get = |i| -> PlainNumbers<N> { (theta_i.get(i)[0], h_um.get(i)[0], sigma.get(i), lambda.get(i)) };
+            let asked = Asked { n, threads, get, at: PlainAt { model, edge } };
+            return asked.answer_often(py, often, w, out, |(theta_i, ..)| onward(*theta_i));
+        }
         let row = |i: usize| below.is_some().then_some(if one_below { 0 } else { i });
         let asked = Asked {
             n,
@@ -339,7 +372,7 @@ impl Model {
             _ => {
                 let what =
                     What::of(what).ok_or_else(|| Failure::input("model", "question", what, "there is no such"))?;
-                asked.answer(py, what, w, out, |(theta_i, ..)| [0.0, -theta_i.cos(), -theta_i.sin()])
+                asked.answer(py, what, w, out, |(theta_i, ..)| onward(*theta_i))
             }
         }
     }
