@@ -1,15 +1,40 @@
 #!/usr/bin/env bash
-# The Python package as a user gets it: a wheel built and installed in a fresh virtual environment outside the repository, its tests run against it. Run from anywhere;
-# PYTHON chooses the interpreter. The program's words and numbers are compared where target/release/plywave has been built.
+# The Python package and its Mitsuba plugins as a user gets them: one wheel, built and installed with Mitsuba 3 in a fresh virtual environment outside the repository, the tests run
+# against it, one example rendered small. Installs LLVM's library where it is missing and apt-get is there (as root). Run from anywhere; PYTHON chooses the interpreter. The
+# program's words, numbers and pictures are compared where target/release/plywave has been built.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-cargo fmt --manifest-path python/Cargo.toml --check
-cargo clippy --manifest-path python/Cargo.toml --locked --release -- -D warnings
+if [ -z "${DRJIT_LIBLLVM_PATH:-}" ]; then
+    find_llvm() { ls /usr/lib/*/libLLVM.so.{19,2}* /usr/lib/llvm-{19,2}*/lib/libLLVM*.so* 2>/dev/null | sort -V | head -n 1 || true; }
+    library=$(find_llvm)
+    if [ -z "$library" ] && command -v apt-get >/dev/null; then
+        apt-get update -qq && apt-get install -y -qq libllvm19
+        library=$(find_llvm)
+    fi
+    [ -n "$library" ] || { echo "LLVM's shared library 19 or newer is missing: install libllvm19, or set DRJIT_LIBLLVM_PATH" >&2; exit 1; }
+    export DRJIT_LIBLLVM_PATH=$library
+fi
 
-venv=$(mktemp -d)
-trap 'rm -rf "$venv"' EXIT
-"${PYTHON:-python3}" -m venv "$venv"
+cargo fmt --manifest-path python/Cargo.toml --check
+
+scratch=$(mktemp -d)
+trap 'rm -rf "$scratch"' EXIT
+"${PYTHON:-python3}" -m venv "$scratch/venv"
+bin=$scratch/venv/bin
 # The extension's build folder stays, python/target, so that a second run builds what has changed.
-CARGO_TARGET_DIR="$PWD/python/target" "$venv/bin/pip" install --quiet "./python[test]"
-"$venv/bin/pytest" -q -p no:cacheprovider python/tests
+export CARGO_TARGET_DIR="$PWD/python/target"
+cargo clippy --manifest-path python/Cargo.toml --locked --release -- -D warnings
+"$bin/pip" install --quiet "./python[test,mitsuba]"
+
+# Side by side: most of the plugins' time is compiling on one core. Times are taken after both.
+all=(-q -p no:cacheprovider)
+"$bin/pytest" "${all[@]}" python/tests --ignore python/tests/test_mitsuba.py --ignore python/tests/test_cost.py >"$scratch/package.log" 2>&1 &
+package=$!
+status=0
+"$bin/pytest" "${all[@]}" python/tests/test_mitsuba.py || status=1
+wait "$package" || status=1
+cat "$scratch/package.log"
+[ "$status" = 0 ]
+"$bin/pytest" "${all[@]}" python/tests/test_cost.py
+"$bin/python" examples/mitsuba/render.py denim_close --width 64 --spp 2 -o "$scratch/denim.png"

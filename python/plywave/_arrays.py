@@ -104,7 +104,7 @@ class Queries:
 def call(rust: Any, what: str, ask: Dict[str, Any], *widths: int, events: bool = False) -> List[np.ndarray]:
     """Asks the extension module; gives its results flat, `n` rows of each width."""
     n = ask["n"]
-    made = [np.zeros(n * width, np.float32) for width in widths]
-    event = np.zeros(n, np.uint8) if events else None
+    made = [np.empty(n * width, np.float32) for width in widths]
+    event = np.empty(n, np.uint8) if events else None
     rust.ask(what, ask, {"floats": made, "events": event})
     return made if event is None else [*made, event]

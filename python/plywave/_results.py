@@ -36,6 +36,29 @@ class Terms(NamedTuple):
     """All other light that met fibers."""
     edge: np.ndarray
     """Light that passed beside the ply and was diffracted."""
+    slit: np.ndarray
+    """Light of f_high that small slits diffract, where the query has a `Slit`; `high` is then without it."""
+
+
+class Layer(NamedTuple):
+    """What one layer of yarn does to the light that meets its fibers, `[..., N]` each; `Model.layer` gives it, `below=` takes it."""
+
+    reflected: np.ndarray
+    """Fraction sent back into the half space the light came from."""
+    transmitted: np.ndarray
+    """Fraction let through."""
+    reflected_diffuse: np.ndarray
+    """The same of diffuse light."""
+    transmitted_diffuse: np.ndarray
+
+
+class Slit(NamedTuple):
+    """Small gaps between the fibers of a ply (Yu 2025, 7.3): a part of the forward light of f_high is diffracted by a slit along the ply."""
+
+    width_um: float
+    """Above 0, at most 5."""
+    share: float = 0.25
+    """Share of the forward light that goes through, 0 to 1."""
 
 
 class Outcomes(NamedTuple):

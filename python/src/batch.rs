@@ -144,6 +144,31 @@ fn threads_for(n: usize, threads: usize) -> usize {
     threads.min(n.div_ceil(CHUNK)).max(1)
 }
 
+/// What makes a scattering function of a query.
+pub(crate) trait At<Q> {
+    /// What there is at a query.
+    type Bsdf;
+
+    /// For one direction. Where that is worth it, implementations are compiled into the loops over queries.
+    fn one(&self, query: &Q) -> Self::Bsdf;
+
+    /// For several directions.
+    fn many(&self, query: &Q) -> Self::Bsdf {
+        self.one(query)
+    }
+}
+
+/// The same for one direction and for several.
+pub(crate) struct Same<F>(pub(crate) F);
+
+impl<Q, B, F: Fn(&Q) -> B> At<Q> for Same<F> {
+    type Bsdf = B;
+
+    fn one(&self, query: &Q) -> B {
+        self.0(query)
+    }
+}
+
 /// Queries of an index, and the scattering function at one of them.
 pub(crate) struct Asked<G, A> {
     /// Number of queries.
@@ -152,69 +177,69 @@ pub(crate) struct Asked<G, A> {
     pub(crate) threads: usize,
     /// The query of an index.
     pub(crate) get: G,
-    /// What it is at a query; true where it is asked for several directions.
+    /// What is there at a query.
     pub(crate) at: A,
 }
 
-impl<G, A> Asked<G, A> {
-    /// Calls `each` with every run of equal queries within `range`.
-    #[inline(always)]
-    fn runs<Q: PartialEq, B>(&self, range: Range<usize>, mut each: impl FnMut(&B, &Q, Range<usize>))
-    where
-        G: Fn(usize) -> Q,
-        A: Fn(&Q, bool) -> B,
-    {
-        let mut i = range.start;
-        if i == range.end {
-            return;
-        }
-        let mut query = (self.get)(i);
-        loop {
-            let mut end = i + 1;
-            let mut next = None;
-            while end < range.end {
-                let other = (self.get)(end);
-                if other != query {
-                    next = Some(other);
-                    break;
-                }
-                end += 1;
-            }
-            // Two calls, so that each is compiled for what it is asked.
-            if next.is_some() && end == i + 1 {
-                each(&(self.at)(&query, false), &query, i..end);
-            } else {
-                each(&(self.at)(&query, end > i + 1), &query, i..end);
-            }
-            match next {
-                Some(other) => (i, query) = (end, other),
-                None => return,
-            }
-        }
-    }
+/// Runs of equal queries within a range of indices.
+struct Runs<'a, G, Q> {
+    get: &'a G,
+    /// The next run's first query.
+    query: Option<Q>,
+    range: Range<usize>,
+}
 
+impl<'a, Q, G: Fn(usize) -> Q> Runs<'a, G, Q> {
+    fn new(get: &'a G, range: Range<usize>) -> Self {
+        Runs { get, query: (!range.is_empty()).then(|| get(range.start)), range }
+    }
+}
+
+impl<Q: PartialEq, G: Fn(usize) -> Q> Iterator for Runs<'_, G, Q> {
+    type Item = (Q, Range<usize>);
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<(Q, Range<usize>)> {
+        let query = self.query.take()?;
+        let start = self.range.start;
+        let mut end = start + 1;
+        while end < self.range.end {
+            let other = (self.get)(end);
+            if other != query {
+                self.query = Some(other);
+                break;
+            }
+            end += 1;
+        }
+        self.range.start = end;
+        Some((query, start..end))
+    }
+}
+
+impl<G, A> Asked<G, A> {
     /// M numbers a query, of what is there at it and its index.
-    pub(crate) fn map<Q: PartialEq, B, const M: usize>(
+    pub(crate) fn map<Q: PartialEq, const M: usize>(
         &self,
         out: &mut [[f32; M]],
-        f: impl Fn(&B, usize) -> [f32; M] + Sync,
+        f: impl Fn(&A::Bsdf, usize) -> [f32; M] + Sync,
     ) -> PyResult<()>
     where
         G: Fn(usize) -> Q + Sync,
-        A: Fn(&Q, bool) -> B + Sync,
+        A: At<Q> + Sync,
     {
         parallel(out.chunks_mut(CHUNK).enumerate(), threads_for(self.n, self.threads), |(chunk, out)| {
             let start = chunk * CHUNK;
-            self.runs(start..start + out.len(), |bsdf, _, range| {
+            for (query, range) in Runs::new(&self.get, start..start + out.len()) {
+                let bsdf = self.at.many(&query);
                 for i in range {
-                    out[i - start] = f(bsdf, i);
+                    out[i - start] = f(&bsdf, i);
                 }
-            });
+            }
         })
     }
 
     /// f and pdf in the directions `w`.
-    fn eval_pdf<Q: PartialEq, B: Bsdf<N>, const N: usize>(
+    fn eval_pdf<Q: PartialEq, const N: usize>(
         &self,
         w: Rows<'_, 3>,
         f: &mut [[f32; N]],
@@ -222,14 +247,19 @@ impl<G, A> Asked<G, A> {
     ) -> PyResult<()>
     where
         G: Fn(usize) -> Q + Sync,
-        A: Fn(&Q, bool) -> B + Sync,
+        A: At<Q, Bsdf: Bsdf<N>> + Sync,
     {
         let jobs = f.chunks_mut(CHUNK).zip(pdf.chunks_mut(CHUNK)).enumerate();
         parallel(jobs, threads_for(self.n, self.threads), |(chunk, (f, pdf))| {
             let (start, mut kept) = (chunk * CHUNK, Vec::new());
             let w = w.range(start..start + f.len(), &mut kept);
-            self.runs(start..start + f.len(), |bsdf, _, range| {
+            for (query, range) in Runs::new(&self.get, start..start + f.len()) {
                 let range = range.start - start..range.end - start;
+                if range.len() == 1 {
+                    (f[range.start], pdf[range.start]) = self.at.one(&query).eval_pdf(w[range.start]);
+                    continue;
+                }
+                let bsdf = self.at.many(&query);
                 if range.len() >= TOGETHER {
                     bsdf.eval_batch(&w[range.clone()], &mut f[range.clone()], &mut pdf[range]);
                 } else {
@@ -237,21 +267,26 @@ impl<G, A> Asked<G, A> {
                         (f[i], pdf[i]) = bsdf.eval_pdf(w[i]);
                     }
                 }
-            });
+            }
         })
     }
 
     /// f alone in the directions `w`.
-    fn eval<Q: PartialEq, B: Bsdf<N>, const N: usize>(&self, w: Rows<'_, 3>, f: &mut [[f32; N]]) -> PyResult<()>
+    fn eval<Q: PartialEq, const N: usize>(&self, w: Rows<'_, 3>, f: &mut [[f32; N]]) -> PyResult<()>
     where
         G: Fn(usize) -> Q + Sync,
-        A: Fn(&Q, bool) -> B + Sync,
+        A: At<Q, Bsdf: Bsdf<N>> + Sync,
     {
         parallel(f.chunks_mut(CHUNK).enumerate(), threads_for(self.n, self.threads), |(chunk, f)| {
             let (start, mut kept, mut pdf) = (chunk * CHUNK, Vec::new(), Vec::new());
             let w = w.range(start..start + f.len(), &mut kept);
-            self.runs(start..start + f.len(), |bsdf, _, range| {
+            for (query, range) in Runs::new(&self.get, start..start + f.len()) {
                 let range = range.start - start..range.end - start;
+                if range.len() == 1 {
+                    f[range.start] = self.at.one(&query).eval(w[range.start]);
+                    continue;
+                }
+                let bsdf = self.at.many(&query);
                 if range.len() >= TOGETHER {
                     pdf.resize(range.len(), 0.0);
                     bsdf.eval_batch(&w[range.clone()], &mut f[range], &mut pdf);
@@ -260,12 +295,12 @@ impl<G, A> Asked<G, A> {
                         f[i] = bsdf.eval(w[i]);
                     }
                 }
-            });
+            }
         })
     }
 
     /// Samples by the numbers `u`: directions, weights, densities and what became of the light. Light that goes straight on leaves along `onward`.
-    fn sample<Q: PartialEq, B: Bsdf<N>, const N: usize>(
+    fn sample<Q: PartialEq, const N: usize>(
         &self,
         u: Rows<'_, 3>,
         onward: impl Fn(&Q) -> [f32; 3] + Sync,
@@ -273,27 +308,71 @@ impl<G, A> Asked<G, A> {
     ) -> PyResult<()>
     where
         G: Fn(usize) -> Q + Sync,
-        A: Fn(&Q, bool) -> B + Sync,
+        A: At<Q, Bsdf: Bsdf<N>> + Sync,
     {
         let jobs = w.chunks_mut(CHUNK).zip(weight.chunks_mut(CHUNK));
         let jobs = jobs.zip(pdf.chunks_mut(CHUNK)).zip(event.chunks_mut(CHUNK)).enumerate();
         parallel(jobs, threads_for(self.n, self.threads), |(chunk, (((w, weight), pdf), event))| {
             let start = chunk * CHUNK;
-            self.runs(start..start + w.len(), |bsdf, query, range| {
-                for i in range {
+            for (query, range) in Runs::new(&self.get, start..start + w.len()) {
+                let mut put = |i: usize, drawn: BsdfSample<N>| {
                     let k = i - start;
-                    (w[k], weight[k], pdf[k], event[k]) = match bsdf.sample(u.get(i)) {
+                    (w[k], weight[k], pdf[k], event[k]) = match drawn {
                         BsdfSample::Scattered(s) => (s.w, s.weight, s.pdf, 1),
-                        BsdfSample::Straight { weight, probability } => (onward(query), weight, probability, 2),
+                        BsdfSample::Straight { weight, probability } => (onward(&query), weight, probability, 2),
                         BsdfSample::Absorbed => ([0.0; 3], [0.0; N], 0.0, 0),
                     };
+                };
+                if range.len() == 1 {
+                    put(range.start, self.at.one(&query).sample(u.get(range.start)));
+                    continue;
                 }
-            });
+                let bsdf = self.at.many(&query);
+                for i in range {
+                    put(i, bsdf.sample(u.get(i)));
+                }
+            }
         })
     }
 
+    /// f, f and pdf, or samples, into the caller's arrays.
+    pub(crate) fn answer_often<Q: PartialEq, const N: usize>(
+        &self,
+        py: Python<'_>,
+        what: Often,
+        w: Rows<'_, 3>,
+        out: &mut Out<'_>,
+        onward: impl Fn(&Q) -> [f32; 3] + Sync,
+    ) -> Outcome
+    where
+        G: Fn(usize) -> Q + Sync,
+        A: At<Q, Bsdf: Bsdf<N>> + Sync,
+    {
+        let n = self.n;
+        match what {
+            Often::Eval => {
+                let [f] = out.floats()?;
+                let f = rows_mut(f, n)?;
+                py.detach(|| self.eval(w, f))?;
+            }
+            Often::EvalPdf => {
+                let [f, pdf] = out.floats()?;
+                let (f, pdf) = (rows_mut(f, n)?, rows_mut::<_, 1>(pdf, n)?);
+                py.detach(|| self.eval_pdf(w, f, pdf.as_flattened_mut()))?;
+            }
+            Often::Sample => {
+                let ([drawn, weight, pdf], event) = out.floats_and_events()?;
+                let (drawn, weight) = (rows_mut(drawn, n)?, rows_mut(weight, n)?);
+                let (pdf, event) = (rows_mut::<_, 1>(pdf, n)?, rows_mut::<_, 1>(event, n)?);
+                let (pdf, event) = (pdf.as_flattened_mut(), event.as_flattened_mut());
+                py.detach(|| self.sample(w, &onward, (drawn, weight, pdf, event)))?;
+            }
+        }
+        Ok(())
+    }
+
     /// What `what` asks for, into the caller's arrays.
-    pub(crate) fn answer<Q: PartialEq, B: Bsdf<N>, const N: usize>(
+    pub(crate) fn answer<Q: PartialEq, const N: usize>(
         &self,
         py: Python<'_>,
         what: What,
@@ -303,52 +382,38 @@ impl<G, A> Asked<G, A> {
     ) -> Outcome
     where
         G: Fn(usize) -> Q + Sync,
-        A: Fn(&Q, bool) -> B + Sync,
+        A: At<Q, Bsdf: Bsdf<N>> + Sync,
     {
         let directions = || w.ok_or_else(|| Failure::Input("directions are missing".into()));
         let n = self.n;
+        if let Some(often) = Often::of(what) {
+            return self.answer_often(py, often, directions()?, out, onward);
+        }
         match what {
-            What::Eval => {
-                let (w, [f]) = (directions()?, out.floats()?);
-                let f = rows_mut(f, n)?;
-                py.detach(|| self.eval(w, f))?;
-            }
+            What::Eval | What::EvalPdf | What::Sample => {}
             What::Pdf => {
                 let (w, [pdf]) = (directions()?, out.floats()?);
                 let pdf = rows_mut(pdf, n)?;
-                py.detach(|| self.map(pdf, |bsdf: &B, i| [bsdf.pdf(w.get(i))]))?;
-            }
-            What::EvalPdf => {
-                let (w, [f, pdf]) = (directions()?, out.floats()?);
-                let (f, pdf) = (rows_mut(f, n)?, rows_mut::<_, 1>(pdf, n)?);
-                py.detach(|| self.eval_pdf(w, f, pdf.as_flattened_mut()))?;
-            }
-            What::Sample => {
-                let u = directions()?;
-                let ([w, weight, pdf], event) = out.floats_and_events()?;
-                let (w, weight) = (rows_mut(w, n)?, rows_mut(weight, n)?);
-                let (pdf, event) = (rows_mut::<_, 1>(pdf, n)?, rows_mut::<_, 1>(event, n)?);
-                let (pdf, event) = (pdf.as_flattened_mut(), event.as_flattened_mut());
-                py.detach(|| self.sample(u, &onward, (w, weight, pdf, event)))?;
+                py.detach(|| self.map(pdf, |bsdf, i| [bsdf.pdf(w.get(i))]))?;
             }
             What::Albedo => {
                 let [albedo] = out.floats()?;
                 let albedo = rows_mut(albedo, n)?;
-                py.detach(|| self.map(albedo, |bsdf: &B, _| bsdf.albedo()))?;
+                py.detach(|| self.map(albedo, |bsdf, _| bsdf.albedo()))?;
             }
             What::Straight => {
                 let [straight] = out.floats()?;
                 let straight = rows_mut(straight, n)?;
-                py.detach(|| self.map(straight, |bsdf: &B, _| bsdf.straight()))?;
+                py.detach(|| self.map(straight, |bsdf, _| bsdf.straight()))?;
             }
             What::Outcomes => {
                 let [outcomes] = out.floats()?;
                 let outcomes = rows_mut(outcomes, n)?;
-                let of = |bsdf: &B| {
+                let of = |bsdf: &A::Bsdf| {
                     let o = bsdf.outcomes();
                     [o.scattered, o.straight, o.absorbed]
                 };
-                py.detach(|| self.map(outcomes, |bsdf: &B, _| of(bsdf)))?;
+                py.detach(|| self.map(outcomes, |bsdf, _| of(bsdf)))?;
             }
         }
         Ok(())
@@ -420,6 +485,25 @@ impl What {
             "albedo" => What::Albedo,
             "straight" => What::Straight,
             "outcomes" => What::Outcomes,
+            _ => return None,
+        })
+    }
+}
+
+/// Questions that are asked by the million.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Often {
+    Eval,
+    EvalPdf,
+    Sample,
+}
+
+impl Often {
+    pub(crate) fn of(what: What) -> Option<Often> {
+        Some(match what {
+            What::Eval => Often::Eval,
+            What::EvalPdf => Often::EvalPdf,
+            What::Sample => Often::Sample,
             _ => return None,
         })
     }

@@ -1,6 +1,6 @@
 //! Woven fabrics.
 
-use crate::batch::{Asked, Floats, Out, Rows, What, by_channels, rows_mut};
+use crate::batch::{Asked, Floats, Out, Rows, Same, What, by_channels, rows_mut};
 use crate::errors::{Failure, Outcome};
 use numpy::IntoPyArray;
 use plywave::fabric::{
@@ -218,7 +218,7 @@ impl Fabric {
                 let sigma = [has[0].then(|| warp.get(i)), has[1].then(|| weft.get(i))];
                 (position.get(i), wo.get(i), lambda.get(i), sigma, [turn.get(i)[0], footprint.get(i)[0]])
             },
-            at: |&(position_um, wo, lambda_um, sigma_per_um, [turn_rad, footprint_um]): &Numbers<N>, _| {
+            at: Same(|&(position_um, wo, lambda_um, sigma_per_um, [turn_rad, footprint_um]): &Numbers<N>| {
                 let query = FabricQuery {
                     channels,
                     sigma_per_um,
@@ -227,7 +227,7 @@ impl Fabric {
                     ..FabricQuery::new(position_um, wo, lambda_um)
                 };
                 fabric.at(&query)
-            },
+            }),
         };
         match What::of(what) {
             Some(what) => asked.answer(py, what, w, out, |(_, wo, ..)| wo.map(|v| -v)),

@@ -1,6 +1,6 @@
 //! Fibers.
 
-use crate::batch::{Asked, Floats, Out, Rows, What, by_channels, rows_mut};
+use crate::batch::{Asked, Floats, Out, Rows, Same, What, by_channels, rows_mut};
 use crate::errors::{Failure, Outcome};
 use plywave::fiber::TabulatedFiber;
 use plywave::{FiberBsdf, FiberModel, FiberQuery};
@@ -94,7 +94,7 @@ impl Fiber {
             n,
             threads,
             get: |i| (omega_i.get(i), lambda.get(i)),
-            at: |&(omega_i, lambda): &([f32; 3], [f32; N]), _| fiber.at(&FiberQuery::new(omega_i, lambda)),
+            at: Same(|&(omega_i, lambda): &([f32; 3], [f32; N])| fiber.at(&FiberQuery::new(omega_i, lambda))),
         };
         match What::of(what) {
             Some(what) => asked.answer(py, what, w, out, |(omega_i, _)| omega_i.map(|v| -v)),

@@ -1,9 +1,11 @@
 //! Ply models.
 
-use crate::batch::{Arrays, Asked, CHUNK, Floats, Out, Rows, What, by_channels, parallel, rows_mut};
+use crate::batch::{Arrays, Asked, At, CHUNK, Floats, Often, Out, Rows, What, by_channels, parallel, rows_mut};
 use crate::errors::{Failure, Outcome};
 use numpy::{IntoPyArray, PyReadonlyArray1};
-use plywave::ply::{PlyData, Queries};
+use plywave::gap::Slit;
+use plywave::ply::{Layer, PlyData, Queries};
+use plywave::spec::YarnSpec;
 use plywave::speckle::Instance;
 use plywave::table::Table;
 use plywave::{PlyBsdf, PlyModel, PlyQuery};
@@ -31,12 +33,81 @@ pub(crate) struct PlyArrays<'py> {
     w: Option<Floats<'py>>,
     /// Numbers of speckle instances; absent for the smooth model.
     instance: Option<PyReadonlyArray1<'py, u64>>,
+    /// A layer of yarn below: r, t, r* and t*.
+    below: Option<[Floats<'py>; 4]>,
+    /// Width [um] and share of slits between the fibers.
+    slit: Option<(f32, f32)>,
     edge: bool,
     threads: usize,
 }
 
-/// A query as numbers: theta_i, h, absorptions, wavelengths, instance.
-type Numbers<const N: usize> = (f32, f32, [f32; N], [f32; N], Option<u64>);
+/// A query as numbers: theta_i, h, absorptions, wavelengths, instance, and the row of the layer below.
+type Numbers<const N: usize> = (f32, f32, [f32; N], [f32; N], Option<u64>, Option<usize>);
+
+/// A smooth ply alone: theta_i, h, absorptions, wavelengths.
+type PlainNumbers<const N: usize> = (f32, f32, [f32; N], [f32; N]);
+
+/// Makes what is there at the query of a smooth ply alone.
+struct PlainAt<'a> {
+    model: &'a PlyModel,
+    edge: bool,
+}
+
+impl<'a> PlainAt<'a> {
+    #[inline(always)]
+    fn at<const N: usize>(&self, &(theta_i, h, sigma, lambda): &PlainNumbers<N>, cached: bool) -> PlyBsdf<'a, N> {
+        self.model.at(&PlyQuery { edge: self.edge, cached, ..PlyQuery::new(theta_i, h, sigma, lambda) })
+    }
+}
+
+impl<'a, const N: usize> At<PlainNumbers<N>> for PlainAt<'a> {
+    type Bsdf = PlyBsdf<'a, N>;
+
+    // What is prepared of a query takes 1.3 KB: compiled into the loop over queries, and without what else a query may have, most of it never exists.
+    #[inline(always)]
+    fn one(&self, query: &PlainNumbers<N>) -> PlyBsdf<'a, N> {
+        self.at(query, false)
+    }
+
+    fn many(&self, query: &PlainNumbers<N>) -> PlyBsdf<'a, N> {
+        self.at(query, true)
+    }
+}
+
+/// Makes what is there at a query.
+struct PlyAt<'a, const N: usize> {
+    model: &'a PlyModel,
+    edge: bool,
+    slit: Option<&'a Slit>,
+    below: Option<[Rows<'a, N>; 4]>,
+}
+
+impl<'a, const N: usize> PlyAt<'a, N> {
+    fn at(&self, &(theta_i, h_um, sigma, lambda, hash, row): &Numbers<N>, cached: bool) -> PlyBsdf<'a, N> {
+        let below = match (&self.below, row) {
+            (Some(of), Some(i)) => {
+                let [reflected, transmitted, reflected_diffuse, transmitted_diffuse] = of.each_ref().map(|r| r.get(i));
+                Some(Layer { reflected, transmitted, reflected_diffuse, transmitted_diffuse })
+            }
+            _ => None,
+        };
+        let (edge, slit, instance) = (self.edge, self.slit, hash.map(Instance::from_hash));
+        let query = PlyQuery { edge, cached, instance, slit, below, ..PlyQuery::new(theta_i, h_um, sigma, lambda) };
+        self.model.at(&query)
+    }
+}
+
+impl<'a, const N: usize> At<Numbers<N>> for PlyAt<'a, N> {
+    type Bsdf = PlyBsdf<'a, N>;
+
+    fn one(&self, query: &Numbers<N>) -> PlyBsdf<'a, N> {
+        self.at(query, false)
+    }
+
+    fn many(&self, query: &Numbers<N>) -> PlyBsdf<'a, N> {
+        self.at(query, true)
+    }
+}
 
 #[pymethods]
 impl Model {
@@ -70,6 +141,11 @@ impl Model {
     #[getter]
     fn has_noise(&self) -> bool {
         self.data().noise.is_some()
+    }
+
+    #[getter]
+    fn has_layers(&self) -> bool {
+        self.data().layers.is_some()
     }
 
     #[getter]
@@ -123,6 +199,12 @@ impl Model {
 
     fn data(&self) -> &PlyData {
         self.model.data()
+    }
+
+    /// Refuses a model without layer factors.
+    fn require_layers(&self) -> Outcome {
+        let hint = "the model has no layer factors; build it anew with `plywave build`";
+        self.data().layers.as_ref().map(drop).ok_or_else(|| Failure::input("model", "layers", "absent", hint))
     }
 
     fn time<const N: usize>(&self, py: Python<'_>, what: &str, arrays: &PlyArrays<'_>, repeats: usize) -> Outcome<f64> {
@@ -210,23 +292,64 @@ impl Model {
             many => Some(many[i]),
         };
         let model = &*self.model;
-        let smooth = instances.is_empty();
-        if let (true, Kernel::Lobes, Some(w)) = (smooth, Kernel::of(what, edge, (theta_i, h_um, sigma)), w) {
+        let slit = match arrays.slit {
+            Some((width_um, share)) => {
+                let beam = YarnSpec::parse(&self.data().spec_text, "spec of the model")?.beam.beam();
+                Some(Slit::new(width_um, share, &beam)?)
+            }
+            None => None,
+        };
+        let below = match &arrays.below {
+            Some([a, b, c, d]) => {
+                self.require_layers()?;
+                let of = |rows, name| Rows::<N>::of(rows, n, name);
+                Some([of(a, "below")?, of(b, "below")?, of(c, "below")?, of(d, "below")?])
+            }
+            None => None,
+        };
+        let one_below = below.is_some_and(|of| of.iter().all(|rows| matches!(rows, Rows::One(_))));
+        let plain = instances.is_empty() && below.is_none() && slit.is_none();
+        if let (true, Kernel::Lobes, Some(w)) = (plain, Kernel::of(what, edge, (theta_i, h_um, sigma)), w) {
             let [f] = out.floats()?;
             let f = rows_mut(f, n)?;
             py.detach(|| lobes(model, threads, (theta_i, h_um, sigma), w, f))?;
             return Ok(());
         }
+        let onward = |theta_i: f32| [0.0, -theta_i.cos(), -theta_i.sin()];
+        if let (true, Some(often), Some(w)) = (plain, What::of(what).and_then(Often::of), w) {
+            let get = |i| -> PlainNumbers<N> { (theta_i.get(i)[0], h_um.get(i)[0], sigma.get(i), lambda.get(i)) };
+            let asked = Asked { n, threads, get, at: PlainAt { model, edge } };
+            return asked.answer_often(py, often, w, out, |(theta_i, ..)| onward(*theta_i));
+        }
+        let row = |i: usize| below.is_some().then_some(if one_below { 0 } else { i });
         let asked = Asked {
             n,
             threads,
-            get: |i| -> Numbers<N> { (theta_i.get(i)[0], h_um.get(i)[0], sigma.get(i), lambda.get(i), instance(i)) },
-            at: |&(theta_i, h_um, sigma, lambda, hash): &Numbers<N>, cached: bool| {
-                let instance = hash.map(Instance::from_hash);
-                model.at(&PlyQuery { edge, cached, instance, ..PlyQuery::new(theta_i, h_um, sigma, lambda) })
+            get: |i| -> Numbers<N> {
+                (theta_i.get(i)[0], h_um.get(i)[0], sigma.get(i), lambda.get(i), instance(i), row(i))
             },
+            at: PlyAt { model, edge, slit: slit.as_ref(), below },
         };
         match (what, w) {
+            ("layer", _) => {
+                self.require_layers()?;
+                let parts: [&mut [f32]; 4] = out.floats()?;
+                let of = |i: usize| model.layer::<N>(theta_i.get(i)[0], sigma.get(i));
+                let get: [fn(&Layer<N>) -> [f32; N]; 4] =
+                    [|l| l.reflected, |l| l.transmitted, |l| l.reflected_diffuse, |l| l.transmitted_diffuse];
+                for (part, get) in parts.into_iter().zip(get) {
+                    let part: &mut [[f32; N]] = rows_mut(part, n)?;
+                    let jobs = part.chunks_mut(CHUNK).enumerate();
+                    py.detach(|| {
+                        parallel(jobs, threads, |(chunk, part)| {
+                            for (k, part) in part.iter_mut().enumerate() {
+                                *part = of(chunk * CHUNK + k).map_or([0.0; N], |layer| get(&layer));
+                            }
+                        })
+                    })?;
+                }
+                Ok(())
+            }
             ("r_d", _) => {
                 let [r_d] = out.floats()?;
                 let r_d = rows_mut(r_d, n)?;
@@ -234,20 +357,22 @@ impl Model {
                 Ok(())
             }
             ("terms", Some(w)) => {
-                let [refl, high, edge] = out.floats()?;
-                let (refl, high, edge) = (rows_mut(refl, n)?, rows_mut(high, n)?, rows_mut(edge, n)?);
+                let [refl, high, edge, slit] = out.floats()?;
+                let (refl, high) = (rows_mut(refl, n)?, rows_mut(high, n)?);
+                let (edge, slit) = (rows_mut(edge, n)?, rows_mut(slit, n)?);
                 let of = |bsdf: &PlyBsdf<'_, N>, i: usize| bsdf.terms(w.get(i));
                 py.detach(|| {
                     asked.map(refl, |bsdf, i| [of(bsdf, i).refl; N])?;
                     asked.map(high, |bsdf, i| of(bsdf, i).high)?;
-                    asked.map(edge, |bsdf, i| of(bsdf, i).edge)
+                    asked.map(edge, |bsdf, i| of(bsdf, i).edge)?;
+                    asked.map(slit, |bsdf, i| of(bsdf, i).slit)
                 })?;
                 Ok(())
             }
             _ => {
                 let what =
                     What::of(what).ok_or_else(|| Failure::input("model", "question", what, "there is no such"))?;
-                asked.answer(py, what, w, out, |(theta_i, ..)| [0.0, -theta_i.cos(), -theta_i.sin()])
+                asked.answer(py, what, w, out, |(theta_i, ..)| onward(*theta_i))
             }
         }
     }

@@ -3,8 +3,10 @@
 use numpy::ndarray::{Array1, Array2, ArrayD, IxDyn};
 use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
 use plywave::fabric::{FabricOptions, FabricSpec, GapLight, Place, Values};
+use plywave::fiber::FiberTable;
 use plywave::io::Folder;
 use plywave::spec::YarnSpec;
+use plywave::speckle::{Instance, NoiseTiles};
 use plywave::{Bsdf, FabricBsdf, FabricQuery, PlyModel, PlyQuery};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -31,13 +33,14 @@ fn columns(name: &str, a: &PyReadonlyArray2<'_, f32>, n: usize, count: usize) ->
 #[pyclass(frozen, module = "plywave._plywave")]
 pub struct FabricTables {
     fabric: FabricBsdf,
+    speckle: bool,
 }
 
 #[pymethods]
 impl FabricTables {
     /// Of a spec's file, or of its text and the folder that its models are in.
     #[new]
-    #[pyo3(signature = (filename = None, text = None, folder = ".", diffracted = true, layers = true, shadowing = true, edges = true, speckle = false))]
+    #[pyo3(signature = (filename = None, text = None, folder = ".", diffracted = true, layers = true, shadowing = true, edges = true, speckle = false, far = false))]
     #[allow(clippy::fn_params_excessive_bools)]
     fn new(
         py: Python<'_>,
@@ -49,9 +52,10 @@ impl FabricTables {
         shadowing: bool,
         edges: bool,
         speckle: bool,
+        far: bool,
     ) -> PyResult<Self> {
         let gaps = if diffracted { GapLight::Diffracted } else { GapLight::Straight };
-        let options = FabricOptions { gaps, noise: speckle, layers, shadowing, edges, ..FabricOptions::SMOOTH };
+        let options = FabricOptions { gaps, noise: speckle, layers, shadowing, edges, far, ..FabricOptions::SMOOTH };
         let folder = folder.to_string();
         let load = move || -> plywave::Result<FabricBsdf> {
             match (filename, text) {
@@ -61,10 +65,10 @@ impl FabricTables {
                 (filename, None) => FabricBsdf::load(filename.unwrap_or_default(), &options),
             }
         };
-        Ok(FabricTables { fabric: py.detach(load).map_err(raise)? })
+        Ok(FabricTables { fabric: py.detach(load).map_err(raise)?, speckle })
     }
 
-    /// Tables by name, and `models`, the files of the ply models.
+    /// Tables by name; `models`, the files of the ply models; `noise`, the noise tiles of each model, none without speckle.
     fn tensors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
         for tensor in self.fabric.tensors() {
@@ -86,6 +90,12 @@ impl FabricTables {
             models.append(PyBytes::new(py, &model.data().to_bytes().map_err(raise)?))?;
         }
         all.set_item("models", models)?;
+        let noise = PyList::empty(py);
+        for model in self.fabric.models() {
+            let tiles = if self.speckle { model.noise() } else { None };
+            noise.append(tiles.map(|tiles| noise_tiles(py, tiles)).transpose()?)?;
+        }
+        all.set_item("noise", noise)?;
         Ok(all)
     }
 
@@ -95,7 +105,8 @@ impl FabricTables {
     }
 
     /// Of `position_um` [n, 2], `wo` and `wi` [n, 3]: f [n, 3] and the density of samples [n] by the library, at three wavelengths [um] or in linear sRGB, and the energy that goes straight on.
-    #[pyo3(signature = (position_um, wo, wi, lambda_um = None, sigma_per_um = None))]
+    #[pyo3(signature = (position_um, wo, wi, lambda_um = None, sigma_per_um = None, footprint_um = 0.0))]
+    #[allow(clippy::too_many_arguments)]
     fn eval_pdf<'py>(
         &self,
         py: Python<'py>,
@@ -104,6 +115,7 @@ impl FabricTables {
         wi: PyReadonlyArray2<'py, f32>,
         lambda_um: Option<[f32; 3]>,
         sigma_per_um: Option<[[f32; 3]; 2]>,
+        footprint_um: f32,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let n = wo.as_array().nrows();
         columns("position_um", &position_um, n, 2)?;
@@ -117,7 +129,8 @@ impl FabricTables {
                 Some(lambda) => FabricQuery::new(at, viewer, lambda),
                 None => FabricQuery::rgb(at, viewer),
             };
-            let query = FabricQuery { sigma_per_um: sigma_per_um.map_or([None; 2], |s| s.map(Some)), ..query };
+            let query =
+                FabricQuery { sigma_per_um: sigma_per_um.map_or([None; 2], |s| s.map(Some)), footprint_um, ..query };
             let at = self.fabric.at(&query);
             let (value, density) = at.eval_pdf(row(&wi, i));
             (0..3).for_each(|k| f[[i, k]] = value[k]);
@@ -169,12 +182,67 @@ pub fn ply_file<'py>(py: Python<'py>, filename: &str) -> PyResult<Bound<'py, PyB
     Ok(PyBytes::new(py, &model.data().to_bytes().map_err(raise)?))
 }
 
+/// The bytes of a fiber's file, read and checked by the library.
+#[pyfunction]
+pub fn fiber_file<'py>(py: Python<'py>, filename: &str) -> PyResult<Bound<'py, PyBytes>> {
+    let table = FiberTable::load(filename).map_err(raise)?;
+    Ok(PyBytes::new(py, &table.to_bytes().map_err(raise)?))
+}
+
 /// Radius R of a ply model [um], from the spec in its file.
 #[pyfunction]
 pub fn ply_radius_um(filename: &str) -> PyResult<f64> {
     let model = PlyModel::load(filename).map_err(raise)?;
     let [a, b] = YarnSpec::parse(&model.data().spec_text, filename).map_err(raise)?.ply_radii_um();
     Ok(a.max(b))
+}
+
+/// Tiles of noise: `tiles` `[2][T][V][U]` of codes, `code` `[2][T][2]`, `step` and `fade` `[2][2]`, `lambda_um`.
+fn noise_tiles<'py>(py: Python<'py>, tiles: &NoiseTiles) -> PyResult<Bound<'py, PyDict>> {
+    let all = PyDict::new(py);
+    let [count, rows, columns] = tiles.sizes;
+    let codes = ArrayD::from_shape_vec(IxDyn(&[2, count, rows, columns]), tiles.tiles.clone()).map_err(raise)?;
+    all.set_item("tiles", codes.into_pyarray(py))?;
+    let code = ArrayD::from_shape_vec(IxDyn(&[2, count, 2]), tiles.code.clone()).map_err(raise)?;
+    all.set_item("code", code.into_pyarray(py))?;
+    all.set_item("step", tiles.step)?;
+    all.set_item("fade", tiles.fade)?;
+    all.set_item("lambda_um", tiles.lambda_um)?;
+    Ok(all)
+}
+
+/// Factors of f_refl and f_high `[n, 3]` by the library's noise tiles of a model: of plies by number and place along them [um], grains of `grain_um`. The tiles come first.
+#[pyfunction]
+#[allow(clippy::too_many_arguments, clippy::type_complexity)]
+pub fn speckle_factors<'py>(
+    py: Python<'py>,
+    filename: &str,
+    ply: PyReadonlyArray1<'py, u32>,
+    along_um: PyReadonlyArray1<'py, f32>,
+    grain_um: f32,
+    theta_i: PyReadonlyArray1<'py, f32>,
+    lambda_um: PyReadonlyArray2<'py, f32>,
+    wo: PyReadonlyArray2<'py, f32>,
+) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+    let model = PlyModel::load(filename).map_err(raise)?;
+    let tiles = model.require_noise(filename).map_err(raise)?;
+    let (ply, along, theta_i) = (ply.as_array(), along_um.as_array(), theta_i.as_array());
+    let n = theta_i.len();
+    columns("lambda_um", &lambda_um, n, 3)?;
+    columns("wo", &wo, n, 3)?;
+    if ply.len() != n || along.len() != n {
+        return Err(raise(format!("ply, along_um: {} and {} numbers: expected {n}", ply.len(), along.len())));
+    }
+    let (lambda, wo) = (lambda_um.as_array(), wo.as_array());
+    let (mut refl, mut high) = (Array2::zeros((n, 3)), Array2::zeros((n, 3)));
+    for i in 0..n {
+        let instance = Instance::new(ply[i], along[i], grain_um);
+        let (of_refl, of_high) = tiles.factors(instance, theta_i[i], row(&wo, i), row::<3>(&lambda, i));
+        for k in 0..3 {
+            (refl[[i, k]], high[[i, k]]) = (of_refl[k], of_high[k]);
+        }
+    }
+    Ok((noise_tiles(py, tiles)?, refl.into_pyarray(py).into_any(), high.into_pyarray(py).into_any()))
 }
 
 /// The terms of a ply by the library, of n queries: f_refl `[n]`, f_high and f_edge `[n, 3]`, the density of samples `[n]`.
@@ -220,6 +288,8 @@ pub fn ply_terms<'py>(
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<FabricTables>()?;
     module.add_function(wrap_pyfunction!(ply_file, module)?)?;
+    module.add_function(wrap_pyfunction!(fiber_file, module)?)?;
     module.add_function(wrap_pyfunction!(ply_radius_um, module)?)?;
+    module.add_function(wrap_pyfunction!(speckle_factors, module)?)?;
     module.add_function(wrap_pyfunction!(ply_terms, module)?)
 }

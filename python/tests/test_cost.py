@@ -24,6 +24,8 @@ def ratio(model, what, n, edge, rounds=7):
         "lambda": lambdas,
         "w": (rng.uniform(size=(n, 3)).astype(np.float32) if what == "sample" else w).reshape(-1),
         "instance": None,
+        "below": None,
+        "slit": None,
         "edge": edge,
         "threads": plywave.get_threads(),
     }

@@ -176,3 +176,83 @@ def test_fibers(fiber):
     narrow = fiber.with_beta_m(0.02)
     assert narrow.eval(omega_i, [-0.6, 0.0, -0.8], 0.5) > fiber.eval(omega_i, [-0.6, 0.0, -0.8], 0.5)
     assert sum(fiber.outcomes(omega_i, lambdas)) == 1.0
+
+
+def test_a_second_layer_is_the_formula(polyester):
+    """f over a second layer against its terms put together by hand: the ply's own lobes above, what it sends forward made diffuse and shared out between the layers (Yu 2025,
+    5.4). The forward energy is that of the lobes, integrated."""
+    w, area = sphere(240, 480)
+    sigma, theta_i, h_um = np.array([0.0, 0.002, 0.02]), 0.4, 12.0
+    first, second = polyester.layer(theta_i, sigma), polyester.layer(-0.9, 2.0 * sigma)
+    for part in (first, second):
+        np.testing.assert_allclose((part.reflected + part.transmitted)[0], 1.0, atol=1e-3)
+        assert (np.diff(part.reflected) < 0.0).all() and (np.diff(part.transmitted_diffuse) < 0.0).all()
+    terms = polyester.terms(theta_i, h_um, w, sigma, edge=False)
+    own, y = terms.refl + terms.high, w[..., 1][..., None]
+    forward = ((own * area[..., None]) * (y < 0.0)).sum((0, 1))
+    between = 1.0 / (1.0 - first.reflected_diffuse * second.reflected_diffuse)
+    through = first.transmitted * second.transmitted_diffuse * between
+    back = first.transmitted * second.reflected_diffuse * first.transmitted_diffuse * between
+    r_d = polyester.r_d(theta_i, h_um)
+    below = (forward * through / first.transmitted + r_d * second.transmitted) * -y / np.pi
+    above = own + (forward * back / first.transmitted + r_d * second.reflected) * y / np.pi
+    f = polyester.eval(theta_i, h_um, w, sigma, below=second)
+    want = np.where(y < 0.0, below, above)
+    assert np.abs(f - want).max() < 5e-3 * want.max()
+    albedo = polyester.albedo(theta_i, h_um, sigma, below=second)
+    np.testing.assert_allclose((f * area[..., None]).sum((0, 1)), albedo, atol=5e-3)
+    assert abs(albedo[0] - 1.0) < 2e-3 and (albedo[1:] < 0.99).all()
+    # A layer a query is the same as one for all.
+    many = polyester.layer(np.full(5, -0.9), 2.0 * sigma)
+    np.testing.assert_allclose(polyester.eval(theta_i, h_um, w[7, :5], sigma, below=many), polyester.eval(theta_i, h_um, w[7, :5], sigma, below=second), rtol=1e-4)
+
+
+def test_slits_take_from_high_what_they_send(polyester):
+    """All light of a slit is of f_high; at no share nothing is; wavelengths count."""
+    w, area = sphere(240, 480)
+    sigma, lambdas, at = np.array([0.0, 0.002, 0.02]), [0.45, 0.55, 0.65], (0.4, 12.0)
+    slit = plywave.Slit(2.0, 0.25)
+    plain = polyester.terms(*at, w, sigma, lambdas)
+    terms = polyester.terms(*at, w, sigma, lambdas, slit=slit)
+    energy = lambda f: (f * area[..., None]).sum((0, 1))  # noqa: E731
+    lost, sent = energy(plain.high) - energy(terms.high), energy(terms.slit)
+    assert (sent > 0.005).all()
+    np.testing.assert_allclose(lost, sent, rtol=0.02, atol=1e-4)
+    f = polyester.eval(*at, w, sigma, lambdas, slit=slit)
+    np.testing.assert_allclose(f, sum(terms), rtol=1e-4, atol=1e-5)
+    assert np.abs(terms.slit[..., 0] / terms.slit[..., 0].max() - terms.slit[..., 2] / terms.slit[..., 2].max()).max() > 0.1
+    none = polyester.eval(*at, w, sigma, lambdas, slit=plywave.Slit(2.0, 0.0))
+    np.testing.assert_allclose(none, polyester.eval(*at, w, sigma, lambdas), rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("more", ["below", "slit"])
+def test_samples_of_layers_and_slits_keep_their_promises(polyester, more):
+    sigma, at = np.array([0.0, 0.002, 0.02], np.float32), (0.4, 12.0)
+    keys = {"below": polyester.layer(0.9, sigma)} if more == "below" else {"slit": plywave.Slit(3.0)}
+    u = np.random.default_rng(3).uniform(size=(20000, 3))
+    s = polyester.sample(*at, u, sigma, **keys)
+    hit = s.event == plywave.SCATTERED
+    f, pdf = polyester.eval_pdf(*at, s.w[hit], sigma, **keys)
+    np.testing.assert_allclose(pdf, s.pdf[hit], rtol=2e-3, atol=1e-6)
+    np.testing.assert_allclose(f, s.weight[hit] * s.pdf[hit][:, None], rtol=2e-3, atol=1e-6)
+    np.testing.assert_allclose(s.weight[hit].sum(0) / len(u), polyester.albedo(*at, sigma, **keys), rtol=0.02)
+
+
+def test_layers_and_slits_that_cannot_be_are_told(polyester):
+    at = (0.4, 12.0, [0.0, 1.0, 0.0], [0.0, 0.01])
+    for slit, words in [(plywave.Slit(9.0), "width_um"), (plywave.Slit(1.0, 2.0), "share"), ((1.0, 0.2), "slit: tuple: give a Slit")]:
+        with pytest.raises(plywave.Error, match=words):
+            polyester.eval(*at, slit=slit)
+    layer = polyester.layer(0.4, [0.0, 0.01])
+    with pytest.raises(plywave.Error, match="below: dict: give a Layer"):
+        polyester.eval(*at, below=layer._asdict())
+    with pytest.raises(plywave.Error, match="below: not finite"):
+        polyester.eval(*at, below=layer._replace(reflected=np.array([np.nan, 0.0])))
+    with pytest.raises(plywave.Error, match="last axes differ"):
+        polyester.eval(*at, below=polyester.layer(0.4, [0.0, 0.01, 0.02]))
+    bare = {name: value for name, value in polyester.tensors().items() if not name.startswith("layer")}
+    single = plywave.Model.from_tensors(bare, polyester.document)
+    assert polyester.has_layers and not single.has_layers
+    for call in (lambda: single.layer(0.4, 0.0), lambda: single.eval(*at, below=layer)):
+        with pytest.raises(plywave.Error, match="layers = absent: the model has no layer factors"):
+            call()

@@ -6,6 +6,7 @@ queries a term, then to Mitsuba's own tests: chi-square, weight times pdf, a whi
     DRJIT_LIBLLVM_PATH=/usr/lib/x86_64-linux-gnu/libLLVM.so.19.1 pytest python/tests/test_mitsuba.py
 """
 
+import math
 import os
 import pathlib
 import subprocess
@@ -25,8 +26,24 @@ QUERIES = 100_000
 RGB_LAMBDA_UM = [0.612, 0.549, 0.464]
 
 mi.set_variant("llvm_ad_rgb")
+import plywave  # noqa: E402
 import plywave.mitsuba  # noqa: E402  (registers the plugins)
 from plywave.mitsuba import _native  # noqa: E402
+
+
+_load, _loaded = _native.FabricTables, {}
+
+
+def once(filename=None, text=None, folder=".", diffracted=True, **parts):
+    """A fabric of these keys, loaded once: the mean over the repeat takes seconds."""
+    parts = {"layers": True, "shadowing": True, "edges": True, "speckle": False, "far": False} | parts
+    key = (filename, text, folder, diffracted, *parts.items())
+    if key not in _loaded:
+        _loaded[key] = _load(filename, text, folder, diffracted, **parts)
+    return _loaded[key]
+
+
+_native.FabricTables = once
 
 
 @pytest.fixture(autouse=True)
@@ -94,7 +111,8 @@ def test_ply_terms_are_the_librarys(name):
 def test_lines_meet_what_they_meet_in_the_library(spec, share):
     """Yarn and ply of the first hit are the same; at the rims of twisted plies one of 10^4 lines is met by the next ply. theta_i to 1e-3 rad and h to 0.1 um: places along a
     grazing line follow from looking until they move by less than a thousandth of the yarn's width, so both answers have that error."""
-    from plywave.mitsuba._cloth import NO_YARN, Cloth
+    from plywave.mitsuba._cloth import Cloth
+    from plywave.mitsuba._flight import NO_YARN
     from plywave.mitsuba._kit import Kit
 
     kit, rng, n = Kit(), np.random.default_rng(2), QUERIES
@@ -327,3 +345,427 @@ def test_sigma_is_recovered_from_a_picture():
     photograph = mi.render(recover_sigma.scene(truth), spp=256, seed=1000)
     got = recover_sigma.recover(photograph)
     assert np.abs(got / truth - 1.0).max() < 0.05, f"{got}, want {truth}"
+
+
+def fiber_table(symmetry, shape, absorbing, folder, seed=1, beta=0.15):
+    """A made-up fiber: random azimuthal functions with a forward peak and dark stretches, widths and absorption that vary. Its file, and the fiber in the library."""
+    rng, (l, t, p, d) = np.random.default_rng(seed), shape
+    folds, mirror = symmetry
+    step = 0.0 if folds == 0 else np.pi / (folds * (p - 1)) if mirror is not None else 2 * np.pi / (folds * p)
+    width = 1.0 + rng.random(p)
+    c_x = width * rng.uniform(0.5, 7.5, (l, t, p))
+    absorbed = rng.uniform(0.0, 0.9, (l, t, p)) if absorbing else np.zeros((l, t, p))
+    j = np.arange(d)
+    values = rng.random((l, t, p, d)) + rng.uniform(0, 30, (l, t, p, 1)) * np.exp(-0.5 * ((2 * np.pi * j / d - np.pi) / 0.1) ** 2)
+    values[..., j % 40 > 30] = 0.0
+    values *= ((1.0 - absorbed) / (values.sum(-1) * 2 * np.pi / d))[..., None]
+    tensors = {
+        "lambda_um": 0.38 + (np.arange(l) + 0.5) * 0.4 / l,
+        "theta_i": 0.5 * np.pi * (np.arange(t) + 0.5) / t,
+        "phi_i": (mirror or 0.0) + step * np.arange(p),
+        "width_um": width,
+        "c_x_um": c_x,
+        "c_abs_um": c_x * absorbed,
+        "azimuthal": values.astype(np.float32),
+    }
+    document = {"format": "plywave-fiber", "version": 1, "program_version": "0", "preset": "test", "seed": seed, "spec": "made up"}
+    document |= {"source": "wave", "symmetry": {"folds": folds, "mirror_rad": mirror}, "beta_m_rad": beta}
+    filename = str(pathlib.Path(folder) / f"fiber_{folds}_{mirror}_{d}_{absorbing}.pwf")
+    fiber = plywave.Fiber.from_tensors(tensors, document)
+    fiber.save(filename)
+    return filename, fiber
+
+
+CIRCLE, ELLIPSE, KIDNEY, SWIRL, BARE = (0, None), (2, 0.0), (1, np.pi / 2), (3, None), (1, None)
+
+
+def outline_directions(uv, w):
+    """Directions of the shading frame in the fiber's: z along v; the normal has the azimuth 2 pi u in the outline."""
+    turn = 2 * np.pi * uv[:, 0].astype(np.float64)
+    c, s = np.cos(turn), np.sin(turn)
+    return np.stack([c * w[:, 2] - s * w[:, 0], s * w[:, 2] + c * w[:, 0], w[:, 1]], 1)
+
+
+@pytest.mark.parametrize("beta", [0.02, 0.15, 1.2])
+@pytest.mark.parametrize("symmetry, shape", [(CIRCLE, (3, 6, 1, 100)), (ELLIPSE, (4, 5, 7, 90)), (KIDNEY, (1, 4, 9, 37)), (SWIRL, (2, 3, 5, 120)), (BARE, (2, 2, 12, 16)), (CIRCLE, (1, 1, 1, 2))])
+def test_fibers_are_the_librarys(symmetry, shape, beta, tmp_path):
+    """f, density, width and what passes beside, of outlines with and without symmetries, a third of the directions about the forward peak. Where N is next to 0 between bright
+    nodes, or M_0 is the tail of a narrow peak, the rounding of angles counts: 0.06 % of the values are beyond 1e-4,
+    none beyond 1e-2."""
+    filename, fiber = fiber_table(symmetry, shape, True, tmp_path)
+    fiber = fiber.with_beta_m(beta)
+    bsdf = mi.load_dict({"type": "plywave_fiber", "filename": filename, "beta_m_rad": beta, "width": "curve"})
+    narrow = mi.load_dict({"type": "plywave_fiber", "filename": filename, "beta_m_rad": beta})
+    rng, n = np.random.default_rng(11), QUERIES
+    uv = rng.random((n, 2), dtype=np.float32)
+    wi, wo = directions(rng, n), directions(rng, n)
+    wi[:, 2] = np.abs(wi[:, 2])
+    k = n // 3
+    wo[:k] = np.stack([-wi[:k, 0], -wi[:k, 1], -wi[:k, 2]], 1) + 0.5 * beta * rng.normal(size=(k, 3))
+    wo = np.ascontiguousarray(wo / np.linalg.norm(wo, axis=1)[:, None], np.float32)
+    to = lambda w: outline_directions(uv, w)
+    want, pdf = fiber.eval_pdf(to(wi), to(wo), RGB_LAMBDA_UM)
+    si = interaction(n, mi.Point2f(uv.T.copy()), mi.Vector3f(wi.T.copy()))
+    got, density = bsdf.eval_pdf(mi.BSDFContext(), si, mi.Vector3f(wo.T.copy()))
+    got, density = np.array(got).T, np.array(density)
+    close("f", got, want, share=3e-3)
+    close("f", got, want, tolerance=1e-2)
+    close("pdf", density, pdf, share=3e-3)
+    assert abs(got.mean(dtype=np.float64) / want.mean(dtype=np.float64) - 1.0) < 1e-5
+    # Beside the width at a wavelength the light passes, and is not scattered.
+    width = fiber.width_um(to(wi), RGB_LAMBDA_UM)
+    offset = np.abs(wi[:, 0]) / np.hypot(wi[:, 0], wi[:, 2]) * fiber.max_width_um
+    clear = np.abs(offset[:, None] - width) > 1e-4 * width
+    met = offset[:, None] <= width
+    passes = np.array(narrow.eval_null_transmission(si)).T
+    assert (passes == 1.0 - met)[clear].all() and (max(shape[:3]) == 1 or 0.05 < passes.mean() < 0.95)
+    f, density = narrow.eval_pdf(mi.BSDFContext(), si, mi.Vector3f(wo.T.copy()))
+    close("f", np.array(f).T[clear], (want * met)[clear], share=2e-3)
+    albedo = fiber.albedo(to(wi), RGB_LAMBDA_UM)
+    chance = (~met).sum(1) + (met * albedo).sum(1)
+    close("pdf", np.array(density)[clear.all(1)], ((want * met).sum(1) / chance)[clear.all(1)], share=2e-3)
+
+
+@pytest.mark.parametrize("wi", [(0.3, 0.2, 0.9), (0.85, 0.3, 0.2)])
+@pytest.mark.parametrize("symmetry, shape", [(CIRCLE, (3, 6, 1, 100)), (KIDNEY, (1, 4, 9, 37))])
+@pytest.mark.parametrize("width", ["curve", "wave"])
+def test_samples_of_fibers_have_their_density(symmetry, shape, wi, width, tmp_path):
+    from mitsuba.chi2 import ChiSquareTest, SphericalDomain
+
+    filename, _ = fiber_table(symmetry, shape, True, tmp_path, beta=0.25)
+    bsdf, context = mi.load_dict({"type": "plywave_fiber", "filename": filename, "width": width, "rotation_deg": 20.0}), mi.BSDFContext()
+    wi = mi.Vector3f(*(float(x) for x in np.array(wi) / np.linalg.norm(wi)))
+    null, uv = int(mi.BSDFFlags.Null), mi.Point2f(0.3, 0.7)
+
+    def sample(u, *_):
+        bs, _ = bsdf.sample(context, interaction(dr.width(u), uv, wi), u.x, mi.Point2f(u.y, u.z))
+        return bs.wo, dr.select((bs.pdf > 0) & (bs.sampled_type != null), 1.0, 0.0)
+
+    def pdf(wo, *_):
+        return bsdf.pdf(context, interaction(dr.width(wo), uv, wi), wo)
+
+    test = ChiSquareTest(SphericalDomain(), sample, pdf, sample_dim=3, sample_count=500_000, res=101, ires=24)
+    assert test.run(0.01 / 8), test.messages
+
+
+@pytest.mark.parametrize("width", ["curve", "wave"])
+def test_fibers_weights_and_furnace(width, tmp_path):
+    """Weight times density is f, straight light by its chance too; a lossless fiber is as bright as what is around it."""
+    filename, _ = fiber_table(KIDNEY, (2, 4, 9, 37), False, tmp_path)
+    bsdf, context = mi.load_dict({"type": "plywave_fiber", "filename": filename, "width": width}), mi.BSDFContext()
+    rng, n = np.random.default_rng(4), 400_000
+    wi = directions(rng, n)
+    wi[:, 2] = np.abs(wi[:, 2])
+    si = interaction(n, mi.Point2f(rng.random((2, n), dtype=np.float32)), mi.Vector3f(wi.T.copy()))
+    u = rng.random((3, n), dtype=np.float32)
+    bs, weight = bsdf.sample(context, si, mi.Float(u[0]), mi.Point2f(u[1:]))
+    f, pdf = bsdf.eval_pdf(context, si, bs.wo)
+    weight, f, pdf, of_sample = np.array(weight), np.array(f), np.array(pdf), np.array(bs.pdf)
+    scattered = np.broadcast_to(np.array(bs.sampled_type) != int(mi.BSDFFlags.Null), n)
+    close("pdf", of_sample[scattered], pdf[scattered], tolerance=1e-5)
+    close("f", (weight * of_sample)[:, scattered], f[:, scattered], tolerance=1e-4)
+    straight = ~scattered
+    assert straight.any() == (width == "wave")
+    if width == "wave":
+        close("straight", (weight * of_sample)[:, straight], np.array(bsdf.eval_null_transmission(si))[:, straight], tolerance=1e-5)
+    assert abs(weight.mean(dtype=np.float64) - 1.0) < 0.01, weight.mean()
+
+
+def test_fibers_in_all_variants(tmp_path):
+    """A round fiber of one wavelength answers alike in all variants; where there are as many channels, the same numbers give the same samples."""
+    filename, fiber = fiber_table(CIRCLE, (1, 6, 1, 100), True, tmp_path)
+    wi, wo = (v / np.linalg.norm(v) for v in (np.array([0.3, 0.2, 0.9]), np.array([-0.4, 0.5, 0.6])))
+    drawn = {}
+    want, pdf = fiber.eval_pdf(*(outline_directions( np.zeros((1, 2)), w[None]) for w in (wi, wo)), [0.5])
+    for variant in ("scalar_rgb", "scalar_spectral", "llvm_ad_spectral", "llvm_ad_rgb"):
+        mi.set_variant(variant)
+        bsdf = mi.load_dict({"type": "plywave_fiber", "filename": filename, "width": "curve"})
+        si = interaction(1, mi.Point2f(0.0, 0.0), mi.Vector3f(*map(float, wi)))
+        f, density = bsdf.eval_pdf(mi.BSDFContext(), si, mi.Vector3f(*map(float, wo)))
+        assert np.allclose(np.array(f).ravel(), want.ravel()[0], rtol=1e-4) and np.allclose(np.array(density), pdf, rtol=1e-4), variant
+        bs, _ = bsdf.sample(mi.BSDFContext(), si, 0.3, mi.Point2f(0.6, 0.2))
+        got = np.array(bs.wo).ravel()
+        kind = variant.split("_")[-1]
+        assert np.allclose(got, drawn.setdefault(kind, got), atol=1e-4), variant
+
+
+def test_fibers_gradients_are_differences(tmp_path):
+    filename, _ = fiber_table(CIRCLE, (1, 6, 1, 100), True, tmp_path)
+    bsdf = mi.load_dict({"type": "plywave_fiber", "filename": filename, "width": "curve"})
+    params = mi.traverse(bsdf)
+    rng, n = np.random.default_rng(6), 10_000
+    wi = directions(rng, n)
+    si = interaction(n, mi.Point2f(0.2, 0.3), mi.Vector3f(np.abs(wi).T.copy()))
+    wo = mi.Vector3f(directions(rng, n).T.copy())
+
+    def mean(beta):
+        params["beta_m_rad"] = mi.Float(beta)
+        params.update()
+        return np.array(bsdf.eval(mi.BSDFContext(), si, wo))[0, : n // 2].mean(dtype=np.float64)
+
+    want = (mean(0.202) - mean(0.198)) / 0.004
+    beta = mi.Float(0.2)
+    dr.enable_grad(beta)
+    params["beta_m_rad"] = beta
+    params.update()
+    f = bsdf.eval(mi.BSDFContext(), si, wo)
+    dr.backward(dr.mean(dr.select(dr.arange(mi.UInt32, n) < n // 2, f[0], 0.0)) * 2.0)
+    got = dr.grad(beta)[0]
+    assert abs(got / want - 1.0) < 1e-2, f"{got}, by differences {want}"
+
+
+@pytest.mark.parametrize(
+    "keys, words",
+    [
+        ({}, "filename: absent"),
+        ({"filename": "absent.pwf"}, "absent.pwf"),
+        ({"filename": PLY}, "plywave-ply"),
+        ({"filename": "made", "widht": "wave"}, "widht: unknown key: did you mean 'width'?"),
+        ({"filename": "made", "width": "thick"}, "width: 'thick': expected 'wave' or 'curve'"),
+        ({"filename": "made", "axis": "w"}, "axis: 'w': expected 'u' or 'v'"),
+        ({"filename": "made", "beta_m_rad": 3.0}, "beta_m_rad: 3.0: expected 0.001 to 2.0"),
+        ({"filename": "made", "beta_m_rad": True}, "beta_m_rad: True: expected a number"),
+    ],
+)
+def test_bad_keys_of_fibers_are_told(keys, words, tmp_path):
+    if keys.get("filename") == "made":
+        keys = keys | {"filename": fiber_table(CIRCLE, (1, 1, 1, 2), False, tmp_path)[0]}
+    with pytest.raises(Exception) as told:
+        mi.load_dict({"type": "plywave_fiber", **keys})
+    assert words in str(told.value), str(told.value)
+
+
+def straight_curve(folder, kind, radius):
+    """A line along y with a hair's radius."""
+    path = pathlib.Path(folder) / "line.txt"
+    path.write_text("".join(f"0 {y} 0 {radius}\n" for y in np.linspace(-4, 4, 9)))
+    return {"type": kind, "filename": str(path)}
+
+
+def test_curves_have_the_outlines_frame(tmp_path):
+    """The shading frame of a bsplinecurve's hits is what the plugin takes it for: the second axis along the curve, the normal at the azimuth 2 pi u."""
+    scene = mi.load_dict({"type": "scene", "curve": straight_curve(tmp_path, "bsplinecurve", 0.5)})
+    rng, n = np.random.default_rng(8), 5000
+    a = rng.uniform(0, 2 * np.pi, n)
+    o = mi.Point3f(np.stack([2 * np.cos(a), rng.uniform(-2, 2, n), 2 * np.sin(a)]).astype(np.float32))
+    d = mi.Vector3f(np.stack([-np.cos(a + 0.1), np.zeros(n), -np.sin(a + 0.1)]).astype(np.float32))
+    si = scene.ray_intersect(mi.Ray3f(o, d))
+    assert np.array(si.is_valid()).all()
+    along = np.array(si.sh_frame.t)
+    sign = np.sign(along[1].mean())
+    assert np.abs(along[1] * sign - 1.0).max() < 1e-3
+    # Around the axis, right-handed about it, u grows as the normal's azimuth.
+    normal, u = np.array(si.n), np.array(si.uv.x)
+    azimuth = np.arctan2(normal[0], normal[2]) * sign
+    off = (u - azimuth / (2 * np.pi)) % 1.0
+    off = (off - off[0] + 0.5) % 1.0 - 0.5
+    assert np.abs(off).max() < 1e-3, off
+
+
+def test_fibers_on_curves_in_a_furnace(tmp_path):
+    """A lossless fiber on a curve under even light cannot be seen, with either width."""
+    filename, _ = fiber_table(CIRCLE, (2, 4, 1, 100), False, tmp_path)
+    for width in ("wave", "curve"):
+        curve = straight_curve(tmp_path, "bsplinecurve", 0.5) | {"bsdf": {"type": "plywave_fiber", "filename": filename, "width": width}}
+        sensor = {"type": "perspective", "fov": 12, "to_world": mi.ScalarTransform4f().look_at([0, 0, 6], [0, 0, 0], [0, 1, 0])}
+        sensor["film"] = {"type": "hdrfilm", "width": 16, "height": 16, "rfilter": {"type": "box"}}
+        even = mi.load_dict({"type": "scene", "integrator": {"type": "path", "max_depth": 16}, "sensor": sensor, "sky": {"type": "constant"}, "curve": curve})
+        mean = np.array(mi.render(even, spp=256)).mean(dtype=np.float64)
+        assert abs(mean - 1.0) < 0.01, f"{width}: {mean}"
+
+
+@pytest.mark.parametrize("spec, gaps", [("polyester_satin", "straight"), ("silk_organza", "diffracted")])
+def test_far_views_are_the_librarys(spec, gaps):
+    """f, density and straight light at footprints from none to two repeats, with the spec's colors and with textures' own. From 0.5 repeats on the mean takes part, and at
+    one it is all; of f nothing is then beyond 1e-4 but directions of the diffraction's peak. Densities are constant in cells: next to a cell's border the rounding of an angle
+    tells which. Below, both have the errors of test_fabric_is_the_librarys."""
+    rng, n = np.random.default_rng(21), QUERIES
+    spec, is_diffracted = str(FABRICS / f"{spec}.toml"), gaps == "diffracted"
+    tables = _native.FabricTables(spec, diffracted=is_diffracted, far=True)
+    position = rng.uniform(-3000, 3000, (n, 2)).astype(np.float32)
+    wo, wi = directions(rng, n), directions(rng, n)
+    if is_diffracted:
+        wi[: n // 2] = -wo[: n // 2] + 0.04 * rng.normal(size=(n // 2, 3))
+        wi = np.ascontiguousarray(wi / np.linalg.norm(wi, axis=1)[:, None], np.float32)
+    si = interaction(n, mi.Point2f(position.T.copy()), mi.Vector3f(wo.T.copy()))
+    own = [[0.0008, 0.004, 0.02], [0.05, 0.0, 4.0]]
+    textures = {f"{family}_sigma_per_um": {"type": "rgb", "value": sigma} for family, sigma in zip(("warp", "weft"), own)}
+    for share, sigma in [(0.0, None), (0.45, None), (0.65, None), (0.9, own), (1.0, None), (2.0, own)]:
+        footprint = share * max(tables.repeat_um())
+        f, pdf, straight = tables.eval_pdf(position, wo, wi, sigma_per_um=sigma, footprint_um=footprint)
+        keys = {"far": True, "footprint_um": footprint, "gaps": gaps} | (textures if sigma else {})
+        bsdf = mi.load_dict({"type": "plywave_fabric", "filename": spec, "um_per_uv": 1.0, **keys})
+        assert not bsdf.needs_differentials()
+        got, density = bsdf.eval_pdf(mi.BSDFContext(), si, mi.Vector3f(wi.T.copy()))
+        got, density = np.array(got).T, np.array(density)
+        is_far = share >= 1.0
+        close(f"f at {share}", got, f, share=5e-3 if not is_far else 2e-3 if is_diffracted else 0.0)
+        close(f"pdf at {share}", density, pdf, share=1e-3 if is_far and not is_diffracted else 2e-2)
+        passes = np.array(bsdf.eval_null_transmission(si))[0]
+        close(f"straight at {share}", np.broadcast_to(passes, n), straight, share=1e-3)
+        assert abs(got.mean(dtype=np.float64) / f.mean(dtype=np.float64) - 1.0) < 5e-4
+
+
+FAR = {"far": True, "um_per_uv": 1.0}
+
+
+@pytest.mark.parametrize("spec, keys", [(SATIN, {"footprint_um": 900.0, "gaps": "straight"}), (ORGANZA, {"footprint_um": 1e5})])
+@pytest.mark.parametrize("wi", [(0.3, 0.2, 0.9), (0.8, 0.1, 0.2)])
+def test_samples_of_far_views_have_their_density(spec, keys, wi):
+    from mitsuba.chi2 import ChiSquareTest, SphericalDomain
+
+    bsdf, context = mi.load_dict({"type": "plywave_fabric", "filename": spec, **FAR, **keys}), mi.BSDFContext()
+    wi = mi.Vector3f(*(float(x) for x in np.array(wi) / np.linalg.norm(wi)))
+    null, uv = int(mi.BSDFFlags.Null), mi.Point2f(60.0, 33.0)
+
+    def sample(u, *_):
+        bs, _ = bsdf.sample(context, interaction(dr.width(u), uv, wi), u.x, mi.Point2f(u.y, u.z))
+        return bs.wo, dr.select((bs.pdf > 0) & (bs.sampled_type != null), 1.0, 0.0)
+
+    def pdf(wo, *_):
+        return bsdf.pdf(context, interaction(dr.width(wo), uv, wi), wo)
+
+    test = ChiSquareTest(SphericalDomain(), sample, pdf, sample_dim=3, sample_count=500_000, res=101, ires=24)
+    assert test.run(0.01 / 4), test.messages
+
+
+@pytest.mark.parametrize("footprint", [900.0, 1e5])
+@pytest.mark.parametrize("gaps", ["straight", "diffracted"])
+def test_far_weights_and_furnace(footprint, gaps):
+    """Weight times density is f; clear fibers are as bright as what is around, to 1 %."""
+    white = {f"{family}_sigma_per_um": 0.0 for family in ("warp", "weft")}
+    bsdf, context = mi.load_dict({"type": "plywave_fabric", "filename": ORGANZA, **FAR, **white, "footprint_um": footprint, "gaps": gaps}), mi.BSDFContext()
+    rng, n = np.random.default_rng(4), 400_000
+    wi = directions(rng, n)
+    si = interaction(n, mi.Point2f(rng.uniform(-500, 500, (2, n)).astype(np.float32)), mi.Vector3f(wi.T.copy()))
+    u = rng.random((3, n), dtype=np.float32)
+    bs, weight = bsdf.sample(context, si, mi.Float(u[0]), mi.Point2f(u[1:]))
+    f, pdf = bsdf.eval_pdf(context, si, bs.wo)
+    weight, of_sample = np.array(weight), np.array(bs.pdf)
+    scattered = np.broadcast_to(np.array(bs.sampled_type) != int(mi.BSDFFlags.Null), n)
+    close("pdf", of_sample[scattered], np.array(pdf)[scattered], tolerance=1e-5)
+    close("f", (weight * of_sample)[:, scattered], np.array(f)[:, scattered], tolerance=1e-4)
+    if gaps == "straight":
+        passes = np.array(bsdf.eval_null_transmission(si))
+        close("straight", (weight * of_sample)[:, ~scattered], passes[:, ~scattered], tolerance=1e-4)
+    assert abs(weight.mean(dtype=np.float64) - 1.0) < 0.01, weight.mean()
+
+
+@pytest.mark.parametrize(
+    "keys, words",
+    [
+        ({"far": 1.0}, "far: 1.0: expected true or false"),
+        ({"footprint_um": 10.0}, "footprint_um: given without far"),
+        ({"far": True, "footprint_um": -1.0}, "footprint_um: -1.0: expected a number that is not negative"),
+        ({"far": True, "footprint_scale": "wide"}, "footprint_scale: 'wide': expected a number"),
+    ],
+)
+def test_bad_keys_of_far_views_are_told(keys, words):
+    with pytest.raises(Exception) as told:
+        mi.load_dict({"type": "plywave_fabric", "filename": SATIN, **keys})
+    assert words in str(told.value), str(told.value)
+
+
+@pytest.mark.parametrize("name", ["polyester", "silk", "cotton"])
+def test_speckle_factors_are_the_librarys(name):
+    """Factors of f_refl and f_high by the hash, the tiles, the seams and the fading over wavelengths, relative to 1 and themselves to 1e-4. Of one in 10^4 the rounding of a place
+    on the tile counts for more, between nodes that differ by several times the mean. Half of the directions are about the seams."""
+    from plywave.mitsuba._kit import Kit
+    from plywave.mitsuba._speckle import Speckle, instance
+
+    rng, n, kit = np.random.default_rng(31), QUERIES, Kit()
+    theta = rng.uniform(-1.5, 1.5, n).astype(np.float32)
+    ply, along = rng.integers(0, 1 << 32, n, dtype=np.uint32), rng.uniform(-1e5, 1e5, n).astype(np.float32)
+    wo, k = directions(rng, n), n // 2
+    wo[:k, 0] *= 0.1
+    wo = np.ascontiguousarray(wo / np.linalg.norm(wo, axis=1)[:, None], np.float32)
+    lam = np.ascontiguousarray(np.broadcast_to(np.float32(RGB_LAMBDA_UM), (n, 3)))
+    noise, *want = _native.speckle_factors(str(FABRICS / "models" / f"{name}.pwm"), ply, along, 20.0, theta, lam, wo)
+    speckle = Speckle(kit, [None, noise])
+    patterns = instance(kit, mi.UInt32(ply), mi.Float(along), 20.0)
+    v = mi.Vector3f(wo.T.copy())
+    got = speckle.factors(mi.UInt32(1), patterns, dr.sin(mi.Float(theta)), [v.x, v.y, v.z], RGB_LAMBDA_UM)
+    for kind, a, b in zip(("refl", "high"), got, want):
+        a, scale = np.array(a).T, 1.0 + b
+        error = np.abs(a - b) / scale
+        assert (error > 1e-4).mean() < 1e-4 and error.max() < 1e-3, f"{kind}: {(error > 1e-4).mean()} {error.max()}"
+        assert b.std() > 0.02 and abs(a.mean(dtype=np.float64) - 1.0) < 0.05
+    without = speckle.factors(mi.UInt32(0), patterns, dr.sin(mi.Float(theta)), [v.x, v.y, v.z], RGB_LAMBDA_UM)
+    assert all(np.allclose(np.array(f), 1.0) for f in without)
+
+
+@pytest.mark.parametrize("variant", ["llvm_ad_rgb", "scalar_rgb"])
+def test_speckle_of_fabrics_is_the_librarys(variant):
+    """f of the whole cloth with speckle: another than the smooth one, and the library's."""
+    mi.set_variant(variant)
+    rng, n = np.random.default_rng(32), QUERIES if variant != "scalar_rgb" else 12
+    tables = _native.FabricTables(SATIN, diffracted=False, speckle=True)
+    position = rng.uniform(-3000, 3000, (n, 2)).astype(np.float32)
+    wo, wi = directions(rng, n), directions(rng, n)
+    f, pdf, _ = tables.eval_pdf(position, wo, wi)
+    smooth, _, _ = _native.FabricTables(SATIN, diffracted=False).eval_pdf(position, wo, wi)
+    bsdf = mi.load_dict({"type": "plywave_fabric", "filename": SATIN, "um_per_uv": 1.0, "gaps": "straight", "speckle": True})
+    if variant == "scalar_rgb":
+        calls = [bsdf.eval_pdf(mi.BSDFContext(), interaction(1, mi.Point2f(*map(float, p)), mi.Vector3f(*map(float, a))), mi.Vector3f(*map(float, b))) for p, a, b in zip(position, wo, wi)]
+        got, density = np.array([np.array(c[0]) for c in calls]), np.array([c[1] for c in calls])
+        close("f", got, f, tolerance=1e-2)
+        close("pdf", density, pdf, tolerance=1e-2)
+        return
+    si = interaction(n, mi.Point2f(position.T.copy()), mi.Vector3f(wo.T.copy()))
+    got, density = bsdf.eval_pdf(mi.BSDFContext(), si, mi.Vector3f(wi.T.copy()))
+    got, density = np.array(got).T, np.array(density)
+    assert np.abs(smooth - f).mean() > 0.03 * f.mean()
+    close("f", got, f, share=1e-3)
+    close("f", got, f, tolerance=2e-2)
+    close("pdf", density, pdf, share=2e-4)
+    assert abs(got.mean(dtype=np.float64) / f.mean(dtype=np.float64) - 1.0) < 5e-4
+
+
+def plane(bsdf, distance, integrator, size=16):
+    """A plane under a lamp, seen from ``distance`` so that it fills the picture."""
+    T = mi.ScalarTransform4f()
+    sensor = {"type": "perspective", "fov": 1.0, "to_world": T.look_at([0, -0.6 * distance, 0.8 * distance], [0, 0, 0], [0, 1, 0])}
+    sensor["film"] = {"type": "hdrfilm", "width": size, "height": size, "rfilter": {"type": "box"}}
+    lamp = {"type": "directional", "direction": [0.3, -0.2, -0.9], "irradiance": 3.0}
+    cloth = {"type": "rectangle", "to_world": T.scale(0.1 * distance), "bsdf": bsdf}
+    return mi.load_dict({"type": "scene", "integrator": integrator, "sensor": sensor, "lamp": lamp, "cloth": cloth})
+
+
+def test_footprints_are_those_of_rays():
+    """By the angle of a pixel, pixels that cover a repeat and more see the mean, and near ones see points; scaled to nothing all see points, of the same mean. The share of the mean
+    by the differentials of a ray is that by the angle. (Mitsuba 3.9 hands differentials to BSDFs in scalar variants only.)"""
+    keys = {"type": "plywave_fabric", "filename": SATIN, "gaps": "straight", "far": True}
+    integrator, angle = {"type": "direct", "emitter_samples": 1, "bsdf_samples": 0}, math.radians(1.0 / 16.0)
+    # 20 mm away, a pixel is 22 um wide; 2 m away, 2.2 mm. A unit of uv is a fifth of the distance long.
+    for distance, is_far in ((0.02, False), (0.6, None), (2.0, True)):
+        at = {**keys, "um_per_uv": 0.2 * distance * 1e6}
+        by_rays, by_angle, points = (mi.load_dict({**at, **more}) for more in ({}, {"footprint_rad": angle}, {"footprint_rad": angle, "footprint_scale": 0.0}))
+        assert by_rays.needs_differentials() and not by_angle.needs_differentials()
+        seen = plane(by_angle, distance, integrator)
+        ray, _ = seen.sensors()[0].sample_ray_differential(mi.Float([0.0, 0.0]), mi.Float([0.5, 0.5]), mi.Point2f([0.1, 0.7], [0.4, 0.5]), mi.Point2f(0.5))
+        si = seen.ray_intersect(mi.Ray3f(ray))
+        si.compute_uv_partials(ray)
+        shares = [np.array(bsdf.far_share(si)) for bsdf in (by_rays, by_angle)]
+        assert np.allclose(*shares, rtol=0.02), shares
+        assert (shares[0] == is_far).all() if is_far is not None else (0.05 < shares[0][0] < 0.95), shares
+        if is_far is None:
+            continue
+        images = [np.array(mi.render(plane(bsdf, distance, integrator), spp=1, seed=2)) for bsdf in (by_angle, points)]
+        if not is_far:
+            assert np.allclose(*images, rtol=1e-3, atol=1e-6)
+            continue
+        spread = [image[..., 1].std() / image[..., 1].mean() for image in images]
+        assert spread[0] < 0.02 and spread[1] > 5.0 * spread[0], spread
+        want = np.array(mi.render(plane(points, distance, integrator), spp=1024, seed=3))
+        error = abs(images[0].mean() / want.mean() - 1.0)
+        assert error < 0.03, error
+
+
+def test_both_hosts_agree(program):
+    """The same satin by `plywave render` and by Mitsuba: means within 1 %, pixels within noise."""
+    sys.path.insert(0, str(FABRICS.parent / "examples" / "mitsuba"))
+    import both_hosts
+
+    means, squares, _, _ = both_hosts.compare(program, 48, 64)
+    assert np.abs(means - 1.0).max() < 0.01, means
+    assert 0.8 < squares < 1.25, squares

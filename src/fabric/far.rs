@@ -18,18 +18,19 @@ pub(super) const SIGMA_PER_UM: [f32; SIGMAS] = [0.0, 0.0012, 0.003, 0.0065, 0.01
 pub(super) const SIGMAS: usize = 8;
 const LENGTH_UM: f32 = 150.0;
 /// Azimuths of the viewer over one side of the cloth [degrees], closer towards the plane.
-const PHI_I_DEG: [f32; 13] = [2.5, 8.0, 18.0, 32.0, 50.0, 70.0, 90.0, 110.0, 130.0, 148.0, 162.0, 172.0, 177.5];
+pub(super) const PHI_I_DEG: [f32; 13] =
+    [2.5, 8.0, 18.0, 32.0, 50.0, 70.0, 90.0, 110.0, 130.0, 148.0, 162.0, 172.0, 177.5];
 const SIDE: usize = PHI_I_DEG.len();
 /// Latitudes of the viewer [degrees].
-const THETA_I_DEG: [f32; 11] = [-82.0, -66.0, -49.0, -33.0, -16.0, 0.0, 16.0, 33.0, 49.0, 66.0, 82.0];
+pub(super) const THETA_I_DEG: [f32; 11] = [-82.0, -66.0, -49.0, -33.0, -16.0, 0.0, 16.0, 33.0, 49.0, 66.0, 82.0];
 const ROWS: usize = THETA_I_DEG.len();
 /// Directions to the viewer.
-const VIEWS: usize = 2 * SIDE * ROWS;
+pub(super) const VIEWS: usize = 2 * SIDE * ROWS;
 /// Azimuths of the light, evenly, and steps of its latitude to each side of the cone.
-const COLUMNS: usize = 24;
+pub(super) const COLUMNS: usize = 24;
 const STEPS: usize = 8;
-const NODES: usize = 2 * STEPS + 1;
-const CELLS: usize = COLUMNS * (NODES - 1);
+pub(super) const NODES: usize = 2 * STEPS + 1;
+pub(super) const CELLS: usize = COLUMNS * (NODES - 1);
 /// Places of the repeat at which a view is looked at, and the Fibonacci number before it.
 const PLACES: usize = 233;
 const LATTICE: usize = 144;
@@ -292,6 +293,22 @@ impl Far {
         self.families.iter().map(plies).sum::<usize>()
             + size_of_val(self.passing.as_slice())
             + size_of_val(self.apertures.as_slice())
+    }
+
+    /// Its tables, as src/fabric/tensors.rs has them: f, chances, energies and first energies of both families, what passes, apertures.
+    pub(super) fn numbers(&self) -> ([Vec<f32>; 5], Vec<u32>) {
+        let of = |numbers: &dyn Fn(&Plies) -> Vec<f32>| self.families.iter().flat_map(numbers).collect::<Vec<f32>>();
+        let apertures = self.apertures.iter().flat_map(|(apertures, count)| {
+            [*count as u32].into_iter().chain(apertures.as_flattened().iter().map(|node| u32::from(*node)))
+        });
+        let tables = [
+            of(&|p| p.f.as_flattened().to_vec()),
+            of(&|p| p.chances.clone()),
+            of(&|p| p.energy.as_flattened().to_vec()),
+            of(&|p| p.first.as_flattened().as_flattened().to_vec()),
+            self.passing.clone(),
+        ];
+        (tables, apertures.collect())
     }
 
     /// Seen from `wo`, for the absorptions of warp and weft.

@@ -18,6 +18,11 @@
 //! | `between_caught` | `[2][4][3][8][168]` | by side, class, sent up, down and all, absorption: splines of the direction |
 //! | `between_leaves` | `[2][4][2][2][64][8]` | by side, class, sent, leaves, pair of absorptions |
 //! | `between_shape` | `[2][2][64][16]` | by side, leaves, pair |
+//! | `far_phi_i`, `far_theta_i`, `far_sigma` | `[13]`, `[11]`, `[8]` | of the mean over the repeat: nodes of a view's azimuth on one side and latitude [degrees], and of absorption [1/um]; these and the next only of fabrics loaded with `FabricOptions::far` |
+//! | `far_f` | `[2][286][24][17][8]` | by family and view, azimuth and latitude of the light, absorption |
+//! | `far_chances` | `[2][286][2][384]` | sums of the energies up to a cell's end, of clear and dark fibers |
+//! | `far_energy`, `far_first` | `[2][286][8]`, `[2][286][2][8]` | integral of f; energies that first plies scatter, of one layer and of two |
+//! | `far_passing`, `far_apertures` | `[286]`, `[286][7]` | what passes; how many apertures stand for the repeat's, and three pairs of rows of `apertures` |
 //! | `apertures` | `[33][33][74]` | spectra by the distances of their two edges: the factor's eight numbers, g, 65 masses |
 
 use super::between::{CLASSES, FEW, PAIRS, SIGMAS, Side, TERMS};
@@ -25,7 +30,7 @@ use super::bsdf::{EDGES, FabricBsdf};
 use super::shadow::{COLUMNS, LANES, ROWS};
 use super::splines::COUNT;
 use super::yarn::MAX_PLIES;
-use super::{Family, GapLight};
+use super::{Family, GapLight, far};
 use crate::PlyModel;
 use crate::color::SPECTRUM_NODES;
 use crate::gap::SPECTRUM_CELLS;
@@ -88,9 +93,24 @@ impl FabricBsdf {
         f32s("between_caught", &[2, CLASSES, 3, SIGMAS, COUNT], of(&|s| s.caught.as_flattened().to_vec()));
         f32s("between_leaves", &[2, CLASSES, 2, 2, PAIRS, FEW], of(&|s| s.leaves.as_flattened().to_vec()));
         f32s("between_shape", &[2, 2, PAIRS, TERMS], of(&|s| s.shape.as_flattened().to_vec()));
+        if let Some(far) = &self.far {
+            let ([of_plies, chances, energy, first, passing], _) = far.numbers();
+            f32s("far_phi_i", &[far::PHI_I_DEG.len()], far::PHI_I_DEG.to_vec());
+            f32s("far_theta_i", &[far::THETA_I_DEG.len()], far::THETA_I_DEG.to_vec());
+            f32s("far_sigma", &[far::SIGMAS], far::SIGMA_PER_UM.to_vec());
+            f32s("far_f", &[2, far::VIEWS, far::COLUMNS, far::NODES, far::SIGMAS], of_plies);
+            f32s("far_chances", &[2, far::VIEWS, 2, far::CELLS], chances);
+            f32s("far_energy", &[2, far::VIEWS, far::SIGMAS], energy);
+            f32s("far_first", &[2, far::VIEWS, 2, far::SIGMAS], first);
+            f32s("far_passing", &[far::VIEWS], passing);
+        }
         let apertures = self.spectra.iter().flat_map(crate::gap::Spectrum::numbers);
         f32s("apertures", &[EDGES + 1, EDGES + 1, 10 + SPECTRUM_CELLS], apertures.collect());
 
+        if let Some(far) = &self.far {
+            let shape = vec![far::VIEWS, 1 + 2 * far::APERTURES];
+            all.push(Tensor { name: "far_apertures", shape, values: Values::U32(far.numbers().1) });
+        }
         let lists = [("stripes_warp", &self.stripes[0]), ("stripes_weft", &self.stripes[1])];
         let threads = [("threads_warp", &self.threads[0]), ("threads_weft", &self.threads[1])];
         for (name, list) in lists.into_iter().chain(threads).chain([("shadow_patterns", &self.shadows.patterns)]) {

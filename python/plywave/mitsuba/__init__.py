@@ -25,8 +25,8 @@ def _register(old=None, new=None):
 def check(scene):
     """Refuses a scene in which a shape cannot carry the plugin that it has; what a plugin cannot see by itself.
 
-    Raises ``ValueError``, in one line, for a mesh without texture coordinates under ``plywave_fabric``, and for a ``linearcurve`` under ``plywave_ply``: Mitsuba's linear
-    curves do not tell where they run; take ``bsplinecurve``.
+    Raises ``ValueError``, in one line, for a mesh without texture coordinates under ``plywave_fabric``, and for a ``linearcurve`` under ``plywave_ply`` or ``plywave_fiber``:
+    Mitsuba's linear curves do not tell where they run; take ``bsplinecurve``.
     """
     for shape in scene.shapes():
         bsdf = shape.bsdf()
@@ -36,7 +36,7 @@ def check(scene):
             raise ValueError(f"{name}: no texture coordinates: plywave_fabric needs uv, along whose u the weft runs")
         if kind == "Fabric" and "Curve" in shape.class_name():
             raise ValueError(f"{name}: a curve: plywave_fabric is for surfaces: use plywave_ply")
-        if kind == "Ply" and shape.class_name() == "LinearCurve":
+        if kind in ("Ply", "OneFiber") and shape.class_name() == "LinearCurve":
             raise ValueError(f"{name}: a linearcurve: Mitsuba does not tell where it runs: use a bsplinecurve")
 
 

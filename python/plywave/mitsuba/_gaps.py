@@ -33,11 +33,9 @@ def faddeeva(x, y):
 class Spectrum:
     """The spectrum of one axis of an aperture."""
 
-    def __init__(self, gaps, before, beyond):
+    def __init__(self, gaps, at):
         kit = self.kit = gaps.kit
         self.gaps = gaps
-        node = lambda x: dr.minimum(dr.floor(x / gaps.step + 0.5), float(EDGES))
-        at = kit.uint(node(before)) * (EDGES + 1) + kit.uint(node(beyond))
         factor = kit.packets(gaps.factors, at * 3, 3)
         self.edges = [factor[0:3], factor[3:6]]
         self.w0, self.scale, self.g = factor[6:9]
@@ -120,8 +118,17 @@ class Gaps:
         self.masses = kit.floats(rows[:, 9:])
 
     def at(self, aperture):
+        """The spectra of a gap by the distances of its edges [um]."""
         west, east, south, north = aperture
-        return Spectrum(self, west, east), Spectrum(self, south, north)
+        return self.of(self.row(west, east), self.row(south, north))
+
+    def row(self, before, beyond):
+        node = lambda x: self.kit.uint(dr.minimum(dr.floor(x / self.step + 0.5), float(EDGES)))
+        return node(before) * (EDGES + 1) + node(beyond)
+
+    def of(self, x, y):
+        """The spectra by their rows."""
+        return Spectrum(self, x), Spectrum(self, y)
 
     def along(self, y, wo, x, per):
         reach = dr.sqrt(dr.maximum(1.0 - x * x, 0.0)) * per

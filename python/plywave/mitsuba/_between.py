@@ -1,0 +1,132 @@
+"""Light between yarns in Dr.Jit (``src/fabric/between.rs``, ``splines.rs``)."""
+
+import math
+
+import drjit as dr
+
+from ._kit import clamp
+from ._shadow import two_thirds
+
+TAU = 2.0 * math.pi
+SIGMAS, LENGTH_UM, CLASSES, COUNT, SPLINE_COLUMNS, INTERVALS = 8, 150.0, 4, 168, 24, 5
+
+
+def sigma_nodes(kit, sigma):
+    """Node below an absorption and the fraction to the next."""
+    x = (1.0 - 1.0 / (1.0 + clamp(sigma, 0.0, 1e6) * LENGTH_UM)) * (SIGMAS - 1)
+    node = dr.minimum(dr.floor(dr.detach(x) if kit.jit else x), SIGMAS - 2.0)
+    return kit.uint(node), x - node
+
+
+def polynomials(w):
+    x, y, z = w[0], w[1], dr.abs(w[2])
+    d, e = x * x - y * y, 2.0 * x * y
+    return [1.0, z, z * z, z * z * z, x, y, x * z, y * z, d, e, d * z, e * z, d * z * z, e * z * z, d * d - e * e, 2.0 * d * e]
+
+
+def few(t):
+    return [t[0], t[1], t[2], t[3], t[4], t[5], t[8], t[9]]
+
+
+class Between:
+    """Light that plies send to other yarns, and how it leaves. The tables are those of ``Cloth``."""
+
+    def between(self, a, classes, sigma):
+        """Energies that leave up and down, of a beam from ``a`` whose first plies scatter ``classes``, energies by class, in yarns of warp and weft of ``sigma``."""
+        kit, n = self.kit, self.kit.count
+        t = polynomials(a)
+        terms = few(t)
+        side = dr.select(a[2] < 0.0, kit.uint(1), kit.uint(0))
+        # Splines of the direction.
+        x = two_thirds(dr.minimum(dr.abs(a[2]), 1.0)) * INTERVALS
+        row = dr.minimum(dr.floor(x), INTERVALS - 1.0)
+        quadratic = lambda u: [0.5 * (1.0 - u) * (1.0 - u), 0.5 + u * (1.0 - u), 0.5 * u * u]
+        column = dr.atan2(a[1], a[0]) * (SPLINE_COLUMNS / TAU)
+        whole, c = kit.floor(column)
+        rows, columns = quadratic(x - row), quadratic(column - whole)
+        spline = []
+        for i in range(3):
+            for j in range(3):
+                at = (kit.uint(row) + i) * SPLINE_COLUMNS + kit.uint(c + (j + SPLINE_COLUMNS)) % SPLINE_COLUMNS
+                spline.append((at, rows[i] * columns[j]))
+        nodes = [[sigma_nodes(kit, sigma[f][k]) for k in range(n)] for f in range(2)]
+        corners = [self.corners(nodes[0][k], nodes[1][k]) for k in range(n)]
+        sent = [self.options["shadowing"], self.options["layers"]]
+
+        def of_class(classes, cls):
+            e = classes[CLASSES - 1]
+            for c in range(CLASSES - 2, -1, -1):
+                e = dr.select(cls == c, classes[c], e)
+            return e
+
+        def following(cls):
+            """The next class with energy from ``cls`` on."""
+            found = kit.uint(CLASSES)
+            for c in range(CLASSES - 1, -1, -1):
+                found = dr.select(kit.both(cls <= c, self.some(classes[c])), kit.uint(c), found)
+            return found
+
+        def body(given, cls, up, down):
+            classes, fractions, weights = given
+            energy = of_class(classes, cls)
+            is_warp = cls < 2
+            up, down = kit.S(up), kit.S(down)
+            for k in range(n):
+                node = dr.select(is_warp, nodes[0][k][0], nodes[1][k][0])
+                u = dr.select(is_warp, fractions[0][k], fractions[1][k])
+                at = ((side * CLASSES + cls) * (SIGMAS - 1) + node) * COUNT
+                sums = [0.0] * 6
+                for index, w in spline:
+                    values = kit.packets(self.caught, (at + index) * 2, 2)
+                    sums = [s + w * v for s, v in zip(sums, values)]
+                of = [(1.0 - u) * sums[i] + u * sums[3 + i] for i in range(3)]
+                per = energy[k] / dr.maximum(of[2], 1e-6)
+                for cause in range(2):
+                    if not sent[cause]:
+                        continue
+                    caught = clamp(per * of[cause], 0.0, energy[k])
+                    for half in range(2):
+                        at_leaves = (((side * CLASSES + cls) * 2 + cause) * 2 + half) * (SIGMAS * SIGMAS)
+                        leaves = 0.0
+                        for (pair, _), share in zip(corners[k], weights[k]):
+                            values = kit.packets(self.leaves, (at_leaves + pair) * 2, 2)
+                            leaves = leaves + share * sum(v * t for v, t in zip(values, terms))
+                        out = caught * clamp(leaves, 0.0, 1.0)
+                        if half == 0:
+                            up[k] = up[k] + out
+                        else:
+                            down[k] = down[k] + out
+            return following(cls + 1), up, down
+
+        fractions = [[nodes[f][k][1] for k in range(n)] for f in range(2)]
+        given = (list(classes), fractions, [[share for _, share in corners[k]] for k in range(n)])
+        state = (following(kit.uint(0)), kit.zero_s(), kit.zero_s())
+        _, up, down = kit.loop(state, lambda cls, up, down: cls < CLASSES, body, "light between yarns", given)
+        return up, down, (side, corners)
+
+    def some(self, s):
+        any_ = s[0] > 0.0
+        for k in range(1, self.kit.count):
+            any_ = any_ | (s[k] > 0.0)
+        return any_
+
+    @staticmethod
+    def corners(warp, weft):
+        (i, x), (j, y) = warp, weft
+        at = i * SIGMAS + j
+        return [(at, (1.0 - x) * (1.0 - y)), (at + 1, (1.0 - x) * y), (at + SIGMAS, x * (1.0 - y)), (at + SIGMAS + 1, x * y)]
+
+    def between_eval(self, about, up, down, is_up, b):
+        """f in direction ``b`` [1/sr]."""
+        kit = self.kit
+        side, corners = about
+        half = dr.select(is_up, kit.uint(0), kit.uint(1))
+        terms, cos = polynomials(b), dr.abs(b[2])
+        energy, f = dr.select(is_up, up, down), kit.zero_s()
+        for k in range(kit.count):
+            shape = 0.0
+            for pair, weight in corners[k]:
+                values = kit.packets(self.shape, ((side * 2 + half) * (SIGMAS * SIGMAS) + pair) * 4, 4)
+                shape = shape + weight * sum(v * t for v, t in zip(values, terms))
+            f[k] = energy[k] * dr.maximum(shape * cos, 0.0)
+        return f

@@ -1,0 +1,297 @@
+"""The mean of a cloth over its repeat, for pixels that cover many yarns (src/fabric/far.rs): its plies' light from tables of views, its light between yarns at the mean
+energies, what passes all plies through a few apertures that stand for all.
+"""
+
+import math
+
+import drjit as dr
+import numpy as np
+
+from ._kit import clamp
+
+TAU = 2.0 * math.pi
+# src/fabric/far.rs
+LENGTH_UM, APERTURES = 150.0, 3
+
+
+def theta_of(theta_i, q, steps):
+    """Latitude of a node of the light seen from theta_i, q from 0 to ``2 steps``."""
+    t = q / steps - 1.0
+    t = t * dr.sqrt(dr.abs(t))
+    return -theta_i + t * dr.select(t < 0.0, 0.5 * math.pi - theta_i, 0.5 * math.pi + theta_i)
+
+
+def q_of(theta_i, theta_o, steps):
+    """The inverse of :func:`theta_of`."""
+    off = theta_o + theta_i
+    width = dr.select(off < 0.0, 0.5 * math.pi - theta_i, 0.5 * math.pi + theta_i)
+    t = dr.cbrt(dr.minimum(dr.abs(off) / dr.maximum(width, 1e-6), 1.0))
+    return steps * (1.0 + dr.select(off < 0.0, -t * t, t * t))
+
+
+def asin(x):
+    """Exact in single precision near 1, too."""
+    return dr.atan2(x, dr.sqrt(dr.maximum((1.0 - x) * (1.0 + x), 0.0)))
+
+
+class Far:
+    """Tables of the mean on the device."""
+
+    def __init__(self, kit, tensors, cloth):
+        self.kit, self.cloth = kit, cloth
+        f = tensors["far_f"]
+        _, self.views, self.columns, self.nodes, self.sigmas = f.shape
+        self.steps, self.cells = (self.nodes - 1) // 2, self.columns * (self.nodes - 1)
+        self.axes = [tensors["far_phi_i"], tensors["far_theta_i"]]
+        self.axis_tables = [kit.floats(axis) for axis in self.axes]
+        self.inverse = [1.0 / (1.0 + float(s) * LENGTH_UM) for s in tensors["far_sigma"]]
+        self.last_sigma = float(tensors["far_sigma"][-1])
+        self.packets = self.sigmas // 4
+        self.f = kit.floats(f)
+        self.sums = kit.floats(np.pad(tensors["far_chances"], [(0, 0)] * 3 + [(1, 0)]))
+        self.energy, self.first = kit.floats(tensors["far_energy"]), kit.floats(tensors["far_first"])
+        self.passing, self.apertures = kit.floats(tensors["far_passing"]), kit.words(tensors["far_apertures"])
+        # By family, each dye and its share of the threads.
+        self.shares = []
+        for threads in cloth.dyes:
+            dyes, counts = np.unique(threads, return_counts=True)
+            self.shares.append([(int(dye), float(count) / len(threads)) for dye, count in zip(dyes, counts)])
+
+    # Absorptions
+
+    def weights(self, sigma):
+        """Shares of the nodes of absorption at one."""
+        at, v = 1.0 / (1.0 + clamp(sigma, 0.0, self.last_sigma) * LENGTH_UM), self.inverse
+        weights = []
+        for i, node in enumerate(v):
+            above = (v[i - 1] - at) * (1.0 / (v[i - 1] - node)) if i > 0 else 1.0
+            below = (at - v[i + 1]) * (1.0 / (node - v[i + 1])) if i + 1 < len(v) else 1.0
+            weights.append(dr.maximum(dr.minimum(above, below), 0.0))
+        return weights
+
+    def mixed(self, colors):
+        """Of colors and their shares: shares of the nodes of absorption by channel, and the absorption that stands for all."""
+        kit = self.kit
+        weights, sigma = [], kit.zero_s()
+        for k in range(kit.count):
+            parts = [(share, color[k]) for share, color in colors]
+            weights.append([sum(w) for w in zip(*([share * w for w in self.weights(s)] for share, s in parts))])
+            mean = sum(share / (1.0 + clamp(s, 0.0, 1e6) * LENGTH_UM) for share, s in parts)
+            sigma[k] = dr.maximum(1.0 / dr.maximum(mean, 1e-9) - 1.0, 0.0) * (1.0 / LENGTH_UM)
+        return weights, sigma
+
+    # Views
+
+    @staticmethod
+    def angles(is_warp, w):
+        """theta and phi of a direction about a family's yarns."""
+        along, across = (w[1], w[0]) if is_warp else (w[0], w[1])
+        return asin(clamp(along, -1.0, 1.0)), dr.atan2(w[2], across)
+
+    @staticmethod
+    def direction(is_warp, theta, phi):
+        s, c = dr.sincos(theta)
+        t, u = dr.sincos(phi)
+        across, up = c * u, c * t
+        return [across, s, up] if is_warp else [s, across, up]
+
+    def node(self, which, x):
+        """Node below ``x`` on an axis and the share of the next."""
+        kit, axis = self.kit, self.axes[which]
+        node = kit.uint(0)
+        for value in axis[1:-1]:
+            node = node + dr.select(x >= float(value), kit.uint(1), kit.uint(0))
+        low, high = (kit.take(self.axis_tables[which], node + i) for i in (0, 1))
+        return node, clamp((x - low) / (high - low), 0.0, 1.0)
+
+    def around(self, is_warp, wo):
+        """The four views around one and their shares, and theta_i."""
+        theta, phi = self.angles(is_warp, wo)
+        rows, side = len(self.axes[1]), len(self.axes[0])
+        i, s = self.node(0, dr.abs(phi) * (180.0 / math.pi))
+        m, t = self.node(1, theta * (180.0 / math.pi))
+        at = (i + dr.select(phi < 0.0, self.kit.uint(side), self.kit.uint(0))) * rows + m
+        shares = [(1.0 - s) * (1.0 - t), (1.0 - s) * t, s * (1.0 - t), s * t]
+        return [at, at + 1, at + rows, at + rows + 1], shares, theta
+
+    def row(self, table, at):
+        """The numbers of all absorptions."""
+        return self.kit.packets(table, at * self.packets, self.packets)
+
+    # Light
+
+    def at(self, wo, colors, gaps):
+        """The mean seen from ``wo``; ``colors`` of warp and weft, absorptions with shares."""
+        kit, cloth = self.kit, self.cloth
+        detach = dr.detach if kit.jit else (lambda x: x)
+        mixed = [self.mixed(of) for of in colors]
+        at = {"wo": wo, "weights": [m[0] for m in mixed], "around": [], "dark": [], "energy": []}
+        classes = []
+        for k in range(2):
+            views, shares, theta = self.around(k == 0, wo)
+            at["around"].append((views, shares, theta))
+            sums, first = [0.0] * self.sigmas, [[0.0] * self.sigmas for _ in range(2)]
+            for view, share in zip(views, shares):
+                sums = [s + share * x for s, x in zip(sums, self.row(self.energy, view + k * self.views))]
+                for layers in range(2):
+                    row = self.row(self.first, (view + k * self.views) * 2 + layers)
+                    first[layers] = [s + share * x for s, x in zip(first[layers], row)]
+            weights = mixed[k][0]
+            dot = lambda row: [sum(x * w for x, w in zip(row, of)) for of in weights]
+            energy = dot(sums)
+            classes += [self.spectrum(dot(row)) for row in first]
+            mean, clear, dark = detach(sum(energy) * (1.0 / kit.count)), sums[0], sums[-1]
+            share = (clear - mean) / dr.maximum(clear - dark, 1e-9) * dark / dr.maximum(mean, 1e-30)
+            at["dark"].append(dr.select(mean > 0.0, clamp(share, 0.0, 1.0), 0.0))
+            at["energy"].append(mean)
+        at["up"], at["down"], at["about"] = cloth.between(wo, classes, [m[1] for m in mixed])
+        at["up_sign"] = dr.select(wo[2] < 0.0, -1.0, 1.0)
+        views, shares, _ = at["around"][0]
+        at["passing"] = sum(share * kit.take(self.passing, view) for view, share in zip(views, shares))
+        at["spectra"], at["count"] = [], kit.uint(0)
+        if gaps is not None:
+            nearest, best = views[0], shares[0]
+            for view, share in zip(views[1:], shares[1:]):
+                # The last of several greatest.
+                nearest, best = dr.select(share >= best, view, nearest), dr.maximum(best, share)
+            row = nearest * (1 + 2 * APERTURES)
+            at["count"] = kit.take_word(self.apertures, row)
+            at["pairs"] = row + 1
+        parts = [*at["energy"], detach(kit.mean(at["up"])), detach(kit.mean(at["down"]))]
+        total = sum(parts) + at["passing"]
+        per = dr.select(total > 0.0, 1.0 / dr.maximum(total, 1e-30), 0.0)
+        is_diffracted = at["count"] > 0
+        at["chances"] = [per * e for e in parts] + [dr.select(is_diffracted, per * at["passing"], 0.0)]
+        # What goes straight on and its chance.
+        at["straight"] = dr.select(is_diffracted, 0.0, at["passing"])
+        at["chance"] = per * at["straight"]
+        return at
+
+    def spectrum(self, values):
+        s = self.kit.zero_s()
+        for k, value in enumerate(values):
+            s[k] = value
+        return s
+
+    def solid_angle(self, theta_i, q):
+        low, high = (dr.sin(theta_of(theta_i, q + i, self.steps)) for i in (0.0, 1.0))
+        return (high - low) * (TAU / self.columns)
+
+    def plies(self, at, k, b):
+        """f of a family's plies by channel, and the density of their samples."""
+        kit = self.kit
+        views, shares, theta_i = at["around"][k]
+        theta, phi = self.angles(k == 0, b)
+        q = clamp(q_of(theta_i, theta, self.steps), 0.0, self.nodes - 1.0)
+        row = dr.minimum(dr.floor(q), self.nodes - 2.0)
+        s = q - row
+        x = (phi * (1.0 / TAU) + 1.0) * self.columns
+        whole = dr.floor(x)
+        t, r = x - whole, kit.uint(row)
+        column = kit.uint(whole) % self.columns
+        after = dr.select(column + 1 == self.columns, kit.uint(0), column + 1)
+        corners = [
+            (column * self.nodes + r, (1.0 - t) * (1.0 - s)),
+            (column * self.nodes + r + 1, (1.0 - t) * s),
+            (after * self.nodes + r, t * (1.0 - s)),
+            (after * self.nodes + r + 1, t * s),
+        ]
+        cell = column * (self.nodes - 1) + r
+        sums, density = [0.0] * self.sigmas, 0.0
+        for view, share in zip(views, shares):
+            view = view + k * self.views
+            for node, weight in corners:
+                weight = weight * share
+                values = self.row(self.f, view * (self.columns * self.nodes) + node)
+                sums = [a + weight * v for a, v in zip(sums, values)]
+            chances = []
+            for dark in range(2):
+                place = (view * 2 + dark) * (self.cells + 1) + cell
+                chances.append(kit.take(self.sums, place + 1) - kit.take(self.sums, place))
+            density = density + share * ((1.0 - at["dark"][k]) * chances[0] + at["dark"][k] * chances[1])
+        f = self.spectrum([sum(v * w for v, w in zip(sums, weights)) for weights in at["weights"][k]])
+        return f, density / dr.maximum(self.solid_angle(theta_i, row), 1e-12)
+
+    def eval(self, at, b, lam, gaps):
+        """f and density in a direction of the pattern."""
+        kit, cloth = self.kit, self.cloth
+        is_up = b[2] * at["up_sign"] >= 0.0
+        f = cloth.between_eval(at["about"], at["up"], at["down"], is_up, b)
+        cos = dr.minimum(dr.abs(b[2]), 1.0)
+        pdf = dr.select(is_up, at["chances"][2], at["chances"][3]) * cos * (1.0 / math.pi)
+        for k in range(2):
+            light, density = self.plies(at, k, b)
+            f, pdf = f + light, pdf + at["chances"][k] * density
+        if gaps is not None:
+            per = 1.0 / dr.maximum(kit.float(at["count"]), 1.0)
+
+            def one(i, light, density):
+                pair = at["pairs"] + 2 * i
+                spectra = gaps.of(*(kit.take_word(self.apertures, pair + axis) for axis in range(2)))
+                here = at["count"] > i
+                value, chance = gaps.eval(spectra, at["wo"], lam, b)
+                dark = kit.no(kit.both(spectra[0].passes(), spectra[1].passes()))
+                here = kit.both(kit.both(here, kit.no(dark)), at["wo"][2] != 0.0)
+                return light + dr.select(here, value, kit.zero_s()), density + dr.select(here, chance, 0.0)
+
+            light, density = kit.times(APERTURES, (kit.zero_s(), kit.float(0.0)), one, False, "apertures")
+            f, pdf = f + at["passing"] * per * light, pdf + at["chances"][4] * per * density
+        return f, pdf
+
+    def draw(self, at, lam, gaps, u):
+        """A direction of the pattern, and whether light goes straight on instead."""
+        kit = self.kit
+        left, found, number = u[0], kit.bool(False), u[0]
+        which = kit.uint(5)
+        for i, chance in enumerate(at["chances"]):
+            here = kit.both(kit.no(found), left < chance)
+            number = dr.select(here, left / dr.maximum(chance, 1e-30), number)
+            which = dr.select(here, kit.uint(i), which)
+            found = found | here
+            left = dr.select(found, left, left - chance)
+        number = clamp(number, 0.0, 0.99999994)
+        b = self.draw_plies(at, which == 0, [number, u[1], u[2]])
+        s, c = dr.sincos(TAU * u[2])
+        radius, height = dr.sqrt(u[1]), dr.sqrt(dr.maximum(1.0 - u[1], 0.0))
+        is_between = (which == 2) | (which == 3)
+        up = dr.select(which == 2, at["up_sign"], -at["up_sign"])
+        b = [dr.select(is_between, x, y) for x, y in zip([radius * c, radius * s, up * height], b)]
+        if gaps is not None:
+            x = number * dr.maximum(kit.float(at["count"]), 1.0)
+            i = dr.minimum(dr.floor(x), dr.maximum(kit.float(at["count"]), 1.0) - 1.0)
+            pair = at["pairs"] + 2 * kit.uint(i)
+            spectra = gaps.of(*(kit.take_word(self.apertures, pair + axis) for axis in range(2)))
+            w = gaps.draw(spectra, at["wo"], lam, [clamp(x - i, 0.0, 0.99999994), u[1], u[2]])
+            b = [dr.select(which == 4, x, y) for x, y in zip(w, b)]
+        return b, kit.no(found)
+
+    def draw_plies(self, at, is_warp, u):
+        """A direction of a family's light."""
+        kit = self.kit
+        (a, b) = at["around"]
+        views = [dr.select(is_warp, x, y + self.views) for x, y in zip(a[0], b[0])]
+        shares = [dr.select(is_warp, x, y) for x, y in zip(a[1], b[1])]
+        theta_i, share_dark = dr.select(is_warp, a[2], b[2]), dr.select(is_warp, *at["dark"])
+        u0, view, found = u[0], views[3], kit.bool(False)
+        for v, share in zip(views, shares):
+            here = kit.both(kit.no(found), u0 < share)
+            view = dr.select(here, v, view)
+            u0 = dr.select(here, u0 / dr.maximum(share, 1e-30), dr.select(found, u0, u0 - share))
+            found = found | here
+        dark = dr.select(clamp(u0, 0.0, 0.99999994) < share_dark, kit.uint(1), kit.uint(0))
+        first = (view * 2 + dark) * (self.cells + 1)
+        target = u[1] * kit.take(self.sums, first + self.cells)
+        # The last cell before whose begin there is no more than that.
+        cell, step = kit.uint(0), 1 << ((self.cells - 1).bit_length() - 1)
+        while step:
+            after = dr.minimum(cell + step, kit.uint(self.cells - 1))
+            cell = dr.select(kit.take(self.sums, first + after) <= target, after, cell)
+            step //= 2
+        low, high = (kit.take(self.sums, first + cell + i) for i in (0, 1))
+        across = clamp((target - low) / dr.maximum(high - low, 1e-20), 0.0, 0.99999994)
+        column = cell // (self.nodes - 1)
+        row = kit.float(cell - column * (self.nodes - 1))
+        low, high = (dr.sin(theta_of(theta_i, row + i, self.steps)) for i in (0.0, 1.0))
+        theta = asin(clamp(low + (high - low) * u[2], -1.0, 1.0))
+        phi = (kit.float(column) + across) * (TAU / self.columns)
+        return [dr.select(is_warp, x, y) for x, y in zip(self.direction(True, theta, phi), self.direction(False, theta, phi))]

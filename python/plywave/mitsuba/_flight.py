@@ -1,0 +1,181 @@
+"""The way of a line through a fabric in Dr.Jit, from ply to ply, in a loop of the kernel.
+
+The formulas are those of ``src/fabric/flight.rs`` and ``place.rs``. No list of plies is kept: the line knows which yarns it has passed.
+"""
+
+import drjit as dr
+
+from ._kit import clamp, cross3, dot3
+from ._yarns import Yarns
+
+# src/fabric/flight.rs
+LEAST_STEP_UM, CLOSE_UM, NEAREST, MOST_ROUNDS, MOST_STEPS, PASSED, MARGIN_UM = 1.0, 3.0, 0.001, 7, 1024, 8, 1.0
+NO_YARN = -(2**31)
+FAR_UM = 1e7
+
+
+class Flight(Yarns):
+    """Lines on their way. The tables are those of ``Cloth``."""
+
+    def begin(self, position, w, active):
+        """The state of the line through a point of the middle plane from the light at ``w``."""
+        kit = self.kit
+        position = [dr.select(dr.abs(p) <= FAR_UM, p, 0.0) for p in position]
+        lift = dr.minimum(self.top / dr.maximum(dr.abs(w[2]), 1e-6), 1e5)
+        start = [position[0] + lift * w[0], position[1] + lift * w[1], lift * w[2]]
+        d = [-x for x in w]
+        state = {
+            "at": kit.float(0.0),
+            "ids": [kit.int(NO_YARN)] * PASSED,
+            "until": [kit.float(0.0)] * PASSED,
+            "oldest": kit.uint(0),
+            "on": kit.bool(active),
+        }
+        return start, d, state
+
+    def nearest(self, q, ids, until, at):
+        """The nearest hull that has not been asked: distance, yarn, and how far the line may go without meeting any."""
+        kit = self.kit
+        least, which, free = kit.float(1e30), kit.int(NO_YARN), 1e30
+        for k in range(2):
+            yarn, other = self.yarn[k], self.yarn[1 - k]
+            hull = yarn["half_width"] + yarn["reach"] - yarn["radius"]
+            whole, cell = kit.floor(q[k] * yarn["per_spacing"])
+            t = q[k] * yarn["per_spacing"] - whole - 0.5
+            left = t < 0.0
+            step = dr.select(left, kit.int(-1), kit.int(1))
+            along = q[1 - k] * other["per_spacing"] - 0.5
+            whole, first = kit.floor(along)
+            u = along - whole
+            for index, offset in ((cell, t), (cell + step, dr.select(left, t + 1.0, t - 1.0))):
+                name = index * 2 + k
+                passed = kit.bool(False)
+                for i in range(PASSED):
+                    passed = passed | kit.both(ids[i] == name, at < until[i])
+                start, to = (self.is_on_top(k == 0, index, first + n) for n in range(2))
+                height, slope = self.joined(lambda key: yarn[key], start, to, u)
+                lateral = offset * yarn["spacing"]
+                up = (q[2] - height) * (q[2] - height) / (1.0 + slope * slope)
+                distance = dr.sqrt(lateral * lateral + up) - hull
+                nearer = kit.both(kit.no(passed), distance < least)
+                least, which = dr.select(nearer, distance, least), dr.select(nearer, name, which)
+            free = min(free, max(yarn["spacing"] - hull, 0.3 * yarn["half_width"]))
+        return least, which, dr.minimum(free, 0.9 * least)
+
+    def next_near(self, start, d, state):
+        """Moves on to the next ply that the line comes near. The new state, its ``on`` false where there is none, and yarn and place of the line at which it was met."""
+        kit = self.kit
+
+        def march(at, which, on, steps, ids, until):
+            q = [start[i] + at * d[i] for i in range(3)]
+            height = dr.abs(q[2])
+            out = height > self.top
+            gone = kit.both(out, q[2] * d[2] >= 0.0)
+            distance, near, free = self.nearest(q, ids, until, at)
+            close = kit.both(distance < CLOSE_UM, kit.no(out))
+            way = dr.select(out, (height - self.top) / dr.maximum(dr.abs(d[2]), 1e-12) + 0.1 * MARGIN_UM, dr.maximum(free, LEAST_STEP_UM))
+            which = dr.select(close, near, which)
+            go = kit.no(gone | close)
+            at = dr.select(go, at + way, at)
+            on = kit.both(kit.both(on, kit.no(gone)), steps < MOST_STEPS)
+            return at, which, on, steps + 1, ids, until
+
+        def refine(at, round_, looking, which):
+            is_warp, yarn = family_of(kit, which)
+            met, _, _, _ = self.meet_at(is_warp, yarn, start, d, at)
+            half = self.of_family("half_width", is_warp)
+            step = clamp(-met["nearest"], -2.0 * half, 2.0 * half)
+            stop = (dr.abs(step) < NEAREST * half) | (round_ == MOST_ROUNDS)
+            return dr.select(stop, at, at + step), round_ + 1, kit.both(looking, kit.no(stop)), which
+
+        def search(at, ids, until, oldest, on, searching, found_which, found_at):
+            which = kit.int(NO_YARN)
+            at, which, on, _, _, _ = kit.loop(
+                (at, which, on, kit.uint(0), list(ids), list(until)),
+                lambda at, which, on, steps, ids, until: kit.both(on, which == NO_YARN),
+                march,
+                "march",
+            )
+            has = kit.both(on, which != NO_YARN)
+            place, _, _, _ = kit.loop(
+                (at, kit.uint(0), has, which),
+                lambda at, round_, looking, which: looking,
+                refine,
+                "refine",
+            )
+            is_warp, yarn = family_of(kit, which)
+            met, axes, axis, _ = self.meet_at(is_warp, yarn, start, d, place)
+            nearest = place - met["nearest"]
+            hull = self.of_family("half_width", is_warp) + self.of_family("reach", is_warp) - self.of_family("radius", is_warp)
+            # Where it leaves the hull, straight as the yarn is here.
+            off = [start[i] + at * d[i] - axis[i] for i in range(3)]
+            o, v = ([dot3(axes[i], x) for i in range(2)] for x in (off, d))
+            a = v[0] * v[0] + v[1] * v[1]
+            half = o[0] * v[0] + o[1] * v[1]
+            room = half * half - a * (o[0] * o[0] + o[1] * o[1] - hull * hull)
+            leaves = dr.select(kit.both(a > 1e-6, room > 0.0), (dr.sqrt(dr.maximum(room, 0.0)) - half) / dr.maximum(a, 1e-6), 0.0)
+            end = at + clamp(leaves, LEAST_STEP_UM, 4.0 * hull)
+            known = kit.bool(False)
+            for i in range(PASSED):
+                known = known | (ids[i] == which)
+            slots = [dr.select(known, ids[i] == which, oldest == i) for i in range(PASSED)]
+            was_oldest = kit.bool(False)
+            for i in range(PASSED):
+                was_oldest = was_oldest | kit.both(slots[i], oldest == i)
+            ids = [dr.select(kit.both(has, slots[i]), which, ids[i]) for i in range(PASSED)]
+            until = [dr.select(kit.both(has, slots[i]), end, until[i]) for i in range(PASSED)]
+            oldest = dr.select(kit.both(has, was_oldest), dr.select(oldest == PASSED - 1, kit.uint(0), oldest + 1), oldest)
+            at = dr.select(has, at + 0.1 * LEAST_STEP_UM, at)
+            taken = dr.abs(met["h"]) < self.of_family("reach", is_warp)
+            taken = kit.both(kit.both(taken, nearest > 0.0), dr.abs(nearest - at) < 6.0 * hull)
+            taken = kit.both(has, taken)
+            searching = kit.both(kit.both(searching, on), kit.no(taken))
+            return at, ids, until, oldest, on, searching, dr.select(taken, which, found_which), dr.select(taken, place, found_at)
+
+        s = state
+        at, ids, until, oldest, on, _, which, place = kit.loop(
+            (s["at"], list(s["ids"]), list(s["until"]), s["oldest"], s["on"], s["on"], kit.int(NO_YARN), kit.float(0.0)),
+            lambda at, ids, until, oldest, on, searching, which, place: searching,
+            search,
+            "search",
+        )
+        on = kit.both(on, which != NO_YARN)
+        return {"at": at, "ids": ids, "until": until, "oldest": oldest, "on": on}, which, place
+
+    def hit(self, which, start, d, place):
+        """All about the ply that a line comes near (``PlyHit`` of src/fabric/place.rs)."""
+        kit = self.kit
+        is_warp, yarn = family_of(kit, which)
+        met, axes, axis, w = self.meet_at(is_warp, yarn, start, d, place)
+        to_fabric = lambda v: [v[0] * axes[0][i] + v[1] * axes[1][i] + v[2] * axes[2][i] for i in range(3)]
+        z, x = met["tangent"], met["x"]
+        off = dot3(x, z)
+        x = [x[i] - off * z[i] for i in range(3)]
+        per = dr.rsqrt(dr.maximum(dot3(x, x), 1e-12))
+        x = [a * per for a in x]
+        frame = [to_fabric(v) for v in (x, cross3(z, x), z)]
+        center = to_fabric(met["center"])
+        along = dr.select(is_warp, axis[1] + center[1], axis[0] + center[0])
+        beside = along * self.other_family("per_spacing", is_warp)
+        whole, other = kit.floor(beside)
+        double = dr.abs(beside - whole - 0.5) * self.other_family("spacing", is_warp) < self.other_family("half_width", is_warp)
+        return {
+            "is_warp": is_warp,
+            "yarn": yarn,
+            "other": other,
+            "ply": met["ply"],
+            "is_hit": met["hit"],
+            "frame": frame,
+            "theta_i": dr.atan2(dot3(w, met["tangent"]), met["sine"]),
+            "h": met["h"],
+            "along": along,
+            "is_double": double,
+            "off_axis": [met["center"][0] * axes[0][i] + met["center"][1] * axes[1][i] for i in range(3)],
+        }
+
+
+def family_of(kit, which):
+    """Whether a yarn is of the warp, and its number."""
+    if kit.jit:
+        return (which & 1) == 0, which >> 1
+    return which % 2 == 0, which // 2

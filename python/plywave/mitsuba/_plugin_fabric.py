@@ -1,0 +1,545 @@
+"""The plugin ``plywave_fabric``."""
+
+import math
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from . import _native
+from ._base import check_keys, texture, typed
+from ._between import CLASSES
+from ._cloth import LEAST_CAUGHT, MAX_NEAR, Cloth
+from ._far import Far
+from ._gaps import Gaps
+from ._kit import Kit, clamp, cross3, dot3
+from ._ply import clear_share, exit_lines
+from ._speckle import Speckle, instance
+
+#: ``BSDFFlags::NeedsDifferentials`` of Mitsuba's bsdf.h, which its Python enumeration lacks.
+NEEDS_DIFFERENTIALS = 0x20000
+
+
+def define(Calls):
+    """The plugin's class for the current variant."""
+
+    class Fabric(Calls):
+        """``plywave_fabric``: a woven fabric on a surface with uv."""
+
+        FLAGS = {"layers": True, "shadowing": True, "edges": True, "speckle": False, "far": False}
+        KEYS = set(FLAGS) | {"filename", "spec", "folder", "gaps", "um_per_uv", "rotation_deg", "to_uv", "footprint_um", "footprint_rad", "footprint_scale", "id"}
+        KEYS |= {f"{family}_{what}" for family in ("warp", "weft") for what in ("color", "sigma_per_um")}
+
+        def __init__(self, props):
+            mi.BSDF.__init__(self, props)
+            name = "plywave_fabric"
+            check_keys(name, props, self.KEYS)
+            kit = self.kit = Kit()
+            filename, text = (typed(name, props, key, str, None) for key in ("filename", "spec"))
+            if (filename is None) == (text is None):
+                raise ValueError(f"{name}: filename: give one of 'filename', a fabric's spec (.toml), and 'spec', its text")
+            folder = typed(name, props, "folder", str, ".")
+            gaps = typed(name, props, "gaps", str, "diffracted")
+            if gaps not in ("straight", "diffracted"):
+                raise ValueError(f"{name}: gaps: {gaps!r}: expected 'straight' or 'diffracted'")
+            on = {key: typed(name, props, key, bool, default) for key, default in self.FLAGS.items()}
+            footprint = [self.length(name, props, f"footprint_{key}", on["far"]) for key in ("um", "rad", "scale")]
+            self.footprint_um, self.footprint_rad, self.footprint_scale = footprint
+            if self.footprint_um is not None and self.footprint_rad is not None:
+                raise ValueError(f"{name}: footprint_rad: given with footprint_um: give one of them")
+            if filename is not None:
+                filename = str(mi.file_resolver().resolve(filename))
+            tables = _native.FabricTables(filename, text, folder, gaps == "diffracted", **on)
+            tensors = tables.tensors()
+            self.cloth = Cloth(kit, tensors)
+            self.gaps = Gaps(kit, tensors["apertures"], self.cloth.edge_step) if gaps == "diffracted" else None
+            self.speckle = Speckle(kit, tensors["noise"]) if on["speckle"] else None
+            if self.speckle is not None and not self.speckle.some:
+                raise ValueError(f"{name}: speckle: true: no model of the fabric has speckle noise; add it with `plywave noise`")
+            self.far = Far(kit, tensors, self.cloth) if on["far"] else None
+            self.repeat_um = tables.repeat_um()
+            scale = props["um_per_uv"] if "um_per_uv" in props else 1e5
+            self.um_per_uv = self.pair(name, "um_per_uv", scale)
+            if kit.jit:
+                # Memory, not a constant of the kernel, which another value would compile anew.
+                dr.make_opaque(self.um_per_uv)
+            turn = math.radians(typed(name, props, "rotation_deg", float, 0.0))
+            self.turn = (math.cos(turn), math.sin(turn))
+            self.to_uv = None
+            if "to_uv" in props:
+                to_uv = props["to_uv"]
+                matrix = getattr(to_uv, "matrix", None)
+                if matrix is None:
+                    raise ValueError(f"{name}: to_uv: {to_uv!r}: expected a transform")
+                m = [[float(_number(matrix[i][j])) for j in range(len(matrix))] for i in range(2)]
+                self.to_uv = [[m[i][0], m[i][1], m[i][-1]] for i in range(2)]
+            self.dyes = kit.floats(tensors["dye_spectrum"] if kit.spectral else np.pad(tensors["dye_rgb"], ((0, 0), (0, 1))))
+            self.colors = [texture(name, props, f"{f}_color") for f in ("warp", "weft")]
+            self.sigmas = [texture(name, props, f"{f}_sigma_per_um") for f in ("warp", "weft")]
+            for f, a, b in zip(("warp", "weft"), self.colors, self.sigmas):
+                if a is not None and b is not None:
+                    raise ValueError(f"{name}: {f}_color: given with {f}_sigma_per_um: give one of them")
+            F = mi.BSDFFlags
+            sides = F.FrontSide | F.BackSide | F.SpatiallyVarying | F.Anisotropic | F.NonSymmetric
+            components = [int(part | sides) for part in (F.GlossyReflection, F.GlossyTransmission, F.Null)]
+            if on["far"] and self.footprint_um is None and self.footprint_rad is None:
+                components = [c | NEEDS_DIFFERENTIALS for c in components]
+            self.setup(components)
+
+        @staticmethod
+        def length(name, props, key, far):
+            """A number of the far view, at least 0."""
+            value = typed(name, props, key, float, None)
+            if value is None:
+                return None
+            if not far:
+                raise ValueError(f"{name}: {key}: given without far: set far to true")
+            if not (math.isfinite(value) and value >= 0.0):
+                raise ValueError(f"{name}: {key}: {value}: expected a number that is not negative")
+            return value
+
+        def pair(self, name, key, value):
+            """Two numbers, or one for both, as a differentiable point."""
+            values = [value, value] if isinstance(value, (int, float)) else list(value)[:2]
+            try:
+                values = [float(_number(v)) for v in values]
+            except (TypeError, ValueError):
+                values = []
+            if len(values) != 2 or not all(math.isfinite(v) and v != 0.0 for v in values):
+                raise ValueError(f"{name}: {key}: {value!r}: expected one or two numbers other than 0")
+            return mi.Point2f(*values)
+
+        def traverse(self, callback):
+            callback.put("um_per_uv", self.um_per_uv, mi.ParamFlags.Differentiable | mi.ParamFlags.Discontinuous)
+            callback.put("dyes_per_um", self.dyes, mi.ParamFlags.Differentiable)
+            for k, family in enumerate(("warp", "weft")):
+                if self.colors[k] is not None:
+                    callback.put(f"{family}_color", self.colors[k], mi.ParamFlags.Differentiable)
+                if self.sigmas[k] is not None:
+                    callback.put(f"{family}_sigma_per_um", self.sigmas[k], mi.ParamFlags.Differentiable)
+
+        # Inputs of a point
+
+        def place(self, si):
+            """Point of the cloth's plane [um]."""
+            u, v = si.uv.x, si.uv.y
+            if self.to_uv is not None:
+                (a, b, c), (d, e, f) = self.to_uv
+                u, v = a * u + b * v + c, d * u + e * v + f
+            x, y = u * self.um_per_uv.x, v * self.um_per_uv.y
+            c, s = self.turn
+            return [x * c + y * s, y * c - x * s]
+
+        def to_pattern(self, si, w):
+            """A direction of the shading frame in the pattern's. Where uv runs the other way round, so does the pattern."""
+            mirrored = dr.dot(dr.cross(si.dp_du, si.dp_dv), si.sh_frame.n) < 0.0
+            x, y = w.x, dr.select(mirrored, -w.y, w.y)
+            c, s = self.turn
+            return [x * c + y * s, y * c - x * s, w.z]
+
+        def to_surface(self, si, w):
+            mirrored = dr.dot(dr.cross(si.dp_du, si.dp_dv), si.sh_frame.n) < 0.0
+            c, s = self.turn
+            x, y = w[0] * c - w[1] * s, w[1] * c + w[0] * s
+            return self.kit.Vector3f(x, dr.select(mirrored, -y, y), w[2])
+
+        def scale_of_uv(self):
+            """By how much ``to_uv`` stretches areas."""
+            if self.to_uv is None:
+                return 1.0
+            (a, b, _), (c, d, _) = self.to_uv
+            return abs(a * d - b * c)
+
+        def far_share(self, si):
+            """Share of the mean over the repeat in the answer (``FabricBsdf::far_at``): by the footprint that is given, that of a pixel's angle and the length of the ray, or
+            that of the ray's differentials. A footprint is the geometric mean of the axes of the ellipse that it has on the cloth."""
+            kit, scale = self.kit, 1.0 if self.footprint_scale is None else self.footprint_scale
+            footprint = self.footprint_um
+            if self.footprint_rad is not None:
+                # An ellipse with the axes l and l / cos, l the pixel's width at the length of the ray; by the areas of the cloth and of the surface for the same piece of uv.
+                per_uv = dr.norm(dr.cross(si.dp_du, si.dp_dv)) * dr.maximum(dr.abs(si.wi.z), 1e-3)
+                um2_per_uv = dr.abs(self.um_per_uv.x * self.um_per_uv.y) * self.scale_of_uv()
+                squared = si.t * si.t * um2_per_uv / dr.maximum(per_uv, 1e-30)
+                footprint = self.footprint_rad * dr.sqrt(dr.detach(squared) if kit.jit else squared)
+            elif footprint is None:
+                (a, b), (c, d) = ((1.0, 0.0), (0.0, 1.0)) if self.to_uv is None else (row[:2] for row in self.to_uv)
+                x, y = ([a * v.x + b * v.y, c * v.x + d * v.y] for v in (si.duv_dx, si.duv_dy))
+                area = (x[0] * y[1] - x[1] * y[0]) * self.um_per_uv.x * self.um_per_uv.y
+                footprint = dr.sqrt(dr.abs(dr.detach(area) if kit.jit else area))
+            t = clamp(scale * footprint * (2.0 / max(self.repeat_um)) - 1.0, 0.0, 1.0)
+            # Not a number is no footprint.
+            return kit.float(dr.select(t > 0.0, t * t * (3.0 - 2.0 * t), 0.0))
+
+        def mean_at(self, si, own, wo):
+            """The mean over the repeat seen from ``wo``, of the colors that the point has."""
+            colors = []
+            for k in range(2):
+                if own[k] is not None:
+                    colors.append([(1.0, own[k])])
+                else:
+                    colors.append([(share, self.dye(si, self.kit.uint(dye))) for dye, share in self.far.shares[k]])
+            return self.far.at(wo, colors, self.gaps)
+
+        def sigma_of_color(self, reflectance):
+            """Absorptions that give the cloth a color: its brightness inverted (src/color/absorption.rs)."""
+            kit, out = self.kit, self.kit.zero_s()
+            for k in range(kit.count):
+                out[k] = self.cloth.sigma_of_brightness(reflectance[k])
+            return out
+
+        def own_sigmas(self, si, active):
+            """Absorptions of warp and weft at a point, where all their yarns have the same."""
+            kit, cloth, own = self.kit, self.cloth, []
+            for k in range(2):
+                if self.sigmas[k] is not None:
+                    own.append(dr.maximum(self.sigmas[k].eval(si, active), 0.0))
+                elif self.colors[k] is not None:
+                    own.append(self.sigma_of_color(self.colors[k].eval(si, active)))
+                elif cloth.lists["dyes"][k] is None:
+                    own.append(self.dye(si, kit.uint(int(cloth.dyes[k][0]))))
+                else:
+                    own.append(None)
+            return own
+
+        def sigma_of(self, si, own, is_warp, yarn):
+            """Absorptions of a yarn."""
+            kit = self.kit
+            if own[0] is not None and own[1] is not None:
+                return dr.select(is_warp, own[0], own[1])
+            dyed = self.dye(si, self.cloth.entry("dyes", is_warp, yarn))
+            for k in range(2):
+                if own[k] is not None:
+                    dyed = dr.select(is_warp if k == 0 else kit.no(is_warp), own[k], dyed)
+            return dyed
+
+        def dye(self, si, dye):
+            kit, out = self.kit, self.kit.zero_s()
+            if not kit.spectral:
+                values = kit.packets(self.dyes, dye, 1)
+                for k in range(kit.count):
+                    out[k] = values[min(k, 2)]
+                return out
+            for k in range(kit.count):
+                x = dr.minimum(dr.maximum((si.wavelengths[k] * 1e-3 - 0.38) * 200.0, 0.0), 80.0)
+                node = dr.minimum(dr.floor(x), 79.0)
+                at = dye * 81 + kit.uint(node)
+                low, high = kit.take(self.dyes, at), kit.take(self.dyes, at + 1)
+                out[k] = low + (x - node) * (high - low)
+            return out
+
+        # Light
+
+        def walk(self, si, active, b=None, number=None):
+            """Follows the line of ``si.wi`` through the cloth. ``b``: direction of the pattern in which the plies' light is added up; ``number``: a random number by
+            which one of the plies is chosen."""
+            kit, cloth = self.kit, self.cloth
+            options = cloth.options
+            own = self.own_sigmas(si, active)
+            if self.far is not None:
+                share = self.far_share(si)
+                active = kit.both(active, share < 1.0)
+            gradients = kit.jit and b is not None and dr.grad_enabled(self.dyes, *(x for x in own if x is not None))
+            wo = [dr.detach(x) if kit.jit else x for x in self.to_pattern(si, si.wi)]
+            position = [dr.detach(x) if kit.jit else x for x in self.place(si)]
+            start, d, state = cloth.begin(position, wo, active)
+            up_sign = dr.select(wo[2] < 0.0, -1.0, 1.0)
+            around = counts = None
+            if b is not None:
+                around = cloth.shadow_direction(b)
+                counts = dr.select(b[2] * up_sign < 0.0, kit.bool(options["layers"]), kit.bool(options["shadowing"]))
+            zero, none = kit.float(0.0), kit.zero_s()
+            loop = {
+                "state": state,
+                "passing": kit.float(1.0),
+                "others": kit.uint(0),
+                "classes": [kit.zero_s() for _ in range(CLASSES)],
+                "plies": kit.zero_s(),
+                # The ply that the line meets: whether there is one, theta_i, h, model, axes x and z; the yarns that dye the light between yarns.
+                "main": {"is": kit.bool(False), "q": [zero] * 8, "model": kit.uint(0)},
+                "dyed": {"is": kit.bool(False), "yarns": [kit.int(0), kit.int(0)]},
+                # The last of the plies beside it, of which those beyond scatter more.
+                "last": {"more": kit.float(1.0), "catch": zero, "class": kit.uint(0), "energy": kit.zero_s()},
+            }
+            if self.gaps is not None:
+                loop["aperture"] = [kit.float(cloth.yarn[k]["spacing"]) for k in (0, 0, 1, 1)]
+            if b is not None:
+                loop |= {"f": kit.zero_s(), "density": zero, "last_f": kit.zero_s(), "last_density": zero}
+            if number is not None:
+                ply = {"q": [zero] * 8, "model": kit.uint(0), "is_warp": kit.bool(False), "yarn": kit.int(0)}
+                loop |= {"chosen": ply, "number": number, "weight": zero, "last_ply": dict(ply)}
+
+            def replaced(here, a, b):
+                return {key: [dr.select(here, x, y) for x, y in zip(a[key], b[key])] if key == "q" else dr.select(here, a[key], b[key]) for key in b}
+
+            def body(own, s):
+                s = dict(s)
+                state, which, place = cloth.next_near(start, d, s["state"])
+                hit = cloth.hit(which, start, d, place)
+                model = cloth.model_of(hit)
+                on = state["on"]
+                theta_i, h = hit["theta_i"], hit["h"]
+                main, last = dict(s["main"]), dict(s["last"])
+                is_main = kit.both(kit.both(on, hit["is_hit"]), kit.no(main["is"]))
+                energies = cloth.plies.energies(model, theta_i, h)
+                r_d, met = energies[0], 1.0 - energies[0]
+                arrives = s["passing"]
+                beside = kit.both(on, kit.no(is_main))
+                beside = kit.both(beside, arrives * met >= LEAST_CAUGHT)
+                is_other = kit.both(beside, s["others"] < MAX_NEAR)
+                is_beyond = kit.both(beside, s["others"] >= MAX_NEAR)
+                is_last = kit.both(is_other, s["others"] == MAX_NEAR - 1)
+                counted = is_main | is_other
+                sigma = self.sigma_of(si, own, hit["is_warp"], hit["yarn"])
+                through = cloth.plies.transmittances(model, sigma)
+                energy = kit.S(energies[1]) + cloth.plies.high_energy(energies[2], through)
+                sent = dr.select(counted, arrives * energy, none)
+                s["plies"] = s["plies"] + dr.select(is_last, none, sent)
+                cls = dr.select(hit["is_warp"], kit.uint(0), kit.uint(2)) + dr.select(hit["is_double"], kit.uint(1), kit.uint(0))
+                s["classes"] = [e + dr.select(kit.both(cls == c, kit.no(is_last)), sent, none) for c, e in enumerate(s["classes"])]
+                # Beyond as many as are told apart, the last of them scatters what others catch.
+                more = dr.select(is_beyond, 1.0 + arrives * met / dr.maximum(last["catch"], LEAST_CAUGHT), 1.0)
+                last["more"] = last["more"] * more
+                last["catch"] = dr.select(is_last, arrives * met, last["catch"] * more)
+                last["class"] = dr.select(is_last, cls, last["class"])
+                last["energy"] = last["energy"] + dr.select(is_last, sent, none)
+                if b is not None:
+                    frame = hit["frame"]
+                    v = [dot3(a, b) for a in frame]
+                    refl, high, density = cloth.plies.lobes(model, theta_i, h, sigma, v, energies, gradients)
+                    if self.speckle is not None:
+                        family = dr.select(hit["is_warp"], kit.uint(0), kit.uint(1))
+                        patterns = instance(kit, (kit.uint(hit["yarn"]) * 16 + hit["ply"] * 2 + family), hit["along"], cloth.grain)
+                        factors = self.speckle.factors(model, patterns, dr.sin(theta_i), v, self.lambda_um(si))
+                        refl, high = refl * factors[0], high * factors[1]
+                    exits = cloth.plies.exits(model, theta_i, h, cloth.of_family("radius", hit["is_warp"]))
+                    free = cloth.free(hit, b, exit_lines(exits, v), around, counts)
+                    share = clear_share(sigma)
+                    light = free[0] * refl + (free[2] + share * (free[1] - free[2])) * high
+                    light = dr.select(counted, arrives * light, none)
+                    s["f"] = s["f"] + dr.select(is_last, none, light)
+                    s["last_f"] = s["last_f"] + dr.select(is_last, light, none)
+                    density = dr.select(counted, arrives * (dr.detach(density) if kit.jit else density), 0.0)
+                    s["density"] = s["density"] + dr.select(is_last, 0.0, density)
+                    s["last_density"] = s["last_density"] + dr.select(is_last, density, 0.0)
+                q = [theta_i, h, *hit["frame"][0], *hit["frame"][2]]
+                if self.gaps is not None:
+                    # The line may be moved as far before it meets this ply (src/fabric/place.rs).
+                    per_um = dr.select(hit["is_warp"], hit["frame"][0][0], hit["frame"][0][1])
+                    room = dr.maximum(dr.abs(h) - cloth.of_family("radius", hit["is_warp"]), 0.0) / dr.maximum(dr.abs(per_um), 1e-3)
+                    beyond = (h < 0.0) == (per_um > 0.0)
+                    aside = kit.both(on, kit.no(is_main))
+                    edges = [
+                        kit.both(hit["is_warp"] if k == 0 else kit.no(hit["is_warp"]), beyond if far else kit.no(beyond))
+                        for k in range(2)
+                        for far in (False, True)
+                    ]
+                    s["aperture"] = [dr.select(kit.both(aside, e), dr.minimum(a, room), a) for e, a in zip(edges, s["aperture"])]
+                if number is not None:
+                    weight = dr.select(kit.both(counted, kit.no(is_last)), kit.mean(sent), 0.0)
+                    s["weight"] = s["weight"] + weight
+                    part = dr.select(weight > 0.0, weight / dr.maximum(s["weight"], 1e-30), 0.0)
+                    here = s["number"] < part
+                    s["number"] = _rest(s["number"], part, here)
+                    ply = {"q": q, "model": kit.uint(model), "is_warp": hit["is_warp"], "yarn": hit["yarn"]}
+                    s["chosen"] = replaced(here, ply, s["chosen"])
+                    s["last_ply"] = replaced(is_last, ply, s["last_ply"])
+                main["q"] = [dr.select(is_main, x, y) for x, y in zip(q, main["q"])]
+                main["model"] = dr.select(is_main, kit.uint(model), main["model"])
+                main["is"] = main["is"] | is_main
+                dyed = dict(s["dyed"])
+                takes = kit.both(counted, hit["is_hit"] | (kit.no(dyed["is"])))
+                yarns = [dr.select(hit["is_warp"], hit["yarn"], hit["other"]), dr.select(hit["is_warp"], hit["other"], hit["yarn"])]
+                dyed["yarns"] = [dr.select(takes, x, y) for x, y in zip(yarns, dyed["yarns"])]
+                dyed["is"] = dyed["is"] | takes
+                s["others"] = s["others"] + dr.select(is_other, kit.uint(1), kit.uint(0))
+                passing = dr.select(counted | is_beyond, arrives * r_d, arrives)
+                state = dict(state)
+                state["on"] = kit.both(on, passing >= LEAST_CAUGHT)
+                s |= {"state": state, "passing": passing, "main": main, "last": last, "dyed": dyed}
+                return (s,)
+
+            (s,) = kit.loop((loop,), lambda s: s["state"]["on"], body, "plies", own)
+            last = s["last"]
+            classes = [e + dr.select(last["class"] == c, last["more"] * last["energy"], none) for c, e in enumerate(s["classes"])]
+            yarns = s["dyed"]["yarns"]
+            dyes = [self.sigma_of(si, own, kit.bool(k == 0), yarns[k]) for k in range(2)]
+            up, down, about = cloth.between(wo, classes, dyes)
+            # Chances (set_chances of src/fabric/at.rs).
+            detach = dr.detach if kit.jit else (lambda x: x)
+            of_last = last["more"] * detach(kit.mean(last["energy"]))
+            plies, mean_up, mean_down = (detach(kit.mean(x)) for x in (s["plies"], up, down))
+            plies = plies + of_last
+            direct = dr.maximum(plies - mean_up - mean_down, 0.3 * plies)
+            is_edge = kit.both(s["main"]["is"], kit.bool(options["edges"] and cloth.plies.some_edge))
+            if not cloth.plies.has_edge:
+                is_edge = kit.both(is_edge, cloth.plies.number("edge", s["main"]["model"]) > 0.5)
+            is_aperture, spectra = kit.bool(False), None
+            if self.gaps is not None:
+                spectra = self.gaps.at(s["aperture"])
+                open_ = kit.both(kit.both(spectra[0].passes(), spectra[1].passes()), wo[2] != 0.0)
+                is_aperture = kit.both(kit.no(s["main"]["is"]), open_)
+            is_diffracted = is_edge | is_aperture
+            total = direct + mean_up + mean_down + s["passing"]
+            per = dr.select(total > 0.0, 1.0 / dr.maximum(total, 1e-30), 0.0)
+            out = {
+                "wo": wo,
+                "up_sign": up_sign,
+                "passing": s["passing"],
+                "is_edge": is_edge,
+                "is_aperture": is_aperture,
+                "spectra": spectra,
+                "main": s["main"],
+                "up": up,
+                "down": down,
+                "about": about,
+                "per_ply": dr.select(plies > 0.0, per * direct / dr.maximum(plies, 1e-30), 0.0),
+                "chances": [per * direct, per * dr.select(is_diffracted, s["passing"], 0.0), per * mean_up, per * mean_down],
+                "straight": per * dr.select(is_diffracted, 0.0, s["passing"]),
+                "own": own,
+            }
+            if b is not None:
+                out |= {"f": s["f"] + last["more"] * s["last_f"], "density": s["density"] + last["more"] * s["last_density"]}
+            if self.far is not None:
+                out |= {"far": self.mean_at(si, own, wo), "far_share": share}
+            if number is not None:
+                part = dr.select(of_last > 0.0, of_last / dr.maximum(plies, 1e-30), 0.0)
+                out["chosen"] = replaced(s["number"] < part, s["last_ply"], s["chosen"])
+            return out
+
+        def model_eval(self, si, wo, active):
+            kit = self.kit
+            b = [dr.detach(x) if kit.jit else x for x in self.to_pattern(si, wo)]
+            return self.light(si, self.walk(si, active, b=b), b)
+
+        def light(self, si, at, b):
+            """f and the density of samples in direction ``b`` of the pattern, of the line that was followed and of the mean over the repeat."""
+            f, pdf = self.near_light(si, at, b)
+            if self.far is None:
+                return f, pdf
+            share = at["far_share"]
+            mean, density = self.far.eval(at["far"], b, self.lambda_um(si), self.gaps)
+            far, near = share > 0.0, share < 1.0
+            f = dr.select(near, (1.0 - share) * f, 0.0) + dr.select(far, share * mean, 0.0)
+            density = dr.detach(density) if self.kit.jit else density
+            return f, dr.select(near, (1.0 - share) * pdf, 0.0) + dr.select(far, share * density, 0.0)
+
+        def near_light(self, si, at, b):
+            kit, cloth = self.kit, self.cloth
+            is_up = b[2] * at["up_sign"] >= 0.0
+            f = at["f"] + cloth.between_eval(at["about"], at["up"], at["down"], is_up, b)
+            cos = dr.minimum(dr.abs(b[2]), 1.0)
+            pdf = at["per_ply"] * at["density"] + dr.select(is_up, at["chances"][2], at["chances"][3]) * cos * (1.0 / math.pi)
+            if cloth.plies.some_edge and cloth.options["edges"]:
+                main = at["main"]
+                theta_i, h, x, z = main["q"][0], main["q"][1], main["q"][2:5], main["q"][5:8]
+                v = [dot3(a, b) for a in (x, cross3(z, x), z)]
+                light, density = cloth.plies.edge(main["model"], theta_i, h, self.lambda_um(si), v)
+                f = f + dr.select(at["is_edge"], at["passing"] * light, kit.zero_s())
+                pdf = pdf + dr.select(at["is_edge"], at["chances"][1] * density, 0.0)
+            if self.gaps is not None:
+                light, density = self.gaps.eval(at["spectra"], at["wo"], self.lambda_um(si), b)
+                f = f + dr.select(at["is_aperture"], at["passing"] * light, kit.zero_s())
+                pdf = pdf + dr.select(at["is_aperture"], at["chances"][1] * density, 0.0)
+            return f, dr.detach(pdf) if kit.jit else pdf
+
+        def model_sample(self, si, u, active):
+            kit = self.kit
+            return self.drawn(si, self.walk(si, active, number=_another(kit, u)), u)
+
+        def model_both(self, si, wo, u, active):
+            kit = self.kit
+            b = [dr.detach(x) if kit.jit else x for x in self.to_pattern(si, wo)]
+            at = self.walk(si, active, b=b, number=_another(kit, u))
+            with dr.suspend_grad():
+                drawn = self.drawn(si, at, u)
+            return self.light(si, at, b), drawn
+
+        def drawn(self, si, at, u):
+            """A direction of the line that was followed, or of the mean over the repeat; whether light goes straight on, its energy and chance."""
+            if self.far is None:
+                b, straight, energy, chance = self.near_drawn(si, at, u)
+                return self.to_surface(si, b), straight, energy, chance
+            kit, share, mean = self.kit, at["far_share"], at["far"]
+            is_far = u[0] < share
+            rest = clamp((u[0] - share) / dr.maximum(1.0 - share, 1e-7), 0.0, 0.9999999)
+            b, straight, energy, chance = self.near_drawn(si, at, [rest, u[1], u[2]])
+            first = dr.minimum(u[0] / dr.maximum(share, 1e-30), 0.9999999)
+            w, through = self.far.draw(mean, self.lambda_um(si), self.gaps, [first, u[1], u[2]])
+            b = [dr.select(is_far, x, y) for x, y in zip(w, b)]
+            straight = dr.select(is_far, kit.both(through, mean["chance"] > 0.0), straight)
+            wo = [dr.select(straight, -x, y) for x, y in zip(at["wo"], b)]
+            energy, chance = self.passing_of(at), (1.0 - share) * chance + share * mean["chance"]
+            return self.to_surface(si, wo), straight, energy, chance
+
+        def passing_of(self, at):
+            """Energy that goes straight on."""
+            near = dr.select(at["is_edge"] | at["is_aperture"], 0.0, at["passing"])
+            if self.far is None:
+                return near
+            share = at["far_share"]
+            return dr.select(share < 1.0, (1.0 - share) * near, 0.0) + share * at["far"]["straight"]
+
+        def near_drawn(self, si, at, u):
+            kit, cloth = self.kit, self.cloth
+            left, found, wo = u[0], kit.bool(False), [kit.float(0.0)] * 3
+            first = []
+            for chance in at["chances"]:
+                here = kit.both(kit.no(found), left < chance)
+                first.append((here, dr.minimum(left / dr.maximum(chance, 1e-30), 0.9999999)))
+                left = dr.select(found | here, left, left - chance)
+                found = found | here
+            chosen, main = at["chosen"], at["main"]
+
+            def to_fabric(q, w):
+                x, z = q[2:5], q[5:8]
+                y = cross3(z, x)
+                return [x[i] * w[0] + y[i] * w[1] + z[i] * w[2] for i in range(3)]
+
+            theta_i, h = chosen["q"][:2]
+            energies = cloth.plies.energies(chosen["model"], theta_i, h)
+            sigma = self.sigma_of(si, at["own"], chosen["is_warp"], chosen["yarn"])
+            w = cloth.plies.draw(chosen["model"], theta_i, h, sigma, energies, [first[0][1], u[1], u[2]], False)
+            b = to_fabric(chosen["q"], w)
+            if cloth.plies.some_edge and cloth.options["edges"]:
+                q = main["q"]
+                w = cloth.plies.edge_draw(main["model"], q[0], q[1], self.lambda_um(si), [first[1][1], u[1], u[2]])
+                b = [dr.select(first[1][0], x, y) for x, y in zip(to_fabric(q, w), b)]
+            if self.gaps is not None:
+                w = self.gaps.draw(at["spectra"], at["wo"], self.lambda_um(si), [first[1][1], u[1], u[2]])
+                b = [dr.select(kit.both(first[1][0], at["is_aperture"]), x, y) for x, y in zip(w, b)]
+            sin, cos = dr.sincos(2.0 * math.pi * u[2])
+            radius, height = dr.sqrt(u[1]), dr.sqrt(dr.maximum(1.0 - u[1], 0.0))
+            is_between = first[2][0] | first[3][0]
+            up = dr.select(first[2][0], at["up_sign"], -at["up_sign"])
+            b = [dr.select(is_between, x, y) for x, y in zip([radius * cos, radius * sin, up * height], b)]
+            straight = kit.both(kit.no(found), at["straight"] > 0.0)
+            b = [dr.select(found, x, -y) for x, y in zip(b, at["wo"])]
+            return b, straight, at["passing"], at["straight"]
+
+        def eval_null_transmission(self, si, active=True):
+            return self.kit.S(self.passing_of(self.walk(si, active)))
+
+        def to_string(self):
+            return f"plywave_fabric[repeat = {self.repeat_um} um, um_per_uv = {self.um_per_uv}]"
+
+    return Fabric
+
+
+def _number(x):
+    """A Python number of a scalar or an array of one."""
+    return x if isinstance(x, (int, float)) else np.asarray(x).ravel()[0]
+
+
+def _another(kit, u):
+    """A random number made of the bits of two others."""
+    if kit.jit:
+        bits = [dr.reinterpret_array(kit.UInt, kit.Float(x)) for x in u[:2]]
+        return mi.sample_tea_float32(bits[0], bits[1], 4)
+    bits = [int(np.float32(x).view(np.uint32)) for x in u[:2]]
+    return float(mi.sample_tea_float32(bits[0], bits[1], 4))
+
+
+def _rest(number, part, here):
+    """What remains of a number in [0, 1) by which a part of all was taken or not."""
+    left = dr.select(here, number / dr.maximum(part, 1e-30), (number - part) / dr.maximum(1.0 - part, 1e-7))
+    return dr.minimum(dr.maximum(left, 0.0), 0.9999999)
