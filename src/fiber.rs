@@ -16,6 +16,8 @@
 //!
 //! What is left out: cuticle tilt and separate lobes (one M_0 for all light), polarization, width of the beam across the fiber.
 
+pub mod cylinder;
+pub mod fresnel;
 mod longitudinal;
 mod table;
 
