@@ -16,9 +16,13 @@
 //!
 //! What is left out: cuticle tilt and separate lobes (one M_0 for all light), polarization, width of the beam across the fiber.
 
+pub mod azimuthal;
 pub mod cylinder;
+mod dielectric;
 pub mod fresnel;
+mod gaussian;
 mod longitudinal;
+mod range;
 mod table;
 
 use crate::bsdf::{DirectionSample, Outcomes};
@@ -28,6 +32,7 @@ use longitudinal::{Latitude, Longitudinal};
 use std::f32::consts::{FRAC_PI_2, TAU};
 use std::path::Path;
 
+pub use dielectric::{DielectricBsdf, DielectricFiber, DielectricParameters, MOST_ORDERS};
 pub use table::{FiberSource, FiberTable, OutlineSymmetry};
 
 /// Most that C_e may exceed the geometric width (Xia 2020, 6).
@@ -80,21 +85,25 @@ pub struct FiberQuery<const N: usize> {
     pub h_rel: Option<f32>,
     /// Wavelengths [um].
     pub lambda_um: [f32; N],
+    /// Absorption of the fiber's inside [1/um], by wavelength: its color. Tables hold their own and ignore it.
+    pub sigma_per_um: [f32; N],
 }
 
 impl<const N: usize> FiberQuery<N> {
-    /// Light from `omega_i`, averaged over the offsets.
+    /// Light from `omega_i`, averaged over the offsets, onto a clear fiber.
     pub fn new(omega_i: [f32; 3], lambda_um: [f32; N]) -> Self {
-        FiberQuery { omega_i, h_rel: None, lambda_um }
+        FiberQuery { omega_i, h_rel: None, lambda_um, sigma_per_um: [0.0; N] }
     }
 }
 
-/// A scattering model of one fiber. `FiberModel::load("fiber.pwf")` reads what `plywave wave tabulate` writes; see [`FiberModel::at`].
+/// A scattering model of one fiber: a table, `FiberModel::load("fiber.pwf")` of what `plywave wave tabulate` writes, or an analytic one; see [`FiberModel::at`].
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum FiberModel {
     /// Of a table, by waves or rays (Xia 2020).
     Tabulated(TabulatedFiber),
+    /// A smooth dielectric cylinder (Zinke 2007).
+    Dielectric(DielectricFiber),
 }
 
 impl FiberModel {
@@ -121,7 +130,8 @@ impl FiberModel {
     /// ```
     pub fn at<const N: usize>(&self, query: &FiberQuery<N>) -> FiberBsdf<'_, N> {
         match self {
-            FiberModel::Tabulated(fiber) => FiberBsdf(fiber.at(query)),
+            FiberModel::Tabulated(fiber) => FiberBsdf(At::Tabulated(fiber.at(query))),
+            FiberModel::Dielectric(fiber) => FiberBsdf(At::Dielectric(fiber.at(query))),
         }
     }
 
@@ -129,7 +139,14 @@ impl FiberModel {
     pub fn max_width_um(&self) -> f32 {
         match self {
             FiberModel::Tabulated(fiber) => fiber.max_width_um(),
+            FiberModel::Dielectric(fiber) => 2.0 * fiber.parameters().radius_um,
         }
+    }
+}
+
+impl From<DielectricFiber> for FiberModel {
+    fn from(fiber: DielectricFiber) -> FiberModel {
+        FiberModel::Dielectric(fiber)
     }
 }
 
@@ -152,43 +169,59 @@ impl From<TabulatedFiber> for FiberModel {
 /// }
 /// ```
 #[derive(Clone, Copy, Debug)]
-pub struct FiberBsdf<'a, const N: usize>(TabulatedBsdf<'a, N>);
+pub struct FiberBsdf<'a, const N: usize>(At<'a, N>);
+
+#[derive(Clone, Copy, Debug)]
+enum At<'a, const N: usize> {
+    Tabulated(TabulatedBsdf<'a, N>),
+    Dielectric(DielectricBsdf<'a, N>),
+}
+
+/// The same expression of whatever model it is.
+macro_rules! each {
+    ($self:ident, $at:ident => $does:expr) => {
+        match &$self.0 {
+            At::Tabulated($at) => $does,
+            At::Dielectric($at) => $does,
+        }
+    };
+}
 
 impl<const N: usize> FiberBsdf<'_, N> {
     /// Width from which the fiber takes light [um], by wavelength.
     pub fn width_um(&self) -> [f32; N] {
-        self.0.width_um()
+        each!(self, at => at.width_um())
     }
 
     /// Whether a ray that passes the center line at the distance `offset_um`, either side, meets the fiber, by wavelength.
     pub fn hit(&self, offset_um: f32) -> [bool; N] {
-        self.0.hit(offset_um)
+        self.width_um().map(|width| offset_um.abs() <= 0.5 * width)
     }
 }
 
 impl<const N: usize> Bsdf<N> for FiberBsdf<'_, N> {
     fn eval(&self, w: [f32; 3]) -> [f32; N] {
-        self.0.eval(w)
+        each!(self, at => at.eval(w))
     }
 
     fn pdf(&self, w: [f32; 3]) -> f32 {
-        self.0.pdf(w)
+        each!(self, at => at.pdf(w))
     }
 
     fn eval_pdf(&self, w: [f32; 3]) -> ([f32; N], f32) {
-        self.0.eval_pdf(w)
+        each!(self, at => at.eval_pdf(w))
     }
 
     fn sample(&self, u: [f32; 3]) -> BsdfSample<N> {
-        self.0.sample(u)
+        each!(self, at => at.sample(u))
     }
 
     fn albedo(&self) -> [f32; N] {
-        self.0.albedo()
+        each!(self, at => at.albedo())
     }
 
     fn outcomes(&self) -> Outcomes {
-        self.0.outcomes()
+        each!(self, at => at.outcomes())
     }
 }
 

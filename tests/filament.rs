@@ -1,7 +1,12 @@
-//! Analytic models of single fibers (Zinke 2007). Chain of trust: frames are held to vectors and differences; reflectances to the formulas in three dimensions.
+//! Analytic models of single fibers (Zinke 2007). Chain of trust: frames are held to vectors and differences; reflectances to the
+//! formulas in three dimensions; paths of a smooth cylinder to a walk by vectors; the far field to its histogram and to the mean of the near field; every model passes the checks of `check_bsdf`.
 
+use plywave::check::{FURNACE_TOLERANCE, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE, check_bsdf};
+use plywave::fiber::azimuthal::CrossSection;
 use plywave::fiber::cylinder::{FiberDirection, bcsdf_of_energy, energy_of_bcsdf, relative_azimuth};
-use plywave::fiber::fresnel;
+use plywave::fiber::{DielectricBsdf, DielectricFiber, DielectricParameters, fresnel};
+use plywave::frame::direction;
+use plywave::{Bsdf, BsdfSample, FiberModel, FiberQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -134,4 +139,281 @@ fn cross_section_indices_give_the_reflectance_in_space() {
     let (right, swapped) = (printed([across, along], gamma, across), printed([along, across], gamma, across));
     assert!((right - 0.151).abs() < 1e-3, "{right}");
     assert!((swapped - right).abs() > 0.05, "{swapped}");
+}
+
+/// A ray through a smooth cylinder of radius 1, by vectors alone: what leaves after each inner part (direction, power without absorption, length inside so far).
+fn walk(theta: f64, h: f64, eta: f64, parts: usize) -> Vec<([f64; 3], f64, f64)> {
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    // Light from the azimuth 0: its line has y = h.
+    let mut d = [-theta.cos(), 0.0, -theta.sin()];
+    let mut x = [(1.0 - h * h).sqrt(), h, 0.0];
+    let mut power = 1.0;
+    let mut length = 0.0;
+    let mut out = Vec::new();
+    for event in 0..=parts {
+        let outward = [x[0], x[1], 0.0];
+        let (n, ratio) = if event == 0 { (outward, eta) } else { (outward.map(|v| -v), 1.0 / eta) };
+        let cos_i = -dot(d, n);
+        let reflected: [f64; 3] = std::array::from_fn(|k| d[k] + 2.0 * cos_i * n[k]);
+        let sin2 = (1.0 - cos_i * cos_i) / (ratio * ratio);
+        let cos_t = (1.0 - sin2).max(0.0).sqrt();
+        let refracted: [f64; 3] = std::array::from_fn(|k| d[k] / ratio + (cos_i / ratio - cos_t) * n[k]);
+        let (s, p) =
+            ((cos_i - ratio * cos_t) / (cos_i + ratio * cos_t), (ratio * cos_i - cos_t) / (ratio * cos_i + cos_t));
+        let f = if sin2 >= 1.0 { 1.0 } else { 0.5 * (s * s + p * p) };
+        let (leaves, stays, share) =
+            if event == 0 { (reflected, refracted, f) } else { (refracted, reflected, 1.0 - f) };
+        out.push((leaves, power * share, length));
+        power *= 1.0 - share;
+        d = stays;
+        // To the wall: |x + t d| across the axis is 1 again.
+        let across = d[0] * d[0] + d[1] * d[1];
+        let t = -2.0 * (x[0] * d[0] + x[1] * d[1]) / across;
+        length += t;
+        x = std::array::from_fn(|k| x[k] + t * d[k]);
+    }
+    out
+}
+
+/// Eq. 17-28 at every offset against the walk: azimuth, power, length, position along the axis; and the sum of all orders.
+#[test]
+fn paths_are_those_of_the_walk() {
+    for (eta, theta) in [(1.55, 0.0), (1.55, 0.5), (1.3, -1.1), (1.9, 1.4f64)] {
+        let section = CrossSection::new(eta as f32, 1.0, theta.sin() as f32);
+        for k in 0..199 {
+            let h = (k as f64 - 99.0) / 100.0;
+            let path = section.path(h as f32);
+            let walked = walk(theta, h, eta, 5);
+            for (order, (w, power, length)) in walked.iter().enumerate() {
+                let what = format!("eta {eta}, theta {theta}, h {h}, order {order}");
+                let turn = f64::from(section.turn(order as u32, h as f32));
+                assert!(relative_azimuth(turn - w[1].atan2(w[0])).abs() < 2e-5, "{what}: turn {turn}");
+                assert!((w[2] + theta.sin()).abs() < 1e-9, "{what}: the latitude is kept");
+                let sigma = 0.3;
+                let (got, want) =
+                    (f64::from(path.attenuation(order as u32, sigma)), power * (-f64::from(sigma) * length).exp());
+                assert!((got - want).abs() < 1e-5, "{what}: {got}, want {want}");
+                // Eq. 21-23, seen from where the light leaves. It enters at h and leaves at -h.
+                let peak = section.peak(order as u32, -h as f32);
+                assert_eq!(peak.h_rel_i, h as f32, "{what}");
+                assert!(relative_azimuth(f64::from(peak.turn) + w[1].atan2(w[0])).abs() < 2e-5, "{what}: {peak:?}");
+                let z = -theta.sin() / eta * length;
+                assert!((f64::from(peak.shift_um) - z).abs() < 2e-5, "{what}: {peak:?}, want {z}");
+            }
+            // F + (1 - F)^2 T / (1 - F T); 1 where nothing is absorbed.
+            assert!((path.from_order(0, 0.0) - 1.0).abs() < 1e-6, "{h}");
+            let (f, t) = (f64::from(path.reflectance), (-0.3 * f64::from(path.length_um)).exp());
+            let want = f + (1.0 - f).powi(2) * t / (1.0 - f * t);
+            assert!((f64::from(path.from_order(0, 0.3)) - want).abs() < 1e-6, "{h}");
+            let apart: f32 = (0..4).map(|p| path.attenuation(p, 0.3)).sum::<f32>() + path.from_order(4, 0.3);
+            assert!((f64::from(apart) - want).abs() < 1e-6, "{h}: {apart}, want {want}");
+        }
+    }
+}
+
+/// Eq. 35 by order: the roots' density, integrated over bins, against a histogram of the walk at 400 000 offsets, power and all. Caustics lie in bins as everything else.
+#[test]
+fn far_field_is_the_histogram_of_the_walk() {
+    let (bins, offsets, fine) = (90, 400_000, 4000);
+    for (eta, theta) in [(1.55, 0.0), (1.55, 0.8), (1.3, 0.3), (2.2, 1.2f64)] {
+        let section = CrossSection::new(eta as f32, 1.0, theta.sin() as f32);
+        let mut want = vec![[0.0f64; 5]; bins];
+        for k in 0..offsets {
+            let h = (2.0 * k as f64 + 1.0) / f64::from(offsets) - 1.0;
+            for (order, (w, power, _)) in walk(theta, h, eta, 4).iter().enumerate() {
+                let bin = (w[1].atan2(w[0]).rem_euclid(TAU) / TAU * bins as f64) as usize;
+                want[bin.min(bins - 1)][order] += power / f64::from(offsets);
+            }
+        }
+        for order in 0..5 {
+            // Midpoints know a caustic, 1/sqrt of the distance, to 0.3/sqrt(4000) of its light; an order has two, each in one bin or two.
+            let (mut apart, mut off, mut total) = (0, 0.0, 0.0);
+            for (bin, want) in want.iter().enumerate() {
+                let mut got = 0.0;
+                for k in 0..fine {
+                    let phi = (bin as f64 + (f64::from(k) + 0.5) / f64::from(fine)) / bins as f64 * TAU;
+                    section.roots(order as u32, phi as f32, |h, density| {
+                        got += f64::from(density * section.path(h).attenuation(order as u32, 0.0));
+                    });
+                }
+                got *= TAU / bins as f64 / f64::from(fine);
+                let error = (got - want[order]).abs();
+                apart += usize::from(error > 2e-3 * want[order] + 2e-6);
+                off += error;
+                total += want[order];
+            }
+            let what = format!("eta {eta}, theta {theta}, order {order}: off by {off} of {total}, {apart} bins");
+            assert!(off < 1e-2 * total + 1e-5 && apart <= if order < 2 { 0 } else { 4 }, "{what}");
+        }
+    }
+}
+
+/// Closed forms of physics: one root of TT, none within 2 asin(1/n') of the light's side; one or three of TRT; R is cos(phi/2)/4, whose integral is 1.
+#[test]
+fn roots_are_as_many_as_they_must_be() {
+    let section = CrossSection::new(1.55, 1.0, 0.0);
+    let edge = 2.0 * (1.0f64 / 1.55).asin();
+    let mut furnace = 0.0;
+    let n = 3600;
+    for k in 0..n {
+        let phi = (f64::from(k) + 0.5) / f64::from(n) * TAU - PI;
+        let count = |order: u32| {
+            let mut found = 0;
+            section.roots(order, phi as f32, |_, _| found += 1);
+            found
+        };
+        if (phi.abs() - edge).abs() > 1e-3 {
+            assert_eq!(count(1), usize::from(phi.abs() > edge), "{phi}");
+        }
+        let rough = [count(2), count(0)];
+        assert!([0, 1, 2, 3].contains(&rough[0]) && rough[1] == 1, "{phi}: {rough:?}");
+        section.roots(0, phi as f32, |_, density| {
+            assert!((f64::from(density) - 0.25 * (0.5 * phi).cos()).abs() < 1e-6, "{phi}");
+            furnace += f64::from(density) * TAU / f64::from(n);
+        });
+    }
+    assert!((furnace - 1.0).abs() < 1e-5, "{furnace}");
+    assert!((edge.to_degrees() - 80.36).abs() < 0.01, "{edge}");
+}
+
+fn dielectric(parameters: DielectricParameters) -> DielectricFiber {
+    DielectricFiber::new(parameters).unwrap()
+}
+
+/// The checks of every model: furnace, density, weight times pdf, sampled furnace, chi-square.
+fn check<const N: usize>(bsdf: &impl Bsdf<N>, sd_rad: [f64; 2], furnace: f64, seed: u64, what: &str) {
+    let mut rng = Pcg64Mcg::seed_from_u64(seed);
+    let r = check_bsdf(bsdf, sd_rad, 20_000, &mut || rng.random());
+    let what = format!("{what}: albedo {:?}, {r:?}", bsdf.albedo());
+    assert!(r.furnace_error < furnace && r.pdf_error < furnace, "{what}");
+    assert!(r.weight_error < WEIGHT_TOLERANCE && r.sampled_furnace_se < SAMPLED_TOLERANCE_SE, "{what}");
+    assert!(r.chi2_p > 1e-4, "{what}");
+}
+
+/// Queries that cover latitudes and absorptions; with and without offset.
+fn queries(seed: u64, offsets: &[Option<f32>]) -> Vec<FiberQuery<3>> {
+    let mut rng = Pcg64Mcg::seed_from_u64(seed);
+    let mut all = Vec::new();
+    for theta in [0.0, 0.6, -1.2, 1.5f32] {
+        for h_rel in offsets {
+            let omega_i = direction(theta, 6.0 * rng.random::<f32>());
+            let query = FiberQuery::new(omega_i, [0.61, 0.55, 0.465]);
+            all.push(FiberQuery { h_rel: *h_rel, sigma_per_um: [0.0, 0.01, 0.2], ..query });
+        }
+    }
+    all
+}
+
+#[test]
+fn near_field_of_a_smooth_fiber_passes_the_checks() {
+    let fiber: FiberModel =
+        dielectric(DielectricParameters { shift: [-0.05, 0.03, 0.08], ..Default::default() }).into();
+    for (k, query) in queries(3, &[Some(0.0), Some(0.7), Some(-0.95), Some(1.0)]).into_iter().enumerate() {
+        let at = fiber.at(&query);
+        assert!((at.albedo()[0] - 1.0).abs() < 1e-5, "{query:?}: {:?}", at.albedo());
+        check(&at, [0.1, 0.1], FURNACE_TOLERANCE, k as u64, &format!("{query:?}"));
+    }
+}
+
+/// The far field has caustics: its integrals by Gauss's rule over panels of 0.005 rad are known to 5e-3.
+#[test]
+fn far_field_of_a_smooth_fiber_passes_the_checks() {
+    let fiber: FiberModel =
+        dielectric(DielectricParameters { shift: [-0.05, 0.03, 0.08], ..Default::default() }).into();
+    for (k, query) in queries(4, &[None]).into_iter().enumerate() {
+        let at = fiber.at(&query);
+        assert!((at.albedo()[0] - 1.0).abs() < 1e-5, "{query:?}: {:?}", at.albedo());
+        check(&at, [0.1, 0.0025], 5e-3, k as u64, &format!("{query:?}"));
+    }
+}
+
+/// The mean of the near field over the offsets is the far field (Eq. 35 and 38), by its first Fourier coefficients over the azimuth.
+#[test]
+fn mean_of_the_near_field_is_the_far_field() {
+    let fiber = dielectric(DielectricParameters { beta_n: 0.01, beta_m: [0.3; 3], ..Default::default() });
+    for theta in [0.0, 0.7f32] {
+        let query = FiberQuery { sigma_per_um: [0.0, 0.02], ..FiberQuery::new(direction(theta, 0.0), [0.5; 2]) };
+        let coefficients = |at: &DielectricBsdf<'_, 2>, n: usize| {
+            let mut sums = [[0.0f64; 2]; 7];
+            for j in 0..n {
+                let phi = (j as f64 + 0.37) / n as f64 * TAU;
+                let f = at.eval(direction(-theta, phi as f32));
+                for (k, sum) in sums.iter_mut().enumerate() {
+                    (0..2).for_each(|w| sum[w] += f64::from(f[w]) * (k as f64 * phi).cos() / n as f64);
+                }
+            }
+            sums
+        };
+        let far = coefficients(&fiber.at(&query), 40_000);
+        let offsets = 3000;
+        let mut near = [[0.0f64; 2]; 7];
+        for k in 0..offsets {
+            let h = (2 * k + 1) as f32 / offsets as f32 - 1.0;
+            let c = coefficients(&fiber.at(&FiberQuery { h_rel: Some(h), ..query }), 900);
+            (0..7).for_each(|k| (0..2).for_each(|w| near[k][w] += c[k][w] / f64::from(offsets)));
+        }
+        for k in 0..7 {
+            for w in 0..2 {
+                // The spread takes k^2 beta_n^2 / 2 of the k-th coefficient, 0.0018 of the last.
+                let off = (far[k][w] - near[k][w]).abs() / far[0][w];
+                assert!(off < 4e-3, "theta {theta}, coefficient {k}: far {:?}, near {:?}", far[k], near[k]);
+            }
+        }
+    }
+}
+
+/// Eq. 36 in a white room: L_o / D is 1 for a clear fiber of narrow lobes. With wide ones it is the mean of `cos theta_i / cos theta_o` over the lobe, as f = M N keeps the
+/// energy of each light and not of each view.
+#[test]
+fn white_room_gives_white() {
+    let fiber = dielectric(DielectricParameters { beta_m: [0.02; 3], ..Default::default() });
+    for theta_o in [0.1, 0.9, 1.3f32] {
+        let wo = direction(theta_o, 0.4);
+        let (rows, columns) = (200, 1440);
+        let mut sum = 0.0;
+        for i in 0..rows {
+            let theta = (0.2 * ((i as f64 + 0.5) / f64::from(rows) - 0.5) - f64::from(theta_o)).max(-FRAC_PI_2);
+            for j in 0..columns {
+                let phi = (j as f64 + 0.37) / f64::from(columns) * TAU;
+                let f = fiber.at(&FiberQuery::new(direction(theta as f32, phi as f32), [0.5])).eval(wo)[0];
+                let bcsdf = bcsdf_of_energy(f64::from(f), f64::from(theta_o).cos());
+                sum += bcsdf * theta.cos().powi(2) * 0.2 / f64::from(rows) * TAU / f64::from(columns);
+            }
+        }
+        assert!((sum - 1.0).abs() < 0.01, "theta_o {theta_o}: {sum}");
+    }
+}
+
+/// No number in gives what is not a number out.
+#[test]
+fn any_numbers_are_answered() {
+    let bad = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, -0.0, 1.0, -1.0, 1e30, -1e-30, 0.5, 2.0];
+    let fiber: FiberModel = dielectric(DielectricParameters::default()).into();
+    let mut rng = Pcg64Mcg::seed_from_u64(9);
+    let mut any = || bad[(rng.random::<f32>() * bad.len() as f32) as usize];
+    for _ in 0..20_000 {
+        let h_rel = [None, Some(any())][usize::from(any() > 0.5)];
+        let query = FiberQuery { omega_i: [any(), any(), any()], h_rel, lambda_um: [any()], sigma_per_um: [any()] };
+        let at = fiber.at(&query);
+        let (f, pdf) = at.eval_pdf([any(), any(), any()]);
+        assert!(f[0] >= 0.0 && f[0].is_finite() && pdf >= 0.0 && pdf.is_finite(), "{query:?}: {f:?} {pdf}");
+        assert!(at.albedo()[0].is_finite(), "{query:?}");
+        if let BsdfSample::Scattered(s) = at.sample([any(), any(), any()]) {
+            assert!(
+                s.weight[0].is_finite() && s.pdf.is_finite() && s.w.iter().all(|x| x.is_finite()),
+                "{query:?}: {s:?}"
+            );
+        }
+    }
+    for p in [
+        DielectricParameters { eta: 0.9, ..Default::default() },
+        DielectricParameters { eta: f32::NAN, ..Default::default() },
+        DielectricParameters { radius_um: 0.0, ..Default::default() },
+        DielectricParameters { beta_m: [0.1, 0.0, 0.1], ..Default::default() },
+        DielectricParameters { beta_n: 0.0, ..Default::default() },
+        DielectricParameters { orders: 0, ..Default::default() },
+    ] {
+        let line = DielectricFiber::new(p).unwrap_err().to_string();
+        assert!(line.starts_with("dielectric fiber: ") && !line.contains('\n'), "{line}");
+    }
 }
