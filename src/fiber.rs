@@ -22,6 +22,8 @@ mod dielectric;
 pub mod fresnel;
 mod gaussian;
 mod longitudinal;
+mod metal;
+pub mod opaque;
 mod range;
 mod table;
 
@@ -33,6 +35,8 @@ use std::f32::consts::{FRAC_PI_2, TAU};
 use std::path::Path;
 
 pub use dielectric::{DielectricBsdf, DielectricFiber, DielectricParameters, MOST_ORDERS};
+pub use metal::{Metal, conductor};
+pub use opaque::{Mirror, OpaqueBsdf, OpaqueFiber, OpaqueParameters};
 pub use table::{FiberSource, FiberTable, OutlineSymmetry};
 
 /// Most that C_e may exceed the geometric width (Xia 2020, 6).
@@ -104,6 +108,8 @@ pub enum FiberModel {
     Tabulated(TabulatedFiber),
     /// A smooth dielectric cylinder (Zinke 2007).
     Dielectric(DielectricFiber),
+    /// An opaque cylinder: metals, matte and varnished surfaces (Zinke 2007).
+    Opaque(OpaqueFiber),
 }
 
 impl FiberModel {
@@ -132,6 +138,7 @@ impl FiberModel {
         match self {
             FiberModel::Tabulated(fiber) => FiberBsdf(At::Tabulated(fiber.at(query))),
             FiberModel::Dielectric(fiber) => FiberBsdf(At::Dielectric(fiber.at(query))),
+            FiberModel::Opaque(fiber) => FiberBsdf(At::Opaque(fiber.at(query))),
         }
     }
 
@@ -140,7 +147,14 @@ impl FiberModel {
         match self {
             FiberModel::Tabulated(fiber) => fiber.max_width_um(),
             FiberModel::Dielectric(fiber) => 2.0 * fiber.parameters().radius_um,
+            FiberModel::Opaque(fiber) => 2.0 * fiber.parameters().radius_um,
         }
+    }
+}
+
+impl From<OpaqueFiber> for FiberModel {
+    fn from(fiber: OpaqueFiber) -> FiberModel {
+        FiberModel::Opaque(fiber)
     }
 }
 
@@ -175,6 +189,7 @@ pub struct FiberBsdf<'a, const N: usize>(At<'a, N>);
 enum At<'a, const N: usize> {
     Tabulated(TabulatedBsdf<'a, N>),
     Dielectric(DielectricBsdf<'a, N>),
+    Opaque(OpaqueBsdf<'a, N>),
 }
 
 /// The same expression of whatever model it is.
@@ -183,6 +198,7 @@ macro_rules! each {
         match &$self.0 {
             At::Tabulated($at) => $does,
             At::Dielectric($at) => $does,
+            At::Opaque($at) => $does,
         }
     };
 }
