@@ -25,6 +25,7 @@ mod longitudinal;
 mod metal;
 pub mod opaque;
 mod range;
+mod rough_dielectric;
 mod table;
 
 use crate::bsdf::{DirectionSample, Outcomes};
@@ -37,6 +38,7 @@ use std::path::Path;
 pub use dielectric::{DielectricBsdf, DielectricFiber, DielectricParameters, MOST_ORDERS};
 pub use metal::{Metal, conductor};
 pub use opaque::{Mirror, OpaqueBsdf, OpaqueFiber, OpaqueParameters};
+pub use rough_dielectric::{RoughDielectricBsdf, RoughDielectricFiber, RoughDielectricParameters};
 pub use table::{FiberSource, FiberTable, OutlineSymmetry};
 
 /// Most that C_e may exceed the geometric width (Xia 2020, 6).
@@ -110,6 +112,8 @@ pub enum FiberModel {
     Dielectric(DielectricFiber),
     /// An opaque cylinder: metals, matte and varnished surfaces (Zinke 2007).
     Opaque(OpaqueFiber),
+    /// A rough dielectric cylinder by R, TT, TRT and a diffuse rest; Marschner's model (Zinke 2007).
+    RoughDielectric(RoughDielectricFiber),
 }
 
 impl FiberModel {
@@ -139,6 +143,7 @@ impl FiberModel {
             FiberModel::Tabulated(fiber) => FiberBsdf(At::Tabulated(fiber.at(query))),
             FiberModel::Dielectric(fiber) => FiberBsdf(At::Dielectric(fiber.at(query))),
             FiberModel::Opaque(fiber) => FiberBsdf(At::Opaque(fiber.at(query))),
+            FiberModel::RoughDielectric(fiber) => FiberBsdf(At::RoughDielectric(fiber.at(query))),
         }
     }
 
@@ -148,6 +153,7 @@ impl FiberModel {
             FiberModel::Tabulated(fiber) => fiber.max_width_um(),
             FiberModel::Dielectric(fiber) => 2.0 * fiber.parameters().radius_um,
             FiberModel::Opaque(fiber) => 2.0 * fiber.parameters().radius_um,
+            FiberModel::RoughDielectric(fiber) => 2.0 * fiber.parameters().radius_um,
         }
     }
 }
@@ -155,6 +161,12 @@ impl FiberModel {
 impl From<OpaqueFiber> for FiberModel {
     fn from(fiber: OpaqueFiber) -> FiberModel {
         FiberModel::Opaque(fiber)
+    }
+}
+
+impl From<RoughDielectricFiber> for FiberModel {
+    fn from(fiber: RoughDielectricFiber) -> FiberModel {
+        FiberModel::RoughDielectric(fiber)
     }
 }
 
@@ -190,6 +202,7 @@ enum At<'a, const N: usize> {
     Tabulated(TabulatedBsdf<'a, N>),
     Dielectric(DielectricBsdf<'a, N>),
     Opaque(OpaqueBsdf<'a, N>),
+    RoughDielectric(RoughDielectricBsdf<'a, N>),
 }
 
 /// The same expression of whatever model it is.
@@ -199,6 +212,7 @@ macro_rules! each {
             At::Tabulated($at) => $does,
             At::Dielectric($at) => $does,
             At::Opaque($at) => $does,
+            At::RoughDielectric($at) => $does,
         }
     };
 }

@@ -33,6 +33,39 @@ impl Gaussian {
     }
 }
 
+/// A Gaussian cut to an interval and normalized there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct TruncatedGaussian {
+    width: f32,
+    ends: [f32; 2],
+    /// The error function at the ends.
+    erf: [f32; 2],
+    normalizer: f32,
+}
+
+impl TruncatedGaussian {
+    /// About 0, of the standard deviation `width` before it is cut. An interval with none of its light has the density 0.
+    pub(crate) fn new(width: f32, ends: [f32; 2]) -> TruncatedGaussian {
+        let erf = ends.map(|x| erf(f64::from(x) / (f64::from(width) * std::f64::consts::SQRT_2)));
+        let inside = 0.5 * (erf[1] - erf[0]);
+        let normalizer = 1.0 / (inside * f64::from(width) * std::f64::consts::TAU.sqrt());
+        let normalizer = if inside > 1e-6 { normalizer as f32 } else { 0.0 };
+        TruncatedGaussian { width, ends, erf: erf.map(|e| e as f32), normalizer }
+    }
+
+    /// Density at `x`.
+    pub(crate) fn eval(&self, x: f32) -> f32 {
+        let t = x / self.width;
+        self.normalizer * (-0.5 * t * t).exp()
+    }
+
+    /// The place below which the share `u` lies.
+    pub(crate) fn sample(&self, u: f32) -> f32 {
+        let e = self.erf[0] + clamp_unit(u) * (self.erf[1] - self.erf[0]);
+        (SQRT_2 * self.width * erf_inverse(e.clamp(-1.0, 1.0))).clamp(self.ends[0], self.ends[1])
+    }
+}
+
 /// The error function: its series, and 1 beyond 5, where it is within 2e-12 of it.
 pub(crate) fn erf(x: f64) -> f64 {
     if x.abs() > 5.0 {
