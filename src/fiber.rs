@@ -21,6 +21,7 @@ pub mod cylinder;
 mod dielectric;
 pub mod fresnel;
 mod gaussian;
+mod kajiya_kay;
 mod longitudinal;
 mod metal;
 pub mod opaque;
@@ -36,6 +37,7 @@ use std::f32::consts::{FRAC_PI_2, TAU};
 use std::path::Path;
 
 pub use dielectric::{DielectricBsdf, DielectricFiber, DielectricParameters, MOST_ORDERS};
+pub use kajiya_kay::{KajiyaKayBsdf, KajiyaKayFiber, KajiyaKayParameters};
 pub use metal::{Metal, conductor};
 pub use opaque::{Mirror, OpaqueBsdf, OpaqueFiber, OpaqueParameters};
 pub use rough_dielectric::{RoughDielectricBsdf, RoughDielectricFiber, RoughDielectricParameters};
@@ -114,6 +116,8 @@ pub enum FiberModel {
     Opaque(OpaqueFiber),
     /// A rough dielectric cylinder by R, TT, TRT and a diffuse rest; Marschner's model (Zinke 2007).
     RoughDielectric(RoughDielectricFiber),
+    /// Kajiya and Kay's phenomenological model.
+    KajiyaKay(KajiyaKayFiber),
 }
 
 impl FiberModel {
@@ -144,6 +148,7 @@ impl FiberModel {
             FiberModel::Dielectric(fiber) => FiberBsdf(At::Dielectric(fiber.at(query))),
             FiberModel::Opaque(fiber) => FiberBsdf(At::Opaque(fiber.at(query))),
             FiberModel::RoughDielectric(fiber) => FiberBsdf(At::RoughDielectric(fiber.at(query))),
+            FiberModel::KajiyaKay(fiber) => FiberBsdf(At::KajiyaKay(fiber.at(query))),
         }
     }
 
@@ -154,6 +159,7 @@ impl FiberModel {
             FiberModel::Dielectric(fiber) => 2.0 * fiber.parameters().radius_um,
             FiberModel::Opaque(fiber) => 2.0 * fiber.parameters().radius_um,
             FiberModel::RoughDielectric(fiber) => 2.0 * fiber.parameters().radius_um,
+            FiberModel::KajiyaKay(fiber) => 2.0 * fiber.parameters().radius_um,
         }
     }
 }
@@ -167,6 +173,12 @@ impl From<OpaqueFiber> for FiberModel {
 impl From<RoughDielectricFiber> for FiberModel {
     fn from(fiber: RoughDielectricFiber) -> FiberModel {
         FiberModel::RoughDielectric(fiber)
+    }
+}
+
+impl From<KajiyaKayFiber> for FiberModel {
+    fn from(fiber: KajiyaKayFiber) -> FiberModel {
+        FiberModel::KajiyaKay(fiber)
     }
 }
 
@@ -203,6 +215,7 @@ enum At<'a, const N: usize> {
     Dielectric(DielectricBsdf<'a, N>),
     Opaque(OpaqueBsdf<'a, N>),
     RoughDielectric(RoughDielectricBsdf<'a, N>),
+    KajiyaKay(KajiyaKayBsdf<'a, N>),
 }
 
 /// The same expression of whatever model it is.
@@ -213,6 +226,7 @@ macro_rules! each {
             At::Dielectric($at) => $does,
             At::Opaque($at) => $does,
             At::RoughDielectric($at) => $does,
+            At::KajiyaKay($at) => $does,
         }
     };
 }
