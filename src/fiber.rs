@@ -6,6 +6,8 @@
 pub mod azimuthal;
 pub mod cylinder;
 mod dielectric;
+mod far_table;
+mod fast;
 pub mod fresnel;
 mod gaussian;
 mod kajiya_kay;
@@ -21,7 +23,7 @@ use crate::bsdf::Outcomes;
 use crate::{Bsdf, BsdfSample, Result};
 use std::path::Path;
 
-pub use dielectric::{DielectricBsdf, DielectricFiber, DielectricParameters, MOST_ORDERS};
+pub use dielectric::{DielectricBsdf, DielectricFiber, DielectricParameters, LEAST_FAR_WIDTH, MOST_ORDERS};
 pub use kajiya_kay::{KajiyaKayBsdf, KajiyaKayFiber, KajiyaKayParameters};
 pub use metal::{Metal, conductor};
 pub use opaque::{Mirror, OpaqueBsdf, OpaqueFiber, OpaqueParameters};
@@ -112,7 +114,7 @@ impl FiberModel {
             FiberModel::Tabulated(fiber) => fiber.max_width_um(),
             FiberModel::Dielectric(fiber) => 2.0 * fiber.parameters().radius_um,
             FiberModel::Opaque(fiber) => 2.0 * fiber.parameters().radius_um,
-            FiberModel::RoughDielectric(fiber) => 2.0 * fiber.parameters().radius_um,
+            FiberModel::RoughDielectric(fiber) => fiber.max_width_um(),
             FiberModel::KajiyaKay(fiber) => 2.0 * fiber.parameters().radius_um,
         }
     }

@@ -4,6 +4,7 @@
 //! `phi_p = p pi + 2 gamma - 2 p asin(h/n')` and carries `a_0 = F`, `a_p = (1 - F)^2 F^(p-1) exp(-p sigma l)`: Fresnel's reflectance is the same at every event of a path, as
 //! the circle returns to the same angle. Polarization is mixed at every event, as in the paper. The orders from p on add up to `(1 - F)^2 F^(p-1) T^p / (1 - F T)`.
 
+use super::fast::asin;
 use super::fresnel;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
@@ -37,6 +38,12 @@ pub struct Peak {
     pub h_rel_i: f32,
     /// lambda_phi - phi_o: azimuth that light comes from, from the one it leaves to [rad], in [-pi, pi].
     pub turn: f32,
+}
+
+/// Azimuth by which an order turns light of these angles (Zinke 2007, Eq. 17-19).
+#[inline(always)]
+pub(crate) fn turn(order: u32, gamma: f32, gamma_t: f32) -> f32 {
+    (order % 2) as f32 * PI + 2.0 * gamma - (2 * order) as f32 * gamma_t
 }
 
 impl Path {
@@ -77,6 +84,7 @@ impl Path {
 
 impl CrossSection {
     /// Of a fiber of index `eta` and a radius [um], for light of a latitude's sine.
+    #[inline]
     pub fn new(eta: f32, radius_um: f32, sin_theta: f32) -> CrossSection {
         let sin_theta = sin_theta.clamp(-1.0, 1.0);
         let [across, _] = fresnel::cross_section_indices(sin_theta, eta);
@@ -92,6 +100,7 @@ impl CrossSection {
     }
 
     /// The path at the offset `h_rel`.
+    #[inline]
     pub fn path(&self, h_rel: f32) -> Path {
         let h = h_rel.clamp(-1.0, 1.0);
         Path {
@@ -101,10 +110,29 @@ impl CrossSection {
     }
 
     /// Azimuth phi_o - phi_i by which an order turns light at the offset `h_rel` [rad], not brought to a turn (Zinke 2007, Eq. 17-19).
+    #[inline]
     pub fn turn(&self, order: u32, h_rel: f32) -> f32 {
+        let [gamma, gamma_t] = self.angles(h_rel);
+        turn(order, gamma, gamma_t)
+    }
+
+    /// gamma_i and gamma_t, signed.
+    #[inline]
+    pub(crate) fn angles(&self, h_rel: f32) -> [f32; 2] {
         let h = h_rel.clamp(-1.0, 1.0);
-        let p = order as f32;
-        p % 2.0 * PI + 2.0 * h.asin() - 2.0 * p * (h * self.inverse).asin()
+        [asin(h), asin((h * self.inverse).clamp(-1.0, 1.0))]
+    }
+
+    /// gamma_t of an offset in [-1, 1].
+    #[inline]
+    pub(crate) fn gamma_t(&self, h_rel: f32) -> f32 {
+        asin((h_rel * self.inverse).clamp(-1.0, 1.0))
+    }
+
+    /// Length of an inner part of a path over the cosine of gamma_t [um].
+    #[inline]
+    pub(crate) fn chord_um(&self) -> f32 {
+        self.chord_um
     }
 
     /// The BFSDF's term of an order, where it is seen (Zinke 2007, Eq. 21-23); its weight is [`Path::attenuation`].
@@ -117,7 +145,9 @@ impl CrossSection {
         }
     }
 
-    fn cos_t(&self, h: f32) -> f32 {
+    /// Cosine of gamma_t.
+    #[inline]
+    pub(crate) fn cos_t(&self, h: f32) -> f32 {
         let s = h * self.inverse;
         (1.0 - s * s).max(0.0).sqrt()
     }

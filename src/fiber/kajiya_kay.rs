@@ -3,6 +3,7 @@
 //! It is phenomenological: no color of its own, no Fresnel, no azimuth, and more light out than in at grazing light, by `1 / cos theta_i`. [`Bsdf::albedo`] says how much.
 
 use super::FiberQuery;
+use super::fast::{atan2, exp, ln, sin_cos};
 use super::gaussian::TruncatedGaussian;
 use super::longitudinal::Latitude;
 use super::range::{invalid, parameter};
@@ -77,7 +78,7 @@ impl KajiyaKayFiber {
     pub fn at<const N: usize>(&self, query: &FiberQuery<N>) -> KajiyaKayBsdf<'_, N> {
         let valid = is_direction(query.omega_i);
         let i = Latitude::of(if valid { query.omega_i } else { [1.0, 0.0, 0.0] });
-        let theta_i = i.sin.atan2(i.cos);
+        let theta_i = atan2(i.sin, i.cos);
         // cos^n x lies below exp(-n x^2 / 2): samples of that Gaussian have bounded weights.
         let ends = [-FRAC_PI_2 + theta_i, FRAC_PI_2 + theta_i];
         let highlight = TruncatedGaussian::new(1.0 / self.parameters.exponent.sqrt(), ends);
@@ -93,7 +94,7 @@ impl KajiyaKayFiber {
         } else {
             (phong / (phong + diffuse)).max(0.1).min(0.9)
         };
-        KajiyaKayBsdf { fiber: self, theta_i, cos_i: i.cos.max(1e-3), highlight, chance, valid }
+        KajiyaKayBsdf { fiber: self, incident: i, theta_i, cos_i: i.cos.max(1e-3), highlight, chance, valid }
     }
 }
 
@@ -101,6 +102,7 @@ impl KajiyaKayFiber {
 #[derive(Clone, Copy, Debug)]
 pub struct KajiyaKayBsdf<'a, const N: usize> {
     fiber: &'a KajiyaKayFiber,
+    incident: Latitude,
     theta_i: f32,
     /// At least 1e-3.
     cos_i: f32,
@@ -116,9 +118,14 @@ impl<const N: usize> KajiyaKayBsdf<'_, N> {
         [if self.valid { 2.0 * self.fiber.parameters.radius_um } else { 0.0 }; N]
     }
 
-    fn phong(&self, theta_o: f32) -> f32 {
+    #[inline]
+    fn phong(&self, o: Latitude) -> f32 {
         let p = &self.fiber.parameters;
-        p.phong * (theta_o + self.theta_i).cos().max(0.0).powf(p.exponent) / self.cos_i
+        let cos = (o.cos * self.incident.cos - o.sin * self.incident.sin).min(1.0);
+        if cos <= 0.0 {
+            return 0.0;
+        }
+        p.phong * exp(p.exponent * ln(cos.max(f32::MIN_POSITIVE)).min(0.0)) / self.cos_i
     }
 }
 
@@ -131,13 +138,14 @@ impl<const N: usize> Bsdf<N> for KajiyaKayBsdf<'_, N> {
         self.eval_pdf(w).1
     }
 
+    #[inline]
     fn eval_pdf(&self, w: [f32; 3]) -> ([f32; N], f32) {
         if !(self.valid && is_direction(w)) {
             return ([0.0; N], 0.0);
         }
         let o = Latitude::of(w);
-        let theta_o = o.sin.atan2(o.cos);
-        let f = (self.phong(theta_o) + self.fiber.parameters.diffuse) * o.cos;
+        let theta_o = atan2(o.sin, o.cos);
+        let f = (self.phong(o) + self.fiber.parameters.diffuse) * o.cos;
         let drawn = self.highlight.eval(theta_o + self.theta_i) / (TAU * o.cos.max(1e-6));
         ([f; N], self.chance * drawn + (1.0 - self.chance) / (2.0 * TAU))
     }
@@ -148,12 +156,12 @@ impl<const N: usize> Bsdf<N> for KajiyaKayBsdf<'_, N> {
         }
         let (sin, cos) = if u[2] < self.chance {
             let theta_o = (self.highlight.sample(u[1]) - self.theta_i).clamp(-FRAC_PI_2, FRAC_PI_2);
-            theta_o.sin_cos()
+            sin_cos(theta_o)
         } else {
             let sin = 2.0 * u[1] - 1.0;
             (sin, (1.0 - sin * sin).max(0.0).sqrt())
         };
-        let (y, x) = (TAU * u[0]).sin_cos();
+        let (y, x) = sin_cos(TAU * u[0]);
         let w = [cos.max(0.0) * x, cos.max(0.0) * y, sin];
         let (f, pdf) = self.eval_pdf(w);
         BsdfSample::scattered(w, f, pdf)
@@ -169,7 +177,8 @@ impl<const N: usize> Bsdf<N> for KajiyaKayBsdf<'_, N> {
         let (low, high) = ((-self.theta_i - reach).max(-FRAC_PI_2), (-self.theta_i + reach).min(FRAC_PI_2));
         let step = (high - low) / 128.0;
         let at = |k: usize| low + (k as f32 + 0.5) * step;
-        let phong: f32 = (0..128).map(|k| self.phong(at(k)) * at(k).cos().powi(2)).sum();
+        let phong: f32 =
+            (0..128).map(|k| at(k).sin_cos()).map(|(sin, cos)| self.phong(Latitude { sin, cos }) * cos * cos).sum();
         [TAU * phong * step + PI * PI * p.diffuse; N]
     }
 

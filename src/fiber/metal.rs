@@ -45,6 +45,7 @@ impl Metal {
 }
 
 /// Reflectance of a conductor of index `eta - i kappa` for unpolarized light at the cosine `cos` of the angle of incidence.
+#[inline]
 pub fn conductor(cos: f32, [eta, kappa]: [f32; 2]) -> f32 {
     let cos2 = (cos * cos).min(1.0);
     let (sin2, cos) = (1.0 - cos2, cos.max(0.0).min(1.0));

@@ -12,6 +12,7 @@
 
 use super::FiberQuery;
 use super::azimuthal::OFFSETS;
+use super::fast::{asin, atan2, lanes, sin_cos, wrapped};
 use super::fresnel;
 use super::gaussian::Gaussian;
 use super::longitudinal::{Latitude, Longitudinal};
@@ -80,12 +81,17 @@ impl Default for OpaqueParameters {
 /// # Ok(())
 /// # }
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct OpaqueFiber {
     parameters: OpaqueParameters,
     longitudinal: Longitudinal,
     azimuthal: Gaussian,
+    /// `[latitude][azimuth]` of Eq. 48 for `(1 - F) / pi`: what the base under a mirror of one index gives in the far field, per albedo.
+    base: Option<Vec<f32>>,
 }
+
+/// Nodes of the base's table over cosines of the latitude from 0 to 1, and over azimuths from 0 to pi.
+const BASE: [usize; 2] = [65, 97];
 
 impl OpaqueFiber {
     /// A fiber of these parameters.
@@ -107,10 +113,28 @@ impl OpaqueFiber {
         parameter(MODEL, "diffuse", p.diffuse, [0.0, 1.0])?;
         parameter(MODEL, "beta_m", p.beta_m, [1e-3, 2.0])?;
         parameter(MODEL, "beta_n", p.beta_n, [1e-3, 10.0])?;
+        let fixed = match p.mirror {
+            Mirror::Dielectric(eta) => Some([eta, 0.0]),
+            Mirror::Conductor(index) => Some(index),
+            Mirror::None | Mirror::Metal(_) => None,
+        };
+        let base = fixed.filter(|_| p.diffuse > 0.0).map(|index| {
+            let node = |k: usize| {
+                let (theta, phi) = (k / BASE[1], k % BASE[1]);
+                // Squares: much happens near grazing light.
+                let cos_theta = (theta as f32 / (BASE[0] - 1) as f32).powi(2);
+                let [f] = bcsdf_of_brdf(PI * phi as f32 / (BASE[1] - 1) as f32, |[cos, _]| {
+                    [FRAC_1_PI * (1.0 - conductor(cos_theta * cos, index))]
+                });
+                f
+            };
+            (0..BASE[0] * BASE[1]).map(node).collect()
+        });
         Ok(OpaqueFiber {
             parameters,
             longitudinal: Longitudinal::new(p.beta_m),
             azimuthal: Gaussian::new(p.beta_n, PI),
+            base,
         })
     }
 
@@ -125,24 +149,75 @@ impl OpaqueFiber {
         let valid = is_direction(query.omega_i) && finite;
         let wi = if valid { query.omega_i } else { [1.0, 0.0, 0.0] };
         let latitude = Latitude::of(wi);
-        let index = query.lambda_um.map(|lambda| match self.parameters.mirror {
+        let index = lanes(|n| match self.parameters.mirror {
             Mirror::None => [1.0, 0.0],
             Mirror::Dielectric(eta) => [eta, 0.0],
             Mirror::Conductor(index) => index,
-            Mirror::Metal(metal) => metal.index(lambda),
+            Mirror::Metal(metal) => metal.index(query.lambda_um[n]),
         });
         let mut at = OpaqueBsdf {
             fiber: self,
             azimuth: if latitude.cos > 0.0 { [wi[0] / latitude.cos, wi[1] / latitude.cos] } else { [1.0, 0.0] },
             latitude,
             index,
-            h_rel: query.h_rel.map(|h| h.clamp(-1.0, 1.0)),
-            dark: false,
+            near: None,
+            chance: 1.0,
+            dark: self.parameters.diffuse == 0.0
+                && matches!(self.parameters.mirror, Mirror::None | Mirror::Conductor([1.0, 0.0])),
             valid,
         };
-        at.dark = at.albedo().iter().sum::<f32>() <= 0.0;
+        at.near = query.h_rel.map(|h| h.clamp(-1.0, 1.0)).map(|h| {
+            let cos = ((1.0 - h) * (1.0 + h)).max(0.0).sqrt();
+            let (mirrored, diffuse) = at.shares(cos);
+            Near { h_rel: h, cos, gamma: asin(h), mirrored, diffuse }
+        });
+        if self.parameters.diffuse > 0.0 {
+            // In the far field a guess by three offsets: any chance between would do.
+            let (mut m, mut d) = (0.0, 0.0);
+            let mut add = |(mirrored, diffuse): ([f32; N], [f32; N])| {
+                m += mirrored.iter().sum::<f32>();
+                d += diffuse.iter().sum::<f32>();
+            };
+            match &at.near {
+                Some(near) => add((near.mirrored, near.diffuse)),
+                None => [0.3, 0.7, 0.95f32].iter().for_each(|cos| add(at.shares(*cos))),
+            }
+            let chance = if m + d > 0.0 { m / (m + d) } else { 0.0 };
+            // Either is drawn where the other may be weak at some offset.
+            at.chance = if self.parameters.mirror == Mirror::None { 0.0 } else { chance.max(0.05).min(0.95) };
+        }
         at
     }
+
+    /// The base's far field under a mirror of one index, per albedo.
+    #[inline]
+    fn base(&self, cos_theta: f32, phi: f32) -> Option<f32> {
+        let table = self.base.as_ref()?;
+        let place = |x: f32, count: usize| {
+            let x = x.clamp(0.0, 1.0) * (count - 1) as f32;
+            let first = (x as usize).min(count - 2);
+            (first, x - first as f32)
+        };
+        let (row, s) = place(cos_theta.sqrt(), BASE[0]);
+        let (column, t) = place(phi.abs() * FRAC_1_PI, BASE[1]);
+        let at = |row: usize| {
+            let pair = &table[row * BASE[1] + column..][..2];
+            pair[0] + t * (pair[1] - pair[0])
+        };
+        let (a, b) = (at(row), at(row + 1));
+        Some(a + s * (b - a))
+    }
+}
+
+/// What a query's offset gives.
+#[derive(Clone, Copy, Debug)]
+struct Near<const N: usize> {
+    h_rel: f32,
+    /// Of the offset's angle gamma.
+    cos: f32,
+    gamma: f32,
+    mirrored: [f32; N],
+    diffuse: [f32; N],
 }
 
 /// Eq. 48 of any BRDF: the BCSDF of an opaque fiber in the relative azimuth `phi` [rad], of which `brdf` is the surface's BRDF [1/sr] where light arrives at the offset
@@ -157,6 +232,7 @@ pub fn bcsdf_of_brdf<const N: usize>(phi: f32, brdf: impl Fn([f32; 2]) -> [f32; 
 }
 
 /// Places of the lit part that is seen in the relative azimuth `phi`: cosine and sine of gamma, and `cos gamma cos(gamma - phi) dgamma / 2`.
+#[inline]
 fn each_lit(phi: f32, mut visit: impl FnMut([f32; 2], f32)) {
     let phi = phi - TAU * (phi / TAU).round();
     let (low, high) = ((phi - FRAC_PI_2).max(-FRAC_PI_2), (phi + FRAC_PI_2).min(FRAC_PI_2));
@@ -183,9 +259,17 @@ const GAUSS: [(f32, f32); 8] = [
 ];
 
 /// BCSDF of a Lambertian fiber [1/sr], exact (Zinke 2007, Eq. 49).
+#[inline]
 pub fn lambertian(k_d: f32, phi: f32) -> f32 {
     let phi = (phi - TAU * (phi / TAU).round()).abs();
     0.25 * k_d * (phi.sin() + (PI - phi) * phi.cos()).max(0.0)
+}
+
+/// The same by the sine and cosine of phi, both times `scale`.
+#[inline]
+fn lambertian_of(k_d: f32, phi: f32, cos: f32, sin: f32, scale: f32) -> f32 {
+    let inverse = 1.0 / scale.max(1e-20);
+    0.25 * k_d * ((sin.abs() + (PI - phi.abs()) * cos) * inverse).max(0.0)
 }
 
 /// The paper's polynomial for it, phi from 0 to pi (Zinke 2007, Eq. 51), for comparison alone: it is off by 6 % at 0 and by 87 % at 150 degrees.
@@ -203,7 +287,9 @@ pub struct OpaqueBsdf<'a, const N: usize> {
     latitude: Latitude,
     /// `[eta, kappa]` by wavelength.
     index: [[f32; 2]; N],
-    h_rel: Option<f32>,
+    near: Option<Near<N>>,
+    /// With which samples are mirrored.
+    chance: f32,
     /// Whether all light is absorbed.
     dark: bool,
     valid: bool,
@@ -215,18 +301,17 @@ impl<const N: usize> OpaqueBsdf<'_, N> {
         [if self.valid { 2.0 * self.fiber.parameters.radius_um } else { 0.0 }; N]
     }
 
-    /// Mirrored and diffuse albedo where the offset's angle has the cosine `cos_gamma`, and the chance with which samples there are mirrored.
-    fn shares(&self, cos_gamma: f32) -> ([f32; N], [f32; N], f32) {
+    /// Mirrored and diffuse albedo where the offset's angle has the cosine `cos_gamma`.
+    #[inline]
+    fn shares(&self, cos_gamma: f32) -> ([f32; N], [f32; N]) {
         let cos = self.latitude.cos * cos_gamma;
         let rho = self.fiber.parameters.diffuse;
-        let mirrored = self.index.map(|index| match self.fiber.parameters.mirror {
-            Mirror::None => 0.0,
-            Mirror::Dielectric(eta) => fresnel::dielectric(cos, eta),
-            _ => conductor(cos, index),
-        });
-        let diffuse = mirrored.map(|f| (1.0 - f) * rho);
-        let (m, d) = (mirrored.iter().sum::<f32>(), diffuse.iter().sum::<f32>());
-        (mirrored, diffuse, if m + d > 0.0 { m / (m + d) } else { 1.0 })
+        let mirrored = match self.fiber.parameters.mirror {
+            Mirror::None => [0.0; N],
+            Mirror::Dielectric(eta) => [fresnel::dielectric(cos, eta); N],
+            _ => lanes(|n| conductor(cos, self.index[n])),
+        };
+        (mirrored, lanes(|n| (1.0 - mirrored[n]) * rho))
     }
 }
 
@@ -239,48 +324,56 @@ impl<const N: usize> Bsdf<N> for OpaqueBsdf<'_, N> {
         self.eval_pdf(w).1
     }
 
+    #[inline]
     fn eval_pdf(&self, w: [f32; 3]) -> ([f32; N], f32) {
         let (mut f, mut pdf) = ([0.0; N], 0.0);
         if !(self.valid && is_direction(w)) || self.dark {
             return (f, pdf);
         }
+        let p = &self.fiber.parameters;
         let o = Latitude::of(w);
         let [x, y] = self.azimuth;
-        let phi = (x * w[1] - y * w[0]).atan2(x * w[0] + y * w[1]);
-        let mut add = |density: f32, part: [f32; N], chance: f32| {
+        // Cosine and sine of the relative azimuth, times that of the latitude.
+        let (across, side) = (x * w[0] + y * w[1], x * w[1] - y * w[0]);
+        let phi = atan2(side, across);
+        let mut add = |density: f32, part: &[f32; N], chance: f32| {
             (0..N).for_each(|n| f[n] += density * part[n]);
             pdf += density * chance;
         };
-        if self.fiber.parameters.mirror != Mirror::None {
+        if p.mirror != Mirror::None {
             let m = self.fiber.longitudinal.eval(self.latitude, o);
-            let (cos, density) = match self.h_rel {
+            match &self.near {
                 None => {
-                    let cos = (0.5 * phi).cos().max(0.0);
-                    (cos, 0.25 * cos)
+                    let cos_phi = if o.cos > 0.0 { (across / o.cos).clamp(-1.0, 1.0) } else { 1.0 };
+                    let cos = (0.5 * (1.0 + cos_phi)).sqrt();
+                    add(m * 0.25 * cos, &self.shares(cos).0, self.chance);
                 }
-                Some(h) => {
-                    let off = phi - 2.0 * h.asin();
-                    ((1.0 - h * h).sqrt(), self.fiber.azimuthal.eval(off - TAU * (off / TAU).round()))
+                Some(near) => {
+                    let density = self.fiber.azimuthal.eval(wrapped(phi - 2.0 * near.gamma));
+                    add(m * density, &near.mirrored, self.chance);
                 }
-            };
-            let (mirrored, _, chance) = self.shares(cos);
-            add(m * density, mirrored, chance);
+            }
         }
-        if self.fiber.parameters.diffuse > 0.0 {
-            match self.h_rel {
-                None if self.fiber.parameters.mirror == Mirror::None => {
-                    let density = o.cos * lambertian(FRAC_1_PI, phi);
-                    add(density, [self.fiber.parameters.diffuse; N], 1.0);
+        if p.diffuse > 0.0 {
+            match &self.near {
+                None => {
+                    let even = o.cos * lambertian_of(FRAC_1_PI, phi, across, side, o.cos);
+                    if p.mirror == Mirror::None {
+                        add(even, &[p.diffuse; N], 1.0);
+                    } else {
+                        add(even, &[0.0; N], 1.0 - self.chance);
+                        match self.fiber.base(self.latitude.cos, phi) {
+                            Some(base) => add(o.cos * base, &[p.diffuse; N], 0.0),
+                            // Metals: F depends on the wavelength.
+                            None => each_lit(phi, |[cos, _], weight| {
+                                add(o.cos * weight * FRAC_1_PI, &self.shares(cos).1, 0.0);
+                            }),
+                        }
+                    }
                 }
-                None => each_lit(phi, |[cos, _], weight| {
-                    let (_, diffuse, chance) = self.shares(cos);
-                    add(o.cos * weight * FRAC_1_PI, diffuse, 1.0 - chance);
-                }),
-                Some(h) => {
-                    let cos = (1.0 - h * h).sqrt();
-                    let (_, diffuse, chance) = self.shares(cos);
-                    let seen = o.cos * (cos * phi.cos() + h * phi.sin()).max(0.0);
-                    add(seen * FRAC_1_PI, diffuse, 1.0 - chance);
+                Some(near) => {
+                    let seen = (near.cos * across + near.h_rel * side).max(0.0);
+                    add(seen * FRAC_1_PI, &near.diffuse, 1.0 - self.chance);
                 }
             }
         }
@@ -291,19 +384,23 @@ impl<const N: usize> Bsdf<N> for OpaqueBsdf<'_, N> {
         if !(self.valid && u.iter().all(|v| (0.0..1.0).contains(v))) || self.dark {
             return BsdfSample::Absorbed;
         }
-        let h = self.h_rel.unwrap_or(2.0 * u[0] - 1.0);
-        let (cos_gamma, gamma) = ((1.0 - h * h).max(0.0).sqrt(), h.asin());
-        let (_, _, chance) = self.shares(cos_gamma);
+        let (h, cos_gamma, gamma) = match &self.near {
+            Some(near) => (near.h_rel, near.cos, near.gamma),
+            None => {
+                let h = 2.0 * u[0] - 1.0;
+                (h, ((1.0 - h) * (1.0 + h)).max(0.0).sqrt(), asin(h))
+            }
+        };
         // Cosine and sine of the relative azimuth, times the cosine of the latitude; its sine.
-        let (across, along) = if u[2] < chance {
-            let i = self.fiber.longitudinal.sample(self.latitude, [u[1], clamp_unit(u[2] / chance)]);
-            let phi = 2.0 * gamma + if self.h_rel.is_some() { self.fiber.azimuthal.sample(u[0]) } else { 0.0 };
-            let (sin, cos) = phi.sin_cos();
+        let (across, along) = if u[2] < self.chance {
+            let i = self.fiber.longitudinal.sample(self.latitude, [u[1], clamp_unit(u[2] / self.chance)]);
+            let phi = 2.0 * gamma + if self.near.is_some() { self.fiber.azimuthal.sample(u[0]) } else { 0.0 };
+            let (sin, cos) = sin_cos(phi);
             ([i.cos * cos, i.cos * sin], i.sin)
         } else {
             // Cosine-weighted about the normal, which has the azimuth gamma.
-            let turn = TAU * clamp_unit((u[2] - chance) / (1.0 - chance));
-            let (sin, cos) = turn.sin_cos();
+            let turn = TAU * clamp_unit((u[2] - self.chance) / (1.0 - self.chance));
+            let (sin, cos) = sin_cos(turn);
             let (radius, up) = (u[1].sqrt(), (1.0 - u[1]).sqrt());
             let side = radius * cos;
             ([up * cos_gamma - side * h, up * h + side * cos_gamma], radius * sin)
@@ -320,11 +417,11 @@ impl<const N: usize> Bsdf<N> for OpaqueBsdf<'_, N> {
             return [0.0; N];
         }
         let at = |cos: f32| {
-            let (mirrored, diffuse, _) = self.shares(cos);
+            let (mirrored, diffuse) = self.shares(cos);
             std::array::from_fn(|n| mirrored[n] + diffuse[n])
         };
-        match self.h_rel {
-            Some(h) => at((1.0 - h * h).sqrt()),
+        match &self.near {
+            Some(near) => at(near.cos),
             None => OFFSETS.iter().fold([0.0; N], |sum, (h, weight)| {
                 let a: [f32; N] = at((1.0 - h * h).sqrt());
                 std::array::from_fn(|n| sum[n] + weight * a[n])

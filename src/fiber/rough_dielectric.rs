@@ -8,11 +8,16 @@
 //! attenuations and n'. A lobe with `w_phi = 0` is the smooth cylinder's, by the roots of its offsets, at every offset of the query: with three of them this is Marschner's basic model.
 //!
 //! As printed the lobes do not conserve energy: their integral is `integral of g cos^2 theta_o / cos^2 theta_d`, which is 1 for narrow lobes away from grazing light alone, and light
-//! beyond TRT is in `k_d`. [`Bsdf::albedo`] says how much it is. `DielectricFiber` conserves. What is left out: elliptical sections, widths along the fiber (w_s) and of the offset (w_h), which the
+//! beyond TRT is in `k_d`. [`Bsdf::albedo`] says how much it is. `DielectricFiber` conserves. What is left out: widths along the fiber (w_s) and of the offset (w_h), which the
 //! paper takes as narrow too.
+//!
+//! Far fields come from a table made with the fiber (9.2), for any absorption. An elliptical section is Marschner's: TRT sees an index that depends on (phi_i + phi_o)/2, and the width is the
+//! projected one; its far TRT is a sum over offsets at every call, some 2 us.
 
 use super::FiberQuery;
-use super::azimuthal::CrossSection;
+use super::azimuthal::{CrossSection, OFFSETS, turn};
+use super::far_table::FarTable;
+use super::fast::{asin, atan2, exp, lanes, sin_cos, wrapped};
 use super::gaussian::{Gaussian, TruncatedGaussian};
 use super::longitudinal::Latitude;
 use super::range::{invalid, parameter};
@@ -22,19 +27,23 @@ use crate::math::clamp_unit;
 use crate::{Bsdf, BsdfSample, Result};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-/// Offsets of the far field a side: the mean of the near field over midpoints of gamma. Their azimuths lie 0.1 rad apart at most, 1.6 of the least width, at which a sum of
+/// Offsets a side of an ellipse's far TRT: the mean of the near field over midpoints of gamma. Their azimuths lie 0.1 rad apart at most, 1.6 of the least width, at which a sum of
 /// Gaussians is flat to 2e-3.
 const OFFSETS_A_SIDE: usize = 32;
 /// Steps of the albedo's integral over the latitude.
 const LATITUDES: usize = 64;
+/// Steps of an elliptical section's albedo over latitude and azimuth.
+const ELLIPTICAL: [usize; 2] = [32, 256];
 
-/// Table 1 of Zinke 2007, but for the eccentricity, with the absorption in the query; three values are of R, TT, TRT.
+/// Table 1 of Zinke 2007, with the absorption in the query; three values are of R, TT, TRT.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RoughDielectricParameters {
     /// n, 1.01 to 4.
     pub eta: f32,
-    /// Radius [um], 0.01 to 1e5.
+    /// Radius [um], 0.01 to 1e5; of an ellipse the geometric mean of its half axes.
     pub radius_um: f32,
+    /// e: half axis of the section along x over that along y, 0.8 to 1.25, 1 for a circle.
+    pub eccentricity: f32,
     /// Longitudinal shifts of the cones [rad], -1 to 1.
     pub shift: [f32; 3],
     /// Longitudinal widths, w_theta [rad], 0.005 to 1.
@@ -51,6 +60,7 @@ impl Default for RoughDielectricParameters {
         RoughDielectricParameters {
             eta: 1.55,
             radius_um: 40.0,
+            eccentricity: 1.0,
             shift: [-0.1, 0.05, 0.15],
             width_theta: [0.1, 0.05, 0.2],
             width_phi: [0.1, 0.1, 0.2],
@@ -62,7 +72,15 @@ impl Default for RoughDielectricParameters {
 impl RoughDielectricParameters {
     /// Marschner's basic model (Zinke 2007, Eq. 42): the smooth cylinder's azimuths, caustics included.
     pub fn marschner(eta: f32, radius_um: f32, shift: [f32; 3], width_theta: [f32; 3]) -> Self {
-        RoughDielectricParameters { eta, radius_um, shift, width_theta, width_phi: [0.0; 3], k_d: 0.0 }
+        RoughDielectricParameters {
+            eta,
+            radius_um,
+            eccentricity: 1.0,
+            shift,
+            width_theta,
+            width_phi: [0.0; 3],
+            k_d: 0.0,
+        }
     }
 }
 
@@ -87,8 +105,11 @@ pub struct RoughDielectricFiber {
     parameters: RoughDielectricParameters,
     longitudinal: [Gaussian; 3],
     azimuthal: [Option<Gaussian>; 3],
-    /// h of the positive offsets of the far field, and the weight of each sign.
+    /// h of the positive offsets of an ellipse's far TRT, and the weight of each sign.
     offsets: [(f32, f32); OFFSETS_A_SIDE],
+    far: FarTable,
+    /// n_1 and n_2 of an ellipse.
+    ellipse: Option<[f32; 2]>,
 }
 
 impl RoughDielectricFiber {
@@ -101,6 +122,7 @@ impl RoughDielectricFiber {
         let p = &parameters;
         parameter(MODEL, "eta", p.eta, [1.01, 4.0])?;
         parameter(MODEL, "radius_um", p.radius_um, [0.01, 1e5])?;
+        parameter(MODEL, "eccentricity", p.eccentricity, [0.8, 1.25])?;
         for lobe in 0..3 {
             parameter(MODEL, "shift", p.shift[lobe], [-1.0, 1.0])?;
             parameter(MODEL, "width_theta", p.width_theta[lobe], [0.005, 1.0])?;
@@ -118,6 +140,9 @@ impl RoughDielectricFiber {
             longitudinal: p.width_theta.map(|w| Gaussian::new(w, FRAC_PI_2)),
             azimuthal: p.width_phi.map(|w| (w > 0.0).then(|| Gaussian::new(w, PI))),
             offsets: std::array::from_fn(offset),
+            // Of a lobe without width the energies alone are asked for.
+            far: FarTable::new(p.eta, &p.width_phi.map(|w| if w > 0.0 { w } else { 0.5 })),
+            ellipse: (p.eccentricity != 1.0).then(|| ellipse_indices(p.eta, p.eccentricity)),
         })
     }
 
@@ -132,31 +157,60 @@ impl RoughDielectricFiber {
         let valid = is_direction(query.omega_i) && finite;
         let wi = if valid { query.omega_i } else { [1.0, 0.0, 0.0] };
         let latitude = Latitude::of(wi);
-        let theta_i = latitude.sin.atan2(latitude.cos);
+        let theta_i = atan2(latitude.sin, latitude.cos);
         let p = &self.parameters;
+        let h_rel = query.h_rel.map(|h| h.clamp(-1.0, 1.0));
         let mut at = RoughDielectricBsdf {
             fiber: self,
             azimuth: if latitude.cos > 0.0 { [wi[0] / latitude.cos, wi[1] / latitude.cos] } else { [1.0, 0.0] },
             theta_i,
+            incident: latitude,
             latitude: std::array::from_fn(|lobe| {
                 let middle = p.shift[lobe] - theta_i;
                 TruncatedGaussian::new(p.width_theta[lobe], [-FRAC_PI_2 - middle, FRAC_PI_2 - middle])
             }),
-            sigma_per_um: query.sigma_per_um.map(|s| s.clamp(0.0, 1e6)),
-            h_rel: query.h_rel.map(|h| h.clamp(-1.0, 1.0)),
+            sigma_per_um: lanes(|n| query.sigma_per_um[n].clamp(0.0, 1e6)),
+            near: h_rel.map(|h| [h, asin(h)]),
             chance: [0.0; 3],
+            diffuse_chance: 1.0,
             valid,
         };
         if valid {
             let section = CrossSection::new(p.eta, p.radius_um, latitude.sin);
-            let energy: [f32; 3] = std::array::from_fn(|lobe| at.energy(&section, lobe).iter().sum());
+            let near = at.near.map(|[h, _]| at.attenuations(&section, h));
+            let row = self.far.row(theta_i);
+            let s: [f32; N] = lanes(|n| at.sigma_per_um[n] * section.chord_um());
+            let energy: [f32; 3] = lanes(|lobe| {
+                let light = match (&near, &self.azimuthal[lobe]) {
+                    (Some(light), Some(_)) => light[lobe],
+                    _ => self.far.light(lobe, self.far.total(row, lobe), &s),
+                };
+                if at.latitude[lobe].is_lit() { light.iter().sum() } else { 0.0 }
+            });
             let total = energy.iter().sum::<f32>() + N as f32 * 2.0 * PI * PI * p.k_d;
             if total > 0.0 {
-                at.chance = energy.map(|e| e / total);
+                at.chance = lanes(|lobe| energy[lobe] / total);
+                at.diffuse_chance = N as f32 * 2.0 * PI * PI * p.k_d / total;
             }
         }
         at
     }
+
+    /// Width of the section across light of this azimuth [um].
+    fn width_um(&self, [x, y]: [f32; 2]) -> f32 {
+        let e = self.parameters.eccentricity;
+        2.0 * self.parameters.radius_um * (e * y * y + x * x / e).sqrt()
+    }
+
+    /// Its most over all azimuths [um].
+    pub(super) fn max_width_um(&self) -> f32 {
+        self.width_um([1.0, 0.0]).max(self.width_um([0.0, 1.0]))
+    }
+}
+
+/// n_1 and n_2: indices of a circle whose TRT is that of an ellipse, for light along x and y (Marschner 2003; Zinke 2007, 8.2).
+fn ellipse_indices(eta: f32, e: f32) -> [f32; 2] {
+    [e * e, 1.0 / (e * e)].map(|e2| 2.0 * (eta - 1.0) * e2 - eta + 2.0)
 }
 
 /// A [`RoughDielectricFiber`] at a query.
@@ -166,102 +220,180 @@ pub struct RoughDielectricBsdf<'a, const N: usize> {
     /// Cosine and sine of phi_i; of 0 for light along the fiber.
     azimuth: [f32; 2],
     theta_i: f32,
+    incident: Latitude,
     /// Of samples: theta_o less the middle of each lobe.
     latitude: [TruncatedGaussian; 3],
     sigma_per_um: [f32; N],
-    h_rel: Option<f32>,
-    /// Chances of the lobes; what they lack to 1 is the diffuse term's.
+    /// Offset and gamma_i.
+    near: Option<[f32; 2]>,
+    /// Chances of the lobes.
     chance: [f32; 3],
+    diffuse_chance: f32,
     valid: bool,
 }
 
+/// A lobe's light in an azimuth [1/rad], and the density of samples there.
+type Azimuthal<const N: usize> = ([f32; N], f32);
+
 impl<const N: usize> RoughDielectricBsdf<'_, N> {
-    /// The fiber's diameter [um]; 0 where the query was refused.
+    /// The fiber's diameter [um], of an ellipse its width across the light; 0 where the query was refused.
     pub fn width_um(&self) -> [f32; N] {
-        [if self.valid { 2.0 * self.fiber.parameters.radius_um } else { 0.0 }; N]
+        [if self.valid { self.fiber.width_um(self.azimuth) } else { 0.0 }; N]
     }
 
-    fn section(&self, theta_o: f32) -> CrossSection {
+    /// The section that light between theta_i and this latitude sees.
+    #[inline]
+    fn section(&self, o: Latitude) -> CrossSection {
         let p = &self.fiber.parameters;
-        CrossSection::new(p.eta, p.radius_um, (0.5 * (theta_o - self.theta_i)).sin())
+        CrossSection::new(p.eta, p.radius_um, self.sin_d(o))
     }
 
-    /// Offsets that a lobe's light comes from, the weight of each of its signs, and their number of signs: the query's, or all.
-    fn each_offset(&self, lobe: usize, mut visit: impl FnMut(f32, f32)) {
-        match self.h_rel {
-            Some(h) if self.fiber.azimuthal[lobe].is_some() => visit(h, 1.0),
-            _ => self.fiber.offsets.iter().for_each(|(h, weight)| {
-                visit(*h, *weight);
-                visit(-*h, *weight);
+    /// |sin theta_d|.
+    #[inline]
+    fn sin_d(&self, o: Latitude) -> f32 {
+        let cos = o.cos * self.incident.cos + o.sin * self.incident.sin;
+        (0.5 * (1.0 - cos)).max(0.0).sqrt()
+    }
+
+    /// The section that TRT sees between phi_i and the relative azimuth `phi`, of an ellipse.
+    fn elliptical(&self, o: Latitude, phi: f32) -> Option<CrossSection> {
+        let [first, second] = self.fiber.ellipse?;
+        let p = &self.fiber.parameters;
+        // cos(phi_i + phi_o) = cos(2 phi_i + phi).
+        let [x, y] = self.azimuth;
+        let (sin, cos) = sin_cos(phi);
+        let double = (x * x - y * y) * cos - 2.0 * x * y * sin;
+        let eta = 0.5 * ((first + second) + double * (first - second));
+        Some(CrossSection::new(eta.max(1.001), p.radius_um, self.sin_d(o)))
+    }
+
+    /// Of R, TT, TRT at an offset.
+    #[inline]
+    fn attenuations(&self, section: &CrossSection, h_rel: f32) -> [[f32; N]; 3] {
+        let path = section.path(h_rel);
+        let f = path.reflectance;
+        let t: [f32; N] = lanes(|n| exp(-self.sigma_per_um[n] * path.length_um));
+        let inner: [f32; N] = lanes(|n| (1.0 - f) * (1.0 - f) * t[n]);
+        [[f; N], inner, lanes(|n| inner[n] * f * t[n])]
+    }
+
+    /// A lobe at the query's offset, or the mean over all offsets by a sum.
+    fn summed(&self, section: &CrossSection, lobe: usize, phi: f32, gaussian: &Gaussian) -> [f32; N] {
+        let mut f = [0.0; N];
+        let mut add = |h: f32, weight: f32| {
+            let a = self.attenuations(section, h)[lobe];
+            let g = weight * gaussian.eval(wrapped(phi - section.turn(lobe as u32, h)));
+            (0..N).for_each(|n| f[n] += g * a[n]);
+        };
+        match self.near {
+            Some([h, _]) => add(h, 1.0),
+            None => self.fiber.offsets.iter().for_each(|(h, weight)| {
+                add(*h, *weight);
+                add(-*h, *weight);
             }),
         }
+        f
     }
 
-    fn attenuation(&self, section: &CrossSection, lobe: usize, h_rel: f32) -> [f32; N] {
-        let path = section.path(h_rel);
-        self.sigma_per_um.map(|s| path.attenuation(lobe as u32, s))
-    }
-
-    /// Mean attenuation of a lobe.
-    fn energy(&self, section: &CrossSection, lobe: usize) -> [f32; N] {
-        let mut sum = [0.0; N];
-        self.each_offset(lobe, |h, weight| {
-            let a = self.attenuation(section, lobe, h);
-            (0..N).for_each(|n| sum[n] += weight * a[n]);
-        });
-        sum
-    }
-
-    /// A lobe's light in the relative azimuth `phi` [1/rad], and the density of samples there.
-    fn azimuthal(&self, section: &CrossSection, lobe: usize, phi: f32) -> ([f32; N], f32) {
+    /// A lobe of a smooth cylinder.
+    fn rooted(&self, section: &CrossSection, lobe: usize, phi: f32) -> Azimuthal<N> {
         let (mut f, mut density) = ([0.0; N], 0.0);
-        let Some(gaussian) = &self.fiber.azimuthal[lobe] else {
-            section.roots(lobe as u32, phi, |h, each| {
-                let a = self.attenuation(section, lobe, h);
-                (0..N).for_each(|n| f[n] += each * a[n]);
-                density += each;
-            });
-            return (f, density);
-        };
-        let mut total = 0.0;
-        self.each_offset(lobe, |h, weight| {
-            let a = self.attenuation(section, lobe, h);
-            let off = phi - section.turn(lobe as u32, h);
-            let g = weight * gaussian.eval(off - TAU * (off / TAU).round());
-            (0..N).for_each(|n| f[n] += g * a[n]);
-            let sum = a.iter().sum::<f32>();
-            density += g * sum;
-            total += weight * sum;
+        section.roots(lobe as u32, phi, |h, each| {
+            let a = self.attenuations(section, h)[lobe];
+            (0..N).for_each(|n| f[n] += each * a[n]);
+            density += each;
         });
-        (f, if total > 0.0 { density / total } else { 0.0 })
+        (f, density)
+    }
+
+    /// All lobes in the relative azimuth `phi`.
+    #[inline]
+    fn azimuthal(&self, o: Latitude, theta_o: f32, phi: f32) -> [Azimuthal<N>; 3] {
+        let section = self.section(o);
+        let mut all = [([0.0; N], 0.0); 3];
+        if let Some([h, gamma]) = self.near {
+            let a = self.attenuations(&section, h);
+            let gamma_t = section.gamma_t(h);
+            for lobe in 0..3 {
+                if let Some(gaussian) = &self.fiber.azimuthal[lobe] {
+                    let g = gaussian.eval(wrapped(phi - turn(lobe as u32, gamma, gamma_t)));
+                    all[lobe] = (lanes(|n| a[lobe][n] * g), g);
+                }
+            }
+        } else {
+            let far = &self.fiber.far;
+            let row = far.row(0.5 * (theta_o - self.theta_i));
+            let chord_um = section.chord_um();
+            let s: [f32; N] = lanes(|n| self.sigma_per_um[n] * chord_um);
+            far.each_order(row, phi, |lobe, moments| {
+                let total = far.total(row, lobe)[0];
+                let density = if total > 0.0 { moments[0] / total } else { 0.0 };
+                all[lobe] = (far.light(lobe, moments, &s), density);
+            });
+        }
+        for lobe in 0..3 {
+            if self.fiber.azimuthal[lobe].is_none() {
+                all[lobe] = self.rooted(&section, lobe, phi);
+            }
+        }
+        if let Some(section) = self.elliptical(o, phi) {
+            let light = match &self.fiber.azimuthal[2] {
+                Some(gaussian) => self.summed(&section, 2, phi, gaussian),
+                None => self.rooted(&section, 2, phi).0,
+            };
+            // Half of the samples are the circle's, half go anywhere.
+            all[2] = (light, 0.5 * all[2].1 + 0.5 / TAU);
+        }
+        all
     }
 
     /// The azimuth of a sample of a lobe by the number `u`.
-    fn draw_azimuth(&self, section: &CrossSection, lobe: usize, u: f32) -> f32 {
-        let Some(gaussian) = &self.fiber.azimuthal[lobe] else {
-            return section.turn(lobe as u32, 2.0 * u - 1.0);
-        };
-        let weigh = |h: f32, weight: f32| weight * self.attenuation(section, lobe, h).iter().sum::<f32>();
-        let mut total = 0.0;
-        self.each_offset(lobe, |h, weight| total += weigh(h, weight));
-        let (mut left, mut found) = (u * total, None);
-        let mut last = (0.0, 0.0);
-        self.each_offset(lobe, |h, weight| {
-            let share = weigh(h, weight);
-            if found.is_none() && share > 0.0 {
-                last = (h, 1.0);
-                if left < share {
-                    found = Some((h, left / share));
-                }
-                left -= share;
+    fn draw_azimuth(&self, o: Latitude, theta_o: f32, lobe: usize, mut u: f32) -> f32 {
+        if lobe == 2 && self.fiber.ellipse.is_some() {
+            if u < 0.5 {
+                return 2.0 * TAU * u;
             }
+            u = clamp_unit(2.0 * u - 1.0);
+        }
+        match (&self.fiber.azimuthal[lobe], self.near) {
+            (None, _) => self.section(o).turn(lobe as u32, 2.0 * u - 1.0),
+            (Some(gaussian), Some([h, gamma])) => {
+                turn(lobe as u32, gamma, self.section(o).gamma_t(h)) + gaussian.sample(u)
+            }
+            (Some(_), None) => self.fiber.far.sample(self.fiber.far.row(0.5 * (theta_o - self.theta_i)), lobe, u),
+        }
+    }
+
+    /// f and pdf at a latitude and relative azimuth.
+    #[inline]
+    fn at_angles(&self, o: Latitude, theta_o: f32, phi: f32) -> ([f32; N], f32) {
+        let p = &self.fiber.parameters;
+        let cos_d2 = 0.5 * (1.0 + o.cos * self.incident.cos + o.sin * self.incident.sin);
+        let scale = o.cos / cos_d2.max(1e-6);
+        let inverse = 1.0 / o.cos.max(1e-6);
+        let mut f = [2.0 * p.k_d * o.cos; N];
+        let mut pdf = self.diffuse_chance / (2.0 * TAU);
+        let shape: [f32; 3] = lanes(|lobe| {
+            let t = (theta_o + self.theta_i - p.shift[lobe]) / p.width_theta[lobe];
+            exp(-0.5 * t * t)
         });
-        let (h, u) = found.unwrap_or(last);
-        section.turn(lobe as u32, h) + gaussian.sample(clamp_unit(u))
+        if shape[0] + shape[1] + shape[2] < 1e-30 {
+            return (f, pdf);
+        }
+        let all = self.azimuthal(o, theta_o, phi);
+        for lobe in 0..3 {
+            let m = scale * shape[lobe] * self.fiber.longitudinal[lobe].normalizer();
+            let drawn = self.chance[lobe] * shape[lobe] * self.latitude[lobe].normalizer() * inverse;
+            let (light, density) = &all[lobe];
+            (0..N).for_each(|n| f[n] += m * light[n]);
+            pdf += drawn * density;
+        }
+        (f, pdf)
     }
 }
 
 impl<const N: usize> Bsdf<N> for RoughDielectricBsdf<'_, N> {
+    #[inline]
     fn eval(&self, w: [f32; 3]) -> [f32; N] {
         self.eval_pdf(w).0
     }
@@ -270,30 +402,14 @@ impl<const N: usize> Bsdf<N> for RoughDielectricBsdf<'_, N> {
         self.eval_pdf(w).1
     }
 
+    #[inline]
     fn eval_pdf(&self, w: [f32; 3]) -> ([f32; N], f32) {
         if !(self.valid && is_direction(w)) {
             return ([0.0; N], 0.0);
         }
         let o = Latitude::of(w);
-        let theta_o = o.sin.atan2(o.cos);
-        let cos_d = (0.5 * (theta_o - self.theta_i)).cos();
         let [x, y] = self.azimuth;
-        let phi = (x * w[1] - y * w[0]).atan2(x * w[0] + y * w[1]);
-        let section = self.section(theta_o);
-        let mut f = [2.0 * self.fiber.parameters.k_d * o.cos; N];
-        let mut pdf = (1.0 - self.chance.iter().sum::<f32>()).max(0.0) / (2.0 * TAU);
-        for lobe in 0..3 {
-            let off = theta_o + self.theta_i - self.fiber.parameters.shift[lobe];
-            let m = o.cos / (cos_d * cos_d).max(1e-6) * self.fiber.longitudinal[lobe].eval(off);
-            let drawn = self.chance[lobe] * self.latitude[lobe].eval(off) / o.cos.max(1e-6);
-            if m == 0.0 && drawn == 0.0 {
-                continue;
-            }
-            let (azimuthal, density) = self.azimuthal(&section, lobe, phi);
-            (0..N).for_each(|n| f[n] += m * azimuthal[n]);
-            pdf += drawn * density;
-        }
-        (f, pdf)
+        self.at_angles(o, atan2(o.sin, o.cos), atan2(x * w[1] - y * w[0], x * w[0] + y * w[1]))
     }
 
     fn sample(&self, u: [f32; 3]) -> BsdfSample<N> {
@@ -309,34 +425,37 @@ impl<const N: usize> Bsdf<N> for RoughDielectricBsdf<'_, N> {
             }
             left -= self.chance[lobe];
         }
-        let diffuse = 1.0 - self.chance.iter().sum::<f32>();
         if chosen.is_none() && self.fiber.parameters.k_d == 0.0 {
             // What rounding leaves over is the strongest lobe's.
             chosen = (0..3).max_by(|a, b| self.chance[*a].total_cmp(&self.chance[*b]));
-            if diffuse >= 0.5 {
+            if self.diffuse_chance >= 0.5 {
                 return BsdfSample::Absorbed;
             }
         }
-        let (latitude, azimuth) = match chosen {
+        let (latitude, theta_o, azimuth) = match chosen {
             Some(lobe) => {
                 let middle = self.fiber.parameters.shift[lobe] - self.theta_i;
                 let theta_o = (middle + self.latitude[lobe].sample(u[1])).clamp(-FRAC_PI_2, FRAC_PI_2);
-                let (sin, cos) = theta_o.sin_cos();
-                (Latitude { sin, cos: cos.max(0.0) }, self.draw_azimuth(&self.section(theta_o), lobe, u[0]))
+                let (sin, cos) = sin_cos(theta_o);
+                let o = Latitude { sin, cos: cos.max(0.0) };
+                (o, theta_o, self.draw_azimuth(o, theta_o, lobe, u[0]))
             }
             None => {
                 let sin = 2.0 * u[1] - 1.0;
-                (Latitude { sin, cos: (1.0 - sin * sin).max(0.0).sqrt() }, TAU * u[0])
+                let o = Latitude { sin, cos: (1.0 - sin * sin).max(0.0).sqrt() };
+                (o, atan2(o.sin, o.cos), TAU * u[0])
             }
         };
         let [x, y] = self.azimuth;
-        let (sin, cos) = azimuth.sin_cos();
+        let (sin, cos) = sin_cos(azimuth);
         let w = [latitude.cos * (x * cos - y * sin), latitude.cos * (x * sin + y * cos), latitude.sin];
-        let (f, pdf) = self.eval_pdf(w);
+        // Caustics take the direction as eval would: its last digit counts there.
+        let smooth = self.fiber.azimuthal.iter().any(Option::is_none);
+        let (f, pdf) = if smooth { self.eval_pdf(w) } else { self.at_angles(latitude, theta_o, wrapped(azimuth)) };
         BsdfSample::scattered(w, f, pdf)
     }
 
-    /// Integral of f, by Gauss's midpoints over the latitude: some 10 us in the far field.
+    /// Integral of f, by midpoints over the latitude and, of an ellipse, the azimuth: some 50 us in the far field, 20 ms of an ellipse.
     fn albedo(&self) -> [f32; N] {
         if !self.valid {
             return [0.0; N];
@@ -344,17 +463,36 @@ impl<const N: usize> Bsdf<N> for RoughDielectricBsdf<'_, N> {
         let p = &self.fiber.parameters;
         let mut sum = [2.0 * PI * PI * p.k_d; N];
         for lobe in 0..3 {
+            let elliptical = lobe == 2 && self.fiber.ellipse.is_some();
+            let latitudes = if elliptical { ELLIPTICAL[0] } else { LATITUDES };
             let middle = p.shift[lobe] - self.theta_i;
             let reach = 6.0 * p.width_theta[lobe];
             let (low, high) = ((middle - reach).max(-FRAC_PI_2), (middle + reach).min(FRAC_PI_2));
-            let step = (high - low).max(0.0) / LATITUDES as f32;
-            for k in 0..LATITUDES {
+            let step = (high - low).max(0.0) / latitudes as f32;
+            for k in 0..latitudes {
                 let theta_o = low + (k as f32 + 0.5) * step;
+                let (sin, cos) = theta_o.sin_cos();
+                let o = Latitude { sin, cos };
                 let cos_d = (0.5 * (theta_o - self.theta_i)).cos();
-                let ratio = theta_o.cos().powi(2) / (cos_d * cos_d).max(1e-6);
+                let ratio = cos * cos / (cos_d * cos_d).max(1e-6);
                 let m = step * ratio * self.fiber.longitudinal[lobe].eval(theta_o - middle);
-                let a = self.energy(&self.section(theta_o), lobe);
-                (0..N).for_each(|n| sum[n] += m * a[n]);
+                let mut light = [0.0; N];
+                let mut add = |weight: f32, a: [f32; N]| (0..N).for_each(|n| light[n] += weight * a[n]);
+                if elliptical {
+                    for j in 0..ELLIPTICAL[1] {
+                        let phi = TAU * ((j as f32 + 0.5) / ELLIPTICAL[1] as f32 - 0.5);
+                        add(TAU / ELLIPTICAL[1] as f32, self.azimuthal(o, theta_o, phi)[2].0);
+                    }
+                } else {
+                    let section = self.section(o);
+                    match (self.near, &self.fiber.azimuthal[lobe]) {
+                        (Some([h, _]), Some(_)) => add(1.0, self.attenuations(&section, h)[lobe]),
+                        _ => OFFSETS.iter().for_each(|(h, weight)| {
+                            add(*weight, self.attenuations(&section, *h)[lobe]);
+                        }),
+                    }
+                }
+                (0..N).for_each(|n| sum[n] += m * light[n]);
             }
         }
         sum
