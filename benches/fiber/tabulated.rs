@@ -1,9 +1,7 @@
-//! Time of the fiber runtime on one core: eval, sample with weight and pdf, pdf, the width, from one call each and with the incidence looked up once.
-//!
-//! `cargo bench -p plywave --bench fiber`. The table is planted, of the size of Xia's (50 wavelengths, 100 latitudes, 23 azimuths of an ellipse, 360 of the
+//! Tabulated fibers: eval, sample with weight and pdf, pdf, the width, from one call each and with the incidence looked up once. The table is planted, of the size of Xia's (50 wavelengths, 100 latitudes, 23 azimuths of an ellipse, 360 of the
 //! scattered light); wavelengths and directions are random, so that hardly two queries share a slice.
 
-use criterion::{Criterion, criterion_group, criterion_main};
+use criterion::Criterion;
 use plywave::fiber::{FiberSource, FiberTable, OutlineSymmetry, TabulatedFiber};
 use plywave::frame::direction;
 use plywave::{Bsdf, FiberQuery};
@@ -50,7 +48,7 @@ fn planted() -> FiberTable {
     }
 }
 
-fn fiber(c: &mut Criterion) {
+pub fn tabulated(c: &mut Criterion) {
     let fiber = TabulatedFiber::from_table(planted()).expect("the planted table is valid");
     let mut rng = Pcg64Mcg::seed_from_u64(1);
     let anywhere = |rng: &mut Pcg64Mcg| {
@@ -64,25 +62,25 @@ fn fiber(c: &mut Criterion) {
         i = (i + 1) % QUERIES;
         queries[i]
     };
-    c.bench_function("eval", |b| {
+    c.bench_function("tabulated, eval", |b| {
         b.iter(|| {
             let (lambda, wi, wo, _) = next();
             black_box(fiber.at(&FiberQuery::new(wi, [lambda])).eval(wo))
         })
     });
-    c.bench_function("sample", |b| {
+    c.bench_function("tabulated, sample", |b| {
         b.iter(|| {
             let (lambda, wi, _, u) = next();
             black_box(fiber.at(&FiberQuery::new(wi, [lambda])).sample(u))
         })
     });
-    c.bench_function("pdf", |b| {
+    c.bench_function("tabulated, pdf", |b| {
         b.iter(|| {
             let (lambda, wi, wo, _) = next();
             black_box(fiber.at(&FiberQuery::new(wi, [lambda])).pdf(wo))
         })
     });
-    c.bench_function("width", |b| {
+    c.bench_function("tabulated, width", |b| {
         b.iter(|| {
             let (lambda, wi, _, _) = next();
             black_box(fiber.at(&FiberQuery::new(wi, [lambda])).width_um())
@@ -90,23 +88,16 @@ fn fiber(c: &mut Criterion) {
     });
     let (lambda, wi, ..) = queries[0];
     let at = fiber.at(&FiberQuery::new(wi, [lambda]));
-    c.bench_function("eval, incidence looked up once", |b| {
+    c.bench_function("tabulated, eval, incidence looked up once", |b| {
         b.iter(|| {
             let (_, _, wo, _) = next();
             black_box(at.eval(wo))
         })
     });
-    c.bench_function("sample, incidence looked up once", |b| {
+    c.bench_function("tabulated, sample, incidence looked up once", |b| {
         b.iter(|| {
             let (_, _, _, u) = next();
             black_box(at.sample(u))
         })
     });
 }
-
-criterion_group! {
-    name = benches;
-    config = Criterion::default().sample_size(30).warm_up_time(std::time::Duration::from_millis(300)).measurement_time(std::time::Duration::from_secs(1));
-    targets = fiber
-}
-criterion_main!(benches);

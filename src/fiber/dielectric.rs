@@ -1,0 +1,409 @@
+//! Smooth dielectric fibers of circular section (Zinke 2007, 5.1, 6, 7.1): all orders, far field and near field.
+//!
+//! ```text
+//! far field    f = sum over p of M_p(theta_i, theta_o) sum over roots h of a_p(h) |dh/dphi| / 2
+//! near field   f = sum over p of M_p(theta_i, theta_o) a_p(h) g(pi, phi - phi_p(h), beta_n)
+//! ```
+//!
+//! A perfect cylinder keeps the latitude: M is a delta, which no host can evaluate. Here M is d'Eon's, of width `beta_m`, with the attenuations at theta_i: all orders add up to 1
+//! where nothing is absorbed, at every incidence, which the paper's Gaussians with theta_d do not (those are `RoughDielectricFiber`'s). The near field's azimuth is a delta, spread by
+//! `beta_n`, and the far field's the mean of that over the offsets, from a table; below [`LEAST_FAR_WIDTH`] it is the perfect cylinder's, caustics included, by the roots of
+//! its offsets. Orders beyond `orders` are spread evenly over the azimuth, with their energy.
+//!
+//! The near field is f at the offset of the query's ray. Light leaves at -h, so that the same number is Eq. 38's for a viewer: with `omega_i` towards the viewer, whose ray has the
+//! offset, f towards a light is what arrives from it, but for `cos theta` of the two (`cylinder`, table).
+
+use super::FiberQuery;
+use super::azimuthal::{CrossSection, OFFSETS, turn};
+use super::far_table::{FarTable, LEAST_WIDTH, Row};
+use super::fast::{atan2, exp, lanes, sin_cos, wrapped};
+use super::gaussian::Gaussian;
+use super::longitudinal::{Latitude, Longitudinal};
+use super::range::{invalid, parameter};
+use crate::bsdf::Outcomes;
+use crate::frame::is_direction;
+use crate::math::clamp_unit;
+use crate::{Bsdf, BsdfSample, Result};
+use std::f32::consts::{PI, TAU};
+
+/// Most orders that are kept apart, R included.
+pub const MOST_ORDERS: usize = 8;
+/// Least azimuthal width of a far field that is spread by it [rad].
+pub const LEAST_FAR_WIDTH: f32 = LEAST_WIDTH;
+
+/// What a [`DielectricFiber`] is made of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DielectricParameters {
+    /// Index of refraction, 1.01 to 4.
+    pub eta: f32,
+    /// Radius [um], 0.01 to 1e5.
+    pub radius_um: f32,
+    /// Longitudinal widths of R, TT, and TRT with all beyond [rad], 0.001 to 2.
+    pub beta_m: [f32; 3],
+    /// Longitudinal shifts of the same [rad], -1 to 1: light goes about the latitude `shift - theta_i`. Tiles of a cuticle shift hair's.
+    pub shift: [f32; 3],
+    /// Azimuthal width [rad], 0.001 to 10; the far field is a perfect cylinder's below [`LEAST_FAR_WIDTH`].
+    pub beta_n: f32,
+    /// Orders kept apart, 3 for R, TT, TRT; 1 to [`MOST_ORDERS`].
+    pub orders: usize,
+}
+
+impl Default for DielectricParameters {
+    /// Clear, of 10 um and index 1.55.
+    fn default() -> Self {
+        DielectricParameters { eta: 1.55, radius_um: 10.0, beta_m: [0.1; 3], shift: [0.0; 3], beta_n: 0.1, orders: 5 }
+    }
+}
+
+/// A smooth dielectric fiber.
+///
+/// ```
+/// use plywave::fiber::{DielectricFiber, DielectricParameters};
+/// use plywave::frame::direction;
+/// use plywave::{Bsdf, FiberModel, FiberQuery};
+///
+/// # fn main() -> plywave::Result<()> {
+/// let fiber: FiberModel = DielectricFiber::new(DielectricParameters::default())?.into();
+/// let clear = FiberQuery::new(direction(0.4, 1.1), [0.61, 0.55, 0.465]);
+/// let dyed = fiber.at(&FiberQuery { sigma_per_um: [0.001, 0.01, 0.1], ..clear }).albedo();
+/// assert!((fiber.at(&clear).albedo()[0] - 1.0).abs() < 1e-5 && dyed[0] > dyed[1] && dyed[1] > dyed[2]);
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct DielectricFiber {
+    parameters: DielectricParameters,
+    longitudinal: [Longitudinal; 3],
+    /// Sine and cosine of the shifts.
+    shift: [[f32; 2]; 3],
+    azimuthal: Gaussian,
+    far: Option<FarTable>,
+}
+
+impl DielectricFiber {
+    /// A fiber of these parameters.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`] for a parameter outside its range.
+    pub fn new(parameters: DielectricParameters) -> Result<DielectricFiber> {
+        const MODEL: &str = "dielectric fiber";
+        let p = &parameters;
+        parameter(MODEL, "eta", p.eta, [1.01, 4.0])?;
+        parameter(MODEL, "radius_um", p.radius_um, [0.01, 1e5])?;
+        for lobe in 0..3 {
+            parameter(MODEL, "beta_m", p.beta_m[lobe], [1e-3, 2.0])?;
+            parameter(MODEL, "shift", p.shift[lobe], [-1.0, 1.0])?;
+        }
+        parameter(MODEL, "beta_n", p.beta_n, [1e-3, 10.0])?;
+        if !(1..=MOST_ORDERS).contains(&p.orders) {
+            return Err(invalid(MODEL, "orders", p.orders, format!("use 1 to {MOST_ORDERS}")));
+        }
+        Ok(DielectricFiber {
+            parameters,
+            longitudinal: p.beta_m.map(Longitudinal::new),
+            shift: p.shift.map(|s| <[f32; 2]>::from(s.sin_cos())),
+            azimuthal: Gaussian::new(p.beta_n, PI),
+            far: (p.beta_n >= LEAST_WIDTH).then(|| FarTable::new(p.eta, &[p.beta_n; MOST_ORDERS][..p.orders])),
+        })
+    }
+
+    /// What the fiber was made of.
+    pub fn parameters(&self) -> &DielectricParameters {
+        &self.parameters
+    }
+
+    /// The cross section that light of a latitude's sine sees.
+    pub fn cross_section(&self, sin_theta: f32) -> CrossSection {
+        CrossSection::new(self.parameters.eta, self.parameters.radius_um, sin_theta)
+    }
+
+    /// The fiber at a query. Where an input is not finite, or `omega_i` is no direction, nothing is scattered.
+    pub fn at<const N: usize>(&self, query: &FiberQuery<N>) -> DielectricBsdf<'_, N> {
+        let finite = query.sigma_per_um.iter().all(|s| s.is_finite()) && query.h_rel.is_none_or(f32::is_finite);
+        let valid = is_direction(query.omega_i) && finite;
+        let wi = if valid { query.omega_i } else { [1.0, 0.0, 0.0] };
+        let latitude = Latitude::of(wi);
+        let section = self.cross_section(latitude.sin);
+        let mut at = DielectricBsdf {
+            fiber: self,
+            azimuth: if latitude.cos > 0.0 { [wi[0] / latitude.cos, wi[1] / latitude.cos] } else { [1.0, 0.0] },
+            latitude: self.shift.map(|s| shifted(latitude, s)),
+            sigma_per_um: lanes(|n| query.sigma_per_um[n].clamp(0.0, 1e6)),
+            h_rel: query.h_rel.map(|h| h.clamp(-1.0, 1.0)),
+            far: None,
+            turns: [0.0; MOST_ORDERS],
+            light: [[0.0; N]; MOST_ORDERS],
+            chance: [0.0; MOST_ORDERS],
+            beyond: [0.0; N],
+            beyond_share: 0.0,
+            section,
+            valid,
+        };
+        if valid {
+            match (at.h_rel, &self.far) {
+                (Some(h), _) => at.prepare_near(h),
+                (None, Some(table)) => at.prepare_far(table, atan2(latitude.sin, latitude.cos)),
+                (None, None) => at.prepare_roots(),
+            }
+        }
+        at
+    }
+}
+
+/// The latitude whose mirror image is the middle of a lobe that is shifted by an angle of this sine and cosine.
+fn shifted(i: Latitude, [sin, cos]: [f32; 2]) -> Latitude {
+    // sin(theta_i - shift); beyond a pole the latitude comes back on the other side.
+    Latitude { sin: (i.sin * cos - i.cos * sin).clamp(-1.0, 1.0), cos: (i.cos * cos + i.sin * sin).abs() }
+}
+
+/// A [`DielectricFiber`] at a query.
+#[derive(Clone, Copy, Debug)]
+pub struct DielectricBsdf<'a, const N: usize> {
+    fiber: &'a DielectricFiber,
+    section: CrossSection,
+    /// Cosine and sine of phi_i; of 0 for light along the fiber.
+    azimuth: [f32; 2],
+    /// Of the light, less the shifts.
+    latitude: [Latitude; 3],
+    sigma_per_um: [f32; N],
+    h_rel: Option<f32>,
+    /// Where the far field is looked up, and absorption times length at a cosine of 1.
+    far: Option<(&'a FarTable, Row, [f32; N])>,
+    /// Of the near field: azimuths of the orders.
+    turns: [f32; MOST_ORDERS],
+    /// Of the near field: attenuations of the orders.
+    light: [[f32; N]; MOST_ORDERS],
+    /// Chances with which samples are of an order; of the far field over its energy without absorption.
+    chance: [f32; MOST_ORDERS],
+    /// Energy of the orders beyond those kept apart, and the chance with which samples are theirs.
+    beyond: [f32; N],
+    beyond_share: f32,
+    valid: bool,
+}
+
+impl<'a, const N: usize> DielectricBsdf<'a, N> {
+    /// The fiber's diameter [um]; 0 where the query was refused.
+    pub fn width_um(&self) -> [f32; N] {
+        [if self.valid { 2.0 * self.fiber.parameters.radius_um } else { 0.0 }; N]
+    }
+
+    fn orders(&self) -> u32 {
+        self.fiber.parameters.orders as u32
+    }
+
+    fn prepare_near(&mut self, h: f32) {
+        let orders = self.fiber.parameters.orders;
+        let [gamma, gamma_t] = self.section.angles(h);
+        let path = self.section.path(h);
+        let f = path.reflectance;
+        let t: [f32; N] = lanes(|n| exp(-self.sigma_per_um[n] * path.length_um));
+        let mut inner: [f32; N] = lanes(|n| (1.0 - f) * (1.0 - f) * t[n]);
+        self.light[0] = [f; N];
+        for order in 0..orders {
+            self.turns[order] = turn(order as u32, gamma, gamma_t);
+            if order > 0 {
+                self.light[order] = inner;
+                (0..N).for_each(|n| inner[n] *= f * t[n]);
+            }
+        }
+        // 1 - F T without the cancellation of F and T near 1; at the rim F is 1 and nothing comes in.
+        self.beyond = lanes(|n| {
+            let lost = (1.0 - f) + f * (1.0 - t[n]);
+            if lost > 0.0 { inner[n] / lost } else { 0.0 }
+        });
+        self.divide();
+    }
+
+    fn prepare_far(&mut self, table: &'a FarTable, theta_i: f32) {
+        let row = table.row(theta_i);
+        let chord_um = self.section.chord_um();
+        let s: [f32; N] = lanes(|n| self.sigma_per_um[n] * chord_um);
+        for order in 0..self.fiber.parameters.orders {
+            self.light[order] = table.light(order, table.total(row, order), &s);
+        }
+        self.beyond = table.beyond(row, &s);
+        self.divide();
+        for order in 0..self.fiber.parameters.orders {
+            let energy = table.total(row, order)[0];
+            self.chance[order] = if energy > 0.0 { self.chance[order] / energy } else { 0.0 };
+        }
+        self.far = Some((table, row, s));
+    }
+
+    /// Chances in proportion to the light.
+    fn divide(&mut self) {
+        let sum = |light: &[f32; N]| light.iter().sum::<f32>();
+        let all = self.light.iter().map(sum).sum::<f32>() + sum(&self.beyond);
+        if all > 0.0 {
+            self.chance = lanes(|order| sum(&self.light[order]) / all);
+            self.beyond_share = sum(&self.beyond) / all;
+        }
+    }
+
+    fn prepare_roots(&mut self) {
+        let mut all = 0.0;
+        for (h, weight) in OFFSETS {
+            let path = self.section.path(h);
+            for n in 0..N {
+                self.beyond[n] += weight * path.from_order(self.orders(), self.sigma_per_um[n]);
+                all += weight * path.from_order(0, self.sigma_per_um[n]);
+            }
+        }
+        self.beyond_share = if all > 0.0 { (self.beyond.iter().sum::<f32>() / all).min(1.0) } else { 0.0 };
+    }
+
+    /// Attenuations of an order at an offset, and the chance with which a sample at that offset is of the order.
+    fn order(&self, order: u32, h_rel: f32) -> ([f32; N], f32) {
+        let path = self.section.path(h_rel);
+        let mut a = [0.0; N];
+        let (mut sum, mut kept) = (0.0, 0.0);
+        for n in 0..N {
+            let sigma = self.sigma_per_um[n];
+            a[n] = path.attenuation(order, sigma);
+            sum += a[n];
+            kept += path.kept(self.orders(), sigma);
+        }
+        (a, if kept > 0.0 { (1.0 - self.beyond_share) * sum / kept } else { 0.0 })
+    }
+
+    /// M of the lobes R, TT, TRT.
+    fn longitudinal(&self, w: [f32; 3]) -> [f32; 3] {
+        let o = Latitude::of(w);
+        lanes(|lobe| self.fiber.longitudinal[lobe].eval(self.latitude[lobe], o))
+    }
+
+    /// Chooses an order by the number `u`, the orders beyond first; gives the order and a number left for other use.
+    fn choose(&self, u: f32) -> (u32, f32) {
+        if u < self.beyond_share {
+            return (self.orders(), clamp_unit(u / self.beyond_share));
+        }
+        let mut left = u - self.beyond_share;
+        let mut last = (0, 1.0);
+        for order in 0..self.fiber.parameters.orders {
+            let mut chance = self.chance[order];
+            if let Some((table, row, _)) = &self.far {
+                chance *= table.total(*row, order)[0];
+            }
+            if chance > 0.0 {
+                if left < chance {
+                    return (order as u32, clamp_unit(left / chance));
+                }
+                last = (order as u32, chance);
+                left -= chance;
+            }
+        }
+        (last.0, 0.5)
+    }
+
+    /// Chooses an order at an offset, where the far field is that of roots.
+    fn choose_at(&self, h_rel: f32, u: f32) -> (u32, f32) {
+        if u < self.beyond_share {
+            return (self.orders(), clamp_unit(u / self.beyond_share));
+        }
+        let mut left = u - self.beyond_share;
+        let last = self.orders() - 1;
+        for order in 0..last {
+            let (_, chance) = self.order(order, h_rel);
+            if left < chance {
+                return (order, clamp_unit(left / chance));
+            }
+            left -= chance;
+        }
+        let (_, chance) = self.order(last, h_rel);
+        (last, if chance > 0.0 { clamp_unit(left / chance) } else { 0.5 })
+    }
+}
+
+impl<const N: usize> Bsdf<N> for DielectricBsdf<'_, N> {
+    fn eval(&self, w: [f32; 3]) -> [f32; N] {
+        self.eval_pdf(w).0
+    }
+
+    fn pdf(&self, w: [f32; 3]) -> f32 {
+        self.eval_pdf(w).1
+    }
+
+    #[inline]
+    fn eval_pdf(&self, w: [f32; 3]) -> ([f32; N], f32) {
+        let (mut f, mut pdf) = ([0.0; N], 0.0);
+        if !(self.valid && is_direction(w)) {
+            return (f, pdf);
+        }
+        let m = self.longitudinal(w);
+        let [x, y] = self.azimuth;
+        let phi = atan2(x * w[1] - y * w[0], x * w[0] + y * w[1]);
+        let orders = self.fiber.parameters.orders;
+        let mut add = |lobe: usize, density: f32, light: &[f32; N], chance: f32| {
+            let density = m[lobe] * density;
+            (0..N).for_each(|n| f[n] += density * light[n]);
+            pdf += density * chance;
+        };
+        match (self.h_rel, &self.far) {
+            (Some(_), _) => {
+                let mut density = [0.0; MOST_ORDERS];
+                for order in 0..MOST_ORDERS {
+                    density[order] = self.fiber.azimuthal.eval(wrapped(phi - self.turns[order]));
+                }
+                for order in 0..orders {
+                    add(order.min(2), density[order], &self.light[order], self.chance[order]);
+                }
+            }
+            (None, Some((table, row, s))) => table.each_order(*row, phi, |order, moments| {
+                add(order.min(2), 1.0, &table.light(order, moments, s), moments[0] * self.chance[order]);
+            }),
+            (None, None) => {
+                for order in 0..orders as u32 {
+                    let lobe = (order as usize).min(2);
+                    self.section.roots(order, phi, |h, density| {
+                        let (a, chance) = self.order(order, h);
+                        add(lobe, density, &a, chance);
+                    });
+                }
+            }
+        }
+        add(orders.min(2), 1.0 / TAU, &self.beyond, self.beyond_share);
+        (f, pdf)
+    }
+
+    fn sample(&self, u: [f32; 3]) -> BsdfSample<N> {
+        if !(self.valid && u.iter().all(|v| (0.0..1.0).contains(v))) {
+            return BsdfSample::Absorbed;
+        }
+        let h = self.h_rel.unwrap_or(2.0 * u[0] - 1.0);
+        let roots = self.h_rel.is_none() && self.far.is_none();
+        let (order, left) = if roots { self.choose_at(h, u[2]) } else { self.choose(u[2]) };
+        // The azimuth: of what is beyond, anywhere; of a far field, by its table or the order's turn; of the near field, about that.
+        let azimuth = match (order < self.orders(), &self.far) {
+            (false, _) => TAU * u[0],
+            (true, Some((table, row, _))) => table.sample(*row, order as usize, u[0]),
+            (true, None) if roots => self.section.turn(order, h),
+            (true, None) => self.turns[order as usize] + self.fiber.azimuthal.sample(u[0]),
+        };
+        let lobe = (order as usize).min(2);
+        let latitude = self.fiber.longitudinal[lobe].sample(self.latitude[lobe], [u[1], left]);
+        let [x, y] = self.azimuth;
+        let (sin, cos) = sin_cos(azimuth);
+        let w = [latitude.cos * (x * cos - y * sin), latitude.cos * (x * sin + y * cos), latitude.sin];
+        let (f, pdf) = self.eval_pdf(w);
+        BsdfSample::scattered(w, f, pdf)
+    }
+
+    /// Mean over the offsets, or at the query's, of what is not absorbed.
+    fn albedo(&self) -> [f32; N] {
+        if !self.valid {
+            return [0.0; N];
+        }
+        let at = |h: f32| self.sigma_per_um.map(|s| self.section.path(h).from_order(0, s));
+        match self.h_rel {
+            Some(h) => at(h),
+            None => OFFSETS.iter().fold([0.0; N], |sum, (h, weight)| {
+                let a = at(*h);
+                std::array::from_fn(|n| sum[n] + weight * a[n])
+            }),
+        }
+    }
+
+    fn outcomes(&self) -> Outcomes {
+        if self.valid { Outcomes::SCATTERED } else { Outcomes::ABSORBED }
+    }
+}

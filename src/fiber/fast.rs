@@ -1,0 +1,53 @@
+//! Elementary functions of the analytic models: those of `math::simd` in the forms that are asked for here.
+
+use crate::math::simd;
+use std::f32::consts::{LOG2_E, TAU};
+
+/// `e^x` for x <= 0, to 3e-7 relative for x above -87; 1e-38 below.
+#[inline(always)]
+pub(super) fn exp(x: f32) -> f32 {
+    simd::exp2::<false>(x * LOG2_E)
+}
+
+/// Arc tangent of y / x, to 4e-7.
+#[inline(always)]
+pub(super) fn atan2(y: f32, x: f32) -> f32 {
+    simd::atan2::<false>(y, x)
+}
+
+/// Arc sine of x in [-1, 1], to 4e-7.
+#[inline(always)]
+pub(super) fn asin(x: f32) -> f32 {
+    atan2(x, ((1.0 - x) * (1.0 + x)).max(0.0).sqrt())
+}
+
+/// Logarithm of a normal x > 0.
+#[inline(always)]
+pub(super) fn ln(x: f32) -> f32 {
+    simd::ln::<false>(x)
+}
+
+/// An angle of at most 1e6 brought to [-pi, pi].
+#[inline(always)]
+pub(super) fn wrapped(angle: f32) -> f32 {
+    // Adding this rounds to integers.
+    const ROUND: f32 = 12_582_912.0;
+    angle - TAU * ((angle * (1.0 / TAU) + ROUND) - ROUND)
+}
+
+/// Sine and cosine of an angle of at most 1e3, to 3e-7.
+#[inline(always)]
+pub(super) fn sin_cos(angle: f32) -> (f32, f32) {
+    let (sin, cos, sign) = simd::sin_cos_half_turns::<false>(angle * std::f32::consts::FRAC_1_PI);
+    (simd::signed(sin, sign), simd::signed(cos, sign))
+}
+
+/// The array of a function of the index. `array::map` and `from_fn` are calls where this is a loop that becomes vector code.
+#[inline(always)]
+pub(super) fn lanes<T: Copy + Default, const N: usize>(mut of: impl FnMut(usize) -> T) -> [T; N] {
+    let mut all = [T::default(); N];
+    for n in 0..N {
+        all[n] = of(n);
+    }
+    all
+}

@@ -1,0 +1,188 @@
+//! Kajiya and Kay's model as a BCSDF (Zinke 2007, Eq. 41): `K_phong cos^n(theta_o + theta_i) / cos theta_i + K_diffuse`, 0 where the cosine is negative.
+//!
+//! It is phenomenological: no color of its own, no Fresnel, no azimuth, and more light out than in at grazing light, by `1 / cos theta_i`. [`Bsdf::albedo`] says how much.
+
+use super::FiberQuery;
+use super::fast::{atan2, exp, ln, sin_cos};
+use super::gaussian::TruncatedGaussian;
+use super::longitudinal::Latitude;
+use super::range::{invalid, parameter};
+use crate::bsdf::Outcomes;
+use crate::frame::is_direction;
+use crate::{Bsdf, BsdfSample, Result};
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
+
+/// What a [`KajiyaKayFiber`] is made of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct KajiyaKayParameters {
+    /// Radius [um], 0.01 to 1e5.
+    pub radius_um: f32,
+    /// K_phong [1/sr], 0 to 10.
+    pub phong: f32,
+    /// n, 1 to 10000.
+    pub exponent: f32,
+    /// K_diffuse [1/sr], 0 to `1 / pi^2`, which alone is white; not both this and K_phong 0.
+    pub diffuse: f32,
+}
+
+impl Default for KajiyaKayParameters {
+    /// A highlight over gray, of 10 um.
+    fn default() -> Self {
+        KajiyaKayParameters { radius_um: 10.0, phong: 0.1, exponent: 50.0, diffuse: 0.03 }
+    }
+}
+
+/// Kajiya and Kay's fiber.
+///
+/// ```
+/// use plywave::fiber::{KajiyaKayFiber, KajiyaKayParameters};
+/// use plywave::frame::direction;
+/// use plywave::{Bsdf, FiberModel, FiberQuery};
+///
+/// # fn main() -> plywave::Result<()> {
+/// let fur: FiberModel = KajiyaKayFiber::new(KajiyaKayParameters::default())?.into();
+/// let at = fur.at(&FiberQuery::new(direction(0.3, 0.0), [0.55]));
+/// assert!(at.eval(direction(-0.3, 2.0)) > at.eval(direction(0.9, 2.0)));
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct KajiyaKayFiber {
+    parameters: KajiyaKayParameters,
+}
+
+impl KajiyaKayFiber {
+    /// A fiber of these parameters.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`] for a parameter outside its range.
+    pub fn new(parameters: KajiyaKayParameters) -> Result<KajiyaKayFiber> {
+        const MODEL: &str = "Kajiya-Kay fiber";
+        let p = &parameters;
+        parameter(MODEL, "radius_um", p.radius_um, [0.01, 1e5])?;
+        parameter(MODEL, "phong", p.phong, [0.0, 10.0])?;
+        parameter(MODEL, "exponent", p.exponent, [1.0, 1e4])?;
+        parameter(MODEL, "diffuse", p.diffuse, [0.0, 1.0 / (PI * PI)])?;
+        if p.phong + p.diffuse < 1e-6 {
+            return Err(invalid(MODEL, "phong", p.phong, "use more where nothing is diffuse".into()));
+        }
+        Ok(KajiyaKayFiber { parameters })
+    }
+
+    /// What the fiber was made of.
+    pub fn parameters(&self) -> &KajiyaKayParameters {
+        &self.parameters
+    }
+
+    /// The fiber at a query. Where an input is not finite, or `omega_i` is no direction, nothing is scattered.
+    pub fn at<const N: usize>(&self, query: &FiberQuery<N>) -> KajiyaKayBsdf<'_, N> {
+        let valid = is_direction(query.omega_i);
+        let i = Latitude::of(if valid { query.omega_i } else { [1.0, 0.0, 0.0] });
+        let theta_i = atan2(i.sin, i.cos);
+        // cos^n x lies below exp(-n x^2 / 2): samples of that Gaussian have bounded weights.
+        let ends = [-FRAC_PI_2 + theta_i, FRAC_PI_2 + theta_i];
+        let highlight = TruncatedGaussian::new(1.0 / self.parameters.exponent.sqrt(), ends);
+        let p = &self.parameters;
+        // What the highlight would have were cos theta_o 1.
+        let phong = p.phong / i.cos.max(1e-3) * TAU * (TAU / p.exponent).sqrt() * i.cos * i.cos;
+        let diffuse = PI * PI * p.diffuse;
+        // Either is drawn where it has any light.
+        let chance = if p.diffuse == 0.0 {
+            1.0
+        } else if p.phong == 0.0 {
+            0.0
+        } else {
+            (phong / (phong + diffuse)).max(0.1).min(0.9)
+        };
+        KajiyaKayBsdf { fiber: self, incident: i, theta_i, cos_i: i.cos.max(1e-3), highlight, chance, valid }
+    }
+}
+
+/// A [`KajiyaKayFiber`] at a query.
+#[derive(Clone, Copy, Debug)]
+pub struct KajiyaKayBsdf<'a, const N: usize> {
+    fiber: &'a KajiyaKayFiber,
+    incident: Latitude,
+    theta_i: f32,
+    /// At least 1e-3.
+    cos_i: f32,
+    highlight: TruncatedGaussian,
+    /// With which samples are of the highlight.
+    chance: f32,
+    valid: bool,
+}
+
+impl<const N: usize> KajiyaKayBsdf<'_, N> {
+    /// The fiber's diameter [um]; 0 where the query was refused.
+    pub fn width_um(&self) -> [f32; N] {
+        [if self.valid { 2.0 * self.fiber.parameters.radius_um } else { 0.0 }; N]
+    }
+
+    #[inline]
+    fn phong(&self, o: Latitude) -> f32 {
+        let p = &self.fiber.parameters;
+        let cos = (o.cos * self.incident.cos - o.sin * self.incident.sin).min(1.0);
+        if cos <= 0.0 {
+            return 0.0;
+        }
+        p.phong * exp(p.exponent * ln(cos.max(f32::MIN_POSITIVE)).min(0.0)) / self.cos_i
+    }
+}
+
+impl<const N: usize> Bsdf<N> for KajiyaKayBsdf<'_, N> {
+    fn eval(&self, w: [f32; 3]) -> [f32; N] {
+        self.eval_pdf(w).0
+    }
+
+    fn pdf(&self, w: [f32; 3]) -> f32 {
+        self.eval_pdf(w).1
+    }
+
+    #[inline]
+    fn eval_pdf(&self, w: [f32; 3]) -> ([f32; N], f32) {
+        if !(self.valid && is_direction(w)) {
+            return ([0.0; N], 0.0);
+        }
+        let o = Latitude::of(w);
+        let theta_o = atan2(o.sin, o.cos);
+        let f = (self.phong(o) + self.fiber.parameters.diffuse) * o.cos;
+        let drawn = self.highlight.eval(theta_o + self.theta_i) / (TAU * o.cos.max(1e-6));
+        ([f; N], self.chance * drawn + (1.0 - self.chance) / (2.0 * TAU))
+    }
+
+    fn sample(&self, u: [f32; 3]) -> BsdfSample<N> {
+        if !(self.valid && u.iter().all(|v| (0.0..1.0).contains(v))) {
+            return BsdfSample::Absorbed;
+        }
+        let (sin, cos) = if u[2] < self.chance {
+            let theta_o = (self.highlight.sample(u[1]) - self.theta_i).clamp(-FRAC_PI_2, FRAC_PI_2);
+            sin_cos(theta_o)
+        } else {
+            let sin = 2.0 * u[1] - 1.0;
+            (sin, (1.0 - sin * sin).max(0.0).sqrt())
+        };
+        let (y, x) = sin_cos(TAU * u[0]);
+        let w = [cos.max(0.0) * x, cos.max(0.0) * y, sin];
+        let (f, pdf) = self.eval_pdf(w);
+        BsdfSample::scattered(w, f, pdf)
+    }
+
+    /// Integral of f, by midpoints over the highlight.
+    fn albedo(&self) -> [f32; N] {
+        if !self.valid {
+            return [0.0; N];
+        }
+        let p = &self.fiber.parameters;
+        let reach = (7.0 / p.exponent.sqrt()).min(FRAC_PI_2);
+        let (low, high) = ((-self.theta_i - reach).max(-FRAC_PI_2), (-self.theta_i + reach).min(FRAC_PI_2));
+        let step = (high - low) / 128.0;
+        let at = |k: usize| low + (k as f32 + 0.5) * step;
+        let phong: f32 =
+            (0..128).map(|k| at(k).sin_cos()).map(|(sin, cos)| self.phong(Latitude { sin, cos }) * cos * cos).sum();
+        [TAU * phong * step + PI * PI * p.diffuse; N]
+    }
+
+    fn outcomes(&self) -> Outcomes {
+        if self.valid { Outcomes::SCATTERED } else { Outcomes::ABSORBED }
+    }
+}

@@ -1,0 +1,398 @@
+//! A fiber's scattering from a table (Xia 2020, 5 and 6): wave optics, or rays, over the azimuth; d'Eon's M_0 over the latitude.
+//!
+//! ```text
+//! f(wi, wo, lambda) = M_0(theta_i, theta_o) N(theta_i, phi_i, phi_o, lambda)
+//! ```
+//!
+//! f is an energy density: its integral over wo is the scattered fraction of the power that the fiber takes from the light, which per length is
+//! `C_e cos theta_i` times the flux across `wi`. So with Xia's BCSDF S = M_0 N the radiance that leaves a curve of width C_e is
+//! `integral L_i f cos theta_i / cos theta_o d wi`, and a path tracer whose rays hit that width needs `f` alone as "BSDF times cosine".
+//!
+//! The width C_e depends on direction and wavelength; a host intersects a cylinder of [`TabulatedFiber::max_width_um`] and asks
+//! [`TabulatedBsdf::hit`] whether the ray's offset from the center line is within C_e / 2 (Xia 2020, 6).
+//!
+//! Departures from Xia: the table is linear in `phi_r - phi_i` instead of phi_r, so that the forward peak stays one peak between nodes; slices are mixed
+//! by the power they take, their weight times their width, which is what conserves it; lambda is linear too.
+//!
+//! What is left out: cuticle tilt and separate lobes (one M_0 for all light), polarization, width of the beam across the fiber.
+
+use super::FiberQuery;
+use super::longitudinal::{Latitude, Longitudinal};
+use super::table::{self, FiberTable};
+use crate::bsdf::{DirectionSample, Outcomes};
+use crate::frame::is_direction;
+use crate::{Bsdf, BsdfSample, Result};
+use std::f32::consts::{FRAC_PI_2, TAU};
+use std::path::Path;
+
+/// Most that C_e may exceed the geometric width (Xia 2020, 6).
+pub const WIDTH_LIMIT: f64 = 6.0;
+/// Cells of the azimuth whose sums are kept for sampling.
+const BLOCK: usize = 16;
+
+/// A loaded fiber table, ready for evaluation.
+///
+/// Directions are unit vectors in the fiber's frame, away from the fiber: z along it, x and y those of the outline. No call allocates, fails or panics.
+/// Wavelengths and latitudes beyond the nodes count as the last node; where an input is not finite, or a component of a direction is beyond 1.001,
+/// f = 0 and nothing is hit.
+#[derive(Clone, Debug)]
+pub struct TabulatedFiber {
+    table: FiberTable,
+    longitudinal: Longitudinal,
+    /// `[L][T][P]` C_e, clamped [um].
+    width_um: Vec<f32>,
+    /// `[L][T][P]` scattered over extinguished light.
+    albedo: Vec<f32>,
+    /// `[L][T][P][blocks]` sums over [`BLOCK`] cells of the mean of their two nodes.
+    sums: Vec<f32>,
+    /// D.
+    cells: usize,
+    blocks: usize,
+    max_width_um: f32,
+    clamped: f64,
+    lambda_first: f32,
+    lambda_per_um: f32,
+    phi_first: f32,
+    phi_per_rad: f32,
+    turn: f32,
+}
+
+/// Slices of the table and their shares of the power, which add up to 1.
+type Corners = [(u32, f32); 8];
+
+/// A tabulated fiber at a query: what is looked up once for any number of outgoing directions.
+#[derive(Clone, Copy, Debug)]
+pub struct TabulatedBsdf<'a, const N: usize> {
+    fiber: &'a TabulatedFiber,
+    /// Cosine and sine of phi_i; of 0 for light along the fiber.
+    azimuth: [f32; 2],
+    latitude: Latitude,
+    /// By wavelength; all 0 where the input is not finite.
+    corners: [Corners; N],
+    /// Whether the slices hold the mirrored azimuth.
+    mirrored: bool,
+    albedo: [f32; N],
+    width_um: [f32; N],
+}
+
+impl TabulatedFiber {
+    /// Reads and checks a fiber table.
+    ///
+    /// # Errors
+    /// As [`FiberTable::load`].
+    pub fn load(path: impl AsRef<Path>) -> Result<TabulatedFiber> {
+        Ok(TabulatedFiber::new(FiberTable::load(path)?))
+    }
+
+    /// Reads and checks a fiber table from the bytes of its file; `name` stands for the file in errors.
+    ///
+    /// # Errors
+    /// As [`FiberTable::load`].
+    pub fn from_bytes(bytes: &[u8], name: &str) -> Result<TabulatedFiber> {
+        Ok(TabulatedFiber::new(FiberTable::from_bytes(bytes, name)?))
+    }
+
+    /// A fiber of a table that need not have been in a file.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`] when a file with it would be refused.
+    pub fn from_table(table: FiberTable) -> Result<TabulatedFiber> {
+        table.check("fiber table")?;
+        Ok(TabulatedFiber::new(table))
+    }
+
+    fn new(table: FiberTable) -> TabulatedFiber {
+        let (cells, p) = (table.phi_r_count(), table.phi_i.len());
+        let blocks = cells.div_ceil(BLOCK);
+        let slices = table.c_x_um.len();
+        let limit = |s: usize| WIDTH_LIMIT * table.width_um[s % p];
+        let width_um: Vec<f32> = (0..slices).map(|s| table.c_x_um[s].min(limit(s)) as f32).collect();
+        let clamped = (0..slices).filter(|s| table.c_x_um[*s] > limit(*s)).count() as f64 / slices as f64;
+        let mut sums = Vec::with_capacity(slices * blocks);
+        let mut albedo = Vec::with_capacity(slices);
+        for slice in table.azimuthal.chunks_exact(cells) {
+            let mean = |j: usize| 0.5 * (f64::from(slice[j]) + f64::from(slice[(j + 1) % cells]));
+            sums.extend((0..blocks).map(|b| (b * BLOCK..cells.min((b + 1) * BLOCK)).map(mean).sum::<f64>() as f32));
+            albedo.push(((0..cells).map(mean).sum::<f64>() * std::f64::consts::TAU / cells as f64) as f32);
+        }
+        let l = table.lambda_um.len();
+        let span = table.lambda_um[l - 1] - table.lambda_um[0];
+        TabulatedFiber {
+            longitudinal: Longitudinal::new(table.beta_m as f32),
+            max_width_um: width_um.iter().copied().fold(0.0, f32::max),
+            lambda_first: table.lambda_um[0] as f32,
+            lambda_per_um: if l > 1 { ((l - 1) as f64 / span) as f32 } else { 0.0 },
+            phi_first: table.phi_i[0] as f32,
+            phi_per_rad: (1.0 / table.symmetry.step(p)) as f32,
+            turn: TAU / table.symmetry.folds.max(1) as f32,
+            table,
+            width_um,
+            albedo,
+            sums,
+            cells,
+            blocks,
+            clamped,
+        }
+    }
+
+    /// The table as stored in the file.
+    pub fn table(&self) -> &FiberTable {
+        &self.table
+    }
+
+    /// With another longitudinal width [rad], clamped to [0.001, 2]; not a number counts as the least.
+    pub fn with_beta_m(mut self, beta_m: f32) -> Self {
+        self.table.beta_m = f64::from(beta_m).max(table::BETA_M.0).min(table::BETA_M.1);
+        self.longitudinal = Longitudinal::new(self.table.beta_m as f32);
+        self
+    }
+
+    /// Largest C_e over all directions and wavelengths [um]: the diameter of the cylinder to intersect.
+    pub fn max_width_um(&self) -> f32 {
+        self.max_width_um
+    }
+
+    /// Share of the table's slices whose width was clamped to [`WIDTH_LIMIT`] times the geometric one.
+    pub fn clamped_share(&self) -> f64 {
+        self.clamped
+    }
+
+    /// The fiber at a query. Where an input is not finite, or `omega_i` is no direction, nothing is hit and nothing scattered.
+    pub fn at<const N: usize>(&self, query: &FiberQuery<N>) -> TabulatedBsdf<'_, N> {
+        let valid = is_direction(query.omega_i);
+        let wi = if valid { query.omega_i } else { [1.0, 0.0, 0.0] };
+        let latitude = Latitude::of(wi);
+        let azimuth = if latitude.cos > 0.0 { [wi[0] / latitude.cos, wi[1] / latitude.cos] } else { [1.0, 0.0] };
+        let mut at = TabulatedBsdf {
+            fiber: self,
+            azimuth,
+            latitude,
+            corners: [[(0, 0.0); 8]; N],
+            mirrored: false,
+            albedo: [0.0; N],
+            width_um: [0.0; N],
+        };
+        if !valid {
+            return at;
+        }
+        let (nl, nt, np) = (self.table.lambda_um.len(), self.table.theta_i.len(), self.table.phi_i.len());
+        let theta_i = latitude.sin.abs().atan2(latitude.cos);
+        let (t, theta) = place(theta_i / FRAC_PI_2 * nt as f32 - 0.5, nt);
+        let (p, phi, mirrored) = self.azimuth(azimuth[1].atan2(azimuth[0]), np);
+        at.mirrored = mirrored;
+        for n in 0..N {
+            if !query.lambda_um[n].is_finite() {
+                continue;
+            }
+            let (l, lambda) = place((query.lambda_um[n] - self.lambda_first) * self.lambda_per_um, nl);
+            let corners = &mut at.corners[n];
+            let mut width = 0.0;
+            for (k, corner) in corners.iter_mut().enumerate() {
+                let (a, b, c) = (k >> 2, k >> 1 & 1, k & 1);
+                let slice = (l[a] * nt + t[b]) * np + p[c];
+                let share = lambda[a] * theta[b] * phi[c] * self.width_um[slice];
+                *corner = (slice as u32, share);
+                width += share;
+            }
+            if width > 0.0 {
+                corners.iter_mut().for_each(|(_, share)| *share /= width);
+            }
+            at.albedo[n] = corners.iter().map(|(slice, share)| share * self.albedo[*slice as usize]).sum();
+            at.width_um[n] = width;
+        }
+        at
+    }
+
+    /// Nodes around the azimuth `phi`, their weights, and whether they hold it mirrored.
+    fn azimuth(&self, phi: f32, count: usize) -> ([usize; 2], [f32; 2], bool) {
+        if self.table.symmetry.folds == 0 {
+            return ([0, 0], [1.0, 0.0], false);
+        }
+        let x = (phi - self.phi_first).rem_euclid(self.turn);
+        if self.table.symmetry.mirror_rad.is_none() {
+            let at = x * self.phi_per_rad;
+            let first = (at as usize).min(count - 1);
+            let t = (at - first as f32).clamp(0.0, 1.0);
+            return ([first, (first + 1) % count], [1.0 - t, t], false);
+        }
+        let mirrored = x > 0.5 * self.turn;
+        let x = if mirrored { self.turn - x } else { x };
+        let (nodes, weights) = place(x * self.phi_per_rad, count);
+        (nodes, weights, mirrored)
+    }
+}
+
+/// Two neighboring nodes and their weights for the place `at` in units of nodes, clamped to `count` nodes.
+fn place(at: f32, count: usize) -> ([usize; 2], [f32; 2]) {
+    let last = count - 1;
+    let at = at.clamp(0.0, last as f32);
+    let first = (at as usize).min(last.saturating_sub(1));
+    let t = at - first as f32;
+    ([first, (first + 1).min(last)], [1.0 - t, t])
+}
+
+impl<const N: usize> TabulatedBsdf<'_, N> {
+    /// C_e [um], by wavelength.
+    pub fn width_um(&self) -> [f32; N] {
+        self.width_um
+    }
+
+    /// Whether a ray that passes the center line at the distance `offset_um`, either side, meets the fiber (Xia 2020, 6), by wavelength.
+    pub fn hit(&self, offset_um: f32) -> [bool; N] {
+        self.width_um.map(|width| offset_um.abs() <= 0.5 * width)
+    }
+
+    /// N(phi_o - phi_i) [1/rad], for the azimuth of `wo`, by wavelength.
+    fn azimuthal(&self, wo: [f32; 3]) -> [f32; N] {
+        let [x, y] = self.azimuth;
+        let relative = (x * wo[1] - y * wo[0]).atan2(x * wo[0] + y * wo[1]);
+        let relative = if self.mirrored { -relative } else { relative };
+        let cells = self.fiber.cells;
+        let at = relative.rem_euclid(TAU) * (cells as f32 / TAU);
+        let j = (at as usize).min(cells - 1);
+        let t = (at - j as f32).clamp(0.0, 1.0);
+        let next = if j + 1 == cells { 0 } else { j + 1 };
+        std::array::from_fn(|n| {
+            let corners = &self.corners[n];
+            (1.0 - t) * self.node(corners, j) + t * self.node(corners, next)
+        })
+    }
+
+    fn node(&self, corners: &Corners, j: usize) -> f32 {
+        let values = &self.fiber.table.azimuthal;
+        corners.iter().map(|(slice, share)| share * values[*slice as usize * self.fiber.cells + j]).sum()
+    }
+
+    /// Sum of the albedos: wavelengths are drawn in proportion to theirs.
+    fn total(&self) -> f32 {
+        self.albedo.iter().sum()
+    }
+
+    /// Density of samples where f is `f`.
+    fn density(&self, f: &[f32; N]) -> f32 {
+        let total = self.total();
+        if total > 0.0 { f.iter().sum::<f32>() / total } else { 0.0 }
+    }
+
+    /// A direction: a wavelength, then its azimuth and the latitude.
+    fn draw(&self, u: [f32; 3]) -> Option<[f32; 3]> {
+        let total = self.total();
+        if !(total > 0.0 && u.iter().all(|v| (0.0..1.0).contains(v))) {
+            return None;
+        }
+        let (mut remaining, mut chosen) = (u[0] * total, N - 1);
+        for (n, albedo) in self.albedo.iter().enumerate() {
+            if remaining < *albedo {
+                chosen = n;
+                break;
+            }
+            if n + 1 < N {
+                remaining -= albedo;
+            }
+        }
+        let albedo = self.albedo[chosen];
+        // With one wavelength the number is used as it is.
+        let first = if N == 1 { u[0] } else { (remaining / albedo).min(1.0 - f32::EPSILON / 2.0) };
+        if !(0.0..1.0).contains(&first) {
+            return None;
+        }
+        let relative = self.invert(&self.corners[chosen], first);
+        let latitude = self.fiber.longitudinal.sample(self.latitude, [u[1], u[2]]);
+        let [x, y] = self.azimuth;
+        let phi = y.atan2(x) + if self.mirrored { -relative } else { relative };
+        let (sin, cos) = phi.sin_cos();
+        Some([latitude.cos * cos, latitude.cos * sin, latitude.sin])
+    }
+
+    /// Relative azimuth below which the mixed slices hold the fraction `u` of their light [rad]: blocks, then cells, then the root of the square
+    /// within a cell.
+    fn invert(&self, corners: &Corners, u: f32) -> f32 {
+        let (cells, blocks) = (self.fiber.cells, self.fiber.blocks);
+        let block = |b: usize| -> f32 {
+            corners.iter().map(|(slice, share)| share * self.fiber.sums[*slice as usize * blocks + b]).sum()
+        };
+        let mut left = u * (0..blocks).map(block).sum::<f32>();
+        let mut b = 0;
+        while b + 1 < blocks {
+            let sum = block(b);
+            if left < sum {
+                break;
+            }
+            left -= sum;
+            b += 1;
+        }
+        let end = cells.min((b + 1) * BLOCK);
+        let mut j = b * BLOCK;
+        let mut low = self.node(corners, j);
+        // The last cell with light takes what rounding has left over.
+        let mut kept = (j, low, low, 0.0);
+        while j < end {
+            let high = self.node(corners, if j + 1 == cells { 0 } else { j + 1 });
+            let sum = 0.5 * (low + high);
+            if sum > 0.0 {
+                kept = (j, low, high, (left / sum).clamp(0.0, 1.0));
+                if left < sum {
+                    break;
+                }
+            }
+            left -= sum;
+            (j, low) = (j + 1, high);
+        }
+        let (j, low, high, x) = kept;
+        // Mass t (low + t (high - low) / 2) of the cell's whole is x.
+        let root = (low * low + x * (high * high - low * low)).max(0.0).sqrt();
+        let t = if low + root > 0.0 { x * (low + high) / (low + root) } else { x };
+        (j as f32 + t.clamp(0.0, 1.0)) * TAU / cells as f32
+    }
+}
+
+impl<const N: usize> Bsdf<N> for TabulatedBsdf<'_, N> {
+    fn eval(&self, w: [f32; 3]) -> [f32; N] {
+        if !is_direction(w) {
+            return [0.0; N];
+        }
+        let longitudinal = self.fiber.longitudinal.eval(self.latitude, Latitude::of(w));
+        self.azimuthal(w).map(|n| {
+            let f = longitudinal * n;
+            if f.is_finite() { f } else { 0.0 }
+        })
+    }
+
+    fn pdf(&self, w: [f32; 3]) -> f32 {
+        self.density(&self.eval(w))
+    }
+
+    fn eval_pdf(&self, w: [f32; 3]) -> ([f32; N], f32) {
+        let f = self.eval(w);
+        (f, self.density(&f))
+    }
+
+    fn sample(&self, u: [f32; 3]) -> BsdfSample<N> {
+        match self.draw(u) {
+            Some(w) => {
+                let (f, pdf) = self.eval_pdf(w);
+                if N == 1 {
+                    // The density is f over the albedo: their ratio needs no division of two values near 0.
+                    BsdfSample::Scattered(DirectionSample { w, weight: self.albedo, pdf })
+                } else {
+                    BsdfSample::scattered(w, f, pdf)
+                }
+            }
+            None => BsdfSample::Absorbed,
+        }
+    }
+
+    /// Scattered over extinguished light; 1 for a lossless fiber.
+    fn albedo(&self) -> [f32; N] {
+        self.albedo
+    }
+
+    fn outcomes(&self) -> Outcomes {
+        if self.total() > 0.0 { Outcomes::SCATTERED } else { Outcomes::ABSORBED }
+    }
+}
+
+const _: () = {
+    const fn is_send_sync<T: Send + Sync>() {}
+    is_send_sync::<TabulatedFiber>();
+};
