@@ -6,6 +6,7 @@
 pub mod azimuthal;
 pub mod cylinder;
 mod dielectric;
+pub mod dual_scattering;
 pub mod fresnel;
 mod gaussian;
 mod kajiya_kay;
