@@ -239,6 +239,36 @@ fn energies_balance() {
     }
 }
 
+/// Fibers behind: none leaves the fiber alone, many are endless ones. Fractions of fibers are fractions of their attenuation.
+#[test]
+fn fibers_are_counted() {
+    let model = khungurn(0.05, 0.9, 0.1, 0.4);
+    let dual = dual(&model, DualOptions::default());
+    let local = |behind: Option<u32>| {
+        let occlusion = Occlusion { behind, ..dual.unoccluded() };
+        dual.at(&model, &light(0.3, 0.0), &occlusion).terms(direction(-0.3, 0.2)).local[0]
+    };
+    assert!(local(Some(0)) < 1e-7 && local(Some(1)) > 0.01, "{} {}", local(Some(0)), local(Some(1)));
+    assert!((local(Some(1000)) / local(None) - 1.0).abs() < 1e-3, "{} {}", local(Some(1000)), local(None));
+    for drift in [false, true] {
+        let dual = DualScattering::new(&model, &light(0.0, 0.0), DualOptions { drift, ..Default::default() }).unwrap();
+        let a_f = dual.attenuation(0.0).forward[0];
+        for count in [0.5f32, 1.0, 3.25, 100.0] {
+            let at_once = passed(&dual, 0.0, count);
+            let mut apart = passed(&dual, 0.0, 0.5 * count);
+            apart.pass(&dual, 0.0, 0.5 * count);
+            let want = a_f.powf(count);
+            assert!((at_once.transmitted[0] - want).abs() < 1e-4 && (apart.transmitted[0] - want).abs() < 1e-4);
+            // Beyond 64 fibers at once the drift stands still.
+            let tolerance = if count > 64.0 { 0.1 } else { 0.02 };
+            assert!(
+                (at_once.variance / apart.variance - 1.0).abs() < tolerance,
+                "{drift} {count}: {at_once:?} {apart:?}"
+            );
+        }
+    }
+}
+
 /// The tables' F^G against quadrature of f, for every kind of model: worst and mean difference over directions, as shares of the greatest value.
 #[test]
 fn tables_are_the_integral_of_the_model() {
@@ -318,7 +348,7 @@ fn spreads_have_their_limits() {
     let occlusion = passed(&flux, 0.6, 1.0);
     let (a, b) = (flux.at(&model, &query, &occlusion).energy(), radiance.at(&model, &query, &occlusion).energy());
     assert!((a.global[0] / b.global[0] - 1.0).abs() < 1e-3, "{a:?} {b:?}");
-    let wide = Occlusion { variance: 0.16, ..occlusion };
+    let wide = Occlusion { variance: 0.16, drift: 0.0, ..occlusion };
     let (a, b) = (flux.at(&model, &query, &wide).energy(), radiance.at(&model, &query, &wide).energy());
     // Mean of cos(0.6 + x) over cos 0.6 for a Gaussian of 0.4: exp(-0.08), but for what lies beyond the pole.
     assert!((b.global[0] / a.global[0] - 0.923).abs() < 0.02, "{a:?} {b:?}");
@@ -354,7 +384,7 @@ fn bad_input_is_refused_or_dark() {
             let mut occlusion = dual.unoccluded();
             occlusion.pass(&dual, a, b);
             assert!(occlusion.variance.is_finite() && occlusion.transmitted[0].is_finite(), "{a} {b}: {occlusion:?}");
-            let wrong = Occlusion { fibers: a, transmitted: [b; 3], variance: a };
+            let wrong = Occlusion { fibers: a, transmitted: [b; 3], variance: a, drift: b, behind: Some(u32::MAX) };
             for occlusion in [occlusion, wrong] {
                 let at = dual.at(&model, &FiberQuery::new([a, b, 0.3], LAMBDA_UM), &occlusion);
                 for f in [at.eval([b, a, 0.1]), at.radiance([0.1, b, a]), at.global([0.6, 0.8, 0.0], 2)] {

@@ -11,6 +11,10 @@
 //! wide spreads is not that of theta_d. [`Spread::Flux`] keeps the flux, `S_f = s g cos theta_d / cos^2 theta_i`; then the light of F^G is T_f times the mean albedo. [`Spread::Radiance`] is
 //! the note's. With `d_f = d_b = 1` and the full sum, light on endless layers comes back with the share `a_b + A_b`, which solves the adding equation of layers; where nothing is absorbed it is 1.
 //!
+//! Latitudes. A fiber sends light of the mean latitude m on at `m - s(m)`, with the variance `beta^2(m)` of its own. So to first order the mean and variance of light that passes fibers are
+//! `m' = m - s(m)`, `V' = (1 - ds/dm)^2 V + beta^2(m)`. Narrow lobes have s near 0, and V = n beta^2 as the note has it; wide ones have `s > 0` above the equator, where cos^2 cuts them,
+//! and V levels off. [`DualOptions::drift`] switches between the two.
+//!
 //! Attenuations a_f, a_b and the moments of latitude are integrals of f over the azimuths of light and fiber, as the model's own samples at points of low discrepancy give them: so that narrow
 //! lobes and caustics count as they should. Of F^G the longitudinal shape is a Gaussian that has the mean and variance of f there, convolved with the spread's; [`DualScattering::global`]
 //! integrates f itself. Errors against traced layers and bundles stand in docs/dual_scattering.md.
@@ -47,6 +51,9 @@ pub struct DualOptions {
     pub backscattering: Backscattering,
     /// S_f.
     pub spread: Spread,
+    /// Whether the latitude of light that passes fibers drifts, and its spread levels off, as lobes near a pole have their light on the equator's side; else the latitude is
+    /// that of straight light and the variance `n beta^2`, as in the note.
+    pub drift: bool,
     /// Samples of f a latitude, 64 to 1000000.
     pub samples: u32,
     /// Turns of the fiber about its axis that are averaged, 1 to 1000; a round fiber needs one.
@@ -54,13 +61,14 @@ pub struct DualOptions {
 }
 
 impl Default for DualOptions {
-    /// Zinke's densities 0.7, all orders, flux; one turn.
+    /// Zinke's densities 0.7, all orders, flux, drift; one turn.
     fn default() -> Self {
         DualOptions {
             forward_density: 0.7,
             backward_density: 0.7,
             backscattering: Backscattering::Full,
             spread: Spread::Flux,
+            drift: true,
             samples: 4096,
             turns: 1,
         }

@@ -221,6 +221,12 @@ impl<const N: usize> DualScattering<N> {
         }
     }
 
+    /// Slope of `forward_shift` over the latitude.
+    pub(crate) fn shift_slope(&self, theta: f32) -> f32 {
+        let (k, _) = place(theta);
+        (self.latitudes[k + 1].forward_shift - self.latitudes[k].forward_shift) * (LATITUDES as f32 / PI)
+    }
+
     /// A_b at a latitude, by wavelength.
     pub fn backscattered(&self, theta: f32) -> [f32; N] {
         let a = self.attenuation(theta);

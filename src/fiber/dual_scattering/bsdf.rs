@@ -1,6 +1,6 @@
 //! Dual scattering at a shading point: what the fibers before it leave of the light, and what it and its neighbors make of that.
 
-use super::{DualScattering, Spread};
+use super::{Attenuation, DualScattering, Spread};
 use crate::Bsdf;
 use crate::fiber::gaussian::erf;
 use crate::fiber::longitudinal::Latitude;
@@ -10,6 +10,8 @@ use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 /// Greatest width of spread light [rad]: even over the latitudes to 1 %.
 const WIDEST: f32 = 6.0;
+/// Fibers behind that are counted: more are as good as endless ones.
+const MOST_BEHIND: u32 = 64;
 /// Positive points and weights of Gauss-Legendre's rule with 8 points on [-1, 1].
 const LEGENDRE: [(f32, f32); 4] = [
     (0.183_434_64, 0.362_683_8),
@@ -27,11 +29,15 @@ pub struct Occlusion<const N: usize> {
     pub transmitted: [f32; N],
     /// sigma_f^2 [rad^2].
     pub variance: f32,
+    /// Mean latitude of the light that arrives less that of straight light [rad]; 0 without [`super::DualOptions::drift`].
+    pub drift: f32,
+    /// Fibers behind the shading point along the light, where the host has counted them: A_b is then that of as many layers. `None` for endless ones.
+    pub behind: Option<u32>,
 }
 
 impl<const N: usize> Occlusion<N> {
     pub(crate) fn new() -> Self {
-        Occlusion { fibers: 0.0, transmitted: [1.0; N], variance: 0.0 }
+        Occlusion { fibers: 0.0, transmitted: [1.0; N], variance: 0.0, drift: 0.0, behind: None }
     }
 
     /// Passes `count` fibers, in whose frame the light comes from the latitude `theta_d` [rad] (Khungurn 2015, 3.1 and 3.2). Of a density that is only known on the average the count is a fraction.
@@ -40,10 +46,31 @@ impl<const N: usize> Occlusion<N> {
         if !(count > 0.0 && count.is_finite() && theta_d.is_finite()) {
             return;
         }
-        let a = dual.attenuation(theta_d);
         self.fibers += count;
-        (0..N).for_each(|n| self.transmitted[n] *= a.forward[n].max(0.0).powf(count));
-        self.variance = (self.variance + count * a.forward_width * a.forward_width).min(WIDEST * WIDEST);
+        // Whole fibers and what is left over; after 64 the light is in balance.
+        let steps = count.ceil().min(64.0);
+        let part = if count > steps { 1.0 } else { count / steps };
+        let mut a = dual.attenuation(theta_d);
+        for _ in 0..steps as u32 {
+            let latitude = (theta_d + self.drift).max(-FRAC_PI_2).min(FRAC_PI_2);
+            a = dual.attenuation(latitude);
+            let kept = if dual.options.drift {
+                self.drift -= part * a.forward_shift;
+                (1.0 - part * dual.shift_slope(latitude)).max(0.0)
+            } else {
+                1.0
+            };
+            (0..N).for_each(|n| self.transmitted[n] *= a.forward[n].max(0.0).powf(part));
+            let variance = kept * kept * self.variance + part * a.forward_width * a.forward_width;
+            self.variance = variance.min(WIDEST * WIDEST);
+        }
+        if count > steps {
+            (0..N).for_each(|n| self.transmitted[n] *= a.forward[n].max(0.0).powf(count - steps));
+            if !dual.options.drift {
+                let variance = self.variance + (count - steps) * a.forward_width * a.forward_width;
+                self.variance = variance.min(WIDEST * WIDEST);
+            }
+        }
     }
 
     /// Whether nothing has been passed.
@@ -67,7 +94,9 @@ pub struct DualBsdf<'a, const N: usize> {
     dual: &'a DualScattering<N>,
     model: &'a FiberModel,
     query: FiberQuery<N>,
+    /// Mean latitude of the light that arrives.
     theta_d: f32,
+    /// Of straight light.
     cos_d: f32,
     /// Cosine and sine of phi_d.
     azimuth: [f32; 2],
@@ -76,6 +105,7 @@ pub struct DualBsdf<'a, const N: usize> {
     sigma_f: f32,
     /// Share of the spread's Gaussian between the poles.
     inside: f32,
+    behind: Option<u32>,
     direct: bool,
     valid: bool,
 }
@@ -89,13 +119,14 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
     ) -> Self {
         let finite = occlusion.transmitted.iter().all(|t| t.is_finite() && *t >= 0.0)
             && occlusion.variance.is_finite()
+            && occlusion.drift.is_finite()
             && occlusion.fibers.is_finite();
         let valid = is_direction(query.omega_i) && finite;
         let wi = if valid { query.omega_i } else { [1.0, 0.0, 0.0] };
         let d = Latitude::of(wi);
         let direct = occlusion.is_direct();
         let density = if direct { 1.0 } else { dual.options.forward_density };
-        let theta_d = d.sin.atan2(d.cos);
+        let theta_d = (d.sin.atan2(d.cos) + occlusion.drift).max(-FRAC_PI_2).min(FRAC_PI_2);
         let sigma_f = occlusion.variance.max(0.0).min(WIDEST * WIDEST).sqrt();
         let below = |end: f32| erf(f64::from(end / (sigma_f.max(1e-6) * std::f32::consts::SQRT_2))) as f32;
         DualBsdf {
@@ -108,6 +139,7 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
             transmitted: occlusion.transmitted.map(|t| density * t),
             sigma_f,
             inside: 0.5 * (below(FRAC_PI_2 - theta_d) + below(FRAC_PI_2 + theta_d)),
+            behind: occlusion.behind,
             direct,
             valid,
         }
@@ -193,8 +225,7 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
         }
         let energy = self.convolve(theta_o, |theta| {
             let a = self.dual.attenuation(theta);
-            let sum = self.dual.options.backscattering;
-            (std::array::from_fn(|n| sum.sum(a.forward[n], a.backward[n])), -theta, a.back_width())
+            (self.backscattered(&a), -theta, a.back_width())
         });
         std::array::from_fn(|n| density * self.transmitted[n] * energy[n])
     }
@@ -231,6 +262,17 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
         sum.map(|s| s * scale)
     }
 
+    /// A_b.
+    fn backscattered(&self, a: &Attenuation<N>) -> [f32; N] {
+        match self.behind {
+            None => std::array::from_fn(|n| self.dual.options.backscattering.sum(a.forward[n], a.backward[n])),
+            Some(count) => {
+                let stack = a.stack(count.min(MOST_BEHIND) + 1);
+                std::array::from_fn(|n| (stack[n].reflected - a.backward[n]).max(0.0))
+            }
+        }
+    }
+
     /// Flux of light from the latitude `theta` over what the spread counts.
     fn measure(&self, theta: f32) -> f32 {
         match self.dual.options.spread {
@@ -246,7 +288,8 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
         }
         let (mut global, mut local) = ([0.0; N], [0.0; N]);
         self.each_latitude(|theta, weight| {
-            let (a, neighbors) = (self.dual.attenuation(theta), self.dual.backscattered(theta));
+            let a = self.dual.attenuation(theta);
+            let neighbors = self.backscattered(&a);
             for n in 0..N {
                 global[n] += self.transmitted[n] * weight * (a.forward[n] + a.backward[n]);
                 local[n] += self.transmitted[n] * weight * self.dual.options.backward_density * neighbors[n];
