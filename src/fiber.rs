@@ -6,18 +6,22 @@
 pub mod azimuthal;
 pub mod cylinder;
 mod dielectric;
+pub mod dual_scattering;
 mod far_table;
 mod fast;
 pub mod fresnel;
 mod gaussian;
 mod kajiya_kay;
+mod khungurn;
 mod longitudinal;
 mod metal;
 pub mod opaque;
 mod range;
+mod reflectance;
 mod rough_dielectric;
 mod table;
 mod tabulated;
+mod von_mises;
 
 use crate::bsdf::Outcomes;
 use crate::{Bsdf, BsdfSample, Result};
@@ -25,8 +29,10 @@ use std::path::Path;
 
 pub use dielectric::{DielectricBsdf, DielectricFiber, DielectricParameters, LEAST_FAR_WIDTH, MOST_ORDERS};
 pub use kajiya_kay::{KajiyaKayBsdf, KajiyaKayFiber, KajiyaKayParameters};
+pub use khungurn::{KhungurnBsdf, KhungurnFiber, KhungurnParameters};
 pub use metal::{Metal, conductor};
 pub use opaque::{Mirror, OpaqueBsdf, OpaqueFiber, OpaqueParameters};
+pub use reflectance::Reflectance;
 pub use rough_dielectric::{RoughDielectricBsdf, RoughDielectricFiber, RoughDielectricParameters};
 pub use table::{FiberSource, FiberTable, OutlineSymmetry};
 pub use tabulated::{TabulatedBsdf, TabulatedFiber, WIDTH_LIMIT};
@@ -74,6 +80,8 @@ pub enum FiberModel {
     RoughDielectric(RoughDielectricFiber),
     /// Kajiya and Kay's phenomenological model.
     KajiyaKay(KajiyaKayFiber),
+    /// Khungurn's R and TT (2015).
+    Khungurn(KhungurnFiber),
 }
 
 impl FiberModel {
@@ -105,6 +113,7 @@ impl FiberModel {
             FiberModel::Opaque(fiber) => FiberBsdf(At::Opaque(fiber.at(query))),
             FiberModel::RoughDielectric(fiber) => FiberBsdf(At::RoughDielectric(fiber.at(query))),
             FiberModel::KajiyaKay(fiber) => FiberBsdf(At::KajiyaKay(fiber.at(query))),
+            FiberModel::Khungurn(fiber) => FiberBsdf(At::Khungurn(fiber.at(query))),
         }
     }
 
@@ -116,6 +125,7 @@ impl FiberModel {
             FiberModel::Opaque(fiber) => 2.0 * fiber.parameters().radius_um,
             FiberModel::RoughDielectric(fiber) => fiber.max_width_um(),
             FiberModel::KajiyaKay(fiber) => 2.0 * fiber.parameters().radius_um,
+            FiberModel::Khungurn(fiber) => 2.0 * fiber.parameters().radius_um,
         }
     }
 }
@@ -135,6 +145,12 @@ impl From<RoughDielectricFiber> for FiberModel {
 impl From<KajiyaKayFiber> for FiberModel {
     fn from(fiber: KajiyaKayFiber) -> FiberModel {
         FiberModel::KajiyaKay(fiber)
+    }
+}
+
+impl From<KhungurnFiber> for FiberModel {
+    fn from(fiber: KhungurnFiber) -> FiberModel {
+        FiberModel::Khungurn(fiber)
     }
 }
 
@@ -172,6 +188,7 @@ enum At<'a, const N: usize> {
     Opaque(OpaqueBsdf<'a, N>),
     RoughDielectric(RoughDielectricBsdf<'a, N>),
     KajiyaKay(KajiyaKayBsdf<'a, N>),
+    Khungurn(KhungurnBsdf<'a, N>),
 }
 
 /// The same expression of whatever model it is.
@@ -183,6 +200,7 @@ macro_rules! each {
             At::Opaque($at) => $does,
             At::RoughDielectric($at) => $does,
             At::KajiyaKay($at) => $does,
+            At::Khungurn($at) => $does,
         }
     };
 }

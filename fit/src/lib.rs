@@ -9,6 +9,7 @@ mod error;
 mod exits;
 mod fit;
 mod fit_errors;
+mod khungurn;
 mod layers;
 mod lobes;
 mod optimize;
@@ -24,6 +25,7 @@ pub use error::FitError;
 pub use exits::fit_exits;
 pub use fit::{Progress, Stage, fit, frame};
 pub use fit_errors::{FitErrors, errors};
+pub use khungurn::{KhungurnFit, KhungurnFitError, SwatchOptions, SwatchSample, fit_khungurn, fit_khungurn_swatch};
 pub use layers::layer_factors;
 pub use lobes::{
     BlockEffort, CORNERS, PATHS, PaddedSlice, Place, ReflectionEffort, ScaledLobes, Scratch, SphereGrid, canonical,

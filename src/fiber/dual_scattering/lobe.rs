@@ -1,0 +1,120 @@
+//! The longitudinal lobe of light between fibers: `g(theta_o - mean) cos theta_o / G`, whose integral over the sphere of latitudes is 1 at every mean and width.
+
+use crate::fiber::khungurn::Normalizer;
+use std::f32::consts::{FRAC_PI_2, TAU};
+
+/// Least and greatest width [rad].
+pub(crate) const WIDTHS: [f32; 2] = [0.005, 10.0];
+/// Nodes over the distance from the pole in widths, 0 to 8, and over the logarithm of the width.
+const ACROSS: usize = 129;
+const WIDE: usize = 65;
+
+/// G over its form without poles, `beta sqrt(2 pi) (1 + exp(-2 beta^2) cos 2 theta) / 2`: smooth in both axes. Bilinear, to 1e-3.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct LobeTable {
+    ratio: Vec<f32>,
+}
+
+impl LobeTable {
+    pub(crate) fn new() -> LobeTable {
+        let span = f64::from(WIDTHS[1] / WIDTHS[0]).ln();
+        let mut ratio = Vec::with_capacity(ACROSS * WIDE);
+        for j in 0..WIDE {
+            let width = f64::from(WIDTHS[0]) * (span * j as f64 / (WIDE - 1) as f64).exp();
+            for k in 0..ACROSS {
+                let from_pole = (8.0 * k as f64 / (ACROSS - 1) as f64 * width).min(std::f64::consts::FRAC_PI_2);
+                let theta = std::f64::consts::FRAC_PI_2 - from_pole;
+                ratio.push((Normalizer::exact(theta, width) / open(theta, width)) as f32);
+            }
+        }
+        LobeTable { ratio }
+    }
+
+    /// `cos theta_o g / G` about `mean`: energy per solid angle of a lobe whose light is 1 over all latitudes, and 1/rad of azimuth apart.
+    pub(crate) fn eval(&self, theta_o: f32, mean: f32, width: f32) -> f32 {
+        let width = width.max(WIDTHS[0]).min(WIDTHS[1]);
+        // A mean beyond a pole stands for light about the pole.
+        let mean = mean.max(-FRAC_PI_2).min(FRAC_PI_2);
+        let x = (FRAC_PI_2 - mean.abs()) / width * ((ACROSS - 1) as f32 / 8.0);
+        let y = (width / WIDTHS[0]).ln() / (WIDTHS[1] / WIDTHS[0]).ln() * (WIDE - 1) as f32;
+        let (i, j) = ((x as usize).min(ACROSS - 2), (y as usize).min(WIDE - 2));
+        let (s, t) = ((x - i as f32).min(1.0), (y - j as f32).min(1.0));
+        let at = |j: usize| self.ratio[j * ACROSS + i] * (1.0 - s) + self.ratio[j * ACROSS + i + 1] * s;
+        let ratio = at(j) * (1.0 - t) + at(j + 1) * t;
+        let off = (theta_o - mean) / width;
+        let open = 0.5 * width * TAU.sqrt() * (1.0 + (-2.0 * width * width).exp() * (2.0 * mean).cos());
+        theta_o.cos().max(0.0) * (-0.5 * off * off).exp() / (ratio * open)
+    }
+}
+
+fn open(theta: f64, width: f64) -> f64 {
+    0.5 * width * std::f64::consts::TAU.sqrt() * (1.0 + (-2.0 * width * width).exp() * (2.0 * theta).cos())
+}
+
+/// Mean and width of the lobe whose light has this mean latitude and standard deviation. Deviations beyond those of `cos^2`, the widest lobe's, give that.
+pub(crate) fn lobe_of_moments(mean: f64, sd: f64) -> [f64; 2] {
+    let half = std::f64::consts::FRAC_PI_2;
+    let (mut middle, mut width) = (mean.clamp(-half, half), sd.clamp(f64::from(WIDTHS[0]), f64::from(WIDTHS[1])));
+    for _ in 0..60 {
+        let [m, s] = moments(middle, width);
+        let (off, ratio) = (mean - m, (sd / s).clamp(0.5, 2.0));
+        middle = (middle + off).clamp(-half, half);
+        width = (width * ratio).clamp(f64::from(WIDTHS[0]), f64::from(WIDTHS[1]));
+        if off.abs() < 1e-5 && (ratio - 1.0).abs() < 1e-4 {
+            break;
+        }
+    }
+    [middle, width]
+}
+
+/// Mean and standard deviation of the density `g cos^2` over the latitude.
+fn moments(middle: f64, width: f64) -> [f64; 2] {
+    let half = std::f64::consts::FRAC_PI_2;
+    let (low, high) = ((middle - 6.0 * width).max(-half), (middle + 6.0 * width).min(half));
+    let n = 64;
+    let (mut sum, mut first, mut second) = (0.0, 0.0, 0.0);
+    for k in 0..n {
+        let x = low + (f64::from(k) + 0.5) * (high - low) / f64::from(n);
+        let t = (x - middle) / width;
+        let density = (-0.5 * t * t).exp() * x.cos().powi(2);
+        sum += density;
+        first += density * x;
+        second += density * x * x;
+    }
+    let mean = first / sum;
+    [mean, (second / sum - mean * mean).max(1e-12).sqrt()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lobes_are_found_by_their_moments() {
+        for (middle, width) in [(0.0, 0.1), (0.7, 0.3), (-1.2, 0.05), (1.4, 0.2), (0.0, 1.0)] {
+            let [mean, sd] = moments(middle, width);
+            let [m, w] = lobe_of_moments(mean, sd);
+            assert!((m - middle).abs() < 0.02 && (w / width - 1.0).abs() < 0.03, "{middle} {width}: {m} {w}");
+        }
+    }
+
+    /// Integral of the lobe over `cos theta_o d theta_o` is 1, between nodes of the table too.
+    #[test]
+    fn lobes_hold_all_light() {
+        let table = LobeTable::new();
+        for width in [0.001, 0.0061, 0.043, 0.11, 0.37, 0.9, 3.3, 20.0f32] {
+            for mean in [0.0, 0.4, -0.93, 1.33, -1.51, 1.57, 2.0f32] {
+                let spread = 9.0 * width.max(WIDTHS[0]);
+                let middle = mean.clamp(-FRAC_PI_2, FRAC_PI_2);
+                let (low, high) = ((middle - spread).max(-FRAC_PI_2), (middle + spread).min(FRAC_PI_2));
+                let n = 4000;
+                let step = (high - low) / n as f32;
+                let sum: f64 = (0..n)
+                    .map(|k| low + (k as f32 + 0.5) * step)
+                    .map(|x| f64::from(table.eval(x, mean, width) * x.cos() * step))
+                    .sum();
+                assert!((sum - 1.0).abs() < 2e-3, "width {width}, mean {mean}: {sum}");
+            }
+        }
+    }
+}

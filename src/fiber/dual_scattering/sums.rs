@@ -1,0 +1,62 @@
+//! Light between layers of fibers, each of which sends a_f on and a_b back (Khungurn 2015, 5.1 and 7).
+
+/// How many backscatterings A_b counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Backscattering {
+    /// One and three: A_1 + A_3 (Khungurn 2015, 5.1).
+    OneAndThree,
+    /// All orders (Khungurn 2015, 7, corrected).
+    Full,
+}
+
+impl Backscattering {
+    /// A_b of layers with the shares `forward` and `backward`, in [0, 1]. A sum of the shares above 1, as of models that do not conserve, counts as 1.
+    ///
+    /// Full: light that has passed fiber 0 (a_f) arrives at fiber 1 from above, and comes out at the top with the chance
+    /// `x = 2 a_f a_b / (S + sqrt(S^2 - 4 a_f^2 a_b^2))`, `S = 1 - a_f^2 - a_b^2`, the root of the note's quadratic in a form without cancellation, where
+    /// `S^2 - 4 a_f^2 a_b^2 = (1 - (a_f + a_b)^2) (1 - (a_f - a_b)^2)`. So A_b is `a_f x`; the note's last line has `a_f a_0^+`, which counts fiber 0 again.
+    pub fn sum(self, forward: f32, backward: f32) -> f32 {
+        let (f, b) = bounded(forward, backward);
+        let sum = match self {
+            Backscattering::OneAndThree => {
+                // a_b^2 over 1 - a_f^2 is at most 1.
+                let rest = (1.0 - f * f).max(1e-12);
+                let one = b * f * f / rest;
+                one + one * (b / rest) * (b / rest)
+            }
+            Backscattering::Full => {
+                let s = (1.0 - f) * (1.0 + f) - b * b;
+                let root = ((1.0 - (f + b)) * (1.0 + f + b) * (1.0 - (f - b).powi(2))).max(0.0).sqrt();
+                if b > 0.0 && s + root > 0.0 { (2.0 * f * f * b / (s + root)).min(f) } else { 0.0 }
+            }
+        };
+        sum as f32
+    }
+}
+
+/// Shares in f64, at most 1 together.
+fn bounded(forward: f32, backward: f32) -> (f64, f64) {
+    let (f, b) = (f64::from(forward.max(0.0)), f64::from(backward.max(0.0)));
+    let scale = 1.0 / (f + b).max(1.0);
+    (f * scale, b * scale)
+}
+
+/// What layers do to light on them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stack {
+    /// Share that comes back.
+    pub reflected: f32,
+    /// Share that passes.
+    pub transmitted: f32,
+}
+
+/// `count` equal layers, by adding one at a time: `R' = a_b + a_f^2 R / (1 - a_b R)`, `T' = a_f T / (1 - a_b R)`. None lets all light pass. As the count grows R tends to `a_b + A_b` of [`Backscattering::Full`].
+pub fn stack(forward: f32, backward: f32, count: u32) -> Stack {
+    let (f, b) = bounded(forward, backward);
+    let (mut r, mut t) = (0.0, 1.0);
+    for _ in 0..count {
+        let between = 1.0 / (1.0 - b * r).max(1e-12);
+        (r, t) = (b + f * f * r * between, f * t * between);
+    }
+    Stack { reflected: r as f32, transmitted: t as f32 }
+}
