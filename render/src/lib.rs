@@ -19,6 +19,7 @@ mod props;
 mod room;
 mod scene;
 mod setup;
+mod strands;
 
 pub use camera::Camera;
 pub use film::{Film, FilmView, Ingredients, LAMBDA_RANGE_UM};
@@ -29,6 +30,7 @@ pub use picture::{Facts, png};
 pub use props::{Prop, Shape};
 pub use scene::{Frame, Scene, SurfacePoint};
 pub use setup::Setup;
+pub use strands::{Basis, LEAST_RADIUS_MM, MOST_MM, MOST_POINTS, Skip, StrandHit, StrandShape, StrandTree, Strands};
 
 /// Wavelengths along a path.
 pub const WAVELENGTHS: usize = 4;
@@ -51,6 +53,14 @@ pub enum RenderError {
         file: String,
         /// Line from 1; 0 for the whole file.
         line: usize,
+        /// What is wrong.
+        what: String,
+    },
+    /// Strands cannot be read or used.
+    #[error("{file}: {what}")]
+    Strands {
+        /// The file.
+        file: String,
         /// What is wrong.
         what: String,
     },
