@@ -30,7 +30,10 @@ pub use picture::{Facts, png};
 pub use props::{Prop, Shape};
 pub use scene::{Frame, Scene, SurfacePoint};
 pub use setup::Setup;
-pub use strands::{Basis, LEAST_RADIUS_MM, MOST_MM, MOST_POINTS, Skip, StrandHit, StrandShape, StrandTree, Strands};
+pub use strands::{
+    Basis, LEAST_RADIUS_MM, MOST_MM, MOST_POINTS, Made, Skip, StrandFiber, StrandFile, StrandHit, StrandScene,
+    StrandShape, StrandTree, Strands, make, mitsuba_text, render_strands,
+};
 
 /// Wavelengths along a path.
 pub const WAVELENGTHS: usize = 4;

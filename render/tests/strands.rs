@@ -81,7 +81,7 @@ fn tree(basis: Basis, curves: &[Vec<[f32; 4]>], shape: StrandShape) -> StrandTre
 }
 
 fn meet(tree: &StrandTree, o: DVec3, w: DVec3) -> Option<StrandHit> {
-    tree.first(o, w, 0.0, f64::INFINITY, None)
+    tree.first(o, w, 0.0, f64::INFINITY, &[])
 }
 
 fn unit(rng: &mut Pcg64Mcg) -> DVec3 {
@@ -238,7 +238,7 @@ fn a_straight_strand_is_a_cylinder() {
                     let end = hit.position + w * until;
                     let off = (end - hit.center - hit.tangent * hit.tangent.dot(end - hit.center)).length();
                     assert!(off > r || until >= 1000.0 * r, "{off} {r}");
-                    assert!(tree.first(hit.position, w, 0.0, f64::INFINITY, Some(hit.leave(w))).is_none());
+                    assert!(tree.first(hit.position, w, 0.0, f64::INFINITY, &[hit.leave(w)]).is_none());
                 }
             }
         }

@@ -4,12 +4,21 @@
 //! it as a tube ([`StrandShape::Tube`]: the union of balls along the curve) or as a band that faces each ray ([`StrandShape::Band`]). `segment.rs` has the
 //! formulas, `tree.rs` the BVH and the answer at a hit.
 
+mod make;
+mod pbrt;
+mod read;
+mod scene;
 mod segment;
+mod trace;
 mod tree;
 
 use crate::RenderError;
 use crate::room::check_room;
 
+pub use make::{Made, make};
+pub use read::{StrandFile, mitsuba_text};
+pub use scene::{StrandFiber, StrandScene};
+pub use trace::render_strands;
 pub use tree::{Skip, StrandHit, StrandTree};
 
 /// Most control points of one strand, which is what a `.hair` file can say.

@@ -133,21 +133,19 @@ impl StrandTree {
         &self.strands
     }
 
+    /// What a ray meets of them.
+    pub fn shape(&self) -> StrandShape {
+        self.shape
+    }
+
     /// Corners of the box about all strands [mm].
     pub fn bounds(&self) -> [Vec3; 2] {
         [self.bounds.min.into(), self.bounds.max.into()]
     }
 
-    /// What a ray from `origin` in the unit `direction` meets first, farther than `after` and nearer than `before` [mm]; the strand `skip` only where it is out of it.
-    pub fn first(
-        &self,
-        origin: DVec3,
-        direction: DVec3,
-        after: f64,
-        before: f64,
-        skip: Option<Skip>,
-    ) -> Option<StrandHit> {
-        let (t, i, u) = self.nearest(origin, direction, after, before, skip)?;
+    /// What a ray from `origin` in the unit `direction` meets first, farther than `after` and nearer than `before` [mm]; the strands of `skips` only where it is out of them.
+    pub fn first(&self, origin: DVec3, direction: DVec3, after: f64, before: f64, skips: &[Skip]) -> Option<StrandHit> {
+        let (t, i, u) = self.nearest(origin, direction, after, before, skips)?;
         Some(self.hit(origin, direction, (t, i, u)))
     }
 
@@ -157,7 +155,7 @@ impl StrandTree {
         direction: DVec3,
         after: f64,
         before: f64,
-        skip: Option<Skip>,
+        skips: &[Skip],
     ) -> Option<(f64, usize, f64)> {
         let [from, to] = self.reach(origin, direction)?;
         if to <= after || from >= before {
@@ -177,10 +175,9 @@ impl StrandTree {
         let mut best = (before, usize::MAX, 0.0);
         self.bvh.ray_traverse(ray, &mut RayHit::none(), |_, i| {
             let segment = &self.segments[i];
-            let after = match skip {
-                Some(skip) if skip.strand == segment.strand => after.max(skip.until),
-                _ => after,
-            };
+            let left =
+                |after: f64, skip: &Skip| if skip.strand == segment.strand { after.max(skip.until) } else { after };
+            let after = skips.iter().fold(after, left);
             // Equal distances go to the segment that was given first, in whatever order the tree comes by.
             let limit = best.0 + if best.1 == usize::MAX { 0.0 } else { best.0.abs() * f64::EPSILON };
             match self.meet(&frame, segment, after, limit) {
