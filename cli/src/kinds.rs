@@ -28,6 +28,8 @@ pub enum Kind {
     FabricSpec,
     /// A scene of the wave simulator.
     WaveScene,
+    /// A scene of strands.
+    StrandScene,
     /// A picture.
     Picture,
     /// A mesh.
@@ -46,6 +48,7 @@ impl Kind {
             Kind::YarnSpec => "a yarn spec (TOML)",
             Kind::FabricSpec => "a fabric spec (TOML)",
             Kind::WaveScene => "a scene for waves (TOML)",
+            Kind::StrandScene => "a scene of strands (TOML)",
             Kind::Picture => "a picture",
             Kind::Mesh => "a mesh (OBJ)",
         }
@@ -65,6 +68,7 @@ impl Kind {
             (Kind::Model, _) => "`plywave info` tells what it holds",
             (Kind::Table, _) => "`plywave fit` takes it",
             (Kind::Fiber | Kind::Speckle | Kind::Twin, _) => "`plywave info` tells what it holds",
+            (Kind::StrandScene, _) => "`plywave render` takes it",
             (Kind::WaveScene, _) => "`plywave wave scatter` takes it",
             (Kind::Picture | Kind::Mesh, _) => "check the path",
         }
@@ -95,7 +99,9 @@ pub fn kind_of(path: &Path) -> Option<Kind> {
     }
     let text = std::str::from_utf8(&head).ok()?;
     let has = |starts: &[&str]| text.lines().any(|l| starts.iter().any(|s| l.trim_start().starts_with(s)));
-    if has(&["[weave", "weave.", "[warp", "[weft"]) {
+    if has(&["[strands", "strands."]) {
+        Some(Kind::StrandScene)
+    } else if has(&["[weave", "weave.", "[warp", "[weft"]) {
         Some(Kind::FabricSpec)
     } else if has(&["[[fiber"]) {
         Some(Kind::WaveScene)

@@ -9,6 +9,7 @@ mod output;
 mod plot;
 mod progress;
 mod report;
+mod strand_scene;
 
 use args::{Cli, Command, WaveCommand};
 use clap::Parser;

@@ -1,4 +1,4 @@
-//! The BVH over a mesh, with a bound on the time to build it and on its depth.
+//! The BVH over a mesh or the segments of strands, with a bound on the time to build it and on its depth.
 //!
 //! obvhs builds by locally ordered clustering: neighbors on the Morton curve merge when each is the other's cheapest partner, the later one among equals. Where many
 //! boxes are equal, all partners cost the same, each triangle names the last of its window, and only the last pair of all agrees: one merge a pass. The build then
@@ -6,6 +6,7 @@
 //! any whose tree comes out too deep, a tree that is split at the median, which has ceil(log2(n)) levels.
 
 use glam::Vec3A;
+use obvhs::Boundable;
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
@@ -14,7 +15,6 @@ use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
 use obvhs::ploc::PlocBuilder;
-use obvhs::triangle::Triangle;
 use std::collections::HashMap;
 
 /// Most levels of a tree that obvhs traverses: its stack has 32 entries.
@@ -27,7 +27,7 @@ const CELLS: f32 = (1u32 << 20) as f32;
 const LEAF: u32 = 3;
 
 /// A tree over `triangles`, at most [`MOST_LEVELS`] deep.
-pub fn build(triangles: &[Triangle]) -> CwBvh {
+pub fn build<B: Boundable>(triangles: &[B]) -> CwBvh {
     if !crowded(triangles) {
         let bvh = clustered(triangles);
         if levels(&bvh) <= MOST_LEVELS {
@@ -38,7 +38,7 @@ pub fn build(triangles: &[Triangle]) -> CwBvh {
 }
 
 /// obvhs' own tree at its medium effort. Its own function for that panics on a tree that is too deep where debug assertions are on, before anyone can look.
-fn clustered(triangles: &[Triangle]) -> CwBvh {
+fn clustered<B: Boundable>(triangles: &[B]) -> CwBvh {
     let effort = BvhBuildParams::medium_build();
     let mut bvh2 = PlocBuilder::with_capacity(triangles.len()).build(
         effort.ploc_search_distance,
@@ -52,7 +52,7 @@ fn clustered(triangles: &[Triangle]) -> CwBvh {
 }
 
 /// Whether more than [`MOST_EQUAL`] triangles have nearly the same box.
-fn crowded(triangles: &[Triangle]) -> bool {
+fn crowded<B: Boundable>(triangles: &[B]) -> bool {
     let mut all = Aabb::empty();
     for t in triangles {
         all = all.union(&t.aabb());
@@ -85,7 +85,7 @@ fn levels(bvh: &CwBvh) -> usize {
 }
 
 /// A tree whose nodes are split at the median of their boxes' centers, along the longest axis of these.
-fn by_medians(triangles: &[Triangle]) -> CwBvh {
+pub fn by_medians<B: Boundable>(triangles: &[B]) -> CwBvh {
     let boxes: Vec<Aabb> = triangles.iter().map(|t| t.aabb()).collect();
     let mut order: Vec<u32> = (0..triangles.len() as u32).collect();
     let mut nodes = vec![Bvh2Node::default(); (2 * triangles.len()).saturating_sub(1)];
@@ -123,6 +123,7 @@ fn by_medians(triangles: &[Triangle]) -> CwBvh {
 mod tests {
     use super::*;
     use obvhs::ray::{Ray, RayHit};
+    use obvhs::triangle::Triangle;
 
     fn nearest(bvh: &CwBvh, triangles: &[Triangle], ray: Ray) -> f32 {
         let mut hit = RayHit::none();

@@ -19,6 +19,7 @@ mod props;
 mod room;
 mod scene;
 mod setup;
+mod strands;
 
 pub use camera::Camera;
 pub use film::{Film, FilmView, Ingredients, LAMBDA_RANGE_UM};
@@ -29,6 +30,10 @@ pub use picture::{Facts, png};
 pub use props::{Prop, Shape};
 pub use scene::{Frame, Scene, SurfacePoint};
 pub use setup::Setup;
+pub use strands::{
+    Basis, LEAST_RADIUS_MM, MOST_MM, MOST_POINTS, Made, Skip, StrandFiber, StrandFile, StrandHit, StrandScene,
+    StrandShape, StrandTree, Strands, make, mitsuba_text, render_strands,
+};
 
 /// Wavelengths along a path.
 pub const WAVELENGTHS: usize = 4;
@@ -51,6 +56,14 @@ pub enum RenderError {
         file: String,
         /// Line from 1; 0 for the whole file.
         line: usize,
+        /// What is wrong.
+        what: String,
+    },
+    /// Strands cannot be read or used.
+    #[error("{file}: {what}")]
+    Strands {
+        /// The file.
+        file: String,
         /// What is wrong.
         what: String,
     },

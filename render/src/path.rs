@@ -31,11 +31,31 @@ pub struct RenderOptions {
     pub seed: u64,
 }
 
-type Light4 = [f32; WAVELENGTHS];
+pub(crate) type Light4 = [f32; WAVELENGTHS];
 /// Place and sums of a pixel.
 type Pixel = (u32, u32, PixelSums);
-/// Point and direction of the first hit.
-type FirstHit = (SurfacePoint, Vec3);
+
+/// What comes along a path.
+pub(crate) struct Traced {
+    /// Radiance, by wavelength.
+    pub light: Light4,
+    /// Albedo of what is hit first.
+    pub albedo: Light4,
+    /// Normal towards the camera and distance of what is hit first.
+    pub hit: Option<([f32; 3], f32)>,
+}
+
+/// What paths are followed in.
+pub(crate) trait Tracer: Sync {
+    /// Light along a ray from the camera: origin, unit direction, width of a pixel at unit distance.
+    fn trace(&self, options: &RenderOptions, ray: (Vec3, Vec3, f32), lambda: Light4, rng: &mut Pcg64Mcg) -> Traced;
+}
+
+/// A scene whose sheet has a surface.
+struct Sheet<'a, S> {
+    scene: &'a Scene,
+    surface: &'a S,
+}
 
 /// Adds samples to a film until it has `options.samples` a pixel, in passes; `after` is called after each with the samples done and may write the film. Tiles run
 /// on the current rayon pool; the picture does not depend on the number of threads, nor on where it was stopped.
@@ -46,6 +66,18 @@ pub fn render<S: Surface>(
     scene: &Scene,
     camera: &Camera,
     surface: &S,
+    film: &mut Film,
+    options: &RenderOptions,
+    stop: &AtomicBool,
+    after: &mut dyn FnMut(&Film) -> Result<(), RenderError>,
+) -> Result<(), RenderError> {
+    render_by(&Sheet { scene, surface }, camera, film, options, stop, after)
+}
+
+/// As [`render`], by any tracer.
+pub(crate) fn render_by(
+    tracer: &impl Tracer,
+    camera: &Camera,
     film: &mut Film,
     options: &RenderOptions,
     stop: &AtomicBool,
@@ -70,7 +102,7 @@ pub fn render<S: Surface>(
                         }
                         let mut sums = PixelSums::default();
                         for sample in first..first + count {
-                            sums.add(&pixel(scene, camera, surface, options, (x, y), (width, height), sample));
+                            sums.add(&pixel(tracer, camera, options, (x, y), (width, height), sample));
                         }
                         pixels.push((x, y, sums));
                     }
@@ -91,10 +123,9 @@ pub fn render<S: Surface>(
 }
 
 /// One sample of a pixel.
-fn pixel<S: Surface>(
-    scene: &Scene,
+fn pixel(
+    tracer: &impl Tracer,
     camera: &Camera,
-    surface: &S,
     options: &RenderOptions,
     (x, y): (u32, u32),
     (width, height): (u32, u32),
@@ -111,13 +142,9 @@ fn pixel<S: Surface>(
     let (px, py) = (x as f32 + rng.random::<f32>(), y as f32 + rng.random::<f32>());
     let (origin, direction) = camera.ray(px, py, width, height);
     let width_per_mm = camera.pixel_width(height);
-    let (light, albedo, hit) = trace(scene, surface, options, (origin, direction, width_per_mm), lambda, &mut rng);
     // First hits take no random numbers: the light is the same with them and without.
-    let hit = hit.map(|(point, direction)| {
-        let normal = point.frame.axes[2];
-        let to_camera = if normal.dot(direction) > 0.0 { -normal } else { normal };
-        (to_camera.to_array(), camera.depth(direction, point.t))
-    });
+    let Traced { light, albedo, hit } = tracer.trace(options, (origin, direction, width_per_mm), lambda, &mut rng);
+    let hit = hit.map(|(normal, t)| (normal, camera.depth(direction, t)));
     Sample { light: crate::film::xyz(lambda, light), albedo: crate::film::xyz(lambda, albedo), hit }
 }
 
@@ -126,7 +153,7 @@ fn mix(a: u64, b: u64) -> u64 {
 }
 
 /// Share of the first way of sampling by the power heuristic.
-fn share(a: f32, b: f32) -> f32 {
+pub(crate) fn share(a: f32, b: f32) -> f32 {
     let (a, b) = (a * a, b * b);
     if a.is_infinite() {
         1.0
@@ -137,7 +164,13 @@ fn share(a: f32, b: f32) -> f32 {
     }
 }
 
-/// Radiance along a ray, the albedo of the cloth that it hits first, and that hit.
+impl<S: Surface> Tracer for Sheet<'_, S> {
+    fn trace(&self, options: &RenderOptions, ray: (Vec3, Vec3, f32), lambda: Light4, rng: &mut Pcg64Mcg) -> Traced {
+        trace(self.scene, self.surface, options, ray, lambda, rng)
+    }
+}
+
+/// Light along a ray.
 fn trace<S: Surface>(
     scene: &Scene,
     surface: &S,
@@ -145,7 +178,7 @@ fn trace<S: Surface>(
     (mut origin, mut direction, mut width_per_mm): (Vec3, Vec3, f32),
     lambda: Light4,
     rng: &mut Pcg64Mcg,
-) -> (Light4, Light4, Option<FirstHit>) {
+) -> Traced {
     // Width of the bundle of paths that this one stands for [mm]; it grows with the distance.
     let mut width = 0.0;
     let mut hit = None;
@@ -197,7 +230,9 @@ fn trace<S: Surface>(
         };
         if depth == 0 {
             albedo = seen;
-            hit = Some((point, direction));
+            let normal = point.frame.axes[2];
+            let to_camera = if normal.dot(direction) > 0.0 { -normal } else { normal };
+            hit = Some((to_camera.to_array(), point.t));
         }
         match next {
             BsdfSample::Scattered(sample) => {
@@ -229,7 +264,7 @@ fn trace<S: Surface>(
             throughput.iter_mut().for_each(|t| *t /= keep);
         }
     }
-    (light, albedo, hit)
+    Traced { light, albedo, hit }
 }
 
 /// Light from the sources at a point, and how the path goes on; it ends after the last.

@@ -25,11 +25,11 @@ pub enum Scene {
 /// `plywave render`.
 #[derive(Debug, Args)]
 pub struct RenderArgs {
-    /// Fabric spec (TOML).
+    /// Fabric spec, or a scene of strands with its own lamps and camera (TOML).
     pub fabric: PathBuf,
-    /// Scene.
-    #[arg(long, value_enum, default_value_t = Scene::Front)]
-    pub setup: Scene,
+    /// Scene for a fabric [default: front].
+    #[arg(long, value_enum)]
+    pub setup: Option<Scene>,
     /// Picture to write: a .png, with an EXR of the same name beside it, or an .exr alone [default: FABRIC's name with .png, in this folder].
     #[arg(long, short, value_name = "PNG|EXR")]
     pub output: Option<PathBuf>,
@@ -45,9 +45,9 @@ pub struct RenderArgs {
     /// Samples a pixel.
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub samples: u32,
-    /// Most scatterings of a path.
-    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=1000))]
-    pub depth: u32,
+    /// Most scatterings of a path [default: 8, of strands 64].
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub depth: Option<u32>,
     /// Width of the cloth [mm] [default: the scene's].
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub size_mm: Option<f64>,

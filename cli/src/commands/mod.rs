@@ -21,6 +21,7 @@ pub mod noise;
 pub mod noise_view;
 pub mod plot;
 pub mod render;
+mod render_strands;
 pub mod runs;
 pub mod sample;
 pub mod shell;

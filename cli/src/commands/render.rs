@@ -1,4 +1,4 @@
-//! `plywave render`: a fabric in a ready-made scene, by the reference host.
+//! `plywave render`: a fabric in a ready-made scene, or strands in their own, by the reference host.
 
 use super::{color, on_threads};
 use crate::args::{Cli, FabricPart, RenderArgs, Scene};
@@ -43,8 +43,18 @@ pub fn failed(error: RenderError) -> Failure {
     }
 }
 
+/// The ready-made scene.
+fn setup(args: &RenderArgs) -> Scene {
+    args.setup.unwrap_or(Scene::Front)
+}
+
+/// Most scatterings of a path in a fabric.
+fn depth(args: &RenderArgs) -> u32 {
+    args.depth.unwrap_or(8)
+}
+
 /// The files that a render writes, by the ending of `-o`.
-struct Outputs {
+pub(super) struct Outputs {
     png: Option<PathBuf>,
     exr: Option<PathBuf>,
     /// For `--resume`.
@@ -52,7 +62,7 @@ struct Outputs {
 }
 
 impl Outputs {
-    fn of(args: &RenderArgs) -> Outcome<Outputs> {
+    pub(super) fn of(args: &RenderArgs) -> Outcome<Outputs> {
         let path = args.output.clone().unwrap_or_else(|| output::default_output(&args.fabric, "png"));
         let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
         let sums = path.with_extension("sums");
@@ -75,7 +85,7 @@ impl Outputs {
         }
     }
 
-    fn each(&self) -> impl Iterator<Item = &Path> {
+    pub(super) fn each(&self) -> impl Iterator<Item = &Path> {
         [self.png.as_deref(), self.exr.as_deref(), Some(self.sums.as_path())].into_iter().flatten()
     }
 
@@ -98,7 +108,7 @@ fn inputs(args: &RenderArgs, spec: &FabricSpec, models: &[PathBuf]) -> Vec<(&'st
 }
 
 /// SHA-256 of a file's bytes, in hex.
-fn digest_of_file(path: &Path) -> Outcome<String> {
+pub(super) fn digest_of_file(path: &Path) -> Outcome<String> {
     let mut hash = Sha256::new();
     let copied = std::fs::File::open(path).and_then(|mut file| {
         let mut buffer = vec![0; 1 << 16];
@@ -124,12 +134,12 @@ fn ingredients(args: &RenderArgs, size: f32, inputs: &[(&'static str, PathBuf)])
         list.push(((*name).to_string(), digest_of_file(path)?));
     }
     let flags: [(&str, String); 11] = [
-        ("--setup", format!("{:?}", args.setup)),
+        ("--setup", format!("{:?}", setup(args))),
         ("--size-mm", size.to_string()),
         ("--cloth-mm", args.cloth_mm.to_string()),
         ("--width", args.width.to_string()),
         ("--height", args.height.to_string()),
-        ("--depth", args.depth.to_string()),
+        ("--depth", depth(args).to_string()),
         ("--seed", args.seed.to_string()),
         ("--sigma", format!("{:?}", args.sigma)),
         ("--straight-gaps", args.straight_gaps.to_string()),
@@ -171,7 +181,7 @@ fn mesh_notes(file: &Path, notes: &MeshNotes) -> Vec<String> {
 }
 
 /// Refuses flags out of range.
-fn check_flags(args: &RenderArgs) -> Outcome {
+pub(super) fn check_flags(args: &RenderArgs) -> Outcome {
     if u64::from(args.width) * u64::from(args.height) > MOST_PIXELS {
         return Err(Failure::input("command line", "--width", args.width, "a picture of at most 268 M pixels"));
     }
@@ -200,6 +210,9 @@ pub(super) fn covers_repeats(fabric: &Fabric, setup: Setup, size_mm: f32, height
 /// Runs the command.
 pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     check_flags(args)?;
+    if kinds::kind_of(&args.fabric) == Some(kinds::Kind::StrandScene) {
+        return super::render_strands::run(cli, args);
+    }
     let outputs = Outputs::of(args)?;
     let loaded = kinds::load_fabric(&args.fabric)?;
     let inputs = inputs(args, &loaded.spec, &loaded.model_paths);
@@ -214,15 +227,12 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
         edges: !args.without.contains(&FabricPart::Edges),
         far: false,
     };
-    let setup = Setup::from(args.setup);
+    let setup = Setup::from(setup(args));
     let size = args.size_mm.map_or(setup.size_mm(), |s| s as f32);
     let far = !args.without.contains(&FabricPart::Far) && covers_repeats(&loaded.fabric, setup, size, args.height);
     let options = FabricOptions { far, ..options };
     let of = ingredients(args, size, &inputs)?;
-    let mut film = match outputs.sums.exists() && args.resume {
-        true => Film::resume(&outputs.sums, &of, args.width, args.height).map_err(failed)?,
-        false => Film::new(args.width, args.height).map_err(failed)?,
-    };
+    let film = film(args, &outputs, &of)?;
     let mut notes = loaded.notes();
     notes.extend(super::weave::lean_notes(&loaded.fabric));
     if options.noise {
@@ -246,16 +256,53 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     };
     let sky = args.sky.as_ref().map(|file| Environment::load(file, 1.0)).transpose().map_err(failed)?;
     let (scene, camera) = setup.scene(size, mesh, sky);
-    let render_options = RenderOptions { samples: args.samples, depth: args.depth, seed: args.seed };
+    let render_options = RenderOptions { samples: args.samples, depth: depth(args), seed: args.seed };
+    let about = About { name, scene: format!("{:?}", crate::commands::render::setup(args)).to_lowercase(), notes };
+    shoot(cli, args, &outputs, &of, film, about, |film, after| {
+        render(&scene, &camera, &fabric, film, &render_options, &STOP, after)
+    })
+}
+
+/// A new film, or with `--resume` the one to go on with.
+pub(super) fn film(args: &RenderArgs, outputs: &Outputs, of: &Ingredients) -> Outcome<Film> {
+    match outputs.sums.exists() && args.resume {
+        true => Film::resume(&outputs.sums, of, args.width, args.height).map_err(failed),
+        false => Film::new(args.width, args.height).map_err(failed),
+    }
+}
+
+/// What is said of a render.
+pub(super) struct About {
+    /// Name of the fabric or the strands.
+    pub name: String,
+    /// What it is shown in.
+    pub scene: String,
+    /// For the user, a line each.
+    pub notes: Vec<String>,
+}
+
+/// Called after each pass with what is there.
+pub(super) type After<'a> = &'a mut dyn FnMut(&Film) -> Result<(), RenderError>;
+
+/// Renders by `work`, keeps sums now and then, writes the pictures and says so.
+pub(super) fn shoot(
+    cli: &Cli,
+    args: &RenderArgs,
+    outputs: &Outputs,
+    of: &Ingredients,
+    mut film: Film,
+    about: About,
+    work: impl FnOnce(&mut Film, After<'_>) -> Result<(), RenderError> + Send,
+) -> Outcome {
     progress::install_stop();
     let bar = Bar::new("render", "samples", cli.quiet);
     let first = film.samples();
     let mut saved = std::time::Instant::now();
-    let save = |film: &Film| output::write_whole(&outputs.sums, &film.sums(&of).map_err(failed)?);
+    let save = |film: &Film| output::write_whole(&outputs.sums, &film.sums(of).map_err(failed)?);
     let mut unsaved = None;
-    let work = on_threads(cli, || {
+    let outcome = on_threads(cli, || {
         progress::stoppable(|| {
-            render(&scene, &camera, &fabric, &mut film, &render_options, &STOP, &mut |film| {
+            work(&mut film, &mut |film| {
                 bar.update("render", film.samples().into(), args.samples.into());
                 if saved.elapsed() > Duration::from_secs(10) && film.samples() < args.samples {
                     if let Err(failure) = save(film) {
@@ -271,17 +318,17 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     if let Some(failure) = unsaved {
         return Err(failure);
     }
-    if let Err(error) = work {
+    if let Err(error) = outcome {
         save(&film)?;
         return Err(failed(error));
     }
     let time = bar.finish();
     let facts = Facts {
         software: format!("plywave {}", env!("CARGO_PKG_VERSION")),
-        fabric: name,
+        fabric: about.name,
         spec: args.fabric.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
-        digest: digest(&of),
-        scene: format!("{:?}", args.setup).to_lowercase(),
+        digest: digest(of),
+        scene: about.scene,
         seed: args.seed,
         samples: film.samples(),
         exposure: args.exposure as f32,
@@ -298,7 +345,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
         // Sums that were never written, or are gone already, need no removal.
         false => drop(std::fs::remove_file(&outputs.sums)),
     }
-    tell(cli, args, &outputs, (&film, first), time, &facts, &notes)
+    tell(cli, args, outputs, (&film, first), time, &facts, &about.notes)
 }
 
 /// Says what came out.

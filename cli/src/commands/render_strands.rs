@@ -1,0 +1,66 @@
+//! `plywave render` of a scene of strands.
+
+use super::render::{About, Outputs, check_flags, digest_of_file, failed, film, shoot};
+use crate::args::{Cli, RenderArgs};
+use crate::failure::{Failure, Outcome};
+use crate::output;
+use crate::progress::STOP;
+use crate::strand_scene::StrandSpec;
+use plywave_render::{Environment, RenderOptions, render_strands};
+use std::path::{Path, PathBuf};
+
+/// Most scatterings of a path: light in clear hair is scattered often.
+const DEPTH: u32 = 64;
+
+/// Flags that are of fabrics alone.
+fn check_foreign(args: &RenderArgs) -> Outcome {
+    for (name, given) in [
+        ("--setup", args.setup.is_some()),
+        ("--size-mm", args.size_mm.is_some()),
+        ("--mesh", args.mesh.is_some()),
+        ("--sigma", args.sigma.is_some()),
+        ("--straight-gaps", args.straight_gaps),
+        ("--smooth", args.smooth),
+        ("--without", !args.without.is_empty()),
+    ] {
+        if given {
+            let hint = "is for fabrics; a scene of strands has its own lamps, camera and fiber";
+            return Err(Failure::input("command line", name, "given", hint));
+        }
+    }
+    Ok(())
+}
+
+/// Runs the command.
+pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
+    check_flags(args)?;
+    check_foreign(args)?;
+    let outputs = Outputs::of(args)?;
+    let spec = StrandSpec::load(&args.fabric)?;
+    let mut inputs: Vec<(&str, PathBuf)> = vec![("scene of strands", args.fabric.clone())];
+    inputs.extend(spec.inputs());
+    inputs.extend(args.sky.iter().map(|s| ("sky", s.clone())));
+    let read: Vec<&Path> = inputs.iter().map(|(_, path)| path.as_path()).collect();
+    outputs.each().try_for_each(|path| output::check_writable(path, &read))?;
+    let depth = args.depth.unwrap_or(DEPTH);
+    let mut of = vec![("version".to_string(), env!("CARGO_PKG_VERSION").to_string())];
+    for (name, path) in &inputs {
+        of.push(((*name).to_string(), digest_of_file(path)?));
+    }
+    for (name, value) in [
+        ("--width", args.width.into()),
+        ("--height", args.height.into()),
+        ("--depth", depth.into()),
+        ("--seed", args.seed),
+    ] {
+        of.push((name.to_string(), value.to_string()));
+    }
+    let film = film(args, &outputs, &of)?;
+    let sky = args.sky.as_ref().map(|file| Environment::load(file, 1.0)).transpose().map_err(failed)?;
+    let (scene, camera, notes) = spec.scene(sky)?;
+    let options = RenderOptions { samples: args.samples, depth, seed: args.seed };
+    let about = About { name: spec.name().to_string(), scene: "strands".into(), notes };
+    shoot(cli, args, &outputs, &of, film, about, |film, after| {
+        render_strands(&scene, &camera, film, &options, &STOP, after)
+    })
+}

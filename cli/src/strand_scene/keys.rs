@@ -1,0 +1,231 @@
+//! Rules of scenes of strands.
+
+use plywave::fiber::Metal;
+use plywave::spec::rules::{self, Custom, Key, Kind, Rules, invalid, optional, required};
+use toml::Value;
+
+/// Largest length [mm].
+const FAR: f64 = 1e6;
+/// Most lamps.
+const MOST_LAMPS: usize = 64;
+/// Most nodes of a spectrum.
+const MOST_NODES: usize = 256;
+
+const LENGTH: Kind = Kind::Above(0.0, FAR);
+const COUNT: Kind = Kind::Integer(1, 10_000_000);
+const PLACE: Kind = Kind::Custom(Custom { expected: "three numbers, x, y, z", check: place });
+const TRIPLE: Kind = Kind::Custom(Custom { expected: "three numbers, of R, TT and TRT", check: place });
+
+const MADE: &[(&str, &[Key])] = &[
+    ("single", &[required("length_mm", LENGTH)]),
+    (
+        "layer",
+        &[
+            required("count", COUNT),
+            optional("layers", Kind::Integer(1, 10_000), "1"),
+            required("spacing_mm", LENGTH),
+            required("length_mm", LENGTH),
+        ],
+    ),
+    (
+        "ball",
+        &[
+            required("count", COUNT),
+            required("ball_mm", LENGTH),
+            required("length_mm", LENGTH),
+            optional("curl_mm", Kind::Number(0.0, FAR), "0"),
+        ],
+    ),
+    ("wisp", &[required("count", COUNT), required("width_mm", LENGTH), required("length_mm", LENGTH)]),
+    ("fur", &[required("count", COUNT), required("size_mm", LENGTH), required("length_mm", LENGTH)]),
+    (
+        "loop",
+        &[
+            required("count", COUNT),
+            optional("loops", Kind::Integer(1, 1000), "3"),
+            required("width_mm", LENGTH),
+            required("yarn_mm", LENGTH),
+        ],
+    ),
+];
+
+const RADIUS: Key = optional("radius_um", Kind::Number(0.01, 1e5), "the strands'");
+
+const MODELS: &[(&str, &[Key])] = &[
+    ("table", &[required("file", Kind::Text), optional("beta_m_deg", Kind::Number(0.06, 114.0), "the table's")]),
+    (
+        "dielectric",
+        &[
+            RADIUS,
+            optional("eta", Kind::Number(1.01, 4.0), "1.55"),
+            optional("beta_m_deg", TRIPLE, "[5.7, 5.7, 5.7]"),
+            optional("shift_deg", TRIPLE, "[0, 0, 0]"),
+            optional("beta_n_deg", Kind::Number(0.06, 572.0), "5.7"),
+            optional("orders", Kind::Integer(1, 8), "5"),
+        ],
+    ),
+    (
+        "rough_dielectric",
+        &[
+            RADIUS,
+            optional("eta", Kind::Number(1.01, 4.0), "1.55"),
+            optional("shift_deg", TRIPLE, "[-5.7, 2.9, 8.6]"),
+            optional("width_theta_deg", TRIPLE, "[5.7, 2.9, 11.5]"),
+            optional("width_phi_deg", TRIPLE, "[5.7, 5.7, 11.5]"),
+            optional("k_d", Kind::Number(0.0, 0.0507), "0"),
+        ],
+    ),
+    (
+        "opaque",
+        &[
+            RADIUS,
+            optional(
+                "mirror",
+                Kind::Custom(Custom {
+                    expected: "\"gold\", \"silver\", \"aluminium\", \"copper\", or the index of a varnish, 1.01 to 4",
+                    check: mirror,
+                }),
+                "none",
+            ),
+            optional("diffuse", Kind::Number(0.0, 1.0), "0"),
+            optional("beta_m_deg", Kind::Number(0.06, 114.0), "5.7"),
+            optional("beta_n_deg", Kind::Number(0.06, 572.0), "5.7"),
+        ],
+    ),
+    (
+        "kajiya_kay",
+        &[
+            RADIUS,
+            optional("phong", Kind::Number(0.0, 10.0), "0.1"),
+            optional("exponent", Kind::Number(1.0, 10_000.0), "50"),
+            optional("diffuse", Kind::Number(0.0, 0.1014), "0.03"),
+        ],
+    ),
+];
+
+/// Keys of a scene of strands.
+pub const RULES: Rules = Rules {
+    keys: &[
+        required("name", Kind::Text),
+        required(
+            "strands",
+            Kind::Table(&[
+                optional("file", Kind::Text, "none"),
+                optional("make", Kind::Tagged("{ kind = \"single\", length_mm = 10 }", MADE), "none"),
+                optional("radius_um", Kind::Number(0.01, 1e6), "the file's"),
+                optional("segments", Kind::Integer(1, 60_000), "32"),
+                optional("seed", Kind::Integer(0, i64::MAX), "1"),
+                optional("basis", Kind::Choice(&["bspline", "linear"]), "bspline"),
+                optional("whole", Kind::Custom(Custom { expected: "true or false", check: truth }), "true of .hair"),
+                optional("mm_per_unit", Kind::Number(1e-6, 1e6), "1"),
+                optional("shape", Kind::Choice(&["tube", "band"]), "tube"),
+            ]),
+        ),
+        required(
+            "fiber",
+            Kind::Table(&[
+                required("model", Kind::Tagged("{ kind = \"dielectric\" }", MODELS)),
+                optional(
+                    "sigma_per_um",
+                    Kind::Custom(Custom {
+                        expected: "a number from 0 to 1e6, or pairs [lambda_um, sigma_per_um] of ascending wavelengths",
+                        check: sigma,
+                    }),
+                    "0",
+                ),
+                optional("near", Kind::Custom(Custom { expected: "true or false", check: truth }), "false"),
+            ]),
+        ),
+        required(
+            "camera",
+            Kind::Table(&[
+                required("from_mm", PLACE),
+                required("to_mm", PLACE),
+                optional("up", PLACE, "[0, 0, 1]"),
+                required("fov_deg", Kind::Number(1e-4, 170.0)),
+            ]),
+        ),
+        optional("lamps", Kind::Custom(Custom { expected: "up to 64 tables, [[lamps]]", check: lamps }), "none"),
+        optional("sky", Kind::Number(0.0, 1e6), "0"),
+        optional(
+            "floor",
+            Kind::Table(&[required("height_mm", Kind::Number(-FAR, FAR)), required("albedo", Kind::Number(0.0, 1.0))]),
+            "none",
+        ),
+        optional(
+            "ball",
+            Kind::Table(&[
+                optional("center_mm", PLACE, "[0, 0, 0]"),
+                required("radius_mm", LENGTH),
+                required("albedo", Kind::Number(0.0, 1.0)),
+            ]),
+            "none",
+        ),
+    ],
+    units: &["_per_um", "_um", "_mm", "_deg"],
+    example: "fabrics/strands/hair_ball.toml",
+    foreign: &[
+        (&["weave", "warp", "weft"], "a key of fabric specs"),
+        (&["ply", "absorption", "simulation"], "a key of yarn specs"),
+    ],
+};
+
+const LAMP: &[Key] = &[
+    required("from_mm", PLACE),
+    optional("to_mm", PLACE, "[0, 0, 0]"),
+    required("size_mm", LENGTH),
+    required("radiance", Kind::Number(0.0, 1e9)),
+];
+
+fn number(value: &Value) -> Option<f64> {
+    value.as_float().or_else(|| value.as_integer().map(|i| i as f64)).filter(|v| v.is_finite())
+}
+
+fn place(file: &str, key: &str, value: &Value) -> plywave::Result<()> {
+    let fine = |list: &Vec<Value>| list.len() == 3 && list.iter().all(|v| number(v).is_some_and(|v| v.abs() <= FAR));
+    if value.as_array().is_some_and(fine) {
+        return Ok(());
+    }
+    Err(invalid(file, key, value, "use three numbers, at most 1e6"))
+}
+
+fn truth(file: &str, key: &str, value: &Value) -> plywave::Result<()> {
+    if value.is_bool() { Ok(()) } else { Err(invalid(file, key, value, "use true or false")) }
+}
+
+fn mirror(file: &str, key: &str, value: &Value) -> plywave::Result<()> {
+    let fine = match value.as_str() {
+        Some(name) => Metal::named(name).is_some(),
+        None => number(value).is_some_and(|eta| (1.01..=4.0).contains(&eta)),
+    };
+    let hint = "use \"gold\", \"silver\", \"aluminium\", \"copper\", or the index of a varnish, 1.01 to 4";
+    if fine { Ok(()) } else { Err(invalid(file, key, value, hint)) }
+}
+
+fn sigma(file: &str, key: &str, value: &Value) -> plywave::Result<()> {
+    let within = |v: &Value| number(v).is_some_and(|v| (0.0..=1e6).contains(&v));
+    let pair = |v: &Value| v.as_array().is_some_and(|p| p.len() == 2 && p.iter().all(within));
+    let fine = match value.as_array() {
+        None => within(value),
+        Some(list) => {
+            let lambda = |v: &Value| number(&v[0]).unwrap_or(0.0);
+            (1..=MOST_NODES).contains(&list.len())
+                && list.iter().all(pair)
+                && list.windows(2).all(|w| lambda(&w[0]) < lambda(&w[1]))
+        }
+    };
+    let hint = "use a number from 0 to 1e6, or pairs [lambda_um, sigma_per_um] of ascending wavelengths";
+    if fine { Ok(()) } else { Err(invalid(file, key, value, hint)) }
+}
+
+fn lamps(file: &str, key: &str, value: &Value) -> plywave::Result<()> {
+    let Some(list) = value.as_array().filter(|list| list.len() <= MOST_LAMPS && list.iter().all(Value::is_table))
+    else {
+        return Err(invalid(file, key, value, "use up to 64 tables, [[lamps]]"));
+    };
+    let rules = Rules { keys: LAMP, ..RULES };
+    for lamp in list.iter().filter_map(Value::as_table) {
+        rules::check(&format!("{file}: {key}"), lamp, &rules)?;
+    }
+    Ok(())
+}

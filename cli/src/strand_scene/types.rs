@@ -1,0 +1,185 @@
+//! What the file of a scene of strands holds.
+
+use plywave_render::Made;
+use serde::Deserialize;
+use std::path::PathBuf;
+
+#[derive(Debug, Deserialize)]
+pub struct Spec {
+    pub name: String,
+    pub strands: StrandsSpec,
+    pub fiber: FiberSpec,
+    pub camera: CameraSpec,
+    #[serde(default)]
+    pub lamps: Vec<LampSpec>,
+    #[serde(default)]
+    pub sky: f32,
+    pub floor: Option<FloorSpec>,
+    pub ball: Option<BallSpec>,
+}
+
+#[derive(Debug, Deserialize)]
+pub struct StrandsSpec {
+    pub file: Option<PathBuf>,
+    pub make: Option<MakeSpec>,
+    pub radius_um: Option<f32>,
+    pub segments: Option<u32>,
+    pub seed: Option<u64>,
+    pub basis: Option<String>,
+    pub whole: Option<bool>,
+    pub mm_per_unit: Option<f32>,
+    pub shape: Option<String>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum MakeSpec {
+    Single {
+        length_mm: f32,
+    },
+    Layer {
+        count: u32,
+        #[serde(default = "one")]
+        layers: u32,
+        spacing_mm: f32,
+        length_mm: f32,
+    },
+    Ball {
+        count: u32,
+        ball_mm: f32,
+        length_mm: f32,
+        #[serde(default)]
+        curl_mm: f32,
+    },
+    Wisp {
+        count: u32,
+        width_mm: f32,
+        length_mm: f32,
+    },
+    Fur {
+        count: u32,
+        size_mm: f32,
+        length_mm: f32,
+    },
+    Loop {
+        count: u32,
+        #[serde(default = "three")]
+        loops: u32,
+        width_mm: f32,
+        yarn_mm: f32,
+    },
+}
+
+fn one() -> u32 {
+    1
+}
+
+fn three() -> u32 {
+    3
+}
+
+impl MakeSpec {
+    pub fn made(&self) -> Made {
+        match *self {
+            MakeSpec::Single { length_mm } => Made::Single { length_mm },
+            MakeSpec::Layer { count, layers, spacing_mm, length_mm } => {
+                Made::Layer { count, layers, spacing_mm, length_mm }
+            }
+            MakeSpec::Ball { count, ball_mm, length_mm, curl_mm } => Made::Ball { count, ball_mm, length_mm, curl_mm },
+            MakeSpec::Wisp { count, width_mm, length_mm } => Made::Wisp { count, width_mm, length_mm },
+            MakeSpec::Fur { count, size_mm, length_mm } => Made::Fur { count, size_mm, length_mm },
+            MakeSpec::Loop { count, loops, width_mm, yarn_mm } => Made::Loop { count, loops, width_mm, yarn_mm },
+        }
+    }
+}
+
+#[derive(Debug, Deserialize)]
+pub struct FiberSpec {
+    pub model: ModelSpec,
+    pub sigma_per_um: Option<SigmaSpec>,
+    #[serde(default)]
+    pub near: bool,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(untagged)]
+pub enum SigmaSpec {
+    Same(f32),
+    Spectrum(Vec<[f32; 2]>),
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(untagged)]
+pub enum MirrorSpec {
+    Metal(String),
+    Varnish(f32),
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum ModelSpec {
+    Table {
+        file: PathBuf,
+        beta_m_deg: Option<f32>,
+    },
+    Dielectric {
+        radius_um: Option<f32>,
+        eta: Option<f32>,
+        beta_m_deg: Option<[f32; 3]>,
+        shift_deg: Option<[f32; 3]>,
+        beta_n_deg: Option<f32>,
+        orders: Option<usize>,
+    },
+    RoughDielectric {
+        radius_um: Option<f32>,
+        eta: Option<f32>,
+        shift_deg: Option<[f32; 3]>,
+        width_theta_deg: Option<[f32; 3]>,
+        width_phi_deg: Option<[f32; 3]>,
+        k_d: Option<f32>,
+    },
+    Opaque {
+        radius_um: Option<f32>,
+        mirror: Option<MirrorSpec>,
+        diffuse: Option<f32>,
+        beta_m_deg: Option<f32>,
+        beta_n_deg: Option<f32>,
+    },
+    KajiyaKay {
+        radius_um: Option<f32>,
+        phong: Option<f32>,
+        exponent: Option<f32>,
+        diffuse: Option<f32>,
+    },
+}
+
+#[derive(Debug, Deserialize)]
+pub struct CameraSpec {
+    pub from_mm: [f32; 3],
+    pub to_mm: [f32; 3],
+    pub up: Option<[f32; 3]>,
+    pub fov_deg: f32,
+}
+
+#[derive(Debug, Deserialize)]
+pub struct LampSpec {
+    pub from_mm: [f32; 3],
+    #[serde(default)]
+    pub to_mm: [f32; 3],
+    pub size_mm: f32,
+    pub radiance: f32,
+}
+
+#[derive(Debug, Deserialize)]
+pub struct FloorSpec {
+    pub height_mm: f32,
+    pub albedo: f32,
+}
+
+#[derive(Debug, Deserialize)]
+pub struct BallSpec {
+    #[serde(default)]
+    pub center_mm: [f32; 3],
+    pub radius_mm: f32,
+    pub albedo: f32,
+}

@@ -1,0 +1,199 @@
+//! Files of strands: Cem Yuksel's `.hair`, Mitsuba's curve text, pbrt's `Shape "curve"`.
+//!
+//! | file | units and radii |
+//! |---|---|
+//! | `.hair` | coordinates in the file's units; thickness is a diameter in the same, one per strand point or one for all |
+//! | Mitsuba's text | `x y z radius` a line, an empty line between curves |
+//! | pbrt's text | `width`, or `width0` to `width1`, is a diameter; `basis` `bezier` or `bspline`, of degree 3 or 2 |
+//!
+//! What is left out: the colors and transparency of `.hair`; transforms, object instances and normals of pbrt.
+
+use super::pbrt;
+use super::{Basis, MOST_POINTS, Strands};
+use crate::RenderError;
+use crate::room::read_file;
+use std::path::Path;
+
+/// Largest file of strands [bytes].
+const MOST_BYTES: u64 = 1 << 32;
+
+/// How a file of strands is taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StrandFile {
+    /// What the points of a `.hair` or Mitsuba's text mean; pbrt's curves become splines.
+    pub basis: Basis,
+    /// A unit of the file [mm].
+    pub mm_per_unit: f32,
+    /// Radius [mm] in place of the file's.
+    pub radius_mm: Option<f32>,
+    /// Of a spline: go from the first to the last point of each strand, as `.hair` means it. Mitsuba's splines do not.
+    pub whole: bool,
+}
+
+impl StrandFile {
+    fn point(&self, [x, y, z]: [f32; 3], radius: f32) -> [f32; 4] {
+        let s = self.mm_per_unit;
+        [s * x, s * y, s * z, self.radius_mm.unwrap_or(s * radius)]
+    }
+
+    fn push(&self, strands: &mut Strands, points: &[[f32; 4]], file: &str, place: &str) -> Result<(), RenderError> {
+        if self.whole { strands.push_whole(points, file, place) } else { strands.push(points, file, place) }
+    }
+}
+
+impl Strands {
+    /// Reads a file by its contents: `.hair` begins with `HAIR`, pbrt's text has the word `Shape`, all else is Mitsuba's text.
+    ///
+    /// # Errors
+    /// [`RenderError::Strands`], [`RenderError::Io`], [`RenderError::TooLarge`].
+    pub fn load(path: &Path, how: &StrandFile) -> Result<Strands, RenderError> {
+        let file = path.display().to_string();
+        let bytes = read_file(path, MOST_BYTES).map_err(|e| match e {
+            RenderError::Picture { file, what } => RenderError::Strands { file, what },
+            other => other,
+        })?;
+        Strands::from_bytes(&bytes, &file, how)
+    }
+
+    /// As [`Strands::load`], of the bytes of a file; `file` stands for it in errors.
+    ///
+    /// # Errors
+    /// As [`Strands::load`].
+    pub fn from_bytes(bytes: &[u8], file: &str, how: &StrandFile) -> Result<Strands, RenderError> {
+        let bad = |what: &str| RenderError::Strands { file: file.to_string(), what: what.to_string() };
+        let strands = if bytes.starts_with(b"HAIR") {
+            hair(bytes, file, how)?
+        } else {
+            let text = std::str::from_utf8(bytes)
+                .map_err(|_| bad("neither .hair nor text; give a .hair file, or curves as Mitsuba's or pbrt's text"))?;
+            if pbrt::is(text) { pbrt::read(text, file, how)? } else { mitsuba(text, file, how)? }
+        };
+        if strands.is_empty() {
+            return Err(bad("no strands; give a .hair file, or curves as Mitsuba's or pbrt's text"));
+        }
+        Ok(strands)
+    }
+}
+
+/// The `.hair` format: a header of 128 bytes, then arrays of segments a strand, points, thickness, of which a word of flags tells which are there.
+fn hair(bytes: &[u8], file: &str, how: &StrandFile) -> Result<Strands, RenderError> {
+    const HEADER: usize = 128;
+    let bad = |what: String| RenderError::Strands { file: file.to_string(), what };
+    let cut = |needs: u64| bad(format!("{} bytes where {needs} are needed; the file is cut off", bytes.len()));
+    if bytes.len() < HEADER {
+        return Err(cut(HEADER as u64));
+    }
+    let word = |at: usize| u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
+    let real = |at: usize| f32::from_bits(word(at));
+    let (count, total, flags) = (word(4) as usize, word(8) as usize, word(12));
+    let has = |bit: u32| flags >> bit & 1 == 1;
+    let (segments, points, thickness) = (has(0), has(1), has(2));
+    let (default_segments, default_thickness) = (word(16) as usize, real(20));
+    if !points {
+        return Err(bad("no points in it; write the file with its points".into()));
+    }
+    let mut needs = HEADER as u64;
+    needs += if segments { 2 * count as u64 } else { 0 };
+    needs += 12 * total as u64 + if thickness { 4 * total as u64 } else { 0 };
+    if (bytes.len() as u64) < needs {
+        return Err(cut(needs));
+    }
+    Strands::check_room(total as u64)?;
+    let points_at = HEADER + if segments { 2 * count } else { 0 };
+    let thickness_at = points_at + 12 * total;
+    let mut strands = Strands::new(how.basis);
+    let mut next = 0;
+    let mut curve = Vec::new();
+    for strand in 0..count {
+        let place = || format!("strand {}", strand + 1);
+        let n = 1 + if segments {
+            usize::from(u16::from_le_bytes([bytes[HEADER + 2 * strand], bytes[HEADER + 2 * strand + 1]]))
+        } else {
+            default_segments
+        };
+        if n > MOST_POINTS {
+            return Err(bad(format!("{}: {n} points; at most {MOST_POINTS}, split the strand", place())));
+        }
+        if next + n > total {
+            return Err(bad(format!(
+                "{} takes the points {next} to {} of {total}; the counts do not agree",
+                place(),
+                next + n
+            )));
+        }
+        curve.clear();
+        curve.extend((next..next + n).map(|i| {
+            let at = points_at + 12 * i;
+            let width = if thickness { real(thickness_at + 4 * i) } else { default_thickness };
+            how.point([real(at), real(at + 4), real(at + 8)], 0.5 * width)
+        }));
+        how.push(&mut strands, &curve, file, &place())?;
+        next += n;
+    }
+    if next != total {
+        return Err(bad(format!("its strands take {next} of {total} points; the counts do not agree")));
+    }
+    Ok(strands)
+}
+
+/// `x y z radius` a line, curves apart by empty lines.
+fn mitsuba(text: &str, file: &str, how: &StrandFile) -> Result<Strands, RenderError> {
+    let mut strands = Strands::new(how.basis);
+    let mut curve: Vec<[f32; 4]> = Vec::new();
+    let mut begun = 0;
+    for (k, line) in text.lines().chain([""]).enumerate() {
+        let line = line.trim();
+        if line.is_empty() {
+            if !curve.is_empty() {
+                how.push(&mut strands, &curve, file, &format!("curve at line {begun}"))?;
+                curve.clear();
+            }
+            continue;
+        }
+        let bad =
+            |what: String| RenderError::Strands { file: file.to_string(), what: format!("line {}: {what}", k + 1) };
+        let mut values = [0.0f32; 4];
+        let mut words = line.split_ascii_whitespace();
+        for (value, name) in values.iter_mut().zip(["x", "y", "z", "a radius"]) {
+            let word = words.next().ok_or_else(|| bad(format!("without {name}; a line is `x y z radius`")))?;
+            *value =
+                word.parse().map_err(|_| bad(format!("{:?} is no number; a line is `x y z radius`", cut(word))))?;
+        }
+        if let Some(word) = words.next() {
+            return Err(bad(format!("{:?} after the radius; a line is `x y z radius`", cut(word))));
+        }
+        if curve.is_empty() {
+            begun = k + 1;
+        }
+        if curve.len() == MOST_POINTS {
+            return Err(bad(format!("more than {MOST_POINTS} points in one curve; split it by an empty line")));
+        }
+        curve.push(how.point([values[0], values[1], values[2]], values[3]));
+    }
+    Ok(strands)
+}
+
+/// At most 20 characters of a word.
+pub(super) fn cut(word: &str) -> String {
+    if word.chars().count() <= 20 { word.to_string() } else { word.chars().take(17).chain("...".chars()).collect() }
+}
+
+/// Strands as Mitsuba's curve text, in mm.
+pub fn mitsuba_text(strands: &Strands) -> String {
+    use std::fmt::Write;
+    let mut text = String::new();
+    for curve in strands.curves() {
+        for [x, y, z, r] in curve {
+            // Writing to a text cannot fail.
+            let _ = writeln!(text, "{x} {y} {z} {r}");
+        }
+        text.push('\n');
+    }
+    text
+}
+
+impl StrandFile {
+    pub(super) fn of_units(&self, p: [f32; 3], radius: f32) -> [f32; 4] {
+        self.point(p, radius)
+    }
+}

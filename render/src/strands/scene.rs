@@ -1,0 +1,125 @@
+//! Strands with a fiber's model and their light.
+
+use super::{StrandHit, StrandShape, StrandTree, Strands};
+use crate::{Environment, Light, Prop, WAVELENGTHS};
+use glam::{DVec3, Vec3};
+use plywave::{FiberBsdf, FiberModel, FiberQuery};
+
+/// What strands are of.
+#[derive(Clone, Debug)]
+pub struct StrandFiber {
+    /// Scattering of one fiber.
+    pub model: FiberModel,
+    /// Absorption of its inside: wavelengths [um], ascending, and absorptions [1/um], linear in between and constant beyond; none is 0. Tables ignore it.
+    pub sigma: Vec<[f32; 2]>,
+    /// Whether light is resolved by its offset on the fiber; else each hit has the mean over the offsets.
+    pub near: bool,
+}
+
+impl StrandFiber {
+    /// A clear fiber, or one of the table's own color, seen from afar.
+    pub fn new(model: FiberModel) -> StrandFiber {
+        StrandFiber { model, sigma: Vec::new(), near: false }
+    }
+
+    /// Radius of the model [um]: half the largest geometric width of a table's outline.
+    pub fn radius_um(&self) -> f32 {
+        match &self.model {
+            FiberModel::Tabulated(fiber) => 0.5 * fiber.table().width_um.iter().copied().fold(0.0, f64::max) as f32,
+            other => 0.5 * other.max_width_um(),
+        }
+    }
+
+    /// Absorption at a wavelength [um].
+    pub fn sigma_per_um(&self, lambda_um: f32) -> f32 {
+        let next = self.sigma.partition_point(|node| node[0] < lambda_um);
+        match (next.checked_sub(1).and_then(|k| self.sigma.get(k)), self.sigma.get(next)) {
+            (Some(a), Some(b)) => a[1] + (b[1] - a[1]) * (lambda_um - a[0]) / (b[0] - a[0]).max(1e-9),
+            (Some(only), None) | (None, Some(only)) => only[1],
+            (None, None) => 0.0,
+        }
+    }
+}
+
+/// Strands of one kind of fiber, and their light.
+///
+/// The strands' radius is the fiber's. Where a table takes light from more than its geometric width (Xia 2020, 6), strands are met that much wider, and
+/// [`FiberBsdf::hit`] says, by wavelength, whether a ray's offset is within the width C_e at its direction; else it passes. A strand of another radius than the model's is
+/// the model enlarged: the same shape of scattering, widths in proportion; of analytic models the light's paths inside grow with it.
+pub struct StrandScene {
+    tree: StrandTree,
+    fiber: StrandFiber,
+    /// Width that is met over the geometric one.
+    wider: f32,
+    /// Axis, across the fiber, that outlines count from.
+    pub reference: Vec3,
+    /// Rectangles.
+    pub lights: Vec<Light>,
+    /// Light from afar.
+    pub environment: Environment,
+    /// Matte things beside the strands.
+    pub props: Vec<Prop>,
+}
+
+impl StrandScene {
+    /// Builds the BVH.
+    pub fn new(
+        mut strands: Strands,
+        shape: StrandShape,
+        fiber: StrandFiber,
+        lights: Vec<Light>,
+        environment: Environment,
+    ) -> StrandScene {
+        let wider = wider(&fiber);
+        strands.scale_radii(wider);
+        StrandScene::over(StrandTree::new(strands, shape), fiber, lights, environment)
+    }
+
+    /// Over a tree whose radii have the width in them that is met.
+    pub fn over(tree: StrandTree, fiber: StrandFiber, lights: Vec<Light>, environment: Environment) -> StrandScene {
+        let wider = wider(&fiber);
+        StrandScene { tree, fiber, wider, reference: Vec3::Z, lights, environment, props: Vec::new() }
+    }
+
+    /// The strands, as wide as they are met.
+    pub fn tree(&self) -> &StrandTree {
+        &self.tree
+    }
+
+    /// Their fiber.
+    pub fn fiber(&self) -> &StrandFiber {
+        &self.fiber
+    }
+
+    /// The fiber's scattering at a hit of a ray in `direction`, and which wavelengths are hit.
+    pub(super) fn at(
+        &self,
+        hit: &StrandHit,
+        frame: &[DVec3; 3],
+        direction: DVec3,
+        lambda_um: [f32; WAVELENGTHS],
+    ) -> (FiberBsdf<'_, WAVELENGTHS>, [bool; WAVELENGTHS]) {
+        let radius_um = self.fiber.radius_um();
+        let larger = 1000.0 * hit.radius_mm as f32 / (self.wider * radius_um);
+        let query = FiberQuery {
+            omega_i: frame.map(|axis| -axis.dot(direction) as f32),
+            h_rel: self.fiber.near.then_some(hit.h_rel as f32),
+            lambda_um,
+            sigma_per_um: lambda_um.map(|l| larger * self.fiber.sigma_per_um(l)),
+        };
+        let at = self.fiber.model.at(&query);
+        let met =
+            if self.is_limited() { at.hit(hit.h_rel as f32 * self.wider * radius_um) } else { [true; WAVELENGTHS] };
+        (at, met)
+    }
+
+    /// Whether rays may pass within the width that is met.
+    pub(super) fn is_limited(&self) -> bool {
+        matches!(self.fiber.model, FiberModel::Tabulated(_))
+    }
+}
+
+/// Width that is met over the geometric one.
+fn wider(fiber: &StrandFiber) -> f32 {
+    0.5 * fiber.model.max_width_um() / fiber.radius_um()
+}

@@ -1,0 +1,340 @@
+//! Path tracing over strands: light sources are sampled and hit, weighed by the power heuristic.
+//!
+//! A path that hits a strand leaves it from the place where it was met and does not meet it again before it is out of it: the model holds all that happens
+//! inside. Of a table, some wavelengths of a path may be hit where others pass (Xia 2020, 6): one of the two is followed, chosen in proportion to what each carries, and
+//! weighed for it; light from a source is weakened by wavelength on its way. The width at a ray's direction is that of light that comes the other way: extinction is the
+//! same both ways.
+
+use super::scene::StrandScene;
+use super::{Skip, StrandHit, StrandShape};
+use crate::camera::Camera;
+use crate::path::{Light4, RenderOptions, Traced, Tracer, render_by, share};
+use crate::props::Matte;
+use crate::{Film, Prop, RenderError, StrandTree, WAVELENGTHS};
+use glam::{DVec3, Vec3};
+use plywave::{Bsdf, BsdfSample};
+use rand::RngExt;
+use rand_pcg::Pcg64Mcg;
+use std::sync::atomic::AtomicBool;
+
+/// Scatterings after which paths are thinned out by chance.
+const ROULETTE: u32 = 8;
+/// Strands that a ray may pass; a bound against endless loops, not met in practice.
+const MOST_PASSED: u32 = 100_000;
+
+/// As [`crate::render`], of strands.
+///
+/// # Errors
+/// As [`crate::render`].
+pub fn render_strands(
+    scene: &StrandScene,
+    camera: &Camera,
+    film: &mut Film,
+    options: &RenderOptions,
+    stop: &AtomicBool,
+    after: &mut dyn FnMut(&Film) -> Result<(), RenderError>,
+) -> Result<(), RenderError> {
+    render_by(scene, camera, film, options, stop, after)
+}
+
+/// A ray under way.
+#[derive(Clone, Debug)]
+struct Flight {
+    origin: DVec3,
+    direction: DVec3,
+    /// What lies nearer has been passed.
+    after: f64,
+    /// Strands that it is in.
+    skips: Vec<Skip>,
+}
+
+impl Flight {
+    fn new(origin: DVec3, direction: DVec3) -> Flight {
+        Flight { origin, direction, after: 0.0, skips: Vec::new() }
+    }
+
+    fn first(&self, tree: &StrandTree, before: f64) -> Option<StrandHit> {
+        tree.first(self.origin, self.direction, self.after, before, &self.skips)
+    }
+
+    /// Goes on behind a hit, as if nothing were there.
+    fn pass(&mut self, hit: &StrandHit) {
+        self.after = hit.t;
+        self.skips.retain(|skip| skip.until > hit.t);
+        let Skip { strand, until } = hit.leave(self.direction);
+        self.skips.push(Skip { strand, until: hit.t + until });
+    }
+
+    /// Goes on from a hit in another direction.
+    fn leave(&mut self, hit: &StrandHit, direction: DVec3) {
+        (self.origin, self.direction, self.after) = (hit.position, direction, 0.0);
+        self.skips.clear();
+        self.skips.push(hit.leave(direction));
+    }
+}
+
+/// What a path is scattered by: axes, and how it leaves.
+struct Place {
+    axes: [DVec3; 3],
+    from: Leaving,
+}
+
+enum Leaving {
+    Strand(StrandHit),
+    Prop { position: DVec3, normal: DVec3 },
+}
+
+impl Place {
+    fn local(&self, w: DVec3) -> [f32; 3] {
+        self.axes.map(|a| a.dot(w) as f32)
+    }
+
+    fn world(&self, w: [f32; 3]) -> DVec3 {
+        let w = w.map(f64::from);
+        (self.axes[0] * w[0] + self.axes[1] * w[1] + self.axes[2] * w[2]).normalize_or_zero()
+    }
+
+    fn position(&self) -> DVec3 {
+        match &self.from {
+            Leaving::Strand(hit) => hit.position,
+            Leaving::Prop { position, .. } => *position,
+        }
+    }
+
+    fn flight(&self, direction: DVec3) -> Flight {
+        match &self.from {
+            Leaving::Strand(hit) => {
+                let mut flight = Flight::new(hit.position, direction);
+                flight.leave(hit, direction);
+                flight
+            }
+            Leaving::Prop { position, normal } => {
+                let offset = 1e-6 * (1.0 + position.abs().max_element());
+                Flight::new(*position + *normal * offset, direction)
+            }
+        }
+    }
+}
+
+impl Tracer for StrandScene {
+    fn trace(
+        &self,
+        options: &RenderOptions,
+        (origin, direction, _): (Vec3, Vec3, f32),
+        lambda: Light4,
+        rng: &mut Pcg64Mcg,
+    ) -> Traced {
+        let mut flight = Flight::new(origin.as_dvec3(), direction.as_dvec3().normalize());
+        let (mut light, mut albedo, mut throughput) = ([0.0; WAVELENGTHS], [0.0; WAVELENGTHS], [1.0f32; WAVELENGTHS]);
+        let mut first = None;
+        // Density with which the direction was drawn; the camera's counts as certain.
+        let mut pdf = f32::INFINITY;
+        let (mut depth, mut passed) = (0, 0);
+        while passed < MOST_PASSED {
+            let ray = (flight.origin.as_vec3(), flight.direction.as_vec3());
+            let prop = self
+                .props
+                .iter()
+                .filter_map(|prop| prop.hit(ray.0, ray.1).filter(|t| f64::from(*t) > flight.after).map(|t| (t, prop)))
+                .min_by(|a, b| a.0.total_cmp(&b.0));
+            let hit = flight.first(self.tree(), prop.map_or(f64::INFINITY, |(t, _)| t.into()));
+            let reach = hit.as_ref().map_or_else(|| prop.map_or(f32::INFINITY, |(t, _)| t), |hit| hit.t as f32);
+            if self.emitted(ray, reach, pdf, lambda, throughput, &mut light) {
+                break;
+            }
+            let next = match (hit, prop) {
+                (Some(hit), _) => {
+                    let axes = hit.frame(self.reference);
+                    let (at, met) = self.at(&hit, &axes, flight.direction, lambda);
+                    // Of what each part carries.
+                    let carried =
+                        |of: bool| (0..WAVELENGTHS).filter(|k| met[*k] == of).map(|k| throughput[k]).sum::<f32>();
+                    let (scattered, straight) = (carried(true), carried(false));
+                    if scattered <= 0.0 || straight > 0.0 && rng.random::<f32>() * (scattered + straight) >= scattered {
+                        let scale = (scattered + straight) / straight.max(1e-30);
+                        (0..WAVELENGTHS).for_each(|k| throughput[k] *= if met[k] { 0.0 } else { scale });
+                        flight.pass(&hit);
+                        passed += 1;
+                        continue;
+                    }
+                    if straight > 0.0 {
+                        let scale = (scattered + straight) / scattered;
+                        (0..WAVELENGTHS).for_each(|k| throughput[k] *= if met[k] { scale } else { 0.0 });
+                    }
+                    if first.is_none() {
+                        let across = hit.position - hit.center;
+                        let across = across - hit.tangent * hit.tangent.dot(across);
+                        let normal = match self.tree().shape() {
+                            StrandShape::Tube => across.normalize_or(-flight.direction),
+                            StrandShape::Band => -flight.direction,
+                        };
+                        first = Some((normal.as_vec3().to_array(), hit.t as f32));
+                        albedo = at.albedo();
+                    }
+                    let place = Place { axes, from: Leaving::Strand(hit) };
+                    self.scatter(&place, &at, depth == options.depth, lambda, throughput, rng, &mut light)
+                        .map(|s| (place, s))
+                }
+                (None, Some((t, prop))) => {
+                    let position = ray.0 + ray.1 * t;
+                    let normal = prop.normal(position).as_dvec3();
+                    let (x, y) = normal.any_orthonormal_pair();
+                    let at = Matte(prop.albedo);
+                    if first.is_none() {
+                        first = Some((normal.as_vec3().to_array(), t));
+                        albedo = [prop.albedo; WAVELENGTHS];
+                    }
+                    let from = Leaving::Prop { position: position.as_dvec3(), normal };
+                    let place = Place { axes: [x, y, normal], from };
+                    self.scatter(&place, &at, depth == options.depth, lambda, throughput, rng, &mut light)
+                        .map(|s| (place, s))
+                }
+                (None, None) => break,
+            };
+            let Some((place, sample)) = next else { break };
+            match sample {
+                BsdfSample::Scattered(sample) => {
+                    (0..WAVELENGTHS).for_each(|k| throughput[k] *= sample.weight[k]);
+                    pdf = sample.pdf;
+                    let w = place.world(sample.w);
+                    if w == DVec3::ZERO || pdf.is_nan() || pdf <= 0.0 {
+                        break;
+                    }
+                    flight = place.flight(w);
+                }
+                BsdfSample::Straight { weight, .. } => {
+                    (0..WAVELENGTHS).for_each(|k| throughput[k] *= weight[k]);
+                    flight = place.flight(flight.direction);
+                    pdf = f32::INFINITY;
+                }
+                BsdfSample::Absorbed => break,
+            }
+            if depth >= ROULETTE {
+                let keep = throughput.iter().copied().fold(0.0f32, f32::max).min(1.0);
+                if rng.random::<f32>() >= keep {
+                    break;
+                }
+                throughput.iter_mut().for_each(|t| *t /= keep);
+            }
+            depth += 1;
+        }
+        Traced { light, albedo, hit: first }
+    }
+}
+
+impl StrandScene {
+    /// Ways of sampling light, one of which is chosen.
+    fn ways(&self) -> f32 {
+        (self.lights.len() + usize::from(!self.environment.is_dark())).max(1) as f32
+    }
+
+    /// Adds the light of what a ray ends at, if nothing lies before it; whether it ends.
+    fn emitted(
+        &self,
+        (origin, direction): (Vec3, Vec3),
+        reach: f32,
+        pdf: f32,
+        lambda: Light4,
+        throughput: Light4,
+        light: &mut Light4,
+    ) -> bool {
+        let lamp = self
+            .lights
+            .iter()
+            .filter_map(|l| l.hit(origin, direction).filter(|t| *t < reach).map(|t| (t, l)))
+            .min_by(|a, b| a.0.total_cmp(&b.0));
+        if let Some((t, l)) = lamp {
+            let weight = share(pdf, l.pdf(direction, t) / self.ways());
+            (0..WAVELENGTHS).for_each(|k| light[k] += throughput[k] * weight * l.radiance);
+            return true;
+        }
+        if reach < f32::INFINITY {
+            return false;
+        }
+        if !self.environment.is_dark() {
+            let weight = share(pdf, self.environment.pdf(direction) / self.ways());
+            let radiance = self.environment.radiance(direction, lambda);
+            (0..WAVELENGTHS).for_each(|k| light[k] += throughput[k] * weight * radiance[k]);
+        }
+        true
+    }
+
+    /// Light from one source at a place, and how the path goes on; it ends after the last.
+    fn scatter(
+        &self,
+        place: &Place,
+        at: &impl Bsdf<WAVELENGTHS>,
+        is_last: bool,
+        lambda: Light4,
+        throughput: Light4,
+        rng: &mut Pcg64Mcg,
+        light: &mut Light4,
+    ) -> Option<BsdfSample<WAVELENGTHS>> {
+        if is_last {
+            return None;
+        }
+        self.direct(place, at, lambda, throughput, rng, light);
+        Some(at.sample(rng.random()))
+    }
+
+    fn direct(
+        &self,
+        place: &Place,
+        at: &impl Bsdf<WAVELENGTHS>,
+        lambda: Light4,
+        throughput: Light4,
+        rng: &mut Pcg64Mcg,
+        light: &mut Light4,
+    ) {
+        let (count, ways) = (self.lights.len(), self.ways());
+        let which = ((rng.random::<f32>() * ways) as usize).min(ways as usize - 1);
+        let u: [f32; 2] = rng.random();
+        let position = place.position().as_vec3();
+        let (direction, reach, radiance, pdf) = if let Some(l) = self.lights.get(which) {
+            let (direction, t) = l.sample(position, u);
+            if l.hit(position, direction).is_none() {
+                return;
+            }
+            (direction, t * (1.0 - 1e-4), [l.radiance; WAVELENGTHS], l.pdf(direction, t))
+        } else if which == count && !self.environment.is_dark() {
+            let direction = self.environment.sample(u);
+            let radiance = self.environment.radiance(direction, lambda);
+            (direction, f32::INFINITY, radiance, self.environment.pdf(direction))
+        } else {
+            return;
+        };
+        let pdf = pdf / ways;
+        let w = direction.as_dvec3().normalize();
+        let local = place.local(w);
+        let (f, own) = at.eval_pdf(local);
+        if f.iter().all(|f| *f <= 0.0) {
+            return;
+        }
+        let passes = self.passes(place.flight(w), reach, lambda);
+        let weight = share(pdf, own) / pdf.max(1e-30);
+        (0..WAVELENGTHS).for_each(|k| light[k] += throughput[k] * f[k] * weight * radiance[k] * passes[k]);
+    }
+
+    /// What comes through from `reach` away.
+    fn passes(&self, mut flight: Flight, reach: f32, lambda: Light4) -> Light4 {
+        let (origin, direction) = (flight.origin.as_vec3(), flight.direction.as_vec3());
+        let blocks = |prop: &Prop| prop.hit(origin, direction).is_some_and(|t| t < reach);
+        let mut passes = [1.0; WAVELENGTHS];
+        if self.props.iter().any(blocks) {
+            return [0.0; WAVELENGTHS];
+        }
+        for _ in 0..MOST_PASSED {
+            let Some(hit) = flight.first(self.tree(), reach.into()) else { return passes };
+            if !self.is_limited() {
+                break;
+            }
+            let (_, met) = self.at(&hit, &hit.frame(self.reference), flight.direction, lambda);
+            (0..WAVELENGTHS).filter(|k| met[*k]).for_each(|k| passes[k] = 0.0);
+            if passes.iter().all(|p| *p <= 0.0) {
+                break;
+            }
+            flight.pass(&hit);
+        }
+        [0.0; WAVELENGTHS]
+    }
+}

@@ -1,0 +1,198 @@
+//! Light among strands: white rooms stay white, one scattering is the model's albedo, a lamp's light is its integral, effective widths cast shadows of their width,
+//! and the form of the tree is not in the picture.
+
+use glam::{DVec3, Vec3};
+use plywave::fiber::{DielectricFiber, DielectricParameters, FiberSource, FiberTable, OutlineSymmetry, TabulatedFiber};
+use plywave::{Bsdf, FiberModel, FiberQuery};
+use plywave_render::{
+    Basis, Camera, Environment, Film, FilmView, Light, Made, RenderOptions, StrandFiber, StrandScene, StrandShape,
+    StrandTree, Strands, make, render_strands,
+};
+use rand::{RngExt, SeedableRng};
+use std::f64::consts::TAU;
+use std::sync::atomic::AtomicBool;
+
+const RADIUS_UM: f32 = 40.0;
+
+fn dielectric() -> FiberModel {
+    let parameters = DielectricParameters { radius_um: RADIUS_UM, ..DielectricParameters::default() };
+    DielectricFiber::new(parameters).unwrap().into()
+}
+
+/// A table that takes light from the given multiples of its geometric width, from 0.38 to 0.78 um, and scatters the share `albedo` evenly.
+fn table(widths: &[f64], albedo: f64) -> FiberModel {
+    let l = widths.len();
+    let geometric = 2.0 * f64::from(RADIUS_UM);
+    let table = FiberTable {
+        spec_text: String::new(),
+        program_version: "0".into(),
+        preset: "test".into(),
+        seed: 0,
+        source: FiberSource::Wave,
+        symmetry: OutlineSymmetry::CIRCLE,
+        beta_m: 0.2,
+        lambda_um: (0..l).map(|k| 0.38 + 0.4 * k as f64 / (l - 1).max(1) as f64).collect(),
+        theta_i: FiberTable::theta_nodes(2),
+        phi_i: vec![0.0],
+        width_um: vec![geometric],
+        c_x_um: widths.iter().flat_map(|w| [w * geometric; 2]).collect(),
+        c_abs_um: widths.iter().flat_map(|w| [(1.0 - albedo) * w * geometric; 2]).collect(),
+        azimuthal: vec![(albedo / TAU) as f32; l * 2 * 4],
+    };
+    TabulatedFiber::from_table(table).unwrap().into()
+}
+
+fn picture(scene: &StrandScene, camera: &Camera, size: u32, samples: u32, depth: u32) -> Film {
+    let mut film = Film::new(size, size).unwrap();
+    let options = RenderOptions { samples, depth, seed: 5 };
+    render_strands(scene, camera, &mut film, &options, &AtomicBool::new(false), &mut |_| Ok(())).unwrap();
+    film
+}
+
+/// Mean Y of a film.
+fn mean(film: &Film, view: FilmView) -> f64 {
+    let n = film.width() * film.height();
+    (0..n).map(|k| f64::from(film.xyz(view, k % film.width(), k / film.width())[1])).sum::<f64>() / f64::from(n)
+}
+
+/// Mean of red, green, blue of a film, linear.
+fn rgb(film: &Film) -> [f64; 3] {
+    let n = film.width() * film.height();
+    let mut sum = [0.0; 3];
+    for k in 0..n {
+        let c = film.linear(FilmView::Light, k % film.width(), k / film.width());
+        (0..3).for_each(|i| sum[i] += f64::from(c[i]) / f64::from(n));
+    }
+    sum
+}
+
+fn above() -> Camera {
+    Camera::new(Vec3::new(0.3, -0.2, 30.0), Vec3::ZERO, Vec3::Y, 0.1)
+}
+
+/// A white room stays white among fibers that absorb nothing, whatever is met, and by either kind of offset.
+#[test]
+fn white_rooms_stay_white() {
+    let fur = Made::Fur { count: 6000, size_mm: 8.0, length_mm: 5.0 };
+    let layer = Made::Layer { count: 40, layers: 6, spacing_mm: 0.1, length_mm: 20.0 };
+    for (what, model, near, shape) in [
+        (fur, dielectric(), false, StrandShape::Tube),
+        (fur, dielectric(), true, StrandShape::Band),
+        (layer, dielectric(), true, StrandShape::Tube),
+        (layer, table(&[1.0, 2.5, 1.5], 1.0), false, StrandShape::Tube),
+        (layer, table(&[0.7, 0.9], 1.0), false, StrandShape::Band),
+    ] {
+        let strands = make(&what, 0.001 * RADIUS_UM, 16, 3).unwrap();
+        let fiber = StrandFiber { near, ..StrandFiber::new(model) };
+        let scene = StrandScene::new(strands, shape, fiber, Vec::new(), Environment::constant(1.0));
+        let samples = if what == fur { 48 } else { 400 };
+        let got = mean(&picture(&scene, &above(), 20, samples, 100_000), FilmView::Light);
+        println!("{what:?} {shape:?} near {near}: {got:.4}");
+        assert!((got - 1.0).abs() < 0.01, "{what:?} {shape:?} near {near}: {got}");
+    }
+}
+
+/// One strand that fills the picture.
+fn thick(fiber: StrandFiber, lights: Vec<Light>, environment: Environment) -> StrandScene {
+    let points: Vec<[f32; 4]> = (0..6).map(|k| [10.0 * k as f32 - 25.0, 0.0, 0.0, 3.0]).collect();
+    let mut strands = Strands::new(Basis::BSpline);
+    strands.push(&points, "thick", "strand 1").unwrap();
+    StrandScene::new(strands, StrandShape::Tube, fiber, lights, environment)
+}
+
+/// One scattering in a white room is the albedo.
+#[test]
+fn one_scattering_gives_the_albedo() {
+    // The strand is 75 times as thick as the model, and so are the paths in it.
+    let sigma = vec![[0.4, 0.0003], [0.55, 0.0001], [0.7, 0.00002]];
+    for near in [false, true] {
+        let fiber = StrandFiber { model: dielectric(), sigma: sigma.clone(), near };
+        let film = picture(&thick(fiber, Vec::new(), Environment::constant(1.0)), &above(), 24, 128, 1);
+        let (light, albedo) = (mean(&film, FilmView::Light), mean(&film, FilmView::Albedo));
+        println!("near {near}: {light:.4} of albedo {albedo:.4}");
+        assert!(albedo < 0.9 && (light / albedo - 1.0).abs() < 0.01, "near {near}: {light} {albedo}");
+    }
+}
+
+/// A lamp on one strand, against a quadrature of f over the lamp.
+#[test]
+fn a_lamp_gives_the_integral_over_it() {
+    let lamp = Light::facing(Vec3::new(20.0, 30.0, 40.0), Vec3::ZERO, 25.0, 2.0);
+    let model = dielectric();
+    let scene = thick(StrandFiber::new(model.clone()), vec![lamp], Environment::constant(0.0));
+    // One pixel's worth of rays onto nearly one place.
+    let camera = Camera::new(Vec3::new(0.0, 0.0, 3000.0), Vec3::ZERO, Vec3::Y, 1e-6);
+    let got = mean(&picture(&scene, &camera, 8, 2000, 1), FilmView::Light);
+    // Axis along x; frame by the reference z: x' = z, y' = x cross z = -y.
+    let local = |v: DVec3| [v.z as f32, -v.y as f32, v.x as f32];
+    let at = model.at(&FiberQuery::new(local(DVec3::Z), [0.55f32]));
+    let place = DVec3::new(0.0, 0.0, 3.0);
+    let (edges, corner) = (lamp.edges.map(|e| e.as_dvec3()), lamp.corner.as_dvec3());
+    let normal = edges[0].cross(edges[1]);
+    let n = 400;
+    let mut want = 0.0;
+    for i in 0..n * n {
+        let (u, v) = (((i % n) as f64 + 0.5) / n as f64, ((i / n) as f64 + 0.5) / n as f64);
+        let to = corner + edges[0] * u + edges[1] * v - place;
+        let solid = -normal.dot(to) / to.length().powi(3) / (n * n) as f64;
+        want += 2.0 * solid * f64::from(at.eval(local(to.normalize()))[0]);
+    }
+    println!("lamp: {got:.5}, by quadrature {want:.5}");
+    assert!((got / want - 1.0).abs() < 0.02, "{got} {want}");
+}
+
+/// Black fibers side by side let through what is beyond their effective width, by wavelength: to the camera, and to a matte floor from a lamp.
+#[test]
+fn effective_widths_cast_their_shadow() {
+    // Nearly no scattering; a distance of five geometric widths.
+    let spacing = 5.0 * 2.0 * 0.001 * RADIUS_UM;
+    let layer = Made::Layer { count: 30, layers: 1, spacing_mm: spacing, length_mm: 30.0 };
+    for widths in [[1.0, 1.0, 1.0], [3.0, 3.0, 3.0], [1.0, 2.0, 3.0], [0.5, 0.5, 0.5]] {
+        let strands = make(&layer, 0.001 * RADIUS_UM, 4, 1).unwrap();
+        let fiber = || StrandFiber::new(table(&widths, 0.0));
+        let bright = |strands: Strands, fiber| {
+            StrandScene::new(strands, StrandShape::Band, fiber, Vec::new(), Environment::constant(1.0))
+        };
+        // Ten distances across, seen from straight above.
+        let camera =
+            Camera::new(Vec3::new(0.0, 0.0, 1000.0), Vec3::ZERO, Vec3::Y, 2.0 * (5.0 * spacing / 1000.0).atan());
+        let got = rgb(&picture(&bright(strands, fiber()), &camera, 200, 64, 4));
+        // What passes at a wavelength, as a color in the same way as the film's.
+        let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(1);
+        let mut want = [0.0; 3];
+        let n = 200_000;
+        for _ in 0..n {
+            let lambda = 0.38 + 0.4 * rng.random::<f64>();
+            let x = (lambda - 0.38) / 0.4 * 2.0;
+            let k = (x as usize).min(1);
+            let width = widths[k] + (widths[k + 1] - widths[k]) * (x - k as f64);
+            let matching = plywave::color::d65_xyz_density(lambda);
+            let rgb = plywave::color::linear_srgb_of_xyz(matching.map(|m| 0.4 * m * (1.0 - width / 5.0)));
+            (0..3).for_each(|c| want[c] += rgb[c] / f64::from(n));
+        }
+        println!("{widths:?}: {got:.3?}, expected {want:.3?}");
+        for c in 0..3 {
+            assert!((got[c] - want[c]).abs() < 0.012, "{widths:?}: {got:?} {want:?}");
+        }
+    }
+}
+
+/// A dyed wisp under lamp and sky: the same picture, bit by bit, by trees of two forms; darker than a clear one.
+#[test]
+fn the_tree_is_not_in_the_picture() {
+    let lamp = Light::facing(Vec3::new(30.0, -40.0, 20.0), Vec3::ZERO, 15.0, 8.0);
+    let camera = Camera::new(Vec3::new(0.0, -60.0, -10.0), Vec3::new(0.0, 0.0, -15.0), Vec3::Z, 0.6);
+    let strands = make(&Made::Wisp { count: 400, width_mm: 3.0, length_mm: 30.0 }, 0.001 * RADIUS_UM, 24, 3).unwrap();
+    let of = |sigma: f32, medians: bool| {
+        let fiber = StrandFiber { model: dielectric(), sigma: vec![[0.5, sigma]], near: false };
+        let tree = if medians { StrandTree::by_medians } else { StrandTree::new };
+        let scene =
+            StrandScene::over(tree(strands.clone(), StrandShape::Tube), fiber, vec![lamp], Environment::constant(0.01));
+        picture(&scene, &camera, 32, 8, 64)
+    };
+    let (dyed, again, clear) = (of(0.02, false), of(0.02, true), of(0.0, false));
+    assert!(dyed == again, "the pictures differ");
+    let (dark, bright) = (mean(&dyed, FilmView::Light), mean(&clear, FilmView::Light));
+    println!("dyed {dark:.4}, clear {bright:.4}");
+    assert!(dark > 0.2 * bright && dark < 0.85 * bright, "{dark} {bright}");
+}
