@@ -241,11 +241,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
             format!("{} has no speckle noise and stays smooth; `plywave noise` adds it", path.display())
         }));
     }
-    let name = loaded.spec.name.clone();
-    let fabric = FabricBsdf::new(loaded, &options)?;
-    if args.sigma.is_none() {
-        notes.extend(color::fabric_notes(&fabric));
-    }
+    // What is quickly refused comes before what takes seconds.
     let mesh = match &args.mesh {
         Some(file) => {
             let (mesh, told) = Mesh::obj(file, 1000.0 * args.cloth_mm as f32, size).map_err(failed)?;
@@ -255,6 +251,11 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
         None => None,
     };
     let sky = args.sky.as_ref().map(|file| Environment::load(file, 1.0)).transpose().map_err(failed)?;
+    let name = loaded.spec.name.clone();
+    let fabric = FabricBsdf::new(loaded, &options)?;
+    if args.sigma.is_none() {
+        notes.extend(color::fabric_notes(&fabric));
+    }
     let (scene, camera) = setup.scene(size, mesh, sky);
     let render_options = RenderOptions { samples: args.samples, depth: depth(args), seed: args.seed };
     let about = About { name, scene: format!("{:?}", crate::commands::render::setup(args)).to_lowercase(), notes };
