@@ -16,6 +16,7 @@ mod metal;
 pub mod opaque;
 mod range;
 mod rough_dielectric;
+mod spec;
 mod table;
 mod tabulated;
 
@@ -28,6 +29,9 @@ pub use kajiya_kay::{KajiyaKayBsdf, KajiyaKayFiber, KajiyaKayParameters};
 pub use metal::{Metal, conductor};
 pub use opaque::{Mirror, OpaqueBsdf, OpaqueFiber, OpaqueParameters};
 pub use rough_dielectric::{RoughDielectricBsdf, RoughDielectricFiber, RoughDielectricParameters};
+#[doc(hidden)]
+pub use spec::FILAMENT_RULES;
+pub use spec::FilamentSpec;
 pub use table::{FiberSource, FiberTable, OutlineSymmetry};
 pub use tabulated::{TabulatedBsdf, TabulatedFiber, WIDTH_LIMIT};
 
