@@ -19,6 +19,7 @@ pub mod opaque;
 mod range;
 mod reflectance;
 mod rough_dielectric;
+mod spec;
 mod table;
 mod tabulated;
 mod von_mises;
@@ -34,6 +35,9 @@ pub use metal::{Metal, conductor};
 pub use opaque::{Mirror, OpaqueBsdf, OpaqueFiber, OpaqueParameters};
 pub use reflectance::Reflectance;
 pub use rough_dielectric::{RoughDielectricBsdf, RoughDielectricFiber, RoughDielectricParameters};
+#[doc(hidden)]
+pub use spec::FILAMENT_RULES;
+pub use spec::FilamentSpec;
 pub use table::{FiberSource, FiberTable, OutlineSymmetry};
 pub use tabulated::{TabulatedBsdf, TabulatedFiber, WIDTH_LIMIT};
 

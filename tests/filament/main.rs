@@ -7,6 +7,7 @@ mod opaque;
 mod paths;
 mod rough;
 mod smooth;
+mod spec;
 
 use plywave::check::{FURNACE_TOLERANCE, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE, check_bsdf};
 use plywave::fiber::azimuthal::CrossSection;

@@ -137,3 +137,56 @@ fn roots_are_as_many_as_they_must_be() {
     assert!((furnace - 1.0).abs() < 1e-5, "{furnace}");
     assert!((edge.to_degrees() - 80.36).abs() < 0.01, "{edge}");
 }
+
+/// Eq. 39-40: light that varies over the width, L(h_i). The mean over the offsets of L times the near field is what a histogram of the walk with power L(h) a has; and Eq. 54:
+/// at one offset, over all places of exit, it is the position-dependent BSDF of a ribbon.
+#[test]
+fn light_that_varies_over_the_width_is_the_weighted_mean_of_the_near_field() {
+    let light = |h: f64| (0.5 + 0.5 * h).powi(2);
+    let (bins, offsets, theta) = (60, 100_000, 0.4);
+    let beta_n = 0.1;
+    let p = DielectricParameters { radius_um: 1.0, beta_n, orders: 8, beta_m: [0.02; 3], ..Default::default() };
+    let fiber = dielectric(p);
+    let query = FiberQuery::new(direction(theta as f32, 0.0), [0.5]);
+    // Of the walk, spread by the width; of the azimuth's first moments, which the spread takes exp(-k^2 beta^2 / 2) of.
+    let mut want = [[0.0f64; 2]; 4];
+    for k in 0..offsets {
+        let h = (2.0 * f64::from(k) + 1.0) / f64::from(offsets) - 1.0;
+        for (w, power, _) in walk(theta, h, 1.55, 12) {
+            let phi = w[1].atan2(w[0]);
+            for (m, want) in want.iter_mut().enumerate() {
+                let fade = (-0.5 * (m as f64 * f64::from(beta_n)).powi(2)).exp() / f64::from(offsets);
+                want[0] += light(h) * power * (m as f64 * phi).cos() * fade;
+                want[1] += light(h) * power * (m as f64 * phi).sin() * fade;
+            }
+        }
+    }
+    let mut got = [[0.0f64; 2]; 4];
+    let places = 1000;
+    for k in 0..places {
+        let h = (2.0 * f64::from(k) + 1.0) / f64::from(places) - 1.0;
+        let at = fiber.at(&FiberQuery { h_rel: Some(h as f32), ..query });
+        let energy = f64::from(at.albedo()[0]);
+        let (mut sums, mut all) = ([[0.0f64; 2]; 4], 0.0);
+        for j in 0..2 * bins {
+            let phi = f64::from(j) / f64::from(2 * bins) * TAU;
+            let f = f64::from(at.eval(direction(-theta as f32, phi as f32))[0]);
+            all += f;
+            for (m, sum) in sums.iter_mut().enumerate() {
+                sum[0] += f * (m as f64 * phi).cos();
+                sum[1] += f * (m as f64 * phi).sin();
+            }
+        }
+        for m in 0..4 {
+            // One latitude stands for all: M is the same for every order.
+            (0..2).for_each(|c| got[m][c] += light(h) * energy * sums[m][c] / all / f64::from(places));
+        }
+    }
+    for m in 0..4 {
+        for c in 0..2 {
+            assert!((got[m][c] - want[m][c]).abs() < 2e-3 * want[0][0], "{m}: got {:?}, want {:?}", got[m], want[m]);
+        }
+    }
+    // It is not what an even beam of the same power does.
+    assert!(want[1][1].abs() > 0.02 * want[0][0], "{want:?}");
+}
