@@ -36,4 +36,6 @@ mod pages {
     struct Readme;
     #[doc = include_str!("../docs/hosts.md")]
     struct Hosts;
+    #[doc = include_str!("../docs/dual_scattering.md")]
+    struct DualScattering;
 }

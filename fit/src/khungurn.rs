@@ -311,7 +311,7 @@ pub struct SwatchOptions {
     pub layers: Option<u32>,
     /// Whether C_R is fitted: needs several latitudes.
     pub c_r: bool,
-    /// Whether gamma_TT is: needs several latitudes and wavelengths.
+    /// Whether gamma_TT is, in place of C_R: needs several latitudes.
     pub gamma_tt: bool,
 }
 
@@ -325,8 +325,11 @@ impl Default for SwatchOptions {
 /// The model whose layers reflect what the samples say: `a_b + A_b` with all orders of backscattering, or that of a number of layers. The longitudinal widths have no part in it and stay
 /// those of the start, as does what the options do not fit.
 ///
+/// With `u = 1 - (1 - cos theta_i)^5` and s the share of TT that goes on, `a_f = 1/2 + u (1 - C_R) (C_TT s - 1/2)` and `a_b = 1/2 + u (1 - C_R) (C_TT (1 - s) - 1/2)`: two numbers a wavelength, whatever
+/// the latitudes, for C_R, C_TT and an s that all wavelengths share. So no reflectance tells C_R and gamma_TT apart, and one of the two must be known.
+///
 /// # Errors
-/// No sample or layer, a number out of range, a start that is no model.
+/// No sample or layer, a number out of range, C_R and gamma_TT asked for together, a start that is no model.
 pub fn fit_khungurn_swatch(
     samples: &[SwatchSample],
     options: &SwatchOptions,
@@ -337,6 +340,9 @@ pub fn fit_khungurn_swatch(
     }
     if options.layers == Some(0) {
         return Err(input("layers", 0, "a swatch has one layer of fibers or more; leave it out for an opaque one"));
+    }
+    if options.c_r && options.gamma_tt {
+        return Err(input("gamma_tt", true, "a reflectance does not tell it from C_R; fit one of the two"));
     }
     for s in samples {
         if !(s.theta_i.abs() <= FRAC_PI_2) {
@@ -448,11 +454,12 @@ mod tests {
         }
     }
 
-    /// Without noise every parameter comes back, though the reflectance hardly knows gamma from C_R.
+    /// Without noise C_TT comes back with C_R, or with gamma_TT.
     #[test]
     fn planted_swatch_without_noise_comes_back() {
         let share = Azimuth::new(0.52).forward()[0];
         let planted = [(0.45, 0.03, 0.15), (0.55, 0.06, 0.5), (0.65, 0.12, 0.9)];
+        let c_r = Reflectance::Nodes(planted.map(|(lambda, c_r, _)| [lambda as f32, c_r as f32]).to_vec());
         for layers in [None, Some(3)] {
             let mut samples = Vec::new();
             for theta_i in [0.0, 0.4, 0.8, 1.1, 1.3, 1.45] {
@@ -464,14 +471,21 @@ mod tests {
                     samples.push(SwatchSample { theta_i, lambda_um, reflectance });
                 }
             }
-            let free = SwatchOptions { layers, c_r: true, gamma_tt: true };
-            let start = KhungurnParameters { gamma_tt: 0.9, c_r: 0.3.into(), c_tt: 0.5.into(), ..Default::default() };
-            let fit = fit_khungurn_swatch(&samples, &free, &start).unwrap();
-            println!("{layers:?}: error {:.1e}, {:?}", fit.error, fit.parameters);
-            assert!((fit.parameters.gamma_tt - 0.52).abs() < 5e-3, "{fit:?}");
-            for (lambda, c_r, c_tt) in planted {
-                assert!((f64::from(fit.parameters.c_r.at(lambda as f32)) - c_r).abs() < 5e-3, "{fit:?}");
-                assert!((f64::from(fit.parameters.c_tt.at(lambda as f32)) - c_tt).abs() < 5e-3, "{fit:?}");
+            for fits_c_r in [true, false] {
+                let free = SwatchOptions { layers, c_r: fits_c_r, gamma_tt: !fits_c_r };
+                let start = KhungurnParameters { c_tt: 0.5.into(), ..Default::default() };
+                let start = if fits_c_r {
+                    KhungurnParameters { c_r: 0.3.into(), gamma_tt: 0.52, ..start }
+                } else {
+                    KhungurnParameters { c_r: c_r.clone(), gamma_tt: 0.9, ..start }
+                };
+                let fit = fit_khungurn_swatch(&samples, &free, &start).unwrap();
+                println!("{layers:?}: error {:.1e}, {:?}", fit.error, fit.parameters);
+                assert!((fit.parameters.gamma_tt - 0.52).abs() < 1e-3, "{fit:?}");
+                for (lambda, c_r, c_tt) in planted {
+                    assert!((f64::from(fit.parameters.c_r.at(lambda as f32)) - c_r).abs() < 1e-3, "{fit:?}");
+                    assert!((f64::from(fit.parameters.c_tt.at(lambda as f32)) - c_tt).abs() < 1e-3, "{fit:?}");
+                }
             }
         }
     }

@@ -27,6 +27,8 @@ pub(crate) struct VonMises {
     /// By cell: light of both signs of the angle below the cell, and within it.
     below: Vec<f32>,
     within: Vec<f32>,
+    /// Density of that light at the cells' ends, times the width of a cell.
+    ends: Vec<f32>,
 }
 
 impl VonMises {
@@ -47,6 +49,7 @@ impl VonMises {
             step: step as f32,
             below: below.map(|b| (b / total) as f32).collect(),
             within: within.iter().map(|w| (w / total) as f32).collect(),
+            ends: (0..=CELLS).map(|j| (step * value(j as f64 * step) / total) as f32).collect(),
         }
     }
 
@@ -63,11 +66,8 @@ impl VonMises {
         let (low, mass) = (self.step * cell as f32, self.within[cell]);
         // A cell of the far tail may have no light in f32: its start is as good as any place of it.
         let part = if mass > 0.0 { ((share - self.below[cell]) / mass).clamp(0.0, 1.0) } else { 0.0 };
-        let slope = |x: f32| {
-            let half = (0.5 * x).sin();
-            2.0 * self.step * self.eval(4.0 * half * half) / mass.max(f32::MIN_POSITIVE)
-        };
-        let (a, b) = (slope(low).min(9.0), slope(low + self.step).min(9.0));
+        let slope = |end: f32| (end / mass.max(f32::MIN_POSITIVE)).min(9.0);
+        let (a, b) = (slope(self.ends[cell]), slope(self.ends[cell + 1]));
         // Hermite's cubic from 0 to 1 with these slopes.
         let (c2, c3) = (3.0 - 2.0 * a - b, a + b - 2.0);
         let mut t = part;

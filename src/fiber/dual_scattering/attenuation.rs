@@ -68,6 +68,16 @@ pub(crate) struct HalfTurn<const N: usize> {
     pub(crate) width: f32,
 }
 
+impl<const N: usize> HalfTurn<N> {
+    fn mix(&self, other: &HalfTurn<N>, t: f32) -> HalfTurn<N> {
+        let mut mixed = *self;
+        (0..N).for_each(|n| mixed.energy[n] += t * (other.energy[n] - self.energy[n]));
+        mixed.shift += t * (other.shift - self.shift);
+        mixed.width += t * (other.width - self.width);
+        mixed
+    }
+}
+
 /// A fiber model prepared for dual scattering at N wavelengths.
 ///
 /// ```
@@ -94,6 +104,8 @@ pub struct DualScattering<const N: usize> {
     latitudes: Vec<Attenuation<N>>,
     /// `[LATITUDES][AZIMUTHS]`.
     half_turns: Vec<HalfTurn<N>>,
+    /// `[LATITUDES]`.
+    neighbors: Vec<HalfTurn<N>>,
     pub(crate) lobes: LobeTable,
 }
 
@@ -129,6 +141,7 @@ impl<const N: usize> DualScattering<N> {
             options,
             latitudes: Vec::with_capacity(LATITUDES),
             half_turns: Vec::with_capacity(LATITUDES * AZIMUTHS),
+            neighbors: Vec::with_capacity(LATITUDES),
             lobes: LobeTable::new(),
         };
         for k in 0..LATITUDES {
@@ -195,6 +208,10 @@ impl<const N: usize> DualScattering<N> {
             backward_shift,
             backward_width,
         });
+        let a = &self.latitudes[self.latitudes.len() - 1];
+        let sum = self.options.backscattering;
+        let energy = std::array::from_fn(|n| sum.sum(a.forward[n], a.backward[n]));
+        self.neighbors.push(HalfTurn { energy, shift: 0.0, width: a.back_width() });
         for azimuth in &azimuths {
             let [shift, width] = azimuth.spread().map(f64::from);
             let [middle, width] = lobe_of_moments(shift - f64::from(theta_i), width);
@@ -227,10 +244,9 @@ impl<const N: usize> DualScattering<N> {
         (self.latitudes[k + 1].forward_shift - self.latitudes[k].forward_shift) * (LATITUDES as f32 / PI)
     }
 
-    /// A_b at a latitude, by wavelength.
+    /// A_b at a latitude, by wavelength; linear between the tables'.
     pub fn backscattered(&self, theta: f32) -> [f32; N] {
-        let a = self.attenuation(theta);
-        std::array::from_fn(|n| self.options.backscattering.sum(a.forward[n], a.backward[n]))
+        self.neighbors(theta).energy
     }
 
     /// Share of the light that endless layers send back, `a_b + A_b`, by wavelength: the reflectance of a thick swatch of aligned fibers.
@@ -245,16 +261,17 @@ impl<const N: usize> DualScattering<N> {
         let at = azimuth / PI * (AZIMUTHS - 1) as f32;
         let d = (at as usize).min(AZIMUTHS - 2);
         let s = (at - d as f32).min(1.0);
-        let nodes: [&HalfTurn<N>; 4] =
-            std::array::from_fn(|c| &self.half_turns[(k + (c >> 1)) * AZIMUTHS + d + (c & 1)]);
-        let weights: [f32; 4] =
-            std::array::from_fn(|c| if c >> 1 == 1 { t } else { 1.0 - t } * if c & 1 == 1 { s } else { 1.0 - s });
-        let mix = |of: &dyn Fn(&HalfTurn<N>) -> f32| (0..4).map(|c| weights[c] * of(nodes[c])).sum::<f32>();
-        HalfTurn {
-            energy: std::array::from_fn(|n| mix(&|h| h.energy[n])),
-            shift: mix(&|h| h.shift),
-            width: mix(&|h| h.width),
-        }
+        let row = |k: usize| {
+            let nodes = &self.half_turns[k * AZIMUTHS + d..][..2];
+            nodes[0].mix(&nodes[1], s)
+        };
+        row(k).mix(&row(k + 1), t)
+    }
+
+    /// Light of endless neighbors at a latitude: A_b, and the width sigma_b in `width`.
+    pub(crate) fn neighbors(&self, theta: f32) -> HalfTurn<N> {
+        let (k, t) = place(theta);
+        self.neighbors[k].mix(&self.neighbors[k + 1], t)
     }
 
     /// The light path of a shading point that nothing stands before.

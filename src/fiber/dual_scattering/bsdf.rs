@@ -1,6 +1,6 @@
 //! Dual scattering at a shading point: what the fibers before it leave of the light, and what it and its neighbors make of that.
 
-use super::{Attenuation, DualScattering, Spread};
+use super::{DualScattering, Spread};
 use crate::Bsdf;
 use crate::fiber::gaussian::erf;
 use crate::fiber::longitudinal::Latitude;
@@ -224,8 +224,8 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
             return [0.0; N];
         }
         let energy = self.convolve(theta_o, |theta| {
-            let a = self.dual.attenuation(theta);
-            (self.backscattered(&a), -theta, a.back_width())
+            let neighbors = self.dual.neighbors(theta);
+            (self.backscattered(theta, neighbors.energy), -theta, neighbors.width)
         });
         std::array::from_fn(|n| density * self.transmitted[n] * energy[n])
     }
@@ -262,15 +262,12 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
         sum.map(|s| s * scale)
     }
 
-    /// A_b.
-    fn backscattered(&self, a: &Attenuation<N>) -> [f32; N] {
-        match self.behind {
-            None => std::array::from_fn(|n| self.dual.options.backscattering.sum(a.forward[n], a.backward[n])),
-            Some(count) => {
-                let stack = a.stack(count.min(MOST_BEHIND) + 1);
-                std::array::from_fn(|n| (stack[n].reflected - a.backward[n]).max(0.0))
-            }
-        }
+    /// A_b of the fibers behind, or of endless ones as given.
+    fn backscattered(&self, theta: f32, endless: [f32; N]) -> [f32; N] {
+        let Some(count) = self.behind else { return endless };
+        let a = self.dual.attenuation(theta);
+        let stack = a.stack(count.min(MOST_BEHIND) + 1);
+        std::array::from_fn(|n| (stack[n].reflected - a.backward[n]).max(0.0))
     }
 
     /// Flux of light from the latitude `theta` over what the spread counts.
@@ -289,7 +286,7 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
         let (mut global, mut local) = ([0.0; N], [0.0; N]);
         self.each_latitude(|theta, weight| {
             let a = self.dual.attenuation(theta);
-            let neighbors = self.backscattered(&a);
+            let neighbors = self.backscattered(theta, self.dual.backscattered(theta));
             for n in 0..N {
                 global[n] += self.transmitted[n] * weight * (a.forward[n] + a.backward[n]);
                 local[n] += self.transmitted[n] * weight * self.dual.options.backward_density * neighbors[n];

@@ -36,7 +36,8 @@ impl LobeTable {
         // A mean beyond a pole stands for light about the pole.
         let mean = mean.max(-FRAC_PI_2).min(FRAC_PI_2);
         let x = (FRAC_PI_2 - mean.abs()) / width * ((ACROSS - 1) as f32 / 8.0);
-        let y = (width / WIDTHS[0]).ln() / (WIDTHS[1] / WIDTHS[0]).ln() * (WIDE - 1) as f32;
+        const PER_LN: f32 = (WIDE - 1) as f32 / 7.600_902_5; // ln of the widest over the narrowest
+        let y = (width / WIDTHS[0]).ln() * PER_LN;
         let (i, j) = ((x as usize).min(ACROSS - 2), (y as usize).min(WIDE - 2));
         let (s, t) = ((x - i as f32).min(1.0), (y - j as f32).min(1.0));
         let at = |j: usize| self.ratio[j * ACROSS + i] * (1.0 - s) + self.ratio[j * ACROSS + i + 1] * s;
