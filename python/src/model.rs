@@ -316,7 +316,9 @@ impl Model {
             return Ok(());
         }
         let onward = |theta_i: f32| [0.0, -theta_i.cos(), -theta_i.sin()];
-        if let (true, Some(often), Some(w)) = (plain, What::of(what).and_then(Often::of), w) {
+        // Of the usual numbers of channels alone: the others are not worth their time in the compiler.
+        let usual = const { matches!(N, 1 | 3 | 4) };
+        if usual && let (true, Some(often), Some(w)) = (plain, What::of(what).and_then(Often::of), w) {
             let get = |i| -> PlainNumbers<N> { (theta_i.get(i)[0], h_um.get(i)[0], sigma.get(i), lambda.get(i)) };
             let asked = Asked { n, threads, get, at: PlainAt { model, edge } };
             return asked.answer_often(py, often, w, out, |(theta_i, ..)| onward(*theta_i));
