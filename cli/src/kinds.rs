@@ -26,6 +26,8 @@ pub enum Kind {
     YarnSpec,
     /// A fabric spec.
     FabricSpec,
+    /// An analytic fiber.
+    Filament,
     /// A scene of the wave simulator.
     WaveScene,
     /// A picture.
@@ -45,6 +47,7 @@ impl Kind {
             Kind::Twin => "the twin of a cloth (.pwx)",
             Kind::YarnSpec => "a yarn spec (TOML)",
             Kind::FabricSpec => "a fabric spec (TOML)",
+            Kind::Filament => "an analytic fiber (TOML)",
             Kind::WaveScene => "a scene for waves (TOML)",
             Kind::Picture => "a picture",
             Kind::Mesh => "a mesh (OBJ)",
@@ -65,6 +68,7 @@ impl Kind {
             (Kind::Model, _) => "`plywave info` tells what it holds",
             (Kind::Table, _) => "`plywave fit` takes it",
             (Kind::Fiber | Kind::Speckle | Kind::Twin, _) => "`plywave info` tells what it holds",
+            (Kind::Filament, _) => "`plywave check` takes it",
             (Kind::WaveScene, _) => "`plywave wave scatter` takes it",
             (Kind::Picture | Kind::Mesh, _) => "check the path",
         }
@@ -97,6 +101,8 @@ pub fn kind_of(path: &Path) -> Option<Kind> {
     let has = |starts: &[&str]| text.lines().any(|l| starts.iter().any(|s| l.trim_start().starts_with(s)));
     if has(&["[weave", "weave.", "[warp", "[weft"]) {
         Some(Kind::FabricSpec)
+    } else if has(&["[filament"]) {
+        Some(Kind::Filament)
     } else if has(&["[[fiber"]) {
         Some(Kind::WaveScene)
     } else if has(&["[fiber", "[ply", "[absorption"]) {
