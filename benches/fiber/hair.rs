@@ -61,7 +61,7 @@ fn ln_i0(x: f32) -> f32 {
 fn mp(cos_i: f32, cos_o: f32, sin_i: f32, sin_o: f32, v: f32) -> f32 {
     let (a, b) = (cos_i * cos_o / v, sin_i * sin_o / v);
     if v <= 0.1 {
-        (ln_i0(a) - b - 1.0 / v + 0.693_147_2 + (1.0 / (2.0 * v)).ln()).exp()
+        (ln_i0(a) - b - 1.0 / v + std::f32::consts::LN_2 + (1.0 / (2.0 * v)).ln()).exp()
     } else {
         (-b).exp() * i0(a) / ((1.0 / v).sinh() * 2.0 * v)
     }

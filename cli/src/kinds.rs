@@ -26,6 +26,8 @@ pub enum Kind {
     YarnSpec,
     /// A fabric spec.
     FabricSpec,
+    /// An analytic fiber.
+    Filament,
     /// A scene of the wave simulator.
     WaveScene,
     /// A scene of strands.
@@ -47,6 +49,7 @@ impl Kind {
             Kind::Twin => "the twin of a cloth (.pwx)",
             Kind::YarnSpec => "a yarn spec (TOML)",
             Kind::FabricSpec => "a fabric spec (TOML)",
+            Kind::Filament => "an analytic fiber (TOML)",
             Kind::WaveScene => "a scene for waves (TOML)",
             Kind::StrandScene => "a scene of strands (TOML)",
             Kind::Picture => "a picture",
@@ -69,6 +72,7 @@ impl Kind {
             (Kind::Table, _) => "`plywave fit` takes it",
             (Kind::Fiber | Kind::Speckle | Kind::Twin, _) => "`plywave info` tells what it holds",
             (Kind::StrandScene, _) => "`plywave render` takes it",
+            (Kind::Filament, _) => "`plywave check` takes it",
             (Kind::WaveScene, _) => "`plywave wave scatter` takes it",
             (Kind::Picture | Kind::Mesh, _) => "check the path",
         }
@@ -103,6 +107,8 @@ pub fn kind_of(path: &Path) -> Option<Kind> {
         Some(Kind::StrandScene)
     } else if has(&["[weave", "weave.", "[warp", "[weft"]) {
         Some(Kind::FabricSpec)
+    } else if has(&["[filament"]) {
+        Some(Kind::Filament)
     } else if has(&["[[fiber"]) {
         Some(Kind::WaveScene)
     } else if has(&["[fiber", "[ply", "[absorption"]) {

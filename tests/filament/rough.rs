@@ -165,7 +165,7 @@ fn ellipses_change_trt_alone() {
     let nearly = rough(RoughDielectricParameters { eccentricity: 1.000_001, ..Default::default() });
     let oval = RoughDielectricParameters { eccentricity: 0.9, k_d: 0.001, ..Default::default() };
     for h_rel in [None, Some(0.6)] {
-        for phi_i in [0.0, 0.7, 1.5708f32] {
+        for phi_i in [0.0, 0.7, 1.5f32] {
             let query = FiberQuery { h_rel, sigma_per_um: [0.004], ..FiberQuery::new(direction(0.2, phi_i), [0.5]) };
             let (a, b) = (circle.at(&query), nearly.at(&query));
             for k in 0..64 {
@@ -178,7 +178,7 @@ fn ellipses_change_trt_alone() {
     }
     // Straight back along x and y, the fiber opaque to TT's side: TRT of a circle of n_1 and n_2.
     let n = |e: f32| 2.0 * 0.55 * e * e - 1.55 + 2.0;
-    for (phi_i, eta) in [(0.0, n(0.9)), (1.570_796_4f32, n(1.0 / 0.9))] {
+    for (phi_i, eta) in [(0.0, n(0.9)), (std::f32::consts::FRAC_PI_2, n(1.0 / 0.9))] {
         let query = FiberQuery { h_rel: Some(0.3), ..FiberQuery::new(direction(0.0, phi_i), [0.5]) };
         let trt = RoughDielectricParameters { width_theta: [0.005, 0.005, 0.2], shift: [0.9, 0.9, 0.0], ..oval };
         let w = direction(0.05, phi_i);
@@ -190,7 +190,7 @@ fn ellipses_change_trt_alone() {
     let fiber: FiberModel = rough(oval).into();
     let width = |phi: f32| fiber.at(&FiberQuery::new(direction(0.0, phi), [0.5])).width_um()[0];
     assert!((width(0.0) - 80.0 / 0.9f32.sqrt()).abs() < 1e-3, "{}", width(0.0));
-    assert!((width(1.570_796_4) - 80.0 * 0.9f32.sqrt()).abs() < 1e-3);
+    assert!((width(std::f32::consts::FRAC_PI_2) - 80.0 * 0.9f32.sqrt()).abs() < 1e-3);
     assert!((fiber.max_width_um() - width(0.0)).abs() < 1e-3);
     for (k, query) in queries(60, &[None, Some(0.5)]).into_iter().take(4).enumerate() {
         let query = FiberQuery { sigma_per_um: [0.0, 0.002, 0.02], ..query };

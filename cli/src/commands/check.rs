@@ -79,6 +79,9 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     if kinds::kind_of(&args.model) == Some(kinds::Kind::FabricSpec) {
         return super::check_cloth::run(cli, args);
     }
+    if kinds::kind_of(&args.model) == Some(kinds::Kind::Filament) {
+        return super::check_filament::run(cli, args);
+    }
     let model = kinds::load_model(&args.model)?;
     let data = model.data();
     let yarn = Yarn::of(&args.model, &data.spec_text, &data.h_um)?;

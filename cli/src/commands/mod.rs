@@ -3,6 +3,7 @@
 pub mod build;
 pub mod check;
 pub mod check_cloth;
+pub mod check_filament;
 pub mod check_twin;
 pub mod color;
 pub mod compare;
