@@ -340,5 +340,6 @@ fn light_through_bundles() {
             }
         }
     }
-    assert!(worst < 1.0, "{worst}");
+    // 0.39 measured.
+    assert!(worst < 0.45, "{worst}");
 }

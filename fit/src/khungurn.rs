@@ -345,7 +345,7 @@ pub fn fit_khungurn_swatch(
         return Err(input("gamma_tt", true, "a reflectance does not tell it from C_R; fit one of the two"));
     }
     for s in samples {
-        if !(s.theta_i.abs() <= FRAC_PI_2) {
+        if s.theta_i.is_nan() || s.theta_i.abs() > FRAC_PI_2 {
             return Err(input("theta_i", s.theta_i, "use -pi/2 to pi/2"));
         }
         if !((0.0..=1.0).contains(&s.reflectance)) {

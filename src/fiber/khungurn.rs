@@ -275,7 +275,7 @@ impl Normalizer {
     pub(crate) fn at(&self, theta_i: f32) -> f32 {
         let theta = theta_i.abs().min(FRAC_PI_2);
         let at = (theta - self.first) * self.per_rad;
-        if !(at >= 0.0) {
+        if at < 0.0 {
             let b = self.beta;
             return 0.5 * b * TAU.sqrt() * (1.0 + (-2.0 * b * b).exp() * (2.0 * theta).cos());
         }

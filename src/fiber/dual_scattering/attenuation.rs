@@ -333,7 +333,7 @@ impl<const N: usize> Moments<N> {
     /// Mean and standard deviation; 0 without light.
     fn spread(&self) -> [f32; 2] {
         let [light, first, second] = self.along;
-        if !(light > 0.0) {
+        if light <= 0.0 || light.is_nan() {
             return [0.0; 2];
         }
         let mean = first / light;

@@ -178,7 +178,7 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
 
     /// Latitudes of the light that arrives, and the weights of its flux, whose sum is 1 but for [`Spread::Radiance`].
     fn each_latitude(&self, mut visit: impl FnMut(f32, f32)) {
-        if !(self.sigma_f > 0.0) {
+        if self.sigma_f <= 0.0 {
             return visit(self.theta_d, 1.0);
         }
         let (low, high) = self.reach(self.theta_d, 5.0 * self.sigma_f);
@@ -235,7 +235,7 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
     /// Both factors are about Gaussians in theta_i, so that their product is one too: Gauss's rule over 3.6 deviations of that, as far as the poles.
     fn convolve(&self, theta_o: f32, lobe: impl Fn(f32) -> ([f32; N], f32, f32)) -> [f32; N] {
         let (energy, mean, width) = lobe(self.theta_d);
-        if !(self.sigma_f > 0.0) {
+        if self.sigma_f <= 0.0 {
             let along = self.dual.lobes.eval(theta_o, mean, width);
             return energy.map(|e| e * along);
         }
@@ -245,7 +245,7 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
         let sd = (variance * width2 / (variance + width2)).sqrt();
         let (low, high) = self.reach(middle, 3.6 * sd);
         let mut sum = [0.0; N];
-        if !(low < high) {
+        if low >= high {
             return sum;
         }
         let (center, half) = (0.5 * (low + high), 0.5 * (high - low));

@@ -36,7 +36,7 @@ impl Backscattering {
 
 /// Shares in f64, at most 1 together.
 fn bounded(forward: f32, backward: f32) -> (f64, f64) {
-    let (f, b) = (f64::from(forward.max(0.0)), f64::from(backward.max(0.0)));
+    let [f, b] = [forward, backward].map(|share| f64::from(share.max(0.0).min(1e6)));
     let scale = 1.0 / (f + b).max(1.0);
     (f * scale, b * scale)
 }
