@@ -70,7 +70,7 @@ fn bad_scenes_are_refused_in_one_line() {
     let (none, cut, nan, zero, many) =
         (of("none.txt"), of("cut.hair"), of("nan.txt"), of("zero.txt"), of("million.txt"));
     let edits: &[(&str, &str, &[&str])] = &[
-        (made, &none, &["none.txt", "no such file"]),
+        (made, &none, &["none.txt", "o such file"]),
         (made, &cut, &["cut.hair", "cut off"]),
         (made, &nan, &["nan.txt", "NaN"]),
         (made, &zero, &["zero.txt", "radius 0"]),

@@ -2,7 +2,7 @@
 //!
 //! ci: build only
 //!
-//! `cargo run --release -p plywave-render --example strand_speed [curves.txt]`; with a path, the strands are written there as Mitsuba's curve text, and the rays of the first
+//! `cargo run --release -p plywave-render --example strand_speed [curves.txt [count]]`; with a path, the strands are written there as Mitsuba's curve text, and the rays of the first
 //! measurement as `rays.f32` beside it (six 32-bit floats a ray), to be traced by others.
 
 use glam::DVec3;
@@ -28,7 +28,8 @@ fn clock(begun: Instant) -> f64 {
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let all = Instant::now();
-    let what = Made::Ball { count: 10_000, ball_mm: 30.0, length_mm: 26.0, curl_mm: 2.5 };
+    let count = std::env::args().nth(2).map_or(Ok(10_000), |text| text.parse())?;
+    let what = Made::Ball { count, ball_mm: 30.0, length_mm: 26.0, curl_mm: 2.5 };
     let strands = make(&what, 0.045, 100, 1)?;
     println!("{} strands, {} segments", strands.len(), strands.segments());
     let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(1);
