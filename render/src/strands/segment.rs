@@ -68,20 +68,6 @@ pub fn slope(c: &Cubic, u: f64) -> [f64; 4] {
     std::array::from_fn(|k| c[1][k] + u * (2.0 * c[2][k] + u * 3.0 * c[3][k]))
 }
 
-/// Largest second derivative of a segment of control points: it is linear, so at an end.
-pub fn bend(p: [[f32; 4]; 4]) -> f64 {
-    let v = |k: usize| DVec3::new(f64::from(p[k][0]), f64::from(p[k][1]), f64::from(p[k][2]));
-    let second = |k: usize| (v(k) - 2.0 * v(k + 1) + v(k + 2)).length();
-    second(0).max(second(1))
-}
-
-/// Halvings after which straight pieces are within [`TOLERANCE`] of the radius.
-pub fn depth(bend: f64, least_radius: f64) -> u8 {
-    // A chord over a step d is off by bend d^2 / 8 at most.
-    let pieces = (bend / (8.0 * TOLERANCE * least_radius)).max(1.0).sqrt();
-    (pieces.log2().ceil() as u8).min(MOST_DEPTH)
-}
-
 /// Where a ray enters the hull of the balls `a` and `b` of linear radius between them: distance along the ray and s from 0 to 1. Distances up to `after` do not count.
 #[inline(always)]
 pub fn tube(a: [f64; 4], b: [f64; 4], after: f64) -> Option<(f64, f64)> {
@@ -165,12 +151,36 @@ fn off(a: [f64; 4], b: [f64; 4]) -> f64 {
     x * x + y * y
 }
 
-/// What is known of a segment beforehand.
+/// How far a segment of a spline reaches and bends, whatever the ray.
 #[derive(Clone, Copy, Debug)]
 pub struct Extent {
-    pub bend: f64,
-    pub most_radius: f64,
-    pub depth: u8,
+    /// Largest second derivative.
+    bend: f64,
+    most_radius: f64,
+    /// Halvings after which its straight pieces are within [`TOLERANCE`].
+    depth: u8,
+}
+
+impl Extent {
+    /// Of the control points. The second derivative is linear, so it is largest at an end.
+    #[inline(always)]
+    pub fn of(p: &[[f32; 4]; 4]) -> Extent {
+        let second = |k: usize| {
+            let d = |c: usize| f64::from(p[k][c]) - 2.0 * f64::from(p[k + 1][c]) + f64::from(p[k + 2][c]);
+            d(0) * d(0) + d(1) * d(1) + d(2) * d(2)
+        };
+        let bend = second(0).max(second(1)).sqrt();
+        let most = p[0][3].max(p[1][3]).max(p[2][3].max(p[3][3]));
+        let least = p[0][3].min(p[1][3]).min(p[2][3].min(p[3][3]));
+        // A tip much thinner than the rest is held to a hundredth of it. A chord over a step d is off by bend d^2 / 8 at most.
+        let fine = 8.0 * TOLERANCE * f64::from(least.max(0.01 * most));
+        let (mut depth, mut pieces) = (0, 1.0);
+        while bend > fine * pieces && depth < MOST_DEPTH {
+            depth += 1;
+            pieces *= 4.0;
+        }
+        Extent { bend, most_radius: most.into(), depth }
+    }
 }
 
 /// Where a ray first meets a segment of a spline: distance beyond `after` and before `before`, and u from 0 to 1.

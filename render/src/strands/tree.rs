@@ -1,6 +1,6 @@
 //! The BVH over the segments of strands, and what a ray meets first.
 
-use super::segment::{Cubic, Extent, RayFrame, band, bend, cubic, depth, point, slope, spline, tube};
+use super::segment::{Cubic, Extent, RayFrame, band, cubic, point, slope, spline, tube};
 use super::{Basis, StrandShape, Strands};
 use glam::{DVec3, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
@@ -11,23 +11,27 @@ use obvhs::ray::{Ray, RayHit};
 /// 1.2e-7 count as that.
 const PAD: f32 = 1e-6;
 
-/// A segment in the order of the tree.
+/// Control points of a segment, in one line of the cache; a straight one has two.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+struct Points([[f32; 4]; 4]);
+
+/// Where a segment comes from.
 #[derive(Clone, Copy, Debug)]
 struct Segment {
     /// Its first control point.
     first: u32,
     strand: u32,
-    /// Rounded up.
-    bend: f32,
-    most_radius: f32,
-    depth: u8,
 }
 
 /// Strands with a BVH over their segments.
 pub struct StrandTree {
     strands: Strands,
     shape: StrandShape,
+    /// In the order of the tree.
     segments: Vec<Segment>,
+    /// The same.
+    points: Vec<Points>,
     bvh: CwBvh,
     bounds: Aabb,
 }
@@ -110,10 +114,9 @@ impl StrandTree {
         for run in strands.runs() {
             for first in run.first..=run.first + run.count - order as u32 {
                 let p = &strands.points()[first as usize..][..order];
-                let segment = segment(p, first, run.strand);
-                let aabb = aabb(p, segment.most_radius);
+                let aabb = aabb(p);
                 bounds = bounds.union(&aabb);
-                segments.push(segment);
+                segments.push(Segment { first, strand: run.strand });
                 boxes.push(aabb);
             }
         }
@@ -124,8 +127,13 @@ impl StrandTree {
         boxes.iter_mut().for_each(|b| *b = Aabb::new(b.min - pad, b.max + pad));
         let bounds = Aabb::new(bounds.min - pad, bounds.max + pad);
         let bvh = build(&boxes);
-        let segments = bvh.primitive_indices.iter().map(|&i| segments[i as usize]).collect();
-        StrandTree { strands, shape, segments, bvh, bounds }
+        let segments: Vec<Segment> = bvh.primitive_indices.iter().map(|&i| segments[i as usize]).collect();
+        let of = |s: &Segment| {
+            let p = &strands.points()[s.first as usize..][..order];
+            Points(std::array::from_fn(|k| p[k.min(order - 1)]))
+        };
+        let points = segments.iter().map(of).collect();
+        StrandTree { strands, shape, segments, points, bvh, bounds }
     }
 
     /// The strands.
@@ -180,10 +188,12 @@ impl StrandTree {
             let after = skips.iter().fold(after, left);
             // Equal distances go to the segment that was given first, in whatever order the tree comes by.
             let limit = best.0 + if best.1 == usize::MAX { 0.0 } else { best.0.abs() * f64::EPSILON };
-            match self.meet(&frame, segment, after, limit) {
+            match self.meet(&frame, &self.points[i].0, after, limit) {
                 Some((t, u))
                     if t < best.0
-                        || t == best.0 && best.1 != usize::MAX && segment.first < self.segments[best.1].first =>
+                        || t == best.0
+                            && best.1 != usize::MAX
+                            && self.segments[i].first < self.segments[best.1].first =>
                 {
                     best = (t, i, u);
                     above((t - start) as f32)
@@ -215,23 +225,17 @@ impl StrandTree {
     }
 
     #[inline(always)]
-    fn meet(&self, frame: &RayFrame, segment: &Segment, after: f64, before: f64) -> Option<(f64, f64)> {
-        let points = &self.strands.points()[segment.first as usize..];
+    fn meet(&self, frame: &RayFrame, p: &[[f32; 4]; 4], after: f64, before: f64) -> Option<(f64, f64)> {
         match self.strands.basis() {
             Basis::Linear => {
-                let (a, b) = (frame.see(points[0]), frame.see(points[1]));
+                let (a, b) = (frame.see(p[0]), frame.see(p[1]));
                 let met = match self.shape {
                     StrandShape::Tube => tube(a, b, after),
                     StrandShape::Band => band(a, b, after),
                 };
                 met.filter(|(t, _)| *t <= before)
             }
-            Basis::BSpline => {
-                let c = cubic(std::array::from_fn(|k| frame.see(points[k])));
-                let extent =
-                    Extent { bend: segment.bend.into(), most_radius: segment.most_radius.into(), depth: segment.depth };
-                spline(&c, extent, self.shape, after, before)
-            }
+            Basis::BSpline => spline(&cubic(p.map(|p| frame.see(p))), Extent::of(p), self.shape, after, before),
         }
     }
 
@@ -282,17 +286,9 @@ fn above(x: f32) -> f32 {
     x.next_up().next_up()
 }
 
-fn segment(p: &[[f32; 4]], first: u32, strand: u32) -> Segment {
-    let most = p.iter().map(|p| p[3]).fold(0.0, f32::max);
-    let least = p.iter().map(|p| p[3]).fold(f32::INFINITY, f32::min);
-    let bend = if let [a, b, c, d] = p { bend([*a, *b, *c, *d]) } else { 0.0 };
-    // A tip much thinner than the rest is held to a hundredth of it.
-    let depth = depth(bend, f64::from(least.max(0.01 * most)));
-    Segment { first, strand, bend: (bend as f32).next_up(), most_radius: most, depth }
-}
-
 /// Box of a segment: that of its Bezier points, which lie closer than those of the spline, and the radius.
-fn aabb(p: &[[f32; 4]], radius: f32) -> Aabb {
+fn aabb(p: &[[f32; 4]]) -> Aabb {
+    let radius = p.iter().map(|p| p[3]).fold(0.0, f32::max);
     let v = |k: usize| DVec3::new(f64::from(p[k][0]), f64::from(p[k][1]), f64::from(p[k][2]));
     let corners: [DVec3; 4] = if p.len() == 4 {
         let (a, b, c, d) = (v(0), v(1), v(2), v(3));

@@ -1,0 +1,99 @@
+//! Scenes of strands: rendered, resumed, refused in one line.
+
+mod common;
+
+use common::{folder, refused, succeed};
+
+const SCENE: &str = r#"
+name = "few"
+sky = 0.5
+
+[strands]
+make = { kind = "fur", count = 200, size_mm = 10.0, length_mm = 5.0 }
+radius_um = 60.0
+segments = 8
+
+[fiber]
+model = { kind = "dielectric" }
+sigma_per_um = [[0.4, 0.01], [0.7, 0.002]]
+
+[camera]
+from_mm = [0.0, -30.0, 20.0]
+to_mm = [0.0, 0.0, 1.0]
+fov_deg = 25.0
+
+[[lamps]]
+from_mm = [20.0, -20.0, 40.0]
+size_mm = 10.0
+radiance = 10.0
+"#;
+
+const SMALL: &[&str] = &["--width", "24", "--height", "24", "--quiet", "-o", "few.png"];
+
+#[test]
+fn strands_are_rendered_and_gone_on_with() {
+    let folder = folder();
+    let dir = folder.path();
+    std::fs::write(dir.join("few.toml"), SCENE).unwrap();
+    let shot = |more: &[&str]| succeed(dir, &[&["render", "few.toml"], SMALL, more].concat());
+    shot(&["--samples", "6"]);
+    let whole = std::fs::read(dir.join("few.exr")).unwrap();
+    shot(&["--samples", "3", "--keep-sums"]);
+    assert_ne!(std::fs::read(dir.join("few.exr")).unwrap(), whole);
+    shot(&["--samples", "6", "--resume"]);
+    assert!(std::fs::read(dir.join("few.exr")).unwrap() == whole, "gone on with, the picture is another");
+    // Curves of a file, linear.
+    std::fs::write(dir.join("curves.txt"), "0 0 0 .1\n0 0 5 .1\n\n1 0 0 .1\n1 1 5 .1\n").unwrap();
+    let of_file = "file = \"curves.txt\"\nbasis = \"linear\"\nshape = \"band\"";
+    let scene = SCENE.replace("make = { kind = \"fur\", count = 200, size_mm = 10.0, length_mm = 5.0 }", of_file);
+    std::fs::write(dir.join("few.toml"), scene.replace("radius_um = 60.0\nsegments = 8", "")).unwrap();
+    shot(&["--samples", "2"]);
+    assert_ne!(std::fs::read(dir.join("few.exr")).unwrap(), whole);
+}
+
+#[test]
+fn bad_scenes_are_refused_in_one_line() {
+    let folder = folder();
+    let dir = folder.path();
+    let million: String = (0..1_000_000).map(|k| format!("{k} 0 0 1\n")).collect();
+    let mut hair = b"HAIR".to_vec();
+    hair.extend([2u32, 4, 2, 1].into_iter().flat_map(u32::to_le_bytes));
+    hair.resize(150, 0);
+    for (name, bytes) in [("million.txt", million.as_bytes()), ("cut.hair", &hair), ("nan.txt", b"0 0 nan 1\n1 1 1 1")]
+    {
+        std::fs::write(dir.join(name), bytes).unwrap();
+    }
+    std::fs::write(dir.join("zero.txt"), "0 0 0 0\n1 1 1 0").unwrap();
+    let made =
+        "make = { kind = \"fur\", count = 200, size_mm = 10.0, length_mm = 5.0 }\nradius_um = 60.0\nsegments = 8";
+    let of = |file: &str| format!("file = \"{file}\"\nbasis = \"linear\"");
+    let (none, cut, nan, zero, many) =
+        (of("none.txt"), of("cut.hair"), of("nan.txt"), of("zero.txt"), of("million.txt"));
+    let edits: &[(&str, &str, &[&str])] = &[
+        (made, &none, &["none.txt", "o such file"]),
+        (made, &cut, &["cut.hair", "cut off"]),
+        (made, &nan, &["nan.txt", "NaN"]),
+        (made, &zero, &["zero.txt", "radius 0"]),
+        (made, &many, &["million.txt", "more than 65536"]),
+        (made, "", &["neither file nor make"]),
+        ("radius_um = 60.0", "", &["strands.radius_um"]),
+        ("radius_um = 60.0", "radius_um = 0.0", &["strands.radius_um", "0.0"]),
+        ("count = 200", "count = 0", &["strands.make.count"]),
+        ("kind = \"fur\"", "kind = \"beard\"", &["beard", "\"wisp\""]),
+        ("{ kind = \"dielectric\" }", "{ kind = \"dielectric\", eta = 0.9 }", &["fiber.model.eta", "0.9"]),
+        ("{ kind = \"dielectric\" }", "{ kind = \"table\", file = \"none.pwf\" }", &["none.pwf"]),
+        ("[[0.4, 0.01], [0.7, 0.002]]", "-1", &["fiber.sigma_per_um", "-1"]),
+        ("[[0.4, 0.01], [0.7, 0.002]]", "[[0.7, 0.01], [0.4, 0.002]]", &["ascending"]),
+        ("size_mm = 10.0\nradiance", "size_mm = nan\nradiance", &["size_mm", "nan"]),
+        ("to_mm = [0.0, 0.0, 1.0]", "to_mm = [0.0, -30.0, 20.0]", &["camera.to_mm"]),
+        ("fov_deg = 25.0", "fov = 25.0", &["fov_deg"]),
+    ];
+    for (from, to, words) in edits {
+        assert!(SCENE.contains(from), "{from}");
+        std::fs::write(dir.join("bad.toml"), SCENE.replace(from, to)).unwrap();
+        refused(dir, &[&["render", "bad.toml"], SMALL].concat(), words);
+    }
+    std::fs::write(dir.join("bad.toml"), SCENE).unwrap();
+    refused(dir, &[&["render", "bad.toml", "--setup", "front"], SMALL].concat(), &["--setup", "fabrics"]);
+    refused(dir, &["build", "bad.toml"], &["bad.toml"]);
+}

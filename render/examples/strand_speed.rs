@@ -1,0 +1,86 @@
+//! Times of strands: the BVH over 10 000 B-spline strands of 100 segments, and rays against it on one thread, near and from afar, as tubes and bands.
+//!
+//! ci: build only
+//!
+//! `cargo run --release -p plywave-render --example strand_speed [curves.txt [count]]`; with a path, the strands are written there as Mitsuba's curve text, and the rays of the first
+//! measurement as `rays.f32` beside it (six 32-bit floats a ray), to be traced by others.
+
+use glam::DVec3;
+use plywave_render::{Made, StrandShape, StrandTree, make, mitsuba_text};
+use rand::{RngExt, SeedableRng};
+use std::f64::consts::TAU;
+use std::time::Instant;
+
+fn unit(rng: &mut rand_pcg::Pcg64Mcg) -> DVec3 {
+    let z = 2.0 * rng.random::<f64>() - 1.0;
+    let (sin, cos) = (TAU * rng.random::<f64>()).sin_cos();
+    let r = (1.0 - z * z).sqrt();
+    DVec3::new(r * cos, r * sin, z)
+}
+
+/// Time that this thread has had a processor [s], where Linux tells; others' work is not in it.
+fn clock(begun: Instant) -> f64 {
+    std::fs::read_to_string("/proc/thread-self/schedstat")
+        .ok()
+        .and_then(|text| text.split_whitespace().next()?.parse::<f64>().ok())
+        .map_or(begun.elapsed().as_secs_f64(), |ns| 1e-9 * ns)
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let all = Instant::now();
+    let count = std::env::args().nth(2).map_or(Ok(10_000), |text| text.parse())?;
+    let what = Made::Ball { count, ball_mm: 30.0, length_mm: 26.0, curl_mm: 2.5 };
+    let strands = make(&what, 0.045, 100, 1)?;
+    println!("{} strands, {} segments", strands.len(), strands.segments());
+    let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(1);
+    let rays = |distance: f64, rng: &mut rand_pcg::Pcg64Mcg| -> Vec<(DVec3, DVec3)> {
+        (0..1_000_000)
+            .map(|_| {
+                // Through the ball from all sides: between two places about it.
+                let (a, b) = (unit(rng) * 60.0, unit(rng) * (50.0 * rng.random::<f64>().cbrt()));
+                let w = (b - a).normalize();
+                let (o, w) = ((a - w * distance).as_vec3().as_dvec3(), w.as_vec3().as_dvec3());
+                (o, w.normalize())
+            })
+            .collect()
+    };
+    let near = rays(0.0, &mut rng);
+    let far = rays(1000.0, &mut rng);
+    // Neighbors in a picture of 1000 x 1000.
+    let camera: Vec<(DVec3, DVec3)> = (0..1_000_000)
+        .map(|k| {
+            let (x, y) = (f64::from(k % 1000) / 500.0 - 1.0, f64::from(k / 1000) / 500.0 - 1.0);
+            let o = DVec3::new(0.0, -260.0, 0.0);
+            (o, (DVec3::new(58.0 * x, 0.0, 58.0 * y) - o).as_vec3().as_dvec3().normalize())
+        })
+        .collect();
+    if let Some(path) = std::env::args().nth(1) {
+        std::fs::write(&path, mitsuba_text(&strands))?;
+        let bytes: Vec<u8> = near
+            .iter()
+            .flat_map(|(o, w)| [o.x, o.y, o.z, w.x, w.y, w.z])
+            .flat_map(|v| (v as f32).to_le_bytes())
+            .collect();
+        std::fs::write(std::path::Path::new(&path).with_file_name("rays.f32"), bytes)?;
+    }
+    for shape in [StrandShape::Tube, StrandShape::Band] {
+        let (start, begun) = (Instant::now(), clock(all));
+        let tree = StrandTree::new(strands.clone(), shape);
+        println!(
+            "{shape:?}: BVH in {:.2} s of one thread, {:.2} s by the clock",
+            clock(all) - begun,
+            start.elapsed().as_secs_f64()
+        );
+        for (name, rays) in [("from all sides", &near), ("the same, 1 m farther off", &far), ("of a camera", &camera)] {
+            // The best of three: others use the machine too.
+            let (mut best, mut hits) = (f64::INFINITY, 0);
+            for _ in 0..3 {
+                let begun = clock(all);
+                hits = rays.iter().filter(|(o, w)| tree.first(*o, *w, 0.0, f64::INFINITY, &[]).is_some()).count();
+                best = best.min(clock(all) - begun);
+            }
+            println!("  rays {name}: {:.2} M/s, {hits} hits", rays.len() as f64 / best / 1e6);
+        }
+    }
+    Ok(())
+}
