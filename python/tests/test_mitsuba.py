@@ -657,6 +657,7 @@ def test_far_weights_and_furnace(footprint, gaps):
         ({"far": 1.0}, "far: 1.0: expected true or false"),
         ({"footprint_um": 10.0}, "footprint_um: given without far"),
         ({"far": True, "footprint_um": -1.0}, "footprint_um: -1.0: expected a number that is not negative"),
+        ({"far": True, "footprint_um": 10.0, "footprint_rad": 0.1}, "footprint_rad: given with footprint_um"),
         ({"far": True, "footprint_scale": "wide"}, "footprint_scale: 'wide': expected a number"),
     ],
 )
