@@ -178,6 +178,6 @@ mod tests {
         let ray = Ray::new(Vec3A::new(1e-3, 1e-3, -1.0), Vec3A::Z, 0.0, f32::INFINITY);
         let want = triangles.iter().map(|t| t.intersect(&ray)).fold(f32::INFINITY, f32::min);
         assert!((nearest(&bvh, &triangles, ray) - want).abs() < 1e-6);
-        assert_eq!(levels(&build(&[])), 0);
+        assert_eq!(levels(&build::<Triangle>(&[])), 0);
     }
 }

@@ -180,15 +180,15 @@ fn far_from_the_origin_a_strand_is_what_its_numbers_say() {
 #[test]
 fn no_ray_gets_through() {
     let mut rng = Pcg64Mcg::seed_from_u64(3);
-    let turn = |k: usize| if k % 2 == 0 { 0.0 } else { 1.0 };
+    let turn = |k: usize| if k.is_multiple_of(2) { 0.0 } else { 1.0 };
     let zigzag: Vec<[f32; 4]> = (0..30).map(|k| [0.02 * k as f32, turn(k), 0.3 * turn(k / 2), 0.004]).collect();
     for basis in [Basis::Linear, Basis::BSpline] {
         let tree = tree(basis, std::slice::from_ref(&zigzag), StrandShape::Tube);
         let order = basis.order();
-        for n in 0..200_000 {
+        for n in 0..200_000u32 {
             let at = rng.random_range(0..zigzag.len() - order + 1);
             // Every second time exactly at a joint.
-            let u = if n % 2 == 0 { 0.0 } else { rng.random::<f64>() };
+            let u = if n.is_multiple_of(2) { 0.0 } else { rng.random::<f64>() };
             let (c, r) = curve(basis, &zigzag[at..at + order], u);
             let w = unit(&mut rng);
             // Within the tube, a spline's pieces being 2 % off.
@@ -211,7 +211,8 @@ fn a_straight_strand_is_a_cylinder() {
             let tree = tree(basis, &[points], shape);
             let r = f64::from(radius);
             for _ in 0..5000 {
-                let (phi, theta): (f64, f64) = (6.28 * rng.random::<f64>(), 2.4 * rng.random::<f64>() - 1.2);
+                let (phi, theta): (f64, f64) =
+                    (std::f64::consts::TAU * rng.random::<f64>(), 2.4 * rng.random::<f64>() - 1.2);
                 let wo = DVec3::new(theta.cos() * phi.cos(), theta.cos() * phi.sin(), theta.sin());
                 let h = 2.4 * rng.random::<f64>() - 1.2;
                 let middle = DVec3::new(-phi.sin(), phi.cos(), 0.0) * (h * r) + DVec3::Z * (10.0 * rng.random::<f64>());

@@ -165,7 +165,7 @@ impl Strands {
             return Err(bad(format!("{} points; at most {MOST_POINTS}, split the strand", points.len())));
         }
         for (k, p) in points.iter().enumerate() {
-            if let Some(v) = p[..3].iter().find(|v| !(v.abs() <= MOST_MM)) {
+            if let Some(v) = p[..3].iter().find(|v| v.is_nan() || v.abs() > MOST_MM) {
                 return Err(bad(format!("point {} has the coordinate {v} mm; use up to {MOST_MM}", k + 1)));
             }
             if !(p[3] >= LEAST_RADIUS_MM && p[3] <= MOST_MM) {

@@ -126,7 +126,7 @@ fn parameters(words: &mut Words<'_>) -> Result<Curve, String> {
         match name {
             "P" => {
                 let numbers = numbers()?;
-                if numbers.len() % 3 != 0 {
+                if !numbers.len().is_multiple_of(3) {
                     return Err(format!("\"P\" has {} numbers; use three a point", numbers.len()));
                 }
                 if numbers.len() > 3 * MOST_POINTS {
@@ -164,7 +164,7 @@ fn add(strands: &mut Strands, curve: &Curve, file: &str, place: &str, how: &Stra
     let bad = |what: String| RenderError::Strands { file: file.to_string(), what: format!("{place}: {what}") };
     let d = curve.degree;
     let segments = if curve.bezier {
-        if n < d + 1 || (n - 1) % d != 0 {
+        if n < d + 1 || !(n - 1).is_multiple_of(d) {
             return Err(bad(format!("{n} points; Bezier curves of degree {d} have 1 + {d} a segment")));
         }
         (n - 1) / d
