@@ -37,7 +37,7 @@ pub use reflectance::Reflectance;
 pub use rough_dielectric::{RoughDielectricBsdf, RoughDielectricFiber, RoughDielectricParameters};
 #[doc(hidden)]
 pub use spec::FILAMENT_RULES;
-pub use spec::FilamentSpec;
+pub use spec::{FILAMENT_KINDS, FilamentSpec, filament_of};
 pub use table::{FiberSource, FiberTable, OutlineSymmetry};
 pub use tabulated::{TabulatedBsdf, TabulatedFiber, WIDTH_LIMIT};
 

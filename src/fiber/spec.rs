@@ -14,8 +14,9 @@
 //! Parameters that are absent are those of the model's `Default`. Angles are radians, as in every file.
 
 use super::{
-    DielectricFiber, DielectricParameters, FiberModel, KajiyaKayFiber, KajiyaKayParameters, Metal, Mirror, OpaqueFiber,
-    OpaqueParameters, RoughDielectricFiber, RoughDielectricParameters,
+    DielectricFiber, DielectricParameters, FiberModel, KajiyaKayFiber, KajiyaKayParameters, KhungurnFiber,
+    KhungurnParameters, Metal, Mirror, OpaqueFiber, OpaqueParameters, Reflectance, RoughDielectricFiber,
+    RoughDielectricParameters,
 };
 use crate::io::read_text;
 use crate::spec::rules::{self, Custom, Key, Kind, Rules, optional, required};
@@ -111,24 +112,42 @@ const KAJIYA_KAY: &[Key] = &[
     optional("diffuse", Kind::Number(0.0, 1.0 / (PI * PI)), "0.03"),
 ];
 
+const SHARE: Kind = Kind::Custom(Custom {
+    expected: "a number from 0 to 1, or three of a color in sRGB",
+    check: |file, key, value| {
+        let hint = "a number from 0 to 1, or three of a color in sRGB";
+        match number(value) {
+            Some(x) if (0.0..=1.0).contains(&x) => Ok(()),
+            Some(_) => Err(rules::invalid(file, key, value, format!("use {hint}"))),
+            None => each_of_three(file, key, value, hint, |x| (0.0..=1.0).contains(&x)),
+        }
+    },
+});
+const KHUNGURN: &[Key] = &[
+    optional("radius_um", RADIUS, "10.0"),
+    optional("c_r", SHARE, "0.05"),
+    optional("c_tt", SHARE, "0.9"),
+    optional("beta_r", Kind::Number(0.005, 10.0), "0.1"),
+    optional("beta_tt", Kind::Number(0.005, 10.0), "0.2"),
+    optional("gamma_tt", Kind::Number(0.01, 1000.0), "0.4"),
+];
+
+/// Kinds of analytic fibers and the keys of each, for all files that have one.
+pub const FILAMENT_KINDS: &[(&str, &[Key])] = &[
+    ("dielectric", DIELECTRIC),
+    ("rough_dielectric", ROUGH),
+    ("opaque", OPAQUE),
+    ("kajiya_kay", KAJIYA_KAY),
+    ("khungurn", KHUNGURN),
+];
+
 /// The rules of these specs.
 pub const FILAMENT_RULES: Rules = Rules {
     keys: &[
         required("name", Kind::Text),
         optional("lambda_um", LAMBDAS, "[0.61, 0.55, 0.465]"),
         optional("sigma_per_um", SIGMAS, "[0.0, 0.0, 0.0]"),
-        required(
-            "filament",
-            Kind::Tagged(
-                "{ kind = \"rough_dielectric\" }",
-                &[
-                    ("dielectric", DIELECTRIC),
-                    ("rough_dielectric", ROUGH),
-                    ("opaque", OPAQUE),
-                    ("kajiya_kay", KAJIYA_KAY),
-                ],
-            ),
-        ),
+        required("filament", Kind::Tagged("{ kind = \"rough_dielectric\" }", FILAMENT_KINDS)),
     ],
     units: &["_per_um", "_um"],
     example: "docs/filaments.md",
@@ -156,6 +175,14 @@ impl Given<'_> {
         let Some(list) = self.0.get(key).and_then(Value::as_array) else { return default };
         std::array::from_fn(|k| list.get(k).and_then(number).map_or(default[k], |x| x as f32))
     }
+
+    fn share(&self, key: &str, default: Reflectance) -> Reflectance {
+        match self.0.get(key) {
+            None => default,
+            Some(Value::Array(_)) => Reflectance::of_srgb(self.three(key, [0.0; 3]).map(f64::from)),
+            Some(_) => Reflectance::Gray(self.one(key, 0.0)),
+        }
+    }
 }
 
 impl FilamentSpec {
@@ -175,10 +202,9 @@ impl FilamentSpec {
         let root = Given(&table);
         let empty = Table::new();
         let filament = table.get("filament").and_then(Value::as_table).unwrap_or(&empty);
-        let kind = filament.get("kind").and_then(Value::as_str).unwrap_or_default();
         Ok(FilamentSpec {
             name: table.get("name").and_then(Value::as_str).unwrap_or_default().to_string(),
-            model: model(kind, filament, file)?,
+            model: filament_of(filament, file, "filament")?,
             lambda_um: root.three("lambda_um", [0.61, 0.55, 0.465]),
             sigma_per_um: root.three("sigma_per_um", [0.0; 3]),
         })
@@ -194,10 +220,13 @@ impl FilamentSpec {
     }
 }
 
-/// The model of a checked table. Where a model still refuses, the line names the file.
-fn model(kind: &str, table: &Table, file: &str) -> Result<FiberModel> {
+/// The model of a table of one of [`FILAMENT_KINDS`] that has passed their rules. `at` is the table's key in `file`, for messages.
+///
+/// # Errors
+/// [`Error::Invalid`] for values that do not go together.
+pub fn filament_of(table: &Table, file: &str, at: &str) -> Result<FiberModel> {
     let given = Given(table);
-    let made = match kind {
+    let made = match table.get("kind").and_then(Value::as_str).unwrap_or_default() {
         "dielectric" => {
             let d = DielectricParameters::default();
             let orders = table.get("orders").and_then(Value::as_integer).map_or(d.orders, |o| o as usize);
@@ -216,8 +245,13 @@ fn model(kind: &str, table: &Table, file: &str) -> Result<FiberModel> {
             let metal = table.get("metal").and_then(Value::as_str).and_then(Metal::named);
             let (eta, kappa) = (table.get("eta"), table.get("kappa"));
             if let (Some(_), Some(value)) = (metal, eta.or(kappa)) {
-                let key = if eta.is_some() { "filament.eta" } else { "filament.kappa" };
-                return Err(rules::invalid(file, key, value, "a named metal has its own: leave one out"));
+                let key = if eta.is_some() { "eta" } else { "kappa" };
+                return Err(rules::invalid(
+                    file,
+                    &format!("{at}.{key}"),
+                    value,
+                    "a named metal has its own: leave one out",
+                ));
             }
             let mirror = match (metal, eta, kappa) {
                 (Some(metal), ..) => Mirror::Metal(metal),
@@ -225,7 +259,7 @@ fn model(kind: &str, table: &Table, file: &str) -> Result<FiberModel> {
                 (None, Some(_), None) => Mirror::Dielectric(given.one("eta", 1.5)),
                 (None, Some(_), Some(_)) => Mirror::Conductor([given.one("eta", 1.0), given.one("kappa", 0.0)]),
                 (None, None, Some(value)) => {
-                    return Err(rules::invalid(file, "filament.kappa", value, "give eta with it"));
+                    return Err(rules::invalid(file, &format!("{at}.kappa"), value, "give eta with it"));
                 }
             };
             OpaqueFiber::new(OpaqueParameters {
@@ -247,6 +281,18 @@ fn model(kind: &str, table: &Table, file: &str) -> Result<FiberModel> {
             })
             .map(FiberModel::from)
         }
+        "khungurn" => {
+            let d = KhungurnParameters::default();
+            KhungurnFiber::new(KhungurnParameters {
+                radius_um: given.one("radius_um", d.radius_um),
+                c_r: given.share("c_r", d.c_r),
+                c_tt: given.share("c_tt", d.c_tt),
+                beta_r: given.one("beta_r", d.beta_r),
+                beta_tt: given.one("beta_tt", d.beta_tt),
+                gamma_tt: given.one("gamma_tt", d.gamma_tt),
+            })
+            .map(FiberModel::from)
+        }
         _ => {
             let d = RoughDielectricParameters::default();
             RoughDielectricFiber::new(RoughDielectricParameters {
@@ -262,7 +308,7 @@ fn model(kind: &str, table: &Table, file: &str) -> Result<FiberModel> {
         }
     };
     made.map_err(|error| match error {
-        Error::Invalid { key, value, hint, .. } => rules::invalid(file, &format!("filament.{key}"), value, hint),
+        Error::Invalid { key, value, hint, .. } => rules::invalid(file, &format!("{at}.{key}"), value, hint),
         other => other,
     })
 }

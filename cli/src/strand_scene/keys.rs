@@ -1,6 +1,6 @@
 //! Rules of scenes of strands.
 
-use plywave::fiber::Metal;
+use plywave::fiber::FILAMENT_KINDS;
 use plywave::spec::rules::{self, Custom, Key, Kind, Rules, invalid, optional, required};
 use toml::Value;
 
@@ -14,7 +14,6 @@ const MOST_NODES: usize = 256;
 const LENGTH: Kind = Kind::Above(0.0, FAR);
 const COUNT: Kind = Kind::Integer(1, 10_000_000);
 const PLACE: Kind = Kind::Custom(Custom { expected: "three numbers, x, y, z", check: place });
-const TRIPLE: Kind = Kind::Custom(Custom { expected: "three numbers, of R, TT and TRT", check: place });
 
 const MADE: &[(&str, &[Key])] = &[
     ("single", &[required("length_mm", LENGTH)]),
@@ -49,59 +48,18 @@ const MADE: &[(&str, &[Key])] = &[
     ),
 ];
 
-const RADIUS: Key = optional("radius_um", Kind::Number(0.01, 1e5), "the strands'");
+const TABLE: &[Key] = &[required("file", Kind::Text), optional("beta_m", Kind::Number(0.001, 2.0), "the table's")];
 
-const MODELS: &[(&str, &[Key])] = &[
-    ("table", &[required("file", Kind::Text), optional("beta_m_deg", Kind::Number(0.06, 114.0), "the table's")]),
-    (
-        "dielectric",
-        &[
-            RADIUS,
-            optional("eta", Kind::Number(1.01, 4.0), "1.55"),
-            optional("beta_m_deg", TRIPLE, "[5.7, 5.7, 5.7]"),
-            optional("shift_deg", TRIPLE, "[0, 0, 0]"),
-            optional("beta_n_deg", Kind::Number(0.06, 572.0), "5.7"),
-            optional("orders", Kind::Integer(1, 8), "5"),
-        ],
-    ),
-    (
-        "rough_dielectric",
-        &[
-            RADIUS,
-            optional("eta", Kind::Number(1.01, 4.0), "1.55"),
-            optional("shift_deg", TRIPLE, "[-5.7, 2.9, 8.6]"),
-            optional("width_theta_deg", TRIPLE, "[5.7, 2.9, 11.5]"),
-            optional("width_phi_deg", TRIPLE, "[5.7, 5.7, 11.5]"),
-            optional("k_d", Kind::Number(0.0, 0.0507), "0"),
-        ],
-    ),
-    (
-        "opaque",
-        &[
-            RADIUS,
-            optional(
-                "mirror",
-                Kind::Custom(Custom {
-                    expected: "\"gold\", \"silver\", \"aluminium\", \"copper\", or the index of a varnish, 1.01 to 4",
-                    check: mirror,
-                }),
-                "none",
-            ),
-            optional("diffuse", Kind::Number(0.0, 1.0), "0"),
-            optional("beta_m_deg", Kind::Number(0.06, 114.0), "5.7"),
-            optional("beta_n_deg", Kind::Number(0.06, 572.0), "5.7"),
-        ],
-    ),
-    (
-        "kajiya_kay",
-        &[
-            RADIUS,
-            optional("phong", Kind::Number(0.0, 10.0), "0.1"),
-            optional("exponent", Kind::Number(1.0, 10_000.0), "50"),
-            optional("diffuse", Kind::Number(0.0, 0.1014), "0.03"),
-        ],
-    ),
-];
+/// Tables, and the kinds of analytic fibers.
+const MODELS: &[(&str, &[Key])] = &{
+    let mut all = [("table", TABLE); 1 + FILAMENT_KINDS.len()];
+    let mut k = 0;
+    while k < FILAMENT_KINDS.len() {
+        all[k + 1] = FILAMENT_KINDS[k];
+        k += 1;
+    }
+    all
+};
 
 /// Keys of a scene of strands.
 pub const RULES: Rules = Rules {
@@ -191,15 +149,6 @@ fn place(file: &str, key: &str, value: &Value) -> plywave::Result<()> {
 
 fn truth(file: &str, key: &str, value: &Value) -> plywave::Result<()> {
     if value.is_bool() { Ok(()) } else { Err(invalid(file, key, value, "use true or false")) }
-}
-
-fn mirror(file: &str, key: &str, value: &Value) -> plywave::Result<()> {
-    let fine = match value.as_str() {
-        Some(name) => Metal::named(name).is_some(),
-        None => number(value).is_some_and(|eta| (1.01..=4.0).contains(&eta)),
-    };
-    let hint = "use \"gold\", \"silver\", \"aluminium\", \"copper\", or the index of a varnish, 1.01 to 4";
-    if fine { Ok(()) } else { Err(invalid(file, key, value, hint)) }
 }
 
 fn sigma(file: &str, key: &str, value: &Value) -> plywave::Result<()> {

@@ -1,4 +1,4 @@
-//! Scenes of strands (TOML): strands, their fiber, lamps, sky and camera. Degrees are turned to radians here.
+//! Scenes of strands (TOML): strands, their fiber, lamps, sky and camera.
 
 mod keys;
 mod types;
@@ -8,16 +8,13 @@ use crate::kinds;
 use glam::Vec3;
 use keys::RULES;
 use plywave::FiberModel;
-use plywave::fiber::{
-    DielectricFiber, DielectricParameters, KajiyaKayFiber, KajiyaKayParameters, Metal, Mirror, OpaqueFiber,
-    OpaqueParameters, RoughDielectricFiber, RoughDielectricParameters,
-};
+use plywave::fiber::filament_of;
 use plywave::spec::rules;
 use plywave_render::{
     Basis, Camera, Environment, Light, Prop, Shape, StrandFiber, StrandFile, StrandScene, StrandShape, make,
 };
 use std::path::{Path, PathBuf};
-use types::{MirrorSpec, ModelSpec, SigmaSpec, Spec};
+use types::{SigmaSpec, Spec};
 
 /// Longest scene file [bytes].
 const MOST_BYTES: u64 = 4 << 20;
@@ -72,10 +69,13 @@ impl StrandSpec {
     pub fn inputs(&self) -> Vec<(&'static str, PathBuf)> {
         let mut list = Vec::new();
         list.extend(self.spec.strands.file.iter().map(|file| ("strands", self.folder.join(file))));
-        if let ModelSpec::Table { file, .. } = &self.spec.fiber.model {
-            list.push(("fiber", self.folder.join(file)));
-        }
+        list.extend(self.table().map(|path| ("fiber", path)));
         list
+    }
+
+    /// The fiber's table, if it is of one.
+    fn table(&self) -> Option<PathBuf> {
+        self.spec.fiber.model.get("file").and_then(toml::Value::as_str).map(|file| self.folder.join(file))
     }
 
     /// What it is lit and seen by, and notes for the user.
@@ -130,66 +130,18 @@ impl StrandSpec {
     }
 
     fn fiber(&self, radius_um: f32) -> Outcome<StrandFiber> {
-        let said = |e: plywave::Error| Failure::Input(format!("{}: fiber.model: {e}", self.file));
-        let rad = f32::to_radians;
-        let model: FiberModel = match &self.spec.fiber.model {
-            ModelSpec::Table { file, beta_m_deg } => {
-                let path = self.folder.join(file);
+        let model: FiberModel = match self.table() {
+            Some(path) => {
                 let fiber = FiberModel::load(&path).map_err(|e| kinds::explain(&path, &[kinds::Kind::Fiber], e))?;
-                match (fiber, beta_m_deg) {
-                    (FiberModel::Tabulated(fiber), Some(beta)) => fiber.with_beta_m(rad(*beta)).into(),
+                match (fiber, self.spec.fiber.model.get("beta_m").and_then(toml::Value::as_float)) {
+                    (FiberModel::Tabulated(fiber), Some(beta)) => fiber.with_beta_m(beta as f32).into(),
                     (fiber, _) => fiber,
                 }
             }
-            ModelSpec::Dielectric { radius_um: r, eta, beta_m_deg, shift_deg, beta_n_deg, orders } => {
-                let d = DielectricParameters::default();
-                let parameters = DielectricParameters {
-                    eta: eta.unwrap_or(d.eta),
-                    radius_um: r.unwrap_or(radius_um),
-                    beta_m: beta_m_deg.map_or(d.beta_m, |v| v.map(rad)),
-                    shift: shift_deg.map_or(d.shift, |v| v.map(rad)),
-                    beta_n: beta_n_deg.map_or(d.beta_n, rad),
-                    orders: orders.unwrap_or(d.orders),
-                };
-                DielectricFiber::new(parameters).map_err(said)?.into()
-            }
-            ModelSpec::RoughDielectric { radius_um: r, eta, shift_deg, width_theta_deg, width_phi_deg, k_d } => {
-                let d = RoughDielectricParameters::default();
-                let parameters = RoughDielectricParameters {
-                    eta: eta.unwrap_or(d.eta),
-                    radius_um: r.unwrap_or(radius_um),
-                    shift: shift_deg.map_or(d.shift, |v| v.map(rad)),
-                    width_theta: width_theta_deg.map_or(d.width_theta, |v| v.map(rad)),
-                    width_phi: width_phi_deg.map_or(d.width_phi, |v| v.map(rad)),
-                    k_d: k_d.unwrap_or(d.k_d),
-                };
-                RoughDielectricFiber::new(parameters).map_err(said)?.into()
-            }
-            ModelSpec::Opaque { radius_um: r, mirror, diffuse, beta_m_deg, beta_n_deg } => {
-                let d = OpaqueParameters::default();
-                let mirror = match mirror {
-                    None => Mirror::None,
-                    Some(MirrorSpec::Metal(name)) => Metal::named(name).map_or(Mirror::None, Mirror::Metal),
-                    Some(MirrorSpec::Varnish(eta)) => Mirror::Dielectric(*eta),
-                };
-                let parameters = OpaqueParameters {
-                    radius_um: r.unwrap_or(radius_um),
-                    mirror,
-                    diffuse: diffuse.unwrap_or(d.diffuse),
-                    beta_m: beta_m_deg.map_or(d.beta_m, rad),
-                    beta_n: beta_n_deg.map_or(d.beta_n, rad),
-                };
-                OpaqueFiber::new(parameters).map_err(said)?.into()
-            }
-            ModelSpec::KajiyaKay { radius_um: r, phong, exponent, diffuse } => {
-                let d = KajiyaKayParameters::default();
-                let parameters = KajiyaKayParameters {
-                    radius_um: r.unwrap_or(radius_um),
-                    phong: phong.unwrap_or(d.phong),
-                    exponent: exponent.unwrap_or(d.exponent),
-                    diffuse: diffuse.unwrap_or(d.diffuse),
-                };
-                KajiyaKayFiber::new(parameters).map_err(said)?.into()
+            None => {
+                let mut model = self.spec.fiber.model.clone();
+                model.entry("radius_um").or_insert(f64::from(radius_um).into());
+                filament_of(&model, &self.file, "fiber.model")?
             }
         };
         let sigma = match &self.spec.fiber.sigma_per_um {

@@ -95,7 +95,8 @@ impl MakeSpec {
 
 #[derive(Debug, Deserialize)]
 pub struct FiberSpec {
-    pub model: ModelSpec,
+    /// A table or one of the kinds of analytic fibers.
+    pub model: toml::Table,
     pub sigma_per_um: Option<SigmaSpec>,
     #[serde(default)]
     pub near: bool,
@@ -106,51 +107,6 @@ pub struct FiberSpec {
 pub enum SigmaSpec {
     Same(f32),
     Spectrum(Vec<[f32; 2]>),
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(untagged)]
-pub enum MirrorSpec {
-    Metal(String),
-    Varnish(f32),
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(tag = "kind", rename_all = "snake_case")]
-pub enum ModelSpec {
-    Table {
-        file: PathBuf,
-        beta_m_deg: Option<f32>,
-    },
-    Dielectric {
-        radius_um: Option<f32>,
-        eta: Option<f32>,
-        beta_m_deg: Option<[f32; 3]>,
-        shift_deg: Option<[f32; 3]>,
-        beta_n_deg: Option<f32>,
-        orders: Option<usize>,
-    },
-    RoughDielectric {
-        radius_um: Option<f32>,
-        eta: Option<f32>,
-        shift_deg: Option<[f32; 3]>,
-        width_theta_deg: Option<[f32; 3]>,
-        width_phi_deg: Option<[f32; 3]>,
-        k_d: Option<f32>,
-    },
-    Opaque {
-        radius_um: Option<f32>,
-        mirror: Option<MirrorSpec>,
-        diffuse: Option<f32>,
-        beta_m_deg: Option<f32>,
-        beta_n_deg: Option<f32>,
-    },
-    KajiyaKay {
-        radius_um: Option<f32>,
-        phong: Option<f32>,
-        exponent: Option<f32>,
-        diffuse: Option<f32>,
-    },
 }
 
 #[derive(Debug, Deserialize)]
