@@ -221,11 +221,8 @@ impl Flight<'_> {
                 let up = q[2] - height;
                 squared[2 * k + n] = lateral * lateral + up * up * if ends[n].bends { cos2 } else { 1.0 };
             }
-            // Of the yarns beside these two the line comes nearer to those on one side.
-            let (ahead, toward) = (self.d[k] * other as f32, t.abs());
-            let beside = if ahead > 0.0 { 2.0 - toward } else { 1.0 + toward };
-            let room = (beside * yarn.spacing - yarn.hull).max(0.3 * yarn.half_width);
-            free = free.min(room / self.d[k].abs().max(1e-6));
+            // The yarns beside these two are a spacing away at least.
+            free = free.min((yarn.spacing - yarn.hull).max(0.3 * yarn.half_width));
         }
         let (mut least, mut which) = (f32::INFINITY, None);
         for family in Family::EACH {
