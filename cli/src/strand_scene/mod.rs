@@ -80,7 +80,7 @@ impl StrandSpec {
 
     /// What it is lit and seen by, and notes for the user.
     pub fn scene(&self, sky: Option<Environment>) -> Outcome<(StrandScene, Camera, Vec<String>)> {
-        let failed = crate::commands::render::failed;
+        let failed = crate::rendering::failed;
         let Spec { strands: s, camera, .. } = &self.spec;
         let basis = if s.basis.as_deref() == Some("linear") { Basis::Linear } else { Basis::BSpline };
         let strands = match (&s.make, &s.file) {
