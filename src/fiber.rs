@@ -11,6 +11,7 @@ mod far_table;
 mod fast;
 pub mod fresnel;
 mod gaussian;
+mod incident;
 mod kajiya_kay;
 mod khungurn;
 mod longitudinal;

@@ -126,7 +126,13 @@ impl CrossSection {
     /// gamma_t of an offset in [-1, 1].
     #[inline]
     pub(crate) fn gamma_t(&self, h_rel: f32) -> f32 {
-        asin((h_rel * self.inverse).clamp(-1.0, 1.0))
+        asin(self.sin_t(h_rel))
+    }
+
+    /// Sine of gamma_t.
+    #[inline]
+    pub(crate) fn sin_t(&self, h_rel: f32) -> f32 {
+        (h_rel * self.inverse).clamp(-1.0, 1.0)
     }
 
     /// Length of an inner part of a path over the cosine of gamma_t [um].

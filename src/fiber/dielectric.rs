@@ -18,7 +18,8 @@ use super::azimuthal::{CrossSection, OFFSETS, turn};
 use super::far_table::{FarTable, LEAST_WIDTH, Row};
 use super::fast::{atan2, exp, lanes, sin_cos, wrapped};
 use super::gaussian::Gaussian;
-use super::longitudinal::{Latitude, Longitudinal};
+use super::incident::Incident;
+use super::longitudinal::{Latitude, Longitudinal, ThreeLobes};
 use super::range::{invalid, parameter};
 use crate::bsdf::Outcomes;
 use crate::frame::is_direction;
@@ -74,6 +75,7 @@ impl Default for DielectricParameters {
 pub struct DielectricFiber {
     parameters: DielectricParameters,
     longitudinal: [Longitudinal; 3],
+    three: ThreeLobes,
     /// Sine and cosine of the shifts.
     shift: [[f32; 2]; 3],
     azimuthal: Gaussian,
@@ -98,9 +100,11 @@ impl DielectricFiber {
         if !(1..=MOST_ORDERS).contains(&p.orders) {
             return Err(invalid(MODEL, "orders", p.orders, format!("use 1 to {MOST_ORDERS}")));
         }
+        let longitudinal = p.beta_m.map(Longitudinal::new);
         Ok(DielectricFiber {
             parameters,
-            longitudinal: p.beta_m.map(Longitudinal::new),
+            longitudinal,
+            three: ThreeLobes::new(&longitudinal),
             shift: p.shift.map(|s| <[f32; 2]>::from(s.sin_cos())),
             azimuthal: Gaussian::new(p.beta_n, PI),
             far: (p.beta_n >= LEAST_WIDTH).then(|| FarTable::new(p.eta, &[p.beta_n; MOST_ORDERS][..p.orders])),
@@ -120,13 +124,12 @@ impl DielectricFiber {
     /// The fiber at a query. Where an input is not finite, or `omega_i` is no direction, nothing is scattered.
     pub fn at<const N: usize>(&self, query: &FiberQuery<N>) -> DielectricBsdf<'_, N> {
         let finite = query.sigma_per_um.iter().all(|s| s.is_finite()) && query.h_rel.is_none_or(f32::is_finite);
-        let valid = is_direction(query.omega_i) && finite;
-        let wi = if valid { query.omega_i } else { [1.0, 0.0, 0.0] };
-        let latitude = Latitude::of(wi);
+        let incident = Incident::new(query.omega_i, finite);
+        let latitude = incident.latitude;
         let section = self.cross_section(latitude.sin);
         let mut at = DielectricBsdf {
             fiber: self,
-            azimuth: if latitude.cos > 0.0 { [wi[0] / latitude.cos, wi[1] / latitude.cos] } else { [1.0, 0.0] },
+            incident,
             latitude: self.shift.map(|s| shifted(latitude, s)),
             sigma_per_um: lanes(|n| query.sigma_per_um[n].clamp(0.0, 1e6)),
             h_rel: query.h_rel.map(|h| h.clamp(-1.0, 1.0)),
@@ -137,9 +140,8 @@ impl DielectricFiber {
             beyond: [0.0; N],
             beyond_share: 0.0,
             section,
-            valid,
         };
-        if valid {
+        if incident.valid {
             match (at.h_rel, &self.far) {
                 (Some(h), _) => at.prepare_near(h),
                 (None, Some(table)) => at.prepare_far(table, atan2(latitude.sin, latitude.cos)),
@@ -161,8 +163,7 @@ fn shifted(i: Latitude, [sin, cos]: [f32; 2]) -> Latitude {
 pub struct DielectricBsdf<'a, const N: usize> {
     fiber: &'a DielectricFiber,
     section: CrossSection,
-    /// Cosine and sine of phi_i; of 0 for light along the fiber.
-    azimuth: [f32; 2],
+    incident: Incident,
     /// Of the light, less the shifts.
     latitude: [Latitude; 3],
     sigma_per_um: [f32; N],
@@ -178,13 +179,12 @@ pub struct DielectricBsdf<'a, const N: usize> {
     /// Energy of the orders beyond those kept apart, and the chance with which samples are theirs.
     beyond: [f32; N],
     beyond_share: f32,
-    valid: bool,
 }
 
 impl<'a, const N: usize> DielectricBsdf<'a, N> {
     /// The fiber's diameter [um]; 0 where the query was refused.
     pub fn width_um(&self) -> [f32; N] {
-        [if self.valid { 2.0 * self.fiber.parameters.radius_um } else { 0.0 }; N]
+        [if self.incident.valid { 2.0 * self.fiber.parameters.radius_um } else { 0.0 }; N]
     }
 
     fn orders(&self) -> u32 {
@@ -266,12 +266,6 @@ impl<'a, const N: usize> DielectricBsdf<'a, N> {
         (a, if kept > 0.0 { (1.0 - self.beyond_share) * sum / kept } else { 0.0 })
     }
 
-    /// M of the lobes R, TT, TRT.
-    fn longitudinal(&self, w: [f32; 3]) -> [f32; 3] {
-        let o = Latitude::of(w);
-        lanes(|lobe| self.fiber.longitudinal[lobe].eval(self.latitude[lobe], o))
-    }
-
     /// Chooses an order by the number `u`, the orders beyond first; gives the order and a number left for other use.
     fn choose(&self, u: f32) -> (u32, f32) {
         if u < self.beyond_share {
@@ -326,12 +320,13 @@ impl<const N: usize> Bsdf<N> for DielectricBsdf<'_, N> {
     #[inline]
     fn eval_pdf(&self, w: [f32; 3]) -> ([f32; N], f32) {
         let (mut f, mut pdf) = ([0.0; N], 0.0);
-        if !(self.valid && is_direction(w)) {
+        if !(self.incident.valid && is_direction(w)) {
             return (f, pdf);
         }
-        let m = self.longitudinal(w);
-        let [x, y] = self.azimuth;
-        let phi = atan2(x * w[1] - y * w[0], x * w[0] + y * w[1]);
+        // M of R, TT, TRT.
+        let m = self.fiber.three.eval(&self.latitude, Latitude::of(w));
+        let [across, side] = self.incident.relative(w);
+        let phi = atan2(side, across);
         let orders = self.fiber.parameters.orders;
         let mut add = |lobe: usize, density: f32, light: &[f32; N], chance: f32| {
             let density = m[lobe] * density;
@@ -366,7 +361,7 @@ impl<const N: usize> Bsdf<N> for DielectricBsdf<'_, N> {
     }
 
     fn sample(&self, u: [f32; 3]) -> BsdfSample<N> {
-        if !(self.valid && u.iter().all(|v| (0.0..1.0).contains(v))) {
+        if !(self.incident.valid && u.iter().all(|v| (0.0..1.0).contains(v))) {
             return BsdfSample::Absorbed;
         }
         let h = self.h_rel.unwrap_or(2.0 * u[0] - 1.0);
@@ -381,16 +376,15 @@ impl<const N: usize> Bsdf<N> for DielectricBsdf<'_, N> {
         };
         let lobe = (order as usize).min(2);
         let latitude = self.fiber.longitudinal[lobe].sample(self.latitude[lobe], [u[1], left]);
-        let [x, y] = self.azimuth;
         let (sin, cos) = sin_cos(azimuth);
-        let w = [latitude.cos * (x * cos - y * sin), latitude.cos * (x * sin + y * cos), latitude.sin];
+        let w = self.incident.direction([latitude.cos * cos, latitude.cos * sin], latitude.sin);
         let (f, pdf) = self.eval_pdf(w);
         BsdfSample::scattered(w, f, pdf)
     }
 
     /// Mean over the offsets, or at the query's, of what is not absorbed.
     fn albedo(&self) -> [f32; N] {
-        if !self.valid {
+        if !self.incident.valid {
             return [0.0; N];
         }
         let at = |h: f32| self.sigma_per_um.map(|s| self.section.path(h).from_order(0, s));
@@ -404,6 +398,6 @@ impl<const N: usize> Bsdf<N> for DielectricBsdf<'_, N> {
     }
 
     fn outcomes(&self) -> Outcomes {
-        if self.valid { Outcomes::SCATTERED } else { Outcomes::ABSORBED }
+        if self.incident.valid { Outcomes::SCATTERED } else { Outcomes::ABSORBED }
     }
 }

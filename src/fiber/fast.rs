@@ -15,6 +15,12 @@ pub(super) fn atan2(y: f32, x: f32) -> f32 {
     simd::atan2::<false>(y, x)
 }
 
+/// Arc tangents of y / x, to 4e-7.
+#[inline(always)]
+pub(super) fn atan2_each<const K: usize>(y: [f32; K], x: [f32; K]) -> [f32; K] {
+    lanes(|k| simd::atan2::<false>(y[k], x[k]))
+}
+
 /// Arc sine of x in [-1, 1], to 4e-7.
 #[inline(always)]
 pub(super) fn asin(x: f32) -> f32 {

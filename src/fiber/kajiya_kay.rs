@@ -5,6 +5,7 @@
 use super::FiberQuery;
 use super::fast::{atan2, exp, ln, sin_cos};
 use super::gaussian::TruncatedGaussian;
+use super::incident::Incident;
 use super::longitudinal::Latitude;
 use super::range::{invalid, parameter};
 use crate::bsdf::Outcomes;
@@ -76,8 +77,8 @@ impl KajiyaKayFiber {
 
     /// The fiber at a query. Where an input is not finite, or `omega_i` is no direction, nothing is scattered.
     pub fn at<const N: usize>(&self, query: &FiberQuery<N>) -> KajiyaKayBsdf<'_, N> {
-        let valid = is_direction(query.omega_i);
-        let i = Latitude::of(if valid { query.omega_i } else { [1.0, 0.0, 0.0] });
+        let incident = Incident::new(query.omega_i, true);
+        let i = incident.latitude;
         let theta_i = atan2(i.sin, i.cos);
         // cos^n x lies below exp(-n x^2 / 2): samples of that Gaussian have bounded weights.
         let ends = [-FRAC_PI_2 + theta_i, FRAC_PI_2 + theta_i];
@@ -94,7 +95,7 @@ impl KajiyaKayFiber {
         } else {
             (phong / (phong + diffuse)).max(0.1).min(0.9)
         };
-        KajiyaKayBsdf { fiber: self, incident: i, theta_i, cos_i: i.cos.max(1e-3), highlight, chance, valid }
+        KajiyaKayBsdf { fiber: self, incident, theta_i, cos_i: i.cos.max(1e-3), highlight, chance }
     }
 }
 
@@ -102,26 +103,25 @@ impl KajiyaKayFiber {
 #[derive(Clone, Copy, Debug)]
 pub struct KajiyaKayBsdf<'a, const N: usize> {
     fiber: &'a KajiyaKayFiber,
-    incident: Latitude,
+    incident: Incident,
     theta_i: f32,
     /// At least 1e-3.
     cos_i: f32,
     highlight: TruncatedGaussian,
     /// With which samples are of the highlight.
     chance: f32,
-    valid: bool,
 }
 
 impl<const N: usize> KajiyaKayBsdf<'_, N> {
     /// The fiber's diameter [um]; 0 where the query was refused.
     pub fn width_um(&self) -> [f32; N] {
-        [if self.valid { 2.0 * self.fiber.parameters.radius_um } else { 0.0 }; N]
+        [if self.incident.valid { 2.0 * self.fiber.parameters.radius_um } else { 0.0 }; N]
     }
 
     #[inline]
     fn phong(&self, o: Latitude) -> f32 {
         let p = &self.fiber.parameters;
-        let cos = (o.cos * self.incident.cos - o.sin * self.incident.sin).min(1.0);
+        let cos = (o.cos * self.incident.latitude.cos - o.sin * self.incident.latitude.sin).min(1.0);
         if cos <= 0.0 {
             return 0.0;
         }
@@ -140,7 +140,7 @@ impl<const N: usize> Bsdf<N> for KajiyaKayBsdf<'_, N> {
 
     #[inline]
     fn eval_pdf(&self, w: [f32; 3]) -> ([f32; N], f32) {
-        if !(self.valid && is_direction(w)) {
+        if !(self.incident.valid && is_direction(w)) {
             return ([0.0; N], 0.0);
         }
         let o = Latitude::of(w);
@@ -151,7 +151,7 @@ impl<const N: usize> Bsdf<N> for KajiyaKayBsdf<'_, N> {
     }
 
     fn sample(&self, u: [f32; 3]) -> BsdfSample<N> {
-        if !(self.valid && u.iter().all(|v| (0.0..1.0).contains(v))) {
+        if !(self.incident.valid && u.iter().all(|v| (0.0..1.0).contains(v))) {
             return BsdfSample::Absorbed;
         }
         let (sin, cos) = if u[2] < self.chance {
@@ -169,7 +169,7 @@ impl<const N: usize> Bsdf<N> for KajiyaKayBsdf<'_, N> {
 
     /// Integral of f, by midpoints over the highlight.
     fn albedo(&self) -> [f32; N] {
-        if !self.valid {
+        if !self.incident.valid {
             return [0.0; N];
         }
         let p = &self.fiber.parameters;
@@ -183,6 +183,6 @@ impl<const N: usize> Bsdf<N> for KajiyaKayBsdf<'_, N> {
     }
 
     fn outcomes(&self) -> Outcomes {
-        if self.valid { Outcomes::SCATTERED } else { Outcomes::ABSORBED }
+        if self.incident.valid { Outcomes::SCATTERED } else { Outcomes::ABSORBED }
     }
 }

@@ -16,6 +16,7 @@
 
 use super::FiberQuery;
 use super::gaussian::TruncatedGaussian;
+use super::incident::Incident;
 use super::longitudinal::Latitude;
 use super::range::parameter;
 use super::reflectance::Reflectance;
@@ -109,9 +110,8 @@ impl KhungurnFiber {
     /// The fiber at a query, whose offset and absorption do not matter. Where an input is not finite, or `omega_i` is no direction, nothing is scattered.
     pub fn at<const N: usize>(&self, query: &FiberQuery<N>) -> KhungurnBsdf<'_, N> {
         let finite = query.lambda_um.iter().all(|l| l.is_finite());
-        let valid = is_direction(query.omega_i) && finite;
-        let wi = if valid { query.omega_i } else { [1.0, 0.0, 0.0] };
-        let latitude = Latitude::of(wi);
+        let incident = Incident::new(query.omega_i, finite);
+        let latitude = incident.latitude;
         let theta_i = latitude.sin.atan2(latitude.cos);
         let p = &self.parameters;
         let grazing = (1.0 - latitude.cos).max(0.0).powi(5);
@@ -122,7 +122,7 @@ impl KhungurnFiber {
         let drawn = [p.beta_r, p.beta_tt].map(|beta| TruncatedGaussian::new(beta, ends));
         KhungurnBsdf {
             fiber: self,
-            azimuth: if latitude.cos > 0.0 { [wi[0] / latitude.cos, wi[1] / latitude.cos] } else { [1.0, 0.0] },
+            incident,
             theta_i,
             fresnel,
             through,
@@ -130,8 +130,7 @@ impl KhungurnFiber {
             drawn,
             peak: drawn.map(|d| d.eval(0.0)),
             chance: if r + tt > 0.0 { r / (r + tt) } else { 1.0 },
-            lit: valid && r + tt > 0.0,
-            valid,
+            lit: incident.valid && r + tt > 0.0,
         }
     }
 }
@@ -145,8 +144,7 @@ fn schlick(c_r: f32, grazing: f32) -> f32 {
 #[derive(Clone, Copy, Debug)]
 pub struct KhungurnBsdf<'a, const N: usize> {
     fiber: &'a KhungurnFiber,
-    /// Cosine and sine of phi_i; of 0 for light along the fiber.
-    azimuth: [f32; 2],
+    incident: Incident,
     theta_i: f32,
     /// Energies of R and of TT.
     fresnel: [f32; N],
@@ -161,13 +159,12 @@ pub struct KhungurnBsdf<'a, const N: usize> {
     chance: f32,
     /// Whether any light is scattered.
     lit: bool,
-    valid: bool,
 }
 
 impl<const N: usize> KhungurnBsdf<'_, N> {
     /// The fiber's diameter [um]; 0 where the query was refused.
     pub fn width_um(&self) -> [f32; N] {
-        [if self.valid { 2.0 * self.fiber.parameters.radius_um } else { 0.0 }; N]
+        [if self.incident.valid { 2.0 * self.fiber.parameters.radius_um } else { 0.0 }; N]
     }
 }
 
@@ -190,9 +187,9 @@ impl<const N: usize> Bsdf<N> for KhungurnBsdf<'_, N> {
         let gaussian = |beta: f32| (-0.5 * (along / beta) * (along / beta)).exp();
         let [g_r, g_tt] = [gaussian(p.beta_r), gaussian(p.beta_tt)];
         // Chord of the azimuth from straight on; any azimuth at the pole, where f is 0.
-        let [x, y] = self.azimuth;
+        let [across, side] = self.incident.relative(w);
         let inverse = 1.0 / o.cos.max(1e-6);
-        let chord = [w[0] * inverse + x, w[1] * inverse + y];
+        let chord = [across * inverse + 1.0, side * inverse];
         let v = self.fiber.azimuth.eval(chord[0] * chord[0] + chord[1] * chord[1]);
         const EVEN: f32 = 1.0 / TAU;
         let [r, tt] = [o.cos * self.scale[0] * g_r * EVEN, o.cos * self.scale[1] * g_tt * v];
@@ -213,16 +210,14 @@ impl<const N: usize> Bsdf<N> for KhungurnBsdf<'_, N> {
             if reflected { TAU * u[0] } else { std::f32::consts::PI + self.fiber.azimuth.sample(clamp_unit(u[0])) };
         let (sin, cos) = theta_o.sin_cos();
         let (b, a) = turn.sin_cos();
-        let [x, y] = self.azimuth;
-        let cos = cos.max(0.0);
-        let w = [cos * (x * a - y * b), cos * (x * b + y * a), sin];
+        let w = self.incident.direction([a, b].map(|v| cos.max(0.0) * v), sin);
         let (f, pdf) = self.eval_pdf(w);
         BsdfSample::scattered(w, f, pdf)
     }
 
     /// F + (1 - F) C_TT.
     fn albedo(&self) -> [f32; N] {
-        std::array::from_fn(|n| if self.valid { self.fresnel[n] + self.through[n] } else { 0.0 })
+        std::array::from_fn(|n| if self.incident.valid { self.fresnel[n] + self.through[n] } else { 0.0 })
     }
 
     fn outcomes(&self) -> Outcomes {

@@ -16,7 +16,7 @@
 //!
 //! which neither overflows nor loses digits, however small v is.
 
-use super::fast::{exp, ln, sin_cos};
+use super::fast::{exp, lanes, ln, sin_cos};
 
 /// Sine and cosine of a latitude; the cosine is >= 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -74,6 +74,37 @@ impl Longitudinal {
     }
 }
 
+/// M_0 of three lobes at once, side by side in a vector.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct ThreeLobes {
+    inverse: [f32; 4],
+    scale: [f32; 4],
+}
+
+impl ThreeLobes {
+    pub(crate) fn new(lobes: &[Longitudinal; 3]) -> Self {
+        let of = |get: fn(&Longitudinal) -> f32| lanes(|k| get(&lobes[k.min(2)]));
+        ThreeLobes { inverse: of(|lobe| lobe.inverse), scale: of(|lobe| lobe.scale) }
+    }
+
+    /// [`Longitudinal::eval`] of each lobe, from latitudes of its own; the fourth number is the third again.
+    #[inline]
+    pub(crate) fn eval(&self, i: &[Latitude; 3], o: Latitude) -> [f32; 4] {
+        let (sin, cos): ([f32; 4], [f32; 4]) = (lanes(|k| i[k.min(2)].sin), lanes(|k| i[k.min(2)].cos));
+        let shape: [f32; 4] = lanes(|k| {
+            let (across, along) = (cos[k] - o.cos, sin[k] + o.sin);
+            self.scale[k] * exp(-0.5 * (across * across + along * along) * self.inverse[k])
+        });
+        let x: [f32; 4] = lanes(|k| cos[k] * o.cos * self.inverse[k]);
+        let far: [f32; 4] = lanes(|k| i0e_far(x[k].max(LIMIT)));
+        if x[0].min(x[1]).min(x[2]) > LIMIT {
+            return lanes(|k| shape[k] * far[k]);
+        }
+        let near: [f32; 4] = lanes(|k| i0e_near(x[k].min(LIMIT)));
+        lanes(|k| shape[k] * if x[k] <= LIMIT { near[k] } else { far[k] })
+    }
+}
+
 /// Coefficients by powers of t of `i0e(4 (t + 1))` and of `sqrt(x) i0e(x)` at `x = 16 / (t + 1)`, t in [-1, 1]; made by
 /// `numpy.polynomial.chebyshev.chebinterpolate` (degrees 17 and 9, the latter cut) from `scipy.special.i0e`; relative error 1.3e-8 before rounding.
 const NEAR: [f32; 18] = [
@@ -101,21 +132,46 @@ const FAR: [f32; 6] = [0.402_176_5, 3.360_555_7e-3, 1.361_560_3e-4, 1.111_214_7e
 /// `e^-x I_0(x)` for x >= 0.
 #[inline]
 pub(crate) fn i0e(x: f32) -> f32 {
-    if x <= 8.0 {
-        let t = 0.25 * x - 1.0;
-        let t2 = t * t;
-        // Even and odd powers apart: two chains that run side by side.
-        let part = |odd: usize| (0..9).rev().fold(0.0, |sum, k| sum * t2 + NEAR[2 * k + odd]);
-        part(0) + t * part(1)
-    } else {
-        let t = 16.0 / x - 1.0;
-        FAR.iter().rev().fold(0.0, |sum, c| sum * t + c) / x.sqrt()
-    }
+    if x <= LIMIT { i0e_near(x) } else { i0e_far(x) }
+}
+
+/// Where one form takes over from the other.
+const LIMIT: f32 = 8.0;
+
+#[inline(always)]
+fn i0e_near(x: f32) -> f32 {
+    let t = 0.25 * x - 1.0;
+    let t2 = t * t;
+    // Even and odd powers apart: two chains that run side by side.
+    let part = |odd: usize| (0..9).rev().fold(0.0, |sum, k| sum * t2 + NEAR[2 * k + odd]);
+    part(0) + t * part(1)
+}
+
+#[inline(always)]
+fn i0e_far(x: f32) -> f32 {
+    let t = 16.0 / x - 1.0;
+    FAR.iter().rev().fold(0.0, |sum, c| sum * t + c) / x.sqrt()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn three_lobes_are_each_lobe() {
+        let lobes = [0.001, 0.3, 2.0].map(Longitudinal::new);
+        for a in -9..=9 {
+            for b in -9..=9 {
+                let theta = [0.17 * f64::from(a), 0.17 * f64::from(b) + 1e-3];
+                let i = [at(theta[0]), at(theta[0] + 0.1), at(0.5 * theta[0])];
+                let got = ThreeLobes::new(&lobes).eval(&i, at(theta[1]));
+                for k in 0..3 {
+                    let want = lobes[k].eval(i[k], at(theta[1]));
+                    assert!((got[k] - want).abs() <= 1e-6 * want, "{theta:?} {k}: {got:?}, want {want}");
+                }
+            }
+        }
+    }
     use crate::check::chi2::chi2_test;
     use rand::{RngExt, SeedableRng};
     use std::f64::consts::{FRAC_PI_2, PI};

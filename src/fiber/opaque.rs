@@ -15,6 +15,7 @@ use super::azimuthal::OFFSETS;
 use super::fast::{asin, atan2, lanes, sin_cos, wrapped};
 use super::fresnel;
 use super::gaussian::Gaussian;
+use super::incident::Incident;
 use super::longitudinal::{Latitude, Longitudinal};
 use super::metal::{Metal, conductor};
 use super::range::parameter;
@@ -146,9 +147,6 @@ impl OpaqueFiber {
     /// The fiber at a query, whose absorption does not matter. Where an input is not finite, or `omega_i` is no direction, nothing is scattered.
     pub fn at<const N: usize>(&self, query: &FiberQuery<N>) -> OpaqueBsdf<'_, N> {
         let finite = query.lambda_um.iter().all(|l| l.is_finite()) && query.h_rel.is_none_or(f32::is_finite);
-        let valid = is_direction(query.omega_i) && finite;
-        let wi = if valid { query.omega_i } else { [1.0, 0.0, 0.0] };
-        let latitude = Latitude::of(wi);
         let index = lanes(|n| match self.parameters.mirror {
             Mirror::None => [1.0, 0.0],
             Mirror::Dielectric(eta) => [eta, 0.0],
@@ -157,14 +155,12 @@ impl OpaqueFiber {
         });
         let mut at = OpaqueBsdf {
             fiber: self,
-            azimuth: if latitude.cos > 0.0 { [wi[0] / latitude.cos, wi[1] / latitude.cos] } else { [1.0, 0.0] },
-            latitude,
+            incident: Incident::new(query.omega_i, finite),
             index,
             near: None,
             chance: 1.0,
             dark: self.parameters.diffuse == 0.0
                 && matches!(self.parameters.mirror, Mirror::None | Mirror::Conductor([1.0, 0.0])),
-            valid,
         };
         at.near = query.h_rel.map(|h| h.clamp(-1.0, 1.0)).map(|h| {
             let cos = ((1.0 - h) * (1.0 + h)).max(0.0).sqrt();
@@ -282,9 +278,7 @@ pub fn lambertian_by_zinke(k_d: f32, phi: f32) -> f32 {
 #[derive(Clone, Copy, Debug)]
 pub struct OpaqueBsdf<'a, const N: usize> {
     fiber: &'a OpaqueFiber,
-    /// Cosine and sine of phi_i; of 0 for light along the fiber.
-    azimuth: [f32; 2],
-    latitude: Latitude,
+    incident: Incident,
     /// `[eta, kappa]` by wavelength.
     index: [[f32; 2]; N],
     near: Option<Near<N>>,
@@ -292,19 +286,18 @@ pub struct OpaqueBsdf<'a, const N: usize> {
     chance: f32,
     /// Whether all light is absorbed.
     dark: bool,
-    valid: bool,
 }
 
 impl<const N: usize> OpaqueBsdf<'_, N> {
     /// The fiber's diameter [um]; 0 where the query was refused.
     pub fn width_um(&self) -> [f32; N] {
-        [if self.valid { 2.0 * self.fiber.parameters.radius_um } else { 0.0 }; N]
+        [if self.incident.valid { 2.0 * self.fiber.parameters.radius_um } else { 0.0 }; N]
     }
 
     /// Mirrored and diffuse albedo where the offset's angle has the cosine `cos_gamma`.
     #[inline]
     fn shares(&self, cos_gamma: f32) -> ([f32; N], [f32; N]) {
-        let cos = self.latitude.cos * cos_gamma;
+        let cos = self.incident.latitude.cos * cos_gamma;
         let rho = self.fiber.parameters.diffuse;
         let mirrored = match self.fiber.parameters.mirror {
             Mirror::None => [0.0; N],
@@ -327,21 +320,19 @@ impl<const N: usize> Bsdf<N> for OpaqueBsdf<'_, N> {
     #[inline]
     fn eval_pdf(&self, w: [f32; 3]) -> ([f32; N], f32) {
         let (mut f, mut pdf) = ([0.0; N], 0.0);
-        if !(self.valid && is_direction(w)) || self.dark {
+        if !(self.incident.valid && is_direction(w)) || self.dark {
             return (f, pdf);
         }
         let p = &self.fiber.parameters;
         let o = Latitude::of(w);
-        let [x, y] = self.azimuth;
-        // Cosine and sine of the relative azimuth, times that of the latitude.
-        let (across, side) = (x * w[0] + y * w[1], x * w[1] - y * w[0]);
+        let [across, side] = self.incident.relative(w);
         let phi = atan2(side, across);
         let mut add = |density: f32, part: &[f32; N], chance: f32| {
             (0..N).for_each(|n| f[n] += density * part[n]);
             pdf += density * chance;
         };
         if p.mirror != Mirror::None {
-            let m = self.fiber.longitudinal.eval(self.latitude, o);
+            let m = self.fiber.longitudinal.eval(self.incident.latitude, o);
             match &self.near {
                 None => {
                     let cos_phi = if o.cos > 0.0 { (across / o.cos).clamp(-1.0, 1.0) } else { 1.0 };
@@ -362,7 +353,7 @@ impl<const N: usize> Bsdf<N> for OpaqueBsdf<'_, N> {
                         add(even, &[p.diffuse; N], 1.0);
                     } else {
                         add(even, &[0.0; N], 1.0 - self.chance);
-                        match self.fiber.base(self.latitude.cos, phi) {
+                        match self.fiber.base(self.incident.latitude.cos, phi) {
                             Some(base) => add(o.cos * base, &[p.diffuse; N], 0.0),
                             // Metals: F depends on the wavelength.
                             None => each_lit(phi, |[cos, _], weight| {
@@ -381,7 +372,7 @@ impl<const N: usize> Bsdf<N> for OpaqueBsdf<'_, N> {
     }
 
     fn sample(&self, u: [f32; 3]) -> BsdfSample<N> {
-        if !(self.valid && u.iter().all(|v| (0.0..1.0).contains(v))) || self.dark {
+        if !(self.incident.valid && u.iter().all(|v| (0.0..1.0).contains(v))) || self.dark {
             return BsdfSample::Absorbed;
         }
         let (h, cos_gamma, gamma) = match &self.near {
@@ -393,7 +384,7 @@ impl<const N: usize> Bsdf<N> for OpaqueBsdf<'_, N> {
         };
         // Cosine and sine of the relative azimuth, times the cosine of the latitude; its sine.
         let (across, along) = if u[2] < self.chance {
-            let i = self.fiber.longitudinal.sample(self.latitude, [u[1], clamp_unit(u[2] / self.chance)]);
+            let i = self.fiber.longitudinal.sample(self.incident.latitude, [u[1], clamp_unit(u[2] / self.chance)]);
             let phi = 2.0 * gamma + if self.near.is_some() { self.fiber.azimuthal.sample(u[0]) } else { 0.0 };
             let (sin, cos) = sin_cos(phi);
             ([i.cos * cos, i.cos * sin], i.sin)
@@ -405,15 +396,14 @@ impl<const N: usize> Bsdf<N> for OpaqueBsdf<'_, N> {
             let side = radius * cos;
             ([up * cos_gamma - side * h, up * h + side * cos_gamma], radius * sin)
         };
-        let [x, y] = self.azimuth;
-        let w = [x * across[0] - y * across[1], x * across[1] + y * across[0], along];
+        let w = self.incident.direction(across, along);
         let (f, pdf) = self.eval_pdf(w);
         BsdfSample::scattered(w, f, pdf)
     }
 
     /// Mean over the offsets, or at the query's, of what is not absorbed.
     fn albedo(&self) -> [f32; N] {
-        if !self.valid {
+        if !self.incident.valid {
             return [0.0; N];
         }
         let at = |cos: f32| {
@@ -430,6 +420,6 @@ impl<const N: usize> Bsdf<N> for OpaqueBsdf<'_, N> {
     }
 
     fn outcomes(&self) -> Outcomes {
-        if self.valid && !self.dark { Outcomes::SCATTERED } else { Outcomes::ABSORBED }
+        if self.incident.valid && !self.dark { Outcomes::SCATTERED } else { Outcomes::ABSORBED }
     }
 }

@@ -17,8 +17,9 @@
 use super::FiberQuery;
 use super::azimuthal::{CrossSection, OFFSETS, turn};
 use super::far_table::FarTable;
-use super::fast::{asin, atan2, exp, lanes, sin_cos, wrapped};
+use super::fast::{asin, atan2, atan2_each, exp, lanes, sin_cos, wrapped};
 use super::gaussian::{Gaussian, TruncatedGaussian};
+use super::incident::Incident;
 use super::longitudinal::Latitude;
 use super::range::{invalid, parameter};
 use crate::bsdf::Outcomes;
@@ -105,11 +106,43 @@ pub struct RoughDielectricFiber {
     parameters: RoughDielectricParameters,
     longitudinal: [Gaussian; 3],
     azimuthal: [Option<Gaussian>; 3],
+    lobes: Lobes,
     /// h of the positive offsets of an ellipse's far TRT, and the weight of each sign.
     offsets: [(f32, f32); OFFSETS_A_SIDE],
     far: FarTable,
     /// n_1 and n_2 of an ellipse.
     ellipse: Option<[f32; 2]>,
+}
+
+/// R, TT and TRT side by side in a vector; the last of four has no light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Lobes {
+    shift: [f32; 4],
+    /// One over the widths, of latitude and azimuth; 0 over an azimuth without width.
+    inverse: [[f32; 4]; 2],
+    /// Densities at 0.
+    peak: [[f32; 4]; 2],
+    /// Whether all are Gaussians of a circle.
+    plain: bool,
+}
+
+impl Lobes {
+    fn new(p: &RoughDielectricParameters) -> Lobes {
+        let of = |get: &dyn Fn(usize) -> f32| lanes(|k| if k < 3 { get(k) } else { 0.0 });
+        let azimuth = |k: usize| (p.width_phi[k] > 0.0).then(|| Gaussian::new(p.width_phi[k], PI));
+        Lobes {
+            shift: of(&|k| p.shift[k]),
+            inverse: [
+                of(&|k| 1.0 / p.width_theta[k]),
+                of(&|k| if p.width_phi[k] > 0.0 { 1.0 / p.width_phi[k] } else { 0.0 }),
+            ],
+            peak: [
+                of(&|k| Gaussian::new(p.width_theta[k], FRAC_PI_2).normalizer()),
+                of(&|k| azimuth(k).map_or(0.0, |g| g.normalizer())),
+            ],
+            plain: p.eccentricity == 1.0 && p.width_phi.iter().all(|w| *w > 0.0),
+        }
+    }
 }
 
 impl RoughDielectricFiber {
@@ -139,6 +172,7 @@ impl RoughDielectricFiber {
             parameters,
             longitudinal: p.width_theta.map(|w| Gaussian::new(w, FRAC_PI_2)),
             azimuthal: p.width_phi.map(|w| (w > 0.0).then(|| Gaussian::new(w, PI))),
+            lobes: Lobes::new(p),
             offsets: std::array::from_fn(offset),
             // Of a lobe without width the energies alone are asked for.
             far: FarTable::new(p.eta, &p.width_phi.map(|w| if w > 0.0 { w } else { 0.5 })),
@@ -154,28 +188,25 @@ impl RoughDielectricFiber {
     /// The fiber at a query. Where an input is not finite, or `omega_i` is no direction, nothing is scattered.
     pub fn at<const N: usize>(&self, query: &FiberQuery<N>) -> RoughDielectricBsdf<'_, N> {
         let finite = query.sigma_per_um.iter().all(|s| s.is_finite()) && query.h_rel.is_none_or(f32::is_finite);
-        let valid = is_direction(query.omega_i) && finite;
-        let wi = if valid { query.omega_i } else { [1.0, 0.0, 0.0] };
-        let latitude = Latitude::of(wi);
+        let incident = Incident::new(query.omega_i, finite);
+        let latitude = incident.latitude;
         let theta_i = atan2(latitude.sin, latitude.cos);
         let p = &self.parameters;
         let h_rel = query.h_rel.map(|h| h.clamp(-1.0, 1.0));
         let mut at = RoughDielectricBsdf {
             fiber: self,
-            azimuth: if latitude.cos > 0.0 { [wi[0] / latitude.cos, wi[1] / latitude.cos] } else { [1.0, 0.0] },
+            incident,
             theta_i,
-            incident: latitude,
-            latitude: std::array::from_fn(|lobe| {
-                let middle = p.shift[lobe] - theta_i;
-                TruncatedGaussian::new(p.width_theta[lobe], [-FRAC_PI_2 - middle, FRAC_PI_2 - middle])
-            }),
+            latitude: TruncatedGaussian::three(
+                p.width_theta,
+                p.shift.map(|shift| [-FRAC_PI_2 - (shift - theta_i), FRAC_PI_2 - (shift - theta_i)]),
+            ),
             sigma_per_um: lanes(|n| query.sigma_per_um[n].clamp(0.0, 1e6)),
             near: h_rel.map(|h| [h, asin(h)]),
             chance: [0.0; 3],
             diffuse_chance: 1.0,
-            valid,
         };
-        if valid {
+        if incident.valid {
             let section = CrossSection::new(p.eta, p.radius_um, latitude.sin);
             let near = at.near.map(|[h, _]| at.attenuations(&section, h));
             let row = self.far.row(theta_i);
@@ -217,10 +248,8 @@ fn ellipse_indices(eta: f32, e: f32) -> [f32; 2] {
 #[derive(Clone, Copy, Debug)]
 pub struct RoughDielectricBsdf<'a, const N: usize> {
     fiber: &'a RoughDielectricFiber,
-    /// Cosine and sine of phi_i; of 0 for light along the fiber.
-    azimuth: [f32; 2],
+    incident: Incident,
     theta_i: f32,
-    incident: Latitude,
     /// Of samples: theta_o less the middle of each lobe.
     latitude: [TruncatedGaussian; 3],
     sigma_per_um: [f32; N],
@@ -229,7 +258,14 @@ pub struct RoughDielectricBsdf<'a, const N: usize> {
     /// Chances of the lobes.
     chance: [f32; 3],
     diffuse_chance: f32,
-    valid: bool,
+}
+
+/// Where f is asked for: latitude, azimuth from phi_i on, and gamma_t there at the query's offset.
+#[derive(Clone, Copy)]
+struct Angles {
+    theta_o: f32,
+    phi: f32,
+    gamma_t: f32,
 }
 
 /// A lobe's light in an azimuth [1/rad], and the density of samples there.
@@ -238,7 +274,7 @@ type Azimuthal<const N: usize> = ([f32; N], f32);
 impl<const N: usize> RoughDielectricBsdf<'_, N> {
     /// The fiber's diameter [um], of an ellipse its width across the light; 0 where the query was refused.
     pub fn width_um(&self) -> [f32; N] {
-        [if self.valid { self.fiber.width_um(self.azimuth) } else { 0.0 }; N]
+        [if self.incident.valid { self.fiber.width_um(self.incident.azimuth()) } else { 0.0 }; N]
     }
 
     /// The section that light between theta_i and this latitude sees.
@@ -251,7 +287,8 @@ impl<const N: usize> RoughDielectricBsdf<'_, N> {
     /// |sin theta_d|.
     #[inline]
     fn sin_d(&self, o: Latitude) -> f32 {
-        let cos = o.cos * self.incident.cos + o.sin * self.incident.sin;
+        let i = self.incident.latitude;
+        let cos = o.cos * i.cos + o.sin * i.sin;
         (0.5 * (1.0 - cos)).max(0.0).sqrt()
     }
 
@@ -260,7 +297,7 @@ impl<const N: usize> RoughDielectricBsdf<'_, N> {
         let [first, second] = self.fiber.ellipse?;
         let p = &self.fiber.parameters;
         // cos(phi_i + phi_o) = cos(2 phi_i + phi).
-        let [x, y] = self.azimuth;
+        let [x, y] = self.incident.azimuth();
         let (sin, cos) = sin_cos(phi);
         let double = (x * x - y * y) * cos - 2.0 * x * y * sin;
         let eta = 0.5 * ((first + second) + double * (first - second));
@@ -306,14 +343,23 @@ impl<const N: usize> RoughDielectricBsdf<'_, N> {
         (f, density)
     }
 
+    /// gamma_t at the query's offset, 0 where it has none.
+    #[inline]
+    fn gamma_t(&self, section: &CrossSection) -> f32 {
+        self.near.map_or(0.0, |[h, _]| section.gamma_t(h))
+    }
+
     /// All lobes in the relative azimuth `phi`.
     #[inline]
-    fn azimuthal(&self, o: Latitude, theta_o: f32, phi: f32) -> [Azimuthal<N>; 3] {
-        let section = self.section(o);
+    fn azimuthal(
+        &self,
+        o: Latitude,
+        section: &CrossSection,
+        Angles { theta_o, phi, gamma_t }: Angles,
+    ) -> [Azimuthal<N>; 3] {
         let mut all = [([0.0; N], 0.0); 3];
         if let Some([h, gamma]) = self.near {
-            let a = self.attenuations(&section, h);
-            let gamma_t = section.gamma_t(h);
+            let a = self.attenuations(section, h);
             for lobe in 0..3 {
                 if let Some(gaussian) = &self.fiber.azimuthal[lobe] {
                     let g = gaussian.eval(wrapped(phi - turn(lobe as u32, gamma, gamma_t)));
@@ -333,7 +379,7 @@ impl<const N: usize> RoughDielectricBsdf<'_, N> {
         }
         for lobe in 0..3 {
             if self.fiber.azimuthal[lobe].is_none() {
-                all[lobe] = self.rooted(&section, lobe, phi);
+                all[lobe] = self.rooted(section, lobe, phi);
             }
         }
         if let Some(section) = self.elliptical(o, phi) {
@@ -348,7 +394,7 @@ impl<const N: usize> RoughDielectricBsdf<'_, N> {
     }
 
     /// The azimuth of a sample of a lobe by the number `u`.
-    fn draw_azimuth(&self, o: Latitude, theta_o: f32, lobe: usize, mut u: f32) -> f32 {
+    fn draw_azimuth(&self, section: &CrossSection, theta_o: f32, gamma_t: f32, lobe: usize, mut u: f32) -> f32 {
         if lobe == 2 && self.fiber.ellipse.is_some() {
             if u < 0.5 {
                 return 2.0 * TAU * u;
@@ -356,33 +402,47 @@ impl<const N: usize> RoughDielectricBsdf<'_, N> {
             u = clamp_unit(2.0 * u - 1.0);
         }
         match (&self.fiber.azimuthal[lobe], self.near) {
-            (None, _) => self.section(o).turn(lobe as u32, 2.0 * u - 1.0),
-            (Some(gaussian), Some([h, gamma])) => {
-                turn(lobe as u32, gamma, self.section(o).gamma_t(h)) + gaussian.sample(u)
-            }
+            (None, _) => section.turn(lobe as u32, 2.0 * u - 1.0),
+            (Some(gaussian), Some([_, gamma])) => turn(lobe as u32, gamma, gamma_t) + gaussian.sample(u),
             (Some(_), None) => self.fiber.far.sample(self.fiber.far.row(0.5 * (theta_o - self.theta_i)), lobe, u),
         }
     }
 
-    /// f and pdf at a latitude and relative azimuth.
+    /// f and pdf at a latitude, whose section it is, and a relative azimuth.
     #[inline]
-    fn at_angles(&self, o: Latitude, theta_o: f32, phi: f32) -> ([f32; N], f32) {
-        let p = &self.fiber.parameters;
-        let cos_d2 = 0.5 * (1.0 + o.cos * self.incident.cos + o.sin * self.incident.sin);
+    fn at_angles(&self, o: Latitude, section: &CrossSection, angles: Angles) -> ([f32; N], f32) {
+        let (p, lobes, i) = (&self.fiber.parameters, &self.fiber.lobes, self.incident.latitude);
+        let cos_d2 = 0.5 * (1.0 + o.cos * i.cos + o.sin * i.sin);
         let scale = o.cos / cos_d2.max(1e-6);
         let inverse = 1.0 / o.cos.max(1e-6);
         let mut f = [2.0 * p.k_d * o.cos; N];
         let mut pdf = self.diffuse_chance / (2.0 * TAU);
-        let shape: [f32; 3] = lanes(|lobe| {
-            let t = (theta_o + self.theta_i - p.shift[lobe]) / p.width_theta[lobe];
-            exp(-0.5 * t * t)
+        // Exponents over the latitude.
+        let along: [f32; 4] = lanes(|k| {
+            let t = (angles.theta_o + self.theta_i - lobes.shift[k]) * lobes.inverse[0][k];
+            -0.5 * t * t
         });
+        if let (Some([h, gamma]), true) = (self.near, lobes.plain) {
+            let turns = [0, 1, 2, 2].map(|order| turn(order, gamma, angles.gamma_t));
+            let shape: [f32; 4] = lanes(|k| {
+                let t = wrapped(angles.phi - turns[k]) * lobes.inverse[1][k];
+                lobes.peak[1][k] * exp(along[k] - 0.5 * t * t)
+            });
+            let a = self.attenuations(section, h);
+            for lobe in 0..3 {
+                let m = scale * shape[lobe] * lobes.peak[0][lobe];
+                (0..N).for_each(|n| f[n] += m * a[lobe][n]);
+                pdf += self.chance[lobe] * shape[lobe] * self.latitude[lobe].normalizer() * inverse;
+            }
+            return (f, pdf);
+        }
+        let shape: [f32; 4] = lanes(|k| exp(along[k]));
         if shape[0] + shape[1] + shape[2] < 1e-30 {
             return (f, pdf);
         }
-        let all = self.azimuthal(o, theta_o, phi);
+        let all = self.azimuthal(o, section, angles);
         for lobe in 0..3 {
-            let m = scale * shape[lobe] * self.fiber.longitudinal[lobe].normalizer();
+            let m = scale * shape[lobe] * lobes.peak[0][lobe];
             let drawn = self.chance[lobe] * shape[lobe] * self.latitude[lobe].normalizer() * inverse;
             let (light, density) = &all[lobe];
             (0..N).for_each(|n| f[n] += m * light[n]);
@@ -404,16 +464,19 @@ impl<const N: usize> Bsdf<N> for RoughDielectricBsdf<'_, N> {
 
     #[inline]
     fn eval_pdf(&self, w: [f32; 3]) -> ([f32; N], f32) {
-        if !(self.valid && is_direction(w)) {
+        if !(self.incident.valid && is_direction(w)) {
             return ([0.0; N], 0.0);
         }
         let o = Latitude::of(w);
-        let [x, y] = self.azimuth;
-        self.at_angles(o, atan2(o.sin, o.cos), atan2(x * w[1] - y * w[0], x * w[0] + y * w[1]))
+        let section = self.section(o);
+        let [across, side] = self.incident.relative(w);
+        let [sin_t, cos_t] = self.near.map_or([0.0, 1.0], |[h, _]| [section.sin_t(h), section.cos_t(h)]);
+        let [theta_o, phi, gamma_t, _] = atan2_each([o.sin, side, sin_t, 0.0], [o.cos, across, cos_t, 1.0]);
+        self.at_angles(o, &section, Angles { theta_o, phi, gamma_t })
     }
 
     fn sample(&self, u: [f32; 3]) -> BsdfSample<N> {
-        if !(self.valid && u.iter().all(|v| (0.0..1.0).contains(v))) {
+        if !(self.incident.valid && u.iter().all(|v| (0.0..1.0).contains(v))) {
             return BsdfSample::Absorbed;
         }
         let mut left = u[2];
@@ -432,32 +495,36 @@ impl<const N: usize> Bsdf<N> for RoughDielectricBsdf<'_, N> {
                 return BsdfSample::Absorbed;
             }
         }
-        let (latitude, theta_o, azimuth) = match chosen {
+        let (latitude, section, angles) = match chosen {
             Some(lobe) => {
                 let middle = self.fiber.parameters.shift[lobe] - self.theta_i;
                 let theta_o = (middle + self.latitude[lobe].sample(u[1])).clamp(-FRAC_PI_2, FRAC_PI_2);
                 let (sin, cos) = sin_cos(theta_o);
                 let o = Latitude { sin, cos: cos.max(0.0) };
-                (o, theta_o, self.draw_azimuth(o, theta_o, lobe, u[0]))
+                let section = self.section(o);
+                let gamma_t = self.gamma_t(&section);
+                let phi = self.draw_azimuth(&section, theta_o, gamma_t, lobe, u[0]);
+                (o, section, Angles { theta_o, phi: wrapped(phi), gamma_t })
             }
             None => {
                 let sin = 2.0 * u[1] - 1.0;
                 let o = Latitude { sin, cos: (1.0 - sin * sin).max(0.0).sqrt() };
-                (o, atan2(o.sin, o.cos), TAU * u[0])
+                let section = self.section(o);
+                let gamma_t = self.gamma_t(&section);
+                (o, section, Angles { theta_o: atan2(o.sin, o.cos), phi: wrapped(TAU * u[0]), gamma_t })
             }
         };
-        let [x, y] = self.azimuth;
-        let (sin, cos) = sin_cos(azimuth);
-        let w = [latitude.cos * (x * cos - y * sin), latitude.cos * (x * sin + y * cos), latitude.sin];
+        let (sin, cos) = sin_cos(angles.phi);
+        let w = self.incident.direction([latitude.cos * cos, latitude.cos * sin], latitude.sin);
         // Caustics take the direction as eval would: its last digit counts there.
         let smooth = self.fiber.azimuthal.iter().any(Option::is_none);
-        let (f, pdf) = if smooth { self.eval_pdf(w) } else { self.at_angles(latitude, theta_o, wrapped(azimuth)) };
+        let (f, pdf) = if smooth { self.eval_pdf(w) } else { self.at_angles(latitude, &section, angles) };
         BsdfSample::scattered(w, f, pdf)
     }
 
     /// Integral of f, by midpoints over the latitude and, of an ellipse, the azimuth: some 50 us in the far field, 20 ms of an ellipse.
     fn albedo(&self) -> [f32; N] {
-        if !self.valid {
+        if !self.incident.valid {
             return [0.0; N];
         }
         let p = &self.fiber.parameters;
@@ -478,13 +545,15 @@ impl<const N: usize> Bsdf<N> for RoughDielectricBsdf<'_, N> {
                 let m = step * ratio * self.fiber.longitudinal[lobe].eval(theta_o - middle);
                 let mut light = [0.0; N];
                 let mut add = |weight: f32, a: [f32; N]| (0..N).for_each(|n| light[n] += weight * a[n]);
+                let section = self.section(o);
+                let gamma_t = self.gamma_t(&section);
                 if elliptical {
                     for j in 0..ELLIPTICAL[1] {
                         let phi = TAU * ((j as f32 + 0.5) / ELLIPTICAL[1] as f32 - 0.5);
-                        add(TAU / ELLIPTICAL[1] as f32, self.azimuthal(o, theta_o, phi)[2].0);
+                        let angles = Angles { theta_o, phi, gamma_t };
+                        add(TAU / ELLIPTICAL[1] as f32, self.azimuthal(o, &section, angles)[2].0);
                     }
                 } else {
-                    let section = self.section(o);
                     match (self.near, &self.fiber.azimuthal[lobe]) {
                         (Some([h, _]), Some(_)) => add(1.0, self.attenuations(&section, h)[lobe]),
                         _ => OFFSETS.iter().for_each(|(h, weight)| {
@@ -499,7 +568,7 @@ impl<const N: usize> Bsdf<N> for RoughDielectricBsdf<'_, N> {
     }
 
     fn outcomes(&self) -> Outcomes {
-        let lit = self.valid && (self.fiber.parameters.k_d > 0.0 || self.chance.iter().sum::<f32>() > 0.5);
+        let lit = self.incident.valid && (self.fiber.parameters.k_d > 0.0 || self.chance.iter().sum::<f32>() > 0.5);
         if lit { Outcomes::SCATTERED } else { Outcomes::ABSORBED }
     }
 }

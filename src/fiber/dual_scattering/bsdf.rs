@@ -3,6 +3,7 @@
 use super::{DualScattering, Spread};
 use crate::Bsdf;
 use crate::fiber::gaussian::erf;
+use crate::fiber::incident::Incident;
 use crate::fiber::longitudinal::Latitude;
 use crate::fiber::{FiberModel, FiberQuery};
 use crate::frame::{direction, is_direction};
@@ -98,8 +99,7 @@ pub struct DualBsdf<'a, const N: usize> {
     theta_d: f32,
     /// Of straight light.
     cos_d: f32,
-    /// Cosine and sine of phi_d.
-    azimuth: [f32; 2],
+    incident: Incident,
     /// T_f; 1 where nothing stands before.
     transmitted: [f32; N],
     sigma_f: f32,
@@ -107,7 +107,6 @@ pub struct DualBsdf<'a, const N: usize> {
     inside: f32,
     behind: Option<u32>,
     direct: bool,
-    valid: bool,
 }
 
 impl<'a, const N: usize> DualBsdf<'a, N> {
@@ -121,9 +120,8 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
             && occlusion.variance.is_finite()
             && occlusion.drift.is_finite()
             && occlusion.fibers.is_finite();
-        let valid = is_direction(query.omega_i) && finite;
-        let wi = if valid { query.omega_i } else { [1.0, 0.0, 0.0] };
-        let d = Latitude::of(wi);
+        let incident = Incident::new(query.omega_i, finite);
+        let d = incident.latitude;
         let direct = occlusion.is_direct();
         let density = if direct { 1.0 } else { dual.options.forward_density };
         let theta_d = (d.sin.atan2(d.cos) + occlusion.drift).max(-FRAC_PI_2).min(FRAC_PI_2);
@@ -135,13 +133,12 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
             query: *query,
             theta_d,
             cos_d: d.cos.max(1e-4),
-            azimuth: if d.cos > 0.0 { [wi[0] / d.cos, wi[1] / d.cos] } else { [1.0, 0.0] },
+            incident,
             transmitted: occlusion.transmitted.map(|t| density * t),
             sigma_f,
             inside: 0.5 * (below(FRAC_PI_2 - theta_d) + below(FRAC_PI_2 + theta_d)),
             behind: occlusion.behind,
             direct,
-            valid,
         }
     }
 
@@ -154,13 +151,13 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
     /// The note's integrator (Khungurn 2015, Eq. 1): radiance towards `w` for a unit of radiance [1/sr]; a host multiplies by `L_d / p_emitter`.
     pub fn radiance(&self, w: [f32; 3]) -> [f32; N] {
         let cos_o = Latitude::of(w).cos;
-        let scale = if self.valid && is_direction(w) { self.cos_d / cos_o.max(1e-4) } else { 0.0 };
+        let scale = if self.incident.valid && is_direction(w) { self.cos_d / cos_o.max(1e-4) } else { 0.0 };
         self.eval(w).map(|f| f * scale)
     }
 
     /// The two terms.
     pub fn terms(&self, w: [f32; 3]) -> DualTerms<N> {
-        if !(self.valid && is_direction(w)) {
+        if !(self.incident.valid && is_direction(w)) {
             return DualTerms { global: [0.0; N], local: [0.0; N] };
         }
         let o = Latitude::of(w);
@@ -172,8 +169,8 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
 
     /// |phi_o - phi_d|.
     fn relative(&self, w: [f32; 3]) -> f32 {
-        let [x, y] = self.azimuth;
-        (x * w[1] - y * w[0]).atan2(x * w[0] + y * w[1]).abs()
+        let [across, side] = self.incident.relative(w);
+        side.atan2(across).abs()
     }
 
     /// Latitudes of the light that arrives, and the weights of its flux, whose sum is 1 but for [`Spread::Radiance`].
@@ -280,7 +277,7 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
 
     /// Integral of f over the sphere but for the tables' errors: light scattered by the fiber, and by its neighbors.
     pub fn energy(&self) -> DualTerms<N> {
-        if !self.valid {
+        if !self.incident.valid {
             return DualTerms { global: [0.0; N], local: [0.0; N] };
         }
         let (mut global, mut local) = ([0.0; N], [0.0; N]);
@@ -300,14 +297,14 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
 
     /// F^G as [`DualBsdf::terms`] has it, by quadrature of the model's f over `steps` latitudes and `2 steps` azimuths: the reference of the tables, slow.
     pub fn global(&self, w: [f32; 3], steps: u32) -> [f32; N] {
-        if !(self.valid && is_direction(w)) {
+        if !(self.incident.valid && is_direction(w)) {
             return [0.0; N];
         }
         if self.direct {
             return self.model.at(&self.query).eval(w);
         }
         let (low, high) = self.reach(self.theta_d, 6.0 * self.sigma_f);
-        let [x, y] = self.azimuth;
+        let [x, y] = self.incident.azimuth();
         let phi_d = y.atan2(x);
         let (mut sum, mut total) = ([0.0f64; N], 0.0f64);
         for i in 0..steps {
