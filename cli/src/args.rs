@@ -1,6 +1,7 @@
 //! The command line. Angles are in degrees here and nowhere else; offsets are relative to the ply radius.
 
 mod build;
+mod farm;
 mod model;
 mod plot;
 mod render;
@@ -9,6 +10,7 @@ mod twin;
 mod wave;
 
 pub use build::*;
+pub use farm::*;
 pub use model::*;
 pub use plot::*;
 pub use render::*;
@@ -67,6 +69,8 @@ pub enum Command {
     Weave(WeaveArgs),
     /// Trace the explicit fibers of a cloth, with no model in between: fabric spec (TOML) in, its twin (.pwx) out, which `check` holds the fabric to.
     Twin(TwinArgs),
+    /// Make the files of a library on many machines, by Dask: library file (TOML) in, models, tables, twins and a page that shows them out.
+    Farm(FarmArgs),
     /// Wave optics of parallel fibers.
     Wave(WaveArgs),
     /// Compare wave and ray optics over instances of a ply's cross section: spec (TOML) in, folder with report.json and compare.png out.

@@ -28,5 +28,6 @@ pub use error::Error;
 pub use recipe::{Quality, Recipe, Speckle, with_keys};
 pub use run::{Progress, Run, Stage};
 pub use stages::{
-    FitQuality, LEAST_MET, add_speckle, check_fit, fit_model, simulate, solve_speckle, speckle_options, yarn_table,
+    FitQuality, LEAST_MET, add_speckle, check_fit, fit_model, simulate, simulate_job, solve_speckle, speckle_options,
+    yarn_table,
 };

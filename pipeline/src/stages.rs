@@ -39,7 +39,10 @@ fn run_job<J: runs::Job>(
 }
 
 /// The job of a recipe's simulation, refused when its table could not be saved for the noise of few paths.
-pub(crate) fn simulate_job(recipe: &Recipe) -> Result<SimulateJob, Error> {
+///
+/// # Errors
+/// [`Error::Simulation`].
+pub fn simulate_job(recipe: &Recipe) -> Result<SimulateJob, Error> {
     let refuse = |e: SimError| Error::of_simulation(e, &recipe.file);
     let job = SimulateJob::new(&recipe.spec, &recipe.spec_text, &recipe.simulation()).map_err(refuse)?;
     job.check_savable().map_err(refuse)?;

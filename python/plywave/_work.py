@@ -31,7 +31,8 @@ def run_args(folder: Optional[PathLike], resume: bool, call: Any) -> Dict[str, A
     return {"folder": None if folder is None else os.fspath(folder), "resume": bool(resume), "threads": get_threads(), "progress": call}
 
 
-def _recipe(quality: str, seed: int, paths: Optional[int], instances: Optional[int], traced: bool, speckle: Any) -> Dict[str, Any]:
+def recipe_args(quality: str, seed: int, paths: Optional[int], instances: Optional[int], traced: bool, speckle: Any) -> Dict[str, Any]:
+    """What to make, for the extension module."""
     if isinstance(speckle, Speckle):
         speckle = (speckle.to_bytes(), speckle._name)
     elif not isinstance(speckle, bool):
@@ -81,7 +82,7 @@ def build(
         Error: for a spec that is refused, and a folder of another run.
         KeyboardInterrupt: when stopped.
     """
-    recipe = _recipe(quality, seed, paths, instances, False, speckle)
+    recipe = recipe_args(quality, seed, paths, instances, False, speckle)
     with Told(progress) as call:
         model, table, _ = _plywave.build(spec_args(spec, "yarn spec"), recipe, run_args(folder, resume, call))
     made = Model.from_bytes(model, "model")
@@ -102,7 +103,7 @@ def simulate(
     progress: Progress = None,
 ) -> Table:
     """Simulates the ply of a yarn spec; with `traced_plies` the plies of its yarn together. The other arguments are those of `build`."""
-    recipe = _recipe(quality, seed, paths, instances, traced_plies, False)
+    recipe = recipe_args(quality, seed, paths, instances, traced_plies, False)
     with Told(progress) as call:
         return Table._trusted(_plywave.simulate(spec_args(spec, "yarn spec"), recipe, run_args(folder, resume, call)), "table")
 

@@ -133,7 +133,39 @@ def tabulate(
         resume: Use shards that are there; without, they are deleted.
         progress: `True` for a bar, or a function of stage, unit, done and total.
     """
-    args = {
+    args = tabulate_args(
+        quality,
+        sigma_per_um=sigma_per_um,
+        rays=rays,
+        lambdas=lambdas,
+        thetas=thetas,
+        azimuths=azimuths,
+        ray_count=ray_count,
+        seed=seed,
+        beta_m_rad=beta_m_rad,
+    )
+    with Told(progress) as call:
+        return Fiber.from_bytes(_plywave.wave_tabulate(spec_args(spec, "spec"), args, run_args(folder, resume, call)), "fiber")
+
+
+def _count(value: Any, name: str) -> Optional[int]:
+    return None if value is None else whole(value, name)
+
+
+def tabulate_args(
+    quality: str = "standard",
+    *,
+    sigma_per_um: float = 0.0,
+    rays: bool = False,
+    lambdas: Optional[int] = None,
+    thetas: Optional[int] = None,
+    azimuths: Optional[int] = None,
+    ray_count: Optional[int] = None,
+    seed: int = 1,
+    beta_m_rad: float = 0.1,
+) -> Dict[str, Any]:
+    """What to tabulate, for the extension module."""
+    return {
         "quality": str(quality),
         "sigma_per_um": float(sigma_per_um),
         "rays": bool(rays),
@@ -144,12 +176,6 @@ def tabulate(
         "seed": whole(seed, "seed"),
         "beta_m_rad": float(beta_m_rad),
     }
-    with Told(progress) as call:
-        return Fiber.from_bytes(_plywave.wave_tabulate(spec_args(spec, "spec"), args, run_args(folder, resume, call)), "fiber")
-
-
-def _count(value: Any, name: str) -> Optional[int]:
-    return None if value is None else whole(value, name)
 
 
 def speckle(

@@ -7,6 +7,7 @@ mod fabric;
 mod fiber;
 mod files;
 mod model;
+mod shards;
 mod tensors;
 mod watch;
 mod work;
@@ -37,5 +38,14 @@ fn _plywave(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(work::wave_scatter, module)?)?;
     module.add_function(wrap_pyfunction!(work::wave_tabulate, module)?)?;
     module.add_function(wrap_pyfunction!(work::wave_speckle, module)?)?;
+    module.add_function(wrap_pyfunction!(shards::plan_build, module)?)?;
+    module.add_function(wrap_pyfunction!(shards::plan_tabulate, module)?)?;
+    module.add_function(wrap_pyfunction!(shards::plan_speckle, module)?)?;
+    module.add_function(wrap_pyfunction!(shards::plan_twin, module)?)?;
+    module.add_function(wrap_pyfunction!(shards::run_block, module)?)?;
+    module.add_function(wrap_pyfunction!(shards::check_block, module)?)?;
+    module.add_function(wrap_pyfunction!(shards::block_name, module)?)?;
+    module.add_function(wrap_pyfunction!(shards::run_job, module)?)?;
+    module.add_function(wrap_pyfunction!(files::json_of_toml, module)?)?;
     tensors::register(module)
 }

@@ -25,7 +25,7 @@ pub(crate) struct SpecArgs {
 }
 
 impl SpecArgs {
-    fn name(&self) -> String {
+    pub(crate) fn name(&self) -> String {
         self.path.as_ref().map_or_else(|| self.name.clone(), |path| path.display().to_string())
     }
 
@@ -59,10 +59,10 @@ fn read(path: &Path) -> Outcome<String> {
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct RunArgs {
-    folder: Option<PathBuf>,
-    resume: bool,
-    threads: usize,
-    progress: Option<Py<PyAny>>,
+    pub(crate) folder: Option<PathBuf>,
+    pub(crate) resume: bool,
+    pub(crate) threads: usize,
+    pub(crate) progress: Option<Py<PyAny>>,
 }
 
 /// What to make of a spec.
@@ -95,7 +95,7 @@ pub(crate) fn quality(name: &str) -> Outcome<Quality> {
     })
 }
 
-fn recipe(spec: &SpecArgs, args: RecipeArgs) -> Outcome<Recipe> {
+pub(crate) fn recipe(spec: &SpecArgs, args: RecipeArgs) -> Outcome<Recipe> {
     let (yarn, text) = spec.yarn()?;
     let mut recipe = Recipe::new(spec.name(), yarn, text, quality(&args.quality)?);
     (recipe.seed, recipe.paths, recipe.instances) = (args.seed, args.paths, args.instances);
@@ -226,14 +226,8 @@ pub(crate) struct TabulateArgs {
     beta_m_rad: f64,
 }
 
-/// The bytes of a fiber's table.
-#[pyfunction]
-pub(crate) fn wave_tabulate<'py>(
-    py: Python<'py>,
-    spec: SpecArgs,
-    args: TabulateArgs,
-    run: RunArgs,
-) -> Outcome<Bound<'py, PyBytes>> {
+/// The job of a fiber's table.
+pub(crate) fn tabulate_job(spec: &SpecArgs, args: TabulateArgs) -> Outcome<TabulateJob<'static>> {
     let refuse = |key: &str, value: f64, hint: &str| Err(Failure::input("options", key, value, hint));
     if !(args.sigma_per_um >= 0.0 && args.sigma_per_um <= 1e3) {
         return refuse("sigma_per_um", args.sigma_per_um, "must be 0 to 1000, in 1/um");
@@ -270,7 +264,19 @@ pub(crate) fn wave_tabulate<'py>(
     }
     .map_err(refuse)?;
     let source = if args.rays { FiberSource::Ray } else { FiberSource::Wave };
-    let job = TabulateJob::new(&fiber, &text, &options, source).map_err(refuse)?;
+    TabulateJob::new(&fiber, &text, &options, source).map_err(refuse)
+}
+
+/// The bytes of a fiber's table.
+#[pyfunction]
+pub(crate) fn wave_tabulate<'py>(
+    py: Python<'py>,
+    spec: SpecArgs,
+    args: TabulateArgs,
+    run: RunArgs,
+) -> Outcome<Bound<'py, PyBytes>> {
+    let name = spec.name();
+    let job = tabulate_job(&spec, args)?;
     let shards = Shards::open(run.folder, run.resume, &["tabulate"])?;
     let done = watched(py, run.threads, run.progress, |watch| {
         Ok(watch.run_job(&job, ("tabulate", "slices"), shards.of(0), &name)?.to_bytes()?)
@@ -279,6 +285,17 @@ pub(crate) fn wave_tabulate<'py>(
     let table = done?;
     shards.remove();
     Ok(bytes_of(py, &table))
+}
+
+/// The job of speckle patterns of a spec's fiber.
+pub(crate) fn speckle_job(spec: &SpecArgs, instances: u32, seed: u64) -> Outcome<SpeckleJob> {
+    if !(2..=100_000).contains(&instances) {
+        return Err(Failure::input("options", "instances", instances, "must be 2 to 100000"));
+    }
+    let name = spec.name();
+    let (yarn, text) = spec.yarn()?;
+    let options = SpeckleOptions { instances, seed, ..SpeckleOptions::default() };
+    SpeckleJob::new(&yarn, &text, &options).map_err(|e| Failure::of_run(e, &name))
 }
 
 /// The bytes of speckle patterns of a spec's fiber.
@@ -290,13 +307,8 @@ pub(crate) fn wave_speckle<'py>(
     seed: u64,
     run: RunArgs,
 ) -> Outcome<Bound<'py, PyBytes>> {
-    if !(2..=100_000).contains(&instances) {
-        return Err(Failure::input("options", "instances", instances, "must be 2 to 100000"));
-    }
     let name = spec.name();
-    let (yarn, text) = py.detach(|| spec.yarn())?;
-    let options = SpeckleOptions { instances, seed, ..SpeckleOptions::default() };
-    let job = SpeckleJob::new(&yarn, &text, &options).map_err(|e| Failure::of_run(e, &name))?;
+    let job = py.detach(|| speckle_job(&spec, instances, seed))?;
     let shards = Shards::open(run.folder, run.resume, &["speckle"])?;
     let done = watched(py, run.threads, run.progress, |watch| {
         Ok(watch.run_job(&job, ("speckle", "fibers"), shards.of(0), &name)?.to_bytes()?)

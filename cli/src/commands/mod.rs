@@ -12,6 +12,7 @@ pub mod diff_models;
 pub mod diff_tables;
 pub mod diffraction_view;
 pub mod eval;
+pub mod farm;
 pub mod fiber_view;
 pub mod fit;
 pub mod gallery;

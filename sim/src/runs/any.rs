@@ -1,6 +1,9 @@
-//! Parts of any kind of job, merged into the output of that kind.
+//! Jobs of any kind, made anew from their descriptions: to run shards of them elsewhere, and to merge their parts.
 
+use super::job::{Description, Plan};
 use super::merge::Parts;
+use super::part::PartFile;
+use super::runner::{Run, run, run_block};
 use crate::error::SimError;
 use crate::simulate::SimulateJob;
 use crate::twin::TwinJob;
@@ -9,6 +12,7 @@ use plywave::fiber::FiberTable;
 use plywave::speckle::SpecklePatterns;
 use plywave::table::Table;
 use plywave::twin::ClothTwin;
+use std::ops::Range;
 
 /// What a job makes.
 pub enum Output {
@@ -26,26 +30,135 @@ pub enum Output {
     Twin(Box<ClothTwin>),
 }
 
-impl Parts {
-    /// The output of the job that the parts are of, made anew from their description.
+/// A job of any kind.
+pub struct AnyJob(Kind);
+
+enum Kind {
+    Simulate(Box<SimulateJob>),
+    Tabulate(Box<TabulateJob<'static>>),
+    Speckle(Box<SpeckleJob>),
+    Compare(Box<CompareJob<'static>>),
+    Scatter(Box<ScatterJob<'static>>),
+    Twin(Box<TwinJob>),
+}
+
+/// The same expression of whatever job it is.
+macro_rules! each {
+    ($self:ident, $job:ident => $does:expr) => {
+        match &$self.0 {
+            Kind::Simulate($job) => $does,
+            Kind::Tabulate($job) => $does,
+            Kind::Speckle($job) => $does,
+            Kind::Compare($job) => $does,
+            Kind::Scatter($job) => $does,
+            Kind::Twin($job) => $does,
+        }
+    };
+}
+
+impl AnyJob {
+    /// The job of a description; `extent` is [`super::Job::extent`].
     ///
     /// # Errors
-    /// As [`Parts::merge`], and those of the spec in the parts.
-    pub fn output(&self) -> Result<Output, SimError> {
-        let (job, extent) = (self.description(), self.extent());
-        Ok(match job.kind.as_str() {
-            "simulate" => Output::Table(Box::new(self.merge(&SimulateJob::of(job)?)?)),
-            "tabulate" => Output::Fiber(Box::new(self.merge(&TabulateJob::of(job)?)?)),
-            "speckle" => Output::Speckle(Box::new(self.merge(&SpeckleJob::of(job, extent)?)?)),
-            "compare" => Output::Compare(Box::new(self.merge(&CompareJob::of(job, extent)?)?)),
-            "scatter" => Output::Scatter(Box::new(self.merge(&ScatterJob::of(job)?)?)),
-            "twin" => Output::Twin(Box::new(self.merge(&TwinJob::of(job)?)?)),
+    /// [`SimError::Merge`] for a kind or options that this program does not know, and those of the spec.
+    pub fn of(description: &Description, extent: u64) -> Result<AnyJob, SimError> {
+        Ok(AnyJob(match description.kind.as_str() {
+            "simulate" => Kind::Simulate(Box::new(SimulateJob::of(description)?)),
+            "tabulate" => Kind::Tabulate(Box::new(TabulateJob::of(description)?)),
+            "speckle" => Kind::Speckle(Box::new(SpeckleJob::of(description, extent)?)),
+            "compare" => Kind::Compare(Box::new(CompareJob::of(description, extent)?)),
+            "scatter" => Kind::Scatter(Box::new(ScatterJob::of(description)?)),
+            "twin" => Kind::Twin(Box::new(TwinJob::of(description)?)),
             other => {
                 return Err(SimError::Merge {
                     what: format!("parts of kind {other:?}"),
                     hint: "this program knows simulate, tabulate, speckle, compare, scatter and twin".into(),
                 });
             }
+        }))
+    }
+
+    /// The same from [`Description::text`], for shards that are run by this program.
+    ///
+    /// # Errors
+    /// As [`AnyJob::of`], and [`SimError::Merge`] for the description of another version of the program.
+    pub fn of_text(text: &str, extent: u64) -> Result<AnyJob, SimError> {
+        let refuse = |what: String, hint: &str| SimError::Merge { what, hint: hint.into() };
+        let description: Description = serde_json::from_str(text)
+            .map_err(|e| refuse(format!("the description of a job cannot be read: {e}"), "give that of a plan"))?;
+        let (asked, ours) = (description.program_version.as_str(), env!("CARGO_PKG_VERSION"));
+        if asked != ours {
+            let what = format!("shards of plywave {asked} cannot be run by plywave {ours}");
+            return Err(refuse(what, "install one version everywhere"));
+        }
+        let job = AnyJob::of(&description, extent)?;
+        if job.plan().description != description {
+            return Err(refuse("the description of a job is not this program's".into(), "give that of a plan"));
+        }
+        Ok(job)
+    }
+
+    /// What of it is cheap to hold.
+    pub fn plan(&self) -> Plan {
+        each!(self, job => Plan::of(&**job))
+    }
+
+    /// Runs one shard, or one group of shards, and gives the bytes of its file in a parts folder ([`super::block_name`]).
+    ///
+    /// # Errors
+    /// As [`run_block`].
+    pub fn run_block(&self, shards: Range<usize>, run: Run<'_>) -> Result<Vec<u8>, SimError> {
+        each!(self, job => run_block(&**job, shards, run))
+    }
+
+    /// Whether the bytes are those of a file of these shards of this job, whole and with values that can be theirs.
+    ///
+    /// # Errors
+    /// [`SimError::Merge`] for the parts of another job or other shards, those of [`PartFile::from_bytes`] and [`PartFile::entry`].
+    pub fn check_block(&self, shards: Range<usize>, bytes: Vec<u8>, name: &str) -> Result<(), SimError> {
+        let file = PartFile::from_bytes(bytes, name)?;
+        if file.digest() != self.plan().digest || !file.entries().eq([(shards.start, shards.len())]) {
+            return Err(SimError::Merge {
+                what: format!("{name}: not shards {} to {} of this job", shards.start, shards.end.saturating_sub(1)),
+                hint: "run them again".into(),
+            });
+        }
+        each!(self, job => file.entry(&**job, 0).map(|_| ()))
+    }
+
+    /// Runs all shards, those that are not in the folder of `run`, and merges them.
+    ///
+    /// # Errors
+    /// As [`super::run`].
+    pub fn run(&self, how: Run<'_>) -> Result<Output, SimError> {
+        Ok(match &self.0 {
+            Kind::Simulate(job) => Output::Table(Box::new(run(&**job, how)?)),
+            Kind::Tabulate(job) => Output::Fiber(Box::new(run(&**job, how)?)),
+            Kind::Speckle(job) => Output::Speckle(Box::new(run(&**job, how)?)),
+            Kind::Compare(job) => Output::Compare(Box::new(run(&**job, how)?)),
+            Kind::Scatter(job) => Output::Scatter(Box::new(run(&**job, how)?)),
+            Kind::Twin(job) => Output::Twin(Box::new(run(&**job, how)?)),
         })
+    }
+
+    fn merge(&self, parts: &Parts) -> Result<Output, SimError> {
+        Ok(match &self.0 {
+            Kind::Simulate(job) => Output::Table(Box::new(parts.merge(&**job)?)),
+            Kind::Tabulate(job) => Output::Fiber(Box::new(parts.merge(&**job)?)),
+            Kind::Speckle(job) => Output::Speckle(Box::new(parts.merge(&**job)?)),
+            Kind::Compare(job) => Output::Compare(Box::new(parts.merge(&**job)?)),
+            Kind::Scatter(job) => Output::Scatter(Box::new(parts.merge(&**job)?)),
+            Kind::Twin(job) => Output::Twin(Box::new(parts.merge(&**job)?)),
+        })
+    }
+}
+
+impl Parts {
+    /// The output of the job that the parts are of, made anew from their description.
+    ///
+    /// # Errors
+    /// As [`Parts::merge`], and those of the spec in the parts.
+    pub fn output(&self) -> Result<Output, SimError> {
+        AnyJob::of(self.description(), self.extent())?.merge(self)
     }
 }

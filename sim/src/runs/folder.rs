@@ -163,14 +163,19 @@ impl PartsFolder {
     }
 
     fn file(&self, first: usize, count: usize) -> PathBuf {
-        self.path.join(match count {
-            1 => format!("shard-{first:06}.pwp"),
-            _ => format!("shard-{first:06}-{:06}.pwp", first + count - 1),
-        })
+        self.path.join(block_name(first, count))
     }
 
     fn names(&self) -> Result<Vec<String>, SimError> {
         names_in(&self.path)
+    }
+}
+
+/// Name of the file of shards `first..first + count`, one shard or a group.
+pub fn block_name(first: usize, count: usize) -> String {
+    match count {
+        1 => format!("shard-{first:06}.pwp"),
+        _ => format!("shard-{first:06}-{:06}.pwp", first + count - 1),
     }
 }
 

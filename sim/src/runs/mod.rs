@@ -14,13 +14,13 @@ mod merge;
 mod part;
 mod runner;
 
-pub use any::Output;
+pub use any::{AnyJob, Output};
 pub use arrays::{ArrayLayout, Part, Values};
-pub use folder::{Found, PartsFolder};
+pub use folder::{Found, PartsFolder, block_name};
 pub use job::{Description, Done, Job, PART_VERSION, Plan};
 pub use merge::Parts;
 pub use part::{Entry, PartFile};
-pub use runner::{Run, check_parts, run, run_part};
+pub use runner::{Run, check_parts, run, run_block, run_part};
 
 #[cfg(test)]
 mod tests;

@@ -1,7 +1,7 @@
 //! Runs shards side by side as far as memory allows, with finished ones in memory or in a folder, and gives their sums out in order.
 
 use super::arrays::Part;
-use super::folder::PartsFolder;
+use super::folder::{PartsFolder, block_name};
 use super::job::{Job, Plan};
 use super::part::{Entry, check_part, encode};
 use super::{disk, memory};
@@ -64,6 +64,29 @@ pub fn run_part<J: Job>(
     Ok(shards)
 }
 
+/// Runs one shard, or one whole group of shards, and gives the bytes of its file in a parts folder: with the files of all others there, a run that
+/// resumes has nothing left to do but to merge.
+///
+/// # Errors
+/// As [`run`], and [`SimError::Merge`] for shards that are neither.
+pub fn run_block<J: Job + ?Sized>(job: &J, shards: Range<usize>, run: Run<'_>) -> Result<Vec<u8>, SimError> {
+    let plan = Plan::of(job);
+    if shards.end > plan.shards || !(shards.len() == 1 || blocks(&plan, shards.clone()).len() == 1) {
+        return Err(SimError::Merge {
+            what: format!(
+                "shards {} to {} are no block of {}",
+                shards.start,
+                shards.end.saturating_sub(1),
+                plan.shards
+            ),
+            hint: format!("give one shard, or a group of {} that begins at a multiple of it", plan.group),
+        });
+    }
+    let mut entries = Vec::new();
+    execute(job, &plan, shards.clone(), run, &mut |entry| entries.push(entry))?;
+    encode(job, &plan, &entries, &block_name(shards.start, shards.len()))
+}
+
 /// Checks what the folder of `run` holds of `job` before any work, so that a job that comes later in a chain is not refused after hours.
 ///
 /// # Errors
@@ -102,7 +125,7 @@ struct State<'a> {
 }
 
 /// Gives the sums of all blocks of `shards` to `give`, in order.
-fn execute<J: Job>(
+fn execute<J: Job + ?Sized>(
     job: &J,
     plan: &Plan,
     shards: Range<usize>,
@@ -184,7 +207,7 @@ fn execute<J: Job>(
 }
 
 /// What a lane needs.
-struct Lanes<'a, 'b, J> {
+struct Lanes<'a, 'b, J: ?Sized> {
     job: &'a J,
     plan: &'a Plan,
     parts: Option<&'a PartsFolder>,
@@ -194,7 +217,7 @@ struct Lanes<'a, 'b, J> {
     state: &'a Mutex<State<'b>>,
 }
 
-impl<J: Job> Lanes<'_, '_, J> {
+impl<J: Job + ?Sized> Lanes<'_, '_, J> {
     /// Reads or runs the shard of a step and adds up what is next in order; gives the memory that it took when it was run.
     fn one(&self, at: usize) -> Result<Option<usize>, SimError> {
         let Step::Shard { shard, stored, .. } = self.steps[at] else { return Ok(None) };

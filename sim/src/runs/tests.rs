@@ -325,3 +325,33 @@ proptest! {
         prop_assert_eq!(passes(made(first, shards, vec![1.0; 3], shards as f64)), can);
     }
 }
+
+/// Blocks that were run one by one fill the folder of a run, which then merges without running a shard, to the same bits; what is no block is refused.
+#[test]
+fn blocks_made_elsewhere_fill_a_folder() {
+    let want = run(&toy(11, 4), Run::plain()).unwrap();
+    for whole in [true, false] {
+        let dir = tempfile::tempdir().unwrap();
+        let folder = dir.path().join("toy");
+        std::fs::create_dir(&folder).unwrap();
+        let mut at = 0;
+        while at < 11 {
+            let count = if whole { 4.min(11 - at) } else { 1 };
+            let bytes = run_block(&toy(11, 4), at..at + count, Run::plain()).unwrap();
+            std::fs::write(folder.join(block_name(at, count)), bytes).unwrap();
+            at += count;
+        }
+        let parts = PartsFolder::open(&folder, Found::Resume).unwrap();
+        let job = toy(11, 4);
+        let got = run(&job, Run { parts: Some(&parts), ..Run::plain() }).unwrap();
+        let bits = |all: &[(usize, Part)]| -> Vec<(usize, Vec<Values>)> {
+            all.iter().map(|(first, part)| (*first, part.arrays.clone())).collect()
+        };
+        assert_eq!(bits(&got), bits(&want));
+        assert_eq!(job.runs.load(Ordering::Relaxed), 0);
+    }
+    for bad in [0..0, 1..3, 2..6, 0..8, 10..12] {
+        let refused = run_block(&toy(11, 4), bad.clone(), Run::plain());
+        assert!(matches!(refused, Err(SimError::Merge { .. })), "{bad:?}");
+    }
+}

@@ -1,0 +1,182 @@
+"""What a farm makes: an item is a file, made of the shards of its jobs. What runs on workers is here."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tempfile
+import time
+from dataclasses import dataclass
+from typing import Any, Dict, List, NamedTuple, Optional, Tuple
+
+from .. import _plywave
+from .._files import PathLike
+from .._plywave import Error
+from .._spec import Spec, spec_args
+from .._work import recipe_args, whole
+from ..wave import tabulate_args
+
+
+@dataclass(frozen=True)
+class Job:
+    """One long computation, cut into shards."""
+
+    stage: str
+    """Name of its folder in what `build` and its like resume from."""
+    description: str
+    """All that its shards depend on: spec, options, seed, version of the program."""
+    extent: int
+    digest: str
+    """SHA-256 of the description: the shards' place in a cache."""
+    shards: int
+    group: int
+    """Shards that are added up and can be one file."""
+
+
+@dataclass(frozen=True)
+class Item:
+    """A file that is to be made; it holds texts, no paths, and can be sent anywhere."""
+
+    kind: str
+    """"yarn", "fiber", "speckle" or "twin"."""
+    name: str
+    jobs: Tuple[Job, ...]
+    spec_text: str
+    options: Tuple[Tuple[str, Any], ...]
+    """What `build` is told beside the spec."""
+
+    @property
+    def extension(self) -> str:
+        return {"yarn": "pwm", "fiber": "pwf", "speckle": "pws", "twin": "pwx"}[self.kind]
+
+    @property
+    def file_kind(self) -> str:
+        return {"yarn": "model", "fiber": "fiber", "speckle": "speckle", "twin": "twin"}[self.kind]
+
+    @property
+    def key(self) -> str:
+        """SHA-256 of all that the file depends on, the program's version included."""
+        parts = [_plywave.__version__, self.kind, [job.digest for job in self.jobs], [job.shards for job in self.jobs], self.spec_text, self.options]
+        return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+
+def _jobs(rows: Any) -> Tuple[Job, ...]:
+    return tuple(Job(stage, description, extent, digest, shards, group) for stage, description, extent, digest, shards, group, _ in rows)
+
+
+def _name(spec: Spec, name: Optional[str], otherwise: str) -> str:
+    if name is not None:
+        return str(name)
+    if isinstance(spec, (str, os.PathLike)) and "\n" not in str(spec):
+        return os.path.splitext(os.path.basename(os.fspath(spec)))[0]
+    return otherwise
+
+
+def yarn_item(
+    spec: Spec,
+    quality: str = "standard",
+    *,
+    name: Optional[str] = None,
+    seed: int = 1,
+    paths: Optional[int] = None,
+    instances: Optional[int] = None,
+    speckle: Any = True,
+) -> Item:
+    """The model of a yarn spec; arguments as of `plywave.build`, but for patterns in `speckle`.
+
+    Raises:
+        Error: for what `plywave.build` would refuse.
+    """
+    if not isinstance(speckle, bool):
+        speckle = whole(speckle, "speckle")
+    recipe = recipe_args(quality, seed, paths, instances, False, speckle)
+    rows, text = _plywave.plan_build(spec_args(spec, "yarn spec"), recipe)
+    return Item("yarn", _name(spec, name, "yarn"), _jobs(rows), text, tuple(sorted(recipe.items())))
+
+
+def fiber_item(spec: Spec, quality: str = "standard", *, name: Optional[str] = None, **options: Any) -> Item:
+    """The table of a fiber; arguments as of `plywave.wave.tabulate`."""
+    args = tabulate_args(quality, **options)
+    rows, text = _plywave.plan_tabulate(spec_args(spec, "spec"), args)
+    return Item("fiber", _name(spec, name, "fiber"), _jobs(rows), text, ())
+
+
+def speckle_item(spec: Spec, *, name: Optional[str] = None, instances: int = 200, seed: int = 1) -> Item:
+    """Speckle patterns of a fiber; arguments as of `plywave.wave.speckle`."""
+    rows, text = _plywave.plan_speckle(spec_args(spec, "yarn spec"), min(whole(instances, "instances"), 1 << 31), whole(seed, "seed"))
+    return Item("speckle", _name(spec, name, "speckle"), _jobs(rows), text, ())
+
+
+def twin_item(fabric: PathLike, *, name: Optional[str] = None, paths: Optional[int] = None, seed: int = 1) -> Item:
+    """The twin of a fabric spec: explicit fibers, path-traced at the standard views and absorptions (docs/cloth.md)."""
+    path = os.fspath(fabric)
+    rows, text = _plywave.plan_twin(path, None if paths is None else whole(paths, "paths"), whole(seed, "seed"))
+    return Item("twin", _name(path, name, "twin"), _jobs(rows), text, ())
+
+
+class Blocks(NamedTuple):
+    """Files of shards that a worker made."""
+
+    files: List[Tuple[int, int, bytes]]
+    """First shard, number of shards, bytes."""
+    seconds: float
+    """Time of one core."""
+
+
+def _run(folder: Optional[str]) -> Dict[str, Any]:
+    # A worker has as many slots as it may use cores: a task is one core's.
+    return {"folder": folder, "resume": True, "threads": 1, "progress": None}
+
+
+def run_blocks(description: str, extent: int, blocks: List[Tuple[int, int]]) -> Blocks:
+    """Runs shards on a worker: single ones, or groups."""
+    begun = time.perf_counter()
+    files = [(first, count, _plywave.run_block(description, extent, first, count, _run(None))) for first, count in blocks]
+    return Blocks(files, time.perf_counter() - begun)
+
+
+class Finished(NamedTuple):
+    """A file that a worker made of all shards."""
+
+    data: bytes
+    seconds: float
+
+
+def finish(item: Item, shards: List[List[Tuple[int, int, bytes]]]) -> Finished:
+    """Makes an item's file on a worker, of the shards of its jobs: they are laid where a run that was interrupted would have left them, and the run goes on."""
+    begun = time.perf_counter()
+    with tempfile.TemporaryDirectory(prefix="plywave-") as folder:
+        for job, files in zip(item.jobs, shards):
+            os.mkdir(os.path.join(folder, job.stage))
+            for first, count, data in files:
+                with open(os.path.join(folder, job.stage, _plywave.block_name(first, count)), "wb") as file:
+                    file.write(data)
+        if item.kind == "yarn":
+            spec = {"path": None, "text": item.spec_text, "name": item.name, "folder": ""}
+            data, _, _ = _plywave.build(spec, dict(item.options), _run(folder))
+        else:
+            job = item.jobs[0]
+            data = _plywave.run_job(job.description, job.extent, job.stage, _run(folder))
+    return Finished(data, time.perf_counter() - begun)
+
+
+def version() -> str:
+    """Of plywave on a worker."""
+    return _plywave.__version__
+
+
+def check_options(given: Dict[str, Any], known: Dict[str, type], where: str) -> None:
+    """Refuses keys that are not known, and values of another type."""
+    import difflib
+
+    for key, value in given.items():
+        if key not in known:
+            near = difflib.get_close_matches(key, known, 1)
+            hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+            raise Error(f"{where}.{key} = {value!r}: unknown key; {hint}")
+        want = known[key]
+        fits = isinstance(value, want) and (want is bool or not isinstance(value, bool))
+        if not (fits or (want is float and isinstance(value, int) and not isinstance(value, bool))):
+            words = {str: "a text", int: "a whole number", bool: "true or false", float: "a number", object: "a value"}
+            raise Error(f"{where}.{key} = {value!r}: give {words[want]}")

@@ -1,0 +1,269 @@
+"""The farm: the same bits as one machine, whatever dies or comes back damaged; nothing computed twice; bad input in one line."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+import plywave
+from plywave import Error
+
+pytest.importorskip("distributed")
+from plywave import cluster
+from plywave.cluster import _farm, _items
+
+from conftest import TINY as SPEC
+
+SMALL = {"quality": "preview", "paths": 6000, "instances": 2}
+
+
+@pytest.fixture(scope="module")
+def model():
+    """What one machine makes."""
+    return plywave.build(SPEC, **SMALL).to_bytes()
+
+
+@pytest.fixture(scope="module")
+def client():
+    with cluster.connect(local=2) as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
+def inside():
+    """Workers in this process, whose functions tests can change."""
+    from distributed import Client
+
+    with Client(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=":0") as client:
+        yield client
+
+
+def items():
+    return [cluster.yarn_item(SPEC, name="tiny", **SMALL)]
+
+
+class NoClient:
+    """Fails whatever is asked of it."""
+
+    def nthreads(self):
+        return {"a": 1}
+
+    def submit(self, *_, **__):
+        raise AssertionError("something was computed")
+
+    scatter = submit
+
+
+def test_same_bits_and_nothing_twice(client, model, tmp_path):
+    cache = cluster.Cache(tmp_path)
+    told = []
+    made = list(_farm.farm(items(), client, cache, told=lambda *args: told.append(args)))
+    assert [one.data for one in made] == [model] and made[0].error == ""
+    jobs = items()[0].jobs
+    assert told[-1] == ("tiny", sum(job.shards for job in jobs), sum(job.shards for job in jobs))
+    assert not made[0].facts["cached"] and made[0].facts["shards"] == told[-1][2]
+    # A second farm on the cache asks nobody for anything.
+    again = list(_farm.farm(items(), NoClient(), cluster.Cache(tmp_path)))
+    assert [one.data for one in again] == [model] and again[0].facts["cached"]
+    # Nor are shards of a changed yarn those of the first.
+    other = cluster.yarn_item(SPEC.replace("radius_um", "radius_um ", 1), name="tiny", **SMALL)
+    assert other.key != items()[0].key and cluster.Cache(tmp_path).shards(other.jobs[0]) == []
+
+
+def test_shards_alone_are_enough(client, model, tmp_path):
+    """What a farm that was stopped leaves is not computed again."""
+    cache = cluster.Cache(tmp_path)
+    list(_farm.farm(items(), client, cache))
+    for name in os.listdir(tmp_path / "made"):
+        os.remove(tmp_path / "made" / name)
+    made = list(_farm.farm(items(), client, cache))
+    assert made[0].data == model and made[0].facts["shards"] == 0
+
+
+def test_damaged_caches_are_mended(client, model, tmp_path):
+    list(_farm.farm(items(), client, cluster.Cache(tmp_path)))
+    job = items()[0].jobs[0]
+    folder = tmp_path / "shards" / job.digest[:2] / job.digest
+    names = sorted(os.listdir(folder))
+    flipped, cut = folder / names[1], folder / names[2]
+    data = bytearray(flipped.read_bytes())
+    data[len(data) // 2] ^= 1
+    flipped.write_bytes(data)
+    cut.write_bytes(cut.read_bytes()[:100])
+    (folder / "notes.txt").write_text("mine")
+    for name in os.listdir(tmp_path / "made"):
+        path = tmp_path / "made" / name
+        path.write_bytes(path.read_bytes()[:-1])
+    cache = cluster.Cache(tmp_path)
+    made = list(_farm.farm(items(), client, cache))
+    assert made[0].data == model and cache.damaged >= 3
+    assert made[0].facts["shards"] > 0
+
+
+def test_two_farms_on_one_cache(client, model, tmp_path):
+    results = []
+
+    def one():
+        results.append([made.data for made in _farm.farm(items(), client, cluster.Cache(tmp_path))])
+
+    threads = [threading.Thread(target=one) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert results == [[model], [model]]
+    assert not [name for _, _, names in os.walk(tmp_path) for name in names if name.endswith(".tmp")]
+
+
+def test_workers_that_die(tmp_path):
+    """Killed while they work: a shard takes a tenth of a second or so, and a worker dies twice a second."""
+    sizes = {**SMALL, "paths": 200_000}
+    killed, over = [], threading.Event()
+    with cluster.connect(local=2) as client:
+
+        def kill():
+            while len(killed) < 3 and not over.wait(0.5):
+                try:
+                    pids = sorted(client.run(os.getpid, on_error="ignore").values())
+                    os.kill(pids[len(killed) % len(pids)], signal.SIGKILL)
+                    killed.append(pids)
+                except (OSError, ZeroDivisionError, RuntimeError):
+                    pass
+
+        killer = threading.Thread(target=kill)
+        killer.start()
+        item = cluster.yarn_item(SPEC, name="tiny", **sizes)
+        made = list(_farm.farm([item], client, cluster.Cache(tmp_path), retries=20))
+        over.set()
+        killer.join()
+    assert [one.data for one in made] == [plywave.build(SPEC, **sizes).to_bytes()]
+    assert len(killed) >= 2 and made[0].facts["shards"] == item.jobs[0].shards
+
+
+def test_damaged_results_are_run_again(inside, model, tmp_path, monkeypatch):
+    run, broken = _items.run_blocks, tmp_path / "broken"
+    broken.mkdir()
+
+    def breaks(description, extent, blocks):
+        done = run(description, extent, blocks)
+        for what in ("flipped", "missing"):
+            try:
+                (broken / what).mkdir()
+            except FileExistsError:
+                continue
+            first, count, data = done.files[0]
+            flipped = [(first, count, data[:-1] + bytes([data[-1] ^ 1]))] if what == "flipped" else []
+            return done._replace(files=flipped + done.files[1:])
+        return done
+
+    monkeypatch.setattr(_items, "run_blocks", breaks)
+    made = list(_farm.farm(items(), inside, cluster.Cache(tmp_path / "cache")))
+    assert made[0].error == "" and made[0].data == model and made[0].facts["retries"] == 2
+
+    def always(*args):
+        return run(*args)._replace(files=[])
+
+    monkeypatch.setattr(_items, "run_blocks", always)
+    other = cluster.yarn_item(SPEC, name="tiny", **{**SMALL, "seed": 2})
+    made = list(_farm.farm([other], inside, cluster.Cache(tmp_path), retries=1))
+    assert made[0].data is None and "lost 2 times" in made[0].error
+
+
+def test_other_kinds(client, tmp_path):
+    sizes = {"lambdas": 2, "thetas": 2, "azimuths": 2}
+    fiber = cluster.fiber_item(SPEC, "preview", name="fiber", **sizes)
+    speckle = cluster.speckle_item(SPEC, name="speckle", instances=2)
+    made = {one.item.kind: one.data for one in _farm.farm([fiber, speckle], client, cluster.Cache(tmp_path))}
+    assert made["fiber"] == plywave.wave.tabulate(SPEC, "preview", **sizes).to_bytes()
+    assert made["speckle"] == plywave.wave.speckle(SPEC, instances=2).to_bytes()
+
+
+def test_versions(inside, monkeypatch, tmp_path):
+    monkeypatch.setattr(_items, "version", lambda: "0.0.1")
+    with pytest.raises(Error, match="plywave 0.0.1, here .*; install one version everywhere"):
+        cluster.build([SPEC], inside)
+    job = items()[0].jobs[0]
+    old = job.description.replace(f'"program_version":"{plywave.__version__}"', '"program_version":"0.0.1"')
+    assert old != job.description
+    with pytest.raises(Error, match="0.0.1 cannot be run by plywave"):
+        _items.run_blocks(old, 0, [(0, 1)])
+
+
+def test_missing_blocks():
+    job = _items.Job("simulate", "", 0, "", 11, 4)
+    assert _farm.missing(job, [], 1) == [(k, 1) for k in range(11)]
+    wide = _items.Job("simulate", "", 0, "", 40, 4)
+    assert _farm.missing(wide, [(0, 4), (9, 1)], 2) == [(4, 4), (8, 1), (10, 1), (11, 1)] + [(k, 4) for k in range(12, 40, 4)]
+    assert _farm.missing(wide, [(k, 4) for k in range(0, 40, 4)], 2) == []
+
+
+LIBRARY = """
+name = "small"
+quality = "preview"
+
+[[yarn]]
+spec = "yarn.toml"
+paths = 6000
+instances = 2
+"""
+
+
+def run(*args):
+    return subprocess.run([sys.executable, "-m", "plywave.farm", *args], capture_output=True, text=True, timeout=300)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "yarn.toml").write_text(SPEC)
+    (tmp_path / "library.toml").write_text(LIBRARY)
+    return tmp_path
+
+
+def test_command(folder, model):
+    out = folder / "out"
+    done = run(str(folder / "library.toml"), "-o", str(out), "--local", "2", "--price", "0.05")
+    assert done.returncode == 0, done.stderr
+    assert (out / "yarn.pwm").read_bytes() == model
+    page = (out / "report.html").read_text()
+    assert "yarn.pwm" in page and "errors of the fit" in page and "<svg" in page and "cost" in page and "http" not in page
+    again = run(str(folder / "library.toml"), "-o", str(out), "--local", "1")
+    assert again.returncode == 0 and "in the cache" in again.stdout
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (LIBRARY.replace("paths", "pahts"), ["yarn[1].pahts = 6000", "did you mean paths?"]),
+        (LIBRARY.replace("6000", "'many'"), ["yarn[1].paths = 'many'", "give a whole number"]),
+        (LIBRARY.replace('quality = "preview"', 'quality = "good"'), ['quality = "good"', '"preview"']),
+        (LIBRARY.replace("yarn.toml", "none.toml"), ["none.toml"]),
+        (LIBRARY + LIBRARY[LIBRARY.index("[[") :], ["yarn.pwm is made twice"]),
+        (LIBRARY + "farms = 3\n", ["farms = 3", "unknown key"]),
+        ('name = "x"\n', ["nothing to make"]),
+        ("name = \n", ["line 1"]),
+        ('yarn = "yarn.toml"\n', ["yarn", "[[yarn]]"]),
+    ],
+)
+def test_bad_libraries(folder, text, words):
+    (folder / "library.toml").write_text(text)
+    done = run(str(folder / "library.toml"), "-o", str(folder / "out"))
+    lines = done.stderr.splitlines()
+    assert done.returncode == 2 and len(lines) == 1 and lines[0].startswith("error: "), done.stderr
+    assert all(word in lines[0] for word in words), lines[0]
+    assert not (folder / "out").exists()
+
+
+def test_dead_scheduler(folder):
+    begun = time.monotonic()
+    done = run(str(folder / "library.toml"), "-o", str(folder / "out"), "--scheduler", "tcp://127.0.0.1:9", "--timeout", "1")
+    assert done.returncode == 2 and "tcp://127.0.0.1:9: no answer" in done.stderr.splitlines()[-1]
+    assert time.monotonic() - begun < 60
+
+
+def test_bad_slurm(folder):
+    done = run(str(folder / "library.toml"), "-o", str(folder / "out"), "--slurm", "qeue=x")
+    assert done.returncode == 2 and "did you mean queue?" in done.stderr.splitlines()[-1]
