@@ -195,10 +195,10 @@ def test_versions(inside, monkeypatch, tmp_path):
 
 def test_missing_blocks():
     job = _items.Job("simulate", "", 0, "", 11, 4)
-    assert _farm.missing(job, [], 1) == [(k, 1) for k in range(11)]
+    assert _farm.missing(job, [], False) == [(k, 1) for k in range(11)]
     wide = _items.Job("simulate", "", 0, "", 40, 4)
-    assert _farm.missing(wide, [(0, 4), (9, 1)], 2) == [(4, 4), (8, 1), (10, 1), (11, 1)] + [(k, 4) for k in range(12, 40, 4)]
-    assert _farm.missing(wide, [(k, 4) for k in range(0, 40, 4)], 2) == []
+    assert _farm.missing(wide, [(0, 4), (9, 1)], True) == [(4, 4), (8, 1), (10, 1), (11, 1)] + [(k, 4) for k in range(12, 40, 4)]
+    assert _farm.missing(wide, [(k, 4) for k in range(0, 40, 4)], True) == []
 
 
 LIBRARY = """

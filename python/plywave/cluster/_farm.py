@@ -21,6 +21,9 @@ Told = Callable[[str, int, int], Any]
 TASKS_A_SLOT = 8
 """Tasks that a job is cut into for each core of the workers: what is left at the end is short, and what a task costs the scheduler is little."""
 
+GROUPS_A_SLOT = 4
+"""Groups for each core of the workers, of all items, from which on whole groups are run."""
+
 
 class Made(NamedTuple):
     """What became of an item."""
@@ -57,14 +60,13 @@ class _Task:
     tries: int = 0
 
 
-def missing(job: Job, there: Sequence[Block], slots: int) -> List[Block]:
-    """Blocks that are to be run: groups where there are enough of them for all slots, else single shards."""
+def missing(job: Job, there: Sequence[Block], groups: bool) -> List[Block]:
+    """Blocks that are to be run: groups, where they are asked for and nothing of them is there, else single shards."""
     have: Set[int] = set()
     for first, count in there:
         have.update(range(first, first + count))
     blocks: List[Block] = []
     at = 0
-    groups = -(-job.shards // job.group) >= 4 * slots
     while at < job.shards:
         end = min(at - at % job.group + job.group, job.shards)
         if groups and at % job.group == 0 and have.isdisjoint(range(at, end)):
@@ -112,6 +114,7 @@ class _Farm:
         self.waiting: Deque[_Task] = deque()
         self.futures: Dict[str, Any] = {}
         self.number = 0
+        self.groups = False
 
     def slots(self) -> int:
         return max(1, int(sum(self.client.nthreads().values())))
@@ -128,11 +131,17 @@ class _Farm:
     def all(self, items: Sequence[Item]) -> Iterator[Made]:
         from distributed import as_completed
 
+        left = []
         for item in items:
             kept = self.cache.made(item)
-            if kept is not None:
+            if kept is None:
+                left.append(item)
+            else:
                 yield Made(item, kept.data, "", {**kept.facts, "cached": True})
-                continue
+        # Groups are added up on the worker: where all items together have enough of them, a group's bytes travel in place of every shard's.
+        groups = sum(-(-job.shards // job.group) for item in left for job in item.jobs)
+        self.groups = groups >= GROUPS_A_SLOT * self.slots()
+        for item in left:
             self.begin(_Work(item))
         self.done = as_completed(with_results=False)
         self.fill()
@@ -154,7 +163,7 @@ class _Farm:
         """What of an item is missing."""
         slots = self.slots()
         for at, job in enumerate(work.item.jobs):
-            blocks = missing(job, self.cache.shards(job), slots)
+            blocks = missing(job, self.cache.shards(job), self.groups)
             work.left[at] = sum(count for _, count in blocks)
             size = max(1, -(-len(blocks) // (TASKS_A_SLOT * slots)))
             self.waiting.extend(_Task(work, at, blocks[k : k + size]) for k in range(0, len(blocks), size))
