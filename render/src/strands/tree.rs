@@ -169,16 +169,7 @@ impl StrandTree {
         if to <= after || from >= before {
             return None;
         }
-        // The tree's ray starts where the box of all begins, so that its roundings are those of the strands' coordinates, however far off the ray comes from.
-        let start = from.max(after).max(0.0);
-        let moved = origin + direction * start;
-        // Adding 0 turns -0 into 0: the tree takes a ray's octant from the sign of its inverse in one place and of itself in another.
-        let ray = Ray::new(
-            Vec3A::from(moved.as_vec3()),
-            Vec3A::from(direction.as_vec3()) + Vec3A::ZERO,
-            0.0,
-            above((before.min(to) - start) as f32),
-        );
+        let (start, ray) = self.ray(origin, direction, from.max(after), before.min(to));
         let frame = RayFrame::new(origin, direction);
         let mut best = (before, usize::MAX, 0.0);
         self.bvh.ray_traverse(ray, &mut RayHit::none(), |_, i| {
@@ -202,6 +193,63 @@ impl StrandTree {
             }
         });
         (best.1 != usize::MAX).then_some(best)
+    }
+
+    /// All that a ray meets farther than `after` and nearer than `before` [mm], the nearest first: a strand is met again only where the ray has been out of it
+    /// ([`StrandHit::leave`]); the strands of `skips` only where it is out of them. What was in `found` is dropped. One traversal, where [`StrandTree::first`] takes one a strand.
+    pub fn each(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        after: f64,
+        before: f64,
+        skips: &[Skip],
+        found: &mut Vec<StrandHit>,
+    ) {
+        found.clear();
+        let Some([from, to]) = self.reach(origin, direction) else { return };
+        if to <= after || from >= before {
+            return;
+        }
+        let (_, ray) = self.ray(origin, direction, from.max(after), before.min(to));
+        let frame = RayFrame::new(origin, direction);
+        self.bvh.ray_traverse_anyhit(ray, |_, i| {
+            let strand = self.segments[i].strand;
+            let mut after =
+                skips.iter().filter(|skip| skip.strand == strand).fold(after, |after, skip| after.max(skip.until));
+            // A bent segment may be met more than once.
+            while let Some((t, u)) = self.meet(&frame, &self.points[i].0, after, before).filter(|(t, _)| *t < before) {
+                let hit = self.hit(origin, direction, (t, i, u));
+                after = t + hit.leave(direction).until;
+                found.push(hit);
+            }
+        });
+        found.sort_by(|a, b| a.t.total_cmp(&b.t).then(a.first_point.cmp(&b.first_point)));
+        let mut inside: Vec<Skip> = Vec::new();
+        found.retain(|hit| {
+            inside.retain(|skip| skip.until > hit.t);
+            let is_new = inside.iter().all(|skip| skip.strand != hit.strand);
+            if is_new {
+                let Skip { strand, until } = hit.leave(direction);
+                inside.push(Skip { strand, until: hit.t + until });
+            }
+            is_new
+        });
+    }
+
+    /// The tree's ray between two distances, and where it starts: where the box of all begins, so that its roundings are those of the strands' coordinates, however far off the
+    /// ray comes from.
+    fn ray(&self, origin: DVec3, direction: DVec3, from: f64, to: f64) -> (f64, Ray) {
+        let start = from.max(0.0);
+        let moved = origin + direction * start;
+        // Adding 0 turns -0 into 0: the tree takes a ray's octant from the sign of its inverse in one place and of itself in another.
+        let ray = Ray::new(
+            Vec3A::from(moved.as_vec3()),
+            Vec3A::from(direction.as_vec3()) + Vec3A::ZERO,
+            0.0,
+            above((to - start) as f32),
+        );
+        (start, ray)
     }
 
     /// Distances between which a ray is in the box of all.
