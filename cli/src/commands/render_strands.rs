@@ -1,11 +1,11 @@
 //! `plywave render` of a scene of strands.
 
 use super::on_threads;
-use super::render::{About, Outputs, check_flags, digest_of_file, failed, film, shoot};
 use crate::args::{Cli, Integrator, RenderArgs};
 use crate::failure::{Failure, Outcome};
 use crate::output;
 use crate::progress::STOP;
+use crate::rendering::{About, Outputs, check_flags, digest_of_file, failed, film, shoot};
 use crate::strand_scene::StrandSpec;
 use plywave_render::{Environment, RenderOptions, StrandDual, StrandDualOptions, render_strands, render_strands_dual};
 use std::path::{Path, PathBuf};

@@ -6,6 +6,7 @@
 
 mod dual;
 mod group;
+mod how;
 mod make;
 mod pbrt;
 mod read;
@@ -19,8 +20,9 @@ use crate::RenderError;
 use crate::room::check_room;
 
 pub use dual::{StrandDual, StrandDualOptions, render_strands_dual};
+pub use how::StrandFile;
 pub use make::{Made, make};
-pub use read::{StrandFile, mitsuba_text};
+pub use read::mitsuba_text;
 pub use scene::{StrandFiber, StrandScene};
 pub use trace::render_strands;
 pub use tree::{Skip, StrandHit, StrandTree, TraceCost};
