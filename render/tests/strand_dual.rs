@@ -117,7 +117,7 @@ fn strands_are_counted_as_they_are_met() {
             other += usize::from(!same);
         }
         println!("{what:?} {shape:?}: {:.2} strands a ray, {other} of {rays} rays differ", strands as f64 / 4000.0);
-        assert!(strands > 4000 && other * 500 <= rays, "{what:?} {shape:?}: {other} of {rays} rays differ");
+        assert!(strands > 4000 && other == 0, "{what:?} {shape:?}: {other} of {rays} rays differ");
     }
 }
 
@@ -130,44 +130,50 @@ fn one_strand_is_that_of_path_tracing() {
     strands.push(&points, "thick", "strand 1").unwrap();
     let scene = StrandScene::new(strands, StrandShape::Tube, fiber(0.8), vec![lamp], Environment::constant(0.4));
     let camera = Camera::new(Vec3::new(0.3, -0.2, 30.0), Vec3::ZERO, Vec3::Y, 0.1);
-    let (path, _) = by_paths(&scene, &camera, 16, 512, 1);
-    let (dual, _) = by_dual(&scene, &camera, 16, 512, &StrandDualOptions::default());
+    let (path, _) = by_paths(&scene, &camera, 16, 4096, 1);
+    let (dual, _) = by_dual(&scene, &camera, 16, 4096, &StrandDualOptions::default());
     let (want, got) = (mean(&blocks(&path, 1)), mean(&blocks(&dual, 1)));
     println!("one strand: paths {want:.5}, dual {got:.5}");
     assert!((got / want - 1.0).abs() < 0.01, "{got} {want}");
 }
 
-/// What the estimate is off by, and its cost. The limits are what docs/dual_scattering.md found in bundles of such fibers, rounded up: dark ones are right to a fifth, light ones to a half.
+/// What the estimate is off by at each density, and its cost: all light, less that of path tracing, as a share of it. Seeds are fixed, so the same work gives the same
+/// numbers; the standard error of one is 0.01 to 0.02. The limit is four of them about what was measured (docs/dual_scattering.md has the numbers and what they come from): an estimate that
+/// got better fails too, and its numbers are to be written anew.
 #[test]
-fn dual_scattering_is_near_path_tracing() {
+fn dual_scattering_is_off_from_path_tracing_by_what_is_told() {
+    const LIMIT: f64 = 0.06;
     let fur = Made::Fur { count: 9000, size_mm: 10.0, length_mm: 5.0 };
     let layer = Made::Layer { count: 100, layers: 12, spacing_mm: 0.11, length_mm: 30.0 };
     let camera = Camera::new(Vec3::new(4.0, -22.0, 20.0), Vec3::new(0.0, 0.0, 0.5), Vec3::Z, 0.25);
-    for (name, what) in [("fur", fur), ("layers", layer)] {
-        for (color, tt) in [("light", 0.98), ("brown", 0.8), ("dark", 0.3)] {
-            let scene = scene(&what, tt, 0.1);
-            let (path, path_time) = by_paths(&scene, &camera, 64, 96, 200);
-            let want = blocks(&path, 8);
-            let zinke = StrandDualOptions { dual: DualOptions::default(), behind: false };
-            let whole = StrandDualOptions { behind: false, ..StrandDualOptions::default() };
-            for (kind, options) in
-                [("d 0.7", zinke), ("d 1", whole), ("d 1, behind counted", StrandDualOptions::default())]
-            {
-                let (dual, dual_time) = by_dual(&scene, &camera, 64, 96, &options);
-                let got = blocks(&dual, 8);
-                let off: Vec<f64> = want.iter().zip(&got).map(|(w, g)| (g - w).powi(2)).collect();
-                let (all, rms) = (mean(&got) / mean(&want) - 1.0, mean(&off).sqrt() / mean(&want));
-                println!(
-                    "{name}, {color}, {kind}: light {:+.0} %, blocks {:.0} %; {:.2} times as fast a sample ({:.2} s for {:.2} s)",
-                    100.0 * all,
-                    100.0 * rms,
-                    path_time.as_secs_f64() / dual_time.as_secs_f64(),
-                    dual_time.as_secs_f64(),
-                    path_time.as_secs_f64(),
-                );
-                let limit = if tt < 0.5 { 0.2 } else { 0.5 };
-                assert!(all.abs() < limit, "{name}, {color}, {kind}: {all}");
-            }
+    let zinke = StrandDualOptions { dual: DualOptions::default(), behind: false };
+    let whole = StrandDualOptions { behind: false, ..StrandDualOptions::default() };
+    let kinds = [("d 0.7", zinke), ("d 1", whole), ("d 1, behind counted", StrandDualOptions::default())];
+    for (name, what, color, tt, told) in [
+        ("fur", fur, "light", 0.98, [-0.51, -0.26, -0.36]),
+        ("fur", fur, "brown", 0.8, [-0.15, 0.19, 0.14]),
+        ("fur", fur, "dark", 0.3, [-0.07, 0.05, 0.04]),
+        ("layers", layer, "light", 0.98, [-0.26, 0.0, -0.14]),
+        ("layers", layer, "brown", 0.8, [-0.10, 0.07, 0.06]),
+        ("layers", layer, "dark", 0.3, [-0.03, -0.01, -0.01]),
+    ] {
+        let scene = scene(&what, tt, 0.1);
+        let (path, path_time) = by_paths(&scene, &camera, 32, 64, 200);
+        let want = blocks(&path, 8);
+        for ((kind, options), told) in kinds.iter().zip(told) {
+            let (dual, dual_time) = by_dual(&scene, &camera, 32, 64, options);
+            let got = blocks(&dual, 8);
+            let off: Vec<f64> = want.iter().zip(&got).map(|(w, g)| (g - w).powi(2)).collect();
+            let (all, rms) = (mean(&got) / mean(&want) - 1.0, mean(&off).sqrt() / mean(&want));
+            println!(
+                "{name}, {color}, {kind}: light {:+.0} %, blocks {:.0} %; {:.2} times as fast a sample ({:.2} s for {:.2} s)",
+                100.0 * all,
+                100.0 * rms,
+                path_time.as_secs_f64() / dual_time.as_secs_f64(),
+                dual_time.as_secs_f64(),
+                path_time.as_secs_f64(),
+            );
+            assert!((all - told).abs() < LIMIT, "{name}, {color}, {kind}: off by {all:+.3}, told {told:+.3}");
         }
     }
 }
@@ -184,7 +190,8 @@ fn floors_are_lit_through_strands() {
     let (black, _) = by_dual(&scene, &camera, 48, 96, &StrandDualOptions::default());
     let [want, got, black] = [&path, &dual, &black].map(|film| mean(&blocks(film, 1)));
     println!("fur on a floor: paths {want:.4}, dual {got:.4}, dual over a black floor {black:.4}");
-    assert!(black < got && (got / want - 1.0).abs() < 0.5, "{want} {got} {black}");
+    // Measured: 10 % more light than by paths, as brown fur alone has 14 %; the floor gives half of it.
+    assert!((got / want - 1.10).abs() < 0.08 && (black / got - 0.51).abs() < 0.08, "{want} {got} {black}");
 }
 
 #[test]

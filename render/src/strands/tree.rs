@@ -267,11 +267,10 @@ impl StrandTree {
                 let first = source.first + near.trailing_zeros();
                 near &= near - 1;
                 let mut after = after_skips(after, skips, source.strand);
-                // A bent segment may be met more than once.
+                // A bent segment is entered more than once: all of it, since which of them count is known only when those of its neighbors are.
                 while let Some((t, u)) = self.meet(&frame, first, after, before).filter(|(t, _)| *t < before) {
-                    let hit = self.hit(origin, direction, Met { t, u, first, strand: source.strand });
-                    after = t + hit.leave(direction).until;
-                    found.push(hit);
+                    found.push(self.hit(origin, direction, Met { t, u, first, strand: source.strand }));
+                    after = t;
                 }
             }
             limit
