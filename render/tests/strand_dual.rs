@@ -134,7 +134,8 @@ fn one_strand_is_that_of_path_tracing() {
     let (dual, _) = by_dual(&scene, &camera, 16, 4096, &StrandDualOptions::default());
     let (want, got) = (mean(&blocks(&path, 1)), mean(&blocks(&dual, 1)));
     println!("one strand: paths {want:.5}, dual {got:.5}");
-    assert!((got / want - 1.0).abs() < 0.01, "{got} {want}");
+    // The two are 0.04 % apart, with some 0.15 % of noise each.
+    assert!((got / want - 1.0).abs() < 0.005, "{got} {want}");
 }
 
 /// What the estimate is off by at each density, and its cost: all light, less that of path tracing, as a share of it. Seeds are fixed, so the same work gives the same

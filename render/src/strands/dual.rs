@@ -1,6 +1,6 @@
 //! Dual scattering over strands: light between them is estimated from those that a shadow ray meets (Zinke 2008; Khungurn 2015, 6).
 //!
-//! A path ends at the first strand. Light from one source is drawn there; the ray to it is followed through all strands that it meets, and each weakens and spreads the
+//! A path ends at the first strand. Light is drawn there from one source and by the fiber's own lobes, weighed by the power heuristic; the ray to it is followed through all strands that it meets, and each weakens and spreads the
 //! light at its own latitude ([`plywave::fiber::dual_scattering`]). Along tables' effective widths a strand counts at the wavelengths that it is met at. Light that nothing stands before is scattered as in
 //! path tracing, by the offset too where the scene resolves it.
 //!
@@ -14,7 +14,7 @@ use super::scene::StrandScene;
 use super::trace::{Drawn, Flight, Leaving, Place};
 use crate::camera::Camera;
 use crate::film::LAMBDA_RANGE_UM;
-use crate::path::{Light4, RenderOptions, Traced, Tracer, render_by};
+use crate::path::{Light4, RenderOptions, Traced, Tracer, render_by, share};
 use crate::props::Matte;
 use crate::{Film, Prop, RenderError, WAVELENGTHS};
 use glam::{DVec3, Vec3};
@@ -179,7 +179,19 @@ impl<'a> StrandDual<'a> {
             let flight = of.place.flight(w);
             if !self.is_blocked(&flight, reach) {
                 let f = self.shade(of, &flight, reach.into(), &mut found);
-                let scale = 1.0 / pdf.max(1e-30);
+                let scale = share(pdf, of.fiber.pdf(of.place.local(w))) / pdf.max(1e-30);
+                (0..WAVELENGTHS).for_each(|k| light[k] += throughput[k] * f[k] * radiance[k] * scale);
+            }
+        }
+        // The fiber's own samples find the light that its narrow lobes take from wide sources.
+        if let BsdfSample::Scattered(sample) = of.fiber.sample(rng.random()) {
+            let flight = of.place.flight(of.place.world(sample.w));
+            if let Some((reach, radiance, pdf)) = self.scene.source(&flight, of.lambda)
+                && flight.direction != DVec3::ZERO
+                && !self.is_blocked(&flight, reach)
+            {
+                let f = self.shade(of, &flight, reach.into(), &mut found);
+                let scale = share(sample.pdf, pdf) / sample.pdf.max(1e-30);
                 (0..WAVELENGTHS).for_each(|k| light[k] += throughput[k] * f[k] * radiance[k] * scale);
             }
         }

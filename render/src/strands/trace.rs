@@ -347,6 +347,17 @@ impl StrandScene {
         Some(Drawn { w: direction.as_dvec3().normalize(), reach, radiance, pdf: pdf / ways })
     }
 
+    /// The source that a ray ends at where nothing stands before it: distance up to which nothing may stand, radiance, and the density with which [`StrandScene::draw`] has its direction.
+    pub(super) fn source(&self, flight: &Flight, lambda: Light4) -> Option<(f32, Light4, f32)> {
+        let (origin, direction) = (flight.origin.as_vec3(), flight.direction.as_vec3());
+        let lamps = self.lights.iter().filter_map(|l| l.hit(origin, direction).map(|t| (t, l)));
+        if let Some((t, l)) = lamps.min_by(|a, b| a.0.total_cmp(&b.0)) {
+            return Some((t * (1.0 - 1e-4), [l.radiance; WAVELENGTHS], l.pdf(direction, t) / self.ways()));
+        }
+        let sky = &self.environment;
+        (!sky.is_dark()).then(|| (f32::INFINITY, sky.radiance(direction, lambda), sky.pdf(direction) / self.ways()))
+    }
+
     /// What comes through from `reach` away.
     fn passes(&self, mut flight: Flight, reach: f32, lambda: Light4) -> Light4 {
         let (origin, direction) = (flight.origin.as_vec3(), flight.direction.as_vec3());
