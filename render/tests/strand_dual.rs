@@ -151,12 +151,12 @@ fn dual_scattering_is_off_from_path_tracing_by_what_is_told() {
     let whole = StrandDualOptions { behind: false, ..StrandDualOptions::default() };
     let kinds = [("d 0.7", zinke), ("d 1", whole), ("d 1, behind counted", StrandDualOptions::default())];
     for (name, what, color, tt, told) in [
-        ("fur", fur, "light", 0.98, [-0.51, -0.26, -0.36]),
-        ("fur", fur, "brown", 0.8, [-0.15, 0.19, 0.14]),
-        ("fur", fur, "dark", 0.3, [-0.07, 0.05, 0.04]),
+        ("fur", fur, "light", 0.98, [-0.51, -0.26, -0.35]),
+        ("fur", fur, "brown", 0.8, [-0.14, 0.20, 0.15]),
+        ("fur", fur, "dark", 0.3, [-0.04, 0.08, 0.07]),
         ("layers", layer, "light", 0.98, [-0.26, 0.0, -0.14]),
         ("layers", layer, "brown", 0.8, [-0.10, 0.07, 0.06]),
-        ("layers", layer, "dark", 0.3, [-0.03, -0.01, -0.01]),
+        ("layers", layer, "dark", 0.3, [-0.02, -0.01, -0.01]),
     ] {
         let scene = scene(&what, tt, 0.1);
         let (path, path_time) = by_paths(&scene, &camera, 32, 64, 200);
@@ -191,8 +191,8 @@ fn floors_are_lit_through_strands() {
     let (black, _) = by_dual(&scene, &camera, 48, 96, &StrandDualOptions::default());
     let [want, got, black] = [&path, &dual, &black].map(|film| mean(&blocks(film, 1)));
     println!("fur on a floor: paths {want:.4}, dual {got:.4}, dual over a black floor {black:.4}");
-    // Measured: 10 % more light than by paths, as brown fur alone has 14 %; the floor gives half of it.
-    assert!((got / want - 1.10).abs() < 0.08 && (black / got - 0.51).abs() < 0.08, "{want} {got} {black}");
+    // Measured: 7 % more light than by paths, where brown fur alone has 15 %; without the floor's light 0.53 of it.
+    assert!((got / want - 1.07).abs() < 0.08 && (black / got - 0.53).abs() < 0.08, "{want} {got} {black}");
 }
 
 #[test]
