@@ -42,6 +42,14 @@ fn strands_are_rendered_and_gone_on_with() {
     assert_ne!(std::fs::read(dir.join("few.exr")).unwrap(), whole);
     shot(&["--samples", "6", "--resume"]);
     assert!(std::fs::read(dir.join("few.exr")).unwrap() == whole, "gone on with, the picture is another");
+    // By dual scattering.
+    shot(&["--samples", "6", "--integrator", "dual"]);
+    let dual = std::fs::read(dir.join("few.exr")).unwrap();
+    assert_ne!(dual, whole);
+    shot(&["--samples", "3", "--integrator", "dual", "--keep-sums"]);
+    refused(dir, &[&["render", "few.toml", "--samples", "6", "--resume"], SMALL].concat(), &["--integrator"]);
+    shot(&["--samples", "6", "--integrator", "dual", "--resume"]);
+    assert!(std::fs::read(dir.join("few.exr")).unwrap() == dual, "gone on with, the picture is another");
     // Curves of a file, linear.
     std::fs::write(dir.join("curves.txt"), "0 0 0 .1\n0 0 5 .1\n\n1 0 0 .1\n1 1 5 .1\n").unwrap();
     let of_file = "file = \"curves.txt\"\nbasis = \"linear\"\nshape = \"band\"";
@@ -96,4 +104,7 @@ fn bad_scenes_are_refused_in_one_line() {
     std::fs::write(dir.join("bad.toml"), SCENE).unwrap();
     refused(dir, &[&["render", "bad.toml", "--setup", "front"], SMALL].concat(), &["--setup", "fabrics"]);
     refused(dir, &["build", "bad.toml"], &["bad.toml"]);
+    // Dual scattering without strands.
+    let fabric = concat!(env!("CARGO_MANIFEST_DIR"), "/../fabrics/cotton_plain.toml");
+    refused(dir, &[&["render", fabric, "--integrator", "dual"], SMALL].concat(), &["--integrator = dual", "strands"]);
 }

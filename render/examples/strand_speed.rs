@@ -80,6 +80,17 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 best = best.min(clock(all) - begun);
             }
             println!("  rays {name}: {:.2} M/s, {hits} hits", rays.len() as f64 / best / 1e6);
+            let (mut nodes, mut groups, mut segments) = (0, 0, 0);
+            for cost in rays.iter().step_by(10).map(|(o, w)| tree.cost(*o, *w)) {
+                nodes += cost.nodes;
+                groups += cost.groups;
+                segments += cost.segments;
+            }
+            let mean = |n: u64| n as f64 / (rays.len() as f64 / 10.0);
+            let (nodes, groups, segments) = (mean(nodes), mean(groups), mean(segments));
+            println!(
+                "    a ray: {nodes:.1} nodes of four boxes, {groups:.1} groups of four chords, {segments:.1} segments"
+            );
         }
     }
     Ok(())

@@ -39,6 +39,10 @@ pub fn build<B: Boundable>(triangles: &[B]) -> CwBvh {
 
 /// obvhs' own tree at its medium effort. Its own function for that panics on a tree that is too deep where debug assertions are on, before anyone can look.
 fn clustered<B: Boundable>(triangles: &[B]) -> CwBvh {
+    bvh2_to_cwbvh(&clustered_binary(triangles), LEAF, true, false)
+}
+
+fn clustered_binary<B: Boundable>(triangles: &[B]) -> Bvh2 {
     let effort = BvhBuildParams::medium_build();
     let mut bvh2 = PlocBuilder::with_capacity(triangles.len()).build(
         effort.ploc_search_distance,
@@ -48,7 +52,12 @@ fn clustered<B: Boundable>(triangles: &[B]) -> CwBvh {
         effort.search_depth_threshold,
     );
     ReinsertionOptimizer::default().run(&mut bvh2, effort.reinsertion_batch_ratio, None);
-    bvh2_to_cwbvh(&bvh2, LEAF, true, false)
+    bvh2
+}
+
+/// A binary tree over `boxes`, one in a leaf; none of no boxes. It may be deep.
+pub fn binary<B: Boundable>(boxes: &[B]) -> Bvh2 {
+    if crowded(boxes) { binary_by_medians(boxes) } else { clustered_binary(boxes) }
 }
 
 /// Whether more than [`MOST_EQUAL`] triangles have nearly the same box.
@@ -85,7 +94,12 @@ fn levels(bvh: &CwBvh) -> usize {
 }
 
 /// A tree whose nodes are split at the median of their boxes' centers, along the longest axis of these.
-pub fn by_medians<B: Boundable>(triangles: &[B]) -> CwBvh {
+fn by_medians<B: Boundable>(triangles: &[B]) -> CwBvh {
+    bvh2_to_cwbvh(&binary_by_medians(triangles), LEAF, true, false)
+}
+
+/// The same as a binary tree, of ceil(log2(n)) levels below the root.
+pub fn binary_by_medians<B: Boundable>(triangles: &[B]) -> Bvh2 {
     let boxes: Vec<Aabb> = triangles.iter().map(|t| t.aabb()).collect();
     let mut order: Vec<u32> = (0..triangles.len() as u32).collect();
     let mut nodes = vec![Bvh2Node::default(); (2 * triangles.len()).saturating_sub(1)];
@@ -115,8 +129,7 @@ pub fn by_medians<B: Boundable>(triangles: &[B]) -> CwBvh {
         open.push((next + 1, from + half, to));
         next += 2;
     }
-    let bvh2 = Bvh2 { nodes, primitive_indices: order, ..Bvh2::default() };
-    bvh2_to_cwbvh(&bvh2, LEAF, true, false)
+    Bvh2 { nodes, primitive_indices: order, ..Bvh2::default() }
 }
 
 #[cfg(test)]

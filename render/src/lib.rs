@@ -31,8 +31,9 @@ pub use props::{Prop, Shape};
 pub use scene::{Frame, Scene, SurfacePoint};
 pub use setup::Setup;
 pub use strands::{
-    Basis, LEAST_RADIUS_MM, MOST_MM, MOST_POINTS, Made, Skip, StrandFiber, StrandFile, StrandHit, StrandScene,
-    StrandShape, StrandTree, Strands, make, mitsuba_text, render_strands,
+    Basis, LEAST_RADIUS_MM, MOST_MM, MOST_POINTS, Made, Skip, StrandDual, StrandDualOptions, StrandFiber, StrandFile,
+    StrandHit, StrandScene, StrandShape, StrandTree, Strands, TraceCost, make, mitsuba_text, render_strands,
+    render_strands_dual,
 };
 
 /// Wavelengths along a path.

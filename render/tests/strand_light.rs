@@ -92,6 +92,39 @@ fn white_rooms_stay_white() {
     }
 }
 
+/// A furnace of an assembly with growing numbers of scatterings (Xia 2020, Fig. 8): met within C_e, all light is there in the end and never more than all; the same light put into strands
+/// that are met within C_g alone, C_e / C_g of it a scattering, grows beyond the room's.
+#[test]
+fn assemblies_vanish_in_a_white_room_by_effective_widths_alone() {
+    /// C_e / C_g, as of circles of some 10 um.
+    const WIDER: f64 = 2.0;
+    const MOST: u32 = 12;
+    let what = Made::Ball { count: 400, ball_mm: 1.0, length_mm: 6.0, curl_mm: 1.5 };
+    let camera = Camera::new(Vec3::new(0.0, -40.0, 0.0), Vec3::ZERO, Vec3::Z, 0.1);
+    let upto = |width: f64, depth: u32| {
+        let strands = make(&what, 0.001 * RADIUS_UM, 16, 3).unwrap();
+        let fiber = StrandFiber::new(table(&[width], 1.0));
+        let scene = StrandScene::new(strands, StrandShape::Tube, fiber, Vec::new(), Environment::constant(1.0));
+        mean(&picture(&scene, &camera, 16, 64, depth), FilmView::Light)
+    };
+    // Light that arrives after at most d scatterings.
+    let adjusted: Vec<f64> = (0..=MOST).map(|d| upto(WIDER, d)).collect();
+    let narrow: Vec<f64> = (0..=MOST).map(|d| upto(1.0, d)).collect();
+    // Light of n scatterings is WIDER^n times as much where each gives that.
+    let mut naive = vec![narrow[0]];
+    for n in 1..=MOST as usize {
+        naive.push(naive[n - 1] + WIDER.powi(n as i32) * (narrow[n] - narrow[n - 1]));
+    }
+    for d in [0, 1, 2, 4, 8, 12] {
+        println!("up to {d} scatterings: by C_e {:.3}, C_g {:.3}, C_e on C_g {:.3}", adjusted[d], narrow[d], naive[d]);
+    }
+    let [all, alone] = [upto(WIDER, 100_000), upto(1.0, 100_000)];
+    println!("all: by C_e {all:.4}, C_g {alone:.4}");
+    assert!((all - 1.0).abs() < 0.01 && (alone - 1.0).abs() < 0.01, "{all} {alone}");
+    assert!(adjusted.windows(2).all(|w| w[1] > w[0] - 0.005) && adjusted.iter().all(|a| *a < 1.01), "{adjusted:?}");
+    assert!(naive[MOST as usize] > 1.5, "{naive:?}");
+}
+
 /// One strand that fills the picture.
 fn thick(fiber: StrandFiber, lights: Vec<Light>, environment: Environment) -> StrandScene {
     let points: Vec<[f32; 4]> = (0..6).map(|k| [10.0 * k as f32 - 25.0, 0.0, 0.0, 3.0]).collect();

@@ -22,6 +22,15 @@ pub enum Scene {
     Furnace,
 }
 
+/// How light between strands is found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Integrator {
+    /// Paths are followed.
+    Path,
+    /// Dual scattering: estimated from the strands that shadow rays meet, with an error (docs/dual_scattering.md).
+    Dual,
+}
+
 /// `plywave render`.
 #[derive(Debug, Args)]
 pub struct RenderArgs {
@@ -48,6 +57,9 @@ pub struct RenderArgs {
     /// Most scatterings of a path [default: 8, of strands 64].
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub depth: Option<u32>,
+    /// How light between strands is found [default: path].
+    #[arg(long, value_enum)]
+    pub integrator: Option<Integrator>,
     /// Width of the cloth [mm] [default: the scene's].
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub size_mm: Option<f64>,

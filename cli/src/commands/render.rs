@@ -1,8 +1,8 @@
 //! `plywave render`: a fabric in a ready-made scene, or strands in their own, by the reference host.
 
 use super::color;
-use crate::args::{Cli, FabricPart, RenderArgs, Scene};
-use crate::failure::Outcome;
+use crate::args::{Cli, FabricPart, Integrator, RenderArgs, Scene};
+use crate::failure::{Failure, Outcome};
 use crate::progress::STOP;
 use crate::rendering::{About, Outputs, check_flags, digest_of_file, failed, film, shoot};
 use crate::{kinds, output, report};
@@ -104,6 +104,10 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     check_flags(args)?;
     if kinds::kind_of(&args.fabric) == Some(kinds::Kind::StrandScene) {
         return super::render_strands::run(cli, args);
+    }
+    if args.integrator == Some(Integrator::Dual) {
+        let hint = "dual scattering is between strands and a fabric has none; give a scene of strands, or leave it out";
+        return Err(Failure::input("command line", "--integrator", "dual", hint));
     }
     let outputs = Outputs::of(args)?;
     let loaded = kinds::load_fabric(&args.fabric)?;

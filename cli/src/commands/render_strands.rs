@@ -1,12 +1,13 @@
 //! `plywave render` of a scene of strands.
 
-use crate::args::{Cli, RenderArgs};
+use super::on_threads;
+use crate::args::{Cli, Integrator, RenderArgs};
 use crate::failure::{Failure, Outcome};
 use crate::output;
 use crate::progress::STOP;
 use crate::rendering::{About, Outputs, check_flags, digest_of_file, failed, film, shoot};
 use crate::strand_scene::StrandSpec;
-use plywave_render::{Environment, RenderOptions, render_strands};
+use plywave_render::{Environment, RenderOptions, StrandDual, StrandDualOptions, render_strands, render_strands_dual};
 use std::path::{Path, PathBuf};
 
 /// Most scatterings of a path: light in clear hair is scattered often.
@@ -55,12 +56,22 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     ] {
         of.push((name.to_string(), value.to_string()));
     }
+    let integrator = args.integrator.unwrap_or(Integrator::Path);
+    of.push(("--integrator".into(), format!("{integrator:?}")));
     let film = film(args, &outputs, &of)?;
     let sky = args.sky.as_ref().map(|file| Environment::load(file, 1.0)).transpose().map_err(failed)?;
     let (scene, camera, notes) = spec.scene(sky)?;
     let options = RenderOptions { samples: args.samples, depth, seed: args.seed };
     let about = About { name: spec.name().to_string(), scene: "strands".into(), notes };
-    shoot(cli, args, &outputs, &of, film, about, |film, after| {
-        render_strands(&scene, &camera, film, &options, &STOP, after)
-    })
+    match integrator {
+        Integrator::Path => shoot(cli, args, &outputs, &of, film, about, |film, after| {
+            render_strands(&scene, &camera, film, &options, &STOP, after)
+        }),
+        Integrator::Dual => {
+            let dual = on_threads(cli, || StrandDual::new(&scene, &StrandDualOptions::default()))?.map_err(failed)?;
+            shoot(cli, args, &outputs, &of, film, about, |film, after| {
+                render_strands_dual(&dual, &camera, film, &options, &STOP, after)
+            })
+        }
+    }
 }

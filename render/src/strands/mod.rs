@@ -4,6 +4,8 @@
 //! it as a tube ([`StrandShape::Tube`]: the union of balls along the curve) or as a band that faces each ray ([`StrandShape::Band`]). `segment.rs` has the
 //! formulas, `tree.rs` the BVH and the answer at a hit.
 
+mod dual;
+mod group;
 mod how;
 mod make;
 mod pbrt;
@@ -12,19 +14,23 @@ mod scene;
 mod segment;
 mod trace;
 mod tree;
+mod wide;
 
 use crate::RenderError;
 use crate::room::check_room;
 
+pub use dual::{StrandDual, StrandDualOptions, render_strands_dual};
 pub use how::StrandFile;
 pub use make::{Made, make};
 pub use read::mitsuba_text;
 pub use scene::{StrandFiber, StrandScene};
 pub use trace::render_strands;
-pub use tree::{Skip, StrandHit, StrandTree};
+pub use tree::{Skip, StrandHit, StrandTree, TraceCost};
 
 /// Most control points of one strand, which is what a `.hair` file can say.
 pub const MOST_POINTS: usize = 65_536;
+/// Most points of all strands: what the tree counts to.
+const MOST_IN_ALL: usize = 1 << 29;
 /// Largest coordinate [mm].
 pub const MOST_MM: f32 = 1e6;
 /// Least radius [mm].
@@ -174,8 +180,8 @@ impl Strands {
                 return Err(bad(format!("point {} has the radius {} mm; use {LEAST_RADIUS_MM} or more", k + 1, p[3])));
             }
         }
-        if self.points.len() + points.len() > u32::MAX as usize {
-            return Err(bad("more than 4 G points".into()));
+        if self.points.len() + points.len() > MOST_IN_ALL {
+            return Err(bad("more than 536 M points in all; give fewer strands".into()));
         }
         if new {
             self.count += 1;

@@ -100,17 +100,35 @@ impl StrandScene {
         lambda_um: [f32; WAVELENGTHS],
     ) -> (FiberBsdf<'_, WAVELENGTHS>, [bool; WAVELENGTHS]) {
         let radius_um = self.fiber.radius_um();
-        let larger = 1000.0 * hit.radius_mm as f32 / (self.wider * radius_um);
         let query = FiberQuery {
             omega_i: frame.map(|axis| -axis.dot(direction) as f32),
             h_rel: self.fiber.near.then_some(hit.h_rel as f32),
             lambda_um,
-            sigma_per_um: lambda_um.map(|l| larger * self.fiber.sigma_per_um(l)),
+            sigma_per_um: self.sigma(hit, lambda_um),
         };
         let at = self.fiber.model.at(&query);
         let met =
             if self.is_limited() { at.hit(hit.h_rel as f32 * self.wider * radius_um) } else { [true; WAVELENGTHS] };
         (at, met)
+    }
+
+    /// Which wavelengths of a ray are met at a hit.
+    pub(super) fn met(&self, hit: &StrandHit, direction: DVec3, lambda_um: [f32; WAVELENGTHS]) -> [bool; WAVELENGTHS] {
+        if !self.is_limited() {
+            return [true; WAVELENGTHS];
+        }
+        self.at(hit, &hit.frame(self.reference), direction, lambda_um).1
+    }
+
+    /// Thickness of a strand of a radius as it is met [mm], over the model's.
+    pub(super) fn larger(&self, radius_mm: f64) -> f32 {
+        1000.0 * radius_mm as f32 / (self.wider * self.fiber.radius_um())
+    }
+
+    /// Absorption of the model that stands for a strand at a hit [1/um].
+    pub(super) fn sigma(&self, hit: &StrandHit, lambda_um: [f32; WAVELENGTHS]) -> [f32; WAVELENGTHS] {
+        let larger = self.larger(hit.radius_mm);
+        lambda_um.map(|l| larger * self.fiber.sigma_per_um(l))
     }
 
     /// Whether rays may pass within the width that is met.

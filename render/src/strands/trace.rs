@@ -39,26 +39,26 @@ pub fn render_strands(
 
 /// A ray under way.
 #[derive(Clone, Debug)]
-struct Flight {
-    origin: DVec3,
-    direction: DVec3,
+pub(super) struct Flight {
+    pub origin: DVec3,
+    pub direction: DVec3,
     /// What lies nearer has been passed.
-    after: f64,
+    pub after: f64,
     /// Strands that it is in.
-    skips: Vec<Skip>,
+    pub skips: Vec<Skip>,
 }
 
 impl Flight {
-    fn new(origin: DVec3, direction: DVec3) -> Flight {
+    pub fn new(origin: DVec3, direction: DVec3) -> Flight {
         Flight { origin, direction, after: 0.0, skips: Vec::new() }
     }
 
-    fn first(&self, tree: &StrandTree, before: f64) -> Option<StrandHit> {
+    pub fn first(&self, tree: &StrandTree, before: f64) -> Option<StrandHit> {
         tree.first(self.origin, self.direction, self.after, before, &self.skips)
     }
 
     /// Goes on behind a hit, as if nothing were there.
-    fn pass(&mut self, hit: &StrandHit) {
+    pub fn pass(&mut self, hit: &StrandHit) {
         self.after = hit.t;
         self.skips.retain(|skip| skip.until > hit.t);
         let Skip { strand, until } = hit.leave(self.direction);
@@ -74,34 +74,34 @@ impl Flight {
 }
 
 /// What a path is scattered by: axes, and how it leaves.
-struct Place {
-    axes: [DVec3; 3],
-    from: Leaving,
+pub(super) struct Place {
+    pub axes: [DVec3; 3],
+    pub from: Leaving,
 }
 
-enum Leaving {
+pub(super) enum Leaving {
     Strand(StrandHit),
     Prop { position: DVec3, normal: DVec3 },
 }
 
 impl Place {
-    fn local(&self, w: DVec3) -> [f32; 3] {
+    pub fn local(&self, w: DVec3) -> [f32; 3] {
         self.axes.map(|a| a.dot(w) as f32)
     }
 
-    fn world(&self, w: [f32; 3]) -> DVec3 {
+    pub fn world(&self, w: [f32; 3]) -> DVec3 {
         let w = w.map(f64::from);
         (self.axes[0] * w[0] + self.axes[1] * w[1] + self.axes[2] * w[2]).normalize_or_zero()
     }
 
-    fn position(&self) -> DVec3 {
+    pub fn position(&self) -> DVec3 {
         match &self.from {
             Leaving::Strand(hit) => hit.position,
             Leaving::Prop { position, .. } => *position,
         }
     }
 
-    fn flight(&self, direction: DVec3) -> Flight {
+    pub fn flight(&self, direction: DVec3) -> Flight {
         match &self.from {
             Leaving::Strand(hit) => {
                 let mut flight = Flight::new(hit.position, direction);
@@ -114,6 +114,18 @@ impl Place {
             }
         }
     }
+}
+
+/// Light that was drawn from a source.
+pub(super) struct Drawn {
+    /// Unit direction to it.
+    pub w: DVec3,
+    /// Distance up to which nothing may stand [mm].
+    pub reach: f32,
+    /// Its radiance, by wavelength.
+    pub radiance: Light4,
+    /// Density of the draw [1/sr].
+    pub pdf: f32,
 }
 
 impl Tracer for StrandScene {
@@ -132,11 +144,7 @@ impl Tracer for StrandScene {
         let (mut depth, mut passed) = (0, 0);
         while passed < MOST_PASSED {
             let ray = (flight.origin.as_vec3(), flight.direction.as_vec3());
-            let prop = self
-                .props
-                .iter()
-                .filter_map(|prop| prop.hit(ray.0, ray.1).filter(|t| f64::from(*t) > flight.after).map(|t| (t, prop)))
-                .min_by(|a, b| a.0.total_cmp(&b.0));
+            let prop = self.prop(&flight);
             let hit = flight.first(self.tree(), prop.map_or(f64::INFINITY, |(t, _)| t.into()));
             let reach = hit.as_ref().map_or_else(|| prop.map_or(f32::INFINITY, |(t, _)| t), |hit| hit.t as f32);
             if self.emitted(ray, reach, pdf, lambda, throughput, &mut light) {
@@ -146,29 +154,13 @@ impl Tracer for StrandScene {
                 (Some(hit), _) => {
                     let axes = hit.frame(self.reference);
                     let (at, met) = self.at(&hit, &axes, flight.direction, lambda);
-                    // Of what each part carries.
-                    let carried =
-                        |of: bool| (0..WAVELENGTHS).filter(|k| met[*k] == of).map(|k| throughput[k]).sum::<f32>();
-                    let (scattered, straight) = (carried(true), carried(false));
-                    if scattered <= 0.0 || straight > 0.0 && rng.random::<f32>() * (scattered + straight) >= scattered {
-                        let scale = (scattered + straight) / straight.max(1e-30);
-                        (0..WAVELENGTHS).for_each(|k| throughput[k] *= if met[k] { 0.0 } else { scale });
+                    if !self.choose(met, &mut throughput, rng) {
                         flight.pass(&hit);
                         passed += 1;
                         continue;
                     }
-                    if straight > 0.0 {
-                        let scale = (scattered + straight) / scattered;
-                        (0..WAVELENGTHS).for_each(|k| throughput[k] *= if met[k] { scale } else { 0.0 });
-                    }
                     if first.is_none() {
-                        let across = hit.position - hit.center;
-                        let across = across - hit.tangent * hit.tangent.dot(across);
-                        let normal = match self.tree().shape() {
-                            StrandShape::Tube => across.normalize_or(-flight.direction),
-                            StrandShape::Band => -flight.direction,
-                        };
-                        first = Some((normal.as_vec3().to_array(), hit.t as f32));
+                        first = Some((self.facing(&hit, flight.direction), hit.t as f32));
                         albedo = at.albedo();
                     }
                     let place = Place { axes, from: Leaving::Strand(hit) };
@@ -228,8 +220,45 @@ impl StrandScene {
         (self.lights.len() + usize::from(!self.environment.is_dark())).max(1) as f32
     }
 
+    /// Whether a path is scattered where some wavelengths are met and others pass: one of the two is followed, in proportion to what it carries.
+    pub(super) fn choose(&self, met: [bool; WAVELENGTHS], throughput: &mut Light4, rng: &mut Pcg64Mcg) -> bool {
+        let carried = |of: bool| (0..WAVELENGTHS).filter(|k| met[*k] == of).map(|k| throughput[k]).sum::<f32>();
+        let (scattered, straight) = (carried(true), carried(false));
+        let all = scattered + straight;
+        if scattered <= 0.0 || straight > 0.0 && rng.random::<f32>() * all >= scattered {
+            let scale = all / straight.max(1e-30);
+            (0..WAVELENGTHS).for_each(|k| throughput[k] *= if met[k] { 0.0 } else { scale });
+            return false;
+        }
+        if straight > 0.0 {
+            let scale = all / scattered;
+            (0..WAVELENGTHS).for_each(|k| throughput[k] *= if met[k] { scale } else { 0.0 });
+        }
+        true
+    }
+
+    /// Normal of a strand towards where a ray comes from.
+    pub(super) fn facing(&self, hit: &StrandHit, direction: DVec3) -> [f32; 3] {
+        let across = hit.position - hit.center;
+        let across = across - hit.tangent * hit.tangent.dot(across);
+        let normal = match self.tree().shape() {
+            StrandShape::Tube => across.normalize_or(-direction),
+            StrandShape::Band => -direction,
+        };
+        normal.as_vec3().to_array()
+    }
+
+    /// The prop that a ray meets first, and its distance.
+    pub(super) fn prop(&self, flight: &Flight) -> Option<(f32, &Prop)> {
+        let (origin, direction) = (flight.origin.as_vec3(), flight.direction.as_vec3());
+        self.props
+            .iter()
+            .filter_map(|prop| prop.hit(origin, direction).filter(|t| f64::from(*t) > flight.after).map(|t| (t, prop)))
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+    }
+
     /// Adds the light of what a ray ends at, if nothing lies before it; whether it ends.
-    fn emitted(
+    pub(super) fn emitted(
         &self,
         (origin, direction): (Vec3, Vec3),
         reach: f32,
@@ -260,7 +289,7 @@ impl StrandScene {
     }
 
     /// Light from one source at a place, and how the path goes on; it ends after the last.
-    fn scatter(
+    pub(super) fn scatter(
         &self,
         place: &Place,
         at: &impl Bsdf<WAVELENGTHS>,
@@ -286,25 +315,9 @@ impl StrandScene {
         rng: &mut Pcg64Mcg,
         light: &mut Light4,
     ) {
-        let (count, ways) = (self.lights.len(), self.ways());
-        let which = ((rng.random::<f32>() * ways) as usize).min(ways as usize - 1);
-        let u: [f32; 2] = rng.random();
-        let position = place.position().as_vec3();
-        let (direction, reach, radiance, pdf) = if let Some(l) = self.lights.get(which) {
-            let (direction, t) = l.sample(position, u);
-            if l.hit(position, direction).is_none() {
-                return;
-            }
-            (direction, t * (1.0 - 1e-4), [l.radiance; WAVELENGTHS], l.pdf(direction, t))
-        } else if which == count && !self.environment.is_dark() {
-            let direction = self.environment.sample(u);
-            let radiance = self.environment.radiance(direction, lambda);
-            (direction, f32::INFINITY, radiance, self.environment.pdf(direction))
-        } else {
+        let Some(Drawn { w, reach, radiance, pdf }) = self.draw(place.position().as_vec3(), lambda, rng) else {
             return;
         };
-        let pdf = pdf / ways;
-        let w = direction.as_dvec3().normalize();
         let local = place.local(w);
         let (f, own) = at.eval_pdf(local);
         if f.iter().all(|f| *f <= 0.0) {
@@ -313,6 +326,36 @@ impl StrandScene {
         let passes = self.passes(place.flight(w), reach, lambda);
         let weight = share(pdf, own) / pdf.max(1e-30);
         (0..WAVELENGTHS).for_each(|k| light[k] += throughput[k] * f[k] * weight * radiance[k] * passes[k]);
+    }
+
+    /// Light of one source on its way to a place, if there is any.
+    pub(super) fn draw(&self, position: Vec3, lambda: Light4, rng: &mut Pcg64Mcg) -> Option<Drawn> {
+        let (count, ways) = (self.lights.len(), self.ways());
+        let which = ((rng.random::<f32>() * ways) as usize).min(ways as usize - 1);
+        let u: [f32; 2] = rng.random();
+        let (direction, reach, radiance, pdf) = if let Some(l) = self.lights.get(which) {
+            let (direction, t) = l.sample(position, u);
+            l.hit(position, direction)?;
+            (direction, t * (1.0 - 1e-4), [l.radiance; WAVELENGTHS], l.pdf(direction, t))
+        } else if which == count && !self.environment.is_dark() {
+            let direction = self.environment.sample(u);
+            let radiance = self.environment.radiance(direction, lambda);
+            (direction, f32::INFINITY, radiance, self.environment.pdf(direction))
+        } else {
+            return None;
+        };
+        Some(Drawn { w: direction.as_dvec3().normalize(), reach, radiance, pdf: pdf / ways })
+    }
+
+    /// The source that a ray ends at where nothing stands before it: distance up to which nothing may stand, radiance, and the density with which [`StrandScene::draw`] has its direction.
+    pub(super) fn source(&self, flight: &Flight, lambda: Light4) -> Option<(f32, Light4, f32)> {
+        let (origin, direction) = (flight.origin.as_vec3(), flight.direction.as_vec3());
+        let lamps = self.lights.iter().filter_map(|l| l.hit(origin, direction).map(|t| (t, l)));
+        if let Some((t, l)) = lamps.min_by(|a, b| a.0.total_cmp(&b.0)) {
+            return Some((t * (1.0 - 1e-4), [l.radiance; WAVELENGTHS], l.pdf(direction, t) / self.ways()));
+        }
+        let sky = &self.environment;
+        (!sky.is_dark()).then(|| (f32::INFINITY, sky.radiance(direction, lambda), sky.pdf(direction) / self.ways()))
     }
 
     /// What comes through from `reach` away.
@@ -328,7 +371,7 @@ impl StrandScene {
             if !self.is_limited() {
                 break;
             }
-            let (_, met) = self.at(&hit, &hit.frame(self.reference), flight.direction, lambda);
+            let met = self.met(&hit, flight.direction, lambda);
             (0..WAVELENGTHS).filter(|k| met[*k]).for_each(|k| passes[k] = 0.0);
             if passes.iter().all(|p| *p <= 0.0) {
                 break;

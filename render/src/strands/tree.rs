@@ -1,25 +1,43 @@
 //! The BVH over the segments of strands, and what a ray meets first.
 
+use super::group::{Group, GroupRay, SEGMENTS};
 use super::segment::{Cubic, Extent, RayFrame, band, cubic, point, slope, spline, tube};
+use super::wide::Wide;
 use super::{Basis, StrandShape, Strands};
 use glam::{DVec3, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
-use obvhs::cwbvh::CwBvh;
-use obvhs::ray::{Ray, RayHit};
 
-/// Rounding of the tree's traversal, over the largest coordinate: boxes grow by it. Slabs are off by 4 roundings of 6e-8, and components of directions below
-/// 1.2e-7 count as that.
-const PAD: f32 = 1e-6;
+/// Rounding of the tree's traversal, over the largest coordinate: boxes grow by it. Slabs are off by some ten roundings of 6e-8: those of the ray's origin, of the difference, whose size is up to
+/// 3.5 coordinates, and of the product.
+const PAD: f32 = 1.5e-6;
 
-/// Control points of a segment, in one line of the cache; a straight one has two.
+/// Where a group of segments comes from.
 #[derive(Clone, Copy, Debug)]
-#[repr(C, align(64))]
-struct Points([[f32; 4]; 4]);
-
-/// Where a segment comes from.
-#[derive(Clone, Copy, Debug)]
-struct Segment {
+struct Source {
     /// Its first control point.
+    first: u32,
+    strand: u32,
+    /// Number of segments.
+    count: u32,
+}
+
+/// What finding a ray's first hit takes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TraceCost {
+    /// Nodes of the BVH, each with up to four boxes.
+    pub nodes: u64,
+    /// Groups of segments whose chords are looked at.
+    pub groups: u64,
+    /// Segments that are intersected.
+    pub segments: u64,
+}
+
+/// A segment that is met.
+#[derive(Clone, Copy, Debug)]
+struct Met {
+    t: f64,
+    u: f64,
+    /// First control point.
     first: u32,
     strand: u32,
 }
@@ -28,11 +46,11 @@ struct Segment {
 pub struct StrandTree {
     strands: Strands,
     shape: StrandShape,
-    /// In the order of the tree.
-    segments: Vec<Segment>,
+    /// Segments in the order of the tree.
+    groups: Vec<Group>,
     /// The same.
-    points: Vec<Points>,
-    bvh: CwBvh,
+    sources: Vec<Source>,
+    boxes: Wide,
     bounds: Aabb,
 }
 
@@ -98,42 +116,51 @@ impl StrandHit {
 impl StrandTree {
     /// Builds the tree.
     pub fn new(strands: Strands, shape: StrandShape) -> StrandTree {
-        StrandTree::by(strands, shape, crate::bvh::build)
+        StrandTree::by(strands, shape, Wide::new)
     }
 
     /// Builds a tree of another form over the same strands, split at medians: what a ray meets is the same.
     pub fn by_medians(strands: Strands, shape: StrandShape) -> StrandTree {
-        StrandTree::by(strands, shape, crate::bvh::by_medians)
+        StrandTree::by(strands, shape, Wide::by_medians)
     }
 
-    fn by(strands: Strands, shape: StrandShape, build: impl FnOnce(&[Aabb]) -> CwBvh) -> StrandTree {
-        let order = strands.basis().order();
-        let mut segments = Vec::with_capacity(strands.segments());
-        let mut boxes = Vec::with_capacity(strands.segments());
+    fn by(strands: Strands, shape: StrandShape, build: impl FnOnce(&[Aabb]) -> Wide) -> StrandTree {
+        let basis = strands.basis();
+        let order = basis.order();
+        let mut sources = Vec::with_capacity(strands.segments().div_ceil(SEGMENTS) + strands.len());
+        let mut boxes = Vec::with_capacity(sources.capacity());
         let mut bounds = Aabb::empty();
         for run in strands.runs() {
-            for first in run.first..=run.first + run.count - order as u32 {
-                let p = &strands.points()[first as usize..][..order];
-                let aabb = aabb(p);
-                bounds = bounds.union(&aabb);
-                segments.push(Segment { first, strand: run.strand });
-                boxes.push(aabb);
+            let segments = run.count as usize + 1 - order;
+            let groups = segments.div_ceil(SEGMENTS);
+            for group in 0..groups {
+                // As equal as they come.
+                let (from, to) = (group * segments / groups, (group + 1) * segments / groups);
+                let first = run.first + from as u32;
+                let mut all = Aabb::empty();
+                for k in from..to {
+                    all = all.union(&aabb(&strands.points()[run.first as usize + k..][..order]));
+                }
+                bounds = bounds.union(&all);
+                sources.push(Source { first, strand: run.strand, count: (to - from) as u32 });
+                boxes.push(all);
             }
         }
-        if segments.is_empty() {
+        if sources.is_empty() {
             bounds = Aabb::new(Vec3A::ZERO, Vec3A::ZERO);
         }
         let pad = Vec3A::splat(PAD * bounds.min.abs().max(bounds.max.abs()).max_element());
         boxes.iter_mut().for_each(|b| *b = Aabb::new(b.min - pad, b.max + pad));
         let bounds = Aabb::new(bounds.min - pad, bounds.max + pad);
-        let bvh = build(&boxes);
-        let segments: Vec<Segment> = bvh.primitive_indices.iter().map(|&i| segments[i as usize]).collect();
-        let of = |s: &Segment| {
-            let p = &strands.points()[s.first as usize..][..order];
-            Points(std::array::from_fn(|k| p[k.min(order - 1)]))
+        let boxes = build(&boxes);
+        let sources: Vec<Source> = boxes.order.iter().map(|&i| sources[i as usize]).collect();
+        let most = bounds.min.abs().max(bounds.max.abs()).max_element();
+        let of = |s: &Source| {
+            let points = &strands.points()[s.first as usize..][..s.count as usize + order - 1];
+            Group::new(points, basis, most)
         };
-        let points = segments.iter().map(of).collect();
-        StrandTree { strands, shape, segments, points, bvh, bounds }
+        let groups = sources.iter().map(of).collect();
+        StrandTree { strands, shape, groups, sources, boxes, bounds }
     }
 
     /// The strands.
@@ -153,55 +180,112 @@ impl StrandTree {
 
     /// What a ray from `origin` in the unit `direction` meets first, farther than `after` and nearer than `before` [mm]; the strands of `skips` only where it is out of them.
     pub fn first(&self, origin: DVec3, direction: DVec3, after: f64, before: f64, skips: &[Skip]) -> Option<StrandHit> {
-        let (t, i, u) = self.nearest(origin, direction, after, before, skips)?;
-        Some(self.hit(origin, direction, (t, i, u)))
+        let met = self.nearest::<false>(origin, direction, after, before, skips, &mut TraceCost::default())?;
+        Some(self.hit(origin, direction, met))
     }
 
-    fn nearest(
+    /// What finding the first hit of a ray takes.
+    pub fn cost(&self, origin: DVec3, direction: DVec3) -> TraceCost {
+        let mut cost = TraceCost::default();
+        self.nearest::<true>(origin, direction, 0.0, f64::INFINITY, &[], &mut cost);
+        cost
+    }
+
+    fn nearest<const COUNT: bool>(
         &self,
         origin: DVec3,
         direction: DVec3,
         after: f64,
         before: f64,
         skips: &[Skip],
-    ) -> Option<(f64, usize, f64)> {
+        cost: &mut TraceCost,
+    ) -> Option<Met> {
         let [from, to] = self.reach(origin, direction)?;
         if to <= after || from >= before {
             return None;
         }
-        // The tree's ray starts where the box of all begins, so that its roundings are those of the strands' coordinates, however far off the ray comes from.
-        let start = from.max(after).max(0.0);
-        let moved = origin + direction * start;
-        // Adding 0 turns -0 into 0: the tree takes a ray's octant from the sign of its inverse in one place and of itself in another.
-        let ray = Ray::new(
-            Vec3A::from(moved.as_vec3()),
-            Vec3A::from(direction.as_vec3()) + Vec3A::ZERO,
-            0.0,
-            above((before.min(to) - start) as f32),
-        );
-        let frame = RayFrame::new(origin, direction);
-        let mut best = (before, usize::MAX, 0.0);
-        self.bvh.ray_traverse(ray, &mut RayHit::none(), |_, i| {
-            let segment = &self.segments[i];
-            let left =
-                |after: f64, skip: &Skip| if skip.strand == segment.strand { after.max(skip.until) } else { after };
-            let after = skips.iter().fold(after, left);
-            // Equal distances go to the segment that was given first, in whatever order the tree comes by.
-            let limit = best.0 + if best.1 == usize::MAX { 0.0 } else { best.0.abs() * f64::EPSILON };
-            match self.meet(&frame, &self.points[i].0, after, limit) {
-                Some((t, u))
-                    if t < best.0
-                        || t == best.0
-                            && best.1 != usize::MAX
-                            && self.segments[i].first < self.segments[best.1].first =>
-                {
-                    best = (t, i, u);
-                    above((t - start) as f32)
-                }
-                _ => f32::INFINITY,
+        let (start, moved, limit) = start_of(origin, direction, from.max(after), before.min(to));
+        let (frame, chords) = (RayFrame::new(origin, direction), GroupRay::new(moved, direction));
+        let low = (after - start) as f32;
+        let mut best: Option<Met> = None;
+        let nodes = self.boxes.traverse(moved, direction.as_vec3(), limit, |i, mut limit| {
+            let mut near = self.groups[i].near(&chords, low, limit);
+            cost.groups += u64::from(COUNT);
+            if near == 0 {
+                return limit;
             }
+            let source = self.sources[i];
+            let after = after_skips(after, skips, source.strand);
+            near &= (1 << source.count) - 1;
+            while near != 0 {
+                let first = source.first + near.trailing_zeros();
+                near &= near - 1;
+                cost.segments += u64::from(COUNT);
+                // Equal distances go to the segment that was given first, in whatever order the tree comes by.
+                let most = best.map_or(before, |best| best.t + best.t.abs() * f64::EPSILON);
+                let Some((t, u)) = self.meet(&frame, first, after, most) else { continue };
+                if best.map_or(t < before, |best| t < best.t || t == best.t && first < best.first) {
+                    best = Some(Met { t, u, first, strand: source.strand });
+                    limit = limit.min(above((t - start) as f32));
+                }
+            }
+            limit
         });
-        (best.1 != usize::MAX).then_some(best)
+        if COUNT {
+            cost.nodes += nodes;
+        }
+        best
+    }
+
+    /// All that a ray meets farther than `after` and nearer than `before` [mm], the nearest first: a strand is met again only where the ray has been out of it
+    /// ([`StrandHit::leave`]); the strands of `skips` only where it is out of them. What was in `found` is dropped. One traversal, where [`StrandTree::first`] takes one a strand.
+    pub fn each(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        after: f64,
+        before: f64,
+        skips: &[Skip],
+        found: &mut Vec<StrandHit>,
+    ) {
+        found.clear();
+        let Some([from, to]) = self.reach(origin, direction) else { return };
+        if to <= after || from >= before {
+            return;
+        }
+        let (start, moved, limit) = start_of(origin, direction, from.max(after), before.min(to));
+        let (frame, chords) = (RayFrame::new(origin, direction), GroupRay::new(moved, direction));
+        let low = (after - start) as f32;
+        self.boxes.traverse(moved, direction.as_vec3(), limit, |i, limit| {
+            let mut near = self.groups[i].near(&chords, low, limit);
+            if near == 0 {
+                return limit;
+            }
+            let source = self.sources[i];
+            near &= (1 << source.count) - 1;
+            while near != 0 {
+                let first = source.first + near.trailing_zeros();
+                near &= near - 1;
+                let mut after = after_skips(after, skips, source.strand);
+                // A bent segment is entered more than once: all of it, since which of them count is known only when those of its neighbors are.
+                while let Some((t, u)) = self.meet(&frame, first, after, before).filter(|(t, _)| *t < before) {
+                    found.push(self.hit(origin, direction, Met { t, u, first, strand: source.strand }));
+                    after = t;
+                }
+            }
+            limit
+        });
+        found.sort_by(|a, b| a.t.total_cmp(&b.t).then(a.first_point.cmp(&b.first_point)));
+        let mut inside: Vec<Skip> = Vec::new();
+        found.retain(|hit| {
+            inside.retain(|skip| skip.until > hit.t);
+            let is_new = inside.iter().all(|skip| skip.strand != hit.strand);
+            if is_new {
+                let Skip { strand, until } = hit.leave(direction);
+                inside.push(Skip { strand, until: hit.t + until });
+            }
+            is_new
+        });
     }
 
     /// Distances between which a ray is in the box of all.
@@ -221,27 +305,31 @@ impl StrandTree {
         }
         // A part in 1e12 for the roundings of the divisions.
         let slack = 1e-12 * (from.abs() + to.abs());
-        (from <= to + slack && !self.segments.is_empty()).then_some([from - slack, to + slack])
+        (from <= to + slack && !self.sources.is_empty()).then_some([from - slack, to + slack])
     }
 
+    /// Where a ray meets the segment of a first control point, farther than `after` and up to `before`.
     #[inline(always)]
-    fn meet(&self, frame: &RayFrame, p: &[[f32; 4]; 4], after: f64, before: f64) -> Option<(f64, f64)> {
+    fn meet(&self, frame: &RayFrame, first: u32, after: f64, before: f64) -> Option<(f64, f64)> {
+        let points = &self.strands.points()[first as usize..];
         match self.strands.basis() {
             Basis::Linear => {
-                let (a, b) = (frame.see(p[0]), frame.see(p[1]));
+                let (a, b) = (frame.see(points[0]), frame.see(points[1]));
                 let met = match self.shape {
                     StrandShape::Tube => tube(a, b, after),
                     StrandShape::Band => band(a, b, after),
                 };
                 met.filter(|(t, _)| *t <= before)
             }
-            Basis::BSpline => spline(&cubic(p.map(|p| frame.see(p))), Extent::of(p), self.shape, after, before),
+            Basis::BSpline => {
+                let p: &[[f32; 4]; 4] = points.first_chunk()?;
+                spline(&cubic(p.map(|p| frame.see(p))), Extent::of(p), self.shape, after, before)
+            }
         }
     }
 
-    fn hit(&self, origin: DVec3, direction: DVec3, (t, i, u): (f64, usize, f64)) -> StrandHit {
-        let segment = &self.segments[i];
-        let points = &self.strands.points()[segment.first as usize..];
+    fn hit(&self, origin: DVec3, direction: DVec3, Met { t, u, first, strand }: Met) -> StrandHit {
+        let points = &self.strands.points()[first as usize..];
         let wide = |p: [f32; 4]| p.map(f64::from);
         let (at, along) = match self.strands.basis() {
             Basis::Linear => {
@@ -267,18 +355,20 @@ impl StrandTree {
         // Unit vector across the ray and the strand: the side of growing azimuth of the direction to where the ray comes from.
         let side = direction.cross(tangent).normalize_or(tangent.any_orthonormal_vector());
         let h_rel = ((position - center).dot(side) / radius_mm).clamp(-1.0, 1.0);
-        StrandHit {
-            t,
-            position,
-            center,
-            tangent,
-            radius_mm,
-            h_rel,
-            strand: segment.strand,
-            first_point: segment.first,
-            u,
-        }
+        StrandHit { t, position, center, tangent, radius_mm, h_rel, strand, first_point: first, u }
     }
+}
+
+/// The tree's ray between two distances: where it starts, and the distance from there up to which it counts. It starts where the box of all begins, so that its roundings are those of
+/// the strands' coordinates, however far off the ray comes from.
+fn start_of(origin: DVec3, direction: DVec3, from: f64, to: f64) -> (f64, Vec3, f32) {
+    let start = from.max(0.0);
+    (start, (origin + direction * start).as_vec3(), above((to - start) as f32))
+}
+
+/// Distance beyond which a strand is met.
+fn after_skips(after: f64, skips: &[Skip], strand: u32) -> f64 {
+    skips.iter().filter(|skip| skip.strand == strand).fold(after, |after, skip| after.max(skip.until))
 }
 
 /// The next larger number, twice over.

@@ -1,0 +1,348 @@
+//! Dual scattering over strands: light between them is estimated from those that a shadow ray meets (Zinke 2008; Khungurn 2015, 6).
+//!
+//! A path ends at the first strand. Light is drawn there from one source and by the fiber's own lobes, weighed by the power heuristic; the ray to it is followed through all strands that it meets, and each weakens and spreads the
+//! light at its own latitude ([`plywave::fiber::dual_scattering`]). Along tables' effective widths a strand counts at the wavelengths that it is met at. Light that nothing stands before is scattered as in
+//! path tracing, by the offset too where the scene resolves it.
+//!
+//! Props are followed as in path tracing, so that light through the strands to a floor comes from the strands that it sees. To the strands, props are sources whose
+//! light is that of the sources through the strands before them, once.
+//!
+//! Tables of averages are made for [`BINS`] sets of wavelengths and for the mean thickness of the strands. What a tapered strand lets through is that of the mean one.
+
+use super::StrandHit;
+use super::scene::StrandScene;
+use super::trace::{Drawn, Flight, Leaving, Place};
+use crate::camera::Camera;
+use crate::film::LAMBDA_RANGE_UM;
+use crate::path::{Light4, RenderOptions, Traced, Tracer, render_by, share};
+use crate::props::Matte;
+use crate::{Film, Prop, RenderError, WAVELENGTHS};
+use glam::{DVec3, Vec3};
+use plywave::fiber::dual_scattering::{DualOptions, DualScattering, Occlusion};
+use plywave::{Bsdf, BsdfSample, FiberModel, FiberQuery};
+use rand::RngExt;
+use rand_pcg::Pcg64Mcg;
+use rayon::prelude::*;
+use std::f32::consts::{PI, TAU};
+use std::sync::atomic::AtomicBool;
+
+/// Sets of wavelengths, each [`WAVELENGTHS`] of them: 64 wavelengths 6 nm apart.
+const BINS: usize = 16;
+/// Turns that are averaged of a fiber that is not round.
+const TURNS: u32 = 16;
+/// Strands that a camera ray may pass.
+const MOST_PASSED: u32 = 100_000;
+
+/// How light between strands is estimated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StrandDualOptions {
+    /// Densities, sums and samples. `turns` of 1 is 16 for fibers that are not round.
+    pub dual: DualOptions,
+    /// Whether the strands behind the shading point are counted too; else they are endless.
+    pub behind: bool,
+}
+
+impl Default for StrandDualOptions {
+    /// d_f = d_b = 1 and the strands behind are counted: nearest to traced light (docs/dual_scattering.md).
+    fn default() -> Self {
+        let dual = DualOptions { forward_density: 1.0, backward_density: 1.0, ..DualOptions::default() };
+        StrandDualOptions { dual, behind: true }
+    }
+}
+
+/// A scene of strands prepared for dual scattering.
+pub struct StrandDual<'a> {
+    scene: &'a StrandScene,
+    /// By where the first wavelength of a path lies in its quarter of the range.
+    bins: Vec<DualScattering<WAVELENGTHS>>,
+    behind: bool,
+    /// d_f.
+    density: f32,
+}
+
+impl<'a> StrandDual<'a> {
+    /// Averages the fiber's scattering, on the current rayon pool.
+    ///
+    /// # Errors
+    /// [`RenderError::Strands`] for a scene without strands, an option outside its range, and a fiber that scatters no light.
+    pub fn new(scene: &'a StrandScene, options: &StrandDualOptions) -> Result<StrandDual<'a>, RenderError> {
+        let refuse = |what: String| RenderError::Strands { file: "dual scattering".into(), what };
+        let strands = scene.tree().strands();
+        if strands.is_empty() {
+            return Err(refuse("the scene has no strands; give some, or trace paths".into()));
+        }
+        let fiber = scene.fiber();
+        let points = strands.points();
+        let mean_mm = points.iter().map(|p| f64::from(p[3])).sum::<f64>() / points.len() as f64;
+        let larger = scene.larger(mean_mm);
+        let mut dual = options.dual;
+        if dual.turns == 1 && !is_round(&fiber.model) {
+            dual.turns = TURNS;
+        }
+        let bins = (0..BINS).into_par_iter().map(|bin| {
+            let lambda = wavelengths((bin as f32 + 0.5) / BINS as f32);
+            let sigma = lambda.map(|l| larger * fiber.sigma_per_um(l));
+            let query = FiberQuery { sigma_per_um: sigma, ..FiberQuery::new([1.0, 0.0, 0.0], lambda) };
+            DualScattering::new(&fiber.model, &query, dual).map_err(|e| refuse(e.to_string()))
+        });
+        let bins = bins.collect::<Result<_, _>>()?;
+        Ok(StrandDual { scene, bins, behind: options.behind, density: dual.forward_density })
+    }
+
+    /// What light along a ray up to `reach` has passed, as it arrives at the ray's origin, where a strand has this `tangent`.
+    fn count(
+        &self,
+        dual: &DualScattering<WAVELENGTHS>,
+        flight: &Flight,
+        reach: f64,
+        lambda: Light4,
+        tangent: DVec3,
+        found: &mut Vec<StrandHit>,
+    ) -> Occlusion<WAVELENGTHS> {
+        self.scene.tree().each(flight.origin, flight.direction, flight.after, reach, &flight.skips, found);
+        let mut passed = dual.unoccluded();
+        // The light comes from the far end.
+        for hit in found.iter().rev() {
+            let met = self.scene.met(hit, flight.direction, lambda);
+            if met.iter().all(|met| !met) {
+                continue;
+            }
+            let before = passed.transmitted;
+            // Latitudes count from the strand's own root; the drift is that of the strand at the origin.
+            let sign = if hit.tangent.dot(tangent) < 0.0 { -1.0 } else { 1.0 };
+            passed.drift *= sign;
+            passed.pass(dual, hit.tangent.dot(flight.direction).clamp(-1.0, 1.0).asin() as f32, 1.0);
+            passed.drift *= sign;
+            (0..WAVELENGTHS).filter(|k| !met[*k]).for_each(|k| passed.transmitted[k] = before[k]);
+        }
+        passed
+    }
+
+    /// Whether a prop stands on a ray before `reach`.
+    fn is_blocked(&self, flight: &Flight, reach: f32) -> bool {
+        self.scene.prop(flight).is_some_and(|(t, _)| t < reach)
+    }
+
+    /// Radiance towards `back` for a unit of radiance along `flight` from `reach` away.
+    fn shade(&self, of: &Shading<'_>, flight: &Flight, reach: f64, found: &mut Vec<StrandHit>) -> Light4 {
+        let (scene, w) = (self.scene, flight.direction);
+        let tangent = of.place.axes[2];
+        let mut passed = self.count(of.dual, flight, reach, of.lambda, tangent, found);
+        if self.behind {
+            let behind = of.place.flight(-w);
+            let until = scene.prop(&behind).map_or(f64::INFINITY, |(t, _)| t.into());
+            scene.tree().each(behind.origin, behind.direction, behind.after, until, &behind.skips, found);
+            let met = |hit: &StrandHit| scene.met(hit, behind.direction, of.lambda).contains(&true);
+            passed.behind = Some(found.iter().filter(|hit| met(hit)).count() as u32);
+        }
+        let (toward, back) = (of.place.local(w), of.place.local(of.back));
+        let query = FiberQuery { omega_i: toward, h_rel: None, lambda_um: of.lambda, sigma_per_um: of.sigma };
+        let at = of.dual.at(&scene.fiber().model, &query, &passed);
+        if !passed.is_direct() {
+            return at.radiance(back);
+        }
+        // The same by reciprocity, at the offset of the ray from the camera.
+        let direct = of.fiber.eval(toward);
+        let cos = |v: [f32; 3]| (1.0 - v[2] * v[2]).max(0.0).sqrt().max(1e-4);
+        let scale = cos(toward) / cos(back);
+        let local = at.terms(back).local;
+        std::array::from_fn(|k| direct[k] + scale * local[k])
+    }
+
+    /// Light of a prop on its way to strands, if one is seen: from one source, through the strands before it.
+    fn of_prop(
+        &self,
+        dual: &DualScattering<WAVELENGTHS>,
+        (position, normal, albedo): (Vec3, DVec3, f32),
+        lambda: Light4,
+        rng: &mut Pcg64Mcg,
+        found: &mut Vec<StrandHit>,
+    ) -> Light4 {
+        let Some(Drawn { w, reach, radiance, pdf }) = self.scene.draw(position, lambda, rng) else {
+            return [0.0; WAVELENGTHS];
+        };
+        let cos = w.dot(normal) as f32;
+        let flight = beside(position, normal).flight(w);
+        if cos <= 0.0 || self.is_blocked(&flight, reach) {
+            return [0.0; WAVELENGTHS];
+        }
+        let passed = self.count(dual, &flight, reach.into(), lambda, normal, found);
+        let density = if passed.is_direct() { 1.0 } else { self.density };
+        let scale = density * albedo / PI * cos / pdf.max(1e-30);
+        std::array::from_fn(|k| scale * radiance[k] * passed.transmitted[k])
+    }
+
+    fn add(&self, of: &Shading<'_>, throughput: Light4, rng: &mut Pcg64Mcg, light: &mut Light4) {
+        let mut found = Vec::new();
+        if let Some(Drawn { w, reach, radiance, pdf }) = self.scene.draw(of.place.position().as_vec3(), of.lambda, rng)
+        {
+            let flight = of.place.flight(w);
+            if !self.is_blocked(&flight, reach) {
+                let f = self.shade(of, &flight, reach.into(), &mut found);
+                let scale = share(pdf, of.fiber.pdf(of.place.local(w))) / pdf.max(1e-30);
+                (0..WAVELENGTHS).for_each(|k| light[k] += throughput[k] * f[k] * radiance[k] * scale);
+            }
+        }
+        // The fiber's own samples find the light that its narrow lobes take from wide sources.
+        if let BsdfSample::Scattered(sample) = of.fiber.sample(rng.random()) {
+            let flight = of.place.flight(of.place.world(sample.w));
+            if let Some((reach, radiance, pdf)) = self.scene.source(&flight, of.lambda)
+                && flight.direction != DVec3::ZERO
+                && !self.is_blocked(&flight, reach)
+            {
+                let f = self.shade(of, &flight, reach.into(), &mut found);
+                let scale = share(sample.pdf, pdf) / sample.pdf.max(1e-30);
+                (0..WAVELENGTHS).for_each(|k| light[k] += throughput[k] * f[k] * radiance[k] * scale);
+            }
+        }
+        if self.scene.props.iter().all(|prop| prop.albedo <= 0.0) {
+            return;
+        }
+        // Props, by directions from everywhere.
+        let z = 2.0 * rng.random::<f32>() - 1.0;
+        let (sin, cos) = (TAU * rng.random::<f32>()).sin_cos();
+        let r = (1.0 - z * z).max(0.0).sqrt();
+        let flight = of.place.flight(Vec3::new(r * cos, r * sin, z).as_dvec3().normalize());
+        let Some((t, prop)) = self.scene.prop(&flight) else { return };
+        let position = (flight.origin + flight.direction * f64::from(t)).as_vec3();
+        let seen = (position, prop.normal(position).as_dvec3(), prop.albedo);
+        let radiance = self.of_prop(of.dual, seen, of.lambda, rng, &mut found);
+        if radiance.iter().any(|l| *l > 0.0) {
+            let f = self.shade(of, &flight, f64::from(t) * (1.0 - 1e-6), &mut found);
+            (0..WAVELENGTHS).for_each(|k| light[k] += throughput[k] * f[k] * radiance[k] * 2.0 * TAU);
+        }
+    }
+}
+
+/// A strand that is shaded.
+struct Shading<'a> {
+    place: &'a Place,
+    dual: &'a DualScattering<WAVELENGTHS>,
+    /// The fiber for light from `back`, at the ray's offset.
+    fiber: &'a plywave::FiberBsdf<'a, WAVELENGTHS>,
+    lambda: Light4,
+    sigma: Light4,
+    /// Unit direction to where the ray comes from.
+    back: DVec3,
+}
+
+/// A place on a prop.
+fn beside(position: Vec3, normal: DVec3) -> Place {
+    let (x, y) = normal.any_orthonormal_pair();
+    Place { axes: [x, y, normal], from: Leaving::Prop { position: position.as_dvec3(), normal } }
+}
+
+/// Ascending wavelengths [um] of paths whose first lies at `t`, 0 to 1, of its quarter of the range.
+fn wavelengths(t: f32) -> Light4 {
+    let [low, high] = LAMBDA_RANGE_UM;
+    std::array::from_fn(|k| low + (high - low) * (k as f32 + t) / WAVELENGTHS as f32)
+}
+
+/// The bin of a path's wavelengths, and the quarter of the range that its first lies in.
+fn bin(lambda: Light4) -> (usize, usize) {
+    let [low, high] = LAMBDA_RANGE_UM;
+    let at = ((lambda[0] - low) / (high - low) * WAVELENGTHS as f32).clamp(0.0, WAVELENGTHS as f32 - 1e-3);
+    (((at.fract() * BINS as f32) as usize).min(BINS - 1), at as usize)
+}
+
+/// Whether scattering depends on the relative azimuth alone.
+fn is_round(model: &FiberModel) -> bool {
+    match model {
+        FiberModel::Tabulated(fiber) => fiber.table().symmetry.folds == 0,
+        FiberModel::RoughDielectric(fiber) => fiber.parameters().eccentricity == 1.0,
+        FiberModel::Dielectric(_) | FiberModel::Opaque(_) | FiberModel::KajiyaKay(_) | FiberModel::Khungurn(_) => true,
+        _ => false,
+    }
+}
+
+impl Tracer for StrandDual<'_> {
+    fn trace(&self, options: &RenderOptions, ray: (Vec3, Vec3, f32), lambda: Light4, rng: &mut Pcg64Mcg) -> Traced {
+        // The tables have their wavelengths in ascending order.
+        let (bin, turn) = bin(lambda);
+        let up = std::array::from_fn(|k| lambda[(k + WAVELENGTHS - turn) % WAVELENGTHS]);
+        let traced = self.follow(options, ray, (&self.bins[bin], up), rng);
+        let back = |l: Light4| std::array::from_fn(|k| l[(k + turn) % WAVELENGTHS]);
+        Traced { light: back(traced.light), albedo: back(traced.albedo), hit: traced.hit }
+    }
+}
+
+impl StrandDual<'_> {
+    fn follow(
+        &self,
+        options: &RenderOptions,
+        (origin, direction, _): (Vec3, Vec3, f32),
+        (dual, lambda): (&DualScattering<WAVELENGTHS>, Light4),
+        rng: &mut Pcg64Mcg,
+    ) -> Traced {
+        let scene = self.scene;
+        let mut flight = Flight::new(origin.as_dvec3(), direction.as_dvec3().normalize());
+        let (mut light, mut albedo, mut throughput) = ([0.0; WAVELENGTHS], [0.0; WAVELENGTHS], [1.0f32; WAVELENGTHS]);
+        let mut first = None;
+        let mut pdf = f32::INFINITY;
+        let (mut depth, mut passed) = (0, 0);
+        while passed < MOST_PASSED {
+            let prop: Option<(f32, &Prop)> = scene.prop(&flight);
+            let hit = flight.first(scene.tree(), prop.map_or(f64::INFINITY, |(t, _)| t.into()));
+            let reach = hit.as_ref().map_or_else(|| prop.map_or(f32::INFINITY, |(t, _)| t), |hit| hit.t as f32);
+            let ray = (flight.origin.as_vec3(), flight.direction.as_vec3());
+            if scene.emitted(ray, reach, pdf, lambda, throughput, &mut light) {
+                break;
+            }
+            if let Some(hit) = hit {
+                let axes = hit.frame(scene.reference);
+                let (at, met) = scene.at(&hit, &axes, flight.direction, lambda);
+                if !scene.choose(met, &mut throughput, rng) {
+                    flight.pass(&hit);
+                    passed += 1;
+                    continue;
+                }
+                if first.is_none() {
+                    first = Some((scene.facing(&hit, flight.direction), hit.t as f32));
+                    albedo = at.albedo();
+                }
+                if depth < options.depth {
+                    let sigma = scene.sigma(&hit, lambda);
+                    let place = Place { axes, from: Leaving::Strand(hit) };
+                    let of = Shading { place: &place, dual, fiber: &at, lambda, sigma, back: -flight.direction };
+                    self.add(&of, throughput, rng, &mut light);
+                }
+                break;
+            }
+            let Some((t, prop)) = prop else { break };
+            let position = ray.0 + ray.1 * t;
+            let normal = prop.normal(position).as_dvec3();
+            if first.is_none() {
+                first = Some((normal.as_vec3().to_array(), t));
+                albedo = [prop.albedo; WAVELENGTHS];
+            }
+            let place = beside(position, normal);
+            let last = depth == options.depth;
+            let next = scene.scatter(&place, &Matte(prop.albedo), last, lambda, throughput, rng, &mut light);
+            let Some(BsdfSample::Scattered(sample)) = next else { break };
+            (0..WAVELENGTHS).for_each(|k| throughput[k] *= sample.weight[k]);
+            pdf = sample.pdf;
+            let w = place.world(sample.w);
+            if w == DVec3::ZERO || pdf.is_nan() || pdf <= 0.0 {
+                break;
+            }
+            flight = place.flight(w);
+            depth += 1;
+        }
+        Traced { light, albedo, hit: first }
+    }
+}
+
+/// As [`crate::render_strands`], by dual scattering.
+///
+/// # Errors
+/// As [`crate::render`].
+pub fn render_strands_dual(
+    dual: &StrandDual<'_>,
+    camera: &Camera,
+    film: &mut Film,
+    options: &RenderOptions,
+    stop: &AtomicBool,
+    after: &mut dyn FnMut(&Film) -> Result<(), RenderError>,
+) -> Result<(), RenderError> {
+    render_by(dual, camera, film, options, stop, after)
+}

@@ -1,0 +1,226 @@
+//! A BVH with four boxes a node, in 32 bits as they are: two lines of the cache, and three subtractions and products of four numbers for each end of the slabs.
+//!
+//! obvhs builds the binary tree; its traversal of eight boxes in 8 bits takes less memory, but unpacks 48 bytes a node one by one where only SSE2 is there.
+
+use crate::bvh;
+use glam::{Vec3, Vec4};
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+
+/// Marks a leaf; two bits for its number of primitives less one, the rest for the first.
+const LEAF: u32 = 1 << 31;
+const COUNT_SHIFT: u32 = 29;
+const INDEX: u32 = (1 << COUNT_SHIFT) - 1;
+/// Most primitives of a leaf.
+const MOST_IN_LEAF: u32 = 4;
+/// What testing a node costs, over testing a primitive.
+const NODE_COST: f32 = 1.0;
+/// Most levels: each takes three entries of the traversal's stack.
+const MOST_LEVELS: usize = 31;
+const STACK: usize = 3 * MOST_LEVELS + 3;
+/// Room for two roundings of a slab's far end.
+const ROOM: f32 = 1.0 + 4e-7;
+/// Components of directions below count as that.
+const LEAST: f32 = 1e-12;
+
+/// Four boxes by axis, and where they lead. Boxes that are not there are inside out.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+struct Node {
+    low: [Vec4; 3],
+    high: [Vec4; 3],
+    children: [u32; 4],
+}
+
+/// The tree: nodes, the root first, and the primitives in its order.
+#[derive(Clone, Debug)]
+pub struct Wide {
+    nodes: Vec<Node>,
+    /// Numbers of the boxes that it was built over.
+    pub order: Vec<u32>,
+}
+
+impl Wide {
+    /// Over boxes, at most 2^29.
+    pub fn new(boxes: &[Aabb]) -> Wide {
+        Wide::collapse(&bvh::binary(boxes), boxes).unwrap_or_else(|| Wide::by_medians(boxes))
+    }
+
+    /// Split at medians: a tree of another form.
+    pub fn by_medians(boxes: &[Aabb]) -> Wide {
+        // At most 29 levels, which fit.
+        Wide::collapse(&bvh::binary_by_medians(boxes), boxes).unwrap_or(Wide { nodes: Vec::new(), order: Vec::new() })
+    }
+
+    /// Nodes of four from a binary tree; `None` where it is too deep.
+    fn collapse(tree: &Bvh2, boxes: &[Aabb]) -> Option<Wide> {
+        if boxes.is_empty() {
+            return Some(Wide { nodes: Vec::new(), order: Vec::new() });
+        }
+        let plan = Plan::new(tree);
+        let mut wide = Wide { nodes: vec![Node::EMPTY], order: Vec::with_capacity(boxes.len()) };
+        // Node of the binary tree, of the wide one, and level.
+        let mut open = vec![(0usize, 0usize, 1usize)];
+        while let Some((from, to, level)) = open.pop() {
+            if level > MOST_LEVELS {
+                return None;
+            }
+            let (children, count) = plan.children(tree, from);
+            for (k, &child) in children[..count].iter().enumerate() {
+                let aabb = tree.nodes[child].aabb();
+                let link = if plan.is_leaf[child] {
+                    let first = wide.order.len() as u32;
+                    plan.gather(tree, child, &mut wide.order);
+                    LEAF | (wide.order.len() as u32 - first - 1) << COUNT_SHIFT | first
+                } else {
+                    wide.nodes.push(Node::EMPTY);
+                    open.push((child, wide.nodes.len() - 1, level + 1));
+                    wide.nodes.len() as u32 - 1
+                };
+                let node = &mut wide.nodes[to];
+                for axis in 0..3 {
+                    node.low[axis][k] = aabb.min[axis];
+                    node.high[axis][k] = aabb.max[axis];
+                }
+                node.children[k] = link;
+            }
+        }
+        Some(wide)
+    }
+
+    /// Calls `visit` with the number of a primitive, in the tree's order, and the distance up to which things matter, for all whose box a ray meets up to that; `visit` gives the new
+    /// distance. Gives the number of nodes tested.
+    #[inline(always)]
+    pub fn traverse(&self, origin: Vec3, direction: Vec3, limit: f32, mut visit: impl FnMut(usize, f32) -> f32) -> u64 {
+        if self.nodes.is_empty() {
+            return 0;
+        }
+        let inverse = direction.to_array().map(|d| 1.0 / if d.abs() < LEAST { LEAST.copysign(d) } else { d });
+        let (origin, mut limit, mut tested) = (origin.to_array(), limit, 0);
+        let mut stack = [(0.0f32, 0u32); STACK];
+        let mut top = 1;
+        while top > 0 {
+            top -= 1;
+            let (near, mut at) = stack[top];
+            if near > limit {
+                continue;
+            }
+            while at & LEAF == 0 {
+                let node = &self.nodes[at as usize];
+                tested += 1;
+                let slab = |k: usize| {
+                    let (from, to) =
+                        if inverse[k] < 0.0 { (node.high[k], node.low[k]) } else { (node.low[k], node.high[k]) };
+                    let (o, i) = (Vec4::splat(origin[k]), Vec4::splat(inverse[k]));
+                    ((from - o) * i, (to - o) * i)
+                };
+                let ((x0, x1), (y0, y1), (z0, z1)) = (slab(0), slab(1), slab(2));
+                let from = x0.max(y0).max(z0.max(Vec4::ZERO));
+                let to = (x1.min(y1).min(z1) * ROOM).min(Vec4::splat(limit));
+                let mut met = from.cmple(to).bitmask();
+                if met == 0 {
+                    break;
+                }
+                let from = from.to_array();
+                // The nearest goes on, the others wait with the nearest on top.
+                let first = met.trailing_zeros() as usize;
+                met &= met - 1;
+                let mut nearest = (from[first], node.children[first]);
+                let bottom = top;
+                while met != 0 {
+                    let k = met.trailing_zeros() as usize;
+                    met &= met - 1;
+                    let mut other = (from[k], node.children[k]);
+                    if other.0 < nearest.0 {
+                        std::mem::swap(&mut other, &mut nearest);
+                    }
+                    let mut place = top;
+                    while place > bottom && stack[place - 1].0 < other.0 {
+                        stack[place] = stack[place - 1];
+                        place -= 1;
+                    }
+                    stack[place] = other;
+                    top += 1;
+                }
+                at = nearest.1;
+            }
+            if at & LEAF != 0 {
+                let first = (at & INDEX) as usize;
+                let count = ((at & !LEAF) >> COUNT_SHIFT) as usize + 1;
+                for i in first..first + count {
+                    limit = visit(i, limit);
+                }
+            }
+        }
+        tested
+    }
+}
+
+impl Node {
+    const EMPTY: Node = Node { low: [Vec4::INFINITY; 3], high: [Vec4::NEG_INFINITY; 3], children: [0; 4] };
+}
+
+/// Which nodes of a binary tree become leaves, by the area that rays meet.
+struct Plan {
+    is_leaf: Vec<bool>,
+}
+
+impl Plan {
+    fn new(tree: &Bvh2) -> Plan {
+        let n = tree.nodes.len();
+        // Children before parents.
+        let (mut order, mut open) = (Vec::with_capacity(n), vec![0usize]);
+        while let Some(at) = open.pop() {
+            order.push(at);
+            let node = &tree.nodes[at];
+            if !node.is_leaf() {
+                open.extend([node.first_index as usize, node.first_index as usize + 1]);
+            }
+        }
+        let (mut is_leaf, mut count, mut cost) = (vec![false; n], vec![0u32; n], vec![0.0f32; n]);
+        for &at in order.iter().rev() {
+            let node = &tree.nodes[at];
+            let area = node.aabb().half_area();
+            let (all, split) = if node.is_leaf() {
+                (node.prim_count, f32::INFINITY)
+            } else {
+                let [a, b] = [node.first_index as usize, node.first_index as usize + 1];
+                // Of the binary tree's nodes a third becomes a node of four.
+                (count[a] + count[b], cost[a] + cost[b] + NODE_COST / 3.0 * area)
+            };
+            let whole = if all <= MOST_IN_LEAF { area * all as f32 } else { f32::INFINITY };
+            (count[at], cost[at], is_leaf[at]) = (all, whole.min(split), whole <= split);
+        }
+        Plan { is_leaf }
+    }
+
+    /// Up to four children of a node: the largest that is no leaf is opened until there are four. A leaf is its own only child.
+    fn children(&self, tree: &Bvh2, at: usize) -> ([usize; 4], usize) {
+        let mut list = [at; 4];
+        let mut count = 1;
+        while count < 4 {
+            let area = |k: &usize| tree.nodes[list[*k]].aabb().half_area();
+            let open = (0..count).filter(|k| !self.is_leaf[list[*k]]);
+            let Some(k) = open.max_by(|a, b| area(a).total_cmp(&area(b))) else { break };
+            let first = tree.nodes[list[k]].first_index as usize;
+            list[k] = first;
+            list[count] = first + 1;
+            count += 1;
+        }
+        (list, count)
+    }
+
+    /// Adds the primitives below a node.
+    fn gather(&self, tree: &Bvh2, at: usize, order: &mut Vec<u32>) {
+        let mut open = vec![at];
+        while let Some(at) = open.pop() {
+            let node = &tree.nodes[at];
+            let first = node.first_index as usize;
+            if node.is_leaf() {
+                order.extend_from_slice(&tree.primitive_indices[first..first + node.prim_count as usize]);
+            } else {
+                open.extend([first + 1, first]);
+            }
+        }
+    }
+}
