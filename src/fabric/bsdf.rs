@@ -7,7 +7,7 @@
 use super::at::{FabricAt, GapLight, NearPly, Passes, by_family, to_pattern};
 use super::between::{Between, BetweenAt, Yarns, class};
 use super::color_of::{self, ColorOf, Sheet};
-use super::dye::{Channels, ColorReach, Dye, shares_of};
+use super::dye::{Channels, ColorReach, Dye, colors_of, own_color, shares_of};
 use super::far::Far;
 use super::flight::Near;
 use super::place::MAX_NEAR;
@@ -16,6 +16,7 @@ use super::shadow::{Passing, Shadows, r_d};
 use super::{Fabric, Family, Gap, LoadedFabric, PlyHit, YarnColor};
 use crate::bsdf::DirectionSample;
 use crate::color::{AlbedoCurve, RGB_LAMBDA_UM};
+use crate::fiber::Reflections;
 use crate::gap::{GapBsdf, Spectrum};
 use crate::ply::{Lobes, PlyOn};
 use crate::spec::{GaussianBeam, YarnSpec};
@@ -162,7 +163,9 @@ pub struct FabricBsdf {
     pub(super) stripes: [Vec<u32>; 2],
     /// By family, the color of each thread of the draft's repeat.
     pub(super) threads: [Vec<u32>; 2],
-    /// `[color][model]`: the absorption that gives yarns of the model the color.
+    /// `[model]`: what its fibers' reflections absorb, if they are opaque.
+    metals: Vec<Option<Reflections>>,
+    /// `[color]`: the absorption that gives yarns the color.
     pub(super) dyes: Vec<Dye>,
     /// `[EDGES + 1][EDGES + 1]` of the distances of the two edges along one axis, of the beam of the warp's model.
     pub(super) spectra: Vec<Spectrum>,
@@ -194,22 +197,9 @@ impl FabricBsdf {
         let warp = loaded.model_of(Family::Warp, 0).data();
         let beam: GaussianBeam = YarnSpec::parse(&warp.spec_text, "warp.model (its spec)")?.beam.beam();
         let LoadedFabric { fabric, models, threads: stripes, spec, .. } = loaded;
-        let stripes = stripes.map(|of| of.into_iter().map(|model| model as u32).collect());
-        let mut colors: Vec<YarnColor> = Vec::new();
-        let mut threads = [Vec::new(), Vec::new()];
-        for (k, family) in Family::EACH.into_iter().enumerate() {
-            for thread in 0..fabric.draft().threads(family) {
-                let color = match options.sigma_per_um {
-                    Some(sigma) => YarnColor::Sigma(sigma),
-                    None => fabric.color(family, thread as i32),
-                };
-                let at = colors.iter().position(|c| *c == color).unwrap_or_else(|| {
-                    colors.push(color);
-                    colors.len() - 1
-                });
-                threads[k].push(at as u32);
-            }
-        }
+        let stripes = stripes.map(|of| of.into_iter().map(|model| model as u32).collect::<Vec<_>>());
+        let metals: Vec<Option<Reflections>> = models.iter().map(|m| own_color(m)).collect::<Result<_>>()?;
+        let (colors, threads) = colors_of(&fabric, &stripes, &metals, options.sigma_per_um);
         let step = beam.d_cut_um / EDGES as f64;
         let spectrum = |i: usize| {
             let (low, high) = (i / (EDGES + 1), i % (EDGES + 1));
@@ -234,6 +224,7 @@ impl FabricBsdf {
             color_of: ColorOf::EvenSky,
             stripes,
             threads,
+            metals,
             dyes: Vec::new(),
             spectra,
             edge_step_um: step as f32,
@@ -242,11 +233,11 @@ impl FabricBsdf {
             far: None,
             color_shares: [Vec::new(), Vec::new()],
         };
-        if colors.iter().any(|color| matches!(color, YarnColor::Srgb(_))) {
+        if colors.iter().any(|color| matches!(color.0, YarnColor::Srgb(_))) {
             shading.curve = shading.color_curve_of(spec.color_of);
             shading.color_of = spec.color_of;
         }
-        shading.dyes = colors.iter().map(|color| Dye::new(*color, &shading.curve)).collect();
+        shading.dyes = colors.iter().map(|color| shading.dye_of(*color)).collect();
         shading.color_shares = shares_of(&shading.threads);
         if options.far {
             let smooth = FabricBsdf { options: FabricOptions { noise: false, ..*options }, ..shading.clone() };
@@ -327,9 +318,14 @@ impl FabricBsdf {
         other.curve = self.color_curve_of(of);
         other.color_of = of;
         other.fabric.set_colors([vec![warp], vec![weft]]);
-        other.threads = [vec![0], vec![1]];
-        other.color_shares = shares_of(&other.threads);
-        other.dyes = [warp, weft].iter().map(|color| Dye::new(*color, &other.curve)).collect();
+        let (colors, threads) = if other.metals.iter().all(Option::is_none) {
+            (vec![(warp, None), (weft, None)], [vec![0], vec![1]])
+        } else {
+            colors_of(&other.fabric, &other.stripes, &other.metals, None)
+        };
+        other.color_shares = shares_of(&threads);
+        other.threads = threads;
+        other.dyes = colors.iter().map(|color| other.dye_of(*color)).collect();
         other
     }
 
@@ -352,6 +348,14 @@ impl FabricBsdf {
     /// reach is clamped to clear or black fibers. Hosts convert a texture once.
     pub fn sigma_of_reflectance<const N: usize>(&self, reflectance: [f32; N]) -> [f32; N] {
         reflectance.map(|r| self.curve.sigma(f64::from(r)).0 as f32)
+    }
+
+    /// The absorption of a color, or of a model's metal.
+    fn dye_of(&self, (color, model): (YarnColor, Option<u32>)) -> Dye {
+        match model.and_then(|model| self.metals[model as usize].as_ref()) {
+            Some(metal) => Dye::of_metal(metal, &self.curve),
+            None => Dye::new(color, &self.curve),
+        }
     }
 
     #[inline]

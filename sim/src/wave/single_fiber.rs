@@ -52,6 +52,8 @@ pub struct SingleFiber {
     pub symmetry: OutlineSymmetry,
     /// GGX roughness of its walls, which rays see and waves do not.
     pub alpha_fiber: f64,
+    /// Of an opaque fiber and of one with dispersion: the fiber of the spec, which has the index at each wavelength. The body has that at sodium's line.
+    pub by_wavelength: Option<FiberSpec>,
 }
 
 /// Points of an outline for measures of its extent.
@@ -109,6 +111,10 @@ impl SingleFiber {
             plywave::spec::Shape::Circle { radius_um } => {
                 (Shape::Circle { radius_um: *radius_um }, OutlineSymmetry::CIRCLE)
             }
+            plywave::spec::Shape::HollowCircle { radius_um, lumen: hollow, .. } => {
+                lumen = Some(Shape::Circle { radius_um: hollow * radius_um });
+                (Shape::Circle { radius_um: *radius_um }, OutlineSymmetry::CIRCLE)
+            }
             plywave::spec::Shape::Ellipse { a_um, b_um } if a_um == b_um => {
                 (Shape::Circle { radius_um: *a_um }, OutlineSymmetry::CIRCLE)
             }
@@ -150,20 +156,25 @@ impl SingleFiber {
                 (Shape::Polygon { points_um, rounding_um: *rounding_um }, OutlineSymmetry::NONE)
             }
         };
-        let air =
-            |shape| Box::new(Body { shape, center_um: [0.0; 2], rotation_rad: 0.0, eta: 1.0, kappa: 0.0, lumen: None });
+        let [core_eta, core_dye] = spec.shape.core();
+        let core = |shape| {
+            let kappa = core_dye * absorption.kappa(1.0);
+            Box::new(Body { shape, center_um: [0.0; 2], rotation_rad: 0.0, eta: core_eta, kappa, lumen: None })
+        };
+        let varies = spec.is_opaque() || spec.dispersion_um2.is_some();
         SingleFiber {
             body: Body {
                 shape,
                 center_um: [0.0; 2],
                 rotation_rad: 0.0,
-                eta: spec.eta,
+                eta: spec.eta_at(plywave::spec::SODIUM_UM),
                 kappa: absorption.kappa(1.0),
-                lumen: lumen.map(air),
+                lumen: lumen.map(core),
             },
             absorption,
             symmetry,
             alpha_fiber: spec.alpha_fiber,
+            by_wavelength: varies.then(|| spec.clone()),
         }
     }
 
@@ -195,12 +206,26 @@ impl SingleFiber {
             absorption: Absorption::Kappa(body.kappa),
             symmetry,
             alpha_fiber: 0.0,
+            by_wavelength: None,
         }
     }
 
     /// The body at a wavelength [um].
     pub fn at(&self, lambda_um: f64) -> Body {
-        Body { kappa: self.absorption.kappa(lambda_um), ..self.body.clone() }
+        let mut body = Body { kappa: self.absorption.kappa(lambda_um), ..self.body.clone() };
+        if let Some(core) = body.lumen.as_deref_mut()
+            && self.body.kappa > 0.0
+        {
+            // The core's share of the dye is the same at every wavelength.
+            core.kappa *= body.kappa / self.body.kappa;
+        }
+        if let Some(spec) = &self.by_wavelength {
+            body.eta = spec.eta_at(lambda_um);
+            if spec.is_opaque() {
+                body.kappa = spec.kappa_at(lambda_um);
+            }
+        }
+        body
     }
 
     /// The same outlines for rays: the outer wall and a hollow lumen.
@@ -217,6 +242,9 @@ impl SingleFiber {
             None => None,
             Some(inner) if inner.lumen.is_some() => return Err(unsupported("a lumen within a lumen")),
             Some(inner) if inner.eta != 1.0 || inner.kappa != 0.0 => return Err(unsupported("a filled core")),
+            Some(inner) if matches!(inner.shape, Shape::Circle { .. }) && inner.center_um == [0.0; 2] => {
+                Some(outline(&inner.shape)?)
+            }
             Some(inner) => {
                 let points = outline(&inner.shape)?.polyline(MEASURED / 4);
                 let turn = nalgebra::Rotation2::new(inner.rotation_rad);
@@ -224,7 +252,8 @@ impl SingleFiber {
                 Some(Outline::Polyline(points.into_iter().map(|p| center + turn * p).collect()))
             }
         };
-        Ok(FiberSection { center_um: Vector2::zeros(), angle_rad: 0.0, outer: outline(&self.body.shape)?, lumen })
+        let outer = outline(&self.body.shape)?;
+        Ok(FiberSection { center_um: Vector2::zeros(), angle_rad: 0.0, outer, lumen, second: false })
     }
 
     /// Radius about the origin that holds the fiber [um].

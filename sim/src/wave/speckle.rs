@@ -11,7 +11,7 @@ use crate::error::SimError;
 use crate::geometry::shape;
 use crate::runs::{self, ArrayLayout, Description, Done, Job, Part, Run, Values};
 use crate::simulate::instance_seed;
-use plywave::spec::YarnSpec;
+use plywave::spec::{FiberSpec, SODIUM_UM, YarnSpec};
 use plywave::speckle::SpecklePatterns;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -68,20 +68,25 @@ impl SpeckleOptions {
     }
 }
 
-/// The fiber of instance `i` about the origin, turned at random, and the radius of the circle that holds it [um].
-fn fiber(spec: &YarnSpec, seed: u64, i: u32) -> Result<(Body, f64), SimError> {
+/// The spec of the fiber of instance `i`; the fiber about the origin, turned at random; the radius of the circle that holds it [um].
+fn fiber(spec: &YarnSpec, seed: u64, i: u32) -> Result<(&FiberSpec, Body, f64), SimError> {
     // Another stream than that of sections.
     let mut rng = Pcg64Mcg::seed_from_u64(instance_seed(seed, i) ^ 0x5bec_c1e5_0000_0000);
-    let mut section = shape::draw(&spec.fiber, &mut rng)?;
+    let second = spec.blend.as_ref().filter(|blend| rng.random::<f64>() < blend.share);
+    let of = second.map_or(&spec.fiber, |blend| &blend.fiber);
+    let mut section = shape::draw(of, &mut rng)?;
     section.angle_rad = rng.random_range(0.0..TAU);
     let radius = section.outer.bounding_radius();
-    Ok((fiber_body(&section, spec.fiber.eta, 0.0)?, radius))
+    let mut body = fiber_body(&section, of.eta_at(SODIUM_UM), 0.0)?;
+    if let Some(core) = body.lumen.as_deref_mut() {
+        core.eta = of.shape.core()[0];
+    }
+    Ok((of, body, radius))
 }
 
 /// Azimuths of the patterns: what the fiber of the spec, a third larger, asks for at the shortest wavelength, in steps of half a degree or a whole part of it.
 fn grid(spec: &YarnSpec, options: &SpeckleOptions) -> Result<usize, SimError> {
-    let (body, radius) = fiber(spec, options.seed, 0)?;
-    drop(body);
+    let (_, _, radius) = fiber(spec, options.seed, 0)?;
     let wave = options.wave(options.lambda_um.iter().copied().fold(f64::INFINITY, f64::min));
     let plane = Source { phi_i: FRAC_PI_2, pol: Polarization::Tm, beam: None };
     Ok(azimuths(&wave, &plane, 4.0 / 3.0 * radius, 720))
@@ -177,7 +182,7 @@ impl Job for SpeckleJob {
         progress: &(dyn Fn(u64) + Sync),
     ) -> Result<Option<Done>, SimError> {
         let options = &self.options;
-        let (clear, _) = fiber(&self.spec, options.seed, shard as u32)?;
+        let (of, clear, _) = fiber(&self.spec, options.seed, shard as u32)?;
         let (mut patterns, mut widths) = (Vec::new(), Vec::new());
         let mut peak_bytes = 0;
         let sources = [Polarization::Tm, Polarization::Te].map(|pol| options.source(pol));
@@ -187,7 +192,9 @@ impl Job for SpeckleJob {
                     return Ok(None);
                 }
                 let wave = options.wave(lambda_um);
-                let body = Body { kappa, ..clear.clone() };
+                // Opaque fibers are the same whatever absorption is asked for.
+                let kappa = if of.is_opaque() { of.kappa_at(lambda_um) } else { kappa };
+                let body = Body { eta: of.eta_at(lambda_um), kappa, ..clear.clone() };
                 let solver = solver_of(&[body], &wave, options.tolerance)?;
                 let scattered = solver.scatter(&sources, self.azimuths)?;
                 let stats = solver.stats();
