@@ -275,13 +275,16 @@ fn check_fiber(file: &str, path: &str, fiber: &FiberSpec, lambda_um: f64) -> Res
 /// What two kinds of fibers in a ply must have in common: one axis of absorption.
 fn check_blend(file: &str, spec: &YarnSpec, blend: &BlendSpec) -> Result<()> {
     let (first, second) = (&spec.fiber, &blend.fiber);
-    let key = |fiber: &FiberSpec| if fiber.metal.is_some() { "blend.fiber.metal" } else { "blend.fiber.kappa" };
+    let key = |path: &str, fiber: &FiberSpec| {
+        let name = if fiber.metal.is_some() { "metal" } else { "kappa" };
+        format!("{path}.{name}")
+    };
     match (first.is_opaque(), second.is_opaque()) {
         (false, false) => Ok(()),
         (true, true) => {
             if (first.metal, first.kappa, first.eta) != (second.metal, second.kappa, second.eta) {
                 let hint = "reflections of two metals absorb each in their way, a table has one: use the same in both";
-                return Err(invalid(file, key(second), "another metal", hint));
+                return Err(invalid(file, &key("blend.fiber", second), "another metal", hint));
             }
             if blend.dye != 1.0 {
                 return Err(invalid(file, "blend.dye", blend.dye, "fibers of the same metal absorb alike: use 1.0"));
@@ -291,7 +294,8 @@ fn check_blend(file: &str, spec: &YarnSpec, blend: &BlendSpec) -> Result<()> {
         (_, opaque) => {
             let value = if opaque { "an opaque fiber among clear ones" } else { "clear fibers among opaque ones" };
             let hint = "absorption is by length in one, by reflections in the other: make a yarn of each and lay them in the cloth";
-            Err(invalid(file, key(if opaque { second } else { first }), value, hint))
+            let at = if opaque { key("blend.fiber", second) } else { key("fiber", first) };
+            Err(invalid(file, &at, value, hint))
         }
     }
 }

@@ -299,7 +299,7 @@ mod tests {
         let spec = YarnSpec::parse(&text, "c.toml").unwrap();
         let options = SpeckleOptions { instances: 2, w0_um: 300.0, ..options() };
         let p = speckle(&spec, &text, &options, Run::plain()).unwrap();
-        let (body, _) = fiber(&spec, 1, 0).unwrap();
+        let (_, body, _) = fiber(&spec, 1, 0).unwrap();
         let wave = Wave { lambda_um: 0.7, theta_i: 0.0 };
         let plane = Source { beam: None, ..options.source(Polarization::Te) };
         let want = &solver_of(&[body], &wave, 1e-8).unwrap().scatter(&[plane], p.azimuths).unwrap()[0];
