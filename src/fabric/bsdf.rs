@@ -7,7 +7,7 @@
 use super::at::{FabricAt, GapLight, NearPly, Passes, by_family, to_pattern};
 use super::between::{Between, BetweenAt, Yarns, class};
 use super::color_of::{self, ColorOf, Sheet};
-use super::dye::{Channels, ColorReach, Dye, colors_of, own_color, shares_of};
+use super::dye::{Channels, Dye, colors_of, own_color, shares_of};
 use super::far::Far;
 use super::flight::Near;
 use super::place::MAX_NEAR;
@@ -158,13 +158,13 @@ pub struct FabricBsdf {
     pub(super) models: Vec<Arc<PlyModel>>,
     /// Brightness of the cloth over absorption, and what it is the brightness of.
     pub(super) curve: AlbedoCurve,
-    color_of: ColorOf,
+    pub(super) color_of: ColorOf,
     /// By family, the model of each yarn of one repeat of its stripes.
     pub(super) stripes: [Vec<u32>; 2],
     /// By family, the color of each thread of the draft's repeat.
     pub(super) threads: [Vec<u32>; 2],
     /// `[model]`: what its fibers' reflections absorb, if they are opaque.
-    metals: Vec<Option<Reflections>>,
+    pub(super) metals: Vec<Option<Reflections>>,
     /// `[color]`: the absorption that gives yarns the color.
     pub(super) dyes: Vec<Dye>,
     /// `[EDGES + 1][EDGES + 1]` of the distances of the two edges along one axis, of the beam of the warp's model.
@@ -311,51 +311,10 @@ impl FabricBsdf {
         color_of::curve(&rays, of, &even_sky)
     }
 
-    /// The same fabric with other colors of warp and weft, which are colors of `of`. Nothing is traced anew; where `of` was not the fabric's, it takes tenths of a second.
-    #[must_use]
-    pub fn with_colors(&self, [warp, weft]: [YarnColor; 2], of: ColorOf) -> FabricBsdf {
-        let mut other = self.clone();
-        other.curve = self.color_curve_of(of);
-        other.color_of = of;
-        other.fabric.set_colors([vec![warp], vec![weft]]);
-        let (colors, threads) = if other.metals.iter().all(Option::is_none) {
-            (vec![(warp, None), (weft, None)], [vec![0], vec![1]])
-        } else {
-            colors_of(&other.fabric, &other.stripes, &other.metals, None)
-        };
-        other.color_shares = shares_of(&threads);
-        other.threads = threads;
-        other.dyes = colors.iter().map(|color| other.dye_of(*color)).collect();
-        other
-    }
-
-    /// The colors of the spec, each once, and what becomes of them.
-    pub fn colors(&self) -> Vec<ColorReach> {
-        let mut colors: Vec<[f32; 3]> = Vec::new();
-        for family in Family::EACH {
-            for thread in 0..self.fabric.draft().threads(family) {
-                if let YarnColor::Srgb(srgb) = self.fabric.color(family, thread as i32)
-                    && !colors.contains(&srgb)
-                {
-                    colors.push(srgb);
-                }
-            }
-        }
-        colors.into_iter().map(|srgb| ColorReach::of(srgb, &self.curve)).collect()
-    }
-
     /// Absorptions [1/um] with which the cloth has these reflectances, 0 to 1, at wavelengths or in linear RGB: [`FabricBsdf::color_curve`] inverted. What is out of
     /// reach is clamped to clear or black fibers. Hosts convert a texture once.
     pub fn sigma_of_reflectance<const N: usize>(&self, reflectance: [f32; N]) -> [f32; N] {
         reflectance.map(|r| self.curve.sigma(f64::from(r)).0 as f32)
-    }
-
-    /// The absorption of a color, or of a model's metal.
-    fn dye_of(&self, (color, model): (YarnColor, Option<u32>)) -> Dye {
-        match model.and_then(|model| self.metals[model as usize].as_ref()) {
-            Some(metal) => Dye::of_metal(metal, &self.curve),
-            None => Dye::new(color, &self.curve),
-        }
     }
 
     #[inline]

@@ -1,6 +1,6 @@
 //! Colors of yarns as absorptions: over the wavelength, and for hosts that render in RGB.
 
-use super::{Fabric, Family, YarnColor};
+use super::{ColorOf, Fabric, FabricBsdf, Family, YarnColor};
 use crate::color::{
     AlbedoCurve, SPECTRUM_NODES, SigmaSpectrum, SmoothReflectance, delta_e_2000, linear_rec2020_of_xyz,
     linear_srgb_of_xyz, srgb_encode, xyz_of_reflectance,
@@ -154,6 +154,49 @@ pub(super) fn colors_of(
             .collect()
     });
     (colors, threads)
+}
+
+impl FabricBsdf {
+    /// The same fabric with other colors of warp and weft, which are colors of `of`. Nothing is traced anew; where `of` was not the fabric's, it takes tenths of a second.
+    #[must_use]
+    pub fn with_colors(&self, [warp, weft]: [YarnColor; 2], of: ColorOf) -> FabricBsdf {
+        let mut other = self.clone();
+        other.curve = self.color_curve_of(of);
+        other.color_of = of;
+        other.fabric.set_colors([vec![warp], vec![weft]]);
+        let (colors, threads) = if other.metals.iter().all(Option::is_none) {
+            (vec![(warp, None), (weft, None)], [vec![0], vec![1]])
+        } else {
+            colors_of(&other.fabric, &other.stripes, &other.metals, None)
+        };
+        other.color_shares = shares_of(&threads);
+        other.threads = threads;
+        other.dyes = colors.iter().map(|color| other.dye_of(*color)).collect();
+        other
+    }
+
+    /// The colors of the spec, each once, and what becomes of them.
+    pub fn colors(&self) -> Vec<ColorReach> {
+        let mut colors: Vec<[f32; 3]> = Vec::new();
+        for family in Family::EACH {
+            for thread in 0..self.fabric.draft().threads(family) {
+                if let YarnColor::Srgb(srgb) = self.fabric.color(family, thread as i32)
+                    && !colors.contains(&srgb)
+                {
+                    colors.push(srgb);
+                }
+            }
+        }
+        colors.into_iter().map(|srgb| ColorReach::of(srgb, &self.curve)).collect()
+    }
+
+    /// The absorption of a color, or of a model's metal.
+    pub(super) fn dye_of(&self, (color, model): (YarnColor, Option<u32>)) -> Dye {
+        match model.and_then(|model| self.metals[model as usize].as_ref()) {
+            Some(metal) => Dye::of_metal(metal, &self.curve),
+            None => Dye::new(color, &self.curve),
+        }
+    }
 }
 
 /// By family, each color of one repeat of its threads and its share of them.
