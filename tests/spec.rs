@@ -295,7 +295,7 @@ fn metals_hollow_circles_blends_and_dispersion_are_read() {
     let [eta, kappa] = plywave::fiber::Metal::Gold.index(0.55).map(f64::from);
     assert_eq!([gold.fiber.eta_at(0.55), gold.fiber.kappa_at(0.55)], [eta, kappa]);
     // Gold keeps less of blue light than of red.
-    assert!(gold.own_sigma_per_um(0.45) > 20.0 * gold.own_sigma_per_um(0.65));
+    assert!(gold.own_sigma_per_um(0.45) > 15.0 * gold.own_sigma_per_um(0.65));
 
     let opaque = YarnSpec::parse(&polyester_with("eta = 1.60", "eta = 0.43\nkappa = 2.455"), "opaque").unwrap();
     assert_eq!([opaque.fiber.eta_at(0.4), opaque.fiber.kappa_at(0.4)], [0.43, 2.455]);

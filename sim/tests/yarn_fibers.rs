@@ -88,7 +88,7 @@ fn plies_of_every_kind_conserve_power() {
 }
 
 /// The color of a metal by one length for all wavelengths, against the exact one: the same paths, each facet by Fresnel's reflectance of the wavelength. The same seed makes the
-/// same paths, so that the difference has no noise. Of light that left a ply of gold, silver, aluminium or copper it is 0.006 at most.
+/// same paths, so that the difference has no noise. Of light that left a ply of gold, silver, aluminium or copper it is 0.012 at most.
 #[test]
 fn colors_of_metals_by_length_are_those_by_facets() {
     let lambdas = [0.42, 0.45, 0.48, 0.50, 0.52, 0.55, 0.58, 0.62, 0.66, 0.70];
@@ -105,7 +105,7 @@ fn colors_of_metals_by_length_are_those_by_facets() {
             .filter_map(|_| {
                 let x = bound * (2.0 * rng.random::<f32>() - 1.0);
                 let z = spec.ply.fiber_pitch_um.unwrap() as f32 * rng.random::<f32>();
-                let dir = Vector3::new(0.0, -1.0, -0.6 * rng.random::<f32>()).normalize();
+                let dir = Vector3::new(0.0, -1.0, -1.5 * rng.random::<f32>()).normalize();
                 match trace_path_among(&tracer, &surfaces, Vector3::new(x, bound, z), dir, &mut rng) {
                     PathEnd::High { length_um, .. } => Some(length_um),
                     _ => None,
@@ -130,7 +130,7 @@ fn colors_of_metals_by_length_are_those_by_facets() {
             worst = worst.max((got - want).abs());
         }
         println!("{metal:?}: off by {worst:.4} at most");
-        assert!(worst < 0.006, "{metal:?}: off by {worst}");
+        assert!(worst < 0.012, "{metal:?}: off by {worst}");
     }
 }
 
@@ -383,4 +383,23 @@ fn a_table_has_the_index_of_its_wavelength() {
     }
     // Blue is reflected more.
     assert!(mean_refl(&blue) > mean_refl(&red));
+}
+
+/// What cannot be is told in one line: comparisons of plies with waves, single fibers by rays, an absorption for a metal.
+#[test]
+fn what_rays_and_waves_do_not_share_is_refused() {
+    use plywave_sim::wave::{CompareJob, CompareOptions, SingleFiber};
+    let says = |error: SimError, what: &str| {
+        let message = error.to_string();
+        assert!(message.contains(what) && message.lines().count() == 1, "{message:?} does not say {what:?}");
+    };
+    let gold = yarn(&format!("{CIRCLE}metal = \"gold\""), "");
+    let text = toml::to_string(&gold).unwrap();
+    for (spec, what) in [(gold, "an opaque fiber"), (hollow(0.5, ", lumen_eta = 1.3", DIELECTRIC), "a filled core")] {
+        let error = CompareJob::new(&spec, "", &CompareOptions::default()).map(|_| ()).unwrap_err();
+        says(error, what);
+    }
+    says(SingleFiber::parse(&text, "gold.toml", 0.01).unwrap_err(), "sigma = 0.01: an opaque fiber has its own");
+    let body = SingleFiber::parse(&text, "gold.toml", 0.0).unwrap().at(0.65);
+    assert_eq!([body.eta, body.kappa], Metal::Gold.index(0.65).map(f64::from));
 }

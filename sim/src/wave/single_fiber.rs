@@ -71,7 +71,7 @@ impl SingleFiber {
         let text = std::fs::read_to_string(path).unwrap_or_default();
         if !is_scene(&text) {
             let (spec, text) = YarnSpec::load(path)?;
-            return Ok((SingleFiber::of_spec(&spec.fiber, Absorption::Sigma(sigma_per_um)), text));
+            return Ok((SingleFiber::of_yarn(&spec, sigma_per_um)?, text));
         }
         Ok((SingleFiber::of_scene(&text, sigma_per_um)?, text))
     }
@@ -84,7 +84,16 @@ impl SingleFiber {
         if is_scene(text) {
             return SingleFiber::of_scene(text, sigma_per_um);
         }
-        Ok(SingleFiber::of_spec(&YarnSpec::parse(text, file)?.fiber, Absorption::Sigma(sigma_per_um)))
+        SingleFiber::of_yarn(&YarnSpec::parse(text, file)?, sigma_per_um)
+    }
+
+    /// The first kind of fibers of a yarn.
+    fn of_yarn(spec: &YarnSpec, sigma_per_um: f64) -> Result<SingleFiber, SimError> {
+        if spec.fiber.is_opaque() && sigma_per_um != 0.0 {
+            let hint = "an opaque fiber has its own absorption; leave this out".into();
+            return Err(WaveError::Invalid { key: "sigma".into(), value: sigma_per_um.to_string(), hint }.into());
+        }
+        Ok(SingleFiber::of_spec(&spec.fiber, Absorption::Sigma(sigma_per_um)))
     }
 
     fn of_scene(text: &str, sigma_per_um: f64) -> Result<SingleFiber, SimError> {
