@@ -280,7 +280,7 @@ fn hollow_circles_trace_at_half_the_speed_of_full_ones_or_better() {
 fn blends_have_their_share() {
     let ellipse = "[blend]\nshare = 0.3\n[blend.fiber]\nshape = { kind = \"ellipse\", a_um = 9.0, b_um = 5.0 }\nangle_jitter_rad = 0.1\neta = 1.5\nalpha_fiber = 0.1";
     let spec = yarn(&format!("{CIRCLE}{DIELECTRIC}"), ellipse);
-    let (mut count, mut places, sections) = (0usize, 0usize, 40u32);
+    let (mut count, mut places, sections) = (0usize, 0usize, 16u32);
     for seed in 0..sections {
         let section = PlySection::generate(&spec, u64::from(seed)).unwrap();
         let second = section.fibers.iter().filter(|f| f.second).count();
@@ -295,19 +295,19 @@ fn blends_have_their_share() {
         }
         assert!(section.min_gap_um() >= spec.ply.min_gap_um);
     }
-    // Mean place 14.5 of 0 to 29, standard error 8.7/sqrt(360) = 0.46.
+    // Mean place 14.5 of 0 to 29, standard error 8.7/sqrt(144) = 0.72.
     let mean = places as f64 / count as f64;
-    assert!((mean - 14.5).abs() < 2.3, "{mean}");
+    assert!((mean - 14.5).abs() < 3.6, "{mean}");
     let odd = yarn(&format!("{CIRCLE}{DIELECTRIC}"), &ellipse.replace("0.3", "0.35"));
-    let seconds: Vec<usize> = (0..400)
+    let seconds: Vec<usize> = (0..100)
         .map(|seed| {
             // 10.5 of 30: 10 or 11.
             let section = PlySection::generate(&YarnSpec { ply: loose(&odd), ..odd.clone() }, seed).unwrap();
             section.fibers.iter().filter(|f| f.second).count()
         })
         .collect();
-    let mean = seconds.iter().sum::<usize>() as f64 / 400.0;
-    assert!(seconds.iter().all(|n| [10, 11].contains(n)) && (mean - 10.5).abs() < 0.125, "{mean}");
+    let mean = seconds.iter().sum::<usize>() as f64 / 100.0;
+    assert!(seconds.iter().all(|n| [10, 11].contains(n)) && (mean - 10.5).abs() < 0.25, "{mean}");
 }
 
 /// A ply with room, quick to pack.
@@ -359,7 +359,7 @@ fn a_table_has_the_index_of_its_wavelength() {
     let with = |index: &str, lambda_um: f64| {
         let mut spec = yarn(&format!("{CIRCLE}{index}"), "");
         spec.beam.lambda_um = lambda_um;
-        table(&spec, 20_000)
+        table(&spec, 60_000)
     };
     // An Abbe number of 0.6/(1.91 B) = 32: strong for a polymer.
     let index = "eta = 1.6\ndispersion_um2 = 0.0097";

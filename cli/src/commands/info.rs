@@ -307,6 +307,10 @@ fn head_text(out: &mut dyn Write, head: &Head, spec: &YarnSpec) -> std::io::Resu
         head.seed
     )?;
     writeln!(out, "  yarn         {}", yarn_line(spec))?;
+    if spec.fiber.is_opaque() {
+        let own = [0.45, 0.55, 0.65].map(|l| format!("{:.5} at {}", spec.own_sigma_per_um(l), number(l)));
+        writeln!(out, "  own color    sigma {} um [1/um]", own.join(", "))?;
+    }
     let last = |v: &[f64]| v.last().copied().unwrap_or(0.0);
     writeln!(
         out,
