@@ -88,7 +88,7 @@ fn plies_of_every_kind_conserve_power() {
 }
 
 /// The color of a metal by one length for all wavelengths, against the exact one: the same paths, each facet by Fresnel's reflectance of the wavelength. The same seed makes the
-/// same paths, so that the difference has no noise. Of light that left a ply of gold, silver, aluminium or copper it is 0.012 at most.
+/// same paths, so that the difference has no noise. Of light that left a ply of gold, silver, aluminium or copper it is held to 0.012.
 #[test]
 fn colors_of_metals_by_length_are_those_by_facets() {
     let lambdas = [0.42, 0.45, 0.48, 0.50, 0.52, 0.55, 0.58, 0.62, 0.66, 0.70];
@@ -353,7 +353,7 @@ fn the_dye_of_second_fibers_scales_their_lengths() {
     assert!(seen > 200 && differ == seen, "{differ} of {seen}");
 }
 
-/// Dispersion: a table is that of the index at its beam's wavelength, bit for bit, and what one index leaves out of a spectrum is as much as the figures of docs/numbers.md say.
+/// Dispersion: a table is that of the index at its beam's wavelength, bit for bit, and what one index leaves out of a spectrum is printed and held to a bound.
 #[test]
 fn a_table_has_the_index_of_its_wavelength() {
     let with = |index: &str, lambda_um: f64| {
