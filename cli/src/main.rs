@@ -8,6 +8,7 @@ mod kinds;
 mod output;
 mod plot;
 mod progress;
+mod rendering;
 mod report;
 mod strand_scene;
 

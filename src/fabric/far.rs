@@ -10,7 +10,7 @@
 
 use super::Family;
 use super::between::BetweenAt;
-use crate::math::{clamp_unit, parallel};
+use crate::math::{clamp_unit, floor_fraction, parallel};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 /// Nodes of absorption [1/um], the last for an infinite one; between them f is linear in `1 / (1 + sigma L)`, L some paths through a ply [um].
@@ -380,9 +380,10 @@ impl<const N: usize> PliesAt<'_, N> {
             let plies = &self.far.families[k];
             let (theta, phi) = angles(family, b);
             let q = q_of(theta_i, theta).clamp(0.0, (NODES - 1) as f32);
-            let x = (phi / TAU + 1.0) * COLUMNS as f32;
+            // A turn is not added to the angle: its digits would be lost, and f falls by a factor of some tens from a column to the next.
+            let (column, t) = floor_fraction(phi * (COLUMNS as f32 / TAU));
+            let column = column.rem_euclid(COLUMNS as i32) as usize;
             let (row, s) = ((q as usize).min(NODES - 2), q - (q as usize).min(NODES - 2) as f32);
-            let (column, t) = (x as usize % COLUMNS, x.fract());
             let next = (column + 1) % COLUMNS;
             let mut sum = [0.0; SIGMAS];
             let cell = column * (NODES - 1) + row;

@@ -1,7 +1,6 @@
 //! `plywave gallery`: every picture of the gallery into a folder, with an index of what was rendered how.
 
 use super::on_threads;
-use super::render::failed;
 use crate::args::{Cli, GalleryArgs};
 use crate::failure::{Failure, Outcome};
 use crate::gallery::digest;
@@ -9,6 +8,7 @@ use crate::gallery::materials::Workshop;
 use crate::gallery::pages::{Entry, Index, Shot, about, for_page, markdown, png, strip};
 use crate::gallery::pictures::{self, Panel, Picture};
 use crate::progress::{self, Bar, STOP};
+use crate::rendering::failed;
 use crate::{output, report};
 use plywave::fabric::{FabricBsdf, FabricOptions, FabricSpec};
 use plywave_render::{Film, FilmView, RenderOptions, render};

@@ -1,20 +1,14 @@
 //! `plywave render`: a fabric in a ready-made scene, or strands in their own, by the reference host.
 
-use super::{color, on_threads};
+use super::color;
 use crate::args::{Cli, FabricPart, RenderArgs, Scene};
-use crate::failure::{Failure, Outcome};
-use crate::progress::{self, Bar, STOP};
+use crate::failure::Outcome;
+use crate::progress::STOP;
+use crate::rendering::{About, Outputs, check_flags, digest_of_file, failed, film, shoot};
 use crate::{kinds, output, report};
 use plywave::fabric::{Fabric, FabricBsdf, FabricOptions, FabricSpec, GapLight, WeaveSpec};
-use plywave_render::{
-    Environment, Facts, Film, FilmView, Ingredients, Mesh, MeshNotes, RenderError, RenderOptions, Setup, png, render,
-};
-use sha2::{Digest, Sha256};
+use plywave_render::{Environment, Mesh, MeshNotes, RenderOptions, Setup, render};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
-
-/// Most pixels of a picture.
-const MOST_PIXELS: u64 = 1 << 28;
 
 impl From<Scene> for Setup {
     fn from(scene: Scene) -> Setup {
@@ -30,19 +24,6 @@ impl From<Scene> for Setup {
     }
 }
 
-/// What a render that ended early says.
-pub fn failed(error: RenderError) -> Failure {
-    match error {
-        RenderError::Stopped { .. } => {
-            Failure::Interrupted(format!("stopped; go on with: {}", progress::resume_command()))
-        }
-        RenderError::Io { file, source } if source.kind() == std::io::ErrorKind::NotFound => {
-            Failure::Input(format!("{file}: no such file; check the path"))
-        }
-        other => Failure::Input(other.to_string()),
-    }
-}
-
 /// The ready-made scene.
 fn setup(args: &RenderArgs) -> Scene {
     args.setup.unwrap_or(Scene::Front)
@@ -51,48 +32,6 @@ fn setup(args: &RenderArgs) -> Scene {
 /// Most scatterings of a path in a fabric.
 fn depth(args: &RenderArgs) -> u32 {
     args.depth.unwrap_or(8)
-}
-
-/// The files that a render writes, by the ending of `-o`.
-pub(super) struct Outputs {
-    png: Option<PathBuf>,
-    exr: Option<PathBuf>,
-    /// For `--resume`.
-    sums: PathBuf,
-}
-
-impl Outputs {
-    pub(super) fn of(args: &RenderArgs) -> Outcome<Outputs> {
-        let path = args.output.clone().unwrap_or_else(|| output::default_output(&args.fabric, "png"));
-        let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
-        let sums = path.with_extension("sums");
-        match ending.as_str() {
-            "png" => {
-                let exr = (!args.no_exr).then(|| path.with_extension("exr"));
-                Ok(Outputs { png: Some(path), exr, sums })
-            }
-            "exr" if args.no_exr => {
-                Err(Failure::input("command line", "--no-exr", path.display(), "leave it out, or name a .png"))
-            }
-            "exr" => Ok(Outputs { png: None, exr: Some(path), sums }),
-            "" => {
-                Err(Failure::input(path.display(), "-o", "no ending", "use .png, with an EXR beside it, or .exr alone"))
-            }
-            other => {
-                let hint = "use .png, with an EXR beside it, or .exr alone";
-                Err(Failure::input(path.display(), "-o", format!(".{other}"), hint))
-            }
-        }
-    }
-
-    pub(super) fn each(&self) -> impl Iterator<Item = &Path> {
-        [self.png.as_deref(), self.exr.as_deref(), Some(self.sums.as_path())].into_iter().flatten()
-    }
-
-    /// The picture that was asked for.
-    fn main(&self) -> &Path {
-        self.png.as_deref().or(self.exr.as_deref()).unwrap_or(&self.sums)
-    }
 }
 
 /// What a render reads: names for people, and paths.
@@ -105,26 +44,6 @@ fn inputs(args: &RenderArgs, spec: &FabricSpec, models: &[PathBuf]) -> Vec<(&'st
     list.extend(args.mesh.iter().map(|m| ("mesh", m.clone())));
     list.extend(args.sky.iter().map(|s| ("sky", s.clone())));
     list
-}
-
-/// SHA-256 of a file's bytes, in hex.
-pub(super) fn digest_of_file(path: &Path) -> Outcome<String> {
-    let mut hash = Sha256::new();
-    let copied = std::fs::File::open(path).and_then(|mut file| {
-        let mut buffer = vec![0; 1 << 16];
-        loop {
-            match std::io::Read::read(&mut file, &mut buffer)? {
-                0 => return Ok(()),
-                n => hash.update(&buffer[..n]),
-            }
-        }
-    });
-    copied.map_err(|e| Failure::Input(format!("{}: {e}; check the path and its rights", path.display())))?;
-    Ok(hex(&hash.finalize()))
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|b| format!("{b:02x}")).collect()
 }
 
 /// Contents of the inputs and the flags that matter for the picture: what sums must have in common with a render to go on.
@@ -157,15 +76,6 @@ fn ingredients(args: &RenderArgs, size: f32, inputs: &[(&'static str, PathBuf)])
     Ok(list)
 }
 
-/// One digest for all of it.
-fn digest(of: &Ingredients) -> String {
-    let mut hash = Sha256::new();
-    for (name, value) in of {
-        hash.update(format!("{name} = {value}\n"));
-    }
-    format!("sha256:{}", hex(&hash.finalize()))
-}
-
 /// What was done to a mesh, a line each.
 fn mesh_notes(file: &Path, notes: &MeshNotes) -> Vec<String> {
     let file = file.display();
@@ -178,24 +88,6 @@ fn mesh_notes(file: &Path, notes: &MeshNotes) -> Vec<String> {
         }
     }
     lines
-}
-
-/// Refuses flags out of range.
-pub(super) fn check_flags(args: &RenderArgs) -> Outcome {
-    if u64::from(args.width) * u64::from(args.height) > MOST_PIXELS {
-        return Err(Failure::input("command line", "--width", args.width, "a picture of at most 268 M pixels"));
-    }
-    for (name, value, low, high) in [
-        ("--size-mm", args.size_mm, 1e-3, 1e5),
-        ("--cloth-mm", Some(args.cloth_mm), 1e-3, 1e6),
-        ("--sigma", args.sigma, 0.0, 1e6),
-        ("--exposure", Some(args.exposure), -40.0, 40.0),
-    ] {
-        if let Some(v) = value.filter(|v| !(low..=high).contains(v)) {
-            return Err(Failure::input("command line", name, v, &format!("must be from {low} to {high}")));
-        }
-    }
-    Ok(())
 }
 
 /// Lines of a picture that is worth the seconds in which the mean over the repeat is made.
@@ -261,123 +153,5 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     let about = About { name, scene: format!("{:?}", crate::commands::render::setup(args)).to_lowercase(), notes };
     shoot(cli, args, &outputs, &of, film, about, |film, after| {
         render(&scene, &camera, &fabric, film, &render_options, &STOP, after)
-    })
-}
-
-/// A new film, or with `--resume` the one to go on with.
-pub(super) fn film(args: &RenderArgs, outputs: &Outputs, of: &Ingredients) -> Outcome<Film> {
-    match outputs.sums.exists() && args.resume {
-        true => Film::resume(&outputs.sums, of, args.width, args.height).map_err(failed),
-        false => Film::new(args.width, args.height).map_err(failed),
-    }
-}
-
-/// What is said of a render.
-pub(super) struct About {
-    /// Name of the fabric or the strands.
-    pub name: String,
-    /// What it is shown in.
-    pub scene: String,
-    /// For the user, a line each.
-    pub notes: Vec<String>,
-}
-
-/// Called after each pass with what is there.
-pub(super) type After<'a> = &'a mut dyn FnMut(&Film) -> Result<(), RenderError>;
-
-/// Renders by `work`, keeps sums now and then, writes the pictures and says so.
-pub(super) fn shoot(
-    cli: &Cli,
-    args: &RenderArgs,
-    outputs: &Outputs,
-    of: &Ingredients,
-    mut film: Film,
-    about: About,
-    work: impl FnOnce(&mut Film, After<'_>) -> Result<(), RenderError> + Send,
-) -> Outcome {
-    progress::install_stop();
-    let bar = Bar::new("render", "samples", cli.quiet);
-    let first = film.samples();
-    let mut saved = std::time::Instant::now();
-    let save = |film: &Film| output::write_whole(&outputs.sums, &film.sums(of).map_err(failed)?);
-    let mut unsaved = None;
-    let outcome = on_threads(cli, || {
-        progress::stoppable(|| {
-            work(&mut film, &mut |film| {
-                bar.update("render", film.samples().into(), args.samples.into());
-                if saved.elapsed() > Duration::from_secs(10) && film.samples() < args.samples {
-                    if let Err(failure) = save(film) {
-                        unsaved = Some(failure);
-                        return Err(RenderError::Stopped { done: film.samples(), total: args.samples });
-                    }
-                    saved = std::time::Instant::now();
-                }
-                Ok(())
-            })
-        })
-    })?;
-    if let Some(failure) = unsaved {
-        return Err(failure);
-    }
-    if let Err(error) = outcome {
-        save(&film)?;
-        return Err(failed(error));
-    }
-    let time = bar.finish();
-    let facts = Facts {
-        software: format!("plywave {}", env!("CARGO_PKG_VERSION")),
-        fabric: about.name,
-        spec: args.fabric.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
-        digest: digest(of),
-        scene: about.scene,
-        seed: args.seed,
-        samples: film.samples(),
-        exposure: args.exposure as f32,
-    };
-    if let Some(path) = &outputs.exr {
-        output::write_whole(path, &film.exr(&facts).map_err(failed)?)?;
-    }
-    if let Some(path) = &outputs.png {
-        let image = film.image(FilmView::Light, args.exposure as f32);
-        output::write_whole(path, &png(&image, &facts.entries()).map_err(failed)?)?;
-    }
-    match args.keep_sums {
-        true => save(&film)?,
-        // Sums that were never written, or are gone already, need no removal.
-        false => drop(std::fs::remove_file(&outputs.sums)),
-    }
-    tell(cli, args, outputs, (&film, first), time, &facts, &about.notes)
-}
-
-/// Says what came out.
-fn tell(
-    cli: &Cli,
-    args: &RenderArgs,
-    outputs: &Outputs,
-    (film, first): (&Film, u32),
-    time: Duration,
-    facts: &Facts,
-    notes: &[String],
-) -> Outcome {
-    let paths = u64::from(film.samples().saturating_sub(first)) * u64::from(args.width) * u64::from(args.height);
-    if cli.json {
-        let shown = |path: &Option<PathBuf>| path.as_ref().map(|p| p.display().to_string());
-        return output::print_json(&serde_json::json!({
-            "png": shown(&outputs.png), "exr": shown(&outputs.exr), "width": args.width, "height": args.height,
-            "samples": film.samples(), "seconds": time.as_secs_f64(), "paths": paths, "digest": facts.digest, "notes": notes,
-        }));
-    }
-    if cli.quiet {
-        return Ok(());
-    }
-    output::print(|out| {
-        let samples = report::counted(film.samples().into(), "sample", "samples");
-        writeln!(out, "{}: {} x {}, {samples} a pixel", outputs.main().display(), args.width, args.height)?;
-        let rate = paths as f64 / time.as_secs_f64().max(1e-9);
-        writeln!(out, "  time         {}, {} paths/s", report::duration(time), report::count(rate))?;
-        if let (Some(_), Some(exr)) = (&outputs.png, &outputs.exr) {
-            writeln!(out, "  linear       {}", exr.display())?;
-        }
-        notes.iter().try_for_each(|note| writeln!(out, "  note         {note}"))
     })
 }

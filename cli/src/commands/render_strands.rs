@@ -1,10 +1,10 @@
 //! `plywave render` of a scene of strands.
 
-use super::render::{About, Outputs, check_flags, digest_of_file, failed, film, shoot};
 use crate::args::{Cli, RenderArgs};
 use crate::failure::{Failure, Outcome};
 use crate::output;
 use crate::progress::STOP;
+use crate::rendering::{About, Outputs, check_flags, digest_of_file, failed, film, shoot};
 use crate::strand_scene::StrandSpec;
 use plywave_render::{Environment, RenderOptions, render_strands};
 use std::path::{Path, PathBuf};

@@ -135,7 +135,8 @@ const LAMP: &[Key] = &[
     required("radiance", Kind::Number(0.0, 1e9)),
 ];
 
-fn number(value: &Value) -> Option<f64> {
+/// A finite number, whole or not.
+pub fn number(value: &Value) -> Option<f64> {
     value.as_float().or_else(|| value.as_integer().map(|i| i as f64)).filter(|v| v.is_finite())
 }
 

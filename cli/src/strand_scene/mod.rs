@@ -80,13 +80,13 @@ impl StrandSpec {
 
     /// What it is lit and seen by, and notes for the user.
     pub fn scene(&self, sky: Option<Environment>) -> Outcome<(StrandScene, Camera, Vec<String>)> {
-        let failed = crate::commands::render::failed;
+        let failed = crate::rendering::failed;
         let Spec { strands: s, camera, .. } = &self.spec;
         let basis = if s.basis.as_deref() == Some("linear") { Basis::Linear } else { Basis::BSpline };
         let strands = match (&s.make, &s.file) {
             (Some(of), _) => {
                 let radius = 1e-3 * s.radius_um.unwrap_or(1.0);
-                make(&of.made(), radius, s.segments.unwrap_or(32), s.seed.unwrap_or(1)).map_err(failed)?
+                make(of, radius, s.segments.unwrap_or(32), s.seed.unwrap_or(1)).map_err(failed)?
             }
             (None, file) => {
                 let path = self.folder.join(file.as_deref().unwrap_or(Path::new("")));
@@ -133,7 +133,7 @@ impl StrandSpec {
         let model: FiberModel = match self.table() {
             Some(path) => {
                 let fiber = FiberModel::load(&path).map_err(|e| kinds::explain(&path, &[kinds::Kind::Fiber], e))?;
-                match (fiber, self.spec.fiber.model.get("beta_m").and_then(toml::Value::as_float)) {
+                match (fiber, self.spec.fiber.model.get("beta_m").and_then(keys::number)) {
                     (FiberModel::Tabulated(fiber), Some(beta)) => fiber.with_beta_m(beta as f32).into(),
                     (fiber, _) => fiber,
                 }

@@ -21,7 +21,7 @@ pub struct Spec {
 #[derive(Debug, Deserialize)]
 pub struct StrandsSpec {
     pub file: Option<PathBuf>,
-    pub make: Option<MakeSpec>,
+    pub make: Option<Made>,
     pub radius_um: Option<f32>,
     pub segments: Option<u32>,
     pub seed: Option<u64>,
@@ -29,68 +29,6 @@ pub struct StrandsSpec {
     pub whole: Option<bool>,
     pub mm_per_unit: Option<f32>,
     pub shape: Option<String>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(tag = "kind", rename_all = "snake_case")]
-pub enum MakeSpec {
-    Single {
-        length_mm: f32,
-    },
-    Layer {
-        count: u32,
-        #[serde(default = "one")]
-        layers: u32,
-        spacing_mm: f32,
-        length_mm: f32,
-    },
-    Ball {
-        count: u32,
-        ball_mm: f32,
-        length_mm: f32,
-        #[serde(default)]
-        curl_mm: f32,
-    },
-    Wisp {
-        count: u32,
-        width_mm: f32,
-        length_mm: f32,
-    },
-    Fur {
-        count: u32,
-        size_mm: f32,
-        length_mm: f32,
-    },
-    Loop {
-        count: u32,
-        #[serde(default = "three")]
-        loops: u32,
-        width_mm: f32,
-        yarn_mm: f32,
-    },
-}
-
-fn one() -> u32 {
-    1
-}
-
-fn three() -> u32 {
-    3
-}
-
-impl MakeSpec {
-    pub fn made(&self) -> Made {
-        match *self {
-            MakeSpec::Single { length_mm } => Made::Single { length_mm },
-            MakeSpec::Layer { count, layers, spacing_mm, length_mm } => {
-                Made::Layer { count, layers, spacing_mm, length_mm }
-            }
-            MakeSpec::Ball { count, ball_mm, length_mm, curl_mm } => Made::Ball { count, ball_mm, length_mm, curl_mm },
-            MakeSpec::Wisp { count, width_mm, length_mm } => Made::Wisp { count, width_mm, length_mm },
-            MakeSpec::Fur { count, size_mm, length_mm } => Made::Fur { count, size_mm, length_mm },
-            MakeSpec::Loop { count, loops, width_mm, yarn_mm } => Made::Loop { count, loops, width_mm, yarn_mm },
-        }
-    }
 }
 
 #[derive(Debug, Deserialize)]

@@ -185,10 +185,10 @@ class Far:
         q = clamp(q_of(theta_i, theta, self.steps), 0.0, self.nodes - 1.0)
         row = dr.minimum(dr.floor(q), self.nodes - 2.0)
         s = q - row
-        x = (phi * (1.0 / TAU) + 1.0) * self.columns
+        x = phi * (self.columns / TAU)
         whole = dr.floor(x)
         t, r = x - whole, kit.uint(row)
-        column = kit.uint(whole) % self.columns
+        column = kit.uint(whole + self.columns) % self.columns
         after = dr.select(column + 1 == self.columns, kit.uint(0), column + 1)
         corners = [
             (column * self.nodes + r, (1.0 - t) * (1.0 - s)),

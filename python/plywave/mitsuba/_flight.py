@@ -33,10 +33,10 @@ class Flight(Yarns):
         }
         return start, d, state
 
-    def nearest(self, q, d, ids, until, at):
+    def nearest(self, q, ids, until, at):
         """The nearest hull that has not been asked: distance, yarn, and how far the line may go without meeting any."""
         kit = self.kit
-        least, which, free = kit.float(1e30), kit.int(NO_YARN), kit.float(1e30)
+        least, which, free = kit.float(1e30), kit.int(NO_YARN), 1e30
         for k in range(2):
             yarn, other = self.yarn[k], self.yarn[1 - k]
             hull = yarn["half_width"] + yarn["reach"] - yarn["radius"]
@@ -59,11 +59,7 @@ class Flight(Yarns):
                 distance = dr.sqrt(lateral * lateral + up) - hull
                 nearer = kit.both(kit.no(passed), distance < least)
                 least, which = dr.select(nearer, distance, least), dr.select(nearer, name, which)
-            # Of the yarns beside these two the line comes nearer to those on one side.
-            ahead = dr.select(left, -d[k], d[k]) > 0.0
-            beside = dr.select(ahead, 2.0 - dr.abs(t), 1.0 + dr.abs(t))
-            room = dr.maximum(beside * yarn["spacing"] - hull, 0.3 * yarn["half_width"])
-            free = dr.minimum(free, room / dr.maximum(dr.abs(d[k]), 1e-6))
+            free = min(free, max(yarn["spacing"] - hull, 0.3 * yarn["half_width"]))
         return least, which, dr.minimum(free, 0.9 * least)
 
     def next_near(self, start, d, state):
@@ -75,7 +71,7 @@ class Flight(Yarns):
             height = dr.abs(q[2])
             out = height > self.top
             gone = kit.both(out, q[2] * d[2] >= 0.0)
-            distance, near, free = self.nearest(q, d, ids, until, at)
+            distance, near, free = self.nearest(q, ids, until, at)
             close = kit.both(distance < CLOSE_UM, kit.no(out))
             way = dr.select(out, (height - self.top) / dr.maximum(dr.abs(d[2]), 1e-12) + 0.1 * MARGIN_UM, dr.maximum(free, LEAST_STEP_UM))
             which = dr.select(close, near, which)

@@ -5,10 +5,12 @@ use crate::RenderError;
 use glam::{Quat, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use serde::Deserialize;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-/// What is made; lengths in mm.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// What is made; lengths in mm. In files a table whose `kind` is the name in small letters.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Made {
     /// One straight fiber along x through the origin.
     Single {
@@ -19,7 +21,8 @@ pub enum Made {
     Layer {
         /// Fibers of a layer.
         count: u32,
-        /// Layers.
+        /// Layers; 1 where a file does not say.
+        #[serde(default = "one")]
         layers: u32,
         /// From center line to center line.
         spacing_mm: f32,
@@ -34,7 +37,8 @@ pub enum Made {
         ball_mm: f32,
         /// Length of a hair.
         length_mm: f32,
-        /// Radius of the curls.
+        /// Radius of the curls; 0 where a file does not say.
+        #[serde(default)]
         curl_mm: f32,
     },
     /// A lock that hangs down from z = 0 and runs to a point, about the z axis, waved.
@@ -59,13 +63,22 @@ pub enum Made {
     Loop {
         /// Fibers of the yarn.
         count: u32,
-        /// Loops.
+        /// Loops; 3 where a file does not say.
+        #[serde(default = "three")]
         loops: u32,
         /// Width of a loop.
         width_mm: f32,
         /// Radius of the yarn.
         yarn_mm: f32,
     },
+}
+
+fn one() -> u32 {
+    1
+}
+
+fn three() -> u32 {
+    3
 }
 
 /// Most points that are made.

@@ -4,6 +4,7 @@
 //! it as a tube ([`StrandShape::Tube`]: the union of balls along the curve) or as a band that faces each ray ([`StrandShape::Band`]). `segment.rs` has the
 //! formulas, `tree.rs` the BVH and the answer at a hit.
 
+mod how;
 mod make;
 mod pbrt;
 mod read;
@@ -15,8 +16,9 @@ mod tree;
 use crate::RenderError;
 use crate::room::check_room;
 
+pub use how::StrandFile;
 pub use make::{Made, make};
-pub use read::{StrandFile, mitsuba_text};
+pub use read::mitsuba_text;
 pub use scene::{StrandFiber, StrandScene};
 pub use trace::render_strands;
 pub use tree::{Skip, StrandHit, StrandTree};

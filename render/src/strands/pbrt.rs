@@ -1,6 +1,6 @@
 //! pbrt's `Shape "curve"` text: Bezier and B-spline curves of degree 2 and 3, as segments of cubic B-splines, exactly.
 
-use super::read::{StrandFile, cut};
+use super::how::{StrandFile, cut};
 use super::{Basis, MOST_POINTS, Strands};
 use crate::RenderError;
 
@@ -178,7 +178,7 @@ fn add(strands: &mut Strands, curve: &Curve, file: &str, place: &str, how: &Stra
     if !curve.bezier && d == 3 {
         // A linear function of u has the values of its knots' means as control values: -1, 0, .. over the segments.
         let r = |k: usize| radius((k as f32 - 1.0) / segments as f32).max(1e-3 * radius(0.0).max(radius(1.0)));
-        let points: Vec<[f32; 4]> = curve.points.iter().enumerate().map(|(k, p)| how.of_units(*p, r(k))).collect();
+        let points: Vec<[f32; 4]> = curve.points.iter().enumerate().map(|(k, p)| how.point(*p, r(k))).collect();
         return strands.push(&points, file, place);
     }
     for s in 0..segments {
@@ -204,7 +204,7 @@ fn add(strands: &mut Strands, curve: &Curve, file: &str, place: &str, how: &Stra
         let points: [[f32; 4]; 4] = std::array::from_fn(|i| {
             let v: [f64; 3] = std::array::from_fn(|c| (0..4).map(|k| rows[i][k] * b[k][c]).sum());
             let u = (s as f32 + i as f32 - 1.0) / segments as f32;
-            how.of_units(v.map(|v| v as f32), radius(u).max(1e-3 * radius(0.0).max(radius(1.0))))
+            how.point(v.map(|v| v as f32), radius(u).max(1e-3 * radius(0.0).max(radius(1.0))))
         });
         if s == 0 {
             strands.push(&points, file, place)?;

@@ -8,38 +8,15 @@
 //!
 //! What is left out: the colors and transparency of `.hair`; transforms, object instances and normals of pbrt.
 
+use super::how::{StrandFile, cut};
 use super::pbrt;
-use super::{Basis, MOST_POINTS, Strands};
+use super::{MOST_POINTS, Strands};
 use crate::RenderError;
 use crate::room::read_file;
 use std::path::Path;
 
 /// Largest file of strands [bytes].
 const MOST_BYTES: u64 = 1 << 32;
-
-/// How a file of strands is taken.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StrandFile {
-    /// What the points of a `.hair` or Mitsuba's text mean; pbrt's curves become splines.
-    pub basis: Basis,
-    /// A unit of the file [mm].
-    pub mm_per_unit: f32,
-    /// Radius [mm] in place of the file's.
-    pub radius_mm: Option<f32>,
-    /// Of a spline: go from the first to the last point of each strand, as `.hair` means it. Mitsuba's splines do not.
-    pub whole: bool,
-}
-
-impl StrandFile {
-    fn point(&self, [x, y, z]: [f32; 3], radius: f32) -> [f32; 4] {
-        let s = self.mm_per_unit;
-        [s * x, s * y, s * z, self.radius_mm.unwrap_or(s * radius)]
-    }
-
-    fn push(&self, strands: &mut Strands, points: &[[f32; 4]], file: &str, place: &str) -> Result<(), RenderError> {
-        if self.whole { strands.push_whole(points, file, place) } else { strands.push(points, file, place) }
-    }
-}
 
 impl Strands {
     /// Reads a file by its contents: `.hair` begins with `HAIR`, pbrt's text has the word `Shape`, all else is Mitsuba's text.
@@ -173,11 +150,6 @@ fn mitsuba(text: &str, file: &str, how: &StrandFile) -> Result<Strands, RenderEr
     Ok(strands)
 }
 
-/// At most 20 characters of a word.
-pub(super) fn cut(word: &str) -> String {
-    if word.chars().count() <= 20 { word.to_string() } else { word.chars().take(17).chain("...".chars()).collect() }
-}
-
 /// Strands as Mitsuba's curve text, in mm.
 pub fn mitsuba_text(strands: &Strands) -> String {
     use std::fmt::Write;
@@ -190,10 +162,4 @@ pub fn mitsuba_text(strands: &Strands) -> String {
         text.push('\n');
     }
     text
-}
-
-impl StrandFile {
-    pub(super) fn of_units(&self, p: [f32; 3], radius: f32) -> [f32; 4] {
-        self.point(p, radius)
-    }
 }
