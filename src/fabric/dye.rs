@@ -124,6 +124,9 @@ pub(super) fn own_color(model: &PlyModel) -> Result<Option<Reflections>> {
     Ok(YarnSpec::parse(&model.data().spec_text, "model (its spec)")?.fiber.reflections())
 }
 
+/// A color, and the model whose metal has it by itself.
+pub(super) type ColorOfModel = (YarnColor, Option<u32>);
+
 /// The different colors of a fabric's yarns, undyed yarns of opaque fibers with their model, and by family which of them each yarn of one repeat has. `all` takes precedence over
 /// every color.
 pub(super) fn colors_of(
@@ -131,7 +134,7 @@ pub(super) fn colors_of(
     stripes: &[Vec<u32>; 2],
     metals: &[Option<Reflections>],
     all: Option<f32>,
-) -> (Vec<(YarnColor, Option<u32>)>, [Vec<u32>; 2]) {
+) -> (Vec<ColorOfModel>, [Vec<u32>; 2]) {
     let mut colors = Vec::new();
     let threads = Family::EACH.map(|family| {
         let (stripes, count) = (&stripes[family as usize], fabric.draft().threads(family));
@@ -191,7 +194,7 @@ impl FabricBsdf {
     }
 
     /// The absorption of a color, or of a model's metal.
-    pub(super) fn dye_of(&self, (color, model): (YarnColor, Option<u32>)) -> Dye {
+    pub(super) fn dye_of(&self, (color, model): ColorOfModel) -> Dye {
         match model.and_then(|model| self.metals[model as usize].as_ref()) {
             Some(metal) => Dye::of_metal(metal, &self.curve),
             None => Dye::new(color, &self.curve),
