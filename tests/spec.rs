@@ -86,7 +86,12 @@ fn refusals_name_key_value_and_mend() {
         (eta("eta = 1.6\ndispersion_um2 = -0.01"), "fiber.dispersion_um2 = -0.01: use a number from 0 to 0.1"),
         (
             format!("{}\n[beam]\nlambda_um = 3.0", eta("eta = 1.1\ndispersion_um2 = 0.1")),
-            "fiber.dispersion_um2 = an index of 0.8231 at 3 um: use less dispersion",
+            "fiber.dispersion_um2 = an index of 0.8232 at 3 um: use less dispersion",
+        ),
+        (
+            eta("metal = \"gold\"")
+                .replace("\"circle\", radius_um = 7.5", "\"hollow_circle\", radius_um = 7.5, lumen = 0.4"),
+            "fiber.shape.lumen = a core: no light is in an opaque fiber",
         ),
         (end("[blend]\nshare = 0.5"), "blend.fiber = (absent): this key must be given"),
         (end(&blend("share = 1.5", "eta = 1.5")), "blend.share = 1.5: use a number from 0.01 to 0.99"),
@@ -179,6 +184,7 @@ fn shapes_are_held_to_their_relations() {
             "lumen = 0.000000001: use 0 for no lumen",
         ),
         ("{ kind = \"hollow_circle\", radius_um = 7.0, lumen = 0.99 }", "lumen = 0.99: use a number from 0.02 to 0.98"),
+        ("{ kind = \"hollow_circle\", radius_um = 7.0, lumen = 1.2 }", "lumen = 1.2: use a number from 0.02 to 0.98"),
         ("{ kind = \"hollow_circle\", radius_um = 7.0 }", "fiber.shape.lumen = (absent): this key must be given"),
         (
             "{ kind = \"hollow_circle\", radius_um = 7.0, lumen = 0.4, lumen_eta = 0.9 }",

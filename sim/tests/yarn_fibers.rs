@@ -130,7 +130,7 @@ fn colors_of_metals_by_length_are_those_by_facets() {
             worst = worst.max((got - want).abs());
         }
         println!("{metal:?}: off by {worst:.4} at most");
-        assert!(worst < 0.012, "{metal:?}: off by {worst}");
+        assert!(worst < 0.002, "{metal:?}: off by {worst}");
     }
 }
 
@@ -238,6 +238,14 @@ fn hollow_circles_by_march_and_by_triangles() {
     assert!((mean_refl(&screw) - mean_refl(&mesh)).abs() < 0.003);
 }
 
+/// Time of this thread on its core [s], whatever else runs beside it; where the system does not tell it, time that has passed.
+fn seconds() -> f64 {
+    static START: std::sync::LazyLock<Instant> = std::sync::LazyLock::new(Instant::now);
+    let told = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
+    let on_core = told.and_then(|text| text.split_whitespace().next()?.parse::<f64>().ok());
+    on_core.map_or_else(|| START.elapsed().as_secs_f64(), |nanoseconds| 1e-9 * nanoseconds)
+}
+
 /// Tracing a ply of hollow circles takes no more than twice the time of full ones, path for path. The least of several runs of each, in turn, on one thread.
 #[test]
 fn hollow_circles_trace_at_half_the_speed_of_full_ones_or_better() {
@@ -246,7 +254,7 @@ fn hollow_circles_trace_at_half_the_speed_of_full_ones_or_better() {
         let surfaces = Surfaces::of_spec(spec);
         let mut rng = Pcg64Mcg::seed_from_u64(1);
         let bound = tracer.bound_radius_um();
-        let start = Instant::now();
+        let start = seconds();
         for _ in 0..6_000 {
             let x = bound * (2.0 * rng.random::<f32>() - 1.0);
             let pos = Vector3::new(x, (bound * bound - x * x).max(0.0).sqrt(), 800.0 * rng.random::<f32>());
@@ -256,7 +264,7 @@ fn hollow_circles_trace_at_half_the_speed_of_full_ones_or_better() {
                 *walls += u64::from(interactions);
             }
         }
-        start.elapsed().as_secs_f64()
+        seconds() - start
     };
     let tracer = |spec: &YarnSpec| ScrewTracer::new(&PlySection::generate(spec, 1).unwrap()).unwrap();
     let solid = tracer(&full);
@@ -315,39 +323,40 @@ fn loose(spec: &YarnSpec) -> plywave::spec::PlySpec {
     plywave::spec::PlySpec { radius_um: Some(90.0), packing: plywave::spec::Packing::Lined, ..spec.ply.clone() }
 }
 
-/// The walls of each kind are those of its spec: the same path through either fiber of two, whose lengths differ by the dye alone.
+/// The walls of each kind are those of its spec: the same path through the same fiber as one of the first and of the second kind, whose lengths differ by the dye alone.
 #[test]
 fn the_dye_of_second_fibers_scales_their_lengths() {
-    let at = |x: f64, second: bool| FiberSection {
-        center_um: Vector2::new(x, 0.0),
-        angle_rad: 0.0,
-        outer: Outline::Circle { radius_um: 8.0 },
-        lumen: None,
-        second,
+    let tracer = |second: bool| {
+        let fiber = FiberSection {
+            center_um: Vector2::zeros(),
+            angle_rad: 0.0,
+            outer: Outline::Circle { radius_um: 8.0 },
+            lumen: None,
+            second,
+        };
+        ScrewTracer::new(&PlySection { fibers: vec![fiber], bound_radius_um: 8.0, twist_per_um: 0.0 }).unwrap()
     };
-    let section =
-        PlySection { fibers: vec![at(-50.0, false), at(50.0, true)], bound_radius_um: 58.0, twist_per_um: 0.0 };
-    let tracer = ScrewTracer::new(&section).unwrap();
+    let tracers = [tracer(false), tracer(true)];
     let blend = "[blend]\nshare = 0.5\ndye = 0.25\n[blend.fiber]\nshape = { kind = \"circle\", radius_um = 8.0 }\neta = 1.6\nalpha_fiber = 0.2";
     let same = Surfaces::of_spec(&yarn(&format!("{CIRCLE}{DIELECTRIC}"), blend));
     let other = Surfaces::of_spec(&yarn(&format!("{CIRCLE}{DIELECTRIC}"), &blend.replace("eta = 1.6", "eta = 1.3")));
     let (mut seen, mut differ) = (0, 0);
     for k in 0..400 {
-        let x = -50.0 + 14.0 * (k as f32 / 400.0 - 0.5);
-        let walk = |surfaces: &Surfaces, x: f32| {
+        let x = 16.0 * (k as f32 / 400.0 - 0.5);
+        let walk = |surfaces: &Surfaces, second: usize| {
             let mut rng = Pcg64Mcg::seed_from_u64(k);
-            match trace_path_among(&tracer, surfaces, Vector3::new(x, 60.0, 0.0), -Vector3::y(), &mut rng) {
-                PathEnd::High { dir, length_um, interactions: 2, .. } => Some((dir, length_um)),
+            match trace_path_among(&tracers[second], surfaces, Vector3::new(x, 20.0, 0.0), -Vector3::y(), &mut rng) {
+                PathEnd::High { dir, length_um, .. } => Some((dir, length_um)),
                 _ => None,
             }
         };
-        // Two walls: through one fiber, whatever the other is.
-        let (Some(first), Some(second)) = (walk(&same, x), walk(&same, x + 100.0)) else { continue };
-        assert!((first.0 - second.0).norm() < 1e-3, "{first:?} {second:?}");
-        assert!((0.25 * first.1 - second.1).abs() < 1e-3 * first.1, "{first:?} {second:?}");
+        let (first, second) = (walk(&same, 0), walk(&same, 1));
+        assert_eq!(first.map(|f| f.0), second.map(|s| s.0), "x = {x}");
         // The first fiber does not see what the second is made of; light in the second bends by its own index.
-        assert_eq!(walk(&other, x), Some(first));
-        differ += usize::from(walk(&other, x + 100.0) != Some(second));
+        assert_eq!(walk(&other, 0), first);
+        let (Some(first), Some(second)) = (first, second) else { continue };
+        assert!((0.25 * first.1 - second.1).abs() < 1e-5 * first.1, "{first:?} {second:?}");
+        differ += usize::from(walk(&other, 1) != Some(second));
         seen += 1;
     }
     assert!(seen > 200 && differ == seen, "{differ} of {seen}");
