@@ -47,7 +47,7 @@ pub fn energy_spectrum(energy: &[f64], sigma: &[f64], path: &[f64]) -> (Vec<f64>
 }
 
 /// Largest error of energies, relative to those at sigma = 0, with which [`PATHS`] lengths are enough.
-const ENOUGH: f64 = 5e-4;
+const ENOUGH: f64 = 1e-3;
 /// Numbers of lengths that are tried then: reflections of opaque fibers are steps of one length, which the eight cannot tell apart.
 const MORE_PATHS: [usize; 2] = [12, 16];
 
