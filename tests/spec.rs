@@ -149,7 +149,7 @@ fn refusals_name_key_value_and_mend() {
         ),
         (end("[simulation]\ntheta_i_max_rad = 1.6"), "simulation.theta_i_max_rad = 1.6: use a number above 0"),
         (end("[simulation]\nh_nodes = 401\ntheta_i_nodes=201\ntheta_o_bins=720\nphi_o_bins=1440"), "use fewer nodes"),
-        (end("[weave]\nx = 1"), "weave = { x = 1 }: unknown key: use one of name, fiber, ply"),
+        (end("[weave]\nx = 1"), "weave = { x = 1 }: unknown key: use one of name, fiber, blend, ply"),
         ("name = 3".to_string(), "name = 3: use a text in quotes"),
         ("fiber = 3".to_string(), "fiber = 3: use a table, [fiber]"),
         (String::new(), "name = (absent)"),
