@@ -19,6 +19,7 @@ mod metal;
 pub mod opaque;
 mod range;
 mod reflectance;
+pub mod reflections;
 mod rough_dielectric;
 mod spec;
 mod table;
@@ -35,6 +36,7 @@ pub use khungurn::{KhungurnBsdf, KhungurnFiber, KhungurnParameters};
 pub use metal::{Metal, conductor};
 pub use opaque::{Mirror, OpaqueBsdf, OpaqueFiber, OpaqueParameters};
 pub use reflectance::Reflectance;
+pub use reflections::{OpaqueIndex, Reflections};
 pub use rough_dielectric::{RoughDielectricBsdf, RoughDielectricFiber, RoughDielectricParameters};
 #[doc(hidden)]
 pub use spec::FILAMENT_RULES;

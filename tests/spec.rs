@@ -59,6 +59,10 @@ fn refusals_name_key_value_and_mend() {
     let ply = |new: &str| polyester_with("radius_um = 50.0", new);
     let pitch = |new: &str| polyester_with("fiber_pitch_um = 800.0", new);
     let end = |new: &str| format!("{POLYESTER}\n{new}\n");
+    let blend = |keys: &str, index: &str| {
+        let shape = "shape = { kind = \"circle\", radius_um = 6.0 }";
+        format!("[blend]\n{keys}\n[blend.fiber]\n{shape}\n{index}\nalpha_fiber = 0.2\n")
+    };
     let cases = [
         (radius("radius_um = -1.0"), "fiber.shape.radius_um = -1.0: use a number from 0.01 to 10000"),
         (radius("radius_um = nan"), "fiber.shape.radius_um = nan: use a number"),
@@ -71,6 +75,41 @@ fn refusals_name_key_value_and_mend() {
         (polyester_with("\"circle\"", "\"square\""), "fiber.shape.kind = \"square\": use one of \"circle\""),
         (eta("eta = 1.0"), "fiber.eta = 1.0: use a number above 1 and up to 4"),
         (eta(""), "fiber.eta = (absent): this key must be given"),
+        (eta("eta = -1.5"), "fiber.eta = -1.5: use a number above 0"),
+        (eta("eta = 0.43"), "fiber.eta = 0.43: use a number above 1 and up to 4, or give kappa"),
+        (eta("eta = 0.43\nkappa = -2.4"), "fiber.kappa = -2.4: use a number from 0.05 to 20"),
+        (eta("eta = 0.43\nkappa = 0.05"), "fiber.kappa = 0.05: light would pass: use 0.058 or more"),
+        (eta("eta = 1.6\nmetal = \"gold\""), "fiber.eta = 1.6: Gold brings its index: give either"),
+        (eta("kappa = 2.4\nmetal = \"gold\""), "fiber.kappa = 2.4: Gold brings its index: give either"),
+        (eta("metal = \"tin\""), "fiber.metal = \"tin\": use one of \"gold\", \"silver\""),
+        (eta("metal = \"gold\"\ndispersion_um2 = 0.01"), "fiber.dispersion_um2 = 0.01: an opaque fiber has its index"),
+        (eta("eta = 1.6\ndispersion_um2 = -0.01"), "fiber.dispersion_um2 = -0.01: use a number from 0 to 0.1"),
+        (
+            format!("{}\n[beam]\nlambda_um = 3.0", eta("eta = 1.1\ndispersion_um2 = 0.1")),
+            "fiber.dispersion_um2 = an index of 0.8232 at 3 um: use less dispersion",
+        ),
+        (
+            eta("metal = \"gold\"")
+                .replace("\"circle\", radius_um = 7.5", "\"hollow_circle\", radius_um = 7.5, lumen = 0.4"),
+            "fiber.shape.lumen = a core: no light is in an opaque fiber",
+        ),
+        (end("[blend]\nshare = 0.5"), "blend.fiber = (absent): this key must be given"),
+        (end(&blend("share = 1.5", "eta = 1.5")), "blend.share = 1.5: use a number from 0.01 to 0.99"),
+        (end(&blend("share = 0.5\ndye = -1", "eta = 1.5")), "blend.dye = -1: use a number from 0 to 10"),
+        (end(&blend("share = 0.5", "eta = 0.5")), "blend.fiber.eta = 0.5: use a number above 1"),
+        (end(&blend("share = 0.5", "metal = \"gold\"")), "blend.fiber.metal = an opaque fiber among clear ones: "),
+        (
+            format!("{}\n{}", eta("metal = \"silver\""), blend("share = 0.5", "metal = \"gold\"")),
+            "blend.fiber.metal = another metal: ",
+        ),
+        (
+            format!("{}\n{}", eta("metal = \"gold\""), blend("share = 0.5\ndye = 2", "metal = \"gold\"")),
+            "blend.dye = 2: fibers of the same metal absorb alike",
+        ),
+        (
+            format!("{}\n{}", eta("metal = \"gold\""), blend("share = 0.5", "eta = 1.5")),
+            "fiber.metal = clear fibers among opaque ones: ",
+        ),
         (eta("eta = 1.60\nalpha = 0.2"), "fiber.alpha = 0.2: unknown key"),
         (polyester_with("alpha_fiber = 0.2", "alpha_fiber = 1.5"), "fiber.alpha_fiber = 1.5: use a number from 0 to 1"),
         (polyester_with("fibers = 30", "fibers = 0"), "ply.fibers = 0: use an integer from 1 to 200"),
@@ -110,7 +149,7 @@ fn refusals_name_key_value_and_mend() {
         ),
         (end("[simulation]\ntheta_i_max_rad = 1.6"), "simulation.theta_i_max_rad = 1.6: use a number above 0"),
         (end("[simulation]\nh_nodes = 401\ntheta_i_nodes=201\ntheta_o_bins=720\nphi_o_bins=1440"), "use fewer nodes"),
-        (end("[weave]\nx = 1"), "weave = { x = 1 }: unknown key: use one of name, fiber, ply"),
+        (end("[weave]\nx = 1"), "weave = { x = 1 }: unknown key: use one of name, fiber, blend, ply"),
         ("name = 3".to_string(), "name = 3: use a text in quotes"),
         ("fiber = 3".to_string(), "fiber = 3: use a table, [fiber]"),
         (String::new(), "name = (absent)"),
@@ -143,6 +182,13 @@ fn shapes_are_held_to_their_relations() {
         (
             "{ kind = \"kidney\", a_um = 8.0, b_um = 4.0, dent = 0.2, lumen = 1e-9 }",
             "lumen = 0.000000001: use 0 for no lumen",
+        ),
+        ("{ kind = \"hollow_circle\", radius_um = 7.0, lumen = 0.99 }", "lumen = 0.99: use a number from 0.02 to 0.98"),
+        ("{ kind = \"hollow_circle\", radius_um = 7.0, lumen = 1.2 }", "lumen = 1.2: use a number from 0.02 to 0.98"),
+        ("{ kind = \"hollow_circle\", radius_um = 7.0 }", "fiber.shape.lumen = (absent): this key must be given"),
+        (
+            "{ kind = \"hollow_circle\", radius_um = 7.0, lumen = 0.4, lumen_eta = 0.9 }",
+            "lumen_eta = 0.9: use a number from 1 to 4",
         ),
         ("{ kind = \"ellipse\", a_um = 20.0, b_um = 1.0 }", "b_um = 1: use a value within a factor of 6"),
         ("{ kind = \"serrated\", radius_um = 6.0, depth = 0.2, teeth = 30 }", "depth = 0.2: teeth too sharp"),
@@ -244,5 +290,36 @@ proptest! {
             format!("{{ kind = \"polygon\", points_um = [[0, 0], [{:?}, 1.0], [{:?}, {:?}]], rounding_um = {:?} }}", values[0], values[1], values[2], values[3]),
         ][kind]);
         one_line(YarnSpec::parse(&text.replacen("fibers = 30", &format!("fibers = {fibers}"), 1), "yarn.toml"));
+    }
+}
+
+/// Fibers of every kind come back from their own text, and have the index that was asked for.
+#[test]
+fn metals_hollow_circles_blends_and_dispersion_are_read() {
+    let gold = YarnSpec::parse(&polyester_with("eta = 1.60", "metal = \"gold\""), "gold").unwrap();
+    assert!(gold.fiber.is_opaque());
+    let [eta, kappa] = plywave::fiber::Metal::Gold.index(0.55).map(f64::from);
+    assert_eq!([gold.fiber.eta_at(0.55), gold.fiber.kappa_at(0.55)], [eta, kappa]);
+    // Gold keeps less of blue light than of red.
+    assert!(gold.own_sigma_per_um(0.45) > 15.0 * gold.own_sigma_per_um(0.65));
+
+    let opaque = YarnSpec::parse(&polyester_with("eta = 1.60", "eta = 0.43\nkappa = 2.455"), "opaque").unwrap();
+    assert_eq!([opaque.fiber.eta_at(0.4), opaque.fiber.kappa_at(0.4)], [0.43, 2.455]);
+    assert_eq!(opaque.own_sigma_per_um(0.4), opaque.own_sigma_per_um(0.7));
+
+    let glass = YarnSpec::parse(&polyester_with("eta = 1.60", "eta = 1.60\ndispersion_um2 = 0.01"), "glass").unwrap();
+    assert_eq!((glass.fiber.eta_at(plywave::spec::SODIUM_UM), glass.own_sigma_per_um(0.5)), (1.60, 0.0));
+    let want = 1.60 + 0.01 * (1.0 / 0.2025 - 1.0 / (0.5893 * 0.5893));
+    assert!((glass.fiber.eta_at(0.45) - want).abs() < 1e-12);
+
+    let hollow = with_shape("{ kind = \"hollow_circle\", radius_um = 7.5, lumen = 0.4, lumen_eta = 1.3 }");
+    let fiber = "[blend]\nshare = 0.25\ndye = 0.5\n[blend.fiber]\nshape = { kind = \"circle\", radius_um = 5.0 }";
+    let blend = YarnSpec::parse(&format!("{hollow}\n{fiber}\neta = 1.5\nalpha_fiber = 0.1\n"), "blend").unwrap();
+    assert_eq!(blend.fiber.shape.core(), [1.3, 0.0]);
+    let area = std::f64::consts::PI * (0.75 * 56.25 + 0.25 * 25.0);
+    assert!((blend.fiber_area_um2() - area).abs() < 1e-9);
+    for spec in [gold, opaque, glass, blend] {
+        assert_eq!(YarnSpec::parse(&toml::to_string(&spec).unwrap(), "again").unwrap(), spec);
+        spec.check("in code").unwrap();
     }
 }

@@ -36,16 +36,17 @@ fn sections_of(path: &str, keys: &[Key], all: &mut Vec<String>) {
                 sections_of(&dotted, keys, all);
             }
             Kind::Tagged(_, variants) => {
-                all.extend(variants.iter().map(|(kind, _)| format!("`{dotted}`, kind `{kind}`")))
+                all.extend(variants.iter().map(|(kind, _)| shared(&format!("`{dotted}`, kind `{kind}`"))))
             }
             _ => {}
         }
     }
 }
 
-/// Warp and weft have one section.
+/// Warp and weft have one section, and so have the two kinds of fibers of a blend.
 fn shared(section: &str) -> String {
-    if section == "`warp`" || section == "`weft`" { "`warp`, `weft`".into() } else { section.into() }
+    let section = section.replace("`blend.fiber", "`fiber");
+    if section == "`warp`" || section == "`weft`" { "`warp`, `weft`".into() } else { section }
 }
 
 fn page() -> (Keys, Vec<String>) {

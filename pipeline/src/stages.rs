@@ -163,7 +163,7 @@ pub const LEAST_MET: f64 = 0.02;
 /// How far a model is from the table of its fit: the largest errors of its slices, as `plywave check` takes them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitQuality {
-    /// Largest relative L2 error of an f_refl slice, noise removed; NaN where noise hides them all.
+    /// Largest relative L2 error of an f_refl slice, noise removed; 0 of a model without f_refl, as of opaque fibers; NaN where noise hides them all.
     pub refl: f64,
     /// The same of f_high, as a share of the slice's light at sigma = 0.
     pub high: f64,
@@ -186,8 +186,11 @@ impl FitQuality {
         let energy = |k: usize| nodes[k / sigmas].high_at(data.sigma_per_um[k % sigmas], &data.path_um);
         let share = |k: usize| energy(k) / energy(k - k % sigmas).max(f64::MIN_POSITIVE);
         let met = |node: usize| ((1.0 - nodes[node].r_d) / LEAST_MET).clamp(0.0, 1.0);
+        // Light that is nowhere is fitted by none: the lobes' energies are the table's.
+        let none = nodes.iter().all(|energies| energies.refl == 0.0);
+        let refl = largest(&mut error_refl.iter().enumerate().map(|(node, e)| e * met(node)));
         FitQuality {
-            refl: largest(&mut error_refl.iter().enumerate().map(|(node, e)| e * met(node))),
+            refl: if none { 0.0 } else { refl },
             high: largest(&mut error_high.iter().enumerate().map(|(k, e)| e * share(k) * met(k / sigmas))),
         }
     }

@@ -1,7 +1,7 @@
 //! What all shards of one incident latitude share.
 
 use crate::energy_grids::EnergyGrids;
-use crate::rays::dielectric::RoughDielectric;
+use crate::rays::surface::Surfaces;
 use plywave::spec::GaussianBeam;
 use plywave::table::OutgoingGrid;
 
@@ -12,7 +12,7 @@ pub(crate) struct Incidence<'a> {
     pub sigma_per_um: &'a [f64],
     pub beam: GaussianBeam,
     pub grid: OutgoingGrid,
-    pub surface: RoughDielectric,
+    pub surfaces: &'a Surfaces,
     /// The ply's radius [um].
     pub radius_um: f64,
     /// Whether exit positions are recorded.

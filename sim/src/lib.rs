@@ -23,8 +23,9 @@ pub use error::SimError;
 pub use geometry::{FiberSection, Outline, OutlinePoint, PlySection, TriMesh};
 pub use options::{SimOptions, TracerKind};
 pub use rays::{
-    Azimuthal, Hit, MAX_INTERACTIONS, Medium, MeshResolution, MeshTracer, PathEnd, RoughDielectric, Scattered,
-    ScrewTracer, Trace, Tracer, WALL_OFFSET_UM, Walk2d, fresnel, trace_path, walk_2d,
+    Azimuthal, FiberSurface, Hit, MAX_INTERACTIONS, Medium, MeshResolution, MeshTracer, PathEnd, RoughConductor,
+    RoughDielectric, Scattered, ScrewTracer, Surfaces, Trace, Tracer, WALL_OFFSET_UM, Walk2d, Wall, fresnel,
+    trace_path, trace_path_among, walk_2d,
 };
 pub use runs::{Found, PartsFolder, Run};
 pub use simulate::{SimulateJob, simulate, total_paths};

@@ -188,7 +188,7 @@ pub(crate) fn trace_paths<R: Rng>(
         let u: f64 = rng.random();
         let x = half * (2.0 * (i as f64 + u) / paths as f64 - 1.0);
         let dir = ray(at, rng);
-        let (end, share) = target.walk(i, x, dir, &at.surface, rng, &mut shares);
+        let (end, share) = target.walk(i, x, dir, at.surfaces, rng, &mut shares);
         // Weight of the path for each h that its position can serve.
         let lo = ((x - BEAM_SDS * sd - first_h) * inv_dh).ceil().max(0.0) as usize;
         let hi = (((x + BEAM_SDS * sd - first_h) * inv_dh).floor() + 1.0).clamp(0.0, h_count as f64) as usize;

@@ -8,9 +8,9 @@ use crate::error::SimError;
 use crate::geometry::section::PlySection;
 use crate::incidence::Incidence;
 use crate::options::{SimOptions, TracerKind};
-use crate::rays::dielectric::RoughDielectric;
 use crate::rays::mesh_tracer::{MeshResolution, MeshTracer};
 use crate::rays::screw::ScrewTracer;
+use crate::rays::surface::Surfaces;
 use crate::rays::tracer::Tracer;
 use crate::runs::{self, ArrayLayout, Description, Done, Job, Part, Run};
 use crate::shard::{EXIT_AZIMUTHS, EXIT_POSITIONS, MET_POSITIONS, Sums, trace_paths};
@@ -50,6 +50,7 @@ pub fn simulate(spec: &YarnSpec, spec_text: &str, options: &SimOptions, run: Run
 /// A simulation as a job: shard `m S + s` is the s-th of the S shards of latitude `m`.
 pub struct SimulateJob {
     spec: YarnSpec,
+    surfaces: Surfaces,
     spec_text: String,
     options: SimOptions,
     theta_i: Vec<f64>,
@@ -76,6 +77,7 @@ impl SimulateJob {
         let ring = spec.ply_ring();
         let twin = (options.traced_plies && ring.plies > 1).then(|| YarnTwin::new(ring, &h_um));
         Ok(SimulateJob {
+            surfaces: Surfaces::of_spec(spec),
             spec: spec.clone(),
             spec_text: spec_text.into(),
             options: options.clone(),
@@ -151,7 +153,7 @@ impl SimulateJob {
             sigma_per_um: &spec.absorption.sigma_per_um,
             beam: spec.beam.beam(),
             grid: self.grid,
-            surface: RoughDielectric { eta: spec.fiber.eta as f32, alpha: spec.fiber.alpha_fiber as f32 },
+            surfaces: &self.surfaces,
             radius_um: spec.ply_ring().radius_um,
             record_exits: self.twin.is_none(),
             energies: self.energies.as_ref(),

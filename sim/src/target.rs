@@ -9,8 +9,9 @@
 //! with the stratified lateral position covers the rectangle (x, psi) evenly.
 
 use crate::incidence::Incidence;
-use crate::rays::dielectric::{RoughDielectric, sin_cos_turn};
-use crate::rays::path::{PathEnd, trace_path};
+use crate::rays::dielectric::sin_cos_turn;
+use crate::rays::path::{PathEnd, trace_path_among};
+use crate::rays::surface::Surfaces;
 use crate::rays::tracer::{Hit, Medium, Trace, Tracer};
 use nalgebra::{Vector2, Vector3};
 use plywave::spec::PlyRing;
@@ -84,19 +85,19 @@ impl Target<'_> {
         i: u64,
         x: f64,
         dir: Vector3<f32>,
-        surface: &RoughDielectric,
+        surfaces: &Surfaces,
         rng: &mut R,
         shares: &mut [f64],
     ) -> (PathEnd, bool) {
         match self {
-            Target::Ply(tracer) => (walk_ply(*tracer, x as f32, dir, surface, rng), false),
+            Target::Ply(tracer) => (walk_ply(*tracer, x as f32, dir, surfaces, rng), false),
             Target::Yarn(yarn, tracers, start) => {
                 let psi = TAU * (start + GOLDEN * i as f64).fract();
                 yarn.shares(psi, shares);
                 if shares.iter().all(|s| *s == 0.0) {
                     return (PathEnd::Miss, true);
                 }
-                (walk_yarn(yarn.ring, tracers, psi, x, dir, surface, rng), true)
+                (walk_yarn(yarn.ring, tracers, psi, x, dir, surfaces, rng), true)
             }
         }
     }
@@ -122,7 +123,7 @@ pub(crate) fn hits<R: Rng>(tracer: &dyn Tracer, x: f32, dir: Vector3<f32>, turn:
     !matches!(tracer.trace(turn(p), turn(dir), Medium::Air), Trace::Escaped)
 }
 
-fn walk_ply<R: Rng>(tracer: &dyn Tracer, x: f32, dir: Vector3<f32>, surface: &RoughDielectric, rng: &mut R) -> PathEnd {
+fn walk_ply<R: Rng>(tracer: &dyn Tracer, x: f32, dir: Vector3<f32>, surfaces: &Surfaces, rng: &mut R) -> PathEnd {
     // Entry into the bounding cylinder of the ray through (x, 0, z) on the beam's waist.
     let z = rng.random::<f32>() * tracer.period_um();
     let (sin, cos) = sin_cos_turn(rng.random::<f32>());
@@ -130,7 +131,7 @@ fn walk_ply<R: Rng>(tracer: &dyn Tracer, x: f32, dir: Vector3<f32>, surface: &Ro
     let back = |v: Vector3<f32>| Vector3::new(cos * v.x + sin * v.y, cos * v.y - sin * v.x, v.z);
     let Some(s) = entry(Vector2::new(x, 0.0), dir, tracer.bound_radius_um()) else { return PathEnd::Miss };
     let p = Vector3::new(x + s * dir.x, s * dir.y, z + s * dir.z);
-    match trace_path(tracer, surface, turn(p), turn(dir), rng) {
+    match trace_path_among(tracer, surfaces, turn(p), turn(dir), rng) {
         PathEnd::Reflected { dir, pos, interactions } => {
             PathEnd::Reflected { dir: back(dir), pos: back(pos), interactions }
         }
@@ -147,7 +148,7 @@ fn walk_yarn<R: Rng>(
     psi: f64,
     x: f64,
     dir: Vector3<f32>,
-    surface: &RoughDielectric,
+    surfaces: &Surfaces,
     rng: &mut R,
 ) -> PathEnd {
     let placed = std::array::from_fn(|p| {
@@ -175,7 +176,7 @@ fn walk_yarn<R: Rng>(
     }
     // The height along z is any: every ply has its own random shift.
     let p = Vector3::new((x + first * dx) as f32, (first * dy) as f32, 0.0);
-    trace_path(&yarn, surface, p, dir, rng)
+    trace_path_among(&yarn, surfaces, p, dir, rng)
 }
 
 /// A ply in its place: its tracer's frame is turned, moved and shifted.
@@ -218,6 +219,10 @@ impl Tracer for Yarn<'_> {
 
     fn period_um(&self) -> f32 {
         f32::INFINITY
+    }
+
+    fn is_second(&self, fiber: u32) -> bool {
+        self.placed[(fiber / FIBERS) as usize].tracer.is_second(fiber % FIBERS)
     }
 
     fn trace(&self, pos: Vector3<f32>, dir: Vector3<f32>, medium: Medium) -> Trace {
@@ -283,7 +288,7 @@ mod tests {
     use crate::geometry::fiber_section::FiberSection;
     use crate::geometry::section::PlySection;
     use crate::shard::{EXIT_AZIMUTHS, EXIT_POSITIONS, Sums, trace_paths};
-    use crate::{Outline, ScrewTracer};
+    use crate::{FiberSurface, Outline, RoughDielectric, ScrewTracer};
     use plywave::spec::{GaussianBeam, ply_circle_um};
     use plywave::table::OutgoingGrid;
     use rand::SeedableRng;
@@ -294,18 +299,22 @@ mod tests {
 
     fn solid() -> ScrewTracer {
         let outer = Outline::Circle { radius_um: RADIUS };
-        let fiber = FiberSection { center_um: Vector2::zeros(), angle_rad: 0.0, outer, lumen: None };
+        let fiber = FiberSection { center_um: Vector2::zeros(), angle_rad: 0.0, outer, lumen: None, second: false };
         ScrewTracer::new(&PlySection { fibers: vec![fiber], bound_radius_um: RADIUS, twist_per_um: 0.0 }).unwrap()
     }
 
-    fn incidence(theta_i: f64, h_um: &[f64], alpha: f32, record_exits: bool) -> Incidence<'_> {
+    fn walls(alpha: f32) -> Surfaces {
+        Surfaces::alike(FiberSurface::dielectric(RoughDielectric { eta: 1.5, alpha }))
+    }
+
+    fn incidence<'a>(theta_i: f64, h_um: &'a [f64], surfaces: &'a Surfaces, record_exits: bool) -> Incidence<'a> {
         Incidence {
             theta_i,
             h_um,
             sigma_per_um: &[0.0],
             beam: GaussianBeam { w0_um: 4.0, lambda_um: 0.55, d_cut_um: 8.0 },
             grid: OutgoingGrid { theta_o: 6, phi_o: 12 },
-            surface: RoughDielectric { eta: 1.5, alpha },
+            surfaces,
             radius_um: RADIUS,
             record_exits,
             energies: None,
@@ -340,14 +349,14 @@ mod tests {
     /// In parallel light at normal incidence, what misses a yarn is what misses its section; the beam's divergence of 0.02 rad is little.
     #[test]
     fn what_misses_a_yarn_of_solid_plies_is_geometry() {
-        let tracer = solid();
+        let (tracer, walls) = (solid(), walls(0.2));
         let h_um = offsets();
         let paths = 50_000;
         for plies in [2, 3, 7] {
             let ring = PlyRing { plies, radius_um: RADIUS, circle_um: ply_circle_um(plies, RADIUS, None).unwrap() };
             let twin = YarnTwin::new(ring, &h_um);
             for theta_i in [0.0, 1.0] {
-                let at = incidence(theta_i, &h_um, 0.2, false);
+                let at = incidence(theta_i, &h_um, &walls, false);
                 let target = Target::Yarn(&twin, vec![&tracer; 7], 0.3);
                 let mut sums = Sums::zero(&at);
                 let mut rng = Pcg64Mcg::seed_from_u64(9);
@@ -370,9 +379,9 @@ mod tests {
     /// A reflection by a smooth cylinder keeps the line's distance from the axis and its side: light of the beam at x leaves at t = x.
     #[test]
     fn reflected_light_leaves_at_its_impact_parameter() {
-        let tracer = solid();
+        let (tracer, walls) = (solid(), walls(0.0));
         let h_um = offsets();
-        let at = incidence(0.4, &h_um, 0.0, true);
+        let at = incidence(0.4, &h_um, &walls, true);
         let mut sums = Sums::zero(&at);
         let mut rng = Pcg64Mcg::seed_from_u64(9);
         let target = Target::Ply(&tracer);

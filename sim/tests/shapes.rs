@@ -140,6 +140,7 @@ fn distances_of_fibers() {
             [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|p| Vector2::from(p) * half).to_vec(),
         ),
         lumen: None,
+        second: false,
     };
     let disc = FiberSection { outer: Outline::Circle { radius_um: 1.0 }, ..square(5.0, 1.0) };
     assert!((square(0.0, 1.0).min_distance(&square(5.0, 1.0)) - 3.0).abs() < 1e-12);

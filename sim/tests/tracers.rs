@@ -13,8 +13,8 @@ fn spec(name: &str) -> (YarnSpec, String) {
 }
 
 fn one_circle(radius_um: f64) -> PlySection {
-    let fiber =
-        FiberSection { center_um: Vector2::zeros(), angle_rad: 0.0, outer: Outline::Circle { radius_um }, lumen: None };
+    let outer = Outline::Circle { radius_um };
+    let fiber = FiberSection { center_um: Vector2::zeros(), angle_rad: 0.0, outer, lumen: None, second: false };
     PlySection { fibers: vec![fiber], bound_radius_um: radius_um, twist_per_um: 0.0 }
 }
 

@@ -192,6 +192,11 @@ impl SigmaSpectrum {
         (SigmaSpectrum { per_um }, clamped)
     }
 
+    /// Of absorptions [1/um] by the wavelength [um].
+    pub fn of(sigma_per_um: impl Fn(f64) -> f64) -> SigmaSpectrum {
+        SigmaSpectrum { per_um: std::array::from_fn(|node| sigma_per_um(spectrum_lambda_um(node)) as f32) }
+    }
+
     /// Values at the nodes [1/um].
     pub fn nodes_per_um(&self) -> &[f32; SPECTRUM_NODES] {
         &self.per_um

@@ -7,7 +7,7 @@
 use super::at::{FabricAt, GapLight, NearPly, Passes, by_family, to_pattern};
 use super::between::{Between, BetweenAt, Yarns, class};
 use super::color_of::{self, ColorOf, Sheet};
-use super::dye::{Channels, ColorReach, Dye, shares_of};
+use super::dye::{Channels, Dye, colors_of, own_color, shares_of};
 use super::far::Far;
 use super::flight::Near;
 use super::place::MAX_NEAR;
@@ -16,6 +16,7 @@ use super::shadow::{Passing, Shadows, r_d};
 use super::{Fabric, Family, Gap, LoadedFabric, PlyHit, YarnColor};
 use crate::bsdf::DirectionSample;
 use crate::color::{AlbedoCurve, RGB_LAMBDA_UM};
+use crate::fiber::Reflections;
 use crate::gap::{GapBsdf, Spectrum};
 use crate::ply::{Lobes, PlyOn};
 use crate::spec::{GaussianBeam, YarnSpec};
@@ -157,12 +158,14 @@ pub struct FabricBsdf {
     pub(super) models: Vec<Arc<PlyModel>>,
     /// Brightness of the cloth over absorption, and what it is the brightness of.
     pub(super) curve: AlbedoCurve,
-    color_of: ColorOf,
+    pub(super) color_of: ColorOf,
     /// By family, the model of each yarn of one repeat of its stripes.
     pub(super) stripes: [Vec<u32>; 2],
     /// By family, the color of each thread of the draft's repeat.
     pub(super) threads: [Vec<u32>; 2],
-    /// `[color][model]`: the absorption that gives yarns of the model the color.
+    /// `[model]`: what its fibers' reflections absorb, if they are opaque.
+    pub(super) metals: Vec<Option<Reflections>>,
+    /// `[color]`: the absorption that gives yarns the color.
     pub(super) dyes: Vec<Dye>,
     /// `[EDGES + 1][EDGES + 1]` of the distances of the two edges along one axis, of the beam of the warp's model.
     pub(super) spectra: Vec<Spectrum>,
@@ -194,22 +197,9 @@ impl FabricBsdf {
         let warp = loaded.model_of(Family::Warp, 0).data();
         let beam: GaussianBeam = YarnSpec::parse(&warp.spec_text, "warp.model (its spec)")?.beam.beam();
         let LoadedFabric { fabric, models, threads: stripes, spec, .. } = loaded;
-        let stripes = stripes.map(|of| of.into_iter().map(|model| model as u32).collect());
-        let mut colors: Vec<YarnColor> = Vec::new();
-        let mut threads = [Vec::new(), Vec::new()];
-        for (k, family) in Family::EACH.into_iter().enumerate() {
-            for thread in 0..fabric.draft().threads(family) {
-                let color = match options.sigma_per_um {
-                    Some(sigma) => YarnColor::Sigma(sigma),
-                    None => fabric.color(family, thread as i32),
-                };
-                let at = colors.iter().position(|c| *c == color).unwrap_or_else(|| {
-                    colors.push(color);
-                    colors.len() - 1
-                });
-                threads[k].push(at as u32);
-            }
-        }
+        let stripes = stripes.map(|of| of.into_iter().map(|model| model as u32).collect::<Vec<_>>());
+        let metals: Vec<Option<Reflections>> = models.iter().map(|m| own_color(m)).collect::<Result<_>>()?;
+        let (colors, threads) = colors_of(&fabric, &stripes, &metals, options.sigma_per_um);
         let step = beam.d_cut_um / EDGES as f64;
         let spectrum = |i: usize| {
             let (low, high) = (i / (EDGES + 1), i % (EDGES + 1));
@@ -234,6 +224,7 @@ impl FabricBsdf {
             color_of: ColorOf::EvenSky,
             stripes,
             threads,
+            metals,
             dyes: Vec::new(),
             spectra,
             edge_step_um: step as f32,
@@ -242,11 +233,11 @@ impl FabricBsdf {
             far: None,
             color_shares: [Vec::new(), Vec::new()],
         };
-        if colors.iter().any(|color| matches!(color, YarnColor::Srgb(_))) {
+        if colors.iter().any(|color| matches!(color.0, YarnColor::Srgb(_))) {
             shading.curve = shading.color_curve_of(spec.color_of);
             shading.color_of = spec.color_of;
         }
-        shading.dyes = colors.iter().map(|color| Dye::new(*color, &shading.curve)).collect();
+        shading.dyes = colors.iter().map(|color| shading.dye_of(*color)).collect();
         shading.color_shares = shares_of(&shading.threads);
         if options.far {
             let smooth = FabricBsdf { options: FabricOptions { noise: false, ..*options }, ..shading.clone() };
@@ -318,34 +309,6 @@ impl FabricBsdf {
         let mut rays = self.clone();
         rays.options = FabricOptions::RAYS;
         color_of::curve(&rays, of, &even_sky)
-    }
-
-    /// The same fabric with other colors of warp and weft, which are colors of `of`. Nothing is traced anew; where `of` was not the fabric's, it takes tenths of a second.
-    #[must_use]
-    pub fn with_colors(&self, [warp, weft]: [YarnColor; 2], of: ColorOf) -> FabricBsdf {
-        let mut other = self.clone();
-        other.curve = self.color_curve_of(of);
-        other.color_of = of;
-        other.fabric.set_colors([vec![warp], vec![weft]]);
-        other.threads = [vec![0], vec![1]];
-        other.color_shares = shares_of(&other.threads);
-        other.dyes = [warp, weft].iter().map(|color| Dye::new(*color, &other.curve)).collect();
-        other
-    }
-
-    /// The colors of the spec, each once, and what becomes of them.
-    pub fn colors(&self) -> Vec<ColorReach> {
-        let mut colors: Vec<[f32; 3]> = Vec::new();
-        for family in Family::EACH {
-            for thread in 0..self.fabric.draft().threads(family) {
-                if let YarnColor::Srgb(srgb) = self.fabric.color(family, thread as i32)
-                    && !colors.contains(&srgb)
-                {
-                    colors.push(srgb);
-                }
-            }
-        }
-        colors.into_iter().map(|srgb| ColorReach::of(srgb, &self.curve)).collect()
     }
 
     /// Absorptions [1/um] with which the cloth has these reflectances, 0 to 1, at wavelengths or in linear RGB: [`FabricBsdf::color_curve`] inverted. What is out of

@@ -1,10 +1,13 @@
 //! Colors of yarns as absorptions: over the wavelength, and for hosts that render in RGB.
 
-use super::YarnColor;
+use super::{ColorOf, Fabric, FabricBsdf, Family, YarnColor};
 use crate::color::{
     AlbedoCurve, SPECTRUM_NODES, SigmaSpectrum, SmoothReflectance, delta_e_2000, linear_rec2020_of_xyz,
     linear_srgb_of_xyz, srgb_encode, xyz_of_reflectance,
 };
+use crate::fiber::Reflections;
+use crate::spec::YarnSpec;
+use crate::{PlyModel, Result};
 
 /// What the N numbers of a color are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -76,6 +79,15 @@ impl Dye {
         }
     }
 
+    /// The color that opaque fibers have by themselves, in a cloth of this albedo.
+    pub(super) fn of_metal(reflections: &Reflections, curve: &AlbedoCurve) -> Dye {
+        let sigma = SigmaSpectrum::of(|lambda_um| reflections.sigma_per_um(lambda_um));
+        let xyz = xyz_of_reflectance(|l| curve.albedo(f64::from(sigma.at(l as f32))));
+        let rgb = [linear_srgb_of_xyz(xyz), linear_rec2020_of_xyz(xyz)]
+            .map(|rgb| rgb.map(|channel| curve.sigma(channel).0 as f32));
+        Dye::Spectrum(Box::new((sigma, rgb)))
+    }
+
     /// By channel.
     pub(super) fn at<const N: usize>(&self, lambda_um: [f32; N], channels: Channels) -> [f32; N] {
         let rgb = |of: &[f32; 3]| std::array::from_fn(|k| of[k.min(2)]);
@@ -100,6 +112,92 @@ impl Dye {
         match self {
             Dye::Even(_) => 0,
             Dye::Spectrum(dye) => size_of_val(dye.as_ref()),
+        }
+    }
+}
+
+/// What the reflections of a model's fibers absorb; `None` of fibers that light passes.
+///
+/// # Errors
+/// Those of the model's spec.
+pub(super) fn own_color(model: &PlyModel) -> Result<Option<Reflections>> {
+    Ok(YarnSpec::parse(&model.data().spec_text, "model (its spec)")?.fiber.reflections())
+}
+
+/// A color, and the model whose metal has it by itself.
+pub(super) type ColorOfModel = (YarnColor, Option<u32>);
+
+/// The different colors of a fabric's yarns, undyed yarns of opaque fibers with their model, and by family which of them each yarn of one repeat has. `all` takes precedence over
+/// every color.
+pub(super) fn colors_of(
+    fabric: &Fabric,
+    stripes: &[Vec<u32>; 2],
+    metals: &[Option<Reflections>],
+    all: Option<f32>,
+) -> (Vec<ColorOfModel>, [Vec<u32>; 2]) {
+    let mut colors = Vec::new();
+    let threads = Family::EACH.map(|family| {
+        let (stripes, count) = (&stripes[family as usize], fabric.draft().threads(family));
+        // Metals in stripes: the colors repeat where draft and stripes both do.
+        let metal = stripes.iter().any(|model| metals[*model as usize].is_some());
+        let repeats =
+            if metal { (1..=stripes.len()).find(|n| (n * count).is_multiple_of(stripes.len())) } else { None };
+        (0..count * repeats.unwrap_or(1))
+            .map(|thread| {
+                let color = all.map_or_else(|| fabric.color(family, thread as i32), YarnColor::Sigma);
+                let model = stripes[thread % stripes.len()];
+                let own = color == YarnColor::Undyed && metals[model as usize].is_some();
+                let color = (color, own.then_some(model));
+                let at = colors.iter().position(|c| *c == color).unwrap_or_else(|| {
+                    colors.push(color);
+                    colors.len() - 1
+                });
+                at as u32
+            })
+            .collect()
+    });
+    (colors, threads)
+}
+
+impl FabricBsdf {
+    /// The same fabric with other colors of warp and weft, which are colors of `of`. Nothing is traced anew; where `of` was not the fabric's, it takes tenths of a second.
+    #[must_use]
+    pub fn with_colors(&self, [warp, weft]: [YarnColor; 2], of: ColorOf) -> FabricBsdf {
+        let mut other = self.clone();
+        other.curve = self.color_curve_of(of);
+        other.color_of = of;
+        other.fabric.set_colors([vec![warp], vec![weft]]);
+        let (colors, threads) = if other.metals.iter().all(Option::is_none) {
+            (vec![(warp, None), (weft, None)], [vec![0], vec![1]])
+        } else {
+            colors_of(&other.fabric, &other.stripes, &other.metals, None)
+        };
+        other.color_shares = shares_of(&threads);
+        other.threads = threads;
+        other.dyes = colors.iter().map(|color| other.dye_of(*color)).collect();
+        other
+    }
+
+    /// The colors of the spec, each once, and what becomes of them.
+    pub fn colors(&self) -> Vec<ColorReach> {
+        let mut colors: Vec<[f32; 3]> = Vec::new();
+        for family in Family::EACH {
+            for thread in 0..self.fabric.draft().threads(family) {
+                if let YarnColor::Srgb(srgb) = self.fabric.color(family, thread as i32)
+                    && !colors.contains(&srgb)
+                {
+                    colors.push(srgb);
+                }
+            }
+        }
+        colors.into_iter().map(|srgb| ColorReach::of(srgb, &self.curve)).collect()
+    }
+
+    /// The absorption of a color, or of a model's metal.
+    pub(super) fn dye_of(&self, (color, model): ColorOfModel) -> Dye {
+        match model.and_then(|model| self.metals[model as usize].as_ref()) {
+            Some(metal) => Dye::of_metal(metal, &self.curve),
+            None => Dye::new(color, &self.curve),
         }
     }
 }

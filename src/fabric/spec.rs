@@ -128,7 +128,7 @@ fn one() -> u32 {
 /// What a yarn is colored by.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum YarnColor {
-    /// Neither the spec nor a WIF says anything: clear fibers.
+    /// Neither the spec nor a WIF says anything: clear fibers, and opaque ones in their own color.
     Undyed,
     /// A color [sRGB, 0 to 1].
     Srgb([f32; 3]),

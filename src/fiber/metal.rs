@@ -4,7 +4,8 @@
 ///
 /// Gold, silver and copper: P. B. Johnson and R. W. Christy, "Optical constants of the noble metals", Phys. Rev. B 6, 4370 (1972). Aluminium: A. D. Rakic, "Algorithm for
 /// the determination of intrinsic optical constants of metal films: application to aluminum", Appl. Opt. 34, 4755 (1995). Numbers from refractiveindex.info (public domain).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Metal {
     /// Au.
@@ -12,6 +13,7 @@ pub enum Metal {
     /// Ag.
     Silver,
     /// Al.
+    #[serde(alias = "aluminum")]
     Aluminium,
     /// Cu.
     Copper,

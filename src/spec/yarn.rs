@@ -4,6 +4,7 @@
 
 use super::beam::GaussianBeam;
 use super::ply_circle::{PlyRing, ply_circle_um};
+use crate::fiber::Metal;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -15,6 +16,9 @@ pub struct YarnSpec {
     pub name: String,
     /// One fiber.
     pub fiber: FiberSpec,
+    /// Other fibers among them; absent: all are alike.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub blend: Option<BlendSpec>,
     /// The ply of fibers.
     pub ply: PlySpec,
     /// How many plies make the yarn, and how they lie.
@@ -52,7 +56,18 @@ impl YarnSpec {
     /// Area of the fibers, lumens included and without jitter, over the area of the ply.
     pub fn packing_fraction(&self) -> f64 {
         let [a, b] = self.ply_radii_um();
-        f64::from(self.ply.fibers) * self.fiber.shape.area_um2() / (PI * a * b)
+        f64::from(self.ply.fibers) * self.fiber_area_um2() / (PI * a * b)
+    }
+
+    /// Mean area of a fiber, lumens included and without jitter [um^2].
+    pub fn fiber_area_um2(&self) -> f64 {
+        let first = self.fiber.shape.area_um2();
+        self.blend.as_ref().map_or(first, |b| first + b.share * (b.fiber.shape.area_um2() - first))
+    }
+
+    /// The kinds of fibers, the blend's last.
+    pub fn fibers(&self) -> impl Iterator<Item = &FiberSpec> {
+        std::iter::once(&self.fiber).chain(self.blend.as_ref().map(|blend| &blend.fiber))
     }
 }
 
@@ -71,10 +86,41 @@ pub struct FiberSpec {
     /// Standard deviation [rad] of the turn of the cross section from fiber to fiber; absent: any turn, uniformly.
     #[serde(default)]
     pub angle_jitter_rad: Option<f64>,
-    /// Real refractive index.
+    /// Real refractive index, of a fiber with dispersion that at [`super::SODIUM_UM`]; 0 of a metal, which brings its own.
+    #[serde(default, skip_serializing_if = "is_zero")]
     pub eta: f64,
+    /// Imaginary index: the fiber is opaque. Absent: light passes it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub kappa: Option<f64>,
+    /// A metal, with its measured index: the fiber is opaque.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub metal: Option<Metal>,
+    /// Dispersion B [um^2]: the index at a wavelength is `eta + B (1/lambda^2 - 1/lambda_D^2)`, lambda_D = [`super::SODIUM_UM`] (Cauchy). Absent: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dispersion_um2: Option<f64>,
     /// GGX roughness of the fiber surface, 0 for smooth.
     pub alpha_fiber: f64,
+}
+
+fn is_zero(x: &f64) -> bool {
+    *x == 0.0
+}
+
+/// A second kind of fibers among the first, in every ply of the yarn.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BlendSpec {
+    /// Their share of the fibers by number.
+    pub share: f64,
+    /// Absorption of their material over that of the first fibers: 1 takes the dye alike, 0 not at all.
+    #[serde(default = "unit")]
+    pub dye: f64,
+    /// One of them.
+    pub fiber: FiberSpec,
+}
+
+fn unit() -> f64 {
+    1.0
 }
 
 /// Outlines of fiber cross sections; every length in um.
@@ -85,6 +131,19 @@ pub enum Shape {
     Circle {
         /// Radius [um].
         radius_um: f64,
+    },
+    /// Circle with a round core in its middle: a hollow fiber, hair with its medulla, a cuticle about a cortex.
+    HollowCircle {
+        /// Radius [um].
+        radius_um: f64,
+        /// Radius of the core, as a fraction of the fiber's.
+        lumen: f64,
+        /// Real refractive index of what fills the core; 1 for air.
+        #[serde(default = "unit")]
+        lumen_eta: f64,
+        /// Absorption of what fills the core over that of the fiber's material.
+        #[serde(default)]
+        lumen_dye: f64,
     },
     /// Ellipse.
     Ellipse {
@@ -151,10 +210,29 @@ pub enum Shape {
 }
 
 impl Shape {
+    /// Whether the fiber has a core of air or of another material.
+    pub fn has_lumen(&self) -> bool {
+        match self {
+            Shape::HollowCircle { .. } => true,
+            Shape::Kidney { lumen, .. } => *lumen > 0.0,
+            _ => false,
+        }
+    }
+
+    /// Real index of what fills the core, and its absorption over that of the fiber's material; of a fiber without one, of air.
+    pub fn core(&self) -> [f64; 2] {
+        match self {
+            Shape::HollowCircle { lumen_eta, lumen_dye, .. } => [*lumen_eta, *lumen_dye],
+            _ => [1.0, 0.0],
+        }
+    }
+
     /// Area of the outer outline without jitter [um^2].
     pub fn area_um2(&self) -> f64 {
         match self {
-            Shape::Circle { radius_um } | Shape::Stone { radius_um, .. } => PI * radius_um * radius_um,
+            Shape::Circle { radius_um } | Shape::HollowCircle { radius_um, .. } | Shape::Stone { radius_um, .. } => {
+                PI * radius_um * radius_um
+            }
             Shape::Ellipse { a_um, b_um } => PI * a_um * b_um,
             // The dent of `sim/src/geometry/shape.rs`, integrated.
             Shape::Kidney { a_um, b_um, dent, .. } => a_um * b_um * (PI - 1.006_44 * dent),

@@ -68,12 +68,15 @@ impl YarnSpec {
 /// Parse and check; the file of a polygon is looked for in `assets`.
 fn parse_near(text: &str, file: &str, assets: Option<&dyn AssetSource>) -> Result<YarnSpec> {
     let mut spec: YarnSpec = rules::typed(rules::parse(text, file, &YARN_RULES)?, file, &YARN_RULES)?;
-    if let (Shape::Polygon { file: points_file, points_um, .. }, Some(assets)) = (&mut spec.fiber.shape, assets)
-        && points_um.is_empty()
-        && !points_file.is_empty()
-    {
-        *points_um = read_points(assets, points_file)?;
-        points_file.clear();
+    let fibers = std::iter::once(&mut spec.fiber).chain(spec.blend.as_mut().map(|blend| &mut blend.fiber));
+    for fiber in fibers {
+        if let (Shape::Polygon { file: points_file, points_um, .. }, Some(assets)) = (&mut fiber.shape, assets)
+            && points_um.is_empty()
+            && !points_file.is_empty()
+        {
+            *points_um = read_points(assets, points_file)?;
+            points_file.clear();
+        }
     }
     check_relations(file, &spec)?;
     Ok(spec)

@@ -4,7 +4,7 @@
 
 use super::ply_circle::{least_ply_pitch_um, ply_circle_um};
 use super::rules::{Key, Kind, Rules, invalid, optional, required};
-use super::yarn::{PlySpec, Shape, YarnSpec};
+use super::yarn::{BlendSpec, FiberSpec, PlySpec, Shape, YarnSpec};
 use crate::Result;
 use std::f64::consts::PI;
 
@@ -23,6 +23,7 @@ pub const YARN_RULES: Rules =
 const ROOT: &[Key] = &[
     required("name", Kind::Text),
     required("fiber", Kind::Table(FIBER)),
+    optional("blend", Kind::Table(BLEND), "fibers of one kind"),
     required("ply", Kind::Table(PLY)),
     optional("yarn", Kind::Table(YARN), "its keys' defaults"),
     optional("beam", Kind::Table(BEAM), "its keys' defaults"),
@@ -34,8 +35,16 @@ const FIBER: &[Key] = &[
     optional("size_jitter", Kind::Number(0.0, 0.25), "0.0"),
     optional("shape_jitter", Kind::Number(0.0, 0.25), "0.0"),
     optional("angle_jitter_rad", Kind::Number(0.0, PI), "any turn, uniformly"),
-    required("eta", Kind::Above(1.0, 4.0)),
+    optional("eta", Kind::Above(0.0, 10.0), "`metal`'s"),
+    optional("kappa", Kind::Number(0.05, 20.0), "light passes the fiber"),
+    optional("metal", Kind::Choice(&["gold", "silver", "aluminium", "aluminum", "copper"]), "`eta`"),
+    optional("dispersion_um2", Kind::Number(0.0, 0.1), "one index"),
     required("alpha_fiber", Kind::Number(0.0, 1.0)),
+];
+const BLEND: &[Key] = &[
+    required("share", Kind::Number(0.01, 0.99)),
+    optional("dye", Kind::Number(0.0, 10.0), "1.0"),
+    required("fiber", Kind::Table(FIBER)),
 ];
 const PLY: &[Key] = &[
     required("fibers", Kind::Integer(1, 200)),
@@ -72,6 +81,15 @@ const SIMULATION: &[Key] = &[
 /// Keys of each `fiber.shape.kind`, besides `kind`.
 const SHAPES: &[(&str, &[Key])] = &[
     ("circle", &[required("radius_um", SIZE)]),
+    (
+        "hollow_circle",
+        &[
+            required("radius_um", SIZE),
+            required("lumen", Kind::Number(0.02, 0.98)),
+            optional("lumen_eta", Kind::Number(1.0, 4.0), "1.0"),
+            optional("lumen_dye", Kind::Number(0.0, 10.0), "0.0"),
+        ],
+    ),
     ("ellipse", &[required("a_um", SIZE), required("b_um", SIZE)]),
     (
         "kidney",
@@ -105,7 +123,12 @@ const SHAPES: &[(&str, &[Key])] = &[
 
 /// What must hold between keys. The polygon's points are in place.
 pub(super) fn check_relations(file: &str, spec: &YarnSpec) -> Result<()> {
-    check_outline(file, &spec.fiber.shape)?;
+    let lambda_um = spec.beam.lambda_um;
+    check_fiber(file, "fiber", &spec.fiber, lambda_um)?;
+    if let Some(blend) = &spec.blend {
+        check_fiber(file, "blend.fiber", &blend.fiber, lambda_um)?;
+        check_blend(file, spec, blend)?;
+    }
     let ply = &spec.ply;
     let radii = match (ply.radius_um, ply.radii_um) {
         (Some(radius), None) => [radius; 2],
@@ -135,7 +158,7 @@ pub(super) fn check_relations(file: &str, spec: &YarnSpec) -> Result<()> {
         ));
     }
     check_plies(file, spec, widest)?;
-    check_fraction(file, ply, radii, spec.fiber.shape.area_um2())?;
+    check_fraction(file, ply, radii, spec.fiber_area_um2())?;
     let beam = spec.beam.beam();
     if beam.w0_um < beam.lambda_um {
         return Err(invalid(
@@ -202,9 +225,84 @@ fn check_fraction(file: &str, ply: &PlySpec, radii: [f64; 2], fiber_area: f64) -
     })
 }
 
-/// Relations within a shape.
-fn check_outline(file: &str, shape: &Shape) -> Result<()> {
-    let key = |name: &str| format!("fiber.shape.{name}");
+/// Relations within a fiber, at `path` in the spec.
+fn check_fiber(file: &str, path: &str, fiber: &FiberSpec, lambda_um: f64) -> Result<()> {
+    check_outline(file, path, &fiber.shape)?;
+    let refuse = |key: &str, value: String, hint: String| Err(invalid(file, &format!("{path}.{key}"), value, hint));
+    if let Some(metal) = fiber.metal {
+        for (key, value) in [("eta", Some(fiber.eta).filter(|eta| *eta != 0.0)), ("kappa", fiber.kappa)] {
+            if let Some(value) = value {
+                return refuse(key, format!("{value:?}"), format!("{metal:?} brings its index: give either"));
+            }
+        }
+    } else if fiber.eta == 0.0 {
+        let hint = "this key must be given, or metal = \"gold\", \"silver\", \"aluminium\" or \"copper\"";
+        return refuse("eta", "(absent)".into(), hint.into());
+    }
+    if !fiber.is_opaque() {
+        let etas = [("eta", fiber.eta), ("dispersion_um2", fiber.eta_at(lambda_um))];
+        for (key, eta) in etas {
+            if !(eta > 1.0 && eta <= 4.0) {
+                let hint = "use a number above 1 and up to 4";
+                return match key {
+                    "eta" => refuse(key, format!("{eta:?}"), format!("{hint}, or give kappa of an opaque fiber")),
+                    _ => refuse(key, format!("an index of {eta:.4} at {lambda_um} um"), "use less dispersion".into()),
+                };
+            }
+        }
+        return Ok(());
+    }
+    if let Some(dispersion) = fiber.dispersion_um2 {
+        let hint = "an opaque fiber has its index at all wavelengths, a metal its measured one: leave this out";
+        return refuse("dispersion_um2", format!("{dispersion:?}"), hint.into());
+    }
+    if fiber.shape.has_lumen() {
+        return refuse("shape.lumen", "a core".into(), "no light is in an opaque fiber: use a shape without".into());
+    }
+    // What enters must be gone before it comes out elsewhere: 20 absorption lengths across the thickness of the same area.
+    if let Some(kappa) = fiber.kappa {
+        let width_um = 2.0 * (fiber.shape.area_um2() / PI).sqrt();
+        let least = 20.0 * lambda_um / (4.0 * PI * width_um);
+        if kappa < least {
+            let hint =
+                format!("light would pass: use {least:.3} or more, or leave it out and give sigma as absorption");
+            return refuse("kappa", format!("{kappa:?}"), hint);
+        }
+    }
+    Ok(())
+}
+
+/// What two kinds of fibers in a ply must have in common: one axis of absorption.
+fn check_blend(file: &str, spec: &YarnSpec, blend: &BlendSpec) -> Result<()> {
+    let (first, second) = (&spec.fiber, &blend.fiber);
+    let key = |path: &str, fiber: &FiberSpec| {
+        let name = if fiber.metal.is_some() { "metal" } else { "kappa" };
+        format!("{path}.{name}")
+    };
+    match (first.is_opaque(), second.is_opaque()) {
+        (false, false) => Ok(()),
+        (true, true) => {
+            if (first.metal, first.kappa, first.eta) != (second.metal, second.kappa, second.eta) {
+                let hint = "reflections of two metals absorb each in their way, a table has one: use the same in both";
+                return Err(invalid(file, &key("blend.fiber", second), "another metal", hint));
+            }
+            if blend.dye != 1.0 {
+                return Err(invalid(file, "blend.dye", blend.dye, "fibers of the same metal absorb alike: use 1.0"));
+            }
+            Ok(())
+        }
+        (_, opaque) => {
+            let value = if opaque { "an opaque fiber among clear ones" } else { "clear fibers among opaque ones" };
+            let hint = "absorption is by length in one, by reflections in the other: make a yarn of each and lay them in the cloth";
+            let at = if opaque { key("blend.fiber", second) } else { key("fiber", first) };
+            Err(invalid(file, &at, value, hint))
+        }
+    }
+}
+
+/// Relations within a shape, of the fiber at `path`.
+fn check_outline(file: &str, path: &str, shape: &Shape) -> Result<()> {
+    let key = |name: &str| format!("{path}.shape.{name}");
     match shape {
         Shape::Ellipse { a_um, b_um } | Shape::Kidney { a_um, b_um, .. } if 6.0 * a_um.min(*b_um) < a_um.max(*b_um) => {
             Err(invalid(file, &key("b_um"), b_um, format!("use a value within a factor of 6 of a_um = {a_um}")))
@@ -237,17 +335,17 @@ fn check_outline(file: &str, shape: &Shape) -> Result<()> {
             if !points_file.is_empty() {
                 return Err(invalid(file, &key("file"), points_file, "give either file or points_um, not both"));
             }
-            check_polygon(file, points_um, *rounding_um)
+            check_polygon(file, path, points_um, *rounding_um)
         }
         _ => Ok(()),
     }
 }
 
 /// A polygon must not touch itself, and each rounding arc must fit on its two edges.
-fn check_polygon(file: &str, points: &[[f64; 2]], rounding_um: f64) -> Result<()> {
+fn check_polygon(file: &str, path: &str, points: &[[f64; 2]], rounding_um: f64) -> Result<()> {
     let n = points.len();
     let show = |p: [f64; 2]| format!("[{}, {}]", p[0], p[1]);
-    let refuse = |p: [f64; 2], hint: &str| Err(invalid(file, "fiber.shape.points_um", show(p), hint));
+    let refuse = |p: [f64; 2], hint: &str| Err(invalid(file, &format!("{path}.shape.points_um"), show(p), hint));
     let minus = |a: [f64; 2], b: [f64; 2]| [a[0] - b[0], a[1] - b[1]];
     let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
     let side = |a: [f64; 2], b: [f64; 2], p: [f64; 2]| cross(minus(b, a), minus(p, a));
@@ -286,7 +384,7 @@ fn check_polygon(file: &str, points: &[[f64; 2]], rounding_um: f64) -> Result<()
                 "no rounding fits this polygon: an edge has room for {most:.3} um only; drop its shortest edges or spikes"
             )
         };
-        return Err(invalid(file, "fiber.shape.rounding_um", rounding_um, hint));
+        return Err(invalid(file, &format!("{path}.shape.rounding_um"), rounding_um, hint));
     }
     Ok(())
 }

@@ -8,7 +8,7 @@ use crate::kinds::{self, Kind};
 use crate::output;
 use crate::report::{self, Spread, counted, number};
 use plywave::ply::{EnergiesAt, PlyData};
-use plywave::spec::{Packing, Shape, YarnSpec};
+use plywave::spec::{FiberSpec, Packing, Shape, YarnSpec};
 use plywave::table::Table;
 use plywave_sim::PlySection;
 use std::io::Write;
@@ -242,19 +242,6 @@ fn model_json(head: &Head, d: &PlyData, met: Met) -> Outcome {
 
 /// One line on the fibers and the ply of a spec.
 pub fn yarn_line(spec: &YarnSpec) -> String {
-    let shape = match &spec.fiber.shape {
-        Shape::Circle { radius_um } => format!("circle of radius {} um", number(*radius_um)),
-        Shape::Ellipse { a_um, b_um } => format!("ellipse of {} x {} um", number(*a_um), number(*b_um)),
-        Shape::Kidney { a_um, b_um, lumen, .. } => {
-            let hollow = if *lumen > 0.0 { "hollow " } else { "" };
-            format!("{hollow}kidney of {} x {} um", number(*a_um), number(*b_um))
-        }
-        Shape::RoundedTriangle { radius_um, .. } => format!("rounded triangle of radius {} um", number(*radius_um)),
-        Shape::Stone { radius_um, .. } => format!("stone of radius {} um", number(*radius_um)),
-        Shape::Trilobal { radius_um, .. } => format!("trilobal of radius {} um", number(*radius_um)),
-        Shape::Serrated { radius_um, .. } => format!("serrated of radius {} um", number(*radius_um)),
-        Shape::Polygon { .. } => "polygon".to_string(),
-    };
     let ply = match spec.ply.radii_um {
         Some([a, b]) => format!("elliptical ply of {} x {} um", number(a), number(b)),
         None => format!("ply of radius {} um", number(spec.ply.radius_um.unwrap_or(0.0))),
@@ -270,12 +257,42 @@ pub fn yarn_line(spec: &YarnSpec) -> String {
             format!("; yarn of {plies} plies, pitch {} um {:?}", number(pitch), spec.yarn.handedness)
         }
     };
+    let other = spec
+        .blend
+        .as_ref()
+        .map_or(String::new(), |blend| format!("; {} of them {}", number(blend.share), fiber_line(&blend.fiber)));
     format!(
-        "{}, {shape}, eta {}, alpha_fiber {}; {ply}, {twist}{yarn}",
+        "{}, {}{other}; {ply}, {twist}{yarn}",
         counted(spec.ply.fibers as u64, "fiber", "fibers"),
-        number(spec.fiber.eta),
-        number(spec.fiber.alpha_fiber)
+        fiber_line(&spec.fiber)
     )
+}
+
+/// A fiber in some words.
+fn fiber_line(fiber: &FiberSpec) -> String {
+    let shape = match &fiber.shape {
+        Shape::Circle { radius_um } => format!("circle of radius {} um", number(*radius_um)),
+        Shape::HollowCircle { radius_um, lumen, .. } => {
+            format!("hollow circle of radius {} um, core {}", number(*radius_um), number(*lumen))
+        }
+        Shape::Ellipse { a_um, b_um } => format!("ellipse of {} x {} um", number(*a_um), number(*b_um)),
+        Shape::Kidney { a_um, b_um, lumen, .. } => {
+            let hollow = if *lumen > 0.0 { "hollow " } else { "" };
+            format!("{hollow}kidney of {} x {} um", number(*a_um), number(*b_um))
+        }
+        Shape::RoundedTriangle { radius_um, .. } => format!("rounded triangle of radius {} um", number(*radius_um)),
+        Shape::Stone { radius_um, .. } => format!("stone of radius {} um", number(*radius_um)),
+        Shape::Trilobal { radius_um, .. } => format!("trilobal of radius {} um", number(*radius_um)),
+        Shape::Serrated { radius_um, .. } => format!("serrated of radius {} um", number(*radius_um)),
+        Shape::Polygon { .. } => "polygon".to_string(),
+    };
+    let index = match (fiber.metal, fiber.kappa) {
+        (Some(metal), _) => format!("{metal:?}").to_lowercase(),
+        (None, Some(kappa)) => format!("eta {}, kappa {}", number(fiber.eta), number(kappa)),
+        (None, None) => format!("eta {}", number(fiber.eta)),
+    };
+    let dispersion = fiber.dispersion_um2.map_or(String::new(), |b| format!(", dispersion {} um2", number(b)));
+    format!("{shape}, {index}{dispersion}, alpha_fiber {}", number(fiber.alpha_fiber))
 }
 
 fn head_text(out: &mut dyn Write, head: &Head, spec: &YarnSpec) -> std::io::Result<()> {
@@ -290,6 +307,10 @@ fn head_text(out: &mut dyn Write, head: &Head, spec: &YarnSpec) -> std::io::Resu
         head.seed
     )?;
     writeln!(out, "  yarn         {}", yarn_line(spec))?;
+    if spec.fiber.is_opaque() {
+        let own = [0.45, 0.55, 0.65].map(|l| format!("{:.5} at {}", spec.own_sigma_per_um(l), number(l)));
+        writeln!(out, "  own color    sigma {} um [1/um]", own.join(", "))?;
+    }
     let last = |v: &[f64]| v.last().copied().unwrap_or(0.0);
     writeln!(
         out,

@@ -46,17 +46,34 @@ pub fn energy_spectrum(energy: &[f64], sigma: &[f64], path: &[f64]) -> (Vec<f64>
     (p, error)
 }
 
+/// Largest error of energies, relative to those at sigma = 0, with which [`PATHS`] lengths are enough.
+const ENOUGH: f64 = 1e-3;
+/// Numbers of lengths that are tried then: reflections of opaque fibers are steps of one length, which the eight cannot tell apart.
+const MORE_PATHS: [usize; 2] = [12, 16];
+
 /// Path lengths that fit `energies[node][K]` best: log-spaced, with or without a zero, the least of the largest errors over
 /// the nodes.
 pub fn choose_paths(energies: &[Vec<f64>], sigma: &[f64]) -> Vec<f64> {
+    let mut best = choose_among(energies, sigma, PATHS);
+    for count in MORE_PATHS {
+        if best.0 > ENOUGH {
+            let finer = choose_among(energies, sigma, count);
+            best = if finer.0 < 0.5 * best.0 { finer } else { best };
+        }
+    }
+    best.1
+}
+
+/// So many lengths, and their error.
+fn choose_among(energies: &[Vec<f64>], sigma: &[f64], lengths: usize) -> (f64, Vec<f64>) {
     let positive: Vec<f64> = sigma.iter().copied().filter(|s| *s > 0.0).collect();
-    let (Some(&least), Some(&most)) = (positive.first(), positive.last()) else { return vec![0.0] };
+    let (Some(&least), Some(&most)) = (positive.first(), positive.last()) else { return (0.0, vec![0.0]) };
     let mut best = (f64::INFINITY, vec![0.0]);
     for zero in [true, false] {
         for low in [0.03, 0.1, 0.2, 0.4, 0.8, 1.2, 2.0] {
             for high in [0.1, 0.2, 0.4, 0.8, 1.6, 4.0] {
                 let (first, last) = (low / most, (high / least).min(LONGEST_UM));
-                let count = if zero { PATHS - 1 } else { PATHS };
+                let count = if zero { lengths - 1 } else { lengths };
                 if last <= first * 1.5 {
                     continue;
                 }
@@ -70,7 +87,7 @@ pub fn choose_paths(energies: &[Vec<f64>], sigma: &[f64]) -> Vec<f64> {
             }
         }
     }
-    best.1
+    best
 }
 
 /// What a block's slices say about its lobes' absorption: everything is in inner products on the sphere.

@@ -14,6 +14,8 @@ pub struct FiberSection {
     pub outer: Outline,
     /// Wall of the hollow core, strictly within the outer one and in the same frame.
     pub lumen: Option<Outline>,
+    /// Whether it is of the second kind of a blend.
+    pub second: bool,
 }
 
 impl FiberSection {

@@ -15,7 +15,7 @@ use crate::geometry::outline::{Outline, Runs};
 use crate::geometry::radial::{LEAST_FIBERS, Radial};
 use nalgebra::{Rotation2, Vector2};
 use plywave::math::axis;
-use plywave::spec::{FiberSpec, Packing, PlySpec};
+use plywave::spec::{Packing, YarnSpec};
 use rand::{Rng, RngExt};
 use std::f64::consts::{PI, TAU};
 
@@ -41,12 +41,8 @@ const CELLS: usize = 72;
 const PROBES: usize = 96;
 
 /// Place and turn `fibers` within the ply.
-pub(crate) fn pack<R: Rng>(
-    fibers: &mut [FiberSection],
-    fiber: &FiberSpec,
-    ply: &PlySpec,
-    rng: &mut R,
-) -> Result<(), SimError> {
+pub(crate) fn pack<R: Rng>(fibers: &mut [FiberSection], spec: &YarnSpec, rng: &mut R) -> Result<(), SimError> {
+    let ply = &spec.ply;
     let radii = ply.radii_um.unwrap_or([ply.radius_um.unwrap_or(0.0); 2]);
     let gap = ply.min_gap_um;
     let area: f64 = fibers.iter().map(|f| f.outer.area()).sum();
@@ -57,7 +53,11 @@ pub(crate) fn pack<R: Rng>(
     if with_gap / container <= HEXAGONAL {
         let bodies: Vec<Body> = fibers.iter().map(|f| Body::new(&f.outer, gap)).collect();
         let areas = fibers.iter().map(|f| f.outer.area()).collect();
-        let mut state = State::new(bodies, areas, radii, gap, fiber.angle_jitter_rad);
+        let turns: Vec<Option<f64>> = fibers
+            .iter()
+            .map(|f| spec.blend.as_ref().filter(|_| f.second).map_or(&spec.fiber, |b| &b.fiber).angle_jitter_rad)
+            .collect();
+        let mut state = State::new(bodies, areas, radii, gap, turns);
         for _ in 0..STARTS {
             let angles = fibers.iter().map(|f| f.angle_rad);
             if !state.start(angles, rng) {
@@ -282,7 +282,8 @@ struct State {
     poses: Vec<Pose>,
     radii: [f64; 2],
     gap: f64,
-    angle_sd: Option<f64>,
+    /// Of each fiber: how far it may be turned [rad].
+    angle_sd: Vec<Option<f64>>,
     /// Largest move per axis [um], tuned to accept about 40 %.
     step: f64,
     /// Areas of the fibers [um^2].
@@ -291,7 +292,7 @@ struct State {
 }
 
 impl State {
-    fn new(bodies: Vec<Body>, areas: Vec<f64>, radii: [f64; 2], gap: f64, angle_sd: Option<f64>) -> State {
+    fn new(bodies: Vec<Body>, areas: Vec<f64>, radii: [f64; 2], gap: f64, angle_sd: Vec<Option<f64>>) -> State {
         State { bodies, poses: Vec::new(), radii, gap, angle_sd, step: 1.0, areas, radial: None }
     }
 
@@ -402,7 +403,7 @@ impl State {
             let mut step = || self.step * (2.0 * rng.random::<f64>() - 1.0);
             let center = old.center + Vector2::new(step(), step());
             let turn = 2.0 * step() / body.bound;
-            let angle = match (&body.form, self.angle_sd) {
+            let angle = match (&body.form, self.angle_sd[i]) {
                 (Form::Disc, _) => old.angle,
                 (_, None) => old.angle + turn,
                 // Turns of a given spread: a Metropolis step that keeps their normal distribution.

@@ -7,6 +7,7 @@ use crate::geometry::fiber_section::FiberSection;
 use crate::geometry::outline::Outline;
 use crate::geometry::{packing, shape};
 use plywave::spec::{Handedness, YarnSpec};
+use rand::{Rng, RngExt};
 use rand_pcg::Pcg64Mcg;
 use std::f64::consts::TAU;
 
@@ -29,10 +30,13 @@ impl PlySection {
     pub fn generate(spec: &YarnSpec, seed: u64) -> Result<PlySection, SimError> {
         let mut rng = Pcg64Mcg::new(0x9e37_79b9_7f4a_7c15_f39c_c060_5ced_c835 ^ u128::from(seed) << 1);
         let mut fibers = Vec::new();
-        for _ in 0..spec.ply.fibers {
-            fibers.push(shape::draw(&spec.fiber, &mut rng)?);
+        let second = which_second(spec, &mut rng);
+        for i in 0..spec.ply.fibers as usize {
+            let kind = spec.blend.as_ref().filter(|_| second.contains(&i)).map(|blend| &blend.fiber);
+            let fiber = shape::draw(kind.unwrap_or(&spec.fiber), &mut rng)?;
+            fibers.push(FiberSection { second: kind.is_some(), ..fiber });
         }
-        packing::pack(&mut fibers, &spec.fiber, &spec.ply, &mut rng)?;
+        packing::pack(&mut fibers, spec, &mut rng)?;
         let bound_radius_um = fibers.iter().map(reach).fold(0.0, f64::max);
         let sign = if spec.ply.handedness == Handedness::Z { 1.0 } else { -1.0 };
         let twist_per_um = spec.ply.fiber_pitch_um.map_or(0.0, |pitch| sign * TAU / pitch);
@@ -85,6 +89,20 @@ impl PlySection {
         }
         least
     }
+}
+
+/// Which fibers are of the second kind: of n fibers at a share s, n s of them and at random one more or less, so that the mean over sections is the share.
+/// Nothing is drawn where there is one kind.
+fn which_second<R: Rng>(spec: &YarnSpec, rng: &mut R) -> Vec<usize> {
+    let Some(blend) = &spec.blend else { return Vec::new() };
+    let count = spec.ply.fibers as usize;
+    let wanted = ((count as f64 * blend.share + rng.random::<f64>()) as usize).min(count);
+    let mut all: Vec<usize> = (0..count).collect();
+    for i in 0..wanted {
+        all.swap(i, rng.random_range(i..count));
+    }
+    all.truncate(wanted);
+    all
 }
 
 /// Largest distance of a fiber's points from the axis [um].

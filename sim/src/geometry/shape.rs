@@ -39,6 +39,11 @@ pub(crate) fn draw<R: Rng>(spec: &FiberSpec, rng: &mut R) -> Result<FiberSection
     let jitter = spec.shape_jitter;
     let (outer, lumen) = match &spec.shape {
         Shape::Circle { radius_um } => (Outline::Circle { radius_um: size * radius_um }, None),
+        Shape::HollowCircle { radius_um, lumen, .. } => {
+            let hollow = (lumen * (1.0 + jitter * normal3(rng))).clamp(0.01, 0.985);
+            let circle = |radius_um| Outline::Circle { radius_um };
+            (circle(size * radius_um), Some(circle(size * radius_um * hollow)))
+        }
         Shape::Ellipse { a_um, b_um } => {
             let (a, b) = stretched(*a_um, *b_um, jitter, rng);
             (curve(|t| Vector2::new(a * t.cos(), b * t.sin()) * size), None)
@@ -79,6 +84,7 @@ pub(crate) fn draw<R: Rng>(spec: &FiberSpec, rng: &mut R) -> Result<FiberSection
         angle_rad,
         outer: shifted(outer, -center),
         lumen: lumen.map(|wall| shifted(wall, -center)),
+        second: false,
     })
 }
 

@@ -33,7 +33,7 @@ pub struct Scattered {
 }
 
 /// Microfacet interactions after which a walk is given up; the path counts as killed.
-const MAX_ORDER: u32 = 512;
+pub(super) const MAX_ORDER: u32 = 512;
 
 /// Unpolarized Fresnel reflectance at a facet, and the cosine of the refracted ray; `cos_i >= 0`, `eta` = transmitted over
 /// incident index. Total internal reflection gives (1, 0).
@@ -107,7 +107,7 @@ impl RoughDielectric {
 
     /// Height (as cumulative probability) of the next facet hit by a ray at height `c`; None when it leaves (Heitz 2016, 4.1).
     #[inline(always)]
-    fn next_height(&self, w: Vector3<f32>, c: f32, u: f32) -> Option<f32> {
+    pub(super) fn next_height(&self, w: Vector3<f32>, c: f32, u: f32) -> Option<f32> {
         if w.z > 0.9999 {
             return None;
         }
@@ -128,7 +128,7 @@ impl RoughDielectric {
     /// Normal of the facet seen from `wi` (any direction, also from below the horizon), by uniform sampling of the spherical
     /// cap of the stretched configuration (Dupuy and Benyoub 2023).
     #[inline(always)]
-    fn visible_normal(&self, wi: Vector3<f32>, u1: f32, u2: f32) -> Vector3<f32> {
+    pub(super) fn visible_normal(&self, wi: Vector3<f32>, u1: f32, u2: f32) -> Vector3<f32> {
         let s = Vector3::new(self.alpha * wi.x, self.alpha * wi.y, wi.z).normalize();
         let (sin_phi, cos_phi) = sin_cos_turn(u1);
         let z = (1.0 - u2) * (1.0 + s.z) - s.z;

@@ -42,6 +42,7 @@ pub struct MeshTracer {
     bvh: CwBvh,
     triangles: Vec<Triangle>,
     wall: Vec<u32>,
+    second: Vec<bool>,
     bound: f32,
     period: f32,
 }
@@ -74,6 +75,7 @@ impl MeshTracer {
             bvh,
             triangles,
             wall,
+            second: section.fibers.iter().map(|f| f.second).collect(),
             bound: section.bound_radius_um as f32 * 1.0001 + 0.01,
             period: period as f32,
         }
@@ -87,6 +89,10 @@ impl Tracer for MeshTracer {
 
     fn period_um(&self) -> f32 {
         self.period
+    }
+
+    fn is_second(&self, fiber: u32) -> bool {
+        self.second[fiber as usize]
     }
 
     fn trace(&self, pos: Vector3<f32>, dir: Vector3<f32>, medium: Medium) -> Trace {

@@ -1,6 +1,7 @@
 //! The walk of one path through a ply: rough dielectric scattering at every fiber wall until the path escapes (Yu 2025, 4.4).
 
 use crate::rays::dielectric::RoughDielectric;
+use crate::rays::surface::{FiberSurface, Surfaces, Wall};
 use crate::rays::tracer::{Medium, Trace, Tracer, WALL_OFFSET_UM};
 use nalgebra::Vector3;
 use rand::Rng;
@@ -19,13 +20,14 @@ pub enum PathEnd {
         /// Wall interactions.
         interactions: u32,
     },
-    /// It was in a fiber's material (f_high).
+    /// It was in a fiber's material, or an opaque fiber reflected it (f_high).
     High {
         /// Direction of propagation.
         dir: Vector3<f32>,
         /// A place on its last line [um].
         pos: Vector3<f32>,
-        /// Length in the material [um].
+        /// Length in the material, as it counts for absorption [um]: of a core and of a blend's second fibers times their share of the dye, of an opaque fiber
+        /// what its reflections stand for (`plywave::fiber::reflections`).
         length_um: f32,
         /// Wall interactions.
         interactions: u32,
@@ -45,15 +47,28 @@ pub fn trace_path<T: Tracer + ?Sized, R: Rng>(
     dir: Vector3<f32>,
     rng: &mut R,
 ) -> PathEnd {
-    walk(|pos, dir, medium| tracer.trace(pos, dir, medium), |_| *surface, pos, dir, rng, |_, _, _| ())
+    let surface = FiberSurface::dielectric(*surface);
+    walk(|pos, dir, medium| tracer.trace(pos, dir, medium), |_| &surface, pos, dir, rng, |_, _, _| ())
 }
 
-/// The walk itself. `trace` answers for the next wall as a [`Tracer`] does, `surface` says what the walls of a fiber are, and `on_hit` is told of every wall
-/// that the path hits: its fiber, the length passed within the fiber's material just before, 0 in air, and the place, which it may move to an equal one.
+/// The same among fibers of any kind.
+pub fn trace_path_among<T: Tracer + ?Sized, R: Rng>(
+    tracer: &T,
+    surfaces: &Surfaces,
+    pos: Vector3<f32>,
+    dir: Vector3<f32>,
+    rng: &mut R,
+) -> PathEnd {
+    let surface = |fiber| if surfaces.is_blend() { surfaces.of(tracer.is_second(fiber)) } else { surfaces.of(false) };
+    walk(|pos, dir, medium| tracer.trace(pos, dir, medium), surface, pos, dir, rng, |_, _, _| ())
+}
+
+/// The walk itself. `trace` answers for the next wall as a [`Tracer`] does, `surface` says what a fiber does to light, and `on_hit` is told of every wall
+/// that the path hits: its fiber, the length that counts for absorption since the last wall, 0 in air, and the place, which it may move to an equal one.
 #[inline(always)]
-pub(crate) fn walk<R: Rng>(
+pub(crate) fn walk<'s, R: Rng>(
     trace: impl Fn(Vector3<f32>, Vector3<f32>, Medium) -> Trace,
-    surface: impl Fn(u32) -> RoughDielectric,
+    surface: impl Fn(u32) -> &'s FiberSurface,
     mut pos: Vector3<f32>,
     mut dir: Vector3<f32>,
     rng: &mut R,
@@ -74,18 +89,32 @@ pub(crate) fn walk<R: Rng>(
             return PathEnd::Killed;
         }
         let outside = !matches!(medium, Medium::Fiber(_));
-        let inside_um = if outside { 0.0 } else { hit.t_um };
-        length_um += inside_um;
+        let fiber = surface(hit.fiber);
+        let mut inside_um = match medium {
+            Medium::Air => 0.0,
+            Medium::Fiber(_) => fiber.absorbs * hit.t_um,
+            Medium::Lumen(_) => fiber.core_absorbs * hit.t_um,
+        };
         let n = hit.normal;
         let (t, b) = basis(n);
         // At a corner sharper than the geometry resolves, the normal can face away from a ray that passes the wall: it then
         // counts as grazing, from the side of its medium.
         let z = dir.dot(&n).abs().max(1e-6);
         let local = Vector3::new(dir.dot(&t), dir.dot(&b), if outside { -z } else { z });
-        let s = surface(hit.fiber).scatter(local, outside, rng);
+        let wall = if hit.lumen { &fiber.inner } else { &fiber.outer };
+        let s = match wall {
+            Wall::Dielectric(wall) => wall.scatter(local, outside, rng),
+            Wall::Opaque(wall) => {
+                let (s, reflections_um) = wall.scatter(local, rng);
+                inside_um += reflections_um;
+                entered = true;
+                s
+            }
+        };
         if s.order == 0 {
             return PathEnd::Killed;
         }
+        length_um += inside_um;
         pos += dir * hit.t_um;
         on_hit(hit.fiber, inside_um, &mut pos);
         dir = (t * s.dir.x + b * s.dir.y + n * s.dir.z).normalize();

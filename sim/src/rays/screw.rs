@@ -223,6 +223,7 @@ struct Cell {
 pub struct ScrewTracer {
     outer: Vec<Wall>,
     lumen: Vec<Option<Wall>>,
+    second: Vec<bool>,
     bound: f32,
     twist: f32,
     cells: Vec<Cell>,
@@ -243,6 +244,7 @@ impl ScrewTracer {
         let mut tracer = ScrewTracer {
             outer,
             lumen,
+            second: section.fibers.iter().map(|f| f.second).collect(),
             bound: section.bound_radius_um as f32 * 1.0001 + 0.01,
             twist: section.twist_per_um as f32,
             cells: Vec::new(),
@@ -415,13 +417,16 @@ impl ScrewTracer {
     fn march_inside(&self, ray: &TurningRay, fiber: u32, in_lumen: bool) -> Result<(Met, bool), GivenUp> {
         let outer = &self.outer[fiber as usize];
         let lumen = self.lumen[fiber as usize].as_ref();
-        if lumen.is_none()
-            && let Some(met) = leave_convex(ray, outer)
-        {
-            return Ok((met, false));
+        let bend = ray.bend(self.bound);
+        let quick = match lumen {
+            None => leave_convex(ray, outer).map(|met| (met, false)),
+            Some(core) if in_lumen => leave_convex(ray, core).map(|met| (met, true)),
+            Some(core) => leave_ring(ray, outer, core, bend),
+        };
+        if let Some(found) = quick {
+            return Ok(found);
         }
         let (mut s, mut before) = (0.0f32, 0.0f32);
-        let bend = ray.bend(self.bound);
         for _ in 0..MAX_STEPS {
             let (q, v) = ray.at(s);
             let r = q.norm();
@@ -464,11 +469,17 @@ impl ScrewTracer {
 fn leave_convex(ray: &TurningRay, wall: &Wall) -> Option<Met> {
     let (q, v) = ray.at(0.0);
     // A place on the ray's tangent that is certainly not inside.
-    let mut s = match wall {
+    let s = match wall {
         Wall::Circle { center, .. } => -2.0 * (q - center).dot(&v) / v.norm_squared().max(1e-12),
         Wall::Grid(grid) if grid.convex => grid.leave(q, v),
         Wall::Grid(_) => return None,
     };
+    leave_from(ray, wall, s)
+}
+
+/// The same by Newton from `s`, near where the ray leaves or beyond.
+#[inline(always)]
+fn leave_from(ray: &TurningRay, wall: &Wall, mut s: f32) -> Option<Met> {
     if !(s > 0.0 && ray.rate.abs() * s < 0.3) {
         return None;
     }
@@ -494,6 +505,43 @@ fn leave_convex(ray: &TurningRay, wall: &Wall) -> Option<Met> {
     None
 }
 
+/// Steps towards a core after which the ray is marched.
+const CORE_STEPS: u32 = 32;
+
+/// Where a ray within the material between two circles meets the next wall; true when it is the inner one's. It leaves the outer circle as it would a full one. The inner one is
+/// passed by when the ray's tangent keeps further off it than the twist can bend the ray up to there; else steps that cannot pass a convex wall lead to it, or past it.
+/// None for other outlines, and where that does not settle it.
+#[inline(always)]
+fn leave_ring(ray: &TurningRay, outer: &Wall, core: &Wall, bend: f32) -> Option<(Met, bool)> {
+    let (Wall::Circle { center, radius }, Wall::Circle { center: within, radius: inner }) = (outer, core) else {
+        return None;
+    };
+    let (q, v) = ray.at(0.0);
+    let a = v.norm_squared().max(1e-12);
+    let (from, b) = (q - center, (q - center).dot(&v));
+    let disc = b * b - a * (from.norm_squared() - radius * radius);
+    let met = leave_from(ray, outer, (disc.max(0.0).sqrt() - b) / a)?;
+    let to = within - q;
+    let nearest = (to - v * (to.dot(&v) / a).clamp(0.0, met.s)).norm();
+    if nearest - 0.5 * bend * met.s * met.s > *inner {
+        return Some((met, false));
+    }
+    let mut s = 0.0;
+    for _ in 0..CORE_STEPS {
+        let (q, v) = ray.at(s);
+        let (d, n, _) = core.distance(q);
+        let slope = v.dot(&n);
+        if d < HIT_UM {
+            return (slope < 0.0 && d > -HIT_UM).then_some((Met { s, q, n }, true));
+        }
+        s += convex_step(d, slope, bend);
+        if s >= met.s {
+            return Some((met, false));
+        }
+    }
+    None
+}
+
 impl Tracer for ScrewTracer {
     fn bound_radius_um(&self) -> f32 {
         self.bound
@@ -501,6 +549,10 @@ impl Tracer for ScrewTracer {
 
     fn period_um(&self) -> f32 {
         if self.twist == 0.0 { 1.0 } else { std::f32::consts::TAU / self.twist.abs() }
+    }
+
+    fn is_second(&self, fiber: u32) -> bool {
+        self.second[fiber as usize]
     }
 
     fn trace(&self, pos: Vector3<f32>, dir: Vector3<f32>, medium: Medium) -> Trace {

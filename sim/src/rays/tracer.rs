@@ -56,6 +56,11 @@ pub trait Tracer: Sync {
     /// Length along z after which the geometry repeats [um].
     fn period_um(&self) -> f32;
 
+    /// Whether a fiber is of the second kind of a blend.
+    fn is_second(&self, _fiber: u32) -> bool {
+        false
+    }
+
     /// The next wall along the ray from `pos` [um] in unit direction `dir`, within `medium`.
     fn trace(&self, pos: Vector3<f32>, dir: Vector3<f32>, medium: Medium) -> Trace;
 }

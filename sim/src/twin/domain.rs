@@ -153,12 +153,19 @@ fn estimate_ply(cloth: &TwinCloth, domain: &Domain, options: &TwinMesh, ply: Ply
     let length = domain.along_um(ply.family);
     let turn = spec.ply.fiber_pitch_um.map_or(0.0, |pitch| TAU / pitch) + 0.005;
     let rings = length * (turn / options.turn_rad.max(1e-3)).max(1.0 / options.step_um.max(0.1));
-    let shape = match spec.fiber.shape {
+    // The costlier kind of a blend counts for all: it is an estimate.
+    let shape = spec.fibers().map(|fiber| points_of(&fiber.shape)).fold(0.0, f64::max);
+    let points = f64::from(options.outline_points) * shape;
+    rings * points * f64::from(spec.ply.fibers)
+}
+
+/// About how many points an outline takes, over those of a circle.
+fn points_of(shape: &Shape) -> f64 {
+    match *shape {
         Shape::Circle { .. } | Shape::Ellipse { .. } | Shape::RoundedTriangle { .. } | Shape::Stone { .. } => 1.0,
+        Shape::HollowCircle { lumen, .. } => 1.0 + lumen,
         Shape::Kidney { lumen, .. } => 1.3 + if lumen > 0.0 { 0.9 } else { 0.0 },
         Shape::Trilobal { .. } | Shape::Polygon { .. } => 2.0,
         Shape::Serrated { .. } => 4.0,
-    };
-    let points = f64::from(options.outline_points) * shape;
-    rings * points * f64::from(spec.ply.fibers)
+    }
 }

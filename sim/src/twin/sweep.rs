@@ -34,6 +34,8 @@ pub struct ThreadOfFiber {
     pub ply: u32,
     /// Index of its spec.
     pub spec: u32,
+    /// Whether it is of the second kind of the spec's blend.
+    pub second: bool,
     /// Where its yarn's axis lies across, from the middle of the domain [um].
     pub(super) across: f32,
 }
@@ -244,7 +246,8 @@ fn sweep_ply(
     };
     let mut mesh = ClothMesh::default();
     for (fiber, id) in section.fibers.iter().zip(0..) {
-        mesh.fibers.push(ThreadOfFiber { family, yarn, ply: number as u32, spec: spec as u32, across: across as f32 });
+        let (ply, spec, across) = (number as u32, spec as u32, across as f32);
+        mesh.fibers.push(ThreadOfFiber { family, yarn, ply, spec, second: fiber.second, across });
         for (outline, lumen) in std::iter::once((&fiber.outer, 0)).chain(fiber.lumen.as_ref().map(|l| (l, 1))) {
             let ring = ring(fiber, outline, lumen == 1, turn, options);
             let is_round = matches!(outline, Outline::Circle { .. });

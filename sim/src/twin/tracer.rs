@@ -10,7 +10,7 @@ use super::domain::Domain;
 use super::options::TwinMesh;
 use super::sweep::{ClothMesh, ThreadOfFiber};
 use crate::error::SimError;
-use crate::rays::dielectric::RoughDielectric;
+use crate::rays::surface::{FiberSurface, Surfaces};
 use crate::rays::tracer::{Hit, Medium, Trace};
 use glam::Vec3A;
 use nalgebra::Vector3;
@@ -64,7 +64,7 @@ pub struct ClothTracer {
     vertices: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
     fibers: Vec<ThreadOfFiber>,
-    surfaces: Vec<RoughDielectric>,
+    surfaces: Vec<Surfaces>,
     size: [f32; 2],
     /// All fibers lie between these heights [um].
     low: f32,
@@ -89,11 +89,7 @@ impl ClothTracer {
             vertices,
             normals,
             fibers,
-            surfaces: cloth
-                .yarns
-                .iter()
-                .map(|y| RoughDielectric { eta: y.fiber.eta as f32, alpha: y.fiber.alpha_fiber as f32 })
-                .collect(),
+            surfaces: cloth.yarns.iter().map(Surfaces::of_spec).collect(),
             size: domain.size_um.map(|s| s as f32),
             low,
             high,
@@ -133,8 +129,9 @@ impl ClothTracer {
     }
 
     /// The walls of a fiber.
-    pub fn surface(&self, fiber: u32) -> RoughDielectric {
-        self.surfaces[self.thread(fiber).spec as usize]
+    pub fn surface(&self, fiber: u32) -> &FiberSurface {
+        let of = self.thread(fiber);
+        self.surfaces[of.spec as usize].of(of.second)
     }
 
     /// The next wall along the ray from `pos` [um] in unit direction `dir`, within `medium`.

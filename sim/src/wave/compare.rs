@@ -274,6 +274,16 @@ impl<'a> CompareJob<'a> {
         options: &CompareOptions,
         solver: &'a MakeSolver<'a>,
     ) -> Result<Self, SimError> {
+        // Rays walk dielectrics of one index here, by one absorption.
+        let kinds = [
+            (spec.blend.is_some(), "a blend"),
+            (spec.fiber.is_opaque(), "an opaque fiber"),
+            (spec.fiber.shape.core() != [1.0, 0.0], "a filled core"),
+        ];
+        if let Some((_, what)) = kinds.into_iter().find(|kind| kind.0) {
+            let hint = "compare plies of clear fibers of one kind, solid or hollow".into();
+            return Err(WaveError::Unsupported { method: "a comparison with rays", what: what.into(), hint }.into());
+        }
         // Waists that are too narrow are refused before the first shard.
         for &lambda_um in &options.lambda_um {
             let wave = Wave { lambda_um, theta_i: options.theta_i };
@@ -367,7 +377,7 @@ fn one(
     let wave = Wave { lambda_um: options.lambda_um[at], theta_i: options.theta_i };
     let h_um = options.h_um(spec);
     let kappa = options.sigma_per_um * wave.lambda_um / (4.0 * PI);
-    let bodies = section_bodies(section, spec.fiber.eta, kappa)?;
+    let bodies = section_bodies(section, spec.fiber.eta_at(wave.lambda_um), kappa)?;
     let prepared = solver(&bodies, &wave, options.tolerance)?;
     let sources: Vec<Source> = h_um
         .iter()
@@ -405,7 +415,7 @@ fn one(
             &Walk2d {
                 theta_i: options.theta_i,
                 h_um: h_um[k],
-                eta: spec.fiber.eta,
+                eta: spec.fiber.eta_at(wave.lambda_um),
                 alpha_fiber: 0.0,
                 sigma_per_um: vec![options.sigma_per_um],
                 beam: GaussianBeam { lambda_um: wave.lambda_um, ..beam },

@@ -30,6 +30,11 @@ pub(crate) struct RaySlice {
 
 impl RaySlice {
     pub(crate) fn new(fiber: &SingleFiber) -> Result<RaySlice, SimError> {
+        if let Some(spec) = &fiber.by_wavelength {
+            let what = if spec.is_opaque() { "an opaque fiber" } else { "dispersion" };
+            let hint = "use waves; rays trace such fibers in plies".into();
+            return Err(WaveError::Unsupported { method: "rays", what: what.into(), hint }.into());
+        }
         let section = fiber.section()?;
         let scale = TRACED_UM / section.outer.bounding_radius();
         let scaled = |wall: &Outline| match wall {

@@ -272,8 +272,8 @@ mod tests {
                 turn * Vector2::new(side * 10.0, -5.0)
             })
             .collect();
-        let fiber =
-            FiberSection { center_um: Vector2::zeros(), angle_rad: 0.0, outer: Outline::Polyline(points), lumen: None };
+        let outer = Outline::Polyline(points);
+        let fiber = FiberSection { center_um: Vector2::zeros(), angle_rad: 0.0, outer, lumen: None, second: false };
         assert!(matches!(fiber_body(&fiber, 1.5, 0.0), Err(WaveError::Invalid { .. })));
     }
 }

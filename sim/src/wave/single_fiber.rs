@@ -52,6 +52,8 @@ pub struct SingleFiber {
     pub symmetry: OutlineSymmetry,
     /// GGX roughness of its walls, which rays see and waves do not.
     pub alpha_fiber: f64,
+    /// Of an opaque fiber and of one with dispersion: the fiber of the spec, which has the index at each wavelength. The body has that at sodium's line.
+    pub by_wavelength: Option<FiberSpec>,
 }
 
 /// Points of an outline for measures of its extent.
@@ -69,7 +71,7 @@ impl SingleFiber {
         let text = std::fs::read_to_string(path).unwrap_or_default();
         if !is_scene(&text) {
             let (spec, text) = YarnSpec::load(path)?;
-            return Ok((SingleFiber::of_spec(&spec.fiber, Absorption::Sigma(sigma_per_um)), text));
+            return Ok((SingleFiber::of_yarn(&spec, sigma_per_um)?, text));
         }
         Ok((SingleFiber::of_scene(&text, sigma_per_um)?, text))
     }
@@ -82,7 +84,16 @@ impl SingleFiber {
         if is_scene(text) {
             return SingleFiber::of_scene(text, sigma_per_um);
         }
-        Ok(SingleFiber::of_spec(&YarnSpec::parse(text, file)?.fiber, Absorption::Sigma(sigma_per_um)))
+        SingleFiber::of_yarn(&YarnSpec::parse(text, file)?, sigma_per_um)
+    }
+
+    /// The first kind of fibers of a yarn.
+    fn of_yarn(spec: &YarnSpec, sigma_per_um: f64) -> Result<SingleFiber, SimError> {
+        if spec.fiber.is_opaque() && sigma_per_um != 0.0 {
+            let hint = "an opaque fiber has its own absorption; leave this out".into();
+            return Err(WaveError::Invalid { key: "sigma".into(), value: sigma_per_um.to_string(), hint }.into());
+        }
+        Ok(SingleFiber::of_spec(&spec.fiber, Absorption::Sigma(sigma_per_um)))
     }
 
     fn of_scene(text: &str, sigma_per_um: f64) -> Result<SingleFiber, SimError> {
@@ -107,6 +118,10 @@ impl SingleFiber {
         let mut lumen = None;
         let (shape, symmetry) = match &spec.shape {
             plywave::spec::Shape::Circle { radius_um } => {
+                (Shape::Circle { radius_um: *radius_um }, OutlineSymmetry::CIRCLE)
+            }
+            plywave::spec::Shape::HollowCircle { radius_um, lumen: hollow, .. } => {
+                lumen = Some(Shape::Circle { radius_um: hollow * radius_um });
                 (Shape::Circle { radius_um: *radius_um }, OutlineSymmetry::CIRCLE)
             }
             plywave::spec::Shape::Ellipse { a_um, b_um } if a_um == b_um => {
@@ -150,20 +165,25 @@ impl SingleFiber {
                 (Shape::Polygon { points_um, rounding_um: *rounding_um }, OutlineSymmetry::NONE)
             }
         };
-        let air =
-            |shape| Box::new(Body { shape, center_um: [0.0; 2], rotation_rad: 0.0, eta: 1.0, kappa: 0.0, lumen: None });
+        let [core_eta, core_dye] = spec.shape.core();
+        let core = |shape| {
+            let kappa = core_dye * absorption.kappa(1.0);
+            Box::new(Body { shape, center_um: [0.0; 2], rotation_rad: 0.0, eta: core_eta, kappa, lumen: None })
+        };
+        let varies = spec.is_opaque() || spec.dispersion_um2.is_some();
         SingleFiber {
             body: Body {
                 shape,
                 center_um: [0.0; 2],
                 rotation_rad: 0.0,
-                eta: spec.eta,
+                eta: spec.eta_at(plywave::spec::SODIUM_UM),
                 kappa: absorption.kappa(1.0),
-                lumen: lumen.map(air),
+                lumen: lumen.map(core),
             },
             absorption,
             symmetry,
             alpha_fiber: spec.alpha_fiber,
+            by_wavelength: varies.then(|| spec.clone()),
         }
     }
 
@@ -195,12 +215,26 @@ impl SingleFiber {
             absorption: Absorption::Kappa(body.kappa),
             symmetry,
             alpha_fiber: 0.0,
+            by_wavelength: None,
         }
     }
 
     /// The body at a wavelength [um].
     pub fn at(&self, lambda_um: f64) -> Body {
-        Body { kappa: self.absorption.kappa(lambda_um), ..self.body.clone() }
+        let mut body = Body { kappa: self.absorption.kappa(lambda_um), ..self.body.clone() };
+        if let Some(core) = body.lumen.as_deref_mut()
+            && self.body.kappa > 0.0
+        {
+            // The core's share of the dye is the same at every wavelength.
+            core.kappa *= body.kappa / self.body.kappa;
+        }
+        if let Some(spec) = &self.by_wavelength {
+            body.eta = spec.eta_at(lambda_um);
+            if spec.is_opaque() {
+                body.kappa = spec.kappa_at(lambda_um);
+            }
+        }
+        body
     }
 
     /// The same outlines for rays: the outer wall and a hollow lumen.
@@ -217,6 +251,9 @@ impl SingleFiber {
             None => None,
             Some(inner) if inner.lumen.is_some() => return Err(unsupported("a lumen within a lumen")),
             Some(inner) if inner.eta != 1.0 || inner.kappa != 0.0 => return Err(unsupported("a filled core")),
+            Some(inner) if matches!(inner.shape, Shape::Circle { .. }) && inner.center_um == [0.0; 2] => {
+                Some(outline(&inner.shape)?)
+            }
             Some(inner) => {
                 let points = outline(&inner.shape)?.polyline(MEASURED / 4);
                 let turn = nalgebra::Rotation2::new(inner.rotation_rad);
@@ -224,7 +261,8 @@ impl SingleFiber {
                 Some(Outline::Polyline(points.into_iter().map(|p| center + turn * p).collect()))
             }
         };
-        Ok(FiberSection { center_um: Vector2::zeros(), angle_rad: 0.0, outer: outline(&self.body.shape)?, lumen })
+        let outer = outline(&self.body.shape)?;
+        Ok(FiberSection { center_um: Vector2::zeros(), angle_rad: 0.0, outer, lumen, second: false })
     }
 
     /// Radius about the origin that holds the fiber [um].

@@ -11,7 +11,7 @@ use crate::error::SimError;
 use crate::geometry::shape;
 use crate::runs::{self, ArrayLayout, Description, Done, Job, Part, Run, Values};
 use crate::simulate::instance_seed;
-use plywave::spec::YarnSpec;
+use plywave::spec::{FiberSpec, SODIUM_UM, YarnSpec};
 use plywave::speckle::SpecklePatterns;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -68,20 +68,38 @@ impl SpeckleOptions {
     }
 }
 
-/// The fiber of instance `i` about the origin, turned at random, and the radius of the circle that holds it [um].
-fn fiber(spec: &YarnSpec, seed: u64, i: u32) -> Result<(Body, f64), SimError> {
+/// A fiber that is solved.
+struct Instance<'a> {
+    of: &'a FiberSpec,
+    /// About the origin, turned at random; clear, with its index at sodium's line.
+    body: Body,
+    /// Of the circle that holds it [um].
+    radius_um: f64,
+    /// Absorption of its material, and of its core's, over that asked for.
+    dye: [f64; 2],
+}
+
+/// The fiber of instance `i`.
+fn fiber(spec: &YarnSpec, seed: u64, i: u32) -> Result<Instance<'_>, SimError> {
     // Another stream than that of sections.
     let mut rng = Pcg64Mcg::seed_from_u64(instance_seed(seed, i) ^ 0x5bec_c1e5_0000_0000);
-    let mut section = shape::draw(&spec.fiber, &mut rng)?;
+    let second = spec.blend.as_ref().filter(|blend| rng.random::<f64>() < blend.share);
+    let of = second.map_or(&spec.fiber, |blend| &blend.fiber);
+    let mut section = shape::draw(of, &mut rng)?;
     section.angle_rad = rng.random_range(0.0..TAU);
-    let radius = section.outer.bounding_radius();
-    Ok((fiber_body(&section, spec.fiber.eta, 0.0)?, radius))
+    let radius_um = section.outer.bounding_radius();
+    let mut body = fiber_body(&section, of.eta_at(SODIUM_UM), 0.0)?;
+    let [core_eta, core_dye] = of.shape.core();
+    if let Some(core) = body.lumen.as_deref_mut() {
+        core.eta = core_eta;
+    }
+    let dye = second.map_or(1.0, |blend| blend.dye);
+    Ok(Instance { of, body, radius_um, dye: [dye, dye * core_dye] })
 }
 
 /// Azimuths of the patterns: what the fiber of the spec, a third larger, asks for at the shortest wavelength, in steps of half a degree or a whole part of it.
 fn grid(spec: &YarnSpec, options: &SpeckleOptions) -> Result<usize, SimError> {
-    let (body, radius) = fiber(spec, options.seed, 0)?;
-    drop(body);
+    let radius = fiber(spec, options.seed, 0)?.radius_um;
     let wave = options.wave(options.lambda_um.iter().copied().fold(f64::INFINITY, f64::min));
     let plane = Source { phi_i: FRAC_PI_2, pol: Polarization::Tm, beam: None };
     Ok(azimuths(&wave, &plane, 4.0 / 3.0 * radius, 720))
@@ -177,7 +195,7 @@ impl Job for SpeckleJob {
         progress: &(dyn Fn(u64) + Sync),
     ) -> Result<Option<Done>, SimError> {
         let options = &self.options;
-        let (clear, _) = fiber(&self.spec, options.seed, shard as u32)?;
+        let Instance { of, body: clear, dye, .. } = fiber(&self.spec, options.seed, shard as u32)?;
         let (mut patterns, mut widths) = (Vec::new(), Vec::new());
         let mut peak_bytes = 0;
         let sources = [Polarization::Tm, Polarization::Te].map(|pol| options.source(pol));
@@ -187,7 +205,12 @@ impl Job for SpeckleJob {
                     return Ok(None);
                 }
                 let wave = options.wave(lambda_um);
-                let body = Body { kappa, ..clear.clone() };
+                // Opaque fibers are the same whatever absorption is asked for.
+                let own = if of.is_opaque() { of.kappa_at(lambda_um) } else { dye[0] * kappa };
+                let mut body = Body { eta: of.eta_at(lambda_um), kappa: own, ..clear.clone() };
+                if let Some(core) = body.lumen.as_deref_mut() {
+                    core.kappa = dye[1] * kappa;
+                }
                 let solver = solver_of(&[body], &wave, options.tolerance)?;
                 let scattered = solver.scatter(&sources, self.azimuths)?;
                 let stats = solver.stats();
@@ -292,7 +315,7 @@ mod tests {
         let spec = YarnSpec::parse(&text, "c.toml").unwrap();
         let options = SpeckleOptions { instances: 2, w0_um: 300.0, ..options() };
         let p = speckle(&spec, &text, &options, Run::plain()).unwrap();
-        let (body, _) = fiber(&spec, 1, 0).unwrap();
+        let body = fiber(&spec, 1, 0).unwrap().body;
         let wave = Wave { lambda_um: 0.7, theta_i: 0.0 };
         let plane = Source { beam: None, ..options.source(Polarization::Te) };
         let want = &solver_of(&[body], &wave, 1e-8).unwrap().scatter(&[plane], p.azimuths).unwrap()[0];

@@ -1,0 +1,210 @@
+//! What fibers do to light: their walls, and what absorbs within them.
+//!
+//! An opaque fiber's wall is the GGX microsurface of [`RoughDielectric`] whose facets all reflect (Heitz et al. 2016, the conductor). Nothing is lost in the walk: what the facets
+//! absorb is kept as a length, [`Reflections`], by which a path is weighted for every absorption afterwards, as by its length in a dielectric.
+
+use crate::rays::dielectric::{MAX_ORDER, RoughDielectric, Scattered};
+use nalgebra::Vector3;
+use plywave::fiber::Reflections;
+use plywave::spec::{FiberSpec, YarnSpec};
+use rand::{Rng, RngExt};
+
+/// The wall of an opaque fiber.
+#[derive(Clone, Debug)]
+pub struct RoughConductor {
+    /// GGX roughness; 0 for smooth.
+    pub alpha: f32,
+    /// What its reflections absorb.
+    pub reflections: Reflections,
+}
+
+impl RoughConductor {
+    /// Reflect a ray that propagates along `dir` (local frame, z along the normal, which points outside), and the length that its reflections stand for [um].
+    pub fn scatter<R: Rng>(&self, dir: Vector3<f32>, rng: &mut R) -> (Scattered, f32) {
+        self.walk(dir, rng, |cos| self.reflections.length_um(cos))
+    }
+
+    /// The walk over the microsurface; `of_facet` answers for each facet by its cosine of incidence, and its sum comes back.
+    pub(crate) fn walk<R: Rng>(
+        &self,
+        dir: Vector3<f32>,
+        rng: &mut R,
+        of_facet: impl Fn(f32) -> f32,
+    ) -> (Scattered, f32) {
+        let mut w = dir;
+        let (mut sum, mut order) = (0.0, 0);
+        let mut reflect = |w: &mut Vector3<f32>, n: Vector3<f32>| {
+            let cos = (-w.dot(&n)).max(0.0);
+            sum += of_facet(cos);
+            *w += n * (2.0 * cos);
+            // One Newton step of the normalization, as for the dielectric.
+            *w *= 1.5 - 0.5 * w.norm_squared();
+        };
+        if self.alpha <= 0.0 {
+            reflect(&mut w, Vector3::z());
+            return (Scattered { dir: w, outside: true, order: 1 }, sum);
+        }
+        // Heights and normals are those of the dielectric's microsurface, whatever its index.
+        let micro = RoughDielectric { eta: 1.0, alpha: self.alpha };
+        let mut c = 1.0f32;
+        while let Some(next) = micro.next_height(w, c, rng.random::<f32>()) {
+            c = next;
+            order += 1;
+            if order > MAX_ORDER {
+                return (Scattered { dir: w, outside: true, order: 0 }, sum);
+            }
+            let n = micro.visible_normal(-w, rng.random::<f32>(), rng.random::<f32>());
+            reflect(&mut w, n);
+        }
+        (Scattered { dir: w, outside: true, order }, sum)
+    }
+}
+
+/// A wall.
+#[derive(Clone, Debug)]
+pub enum Wall {
+    /// Light is reflected or passes.
+    Dielectric(RoughDielectric),
+    /// Light is reflected or absorbed.
+    Opaque(RoughConductor),
+}
+
+/// One kind of fibers, for rays.
+#[derive(Clone, Debug)]
+pub struct FiberSurface {
+    /// The outer wall.
+    pub outer: Wall,
+    /// The wall of the core, its normal from the material into the core: index of the material over that of the core.
+    pub inner: Wall,
+    /// Length that counts for absorption per length in the material: 1, of a blend's second fibers their share of the dye.
+    pub absorbs: f32,
+    /// The same in the core.
+    pub core_absorbs: f32,
+}
+
+impl FiberSurface {
+    /// A dielectric whose core, if it has one, is air.
+    pub fn dielectric(wall: RoughDielectric) -> FiberSurface {
+        FiberSurface { outer: Wall::Dielectric(wall), inner: Wall::Dielectric(wall), absorbs: 1.0, core_absorbs: 0.0 }
+    }
+
+    /// Of a spec's fiber at a wavelength [um], which absorbs `dye` times what the first fibers of its ply do.
+    pub fn new(fiber: &FiberSpec, lambda_um: f64, dye: f64) -> FiberSurface {
+        let alpha = fiber.alpha_fiber as f32;
+        let wall = |eta: f64| Wall::Dielectric(RoughDielectric { eta: eta as f32, alpha });
+        let eta = fiber.eta_at(lambda_um);
+        let [core_eta, core_dye] = fiber.shape.core();
+        let outer = match fiber.reflections() {
+            Some(reflections) => Wall::Opaque(RoughConductor { alpha, reflections }),
+            None => wall(eta),
+        };
+        FiberSurface { outer, inner: wall(eta / core_eta), absorbs: dye as f32, core_absorbs: (dye * core_dye) as f32 }
+    }
+}
+
+/// The one or two kinds of fibers of a ply.
+#[derive(Clone, Debug)]
+pub struct Surfaces {
+    first: FiberSurface,
+    second: Option<FiberSurface>,
+}
+
+impl Surfaces {
+    /// Of a ply of fibers that are all alike.
+    pub fn alike(surface: FiberSurface) -> Surfaces {
+        Surfaces { first: surface, second: None }
+    }
+
+    /// Of a spec's ply, at the wavelength of its beam.
+    pub fn of_spec(spec: &YarnSpec) -> Surfaces {
+        let lambda_um = spec.beam.lambda_um;
+        let of_blend = |b: &plywave::spec::BlendSpec| FiberSurface::new(&b.fiber, lambda_um, b.dye);
+        Surfaces { first: FiberSurface::new(&spec.fiber, lambda_um, 1.0), second: spec.blend.as_ref().map(of_blend) }
+    }
+
+    /// Whether there are two kinds.
+    #[inline(always)]
+    pub fn is_blend(&self) -> bool {
+        self.second.is_some()
+    }
+
+    /// Of the first or the second kind.
+    #[inline(always)]
+    pub fn of(&self, second: bool) -> &FiberSurface {
+        match &self.second {
+            Some(of) if second => of,
+            _ => &self.first,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use plywave::fiber::{Metal, OpaqueIndex, conductor};
+    use rand::SeedableRng;
+    use rand_pcg::Pcg64Mcg;
+
+    fn gold(alpha: f32) -> RoughConductor {
+        RoughConductor { alpha, reflections: Reflections::new(OpaqueIndex::Metal(Metal::Gold)) }
+    }
+
+    /// A smooth wall is a mirror: the angle is kept, and so is the light of Fresnel's reflectance.
+    #[test]
+    fn smooth_walls_are_mirrors() {
+        let mut rng = Pcg64Mcg::seed_from_u64(1);
+        for z in [-0.9f32, -0.5, -0.1] {
+            let d = Vector3::new((1.0 - z * z).sqrt(), 0.0, z);
+            let (s, length_um) = gold(0.0).scatter(d, &mut rng);
+            assert!(s.outside && s.order == 1 && (s.dir - Vector3::new(d.x, 0.0, -z)).norm() < 1e-6, "{s:?}");
+            assert_eq!(length_um, gold(0.0).reflections.length_um(-z));
+        }
+    }
+
+    /// Reciprocity of a surface that loses nothing: light that is even over the hemisphere stays even, whatever the roughness. Mean cosine 2/3, nothing below.
+    #[test]
+    fn even_light_stays_even() {
+        let mut rng = Pcg64Mcg::seed_from_u64(2);
+        let n = 200_000;
+        for alpha in [0.05, 0.3, 1.0] {
+            let (mut sum, mut squares) = (0.0f64, 0.0);
+            for _ in 0..n {
+                let z = rng.random::<f32>().sqrt().max(1e-3);
+                let (s, _) = gold(alpha).scatter(Vector3::new((1.0 - z * z).sqrt(), 0.0, -z), &mut rng);
+                assert!(s.order > 0 && s.dir.z > 0.0 && (s.dir.norm() - 1.0).abs() < 1e-4, "{s:?}");
+                sum += f64::from(s.dir.z);
+                squares += f64::from(s.dir.z).powi(2);
+            }
+            let mean = sum / f64::from(n);
+            let se = ((squares / f64::from(n) - mean * mean) / f64::from(n)).sqrt();
+            assert!((mean - 2.0 / 3.0).abs() < 5.0 * se, "alpha {alpha}: {mean}, standard error {se}");
+        }
+    }
+
+    /// Weights by length against the walk that is absorbed facet by facet, by Fresnel's reflectance of the wavelength: off by what the lengths' common course over the angle
+    /// leaves, 0.02.
+    #[test]
+    fn lengths_absorb_as_facets_do() {
+        let mut rng = Pcg64Mcg::seed_from_u64(3);
+        let n = 100_000;
+        for (alpha, z) in [(0.2, 0.9f32), (0.5, 0.4), (1.0, 0.7)] {
+            let wall = gold(alpha);
+            let dir = Vector3::new((1.0 - z * z).sqrt(), 0.0, -z);
+            for lambda_um in [0.45, 0.5, 0.55, 0.65] {
+                let (index, sigma) =
+                    (Metal::Gold.index(lambda_um), wall.reflections.sigma_per_um(f64::from(lambda_um)));
+                let (mut by_length, mut by_facet) = (0.0, 0.0);
+                for _ in 0..n {
+                    by_length += (-sigma * f64::from(wall.scatter(dir, &mut rng).1)).exp() / f64::from(n);
+                    let (_, log) = wall.walk(dir, &mut rng, |cos| conductor(cos, index).ln());
+                    by_facet += f64::from(log).exp() / f64::from(n);
+                }
+                let off: f64 = by_length - by_facet;
+                assert!(
+                    off.abs() < 0.02,
+                    "alpha {alpha}, {lambda_um} um: {by_length} by lengths, {by_facet} by facets"
+                );
+            }
+        }
+    }
+}
