@@ -30,7 +30,8 @@ class Cloth(Flight, Shadows, Between):
         self.models = len(tensors["models"])
         self.yarn = [dict(zip(YARN, map(float, row))) for row in tensors["yarn"]]
         self.turn = tensors["turn"]
-        self.most_plies = int(max(y["plies"] for y in self.yarn))
+        plies = [int(y["plies"]) for y in self.yarn]
+        self.least_plies, self.most_plies = min(plies), max(plies)
         self.top, self.grain, self.edge_step, self.curve_length = map(float, tensors["scalars"])
         self.options = dict(zip(("diffracted", "speckle", "layers", "shadowing", "edges"), (v > 0.5 for v in tensors["options"])))
         draft = tensors["draft"]

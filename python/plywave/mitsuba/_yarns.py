@@ -71,6 +71,16 @@ class Yarns:
         height = dr.select(level, side * of("amplitude"), dr.select(far, -side * height, side * height))
         return height, dr.select(level, 0.0, side * slope)
 
+    def bent(self, yarn, u):
+        """Height at the share ``u`` of the way from a crossing where a yarn of a family is on top to one where it is below, and the squared cosine of its lean."""
+        far = u > 0.5
+        x = yarn["step"] * dr.select(far, 1.0 - u, u)
+        straight = x >= yarn["arc"]
+        depth = dr.sqrt(dr.maximum(yarn["arc_radius"] * yarn["arc_radius"] - x * x, 1e-12))
+        height = dr.select(straight, yarn["steepest"] * (0.5 * yarn["step"] - x), yarn["amplitude"] - yarn["arc_radius"] + depth)
+        arc = depth * (1.0 / yarn["arc_radius"])
+        return dr.select(far, -height, height), dr.select(straight, 1.0 / (1.0 + yarn["steepest"] * yarn["steepest"]), arc * arc)
+
     def axis_at(self, is_warp, yarn, along):
         whole, first = self.kit.floor(along * self.other_family("per_spacing", is_warp) - 0.5)
         u = along * self.other_family("per_spacing", is_warp) - 0.5 - whole
