@@ -37,10 +37,7 @@ class Cloth(Flight, Shadows, Between):
         draft = tensors["draft"]
         self.picks, self.ends = draft.shape
         self.threads = [self.ends, self.picks]
-        bits = draft.ravel().astype(np.uint64)
-        self.draft_word = int(sum(int(b) << i for i, b in enumerate(bits))) if bits.size <= 32 else None
-        packed = np.packbits(np.pad(draft.ravel(), (0, -bits.size % 32)), bitorder="little").view("<u4")
-        self.draft = kit.words(packed)
+        self.side_words = kit.words(self.sides_of(np.asarray(draft)))
         self.stripes = [tensors["stripes_warp"], tensors["stripes_weft"]]
         self.dyes = [tensors["threads_warp"], tensors["threads_weft"]]
         self.lists = {}

@@ -39,6 +39,7 @@ class Flight(Yarns):
         """The nearest hull that has not been asked: distance, yarn, and how far the line may go without meeting any."""
         kit = self.kit
         least, which, free = kit.float(1e30), kit.int(NO_YARN), 1e30
+        counts = [at < until[i] for i in range(PASSED)]
         for k in range(2):
             yarn, other = self.yarn[k], self.yarn[1 - k]
             hull = yarn["half_width"] + yarn["reach"] - yarn["radius"]
@@ -49,18 +50,23 @@ class Flight(Yarns):
             along = q[1 - k] * other["per_spacing"] - 0.5
             whole, first = kit.floor(along)
             bent, cos2 = self.bent(yarn, along - whole)
-            for index, offset in ((cell, t), (cell + step, dr.select(left, t + 1.0, t - 1.0))):
-                name = index * 2 + k
+            word = self.sides(k == 0, cell, first)
+            nearest, name = kit.float(1e30), kit.int(NO_YARN)
+            for index, offset, sides in ((cell, t, word >> 2), (cell + step, dr.select(left, t + 1.0, t - 1.0), dr.select(left, word, word >> 4))):
+                this = index * 2 + k
                 passed = kit.bool(False)
                 for i in range(PASSED):
-                    passed = passed | kit.both(ids[i] == name, at < until[i])
-                start, to = (self.is_on_top(k == 0, index, first + n) for n in range(2))
+                    passed = passed | kit.both(ids[i] == this, counts[i])
+                start, to = (sides & 1) != 0, (sides & 2) != 0
                 level = start == to
                 lateral, height = offset * yarn["spacing"], dr.select(level, yarn["amplitude"], bent)
                 up = q[2] - dr.select(start, height, -height)
-                distance = dr.sqrt(lateral * lateral + up * up * dr.select(level, 1.0, cos2)) - hull
-                nearer = kit.both(kit.no(passed), distance < least)
-                least, which = dr.select(nearer, distance, least), dr.select(nearer, name, which)
+                squared = lateral * lateral + up * up * dr.select(level, 1.0, cos2)
+                nearer = kit.both(kit.no(passed), squared < nearest)
+                nearest, name = dr.select(nearer, squared, nearest), dr.select(nearer, this, name)
+            distance = dr.sqrt(nearest) - hull
+            nearer = distance < least
+            least, which = dr.select(nearer, distance, least), dr.select(nearer, name, which)
             free = min(free, max(yarn["spacing"] - hull, 0.3 * yarn["half_width"]))
         return least, which, dr.minimum(free, 0.9 * least)
 
@@ -71,9 +77,9 @@ class Flight(Yarns):
         axis = (self.kit.float(yarn) + 0.5) * self.of_family("spacing", is_warp)
         across, along = dr.select(is_warp, d[0], d[1]), dr.select(is_warp, d[1], d[0])
         cos2 = 1.0 / (1.0 + slope * slope)
-        rise = (d[2] - slope * along) * cos2
-        sine2 = dr.maximum(across * across + (d[2] - slope * along) * rise, PARALLEL)
-        return ((dr.select(is_warp, q[0], q[1]) - axis) * across + (q[2] - height) * rise) / sine2
+        rise = d[2] - slope * along
+        sine2 = dr.maximum(across * across + rise * rise * cos2, PARALLEL)
+        return ((dr.select(is_warp, q[0], q[1]) - axis) * across + (q[2] - height) * rise * cos2) / sine2
 
     def next_near(self, start, d, state):
         """Moves on to the next ply that the line comes near. The new state, its ``on`` false where there is none, and yarn and place of the line at which it was met."""

@@ -61,6 +61,8 @@ def define(Calls):
             if kit.jit:
                 # Memory, not a constant of the kernel, which another value would compile anew.
                 dr.make_opaque(self.um_per_uv)
+                self.last, self.probe = None, mi.Float(0.0)
+                dr.enable_grad(self.probe)
             turn = math.radians(typed(name, props, "rotation_deg", float, 0.0))
             self.turn = (math.cos(turn), math.sin(turn))
             self.to_uv = None
@@ -227,7 +229,7 @@ def define(Calls):
 
         # Light
 
-        walk = _walk.walk
+        walk, walked, chosen_ply = _walk.walk, _walk.walked, _walk.chosen_ply
         plies_light = _walk.plies_light
 
         def directions(self, si, *wo):
@@ -235,7 +237,7 @@ def define(Calls):
             return [[dr.detach(x) if self.kit.jit else x for x in self.to_pattern(si, w)] for w in wo]
 
         def model_eval(self, si, wo, active):
-            return self.light(si, self.walk(si, active), self.directions(si, wo))[0]
+            return self.light(si, self.walked(si, active), self.directions(si, wo))[0]
 
         def light(self, si, at, directions):
             """f and the density of samples in each of these directions of the pattern, of the line that was followed and of the mean over the repeat."""
@@ -272,13 +274,13 @@ def define(Calls):
             return f, dr.detach(pdf) if kit.jit else pdf
 
         def model_drawn(self, si, u, active):
-            at = self.walk(si, active, _another(self.kit, u))
+            at = self.walked(si, active)
             with dr.suspend_grad():
                 drawn = self.drawn(si, at, u)
             return drawn, self.light(si, at, self.directions(si, drawn[0]))[0]
 
         def model_both(self, si, wo, u, active):
-            at = self.walk(si, active, _another(self.kit, u))
+            at = self.walked(si, active)
             with dr.suspend_grad():
                 drawn = self.drawn(si, at, u)
             first, second = self.light(si, at, self.directions(si, wo, drawn[0]))
@@ -318,7 +320,7 @@ def define(Calls):
                 first.append((here, dr.minimum(left / dr.maximum(chance, 1e-30), 0.9999999)))
                 left = dr.select(found | here, left, left - chance)
                 found = found | here
-            chosen, main = at["chosen"], at["main"]
+            chosen, main = self.chosen_ply(at, _another(kit, u)), at["main"]
 
             def to_fabric(q, w):
                 x, z = q[2:5], q[5:8]
@@ -347,7 +349,7 @@ def define(Calls):
             return b, straight, at["passing"], at["straight"]
 
         def eval_null_transmission(self, si, active=True):
-            return self.kit.S(self.passing_of(self.walk(si, active)))
+            return self.kit.S(self.passing_of(self.walked(si, active)))
 
         def to_string(self):
             return f"plywave_fabric[repeat = {self.repeat_um} um, um_per_uv = {self.um_per_uv}]"

@@ -3,6 +3,9 @@
 A walk finds what does not depend on the direction of the light: the plies that the line comes near, what passes them, what they send to other yarns. It keeps of each ply its
 yarn and its place on the line, a few at most, and draws one of them for a sample. A second loop adds up their light in as many directions as are asked for at once, so that what is
 interpolated at a ply is interpolated once.
+
+Mitsuba 3.9 does not hand ``eval_pdf_sample`` on to plugins in Python: it calls ``eval_pdf`` and then ``sample``, of the same point. So what was found for one point stays until the
+next is asked for, while kernels are recorded; it is known again by the variables that describe it.
 """
 
 import drjit as dr
@@ -18,8 +21,38 @@ from ._speckle import instance
 KEPT = MAX_NEAR + 1
 
 
-def walk(self, si, active, number=None):
-    """Follows the line of ``si.wi`` through the cloth. ``number``: a random number by which one of the plies is chosen."""
+def walked(self, si, active):
+    """:meth:`walk`, or what it found before of the same point."""
+    if not (self.kit.jit and dr.flag(dr.JitFlag.SymbolicScope)):
+        return walk(self, si, active)
+    inputs = [self.kit.bool(active), si.wi, si.uv, si.dp_du, si.dp_dv, si.sh_frame.n, si.t, si.duv_dx, si.duv_dy, si.p, si.prim_index, si.wavelengths, si.time]
+    variables = list(_variables(inputs))
+    # Where gradients are suspended, the answer has none.
+    key = ([(v.index, getattr(v, "index_ad", 0)) for v in variables], dr.grad_enabled(self.probe))
+    if self.last is not None and self.last[0] == key:
+        return self.last[2]
+    # The variables are kept too, so that their numbers are not given to others.
+    self.last = None
+    at = walk(self, si, active)
+    self.last = (key, variables, at)
+    return at
+
+
+def _variables(value):
+    """All Dr.Jit variables of arrays in a list."""
+    if isinstance(value, list):
+        for v in value:
+            yield from _variables(v)
+    elif dr.is_array_v(value):
+        if dr.depth_v(value) > 1:
+            for i in range(len(value)):
+                yield from _variables(value[i])
+        else:
+            yield value
+
+
+def walk(self, si, active):
+    """Follows the line of ``si.wi`` through the cloth."""
     kit, cloth = self.kit, self.cloth
     options = cloth.options
     own = self.own_sigmas(si, active)
@@ -36,8 +69,9 @@ def walk(self, si, active, number=None):
         "state": state,
         "passing": kit.float(1.0),
         "others": kit.uint(0),
-        # What is kept of each ply: its yarn, where on the line, and how much light comes to it; how many, and which is the last of those that are told apart.
-        "kept": {"yarn": [kit.int(NO_YARN)] * KEPT, "place": [zero] * KEPT, "arrives": [zero] * KEPT},
+        # What is kept of each ply: its yarn, where on the line, how much light comes to it, the mean energy that it scatters; how many, and which is the last of those that
+        # are told apart.
+        "kept": {key: [kit.int(NO_YARN) if key == "yarn" else zero] * KEPT for key in ("yarn", "place", "arrives", "weight")},
         "count": kit.uint(0),
         "last_kept": kit.uint(KEPT),
         "classes": [kit.zero_s() for _ in range(CLASSES)],
@@ -50,12 +84,6 @@ def walk(self, si, active, number=None):
     }
     if self.gaps is not None:
         loop["aperture"] = [kit.float(cloth.yarn[k]["spacing"]) for k in (0, 0, 1, 1)]
-    if number is not None:
-        ply = {"q": [zero] * 8, "model": kit.uint(0), "is_warp": kit.bool(False), "yarn": kit.int(0)}
-        loop |= {"chosen": ply, "number": number, "weight": zero, "last_ply": dict(ply)}
-
-    def replaced(here, a, b):
-        return {key: [dr.select(here, x, y) for x, y in zip(a[key], b[key])] if key == "q" else dr.select(here, a[key], b[key]) for key in b}
 
     def body(own, s):
         s = dict(s)
@@ -88,7 +116,7 @@ def walk(self, si, active, number=None):
         last["catch"] = dr.select(is_last, arrives * met, last["catch"] * more)
         last["class"] = dr.select(is_last, cls, last["class"])
         last["energy"] = last["energy"] + dr.select(is_last, sent, none)
-        new = {"yarn": which, "place": place, "arrives": arrives}
+        new = {"yarn": which, "place": place, "arrives": arrives, "weight": detach(kit.mean(sent))}
         at = [kit.both(counted, s["count"] == i) for i in range(KEPT)]
         s["kept"] = {key: [dr.select(here, new[key], x) for here, x in zip(at, old)] for key, old in s["kept"].items()}
         s["last_kept"] = dr.select(is_last, s["count"], s["last_kept"])
@@ -106,15 +134,6 @@ def walk(self, si, active, number=None):
                 for far in (False, True)
             ]
             s["aperture"] = [dr.select(kit.both(aside, e), dr.minimum(a, room), a) for e, a in zip(edges, s["aperture"])]
-        if number is not None:
-            weight = dr.select(kit.both(counted, kit.no(is_last)), detach(kit.mean(sent)), 0.0)
-            s["weight"] = s["weight"] + weight
-            part = dr.select(weight > 0.0, weight / dr.maximum(s["weight"], 1e-30), 0.0)
-            here = s["number"] < part
-            s["number"] = _rest(s["number"], part, here)
-            ply = {"q": q, "model": kit.uint(model), "is_warp": hit["is_warp"], "yarn": hit["yarn"]}
-            s["chosen"] = replaced(here, ply, s["chosen"])
-            s["last_ply"] = replaced(is_last, ply, s["last_ply"])
         main["q"] = [dr.select(is_main, x, y) for x, y in zip(q, main["q"])]
         main["model"] = dr.select(is_main, kit.uint(model), main["model"])
         main["is"] = main["is"] | is_main
@@ -175,9 +194,6 @@ def walk(self, si, active, number=None):
     }
     if self.far is not None:
         out |= {"far": self.mean_at(si, own, wo), "far_share": share}
-    if number is not None:
-        part = dr.select(of_last > 0.0, of_last / dr.maximum(plies, 1e-30), 0.0)
-        out["chosen"] = replaced(s["number"] < part, s["last_ply"], s["chosen"])
     return out
 
 
@@ -191,14 +207,8 @@ def plies_light(self, si, at, directions):
     detach = dr.detach if kit.jit else (lambda x: x)
     kept = {key: [detach(x) for x in values] for key, values in at["kept"].items()}
 
-    def of(key, i):
-        value = kept[key][0]
-        for n in range(1, KEPT):
-            value = dr.select(i == n, kept[key][n], value)
-        return value
-
     def body(own, i, sums):
-        which, place, arrives = (of(key, i) for key in ("yarn", "place", "arrives"))
+        which, place, arrives = (_of(kept[key], i) for key in ("yarn", "place", "arrives"))
         arrives = dr.select(i == at["last_kept"], arrives * at["more"], arrives)
         hit = cloth.hit(which, start, d, place)
         model = cloth.model_of(hit)
@@ -226,7 +236,26 @@ def plies_light(self, si, at, directions):
     return sums
 
 
-def _rest(number, part, here):
-    """What remains of a number in [0, 1) by which a part of all was taken or not."""
-    left = dr.select(here, number / dr.maximum(part, 1e-30), (number - part) / dr.maximum(1.0 - part, 1e-7))
-    return dr.minimum(dr.maximum(left, 0.0), 0.9999999)
+def chosen_ply(self, at, number):
+    """One of the plies of a walk, by a number in [0, 1), as often as by its energy."""
+    kit, cloth, (start, d) = self.kit, self.cloth, at["line"]
+    detach = dr.detach if kit.jit else (lambda x: x)
+    sums = []
+    for i, weight in enumerate(at["kept"]["weight"]):
+        weight = dr.select(at["last_kept"] == i, weight * at["more"], weight)
+        sums.append(detach(weight) + (sums[-1] if sums else 0.0))
+    chosen, threshold = kit.uint(0), number * sums[-1]
+    for i in range(KEPT - 1):
+        chosen = dr.select(threshold >= sums[i], kit.uint(i + 1), chosen)
+    chosen = dr.minimum(chosen, dr.maximum(at["count"], 1) - 1)
+    hit = cloth.hit(_of(at["kept"]["yarn"], chosen), start, d, detach(_of(at["kept"]["place"], chosen)))
+    q = [hit["theta_i"], hit["h"], *hit["frame"][0], *hit["frame"][2]]
+    return {"q": q, "model": cloth.model_of(hit), "is_warp": hit["is_warp"], "yarn": hit["yarn"]}
+
+
+def _of(values, i):
+    """An entry of a short list by its number."""
+    value = values[0]
+    for n in range(1, len(values)):
+        value = dr.select(i == n, values[n], value)
+    return value
