@@ -344,9 +344,8 @@ impl Model {
                 let parts = parts_of(out, n)?;
                 py.detach(|| {
                     asked.map_parts(parts, |layer, _| {
-                        let of = |l: &Layer<N>| {
-                            [l.reflected, l.transmitted, l.reflected_diffuse, l.transmitted_diffuse]
-                        };
+                        let of =
+                            |l: &Layer<N>| [l.reflected, l.transmitted, l.reflected_diffuse, l.transmitted_diffuse];
                         layer.as_ref().map_or([[0.0; N]; 4], of)
                     })
                 })?;
