@@ -274,13 +274,13 @@ def define(Calls):
             return f, dr.detach(pdf) if kit.jit else pdf
 
         def model_drawn(self, si, u, active):
-            at = self.walked(si, active)
+            at = self.walked(si, active, is_last=True)
             with dr.suspend_grad():
                 drawn = self.drawn(si, at, u)
             return drawn, self.light(si, at, self.directions(si, drawn[0]))[0]
 
         def model_both(self, si, wo, u, active):
-            at = self.walked(si, active)
+            at = self.walked(si, active, is_last=True)
             with dr.suspend_grad():
                 drawn = self.drawn(si, at, u)
             first, second = self.light(si, at, self.directions(si, wo, drawn[0]))

@@ -21,20 +21,19 @@ from ._speckle import instance
 KEPT = MAX_NEAR + 1
 
 
-def walked(self, si, active):
-    """:meth:`walk`, or what it found before of the same point."""
+def walked(self, si, active, is_last=False):
+    """:meth:`walk`, or what it found before of the same point; kept for the next call but for the last of a point."""
     if not (self.kit.jit and dr.flag(dr.JitFlag.SymbolicScope)):
         return walk(self, si, active)
     inputs = [self.kit.bool(active), si.wi, si.uv, si.dp_du, si.dp_dv, si.sh_frame.n, si.t, si.duv_dx, si.duv_dy, si.p, si.prim_index, si.wavelengths, si.time]
     variables = list(_variables(inputs))
     # Where gradients are suspended, the answer has none.
     key = ([(v.index, getattr(v, "index_ad", 0)) for v in variables], dr.grad_enabled(self.probe))
-    if self.last is not None and self.last[0] == key:
-        return self.last[2]
-    # The variables are kept too, so that their numbers are not given to others.
-    self.last = None
-    at = walk(self, si, active)
-    self.last = (key, variables, at)
+    last, self.last = self.last, None
+    at = last[2] if last is not None and last[0] == key else walk(self, si, active)
+    if not is_last:
+        # The variables are kept too, so that their numbers are not given to others.
+        self.last = (key, variables, at)
     return at
 
 
