@@ -31,8 +31,8 @@ def walked(self, si, active, is_last=False):
     key = ([(v.index, getattr(v, "index_ad", 0)) for v in variables], dr.grad_enabled(self.probe))
     last, self.last = self.last, None
     at = last[2] if last is not None and last[0] == key else walk(self, si, active)
-    if not is_last:
-        # The variables are kept too, so that their numbers are not given to others.
+    if not is_last and not dr.grad_enabled(at["up"], at["down"], *(x for x in at["own"] if x is not None)):
+        # What has gradients is not kept. The variables are kept too, so that their numbers are not given to others.
         self.last = (key, variables, at)
     return at
 
