@@ -238,6 +238,32 @@ impl<G, A> Asked<G, A> {
         })
     }
 
+    /// K times N numbers a query, each of the K in an array of its own.
+    pub(crate) fn map_parts<Q: PartialEq, const N: usize, const K: usize>(
+        &self,
+        parts: [&mut [[f32; N]]; K],
+        f: impl Fn(&A::Bsdf, usize) -> [[f32; N]; K] + Sync,
+    ) -> PyResult<()>
+    where
+        G: Fn(usize) -> Q + Sync,
+        A: At<Q> + Sync,
+    {
+        let mut chunks = parts.map(|part| part.chunks_mut(CHUNK));
+        let jobs = (0..self.n.div_ceil(CHUNK))
+            .map(move |chunk| (chunk, chunks.each_mut().map(|part| part.next().unwrap_or_default())));
+        parallel(jobs, threads_for(self.n, self.threads), |(chunk, mut parts)| {
+            let start = chunk * CHUNK;
+            for (query, range) in Runs::new(&self.get, start..self.n.min(start + CHUNK)) {
+                let bsdf = self.at.many(&query);
+                for i in range {
+                    for (part, value) in parts.iter_mut().zip(f(&bsdf, i)) {
+                        part[i - start] = value;
+                    }
+                }
+            }
+        })
+    }
+
     /// f and pdf in the directions `w`.
     fn eval_pdf<Q: PartialEq, const N: usize>(
         &self,

@@ -1,6 +1,6 @@
 //! Ply models.
 
-use crate::batch::{Arrays, Asked, At, CHUNK, Floats, Often, Out, Rows, What, by_channels, parallel, rows_mut};
+use crate::batch::{Arrays, Asked, At, CHUNK, Floats, Often, Out, Rows, Same, What, by_channels, parallel, rows_mut};
 use crate::errors::{Failure, Outcome};
 use numpy::{IntoPyArray, PyReadonlyArray1};
 use plywave::gap::Slit;
@@ -335,21 +335,20 @@ impl Model {
         match (what, w) {
             ("layer", _) => {
                 self.require_layers()?;
-                let parts: [&mut [f32]; 4] = out.floats()?;
-                let of = |i: usize| model.layer::<N>(theta_i.get(i)[0], sigma.get(i));
-                let get: [fn(&Layer<N>) -> [f32; N]; 4] =
-                    [|l| l.reflected, |l| l.transmitted, |l| l.reflected_diffuse, |l| l.transmitted_diffuse];
-                for (part, get) in parts.into_iter().zip(get) {
-                    let part: &mut [[f32; N]] = rows_mut(part, n)?;
-                    let jobs = part.chunks_mut(CHUNK).enumerate();
-                    py.detach(|| {
-                        parallel(jobs, threads, |(chunk, part)| {
-                            for (k, part) in part.iter_mut().enumerate() {
-                                *part = of(chunk * CHUNK + k).map_or([0.0; N], |layer| get(&layer));
-                            }
-                        })
-                    })?;
-                }
+                let asked = Asked {
+                    n,
+                    threads,
+                    get: |i| (theta_i.get(i)[0], sigma.get(i)),
+                    at: Same(|&(theta_i, sigma): &(f32, [f32; N])| model.layer::<N>(theta_i, sigma)),
+                };
+                let parts = parts_of(out, n)?;
+                py.detach(|| {
+                    asked.map_parts(parts, |layer, _| {
+                        let of =
+                            |l: &Layer<N>| [l.reflected, l.transmitted, l.reflected_diffuse, l.transmitted_diffuse];
+                        layer.as_ref().map_or([[0.0; N]; 4], of)
+                    })
+                })?;
                 Ok(())
             }
             ("r_d", _) => {
@@ -359,15 +358,12 @@ impl Model {
                 Ok(())
             }
             ("terms", Some(w)) => {
-                let [refl, high, edge, slit] = out.floats()?;
-                let (refl, high) = (rows_mut(refl, n)?, rows_mut(high, n)?);
-                let (edge, slit) = (rows_mut(edge, n)?, rows_mut(slit, n)?);
-                let of = |bsdf: &PlyBsdf<'_, N>, i: usize| bsdf.terms(w.get(i));
+                let parts = parts_of(out, n)?;
                 py.detach(|| {
-                    asked.map(refl, |bsdf, i| [of(bsdf, i).refl; N])?;
-                    asked.map(high, |bsdf, i| of(bsdf, i).high)?;
-                    asked.map(edge, |bsdf, i| of(bsdf, i).edge)?;
-                    asked.map(slit, |bsdf, i| of(bsdf, i).slit)
+                    asked.map_parts(parts, |bsdf: &PlyBsdf<'_, N>, i| {
+                        let terms = bsdf.terms(w.get(i));
+                        [[terms.refl; N], terms.high, terms.edge, terms.slit]
+                    })
                 })?;
                 Ok(())
             }
@@ -378,6 +374,12 @@ impl Model {
             }
         }
     }
+}
+
+/// The caller's four arrays of N numbers a query.
+fn parts_of<'a, const N: usize>(out: &'a mut Out<'_>, n: usize) -> Outcome<[&'a mut [[f32; N]]; 4]> {
+    let [a, b, c, d] = out.floats()?;
+    Ok([rows_mut(a, n)?, rows_mut(b, n)?, rows_mut(c, n)?, rows_mut(d, n)?])
 }
 
 /// Whether the kernel for many incidences answers.

@@ -5,6 +5,7 @@
 //! them goes on behind the hull. Distances are those to the tangent at the same coordinate along the yarn, 0.9 of which is stepped: the axis bends away from it.
 
 use super::place::PlyHit;
+use super::profile::Ends;
 use super::yarn::{Line, Met};
 use super::{Fabric, Family};
 use crate::math::floor_fraction;
@@ -21,6 +22,10 @@ const MOST_ROUNDS: usize = 7;
 const MOST_STEPS: usize = 1024;
 /// Yarns that a line may be in the hulls of at once, and more: hulls overlap by twice d_cut.
 const PASSED: usize = 8;
+/// No yarn.
+const NONE: u64 = u64::MAX;
+/// Squared sine below which a line counts as parallel to a yarn.
+const PARALLEL: f32 = 1e-10;
 /// Lines start and end this far above and below the yarns [um].
 const MARGIN_UM: f32 = 1.0;
 
@@ -29,6 +34,14 @@ const MARGIN_UM: f32 = 1.0;
 pub(super) struct YarnId {
     pub family: Family,
     pub yarn: i32,
+}
+
+impl YarnId {
+    /// One number.
+    #[inline]
+    fn key(self) -> u64 {
+        (self.family as u64) << 32 | u64::from(self.yarn as u32)
+    }
 }
 
 /// A ply within whose reach, R + d_cut, a line comes.
@@ -55,23 +68,32 @@ pub(super) struct Flight<'a> {
     from: [f32; 3],
     d: [f32; 3],
     at: f32,
-    /// Yarns that have been asked, each until the line leaves its hull.
-    passed: [(Option<YarnId>, f32); PASSED],
+    /// Keys of the yarns that have been asked, each until the line leaves its hull.
+    passed: [(u64, f32); PASSED],
     oldest: usize,
     /// By family.
-    sides: [Sides; 2],
+    around: [Around; 2],
+    top: f32,
 }
 
-/// On which sides the two nearest yarns of a family lie at the crossings before and after a point.
+/// The two nearest yarns of a family, and how they lie between the crossings before and after a point.
 #[derive(Clone, Copy, Debug)]
-struct Sides {
+struct Around {
     /// The nearest yarn, the way to the other one, the crossing before.
     at: [i32; 3],
-    up: [[bool; 2]; 2],
+    ends: [Ends; 2],
+    /// They are not asked before the line is so far [um].
+    until: [f32; 2],
 }
 
-impl Sides {
-    const UNKNOWN: Sides = Sides { at: [0; 3], up: [[false; 2]; 2] };
+impl Around {
+    const UNKNOWN: Around =
+        Around { at: [0; 3], ends: [Ends { side: 1.0, bends: false }; 2], until: [f32::NEG_INFINITY; 2] };
+
+    /// The two yarns.
+    fn yarns(&self) -> [i32; 2] {
+        [self.at[0], self.at[0].wrapping_add(self.at[1])]
+    }
 }
 
 fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
@@ -95,11 +117,11 @@ pub(super) fn exit(center: [f32; 3], z: [f32; 3], radius: f32, p: [f32; 3], b: [
 impl Fabric {
     /// The line from `from` [um] in direction `d` (unit). The yarn that it comes from, if any, is not asked until the line is `until` [um] away.
     pub(super) fn flight(&self, from: [f32; 3], d: [f32; 3], skip: Option<(YarnId, f32)>) -> Flight<'_> {
-        let mut passed = [(None, 0.0); PASSED];
+        let mut passed = [(NONE, f32::NEG_INFINITY); PASSED];
         if let Some((id, until)) = skip {
-            passed[0] = (Some(id), until);
+            passed[0] = (id.key(), until);
         }
-        Flight { fabric: self, from, d, at: 0.0, passed, oldest: 1, sides: [Sides::UNKNOWN; 2] }
+        Flight { fabric: self, from, d, at: 0.0, passed, oldest: 1, around: [Around::UNKNOWN; 2], top: self.top_um() }
     }
 
     /// Of light that leaves a ply of a yarn at `from` in direction `d`: the yarn, and how far away it may be met again. Its own model has what its other plies do.
@@ -153,71 +175,101 @@ impl Flight<'_> {
         std::array::from_fn(|i| self.from[i] + at * self.d[i])
     }
 
-    fn is_passed(&self, id: YarnId) -> bool {
-        self.passed.iter().any(|(p, until)| *p == Some(id) && self.at < *until)
+    /// How far the line goes before it asks a yarn [um].
+    fn until(&self, id: YarnId) -> f32 {
+        let key = id.key();
+        self.passed.iter().fold(f32::NEG_INFINITY, |all, (passed, until)| if *passed == key { *until } else { all })
     }
 
     fn pass(&mut self, id: YarnId, until: f32) {
         // A yarn has one entry.
-        let slot = self.passed.iter().position(|(p, _)| *p == Some(id)).unwrap_or(self.oldest);
-        self.passed[slot] = (Some(id), until);
+        let key = id.key();
+        let slot = self.passed.iter().position(|(passed, _)| *passed == key).unwrap_or(self.oldest);
+        self.passed[slot] = (key, until);
         if slot == self.oldest {
             self.oldest = (self.oldest + 1) % self.passed.len();
+        }
+        for family in Family::EACH {
+            let until = self.around[family as usize].yarns().map(|yarn| self.until(YarnId { family, yarn }));
+            self.around[family as usize].until = until;
         }
     }
 
     /// The nearest hull that has not been asked: its distance, yarn, and how far the line may go without meeting any.
     fn nearest(&mut self, q: [f32; 3]) -> (f32, Option<YarnId>, f32) {
-        let (mut least, mut which, mut free) = (f32::INFINITY, None, f32::INFINITY);
+        let (mut squared, mut free) = ([0.0; 4], f32::INFINITY);
         for family in Family::EACH {
             let k = family as usize;
             let yarn = &self.fabric.yarns[k];
-            let hull = yarn.half_width + yarn.reach - yarn.radius;
             let (cell, rest) = floor_fraction(q[k] * yarn.per_spacing);
             let t = rest - 0.5;
             let other = if t < 0.0 { -1 } else { 1 };
             let (first, u) = self.fabric.between_crossings(family, q[1 - k]);
-            let sides = &mut self.sides[k];
-            if sides.at != [cell, other, first] {
-                let of = |yarn: i32| [first, first.wrapping_add(1)].map(|n| self.fabric.is_on_top(family, yarn, n));
-                *sides = Sides { at: [cell, other, first], up: [of(cell), of(cell.wrapping_add(other))] };
+            if self.around[k].at != [cell, other, first] {
+                let mut around = Around { at: [cell, other, first], ..Around::UNKNOWN };
+                let yarns = around.yarns();
+                let on_top = |yarn, n| self.fabric.is_on_top(family, yarn, n);
+                around.ends = yarns.map(|yarn| Ends::new(on_top(yarn, first), on_top(yarn, first.wrapping_add(1))));
+                around.until = yarns.map(|yarn| self.until(YarnId { family, yarn }));
+                self.around[k] = around;
             }
-            let up = sides.up;
-            for (n, (index, offset)) in
-                [(cell, t), (cell.wrapping_add(other), t - other as f32)].into_iter().enumerate()
-            {
-                let id = YarnId { family, yarn: index };
-                if self.is_passed(id) {
-                    continue;
-                }
-                let [from, to] = up[n];
-                let (height, slope) = yarn.profile.joined(from, to, u);
-                let lateral = offset * yarn.spacing;
-                let up = (q[2] - height) * (q[2] - height) / (1.0 + slope * slope);
-                let distance = (lateral * lateral + up).sqrt() - hull;
-                if distance < least {
-                    (least, which) = (distance, Some(id));
-                }
+            let ends = &self.around[k].ends;
+            let (bent, cos2) = yarn.profile.bent(u);
+            for n in 0..2 {
+                let lateral = (t - (n as i32 * other) as f32) * yarn.spacing;
+                let height = ends[n].side * if ends[n].bends { bent } else { yarn.profile.amplitude };
+                let up = q[2] - height;
+                squared[2 * k + n] = lateral * lateral + up * up * if ends[n].bends { cos2 } else { 1.0 };
             }
             // The yarns beside these two are a spacing away at least.
-            free = free.min((yarn.spacing - hull).max(0.3 * yarn.half_width));
+            free = free.min((yarn.spacing - yarn.hull).max(0.3 * yarn.half_width));
+        }
+        let (mut least, mut which) = (f32::INFINITY, None);
+        for family in Family::EACH {
+            let k = family as usize;
+            let (hull, around) = (self.fabric.yarns[k].hull, &self.around[k]);
+            for (n, yarn) in around.yarns().into_iter().enumerate() {
+                let distance = squared[2 * k + n].sqrt() - hull;
+                if distance < least && self.at >= around.until[n] {
+                    (least, which) = (distance, Some(YarnId { family, yarn }));
+                }
+            }
         }
         (least, which, free.min(0.9 * least))
     }
 
-    /// As [`Fabric::axis_at`], with the sides that are known.
+    /// As [`Fabric::axis_at`], with what is known of the nearest yarns.
     #[inline]
     fn axis_at(&self, id: YarnId, along: f32) -> (f32, f32) {
         let (first, u) = self.fabric.between_crossings(id.family, along);
-        let Sides { at: [cell, other, before], up } = self.sides[id.family as usize];
-        let known = [cell, cell.wrapping_add(other)].iter().position(|yarn| *yarn == id.yarn);
-        match known.filter(|_| before == first && other != 0) {
-            Some(which) => {
-                let [from, to] = up[which];
-                self.fabric.yarns[id.family as usize].profile.joined(from, to, u)
-            }
+        let around = &self.around[id.family as usize];
+        let known = around.yarns().iter().position(|yarn| *yarn == id.yarn);
+        match known.filter(|_| around.at[2] == first && around.at[1] != 0) {
+            Some(which) => self.fabric.yarns[id.family as usize].profile.on(around.ends[which], u),
             None => self.fabric.axis_at(id, along),
         }
+    }
+
+    /// Where on the line a yarn of one ply is straightened: next to its axis, found as in [`Flight::meet`] by the distance to the axis alone.
+    fn beside(&self, id: YarnId) -> f32 {
+        let k = id.family as usize;
+        let yarn = &self.fabric.yarns[k];
+        let axis = (id.yarn as f32 + 0.5) * yarn.spacing;
+        let mut at = self.at;
+        for _ in 0..MOST_ROUNDS {
+            let q = self.point(at);
+            let (height, slope) = self.axis_at(id, q[1 - k]);
+            let cos2 = 1.0 / (1.0 + slope * slope);
+            let rise = self.d[2] - slope * self.d[1 - k];
+            let sine2 = (self.d[k] * self.d[k] + rise * rise * cos2).max(PARALLEL);
+            let nearest = ((q[k] - axis) * self.d[k] + (q[2] - height) * rise * cos2) / sine2;
+            let step = (-nearest).clamp(-2.0 * yarn.half_width, 2.0 * yarn.half_width);
+            if step.abs() < NEAREST * yarn.half_width {
+                break;
+            }
+            at += step;
+        }
+        at
     }
 
     /// A yarn, straight along its tangent where the line is nearest to it: what the line meets, the yarn's axes, the point of its axis, and where on the line.
@@ -225,7 +277,8 @@ impl Flight<'_> {
         let k = id.family as usize;
         let yarn = &self.fabric.yarns[k];
         let w = self.d.map(|v| -v);
-        let mut at = self.at;
+        let is_one = yarn.plies == 1;
+        let mut at = if is_one { self.beside(id) } else { self.at };
         for round in 0.. {
             let q = self.point(at);
             let along = q[1 - k];
@@ -243,7 +296,7 @@ impl Flight<'_> {
             let met = yarn.meet(&line);
             // A line that grazes along the yarn may be nearest far away, where the yarn has bent.
             let step = (-met.nearest).clamp(-2.0 * yarn.half_width, 2.0 * yarn.half_width);
-            if step.abs() < NEAREST * yarn.half_width || round == MOST_ROUNDS {
+            if is_one || step.abs() < NEAREST * yarn.half_width || round == MOST_ROUNDS {
                 return (met, axes, axis, at - met.nearest);
             }
             at += step;
@@ -254,7 +307,7 @@ impl Flight<'_> {
     /// The next ply that the line comes near.
     pub(super) fn next_near(&mut self) -> Option<Near> {
         let fabric = self.fabric;
-        let top = fabric.top_um();
+        let top = self.top;
         for _ in 0..MOST_STEPS {
             let q = self.point(self.at);
             if q[2].abs() > top {
@@ -271,7 +324,7 @@ impl Flight<'_> {
             };
             let (met, axes, axis, nearest) = self.meet(id);
             let yarn = &fabric.yarns[id.family as usize];
-            let hull = yarn.half_width + yarn.reach - yarn.radius;
+            let hull = yarn.hull;
             // Where it leaves the hull, straight as the yarn is here.
             let off: [f32; 3] = std::array::from_fn(|i| q[i] - axis[i]);
             let [o, v] = [off, self.d].map(|x| [dot(axes[0], x), dot(axes[1], x)]);

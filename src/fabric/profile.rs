@@ -99,19 +99,53 @@ impl Profile32 {
     /// Height [um] and slope at the share `u` of the way from a crossing to the next, on top at each or not.
     #[inline]
     pub fn joined(&self, from: bool, to: bool, u: f32) -> (f32, f32) {
-        let side = if from { 1.0 } else { -1.0 };
-        if from == to {
-            return (side * self.amplitude, 0.0);
-        }
+        self.on(Ends::new(from, to), u)
+    }
+
+    /// As [`Profile32::joined`]. Both pieces are computed and one is chosen: which it is changes from call to call, and a wrong guess of the processor costs more.
+    #[inline]
+    pub fn on(&self, ends: Ends, u: f32) -> (f32, f32) {
+        let (turned, x, depth) = self.arc_at(u);
+        let on_line = x >= self.arc;
+        let height = if on_line { self.slope * (0.5 * self.step - x) } else { self.amplitude - self.radius + depth };
+        let slope = if on_line { -self.slope } else { -x / depth };
+        let height = if ends.bends { turned * height } else { self.amplitude };
+        (ends.side * height, if ends.bends { ends.side * slope } else { 0.0 })
+    }
+
+    /// Height [um] at the share `u` of the way from a crossing where the yarn is on top to one where it is below, and the squared cosine of its lean.
+    #[inline]
+    pub fn bent(&self, u: f32) -> (f32, f32) {
+        let (turned, x, depth) = self.arc_at(u);
+        let on_line = x >= self.arc;
+        let height = if on_line { self.slope * (0.5 * self.step - x) } else { self.amplitude - self.radius + depth };
+        let arc = depth / self.radius;
+        (turned * height, if on_line { 1.0 / (1.0 + self.slope * self.slope) } else { arc * arc })
+    }
+
+    /// Sign of the height, distance to the nearer crossing, and height of the arc over its center there [um].
+    #[inline]
+    fn arc_at(&self, u: f32) -> (f32, f32, f32) {
         let far = u > 0.5;
         let x = self.step * if far { 1.0 - u } else { u };
-        let (height, slope) = if x >= self.arc {
-            (self.slope * (0.5 * self.step - x), -self.slope)
-        } else {
-            let depth = (self.radius * self.radius - x * x).max(0.0).sqrt();
-            (self.amplitude - self.radius + depth, -x / depth)
-        };
-        (if far { -side * height } else { side * height }, side * slope)
+        let depth = (self.radius * self.radius - x * x).max(f32::MIN_POSITIVE).sqrt();
+        (if far { -1.0 } else { 1.0 }, x, depth)
+    }
+}
+
+/// How a yarn lies between two crossings.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ends {
+    /// Sign of its height at the crossing before.
+    pub side: f32,
+    /// Whether it lies on the other side at the next.
+    pub bends: bool,
+}
+
+impl Ends {
+    /// On top or not at the crossing before and the next.
+    pub fn new(from: bool, to: bool) -> Ends {
+        Ends { side: if from { 1.0 } else { -1.0 }, bends: from != to }
     }
 }
 

@@ -70,6 +70,8 @@ pub(super) struct Yarn {
     pub profile: Profile32,
     /// R + d_cut.
     pub reach: f32,
+    /// Radius of the tube that all plies' reach is in [um].
+    pub hull: f32,
     /// Turns of the plies per um, negative for S.
     pub turns_per_um: f32,
     /// Slope of a ply against the yarn, D dpsi/ds, and `1 / sqrt(1 + slope^2)`.
@@ -187,6 +189,7 @@ impl Yarn {
             per_spacing: (1.0 / shape.spacing_um) as f32,
             profile: shape.profile(other).single(),
             reach: (shape.ply_radius_um + shape.d_cut_um) as f32,
+            hull: (0.5 * shape.width_um() + shape.d_cut_um) as f32,
             turns_per_um: turns_per_um as f32,
             slope: slope as f32,
             norm: (1.0 / (1.0 + slope * slope).sqrt()) as f32,

@@ -44,7 +44,7 @@ def make_calls():
     """The base class of the plugins for the current variant.
 
     A plugin has ``model_eval(si, wo, active)``, f and the density of samples, and ``model_sample(si, u, active)``, a direction, whether light goes straight on, its
-    energy and chance.
+    energy and chance; or, where they share work, ``model_drawn`` and ``model_both``.
     """
 
     class Calls(mi.BSDF):
@@ -73,14 +73,14 @@ def make_calls():
             return self.eval_pdf(ctx, si, wo, active)[1]
 
         def sample(self, ctx, si, sample1, sample2, active=True):
-            with dr.suspend_grad():
-                drawn = self.model_sample(si, [sample1, sample2.x, sample2.y], active)
-            return self.sampled(ctx, si, drawn, active)
+            drawn, light = self.model_drawn(si, [sample1, sample2.x, sample2.y], active)
+            return self.sampled(si, drawn, light, active)
 
-        def sampled(self, ctx, si, drawn, active):
-            """The sample of a direction that was drawn."""
-            wo, straight, energy, chance = drawn
-            f, pdf = self.eval_pdf(ctx, si, wo, self.kit.both(active, self.kit.no(straight)))
+        def sampled(self, si, drawn, light, active):
+            """The sample of a direction that was drawn, with f and the density there."""
+            (wo, straight, energy, chance), (f, pdf) = drawn, light
+            on = active & (pdf > 0.0)
+            f, pdf = dr.select(on, f, 0.0), dr.select(on, pdf, 0.0)
             bs = dr.zeros(mi.BSDFSample3f)
             bs.wo = dr.select(straight, -si.wi, wo)
             bs.pdf = dr.select(straight, chance, pdf)
@@ -92,15 +92,19 @@ def make_calls():
             return bs, dr.select(active & (bs.pdf > 0.0), weight, 0.0)
 
         def eval_pdf_sample(self, ctx, si, wo, sample1, sample2, active=True):
-            u = [sample1, sample2.x, sample2.y]
-            (f, pdf), drawn = self.model_both(si, wo, u, active)
-            bs, weight = self.sampled(ctx, si, drawn, active)
+            (f, pdf), drawn, light = self.model_both(si, wo, [sample1, sample2.x, sample2.y], active)
+            bs, weight = self.sampled(si, drawn, light, active)
             on = active & (pdf > 0.0)
             return dr.select(on, f, 0.0), dr.select(on, pdf, 0.0), bs, weight
 
-        def model_both(self, si, wo, u, active):
+        def model_drawn(self, si, u, active):
+            """A direction, and f and the density of samples there."""
             with dr.suspend_grad():
                 drawn = self.model_sample(si, u, active)
-            return self.model_eval(si, wo, active), drawn
+            return drawn, self.model_eval(si, drawn[0], self.kit.both(active, self.kit.no(drawn[1])))
+
+        def model_both(self, si, wo, u, active):
+            """What :meth:`model_eval` and :meth:`model_drawn` give."""
+            return self.model_eval(si, wo, active), *self.model_drawn(si, u, active)
 
     return Calls

@@ -30,16 +30,14 @@ class Cloth(Flight, Shadows, Between):
         self.models = len(tensors["models"])
         self.yarn = [dict(zip(YARN, map(float, row))) for row in tensors["yarn"]]
         self.turn = tensors["turn"]
-        self.most_plies = int(max(y["plies"] for y in self.yarn))
+        plies = [int(y["plies"]) for y in self.yarn]
+        self.least_plies, self.most_plies = min(plies), max(plies)
         self.top, self.grain, self.edge_step, self.curve_length = map(float, tensors["scalars"])
         self.options = dict(zip(("diffracted", "speckle", "layers", "shadowing", "edges"), (v > 0.5 for v in tensors["options"])))
         draft = tensors["draft"]
         self.picks, self.ends = draft.shape
         self.threads = [self.ends, self.picks]
-        bits = draft.ravel().astype(np.uint64)
-        self.draft_word = int(sum(int(b) << i for i, b in enumerate(bits))) if bits.size <= 32 else None
-        packed = np.packbits(np.pad(draft.ravel(), (0, -bits.size % 32)), bitorder="little").view("<u4")
-        self.draft = kit.words(packed)
+        self.side_words = kit.words(self.sides_of(np.asarray(draft)))
         self.stripes = [tensors["stripes_warp"], tensors["stripes_weft"]]
         self.dyes = [tensors["threads_warp"], tensors["threads_weft"]]
         self.lists = {}

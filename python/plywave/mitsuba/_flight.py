@@ -12,6 +12,8 @@ from ._yarns import Yarns
 LEAST_STEP_UM, CLOSE_UM, NEAREST, MOST_ROUNDS, MOST_STEPS, PASSED, MARGIN_UM = 1.0, 3.0, 0.001, 7, 1024, 8, 1.0
 NO_YARN = -(2**31)
 FAR_UM = 1e7
+# Squared sine below which a line counts as parallel to a yarn.
+PARALLEL = 1e-10
 
 
 class Flight(Yarns):
@@ -37,6 +39,7 @@ class Flight(Yarns):
         """The nearest hull that has not been asked: distance, yarn, and how far the line may go without meeting any."""
         kit = self.kit
         least, which, free = kit.float(1e30), kit.int(NO_YARN), 1e30
+        counts = [at < until[i] for i in range(PASSED)]
         for k in range(2):
             yarn, other = self.yarn[k], self.yarn[1 - k]
             hull = yarn["half_width"] + yarn["reach"] - yarn["radius"]
@@ -46,21 +49,37 @@ class Flight(Yarns):
             step = dr.select(left, kit.int(-1), kit.int(1))
             along = q[1 - k] * other["per_spacing"] - 0.5
             whole, first = kit.floor(along)
-            u = along - whole
-            for index, offset in ((cell, t), (cell + step, dr.select(left, t + 1.0, t - 1.0))):
-                name = index * 2 + k
+            bent, cos2 = self.bent(yarn, along - whole)
+            word = self.sides(k == 0, cell, first)
+            nearest, name = kit.float(1e30), kit.int(NO_YARN)
+            for index, offset, sides in ((cell, t, word >> 2), (cell + step, dr.select(left, t + 1.0, t - 1.0), dr.select(left, word, word >> 4))):
+                this = index * 2 + k
                 passed = kit.bool(False)
                 for i in range(PASSED):
-                    passed = passed | kit.both(ids[i] == name, at < until[i])
-                start, to = (self.is_on_top(k == 0, index, first + n) for n in range(2))
-                height, slope = self.joined(lambda key: yarn[key], start, to, u)
-                lateral = offset * yarn["spacing"]
-                up = (q[2] - height) * (q[2] - height) / (1.0 + slope * slope)
-                distance = dr.sqrt(lateral * lateral + up) - hull
-                nearer = kit.both(kit.no(passed), distance < least)
-                least, which = dr.select(nearer, distance, least), dr.select(nearer, name, which)
+                    passed = passed | kit.both(ids[i] == this, counts[i])
+                start, to = (sides & 1) != 0, (sides & 2) != 0
+                level = start == to
+                lateral, height = offset * yarn["spacing"], dr.select(level, yarn["amplitude"], bent)
+                up = q[2] - dr.select(start, height, -height)
+                squared = lateral * lateral + up * up * dr.select(level, 1.0, cos2)
+                nearer = kit.both(kit.no(passed), squared < nearest)
+                nearest, name = dr.select(nearer, squared, nearest), dr.select(nearer, this, name)
+            distance = dr.sqrt(nearest) - hull
+            nearer = distance < least
+            least, which = dr.select(nearer, distance, least), dr.select(nearer, name, which)
             free = min(free, max(yarn["spacing"] - hull, 0.3 * yarn["half_width"]))
         return least, which, dr.minimum(free, 0.9 * least)
+
+    def beside(self, is_warp, yarn, start, d, at):
+        """How far a place of the line lies behind the one that is next to the axis of a yarn, straight along its tangent at this place."""
+        q = [start[i] + at * d[i] for i in range(3)]
+        height, slope = self.axis_at(is_warp, yarn, dr.select(is_warp, q[1], q[0]))
+        axis = (self.kit.float(yarn) + 0.5) * self.of_family("spacing", is_warp)
+        across, along = dr.select(is_warp, d[0], d[1]), dr.select(is_warp, d[1], d[0])
+        cos2 = 1.0 / (1.0 + slope * slope)
+        rise = d[2] - slope * along
+        sine2 = dr.maximum(across * across + rise * rise * cos2, PARALLEL)
+        return ((dr.select(is_warp, q[0], q[1]) - axis) * across + (q[2] - height) * rise * cos2) / sine2
 
     def next_near(self, start, d, state):
         """Moves on to the next ply that the line comes near. The new state, its ``on`` false where there is none, and yarn and place of the line at which it was met."""
@@ -82,9 +101,16 @@ class Flight(Yarns):
 
         def refine(at, round_, looking, which):
             is_warp, yarn = family_of(kit, which)
-            met, _, _, _ = self.meet_at(is_warp, yarn, start, d, at)
+            if self.most_plies == 1:
+                nearest = self.beside(is_warp, yarn, start, d, at)
+            else:
+                met, _, _, _ = self.meet_at(is_warp, yarn, start, d, at)
+                nearest = met["nearest"]
+                if self.least_plies == 1:
+                    one = self.of_family("plies", is_warp) == 1.0
+                    nearest = dr.select(one, self.beside(is_warp, yarn, start, d, at), nearest)
             half = self.of_family("half_width", is_warp)
-            step = clamp(-met["nearest"], -2.0 * half, 2.0 * half)
+            step = clamp(-nearest, -2.0 * half, 2.0 * half)
             stop = (dr.abs(step) < NEAREST * half) | (round_ == MOST_ROUNDS)
             return dr.select(stop, at, at + step), round_ + 1, kit.both(looking, kit.no(stop)), which
 

@@ -6,15 +6,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from . import _native
+from . import _native, _walk
 from ._base import check_keys, texture, typed
-from ._between import CLASSES
-from ._cloth import LEAST_CAUGHT, MAX_NEAR, Cloth
+from ._cloth import Cloth
 from ._far import Far
 from ._gaps import Gaps
 from ._kit import Kit, clamp, cross3, dot3
-from ._ply import clear_share, exit_lines
-from ._speckle import Speckle, instance
+from ._speckle import Speckle
 
 #: ``BSDFFlags::NeedsDifferentials`` of Mitsuba's bsdf.h, which its Python enumeration lacks.
 NEEDS_DIFFERENTIALS = 0x20000
@@ -63,6 +61,8 @@ def define(Calls):
             if kit.jit:
                 # Memory, not a constant of the kernel, which another value would compile anew.
                 dr.make_opaque(self.um_per_uv)
+                self.last, self.probe = None, mi.Float(0.0)
+                dr.enable_grad(self.probe)
             turn = math.radians(typed(name, props, "rotation_deg", float, 0.0))
             self.turn = (math.cos(turn), math.sin(turn))
             self.to_uv = None
@@ -229,206 +229,37 @@ def define(Calls):
 
         # Light
 
-        def walk(self, si, active, b=None, number=None):
-            """Follows the line of ``si.wi`` through the cloth. ``b``: direction of the pattern in which the plies' light is added up; ``number``: a random number by
-            which one of the plies is chosen."""
-            kit, cloth = self.kit, self.cloth
-            options = cloth.options
-            own = self.own_sigmas(si, active)
-            if self.far is not None:
-                share = self.far_share(si)
-                active = kit.both(active, share < 1.0)
-            gradients = kit.jit and b is not None and dr.grad_enabled(self.dyes, *(x for x in own if x is not None))
-            wo = [dr.detach(x) if kit.jit else x for x in self.to_pattern(si, si.wi)]
-            position = [dr.detach(x) if kit.jit else x for x in self.place(si)]
-            start, d, state = cloth.begin(position, wo, active)
-            up_sign = dr.select(wo[2] < 0.0, -1.0, 1.0)
-            around = counts = None
-            if b is not None:
-                around = cloth.shadow_direction(b)
-                counts = dr.select(b[2] * up_sign < 0.0, kit.bool(options["layers"]), kit.bool(options["shadowing"]))
-            zero, none = kit.float(0.0), kit.zero_s()
-            loop = {
-                "state": state,
-                "passing": kit.float(1.0),
-                "others": kit.uint(0),
-                "classes": [kit.zero_s() for _ in range(CLASSES)],
-                "plies": kit.zero_s(),
-                # The ply that the line meets: whether there is one, theta_i, h, model, axes x and z; the yarns that dye the light between yarns.
-                "main": {"is": kit.bool(False), "q": [zero] * 8, "model": kit.uint(0)},
-                "dyed": {"is": kit.bool(False), "yarns": [kit.int(0), kit.int(0)]},
-                # The last of the plies beside it, of which those beyond scatter more.
-                "last": {"more": kit.float(1.0), "catch": zero, "class": kit.uint(0), "energy": kit.zero_s()},
-            }
-            if self.gaps is not None:
-                loop["aperture"] = [kit.float(cloth.yarn[k]["spacing"]) for k in (0, 0, 1, 1)]
-            if b is not None:
-                loop |= {"f": kit.zero_s(), "density": zero, "last_f": kit.zero_s(), "last_density": zero}
-            if number is not None:
-                ply = {"q": [zero] * 8, "model": kit.uint(0), "is_warp": kit.bool(False), "yarn": kit.int(0)}
-                loop |= {"chosen": ply, "number": number, "weight": zero, "last_ply": dict(ply)}
+        walk, walked, chosen_ply = _walk.walk, _walk.walked, _walk.chosen_ply
+        plies_light = _walk.plies_light
 
-            def replaced(here, a, b):
-                return {key: [dr.select(here, x, y) for x, y in zip(a[key], b[key])] if key == "q" else dr.select(here, a[key], b[key]) for key in b}
-
-            def body(own, s):
-                s = dict(s)
-                state, which, place = cloth.next_near(start, d, s["state"])
-                hit = cloth.hit(which, start, d, place)
-                model = cloth.model_of(hit)
-                on = state["on"]
-                theta_i, h = hit["theta_i"], hit["h"]
-                main, last = dict(s["main"]), dict(s["last"])
-                is_main = kit.both(kit.both(on, hit["is_hit"]), kit.no(main["is"]))
-                energies = cloth.plies.energies(model, theta_i, h)
-                r_d, met = energies[0], 1.0 - energies[0]
-                arrives = s["passing"]
-                beside = kit.both(on, kit.no(is_main))
-                beside = kit.both(beside, arrives * met >= LEAST_CAUGHT)
-                is_other = kit.both(beside, s["others"] < MAX_NEAR)
-                is_beyond = kit.both(beside, s["others"] >= MAX_NEAR)
-                is_last = kit.both(is_other, s["others"] == MAX_NEAR - 1)
-                counted = is_main | is_other
-                sigma = self.sigma_of(si, own, hit["is_warp"], hit["yarn"])
-                through = cloth.plies.transmittances(model, sigma)
-                energy = kit.S(energies[1]) + cloth.plies.high_energy(energies[2], through)
-                sent = dr.select(counted, arrives * energy, none)
-                s["plies"] = s["plies"] + dr.select(is_last, none, sent)
-                cls = dr.select(hit["is_warp"], kit.uint(0), kit.uint(2)) + dr.select(hit["is_double"], kit.uint(1), kit.uint(0))
-                s["classes"] = [e + dr.select(kit.both(cls == c, kit.no(is_last)), sent, none) for c, e in enumerate(s["classes"])]
-                # Beyond as many as are told apart, the last of them scatters what others catch.
-                more = dr.select(is_beyond, 1.0 + arrives * met / dr.maximum(last["catch"], LEAST_CAUGHT), 1.0)
-                last["more"] = last["more"] * more
-                last["catch"] = dr.select(is_last, arrives * met, last["catch"] * more)
-                last["class"] = dr.select(is_last, cls, last["class"])
-                last["energy"] = last["energy"] + dr.select(is_last, sent, none)
-                if b is not None:
-                    frame = hit["frame"]
-                    v = [dot3(a, b) for a in frame]
-                    refl, high, density = cloth.plies.lobes(model, theta_i, h, sigma, v, energies, gradients)
-                    if self.speckle is not None:
-                        family = dr.select(hit["is_warp"], kit.uint(0), kit.uint(1))
-                        patterns = instance(kit, (kit.uint(hit["yarn"]) * 16 + hit["ply"] * 2 + family), hit["along"], cloth.grain)
-                        factors = self.speckle.factors(model, patterns, dr.sin(theta_i), v, self.lambda_um(si))
-                        refl, high = refl * factors[0], high * factors[1]
-                    exits = cloth.plies.exits(model, theta_i, h, cloth.of_family("radius", hit["is_warp"]))
-                    free = cloth.free(hit, b, exit_lines(exits, v), around, counts)
-                    share = clear_share(sigma)
-                    light = free[0] * refl + (free[2] + share * (free[1] - free[2])) * high
-                    light = dr.select(counted, arrives * light, none)
-                    s["f"] = s["f"] + dr.select(is_last, none, light)
-                    s["last_f"] = s["last_f"] + dr.select(is_last, light, none)
-                    density = dr.select(counted, arrives * (dr.detach(density) if kit.jit else density), 0.0)
-                    s["density"] = s["density"] + dr.select(is_last, 0.0, density)
-                    s["last_density"] = s["last_density"] + dr.select(is_last, density, 0.0)
-                q = [theta_i, h, *hit["frame"][0], *hit["frame"][2]]
-                if self.gaps is not None:
-                    # The line may be moved as far before it meets this ply (src/fabric/place.rs).
-                    per_um = dr.select(hit["is_warp"], hit["frame"][0][0], hit["frame"][0][1])
-                    room = dr.maximum(dr.abs(h) - cloth.of_family("radius", hit["is_warp"]), 0.0) / dr.maximum(dr.abs(per_um), 1e-3)
-                    beyond = (h < 0.0) == (per_um > 0.0)
-                    aside = kit.both(on, kit.no(is_main))
-                    edges = [
-                        kit.both(hit["is_warp"] if k == 0 else kit.no(hit["is_warp"]), beyond if far else kit.no(beyond))
-                        for k in range(2)
-                        for far in (False, True)
-                    ]
-                    s["aperture"] = [dr.select(kit.both(aside, e), dr.minimum(a, room), a) for e, a in zip(edges, s["aperture"])]
-                if number is not None:
-                    weight = dr.select(kit.both(counted, kit.no(is_last)), kit.mean(sent), 0.0)
-                    s["weight"] = s["weight"] + weight
-                    part = dr.select(weight > 0.0, weight / dr.maximum(s["weight"], 1e-30), 0.0)
-                    here = s["number"] < part
-                    s["number"] = _rest(s["number"], part, here)
-                    ply = {"q": q, "model": kit.uint(model), "is_warp": hit["is_warp"], "yarn": hit["yarn"]}
-                    s["chosen"] = replaced(here, ply, s["chosen"])
-                    s["last_ply"] = replaced(is_last, ply, s["last_ply"])
-                main["q"] = [dr.select(is_main, x, y) for x, y in zip(q, main["q"])]
-                main["model"] = dr.select(is_main, kit.uint(model), main["model"])
-                main["is"] = main["is"] | is_main
-                dyed = dict(s["dyed"])
-                takes = kit.both(counted, hit["is_hit"] | (kit.no(dyed["is"])))
-                yarns = [dr.select(hit["is_warp"], hit["yarn"], hit["other"]), dr.select(hit["is_warp"], hit["other"], hit["yarn"])]
-                dyed["yarns"] = [dr.select(takes, x, y) for x, y in zip(yarns, dyed["yarns"])]
-                dyed["is"] = dyed["is"] | takes
-                s["others"] = s["others"] + dr.select(is_other, kit.uint(1), kit.uint(0))
-                passing = dr.select(counted | is_beyond, arrives * r_d, arrives)
-                state = dict(state)
-                state["on"] = kit.both(on, passing >= LEAST_CAUGHT)
-                s |= {"state": state, "passing": passing, "main": main, "last": last, "dyed": dyed}
-                return (s,)
-
-            (s,) = kit.loop((loop,), lambda s: s["state"]["on"], body, "plies", own)
-            last = s["last"]
-            classes = [e + dr.select(last["class"] == c, last["more"] * last["energy"], none) for c, e in enumerate(s["classes"])]
-            yarns = s["dyed"]["yarns"]
-            dyes = [self.sigma_of(si, own, kit.bool(k == 0), yarns[k]) for k in range(2)]
-            up, down, about = cloth.between(wo, classes, dyes)
-            # Chances (set_chances of src/fabric/at.rs).
-            detach = dr.detach if kit.jit else (lambda x: x)
-            of_last = last["more"] * detach(kit.mean(last["energy"]))
-            plies, mean_up, mean_down = (detach(kit.mean(x)) for x in (s["plies"], up, down))
-            plies = plies + of_last
-            direct = dr.maximum(plies - mean_up - mean_down, 0.3 * plies)
-            is_edge = kit.both(s["main"]["is"], kit.bool(options["edges"] and cloth.plies.some_edge))
-            if not cloth.plies.has_edge:
-                is_edge = kit.both(is_edge, cloth.plies.number("edge", s["main"]["model"]) > 0.5)
-            is_aperture, spectra = kit.bool(False), None
-            if self.gaps is not None:
-                spectra = self.gaps.at(s["aperture"])
-                open_ = kit.both(kit.both(spectra[0].passes(), spectra[1].passes()), wo[2] != 0.0)
-                is_aperture = kit.both(kit.no(s["main"]["is"]), open_)
-            is_diffracted = is_edge | is_aperture
-            total = direct + mean_up + mean_down + s["passing"]
-            per = dr.select(total > 0.0, 1.0 / dr.maximum(total, 1e-30), 0.0)
-            out = {
-                "wo": wo,
-                "up_sign": up_sign,
-                "passing": s["passing"],
-                "is_edge": is_edge,
-                "is_aperture": is_aperture,
-                "spectra": spectra,
-                "main": s["main"],
-                "up": up,
-                "down": down,
-                "about": about,
-                "per_ply": dr.select(plies > 0.0, per * direct / dr.maximum(plies, 1e-30), 0.0),
-                "chances": [per * direct, per * dr.select(is_diffracted, s["passing"], 0.0), per * mean_up, per * mean_down],
-                "straight": per * dr.select(is_diffracted, 0.0, s["passing"]),
-                "own": own,
-            }
-            if b is not None:
-                out |= {"f": s["f"] + last["more"] * s["last_f"], "density": s["density"] + last["more"] * s["last_density"]}
-            if self.far is not None:
-                out |= {"far": self.mean_at(si, own, wo), "far_share": share}
-            if number is not None:
-                part = dr.select(of_last > 0.0, of_last / dr.maximum(plies, 1e-30), 0.0)
-                out["chosen"] = replaced(s["number"] < part, s["last_ply"], s["chosen"])
-            return out
+        def directions(self, si, *wo):
+            """Directions of the shading frame in the pattern's, without gradients."""
+            return [[dr.detach(x) if self.kit.jit else x for x in self.to_pattern(si, w)] for w in wo]
 
         def model_eval(self, si, wo, active):
-            kit = self.kit
-            b = [dr.detach(x) if kit.jit else x for x in self.to_pattern(si, wo)]
-            return self.light(si, self.walk(si, active, b=b), b)
+            return self.light(si, self.walked(si, active), self.directions(si, wo))[0]
 
-        def light(self, si, at, b):
-            """f and the density of samples in direction ``b`` of the pattern, of the line that was followed and of the mean over the repeat."""
-            f, pdf = self.near_light(si, at, b)
+        def light(self, si, at, directions):
+            """f and the density of samples in each of these directions of the pattern, of the line that was followed and of the mean over the repeat."""
+            near = [self.near_light(si, at, b, sums) for b, sums in zip(directions, self.plies_light(si, at, directions))]
             if self.far is None:
-                return f, pdf
-            share = at["far_share"]
-            mean, density = self.far.eval(at["far"], b, self.lambda_um(si), self.gaps)
-            far, near = share > 0.0, share < 1.0
-            f = dr.select(near, (1.0 - share) * f, 0.0) + dr.select(far, share * mean, 0.0)
-            density = dr.detach(density) if self.kit.jit else density
-            return f, dr.select(near, (1.0 - share) * pdf, 0.0) + dr.select(far, share * density, 0.0)
+                return near
+            share, out = at["far_share"], []
+            is_far, is_near = share > 0.0, share < 1.0
+            for b, (f, pdf) in zip(directions, near):
+                mean, density = self.far.eval(at["far"], b, self.lambda_um(si), self.gaps)
+                density = dr.detach(density) if self.kit.jit else density
+                f = dr.select(is_near, (1.0 - share) * f, 0.0) + dr.select(is_far, share * mean, 0.0)
+                out.append((f, dr.select(is_near, (1.0 - share) * pdf, 0.0) + dr.select(is_far, share * density, 0.0)))
+            return out
 
-        def near_light(self, si, at, b):
+        def near_light(self, si, at, b, sums):
             kit, cloth = self.kit, self.cloth
+            f, density = sums
             is_up = b[2] * at["up_sign"] >= 0.0
-            f = at["f"] + cloth.between_eval(at["about"], at["up"], at["down"], is_up, b)
+            f = f + cloth.between_eval(at["about"], at["up"], at["down"], is_up, b)
             cos = dr.minimum(dr.abs(b[2]), 1.0)
-            pdf = at["per_ply"] * at["density"] + dr.select(is_up, at["chances"][2], at["chances"][3]) * cos * (1.0 / math.pi)
+            pdf = at["per_ply"] * density + dr.select(is_up, at["chances"][2], at["chances"][3]) * cos * (1.0 / math.pi)
             if cloth.plies.some_edge and cloth.options["edges"]:
                 main = at["main"]
                 theta_i, h, x, z = main["q"][0], main["q"][1], main["q"][2:5], main["q"][5:8]
@@ -442,17 +273,18 @@ def define(Calls):
                 pdf = pdf + dr.select(at["is_aperture"], at["chances"][1] * density, 0.0)
             return f, dr.detach(pdf) if kit.jit else pdf
 
-        def model_sample(self, si, u, active):
-            kit = self.kit
-            return self.drawn(si, self.walk(si, active, number=_another(kit, u)), u)
-
-        def model_both(self, si, wo, u, active):
-            kit = self.kit
-            b = [dr.detach(x) if kit.jit else x for x in self.to_pattern(si, wo)]
-            at = self.walk(si, active, b=b, number=_another(kit, u))
+        def model_drawn(self, si, u, active):
+            at = self.walked(si, active, is_last=True)
             with dr.suspend_grad():
                 drawn = self.drawn(si, at, u)
-            return self.light(si, at, b), drawn
+            return drawn, self.light(si, at, self.directions(si, drawn[0]))[0]
+
+        def model_both(self, si, wo, u, active):
+            at = self.walked(si, active, is_last=True)
+            with dr.suspend_grad():
+                drawn = self.drawn(si, at, u)
+            first, second = self.light(si, at, self.directions(si, wo, drawn[0]))
+            return first, drawn, second
 
         def drawn(self, si, at, u):
             """A direction of the line that was followed, or of the mean over the repeat; whether light goes straight on, its energy and chance."""
@@ -488,7 +320,7 @@ def define(Calls):
                 first.append((here, dr.minimum(left / dr.maximum(chance, 1e-30), 0.9999999)))
                 left = dr.select(found | here, left, left - chance)
                 found = found | here
-            chosen, main = at["chosen"], at["main"]
+            chosen, main = self.chosen_ply(at, _another(kit, u)), at["main"]
 
             def to_fabric(q, w):
                 x, z = q[2:5], q[5:8]
@@ -517,7 +349,7 @@ def define(Calls):
             return b, straight, at["passing"], at["straight"]
 
         def eval_null_transmission(self, si, active=True):
-            return self.kit.S(self.passing_of(self.walk(si, active)))
+            return self.kit.S(self.passing_of(self.walked(si, active)))
 
         def to_string(self):
             return f"plywave_fabric[repeat = {self.repeat_um} um, um_per_uv = {self.um_per_uv}]"
@@ -537,9 +369,3 @@ def _another(kit, u):
         return mi.sample_tea_float32(bits[0], bits[1], 4)
     bits = [int(np.float32(x).view(np.uint32)) for x in u[:2]]
     return float(mi.sample_tea_float32(bits[0], bits[1], 4))
-
-
-def _rest(number, part, here):
-    """What remains of a number in [0, 1) by which a part of all was taken or not."""
-    left = dr.select(here, number / dr.maximum(part, 1e-30), (number - part) / dr.maximum(1.0 - part, 1e-7))
-    return dr.minimum(dr.maximum(left, 0.0), 0.9999999)

@@ -293,34 +293,39 @@ class Plies:
         return sums
 
     def lobes(self, m, theta_i, h_um, sigma, v, energies, unrolled):
-        """f_refl, f_high in direction ``v`` of the ply frame [1/sr] and the sum of mean energies times densities there: over the mean energy it is the density of
+        """:meth:`lobes_towards` in one direction."""
+        return self.lobes_towards(m, theta_i, h_um, sigma, [v], energies, unrolled)[0]
+
+    def lobes_towards(self, m, theta_i, h_um, sigma, directions, energies, unrolled):
+        """f_refl, f_high in each of some directions of the ply frame [1/sr] and the sum of mean energies times densities there: over the mean energy it is the density of
         sampling the lobes. ``energies`` are of :meth:`energies`."""
         kit = self.kit
         cell = self._cell(m, theta_i, h_um)
         through = self.transmittances(m, sigma)
-        v = [dr.select(cell["flip"], -v[0], v[0]), v[1], dr.select(cell["flip"], -v[2], v[2])]
+        directions = [[dr.select(cell["flip"], -v[0], v[0]), v[1], dr.select(cell["flip"], -v[2], v[2])] for v in directions]
 
-        def refl(l, sum_e, sum_g, sum_d):
+        def refl(l, sum_e, sums):
             p = self._refl(cell, l)
-            e = dr.maximum(p[5], p[6])
-            g, d = lobe_value(p, v)
-            return sum_e + e, sum_g + e * g, sum_d + e * d
+            e, frame = dr.maximum(p[5], p[6]), lobe_frame(p)
+            lights = (lobe_value(frame, v) for v in directions)
+            return sum_e + e, [(sum_g + e * g, sum_d + e * d) for (sum_g, sum_d), (g, d) in zip(sums, lights)]
 
         zero = kit.float(0.0)
-        e, g, d = kit.times(self.refl_lobes, (zero, zero, zero), refl, unrolled, "reflection lobes")
-        scale = energies[1] / e
-        f_refl, density = scale * g, scale * d
+        state = (zero, [(zero, zero) for _ in directions])
+        e, of_refl = kit.times(self.refl_lobes, state, refl, unrolled, "reflection lobes")
+        scale_refl = energies[1] / e
 
-        def high(l, sum_e, sum_g, sum_d):
+        def high(l, sum_e, sums):
             p = self._high(cell, l)
-            left = sum((x * t for x, t in zip(p[8:], through)), kit.zero_s()) * dr.maximum(p[5], p[6])
-            g, d = lobe_value(p, v)
-            return sum_e + left, sum_g + left * g, sum_d + left * d
+            left, frame = sum((x * t for x, t in zip(p[8:], through)), kit.zero_s()) * dr.maximum(p[5], p[6]), lobe_frame(p)
+            lights = (lobe_value(frame, v) for v in directions)
+            return sum_e + left, [(sum_g + left * g, sum_d + left * d) for (sum_g, sum_d), (g, d) in zip(sums, lights)]
 
         zero = kit.zero_s()
-        e, g, d = kit.times(self.high_lobes, (zero, zero, zero), high, unrolled, "high-order lobes")
+        state = (zero, [(zero, zero) for _ in directions])
+        e, of_high = kit.times(self.high_lobes, state, high, unrolled, "high-order lobes")
         scale = self.high_energy(energies[2], through) / e
-        return f_refl, scale * g, density + kit.mean(scale * d)
+        return [(scale_refl * a, scale * g, scale_refl * b + kit.mean(scale * d)) for (a, b), (g, d) in zip(of_refl, of_high)]
 
     def draw(self, m, theta_i, h_um, sigma, energies, u, unrolled):
         """A direction of the ply frame drawn from the lobes, by three numbers in [0, 1)."""
@@ -505,19 +510,24 @@ def unit_mean(t1, t2):
     return value
 
 
-def lobe_value(p, v):
+def lobe_frame(p):
+    """What values of a lobe of energy 1 have in common: sines and cosines of its angles, widths, peaks for values and densities."""
+    s1, s2 = root_width(p[3]), root_width(p[4])
+    norm = s1 * s2 * (1.0 / (math.pi * LOG2_E))
+    return [*dr.sincos(p[0]), *dr.sincos(p[1]), *dr.sincos(p[2]), s1, s2, norm / unit_mean(s1 * s1, s2 * s2), norm]
+
+
+def lobe_value(frame, v):
     """Value and density of a lobe of energy 1 in a direction."""
-    (st, ct), (sp, cp), (sx, cx) = dr.sincos(p[0]), dr.sincos(p[1]), dr.sincos(p[2])
+    st, ct, sp, cp, sx, cx, s1, s2, peak, norm = frame
     across, along = cp * v[1] - sp * v[0], cp * v[0] + sp * v[1]
     up, cz = ct * v[2] - st * along, ct * along + st * v[2]
     u, w = cx * across + sx * up, cx * up - sx * across
-    s1, s2 = root_width(p[3]), root_width(p[4])
     su, sw = s1 * u, s2 * w
     q = su * su + sw * sw
     shape = dr.select((cz > 0.0) & (q < 100.0), cz * dr.exp2(-dr.minimum(q, 120.0)), 0.0)
-    norm = s1 * s2 * (1.0 / (math.pi * LOG2_E))
     a = (q + 1e-30) / (u * u + w * w + 1e-30)
-    return shape * norm / unit_mean(s1 * s1, s2 * s2), shape * norm / disc_share(a)
+    return shape * peak, shape * norm / disc_share(a)
 
 
 def disc_point(s1, s2, u1, u2):

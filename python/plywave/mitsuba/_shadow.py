@@ -35,10 +35,10 @@ class Shadows:
             return dr.select(is_warp, warp, weft)
         crossing, phase = (place >> 2, kit.uint(place & 3))
         bits = kit.uint(0)
-        for y in (-1, 0, 1):
-            for c in (-1, 0, 1):
-                on = self.is_on_top(is_warp, hit["yarn"] + y, crossing + c)
-                bits = bits * 2 + dr.select(on, kit.uint(1), kit.uint(0))
+        before, behind = (self.sides(is_warp, hit["yarn"], crossing + c) for c in (-1, 1))
+        for n in range(3):
+            yarn = ((before >> (2 * n)) & 1) * 4 + ((before >> (2 * n + 1)) & 1) * 2 + ((behind >> (2 * n)) & 1)
+            bits = bits * 8 + yarn
         family = dr.select(is_warp, kit.uint(0), kit.uint(1))
         return kit.take_word(self.patterns, (family * PLACES + phase) * 512 + bits)
 

@@ -6,6 +6,7 @@ The formulas are those of ``src/fabric/profile.rs``, ``yarn.rs``, ``place.rs``.
 import math
 
 import drjit as dr
+import numpy as np
 
 from ._kit import cross3, dot3
 
@@ -24,13 +25,12 @@ class Yarns:
         return a if a == b else dr.select(is_warp, a, b)
 
     def modulo(self, x, n):
-        """Of a signed index, 0 to n - 1."""
+        """Of a signed index, less than 2^29 from 0: 0 to n - 1."""
         if n == 1:
             return self.kit.uint(0)
         if not self.kit.jit:
             return int(x) % n
-        r = x % n
-        return self.kit.UInt(dr.select(r < 0, r + n, r))
+        return self.kit.UInt(x + (1 << 29) // n * n) % n
 
     def entry(self, name, is_warp, yarn):
         """Entry of a yarn in the lists of both families that repeat."""
@@ -42,21 +42,27 @@ class Yarns:
             return kit.uint(values[0])
         return dr.select(is_warp, kit.uint(values[0]), kit.uint(values[1]))
 
-    def bit(self, at):
-        if self.draft_word is not None:
-            word = self.kit.UInt(self.draft_word) if self.kit.jit else self.draft_word
-            return ((word >> at) & 1) == 1
-        return ((self.kit.take_word(self.draft, at >> 5) >> (at & 31)) & 1) == 1
+    @staticmethod
+    def sides_of(draft):
+        """On which side yarns are at their crossings, by family, yarn and crossing, a word each: bits 0 and 1 for the yarn before this one, at this crossing and the next, 2 and 3 for
+        this yarn, 4 and 5 for the yarn behind it."""
+        words = []
+        for up in (draft.T.astype(bool), ~draft.astype(bool)):
+            word = np.zeros(up.shape, np.uint32)
+            for n, yarn in enumerate((-1, 0, 1)):
+                for crossing in (0, 1):
+                    word |= np.roll(up, (-yarn, -crossing), (0, 1)).astype(np.uint32) << (2 * n + crossing)
+            words.append(word.ravel())
+        return np.concatenate(words)
 
-    def is_on_top(self, is_warp, yarn, crossing):
-        """Whether a yarn lies above at a crossing with the other family; ``is_warp`` may be a Python bool."""
-        if is_warp is True:
-            return self.bit(self.modulo(crossing, self.picks) * self.ends + self.modulo(yarn, self.ends))
-        if is_warp is False:
-            up = self.bit(self.modulo(yarn, self.picks) * self.ends + self.modulo(crossing, self.ends))
-            return ~up if self.kit.jit else not up
-        pick, end = dr.select(is_warp, crossing, yarn), dr.select(is_warp, yarn, crossing)
-        return self.bit(self.modulo(pick, self.picks) * self.ends + self.modulo(end, self.ends)) == is_warp
+    def sides(self, is_warp, yarn, crossing):
+        """The word of :meth:`sides_of`; ``is_warp`` may be a Python bool."""
+        kit, ends, picks = self.kit, self.ends, self.picks
+        if isinstance(is_warp, bool):
+            yarns, crossings, first = (ends, picks, 0) if is_warp else (picks, ends, ends * picks)
+            return kit.take_word(self.side_words, self.modulo(yarn, yarns) * crossings + self.modulo(crossing, crossings) + first)
+        end, pick = (self.modulo(dr.select(is_warp, a, b), n) for a, b, n in ((yarn, crossing, ends), (crossing, yarn, picks)))
+        return kit.take_word(self.side_words, dr.select(is_warp, end * picks + pick, pick * ends + end + ends * picks))
 
     def joined(self, of, start, to, u):
         """Height and slope of an axis at the share ``u`` of the way from a crossing to the next (src/fabric/profile.rs)."""
@@ -71,10 +77,21 @@ class Yarns:
         height = dr.select(level, side * of("amplitude"), dr.select(far, -side * height, side * height))
         return height, dr.select(level, 0.0, side * slope)
 
+    def bent(self, yarn, u):
+        """Height at the share ``u`` of the way from a crossing where a yarn of a family is on top to one where it is below, and the squared cosine of its lean."""
+        far = u > 0.5
+        x = yarn["step"] * dr.select(far, 1.0 - u, u)
+        straight = x >= yarn["arc"]
+        depth = dr.sqrt(dr.maximum(yarn["arc_radius"] * yarn["arc_radius"] - x * x, 1e-12))
+        height = dr.select(straight, yarn["steepest"] * (0.5 * yarn["step"] - x), yarn["amplitude"] - yarn["arc_radius"] + depth)
+        arc = depth / yarn["arc_radius"]
+        return dr.select(far, -height, height), dr.select(straight, 1.0 / (1.0 + yarn["steepest"] * yarn["steepest"]), arc * arc)
+
     def axis_at(self, is_warp, yarn, along):
         whole, first = self.kit.floor(along * self.other_family("per_spacing", is_warp) - 0.5)
         u = along * self.other_family("per_spacing", is_warp) - 0.5 - whole
-        start, to = self.is_on_top(is_warp, yarn, first), self.is_on_top(is_warp, yarn, first + 1)
+        word = self.sides(is_warp, yarn, first)
+        start, to = (word & 4) != 0, (word & 8) != 0
         return self.joined(lambda key: self.of_family(key, is_warp), start, to, u)
 
     def turns(self, is_warp, yarn, along):

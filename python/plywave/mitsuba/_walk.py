@@ -1,0 +1,260 @@
+"""The way of a line through a fabric and the light of the plies on it, in Dr.Jit (``src/fabric/bsdf.rs``, ``at.rs``).
+
+A walk finds what does not depend on the direction of the light: the plies that the line comes near, what passes them, what they send to other yarns. It keeps of each ply its
+yarn and its place on the line, a few at most, and draws one of them for a sample. A second loop adds up their light in as many directions as are asked for at once, so that what is
+interpolated at a ply is interpolated once.
+
+Mitsuba 3.9 does not hand ``eval_pdf_sample`` on to plugins in Python: it calls ``eval_pdf`` and then ``sample``, of the same point. So what was found for one point stays until the
+next is asked for, while kernels are recorded; it is known again by the variables that describe it.
+"""
+
+import drjit as dr
+
+from ._between import CLASSES
+from ._cloth import LEAST_CAUGHT, MAX_NEAR
+from ._flight import NO_YARN
+from ._kit import dot3
+from ._ply import clear_share, exit_lines
+from ._speckle import instance
+
+#: Plies that are kept: the one that the line meets, and those beside it.
+KEPT = MAX_NEAR + 1
+
+
+def walked(self, si, active, is_last=False):
+    """:meth:`walk`, or what it found before of the same point; kept for the next call but for the last of a point."""
+    if not (self.kit.jit and dr.flag(dr.JitFlag.SymbolicScope)):
+        return walk(self, si, active)
+    inputs = [self.kit.bool(active), si.wi, si.uv, si.dp_du, si.dp_dv, si.sh_frame.n, si.t, si.duv_dx, si.duv_dy, si.p, si.prim_index, si.wavelengths, si.time]
+    variables = list(_variables(inputs))
+    # Where gradients are suspended, the answer has none.
+    key = ([(v.index, getattr(v, "index_ad", 0)) for v in variables], dr.grad_enabled(self.probe))
+    last, self.last = self.last, None
+    at = last[2] if last is not None and last[0] == key else walk(self, si, active)
+    if not is_last and not dr.grad_enabled(at["up"], at["down"], *(x for x in at["own"] if x is not None)):
+        # What has gradients is not kept. The variables are kept too, so that their numbers are not given to others.
+        self.last = (key, variables, at)
+    return at
+
+
+def _variables(value):
+    """All Dr.Jit variables of arrays in a list."""
+    if isinstance(value, list):
+        for v in value:
+            yield from _variables(v)
+    elif dr.is_array_v(value):
+        if dr.depth_v(value) > 1:
+            for i in range(len(value)):
+                yield from _variables(value[i])
+        else:
+            yield value
+
+
+def walk(self, si, active):
+    """Follows the line of ``si.wi`` through the cloth."""
+    kit, cloth = self.kit, self.cloth
+    options = cloth.options
+    own = self.own_sigmas(si, active)
+    if self.far is not None:
+        share = self.far_share(si)
+        active = kit.both(active, share < 1.0)
+    detach = dr.detach if kit.jit else (lambda x: x)
+    wo = [detach(x) for x in self.to_pattern(si, si.wi)]
+    position = [detach(x) for x in self.place(si)]
+    start, d, state = cloth.begin(position, wo, active)
+    up_sign = dr.select(wo[2] < 0.0, -1.0, 1.0)
+    zero, none = kit.float(0.0), kit.zero_s()
+    loop = {
+        "state": state,
+        "passing": kit.float(1.0),
+        "others": kit.uint(0),
+        # What is kept of each ply: its yarn, where on the line, how much light comes to it, the mean energy that it scatters; how many, and which is the last of those that
+        # are told apart.
+        "kept": {key: [kit.int(NO_YARN) if key == "yarn" else zero] * KEPT for key in ("yarn", "place", "arrives", "weight")},
+        "count": kit.uint(0),
+        "last_kept": kit.uint(KEPT),
+        "classes": [kit.zero_s() for _ in range(CLASSES)],
+        "plies": kit.zero_s(),
+        # The ply that the line meets: whether there is one, theta_i, h, model, axes x and z; the yarns that dye the light between yarns.
+        "main": {"is": kit.bool(False), "q": [zero] * 8, "model": kit.uint(0)},
+        "dyed": {"is": kit.bool(False), "yarns": [kit.int(0), kit.int(0)]},
+        # The last of the plies beside it, of which those beyond scatter more.
+        "last": {"more": kit.float(1.0), "catch": zero, "class": kit.uint(0), "energy": kit.zero_s()},
+    }
+    if self.gaps is not None:
+        loop["aperture"] = [kit.float(cloth.yarn[k]["spacing"]) for k in (0, 0, 1, 1)]
+
+    def body(own, s):
+        s = dict(s)
+        state, which, place = cloth.next_near(start, d, s["state"])
+        hit = cloth.hit(which, start, d, place)
+        model = cloth.model_of(hit)
+        on = state["on"]
+        theta_i, h = hit["theta_i"], hit["h"]
+        main, last = dict(s["main"]), dict(s["last"])
+        is_main = kit.both(kit.both(on, hit["is_hit"]), kit.no(main["is"]))
+        energies = cloth.plies.energies(model, theta_i, h)
+        r_d, met = energies[0], 1.0 - energies[0]
+        arrives = s["passing"]
+        beside = kit.both(on, kit.no(is_main))
+        beside = kit.both(beside, arrives * met >= LEAST_CAUGHT)
+        is_other = kit.both(beside, s["others"] < MAX_NEAR)
+        is_beyond = kit.both(beside, s["others"] >= MAX_NEAR)
+        is_last = kit.both(is_other, s["others"] == MAX_NEAR - 1)
+        counted = is_main | is_other
+        sigma = self.sigma_of(si, own, hit["is_warp"], hit["yarn"])
+        through = cloth.plies.transmittances(model, sigma)
+        energy = kit.S(energies[1]) + cloth.plies.high_energy(energies[2], through)
+        sent = dr.select(counted, arrives * energy, none)
+        s["plies"] = s["plies"] + dr.select(is_last, none, sent)
+        cls = dr.select(hit["is_warp"], kit.uint(0), kit.uint(2)) + dr.select(hit["is_double"], kit.uint(1), kit.uint(0))
+        s["classes"] = [e + dr.select(kit.both(cls == c, kit.no(is_last)), sent, none) for c, e in enumerate(s["classes"])]
+        # Beyond as many as are told apart, the last of them scatters what others catch.
+        more = dr.select(is_beyond, 1.0 + arrives * met / dr.maximum(last["catch"], LEAST_CAUGHT), 1.0)
+        last["more"] = last["more"] * more
+        last["catch"] = dr.select(is_last, arrives * met, last["catch"] * more)
+        last["class"] = dr.select(is_last, cls, last["class"])
+        last["energy"] = last["energy"] + dr.select(is_last, sent, none)
+        new = {"yarn": which, "place": place, "arrives": arrives, "weight": detach(kit.mean(sent))}
+        at = [kit.both(counted, s["count"] == i) for i in range(KEPT)]
+        s["kept"] = {key: [dr.select(here, new[key], x) for here, x in zip(at, old)] for key, old in s["kept"].items()}
+        s["last_kept"] = dr.select(is_last, s["count"], s["last_kept"])
+        s["count"] = s["count"] + dr.select(counted, kit.uint(1), kit.uint(0))
+        q = [theta_i, h, *hit["frame"][0], *hit["frame"][2]]
+        if self.gaps is not None:
+            # The line may be moved as far before it meets this ply (src/fabric/place.rs).
+            per_um = dr.select(hit["is_warp"], hit["frame"][0][0], hit["frame"][0][1])
+            room = dr.maximum(dr.abs(h) - cloth.of_family("radius", hit["is_warp"]), 0.0) / dr.maximum(dr.abs(per_um), 1e-3)
+            beyond = (h < 0.0) == (per_um > 0.0)
+            aside = kit.both(on, kit.no(is_main))
+            edges = [
+                kit.both(hit["is_warp"] if k == 0 else kit.no(hit["is_warp"]), beyond if far else kit.no(beyond))
+                for k in range(2)
+                for far in (False, True)
+            ]
+            s["aperture"] = [dr.select(kit.both(aside, e), dr.minimum(a, room), a) for e, a in zip(edges, s["aperture"])]
+        main["q"] = [dr.select(is_main, x, y) for x, y in zip(q, main["q"])]
+        main["model"] = dr.select(is_main, kit.uint(model), main["model"])
+        main["is"] = main["is"] | is_main
+        dyed = dict(s["dyed"])
+        takes = kit.both(counted, hit["is_hit"] | (kit.no(dyed["is"])))
+        yarns = [dr.select(hit["is_warp"], hit["yarn"], hit["other"]), dr.select(hit["is_warp"], hit["other"], hit["yarn"])]
+        dyed["yarns"] = [dr.select(takes, x, y) for x, y in zip(yarns, dyed["yarns"])]
+        dyed["is"] = dyed["is"] | takes
+        s["others"] = s["others"] + dr.select(is_other, kit.uint(1), kit.uint(0))
+        passing = dr.select(counted | is_beyond, arrives * r_d, arrives)
+        state = dict(state)
+        state["on"] = kit.both(on, passing >= LEAST_CAUGHT)
+        s |= {"state": state, "passing": passing, "main": main, "last": last, "dyed": dyed}
+        return (s,)
+
+    (s,) = kit.loop((loop,), lambda s: s["state"]["on"], body, "plies", own)
+    last = s["last"]
+    classes = [e + dr.select(last["class"] == c, last["more"] * last["energy"], none) for c, e in enumerate(s["classes"])]
+    yarns = s["dyed"]["yarns"]
+    dyes = [self.sigma_of(si, own, kit.bool(k == 0), yarns[k]) for k in range(2)]
+    up, down, about = cloth.between(wo, classes, dyes)
+    # Chances (set_chances of src/fabric/at.rs).
+    of_last = last["more"] * detach(kit.mean(last["energy"]))
+    plies, mean_up, mean_down = (detach(kit.mean(x)) for x in (s["plies"], up, down))
+    plies = plies + of_last
+    direct = dr.maximum(plies - mean_up - mean_down, 0.3 * plies)
+    is_edge = kit.both(s["main"]["is"], kit.bool(options["edges"] and cloth.plies.some_edge))
+    if not cloth.plies.has_edge:
+        is_edge = kit.both(is_edge, cloth.plies.number("edge", s["main"]["model"]) > 0.5)
+    is_aperture, spectra = kit.bool(False), None
+    if self.gaps is not None:
+        spectra = self.gaps.at(s["aperture"])
+        open_ = kit.both(kit.both(spectra[0].passes(), spectra[1].passes()), wo[2] != 0.0)
+        is_aperture = kit.both(kit.no(s["main"]["is"]), open_)
+    is_diffracted = is_edge | is_aperture
+    total = direct + mean_up + mean_down + s["passing"]
+    per = dr.select(total > 0.0, 1.0 / dr.maximum(total, 1e-30), 0.0)
+    out = {
+        "wo": wo,
+        "up_sign": up_sign,
+        "passing": s["passing"],
+        "is_edge": is_edge,
+        "is_aperture": is_aperture,
+        "spectra": spectra,
+        "main": s["main"],
+        "up": up,
+        "down": down,
+        "about": about,
+        "per_ply": dr.select(plies > 0.0, per * direct / dr.maximum(plies, 1e-30), 0.0),
+        "chances": [per * direct, per * dr.select(is_diffracted, s["passing"], 0.0), per * mean_up, per * mean_down],
+        "straight": per * dr.select(is_diffracted, 0.0, s["passing"]),
+        "own": own,
+        "line": (start, d),
+        "kept": s["kept"],
+        "count": s["count"],
+        "last_kept": s["last_kept"],
+        "more": last["more"],
+    }
+    if self.far is not None:
+        out |= {"far": self.mean_at(si, own, wo), "far_share": share}
+    return out
+
+
+def plies_light(self, si, at, directions):
+    """f of the plies of a walk and the sum of energies times densities of their lobes, in each of these directions of the pattern."""
+    kit, cloth = self.kit, self.cloth
+    options, own, (start, d) = cloth.options, at["own"], at["line"]
+    gradients = kit.jit and dr.grad_enabled(self.dyes, *(x for x in own if x is not None))
+    arounds = [cloth.shadow_direction(b) for b in directions]
+    counts = [dr.select(b[2] * at["up_sign"] < 0.0, kit.bool(options["layers"]), kit.bool(options["shadowing"])) for b in directions]
+    detach = dr.detach if kit.jit else (lambda x: x)
+    kept = {key: [detach(x) for x in values] for key, values in at["kept"].items()}
+
+    def body(own, i, sums):
+        which, place, arrives = (_of(kept[key], i) for key in ("yarn", "place", "arrives"))
+        arrives = dr.select(i == at["last_kept"], arrives * at["more"], arrives)
+        hit = cloth.hit(which, start, d, place)
+        model = cloth.model_of(hit)
+        theta_i, h, frame = hit["theta_i"], hit["h"], hit["frame"]
+        sigma = self.sigma_of(si, own, hit["is_warp"], hit["yarn"])
+        energies = cloth.plies.energies(model, theta_i, h)
+        towards = [[dot3(a, b) for a in frame] for b in directions]
+        lights = cloth.plies.lobes_towards(model, theta_i, h, sigma, towards, energies, gradients)
+        exits = cloth.plies.exits(model, theta_i, h, cloth.of_family("radius", hit["is_warp"]))
+        share, out = clear_share(sigma), []
+        for n, (b, v, (refl, high, density)) in enumerate(zip(directions, towards, lights)):
+            if self.speckle is not None:
+                family = dr.select(hit["is_warp"], kit.uint(0), kit.uint(1))
+                patterns = instance(kit, (kit.uint(hit["yarn"]) * 16 + hit["ply"] * 2 + family), hit["along"], cloth.grain)
+                factors = self.speckle.factors(model, patterns, dr.sin(theta_i), v, self.lambda_um(si))
+                refl, high = refl * factors[0], high * factors[1]
+            free = cloth.free(hit, b, exit_lines(exits, v), arounds[n], counts[n])
+            light = free[0] * refl + (free[2] + share * (free[1] - free[2])) * high
+            f, sum_d = sums[n]
+            out.append((f + arrives * light, sum_d + arrives * detach(density)))
+        return i + 1, out
+
+    state = (kit.uint(0), [(kit.zero_s(), kit.float(0.0)) for _ in directions])
+    _, sums = kit.loop(state, lambda i, sums: i < at["count"], body, "light of plies", own)
+    return sums
+
+
+def chosen_ply(self, at, number):
+    """One of the plies of a walk, by a number in [0, 1), as often as by its energy."""
+    kit, cloth, (start, d) = self.kit, self.cloth, at["line"]
+    detach = dr.detach if kit.jit else (lambda x: x)
+    sums = []
+    for i, weight in enumerate(at["kept"]["weight"]):
+        weight = dr.select(at["last_kept"] == i, weight * at["more"], weight)
+        sums.append(detach(weight) + (sums[-1] if sums else 0.0))
+    chosen, threshold = kit.uint(0), number * sums[-1]
+    for i in range(KEPT - 1):
+        chosen = dr.select(threshold >= sums[i], kit.uint(i + 1), chosen)
+    chosen = dr.minimum(chosen, dr.maximum(at["count"], 1) - 1)
+    hit = cloth.hit(_of(at["kept"]["yarn"], chosen), start, d, detach(_of(at["kept"]["place"], chosen)))
+    q = [hit["theta_i"], hit["h"], *hit["frame"][0], *hit["frame"][2]]
+    return {"q": q, "model": cloth.model_of(hit), "is_warp": hit["is_warp"], "yarn": hit["yarn"]}
+
+
+def _of(values, i):
+    """An entry of a short list by its number."""
+    value = values[0]
+    for n in range(1, len(values)):
+        value = dr.select(i == n, values[n], value)
+    return value
