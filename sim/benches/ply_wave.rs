@@ -1,7 +1,8 @@
 //! Plies of clear fibers (eta 1.55) of 15 um at 0.4 um, each 0.2 um from a neighbor, every second one an ellipse of 7.5 x 6 um turned at random: 13 beams
 //! (w0 10 um, h across the ply) in both polarizations at a far-field error of 1e-3, by the compressed solver.
 //!
-//! `cargo bench -p plywave-sim --bench ply_wave -- [fibers ..] [circles] [theta=DEG] [tolerance=T] [truth=T]`. Errors are the largest relative L2 difference over
+//! `cargo bench -p plywave-sim --bench ply_wave -- [fibers ..] [circles] [merged] [theta=DEG] [tolerance=T] [truth=T]`. With `merged` the coupled system is
+//! solved by merging groups of fibers, and the truth is that of the system solved whole at the tolerance `truth`. Errors are the largest relative L2 difference over
 //! azimuths, beams and polarizations, from the run at the tolerance `truth` (left out for 0), which is
 //! by the multipole series where all fibers are circles.
 //! Seconds are of the clock and of all threads together; the peak is the process' own so far.
@@ -43,8 +44,8 @@ fn encloses(body: &Body, z: C64) -> bool {
 /// Fibers slid from the sites of a hexagonal lattice towards its middle until they are as close as the gap allows.
 fn ply(count: usize, circles: bool) -> Vec<Body> {
     let mut rng = Pcg64Mcg::seed_from_u64(3);
-    let mut sites: Vec<C64> = (-6..=6)
-        .flat_map(|i| (-6..=6).map(move |j| C64::new(i as f64 + 0.5 * j as f64, 0.75f64.sqrt() * j as f64)))
+    let mut sites: Vec<C64> = (-10..=10)
+        .flat_map(|i| (-10..=10).map(move |j| C64::new(i as f64 + 0.5 * j as f64, 0.75f64.sqrt() * j as f64)))
         .collect();
     // The small part orders sites of one distance.
     let rank = |z: &C64| z.norm() + 1e-6 * z.arg();
@@ -62,9 +63,14 @@ fn ply(count: usize, circles: bool) -> Vec<Body> {
             let middle = 0.5 * (low + high);
             new.center_um = [far.re * middle, far.im * middle];
             let hits = all.iter().any(|other| {
-                (0..720)
-                    .map(|k| k as f64 * TAU / 720.0)
-                    .any(|t| encloses(&new, outline(other, t, GAP_UM)) || encloses(other, outline(&new, t, GAP_UM)))
+                let apart = [0, 1].map(|k| other.center_um[k] - new.center_um[k]);
+                let apart = apart[0].hypot(apart[1]);
+                // One on top of the other encloses no outline around it.
+                apart < 2.0 * SEMI_AXES_UM[1]
+                    || apart < 2.0 * (a_um + GAP_UM)
+                        && (0..720).map(|k| k as f64 * TAU / 720.0).any(|t| {
+                            encloses(&new, outline(other, t, GAP_UM)) || encloses(other, outline(&new, t, GAP_UM))
+                        })
             });
             if hits { low = middle } else { high = middle }
         }
@@ -117,13 +123,14 @@ fn main() {
         return;
     }
     let (mut counts, mut thetas, mut tolerance, mut truth) = (Vec::new(), Vec::new(), 1e-3, 1e-5);
-    let mut circles = false;
+    let (mut circles, mut merged) = (false, false);
     for argument in std::env::args().skip(1).filter(|a| a != "--bench") {
         match argument.split_once('=') {
             Some(("theta", v)) => thetas.push(v.parse::<f64>().expect("degrees")),
             Some(("tolerance", v)) => tolerance = v.parse().expect("a number"),
             Some(("truth", v)) => truth = v.parse().expect("a number"),
             _ if argument == "circles" => circles = true,
+            _ if argument == "merged" => merged = true,
             _ => counts.push(argument.parse::<usize>().expect("a number of fibers, theta=, tolerance= or truth=")),
         }
     }
@@ -141,7 +148,8 @@ fn main() {
         for &theta in &thetas {
             let wave = Wave { lambda_um: 0.4, theta_i: theta.to_radians() };
             let (begun, ran) = (Instant::now(), running());
-            let solver = CompressedSolver::new(&bodies, &wave, tolerance).expect("a sound ply");
+            let prepare = if merged { CompressedSolver::hierarchical } else { CompressedSolver::new };
+            let solver = prepare(&bodies, &wave, tolerance).expect("a sound ply");
             let prepared = begun.elapsed().as_secs_f64();
             let got = solver.scatter(&sources, 1440).expect("a solve");
             let scattered = begun.elapsed().as_secs_f64() - prepared;

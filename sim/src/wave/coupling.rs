@@ -14,9 +14,12 @@ use faer::traits::ComplexField;
 use faer::{Accum, MatMut, MatRef, Par};
 use num_complex::Complex32;
 use rayon::prelude::*;
+use std::ops::AddAssign;
 
 /// Tolerance from which on single precision serves.
 pub(crate) const SINGLE: f64 = 1e-6;
+/// Sites whose equations are checked where a system is not solved whole.
+const WITNESSES: usize = 1024;
 /// Most refinements.
 const REFINEMENTS: usize = 30;
 
@@ -53,6 +56,58 @@ impl Coupling<'_> {
                 out
             })
             .collect()
+    }
+
+    /// Residual of the equations of some sites, spread over all bodies, for strengths that v makes them radiate: root mean square over that of the external fields
+    /// at the same sites, the largest of all columns. Arrays as in [`solve`](Self::solve).
+    pub(crate) fn witness(&self, strengths: &[Vec<C64>], v: &[Vec<C64>], external: &[Vec<C64>], fields: usize) -> f64 {
+        let all: usize = self.sites.iter().map(|s| s.len()).sum();
+        let columns = v[0].len() / (fields * self.sites[0].len());
+        let apart = (all as f64 / WITNESSES as f64).max(1.0);
+        let mut next = 0.5 * apart;
+        let mut first = 0;
+        let mut chosen: Vec<Vec<usize>> = Vec::new();
+        for sites in &self.sites {
+            let mut own = Vec::new();
+            while next < (first + sites.len()) as f64 {
+                own.push(next as usize - first);
+                next += apart;
+            }
+            first += sites.len();
+            chosen.push(own);
+        }
+        let sums: Vec<Vec<[f64; 2]>> = (0..self.sites.len())
+            .into_par_iter()
+            .filter(|&b| !chosen[b].is_empty())
+            .map(|b| {
+                let (rows, k) = (&chosen[b], self.sites[b].len());
+                let mut arrived = vec![C64::ZERO; rows.len() * fields * columns];
+                for (c, strengths) in strengths.iter().enumerate().filter(|(c, _)| *c != b) {
+                    let mut block = Vec::with_capacity(rows.len() * self.sites[c].len());
+                    for source in self.sites[c] {
+                        block
+                            .extend(rows.iter().map(|&j| combined(self.kernel, self.k_rho, &self.sites[b][j], source)));
+                    }
+                    product(&mut arrived, Accum::Add, &block, rows.len(), strengths, self.sites[c].len(), C64::ONE);
+                }
+                let mut sums = vec![[0.0; 2]; columns];
+                for (column, arrived) in arrived.chunks(rows.len()).enumerate() {
+                    let sum = &mut sums[column / fields];
+                    for (arrived, &j) in arrived.iter().zip(rows) {
+                        let external = external[b][column * k + j];
+                        sum[0] += (external + arrived - v[b][column * k + j]).norm_sqr();
+                        sum[1] += external.norm_sqr();
+                    }
+                }
+                sums
+            })
+            .collect();
+        (0..columns)
+            .map(|column| {
+                let sum = |k: usize| sums.iter().map(|s| s[column][k]).sum::<f64>();
+                if sum(1) == 0.0 { 0.0 } else { (sum(0) / sum(1)).sqrt() }
+            })
+            .fold(0.0, |worst: f64, r| if r.is_nan() { f64::NAN } else { worst.max(r) })
     }
 
     /// `1 - K T` in one precision for several T at once (`[system][body]`, each `fields k` square), bodies' unknowns one after the other, fields of one side by side.
@@ -204,7 +259,7 @@ impl Coupling<'_> {
                 lu.solve(MatMut::from_column_major_slice_mut(&mut small, n, columns));
                 for ((rhs, small), scale) in rhs.chunks_mut(n).zip(small.chunks(n)).zip(&scales) {
                     for (out, value) in rhs.iter_mut().zip(small) {
-                        *out = C64::new(f64::from(value.re), f64::from(value.im)) * *scale;
+                        *out = value.wide() * *scale;
                     }
                 }
             }
@@ -245,19 +300,28 @@ pub(crate) fn product(out: &mut [C64], accum: Accum, a: &[C64], rows: usize, b: 
 }
 
 /// Complex numbers of either precision.
-trait Number: ComplexField + Copy + Send + Sync {
+pub(crate) trait Number: ComplexField + Copy + Send + Sync + AddAssign {
     fn round(value: C64) -> Self;
+    fn wide(self) -> C64;
 }
 
 impl Number for C64 {
     fn round(value: C64) -> Self {
         value
     }
+
+    fn wide(self) -> C64 {
+        self
+    }
 }
 
 impl Number for Complex32 {
     fn round(value: C64) -> Self {
         Complex32::new(value.re as f32, value.im as f32)
+    }
+
+    fn wide(self) -> C64 {
+        C64::new(f64::from(self.re), f64::from(self.im))
     }
 }
 

@@ -17,6 +17,8 @@
 //! Conventions: exp(-i omega t), index eta + i kappa with kappa >= 0 absorbing, outgoing waves H^(1), phase zero at the origin.
 
 mod assemble;
+mod basis;
+mod choice;
 mod circle;
 mod close;
 mod compare;
@@ -29,6 +31,10 @@ mod coupling;
 mod curve;
 mod entries;
 mod error;
+mod hierarchy;
+#[cfg(test)]
+mod hierarchy_tests;
+mod interpolate;
 mod kernel;
 mod likeness;
 mod lu;
@@ -40,6 +46,7 @@ mod multipole_tests;
 mod nystrom;
 #[cfg(test)]
 mod nystrom_tests;
+mod placement;
 mod rays;
 mod scatter;
 mod scene;

@@ -3,6 +3,7 @@
 //! A slice is solved by one factorization for all its sources. Slices run side by side as far as memory allows; a single one is left to the
 //! solver's own threads. Nothing is scaled to make powers add up: a case whose ledger does not balance is an error.
 
+use super::choice::{by_shape, candidates};
 use super::scene::degrees;
 use super::{
     Body, C64, CompressedSolver, Method, MieSolver, MultipoleSolver, NystromSolver, Polarization, Scattered, Scene,
@@ -124,40 +125,16 @@ fn passes_on(error: &WaveError) -> bool {
     matches!(error, Unsupported { .. } | Unreachable { .. } | TooLarge { .. } | NotConverged { .. } | Ledger { .. })
 }
 
-/// Solvers to be tried for a scene, the cheapest first.
-fn candidates(scene: &Scene) -> Vec<Method> {
-    if scene.method == Method::Auto { by_shape(&scene.bodies) } else { vec![scene.method] }
-}
-
-/// Solvers that serve these fibers, the cheapest first.
-fn by_shape(fibers: &[Body]) -> Vec<Method> {
-    let series = fibers.iter().all(is_concentric);
-    match fibers.len() {
-        1 if series => vec![Method::Mie],
-        1 => vec![Method::Nystrom],
-        // Measured on 2 to 19 fibers of 1 to 5 um: multipoles are 4 to 30 times faster than either of the others. They fail where walls all but touch.
-        _ if series => vec![Method::Multipole, Method::Compressed, Method::Nystrom],
-        // On a level for two fibers of 1 um, 4 to 9 times faster for 19 of them. Tolerances below its reach are left to the other.
-        _ => vec![Method::Compressed, Method::Nystrom],
-    }
-}
-
 /// The cheapest solver that takes these fibers at this wave.
 pub(crate) fn solver_of(fibers: &[Body], wave: &Wave, tolerance: f64) -> Result<Solver, WaveError> {
     let mut refusal = None;
-    for method in by_shape(fibers) {
+    for method in by_shape(fibers, wave, tolerance) {
         match prepare(method, fibers, wave, tolerance) {
             Err(error) if passes_on(&error) => refusal = Some(error),
             done => return done,
         }
     }
     Err(refusal.unwrap_or_else(|| unsupported(Method::Auto, "finds no solver for these fibers", "use other shapes")))
-}
-
-/// Whether the body and its lumens are circles about one center.
-fn is_concentric(body: &Body) -> bool {
-    let inner = |lumen: &Body| lumen.center_um == body.center_um && is_concentric(lumen);
-    matches!(body.shape, Shape::Circle { .. }) && body.lumen.as_deref().is_none_or(inner)
 }
 
 /// The solver of one slice.
@@ -177,12 +154,16 @@ fn prepare(method: Method, bodies: &[Body], wave: &Wave, tolerance: f64) -> Resu
             Box::new(NystromSolver::new(bodies, wave, tolerance)?)
         }
         Method::Multipole => Box::new(MultipoleSolver::new(bodies, wave, tolerance)?),
-        Method::Compressed => {
+        Method::Compressed | Method::Hierarchical => {
             // Every node meets those of its own fiber.
             let own: Vec<f64> = bodies.iter().map(|b| least_unknowns(std::slice::from_ref(b), wave)).collect();
             let unknowns: f64 = own.iter().sum();
             check_memory(unknowns, 64.0 * unknowns + 4.0 * own.iter().fold(0.0, |a: f64, &b| a.max(b)).powi(2))?;
-            Box::new(CompressedSolver::new(bodies, wave, tolerance)?)
+            if method == Method::Compressed {
+                Box::new(CompressedSolver::new(bodies, wave, tolerance)?)
+            } else {
+                Box::new(CompressedSolver::hierarchical(bodies, wave, tolerance)?)
+            }
         }
     })
 }
@@ -195,7 +176,7 @@ fn least_unknowns(bodies: &[Body], wave: &Wave) -> f64 {
 }
 
 /// The length of a wall, or less [um].
-fn least_length(shape: &Shape) -> f64 {
+pub(super) fn least_length(shape: &Shape) -> f64 {
     match shape {
         Shape::Circle { radius_um } => TAU * radius_um,
         Shape::Ellipse { a_um, b_um } => 4.0 * a_um.max(*b_um),
@@ -366,7 +347,7 @@ impl Job for ScatterJob<'_> {
         // Cases that a method solved before it failed are not told again of the next one.
         let told = AtomicU64::new(0);
         let tell = |done: u64| progress(done.saturating_sub(told.fetch_max(done, Ordering::Relaxed)));
-        for method in candidates(&self.scene) {
+        for method in candidates(&self.scene, wave) {
             match self.slice(method, wave, stop, &tell) {
                 Err(error) if passes_on(&error) => refusal = Some(error),
                 done => return Ok(done?),
@@ -421,8 +402,9 @@ impl Job for ScatterJob<'_> {
     }
 }
 
-/// Methods in the order of their cost.
-const METHODS: [Method; 5] = [Method::Auto, Method::Mie, Method::Multipole, Method::Compressed, Method::Nystrom];
+/// Methods in the order of their cost for few fibers; the one for many comes last.
+const METHODS: [Method; 6] =
+    [Method::Auto, Method::Mie, Method::Multipole, Method::Compressed, Method::Nystrom, Method::Hierarchical];
 
 /// The method of a number in a part.
 fn method_of(number: f64) -> Option<Method> {
@@ -549,6 +531,7 @@ mod tests {
             (pair(&circle), 1e-9, "multipole"),
             (pair(&oval), 1e-6, "compressed"),
             (pair(&oval), 1e-9, "nystrom"),
+            ((0..9).map(|i| oval(f64::from(i))).collect(), 1e-3, "compressed"),
         ] {
             let text = format!("lambda_um = [1]\nphi_i_deg = [0]\ntolerance = {tolerance}\n{fibers}");
             let report = solve(&Scene::parse(&text).unwrap()).unwrap();

@@ -20,12 +20,14 @@ pub enum Method {
     Nystrom,
     /// Boundary integrals fiber by fiber, coupled through compressed responses.
     Compressed,
+    /// The same with the coupling solved by merging groups of fibers: for many of them.
+    Hierarchical,
 }
 
 impl Method {
     /// All, in the order in which messages list them.
-    pub(super) const ALL: [Method; 5] =
-        [Method::Auto, Method::Mie, Method::Multipole, Method::Nystrom, Method::Compressed];
+    pub(super) const ALL: [Method; 6] =
+        [Method::Auto, Method::Mie, Method::Multipole, Method::Nystrom, Method::Compressed, Method::Hierarchical];
 
     /// Its name in scenes and reports.
     pub fn name(self) -> &'static str {
@@ -35,6 +37,7 @@ impl Method {
             Method::Multipole => "multipole",
             Method::Nystrom => "nystrom",
             Method::Compressed => "compressed",
+            Method::Hierarchical => "hierarchical",
         }
     }
 }

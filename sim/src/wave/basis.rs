@@ -1,0 +1,133 @@
+//! Maps between the sites of a group and the few that stand for them.
+
+use super::C64;
+use super::coupling::Number;
+use super::interpolate::Interpolation;
+use super::lu::par;
+use faer::linalg::matmul::matmul;
+use faer::{Accum, MatMut, MatRef};
+
+/// `out = a b`, or added to it; all column after column.
+pub(crate) fn gemm<T: Number>(mut out: MatMut<'_, T>, accum: Accum, a: MatRef<'_, T>, b: MatRef<'_, T>, factor: T) {
+    if a.ncols() == 0 {
+        if matches!(accum, Accum::Replace) {
+            out.fill(T::round(C64::ZERO));
+        }
+        return;
+    }
+    if out.nrows() > 0 && out.ncols() > 0 {
+        matmul(out, accum, a, b, factor, par());
+    }
+}
+
+/// The columns X of an interpolation that belong to some of its sites: strengths s of `inputs` sites radiate as `X s` of `outputs` sites do, and the outputs'
+/// received values u give those of the inputs, `X^T u`. Vectors of several fields have one field after the other.
+pub(crate) struct Basis<T> {
+    pub outputs: usize,
+    pub inputs: usize,
+    /// Inputs that are outputs: `(output, input)`.
+    kept: Vec<(u32, u32)>,
+    /// The other inputs.
+    dropped: Vec<u32>,
+    /// Their coefficients, `outputs x dropped`, column after column.
+    coefficients: Vec<T>,
+}
+
+impl<T: Number> Basis<T> {
+    /// The columns of the inputs `first .. first + inputs`.
+    pub fn of(all: &Interpolation, first: usize, inputs: usize) -> Self {
+        let outputs = all.kept.len();
+        let own = first..first + inputs;
+        let kept = all.kept.iter().enumerate().filter(|(_, j)| own.contains(j));
+        let columns = all.dropped.partition_point(|&j| j < first)..all.dropped.partition_point(|&j| j < own.end);
+        let values = &all.coefficients[columns.start * outputs..columns.end * outputs];
+        Self {
+            outputs,
+            inputs,
+            kept: kept.map(|(i, &j)| (i as u32, (j - first) as u32)).collect(),
+            dropped: all.dropped[columns].iter().map(|&j| (j - first) as u32).collect(),
+            coefficients: values.iter().map(|&c| T::round(c)).collect(),
+        }
+    }
+
+    /// Memory held [bytes].
+    pub fn bytes(&self) -> usize {
+        self.coefficients.len() * size_of::<T>() + 8 * self.kept.len() + 4 * self.dropped.len()
+    }
+
+    fn matrix(&self) -> MatRef<'_, T> {
+        MatRef::from_column_major_slice(&self.coefficients, self.outputs, self.dropped.len())
+    }
+
+    /// Adds `X a` to `out`: from `fields inputs x columns` to `fields outputs x columns`.
+    pub fn left(&self, out: &mut [T], a: &[T], columns: usize, fields: usize) {
+        let (m, n, d) = (self.inputs, self.outputs, self.dropped.len());
+        let mut taken = vec![T::round(C64::ZERO); d * columns];
+        for field in 0..fields {
+            for (taken, a) in taken.chunks_mut(d.max(1)).zip(a.chunks(fields * m)) {
+                for (taken, &j) in taken.iter_mut().zip(&self.dropped) {
+                    *taken = a[field * m + j as usize];
+                }
+            }
+            let whole = MatMut::from_column_major_slice_mut(out, fields * n, columns);
+            let taken = MatRef::from_column_major_slice(&taken, d, columns);
+            gemm(whole.subrows_mut(field * n, n), Accum::Add, self.matrix(), taken, T::round(C64::ONE));
+            for (out, a) in out.chunks_mut(fields * n).zip(a.chunks(fields * m)) {
+                for &(i, j) in &self.kept {
+                    out[field * n + i as usize] += a[field * m + j as usize];
+                }
+            }
+        }
+    }
+
+    /// Adds `a X^T` to `out`: from `rows x fields inputs` to `rows x fields outputs`.
+    pub fn right(&self, out: &mut [T], a: &[T], rows: usize, fields: usize) {
+        let (m, n, d) = (self.inputs, self.outputs, self.dropped.len());
+        let mut taken: Vec<T> = Vec::with_capacity(rows * d);
+        for field in 0..fields {
+            let columns = &a[rows * m * field..rows * m * (field + 1)];
+            taken.clear();
+            for &j in &self.dropped {
+                taken.extend_from_slice(&columns[rows * j as usize..][..rows]);
+            }
+            let out = &mut out[rows * n * field..rows * n * (field + 1)];
+            gemm(
+                MatMut::from_column_major_slice_mut(out, rows, n),
+                Accum::Add,
+                MatRef::from_column_major_slice(&taken, rows, d),
+                self.matrix().transpose(),
+                T::round(C64::ONE),
+            );
+            for &(i, j) in &self.kept {
+                let from = &columns[rows * j as usize..][..rows];
+                for (out, a) in out[rows * i as usize..][..rows].iter_mut().zip(from) {
+                    *out += *a;
+                }
+            }
+        }
+    }
+
+    /// Adds `X^T v` to `out`: from `fields outputs x columns` to `fields inputs x columns`.
+    pub fn spread(&self, out: &mut [T], v: &[T], columns: usize, fields: usize) {
+        let (m, n, d) = (self.inputs, self.outputs, self.dropped.len());
+        let mut values = vec![T::round(C64::ZERO); d * columns];
+        for field in 0..fields {
+            let v_matrix = MatRef::from_column_major_slice(v, fields * n, columns);
+            gemm(
+                MatMut::from_column_major_slice_mut(&mut values, d, columns),
+                Accum::Replace,
+                self.matrix().transpose(),
+                v_matrix.subrows(field * n, n),
+                T::round(C64::ONE),
+            );
+            for (column, out) in out.chunks_mut(fields * m).enumerate() {
+                for (k, &j) in self.dropped.iter().enumerate() {
+                    out[field * m + j as usize] += values[column * d + k];
+                }
+                for &(i, j) in &self.kept {
+                    out[field * m + j as usize] += v[column * fields * n + field * n + i as usize];
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,96 @@
+//! Which solver serves a scene: by its shapes, and for many fibers by the time that each is predicted to take.
+
+use super::compressed::LEAST_TOLERANCE;
+use super::coupling::SINGLE;
+use super::scatter::least_length;
+use super::{Body, Method, Scene, Shape, Wave};
+use std::f64::consts::PI;
+
+/// Operations of one core in a second that factorizations reach: complex, in double precision, counted as real ones. Single precision is twice as fast.
+const SPEED: f64 = 2.5e10;
+/// Seconds of one core that merging takes over (unknowns of a field)^1.5, for one system of one field: 37 fibers of `docs/wave.md`.
+const MERGING: f64 = 2e-5;
+
+/// Solvers to be tried for a scene at a wave, the cheapest first.
+pub(super) fn candidates(scene: &Scene, wave: &Wave) -> Vec<Method> {
+    if scene.method == Method::Auto { by_shape(&scene.bodies, wave, scene.tolerance) } else { vec![scene.method] }
+}
+
+/// Solvers that serve these fibers, the cheapest first.
+pub(super) fn by_shape(fibers: &[Body], wave: &Wave, tolerance: f64) -> Vec<Method> {
+    let series = fibers.iter().all(is_concentric);
+    let mut all = match fibers.len() {
+        1 if series => return vec![Method::Mie],
+        1 => return vec![Method::Nystrom],
+        // Measured on 2 to 19 fibers of 1 to 5 um: multipoles are 4 to 30 times faster than either of the others. They fail where walls all but touch.
+        _ if series => vec![Method::Multipole, Method::Compressed, Method::Nystrom],
+        // On a level for two fibers of 1 um, 4 to 9 times faster for 19 of them. Tolerances below its reach are left to the other.
+        _ => vec![Method::Compressed, Method::Nystrom],
+    };
+    let many = tolerance >= LEAST_TOLERANCE
+        && seconds(Method::Hierarchical, fibers, wave, tolerance) < seconds(all[0], fibers, wave, tolerance);
+    // Behind the others it serves where they do not fit in memory.
+    all.insert(if many { 0 } else { all.len() - 1 }, Method::Hierarchical);
+    all
+}
+
+/// Predicted time of one core [s] for the coupled system.
+fn seconds(method: Method, fibers: &[Body], wave: &Wave, tolerance: f64) -> f64 {
+    // Waves that fit around all walls.
+    let waves: f64 = fibers.iter().map(|f| wave.k_rho() * least_length(&f.shape) / PI).sum();
+    let (systems, fields) = if wave.kz() == 0.0 { (2.0, 1.0) } else { (1.0, 2.0) };
+    let count = fibers.len() as f64;
+    let elimination = |n: f64| systems * 8.0 / 3.0 * (fields * n).powi(3) / SPEED;
+    // Sites and orders beyond the waves: those of close walls.
+    let sites = 1.4 * waves + 40.0 * count;
+    match method {
+        Method::Multipole => elimination(1.1 * waves + 20.0 * count),
+        Method::Hierarchical => systems * fields.powi(3) * MERGING * sites.powf(1.5),
+        _ if tolerance >= SINGLE => 0.5 * elimination(sites),
+        _ => elimination(sites),
+    }
+}
+
+/// Whether the body and its lumens are circles about one center.
+fn is_concentric(body: &Body) -> bool {
+    let inner = |lumen: &Body| lumen.center_um == body.center_um && is_concentric(lumen);
+    matches!(body.shape, Shape::Circle { .. }) && body.lumen.as_deref().is_none_or(inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(count: usize, shape: &Shape, apart_um: f64) -> Vec<Body> {
+        (0..count)
+            .map(|i| Body {
+                shape: shape.clone(),
+                center_um: [apart_um * i as f64, 0.0],
+                rotation_rad: 0.0,
+                eta: 1.55,
+                kappa: 0.0,
+                lumen: None,
+            })
+            .collect()
+    }
+
+    /// Merging is for many thick fibers, never first for one, few or thin ones, and never below its tolerance; it stands in before the plain solver otherwise.
+    #[test]
+    fn many_fibers_are_merged() {
+        let wave = Wave { lambda_um: 0.4, theta_i: 0.0 };
+        let oval = |a_um: f64| Shape::Ellipse { a_um, b_um: 0.8 * a_um };
+        let first =
+            |count: usize, shape: &Shape, tolerance: f64| by_shape(&row(count, shape, 30.0), &wave, tolerance)[0];
+        assert_eq!(first(200, &oval(7.5), 1e-3), Method::Hierarchical);
+        assert_eq!(first(37, &oval(7.5), 1e-3), Method::Hierarchical);
+        assert_eq!(first(2, &oval(7.5), 1e-3), Method::Compressed);
+        assert_eq!(first(19, &oval(0.5), 1e-3), Method::Compressed);
+        assert_eq!(first(200, &oval(7.5), 1e-9), Method::Compressed);
+        assert_eq!(first(1, &oval(7.5), 1e-3), Method::Nystrom);
+        let circle = |radius_um: f64| Shape::Circle { radius_um };
+        assert_eq!(first(7, &circle(7.5), 1e-3), Method::Multipole);
+        assert_eq!(first(100, &circle(7.5), 1e-3), Method::Hierarchical);
+        let all = by_shape(&row(2, &oval(1.0), 3.0), &wave, 1e-3);
+        assert_eq!(all, [Method::Compressed, Method::Hierarchical, Method::Nystrom]);
+    }
+}

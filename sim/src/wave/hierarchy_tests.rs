@@ -1,0 +1,229 @@
+//! Tests of the solver that merges groups of bodies: against the system solved whole, the multipole series, reciprocity, power balance, and how groups grow.
+
+use super::basis::Basis;
+use super::coupling::Number;
+use super::curve::CurvePoint;
+use super::hierarchy::{Exterior, Hierarchy, Leaf};
+use super::interpolate::Interpolation;
+use super::kernel::{Medium, MediumKernel};
+use super::skeleton::Site;
+use super::*;
+
+fn body(shape: Shape, center_um: [f64; 2], rotation_rad: f64, kappa: f64) -> Body {
+    Body { shape, center_um, rotation_rad, eta: 1.55, kappa, lumen: None }
+}
+
+/// The first `count` sites of a hexagonal lattice, row by row.
+fn lattice(count: usize, apart_um: f64) -> Vec<[f64; 2]> {
+    let wide = (count as f64).sqrt().ceil() as usize;
+    (0..count)
+        .map(|k| {
+            let (i, j) = (k % wide, k / wide);
+            [apart_um * (i as f64 + 0.5 * (j % 2) as f64), apart_um * 0.75f64.sqrt() * j as f64]
+        })
+        .collect()
+}
+
+/// Circles and ellipses by turns, 0.1 um or more apart, of 1 um; every third one absorbs, one is hollow and one lies alone, far from the others.
+fn mixed(count: usize) -> Vec<Body> {
+    let mut all: Vec<Body> = lattice(count, 2.1)
+        .into_iter()
+        .enumerate()
+        .map(|(k, center)| {
+            let shape =
+                if k % 2 == 0 { Shape::Circle { radius_um: 1.0 } } else { Shape::Ellipse { a_um: 1.0, b_um: 0.7 } };
+            body(shape, center, k as f64, if k % 3 == 0 { 0.01 } else { 0.0 })
+        })
+        .collect();
+    let mut lumen = body(Shape::Circle { radius_um: 0.4 }, all[4].center_um, 0.0, 0.0);
+    lumen.eta = 1.0;
+    all[4].lumen = Some(Box::new(lumen));
+    all.push(body(Shape::Ellipse { a_um: 1.3, b_um: 0.5 }, [-9.0, 14.0], 0.3, 0.0));
+    all
+}
+
+fn sources() -> Vec<Source> {
+    let mut all = Vec::new();
+    for pol in [Polarization::Tm, Polarization::Te] {
+        all.push(Source { phi_i: 0.7, pol, beam: None });
+        all.push(Source { phi_i: 1.6, pol, beam: Some(BeamSource { w0_um: 2.0, h_um: -3.0 }) });
+    }
+    all
+}
+
+/// Largest relative L2 difference over the sources.
+fn difference(got: &[Scattered], want: &[Scattered]) -> f64 {
+    let apart = |(g, w): (&Scattered, &Scattered)| {
+        let pairs = || g.f_u.iter().zip(&w.f_u).chain(g.f_phi.iter().zip(&w.f_phi));
+        let off: f64 = pairs().map(|(a, b)| (a - b).norm_sqr()).sum();
+        (off / pairs().map(|(_, b)| b.norm_sqr()).sum::<f64>()).sqrt()
+    };
+    got.iter().zip(want).map(apart).fold(0.0, f64::max)
+}
+
+fn unbalance(s: &Scattered) -> f64 {
+    (s.c_sca_um + s.c_abs_um - s.c_ext_um).abs() / s.c_ext_um
+}
+
+/// Fourteen bodies, normal and oblique: the fields of the system solved whole at a much smaller tolerance, and powers that add up.
+#[test]
+fn merged_groups_match_the_whole_system() {
+    let bodies = mixed(13);
+    for theta_i in [0.0, 0.5] {
+        let wave = Wave { lambda_um: 0.5, theta_i };
+        let truth = CompressedSolver::new(&bodies, &wave, 2e-7).unwrap().scatter(&sources(), 360).unwrap();
+        for tolerance in [1e-3, 1e-4, 1e-5, 2e-6] {
+            let solver = CompressedSolver::hierarchical(&bodies, &wave, tolerance).unwrap();
+            let got = solver.scatter(&sources(), 360).unwrap();
+            let err = difference(&got, &truth);
+            let defect = got.iter().map(unbalance).fold(0.0, f64::max);
+            let residual = solver.stats().residual;
+            println!(
+                "theta {theta_i} tol {tolerance:e}: err {err:.2e}, unbalance {defect:.2e}, residual {residual:.2e}"
+            );
+            assert!(err < tolerance, "theta {theta_i}: err {err:e}, asked {tolerance:e}");
+            assert!(defect < tolerance, "theta {theta_i}: unbalance {defect:e}, asked {tolerance:e}");
+            assert!(residual > 0.0 && residual < 0.1 * tolerance, "residual {residual:e}");
+        }
+    }
+}
+
+/// Thirty clear circles against the multipole series, an independent truth.
+#[test]
+fn circles_match_the_multipole_series() {
+    let bodies: Vec<Body> =
+        lattice(30, 2.06).into_iter().map(|center| body(Shape::Circle { radius_um: 1.0 }, center, 0.0, 0.0)).collect();
+    let wave = Wave { lambda_um: 0.4, theta_i: 0.0 };
+    let truth = MultipoleSolver::new(&bodies, &wave, 1e-7).unwrap().scatter(&sources(), 720).unwrap();
+    for tolerance in [1e-3, 1e-5] {
+        let got = CompressedSolver::hierarchical(&bodies, &wave, tolerance).unwrap().scatter(&sources(), 720).unwrap();
+        let err = difference(&got, &truth);
+        let defect = got.iter().map(unbalance).fold(0.0, f64::max);
+        println!("tol {tolerance:e}: err {err:.2e}, unbalance {defect:.2e}");
+        assert!(err < tolerance, "err {err:e}, asked {tolerance:e}");
+        assert!(defect < tolerance, "unbalance {defect:e}");
+    }
+}
+
+/// Light from a to b is as strong as light from b to a, amplitudes and phases.
+#[test]
+fn light_goes_both_ways() {
+    let wave = Wave { lambda_um: 0.5, theta_i: 0.0 };
+    let solver = CompressedSolver::hierarchical(&mixed(12), &wave, 1e-4).unwrap();
+    let n = 72;
+    let (a, b) = (5, 31);
+    for pol in [Polarization::Tm, Polarization::Te] {
+        let from = |j: usize| Source { phi_i: TAU * j as f64 / n as f64, pol, beam: None };
+        let got = solver.scatter(&[from(a), from(b)], n).unwrap();
+        let field = |s: &Scattered, j: usize| if pol == Polarization::Tm { s.f_u[j] } else { s.f_phi[j] };
+        let (ab, ba) = (field(&got[0], b), field(&got[1], a));
+        let size = (0..n).map(|j| field(&got[0], j).norm()).fold(0.0, f64::max);
+        assert!(ab.norm() > 0.01 * size, "no light to compare: {ab} of {size}");
+        assert!((ab - ba).norm() < 1e-4 * size, "{pol:?}: {ab} and {ba} of {size}");
+    }
+}
+
+/// The same scene twice: the same bits. Two bodies are the least tree.
+#[test]
+fn solves_are_deterministic() {
+    let wave = Wave { lambda_um: 0.5, theta_i: 0.3 };
+    for count in [1, 6] {
+        let bodies = &mixed(6)[..count + 1];
+        let run = || CompressedSolver::hierarchical(bodies, &wave, 1e-3).unwrap().scatter(&sources(), 30).unwrap();
+        assert_eq!(run(), run());
+    }
+}
+
+/// One body, none, and too many.
+#[test]
+fn odd_scenes() {
+    let wave = Wave { lambda_um: 0.5, theta_i: 0.0 };
+    let one = body(Shape::Circle { radius_um: 0.5 }, [0.0, 0.0], 0.0, 0.0);
+    let alone = |make: fn(&[Body], &Wave, f64) -> Result<CompressedSolver, WaveError>| {
+        make(std::slice::from_ref(&one), &wave, 1e-4).unwrap().scatter(&sources(), 30).unwrap()
+    };
+    assert_eq!(alone(CompressedSolver::hierarchical), alone(CompressedSolver::new));
+    assert!(matches!(CompressedSolver::hierarchical(&[], &wave, 1e-4), Err(WaveError::Invalid { .. })));
+    assert!(matches!(
+        CompressedSolver::hierarchical(std::slice::from_ref(&one), &wave, 1e-9),
+        Err(WaveError::Unreachable { .. })
+    ));
+    // Bodies whose own responses are a thousand times what any machine holds.
+    let large = |x: f64| body(Shape::Circle { radius_um: 2e4 }, [x, 0.0], 0.0, 0.0);
+    let refused = CompressedSolver::hierarchical(&[large(-3e4), large(3e4)], &wave, 1e-3);
+    assert!(matches!(refused, Err(WaveError::TooLarge { .. })));
+}
+
+/// A group's sites are those of its rim: four times the bodies, twice the sites and little more. Memory follows.
+#[test]
+fn groups_grow_as_their_rim() {
+    let k_rho = TAU / 0.5;
+    let sizes = |count: usize| {
+        let centers = lattice(count, 2.1);
+        let sites: Vec<Vec<Site>> = centers
+            .iter()
+            .map(|c| {
+                (0..48)
+                    .map(|j| {
+                        let (sin, cos) = (TAU * f64::from(j) / 48.0).sin_cos();
+                        let point =
+                            CurvePoint { at: [c[0] + cos, c[1] + sin], normal: [cos, sin], speed: 1.0, curvature: 1.0 };
+                        Site { point, scale: (TAU / 48.0).sqrt() }
+                    })
+                    .collect()
+            })
+            .collect();
+        let leaves: Vec<Leaf<'_>> =
+            centers.iter().zip(&sites).map(|(c, sites)| Leaf { sites, center: *c, radius: 1.0 }).collect();
+        let kernel = MediumKernel::new(Medium { kappa: C64::new(k_rho, 0.0), eps: C64::ONE }, 200.0);
+        let tree = Hierarchy::plan(&leaves, Exterior { kernel: &kernel, k_rho, tolerance: 1e-5 });
+        (tree.largest(), tree.bytes(1))
+    };
+    let ([few, few_border], few_bytes) = sizes(64);
+    let ([many, many_border], many_bytes) = sizes(256);
+    let [few_bytes, many_bytes] = [few_bytes, many_bytes].map(|b| b.plan + b.part + b.work);
+    println!("64: {few}, {few_border}, {few_bytes:e}; 256: {many}, {many_border}, {many_bytes:e}");
+    assert!((many as f64) < 2.3 * few as f64, "{many} sites after {few}");
+    assert!((many_border as f64) < 2.3 * few_border as f64, "{many_border} at borders after {few_border}");
+    assert!(many_bytes < 6.0 * few_bytes, "{many_bytes:e} bytes after {few_bytes:e}");
+    // And no fewer than the waves that fit around half of the square: what tests see is not lost.
+    assert!(many as f64 > k_rho * 48.0 * 2.1 * 0.93 / std::f64::consts::PI, "{many} sites");
+}
+
+/// X a, a X^T and X^T v against sums over the entries of X, for two fields.
+#[test]
+fn bases_are_their_matrices() {
+    let value = |k: usize| C64::new((k as f64 * 1.7).sin(), (k as f64 * 0.9).cos());
+    // Seven sites, three of them kept; the basis has the last five.
+    let all =
+        Interpolation { kept: vec![1, 3, 6], dropped: vec![0, 2, 4, 5], coefficients: (0..12).map(value).collect() };
+    let (first, m, n, fields, wide) = (2, 5, 3, 2, 4);
+    let basis: Basis<C64> = Basis::of(&all, first, m);
+    let entry = |i: usize, j: usize| match all.kept.iter().position(|&k| k == first + j) {
+        Some(k) => f64::from(u8::from(k == i)).into(),
+        None => all.coefficients[all.dropped.iter().position(|&d| d == first + j).unwrap() * n + i],
+    };
+    let a: Vec<C64> = (0..fields * m * wide).map(|k| value(k + 20)).collect();
+    let v: Vec<C64> = (0..fields * n * wide).map(|k| value(k + 90)).collect();
+    let mut left = vec![C64::ZERO; fields * n * wide];
+    basis.left(&mut left, &a, wide, fields);
+    let mut right = vec![C64::ZERO; wide * fields * n];
+    basis.right(&mut right, &a, wide, fields);
+    let mut spread = vec![C64::ZERO; fields * m * wide];
+    basis.spread(&mut spread, &v, wide, fields);
+    for column in 0..wide {
+        for field in 0..fields {
+            for i in 0..n {
+                let want: C64 = (0..m).map(|j| entry(i, j) * a[(column * fields + field) * m + j]).sum();
+                assert!((left[(column * fields + field) * n + i] - want).norm() < 1e-13);
+                let want: C64 = (0..m).map(|j| entry(i, j) * a[(field * m + j) * wide + column]).sum();
+                assert!((right[(field * n + i) * wide + column] - want).norm() < 1e-13);
+            }
+            for j in 0..m {
+                let want: C64 = (0..n).map(|i| entry(i, j) * v[(column * fields + field) * n + i]).sum();
+                assert!((spread[(column * fields + field) * m + j] - want).norm() < 1e-13);
+            }
+        }
+    }
+    assert!((C64::round(value(3)).wide() - value(3)).norm() == 0.0 && basis.bytes() > 0);
+}
