@@ -108,7 +108,7 @@ pub struct RoughDielectricFiber {
     azimuthal: [Option<Gaussian>; 3],
     lobes: Lobes,
     /// h of the positive offsets of an ellipse's far TRT, and the weight of each sign.
-    offsets: [(f32, f32); OFFSETS_A_SIDE],
+    offsets: Vec<(f32, f32)>,
     far: FarTable,
     /// n_1 and n_2 of an ellipse.
     ellipse: Option<[f32; 2]>,
@@ -173,7 +173,7 @@ impl RoughDielectricFiber {
             longitudinal: p.width_theta.map(|w| Gaussian::new(w, FRAC_PI_2)),
             azimuthal: p.width_phi.map(|w| (w > 0.0).then(|| Gaussian::new(w, PI))),
             lobes: Lobes::new(p),
-            offsets: std::array::from_fn(offset),
+            offsets: (0..OFFSETS_A_SIDE).map(offset).collect(),
             // Of a lobe without width the energies alone are asked for.
             far: FarTable::new(p.eta, &p.width_phi.map(|w| if w > 0.0 { w } else { 0.5 })),
             ellipse: (p.eccentricity != 1.0).then(|| ellipse_indices(p.eta, p.eccentricity)),

@@ -197,6 +197,9 @@ fn surroundings(leaves: &[Leaf<'_>], bodies: &[u32], exterior: Exterior<'_>) -> 
     tests
 }
 
+/// A group's number, the names of the sites on its rim, and what it was merged by.
+type Made<T> = (usize, Vec<(u32, u32)>, Branch<T>);
+
 impl<T: Number> Tree<T> {
     /// Finds groups and borders.
     pub(crate) fn plan(leaves: &[Leaf<'_>], exterior: Exterior<'_>) -> Self {
@@ -212,7 +215,7 @@ impl<T: Number> Tree<T> {
             .collect();
         let site = |name: &(u32, u32)| leaves[name.0 as usize].sites[name.1 as usize];
         for depth in (0..deepest).rev() {
-            let made: Vec<(usize, Vec<(u32, u32)>, Branch<T>)> = (0..groups.len())
+            let made: Vec<Made<T>> = (0..groups.len())
                 .into_par_iter()
                 .filter(|&g| groups[g].depth == depth)
                 .filter_map(|g| shape[g].2.map(|children| (g, children)))

@@ -115,8 +115,9 @@ fn eliminate(mut matrix: Vec<C64>, count: usize, rows: usize, tolerance: f64) ->
     let size = |k: usize| matrix[k * count + k].norm();
     let steps = count.min(rows);
     let largest = (0..steps).map(size).fold(0.0, f64::max);
-    // Asked this way, a NaN is kept, and shows in the residual.
-    let rank = (0..steps).rfind(|&k| !(size(k) <= tolerance * largest)).map_or(0, |k| k + 1);
+    // A NaN is kept, and shows in the residual.
+    let small = |k: usize| size(k) <= tolerance * largest;
+    let rank = (0..steps).rfind(|&k| !small(k)).map_or(0, |k| k + 1);
     (forward, rank, matrix)
 }
 
