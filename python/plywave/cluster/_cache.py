@@ -7,6 +7,7 @@ import json
 import os
 import re
 import uuid
+from importlib import import_module
 from typing import Any, Dict, List, NamedTuple, Optional, Set, Tuple
 
 from .. import _plywave
@@ -37,11 +38,9 @@ class Cache:
         Raises:
             Error: where it cannot be made.
         """
-        import fsspec
-
         self._name = os.fspath(path)
         try:
-            self._fs, self._root = fsspec.core.url_to_fs(self._name)
+            self._fs, self._root = import_module("fsspec").core.url_to_fs(self._name)
             self._fs.makedirs(self._root, exist_ok=True)
         except (OSError, ValueError, ImportError) as error:
             raise Error(f"{self._name}: {error}; give a folder, or a URL that fsspec knows") from None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from dataclasses import dataclass, field
+from importlib import import_module
 from typing import Any, Callable, Deque, Dict, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple, Union
 
 from .. import _plywave
@@ -129,8 +130,6 @@ class _Farm:
         self.futures.clear()
 
     def all(self, items: Sequence[Item]) -> Iterator[Made]:
-        from distributed import as_completed
-
         left = []
         for item in items:
             kept = self.cache.made(item)
@@ -143,7 +142,7 @@ class _Farm:
         self.groups = groups >= GROUPS_A_SLOT * self.slots()
         for item in left:
             self.begin(_Work(item))
-        self.done = as_completed(with_results=False)
+        self.done = import_module("distributed").as_completed(with_results=False)
         self.fill()
         while self.futures:
             made = self.take(self.next())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from importlib import import_module
 from typing import Any, Dict, Iterator, Optional
 
 from .. import _plywave
@@ -43,33 +44,33 @@ def connect(
         Error: without Dask, where the scheduler does not answer, for workers of another version.
     """
     try:
-        from distributed import Client, LocalCluster
+        distributed = import_module("distributed")
     except ImportError as error:
         raise Error(f"{error}: {_INSTALL}") from None
     cluster: Any = None
     if scheduler is not None:
         try:
-            client = Client(scheduler, timeout=timeout_s)
+            client = distributed.Client(scheduler, timeout=timeout_s)
         except (OSError, ValueError) as error:
             raise Error(f"scheduler = {scheduler}: no answer within {timeout_s:g} s ({type(error).__name__}); is it running?") from None
     elif slurm is not None:
         _items.check_options(slurm, _SLURM, "slurm")
         try:
-            from dask_jobqueue import SLURMCluster
+            jobqueue = import_module("dask_jobqueue")
         except ImportError as error:
             raise Error(f"{error}: {_INSTALL}") from None
         try:
-            cluster = SLURMCluster(**{"cores": 1, "memory": "2GB", **slurm})
+            cluster = jobqueue.SLURMCluster(**{"cores": 1, "memory": "2GB", **slurm})
             cluster.scale(jobs=jobs)
         except (ValueError, RuntimeError, OSError) as error:
             raise Error(f"slurm: {error}") from None
-        client = Client(cluster)
+        client = distributed.Client(cluster)
     else:
         count = get_threads() if local is None else local
         if not 1 <= count <= 1024:
             raise Error(f"local = {count}: give 1 to 1024 processes")
-        cluster = LocalCluster(n_workers=count, threads_per_worker=1, processes=True, dashboard_address=":0")
-        client = Client(cluster)
+        cluster = distributed.LocalCluster(n_workers=count, threads_per_worker=1, processes=True, dashboard_address=":0")
+        client = distributed.Client(cluster)
     try:
         check_versions(client)
         yield client
