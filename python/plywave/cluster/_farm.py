@@ -20,7 +20,7 @@ Told = Callable[[str, int, int], Any]
 """Progress: an item's name, shards done, shards in all."""
 
 TASKS_A_SLOT = 8
-"""Tasks that a job is cut into for each core of the workers: what is left at the end is short, and what a task costs the scheduler is little."""
+"""Tasks of all items for each core of the workers: what is left at the end is short, and what all shards of a job need is made on few workers."""
 
 GROUPS_A_SLOT = 4
 """Groups for each core of the workers, of all items, from which on whole groups are run."""
@@ -116,6 +116,7 @@ class _Farm:
         self.futures: Dict[str, Any] = {}
         self.number = 0
         self.groups = False
+        self.most_tasks = 1
 
     def slots(self) -> int:
         return max(1, int(sum(self.client.nthreads().values())))
@@ -140,6 +141,7 @@ class _Farm:
         # Groups are added up on the worker: where all items together have enough of them, a group's bytes travel in place of every shard's.
         groups = sum(-(-job.shards // job.group) for item in left for job in item.jobs)
         self.groups = groups >= GROUPS_A_SLOT * self.slots()
+        self.most_tasks = max(1, TASKS_A_SLOT * self.slots() // max(1, len(left)))
         for item in left:
             self.begin(_Work(item))
         self.done = import_module("distributed").as_completed(with_results=False)
@@ -160,11 +162,10 @@ class _Farm:
 
     def begin(self, work: _Work) -> None:
         """What of an item is missing."""
-        slots = self.slots()
         for at, job in enumerate(work.item.jobs):
             blocks = missing(job, self.cache.shards(job), self.groups)
             work.left[at] = sum(count for _, count in blocks)
-            size = max(1, -(-len(blocks) // (TASKS_A_SLOT * slots)))
+            size = max(1, -(-len(blocks) // self.most_tasks))
             self.waiting.extend(_Task(work, at, blocks[k : k + size]) for k in range(0, len(blocks), size))
         if not any(work.left.values()):
             self.waiting.append(_Task(work, -1, []))
