@@ -2,9 +2,8 @@
 
 use super::compressed::LEAST_TOLERANCE;
 use super::coupling::SINGLE;
-use super::scatter::least_length;
-use super::{Body, Method, Scene, Shape, Wave};
-use std::f64::consts::PI;
+use super::{Body, C64, Method, Scene, Shape, Wave};
+use std::f64::consts::{PI, TAU};
 
 /// Operations of one core in a second that factorizations reach: complex, in double precision, counted as real ones. Single precision is twice as fast.
 const SPEED: f64 = 2.5e10;
@@ -57,6 +56,29 @@ fn is_concentric(body: &Body) -> bool {
     matches!(body.shape, Shape::Circle { .. }) && body.lumen.as_deref().is_none_or(inner)
 }
 
+/// The length of a wall, or less [um].
+pub(super) fn least_length(shape: &Shape) -> f64 {
+    match shape {
+        Shape::Circle { radius_um } => TAU * radius_um,
+        Shape::Ellipse { a_um, b_um } => 4.0 * a_um.max(*b_um),
+        // The root mean square of |z - c_0| is that of the |c_k|: one point is as far from c_0, another lies beyond c_0, and the wall goes there and back.
+        Shape::Fourier { coeffs } => {
+            2.0 * coeffs.iter().filter(|(k, _)| *k != 0).map(|(_, c)| c.norm_sqr()).sum::<f64>().sqrt()
+        }
+        Shape::Polygon { points_um, rounding_um } => {
+            let n = points_um.len();
+            let corner = |i: usize| C64::new(points_um[i % n][0], points_um[i % n][1]);
+            let edge = |i: usize| corner(i + 1) - corner(i);
+            // An arc that turns by t replaces 2 tan(t/2) of the edges by t, in units of its radius.
+            let saved = |i: usize| {
+                let turn = (edge(i + 1) * edge(i).conj()).arg().abs();
+                rounding_um * (2.0 * (0.5 * turn).tan() - turn)
+            };
+            (0..n).map(|i| edge(i).norm() - saved(i)).sum()
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -92,5 +114,13 @@ mod tests {
         assert_eq!(first(100, &circle(7.5), 1e-3), Method::Hierarchical);
         let all = by_shape(&row(2, &oval(1.0), 3.0), &wave, 1e-3);
         assert_eq!(all, [Method::Compressed, Method::Hierarchical, Method::Nystrom]);
+    }
+
+    /// A square of side 4 with arcs of radius 1 has four straight pieces of 2 and a circle of circumference.
+    #[test]
+    fn lengths_of_rounded_polygons() {
+        let points_um = vec![[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]];
+        let length = least_length(&Shape::Polygon { points_um, rounding_um: 1.0 });
+        assert!((length - (8.0 + TAU)).abs() < 1e-12, "{length}");
     }
 }

@@ -3,16 +3,15 @@
 //! A slice is solved by one factorization for all its sources. Slices run side by side as far as memory allows; a single one is left to the
 //! solver's own threads. Nothing is scaled to make powers add up: a case whose ledger does not balance is an error.
 
-use super::choice::{by_shape, candidates};
+use super::choice::{by_shape, candidates, least_length};
 use super::scene::degrees;
 use super::{
     Body, C64, CompressedSolver, Method, MieSolver, MultipoleSolver, NystromSolver, Polarization, Scattered, Scene,
-    Shape, Source, Wave, WaveError, WaveSolver, memory,
+    Source, Wave, WaveError, WaveSolver, memory,
 };
 use crate::error::SimError;
 use crate::runs::{self, ArrayLayout, Description, Done, Job, Part, Run, Values};
 use serde::{Serialize, Serializer};
-use std::f64::consts::TAU;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// Sources given to a solver at a time: enough for block solves, few enough for a bar to move.
@@ -173,29 +172,6 @@ fn prepare(method: Method, bodies: &[Body], wave: &Wave, tolerance: f64) -> Resu
 fn least_unknowns(bodies: &[Body], wave: &Wave) -> f64 {
     let walls = bodies.iter().flat_map(|body| std::iter::successors(Some(body), |b| b.lumen.as_deref()));
     walls.map(|wall| 4.0 * least_length(&wall.shape) * wall.eta.max(1.0) / wave.lambda_um).sum()
-}
-
-/// The length of a wall, or less [um].
-pub(super) fn least_length(shape: &Shape) -> f64 {
-    match shape {
-        Shape::Circle { radius_um } => TAU * radius_um,
-        Shape::Ellipse { a_um, b_um } => 4.0 * a_um.max(*b_um),
-        // The root mean square of |z - c_0| is that of the |c_k|: one point is as far from c_0, another lies beyond c_0, and the wall goes there and back.
-        Shape::Fourier { coeffs } => {
-            2.0 * coeffs.iter().filter(|(k, _)| *k != 0).map(|(_, c)| c.norm_sqr()).sum::<f64>().sqrt()
-        }
-        Shape::Polygon { points_um, rounding_um } => {
-            let n = points_um.len();
-            let corner = |i: usize| C64::new(points_um[i % n][0], points_um[i % n][1]);
-            let edge = |i: usize| corner(i + 1) - corner(i);
-            // An arc that turns by t replaces 2 tan(t/2) of the edges by t, in units of its radius.
-            let saved = |i: usize| {
-                let turn = (edge(i + 1) * edge(i).conj()).arg().abs();
-                rounding_um * (2.0 * (0.5 * turn).tan() - turn)
-            };
-            (0..n).map(|i| edge(i).norm() - saved(i)).sum()
-        }
-    }
 }
 
 fn check_memory(unknowns: f64, bytes: f64) -> Result<(), WaveError> {
@@ -542,14 +518,6 @@ mod tests {
         let text = format!("lambda_um = [1]\nphi_i_deg = [0]\nmethod = \"mie\"\n{}", pair(&circle));
         let error = solve(&Scene::parse(&text).unwrap()).unwrap_err();
         assert!(matches!(error, SimError::Wave(WaveError::Unsupported { method: "mie", .. })), "{error}");
-    }
-
-    /// A square of side 4 with arcs of radius 1 has four straight pieces of 2 and a circle of circumference.
-    #[test]
-    fn lengths_of_rounded_polygons() {
-        let points_um = vec![[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]];
-        let length = least_length(&Shape::Polygon { points_um, rounding_um: 1.0 });
-        assert!((length - (8.0 + TAU)).abs() < 1e-12, "{length}");
     }
 
     /// The file has the keys that are promised, in that order, and numbers that come back.
