@@ -8,7 +8,7 @@ import os
 import re
 import uuid
 from importlib import import_module
-from typing import Any, Dict, List, NamedTuple, Optional, Set, Tuple
+from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Set, Tuple
 
 from .. import _plywave
 from .._files import PathLike
@@ -77,10 +77,14 @@ class Cache:
 
     def shards(self, job: Job) -> List[Tuple[int, int]]:
         """Blocks of a job that are there and whole: first shard and number of shards, each shard once."""
+        return sorted((first, count) for first, count, _ in self.whole(job))
+
+    def whole(self, job: Job) -> Iterator[Tuple[int, int, bytes]]:
+        """The same with their bytes, each read and checked once; groups first."""
         try:
             names = sorted(os.path.basename(str(name)) for name in self._fs.ls(self._folder(job), detail=False))
         except (FileNotFoundError, NotADirectoryError):
-            return []
+            return
         found = []
         for name in names:
             match = _NAME.fullmatch(name)
@@ -88,15 +92,14 @@ class Cache:
                 first = int(match[1])
                 found.append((first, int(match[2]) - first + 1 if match[2] else 1))
         # Groups before their shards; what runs over the end is of a longer job.
-        kept: List[Tuple[int, int]] = []
         taken: Set[int] = set()
         for first, count in sorted(found, key=lambda block: (-block[1], block[0])):
             if first + count > job.shards or taken.intersection(range(first, first + count)):
                 continue
-            if self.shard(job, first, count) is not None:
-                kept.append((first, count))
+            data = self.shard(job, first, count)
+            if data is not None:
+                yield first, count, data
                 taken.update(range(first, first + count))
-        return sorted(kept)
 
     def shard(self, job: Job, first: int, count: int) -> Optional[bytes]:
         """The bytes of a block, `None` where it is not there or damaged."""

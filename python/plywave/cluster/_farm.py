@@ -204,16 +204,8 @@ class _Farm:
         self.begin(work)
 
     def bytes_of(self, job: Job) -> Optional[List[Tuple[int, int, bytes]]]:
-        files = []
-        there = self.cache.shards(job)
-        if sum(count for _, count in there) != job.shards:
-            return None
-        for first, count in there:
-            data = self.cache.shard(job, first, count)
-            if data is None:
-                return None
-            files.append((first, count, data))
-        return files
+        files = list(self.cache.whole(job))
+        return files if sum(count for _, count, _ in files) == job.shards else None
 
     def take(self, future: Any) -> Optional[Made]:
         """Takes up what a task left; gives its item where that is done or given up."""
