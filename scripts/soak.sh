@@ -1,15 +1,15 @@
 #!/usr/bin/env bash
 # Soak test: INPUTS mutated files through every loader, then KILLS runs killed with SIGKILL at random moments and resumed, whose results must be those of undisturbed
-# runs to the bit.
+# runs to the bit; then KILLS merges of parts, killed alike, which leave the whole file or none.
 #
-#     scripts/soak.sh [INPUTS] [KILLS] [SEED]        by default 10000000 inputs, 50 kills, seed 1
+#     scripts/soak.sh [INPUTS] [KILLS] [SEED]        by default 19000000 inputs, a million a kind of file, 50 kills, seed 1
 #     SOAK_SECONDS=3600 scripts/soak.sh              ends the inputs after an hour, if they are not done before
 #
 # Runs in a temporary folder, from copies of the programs, so that a build beside it changes nothing; the figures are for docs/numbers.md, with the date.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 root=$PWD
-inputs=${1:-10000000} kills=${2:-50}
+inputs=${1:-19000000} kills=${2:-50}
 RANDOM=${3:-1}
 
 work=$(mktemp -d)
@@ -92,3 +92,34 @@ for ((n = 0; n < kills; n++)); do
 done
 echo "$kills runs killed and resumed, $landed kills while they ran: the bits of undisturbed runs"
 for kind in "${kinds[@]}"; do echo "$kind: ${hits[$kind]:-0} kills while it ran"; done
+
+# Merges: finer bins make them longer.
+sed 's/phi_o_bins *= *[0-9]*/phi_o_bins = 360/' spec.toml >wide.toml
+grep -q phi_o_bins wide.toml || printf '[simulation]\nphi_o_bins = 360\n' >>wide.toml
+parts=()
+for k in 1 2 3 4; do
+    "$plywave" simulate wide.toml --preset preview --paths 20000 --shards $k/4 -o part$k.pwp --quiet
+    parts+=(part$k.pwp)
+done
+begun=$(date +%s%N)
+"$plywave" merge "${parts[@]}" -o whole_merge.pwt --quiet
+ms=$((($(date +%s%N) - begun) / 1000000))
+echo "merge: undisturbed in $ms ms"
+landed=0 absent=0
+for ((n = 0; n < kills; n++)); do
+    rm -f merged.pwt
+    "$plywave" merge "${parts[@]}" -o merged.pwt --quiet &
+    child=$!
+    sleep "$(awk -v ms=$ms -v r=$RANDOM 'BEGIN { printf "%.4f", ms * r / 32768e3 }')"
+    kill -9 "$child" 2>/dev/null || true
+    status=0
+    wait "$child" 2>/dev/null || status=$?
+    [ "$status" -eq 0 ] || [ "$status" -eq 137 ] || { echo "merge $n ended with $status" >&2; exit 1; }
+    if [ "$status" -eq 137 ]; then landed=$((landed + 1)); fi
+    if [ ! -e merged.pwt ]; then
+        absent=$((absent + 1))
+        "$plywave" merge "${parts[@]}" -o merged.pwt --quiet
+    fi
+    cmp whole_merge.pwt merged.pwt || { echo "merge $n: the file is not whole" >&2; exit 1; }
+done
+echo "$kills merges, $landed killed while they ran, $absent of them before their file was there: whole files or none"

@@ -2,7 +2,7 @@
 //! more than there is; [`seeds`] has good files of each kind; [`mutate`] damages them where it hurts: numbers, sizes, lines, headers, checksums.
 //!
 //! The same targets are run by `cargo fuzz` (`fuzz/`) and, on stable Rust, by this crate's test, which takes its budget from `PLYWAVE_FUZZ_SECONDS` or
-//! `PLYWAVE_FUZZ_COUNT`.
+//! `PLYWAVE_FUZZ_COUNT`, and with `PLYWAVE_FUZZ_TARGETS` runs some of them.
 
 pub mod mutate;
 pub mod seeds;
@@ -25,6 +25,7 @@ pub fn all() -> Vec<Target> {
     let target = |name, seeds, run| Target { name, seeds, run };
     vec![
         target("model", seeds::models(), targets::model as fn(&[u8])),
+        target("family", seeds::families(), targets::family),
         target("table", seeds::tables(), targets::table),
         target("fiber", seeds::fibers(), targets::fiber),
         target("speckle", seeds::speckles(), targets::speckle),
@@ -36,5 +37,11 @@ pub fn all() -> Vec<Target> {
         target("scene", seeds::scenes(), targets::scene),
         target("part", seeds::parts(), targets::part),
         target("sums", seeds::sums(), targets::sums),
+        target("filament", seeds::filaments(), targets::filament),
+        target("strands", seeds::strands(), targets::strands),
+        target("twin", seeds::twins(), targets::twin),
+        target("cloth", seeds::cloths(), targets::cloth),
+        target("single", seeds::singles(), targets::single),
+        target("job", seeds::jobs(), targets::job),
     ]
 }

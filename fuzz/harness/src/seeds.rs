@@ -1,10 +1,14 @@
 //! Good files of each kind: those of the repository, and small ones made here.
 
 use plywave::fiber::{FiberSource, FiberTable, OutlineSymmetry};
-use plywave::ply::PlyData;
+use plywave::ply::{FamilyAxis, FamilyData, FamilyParam, PlyData};
+use plywave::spec::YarnSpec;
 use plywave::speckle::{NoiseSpectrum, SpecklePatterns};
-use plywave_sim::runs::{self, Run};
-use plywave_sim::wave::{ScatterJob, Scene};
+use plywave::twin::{ClothTwin, SphereBins};
+use plywave_sim::runs::{self, Job, Run};
+use plywave_sim::twin::{TwinCloth, TwinJob, TwinOptions};
+use plywave_sim::wave::{ScatterJob, Scene, SpeckleJob, SpeckleOptions};
+use plywave_sim::{SimOptions, SimulateJob};
 use std::path::{Path, PathBuf};
 
 fn root() -> PathBuf {
@@ -33,6 +37,21 @@ pub fn models() -> Vec<Vec<u8>> {
         layered.to_bytes().expect("it is within the energies"),
         file("fabrics/models/silk.pwm"),
     ]
+}
+
+/// A family of two nodes of the small model.
+pub fn families() -> Vec<Vec<u8>> {
+    let small = PlyData::load(root().join("tests/data/small.pwm")).expect("the small model");
+    let node = PlyData { noise: None, ..small.clone() };
+    let data = FamilyData {
+        spec_text: format!("{}\n[family]\nalpha_fiber = [0.1, 0.4]\n", small.spec_text),
+        program_version: small.program_version.clone(),
+        preset: small.preset.clone(),
+        seed: small.seed,
+        axes: vec![FamilyAxis { param: FamilyParam::Alpha, values: vec![0.1, 0.4] }],
+        nodes: vec![node.clone(), node],
+    };
+    vec![data.to_bytes().expect("two good nodes")]
 }
 
 /// Noise of small tiles.
@@ -176,4 +195,111 @@ pub fn sums() -> Vec<Vec<u8>> {
     }
     let text = header.to_string();
     vec![[&(text.len() as u64).to_le_bytes(), text.as_bytes(), &data].concat()]
+}
+
+/// One analytic fiber of each kind.
+pub fn filaments() -> Vec<Vec<u8>> {
+    let kinds = [
+        "kind = \"dielectric\"\neta = 1.5\nradius_um = 20\nbeta_m = [0.1, 0.1, 0.1]\nshift = [0.0, 0.02, -0.05]\nbeta_n = 0.1\norders = 5",
+        "kind = \"rough_dielectric\"\neta = 1.55\nradius_um = 40\neccentricity = 0.9\nshift = [-0.1, 0.05, 0.15]\nwidth_theta = [0.1, 0.05, 0.2]\nwidth_phi = [0.1, 0.1, 0.2]\nk_d = 0.005",
+        "kind = \"opaque\"\nmetal = \"gold\"\nradius_um = 10\nbeta_m = 0.1\nbeta_n = 0.1",
+        "kind = \"opaque\"\neta = 1.5\nkappa = 2.0\ndiffuse = 0.3\nradius_um = 10",
+        "kind = \"kajiya_kay\"\nradius_um = 10\nphong = 0.1\nexponent = 50\ndiffuse = 0.03",
+        "kind = \"khungurn\"\nradius_um = 10\nc_r = 0.05\nc_tt = [0.9, 0.5, 0.2]\nbeta_r = 0.1\nbeta_tt = 0.2\ngamma_tt = 0.4",
+    ];
+    let text = |kind| {
+        format!(
+            "name = \"x\"\nlambda_um = [0.61, 0.55, 0.465]\nsigma_per_um = [0.002, 0.005, 0.012]\n[filament]\n{kind}\n"
+        )
+    };
+    kinds.into_iter().map(|kind| text(kind).into()).collect()
+}
+
+/// The same two strands in the three formats.
+pub fn strands() -> Vec<Vec<u8>> {
+    let points: [[f32; 3]; 10] = std::array::from_fn(|i| {
+        let t = (i % 5) as f32;
+        [t, 0.3 * t * t, if i < 5 { 0.0 } else { 1.0 + 0.2 * t }]
+    });
+    // Flags: segments, points, thickness.
+    let mut hair = b"HAIR".to_vec();
+    for word in [2u32, 10, 0b111, 4] {
+        hair.extend(word.to_le_bytes());
+    }
+    for real in [0.1f32, 0.0, 0.5, 0.5, 0.5] {
+        hair.extend(real.to_le_bytes());
+    }
+    hair.resize(128, b' ');
+    hair.extend([4u16, 4].iter().flat_map(|n| n.to_le_bytes()));
+    hair.extend(points.iter().flatten().flat_map(|v| v.to_le_bytes()));
+    hair.extend([0.1f32; 10].iter().flat_map(|v| v.to_le_bytes()));
+    let line = |[x, y, z]: &[f32; 3]| format!("{x} {y} {z} 0.05\n");
+    let curve = |part: &[[f32; 3]]| part.iter().map(line).collect::<String>();
+    let mitsuba = format!("{}\n{}", curve(&points[..5]), curve(&points[5..]));
+    let pbrt = "AttributeBegin\nMaterial \"hair\" \"float beta_m\" [0.3]\nShape \"curve\" \"string type\" \"flat\" \"string basis\" \"bezier\" \"integer degree\" 3\n  \"point3 P\" [0 0 0  1 0.5 0  2 0 0.5  3 1 0] \"float width0\" 0.1 \"float width1\" 0.05\nShape \"curve\" \"point P\" [ 0 0 1 1 0 1 2 1 1 3 1 2 4 0 2 ] \"string basis\" [ \"bspline\" ] \"integer degree\" [ 3 ] \"float width\" [ 0.1 ]\nAttributeEnd\n";
+    vec![hair, mitsuba.into(), pbrt.into()]
+}
+
+/// A twin that ships.
+fn shipped_twin() -> ClothTwin {
+    ClothTwin::load(root().join("fabrics/twins/silk_organza.pwx")).expect("the twin ships")
+}
+
+/// One view and one absorption of a twin that ships, in eight bins.
+pub fn twins() -> Vec<Vec<u8>> {
+    let t = shipped_twin();
+    let (bins, [nx, ny]) = (SphereBins { rows: 2, columns: 4 }, [2, 2]);
+    let first = |values: &[f64], n: usize| values[..n].to_vec();
+    let small = ClothTwin {
+        views: first(&t.views, 3),
+        sigma_per_um: first(&t.sigma_per_um, 2),
+        bins,
+        paths: t.paths[..1].to_vec(),
+        straight: first(&t.straight, 1),
+        killed: first(&t.killed, 1),
+        interactions: first(&t.interactions, 1),
+        reflected: first(&t.reflected, 1),
+        transmitted: first(&t.transmitted, 1),
+        reflected_se: first(&t.reflected_se, 1),
+        transmitted_se: first(&t.transmitted_se, 1),
+        by_yarns: first(&t.by_yarns, 6),
+        by_plies: first(&t.by_plies, 6),
+        density: t.density[..8].to_vec(),
+        variance: t.variance[..8].to_vec(),
+        image: t.image[..4].to_vec(),
+        image_size: [nx, ny],
+        ..t
+    };
+    vec![small.to_bytes().expect("a part of a good twin")]
+}
+
+/// The cloths of two twins that ship.
+pub fn cloths() -> Vec<Vec<u8>> {
+    let twill = ClothTwin::load(root().join("fabrics/twins/cotton_twill.pwx")).expect("the twin ships");
+    vec![shipped_twin().spec_text.into(), twill.spec_text.into()]
+}
+
+/// Scenes of one fiber, and the yarns that ship.
+pub fn singles() -> Vec<Vec<u8>> {
+    [vec![SCENE.into(), file("fabrics/scenes/ellipse.toml"), file("fabrics/scenes/hollow_ellipse.toml")], yarns()]
+        .concat()
+}
+
+/// Small jobs of four kinds.
+pub fn jobs() -> Vec<Vec<u8>> {
+    let yarn = String::from_utf8(file("tests/data/small.toml")).expect("a text");
+    let spec = YarnSpec::parse(&yarn, "y.toml").expect("a good spec");
+    let scene = Scene::parse(SCENE).expect("a good scene");
+    let simulate = SimulateJob::new(&spec, &yarn, &SimOptions::preview()).expect("it can be simulated");
+    let options = SpeckleOptions { instances: 2, ..SpeckleOptions::default() };
+    let speckle = SpeckleJob::new(&spec, &yarn, &options).expect("it has fibers");
+    let cloth = TwinCloth::parse(&shipped_twin().spec_text).expect("the cloth of a twin");
+    let twin = TwinJob::new(cloth, &TwinOptions::default()).expect("it can be traced");
+    let texts = [
+        simulate.description(),
+        speckle.description(),
+        twin.description(),
+        ScatterJob::new(&scene, SCENE).description(),
+    ];
+    texts.into_iter().map(|d| d.text().into()).collect()
 }

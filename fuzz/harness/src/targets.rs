@@ -2,13 +2,17 @@
 
 use crate::Rng;
 use plywave::fabric::{FabricOptions, FabricSpec, LoadedFabric, Wif};
-use plywave::fiber::{FiberTable, TabulatedFiber};
+use plywave::fiber::{FiberModel, FiberTable, FilamentSpec, TabulatedFiber};
+use plywave::ply::{FamilyParams, PlyFamily};
 use plywave::spec::YarnSpec;
 use plywave::speckle::{Instance, Noise, SpecklePatterns};
 use plywave::table::Table;
+use plywave::twin::ClothTwin;
 use plywave::{Bsdf, FabricBsdf, FabricQuery, FiberQuery, PlyModel, PlyQuery};
-use plywave_render::{Environment, Film, Light, Mesh, Scene};
-use plywave_sim::runs::{PartFile, Parts};
+use plywave_render::{Basis, Environment, Film, Light, Mesh, Scene, StrandFile, StrandShape, StrandTree, Strands};
+use plywave_sim::runs::{AnyJob, PartFile, Parts};
+use plywave_sim::twin::TwinCloth;
+use plywave_sim::wave::SingleFiber;
 use std::fmt::Display;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -111,6 +115,30 @@ pub fn model(bytes: &[u8]) {
         }
         let instance = Some(Instance::new(rng.bits() as u32, any(&mut rng, 1e4), 20.0));
         ask("speckled ply", &ply.at(&PlyQuery { instance, ..base }), MOST, &mut rng);
+    }
+}
+
+/// A family of plies: whole models, single incidences, slopes.
+pub fn family(bytes: &[u8]) {
+    let Some(family) = loaded(PlyFamily::from_bytes(bytes, "f")) else { return };
+    let mut rng = seeded(bytes);
+    let own = family.params();
+    for _ in 0..3 {
+        let params = FamilyParams {
+            fiber_pitch_um: any(&mut rng, 4000.0).into(),
+            alpha_fiber: any(&mut rng, 0.5).into(),
+            eta: any(&mut rng, 2.0).into(),
+        };
+        let sigma = [0.0, any(&mut rng, 0.1)];
+        let query = PlyQuery::new(any(&mut rng, 1.6), any(&mut rng, 60.0), sigma, [0.55, any(&mut rng, 1.0)]);
+        ask("a family's ply", &family.on(&params, &query), MOST, &mut rng);
+        let slope = family.eval_gradient(&params, &query, direction(&mut rng));
+        let numbers = slope.by_params.iter().flatten().chain(&slope.value).chain(&slope.by_sigma);
+        assert!(numbers.clone().all(|v| v.is_finite()), "{slope:?}");
+        let params = if rng.below(2) == 0 { own } else { params };
+        if let Some(model) = loaded(family.at(&params)) {
+            ask("a family's model", &model.at(&query), MOST, &mut rng);
+        }
     }
 }
 
@@ -239,5 +267,84 @@ pub fn sums(bytes: &[u8]) {
             let values = [film.xyz(plywave_render::FilmView::Light, x, y), film.normal(x, y)];
             assert!(values.iter().flatten().chain([&film.depth(x, y)]).all(|v| v.is_finite()), "{values:?}");
         }
+    }
+}
+
+/// The text of an analytic fiber.
+pub fn filament(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else { return };
+    let Some(spec) = loaded(FilamentSpec::parse(text, "f.toml")) else { return };
+    // What is not bound by energy: Kajiya and Kay's sum of a diffuse and a shiny part; Marschner's light beyond TRT, a share of its own.
+    let most = match spec.model {
+        FiberModel::KajiyaKay(_) => f32::INFINITY,
+        FiberModel::RoughDielectric(_) => MOST + 0.5,
+        _ => MOST,
+    };
+    let mut rng = seeded(bytes);
+    for _ in 0..4 {
+        let h_rel = (rng.below(2) == 0).then(|| any(&mut rng, 1.0));
+        let query = FiberQuery {
+            h_rel,
+            sigma_per_um: spec.sigma_per_um,
+            ..FiberQuery::new(direction(&mut rng), spec.lambda_um)
+        };
+        let at = spec.model.at(&query);
+        good("width", &at.width_um());
+        ask("analytic fiber", &at, most, &mut rng);
+    }
+}
+
+/// A file of strands, and rays at what loads.
+pub fn strands(bytes: &[u8]) {
+    let mut rng = seeded(bytes);
+    let basis = if rng.below(2) == 0 { Basis::Linear } else { Basis::BSpline };
+    let radius_mm = (rng.below(4) == 0).then_some(0.02);
+    let how = StrandFile { basis, mm_per_unit: 1.0, radius_mm, whole: rng.below(2) == 0 };
+    let Some(strands) = loaded(Strands::from_bytes(bytes, "s", &how)) else { return };
+    assert!(strands.points().iter().flatten().all(|v| v.is_finite()));
+    let shape = if rng.below(2) == 0 { StrandShape::Tube } else { StrandShape::Band };
+    let tree = StrandTree::new(strands, shape);
+    let [low, high] = tree.bounds();
+    let (middle, size) = ((0.5 * (low + high)).as_dvec3(), (high - low).length().max(1e-3));
+    for _ in 0..8 {
+        let w = direction(&mut rng).map(|v| if v.is_finite() { f64::from(v.clamp(-1.0, 1.0)) } else { 0.0 });
+        let w = glam::DVec3::from(w).normalize_or(glam::DVec3::X);
+        if let Some(hit) = tree.first(middle - f64::from(size) * w, w, 0.0, f64::INFINITY, &[]) {
+            let numbers = [hit.t, hit.radius_mm, hit.h_rel, hit.u, hit.position.length(), hit.center.length()];
+            assert!(numbers.iter().all(|v| v.is_finite()), "{hit:?}");
+            assert!(hit.radius_mm > 0.0 && hit.h_rel.abs() <= 1.0 + 1e-6, "{hit:?}");
+            assert!((hit.tangent.length() - 1.0).abs() < 1e-6, "{hit:?}");
+        }
+    }
+}
+
+/// The twin of a cloth.
+pub fn twin(bytes: &[u8]) {
+    if let Some(twin) = loaded(ClothTwin::from_bytes(bytes, "x")) {
+        let again = ClothTwin::from_bytes(&twin.to_bytes().expect("what loads can be written"), "x");
+        assert_eq!(again.expect("and read"), twin);
+    }
+}
+
+/// The text of a twin's cloth, as a twin has it.
+pub fn cloth(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else { return };
+    if let Some(cloth) = loaded(TwinCloth::parse(text)) {
+        loaded(TwinCloth::parse(cloth.text())).expect("its own text is one");
+    }
+}
+
+/// The fiber of a table by waves: a yarn spec or a scene of one fiber.
+pub fn single(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else { return };
+    loaded(SingleFiber::parse(text, "y.toml", 0.0));
+}
+
+/// The description of a job, as a farm's worker gets it.
+pub fn job(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else { return };
+    let extent = seeded(bytes).bits() % 9;
+    if let Some(job) = loaded(AnyJob::of_text(text, extent)) {
+        assert!(job.plan().shards > 0);
     }
 }

@@ -1,5 +1,5 @@
 //! The targets under mutations, for as long or as many inputs as asked: `PLYWAVE_FUZZ_SECONDS` (4 by default) or `PLYWAVE_FUZZ_COUNT`, from `PLYWAVE_FUZZ_SEED` on. With both, the
-//! run ends at whichever comes first. A failure names target and seed, which give the same input again.
+//! run ends at whichever comes first. `PLYWAVE_FUZZ_TARGETS=model,table` runs these alone. A failure names target and seed, which give the same input again.
 
 use plywave_fuzz::targets::LOADED;
 use plywave_fuzz::{Rng, all, mutate};
@@ -29,7 +29,13 @@ fn every_loader_keeps_its_promises() {
     let seconds = number("PLYWAVE_FUZZ_SECONDS").or(if count.is_none() { Some(4) } else { None });
     let budget = seconds.map_or(Duration::MAX, Duration::from_secs);
     let first = number("PLYWAVE_FUZZ_SEED").unwrap_or(1);
-    let targets = all();
+    let mut targets = all();
+    if let Ok(names) = std::env::var("PLYWAVE_FUZZ_TARGETS") {
+        let names: Vec<&str> = names.split(',').collect();
+        let known = |name: &&str| targets.iter().any(|t| t.name == *name);
+        assert!(names.iter().all(known), "PLYWAVE_FUZZ_TARGETS = {names:?}: expected names of targets, with commas");
+        targets.retain(|t| names.contains(&t.name));
+    }
     let begun = Instant::now();
     let (mut done, mut by_target) = (0u64, vec![(0u64, Duration::ZERO, 0u64); targets.len()]);
     let mut failures = Vec::new();
