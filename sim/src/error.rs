@@ -113,7 +113,7 @@ pub enum SimError {
         shards: usize,
     },
     /// Parts that do not make a whole.
-    #[error("{what}; {hint}")]
+    #[error("{}; {hint}", plywave::one_line(what, 1000))]
     Merge {
         /// What is wrong.
         what: String,

@@ -194,6 +194,10 @@ fn impossible_cloth_is_refused() {
     assert!(error.to_string().contains("intersect"), "{error}");
     let parsed = TwinCloth::parse("{}").unwrap_err().to_string();
     assert!(parsed.contains("the text of the cloth"), "{parsed}");
+    // Nor is one of more repeats than could ever be traced looked at for hours.
+    let long = TwinOptions { repeats: Some([1 << 20, 1]), ..TwinOptions::default() };
+    let refused = TwinJob::new(plain(), &long).err();
+    assert!(matches!(refused, Some(SimError::Option { name: "repeats", .. })), "{refused:?}");
 }
 
 /// Pitches close over the domain, and change by less than a tenth.

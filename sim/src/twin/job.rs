@@ -39,6 +39,9 @@ pub struct TwinJob {
     tracer: OnceLock<ClothTracer>,
 }
 
+/// Longest side that is traced [um].
+const LONGEST_UM: f64 = 2e5;
+
 impl TwinJob {
     /// The job of a cloth.
     ///
@@ -63,6 +66,12 @@ impl TwinJob {
         }
         if !(1..=1 << 20).contains(shards) {
             return refuse("shards", *shards as usize, "1 to 1048576");
+        }
+        // Fibers of longer yarns are more than are traced, and before that many a step of their center lines.
+        let repeats = options.repeats.unwrap_or([1; 2]).map(f64::from);
+        let sides = cloth.fabric.repeat_um();
+        if let Some(side) = (0..2).map(|k| sides[k] * repeats[k]).find(|side| side.is_nan() || *side > LONGEST_UM) {
+            return refuse("repeats", side as usize, "so many that the sides are 200000 um at most");
         }
         let domain = Domain::new(&cloth, options.repeats, &options.mesh);
         Ok(TwinJob { cloth, options: options.clone(), domain, tracer: OnceLock::new() })

@@ -83,7 +83,8 @@ fn merged_groups_match_the_whole_system() {
             );
             assert!(err < tolerance, "theta {theta_i}: err {err:e}, asked {tolerance:e}");
             assert!(defect < tolerance, "theta {theta_i}: unbalance {defect:e}, asked {tolerance:e}");
-            assert!(residual > 0.0 && residual < 0.1 * tolerance, "residual {residual:e}");
+            // Groups are far finer than asked, down to rounding: larger scenes lose by it.
+            assert!(residual > 0.0 && residual < (1e-5 * tolerance).max(3e-10), "residual {residual:e}");
         }
     }
 }

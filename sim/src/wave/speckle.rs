@@ -130,8 +130,11 @@ impl SpeckleJob {
     /// The job of `spec`, whose text is `spec_text`.
     ///
     /// # Errors
-    /// Beams that are too narrow and outlines that cannot be made ([`SimError::Wave`]), [`SimError::TooLarge`].
+    /// Beams that are too narrow and outlines that cannot be made ([`SimError::Wave`]), [`SimError::TooLarge`], [`SimError::Option`] for no instance.
     pub fn new(spec: &YarnSpec, spec_text: &str, options: &SpeckleOptions) -> Result<SpeckleJob, SimError> {
+        if options.instances == 0 {
+            return Err(SimError::Option { name: "instances", value: 0, allowed: "1 or more" });
+        }
         for &lambda_um in &options.lambda_um {
             options.source(Polarization::Tm).plane_waves(&options.wave(lambda_um), 0.0)?;
         }
