@@ -9,6 +9,7 @@ mod whole;
 pub use whole::{KEPT_TOLERANCE, LAYER_TOLERANCE, PART_INCIDENCES, PartReport, check_layers, check_whole};
 
 use crate::frame::{direction, theta_phi};
+use crate::ply::LobeFamily;
 use crate::{Bsdf, BsdfSample, PlyModel, PlyQuery};
 use chi2::{chi2_test, threshold};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -168,9 +169,14 @@ pub fn check_incidence(
     uniform: &mut dyn FnMut() -> f32,
 ) -> IncidenceReport {
     let d = model.data();
-    let ln_mu = d.refl.chunks_exact(6).chain(d.high.chunks_exact(6)).flat_map(|p| [p[3], p[4]]).fold(0.0, f64::max);
-    let sd = (-0.5 * ln_mu).exp() * std::f64::consts::FRAC_1_SQRT_2;
-    let r = check_bsdf(&model.at(&PlyQuery::lobes(theta_i, h_um, sigma_per_um)), [sd; 2], samples, uniform);
+    let ln_mu = |k: usize| d.refl.chunks_exact(6).chain(d.high.chunks_exact(6)).map(|p| p[k]).fold(0.0, f64::max);
+    // Round lobes turn any of their sides to any direction; a cone's second bandwidth is that of its latitude.
+    let ln_mu = match d.family {
+        LobeFamily::Round => [ln_mu(3).max(ln_mu(4)); 2],
+        LobeFamily::Cone => [ln_mu(4), ln_mu(3)],
+    };
+    let sd = ln_mu.map(|ln_mu| (-0.5 * ln_mu).exp() * std::f64::consts::FRAC_1_SQRT_2);
+    let r = check_bsdf(&model.at(&PlyQuery::lobes(theta_i, h_um, sigma_per_um)), sd, samples, uniform);
     IncidenceReport {
         theta_i,
         h_um,

@@ -1,8 +1,9 @@
-//! Numerics that several models share: lookups on uniform axes, hashes, vectorizable functions, the Faddeeva function.
+//! Numerics that several models share: lookups on uniform axes, hashes, vectorizable functions, the Faddeeva function, the error function.
 //!
 //! Public for the crates of this workspace; a host needs nothing from here.
 
 pub mod axis;
+pub mod erf;
 pub mod faddeeva;
 pub(crate) mod fft;
 pub mod hash;

@@ -18,6 +18,7 @@ fn plan() -> Planted {
         sigma_per_um: vec![0.0],
         paths: 2e6,
         seed: 1,
+        turn: 0.0,
     }
 }
 

@@ -4,6 +4,7 @@ use crate::error::FitError;
 use crate::lobes::canonical::canonical_order;
 use crate::lobes::model::{Place, ScaledLobes, energies, evaluate, high_lobes, refl_lobes};
 use crate::lobes::sphere::{Scratch, SphereGrid};
+use plywave::ply::LobeFamily;
 use plywave::ply::PlyData;
 use plywave::ply::asg::{Lobe, PARAMS};
 use plywave::table::OutgoingGrid;
@@ -89,13 +90,14 @@ pub fn diff(a: &PlyData, b: &PlyData, tolerance: &DiffTolerance) -> Result<DiffR
     let cells: Vec<Place> = (0..(rows - 1) * (columns - 1))
         .map(|k| Place { m: k / (columns - 1), s: 0.5, n: k % (columns - 1), t: 0.5 })
         .collect();
+    let round = a.family == LobeFamily::Round && b.family == LobeFamily::Round;
     let compare = |lobes: &(dyn Fn(&PlyData) -> ScaledLobes + Sync), scratch: &mut Scratch| {
         let (x, y) = (lobes(a), lobes(b));
         let (fx, fy) = (evaluate(&sphere, &x, scratch), evaluate(&sphere, &y, scratch));
         SliceDiff {
             distance: sphere.distance2(&fx, &fy).sqrt(),
             norm: sphere.inner(&fx, &fx).max(sphere.inner(&fy, &fy)).sqrt(),
-            drift: lobe_drift(&x.params, &y.params),
+            drift: if round { lobe_drift(&x.params, &y.params) } else { None },
         }
     };
     let slices = |places: &[Place], lobes: &(dyn Fn(&PlyData, Place) -> ScaledLobes + Sync)| -> Vec<SliceDiff> {
@@ -153,7 +155,7 @@ pub fn diff(a: &PlyData, b: &PlyData, tolerance: &DiffTolerance) -> Result<DiffR
     Ok(DiffReport { refl, high, refl_between, high_between, energy, drift_refl, drift_high, worst, equal })
 }
 
-/// Matches the lobes of two mixtures, nearest pairs first, and measures how they differ.
+/// Matches the round lobes of two mixtures, nearest pairs first, and measures how they differ.
 pub fn lobe_drift(a: &[f64], b: &[f64]) -> Option<LobeDrift> {
     if a.len() != b.len() {
         return None;

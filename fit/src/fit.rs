@@ -7,15 +7,15 @@ use crate::exits::fit_exits;
 use crate::fit_errors::errors;
 use crate::layers::layer_factors;
 use crate::lobes::absorption::{SliceProducts, attenuation, energy_spectrum, fit_lobe_spectra};
-use crate::lobes::block::{CORNERS, Target, blend, coarse_grid, corner_weights, fit_joint};
+use crate::lobes::block::{BlockEffort, CORNERS, Target, blend, coarse_grid, corner_weights, fit_joint};
 use crate::lobes::canonical::canonicalize;
+use crate::lobes::cone::SliceLobes;
 use crate::lobes::dark::{DarkSlices, refine};
 use crate::lobes::reflection::fit_reflection;
 use crate::lobes::sphere::{Scratch, SphereGrid};
 use crate::options::FitOptions;
-use plywave::ply::EdgeLobes;
-use plywave::ply::PlyData;
 use plywave::ply::asg::PARAMS;
+use plywave::ply::{EdgeLobes, LobeFamily, PlyData};
 use plywave::table::Table;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -50,9 +50,19 @@ const MOST_ENERGY: f64 = 1.05;
 /// # Errors
 /// [`FitError::Table`], [`FitError::Option`], [`FitError::Unsavable`].
 pub fn frame(table: &Table, options: &FitOptions, edge: Option<EdgeLobes>) -> Result<PlyData, FitError> {
+    frame_on(table, options, edge, None)
+}
+
+/// [`frame`] with spectra on these path lengths [um]; without, on those that fit the table best.
+pub(crate) fn frame_on(
+    table: &Table,
+    options: &FitOptions,
+    edge: Option<EdgeLobes>,
+    path_um: Option<&[f64]>,
+) -> Result<PlyData, FitError> {
     check_table(table)?;
     options.check()?;
-    let (energies, path_um) = energy_splines(table);
+    let (energies, path_um) = energy_splines(table, path_um);
     let data = PlyData {
         spec_text: table.spec_text.clone(),
         program_version: env!("CARGO_PKG_VERSION").to_string(),
@@ -62,6 +72,7 @@ pub fn frame(table: &Table, options: &FitOptions, edge: Option<EdgeLobes>) -> Re
         h_um: table.h_um.clone(),
         sigma_per_um: table.sigma_per_um.clone(),
         path_um,
+        family: LobeFamily::Round,
         lobes_refl: options.lobes_refl,
         lobes_high: options.lobes_high,
         energies,
@@ -113,6 +124,8 @@ pub fn fit(table: &Table, options: &FitOptions, progress: &(dyn Fn(Progress) + S
     let energies: Vec<Vec<f64>> = table.energy_high.chunks_exact(sigmas).map(|e| e.to_vec()).collect();
     let spectra: Vec<Vec<f64>> = energies.iter().map(|e| energy_spectrum(e, &table.sigma_per_um, &path_um).0).collect();
 
+    let family = options.family.unwrap_or_else(|| needed_family(&sphere, coarse.as_ref(), table, options));
+    data.family = family;
     let (block_rows, block_columns) = ((rows - 1) / 2, (columns - 1) / 2);
     let blocks = block_rows * block_columns;
     let done = AtomicUsize::new(0);
@@ -120,7 +133,7 @@ pub fn fit(table: &Table, options: &FitOptions, progress: &(dyn Fn(Progress) + S
         .into_par_iter()
         .map(|block| {
             let (bm, bn) = (block / block_columns, block % block_columns);
-            let targets = block_targets(&sphere, table, bm, bn);
+            let targets = block_targets(&sphere, table, bm, bn, family);
             let fit = fit_joint(
                 &sphere,
                 coarse.as_ref(),
@@ -167,6 +180,7 @@ pub fn fit(table: &Table, options: &FitOptions, progress: &(dyn Fn(Progress) + S
         .map(|node| {
             let values = table.refl_slice(node / columns, node % columns);
             Target::new(&sphere, values, table.energy_refl[node], table.noise_refl[node], vec![(0, 1.0)])
+                .with(SliceLobes::of(family, table.theta_i[node / columns]))
         })
         .collect();
     let total = rows * columns * (1 + options.reflection.rounds);
@@ -198,8 +212,47 @@ pub fn fit(table: &Table, options: &FitOptions, progress: &(dyn Fn(Progress) + S
     Ok(data)
 }
 
+/// Relative error of high-order slices up to which round lobes serve: beyond, cones are tried.
+const ROUND_SERVES: f64 = 0.06;
+
+/// The family that a table needs, told by a few blocks: a third and two thirds of the way along theta_i, in the middle and half way to the rim, with half the starts.
+///
+/// Round lobes, unless their slices are off by more than [`ROUND_SERVES`] (rms) and cones, which have as many parameters and so take up as much noise, leave less than
+/// half of their squared error: a family that every host evaluates is given up for a gain that shows, and for no less.
+fn needed_family(sphere: &SphereGrid, coarse: Option<&SphereGrid>, table: &Table, options: &FitOptions) -> LobeFamily {
+    let (rows, columns) = ((table.theta_i.len() - 1) / 2, (table.h_um.len() - 1) / 2);
+    let effort = BlockEffort { starts: options.block.starts.div_ceil(2), moves: 0, ..options.block };
+    let probes: Vec<(usize, usize)> = [rows / 3, (2 * rows / 3).min(rows - 1)]
+        .into_iter()
+        .flat_map(|m| [columns / 2, columns / 3].map(|n| (m, n)))
+        .collect();
+    // Sum of squared relative errors over all slices of all probes.
+    let cost = |family: LobeFamily| -> f64 {
+        let costs: Vec<f64> = probes
+            .par_iter()
+            .map(|&(m, n)| {
+                let targets = block_targets(sphere, table, m, n, family);
+                fit_joint(sphere, coarse, &targets, CORNERS, options.lobes_high, &effort, 1, &[]).cost
+            })
+            .collect();
+        costs.iter().sum()
+    };
+    let round = cost(LobeFamily::Round);
+    if round <= ROUND_SERVES.powi(2) * (9 * probes.len()) as f64 || cost(LobeFamily::Cone) > 0.5 * round {
+        LobeFamily::Round
+    } else {
+        LobeFamily::Cone
+    }
+}
+
 /// The nine slices of block `(bm, bn)` at sigma = 0.
-pub(crate) fn block_targets(sphere: &SphereGrid, table: &Table, bm: usize, bn: usize) -> Vec<Target> {
+pub(crate) fn block_targets(
+    sphere: &SphereGrid,
+    table: &Table,
+    bm: usize,
+    bn: usize,
+    family: LobeFamily,
+) -> Vec<Target> {
     let (columns, sigmas) = (table.h_um.len(), table.sigma_per_um.len());
     (0..9)
         .map(|i| {
@@ -207,12 +260,13 @@ pub(crate) fn block_targets(sphere: &SphereGrid, table: &Table, bm: usize, bn: u
             let at = (m * columns + n) * sigmas;
             let corners = corner_weights(i / 3, i % 3).into_iter().enumerate().filter(|c| c.1 > 0.0).collect();
             Target::new(sphere, table.high_slice(m, n, 0), table.energy_high[at], table.noise_high[at], corners)
+                .with(SliceLobes::of(family, table.theta_i[m]))
         })
         .collect()
 }
 
 /// The nine incidences of a block at all sigma.
-fn dark_slices(
+pub(crate) fn dark_slices(
     sphere: &SphereGrid,
     table: &Table,
     bm: usize,
@@ -232,14 +286,15 @@ fn dark_slices(
                 let row = &t[k * path_um.len()..(k + 1) * path_um.len()];
                 let energy = row.iter().zip(&spectra[m * columns + n]).map(|(t, p)| t * p).sum();
                 let noise = table.noise_high[(m * columns + n) * sigmas + k];
-                Target::new(sphere, table.high_slice(m, n, k), energy, noise, Vec::new())
+                Target::new(sphere, table.high_slice(m, n, k), energy, noise, Vec::new()).with(target.lobes)
             };
             DarkSlices { targets: (0..sigmas).map(slice).collect(), corners: target.corners.clone() }
         })
         .collect()
 }
 
-fn block_products(
+/// What the nine slices of a block say about the absorption of lobes.
+pub(crate) fn block_products(
     sphere: &SphereGrid,
     table: &Table,
     bm: usize,
@@ -265,7 +320,7 @@ fn block_products(
                 .map(|p| {
                     let mut unit = p.to_vec();
                     unit[5] = 1.0;
-                    sphere.mixture(&unit, 1.0, &mut scratch)
+                    sphere.mixture_of(target.lobes, &unit, 1.0, &mut scratch)
                 })
                 .collect();
             let slices: Vec<Target> = (0..sigmas)

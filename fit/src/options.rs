@@ -3,6 +3,7 @@
 use crate::error::FitError;
 use crate::lobes::block::BlockEffort;
 use crate::lobes::reflection::ReflectionEffort;
+use plywave::ply::LobeFamily;
 
 /// How hard and with how many lobes to fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,6 +12,8 @@ pub struct FitOptions {
     pub lobes_refl: usize,
     /// High-order lobes.
     pub lobes_high: usize,
+    /// Which lobes; those that the table needs, where it is not said.
+    pub family: Option<LobeFamily>,
     /// Effort of a block of high-order slices.
     pub block: BlockEffort,
     /// Effort of the reflection slices.
@@ -47,6 +50,7 @@ impl FitOptions {
         FitOptions {
             lobes_refl: 3,
             lobes_high: 8,
+            family: None,
             block: BlockEffort {
                 starts: 8,
                 start_iterations: 150,

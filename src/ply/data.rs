@@ -1,5 +1,6 @@
 //! The tensors of a ply model (Yu 2025, Eq. 8), as files hold them and the fitter makes them.
 
+use super::cone::LobeFamily;
 use super::edge_lobes::EdgeLobes;
 use super::energies::PlyEnergies;
 use super::exits::ExitOffsets;
@@ -18,7 +19,8 @@ pub(crate) const LEAST_ENERGY: f64 = 1e-12;
 pub(crate) const LEAST_TRANSMITTANCE: f64 = 1e-20;
 
 /// The tensors of a ply model file, as the fitter makes them. All arrays are flat, last index fastest.
-/// Lobe parameters are in the order of [`crate::ply::asg::Lobe`]: theta_z, phi_z, phi_xy [rad], ln mu1, ln mu2, energy.
+/// Lobe parameters are in the order of [`crate::ply::asg::Lobe`]: theta_z, phi_z, phi_xy [rad], ln mu1, ln mu2, energy;
+/// those of cones in the order of [`crate::ply::cone::ConeLobe`].
 ///
 /// A model at (theta_i >= 0, h): `f_refl` has its lobe parameters by bicubic (Catmull-Rom) interpolation over the nodes,
 /// lobe energies clamped at 0 and scaled so that they add up to the energy of f_refl in `energies`. `f_high` has its lobe parameters by
@@ -43,6 +45,8 @@ pub struct PlyData {
     pub sigma_per_um: Vec<f64>,
     /// `[J]` path lengths of the absorption spectra [um], ascending, >= 0.
     pub path_um: Vec<f64>,
+    /// Which lobes the model is made of.
+    pub family: LobeFamily,
     /// Number of reflection lobes.
     pub lobes_refl: usize,
     /// Number of high-order lobes.

@@ -2,6 +2,7 @@
 //!
 //! Each of these functions is one inlined copy of the arithmetic. Models beyond the fast tables take one portable copy.
 
+use super::cone_mixture::{self, ConeMixture, PreparedCones};
 use super::energy::{Core, Energies, energies, sum};
 use super::layout::{FEW, Fast, Layout, MORE, Tables};
 use super::mixture::{mixture, weights};
@@ -15,17 +16,38 @@ type Large = Tables<MAX_LOBES, MAX_LOBES, MAX_PATHS>;
 const LANES: usize = 16;
 const LANES_LARGE: usize = 2 * MAX_LOBES;
 
-/// Declares a kernel: `$name` chooses between `$fast`, compiled for several instruction sets, and `$large`. In both `$body` is
+/// Declares a kernel: `$name` chooses between `$fast`, compiled for several instruction sets, `$large`, and the two of cones. In each the body is
 /// of the tables and of the constants FMA and L (lanes).
 macro_rules! kernel {
-    ($name:ident, $fast:ident, $large:ident, ($($arg:ident: $type:ty),*) -> $out:ty, |$t:ident, $fma:ident, $l:ident| $body:expr) => {
+    ($name:ident, [$fast:ident, $large:ident, $cone:ident, $large_cone:ident], ($($arg:ident: $type:ty),*) -> $out:ty,
+     |$t:ident, $fma:ident, $l:ident| $body:expr, $cone_body:expr) => {
         #[inline]
         pub(super) fn $name<const N: usize>(layout: &Layout, $($arg: $type),*) -> $out {
             match layout {
                 Layout::Few(tables) => $fast(tables, $($arg),*),
                 Layout::More(tables) => $fast(tables, $($arg),*),
                 Layout::Large(tables) => $large(tables, $($arg),*),
+                Layout::Cone(tables) => $cone(tables, $($arg),*),
+                Layout::LargeCone(tables) => $large_cone(tables, $($arg),*),
             }
+        }
+
+        #[multiversion(targets(
+            "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
+            "x86_64+avx2+bmi1+bmi2+fma"
+        ))]
+        fn $cone<const N: usize>($t: &Fast<MORE>, $($arg: $type),*) -> $out {
+            const $fma: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
+            const $l: usize = LANES;
+            $cone_body
+        }
+
+        #[cold]
+        #[inline(never)]
+        fn $large_cone<const N: usize>($t: &Large, $($arg: $type),*) -> $out {
+            const $fma: bool = false;
+            const $l: usize = LANES_LARGE;
+            $cone_body
         }
 
         #[multiversion(targets(
@@ -49,7 +71,7 @@ macro_rules! kernel {
 }
 
 kernel!(
-    run_eval, eval_fast, eval_large,
+    run_eval, [eval_fast, eval_large, eval_cone, eval_large_cone],
     (theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> Core<N>,
     |tables, FMA, L| match mixture::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
         Some((m, x)) => {
@@ -57,18 +79,29 @@ kernel!(
             m.core(refl, high, 0.0)
         }
         None => Core::MISS,
-    }
-);
-kernel!(
-    run_pdf, pdf_fast, pdf_large,
-    (theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> Core<N>,
-    |tables, FMA, L| match mixture::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
-        Some((m, x)) => m.core(0.0, [0.0; N], m.pdf::<FMA>(&x, wo)),
+    },
+    match ConeMixture::<_, _, L, _, N>::new::<FMA>(tables, theta_i, h_um, &sigma) {
+        Some(m) => {
+            let (refl, high) = m.eval::<FMA>(wo);
+            m.core((refl, high, 0.0))
+        }
         None => Core::MISS,
     }
 );
 kernel!(
-    run_eval_pdf, eval_pdf_fast, eval_pdf_large,
+    run_pdf, [pdf_fast, pdf_large, pdf_cone, pdf_large_cone],
+    (theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> Core<N>,
+    |tables, FMA, L| match mixture::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
+        Some((m, x)) => m.core(0.0, [0.0; N], m.pdf::<FMA>(&x, wo)),
+        None => Core::MISS,
+    },
+    match ConeMixture::<_, _, L, _, N>::new::<FMA>(tables, theta_i, h_um, &sigma) {
+        Some(m) => m.core(m.eval_pdf::<FMA>(&m.mean::<FMA>(), wo)),
+        None => Core::MISS,
+    }
+);
+kernel!(
+    run_eval_pdf, [eval_pdf_fast, eval_pdf_large, eval_pdf_cone, eval_pdf_large_cone],
     (theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> Core<N>,
     |tables, FMA, L| match mixture::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
         Some((m, x)) => {
@@ -76,10 +109,14 @@ kernel!(
             m.core(refl, high, pdf)
         }
         None => Core::MISS,
+    },
+    match ConeMixture::<_, _, L, _, N>::new::<FMA>(tables, theta_i, h_um, &sigma) {
+        Some(m) => m.core(m.eval_pdf::<FMA>(&m.mean::<FMA>(), wo)),
+        None => Core::MISS,
     }
 );
 kernel!(
-    run_sample, sample_fast, sample_large,
+    run_sample, [sample_fast, sample_large, sample_cone, sample_large_cone],
     (theta_i: f32, h_um: f32, sigma: [f32; N], u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>),
     |tables, FMA, L| match weights::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
         Some((mut m, params)) => match m.sample::<FMA>(&params, tables.bandwidth, u) {
@@ -87,10 +124,14 @@ kernel!(
             None => (None, m.core(0.0, [0.0; N], 0.0)),
         },
         None => (None, Core::MISS),
+    },
+    match ConeMixture::<_, _, L, _, N>::new::<FMA>(tables, theta_i, h_um, &sigma) {
+        Some(m) => m.sample::<FMA>(u),
+        None => (None, Core::MISS),
     }
 );
 kernel!(
-    run_directions, directions_fast, directions_large,
+    run_directions, [directions_fast, directions_large, directions_cone, directions_large_cone],
     (theta_i: f32, h_um: f32, sigma: [f32; N], wo: &[[f32; 3]], f: &mut [[f32; N]], pdf: &mut [f32]) -> (),
     |tables, FMA, L| match mixture::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
         Some((m, x)) => {
@@ -101,40 +142,64 @@ kernel!(
             }
         }
         None => wo.iter().zip(f).zip(pdf).for_each(|((_, f), pdf)| (*f, *pdf) = ([0.0; N], 0.0)),
+    },
+    match ConeMixture::<_, _, L, _, N>::new::<FMA>(tables, theta_i, h_um, &sigma) {
+        Some(m) => {
+            let mean = m.mean::<FMA>();
+            for ((wo, f), pdf) in wo.iter().zip(f).zip(pdf) {
+                let (refl, high, p) = m.eval_pdf::<FMA>(&mean, *wo);
+                (*f, *pdf) = (sum(refl, high), p);
+            }
+        }
+        None => wo.iter().zip(f).zip(pdf).for_each(|((_, f), pdf)| (*f, *pdf) = ([0.0; N], 0.0)),
     }
 );
 kernel!(
-    run_batch, batch_fast, batch_large,
+    run_batch, [batch_fast, batch_large, batch_cone, batch_large_cone],
     (queries: &Queries<'_, N>, f: &mut [[f32; N]]) -> (),
-    |tables, FMA, L| batch::eval::<FMA, _, _, L, _, N>(tables, queries, f)
+    |tables, FMA, L| batch::eval::<FMA, _, _, L, _, N>(tables, queries, f),
+    cone_mixture::eval_batch::<FMA, _, _, L, _, N>(tables, queries, f)
 );
 kernel!(
-    run_energies, energies_fast, energies_large,
+    run_energies, [energies_fast, energies_large, energies_cone, energies_large_cone],
     (theta_i: f32, h_um: f32, sigma: [f32; N]) -> Energies<N>,
     |tables, FMA, _L| match energies::<FMA, _, _, _, N>(tables, theta_i, h_um, &sigma) {
+        Some(e) => e,
+        None => Energies::MISS,
+    },
+    match energies::<FMA, _, _, _, N>(tables, theta_i, h_um, &sigma) {
         Some(e) => e,
         None => Energies::MISS,
     }
 );
 kernel!(
-    run_slit_eval, slit_eval_fast, slit_eval_large,
+    run_slit_eval, [slit_eval_fast, slit_eval_large, slit_eval_cone, slit_eval_large_cone],
     (share: f32, theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> (Core<N>, Diffracted<N>),
     |tables, FMA, L| match weights::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
         Some((mut m, params)) => m.slit_eval_pdf::<FMA>(&params, tables.bandwidth, (share, theta_i), wo),
         None => (Core::MISS, Diffracted { energy: [0.0; N], chance: 0.0 }),
+    },
+    match ConeMixture::<_, _, L, _, N>::new::<FMA>(tables, theta_i, h_um, &sigma) {
+        Some(mut m) => m.slit_eval_pdf::<FMA>(share, wo),
+        None => (Core::MISS, Diffracted { energy: [0.0; N], chance: 0.0 }),
     }
 );
 kernel!(
-    run_slit_sample, slit_sample_fast, slit_sample_large,
+    run_slit_sample, [slit_sample_fast, slit_sample_large, slit_sample_cone, slit_sample_large_cone],
     (share: f32, theta_i: f32, h_um: f32, sigma: [f32; N], u: [f32; 3]) -> SlitSample,
     |tables, FMA, L| match weights::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
         Some((mut m, params)) => m.slit_sample::<FMA>(&params, tables.bandwidth, (share, theta_i), u),
+        None => SlitSample::Missed(u[0]),
+    },
+    match ConeMixture::<_, _, L, _, N>::new::<FMA>(tables, theta_i, h_um, &sigma) {
+        Some(mut m) => m.slit_sample::<FMA>(share, u),
         None => SlitSample::Missed(u[0]),
     }
 );
 
 /// Lobes of fast tables.
 type FastLobes<const H: usize, const N: usize> = PreparedLobes<H, LANES, N>;
+type FastCones<const N: usize> = PreparedCones<MORE, LANES, N>;
 
 /// What is kept of an incidence. It lives on the stack of a host's query: a box would allocate.
 #[allow(clippy::large_enum_variant)]
@@ -142,6 +207,7 @@ type FastLobes<const H: usize, const N: usize> = PreparedLobes<H, LANES, N>;
 pub(super) enum Prepared<const N: usize> {
     Few(FastLobes<FEW, N>),
     More(FastLobes<MORE, N>),
+    Cone(FastCones<N>),
     /// The beam misses, or the tables are large.
     Nothing,
 }
@@ -158,7 +224,8 @@ pub(super) fn run_prepare<const N: usize>(
     match layout {
         Layout::Few(tables) => prepare_few(tables, theta_i, h_um, sigma, prepared),
         Layout::More(tables) => prepare_more(tables, theta_i, h_um, sigma, prepared),
-        Layout::Large(_) => (),
+        Layout::Cone(tables) => prepare_cone(tables, theta_i, h_um, sigma, prepared),
+        Layout::Large(_) | Layout::LargeCone(_) => (),
     }
 }
 
@@ -186,6 +253,13 @@ prepared!(prepare_more<>, (tables: &Fast<MORE>, theta_i: f32, h_um: f32, sigma: 
         *prepared = Prepared::More(PreparedLobes::new::<FMA, _, _>(&mixture, &shapes));
     }
 });
+prepared!(prepare_cone<>, (tables: &Fast<MORE>, theta_i: f32, h_um: f32, sigma: &[f32; N], prepared: &mut Prepared<N>) -> (), |FMA| {
+    if let Some(mixture) = ConeMixture::<_, _, LANES, _, N>::new::<FMA>(tables, theta_i, h_um, sigma) {
+        *prepared = Prepared::Cone(PreparedCones::new::<FMA, _, _>(&mixture));
+    }
+});
+prepared!(cone_eval_pdf<>, (x: &FastCones<N>, wo: [f32; 3]) -> Core<N>, |FMA| x.eval_pdf::<FMA>(wo));
+prepared!(cone_sample<>, (x: &FastCones<N>, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>), |FMA| x.sample::<FMA>(u));
 prepared!(prepared_eval<H>, (x: &FastLobes<H, N>, wo: [f32; 3]) -> Core<N>, |FMA| x.eval::<FMA>(wo));
 prepared!(prepared_eval_pdf<H>, (x: &FastLobes<H, N>, wo: [f32; 3]) -> Core<N>, |FMA| x.eval_pdf::<FMA>(wo));
 prepared!(prepared_sample<H>, (x: &FastLobes<H, N>, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>), |FMA| x.sample::<FMA>(u));

@@ -2,9 +2,10 @@
 //! reflection grid, angles in half turns and bandwidths as the binary logarithm of sqrt(mu log2 e), so that the kernels need no
 //! range reduction and no square root: `exp(-mu u^2) = 2^-(s u)^2` with s = 2 to the stored number.
 
+use super::cone::LobeFamily;
 use super::data::{LEAST_ENERGY, MAX_LOBES, MAX_PATHS, PlyData, extended};
 use super::energies::coefficient;
-use crate::ply::asg::{MU_MAX, MU_MIN, PARAMS};
+use crate::ply::asg::PARAMS;
 use std::f64::consts::{LOG2_E, PI};
 
 /// Lanes of high-order lobes that the fast kernels are compiled for: those of most models, and those of fibers with flat faces. With the reflection lobes
@@ -63,6 +64,8 @@ pub(super) struct Tables<const H: usize, const R: usize, const J: usize> {
     pub(super) pairs: usize,
     /// Bounds of the stored bandwidths.
     pub(super) bandwidth: (f32, f32),
+    /// Those of mu2 where the lobes are cones; of round ones the same.
+    pub(super) bandwidth_across: (f32, f32),
 }
 
 /// The nodes.
@@ -111,18 +114,27 @@ fn bordered<T>([rows, columns]: [usize; 2], of: impl Fn(isize, isize) -> T) -> V
     (-1..=rows as isize).flat_map(|m| (-1..=columns as isize).map(move |n| (m, n))).map(|(m, n)| of(m, n)).collect()
 }
 
-/// Tables of one of three sizes.
+/// Tables of one of three sizes, or of two sizes of cones.
 #[derive(Clone, Debug)]
 pub(super) enum Layout {
     Few(Box<Fast<FEW>>),
     More(Box<Fast<MORE>>),
     Large(Box<Tables<MAX_LOBES, MAX_LOBES, MAX_PATHS>>),
+    /// Of cones.
+    Cone(Box<Fast<MORE>>),
+    LargeCone(Box<Tables<MAX_LOBES, MAX_LOBES, MAX_PATHS>>),
 }
 
 impl Layout {
     /// From checked data.
     pub(super) fn new(d: &PlyData) -> Layout {
         let fast = d.lobes_refl <= REFL && d.path_um.len() <= PATHS;
+        if d.family == LobeFamily::Cone {
+            return match d.lobes_high {
+                0..=MORE if fast => Layout::Cone(Box::new(Tables::new(d))),
+                _ => Layout::LargeCone(Box::new(Tables::new(d))),
+            };
+        }
         match d.lobes_high {
             0..=FEW if fast => Layout::Few(Box::new(Tables::new(d))),
             0..=MORE if fast => Layout::More(Box::new(Tables::new(d))),
@@ -132,9 +144,11 @@ impl Layout {
 }
 
 /// Lobe parameter `k` in the units of the kernels, from its value in f32 as files have it.
-fn stored(k: usize, value: f64) -> f64 {
+fn stored(family: LobeFamily, k: usize, value: f64) -> f64 {
     let value = f64::from(value as f32);
     match k {
+        // The shift and the lean of a cone are no angles of its axis.
+        0 | 2 if family == LobeFamily::Cone => value,
         0..3 => value / PI,
         3 | 4 => 0.5 * (value * LOG2_E + LOG2_E.log2()),
         _ => value,
@@ -162,7 +176,8 @@ impl<const H: usize, const R: usize, const J: usize> Tables<H, R, J> {
         for a in 0..m as isize - 1 {
             for b in -1..=h as isize {
                 let value = |a: isize, k: usize, l: usize| {
-                    let node = |i: usize, j: usize| stored(k, d.refl[((i * h + j) * d.lobes_refl + l) * PARAMS + k]);
+                    let node =
+                        |i: usize, j: usize| stored(d.family, k, d.refl[((i * h + j) * d.lobes_refl + l) * PARAMS + k]);
                     let row = |i: usize| extended(b, h, &|j| node(i, j));
                     if l < d.lobes_refl { extended(a, m, &row) as f32 } else { 0.0 }
                 };
@@ -173,7 +188,7 @@ impl<const H: usize, const R: usize, const J: usize> Tables<H, R, J> {
         }
 
         let corner = |c: usize| {
-            let value = |k: usize, l: usize| stored(k, d.high[(c * d.lobes_high + l) * PARAMS + k]) as f32;
+            let value = |k: usize, l: usize| stored(d.family, k, d.high[(c * d.lobes_high + l) * PARAMS + k]) as f32;
             let share = |l: usize, p: usize| d.high_path[(c * d.lobes_high + l) * j + p] as f32;
             let is = |l: usize| l < d.lobes_high;
             High {
@@ -183,6 +198,9 @@ impl<const H: usize, const R: usize, const J: usize> Tables<H, R, J> {
                 }),
             }
         };
+        let [low, high] =
+            [0, 1].map(|end| d.family.bandwidths().map(|b| stored(d.family, 3, [b.0, b.1][end].ln()) as f32));
+        let bounds = |k: usize| (low[k - 3], high[k - 3]);
         let least = |is: bool| if is { LEAST_ENERGY as f32 } else { 0.0 };
         Tables {
             grid: Grid {
@@ -203,7 +221,8 @@ impl<const H: usize, const R: usize, const J: usize> Tables<H, R, J> {
             least_high: std::array::from_fn(|l| least(l < d.lobes_high)),
             least_refl: std::array::from_fn(|l| least(l < d.lobes_refl)),
             pairs: d.lobes_high.div_ceil(2),
-            bandwidth: (stored(3, MU_MIN.ln()) as f32, stored(3, MU_MAX.ln()) as f32),
+            bandwidth: bounds(3),
+            bandwidth_across: bounds(4),
         }
     }
 }

@@ -85,6 +85,7 @@ impl<const N: usize> Lobes<N> for Cached<'_, N> {
         match &self.prepared {
             Prepared::Few(prepared) => dispatch::prepared_eval(prepared, wo),
             Prepared::More(prepared) => dispatch::prepared_eval(prepared, wo),
+            Prepared::Cone(prepared) => dispatch::cone_eval_pdf(prepared, wo),
             Prepared::Nothing => self.uncached.eval(wo),
         }
     }
@@ -94,6 +95,7 @@ impl<const N: usize> Lobes<N> for Cached<'_, N> {
         match &self.prepared {
             Prepared::Few(prepared) => dispatch::prepared_eval_pdf(prepared, wo),
             Prepared::More(prepared) => dispatch::prepared_eval_pdf(prepared, wo),
+            Prepared::Cone(prepared) => dispatch::cone_eval_pdf(prepared, wo),
             Prepared::Nothing => self.uncached.eval_pdf(wo),
         }
     }
@@ -103,6 +105,7 @@ impl<const N: usize> Lobes<N> for Cached<'_, N> {
         match &self.prepared {
             Prepared::Few(prepared) => dispatch::prepared_eval_pdf(prepared, wo),
             Prepared::More(prepared) => dispatch::prepared_eval_pdf(prepared, wo),
+            Prepared::Cone(prepared) => dispatch::cone_eval_pdf(prepared, wo),
             Prepared::Nothing => self.uncached.pdf(wo),
         }
     }
@@ -112,6 +115,7 @@ impl<const N: usize> Lobes<N> for Cached<'_, N> {
         match &self.prepared {
             Prepared::Few(prepared) => dispatch::prepared_sample(prepared, u),
             Prepared::More(prepared) => dispatch::prepared_sample(prepared, u),
+            Prepared::Cone(prepared) => dispatch::cone_sample(prepared, u),
             Prepared::Nothing => self.uncached.sample(u),
         }
     }
@@ -121,6 +125,7 @@ impl<const N: usize> Lobes<N> for Cached<'_, N> {
         match &self.prepared {
             Prepared::Few(prepared) => prepared.energies,
             Prepared::More(prepared) => prepared.energies,
+            Prepared::Cone(prepared) => prepared.energies,
             Prepared::Nothing => self.uncached.energies(),
         }
     }

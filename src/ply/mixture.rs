@@ -269,7 +269,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
     /// The lane where the running sum of the mean energies passes `left`; `None` where there is no energy. The lanes before it
     /// are counted without a branch, which no processor could predict.
     #[inline(always)]
-    fn choose<const FMA: bool>(&self, mean: &[f32; L], left: f32) -> Option<usize> {
+    pub(super) fn choose<const FMA: bool>(&self, mean: &[f32; L], left: f32) -> Option<usize> {
         let (mut sums, mut sum) = ([f32::INFINITY; L], 0.0);
         for i in 0..H + R {
             sum = fma::<FMA>(self.energy[i], mean[i], sum);

@@ -1,20 +1,50 @@
 //! The reference implementation of the runtime's kernels, slow and obvious: the model as [`super::PlyData`] defines it, in f64, through
 //! [`crate::ply::asg::Lobe`]. Tests hold the fast path to it.
 
+use super::cone::{ConeLobe, LobeFamily};
 use super::data::{LEAST_ENERGY, LEAST_TRANSMITTANCE, PlyData, extended};
 use crate::ply::asg::{Lobe, MU_MAX, MU_MIN, PARAMS, unit_energy};
 
 /// A lobe with its energy per wavelength.
 struct Weighted {
-    lobe: Lobe,
+    lobe: Any,
     refl: bool,
     energy: Vec<f64>,
+}
+
+/// A lobe of either family.
+enum Any {
+    Round(Lobe),
+    Cone(ConeLobe),
+}
+
+impl Any {
+    fn of(family: LobeFamily, p: &[f64]) -> Any {
+        let bound = |x: f64, (low, high): (f64, f64)| x.clamp(low.ln(), high.ln());
+        let [mu1, mu2] = family.bandwidths();
+        match family {
+            LobeFamily::Round => Any::Round(clamp(Lobe::from_params(p))),
+            LobeFamily::Cone => {
+                let lobe = ConeLobe::from_params(p);
+                Any::Cone(ConeLobe { ln_mu1: bound(lobe.ln_mu1, mu1), ln_mu2: bound(lobe.ln_mu2, mu2), ..lobe })
+            }
+        }
+    }
+
+    /// Value of the lobe with energy 1 in direction `v` for theta_i >= 0.
+    fn unit(&self, theta_i: f64, v: [f64; 3]) -> f64 {
+        match self {
+            Any::Round(lobe) => Lobe { energy: 1.0, ..*lobe }.eval(v),
+            Any::Cone(lobe) => ConeLobe { energy: 1.0, ..*lobe }.eval(theta_i, v),
+        }
+    }
 }
 
 /// The mixture of lobes at one incidence.
 pub struct Mixture {
     lobes: Vec<Weighted>,
     flip: bool,
+    theta_i: f64,
     /// Energy of f_refl.
     pub energy_refl: f64,
     /// Energy of f_high per sigma.
@@ -101,8 +131,8 @@ impl Mixture {
                     }
                 }
             }
-            let lobe = clamp(Lobe::from_params(&p));
-            lobes.push(Weighted { lobe, refl: true, energy: vec![lobe.energy.max(LEAST_ENERGY); sigma.len()] });
+            let lobe = Any::of(d.family, &p);
+            lobes.push(Weighted { lobe, refl: true, energy: vec![p[5].max(LEAST_ENERGY); sigma.len()] });
         }
         let block = (m / 2) * (nh / 2) + n / 2;
         let (gm, gn) = (0.5 * ((m % 2) as f64 + fm), 0.5 * ((n % 2) as f64 + fn_));
@@ -118,9 +148,9 @@ impl Mixture {
                     path[j] += w * d.high_path[at * nj + j];
                 }
             }
-            let lobe = clamp(Lobe::from_params(&p));
+            let lobe = Any::of(d.family, &p);
             let transmittance = |s: &f64| (0..nj).map(|j| path[j] * (-s * d.path_um[j]).exp()).sum::<f64>();
-            let energy = lobe.energy.max(LEAST_ENERGY);
+            let energy = p[5].max(LEAST_ENERGY);
             let energy = sigma.iter().map(|s| energy * (transmittance(s) + LEAST_TRANSMITTANCE)).collect();
             lobes.push(Weighted { lobe, refl: false, energy });
         }
@@ -131,7 +161,14 @@ impl Mixture {
                 lobes.iter_mut().filter(|l| l.refl == refl).for_each(|l| l.energy[k] *= want / sum);
             }
         }
-        Some(Mixture { lobes, flip, energy_refl, energy_high, r_d })
+        Some(Mixture {
+            lobes,
+            flip,
+            theta_i: theta_i.abs().min(0.5 * std::f64::consts::PI),
+            energy_refl,
+            energy_high,
+            r_d,
+        })
     }
 
     /// f_refl and f_high per sigma in direction `wo` [1/sr].
@@ -139,7 +176,7 @@ impl Mixture {
         let v = if self.flip { [-wo[0], wo[1], -wo[2]] } else { wo };
         let (mut refl, mut high) = (0.0, vec![0.0; self.energy_high.len()]);
         for l in &self.lobes {
-            let g = Lobe { energy: 1.0, ..l.lobe }.eval(v);
+            let g = l.lobe.unit(self.theta_i, v);
             if l.refl {
                 refl += g * l.energy.first().copied().unwrap_or(0.0);
             } else {
@@ -158,10 +195,14 @@ impl Mixture {
             return 0.0;
         }
         let density = |l: &Weighted| {
-            let [x, y, z] = l.lobe.frame();
+            let lobe = match &l.lobe {
+                Any::Round(lobe) => lobe,
+                Any::Cone(_) => return l.lobe.unit(self.theta_i, v),
+            };
+            let [x, y, z] = lobe.frame();
             let dot = |a: [f64; 3]| a[0] * v[0] + a[1] * v[1] + a[2] * v[2];
             let (u, w, cz) = (dot(x), dot(y), dot(z));
-            let (mu1, mu2) = (l.lobe.ln_mu1.exp(), l.lobe.ln_mu2.exp());
+            let (mu1, mu2) = (lobe.ln_mu1.exp(), lobe.ln_mu2.exp());
             let (q, r2) = (mu1 * u * u + mu2 * w * w, u * u + w * w);
             let a = (q + 1e-30) / (r2 + 1e-30);
             let norm = (mu1 * mu2).sqrt() / std::f64::consts::PI;

@@ -3,11 +3,13 @@
 //! Inside the objective, the model of a slice is scaled to the slice's energy as the evaluator scales it. So the objective is the error of the values
 //! that will be evaluated.
 
+use crate::lobes::cone::{self, SliceLobes, ring_lobes, rings};
 use crate::lobes::init::kmeans_lobes;
 use crate::lobes::sphere::{PaddedSlice, Scratch, SphereGrid};
 use crate::optimize::minimize::{MinimizeOptions, minimize_bounded};
-use plywave::ply::asg::{MU_MAX, MU_MIN, PARAMS};
-use std::f64::consts::{FRAC_PI_2, PI};
+use plywave::ply::LobeFamily;
+use plywave::ply::asg::PARAMS;
+use std::f64::consts::PI;
 
 /// Corners of a block in file order (theta_i, h): (0, 0), (0, 2), (2, 0), (2, 2).
 pub const CORNERS: usize = 4;
@@ -26,6 +28,8 @@ pub(crate) struct Target {
     pub weight: f64,
     /// Weights of the free parameter sets in this slice's parameters.
     pub corners: Vec<(usize, f64)>,
+    /// Which lobes it is fitted with.
+    pub lobes: SliceLobes,
 }
 
 impl Target {
@@ -35,7 +39,12 @@ impl Target {
         let norm2 = sphere.inner(&slice, &slice);
         let signal = ((norm2 - noise) / norm2.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
         let weight = if norm2 > 0.0 && energy > 0.0 { signal / norm2 } else { 0.0 };
-        Target { slice, energy, weight, corners }
+        Target { slice, energy, weight, corners, lobes: SliceLobes::Round }
+    }
+
+    /// The same target for these lobes.
+    pub fn with(self, lobes: SliceLobes) -> Self {
+        Target { lobes, ..self }
     }
 
     /// The same target on a grid coarsened by two in each direction.
@@ -49,7 +58,7 @@ impl Target {
                 out[i / 2 * c.phi_o + j / 2] += (share * values[i * f.phi_o + j] as f64) as f32;
             }
         }
-        Target { slice: coarse.pad(&out, 1.0), energy: self.energy, weight: self.weight, corners: self.corners.clone() }
+        Target { slice: coarse.pad(&out, 1.0), corners: self.corners.clone(), ..*self }
     }
 }
 
@@ -79,7 +88,8 @@ pub(crate) fn joint_cost(
         blend(x, &target.corners, &mut params);
         let sum: f64 = params.chunks_exact(PARAMS).map(|p| p[5]).sum();
         let gain = if sum > 1e-12 { target.energy / sum } else { 0.0 };
-        cost += target.weight * sphere.cost_gradient(&target.slice, &params, gain, &mut local, scratch);
+        cost +=
+            target.weight * sphere.cost_gradient_of(target.lobes, &target.slice, &params, gain, &mut local, scratch);
         if sum > 1e-12 {
             // gain = energy / sum of lobe energies: moving one energy changes all the others' share.
             let mean =
@@ -93,7 +103,19 @@ pub(crate) fn joint_cost(
             }
         }
     }
+    if is_cone(targets) {
+        for (p, g) in x.chunks_exact(PARAMS).zip(gradient.chunks_exact_mut(PARAMS)) {
+            let (pull, by) = cone::pull(p);
+            cost += pull;
+            g[0] += by[0];
+            g[2] += by[1];
+        }
+    }
     cost
+}
+
+fn is_cone(targets: &[Target]) -> bool {
+    targets.iter().any(|t| t.lobes.family() == LobeFamily::Cone)
 }
 
 /// Weighted sum of parameter sets.
@@ -133,12 +155,13 @@ pub(crate) struct BlockFit {
 }
 
 /// Bounds of every parameter: axis within half a turn of the start, bandwidths within the lobe's range, energies up to `top`.
-fn bounds(start: &[f64], top: f64) -> (Vec<f64>, Vec<f64>) {
+pub(crate) fn bounds(family: LobeFamily, start: &[f64], top: f64) -> (Vec<f64>, Vec<f64>) {
     let mut lower = Vec::with_capacity(start.len());
     let mut upper = Vec::with_capacity(start.len());
     for p in start.chunks_exact(PARAMS) {
-        lower.extend([-FRAC_PI_2, p[1] - PI, p[2] - PI, MU_MIN.ln(), MU_MIN.ln(), 0.0]);
-        upper.extend([FRAC_PI_2, p[1] + PI, p[2] + PI, MU_MAX.ln(), MU_MAX.ln(), top]);
+        let (low, high) = cone::bounds(family, p, top);
+        lower.extend(low);
+        upper.extend(high);
     }
     (lower, upper)
 }
@@ -168,16 +191,23 @@ pub(crate) fn fit_joint(
     for target in rough_targets.iter().filter(|t| t.weight > 0.0) {
         mean.add(&target.slice, 1.0 / target.energy);
     }
+    let family = targets.first().map_or(LobeFamily::Round, |t| t.lobes.family());
     let mut scratch = Scratch::default();
     let mut starts: Vec<Vec<f64>> = (0..effort.starts as u64)
         .map(|s| {
-            let lobes = kmeans_lobes(rough, &mean, lobes, seed.wrapping_mul(1000).wrapping_add(s));
-            let sum: f64 = lobes.iter().map(|l| l.energy).sum::<f64>().max(f64::MIN_POSITIVE);
+            let seed = seed.wrapping_mul(1000).wrapping_add(s);
+            let lobes: Vec<[f64; PARAMS]> = match family {
+                LobeFamily::Round => {
+                    kmeans_lobes(rough, &mean, lobes, seed).into_iter().map(|l| l.to_params()).collect()
+                }
+                LobeFamily::Cone => ring_lobes(&mean_rings(rough, rough_targets), lobes, row(rough), seed),
+            };
+            let sum: f64 = lobes.iter().map(|p| p[5]).sum::<f64>().max(f64::MIN_POSITIVE);
             (0..sets)
                 .flat_map(|set| {
                     let energy = set_energy(targets, set, scale);
-                    lobes.iter().flat_map(move |l| {
-                        let mut p = l.to_params();
+                    lobes.iter().flat_map(move |p| {
+                        let mut p = *p;
                         p[5] *= energy / sum;
                         p
                     })
@@ -196,7 +226,7 @@ pub(crate) fn fit_joint(
         return BlockFit { params, cost: 0.0, evaluations };
     }
     let mut run = |sphere: &SphereGrid, targets: &[Target], start: &[f64], iterations: usize| {
-        let (lower, upper) = bounds(start, 4.0);
+        let (lower, upper) = bounds(family, start, 4.0);
         let options = MinimizeOptions { iterations, tolerance: effort.tolerance, memory: 20 };
         let fit = minimize_bounded(start, &lower, &upper, options, |x, g| {
             joint_cost(sphere, targets, x, g, &mut scratch, lobes)
@@ -226,6 +256,29 @@ pub(crate) fn fit_joint(
     BlockFit { params, cost: fit.cost, evaluations }
 }
 
+/// Height of a row [rad].
+fn row(sphere: &SphereGrid) -> f64 {
+    PI / sphere.grid().theta_o as f64
+}
+
+/// Rings of the light of targets, each of energy 1.
+fn mean_rings(sphere: &SphereGrid, targets: &[Target]) -> Vec<[f64; 3]> {
+    let mut sum = vec![[0.0; 3]; sphere.grid().phi_o];
+    for target in targets.iter().filter(|t| t.weight > 0.0) {
+        add_rings(&mut sum, sphere, &target.slice, target.lobes, 1.0 / target.energy);
+    }
+    sum
+}
+
+fn add_rings(sum: &mut [[f64; 3]], sphere: &SphereGrid, slice: &PaddedSlice, lobes: SliceLobes, scale: f64) {
+    let SliceLobes::Cone { theta_i } = lobes else { return };
+    for (sum, ring) in sum.iter_mut().zip(rings(sphere, slice, theta_i)) {
+        for (sum, v) in sum.iter_mut().zip(ring) {
+            *sum += scale * v;
+        }
+    }
+}
+
 /// Factor that brings the free common scale of the lobe energies to the table's unit, no lobe above 1.
 fn energy_factor(targets: &[Target], x: &[f64], sets: usize, lobes: usize) -> f64 {
     let mut params = vec![0.0; lobes * PARAMS];
@@ -247,15 +300,23 @@ fn relocate(sphere: &SphereGrid, targets: &[Target], x: &[f64], lobes: usize, ro
     let size = lobes * PARAMS;
     let mut scratch = Scratch::default();
     let mut missing = sphere.pad(&vec![0.0; sphere.grid().len()], 0.0);
+    let mut missing_rings = vec![[0.0; 3]; sphere.grid().phi_o];
     let mut params = vec![0.0; size];
     let mut used = vec![0.0; lobes];
     let mut count = 0.0;
     for target in targets.iter().filter(|t| t.weight > 0.0) {
         blend(x, &target.corners, &mut params);
         let sum: f64 = params.chunks_exact(PARAMS).map(|p| p[5]).sum();
-        let model = sphere.mixture(&params, 1.0 / sum.max(1e-12), &mut scratch);
-        missing.add(&target.slice, 1.0 / target.energy);
-        missing.add(&model, -1.0);
+        let model = sphere.mixture_of(target.lobes, &params, 1.0 / sum.max(1e-12), &mut scratch);
+        if target.lobes == SliceLobes::Round {
+            missing.add(&target.slice, 1.0 / target.energy);
+            missing.add(&model, -1.0);
+        } else {
+            let mut own = model;
+            own.scale(-1.0);
+            own.add(&target.slice, 1.0 / target.energy);
+            add_rings(&mut missing_rings, sphere, &own, target.lobes, 1.0);
+        }
         count += 1.0;
         for (used, p) in used.iter_mut().zip(params.chunks_exact(PARAMS)) {
             // Squared norm of the lobe, by its peak times its energy.
@@ -264,15 +325,19 @@ fn relocate(sphere: &SphereGrid, targets: &[Target], x: &[f64], lobes: usize, ro
     }
     let mut order: Vec<usize> = (0..lobes).collect();
     order.sort_by(|a, b| used[*a].total_cmp(&used[*b]).then(a.cmp(b)));
-    let mut places = kmeans_lobes(sphere, &missing, MISSING, round as u64);
-    let peak = |l: &plywave::ply::asg::Lobe| l.energy.powi(2) * (0.5 * (l.ln_mu1 + l.ln_mu2)).exp();
+    let mut places: Vec<[f64; PARAMS]> = if is_cone(targets) {
+        ring_lobes(&missing_rings, MISSING, row(sphere), round as u64)
+    } else {
+        kmeans_lobes(sphere, &missing, MISSING, round as u64).into_iter().map(|l| l.to_params()).collect()
+    };
+    let peak = |p: &[f64; PARAMS]| p[5].powi(2) * (0.5 * (p[3] + p[4])).exp();
     places.sort_by(|a, b| peak(b).total_cmp(&peak(a)));
     let victim = order[round % lobes.min(3)];
     let place = places[(round / 3) % 2];
     let mut out = x.to_vec();
     for set in out.chunks_exact_mut(size) {
         let sum: f64 = set.chunks_exact(PARAMS).map(|p| p[5]).sum();
-        let mut p = place.to_params();
+        let mut p = place;
         p[5] = (p[5] / count).clamp(0.0, 0.3) * sum;
         set[victim * PARAMS..(victim + 1) * PARAMS].copy_from_slice(&p);
     }

@@ -1,8 +1,8 @@
 //! One canonical form for parameters that describe the same mixture: mu1 and mu2 may swap with a turn of phi_xy, phi_z and phi_xy are periodic, and lobes
 //! may be listed in any order.
 
-use plywave::ply::PlyData;
 use plywave::ply::asg::{Lobe, PARAMS};
+use plywave::ply::{LobeFamily, PlyData};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// The same lobe with theta_z in [-pi/2, pi/2], phi_z in [0, 2 pi), mu1 <= mu2 and phi_xy in [-pi/2, pi/2).
@@ -53,16 +53,17 @@ pub fn nearest_representation(lobe: Lobe, reference: Lobe) -> Lobe {
 /// with each other (all nodes of f_refl; the four corners of a block) are turned, swapped and ordered together.
 pub fn canonicalize(data: &mut PlyData) {
     let (lobes, paths) = (data.lobes_refl, data.path_um.len());
-    canonical_sets(&mut data.refl, lobes, &mut [], 0);
+    let turns = data.family == LobeFamily::Round;
+    canonical_sets(&mut data.refl, lobes, &mut [], 0, turns);
     let lobes = data.lobes_high;
     let blocks = data.high.chunks_exact_mut(4 * lobes * PARAMS).zip(data.high_path.chunks_exact_mut(4 * lobes * paths));
     for (params, spectra) in blocks {
-        canonical_sets(params, lobes, spectra, paths);
+        canonical_sets(params, lobes, spectra, paths, turns);
     }
 }
 
-/// `params[sets][lobes][6]` and what goes with each lobe, `extra[sets][lobes][stride]`.
-fn canonical_sets(params: &mut [f64], lobes: usize, extra: &mut [f64], stride: usize) {
+/// `params[sets][lobes][6]` and what goes with each lobe, `extra[sets][lobes][stride]`. Round lobes turn about their axes (`turns`), cones do not.
+fn canonical_sets(params: &mut [f64], lobes: usize, extra: &mut [f64], stride: usize, turns: bool) {
     let sets = params.len() / (lobes * PARAMS).max(1);
     if sets == 0 {
         return;
@@ -70,7 +71,7 @@ fn canonical_sets(params: &mut [f64], lobes: usize, extra: &mut [f64], stride: u
     let total = |k: usize, l: usize| (0..sets).map(|s| params[(s * lobes + l) * PARAMS + k]).sum::<f64>();
     let mut order: Vec<(f64, usize)> = (0..lobes).map(|l| (total(5, l), l)).collect();
     order.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    let swap: Vec<bool> = (0..lobes).map(|l| total(3, l) > total(4, l)).collect();
+    let swap: Vec<bool> = (0..lobes).map(|l| turns && total(3, l) > total(4, l)).collect();
     let (old, old_extra) = (params.to_vec(), extra.to_vec());
     for (to, &(_, from)) in order.iter().enumerate() {
         // One turn for all sets, by the mean: where the lobe lies on average becomes the canonical range.
@@ -79,7 +80,7 @@ fn canonical_sets(params: &mut [f64], lobes: usize, extra: &mut [f64], stride: u
         let mean = |k: usize| (0..sets).map(|s| old[(s * lobes + from) * PARAMS + k]).sum::<f64>() / count;
         let (phi_z, phi_xy) = (mean(1), mean(2) + quarter);
         let turn_z = phi_z.rem_euclid(TAU) - phi_z;
-        let turn_xy = (phi_xy + FRAC_PI_2).rem_euclid(PI) - FRAC_PI_2 - phi_xy + quarter;
+        let turn_xy = if turns { (phi_xy + FRAC_PI_2).rem_euclid(PI) - FRAC_PI_2 - phi_xy + quarter } else { 0.0 };
         for s in 0..sets {
             let p = &old[(s * lobes + from) * PARAMS..][..PARAMS];
             let (mu1, mu2) = if swap[from] { (p[4], p[3]) } else { (p[3], p[4]) };

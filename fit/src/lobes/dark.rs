@@ -4,11 +4,11 @@
 //! their spectra, both are refined together on the slices of all sigma, where sigma = 0 keeps the larger part of the weight.
 
 use crate::lobes::absorption::normalized;
-use crate::lobes::block::Target;
+use crate::lobes::block::{Target, bounds};
+use crate::lobes::cone::SliceLobes;
 use crate::lobes::sphere::{Scratch, SphereGrid};
 use crate::optimize::minimize::{MinimizeOptions, minimize_bounded};
-use plywave::ply::asg::{MU_MAX, MU_MIN, PARAMS};
-use std::f64::consts::{FRAC_PI_2, PI};
+use plywave::ply::asg::PARAMS;
 
 /// Slices of one incidence at all sigma, `targets[k]`, the energies the evaluator scales to in `Target::energy`.
 pub(crate) struct DarkSlices {
@@ -40,11 +40,8 @@ pub(crate) fn refine(
     }
     let mut x = params.to_vec();
     x.chunks_exact_mut(PARAMS).for_each(|p| p[5] /= scale);
-    let (mut lower, mut upper) = (Vec::new(), Vec::new());
-    for p in x.chunks_exact(PARAMS) {
-        lower.extend([-FRAC_PI_2, p[1] - PI, p[2] - PI, MU_MIN.ln(), MU_MIN.ln(), 0.0]);
-        upper.extend([FRAC_PI_2, p[1] + PI, p[2] + PI, MU_MAX.ln(), MU_MAX.ln(), 1.5]);
-    }
+    let lobes_of = slices.iter().flat_map(|s| &s.targets).next().map_or(SliceLobes::Round, |t| t.lobes);
+    let (mut lower, mut upper) = bounds(lobes_of.family(), &x, 1.5);
     x.extend(spectra.iter());
     lower.resize(x.len(), 0.0);
     upper.resize(x.len(), 4.0);
@@ -101,7 +98,15 @@ fn cost_gradient(
                 continue;
             }
             let weight = target.weight * if k == 0 { 1.0 } else { share };
-            cost += weight * sphere.cost_gradient(&target.slice, &local, target.energy / sum, &mut by_local, scratch);
+            cost += weight
+                * sphere.cost_gradient_of(
+                    target.lobes,
+                    &target.slice,
+                    &local,
+                    target.energy / sum,
+                    &mut by_local,
+                    scratch,
+                );
             let mean =
                 local.chunks_exact(PARAMS).zip(by_local.chunks_exact(PARAMS)).map(|(p, d)| p[5] * d[5]).sum::<f64>()
                     / sum;

@@ -1,8 +1,9 @@
-//! Mixtures of ASG lobes: on the outgoing grid, fitted to slices of f_high and f_refl, in one canonical form, and of a model at an incidence.
+//! Mixtures of lobes: on the outgoing grid, fitted to slices of f_high and f_refl, in one canonical form, and of a model at an incidence.
 
 pub(crate) mod absorption;
 pub(crate) mod block;
 pub(crate) mod canonical;
+pub(crate) mod cone;
 pub(crate) mod dark;
 pub(crate) mod init;
 pub(crate) mod model;
@@ -12,6 +13,7 @@ pub(crate) mod sphere;
 pub use absorption::{PATHS, choose_paths, energy_spectrum};
 pub use block::{BlockEffort, CORNERS, corner_weights};
 pub use canonical::{canonical, canonical_order, canonicalize, nearest_representation};
+pub use cone::SliceLobes;
 pub use init::kmeans_lobes;
 pub use model::{Place, ScaledLobes, energies, energy_high, high_lobes, high_lobes_in_block, locate, refl_lobes};
 pub use reflection::ReflectionEffort;

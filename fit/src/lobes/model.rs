@@ -1,9 +1,10 @@
 //! Lobes of a ply model at one incidence, in f64 and straight from the tensors: the fitter's own view of what the runtime
 //! evaluates, for errors and comparisons.
 
+use crate::lobes::cone::SliceLobes;
 use crate::lobes::sphere::{PaddedSlice, Scratch, SphereGrid};
 use plywave::math::axis;
-use plywave::ply::asg::{MU_MAX, MU_MIN, PARAMS};
+use plywave::ply::asg::PARAMS;
 use plywave::ply::{EnergiesAt, PlyData};
 
 /// Lobes `[lobes][6]` and the energy their sum is scaled to.
@@ -13,6 +14,8 @@ pub struct ScaledLobes {
     pub params: Vec<f64>,
     /// Energy that the sum of the lobes is scaled to.
     pub energy: f64,
+    /// What the parameters are of.
+    pub lobes: SliceLobes,
 }
 
 impl ScaledLobes {
@@ -25,7 +28,7 @@ impl ScaledLobes {
 
 /// The lobes on the bins of `sphere`, scaled to their energy.
 pub(crate) fn evaluate(sphere: &SphereGrid, lobes: &ScaledLobes, scratch: &mut Scratch) -> PaddedSlice {
-    sphere.mixture(&lobes.params, lobes.gain(), scratch)
+    sphere.mixture_of(lobes.lobes, &lobes.params, lobes.gain(), scratch)
 }
 
 /// A place between nodes: lower index and fraction along each axis.
@@ -60,11 +63,12 @@ pub fn refl_lobes(data: &PlyData, at: Place) -> ScaledLobes {
         }
     }
     for p in params.chunks_exact_mut(PARAMS) {
-        p[3] = p[3].clamp(MU_MIN.ln(), MU_MAX.ln());
-        p[4] = p[4].clamp(MU_MIN.ln(), MU_MAX.ln());
+        for (p, (low, high)) in p[3..5].iter_mut().zip(data.family.bandwidths()) {
+            *p = p.clamp(low.ln(), high.ln());
+        }
         p[5] = p[5].max(0.0);
     }
-    ScaledLobes { params, energy: energies(data, at).refl }
+    ScaledLobes { params, energy: energies(data, at).refl, lobes: lobes_at(data, at) }
 }
 
 /// Nodes and Catmull-Rom weights at fraction `t` beyond node `k` of `count`; a node beyond the rim is `2 rim - next`.
@@ -90,9 +94,17 @@ fn node_weights(k: usize, t: f64, count: usize) -> [(usize, f64); 4] {
     [(nodes[0], w[0]), (nodes[1], w[1]), (nodes[2], w[2]), (nodes[3], w[3])]
 }
 
+/// What the lobes at a place are.
+fn lobes_at(data: &PlyData, at: Place) -> SliceLobes {
+    SliceLobes::of(data.family, along(&data.theta_i, at.m, at.s))
+}
+
+fn along(axis: &[f64], i: usize, t: f64) -> f64 {
+    axis[i] + t * (axis[i + 1] - axis[i])
+}
+
 /// Energies of the model at a place.
 pub fn energies(data: &PlyData, at: Place) -> EnergiesAt {
-    let along = |axis: &[f64], i: usize, t: f64| axis[i] + t * (axis[i + 1] - axis[i]);
     data.energies.at(along(&data.theta_i, at.m, at.s), along(&data.h_um, at.n, at.t))
 }
 
@@ -133,5 +145,5 @@ pub fn high_lobes_in_block(
         }
         p[5] *= weight;
     }
-    ScaledLobes { params, energy: energy_high(data, at, sigma_per_um) }
+    ScaledLobes { params, energy: energy_high(data, at, sigma_per_um), lobes: lobes_at(data, at) }
 }

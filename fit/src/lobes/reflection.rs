@@ -5,12 +5,13 @@
 //! color of a checkerboard while the others are held. A weak pull to the mean of the neighbors on either side leaves what is
 //! linear in theta_i and h untouched; it decides where a slice has no light.
 
-use crate::lobes::block::{BlockEffort, Target, fit_joint, joint_cost};
+use crate::lobes::block::{BlockEffort, Target, bounds, fit_joint, joint_cost};
+use crate::lobes::cone;
 use crate::lobes::sphere::{Scratch, SphereGrid};
 use crate::optimize::minimize::{MinimizeOptions, minimize_bounded};
-use plywave::ply::asg::{MU_MAX, MU_MIN, PARAMS};
+use plywave::ply::LobeFamily;
+use plywave::ply::asg::PARAMS;
 use rayon::prelude::*;
-use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Effort and smoothness of the reflection fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,9 +31,9 @@ pub struct ReflectionEffort {
 
 /// The grid of incidences.
 #[derive(Clone, Copy, Debug)]
-struct Nodes {
-    m: usize,
-    n: usize,
+pub(crate) struct Nodes {
+    pub(crate) m: usize,
+    pub(crate) n: usize,
 }
 
 impl Nodes {
@@ -61,6 +62,7 @@ pub(crate) fn fit_reflection(
 ) -> Vec<f64> {
     let size = lobes * PARAMS;
     let nodes = Nodes { m, n };
+    let family = targets.first().map_or(LobeFamily::Round, |t| t.lobes.family());
     // The brightest slice of the middle latitude's neighborhood would move with noise; the middle of h at a third of the latitudes
     // is lit in every yarn.
     let first = (m / 3) * n + n / 2;
@@ -84,7 +86,7 @@ pub(crate) fn fit_reflection(
         let results: Vec<(usize, Vec<f64>)> = wave
             .par_iter()
             .map(|&node| {
-                let prior = prior(nodes, node, &fitted, size);
+                let prior = prior(nodes, node, &fitted, size, family);
                 let fit = fit_node(
                     sphere,
                     &targets[node],
@@ -109,7 +111,7 @@ pub(crate) fn fit_reflection(
                 .filter(|k| (k / n + k % n) % 2 == color)
                 .filter_map(|node| {
                     let own = fitted[node].clone()?;
-                    let prior = prior(nodes, node, &fitted, size);
+                    let prior = prior(nodes, node, &fitted, size, family);
                     let fit = fit_node(
                         sphere,
                         &targets[node],
@@ -135,7 +137,7 @@ pub(crate) fn fit_reflection(
 }
 
 /// Parameters with energies as shares of their sum.
-fn relative(params: &[f64]) -> Vec<f64> {
+pub(crate) fn relative(params: &[f64]) -> Vec<f64> {
     let lobes = params.len() / PARAMS;
     let sum: f64 = params.chunks_exact(PARAMS).map(|p| p[5]).sum();
     let mut out = params.to_vec();
@@ -144,7 +146,13 @@ fn relative(params: &[f64]) -> Vec<f64> {
 }
 
 /// What the fitted neighbors say: the mean over the axes of the midpoint of the two neighbors, or of the one neighbor.
-fn prior(nodes: Nodes, node: usize, fitted: &[Option<Vec<f64>>], size: usize) -> Vec<f64> {
+pub(crate) fn prior(
+    nodes: Nodes,
+    node: usize,
+    fitted: &[Option<Vec<f64>>],
+    size: usize,
+    family: LobeFamily,
+) -> Vec<f64> {
     let mut sum = vec![0.0; size];
     let mut count = 0.0;
     let get = |k: Option<usize>| k.and_then(|k| fitted[k].as_ref());
@@ -171,10 +179,10 @@ fn prior(nodes: Nodes, node: usize, fitted: &[Option<Vec<f64>>], size: usize) ->
     }
     sum.iter_mut().for_each(|s| *s /= f64::max(count, 1.0));
     for p in sum.chunks_exact_mut(PARAMS) {
-        p[0] = p[0].clamp(-FRAC_PI_2, FRAC_PI_2);
-        p[3] = p[3].clamp(MU_MIN.ln(), MU_MAX.ln());
-        p[4] = p[4].clamp(MU_MIN.ln(), MU_MAX.ln());
-        p[5] = p[5].clamp(0.0, 1.0);
+        let (low, high) = cone::bounds(family, p, 1.0);
+        for ((p, low), high) in p.iter_mut().zip(low).zip(high) {
+            *p = p.clamp(low, high);
+        }
     }
     relative(&sum)
 }
@@ -188,12 +196,7 @@ fn fit_node(
     effort: &ReflectionEffort,
     iterations: usize,
 ) -> Vec<f64> {
-    let mut lower = Vec::new();
-    let mut upper = Vec::new();
-    for p in prior.chunks_exact(PARAMS) {
-        lower.extend([-FRAC_PI_2, p[1] - PI, p[2] - PI, MU_MIN.ln(), MU_MIN.ln(), 0.0]);
-        upper.extend([FRAC_PI_2, p[1] + PI, p[2] + PI, MU_MAX.ln(), MU_MAX.ln(), 1.5]);
-    }
+    let (lower, upper) = bounds(target.lobes.family(), prior, 1.5);
     let mut scratch = Scratch::default();
     let options = MinimizeOptions { iterations, tolerance: effort.tolerance, memory: 20 };
     let targets = std::slice::from_ref(target);

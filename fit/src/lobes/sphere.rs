@@ -27,6 +27,8 @@ pub struct SphereGrid {
     cos_theta: Vec<f64>,
     sin_theta: Vec<f64>,
     solid_angle: Vec<f64>,
+    /// Sines of the latitudes between the rows, the poles included.
+    edges: Vec<f64>,
 }
 
 /// A slice `[theta_o][phi_o]` with its rows padded for [`SphereGrid`]'s kernels.
@@ -96,8 +98,32 @@ impl SphereGrid {
             sin_phi,
             cos_theta: rows.clone().map(|i| grid.theta(i).cos()).collect(),
             sin_theta: rows.clone().map(|i| grid.theta(i).sin()).collect(),
+            edges: (0..=grid.theta_o)
+                .map(|k| (std::f64::consts::PI * (k as f64 / grid.theta_o as f64 - 0.5)).sin())
+                .collect(),
             solid_angle: rows.map(|i| grid.solid_angle(i)).collect(),
         }
+    }
+
+    /// Sines of the latitudes between the rows.
+    pub(crate) fn edges(&self) -> &[f64] {
+        &self.edges
+    }
+
+    /// Length of a row with its padding.
+    pub(crate) fn padded(&self) -> usize {
+        self.padded
+    }
+
+    /// Turns `model` into the derivatives of `integral (model - target)^2 d omega` by its bins times `gain`; gives the integral.
+    pub(crate) fn residual(&self, model: &mut PaddedSlice, target: &PaddedSlice, gain: f64) -> f64 {
+        let rows = model.values.chunks_exact_mut(self.padded).zip(target.values.chunks_exact(self.padded));
+        rows.zip(&self.solid_angle)
+            .map(|((m, t), weight)| {
+                let sum = residual(t, m, self.grid.phi_o, (2.0 * gain * weight) as f32);
+                weight * f64::from(sum)
+            })
+            .sum()
     }
 
     /// The grid these tables are of.
@@ -236,6 +262,18 @@ impl SphereGrid {
 }
 
 impl PaddedSlice {
+    pub(crate) fn values(&self) -> &[f32] {
+        &self.values
+    }
+
+    pub(crate) fn values_mut(&mut self) -> &mut [f32] {
+        &mut self.values
+    }
+
+    pub(crate) fn scale(&mut self, by: f32) {
+        self.values.iter_mut().for_each(|v| *v *= by);
+    }
+
     /// Adds `scale * other`.
     pub fn add(&mut self, other: &PaddedSlice, scale: f64) {
         for (a, &b) in self.values.iter_mut().zip(&other.values) {

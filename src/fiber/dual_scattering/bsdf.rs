@@ -2,11 +2,11 @@
 
 use super::{DualScattering, Spread};
 use crate::Bsdf;
-use crate::fiber::gaussian::erf;
 use crate::fiber::incident::Incident;
 use crate::fiber::longitudinal::Latitude;
 use crate::fiber::{FiberModel, FiberQuery};
 use crate::frame::{direction, is_direction};
+use crate::math::erf::erf;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 /// Greatest width of spread light [rad]: even over the latitudes to 1 %.
