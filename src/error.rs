@@ -42,5 +42,30 @@ pub enum Error {
     },
 }
 
+/// A message as one printable line of at most `most` characters, whatever a file put into it: control characters and runs of spaces become one space.
+///
+/// ```
+/// assert_eq!(plywave::one_line("key\n  \u{1b}[31m", 20), "key [31m");
+/// assert_eq!(plywave::one_line("0123456789", 8), "01234...");
+/// ```
+pub fn one_line(text: &str, most: usize) -> String {
+    let mut line: Vec<char> = Vec::new();
+    for c in text.chars().map(|c| if c.is_control() { ' ' } else { c }) {
+        // One more than fits tells that there is more.
+        if line.len() > most {
+            break;
+        }
+        if c != ' ' || line.last().is_some_and(|last| *last != ' ') {
+            line.push(c);
+        }
+    }
+    if line.len() > most {
+        line.truncate(most.saturating_sub(3));
+        line.extend("...".chars().take(most));
+    }
+    let end = line.iter().rposition(|c| *c != ' ').map_or(0, |last| last + 1);
+    line.into_iter().take(end).collect()
+}
+
 /// Result with the runtime's [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;

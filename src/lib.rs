@@ -24,10 +24,10 @@ pub mod table;
 pub mod twin;
 
 pub use bsdf::{Bsdf, BsdfSample};
-pub use error::{Error, Result};
+pub use error::{Error, Result, one_line};
 pub use fabric::{FabricBsdf, FabricQuery};
 pub use fiber::{FiberBsdf, FiberModel, FiberQuery};
-pub use ply::{PlyBsdf, PlyModel, PlyQuery};
+pub use ply::{FamilyParams, PlyBsdf, PlyFamily, PlyModel, PlyQuery};
 
 /// The examples of README and of the page for hosts compile.
 #[cfg(doctest)]

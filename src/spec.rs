@@ -1,6 +1,7 @@
 //! Specs in TOML: the rules that all of them are held to, and the yarn spec. The fabric spec is in `fabric/`.
 
 mod beam;
+mod family_rules;
 mod fiber_index;
 mod ply_circle;
 mod yarn;
@@ -14,8 +15,8 @@ pub use beam::GaussianBeam;
 pub use fiber_index::SODIUM_UM;
 pub use ply_circle::{PlyRing, least_ply_pitch_um, ply_circle_um};
 pub use yarn::{
-    AbsorptionSpec, BeamSpec, BlendSpec, FiberSpec, Handedness, Packing, PlySpec, Shape, SimulationSpec, YarnGeometry,
-    YarnSpec,
+    AbsorptionSpec, BeamSpec, BlendSpec, FamilySpec, FiberSpec, Handedness, Packing, PlySpec, Shape, SimulationSpec,
+    YarnGeometry, YarnSpec,
 };
 pub use yarn_load::POLYESTER;
 #[doc(hidden)]

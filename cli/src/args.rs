@@ -1,6 +1,7 @@
 //! The command line. Angles are in degrees here and nowhere else; offsets are relative to the ply radius.
 
 mod build;
+mod family;
 mod farm;
 mod model;
 mod plot;
@@ -10,6 +11,7 @@ mod twin;
 mod wave;
 
 pub use build::*;
+pub use family::*;
 pub use farm::*;
 pub use model::*;
 pub use plot::*;
@@ -47,6 +49,8 @@ pub enum Command {
     Fit(FitArgs),
     /// Simulate and fit in one go. Without a spec: polyester, compiled in, at preview quality.
     Build(BuildArgs),
+    /// Make a continuous family of yarns of a spec with ranges: spec (TOML) in, family (.pwfam) out; or take a model (.pwm) out of a family.
+    Family(FamilyArgs),
     /// Tell what a yarn spec, a table, a model, a fiber or a file of speckle patterns holds.
     Info(InfoArgs),
     /// Evaluate a model at one incidence and one outgoing direction.

@@ -66,16 +66,7 @@ fn hint_of(error: &std::io::Error) -> &'static str {
 
 /// A message as one printable line of at most 2000 characters, whatever a file put into it.
 pub fn one_line(text: &str) -> String {
-    const LONGEST: usize = 2000;
-    let mut line = String::with_capacity(text.len().min(LONGEST));
-    for c in text.chars().take(LONGEST) {
-        let c = if c.is_control() { ' ' } else { c };
-        if !(c == ' ' && line.ends_with(' ')) {
-            line.push(c);
-        }
-    }
-    line.truncate(line.trim_end().len());
-    line
+    plywave::one_line(text, 2000)
 }
 
 #[cfg(test)]

@@ -22,6 +22,8 @@ pub enum Kind {
     Speckle,
     /// The twin of a cloth.
     Twin,
+    /// A family of plies.
+    Family,
     /// A yarn spec.
     YarnSpec,
     /// A fabric spec.
@@ -47,6 +49,7 @@ impl Kind {
             Kind::Fiber => "a fiber table (.pwf)",
             Kind::Speckle => "speckle patterns (.pws)",
             Kind::Twin => "the twin of a cloth (.pwx)",
+            Kind::Family => "a family of plies (.pwfam)",
             Kind::YarnSpec => "a yarn spec (TOML)",
             Kind::FabricSpec => "a fabric spec (TOML)",
             Kind::Filament => "an analytic fiber (TOML)",
@@ -62,6 +65,7 @@ impl Kind {
         match (self, wanted) {
             (Kind::YarnSpec, Kind::Model) => "`plywave build SPEC` makes a model of it",
             (Kind::YarnSpec, Kind::Table) => "`plywave simulate SPEC` makes a table of it",
+            (Kind::Family, Kind::Model) => "`plywave family FAMILY --param KEY=VALUE` takes a model out of it",
             (Kind::Table, Kind::Model) => "`plywave fit TABLE` makes a model of it",
             (Kind::Model, Kind::FabricSpec) => "write a fabric spec that names it, as fabrics/cotton_plain.toml",
             (Kind::YarnSpec, Kind::FabricSpec) => "build its model and write a fabric spec that names it",
@@ -70,7 +74,7 @@ impl Kind {
             (Kind::YarnSpec, _) => "`plywave build` takes it",
             (Kind::Model, _) => "`plywave info` tells what it holds",
             (Kind::Table, _) => "`plywave fit` takes it",
-            (Kind::Fiber | Kind::Speckle | Kind::Twin, _) => "`plywave info` tells what it holds",
+            (Kind::Fiber | Kind::Speckle | Kind::Twin | Kind::Family, _) => "`plywave info` tells what it holds",
             (Kind::StrandScene, _) => "`plywave render` takes it",
             (Kind::Filament, _) => "`plywave check` takes it",
             (Kind::WaveScene, _) => "`plywave wave scatter` takes it",
@@ -94,6 +98,7 @@ pub fn kind_of(path: &Path) -> Option<Kind> {
             FileKind::Fiber => Kind::Fiber,
             FileKind::Speckle => Kind::Speckle,
             FileKind::Twin => Kind::Twin,
+            FileKind::Family => Kind::Family,
         });
     }
     let mut head = Vec::new();

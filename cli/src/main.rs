@@ -11,6 +11,7 @@ mod progress;
 mod rendering;
 mod report;
 mod strand_scene;
+mod yarn_words;
 
 use args::{Cli, Command, WaveCommand};
 use clap::Parser;
@@ -25,6 +26,7 @@ fn main() -> ExitCode {
         Command::Simulate(args) => commands::simulate::run(&cli, args),
         Command::Fit(args) => commands::fit::run(&cli, args),
         Command::Build(args) => commands::build::run(&cli, args),
+        Command::Family(args) => commands::family::run(&cli, args),
         Command::Info(args) => commands::info::run(&cli, args),
         Command::Eval(args) => commands::eval::run(&cli, args),
         Command::Sample(args) => commands::sample::run(&cli, args),

@@ -8,10 +8,10 @@ use rayon::prelude::*;
 /// Most that the shares of a coefficient add up to, as of a table's nodes: beside a sudden fall splines swing over.
 const MOST: f64 = 1.049;
 
-/// The splines of a table's energies, and the path lengths [um] of their spectra.
+/// The splines of a table's energies, and the path lengths [um] of their spectra: these, or those that fit the table best.
 ///
 /// Coefficients sharpen what the splines blur, noise too: what falls below 0 by that is set to 0, and the sum of the shares at sigma = 0 is kept.
-pub(crate) fn energy_splines(table: &Table) -> (PlyEnergies, Vec<f64>) {
+pub(crate) fn energy_splines(table: &Table, path_um: Option<&[f64]>) -> (PlyEnergies, Vec<f64>) {
     let energies = &*table.fine_energies();
     let TableEnergies { miss_theta_i, miss_h_um, share_theta_i, share_h_um, .. } = energies.clone();
     let (rows, columns, sigmas) = (share_theta_i.len(), share_h_um.len(), table.sigma_per_um.len());
@@ -30,7 +30,7 @@ pub(crate) fn energy_splines(table: &Table) -> (PlyEnergies, Vec<f64>) {
         })
         .collect();
     let curves: Vec<Vec<f64>> = shares.iter().map(|s| s.1.clone()).collect();
-    let path_um = choose_paths(&curves, &table.sigma_per_um);
+    let path_um = path_um.map_or_else(|| choose_paths(&curves, &table.sigma_per_um), <[f64]>::to_vec);
     let spectra: Vec<Vec<f64>> =
         curves.par_iter().map(|c| energy_spectrum(c, &table.sigma_per_um, &path_um).0).collect();
     let splines = PlyEnergies {

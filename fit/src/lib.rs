@@ -1,4 +1,4 @@
-//! Fitter of plywave: from tables of simulated scattering to ply models of anisotropic spherical Gaussian lobes.
+//! Fitter of plywave: from tables of simulated scattering to ply models of anisotropic spherical Gaussian lobes, or of cones.
 
 mod check;
 mod diagnose;
@@ -7,6 +7,7 @@ mod edge;
 mod energies;
 mod error;
 mod exits;
+mod family;
 mod fit;
 mod fit_errors;
 mod khungurn;
@@ -23,14 +24,15 @@ pub use edge::{EdgeFit, EdgeOptions, edge_error, fit_edge, fit_edge_lobes};
 pub use energies::has_energies_of;
 pub use error::FitError;
 pub use exits::fit_exits;
+pub use family::{FamilyMiddle, FamilyTables, fit_family};
 pub use fit::{Progress, Stage, fit, frame};
 pub use fit_errors::{FitErrors, errors};
 pub use khungurn::{KhungurnFit, KhungurnFitError, SwatchOptions, SwatchSample, fit_khungurn, fit_khungurn_swatch};
 pub use layers::layer_factors;
 pub use lobes::{
-    BlockEffort, CORNERS, PATHS, PaddedSlice, Place, ReflectionEffort, ScaledLobes, Scratch, SphereGrid, canonical,
-    canonical_order, canonicalize, choose_paths, corner_weights, energies, energy_high, energy_spectrum, high_lobes,
-    high_lobes_in_block, kmeans_lobes, locate, nearest_representation, refl_lobes,
+    BlockEffort, CORNERS, PATHS, PaddedSlice, Place, ReflectionEffort, ScaledLobes, Scratch, SliceLobes, SphereGrid,
+    canonical, canonical_order, canonicalize, choose_paths, corner_weights, energies, energy_high, energy_spectrum,
+    high_lobes, high_lobes_in_block, kmeans_lobes, locate, nearest_representation, refl_lobes,
 };
 pub use optimize::{
     CostGradient, Lbfgsb, LbfgsbError, LbfgsbOptions, LbfgsbSolution, LbfgsbState, LbfgsbStop, minimize, nnls,

@@ -19,12 +19,16 @@
 
 mod build;
 mod error;
+mod family;
 mod recipe;
 mod run;
 mod stages;
 
 pub use build::{Built, Times, build};
 pub use error::Error;
+pub use family::{
+    FamilyFolder, FamilyJob, FamilyOptions, build_family, check_family_spec, energies_off, family_jobs, member,
+};
 pub use recipe::{Quality, Recipe, Speckle, with_keys};
 pub use run::{Progress, Run, Stage};
 pub use stages::{

@@ -89,17 +89,20 @@ pub fn fit_model(
 ) -> Result<PlyData, Error> {
     let edge = check_fit(table, spec, options, file)?;
     let options = with_lobes_of(options, spec);
-    let tell = |p: plywave_fit::Progress| {
-        let stage = match p.stage {
-            plywave_fit::Stage::High => Stage::FitHigh,
-            plywave_fit::Stage::Reflection => Stage::FitReflection,
-            plywave_fit::Stage::Errors => Stage::FitErrors,
-        };
-        run.tell(Progress { stage, done: p.done as u64, total: p.total as u64 });
-    };
+    let tell = |p| tell_fit(run, p);
     let mut data = fit(table, &options, &tell).map_err(|source| Error::Fit { file: file.into(), source })?;
     data.edge = Some(edge);
     Ok(data)
+}
+
+/// Tells a run of the progress of a fit.
+pub(crate) fn tell_fit(run: &Run<'_>, p: plywave_fit::Progress) {
+    let stage = match p.stage {
+        plywave_fit::Stage::High => Stage::FitHigh,
+        plywave_fit::Stage::Reflection => Stage::FitReflection,
+        plywave_fit::Stage::Errors => Stage::FitErrors,
+    };
+    run.tell(Progress { stage, done: p.done as u64, total: p.total as u64 });
 }
 
 /// Refuses a table whose model could not be saved, in some milliseconds; gives the edge lobes of `spec`. `file` stands for the table in messages.
@@ -115,7 +118,7 @@ pub fn check_fit(table: &Table, spec: &YarnSpec, options: &FitOptions, file: &st
 }
 
 /// The options with the numbers of lobes that a spec asks for.
-fn with_lobes_of(options: &FitOptions, spec: &YarnSpec) -> FitOptions {
+pub(crate) fn with_lobes_of(options: &FitOptions, spec: &YarnSpec) -> FitOptions {
     let mut options = *options;
     options.lobes_refl = spec.simulation.lobes_refl.map_or(options.lobes_refl, |n| n as usize);
     options.lobes_high = spec.simulation.lobes_high.map_or(options.lobes_high, |n| n as usize);

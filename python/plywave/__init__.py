@@ -16,6 +16,7 @@ from ._files import Document, Speckle, Table, Twin
 from ._model import Model
 from ._fiber import Fiber
 from ._fabric import Fabric
+from ._family import Family, build_family
 from ._load import load
 from ._work import CheckLine, CheckReport, build, check, fit, simulate
 from ._plot import plot
@@ -31,6 +32,7 @@ __all__ = [
     "Document",
     "Error",
     "Fabric",
+    "Family",
     "Fiber",
     "Layer",
     "Model",
@@ -43,6 +45,7 @@ __all__ = [
     "Twin",
     "__version__",
     "build",
+    "build_family",
     "check",
     "fit",
     "get_threads",

@@ -7,16 +7,18 @@ from typing import Any, Union
 
 from . import _plywave
 from ._fabric import Fabric
+from ._family import Family
 from ._fiber import Fiber
 from ._files import PathLike, Speckle, Table, Twin
 from ._model import Model
 from ._plywave import Error
 
-_CLASSES: Any = {"table": Table, "model": Model, "fiber": Fiber, "speckle": Speckle, "twin": Twin}
+_CLASSES: Any = {"table": Table, "model": Model, "fiber": Fiber, "speckle": Speckle, "twin": Twin, "family": Family}
 
 
-def load(path: PathLike) -> "Union[Model, Fabric, Fiber, Table, Speckle, Twin]":
-    """Reads a file by what it holds: a model (.pwm), a fabric spec (.toml), a fiber (.pwf), a table (.pwt), speckle patterns (.pws), the twin of a cloth (.pwx).
+def load(path: PathLike) -> "Union[Model, Fabric, Fiber, Table, Speckle, Twin, Family]":
+    """Reads a file by what it holds: a model (.pwm), a fabric spec (.toml), a fiber (.pwf), a table (.pwt), speckle patterns (.pws), the twin of a cloth (.pwx),
+    a family of plies (.pwfam).
 
     Raises:
         Error: when the file cannot be read, is damaged, or is of another kind, such as a yarn spec.

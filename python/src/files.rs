@@ -3,7 +3,7 @@
 use crate::errors::{Failure, Outcome};
 use plywave::fiber::FiberTable;
 use plywave::io::{self, FileKind};
-use plywave::ply::PlyData;
+use plywave::ply::{FamilyData, PlyData};
 use plywave::speckle::SpecklePatterns;
 use plywave::table::Table;
 use plywave::twin::ClothTwin;
@@ -11,12 +11,13 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use std::path::PathBuf;
 
-const KINDS: [(&str, FileKind); 5] = [
+const KINDS: [(&str, FileKind); 6] = [
     ("table", FileKind::Table),
     ("model", FileKind::Model),
     ("fiber", FileKind::Fiber),
     ("speckle", FileKind::Speckle),
     ("twin", FileKind::Twin),
+    ("family", FileKind::Family),
 ];
 
 fn kind_of(name: &str) -> Outcome<FileKind> {
@@ -31,6 +32,7 @@ fn check(kind: FileKind, bytes: &[u8], name: &str) -> Outcome {
         FileKind::Fiber => FiberTable::from_bytes(bytes, name).map(drop)?,
         FileKind::Speckle => SpecklePatterns::from_bytes(bytes, name).map(drop)?,
         FileKind::Twin => ClothTwin::from_bytes(bytes, name).map(drop)?,
+        FileKind::Family => FamilyData::from_bytes(bytes, name).map(drop)?,
     }
     Ok(())
 }
@@ -64,6 +66,7 @@ pub(crate) fn rewritten<'py>(py: Python<'py>, kind: &str, bytes: &[u8], name: &s
         FileKind::Fiber => FiberTable::from_bytes(bytes, name)?.to_bytes(),
         FileKind::Speckle => SpecklePatterns::from_bytes(bytes, name)?.to_bytes(),
         FileKind::Twin => ClothTwin::from_bytes(bytes, name)?.to_bytes(),
+        FileKind::Family => FamilyData::from_bytes(bytes, name)?.to_bytes(),
     });
     Ok(PyBytes::new(py, &bytes?))
 }

@@ -2,8 +2,10 @@
 
 mod batch;
 mod check;
+mod compare;
 mod errors;
 mod fabric;
+mod family;
 mod fiber;
 mod files;
 mod model;
@@ -24,6 +26,7 @@ fn _plywave(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<model::Model>()?;
     module.add_class::<fabric::Fabric>()?;
     module.add_class::<fiber::Fiber>()?;
+    module.add_class::<family::Family>()?;
     module.add_function(wrap_pyfunction!(files::read_checked, module)?)?;
     module.add_function(wrap_pyfunction!(files::check_bytes, module)?)?;
     module.add_function(wrap_pyfunction!(files::rewritten, module)?)?;
@@ -42,6 +45,9 @@ fn _plywave(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(shards::plan_tabulate, module)?)?;
     module.add_function(wrap_pyfunction!(shards::plan_speckle, module)?)?;
     module.add_function(wrap_pyfunction!(shards::plan_twin, module)?)?;
+    module.add_function(wrap_pyfunction!(shards::plan_compare, module)?)?;
+    module.add_function(wrap_pyfunction!(family::plan_family, module)?)?;
+    module.add_function(wrap_pyfunction!(family::build_family, module)?)?;
     module.add_function(wrap_pyfunction!(shards::run_block, module)?)?;
     module.add_function(wrap_pyfunction!(shards::check_block, module)?)?;
     module.add_function(wrap_pyfunction!(shards::block_name, module)?)?;

@@ -1,5 +1,6 @@
-//! Shards of long work for whoever schedules them: plans of what `build`, `wave.tabulate`, `wave.speckle` and twins run, single blocks of shards as bytes, checks of such bytes.
+//! Shards of long work for whoever schedules them: plans of what `build`, `wave.tabulate`, `wave.speckle`, twins and comparisons run, single blocks of shards as bytes, checks of such bytes.
 
+use crate::compare::{CompareArgs, compare_job};
 use crate::errors::{Failure, Outcome};
 use crate::watch::{Shards, watched};
 use crate::work::{RecipeArgs, RunArgs, SpecArgs, TabulateArgs, recipe, speckle_job, tabulate_job};
@@ -14,12 +15,12 @@ use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Stage, text of the description, extent, digest, shards, shards of a group, units of progress.
-type PlanRow = (&'static str, String, u64, String, usize, usize, u64);
+/// Folder of the shards, text of the description, extent, digest, shards, shards of a group, units of progress.
+pub(crate) type PlanRow = (String, String, u64, String, usize, usize, u64);
 
-fn row<J: Job>(stage: &'static str, job: &J) -> PlanRow {
+pub(crate) fn row<J: Job>(folder: &str, job: &J) -> PlanRow {
     let plan = Plan::of(job);
-    (stage, plan.description.text(), plan.extent, plan.digest, plan.shards, plan.group, plan.units)
+    (folder.into(), plan.description.text(), plan.extent, plan.digest, plan.shards, plan.group, plan.units)
 }
 
 /// The jobs that `build` runs for a recipe, and the spec's text.
@@ -78,6 +79,15 @@ pub(crate) fn plan_twin(
         let options = TwinOptions { paths: paths.unwrap_or(standard.paths), seed, ..standard };
         let job = TwinJob::new(cloth, &options).map_err(refuse)?;
         Ok((vec![row("twin", &job)], job.description().spec))
+    })
+}
+
+/// The job of a comparison of waves with rays, and the text of its spec.
+#[pyfunction]
+pub(crate) fn plan_compare(py: Python<'_>, spec: SpecArgs, args: CompareArgs) -> Outcome<(Vec<PlanRow>, String)> {
+    py.detach(|| {
+        let job = compare_job(&spec, args)?;
+        Ok((vec![row("compare", &job)], job.description().spec))
     })
 }
 
@@ -161,7 +171,12 @@ pub(crate) fn run_job<'py>(
             Output::Fiber(table) => table.to_bytes()?,
             Output::Speckle(patterns) => patterns.to_bytes()?,
             Output::Twin(twin) => twin.to_bytes()?,
-            Output::Compare(_) | Output::Scatter(_) => {
+            Output::Compare(report) => {
+                let mut text = serde_json::to_vec(&*report).map_err(|e| Failure::Input(format!("report: {e}")))?;
+                text.push(b'\n');
+                text
+            }
+            Output::Scatter(_) => {
                 return Err(Failure::Input("job: of a kind that makes no file; give that of a plan".into()));
             }
         })

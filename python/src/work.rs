@@ -29,7 +29,7 @@ impl SpecArgs {
         self.path.as_ref().map_or_else(|| self.name.clone(), |path| path.display().to_string())
     }
 
-    fn yarn(&self) -> Outcome<(YarnSpec, String)> {
+    pub(crate) fn yarn(&self) -> Outcome<(YarnSpec, String)> {
         Ok(match &self.path {
             Some(path) => YarnSpec::load(path)?,
             None => YarnSpec::load_from(&self.text, &self.name, &Folder::new(&self.folder).anywhere())?,

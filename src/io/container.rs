@@ -26,6 +26,8 @@ pub enum FileKind {
     Speckle,
     /// Path-traced scattering of a cloth's explicit fibers, [`crate::twin::ClothTwin`].
     Twin,
+    /// A continuous family of plies, [`crate::ply::FamilyData`].
+    Family,
 }
 
 impl FileKind {
@@ -37,6 +39,7 @@ impl FileKind {
             FileKind::Fiber => "plywave-fiber",
             FileKind::Speckle => "plywave-speckle",
             FileKind::Twin => "plywave-twin",
+            FileKind::Family => "plywave-family",
         }
     }
 
@@ -45,7 +48,7 @@ impl FileKind {
         match self {
             // 2: energies as splines on grids of their own.
             FileKind::Model => 2,
-            FileKind::Table | FileKind::Fiber | FileKind::Speckle | FileKind::Twin => 1,
+            FileKind::Table | FileKind::Fiber | FileKind::Speckle | FileKind::Twin | FileKind::Family => 1,
         }
     }
 
@@ -53,7 +56,7 @@ impl FileKind {
     pub fn most_bytes(self) -> u64 {
         match self {
             FileKind::Table => 4 << 30,
-            FileKind::Model | FileKind::Twin => 1 << 30,
+            FileKind::Model | FileKind::Twin | FileKind::Family => 1 << 30,
             FileKind::Fiber | FileKind::Speckle => 2 << 30,
         }
     }
@@ -65,6 +68,7 @@ impl FileKind {
             FileKind::Fiber => "write it again with `plywave wave tabulate`",
             FileKind::Speckle => "write it again with `plywave wave speckle`",
             FileKind::Twin => "write it again with `plywave twin`",
+            FileKind::Family => "write it again with `plywave family`",
         }
     }
 }
@@ -93,7 +97,8 @@ pub fn file_kind(path: impl AsRef<Path>) -> Result<FileKind> {
     let header: serde_json::Value = serde_json::from_slice(&header).map_err(|_| foreign())?;
     let text = header["__metadata__"][KEY].as_str().ok_or_else(foreign)?;
     let head: Head = parse_head(&name, text)?;
-    let kind = [FileKind::Table, FileKind::Model, FileKind::Fiber, FileKind::Speckle, FileKind::Twin]
+    use FileKind::{Family, Fiber, Model, Speckle, Table, Twin};
+    let kind = [Table, Model, Fiber, Speckle, Twin, Family]
         .into_iter()
         .find(|k| k.format() == head.format)
         .ok_or_else(foreign)?;
@@ -137,9 +142,7 @@ pub(crate) fn invalid(file: &str, key: &str, value: impl std::fmt::Display, hint
 
 /// The message of an error, on one line and of bounded length (it may quote the file).
 pub(crate) fn one_line(e: &dyn std::fmt::Display) -> String {
-    let text = e.to_string();
-    let text: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
-    if text.chars().count() > 160 { text.chars().take(157).chain("...".chars()).collect() } else { text }
+    crate::one_line(&e.to_string(), 160)
 }
 
 /// Arrays to be written, in the order of the calls (safetensors then sorts them by type and name).
@@ -219,6 +222,7 @@ impl<'a> Reader<'a> {
                 FileKind::Fiber => "give a fiber table (`plywave wave tabulate` writes one)",
                 FileKind::Speckle => "give speckle patterns (`plywave wave speckle` writes some)",
                 FileKind::Twin => "give the twin of a cloth (`plywave twin` writes one)",
+                FileKind::Family => "give a family of plies (`plywave family` writes one)",
             };
             return Err(format_error(file, &what, hint));
         }

@@ -174,14 +174,14 @@ impl PlyEnergies {
 }
 
 /// Nodes around a place and their weights.
-struct Taps {
-    at: [usize; 2],
-    weights: [[f64; 3]; 2],
+pub(super) struct Taps {
+    pub(super) at: [usize; 2],
+    pub(super) weights: [[f64; 3]; 2],
     sizes: [usize; 2],
 }
 
 impl Taps {
-    fn new(theta_i: &[f64], h_um: &[f64], t: f64, h: f64) -> Taps {
+    pub(super) fn new(theta_i: &[f64], h_um: &[f64], t: f64, h: f64) -> Taps {
         let along = |axis: &[f64], x: f64| {
             let last = (axis.len() - 1) as f64;
             let t = ((x - axis[0]) / (axis[axis.len() - 1] - axis[0]) * last).max(0.0).min(last);
@@ -193,7 +193,7 @@ impl Taps {
     }
 
     /// Of entry `k` of arrays `[rows][columns][stride]`.
-    fn value(&self, c: &[f64], stride: usize, k: usize) -> f64 {
+    pub(super) fn value(&self, c: &[f64], stride: usize, k: usize) -> f64 {
         let mut sum = 0.0;
         for (a, wa) in self.weights[0].iter().enumerate() {
             for (b, wb) in self.weights[1].iter().enumerate() {

@@ -1,19 +1,20 @@
 //! Ply model files: writing, reading, checking (`docs/format.md`).
 
+use super::cone::{CONE_OFFSET_MAX, LobeFamily};
 use super::edge_lobes::{self, EdgeLobes};
 use super::exits::{self, ExitOffsets};
 use super::layer_factors::{self, LayerFactors};
 use super::{EnergiesAt, PlyData, PlyEnergies, PlyModel, PlyQuery};
 use crate::frame::direction;
 use crate::io::{Axis, Check, Document, FileKind, Provenance, Reader, Summary, Writer, document, invalid};
-use crate::ply::asg::{MU_MAX, MU_MIN, PARAMS};
+use crate::ply::asg::PARAMS;
 use crate::speckle::Noise;
 use crate::table::TOLERANCE;
 use crate::{Bsdf, Result};
 use std::path::Path;
 
 /// Tensors of every model.
-const NAMES: [&str; 16] = [
+const NAMES: [&str; 14] = [
     "theta_i",
     "h_um",
     "sigma_per_um",
@@ -25,12 +26,19 @@ const NAMES: [&str; 16] = [
     "share_h_um",
     "share_refl",
     "share_high",
-    "refl",
-    "high",
     "high_path",
     "error_refl",
     "error_high",
 ];
+
+/// Tensors of the lobes of f_refl and of f_high, by family: a reader that knows one family alone refuses the files of the other.
+const LOBES: [(LobeFamily, [&str; 2]); 2] =
+    [(LobeFamily::Round, ["refl", "high"]), (LobeFamily::Cone, ["cone_refl", "cone_high"])];
+
+/// Names of the two.
+fn lobe_names(family: LobeFamily) -> [&'static str; 2] {
+    LOBES[usize::from(family == LobeFamily::Cone)].1
+}
 
 /// Most nodes of an axis of incidence.
 const MOST_NODES: usize = 4095;
@@ -81,6 +89,9 @@ impl From<ReferenceNumbers> for ReferenceValue {
 /// Keys of the JSON document beyond the common ones.
 #[derive(serde::Serialize, serde::Deserialize)]
 pub(crate) struct Keys {
+    /// For readers of the header: the names of the tensors say it.
+    #[serde(skip_deserializing)]
+    family: &'static str,
     #[serde(skip_deserializing)]
     lobes_refl: usize,
     #[serde(skip_deserializing)]
@@ -146,7 +157,8 @@ impl Document for PlyData {
     type Keys = Keys;
 
     fn names() -> Vec<&'static str> {
-        let parts = [&NAMES[..], &layer_factors::NAMES, &exits::NAMES, &edge_lobes::NAMES].concat();
+        let parts =
+            [&NAMES[..], &LOBES[0].1, &LOBES[1].1, &layer_factors::NAMES, &exits::NAMES, &edge_lobes::NAMES].concat();
         parts.into_iter().chain(Noise::names()).collect()
     }
 
@@ -161,7 +173,12 @@ impl Document for PlyData {
 
     fn keys(&self, name: &str) -> Result<Keys> {
         let reference_values = reference_values(&PlyModel::from_data_named(self.as_stored(), name)?);
-        Ok(Keys { lobes_refl: self.lobes_refl, lobes_high: self.lobes_high, reference_values })
+        Ok(Keys {
+            family: self.family.name(),
+            lobes_refl: self.lobes_refl,
+            lobes_high: self.lobes_high,
+            reference_values,
+        })
     }
 
     fn summary(&self) -> (Vec<Axis>, serde_json::Value) {
@@ -197,8 +214,9 @@ impl Document for PlyData {
         self.energies.write(w, j);
         w.f64("error_refl", &[m, h], &self.error_refl);
         w.f64("error_high", &[m, h, k], &self.error_high);
-        w.f32("refl", &[m, h, lr, PARAMS], self.refl.iter().map(|v| *v as f32));
-        w.f32("high", &[bm, bh, 2, 2, lh, PARAMS], self.high.iter().map(|v| *v as f32));
+        let [refl, high] = lobe_names(self.family);
+        w.f32(refl, &[m, h, lr, PARAMS], self.refl.iter().map(|v| *v as f32));
+        w.f32(high, &[bm, bh, 2, 2, lh, PARAMS], self.high.iter().map(|v| *v as f32));
         w.f32("high_path", &[bm, bh, 2, 2, lh, j], self.high_path.iter().map(|v| *v as f32));
         if let Some(layers) = &self.layers {
             layers.write(w, (m, h, j));
@@ -227,7 +245,9 @@ impl Document for PlyData {
             r.shape("sigma_per_um", 1)?[0],
             r.shape("path_um", 1)?[0],
         );
-        let (lr, lh) = (r.shape("refl", 4)?[2], r.shape("high", 6)?[4]);
+        let family = read_family(r)?;
+        let [refl, high] = lobe_names(family);
+        let (lr, lh) = (r.shape(refl, 4)?[2], r.shape(high, 6)?[4]);
         check_sizes(r.file(), (m, h, k, j), (lr, lh))?;
         let (bm, bh) = (m / 2, h / 2);
         Ok(PlyData {
@@ -239,11 +259,12 @@ impl Document for PlyData {
             h_um: r.f64("h_um", &[h])?,
             sigma_per_um: r.f64("sigma_per_um", &[k])?,
             path_um: r.f64("path_um", &[j])?,
+            family,
             lobes_refl: lr,
             lobes_high: lh,
             energies: PlyEnergies::read(r, j)?,
-            refl: r.f64("refl", &[m, h, lr, PARAMS])?,
-            high: r.f64("high", &[bm, bh, 2, 2, lh, PARAMS])?,
+            refl: r.f64(refl, &[m, h, lr, PARAMS])?,
+            high: r.f64(high, &[bm, bh, 2, 2, lh, PARAMS])?,
             high_path: r.f64("high_path", &[bm, bh, 2, 2, lh, j])?,
             error_refl: r.f64("error_refl", &[m, h])?,
             error_high: r.f64("error_high", &[m, h, k])?,
@@ -301,8 +322,9 @@ impl PlyData {
         c.len("refl", self.refl.len(), &[m, h, lr, PARAMS])?;
         c.len("high", self.high.len(), &[bm, bh, 2, 2, lh, PARAMS])?;
         c.len("high_path", self.high_path.len(), &[bm, bh, 2, 2, lh, j])?;
-        check_lobes(name, "refl", &self.refl)?;
-        check_lobes(name, "high", &self.high)?;
+        let [refl, high] = lobe_names(self.family);
+        check_lobes(name, self.family, refl, &self.refl)?;
+        check_lobes(name, self.family, high, &self.high)?;
         c.range("high_path", &self.high_path, 0.0, 1.0 + 1e-3)?;
         for (i, p) in self.high_path.chunks_exact(j).enumerate() {
             let sum: f64 = p.iter().sum();
@@ -346,16 +368,28 @@ fn check_sizes(name: &str, (m, h, k, j): (usize, usize, usize, usize), (lr, lh):
     Ok(())
 }
 
+/// The family whose tensors a file has.
+fn read_family(r: &Reader<'_>) -> Result<LobeFamily> {
+    let has = LOBES.map(|(_, names)| names.iter().any(|name| r.has(name)));
+    if has == [true, true] {
+        return Err(invalid(r.file(), "refl, cone_refl", "both", "a model is made of round lobes or of cones"));
+    }
+    Ok(LOBES[usize::from(has[1])].0)
+}
+
 /// Angles within +-100 rad (f32 keeps 1e-5 of them), bandwidths and energies within their ranges.
-fn check_lobes(name: &str, key: &str, lobes: &[f64]) -> Result<()> {
+fn check_lobes(name: &str, family: LobeFamily, key: &str, lobes: &[f64]) -> Result<()> {
     // A bandwidth at its bound may leave it by the rounding to f32.
-    let (low, high) = (MU_MIN.ln() - 1e-5, MU_MAX.ln() + 1e-5);
-    let ranges = [(-100.0, 100.0), (-100.0, 100.0), (-100.0, 100.0), (low, high), (low, high), (0.0, 1.0 + TOLERANCE)];
+    let [mu1, mu2] = family.bandwidths().map(|(low, high)| (low.ln() - 1e-5, high.ln() + 1e-5));
+    let (shift, names) = match family {
+        LobeFamily::Round => (100.0, ["theta_z", "phi_z", "phi_xy", "ln_mu1", "ln_mu2", "energy"]),
+        LobeFamily::Cone => (CONE_OFFSET_MAX, ["offset", "phi_z", "slope", "ln_mu1", "ln_mu2", "energy"]),
+    };
+    let ranges = [(-shift, shift), (-100.0, 100.0), (-shift, shift), mu1, mu2, (0.0, 1.0 + TOLERANCE)];
     for (i, lobe) in lobes.chunks_exact(PARAMS).enumerate() {
         for (p, (low, high)) in ranges.iter().enumerate() {
             if !(lobe[p] >= *low && lobe[p] <= *high) {
-                let what = ["theta_z", "phi_z", "phi_xy", "ln_mu1", "ln_mu2", "energy"][p];
-                let key = format!("{key} lobe {i} {what}");
+                let key = format!("{key} lobe {i} {}", names[p]);
                 return Err(invalid(name, &key, lobe[p], &format!("expected a value in [{low}, {high}]")));
             }
         }

@@ -71,6 +71,22 @@ impl LayerFactors {
     }
 }
 
+impl PlyData {
+    /// Keeps what goes forward a part of what is scattered, where both were interpolated apart.
+    pub(super) fn bound_layers(&mut self) {
+        let Some(mut layers) = self.layers.take() else { return };
+        let size = 1 + self.path_um.len();
+        for (forward, energy) in layers.forward.chunks_exact_mut(size).zip(half_nodes(self)) {
+            forward[0] = forward[0].min(energy.refl);
+            let (sum, most) = (forward[1..].iter().sum::<f64>(), energy.high.iter().sum::<f64>());
+            if sum > most {
+                forward[1..].iter_mut().for_each(|f| *f *= most / sum);
+            }
+        }
+        self.layers = Some(layers);
+    }
+}
+
 /// Energies at the nodes and half way between them, `[2 M - 1][2 H - 1]`.
 pub(super) fn half_nodes(d: &PlyData) -> Vec<EnergiesAt> {
     let (rows, columns) = (2 * d.theta_i.len() - 1, 2 * d.h_um.len() - 1);

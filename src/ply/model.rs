@@ -76,7 +76,7 @@ impl PlyModel {
     }
 
     /// Of checked data.
-    fn of(data: PlyData, reference_values: Vec<ReferenceValue>) -> PlyModel {
+    pub(super) fn of(data: PlyData, reference_values: Vec<ReferenceValue>) -> PlyModel {
         let edge = data.edge.as_ref().map(edge::EdgeTables::new);
         PlyModel {
             layout: Layout::new(&data),

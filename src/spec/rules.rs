@@ -207,9 +207,7 @@ fn format_error(file: &str, what: String, rules: &Rules) -> Error {
 
 /// One line, at most 80 characters.
 pub fn line(text: &str) -> String {
-    let words: Vec<&str> = text.split_whitespace().collect();
-    let flat: String = words.join(" ").chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
-    if flat.chars().count() <= 80 { flat } else { flat.chars().take(77).chain("...".chars()).collect() }
+    crate::one_line(text, 80)
 }
 
 fn dotted(path: &str, key: &str) -> String {

@@ -33,6 +33,24 @@ pub struct YarnSpec {
     /// Sizes of the simulation and fit; each key that is given overrides the preset.
     #[serde(default)]
     pub simulation: SimulationSpec,
+    /// Ranges of a family of yarns; absent: one yarn. A yarn with ranges is also the one that its other keys describe.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub family: Option<FamilySpec>,
+}
+
+/// Ranges `[least, most]` of a family ([`crate::ply::PlyFamily`]); a key that is absent does not vary.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FamilySpec {
+    /// Pitches of the fibers' helix [um].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fiber_pitch_um: Option<[f64; 2]>,
+    /// GGX roughnesses of the fibers' surfaces.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub alpha_fiber: Option<[f64; 2]>,
+    /// Real refractive indices.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub eta: Option<[f64; 2]>,
 }
 
 impl YarnSpec {

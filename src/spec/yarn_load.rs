@@ -50,9 +50,16 @@ impl YarnSpec {
         if YarnSpec::parse(text, file).is_ok() {
             return Ok((spec, text.to_string()));
         }
-        let text =
-            toml::to_string(&spec).map_err(|e| rules::invalid(file, "spec", e, "use values that TOML can hold"))?;
+        let text = spec.to_text(file)?;
         Ok((spec, text))
+    }
+
+    /// The spec as TOML, from which [`YarnSpec::parse`] makes the same; `file` stands for it in errors.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`] for values that TOML cannot hold.
+    pub fn to_text(&self, file: &str) -> Result<String> {
+        toml::to_string(self).map_err(|e| rules::invalid(file, "spec", e, "use values that TOML can hold"))
     }
 
     /// Check a spec that was made or changed in code, by the same rules as a parsed one.

@@ -29,6 +29,7 @@ const ROOT: &[Key] = &[
     optional("beam", Kind::Table(BEAM), "its keys' defaults"),
     optional("absorption", Kind::Table(ABSORPTION), "its keys' defaults"),
     optional("simulation", Kind::Table(SIMULATION), "its keys' defaults"),
+    optional("family", Kind::Table(FAMILY), "one yarn"),
 ];
 const FIBER: &[Key] = &[
     required("shape", Kind::Tagged("{ kind = \"circle\", radius_um = 7.5 }", SHAPES)),
@@ -77,6 +78,11 @@ const SIMULATION: &[Key] = &[
     optional("phi_o_bins", Kind::Integer(4, 1440), "the preset's"),
     optional("lobes_refl", Kind::Integer(1, 16), "the preset's"),
     optional("lobes_high", Kind::Integer(1, 16), "the preset's"),
+];
+const FAMILY: &[Key] = &[
+    optional("fiber_pitch_um", Kind::Pair(0.01, 1e7), "`ply.fiber_pitch_um` alone"),
+    optional("alpha_fiber", Kind::Pair(0.0, 1.0), "`fiber.alpha_fiber` alone"),
+    optional("eta", Kind::Pair(0.01, 10.0), "`fiber.eta` alone"),
 ];
 /// Keys of each `fiber.shape.kind`, besides `kind`.
 const SHAPES: &[(&str, &[Key])] = &[
@@ -156,6 +162,9 @@ pub(super) fn check_relations(file: &str, spec: &YarnSpec) -> Result<()> {
             pitch,
             format!("use a pitch of the ply's radius {widest} um or more"),
         ));
+    }
+    if let Some(family) = &spec.family {
+        super::family_rules::check_family(file, spec, family, widest)?;
     }
     check_plies(file, spec, widest)?;
     check_fraction(file, ply, radii, spec.fiber_area_um2())?;

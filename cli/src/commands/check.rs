@@ -82,7 +82,11 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     if kinds::kind_of(&args.model) == Some(kinds::Kind::Filament) {
         return super::check_filament::run(cli, args);
     }
-    let model = kinds::load_model(&args.model)?;
+    let model = match kinds::kind_of(&args.model) {
+        // Of a family the model of its own spec.
+        Some(kinds::Kind::Family) => super::family::own_model(&args.model)?,
+        _ => kinds::load_model(&args.model)?,
+    };
     let data = model.data();
     let yarn = Yarn::of(&args.model, &data.spec_text, &data.h_um)?;
     let mut same_run = false;

@@ -61,8 +61,10 @@ fn distances(places: &[[Place; 2]], lobes: &dyn Fn(usize, Place) -> ScaledLobes)
         .iter()
         .map(|place| {
             let [x, y] = [0, 1].map(|k| lobes(k, place[k]));
-            let (x, y) =
-                (sphere.mixture(&x.params, x.gain(), &mut scratch), sphere.mixture(&y.params, y.gain(), &mut scratch));
+            let (x, y) = (
+                sphere.mixture_of(x.lobes, &x.params, x.gain(), &mut scratch),
+                sphere.mixture_of(y.lobes, &y.params, y.gain(), &mut scratch),
+            );
             [sphere.distance2(&x, &y).sqrt(), sphere.inner(&x, &x).max(sphere.inner(&y, &y)).sqrt()]
         })
         .collect();

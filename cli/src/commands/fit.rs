@@ -41,6 +41,8 @@ pub struct Summary {
     pub theta_i_nodes: usize,
     /// Beam offsets.
     pub h_nodes: usize,
+    /// Family of the lobes: round or cone.
+    pub family: &'static str,
     /// Lobes of f_refl.
     pub lobes_refl: usize,
     /// Lobes of f_high.
@@ -59,6 +61,7 @@ impl Summary {
         Summary {
             theta_i_nodes: data.theta_i.len(),
             h_nodes: data.h_um.len(),
+            family: data.family.name(),
             lobes_refl: data.lobes_refl,
             lobes_high: data.lobes_high,
             fit_error_refl: Spread::of_errors(data.error_refl.iter().copied()),
@@ -72,12 +75,13 @@ impl Summary {
 pub fn write_summary(out: &mut dyn std::io::Write, summary: &Summary, time: Duration) -> std::io::Result<()> {
     writeln!(
         out,
-        "  fit          {}: {} x {} incidences, {} + {} lobes",
+        "  fit          {}: {} x {} incidences, {} + {} {} lobes",
         report::duration(time),
         summary.theta_i_nodes,
         summary.h_nodes,
         summary.lobes_refl,
-        summary.lobes_high
+        summary.lobes_high,
+        summary.family
     )?;
     writeln!(
         out,

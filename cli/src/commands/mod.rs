@@ -12,6 +12,7 @@ pub mod diff_models;
 pub mod diff_tables;
 pub mod diffraction_view;
 pub mod eval;
+pub mod family;
 pub mod farm;
 pub mod fiber_view;
 pub mod fit;
@@ -38,13 +39,13 @@ pub mod weave;
 use crate::args::{Cli, IncidenceArgs};
 use crate::failure::{Failure, Outcome};
 use crate::report::number;
-use plywave::PlyModel;
 use plywave::fiber::FiberTable;
 use plywave::io::FileKind;
 use plywave::spec::YarnSpec;
 use plywave::speckle::SpecklePatterns;
 use plywave::table::Table;
 use plywave::twin::ClothTwin;
+use plywave::{PlyFamily, PlyModel};
 use std::path::Path;
 
 /// A table, a model, a fiber, speckle patterns or the twin of a cloth.
@@ -59,18 +60,21 @@ pub enum Loaded {
     Speckle(Box<SpecklePatterns>),
     /// The twin of a cloth.
     Twin(Box<ClothTwin>),
+    /// A family of plies.
+    Family(Box<PlyFamily>),
 }
 
 /// Loads a file by what its header says it is.
 pub fn load_any(path: &Path) -> Outcome<Loaded> {
     use crate::kinds::Kind;
-    let kinds = [Kind::Model, Kind::Table, Kind::Fiber, Kind::Speckle, Kind::Twin];
+    let kinds = [Kind::Model, Kind::Table, Kind::Fiber, Kind::Speckle, Kind::Twin, Kind::Family];
     Ok(match plywave::io::file_kind(path).map_err(|e| crate::kinds::explain(path, &kinds, e))? {
         FileKind::Table => Loaded::Table(Box::new(Table::load(path)?)),
         FileKind::Model => Loaded::Model(Box::new(PlyModel::load(path)?)),
         FileKind::Fiber => Loaded::Fiber(Box::new(FiberTable::load(path)?)),
         FileKind::Speckle => Loaded::Speckle(Box::new(SpecklePatterns::load(path)?)),
         FileKind::Twin => Loaded::Twin(Box::new(ClothTwin::load(path)?)),
+        FileKind::Family => Loaded::Family(Box::new(PlyFamily::load(path)?)),
     })
 }
 

@@ -1,6 +1,6 @@
 //! `plywave plot`: a table, a model, or both side by side, as one figure.
 
-use super::info::{NodeEnergies, yarn_line};
+use super::info::NodeEnergies;
 use super::{Loaded, Yarn, absorptions, load_any};
 use crate::args::{Cli, Part, PlotArgs};
 use crate::failure::{Failure, Outcome};
@@ -13,6 +13,7 @@ use crate::plot::map::Field;
 use crate::plot::sheet::{self, Block, Cell, Section};
 use crate::plot::text::literal;
 use crate::report::number;
+use crate::yarn_words::yarn_line;
 use plywave::frame::direction;
 use plywave::io::FileKind;
 use plywave::ply::asg::{Lobe, PARAMS};
@@ -56,6 +57,10 @@ impl Source {
             (Loaded::Speckle(_), ..) => {
                 let hint = "there is nothing to set beside speckle patterns; leave --table and --model out";
                 return Err(Failure::input(args.file.display(), "FILE", "speckle patterns", hint));
+            }
+            (Loaded::Family(_), ..) => {
+                let hint = "take a model out of it with `plywave family FAMILY --param KEY=VALUE` and plot that";
+                return Err(Failure::input(args.file.display(), "FILE", "a family of plies", hint));
             }
             (Loaded::Twin(_), ..) => {
                 let hint = "twins have no figure; `plywave info` tells what it holds";
@@ -147,7 +152,10 @@ impl Source {
                 None => plywave_fit::refl_lobes(model.data(), at),
                 Some(s) => plywave_fit::high_lobes(model.data(), at, s),
             };
-            (field, lobes.params.chunks_exact(PARAMS).map(Lobe::from_params).collect::<Vec<_>>())
+            // The outline of a cone is the ring itself.
+            let round = lobes.lobes == plywave_fit::SliceLobes::Round;
+            let outlines = lobes.params.chunks_exact(PARAMS).filter(|_| round).map(Lobe::from_params);
+            (field, outlines.collect::<Vec<_>>())
         });
         match (table, fit) {
             (Some(table), Some((fit, lobes))) => {
@@ -445,7 +453,7 @@ pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
                 let table = plywave::fiber::FiberTable::load(&args.file)?;
                 return write(cli, &path, format, &super::fiber_view::figure(&args.file, &table)?);
             }
-            FileKind::Table | FileKind::Model | FileKind::Twin => {}
+            FileKind::Table | FileKind::Model | FileKind::Twin | FileKind::Family => {}
         }
     }
     let source = Source::load(args)?;

@@ -17,6 +17,8 @@ pub struct Planted {
     /// Paths per incidence; infinite for no noise.
     pub paths: f64,
     pub seed: u64,
+    /// How far all lobes are turned from where they are, as lobes of another twist are.
+    pub turn: f64,
 }
 
 impl Default for Planted {
@@ -28,6 +30,7 @@ impl Default for Planted {
             sigma_per_um: vec![0.0, 0.001, 0.003, 0.01, 0.03, 0.1],
             paths: 2e6,
             seed: 1,
+            turn: 0.0,
         }
     }
 }
@@ -95,6 +98,18 @@ pub fn high_at(theta_i: f64, h: f64, sigma: f64) -> Vec<Lobe> {
             l
         })
         .collect()
+}
+
+/// Lobes turned about the ply, out of its cross section and about their own axes, and made narrower.
+pub fn turned(lobes: Vec<Lobe>, turn: f64) -> Vec<Lobe> {
+    let one = |l: Lobe| Lobe {
+        theta_z: l.theta_z + 0.3 * turn,
+        phi_z: l.phi_z + 0.6 * turn,
+        phi_xy: l.phi_xy + 0.8 * turn,
+        ln_mu1: l.ln_mu1 + 0.4 * turn,
+        ..l
+    };
+    lobes.into_iter().map(one).collect()
 }
 
 /// Density of lobes at the bin centers.
@@ -182,15 +197,15 @@ pub fn table(plan: &Planted) -> Table {
     };
     for &theta in &theta_i {
         for &h in &h_um {
-            let clean = sphere.unpad(&density(&sphere, &refl_lobes(theta, h)));
+            let clean = sphere.unpad(&density(&sphere, &turned(refl_lobes(theta, h), plan.turn)));
             let noisy = with_noise(&sphere, &clean, plan, &mut rng);
             let refl = push(&sphere, plan, &noisy, &vec![1.0; clean.len()], &mut t.refl, &mut t.noise_refl);
             t.energy_refl.push(refl);
             // One set of paths serves every sigma: the noise is common to them.
-            let clean = sphere.unpad(&density(&sphere, &high_at(theta, h, 0.0)));
+            let clean = sphere.unpad(&density(&sphere, &turned(high_at(theta, h, 0.0), plan.turn)));
             let noisy = with_noise(&sphere, &clean, plan, &mut rng);
             for (k, &sigma) in plan.sigma_per_um.iter().enumerate() {
-                let dark = sphere.unpad(&density(&sphere, &high_at(theta, h, sigma)));
+                let dark = sphere.unpad(&density(&sphere, &turned(high_at(theta, h, sigma), plan.turn)));
                 let ratio: Vec<f64> =
                     dark.iter().zip(&clean).map(|(d, c)| if *c > 0.0 { *d as f64 / *c as f64 } else { 0.0 }).collect();
                 let high = push(&sphere, plan, &noisy, &ratio, &mut t.high, &mut t.noise_high);

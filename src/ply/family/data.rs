@@ -1,0 +1,221 @@
+//! The tensors of a family: axes, and models at the nodes that share theirs.
+
+use crate::Result;
+use crate::io::invalid;
+use crate::ply::{LobeFamily, PlyData};
+use crate::spec::YarnSpec;
+
+/// A quantity that varies in a family.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FamilyParam {
+    /// Pitch of the fibers' helix [um].
+    FiberPitch,
+    /// Roughness of the fibers.
+    Alpha,
+    /// Index of the fibers.
+    Eta,
+}
+
+impl FamilyParam {
+    /// All, in the order of a family's axes.
+    pub const ALL: [FamilyParam; 3] = [FamilyParam::FiberPitch, FamilyParam::Alpha, FamilyParam::Eta];
+
+    /// Its key in specs, and the name of its axis in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            FamilyParam::FiberPitch => "fiber_pitch_um",
+            FamilyParam::Alpha => "alpha_fiber",
+            FamilyParam::Eta => "eta",
+        }
+    }
+
+    /// By its key.
+    pub fn of_name(name: &str) -> Option<FamilyParam> {
+        FamilyParam::ALL.into_iter().find(|p| p.name() == name)
+    }
+}
+
+/// Parameters of one of a family's yarns.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FamilyParams {
+    /// Pitch of the fibers' helix [um].
+    pub fiber_pitch_um: f64,
+    /// Roughness of the fibers.
+    pub alpha_fiber: f64,
+    /// Index of the fibers.
+    pub eta: f64,
+}
+
+impl FamilyParams {
+    /// Those of a spec; the pitch of one without twist is 0.
+    pub fn of(spec: &YarnSpec) -> FamilyParams {
+        FamilyParams {
+            fiber_pitch_um: spec.ply.fiber_pitch_um.unwrap_or(0.0),
+            alpha_fiber: spec.fiber.alpha_fiber,
+            eta: spec.fiber.eta,
+        }
+    }
+
+    /// One of them.
+    pub fn get(&self, param: FamilyParam) -> f64 {
+        match param {
+            FamilyParam::FiberPitch => self.fiber_pitch_um,
+            FamilyParam::Alpha => self.alpha_fiber,
+            FamilyParam::Eta => self.eta,
+        }
+    }
+
+    /// Changes one of them.
+    pub fn set(&mut self, param: FamilyParam, value: f64) {
+        match param {
+            FamilyParam::FiberPitch => self.fiber_pitch_um = value,
+            FamilyParam::Alpha => self.alpha_fiber = value,
+            FamilyParam::Eta => self.eta = value,
+        }
+    }
+
+    /// The spec with these in it, and no ranges.
+    pub fn applied_to(&self, spec: &YarnSpec) -> YarnSpec {
+        let mut spec = spec.clone();
+        if spec.ply.fiber_pitch_um.is_some() {
+            spec.ply.fiber_pitch_um = Some(self.fiber_pitch_um);
+        }
+        spec.fiber.alpha_fiber = self.alpha_fiber;
+        spec.fiber.eta = self.eta;
+        spec.family = None;
+        spec
+    }
+}
+
+/// One axis of a family.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FamilyAxis {
+    /// What varies.
+    pub param: FamilyParam,
+    /// Its nodes, ascending; at least 2.
+    pub values: Vec<f64>,
+}
+
+/// The tensors of a family file, as the fitter makes them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FamilyData {
+    /// Text of the yarn spec with its `[family]`, as given.
+    pub spec_text: String,
+    /// Program version that made it.
+    pub program_version: String,
+    /// Preset name, for the record.
+    pub preset: String,
+    /// Seed of the simulations, the same at all nodes.
+    pub seed: u64,
+    /// 1 to 3 axes, in the order of [`FamilyParam::ALL`].
+    pub axes: Vec<FamilyAxis>,
+    /// Models at the nodes, the last axis fastest. All have the same axes, path lengths and edge lobes, those of one pitch the same r_d; none has speckle.
+    pub nodes: Vec<PlyData>,
+}
+
+/// Most nodes of an axis and of a family.
+const MOST_VALUES: usize = 64;
+const MOST_NODES: usize = 1024;
+
+impl FamilyData {
+    /// The nodes of an axis, if the family has it.
+    pub fn values(&self, param: FamilyParam) -> Option<&[f64]> {
+        self.axes.iter().find(|axis| axis.param == param).map(|axis| axis.values.as_slice())
+    }
+
+    /// Number of nodes along pitch (1 without), and nodes of each.
+    pub(super) fn pitches(&self) -> (usize, usize) {
+        let count = self.values(FamilyParam::FiberPitch).map_or(1, <[f64]>::len);
+        (count, self.nodes.len() / count.max(1))
+    }
+
+    /// Parameters of a node, of a family of `spec`.
+    pub fn params_of(&self, node: usize, spec: &YarnSpec) -> FamilyParams {
+        let mut params = FamilyParams::of(spec);
+        let mut left = node;
+        for axis in self.axes.iter().rev() {
+            params.set(axis.param, axis.values[left % axis.values.len()]);
+            left /= axis.values.len();
+        }
+        params
+    }
+
+    /// Checks the axes; gives the number of nodes.
+    pub(super) fn check_axes(name: &str, axes: &[FamilyAxis]) -> Result<usize> {
+        if axes.is_empty() {
+            let hint = "expected one or more of fiber_pitch_um, alpha_fiber, eta";
+            return Err(invalid(name, "axes of the family", 0, hint));
+        }
+        let c = crate::io::Check(name);
+        let mut nodes = 1usize;
+        for axis in axes {
+            let key = axis.param.name();
+            if !(2..=MOST_VALUES).contains(&axis.values.len()) {
+                let hint = format!("expected 2 to {MOST_VALUES}");
+                return Err(invalid(name, key, format!("{} values", axis.values.len()), &hint));
+            }
+            c.ascending(key, &axis.values)?;
+            match axis.param {
+                FamilyParam::FiberPitch => c.range(key, &axis.values, 0.01, 1e7)?,
+                FamilyParam::Alpha => c.range(key, &axis.values, 0.0, 1.0)?,
+                FamilyParam::Eta => c.range(key, &axis.values, 1e-3, 10.0)?,
+            }
+            nodes *= axis.values.len();
+        }
+        if nodes > MOST_NODES {
+            return Err(invalid(name, "nodes of the family", nodes, &format!("expected at most {MOST_NODES}")));
+        }
+        Ok(nodes)
+    }
+
+    /// What every family must satisfy.
+    pub(super) fn check_all(&self, name: &str) -> Result<()> {
+        let count = FamilyData::check_axes(name, &self.axes)?;
+        if count != self.nodes.len() {
+            return Err(invalid(name, "nodes of the family", self.nodes.len(), &format!("expected {count}")));
+        }
+        let spec = YarnSpec::parse(&self.spec_text, &format!("{name} (its spec)"))?;
+        if self.values(FamilyParam::FiberPitch).is_some() && spec.ply.fiber_pitch_um.is_none() {
+            return Err(invalid(name, "fiber_pitch_um", "an axis", "the family's spec has no twist"));
+        }
+        let (first, per_pitch) = (&self.nodes[0], self.pitches().1);
+        for (i, node) in self.nodes.iter().enumerate() {
+            node.check(name).map_err(|e| at_node(e, i))?;
+            let e = &node.energies;
+            let of_pitch = &self.nodes[i - i % per_pitch].energies;
+            let same = [
+                ("theta_i", node.theta_i == first.theta_i),
+                ("h_um", node.h_um == first.h_um),
+                ("sigma_per_um", node.sigma_per_um == first.sigma_per_um),
+                ("path_um", node.path_um == first.path_um),
+                ("lobes_refl", node.lobes_refl == first.lobes_refl),
+                ("lobes_high", node.lobes_high == first.lobes_high),
+                ("miss_theta_i", e.miss_theta_i == first.energies.miss_theta_i),
+                ("miss_h_um", e.miss_h_um == first.energies.miss_h_um),
+                ("share_theta_i", e.share_theta_i == first.energies.share_theta_i),
+                ("share_h_um", e.share_h_um == first.energies.share_h_um),
+                ("miss", e.miss == of_pitch.miss),
+                ("edge", node.edge == first.edge),
+                ("exits", node.exits.is_some() == first.exits.is_some()),
+                ("layers", node.layers.is_some() == first.layers.is_some()),
+                ("noise", node.noise.is_none()),
+                ("family of lobes", node.family == LobeFamily::Round),
+            ];
+            if let Some((what, _)) = same.into_iter().find(|(_, same)| !same) {
+                let hint = "the nodes of a family share axes, path lengths, edge lobes and the r_d of their pitch, and have round lobes and no speckle";
+                return Err(invalid(name, &format!("{what} of node {i}"), "not that of node 0", hint));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The error of a node's tensors, with the node in its key.
+pub(super) fn at_node(error: crate::Error, node: usize) -> crate::Error {
+    match error {
+        crate::Error::Invalid { file, key, value, hint } => {
+            crate::Error::Invalid { file, key: format!("{key} of node {node}"), value, hint }
+        }
+        other => other,
+    }
+}

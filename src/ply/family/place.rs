@@ -1,0 +1,219 @@
+//! Where parameters lie in a family: the nodes around them, their weights, and where r_d is read.
+
+use super::data::{FamilyAxis, FamilyData, FamilyParam, FamilyParams};
+use super::num::Real;
+use crate::math::axis;
+use crate::ply::PlyEnergies;
+use crate::ply::energies::coefficient;
+use crate::spec::YarnSpec;
+use std::f64::consts::TAU;
+
+/// Most corners of a cell.
+pub(super) const CORNERS: usize = 8;
+
+/// The axes in the coordinates in which models are linear, and what the spec says of parameters that are none.
+#[derive(Clone, Debug)]
+pub(super) struct Axes {
+    /// By [`FamilyParam::ALL`]: nodes and their coordinates, both ascending in the parameter; empty for a parameter that is no axis.
+    values: [Vec<f64>; 3],
+    coordinates: [Vec<f64>; 3],
+    usual: [f64; 3],
+    radius_um: f64,
+}
+
+/// A place: corners with their weights, along pitch the two nodes too.
+pub(super) struct Place<T> {
+    pub(super) corners: [(usize, T); CORNERS],
+    pub(super) count: usize,
+    pub(super) pitch: Pitch<T>,
+}
+
+/// The nodes of r_d: where their models stand, their weights and pitches over the pitch asked for.
+#[derive(Clone, Copy)]
+pub(super) struct Pitch<T> {
+    pub(super) nodes: [(usize, T, T); 2],
+    pub(super) count: usize,
+}
+
+impl Axes {
+    pub(super) fn new(data: &FamilyData, spec: &YarnSpec) -> Axes {
+        let radius_um = spec.ply_ring().radius_um;
+        let of = |p: FamilyParam| data.values(p).map(<[f64]>::to_vec).unwrap_or_default();
+        let values = FamilyParam::ALL.map(of);
+        let coordinates =
+            std::array::from_fn(|i| values[i].iter().map(|v| coordinate(FamilyParam::ALL[i], *v, radius_um)).collect());
+        let usual = FamilyParam::ALL.map(|p| FamilyParams::of(spec).get(p));
+        Axes { values, coordinates, usual, radius_um }
+    }
+
+    /// A parameter within its range, as the spec has it where it is no axis or not a number.
+    pub(super) fn within(&self, i: usize, value: f64) -> f64 {
+        match (self.values[i].first(), self.values[i].last()) {
+            (Some(first), Some(last)) => {
+                let value = if value.is_nan() { self.usual[i] } else { value };
+                value.clamp(*first, *last)
+            }
+            _ => self.usual[i],
+        }
+    }
+
+    /// The range of a parameter, if it is an axis.
+    pub(super) fn range(&self, i: usize) -> Option<[f64; 2]> {
+        Some([*self.values[i].first()?, *self.values[i].last()?])
+    }
+
+    /// What a parameter must be where it is no axis.
+    pub(super) fn usual(&self, i: usize) -> f64 {
+        self.usual[i]
+    }
+
+    /// The place of parameters within their ranges.
+    pub(super) fn place<T: Real>(&self, params: [T; 3]) -> Place<T> {
+        let mut corners = [(0, T::of(0.0)); CORNERS];
+        corners[0].1 = T::of(1.0);
+        let mut count = 1;
+        let mut pitch = Pitch { nodes: [(0, T::of(1.0), T::of(1.0)); 2], count: 1 };
+        for i in 0..3 {
+            let (values, x) = (&self.values[i], &self.coordinates[i]);
+            if values.is_empty() {
+                continue;
+            }
+            let low = values.iter().rposition(|v| *v <= params[i].value()).unwrap_or(0).min(values.len() - 2);
+            let at = coordinate_of(FamilyParam::ALL[i], params[i], self.radius_um);
+            let t = ((at - T::of(x[low])) / T::of(x[low + 1] - x[low])).within(0.0, 1.0);
+            let rest = T::of(1.0) - t;
+            if i == 0 {
+                let share = |k: usize| T::of(values[k]) / params[0];
+                pitch = Pitch { nodes: [(low, rest, share(low)), (low + 1, t, share(low + 1))], count: 2 };
+            }
+            for c in (0..count).rev() {
+                let (node, weight) = corners[c];
+                let node = node * values.len() + low;
+                corners[2 * c + 1] = (node + 1, weight * t);
+                corners[2 * c] = (node, weight * rest);
+            }
+            count *= 2;
+        }
+        // Parameters that are no axis have the stride 1: nothing to do. Pitch is the slowest axis: its nodes stand apart by all others.
+        let stride: usize = self.values[1..].iter().map(|v| v.len().max(1)).product();
+        pitch.nodes.iter_mut().for_each(|n| n.0 *= stride);
+        Place { corners, count, pitch }
+    }
+}
+
+/// The coordinate in which models are interpolated.
+fn coordinate_of<T: Real>(param: FamilyParam, value: T, radius_um: f64) -> T {
+    match param {
+        FamilyParam::FiberPitch => (T::of(TAU * radius_um) / value).atan(),
+        FamilyParam::Alpha | FamilyParam::Eta => value,
+    }
+}
+
+/// The coordinate of a value of an axis.
+pub(super) fn coordinate(param: FamilyParam, value: f64, radius_um: f64) -> f64 {
+    coordinate_of(param, value, radius_um)
+}
+
+impl FamilyParam {
+    /// The coordinate in which models of plies of this radius [um] are linear (module text).
+    pub fn coordinate(self, value: f64, radius_um: f64) -> f64 {
+        coordinate(self, value, radius_um)
+    }
+
+    /// The value of a coordinate.
+    pub fn of_coordinate(self, x: f64, radius_um: f64) -> f64 {
+        match self {
+            FamilyParam::FiberPitch => TAU * radius_um / x.tan(),
+            FamilyParam::Alpha | FamilyParam::Eta => x,
+        }
+    }
+}
+
+impl FamilyAxis {
+    /// Weights of the nodes below and above a value within the axis: the lower one's index, and the weight of the upper.
+    pub fn locate(&self, value: f64, radius_um: f64) -> (usize, f64) {
+        let low = self.values.iter().rposition(|v| *v <= value).unwrap_or(0).min(self.values.len() - 2);
+        let at = |v: f64| coordinate(self.param, v, radius_um);
+        let (a, b) = (at(self.values[low]), at(self.values[low + 1]));
+        (low, ((at(value) - a) / (b - a)).clamp(0.0, 1.0))
+    }
+}
+
+/// Coefficient (m, n) of r_d at a pitch, of the energies `of(node)`: rows are read where `tan(theta) / pitch` is the same, by Catmull-Rom's cubic over the
+/// rows, and stay within 0 and 1. (m, n) may be one before the first or after the last.
+pub(super) fn missed<'a, T: Real>(pitch: &Pitch<T>, of: &dyn Fn(usize) -> &'a PlyEnergies, m: isize, n: isize) -> T {
+    let first = of(pitch.nodes[0].0);
+    let sizes = [first.miss_theta_i.len(), first.miss_h_um.len()];
+    // Beyond the ends the coefficients go on as those of any spline.
+    if m < 0 {
+        return missed(pitch, of, -m, sizes[1] as isize - 1 - n);
+    }
+    if m as usize >= sizes[0] {
+        let row = |m: usize| missed(pitch, of, m as isize, n);
+        return T::of(2.0) * row(sizes[0] - 1) - row(sizes[0] - 2);
+    }
+    let last = (sizes[0] - 1) as f64;
+    let theta = first.miss_theta_i[m as usize];
+    let row_of = |share: T| (T::of(theta.tan()) * share).atan() * T::of(last / first.miss_theta_i[sizes[0] - 1]);
+    let mut sum = T::of(0.0);
+    // A node of a longer pitch may be asked beyond its last latitude, which one of a shorter pitch never is: that one then stands for both. Nodes ascend in pitch.
+    let mut before = T::of(0.0);
+    for (i, &(node, weight, share)) in pitch.nodes[..pitch.count].iter().enumerate().rev() {
+        let c = &of(node).miss;
+        let at = |m: isize| coefficient(sizes, m, n, &|m, n| c[m * sizes[1] + n]);
+        let row = row_of(share);
+        let held = if i == 0 {
+            T::of(1.0)
+        } else {
+            (T::of(1.0) - (row - T::of(last)) / T::of(HAND_OVER * last)).within(0.0, 1.0)
+        };
+        let weight = weight + before;
+        before = weight * (T::of(1.0) - held);
+        let row = row.within(0.0, last);
+        let low = (row.value() as usize).min(sizes[0] - 2);
+        let f = row.value() - low as f64;
+        let rows: [f64; 4] = std::array::from_fn(|i| at(low as isize + i as isize - 1));
+        let value: f64 = catmull_rom(f).iter().zip(rows).map(|(w, r)| w * r).sum();
+        let slope: f64 = catmull_rom_slope(f).iter().zip(rows).map(|(w, r)| w * r).sum();
+        sum = sum + weight * held * row.chain(value, slope);
+    }
+    sum.within(0.0, 1.0)
+}
+
+/// Part of the latitudes, beyond the last, over which a node hands its weight over.
+const HAND_OVER: f64 = 0.02;
+
+/// Catmull-Rom weights of nodes i-1..=i+2 at fraction `f` of cell `i`.
+fn catmull_rom(f: f64) -> [f64; 4] {
+    let (f2, f3) = (f * f, f * f * f);
+    [0.5 * (2.0 * f2 - f3 - f), 0.5 * (3.0 * f3 - 5.0 * f2 + 2.0), 0.5 * (4.0 * f2 - 3.0 * f3 + f), 0.5 * (f3 - f2)]
+}
+
+/// Derivatives of [`catmull_rom`] by the fraction.
+fn catmull_rom_slope(f: f64) -> [f64; 4] {
+    let f2 = f * f;
+    [
+        0.5 * (-3.0 * f2 + 4.0 * f - 1.0),
+        0.5 * (9.0 * f2 - 10.0 * f),
+        0.5 * (-9.0 * f2 + 8.0 * f + 1.0),
+        0.5 * (3.0 * f2 - 2.0 * f),
+    ]
+}
+
+/// Nodes and weights of Catmull-Rom's cubic at `x` on an axis; a node beyond the rim is `2 rim - next`.
+pub(super) fn cubic_taps(nodes: &[f64], x: f64) -> [(usize, f64); 4] {
+    let (k, f) = axis::locate(x, nodes);
+    let mut w = catmull_rom(f);
+    let mut at = [k, k, k + 1, k + 1];
+    if k == 0 {
+        (w[1], w[2], w[0]) = (w[1] + 2.0 * w[0], w[2] - w[0], 0.0);
+    } else {
+        at[0] = k - 1;
+    }
+    if k + 2 >= nodes.len() {
+        (w[2], w[1], w[3]) = (w[2] + 2.0 * w[3], w[1] - w[3], 0.0);
+    } else {
+        at[3] = k + 2;
+    }
+    [(at[0], w[0]), (at[1], w[1]), (at[2], w[2]), (at[3], w[3])]
+}
