@@ -20,6 +20,7 @@ mod flight;
 mod load;
 mod place;
 mod profile;
+mod regression;
 mod rules;
 mod shade;
 mod shadow;
@@ -27,6 +28,7 @@ mod spec;
 mod splines;
 mod tensors;
 mod uv;
+mod walk;
 mod wif;
 mod yarn;
 

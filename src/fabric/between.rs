@@ -17,6 +17,7 @@
 
 use super::flight::{Near, exit};
 use super::place::PlyHit;
+use super::regression::Sums;
 use super::shadow::Shadows;
 use super::splines;
 use super::{Fabric, Family};
@@ -27,12 +28,10 @@ use crate::ply::{EXIT_KINDS, ExitLine, ExitsAt, UncachedPly};
 use crate::{PlyModel, PlyQuery};
 use std::f32::consts::PI;
 
-/// Nodes of absorption.
-pub(super) const SIGMAS: usize = 8;
-/// Nodes are even in 1 / (1 + sigma L), L this length [um], some paths through a ply.
+/// Nodes of absorption, those of the mean over the repeat: between them energies are linear in v = 1 / (1 + sigma L), L this length [um], some paths through a ply. Nodes even in v
+/// end at 0.04 and 3 per um, and deep colors, denim's warp in red, lie between these.
+pub(super) use super::far::{SIGMA_PER_UM, SIGMAS};
 const LENGTH_UM: f32 = 150.0;
-/// Absorption of the last node [1/um], for an infinite one.
-const DARKEST: f32 = 3.0;
 /// Polynomials of the direction.
 pub(super) const TERMS: usize = 16;
 /// Polynomials of what depends little on it.
@@ -86,18 +85,19 @@ pub(super) struct Between {
     albedo: [f64; SIGMAS],
 }
 
-/// Absorption of a node.
-fn sigma_of(node: usize) -> f32 {
-    let v = 1.0 - node as f32 / (SIGMAS - 1) as f32;
-    if v > 0.0 { (1.0 / v - 1.0) / LENGTH_UM } else { DARKEST }
+/// v of a node; the last one stands for infinite absorption.
+fn v_of(node: usize) -> f32 {
+    if node == SIGMAS - 1 { 0.0 } else { 1.0 / (1.0 + SIGMA_PER_UM[node] * LENGTH_UM) }
 }
 
 /// Node below an absorption and the fraction to the next.
 #[inline]
 fn node_of(sigma: f32) -> (usize, f32) {
-    let x = (1.0 - 1.0 / (1.0 + sigma.clamp(0.0, 1e6) * LENGTH_UM)) * (SIGMAS - 1) as f32;
-    let node = (x as usize).min(SIGMAS - 2);
-    (node, x - node as f32)
+    let sigma = sigma.clamp(0.0, 1e6);
+    let v = 1.0 / (1.0 + sigma * LENGTH_UM);
+    let node = SIGMA_PER_UM[1..SIGMAS - 1].iter().filter(|node| **node <= sigma).count();
+    let [high, low] = [v_of(node), v_of(node + 1)];
+    (node, (high - v) / (high - low))
 }
 
 /// The polynomials at a direction; z counts as positive.
@@ -139,69 +139,6 @@ fn dot<const T: usize>(a: &[f32; T], b: &[f32; T]) -> f32 {
 pub(super) trait Yarns {
     /// The model of a yarn.
     fn model(&self, family: Family, yarn: i32) -> &PlyModel;
-}
-
-/// Sums of a regression.
-struct Sums<const T: usize> {
-    normal: [[f64; T]; T],
-    right: Vec<[f64; T]>,
-}
-
-impl<const T: usize> Sums<T> {
-    fn new(outputs: usize) -> Sums<T> {
-        Sums { normal: [[0.0; T]; T], right: vec![[0.0; T]; outputs] }
-    }
-
-    /// With the sums of another.
-    fn join(&mut self, other: &Sums<T>) {
-        let all = |sums: &mut [[f64; T]], others: &[[f64; T]]| {
-            for (sum, other) in sums.as_flattened_mut().iter_mut().zip(others.as_flattened()) {
-                *sum += other;
-            }
-        };
-        all(&mut self.normal, &other.normal);
-        all(&mut self.right, &other.right);
-    }
-
-    fn seen(&mut self, terms: &[f32; T]) {
-        for i in 0..T {
-            for j in 0..=i {
-                self.normal[i][j] += f64::from(terms[i] * terms[j]);
-            }
-        }
-    }
-
-    fn add(&mut self, output: usize, value: f32, terms: &[f32; T]) {
-        for (sum, t) in self.right[output].iter_mut().zip(terms) {
-            *sum += f64::from(value * t);
-        }
-    }
-
-    /// Coefficients, by Cholesky's factorization.
-    fn solve(&self) -> Vec<[f32; T]> {
-        let mut l = self.normal;
-        let ridge = 1e-6 * self.normal[0][0].max(1e-30);
-        for i in 0..T {
-            l[i][i] += ridge;
-        }
-        for i in 0..T {
-            for j in 0..=i {
-                let sum = l[i][j] - (0..j).map(|k| l[i][k] * l[j][k]).sum::<f64>();
-                l[i][j] = if i == j { sum.max(1e-30).sqrt() } else { sum / l[j][j] };
-            }
-        }
-        let solved = |right: &[f64; T]| {
-            let mut x = *right;
-            for i in 0..T {
-                x[i] = (x[i] - (0..i).map(|k| l[i][k] * x[k]).sum::<f64>()) / l[i][i];
-            }
-            for i in (0..T).rev() {
-                x[i] = (x[i] - (i + 1..T).map(|k| l[k][i] * x[k]).sum::<f64>()) / l[i][i];
-            }
-            x.map(|v| v as f32)
-        };
-        self.right.iter().map(solved).collect()
-    }
 }
 
 /// Light that has left the cloth.
@@ -247,7 +184,7 @@ fn path(
     is_followed: bool,
     number: &mut impl FnMut() -> f32,
 ) -> Option<Gone> {
-    let sigma: [f32; SIGMAS] = std::array::from_fn(sigma_of);
+    let sigma = SIGMA_PER_UM;
     let mut flight = fabric.flight_through(at, a);
     let mut d = a.map(|v| -v);
     let mut gone = Gone {
@@ -483,7 +420,7 @@ impl Between {
 
     /// The color of the cloth over the absorption, under a sky all round: what it scatters of the light that meets its fibers.
     pub(super) fn curve(&self) -> AlbedoCurve {
-        let v = |node: usize| 1.0 - node as f64 / (SIGMAS - 1) as f64;
+        let v = |node: usize| f64::from(v_of(node));
         AlbedoCurve::of_nodes(f64::from(LENGTH_UM), self.albedo.iter().enumerate().map(|(node, a)| (v(node), *a)))
     }
 

@@ -14,7 +14,8 @@ use crate::math::{clamp_unit, floor_fraction, parallel};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 /// Nodes of absorption [1/um], the last for an infinite one; between them f is linear in `1 / (1 + sigma L)`, L some paths through a ply [um].
-pub(super) const SIGMA_PER_UM: [f32; SIGMAS] = [0.0, 0.0012, 0.003, 0.0065, 0.014, 0.032, 0.09, 3.0];
+/// They are close at 0, where light scattered many times falls as the root of the absorption (Kubelka and Munk).
+pub(super) const SIGMA_PER_UM: [f32; SIGMAS] = [0.0, 0.0006, 0.002, 0.005, 0.0115, 0.028, 0.085, 3.0];
 pub(super) const SIGMAS: usize = 8;
 const LENGTH_UM: f32 = 150.0;
 /// Azimuths of the viewer over one side of the cloth [degrees], closer towards the plane.

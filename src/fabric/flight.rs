@@ -1,8 +1,8 @@
 //! The plies that a line comes near, in the order along it: yarns as tubes about their crimped axes.
 //!
-//! A line is followed by steps as long as the distance to the nearest yarn's hull, the tube of its outer radius and d_cut about it. At a hull the yarn counts as straight
-//! along its tangent where the line is nearest to its axis, which is looked for in a few steps; its plies are asked for the line's offset (`yarn.rs`). A line that passes
-//! them goes on behind the hull. Distances are those to the tangent at the same coordinate along the yarn, 0.9 of which is stepped: the axis bends away from it.
+//! A line is followed by steps as long as the distance to the nearest yarn's hull, the tube of its outer radius and d_cut about it. At a hull a yarn of one ply counts as straight
+//! along its tangent where the line is nearest to its axis, which is looked for in a few steps; in a yarn of several plies the line is followed along the bent axis (`walk.rs`). A
+//! line that passes the plies goes on behind the hull. Distances are those to the tangent at the same coordinate along the yarn, 0.9 of which is stepped: the axis bends away from it.
 
 use super::place::PlyHit;
 use super::profile::Ends;
@@ -24,6 +24,8 @@ const MOST_STEPS: usize = 1024;
 const PASSED: usize = 8;
 /// No yarn.
 const NONE: u64 = u64::MAX;
+/// How far a yarn is looked at at once, over its hull's radius. A ply's r_d is of the whole yarn: a yarn that a line passes beside once must count once.
+const LOOKED_AT: f32 = 4.0;
 /// Squared sine below which a line counts as parallel to a yarn.
 const PARALLEL: f32 = 1e-10;
 /// Lines start and end this far above and below the yarns [um].
@@ -59,6 +61,16 @@ impl Near {
     pub(super) fn id(&self) -> YarnId {
         YarnId { family: self.hit.family, yarn: self.hit.yarn }
     }
+}
+
+/// What a line meets of a yarn, or passes nearest to.
+struct Meeting {
+    met: Met,
+    /// Axes of the yarn, straight there, and the point of its axis.
+    axes: [[f32; 3]; 3],
+    axis: [f32; 3],
+    /// Where on the line the ply's axis is nearest [um].
+    nearest: f32,
 }
 
 /// A line on its way through a fabric.
@@ -272,36 +284,46 @@ impl Flight<'_> {
         at
     }
 
-    /// A yarn, straight along its tangent where the line is nearest to it: what the line meets, the yarn's axes, the point of its axis, and where on the line.
-    fn meet(&self, id: YarnId) -> (Met, [[f32; 3]; 3], [f32; 3], f32) {
+    /// The line `at` um along it and a yarn, straight along its tangent next to the point: the line from that point, the yarn's axes, and the point of its axis.
+    fn straightened(&self, id: YarnId, at: f32) -> (Line, [[f32; 3]; 3], [f32; 3]) {
         let k = id.family as usize;
         let yarn = &self.fabric.yarns[k];
-        let w = self.d.map(|v| -v);
-        let is_one = yarn.plies == 1;
-        let mut at = if is_one { self.beside(id) } else { self.at };
-        for round in 0.. {
-            let q = self.point(at);
-            let along = q[1 - k];
-            let (height, slope) = self.axis_at(id, along);
-            let axes = super::place::axes(id.family, slope);
-            let mut axis = [height; 3];
-            axis[k] = (id.yarn as f32 + 0.5) * yarn.spacing;
-            axis[1 - k] = along;
-            let off: [f32; 3] = std::array::from_fn(|i| q[i] - axis[i]);
-            let line = Line {
-                origin: axes.map(|a| dot(a, off)),
-                w: axes.map(|a| dot(a, w)),
-                turns: yarn.turns(id.yarn, id.family as u32, along),
-            };
-            let met = yarn.meet(&line);
-            // A line that grazes along the yarn may be nearest far away, where the yarn has bent.
-            let step = (-met.nearest).clamp(-2.0 * yarn.half_width, 2.0 * yarn.half_width);
-            if is_one || step.abs() < NEAREST * yarn.half_width || round == MOST_ROUNDS {
-                return (met, axes, axis, at - met.nearest);
-            }
-            at += step;
+        let q = self.point(at);
+        let mut along = q[1 - k];
+        let (mut height, mut slope) = self.axis_at(id, along);
+        if yarn.plies > 1 {
+            // The foot of the point on the axis.
+            let foot = (q[2] - height) * slope / (1.0 + slope * slope);
+            along += foot.clamp(-yarn.half_width, yarn.half_width);
+            (height, slope) = self.axis_at(id, along);
         }
-        unreachable!("the loop above returns")
+        let axes = super::place::axes(id.family, slope);
+        let mut axis = [height; 3];
+        axis[k] = (id.yarn as f32 + 0.5) * yarn.spacing;
+        axis[1 - k] = along;
+        let off: [f32; 3] = std::array::from_fn(|i| q[i] - axis[i]);
+        let line = Line {
+            origin: axes.map(|a| dot(a, off)),
+            w: axes.map(|a| -dot(a, self.d)),
+            turns: yarn.turns(id.yarn, id.family as u32, along),
+            lean: axes[2][1 - k],
+        };
+        (line, axes, axis)
+    }
+
+    /// What the line meets of a yarn or passes nearest to, if any, and how far the yarn has been looked at.
+    fn meet(&self, id: YarnId) -> (Option<Meeting>, f32) {
+        let yarn = &self.fabric.yarns[id.family as usize];
+        let (at, ply, until) = if yarn.plies == 1 {
+            (self.beside(id), None, self.at)
+        } else {
+            let walked = yarn.walk(self.at, self.at + LOOKED_AT * yarn.hull, |at| self.straightened(id, at).0);
+            let Some(ply) = walked.ply else { return (None, walked.until) };
+            (walked.at, Some((ply, walked.is_hit)), walked.until)
+        };
+        let (line, axes, axis) = self.straightened(id, at);
+        let met = ply.map_or_else(|| yarn.meet_one(&line), |(ply, is_hit)| yarn.meet_ply(&line, ply, is_hit));
+        (Some(Meeting { nearest: at - met.nearest, met, axes, axis }), until)
     }
 
     /// The next ply that the line comes near.
@@ -322,9 +344,14 @@ impl Flight<'_> {
                 self.at += free.max(LEAST_STEP_UM);
                 continue;
             };
-            let (met, axes, axis, nearest) = self.meet(id);
+            let (meeting, until) = self.meet(id);
             let yarn = &fabric.yarns[id.family as usize];
             let hull = yarn.hull;
+            let Some(Meeting { met, axes, axis, nearest }) = meeting else {
+                self.pass(id, until.max(self.at + LEAST_STEP_UM));
+                self.at += 0.1 * LEAST_STEP_UM;
+                continue;
+            };
             // Where it leaves the hull, straight as the yarn is here.
             let off: [f32; 3] = std::array::from_fn(|i| q[i] - axis[i]);
             let [o, v] = [off, self.d].map(|x| [dot(axes[0], x), dot(axes[1], x)]);
@@ -333,7 +360,8 @@ impl Flight<'_> {
             let room = half * half - a * (o[0] * o[0] + o[1] * o[1] - hull * hull);
             let leaves = if a > 1e-6 && room > 0.0 { (room.sqrt() - half) / a } else { 0.0 };
             // It goes on in any case, so that every line ends.
-            self.pass(id, self.at + leaves.clamp(LEAST_STEP_UM, 4.0 * hull));
+            let leaves = self.at + leaves.clamp(LEAST_STEP_UM, LOOKED_AT * hull);
+            self.pass(id, if met.hit || yarn.plies == 1 { leaves } else { until.max(self.at + LEAST_STEP_UM) });
             self.at += 0.1 * LEAST_STEP_UM;
             // What lies behind the line's start is not met.
             if met.h.abs() < yarn.reach && nearest > 0.0 && (nearest - self.at).abs() < 6.0 * hull {

@@ -4,7 +4,7 @@
 //!
 //! | name | shape | |
 //! |---|---|---|
-//! | `yarn` | `[2][15]` | of warp and weft: plies, R, circle D, half width, spacing, its inverse, reach R + d_cut, turns per um, slope and norm of the plies, then of the axis' profile: step, amplitude, radius, arc, slope |
+//! | `yarn` | `[2][14]` | of warp and weft: plies, R, circle D, half width, spacing, its inverse, reach R + d_cut, turns per um, slope of the plies, then of the axis' profile: step, amplitude, radius, arc, slope |
 //! | `turn` | `[2][7][2]` | cosine and sine of the plies' places |
 //! | `draft` | `[picks][ends]` | 1 where the warp is on top |
 //! | `scalars` | `[4]` | height above which nothing is near, length of a ply with one speckle pattern, step of the apertures' edges, L of `curve` |
@@ -74,10 +74,10 @@ impl FabricBsdf {
         let yarns = f.yarns.iter().flat_map(|y| {
             let p = &y.profile;
             let shape = [y.plies as f32, y.radius, y.circle, y.half_width, y.spacing, y.per_spacing, y.reach];
-            let rest = [y.turns_per_um, y.slope, y.norm, p.step, p.amplitude, p.radius, p.arc, p.slope];
+            let rest = [y.turns_per_um, y.slope, p.step, p.amplitude, p.radius, p.arc, p.slope];
             shape.into_iter().chain(rest)
         });
-        f32s("yarn", &[2, 15], yarns.collect());
+        f32s("yarn", &[2, 14], yarns.collect());
         let turns = f.yarns.iter().flat_map(|y| y.turn.as_flattened().iter().copied());
         f32s("turn", &[2, MAX_PLIES, 2], turns.collect());
         let (length_um, curve) = self.curve.nodes().unwrap_or((1.0, &[]));
@@ -151,7 +151,7 @@ mod tests {
         assert_eq!(of("draft").shape, [5, 5]);
         assert_eq!(of("yarn").values, {
             let Values::F32(v) = &of("yarn").values else { panic!() };
-            assert!(v[4] == 102.0 && v[15 + 4] == 250.0 && v[0] == 1.0);
+            assert!(v[4] == 102.0 && v[14 + 4] == 250.0 && v[0] == 1.0);
             Values::F32(v.clone())
         });
         assert!(matches!(&of("shadow_free").values, Values::U8(v) if v.iter().any(|f| *f > 0)));

@@ -4,12 +4,9 @@
 //! `psi = phase +- 2 pi s / pitch + 2 pi k / P`, D the radius of the circle the plies lie on. The line runs through (a, 0, 0), a point of the yarn's
 //! middle plane, along w.
 //!
-//! The ply is met in three steps. With the plies taken as parallel circles where the point is (as the paper has it), the line meets one of them at
-//! some distance along t. There every ply is replaced by the straight cylinder along its tangent, and the first cylinder met counts. That one is
-//! replaced once more, by the cylinder along the tangent at the place of its axis next to where the line enters it; h is the distance of the line
-//! from this tangent, so that |h| <= R at every hit. For one ply, and for parallel plies, this is exact. `twisted_plies_are_near_true_helices`
-//! measures the rest: without the first step errors are 2 to 4 times as large from 45 degrees on, without the last 10 times at all angles up to
-//! there.
+//! Every ply is replaced by the straight cylinder along its tangent where the yarn is straightened, and the line is followed from cylinder to cylinder (`walk.rs`). The ply that is met is
+//! replaced once more, by the cylinder along the tangent at the place of its axis next to where the line enters it; h is the distance of the line from this tangent, |h| <= R at every hit.
+//! For one ply, and for parallel plies, this is exact. `twisted_plies_are_near_true_helices` measures the rest, and `tests/weave.rs` plies of bent yarns.
 
 use super::profile::{Profile, Profile32};
 use crate::math::simd::{atan2, signed, sin_cos_half_turns};
@@ -74,9 +71,8 @@ pub(super) struct Yarn {
     pub hull: f32,
     /// Turns of the plies per um, negative for S.
     pub turns_per_um: f32,
-    /// Slope of a ply against the yarn, D dpsi/ds, and `1 / sqrt(1 + slope^2)`.
+    /// Slope of a ply against a straight yarn, D dpsi/ds.
     pub slope: f32,
-    pub norm: f32,
     /// Cosine and sine of 2 pi k / P.
     pub turn: [[f32; 2]; MAX_PLIES],
 }
@@ -90,6 +86,8 @@ pub(super) struct Line {
     pub w: [f32; 3],
     /// Turns of ply 0 about the axis at this place.
     pub turns: f32,
+    /// Cosine of the yarn's lean: plies turn evenly along the cloth, and so much less along t.
+    pub lean: f32,
 }
 
 /// A ply that a line meets, or the one it comes nearest to.
@@ -192,7 +190,6 @@ impl Yarn {
             hull: (0.5 * shape.width_um() + shape.d_cut_um) as f32,
             turns_per_um: turns_per_um as f32,
             slope: slope as f32,
-            norm: (1.0 / (1.0 + slope * slope).sqrt()) as f32,
             turn,
         }
     }
@@ -207,55 +204,42 @@ impl Yarn {
         begin + cell(along * self.turns_per_um).1
     }
 
-    /// The first ply that a line meets; where it meets none, the one it comes nearest to.
-    pub fn meet(&self, line: &Line) -> Met {
-        if self.plies == 1 {
-            let tangent = [0.0, 0.0, 1.0];
-            let (x, sine) = across(line.w, tangent);
-            let h = dot(line.origin, x);
-            let nearest = -dot(line.origin, cross(tangent, x)) / sine;
-            let center = [0.0, 0.0, line.origin[2] + nearest * line.w[2]];
-            return Met { hit: h.abs() < self.radius, ply: 0, h, tangent, x, sine, nearest, center };
-        }
-        let mut shift = 0.0;
-        if self.slope != 0.0 {
-            shift = self.first_circle(line);
-        }
-        self.first_cylinder(line, shift)
+    /// The ply of a yarn of one, and where a line meets it or comes nearest to it.
+    pub fn meet_one(&self, line: &Line) -> Met {
+        let tangent = [0.0, 0.0, 1.0];
+        let (x, sine) = across(line.w, tangent);
+        let h = dot(line.origin, x);
+        let nearest = -dot(line.origin, cross(tangent, x)) / sine;
+        let center = [0.0, 0.0, line.origin[2] + nearest * line.w[2]];
+        Met { hit: h.abs() < self.radius, ply: 0, h, tangent, x, sine, nearest, center }
     }
 
-    /// How far along t the line meets the first of the circles that the plies are where the point is, or passes the axis.
-    fn first_circle(&self, line: &Line) -> f32 {
-        let [wc, wn, wt] = line.w;
-        let sine2 = wc * wc + wn * wn;
-        // A line along the yarn meets nothing within a length over which plies could be followed.
-        if sine2 < 1e-3 {
-            return line.origin[2];
+    /// A ply of several that a line meets or passes next to its point, the yarn straight there.
+    pub fn meet_ply(&self, line: &Line, ply: u32, is_hit: bool) -> Met {
+        let shift = line.origin[2];
+        let (mut best, _, further) = self.cylinder(line, ply as usize, shift, self.angle(line, shift));
+        if self.slope != 0.0 && further.abs() < 2.0 * self.half_width {
+            let shift = shift + further;
+            (best, ..) = self.cylinder(line, ply as usize, shift, self.angle(line, shift));
         }
-        let per_sine = 1.0 / sine2.sqrt();
-        let (s, c) = sin_cos_turns(line.turns);
-        let (mut first, mut met) = (f32::NEG_INFINITY, false);
-        for &[ck, sk] in &self.turn[..self.plies] {
-            let (x, y) = (self.circle * (c * ck - s * sk), self.circle * (s * ck + c * sk));
-            let (dx, dy) = (line.origin[0] - x, line.origin[1] - y);
-            let h = (dx * wn - dy * wc) * per_sine;
-            let room = self.radius * self.radius - h * h;
-            if room > 0.0 {
-                let entry = room.sqrt() - (dx * wc + dy * wn) * per_sine;
-                first = first.max(entry);
-                met = true;
-            }
-        }
-        let distance = if met { first } else { -(line.origin[0] * wc + line.origin[1] * wn) * per_sine };
-        line.origin[2] + distance * per_sine * wt
+        best.hit = is_hit;
+        // The walk has told whether it is met: what this ply, straightened once more, says of a line at its rim is within that.
+        best.h = if is_hit {
+            best.h.clamp(-self.radius, self.radius)
+        } else {
+            best.h.abs().max(self.radius).copysign(best.h)
+        };
+        best
     }
 
     /// Ply k at the distance `shift` along t, as the straight cylinder along its tangent there; where the line enters it, and how much further along t
     /// the point of its axis next to that place lies.
-    fn cylinder(&self, line: &Line, k: usize, shift: f32, [c, s]: [f32; 2]) -> (Met, f32, f32) {
+    pub(super) fn cylinder(&self, line: &Line, k: usize, shift: f32, [c, s]: [f32; 2]) -> (Met, f32, f32) {
         let [ck, sk] = self.turn[k];
         let (cos, sin) = (c * ck - s * sk, s * ck + c * sk);
-        let tangent = [-self.slope * sin * self.norm, self.slope * cos * self.norm, self.norm];
+        let slope = self.slope * line.lean;
+        let norm = 1.0 / (1.0 + slope * slope).sqrt();
+        let tangent = [-slope * sin * norm, slope * cos * norm, norm];
         let (x, sine) = across(line.w, tangent);
         let d = [line.origin[0] - self.circle * cos, line.origin[1] - self.circle * sin, line.origin[2] - shift];
         let h = dot(d, x);
@@ -270,43 +254,9 @@ impl Yarn {
     }
 
     /// Cosine and sine of ply 0's angle at `shift` along t.
-    fn angle(&self, line: &Line, shift: f32) -> [f32; 2] {
-        let (s, c) = sin_cos_turns(line.turns + shift * self.turns_per_um);
+    pub(super) fn angle(&self, line: &Line, shift: f32) -> [f32; 2] {
+        let (s, c) = sin_cos_turns(line.turns + shift * line.lean * self.turns_per_um);
         [c, s]
-    }
-
-    /// The first of the straight cylinders along the plies' tangents at `shift` along t.
-    fn first_cylinder(&self, line: &Line, shift: f32) -> Met {
-        let angle = self.angle(line, shift);
-        let mut best = Met {
-            hit: false,
-            ply: 0,
-            h: 0.0,
-            tangent: [0.0, 0.0, 1.0],
-            x: [1.0, 0.0, 0.0],
-            sine: 1.0,
-            nearest: 0.0,
-            center: [0.0; 3],
-        };
-        let (mut first, mut nearest, mut step) = (f32::NEG_INFINITY, f32::INFINITY, 0.0);
-        for k in 0..self.plies {
-            let (met, entry, further) = self.cylinder(line, k, shift, angle);
-            if met.hit {
-                if entry > first {
-                    (first, best, step) = (entry, met, further);
-                }
-            } else if !best.hit && met.h.abs() < nearest {
-                (nearest, best) = (met.h.abs(), met);
-            }
-        }
-        if best.hit && self.slope != 0.0 && step.abs() < 2.0 * self.half_width {
-            let shift = shift + step;
-            let (met, ..) = self.cylinder(line, best.ply as usize, shift, self.angle(line, shift));
-            if met.hit {
-                best = met;
-            }
-        }
-        best
     }
 }
 

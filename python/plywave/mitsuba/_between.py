@@ -11,11 +11,21 @@ TAU = 2.0 * math.pi
 SIGMAS, LENGTH_UM, CLASSES, COUNT, SPLINE_COLUMNS, INTERVALS = 8, 150.0, 4, 168, 24, 5
 
 
+# Nodes of absorption [1/um], and v = 1 / (1 + sigma L) there, the last one 0.
+SIGMA_PER_UM = (0.0, 0.0006, 0.002, 0.005, 0.0115, 0.028, 0.085, 3.0)
+V = [1.0 / (1.0 + s * LENGTH_UM) for s in SIGMA_PER_UM[:-1]] + [0.0]
+
+
 def sigma_nodes(kit, sigma):
     """Node below an absorption and the fraction to the next."""
-    x = (1.0 - 1.0 / (1.0 + clamp(sigma, 0.0, 1e6) * LENGTH_UM)) * (SIGMAS - 1)
-    node = dr.minimum(dr.floor(dr.detach(x) if kit.jit else x), SIGMAS - 2.0)
-    return kit.uint(node), x - node
+    sigma = clamp(sigma, 0.0, 1e6)
+    v = 1.0 / (1.0 + sigma * LENGTH_UM)
+    node, high, per = kit.uint(0), V[0], 1.0 / (V[0] - V[1])
+    for n in range(1, SIGMAS - 1):
+        beyond = sigma >= SIGMA_PER_UM[n]
+        node = dr.select(beyond, kit.uint(n), node)
+        high, per = dr.select(beyond, V[n], high), dr.select(beyond, 1.0 / (V[n] - V[n + 1]), per)
+    return node, (high - v) * per
 
 
 def polynomials(w):

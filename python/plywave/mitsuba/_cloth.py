@@ -18,7 +18,7 @@ from ._shadow import MEAN_Z, Shadows
 # src/fabric/bsdf.rs, place.rs
 LEAST_CAUGHT, MAX_NEAR = 1e-3, 4
 
-YARN = "plies radius circle half_width spacing per_spacing reach turns_per_um slope norm step amplitude arc_radius arc steepest".split()
+YARN = "plies radius circle half_width spacing per_spacing reach turns_per_um slope step amplitude arc_radius arc steepest".split()
 
 
 class Cloth(Flight, Shadows, Between):

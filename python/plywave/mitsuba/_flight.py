@@ -11,7 +11,12 @@ from ._yarns import Yarns
 # src/fabric/flight.rs
 LEAST_STEP_UM, CLOSE_UM, NEAREST, MOST_ROUNDS, MOST_STEPS, PASSED, MARGIN_UM = 1.0, 3.0, 0.001, 7, 1024, 8, 1.0
 NO_YARN = -(2**31)
+# A yarn that is found is named with its ply and whether that is met: 16 numbers a yarn.
+PLIES = 16
 FAR_UM = 1e7
+LOOKED_AT = 4.0
+# src/fabric/walk.rs
+MOST_STRETCHES, NEXT = 24, 0.02
 # Squared sine below which a line counts as parallel to a yarn.
 PARALLEL = 1e-10
 
@@ -82,7 +87,7 @@ class Flight(Yarns):
         return ((dr.select(is_warp, q[0], q[1]) - axis) * across + (q[2] - height) * rise * cos2) / sine2
 
     def next_near(self, start, d, state):
-        """Moves on to the next ply that the line comes near. The new state, its ``on`` false where there is none, and yarn and place of the line at which it was met."""
+        """Moves on to the next ply that the line comes near. The new state, its ``on`` false where there is none, and name and place of the line at which it was met, for ``hit``."""
         kit = self.kit
 
         def march(at, which, on, steps, ids, until):
@@ -101,18 +106,28 @@ class Flight(Yarns):
 
         def refine(at, round_, looking, which):
             is_warp, yarn = family_of(kit, which)
-            if self.most_plies == 1:
-                nearest = self.beside(is_warp, yarn, start, d, at)
-            else:
-                met, _, _, _ = self.meet_at(is_warp, yarn, start, d, at)
-                nearest = met["nearest"]
-                if self.least_plies == 1:
-                    one = self.of_family("plies", is_warp) == 1.0
-                    nearest = dr.select(one, self.beside(is_warp, yarn, start, d, at), nearest)
+            nearest = self.beside(is_warp, yarn, start, d, at)
             half = self.of_family("half_width", is_warp)
             step = clamp(-nearest, -2.0 * half, 2.0 * half)
             stop = (dr.abs(step) < NEAREST * half) | (round_ == MOST_ROUNDS)
             return dr.select(stop, at, at + step), round_ + 1, kit.both(looking, kit.no(stop)), which
+
+        def stretch(at, end, least, ply, place, is_hit, count, walking, which):
+            is_warp, yarn = family_of(kit, which)
+            of = lambda key: self.of_family(key, is_warp)
+            line, _, _ = self.straightened(is_warp, yarn, start, d, at)
+            beside, step, first, least, passed, passed_at = self.ahead(of, is_warp, line, least)
+            place = dr.select(passed >= 0, at + passed_at, place)
+            ply = dr.select(passed >= 0, passed, ply)
+            at = at + step
+            is_hit = kit.both(first >= 0, step < NEXT * of("radius"))
+            ply, place = dr.select(is_hit, first, ply), dr.select(is_hit, at, place)
+            (x, y, _), (wc, wn, _) = line["origin"], line["w"]
+            hull = of("half_width") + of("reach") - of("radius")
+            ends = (at > end) | kit.both(beside > hull, x * wc + y * wn < 0.0) | is_hit
+            count = count + 1
+            walking = kit.both(kit.both(walking, kit.no(ends)), count < MOST_STRETCHES)
+            return at, end, least, ply, place, is_hit, count, walking, which
 
         def search(at, ids, until, oldest, on, searching, found_which, found_at):
             which = kit.int(NO_YARN)
@@ -123,16 +138,30 @@ class Flight(Yarns):
                 "march",
             )
             has = kit.both(on, which != NO_YARN)
-            place, _, _, _ = kit.loop(
-                (at, kit.uint(0), has, which),
-                lambda at, round_, looking, which: looking,
-                refine,
-                "refine",
-            )
             is_warp, yarn = family_of(kit, which)
-            met, axes, axis, _ = self.meet_at(is_warp, yarn, start, d, place)
-            nearest = place - met["nearest"]
+            one = self.of_family("plies", is_warp) == 1.0 if self.least_plies == 1 else False
             hull = self.of_family("half_width", is_warp) + self.of_family("reach", is_warp) - self.of_family("radius", is_warp)
+            place, ply, is_hit, looked, known = at, kit.int(-1), kit.bool(False), at, has
+            if self.least_plies == 1:
+                place, _, _, _ = kit.loop(
+                    (at, kit.uint(0), kit.both(has, one), which),
+                    lambda at, round_, looking, which: looking,
+                    refine,
+                    "refine",
+                )
+            if self.most_plies > 1:
+                several = has if one is False else kit.both(has, kit.no(one))
+                end = at + LOOKED_AT * hull
+                looked, _, _, ply, walked, is_hit, _, _, _ = kit.loop(
+                    (at, end, kit.float(1e30), ply, at, is_hit, kit.uint(0), several, which),
+                    lambda at, end, least, ply, place, is_hit, count, walking, which: walking,
+                    stretch,
+                    "stretch",
+                )
+                place = walked if one is False else dr.select(one, place, walked)
+                known = kit.both(has, ply >= 0 if one is False else (ply >= 0) | one)
+            met, axes, axis, _ = self.meet_at(is_warp, yarn, ply, is_hit, start, d, place)
+            nearest = place - met["nearest"]
             # Where it leaves the hull, straight as the yarn is here.
             off = [start[i] + at * d[i] - axis[i] for i in range(3)]
             o, v = ([dot3(axes[i], x) for i in range(2)] for x in (off, d))
@@ -140,11 +169,14 @@ class Flight(Yarns):
             half = o[0] * v[0] + o[1] * v[1]
             room = half * half - a * (o[0] * o[0] + o[1] * o[1] - hull * hull)
             leaves = dr.select(kit.both(a > 1e-6, room > 0.0), (dr.sqrt(dr.maximum(room, 0.0)) - half) / dr.maximum(a, 1e-6), 0.0)
-            end = at + clamp(leaves, LEAST_STEP_UM, 4.0 * hull)
-            known = kit.bool(False)
+            end = at + clamp(leaves, LEAST_STEP_UM, LOOKED_AT * hull)
+            if self.most_plies > 1:
+                left = kit.both(is_hit, known) if one is False else kit.both(is_hit, known) | one
+                end = dr.select(left, end, dr.maximum(looked, at + LEAST_STEP_UM))
+            listed = kit.bool(False)
             for i in range(PASSED):
-                known = known | (ids[i] == which)
-            slots = [dr.select(known, ids[i] == which, oldest == i) for i in range(PASSED)]
+                listed = listed | (ids[i] == which)
+            slots = [dr.select(listed, ids[i] == which, oldest == i) for i in range(PASSED)]
             was_oldest = kit.bool(False)
             for i in range(PASSED):
                 was_oldest = was_oldest | kit.both(slots[i], oldest == i)
@@ -154,9 +186,10 @@ class Flight(Yarns):
             at = dr.select(has, at + 0.1 * LEAST_STEP_UM, at)
             taken = dr.abs(met["h"]) < self.of_family("reach", is_warp)
             taken = kit.both(kit.both(taken, nearest > 0.0), dr.abs(nearest - at) < 6.0 * hull)
-            taken = kit.both(has, taken)
+            taken = kit.both(known, taken)
+            name = which * PLIES + dr.maximum(ply, 0) * 2 + dr.select(is_hit, kit.int(1), kit.int(0)) if self.most_plies > 1 else which * PLIES
             searching = kit.both(kit.both(searching, on), kit.no(taken))
-            return at, ids, until, oldest, on, searching, dr.select(taken, which, found_which), dr.select(taken, place, found_at)
+            return at, ids, until, oldest, on, searching, dr.select(taken, name, found_which), dr.select(taken, place, found_at)
 
         s = state
         at, ids, until, oldest, on, _, which, place = kit.loop(
@@ -171,8 +204,9 @@ class Flight(Yarns):
     def hit(self, which, start, d, place):
         """All about the ply that a line comes near (``PlyHit`` of src/fabric/place.rs)."""
         kit = self.kit
+        (which, ply), is_hit = (which >> 4, (which >> 1) & 7) if kit.jit else (which // PLIES, which // 2 % 8), (which & 1) == 1
         is_warp, yarn = family_of(kit, which)
-        met, axes, axis, w = self.meet_at(is_warp, yarn, start, d, place)
+        met, axes, axis, w = self.meet_at(is_warp, yarn, ply, is_hit, start, d, place)
         to_fabric = lambda v: [v[0] * axes[0][i] + v[1] * axes[1][i] + v[2] * axes[2][i] for i in range(3)]
         z, x = met["tangent"], met["x"]
         off = dot3(x, z)
@@ -189,7 +223,7 @@ class Flight(Yarns):
             "is_warp": is_warp,
             "yarn": yarn,
             "other": other,
-            "ply": met["ply"],
+            "ply": kit.uint(ply),
             "is_hit": met["hit"],
             "frame": frame,
             "theta_i": dr.atan2(dot3(w, met["tangent"]), met["sine"]),

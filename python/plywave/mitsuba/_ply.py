@@ -45,6 +45,8 @@ def read_container(data, name):
     for key, info in header.items():
         first, last = (8 + size + o for o in info["data_offsets"])
         tensors[key] = np.frombuffer(data[first:last], _TYPES[info["dtype"]]).reshape(info["shape"])
+    if "cone_refl" in tensors:
+        raise ValueError(f"{name}: lobes: cones: Mitsuba evaluates models of round lobes only: give the fiber more roughness (alpha_fiber) or its ply a twist")
     return tensors, document
 
 

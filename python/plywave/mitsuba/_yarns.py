@@ -11,6 +11,8 @@ import numpy as np
 from ._kit import cross3, dot3
 
 TAU = 2.0 * math.pi
+# src/fabric/walk.rs
+STRETCH = 1.0
 
 
 class Yarns:
@@ -126,7 +128,8 @@ class Yarns:
     def cylinder(self, of, line, ck, sk, shift, c, s):
         origin, w = line["origin"], line["w"]
         cos, sin = c * ck - s * sk, s * ck + c * sk
-        slope, norm, circle, radius = of("slope"), of("norm"), of("circle"), of("radius")
+        slope, circle, radius = of("slope") * line["lean"], of("circle"), of("radius")
+        norm = 1.0 / dr.sqrt(1.0 + slope * slope)
         tangent = [-slope * sin * norm, slope * cos * norm, norm + 0.0 * cos]
         x, sine = self.across(w, tangent)
         d = [origin[0] - circle * cos, origin[1] - circle * sin, origin[2] - shift]
@@ -141,75 +144,76 @@ class Yarns:
         met = {"hit": room > 0.0, "h": h, "tangent": tangent, "x": x, "sine": sine, "nearest": nearest, "center": center}
         return met, entry, further
 
-    def meet(self, is_warp, line):
-        """The first ply of a yarn that a line meets; where it meets none, the one it comes nearest to."""
-        kit = self.kit
-        of = lambda key: self.of_family(key, is_warp)
-        origin, w = line["origin"], line["w"]
-        if self.most_plies == 1:
-            zero, one = kit.float(0.0), kit.float(1.0)
-            x, sine = self.across(w, [zero, zero, one])
-            h = dot3(origin, x)
-            nearest = -dot3(origin, cross3([zero, zero, one], x)) / sine
-            center = [zero, zero, origin[2] + nearest * w[2]]
-            hit = dr.abs(h) < of("radius")
-            return {"hit": hit, "ply": kit.uint(0), "h": h, "tangent": [zero, zero, one], "x": x, "sine": sine, "nearest": nearest, "center": center}
+    def meet_one(self, of, line):
+        """The ply of a yarn of one."""
+        kit, origin, w = self.kit, line["origin"], line["w"]
+        zero, one = kit.float(0.0), kit.float(1.0)
+        x, sine = self.across(w, [zero, zero, one])
+        h = dot3(origin, x)
+        nearest = -dot3(origin, cross3([zero, zero, one], x)) / sine
+        center = [zero, zero, origin[2] + nearest * w[2]]
+        return {"hit": dr.abs(h) < of("radius"), "h": h, "tangent": [zero, zero, one], "x": x, "sine": sine, "nearest": nearest, "center": center}
+
+    def places_of_plies(self, is_warp):
+        """Cosine and sine of the turn of each ply against the first."""
         turn = [[(float(c), float(s)) for c, s in self.turn[k]] for k in range(2)]
-        places = [[dr.select(is_warp, turn[0][n][i], turn[1][n][i]) for i in range(2)] for n in range(self.most_plies)]
-        plies = of("plies")
-        # How far along t the line meets the first of the circles that the plies are where the point is.
-        sine2 = w[0] * w[0] + w[1] * w[1]
-        per_sine = dr.rsqrt(dr.maximum(sine2, 1e-3))
-        s, c = dr.sincos(TAU * line["turns"])
-        first, met_any = kit.float(-1e30), kit.bool(False)
-        circle, radius = of("circle"), of("radius")
-        for n, (ck, sk) in enumerate(places):
-            x, y = circle * (c * ck - s * sk), circle * (s * ck + c * sk)
-            dx, dy = origin[0] - x, origin[1] - y
-            h = (dx * w[1] - dy * w[0]) * per_sine
-            room = radius * radius - h * h
-            here = kit.both(room > 0.0, n < plies)
-            entry = dr.sqrt(dr.maximum(room, 0.0)) - (dx * w[0] + dy * w[1]) * per_sine
-            first = dr.select(here, dr.maximum(first, entry), first)
-            met_any = met_any | here
-        distance = dr.select(met_any, first, -(origin[0] * w[0] + origin[1] * w[1]) * per_sine)
-        shift = dr.select(sine2 < 1e-3, origin[2], origin[2] + distance * per_sine * w[2])
-        shift = dr.select(of("slope") == 0.0, 0.0, shift)
-        turns = of("turns_per_um")
-        s, c = dr.sincos(TAU * (line["turns"] + shift * turns))
-        zero = kit.float(0.0)
-        best = {"hit": kit.bool(False), "h": zero, "tangent": [zero, zero, kit.float(1.0)], "x": [kit.float(1.0), zero, zero], "sine": kit.float(1.0), "nearest": zero, "center": [zero] * 3}
-        best_ply, first, near, step = kit.uint(0), kit.float(-1e30), kit.float(1e30), zero
-        chosen = [places[0][0] + zero, places[0][1] + zero]
+        return [[dr.select(is_warp, turn[0][n][i], turn[1][n][i]) for i in range(2)] for n in range(self.most_plies)]
 
-        def select(here, a, b):
-            return {key: [dr.select(here, p, q) for p, q in zip(a[key], b[key])] if isinstance(b[key], list) else dr.select(here, a[key], b[key]) for key in b}
+    def meet_ply(self, of, is_warp, line, ply, is_hit):
+        """A ply of several that a line meets or passes next to its point."""
+        places = self.places_of_plies(is_warp)
+        chosen = places[0]
+        for n in range(1, self.most_plies):
+            chosen = [dr.select(ply == n, a, b) for a, b in zip(places[n], chosen)]
 
-        for n, (ck, sk) in enumerate(places):
-            met, entry, further = self.cylinder(of, line, ck, sk, shift, c, s)
-            exists = n < plies
-            is_hit = kit.both(kit.both(met["hit"], entry > first), exists)
-            no_hit = kit.no(met["hit"] | best["hit"])
-            is_near = kit.both(kit.both(no_hit, dr.abs(met["h"]) < near), exists)
-            here = is_hit | is_near
-            first, step = dr.select(is_hit, entry, first), dr.select(is_hit, further, step)
-            near = dr.select(is_near, dr.abs(met["h"]), near)
-            best = select(here, met, best)
-            best_ply = dr.select(here, kit.uint(n), best_ply)
-            chosen = [dr.select(here, ck, chosen[0]), dr.select(here, sk, chosen[1])]
-        again = kit.both(kit.both(best["hit"], of("slope") != 0.0), dr.abs(step) < 2.0 * of("half_width"))
-        shift = shift + step
-        s, c = dr.sincos(TAU * (line["turns"] + shift * turns))
-        met, _, _ = self.cylinder(of, line, chosen[0], chosen[1], shift, c, s)
-        best = select(kit.both(again, met["hit"]), met, best)
-        best["ply"] = best_ply
-        return best
+        def at(shift):
+            s, c = dr.sincos(TAU * (line["turns"] + shift * line["lean"] * of("turns_per_um")))
+            return self.cylinder(of, line, *chosen, shift, c, s)
 
-    def meet_at(self, is_warp, yarn, start, d, at):
-        """A yarn, straight along its tangent at the place of the line that is ``at`` from its start."""
+        kit, shift = self.kit, line["origin"][2]
+        first, _, further = at(shift)
+        again, _, _ = at(shift + further)
+        moved = kit.both(of("slope") != 0.0, dr.abs(further) < 2.0 * of("half_width"))
+        met = select_met(moved, again, first)
+        radius = of("radius")
+        beside = dr.maximum(dr.abs(met["h"]), radius) * dr.select(met["h"] < 0.0, -1.0, 1.0)
+        met["h"] = dr.select(is_hit, dr.minimum(dr.maximum(met["h"], -radius), radius), beside)
+        met["hit"] = is_hit
+        return met
+
+    def ahead(self, of, is_warp, line, least):
+        """Of a yarn straightened at a point of the line: how far the line may go, the ply that it meets there or -1, and of plies that it passes by less than ``least`` on this way the
+        ply (or -1), how near, and how far ahead (``src/fabric/walk.rs``)."""
+        kit, (x, y, shift) = self.kit, line["origin"]
+        beside = dr.sqrt(x * x + y * y)
+        step = dr.maximum(STRETCH * of("radius"), beside - of("half_width"))
+        s, c = dr.sincos(TAU * (line["turns"] + shift * line["lean"] * of("turns_per_um")))
+        first, passed, passed_at = kit.int(-1), kit.int(-1), kit.float(0.0)
+        for n, (ck, sk) in enumerate(self.places_of_plies(is_warp)):
+            met, entry, _ = self.cylinder(of, line, ck, sk, shift, c, s)
+            here = kit.both(n < of("plies"), met["nearest"] <= 0.0)
+            ahead = dr.maximum(-entry, 0.0)
+            is_first = kit.both(kit.both(here, met["hit"]), ahead < step)
+            near = kit.both(kit.both(here, kit.no(met["hit"])), kit.both(-met["nearest"] < step, dr.abs(met["h"]) < least))
+            step, first = dr.select(is_first, ahead, step), dr.select(is_first, kit.int(n), first)
+            least = dr.select(near, dr.abs(met["h"]), least)
+            passed, passed_at = dr.select(near, kit.int(n), passed), dr.select(near, -met["nearest"], passed_at)
+        return beside, step, first, least, passed, passed_at
+
+    def straightened(self, is_warp, yarn, start, d, at):
+        """The line ``at`` um along it and a yarn, straight along its tangent next to the point: the line from that point, the yarn's axes, and the point of its axis."""
         q = [start[i] + at * d[i] for i in range(3)]
         along = dr.select(is_warp, q[1], q[0])
         height, slope = self.axis_at(is_warp, yarn, along)
+        if self.most_plies > 1:
+            # The foot of the point on the axis.
+            half = self.of_family("half_width", is_warp)
+            foot = (q[2] - height) * slope / (1.0 + slope * slope)
+            foot = dr.minimum(dr.maximum(foot, -half), half)
+            if self.least_plies == 1:
+                foot = dr.select(self.of_family("plies", is_warp) == 1.0, 0.0, foot)
+            along = along + foot
+            height, slope = self.axis_at(is_warp, yarn, along)
         c = dr.rsqrt(1.0 + slope * slope)
         s = slope * c
         zero = 0.0 * s
@@ -224,5 +228,24 @@ class Yarns:
         off = [q[i] - axis[i] for i in range(3)]
         w = [-x for x in d]
         line = {"origin": [dot3(a, off) for a in axes], "w": [dot3(a, w) for a in axes]}
+        # Plies turn evenly along the cloth.
+        line["lean"] = c
         line["turns"] = self.turns(is_warp, yarn, along) if self.most_plies > 1 else 0.0
-        return self.meet(is_warp, line), axes, axis, line["w"]
+        return line, axes, axis
+
+    def meet_at(self, is_warp, yarn, ply, is_hit, start, d, at):
+        """What a line meets at a place of it: all of the ply (of one ply the last two do not count), the yarn's axes, the point of its axis, the light's direction."""
+        of = lambda key: self.of_family(key, is_warp)
+        line, axes, axis = self.straightened(is_warp, yarn, start, d, at)
+        if self.most_plies == 1:
+            met = self.meet_one(of, line)
+        else:
+            met = self.meet_ply(of, is_warp, line, ply, is_hit)
+            if self.least_plies == 1:
+                met = select_met(of("plies") == 1.0, self.meet_one(of, line), met)
+        return met, axes, axis, line["w"]
+
+
+def select_met(here, a, b):
+    """The one meeting or the other."""
+    return {key: [dr.select(here, p, q) for p, q in zip(a[key], b[key])] if isinstance(b[key], list) else dr.select(here, a[key], b[key]) for key in b}

@@ -87,7 +87,7 @@ fn lines(seed: u64, count: usize, half_width: f32, steepest: f32) -> Vec<Line> {
             let (s, c) = (TAU * rng.random::<f32>()).sin_cos();
             let sine = (1.0 - cos * cos).sqrt();
             let across = (2.0 * rng.random::<f32>() - 1.0) * half_width;
-            Line { origin: [across, 0.0, 0.0], w: [sine * c, cos, sine * s], turns: rng.random() }
+            Line { origin: [across, 0.0, 0.0], w: [sine * c, cos, sine * s], turns: rng.random(), lean: 1.0 }
         })
         .collect()
 }
@@ -102,6 +102,27 @@ fn plies_touch_and_fill_the_width() {
     assert_eq!((yarn(1, None, Handedness::Z).1.width_um(), yarn(2, None, Handedness::Z).1.width_um()), (100.0, 200.0));
 }
 
+/// What a line meets of a straight yarn or passes nearest to.
+fn meet(yarn: &Yarn, line: &Line) -> Met {
+    if yarn.plies == 1 {
+        return yarn.meet_one(line);
+    }
+    let along = |at: f32| Line { origin: std::array::from_fn(|i| line.origin[i] - at * line.w[i]), ..*line };
+    let far = 3.0 * yarn.half_width / (line.w[0].hypot(line.w[1])).max(0.02);
+    let (mut from, mut walked) = (-far, crate::fabric::walk::Walked::default());
+    while from < far {
+        let next = yarn.walk(from, far, along);
+        from = next.until;
+        if next.ply.is_some() {
+            walked = next;
+        }
+        if walked.is_hit {
+            break;
+        }
+    }
+    yarn.meet_ply(&along(walked.at), walked.ply.unwrap_or(0), walked.is_hit)
+}
+
 /// One ply and parallel plies are exact.
 #[test]
 fn parallel_plies_are_those_of_a_walk_along_the_line() {
@@ -110,7 +131,7 @@ fn parallel_plies_are_those_of_a_walk_along_the_line() {
         let twin = Twin { circle: shape.circle_um(), turns_per_um: 0.0, plies };
         let mut hits = 0;
         for line in lines(u64::from(plies), 3000, 1.1 * yarn.half_width, 1.5) {
-            let met = yarn.meet(&line);
+            let met = meet(&yarn, &line);
             let walked = twin.walk(&line, 1e-4);
             // A line that only grazes a ply may be counted either way, by rounding.
             if met.hit != walked.is_some() {
@@ -141,7 +162,7 @@ fn against_helices(plies: u32, pitch: f64, handedness: Handedness, steepest: f32
     let twin = Twin { circle: shape.circle_um(), turns_per_um: hand / pitch, plies };
     let (mut other, mut n, mut h2, mut theta2) = (0.0, 0.0, 0.0, 0.0);
     for line in lines(7 + u64::from(plies), count, yarn.half_width, steepest) {
-        let met = yarn.meet(&line);
+        let met = meet(&yarn, &line);
         match twin.walk(&line, 1e-3) {
             Some((ply, theta, h)) if met.hit && ply == met.ply => {
                 let theta_i = met.theta_i(line.w);
@@ -162,7 +183,7 @@ fn twisted_plies_are_near_true_helices() {
     for (plies, pitch, hand) in
         [(2, 1500.0, Handedness::Z), (3, 1500.0, Handedness::S), (2, 800.0, Handedness::S), (4, 900.0, Handedness::Z)]
     {
-        for (steepest, allowed) in [(0.1, [0.01, 0.002, 0.005]), (0.8, [0.02, 0.008, 0.012]), (1.3, [0.05, 0.12, 0.1])]
+        for (steepest, allowed) in [(0.1, [0.01, 0.002, 0.005]), (0.8, [0.01, 0.003, 0.005]), (1.3, [0.01, 0.01, 0.01])]
         {
             let got = against_helices(plies, pitch, hand, steepest, 800);
             println!(
@@ -180,7 +201,7 @@ fn hands_are_those_of_the_letters() {
     for (hand, sign) in [(Handedness::Z, 1.0), (Handedness::S, -1.0)] {
         let (yarn, _) = yarn(2, Some(800.0), hand);
         // Ply 0 is at the top at a quarter turn. Seen from +n with t upwards, -c points right.
-        let met = yarn.meet(&Line { origin: [0.0; 3], w: [0.0, 1.0, 0.0], turns: 0.25 });
+        let met = meet(&yarn, &Line { origin: [0.0; 3], w: [0.0, 1.0, 0.0], turns: 0.25, lean: 1.0 });
         assert!(met.hit && met.ply == 0 && met.h.abs() < 1e-4, "{met:?}");
         let lean = (-met.tangent[0] / met.tangent[2]).atan();
         assert!((lean - sign * (TAU * 50.0 / 800.0).atan()).abs() < 1e-5, "{lean}");
