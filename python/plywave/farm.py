@@ -89,7 +89,7 @@ def _run(args: argparse.Namespace) -> int:
     page = report(library.name, made, seconds=seconds, slots=slots, price_per_core_hour=args.price, damaged=cache.damaged)
     _plywave.write_file(os.path.join(folder, "report.html"), page.encode())
     if args.json:
-        files = [{"name": f"{one.item.name}.{one.item.extension}", "key": one.item.key, "error": one.error or None, **one.facts} for one in made]
+        files = [{**{key: fact for key, fact in one.facts.items() if key != "picture"}, "name": f"{one.item.name}.{one.item.extension}", "key": one.item.key, "error": one.error or None} for one in made]
         print(json.dumps({"library": library.name, "seconds": seconds, "slots": slots, "damaged": cache.damaged, "files": files}, indent=1))
     elif not args.quiet:
         print(f"{folder}: {sum(one.data is not None for one in made)} of {len(made)} files, report.html; {seconds:.1f} s with {slots} cores")

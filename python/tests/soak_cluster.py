@@ -1,14 +1,18 @@
-"""A soak of the farm: workers that are killed at random moments, and what comes out.
+"""A soak of the farm: workers, or whole farms, that are killed at random moments, and what comes out.
 
     python python/tests/soak_cluster.py --workers 4 --kills 20 --specs fabrics/polyester.toml fabrics/cotton.toml
+    python python/tests/soak_cluster.py --workers 2 --kills 20 --whole --specs fabrics/polyester.toml
 
-Prints how many workers died, how many tasks were run again, how many shards the farm kept (each once), and whether the models have the bits of one machine's. Exit code 1 where not.
+Prints how many workers died, how many tasks were run again, how many shards the farm kept (each once), and whether the models have the bits of one machine's. With `--whole` the command, its
+scheduler and all its workers die together, in the middle of shards, merges and fits, and the same command goes on with their cache. Exit code 1 where something is lost or differs.
 """
 
 import argparse
+import json
 import os
 import random
 import signal
+import subprocess
 import sys
 import tempfile
 import threading
@@ -16,6 +20,42 @@ import time
 
 import plywave
 from plywave import cluster
+
+
+def die_whole(specs, quality, workers, kills, seconds, seed, want) -> int:
+    rng, killed, whole = random.Random(seed), 0, True
+    with tempfile.TemporaryDirectory() as folder:
+        library = os.path.join(folder, "soak.toml")
+        with open(library, "w", encoding="utf-8") as file:
+            file.write(f'name = "soak"\nquality = "{quality}"\n')
+            for spec in specs:
+                file.write(f'[[yarn]]\nspec = "{os.path.abspath(spec)}"\n')
+        begun, rounds = time.monotonic(), 0
+        while killed < kills or not rounds:
+            out = os.path.join(folder, str(rounds))
+            command = [sys.executable, "-m", "plywave.farm", library, "-o", out, "--local", str(workers), "--json"]
+            # A process group of its own, which dies at once.
+            while True:
+                run = subprocess.Popen(command, start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+                try:
+                    told, errors = run.communicate(timeout=rng.expovariate(1.0 / seconds) if killed < kills else None)
+                    break
+                except subprocess.TimeoutExpired:
+                    os.killpg(run.pid, signal.SIGKILL)
+                    run.communicate()
+                    killed += 1
+            if run.returncode != 0:
+                print(errors.decode(), file=sys.stderr)
+                return 1
+            files = json.loads(told)["files"]
+            for one, data in zip(files, want):
+                with open(os.path.join(out, one["name"]), "rb") as file:
+                    whole &= file.read() == data
+            again = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
+            whole &= not again["damaged"] and all(one["cached"] for one in again["files"])
+            rounds += 1
+    print(f"{killed} whole farms killed in {time.monotonic() - begun:.0f} s, {rounds} rounds of {len(specs)} models; the bits of one machine's, and a second run computes nothing: {whole}")
+    return 0 if whole else 1
 
 
 def main() -> int:
@@ -26,8 +66,11 @@ def main() -> int:
     parser.add_argument("--kills", type=int, default=20)
     parser.add_argument("--seconds", type=float, default=2.0, help="mean time between two kills")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--whole", action="store_true", help="kill command, scheduler and workers together")
     args = parser.parse_args()
     want = [plywave.build(spec, args.quality).to_bytes() for spec in args.specs]
+    if args.whole:
+        return die_whole(args.specs, args.quality, args.workers, args.kills, args.seconds, args.seed, want)
     rng, killed, over = random.Random(args.seed), [], threading.Event()
     with tempfile.TemporaryDirectory() as folder, cluster.connect(local=args.workers) as client:
 

@@ -1,12 +1,18 @@
 """The farm: the same bits as one machine, whatever dies or comes back damaged; nothing computed twice; bad input in one line."""
 
+import base64
+import json
 import os
+import random
 import signal
+import struct
 import subprocess
 import sys
 import threading
 import time
+import zlib
 
+import numpy as np
 import pytest
 
 import plywave
@@ -182,6 +188,105 @@ def test_other_kinds(client, tmp_path):
     assert made["speckle"] == plywave.wave.speckle(SPEC, instances=2).to_bytes()
 
 
+COMPARED = {"instances": 2, "lambda_um": [1.5, 2.0], "h_rel": [0.0], "tolerance": 1e-3, "paths": 500}
+
+
+def test_comparisons(client, inside, tmp_path):
+    """Waves against rays: a shard an instance and wavelength, the same bytes whoever runs them, a longer run from the shards of a shorter one."""
+    item = cluster.compare_item(SPEC, name="both", **COMPARED)
+    assert item.jobs[0].shards == 4 and (item.extension, item.name) == ("json", "both")
+    cache = cluster.Cache(tmp_path)
+    made = list(_farm.farm([item], client, cache))
+    assert made[0].error == "" and made[0].facts["shards"] == 4
+    report = json.loads(made[0].data)
+    assert [case["lambda_um"] for case in report["cases"]] == [1.5, 2.0] and report["instances"] == 2
+    assert all(0.0 < case["energies"]["wave_total"]["mean"] < 1.2 for case in report["cases"])
+    other = list(_farm.farm([item], inside, cluster.Cache(tmp_path / "other")))
+    assert other[0].data == made[0].data
+    longer = cluster.compare_item(SPEC, name="both", **{**COMPARED, "instances": 3})
+    assert longer.jobs[0].digest == item.jobs[0].digest and len(cache.shards(longer.jobs[0])) == 4
+    made = list(_farm.farm([longer], client, cache))
+    assert made[0].error == "" and json.loads(made[0].data)["instances"] == 3
+    page = cluster.report("x", made, seconds=1.0, slots=2)
+    assert "correlation of averages" in page and "3 instances" in page
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"lambda_um": [0.01]}, ["lambda_um = 0.01", "0.1 to 20"]),
+        ({"lambda_um": "red"}, ["lambda_um", "numbers"]),
+        ({"h_rel": []}, ["h_rel", "1 to 16"]),
+        ({"theta_i_deg": 85.0}, ["theta_i"]),
+        ({"instances": 0}, ["instances = 0"]),
+        ({"paths": 7}, ["paths = 7"]),
+        ({"tolerance": 0.5}, ["tolerance = 0.5"]),
+    ],
+)
+def test_bad_comparisons(options, words):
+    with pytest.raises(Error) as refused:
+        cluster.compare_item(SPEC, **{**COMPARED, **options})
+    assert all(word in str(refused.value) for word in words) and "\n" not in str(refused.value)
+
+
+def test_damaged_reports():
+    for text in (b"", b"{}", b"[1]", b'{"cases": []}', b"\xff"):
+        with pytest.raises(Error, match="both"):
+            _farm.check_report(text, "both")
+
+
+FAMILY = {**SPEC, "family": {"alpha_fiber": [0.1, 0.4]}} if isinstance(SPEC, dict) else SPEC + "\n[family]\nalpha_fiber = [0.1, 0.4]\n"
+
+
+def test_families(client, tmp_path):
+    item = cluster.family_item(FAMILY, nodes=2, **SMALL)
+    # Two nodes, and the middle between them.
+    assert len(item.jobs) == 3 and item.extension == "pwfam"
+    cache = cluster.Cache(tmp_path)
+    (made,) = cluster.farm([item], client, cache)
+    assert made.data == plywave.build_family(FAMILY, nodes=2, most_nodes=2, **SMALL).to_bytes(), made.error
+    family = plywave.Family.from_bytes(made.data)
+    assert family.axes == {"alpha_fiber": (0.1, 0.4)}
+    assert 0.0 < family.at(alpha_fiber=0.2).albedo(theta_i=0.3, h_um=0.0, sigma_per_um=0.0) <= 1.001
+    with pytest.raises(Error, match="alpha_fiber = 0.5"):
+        family.at(alpha_fiber=0.5)
+    page = cluster.report("x", [made], seconds=1.0, slots=2)
+    assert "0.1, 0.4" in page
+    with pytest.raises(Error, match="nodes"):
+        cluster.family_item(FAMILY, nodes=1, **SMALL)
+    with pytest.raises(Error, match="family"):
+        cluster.family_item(SPEC, **SMALL)
+
+
+def test_jobs_keep_to_workers():
+    queue = _farm._Queue()
+    works = [_farm._Work(item) for item in ("x", "y", "z")]
+    for work in works:
+        queue.add([_farm._Task(work, 0, [(k, 1)]) for k in range(4)])
+    taken = {"a": [], "b": []}
+    for turn in range(14):
+        worker = "ab"[turn % 2]
+        task = queue.take(worker)
+        if task is not None:
+            taken[worker].append(task.work.item)
+    assert sorted(taken["a"] + taken["b"]) == ["x"] * 4 + ["y"] * 4 + ["z"] * 4 and not queue
+    # Each has a job of its own, in one go; the last one is shared, since nothing else is left.
+    assert taken["a"][:4] == ["x"] * 4 and taken["b"][:4] == ["y"] * 4
+    assert taken["a"][4:] == taken["b"][4:] == ["z"] * 2
+
+
+def test_urls(client, model):
+    cache = cluster.Cache("memory://plywave-tests/cache")
+    (made,) = cluster.farm(items(), client, cache)
+    assert made.data == model
+    (again,) = cluster.farm(items(), NoClient(), cluster.Cache("memory://plywave-tests/cache"))
+    assert again.data == model and again.facts["cached"]
+    for job in items()[0].jobs:
+        assert sum(count for _, count in cache.shards(job)) == job.shards
+    with pytest.raises(Error, match="nothing://"):
+        cluster.Cache("nothing://plywave-tests")
+
+
 def test_versions(inside, monkeypatch, tmp_path):
     monkeypatch.setattr(_items, "version", lambda: "0.0.1")
     with pytest.raises(Error, match="plywave 0.0.1, here .*; install one version everywhere"):
@@ -223,6 +328,20 @@ def folder(tmp_path):
     return tmp_path
 
 
+def pixels_of(png):
+    """Width and height, and the values of an 8-bit RGB PNG without filters."""
+    assert png[:8] == b"\x89PNG\r\n\x1a\n"
+    width, height = struct.unpack(">II", png[16:24])
+    at, data = 8, b""
+    while at < len(png):
+        length = struct.unpack(">I", png[at : at + 4])[0]
+        data += png[at + 8 : at + 8 + length] if png[at + 4 : at + 8] == b"IDAT" else b""
+        at += 12 + length
+    rows = np.frombuffer(zlib.decompress(data), np.uint8).reshape(height, 1 + 3 * width)
+    assert (rows[:, 0] == 0).all()
+    return (width, height), rows[:, 1:].astype(float)
+
+
 def test_command(folder, model):
     out = folder / "out"
     done = run(str(folder / "library.toml"), "-o", str(out), "--local", "2", "--price", "0.05")
@@ -230,8 +349,47 @@ def test_command(folder, model):
     assert (out / "yarn.pwm").read_bytes() == model
     page = (out / "report.html").read_text()
     assert "yarn.pwm" in page and "errors of the fit" in page and "<svg" in page and "cost" in page and "http" not in page
+    picture = base64.b64decode(page.split("data:image/png;base64,")[1].split('"')[0])
+    size, pixels = pixels_of(picture)
+    # Yarns and gaps, lit more here than there.
+    assert size == (160, 160) and pixels.std() > 20.0 and (pixels == 0).mean() > 0.01
     again = run(str(folder / "library.toml"), "-o", str(out), "--local", "1")
     assert again.returncode == 0 and "in the cache" in again.stdout
+    told = json.loads(run(str(folder / "library.toml"), "-o", str(out), "--local", "1", "--json").stdout)
+    assert [one["name"] for one in told["files"]] == ["yarn.pwm"] and told["files"][0]["cached"]
+
+
+def test_mutated_libraries(folder):
+    rng = random.Random(7)
+    good = LIBRARY + "[[fiber]]\nspec = 'yarn.toml'\nname = 'fiber'\nrays = true\nlambdas = 2\nsigma_per_um = 0.01\n[[speckle]]\nspec = 'yarn.toml'\nname = 'grain'\ninstances = 3\n"
+    words = ["0", "-1", "1e9", "1e308", "nan", "inf", "99999999999999999999", "true", "[]", "{}", "'x'", "yarn.toml", "[[yarn]]", "=", "", "\x00", "\u2028"]
+    read = 0
+    for _ in range(1500):
+        lines = good.split("\n")
+        for _ in range(rng.randint(1, 3)):
+            at = rng.randrange(len(lines))
+            kind = rng.randrange(5)
+            if kind == 0:
+                key, equals, _ = lines[at].partition("=")
+                lines[at] = key + equals + " " + rng.choice(words)
+            elif kind == 1:
+                lines.insert(rng.randrange(len(lines) + 1), lines[at])
+            elif kind == 2 and len(lines) > 1:
+                del lines[at]
+            elif kind == 3:
+                text = lines[at]
+                cut = rng.randint(0, len(text))
+                lines[at] = text[:cut] + rng.choice(words) + text[cut + rng.randint(0, 2) :]
+            else:
+                other = rng.randrange(len(lines))
+                lines[at], lines[other] = lines[other], lines[at]
+        (folder / "mutated.toml").write_text("\n".join(lines), encoding="utf-8")
+        try:
+            assert cluster.Library(folder / "mutated.toml").items
+            read += 1
+        except plywave.Error as error:
+            assert len(str(error).splitlines()) == 1 and len(str(error)) < 2000, error
+    assert 50 < read < 1400, read
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,10 @@ Needs `pip install plywave[cluster]`: Dask with its scheduler. Workers need plyw
 
 from ._cache import Cache
 from ._farm import Made, farm
-from ._items import Item, fiber_item, speckle_item, twin_item, yarn_item
+from ._items import Item, compare_item, family_item, fiber_item, speckle_item, twin_item, yarn_item
 from ._library import Library
 from ._models import build
 from ._report import report
 from ._workers import connect
 
-__all__ = ["Cache", "Item", "Library", "Made", "build", "connect", "farm", "fiber_item", "report", "speckle_item", "twin_item", "yarn_item"]
+__all__ = ["Cache", "Item", "Library", "Made", "build", "compare_item", "connect", "family_item", "farm", "fiber_item", "report", "speckle_item", "twin_item", "yarn_item"]

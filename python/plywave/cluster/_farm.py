@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import json
 import time
 from collections import deque
 from dataclasses import dataclass, field
@@ -16,6 +18,7 @@ from ._items import Item, Job
 from ._workers import check_versions
 
 Block = Tuple[int, int]
+Key = Tuple[int, int]
 Told = Callable[[str, int, int], Any]
 """Progress: an item's name, shards done, shards in all."""
 
@@ -24,6 +27,10 @@ TASKS_A_SLOT = 8
 
 GROUPS_A_SLOT = 4
 """Groups for each core of the workers, of all items, from which on whole groups are run."""
+
+
+LOOK_S = 0.5
+"""How often workers are looked at while nothing comes [s]."""
 
 
 class Made(NamedTuple):
@@ -59,6 +66,53 @@ class _Task:
     job: int
     blocks: List[Block]
     tries: int = 0
+    worker: str = ""
+    """Where it was sent."""
+
+    @property
+    def key(self) -> Key:
+        return (id(self.work), self.job)
+
+
+class _Queue:
+    """Tasks that wait, by job: what all shards of a job need is made once on each worker that has some of them, so a job keeps to its workers while there are others."""
+
+    def __init__(self) -> None:
+        self.first: Deque[_Task] = deque()
+        """Ends of items and tasks that were lost: taken by whoever comes."""
+        self.by_job: Dict[Key, Deque[_Task]] = {}
+        self.nobodys: Deque[Key] = deque()
+        """Jobs that no worker has yet, in order."""
+        self.homes: Dict[str, Set[Key]] = {}
+        """Jobs of a worker."""
+
+    def __bool__(self) -> bool:
+        return bool(self.first or self.by_job)
+
+    def add(self, tasks: Sequence[_Task]) -> None:
+        for task in tasks:
+            if task.key not in self.by_job:
+                self.by_job[task.key] = deque()
+                self.nobodys.append(task.key)
+            self.by_job[task.key].append(task)
+
+    def take(self, worker: str) -> Optional[_Task]:
+        """The next task for a worker: of a job that it has, of one that nobody has, of any."""
+        if self.first:
+            return self.first.popleft()
+        home = self.homes.setdefault(worker, set())
+        home.intersection_update(self.by_job)
+        while not home:
+            if not self.by_job:
+                return None
+            key = self.nobodys.popleft() if self.nobodys else next(iter(self.by_job))
+            if key in self.by_job:
+                home.add(key)
+        key = next(iter(home))
+        task = self.by_job[key].popleft()
+        if not self.by_job[key]:
+            del self.by_job[key]
+        return task
 
 
 def missing(job: Job, there: Sequence[Block], groups: bool) -> List[Block]:
@@ -78,6 +132,17 @@ def missing(job: Job, there: Sequence[Block], groups: bool) -> List[Block]:
             blocks.append((at, 1))
         at += 1
     return blocks
+
+
+def check_report(data: bytes, name: str) -> None:
+    """Refuses what is no report of a comparison."""
+    try:
+        report = json.loads(data)
+        good = bool(report["instances"]) and all(case["resolutions"] and case["energies"] for case in report["cases"]) and bool(report["cases"])
+    except (ValueError, TypeError, KeyError):
+        good = False
+    if not good:
+        raise Error(f"{name}: no report of a comparison; make it again")
 
 
 def farm(
@@ -112,7 +177,9 @@ class _Farm:
     def __init__(self, client: Any, cache: Cache, retries: int, told: Optional[Told]) -> None:
         self.client, self.cache, self.retries, self.told = client, cache, retries, told
         self.tasks: Dict[str, _Task] = {}
-        self.waiting: Deque[_Task] = deque()
+        self.queue = _Queue()
+        self.flying: Dict[str, int] = {}
+        """Tasks that each worker has."""
         self.futures: Dict[str, Any] = {}
         self.number = 0
         self.groups = False
@@ -146,19 +213,41 @@ class _Farm:
             self.begin(_Work(item))
         self.done = import_module("distributed").as_completed(with_results=False)
         self.fill()
-        while self.futures:
-            made = self.take(self.next())
+        while self.futures or self.queue:
+            future = self.next()
+            made = self.take(future) if future is not None else None
             self.fill()
             if made is not None:
                 yield made
 
     def next(self) -> Any:
-        """The next task that has ended."""
-        while not self.done.has_ready():
+        """The next task that has ended; `None` after a while without one."""
+        until = time.monotonic() + LOOK_S
+        while time.monotonic() < until:
             if self.client.status == "closed":
                 raise Error("the scheduler is gone; what is finished is in the cache: run it again")
+            while self.done.has_ready():
+                future = next(self.done)
+                # Others were called back.
+                if self.futures.get(future.key) is future:
+                    return future
             time.sleep(0.002)
-        return next(self.done)
+        self.call_back()
+        return None
+
+    def call_back(self) -> None:
+        """Takes back what was sent to workers that are gone: Dask does not give it to one that comes after the last of them has died."""
+        threads = self.client.nthreads()
+        for key in [key for key, task in self.tasks.items() if task.worker not in threads]:
+            task, future = self.tasks.pop(key), self.futures.pop(key)
+            if future.done():
+                # It came while this was looked at.
+                self.tasks[key], self.futures[key] = task, future
+                continue
+            future.cancel(force=True)
+            self.flying[task.worker] -= 1
+            task.work.retries += 1
+            self.queue.first.append(task)
 
     def begin(self, work: _Work) -> None:
         """What of an item is missing."""
@@ -166,21 +255,26 @@ class _Farm:
             blocks = missing(job, self.cache.shards(job), self.groups)
             work.left[at] = sum(count for _, count in blocks)
             size = max(1, -(-len(blocks) // self.most_tasks))
-            self.waiting.extend(_Task(work, at, blocks[k : k + size]) for k in range(0, len(blocks), size))
+            self.queue.add([_Task(work, at, blocks[k : k + size]) for k in range(0, len(blocks), size)])
         if not any(work.left.values()):
-            self.waiting.append(_Task(work, -1, []))
+            self.queue.first.append(_Task(work, -1, []))
 
     def fill(self) -> None:
         """Keeps workers busy, with no more in flight than they will soon take up."""
-        while self.waiting and len(self.futures) < 3 * self.slots():
-            task = self.waiting.popleft()
-            if not task.work.failed:
-                self.submit(task)
+        threads = self.client.nthreads()
+        for worker, count in sorted(threads.items(), key=lambda one: self.flying.get(one[0], 0) / max(1, one[1])):
+            while self.flying.get(worker, 0) < 3 * count:
+                task = self.queue.take(worker)
+                if task is None:
+                    return
+                if not task.work.failed:
+                    self.submit(task, worker)
 
-    def submit(self, task: _Task) -> None:
+    def submit(self, task: _Task, worker: str) -> None:
         self.number += 1
         key = f"plywave-{task.work.item.name}-{task.job}-{self.number}"
-        options = {"key": key, "pure": False, "retries": 0, "priority": -self.number}
+        # A wish: where that worker dies, or has much to do while another has nothing, another one runs it.
+        options = {"key": key, "pure": False, "retries": 0, "priority": -self.number, "workers": [worker], "allow_other_workers": True}
         if task.job < 0:
             shards = [self.bytes_of(job) for job in task.work.item.jobs]
             if any(found is None for found in shards):
@@ -193,6 +287,8 @@ class _Farm:
         else:
             job = task.work.item.jobs[task.job]
             future = self.client.submit(_items.run_blocks, job.description, job.extent, task.blocks, **options)
+        task.worker = worker
+        self.flying[worker] = self.flying.get(worker, 0) + 1
         self.tasks[key], self.futures[key] = task, future
         self.done.add(future)
 
@@ -211,6 +307,7 @@ class _Farm:
         """Takes up what a task left; gives its item where that is done or given up."""
         task = self.tasks.pop(future.key)
         del self.futures[future.key]
+        self.flying[task.worker] -= 1
         work = task.work
         if work.failed:
             return None
@@ -250,7 +347,7 @@ class _Farm:
             total = sum(job.shards for job in work.item.jobs)
             self.told(work.item.name, total - sum(work.left.values()), total)
         if not any(work.left.values()):
-            self.waiting.appendleft(_Task(work, -1, []))
+            self.queue.first.append(_Task(work, -1, []))
         return None
 
     def finished(self, task: _Task, result: Any) -> Optional[Made]:
@@ -260,6 +357,8 @@ class _Farm:
                 from .._fiber import Fiber
 
                 Fiber.from_bytes(result.data)
+            elif work.item.kind == "compare":
+                check_report(result.data, work.item.name)
             else:
                 _plywave.check_bytes(work.item.file_kind, result.data, work.item.name)
         except Error as error:
@@ -271,6 +370,7 @@ class _Farm:
             "shard_seconds": work.seconds,
             "finish_seconds": result.seconds,
             "retries": work.retries,
+            "picture": base64.b64encode(result.picture).decode() if result.picture else "",
             "finished": time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime()),
         }
         kept = self.cache.keep(work.item, result.data, facts)
@@ -283,7 +383,7 @@ class _Farm:
         if task.tries > self.retries:
             why = f"{type(error).__name__}: {error}".splitlines()[0] if error is not None else "damaged results"
             return self.give_up(task.work, f"{task.work.item.name}: a task was lost {task.tries} times; last: {why}")
-        self.waiting.appendleft(task)
+        self.queue.first.append(task)
         return None
 
     def give_up(self, work: _Work, why: str) -> Made:

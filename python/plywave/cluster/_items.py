@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 import tempfile
 import time
 from dataclasses import dataclass
-from typing import Any, Dict, List, NamedTuple, Optional, Tuple
+from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from .. import _plywave
 from .._files import PathLike
@@ -16,6 +17,7 @@ from .._plywave import Error
 from .._spec import Spec, spec_args
 from .._work import recipe_args, whole
 from ..wave import tabulate_args
+from ._pictures import places, swatch
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,7 @@ class Item:
     """A file that is to be made; it holds texts, no paths, and can be sent anywhere."""
 
     kind: str
-    """"yarn", "fiber", "speckle" or "twin"."""
+    """"yarn", "family", "fiber", "speckle", "twin" or "compare"."""
     name: str
     jobs: Tuple[Job, ...]
     spec_text: str
@@ -48,11 +50,12 @@ class Item:
 
     @property
     def extension(self) -> str:
-        return {"yarn": "pwm", "fiber": "pwf", "speckle": "pws", "twin": "pwx"}[self.kind]
+        return {"yarn": "pwm", "family": "pwfam", "fiber": "pwf", "speckle": "pws", "twin": "pwx", "compare": "json"}[self.kind]
 
     @property
     def file_kind(self) -> str:
-        return {"yarn": "model", "fiber": "fiber", "speckle": "speckle", "twin": "twin"}[self.kind]
+        """What `_plywave.check_bytes` calls its file; empty for a comparison's, which is JSON."""
+        return {"yarn": "model", "family": "family", "fiber": "fiber", "speckle": "speckle", "twin": "twin", "compare": ""}[self.kind]
 
     @property
     def key(self) -> str:
@@ -95,6 +98,27 @@ def yarn_item(
     return Item("yarn", _name(spec, name, "yarn"), _jobs(rows), text, tuple(sorted(recipe.items())))
 
 
+def family_item(
+    spec: Spec,
+    quality: str = "standard",
+    *,
+    name: Optional[str] = None,
+    nodes: int = 3,
+    seed: int = 1,
+    paths: Optional[int] = None,
+    instances: Optional[int] = None,
+) -> Item:
+    """The family of a yarn spec with ranges, with `nodes` nodes along each axis: where workers share the work, nodes are not chosen by error. Other arguments as of `plywave.build_family`.
+
+    Raises:
+        Error: for what `plywave.build_family` would refuse.
+    """
+    recipe = recipe_args(quality, seed, paths, instances, False, False)
+    count = whole(nodes, "nodes")
+    rows, text = _plywave.plan_family(spec_args(spec, "yarn spec"), recipe, count)
+    return Item("family", _name(spec, name, "family"), _jobs(rows), text, tuple(sorted({**recipe, "nodes": count}.items())))
+
+
 def fiber_item(spec: Spec, quality: str = "standard", *, name: Optional[str] = None, **options: Any) -> Item:
     """The table of a fiber; arguments as of `plywave.wave.tabulate`."""
     args = tabulate_args(quality, **options)
@@ -113,6 +137,59 @@ def twin_item(fabric: PathLike, *, name: Optional[str] = None, paths: Optional[i
     path = os.fspath(fabric)
     rows, text = _plywave.plan_twin(path, None if paths is None else whole(paths, "paths"), whole(seed, "seed"))
     return Item("twin", _name(path, name, "twin"), _jobs(rows), text, ())
+
+
+def compare_item(
+    spec: Spec,
+    *,
+    name: Optional[str] = None,
+    instances: int = 50,
+    seed: int = 1,
+    lambda_um: Sequence[float] = (0.4, 0.694),
+    h_rel: Sequence[float] = (0.0, 0.5, 0.9),
+    theta_i_deg: float = 0.0,
+    sigma_per_um: float = 0.0,
+    tolerance: float = 1e-4,
+    paths: int = 200_000,
+) -> Item:
+    """Waves against rays over instances of a ply's cross section, as `plywave compare` (docs/wave.md); the file is its report.json.
+
+    A shard is one instance at one wavelength. What they depend on has no number of instances in it: a longer run goes on with those of a shorter one.
+
+    Args:
+        spec: A yarn spec: its path, text or keys.
+        name: Of the file; by default the spec's.
+        instances: Of the cross section.
+        seed: Of sections and rays.
+        lambda_um: One to eight wavelengths [um].
+        h_rel: One to sixteen offsets of the beam over the ply's radius.
+        theta_i_deg: Latitude of the incidence [degrees], -80 to 80.
+        sigma_per_um: Absorption of the fibers [1/um].
+        tolerance: Error of the waves' far field.
+        paths: Rays of an instance, wavelength and offset.
+
+    Raises:
+        Error: for what `plywave compare` would refuse.
+    """
+    args = {
+        "instances": min(whole(instances, "instances"), 1 << 31),
+        "seed": whole(seed, "seed"),
+        "lambda_um": _numbers(lambda_um, "lambda_um"),
+        "h_rel": _numbers(h_rel, "h_rel"),
+        "theta_i": math.radians(theta_i_deg),
+        "sigma_per_um": float(sigma_per_um),
+        "tolerance": float(tolerance),
+        "paths": whole(paths, "paths"),
+    }
+    rows, text = _plywave.plan_compare(spec_args(spec, "yarn spec"), args)
+    return Item("compare", _name(spec, name, "compare"), _jobs(rows), text, ())
+
+
+def _numbers(values: Any, name: str) -> List[float]:
+    try:
+        return [float(value) for value in ([values] if isinstance(values, (int, float)) else values)]
+    except (TypeError, ValueError):
+        raise Error(f"options: {name} = {values!r}: give numbers") from None
 
 
 class Blocks(NamedTuple):
@@ -141,6 +218,9 @@ class Finished(NamedTuple):
 
     data: bytes
     seconds: float
+    """Time of one core."""
+    picture: Optional[bytes]
+    """A PNG for the page."""
 
 
 def finish(item: Item, shards: List[List[Tuple[int, int, bytes]]]) -> Finished:
@@ -152,13 +232,18 @@ def finish(item: Item, shards: List[List[Tuple[int, int, bytes]]]) -> Finished:
             for first, count, data in files:
                 with open(os.path.join(folder, job.stage, _plywave.block_name(first, count)), "wb") as file:
                     file.write(data)
+        spec = {"path": None, "text": item.spec_text, "name": item.name, "folder": ""}
+        options = dict(item.options)
         if item.kind == "yarn":
-            spec = {"path": None, "text": item.spec_text, "name": item.name, "folder": ""}
-            data, _, _ = _plywave.build(spec, dict(item.options), _run(folder))
+            data, _, _ = _plywave.build(spec, options, _run(folder))
+        elif item.kind == "family":
+            nodes = options.pop("nodes")
+            data = _plywave.build_family(spec, options, nodes, nodes, _run(folder))
         else:
             job = item.jobs[0]
             data = _plywave.run_job(job.description, job.extent, job.stage, _run(folder))
-    return Finished(data, time.perf_counter() - begun)
+    picture = swatch(data) if item.kind == "yarn" else places(data) if item.kind == "twin" else None
+    return Finished(data, time.perf_counter() - begun, picture)
 
 
 def version() -> str:

@@ -9,11 +9,12 @@ from typing import Any, Callable, Dict, List
 from .. import _plywave
 from .._files import PathLike
 from .._plywave import Error
-from ._items import Item, check_options, fiber_item, speckle_item, twin_item, yarn_item
+from ._items import Item, check_options, compare_item, family_item, fiber_item, speckle_item, twin_item, yarn_item
 
-_TOP: Dict[str, type] = {"name": str, "quality": str, "seed": int, "yarn": list, "fiber": list, "speckle": list, "twin": list}
+_TOP: Dict[str, type] = {"name": str, "quality": str, "seed": int, "yarn": list, "family": list, "fiber": list, "speckle": list, "twin": list, "compare": list}
 _KEYS: Dict[str, Dict[str, type]] = {
     "yarn": {"spec": str, "name": str, "quality": str, "seed": int, "paths": int, "instances": int, "speckle": object},
+    "family": {"spec": str, "name": str, "quality": str, "seed": int, "nodes": int, "paths": int, "instances": int},
     "fiber": {
         "spec": str,
         "name": str,
@@ -29,8 +30,27 @@ _KEYS: Dict[str, Dict[str, type]] = {
     },
     "speckle": {"spec": str, "name": str, "seed": int, "instances": int},
     "twin": {"fabric": str, "name": str, "seed": int, "paths": int},
+    "compare": {
+        "spec": str,
+        "name": str,
+        "seed": int,
+        "instances": int,
+        "lambda_um": object,
+        "h_rel": object,
+        "theta_i_deg": float,
+        "sigma_per_um": float,
+        "tolerance": float,
+        "paths": int,
+    },
 }
-_MAKE: Dict[str, Callable[..., Item]] = {"yarn": yarn_item, "fiber": fiber_item, "speckle": speckle_item, "twin": twin_item}
+_MAKE: Dict[str, Callable[..., Item]] = {
+    "yarn": yarn_item,
+    "family": family_item,
+    "fiber": fiber_item,
+    "speckle": speckle_item,
+    "twin": twin_item,
+    "compare": compare_item,
+}
 
 
 class Library:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from html import escape
 from typing import Any, Dict, List, Optional, Sequence
 
 import numpy as np
 
 from .. import _plywave
+from .._family import Family
 from .._model import Model
 from ._farm import Made
 
@@ -17,7 +19,7 @@ body { font: 15px/1.45 system-ui, sans-serif; margin: 2rem auto; max-width: 62re
 h1 { font-size: 1.5rem; } h2 { font-size: 1.1rem; margin: 0 0 .4rem; } pre { font-size: 12px; overflow-x: auto; margin: 0; }
 section { border-top: 1px solid #ccc; padding: 1rem 0; display: flex; gap: 1.5rem; flex-wrap: wrap; } .facts { flex: 1 1 24rem; }
 table { border-collapse: collapse; } th { text-align: left; font-weight: normal; color: #555; padding-right: 1rem; vertical-align: top; } td { padding-right: .8rem; }
-.bad { color: #a40000; } summary { cursor: pointer; color: #555; } svg text { font: 11px system-ui, sans-serif; fill: #555; }
+.bad { color: #a40000; } summary { cursor: pointer; color: #555; } figure { margin: 0; max-width: 30rem; } figcaption { font-size: 12px; color: #555; max-width: 12rem; } svg text { font: 11px system-ui, sans-serif; fill: #555; }
 """
 _SIGMAS = (0.0, 0.003, 0.01)
 _COLORS = ("#1f4e79", "#3f8f5f", "#b5651d")
@@ -85,8 +87,26 @@ def _section(one: Made, price: Optional[float]) -> str:
         (refl, high), (most_refl, most_high) = _plywave.fit_quality(model._rust)
         rows["errors of the fit"] = f"f_refl {refl:.3f} (at most {most_refl:g}), f_high {high:.3f} (at most {most_high:g})"
         more, picture = _energies(model), _polar(model)
+    elif item.kind == "compare":
+        more = _likeness(json.loads(one.data))
+    if item.kind == "family":
+        family = Family.from_bytes(one.data, item.name)
+        rows.update({name: ", ".join(f"{value:.5g}" for value in values) for name, values in family.axes.items()})
+    if facts.get("picture"):
+        words = "an open plain weave of it, undyed, from above under two lamps" if item.kind == "yarn" else "reflected light over a repeat, first view, by absorption"
+        picture += f'<figure><img src="data:image/png;base64,{facts["picture"]}" alt="{words}"><figcaption>{words}</figcaption></figure>'
     spec = f"<details><summary>spec</summary><pre>{escape(item.spec_text)}</pre></details>"
     return f'<section><div class="facts">{head}{_table(rows)}{more}{spec}</div>{picture}</section>\n'
+
+
+def _likeness(report: Dict[str, Any]) -> str:
+    """How alike waves and rays are, in bins of one degree."""
+    rows = ["<tr><th>lambda [um], h/R</th><td>correlation of averages</td><td>of single instances</td><td>distance of averages</td></tr>"]
+    for case in report["cases"]:
+        at = min(case["resolutions"], key=lambda r: abs(float(r["bin_deg"]) - 1.0))
+        values = at["average"]["correlation"], at["single_correlation"]["mean"], at["average"]["relative_l2"]
+        rows.append(f"<tr><th>{case['lambda_um']:g}, {case['h_rel']:g}</th>{''.join(f'<td>{v:.3f}</td>' for v in values)}</tr>")
+    return f"<table>{''.join(rows)}</table><p>{report['instances']} instances</p>"
 
 
 def _energies(model: Model) -> str:

@@ -1,0 +1,78 @@
+"""Small pictures for a farm's page: cloth of a yarn, the places of a twin."""
+
+from __future__ import annotations
+
+import os
+import struct
+import tempfile
+import zlib
+from typing import Optional
+
+import numpy as np
+
+from .._fabric import Fabric
+from .._files import unpack
+from .._plywave import Error
+
+_SIDE = 160
+_REPEATS = 3
+
+
+def png(rgb: np.ndarray) -> bytes:
+    """A PNG of `[height, width, 3]` values of sRGB from 0 to 1."""
+    pixels = np.ascontiguousarray(np.clip(rgb, 0.0, 1.0) * 255.0 + 0.5, np.uint8)
+    height, width, _ = pixels.shape
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    rows = b"".join(b"\0" + row.tobytes() for row in pixels)
+    head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(rows, 9)) + chunk(b"IEND", b"")
+
+
+def _srgb(linear: np.ndarray) -> np.ndarray:
+    x = np.clip(linear, 0.0, 1.0)
+    curved: np.ndarray = np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1.0 / 2.4) - 0.055)
+    return curved
+
+
+def _towards(tilt: float, azimuth: float) -> np.ndarray:
+    return np.array([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)], np.float32)
+
+
+def swatch(model: bytes) -> Optional[bytes]:
+    """A PNG of an open plain weave of a model's plies, undyed, seen from above under two lamps; `None` for a model that cannot be woven so."""
+    arrays, _ = unpack(model)
+    if "edge_radius_um" not in arrays:
+        return None
+    radius_um = float(arrays["edge_radius_um"][0])
+    yarn = {"model": "yarn.pwm", "spacing_um": 3.2 * radius_um}
+    with tempfile.TemporaryDirectory(prefix="plywave-") as folder:
+        with open(os.path.join(folder, "yarn.pwm"), "wb") as file:
+            file.write(model)
+        try:
+            fabric = Fabric({"name": "swatch", "weave": {"kind": "plain"}, "warp": yarn, "weft": yarn}, folder=folder)
+        except Error:
+            return None
+    # Two points a pixel each way.
+    x = (np.arange(2 * _SIDE, dtype=np.float32) + 0.5) / (2 * _SIDE) * (_REPEATS * fabric.repeat_um[0])
+    position = np.stack(np.meshgrid(x, -x), -1)
+    above = np.array([0.0, 0.0, 1.0], np.float32)
+    lamps = ((0.7, 2.2, 1.0), (0.5, -0.6, 0.25))
+    f = sum(weight * np.asarray(fabric.eval(position_um=position, wo=above, wi=_towards(tilt, azimuth))) for tilt, azimuth, weight in lamps)
+    # A white matte surface under both lamps is at 1.2 of white.
+    light = 1.2 * np.pi * np.reshape(f, (_SIDE, 2, _SIDE, 2, 3)).mean((1, 3))
+    return png(_srgb(light))
+
+
+def places(twin: bytes) -> Optional[bytes]:
+    """A PNG of a twin's reflected light over one repeat, at its first view, for each of its absorptions."""
+    image = unpack(twin)[0]["image"][0].astype(np.float64)
+    top = float(np.percentile(image, 99.0))
+    if not top > 0.0:
+        return None
+    scale = max(1, _SIDE // image.shape[-1])
+    # Rows of the file go up.
+    tiles = [np.kron(one[::-1], np.ones((scale, scale))) for one in image[:3] / top]
+    return png(_srgb(np.repeat(np.concatenate(tiles, 1)[..., None], 3, -1)))
