@@ -20,6 +20,7 @@ mod interpolate;
 mod layer_factors;
 mod layers;
 mod layout;
+mod lines;
 mod lobe;
 mod lobes;
 mod mixture;

@@ -84,8 +84,8 @@ fn stripes_have_the_model_of_their_yarn() {
 fn points_have_their_own_color_and_models() {
     let plain = fabric("model = \"light.pwm\"", &FabricOptions::default());
     let dyed = fabric("model = \"light.pwm\"", &FabricOptions { sigma_per_um: Some(0.02), ..Default::default() });
-    let [_, dark] = models();
     let replaced = fabric("model = \"dark.pwm\"", &ALONE);
+    let dark = replaced.model_of(Family::Warp, 0);
     let alone = fabric("model = \"light.pwm\"", &ALONE);
     let mut differ = 0;
     for (point, wo, wi, u) in queries(1500) {
@@ -93,7 +93,7 @@ fn points_have_their_own_color_and_models() {
         let own = plain.at(&FabricQuery { sigma_per_um: [Some([0.02; 3]); 2], ..query });
         assert_eq!(own.eval(wi), dyed.at(&query).eval(wi));
         assert_eq!(own.sample(u), dyed.at(&query).sample(u));
-        let own = alone.at(&FabricQuery { models: [Some(&dark), None], ..query });
+        let own = alone.at(&FabricQuery { models: [Some(dark), None], ..query });
         assert_eq!(own.eval(wi), replaced.at(&query).eval(wi));
         differ += u32::from(own.eval(wi) != alone.at(&query).eval(wi));
     }

@@ -370,7 +370,7 @@ typedef struct PlywaveFabricQuery {
     const float *sigma_warp_per_um;
     // The same of the weft.
     const float *sigma_weft_per_um;
-    // Models of the warp and the weft in place of the fabric's, of the same ply radius and number of plies, or NULL. They must live as long as what is prepared with them.
+    // Models of the warp and the weft in place of the fabric's, from `plywave_ply_of_lines`, of the same ply radius and number of plies, or NULL. They must live as long as what is prepared with them.
     const struct PlywavePly *models[2];
     // Diameter of the part of the cloth that the point stands for [um], as of a pixel: beyond a repeat the mean over it answers. 0 for a point. See `far` of the options.
     float footprint_um;
@@ -700,6 +700,12 @@ PlywaveStatus plywave_ply_from_bytes(const uint8_t *bytes,
                                      const char *name,
                                      struct PlywavePly **out,
                                      struct PlywaveError *error);
+
+// A model's ply in single lines instead of a beam, for `PlywaveFabricQuery.models`: its light that is missed is the chance of a line, not the mean of a beam. Release it with
+// `plywave_ply_free`.
+PlywaveStatus plywave_ply_of_lines(const struct PlywavePly *ply,
+                                   struct PlywavePly **out,
+                                   struct PlywaveError *error);
 
 // Releases a model; NULL is allowed. No prepared query and no call may use it any more.
 void plywave_ply_free(struct PlywavePly *ply);

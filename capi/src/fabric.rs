@@ -129,7 +129,7 @@ pub struct PlywaveFabricQuery {
     pub sigma_warp_per_um: *const f32,
     /// The same of the weft.
     pub sigma_weft_per_um: *const f32,
-    /// Models of the warp and the weft in place of the fabric's, of the same ply radius and number of plies, or NULL. They must live as long as what is prepared with them.
+    /// Models of the warp and the weft in place of the fabric's, from `plywave_ply_of_lines`, of the same ply radius and number of plies, or NULL. They must live as long as what is prepared with them.
     pub models: [*const PlywavePly; 2],
     /// Diameter of the part of the cloth that the point stands for [um], as of a pixel: beyond a repeat the mean over it answers. 0 for a point. See `far` of the options.
     pub footprint_um: f32,

@@ -187,6 +187,23 @@ pub unsafe extern "C" fn plywave_ply_from_bytes(
     })
 }
 
+/// A model's ply in single lines instead of a beam, for `PlywaveFabricQuery.models`: its light that is missed is the chance of a line, not the mean of a beam. Release it with
+/// `plywave_ply_free`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_ply_of_lines(
+    ply: *const PlywavePly,
+    out: *mut *mut PlywavePly,
+    error: *mut PlywaveError,
+) -> PlywaveStatus {
+    guard(error, || {
+        // SAFETY: the caller's pointers, as documented.
+        unsafe {
+            put(out, std::ptr::null_mut(), "out")?;
+            hand_out(out, PlywavePly(reference(ply, "ply")?.0.of_lines()?))
+        }
+    })
+}
+
 /// Releases a model; NULL is allowed. No prepared query and no call may use it any more.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_free(ply: *mut PlywavePly) {

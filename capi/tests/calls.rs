@@ -272,8 +272,11 @@ fn organza() -> Organza {
     ok(|e| unsafe {
         plywave_fabric_from_memory(spec.as_ptr(), name.as_ptr(), assets.as_ptr(), 1, &options, &mut fabric, e)
     });
-    let rust_model = PlyModel::from_bytes(&model, "silk").expect("a model that ships");
-    Organza { rust, c: Handle(fabric, plywave_fabric_free), model: load_ply("silk"), rust_model }
+    let rust_model = PlyModel::from_bytes(&model, "silk").and_then(|m| m.of_lines()).expect("a model that ships");
+    let (beam, mut lines) = (load_ply("silk"), null_mut());
+    // SAFETY: live pointers.
+    ok(|e| unsafe { plywave_ply_of_lines(beam.0, &mut lines, e) });
+    Organza { rust, c: Handle(fabric, plywave_fabric_free), model: Handle(lines, plywave_ply_free), rust_model }
 }
 
 /// Queries of all options at N wavelengths; `channels` that fit. Gives what became of the samples.

@@ -101,7 +101,7 @@ pub struct FabricQuery<'a, const N: usize> {
     /// Angle by which the pattern is turned about the normal at the point [rad], from x towards y. The position is one of the turned pattern's plane, given in the
     /// surface's axes.
     pub turn_rad: f32,
-    /// Ply models of warp and weft in place of the fabric's; of the same ply radius and number of plies.
+    /// Ply models of warp and weft in place of the fabric's, made by [`PlyModel::of_lines`]; of the same ply radius and number of plies.
     pub models: [Option<&'a PlyModel>; 2],
     /// Diameter of the part of the cloth that the point stands for [um], as of a pixel: from half a repeat on the mean over the repeat takes part, and beyond a repeat it is
     /// all. 0 for a point. Fabrics loaded without [`FabricOptions::far`], and points with models of their own, do without.
@@ -197,6 +197,8 @@ impl FabricBsdf {
         let warp = loaded.model_of(Family::Warp, 0).data();
         let beam: GaussianBeam = YarnSpec::parse(&warp.spec_text, "warp.model (its spec)")?.beam.beam();
         let LoadedFabric { fabric, models, threads: stripes, spec, .. } = loaded;
+        // A line that passes a ply goes on to others: it is one line, not the beam of a table.
+        let models: Vec<Arc<PlyModel>> = models.iter().map(|m| Ok(Arc::new(m.of_lines()?))).collect::<Result<_>>()?;
         let stripes = stripes.map(|of| of.into_iter().map(|model| model as u32).collect::<Vec<_>>());
         let metals: Vec<Option<Reflections>> = models.iter().map(|m| own_color(m)).collect::<Result<_>>()?;
         let (colors, threads) = colors_of(&fabric, &stripes, &metals, options.sigma_per_um);
@@ -251,7 +253,7 @@ impl FabricBsdf {
         &self.fabric
     }
 
-    /// The ply model of a yarn.
+    /// The ply model of a yarn, [in single lines](PlyModel::of_lines).
     pub fn model_of(&self, family: Family, yarn: i32) -> &PlyModel {
         &self.models[self.model_index(family, yarn)]
     }

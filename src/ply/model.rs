@@ -89,6 +89,19 @@ impl PlyModel {
         }
     }
 
+    /// The same ply in single lines instead of a beam: r_d becomes the chance that a line misses all fibers, and the energies follow. For hosts that follow a line through
+    /// more than one ply, and for [`crate::FabricQuery::models`]: a fabric takes its own plies so.
+    ///
+    /// # Errors
+    /// Those of the spec in the model, which tells the beam.
+    pub fn of_lines(&self) -> Result<PlyModel> {
+        let mut data = self.data.clone();
+        let spec = crate::spec::YarnSpec::parse(&data.spec_text, "model (its spec)")?;
+        data.energies = data.energies.of_lines(spec.beam.beam().sd_um());
+        let noise = self.tiles.clone();
+        Ok(PlyModel { tiles: noise, ..PlyModel::of(data, Vec::new()) })
+    }
+
     /// Where light of an incidence leaves the ply of this radius [um].
     pub(crate) fn exits_at(&self, theta_i: f32, h_um: f32, radius_um: f32) -> ExitsAt {
         self.exits.as_ref().map_or_else(|| ExitsAt::unknown(theta_i, h_um / radius_um), |exits| exits.at(theta_i, h_um))
