@@ -67,7 +67,7 @@ impl<T: Number> Branch<T> {
         let inner = [0, 1].map(|k| m[k] * m[k]);
         let Some(outward) = &self.outward else {
             let kept = gathered[0] + gathered[1] + border * border;
-            return [kept + own[0] + own[1] + across, kept];
+            return [kept + strip * (border + m[0].max(m[1])), kept];
         };
         let n = fields * outward[0].outputs as f64;
         let rows = face.map_or(n, |z| fields * z.outputs as f64);
@@ -134,16 +134,44 @@ impl<T: Number> Branch<T> {
         out
     }
 
-    /// What solves need of the root, from `Z S` of the halves.
+    /// What solves need of the root, from `Z S` of the halves. Here memory is at its most, and the system is made in strips, of nothing else that is as large.
     pub fn root(&self, gathered: [Vec<T>; 2], fields: usize, exterior: Exterior<'_>) -> Root<T> {
-        let r = self.sizes(fields)[0];
-        let own = [0, 1].map(|k| {
-            let mut own = vec![T::round(C64::ZERO); r[k] * r[k]];
-            self.faces[k].right(&mut own, &gathered[k], r[k]);
-            own
-        });
-        let lu = self.factorize(own, &self.across(exterior), fields);
-        Root { gathered, lu }
+        let zero = T::round(C64::ZERO);
+        let [r, m] = self.sizes(fields);
+        let border = r[0] + r[1];
+        let mut system = vec![zero; border * border];
+        for k in 0..2 {
+            let (own, others) = (&self.borders[k], &self.borders[1 - k]);
+            let row = if k == 0 { 0 } else { r[0] };
+            let mut column = r[0] - row;
+            for field in 0..fields {
+                for sources in others.chunks(STRIP) {
+                    // K' from these sites, and Z^T of it.
+                    let mut crossed = vec![zero; r[k] * sources.len()];
+                    crossed.par_chunks_mut(r[k].max(1)).zip(sources).for_each(|(out, source)| {
+                        for (out, target) in out[field * own.len()..].iter_mut().zip(own) {
+                            *out = T::round(exterior.between(target, source));
+                        }
+                    });
+                    let mut arrived = vec![zero; m[k] * sources.len()];
+                    self.faces[k].spread(&mut arrived, &crossed, sources.len(), fields);
+                    drop(crossed);
+                    let mut whole = MatMut::from_column_major_slice_mut(&mut system, border, border);
+                    gemm(
+                        whole.as_mut().submatrix_mut(row, column, r[k], sources.len()),
+                        Accum::Replace,
+                        MatRef::from_column_major_slice(&gathered[k], r[k], m[k]),
+                        MatRef::from_column_major_slice(&arrived, m[k], sources.len()),
+                        T::round(-C64::ONE),
+                    );
+                    column += sources.len();
+                }
+            }
+        }
+        for j in 0..border {
+            system[j * border + j] = T::round(C64::ONE);
+        }
+        Root { gathered, lu: Lu::new(system, border) }
     }
 
     /// The response of the union and what solves need, from the responses of the halves. With a `face`, the response is only made as seen through it, `Z S`.
