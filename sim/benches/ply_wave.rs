@@ -5,7 +5,7 @@
 //! solved by merging groups of fibers, and the truth is that of the system solved whole at the tolerance `truth`. Errors are the largest relative L2 difference over
 //! azimuths, beams and polarizations, from the run at the tolerance `truth` (left out for 0), which is
 //! by the multipole series where all fibers are circles.
-//! Seconds are of the clock and of all threads together; the peak is the process' own so far.
+//! Seconds are of the clock and of all threads together; the peak is the process' own so far, beside what the solver said it would be.
 
 use plywave_sim::wave::{
     BeamSource, Body, C64, CompressedSolver, MultipoleSolver, Polarization, Scattered, Shape, Source, Wave, WaveSolver,
@@ -141,7 +141,9 @@ fn main() {
         thetas = vec![0.0, 30.0];
     }
     println!("tolerance {tolerance:e}, {} threads", rayon::current_num_threads());
-    println!("fibers  theta  unknowns  prepare s  scatter s  all threads s  peak GiB  residual  ledger   error");
+    println!(
+        "fibers  theta  unknowns  prepare s  scatter s  all threads s  peak GiB  planned  residual  ledger   error"
+    );
     for &count in &counts {
         let bodies = ply(count, circles);
         let sources = beams(&bodies);
@@ -168,8 +170,10 @@ fn main() {
                 "-".into()
             };
             println!(
-                "{count:6} {theta:6} {:9} {prepared:10.1} {scattered:10.1} {all:14.1} {peak:9.2} {:9.1e} {defect:7.1e} {err}",
-                stats.unknowns, stats.residual
+                "{count:6} {theta:6} {:9} {prepared:10.1} {scattered:10.1} {all:14.1} {peak:9.2} {:8.2} {:9.1e} {defect:7.1e} {err}",
+                stats.unknowns,
+                stats.peak_bytes as f64 / f64::from(1 << 30),
+                stats.residual
             );
         }
     }

@@ -6,6 +6,10 @@ use super::interpolate::Interpolation;
 use super::lu::par;
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef};
+use std::ops::Range;
+
+/// Columns that copies of large matrices are made of at a time: few enough to be small beside them, many enough for products at full speed.
+pub(crate) const STRIP: usize = 512;
 
 /// `out = a b`, or added to it; all column after column.
 pub(crate) fn gemm<T: Number>(mut out: MatMut<'_, T>, accum: Accum, a: MatRef<'_, T>, b: MatRef<'_, T>, factor: T) {
@@ -62,46 +66,83 @@ impl<T: Number> Basis<T> {
     /// Adds `X a` to `out`: from `fields inputs x columns` to `fields outputs x columns`.
     pub fn left(&self, out: &mut [T], a: &[T], columns: usize, fields: usize) {
         let (m, n, d) = (self.inputs, self.outputs, self.dropped.len());
-        let mut taken = vec![T::round(C64::ZERO); d * columns];
-        for field in 0..fields {
-            for (taken, a) in taken.chunks_mut(d.max(1)).zip(a.chunks(fields * m)) {
-                for (taken, &j) in taken.iter_mut().zip(&self.dropped) {
-                    *taken = a[field * m + j as usize];
+        let mut taken = vec![T::round(C64::ZERO); d * columns.min(STRIP)];
+        let strips = out.chunks_mut((fields * n * STRIP).max(1)).zip(a.chunks((fields * m * STRIP).max(1)));
+        for (out, a) in strips {
+            let columns = a.len() / (fields * m);
+            for field in 0..fields {
+                for (taken, a) in taken.chunks_mut(d.max(1)).zip(a.chunks(fields * m)) {
+                    for (taken, &j) in taken.iter_mut().zip(&self.dropped) {
+                        *taken = a[field * m + j as usize];
+                    }
                 }
-            }
-            let whole = MatMut::from_column_major_slice_mut(out, fields * n, columns);
-            let taken = MatRef::from_column_major_slice(&taken, d, columns);
-            gemm(whole.subrows_mut(field * n, n), Accum::Add, self.matrix(), taken, T::round(C64::ONE));
-            for (out, a) in out.chunks_mut(fields * n).zip(a.chunks(fields * m)) {
-                for &(i, j) in &self.kept {
-                    out[field * n + i as usize] += a[field * m + j as usize];
+                let whole = MatMut::from_column_major_slice_mut(out, fields * n, columns);
+                let taken = MatRef::from_column_major_slice(&taken[..d * columns], d, columns);
+                gemm(whole.subrows_mut(field * n, n), Accum::Add, self.matrix(), taken, T::round(C64::ONE));
+                for (out, a) in out.chunks_mut(fields * n).zip(a.chunks(fields * m)) {
+                    for &(i, j) in &self.kept {
+                        out[field * n + i as usize] += a[field * m + j as usize];
+                    }
                 }
             }
         }
     }
 
     /// Adds `a X^T` to `out`: from `rows x fields inputs` to `rows x fields outputs`.
-    pub fn right(&self, out: &mut [T], a: &[T], rows: usize, fields: usize) {
-        let (m, n, d) = (self.inputs, self.outputs, self.dropped.len());
-        let mut taken: Vec<T> = Vec::with_capacity(rows * d);
-        for field in 0..fields {
-            let columns = &a[rows * m * field..rows * m * (field + 1)];
+    pub fn right(&self, out: &mut [T], a: &[T], rows: usize) {
+        for (field, out) in out.chunks_mut((rows * self.outputs).max(1)).enumerate() {
+            self.right_some(out, a, rows, field, 0..self.outputs);
+        }
+    }
+
+    /// The same for some outputs of a field: `out` has a column for each of them.
+    fn right_some(&self, out: &mut [T], a: &[T], rows: usize, field: usize, some: Range<usize>) {
+        let columns = &a[rows * self.inputs * field..rows * self.inputs * (field + 1)];
+        let mut taken: Vec<T> = Vec::with_capacity(rows * self.dropped.len().min(STRIP));
+        for (strip, dropped) in self.dropped.chunks(STRIP).enumerate() {
             taken.clear();
-            for &j in &self.dropped {
+            for &j in dropped {
                 taken.extend_from_slice(&columns[rows * j as usize..][..rows]);
             }
-            let out = &mut out[rows * n * field..rows * n * (field + 1)];
+            let coefficients = self.matrix().submatrix(some.start, STRIP * strip, some.len(), dropped.len());
             gemm(
-                MatMut::from_column_major_slice_mut(out, rows, n),
+                MatMut::from_column_major_slice_mut(out, rows, some.len()),
                 Accum::Add,
-                MatRef::from_column_major_slice(&taken, rows, d),
-                self.matrix().transpose(),
+                MatRef::from_column_major_slice(&taken, rows, dropped.len()),
+                coefficients.transpose(),
                 T::round(C64::ONE),
             );
-            for &(i, j) in &self.kept {
-                let from = &columns[rows * j as usize..][..rows];
-                for (out, a) in out[rows * i as usize..][..rows].iter_mut().zip(from) {
-                    *out += *a;
+        }
+        for &(i, j) in self.kept.iter().filter(|(i, _)| some.contains(&(*i as usize))) {
+            let from = &columns[rows * j as usize..][..rows];
+            for (out, a) in out[rows * (i as usize - some.start)..][..rows].iter_mut().zip(from) {
+                *out += *a;
+            }
+        }
+    }
+
+    /// Adds `X a Y^T` to `out`, or `Z X a Y^T`, with this as X and a square `a` of all fields of the inputs of X and Y; no product with `a` is held whole.
+    pub fn around(&self, out: &mut [T], a: &[T], y: &Self, z: Option<&Self>, fields: usize) {
+        let zero = T::round(C64::ZERO);
+        let (m, n) = (fields * self.inputs, fields * self.outputs);
+        let rows = z.map_or(n, |z| fields * z.outputs);
+        let (mut strip, mut left) = (Vec::new(), Vec::new());
+        for field in 0..fields {
+            for first in (0..y.outputs).step_by(STRIP) {
+                let some = first..(first + STRIP).min(y.outputs);
+                let wide = some.len();
+                strip.clear();
+                strip.resize(m * wide, zero);
+                y.right_some(&mut strip, a, m, field, some);
+                let out = &mut out[rows * (field * y.outputs + first)..][..rows * wide];
+                match z {
+                    None => self.left(out, &strip, wide, fields),
+                    Some(z) => {
+                        left.clear();
+                        left.resize(n * wide, zero);
+                        self.left(&mut left, &strip, wide, fields);
+                        z.left(out, &left, wide, fields);
+                    }
                 }
             }
         }

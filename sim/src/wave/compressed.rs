@@ -223,6 +223,10 @@ impl CompressedSolver {
         Coupling { kernel: &self.kernel, k_rho: self.wave.k_rho(), sites }
     }
 
+    fn exterior(&self) -> Exterior<'_> {
+        Exterior { kernel: &self.kernel, k_rho: self.wave.k_rho() }
+    }
+
     /// Transfers and factors, after a look at the memory they take.
     fn prepare(&mut self) -> Result<(), WaveError> {
         let fields = self.fields();
@@ -256,7 +260,7 @@ impl CompressedSolver {
             + self
                 .members
                 .iter()
-                .map(|m| 16 * (m.skeleton.value.len() + m.skeleton.normal.len() + m.skeleton.tangential.len()))
+                .map(|m| m.skeleton.value.bytes() + m.skeleton.normal.bytes() + m.skeleton.tangential.bytes())
                 .sum::<usize>()
     }
 
@@ -272,9 +276,7 @@ impl CompressedSolver {
                 Leaf { sites: &m.skeleton.sites, center, radius: m.nodes.iter().map(off).fold(0.0, f64::max) }
             })
             .collect();
-        let tolerance = (GROUPS * tolerance).max(1e-12);
-        let exterior = Exterior { kernel: &self.kernel, k_rho: self.wave.k_rho(), tolerance };
-        let groups = Hierarchy::plan(&leaves, exterior);
+        let groups = Hierarchy::plan(&leaves, self.exterior(), (GROUPS * tolerance).max(1e-12));
         drop(leaves);
         let (fields, count) = (self.fields(), self.parts.len());
         let bytes = groups.bytes(fields);
@@ -302,7 +304,7 @@ impl CompressedSolver {
             }
         }
         // The lock is open meanwhile: threads that wait for this one's work may ask for the same.
-        let made = Arc::new(groups.factorize(self.fields(), &|b| self.transfer(part, b)));
+        let made = Arc::new(groups.factorize(self.fields(), self.exterior(), &|b| self.transfer(part, b)));
         parts.lock().unwrap_or_else(PoisonError::into_inner)[part] = Some(made.clone());
         Some(made)
     }
@@ -347,9 +349,9 @@ impl CompressedSolver {
             );
             out
         };
-        let value = spread(&member.skeleton.value);
-        let normal = spread(&member.skeleton.normal);
-        let tangential = if fields == 2 { spread(&member.skeleton.tangential) } else { Vec::new() };
+        let value = spread(&member.skeleton.value.wide());
+        let normal = spread(&member.skeleton.normal.wide());
+        let tangential = if fields == 2 { spread(&member.skeleton.tangential.wide()) } else { Vec::new() };
         let (k0, kz, k_rho) = (self.wave.k0(), self.wave.kz(), self.wave.k_rho());
         let mut rhs = vec![C64::ZERO; c * stride * columns];
         for (column, rhs) in rhs.chunks_mut(c * stride).enumerate() {
@@ -392,10 +394,10 @@ impl CompressedSolver {
             product(&mut out, Accum::Add, coefficients, k, &moment, n, C64::ONE);
         };
         // Monopoles -(k_rho^2/k_0) P, normal dipoles e, tangential dipoles -(k_z/k_0) h; with h, -e for e, h.
-        gather(&member.skeleton.value, &|u, field| u[2 * field + 1] * (-k_rho * k_rho / k0));
-        gather(&member.skeleton.normal, &|u, field| u[2 * field] * k_rho);
+        gather(&member.skeleton.value.wide(), &|u, field| u[2 * field + 1] * (-k_rho * k_rho / k0));
+        gather(&member.skeleton.normal.wide(), &|u, field| u[2 * field] * k_rho);
         if fields == 2 {
-            gather(&member.skeleton.tangential, &|u, field| {
+            gather(&member.skeleton.tangential.wide(), &|u, field| {
                 if field == 0 { u[H] * (-k_rho * kz / k0) } else { u[E] * (k_rho * kz / k0) }
             });
         }
@@ -429,14 +431,18 @@ impl CompressedSolver {
             .map(|s| Ok((s.pol, s.plane_waves(&self.wave, extent)?)))
             .collect::<Result<Vec<(Polarization, Vec<PlaneWave>)>, WaveError>>()?;
         let fields = self.fields();
+        // At normal incidence only sources of its polarization drive a part.
+        let columns_of = |part: usize| -> Vec<usize> {
+            let own = |s: &usize| fields == 2 || (sources[*s].pol == Polarization::Tm) == (self.parts[part][0] == E);
+            (0..sources.len()).filter(own).collect()
+        };
         let outer: usize = self.members.iter().map(|m| m.nodes.len()).sum();
+        // The first part is made before there are fields on walls to be held.
+        drop((0..self.parts.len()).find(|&p| !columns_of(p).is_empty()).and_then(|p| self.factored(p)));
         let mut total = vec![C64::ZERO; 4 * outer * sources.len()];
         let mut residual: f64 = 0.0;
         for (part, components) in self.parts.iter().enumerate() {
-            // At normal incidence only sources of its polarization drive a part.
-            let columns: Vec<usize> = (0..sources.len())
-                .filter(|&s| fields == 2 || (sources[s].pol == Polarization::Tm) == (components[0] == E))
-                .collect();
+            let columns = columns_of(part);
             if columns.is_empty() {
                 continue;
             }
@@ -474,7 +480,7 @@ impl CompressedSolver {
                 Coupled::Merged { groups, .. } => {
                     external = received.clone();
                     if let Some(factored) = self.factored(part) {
-                        groups.solve(&factored, fields, &mut received);
+                        groups.solve(&factored, fields, self.exterior(), &mut received);
                     }
                 }
             }
@@ -558,8 +564,9 @@ impl WaveSolver for CompressedSolver {
         // One polarization after the other: at normal incidence each has a system of its own, and not all may be held at once.
         let mut order: Vec<usize> = (0..sources.len()).collect();
         order.sort_by_key(|&s| sources[s].pol == Polarization::Te);
+        let together = |&a: &usize, &b: &usize| self.fields() == 2 || sources[a].pol == sources[b].pol;
         let mut all: Vec<Option<Scattered>> = vec![None; sources.len()];
-        for batch in order.chunks(BATCH) {
+        for batch in order.chunk_by(together).flat_map(|some| some.chunks(BATCH)) {
             let own: Vec<Source> = batch.iter().map(|&s| sources[s]).collect();
             for (&s, scattered) in batch.iter().zip(self.scatter_batch(&own, n_phi_out)?) {
                 all[s] = Some(scattered);

@@ -1,6 +1,6 @@
 //! Tests of the solver that merges groups of bodies: against the system solved whole, the multipole series, reciprocity, power balance, and how groups grow.
 
-use super::basis::Basis;
+use super::basis::{Basis, STRIP};
 use super::coupling::Number;
 use super::curve::CurvePoint;
 use super::hierarchy::{Exterior, Hierarchy, Leaf};
@@ -177,7 +177,7 @@ fn groups_grow_as_their_rim() {
         let leaves: Vec<Leaf<'_>> =
             centers.iter().zip(&sites).map(|(c, sites)| Leaf { sites, center: *c, radius: 1.0 }).collect();
         let kernel = MediumKernel::new(Medium { kappa: C64::new(k_rho, 0.0), eps: C64::ONE }, 200.0);
-        let tree = Hierarchy::plan(&leaves, Exterior { kernel: &kernel, k_rho, tolerance: 1e-5 });
+        let tree = Hierarchy::plan(&leaves, Exterior { kernel: &kernel, k_rho }, 1e-5);
         (tree.largest(), tree.bytes(1))
     };
     let ([few, few_border], few_bytes) = sizes(64);
@@ -209,7 +209,7 @@ fn bases_are_their_matrices() {
     let mut left = vec![C64::ZERO; fields * n * wide];
     basis.left(&mut left, &a, wide, fields);
     let mut right = vec![C64::ZERO; wide * fields * n];
-    basis.right(&mut right, &a, wide, fields);
+    basis.right(&mut right, &a, wide);
     let mut spread = vec![C64::ZERO; fields * m * wide];
     basis.spread(&mut spread, &v, wide, fields);
     for column in 0..wide {
@@ -227,4 +227,54 @@ fn bases_are_their_matrices() {
         }
     }
     assert!((C64::round(value(3)).wide() - value(3)).norm() == 0.0 && basis.bytes() > 0);
+}
+
+/// X a Y^T and Z X a Y^T against sums over the entries: two fields, and one with more sites than are taken at a time.
+#[test]
+fn products_from_both_sides_are_their_sums() {
+    let value = |k: usize| C64::new((k as f64 * 1.7).sin(), (k as f64 * 0.9).cos());
+    // Sites that are kept are spread evenly over all.
+    let interpolation = |inputs: usize, outputs: usize, seed: usize| {
+        let kept: Vec<usize> = (0..outputs).map(|i| i * inputs / outputs).collect();
+        let dropped: Vec<usize> = (0..inputs).filter(|j| kept.binary_search(j).is_err()).collect();
+        let coefficients = (0..outputs * dropped.len()).map(|k| 0.1 * value(k + seed)).collect();
+        Interpolation { kept, dropped, coefficients }
+    };
+    let entry = |x: &Interpolation, i: usize, j: usize| match x.kept.binary_search(&j) {
+        Ok(k) => f64::from(u8::from(k == i)).into(),
+        Err(_) => x.coefficients[x.dropped.binary_search(&j).unwrap() * x.kept.len() + i],
+    };
+    for (fields, inputs, [nx, ny, nz]) in [(2, 9, [5, 4, 3]), (1, STRIP + 560, [530, STRIP + 20, 7])] {
+        let [x, y, z] = [(inputs, nx, 3), (inputs, ny, 50), (nx, nz, 90)].map(|(m, n, s)| interpolation(m, n, s));
+        let basis = |x: &Interpolation, m: usize| Basis::<C64>::of(x, 0, m);
+        let (bx, by, bz) = (basis(&x, inputs), basis(&y, inputs), basis(&z, nx));
+        let m = fields * inputs;
+        let a: Vec<C64> = (0..m * m).map(|k| value(3 * k + 20)).collect();
+        let mut both = vec![C64::ZERO; fields * nx * fields * ny];
+        bx.around(&mut both, &a, &by, None, fields);
+        let mut seen = vec![C64::ZERO; fields * nz * fields * ny];
+        bx.around(&mut seen, &a, &by, Some(&bz), fields);
+        for row in 0..fields {
+            for column in 0..fields {
+                for sample in 0..12 {
+                    // From first to last, over the edges of strips.
+                    let j = sample * (ny - 1) / 11;
+                    let own = |i: usize| both[(column * ny + j) * fields * nx + row * nx + i];
+                    let i = (sample * 5) % nx;
+                    let column_of = |l: usize| &a[(column * inputs + l) * m + row * inputs..][..inputs];
+                    let want: C64 = (0..inputs)
+                        .map(|l| {
+                            let sum: C64 = column_of(l).iter().enumerate().map(|(k, a)| entry(&x, i, k) * a).sum();
+                            sum * entry(&y, j, l)
+                        })
+                        .sum();
+                    assert!((own(i) - want).norm() < 1e-9, "{} for {want}", own(i));
+                    let i = sample % nz;
+                    let want: C64 = (0..nx).map(|k| entry(&z, i, k) * own(k)).sum();
+                    let got = seen[(column * ny + j) * fields * nz + row * nz + i];
+                    assert!((got - want).norm() < 1e-9, "{got} for {want}, through Z");
+                }
+            }
+        }
+    }
 }

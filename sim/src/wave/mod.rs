@@ -39,6 +39,7 @@ mod kernel;
 mod likeness;
 mod lu;
 pub(crate) mod memory;
+mod merge;
 mod mie;
 mod multipole;
 #[cfg(test)]

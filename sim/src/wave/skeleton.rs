@@ -26,8 +26,10 @@ use super::kernel::MediumKernel;
 use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::solve_upper_triangular_in_place;
 use faer::{Accum, MatMut, MatRef, Par};
+use num_complex::Complex32;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use std::borrow::Cow;
 use std::f64::consts::{PI, TAU};
 
 /// Rows of the sketch that a row of the test matrix is spread over.
@@ -203,9 +205,45 @@ pub(crate) struct Skeleton {
     pub sites: Vec<Site>,
     /// Coefficients of a value (or monopole), a `d_n / k_rho` and a `d_t / k_rho` at each node: `[node][site]`; the last are empty at normal
     /// incidence, which has none.
-    pub value: Vec<C64>,
-    pub normal: Vec<C64>,
-    pub tangential: Vec<C64>,
+    pub value: Coefficients,
+    pub normal: Coefficients,
+    pub tangential: Coefficients,
+}
+
+/// Least tolerance of a skeleton whose coefficients are held in single precision: its rounding, 6e-8, is well below.
+const SINGLE: f64 = 1e-6;
+
+/// Coefficients of a skeleton, as precise as its tolerance asks for: they are most of what is held of a body.
+pub(crate) enum Coefficients {
+    Single(Vec<Complex32>),
+    Double(Vec<C64>),
+}
+
+impl Coefficients {
+    fn of(values: Vec<C64>, tolerance: f64) -> Self {
+        if tolerance < SINGLE {
+            return Self::Double(values);
+        }
+        Self::Single(values.into_iter().map(|c| Complex32::new(c.re as f32, c.im as f32)).collect())
+    }
+
+    /// In double precision.
+    pub fn wide(&self) -> Cow<'_, [C64]> {
+        match self {
+            Self::Double(values) => Cow::Borrowed(values),
+            Self::Single(values) => {
+                values.iter().map(|c| C64::new(f64::from(c.re), f64::from(c.im))).collect::<Vec<C64>>().into()
+            }
+        }
+    }
+
+    /// Memory held [bytes].
+    pub fn bytes(&self) -> usize {
+        match self {
+            Self::Double(values) => size_of_val(values.as_slice()),
+            Self::Single(values) => size_of_val(values.as_slice()),
+        }
+    }
 }
 
 /// Points on a circle around `points` that stand for all beyond it, and its center and radius.
@@ -265,12 +303,13 @@ impl Skeleton {
                 .iter()
                 .map(|&j| Site { point: candidates.points[j], scale: candidates.scales[j] })
                 .collect();
-            let coefficients = |columns: &[C64]| candidates.fold(&picked.coefficients(columns, rows), k);
+            let coefficients =
+                |columns: &[C64]| Coefficients::of(candidates.fold(&picked.coefficients(columns, rows), k), tolerance);
             return Self {
                 sites,
                 value: coefficients(&value),
                 normal: coefficients(&normal),
-                tangential: if oblique { coefficients(&tangential) } else { Vec::new() },
+                tangential: if oblique { coefficients(&tangential) } else { Coefficients::Double(Vec::new()) },
             };
         }
     }

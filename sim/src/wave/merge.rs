@@ -1,0 +1,294 @@
+//! Two groups of bodies made one: the response of the union from those of its halves, and what solves need of it. The equations are those of
+//! [`hierarchy`](super::hierarchy).
+//!
+//! What is kept for solves is what the halves send each other's borders for a unit that arrives at each site of the union, `K' p`: as long as the borders and
+//! as wide as the union's rim, less than the responses and factors that it is made of, which go with the halves. The root alone keeps those: its fields come
+//! from the sources, few against the sites they arrive at. Products are formed in strips of columns, so that little but these results is held beside the halves.
+
+use super::C64;
+use super::basis::{Basis, STRIP, gemm};
+use super::coupling::Number;
+use super::hierarchy::Exterior;
+use super::lu::Lu;
+use super::skeleton::Site;
+use faer::{Accum, MatMut, MatRef};
+use rayon::prelude::*;
+
+/// Two groups that make one.
+pub(super) struct Branch<T> {
+    pub children: [usize; 2],
+    /// Z of both.
+    pub faces: [Basis<T>; 2],
+    /// The sites of both borders.
+    pub borders: [Vec<Site>; 2],
+    /// X of both; none at the root.
+    pub outward: Option<[Basis<T>; 2]>,
+}
+
+/// How a pair answers to what arrives, for one part of the fields.
+pub(super) enum Merge<T> {
+    /// What arrives at both borders from the other half, for a unit at each site of the union.
+    Inner([Vec<T>; 2]),
+    Root(Root<T>),
+}
+
+/// The pair of all bodies.
+pub(super) struct Root<T> {
+    /// `Z S` of both.
+    gathered: [Vec<T>; 2],
+    /// The factorized system of the borders.
+    lu: Lu<T>,
+}
+
+impl<T: Number> Branch<T> {
+    /// Sites of both borders and of both halves, of all fields.
+    fn sizes(&self, fields: usize) -> [[usize; 2]; 2] {
+        [self.faces.each_ref().map(|z| fields * z.outputs), self.faces.each_ref().map(|z| fields * z.inputs)]
+    }
+
+    /// Memory held [bytes].
+    pub fn bytes(&self) -> usize {
+        let bases = self.faces.iter().chain(self.outward.iter().flatten()).map(Basis::bytes).sum::<usize>();
+        bases + self.borders.iter().map(|sites| size_of_val(sites.as_slice())).sum::<usize>()
+    }
+
+    /// Numbers that [`merge`](Self::merge) and [`root`](Self::root) hold at once, at most, what they are given and their results among them, and those that they
+    /// leave for solves.
+    pub fn numbers(&self, face: Option<&Basis<T>>, fields: f64) -> [f64; 2] {
+        let [r, m] = [
+            self.faces.each_ref().map(|z| fields * z.outputs as f64),
+            self.faces.each_ref().map(|z| fields * z.inputs as f64),
+        ];
+        let strip = STRIP as f64;
+        let border = r[0] + r[1];
+        let across = r[0] * r[1] / (fields * fields);
+        let gathered = [0, 1].map(|k| r[k] * m[k]);
+        let own = [0, 1].map(|k| r[k] * r[k]);
+        let inner = [0, 1].map(|k| m[k] * m[k]);
+        let Some(outward) = &self.outward else {
+            let kept = gathered[0] + gathered[1] + border * border;
+            return [kept + strip * (border + m[0].max(m[1])), kept];
+        };
+        let n = fields * outward[0].outputs as f64;
+        let rows = face.map_or(n, |z| fields * z.outputs as f64);
+        // Both halves' `K' p` and `X S Z^T`, as they come, and products on their way.
+        let made = [0, 1].map(|k| r[k] * (n + rows) + own[k]);
+        let strips = [0, 1].map(|k| strip * (2.0 * m[k] + n));
+        let first = inner[0] + inner[1] + (gathered[0] + own[0] + r[0] * n).max(made[0] + strips[0]);
+        let second = inner[1] + made[0] + (gathered[1] + own[1] + r[1] * n).max(made[1] + strips[1]);
+        let solving = border * (n + rows) + border * border + across + (own[0] + own[1]).max(3.0 * border * strip);
+        [rows * n + first.max(second).max(solving), border * n]
+    }
+
+    /// K'_AB, column after column.
+    fn across(&self, exterior: Exterior<'_>) -> Vec<T> {
+        let [a, b] = &self.borders;
+        let mut out = vec![T::round(C64::ZERO); a.len() * b.len()];
+        out.par_chunks_mut(a.len().max(1)).zip(b).for_each(|(out, source)| {
+            for (out, target) in out.iter_mut().zip(a) {
+                *out = T::round(exterior.between(target, source));
+            }
+        });
+        out
+    }
+
+    /// `out = K'_AB b` of every field, or with K'_BA where `own` is 1.
+    fn cross(&self, across: &[T], own: usize, out: MatMut<'_, T>, b: MatRef<'_, T>, fields: usize) {
+        let [ra, rb] = [0, 1].map(|k| self.faces[k].outputs);
+        let k = MatRef::from_column_major_slice(across, ra, rb);
+        let k = if own == 0 { k } else { k.transpose() };
+        let mut out = out;
+        for field in 0..fields {
+            let rows = out.as_mut().subrows_mut(field * k.nrows(), k.nrows());
+            gemm(rows, Accum::Replace, k, b.subrows(field * k.ncols(), k.ncols()), T::round(C64::ONE));
+        }
+    }
+
+    /// The factorized system of the borders, from `Z S Z^T` of both.
+    fn factorize(&self, own: [Vec<T>; 2], across: &[T], fields: usize) -> Lu<T> {
+        let r = self.sizes(fields)[0];
+        let border = r[0] + r[1];
+        let mut system = vec![T::round(C64::ZERO); border * border];
+        for (k, own) in own.into_iter().enumerate() {
+            let own = MatRef::from_column_major_slice(&own, r[k], r[k]);
+            let across = MatRef::from_column_major_slice(across, r[0] / fields, r[1] / fields);
+            let across = if k == 0 { across } else { across.transpose() };
+            let (rows, columns) = if k == 0 { (0, r[0]) } else { (r[0], 0) };
+            for field in 0..fields {
+                let (n, wide) = (r[k] / fields, r[1 - k] / fields);
+                let mut whole = MatMut::from_column_major_slice_mut(&mut system, border, border);
+                let block = whole.as_mut().submatrix_mut(rows, columns + field * wide, r[k], wide);
+                gemm(block, Accum::Replace, own.subcols(field * n, n), across, T::round(-C64::ONE));
+            }
+        }
+        for j in 0..border {
+            system[j * border + j] = T::round(C64::ONE);
+        }
+        Lu::new(system, border)
+    }
+
+    /// What remains of the response of a half at the root: `Z S`.
+    pub fn face(z: &Basis<T>, response: &[T], fields: usize) -> Vec<T> {
+        let mut out = vec![T::round(C64::ZERO); fields * z.outputs * fields * z.inputs];
+        z.left(&mut out, response, fields * z.inputs, fields);
+        out
+    }
+
+    /// What solves need of the root, from `Z S` of the halves. Here memory is at its most, and the system is made in strips, of nothing else that is as large.
+    pub fn root(&self, gathered: [Vec<T>; 2], fields: usize, exterior: Exterior<'_>) -> Root<T> {
+        let zero = T::round(C64::ZERO);
+        let [r, m] = self.sizes(fields);
+        let border = r[0] + r[1];
+        let mut system = vec![zero; border * border];
+        for k in 0..2 {
+            let (own, others) = (&self.borders[k], &self.borders[1 - k]);
+            let row = if k == 0 { 0 } else { r[0] };
+            let mut column = r[0] - row;
+            for field in 0..fields {
+                for sources in others.chunks(STRIP) {
+                    // K' from these sites, and Z^T of it.
+                    let mut crossed = vec![zero; r[k] * sources.len()];
+                    crossed.par_chunks_mut(r[k].max(1)).zip(sources).for_each(|(out, source)| {
+                        for (out, target) in out[field * own.len()..].iter_mut().zip(own) {
+                            *out = T::round(exterior.between(target, source));
+                        }
+                    });
+                    let mut arrived = vec![zero; m[k] * sources.len()];
+                    self.faces[k].spread(&mut arrived, &crossed, sources.len(), fields);
+                    drop(crossed);
+                    let mut whole = MatMut::from_column_major_slice_mut(&mut system, border, border);
+                    gemm(
+                        whole.as_mut().submatrix_mut(row, column, r[k], sources.len()),
+                        Accum::Replace,
+                        MatRef::from_column_major_slice(&gathered[k], r[k], m[k]),
+                        MatRef::from_column_major_slice(&arrived, m[k], sources.len()),
+                        T::round(-C64::ONE),
+                    );
+                    column += sources.len();
+                }
+            }
+        }
+        for j in 0..border {
+            system[j * border + j] = T::round(C64::ONE);
+        }
+        Root { gathered, lu: Lu::new(system, border) }
+    }
+
+    /// The response of the union and what solves need, from the responses of the halves. With a `face`, the response is only made as seen through it, `Z S`.
+    pub fn merge(
+        &self,
+        outward: &[Basis<T>; 2],
+        inner: [Vec<T>; 2],
+        face: Option<&Basis<T>>,
+        fields: usize,
+        exterior: Exterior<'_>,
+    ) -> (Vec<T>, [Vec<T>; 2]) {
+        let (zero, one) = (T::round(C64::ZERO), T::round(C64::ONE));
+        let f = fields;
+        let r = self.sizes(f)[0];
+        let border = r[0] + r[1];
+        let n = f * outward[0].outputs;
+        let rows = face.map_or(n, |z| f * z.outputs);
+        let mut response = vec![zero; rows * n];
+        let [mut own, mut sent, mut radiated] = [(); 3].map(|()| [Vec::new(), Vec::new()]);
+        for (k, inner) in inner.into_iter().enumerate() {
+            let (z, x) = (&self.faces[k], &outward[k]);
+            let seen = Self::face(z, &inner, f);
+            own[k] = vec![zero; r[k] * r[k]];
+            z.right(&mut own[k], &seen, r[k]);
+            // Z S X^T, X S Z^T and X S X^T.
+            sent[k] = vec![zero; r[k] * n];
+            x.right(&mut sent[k], &seen, r[k]);
+            drop(seen);
+            radiated[k] = vec![zero; rows * r[k]];
+            x.around(&mut radiated[k], &inner, z, face, f);
+            x.around(&mut response, &inner, x, face, f);
+        }
+        let across = self.across(exterior);
+        let lu = self.factorize(own, &across, f);
+        for first in (0..n).step_by(STRIP) {
+            let wide = STRIP.min(n - first);
+            // Strengths of the borders for a unit at each of these sites of the union.
+            let mut strengths = Vec::with_capacity(border * wide);
+            for column in first..first + wide {
+                for k in 0..2 {
+                    strengths.extend_from_slice(&sent[k][r[k] * column..][..r[k]]);
+                }
+            }
+            lu.solve(MatMut::from_column_major_slice_mut(&mut strengths, border, wide));
+            let strengths = MatRef::from_column_major_slice(&strengths, border, wide);
+            for k in 0..2 {
+                let from = if k == 0 { strengths.subrows(r[0], r[1]) } else { strengths.subrows(0, r[0]) };
+                let sent = &mut sent[k][r[k] * first..][..r[k] * wide];
+                self.cross(&across, k, MatMut::from_column_major_slice_mut(sent, r[k], wide), from, f);
+                // What it makes the union radiate, through X S Z^T.
+                gemm(
+                    MatMut::from_column_major_slice_mut(&mut response[rows * first..][..rows * wide], rows, wide),
+                    Accum::Add,
+                    MatRef::from_column_major_slice(&radiated[k], rows, r[k]),
+                    MatRef::from_column_major_slice(sent, r[k], wide),
+                    one,
+                );
+            }
+        }
+        (response, sent)
+    }
+
+    /// What arrives at the sites of both halves, for what arrives at those of the union.
+    pub fn arrive(&self, sent: &[Vec<T>; 2], u: &[T], columns: usize, fields: usize) -> [Vec<T>; 2] {
+        let zero = T::round(C64::ZERO);
+        let [r, m] = self.sizes(fields);
+        [0, 1].map(|k| {
+            let mut out = vec![zero; m[k] * columns];
+            let Some(outward) = &self.outward else { return out };
+            outward[k].spread(&mut out, u, columns, fields);
+            let n = fields * outward[k].outputs;
+            let mut crossed = vec![zero; r[k] * columns];
+            gemm(
+                MatMut::from_column_major_slice_mut(&mut crossed, r[k], columns),
+                Accum::Replace,
+                MatRef::from_column_major_slice(&sent[k], r[k], n),
+                MatRef::from_column_major_slice(u, n, columns),
+                T::round(C64::ONE),
+            );
+            self.faces[k].spread(&mut out, &crossed, columns, fields);
+            out
+        })
+    }
+
+    /// The same at the root, for what arrives at both halves from outside.
+    pub fn arrive_at_root(
+        &self,
+        root: &Root<T>,
+        mut inner: [Vec<T>; 2],
+        columns: usize,
+        fields: usize,
+        exterior: Exterior<'_>,
+    ) -> [Vec<T>; 2] {
+        let zero = T::round(C64::ZERO);
+        let [r, m] = self.sizes(fields);
+        let border = r[0] + r[1];
+        let mut strengths = vec![zero; border * columns];
+        let mut first = 0;
+        for k in 0..2 {
+            gemm(
+                MatMut::from_column_major_slice_mut(&mut strengths, border, columns).subrows_mut(first, r[k]),
+                Accum::Replace,
+                MatRef::from_column_major_slice(&root.gathered[k], r[k], m[k]),
+                MatRef::from_column_major_slice(&inner[k], m[k], columns),
+                T::round(C64::ONE),
+            );
+            first += r[k];
+        }
+        root.lu.solve(MatMut::from_column_major_slice_mut(&mut strengths, border, columns));
+        let strengths = MatRef::from_column_major_slice(&strengths, border, columns);
+        let across = self.across(exterior);
+        for (k, inner) in inner.iter_mut().enumerate() {
+            let from = if k == 0 { strengths.subrows(r[0], r[1]) } else { strengths.subrows(0, r[0]) };
+            let mut crossed = vec![zero; r[k] * columns];
+            self.cross(&across, k, MatMut::from_column_major_slice_mut(&mut crossed, r[k], columns), from, fields);
+            self.faces[k].spread(inner, &crossed, columns, fields);
+        }
+        inner
+    }
+}
