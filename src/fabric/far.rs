@@ -19,8 +19,8 @@ pub(super) const SIGMA_PER_UM: [f32; SIGMAS] = [0.0, 0.0006, 0.002, 0.005, 0.011
 pub(super) const SIGMAS: usize = 8;
 const LENGTH_UM: f32 = 150.0;
 /// Azimuths of the viewer over one side of the cloth [degrees], closer towards the plane.
-pub(super) const PHI_I_DEG: [f32; 13] =
-    [2.5, 8.0, 18.0, 32.0, 50.0, 70.0, 90.0, 110.0, 130.0, 148.0, 162.0, 172.0, 177.5];
+pub(super) const PHI_I_DEG: [f32; 15] =
+    [2.5, 8.0, 18.0, 30.0, 43.0, 56.0, 73.0, 90.0, 107.0, 124.0, 137.0, 150.0, 162.0, 172.0, 177.5];
 const SIDE: usize = PHI_I_DEG.len();
 /// Latitudes of the viewer [degrees].
 pub(super) const THETA_I_DEG: [f32; 11] = [-82.0, -66.0, -49.0, -33.0, -16.0, 0.0, 16.0, 33.0, 49.0, 66.0, 82.0];

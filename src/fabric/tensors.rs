@@ -18,11 +18,11 @@
 //! | `between_caught` | `[2][4][3][8][168]` | by side, class, sent up, down and all, absorption: splines of the direction |
 //! | `between_leaves` | `[2][4][2][2][64][8]` | by side, class, sent, leaves, pair of absorptions |
 //! | `between_shape` | `[2][2][64][16]` | by side, leaves, pair |
-//! | `far_phi_i`, `far_theta_i`, `far_sigma` | `[13]`, `[11]`, `[8]` | of the mean over the repeat: nodes of a view's azimuth on one side and latitude [degrees], and of absorption [1/um]; these and the next only of fabrics loaded with `FabricOptions::far` |
-//! | `far_f` | `[2][286][24][17][8]` | by family and view, azimuth and latitude of the light, absorption |
-//! | `far_chances` | `[2][286][2][384]` | sums of the energies up to a cell's end, of clear and dark fibers |
-//! | `far_energy`, `far_first` | `[2][286][8]`, `[2][286][2][8]` | integral of f; energies that first plies scatter, of one layer and of two |
-//! | `far_passing`, `far_apertures` | `[286]`, `[286][7]` | what passes; how many apertures stand for the repeat's, and three pairs of rows of `apertures` |
+//! | `far_phi_i`, `far_theta_i`, `far_sigma` | `[15]`, `[11]`, `[8]` | of the mean over the repeat: nodes of a view's azimuth on one side and latitude [degrees], and of absorption [1/um]; these and the next only of fabrics loaded with `FabricOptions::far` |
+//! | `far_f` | `[2][330][24][17][8]` | by family and view, azimuth and latitude of the light, absorption |
+//! | `far_chances` | `[2][330][2][384]` | sums of the energies up to a cell's end, of clear and dark fibers |
+//! | `far_energy`, `far_first` | `[2][330][8]`, `[2][330][2][8]` | integral of f; energies that first plies scatter, of one layer and of two |
+//! | `far_passing`, `far_apertures` | `[330]`, `[330][7]` | what passes; how many apertures stand for the repeat's, and three pairs of rows of `apertures` |
 //! | `apertures` | `[33][33][74]` | spectra by the distances of their two edges: the factor's eight numbers, g, 65 masses |
 
 use super::between::{CLASSES, FEW, PAIRS, SIGMAS, Side, TERMS};
