@@ -34,7 +34,7 @@ def rows(name: str) -> list[str]:
         passed = [light["transmitted"] + light["straight"] for light in (twin, model)]
         lower = "" if view["lower"] is None or math.isnan(view["lower"]) else f"{view['lower']:.3f}"
         lines.append(
-            f"| {view['tilt_deg']:.0f}, {view['azimuth_deg']:.0f} | {view['sigma_per_um']:g} "
+            f"| {view['tilt_deg']:.0f}, {view['azimuth_deg']:.0f} | {view['sigma_per_um'][0]:g} "
             f"| {twin['reflected']:.3f} / {model['reflected']:.3f} | {passed[0]:.3f} / {passed[1]:.3f} | {view['upper']:.3f} | {lower} |"
         )
     return lines

@@ -140,3 +140,18 @@ fn turned_patterns_turn_the_light() {
         assert_eq!(straight > 0, gaps == GapLight::Straight);
     }
 }
+
+/// The models of a fabric, in single lines, can be saved and read: hosts on other machines get them so.
+#[test]
+fn models_in_lines_are_models() {
+    let folder = format!("{}/fabrics/models", env!("CARGO_MANIFEST_DIR"));
+    let mut count = 0;
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let lines = PlyModel::load(&path).unwrap().of_lines().unwrap();
+        let bytes = lines.data().to_bytes().unwrap_or_else(|e| panic!("{e}"));
+        PlyModel::from_bytes(&bytes, "lines").unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        count += 1;
+    }
+    assert!(count > 9, "{count} models");
+}

@@ -98,6 +98,7 @@ impl PlyModel {
         let mut data = self.data.clone();
         let spec = crate::spec::YarnSpec::parse(&data.spec_text, "model (its spec)")?;
         data.energies = data.energies.of_lines(spec.beam.beam().sd_um());
+        data.bound_layers();
         let noise = self.tiles.clone();
         Ok(PlyModel { tiles: noise, ..PlyModel::of(data, Vec::new()) })
     }
