@@ -10,11 +10,11 @@
 use super::coupling::{Coupling, Factors, SINGLE, product};
 use super::curve::{CurvePoint, Resolution};
 use super::entries::{E, H};
-use super::hierarchy::{Exterior, Factored, Hierarchy, Leaf};
+use super::hierarchy::{Factored, Hierarchy, Leaf};
 use super::kernel::{Medium, MediumKernel};
 use super::nystrom::harvest;
 use super::placement::{Frame, at_home, bounds, candidates, same};
-use super::skeleton::{Site, Skeleton, circle};
+use super::skeleton::{Exterior, Site, Skeleton, circle};
 use super::system::BoundarySystem;
 use super::walls::{check_overlap, trace_walls};
 use super::{Body, C64, PlaneWave, Polarization, Scattered, SolverStats, Source, Wave, WaveError, WaveSolver, memory};

@@ -29,9 +29,8 @@ use super::basis::Basis;
 use super::coupling::Number;
 use super::curve::CurvePoint;
 use super::interpolate::interpolate;
-use super::kernel::MediumKernel;
 use super::merge::{Branch, Merge};
-use super::skeleton::{Site, combined};
+use super::skeleton::{Exterior, Site};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
@@ -53,20 +52,6 @@ pub(crate) struct Leaf<'a> {
     /// A circle around its wall: center and radius [um].
     pub center: [f64; 2],
     pub radius: f64,
-}
-
-/// The exterior between all bodies.
-#[derive(Clone, Copy)]
-pub(crate) struct Exterior<'a> {
-    pub kernel: &'a MediumKernel,
-    pub k_rho: f64,
-}
-
-impl Exterior<'_> {
-    /// What a site receives of a unit at another.
-    pub(super) fn between(&self, target: &Site, source: &Site) -> C64 {
-        combined(self.kernel, self.k_rho, target, source)
-    }
 }
 
 /// A group.

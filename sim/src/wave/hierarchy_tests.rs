@@ -3,10 +3,10 @@
 use super::basis::{Basis, STRIP};
 use super::coupling::Number;
 use super::curve::CurvePoint;
-use super::hierarchy::{Exterior, Hierarchy, Leaf};
+use super::hierarchy::{Hierarchy, Leaf};
 use super::interpolate::Interpolation;
 use super::kernel::{Medium, MediumKernel};
-use super::skeleton::Site;
+use super::skeleton::{Exterior, Site};
 use super::*;
 
 fn body(shape: Shape, center_um: [f64; 2], rotation_rad: f64, kappa: f64) -> Body {

@@ -1,5 +1,5 @@
 //! Two groups of bodies made one: the response of the union from those of its halves, and what solves need of it. The equations are those of
-//! [`hierarchy`](super::hierarchy).
+//! `hierarchy.rs`.
 //!
 //! What is kept for solves is what the halves send each other's borders for a unit that arrives at each site of the union, `K' p`: as long as the borders and
 //! as wide as the union's rim, less than the responses and factors that it is made of, which go with the halves. The root alone keeps those: its fields come
@@ -8,9 +8,8 @@
 use super::C64;
 use super::basis::{Basis, STRIP, gemm};
 use super::coupling::Number;
-use super::hierarchy::Exterior;
 use super::lu::Lu;
-use super::skeleton::Site;
+use super::skeleton::{Exterior, Site};
 use faer::{Accum, MatMut, MatRef};
 use rayon::prelude::*;
 

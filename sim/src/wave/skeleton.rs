@@ -73,6 +73,20 @@ fn received(kernel: &MediumKernel, k_rho: f64, target: &Site, source: &CurvePoin
     ]
 }
 
+/// The exterior between all bodies.
+#[derive(Clone, Copy)]
+pub(crate) struct Exterior<'a> {
+    pub kernel: &'a MediumKernel,
+    pub k_rho: f64,
+}
+
+impl Exterior<'_> {
+    /// What a site receives of a unit at another.
+    pub(super) fn between(&self, target: &Site, source: &Site) -> C64 {
+        combined(self.kernel, self.k_rho, target, source)
+    }
+}
+
 /// `L_x L_y G` for two sites.
 #[inline(always)]
 pub(crate) fn combined(kernel: &MediumKernel, k_rho: f64, target: &Site, source: &Site) -> C64 {
