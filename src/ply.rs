@@ -4,6 +4,7 @@
 pub mod asg;
 mod batch;
 mod bsdf;
+mod compiled;
 pub mod cone;
 mod cone_lobe;
 mod cone_mixture;

@@ -2,6 +2,7 @@
 //!
 //! Each of these functions is one inlined copy of the arithmetic. Models beyond the fast tables take one portable copy.
 
+use super::compiled::{compiled, same, same_mut, same_queries, same_ref, same_rows_mut};
 use super::cone_mixture::{self, ConeMixture, PreparedCones};
 use super::energy::{Core, Energies, energies, sum};
 use super::layout::{FEW, Fast, Layout, MORE, Tables};
@@ -16,13 +17,15 @@ type Large = Tables<MAX_LOBES, MAX_LOBES, MAX_PATHS>;
 const LANES: usize = 16;
 const LANES_LARGE: usize = 2 * MAX_LOBES;
 
-/// Declares a kernel: `$name` chooses between `$fast`, compiled for several instruction sets, `$large`, and the two of cones. In each the body is
-/// of the tables and of the constants FMA and L (lanes).
+/// Declares a kernel: `$name` is `$any`, which chooses between `$fast`, compiled for several instruction sets, `$large`, and the two of cones. In each the body
+/// is of the tables and of the constants FMA and L (lanes).
 macro_rules! kernel {
-    ($name:ident, [$fast:ident, $large:ident, $cone:ident, $large_cone:ident], ($($arg:ident: $type:ty),*) -> $out:ty,
-     |$t:ident, $fma:ident, $l:ident| $body:expr, $cone_body:expr) => {
+    ($name:ident = $any:ident, [$fast:ident, $large:ident, $cone:ident, $large_cone:ident],
+     ($($arg:ident: $type:ty $(as $how:ident)?),*) -> $out:ty, |$t:ident, $fma:ident, $l:ident| $body:expr, $cone_body:expr) => {
+        compiled!($name = $any(layout: &Layout, $($arg: $type $(as $how)?),*) -> $out);
+
         #[inline]
-        pub(super) fn $name<const N: usize>(layout: &Layout, $($arg: $type),*) -> $out {
+        fn $any<const N: usize>(layout: &Layout, $($arg: $type),*) -> $out {
             match layout {
                 Layout::Few(tables) => $fast(tables, $($arg),*),
                 Layout::More(tables) => $fast(tables, $($arg),*),
@@ -71,8 +74,8 @@ macro_rules! kernel {
 }
 
 kernel!(
-    run_eval, [eval_fast, eval_large, eval_cone, eval_large_cone],
-    (theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> Core<N>,
+    run_eval = any_eval, [eval_fast, eval_large, eval_cone, eval_large_cone],
+    (theta_i: f32, h_um: f32, sigma: [f32; N] as same, wo: [f32; 3]) -> Core<N>,
     |tables, FMA, L| match mixture::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
         Some((m, x)) => {
             let (refl, high) = m.eval::<FMA>(&x, wo);
@@ -89,8 +92,8 @@ kernel!(
     }
 );
 kernel!(
-    run_pdf, [pdf_fast, pdf_large, pdf_cone, pdf_large_cone],
-    (theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> Core<N>,
+    run_pdf = any_pdf, [pdf_fast, pdf_large, pdf_cone, pdf_large_cone],
+    (theta_i: f32, h_um: f32, sigma: [f32; N] as same, wo: [f32; 3]) -> Core<N>,
     |tables, FMA, L| match mixture::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
         Some((m, x)) => m.core(0.0, [0.0; N], m.pdf::<FMA>(&x, wo)),
         None => Core::MISS,
@@ -101,8 +104,8 @@ kernel!(
     }
 );
 kernel!(
-    run_eval_pdf, [eval_pdf_fast, eval_pdf_large, eval_pdf_cone, eval_pdf_large_cone],
-    (theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> Core<N>,
+    run_eval_pdf = any_eval_pdf, [eval_pdf_fast, eval_pdf_large, eval_pdf_cone, eval_pdf_large_cone],
+    (theta_i: f32, h_um: f32, sigma: [f32; N] as same, wo: [f32; 3]) -> Core<N>,
     |tables, FMA, L| match mixture::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
         Some((m, x)) => {
             let (refl, high, pdf) = m.eval_pdf::<FMA>(&x, &m.mean::<FMA>(), wo);
@@ -116,8 +119,8 @@ kernel!(
     }
 );
 kernel!(
-    run_sample, [sample_fast, sample_large, sample_cone, sample_large_cone],
-    (theta_i: f32, h_um: f32, sigma: [f32; N], u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>),
+    run_sample = any_sample, [sample_fast, sample_large, sample_cone, sample_large_cone],
+    (theta_i: f32, h_um: f32, sigma: [f32; N] as same, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>),
     |tables, FMA, L| match weights::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
         Some((mut m, params)) => match m.sample::<FMA>(&params, tables.bandwidth, u) {
             Some((wo, (refl, high, pdf))) => (Some(wo), m.core(refl, high, pdf)),
@@ -131,8 +134,8 @@ kernel!(
     }
 );
 kernel!(
-    run_directions, [directions_fast, directions_large, directions_cone, directions_large_cone],
-    (theta_i: f32, h_um: f32, sigma: [f32; N], wo: &[[f32; 3]], f: &mut [[f32; N]], pdf: &mut [f32]) -> (),
+    run_directions = any_directions, [directions_fast, directions_large, directions_cone, directions_large_cone],
+    (theta_i: f32, h_um: f32, sigma: [f32; N] as same, wo: &[[f32; 3]], f: &mut [[f32; N]] as same_rows_mut, pdf: &mut [f32]) -> (),
     |tables, FMA, L| match mixture::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
         Some((m, x)) => {
             let mean = m.mean::<FMA>();
@@ -155,14 +158,14 @@ kernel!(
     }
 );
 kernel!(
-    run_batch, [batch_fast, batch_large, batch_cone, batch_large_cone],
-    (queries: &Queries<'_, N>, f: &mut [[f32; N]]) -> (),
-    |tables, FMA, L| batch::eval::<FMA, _, _, L, _, N>(tables, queries, f),
-    cone_mixture::eval_batch::<FMA, _, _, L, _, N>(tables, queries, f)
+    run_batch = any_batch, [batch_fast, batch_large, batch_cone, batch_large_cone],
+    (queries: Queries<'_, N> as same_queries, f: &mut [[f32; N]] as same_rows_mut) -> (),
+    |tables, FMA, L| batch::eval::<FMA, _, _, L, _, N>(tables, &queries, f),
+    cone_mixture::eval_batch::<FMA, _, _, L, _, N>(tables, &queries, f)
 );
 kernel!(
-    run_energies, [energies_fast, energies_large, energies_cone, energies_large_cone],
-    (theta_i: f32, h_um: f32, sigma: [f32; N]) -> Energies<N>,
+    run_energies = any_energies, [energies_fast, energies_large, energies_cone, energies_large_cone],
+    (theta_i: f32, h_um: f32, sigma: [f32; N] as same) -> Energies<N>,
     |tables, FMA, _L| match energies::<FMA, _, _, _, N>(tables, theta_i, h_um, &sigma) {
         Some(e) => e,
         None => Energies::MISS,
@@ -173,8 +176,8 @@ kernel!(
     }
 );
 kernel!(
-    run_slit_eval, [slit_eval_fast, slit_eval_large, slit_eval_cone, slit_eval_large_cone],
-    (share: f32, theta_i: f32, h_um: f32, sigma: [f32; N], wo: [f32; 3]) -> (Core<N>, Diffracted<N>),
+    run_slit_eval = any_slit_eval, [slit_eval_fast, slit_eval_large, slit_eval_cone, slit_eval_large_cone],
+    (share: f32, theta_i: f32, h_um: f32, sigma: [f32; N] as same, wo: [f32; 3]) -> (Core<N>, Diffracted<N>),
     |tables, FMA, L| match weights::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
         Some((mut m, params)) => m.slit_eval_pdf::<FMA>(&params, tables.bandwidth, (share, theta_i), wo),
         None => (Core::MISS, Diffracted { energy: [0.0; N], chance: 0.0 }),
@@ -185,8 +188,8 @@ kernel!(
     }
 );
 kernel!(
-    run_slit_sample, [slit_sample_fast, slit_sample_large, slit_sample_cone, slit_sample_large_cone],
-    (share: f32, theta_i: f32, h_um: f32, sigma: [f32; N], u: [f32; 3]) -> SlitSample,
+    run_slit_sample = any_slit_sample, [slit_sample_fast, slit_sample_large, slit_sample_cone, slit_sample_large_cone],
+    (share: f32, theta_i: f32, h_um: f32, sigma: [f32; N] as same, u: [f32; 3]) -> SlitSample,
     |tables, FMA, L| match weights::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
         Some((mut m, params)) => m.slit_sample::<FMA>(&params, tables.bandwidth, (share, theta_i), u),
         None => SlitSample::Missed(u[0]),
@@ -212,20 +215,62 @@ pub(super) enum Prepared<const N: usize> {
     Nothing,
 }
 
-/// Puts the lobes at an incidence where they are kept.
+compiled!(
+    /// Puts the lobes at an incidence where they are kept.
+    run_prepare = any_prepare(
+        layout: &Layout, theta_i: f32, h_um: f32, sigma: &[f32; N] as same_ref, prepared: &mut Prepared<N> as same_mut
+    ) -> ()
+);
+compiled!(
+    /// f_refl and f_high of lobes that are kept; those of a beam that misses where none are.
+    kept_eval = any_kept_eval(kept: &Prepared<N> as same_ref, wo: [f32; 3]) -> Core<N>
+);
+compiled!(
+    /// [`kept_eval`] with the density.
+    kept_eval_pdf = any_kept_eval_pdf(kept: &Prepared<N> as same_ref, wo: [f32; 3]) -> Core<N>
+);
+compiled!(
+    /// A direction of lobes that are kept, with [`kept_eval_pdf`] there.
+    kept_sample = any_kept_sample(kept: &Prepared<N> as same_ref, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>)
+);
+
 #[inline]
-pub(super) fn run_prepare<const N: usize>(
-    layout: &Layout,
-    theta_i: f32,
-    h_um: f32,
-    sigma: &[f32; N],
-    prepared: &mut Prepared<N>,
-) {
+fn any_prepare<const N: usize>(layout: &Layout, theta_i: f32, h_um: f32, sigma: &[f32; N], prepared: &mut Prepared<N>) {
     match layout {
         Layout::Few(tables) => prepare_few(tables, theta_i, h_um, sigma, prepared),
         Layout::More(tables) => prepare_more(tables, theta_i, h_um, sigma, prepared),
         Layout::Cone(tables) => prepare_cone(tables, theta_i, h_um, sigma, prepared),
         Layout::Large(_) | Layout::LargeCone(_) => (),
+    }
+}
+
+#[inline]
+fn any_kept_eval<const N: usize>(kept: &Prepared<N>, wo: [f32; 3]) -> Core<N> {
+    match kept {
+        Prepared::Few(x) => prepared_eval(x, wo),
+        Prepared::More(x) => prepared_eval(x, wo),
+        Prepared::Cone(x) => cone_eval_pdf(x, wo),
+        Prepared::Nothing => Core::MISS,
+    }
+}
+
+#[inline]
+fn any_kept_eval_pdf<const N: usize>(kept: &Prepared<N>, wo: [f32; 3]) -> Core<N> {
+    match kept {
+        Prepared::Few(x) => prepared_eval_pdf(x, wo),
+        Prepared::More(x) => prepared_eval_pdf(x, wo),
+        Prepared::Cone(x) => cone_eval_pdf(x, wo),
+        Prepared::Nothing => Core::MISS,
+    }
+}
+
+#[inline]
+fn any_kept_sample<const N: usize>(kept: &Prepared<N>, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>) {
+    match kept {
+        Prepared::Few(x) => prepared_sample(x, u),
+        Prepared::More(x) => prepared_sample(x, u),
+        Prepared::Cone(x) => cone_sample(x, u),
+        Prepared::Nothing => (None, Core::MISS),
     }
 }
 
@@ -236,7 +281,7 @@ macro_rules! prepared {
             "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
             "x86_64+avx2+bmi1+bmi2+fma"
         ))]
-        pub(super) fn $name<$(const $h: usize,)? const N: usize>($($arg: $type),*) -> $out {
+        fn $name<$(const $h: usize,)? const N: usize>($($arg: $type),*) -> $out {
             const $fma: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
             $body
         }

@@ -1,5 +1,6 @@
 //! Edge lobes at run time: bandwidths interpolated for N wavelengths side by side, the lobe's value, density and sampling.
 
+use super::compiled::{compiled, same, same_ref};
 use super::lobe::{amplitudes, disc_point, disc_share, norm, root_width, shape, sin_cos};
 use crate::math::simd::{fma, max, min};
 use crate::ply::EdgeLobes;
@@ -226,12 +227,22 @@ impl Edge<'_> {
     }
 }
 
-/// Values [1/sr] of edge light of energy 1.
+compiled!(
+    /// Values [1/sr] of edge light of energy 1.
+    eval = any_eval(edge: &EdgeTables, theta_i: f32, h_um: f32, lambda_um: &[f32; N] as same_ref, wo: [f32; 3]) -> [f32; N]
+);
+compiled!(
+    /// [`eval`] and the density of [`sample`].
+    eval_pdf = any_eval_pdf(
+        edge: &EdgeTables, theta_i: f32, h_um: f32, lambda_um: &[f32; N] as same_ref, wo: [f32; 3]
+    ) -> ([f32; N], f32)
+);
+
 #[multiversion(targets(
     "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
     "x86_64+avx2+bmi1+bmi2+fma"
 ))]
-pub(super) fn eval<const N: usize>(
+fn any_eval<const N: usize>(
     edge: &EdgeTables,
     theta_i: f32,
     h_um: f32,
@@ -242,12 +253,11 @@ pub(super) fn eval<const N: usize>(
     edge.at::<FMA>(theta_i, h_um).eval::<FMA, false, N>(lambda_um, wo).0
 }
 
-/// [`eval`] and the density of [`sample`].
 #[multiversion(targets(
     "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
     "x86_64+avx2+bmi1+bmi2+fma"
 ))]
-pub(super) fn eval_pdf<const N: usize>(
+fn any_eval_pdf<const N: usize>(
     edge: &EdgeTables,
     theta_i: f32,
     h_um: f32,

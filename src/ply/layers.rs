@@ -12,6 +12,7 @@
 //! Without absorption r + t = 1 in every layer, and then `T + R = r_1 + t_1 ((1 - r*_2) + r*_2 (1 - r*_1)) / (1 - r*_1 r*_2) = 1`.
 
 use super::asg::PARAMS;
+use super::compiled::{compiled, same, same_ref};
 use super::data::{MAX_PATHS, PlyData};
 use super::energy::clamped_sigma;
 use super::layer_factors::half_nodes;
@@ -246,12 +247,22 @@ impl LayerTables {
 /// Energies below this are none.
 const LEAST: f32 = 1e-12;
 
-/// [`PlyModel::layer`], and the energy of [`PlyModel::forward_energy`] as tabulated, where the share `r_d` of the beam misses.
+compiled!(
+    /// [`PlyModel::layer`], and the energy of [`PlyModel::forward_energy`] as tabulated, where the share `r_d` of the beam misses.
+    layer_and_forward = any_layer_and_forward(
+        tables: &LayerTables, theta_i: f32, h_um: f32, r_d: f32, sigma: &[f32; N] as same_ref
+    ) -> (Layer<N>, [f32; N])
+);
+compiled!(
+    /// [`PlyModel::layer`].
+    layer = any_layer(tables: &LayerTables, theta_i: f32, sigma: &[f32; N] as same_ref) -> Layer<N>
+);
+
 #[multiversion(targets(
     "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
     "x86_64+avx2+bmi1+bmi2+fma"
 ))]
-pub(super) fn layer_and_forward<const N: usize>(
+fn any_layer_and_forward<const N: usize>(
     tables: &LayerTables,
     theta_i: f32,
     h_um: f32,
@@ -263,12 +274,11 @@ pub(super) fn layer_and_forward<const N: usize>(
     (tables.layer::<FMA, N>(theta_i, &t), tables.forward::<FMA, N>(theta_i, h_um, r_d, &t))
 }
 
-/// [`PlyModel::layer`].
 #[multiversion(targets(
     "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
     "x86_64+avx2+bmi1+bmi2+fma"
 ))]
-pub(super) fn layer<const N: usize>(tables: &LayerTables, theta_i: f32, sigma: &[f32; N]) -> Layer<N> {
+fn any_layer<const N: usize>(tables: &LayerTables, theta_i: f32, sigma: &[f32; N]) -> Layer<N> {
     const FMA: bool = target_cfg_f!(target_feature = "fma") || cfg!(target_arch = "aarch64");
     tables.layer::<FMA, N>(theta_i, &tables.transmittances::<FMA, N>(sigma))
 }

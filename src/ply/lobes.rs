@@ -83,40 +83,32 @@ impl<const N: usize> Lobes<N> for Cached<'_, N> {
     #[inline]
     fn eval(&self, wo: [f32; 3]) -> Core<N> {
         match &self.prepared {
-            Prepared::Few(prepared) => dispatch::prepared_eval(prepared, wo),
-            Prepared::More(prepared) => dispatch::prepared_eval(prepared, wo),
-            Prepared::Cone(prepared) => dispatch::cone_eval_pdf(prepared, wo),
             Prepared::Nothing => self.uncached.eval(wo),
+            kept => dispatch::kept_eval(kept, wo),
         }
     }
 
     #[inline]
     fn eval_pdf(&self, wo: [f32; 3]) -> Core<N> {
         match &self.prepared {
-            Prepared::Few(prepared) => dispatch::prepared_eval_pdf(prepared, wo),
-            Prepared::More(prepared) => dispatch::prepared_eval_pdf(prepared, wo),
-            Prepared::Cone(prepared) => dispatch::cone_eval_pdf(prepared, wo),
             Prepared::Nothing => self.uncached.eval_pdf(wo),
+            kept => dispatch::kept_eval_pdf(kept, wo),
         }
     }
 
     #[inline]
     fn pdf(&self, wo: [f32; 3]) -> Core<N> {
         match &self.prepared {
-            Prepared::Few(prepared) => dispatch::prepared_eval_pdf(prepared, wo),
-            Prepared::More(prepared) => dispatch::prepared_eval_pdf(prepared, wo),
-            Prepared::Cone(prepared) => dispatch::cone_eval_pdf(prepared, wo),
             Prepared::Nothing => self.uncached.pdf(wo),
+            kept => dispatch::kept_eval_pdf(kept, wo),
         }
     }
 
     #[inline]
     fn sample(&self, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>) {
         match &self.prepared {
-            Prepared::Few(prepared) => dispatch::prepared_sample(prepared, u),
-            Prepared::More(prepared) => dispatch::prepared_sample(prepared, u),
-            Prepared::Cone(prepared) => dispatch::cone_sample(prepared, u),
             Prepared::Nothing => self.uncached.sample(u),
+            kept => dispatch::kept_sample(kept, u),
         }
     }
 

@@ -142,7 +142,7 @@ impl PlyModel {
 
     /// f_refl + f_high [1/sr] (Yu 2025, Eq. 8) at each of many queries; 0 where an array of `queries` is shorter than `f`.
     pub fn eval_batch<const N: usize>(&self, queries: &Queries<'_, N>, f: &mut [[f32; N]]) {
-        dispatch::run_batch(&self.layout, queries, f);
+        dispatch::run_batch(&self.layout, *queries, f);
     }
 
     /// The model's noise tiles, if it has noise. The first call makes them of their spectrum, in a tenth of a second or less, and allocates; the first query with an instance

@@ -5,6 +5,7 @@
 //! `sqrt((sum (m - t)^2 - v) / (sum t^2 - v))`: the expected value of `(m - t)^2` is `(m - E t)^2 + v`, that of `t^2` is `(E t)^2 + v`.
 
 use super::{ClothTwin, SphereBins};
+use crate::math::parallel;
 use crate::{Bsdf, FabricBsdf, FabricQuery};
 
 /// Where the light goes, as fractions of what comes in.
@@ -62,17 +63,17 @@ const STEPS_OF_DIRECTIONS: [f64; 2] = [0.856_674_883_854_502_9, 0.733_891_856_62
 
 /// All views and absorptions of the twin, in its order. The fabric's own colors do not count: the absorptions are the twin's.
 pub fn compare(fabric: &FabricBsdf, twin: &ClothTwin, options: &ComparisonOptions) -> Vec<Comparison> {
-    let mut all = Vec::with_capacity(twin.view_count() * twin.sigma_count());
-    for view in 0..twin.view_count() {
-        for first in (0..twin.sigma_count()).step_by(N) {
-            let (densities, straight) = mean_of_model(fabric, twin, view, first, options);
-            for k in 0..N.min(twin.sigma_count() - first) {
-                let model: Vec<f64> = densities.iter().map(|d| d[k]).collect();
-                all.push(held_to(twin, view, first + k, &model, straight[k]));
-            }
-        }
-    }
-    all
+    let steps = twin.sigma_count().div_ceil(N);
+    let parts = parallel::map(twin.view_count() * steps, |part| {
+        let (view, first) = (part / steps, part % steps * N);
+        let (densities, straight) = mean_of_model(fabric, twin, view, first, options);
+        let held = |k: usize| {
+            let model: Vec<f64> = densities.iter().map(|d| d[k]).collect();
+            held_to(twin, view, first + k, &model, straight[k])
+        };
+        (0..N.min(twin.sigma_count() - first)).map(held).collect::<Vec<_>>()
+    });
+    parts.into_iter().flatten().collect()
 }
 
 /// Half-angle of the cone about the straight direction that is integrated apart [rad]: light beside plies and through gaps is narrow there.
