@@ -19,8 +19,8 @@ const SHARE_STEP_SDS: f64 = 1.2;
 const MOST_NODES: usize = 1001;
 /// Rays of a latitude of r_d over all instances, those for each path where runs are short, and the least of an instance.
 const RAYS: u64 = 1 << 18;
-const RAYS_A_PATH: u64 = 4;
-const LEAST_RAYS: u64 = 1 << 12;
+const RAYS_A_PATH: u64 = 1;
+const LEAST_RAYS: u64 = 1 << 11;
 
 /// The grids, as refinements of those of the slices.
 #[derive(Clone, Debug)]
