@@ -17,7 +17,9 @@ case $system in
 Darwin) shared=libplywave.$abi.dylib made=libplywave_capi.dylib name=libplywave.dylib ;;
 *) shared=libplywave.so.$abi made=libplywave_capi.so name=libplywave.so ;;
 esac
-cargo build --locked --release --quiet -p plywave-capi --lib
+# PLYWAVE_CARGO_SCOPE, as .ci/run has it, takes what a build of the whole workspace has left.
+read -ra scope <<<"${PLYWAVE_CARGO_SCOPE:--p plywave-capi}"
+cargo build --locked --release --quiet "${scope[@]}" --lib
 
 # What a static library asks of the system, in rustc's words.
 scratch=$(mktemp -d)

@@ -17,7 +17,9 @@ private=$(sed -n 's/^Libs.private: //p' "$lib/pkgconfig/plywave.pc")
 read -ra static <<<"$lib/libplywave.a $private"
 shared=("-L$lib" -lplywave "-Wl,-rpath,$lib")
 
-cargo run --locked --release --quiet -p plywave-capi --example reference >"$scratch/expected.txt"
+read -ra scope <<<"${PLYWAVE_CARGO_SCOPE:--p plywave-capi}"
+cargo build --locked --release --quiet "${scope[@]}" --example reference
+"${CARGO_TARGET_DIR:-target}/release/examples/reference" >"$scratch/expected.txt"
 for sanitize in "" "-fsanitize=address,undefined -fno-sanitize-recover=all -g"; do
     for kind in static shared; do
         declare -n link=$kind
