@@ -124,7 +124,7 @@ fn smooth_cylinder_matches_zinke_weber() {
 fn power_is_conserved() {
     for name in ["polyester", "cotton", "silk", "wool", "viscose"] {
         let (spec, text) = spec(name);
-        let options = small(SimOptions::preview(), TracerKind::Auto, 4_000);
+        let options = small(SimOptions::preview(), TracerKind::Auto, 2_000);
         let t = simulate(&spec, &text, &options, Run::plain()).unwrap();
         let ks = t.sigma_per_um.len();
         for i in 0..t.r_d.len() {
@@ -171,7 +171,7 @@ fn distance(a: &Table, b: &Table, m: usize, n: usize, k: Option<usize>) -> f64 {
 /// but paths that part at the first difference.
 #[test]
 fn mesh_and_screw_agree() {
-    for (name, paths) in [("polyester", 30_000), ("cotton", 6_000), ("viscose", 12_000)] {
+    for (name, paths) in [("polyester", 15_000), ("cotton", 3_000), ("viscose", 12_000)] {
         let (spec, text) = spec(name);
         let screw =
             simulate(&spec, &text, &small(SimOptions::preview(), TracerKind::Screw, paths), Run::plain()).unwrap();

@@ -229,7 +229,7 @@ fn a_core_of_the_same_material_is_no_core() {
 fn hollow_circles_by_march_and_by_triangles() {
     let spec = hollow(0.5, "", DIELECTRIC);
     let text = toml::to_string(&spec).unwrap();
-    let run = |tracer| simulate(&spec, &text, &small(20_000, tracer), Run::plain()).unwrap();
+    let run = |tracer| simulate(&spec, &text, &small(12_000, tracer), Run::plain()).unwrap();
     let (screw, mesh) = (run(TracerKind::Screw), run(TracerKind::Mesh));
     for k in 0..screw.sigma_per_um.len() {
         let (a, b) = (mean_high(&screw, k), mean_high(&mesh, k));
@@ -370,7 +370,7 @@ fn a_table_has_the_index_of_its_wavelength() {
     let with = |index: &str, lambda_um: f64| {
         let mut spec = yarn(&format!("{CIRCLE}{index}"), "");
         spec.beam.lambda_um = lambda_um;
-        table(&spec, 60_000)
+        table(&spec, 30_000)
     };
     // An Abbe number of 0.6/(1.91 B) = 32: strong for a polymer.
     let index = "eta = 1.6\ndispersion_um2 = 0.0097";

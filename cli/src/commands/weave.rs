@@ -47,11 +47,7 @@ pub fn run(cli: &Cli, args: &WeaveArgs) -> Outcome {
     if let WeaveSpec::Wif { file } = &spec.weave {
         inputs.push(args.fabric.parent().unwrap_or(Path::new("")).join(file));
     }
-    let shading = FabricBsdf::new(loaded, &FabricOptions::default())?;
-    notes.extend(super::color::fabric_notes(&shading));
-    let load = begun.elapsed();
-    let colors = Family::EACH.map(|family| base_colors(&shading, family));
-    let fabric = shading.fabric();
+    // What is quickly refused comes before what takes seconds.
     let folder = args.output.clone().unwrap_or_else(|| output::default_output(&args.fabric, "weave"));
     output::check_folder(&folder, DESCRIPTION, &[&args.fabric])?;
     let read = [&[args.fabric.clone()][..], &inputs].concat();
@@ -59,7 +55,12 @@ pub fn run(cli: &Cli, args: &WeaveArgs) -> Outcome {
     if folder.is_dir() {
         FILES.iter().try_for_each(|name| output::check_writable(&folder.join(name), &read))?;
     }
-    let size = size(args, fabric)?;
+    let size = size(args, &loaded.fabric)?;
+    let shading = FabricBsdf::new(loaded, &FabricOptions::default())?;
+    notes.extend(super::color::fabric_notes(&shading));
+    let load = begun.elapsed();
+    let colors = Family::EACH.map(|family| base_colors(&shading, family));
+    let fabric = shading.fabric();
     progress::install_stop();
     let textures = textures(fabric, &colors, size, args.back);
     let mut files = Vec::new();
