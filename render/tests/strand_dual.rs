@@ -158,10 +158,10 @@ fn dual_scattering_is_off_from_path_tracing_by_what_is_told() {
         ("layers", layer, "dark", 0.3, [-0.02, -0.01, -0.01]),
     ] {
         let scene = scene(&what, tt, 0.1);
-        let (path, path_time) = by_paths(&scene, &camera, 32, 32, 200);
+        let (path, path_time) = by_paths(&scene, &camera, 32, 64, 200);
         let want = blocks(&path, 8);
         for ((kind, options), told) in kinds.iter().zip(told) {
-            let (dual, dual_time) = by_dual(&scene, &camera, 32, 32, options);
+            let (dual, dual_time) = by_dual(&scene, &camera, 32, 64, options);
             let got = blocks(&dual, 8);
             let off: Vec<f64> = want.iter().zip(&got).map(|(w, g)| (g - w).powi(2)).collect();
             let (all, rms) = (mean(&got) / mean(&want) - 1.0, mean(&off).sqrt() / mean(&want));
