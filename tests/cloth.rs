@@ -5,17 +5,18 @@ use plywave::twin::{ClothTwin, ComparisonOptions, Light, compare};
 use plywave::{Bsdf, FabricBsdf, FabricQuery};
 use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
-use std::sync::{Mutex, OnceLock};
+use std::sync::{Arc, Mutex};
 
 fn folder() -> String {
     format!("{}/fabrics", env!("CARGO_MANIFEST_DIR"))
 }
 
 /// Each is loaded once.
-fn fabric(name: &'static str) -> &'static FabricBsdf {
-    static LOADED: Mutex<BTreeMap<&str, &'static OnceLock<FabricBsdf>>> = Mutex::new(BTreeMap::new());
-    let fabric: &OnceLock<_> = LOADED.lock().unwrap().entry(name).or_insert_with(|| Box::leak(Box::default()));
-    fabric.get_or_init(|| FabricBsdf::load(format!("{}/{name}.toml", folder()), &FabricOptions::RAYS).unwrap())
+fn fabric(name: &'static str) -> Arc<FabricBsdf> {
+    static LOADED: Mutex<BTreeMap<&str, Arc<FabricBsdf>>> = Mutex::new(BTreeMap::new());
+    let mut loaded = LOADED.lock().unwrap();
+    let load = || Arc::new(FabricBsdf::load(format!("{}/{name}.toml", folder()), &FabricOptions::RAYS).unwrap());
+    loaded.entry(name).or_insert_with(load).clone()
 }
 
 /// What a cloth may be off from its twin: R and T up to 60 degrees, twice that beyond; L2 of the upper half up to 60 degrees and beyond; L2 of the lower half where more than 0.05 is
@@ -40,60 +41,28 @@ const LIMITS: [Limits; 6] = [
 
 /// The cloths that ship against the twins that ship, `plywave twin fabrics/NAME.toml --paths 120000`: explicit fibers, eight views, three absorptions. Of the cloth what ray
 /// optics has: twins have no diffraction.
-mod twins {
-    use super::near_its_twin;
-
-    #[test]
-    fn polyester_layers() {
-        near_its_twin("polyester_layers");
-    }
-
-    #[test]
-    fn polyester_satin() {
-        near_its_twin("polyester_satin");
-    }
-
-    #[test]
-    fn silk_organza() {
-        near_its_twin("silk_organza");
-    }
-
-    #[test]
-    fn cotton_plain() {
-        near_its_twin("cotton_plain");
-    }
-
-    #[test]
-    fn cotton_twill() {
-        near_its_twin("cotton_twill");
-    }
-
-    #[test]
-    fn wool_plain() {
-        near_its_twin("wool_plain");
-    }
-}
-
-fn near_its_twin(name: &'static str) {
-    let limits = LIMITS.iter().find(|limits| limits.name == name).unwrap();
-    let fabric = fabric(limits.name);
-    let twin = ClothTwin::load(format!("{}/twins/{name}.pwx", folder())).unwrap();
-    // Light up to 60 degrees and beyond, L2 of the upper half alike, of the lower one.
-    let (mut light, mut upper, mut lower) = ([0.0f64; 2], [0.0f64; 2], 0.0f64);
-    for c in compare(fabric, &twin, &ComparisonOptions::default()) {
-        let steep = usize::from(twin.view(c.view)[2].abs() < 0.45);
-        let passed = |l: &Light| l.transmitted + l.straight;
-        let off = (c.model.reflected - c.twin.reflected).abs().max((passed(&c.model) - passed(&c.twin)).abs());
-        light[steep] = light[steep].max(off);
-        upper[steep] = upper[steep].max(c.upper);
-        if c.twin.transmitted > 0.05 && steep == 0 {
-            lower = lower.max(c.lower);
+#[test]
+fn cloths_are_near_their_twins() {
+    for limits in &LIMITS {
+        let fabric = fabric(limits.name);
+        let twin = ClothTwin::load(format!("{}/twins/{}.pwx", folder(), limits.name)).unwrap();
+        // Light up to 60 degrees and beyond, L2 of the upper half alike, of the lower one.
+        let (mut light, mut upper, mut lower) = ([0.0f64; 2], [0.0f64; 2], 0.0f64);
+        for c in compare(&fabric, &twin, &ComparisonOptions::default()) {
+            let steep = usize::from(twin.view(c.view)[2].abs() < 0.45);
+            let passed = |l: &Light| l.transmitted + l.straight;
+            let off = (c.model.reflected - c.twin.reflected).abs().max((passed(&c.model) - passed(&c.twin)).abs());
+            light[steep] = light[steep].max(off);
+            upper[steep] = upper[steep].max(c.upper);
+            if c.twin.transmitted > 0.05 && steep == 0 {
+                lower = lower.max(c.lower);
+            }
         }
+        println!("{}: |R|, |T| {light:.3?}, L2 upper {upper:.3?}, lower {lower:.3}", limits.name);
+        assert!(light[0] < limits.light && light[1] < 2.0 * limits.light, "{}: {light:?}", limits.name);
+        assert!(upper[0] < limits.upper[0] && upper[1] < limits.upper[1], "{}: {upper:?}", limits.name);
+        assert!(lower < limits.lower, "{}: {lower}", limits.name);
     }
-    println!("{name}: |R|, |T| {light:.3?}, L2 upper {upper:.3?}, lower {lower:.3}");
-    assert!(light[0] < limits.light && light[1] < 2.0 * limits.light, "{name}: {light:?}");
-    assert!(upper[0] < limits.upper[0] && upper[1] < limits.upper[1], "{name}: {upper:?}");
-    assert!(lower < limits.lower, "{name}: {lower}");
 }
 
 /// Mean over places of a clear cloth.
@@ -137,15 +106,15 @@ fn clear_cloths_conserve_energy_both_ways() {
     ] {
         let fabric = fabric(name);
         let (mut by_view, mut by_light, mut straight) = (0.0, 0.0, [0.0; 2]);
-        for (k, at) in places(fabric, N).enumerate() {
+        for (k, at) in places(&fabric, N).enumerate() {
             let even = |step: f64| (0.5 + k as f64 * step).fract();
             // The other direction, by cosine: half of them on either side.
             let other = even(0.725_731_409_9) * 2.0 - 1.0;
             let other = direction(other.abs().sqrt().max(1e-3).copysign(other), even(0.652_178_999_0));
             let one = direction(z, even(0.586_080_078_4));
             let cos = f64::from(other[2].abs());
-            by_view += 2.0 * PI / cos * eval(fabric, at, one, other) / N as f64;
-            by_light += 2.0 * PI / z * eval(fabric, at, other, one) / N as f64;
+            by_view += 2.0 * PI / cos * eval(&fabric, at, one, other) / N as f64;
+            by_light += 2.0 * PI / z * eval(&fabric, at, other, one) / N as f64;
             // Straight light is that of the line itself, whichever end it comes from.
             let query = FabricQuery { sigma_per_um: [Some([0.0]); 2], ..FabricQuery::new(at, one, [0.55]) };
             straight.iter_mut().for_each(|s| *s += f64::from(fabric.at(&query).straight()[0]) / N as f64);
@@ -166,15 +135,15 @@ fn layers_are_reciprocal() {
     for (i, (a, b)) in pairs.into_iter().enumerate() {
         // Cones of some degrees, so that single lobes of the fit do not count.
         let (mut forth, mut back) = (0.0, 0.0);
-        for (k, at) in places(fabric, 20_000).enumerate() {
+        for (k, at) in places(&fabric, 20_000).enumerate() {
             let even = |step: f64| (0.5 + k as f64 * step).fract();
             let near = |z: f64, turn: f64, u: f64, v: f64| {
                 direction((z + 0.16 * (u - 0.5)).clamp(-1.0, 1.0), turn + 0.1 * (v - 0.5))
             };
             let one = near(a, 0.1, even(0.725_731_409_9), even(0.652_178_999_0));
             let two = near(b, 0.1 + 0.23 * i as f64, even(0.586_080_078_4), even(0.526_680_036_1));
-            forth += eval(fabric, at, one, two) / f64::from(two[2].abs());
-            back += eval(fabric, at, two, one) / f64::from(one[2].abs());
+            forth += eval(&fabric, at, one, two) / f64::from(two[2].abs());
+            back += eval(&fabric, at, two, one) / f64::from(one[2].abs());
         }
         println!("{a} to {b}: {:.3}", forth / back);
         off = off.max((forth / back - 1.0).abs());
