@@ -15,7 +15,7 @@ use num_complex::Complex;
 use plywave::math::axis;
 use plywave::table::{OutgoingGrid, Table};
 use rayon::prelude::*;
-use rustfft::{Fft, FftPlanner};
+use rustfft::{Fft, FftPlannerScalar};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::Arc;
 
@@ -77,7 +77,7 @@ impl Kernel {
     pub fn new(table: &Table, light: Light, level: Level, reach_um: f64) -> Kernel {
         let (rows, azimuths, offsets) = (level.rows, level.azimuths, level.offsets);
         let sphere = OutgoingGrid { theta_o: rows, phi_o: azimuths };
-        let mut planner = FftPlanner::new();
+        let mut planner = FftPlannerScalar::new();
         let (forward, inverse) = (planner.plan_fft_forward(azimuths), planner.plan_fft_inverse(azimuths));
         let frequencies = azimuths / 2 + 1;
         let inputs = rows * offsets;
