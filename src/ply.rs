@@ -51,6 +51,6 @@ pub use layer_factors::LayerFactors;
 pub use layers::{Layer, TwoLayers};
 pub(crate) use lobes::{Cached, Lobes, Uncached};
 pub use model::PlyModel;
-pub(crate) use on::{LobeLight, PlyOn, UncachedPly};
+pub(crate) use on::{LobeLight, PlyOn};
 pub use queries::Queries;
 pub use query::{PlyQuery, PlyTerms};

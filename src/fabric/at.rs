@@ -9,6 +9,7 @@ use super::between::BetweenAt;
 use super::far::FarAt;
 use super::place::MAX_NEAR;
 use super::shade::Shade;
+use super::shadow::Toward;
 use crate::bsdf::{DirectionSample, Outcomes};
 use crate::frame::is_direction;
 use crate::gap::GapBsdf;
@@ -102,6 +103,20 @@ impl<L: Lobes<N>, const N: usize> NearPly<'_, L, N> {
         self.add(b, wo, &self.ply.eval_pdf_lobes(self.hit, wo), f, pdf);
     }
 
+    /// Adds f of many directions.
+    fn add_all(&self, lights: &[Toward], f: &mut [[f32; N]]) {
+        let shares = self.ply.query.sigma_per_um.map(ExitsAt::clear_share);
+        for (toward, f) in lights.iter().zip(f) {
+            let wo = to_ply(&self.frame, toward.b);
+            let light = self.ply.eval_apart(wo);
+            let [refl, clear, dark] = self.shade.toward(toward, self.exits.lines(wo));
+            let [refl, clear, dark] = [refl * self.arrives, clear * self.arrives, dark * self.arrives];
+            for k in 0..N {
+                f[k] += refl * light.refl[k] + (dark + shares[k] * (clear - dark)) * light.high[k];
+            }
+        }
+    }
+
     #[inline]
     fn pdf(&self, b: [f32; 3]) -> f32 {
         self.chance * self.ply.pdf_lobes(self.hit, to_ply(&self.frame, b))
@@ -171,19 +186,18 @@ impl<const N: usize> FabricAt<'_, N> {
     }
 
     /// f of the plies of one family towards `lights`, and the energies that they scatter, of one layer and of two.
-    pub(super) fn of_family(&self, family: Family, lights: &[[f32; 3]]) -> (Vec<[f32; N]>, [[f32; N]; 2]) {
+    pub(super) fn of_family(&self, family: Family, lights: &[Toward]) -> (Vec<[f32; N]>, [[f32; N]; 2]) {
         let (mut f, mut first) = (vec![[0.0; N]; lights.len()], [[0.0; N]; 2]);
         let mut scatters = |is_double: bool, arrives: f32, energy: &[f32; N]| {
             (0..N).for_each(|k| first[usize::from(is_double)][k] += arrives * energy[k]);
         };
         if let Some(ply) = self.main.as_ref().filter(|ply| ply.family == family) {
             scatters(ply.is_double, ply.arrives, &ply.energy);
-            lights.iter().zip(&mut f).for_each(|(b, f)| ply.eval_pdf(*b, f, &mut 0.0));
+            ply.add_all(lights, &mut f);
         }
         for ply in self.others.iter().flatten().filter(|ply| ply.family == family) {
             scatters(ply.is_double, ply.arrives, &ply.energy);
-            let ply = ply.prepared();
-            lights.iter().zip(&mut f).for_each(|(b, f)| ply.eval_pdf(*b, f, &mut 0.0));
+            ply.prepared().add_all(lights, &mut f);
         }
         (f, first)
     }

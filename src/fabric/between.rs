@@ -21,11 +21,11 @@ use super::regression::Sums;
 use super::shadow::Shadows;
 use super::splines;
 use super::{Fabric, Family};
+use crate::PlyModel;
 use crate::color::AlbedoCurve;
 use crate::math::hash::SplitMix64;
 use crate::math::parallel;
-use crate::ply::{EXIT_KINDS, ExitLine, ExitsAt, UncachedPly};
-use crate::{PlyModel, PlyQuery};
+use crate::ply::{EXIT_KINDS, ExitLine, ExitsAt};
 use std::f32::consts::PI;
 
 /// Nodes of absorption, those of the mean over the repeat: between them energies are linear in v = 1 / (1 + sigma L), L this length [um], some paths through a ply. Nodes even in v
@@ -205,20 +205,17 @@ fn path(
                 return Some(gone);
             };
             let model = yarns.model(near.hit.family, near.hit.yarn);
-            if number() >= super::shadow::r_d(model, near.hit.theta_i, near.hit.h_um) {
+            if number() >= model.r_d(near.hit.theta_i, near.hit.h_um) {
                 break near;
             }
         };
         let hit = &near.hit;
         let model = yarns.model(hit.family, hit.yarn);
-        // Drawn for clear fibers: their light is then neither lost nor made, and that of others is less.
-        let query = PlyQuery { cached: false, ..PlyQuery::lobes(hit.theta_i, hit.h_um, [0.0]) };
-        let ply: UncachedPly<'_, 1> = model.uncached_at(&query);
-        let energy = ply.albedo_r_d().0[0].max(1e-12);
+        // Drawn for clear fibers, the first node's: their light is then neither lost nor made, and that of others is less.
+        let ply = model.by_first(hit.theta_i, hit.h_um, sigma);
+        let energy = ply.albedo()[0].max(1e-12);
         let per_mean = 1.0 / (MOST_OVER * energy);
         let looks = 1.0 / (FIRSTS as f32 * energy);
-        let query = PlyQuery { cached: false, ..PlyQuery::lobes(hit.theta_i, hit.h_um, sigma) };
-        let dyed: UncachedPly<'_, SIGMAS> = model.uncached_at(&query);
         let radius = fabric.yarns[hit.family as usize].radius;
         let (frame, z) = (hit.frame, hit.frame[2]);
         let exits = model.exits_at(hit.theta_i, hit.h_um, radius);
@@ -233,10 +230,10 @@ fn path(
             let turn = [number(), number(), number()];
             for i in 0..FIRSTS {
                 let u = std::array::from_fn(|n| (turn[n] + i as f32 * EVEN[n]).fract());
-                let Some((w, clear)) = ply.sample_lobes(ply.hit_chance(), u) else { continue };
+                let Some((w, light)) = ply.sample(u) else { continue };
                 let d = to_cloth(w);
-                let (free, light) = (shade.free(d, exits.lines(w)), dyed.eval_pdf_lobes(1.0, w));
-                let (most, per) = (clear.refl[0] + clear.high[0], looks / clear.pdf);
+                let free = shade.free(d, exits.lines(w));
+                let (most, per) = (light.refl[0] + light.high[0], looks / light.pdf);
                 for k in 0..SIGMAS {
                     let share = clear_shares[k];
                     let all = (light.refl[k] + light.high[k]).min(most);
@@ -251,12 +248,11 @@ fn path(
             return Some(gone);
         }
         // Directions are drawn with a density near to f, and kept by what f has over it: weights would be noise.
-        let (w, clear) = (0..MOST_DRAWN).find_map(|_| {
-            let (w, light) = ply.sample_lobes(ply.hit_chance(), [number(), number(), number()])?;
+        let (w, light) = (0..MOST_DRAWN).find_map(|_| {
+            let (w, light) = ply.sample([number(), number(), number()])?;
             (number() * light.pdf <= (light.refl[0] + light.high[0]) * per_mean).then_some((w, light))
         })?;
-        let (lines, [refl, high]) = (exits.lines(w), [clear.refl[0], clear.high[0]]);
-        let light = dyed.eval_pdf_lobes(1.0, w);
+        let (lines, [refl, high]) = (exits.lines(w), [light.refl[0], light.high[0]]);
         d = to_cloth(w);
         if gone.orders == 0 {
             gone.sent_up = d[2] * a[2] > 0.0;
@@ -286,12 +282,15 @@ fn path(
     None
 }
 
+/// What is found of a first ply: energies caught of what it sends up and down, and all that it scatters, by absorption.
+const LOOKS: usize = 3 * SIGMAS;
+
 /// Parts of the paths, whose sums are joined in order.
 const CHUNKS: usize = 16;
 
 /// Sums of paths, by side.
 struct Found {
-    caught: [Vec<splines::Sums>; 2],
+    caught: [Vec<splines::Sums<LOOKS>>; 2],
     leaves: [Vec<Sums<FEW>>; 2],
     mean: [Sums<TERMS>; 2],
     albedo: [f64; SIGMAS],
@@ -300,7 +299,7 @@ struct Found {
 impl Found {
     fn none() -> Found {
         Found {
-            caught: [0, 1].map(|_| (0..CLASSES).map(|_| splines::Sums::new(3 * SIGMAS)).collect()),
+            caught: [0, 1].map(|_| (0..CLASSES).map(|_| splines::Sums::new()).collect()),
             leaves: [0, 1].map(|_| (0..2 * CLASSES).map(|_| Sums::new(2 * PAIRS)).collect()),
             mean: [0, 1].map(|_| Sums::new(2 * PAIRS)),
             albedo: [0.0; SIGMAS],
@@ -349,15 +348,12 @@ impl Found {
             }
         }
         let cause = usize::from(!gone.sent_up);
-        let of_class = &mut self.caught[side][gone.class];
-        let at = splines::At::new(a);
-        of_class.seen(&at);
-        for i in 0..SIGMAS {
-            for (cause, caught) in gone.caught.iter().enumerate() {
-                of_class.add(SIGMAS * cause + i, caught[i], &at);
-            }
-            of_class.add(2 * SIGMAS + i, gone.scattered[i], &at);
+        let [up, down] = gone.caught;
+        let mut looks = [0.0; LOOKS];
+        for (looks, energy) in looks.as_chunks_mut::<SIGMAS>().0.iter_mut().zip([up, down, gone.scattered]) {
+            *looks = energy;
         }
+        self.caught[side][gone.class].add(&looks, &splines::At::new(a));
         if gone.orders < 2 {
             return;
         }

@@ -12,7 +12,7 @@ use super::far::Far;
 use super::flight::Near;
 use super::place::MAX_NEAR;
 use super::shade::Shade;
-use super::shadow::{Passing, Shadows, r_d};
+use super::shadow::{Passing, Shadows};
 use super::{Fabric, Family, Gap, LoadedFabric, PlyHit, YarnColor};
 use crate::bsdf::DirectionSample;
 use crate::color::{AlbedoCurve, RGB_LAMBDA_UM};
@@ -561,6 +561,6 @@ impl Yarns for OfYarns<'_> {
 
 impl Passing for OfYarns<'_> {
     fn r_d(&self, family: Family, yarn: i32, theta_i: f32, h_um: f32) -> f32 {
-        r_d(self.model(family, yarn), theta_i, h_um)
+        self.model(family, yarn).r_d(theta_i, h_um)
     }
 }

@@ -10,6 +10,7 @@
 
 use super::Family;
 use super::between::BetweenAt;
+use super::shadow::Toward;
 use crate::math::{clamp_unit, floor_fraction, parallel};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
@@ -158,7 +159,7 @@ pub(super) struct Seen {
 /// A cloth as the table needs it.
 pub(super) trait Places: Sync {
     /// What is seen of the plies of `family` from `wo` at a place of the repeat, by fractions of it, towards `lights`. `turn`, 0 to 1, says which repeat, as plies turn.
-    fn seen(&self, family: Family, place: [f64; 2], turn: f64, wo: [f32; 3], lights: &[[f32; 3]]) -> Seen;
+    fn seen(&self, family: Family, place: [f64; 2], turn: f64, wo: [f32; 3], lights: &[Toward]) -> Seen;
 }
 
 /// Of one family.
@@ -194,12 +195,12 @@ struct View {
 fn look(places: &impl Places, family: Family, number: usize) -> View {
     let wo = view(family, number);
     let theta_i = angles(family, wo).0;
-    let lights: Vec<[f32; 3]> = (0..COLUMNS * NODES)
+    let lights: Vec<Toward> = (0..COLUMNS * NODES)
         .map(|i| {
             let theta = theta_of(theta_i, (i % NODES) as f32).clamp(-1.55, 1.55);
             // Not in the plane itself, where f ends.
             let phi = TAU * ((i / NODES) as f32 + 1e-3) / COLUMNS as f32;
-            direction(family, theta, phi)
+            Toward::new(direction(family, theta, phi))
         })
         .collect();
     let mut seen =

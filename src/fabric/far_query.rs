@@ -4,6 +4,7 @@ use super::Family;
 use super::at::GapLight;
 use super::bsdf::{FabricBsdf, FabricQuery};
 use super::far::{self, FarAt, Mixed, Places, Seen};
+use super::shadow::Toward;
 
 impl FabricBsdf {
     /// The mean over the repeat where a query asks for it, seen from `wo` in the pattern's frame, and its share.
@@ -44,7 +45,7 @@ impl FabricBsdf {
 }
 
 impl Places for FabricBsdf {
-    fn seen(&self, family: Family, place: [f64; 2], turn: f64, wo: [f32; 3], lights: &[[f32; 3]]) -> Seen {
+    fn seen(&self, family: Family, place: [f64; 2], turn: f64, wo: [f32; 3], lights: &[Toward]) -> Seen {
         let at = [0, 1].map(|k| {
             let repeat = self.fabric.repeat_um()[k];
             ((place[k] + (turn * (1.0 + 20_000.0 / repeat)).floor()) * repeat) as f32

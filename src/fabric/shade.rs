@@ -1,8 +1,8 @@
 //! What a ply's neighbors leave of its light: the table of shadows (`shadow.rs`) at the place where light leaves the ply.
 
+use super::Fabric;
 use super::flight::Near;
-use super::shadow::{Shadows, ShadowsAt};
-use super::{Fabric, Family};
+use super::shadow::{self, OfYarn, Shadows, ShadowsAt, Toward};
 use crate::ply::{EXIT_KINDS, ExitLine};
 
 /// Neighbors of a ply: which of them count, and the place.
@@ -13,9 +13,7 @@ pub(super) struct Shade<'a> {
     /// Sign of z of the half the light comes from.
     up_sign: f32,
     fabric: &'a Fabric,
-    shadows: &'a Shadows,
-    family: Family,
-    yarn: i32,
+    shadows: OfYarn<'a>,
     /// Where the line is nearest to the ply's axis along the yarn [um], and how much further a point lies that is R further along the ply.
     along_um: f32,
     per_radius_um: f32,
@@ -44,9 +42,7 @@ impl<'a> Shade<'a> {
             counts,
             up_sign: if a[2] < 0.0 { -1.0 } else { 1.0 },
             fabric,
-            shadows,
-            family: hit.family,
-            yarn: hit.yarn,
+            shadows: shadows.of(fabric, hit.family, hit.yarn),
             along_um: hit.along_um,
             per_radius_um: yarn.radius * hit.frame[2][1 - k],
             axis: hit.frame[2],
@@ -56,12 +52,19 @@ impl<'a> Shade<'a> {
     }
 
     fn at(&self, s: f32) -> ShadowsAt<'a> {
-        self.shadows.at(self.fabric, self.family, self.yarn, self.along_um + s * self.per_radius_um)
+        self.shadows.at(self.fabric, self.along_um + s * self.per_radius_um)
     }
 
     /// Shares of single reflection, of other light of clear fibers and of that of dark ones that get out in direction `b`, of light that leaves on these lines.
     #[inline]
-    pub(super) fn free(&self, b: [f32; 3], [refl, clear, dark]: [ExitLine; EXIT_KINDS]) -> [f32; EXIT_KINDS] {
+    pub(super) fn free(&self, b: [f32; 3], lines: [ExitLine; EXIT_KINDS]) -> [f32; EXIT_KINDS] {
+        self.toward(&Toward::new(b), lines)
+    }
+
+    /// [`Shade::free`] in a direction whose place in the table is known.
+    #[inline]
+    pub(super) fn toward(&self, toward: &Toward, [refl, clear, dark]: [ExitLine; EXIT_KINDS]) -> [f32; EXIT_KINDS] {
+        let b = toward.b;
         if !self.counts[usize::from(b[2] * self.up_sign < 0.0)] {
             return [1.0; EXIT_KINDS];
         }
@@ -77,13 +80,8 @@ impl<'a> Shade<'a> {
             further = -(dot(p, b) - bz * dot(p, z)) * bz * per_sine * per_sine;
         }
         // Single reflection and light of dark fibers turn at places near each other.
-        let narrow = self.at(0.5 * (refl.s + dark.s) + further).free(b);
-        let wide = self.at(clear.s + further).free(b);
-        let at = |t: f32| (off - t) * self.scale;
-        [
-            narrow.within(at(refl.t), NARROW * self.scale),
-            wide.within(at(clear.t), (1.0 - clear.t.abs()) * self.scale),
-            narrow.within(at(dark.t), NARROW * self.scale),
-        ]
+        let places = [self.at(0.5 * (refl.s + dark.s) + further), self.at(clear.s + further)];
+        let span = |t: f32, half: f32| [(off - t) * self.scale, half * self.scale];
+        shadow::free(&places, toward, &[span(refl.t, NARROW), span(clear.t, 1.0 - clear.t.abs()), span(dark.t, NARROW)])
     }
 }

@@ -6,10 +6,11 @@
 
 use super::flight::{YarnId, exit};
 use super::{Fabric, Family};
-use crate::PlyModel;
 use crate::math::floor_fraction;
 use crate::math::hash::SplitMix64;
 use crate::math::parallel;
+use crate::math::simd::{max, min};
+use multiversion::multiversion;
 use std::f32::consts::TAU;
 
 /// Places along a yarn from one crossing to the next.
@@ -131,26 +132,55 @@ impl Shadows {
         self.free.len() + size_of_val(self.patterns.as_slice())
     }
 
-    /// The shadows about a place of a yarn [um along it].
+    /// The rows of a yarn.
     #[inline]
-    pub(super) fn at(&self, fabric: &Fabric, family: Family, yarn: i32, along_um: f32) -> ShadowsAt<'_> {
-        let per_um = fabric.yarns[family.other() as usize].per_spacing * PLACES as f32;
-        let (place, between) = floor_fraction(along_um * per_um);
-        let row = |place: i32| -> &[u8; SIZE] {
-            let at = if self.patterns.is_empty() {
-                let [own, other] = [family, family.other()].map(|f| fabric.draft.threads(f));
-                let first = if family == Family::Warp { 0 } else { PLACES * own * other };
-                let places = PLACES * other;
-                first + yarn.rem_euclid(own as i32) as usize * places + place.rem_euclid(places as i32) as usize
-            } else {
-                let crossing = place.div_euclid(PLACES as i32);
-                let phase = place.rem_euclid(PLACES as i32) as usize;
-                self.patterns[(family as usize * PLACES + phase) * 512 + pattern(fabric, family, yarn, crossing)]
-                    as usize
-            };
-            self.free[at * SIZE..].first_chunk().unwrap_or(&[255; SIZE])
+    pub(super) fn of(&self, fabric: &Fabric, family: Family, yarn: i32) -> OfYarn<'_> {
+        let [own, other] = [family, family.other()].map(|f| fabric.draft.threads(f));
+        let first = if family == Family::Warp { 0 } else { PLACES * own * other };
+        let places = PLACES * other;
+        OfYarn {
+            shadows: self,
+            family,
+            yarn,
+            per_um: fabric.yarns[family.other() as usize].per_spacing * PLACES as f32,
+            first: first + yarn.rem_euclid(own as i32) as usize * places,
+            places: places as i32,
+        }
+    }
+}
+
+/// The rows of a yarn.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct OfYarn<'a> {
+    shadows: &'a Shadows,
+    family: Family,
+    yarn: i32,
+    per_um: f32,
+    /// Where every place has rows of its own: the first row, and how many there are.
+    first: usize,
+    places: i32,
+}
+
+impl<'a> OfYarn<'a> {
+    /// The shadows about a place of the yarn [um along it].
+    #[inline]
+    pub(super) fn at(&self, fabric: &Fabric, along_um: f32) -> ShadowsAt<'a> {
+        let (place, between) = floor_fraction(along_um * self.per_um);
+        let row = |at: usize| -> &'a [u8; SIZE] {
+            self.shadows.free.get(at * SIZE..).and_then(|rows| rows.first_chunk()).unwrap_or(&[255; SIZE])
         };
-        ShadowsAt { rows: [row(place), row(place.wrapping_add(1))], between }
+        let patterns = &self.shadows.patterns;
+        if patterns.is_empty() {
+            let place = place.rem_euclid(self.places);
+            let next = if place + 1 < self.places { place + 1 } else { 0 };
+            return ShadowsAt { rows: [place, next].map(|place| row(self.first + place as usize)), between };
+        }
+        let of = |place: i32| {
+            let (crossing, phase) = (place.div_euclid(PLACES as i32), place.rem_euclid(PLACES as i32) as usize);
+            let pattern = pattern(fabric, self.family, self.yarn, crossing);
+            row(patterns[(self.family as usize * PLACES + phase) * 512 + pattern] as usize)
+        };
+        ShadowsAt { rows: [of(place), of(place.wrapping_add(1))], between }
     }
 }
 
@@ -161,25 +191,47 @@ pub(super) struct ShadowsAt<'a> {
     between: f32,
 }
 
-impl ShadowsAt<'_> {
-    /// Chances of being free in direction `b` at the offsets from the yarn's axis.
+/// A direction, and where the table has it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Toward {
+    pub b: [f32; 3],
+    /// `[row][column]` of the four entries around, and the shares of rows and columns.
+    at: [[u16; 2]; 2],
+    rows: [f32; 2],
+    columns: [f32; 2],
+}
+
+impl Toward {
     #[inline]
-    pub(super) fn free(&self, b: [f32; 3]) -> FreeAt {
+    pub(super) fn new(b: [f32; 3]) -> Toward {
         let z = b[2].abs().min(1.0);
         let r = ((row_of(z) - 0.5).max(0.0) as usize).min(ROWS - 2);
         // Towards the plane all is shadow; towards the pole the last row counts.
         let s = ((z - MEAN_Z[r]) / (MEAN_Z[r + 1] - MEAN_Z[r])).min(1.0);
         let column = (crate::math::simd::atan2::<false>(b[1], b[0]) / TAU + 1.0) * COLUMNS as f32 - 0.5;
         let (c, t) = floor_fraction(column);
-        let (c0, c1) = ((c as usize) % COLUMNS, (c as usize + 1) % COLUMNS);
+        let columns = [(c as usize) % COLUMNS, (c as usize + 1) % COLUMNS];
         let first = if b[2] < 0.0 { ROWS } else { 0 };
-        let mut sum = [0.0f32; LANES];
-        for (row, weight) in self.rows.iter().zip([1.0 - self.between, self.between]) {
-            for (r, wr) in [(r, 1.0 - s), (r + 1, s)] {
-                for (c, wc) in [(c0, 1.0 - t), (c1, t)] {
-                    let at = ((first + r) * COLUMNS + c) * LANES;
-                    let w = weight * wr * wc;
-                    if let Some(lanes) = row[at..].first_chunk::<LANES>() {
+        let at = [r, r + 1].map(|r| columns.map(|c| (((first + r) * COLUMNS + c) * LANES) as u16));
+        Toward { b, at, rows: [1.0 - s, s], columns: [1.0 - t, t] }
+    }
+}
+
+/// Chances of being free in a direction, of light that leaves evenly within a half width of an offset from the yarn's axis, `[offset, half]`, all over half of the yarn's
+/// width. The first and the last of them leave at the first place, the other at the second.
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
+    "x86_64+avx2+bmi1+bmi2+fma"
+))]
+pub(super) fn free<'a>(places: &[ShadowsAt<'a>; 2], toward: &Toward, spans: &[[f32; 2]; 3]) -> [f32; 3] {
+    let mut sums = [[0.0f32; LANES]; 2];
+    for (sum, place) in sums.iter_mut().zip(places) {
+        let shares = [1.0 - place.between, place.between];
+        for p in 0..2 {
+            for r in 0..2 {
+                for c in 0..2 {
+                    let w = shares[p] * toward.rows[r] * toward.columns[c];
+                    if let Some(lanes) = place.rows[p][usize::from(toward.at[r][c])..].first_chunk::<LANES>() {
                         for l in 0..LANES {
                             sum[l] += w * f32::from(lanes[l]);
                         }
@@ -187,30 +239,28 @@ impl ShadowsAt<'_> {
                 }
             }
         }
-        FreeAt { at: std::array::from_fn(|o| (sum[o] * (1.0 / 255.0)).max(0.0)) }
-    }
-}
-
-/// Chances of being free in a direction.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct FreeAt {
-    at: [f32; OFFSETS],
-}
-
-impl FreeAt {
-    /// Of light that leaves evenly within `half` of an offset from the yarn's axis, both over half of the yarn's width.
-    #[inline]
-    pub(super) fn within(&self, offset: f32, half: f32) -> f32 {
-        const PER: f32 = 0.5 * OFFSETS as f32;
-        let half = half.min(1.0);
-        let center = offset.clamp(half - 1.0, 1.0 - half);
-        let (low, high) = ((center - half + 1.0) * PER, (center + half + 1.0) * PER);
-        let mut sum = 0.0;
-        for (o, free) in self.at.iter().enumerate() {
-            sum += free * (high.min(o as f32 + 1.0) - low.max(o as f32)).max(0.0);
+        for sum in sum {
+            *sum = max(*sum * (1.0 / 255.0), 0.0);
         }
-        sum / (high - low)
     }
+    const PER: f32 = 0.5 * OFFSETS as f32;
+    let mut shares = [0.0; 3];
+    for (i, share) in shares.iter_mut().enumerate() {
+        let [offset, half] = spans[i];
+        let half = min(half, 1.0);
+        let center = min(max(offset, half - 1.0), 1.0 - half);
+        let (low, high) = ((center - half + 1.0) * PER, (center + half + 1.0) * PER);
+        let mut parts = [0.0f32; LANES];
+        for (o, part) in parts.iter_mut().enumerate() {
+            *part = sums[i % 2][o] * max(min(high, o as f32 + 1.0) - max(low, o as f32), 0.0);
+        }
+        let mut sum = 0.0;
+        for part in &parts[..OFFSETS] {
+            sum += part;
+        }
+        *share = sum / (high - low);
+    }
+    shares
 }
 
 /// Bits of the nine crossings around: the yarn's own and its neighbors', at this crossing and the ones beside.
@@ -276,10 +326,4 @@ fn free_share(
         }
     }
     free
-}
-
-/// Fraction of a beam that passes a ply of this model.
-pub(super) fn r_d(model: &PlyModel, theta_i: f32, h_um: f32) -> f32 {
-    use crate::ply::Lobes;
-    Lobes::<1>::energies(&model.uncached(theta_i, h_um, [0.0])).r_d
 }

@@ -65,56 +65,60 @@ impl At {
     }
 }
 
-/// Sums of samples of several functions.
-pub(super) struct Sums {
+/// Sums of samples of F functions.
+pub(super) struct Sums<const F: usize> {
+    /// Of the lower half; the matrix is symmetric.
     normal: Vec<f64>,
-    right: Vec<[f64; COUNT]>,
+    /// Functions side by side.
+    right: Vec<[f64; F]>,
 }
 
-impl Sums {
-    pub fn new(functions: usize) -> Sums {
-        Sums { normal: vec![0.0; COUNT * COUNT], right: vec![[0.0; COUNT]; functions] }
+impl<const F: usize> Sums<F> {
+    pub fn new() -> Sums<F> {
+        Sums { normal: vec![0.0; COUNT * COUNT], right: vec![[0.0; F]; COUNT] }
     }
 
     /// With the sums of another.
-    pub fn join(&mut self, other: &Sums) {
+    pub fn join(&mut self, other: &Sums<F>) {
         self.normal.iter_mut().zip(&other.normal).for_each(|(sum, other)| *sum += other);
         for (sum, other) in self.right.as_flattened_mut().iter_mut().zip(other.right.as_flattened()) {
             *sum += other;
         }
     }
 
-    /// A sample at a direction.
-    pub fn seen(&mut self, at: &At) {
-        for (i, wi) in at.index.iter().zip(at.weight) {
-            for (j, wj) in at.index.iter().zip(at.weight) {
-                self.normal[usize::from(*i) * COUNT + usize::from(*j)] += f64::from(wi * wj);
+    /// The functions' values at a direction.
+    pub fn add(&mut self, values: &[f32; F], at: &At) {
+        for (i, (index, wi)) in at.index.iter().zip(at.weight).enumerate() {
+            for (other, wj) in at.index[..=i].iter().zip(at.weight) {
+                let [row, column] = [*index.max(other), *index.min(other)].map(usize::from);
+                self.normal[row * COUNT + column] += f64::from(wi * wj);
             }
-        }
-    }
-
-    /// A function's value at it.
-    pub fn add(&mut self, function: usize, value: f32, at: &At) {
-        for (i, weight) in at.index.iter().zip(at.weight) {
-            self.right[function][usize::from(*i)] += f64::from(weight * value);
+            for (sum, value) in self.right[usize::from(*index)].iter_mut().zip(values) {
+                *sum += f64::from(wi * value);
+            }
         }
     }
 
     /// The functions; where there are few samples, their means.
     pub fn solve(&self) -> Vec<Coefficients> {
-        let count: f64 = self.normal.iter().sum();
-        let mut matrix = cholesky::Lower::new(&self.normal, RIDGE);
-        matrix.factor();
-        let solved = |right: &[f64; COUNT]| {
-            let mean = if count > 0.0 { right.iter().sum::<f64>() / count } else { 0.0 };
-            let mut x = *right;
-            for (i, x) in x.iter_mut().enumerate() {
-                *x -= mean * self.normal[i * COUNT..(i + 1) * COUNT].iter().sum::<f64>();
+        let mut normal = self.normal.clone();
+        for i in 0..COUNT {
+            for j in 0..i {
+                normal[j * COUNT + i] = normal[i * COUNT + j];
             }
+        }
+        let rows: Vec<f64> = normal.chunks_exact(COUNT).map(|row| row.iter().sum()).collect();
+        let count: f64 = normal.iter().sum();
+        let mut matrix = cholesky::Lower::new(&normal, RIDGE);
+        matrix.factor();
+        let solved = |function: usize| {
+            let mut x: [f64; COUNT] = std::array::from_fn(|i| self.right[i][function]);
+            let mean = if count > 0.0 { x.iter().sum::<f64>() / count } else { 0.0 };
+            x.iter_mut().zip(&rows).for_each(|(x, row)| *x -= mean * row);
             matrix.solve(&mut x);
             x.map(|v| (v + mean) as f32)
         };
-        self.right.iter().map(solved).collect()
+        (0..F).map(solved).collect()
     }
 }
 
@@ -160,7 +164,7 @@ mod tests {
     /// A smooth function is found from samples, a constant exactly.
     #[test]
     fn functions_are_found() {
-        let mut sums = Sums::new(2);
+        let mut sums = Sums::<2>::new();
         let direction = |k: usize| {
             let even = |step: f64| (0.5 + k as f64 * step).fract() as f32;
             let (z, turn) = (even(0.754_877_666), TAU * even(0.569_840_291));
@@ -169,10 +173,7 @@ mod tests {
         };
         let f = |w: [f32; 3]| 0.3 + 0.4 * w[2] * w[2] - 0.2 * w[0] * w[2] + 0.1 * (w[0] * w[0] - w[1] * w[1]);
         for k in 0..60_000 {
-            let at = At::new(direction(k));
-            sums.seen(&at);
-            sums.add(0, f(direction(k)), &at);
-            sums.add(1, 0.7, &at);
+            sums.add(&[f(direction(k)), 0.7], &At::new(direction(k)));
         }
         let found = sums.solve();
         for k in 0..500 {

@@ -2,7 +2,7 @@
 
 use super::Queries;
 use super::cone_lobe::{ConeShapes, azimuth, incidence};
-use super::energy::{Core, Energies, sum};
+use super::energy::{Core, DrawnBy, Energies, sum};
 use super::layout::Tables;
 use super::lobe::unit;
 use super::mixture::{Mixture, Params, Values, weights};
@@ -195,19 +195,27 @@ pub(super) struct PreparedCones<const H: usize, const L: usize, const N: usize> 
 
 impl<const H: usize, const L: usize, const N: usize> PreparedCones<H, L, N> {
     #[inline(always)]
-    pub(super) fn new<const FMA: bool, const R: usize, const J: usize>(m: &ConeMixture<H, R, L, J, N>) -> Self {
-        let (x, mut density) = (&m.weights, m.mean::<FMA>());
+    pub(super) fn new<const FMA: bool, const R: usize, const J: usize>(
+        m: &ConeMixture<H, R, L, J, N>,
+        drawn_by: DrawnBy,
+    ) -> Self {
+        let (x, mut density, weight) = (&m.weights, m.mean::<FMA>(), m.weights.left::<FMA>());
+        if drawn_by == DrawnBy::First {
+            for l in 0..H {
+                density[l] = weight[l].first().copied().unwrap_or(0.0);
+            }
+        }
         let (mut sums, mut sum) = ([f32::INFINITY; L], 0.0);
         for i in 0..H + R {
             sum = fma::<FMA>(x.energy[i], density[i], sum);
             sums[i] = sum;
         }
-        let total = x.total();
+        let total = drawn_by.total(&x.energies);
         let per_total = if total > 0.0 { 1.0 / total } else { 0.0 };
         for density in &mut density {
             *density *= per_total;
         }
-        let (weight, scale_refl) = (x.left::<FMA>(), x.scale_refl);
+        let scale_refl = x.scale_refl;
         PreparedCones {
             shapes: m.shapes,
             density,

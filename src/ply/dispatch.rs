@@ -4,7 +4,7 @@
 
 use super::compiled::{compiled, same, same_mut, same_queries, same_ref, same_rows_mut};
 use super::cone_mixture::{self, ConeMixture, PreparedCones};
-use super::energy::{Core, Energies, energies, sum};
+use super::energy::{Core, DrawnBy, Energies, energies, sum};
 use super::layout::{FEW, Fast, Layout, MORE, Tables};
 use super::mixture::{mixture, weights};
 use super::prepared::PreparedLobes;
@@ -218,7 +218,7 @@ pub(super) enum Prepared<const N: usize> {
 compiled!(
     /// Puts the lobes at an incidence where they are kept.
     run_prepare = any_prepare(
-        layout: &Layout, theta_i: f32, h_um: f32, sigma: &[f32; N] as same_ref, prepared: &mut Prepared<N> as same_mut
+        layout: &Layout, theta_i: f32, h_um: f32, sigma: &[f32; N] as same_ref, drawn_by: DrawnBy, prepared: &mut Prepared<N> as same_mut
     ) -> ()
 );
 compiled!(
@@ -235,11 +235,18 @@ compiled!(
 );
 
 #[inline]
-fn any_prepare<const N: usize>(layout: &Layout, theta_i: f32, h_um: f32, sigma: &[f32; N], prepared: &mut Prepared<N>) {
+fn any_prepare<const N: usize>(
+    layout: &Layout,
+    theta_i: f32,
+    h_um: f32,
+    sigma: &[f32; N],
+    drawn_by: DrawnBy,
+    prepared: &mut Prepared<N>,
+) {
     match layout {
-        Layout::Few(tables) => prepare_few(tables, theta_i, h_um, sigma, prepared),
-        Layout::More(tables) => prepare_more(tables, theta_i, h_um, sigma, prepared),
-        Layout::Cone(tables) => prepare_cone(tables, theta_i, h_um, sigma, prepared),
+        Layout::Few(tables) => prepare_few(tables, theta_i, h_um, sigma, drawn_by, prepared),
+        Layout::More(tables) => prepare_more(tables, theta_i, h_um, sigma, drawn_by, prepared),
+        Layout::Cone(tables) => prepare_cone(tables, theta_i, h_um, sigma, drawn_by, prepared),
         Layout::Large(_) | Layout::LargeCone(_) => (),
     }
 }
@@ -288,19 +295,19 @@ macro_rules! prepared {
     };
 }
 
-prepared!(prepare_few<>, (tables: &Fast<FEW>, theta_i: f32, h_um: f32, sigma: &[f32; N], prepared: &mut Prepared<N>) -> (), |FMA| {
+prepared!(prepare_few<>, (tables: &Fast<FEW>, theta_i: f32, h_um: f32, sigma: &[f32; N], drawn_by: DrawnBy, prepared: &mut Prepared<N>) -> (), |FMA| {
     if let Some((mixture, shapes)) = mixture::<FMA, _, _, LANES, _, N>(tables, theta_i, h_um, sigma) {
-        *prepared = Prepared::Few(PreparedLobes::new::<FMA, _, _>(&mixture, &shapes));
+        *prepared = Prepared::Few(PreparedLobes::new::<FMA, _, _>(&mixture, &shapes, drawn_by));
     }
 });
-prepared!(prepare_more<>, (tables: &Fast<MORE>, theta_i: f32, h_um: f32, sigma: &[f32; N], prepared: &mut Prepared<N>) -> (), |FMA| {
+prepared!(prepare_more<>, (tables: &Fast<MORE>, theta_i: f32, h_um: f32, sigma: &[f32; N], drawn_by: DrawnBy, prepared: &mut Prepared<N>) -> (), |FMA| {
     if let Some((mixture, shapes)) = mixture::<FMA, _, _, LANES, _, N>(tables, theta_i, h_um, sigma) {
-        *prepared = Prepared::More(PreparedLobes::new::<FMA, _, _>(&mixture, &shapes));
+        *prepared = Prepared::More(PreparedLobes::new::<FMA, _, _>(&mixture, &shapes, drawn_by));
     }
 });
-prepared!(prepare_cone<>, (tables: &Fast<MORE>, theta_i: f32, h_um: f32, sigma: &[f32; N], prepared: &mut Prepared<N>) -> (), |FMA| {
+prepared!(prepare_cone<>, (tables: &Fast<MORE>, theta_i: f32, h_um: f32, sigma: &[f32; N], drawn_by: DrawnBy, prepared: &mut Prepared<N>) -> (), |FMA| {
     if let Some(mixture) = ConeMixture::<_, _, LANES, _, N>::new::<FMA>(tables, theta_i, h_um, sigma) {
-        *prepared = Prepared::Cone(PreparedCones::new::<FMA, _, _>(&mixture));
+        *prepared = Prepared::Cone(PreparedCones::new::<FMA, _, _>(&mixture, drawn_by));
     }
 });
 prepared!(cone_eval_pdf<>, (x: &FastCones<N>, wo: [f32; 3]) -> Core<N>, |FMA| x.eval_pdf::<FMA>(wo));

@@ -23,6 +23,26 @@ impl<const N: usize> Energies<N> {
     }
 }
 
+/// Which of the absorptions directions are drawn by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum DrawnBy {
+    /// Their mean.
+    Mean,
+    First,
+}
+
+impl DrawnBy {
+    /// Scattered energy plus the missed: what a sample is chosen from.
+    #[inline(always)]
+    pub(super) fn total<const N: usize>(self, energies: &Energies<N>) -> f32 {
+        energies.r_d
+            + match self {
+                DrawnBy::Mean => mean_sum(energies.refl, &energies.high),
+                DrawnBy::First => energies.refl + energies.high.first().copied().unwrap_or(0.0),
+            }
+    }
+}
+
 /// What the lobes answer in one direction, and the light they leave.
 #[derive(Clone, Copy)]
 pub(crate) struct Core<const N: usize> {

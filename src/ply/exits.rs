@@ -156,14 +156,16 @@ impl ExitsAt {
         let (x, y) = (wo[0] * per, wo[1] * per);
         let terms = exit_terms(x, y);
         let tan = (wo[2] * per).clamp(-MOST_TAN, MOST_TAN);
-        self.mean.map(|c| {
+        let mut lines = [ExitLine::default(); EXIT_KINDS];
+        for (line, c) in lines.iter_mut().zip(&self.mean) {
             let mut sum = 0.0;
             for i in 0..EXIT_TERMS {
                 sum += c[i] * terms[i];
             }
             let [px, py] = [-c[2], c[1]];
-            ExitLine { t: sum.clamp(-1.0, 1.0), s: py * self.tan - (px * x + py * y) * tan }
-        })
+            *line = ExitLine { t: sum.clamp(-1.0, 1.0), s: py * self.tan - (px * x + py * y) * tan };
+        }
+        lines
     }
 
     /// Share v of the clear fibers' kind.

@@ -1,9 +1,10 @@
 //! What f_refl and f_high answer at one incidence: of lobes interpolated at every call (uncached), or once for many (cached).
 
 use super::dispatch::{self, Prepared};
-use super::energy::{Core, Energies};
+use super::energy::{Core, DrawnBy, Energies};
 use super::layout::Layout;
 use super::model::PlyModel;
+use super::on::LobeLight;
 
 /// The lobes of a model at one incidence, N absorptions.
 pub(crate) trait Lobes<const N: usize> {
@@ -69,13 +70,55 @@ pub(crate) struct Cached<'a, const N: usize> {
 impl<const N: usize> Cached<'_, N> {
     /// In place: lobes are too large to be moved about.
     pub(crate) fn prepare(&mut self) {
+        self.prepare_drawn_by(DrawnBy::Mean);
+    }
+
+    fn prepare_drawn_by(&mut self, drawn_by: DrawnBy) {
         dispatch::run_prepare(
             self.uncached.layout,
             self.uncached.theta_i,
             self.uncached.h_um,
             &self.uncached.sigma_per_um,
+            drawn_by,
             &mut self.prepared,
         );
+    }
+}
+
+/// Lobes of a ply that is hit, for many absorptions; directions are drawn by the first of them.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ByFirst<'a, const N: usize> {
+    lobes: Cached<'a, N>,
+    energies: Energies<N>,
+    /// Share of the light that is scattered in all that a sample may be of.
+    hit: f32,
+}
+
+impl<const N: usize> ByFirst<'_, N> {
+    /// Energies that are scattered.
+    pub(crate) fn albedo(&self) -> [f32; N] {
+        self.energies.albedo()
+    }
+
+    /// A direction, and the lobes there with the density of drawing it from the first absorption's.
+    #[inline]
+    pub(crate) fn sample(&self, u: [f32; 3]) -> Option<([f32; 3], LobeLight<N>)> {
+        // The last numbers are those of missed light.
+        let u = [(u[0] * self.hit).min(self.hit * (1.0 - 1e-6)), u[1], u[2]];
+        let (w, core) = match &self.lobes.prepared {
+            Prepared::Nothing => {
+                let Uncached { layout, theta_i, h_um, sigma_per_um } = self.lobes.uncached;
+                let first = [sigma_per_um.first().copied().unwrap_or(0.0)];
+                let (w, drawn) = Uncached { layout, theta_i, h_um, sigma_per_um: first }.sample(u);
+                let w = w?;
+                (w, Core { pdf: drawn.pdf, ..self.lobes.uncached.eval(w) })
+            }
+            kept => {
+                let (w, core) = dispatch::kept_sample(kept, u);
+                (w?, core)
+            }
+        };
+        Some((w, LobeLight { refl: [core.refl; N], high: core.high, pdf: core.pdf / self.hit }))
     }
 }
 
@@ -132,5 +175,22 @@ impl PlyModel {
     #[inline(always)]
     pub(crate) fn cached<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> Cached<'_, N> {
         Cached { uncached: self.uncached(theta_i, h_um, sigma_per_um), prepared: Prepared::Nothing }
+    }
+
+    /// The lobes at an incidence, interpolated once, for directions drawn by the first absorption.
+    pub(crate) fn by_first<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> ByFirst<'_, N> {
+        let mut lobes = self.cached(theta_i, h_um, sigma_per_um);
+        lobes.prepare_drawn_by(DrawnBy::First);
+        let energies = lobes.energies();
+        let of_first = energies.albedo().first().copied().unwrap_or(0.0);
+        let hit = if of_first > 0.0 { of_first / (of_first + energies.r_d) } else { 0.0 };
+        ByFirst { lobes, energies, hit }
+    }
+
+    /// Fraction of a beam that passes the ply.
+    #[inline]
+    pub(crate) fn r_d(&self, theta_i: f32, h_um: f32) -> f32 {
+        // Without absorptions nothing else is interpolated.
+        self.uncached::<0>(theta_i, h_um, []).energies().r_d
     }
 }

@@ -6,7 +6,7 @@
 //! are t = mu log2 e here, as `s = sqrt(t)`: `exp(-mu1 u^2 - mu2 w^2) = 2^-((s1 u)^2 + (s2 w)^2)`.
 
 use super::energy::interpolate_node;
-use super::energy::{Core, Energies, absorb, absorbed, halves, mean_sum, scales, transmittances};
+use super::energy::{Core, DrawnBy, Energies, absorb, absorbed, halves, scales, transmittances};
 use super::interpolate::{interpolate_high, interpolate_refl};
 use super::layout::Tables;
 use super::lobe::{Axes, amplitudes, axes, disc_point, disc_share, project, root_width, shape, unit};
@@ -198,7 +198,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
     /// Mean scattered energy plus the missed: what a sample is chosen from.
     #[inline(always)]
     pub(super) fn total(&self) -> f32 {
-        mean_sum(self.energies.refl, &self.energies.high) + self.energies.r_d
+        DrawnBy::Mean.total(&self.energies)
     }
 
     /// f_refl and f_high per sigma and the density of sampling `wo` [1/sr], missing included. `mean` is of [`Mixture::mean`].

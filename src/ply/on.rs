@@ -65,6 +65,12 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
         self.light(w, hit, |lobes| lobes.eval_pdf(w))
     }
 
+    /// The lobes in a direction, without the density.
+    #[inline]
+    pub(crate) fn eval_apart(&self, w: [f32; 3]) -> LobeLight<N> {
+        self.light(w, 0.0, |lobes| lobes.eval(w))
+    }
+
     /// Density of the lobes alone.
     #[inline]
     pub(crate) fn pdf_lobes(&self, hit: f32, w: [f32; 3]) -> f32 {

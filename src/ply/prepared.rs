@@ -1,6 +1,6 @@
 //! The lobes at one incidence, kept for many directions: what does not depend on the direction is multiplied out, sums over path lengths above all.
 
-use super::energy::{Core, Energies, halves};
+use super::energy::{Core, DrawnBy, Energies, halves};
 use super::lobe::{Axes, disc_point, disc_share, project, shape, unit};
 use super::mixture::{Mixture, Shapes};
 use super::place::mirrored;
@@ -33,9 +33,10 @@ impl<const H: usize, const L: usize, const N: usize> PreparedLobes<H, L, N> {
     pub(super) fn new<const FMA: bool, const R: usize, const J: usize>(
         m: &Mixture<H, R, L, J, N>,
         x: &Shapes<L>,
+        drawn_by: DrawnBy,
     ) -> Self {
         let weight = m.left::<FMA>();
-        let total = m.total();
+        let total = drawn_by.total(&m.energies);
         let per_total = if total > 0.0 { 1.0 / total } else { 0.0 };
         let mut prepared = PreparedLobes {
             axes: x.axes,
@@ -57,6 +58,11 @@ impl<const H: usize, const L: usize, const N: usize> PreparedLobes<H, L, N> {
                 sum += weight[l][k];
             }
             mean[l] = share * sum;
+        }
+        if drawn_by == DrawnBy::First {
+            for l in 0..H {
+                mean[l] = weight[l].first().copied().unwrap_or(0.0);
+            }
         }
         for i in H..L {
             prepared.amplitude[i] *= m.scale_refl;
