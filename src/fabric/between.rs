@@ -22,6 +22,7 @@ use super::shadow::Shadows;
 use super::splines;
 use super::{Fabric, Family};
 use crate::color::AlbedoCurve;
+use crate::gap::Slit;
 use crate::math::hash::SplitMix64;
 use crate::math::parallel;
 use crate::ply::{EXIT_KINDS, ExitLine, ExitsAt, UncachedPly};
@@ -139,6 +140,9 @@ fn dot<const T: usize>(a: &[f32; T], b: &[f32; T]) -> f32 {
 pub(super) trait Yarns {
     /// The model of a yarn.
     fn model(&self, family: Family, yarn: i32) -> &PlyModel;
+
+    /// The slits of a ply there, whose light of 0.55 um stands for all.
+    fn slit(&self, hit: &PlyHit) -> Option<&Slit>;
 }
 
 /// Light that has left the cloth.
@@ -212,12 +216,13 @@ fn path(
         let hit = &near.hit;
         let model = yarns.model(hit.family, hit.yarn);
         // Drawn for clear fibers: their light is then neither lost nor made, and that of others is less.
-        let query = PlyQuery { cached: false, ..PlyQuery::lobes(hit.theta_i, hit.h_um, [0.0]) };
+        let slit = yarns.slit(hit);
+        let query = PlyQuery { cached: false, slit, ..PlyQuery::lobes(hit.theta_i, hit.h_um, [0.0]) };
         let ply: UncachedPly<'_, 1> = model.uncached_at(&query);
         let energy = ply.albedo_r_d().0[0].max(1e-12);
         let per_mean = 1.0 / (MOST_OVER * energy);
         let looks = 1.0 / (FIRSTS as f32 * energy);
-        let query = PlyQuery { cached: false, ..PlyQuery::lobes(hit.theta_i, hit.h_um, sigma) };
+        let query = PlyQuery { cached: false, slit, ..PlyQuery::lobes(hit.theta_i, hit.h_um, sigma) };
         let dyed: UncachedPly<'_, SIGMAS> = model.uncached_at(&query);
         let radius = fabric.yarns[hit.family as usize].radius;
         let (frame, z) = (hit.frame, hit.frame[2]);
