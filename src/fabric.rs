@@ -33,7 +33,7 @@ mod wif;
 mod yarn;
 
 pub use at::{FabricAt, GapLight};
-pub use bsdf::{FabricBsdf, FabricOptions, FabricQuery};
+pub use bsdf::{FabricBsdf, FabricOptions, FabricQuery, Slits};
 pub use center_line::{CenterPoint, Overlap};
 pub use color_of::ColorOf;
 pub use draft::{Draft, MAX_THREADS};

@@ -296,6 +296,12 @@ typedef struct PlywaveFabricOptions {
     float sigma_per_um;
     // Not 0: the mean over the repeat is made ready, some seconds, for queries with a footprint. Without, footprints count as points.
     int32_t far;
+    // Not 0: slits between the fibers of all yarns, in place of those of the spec, `slit_width_um` and `slit_share` of them.
+    int32_t has_slits;
+    // Their width [um], above 0 and at most 5.
+    float slit_width_um;
+    // Share of a ply's forward light that goes through them (0.25 in the paper); 0 for none.
+    float slit_share;
 } PlywaveFabricOptions;
 
 // A file in memory, for `plywave_fabric_from_memory`.

@@ -8,7 +8,7 @@ use crate::pointer::{
 };
 use crate::queries::{Counted, by_count, count_of, eval_queries, hand_out, sample_queries, take_back, wavelengths};
 use crate::status::{AtIndex, Checked, PlywaveError, PlywaveStatus, failure, guard, invalid};
-use plywave::fabric::{Channels, ColorOf, FabricOptions, FabricSpec, Family, GapLight, LoadedFabric, YarnColor};
+use plywave::fabric::{Channels, ColorOf, FabricOptions, FabricSpec, Family, GapLight, LoadedFabric, Slits, YarnColor};
 use plywave::io::MemoryAssets;
 use plywave::{Bsdf, FabricBsdf, FabricQuery, PlyModel};
 use std::ffi::c_char;
@@ -93,6 +93,12 @@ pub struct PlywaveFabricOptions {
     pub sigma_per_um: f32,
     /// Not 0: the mean over the repeat is made ready, some seconds, for queries with a footprint. Without, footprints count as points.
     pub far: i32,
+    /// Not 0: slits between the fibers of all yarns, in place of those of the spec, `slit_width_um` and `slit_share` of them.
+    pub has_slits: i32,
+    /// Their width [um], above 0 and at most 5.
+    pub slit_width_um: f32,
+    /// Share of a ply's forward light that goes through them (0.25 in the paper); 0 for none.
+    pub slit_share: f32,
 }
 
 /// A file in memory, for `plywave_fabric_from_memory`.
@@ -187,6 +193,7 @@ fn options_of(of: Option<&PlywaveFabricOptions>) -> Checked<FabricOptions> {
         layers: o.no_layers == 0,
         shadowing: o.no_shadowing == 0,
         edges: o.no_edges == 0,
+        slits: (o.has_slits != 0).then_some(Slits { width_um: o.slit_width_um, share: o.slit_share }),
         far: o.far != 0,
     })
 }

@@ -3,7 +3,7 @@
 
 #![allow(clippy::undocumented_unsafe_blocks)] // Of all blocks: live pointers of the lengths that the calls ask for, but where it is said.
 
-use plywave::fabric::{Channels, ColorOf, FabricOptions, GapLight, YarnColor};
+use plywave::fabric::{Channels, ColorOf, FabricOptions, GapLight, Slits, YarnColor};
 use plywave::fiber::{FiberSource, FiberTable, OutlineSymmetry, TabulatedFiber};
 use plywave::ply::Queries;
 use plywave::speckle::Instance;
@@ -260,13 +260,21 @@ struct Organza {
 
 fn organza() -> Organza {
     let path = format!("{FABRICS}/silk_organza.toml");
-    let rust_options = FabricOptions { gaps: GapLight::Straight, noise: true, ..FabricOptions::default() };
+    let slits = Some(Slits { width_um: 2.0, share: 0.25 });
+    let rust_options = FabricOptions { gaps: GapLight::Straight, noise: true, slits, ..FabricOptions::default() };
     let rust = FabricBsdf::load(&path, &rust_options).expect("a fabric that ships");
     let spec = c(&std::fs::read_to_string(&path).expect("a fabric that ships"));
     let model = std::fs::read(format!("{FABRICS}/models/silk.pwm")).expect("a model that ships");
     let (asset, name) = (c("models/silk.pwm"), c("organza"));
     let assets = [PlywaveAsset { name: asset.as_ptr(), bytes: model.as_ptr(), size: model.len() }];
-    let options = PlywaveFabricOptions { straight_gaps: 1, noise: 1, ..zeroed() };
+    let options = PlywaveFabricOptions {
+        straight_gaps: 1,
+        noise: 1,
+        has_slits: 1,
+        slit_width_um: 2.0,
+        slit_share: 0.25,
+        ..zeroed()
+    };
     let mut fabric = null_mut();
     // SAFETY: live pointers of the right lengths.
     ok(|e| unsafe {

@@ -247,6 +247,8 @@ fn bad_files_and_fabrics() {
     let asset = PlywaveAsset { name: c"ply.pwm".as_ptr(), bytes: model.as_ptr(), size: model.len() };
     let bad = PlywaveFabricOptions { has_sigma: 1, sigma_per_um: f32::NAN, ..zeroed() };
     refused(Invalid, "sigma_per_um", |e| load(&spec, &bad, &[asset], e));
+    let bad = PlywaveFabricOptions { has_slits: 1, slit_width_um: 9.0, slit_share: 0.25, ..zeroed() };
+    refused(InvalidFile, "width_um", |e| load(&spec, &bad, &[asset], e));
 
     // One that loads, and what it refuses.
     assert_eq!(load(&spec, null(), &[asset], null_mut()), PlywaveStatus::Ok);

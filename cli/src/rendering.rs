@@ -106,6 +106,7 @@ pub fn check_flags(args: &RenderArgs) -> Outcome {
         ("--size-mm", args.size_mm, 1e-3, 1e5),
         ("--cloth-mm", Some(args.cloth_mm), 1e-3, 1e6),
         ("--sigma", args.sigma, 0.0, 1e6),
+        ("--slit-share", args.slit_share, 0.0, 1.0),
         ("--exposure", Some(args.exposure), -40.0, 40.0),
     ] {
         if let Some(v) = value.filter(|v| !(low..=high).contains(v)) {

@@ -202,6 +202,29 @@ fn models_without_speckle_are_told() {
     assert_eq!((said(&[]), said(&["--smooth"])), (1, 0));
 }
 
+/// Slits by a flag are those of the spec's keys; they change the picture, and what cannot be is refused.
+#[test]
+fn slits_are_asked_for_by_flag_or_spec() {
+    let folder = folder();
+    let dir = folder.path();
+    let spec = std::fs::read_to_string(dir.join("cloth.toml")).unwrap();
+    let with = spec.replace("[warp]", "[warp]\nslit_um = 2.0").replace("[weft]", "[weft]\nslit_um = 2.0");
+    std::fs::write(dir.join("slits.toml"), with).unwrap();
+    let picture = |cloth: &str, more: &[&str]| {
+        let back = ["--setup", "back", "--size-mm", "3", "--smooth", "-o", "a.png", "--no-exr"];
+        succeed(dir, &[&["render", cloth][..], &back, SMALL, more].concat());
+        image::open(dir.join("a.png")).unwrap().to_rgb8().into_raw()
+    };
+    let (plain, slits) = (picture("cloth.toml", &[]), picture("slits.toml", &[]));
+    assert!(plain != slits);
+    assert!(slits == picture("cloth.toml", &["--slit-um", "2"]));
+    assert!(plain == picture("slits.toml", &["--without", "slits"]));
+    refused(dir, &["render", "cloth.toml", "--slit-um", "0"], &["--slit-um = 0"]);
+    refused(dir, &["render", "cloth.toml", "--slit-um", "nan"], &["--slit-um"]);
+    refused(dir, &["render", "cloth.toml", "--slit-um", "2", "--slit-share", "1.5"], &["--slit-share = 1.5"]);
+    refused(dir, &["render", "cloth.toml", "--slit-um", "2", "--without", "slits"], &["--slit-um = 2", "--without"]);
+}
+
 #[test]
 fn colors_out_of_reach_are_told_in_the_same_words() {
     let folder = folder();

@@ -12,7 +12,7 @@ from ._arrays import Queries, call, channels, count_of, floats
 from ._files import PathLike, html_table
 from ._model import Model
 from ._plywave import Error
-from ._results import Outcomes, Samples
+from ._results import Outcomes, Samples, Slit
 from ._spec import Spec, text_of
 from ._threads import get_threads
 
@@ -43,6 +43,7 @@ class Fabric:
         layers: bool = True,
         shadowing: bool = True,
         edges: bool = True,
+        slits: Optional[Slit] = None,
         far: bool = False,
         folder: Optional[PathLike] = None,
     ) -> None:
@@ -56,12 +57,15 @@ class Fabric:
             layers: The layer below catches what a ply sends on.
             shadowing: Yarns catch what their neighbors send back.
             edges: Light that passes beside a ply is diffracted at its edge.
+            slits: Slits between the fibers of all yarns in place of those of the spec, `Slit(width_um, share)`; of share 0 none. The mean over the repeat does without.
             far: The mean over the repeat is made ready, some seconds, for queries with a footprint; without, footprints count as points.
             folder: Where the files lie that a text or dict names; by default the current folder.
 
         Raises:
             Error: for a spec or a model that is refused.
         """
+        if slits is not None and not isinstance(slits, Slit):
+            raise Error(f"slits: {type(slits).__name__}: give a Slit")
         options = {
             "gaps": gaps,
             "sigma_per_um": None if sigma_per_um is None else float(sigma_per_um),
@@ -69,6 +73,7 @@ class Fabric:
             "layers": bool(layers),
             "shadowing": bool(shadowing),
             "edges": bool(edges),
+            "slits": None if slits is None else (float(slits.width_um), float(slits.share)),
             "far": bool(far),
         }
         path, text = text_of(spec, "fabric spec")

@@ -4,7 +4,7 @@ use crate::batch::{Asked, Floats, Out, Rows, Same, What, by_channels, rows_mut};
 use crate::errors::{Failure, Outcome};
 use numpy::IntoPyArray;
 use plywave::fabric::{
-    Channels, ColorOf, FabricAt, FabricOptions, FabricSpec, Family, GapLight, LoadedFabric, YarnColor,
+    Channels, ColorOf, FabricAt, FabricOptions, FabricSpec, Family, GapLight, LoadedFabric, Slits, YarnColor,
 };
 use plywave::io::Folder;
 use plywave::{FabricBsdf, FabricQuery};
@@ -29,6 +29,7 @@ pub(crate) struct Options {
     layers: bool,
     shadowing: bool,
     edges: bool,
+    slits: Option<(f32, f32)>,
     far: bool,
 }
 
@@ -56,6 +57,7 @@ impl Options {
             layers: self.layers,
             shadowing: self.shadowing,
             edges: self.edges,
+            slits: self.slits.map(|(width_um, share)| Slits { width_um, share }),
             far: self.far,
         })
     }

@@ -2,7 +2,7 @@
 
 use numpy::ndarray::{Array1, Array2, ArrayD, IxDyn};
 use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
-use plywave::fabric::{FabricOptions, FabricSpec, GapLight, Place, Values};
+use plywave::fabric::{FabricOptions, FabricSpec, Family, GapLight, Place, Slits, Values};
 use plywave::fiber::FiberTable;
 use plywave::io::Folder;
 use plywave::spec::YarnSpec;
@@ -34,6 +34,7 @@ fn columns(name: &str, a: &PyReadonlyArray2<'_, f32>, n: usize, count: usize) ->
 pub struct FabricTables {
     fabric: FabricBsdf,
     speckle: bool,
+    has_slits: bool,
 }
 
 #[pymethods]
@@ -57,15 +58,21 @@ impl FabricTables {
         let gaps = if diffracted { GapLight::Diffracted } else { GapLight::Straight };
         let options = FabricOptions { gaps, noise: speckle, layers, shadowing, edges, far, ..FabricOptions::SMOOTH };
         let folder = folder.to_string();
-        let load = move || -> plywave::Result<FabricBsdf> {
-            match (filename, text) {
-                (_, Some(text)) => {
-                    FabricBsdf::new(FabricSpec::load_from(&text, "spec", &Folder::new(Path::new(&folder)))?, &options)
-                }
-                (filename, None) => FabricBsdf::load(filename.unwrap_or_default(), &options),
-            }
+        let load = move || -> plywave::Result<FabricTables> {
+            let loaded = match (filename, text) {
+                (_, Some(text)) => FabricSpec::load_from(&text, "spec", &Folder::new(Path::new(&folder)))?,
+                (filename, None) => FabricSpec::load(filename.unwrap_or_default())?,
+            };
+            let has_slits = Family::EACH.into_iter().any(|family| options.slits_of(&loaded.spec, family).is_some());
+            let options = FabricOptions { slits: Some(Slits::NONE), ..options };
+            Ok(FabricTables { fabric: FabricBsdf::new(loaded, &options)?, speckle, has_slits })
         };
-        Ok(FabricTables { fabric: py.detach(load).map_err(raise)?, speckle })
+        py.detach(load).map_err(raise)
+    }
+
+    /// Whether the spec's yarns have slits, which the tables leave out.
+    fn has_slits(&self) -> bool {
+        self.has_slits
     }
 
     /// Tables by name; `models`, the files of the ply models; `noise`, the noise tiles of each model, none without speckle.

@@ -139,6 +139,28 @@ def test_fabric_energy_and_colors(fabrics):
     assert (own <= kept + 1e-5).all() and own.mean() < kept.mean()
 
 
+def test_fabrics_have_slits(fabrics):
+    """By option and by spec alike; slits move light and lose none; what cannot be is told."""
+    organza = fabrics / "silk_organza.toml"
+    plain, slits = plywave.Fabric(organza), plywave.Fabric(organza, slits=plywave.Slit(2.0))
+    rng = np.random.default_rng(8)
+    position, wo = rng.uniform(0.0, 3000.0, (400, 2)), [0.0, 0.0, 1.0]
+    wi = -directions(rng, 400) * [0.3, 0.3, 1.0]
+    wi[:, 2] = -np.abs(wi[:, 2])
+    wi /= np.linalg.norm(wi, axis=-1, keepdims=True)
+    f, g = (fabric.eval(position, wo, wi) for fabric in (plain, slits))
+    np.testing.assert_allclose(plain.albedo(position, wo), slits.albedo(position, wo), atol=0.02)
+    assert (f != g).any(-1).mean() > 0.2
+    text = organza.read_text().replace("plies = 1", "plies = 1\nslit_um = 2.0")
+    same = plywave.Fabric(text, folder=fabrics)
+    np.testing.assert_array_equal(same.eval(position, wo, wi), g)
+    none = plywave.Fabric(text, folder=fabrics, slits=plywave.Slit(2.0, 0.0))
+    np.testing.assert_array_equal(none.eval(position, wo, wi), f)
+    for bad, words in [(plywave.Slit(9.0), "width_um"), ((1.0, 0.2), "slits: tuple: give a Slit")]:
+        with pytest.raises(plywave.Error, match=words):
+            plywave.Fabric(organza, slits=bad)
+
+
 def test_turned_fabrics(satin):
     """The pattern turned with both directions is the same."""
     rng = np.random.default_rng(11)

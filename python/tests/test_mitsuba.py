@@ -177,6 +177,30 @@ def test_fabric_is_the_librarys(spec, options, share):
     assert abs(got.mean(dtype=np.float64) / f.mean(dtype=np.float64) - 1.0) < 5e-4
 
 
+def test_slits_are_left_out_and_told(tmp_path):
+    """A spec with slits between fibers loads, with one line that says so; without there is none."""
+    text = pathlib.Path(ORGANZA).read_text()
+    said = []
+
+    class Lines(mi.Appender):
+        def append(self, level, line):
+            said.append(line)
+
+        def log_progress(self, *_):
+            pass
+
+    logger = mi.logger()
+    lines = Lines()
+    logger.add_appender(lines)
+    try:
+        for more in ("", "\nslit_um = 2.0"):
+            spec = text.replace("plies = 1", "plies = 1" + more)
+            mi.load_dict({"type": "plywave_fabric", "spec": spec, "folder": str(FABRICS), "gaps": "straight"})
+            assert sum("slit_um" in line for line in said) == (1 if more else 0)
+    finally:
+        logger.remove_appender(lines)
+
+
 def of_kind(kind, **more):
     if kind == "ply":
         return mi.load_dict({"type": "plywave_ply", "filename": PLY, "sigma_per_um": 0.003, **more})

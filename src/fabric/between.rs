@@ -21,11 +21,12 @@ use super::regression::Sums;
 use super::shadow::Shadows;
 use super::splines;
 use super::{Fabric, Family};
-use crate::PlyModel;
 use crate::color::AlbedoCurve;
+use crate::gap::Slit;
 use crate::math::hash::SplitMix64;
 use crate::math::parallel;
-use crate::ply::{EXIT_KINDS, ExitLine, ExitsAt};
+use crate::ply::{ByFirst, EXIT_KINDS, ExitLine, ExitsAt, LobeLight, UncachedPly};
+use crate::{PlyModel, PlyQuery};
 use std::f32::consts::PI;
 
 /// Nodes of absorption, those of the mean over the repeat: between them energies are linear in v = 1 / (1 + sigma L), L this length [um], some paths through a ply. Nodes even in v
@@ -139,6 +140,45 @@ fn dot<const T: usize>(a: &[f32; T], b: &[f32; T]) -> f32 {
 pub(super) trait Yarns {
     /// The model of a yarn.
     fn model(&self, family: Family, yarn: i32) -> &PlyModel;
+
+    /// The slits of a ply there, whose light of 0.55 um stands for all.
+    fn slit(&self, hit: &PlyHit) -> Option<&Slit>;
+}
+
+/// What a ply sends out at a hit, at all nodes of absorption; directions are drawn for clear fibers.
+enum Sent<'a> {
+    Lobes(ByFirst<'a, SIGMAS>),
+    /// Of a ply with slits, which take their part of the lobes at every call.
+    Slits { clear: UncachedPly<'a, 1>, dyed: UncachedPly<'a, SIGMAS> },
+}
+
+impl<'a> Sent<'a> {
+    fn new(model: &'a PlyModel, hit: &PlyHit, slit: Option<&'a Slit>) -> Sent<'a> {
+        if slit.is_none() {
+            return Sent::Lobes(model.by_first(hit.theta_i, hit.h_um, SIGMA_PER_UM));
+        }
+        let clear = PlyQuery { cached: false, slit, ..PlyQuery::lobes(hit.theta_i, hit.h_um, [0.0]) };
+        let dyed = PlyQuery { cached: false, slit, ..PlyQuery::lobes(hit.theta_i, hit.h_um, SIGMA_PER_UM) };
+        Sent::Slits { clear: model.uncached_at(&clear), dyed: model.uncached_at(&dyed) }
+    }
+
+    /// Energy that clear fibers scatter.
+    fn energy(&self) -> f32 {
+        match self {
+            Sent::Lobes(ply) => ply.albedo()[0],
+            Sent::Slits { clear, .. } => clear.albedo_r_d().0[0],
+        }
+    }
+
+    fn sample(&self, u: [f32; 3]) -> Option<([f32; 3], LobeLight<SIGMAS>)> {
+        match self {
+            Sent::Lobes(ply) => ply.sample(u),
+            Sent::Slits { clear, dyed } => {
+                let (w, drawn) = clear.sample_lobes(clear.hit_chance(), u)?;
+                Some((w, LobeLight { pdf: drawn.pdf, ..dyed.eval_pdf_lobes(1.0, w) }))
+            }
+        }
+    }
 }
 
 /// Light that has left the cloth.
@@ -212,8 +252,8 @@ fn path(
         let hit = &near.hit;
         let model = yarns.model(hit.family, hit.yarn);
         // Drawn for clear fibers, the first node's: their light is then neither lost nor made, and that of others is less.
-        let ply = model.by_first(hit.theta_i, hit.h_um, sigma);
-        let energy = ply.albedo()[0].max(1e-12);
+        let ply = Sent::new(model, hit, yarns.slit(hit));
+        let energy = ply.energy().max(1e-12);
         let per_mean = 1.0 / (MOST_OVER * energy);
         let looks = 1.0 / (FIRSTS as f32 * energy);
         let radius = fabric.yarns[hit.family as usize].radius;

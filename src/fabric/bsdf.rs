@@ -13,11 +13,11 @@ use super::flight::Near;
 use super::place::MAX_NEAR;
 use super::shade::Shade;
 use super::shadow::{Passing, Shadows};
-use super::{Fabric, Family, Gap, LoadedFabric, PlyHit, YarnColor};
+use super::{Fabric, FabricSpec, Family, Gap, LoadedFabric, PlyHit, YarnColor};
 use crate::bsdf::DirectionSample;
 use crate::color::{AlbedoCurve, RGB_LAMBDA_UM};
 use crate::fiber::Reflections;
-use crate::gap::{GapBsdf, Spectrum};
+use crate::gap::{GapBsdf, Slit, Spectrum};
 use crate::ply::{Lobes, PlyOn};
 use crate::spec::{GaussianBeam, YarnSpec};
 use crate::speckle::Instance;
@@ -29,6 +29,20 @@ use std::sync::Arc;
 const LEAST_CAUGHT: f32 = 1e-3;
 /// Edges of apertures, in equal steps from the beam's center to d_cut, for which spectra are kept.
 pub(super) const EDGES: usize = 32;
+
+/// Slits between the fibers of a yarn (Yu 2025, 7.3), [`Slit`], for those who want their colors.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Slits {
+    /// Their width [um], above 0 and at most [`crate::gap::SLIT_MAX_UM`].
+    pub width_um: f32,
+    /// Share of a ply's forward light that goes through them, 0 to 1; [`crate::gap::SLIT_SHARE`] in the paper. At 0 there are none.
+    pub share: f32,
+}
+
+impl Slits {
+    /// No slits, whatever the spec has.
+    pub const NONE: Slits = Slits { width_um: 1.0, share: 0.0 };
+}
 
 /// How a fabric is shaded.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,6 +59,9 @@ pub struct FabricOptions {
     pub shadowing: bool,
     /// Light that passes beside a ply that the line meets is diffracted at its edge. Without, it goes straight on.
     pub edges: bool,
+    /// Slits between the fibers of all yarns, in place of those that the spec gives each family. They diffract light where one layer of yarn lies, of points alone: the mean over the
+    /// repeat does without.
+    pub slits: Option<Slits>,
     /// The mean over the repeat is made ready, some seconds, for queries with a footprint ([`FabricQuery::footprint_um`]). Without, footprints count as points.
     pub far: bool,
 }
@@ -58,13 +75,20 @@ impl FabricOptions {
         layers: true,
         shadowing: true,
         edges: true,
+        slits: None,
         far: false,
     };
 }
 
 impl FabricOptions {
     /// Without diffraction, as ray optics has it: what a twin of explicit fibers traces.
-    pub const RAYS: FabricOptions = FabricOptions { gaps: GapLight::Straight, edges: false, ..FabricOptions::SMOOTH };
+    pub const RAYS: FabricOptions =
+        FabricOptions { gaps: GapLight::Straight, edges: false, slits: Some(Slits::NONE), ..FabricOptions::SMOOTH };
+
+    /// The slits of a family's yarns: these, or else those of the spec; `None` where no light goes through any.
+    pub fn slits_of(&self, spec: &FabricSpec, family: Family) -> Option<Slits> {
+        self.slits.or_else(|| spec.yarn(family).slits()).filter(|slits| slits.share != 0.0)
+    }
 }
 
 impl Default for FabricOptions {
@@ -170,6 +194,8 @@ pub struct FabricBsdf {
     /// `[EDGES + 1][EDGES + 1]` of the distances of the two edges along one axis, of the beam of the warp's model.
     pub(super) spectra: Vec<Spectrum>,
     pub(super) edge_step_um: f32,
+    /// By family.
+    pub(super) slits: [Option<Slit>; 2],
     pub(super) options: FabricOptions,
     pub(super) shadows: Shadows,
     pub(super) between: Between,
@@ -192,10 +218,11 @@ impl FabricBsdf {
     /// Of a loaded fabric.
     ///
     /// # Errors
-    /// As [`YarnSpec::parse`], for the spec in the warp's model.
+    /// As [`YarnSpec::parse`], for the spec in the warp's model, and as [`Slit::new`], for [`FabricOptions::slits`].
     pub fn new(loaded: LoadedFabric, options: &FabricOptions) -> Result<FabricBsdf> {
         let warp = loaded.model_of(Family::Warp, 0).data();
         let beam: GaussianBeam = YarnSpec::parse(&warp.spec_text, "warp.model (its spec)")?.beam.beam();
+        let slits = [slit_of(&loaded, Family::Warp, options)?, slit_of(&loaded, Family::Weft, options)?];
         let LoadedFabric { fabric, models, threads: stripes, spec, .. } = loaded;
         // A line that passes a ply goes on to others: it is one line, not the beam of a table.
         let models: Vec<Arc<PlyModel>> = models.iter().map(|m| Ok(Arc::new(m.of_lines()?))).collect::<Result<_>>()?;
@@ -208,7 +235,7 @@ impl FabricBsdf {
             Spectrum::new(-step * low as f64, step * high as f64, beam.w0_um)
         };
         let spectra = (0..(EDGES + 1) * (EDGES + 1)).map(spectrum).collect();
-        let yarns = OfYarns { models: &models, stripes: &stripes };
+        let yarns = OfYarns { models: &models, stripes: &stripes, slits: &slits };
         let shadows = Shadows::new(&fabric, &yarns);
         let between = Between::new(&fabric, &shadows, &yarns);
         if options.noise {
@@ -230,6 +257,7 @@ impl FabricBsdf {
             dyes: Vec::new(),
             spectra,
             edge_step_um: step as f32,
+            slits,
             options: *options,
             grain_um: (2.0 * beam.w0_um) as f32,
             far: None,
@@ -242,7 +270,8 @@ impl FabricBsdf {
         shading.dyes = colors.iter().map(|color| shading.dye_of(*color)).collect();
         shading.color_shares = shares_of(&shading.threads);
         if options.far {
-            let smooth = FabricBsdf { options: FabricOptions { noise: false, ..*options }, ..shading.clone() };
+            let options = FabricOptions { noise: false, ..*options };
+            let smooth = FabricBsdf { options, slits: [None; 2], ..shading.clone() };
             shading.far = Some(Arc::new(Far::new(&smooth)));
         }
         Ok(shading)
@@ -487,10 +516,11 @@ impl FabricBsdf {
         }
     }
 
-    fn ply_query<'a, const N: usize>(&self, query: &FabricQuery<'a, N>, hit: &PlyHit) -> PlyQuery<'a, N> {
+    fn ply_query<'a, const N: usize>(&'a self, query: &FabricQuery<'a, N>, hit: &PlyHit) -> PlyQuery<'a, N> {
         let sigma_per_um = self.query_sigma(query, hit.family, hit.yarn);
         PlyQuery {
             instance: self.options.noise.then(|| self.instance(hit)),
+            slit: slit_at(&self.slits, hit),
             ..PlyQuery::new(hit.theta_i, hit.h_um, sigma_per_um, query.lambda_um)
         }
     }
@@ -538,6 +568,20 @@ impl Sheet for FabricBsdf {
     }
 }
 
+/// The slits of a family's yarns, in its models' beam; none where no light goes through them.
+fn slit_of(loaded: &LoadedFabric, family: Family, options: &FabricOptions) -> Result<Option<Slit>> {
+    let Some(Slits { width_um, share }) = options.slits_of(&loaded.spec, family) else { return Ok(None) };
+    let model = loaded.model_of(family, 0).data();
+    let beam = YarnSpec::parse(&model.spec_text, "model (its spec)")?.beam.beam();
+    Slit::new(width_um, share, &beam).map(Some)
+}
+
+/// The slits of a ply that a line comes near: where one layer lies, as [`PlyQuery::slit`] has it.
+#[inline]
+fn slit_at<'a>(slits: &'a [Option<Slit>; 2], hit: &PlyHit) -> Option<&'a Slit> {
+    slits[hit.family as usize].as_ref().filter(|_| !hit.is_double)
+}
+
 /// The entry of a yarn in a list that repeats; 0 for an empty one.
 #[inline]
 fn repeated(list: &[u32], yarn: i32) -> u32 {
@@ -551,11 +595,16 @@ fn repeated(list: &[u32], yarn: i32) -> u32 {
 struct OfYarns<'a> {
     models: &'a [Arc<PlyModel>],
     stripes: &'a [Vec<u32>; 2],
+    slits: &'a [Option<Slit>; 2],
 }
 
 impl Yarns for OfYarns<'_> {
     fn model(&self, family: Family, yarn: i32) -> &PlyModel {
         &self.models[repeated(&self.stripes[family as usize], yarn) as usize]
+    }
+
+    fn slit(&self, hit: &PlyHit) -> Option<&Slit> {
+        slit_at(self.slits, hit)
     }
 }
 

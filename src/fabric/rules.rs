@@ -5,6 +5,7 @@ use super::draft::{Draft, MAX_THREADS};
 use super::spec::{FabricSpec, WeaveSpec, YarnOfFabric};
 use super::yarn::YarnShape;
 use crate::Result;
+use crate::gap::SLIT_MAX_UM;
 use crate::spec::YarnSpec;
 use crate::spec::rules::{Custom, Key, Kind, Rules, invalid, optional, required};
 use toml::Value;
@@ -41,6 +42,8 @@ const YARN: &[Key] = &[
     optional("sigma_per_um", Kind::Number(0.0, 10.0), "srgb"),
     optional("models", Kind::Letters, "model"),
     optional("threads", Kind::Text, "model"),
+    optional("slit_um", Kind::Above(0.0, SLIT_MAX_UM as f64), "no slits"),
+    optional("slit_share", Kind::Number(0.0, 1.0), "a quarter, with slit_um"),
 ];
 /// Keys of each `weave.kind`, besides `kind`.
 const WEAVES: &[(&str, &[Key])] = &[
@@ -109,6 +112,10 @@ pub(super) fn check_relations(file: &str, spec: &FabricSpec) -> Result<()> {
                 yarn.sigma_per_um.unwrap_or_default(),
                 "give either srgb or sigma_per_um, not both",
             ));
+        }
+        if let (Some(share), None) = (yarn.slit_share, yarn.slit_um) {
+            let hint = "give slit_um, the width of the slits, too, or leave this key out";
+            return Err(invalid(file, &format!("{name}.slit_share"), share, hint));
         }
     }
     // Crimps that are absent are small enough for any other.

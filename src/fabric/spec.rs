@@ -2,10 +2,12 @@
 //! `rules.rs`, reading in `load.rs`.
 
 use super::Family;
+use super::bsdf::Slits;
 use super::color_of::ColorOf;
 use super::draft::Draft;
 #[cfg(doc)]
 use super::{wif::Wif, yarn::YarnShape};
+use crate::gap::SLIT_SHARE;
 use crate::spec::Handedness;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -103,9 +105,21 @@ pub struct YarnOfFabric {
     /// Absorption coefficient of the fibers [1/um], in place of a color.
     #[serde(default)]
     pub sigma_per_um: Option<f64>,
+    /// Width of slits between the fibers [um] (Yu 2025, 7.3); absent: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub slit_um: Option<f64>,
+    /// Share of the forward light that goes through them, of yarns with slits; absent: [`SLIT_SHARE`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub slit_share: Option<f64>,
 }
 
 impl YarnOfFabric {
+    /// The slits between its fibers.
+    pub fn slits(&self) -> Option<Slits> {
+        let width_um = self.slit_um? as f32;
+        Some(Slits { width_um, share: self.slit_share.map_or(SLIT_SHARE, |share| share as f32) })
+    }
+
     /// Paths of the models, each once, and for each yarn of one repeat of the stripes the index of its model.
     pub fn stripes(&self) -> (Vec<&str>, Vec<usize>) {
         match (&self.model, &self.threads) {

@@ -40,14 +40,15 @@ impl PlyModel {
     #[inline(always)]
     pub(crate) fn unprepared<'a, const N: usize>(&'a self, query: &PlyQuery<'a, N>) -> PlyBsdf<'a, N> {
         let lobes = self.cached(query.theta_i, query.h_um, query.sigma_per_um);
-        PlyBsdf { ply: PlyOn { model: self, query: *query, lobes, speckle: self.speckle(query) }, two: None }
+        let ply = PlyOn { model: self, query: *query, lobes, speckle: self.speckle(query), slit: query.slit };
+        PlyBsdf { ply, two: None }
     }
 
     /// The model at a query, its lobes interpolated at every call: for what is asked for once.
     #[inline]
     pub(crate) fn uncached_at<'a, const N: usize>(&'a self, query: &PlyQuery<'a, N>) -> UncachedPly<'a, N> {
         let lobes = self.uncached(query.theta_i, query.h_um, query.sigma_per_um);
-        PlyOn { model: self, query: *query, lobes, speckle: self.speckle(query) }
+        PlyOn { model: self, query: *query, lobes, speckle: self.speckle(query), slit: query.slit }
     }
 
     /// The patterns of a query, where there are both noise and an instance.
@@ -90,6 +91,9 @@ impl<'a, const N: usize> PlyBsdf<'a, N> {
         }
         if let Some(below) = self.ply.query.below {
             self.two = TwoLayered::new(&self.ply, &below);
+            if self.two.is_some() {
+                self.ply.slit = None;
+            }
         }
     }
 

@@ -7,10 +7,11 @@ use super::model::PlyModel;
 use super::query::{PlyQuery, PlyTerms};
 use super::terms::{Drawn, Terms};
 use crate::bsdf::Outcomes;
+use crate::gap::Slit;
 use crate::speckle::Speckle;
 use crate::{Bsdf, BsdfSample};
 
-/// The lobes in one direction, those of the instance, and the density of drawing it from them [1/sr].
+/// The lobes in one direction, those of the instance, and the density of drawing it from them [1/sr]; light of slits is in f_high.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LobeLight<const N: usize> {
     pub(crate) refl: [f32; N],
@@ -29,6 +30,8 @@ pub(crate) struct PlyOn<'a, L, const N: usize> {
     pub(crate) query: PlyQuery<'a, N>,
     pub(super) lobes: L,
     pub(super) speckle: Option<Speckle<'a, N>>,
+    /// That of the query, but over a second layer.
+    pub(super) slit: Option<&'a Slit>,
 }
 
 impl<const N: usize> PlyOn<'_, Cached<'_, N>, N> {
@@ -48,7 +51,10 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
 
     /// f_refl + f_high, those of the instance.
     pub(crate) fn eval_lobes(&self, w: [f32; 3]) -> [f32; N] {
-        let light = self.light(w, 1.0, |lobes| lobes.eval(w));
+        let light = match self.slit {
+            None => self.light(w, 1.0, |lobes| lobes.eval(w)),
+            Some(slit) => self.slit_light(slit, 1.0, w),
+        };
         std::array::from_fn(|k| light.refl[k] + light.high[k])
     }
 
@@ -62,18 +68,27 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
     /// The lobes in a direction; `hit` is [`PlyOn::hit_chance`].
     #[inline]
     pub(crate) fn eval_pdf_lobes(&self, hit: f32, w: [f32; 3]) -> LobeLight<N> {
-        self.light(w, hit, |lobes| lobes.eval_pdf(w))
+        match self.slit {
+            None => self.light(w, hit, |lobes| lobes.eval_pdf(w)),
+            Some(slit) => self.slit_light(slit, hit, w),
+        }
     }
 
     /// The lobes in a direction, without the density.
     #[inline]
     pub(crate) fn eval_apart(&self, w: [f32; 3]) -> LobeLight<N> {
-        self.light(w, 0.0, |lobes| lobes.eval(w))
+        match self.slit {
+            None => self.light(w, 0.0, |lobes| lobes.eval(w)),
+            Some(slit) => self.slit_light(slit, 1.0, w),
+        }
     }
 
     /// Density of the lobes alone.
     #[inline]
     pub(crate) fn pdf_lobes(&self, hit: f32, w: [f32; 3]) -> f32 {
+        if let Some(slit) = self.slit {
+            return self.slit_light(slit, hit, w).pdf;
+        }
         if hit > 0.0 { self.lobes.pdf(w).pdf / hit } else { 0.0 }
     }
 
@@ -81,7 +96,12 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
     #[inline]
     pub(crate) fn sample_lobes(&self, hit: f32, u: [f32; 3]) -> Option<([f32; 3], LobeLight<N>)> {
         // The last numbers are those of missed light.
-        let (w, core) = self.lobes.sample([(u[0] * hit).min(hit * (1.0 - 1e-6)), u[1], u[2]]);
+        let u = [(u[0] * hit).min(hit * (1.0 - 1e-6)), u[1], u[2]];
+        if let Some(slit) = self.slit {
+            let w = self.all().slit_direction(slit, u).ok().flatten()?;
+            return Some((w, self.slit_light(slit, hit, w)));
+        }
+        let (w, core) = self.lobes.sample(u);
         let w = w?;
         Some((w, self.light(w, hit, |_| core)))
     }
@@ -100,6 +120,18 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
             }
         }
         LobeLight { refl, high, pdf: if hit > 0.0 { pdf / hit } else { 0.0 } }
+    }
+
+    /// [`PlyOn::eval_pdf_lobes`] with a slit: what it takes of f_high comes back as its light, which has no patterns. The lobes are interpolated at every call.
+    #[inline(never)]
+    fn slit_light(&self, slit: &Slit, hit: f32, w: [f32; 3]) -> LobeLight<N> {
+        let (core, diffracted, pdf) = self.all().slit_lobes(slit, w);
+        let mut light = self.light(w, hit, |_| core);
+        for k in 0..N {
+            light.high[k] += diffracted[k];
+        }
+        light.pdf += if hit > 0.0 { pdf / hit } else { 0.0 };
+        light
     }
 
     /// Light diffracted at the ply's edge, of a beam of which all passes, and the density of drawing it; `None` for a ply without.

@@ -101,30 +101,40 @@ impl<L: Lobes<N>, const N: usize> Terms<'_, L, N> {
 
     /// The terms of a ply whose forward light has a part that a slit diffracts (Yu 2025, 7.3). Its lobes are interpolated at every call.
     fn slit_eval_pdf(&self, slit: &Slit, w: [f32; 3]) -> PlyTerms<N> {
+        let (core, light, pdf) = self.slit_lobes(slit, w);
+        let terms = self.with_edge_pdf(&core, w);
+        PlyTerms { slit: light, pdf: terms.pdf + pdf, ..terms }
+    }
+
+    /// The lobes less what a slit takes of them, the slit's light, and its part of the density.
+    pub(super) fn slit_lobes(&self, slit: &Slit, w: [f32; 3]) -> (Core<N>, [f32; N], f32) {
         let q = self.query;
         let layout = &self.model.layout;
-        let (core, diffracted) = dispatch::run_slit_eval(layout, slit.share(), q.theta_i, q.h_um, q.sigma_per_um, w);
-        let mut terms = self.with_edge_pdf(&core, w);
-        let (light, pdf) = slit.eval_pdf(q.theta_i, q.lambda_um, w);
+        let (core, taken) = dispatch::run_slit_eval(layout, slit.share(), q.theta_i, q.h_um, q.sigma_per_um, w);
+        let (mut light, pdf) = slit.eval_pdf(q.theta_i, q.lambda_um, w);
         for k in 0..N {
-            terms.slit[k] = diffracted.energy[k] * light[k];
+            light[k] *= taken.energy[k];
         }
-        terms.pdf += diffracted.chance * pdf;
-        terms
+        (core, light, taken.chance * pdf)
     }
 
     fn slit_sample(&self, slit: &Slit, u: [f32; 3]) -> Drawn<N> {
+        match self.slit_direction(slit, u) {
+            Ok(Some(w)) => Drawn::Scattered(w, self.slit_eval_pdf(slit, w)),
+            Ok(None) => Drawn::Absorbed,
+            Err(remaining) => self.sample_missed(remaining, u),
+        }
+    }
+
+    /// A direction of the lobes or of the slit's light; for missed light what is left of the number that chose it.
+    pub(super) fn slit_direction(&self, slit: &Slit, u: [f32; 3]) -> Result<Option<[f32; 3]>, f32> {
         let q = self.query;
         let layout = &self.model.layout;
-        let w = match dispatch::run_slit_sample(layout, slit.share(), q.theta_i, q.h_um, q.sigma_per_um, u) {
-            SlitSample::Lobe(w) => Some(w),
-            SlitSample::Slit(remaining) => slit.sample(q.theta_i, q.lambda_um, unit([remaining, u[1], u[2]])),
-            SlitSample::Missed(remaining) => return self.sample_missed(remaining, u),
-            SlitSample::None => None,
-        };
-        match w {
-            Some(w) => Drawn::Scattered(w, self.slit_eval_pdf(slit, w)),
-            None => Drawn::Absorbed,
+        match dispatch::run_slit_sample(layout, slit.share(), q.theta_i, q.h_um, q.sigma_per_um, u) {
+            SlitSample::Lobe(w) => Ok(Some(w)),
+            SlitSample::Slit(remaining) => Ok(slit.sample(q.theta_i, q.lambda_um, unit([remaining, u[1], u[2]]))),
+            SlitSample::Missed(remaining) => Err(remaining),
+            SlitSample::None => Ok(None),
         }
     }
 }

@@ -81,8 +81,14 @@ pub struct RenderArgs {
     /// Without speckle, which the models that ship have.
     #[arg(long)]
     pub smooth: bool,
+    /// Slits between the fibers of all yarns, this wide [um], 5 at most, in place of those of the spec: colors of loose cloth before a small lamp.
+    #[arg(long, value_name = "UM", allow_negative_numbers = true)]
+    pub slit_um: Option<f64>,
+    /// Share of the forward light that goes through these slits [default: 0.25].
+    #[arg(long, value_name = "SHARE", allow_negative_numbers = true, requires = "slit_um")]
+    pub slit_share: Option<f64>,
     /// Leave parts of the model out, for comparison: `layers` (yarns of the layer below catch nothing), `shadowing` (yarns beside catch nothing), `edges` (light at a ply's
-    /// edge goes straight on).
+    /// edge goes straight on), `slits` (those of the spec).
     #[arg(long, value_name = "PART", num_args = 1, value_delimiter = ',', value_enum)]
     pub without: Vec<FabricPart>,
     /// Stops by which the PNG is brighter.
@@ -108,6 +114,8 @@ pub enum FabricPart {
     Shadowing,
     /// Diffraction at a ply's edge.
     Edges,
+    /// Slits between fibers, of the spec.
+    Slits,
     /// The mean over the repeat, for pixels that cover half of it or more.
     Far,
 }

@@ -6,7 +6,8 @@ use crate::failure::{Failure, Outcome};
 use crate::progress::STOP;
 use crate::rendering::{About, Outputs, check_flags, digest_of_file, failed, film, shoot};
 use crate::{kinds, output, report};
-use plywave::fabric::{Fabric, FabricBsdf, FabricOptions, FabricSpec, GapLight, WeaveSpec};
+use plywave::fabric::{Fabric, FabricBsdf, FabricOptions, FabricSpec, Family, GapLight, Slits, WeaveSpec};
+use plywave::gap::{SLIT_MAX_UM, SLIT_SHARE};
 use plywave_render::{Environment, Mesh, MeshNotes, RenderOptions, Setup, render};
 use std::path::{Path, PathBuf};
 
@@ -52,7 +53,7 @@ fn ingredients(args: &RenderArgs, size: f32, inputs: &[(&'static str, PathBuf)])
     for (name, path) in inputs {
         list.push(((*name).to_string(), digest_of_file(path)?));
     }
-    let flags: [(&str, String); 11] = [
+    let flags: [(&str, String); 13] = [
         ("--setup", format!("{:?}", setup(args))),
         ("--size-mm", size.to_string()),
         ("--cloth-mm", args.cloth_mm.to_string()),
@@ -63,9 +64,11 @@ fn ingredients(args: &RenderArgs, size: f32, inputs: &[(&'static str, PathBuf)])
         ("--sigma", format!("{:?}", args.sigma)),
         ("--straight-gaps", args.straight_gaps.to_string()),
         ("--smooth", args.smooth.to_string()),
+        ("--slit-um", format!("{:?}", args.slit_um)),
+        ("--slit-share", format!("{:?}", args.slit_share)),
         (
             "--without",
-            [FabricPart::Layers, FabricPart::Shadowing, FabricPart::Edges, FabricPart::Far]
+            [FabricPart::Layers, FabricPart::Shadowing, FabricPart::Edges, FabricPart::Slits, FabricPart::Far]
                 .map(|p| args.without.contains(&p))
                 .map(u8::from)
                 .map(|b| b.to_string())
@@ -99,6 +102,30 @@ pub(super) fn covers_repeats(fabric: &Fabric, setup: Setup, size_mm: f32, height
     height >= FAR_LINES && f64::from(setup.pixel_um(size_mm, height)) > 0.5 * x.max(y)
 }
 
+/// Slits as the flags have them; those of the spec without.
+fn slits(args: &RenderArgs) -> Outcome<Option<Slits>> {
+    match (args.slit_um, args.without.contains(&FabricPart::Slits)) {
+        (Some(width), true) => {
+            let hint = "given with --without slits; leave one of them out";
+            Err(Failure::input("command line", "--slit-um", width, hint))
+        }
+        (Some(width), false) if !(width > 0.0 && width <= f64::from(SLIT_MAX_UM)) => {
+            let hint = format!("must be above 0 and at most {SLIT_MAX_UM}");
+            Err(Failure::input("command line", "--slit-um", width, &hint))
+        }
+        (Some(width), false) => {
+            let share = args.slit_share.map_or(SLIT_SHARE, |share| share as f32);
+            Ok(Some(Slits { width_um: width as f32, share }))
+        }
+        (None, leave_out) => Ok(leave_out.then_some(Slits::NONE)),
+    }
+}
+
+/// Whether the yarns of a fabric have slits, which the mean over its repeat leaves out.
+pub(super) fn has_slits(spec: &FabricSpec, options: &FabricOptions) -> bool {
+    Family::EACH.into_iter().any(|family| options.slits_of(spec, family).is_some())
+}
+
 /// Runs the command.
 pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     check_flags(args)?;
@@ -121,12 +148,14 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
         layers: !args.without.contains(&FabricPart::Layers),
         shadowing: !args.without.contains(&FabricPart::Shadowing),
         edges: !args.without.contains(&FabricPart::Edges),
+        slits: slits(args)?,
         far: false,
     };
     let setup = Setup::from(setup(args));
     let size = args.size_mm.map_or(setup.size_mm(), |s| s as f32);
     let far = !args.without.contains(&FabricPart::Far) && covers_repeats(&loaded.fabric, setup, size, args.height);
-    let options = FabricOptions { far, ..options };
+    let has_slits = has_slits(&loaded.spec, &options);
+    let options = FabricOptions { far: far && !has_slits, ..options };
     let of = ingredients(args, size, &inputs)?;
     let film = film(args, &outputs, &of)?;
     let mut notes = loaded.notes();
@@ -136,6 +165,11 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
         notes.extend(smooth.map(|(_, path)| {
             format!("{} has no speckle noise and stays smooth; `plywave noise` adds it", path.display())
         }));
+    }
+    if far && has_slits {
+        notes.push(
+            "with slits, pixels that cover repeats show points of them, not their mean, which has no slits".into(),
+        );
     }
     // What is quickly refused comes before what takes seconds.
     let mesh = match &args.mesh {

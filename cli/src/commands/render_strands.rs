@@ -22,6 +22,7 @@ fn check_foreign(args: &RenderArgs) -> Outcome {
         ("--sigma", args.sigma.is_some()),
         ("--straight-gaps", args.straight_gaps),
         ("--smooth", args.smooth),
+        ("--slit-um", args.slit_um.is_some()),
         ("--without", !args.without.is_empty()),
     ] {
         if given {

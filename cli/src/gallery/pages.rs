@@ -51,6 +51,9 @@ pub struct Shot {
     pub without: Vec<String>,
     /// One absorption for all yarns [1/um].
     pub sigma_per_um: Option<f32>,
+    /// Width of slits between fibers [um], and share of the forward light that goes through them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub slits: Option<[f32; 2]>,
 }
 
 impl Shot {
@@ -79,6 +82,7 @@ impl Shot {
             .map(|(_, name)| name.to_string())
             .collect(),
             sigma_per_um: panel.options.sigma_per_um,
+            slits: panel.options.slits.map(|slits| [slits.width_um, slits.share]),
         }
     }
 
@@ -96,6 +100,9 @@ impl Shot {
         }
         if self.smooth {
             words += " --smooth";
+        }
+        if let Some([width_um, share]) = self.slits {
+            words += &format!(" --slit-um {width_um} --slit-share {share}");
         }
         if !self.without.is_empty() {
             words += &format!(" --without {}", self.without.join(","));

@@ -1,7 +1,8 @@
 //! Which pictures there are, what is to be seen in each, and how they are rendered.
 
 use super::materials::{Cloth, Ply};
-use plywave::fabric::{FabricOptions, GapLight};
+use plywave::fabric::{FabricOptions, GapLight, Slits};
+use plywave::gap::SLIT_SHARE;
 use plywave_render::Setup;
 
 /// One render of a picture.
@@ -174,6 +175,16 @@ pub fn all() -> Vec<Picture> {
             vec![gaps("straight", GapLight::Straight), gaps("diffracted", GapLight::Diffracted)],
         ));
     }
+    let slits = |title, slits| Panel {
+        samples: 2,
+        exposure: -1.5,
+        ..panel(title, Cloth::shipped("silk_organza"), Setup::Back, 16.0, FabricOptions { slits, ..SMOOTH })
+    };
+    list.push(picture(
+        "slits",
+        "Organza before a lamp, without and with slits of 2 um between the fibers of its yarns, through which a quarter of the forward light goes (Yu 2025, Fig. 16).",
+        vec![slits("no slits", None), slits("slits", Some(Slits { width_um: 2.0, share: SLIT_SHARE }))],
+    ));
     for (name, cloth, setup, size_mm, exposure, caption) in [
         (
             "noise_close",

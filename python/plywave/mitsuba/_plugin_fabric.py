@@ -48,6 +48,8 @@ def define(Calls):
             if filename is not None:
                 filename = str(mi.file_resolver().resolve(filename))
             tables = _native.FabricTables(filename, text, folder, gaps == "diffracted", **on)
+            if tables.has_slits():
+                mi.Log(mi.LogLevel.Warn, f"{name}: slit_um: the spec has slits between fibers, which the plugin leaves out")
             tensors = tables.tensors()
             self.cloth = Cloth(kit, tensors)
             self.gaps = Gaps(kit, tensors["apertures"], self.cloth.edge_step) if gaps == "diffracted" else None
