@@ -92,18 +92,6 @@ kernel!(
     }
 );
 kernel!(
-    run_pdf = any_pdf, [pdf_fast, pdf_large, pdf_cone, pdf_large_cone],
-    (theta_i: f32, h_um: f32, sigma: [f32; N] as same, wo: [f32; 3]) -> Core<N>,
-    |tables, FMA, L| match mixture::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {
-        Some((m, x)) => m.core(0.0, [0.0; N], m.pdf::<FMA>(&x, wo)),
-        None => Core::MISS,
-    },
-    match ConeMixture::<_, _, L, _, N>::new::<FMA>(tables, theta_i, h_um, &sigma) {
-        Some(m) => m.core(m.eval_pdf::<FMA>(&m.mean::<FMA>(), wo)),
-        None => Core::MISS,
-    }
-);
-kernel!(
     run_eval_pdf = any_eval_pdf, [eval_pdf_fast, eval_pdf_large, eval_pdf_cone, eval_pdf_large_cone],
     (theta_i: f32, h_um: f32, sigma: [f32; N] as same, wo: [f32; 3]) -> Core<N>,
     |tables, FMA, L| match mixture::<FMA, _, _, L, _, N>(tables, theta_i, h_um, &sigma) {

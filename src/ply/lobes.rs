@@ -14,9 +14,6 @@ pub(crate) trait Lobes<const N: usize> {
     /// The same with the density of [`Lobes::sample`].
     fn eval_pdf(&self, wo: [f32; 3]) -> Core<N>;
 
-    /// The density; the other numbers need not be there.
-    fn pdf(&self, wo: [f32; 3]) -> Core<N>;
-
     /// A direction with what [`Lobes::eval_pdf`] is there; none for light that missed the fibers.
     fn sample(&self, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>);
 
@@ -42,11 +39,6 @@ impl<const N: usize> Lobes<N> for Uncached<'_, N> {
     #[inline]
     fn eval_pdf(&self, wo: [f32; 3]) -> Core<N> {
         dispatch::run_eval_pdf(self.layout, self.theta_i, self.h_um, self.sigma_per_um, wo)
-    }
-
-    #[inline]
-    fn pdf(&self, wo: [f32; 3]) -> Core<N> {
-        dispatch::run_pdf(self.layout, self.theta_i, self.h_um, self.sigma_per_um, wo)
     }
 
     #[inline]
@@ -135,14 +127,6 @@ impl<const N: usize> Lobes<N> for Cached<'_, N> {
     fn eval_pdf(&self, wo: [f32; 3]) -> Core<N> {
         match &self.prepared {
             Prepared::Nothing => self.uncached.eval_pdf(wo),
-            kept => dispatch::kept_eval_pdf(kept, wo),
-        }
-    }
-
-    #[inline]
-    fn pdf(&self, wo: [f32; 3]) -> Core<N> {
-        match &self.prepared {
-            Prepared::Nothing => self.uncached.pdf(wo),
             kept => dispatch::kept_eval_pdf(kept, wo),
         }
     }

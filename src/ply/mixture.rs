@@ -221,12 +221,6 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         (refl, high, if total > 0.0 { halves(density) / total } else { 0.0 })
     }
 
-    /// Density of sampling `wo` [1/sr], missing included.
-    #[inline(always)]
-    pub(super) fn pdf<const FMA: bool>(&self, x: &Shapes<L>, wo: [f32; 3]) -> f32 {
-        self.eval_pdf::<FMA>(x, &self.mean::<FMA>(), wo).2
-    }
-
     /// By high-order lobe and absorption: what the energy of a lobe is multiplied by, scaled to the simulated energy.
     #[inline(always)]
     pub(super) fn left<const FMA: bool>(&self) -> [[f32; N]; H] {

@@ -89,7 +89,7 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
         if let Some(slit) = self.slit {
             return self.slit_light(slit, hit, w).pdf;
         }
-        if hit > 0.0 { self.lobes.pdf(w).pdf / hit } else { 0.0 }
+        if hit > 0.0 { self.lobes.eval_pdf(w).pdf / hit } else { 0.0 }
     }
 
     /// A direction of the lobes, with [`PlyOn::eval_pdf_lobes`] there.

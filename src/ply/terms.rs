@@ -50,7 +50,7 @@ impl<L: Lobes<N>, const N: usize> Terms<'_, L, N> {
     pub(crate) fn pdf(&self, w: [f32; 3]) -> f32 {
         match self.query.slit {
             Some(slit) => self.slit_eval_pdf(slit, w).pdf,
-            None => self.with_edge_pdf(&self.lobes.pdf(w), w).pdf,
+            None => self.with_edge_pdf(&self.lobes.eval_pdf(w), w).pdf,
         }
     }
 
