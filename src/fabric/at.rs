@@ -148,6 +148,12 @@ const PASSES: usize = MAX_NEAR;
 const UP: usize = MAX_NEAR + 1;
 const DOWN: usize = MAX_NEAR + 2;
 
+/// Least share of a ply's light that counts as free: in some directions all of it is, and weights are as large as this is small.
+const LEAST_FREE: f32 = 0.4;
+/// Chance of light between yarns over its energy. Its samples, by the cosine, lie most where least is in the shadow and so stand in for those of plies there: more lessens the
+/// variance of weights and raises the largest one of clear cloths.
+const FOR_SHADOWS: f32 = 1.25;
+
 /// A fabric at a query, for N wavelengths; of the ply that the line meets the lobes are interpolated once.
 #[derive(Clone, Copy, Debug)]
 pub struct FabricAt<'a, const N: usize> {
@@ -202,18 +208,31 @@ impl<const N: usize> FabricAt<'_, N> {
         (f, first)
     }
 
-    /// Sets the chances of all parts by their mean energies.
+    /// Sets the chances of all parts.
+    ///
+    /// Of parts whose light lies apart, chances as the root of the mean square of f over the part's own density give weights of the least variance, here that of the sum over
+    /// channels. Of a ply's light the share m is not caught by other yarns. If shadows took as much in every direction, that root would be m of its energy, if they took all
+    /// or nothing, `m^(1/2)`; what is taken is between. (tests/cloth.rs has the weights.)
     pub(super) fn set_chances(&mut self) {
         let mean = |x: &[f32; N]| x.iter().sum::<f32>() / N.max(1) as f32;
-        let between = self.between.energy.map(|e| mean(&e));
-        let plies = self.main.iter().map(|p| p.arrives * mean(&p.energy)).sum::<f32>()
-            + self.others.iter().flatten().map(|p| p.arrives * mean(&p.energy)).sum::<f32>();
-        // What leaves between yarns was scattered by a ply and caught by another: directions in which that one's light is in the shadow are of less use.
-        let direct = (plies - between[0] - between[1]).max(0.3 * plies);
+        let root_mean_square = |x: &[f32; N]| (x.iter().map(|x| x * x).sum::<f32>() / N.max(1) as f32).sqrt();
+        let between = self.between.energy.map(|e| FOR_SHADOWS * root_mean_square(&e));
+        let mut plies = [0.0; N];
+        let mut add = |arrives: f32, energy: &[f32; N]| (0..N).for_each(|k| plies[k] += arrives * energy[k]);
+        if let Some(p) = &self.main {
+            add(p.arrives, &p.energy);
+        }
+        self.others.iter().flatten().for_each(|p| add(p.arrives, &p.energy));
+        let direct = root_mean_square(&std::array::from_fn(|k| {
+            let m = (1.0 - self.between.caught[k] / plies[k].max(f32::MIN_POSITIVE)).max(LEAST_FREE);
+            // m^(3/4).
+            plies[k] * (m * m.sqrt()).sqrt()
+        }));
         let passing = if matches!(self.passes, Passes::Straight) { 0.0 } else { self.passing };
         // Straight light is the rest.
         let all = direct + between[0] + between[1] + self.passing;
         let per = if all > 0.0 { 1.0 / all } else { 0.0 };
+        let plies = mean(&plies);
         let per_ply = if plies > 0.0 { per * direct / plies } else { 0.0 };
         if let Some(p) = &mut self.main {
             p.chance = per_ply * p.arrives * mean(&p.energy);

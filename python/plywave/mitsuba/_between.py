@@ -42,7 +42,8 @@ class Between:
     """Light that plies send to other yarns, and how it leaves. The tables are those of ``Cloth``."""
 
     def between(self, a, classes, sigma):
-        """Energies that leave up and down, of a beam from ``a`` whose first plies scatter ``classes``, energies by class, in yarns of warp and weft of ``sigma``."""
+        """Energies that leave up and down, of a beam from ``a`` whose first plies scatter ``classes``, energies by class, in yarns of warp and weft of ``sigma``; what other
+        yarns catch of those."""
         kit, n = self.kit, self.kit.count
         t = polynomials(a)
         terms = few(t)
@@ -76,11 +77,11 @@ class Between:
                 found = dr.select(kit.both(cls <= c, self.some(classes[c])), kit.uint(c), found)
             return found
 
-        def body(given, cls, up, down):
+        def body(given, cls, up, down, all_caught):
             classes, fractions, weights = given
             energy = of_class(classes, cls)
             is_warp = cls < 2
-            up, down = kit.S(up), kit.S(down)
+            up, down, all_caught = kit.S(up), kit.S(down), kit.S(all_caught)
             for k in range(n):
                 node = dr.select(is_warp, nodes[0][k][0], nodes[1][k][0])
                 u = dr.select(is_warp, fractions[0][k], fractions[1][k])
@@ -95,6 +96,7 @@ class Between:
                     if not sent[cause]:
                         continue
                     caught = clamp(per * of[cause], 0.0, energy[k])
+                    all_caught[k] = all_caught[k] + caught
                     for half in range(2):
                         at_leaves = (((side * CLASSES + cls) * 2 + cause) * 2 + half) * (SIGMAS * SIGMAS)
                         leaves = 0.0
@@ -106,13 +108,13 @@ class Between:
                             up[k] = up[k] + out
                         else:
                             down[k] = down[k] + out
-            return following(cls + 1), up, down
+            return following(cls + 1), up, down, all_caught
 
         fractions = [[nodes[f][k][1] for k in range(n)] for f in range(2)]
         given = (list(classes), fractions, [[share for _, share in corners[k]] for k in range(n)])
-        state = (following(kit.uint(0)), kit.zero_s(), kit.zero_s())
-        _, up, down = kit.loop(state, lambda cls, up, down: cls < CLASSES, body, "light between yarns", given)
-        return up, down, (side, corners)
+        state = (following(kit.uint(0)), kit.zero_s(), kit.zero_s(), kit.zero_s())
+        _, up, down, caught = kit.loop(state, lambda cls, up, down, caught: cls < CLASSES, body, "light between yarns", given)
+        return up, down, (side, corners), caught
 
     def some(self, s):
         any_ = s[0] > 0.0

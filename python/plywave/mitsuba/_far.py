@@ -144,7 +144,7 @@ class Far:
             share = (clear - mean) / dr.maximum(clear - dark, 1e-9) * dark / dr.maximum(mean, 1e-30)
             at["dark"].append(dr.select(mean > 0.0, clamp(share, 0.0, 1.0), 0.0))
             at["energy"].append(mean)
-        at["up"], at["down"], at["about"] = cloth.between(wo, classes, [m[1] for m in mixed])
+        at["up"], at["down"], at["about"], _ = cloth.between(wo, classes, [m[1] for m in mixed])
         at["up_sign"] = dr.select(wo[2] < 0.0, -1.0, 1.0)
         views, shares, _ = at["around"][0]
         at["passing"] = sum(share * kit.take(self.passing, view) for view, share in zip(views, shares))

@@ -19,6 +19,8 @@ from ._speckle import instance
 
 #: Plies that are kept: the one that the line meets, and those beside it.
 KEPT = MAX_NEAR + 1
+# src/fabric/at.rs
+LEAST_FREE, FOR_SHADOWS = 0.4, 1.25
 
 
 def walked(self, si, active, is_last=False):
@@ -153,12 +155,14 @@ def walk(self, si, active):
     classes = [e + dr.select(last["class"] == c, last["more"] * last["energy"], none) for c, e in enumerate(s["classes"])]
     yarns = s["dyed"]["yarns"]
     dyes = [self.sigma_of(si, own, kit.bool(k == 0), yarns[k]) for k in range(2)]
-    up, down, about = cloth.between(wo, classes, dyes)
+    up, down, about, caught = cloth.between(wo, classes, dyes)
     # Chances (set_chances of src/fabric/at.rs).
-    of_last = last["more"] * detach(kit.mean(last["energy"]))
-    plies, mean_up, mean_down = (detach(kit.mean(x)) for x in (s["plies"], up, down))
-    plies = plies + of_last
-    direct = dr.maximum(plies - mean_up - mean_down, 0.3 * plies)
+    of_plies = detach(s["plies"] + last["more"] * last["energy"])
+    plies = kit.mean(of_plies)
+    root = lambda x: dr.sqrt(kit.mean(x * x))
+    chance_up, chance_down = (FOR_SHADOWS * root(detach(x)) for x in (up, down))
+    free = dr.maximum(1.0 - detach(caught) / dr.maximum(of_plies, 1e-30), LEAST_FREE)
+    direct = root(of_plies * dr.sqrt(free * dr.sqrt(free)))
     is_edge = kit.both(s["main"]["is"], kit.bool(options["edges"] and cloth.plies.some_edge))
     if not cloth.plies.has_edge:
         is_edge = kit.both(is_edge, cloth.plies.number("edge", s["main"]["model"]) > 0.5)
@@ -168,7 +172,7 @@ def walk(self, si, active):
         open_ = kit.both(kit.both(spectra[0].passes(), spectra[1].passes()), wo[2] != 0.0)
         is_aperture = kit.both(kit.no(s["main"]["is"]), open_)
     is_diffracted = is_edge | is_aperture
-    total = direct + mean_up + mean_down + s["passing"]
+    total = direct + chance_up + chance_down + s["passing"]
     per = dr.select(total > 0.0, 1.0 / dr.maximum(total, 1e-30), 0.0)
     out = {
         "wo": wo,
@@ -182,7 +186,7 @@ def walk(self, si, active):
         "down": down,
         "about": about,
         "per_ply": dr.select(plies > 0.0, per * direct / dr.maximum(plies, 1e-30), 0.0),
-        "chances": [per * direct, per * dr.select(is_diffracted, s["passing"], 0.0), per * mean_up, per * mean_down],
+        "chances": [per * direct, per * dr.select(is_diffracted, s["passing"], 0.0), per * chance_up, per * chance_down],
         "straight": per * dr.select(is_diffracted, 0.0, s["passing"]),
         "own": own,
         "line": (start, d),
