@@ -145,11 +145,15 @@ pub(super) trait Yarns {
     fn slit(&self, hit: &PlyHit) -> Option<&Slit>;
 }
 
-/// What a ply sends out at a hit, at all nodes of absorption; directions are drawn for clear fibers.
+/// What a ply sends out at a hit, at all nodes of absorption; directions are drawn for clear fibers. It lives on the stack of a path.
+#[allow(clippy::large_enum_variant)]
 enum Sent<'a> {
     Lobes(ByFirst<'a, SIGMAS>),
     /// Of a ply with slits, which take their part of the lobes at every call.
-    Slits { clear: UncachedPly<'a, 1>, dyed: UncachedPly<'a, SIGMAS> },
+    Slits {
+        clear: UncachedPly<'a, 1>,
+        dyed: UncachedPly<'a, SIGMAS>,
+    },
 }
 
 impl<'a> Sent<'a> {
