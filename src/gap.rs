@@ -29,7 +29,7 @@ use crate::spec::GaussianBeam;
 use crate::{Bsdf, BsdfSample, Error, Result};
 use multiversion::{multiversion, target::target_cfg_f};
 pub use slit::{SLIT_MAX_UM, SLIT_SHARE, Slit};
-pub(crate) use spectrum::{CELLS as SPECTRUM_CELLS, Range, Spectrum};
+pub(crate) use spectrum::{Axis, CELLS as SPECTRUM_CELLS, Range, Spectrum};
 use std::f32::consts::TAU;
 
 /// A rectangular aperture in the plane of a weave: its edges [um], relative to the beam's center.
@@ -101,7 +101,7 @@ impl Gap {
     /// The light that comes from `xi_i` (unit, away from the aperture) at N wavelengths [um]. Wavelengths are clamped to [0.05, 20]; not a
     /// number counts as 0.05. An `xi_i` that is no direction, or lies in the plane, gives no light, and so does a `w` that is none.
     pub fn at<const N: usize>(&self, xi_i: [f32; 3], lambda_um: [f32; N]) -> GapBsdf<'_, N> {
-        GapBsdf::new(&self.x, &self.y, xi_i, lambda_um)
+        GapBsdf::new(Axis::of(&self.x), Axis::of(&self.y), xi_i, lambda_um)
     }
 }
 
@@ -123,8 +123,8 @@ const UNIFORM: f32 = 0.02;
 /// A gap at one incidence and N wavelengths. f is per power that falls on the aperture.
 #[derive(Clone, Copy, Debug)]
 pub struct GapBsdf<'a, const N: usize> {
-    x: &'a Spectrum,
-    y: &'a Spectrum,
+    x: Axis<'a>,
+    y: Axis<'a>,
     xi_i: [f32; 3],
     lambda_um: [f32; N],
     /// Sign of xi_i's z; 0 where there is no light.
@@ -171,7 +171,8 @@ pub(crate) fn spectra<const N: usize>(factors: [&Factor; 2], f_per_um: [&[f32; N
 }
 
 impl<'a, const N: usize> GapBsdf<'a, N> {
-    pub(crate) fn new(x: &'a Spectrum, y: &'a Spectrum, xi_i: [f32; 3], lambda_um: [f32; N]) -> GapBsdf<'a, N> {
+    #[inline]
+    pub(crate) fn new(x: Axis<'a>, y: Axis<'a>, xi_i: [f32; 3], lambda_um: [f32; N]) -> GapBsdf<'a, N> {
         let mut lambda = lambda_um;
         for l in &mut lambda {
             *l = clamp_lambda(*l);
@@ -181,8 +182,9 @@ impl<'a, const N: usize> GapBsdf<'a, N> {
         for (range, l) in across.iter_mut().zip(&lambda) {
             *range = x.range((xi_i[0] - 1.0) / l, (xi_i[0] + 1.0) / l);
         }
-        let c_i = lambda.map(|l| crate::math::simd::max(xi_i[2].abs(), least_cosine(x, y, xi_i, l)));
-        let share = lambda.map(|l| 1.0 / (1.0 + beam_excess(x.beam_spread, xi_i, l)));
+        let (of_x, of_y) = (x.table(), y.table());
+        let c_i = lambda.map(|l| crate::math::simd::max(xi_i[2].abs(), least_cosine(of_x, of_y, xi_i, l)));
+        let share = lambda.map(|l| 1.0 / (1.0 + beam_excess(of_x.beam_spread, xi_i, l)));
         let side = if valid { xi_i[2].signum() } else { 0.0 };
         GapBsdf { x, y, xi_i, lambda_um: lambda, side, across, c_i, share }
     }
@@ -296,12 +298,12 @@ impl<'a, const N: usize> GapBsdf<'a, N> {
         let mut sum = 0.0;
         let low_high = |i: f64, reach: f64| (((i - reach) / lambda) as f32, ((i + reach) / lambda) as f32);
         let (low, high) = low_high(ix, 1.0);
-        self.x.for_cells(low, high, |low, high, mass_x| {
+        self.x.table().for_cells(low, high, |low, high, mass_x| {
             let x = (0.5 * lambda * (f64::from(low) + f64::from(high)) - ix).clamp(-1.0, 1.0);
             let reach = (1.0 - x * x).sqrt();
             let (low, high) = low_high(iy, reach);
             let mut row = 0.0;
-            self.y.for_cells(low, high, |low, high, mass_y| {
+            self.y.table().for_cells(low, high, |low, high, mass_y| {
                 // Integrals over xi_y of 1, 1/xi_z and xi_z.
                 let integrals = |f: f32| {
                     let y = (lambda * f64::from(f) - iy).clamp(-reach, reach);

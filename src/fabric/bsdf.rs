@@ -17,7 +17,7 @@ use super::{Fabric, FabricSpec, Family, Gap, LoadedFabric, PlyHit, YarnColor};
 use crate::bsdf::DirectionSample;
 use crate::color::{AlbedoCurve, RGB_LAMBDA_UM};
 use crate::fiber::Reflections;
-use crate::gap::{GapBsdf, Slit, Spectrum};
+use crate::gap::{Axis, GapBsdf, Slit, Spectrum};
 use crate::ply::{Lobes, PlyOn};
 use crate::spec::{GaussianBeam, YarnSpec};
 use crate::speckle::Instance;
@@ -27,8 +27,10 @@ use std::sync::Arc;
 
 /// Share of a beam that is not followed further.
 const LEAST_CAUGHT: f32 = 1e-3;
-/// Edges of apertures, in equal steps from the beam's center to d_cut, for which spectra are kept.
+/// Edges of apertures, in equal steps from the beam's center to d_cut, for which spectra are kept: those of which apertures between them are sampled.
 pub(super) const EDGES: usize = 32;
+/// Narrowest aperture [um]. What is narrower, a fraction of a wavelength, has its pattern: light goes everywhere.
+const LEAST_APERTURE_UM: f32 = 0.1;
 
 /// Slits between the fibers of a yarn (Yu 2025, 7.3), [`Slit`], for those who want their colors.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -477,12 +479,12 @@ impl FabricBsdf {
             Some(main) if self.options.edges && main.ply.model.has_edge() => Passes::Edge,
             None if self.options.gaps == GapLight::Diffracted => {
                 let [west, east, south, north] = gap.aperture_um;
-                let aperture = [self.aperture(west, east), self.aperture(south, north)];
-                let gap = self.gap(aperture, wo, query.lambda_um);
+                let [(x, of_x), (y, of_y)] = [self.aperture(west, east), self.aperture(south, north)];
+                let gap = GapBsdf::new(of_x, of_y, wo, query.lambda_um);
                 if gap.is_dark() {
                     Passes::Straight
                 } else {
-                    at.aperture = Some(aperture);
+                    at.aperture = Some([x, y]);
                     Passes::Aperture(gap)
                 }
             }
@@ -532,14 +534,26 @@ impl FabricBsdf {
         Instance::new(ply, hit.along_um, self.grain_um)
     }
 
-    /// The spectrum of the aperture whose edges are this far before and beyond the beam's center [um], by its number.
-    fn aperture(&self, before_um: f32, beyond_um: f32) -> u16 {
+    /// The spectrum of the aperture whose edges are this far before and beyond the beam's center [um], and the number of the nearest that is kept, which has a width.
+    #[inline]
+    fn aperture(&self, before_um: f32, beyond_um: f32) -> (u16, Axis<'_>) {
+        let (room, d_cut) =
+            (0.5 * (LEAST_APERTURE_UM - before_um - beyond_um).max(0.0), EDGES as f32 * self.edge_step_um);
+        let [before, beyond] = [before_um, beyond_um].map(|x| (x + room).min(d_cut));
         let node = |x: f32| ((x / self.edge_step_um + 0.5) as usize).min(EDGES);
-        (node(before_um) * (EDGES + 1) + node(beyond_um)) as u16
+        let nodes = match [node(before), node(beyond)] {
+            [0, 0] if before > beyond => [1, 0],
+            [0, 0] => [0, 1],
+            nodes => nodes,
+        };
+        let number = nodes[0] * (EDGES + 1) + nodes[1];
+        (number as u16, Axis::near(&self.spectra[number], before, beyond))
     }
 
+    /// Light through an aperture whose spectra are kept.
     pub(super) fn gap<const N: usize>(&self, [x, y]: [u16; 2], wo: [f32; 3], lambda_um: [f32; N]) -> GapBsdf<'_, N> {
-        GapBsdf::new(&self.spectra[usize::from(x)], &self.spectra[usize::from(y)], wo, lambda_um)
+        let axis = |number: u16| Axis::of(&self.spectra[usize::from(number)]);
+        GapBsdf::new(axis(x), axis(y), wo, lambda_um)
     }
 
     /// Factors on what first plies send up and down.

@@ -23,7 +23,7 @@
 //! | `far_chances` | `[2][330][2][384]` | sums of the energies up to a cell's end, of clear and dark fibers |
 //! | `far_energy`, `far_first` | `[2][330][8]`, `[2][330][2][8]` | integral of f; energies that first plies scatter, of one layer and of two |
 //! | `far_passing`, `far_apertures` | `[330]`, `[330][7]` | what passes; how many apertures stand for the repeat's, and three pairs of rows of `apertures` |
-//! | `apertures` | `[33][33][74]` | spectra by the distances of their two edges: the factor's eight numbers, g, 65 masses |
+//! | `apertures` | `[33][33][74]` | spectra by the distances of their two edges: the factor's eight numbers, g, 65 masses. A point's aperture has the factor of its own edges, and is sampled by the row nearest to them (`FabricBsdf::aperture`) |
 
 use super::between::{CLASSES, FEW, PAIRS, SIGMAS, Side, TERMS};
 use super::bsdf::{EDGES, FabricBsdf};

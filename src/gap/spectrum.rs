@@ -43,6 +43,59 @@ pub(crate) struct Spectrum {
     pub(super) beam_spread: f32,
 }
 
+/// The spectrum of one axis of an aperture as a query has it: exact in value. Masses and samples are those of a table, of the same edges or of ones near them; these it
+/// stretches by the power that falls on the two, which is as their widths as long as they are narrow and stays where they are wider than the beam.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Axis<'a> {
+    near: &'a Spectrum,
+    pub(crate) factor: Factor,
+    /// What frequencies are multiplied by for those of the table.
+    stretch: f32,
+}
+
+impl<'a> Axis<'a> {
+    /// Of the table's edges.
+    #[inline(always)]
+    pub(crate) fn of(table: &'a Spectrum) -> Axis<'a> {
+        Axis { near: table, factor: table.factor, stretch: 1.0 }
+    }
+
+    /// Of edges this far below and above the beam's center [um], by a table of edges near them.
+    #[inline(always)]
+    pub(crate) fn near(table: &'a Spectrum, before_um: f32, beyond_um: f32) -> Axis<'a> {
+        let factor = Factor::about(before_um, beyond_um, table.factor.w0_um());
+        Axis { near: table, factor, stretch: factor.power_over(&table.factor) }
+    }
+
+    /// Whether any light passes.
+    pub(crate) fn passes(&self) -> bool {
+        self.near.passes() && self.factor.passes()
+    }
+
+    /// The table.
+    pub(super) fn table(&self) -> &'a Spectrum {
+        self.near
+    }
+
+    /// The frequencies between `low` and `high`.
+    #[inline(always)]
+    pub(super) fn range(&self, low: f32, high: f32) -> Range {
+        self.near.range(low * self.stretch, high * self.stretch)
+    }
+
+    /// Density [um] with which [`Axis::sample`] gives `f` in `range`.
+    #[inline(always)]
+    pub(super) fn pdf(&self, range: &Range, f: f32) -> f32 {
+        self.near.pdf(range, f * self.stretch) * self.stretch
+    }
+
+    /// A frequency in `range`, by a number in [0, 1).
+    #[inline(always)]
+    pub(super) fn sample(&self, range: &Range, u: f32) -> f32 {
+        self.near.sample(range, u) / self.stretch
+    }
+}
+
 /// Frequencies from `low` to `high` [1/um] and what is sampled there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Range {

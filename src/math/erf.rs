@@ -15,6 +15,24 @@ pub(crate) fn fast_erf<const FMA: bool>(x: f32) -> f32 {
     (1.0 - p * t * exp2_within::<FMA>(-min(z * z, 80.0) * LOG2_E)).copysign(x)
 }
 
+/// The error function of x >= 0 to 5e-7 of itself, which small x keep: a quotient of polynomials, as linear algebra libraries have it (Eigen, XLA); 1 beyond 4.
+#[inline(always)]
+pub(crate) fn erf_from_0(x: f32) -> f32 {
+    const OVER: [f32; 7] = [
+        -1.609_603_3e-2,
+        -2.954_6e-3,
+        -7.349_906_3e-4,
+        -5.692_506_4e-5,
+        -2.101_024e-6,
+        2.770_681_4e-8,
+        -2.726_142_3e-10,
+    ];
+    const UNDER: [f32; 5] = [-1.426_474e-2, -7.373_329_2e-3, -1.682_827e-3, -2.133_740_6e-4, -1.456_607_2e-5];
+    let x = min(x, 4.0);
+    let of = |c: &[f32]| c.iter().rev().fold(0.0, |sum, c| sum * (x * x) + c);
+    min(x * of(&OVER) / of(&UNDER), 1.0)
+}
+
 /// The error function: its series, and 1 beyond 5, where it is within 2e-12 of it.
 pub fn erf(x: f64) -> f64 {
     if x.abs() > 5.0 {
@@ -62,6 +80,16 @@ pub(crate) fn erf_inverse(x: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn erf_of_small_numbers_keeps_its_digits() {
+        for i in 1..9000 {
+            let x = 5e-4 * i as f32 * if i % 3 == 0 { 1e-3 } else { 1.0 };
+            let want = erf(f64::from(x));
+            let off = (f64::from(erf_from_0(x)) / want - 1.0).abs();
+            assert!(off < 5e-7, "erf({x}): off by {off}");
+        }
+    }
 
     #[test]
     fn erf_and_its_inverse_match_published_digits() {

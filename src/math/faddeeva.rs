@@ -10,6 +10,7 @@
 //! `D(t) = exp(-s^2) - E(t)`, `E(t) = exp(-t^2 - 2 i s t) w(-s + i t)` for t >= 0, and D is odd up to conjugation,
 //! `D(-t) = -conj D(t)`. So w is needed in the upper half plane alone, where |w| <= 1.
 
+use super::erf::erf_from_0;
 use crate::math::simd::{exp2, fma, max, min, signed, sin_cos_half_turns};
 use std::f64::consts::PI;
 
@@ -151,6 +152,32 @@ impl Factor {
         // Parseval: the integral of |k|^2 over f is that of exp(-2 x^2/w0^2) over x.
         let scale = if power > 1e-12 * w0_um { 0.25 * PI * w0_um * w0_um / power } else { 0.0 };
         Factor { edges: [edge(a_um), edge(b_um)], w0_um: w0_um as f32, scale_um: scale as f32 }
+    }
+
+    /// [`Factor::new`] in f32, for apertures that are asked for once: edges `before_um` below and `beyond_um` above the beam's center, 0 or more. The power is a sum of
+    /// two of one sign, good to single precision however narrow the aperture is.
+    #[inline]
+    pub(crate) fn about(before_um: f32, beyond_um: f32, w0_um: f32) -> Factor {
+        let edge = |x_um: f32, sign: f32| {
+            let t = min(x_um / w0_um, 30.0);
+            Edge { t, sign, amplitude: exp2::<false>(-std::f32::consts::LOG2_E * t * t) }
+        };
+        let edges = [edge(before_um, -1.0), edge(beyond_um, 1.0)];
+        // In waists: sqrt(pi/8) (erf(sqrt(2) t) of one edge and of the other).
+        let [a, b] = [0, 1].map(|e| erf_from_0(std::f32::consts::SQRT_2 * edges[e].t));
+        let power = 0.626_657_1 * (a + b);
+        let scale_um = if power > 1e-12 { 0.25 * std::f32::consts::PI * w0_um / power } else { 0.0 };
+        Factor { edges, w0_um, scale_um }
+    }
+
+    /// Power between the edges of this factor over that of another of the same beam.
+    pub(crate) fn power_over(&self, other: &Factor) -> f32 {
+        other.scale_um / self.scale_um
+    }
+
+    /// The beam's waist [um].
+    pub(crate) fn w0_um(&self) -> f32 {
+        self.w0_um
     }
 
     /// t, sign and amplitude of the two edges, then w0 and the scale [um]: for hosts that evaluate the spectrum themselves.
@@ -315,6 +342,25 @@ mod tests {
         }
         assert!(worst < 1e-6, "worst {worst}");
         println!("w in f32: worst relative error {worst:.1e}");
+    }
+
+    /// The factor of an aperture that is asked for once is that of [`Factor::new`], narrow ones too.
+    #[test]
+    fn factors_in_f32_follow_f64() {
+        let mut worst = 0.0f32;
+        for before in [0.0, 0.03, 0.4, 2.7, 11.0, 20.0f32] {
+            for beyond in [0.07, 0.9, 5.0, 19.9f32] {
+                let want = Factor::new(-f64::from(before), f64::from(beyond), 10.0);
+                let got = Factor::about(before, beyond, 10.0);
+                worst = worst.max((got.scale_um / want.scale_um - 1.0).abs());
+                for f in [0.0f32, 0.02, -0.3, 1.7] {
+                    let [[got], [want]] = spectra::<false, 1>([&got, &want], [&[f]; 2]);
+                    let peak = before + beyond;
+                    assert!((got - want).abs() < 1e-3 * peak, "{before} {beyond} at {f}: {got}, want {want}");
+                }
+            }
+        }
+        assert!(worst < 2e-6, "scale: {worst}");
     }
 
     /// The integral by Gauss-Legendre panels of half a period, or of a tenth of the waist.

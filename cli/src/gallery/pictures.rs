@@ -177,13 +177,13 @@ pub fn all() -> Vec<Picture> {
     }
     let slits = |title, slits| Panel {
         samples: 2,
-        exposure: -1.5,
+        exposure: -0.5,
         ..panel(title, Cloth::shipped("silk_organza"), Setup::Back, 16.0, FabricOptions { slits, ..SMOOTH })
     };
     list.push(picture(
         "slits",
-        "Organza before a lamp, without and with slits of 2 um between the fibers of its yarns, through which a quarter of the forward light goes (Yu 2025, Fig. 16).",
-        vec![slits("no slits", None), slits("slits", Some(Slits { width_um: 2.0, share: SLIT_SHARE }))],
+        "Organza before a lamp, without and with slits of 3 um between the fibers of its yarns, through which a quarter of the forward light goes (Yu 2025, Fig. 16): the cross turns orange, pink, blue and green outwards.",
+        vec![slits("no slits", None), slits("slits", Some(Slits { width_um: 3.0, share: SLIT_SHARE }))],
     ));
     for (name, cloth, setup, size_mm, exposure, caption) in [
         (

@@ -7,7 +7,7 @@ import numpy as np
 
 from ._kit import clamp
 
-EDGES, CELLS, LEAST_MASS = 32, 64, 1e-12
+EDGES, CELLS, LEAST_MASS, LEAST_APERTURE_UM = 32, 64, 1e-12, 0.1
 SCALE = 3.3635857
 SERIES = [
     1.7483959, 1.3622408, 0.88644785, 0.4692909, 0.19124173, 0.0518224, 0.0036825673, -0.003881015,
@@ -30,16 +30,41 @@ def faddeeva(x, y):
     return 2.0 * p[0] + 0.5641896 * r[0], 2.0 * p[1] + 0.5641896 * r[1]
 
 
-class Spectrum:
-    """The spectrum of one axis of an aperture."""
+# src/math/erf.rs, erf_from_0
+OVER = [-1.6096033e-2, -2.9545998e-3, -7.3499063e-4, -5.6925064e-5, -2.101024e-6, 2.7706814e-8, -2.7261423e-10]
+UNDER = [-1.426474e-2, -7.3733292e-3, -1.682827e-3, -2.1337406e-4, -1.4566072e-5]
 
-    def __init__(self, gaps, at):
+
+def erf_from_0(x):
+    """The error function of x >= 0, small x to their last digits."""
+    x = dr.minimum(x, 4.0)
+    over, under = OVER[-1], UNDER[-1]
+    for c in OVER[-2::-1]:
+        over = over * (x * x) + c
+    for c in UNDER[-2::-1]:
+        under = under * (x * x) + c
+    return dr.minimum(x * over / under, 1.0)
+
+
+class Spectrum:
+    """The spectrum of one axis of an aperture, of a row of the table or of edges near that row's [um]."""
+
+    def __init__(self, gaps, at, edges=None):
         kit = self.kit = gaps.kit
         self.gaps = gaps
         factor = kit.packets(gaps.factors, at * 3, 3)
         self.edges = [factor[0:3], factor[3:6]]
         self.w0, self.scale, self.g = factor[6:9]
         self.first = at * (CELLS + 1)
+        # What frequencies are multiplied by for those of the table.
+        self.stretch = 1.0
+        if edges is not None:
+            t = [dr.minimum(x / self.w0, 30.0) for x in edges]
+            self.edges = [(x, sign, dr.exp(-x * x)) for x, sign in zip(t, (-1.0, 1.0))]
+            power = 0.6266571 * sum(erf_from_0(math.sqrt(2.0) * x) for x in t)
+            scale = 0.25 * math.pi * self.w0 / dr.maximum(power, 1e-12)
+            self.stretch = self.scale / scale
+            self.scale = scale
 
     def mass_at(self, i):
         return self.kit.take(self.gaps.masses, self.first + i)
@@ -59,17 +84,19 @@ class Spectrum:
 
     def range(self, low, high):
         """Frequencies between two, and the share of the spectrum within."""
+        low, high = low * self.stretch, high * self.stretch
         a, b = self.beyond(dr.abs(low)), self.beyond(dr.abs(high))
         about = (low < 0.0) & (high > 0.0)
         return low, high, a, b, dr.select(about, 1.0 - 0.5 * (a + b), 0.5 * dr.abs(a - b))
 
     def pdf(self, r, f):
         low, high, _, _, mass = r
+        f = f * self.stretch
         i, _ = self.place(dr.abs(f))
         stretch = dr.abs(f) + self.g
         density = 0.5 * CELLS * (self.mass_at(i) - self.mass_at(i + 1)) * self.g / (stretch * stretch)
         flat = dr.select(low < high, 1.0 / dr.maximum(high - low, 1e-12), 0.0)
-        return dr.select(mass > LEAST_MASS, density / dr.maximum(mass, LEAST_MASS), flat)
+        return self.stretch * dr.select(mass > LEAST_MASS, density / dr.maximum(mass, LEAST_MASS), flat)
 
     def sample(self, r, u):
         low, high, a, b, mass = r
@@ -90,7 +117,7 @@ class Spectrum:
         x = dr.select(cell > 0.0, clamp((before - beyond) / dr.maximum(cell, 1e-30), 0.0, 1.0), 0.5)
         t = dr.minimum((kit.float(i) + x) * (1.0 / CELLS), 1.0 - 1.2e-7)
         f = clamp(sign * self.g * t / (1.0 - t), low, high)
-        return dr.select(mass > LEAST_MASS, f, low + u * (high - low))
+        return dr.select(mass > LEAST_MASS, f, low + u * (high - low)) / self.stretch
 
     def value(self, f):
         """Density of the exact spectrum at a frequency [um]."""
@@ -120,11 +147,17 @@ class Gaps:
     def at(self, aperture):
         """The spectra of a gap by the distances of its edges [um]."""
         west, east, south, north = aperture
-        return self.of(self.row(west, east), self.row(south, north))
+        return self.near(west, east), self.near(south, north)
 
-    def row(self, before, beyond):
-        node = lambda x: self.kit.uint(dr.minimum(dr.floor(x / self.step + 0.5), float(EDGES)))
-        return node(before) * (EDGES + 1) + node(beyond)
+    def near(self, before, beyond):
+        kit = self.kit
+        room = 0.5 * dr.maximum(LEAST_APERTURE_UM - before - beyond, 0.0)
+        before, beyond = (dr.minimum(x + room, EDGES * self.step) for x in (before, beyond))
+        a, b = (dr.minimum(dr.floor(x / self.step + 0.5), float(EDGES)) for x in (before, beyond))
+        # The row has a width.
+        none, low = (a + b) < 0.5, before > beyond
+        a, b = dr.select(kit.both(none, low), 1.0, a), dr.select(kit.both(none, kit.no(low)), 1.0, b)
+        return Spectrum(self, kit.uint(a) * (EDGES + 1) + kit.uint(b), (before, beyond))
 
     def of(self, x, y):
         """The spectra by their rows."""
