@@ -186,7 +186,7 @@ fn samples_cover_what_eval_holds() {
 }
 
 /// Largest weight of gray samples, by mean over the channels of dyed ones, and their greatest variance over the square of the mean, at one place and view, clear, light and
-/// with the spec's own colors.
+/// with the spec's own colors. Variances of dyed cloths are half way between those of chances by energy alone and those measured.
 struct Weights {
     name: &'static str,
     most: f64,
@@ -194,12 +194,12 @@ struct Weights {
 }
 
 const WEIGHTS: [Weights; 6] = [
-    Weights { name: "polyester_layers", most: 2.5, variance: [0.22, 0.465, 0.575] },
-    Weights { name: "polyester_satin", most: 2.5, variance: [0.2025, 0.36, 0.287] },
-    Weights { name: "silk_organza", most: 2.5, variance: [0.1555, 0.179, 0.18] },
-    Weights { name: "cotton_plain", most: 2.5, variance: [0.167, 0.194, 0.188] },
-    Weights { name: "cotton_twill", most: 3.0, variance: [0.211, 0.322, 0.834] },
-    Weights { name: "wool_plain", most: 2.5, variance: [0.1635, 0.192, 0.0235] },
+    Weights { name: "polyester_layers", most: 2.5, variance: [0.225, 0.478, 0.58] },
+    Weights { name: "polyester_satin", most: 2.5, variance: [0.208, 0.37, 0.295] },
+    Weights { name: "silk_organza", most: 2.5, variance: [0.16, 0.182, 0.183] },
+    Weights { name: "cotton_plain", most: 2.5, variance: [0.172, 0.198, 0.19] },
+    Weights { name: "cotton_twill", most: 3.0, variance: [0.217, 0.33, 0.845] },
+    Weights { name: "wool_plain", most: 2.5, variance: [0.168, 0.196, 0.0221] },
 ];
 
 /// Weights of a cloth's samples at even places, tilts up to 85 degrees from both sides: the largest, the variance within a place and view over the square of the mean.
