@@ -186,7 +186,7 @@ fn samples_cover_what_eval_holds() {
 }
 
 /// Largest weight of gray samples, by mean over the channels of dyed ones, and their greatest variance over the square of the mean, at one place and view, clear, light and
-/// with the spec's own colors. Variances of dyed cloths are half way between those of chances by energy alone and those measured.
+/// with the spec's own colors. Those of dyed cloths are half way between the ones of chances by what leaves the cloth, as it was, and those measured.
 struct Weights {
     name: &'static str,
     most: f64,
