@@ -23,7 +23,7 @@
 #define PLYWAVE_MAX_COUNT 4
 
 // Words of memory of a prepared query: 6 KB with its tag. The largest, a fabric at four wavelengths, takes 4.4 KB.
-#define PLYWAVE_BSDF_WORDS 767
+#define PLYWAVE_BSDF_WORDS 799
 
 // Bytes of a message, its end included.
 #define PLYWAVE_MESSAGE_SIZE 496

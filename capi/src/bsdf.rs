@@ -11,7 +11,7 @@ use plywave::{Bsdf, BsdfSample, FiberBsdf, PlyBsdf};
 pub const PLYWAVE_MAX_COUNT: usize = 4;
 
 /// Words of memory of a prepared query: 6 KB with its tag. The largest, a fabric at four wavelengths, takes 4.4 KB.
-pub const PLYWAVE_BSDF_WORDS: usize = 767;
+pub const PLYWAVE_BSDF_WORDS: usize = 799;
 
 /// A model at a query. The caller's memory, on the stack above all; what is in it is the library's. It owns nothing and needs no release; it may be copied and moved, and read by
 /// many threads. It is valid as long as the handles that it was prepared from: the model or fabric, and the slit and models of its query.

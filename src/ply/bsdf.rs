@@ -40,7 +40,7 @@ impl PlyModel {
     #[inline(always)]
     pub(crate) fn unprepared<'a, const N: usize>(&'a self, query: &PlyQuery<'a, N>) -> PlyBsdf<'a, N> {
         let lobes = self.cached(query.theta_i, query.h_um, query.sigma_per_um);
-        let ply = PlyOn { model: self, query: *query, lobes, speckle: self.speckle(query), slit: query.slit };
+        let ply = PlyOn { model: self, query: *query, lobes, speckle: self.speckle(query) };
         PlyBsdf { ply, two: None }
     }
 
@@ -48,7 +48,7 @@ impl PlyModel {
     #[inline]
     pub(crate) fn uncached_at<'a, const N: usize>(&'a self, query: &PlyQuery<'a, N>) -> UncachedPly<'a, N> {
         let lobes = self.uncached(query.theta_i, query.h_um, query.sigma_per_um);
-        PlyOn { model: self, query: *query, lobes, speckle: self.speckle(query), slit: query.slit }
+        PlyOn { model: self, query: *query, lobes, speckle: self.speckle(query) }
     }
 
     /// The patterns of a query, where there are both noise and an instance.
@@ -92,7 +92,7 @@ impl<'a, const N: usize> PlyBsdf<'a, N> {
         if let Some(below) = self.ply.query.below {
             self.two = TwoLayered::new(&self.ply, &below);
             if self.two.is_some() {
-                self.ply.slit = None;
+                self.ply.query.slit = None;
             }
         }
     }

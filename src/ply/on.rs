@@ -30,8 +30,6 @@ pub(crate) struct PlyOn<'a, L, const N: usize> {
     pub(crate) query: PlyQuery<'a, N>,
     pub(super) lobes: L,
     pub(super) speckle: Option<Speckle<'a, N>>,
-    /// That of the query, but over a second layer.
-    pub(super) slit: Option<&'a Slit>,
 }
 
 impl<const N: usize> PlyOn<'_, Cached<'_, N>, N> {
@@ -51,7 +49,7 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
 
     /// f_refl + f_high, those of the instance.
     pub(crate) fn eval_lobes(&self, w: [f32; 3]) -> [f32; N] {
-        let light = match self.slit {
+        let light = match self.query.slit {
             None => self.light(w, 1.0, |lobes| lobes.eval(w)),
             Some(slit) => self.slit_light(slit, 1.0, w),
         };
@@ -68,7 +66,7 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
     /// The lobes in a direction; `hit` is [`PlyOn::hit_chance`].
     #[inline]
     pub(crate) fn eval_pdf_lobes(&self, hit: f32, w: [f32; 3]) -> LobeLight<N> {
-        match self.slit {
+        match self.query.slit {
             None => self.light(w, hit, |lobes| lobes.eval_pdf(w)),
             Some(slit) => self.slit_light(slit, hit, w),
         }
@@ -77,7 +75,7 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
     /// The lobes in a direction, without the density.
     #[inline]
     pub(crate) fn eval_apart(&self, w: [f32; 3]) -> LobeLight<N> {
-        match self.slit {
+        match self.query.slit {
             None => self.light(w, 0.0, |lobes| lobes.eval(w)),
             Some(slit) => self.slit_light(slit, 1.0, w),
         }
@@ -86,7 +84,7 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
     /// Density of the lobes alone.
     #[inline]
     pub(crate) fn pdf_lobes(&self, hit: f32, w: [f32; 3]) -> f32 {
-        if let Some(slit) = self.slit {
+        if let Some(slit) = self.query.slit {
             return self.slit_light(slit, hit, w).pdf;
         }
         if hit > 0.0 { self.lobes.eval_pdf(w).pdf / hit } else { 0.0 }
@@ -97,7 +95,7 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
     pub(crate) fn sample_lobes(&self, hit: f32, u: [f32; 3]) -> Option<([f32; 3], LobeLight<N>)> {
         // The last numbers are those of missed light.
         let u = [(u[0] * hit).min(hit * (1.0 - 1e-6)), u[1], u[2]];
-        if let Some(slit) = self.slit {
+        if let Some(slit) = self.query.slit {
             let w = self.all().slit_direction(slit, u).ok().flatten()?;
             return Some((w, self.slit_light(slit, hit, w)));
         }
