@@ -49,8 +49,8 @@ pub use family::{FamilyAxis, FamilyData, FamilyGradient, FamilyParam, FamilyPara
 pub use file::ReferenceValue;
 pub use layer_factors::LayerFactors;
 pub use layers::{Layer, TwoLayers};
-pub(crate) use lobes::{ByFirst, Cached, Lobes, Uncached};
+pub(crate) use lobes::{ByFirst, Cached, LobeLight, Lobes, Uncached};
 pub use model::PlyModel;
-pub(crate) use on::{LobeLight, PlyOn, UncachedPly};
+pub(crate) use on::{PlyOn, UncachedPly};
 pub use queries::Queries;
 pub use query::{PlyQuery, PlyTerms};

@@ -4,7 +4,15 @@ use super::dispatch::{self, Prepared};
 use super::energy::{Core, DrawnBy, Energies};
 use super::layout::Layout;
 use super::model::PlyModel;
-use super::on::LobeLight;
+
+/// The lobes in one direction, those of the instance, and the density of drawing it from them [1/sr]; light of slits is in f_high.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LobeLight<const N: usize> {
+    pub(crate) refl: [f32; N],
+    pub(crate) high: [f32; N],
+    /// Of directions that the lobes give, missed light left out: its integral is 1.
+    pub(crate) pdf: f32,
+}
 
 /// The lobes of a model at one incidence, N absorptions.
 pub(crate) trait Lobes<const N: usize> {

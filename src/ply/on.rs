@@ -2,7 +2,7 @@
 
 use super::dispatch;
 use super::energy::Core;
-use super::lobes::{Cached, Lobes, Uncached};
+use super::lobes::{Cached, LobeLight, Lobes, Uncached};
 use super::model::PlyModel;
 use super::query::{PlyQuery, PlyTerms};
 use super::terms::{Drawn, Terms};
@@ -10,15 +10,6 @@ use crate::bsdf::Outcomes;
 use crate::gap::Slit;
 use crate::speckle::Speckle;
 use crate::{Bsdf, BsdfSample};
-
-/// The lobes in one direction, those of the instance, and the density of drawing it from them [1/sr]; light of slits is in f_high.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct LobeLight<const N: usize> {
-    pub(crate) refl: [f32; N],
-    pub(crate) high: [f32; N],
-    /// Of directions that the lobes give, missed light left out: its integral is 1.
-    pub(crate) pdf: f32,
-}
 
 /// A ply whose lobes are interpolated at every call.
 pub(crate) type UncachedPly<'a, const N: usize> = PlyOn<'a, Uncached<'a, N>, N>;

@@ -1,9 +1,9 @@
 //! A ply over a second layer of yarns (Yu 2025, 5.4 and 7.1).
 
 use super::layers::{Layer, layer, layer_and_forward};
-use super::lobes::Lobes;
+use super::lobes::{LobeLight, Lobes};
 use super::model::PlyModel;
-use super::on::{LobeLight, PlyOn};
+use super::on::PlyOn;
 use super::query::PlyQuery;
 use crate::BsdfSample;
 use crate::bsdf::Outcomes;
