@@ -88,7 +88,6 @@ pub struct Fabric {
     draft: Draft,
     shapes: [YarnShape; 2],
     yarns: [Yarn; 2],
-    lanes: flight::Lanes,
     /// Of one repeat, or one for all.
     colors: [Vec<YarnColor>; 2],
 }
@@ -110,8 +109,7 @@ impl Fabric {
         }
         rules::check_shapes(file, &shapes)?;
         let yarns = [Yarn::new(&shapes[0], &shapes[1]), Yarn::new(&shapes[1], &shapes[0])];
-        let lanes = flight::Lanes::new(&yarns);
-        Ok(Fabric { draft, shapes, yarns, lanes, colors })
+        Ok(Fabric { draft, shapes, yarns, colors })
     }
 
     /// The draft.

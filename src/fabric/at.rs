@@ -87,13 +87,24 @@ impl<L: Lobes<N>, const N: usize> NearPly<'_, L, N> {
         r_d
     }
 
+    /// By wavelength, how much of the light through fibers leaves as through clear ones.
+    #[inline]
+    fn clear_shares(&self) -> [f32; N] {
+        self.ply.query.sigma_per_um.map(ExitsAt::clear_share)
+    }
+
+    /// Adds the lobes' light, of which these shares get out: of f_refl, and of f_high from clear and from dark fibers.
+    #[inline]
+    fn add_light(&self, free: [f32; 3], clear_shares: &[f32; N], light: &LobeLight<N>, f: &mut [f32; N]) {
+        let [refl, clear, dark] = [free[0] * self.arrives, free[1] * self.arrives, free[2] * self.arrives];
+        for k in 0..N {
+            f[k] += refl * light.refl[k] + (dark + clear_shares[k] * (clear - dark)) * light.high[k];
+        }
+    }
+
     #[inline]
     fn add(&self, b: [f32; 3], wo: [f32; 3], light: &LobeLight<N>, f: &mut [f32; N], pdf: &mut f32) {
-        let [refl, clear, dark] = self.shade.free(b, self.exits.lines(wo)).map(|free| free * self.arrives);
-        for k in 0..N {
-            let v = ExitsAt::clear_share(self.ply.query.sigma_per_um[k]);
-            f[k] += refl * light.refl[k] + (dark + v * (clear - dark)) * light.high[k];
-        }
+        self.add_light(self.shade.free(b, self.exits.lines(wo)), &self.clear_shares(), light, f);
         *pdf += self.chance * light.pdf;
     }
 
@@ -105,15 +116,11 @@ impl<L: Lobes<N>, const N: usize> NearPly<'_, L, N> {
 
     /// Adds f of many directions.
     fn add_all(&self, lights: &[Toward], f: &mut [[f32; N]]) {
-        let shares = self.ply.query.sigma_per_um.map(ExitsAt::clear_share);
+        let shares = self.clear_shares();
         for (toward, f) in lights.iter().zip(f) {
             let wo = to_ply(&self.frame, toward.b);
             let light = self.ply.eval_apart(wo);
-            let [refl, clear, dark] = self.shade.toward(toward, self.exits.lines(wo));
-            let [refl, clear, dark] = [refl * self.arrives, clear * self.arrives, dark * self.arrives];
-            for k in 0..N {
-                f[k] += refl * light.refl[k] + (dark + shares[k] * (clear - dark)) * light.high[k];
-            }
+            self.add_light(self.shade.toward(toward, self.exits.lines(wo)), &shares, &light, f);
         }
     }
 

@@ -71,24 +71,6 @@ impl Fabric {
         up == (family == Family::Warp)
     }
 
-    /// [`Fabric::is_on_top`] of two yarns where each crosses two others, `[yarn][other]`.
-    #[inline]
-    pub(super) fn are_on_top(&self, family: Family, yarns: [i32; 2], others: [i32; 2]) -> [[bool; 2]; 2] {
-        let wrap = |n: i32, family: Family| n.rem_euclid(self.draft.threads(family).max(1) as i32) as usize;
-        let yarns = [wrap(yarns[0], family), wrap(yarns[1], family)];
-        let others = [wrap(others[0], family.other()), wrap(others[1], family.other())];
-        let mut on_top = [[false; 2]; 2];
-        for y in 0..2 {
-            for o in 0..2 {
-                on_top[y][o] = match family {
-                    Family::Warp => self.draft.up(others[o], yarns[y]),
-                    Family::Weft => !self.draft.up(yarns[y], others[o]),
-                };
-            }
-        }
-        on_top
-    }
-
     /// The center line of yarn `yarn` of `family` at `along_um`, its y on warp and its x on weft. Yarn n lies at `(n + 1/2) spacing` across.
     pub fn center_line(&self, family: Family, yarn: i32, along_um: f64) -> CenterPoint {
         let step = self.shapes[family.other() as usize].spacing_um;

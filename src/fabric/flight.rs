@@ -6,10 +6,9 @@
 
 use super::place::PlyHit;
 use super::profile::Ends;
-use super::yarn::{Line, Met, Yarn};
+use super::yarn::{Line, Met};
 use super::{Fabric, Family};
 use crate::math::floor_fraction;
-use crate::math::simd::max;
 
 /// Least step along a line [um].
 const LEAST_STEP_UM: f32 = 1.0;
@@ -86,88 +85,7 @@ pub(super) struct Flight<'a> {
     oldest: usize,
     /// By family.
     around: [Around; 2],
-    /// Of the two nearest yarns of both families: sign of the height at the crossing before, 1 for one that bends, and how far the line goes before it asks them [um].
-    side: [f32; 4],
-    bends: [f32; 4],
-    until: [f32; 4],
     top: f32,
-}
-
-/// Shapes of the yarns of both families, each twice, in lanes.
-#[derive(Clone, Debug)]
-pub(super) struct Lanes {
-    spacing: [f32; 4],
-    hull: [f32; 4],
-    /// Of the axis' profile.
-    step: [f32; 4],
-    half_step: [f32; 4],
-    amplitude: [f32; 4],
-    radius2: [f32; 4],
-    per_radius2: [f32; 4],
-    /// Height of the arcs' center.
-    arcs_center: [f32; 4],
-    arc: [f32; 4],
-    slope: [f32; 4],
-    line_cos2: [f32; 4],
-    /// How far away the yarns beside the two nearest of each family are at least [um].
-    free: f32,
-}
-
-impl Lanes {
-    pub(super) fn new(yarns: &[Yarn; 2]) -> Lanes {
-        let of = |of: fn(&Yarn) -> f32| {
-            let [warp, weft] = [of(&yarns[0]), of(&yarns[1])];
-            [warp, warp, weft, weft]
-        };
-        let beside = |yarn: &Yarn| (yarn.spacing - yarn.hull).max(0.3 * yarn.half_width);
-        Lanes {
-            spacing: of(|y| y.spacing),
-            hull: of(|y| y.hull),
-            step: of(|y| y.profile.step),
-            half_step: of(|y| 0.5 * y.profile.step),
-            amplitude: of(|y| y.profile.amplitude),
-            radius2: of(|y| y.profile.radius * y.profile.radius),
-            per_radius2: of(|y| 1.0 / (y.profile.radius * y.profile.radius)),
-            arcs_center: of(|y| y.profile.amplitude - y.profile.radius),
-            arc: of(|y| y.profile.arc),
-            slope: of(|y| y.profile.slope),
-            line_cos2: of(|y| 1.0 / (1.0 + y.profile.slope * y.profile.slope)),
-            free: beside(&yarns[0]).min(beside(&yarns[1])),
-        }
-    }
-
-    /// Distances to the hulls at the shares `u` of the way between two crossings, `from_axis` spacings from the yarns' axes, at a height; infinite of yarns that are not asked
-    /// yet `at` um along the line. Heights and leans of axes are those of `Profile32::on`.
-    #[inline(always)]
-    fn distances(
-        &self,
-        u: [f32; 4],
-        from_axis: [f32; 4],
-        (height, at): (f32, f32),
-        [side, bends, until]: [&[f32; 4]; 3],
-        distance: &mut [f32; 4],
-    ) {
-        for i in 0..4 {
-            let rest = 1.0 - u[i];
-            let far = u[i] > 0.5;
-            let x = self.step[i] * if far { rest } else { u[i] };
-            let depth = max(self.radius2[i] - x * x, f32::MIN_POSITIVE).sqrt();
-            let (on_line, on_arc) = (self.slope[i] * (self.half_step[i] - x), self.arcs_center[i] + depth);
-            let arc_cos2 = depth * depth * self.per_radius2[i];
-            let is_line = x >= self.arc[i];
-            let up = if is_line { on_line } else { on_arc };
-            let cos2 = if is_line { self.line_cos2[i] } else { arc_cos2 };
-            let down = -up;
-            let bent = if far { down } else { up };
-            let is_bent = bends[i] > 0.5;
-            let axis = side[i] * if is_bent { bent } else { self.amplitude[i] };
-            let cos2 = if is_bent { cos2 } else { 1.0 };
-            let lateral = from_axis[i] * self.spacing[i];
-            let off = height - axis;
-            let off = (lateral * lateral + off * off * cos2).sqrt() - self.hull[i];
-            distance[i] = if at >= until[i] { off } else { f32::INFINITY };
-        }
-    }
 }
 
 /// The two nearest yarns of a family, and how they lie between the crossings before and after a point.
@@ -176,10 +94,13 @@ struct Around {
     /// The nearest yarn, the way to the other one, the crossing before.
     at: [i32; 3],
     ends: [Ends; 2],
+    /// They are not asked before the line is so far [um].
+    until: [f32; 2],
 }
 
 impl Around {
-    const UNKNOWN: Around = Around { at: [0; 3], ends: [Ends { side: 1.0, bends: false }; 2] };
+    const UNKNOWN: Around =
+        Around { at: [0; 3], ends: [Ends { side: 1.0, bends: false }; 2], until: [f32::NEG_INFINITY; 2] };
 
     /// The two yarns.
     fn yarns(&self) -> [i32; 2] {
@@ -212,19 +133,7 @@ impl Fabric {
         if let Some((id, until)) = skip {
             passed[0] = (id.key(), until);
         }
-        Flight {
-            fabric: self,
-            from,
-            d,
-            at: 0.0,
-            passed,
-            oldest: 1,
-            around: [Around::UNKNOWN; 2],
-            side: [1.0; 4],
-            bends: [0.0; 4],
-            until: [f32::NEG_INFINITY; 4],
-            top: self.top_um(),
-        }
+        Flight { fabric: self, from, d, at: 0.0, passed, oldest: 1, around: [Around::UNKNOWN; 2], top: self.top_um() }
     }
 
     /// Of light that leaves a ply of a yarn at `from` in direction `d`: the yarn, and how far away it may be met again. Its own model has what its other plies do.
@@ -293,57 +202,52 @@ impl Flight<'_> {
             self.oldest = (self.oldest + 1) % self.passed.len();
         }
         for family in Family::EACH {
-            let k = family as usize;
-            for (n, yarn) in self.around[k].yarns().into_iter().enumerate() {
-                self.until[2 * k + n] = self.until(YarnId { family, yarn });
-            }
+            let until = self.around[family as usize].yarns().map(|yarn| self.until(YarnId { family, yarn }));
+            self.around[family as usize].until = until;
         }
     }
 
-    /// Looks up how the two nearest yarns of a family lie.
-    fn look_around(&mut self, family: Family, at: [i32; 3]) {
-        let k = family as usize;
-        let mut around = Around { at, ..Around::UNKNOWN };
-        let yarns = around.yarns();
-        let on_top = self.fabric.are_on_top(family, yarns, [at[2], at[2].wrapping_add(1)]);
-        around.ends = on_top.map(|[from, to]| Ends::new(from, to));
-        for n in 0..2 {
-            self.side[2 * k + n] = around.ends[n].side;
-            self.bends[2 * k + n] = f32::from(u8::from(around.ends[n].bends));
-            self.until[2 * k + n] = self.until(YarnId { family, yarn: yarns[n] });
-        }
-        self.around[k] = around;
-    }
-
-    /// The nearest hull that has not been asked: its distance, which of the two nearest yarns of both families it is of (4 for none), and how far the line may go without
-    /// meeting any.
-    fn nearest(&mut self, q: [f32; 3]) -> (f32, usize, f32) {
-        // Lanes: of each family the nearest yarn and the other one.
-        let (mut u, mut from_axis) = ([0.0; 4], [0.0; 4]);
+    /// The nearest hull that has not been asked: its distance, yarn, and how far the line may go without meeting any.
+    fn nearest(&mut self, q: [f32; 3]) -> (f32, Option<YarnId>, f32) {
+        let (mut squared, mut free) = ([0.0; 4], f32::INFINITY);
         for family in Family::EACH {
             let k = family as usize;
             let yarn = &self.fabric.yarns[k];
             let (cell, rest) = floor_fraction(q[k] * yarn.per_spacing);
             let t = rest - 0.5;
             let other = if t < 0.0 { -1 } else { 1 };
-            let (first, share) = self.fabric.between_crossings(family, q[1 - k]);
+            let (first, u) = self.fabric.between_crossings(family, q[1 - k]);
             if self.around[k].at != [cell, other, first] {
-                self.look_around(family, [cell, other, first]);
+                let mut around = Around { at: [cell, other, first], ..Around::UNKNOWN };
+                let yarns = around.yarns();
+                let on_top = |yarn, n| self.fabric.is_on_top(family, yarn, n);
+                around.ends = yarns.map(|yarn| Ends::new(on_top(yarn, first), on_top(yarn, first.wrapping_add(1))));
+                around.until = yarns.map(|yarn| self.until(YarnId { family, yarn }));
+                self.around[k] = around;
             }
-            (u[2 * k], u[2 * k + 1]) = (share, share);
-            (from_axis[2 * k], from_axis[2 * k + 1]) = (t, t - other as f32);
+            let ends = &self.around[k].ends;
+            let (bent, cos2) = yarn.profile.bent(u);
+            for n in 0..2 {
+                let lateral = (t - (n as i32 * other) as f32) * yarn.spacing;
+                let height = ends[n].side * if ends[n].bends { bent } else { yarn.profile.amplitude };
+                let up = q[2] - height;
+                squared[2 * k + n] = lateral * lateral + up * up * if ends[n].bends { cos2 } else { 1.0 };
+            }
+            // The yarns beside these two are a spacing away at least.
+            free = free.min((yarn.spacing - yarn.hull).max(0.3 * yarn.half_width));
         }
-        let y = &self.fabric.lanes;
-        let mut distance = [0.0; 4];
-        y.distances(u, from_axis, (q[2], self.at), [&self.side, &self.bends, &self.until], &mut distance);
-        let (mut least, mut nearest) = (f32::INFINITY, 4);
-        for i in 0..4 {
-            if distance[i] < least {
-                (least, nearest) = (distance[i], i);
+        let (mut least, mut which) = (f32::INFINITY, None);
+        for family in Family::EACH {
+            let k = family as usize;
+            let (hull, around) = (self.fabric.yarns[k].hull, &self.around[k]);
+            for (n, yarn) in around.yarns().into_iter().enumerate() {
+                let distance = squared[2 * k + n].sqrt() - hull;
+                if distance < least && self.at >= around.until[n] {
+                    (least, which) = (distance, Some(YarnId { family, yarn }));
+                }
             }
         }
-        // The yarns beside these four are a spacing away at least.
-        (least, nearest, y.free.min(0.9 * least))
+        (least, which, free.min(0.9 * least))
     }
 
     /// As [`Fabric::axis_at`], with what is known of the nearest yarns.
@@ -351,12 +255,11 @@ impl Flight<'_> {
     fn axis_at(&self, id: YarnId, along: f32) -> (f32, f32) {
         let (first, u) = self.fabric.between_crossings(id.family, along);
         let around = &self.around[id.family as usize];
-        let [nearer, other] = around.yarns();
-        if around.at[2] == first && around.at[1] != 0 && (id.yarn == nearer || id.yarn == other) {
-            let ends = around.ends[usize::from(id.yarn != nearer)];
-            return self.fabric.yarns[id.family as usize].profile.on(ends, u);
+        let known = around.yarns().iter().position(|yarn| *yarn == id.yarn);
+        match known.filter(|_| around.at[2] == first && around.at[1] != 0) {
+            Some(which) => self.fabric.yarns[id.family as usize].profile.on(around.ends[which], u),
+            None => self.fabric.axis_at(id, along),
         }
-        self.fabric.axis_at(id, along)
     }
 
     /// Where on the line a yarn of one ply is straightened: next to its axis, found as in [`Flight::meet`] by the distance to the axis alone.
@@ -437,12 +340,10 @@ impl Flight<'_> {
                 continue;
             }
             let (distance, which, free) = self.nearest(q);
-            if distance >= CLOSE_UM {
+            let Some(id) = which.filter(|_| distance < CLOSE_UM) else {
                 self.at += free.max(LEAST_STEP_UM);
                 continue;
-            }
-            let family = Family::EACH[which / 2 % 2];
-            let id = YarnId { family, yarn: self.around[family as usize].yarns()[which % 2] };
+            };
             let (meeting, until) = self.meet(id);
             let yarn = &fabric.yarns[id.family as usize];
             let hull = yarn.hull;

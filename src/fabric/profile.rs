@@ -113,6 +113,16 @@ impl Profile32 {
         (ends.side * height, if ends.bends { ends.side * slope } else { 0.0 })
     }
 
+    /// Height [um] at the share `u` of the way from a crossing where the yarn is on top to one where it is below, and the squared cosine of its lean.
+    #[inline]
+    pub fn bent(&self, u: f32) -> (f32, f32) {
+        let (turned, x, depth) = self.arc_at(u);
+        let on_line = x >= self.arc;
+        let height = if on_line { self.slope * (0.5 * self.step - x) } else { self.amplitude - self.radius + depth };
+        let arc = depth / self.radius;
+        (turned * height, if on_line { 1.0 / (1.0 + self.slope * self.slope) } else { arc * arc })
+    }
+
     /// Sign of the height, distance to the nearer crossing, and height of the arc over its center there [um].
     #[inline]
     fn arc_at(&self, u: f32) -> (f32, f32, f32) {

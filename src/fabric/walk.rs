@@ -4,7 +4,7 @@
 //! stretch on which a ply hardly leaves its tangent, or than the distance to the circle about all plies. Then the yarn is straightened anew. A ply is met where the line is next to it.
 //! Thus a line nearly along a yarn that dives under another meets what it meets first, not what a yarn straight from far away would have there.
 
-use super::yarn::{LANES, Line, Yarn};
+use super::yarn::{Line, Yarn};
 
 /// Most straightened places of one walk; what lies behind them is asked by the next.
 const MOST_STEPS: usize = 24;
@@ -38,21 +38,18 @@ impl Yarn {
             let mut step = (STRETCH * self.radius).max(beside - self.half_width);
             let angle = self.angle(&line, shift);
             let mut first = None;
-            for begin in (0..self.plies).step_by(LANES) {
-                let sides = self.cylinders(&line, begin / LANES, shift, angle);
-                for i in 0..LANES.min(self.plies - begin) {
-                    let (nearest, h, k) = (sides.nearest[i], sides.h[i].abs(), (begin + i) as u32);
-                    if nearest > 0.0 {
-                        // Behind.
-                    } else if sides.hit[i] {
-                        let ahead = (-sides.entry[i]).max(0.0);
-                        if ahead < step {
-                            (step, first) = (ahead, Some(k));
-                        }
-                    } else if -nearest < step && h < least {
-                        least = h;
-                        (walked.ply, walked.at) = (Some(k), at - nearest);
+            for k in 0..self.plies {
+                let (met, entry, _) = self.cylinder(&line, k, shift, angle);
+                if met.nearest > 0.0 {
+                    // Behind.
+                } else if met.hit {
+                    let ahead = (-entry).max(0.0);
+                    if ahead < step {
+                        (step, first) = (ahead, Some(k as u32));
                     }
+                } else if -met.nearest < step && met.h.abs() < least {
+                    least = met.h.abs();
+                    (walked.ply, walked.at) = (Some(k as u32), at - met.nearest);
                 }
             }
             at += step;

@@ -9,7 +9,7 @@
 //! For one ply, and for parallel plies, this is exact. `twisted_plies_are_near_true_helices` measures the rest, and `tests/weave.rs` plies of bent yarns.
 
 use super::profile::{Profile, Profile32};
-use crate::math::simd::{atan2, max, signed, sin_cos_half_turns};
+use crate::math::simd::{atan2, signed, sin_cos_half_turns};
 use crate::spec::Handedness;
 
 /// Most plies of a yarn.
@@ -75,21 +75,6 @@ pub(super) struct Yarn {
     pub slope: f32,
     /// Cosine and sine of 2 pi k / P.
     pub turn: [[f32; 2]; MAX_PLIES],
-    /// The same, cosines and then sines, by sets of plies that are looked at side by side.
-    sides: [[[f32; LANES]; 2]; SETS],
-}
-
-/// Plies that are looked at side by side, and how many such sets a yarn may have.
-pub(super) const LANES: usize = 4;
-const SETS: usize = MAX_PLIES.div_ceil(LANES);
-
-/// What a line comes to of plies side by side, each as [`Yarn::cylinder`] has it to the bit.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Sides {
-    pub hit: [bool; LANES],
-    pub h: [f32; LANES],
-    pub nearest: [f32; LANES],
-    pub entry: [f32; LANES],
 }
 
 /// A line in the yarn's frame.
@@ -193,10 +178,6 @@ impl Yarn {
             let (s, c) = (std::f64::consts::TAU * k as f64 / f64::from(shape.plies)).sin_cos();
             *turn = [c as f32, s as f32];
         }
-        let mut sides = [[[1.0; LANES], [0.0; LANES]]; SETS];
-        for (k, [c, s]) in turn.into_iter().enumerate() {
-            (sides[k / LANES][0][k % LANES], sides[k / LANES][1][k % LANES]) = (c, s);
-        }
         Yarn {
             plies: (shape.plies as usize).clamp(1, MAX_PLIES),
             radius: shape.ply_radius_um as f32,
@@ -210,7 +191,6 @@ impl Yarn {
             turns_per_um: turns_per_um as f32,
             slope: slope as f32,
             turn,
-            sides,
         }
     }
 
@@ -273,49 +253,6 @@ impl Yarn {
         (Met { hit: room > 0.0, ply: k as u32, h, tangent, x, sine, nearest, center }, entry, further)
     }
 
-    /// [`Yarn::cylinder`] of the plies `LANES set` and after: the same operations, lanes side by side. A call of its own, whose results go to memory: the compiler then has
-    /// all lanes in one vector.
-    #[inline(never)]
-    pub(super) fn cylinders(&self, line: &Line, set: usize, shift: f32, [c, s]: [f32; 2]) -> Sides {
-        let [ck, sk] = &self.sides[set % SETS];
-        let (o, w) = (line.origin, line.w);
-        let slope = self.slope * line.lean;
-        let norm = 1.0 / (1.0 + slope * slope).sqrt();
-        let cos = lanes(|i| c * ck[i] - s * sk[i]);
-        let sin = lanes(|i| s * ck[i] + c * sk[i]);
-        let z: [[f32; LANES]; 2] = [lanes(|i| -slope * sin[i] * norm), lanes(|i| slope * cos[i] * norm)];
-        let m = [
-            lanes(|i| w[1] * norm - w[2] * z[1][i]),
-            lanes(|i| w[2] * z[0][i] - w[0] * norm),
-            lanes(|i| w[0] * z[1][i] - w[1] * z[0][i]),
-        ];
-        let squared = lanes(|i| m[0][i] * m[0][i] + m[1][i] * m[1][i] + m[2][i] * m[2][i]);
-        if squared[0].min(squared[1]).min(squared[2].min(squared[3])) <= PARALLEL {
-            // Next to none.
-            let mut sides = Sides { hit: [false; LANES], h: [0.0; LANES], nearest: [1.0; LANES], entry: [0.0; LANES] };
-            for (i, k) in (LANES * set..self.plies.min(LANES * (set + 1))).enumerate() {
-                let (met, entry, _) = self.cylinder(line, k, shift, [c, s]);
-                (sides.hit[i], sides.h[i], sides.nearest[i], sides.entry[i]) = (met.hit, met.h, met.nearest, entry);
-            }
-            return sides;
-        }
-        let sine = lanes(|i| squared[i].sqrt());
-        let per_sine = lanes(|i| 1.0 / sine[i]);
-        let x = m.map(|m| lanes(|i| m[i] * per_sine[i]));
-        let d = [lanes(|i| o[0] - self.circle * cos[i]), lanes(|i| o[1] - self.circle * sin[i])];
-        let along = o[2] - shift;
-        let h = lanes(|i| d[0][i] * x[0][i] + d[1][i] * x[1][i] + along * x[2][i]);
-        let room = lanes(|i| self.radius * self.radius - h[i] * h[i]);
-        let y = [
-            lanes(|i| z[1][i] * x[2][i] - norm * x[1][i]),
-            lanes(|i| norm * x[0][i] - z[0][i] * x[2][i]),
-            lanes(|i| z[0][i] * x[1][i] - z[1][i] * x[0][i]),
-        ];
-        let nearest = lanes(|i| -(d[0][i] * y[0][i] + d[1][i] * y[1][i] + along * y[2][i]) / sine[i]);
-        let entry = lanes(|i| nearest[i] + max(room[i], 0.0).sqrt() / sine[i]);
-        Sides { hit: room.map(|room| room > 0.0), h, nearest, entry }
-    }
-
     /// Cosine and sine of ply 0's angle at `shift` along t.
     pub(super) fn angle(&self, line: &Line, shift: f32) -> [f32; 2] {
         let (s, c) = sin_cos_turns(line.turns + shift * line.lean * self.turns_per_um);
@@ -329,12 +266,6 @@ pub(super) fn cell(x: f32) -> (i32, f32) {
     let whole = x as i32;
     let rest = x - whole as f32;
     if rest < 0.0 { (whole.wrapping_sub(1), rest + 1.0) } else { (whole, rest) }
-}
-
-/// A number for each lane.
-#[inline(always)]
-fn lanes(of: impl Fn(usize) -> f32) -> [f32; LANES] {
-    std::array::from_fn(of)
 }
 
 /// A mixing hash of 32 bits.

@@ -182,7 +182,7 @@ pub fn all() -> Vec<Picture> {
     };
     list.push(picture(
         "slits",
-        "Organza before a lamp, without and with slits of 3 um between the fibers of its yarns, through which a quarter of the forward light goes (Yu 2025, Fig. 16): the cross turns orange, pink, blue and green outwards.",
+        "Organza before a lamp, without and with slits of 3 um between the fibers of its yarns, through which a quarter of the forward light goes (Yu 2025, Fig. 16): the cross turns orange, purple, blue and green outwards.",
         vec![slits("no slits", None), slits("slits", Some(Slits { width_um: 3.0, share: SLIT_SHARE }))],
     ));
     for (name, cloth, setup, size_mm, exposure, caption) in [
