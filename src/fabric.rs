@@ -112,6 +112,11 @@ impl Fabric {
         Ok(Fabric { draft, shapes, yarns, colors })
     }
 
+    /// Says of which families' yarns the plies scatter one by one.
+    fn set_one_by_one(&mut self, one_by_one: [bool; 2]) {
+        self.yarns.iter_mut().zip(one_by_one).for_each(|(yarn, is)| yarn.one_by_one = is);
+    }
+
     /// The draft.
     pub fn draft(&self) -> &Draft {
         &self.draft

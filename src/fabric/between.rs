@@ -269,7 +269,7 @@ fn path(
         };
         if gone.orders == 0 {
             gone.class = class(hit);
-            let shade = super::shade::Shade::new(fabric, shadows, &near, a, [true; 2]);
+            let shade = super::shade::Shade::new((fabric, shadows, model), &near, a, [true; 2]);
             // An even sequence, turned at random; what the density lacks is made good by weights.
             let turn = [number(), number(), number()];
             for i in 0..FIRSTS {
@@ -316,7 +316,7 @@ fn path(
         let scale = -t * radius / (x[0] * x[0] + x[1] * x[1] + x[2] * x[2]).sqrt().max(1e-6);
         let inner = std::array::from_fn(|i| near.center[i] + scale * x[i] + s * radius * z[i]);
         let from = exit(near.center, z, radius, inner, d);
-        flight = fabric.flight(from, d, Some(fabric.own(near.id(), from, d)));
+        flight = fabric.flight(from, d, fabric.skip_own(&near, from, d));
         gone.orders += 1;
         let most = gone.weight.iter().map(|w| w.iter().fold(0.0f32, |m, v| m.max(*v))).product::<f32>();
         if most < LEAST_WEIGHT {

@@ -505,7 +505,12 @@ impl FabricBsdf {
         let hit = &near.hit;
         NearPly {
             frame: hit.frame,
-            shade: Shade::new(&self.fabric, &self.shadows, near, wo, [self.options.shadowing, self.options.layers]),
+            shade: Shade::new(
+                (&self.fabric, &self.shadows, ply.model),
+                near,
+                wo,
+                [self.options.shadowing, self.options.layers],
+            ),
             exits: ply.model.exits_at(hit.theta_i, hit.h_um, self.fabric.yarns[hit.family as usize].radius),
             ply,
             family: hit.family,

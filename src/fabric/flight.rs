@@ -28,6 +28,8 @@ const NONE: u64 = u64::MAX;
 const LOOKED_AT: f32 = 4.0;
 /// Squared sine below which a line counts as parallel to a yarn.
 const PARALLEL: f32 = 1e-10;
+/// What light comes from may be met again this far away, over R.
+const OWN: f32 = 2.5;
 /// Lines start and end this far above and below the yarns [um].
 const MARGIN_UM: f32 = 1.0;
 
@@ -46,15 +48,26 @@ impl YarnId {
     }
 }
 
+/// What a line does not meet at first: what it comes from.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Skip {
+    None,
+    /// A yarn, until the line is so long [um].
+    Yarn(YarnId, f32),
+    /// A ply of a yarn, until the line is so long [um].
+    Ply(YarnId, u32, f32),
+}
+
 /// A ply within whose reach, R + d_cut, a line comes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Near {
     pub hit: PlyHit,
     /// Whether the line meets the ply itself, |h| < R.
     pub is_hit: bool,
-    /// Point of the ply's axis that the line is nearest to [um], and the way to it from the yarn's axis.
+    /// Point of the ply's axis that the line is nearest to [um], the way to it from the yarn's axis, and that axis' direction.
     pub center: [f32; 3],
     pub off_axis: [f32; 3],
+    pub yarn_axis: [f32; 3],
 }
 
 impl Near {
@@ -83,6 +96,8 @@ pub(super) struct Flight<'a> {
     /// Keys of the yarns that have been asked, each until the line leaves its hull.
     passed: [(u64, f32); PASSED],
     oldest: usize,
+    /// Of a yarn whose plies scatter one by one, the ply that it has left, and until when that is not met again [um].
+    left: (u64, u32, f32),
     /// By family.
     around: [Around; 2],
     top: f32,
@@ -127,22 +142,35 @@ pub(super) fn exit(center: [f32; 3], z: [f32; 3], radius: f32, p: [f32; 3], b: [
 }
 
 impl Fabric {
-    /// The line from `from` [um] in direction `d` (unit). The yarn that it comes from, if any, is not asked until the line is `until` [um] away.
-    pub(super) fn flight(&self, from: [f32; 3], d: [f32; 3], skip: Option<(YarnId, f32)>) -> Flight<'_> {
+    /// The line from `from` [um] in direction `d` (unit).
+    pub(super) fn flight(&self, from: [f32; 3], d: [f32; 3], skip: Skip) -> Flight<'_> {
         let mut passed = [(NONE, f32::NEG_INFINITY); PASSED];
-        if let Some((id, until)) = skip {
-            passed[0] = (id.key(), until);
+        let mut left = (NONE, 0, 0.0);
+        match skip {
+            Skip::None => {}
+            Skip::Yarn(id, until) => passed[0] = (id.key(), until),
+            Skip::Ply(id, ply, until) => left = (id.key(), ply, until),
         }
-        Flight { fabric: self, from, d, at: 0.0, passed, oldest: 1, around: [Around::UNKNOWN; 2], top: self.top_um() }
+        let (around, top) = ([Around::UNKNOWN; 2], self.top_um());
+        Flight { fabric: self, from, d, at: 0.0, passed, oldest: 1, left, around, top }
     }
 
-    /// Of light that leaves a ply of a yarn at `from` in direction `d`: the yarn, and how far away it may be met again. Its own model has what its other plies do.
-    pub(super) fn own(&self, id: YarnId, from: [f32; 3], d: [f32; 3]) -> (YarnId, f32) {
+    /// What light that leaves a ply at `from` in direction `d` does not meet: the ply; of a yarn of several plies, whose model has what the others do, the yarn.
+    pub(super) fn skip_own(&self, near: &Near, from: [f32; 3], d: [f32; 3]) -> Skip {
+        let yarn = &self.yarns[near.hit.family as usize];
+        if yarn.one_by_one {
+            return Skip::Ply(near.id(), near.hit.ply, OWN * yarn.radius);
+        }
+        self.skip_yarn(near.id(), from, d)
+    }
+
+    /// A yarn, for light that leaves one of its plies at `from` in direction `d`.
+    pub(super) fn skip_yarn(&self, id: YarnId, from: [f32; 3], d: [f32; 3]) -> Skip {
         let k = id.family as usize;
         let yarn = &self.yarns[k];
-        let beside = 2.5 * yarn.radius;
+        let beside = OWN * yarn.radius;
         if yarn.plies < 2 {
-            return (id, beside);
+            return Skip::Yarn(id, beside);
         }
         let along = from[1 - k];
         let (height, slope) = self.axis_at(id, along);
@@ -152,14 +180,14 @@ impl Fabric {
         axis[1 - k] = along;
         let gone = exit(axis, tangent, yarn.half_width, from, d);
         let way: [f32; 3] = std::array::from_fn(|i| gone[i] - from[i]);
-        (id, dot(way, way).sqrt() + beside)
+        Skip::Yarn(id, dot(way, way).sqrt() + beside)
     }
 
     /// The line that crosses the middle plane at a point [um], towards the light at `w` (unit), followed the other way from above the yarns.
     pub(super) fn flight_through(&self, at: [f32; 2], w: [f32; 3]) -> Flight<'_> {
         // Lines in the plane itself come from ten repeats of a thick cloth away.
         let lift = (self.top_um() / w[2].abs().max(1e-6)).min(1e5);
-        self.flight([at[0] + lift * w[0], at[1] + lift * w[1], lift * w[2]], w.map(|v| -v), None)
+        self.flight([at[0] + lift * w[0], at[1] + lift * w[1], lift * w[2]], w.map(|v| -v), Skip::None)
     }
 
     /// Height above which there is no yarn's reach [um].
@@ -317,7 +345,9 @@ impl Flight<'_> {
         let (at, ply, until) = if yarn.plies == 1 {
             (self.beside(id), None, self.at)
         } else {
-            let walked = yarn.walk(self.at, self.at + LOOKED_AT * yarn.hull, |at| self.straightened(id, at).0);
+            let (key, ply, skip_until) = self.left;
+            let skip = (key == id.key()).then_some((ply, skip_until));
+            let walked = yarn.walk(self.at, self.at + LOOKED_AT * yarn.hull, skip, |at| self.straightened(id, at).0);
             let Some(ply) = walked.ply else { return (None, walked.until) };
             (walked.at, Some((ply, walked.is_hit)), walked.until)
         };
@@ -361,7 +391,13 @@ impl Flight<'_> {
             let leaves = if a > 1e-6 && room > 0.0 { (room.sqrt() - half) / a } else { 0.0 };
             // It goes on in any case, so that every line ends.
             let leaves = self.at + leaves.clamp(LEAST_STEP_UM, LOOKED_AT * hull);
-            self.pass(id, if met.hit || yarn.plies == 1 { leaves } else { until.max(self.at + LEAST_STEP_UM) });
+            if met.hit && yarn.one_by_one {
+                // Behind the ply that is met there may be another.
+                self.left = (id.key(), met.ply, nearest + OWN * yarn.radius);
+                self.pass(id, nearest.max(self.at));
+            } else {
+                self.pass(id, if met.hit || yarn.plies == 1 { leaves } else { until.max(self.at + LEAST_STEP_UM) });
+            }
             self.at += 0.1 * LEAST_STEP_UM;
             // What lies behind the line's start is not met.
             if met.h.abs() < yarn.reach && nearest > 0.0 && (nearest - self.at).abs() < 6.0 * hull {
@@ -388,7 +424,7 @@ impl Flight<'_> {
                 let [c, n, _] = met.center;
                 let off_axis = std::array::from_fn(|i| c * axes[0][i] + n * axes[1][i]);
                 let center = std::array::from_fn(|i| axis[i] + center[i]);
-                return Some(Near { hit, is_hit: met.hit, center, off_axis });
+                return Some(Near { hit, is_hit: met.hit, center, off_axis, yarn_axis: axes[2] });
             }
         }
         None

@@ -79,7 +79,7 @@ impl LoadedFabric {
             }
         };
         let mut shapes = Vec::with_capacity(2);
-        let mut threads = [Vec::new(), Vec::new()];
+        let (mut threads, mut one_by_one) = ([Vec::new(), Vec::new()], [false; 2]);
         for (k, family) in Family::EACH.into_iter().enumerate() {
             let mut first: Option<YarnSpec> = None;
             for &index in &indices[k] {
@@ -92,7 +92,9 @@ impl LoadedFabric {
                 }
             }
             if let Some(ply) = &first {
-                shapes.push(spec.shape(family, ply));
+                let shape = spec.shape(family, ply);
+                one_by_one[k] = ply.yarn.plies < shape.plies;
+                shapes.push(shape);
             }
             threads[k] = spec.yarn(family).stripes().1.into_iter().map(|at| indices[k][at]).collect();
         }
@@ -107,7 +109,8 @@ impl LoadedFabric {
         if spec.weft.crimp.is_none() {
             weft.crimp = usual_crimp(&weft, &warp).min(room(spec.warp.crimp));
         }
-        let fabric = Fabric::named(draft, [warp, weft], spec.colors(colors), file)?;
+        let mut fabric = Fabric::named(draft, [warp, weft], spec.colors(colors), file)?;
+        fabric.set_one_by_one(one_by_one);
         let model_paths = names.into_iter().map(PathBuf::from).collect();
         Ok(LoadedFabric { spec, fabric, models, model_paths, threads })
     }

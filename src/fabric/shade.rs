@@ -3,7 +3,9 @@
 use super::Fabric;
 use super::flight::Near;
 use super::shadow::{self, OfYarn, Shadows, ShadowsAt, Toward};
-use crate::ply::{EXIT_KINDS, ExitLine};
+use crate::PlyModel;
+use crate::math::simd::atan2;
+use crate::ply::{EXIT_KINDS, ExitLine, PassedLines};
 
 /// Neighbors of a ply: which of them count, and the place.
 #[derive(Clone, Copy, Debug)]
@@ -21,16 +23,26 @@ pub(super) struct Shade<'a> {
     axis: [f32; 3],
     off_axis: [f32; 3],
     scale: f32,
+    /// Of yarns whose plies scatter one by one: what passes a ply.
+    passed: Option<&'a PassedLines>,
+    yarn_axis: [f32; 3],
 }
 
 /// Half of the width over which single reflection and light of dark fibers spread, over R.
 const NARROW: f32 = 0.2;
 
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
 impl<'a> Shade<'a> {
     /// Of a ply that a line from direction `a` comes near; `counts` are the halves, up first, in which shadows count.
     pub(super) fn new(
-        fabric: &'a Fabric,
-        shadows: &'a Shadows,
+        (fabric, shadows, model): (&'a Fabric, &'a Shadows, &'a PlyModel),
         near: &Near,
         a: [f32; 3],
         counts: [bool; 2],
@@ -48,6 +60,8 @@ impl<'a> Shade<'a> {
             axis: hit.frame[2],
             off_axis: near.off_axis.map(|v| v / yarn.radius),
             scale: yarn.radius / yarn.half_width,
+            passed: if yarn.one_by_one { model.passed_lines() } else { None },
+            yarn_axis: near.yarn_axis,
         }
     }
 
@@ -72,16 +86,54 @@ impl<'a> Shade<'a> {
         let (mut off, mut further) = (0.0, 0.0);
         if self.scale < 1.0 {
             let (z, p) = (self.axis, self.off_axis);
-            let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
             let bz = dot(b, z);
             let per_sine = 1.0 / (1.0 - bz * bz).max(0.02).sqrt();
-            let x = [b[1] * z[2] - b[2] * z[1], b[2] * z[0] - b[0] * z[2], b[0] * z[1] - b[1] * z[0]];
+            let x = cross(b, z);
             off = dot(p, x) * per_sine;
             further = -(dot(p, b) - bz * dot(p, z)) * bz * per_sine * per_sine;
         }
         // Single reflection and light of dark fibers turn at places near each other.
         let places = [self.at(0.5 * (refl.s + dark.s) + further), self.at(clear.s + further)];
         let span = |t: f32, half: f32| [(off - t) * self.scale, half * self.scale];
-        shadow::free(&places, toward, &[span(refl.t, NARROW), span(clear.t, 1.0 - clear.t.abs()), span(dark.t, NARROW)])
+        let wide = 1.0 - clear.t.abs();
+        let mut free =
+            shadow::free(&places, toward, &[span(refl.t, NARROW), span(clear.t, wide), span(dark.t, NARROW)]);
+        if let Some(passed) = self.passed.filter(|_| free != [0.0; EXIT_KINDS]) {
+            self.pass_plies(passed, b, [(refl, NARROW), (clear, wide), (dark, NARROW)], &mut free);
+        }
+        free
+    }
+
+    /// Of the shares, those that pass the yarn's other plies as well, by lines as far from the ply's axis as the exits and as wide.
+    fn pass_plies(
+        &self,
+        passed: &PassedLines,
+        b: [f32; 3],
+        exits: [(ExitLine, f32); EXIT_KINDS],
+        free: &mut [f32; EXIT_KINDS],
+    ) {
+        let yarn = &self.fabric.yarns[self.shadows.family as usize];
+        let (t, p, z) = (self.yarn_axis, self.off_axis, self.axis);
+        let turned = |v: [f32; 3], [c, s]: [f32; 2]| -> [f32; 3] {
+            let (w, along) = (cross(t, v), (1.0 - c) * dot(t, v));
+            std::array::from_fn(|i| c * v[i] + s * w[i] + along * t[i])
+        };
+        let x = cross(b, z);
+        let per_x = 1.0 / dot(x, x).sqrt().max(1e-3);
+        for turn in &yarn.turn[1..yarn.plies] {
+            // As if straight along its tangent next to this ply: lengths over R.
+            let (center, axis) = (turned(p, *turn), turned(z, *turn));
+            let across = cross(b, axis);
+            let along = dot(b, axis);
+            let sine = dot(across, across).sqrt().max(1e-3);
+            let theta = atan2::<false>(along, sine);
+            for (free, (line, half)) in free.iter_mut().zip(exits) {
+                let from: [f32; 3] = std::array::from_fn(|i| p[i] - line.t * per_x * x[i] + line.s * z[i] - center[i]);
+                if along * dot(from, axis) > dot(from, b) {
+                    let h = dot(from, across) / sine;
+                    *free *= passed.mean(theta, (h - half) * yarn.radius, (h + half) * yarn.radius);
+                }
+            }
+        }
     }
 }

@@ -4,7 +4,7 @@
 //! the fabric (`flight.rs`). A draft of few crossings has rows of its own for every place; in a larger one places share
 //! the rows of the pattern of the nine crossings around.
 
-use super::flight::{YarnId, exit};
+use super::flight::{Skip, YarnId, exit};
 use super::{Fabric, Family};
 use crate::math::floor_fraction;
 use crate::math::hash::SplitMix64;
@@ -153,7 +153,7 @@ impl Shadows {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct OfYarn<'a> {
     shadows: &'a Shadows,
-    family: Family,
+    pub(super) family: Family,
     yarn: i32,
     per_um: f32,
     /// Where every place has rows of its own: the first row, and how many there are.
@@ -300,7 +300,7 @@ fn fill(row: &mut [u8], fabric: &Fabric, passing: &impl Passing, id: YarnId, pla
                 let scale = t / (x[0] * x[0] + x[1] * x[1] + x[2] * x[2]).sqrt().max(1e-3);
                 let inner = std::array::from_fn(|i| center[i] + scale * x[i]);
                 let from = exit(center, axis, radius, inner, b);
-                free += free_share(fabric, passing, from, b, Some(fabric.own(id, from, b)));
+                free += free_share(fabric, passing, from, b, fabric.skip_yarn(id, from, b));
             }
             let free = free / LINES as f32;
             entry[o] = (255.0 * free + 0.5) as u8;
@@ -309,13 +309,7 @@ fn fill(row: &mut [u8], fabric: &Fabric, passing: &impl Passing, id: YarnId, pla
 }
 
 /// Share of the light of a line that passes beside all plies.
-fn free_share(
-    fabric: &Fabric,
-    passing: &impl Passing,
-    from: [f32; 3],
-    d: [f32; 3],
-    skip: Option<(YarnId, f32)>,
-) -> f32 {
+fn free_share(fabric: &Fabric, passing: &impl Passing, from: [f32; 3], d: [f32; 3], skip: Skip) -> f32 {
     let mut flight = fabric.flight(from, d, skip);
     let mut free = 1.0;
     while let Some(near) = flight.next_near() {

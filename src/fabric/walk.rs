@@ -26,8 +26,15 @@ pub(super) struct Walked {
 }
 
 impl Yarn {
-    /// Walks along a line from the distance `at` until it has met a ply, left the yarn's hull, or come to `end`. `line_at` straightens the yarn at a distance along the line.
-    pub(super) fn walk(&self, mut at: f32, end: f32, mut line_at: impl FnMut(f32) -> Line) -> Walked {
+    /// Walks along a line from the distance `at` until it has met a ply, left the yarn's hull, or come to `end`. `line_at` straightens the yarn at a distance along the line. A ply
+    /// to `skip` is not met before the line is so far [um].
+    pub(super) fn walk(
+        &self,
+        mut at: f32,
+        end: f32,
+        skip: Option<(u32, f32)>,
+        mut line_at: impl FnMut(f32) -> Line,
+    ) -> Walked {
         let mut walked = Walked::default();
         let mut least = f32::INFINITY;
         for _ in 0..MOST_STEPS {
@@ -39,6 +46,9 @@ impl Yarn {
             let angle = self.angle(&line, shift);
             let mut first = None;
             for k in 0..self.plies {
+                if skip.is_some_and(|(ply, until)| ply == k as u32 && at < until) {
+                    continue;
+                }
                 let (met, entry, _) = self.cylinder(&line, k, shift, angle);
                 if met.nearest > 0.0 {
                     // Behind.

@@ -58,6 +58,8 @@ impl YarnShape {
 #[derive(Clone, Debug)]
 pub(super) struct Yarn {
     pub plies: usize,
+    /// Whether its plies scatter one by one, each by a model of one ply; else the model of the ply that is met has what the others do.
+    pub one_by_one: bool,
     pub radius: f32,
     pub circle: f32,
     pub half_width: f32,
@@ -180,6 +182,7 @@ impl Yarn {
         }
         Yarn {
             plies: (shape.plies as usize).clamp(1, MAX_PLIES),
+            one_by_one: false,
             radius: shape.ply_radius_um as f32,
             circle: circle as f32,
             half_width: (0.5 * shape.width_um()) as f32,

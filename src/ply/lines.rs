@@ -6,6 +6,8 @@
 //! iterative method of image restoration"; Lucy 1974), which keeps m at 0 or more and here at 1 or less, and the integral over h to 0.2 %.
 
 use super::energies::{PlyEnergies, spline_coefficients};
+use crate::math::simd::{max, min};
+use std::f64::consts::FRAC_PI_2;
 
 /// Steps of the finer grid in a standard deviation of the beam.
 const STEPS: f64 = 4.0;
@@ -50,9 +52,95 @@ impl PlyEnergies {
     }
 }
 
+/// Latitudes and offsets of [`PassedLines`].
+pub(crate) const PASSED_ROWS: usize = 16;
+pub(crate) const PASSED_COLUMNS: usize = 65;
+/// Places at which a stretch between two offsets is looked at.
+const LOOKS: usize = 4;
+
+/// Means of r_d of lines over stretches of offsets: what passes a ply of light that lies evenly over a stretch.
+#[derive(Clone, Debug)]
+pub(crate) struct PassedLines {
+    /// `[PASSED_ROWS][PASSED_COLUMNS]`: r_d summed from the first offset on, over the last one [1]; latitudes from 0 to a right angle.
+    sums: Vec<f32>,
+    last_h_um: f32,
+}
+
+impl PassedLines {
+    /// Of r_d of lines.
+    pub(super) fn new(lines: &PlyEnergies) -> PassedLines {
+        let last = lines.miss_h_um[lines.miss_h_um.len() - 1];
+        let step = 2.0 * last / (PASSED_COLUMNS - 1) as f64;
+        let mut sums = Vec::with_capacity(PASSED_ROWS * PASSED_COLUMNS);
+        for row in 0..PASSED_ROWS {
+            let theta_i = FRAC_PI_2 * row as f64 / (PASSED_ROWS - 1) as f64;
+            let mut sum = 0.0;
+            sums.push(0.0);
+            for column in 1..PASSED_COLUMNS {
+                for look in 0..LOOKS {
+                    let h = -last + step * (column as f64 - (look as f64 + 0.5) / LOOKS as f64);
+                    sum += step / LOOKS as f64 * lines.at(theta_i, h).r_d;
+                }
+                sums.push((sum / last) as f32);
+            }
+        }
+        PassedLines { sums, last_h_um: last as f32 }
+    }
+
+    /// The table, and the greatest offset [um].
+    pub(crate) fn numbers(&self) -> (&[f32], f32) {
+        (&self.sums, self.last_h_um)
+    }
+
+    /// The mean over offsets from `low` to `high` [um] at a latitude [rad]; 1 of those beyond the ply.
+    #[inline]
+    pub(crate) fn mean(&self, theta_i: f32, low: f32, high: f32) -> f32 {
+        // A negative latitude is turned about y.
+        let (theta, [low, high]) = if theta_i < 0.0 { (-theta_i, [-high, -low]) } else { (theta_i, [low, high]) };
+        let [low, high] = [low, high].map(|h| h / self.last_h_um);
+        if low >= 1.0 || high <= -1.0 {
+            return 1.0;
+        }
+        const PER_ROW: f32 = ((PASSED_ROWS - 1) as f64 / FRAC_PI_2) as f32;
+        let place = |x: f32, count: usize| {
+            let node = (x as usize).min(count - 2);
+            (node, x - node as f32)
+        };
+        let (row, s) = place(min(theta * PER_ROW, (PASSED_ROWS - 1) as f32), PASSED_ROWS);
+        let until = |h: f32| {
+            let inside = min(max(h, -1.0), 1.0);
+            let (column, t) = place((inside + 1.0) * (0.5 * (PASSED_COLUMNS - 1) as f32), PASSED_COLUMNS);
+            let of = |row: usize| {
+                let at = row * PASSED_COLUMNS + column;
+                let [a, b] = [self.sums[at], self.sums[at + 1]];
+                a + t * (b - a)
+            };
+            let [a, b] = [of(row), of(row + 1)];
+            a + s * (b - a) + (h - inside)
+        };
+        min(max((until(high) - until(low)) / max(high - low, 1e-6), 0.0), 1.0)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Means over stretches against sums of r_d, on both sides and beyond the ply; a ply turned about y has them mirrored.
+    #[test]
+    fn means_over_stretches_are_those_of_r_d() {
+        let lines = blurred().of_lines(SD);
+        let passed = PassedLines::new(&lines);
+        for theta_i in [0.0, 0.42, -0.83, 1.3] {
+            for (low, high) in [(-20.0, 20.0), (30.0, 50.0), (-49.0, -41.0), (44.0, 100.0), (80.0, 90.0)] {
+                let r_d = |h: f64| if h.abs() > 70.0 { 1.0 } else { lines.at(theta_i, h).r_d };
+                let want =
+                    (0..400).map(|i| r_d(low + (high - low) * (f64::from(i) + 0.5) / 400.0)).sum::<f64>() / 400.0;
+                let got = passed.mean(theta_i as f32, low as f32, high as f32);
+                assert!((f64::from(got) - want).abs() < 0.01, "{theta_i}, {low} to {high}: {got}, {want}");
+            }
+        }
+    }
 
     const SD: f64 = 5.0;
 

@@ -5,6 +5,7 @@ use super::exits::{ExitTables, ExitsAt};
 use super::file::{self, ReferenceValue};
 use super::layers::LayerTables;
 use super::layout::Layout;
+use super::lines::PassedLines;
 use super::queries::Queries;
 use super::query::PlyQuery;
 use super::{dispatch, edge};
@@ -38,6 +39,8 @@ pub struct PlyModel {
     pub(super) layout: Layout,
     layers: Option<LayerTables>,
     exits: Option<ExitTables>,
+    /// Of a ply in single lines.
+    passed: Option<PassedLines>,
     pub(super) edge: Option<edge::EdgeTables>,
     /// Made of the noise's spectrum when first asked for.
     tiles: OnceLock<NoiseTiles>,
@@ -82,6 +85,7 @@ impl PlyModel {
             layout: Layout::new(&data),
             layers: LayerTables::new(&data),
             exits: ExitTables::new(&data),
+            passed: None,
             edge,
             tiles: OnceLock::new(),
             data,
@@ -99,13 +103,18 @@ impl PlyModel {
         let spec = crate::spec::YarnSpec::parse(&data.spec_text, "model (its spec)")?;
         data.energies = data.energies.of_lines(spec.beam.beam().sd_um());
         data.bound_layers();
-        let noise = self.tiles.clone();
-        Ok(PlyModel { tiles: noise, ..PlyModel::of(data, Vec::new()) })
+        let (noise, passed) = (self.tiles.clone(), Some(PassedLines::new(&data.energies)));
+        Ok(PlyModel { tiles: noise, passed, ..PlyModel::of(data, Vec::new()) })
     }
 
     /// Where light of an incidence leaves the ply of this radius [um].
     pub(crate) fn exits_at(&self, theta_i: f32, h_um: f32, radius_um: f32) -> ExitsAt {
         self.exits.as_ref().map_or_else(|| ExitsAt::unknown(theta_i, h_um / radius_um), |exits| exits.at(theta_i, h_um))
+    }
+
+    /// Of a ply in single lines ([`PlyModel::of_lines`]), what passes it.
+    pub(crate) fn passed_lines(&self) -> Option<&PassedLines> {
+        self.passed.as_ref()
     }
 
     pub(crate) fn layer_tables(&self) -> Option<&LayerTables> {
