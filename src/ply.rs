@@ -49,7 +49,7 @@ pub use family::{FamilyAxis, FamilyData, FamilyGradient, FamilyParam, FamilyPara
 pub use file::ReferenceValue;
 pub use layer_factors::LayerFactors;
 pub use layers::{Layer, TwoLayers};
-pub(crate) use lines::PassedLines;
+pub(crate) use lines::{PASSED_COLUMNS, PASSED_ROWS, PassedLines};
 pub(crate) use lobes::{ByFirst, Cached, LobeLight, Lobes, Uncached};
 pub use model::PlyModel;
 pub(crate) use on::{PlyOn, UncachedPly};

@@ -20,7 +20,7 @@ dr = pytest.importorskip("drjit")
 
 FABRICS = pathlib.Path(__file__).resolve().parents[2] / "fabrics"
 SATIN, WOOL = str(FABRICS / "polyester_satin.toml"), str(FABRICS / "wool_plain.toml")
-ORGANZA = str(FABRICS / "silk_organza.toml")
+ORGANZA, DENIM = str(FABRICS / "silk_organza.toml"), str(FABRICS / "cotton_twill.toml")
 PLY = str(FABRICS / "models" / "polyester.pwm")
 QUERIES = 100_000
 RGB_LAMBDA_UM = [0.612, 0.549, 0.464]
@@ -148,6 +148,7 @@ def test_lines_meet_what_they_meet_in_the_library(spec, share):
         (SATIN, {"layers": False, "shadowing": False}, 3e-4),
         (SATIN, {"edges": False}, 2e-4),
         (WOOL, {}, 5e-3),
+        (DENIM, {}, 5e-3),
         (ORGANZA, {"gaps": "diffracted"}, 3e-3),
     ],
 )

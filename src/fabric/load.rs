@@ -135,17 +135,9 @@ impl LoadedFabric {
                 notes.push(note);
             }
         };
-        for (k, family) in Family::EACH.into_iter().enumerate() {
-            for &index in &self.threads[k] {
-                let (name, plies) = (family.name(), self.spec.yarn(family).plies);
+        for threads in &self.threads {
+            for &index in threads {
                 let (data, model) = (self.models[index].data(), self.model_paths[index].display());
-                // What cannot be read was refused when the fabric was loaded.
-                let of = YarnSpec::parse(&data.spec_text, "").map_or(1, |ply| ply.yarn.plies);
-                if plies > 1 && of == 1 {
-                    add(format!(
-                        "{name}.plies = {plies}: {model} is of one ply, so each ply scatters as if it were alone"
-                    ));
-                }
                 if data.edge.is_none() {
                     add(format!("{model} has no edge lobes: light beside a ply goes straight on"));
                 }

@@ -179,7 +179,7 @@ fn check_bound(file: &str, draft: &Draft) -> Result<()> {
 /// What must hold between the yarns of a family and `ply`, the spec in `model`, which they name.
 ///
 /// A model of a yarn of P plies is that of its first ply with the light of the others in it (Yu 2025, 5.3), so the fabric's yarns have P plies. A model of one ply is taken for
-/// yarns of any number: every ply then scatters as if it were alone ([`super::LoadedFabric::notes`] says so). Offsets h are in um, so the plies have the model's radius.
+/// yarns of any number, whose plies then scatter one by one. Offsets h are in um, so the plies have the model's radius.
 pub(super) fn check_model(file: &str, family: Family, yarn: &YarnOfFabric, model: &str, ply: &YarnSpec) -> Result<()> {
     let key = |name: &str| format!("{}.{name}", family.name());
     let plies = ply.yarn.plies;

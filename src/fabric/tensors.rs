@@ -4,11 +4,12 @@
 //!
 //! | name | shape | |
 //! |---|---|---|
-//! | `yarn` | `[2][14]` | of warp and weft: plies, R, circle D, half width, spacing, its inverse, reach R + d_cut, turns per um, slope of the plies, then of the axis' profile: step, amplitude, radius, arc, slope |
+//! | `yarn` | `[2][15]` | of warp and weft: plies, R, circle D, half width, spacing, its inverse, reach R + d_cut, turns per um, slope of the plies, then of the axis' profile: step, amplitude, radius, arc, slope; whether plies scatter one by one |
 //! | `turn` | `[2][7][2]` | cosine and sine of the plies' places |
 //! | `draft` | `[picks][ends]` | 1 where the warp is on top |
 //! | `scalars` | `[4]` | height above which nothing is near, length of a ply with one speckle pattern, step of the apertures' edges, L of `curve` |
 //! | `options` | `[5]` | gaps diffracted, speckle, layers, shadowing, edges |
+//! | `passed`, `passed_h_um` | `[models][16][65]`, `[models]` | of each model r_d of lines, summed over offsets from -h to h, over h; latitudes from 0 to a right angle |
 //! | `stripes_warp`, `stripes_weft` | `[..]` | model of each yarn of one repeat |
 //! | `threads_warp`, `threads_weft` | `[..]` | dye of each yarn of one repeat |
 //! | `dye_rgb`, `dye_spectrum` | `[dyes][3]`, `[dyes][81]` | absorptions [1/um] of linear sRGB, and at 0.38 to 0.78 um |
@@ -34,6 +35,7 @@ use super::{Family, GapLight, far};
 use crate::PlyModel;
 use crate::color::SPECTRUM_NODES;
 use crate::gap::SPECTRUM_CELLS;
+use crate::ply::{PASSED_COLUMNS, PASSED_ROWS};
 use std::sync::Arc;
 
 /// Numbers of a [`Tensor`].
@@ -74,10 +76,11 @@ impl FabricBsdf {
         let yarns = f.yarns.iter().flat_map(|y| {
             let p = &y.profile;
             let shape = [y.plies as f32, y.radius, y.circle, y.half_width, y.spacing, y.per_spacing, y.reach];
-            let rest = [y.turns_per_um, y.slope, p.step, p.amplitude, p.radius, p.arc, p.slope];
+            let one_by_one = f32::from(u8::from(y.one_by_one));
+            let rest = [y.turns_per_um, y.slope, p.step, p.amplitude, p.radius, p.arc, p.slope, one_by_one];
             shape.into_iter().chain(rest)
         });
-        f32s("yarn", &[2, 14], yarns.collect());
+        f32s("yarn", &[2, 15], yarns.collect());
         let turns = f.yarns.iter().flat_map(|y| y.turn.as_flattened().iter().copied());
         f32s("turn", &[2, MAX_PLIES, 2], turns.collect());
         let (length_um, curve) = self.curve.nodes().unwrap_or((1.0, &[]));
@@ -104,6 +107,11 @@ impl FabricBsdf {
             f32s("far_first", &[2, far::VIEWS, 2, far::SIGMAS], first);
             f32s("far_passing", &[far::VIEWS], passing);
         }
+        let passed: Vec<_> =
+            self.models.iter().filter_map(|m| m.passed_lines()).map(|passed| passed.numbers()).collect();
+        let shape = [passed.len(), PASSED_ROWS, PASSED_COLUMNS];
+        f32s("passed", &shape, passed.iter().flat_map(|(sums, _)| sums.iter().copied()).collect());
+        f32s("passed_h_um", &shape[..1], passed.iter().map(|(_, last_h_um)| *last_h_um).collect());
         let apertures = self.spectra.iter().flat_map(crate::gap::Spectrum::numbers);
         f32s("apertures", &[EDGES + 1, EDGES + 1, 10 + SPECTRUM_CELLS], apertures.collect());
 
@@ -151,7 +159,7 @@ mod tests {
         assert_eq!(of("draft").shape, [5, 5]);
         assert_eq!(of("yarn").values, {
             let Values::F32(v) = &of("yarn").values else { panic!() };
-            assert!(v[4] == 102.0 && v[14 + 4] == 250.0 && v[0] == 1.0);
+            assert!(v[4] == 102.0 && v[15 + 4] == 250.0 && v[0] == 1.0);
             Values::F32(v.clone())
         });
         assert!(matches!(&of("shadow_free").values, Values::U8(v) if v.iter().any(|f| *f > 0)));

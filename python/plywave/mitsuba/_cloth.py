@@ -13,12 +13,12 @@ from ._between import CLASSES, COUNT, SIGMAS, Between
 from ._flight import Flight
 from ._kit import clamp
 from ._ply import Plies, read_container
-from ._shadow import MEAN_Z, Shadows
+from ._shadow import MEAN_Z, PASSED_COLUMNS, PASSED_ROWS, Shadows
 
 # src/fabric/bsdf.rs, place.rs
 LEAST_CAUGHT, MAX_NEAR = 1e-3, 4
 
-YARN = "plies radius circle half_width spacing per_spacing reach turns_per_um slope step amplitude arc_radius arc steepest".split()
+YARN = "plies radius circle half_width spacing per_spacing reach turns_per_um slope step amplitude arc_radius arc steepest one_by_one".split()
 
 
 class Cloth(Flight, Shadows, Between):
@@ -32,6 +32,10 @@ class Cloth(Flight, Shadows, Between):
         self.turn = tensors["turn"]
         plies = [int(y["plies"]) for y in self.yarn]
         self.least_plies, self.most_plies = min(plies), max(plies)
+        self.some_one_by_one = any(y["one_by_one"] for y in self.yarn)
+        passed = tensors["passed"]
+        corners = [passed[:, i : i + PASSED_ROWS - 1, k : k + PASSED_COLUMNS - 1] for i in range(2) for k in range(2)]
+        self.passed, self.passed_h = kit.floats(np.stack(corners, -1)), kit.floats(tensors["passed_h_um"])
         self.top, self.grain, self.edge_step, self.curve_length = map(float, tensors["scalars"])
         self.options = dict(zip(("diffracted", "speckle", "layers", "shadowing", "edges"), (v > 0.5 for v in tensors["options"])))
         draft = tensors["draft"]

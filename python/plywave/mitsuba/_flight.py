@@ -15,6 +15,7 @@ NO_YARN = -(2**31)
 PLIES = 16
 FAR_UM = 1e7
 LOOKED_AT = 4.0
+OWN = 2.5
 # src/fabric/walk.rs
 MOST_STRETCHES, NEXT = 24, 0.02
 # Squared sine below which a line counts as parallel to a yarn.
@@ -37,6 +38,8 @@ class Flight(Yarns):
             "until": [kit.float(0.0)] * PASSED,
             "oldest": kit.uint(0),
             "on": kit.bool(active),
+            # Of a yarn whose plies scatter one by one, the ply that the line has left, and until when that is not met again.
+            "left": [kit.int(NO_YARN), kit.int(-1), kit.float(0.0)],
         }
         return start, d, state
 
@@ -112,11 +115,12 @@ class Flight(Yarns):
             stop = (dr.abs(step) < NEAREST * half) | (round_ == MOST_ROUNDS)
             return dr.select(stop, at, at + step), round_ + 1, kit.both(looking, kit.no(stop)), which
 
-        def stretch(at, end, least, ply, place, is_hit, count, walking, which):
+        def stretch(at, end, least, ply, place, is_hit, count, walking, which, left):
             is_warp, yarn = family_of(kit, which)
             of = lambda key: self.of_family(key, is_warp)
             line, _, _ = self.straightened(is_warp, yarn, start, d, at)
-            beside, step, first, least, passed, passed_at = self.ahead(of, is_warp, line, least)
+            skip = dr.select(kit.both(left[0] == which, at < left[2]), left[1], kit.int(-1)) if self.some_one_by_one else -1
+            beside, step, first, least, passed, passed_at = self.ahead(of, is_warp, line, least, skip)
             place = dr.select(passed >= 0, at + passed_at, place)
             ply = dr.select(passed >= 0, passed, ply)
             at = at + step
@@ -127,9 +131,9 @@ class Flight(Yarns):
             ends = (at > end) | kit.both(beside > hull, x * wc + y * wn < 0.0) | is_hit
             count = count + 1
             walking = kit.both(kit.both(walking, kit.no(ends)), count < MOST_STRETCHES)
-            return at, end, least, ply, place, is_hit, count, walking, which
+            return at, end, least, ply, place, is_hit, count, walking, which, left
 
-        def search(at, ids, until, oldest, on, searching, found_which, found_at):
+        def search(at, ids, until, oldest, on, searching, found_which, found_at, left):
             which = kit.int(NO_YARN)
             at, which, on, _, _, _ = kit.loop(
                 (at, which, on, kit.uint(0), list(ids), list(until)),
@@ -152,9 +156,9 @@ class Flight(Yarns):
             if self.most_plies > 1:
                 several = has if one is False else kit.both(has, kit.no(one))
                 end = at + LOOKED_AT * hull
-                looked, _, _, ply, walked, is_hit, _, _, _ = kit.loop(
-                    (at, end, kit.float(1e30), ply, at, is_hit, kit.uint(0), several, which),
-                    lambda at, end, least, ply, place, is_hit, count, walking, which: walking,
+                looked, _, _, ply, walked, is_hit, _, _, _, _ = kit.loop(
+                    (at, end, kit.float(1e30), ply, at, is_hit, kit.uint(0), several, which, list(left)),
+                    lambda at, end, least, ply, place, is_hit, count, walking, which, left: walking,
                     stretch,
                     "stretch",
                 )
@@ -171,8 +175,14 @@ class Flight(Yarns):
             leaves = dr.select(kit.both(a > 1e-6, room > 0.0), (dr.sqrt(dr.maximum(room, 0.0)) - half) / dr.maximum(a, 1e-6), 0.0)
             end = at + clamp(leaves, LEAST_STEP_UM, LOOKED_AT * hull)
             if self.most_plies > 1:
-                left = kit.both(is_hit, known) if one is False else kit.both(is_hit, known) | one
-                end = dr.select(left, end, dr.maximum(looked, at + LEAST_STEP_UM))
+                is_met = kit.both(is_hit, known) if one is False else kit.both(is_hit, known) | one
+                end = dr.select(is_met, end, dr.maximum(looked, at + LEAST_STEP_UM))
+            if self.some_one_by_one:
+                # Behind the ply that is met there may be another.
+                leaves = kit.both(kit.both(has, is_hit), kit.both(known, self.of_family("one_by_one", is_warp) > 0.5))
+                end = dr.select(leaves, dr.maximum(nearest, at), end)
+                new = [which, ply, nearest + OWN * self.of_family("radius", is_warp)]
+                left = [dr.select(leaves, a, b) for a, b in zip(new, left)]
             listed = kit.bool(False)
             for i in range(PASSED):
                 listed = listed | (ids[i] == which)
@@ -189,17 +199,17 @@ class Flight(Yarns):
             taken = kit.both(known, taken)
             name = which * PLIES + dr.maximum(ply, 0) * 2 + dr.select(is_hit, kit.int(1), kit.int(0)) if self.most_plies > 1 else which * PLIES
             searching = kit.both(kit.both(searching, on), kit.no(taken))
-            return at, ids, until, oldest, on, searching, dr.select(taken, name, found_which), dr.select(taken, place, found_at)
+            return at, ids, until, oldest, on, searching, dr.select(taken, name, found_which), dr.select(taken, place, found_at), left
 
         s = state
-        at, ids, until, oldest, on, _, which, place = kit.loop(
-            (s["at"], list(s["ids"]), list(s["until"]), s["oldest"], s["on"], s["on"], kit.int(NO_YARN), kit.float(0.0)),
-            lambda at, ids, until, oldest, on, searching, which, place: searching,
+        at, ids, until, oldest, on, _, which, place, left = kit.loop(
+            (s["at"], list(s["ids"]), list(s["until"]), s["oldest"], s["on"], s["on"], kit.int(NO_YARN), kit.float(0.0), list(s["left"])),
+            lambda at, ids, until, oldest, on, searching, which, place, left: searching,
             search,
             "search",
         )
         on = kit.both(on, which != NO_YARN)
-        return {"at": at, "ids": ids, "until": until, "oldest": oldest, "on": on}, which, place
+        return {"at": at, "ids": ids, "until": until, "oldest": oldest, "on": on, "left": left}, which, place
 
     def hit(self, which, start, d, place):
         """All about the ply that a line comes near (``PlyHit`` of src/fabric/place.rs)."""
@@ -230,6 +240,7 @@ class Flight(Yarns):
             "h": met["h"],
             "along": along,
             "is_double": double,
+            "yarn_axis": axes[2],
             "off_axis": [met["center"][0] * axes[0][i] + met["center"][1] * axes[1][i] for i in range(3)],
         }
 

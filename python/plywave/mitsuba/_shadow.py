@@ -9,6 +9,8 @@ from ._kit import clamp, cross3, dot3
 TAU = 2.0 * math.pi
 # src/fabric/at.rs
 NARROW = 0.2
+# src/ply/lines.rs
+PASSED_ROWS, PASSED_COLUMNS = 16, 65
 # src/fabric/shadow.rs
 PLACES, ROWS, COLUMNS, OFFSETS, SIZE = 4, 8, 16, 7, 2 * 8 * 16
 MEAN_Z = [0.017678, 0.082322, 0.175568, 0.290118, 0.422526, 0.570634, 0.732919, 0.908235]
@@ -90,7 +92,7 @@ class Shadows:
             total = total + value * dr.maximum(dr.minimum(high, o + 1.0) - dr.maximum(low, float(o)), 0.0)
         return total / dr.maximum(high - low, 1e-6)
 
-    def free(self, hit, b, lines, around, counts):
+    def free(self, hit, model, b, lines, around, counts):
         """Shares of single reflection, of other light of clear fibers and of dark ones that get out in direction ``b``."""
         is_warp = hit["is_warp"]
         refl, clear, dark = lines
@@ -111,4 +113,59 @@ class Shadows:
             self.within(wide, at(clear[0]), (1.0 - dr.abs(clear[0])) * scale),
             self.within(narrow, at(dark[0]), NARROW * scale),
         ]
+        if self.some_one_by_one:
+            halves = [NARROW, 1.0 - dr.abs(clear[0]), NARROW]
+            shares = [a * b for a, b in zip(shares, self.pass_plies(hit, model, b, zip(lines, halves)))]
         return [dr.select(counts, x, 1.0) for x in shares]
+
+    def pass_plies(self, hit, model, b, exits):
+        """What the other plies of a yarn let pass of light that leaves on lines so far from its ply's axis and so wide (src/fabric/shade.rs)."""
+        kit, is_warp, z, t = self.kit, hit["is_warp"], hit["frame"][2], hit["yarn_axis"]
+        radius = self.of_family("radius", is_warp)
+        p = [v / radius for v in hit["off_axis"]]
+
+        def turned(v, c, s):
+            w, along = cross3(t, v), (1.0 - c) * dot3(t, v)
+            return [c * v[i] + s * w[i] + along * t[i] for i in range(3)]
+
+        x = cross3(b, z)
+        per_x = 1.0 / dr.maximum(dr.sqrt(dot3(x, x)), 1e-3)
+        exits = [([p[i] - aside * per_x * x[i] + further * z[i] for i in range(3)], half) for (aside, further), half in exits]
+        shares = [kit.float(1.0)] * len(exits)
+        several = self.of_family("one_by_one", is_warp) > 0.5
+        for n, (c, s) in enumerate(self.places_of_plies(is_warp)):
+            if n == 0:
+                continue
+            here = kit.both(several, n < self.of_family("plies", is_warp))
+            center, axis = turned(p, c, s), turned(z, c, s)
+            across, along = cross3(b, axis), dot3(b, axis)
+            sine = dr.maximum(dr.sqrt(dot3(across, across)), 1e-3)
+            theta = dr.atan2(along, sine)
+            for i, (start, half) in enumerate(exits):
+                off = [start[k] - center[k] for k in range(3)]
+                is_ahead = kit.both(here, along * dot3(off, axis) > dot3(off, b))
+                h = dot3(off, across) / sine
+                mean = self.passed_mean(model, theta, (h - half) * radius, (h + half) * radius)
+                shares[i] = dr.select(is_ahead, shares[i] * mean, shares[i])
+        return shares
+
+    def passed_mean(self, model, theta, low, high):
+        """The mean of r_d over offsets from ``low`` to ``high`` (src/ply/lines.rs)."""
+        kit = self.kit
+        per_h, flip = 1.0 / kit.take(self.passed_h, kit.uint(model)), theta < 0.0
+        low, high = dr.select(flip, -high, low) * per_h, dr.select(flip, -low, high) * per_h
+        row = dr.minimum(dr.abs(theta) * ((PASSED_ROWS - 1) / (0.5 * math.pi)), PASSED_ROWS - 1.0)
+        node = dr.minimum(dr.floor(row), PASSED_ROWS - 2.0)
+        first, s = (kit.uint(model) * (PASSED_ROWS - 1) + kit.uint(node)) * (PASSED_COLUMNS - 1), row - node
+
+        def until(h):
+            inside = clamp(h, -1.0, 1.0)
+            column = (inside + 1.0) * (0.5 * (PASSED_COLUMNS - 1))
+            node = dr.minimum(dr.floor(column), PASSED_COLUMNS - 2.0)
+            a, b, c, d = kit.packets(self.passed, first + kit.uint(node), 1)
+            t = column - node
+            x, y = a + t * (b - a), c + t * (d - c)
+            return x + s * (y - x) + (h - inside)
+
+        mean = clamp((until(high) - until(low)) / dr.maximum(high - low, 1e-6), 0.0, 1.0)
+        return dr.select((low >= 1.0) | (high <= -1.0), 1.0, mean)

@@ -228,7 +228,7 @@ def plies_light(self, si, at, directions):
                 patterns = instance(kit, (kit.uint(hit["yarn"]) * 16 + hit["ply"] * 2 + family), hit["along"], cloth.grain)
                 factors = self.speckle.factors(model, patterns, dr.sin(theta_i), v, self.lambda_um(si))
                 refl, high = refl * factors[0], high * factors[1]
-            free = cloth.free(hit, b, exit_lines(exits, v), arounds[n], counts[n])
+            free = cloth.free(hit, model, b, exit_lines(exits, v), arounds[n], counts[n])
             light = free[0] * refl + (free[2] + share * (free[1] - free[2])) * high
             f, sum_d = sums[n]
             out.append((f + arrives * light, sum_d + arrives * detach(density)))
