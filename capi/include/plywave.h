@@ -23,7 +23,7 @@
 #define PLYWAVE_MAX_COUNT 4
 
 // Words of memory of a prepared query: 6.4 KB with its tag, which the largest, a fabric at four wavelengths, takes.
-#define PLYWAVE_BSDF_WORDS 799
+#define PLYWAVE_BSDF_WORDS 814
 
 // Bytes of a message, its end included.
 #define PLYWAVE_MESSAGE_SIZE 496

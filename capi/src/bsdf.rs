@@ -11,7 +11,7 @@ use plywave::{Bsdf, BsdfSample, FiberBsdf, PlyBsdf};
 pub const PLYWAVE_MAX_COUNT: usize = 4;
 
 /// Words of memory of a prepared query: 6.4 KB with its tag, which the largest, a fabric at four wavelengths, takes.
-pub const PLYWAVE_BSDF_WORDS: usize = 799;
+pub const PLYWAVE_BSDF_WORDS: usize = 814;
 
 /// A model at a query. The caller's memory, on the stack above all; what is in it is the library's. It owns nothing and needs no release; it may be copied and moved, and read by
 /// many threads. It is valid as long as the handles that it was prepared from: the model or fabric, and the slit and models of its query.

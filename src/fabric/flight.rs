@@ -6,7 +6,7 @@
 
 use super::place::PlyHit;
 use super::profile::Ends;
-use super::yarn::{Line, Met};
+use super::yarn::{Line, MAX_PLIES, Met};
 use super::{Fabric, Family};
 use crate::math::floor_fraction;
 
@@ -22,6 +22,8 @@ const MOST_ROUNDS: usize = 7;
 const MOST_STEPS: usize = 1024;
 /// Yarns that a line may be in the hulls of at once, and more: hulls overlap by twice d_cut.
 const PASSED: usize = 8;
+/// All plies may be met.
+const ALL: [f32; MAX_PLIES] = [f32::NEG_INFINITY; MAX_PLIES];
 /// No yarn.
 const NONE: u64 = u64::MAX;
 /// How far a yarn is looked at at once, over its hull's radius. A ply's r_d is of the whole yarn: a yarn that a line passes beside once must count once.
@@ -96,8 +98,8 @@ pub(super) struct Flight<'a> {
     /// Keys of the yarns that have been asked, each until the line leaves its hull.
     passed: [(u64, f32); PASSED],
     oldest: usize,
-    /// Of a yarn whose plies scatter one by one, the ply that it has left, and until when that is not met again [um].
-    left: (u64, u32, f32),
+    /// Of a yarn whose plies scatter one by one: its key, and until when each ply is not met, as the line has left it [um].
+    left: (u64, [f32; MAX_PLIES]),
     /// By family.
     around: [Around; 2],
     top: f32,
@@ -145,11 +147,14 @@ impl Fabric {
     /// The line from `from` [um] in direction `d` (unit).
     pub(super) fn flight(&self, from: [f32; 3], d: [f32; 3], skip: Skip) -> Flight<'_> {
         let mut passed = [(NONE, f32::NEG_INFINITY); PASSED];
-        let mut left = (NONE, 0, 0.0);
+        let mut left = (NONE, ALL);
         match skip {
             Skip::None => {}
             Skip::Yarn(id, until) => passed[0] = (id.key(), until),
-            Skip::Ply(id, ply, until) => left = (id.key(), ply, until),
+            Skip::Ply(id, ply, until) => {
+                left.0 = id.key();
+                left.1[ply as usize % MAX_PLIES] = until;
+            }
         }
         let (around, top) = ([Around::UNKNOWN; 2], self.top_um());
         Flight { fabric: self, from, d, at: 0.0, passed, oldest: 1, left, around, top }
@@ -345,9 +350,9 @@ impl Flight<'_> {
         let (at, ply, until) = if yarn.plies == 1 {
             (self.beside(id), None, self.at)
         } else {
-            let (key, ply, skip_until) = self.left;
-            let skip = (key == id.key()).then_some((ply, skip_until));
-            let walked = yarn.walk(self.at, self.at + LOOKED_AT * yarn.hull, skip, |at| self.straightened(id, at).0);
+            let (key, left) = &self.left;
+            let until = if *key == id.key() { left } else { &ALL };
+            let walked = yarn.walk(self.at, self.at + LOOKED_AT * yarn.hull, until, |at| self.straightened(id, at).0);
             let Some(ply) = walked.ply else { return (None, walked.until) };
             (walked.at, Some((ply, walked.is_hit)), walked.until)
         };
@@ -393,7 +398,10 @@ impl Flight<'_> {
             let leaves = self.at + leaves.clamp(LEAST_STEP_UM, LOOKED_AT * hull);
             if met.hit && yarn.one_by_one {
                 // Behind the ply that is met there may be another.
-                self.left = (id.key(), met.ply, nearest + OWN * yarn.radius);
+                if self.left.0 != id.key() {
+                    self.left = (id.key(), ALL);
+                }
+                self.left.1[met.ply as usize % MAX_PLIES] = nearest + OWN * yarn.radius;
                 self.pass(id, nearest.max(self.at));
             } else {
                 self.pass(id, if met.hit || yarn.plies == 1 { leaves } else { until.max(self.at + LEAST_STEP_UM) });

@@ -137,3 +137,95 @@ impl<'a> Shade<'a> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::flight::{Skip, exit};
+    use super::super::{FabricBsdf, FabricOptions, FabricSpec};
+    use super::*;
+    use crate::io::Folder;
+    use crate::math::hash::SplitMix64;
+    use std::f32::consts::TAU;
+    use std::path::Path;
+
+    /// What the plies of a yarn let pass of each other's light, against lines followed through the twisted yarn from where light leaves.
+    #[test]
+    fn plies_shadow_each_other_as_lines_meet_them() {
+        const LINES: usize = 48;
+        for plies in [2, 3, 4] {
+            let yarn = format!(
+                "model = \"models/cotton.pwm\"\nspacing_um = 2000.0\ncrimp = 0.5\nplies = {plies}\nply_pitch_um = 1300.0\n"
+            );
+            let text = format!("name = \"apart\"\n[weave]\nkind = \"layers\"\n[warp]\n{yarn}[weft]\n{yarn}");
+            let folder = format!("{}/fabrics", env!("CARGO_MANIFEST_DIR"));
+            let loaded = FabricSpec::load_from(&text, "apart", &Folder::new(Path::new(&folder))).unwrap();
+            let bsdf = FabricBsdf::new(loaded, &FabricOptions::RAYS).unwrap();
+            let fabric = &bsdf.fabric;
+            let mut rng = SplitMix64(7 + plies);
+            let mut number = || rng.next_f64() as f32;
+            let (mut count, mut means, mut squares) = (0.0f32, [[0.0f32; 2]; 2], [0.0f32; 2]);
+            while count < 1500.0 {
+                let at = [4000.0 * number(), 4000.0 * number()];
+                let mut turned = |z: f32| {
+                    let (s, c) = (TAU * number()).sin_cos();
+                    let r = (1.0 - z * z).sqrt();
+                    [r * c, r * s, z]
+                };
+                let a = turned(0.75);
+                let b = turned(-0.9 + 1.8 * (count / 1500.0));
+                let Some(near) = fabric.flight_through(at, a).next_near().filter(|near| near.is_hit) else { continue };
+                let (hit, id) = (&near.hit, near.id());
+                let model = bsdf.model_of(hit.family, hit.yarn);
+                let radius = fabric.yarns[hit.family as usize].radius;
+                let shade = Shade::new((fabric, &bsdf.shadows, model), &near, a, [true; 2]);
+                let z = hit.frame[2];
+                let x = cross(b, z);
+                let per_x = 1.0 / dot(x, x).sqrt();
+                if per_x > 3.0 {
+                    // Nearly along the ply, which turns on the way.
+                    continue;
+                }
+                let lines = [0.0; 2].map(|_| ExitLine { t: 1.6 * number() - 0.8, s: 0.6 * number() - 0.3 });
+                let halves = [NARROW, 1.0 - lines[1].t.abs()];
+                let mut got = [1.0; EXIT_KINDS];
+                shade.pass_plies(
+                    model.passed_lines().unwrap(),
+                    b,
+                    [(lines[0], halves[0]), (lines[1], halves[1]), (lines[0], halves[0])],
+                    &mut got,
+                );
+                assert_eq!(got[0], got[2]);
+                count += 1.0;
+                for kind in 0..2 {
+                    let mut want = 0.0;
+                    for i in 0..LINES {
+                        let t = lines[kind].t + halves[kind] * ((2 * i + 1) as f32 / LINES as f32 - 1.0);
+                        let inner = std::array::from_fn(|i| {
+                            near.center[i] + radius * (lines[kind].s * z[i] - t * per_x * x[i])
+                        });
+                        let from = exit(near.center, z, radius, inner, b);
+                        let mut flight = fabric.flight(from, b, Skip::Ply(id, hit.ply, 2.5 * radius));
+                        let mut passes = 1.0;
+                        while let Some(next) = flight.next_near() {
+                            let away = (0..3).map(|i| (next.center[i] - from[i]).powi(2)).sum::<f32>().sqrt();
+                            if next.id() != id || away > 20.0 * radius {
+                                break;
+                            }
+                            passes *= model.r_d(next.hit.theta_i, next.hit.h_um);
+                        }
+                        want += passes / LINES as f32;
+                    }
+                    means[kind][0] += got[kind] / 1500.0;
+                    means[kind][1] += want / 1500.0;
+                    squares[kind] += (got[kind] - want).powi(2) / 1500.0;
+                }
+            }
+            let rms = squares.map(f32::sqrt);
+            println!("{plies} plies: what passes, found and followed {means:.4?}, rms difference {rms:.3?}");
+            for ([got, want], rms) in means.into_iter().zip(rms) {
+                assert!((got - want).abs() < 0.025 && rms < 0.13, "{plies} plies: {got}, {want}, {rms}");
+                assert!(want > 0.2 && want < 0.9);
+            }
+        }
+    }
+}

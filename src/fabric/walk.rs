@@ -4,7 +4,7 @@
 //! stretch on which a ply hardly leaves its tangent, or than the distance to the circle about all plies. Then the yarn is straightened anew. A ply is met where the line is next to it.
 //! Thus a line nearly along a yarn that dives under another meets what it meets first, not what a yarn straight from far away would have there.
 
-use super::yarn::{Line, Yarn};
+use super::yarn::{Line, MAX_PLIES, Yarn};
 
 /// Most straightened places of one walk; what lies behind them is asked by the next.
 const MOST_STEPS: usize = 24;
@@ -26,13 +26,13 @@ pub(super) struct Walked {
 }
 
 impl Yarn {
-    /// Walks along a line from the distance `at` until it has met a ply, left the yarn's hull, or come to `end`. `line_at` straightens the yarn at a distance along the line. A ply
-    /// to `skip` is not met before the line is so far [um].
+    /// Walks along a line from the distance `at` until it has met a ply, left the yarn's hull, or come to `end`. `line_at` straightens the yarn at a distance along the line. Each
+    /// ply is met once the line is so far as `until` says [um].
     pub(super) fn walk(
         &self,
         mut at: f32,
         end: f32,
-        skip: Option<(u32, f32)>,
+        until: &[f32; MAX_PLIES],
         mut line_at: impl FnMut(f32) -> Line,
     ) -> Walked {
         let mut walked = Walked::default();
@@ -46,7 +46,7 @@ impl Yarn {
             let angle = self.angle(&line, shift);
             let mut first = None;
             for k in 0..self.plies {
-                if skip.is_some_and(|(ply, until)| ply == k as u32 && at < until) {
+                if at < until[k] {
                     continue;
                 }
                 let (met, entry, _) = self.cylinder(&line, k, shift, angle);

@@ -46,9 +46,9 @@ pub struct ComparisonOptions {
 }
 
 impl Default for ComparisonOptions {
-    /// The mean is then good to about 0.003 of the light.
+    /// A direction a bin at each place: with a fourth of the places and four directions, light straight through denim was off by up to 0.009 of 100 000 places'.
     fn default() -> Self {
-        ComparisonOptions { places: 1024, directions: 2 }
+        ComparisonOptions { places: 4096, directions: 1 }
     }
 }
 
@@ -79,7 +79,7 @@ pub fn compare(fabric: &FabricBsdf, twin: &ClothTwin, options: &ComparisonOption
 /// Half-angle of the cone about the straight direction that is integrated apart [rad]: light beside plies and through gaps is narrow there.
 const CONE_RAD: f64 = 0.2;
 /// Directions in the cone at each place.
-const CONE_DIRECTIONS: usize = 64;
+const CONE_DIRECTIONS: usize = 16;
 
 /// Directions with their solid angles and bins, drawn anew for each place.
 struct Directions {

@@ -38,8 +38,8 @@ class Flight(Yarns):
             "until": [kit.float(0.0)] * PASSED,
             "oldest": kit.uint(0),
             "on": kit.bool(active),
-            # Of a yarn whose plies scatter one by one, the ply that the line has left, and until when that is not met again.
-            "left": [kit.int(NO_YARN), kit.int(-1), kit.float(0.0)],
+            # Of a yarn whose plies scatter one by one: which, and until when each ply is not met, as the line has left it.
+            "left": [kit.int(NO_YARN), *[kit.float(0.0)] * (self.most_plies if self.some_one_by_one else 0)],
         }
         return start, d, state
 
@@ -119,8 +119,8 @@ class Flight(Yarns):
             is_warp, yarn = family_of(kit, which)
             of = lambda key: self.of_family(key, is_warp)
             line, _, _ = self.straightened(is_warp, yarn, start, d, at)
-            skip = dr.select(kit.both(left[0] == which, at < left[2]), left[1], kit.int(-1)) if self.some_one_by_one else -1
-            beside, step, first, least, passed, passed_at = self.ahead(of, is_warp, line, least, skip)
+            skips = [kit.both(left[0] == which, at < until) for until in left[1:]] or [kit.bool(False)] * self.most_plies
+            beside, step, first, least, passed, passed_at = self.ahead(of, is_warp, line, least, skips)
             place = dr.select(passed >= 0, at + passed_at, place)
             ply = dr.select(passed >= 0, passed, ply)
             at = at + step
@@ -181,8 +181,10 @@ class Flight(Yarns):
                 # Behind the ply that is met there may be another.
                 leaves = kit.both(kit.both(has, is_hit), kit.both(known, self.of_family("one_by_one", is_warp) > 0.5))
                 end = dr.select(leaves, dr.maximum(nearest, at), end)
-                new = [which, ply, nearest + OWN * self.of_family("radius", is_warp)]
-                left = [dr.select(leaves, a, b) for a, b in zip(new, left)]
+                again = nearest + OWN * self.of_family("radius", is_warp)
+                known_yarn = left[0] == which
+                plies = [dr.select(ply == n, again, dr.select(known_yarn, until, 0.0)) for n, until in enumerate(left[1:])]
+                left = [dr.select(leaves, a, b) for a, b in zip([which, *plies], left)]
             listed = kit.bool(False)
             for i in range(PASSED):
                 listed = listed | (ids[i] == which)

@@ -181,9 +181,9 @@ class Yarns:
         met["hit"] = is_hit
         return met
 
-    def ahead(self, of, is_warp, line, least, skip=-1):
+    def ahead(self, of, is_warp, line, least, skips):
         """Of a yarn straightened at a point of the line: how far the line may go, the ply that it meets there or -1, and of plies that it passes by less than ``least`` on this way the
-        ply (or -1), how near, and how far ahead (``src/fabric/walk.rs``). The ply ``skip`` is not there."""
+        ply (or -1), how near, and how far ahead (``src/fabric/walk.rs``). Plies to skip are not there."""
         kit, (x, y, shift) = self.kit, line["origin"]
         beside = dr.sqrt(x * x + y * y)
         step = dr.maximum(STRETCH * of("radius"), beside - of("half_width"))
@@ -191,7 +191,7 @@ class Yarns:
         first, passed, passed_at = kit.int(-1), kit.int(-1), kit.float(0.0)
         for n, (ck, sk) in enumerate(self.places_of_plies(is_warp)):
             met, entry, _ = self.cylinder(of, line, ck, sk, shift, c, s)
-            here = kit.both(kit.both(n < of("plies"), skip != n), met["nearest"] <= 0.0)
+            here = kit.both(kit.both(n < of("plies"), kit.no(skips[n])), met["nearest"] <= 0.0)
             ahead = dr.maximum(-entry, 0.0)
             is_first = kit.both(kit.both(here, met["hit"]), ahead < step)
             near = kit.both(kit.both(here, kit.no(met["hit"])), kit.both(-met["nearest"] < step, dr.abs(met["h"]) < least))

@@ -111,7 +111,7 @@ fn meet(yarn: &Yarn, line: &Line) -> Met {
     let far = 3.0 * yarn.half_width / (line.w[0].hypot(line.w[1])).max(0.02);
     let (mut from, mut walked) = (-far, crate::fabric::walk::Walked::default());
     while from < far {
-        let next = yarn.walk(from, far, along);
+        let next = yarn.walk(from, far, &[f32::NEG_INFINITY; MAX_PLIES], along);
         from = next.until;
         if next.ply.is_some() {
             walked = next;
