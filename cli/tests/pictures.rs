@@ -15,7 +15,7 @@ fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path();
     std::fs::create_dir(dir.join("models")).unwrap();
-    for model in ["cotton.pwm", "cotton_2ply.pwm", "polyester.pwm"] {
+    for model in ["cotton.pwm", "polyester.pwm"] {
         std::fs::copy(fabrics().join("models").join(model), dir.join("models").join(model)).unwrap();
     }
     let spec = std::fs::read_to_string(fabrics().join("cotton_plain.toml")).unwrap();
@@ -95,9 +95,7 @@ fn inputs_are_not_written_over() {
     succeed(dir, &["weave", "cloth.toml", "-o", "out", "--pixels", "8", "--quiet"]);
     std::fs::write(dir.join("out/family.png"), &spec).unwrap();
     std::fs::create_dir(dir.join("out/models")).unwrap();
-    for model in ["cotton.pwm", "cotton_2ply.pwm"] {
-        std::fs::copy(dir.join("models").join(model), dir.join("out/models").join(model)).unwrap();
-    }
+    std::fs::copy(dir.join("models/cotton.pwm"), dir.join("out/models/cotton.pwm")).unwrap();
     refused(dir, &["weave", "out/family.png", "-o", "out"], &["family.png", "an input"]);
     std::fs::write(dir.join("gallery.json"), "{}").unwrap();
     refused(dir, &["gallery", "-o", ".", "--fabrics", "."], &["-o", "--fabrics"]);
@@ -193,12 +191,10 @@ fn models_without_speckle_are_told() {
         json(&told)["notes"].to_string().matches("no speckle noise").count()
     };
     assert_eq!(said(&[]), 0);
-    for model in ["cotton.pwm", "cotton_2ply.pwm"] {
-        let path = dir.join("models").join(model);
-        let mut data = plywave::ply::PlyData::load(&path).unwrap();
-        assert!(data.noise.take().is_some(), "{model}");
-        data.save(&path).unwrap();
-    }
+    let path = dir.join("models/cotton.pwm");
+    let mut data = plywave::ply::PlyData::load(&path).unwrap();
+    assert!(data.noise.take().is_some());
+    data.save(&path).unwrap();
     assert_eq!((said(&[]), said(&["--smooth"])), (1, 0));
 }
 

@@ -13,7 +13,7 @@ fn fabrics() -> PathBuf {
 fn folder(name: &str, edit: impl Fn(String) -> String) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir(folder.path().join("models")).unwrap();
-    for model in ["cotton_2ply.pwm", "cotton_3ply.pwm", "cotton_4ply.pwm", "polyester.pwm"] {
+    for model in ["cotton.pwm", "polyester.pwm"] {
         std::fs::copy(fabrics().join("models").join(model), folder.path().join("models").join(model)).unwrap();
     }
     let spec = std::fs::read_to_string(fabrics().join(format!("{name}.toml"))).unwrap();
