@@ -22,7 +22,7 @@
 // Most wavelengths or channels of a query.
 #define PLYWAVE_MAX_COUNT 4
 
-// Words of memory of a prepared query: 6.4 KB with its tag, which the largest, a fabric at four wavelengths, takes.
+// Words of memory of a prepared query: 6.5 KB with its tag, which the largest, a fabric at four wavelengths, takes.
 #define PLYWAVE_BSDF_WORDS 814
 
 // Bytes of a message, its end included.

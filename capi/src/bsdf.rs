@@ -10,7 +10,7 @@ use plywave::{Bsdf, BsdfSample, FiberBsdf, PlyBsdf};
 /// Most wavelengths or channels of a query.
 pub const PLYWAVE_MAX_COUNT: usize = 4;
 
-/// Words of memory of a prepared query: 6.4 KB with its tag, which the largest, a fabric at four wavelengths, takes.
+/// Words of memory of a prepared query: 6.5 KB with its tag, which the largest, a fabric at four wavelengths, takes.
 pub const PLYWAVE_BSDF_WORDS: usize = 814;
 
 /// A model at a query. The caller's memory, on the stack above all; what is in it is the library's. It owns nothing and needs no release; it may be copied and moved, and read by
