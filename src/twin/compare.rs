@@ -79,7 +79,7 @@ pub fn compare(fabric: &FabricBsdf, twin: &ClothTwin, options: &ComparisonOption
 /// Half-angle of the cone about the straight direction that is integrated apart [rad]: light beside plies and through gaps is narrow there.
 const CONE_RAD: f64 = 0.2;
 /// Directions in the cone at each place.
-const CONE_DIRECTIONS: usize = 16;
+const CONE_DIRECTIONS: usize = 64;
 
 /// Directions with their solid angles and bins, drawn anew for each place.
 struct Directions {
