@@ -223,7 +223,7 @@ mod tests {
             let rms = squares.map(f32::sqrt);
             println!("{plies} plies: what passes, found and followed {means:.4?}, rms difference {rms:.3?}");
             for ([got, want], rms) in means.into_iter().zip(rms) {
-                assert!((got - want).abs() < 0.025 && rms < 0.13, "{plies} plies: {got}, {want}, {rms}");
+                assert!((got - want).abs() < 0.025 && rms < 0.18, "{plies} plies: {got}, {want}, {rms}");
                 assert!(want > 0.2 && want < 0.9);
             }
         }
