@@ -6,7 +6,7 @@
 
 use super::place::PlyHit;
 use super::profile::Ends;
-use super::yarn::{Line, MAX_PLIES, Met};
+use super::yarn::{Line, MAX_PLIES, Met, dot};
 use super::{Fabric, Family};
 use crate::math::floor_fraction;
 
@@ -123,10 +123,6 @@ impl Around {
     fn yarns(&self) -> [i32; 2] {
         [self.at[0], self.at[0].wrapping_add(self.at[1])]
     }
-}
-
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// Where light in direction `b` leaves the tube of this radius about the axis through `center` along `z` (unit), from a point `p` in it. Along the tube at most ten

@@ -3,6 +3,7 @@
 use super::Fabric;
 use super::flight::Near;
 use super::shadow::{self, OfYarn, Shadows, ShadowsAt, Toward};
+use super::yarn::{cross, dot};
 use crate::PlyModel;
 use crate::math::simd::atan2;
 use crate::ply::{EXIT_KINDS, ExitLine, PassedLines};
@@ -30,14 +31,6 @@ pub(super) struct Shade<'a> {
 
 /// Half of the width over which single reflection and light of dark fibers spread, over R.
 const NARROW: f32 = 0.2;
-
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
 
 impl<'a> Shade<'a> {
     /// Of a ply that a line from direction `a` comes near; `counts` are the halves, up first, in which shadows count.
@@ -140,7 +133,7 @@ impl<'a> Shade<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::flight::{Skip, exit};
+    use super::super::flight::exit;
     use super::super::{FabricBsdf, FabricOptions, FabricSpec};
     use super::*;
     use crate::io::Folder;
@@ -204,7 +197,7 @@ mod tests {
                             near.center[i] + radius * (lines[kind].s * z[i] - t * per_x * x[i])
                         });
                         let from = exit(near.center, z, radius, inner, b);
-                        let mut flight = fabric.flight(from, b, Skip::Ply(id, hit.ply, 2.5 * radius));
+                        let mut flight = fabric.flight(from, b, fabric.skip_own(&near, from, b));
                         let mut passes = 1.0;
                         while let Some(next) = flight.next_near() {
                             let away = (0..3).map(|i| (next.center[i] - from[i]).powi(2)).sum::<f32>().sqrt();
