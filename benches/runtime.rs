@@ -76,19 +76,19 @@ fn noise(c: &mut Criterion) {
     c.bench_function("noise factors N=4, new instances", |b| {
         b.iter(|| {
             let (i, (theta_i, _, _, wo, _)) = next();
-            black_box(tiles.factors(Instance::new(i as u32, 0.0, 1.0), theta_i, wo, lambda))
+            black_box(tiles.factors(Instance::new(i as u32, [0.0; 2], 1.0), theta_i, wo, lambda))
         })
     });
     c.bench_function("noise factors N=1, new instances", |b| {
         b.iter(|| {
             let (i, (theta_i, _, _, wo, _)) = next();
-            black_box(tiles.factors(Instance::new(i as u32, 0.0, 1.0), theta_i, wo, [0.55]))
+            black_box(tiles.factors(Instance::new(i as u32, [0.0; 2], 1.0), theta_i, wo, [0.55]))
         })
     });
     c.bench_function("noise factors N=4, one instance", |b| {
         b.iter(|| {
             let (_, (theta_i, _, _, wo, _)) = next();
-            black_box(tiles.factors(Instance::new(1, 0.0, 1.0), theta_i, wo, lambda))
+            black_box(tiles.factors(Instance::new(1, [0.0; 2], 1.0), theta_i, wo, lambda))
         })
     });
     let data = PlyData { noise: Some(tiles.clone().into()), ..model(1, Sizes { refl: 3, ..STANDARD }) };
@@ -96,7 +96,7 @@ fn noise(c: &mut Criterion) {
     c.bench_function("eval of an instance N=4", |b| {
         b.iter(|| {
             let (i, (theta_i, h, sigma, wo, _)) = next();
-            let instance = Some(Instance::new(i as u32, 0.0, 1.0));
+            let instance = Some(Instance::new(i as u32, [0.0; 2], 1.0));
             black_box(m.at(&PlyQuery { instance, cached: false, ..PlyQuery::new(theta_i, h, sigma, lambda) }).eval(wo))
         })
     });
@@ -232,7 +232,7 @@ fn whole(c: &mut Criterion, q: &[Query]) {
         group.bench_function(format!("eval N=4, noise, {name}"), |b| {
             b.iter(|| {
                 let i = next();
-                let instance = Some(Instance::new(if instances { i as u32 } else { 0 }, 0.0, 1.0));
+                let instance = Some(Instance::new(if instances { i as u32 } else { 0 }, [0.0; 2], 1.0));
                 black_box(noisy.at(&PlyQuery { instance, ..at(&q[i]) }).eval(q[i].3))
             })
         });
@@ -241,7 +241,7 @@ fn whole(c: &mut Criterion, q: &[Query]) {
         b.iter(|| {
             let i = next();
             black_box(noisy.at(&PlyQuery {
-                instance: Some(Instance::new(i as u32, 0.0, 1.0)),
+                instance: Some(Instance::new(i as u32, [0.0; 2], 1.0)),
                 cached: true,
                 ..at(&q[i])
             }))
@@ -253,7 +253,7 @@ fn whole(c: &mut Criterion, q: &[Query]) {
         .take(16)
         .map(|i| {
             let smooth = PlyQuery { cached: true, ..at(&q[i]) };
-            let speckled = PlyQuery { instance: Some(Instance::new(i as u32, 0.0, 1.0)), ..smooth };
+            let speckled = PlyQuery { instance: Some(Instance::new(i as u32, [0.0; 2], 1.0)), ..smooth };
             (noisy.at(&speckled), noisy.at(&smooth))
         })
         .collect();

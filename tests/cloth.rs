@@ -42,6 +42,7 @@ const LIMITS: [Limits; 6] = [
 /// optics has: twins have no diffraction.
 #[test]
 fn cloths_are_near_their_twins() {
+    let mut far = Vec::new();
     for limits in &LIMITS {
         let fabric = fabric(limits.name);
         let twin = ClothTwin::load(format!("{}/twins/{}.pwx", folder(), limits.name)).unwrap();
@@ -58,10 +59,16 @@ fn cloths_are_near_their_twins() {
             }
         }
         println!("{}: |R|, |T| {light:.3?}, L2 upper {upper:.3?}, lower {lower:.3}", limits.name);
-        assert!(light[0] < limits.light && light[1] < 2.0 * limits.light, "{}: {light:?}", limits.name);
-        assert!(upper[0] < limits.upper[0] && upper[1] < limits.upper[1], "{}: {upper:?}", limits.name);
-        assert!(lower < limits.lower, "{}: {lower}", limits.name);
+        let is_near = light[0] < limits.light
+            && light[1] < 2.0 * limits.light
+            && upper[0] < limits.upper[0]
+            && upper[1] < limits.upper[1]
+            && lower < limits.lower;
+        if !is_near {
+            far.push(limits.name);
+        }
     }
+    assert!(far.is_empty(), "beyond their limits: {far:?}");
 }
 
 /// Mean over places of a clear cloth.

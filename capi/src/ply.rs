@@ -27,7 +27,7 @@ const _: () = {
     is_send_sync::<PlywaveSlit>();
 };
 
-/// Which speckle patterns a point of a ply has: those of a stretch of a ply.
+/// Which speckle patterns a point of a ply has: those of a place on a ply, with the `h_um` of the query.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlywaveInstance {
@@ -35,7 +35,7 @@ pub struct PlywaveInstance {
     pub ply_id: u32,
     /// Position along its fibers [um].
     pub position_um: f32,
-    /// Length of a stretch with the same patterns [um]; 0 for one instance for the whole ply. Twice the beam's waist suits.
+    /// Length and width of a grain, which has the same patterns [um]; 0 for one instance for the whole ply. Twice the beam's waist suits.
     pub grain_um: f32,
 }
 
@@ -131,7 +131,7 @@ unsafe fn query_of<'a, const N: usize>(q: &PlywavePlyQuery, cached: bool) -> Che
     // SAFETY: the caller's pointers, as documented.
     let (slit, instance, below) =
         unsafe { (optional(q.slit, "slit")?, optional(q.instance, "instance")?, optional(q.below, "below")?) };
-    let instance = instance.map(|i| Instance::new(i.ply_id, i.position_um, i.grain_um));
+    let instance = instance.map(|i| Instance::new(i.ply_id, [i.position_um, q.h_um], i.grain_um));
     let below = below.map(layer_of).transpose()?;
     Ok(PlyQuery {
         edge: q.no_edge == 0,

@@ -152,7 +152,7 @@ fn plies<const N: usize>(ply: &Handle<PlywavePly>, model: &PlyModel, rng: &mut P
         let query = PlyQuery {
             edge,
             slit: with_slit.then_some(&slit),
-            instance: speckled.then(|| Instance::new(grain.ply_id, grain.position_um, grain.grain_um)),
+            instance: speckled.then(|| Instance::new(grain.ply_id, [grain.position_um, h_um], grain.grain_um)),
             below: over.then_some(below),
             ..PlyQuery::new(theta_i, h_um, sigma, lambda)
         };

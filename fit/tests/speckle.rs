@@ -351,15 +351,26 @@ fn patterns_are_continuous_everywhere() {
 /// Instances of one grain are one, others are not; a ply has many.
 #[test]
 fn instances_are_told_by_ply_and_grain() {
-    let i = Instance::new(3, 41.0, 20.0);
-    assert_eq!(i, Instance::new(3, 59.9, 20.0));
-    for other in [Instance::new(3, 60.1, 20.0), Instance::new(4, 41.0, 20.0), Instance::new(3, -41.0, 20.0)] {
-        assert_ne!(i, other);
+    let of = |ply: u32, along: f32, h: f32| format!("{:?}", Instance::new(ply, [along, h], 20.0));
+    // Rows of 20 um across, about h = 0; along each, a grain begins every 20 um, in other rows elsewhere.
+    let mut first = std::collections::HashSet::new();
+    for row in -4..=4 {
+        let h = 20.0 * row as f32;
+        let begins: Vec<f32> =
+            (1..4000).map(|k| 0.1 * k as f32).filter(|x| of(3, *x, h) != of(3, x - 0.1, h)).collect();
+        assert!((19..=20).contains(&begins.len()), "{begins:?}");
+        assert!(begins.windows(2).all(|w| (w[1] - w[0] - 20.0).abs() < 0.15), "{begins:?}");
+        first.insert((10.0 * begins[0]) as i32);
+        assert_eq!(of(3, 41.0, h - 9.9), of(3, 41.0, h + 9.9));
+        assert_ne!(of(3, 41.0, h), of(3, 41.0, h + 10.1));
+        assert_ne!(of(3, 41.0, h), of(4, 41.0, h));
+        assert_ne!(of(3, 41.0, h), of(3, -41.0, h));
     }
+    assert!(first.len() > 6, "{first:?}");
     let many: std::collections::HashSet<String> =
-        (0..10_000).map(|p| format!("{:?}", Instance::new(1, p as f32 * 20.0, 20.0))).collect();
-    assert_eq!(many.len(), 10_000);
-    assert_eq!(Instance::new(1, 5.0, 0.0), Instance::new(1, f32::NAN, f32::NAN));
+        (0..100_000).map(|p| of(1, 20.0 * (p / 10) as f32, 20.0 * (p % 10) as f32)).collect();
+    assert_eq!(many.len(), 100_000);
+    assert_eq!(Instance::new(1, [5.0, 3.0], 0.0), Instance::new(1, [f32::NAN; 2], f32::NAN));
     let tiles = tiles();
     let look = |i: u64, wo| f64::from(tiles.factors(instance(i), 0.0, wo, [0.4]).1[0]);
     let (a, b): (Vec<f64>, Vec<f64>) = (0..20_000).map(|i| (look(i, at(0.1, 4.0)), look(i, at(0.1, 4.6)))).unzip();
@@ -382,7 +393,7 @@ fn any_numbers_come_in() {
     for (i, &a) in odd.iter().enumerate() {
         for &b in &odd {
             for &c in &odd {
-                let (refl, high) = tiles.factors(Instance::new(i as u32, a, b), c, [a, b, c], [b, a, c, 0.5]);
+                let (refl, high) = tiles.factors(Instance::new(i as u32, [a, c], b), c, [a, b, c], [b, a, c, 0.5]);
                 let (more, most) = tiles.factors(Instance::from_hash(u64::MAX), a, [0.0, 0.6, 0.8], [a, b, c]);
                 for v in refl.into_iter().chain(high).chain(more).chain(most) {
                     assert!((0.0..1e3).contains(&v), "{a} {b} {c}: {v}");

@@ -218,14 +218,14 @@ fn noise_tiles<'py>(py: Python<'py>, tiles: &NoiseTiles) -> PyResult<Bound<'py, 
     Ok(all)
 }
 
-/// Factors of f_refl and f_high `[n, 3]` by the library's noise tiles of a model: of plies by number and place along them [um], grains of `grain_um`. The tiles come first.
+/// Factors of f_refl and f_high `[n, 3]` by the library's noise tiles of a model: of plies by number and place `[n, 2]` along and across them [um], grains of `grain_um`. The tiles come first.
 #[pyfunction]
 #[allow(clippy::too_many_arguments, clippy::type_complexity)]
 pub fn speckle_factors<'py>(
     py: Python<'py>,
     filename: &str,
     ply: PyReadonlyArray1<'py, u32>,
-    along_um: PyReadonlyArray1<'py, f32>,
+    place_um: PyReadonlyArray2<'py, f32>,
     grain_um: f32,
     theta_i: PyReadonlyArray1<'py, f32>,
     lambda_um: PyReadonlyArray2<'py, f32>,
@@ -233,17 +233,18 @@ pub fn speckle_factors<'py>(
 ) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
     let model = PlyModel::load(filename).map_err(raise)?;
     let tiles = model.require_noise(filename).map_err(raise)?;
-    let (ply, along, theta_i) = (ply.as_array(), along_um.as_array(), theta_i.as_array());
+    let (ply, place, theta_i) = (ply.as_array(), place_um.as_array(), theta_i.as_array());
     let n = theta_i.len();
+    columns("place_um", &place_um, n, 2)?;
     columns("lambda_um", &lambda_um, n, 3)?;
     columns("wo", &wo, n, 3)?;
-    if ply.len() != n || along.len() != n {
-        return Err(raise(format!("ply, along_um: {} and {} numbers: expected {n}", ply.len(), along.len())));
+    if ply.len() != n {
+        return Err(raise(format!("ply: {} numbers: expected {n}", ply.len())));
     }
     let (lambda, wo) = (lambda_um.as_array(), wo.as_array());
     let (mut refl, mut high) = (Array2::zeros((n, 3)), Array2::zeros((n, 3)));
     for i in 0..n {
-        let instance = Instance::new(ply[i], along[i], grain_um);
+        let instance = Instance::new(ply[i], row(&place, i), grain_um);
         let (of_refl, of_high) = tiles.factors(instance, theta_i[i], row(&wo, i), row::<3>(&lambda, i));
         for k in 0..3 {
             (refl[[i, k]], high[[i, k]]) = (of_refl[k], of_high[k]);

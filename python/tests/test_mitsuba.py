@@ -701,14 +701,14 @@ def test_speckle_factors_are_the_librarys(name):
 
     rng, n, kit = np.random.default_rng(31), QUERIES, Kit()
     theta = rng.uniform(-1.5, 1.5, n).astype(np.float32)
-    ply, along = rng.integers(0, 1 << 32, n, dtype=np.uint32), rng.uniform(-1e5, 1e5, n).astype(np.float32)
+    ply, place = rng.integers(0, 1 << 32, n, dtype=np.uint32), rng.uniform([-1e5, -120.0], [1e5, 120.0], (n, 2)).astype(np.float32)
     wo, k = directions(rng, n), n // 2
     wo[:k, 0] *= 0.1
     wo = np.ascontiguousarray(wo / np.linalg.norm(wo, axis=1)[:, None], np.float32)
     lam = np.ascontiguousarray(np.broadcast_to(np.float32(RGB_LAMBDA_UM), (n, 3)))
-    noise, *want = _native.speckle_factors(str(FABRICS / "models" / f"{name}.pwm"), ply, along, 20.0, theta, lam, wo)
+    noise, *want = _native.speckle_factors(str(FABRICS / "models" / f"{name}.pwm"), ply, place, 20.0, theta, lam, wo)
     speckle = Speckle(kit, [None, noise])
-    patterns = instance(kit, mi.UInt32(ply), mi.Float(along), 20.0)
+    patterns = instance(kit, mi.UInt32(ply), *mi.Point2f(place.T.copy()), 20.0)
     v = mi.Vector3f(wo.T.copy())
     got = speckle.factors(mi.UInt32(1), patterns, dr.sin(mi.Float(theta)), [v.x, v.y, v.z], RGB_LAMBDA_UM)
     for kind, a, b in zip(("refl", "high"), got, want):

@@ -532,11 +532,11 @@ impl FabricBsdf {
         }
     }
 
-    /// The patterns of a stretch of a ply.
+    /// The patterns of a place on a ply.
     fn instance(&self, hit: &PlyHit) -> Instance {
         // Two families, eight plies a yarn at most.
         let ply = (hit.yarn as u32).wrapping_mul(16) + hit.ply * 2 + hit.family as u32;
-        Instance::new(ply, hit.along_um, self.grain_um)
+        Instance::new(ply, [hit.along_um, hit.h_um], self.grain_um)
     }
 
     /// The spectrum of the aperture whose edges are this far before and beyond the beam's center [um], and the number of the nearest that is kept, which has a width.

@@ -143,7 +143,7 @@ pub fn model(title: &str, model: &PlyModel) -> Figure {
         "speckle noise of one instance at h = 0, σ = 0, in the color of 12 wavelengths; contrast of the tiles {:.3} (refl), {:.3} (high); the same scale in a row's three panels of a kind",
         noise.contrast[0][1], noise.contrast[1][1]
     ));
-    let instance = Instance::new(1, 0.0, 1.0);
+    let instance = Instance::new(1, [0.0; 2], 1.0);
     let size = [LEFT + LINE + 6 * (PANEL[0] + GAP[0]), 2 * (PANEL[1] + GAP[1])];
     page(&head, size, |figure, left, top| {
         for (row, theta_deg) in [0.0f64, 15.0].into_iter().enumerate() {

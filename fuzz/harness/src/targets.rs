@@ -113,7 +113,7 @@ pub fn model(bytes: &[u8]) {
         {
             continue;
         }
-        let instance = Some(Instance::new(rng.bits() as u32, any(&mut rng, 1e4), 20.0));
+        let instance = Some(Instance::new(rng.bits() as u32, [any(&mut rng, 1e4), base.h_um], 20.0));
         ask("speckled ply", &ply.at(&PlyQuery { instance, ..base }), MOST, &mut rng);
     }
 }

@@ -28,6 +28,9 @@ class Words:
     def times(self, x, factor):
         return x * self.of(factor) if self.jit else (x * factor) & MASK
 
+    def plus(self, x, y):
+        return x + y if self.jit else (x + y) & MASK
+
     def mix(self, x):
         """The finalizer of SplitMix64 (src/math/hash.rs)."""
         x = self.times(x ^ (x >> 30), 0xBF58476D1CE4E5B9)
@@ -35,14 +38,15 @@ class Words:
         return x ^ (x >> 31)
 
 
-def instance(kit, ply, along, grain_um):
-    """The patterns of a stretch of a ply, by its number and the place along it [um] (``Instance::new``)."""
+def instance(kit, ply, along, h_um, grain_um):
+    """The patterns of a place on a ply, by its number and the place along and across it [um] (``Instance::new``)."""
     words = Words(kit.jit)
-    grain = kit.int(dr.floor(along / np.float32(grain_um).item()))
-    grain = kit.UInt(grain) if kit.jit else int(grain) & 0xFFFFFFFF
+    grain_um = np.float32(grain_um).item()
+    whole = lambda x: kit.UInt(kit.int(dr.floor(x))) if kit.jit else int(kit.int(dr.floor(x))) & 0xFFFFFFFF
     ply = kit.UInt(ply) if kit.jit else int(ply) & 0xFFFFFFFF
-    x = (words.of(ply) << 32) | words.of(grain)
-    return words.mix(words.mix(x) ^ words.of(GAMMA))
+    row = words.mix((words.of(ply) << 32) | words.of(whole(h_um / grain_um + 0.5)))
+    shift = (kit.Float(kit.UInt(row >> 44)) if kit.jit else float(row >> 44)) * 2.0**-20
+    return words.mix(words.plus(row ^ words.of(GAMMA), words.of(whole(along / grain_um + shift))))
 
 
 class Speckle:
