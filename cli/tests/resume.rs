@@ -15,7 +15,7 @@ const RUN: &[&str] = &[
     "--preset",
     "preview",
     "--paths",
-    "40000",
+    "15000",
     "--quiet",
     "--max-error-refl",
     "9",
