@@ -28,6 +28,20 @@ if [ -n "$RESUME" ]; then
 fi
 "#;
 
+/// A scene of strands.
+const STRANDS: &str = r#"
+name = "few"
+sky = 0.5
+[strands]
+make = { kind = "fur", count = 500, size_mm = 10.0, length_mm = 5.0 }
+radius_um = 60.0
+[fiber]
+model = { kind = "dielectric" }
+[camera]
+from_mm = [0.0, -30.0, 20.0]
+to_mm = [0.0, 0.0, 1.0]
+"#;
+
 /// How a namespace with mounts of its own is to be had here, if at all.
 fn namespace() -> Option<&'static [&'static str]> {
     static FOUND: OnceLock<Option<&'static [&'static str]>> = OnceLock::new();
@@ -156,8 +170,12 @@ fn outputs_on_a_full_disk_are_whole_or_absent() {
     let yarn = "model = \"silk.pwm\"\nspacing_um = 900.0\ncrimp = 0.5\nsrgb = [0.85, 0.78, 0.66]\n";
     let cloth = format!("name = \"open\"\n[weave]\nkind = \"plain\"\n[warp]\n{yarn}[weft]\n{yarn}");
     std::fs::write(dir.join("cloth.toml"), cloth).unwrap();
-    let render =
-        ["render", "../cloth.toml", "-o", "p.png", "--width", "64", "--height", "48", "--samples", "1", "--quiet"];
+    let small = ["-o", "p.png", "--width", "64", "--height", "48", "--samples", "1", "--quiet"];
+    let of_cloth = [&["render", "../cloth.toml"][..], &small].concat();
+    assert!(whole_or_absent(dir, &of_cloth, &["p.png", "p.exr"], &[12]) == 2);
+    // Pictures of strands are written by the same code, and need no cloth to be loaded.
+    std::fs::write(dir.join("few.toml"), STRANDS).unwrap();
+    let render = [&["render", "../few.toml"][..], &small].concat();
     assert!(whole_or_absent(dir, &render, &["p.png", "p.exr"], &[4, 12, 40, 100, 160, 1024]) >= 4);
 
     let plot = ["plot", "../m.pwm", "-o", "f.svg", "--quiet"];
