@@ -202,7 +202,8 @@ fn eval_sample_and_pdf_agree(name: &'static str) {
     for _ in 0..TESTED {
         let (x, y, w, _) = draw();
         let at = f.at(&FabricQuery::new([x, y], w, LAMBDA));
-        let r = check_bsdf(&at, [0.006, 0.012], 20_000, &mut || draw().3[0]);
+        // Panels of the integrals: by two thirds of the width the p-values are the same to 0.02.
+        let r = check_bsdf(&at, [0.009, 0.018], 20_000, &mut || draw().3[0]);
         assert!(r.weight_error < 1e-3, "{name} at {x}, {y}, {w:?}: {r:?}");
         least = least.min(r.chi2_p);
     }

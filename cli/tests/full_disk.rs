@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{ANY_FIT, folder, succeed, text};
+use common::{ANY_FIT, folder, open_cloth, succeed, text};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
@@ -40,6 +40,7 @@ model = { kind = "dielectric" }
 [camera]
 from_mm = [0.0, -30.0, 20.0]
 to_mm = [0.0, 0.0, 1.0]
+fov_deg = 25.0
 "#;
 
 /// How a namespace with mounts of its own is to be had here, if at all.
@@ -165,11 +166,7 @@ fn outputs_on_a_full_disk_are_whole_or_absent() {
     let fits = ["fit", "../t.pwt", "-o", "m.pwm", "--quiet"];
     assert!(whole_or_absent(dir, &fits, &["m.pwm"], &[4, model / 2, 4 * model + 64]) >= 4);
 
-    // An open cloth, which takes a third of the time to load that a dense one does.
-    std::fs::copy(concat!(env!("CARGO_MANIFEST_DIR"), "/../fabrics/models/silk.pwm"), dir.join("silk.pwm")).unwrap();
-    let yarn = "model = \"silk.pwm\"\nspacing_um = 900.0\ncrimp = 0.5\nsrgb = [0.85, 0.78, 0.66]\n";
-    let cloth = format!("name = \"open\"\n[weave]\nkind = \"plain\"\n[warp]\n{yarn}[weft]\n{yarn}");
-    std::fs::write(dir.join("cloth.toml"), cloth).unwrap();
+    open_cloth(dir);
     let small = ["-o", "p.png", "--width", "64", "--height", "48", "--samples", "1", "--quiet"];
     let of_cloth = [&["render", "../cloth.toml"][..], &small].concat();
     assert!(whole_or_absent(dir, &of_cloth, &["p.png", "p.exr"], &[12]) == 2);
