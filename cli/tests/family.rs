@@ -8,19 +8,7 @@ use std::path::Path;
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
-const MAKE: &[&str] = &[
-    "family",
-    "family.toml",
-    "--preset",
-    "preview",
-    "--paths",
-    "3000",
-    "--nodes",
-    "2",
-    "--most-nodes",
-    "3",
-    "--quiet",
-];
+const MAKE: &[&str] = &["family", "family.toml", "--preset", "preview", "--nodes", "2", "--most-nodes", "3", "--quiet"];
 
 fn spec(folder: &Path, ranges: &str) {
     std::fs::write(folder.join("family.toml"), format!("{TINY}\n[family]\n{ranges}\n")).unwrap();
