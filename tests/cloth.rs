@@ -5,18 +5,24 @@ use plywave::twin::{ClothTwin, ComparisonOptions, Light, compare};
 use plywave::{Bsdf, BsdfSample, FabricBsdf, FabricQuery};
 use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, OnceLock};
 
 fn folder() -> String {
     format!("{}/fabrics", env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Each is loaded once.
+/// Each is loaded once, beside others.
 fn fabric(name: &'static str) -> Arc<FabricBsdf> {
-    static LOADED: Mutex<BTreeMap<&str, Arc<FabricBsdf>>> = Mutex::new(BTreeMap::new());
-    let mut loaded = LOADED.lock().unwrap();
+    type Once = Arc<OnceLock<Arc<FabricBsdf>>>;
+    static LOADED: Mutex<BTreeMap<&str, Once>> = Mutex::new(BTreeMap::new());
+    let once = LOADED.lock().unwrap().entry(name).or_default().clone();
     let load = || Arc::new(FabricBsdf::load(format!("{}/{name}.toml", folder()), &FabricOptions::RAYS).unwrap());
-    loaded.entry(name).or_insert_with(load).clone()
+    once.get_or_init(load).clone()
+}
+
+/// Each test of a cloth for each of these cloths, so that they run beside each other.
+macro_rules! of_each {
+    ($what:ident: $($cloth:ident)*) => { mod $what { $( #[test] fn $cloth() { super::$what(stringify!($cloth)); } )* } };
 }
 
 /// What a cloth may be off from its twin: R and T up to 60 degrees, twice that beyond; L2 of the upper half up to 60 degrees and beyond; L2 of the lower half where more than 0.05 is
@@ -40,36 +46,29 @@ const LIMITS: [Limits; 6] = [
 
 /// The cloths that ship against the twins that ship, `plywave twin fabrics/NAME.toml --paths 120000`: explicit fibers, eight views, three absorptions. Of the cloth what ray
 /// optics has: twins have no diffraction.
-#[test]
-fn cloths_are_near_their_twins() {
-    let mut far = Vec::new();
-    for limits in &LIMITS {
-        let fabric = fabric(limits.name);
-        let twin = ClothTwin::load(format!("{}/twins/{}.pwx", folder(), limits.name)).unwrap();
-        // Light up to 60 degrees and beyond, L2 of the upper half alike, of the lower one.
-        let (mut light, mut upper, mut lower) = ([0.0f64; 2], [0.0f64; 2], 0.0f64);
-        for c in compare(&fabric, &twin, &ComparisonOptions::default()) {
-            let steep = usize::from(twin.view(c.view)[2].abs() < 0.45);
-            let passed = |l: &Light| l.transmitted + l.straight;
-            let off = (c.model.reflected - c.twin.reflected).abs().max((passed(&c.model) - passed(&c.twin)).abs());
-            light[steep] = light[steep].max(off);
-            upper[steep] = upper[steep].max(c.upper);
-            if c.twin.transmitted > 0.05 && steep == 0 {
-                lower = lower.max(c.lower);
-            }
-        }
-        println!("{}: |R|, |T| {light:.3?}, L2 upper {upper:.3?}, lower {lower:.3}", limits.name);
-        let is_near = light[0] < limits.light
-            && light[1] < 2.0 * limits.light
-            && upper[0] < limits.upper[0]
-            && upper[1] < limits.upper[1]
-            && lower < limits.lower;
-        if !is_near {
-            far.push(limits.name);
+fn cloths_are_near_their_twins(name: &'static str) {
+    let limits = LIMITS.iter().find(|limits| limits.name == name).unwrap();
+    let fabric = fabric(limits.name);
+    let twin = ClothTwin::load(format!("{}/twins/{}.pwx", folder(), limits.name)).unwrap();
+    // Light up to 60 degrees and beyond, L2 of the upper half alike, of the lower one.
+    let (mut light, mut upper, mut lower) = ([0.0f64; 2], [0.0f64; 2], 0.0f64);
+    for c in compare(&fabric, &twin, &ComparisonOptions::default()) {
+        let steep = usize::from(twin.view(c.view)[2].abs() < 0.45);
+        let passed = |l: &Light| l.transmitted + l.straight;
+        let off = (c.model.reflected - c.twin.reflected).abs().max((passed(&c.model) - passed(&c.twin)).abs());
+        light[steep] = light[steep].max(off);
+        upper[steep] = upper[steep].max(c.upper);
+        if c.twin.transmitted > 0.05 && steep == 0 {
+            lower = lower.max(c.lower);
         }
     }
-    assert!(far.is_empty(), "beyond their limits: {far:?}");
+    println!("{}: |R|, |T| {light:.3?}, L2 upper {upper:.3?}, lower {lower:.3}", limits.name);
+    assert!(light[0] < limits.light && light[1] < 2.0 * limits.light, "{}: {light:?}", limits.name);
+    assert!(upper[0] < limits.upper[0] && upper[1] < limits.upper[1], "{}: {upper:?}", limits.name);
+    assert!(lower < limits.lower, "{}: {lower}", limits.name);
 }
+
+of_each!(cloths_are_near_their_twins: polyester_layers polyester_satin silk_organza cotton_plain cotton_twill wool_plain);
 
 /// Mean over places of a clear cloth.
 fn places(fabric: &FabricBsdf, n: usize) -> impl Iterator<Item = [f32; 2]> {
@@ -93,8 +92,7 @@ fn eval(fabric: &FabricBsdf, at: [f32; 2], wo: [f32; 3], wi: [f32; 3]) -> f64 {
 
 /// A clear cloth sends out what comes in, from each view and from each light direction, rays going straight through gaps: as diffracted they are light of grazing views that
 /// comes from single directions. Asked for are 0.02 at every cosine; towards the plane the table of shadows is too coarse, and light is lost.
-#[test]
-fn clear_cloths_conserve_energy_both_ways() {
+fn clear_cloths_conserve_energy_both_ways(cloth: &'static str) {
     const N: usize = 60_000;
     for (name, z, by_view_most, by_light_most) in [
         ("polyester_layers", 1.0, 0.02, 0.02),
@@ -110,6 +108,9 @@ fn clear_cloths_conserve_energy_both_ways() {
         ("cotton_plain", 0.8, 0.02, 0.02),
         ("cotton_plain", 0.3, 0.02, 0.025),
     ] {
+        if name != cloth {
+            continue;
+        }
         let fabric = fabric(name);
         let (mut by_view, mut by_light, mut straight) = (0.0, 0.0, [0.0; 2]);
         for (k, at) in places(&fabric, N).enumerate() {
@@ -131,6 +132,8 @@ fn clear_cloths_conserve_energy_both_ways() {
         assert!((light - 1.0).abs() < by_light_most, "{name}, cosine {z}: {light} by light");
     }
 }
+
+of_each!(clear_cloths_conserve_energy_both_ways: polyester_layers polyester_satin cotton_plain);
 
 /// The mean over a repeat is the same with view and light swapped.
 #[test]
@@ -158,38 +161,36 @@ fn layers_are_reciprocal() {
 }
 
 /// Sampling covers what eval holds: no weight of a sample is large, whatever the place and view, and the energy by samples is that by even directions.
-#[test]
-fn samples_cover_what_eval_holds() {
+fn samples_cover_what_eval_holds(name: &'static str) {
     const N: usize = 200_000;
-    for limits in &LIMITS {
-        let path = format!("{}/{}.toml", folder(), limits.name);
-        let fabric = FabricBsdf::load(path, &FabricOptions::SMOOTH).unwrap();
-        let (mut most, mut by_samples, mut by_directions, mut squares) = (0.0f32, 0.0f64, 0.0f64, 0.0f64);
-        for (k, at) in places(&fabric, N).enumerate() {
-            let even = |step: f64| (0.5 + k as f64 * step).fract();
-            // All views, half of them from the back; every fourth grazes.
-            let z = if k % 4 == 0 { 0.2 * even(0.725_731_409_9) + 1e-3 } else { even(0.725_731_409_9).sqrt() };
-            let wo = direction(if k % 2 == 0 { z } else { -z }, even(0.652_178_999_0));
-            let at = fabric.at(&FabricQuery::new(at, wo, [0.45, 0.55, 0.65]));
-            let u = [0.586_080_078_4, 0.526_680_036_1, 0.473_300_2].map(|step| even(step) as f32);
-            if let Some(sample) = at.sample(u).direction() {
-                most = sample.weight.iter().fold(most, |m, w| m.max(*w));
-                by_samples += f64::from(sample.weight[1]) / N as f64;
-            }
-            let other = direction(2.0 * even(0.425_344_1) - 1.0, even(0.382_233_9));
-            let f = 4.0 * PI * f64::from(at.eval(other)[1]);
-            by_directions += f / N as f64;
-            squares += f * f / N as f64;
+    let path = format!("{}/{name}.toml", folder());
+    let fabric = FabricBsdf::load(path, &FabricOptions::SMOOTH).unwrap();
+    let (mut most, mut by_samples, mut by_directions, mut squares) = (0.0f32, 0.0f64, 0.0f64, 0.0f64);
+    for (k, at) in places(&fabric, N).enumerate() {
+        let even = |step: f64| (0.5 + k as f64 * step).fract();
+        // All views, half of them from the back; every fourth grazes.
+        let z = if k % 4 == 0 { 0.2 * even(0.725_731_409_9) + 1e-3 } else { even(0.725_731_409_9).sqrt() };
+        let wo = direction(if k % 2 == 0 { z } else { -z }, even(0.652_178_999_0));
+        let at = fabric.at(&FabricQuery::new(at, wo, [0.45, 0.55, 0.65]));
+        let u = [0.586_080_078_4, 0.526_680_036_1, 0.473_300_2].map(|step| even(step) as f32);
+        if let Some(sample) = at.sample(u).direction() {
+            most = sample.weight.iter().fold(most, |m, w| m.max(*w));
+            by_samples += f64::from(sample.weight[1]) / N as f64;
         }
-        let se = (squares / N as f64).sqrt();
-        println!(
-            "{}: largest weight {most:.2}; energy {by_samples:.4}, by even directions {by_directions:.4} +- {se:.4}",
-            limits.name
-        );
-        assert!(most < 6.0, "{}: {most}", limits.name);
-        assert!((by_samples - by_directions).abs() < 4.0 * se + 0.003, "{}: {by_samples} {by_directions}", limits.name);
+        let other = direction(2.0 * even(0.425_344_1) - 1.0, even(0.382_233_9));
+        let f = 4.0 * PI * f64::from(at.eval(other)[1]);
+        by_directions += f / N as f64;
+        squares += f * f / N as f64;
     }
+    let se = (squares / N as f64).sqrt();
+    println!(
+        "{name}: largest weight {most:.2}; energy {by_samples:.4}, by even directions {by_directions:.4} +- {se:.4}"
+    );
+    assert!(most < 6.0, "{name}: {most}");
+    assert!((by_samples - by_directions).abs() < 4.0 * se + 0.003, "{name}: {by_samples} {by_directions}");
 }
+
+of_each!(samples_cover_what_eval_holds: polyester_layers polyester_satin silk_organza cotton_plain cotton_twill wool_plain);
 
 /// Largest weight of gray samples, by mean over the channels of dyed ones, and their greatest variance over the square of the mean, at one place and view, clear, light and
 /// with the spec's own colors. Those of dyed layers, satin and organza are half way between the ones of chances by what leaves the cloth, as it was, and those measured; those of
@@ -240,19 +241,19 @@ fn weights<const N: usize>(fabric: &FabricBsdf, sigma_per_um: Option<[f32; N]>, 
 }
 
 /// No sample of a cloth has a large weight, and samples of a place differ little: what many scatterings in folds multiply.
-#[test]
-fn weights_of_samples_are_small() {
-    for limits in &WEIGHTS {
-        let fabric = fabric(limits.name);
-        let found = [
-            weights(&fabric, Some([0.0]), [0.55]),
-            weights(&fabric, Some([0.003]), [0.55]),
-            weights::<3>(&fabric, None, [0.65, 0.55, 0.45]),
-        ];
-        println!("{}: largest weight and variance {found:.4?}", limits.name);
-        for ((most, variance), least) in found.into_iter().zip(limits.variance) {
-            assert!(most < limits.most, "{}: {most}", limits.name);
-            assert!(variance < least, "{}: {variance}", limits.name);
-        }
+fn weights_of_samples_are_small(name: &'static str) {
+    let limits = WEIGHTS.iter().find(|limits| limits.name == name).unwrap();
+    let fabric = fabric(limits.name);
+    let found = [
+        weights(&fabric, Some([0.0]), [0.55]),
+        weights(&fabric, Some([0.003]), [0.55]),
+        weights::<3>(&fabric, None, [0.65, 0.55, 0.45]),
+    ];
+    println!("{}: largest weight and variance {found:.4?}", limits.name);
+    for ((most, variance), least) in found.into_iter().zip(limits.variance) {
+        assert!(most < limits.most, "{}: {most}", limits.name);
+        assert!(variance < least, "{}: {variance}", limits.name);
     }
 }
+
+of_each!(weights_of_samples_are_small: polyester_layers polyester_satin silk_organza cotton_plain cotton_twill wool_plain);

@@ -1,7 +1,7 @@
 //! Slits between the fibers of a fabric's yarns (Yu 2025, 7.3): asked for by the spec or by options, what a slit takes of a ply's light it sends on, and samples cover it.
 
 use plywave::check::check_bsdf;
-use plywave::fabric::{FabricAt, FabricOptions, FabricSpec, Family, Slits};
+use plywave::fabric::{ColorOf, FabricAt, FabricOptions, FabricSpec, Family, Slits, YarnColor};
 use plywave::frame::direction;
 use plywave::gap::SLIT_SHARE;
 use plywave::io::Folder;
@@ -10,6 +10,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::f32::consts::TAU;
 use std::path::Path;
+use std::sync::OnceLock;
 
 const LAMBDA: [f32; 3] = [0.45, 0.55, 0.65];
 /// Each yarn alone, without light from or to others.
@@ -19,6 +20,12 @@ const ALONE: FabricOptions = FabricOptions { layers: false, shadowing: false, ..
 fn spec(more: &str) -> String {
     let yarn = "model = \"models/silk.pwm\"\nspacing_um = 200.0\ncrimp = 0.5\nsigma_per_um = 0.002\n";
     format!("name = \"open\"\n[weave]\nkind = \"plain\"\n[warp]\n{yarn}{more}\n[weft]\n{yarn}")
+}
+
+/// Without slits, loaded once.
+fn plain() -> &'static FabricBsdf {
+    static PLAIN: OnceLock<FabricBsdf> = OnceLock::new();
+    PLAIN.get_or_init(|| fabric("", &ALONE))
 }
 
 fn fabric(more: &str, options: &FabricOptions) -> FabricBsdf {
@@ -46,7 +53,7 @@ fn case(at: &FabricAt<'_, 3>) -> usize {
 /// Where two layers lie nothing changes; where one lies, of light that goes on some is in the slit's pattern, whose color depends on the direction.
 #[test]
 fn slits_color_one_layer_alone() {
-    let (plain, slit) = (fabric("", &ALONE), fabric("", &FabricOptions { slits: with(2.0, SLIT_SHARE), ..ALONE }));
+    let (plain, slit) = (plain(), fabric("", &FabricOptions { slits: with(2.0, SLIT_SHARE), ..ALONE }));
     let mut rng = Pcg64Mcg::seed_from_u64(1);
     let (mut seen, mut reds) = ([0u32; 3], [0u32; 2]);
     for _ in 0..4000 {
@@ -76,9 +83,9 @@ fn slits_color_one_layer_alone() {
 /// Slits lose no light of clear fibers, nor of dyed ones: what leaves a point is what leaves it without. Each ply alone: integrals over the sphere of samples.
 #[test]
 fn slits_keep_the_energy_of_a_point() {
+    let slit = fabric("", &FabricOptions { slits: with(1.5, 1.0), ..ALONE });
     for sigma in [0.0, 0.01] {
-        let options = FabricOptions { sigma_per_um: Some(sigma), ..ALONE };
-        let slit = fabric("", &FabricOptions { slits: with(1.5, 1.0), ..options });
+        let slit = slit.with_colors([YarnColor::Sigma(sigma); 2], ColorOf::EvenSky);
         let mut rng = Pcg64Mcg::seed_from_u64(2);
         let mut checked = 0;
         while checked < 6 {
@@ -138,7 +145,7 @@ fn clear_cloth_with_slits_is_white() {
 /// The spec's keys are the option for one family; a share of 0, and the option that says so, are no slits.
 #[test]
 fn specs_ask_for_slits() {
-    let (plain, both) = (fabric("", &ALONE), fabric("", &FabricOptions { slits: with(3.0, 0.5), ..ALONE }));
+    let (plain, both) = (plain(), fabric("", &FabricOptions { slits: with(3.0, 0.5), ..ALONE }));
     let warp = fabric("slit_um = 3.0\nslit_share = 0.5", &ALONE);
     let none = fabric("slit_um = 3.0\nslit_share = 0.5", &FabricOptions { slits: Some(Slits::NONE), ..ALONE });
     let zero = fabric("slit_um = 3.0\nslit_share = 0.0", &ALONE);

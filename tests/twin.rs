@@ -6,8 +6,15 @@ use plywave::twin::{CLASSES, ClothTwin, ComparisonOptions, SphereBins, compare};
 use plywave::{Bsdf, BsdfSample, FabricBsdf, FabricQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use std::sync::OnceLock;
 
-fn fabric() -> FabricBsdf {
+/// Loaded once.
+fn fabric() -> &'static FabricBsdf {
+    static FABRIC: OnceLock<FabricBsdf> = OnceLock::new();
+    FABRIC.get_or_init(load)
+}
+
+fn load() -> FabricBsdf {
     let model = &include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/fabrics/models/polyester.pwm"))[..];
     let yarn = "model = \"ply.pwm\"\nspacing_um = 130.0\ncrimp = 0.5\n";
     let text = format!("name = \"layers\"\n[weave]\nkind = \"layers\"\n[warp]\n{yarn}[weft]\n{yarn}");
@@ -84,9 +91,9 @@ fn drawn(fabric: &FabricBsdf, views: &[[f64; 3]], paths: usize) -> ClothTwin {
 fn a_model_is_at_no_distance_from_itself() {
     let fabric = fabric();
     let views = [[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, 0.48, -0.877_268_487_978_452_4]];
-    let twin = drawn(&fabric, &views, 150_000);
+    let twin = drawn(fabric, &views, 150_000);
     let options = ComparisonOptions { places: 4096, directions: 2 };
-    let all = compare(&fabric, &twin, &options);
+    let all = compare(fabric, &twin, &options);
     assert_eq!(all.len(), 6);
     for c in &all {
         println!("{c:?}");
@@ -101,7 +108,7 @@ fn a_model_is_at_no_distance_from_itself() {
     let mut brighter = twin.clone();
     brighter.density.iter_mut().for_each(|d| *d /= 0.9);
     brighter.variance.iter_mut().for_each(|v| *v /= 0.81);
-    for c in compare(&fabric, &brighter, &options) {
+    for c in compare(fabric, &brighter, &options) {
         assert!((c.upper - 0.1).abs() < 0.03, "{c:?}");
     }
 }
@@ -109,7 +116,7 @@ fn a_model_is_at_no_distance_from_itself() {
 #[test]
 fn twins_are_written_and_read() {
     let fabric = fabric();
-    let mut twin = drawn(&fabric, &[[0.0, 0.0, 1.0]], 500);
+    let mut twin = drawn(fabric, &[[0.0, 0.0, 1.0]], 500);
     // So few samples may add up to more than 1.
     twin.reflected.iter_mut().chain(&mut twin.transmitted).for_each(|energy| *energy *= 0.8);
     let bytes = twin.to_bytes().unwrap();

@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{ANY_FIT, folder, succeed, text};
+use common::{ANY_FIT, folder, open_cloth, succeed, text};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
@@ -26,6 +26,21 @@ if [ -n "$RESUME" ]; then
     echo $? >../code2
     cp -a . ../resumed
 fi
+"#;
+
+/// A scene of strands.
+const STRANDS: &str = r#"
+name = "few"
+sky = 0.5
+[strands]
+make = { kind = "fur", count = 500, size_mm = 10.0, length_mm = 5.0 }
+radius_um = 60.0
+[fiber]
+model = { kind = "dielectric" }
+[camera]
+from_mm = [0.0, -30.0, 20.0]
+to_mm = [0.0, 0.0, 1.0]
+fov_deg = 25.0
 "#;
 
 /// How a namespace with mounts of its own is to be had here, if at all.
@@ -151,13 +166,18 @@ fn outputs_on_a_full_disk_are_whole_or_absent() {
     let fits = ["fit", "../t.pwt", "-o", "m.pwm", "--quiet"];
     assert!(whole_or_absent(dir, &fits, &["m.pwm"], &[4, model / 2, 4 * model + 64]) >= 4);
 
-    let organza = concat!(env!("CARGO_MANIFEST_DIR"), "/../fabrics/silk_organza.toml");
-    let render = ["render", organza, "-o", "p.png", "--width", "64", "--height", "48", "--samples", "1", "--quiet"];
+    open_cloth(dir);
+    let small = ["-o", "p.png", "--width", "64", "--height", "48", "--samples", "1", "--quiet"];
+    let of_cloth = [&["render", "../cloth.toml"][..], &small].concat();
+    assert!(whole_or_absent(dir, &of_cloth, &["p.png", "p.exr"], &[12]) == 2);
+    // Pictures of strands are written by the same code, and need no cloth to be loaded.
+    std::fs::write(dir.join("few.toml"), STRANDS).unwrap();
+    let render = [&["render", "../few.toml"][..], &small].concat();
     assert!(whole_or_absent(dir, &render, &["p.png", "p.exr"], &[4, 12, 40, 100, 160, 1024]) >= 4);
 
     let plot = ["plot", "../m.pwm", "-o", "f.svg", "--quiet"];
     assert!(whole_or_absent(dir, &plot, &["f.svg"], &[4, 20, 4096]) >= 2);
-    let help = ["weave", organza, "-o", "maps", "--quiet"];
+    let help = ["weave", "../cloth.toml", "-o", "maps", "--quiet"];
     let ended = on_disk(dir, 8, &[], &help, false).remove(0);
     assert_eq!((ended.code, ended.err.lines().count()), (2, 1), "{}", ended.err);
 }

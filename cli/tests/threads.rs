@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{ANY_FIT, folder, succeed};
+use common::{ANY_FIT, folder, open_cloth, succeed};
 
 const THREADS: [&str; 3] = ["1", "3", "64"];
 
@@ -10,6 +10,7 @@ const THREADS: [&str; 3] = ["1", "3", "64"];
 fn same(command: &[&str], endings: &[&str]) {
     let folder = folder();
     let dir = folder.path();
+    open_cloth(dir);
     let [one, others @ ..] = THREADS.map(|threads| {
         let output = format!("on{threads}.{}", endings[0]);
         succeed(dir, &[command, &["--threads", threads, "--quiet", "-o", &output]].concat());
@@ -33,6 +34,5 @@ fn models_do_not_depend_on_threads() {
 
 #[test]
 fn pictures_do_not_depend_on_threads() {
-    let organza = concat!(env!("CARGO_MANIFEST_DIR"), "/../fabrics/silk_organza.toml");
-    same(&["render", organza, "--width", "72", "--height", "40", "--samples", "4"], &["png", "exr"]);
+    same(&["render", "cloth.toml", "--width", "72", "--height", "40", "--samples", "4"], &["png", "exr"]);
 }

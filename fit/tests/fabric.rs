@@ -125,7 +125,8 @@ fn every_case_of_the_beam_is_a_scattering_function() {
             continue;
         }
         checked[case] += 1;
-        let r = check_bsdf(&at, [0.006, 0.012], 20_000, &mut || rng.random());
+        // Panels of the integrals: by two thirds of the width the p-values are the same to 0.02.
+        let r = check_bsdf(&at, [0.009, 0.018], 20_000, &mut || rng.random());
         least = least.min(r.chi2_p);
         furnace[case] = furnace[case].max(r.furnace_error);
         assert!(r.weight_error < 1e-3, "case {case}: {r:?}");

@@ -10,7 +10,7 @@ use plywave::ply::asg::PARAMS;
 use plywave::ply::{FamilyAxis, FamilyParam, PlyData};
 use plywave::table::Table;
 use plywave_fit::{FamilyMiddle, FamilyTables, FitOptions, errors, fit, fit_family};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// How far lobes turn over the family [rad times the factors of `planted::turned`]: two widths of the narrowest.
 const TURN: f64 = 0.3;
@@ -42,6 +42,12 @@ fn family(middles: Vec<FamilyMiddle>) -> Vec<PlyData> {
     fit_family(&tables, &FitOptions::preview(), &|_| {}).expect("planted tables").nodes
 }
 
+/// Without tables between the ends; fitted once.
+fn followed() -> &'static [PlyData] {
+    static FOLLOWED: OnceLock<Vec<PlyData>> = OnceLock::new();
+    FOLLOWED.get_or_init(|| family(Vec::new()))
+}
+
 #[test]
 fn lobes_fitted_together_interpolate_and_those_fitted_apart_do_not() {
     let fresh = table(0.5, 7);
@@ -52,7 +58,7 @@ fn lobes_fitted_together_interpolate_and_those_fitted_apart_do_not() {
     let refl = |model: &PlyData| errors(model, &fresh).unwrap().rms_refl;
     // The path lengths of fits apart are their own; one of them is as good for sigma = 0.
     let apart = mean(&ends[0], &ends[1]);
-    let followed = family(Vec::new());
+    let followed = followed();
     let joint = family(vec![FamilyMiddle { corners: vec![(0, 0.5), (1, 0.5)], table: table(0.5, 1) }]);
     let (followed, joint) = (mean(&followed[0], &followed[1]), mean(&joint[0], &joint[1]));
     println!(
@@ -76,7 +82,7 @@ fn lobes_fitted_together_interpolate_and_those_fitted_apart_do_not() {
 
 #[test]
 fn nodes_share_what_a_family_needs() {
-    let nodes = family(Vec::new());
+    let nodes = followed();
     assert_eq!(nodes.len(), 2);
     assert_eq!(nodes[0].path_um, nodes[1].path_um);
     assert_eq!(nodes[0].energies.miss, nodes[1].energies.miss);

@@ -7,12 +7,21 @@ use plywave::{Bsdf, PlyModel, PlyQuery};
 use plywave_fit::layer_factors;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use std::collections::BTreeMap;
 use std::f32::consts::{PI, TAU};
+use std::sync::{Arc, Mutex, OnceLock};
 
 const YARNS: [&str; 3] = ["polyester", "cotton", "silk"];
 
-/// A shipped model with factors made here.
-fn model(yarn: &str) -> PlyModel {
+/// A shipped model with factors made here, once.
+fn model(yarn: &'static str) -> Arc<PlyModel> {
+    type Once = Arc<OnceLock<Arc<PlyModel>>>;
+    static MADE: Mutex<BTreeMap<&str, Once>> = Mutex::new(BTreeMap::new());
+    let once = MADE.lock().unwrap().entry(yarn).or_default().clone();
+    once.get_or_init(|| Arc::new(make(yarn))).clone()
+}
+
+fn make(yarn: &str) -> PlyModel {
     let path = format!("{}/../fabrics/models/{yarn}.pwm", env!("CARGO_MANIFEST_DIR"));
     let mut data = PlyModel::load(path).unwrap().data().clone();
     data.layers = Some(layer_factors(&data));

@@ -159,7 +159,8 @@ fn the_mesh_is_fine_enough() {
 #[test]
 fn bits_do_not_depend_on_how_the_run_is_cut() {
     let cloth = plain();
-    let options = options(vec![direction(0.3, 0.0), direction(2.0, 1.0)], 1000);
+    let options =
+        TwinOptions { repeats: Some([2, 2]), ..options(vec![direction(0.3, 0.0), direction(2.0, 1.0)], 1000) };
     let on = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| trace(&cloth, &options))

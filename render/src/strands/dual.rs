@@ -24,6 +24,7 @@ use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use std::f32::consts::{PI, TAU};
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 /// Sets of wavelengths, each [`WAVELENGTHS`] of them: 64 wavelengths 6 nm apart.
@@ -54,7 +55,7 @@ impl Default for StrandDualOptions {
 pub struct StrandDual<'a> {
     scene: &'a StrandScene,
     /// By where the first wavelength of a path lies in its quarter of the range.
-    bins: Vec<DualScattering<WAVELENGTHS>>,
+    bins: Arc<[DualScattering<WAVELENGTHS>]>,
     behind: bool,
     /// d_f.
     density: f32,
@@ -85,8 +86,14 @@ impl<'a> StrandDual<'a> {
             let query = FiberQuery { sigma_per_um: sigma, ..FiberQuery::new([1.0, 0.0, 0.0], lambda) };
             DualScattering::new(&fiber.model, &query, dual).map_err(|e| refuse(e.to_string()))
         });
-        let bins = bins.collect::<Result<_, _>>()?;
+        let bins = bins.collect::<Result<Vec<_>, _>>()?.into();
         Ok(StrandDual { scene, bins, behind: options.behind, density: dual.forward_density })
+    }
+
+    /// The same with another [`StrandDualOptions::behind`]; nothing is averaged anew.
+    #[must_use]
+    pub fn with_behind(&self, behind: bool) -> StrandDual<'a> {
+        StrandDual { bins: self.bins.clone(), behind, ..*self }
     }
 
     /// What light along a ray up to `reach` has passed, as it arrives at the ray's origin, where a strand has this `tangent`.
