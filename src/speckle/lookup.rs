@@ -346,7 +346,7 @@ mod tests {
             let phi = std::f32::consts::TAU * rng.random::<f32>();
             let wo = crate::frame::direction((2.0 * rng.random::<f32>() - 1.0).asin(), phi);
             let theta_i = 3.0 * (rng.random::<f32>() - 0.5);
-            let speckle = Speckle::new(&tiles, Instance::new(i, 0.0, 1.0), theta_i, &lambda);
+            let speckle = Speckle::new(&tiles, Instance::new(i, [0.0; 2], 1.0), theta_i, &lambda);
             let look = speckle.look(wo);
             borders += u32::from(!look.plain);
             seams += u32::from(look.places.iter().any(|p| p.share > 0.0));
@@ -374,7 +374,7 @@ mod tests {
         for i in 0..1000 {
             let wo =
                 crate::frame::direction(1.5 * (rng.random::<f32>() - 0.5), std::f32::consts::TAU * rng.random::<f32>());
-            let (refl, high) = tiles.factors(Instance::new(i, 0.0, 1.0), 1e30, wo, [1e-6, 0.5, f32::NAN]);
+            let (refl, high) = tiles.factors(Instance::new(i, [0.0; 2], 1.0), 1e30, wo, [1e-6, 0.5, f32::NAN]);
             assert!(refl.iter().chain(&high).all(|n| (0.0..10.0).contains(n)), "{refl:?} {high:?}");
         }
     }
