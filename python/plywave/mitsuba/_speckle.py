@@ -41,12 +41,18 @@ class Words:
 def instance(kit, ply, along, h_um, grain_um):
     """The patterns of a place on a ply, by its number and the place along and across it [um] (``Instance::new``)."""
     words = Words(kit.jit)
-    grain_um = np.float32(grain_um).item()
-    whole = lambda x: kit.UInt(kit.int(dr.floor(x))) if kit.jit else int(kit.int(dr.floor(x))) & 0xFFFFFFFF
+    # In doubles rounded to singles at each step, as the library's singles are: a product with the reciprocal, or one step for two, would end grains elsewhere.
+    double, single = (mi.Float64, lambda x: mi.Float64(kit.Float(x))) if kit.jit else (float, lambda x: float(np.float32(x)))
+    grain_um = double(np.float32(grain_um).item())
+
+    def whole(um, shift):
+        cell = dr.floor(single(single(double(um) / grain_um) + shift))
+        return words.of(kit.UInt(mi.Int32(cell)) if kit.jit else int(cell) & 0xFFFFFFFF)
+
     ply = kit.UInt(ply) if kit.jit else int(ply) & 0xFFFFFFFF
-    row = words.mix((words.of(ply) << 32) | words.of(whole(h_um / grain_um + 0.5)))
-    shift = (kit.Float(kit.UInt(row >> 44)) if kit.jit else float(row >> 44)) * 2.0**-20
-    return words.mix(words.plus(row ^ words.of(GAMMA), words.of(whole(along / grain_um + shift))))
+    row = words.mix((words.of(ply) << 32) | whole(h_um, 0.5))
+    shift = (double(kit.UInt(row >> 44)) if kit.jit else float(row >> 44)) * 2.0**-20
+    return words.mix(words.plus(row ^ words.of(GAMMA), whole(along, shift)))
 
 
 class Speckle:
