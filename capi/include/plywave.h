@@ -438,13 +438,13 @@ typedef struct PlywaveLayer {
     float transmitted_diffuse[PLYWAVE_MAX_COUNT];
 } PlywaveLayer;
 
-// Which speckle patterns a point of a ply has: those of a stretch of a ply.
+// Which speckle patterns a point of a ply has: those of a place on a ply, with the `h_um` of the query.
 typedef struct PlywaveInstance {
     // Number of the ply.
     uint32_t ply_id;
     // Position along its fibers [um].
     float position_um;
-    // Length of a stretch with the same patterns [um]; 0 for one instance for the whole ply. Twice the beam's waist suits.
+    // Length and width of a grain, which has the same patterns [um]; 0 for one instance for the whole ply. Twice the beam's waist suits.
     float grain_um;
 } PlywaveInstance;
 

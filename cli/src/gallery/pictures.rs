@@ -188,11 +188,11 @@ pub fn all() -> Vec<Picture> {
     for (name, cloth, setup, size_mm, exposure, caption) in [
         (
             "noise_close",
-            "polyester_satin",
+            "cotton_twill",
             Setup::Swatch,
             1.1,
             0.0,
-            "A few yarns of the satin under a lamp of half a degree, without and with the speckle of single stretches of a ply (Yu 2025, Fig. 15).",
+            "A few yarns of the twill under a lamp of half a degree, without and with the speckle of single places on a ply (Yu 2025, Fig. 15). Polyester's clear round fibers have little of it.",
         ),
         (
             "noise_silk",
