@@ -105,6 +105,10 @@ fn clear_cloths_conserve_energy_both_ways(cloth: &'static str) {
         ("polyester_satin", 0.5, 0.02, 0.06),
         ("polyester_satin", 0.15, 0.02, 0.055),
         ("polyester_satin", 0.05, 0.02, 0.09),
+        ("silk_organza", 1.0, 0.02, 0.02),
+        ("silk_organza", 0.5, 0.02, 0.02),
+        ("silk_organza", 0.2, 0.02, 0.06),
+        ("silk_organza", 0.05, 0.02, 0.25),
         ("cotton_plain", 0.8, 0.02, 0.02),
         ("cotton_plain", 0.3, 0.02, 0.025),
     ] {
@@ -133,7 +137,7 @@ fn clear_cloths_conserve_energy_both_ways(cloth: &'static str) {
     }
 }
 
-of_each!(clear_cloths_conserve_energy_both_ways: polyester_layers polyester_satin cotton_plain);
+of_each!(clear_cloths_conserve_energy_both_ways: polyester_layers polyester_satin silk_organza cotton_plain);
 
 /// The mean over a repeat is the same with view and light swapped.
 #[test]

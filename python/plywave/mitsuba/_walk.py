@@ -222,10 +222,11 @@ def plies_light(self, si, at, directions):
         lights = cloth.plies.lobes_towards(model, theta_i, h, sigma, towards, energies, gradients)
         exits = cloth.plies.exits(model, theta_i, h, cloth.of_family("radius", hit["is_warp"]))
         share, out = clear_share(sigma), []
+        if self.speckle is not None:
+            family = dr.select(hit["is_warp"], kit.uint(0), kit.uint(1))
+            patterns = instance(kit, (kit.uint(hit["yarn"]) * 16 + hit["ply"] * 2 + family), hit["along"], h, cloth.grain)
         for n, (b, v, (refl, high, density)) in enumerate(zip(directions, towards, lights)):
             if self.speckle is not None:
-                family = dr.select(hit["is_warp"], kit.uint(0), kit.uint(1))
-                patterns = instance(kit, (kit.uint(hit["yarn"]) * 16 + hit["ply"] * 2 + family), hit["along"], h, cloth.grain)
                 factors = self.speckle.factors(model, patterns, dr.sin(theta_i), v, self.lambda_um(si))
                 refl, high = refl * factors[0], high * factors[1]
             free = cloth.free(hit, model, b, exit_lines(exits, v), arounds[n], counts[n])
