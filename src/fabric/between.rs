@@ -283,7 +283,7 @@ fn path(
                     let all = (light.refl[k] + light.high[k]).min(most);
                     let out = light.refl[k] * free[0] + light.high[k] * (free[2] + share * (free[1] - free[2]));
                     gone.scattered[k] += per * all;
-                    gone.caught[usize::from(d[2] * a[2] < 0.0)][k] += per * (all - out).max(0.0);
+                    gone.caught[usize::from(d[2] * a[2] < 0.0)][k] += per * (all - out);
                 }
             }
         }
@@ -515,7 +515,8 @@ impl Between {
                     if factor == 0.0 {
                         continue;
                     }
-                    let caught = factor * (per * of(cause)).clamp(0.0, energy[k]);
+                    // Less than nothing where bent yarns send out more than straight ones.
+                    let caught = factor * (per * of(cause)).clamp(-energy[k], energy[k]);
                     at.caught[k] += caught;
                     for half in 0..2 {
                         let first = PAIRS * (2 * (2 * class + cause) + half);
@@ -526,6 +527,7 @@ impl Between {
                 }
             }
             for half in 0..2 {
+                at.energy[half][k] = at.energy[half][k].max(0.0);
                 for (pair, weight) in corners {
                     let shape = &side.shape[half * PAIRS + pair];
                     for n in 0..TERMS {

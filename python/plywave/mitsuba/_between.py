@@ -95,7 +95,7 @@ class Between:
                 for cause in range(2):
                     if not sent[cause]:
                         continue
-                    caught = clamp(per * of[cause], 0.0, energy[k])
+                    caught = clamp(per * of[cause], -energy[k], energy[k])
                     all_caught[k] = all_caught[k] + caught
                     for half in range(2):
                         at_leaves = (((side * CLASSES + cls) * 2 + cause) * 2 + half) * (SIGMAS * SIGMAS)
@@ -114,6 +114,8 @@ class Between:
         given = (list(classes), fractions, [[share for _, share in corners[k]] for k in range(n)])
         state = (following(kit.uint(0)), kit.zero_s(), kit.zero_s(), kit.zero_s())
         _, up, down, caught = kit.loop(state, lambda cls, up, down, caught: cls < CLASSES, body, "light between yarns", given)
+        for k in range(n):
+            up[k], down[k] = dr.maximum(up[k], 0.0), dr.maximum(down[k], 0.0)
         return up, down, (side, corners), caught
 
     def some(self, s):

@@ -13,7 +13,9 @@ NARROW = 0.2
 PASSED_ROWS, PASSED_COLUMNS = 16, 65
 # src/fabric/shadow.rs
 PLACES, ROWS, COLUMNS, OFFSETS, SIZE = 4, 8, 16, 7, 2 * 8 * 16
+MOST_SHARE = 1.35
 MEAN_Z = [0.017678, 0.082322, 0.175568, 0.290118, 0.422526, 0.570634, 0.732919, 0.908235]
+PER_ROW = (MEAN_Z[-1] - MEAN_Z[-2]) / (1.0 - MEAN_Z[-1])
 
 
 def two_thirds(z):
@@ -50,7 +52,7 @@ class Shadows:
         z = dr.minimum(dr.abs(b[2]), 1.0)
         r = dr.minimum(dr.floor(dr.maximum(dr.minimum(two_thirds(z) * ROWS, float(ROWS)) - 0.5, 0.0)), ROWS - 2.0)
         at = kit.uint(r)
-        s = dr.minimum((z - kit.take(self.mean_z, at * 2)) * kit.take(self.mean_z, at * 2 + 1), 1.0)
+        s = (z - kit.take(self.mean_z, at * 2)) * kit.take(self.mean_z, at * 2 + 1)
         column = (dr.atan2(b[1], b[0]) * (1.0 / TAU) + 1.0) * COLUMNS - 0.5
         c = dr.floor(column)
         t = column - c
@@ -80,7 +82,10 @@ class Shadows:
                 for o in range(OFFSETS):
                     word = low if o < 4 else high
                     sums[o] = sums[o] + w * kit.float(kit.int((word >> (8 * (o % 4))) & 255))
-        return [dr.maximum(x * (1.0 / 255.0), 0.0) for x in sums]
+        # At the pole no bend makes lines more.
+        s = around[2][1] + around[3][1]
+        most = dr.minimum(MOST_SHARE - (MOST_SHARE - 1.0) * PER_ROW * (s - 1.0), MOST_SHARE)
+        return [clamp(x * (MOST_SHARE / 255.0), 0.0, most) for x in sums]
 
     @staticmethod
     def within(free, offset, half):
