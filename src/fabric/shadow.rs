@@ -24,7 +24,9 @@ const OFFSETS: usize = 7;
 /// Numbers of a direction: the offsets, and zeros up to a word.
 pub(super) const LANES: usize = 8;
 /// Greatest entry: 255 stands for it.
-pub(super) const MOST_SHARE: f32 = 1.35;
+const MOST_SHARE: f32 = 1.35;
+/// The entry of light that all gets out.
+const ALL_FREE: u8 = (255.0 / MOST_SHARE + 0.5) as u8;
 /// Lines of an entry of all places together, and least and most of one place: where places are few, chance does not average out over them.
 const LINES: usize = 1024;
 const LINES_OF_ONE: [usize; 2] = [2, 16];
@@ -40,7 +42,7 @@ const LOOKED_AT: usize = 1 << 18;
 /// The table of a fabric.
 #[derive(Clone, Debug)]
 pub(super) struct Shadows {
-    /// `[place][row][column][LANES]`, 0 to 255.
+    /// `[place][row][column][LANES]`, 255 for [`MOST_SHARE`].
     pub(super) free: Vec<u8>,
     /// For patterns: of `[family][place][pattern]` the index of its row; empty where every place has its own.
     pub(super) patterns: Vec<u32>,
@@ -172,7 +174,7 @@ impl<'a> OfYarn<'a> {
     pub(super) fn at(&self, fabric: &Fabric, along_um: f32) -> ShadowsAt<'a> {
         let (place, between) = floor_fraction(along_um * self.per_um);
         let row = |at: usize| -> &'a [u8; SIZE] {
-            self.shadows.free.get(at * SIZE..).and_then(|rows| rows.first_chunk()).unwrap_or(&[189; SIZE])
+            self.shadows.free.get(at * SIZE..).and_then(|rows| rows.first_chunk()).unwrap_or(&[ALL_FREE; SIZE])
         };
         let patterns = &self.shadows.patterns;
         if patterns.is_empty() {
