@@ -353,8 +353,6 @@ mod tests {
     use super::super::flight::Near;
     use super::super::{FabricBsdf, FabricOptions, FabricSpec};
     use super::*;
-    use crate::io::Folder;
-    use std::path::Path;
 
     /// What lies between a yarn and the light that comes to it is what light that leaves there meets. Near the plane a line that comes stays in a yarn's hull for longer than the
     /// yarn is looked at, and some meet it twice ("met twice"), which shadows what lies behind; of organza and satin the bends add to it.
@@ -362,9 +360,7 @@ mod tests {
     fn lines_meet_the_same_both_ways() {
         const LINES: usize = 4000;
         for (name, most) in [("polyester_layers", 0.05), ("silk_organza", 0.03), ("polyester_satin", 0.03)] {
-            let folder = format!("{}/fabrics", env!("CARGO_MANIFEST_DIR"));
-            let text = std::fs::read_to_string(format!("{folder}/{name}.toml")).unwrap();
-            let loaded = FabricSpec::load_from(&text, name, &Folder::new(Path::new(&folder))).unwrap();
+            let loaded = FabricSpec::load(format!("{}/fabrics/{name}.toml", env!("CARGO_MANIFEST_DIR"))).unwrap();
             let bsdf = FabricBsdf::new(loaded, &FabricOptions::RAYS).unwrap();
             let fabric = &bsdf.fabric;
             let r_d = |near: &Near| bsdf.model_of(near.hit.family, near.hit.yarn).r_d(near.hit.theta_i, near.hit.h_um);
