@@ -134,7 +134,7 @@ fn every_case_of_the_beam_is_a_scattering_function() {
     println!("gap, one layer, two: {checked:?}; least p-value {least:.4}, furnace within {furnace:.4?}");
     assert!(least > 0.01 / 18.0, "least p-value {least}");
     // Of light that other yarns catch, a point's albedo has the mean over places.
-    assert!(furnace.iter().all(|f| *f < 0.12), "furnace {furnace:?}");
+    assert!(furnace.iter().all(|f| *f < 0.13), "furnace {furnace:?}");
 }
 
 /// The mean over small areas on both sides of the repeat's border is that over areas one repeat on.

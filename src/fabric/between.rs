@@ -1,8 +1,8 @@
 //! Light between yarns: what leaves a ply and meets another yarn, until it leaves the cloth.
 //!
 //! The cloth's f is that of the ply which the line meets, as far as the light gets out without meeting another yarn (`shadow.rs`), and the rest, the light that is
-//! scattered by two or more yarns. The rest is smooth. Its energies are found once a fabric by following light from ply to ply: a ply scatters as its model says; light of
-//! single reflection leaves the ply's wall where the line enters it, other light anywhere across the ply; a beam that passes a ply's rim goes on. Energies are regressed
+//! scattered by two or more yarns. The rest is smooth. Its energies are found once a fabric by following light from ply to ply: a ply scatters as its model says; light
+//! leaves it as the model's exits lie; a beam that passes a ply's rim goes on. Energies are regressed
 //! on polynomials of the direction `a` that the light comes from (by reciprocity: of the viewer), apart for
 //!
 //! - the face and the back, from which the light comes,
@@ -25,7 +25,7 @@ use crate::color::AlbedoCurve;
 use crate::gap::Slit;
 use crate::math::hash::SplitMix64;
 use crate::math::parallel;
-use crate::ply::{ByFirst, EXIT_KINDS, ExitLine, ExitsAt, LobeLight, UncachedPly};
+use crate::ply::{ByFirst, ExitDensity, ExitsAt, LobeLight, UncachedPly};
 use crate::{PlyModel, PlyQuery};
 use std::f32::consts::PI;
 
@@ -47,10 +47,6 @@ const BEAMS: usize = 1 << 18;
 const FOLLOWED: usize = 4;
 /// Most plies that scatter a path.
 const MOST_ORDERS: usize = 64;
-/// Half width of the offsets at which light leaves dark fibers, over R.
-const DARK_WIDTH: f32 = 0.35;
-/// Greatest mean offset that is drawn.
-const MOST_SIDED: f32 = 0.45;
 /// What f has over the density of its samples, at most.
 const MOST_OVER: f32 = 2.0;
 /// Directions of the first ply's light that are looked at.
@@ -207,20 +203,6 @@ pub(super) fn class(hit: &PlyHit) -> usize {
     2 * (hit.family as usize) + usize::from(hit.is_double)
 }
 
-/// An offset at which light of several scatterings leaves clear fibers, and by how much likelier light of dark fibers leaves there. Over all of [-1, 1] evenly and over one
-/// half of it, so that the mean is that of clear fibers; of dark ones, evenly within [`DARK_WIDTH`] of its mean.
-fn exit_offset([_, clear, dark]: [ExitLine; EXIT_KINDS], u: [f32; 2]) -> (f32, f32) {
-    let [clear, dark] = [clear.t, dark.t];
-    let sided = 2.0 * clear.abs().min(MOST_SIDED);
-    let side = if clear < 0.0 { -1.0 } else { 1.0 };
-    let t = if u[0] < sided { side * u[1] } else { 2.0 * u[1] - 1.0 };
-    let density = 0.5 * (1.0 - sided) + if t * side > 0.0 { sided } else { 0.0 };
-    let [low, high] =
-        [(dark - DARK_WIDTH).clamp(-1.0, 1.0 - DARK_WIDTH), (dark + DARK_WIDTH).clamp(DARK_WIDTH - 1.0, 1.0)];
-    let of_dark = if low < t && t < high { 1.0 / (high - low) } else { 0.0 };
-    (t, of_dark / density)
-}
-
 /// A path from direction `a` through a point of the middle plane, followed to its end or to its first ply; none where it is dropped or lost.
 fn path(
     (fabric, shadows, yarns): (&Fabric, &Shadows, &impl Yarns),
@@ -302,15 +284,18 @@ fn path(
             gone.sent_up = d[2] * a[2] > 0.0;
             gone.first = std::array::from_fn(|k| ((light.refl[k] + light.high[k]) / (refl + high)).min(1.0));
         }
-        let ExitLine { t, s } = if number() * (refl + high) < refl {
-            lines[0]
+        let density = |kind: usize| ExitDensity::new(kind, lines[kind].t);
+        let (t, s) = if number() * (refl + high) < refl {
+            (density(0).draw(number()), lines[0].s)
         } else {
             // Drawn for clear fibers.
-            let (t, dark) = exit_offset(lines, [number(), number()]);
+            let [clear, dark] = [1, 2].map(density);
+            let t = clear.draw(number());
+            let dark = dark.at(t) / clear.at(t);
             for (k, weight) in gone.weight[hit.family as usize].iter_mut().enumerate() {
                 *weight *= (light.high[k] / high).min(1.0) * (clear_shares[k] + (1.0 - clear_shares[k]) * dark);
             }
-            ExitLine { t, s: lines[1].s }
+            (t, lines[1].s)
         };
         let x = [d[1] * z[2] - d[2] * z[1], d[2] * z[0] - d[0] * z[2], d[0] * z[1] - d[1] * z[0]];
         let scale = -t * radius / (x[0] * x[0] + x[1] * x[1] + x[2] * x[2]).sqrt().max(1e-6);

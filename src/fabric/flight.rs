@@ -28,6 +28,8 @@ const ALL: [f32; MAX_PLIES] = [f32::NEG_INFINITY; MAX_PLIES];
 const NONE: u64 = u64::MAX;
 /// How far a yarn is looked at at once, over its hull's radius. A ply's r_d is of the whole yarn: a yarn that a line passes beside once must count once.
 const LOOKED_AT: f32 = 4.0;
+/// How far from where it is asked a yarn is met at most, over its hull's radius.
+const AHEAD: f32 = 6.0;
 /// Squared sine below which a line counts as parallel to a yarn.
 const PARALLEL: f32 = 1e-10;
 /// What light comes from may be met again this far away, over R.
@@ -88,6 +90,19 @@ struct Meeting {
     nearest: f32,
 }
 
+/// A yarn that has been asked.
+#[derive(Clone, Copy, Debug)]
+struct Passed {
+    key: u64,
+    /// It is not asked before the line is so far, and where on the line it was found [um].
+    until: f32,
+    met_at: f32,
+}
+
+impl Passed {
+    const NONE: Passed = Passed { key: NONE, until: f32::NEG_INFINITY, met_at: f32::NEG_INFINITY };
+}
+
 /// A line on its way through a fabric.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Flight<'a> {
@@ -95,8 +110,8 @@ pub(super) struct Flight<'a> {
     from: [f32; 3],
     d: [f32; 3],
     at: f32,
-    /// Keys of the yarns that have been asked, each until the line leaves its hull.
-    passed: [(u64, f32); PASSED],
+    /// The yarns that have been asked.
+    passed: [Passed; PASSED],
     oldest: usize,
     /// Of a yarn whose plies scatter one by one: its key, and until when each ply is not met, as the line has left it [um].
     left: (u64, [f32; MAX_PLIES]),
@@ -142,11 +157,11 @@ pub(super) fn exit(center: [f32; 3], z: [f32; 3], radius: f32, p: [f32; 3], b: [
 impl Fabric {
     /// The line from `from` [um] in direction `d` (unit).
     pub(super) fn flight(&self, from: [f32; 3], d: [f32; 3], skip: Skip) -> Flight<'_> {
-        let mut passed = [(NONE, f32::NEG_INFINITY); PASSED];
+        let mut passed = [Passed::NONE; PASSED];
         let mut left = (NONE, ALL);
         match skip {
             Skip::None => {}
-            Skip::Yarn(id, until) => passed[0] = (id.key(), until),
+            Skip::Yarn(id, until) => passed[0] = Passed { key: id.key(), until, ..Passed::NONE },
             Skip::Ply(id, ply, until) => {
                 left.0 = id.key();
                 left.1[ply as usize % MAX_PLIES] = until;
@@ -219,14 +234,20 @@ impl Flight<'_> {
     /// How far the line goes before it asks a yarn [um].
     fn until(&self, id: YarnId) -> f32 {
         let key = id.key();
-        self.passed.iter().fold(f32::NEG_INFINITY, |all, (passed, until)| if *passed == key { *until } else { all })
+        self.passed.iter().fold(f32::NEG_INFINITY, |all, passed| if passed.key == key { passed.until } else { all })
     }
 
-    fn pass(&mut self, id: YarnId, until: f32) {
+    /// Where on the line a yarn was found last [um].
+    fn met_at(&self, id: YarnId) -> f32 {
+        let key = id.key();
+        self.passed.iter().find(|passed| passed.key == key).map_or(f32::NEG_INFINITY, |passed| passed.met_at)
+    }
+
+    fn pass(&mut self, id: YarnId, until: f32, met_at: f32) {
         // A yarn has one entry.
         let key = id.key();
-        let slot = self.passed.iter().position(|(passed, _)| *passed == key).unwrap_or(self.oldest);
-        self.passed[slot] = (key, until);
+        let slot = self.passed.iter().position(|passed| passed.key == key).unwrap_or(self.oldest);
+        self.passed[slot] = Passed { key, until, met_at };
         if slot == self.oldest {
             self.oldest = (self.oldest + 1) % self.passed.len();
         }
@@ -379,7 +400,7 @@ impl Flight<'_> {
             let yarn = &fabric.yarns[id.family as usize];
             let hull = yarn.hull;
             let Some(Meeting { met, axes, axis, nearest }) = meeting else {
-                self.pass(id, until.max(self.at + LEAST_STEP_UM));
+                self.pass(id, until.max(self.at + LEAST_STEP_UM), f32::NEG_INFINITY);
                 self.at += 0.1 * LEAST_STEP_UM;
                 continue;
             };
@@ -392,19 +413,25 @@ impl Flight<'_> {
             let leaves = if a > 1e-6 && room > 0.0 { (room.sqrt() - half) / a } else { 0.0 };
             // It goes on in any case, so that every line ends.
             let leaves = self.at + leaves.clamp(LEAST_STEP_UM, LOOKED_AT * hull);
+            // A line that stays near a yarn for longer than it is looked at asks again, and finds the same place or, where the yarn bends, the next.
+            let before = self.met_at(id);
+            let is_new = yarn.plies > 1 || (nearest - before).abs() > yarn.half_width;
+            let is_in_reach = (nearest - self.at).abs() < AHEAD * hull;
+            let met_at = if is_in_reach { nearest } else { before };
             if met.hit && yarn.one_by_one {
                 // Behind the ply that is met there may be another.
                 if self.left.0 != id.key() {
                     self.left = (id.key(), ALL);
                 }
                 self.left.1[met.ply as usize % MAX_PLIES] = nearest + OWN * yarn.radius;
-                self.pass(id, nearest.max(self.at));
+                self.pass(id, nearest.max(self.at), met_at);
             } else {
-                self.pass(id, if met.hit || yarn.plies == 1 { leaves } else { until.max(self.at + LEAST_STEP_UM) });
+                let until = if met.hit || yarn.plies == 1 { leaves } else { until.max(self.at + LEAST_STEP_UM) };
+                self.pass(id, until, met_at);
             }
             self.at += 0.1 * LEAST_STEP_UM;
             // What lies behind the line's start is not met.
-            if met.h.abs() < yarn.reach && nearest > 0.0 && (nearest - self.at).abs() < 6.0 * hull {
+            if is_new && met.h.abs() < yarn.reach && nearest > 0.0 && is_in_reach {
                 let to_fabric = |v: [f32; 3]| -> [f32; 3] {
                     std::array::from_fn(|i| v[0] * axes[0][i] + v[1] * axes[1][i] + v[2] * axes[2][i])
                 };

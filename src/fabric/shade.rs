@@ -6,7 +6,7 @@ use super::shadow::{self, OfYarn, Shadows, ShadowsAt, Toward};
 use super::yarn::{cross, dot};
 use crate::PlyModel;
 use crate::math::simd::atan2;
-use crate::ply::{EXIT_KINDS, ExitLine, PassedLines};
+use crate::ply::{EXIT_KINDS, ExitDensity, ExitLine, PassedLines};
 
 /// Neighbors of a ply: which of them count, and the place.
 #[derive(Clone, Copy, Debug)]
@@ -29,8 +29,9 @@ pub(super) struct Shade<'a> {
     yarn_axis: [f32; 3],
 }
 
-/// Half of the width over which single reflection and light of dark fibers spread, over R.
-const NARROW: f32 = 0.2;
+/// Parts of a ply's width over which light that leaves it counts as even where it passes other plies of its yarn, and the least share of light that counts.
+const PARTS: usize = 6;
+const LEAST_SHARE: f32 = 2e-3;
 
 impl<'a> Shade<'a> {
     /// Of a ply that a line from direction `a` comes near; `counts` are the halves, up first, in which shadows count.
@@ -87,24 +88,29 @@ impl<'a> Shade<'a> {
         }
         // Single reflection and light of dark fibers turn at places near each other.
         let places = [self.at(0.5 * (refl.s + dark.s) + further), self.at(clear.s + further)];
-        let span = |t: f32, half: f32| [(off - t) * self.scale, half * self.scale];
-        let wide = 1.0 - clear.t.abs();
-        let mut free =
-            shadow::free(&places, toward, &[span(refl.t, NARROW), span(clear.t, wide), span(dark.t, NARROW)]);
+        let lines = [refl, clear, dark];
+        let exits: [ExitDensity; EXIT_KINDS] = std::array::from_fn(|kind| ExitDensity::new(kind, lines[kind].t));
+        let mut free = shadow::free(&places, toward, &exits, off, self.scale);
         if let Some(passed) = self.passed.filter(|_| free != [0.0; EXIT_KINDS]) {
-            self.pass_plies(passed, b, [(refl, NARROW), (clear, wide), (dark, NARROW)], &mut free);
+            self.pass_plies(passed, b, lines, &exits, &mut free);
         }
         free
     }
 
-    /// Of the shares, those that pass the yarn's other plies as well, by lines as far from the ply's axis as the exits and as wide.
+    /// Of the shares, those that pass the yarn's other plies as well, by lines that lie as the light does.
     fn pass_plies(
         &self,
         passed: &PassedLines,
         b: [f32; 3],
-        exits: [(ExitLine, f32); EXIT_KINDS],
+        lines: [ExitLine; EXIT_KINDS],
+        exits: &[ExitDensity; EXIT_KINDS],
         free: &mut [f32; EXIT_KINDS],
     ) {
+        let edge = |part: usize| 2.0 * part as f32 / PARTS as f32 - 1.0;
+        let shares: [[f32; PARTS]; EXIT_KINDS] = std::array::from_fn(|kind| {
+            let below: [f32; PARTS + 1] = std::array::from_fn(|part| exits[kind].below(edge(part)));
+            std::array::from_fn(|part| below[part + 1] - below[part])
+        });
         let yarn = &self.fabric.yarns[self.shadows.family as usize];
         let (t, p, z) = (self.yarn_axis, self.off_axis, self.axis);
         let turned = |v: [f32; 3], [c, s]: [f32; 2]| -> [f32; 3] {
@@ -120,12 +126,26 @@ impl<'a> Shade<'a> {
             let along = dot(b, axis);
             let sine = dot(across, across).sqrt().max(1e-3);
             let theta = atan2::<false>(along, sine);
-            for (free, (line, half)) in free.iter_mut().zip(exits) {
-                let from: [f32; 3] = std::array::from_fn(|i| p[i] - line.t * per_x * x[i] + line.s * z[i] - center[i]);
-                if along * dot(from, axis) > dot(from, b) {
-                    let h = dot(from, across) / sine;
-                    *free *= passed.mean(theta, (h - half) * yarn.radius, (h + half) * yarn.radius);
+            // How far from the other ply's axis a line lies, by how far it lies from this one's.
+            let slope = -per_x * dot(x, across) / sine;
+            let half = yarn.radius * slope.abs().max(0.1) / PARTS as f32;
+            for (kind, free) in free.iter_mut().enumerate() {
+                let line = &lines[kind];
+                let middle: [f32; 3] = std::array::from_fn(|i| p[i] + line.s * z[i] - center[i]);
+                let from: [f32; 3] = std::array::from_fn(|i| middle[i] - line.t * per_x * x[i]);
+                if along * dot(from, axis) <= dot(from, b) {
+                    continue;
                 }
+                let h = dot(middle, across) / sine;
+                let (mut sum, mut all) = (0.0, 0.0);
+                for (part, share) in shares[kind].iter().enumerate() {
+                    if *share > LEAST_SHARE {
+                        let h = yarn.radius * (h + slope * (edge(part) + 1.0 / PARTS as f32));
+                        sum += share * passed.mean(theta, h - half, h + half);
+                        all += share;
+                    }
+                }
+                *free *= sum / all;
             }
         }
     }
@@ -179,20 +199,15 @@ mod tests {
                     continue;
                 }
                 let lines = [0.0; 2].map(|_| ExitLine { t: 1.6 * number() - 0.8, s: 0.6 * number() - 0.3 });
-                let halves = [NARROW, 1.0 - lines[1].t.abs()];
+                let exits = [0, 1, 0].map(|kind| ExitDensity::new(kind, lines[kind].t));
                 let mut got = [1.0; EXIT_KINDS];
-                shade.pass_plies(
-                    model.passed_lines().unwrap(),
-                    b,
-                    [(lines[0], halves[0]), (lines[1], halves[1]), (lines[0], halves[0])],
-                    &mut got,
-                );
+                shade.pass_plies(model.passed_lines().unwrap(), b, [0, 1, 0].map(|i| lines[i]), &exits, &mut got);
                 assert_eq!(got[0], got[2]);
                 count += 1.0;
                 for kind in 0..2 {
                     let mut want = 0.0;
                     for i in 0..LINES {
-                        let t = lines[kind].t + halves[kind] * ((2 * i + 1) as f32 / LINES as f32 - 1.0);
+                        let t = exits[kind].draw((i as f32 + 0.5) / LINES as f32);
                         let inner = std::array::from_fn(|i| {
                             near.center[i] + radius * (lines[kind].s * z[i] - t * per_x * x[i])
                         });

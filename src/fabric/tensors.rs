@@ -14,7 +14,7 @@
 //! | `threads_warp`, `threads_weft` | `[..]` | dye of each yarn of one repeat |
 //! | `dye_rgb`, `dye_spectrum` | `[dyes][3]`, `[dyes][81]` | absorptions [1/um] of linear sRGB, and at 0.38 to 0.78 um |
 //! | `curve` | `[..][2]` | v = 1 / (1 + sigma L) and the cloth's brightness |
-//! | `shadow_free` | `[rows][16][16][8]` | shares that get out, 255 for 1.35 (`MOST_SHARE` of `shadow.rs`) |
+//! | `shadow_free` | `[rows][18][16][8]` | shares that get out, 255 for 1.35 (`MOST_SHARE` of `shadow.rs`) |
 //! | `shadow_patterns` | `[2][4][512]` or empty | rows by pattern |
 //! | `between_caught` | `[2][4][3][8][168]` | by side, class, sent up, down and all, absorption: splines of the direction |
 //! | `between_leaves` | `[2][4][2][2][64][8]` | by side, class, sent, leaves, pair of absorptions |

@@ -58,8 +58,9 @@ const N: usize = 4;
 /// The inverse of the plastic number and its square: steps of an even sequence in the plane.
 const STEPS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
 
-/// The same of the directions within a bin, at odds with those of the places: powers of the root of x^5 = x + 1.
+/// The same of the directions within a bin and of the repeats, at odds with those of the places: powers of the root of x^5 = x + 1.
 const STEPS_OF_DIRECTIONS: [f64; 2] = [0.856_674_883_854_502_9, 0.733_891_856_627_126];
+const STEPS_OF_REPEATS: [f64; 2] = [0.628_706_721_042_211_5, 0.538_597_257_223_612_7];
 
 /// All views and absorptions of the twin, in its order. The fabric's own colors do not count: the absorptions are the twin's.
 pub fn compare(fabric: &FabricBsdf, twin: &ClothTwin, options: &ComparisonOptions) -> Vec<Comparison> {
@@ -149,9 +150,13 @@ fn mean_of_model(
     let mut sums = vec![[0.0f64; N]; twin.bins.len()];
     let mut straight = [0.0f64; N];
     let places = options.places.max(1);
-    let size = [0, 1].map(|k| twin.repeat_um[k] * f64::from(twin.repeats[k].max(1)));
     for place in 0..places {
-        let at = [0, 1].map(|k| (size[k] * (0.5 + place as f64 * STEPS[k]).fract()) as f32);
+        // Apart, as steps of many repeats are not even within one.
+        let at = [0, 1].map(|k| {
+            let even = |steps: [f64; 2]| (0.5 + place as f64 * steps[k]).fract();
+            let repeat = (even(STEPS_OF_REPEATS) * f64::from(twin.repeats[k].max(1))).floor();
+            (twin.repeat_um[k] * (repeat + even(STEPS))) as f32
+        });
         let query = FabricQuery { sigma_per_um: sigma.map(Some), ..FabricQuery::new(at, wo, [0.55; N]) };
         let bsdf = fabric.at(&query);
         directions.fill(&twin.bins, wo, side, place);

@@ -15,6 +15,7 @@ NO_YARN = -(2**31)
 PLIES = 16
 FAR_UM = 1e7
 LOOKED_AT = 4.0
+AHEAD = 6.0
 OWN = 2.5
 # src/fabric/walk.rs
 MOST_STRETCHES, NEXT = 24, 0.02
@@ -36,6 +37,8 @@ class Flight(Yarns):
             "at": kit.float(0.0),
             "ids": [kit.int(NO_YARN)] * PASSED,
             "until": [kit.float(0.0)] * PASSED,
+            # Where on the line a yarn of one ply was found last.
+            "met": [kit.float(-1e30)] * (PASSED if self.least_plies == 1 else 0),
             "oldest": kit.uint(0),
             "on": kit.bool(active),
             # Of a yarn whose plies scatter one by one: which, and until when each ply is not met, as the line has left it.
@@ -133,7 +136,7 @@ class Flight(Yarns):
             walking = kit.both(kit.both(walking, kit.no(ends)), count < MOST_STRETCHES)
             return at, end, least, ply, place, is_hit, count, walking, which, left
 
-        def search(at, ids, until, oldest, on, searching, found_which, found_at, left):
+        def search(at, ids, until, met_at, oldest, on, searching, found_which, found_at, left):
             which = kit.int(NO_YARN)
             at, which, on, _, _, _ = kit.loop(
                 (at, which, on, kit.uint(0), list(ids), list(until)),
@@ -188,30 +191,40 @@ class Flight(Yarns):
             listed = kit.bool(False)
             for i in range(PASSED):
                 listed = listed | (ids[i] == which)
+            near = dr.abs(nearest - at) < AHEAD * hull
+            is_new = True
+            if met_at:
+                # A line that stays near a yarn for longer than it is looked at finds the same place or, where the yarn bends, the next.
+                before = kit.float(-1e30)
+                for i in range(PASSED):
+                    before = dr.select(ids[i] == which, met_at[i], before)
+                is_new = kit.no(kit.both(one, dr.abs(nearest - before) <= self.of_family("half_width", is_warp)))
+                last = dr.select(near, nearest, before)
             slots = [dr.select(listed, ids[i] == which, oldest == i) for i in range(PASSED)]
             was_oldest = kit.bool(False)
             for i in range(PASSED):
                 was_oldest = was_oldest | kit.both(slots[i], oldest == i)
             ids = [dr.select(kit.both(has, slots[i]), which, ids[i]) for i in range(PASSED)]
             until = [dr.select(kit.both(has, slots[i]), end, until[i]) for i in range(PASSED)]
+            met_at = [dr.select(kit.both(has, slot), last, m) for slot, m in zip(slots, met_at)]
             oldest = dr.select(kit.both(has, was_oldest), dr.select(oldest == PASSED - 1, kit.uint(0), oldest + 1), oldest)
             at = dr.select(has, at + 0.1 * LEAST_STEP_UM, at)
             taken = dr.abs(met["h"]) < self.of_family("reach", is_warp)
-            taken = kit.both(kit.both(taken, nearest > 0.0), dr.abs(nearest - at) < 6.0 * hull)
-            taken = kit.both(known, taken)
+            taken = kit.both(kit.both(taken, nearest > 0.0), near)
+            taken = kit.both(kit.both(known, is_new), taken)
             name = which * PLIES + dr.maximum(ply, 0) * 2 + dr.select(is_hit, kit.int(1), kit.int(0)) if self.most_plies > 1 else which * PLIES
             searching = kit.both(kit.both(searching, on), kit.no(taken))
-            return at, ids, until, oldest, on, searching, dr.select(taken, name, found_which), dr.select(taken, place, found_at), left
+            return at, ids, until, met_at, oldest, on, searching, dr.select(taken, name, found_which), dr.select(taken, place, found_at), left
 
         s = state
-        at, ids, until, oldest, on, _, which, place, left = kit.loop(
-            (s["at"], list(s["ids"]), list(s["until"]), s["oldest"], s["on"], s["on"], kit.int(NO_YARN), kit.float(0.0), list(s["left"])),
-            lambda at, ids, until, oldest, on, searching, which, place, left: searching,
+        at, ids, until, met_at, oldest, on, _, which, place, left = kit.loop(
+            (s["at"], list(s["ids"]), list(s["until"]), list(s["met"]), s["oldest"], s["on"], s["on"], kit.int(NO_YARN), kit.float(0.0), list(s["left"])),
+            lambda at, ids, until, met_at, oldest, on, searching, which, place, left: searching,
             search,
             "search",
         )
         on = kit.both(on, which != NO_YARN)
-        return {"at": at, "ids": ids, "until": until, "oldest": oldest, "on": on, "left": left}, which, place
+        return {"at": at, "ids": ids, "until": until, "met": met_at, "oldest": oldest, "on": on, "left": left}, which, place
 
     def hit(self, which, start, d, place):
         """All about the ply that a line comes near (``PlyHit`` of src/fabric/place.rs)."""

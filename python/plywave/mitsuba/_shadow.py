@@ -3,19 +3,24 @@
 import math
 
 import drjit as dr
+import numpy as np
 
 from ._kit import clamp, cross3, dot3
 
 TAU = 2.0 * math.pi
-# src/fabric/at.rs
-NARROW = 0.2
+# src/fabric/shade.rs
+PARTS, LEAST_SHARE = 6, 2e-3
+# src/ply/exits.rs
+LENGTHS, MEANS, MOST_MEAN = (0.13, 0.65, 0.18), 65, 0.97
 # src/ply/lines.rs
 PASSED_ROWS, PASSED_COLUMNS = 16, 65
 # src/fabric/shadow.rs
-PLACES, ROWS, COLUMNS, OFFSETS, SIZE = 4, 8, 16, 7, 2 * 8 * 16
+PLACES, BANDS, COLUMNS, OFFSETS = 4, 8, 16, 7
+ROWS = BANDS + 1
+SIZE = 2 * ROWS * COLUMNS
 MOST_SHARE = 1.35
 MEAN_Z = [0.017678, 0.082322, 0.175568, 0.290118, 0.422526, 0.570634, 0.732919, 0.908235]
-PER_ROW = (MEAN_Z[-1] - MEAN_Z[-2]) / (1.0 - MEAN_Z[-1])
+PER_SQUARED_SINE = 1.0 / (1.0 - MEAN_Z[-1] ** 2)
 
 
 def two_thirds(z):
@@ -24,6 +29,31 @@ def two_thirds(z):
     for _ in range(2):
         c = c - (c * c * c - root) / (3.0 * c * c)
     return c * c * c * c
+
+
+def mean_of(mode, length):
+    """Mean of the density of light that leaves a ply, over its radius."""
+    below, above = ((1.0 - math.exp(-w / length), length - (length + w) * math.exp(-w / length)) for w in (1.0 + mode, 1.0 - mode))
+    return mode + (above[1] - below[1]) / (below[0] + above[0])
+
+
+def shape(mean, length):
+    """Mode and length of the density with a mean of 0 or more."""
+    is_short = mean_of(1.0, length) < mean
+    low, high = (1e-3, length) if is_short else (0.0, 1.0)
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if mean_of(1.0, middle) < mean if is_short else mean_of(middle, length) > mean:
+            high = middle
+        else:
+            low = middle
+    return (1.0, low) if is_short else (low, length)
+
+
+def exit_shapes():
+    """Modes and lengths by kind and mean, of two means behind each other in a packet."""
+    shapes = np.array([[shape(MOST_MEAN * i / (MEANS - 1), length) for i in range(MEANS)] for length in LENGTHS])
+    return np.concatenate([shapes[:, :-1], shapes[:, 1:]], 2)
 
 
 class Shadows:
@@ -50,9 +80,10 @@ class Shadows:
         """Rows and columns of the table around a direction and their weights."""
         kit = self.kit
         z = dr.minimum(dr.abs(b[2]), 1.0)
-        r = dr.minimum(dr.floor(dr.maximum(dr.minimum(two_thirds(z) * ROWS, float(ROWS)) - 0.5, 0.0)), ROWS - 2.0)
+        r = dr.minimum(dr.floor(dr.maximum(dr.minimum(two_thirds(z) * BANDS, float(BANDS)) - 0.5, 0.0)), BANDS - 1.0)
         at = kit.uint(r)
         s = (z - kit.take(self.mean_z, at * 2)) * kit.take(self.mean_z, at * 2 + 1)
+        s = dr.select(r < BANDS - 1.0, s, 1.0 - dr.sqrt((1.0 - z * z) * PER_SQUARED_SINE))
         column = (dr.atan2(b[1], b[0]) * (1.0 / TAU) + 1.0) * COLUMNS - 0.5
         c = dr.floor(column)
         t = column - c
@@ -82,20 +113,36 @@ class Shadows:
                 for o in range(OFFSETS):
                     word = low if o < 4 else high
                     sums[o] = sums[o] + w * kit.float(kit.int((word >> (8 * (o % 4))) & 255))
-        # At the pole no bend makes lines more.
-        s = around[2][1] + around[3][1]
-        most = dr.minimum(MOST_SHARE - (MOST_SHARE - 1.0) * PER_ROW * (s - 1.0), MOST_SHARE)
-        return [clamp(x * (MOST_SHARE / 255.0), 0.0, most) for x in sums]
+        return [clamp(x * (MOST_SHARE / 255.0), 0.0, MOST_SHARE) for x in sums]
+
+    def exit_density(self, kind, mean):
+        """How light of a kind lies across a ply where it leaves, as :meth:`below` asks (src/ply/exits.rs)."""
+        kit = self.kit
+        x = dr.minimum(dr.abs(mean), MOST_MEAN) * ((MEANS - 1) / MOST_MEAN)
+        node = dr.minimum(dr.floor(x), MEANS - 2.0)
+        mode, length, mode_to, length_to = kit.packets(self.exit_shapes, kit.uint(node) + kind * (MEANS - 1), 1)
+        s = x - node
+        mode = dr.mulsign(mode + s * (mode_to - mode), mean)
+        per = math.log2(math.e) / (length + s * (length_to - length))
+        tail, other = dr.exp2((-1.0 - mode) * per), dr.exp2((mode - 1.0) * per)
+        return mode, per, tail, 1.0 / (2.0 - tail - other)
 
     @staticmethod
-    def within(free, offset, half):
-        half = dr.minimum(half, 1.0)
-        center = clamp(offset, half - 1.0, 1.0 - half)
-        low, high = (center - half + 1.0) * (0.5 * OFFSETS), (center + half + 1.0) * (0.5 * OFFSETS)
-        total = 0.0
+    def below(density, t):
+        """The share that leaves at offsets below ``t``."""
+        mode, per, tail, per_all = density
+        t = clamp(t, -1.0, 1.0) - mode
+        e = dr.exp2(-dr.abs(t) * per)
+        return (dr.select(t < 0.0, e, 2.0 - e) - tail) * per_all
+
+    def within(self, free, density, off, scale):
+        """The mean of what is free at the offsets of a yarn, of light that leaves a ply so."""
+        total, before = 0.0, 1.0
         for o, value in enumerate(free):
-            total = total + value * dr.maximum(dr.minimum(high, o + 1.0) - dr.maximum(low, float(o)), 0.0)
-        return total / dr.maximum(high - low, 1e-6)
+            after = self.below(density, off - (2.0 * (o + 1) / OFFSETS - 1.0) / scale) if o + 1 < OFFSETS else 0.0
+            total = total + (before - after) * value
+            before = after
+        return total
 
     def free(self, hit, model, b, lines, around, counts):
         """Shares of single reflection, of other light of clear fibers and of dark ones that get out in direction ``b``."""
@@ -112,19 +159,14 @@ class Shadows:
             further = -(dot3(p, b) - bz * dot3(p, z)) * bz * per_sine * per_sine
         narrow = self.free_at(hit, 0.5 * (refl[1] + dark[1]) + further, around)
         wide = self.free_at(hit, clear[1] + further, around)
-        at = lambda t: (off - t) * scale
-        shares = [
-            self.within(narrow, at(refl[0]), NARROW * scale),
-            self.within(wide, at(clear[0]), (1.0 - dr.abs(clear[0])) * scale),
-            self.within(narrow, at(dark[0]), NARROW * scale),
-        ]
+        exits = [self.exit_density(kind, line[0]) for kind, line in enumerate(lines)]
+        shares = [self.within(free, exit, off, scale) for free, exit in zip((narrow, wide, narrow), exits)]
         if self.some_one_by_one:
-            halves = [NARROW, 1.0 - dr.abs(clear[0]), NARROW]
-            shares = [a * b for a, b in zip(shares, self.pass_plies(hit, model, b, zip(lines, halves)))]
+            shares = [a * b for a, b in zip(shares, self.pass_plies(hit, model, b, lines, exits))]
         return [dr.select(counts, x, 1.0) for x in shares]
 
-    def pass_plies(self, hit, model, b, exits):
-        """What the other plies of a yarn let pass of light that leaves on lines so far from its ply's axis and so wide (src/fabric/shade.rs)."""
+    def pass_plies(self, hit, model, b, lines, exits):
+        """What the other plies of a yarn let pass of light that leaves its ply so (src/fabric/shade.rs)."""
         kit, is_warp, z, t = self.kit, hit["is_warp"], hit["frame"][2], hit["yarn_axis"]
         radius = self.of_family("radius", is_warp)
         p = [v / radius for v in hit["off_axis"]]
@@ -135,7 +177,13 @@ class Shadows:
 
         x = cross3(b, z)
         per_x = 1.0 / dr.maximum(dr.sqrt(dot3(x, x)), 1e-3)
-        exits = [([p[i] - aside * per_x * x[i] + further * z[i] for i in range(3)], half) for (aside, further), half in exits]
+        edges = [2.0 * part / PARTS - 1.0 for part in range(PARTS + 1)]
+        parts = []
+        for density in exits:
+            below = [self.below(density, edge) for edge in edges]
+            share = [y - x for x, y in zip(below, below[1:])]
+            parts.append([dr.select(x > LEAST_SHARE, x, 0.0) for x in share])
+        lines = [([p[i] + further * z[i] for i in range(3)], [aside * per_x * x[i] for i in range(3)]) for aside, further in lines]
         shares = [kit.float(1.0)] * len(exits)
         several = self.of_family("one_by_one", is_warp) > 0.5
         for n, (c, s) in enumerate(self.places_of_plies(is_warp)):
@@ -146,12 +194,18 @@ class Shadows:
             across, along = cross3(b, axis), dot3(b, axis)
             sine = dr.maximum(dr.sqrt(dot3(across, across)), 1e-3)
             theta = dr.atan2(along, sine)
-            for i, (start, half) in enumerate(exits):
-                off = [start[k] - center[k] for k in range(3)]
+            slope = -per_x * dot3(x, across) / sine
+            half = dr.maximum(dr.abs(slope), 0.1) * (radius / PARTS)
+            for i, (start, aside) in enumerate(lines):
+                middle = [start[k] - center[k] for k in range(3)]
+                off = [middle[k] - aside[k] for k in range(3)]
                 is_ahead = kit.both(here, along * dot3(off, axis) > dot3(off, b))
-                h = dot3(off, across) / sine
-                mean = self.passed_mean(model, theta, (h - half) * radius, (h + half) * radius)
-                shares[i] = dr.select(is_ahead, shares[i] * mean, shares[i])
+                h = dot3(middle, across) / sine
+                total = 0.0
+                for edge, share in zip(edges, parts[i]):
+                    at = radius * (h + slope * (edge + 1.0 / PARTS))
+                    total = total + share * self.passed_mean(model, theta, at - half, at + half)
+                shares[i] = dr.select(is_ahead, shares[i] * total / sum(parts[i]), shares[i])
         return shares
 
     def passed_mean(self, model, theta, low, high):
