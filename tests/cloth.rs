@@ -161,7 +161,7 @@ fn layers_are_reciprocal() {
         println!("{a} to {b}: {:.3}", forth / back);
         off = off.max((forth / back - 1.0).abs());
     }
-    assert!(off < 0.1, "{off}");
+    assert!(off < 0.05, "{off}");
 }
 
 /// Sampling covers what eval holds: no weight of a sample is large, whatever the place and view, and the energy by samples is that by even directions.
