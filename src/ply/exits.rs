@@ -191,6 +191,11 @@ static SHAPES: LazyLock<[[[f32; 2]; MEANS]; EXIT_KINDS]> = LazyLock::new(|| {
     })
 });
 
+/// Modes and lengths by kind and mean, `[EXIT_KINDS][MEANS][2]`.
+pub(crate) fn exit_shapes() -> (&'static [f32], [usize; 3]) {
+    (SHAPES.as_flattened().as_flattened(), [EXIT_KINDS, MEANS, 2])
+}
+
 /// Mean of the density of this mode and length.
 fn mean_of(mode: f64, length: f64) -> f64 {
     // Of each side of the mode, its width: energy and first moment about the mode, over the length.
@@ -214,8 +219,7 @@ fn shape(mean: f64, length: f64) -> [f64; 2] {
 }
 
 /// How light of one kind and azimuth lies across a ply where it leaves: over the offsets t, from -1 to 1, with a density that falls exponentially on both sides of a mode,
-/// `exp(-|t - mode| / length)` over its integral. The kind tells the length, the mean the mode. Light that wanders between fibers gets lost at an even rate on its way, and so it is found:
-/// an even density about the same mean sends too much along the rims (docs/cloth.md).
+/// `exp(-|t - mode| / length)` over its integral. The kind tells the length, the mean the mode (docs/cloth.md, Where light leaves a ply).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ExitDensity {
     mode: f32,

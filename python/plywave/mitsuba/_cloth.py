@@ -13,7 +13,7 @@ from ._between import CLASSES, COUNT, SIGMAS, Between
 from ._flight import Flight
 from ._kit import clamp
 from ._ply import Plies, read_container
-from ._shadow import MEAN_Z, PASSED_COLUMNS, PASSED_ROWS, Shadows, exit_shapes
+from ._shadow import MEAN_Z, PASSED_COLUMNS, PASSED_ROWS, Shadows
 
 # src/fabric/bsdf.rs, place.rs
 LEAST_CAUGHT, MAX_NEAR = 1e-3, 4
@@ -56,7 +56,9 @@ class Cloth(Flight, Shadows, Between):
         at_one = 1.0 / (1.0 + self.curve_length)
         self.curve_range = (float(np.interp(at_one, curve[::-1, 0], curve[::-1, 1])), float(curve[0, 1]))
         widths = np.diff(np.float32(MEAN_Z))
-        self.exit_shapes = kit.floats(exit_shapes())
+        # Those of two means behind each other, a packet.
+        shapes = tensors["exit_shapes"]
+        self.exit_shapes = kit.floats(np.concatenate([shapes[:, :-1], shapes[:, 1:]], 2))
         self.mean_z = kit.floats(np.stack([MEAN_Z, [*(1.0 / widths), 0.0]], 1))
         caught = np.zeros((2, CLASSES, SIGMAS - 1, COUNT, 8), np.float32)
         of = tensors["between_caught"].transpose(0, 1, 3, 4, 2)

@@ -3,7 +3,6 @@
 import math
 
 import drjit as dr
-import numpy as np
 
 from ._kit import clamp, cross3, dot3
 
@@ -11,7 +10,7 @@ TAU = 2.0 * math.pi
 # src/fabric/shade.rs
 PARTS, LEAST_SHARE = 6, 2e-3
 # src/ply/exits.rs
-LENGTHS, MEANS, MOST_MEAN = (0.13, 0.65, 0.18), 65, 0.97
+MEANS, MOST_MEAN = 65, 0.97
 # src/ply/lines.rs
 PASSED_ROWS, PASSED_COLUMNS = 16, 65
 # src/fabric/shadow.rs
@@ -29,31 +28,6 @@ def two_thirds(z):
     for _ in range(2):
         c = c - (c * c * c - root) / (3.0 * c * c)
     return c * c * c * c
-
-
-def mean_of(mode, length):
-    """Mean of the density of light that leaves a ply, over its radius."""
-    below, above = ((1.0 - math.exp(-w / length), length - (length + w) * math.exp(-w / length)) for w in (1.0 + mode, 1.0 - mode))
-    return mode + (above[1] - below[1]) / (below[0] + above[0])
-
-
-def shape(mean, length):
-    """Mode and length of the density with a mean of 0 or more."""
-    is_short = mean_of(1.0, length) < mean
-    low, high = (1e-3, length) if is_short else (0.0, 1.0)
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        if mean_of(1.0, middle) < mean if is_short else mean_of(middle, length) > mean:
-            high = middle
-        else:
-            low = middle
-    return (1.0, low) if is_short else (low, length)
-
-
-def exit_shapes():
-    """Modes and lengths by kind and mean, of two means behind each other in a packet."""
-    shapes = np.array([[shape(MOST_MEAN * i / (MEANS - 1), length) for i in range(MEANS)] for length in LENGTHS])
-    return np.concatenate([shapes[:, :-1], shapes[:, 1:]], 2)
 
 
 class Shadows:
