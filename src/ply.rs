@@ -43,7 +43,7 @@ pub use data::PlyData;
 pub(crate) use data::{MAX_LOBES, MAX_PATHS};
 pub use edge_lobes::{EDGE_MU_MAX, EdgeLobes, beam_mu};
 pub use energies::{EnergiesAt, PlyEnergies, spline_coefficients};
-pub use exits::{EXIT_KINDS, EXIT_LENGTH_UM, EXIT_TERMS, ExitOffsets, exit_terms};
+pub use exits::{EXIT_KINDS, EXIT_LENGTH_UM, EXIT_TERMS, ExitOffsets, exit_share_below, exit_terms};
 pub(crate) use exits::{ExitDensity, ExitLine, ExitsAt, exit_shapes};
 pub use family::{FamilyAxis, FamilyData, FamilyGradient, FamilyParam, FamilyParams, FamilyPly, PlyFamily};
 pub use file::ReferenceValue;

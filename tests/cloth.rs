@@ -40,8 +40,8 @@ const LIMITS: [Limits; 6] = [
     Limits { name: "polyester_satin", light: 0.018, upper: [0.11, 0.08], lower: 0.10 },
     Limits { name: "silk_organza", light: 0.024, upper: [0.08, 0.13], lower: 0.11 },
     Limits { name: "cotton_plain", light: 0.014, upper: [0.08, 0.10], lower: 0.10 },
-    Limits { name: "cotton_twill", light: 0.018, upper: [0.10, 0.07], lower: 0.18 },
-    Limits { name: "wool_plain", light: 0.013, upper: [0.08, 0.10], lower: 0.19 },
+    Limits { name: "cotton_twill", light: 0.0155, upper: [0.10, 0.07], lower: 0.18 },
+    Limits { name: "wool_plain", light: 0.0115, upper: [0.08, 0.10], lower: 0.19 },
 ];
 
 /// The cloths that ship against the twins that ship, `plywave twin fabrics/NAME.toml --paths 120000`: explicit fibers, eight views, three absorptions. Of the cloth what ray
@@ -209,9 +209,9 @@ const WEIGHTS: [Weights; 6] = [
     Weights { name: "polyester_layers", most: 2.5, variance: [0.225, 0.478, 0.58] },
     Weights { name: "polyester_satin", most: 2.5, variance: [0.208, 0.37, 0.295] },
     Weights { name: "silk_organza", most: 2.5, variance: [0.16, 0.182, 0.183] },
-    Weights { name: "cotton_plain", most: 2.5, variance: [0.172, 0.205, 0.195] },
-    Weights { name: "cotton_twill", most: 3.0, variance: [0.21, 0.365, 0.845] },
-    Weights { name: "wool_plain", most: 2.5, variance: [0.164, 0.215, 0.0325] },
+    Weights { name: "cotton_plain", most: 2.5, variance: [0.18, 0.225, 0.21] },
+    Weights { name: "cotton_twill", most: 3.0, variance: [0.21, 0.38, 0.865] },
+    Weights { name: "wool_plain", most: 2.5, variance: [0.174, 0.23, 0.0325] },
 ];
 
 /// Weights of a cloth's samples at even places, tilts up to 85 degrees from both sides: the largest, the variance within a place and view over the square of the mean.

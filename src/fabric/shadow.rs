@@ -5,7 +5,7 @@
 //! the rows of the pattern of the nine crossings around.
 
 use super::flight::{Skip, YarnId, exit};
-use super::yarn::{cross, dot};
+use super::yarn::{Yarn, cross, dot};
 use super::{Fabric, Family};
 use crate::math::floor_fraction;
 use crate::math::hash::SplitMix64;
@@ -15,8 +15,9 @@ use crate::ply::{EXIT_KINDS, ExitDensity};
 use multiversion::multiversion;
 use std::f32::consts::TAU;
 
-/// Places along a yarn from one crossing to the next.
-const PLACES: usize = 4;
+/// Places along a yarn from one crossing to the next: of one ply, and of several, which turn on their way. Of one ply more would bring more entries beyond the greatest.
+const PLACES: [usize; 2] = [4, 8];
+const MOST_PLACES: usize = PLACES[1];
 /// Bands of directions in each half of the sphere, rows of the table: the bands' and the pole's, and columns about the normal.
 const BANDS: usize = 8;
 pub(super) const ROWS: usize = BANDS + 1;
@@ -54,6 +55,11 @@ pub(super) struct Shadows {
 pub(super) trait Passing {
     /// Fraction of a beam that passes a ply.
     fn r_d(&self, family: Family, yarn: i32, theta_i: f32, h_um: f32) -> f32;
+}
+
+/// Places of a yarn from one crossing to the next.
+fn places(yarn: &Yarn) -> usize {
+    PLACES[usize::from(yarn.plies > 1)]
 }
 
 /// Bands of directions: z of band r + 1/2 of a half is that to this power of the band's place in the half. Shadows change most towards the plane.
@@ -94,24 +100,25 @@ impl Shadows {
         let mut rows: Vec<(Family, i32, i32)> = Vec::new();
         if ends * picks <= MOST_CROSSINGS {
             for family in Family::EACH {
+                let places = places(&fabric.yarns[family as usize]);
                 for yarn in 0..fabric.draft.threads(family) as i32 {
-                    for place in 0..(PLACES * fabric.draft.threads(family.other())) as i32 {
+                    for place in 0..(places * fabric.draft.threads(family.other())) as i32 {
                         rows.push((family, yarn, place));
                     }
                 }
             }
         } else {
-            shadows.patterns = vec![u32::MAX; 2 * PLACES * 512];
+            shadows.patterns = vec![u32::MAX; 2 * MOST_PLACES * 512];
             let step = (ends * picks).div_ceil(LOOKED_AT).max(1);
             for crossing in (0..ends * picks).step_by(step) {
                 let (end, pick) = ((crossing % ends) as i32, (crossing / ends) as i32);
                 for (family, yarn, along) in [(Family::Warp, end, pick), (Family::Weft, pick, end)] {
                     let pattern = pattern(fabric, family, yarn, along);
-                    let first = (family as usize * PLACES) * 512 + pattern;
+                    let (first, places) = (first_of(family) + pattern, places(&fabric.yarns[family as usize]));
                     if shadows.patterns[first] == u32::MAX {
-                        for place in 0..PLACES {
+                        for place in 0..places {
                             shadows.patterns[first + place * 512] = rows.len() as u32;
-                            rows.push((family, yarn, along * PLACES as i32 + place as i32));
+                            rows.push((family, yarn, (along as usize * places + place) as i32));
                         }
                     }
                 }
@@ -148,15 +155,17 @@ impl Shadows {
     #[inline]
     pub(super) fn of(&self, fabric: &Fabric, family: Family, yarn: i32) -> OfYarn<'_> {
         let [own, other] = [family, family.other()].map(|f| fabric.draft.threads(f));
-        let first = if family == Family::Warp { 0 } else { PLACES * own * other };
-        let places = PLACES * other;
+        let [of_warp, of_own] = [Family::Warp, family].map(|f| places(&fabric.yarns[f as usize]));
+        let first = if family == Family::Warp { 0 } else { of_warp * own * other };
+        let places = of_own * other;
         OfYarn {
             shadows: self,
             family,
             yarn,
-            per_um: fabric.yarns[family.other() as usize].per_spacing * PLACES as f32,
+            per_um: fabric.yarns[family.other() as usize].per_spacing * of_own as f32,
             first: first + yarn.rem_euclid(own as i32) as usize * places,
             places: places as i32,
+            from_crossing: of_own as i32,
         }
     }
 }
@@ -171,6 +180,8 @@ pub(super) struct OfYarn<'a> {
     /// Where every place has rows of its own: the first row, and how many there are.
     first: usize,
     places: i32,
+    /// Places from one crossing to the next.
+    from_crossing: i32,
 }
 
 impl<'a> OfYarn<'a> {
@@ -188,9 +199,10 @@ impl<'a> OfYarn<'a> {
             return ShadowsAt { rows: [place, next].map(|place| row(self.first + place as usize)), between };
         }
         let of = |place: i32| {
-            let (crossing, phase) = (place.div_euclid(PLACES as i32), place.rem_euclid(PLACES as i32) as usize);
+            let (crossing, phase) =
+                (place.div_euclid(self.from_crossing), place.rem_euclid(self.from_crossing) as usize);
             let pattern = pattern(fabric, self.family, self.yarn, crossing);
-            row(patterns[(self.family as usize * PLACES + phase) * 512 + pattern] as usize)
+            row(patterns[first_of(self.family) + phase * 512 + pattern] as usize)
         };
         ShadowsAt { rows: [of(place), of(place.wrapping_add(1))], between }
     }
@@ -286,6 +298,11 @@ pub(super) fn free<'a>(
     shares
 }
 
+/// Where the patterns of a family begin.
+fn first_of(family: Family) -> usize {
+    family as usize * MOST_PLACES * 512
+}
+
 /// Bits of the nine crossings around: the yarn's own and its neighbors', at this crossing and the ones beside.
 fn pattern(fabric: &Fabric, family: Family, yarn: i32, crossing: i32) -> usize {
     let mut bits = 0;
@@ -315,7 +332,7 @@ fn fill(row: &mut [u8], fabric: &Fabric, passing: &impl Passing, (id, place): (Y
         for (o, entry) in entry[..OFFSETS].iter_mut().enumerate() {
             let mut free = 0.0;
             for _ in 0..lines {
-                let along = spacing * (place as f32 + number() - 0.5) / PLACES as f32;
+                let along = spacing * (place as f32 + number() - 0.5) / places(&fabric.yarns[k]) as f32;
                 let line = fabric.center_line(id.family, id.yarn, f64::from(along));
                 let [center, axis] = [line.point_um, line.tangent].map(|v| v.map(|v| v as f32));
                 // A ply sends little light along itself, where much passes: directions are drawn by the sine.

@@ -177,8 +177,8 @@ impl ExitsAt {
     }
 }
 
-/// Lengths of the kinds' densities, over R, near those that come closest to the cumulative shares that simulations of polyester, silk, cotton and wool record: 0.014 to 0.018 rms
-/// for clear fibers, 0.02 to 0.03 for dark ones (lengths of 0.15 and 0.2), 0.02 to 0.04 for single reflection (0.12 and 0.15).
+/// Lengths of the kinds' densities, over R, near those that come closest to the cumulative shares that simulations of polyester, silk, cotton and wool record, those of like mean averaged: 0.014 to
+/// 0.018 rms for clear fibers, 0.02 to 0.03 for dark ones (lengths of 0.15 and 0.2), 0.02 to 0.04 for single reflection (0.12 and 0.15). Of single incidences: pipeline/tests/exits.rs.
 const LENGTHS: [f64; EXIT_KINDS] = [0.13, 0.65, 0.18];
 /// Means of [`SHAPES`], from 0 to the greatest that counts.
 const MEANS: usize = 65;
@@ -216,6 +216,15 @@ fn shape(mean: f64, length: f64) -> [f64; 2] {
         *(if is_beyond { &mut high } else { &mut low }) = middle;
     }
     if is_short { [1.0, low] } else { [low, length] }
+}
+
+/// The share of light that leaves a ply at offsets below `t`, over R from -1 to 1: of kind 0 (single reflection), 1 (other light of clear fibers) or 2 (of dark ones), whose mean
+/// offset is `mean` ([`ExitOffsets`]).
+///
+/// # Panics
+/// For a kind of [`EXIT_KINDS`] or more.
+pub fn exit_share_below(kind: usize, mean: f32, t: f32) -> f32 {
+    ExitDensity::new(kind, mean).below(t)
 }
 
 /// How light of one kind and azimuth lies across a ply where it leaves: over the offsets t, from -1 to 1, with a density that falls exponentially on both sides of a mode,

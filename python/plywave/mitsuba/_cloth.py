@@ -13,7 +13,7 @@ from ._between import CLASSES, COUNT, SIGMAS, Between
 from ._flight import Flight
 from ._kit import clamp
 from ._ply import Plies, read_container
-from ._shadow import MEAN_Z, PASSED_COLUMNS, PASSED_ROWS, Shadows
+from ._shadow import MEAN_Z, PASSED_COLUMNS, PASSED_ROWS, PLACES, Shadows
 
 # src/fabric/bsdf.rs, place.rs
 LEAST_CAUGHT, MAX_NEAR = 1e-3, 4
@@ -32,6 +32,9 @@ class Cloth(Flight, Shadows, Between):
         self.turn = tensors["turn"]
         plies = [int(y["plies"]) for y in self.yarn]
         self.least_plies, self.most_plies = min(plies), max(plies)
+        for y, other in zip(self.yarn, self.yarn[::-1]):
+            y["places"] = PLACES[int(y["plies"] > 1)]
+            y["places_per_um"] = other["per_spacing"] * y["places"]
         self.some_one_by_one = any(y["one_by_one"] for y in self.yarn)
         passed = tensors["passed"]
         corners = [passed[:, i : i + PASSED_ROWS - 1, k : k + PASSED_COLUMNS - 1] for i in range(2) for k in range(2)]

@@ -14,7 +14,7 @@ MEANS, MOST_MEAN = 65, 0.97
 # src/ply/lines.rs
 PASSED_ROWS, PASSED_COLUMNS = 16, 65
 # src/fabric/shadow.rs
-PLACES, BANDS, COLUMNS, OFFSETS = 4, 8, 16, 7
+PLACES, BANDS, COLUMNS, OFFSETS = (4, 8), 8, 16, 7
 ROWS = BANDS + 1
 SIZE = 2 * ROWS * COLUMNS
 MOST_SHARE = 1.35
@@ -37,18 +37,20 @@ class Shadows:
         kit = self.kit
         is_warp = hit["is_warp"]
         if self.patterns is None:
-            ends, picks = self.ends, self.picks
-            warp = self.modulo(hit["yarn"], ends) * (PLACES * picks) + self.modulo(place, PLACES * picks)
-            weft = PLACES * ends * picks + self.modulo(hit["yarn"], picks) * (PLACES * ends) + self.modulo(place, PLACES * ends)
+            of_warp, of_weft = (y["places"] * other for y, other in zip(self.yarn, (self.picks, self.ends)))
+            warp = self.modulo(hit["yarn"], self.ends) * of_warp + self.modulo(place, of_warp)
+            weft = of_warp * self.ends + self.modulo(hit["yarn"], self.picks) * of_weft + self.modulo(place, of_weft)
             return dr.select(is_warp, warp, weft)
-        crossing, phase = (place >> 2, kit.uint(place & 3))
+        places = kit.int(self.of_family("places", is_warp))
+        phase = place & (places - 1)
+        crossing, phase = (place - phase) // places, kit.uint(phase)
         bits = kit.uint(0)
         before, behind = (self.sides(is_warp, hit["yarn"], crossing + c) for c in (-1, 1))
         for n in range(3):
             yarn = ((before >> (2 * n)) & 1) * 4 + ((before >> (2 * n + 1)) & 1) * 2 + ((behind >> (2 * n)) & 1)
             bits = bits * 8 + yarn
         family = dr.select(is_warp, kit.uint(0), kit.uint(1))
-        return kit.take_word(self.patterns, (family * PLACES + phase) * 512 + bits)
+        return kit.take_word(self.patterns, (family * PLACES[1] + phase) * 512 + bits)
 
     def shadow_direction(self, b):
         """Rows and columns of the table around a direction and their weights."""
@@ -75,7 +77,7 @@ class Shadows:
         """Chances of being free at the offsets, of light that leaves ``s`` radii further along the ply."""
         kit, is_warp = self.kit, hit["is_warp"]
         per_radius = self.of_family("radius", is_warp) * dr.select(is_warp, hit["frame"][2][1], hit["frame"][2][0])
-        x = (hit["along"] + s * per_radius) * (self.other_family("per_spacing", is_warp) * PLACES)
+        x = (hit["along"] + s * per_radius) * self.of_family("places_per_um", is_warp)
         whole, place = kit.floor(x)
         between = x - whole
         sums = [0.0] * OFFSETS
