@@ -161,13 +161,13 @@ def define(Calls):
                 # An ellipse with the axes l and l / cos, l the pixel's width at the length of the ray; by the areas of the cloth and of the surface for the same piece of uv.
                 per_uv = dr.norm(dr.cross(si.dp_du, si.dp_dv)) * dr.maximum(dr.abs(si.wi.z), 1e-3)
                 um2_per_uv = dr.abs(self.um_per_uv.x * self.um_per_uv.y) * self.scale_of_uv()
-                squared = si.t * si.t / dr.maximum(per_uv, 1e-30)
-                footprint = self.footprint_rad * dr.sqrt((dr.detach(squared) if kit.jit else squared) * um2_per_uv)
+                squared = si.t * si.t * um2_per_uv / dr.maximum(per_uv, 1e-30)
+                footprint = self.footprint_rad * dr.sqrt(dr.detach(squared) if kit.jit else squared)
             elif footprint is None:
                 (a, b), (c, d) = ((1.0, 0.0), (0.0, 1.0)) if self.to_uv is None else (row[:2] for row in self.to_uv)
                 x, y = ([a * v.x + b * v.y, c * v.x + d * v.y] for v in (si.duv_dx, si.duv_dy))
-                area = x[0] * y[1] - x[1] * y[0]
-                footprint = dr.sqrt(dr.abs((dr.detach(area) if kit.jit else area) * self.um_per_uv.x * self.um_per_uv.y))
+                area = (x[0] * y[1] - x[1] * y[0]) * self.um_per_uv.x * self.um_per_uv.y
+                footprint = dr.sqrt(dr.abs(dr.detach(area) if kit.jit else area))
             t = clamp(scale * footprint * (2.0 / max(self.repeat_um)) - 1.0, 0.0, 1.0)
             # Not a number is no footprint.
             return kit.float(dr.select(t > 0.0, t * t * (3.0 - 2.0 * t), 0.0))
