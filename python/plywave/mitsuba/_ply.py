@@ -460,7 +460,7 @@ class Plies:
         for k in range(3):
             c = sums[8 * k : 8 * k + 5]
             c = [dr.select(flip, -x, x) if i % 2 == 0 else x for i, x in enumerate(c)]
-            none = [0.0, dr.sqrt(dr.maximum(1.0 - h_rel * h_rel, 0.0)), -h_rel, 0.0, 0.0] if k == 0 else [0.0] * 5
+            none = [0.0, dr.sqrt(dr.maximum(1.0 - h_rel * h_rel, 1e-12)), -h_rel, 0.0, 0.0] if k == 0 else [0.0] * 5
             mean.append([dr.select(known, x, y) for x, y in zip(c, none)])
         s, c = dr.sincos(theta_i)
         return mean, s / dr.maximum(c, 1.0 / MOST_TAN)

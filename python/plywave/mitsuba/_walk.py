@@ -13,7 +13,8 @@ import drjit as dr
 from ._between import CLASSES
 from ._cloth import LEAST_CAUGHT, MAX_NEAR
 from ._flight import NO_YARN
-from ._kit import dot3
+from ._kit import detached, dot3
+from ._moved import again, room_beside
 from ._ply import clear_share, exit_lines
 from ._speckle import instance
 
@@ -33,7 +34,7 @@ def walked(self, si, active, is_last=False):
     key = ([(v.index, getattr(v, "index_ad", 0)) for v in variables], dr.grad_enabled(self.probe))
     last, self.last = self.last, None
     at = last[2] if last is not None and last[0] == key else walk(self, si, active)
-    if not is_last and not dr.grad_enabled(at["up"], at["down"], *(x for x in at["own"] if x is not None)):
+    if not is_last and not dr.grad_enabled(at["up"], at["down"], self.um_per_uv, *(x for x in at["own"] if x is not None)):
         # What has gradients is not kept. The variables are kept too, so that their numbers are not given to others.
         self.last = (key, variables, at)
     return at
@@ -62,8 +63,11 @@ def walk(self, si, active):
         active = kit.both(active, share < 1.0)
     detach = dr.detach if kit.jit else (lambda x: x)
     wo = [detach(x) for x in self.to_pattern(si, si.wi)]
-    position = [detach(x) for x in self.place(si)]
-    start, d, state = cloth.begin(position, wo, active)
+    # Where the scale of uv has gradients, the walk is followed without any, and what it keeps is evaluated again.
+    is_moved = kit.jit and dr.grad_enabled(self.um_per_uv)
+    start, d, state = cloth.begin(self.place(si), wo, active)
+    moved, given = start, detached(own) if is_moved else own
+    start = [detach(x) for x in start]
     up_sign = dr.select(wo[2] < 0.0, -1.0, 1.0)
     zero, none = kit.float(0.0), kit.zero_s()
     loop = {
@@ -85,6 +89,9 @@ def walk(self, si, active):
     }
     if self.gaps is not None:
         loop["aperture"] = [kit.float(cloth.yarn[k]["spacing"]) for k in (0, 0, 1, 1)]
+        if is_moved:
+            # The plies that are the gap's edges.
+            loop |= {"edge_yarn": [kit.int(NO_YARN)] * 4, "edge_place": [zero] * 4}
 
     def body(own, s):
         s = dict(s)
@@ -124,16 +131,17 @@ def walk(self, si, active):
         s["count"] = s["count"] + dr.select(counted, kit.uint(1), kit.uint(0))
         q = [theta_i, h, *hit["frame"][0], *hit["frame"][2]]
         if self.gaps is not None:
-            # The line may be moved as far before it meets this ply (src/fabric/place.rs).
-            per_um = dr.select(hit["is_warp"], hit["frame"][0][0], hit["frame"][0][1])
-            room = dr.maximum(dr.abs(h) - cloth.of_family("radius", hit["is_warp"]), 0.0) / dr.maximum(dr.abs(per_um), 1e-3)
-            beyond = (h < 0.0) == (per_um > 0.0)
+            room, beyond = room_beside(cloth, hit)
             aside = kit.both(on, kit.no(is_main))
             edges = [
                 kit.both(hit["is_warp"] if k == 0 else kit.no(hit["is_warp"]), beyond if far else kit.no(beyond))
                 for k in range(2)
                 for far in (False, True)
             ]
+            if is_moved:
+                nearer = [aside & e & (room < a) for e, a in zip(edges, s["aperture"])]
+                s["edge_yarn"] = [dr.select(n, which, x) for n, x in zip(nearer, s["edge_yarn"])]
+                s["edge_place"] = [dr.select(n, place, x) for n, x in zip(nearer, s["edge_place"])]
             s["aperture"] = [dr.select(kit.both(aside, e), dr.minimum(a, room), a) for e, a in zip(edges, s["aperture"])]
         main["q"] = [dr.select(is_main, x, y) for x, y in zip(q, main["q"])]
         main["model"] = dr.select(is_main, kit.uint(model), main["model"])
@@ -150,7 +158,9 @@ def walk(self, si, active):
         s |= {"state": state, "passing": passing, "main": main, "last": last, "dyed": dyed}
         return (s,)
 
-    (s,) = kit.loop((loop,), lambda s: s["state"]["on"], body, "plies", own)
+    (s,) = kit.loop((loop,), lambda s: s["state"]["on"], body, "plies", given)
+    if is_moved:
+        s = again(self, si, own, moved, d, s)
     last = s["last"]
     classes = [e + dr.select(last["class"] == c, last["more"] * last["energy"], none) for c, e in enumerate(s["classes"])]
     yarns = s["dyed"]["yarns"]
@@ -172,7 +182,8 @@ def walk(self, si, active):
         open_ = kit.both(kit.both(spectra[0].passes(), spectra[1].passes()), wo[2] != 0.0)
         is_aperture = kit.both(kit.no(s["main"]["is"]), open_)
     is_diffracted = is_edge | is_aperture
-    total = direct + chance_up + chance_down + s["passing"]
+    passing = detach(s["passing"])
+    total = direct + chance_up + chance_down + passing
     per = dr.select(total > 0.0, 1.0 / dr.maximum(total, 1e-30), 0.0)
     out = {
         "wo": wo,
@@ -186,10 +197,11 @@ def walk(self, si, active):
         "down": down,
         "about": about,
         "per_ply": dr.select(plies > 0.0, per * direct / dr.maximum(plies, 1e-30), 0.0),
-        "chances": [per * direct, per * dr.select(is_diffracted, s["passing"], 0.0), per * chance_up, per * chance_down],
-        "straight": per * dr.select(is_diffracted, 0.0, s["passing"]),
+        "chances": [per * direct, per * dr.select(is_diffracted, passing, 0.0), per * chance_up, per * chance_down],
+        "straight": per * dr.select(is_diffracted, 0.0, passing),
         "own": own,
-        "line": (start, d),
+        "line": (moved if is_moved else start, d),
+        "is_moved": is_moved,
         "kept": s["kept"],
         "count": s["count"],
         "last_kept": s["last_kept"],
@@ -204,16 +216,19 @@ def plies_light(self, si, at, directions):
     """f of the plies of a walk and the sum of energies times densities of their lobes, in each of these directions of the pattern."""
     kit, cloth = self.kit, self.cloth
     options, own, (start, d) = cloth.options, at["own"], at["line"]
-    gradients = kit.jit and dr.grad_enabled(self.dyes, *(x for x in own if x is not None))
+    gradients = kit.jit and dr.grad_enabled(self.dyes, self.um_per_uv, *(x for x in own if x is not None))
     arounds = [cloth.shadow_direction(b) for b in directions]
     counts = [dr.select(b[2] * at["up_sign"] < 0.0, kit.bool(options["layers"]), kit.bool(options["shadowing"])) for b in directions]
     detach = dr.detach if kit.jit else (lambda x: x)
-    kept = {key: [detach(x) for x in values] for key, values in at["kept"].items()}
+    kept, given = {key: [detach(x) for x in values] for key, values in at["kept"].items()}, own
+    if at["is_moved"]:
+        given = (own, start, at["kept"]["place"], at["kept"]["arrives"])
 
-    def body(own, i, sums):
-        which, place, arrives = (_of(kept[key], i) for key in ("yarn", "place", "arrives"))
+    def body(given, i, sums):
+        own, line, places, arriving = given if at["is_moved"] else (given, start, kept["place"], kept["arrives"])
+        which, place, arrives = (_of(values, i) for values in (kept["yarn"], places, arriving))
         arrives = dr.select(i == at["last_kept"], arrives * at["more"], arrives)
-        hit = cloth.hit(which, start, d, place)
+        hit = cloth.hit(which, line, d, place)
         model = cloth.model_of(hit)
         theta_i, h, frame = hit["theta_i"], hit["h"], hit["frame"]
         sigma = self.sigma_of(si, own, hit["is_warp"], hit["yarn"])
@@ -236,7 +251,7 @@ def plies_light(self, si, at, directions):
         return i + 1, out
 
     state = (kit.uint(0), [(kit.zero_s(), kit.float(0.0)) for _ in directions])
-    _, sums = kit.loop(state, lambda i, sums: i < at["count"], body, "light of plies", own)
+    _, sums = kit.loop(state, lambda i, sums: i < at["count"], body, "light of plies", given)
     return sums
 
 

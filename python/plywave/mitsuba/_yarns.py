@@ -136,7 +136,8 @@ class Yarns:
         h = dot3(d, x)
         room = radius * radius - h * h
         nearest = -dot3(d, cross3(tangent, x)) / sine
-        entry = nearest + dr.sqrt(dr.maximum(room, 0.0)) / sine
+        # Above 0, where the root has no derivative.
+        entry = nearest + dr.sqrt(dr.maximum(room, 1e-12)) / sine
         dt, wt = dot3(d, tangent), dot3(w, tangent)
         further = (dt + entry * wt) * tangent[2]
         along = dt + nearest * wt
