@@ -205,14 +205,13 @@ fn swapped_directions_agree_where_the_models_are_reciprocal() {
     let hair = RoughDielectricParameters { k_d: 0.01, ..Default::default() };
     let marschner = RoughDielectricParameters::marschner(1.55, 40.0, [-0.1, 0.05, 0.15], [0.1, 0.1, 0.2]);
     let matte = OpaqueParameters { mirror: Mirror::None, diffuse: 0.6, ..Default::default() };
-    let list: [(&str, FiberModel, &[Option<f32>], f64); 3] = [
-        // The table of the far field is linear between azimuths.
-        ("hair", rough(hair).into(), &[None, Some(0.3), Some(-0.8)], 2e-3),
-        ("marschner", rough(marschner).into(), &[None], 2e-3),
-        ("matte", opaque(matte).into(), &[None], 1e-5),
+    let list: [(&str, FiberModel, &[Option<f32>]); 3] = [
+        ("hair", rough(hair).into(), &[None, Some(0.3), Some(-0.8)]),
+        ("marschner", rough(marschner).into(), &[None]),
+        ("matte", opaque(matte).into(), &[None]),
     ];
     let mut rng = Pcg64Mcg::seed_from_u64(77);
-    for (name, fiber, offsets, tolerance) in list {
+    for (name, fiber, offsets) in list {
         let (mut most, mut seen) = (0.0f64, 0);
         for k in 0..600 {
             let h_rel = offsets[k % offsets.len()];
@@ -228,7 +227,8 @@ fn swapped_directions_agree_where_the_models_are_reciprocal() {
             let off = (there - back).abs() / (there.max(back) + 1e-3);
             most = most.max(off);
             seen += usize::from(there > 0.01);
-            assert!(off < tolerance, "{name}, {h_rel:?}, {i:?}, {o:?}: {there} and {back}");
+            // Angles are known to 1e-6 in 32 bits, widths are from 0.05 and caustics lie between.
+            assert!(off < 1e-4, "{name}, {h_rel:?}, {i:?}, {o:?}: {there} and {back}");
         }
         println!("{name}: f / cos theta_o swapped, off by {most:.1e} at most; {seen} of 600 pairs with light");
         assert!(seen > 200, "{name}: {seen}");
