@@ -200,7 +200,7 @@ fn position_dependent_bsdf_is_the_bfsdf_over_all_exits() {
     let fiber = dielectric(p);
     for theta in [0.0f32, 0.5, -1.0] {
         let query = FiberQuery { sigma_per_um: [sigma], ..FiberQuery::new(direction(theta, 0.0), [0.5]) };
-        let places: Vec<f32> = vec![-0.9, -0.55, -0.1, 0.2, 0.6, 0.85];
+        let places = [-0.9, -0.55, -0.1, 0.2, 0.6, 0.85f32];
         for h in places {
             let at = fiber.at(&FiberQuery { h_rel: Some(h), ..query });
             // Moments over the azimuth; the spread takes exp(-m^2 beta^2 / 2) of them.
