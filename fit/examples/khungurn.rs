@@ -1,19 +1,55 @@
 //! From a photographed swatch to a fiber, and from one fiber model to another.
 //!
 //! ```sh
-//! cargo run --release -p plywave-fit --example khungurn
+//! cargo run --release -p plywave-fit --example khungurn [PICTURE [X Y WIDTH HEIGHT [WHITE]]]
 //! ```
+//!
+//! The picture (PNG, JPEG) is a photograph of an opaque swatch of aligned fibers that is lit from above, in sRGB without other corrections. The rectangle [pixels] is what of it is the swatch; all
+//! of it where it is absent. WHITE is the linear value, 0 to 1, of a white standard in the same light, 1 where it is absent: dividing by it is all that is done against the exposure.
 
-use plywave::color::RGB_LAMBDA_UM;
+use plywave::color::{RGB_LAMBDA_UM, srgb_decode};
 use plywave::fiber::dual_scattering::{DualOptions, DualScattering};
 use plywave::fiber::{KhungurnFiber, KhungurnParameters, RoughDielectricFiber, RoughDielectricParameters};
 use plywave::frame::direction;
 use plywave::{FiberModel, FiberQuery};
 use plywave_fit::{SwatchOptions, SwatchSample, fit_khungurn, fit_khungurn_swatch};
 
+/// Mean linear red, green and blue of a rectangle of a picture over those of white.
+fn photographed(args: &[String]) -> Result<[f64; 3], Box<dyn std::error::Error>> {
+    let [file, rest @ ..] = args else {
+        // A red swatch beside a white standard.
+        return Ok([0.42, 0.11, 0.09]);
+    };
+    let picture = image::open(file).map_err(|e| format!("{file}: {e}"))?.into_rgb16();
+    let number = |text: &String| text.parse::<u32>().map_err(|_| format!("{text}: use a whole number of pixels"));
+    let [x, y, width, height] = match rest {
+        [] => [0, 0, picture.width(), picture.height()],
+        [x, y, width, height, ..] => [number(x)?, number(y)?, number(width)?, number(height)?],
+        _ => return Err("a rectangle is X Y WIDTH HEIGHT".into()),
+    };
+    let inside = |from: u32, size: u32, all: u32| size > 0 && from.checked_add(size).is_some_and(|end| end <= all);
+    if !inside(x, width, picture.width()) || !inside(y, height, picture.height()) {
+        let [w, h] = [picture.width(), picture.height()];
+        return Err(format!("{file}: no rectangle of {width} x {height} at {x}, {y} in {w} x {h} pixels").into());
+    }
+    let white = match rest.get(4) {
+        Some(text) => text.parse::<f64>().ok().filter(|w| *w > 0.0 && *w <= 1.0),
+        None => Some(1.0),
+    };
+    let white = white.ok_or("WHITE: use a number above 0, 1 at most")?;
+    let mut sum = [0.0; 3];
+    for j in y..y + height {
+        for i in x..x + width {
+            let encoded = picture.get_pixel(i, j).0.map(|v| f64::from(v) / f64::from(u16::MAX));
+            (0..3).for_each(|k| sum[k] += srgb_decode(encoded[k]));
+        }
+    }
+    Ok(sum.map(|s| s / (f64::from(width) * f64::from(height)) / white))
+}
+
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    // Linear red, green and blue of an opaque swatch of aligned fibers beside a white standard, lit from above.
-    let photographed = [0.42, 0.11, 0.09];
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    let photographed = photographed(&args)?;
     let samples: Vec<SwatchSample> = RGB_LAMBDA_UM
         .iter()
         .zip(photographed)

@@ -2,8 +2,8 @@
 //!
 //! ci: build only
 //!
-//! `cargo run --release -p plywave-render --example strand_speed [curves.txt [count]]`; with a path, the strands are written there as Mitsuba's curve text, and the rays of the first
-//! measurement as `rays.f32` beside it (six 32-bit floats a ray), to be traced by others.
+//! `cargo run --release -p plywave-render --example strand_speed [curves.txt [count [rays]]]`; with a path, the strands are written there as Mitsuba's curve text, and the rays from all
+//! sides and those of a camera beside it as `sides.f32` and `camera.f32` (six 32-bit floats a ray), to be traced by others: `scripts/embree_strands.sh`.
 
 use glam::DVec3;
 use plywave_render::{Made, StrandShape, StrandTree, make, mitsuba_text};
@@ -29,12 +29,13 @@ fn clock(begun: Instant) -> f64 {
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let all = Instant::now();
     let count = std::env::args().nth(2).map_or(Ok(10_000), |text| text.parse())?;
+    let side = std::env::args().nth(3).map_or(Ok(1_000_000), |text| text.parse::<u64>())?.isqrt().max(1);
     let what = Made::Ball { count, ball_mm: 30.0, length_mm: 26.0, curl_mm: 2.5 };
     let strands = make(&what, 0.045, 100, 1)?;
     println!("{} strands, {} segments", strands.len(), strands.segments());
     let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(1);
     let rays = |distance: f64, rng: &mut rand_pcg::Pcg64Mcg| -> Vec<(DVec3, DVec3)> {
-        (0..1_000_000)
+        (0..side * side)
             .map(|_| {
                 // Through the ball from all sides: between two places about it.
                 let (a, b) = (unit(rng) * 60.0, unit(rng) * (50.0 * rng.random::<f64>().cbrt()));
@@ -46,22 +47,22 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     let near = rays(0.0, &mut rng);
     let far = rays(1000.0, &mut rng);
-    // Neighbors in a picture of 1000 x 1000.
-    let camera: Vec<(DVec3, DVec3)> = (0..1_000_000)
+    // Neighbors in a square picture.
+    let camera: Vec<(DVec3, DVec3)> = (0..side * side)
         .map(|k| {
-            let (x, y) = (f64::from(k % 1000) / 500.0 - 1.0, f64::from(k / 1000) / 500.0 - 1.0);
+            let place = |k: u64| 2.0 * k as f64 / side as f64 - 1.0;
+            let (x, y) = (place(k % side), place(k / side));
             let o = DVec3::new(0.0, -260.0, 0.0);
             (o, (DVec3::new(58.0 * x, 0.0, 58.0 * y) - o).as_vec3().as_dvec3().normalize())
         })
         .collect();
     if let Some(path) = std::env::args().nth(1) {
         std::fs::write(&path, mitsuba_text(&strands))?;
-        let bytes: Vec<u8> = near
-            .iter()
-            .flat_map(|(o, w)| [o.x, o.y, o.z, w.x, w.y, w.z])
-            .flat_map(|v| (v as f32).to_le_bytes())
-            .collect();
-        std::fs::write(std::path::Path::new(&path).with_file_name("rays.f32"), bytes)?;
+        for (name, rays) in [("sides.f32", &near), ("camera.f32", &camera)] {
+            let numbers = rays.iter().flat_map(|(o, w)| [o.x, o.y, o.z, w.x, w.y, w.z]);
+            let bytes: Vec<u8> = numbers.flat_map(|v| (v as f32).to_le_bytes()).collect();
+            std::fs::write(std::path::Path::new(&path).with_file_name(name), bytes)?;
+        }
     }
     for shape in [StrandShape::Tube, StrandShape::Band] {
         let (start, begun) = (Instant::now(), clock(all));

@@ -311,7 +311,7 @@ fn maps(folder: &Path) -> Result<(), Box<dyn Error>> {
         let begun = Instant::now();
         let size = 360;
         let colors = map(&fiber, lambdas, size)?;
-        // White is what one of a hundred places exceeds.
+        // White is what five of a hundred places exceed.
         let mut light: Vec<f64> = colors.iter().map(|c| c[1]).collect();
         light.sort_by(f64::total_cmp);
         let white = light[light.len() * 95 / 100];

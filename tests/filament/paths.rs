@@ -190,3 +190,56 @@ fn light_that_varies_over_the_width_is_the_weighted_mean_of_the_near_field() {
     // It is not what an even beam of the same power does.
     assert!(want[1][1].abs() > 0.02 * want[0][0], "{want:?}");
 }
+
+/// Eq. 54: at one offset, the BFSDF integrated over all places of exit (xi_o and s) is the position-dependent BSDF of a ribbon; paths of the walk are counted wherever they leave.
+/// Its mean over a ribbon, places even in h, and over a half cylinder, places even in xi with the foreshortening cos(xi - phi_i), is the far field's.
+#[test]
+fn position_dependent_bsdf_is_the_bfsdf_over_all_exits() {
+    let (beta_n, sigma) = (0.1, 0.15f32);
+    let p = DielectricParameters { radius_um: 1.0, beta_n, orders: 8, beta_m: [0.02; 3], ..Default::default() };
+    let fiber = dielectric(p);
+    for theta in [0.0f32, 0.5, -1.0] {
+        let query = FiberQuery { sigma_per_um: [sigma], ..FiberQuery::new(direction(theta, 0.0), [0.5]) };
+        let places = [-0.9, -0.55, -0.1, 0.2, 0.6, 0.85f32];
+        for h in places {
+            let at = fiber.at(&FiberQuery { h_rel: Some(h), ..query });
+            // Moments over the azimuth; the spread takes exp(-m^2 beta^2 / 2) of them.
+            let (mut want, mut got) = ([[0.0f64; 2]; 5], [[0.0f64; 2]; 5]);
+            for (w, power, length) in walk(theta.into(), h.into(), 1.55, 20) {
+                let (phi, power) = (w[1].atan2(w[0]), power * (-f64::from(sigma) * length).exp());
+                for (m, want) in want.iter_mut().enumerate() {
+                    let fade = (-0.5 * (m as f64 * f64::from(beta_n)).powi(2)).exp();
+                    want[0] += power * fade * (m as f64 * phi).cos();
+                    want[1] += power * fade * (m as f64 * phi).sin();
+                }
+            }
+            let (n, mut all) = (240, 0.0);
+            for j in 0..n {
+                let phi = f64::from(j) / f64::from(n) * TAU;
+                let f = f64::from(at.eval(direction(-theta, phi as f32))[0]);
+                all += f;
+                for (m, got) in got.iter_mut().enumerate() {
+                    got[0] += f * (m as f64 * phi).cos();
+                    got[1] += f * (m as f64 * phi).sin();
+                }
+            }
+            // One latitude stands for all: M is the same for every order.
+            let scale = f64::from(at.albedo()[0]) / all;
+            for m in 0..5 {
+                for c in 0..2 {
+                    let (got, want) = (scale * got[m][c], want[m][c]);
+                    assert!((got - want).abs() < 2e-3, "theta {theta}, h {h}, moment {m}: got {got}, want {want}");
+                }
+            }
+        }
+        let energy = |h: f64| f64::from(fiber.at(&FiberQuery { h_rel: Some(h as f32), ..query }).albedo()[0]);
+        let n = 2000;
+        let middle = |k: i32| (2.0 * f64::from(k) + 1.0) / f64::from(n) - 1.0;
+        let ribbon = (0..n).map(|k| energy(middle(k)) / f64::from(n)).sum::<f64>();
+        let xi = |k: i32| FRAC_PI_2 * middle(k);
+        // The half cylinder's width is 2 of its arc of pi.
+        let half = (0..n).map(|k| energy(xi(k).sin()) * xi(k).cos() * 0.5 * PI / f64::from(n)).sum::<f64>();
+        let far = f64::from(fiber.at(&query).albedo()[0]);
+        assert!((ribbon - half).abs() < 1e-4 && (ribbon - far).abs() < 2e-3, "{theta}: {ribbon}, {half}, {far}");
+    }
+}

@@ -197,3 +197,80 @@ fn ellipses_change_trt_alone() {
         check(&fiber.at(&query), [0.05, 0.1], 2e-3, 800 + k as u64, &format!("{query:?}"));
     }
 }
+
+/// Where the models are reciprocal: `f / cos theta_o` is the same with light and view swapped for the far fields of Eq. 52 and of Marschner's model, whose attenuations are taken at theta_d, and for the
+/// Lambertian fiber; of the near field at the offset with the other sign, where the light that comes back enters.
+#[test]
+fn swapped_directions_agree_where_the_models_are_reciprocal() {
+    let hair = RoughDielectricParameters { k_d: 0.01, ..Default::default() };
+    let marschner = RoughDielectricParameters::marschner(1.55, 40.0, [-0.1, 0.05, 0.15], [0.1, 0.1, 0.2]);
+    let matte = OpaqueParameters { mirror: Mirror::None, diffuse: 0.6, ..Default::default() };
+    let list: [(&str, FiberModel, &[Option<f32>]); 3] = [
+        ("hair", rough(hair).into(), &[None, Some(0.3), Some(-0.8)]),
+        ("marschner", rough(marschner).into(), &[None]),
+        ("matte", opaque(matte).into(), &[None]),
+    ];
+    let mut rng = Pcg64Mcg::seed_from_u64(77);
+    for (name, fiber, offsets) in list {
+        let (mut most, mut seen) = (0.0f64, 0);
+        for k in 0..600 {
+            let h_rel = offsets[k % offsets.len()];
+            let theta_i = 2.4 * rng.random::<f32>() - 1.2;
+            let theta_o = (-theta_i + 0.6 * (rng.random::<f32>() - 0.5)).clamp(-1.4, 1.4);
+            let [phi_i, phi_o] = [6.0 * rng.random::<f32>(), 6.0 * rng.random::<f32>()];
+            let (i, o) = (direction(theta_i, phi_i), direction(theta_o, phi_o));
+            let f = |from: [f32; 3], to: [f32; 3], h_rel: Option<f32>, theta: f32| {
+                let query = FiberQuery { sigma_per_um: [0.004], h_rel, ..FiberQuery::new(from, [0.5]) };
+                f64::from(fiber.at(&query).eval(to)[0]) / f64::from(theta).cos()
+            };
+            let (there, back) = (f(i, o, h_rel, theta_o), f(o, i, h_rel.map(|h| -h), theta_i));
+            let off = (there - back).abs() / (there.max(back) + 1e-3);
+            most = most.max(off);
+            seen += usize::from(there > 0.01);
+            // Angles are known to 1e-6 in 32 bits, widths are from 0.05 and caustics lie between.
+            assert!(off < 1e-4, "{name}, {h_rel:?}, {i:?}, {o:?}: {there} and {back}");
+        }
+        println!("{name}: f / cos theta_o swapped, off by {most:.1e} at most; {seen} of 600 pairs with light");
+        assert!(seen > 200, "{name}: {seen}");
+    }
+}
+
+/// The widths along the fiber and of the offset (w_s, w_h of Eq. 52). w_s is gone once the place of exit along the axis is integrated over. w_h blurs the offset of exit about that of entry: the near
+/// field is then the mean of Eq. 53 by `g(1, h_o + h_i, w_h)`, as of light that varies over the width (Eq. 39-40), and the far field, its mean over h_o, loses what the blur carries past the rims alone:
+/// `w_h / sqrt(2 pi)` of the light where all offsets are alike.
+#[test]
+fn blur_of_the_offset_costs_the_far_field_the_rims() {
+    let fiber = rough(RoughDielectricParameters { width_phi: [0.3; 3], ..Default::default() });
+    let query = FiberQuery { sigma_per_um: [0.003], ..FiberQuery::new(direction(0.4, 0.0), [0.5]) };
+    let n = 1000;
+    let middle = |k: usize| (2 * k + 1) as f64 / n as f64 - 1.0;
+    for w_h in [0.02f64, 0.05] {
+        // Share of an entry's light that leaves within the width, g being 1 over its own interval.
+        let kept = |h: f64| {
+            let steps = 400;
+            let mean = |from: f64, to: f64| {
+                (0..steps)
+                    .map(|s| from + (to - from) * (f64::from(s) + 0.5) / f64::from(steps))
+                    .map(|x: f64| (-0.5 * (x / w_h).powi(2)).exp() * (to - from) / f64::from(steps))
+                    .sum::<f64>()
+            };
+            mean((h - 1.0).max(-1.0), (h + 1.0).min(1.0)) / mean(-1.0, 1.0)
+        };
+        let all: f64 = (0..n).map(|k| 1.0 - kept(middle(k))).sum::<f64>() / n as f64;
+        assert!((all - w_h / TAU.sqrt()).abs() < 0.02 * all, "{w_h}: {all}");
+        for phi in [0.4f32, 1.5, 3.0] {
+            let w = direction(-0.35, phi);
+            let far = f64::from(fiber.at(&query).eval(w)[0]);
+            let (mut blurred, mut lost) = (0.0, 0.0);
+            for k in 0..n {
+                let at = fiber.at(&FiberQuery { h_rel: Some(middle(k) as f32), ..query });
+                let f = f64::from(at.eval(w)[0]) / n as f64;
+                blurred += f * kept(middle(k));
+                lost += f * (1.0 - kept(middle(k)));
+            }
+            println!("w_h {w_h}, azimuth {phi}: far {far:.5}, blurred {blurred:.5}, past the rims {lost:.5}");
+            assert!((blurred + lost - far).abs() < 4e-3 * far, "{w_h}, {phi}: {blurred} + {lost}, {far}");
+            assert!(lost < 4.0 * w_h * far, "{w_h}, {phi}: {lost} of {far}");
+        }
+    }
+}

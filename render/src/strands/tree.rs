@@ -2,7 +2,7 @@
 
 use super::group::{Group, GroupRay, SEGMENTS};
 use super::segment::{Cubic, Extent, RayFrame, band, cubic, point, slope, spline, tube};
-use super::wide::Wide;
+use super::wide::{Wide, prefetch};
 use super::{Basis, StrandShape, Strands};
 use glam::{DVec3, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
@@ -208,7 +208,8 @@ impl StrandTree {
         let (frame, chords) = (RayFrame::new(origin, direction), GroupRay::new(moved, direction));
         let low = (after - start) as f32;
         let mut best: Option<Met> = None;
-        let nodes = self.boxes.traverse(moved, direction.as_vec3(), limit, |i, mut limit| {
+        let ahead = |i| prefetch(&self.groups, i);
+        let nodes = self.boxes.traverse(moved, direction.as_vec3(), limit, ahead, |i, mut limit| {
             let mut near = self.groups[i].near(&chords, low, limit);
             cost.groups += u64::from(COUNT);
             if near == 0 {
@@ -256,7 +257,8 @@ impl StrandTree {
         let (start, moved, limit) = start_of(origin, direction, from.max(after), before.min(to));
         let (frame, chords) = (RayFrame::new(origin, direction), GroupRay::new(moved, direction));
         let low = (after - start) as f32;
-        self.boxes.traverse(moved, direction.as_vec3(), limit, |i, limit| {
+        let ahead = |i| prefetch(&self.groups, i);
+        self.boxes.traverse(moved, direction.as_vec3(), limit, ahead, |i, limit| {
             let mut near = self.groups[i].near(&chords, low, limit);
             if near == 0 {
                 return limit;
