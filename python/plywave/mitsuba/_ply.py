@@ -286,21 +286,22 @@ class Plies:
         return sums
 
     def lobes(self, m, theta_i, h_um, sigma, v, energies, unrolled):
-        """:meth:`lobes_towards` in one direction."""
-        return self.lobes_towards(m, theta_i, h_um, sigma, [v], energies, unrolled)[0]
+        """f_refl, f_high and the sum of densities of :meth:`lobes_towards` in one direction."""
+        ((refl, high, _, density),) = self.lobes_towards(m, theta_i, h_um, sigma, [v], energies, unrolled)
+        return refl, high, density
 
-    def lobes_towards(self, m, theta_i, h_um, sigma, directions, energies, unrolled):
-        """f_refl, f_high in each of some directions of the ply frame [1/sr] and the sum of mean energies times densities there: over the mean energy it is the density of
-        sampling the lobes. ``energies`` are of :meth:`energies`."""
+    def lobes_towards(self, m, theta_i, h_um, sigma, directions, energies, unrolled, slit=None):
+        """f_refl, f_high and light of a slit in each of some directions of the ply frame [1/sr], and the sum of mean energies times densities there: over the mean energy it is
+        the density of :meth:`draw`. ``energies`` are of :meth:`energies`; ``slit`` is one of ``_gaps.py``."""
         kit = self.kit
         cell, lobe = self._cell(m, theta_i, h_um), kind_of(self.number("is_cone", m), theta_i)
         through = self.transmittances(m, sigma)
-        directions = [lobe.toward(mirrored(cell["flip"], v)) for v in directions]
+        towards = [lobe.toward(mirrored(cell["flip"], v)) for v in directions]
 
         def refl(l, sum_e, sums):
             p = self._refl(cell, l)
             e, frame = dr.maximum(p[5], p[6]), lobe.frame(p)
-            lights = (lobe.value(frame, v) for v in directions)
+            lights = (lobe.value(frame, v) for v in towards)
             return sum_e + e, [(sum_g + e * g, sum_d + e * d) for (sum_g, sum_d), (g, d) in zip(sums, lights)]
 
         zero = kit.float(0.0)
@@ -308,20 +309,28 @@ class Plies:
         e, of_refl = kit.times(self.refl_lobes, state, refl, unrolled, "reflection lobes")
         scale_refl = energies[1] / e
 
-        def high(l, sum_e, sums):
+        def high(l, sum_e, taken, sums):
             p = self._high(cell, l)
             left, frame = sum((x * t for x, t in zip(p[8:], through)), kit.zero_s()) * dr.maximum(p[5], p[6]), lobe.frame(p)
-            lights = (lobe.value(frame, v) for v in directions)
-            return sum_e + left, [(sum_g + left * g, sum_d + left * d) for (sum_g, sum_d), (g, d) in zip(sums, lights)]
+            sum_e = sum_e + left
+            if slit is not None:
+                part = slit.takes(lobe.forward(frame))
+                taken, left = taken + part * left, (1.0 - part) * left
+            lights = (lobe.value(frame, v) for v in towards)
+            return sum_e, taken, [(sum_g + left * g, sum_d + left * d) for (sum_g, sum_d), (g, d) in zip(sums, lights)]
 
         zero = kit.zero_s()
-        state = (zero, [(zero, zero) for _ in directions])
-        e, of_high = kit.times(self.high_lobes, state, high, unrolled, "high-order lobes")
+        state = (zero, zero, [(zero, zero) for _ in directions])
+        e, taken, of_high = kit.times(self.high_lobes, state, high, unrolled, "high-order lobes")
         scale = self.high_energy(energies[2], through) / e
-        return [(scale_refl * a, scale * g, scale_refl * b + kit.mean(scale * d)) for (a, b), (g, d) in zip(of_refl, of_high)]
+        taken, lights = scale * taken, []
+        for v, (a, b), (g, d) in zip(directions, of_refl, of_high):
+            light, density = (zero, 0.0) if slit is None else slit.eval(theta_i, v)
+            lights.append((scale_refl * a, scale * g, taken * light, scale_refl * b + kit.mean(scale * d) + kit.mean(taken) * density))
+        return lights
 
-    def draw(self, m, theta_i, h_um, sigma, energies, u, unrolled):
-        """A direction of the ply frame drawn from the lobes, by three numbers in [0, 1)."""
+    def draw(self, m, theta_i, h_um, sigma, energies, u, unrolled, slit=None):
+        """A direction of the ply frame drawn from the lobes and the light that a slit takes of them, by three numbers in [0, 1)."""
         kit = self.kit
         cell = self._cell(m, theta_i, h_um)
         through = self.transmittances(m, sigma)
@@ -364,9 +373,15 @@ class Plies:
 
         state = (zero, number, [zero] * 5)
         state = kit.times(self.refl_lobes, state, refl, unrolled, "choice of a reflection lobe")
-        _, _, p = kit.times(self.high_lobes, state, of_high, unrolled, "choice of a high-order lobe")
+        _, number, p = kit.times(self.high_lobes, state, of_high, unrolled, "choice of a high-order lobe")
         lobe = kind_of(self.number("is_cone", m), theta_i)
-        return mirrored(cell["flip"], lobe.draw(lobe.frame(p), u[1], u[2]))
+        frame = lobe.frame(p)
+        w = mirrored(cell["flip"], lobe.draw(frame, u[1], u[2]))
+        if slit is None:
+            return w
+        part = dr.select(is_refl, 0.0, slit.takes(lobe.forward(frame)))
+        of_slit = slit.draw(theta_i, [clamp(number / dr.maximum(part, 1e-30), 0.0, 0.9999999), u[1], u[2]])
+        return [dr.select(number < part, a, b) for a, b in zip(of_slit, w)]
 
     # Light beside the ply
 
