@@ -1,4 +1,4 @@
-"""Pictures by Mitsuba 3: a satin drape, back-lit organza, denim from near by, loops of explicit yarns, a strand of plies as hair.
+"""Pictures by Mitsuba 3: a satin drape, back-lit organza, denim from near by, loops of explicit yarns, a strand of plies, a lock of hairs.
 
     pip install "./python[mitsuba]"
     python examples/mitsuba/render.py satin_drape --width 1280 --spp 64 -o satin_drape.png
@@ -154,7 +154,70 @@ def strand(size, folder):
     return s
 
 
-SCENES = {f.__name__: f for f in (satin_drape, organza_backlit, denim_close, knit_swatch, strand)}
+#: Semi-axes of a hair's section [um], and its absorption [1/um] by wavelength [um]: light brown, half of that of fabrics/strands/hair_ball.toml.
+HAIR, BROWN = (38.0, 29.0), [(0.40, 0.010), (0.45, 0.007), (0.55, 0.0033), (0.65, 0.0018), (0.70, 0.0014)]
+HAIR_SPEC = """
+name = "hair"
+
+[fiber]
+shape = {{ kind = "ellipse", a_um = {}, b_um = {} }}
+eta = 1.55
+alpha_fiber = 0.0
+
+[ply]
+fibers = 4
+radius_um = 200.0
+"""
+
+
+def hair_table(path):
+    """A hair by rays: its table at three wavelengths, of an absorption each."""
+    import plywave
+
+    lambdas = np.linspace(0.464, 0.612, 3)
+    sigmas = np.interp(lambdas, *np.transpose(BROWN))
+    fibers = [plywave.wave.tabulate(HAIR_SPEC.format(*HAIR), "preview", rays=True, sigma_per_um=sigma, thetas=30, azimuths=36, ray_count=4000, beta_m_rad=0.12) for sigma in sigmas]
+    tables = [fiber.tensors() for fiber in fibers]
+    tensors = dict(tables[0], lambda_um=lambdas)
+    tensors |= {key: np.concatenate([table[key] for table in tables]) for key in ("c_x_um", "c_abs_um", "azimuthal")}
+    plywave.Fiber.from_tensors(tensors, fibers[0].document).save(path)
+    return str(path)
+
+
+def fibers(size, folder):
+    """Locks of 7000 brown hairs over a roll 4 cm thick, in cm: every hair a curve, as wide as it is."""
+    rng, count, roll, n, locks_ = np.random.default_rng(3), 7000, 2.0, 48, 26
+    x, depth = rng.uniform(-2.6, 2.6, count), 0.12 * rng.random(count)
+    locks = np.linspace(-2.5, 2.5, locks_) + rng.uniform(-0.08, 0.08, locks_)
+    lock = np.abs(x[:, None] - locks).argmin(1)
+    phase, lean = rng.uniform(0, 2 * np.pi, (2, locks_)), rng.normal(0, 0.12, locks_)
+    along = np.linspace(-2.9, rng.normal(3.6, 0.18, locks_)[lock] + rng.normal(0, 0.1, count), n).T
+    # Down from the roll hairs draw near to their lock, which sways; a hair strays.
+    below = np.maximum(along, 0.0)
+    draws = 0.5 * np.clip(below / 3.6, 0, 1) ** 1.5
+    sway = lean[lock, None] * (below / 3.0) ** 2 + 0.04 * below * np.sin(1.6 * below + phase[0][lock, None])
+    turn, wave = rng.uniform(0, 2 * np.pi, (2, count, 1)), rng.uniform(0.7, 2.2, (2, count, 1))
+    stray = 0.012 * (1 + below) * np.sin(wave * along + turn)
+    across = x[:, None] + draws * (locks[lock] - x)[:, None] + sway + stray[0]
+    out = roll + 0.03 + depth[:, None] * (1 + 0.4 * below) + 0.05 * below * np.sin(1.3 * below + phase[1][lock, None]) + 0.03 + stray[1]
+    angle = np.minimum(along, 0.0) / roll
+    curves = np.stack([across, -out * np.cos(angle), -np.maximum(along, 0.0) - out * np.sin(angle)], -1)
+    s = base([1.5, -17.0, 2.5], [0.0, -1.5, -0.85], [0, 0, 1], 25, *size, 12)
+    s["sky"] = {"type": "constant", "radiance": {"type": "rgb", "value": [0.05, 0.055, 0.065]}}
+    s["lamp"] = lamp([-6.0, -13.0, 12.0], 2.5, [42, 39, 35])
+    s["fill"] = lamp([9.0, -14.0, -5.0], 3.0, [14, 13.5, 12.5])
+    s["rim"] = lamp([9.0, 9.0, 3.0], 2.0, [36, 37, 40])
+    cylinder = {"type": "cylinder", "p0": [-2.5, 0, 0], "p1": [2.5, 0, 0], "radius": roll}
+    s["roll"] = cylinder | {"bsdf": {"type": "twosided", "material": {"type": "diffuse", "reflectance": 0.04}}}
+    filename = hair_table(folder / "hair.pwf")
+    # Sections turned four ways about their hairs.
+    for k in range(4):
+        bsdf = {"type": "plywave_fiber", "filename": filename, "rotation_deg": 45.0 * k}
+        s[f"hair{k}"] = {"type": "bsplinecurve", "filename": write_curves(folder / f"hair{k}.txt", curves[k::4], 1e-4 * HAIR[0]), "bsdf": bsdf}
+    return s
+
+
+SCENES = {f.__name__: f for f in (satin_drape, organza_backlit, denim_close, knit_swatch, strand, fibers)}
 
 
 def main():
@@ -174,13 +237,13 @@ def main():
         size = (args.width, args.height or args.width * 5 // 8, args.spp)
         scene = mi.load_dict(SCENES[args.scene](size, pathlib.Path(folder)))
     plywave.mitsuba.check(scene)
-    begun, image = time.time(), 0.0
-    for seed in range(args.passes):
-        image = image + np.array(mi.render(scene, spp=args.spp, seed=seed)) / args.passes
-        print(f"pass {seed + 1} of {args.passes}: {time.time() - begun:.1f} s", flush=True)
     output = args.output or f"{args.scene}.png"
-    mi.util.write_bitmap(output, mi.TensorXf(image.astype(np.float32)), write_async=False)
-    print(f"{output}: {args.width} x {size[1]}, {args.spp * args.passes} samples, {time.time() - begun:.1f} s")
+    begun, image = time.time(), 0.0
+    # Written after each pass, so that it can be stopped.
+    for seed in range(args.passes):
+        image = image + np.array(mi.render(scene, spp=args.spp, seed=seed))
+        mi.util.write_bitmap(output, mi.TensorXf((image / (seed + 1)).astype(np.float32)), write_async=False)
+        print(f"{output}: {args.width} x {size[1]}, {args.spp * (seed + 1)} samples, {time.time() - begun:.1f} s", flush=True)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 use numpy::ndarray::{Array1, Array2, ArrayD, IxDyn};
 use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
-use plywave::fabric::{FabricOptions, FabricSpec, Family, GapLight, Place, Slits, Values};
+use plywave::fabric::{FabricOptions, FabricSpec, GapLight, Place, Slits, Values};
 use plywave::fiber::FiberTable;
 use plywave::io::Folder;
 use plywave::spec::YarnSpec;
@@ -34,14 +34,13 @@ fn columns(name: &str, a: &PyReadonlyArray2<'_, f32>, n: usize, count: usize) ->
 pub struct FabricTables {
     fabric: FabricBsdf,
     speckle: bool,
-    has_slits: bool,
 }
 
 #[pymethods]
 impl FabricTables {
     /// Of a spec's file, or of its text and the folder that its models are in.
     #[new]
-    #[pyo3(signature = (filename = None, text = None, folder = ".", diffracted = true, layers = true, shadowing = true, edges = true, speckle = false, far = false))]
+    #[pyo3(signature = (filename = None, text = None, folder = ".", diffracted = true, layers = true, shadowing = true, edges = true, slits = true, speckle = false, far = false))]
     #[allow(clippy::fn_params_excessive_bools)]
     fn new(
         py: Python<'_>,
@@ -52,27 +51,23 @@ impl FabricTables {
         layers: bool,
         shadowing: bool,
         edges: bool,
+        slits: bool,
         speckle: bool,
         far: bool,
     ) -> PyResult<Self> {
         let gaps = if diffracted { GapLight::Diffracted } else { GapLight::Straight };
-        let options = FabricOptions { gaps, noise: speckle, layers, shadowing, edges, far, ..FabricOptions::SMOOTH };
+        let slits = if slits { None } else { Some(Slits::NONE) };
+        let options =
+            FabricOptions { gaps, noise: speckle, layers, shadowing, edges, slits, far, ..FabricOptions::SMOOTH };
         let folder = folder.to_string();
         let load = move || -> plywave::Result<FabricTables> {
             let loaded = match (filename, text) {
                 (_, Some(text)) => FabricSpec::load_from(&text, "spec", &Folder::new(Path::new(&folder)))?,
                 (filename, None) => FabricSpec::load(filename.unwrap_or_default())?,
             };
-            let has_slits = Family::EACH.into_iter().any(|family| options.slits_of(&loaded.spec, family).is_some());
-            let options = FabricOptions { slits: Some(Slits::NONE), ..options };
-            Ok(FabricTables { fabric: FabricBsdf::new(loaded, &options)?, speckle, has_slits })
+            Ok(FabricTables { fabric: FabricBsdf::new(loaded, &options)?, speckle })
         };
         py.detach(load).map_err(raise)
-    }
-
-    /// Whether the spec's yarns have slits, which the tables leave out.
-    fn has_slits(&self) -> bool {
-        self.has_slits
     }
 
     /// Tables by name; `models`, the files of the ply models; `noise`, the noise tiles of each model, none without speckle.

@@ -26,6 +26,8 @@
 //! | `far_energy`, `far_first` | `[2][330][8]`, `[2][330][2][8]` | integral of f; energies that first plies scatter, of one layer and of two |
 //! | `far_passing`, `far_apertures` | `[330]`, `[330][7]` | what passes; how many apertures stand for the repeat's, and three pairs of rows of `apertures` |
 //! | `apertures` | `[33][33][74]` | spectra by the distances of their two edges: the factor's eight numbers, g, 65 masses. A point's aperture has the factor of its own edges, and is sampled by the row nearest to them (`FabricBsdf::aperture`) |
+//! | `slit_share` | `[2]` | of warp and weft: share of the forward light that slits between fibers take, 0 without slits |
+//! | `slits` | `[2][2][74]` or empty | spectra of the slits across and along the ply, as those of `apertures`; empty where no yarn has slits |
 
 use super::between::{CLASSES, FEW, PAIRS, SIGMAS, Side, TERMS};
 use super::bsdf::{EDGES, FabricBsdf};
@@ -117,6 +119,11 @@ impl FabricBsdf {
         f32s("passed_h_um", &shape[..1], passed.iter().map(|(_, last_h_um)| *last_h_um).collect());
         let apertures = self.spectra.iter().flat_map(crate::gap::Spectrum::numbers);
         f32s("apertures", &[EDGES + 1, EDGES + 1, 10 + SPECTRUM_CELLS], apertures.collect());
+        f32s("slit_share", &[2], self.slits.iter().map(|slit| slit.map_or(0.0, |slit| slit.share())).collect());
+        // A family without slits has the numbers of the other's, which its share leaves out.
+        let slits = self.slits.iter().filter_map(|slit| slit.or(self.slits[0]).or(self.slits[1]));
+        let slits: Vec<f32> = slits.flat_map(|slit| slit.numbers().collect::<Vec<_>>()).collect();
+        f32s("slits", &[slits.len() / (2 * (10 + SPECTRUM_CELLS)), 2, 10 + SPECTRUM_CELLS], slits);
 
         if let Some(far) = &self.far {
             let shape = vec![far::VIEWS, 1 + 2 * far::APERTURES];

@@ -55,6 +55,11 @@ impl Slit {
         self.share
     }
 
+    /// The numbers of the spectra across and along the ply ([`super::Spectrum`]), for hosts that evaluate them themselves.
+    pub(crate) fn numbers(&self) -> impl Iterator<Item = f32> {
+        self.gap.x.numbers().chain(self.gap.y.numbers())
+    }
+
     /// The pattern in direction `wo` of the ply frame [1/sr], of energy 1, and the density of [`Slit::sample`]: a beam from latitude
     /// `theta_i` spreads over the cone of the forward latitude.
     pub fn eval_pdf<const N: usize>(&self, theta_i: f32, lambda_um: [f32; N], wo: [f32; 3]) -> ([f32; N], f32) {

@@ -1,4 +1,4 @@
-"""Light through the gaps between yarns, diffracted by rectangular apertures (src/gap.rs, src/gap/spectrum.rs, src/math/faddeeva.rs)."""
+"""Light through the gaps between yarns and the slits between fibers, diffracted by rectangular apertures (``src/gap.rs``, ``src/gap/``, ``src/math/faddeeva.rs``)."""
 
 import math
 
@@ -8,6 +8,8 @@ import numpy as np
 from ._kit import clamp
 
 EDGES, CELLS, LEAST_MASS, LEAST_APERTURE_UM = 32, 64, 1e-12, 0.1
+# src/gap/slit.rs
+LEAST_COSINE = 1e-3
 SCALE = 3.3635857
 SERIES = [
     1.7483959, 1.3622408, 0.88644785, 0.4692909, 0.19124173, 0.0518224, 0.0036825673, -0.003881015,
@@ -199,3 +201,41 @@ class Gaps:
         by = clamp(by, -reach, reach)
         bz = dr.sqrt(dr.maximum(1.0 - bx * bx - by * by, 1e-12))
         return [bx, by, dr.select(wo[2] > 0.0, -bz, bz)]
+
+
+class Slits:
+    """Slits between the fibers of a fabric's yarns (Yu 2025, 7.3; src/gap/slit.rs)."""
+
+    def __init__(self, kit, shares, spectra):
+        self.kit, self.shares, self.gaps = kit, [float(share) for share in shares], Gaps(kit, spectra, 1.0)
+
+    def at(self, hit, lam):
+        """The slit of a ply that a line comes near; where two layers lie there is none."""
+        kit = self.kit
+        share = dr.select(hit["is_double"], 0.0, dr.select(hit["is_warp"], *self.shares))
+        row = dr.select(hit["is_warp"], kit.uint(0), kit.uint(2))
+        return Slit(share, self.gaps, self.gaps.of(row, row + 1), lam)
+
+
+class Slit:
+    """A slit along a ply and the share of the forward light that passes it; its spectra across and along the ply."""
+
+    def __init__(self, share, gaps, spectra, lam):
+        self.share, self.gaps, self.spectra, self.lam = share, gaps, spectra, lam
+
+    def takes(self, cos):
+        """The share of a lobe, by the cosine between its axis and the forward direction."""
+        return self.share * clamp(cos, 0.0, 1.0)
+
+    def incident(self, theta_i):
+        """The incident direction in the slit's frame, whose y is the ply's z."""
+        s, c = dr.sincos(clamp(theta_i, -0.5 * math.pi, 0.5 * math.pi))
+        return [0.0, s, dr.maximum(c, LEAST_COSINE)]
+
+    def eval(self, theta_i, v):
+        """Light of energy 1 by wavelength [1/sr], and the density of :meth:`draw`, in a direction of the ply's frame."""
+        return self.gaps.eval(self.spectra, self.incident(theta_i), self.lam, [v[0], v[2], v[1]])
+
+    def draw(self, theta_i, u):
+        x, z, y = self.gaps.draw(self.spectra, self.incident(theta_i), self.lam, u)
+        return [x, y, z]

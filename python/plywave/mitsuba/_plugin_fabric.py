@@ -10,7 +10,7 @@ from . import _native, _walk
 from ._base import check_keys, texture, typed
 from ._cloth import Cloth
 from ._far import Far
-from ._gaps import Gaps
+from ._gaps import Gaps, Slits
 from ._kit import Kit, clamp, cross3, dot3
 from ._speckle import Speckle
 
@@ -24,7 +24,7 @@ def define(Calls):
     class Fabric(Calls):
         """``plywave_fabric``: a woven fabric on a surface with uv."""
 
-        FLAGS = {"layers": True, "shadowing": True, "edges": True, "speckle": False, "far": False}
+        FLAGS = {"layers": True, "shadowing": True, "edges": True, "slits": True, "speckle": False, "far": False}
         KEYS = set(FLAGS) | {"filename", "spec", "folder", "gaps", "um_per_uv", "rotation_deg", "to_uv", "footprint_um", "footprint_rad", "footprint_scale", "id"}
         KEYS |= {f"{family}_{what}" for family in ("warp", "weft") for what in ("color", "sigma_per_um")}
 
@@ -48,11 +48,10 @@ def define(Calls):
             if filename is not None:
                 filename = str(mi.file_resolver().resolve(filename))
             tables = _native.FabricTables(filename, text, folder, gaps == "diffracted", **on)
-            if tables.has_slits():
-                mi.Log(mi.LogLevel.Warn, f"{name}: slit_um: the spec has slits between fibers, which the plugin leaves out")
             tensors = tables.tensors()
             self.cloth = Cloth(kit, tensors)
             self.gaps = Gaps(kit, tensors["apertures"], self.cloth.edge_step) if gaps == "diffracted" else None
+            self.slits = Slits(kit, tensors["slit_share"], tensors["slits"]) if tensors["slits"].size else None
             self.speckle = Speckle(kit, tensors["noise"]) if on["speckle"] else None
             if self.speckle is not None and not self.speckle.some:
                 raise ValueError(f"{name}: speckle: true: no model of the fabric has speckle noise; add it with `plywave noise`")
@@ -229,6 +228,10 @@ def define(Calls):
                 out[k] = low + (x - node) * (high - low)
             return out
 
+        def slit_of(self, si, hit):
+            """The slit of a ply that a line comes near, of a cloth with slits."""
+            return None if self.slits is None else self.slits.at(hit, self.lambda_um(si))
+
         # Light
 
         walk, walked, chosen_ply = _walk.walk, _walk.walked, _walk.chosen_ply
@@ -322,7 +325,7 @@ def define(Calls):
                 first.append((here, dr.minimum(left / dr.maximum(chance, 1e-30), 0.9999999)))
                 left = dr.select(found | here, left, left - chance)
                 found = found | here
-            chosen, main = self.chosen_ply(at, _another(kit, u)), at["main"]
+            chosen, main = self.chosen_ply(si, at, _another(kit, u)), at["main"]
 
             def to_fabric(q, w):
                 x, z = q[2:5], q[5:8]
@@ -332,7 +335,7 @@ def define(Calls):
             theta_i, h = chosen["q"][:2]
             energies = cloth.plies.energies(chosen["model"], theta_i, h)
             sigma = self.sigma_of(si, at["own"], chosen["is_warp"], chosen["yarn"])
-            w = cloth.plies.draw(chosen["model"], theta_i, h, sigma, energies, [first[0][1], u[1], u[2]], False)
+            w = cloth.plies.draw(chosen["model"], theta_i, h, sigma, energies, [first[0][1], u[1], u[2]], False, chosen["slit"])
             b = to_fabric(chosen["q"], w)
             if cloth.plies.some_edge and cloth.options["edges"]:
                 q = main["q"]

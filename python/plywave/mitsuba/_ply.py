@@ -1,7 +1,7 @@
 """Ply models in Dr.Jit: f_refl + f_high of interpolated lobes, edge light (Yu 2025, Eq. 8 and 18).
 
-The tables are those of the model files (docs/format.md) and the formulas those of ``src/ply``: ``place.rs``, ``interpolate.rs``, ``energy.rs``, ``lobe.rs``, ``edge.rs``,
-``exits.rs``. The files of several models lie behind each other in the same tables; a number tells them apart at run time, so that a fabric of many yarns is one piece of code.
+The tables are those of the model files (docs/format.md) and the formulas those of ``src/ply``: ``place.rs``, ``interpolate.rs``, ``energy.rs``, ``mixture.rs``, ``edge.rs``,
+``exits.rs``; ``_lobes.py`` has a lobe's. The files of several models lie behind each other in the same tables; a number tells them apart at run time, so that a fabric of many yarns is one piece of code.
 """
 
 import json
@@ -10,23 +10,13 @@ import math
 import drjit as dr
 import numpy as np
 
-from ._kit import clamp, dot3
+from ._kit import clamp
+from ._lobes import LOG2_E, MU_MIN, disc_point, disc_share, kind_of, stored_mu, unit_mean
 
-LOG2_E = math.log2(math.e)
-MU_MIN, MU_MAX, EDGE_MU_MAX = 0.2, 20_000.0, 1e7
+EDGE_MU_MAX = 1e7
 LEAST_ENERGY, LEAST_TRANSMITTANCE = 1e-12, 1e-20
 DARK, NARROW_MU = 101.0, 30.0
 EXIT_LENGTH_UM, MOST_TAN = 150.0, 6.0
-
-# Energy of a lobe of amplitude 1 (src/ply/lobe.rs).
-MEAN = [
-    [0.86472696, -0.5413396, -1.0858794, -0.33280998, 0.20640504, -3.191828, -0.32349062, 10.540188, -7.891373, -42.007984, -28.1854],
-    [0.54242563, 0.51795506, -0.022908885, 3.760259, 1.3267359, -18.587229, 12.092752, 99.15994, 81.44035],
-    [0.008833905, -0.87465584, -0.9746874, 9.540781, -4.5728836, -78.518135, -82.348946],
-    [0.103313036, -1.2792708, 0.07296818, 23.176245, 33.99076],
-    [0.04638332, -1.8602276, -4.9093513],
-    [0.121228844],
-]
 
 _TYPES = {"F64": "<f8", "F32": "<f4", "U8": "u1", "U64": "<u8", "U32": "<u4"}
 
@@ -45,8 +35,6 @@ def read_container(data, name):
     for key, info in header.items():
         first, last = (8 + size + o for o in info["data_offsets"])
         tensors[key] = np.frombuffer(data[first:last], _TYPES[info["dtype"]]).reshape(info["shape"])
-    if "cone_refl" in tensors:
-        raise ValueError(f"{name}: lobes: cones: Mitsuba evaluates models of round lobes only: give the fiber more roughness (alpha_fiber) or its ply a twist")
     return tensors, document
 
 
@@ -71,8 +59,9 @@ def _stored(lobes):
     return lobes
 
 
-def stored_mu(mu):
-    return 0.5 * (math.log(mu) * LOG2_E + math.log2(LOG2_E))
+def mirrored(flip, v):
+    """A direction of the mirrored incidence where ``flip`` holds."""
+    return [dr.select(flip, -v[0], v[0]), v[1], dr.select(flip, -v[2], v[2])]
 
 
 class Plies:
@@ -81,6 +70,8 @@ class Plies:
     def __init__(self, kit, files):
         """``files``: tensors of each model, from :func:`read_container`."""
         self.kit = kit
+        # Lobes by one name, whatever they are.
+        files = [{"is_cone": float("cone_refl" in f)} | {key.removeprefix("cone_"): value for key, value in f.items()} for f in files]
         self.refl_lobes = max(f["refl"].shape[2] for f in files)
         self.high_lobes = max(f["high"].shape[4] for f in files)
         self.paths = 4 * -(-max(len(f["path_um"]) for f in files) // 4)
@@ -101,7 +92,7 @@ class Plies:
             m, h = len(f["theta_i"]), len(f["h_um"])
             theta_last, h_last = float(f["theta_i"][-1]), float(f["h_um"][-1])
             j, lr, lh = len(f["path_um"]), f["refl"].shape[2], f["high"].shape[4]
-            n = {"theta_last": theta_last, "h_last": h_last}
+            n = {"theta_last": theta_last, "h_last": h_last, "is_cone": f["is_cone"]}
             n |= {"last_t": m - 1, "last_h": h - 1, "per_t": (m - 1) / theta_last, "per_h": (h - 1) / (2 * h_last)}
             for kind in ("miss", "share"):
                 rows, columns = len(f[f"{kind}_theta_i"]), len(f[f"{kind}_h_um"])
@@ -295,21 +286,22 @@ class Plies:
         return sums
 
     def lobes(self, m, theta_i, h_um, sigma, v, energies, unrolled):
-        """:meth:`lobes_towards` in one direction."""
-        return self.lobes_towards(m, theta_i, h_um, sigma, [v], energies, unrolled)[0]
+        """f_refl, f_high and the sum of densities of :meth:`lobes_towards` in one direction."""
+        ((refl, high, _, density),) = self.lobes_towards(m, theta_i, h_um, sigma, [v], energies, unrolled)
+        return refl, high, density
 
-    def lobes_towards(self, m, theta_i, h_um, sigma, directions, energies, unrolled):
-        """f_refl, f_high in each of some directions of the ply frame [1/sr] and the sum of mean energies times densities there: over the mean energy it is the density of
-        sampling the lobes. ``energies`` are of :meth:`energies`."""
+    def lobes_towards(self, m, theta_i, h_um, sigma, directions, energies, unrolled, slit=None):
+        """f_refl, f_high and light of a slit in each of some directions of the ply frame [1/sr], and the sum of mean energies times densities there: over the mean energy it is
+        the density of :meth:`draw`. ``energies`` are of :meth:`energies`; ``slit`` is one of ``_gaps.py``."""
         kit = self.kit
-        cell = self._cell(m, theta_i, h_um)
+        cell, lobe = self._cell(m, theta_i, h_um), kind_of(self.number("is_cone", m), theta_i)
         through = self.transmittances(m, sigma)
-        directions = [[dr.select(cell["flip"], -v[0], v[0]), v[1], dr.select(cell["flip"], -v[2], v[2])] for v in directions]
+        towards = [lobe.toward(mirrored(cell["flip"], v)) for v in directions]
 
         def refl(l, sum_e, sums):
             p = self._refl(cell, l)
-            e, frame = dr.maximum(p[5], p[6]), lobe_frame(p)
-            lights = (lobe_value(frame, v) for v in directions)
+            e, frame = dr.maximum(p[5], p[6]), lobe.frame(p)
+            lights = (lobe.value(frame, v) for v in towards)
             return sum_e + e, [(sum_g + e * g, sum_d + e * d) for (sum_g, sum_d), (g, d) in zip(sums, lights)]
 
         zero = kit.float(0.0)
@@ -317,20 +309,28 @@ class Plies:
         e, of_refl = kit.times(self.refl_lobes, state, refl, unrolled, "reflection lobes")
         scale_refl = energies[1] / e
 
-        def high(l, sum_e, sums):
+        def high(l, sum_e, taken, sums):
             p = self._high(cell, l)
-            left, frame = sum((x * t for x, t in zip(p[8:], through)), kit.zero_s()) * dr.maximum(p[5], p[6]), lobe_frame(p)
-            lights = (lobe_value(frame, v) for v in directions)
-            return sum_e + left, [(sum_g + left * g, sum_d + left * d) for (sum_g, sum_d), (g, d) in zip(sums, lights)]
+            left, frame = sum((x * t for x, t in zip(p[8:], through)), kit.zero_s()) * dr.maximum(p[5], p[6]), lobe.frame(p)
+            sum_e = sum_e + left
+            if slit is not None:
+                part = slit.takes(lobe.forward(frame))
+                taken, left = taken + part * left, (1.0 - part) * left
+            lights = (lobe.value(frame, v) for v in towards)
+            return sum_e, taken, [(sum_g + left * g, sum_d + left * d) for (sum_g, sum_d), (g, d) in zip(sums, lights)]
 
         zero = kit.zero_s()
-        state = (zero, [(zero, zero) for _ in directions])
-        e, of_high = kit.times(self.high_lobes, state, high, unrolled, "high-order lobes")
+        state = (zero, zero, [(zero, zero) for _ in directions])
+        e, taken, of_high = kit.times(self.high_lobes, state, high, unrolled, "high-order lobes")
         scale = self.high_energy(energies[2], through) / e
-        return [(scale_refl * a, scale * g, scale_refl * b + kit.mean(scale * d)) for (a, b), (g, d) in zip(of_refl, of_high)]
+        taken, lights = scale * taken, []
+        for v, (a, b), (g, d) in zip(directions, of_refl, of_high):
+            light, density = (zero, 0.0) if slit is None else slit.eval(theta_i, v)
+            lights.append((scale_refl * a, scale * g, taken * light, scale_refl * b + kit.mean(scale * d) + kit.mean(taken) * density))
+        return lights
 
-    def draw(self, m, theta_i, h_um, sigma, energies, u, unrolled):
-        """A direction of the ply frame drawn from the lobes, by three numbers in [0, 1)."""
+    def draw(self, m, theta_i, h_um, sigma, energies, u, unrolled, slit=None):
+        """A direction of the ply frame drawn from the lobes and the light that a slit takes of them, by three numbers in [0, 1)."""
         kit = self.kit
         cell = self._cell(m, theta_i, h_um)
         through = self.transmittances(m, sigma)
@@ -373,13 +373,15 @@ class Plies:
 
         state = (zero, number, [zero] * 5)
         state = kit.times(self.refl_lobes, state, refl, unrolled, "choice of a reflection lobe")
-        _, _, p = kit.times(self.high_lobes, state, of_high, unrolled, "choice of a high-order lobe")
-        theta, phi, xy = dr.sincos(p[0]), dr.sincos(p[1]), dr.sincos(p[2])
-        uu, ww, cz = disc_point(root_width(p[3]), root_width(p[4]), u[1], u[2])
-        across, up = xy[1] * uu - xy[0] * ww, xy[0] * uu + xy[1] * ww
-        along = theta[1] * cz - theta[0] * up
-        w = [phi[1] * along - phi[0] * across, phi[0] * along + phi[1] * across, theta[0] * cz + theta[1] * up]
-        return [dr.select(cell["flip"], -w[0], w[0]), w[1], dr.select(cell["flip"], -w[2], w[2])]
+        _, number, p = kit.times(self.high_lobes, state, of_high, unrolled, "choice of a high-order lobe")
+        lobe = kind_of(self.number("is_cone", m), theta_i)
+        frame = lobe.frame(p)
+        w = mirrored(cell["flip"], lobe.draw(frame, u[1], u[2]))
+        if slit is None:
+            return w
+        part = dr.select(is_refl, 0.0, slit.takes(lobe.forward(frame)))
+        of_slit = slit.draw(theta_i, [clamp(number / dr.maximum(part, 1e-30), 0.0, 0.9999999), u[1], u[2]])
+        return [dr.select(number < part, a, b) for a, b in zip(of_slit, w)]
 
     # Light beside the ply
 
@@ -484,61 +486,3 @@ def exit_lines(exits, v):
 
 def clear_share(sigma):
     return 1.0 / (1.0 + EXIT_LENGTH_UM * clamp(sigma, 0.0, 1e6))
-
-
-def root_width(stored):
-    return dr.exp2(clamp(stored, stored_mu(MU_MIN), stored_mu(MU_MAX)))
-
-
-def disc_share(a):
-    return dr.maximum(1.0 - dr.exp2(-dr.minimum(a, 120.0)), 1e-6)
-
-
-def _polynomial(c, x):
-    value = c[-1]
-    for k in c[-2::-1]:
-        value = dr.fma(value, x, k)
-    return value
-
-
-def unit_mean(t1, t2):
-    """Energy of a lobe of amplitude 1 times sqrt(mu1 mu2) / pi, of bandwidths times log2 e (src/ply/lobe.rs)."""
-    a = (2.0 * LOG2_E - t1) / (2.0 * LOG2_E + t1)
-    b = (2.0 * LOG2_E - t2) / (2.0 * LOG2_E + t2)
-    x, y = 0.5 * (a + b), a * b
-    value = MEAN[5][0]
-    for row in MEAN[4::-1]:
-        value = dr.fma(value, y, _polynomial(row, x))
-    return value
-
-
-def lobe_frame(p):
-    """What values of a lobe of energy 1 have in common: sines and cosines of its angles, widths, peaks for values and densities."""
-    s1, s2 = root_width(p[3]), root_width(p[4])
-    norm = s1 * s2 * (1.0 / (math.pi * LOG2_E))
-    return [*dr.sincos(p[0]), *dr.sincos(p[1]), *dr.sincos(p[2]), s1, s2, norm / unit_mean(s1 * s1, s2 * s2), norm]
-
-
-def lobe_value(frame, v):
-    """Value and density of a lobe of energy 1 in a direction."""
-    st, ct, sp, cp, sx, cx, s1, s2, peak, norm = frame
-    across, along = cp * v[1] - sp * v[0], cp * v[0] + sp * v[1]
-    up, cz = ct * v[2] - st * along, ct * along + st * v[2]
-    u, w = cx * across + sx * up, cx * up - sx * across
-    su, sw = s1 * u, s2 * w
-    q = su * su + sw * sw
-    shape = dr.select((cz > 0.0) & (q < 100.0), cz * dr.exp2(-dr.minimum(q, 120.0)), 0.0)
-    a = (q + 1e-30) / (u * u + w * w + 1e-30)
-    return shape * peak, shape * norm / disc_share(a)
-
-
-def disc_point(s1, s2, u1, u2):
-    """Components along a lobe's axes of a direction drawn from it."""
-    s, c = dr.sincos(2.0 * math.pi * u1)
-    c, s = s2 * c, s1 * s
-    n2 = 1.0 / (c * c + s * s)
-    a = ((s1 * c) * (s1 * c) + (s2 * s) * (s2 * s)) * n2
-    drop = -dr.log(1.0 - u2 * (1.0 - dr.exp2(-dr.minimum(a, 120.0))))
-    r2 = clamp(drop / (math.log(2.0) * a), 0.0, 1.0 - 1.2e-7)
-    r = dr.sqrt(r2 * n2)
-    return r * c, r * s, dr.sqrt(1.0 - r2)

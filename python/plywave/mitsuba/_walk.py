@@ -234,18 +234,18 @@ def plies_light(self, si, at, directions):
         sigma = self.sigma_of(si, own, hit["is_warp"], hit["yarn"])
         energies = cloth.plies.energies(model, theta_i, h)
         towards = [[dot3(a, b) for a in frame] for b in directions]
-        lights = cloth.plies.lobes_towards(model, theta_i, h, sigma, towards, energies, gradients)
+        lights = cloth.plies.lobes_towards(model, theta_i, h, sigma, towards, energies, gradients, self.slit_of(si, hit))
         exits = cloth.plies.exits(model, theta_i, h, cloth.of_family("radius", hit["is_warp"]))
         share, out = clear_share(sigma), []
         if self.speckle is not None:
             family = dr.select(hit["is_warp"], kit.uint(0), kit.uint(1))
             patterns = instance(kit, (kit.uint(hit["yarn"]) * 16 + hit["ply"] * 2 + family), hit["along"], h, cloth.grain)
-        for n, (b, v, (refl, high, density)) in enumerate(zip(directions, towards, lights)):
+        for n, (b, v, (refl, high, of_slit, density)) in enumerate(zip(directions, towards, lights)):
             if self.speckle is not None:
                 factors = self.speckle.factors(model, patterns, dr.sin(theta_i), v, self.lambda_um(si))
                 refl, high = refl * factors[0], high * factors[1]
             free = cloth.free(hit, model, b, exit_lines(exits, v), arounds[n], counts[n])
-            light = free[0] * refl + (free[2] + share * (free[1] - free[2])) * high
+            light = free[0] * refl + (free[2] + share * (free[1] - free[2])) * (high + of_slit)
             f, sum_d = sums[n]
             out.append((f + arrives * light, sum_d + arrives * detach(density)))
         return i + 1, out
@@ -255,7 +255,7 @@ def plies_light(self, si, at, directions):
     return sums
 
 
-def chosen_ply(self, at, number):
+def chosen_ply(self, si, at, number):
     """One of the plies of a walk, by a number in [0, 1), as often as by its energy."""
     kit, cloth, (start, d) = self.kit, self.cloth, at["line"]
     detach = dr.detach if kit.jit else (lambda x: x)
@@ -269,7 +269,7 @@ def chosen_ply(self, at, number):
     chosen = dr.minimum(chosen, dr.maximum(at["count"], 1) - 1)
     hit = cloth.hit(_of(at["kept"]["yarn"], chosen), start, d, detach(_of(at["kept"]["place"], chosen)))
     q = [hit["theta_i"], hit["h"], *hit["frame"][0], *hit["frame"][2]]
-    return {"q": q, "model": cloth.model_of(hit), "is_warp": hit["is_warp"], "yarn": hit["yarn"]}
+    return {"q": q, "model": cloth.model_of(hit), "is_warp": hit["is_warp"], "yarn": hit["yarn"], "slit": self.slit_of(si, hit)}
 
 
 def _of(values, i):
