@@ -33,7 +33,7 @@ fn power(e: i64) -> f64 {
 impl Packed {
     /// Of `values`, columns of `rows` entries.
     pub fn new(values: &[C64], rows: usize) -> Self {
-        let columns = if rows == 0 { 0 } else { values.len() / rows };
+        let columns = values.len().checked_div(rows).unwrap_or(0);
         let mut packed = Self {
             rows,
             steps: Vec::with_capacity(columns),
