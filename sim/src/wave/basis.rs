@@ -1,9 +1,9 @@
 //! Maps between the sites of a group and the few that stand for them.
 
 use super::C64;
-use super::coupling::Number;
 use super::interpolate::Interpolation;
 use super::lu::par;
+use super::packed::{PANEL, Packed};
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef};
 use std::ops::Range;
@@ -12,10 +12,10 @@ use std::ops::Range;
 pub(crate) const STRIP: usize = 512;
 
 /// `out = a b`, or added to it; all column after column.
-pub(crate) fn gemm<T: Number>(mut out: MatMut<'_, T>, accum: Accum, a: MatRef<'_, T>, b: MatRef<'_, T>, factor: T) {
+pub(crate) fn gemm(mut out: MatMut<'_, C64>, accum: Accum, a: MatRef<'_, C64>, b: MatRef<'_, C64>, factor: C64) {
     if a.ncols() == 0 {
         if matches!(accum, Accum::Replace) {
-            out.fill(T::round(C64::ZERO));
+            out.fill(C64::ZERO);
         }
         return;
     }
@@ -26,18 +26,18 @@ pub(crate) fn gemm<T: Number>(mut out: MatMut<'_, T>, accum: Accum, a: MatRef<'_
 
 /// The columns X of an interpolation that belong to some of its sites: strengths s of `inputs` sites radiate as `X s` of `outputs` sites do, and the outputs'
 /// received values u give those of the inputs, `X^T u`. Vectors of several fields have one field after the other.
-pub(crate) struct Basis<T> {
+pub(crate) struct Basis {
     pub outputs: usize,
     pub inputs: usize,
     /// Inputs that are outputs: `(output, input)`.
     kept: Vec<(u32, u32)>,
     /// The other inputs.
     dropped: Vec<u32>,
-    /// Their coefficients, `outputs x dropped`, column after column.
-    coefficients: Vec<T>,
+    /// Their coefficients, `outputs x dropped`.
+    coefficients: Packed,
 }
 
-impl<T: Number> Basis<T> {
+impl Basis {
     /// The columns of the inputs `first .. first + inputs`.
     pub fn of(all: &Interpolation, first: usize, inputs: usize) -> Self {
         let outputs = all.kept.len();
@@ -50,23 +50,19 @@ impl<T: Number> Basis<T> {
             inputs,
             kept: kept.map(|(i, &j)| (i as u32, (j - first) as u32)).collect(),
             dropped: all.dropped[columns].iter().map(|&j| (j - first) as u32).collect(),
-            coefficients: values.iter().map(|&c| T::round(c)).collect(),
+            coefficients: Packed::new(values, outputs),
         }
     }
 
     /// Memory held [bytes].
     pub fn bytes(&self) -> usize {
-        self.coefficients.len() * size_of::<T>() + 8 * self.kept.len() + 4 * self.dropped.len()
-    }
-
-    fn matrix(&self) -> MatRef<'_, T> {
-        MatRef::from_column_major_slice(&self.coefficients, self.outputs, self.dropped.len())
+        self.coefficients.bytes() + 8 * self.kept.len() + 4 * self.dropped.len()
     }
 
     /// Adds `X a` to `out`: from `fields inputs x columns` to `fields outputs x columns`.
-    pub fn left(&self, out: &mut [T], a: &[T], columns: usize, fields: usize) {
+    pub fn left(&self, out: &mut [C64], a: &[C64], columns: usize, fields: usize) {
         let (m, n, d) = (self.inputs, self.outputs, self.dropped.len());
-        let mut taken = vec![T::round(C64::ZERO); d * columns.min(STRIP)];
+        let mut taken = vec![C64::ZERO; d * columns.min(STRIP)];
         let strips = out.chunks_mut((fields * n * STRIP).max(1)).zip(a.chunks((fields * m * STRIP).max(1)));
         for (out, a) in strips {
             let columns = a.len() / (fields * m);
@@ -76,9 +72,12 @@ impl<T: Number> Basis<T> {
                         *taken = a[field * m + j as usize];
                     }
                 }
-                let whole = MatMut::from_column_major_slice_mut(out, fields * n, columns);
                 let taken = MatRef::from_column_major_slice(&taken[..d * columns], d, columns);
-                gemm(whole.subrows_mut(field * n, n), Accum::Add, self.matrix(), taken, T::round(C64::ONE));
+                self.coefficients.panels(0..n, |some, panel| {
+                    let whole = MatMut::from_column_major_slice_mut(out, fields * n, columns);
+                    let taken = taken.subrows(some.start, some.len());
+                    gemm(whole.subrows_mut(field * n, n), Accum::Add, panel, taken, C64::ONE);
+                });
                 for (out, a) in out.chunks_mut(fields * n).zip(a.chunks(fields * m)) {
                     for &(i, j) in &self.kept {
                         out[field * n + i as usize] += a[field * m + j as usize];
@@ -89,30 +88,29 @@ impl<T: Number> Basis<T> {
     }
 
     /// Adds `a X^T` to `out`: from `rows x fields inputs` to `rows x fields outputs`.
-    pub fn right(&self, out: &mut [T], a: &[T], rows: usize) {
+    pub fn right(&self, out: &mut [C64], a: &[C64], rows: usize) {
         for (field, out) in out.chunks_mut((rows * self.outputs).max(1)).enumerate() {
             self.right_some(out, a, rows, field, 0..self.outputs);
         }
     }
 
     /// The same for some outputs of a field: `out` has a column for each of them.
-    fn right_some(&self, out: &mut [T], a: &[T], rows: usize, field: usize, some: Range<usize>) {
+    fn right_some(&self, out: &mut [C64], a: &[C64], rows: usize, field: usize, some: Range<usize>) {
         let columns = &a[rows * self.inputs * field..rows * self.inputs * (field + 1)];
-        let mut taken: Vec<T> = Vec::with_capacity(rows * self.dropped.len().min(STRIP));
-        for (strip, dropped) in self.dropped.chunks(STRIP).enumerate() {
+        let mut taken: Vec<C64> = Vec::with_capacity(rows * self.dropped.len().min(PANEL));
+        self.coefficients.panels(some.clone(), |dropped, panel| {
             taken.clear();
-            for &j in dropped {
+            for &j in &self.dropped[dropped] {
                 taken.extend_from_slice(&columns[rows * j as usize..][..rows]);
             }
-            let coefficients = self.matrix().submatrix(some.start, STRIP * strip, some.len(), dropped.len());
             gemm(
                 MatMut::from_column_major_slice_mut(out, rows, some.len()),
                 Accum::Add,
-                MatRef::from_column_major_slice(&taken, rows, dropped.len()),
-                coefficients.transpose(),
-                T::round(C64::ONE),
+                MatRef::from_column_major_slice(&taken, rows, panel.ncols()),
+                panel.transpose(),
+                C64::ONE,
             );
-        }
+        });
         for &(i, j) in self.kept.iter().filter(|(i, _)| some.contains(&(*i as usize))) {
             let from = &columns[rows * j as usize..][..rows];
             for (out, a) in out[rows * (i as usize - some.start)..][..rows].iter_mut().zip(from) {
@@ -122,8 +120,8 @@ impl<T: Number> Basis<T> {
     }
 
     /// Adds `X a Y^T` to `out`, or `Z X a Y^T`, with this as X and a square `a` of all fields of the inputs of X and Y; no product with `a` is held whole.
-    pub fn around(&self, out: &mut [T], a: &[T], y: &Self, z: Option<&Self>, fields: usize) {
-        let zero = T::round(C64::ZERO);
+    pub fn around(&self, out: &mut [C64], a: &[C64], y: &Self, z: Option<&Self>, fields: usize) {
+        let zero = C64::ZERO;
         let (m, n) = (fields * self.inputs, fields * self.outputs);
         let rows = z.map_or(n, |z| fields * z.outputs);
         let (mut strip, mut left) = (Vec::new(), Vec::new());
@@ -149,18 +147,16 @@ impl<T: Number> Basis<T> {
     }
 
     /// Adds `X^T v` to `out`: from `fields outputs x columns` to `fields inputs x columns`.
-    pub fn spread(&self, out: &mut [T], v: &[T], columns: usize, fields: usize) {
+    pub fn spread(&self, out: &mut [C64], v: &[C64], columns: usize, fields: usize) {
         let (m, n, d) = (self.inputs, self.outputs, self.dropped.len());
-        let mut values = vec![T::round(C64::ZERO); d * columns];
+        let mut values = vec![C64::ZERO; d * columns];
         for field in 0..fields {
             let v_matrix = MatRef::from_column_major_slice(v, fields * n, columns);
-            gemm(
-                MatMut::from_column_major_slice_mut(&mut values, d, columns),
-                Accum::Replace,
-                self.matrix().transpose(),
-                v_matrix.subrows(field * n, n),
-                T::round(C64::ONE),
-            );
+            self.coefficients.panels(0..n, |some, panel| {
+                let values = MatMut::from_column_major_slice_mut(&mut values, d, columns);
+                let values = values.subrows_mut(some.start, some.len());
+                gemm(values, Accum::Replace, panel.transpose(), v_matrix.subrows(field * n, n), C64::ONE);
+            });
             for (column, out) in out.chunks_mut(fields * m).enumerate() {
                 for (k, &j) in self.dropped.iter().enumerate() {
                     out[field * m + j as usize] += values[column * d + k];

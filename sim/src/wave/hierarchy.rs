@@ -26,7 +26,6 @@
 
 use super::C64;
 use super::basis::Basis;
-use super::coupling::Number;
 use super::curve::CurvePoint;
 use super::interpolate::interpolate;
 use super::merge::{Branch, Merge};
@@ -55,36 +54,30 @@ pub(crate) struct Leaf<'a> {
 }
 
 /// A group.
-struct Group<T> {
+struct Group {
     depth: usize,
     bodies: Vec<u32>,
     /// Its sites, each as `(body, site)`.
     names: Vec<(u32, u32)>,
-    branch: Option<Branch<T>>,
+    branch: Option<Branch>,
 }
 
 /// A part that is being merged.
-struct UnderWay<'a, T> {
+struct UnderWay<'a> {
     fields: usize,
     exterior: Exterior<'a>,
     transfer: &'a (dyn Fn(usize) -> Vec<C64> + Sync),
-    merges: Vec<OnceLock<Merge<T>>>,
-}
-
-/// The groups of a scene in one precision.
-pub(crate) struct Tree<T> {
-    groups: Vec<Group<T>>,
+    merges: Vec<OnceLock<Merge>>,
 }
 
 /// The groups of a scene. Single precision does not serve: coefficients of X grow from level to level, and its rounding with them, to residuals of 4e-5 for 7
 /// fibers and 1e-3 for 19 at a tolerance of 4e-10.
-pub(crate) type Hierarchy = Tree<C64>;
+pub(crate) struct Hierarchy {
+    groups: Vec<Group>,
+}
 
-/// Merges of all groups for one part of the fields, `[group]`.
-pub(crate) struct Merges<T>(Vec<OnceLock<Merge<T>>>);
-
-/// The factorized system of one part.
-pub(crate) type Factored = Merges<C64>;
+/// The factorized system of one part of the fields: merges of all groups, `[group]`.
+pub(crate) struct Factored(Vec<OnceLock<Merge>>);
 
 /// Memory [bytes].
 #[derive(Clone, Copy, Debug)]
@@ -171,14 +164,14 @@ fn surroundings(leaves: &[Leaf<'_>], bodies: &[u32], exterior: Exterior<'_>, tol
 }
 
 /// A group's number, the names of the sites on its rim, and what it was merged by.
-type Made<T> = (usize, Vec<(u32, u32)>, Branch<T>);
+type Made = (usize, Vec<(u32, u32)>, Branch);
 
-impl<T: Number> Tree<T> {
+impl Hierarchy {
     /// Finds groups and borders, with interpolations to a tolerance.
     pub(crate) fn plan(leaves: &[Leaf<'_>], exterior: Exterior<'_>, tolerance: f64) -> Self {
         let shape = halves(leaves);
         let deepest = shape.iter().map(|g| g.0).max().unwrap_or(0);
-        let mut groups: Vec<Group<T>> = shape
+        let mut groups: Vec<Group> = shape
             .iter()
             .map(|(depth, bodies, children)| {
                 let sites = |b: u32| (0..leaves[b as usize].sites.len() as u32).map(move |j| (b, j));
@@ -188,7 +181,7 @@ impl<T: Number> Tree<T> {
             .collect();
         let site = |name: &(u32, u32)| leaves[name.0 as usize].sites[name.1 as usize];
         for depth in (0..deepest).rev() {
-            let made: Vec<Made<T>> = (0..groups.len())
+            let made: Vec<Made> = (0..groups.len())
                 .into_par_iter()
                 .filter(|&g| groups[g].depth == depth)
                 .filter_map(|g| shape[g].2.map(|children| (g, children)))
@@ -241,7 +234,7 @@ impl<T: Number> Tree<T> {
     #[cfg(test)]
     pub(crate) fn largest(&self) -> [usize; 2] {
         let group = self.groups.iter().map(|g| g.names.len()).max().unwrap_or(0);
-        let border = |g: &Group<T>| g.branch.as_ref().map_or(0, |b| b.faces[0].outputs + b.faces[1].outputs);
+        let border = |g: &Group| g.branch.as_ref().map_or(0, |b| b.faces[0].outputs + b.faces[1].outputs);
         [group, self.groups.iter().map(border).max().unwrap_or(0)]
     }
 
@@ -249,17 +242,17 @@ impl<T: Number> Tree<T> {
     pub(crate) fn bytes(&self, fields: usize) -> Bytes {
         let plan = self.groups.iter().filter_map(|g| g.branch.as_ref()).map(Branch::bytes).sum::<usize>() as f64;
         let [peak, part, _] = self.most(0, None, fields as f64);
-        let each = size_of::<T>() as f64;
+        let each = size_of::<C64>() as f64;
         Bytes { plan, part: each * part, work: each * (peak - part) }
     }
 
     /// Z of the halves, where nothing else is asked of them.
-    fn through<'a>(&self, branch: &'a Branch<T>) -> [Option<&'a Basis<T>>; 2] {
+    fn through<'a>(&self, branch: &'a Branch) -> [Option<&'a Basis>; 2] {
         branch.faces.each_ref().map(|z| branch.outward.is_none().then_some(z))
     }
 
     /// Numbers that are held at once, at most, while a group is merged, those that are kept of it for solves, and those of its response.
-    fn most(&self, g: usize, face: Option<&Basis<T>>, fields: f64) -> [f64; 3] {
+    fn most(&self, g: usize, face: Option<&Basis>, fields: f64) -> [f64; 3] {
         let group = &self.groups[g];
         let n = fields * group.names.len() as f64;
         let response = n * face.map_or(n, |z| fields * z.outputs as f64);
@@ -281,19 +274,19 @@ impl<T: Number> Tree<T> {
         fields: usize,
         exterior: Exterior<'_>,
         transfer: &(dyn Fn(usize) -> Vec<C64> + Sync),
-    ) -> Merges<T> {
+    ) -> Factored {
         let under_way =
             UnderWay { fields, exterior, transfer, merges: self.groups.iter().map(|_| OnceLock::new()).collect() };
         self.respond(0, None, &under_way);
-        Merges(under_way.merges)
+        Factored(under_way.merges)
     }
 
     /// The response of a group, one half after the other, so that few are held at once; with a `face`, as seen through it, and at the root nothing.
-    fn respond(&self, g: usize, face: Option<&Basis<T>>, under_way: &UnderWay<'_, T>) -> Vec<T> {
+    fn respond(&self, g: usize, face: Option<&Basis>, under_way: &UnderWay<'_>) -> Vec<C64> {
         let (fields, exterior) = (under_way.fields, under_way.exterior);
         let group = &self.groups[g];
         let Some(branch) = &group.branch else {
-            let transfer = (under_way.transfer)(group.bodies[0] as usize).into_iter().map(T::round).collect::<Vec<T>>();
+            let transfer = (under_way.transfer)(group.bodies[0] as usize);
             return match face {
                 None => transfer,
                 Some(z) => Branch::face(z, &transfer, fields),
@@ -320,9 +313,9 @@ impl<T: Number> Tree<T> {
     }
 
     /// From the external fields at all bodies' sites to all that arrives there, in place (as [`Coupling::solve`](super::coupling::Coupling::solve)).
-    pub(crate) fn solve(&self, merges: &Merges<T>, fields: usize, exterior: Exterior<'_>, v: &mut [Vec<C64>]) {
+    pub(crate) fn solve(&self, merges: &Factored, fields: usize, exterior: Exterior<'_>, v: &mut [Vec<C64>]) {
         let counts: Vec<usize> = v.iter().map(Vec::len).collect();
-        let mut arrived: Vec<Option<Vec<T>>> = self.groups.iter().map(|_| None).collect();
+        let mut arrived: Vec<Option<Vec<C64>>> = self.groups.iter().map(|_| None).collect();
         let sites: Vec<usize> = {
             let mut sites = vec![0; v.len()];
             for group in self.groups.iter().filter(|g| g.branch.is_none()) {
@@ -345,7 +338,7 @@ impl<T: Number> Tree<T> {
                         let names = &self.groups[c].names;
                         let at = |column: usize, field: usize, &(b, j): &(u32, u32)| {
                             let k = sites[b as usize];
-                            T::round(v[b as usize][(column * fields + field) * k + j as usize])
+                            v[b as usize][(column * fields + field) * k + j as usize]
                         };
                         (0..columns)
                             .flat_map(|column| (0..fields).map(move |field| (column, field)))
@@ -362,7 +355,7 @@ impl<T: Number> Tree<T> {
         }
         for (group, values) in self.groups.iter().zip(arrived) {
             if let Some(values) = values {
-                v[group.bodies[0] as usize] = values.into_iter().map(T::wide).collect();
+                v[group.bodies[0] as usize] = values;
             }
         }
     }

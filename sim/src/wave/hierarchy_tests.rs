@@ -1,7 +1,6 @@
 //! Tests of the solver that merges groups of bodies: against the system solved whole, the multipole series, reciprocity, power balance, and how groups grow.
 
 use super::basis::{Basis, STRIP};
-use super::coupling::Number;
 use super::curve::CurvePoint;
 use super::hierarchy::{Hierarchy, Leaf};
 use super::interpolate::Interpolation;
@@ -194,12 +193,14 @@ fn groups_grow_as_their_rim() {
 /// X a, a X^T and X^T v against sums over the entries of X, for two fields.
 #[test]
 fn bases_are_their_matrices() {
-    let value = |k: usize| C64::new((k as f64 * 1.7).sin(), (k as f64 * 0.9).cos());
+    // In steps that coefficients are held in.
+    let steps = |x: f64| (x * 2f64.powi(30)).round() * 0.5f64.powi(30);
+    let value = |k: usize| C64::new(steps((k as f64 * 1.7).sin()), steps((k as f64 * 0.9).cos()));
     // Seven sites, three of them kept; the basis has the last five.
     let all =
         Interpolation { kept: vec![1, 3, 6], dropped: vec![0, 2, 4, 5], coefficients: (0..12).map(value).collect() };
     let (first, m, n, fields, wide) = (2, 5, 3, 2, 4);
-    let basis: Basis<C64> = Basis::of(&all, first, m);
+    let basis = Basis::of(&all, first, m);
     let entry = |i: usize, j: usize| match all.kept.iter().position(|&k| k == first + j) {
         Some(k) => f64::from(u8::from(k == i)).into(),
         None => all.coefficients[all.dropped.iter().position(|&d| d == first + j).unwrap() * n + i],
@@ -226,7 +227,7 @@ fn bases_are_their_matrices() {
             }
         }
     }
-    assert!((C64::round(value(3)).wide() - value(3)).norm() == 0.0 && basis.bytes() > 0);
+    assert!(basis.bytes() > 0);
 }
 
 /// X a Y^T and Z X a Y^T against sums over the entries: two fields, and one with more sites than are taken at a time.
@@ -246,7 +247,7 @@ fn products_from_both_sides_are_their_sums() {
     };
     for (fields, inputs, [nx, ny, nz]) in [(2, 9, [5, 4, 3]), (1, STRIP + 560, [530, STRIP + 20, 7])] {
         let [x, y, z] = [(inputs, nx, 3), (inputs, ny, 50), (nx, nz, 90)].map(|(m, n, s)| interpolation(m, n, s));
-        let basis = |x: &Interpolation, m: usize| Basis::<C64>::of(x, 0, m);
+        let basis = |x: &Interpolation, m: usize| Basis::of(x, 0, m);
         let (bx, by, bz) = (basis(&x, inputs), basis(&y, inputs), basis(&z, nx));
         let m = fields * inputs;
         let a: Vec<C64> = (0..m * m).map(|k| value(3 * k + 20)).collect();

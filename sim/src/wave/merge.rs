@@ -2,44 +2,44 @@
 //! `hierarchy.rs`.
 //!
 //! What is kept for solves is what the halves send each other's borders for a unit that arrives at each site of the union, `K' p`: as long as the borders and
-//! as wide as the union's rim, less than the responses and factors that it is made of, which go with the halves. The root alone keeps those: its fields come
-//! from the sources, few against the sites they arrive at. Products are formed in strips of columns, so that little but these results is held beside the halves.
+//! as wide as the union's rim, less than the responses and factors that it is made of, which go with the halves. It is held in fixed point ([`packed`](super::packed)), as
+//! interpolations are. The root alone keeps factors: its fields come from the sources, few against the sites they arrive at. Products are formed in strips of columns, so that little but these results is held beside the halves.
 
 use super::C64;
 use super::basis::{Basis, STRIP, gemm};
-use super::coupling::Number;
 use super::lu::Lu;
+use super::packed::{PANEL, Packed, SHARE};
 use super::skeleton::{Exterior, Site};
 use faer::{Accum, MatMut, MatRef};
 use rayon::prelude::*;
 
 /// Two groups that make one.
-pub(super) struct Branch<T> {
+pub(super) struct Branch {
     pub children: [usize; 2],
     /// Z of both.
-    pub faces: [Basis<T>; 2],
+    pub faces: [Basis; 2],
     /// The sites of both borders.
     pub borders: [Vec<Site>; 2],
     /// X of both; none at the root.
-    pub outward: Option<[Basis<T>; 2]>,
+    pub outward: Option<[Basis; 2]>,
 }
 
 /// How a pair answers to what arrives, for one part of the fields.
-pub(super) enum Merge<T> {
+pub(super) enum Merge {
     /// What arrives at both borders from the other half, for a unit at each site of the union.
-    Inner([Vec<T>; 2]),
-    Root(Root<T>),
+    Inner([Packed; 2]),
+    Root(Root),
 }
 
 /// The pair of all bodies.
-pub(super) struct Root<T> {
+pub(super) struct Root {
     /// `Z S` of both.
-    gathered: [Vec<T>; 2],
+    gathered: [Vec<C64>; 2],
     /// The factorized system of the borders.
-    lu: Lu<T>,
+    lu: Lu<C64>,
 }
 
-impl<T: Number> Branch<T> {
+impl Branch {
     /// Sites of both borders and of both halves, of all fields.
     fn sizes(&self, fields: usize) -> [[usize; 2]; 2] {
         [self.faces.each_ref().map(|z| fields * z.outputs), self.faces.each_ref().map(|z| fields * z.inputs)]
@@ -53,7 +53,7 @@ impl<T: Number> Branch<T> {
 
     /// Numbers that [`merge`](Self::merge) and [`root`](Self::root) hold at once, at most, what they are given and their results among them, and those that they
     /// leave for solves.
-    pub fn numbers(&self, face: Option<&Basis<T>>, fields: f64) -> [f64; 2] {
+    pub fn numbers(&self, face: Option<&Basis>, fields: f64) -> [f64; 2] {
         let [r, m] = [
             self.faces.each_ref().map(|z| fields * z.outputs as f64),
             self.faces.each_ref().map(|z| fields * z.inputs as f64),
@@ -72,42 +72,42 @@ impl<T: Number> Branch<T> {
         let rows = face.map_or(n, |z| fields * z.outputs as f64);
         // Both halves' `K' p` and `X S Z^T`, as they come, and products on their way.
         let made = [0, 1].map(|k| r[k] * (n + rows) + own[k]);
-        let strips = [0, 1].map(|k| strip * (2.0 * m[k] + n));
+        let strips = [0, 1].map(|k| strip * (2.0 * m[k] + n) + PANEL as f64 * n);
         let first = inner[0] + inner[1] + (gathered[0] + own[0] + r[0] * n).max(made[0] + strips[0]);
         let second = inner[1] + made[0] + (gathered[1] + own[1] + r[1] * n).max(made[1] + strips[1]);
         let solving = border * (n + rows) + border * border + across + (own[0] + own[1]).max(3.0 * border * strip);
-        [rows * n + first.max(second).max(solving), border * n]
+        [rows * n + first.max(second).max(solving), SHARE * border * n]
     }
 
     /// K'_AB, column after column.
-    fn across(&self, exterior: Exterior<'_>) -> Vec<T> {
+    fn across(&self, exterior: Exterior<'_>) -> Vec<C64> {
         let [a, b] = &self.borders;
-        let mut out = vec![T::round(C64::ZERO); a.len() * b.len()];
+        let mut out = vec![C64::ZERO; a.len() * b.len()];
         out.par_chunks_mut(a.len().max(1)).zip(b).for_each(|(out, source)| {
             for (out, target) in out.iter_mut().zip(a) {
-                *out = T::round(exterior.between(target, source));
+                *out = exterior.between(target, source);
             }
         });
         out
     }
 
     /// `out = K'_AB b` of every field, or with K'_BA where `own` is 1.
-    fn cross(&self, across: &[T], own: usize, out: MatMut<'_, T>, b: MatRef<'_, T>, fields: usize) {
+    fn cross(&self, across: &[C64], own: usize, out: MatMut<'_, C64>, b: MatRef<'_, C64>, fields: usize) {
         let [ra, rb] = [0, 1].map(|k| self.faces[k].outputs);
         let k = MatRef::from_column_major_slice(across, ra, rb);
         let k = if own == 0 { k } else { k.transpose() };
         let mut out = out;
         for field in 0..fields {
             let rows = out.as_mut().subrows_mut(field * k.nrows(), k.nrows());
-            gemm(rows, Accum::Replace, k, b.subrows(field * k.ncols(), k.ncols()), T::round(C64::ONE));
+            gemm(rows, Accum::Replace, k, b.subrows(field * k.ncols(), k.ncols()), C64::ONE);
         }
     }
 
     /// The factorized system of the borders, from `Z S Z^T` of both.
-    fn factorize(&self, own: [Vec<T>; 2], across: &[T], fields: usize) -> Lu<T> {
+    fn factorize(&self, own: [Vec<C64>; 2], across: &[C64], fields: usize) -> Lu<C64> {
         let r = self.sizes(fields)[0];
         let border = r[0] + r[1];
-        let mut system = vec![T::round(C64::ZERO); border * border];
+        let mut system = vec![C64::ZERO; border * border];
         for (k, own) in own.into_iter().enumerate() {
             let own = MatRef::from_column_major_slice(&own, r[k], r[k]);
             let across = MatRef::from_column_major_slice(across, r[0] / fields, r[1] / fields);
@@ -117,25 +117,25 @@ impl<T: Number> Branch<T> {
                 let (n, wide) = (r[k] / fields, r[1 - k] / fields);
                 let mut whole = MatMut::from_column_major_slice_mut(&mut system, border, border);
                 let block = whole.as_mut().submatrix_mut(rows, columns + field * wide, r[k], wide);
-                gemm(block, Accum::Replace, own.subcols(field * n, n), across, T::round(-C64::ONE));
+                gemm(block, Accum::Replace, own.subcols(field * n, n), across, -C64::ONE);
             }
         }
         for j in 0..border {
-            system[j * border + j] = T::round(C64::ONE);
+            system[j * border + j] = C64::ONE;
         }
         Lu::new(system, border)
     }
 
     /// What remains of the response of a half at the root: `Z S`.
-    pub fn face(z: &Basis<T>, response: &[T], fields: usize) -> Vec<T> {
-        let mut out = vec![T::round(C64::ZERO); fields * z.outputs * fields * z.inputs];
+    pub fn face(z: &Basis, response: &[C64], fields: usize) -> Vec<C64> {
+        let mut out = vec![C64::ZERO; fields * z.outputs * fields * z.inputs];
         z.left(&mut out, response, fields * z.inputs, fields);
         out
     }
 
     /// What solves need of the root, from `Z S` of the halves. Here memory is at its most, and the system is made in strips, of nothing else that is as large.
-    pub fn root(&self, gathered: [Vec<T>; 2], fields: usize, exterior: Exterior<'_>) -> Root<T> {
-        let zero = T::round(C64::ZERO);
+    pub fn root(&self, gathered: [Vec<C64>; 2], fields: usize, exterior: Exterior<'_>) -> Root {
+        let zero = C64::ZERO;
         let [r, m] = self.sizes(fields);
         let border = r[0] + r[1];
         let mut system = vec![zero; border * border];
@@ -149,7 +149,7 @@ impl<T: Number> Branch<T> {
                     let mut crossed = vec![zero; r[k] * sources.len()];
                     crossed.par_chunks_mut(r[k].max(1)).zip(sources).for_each(|(out, source)| {
                         for (out, target) in out[field * own.len()..].iter_mut().zip(own) {
-                            *out = T::round(exterior.between(target, source));
+                            *out = exterior.between(target, source);
                         }
                     });
                     let mut arrived = vec![zero; m[k] * sources.len()];
@@ -161,14 +161,14 @@ impl<T: Number> Branch<T> {
                         Accum::Replace,
                         MatRef::from_column_major_slice(&gathered[k], r[k], m[k]),
                         MatRef::from_column_major_slice(&arrived, m[k], sources.len()),
-                        T::round(-C64::ONE),
+                        -C64::ONE,
                     );
                     column += sources.len();
                 }
             }
         }
         for j in 0..border {
-            system[j * border + j] = T::round(C64::ONE);
+            system[j * border + j] = C64::ONE;
         }
         Root { gathered, lu: Lu::new(system, border) }
     }
@@ -176,13 +176,13 @@ impl<T: Number> Branch<T> {
     /// The response of the union and what solves need, from the responses of the halves. With a `face`, the response is only made as seen through it, `Z S`.
     pub fn merge(
         &self,
-        outward: &[Basis<T>; 2],
-        inner: [Vec<T>; 2],
-        face: Option<&Basis<T>>,
+        outward: &[Basis; 2],
+        inner: [Vec<C64>; 2],
+        face: Option<&Basis>,
         fields: usize,
         exterior: Exterior<'_>,
-    ) -> (Vec<T>, [Vec<T>; 2]) {
-        let (zero, one) = (T::round(C64::ZERO), T::round(C64::ONE));
+    ) -> (Vec<C64>, [Packed; 2]) {
+        let (zero, one) = (C64::ZERO, C64::ONE);
         let f = fields;
         let r = self.sizes(f)[0];
         let border = r[0] + r[1];
@@ -230,26 +230,26 @@ impl<T: Number> Branch<T> {
                 );
             }
         }
-        (response, sent)
+        // One half after the other: each is gone when it is packed.
+        let pack = |sent: Vec<C64>, k: usize| Packed::new(&sent, r[k]);
+        let [first, second] = sent;
+        (response, [pack(first, 0), pack(second, 1)])
     }
 
     /// What arrives at the sites of both halves, for what arrives at those of the union.
-    pub fn arrive(&self, sent: &[Vec<T>; 2], u: &[T], columns: usize, fields: usize) -> [Vec<T>; 2] {
-        let zero = T::round(C64::ZERO);
+    pub fn arrive(&self, sent: &[Packed; 2], u: &[C64], columns: usize, fields: usize) -> [Vec<C64>; 2] {
+        let zero = C64::ZERO;
         let [r, m] = self.sizes(fields);
         [0, 1].map(|k| {
             let mut out = vec![zero; m[k] * columns];
             let Some(outward) = &self.outward else { return out };
             outward[k].spread(&mut out, u, columns, fields);
-            let n = fields * outward[k].outputs;
+            let u = MatRef::from_column_major_slice(u, fields * outward[k].outputs, columns);
             let mut crossed = vec![zero; r[k] * columns];
-            gemm(
-                MatMut::from_column_major_slice_mut(&mut crossed, r[k], columns),
-                Accum::Replace,
-                MatRef::from_column_major_slice(&sent[k], r[k], n),
-                MatRef::from_column_major_slice(u, n, columns),
-                T::round(C64::ONE),
-            );
+            sent[k].panels(0..r[k], |some, panel| {
+                let crossed = MatMut::from_column_major_slice_mut(&mut crossed, r[k], columns);
+                gemm(crossed, Accum::Add, panel, u.subrows(some.start, some.len()), C64::ONE);
+            });
             self.faces[k].spread(&mut out, &crossed, columns, fields);
             out
         })
@@ -258,13 +258,13 @@ impl<T: Number> Branch<T> {
     /// The same at the root, for what arrives at both halves from outside.
     pub fn arrive_at_root(
         &self,
-        root: &Root<T>,
-        mut inner: [Vec<T>; 2],
+        root: &Root,
+        mut inner: [Vec<C64>; 2],
         columns: usize,
         fields: usize,
         exterior: Exterior<'_>,
-    ) -> [Vec<T>; 2] {
-        let zero = T::round(C64::ZERO);
+    ) -> [Vec<C64>; 2] {
+        let zero = C64::ZERO;
         let [r, m] = self.sizes(fields);
         let border = r[0] + r[1];
         let mut strengths = vec![zero; border * columns];
@@ -275,7 +275,7 @@ impl<T: Number> Branch<T> {
                 Accum::Replace,
                 MatRef::from_column_major_slice(&root.gathered[k], r[k], m[k]),
                 MatRef::from_column_major_slice(&inner[k], m[k], columns),
-                T::round(C64::ONE),
+                C64::ONE,
             );
             first += r[k];
         }

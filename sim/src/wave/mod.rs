@@ -47,6 +47,7 @@ mod multipole_tests;
 mod nystrom;
 #[cfg(test)]
 mod nystrom_tests;
+mod packed;
 mod placement;
 mod rays;
 mod scatter;
