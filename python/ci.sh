@@ -31,6 +31,6 @@ cargo clippy --manifest-path python/Cargo.toml --locked --release -- -D warnings
 # What hangs is told before the runner's own limit.
 all=(-q -p no:cacheprovider --durations=5)
 timeout 1200 "$bin/pytest" "${all[@]}" python/tests --ignore python/tests/test_mitsuba.py --ignore python/tests/test_cost.py
-timeout 1800 "$bin/pytest" "${all[@]}" python/tests/test_mitsuba.py
+timeout 3600 "$bin/pytest" "${all[@]}" python/tests/test_mitsuba.py
 "$bin/pytest" "${all[@]}" python/tests/test_cost.py
 "$bin/python" examples/mitsuba/render.py denim_close --width 64 --spp 2 -o "$scratch/denim.png"

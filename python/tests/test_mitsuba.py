@@ -250,7 +250,7 @@ def of_kind(kind, **more):
     return mi.load_dict({"type": "plywave_fabric", "filename": spec, "um_per_uv": 1.0, **more})
 
 
-@pytest.mark.parametrize("kind, at", [("ply", (0.0, 0.0)), ("fabric", (60.0, 33.0)), ("gap", (0.0, 0.0)), ("cone", (0.0, 0.0)), ("cones", (60.0, 33.0)), ("slits", (100.0, 0.0))])
+@pytest.mark.parametrize("kind, at", [("ply", (0.0, 0.0)), ("fabric", (60.0, 33.0)), ("gap", (0.0, 0.0)), ("cone", (0.0, 0.0)), ("slits", (100.0, 0.0))])
 @pytest.mark.parametrize("wi", [(0.3, 0.2, 0.9), (0.8, 0.1, 0.2)])
 def test_samples_have_their_density(kind, at, wi):
     """Mitsuba's chi-square test; of a gap, of which all light is diffracted, and of a yarn with slits too."""
@@ -269,7 +269,7 @@ def test_samples_have_their_density(kind, at, wi):
         return bsdf.pdf(context, interaction(dr.width(wo), mi.Point2f(*at), wi), wo)
 
     test = ChiSquareTest(SphericalDomain(), sample, pdf, sample_dim=3, sample_count=500_000, res=101, ires=24)
-    assert test.run(0.01 / 12), test.messages
+    assert test.run(0.01 / 10), test.messages
 
 
 @pytest.mark.parametrize("kind", ["ply", "fabric", "cone", "cones", "slits"])
