@@ -27,10 +27,10 @@ export CARGO_TARGET_DIR="$PWD/python/target"
 cargo clippy --manifest-path python/Cargo.toml --locked --release -- -D warnings
 "$bin/pip" install --quiet "./python[test,mitsuba,cluster]"
 
-# One after the other: workers of the farm, kernels' compiler and times each want the cores for themselves.
+# One after the other: workers of the farm and times want the cores for themselves. Mitsuba's kernels are each compiled on one core: two processes.
 # What hangs is told before the runner's own limit.
 all=(-q -p no:cacheprovider --durations=5)
 timeout 1200 "$bin/pytest" "${all[@]}" python/tests --ignore python/tests/test_mitsuba.py --ignore python/tests/test_cost.py
-timeout 3600 "$bin/pytest" "${all[@]}" python/tests/test_mitsuba.py
+timeout 2400 "$bin/pytest" "${all[@]}" -n 2 python/tests/test_mitsuba.py
 "$bin/pytest" "${all[@]}" python/tests/test_cost.py
 "$bin/python" examples/mitsuba/render.py denim_close --width 64 --spp 2 -o "$scratch/denim.png"

@@ -42,15 +42,16 @@ pub enum Error {
     },
 }
 
-/// A message as one printable line of at most `most` characters, whatever a file put into it: control characters and runs of spaces become one space.
+/// A message as one printable line of at most `most` characters, whatever a file put into it: control characters, the two that Unicode has for ends of lines and paragraphs, and
+/// runs of spaces become one space.
 ///
 /// ```
-/// assert_eq!(plywave::one_line("key\n  \u{1b}[31m", 20), "key [31m");
+/// assert_eq!(plywave::one_line("key\n  \u{1b}[31m\u{2028}", 20), "key [31m");
 /// assert_eq!(plywave::one_line("0123456789", 8), "01234...");
 /// ```
 pub fn one_line(text: &str, most: usize) -> String {
     let mut line: Vec<char> = Vec::new();
-    for c in text.chars().map(|c| if c.is_control() { ' ' } else { c }) {
+    for c in text.chars().map(|c| if c.is_control() || matches!(c, '\u{2028}' | '\u{2029}') { ' ' } else { c }) {
         // One more than fits tells that there is more.
         if line.len() > most {
             break;

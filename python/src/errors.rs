@@ -89,11 +89,14 @@ impl From<plywave::Error> for Failure {
     }
 }
 
+/// Characters of a message.
+const MOST: usize = 1999;
+
 impl From<Failure> for PyErr {
     fn from(failure: Failure) -> PyErr {
         match failure {
-            Failure::Input(line) => Error::new_err(one_line(&line)),
-            Failure::Interrupted(line) => PyKeyboardInterrupt::new_err(one_line(&line)),
+            Failure::Input(line) => Error::new_err(plywave::one_line(&line, MOST)),
+            Failure::Interrupted(line) => PyKeyboardInterrupt::new_err(plywave::one_line(&line, MOST)),
             Failure::Python(error) => error,
         }
     }
@@ -106,18 +109,4 @@ fn hint_of(error: &std::io::Error) -> &'static str {
         ErrorKind::FileTooLarge => "raise the limit of file sizes, or choose another place",
         _ => "check the path and its rights",
     }
-}
-
-/// A message as one printable line of at most 2000 characters, whatever a file put into it.
-fn one_line(text: &str) -> String {
-    const LONGEST: usize = 2000;
-    let mut line = String::with_capacity(text.len().min(LONGEST));
-    for c in text.chars().take(LONGEST) {
-        let c = if c.is_control() { ' ' } else { c };
-        if !(c == ' ' && line.ends_with(' ')) {
-            line.push(c);
-        }
-    }
-    line.truncate(line.trim_end().len());
-    line
 }

@@ -22,7 +22,7 @@ pytest.importorskip("distributed")
 from plywave import cluster
 from plywave.cluster import _farm, _items
 
-from conftest import TINY as SPEC
+from conftest import FABRICS, TINY as SPEC
 
 SMALL = {"quality": "preview", "paths": 6000, "instances": 2}
 
@@ -317,6 +317,47 @@ instances = 2
 """
 
 
+ALL = (
+    LIBRARY
+    + f"""
+[[family]]
+spec = "family.toml"
+nodes = 2
+paths = 6000
+instances = 2
+
+[[fiber]]
+spec = "yarn.toml"
+name = "fiber"
+rays = true
+lambdas = 2
+thetas = 2
+azimuths = 2
+ray_count = 2000
+sigma_per_um = 0.01
+
+[[speckle]]
+spec = "yarn.toml"
+name = "grain"
+instances = 3
+
+[[twin]]
+fabric = {json.dumps(str(FABRICS / "polyester_layers.toml"))}
+name = "layers"
+paths = 2000
+
+[[compare]]
+spec = "yarn.toml"
+name = "both"
+instances = 1
+lambda_um = [2.0]
+h_rel = [0.0]
+tolerance = 1e-3
+paths = 500
+"""
+)
+
+
 def run(*args):
     return subprocess.run([sys.executable, "-m", "plywave.farm", *args], capture_output=True, text=True, timeout=300)
 
@@ -359,9 +400,48 @@ def test_command(folder, model):
     assert [one["name"] for one in told["files"]] == ["yarn.pwm"] and told["files"][0]["cached"]
 
 
+def pictures(page):
+    """Pictures of a page's files, by file."""
+    found = {}
+    for section in page.split("<section>")[1:]:
+        name = section.split("<h2>")[1].split("</h2>")[0]
+        found[name] = [pixels_of(base64.b64decode(part.split('"')[0])) for part in section.split("data:image/png;base64,")[1:]]
+    return found
+
+
+def test_all_kinds_of_a_library(folder):
+    """A file of every kind through the command, its cache at a URL: pictures on the page show what they should, and a second run computes nothing."""
+    (folder / "family.toml").write_text(FAMILY)
+    (folder / "library.toml").write_text(ALL)
+    url = (folder / "shards_of_all").as_uri()
+    out = folder / "out"
+    arguments = (str(folder / "library.toml"), "-o", str(out), "--local", "2", "--cache", url, "--json")
+    done = run(*arguments)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    names = ["yarn.pwm", "family.pwfam", "fiber.pwf", "grain.pws", "layers.pwx", "both.json"]
+    assert [one["name"] for one in told["files"]] == names and not any(one["cached"] or one["error"] for one in told["files"])
+    assert (out / "family.pwfam").read_bytes() == plywave.build_family(FAMILY, nodes=2, most_nodes=2, **SMALL).to_bytes()
+    # The cache is where the URL says, and nowhere else.
+    assert (folder / "shards_of_all" / "made").is_dir() and not (out / "cache").exists()
+    shown = pictures((out / "report.html").read_text())
+    assert list(shown) == names and [len(found) for found in shown.values()] == [1, 1, 1, 1, 1, 0]
+    for name, found in shown.items():
+        for size, pixels in found:
+            assert pixels.std() > 5.0, name
+            assert 60 <= size[0] <= 640 and 60 <= size[1] <= 320, (name, size)
+    # Three yarns of the family: rougher fibers, another cloth.
+    (width, height), pixels = shown["family.pwfam"][0]
+    smooth, rough = (pixels.reshape(height, width, 3)[:, at : at + height] for at in (0, 2 * height))
+    assert width == 3 * height and np.abs(smooth - rough).max() > 5.0
+    again = json.loads(run(*arguments).stdout)
+    assert all(one["cached"] for one in again["files"])
+
+
 def test_mutated_libraries(folder):
     rng = random.Random(7)
-    good = LIBRARY + "[[fiber]]\nspec = 'yarn.toml'\nname = 'fiber'\nrays = true\nlambdas = 2\nsigma_per_um = 0.01\n[[speckle]]\nspec = 'yarn.toml'\nname = 'grain'\ninstances = 3\n"
+    (folder / "family.toml").write_text(FAMILY)
+    good = ALL
     words = ["0", "-1", "1e9", "1e308", "nan", "inf", "99999999999999999999", "true", "[]", "{}", "'x'", "yarn.toml", "[[yarn]]", "=", "", "\x00", "\u2028"]
     read = 0
     for _ in range(1500):

@@ -70,6 +70,19 @@ def interaction(n, uv, wi):
     return si
 
 
+def variable(w):
+    """A direction that kernels read: as a constant in them, each direction has its own to be compiled."""
+    w = mi.Vector3f(*(float(x) for x in np.array(w) / np.linalg.norm(w)))
+    dr.make_opaque(w)
+    return w
+
+
+def arrays(*values):
+    """Results as NumPy's, of one kernel: each by itself would have its own to be compiled."""
+    dr.eval(*values)
+    return [np.array(v) for v in values]
+
+
 def close(name, got, want, floor=1e-3, tolerance=1e-4, share=0.0):
     """Relative difference, ``floor`` counting as the least value, beyond the tolerance at ``share`` of the queries at most."""
     error = np.abs(got - want) / np.maximum(np.abs(want), floor)
@@ -159,7 +172,8 @@ def test_ply_terms_are_the_librarys(name, request):
         got_refl, got_high, density = plies.lobes(0, t, x, s, [v.x, v.y, v.z], e, unrolled)
         got_edge, of_edge = plies.edge(0, t, x, RGB_LAMBDA_UM, [v.x, v.y, v.z])
         total = e[1] + kit.mean(plies.high_energy(e[2], plies.transmittances(0, s))) + e[0]
-        got = {"f_refl": np.array(got_refl), "f_high": np.array(got_high).T, "f_edge": np.array(got_edge * e[0]).T, "pdf": np.array((density + e[0] * of_edge) / total)}
+        got = arrays(got_refl, got_high, got_edge * e[0], (density + e[0] * of_edge) / total)
+        got = dict(zip(("f_refl", "f_high", "f_edge", "pdf"), (x.T for x in got)))
         share = {"f_refl": 3e-4, "f_high": 1e-4, "pdf": 3e-4} if not is_cone else dict.fromkeys(("f_refl", "f_high", "pdf"), {0.0: 1e-3, 5.0: 3e-3}.get(name, 1e-2))
         for term, want in (("f_refl", refl), ("f_high", high), ("f_edge", edge), ("pdf", pdf)):
             close(term, got[term], want, share=share.get(term, 3e-4))
@@ -192,8 +206,8 @@ def test_lines_meet_what_they_meet_in_the_library(spec, share):
     _, which, place, _ = kit.loop(first, lambda state, which, place, looking: looking, body)
     hit = cloth.hit(which, start, d, place)
     got = [~hit["is_warp"], hit["yarn"], hit["ply"], hit["theta_i"], hit["h"]]
-    got = np.stack([np.broadcast_to(np.array(mi.Float(x)), n) for x in got], 1)
-    met = np.array(which != NO_YARN)
+    *got, met = arrays(*map(mi.Float, got), which != NO_YARN)
+    got = np.stack([np.broadcast_to(x, n) for x in got], 1)
     assert (met != (want[:, 0] > 0)).mean() <= share
     both = met & (want[:, 0] > 0)
     same = both & (got[:, :3] == want[:, 1:4]).all(1)
@@ -235,10 +249,10 @@ def test_fabric_is_the_librarys(spec, options, share):
     bsdf = mi.load_dict({"type": "plywave_fabric", "filename": spec, "um_per_uv": 1.0, **options})
     si = interaction(n, mi.Point2f(position.T.copy()), mi.Vector3f(wo.T.copy()))
     got, density = bsdf.eval_pdf(mi.BSDFContext(), si, mi.Vector3f(wi.T.copy()))
-    got, density = np.array(got).T, np.array(density)
+    got, density, passes = arrays(got, density, bsdf.eval_null_transmission(si))
+    got, passes = got.T, passes[0]
     close("f", got, f, share=share)
     close("pdf", density, pdf, share=4 * share)
-    passes = np.array(bsdf.eval_null_transmission(si))[0]
     assert (np.abs(passes - straight) > 1e-3).mean() <= share
     assert abs(got.mean(dtype=np.float64) / f.mean(dtype=np.float64) - 1.0) < 5e-4
 
@@ -257,7 +271,7 @@ def test_samples_have_their_density(kind, at, wi):
     from mitsuba.chi2 import ChiSquareTest, SphericalDomain
 
     bsdf, context = of_kind(kind), mi.BSDFContext()
-    wi = mi.Vector3f(*(float(x) for x in np.array(wi) / np.linalg.norm(wi)))
+    wi = variable(wi)
     null = int(mi.BSDFFlags.Null)
 
     def sample(u, *_):
@@ -282,9 +296,8 @@ def test_weights_are_f_over_pdf(kind):
     si = interaction(n, mi.Point2f(rng.uniform(-500, 500, (2, n)).astype(np.float32)), mi.Vector3f(wi.T.copy()))
     u = rng.random((3, n), dtype=np.float32)
     bs, weight = bsdf.sample(context, si, mi.Float(u[0]), mi.Point2f(u[1:]))
-    # Two kernels: of one with gaps and slits in it LLVM makes several minutes.
-    dr.eval(bs, weight)
     f, pdf = bsdf.eval_pdf(context, si, bs.wo)
+    dr.eval(bs, weight, f, pdf)
     scattered = np.broadcast_to(np.array(bs.sampled_type) != int(mi.BSDFFlags.Null), n)
     close("pdf", np.array(bs.pdf)[scattered], np.array(pdf)[scattered], tolerance=1e-5)
     close("f", (np.array(weight) * np.array(bs.pdf))[:, scattered], np.array(f)[:, scattered], tolerance=1e-4)
@@ -319,7 +332,7 @@ def test_variants_agree(variant):
             wi, wo = ([float(x) for x in v / np.linalg.norm(v)] for v in (np.array([0.3, 0.2, 0.9]), np.array([-0.4, 0.5, 0.6])))
             si = interaction(1, mi.Point2f(60.0, 33.0), mi.Vector3f(*wi))
             f, pdf = bsdf.eval_pdf(mi.BSDFContext(), si, mi.Vector3f(*wo))
-            got = [float(np.array(f).ravel()[0]), float(np.array(pdf).ravel()[0])]
+            got = [float(x.ravel()[0]) for x in arrays(f, pdf)]
             if name == "llvm_ad_rgb":
                 want[kind] = got
             assert np.allclose(got, want[kind], rtol=1e-4), f"{kind}: {got}, want {want[kind]}"
@@ -377,8 +390,8 @@ def choices(bsdf, si):
         hit, here = bsdf.cloth.hit(which, *at["line"], place), at["count"] > i
         cell = bsdf.cloth.plies._cell(bsdf.cloth.model_of(hit), hit["theta_i"], hit["h"])
         for x in (which, mi.Int(hit["is_double"]), mi.Int(hit["is_hit"]), mi.Int(cell["high"])):
-            out.append(np.broadcast_to(np.array(dr.select(here, mi.Int(x), -1)), n))
-    return np.stack(out)
+            out.append(dr.select(here, mi.Int(x), -1))
+    return np.stack([np.broadcast_to(x, n) for x in arrays(*out)])
 
 
 @pytest.mark.parametrize(
@@ -403,7 +416,7 @@ def test_gradients_by_the_scale_are_differences(spec, share, keys, wo):
     def at(scale):
         params["um_per_uv"] = mi.Point2f(*scale)
         params.update()
-        return np.array(bsdf.eval(mi.BSDFContext(), si, wo), np.float64).mean(0), choices(bsdf, si)
+        return arrays(bsdf.eval(mi.BSDFContext(), si, wo))[0].astype(np.float64).mean(0), choices(bsdf, si)
 
     (_, first), ends = at((1.0, 1.0)), [[at(scale) for scale in ((a, 1.0), (1.0, a))] for a in (1.0 + step, 1.0 - step)]
     gots, wants = [], []
@@ -416,7 +429,7 @@ def test_gradients_by_the_scale_are_differences(spec, share, keys, wo):
         params["um_per_uv"] = scale
         params.update()
         dr.backward(dr.mean(dr.select(mi.Bool(same), bsdf.eval(mi.BSDFContext(), si, wo), 0.0), axis=None))
-        gots.append(np.array(dr.grad(params["um_per_uv"]), np.float64).ravel()[axis])
+        gots.append(float(arrays(dr.grad(params["um_per_uv"]))[0].ravel()[axis]))
         print(f"{pathlib.Path(spec).stem}, {'uv'[axis]}: {gots[-1]:.6g}, by differences {wants[-1]:.6g}, {100.0 * same.mean():.2f} % of the points")
     assert np.hypot(*wants) > 1e-3
     assert np.hypot(*np.subtract(gots, wants)) < 1e-2 * np.hypot(*wants), f"{gots}, by differences {wants}"
@@ -529,7 +542,8 @@ def test_fibers_are_the_librarys(symmetry, shape, beta, tmp_path):
     want, pdf = fiber.eval_pdf(to(wi), to(wo), RGB_LAMBDA_UM)
     si = interaction(n, mi.Point2f(uv.T.copy()), mi.Vector3f(wi.T.copy()))
     got, density = bsdf.eval_pdf(mi.BSDFContext(), si, mi.Vector3f(wo.T.copy()))
-    got, density = np.array(got).T, np.array(density)
+    got, density = arrays(got, density)
+    got = got.T
     close("f", got, want, share=3e-3)
     close("f", got, want, tolerance=1e-2)
     close("pdf", density, pdf, share=3e-3)
@@ -542,6 +556,7 @@ def test_fibers_are_the_librarys(symmetry, shape, beta, tmp_path):
     passes = np.array(narrow.eval_null_transmission(si)).T
     assert (passes == 1.0 - met)[clear].all() and (max(shape[:3]) == 1 or 0.05 < passes.mean() < 0.95)
     f, density = narrow.eval_pdf(mi.BSDFContext(), si, mi.Vector3f(wo.T.copy()))
+    dr.eval(f, density)
     close("f", np.array(f).T[clear], (want * met)[clear], share=2e-3)
     albedo = fiber.albedo(to(wi), RGB_LAMBDA_UM)
     chance = (~met).sum(1) + (met * albedo).sum(1)
@@ -556,7 +571,7 @@ def test_samples_of_fibers_have_their_density(symmetry, shape, wi, width, tmp_pa
 
     filename, _ = fiber_table(symmetry, shape, True, tmp_path, beta=0.25)
     bsdf, context = mi.load_dict({"type": "plywave_fiber", "filename": filename, "width": width, "rotation_deg": 20.0}), mi.BSDFContext()
-    wi = mi.Vector3f(*(float(x) for x in np.array(wi) / np.linalg.norm(wi)))
+    wi = variable(wi)
     null, uv = int(mi.BSDFFlags.Null), mi.Point2f(0.3, 0.7)
 
     def sample(u, *_):
@@ -582,7 +597,8 @@ def test_fibers_weights_and_furnace(width, tmp_path):
     u = rng.random((3, n), dtype=np.float32)
     bs, weight = bsdf.sample(context, si, mi.Float(u[0]), mi.Point2f(u[1:]))
     f, pdf = bsdf.eval_pdf(context, si, bs.wo)
-    weight, f, pdf, of_sample = np.array(weight), np.array(f), np.array(pdf), np.array(bs.pdf)
+    dr.eval(bs)
+    weight, f, pdf, of_sample = arrays(weight, f, pdf, bs.pdf)
     scattered = np.broadcast_to(np.array(bs.sampled_type) != int(mi.BSDFFlags.Null), n)
     close("pdf", of_sample[scattered], pdf[scattered], tolerance=1e-5)
     close("f", (weight * of_sample)[:, scattered], f[:, scattered], tolerance=1e-4)
@@ -719,11 +735,11 @@ def test_far_views_are_the_librarys(spec, gaps):
         bsdf = mi.load_dict({"type": "plywave_fabric", "filename": spec, "um_per_uv": 1.0, **keys})
         assert not bsdf.needs_differentials()
         got, density = bsdf.eval_pdf(mi.BSDFContext(), si, mi.Vector3f(wi.T.copy()))
-        got, density = np.array(got).T, np.array(density)
+        got, density, passes = arrays(got, density, bsdf.eval_null_transmission(si))
+        got, passes = got.T, passes[0]
         is_far = share >= 1.0
         close(f"f at {share}", got, f, share=5e-3 if not is_far else 2e-3 if is_diffracted else 0.0)
         close(f"pdf at {share}", density, pdf, share=1e-3 if is_far and not is_diffracted else 2e-2)
-        passes = np.array(bsdf.eval_null_transmission(si))[0]
         close(f"straight at {share}", np.broadcast_to(passes, n), straight, share=1e-3)
         assert abs(got.mean(dtype=np.float64) / f.mean(dtype=np.float64) - 1.0) < 5e-4
 
@@ -737,7 +753,7 @@ def test_samples_of_far_views_have_their_density(spec, keys, wi):
     from mitsuba.chi2 import ChiSquareTest, SphericalDomain
 
     bsdf, context = mi.load_dict({"type": "plywave_fabric", "filename": spec, **FAR, **keys}), mi.BSDFContext()
-    wi = mi.Vector3f(*(float(x) for x in np.array(wi) / np.linalg.norm(wi)))
+    wi = variable(wi)
     null, uv = int(mi.BSDFFlags.Null), mi.Point2f(60.0, 33.0)
 
     def sample(u, *_):
@@ -763,6 +779,7 @@ def test_far_weights_and_furnace(footprint, gaps):
     u = rng.random((3, n), dtype=np.float32)
     bs, weight = bsdf.sample(context, si, mi.Float(u[0]), mi.Point2f(u[1:]))
     f, pdf = bsdf.eval_pdf(context, si, bs.wo)
+    dr.eval(bs, weight, f, pdf)
     weight, of_sample = np.array(weight), np.array(bs.pdf)
     scattered = np.broadcast_to(np.array(bs.sampled_type) != int(mi.BSDFFlags.Null), n)
     close("pdf", of_sample[scattered], np.array(pdf)[scattered], tolerance=1e-5)
@@ -836,7 +853,8 @@ def test_speckle_of_fabrics_is_the_librarys(variant):
         return
     si = interaction(n, mi.Point2f(position.T.copy()), mi.Vector3f(wo.T.copy()))
     got, density = bsdf.eval_pdf(mi.BSDFContext(), si, mi.Vector3f(wi.T.copy()))
-    got, density = np.array(got).T, np.array(density)
+    got, density = arrays(got, density)
+    got = got.T
     assert np.abs(smooth - f).mean() > 0.03 * f.mean()
     close("f", got, f, share=1e-3)
     # Where a line just passes a ply, f jumps within the rounding of a point 3 mm away: what is further off must be the library's f within 0.003 um aside.

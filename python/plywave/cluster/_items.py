@@ -9,7 +9,7 @@ import os
 import tempfile
 import time
 from dataclasses import dataclass
-from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from .. import _plywave
 from .._files import PathLike
@@ -17,7 +17,7 @@ from .._plywave import Error
 from .._spec import Spec, spec_args
 from .._work import recipe_args, whole
 from ..wave import tabulate_args
-from ._pictures import places, swatch
+from ._pictures import azimuths, patterns, places, swatch, yarns
 
 
 @dataclass(frozen=True)
@@ -223,6 +223,9 @@ class Finished(NamedTuple):
     """A PNG for the page."""
 
 
+_PICTURES: Dict[str, Callable[[bytes], Optional[bytes]]] = {"yarn": swatch, "family": yarns, "twin": places, "fiber": azimuths, "speckle": patterns}
+
+
 def finish(item: Item, shards: List[List[Tuple[int, int, bytes]]]) -> Finished:
     """Makes an item's file on a worker, of the shards of its jobs: they are laid where a run that was interrupted would have left them, and the run goes on."""
     begun = time.perf_counter()
@@ -242,7 +245,8 @@ def finish(item: Item, shards: List[List[Tuple[int, int, bytes]]]) -> Finished:
         else:
             job = item.jobs[0]
             data = _plywave.run_job(job.description, job.extent, job.stage, _run(folder))
-    picture = swatch(data) if item.kind == "yarn" else places(data) if item.kind == "twin" else None
+    draw = _PICTURES.get(item.kind)
+    picture = None if draw is None else draw(data)
     return Finished(data, time.perf_counter() - begun, picture)
 
 

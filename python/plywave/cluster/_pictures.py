@@ -1,4 +1,4 @@
-"""Small pictures for a farm's page: cloth of a yarn, the places of a twin."""
+"""Small pictures for a farm's page: cloth of a yarn or of a family's yarns, the places of a twin, the light that a fiber or its instances scatter."""
 
 from __future__ import annotations
 
@@ -11,11 +11,14 @@ from typing import Optional
 import numpy as np
 
 from .._fabric import Fabric
+from .._family import Family
 from .._files import unpack
 from .._plywave import Error
 
 _SIDE = 160
 _REPEATS = 3
+_DECADES = 4.0
+"""Of light in maps of it."""
 
 
 def png(rgb: np.ndarray) -> bytes:
@@ -43,6 +46,20 @@ def _towards(tilt: float, azimuth: float) -> np.ndarray:
 
 def swatch(model: bytes) -> Optional[bytes]:
     """A PNG of an open plain weave of a model's plies, undyed, seen from above under two lamps; `None` for a model that cannot be woven so."""
+    rgb = _woven(model)
+    return None if rgb is None else png(rgb)
+
+
+def yarns(family: bytes) -> Optional[bytes]:
+    """The same of three of a family's yarns, side by side: the first axis at its first node, at the middle one and at its last, the others as in the spec."""
+    known = Family.from_bytes(family)
+    name, values = next(iter(known.axes.items()))
+    shown = (values[0], values[len(values) // 2], values[-1])
+    tiles = [_woven(known.at(**{name: value}).to_bytes()) for value in shown]
+    return None if any(tile is None for tile in tiles) else png(np.concatenate([tile for tile in tiles if tile is not None], 1))
+
+
+def _woven(model: bytes) -> Optional[np.ndarray]:
     arrays, _ = unpack(model)
     if "edge_radius_um" not in arrays:
         return None
@@ -63,7 +80,31 @@ def swatch(model: bytes) -> Optional[bytes]:
     f = sum(weight * np.asarray(fabric.eval(position_um=position, wo=above, wi=_towards(tilt, azimuth))) for tilt, azimuth, weight in lamps)
     # A white matte surface under both lamps is at 1.2 of white.
     light = 1.2 * np.pi * np.reshape(f, (_SIDE, 2, _SIDE, 2, 3)).mean((1, 3))
-    return png(_srgb(light))
+    return _srgb(light)
+
+
+def _map(values: np.ndarray) -> Optional[bytes]:
+    """A PNG of values by row and column, at a logarithmic scale of `_DECADES` from the greatest down; columns are averaged to twice `_SIDE` at most."""
+    wide = -(-values.shape[1] // (2 * _SIDE))
+    values = values[:, : values.shape[1] // wide * wide].astype(np.float64)
+    values = values.reshape(len(values), -1, wide).mean(2)
+    top = float(values.max())
+    if not top > 0.0:
+        return None
+    grey = 1.0 + np.log10(np.maximum(values / top, 10.0**-_DECADES)) / _DECADES
+    tall, broad = (max(1, side // size) for side, size in zip((_SIDE, 2 * _SIDE), grey.shape))
+    return png(np.repeat(np.kron(grey, np.ones((tall, broad)))[..., None], 3, -1))
+
+
+def azimuths(fiber: bytes) -> Optional[bytes]:
+    """A PNG of a fiber table: N by wavelength, from the top down, and relative azimuth, forward in the middle, of the light nearest to the cross section's plane."""
+    return _map(unpack(fiber)[0]["azimuthal"][:, 0, 0])
+
+
+def patterns(speckle: bytes) -> Optional[bytes]:
+    """A PNG of speckle patterns: instances, at most `_SIDE`, from the top down, by azimuth, of clear fibers, TM, at the middle wavelength."""
+    values = unpack(speckle)[0]["patterns"]
+    return _map(values[0, values.shape[1] // 2, 0, :_SIDE])
 
 
 def places(twin: bytes) -> Optional[bytes]:

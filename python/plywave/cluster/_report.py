@@ -22,6 +22,14 @@ table { border-collapse: collapse; } th { text-align: left; font-weight: normal;
 .bad { color: #a40000; } summary { cursor: pointer; color: #555; } figure { margin: 0; max-width: 30rem; } figcaption { font-size: 12px; color: #555; max-width: 12rem; } svg text { font: 11px system-ui, sans-serif; fill: #555; }
 """
 _SIGMAS = (0.0, 0.003, 0.01)
+_WORDS = {
+    "yarn": "an open plain weave of it, undyed, from above under two lamps",
+    "family": "open plain weaves of three of its yarns, undyed: the first axis at its first node, the middle one and its last",
+    "fiber": "light by wavelength (down) and azimuth, forward in the middle, four decades",
+    "speckle": "light of single instances (down) by azimuth, middle wavelength, four decades",
+    "twin": "reflected light over a repeat, first view, by absorption",
+}
+"""What a file's picture shows."""
 _COLORS = ("#1f4e79", "#3f8f5f", "#b5651d")
 
 
@@ -89,11 +97,15 @@ def _section(one: Made, price: Optional[float]) -> str:
         more, picture = _energies(model), _polar(model)
     elif item.kind == "compare":
         more = _likeness(json.loads(one.data))
-    if item.kind == "family":
+    elif item.kind == "family":
         family = Family.from_bytes(one.data, item.name)
         rows.update({name: ", ".join(f"{value:.5g}" for value in values) for name, values in family.axes.items()})
+        refl, high = _errors(family)
+        rows["errors of the fit"] = f"f_refl {refl:.3f}, f_high {high:.3f}, rms over the slices of a node, the worst node"
+        own = family.at()
+        more, picture = _energies(own), _polar(own)
     if facts.get("picture"):
-        words = "an open plain weave of it, undyed, from above under two lamps" if item.kind == "yarn" else "reflected light over a repeat, first view, by absorption"
+        words = _WORDS[item.kind]
         picture += f'<figure><img src="data:image/png;base64,{facts["picture"]}" alt="{words}"><figcaption>{words}</figcaption></figure>'
     spec = f"<details><summary>spec</summary><pre>{escape(item.spec_text)}</pre></details>"
     return f'<section><div class="facts">{head}{_table(rows)}{more}{spec}</div>{picture}</section>\n'
@@ -107,6 +119,13 @@ def _likeness(report: Dict[str, Any]) -> str:
         values = at["average"]["correlation"], at["single_correlation"]["mean"], at["average"]["relative_l2"]
         rows.append(f"<tr><th>{case['lambda_um']:g}, {case['h_rel']:g}</th>{''.join(f'<td>{v:.3f}</td>' for v in values)}</tr>")
     return f"<table>{''.join(rows)}</table><p>{report['instances']} instances</p>"
+
+
+def _errors(family: Family) -> List[float]:
+    """Errors of the fit of f_refl and of f_high of clear fibers: rms over the slices of a node, of the worst node."""
+    arrays = family.tensors()
+    slices = arrays["error_refl"], arrays["error_high"][..., 0]
+    return [float(np.sqrt(np.square(errors.reshape(len(errors), -1)).mean(1)).max()) for errors in slices]
 
 
 def _energies(model: Model) -> str:

@@ -29,12 +29,12 @@ class Kit:
     def floats(self, values):
         """A table of single precision."""
         values = np.ascontiguousarray(values, np.float32).ravel()
-        return self.Float(values) if self.jit else values
+        return self.Float(_aligned(values)) if self.jit else values
 
     def words(self, values):
         """A table of 32-bit words."""
         values = np.ascontiguousarray(values, np.uint32).ravel()
-        return self.UInt(values) if self.jit else values
+        return self.UInt(_aligned(values)) if self.jit else values
 
     def take(self, table, index):
         """One number of a table."""
@@ -125,6 +125,15 @@ class Kit:
 
     def zero_s(self):
         return self.S(0.0)
+
+
+def _aligned(values):
+    """A copy at an address that suits reads of packets. Dr.Jit takes NumPy's memory as it lies; from another address it reads the numbers of a packet one by one, and where a
+    processor has no fast gather LLVM makes a branch of each: three times the time of a query, ten times that of the kernel's compilation."""
+    room = np.empty(len(values) + 16, values.dtype)
+    first = -room.ctypes.data % 64 // 4
+    room[first : first + len(values)] = values
+    return room[first : first + len(values)]
 
 
 def dot3(a, b):

@@ -60,8 +60,9 @@ def define(Calls):
             scale = props["um_per_uv"] if "um_per_uv" in props else 1e5
             self.um_per_uv = self.pair(name, "um_per_uv", scale)
             if kit.jit:
-                # Memory, not a constant of the kernel, which another value would compile anew.
-                dr.make_opaque(self.um_per_uv)
+                # Memory, not constants of the kernel, which other values would compile anew.
+                self.footprint_um, self.footprint_rad, self.footprint_scale = (None if x is None else kit.Float(x) for x in footprint)
+                dr.make_opaque(self.um_per_uv, [x for x in (self.footprint_um, self.footprint_rad, self.footprint_scale) if x is not None])
                 self.last, self.probe = None, mi.Float(0.0)
                 dr.enable_grad(self.probe)
             turn = math.radians(typed(name, props, "rotation_deg", float, 0.0))
@@ -118,6 +119,10 @@ def define(Calls):
                     callback.put(f"{family}_color", self.colors[k], mi.ParamFlags.Differentiable)
                 if self.sigmas[k] is not None:
                     callback.put(f"{family}_sigma_per_um", self.sigmas[k], mi.ParamFlags.Differentiable)
+
+        def parameters_changed(self, keys=()):
+            if self.kit.jit:
+                dr.make_opaque(self.um_per_uv)
 
         # Inputs of a point
 
