@@ -297,10 +297,10 @@ def test_weights_are_f_over_pdf(kind):
     u = rng.random((3, n), dtype=np.float32)
     bs, weight = bsdf.sample(context, si, mi.Float(u[0]), mi.Point2f(u[1:]))
     f, pdf = bsdf.eval_pdf(context, si, bs.wo)
-    dr.eval(bs, weight, f, pdf)
-    scattered = np.broadcast_to(np.array(bs.sampled_type) != int(mi.BSDFFlags.Null), n)
-    close("pdf", np.array(bs.pdf)[scattered], np.array(pdf)[scattered], tolerance=1e-5)
-    close("f", (np.array(weight) * np.array(bs.pdf))[:, scattered], np.array(f)[:, scattered], tolerance=1e-4)
+    weight, of_sample, sampled, f, pdf = arrays(weight, bs.pdf, bs.sampled_type, f, pdf)
+    scattered = np.broadcast_to(sampled != int(mi.BSDFFlags.Null), n)
+    close("pdf", of_sample[scattered], pdf[scattered], tolerance=1e-5)
+    close("f", (weight * of_sample)[:, scattered], f[:, scattered], tolerance=1e-4)
 
 
 def test_white_furnace():
@@ -556,11 +556,11 @@ def test_fibers_are_the_librarys(symmetry, shape, beta, tmp_path):
     passes = np.array(narrow.eval_null_transmission(si)).T
     assert (passes == 1.0 - met)[clear].all() and (max(shape[:3]) == 1 or 0.05 < passes.mean() < 0.95)
     f, density = narrow.eval_pdf(mi.BSDFContext(), si, mi.Vector3f(wo.T.copy()))
-    dr.eval(f, density)
-    close("f", np.array(f).T[clear], (want * met)[clear], share=2e-3)
+    f, density = arrays(f, density)
+    close("f", f.T[clear], (want * met)[clear], share=2e-3)
     albedo = fiber.albedo(to(wi), RGB_LAMBDA_UM)
     chance = (~met).sum(1) + (met * albedo).sum(1)
-    close("pdf", np.array(density)[clear.all(1)], ((want * met).sum(1) / chance)[clear.all(1)], share=2e-3)
+    close("pdf", density[clear.all(1)], ((want * met).sum(1) / chance)[clear.all(1)], share=2e-3)
 
 
 @pytest.mark.parametrize("wi", [(0.3, 0.2, 0.9), (0.85, 0.3, 0.2)])
@@ -597,9 +597,8 @@ def test_fibers_weights_and_furnace(width, tmp_path):
     u = rng.random((3, n), dtype=np.float32)
     bs, weight = bsdf.sample(context, si, mi.Float(u[0]), mi.Point2f(u[1:]))
     f, pdf = bsdf.eval_pdf(context, si, bs.wo)
-    dr.eval(bs)
-    weight, f, pdf, of_sample = arrays(weight, f, pdf, bs.pdf)
-    scattered = np.broadcast_to(np.array(bs.sampled_type) != int(mi.BSDFFlags.Null), n)
+    weight, of_sample, sampled, f, pdf = arrays(weight, bs.pdf, bs.sampled_type, f, pdf)
+    scattered = np.broadcast_to(sampled != int(mi.BSDFFlags.Null), n)
     close("pdf", of_sample[scattered], pdf[scattered], tolerance=1e-5)
     close("f", (weight * of_sample)[:, scattered], f[:, scattered], tolerance=1e-4)
     straight = ~scattered
@@ -779,11 +778,10 @@ def test_far_weights_and_furnace(footprint, gaps):
     u = rng.random((3, n), dtype=np.float32)
     bs, weight = bsdf.sample(context, si, mi.Float(u[0]), mi.Point2f(u[1:]))
     f, pdf = bsdf.eval_pdf(context, si, bs.wo)
-    dr.eval(bs, weight, f, pdf)
-    weight, of_sample = np.array(weight), np.array(bs.pdf)
-    scattered = np.broadcast_to(np.array(bs.sampled_type) != int(mi.BSDFFlags.Null), n)
-    close("pdf", of_sample[scattered], np.array(pdf)[scattered], tolerance=1e-5)
-    close("f", (weight * of_sample)[:, scattered], np.array(f)[:, scattered], tolerance=1e-4)
+    weight, of_sample, sampled, f, pdf = arrays(weight, bs.pdf, bs.sampled_type, f, pdf)
+    scattered = np.broadcast_to(sampled != int(mi.BSDFFlags.Null), n)
+    close("pdf", of_sample[scattered], pdf[scattered], tolerance=1e-5)
+    close("f", (weight * of_sample)[:, scattered], f[:, scattered], tolerance=1e-4)
     if gaps == "straight":
         passes = np.array(bsdf.eval_null_transmission(si))
         close("straight", (weight * of_sample)[:, ~scattered], passes[:, ~scattered], tolerance=1e-4)

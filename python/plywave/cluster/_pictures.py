@@ -55,11 +55,12 @@ def yarns(family: bytes) -> Optional[bytes]:
     known = Family.from_bytes(family)
     name, values = next(iter(known.axes.items()))
     shown = (values[0], values[len(values) // 2], values[-1])
-    tiles = [_woven(known.at(**{name: value}).to_bytes()) for value in shown]
-    return None if any(tile is None for tile in tiles) else png(np.concatenate([tile for tile in tiles if tile is not None], 1))
+    tiles = [tile for value in shown if (tile := _woven(known.at(**{name: value}).to_bytes())) is not None]
+    return png(np.concatenate(tiles, 1)) if len(tiles) == len(shown) else None
 
 
 def _woven(model: bytes) -> Optional[np.ndarray]:
+    """Pixels of a swatch, sRGB."""
     arrays, _ = unpack(model)
     if "edge_radius_um" not in arrays:
         return None

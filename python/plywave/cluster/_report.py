@@ -26,7 +26,7 @@ _WORDS = {
     "yarn": "an open plain weave of it, undyed, from above under two lamps",
     "family": "open plain weaves of three of its yarns, undyed: the first axis at its first node, the middle one and its last",
     "fiber": "light by wavelength (down) and azimuth, forward in the middle, four decades",
-    "speckle": "light of single instances (down) by azimuth, middle wavelength, four decades",
+    "speckle": "light of single instances (down) by azimuth, forward at three quarters, middle wavelength, four decades",
     "twin": "reflected light over a repeat, first view, by absorption",
 }
 """What a file's picture shows."""

@@ -129,7 +129,7 @@ class Kit:
 
 def _aligned(values):
     """A copy at an address that suits reads of packets. Dr.Jit takes NumPy's memory as it lies; from another address it reads the numbers of a packet one by one, and where a
-    processor has no fast gather LLVM makes a branch of each: three times the time of a query, ten times that of the kernel's compilation."""
+    processor has no fast gather LLVM makes a branch of each: three times the time of a query, up to nine times that of the kernel's compilation."""
     room = np.empty(len(values) + 16, values.dtype)
     first = -room.ctypes.data % 64 // 4
     room[first : first + len(values)] = values

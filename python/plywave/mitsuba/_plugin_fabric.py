@@ -42,6 +42,9 @@ def define(Calls):
                 raise ValueError(f"{name}: gaps: {gaps!r}: expected 'straight' or 'diffracted'")
             on = {key: typed(name, props, key, bool, default) for key, default in self.FLAGS.items()}
             footprint = [self.length(name, props, f"footprint_{key}", on["far"]) for key in ("um", "rad", "scale")]
+            if kit.jit:
+                # Memory, not constants of the kernel, which other values would compile anew.
+                footprint = [None if x is None else dr.opaque(mi.Float, x) for x in footprint]
             self.footprint_um, self.footprint_rad, self.footprint_scale = footprint
             if self.footprint_um is not None and self.footprint_rad is not None:
                 raise ValueError(f"{name}: footprint_rad: given with footprint_um: give one of them")
@@ -60,9 +63,7 @@ def define(Calls):
             scale = props["um_per_uv"] if "um_per_uv" in props else 1e5
             self.um_per_uv = self.pair(name, "um_per_uv", scale)
             if kit.jit:
-                # Memory, not constants of the kernel, which other values would compile anew.
-                self.footprint_um, self.footprint_rad, self.footprint_scale = (None if x is None else kit.Float(x) for x in footprint)
-                dr.make_opaque(self.um_per_uv, [x for x in (self.footprint_um, self.footprint_rad, self.footprint_scale) if x is not None])
+                dr.make_opaque(self.um_per_uv)
                 self.last, self.probe = None, mi.Float(0.0)
                 dr.enable_grad(self.probe)
             turn = math.radians(typed(name, props, "rotation_deg", float, 0.0))
