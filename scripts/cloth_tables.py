@@ -18,6 +18,9 @@ CLOTHS = {
     "Cotton muslin, two plies": "cotton_plain",
     "Cotton denim, three and four plies": "cotton_twill",
     "Worsted, two plies": "wool_plain",
+    "Gold satin": "gold_satin",
+    "Alpaca": "alpaca_plain",
+    "Glass": "glass_plain",
 }
 
 

@@ -15,14 +15,14 @@ seed=${SEED:-1}
 out=${OUT:-fabrics/models}
 tables=${TABLES:-target/tables}/$preset-$seed
 yarns=("$@")
-[ ${#yarns[@]} -gt 0 ] || yarns=(polyester polyester_3ply cotton cotton_2ply cotton_3ply cotton_4ply silk wool wool_2ply viscose alpaca gold)
+[ ${#yarns[@]} -gt 0 ] || yarns=(polyester polyester_3ply cotton cotton_2ply cotton_3ply cotton_4ply silk wool wool_2ply viscose alpaca gold glass)
 
 cargo build --locked --release -p plywave-cli
 mkdir -p "$out" "$tables"
 # Fibers whose patterns speckle is made from: all that build takes where circles are solved in moments; elsewhere what some minutes allow.
 fibers() {
     case $1 in
-        polyester | gold) echo 200 ;;
+        polyester | gold | glass) echo 200 ;;
         wool | alpaca) echo 100 ;;
         silk) echo 50 ;;
         *) echo 24 ;;

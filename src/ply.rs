@@ -43,8 +43,10 @@ pub use data::PlyData;
 pub(crate) use data::{MAX_LOBES, MAX_PATHS};
 pub use edge_lobes::{EDGE_MU_MAX, EdgeLobes, beam_mu};
 pub use energies::{EnergiesAt, PlyEnergies, spline_coefficients};
-pub use exits::{EXIT_KINDS, EXIT_LENGTH_UM, EXIT_TERMS, ExitOffsets, exit_share_below, exit_terms};
-pub(crate) use exits::{ExitDensity, ExitLine, ExitsAt, exit_shapes};
+pub use exits::{
+    EXIT_KINDS, EXIT_LENGTH_UM, EXIT_LENGTHS, EXIT_TERMS, ExitOffsets, ExitShape, USUAL_EXIT_LENGTHS, exit_terms,
+};
+pub(crate) use exits::{ExitDensity, ExitLine, ExitsAt};
 pub use family::{FamilyAxis, FamilyData, FamilyGradient, FamilyParam, FamilyParams, FamilyPly, PlyFamily};
 pub use file::ReferenceValue;
 pub use layer_factors::LayerFactors;

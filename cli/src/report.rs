@@ -83,11 +83,19 @@ impl Spread {
         }
         Spread { min, rms: (square / n as f64).sqrt(), max }
     }
+
+    /// Whether there were no numbers, or all were zero.
+    fn is_none(&self) -> bool {
+        (self.min, self.max) == (0.0, 0.0)
+    }
 }
 
 impl std::fmt::Display for Spread {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{:.4} .. {:.4}, rms {:.4}", self.min, self.max, self.rms)
+        match self.is_none() {
+            true => write!(f, "none known"),
+            false => write!(f, "{:.4} .. {:.4}, rms {:.4}", self.min, self.max, self.rms),
+        }
     }
 }
 
@@ -111,6 +119,7 @@ mod tests {
 
     #[test]
     fn spread_skips_what_is_not_a_number() {
+        assert_eq!(Spread::of_errors([0.0, f64::NAN]).to_string(), "none known");
         let s = Spread::of([3.0, f64::NAN, 4.0]);
         assert_eq!((s.min, s.max), (3.0, 4.0));
         assert!((s.rms - 12.5f64.sqrt()).abs() < 1e-12);

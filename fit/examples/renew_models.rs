@@ -1,19 +1,30 @@
 //! Gives models made by an earlier version what the fit now adds to its lobes: edge lobes and layer factors. Lobes, energies and errors stay bit for bit.
-//! With `--reference-values` all tensors stay, and only the reference values of the file are computed again.
+//! With `--reference-values` all tensors stay, and only the reference values of the file are computed again. With `--exits TABLE` one model of a single ply is told how far light gets aside in it,
+//! by the table that it was fitted to.
 //!
-//! `cargo run --release -p plywave-fit --example renew_models -- [--reference-values] fabrics/models/*.pwm`
+//! `cargo run --release -p plywave-fit --example renew_models -- [--reference-values | --exits TABLE] fabrics/models/*.pwm`
 //!
 //! ci: build only
 
 use plywave::ply::PlyData;
 use plywave::spec::YarnSpec;
-use plywave_fit::{EdgeOptions, fit_edge, layer_factors};
+use plywave::table::Table;
+use plywave_fit::{EdgeOptions, fit_edge, fit_exit_lengths, layer_factors};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let (flags, files): (Vec<String>, Vec<String>) = std::env::args().skip(1).partition(|a| a == "--reference-values");
+    let mut files: Vec<String> = std::env::args().skip(1).collect();
+    let flag = files.first().filter(|a| a.starts_with("--")).cloned();
+    files.drain(..usize::from(flag.is_some()));
+    let table = match flag.as_deref() {
+        Some("--exits") => Some(Table::load(files.remove(0))?),
+        _ => None,
+    };
     for file in files {
         let mut data = PlyData::load(&file)?;
-        if flags.is_empty() {
+        if let (Some(exits), Some(table)) = (&mut data.exits, &table) {
+            exits.length = fit_exit_lengths(table, &exits.mean);
+            println!("{file}: lengths over R {:.3?}", exits.length);
+        } else if flag.is_none() {
             let spec = YarnSpec::parse(&data.spec_text, &file)?;
             data.edge = Some(fit_edge(&spec, &EdgeOptions::default()).lobes);
             data.layers = Some(layer_factors(&data));

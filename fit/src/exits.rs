@@ -1,10 +1,20 @@
 //! Mean offsets at which light leaves a ply, from the exits that a table recorded.
 //!
 //! At an incidence, an absorption and an azimuth the table has the distribution of the lateral position t at which light leaves. The polynomials of the azimuth
-//! (`plywave::ply::ExitOffsets`) are those nearest to its mean, in least squares weighted by the light of the azimuth, each absorption alike.
+//! (`plywave::ply::ExitOffsets`) are those nearest to its mean, in least squares weighted by the light of the azimuth, each absorption alike. About these means the densities have the
+//! lengths, one a kind for all incidences, whose cumulative shares come nearest to the recorded ones, in least squares weighted by the light.
 
-use plywave::ply::{EXIT_KINDS, EXIT_LENGTH_UM, EXIT_TERMS, ExitOffsets, exit_terms};
+use plywave::ply::{
+    EXIT_KINDS, EXIT_LENGTH_UM, EXIT_LENGTHS, EXIT_TERMS, ExitOffsets, ExitShape, USUAL_EXIT_LENGTHS, exit_terms,
+};
 use plywave::table::Table;
+use rayon::prelude::*;
+
+/// Lengths that are tried, even in their logarithm, and rounds of looking for those of clear and of dark fibers, which go together.
+const TRIED: usize = 28;
+const ROUNDS: usize = 3;
+/// Share of the light with a kind below which its length cannot be told.
+const LEAST_LIGHT: f64 = 1e-3;
 
 /// Normal equations of `N` coefficients.
 struct Fit<const N: usize> {
@@ -33,47 +43,147 @@ impl<const N: usize> Fit<N> {
     }
 }
 
+/// Light of one incidence, absorption and azimuth, as the table recorded its exits.
+struct Recorded<'a> {
+    incidence: usize,
+    /// 0 for single reflection, then the absorptions.
+    channel: usize,
+    terms: [f32; EXIT_TERMS],
+    light: f64,
+    /// Of the light of all azimuths.
+    part: f64,
+    /// Over equal parts of [-1, 1].
+    shares: &'a [f32],
+}
+
+/// What a table recorded of the light at an incidence, but for azimuths without any.
+fn recorded(table: &Table, row: usize, column: usize) -> Vec<Recorded<'_>> {
+    let Some(exit) = table.exit.as_ref() else { return Vec::new() };
+    let (h, k) = (table.h_um.len(), table.sigma_per_um.len());
+    let mut found = Vec::new();
+    for channel in 0..=k {
+        let slice = match channel {
+            0 => table.refl_slice(row, column),
+            _ => table.high_slice(row, column, channel - 1),
+        };
+        let lights: Vec<f64> = (0..exit.azimuths).map(|a| light(table, slice, a, exit.azimuths)).collect();
+        let all: f64 = lights.iter().sum();
+        for (azimuth, light) in lights.iter().enumerate().filter(|_| all > 0.0) {
+            let first = (((row * h + column) * (1 + k) + channel) * exit.azimuths + azimuth) * exit.positions;
+            let shares = &exit.shares[first..first + exit.positions];
+            if shares.iter().any(|share| *share > 0.0) {
+                let phi = std::f64::consts::TAU * (azimuth as f64 + 0.5) / exit.azimuths as f64;
+                let terms = exit_terms(phi.cos() as f32, phi.sin() as f32);
+                let (incidence, light, part) = (row * h + column, *light, light / all);
+                found.push(Recorded { incidence, channel, terms, light, part, shares });
+            }
+        }
+    }
+    found
+}
+
+/// Share v of the clear fibers' kind by channel; 0 for single reflection, which is a kind of its own.
+fn clear_shares(table: &Table) -> Vec<f64> {
+    let of = |sigma: &f64| 1.0 / (1.0 + EXIT_LENGTH_UM * sigma);
+    std::iter::once(0.0).chain(table.sigma_per_um.iter().map(of)).collect()
+}
+
 /// The offsets of a table; `None` for one without exits.
 pub fn fit_exits(table: &Table) -> Option<ExitOffsets> {
-    let exit = table.exit.as_ref()?;
-    let (m, h, k) = (table.theta_i.len(), table.h_um.len(), table.sigma_per_um.len());
+    table.exit.as_ref()?;
+    let (m, h) = (table.theta_i.len(), table.h_um.len());
+    let clear = clear_shares(table);
     let mut mean = Vec::with_capacity(m * h * EXIT_KINDS * EXIT_TERMS);
     for row in 0..m {
         for column in 0..h {
             let mut refl = Fit::<EXIT_TERMS>::new();
             let mut high = Fit::<{ 2 * EXIT_TERMS }>::new();
-            for channel in 0..=k {
-                let slice = match channel {
-                    0 => table.refl_slice(row, column),
-                    _ => table.high_slice(row, column, channel - 1),
-                };
-                let lights: Vec<f64> = (0..exit.azimuths).map(|a| light(table, slice, a, exit.azimuths)).collect();
-                let all: f64 = lights.iter().sum();
-                if all <= 0.0 {
+            for of in recorded(table, row, column) {
+                let Some(value) = mean_of(of.shares) else { continue };
+                let terms = of.terms.map(f64::from);
+                if of.channel == 0 {
+                    refl.add(terms, value, of.part);
                     continue;
                 }
-                for (azimuth, light) in lights.iter().enumerate() {
-                    let first = (((row * h + column) * (1 + k) + channel) * exit.azimuths + azimuth) * exit.positions;
-                    let Some(value) = mean_of(&exit.shares[first..first + exit.positions]) else { continue };
-                    let phi = std::f64::consts::TAU * (azimuth as f64 + 0.5) / exit.azimuths as f64;
-                    let terms = exit_terms(phi.cos() as f32, phi.sin() as f32).map(f64::from);
-                    let weight = light / all;
-                    if channel == 0 {
-                        refl.add(terms, value, weight);
-                        continue;
-                    }
-                    let clear = 1.0 / (1.0 + EXIT_LENGTH_UM * table.sigma_per_um[channel - 1]);
-                    let terms = std::array::from_fn(|i| {
-                        terms[i % EXIT_TERMS] * if i < EXIT_TERMS { clear } else { 1.0 - clear }
-                    });
-                    high.add(terms, value, weight);
-                }
+                let v = clear[of.channel];
+                let terms = std::array::from_fn(|i| terms[i % EXIT_TERMS] * if i < EXIT_TERMS { v } else { 1.0 - v });
+                high.add(terms, value, of.part);
             }
             mean.extend(refl.solve());
             mean.extend(high.solve());
         }
     }
-    Some(ExitOffsets { mean })
+    let length = fit_exit_lengths(table, &mean);
+    Some(ExitOffsets { mean, length })
+}
+
+/// Lengths of the densities about the means of a table's exits, `[M][H][EXIT_KINDS][EXIT_TERMS]`, over R; the usual one of a kind without light.
+///
+/// # Panics
+/// For means of other nodes than the table's.
+pub fn fit_exit_lengths(table: &Table, mean: &[f64]) -> [f64; EXIT_KINDS] {
+    let [least, most] = EXIT_LENGTHS;
+    let tried: Vec<f64> = (0..TRIED).map(|i| least * (most / least).powf(i as f64 / (TRIED - 1) as f64)).collect();
+    let shapes: Vec<ExitShape> = tried.iter().map(|length| ExitShape::new(*length)).collect();
+    let clear = clear_shares(table);
+    let all: Vec<Recorded<'_>> = (0..table.theta_i.len() * table.h_um.len())
+        .flat_map(|at| recorded(table, at / table.h_um.len(), at % table.h_um.len()))
+        .collect();
+    // Sum of squared differences of cumulative shares, with these shapes of the kinds.
+    let error = |[refl, high, dark]: [usize; EXIT_KINDS], is_refl: bool| -> f64 {
+        let of = |of: &Recorded<'_>| {
+            let positions = of.shares.len();
+            let about = |kind: usize| -> f32 {
+                let first = (of.incidence * EXIT_KINDS + kind) * EXIT_TERMS;
+                let c = &mean[first..first + EXIT_TERMS];
+                c.iter().zip(of.terms).map(|(c, t)| *c as f32 * t).sum::<f32>().clamp(-1.0, 1.0)
+            };
+            let (v, [a, b, c]) = (clear[of.channel] as f32, [0, 1, 2].map(about));
+            let (mut below, mut sum) = (0.0, 0.0);
+            for (i, share) in of.shares[..positions - 1].iter().enumerate() {
+                below += share;
+                let t = 2.0 * (i + 1) as f32 / positions as f32 - 1.0;
+                let model = if is_refl {
+                    shapes[refl].share_below(a, t)
+                } else {
+                    v * shapes[high].share_below(b, t) + (1.0 - v) * shapes[dark].share_below(c, t)
+                };
+                sum += f64::from(below - model).powi(2);
+            }
+            of.light * sum
+        };
+        let here: Vec<f64> = all.par_iter().filter(|of| (of.channel == 0) == is_refl).map(of).collect();
+        here.iter().sum()
+    };
+    let lit = |is_refl: bool| all.iter().filter(|of| (of.channel == 0) == is_refl).map(|of| of.light).sum::<f64>();
+    let (refl, high) = (lit(true), lit(false));
+    let usual = USUAL_EXIT_LENGTHS.map(|length| {
+        (0..TRIED).min_by(|i, j| (tried[*i] - length).abs().total_cmp(&(tried[*j] - length).abs())).unwrap_or(0)
+    });
+    let (mut best, mut found) = (usual, USUAL_EXIT_LENGTHS);
+    for _ in 0..ROUNDS {
+        for kind in 0..EXIT_KINDS {
+            if if kind == 0 { refl } else { high } < LEAST_LIGHT * (refl + high) {
+                continue;
+            }
+            let errors: Vec<f64> = (0..TRIED)
+                .map(|i| {
+                    let mut with = best;
+                    with[kind] = i;
+                    error(with, kind == 0)
+                })
+                .collect();
+            let least = (0..TRIED).min_by(|i, j| errors[*i].total_cmp(&errors[*j])).unwrap_or(best[kind]);
+            best[kind] = least;
+            // The lowest point of a parabola through it and its neighbors.
+            let step = match errors.get(least.wrapping_sub(1)..least + 2) {
+                Some([a, b, c]) if a + c > 2.0 * b => 0.5 * (a - c) / (a - 2.0 * b + c),
+                _ => 0.0,
+            };
+            found[kind] = tried[least] * (most / tried[0]).powf(step / (TRIED - 1) as f64);
+        }
+    }
+    found.map(|length| length.clamp(least, most))
 }
 
 /// Mean of a distribution over equal parts of [-1, 1].

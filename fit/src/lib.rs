@@ -23,7 +23,7 @@ pub use diff::{DiffReport, DiffTolerance, LobeDrift, diff, lobe_drift};
 pub use edge::{EdgeFit, EdgeOptions, edge_error, fit_edge, fit_edge_lobes};
 pub use energies::has_energies_of;
 pub use error::FitError;
-pub use exits::fit_exits;
+pub use exits::{fit_exit_lengths, fit_exits};
 pub use family::{FamilyMiddle, FamilyTables, fit_family};
 pub use fit::{Progress, Stage, fit, frame};
 pub use fit_errors::{FitErrors, errors};

@@ -1,6 +1,6 @@
 //! Where light leaves a ply: the model's densities beside what simulations record, yarn by yarn.
 
-use plywave::ply::{EXIT_KINDS, EXIT_LENGTH_UM, EXIT_TERMS, exit_share_below, exit_terms};
+use plywave::ply::{EXIT_KINDS, EXIT_LENGTH_UM, EXIT_TERMS, ExitShape, exit_terms};
 use plywave::spec::YarnSpec;
 use plywave_fit::fit_exits;
 use plywave_sim::runs::Run;
@@ -13,7 +13,9 @@ fn differences(name: &str) -> [[f64; 2]; EXIT_KINDS] {
     let (spec, text) = YarnSpec::load(&path).unwrap();
     let options = SimOptions { paths_per_theta: 60_000, theta_i_nodes: 4, h_nodes: 7, ..SimOptions::preview() };
     let table = simulate(&spec, &text, &options, Run::plain()).unwrap();
-    let (exits, means) = (table.exit.as_ref().unwrap(), fit_exits(&table).unwrap().mean);
+    let (exits, fitted) = (table.exit.as_ref().unwrap(), fit_exits(&table).unwrap());
+    println!("{name}: lengths {:.3?}", fitted.length);
+    let (means, [refl, high, dark]) = (fitted.mean, fitted.length.map(ExitShape::new));
     let (channels, darkest) = (1 + table.sigma_per_um.len(), table.sigma_per_um.len());
     let clear = |sigma: f64| (1.0 / (1.0 + EXIT_LENGTH_UM * sigma)) as f32;
     let mut sums = [[0.0f64; 3]; EXIT_KINDS];
@@ -38,8 +40,8 @@ fn differences(name: &str) -> [[f64; 2]; EXIT_KINDS] {
                 };
                 let v = if channel == 0 { 0.0 } else { clear(table.sigma_per_um[channel - 1]) };
                 let below = |t: f32| match kind {
-                    0 => exit_share_below(0, mean(0), t),
-                    _ => v * exit_share_below(1, mean(1), t) + (1.0 - v) * exit_share_below(2, mean(2), t),
+                    0 => refl.share_below(mean(0), t),
+                    _ => v * high.share_below(mean(1), t) + (1.0 - v) * dark.share_below(mean(2), t),
                 };
                 let even = |t: f32| {
                     let about = if kind == 0 { mean(0) } else { v * mean(1) + (1.0 - v) * mean(2) };

@@ -104,7 +104,12 @@ impl<L: Lobes<N>, const N: usize> NearPly<'_, L, N> {
 
     #[inline]
     fn add(&self, b: [f32; 3], wo: [f32; 3], light: &LobeLight<N>, f: &mut [f32; N], pdf: &mut f32) {
-        self.add_light(self.shade.free(b, self.exits.lines(wo)), &self.clear_shares(), light, f);
+        self.add_light(
+            self.shade.free(b, self.exits.lines(self.ply.model.exit_shapes(), wo)),
+            &self.clear_shares(),
+            light,
+            f,
+        );
         *pdf += self.chance * light.pdf;
     }
 
@@ -120,7 +125,12 @@ impl<L: Lobes<N>, const N: usize> NearPly<'_, L, N> {
         for (toward, f) in lights.iter().zip(f) {
             let wo = to_ply(&self.frame, toward.b);
             let light = self.ply.eval_apart(wo);
-            self.add_light(self.shade.toward(toward, self.exits.lines(wo)), &shares, &light, f);
+            self.add_light(
+                self.shade.toward(toward, self.exits.lines(self.ply.model.exit_shapes(), wo)),
+                &shares,
+                &light,
+                f,
+            );
         }
     }
 

@@ -25,7 +25,7 @@ use crate::color::AlbedoCurve;
 use crate::gap::Slit;
 use crate::math::hash::SplitMix64;
 use crate::math::parallel;
-use crate::ply::{ByFirst, ExitDensity, ExitsAt, LobeLight, UncachedPly};
+use crate::ply::{ByFirst, ExitsAt, LobeLight, UncachedPly};
 use crate::{PlyModel, PlyQuery};
 use std::f32::consts::PI;
 
@@ -258,7 +258,7 @@ fn path(
                 let u = std::array::from_fn(|n| (turn[n] + i as f32 * EVEN[n]).fract());
                 let Some((w, light)) = ply.sample(u) else { continue };
                 let d = to_cloth(w);
-                let free = shade.free(d, exits.lines(w));
+                let free = shade.free(d, exits.lines(model.exit_shapes(), w));
                 let (most, per) = (light.refl[0] + light.high[0], looks / light.pdf);
                 for k in 0..SIGMAS {
                     let share = clear_shares[k];
@@ -278,13 +278,13 @@ fn path(
             let (w, light) = ply.sample([number(), number(), number()])?;
             (number() * light.pdf <= (light.refl[0] + light.high[0]) * per_mean).then_some((w, light))
         })?;
-        let (lines, [refl, high]) = (exits.lines(w), [light.refl[0], light.high[0]]);
+        let (lines, [refl, high]) = (exits.lines(model.exit_shapes(), w), [light.refl[0], light.high[0]]);
         d = to_cloth(w);
         if gone.orders == 0 {
             gone.sent_up = d[2] * a[2] > 0.0;
             gone.first = std::array::from_fn(|k| ((light.refl[k] + light.high[k]) / (refl + high)).min(1.0));
         }
-        let density = |kind: usize| ExitDensity::new(kind, lines[kind].t);
+        let density = |kind: usize| lines[kind].density;
         let (t, s) = if number() * (refl + high) < refl {
             (density(0).draw(number()), lines[0].s)
         } else {

@@ -89,7 +89,7 @@ impl<'a> Shade<'a> {
         // Single reflection and light of dark fibers turn at places near each other.
         let places = [self.at(0.5 * (refl.s + dark.s) + further), self.at(clear.s + further)];
         let lines = [refl, clear, dark];
-        let exits: [ExitDensity; EXIT_KINDS] = std::array::from_fn(|kind| ExitDensity::new(kind, lines[kind].t));
+        let exits = lines.map(|line| line.density);
         let mut free = shadow::free(&places, toward, &exits, off, self.scale);
         if let Some(passed) = self.passed.filter(|_| free != [0.0; EXIT_KINDS]) {
             self.pass_plies(passed, b, lines, &exits, &mut free);
@@ -158,6 +158,7 @@ mod tests {
     use super::*;
     use crate::io::Folder;
     use crate::math::hash::SplitMix64;
+    use crate::ply::ExitShape;
     use std::f32::consts::TAU;
     use std::path::Path;
 
@@ -198,8 +199,12 @@ mod tests {
                     // Nearly along the ply, which turns on the way.
                     continue;
                 }
-                let lines = [0.0; 2].map(|_| ExitLine { t: 1.6 * number() - 0.8, s: 0.6 * number() - 0.3 });
-                let exits = [0, 1, 0].map(|kind| ExitDensity::new(kind, lines[kind].t));
+                let shapes = ExitShape::usual();
+                let lines = [0, 1].map(|kind| {
+                    let (t, s) = (1.6 * number() - 0.8, 0.6 * number() - 0.3);
+                    ExitLine { t, s, density: shapes[kind].density(t) }
+                });
+                let exits = [0, 1, 0].map(|kind: usize| lines[kind].density);
                 let mut got = [1.0; EXIT_KINDS];
                 shade.pass_plies(model.passed_lines().unwrap(), b, [0, 1, 0].map(|i| lines[i]), &exits, &mut got);
                 assert_eq!(got[0], got[2]);

@@ -9,7 +9,7 @@
 //! | `draft` | `[picks][ends]` | 1 where the warp is on top |
 //! | `scalars` | `[4]` | height above which nothing is near, length of a ply with one speckle pattern, step of the apertures' edges, L of `curve` |
 //! | `options` | `[5]` | gaps diffracted, speckle, layers, shadowing, edges |
-//! | `exit_shapes` | `[3][65][2]` | how light lies across a ply where it leaves: mode and length over R, by kind and mean over R, 0 to 0.97 |
+//! | `exit_shapes` | `[models][3][65][2]` | of each model how light lies across a ply where it leaves: mode and length over R, by kind and mean over R, 0 to 0.97 |
 //! | `passed`, `passed_h_um` | `[models][16][65]`, `[models]` | of each model r_d of lines, summed over offsets from -h to h, over h; latitudes from 0 to a right angle |
 //! | `stripes_warp`, `stripes_weft` | `[..]` | model of each yarn of one repeat |
 //! | `threads_warp`, `threads_weft` | `[..]` | dye of each yarn of one repeat |
@@ -38,6 +38,7 @@ use super::{Family, GapLight, far};
 use crate::PlyModel;
 use crate::color::SPECTRUM_NODES;
 use crate::gap::SPECTRUM_CELLS;
+use crate::ply::{EXIT_KINDS, ExitShape};
 use crate::ply::{PASSED_COLUMNS, PASSED_ROWS};
 use std::sync::Arc;
 
@@ -110,8 +111,10 @@ impl FabricBsdf {
             f32s("far_first", &[2, far::VIEWS, 2, far::SIGMAS], first);
             f32s("far_passing", &[far::VIEWS], passing);
         }
-        let (shapes, shape) = crate::ply::exit_shapes();
-        f32s("exit_shapes", &shape, shapes.to_vec());
+        let shapes = self.models.iter().flat_map(|m| m.exit_shapes());
+        let [means, two] = ExitShape::usual()[0].numbers().1;
+        let numbers = shapes.flat_map(|shape| shape.numbers().0.iter().copied()).collect();
+        f32s("exit_shapes", &[self.models.len(), EXIT_KINDS, means, two], numbers);
         let passed: Vec<_> =
             self.models.iter().filter_map(|m| m.passed_lines()).map(|passed| passed.numbers()).collect();
         let shape = [passed.len(), PASSED_ROWS, PASSED_COLUMNS];

@@ -4,7 +4,8 @@
 //! light that has passed little material leaves near the place at which it came in. The mean of t is a polynomial of the azimuth, `t = c . (1, x, y, x y, x^2 - y^2)` of
 //! the unit vector (x, y) of the direction's azimuth in the ply frame: light that leaves around a place P over R of the ply's section has `t = x P_y - y P_x`. There is one for
 //! single reflection, one for other light of clear fibers and one for that of dark ones, of which light with the absorption sigma has the shares `v = 1 / (1 + sigma L)` and 1 - v,
-//! L = [`EXIT_LENGTH_UM`]. About the mean, light lies as the density of [`ExitDensity`] has it.
+//! L = [`EXIT_LENGTH_UM`]. About the mean, light lies as the density of [`ExitShape`] has it, whose length tells how far light gets aside: clear fibers spread it over the ply, metal wires,
+//! whose first reflection is of f_high as well, send it out next to where it came in.
 
 use super::PlyData;
 use crate::Result;
@@ -12,8 +13,8 @@ use crate::io::{Check, Reader, Writer};
 use crate::math::simd::{exp2, max, min};
 use std::sync::LazyLock;
 
-/// Name of the tensor in a model file.
-pub(crate) const NAMES: [&str; 1] = ["exit_offset"];
+/// Names of the tensors in a model file.
+pub(crate) const NAMES: [&str; 2] = ["exit_offset", "exit_length"];
 /// Kinds of light: single reflection, other light of clear fibers, that of dark ones.
 pub const EXIT_KINDS: usize = 3;
 /// Terms of the polynomial of the azimuth.
@@ -22,12 +23,19 @@ pub const EXIT_TERMS: usize = 5;
 pub const EXIT_LENGTH_UM: f64 = 150.0;
 /// Largest coefficient of a file.
 const MOST: f64 = 100.0;
+/// Lengths of the kinds' densities, over R, of models that do not tell theirs: near those that come closest to the cumulative shares that simulations of polyester, silk, cotton and wool
+/// record.
+pub const USUAL_EXIT_LENGTHS: [f64; EXIT_KINDS] = [0.13, 0.65, 0.18];
+/// Least and greatest length.
+pub const EXIT_LENGTHS: [f64; 2] = [0.02, 4.0];
 
-/// Mean offsets at which light leaves.
+/// Offsets at which light leaves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExitOffsets {
-    /// `[M][H][EXIT_KINDS][EXIT_TERMS]`: coefficients over R, at the nodes of the lobes.
+    /// `[M][H][EXIT_KINDS][EXIT_TERMS]`: coefficients of the mean over R, at the nodes of the lobes.
     pub mean: Vec<f64>,
+    /// Lengths of the densities about the mean, over R, in [`EXIT_LENGTHS`].
+    pub length: [f64; EXIT_KINDS],
 }
 
 /// The polynomial's terms at an azimuth of this cosine and sine.
@@ -39,18 +47,27 @@ pub fn exit_terms(x: f32, y: f32) -> [f32; EXIT_TERMS] {
 impl ExitOffsets {
     pub(crate) fn write(&self, w: &mut Writer, m: usize, h: usize) {
         w.f32(NAMES[0], &[m, h, EXIT_KINDS, EXIT_TERMS], self.mean.iter().map(|v| *v as f32));
+        // A file that did not tell them is written as it was.
+        if self.length != USUAL_EXIT_LENGTHS {
+            w.f32(NAMES[1], &[EXIT_KINDS], self.length.iter().map(|v| *v as f32));
+        }
     }
 
     pub(crate) fn read(r: &Reader<'_>, m: usize, h: usize) -> Result<Option<ExitOffsets>> {
         if !r.has(NAMES[0]) {
             return Ok(None);
         }
-        Ok(Some(ExitOffsets { mean: r.f64(NAMES[0], &[m, h, EXIT_KINDS, EXIT_TERMS])? }))
+        let mut length = USUAL_EXIT_LENGTHS;
+        if r.has(NAMES[1]) {
+            length.copy_from_slice(&r.f64(NAMES[1], &[EXIT_KINDS])?);
+        }
+        Ok(Some(ExitOffsets { mean: r.f64(NAMES[0], &[m, h, EXIT_KINDS, EXIT_TERMS])?, length }))
     }
 
     pub(crate) fn check(&self, c: &Check<'_>, m: usize, h: usize) -> Result<()> {
         c.len(NAMES[0], self.mean.len(), &[m, h, EXIT_KINDS, EXIT_TERMS])?;
-        c.range(NAMES[0], &self.mean, -MOST, MOST)
+        c.range(NAMES[0], &self.mean, -MOST, MOST)?;
+        c.range(NAMES[1], &self.length, EXIT_LENGTHS[0], EXIT_LENGTHS[1])
     }
 }
 
@@ -65,6 +82,7 @@ pub(crate) struct ExitTables {
     per_h: f32,
     h_first: f32,
     mean: Vec<Coefficients>,
+    pub(crate) shapes: [ExitShape; EXIT_KINDS],
 }
 
 impl ExitTables {
@@ -79,6 +97,7 @@ impl ExitTables {
             per_h: ((columns - 1) as f64 / (d.h_um[columns - 1] - d.h_um[0])) as f32,
             h_first: d.h_um[0] as f32,
             mean: (0..rows * columns).map(|node| std::array::from_fn(|k| of(EXIT_KINDS * node + k))).collect(),
+            shapes: exits.length.map(ExitShape::new),
         })
     }
 
@@ -124,10 +143,12 @@ fn tan(theta: f32) -> f32 {
 }
 
 /// The line on which light leaves, in units of R: at its nearest to the ply's axis it passes it `-t` along `w cross z`, `s` further along z than the line on which the light came.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct ExitLine {
     pub t: f32,
     pub s: f32,
+    /// How light of its kind lies about it, over t.
+    pub density: ExitDensity,
 }
 
 /// Offsets at an incidence.
@@ -147,27 +168,26 @@ impl ExitsAt {
         ExitsAt { mean, tan: tan(theta_i) }
     }
 
-    /// Mean lines of the three kinds of light in a direction of the ply frame.
+    /// Mean lines of the three kinds of light in a direction of the ply frame, of a model with these shapes.
     ///
     /// The place P at which the light turns lies on the line on which it came, `P_z = P_y tan theta_i`; the line on which it leaves is nearest to the axis at
     /// `s = P_z - (P_x x + P_y y) tan theta_o`.
     #[inline]
-    pub(crate) fn lines(&self, wo: [f32; 3]) -> [ExitLine; EXIT_KINDS] {
+    pub(crate) fn lines(&self, shapes: &[ExitShape; EXIT_KINDS], wo: [f32; 3]) -> [ExitLine; EXIT_KINDS] {
         let squared = wo[0] * wo[0] + wo[1] * wo[1];
         let per = if squared > 1e-8 { 1.0 / squared.sqrt() } else { 0.0 };
         let (x, y) = (wo[0] * per, wo[1] * per);
         let terms = exit_terms(x, y);
         let tan = (wo[2] * per).clamp(-MOST_TAN, MOST_TAN);
-        let mut lines = [ExitLine::default(); EXIT_KINDS];
-        for (line, c) in lines.iter_mut().zip(&self.mean) {
+        std::array::from_fn(|kind| {
+            let c = &self.mean[kind];
             let mut sum = 0.0;
             for i in 0..EXIT_TERMS {
                 sum += c[i] * terms[i];
             }
-            let [px, py] = [-c[2], c[1]];
-            *line = ExitLine { t: sum.clamp(-1.0, 1.0), s: py * self.tan - (px * x + py * y) * tan };
-        }
-        lines
+            let ([px, py], t) = ([-c[2], c[1]], sum.clamp(-1.0, 1.0));
+            ExitLine { t, s: py * self.tan - (px * x + py * y) * tan, density: shapes[kind].density(t) }
+        })
     }
 
     /// Share v of the clear fibers' kind.
@@ -177,23 +197,54 @@ impl ExitsAt {
     }
 }
 
-/// Lengths of the kinds' densities, over R, near those that come closest to the cumulative shares that simulations of polyester, silk, cotton and wool record, those of like mean averaged: 0.014 to
-/// 0.018 rms for clear fibers, 0.02 to 0.03 for dark ones (lengths of 0.15 and 0.2), 0.02 to 0.04 for single reflection (0.12 and 0.15). Of single incidences: pipeline/tests/exits.rs.
-const LENGTHS: [f64; EXIT_KINDS] = [0.13, 0.65, 0.18];
-/// Means of [`SHAPES`], from 0 to the greatest that counts.
+/// Means of a shape, from 0 to the greatest that counts.
 const MEANS: usize = 65;
 const MOST_MEAN: f32 = 0.97;
 
-/// `[kind][mean]`: mode and length of the density with this mean, both over R.
-static SHAPES: LazyLock<[[[f32; 2]; MEANS]; EXIT_KINDS]> = LazyLock::new(|| {
-    LENGTHS.map(|length| {
-        std::array::from_fn(|i| shape(f64::from(MOST_MEAN) * i as f64 / (MEANS - 1) as f64, length).map(|v| v as f32))
-    })
-});
+/// Densities of one length: how light of a kind lies across a ply where it leaves, by its mean offset. Over the offsets t, from -1 to 1, it falls exponentially on both sides of a mode,
+/// `exp(-|t - mode| / length)` over its integral (docs/cloth.md, Where light leaves a ply).
+#[derive(Clone, Debug)]
+pub struct ExitShape {
+    /// Mode and length by the mean, both over R.
+    nodes: [[f32; 2]; MEANS],
+}
 
-/// Modes and lengths by kind and mean, `[EXIT_KINDS][MEANS][2]`.
-pub(crate) fn exit_shapes() -> (&'static [f32], [usize; 3]) {
-    (SHAPES.as_flattened().as_flattened(), [EXIT_KINDS, MEANS, 2])
+impl ExitShape {
+    /// Of a length over R, in [`EXIT_LENGTHS`].
+    pub fn new(length: f64) -> ExitShape {
+        let mean = |i: usize| f64::from(MOST_MEAN) * i as f64 / (MEANS - 1) as f64;
+        ExitShape { nodes: std::array::from_fn(|i| shape(mean(i), length).map(|v| v as f32)) }
+    }
+
+    /// Of the [usual lengths](USUAL_EXIT_LENGTHS).
+    pub(crate) fn usual() -> &'static [ExitShape; EXIT_KINDS] {
+        static SHAPES: LazyLock<[ExitShape; EXIT_KINDS]> = LazyLock::new(|| USUAL_EXIT_LENGTHS.map(ExitShape::new));
+        &SHAPES
+    }
+
+    /// The share of light that leaves a ply at offsets below `t`, over R from -1 to 1, of a kind whose mean offset is `mean` ([`ExitOffsets`]).
+    pub fn share_below(&self, mean: f32, t: f32) -> f32 {
+        self.density(mean).below(t)
+    }
+
+    /// The density of this mean.
+    #[inline]
+    pub(crate) fn density(&self, mean: f32) -> ExitDensity {
+        const PER: f32 = (MEANS - 1) as f32 / MOST_MEAN;
+        let x = min(mean.abs(), MOST_MEAN) * PER;
+        let node = (x as usize).min(MEANS - 2);
+        let [a, b] = [self.nodes[node], self.nodes[node + 1]];
+        let s = x - node as f32;
+        let (mode, length) = ((a[0] + s * (b[0] - a[0])).copysign(mean), a[1] + s * (b[1] - a[1]));
+        let per = std::f32::consts::LOG2_E / length;
+        let [tail, other] = [-1.0 - mode, mode - 1.0].map(|v| exp2::<false>(v * per));
+        ExitDensity { mode, per, tail, per_all: 1.0 / (2.0 - tail - other) }
+    }
+
+    /// Mode and length by the mean, `[MEANS][2]`, and that shape.
+    pub(crate) fn numbers(&self) -> (&[f32], [usize; 2]) {
+        (self.nodes.as_flattened(), [MEANS, 2])
+    }
 }
 
 /// Mean of the density of this mode and length.
@@ -218,17 +269,7 @@ fn shape(mean: f64, length: f64) -> [f64; 2] {
     if is_short { [1.0, low] } else { [low, length] }
 }
 
-/// The share of light that leaves a ply at offsets below `t`, over R from -1 to 1: of kind 0 (single reflection), 1 (other light of clear fibers) or 2 (of dark ones), whose mean
-/// offset is `mean` ([`ExitOffsets`]).
-///
-/// # Panics
-/// For a kind of [`EXIT_KINDS`] or more.
-pub fn exit_share_below(kind: usize, mean: f32, t: f32) -> f32 {
-    ExitDensity::new(kind, mean).below(t)
-}
-
-/// How light of one kind and azimuth lies across a ply where it leaves: over the offsets t, from -1 to 1, with a density that falls exponentially on both sides of a mode,
-/// `exp(-|t - mode| / length)` over its integral. The kind tells the length, the mean the mode (docs/cloth.md, Where light leaves a ply).
+/// A density of [`ExitShape`].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ExitDensity {
     mode: f32,
@@ -241,20 +282,6 @@ pub(crate) struct ExitDensity {
 }
 
 impl ExitDensity {
-    /// Of a kind of light with a mean offset.
-    #[inline]
-    pub(crate) fn new(kind: usize, mean: f32) -> ExitDensity {
-        const PER: f32 = (MEANS - 1) as f32 / MOST_MEAN;
-        let x = min(mean.abs(), MOST_MEAN) * PER;
-        let node = (x as usize).min(MEANS - 2);
-        let [a, b] = [SHAPES[kind][node], SHAPES[kind][node + 1]];
-        let s = x - node as f32;
-        let (mode, length) = ((a[0] + s * (b[0] - a[0])).copysign(mean), a[1] + s * (b[1] - a[1]));
-        let per = std::f32::consts::LOG2_E / length;
-        let [tail, other] = [-1.0 - mode, mode - 1.0].map(|v| exp2::<false>(v * per));
-        ExitDensity { mode, per, tail, per_all: 1.0 / (2.0 - tail - other) }
-    }
-
     /// The share that leaves at offsets below `t`.
     #[inline]
     pub(crate) fn below(&self, t: f32) -> f32 {
@@ -284,9 +311,10 @@ mod tests {
     #[test]
     fn densities_have_their_mean() {
         const STEPS: usize = 2000;
-        for kind in 0..EXIT_KINDS {
+        for length in [0.05, 0.13, 0.18, 0.65, 4.0] {
+            let shape = ExitShape::new(length);
             for mean in [-0.9f32, -0.43, -0.05, 0.0, 0.2, 0.38, 0.61, 0.83] {
-                let density = ExitDensity::new(kind, mean);
+                let density = shape.density(mean);
                 let (mut all, mut moment, mut drawn) = (0.0f64, 0.0f64, 0.0f64);
                 for i in 0..STEPS {
                     let t = (2 * i + 1) as f32 / STEPS as f32 - 1.0;
@@ -298,9 +326,9 @@ mod tests {
                     drawn += f64::from(density.draw(u)) / STEPS as f64;
                     assert!((density.below(density.draw(u)) - u).abs() < 1e-4);
                 }
-                assert!((all - 1.0).abs() < 1e-3, "{kind} {mean}: {all}");
+                assert!((all - 1.0).abs() < 1e-3, "{length} {mean}: {all}");
                 for found in [moment / all, drawn] {
-                    assert!((found - f64::from(mean)).abs() < 3e-3, "{kind} {mean}: {found}");
+                    assert!((found - f64::from(mean)).abs() < 3e-3, "{length} {mean}: {found}");
                 }
             }
         }
@@ -317,10 +345,11 @@ mod tests {
             per_h: 1.0,
             h_first: -1.0,
             mean: [-1.0, 0.0, 1.0, -1.0, 0.0, 1.0].map(node).to_vec(),
+            shapes: USUAL_EXIT_LENGTHS.map(ExitShape::new),
         };
         for (h, w) in [(0.5, [0.6, 0.3, 0.2]), (-0.2, [-0.3, -0.8, 0.1f32])] {
-            let one = tables.at(0.4, h).lines(w);
-            let turned = tables.at(-0.4, -h).lines([-w[0], w[1], -w[2]]);
+            let one = tables.at(0.4, h).lines(&tables.shapes, w);
+            let turned = tables.at(-0.4, -h).lines(&tables.shapes, [-w[0], w[1], -w[2]]);
             for (a, b) in one.iter().zip(turned) {
                 assert!((a.t + b.t).abs() < 1e-6 && (a.s + b.s).abs() < 1e-6, "{a:?} {b:?}");
             }

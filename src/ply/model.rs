@@ -1,7 +1,7 @@
 //! A loaded ply model.
 
 use super::data::PlyData;
-use super::exits::{ExitTables, ExitsAt};
+use super::exits::{EXIT_KINDS, ExitShape, ExitTables, ExitsAt};
 use super::file::{self, ReferenceValue};
 use super::layers::LayerTables;
 use super::layout::Layout;
@@ -105,6 +105,14 @@ impl PlyModel {
         data.bound_layers();
         let (noise, passed) = (self.tiles.clone(), Some(PassedLines::new(&data.energies)));
         Ok(PlyModel { tiles: noise, passed, ..PlyModel::of(data, Vec::new()) })
+    }
+
+    /// How light lies across the ply where it leaves, by kind.
+    pub(crate) fn exit_shapes(&self) -> &[ExitShape; EXIT_KINDS] {
+        match &self.exits {
+            Some(exits) => &exits.shapes,
+            None => ExitShape::usual(),
+        }
     }
 
     /// Where light of an incidence leaves the ply of this radius [um].

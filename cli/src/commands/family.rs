@@ -196,10 +196,13 @@ pub fn info(cli: &Cli, file: &Path, bytes: u64, family: &PlyFamily) -> Outcome {
             first.lobes_refl,
             first.lobes_high
         )?;
-        let worst = |k: usize| errors.iter().map(|e| e[k]).fold(0.0, f64::max);
+        let worst = |k: usize| match errors.iter().map(|e| e[k]).fold(0.0, f64::max) {
+            0.0 => "none known".to_owned(),
+            worst => format!("{worst:.3}"),
+        };
         writeln!(
             out,
-            "  fit error    f_refl {:.3}, f_high {:.3}: rms over the slices of a node, the worst node",
+            "  fit error    f_refl {}, f_high {}: rms over the slices of a node, the worst node",
             worst(0),
             worst(1)
         )

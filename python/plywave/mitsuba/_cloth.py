@@ -61,7 +61,7 @@ class Cloth(Flight, Shadows, Between):
         widths = np.diff(np.float32(MEAN_Z))
         # Those of two means behind each other, a packet.
         shapes = tensors["exit_shapes"]
-        self.exit_shapes = kit.floats(np.concatenate([shapes[:, :-1], shapes[:, 1:]], 2))
+        self.exit_shapes = kit.floats(np.concatenate([shapes[..., :-1, :], shapes[..., 1:, :]], -1))
         self.mean_z = kit.floats(np.stack([MEAN_Z, [*(1.0 / widths), 0.0]], 1))
         caught = np.zeros((2, CLASSES, SIGMAS - 1, COUNT, 8), np.float32)
         of = tensors["between_caught"].transpose(0, 1, 3, 4, 2)

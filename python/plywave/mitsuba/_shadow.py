@@ -10,7 +10,7 @@ TAU = 2.0 * math.pi
 # src/fabric/shade.rs
 PARTS, LEAST_SHARE = 6, 2e-3
 # src/ply/exits.rs
-MEANS, MOST_MEAN = 65, 0.97
+EXIT_KINDS, MEANS, MOST_MEAN = 3, 65, 0.97
 # src/ply/lines.rs
 PASSED_ROWS, PASSED_COLUMNS = 16, 65
 # src/fabric/shadow.rs
@@ -91,12 +91,12 @@ class Shadows:
                     sums[o] = sums[o] + w * kit.float(kit.int((word >> (8 * (o % 4))) & 255))
         return [clamp(x * (MOST_SHARE / 255.0), 0.0, MOST_SHARE) for x in sums]
 
-    def exit_density(self, kind, mean):
-        """How light of a kind lies across a ply where it leaves, as :meth:`below` asks (src/ply/exits.rs)."""
+    def exit_density(self, model, kind, mean):
+        """How light of a kind lies across a ply of a model where it leaves, as :meth:`below` asks (src/ply/exits.rs)."""
         kit = self.kit
         x = dr.minimum(dr.abs(mean), MOST_MEAN) * ((MEANS - 1) / MOST_MEAN)
         node = dr.minimum(dr.floor(x), MEANS - 2.0)
-        mode, length, mode_to, length_to = kit.packets(self.exit_shapes, kit.uint(node) + kind * (MEANS - 1), 1)
+        mode, length, mode_to, length_to = kit.packets(self.exit_shapes, (kit.uint(model) * EXIT_KINDS + kind) * (MEANS - 1) + kit.uint(node), 1)
         s = x - node
         mode = dr.mulsign(mode + s * (mode_to - mode), mean)
         per = math.log2(math.e) / (length + s * (length_to - length))
@@ -135,7 +135,7 @@ class Shadows:
             further = -(dot3(p, b) - bz * dot3(p, z)) * bz * per_sine * per_sine
         narrow = self.free_at(hit, 0.5 * (refl[1] + dark[1]) + further, around)
         wide = self.free_at(hit, clear[1] + further, around)
-        exits = [self.exit_density(kind, line[0]) for kind, line in enumerate(lines)]
+        exits = [self.exit_density(model, kind, line[0]) for kind, line in enumerate(lines)]
         shares = [self.within(free, exit, off, scale) for free, exit in zip((narrow, wide, narrow), exits)]
         if self.some_one_by_one:
             shares = [a * b for a, b in zip(shares, self.pass_plies(hit, model, b, lines, exits))]

@@ -5,7 +5,7 @@ use super::data::{FamilyParam, FamilyParams};
 use super::place::{Place, missed};
 use crate::Result;
 use crate::io::invalid;
-use crate::ply::{ExitOffsets, LayerFactors, LobeFamily, PlyData, PlyEnergies, PlyModel};
+use crate::ply::{ExitOffsets, LayerFactors, LobeFamily, PlyData, PlyEnergies, PlyModel, USUAL_EXIT_LENGTHS};
 
 /// The file that errors of parameters name.
 const PARAMS: &str = "parameters of the family";
@@ -73,8 +73,11 @@ impl PlyFamily {
             forward: blend(&|d| d.layers.as_ref().map_or(empty, |l| &l.forward)),
             diffuse: blend(&|d| d.layers.as_ref().map_or(empty, |l| &l.diffuse)),
         });
-        let exits =
-            first.exits.as_ref().map(|_| ExitOffsets { mean: blend(&|d| d.exits.as_ref().map_or(empty, |x| &x.mean)) });
+        let exits = first.exits.as_ref().map(|_| {
+            let mean = blend(&|d| d.exits.as_ref().map_or(empty, |x| &x.mean));
+            let length = blend(&|d| d.exits.as_ref().map_or(&USUAL_EXIT_LENGTHS[..], |x| &x.length));
+            ExitOffsets { mean, length: std::array::from_fn(|kind| length[kind]) }
+        });
         let mut data = PlyData {
             spec_text,
             program_version: self.data.program_version.clone(),

@@ -5,7 +5,9 @@ use crate::Result;
 use crate::io::{Axis, Document, FileKind, Provenance, Reader, Summary, Writer, document, invalid};
 use crate::ply::asg::PARAMS;
 use crate::ply::edge_lobes::{self, EdgeLobes};
-use crate::ply::{EXIT_KINDS, EXIT_TERMS, ExitOffsets, LayerFactors, LobeFamily, PlyData, PlyEnergies};
+use crate::ply::{
+    EXIT_KINDS, EXIT_TERMS, ExitOffsets, LayerFactors, LobeFamily, PlyData, PlyEnergies, USUAL_EXIT_LENGTHS,
+};
 use std::path::Path;
 
 /// Tensors of every family but its axes.
@@ -29,7 +31,7 @@ const NAMES: [&str; 16] = [
 ];
 /// Those that may be left out.
 const LAYERS: [&str; 2] = ["layer_forward", "layer_diffuse"];
-const EXITS: &str = "exit_offset";
+const EXITS: [&str; 2] = ["exit_offset", "exit_length"];
 
 /// No keys beyond the common ones.
 #[derive(serde::Serialize, serde::Deserialize)]
@@ -67,7 +69,7 @@ impl Document for FamilyData {
 
     fn names() -> Vec<&'static str> {
         let axes = FamilyParam::ALL.map(FamilyParam::name);
-        [&NAMES[..], &axes, &LAYERS, &[EXITS], &edge_lobes::NAMES].concat()
+        [&NAMES[..], &axes, &LAYERS, &EXITS, &edge_lobes::NAMES].concat()
     }
 
     fn provenance(&self) -> Provenance {
@@ -135,7 +137,11 @@ impl Document for FamilyData {
         if first.exits.is_some() {
             let mean = |d: &PlyData| d.exits.as_ref().map(|x| x.mean.clone()).unwrap_or_default();
             let shape = [n, m, h, EXIT_KINDS, EXIT_TERMS];
-            w.f32(EXITS, &shape, self.nodes.iter().flat_map(mean).map(|v| v as f32));
+            w.f32(EXITS[0], &shape, self.nodes.iter().flat_map(mean).map(|v| v as f32));
+            let length = |d: &PlyData| d.exits.as_ref().map_or(USUAL_EXIT_LENGTHS, |x| x.length);
+            if self.nodes.iter().any(|d| length(d) != USUAL_EXIT_LENGTHS) {
+                w.f32(EXITS[1], &[n, EXIT_KINDS], self.nodes.iter().flat_map(length).map(|v| v as f32));
+            }
         }
         if let Some(edge) = &first.edge {
             edge.write(w);
@@ -187,7 +193,9 @@ impl Document for FamilyData {
         } else {
             None
         };
-        let exits = if r.has(EXITS) { Some(r.f64(EXITS, &[n, m, h, EXIT_KINDS, EXIT_TERMS])?) } else { None };
+        let exits = if r.has(EXITS[0]) { Some(r.f64(EXITS[0], &[n, m, h, EXIT_KINDS, EXIT_TERMS])?) } else { None };
+        let lengths = if r.has(EXITS[1]) { r.f64(EXITS[1], &[n, EXIT_KINDS])? } else { USUAL_EXIT_LENGTHS.repeat(n) };
+        let length_of = |i: usize| std::array::from_fn(|kind| lengths[EXIT_KINDS * i + kind]);
         let edge = EdgeLobes::read(r)?;
         let part = |values: &[f64], of: usize, at: usize| -> Vec<f64> {
             let len = values.len() / of;
@@ -224,7 +232,7 @@ impl Document for FamilyData {
                     forward: part(forward, n, i),
                     diffuse: part(diffuse, n, i),
                 }),
-                exits: exits.as_ref().map(|mean| ExitOffsets { mean: part(mean, n, i) }),
+                exits: exits.as_ref().map(|mean| ExitOffsets { mean: part(mean, n, i), length: length_of(i) }),
                 edge: edge.clone(),
                 noise: None,
             })
