@@ -112,10 +112,11 @@ def cones(sharp):
 
 @functools.cache
 def fabric(name):
-    """The file of a fabric that is made of one that ships: ``cones``, a satin whose warp is of cones; ``slits``, organza with slits of either family; ``warp_slits``."""
-    text = pathlib.Path(SATIN if name == "cones" else ORGANZA).read_text()
-    if name == "cones":
-        text = text.replace("models/polyester.pwm", os.path.basename(cones(0.0)), 1)
+    """The file of a fabric that is made of one that ships: ``cones``, a satin whose warp is of cones; ``gold_warp``, of gold, which sends light out elsewhere; ``slits``, organza with slits of either family; ``warp_slits``."""
+    warps = {"cones": lambda: os.path.basename(cones(0.0)), "gold_warp": lambda: "models/gold.pwm"}
+    text = pathlib.Path(SATIN if name in warps else ORGANZA).read_text()
+    if name in warps:
+        text = text.replace("models/polyester.pwm", warps[name](), 1)
     else:
         slits = ["slit_um = 1.5", "slit_um = 3.0\nslit_share = 0.6" if name == "slits" else ""]
         first, *rest = text.split("plies = 1")
@@ -124,7 +125,7 @@ def fabric(name):
     filename.write_text(text)
     models = filename.parent / "models"
     models.mkdir(exist_ok=True)
-    for model in ("polyester.pwm", "silk.pwm"):
+    for model in ("polyester.pwm", "silk.pwm", "gold.pwm"):
         shutil.copy(FABRICS / "models" / model, models)
     return str(filename)
 
@@ -226,6 +227,7 @@ def test_lines_meet_what_they_meet_in_the_library(spec, share):
         (DENIM, {}, 5e-3),
         (ORGANZA, {"gaps": "diffracted"}, 3e-3),
         ("cones", {}, 2e-4),
+        ("gold_warp", {}, 2e-4),
         ("slits", {}, 2e-4),
         ("warp_slits", {}, 2e-4),
     ],
