@@ -83,19 +83,15 @@ impl Spread {
         }
         Spread { min, rms: (square / n as f64).sqrt(), max }
     }
-
-    /// Whether there were no numbers, or all were zero.
-    fn is_none(&self) -> bool {
-        (self.min, self.max) == (0.0, 0.0)
-    }
 }
 
 impl std::fmt::Display for Spread {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self.is_none() {
-            true => write!(f, "none known"),
-            false => write!(f, "{:.4} .. {:.4}, rms {:.4}", self.min, self.max, self.rms),
+        // Of no numbers, or zeros, which say the same of errors.
+        if (self.min, self.max) == (0.0, 0.0) {
+            return f.write_str("none known");
         }
+        write!(f, "{:.4} .. {:.4}, rms {:.4}", self.min, self.max, self.rms)
     }
 }
 

@@ -16,12 +16,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let flag = files.first().filter(|a| a.starts_with("--")).cloned();
     files.drain(..usize::from(flag.is_some()));
     let table = match flag.as_deref() {
-        Some("--exits") => Some(Table::load(files.remove(0))?),
-        _ => None,
+        Some("--exits") if files.len() == 2 => Some(Table::load(files.remove(0))?),
+        Some("--exits") => return Err("--exits: expected a table and its model".into()),
+        None | Some("--reference-values") => None,
+        Some(other) => return Err(format!("{other}: no such option").into()),
     };
     for file in files {
         let mut data = PlyData::load(&file)?;
-        if let (Some(exits), Some(table)) = (&mut data.exits, &table) {
+        if let Some(table) = &table {
+            let exits = data.exits.as_mut().ok_or("the model has no exits: fit it again")?;
             exits.length = fit_exit_lengths(table, &exits.mean);
             println!("{file}: lengths over R {:.3?}", exits.length);
         } else if flag.is_none() {

@@ -1,4 +1,4 @@
-//! Mean offsets at which light leaves a ply, from the exits that a table recorded.
+//! Where light leaves a ply, from the exits that a table recorded.
 //!
 //! At an incidence, an absorption and an azimuth the table has the distribution of the lateral position t at which light leaves. The polynomials of the azimuth
 //! (`plywave::ply::ExitOffsets`) are those nearest to its mean, in least squares weighted by the light of the azimuth, each absorption alike. About these means the densities have the
@@ -56,12 +56,14 @@ struct Recorded<'a> {
     shares: &'a [f32],
 }
 
-/// What a table recorded of the light at an incidence, but for azimuths without any.
-fn recorded(table: &Table, row: usize, column: usize) -> Vec<Recorded<'_>> {
+/// What a table recorded, but for azimuths without light; nothing of one without exits.
+fn recorded(table: &Table) -> Vec<Recorded<'_>> {
     let Some(exit) = table.exit.as_ref() else { return Vec::new() };
-    let (h, k) = (table.h_um.len(), table.sigma_per_um.len());
+    let (h, channels) = (table.h_um.len(), 1 + table.sigma_per_um.len());
     let mut found = Vec::new();
-    for channel in 0..=k {
+    for at in 0..table.theta_i.len() * h * channels {
+        let (incidence, channel) = (at / channels, at % channels);
+        let (row, column) = (incidence / h, incidence % h);
         let slice = match channel {
             0 => table.refl_slice(row, column),
             _ => table.high_slice(row, column, channel - 1),
@@ -69,13 +71,12 @@ fn recorded(table: &Table, row: usize, column: usize) -> Vec<Recorded<'_>> {
         let lights: Vec<f64> = (0..exit.azimuths).map(|a| light(table, slice, a, exit.azimuths)).collect();
         let all: f64 = lights.iter().sum();
         for (azimuth, light) in lights.iter().enumerate().filter(|_| all > 0.0) {
-            let first = (((row * h + column) * (1 + k) + channel) * exit.azimuths + azimuth) * exit.positions;
+            let first = (at * exit.azimuths + azimuth) * exit.positions;
             let shares = &exit.shares[first..first + exit.positions];
             if shares.iter().any(|share| *share > 0.0) {
                 let phi = std::f64::consts::TAU * (azimuth as f64 + 0.5) / exit.azimuths as f64;
                 let terms = exit_terms(phi.cos() as f32, phi.sin() as f32);
-                let (incidence, light, part) = (row * h + column, *light, light / all);
-                found.push(Recorded { incidence, channel, terms, light, part, shares });
+                found.push(Recorded { incidence, channel, terms, light: *light, part: light / all, shares });
             }
         }
     }
@@ -91,29 +92,27 @@ fn clear_shares(table: &Table) -> Vec<f64> {
 /// The offsets of a table; `None` for one without exits.
 pub fn fit_exits(table: &Table) -> Option<ExitOffsets> {
     table.exit.as_ref()?;
-    let (m, h) = (table.theta_i.len(), table.h_um.len());
-    let clear = clear_shares(table);
-    let mut mean = Vec::with_capacity(m * h * EXIT_KINDS * EXIT_TERMS);
-    for row in 0..m {
-        for column in 0..h {
-            let mut refl = Fit::<EXIT_TERMS>::new();
-            let mut high = Fit::<{ 2 * EXIT_TERMS }>::new();
-            for of in recorded(table, row, column) {
-                let Some(value) = mean_of(of.shares) else { continue };
-                let terms = of.terms.map(f64::from);
-                if of.channel == 0 {
-                    refl.add(terms, value, of.part);
-                    continue;
-                }
-                let v = clear[of.channel];
-                let terms = std::array::from_fn(|i| terms[i % EXIT_TERMS] * if i < EXIT_TERMS { v } else { 1.0 - v });
-                high.add(terms, value, of.part);
+    let (all, clear) = (recorded(table), clear_shares(table));
+    let mut mean = Vec::with_capacity(table.theta_i.len() * table.h_um.len() * EXIT_KINDS * EXIT_TERMS);
+    let mut left = all.iter().peekable();
+    for incidence in 0..table.theta_i.len() * table.h_um.len() {
+        let mut refl = Fit::<EXIT_TERMS>::new();
+        let mut high = Fit::<{ 2 * EXIT_TERMS }>::new();
+        while let Some(of) = left.next_if(|of| of.incidence == incidence) {
+            let Some(value) = mean_of(of.shares) else { continue };
+            let terms = of.terms.map(f64::from);
+            if of.channel == 0 {
+                refl.add(terms, value, of.part);
+                continue;
             }
-            mean.extend(refl.solve());
-            mean.extend(high.solve());
+            let v = clear[of.channel];
+            let terms = std::array::from_fn(|i| terms[i % EXIT_TERMS] * if i < EXIT_TERMS { v } else { 1.0 - v });
+            high.add(terms, value, of.part);
         }
+        mean.extend(refl.solve());
+        mean.extend(high.solve());
     }
-    let length = fit_exit_lengths(table, &mean);
+    let length = lengths(&all, &clear, &mean);
     Some(ExitOffsets { mean, length })
 }
 
@@ -122,13 +121,13 @@ pub fn fit_exits(table: &Table) -> Option<ExitOffsets> {
 /// # Panics
 /// For means of other nodes than the table's.
 pub fn fit_exit_lengths(table: &Table, mean: &[f64]) -> [f64; EXIT_KINDS] {
+    lengths(&recorded(table), &clear_shares(table), mean)
+}
+
+fn lengths(all: &[Recorded<'_>], clear: &[f64], mean: &[f64]) -> [f64; EXIT_KINDS] {
     let [least, most] = EXIT_LENGTHS;
     let tried: Vec<f64> = (0..TRIED).map(|i| least * (most / least).powf(i as f64 / (TRIED - 1) as f64)).collect();
     let shapes: Vec<ExitShape> = tried.iter().map(|length| ExitShape::new(*length)).collect();
-    let clear = clear_shares(table);
-    let all: Vec<Recorded<'_>> = (0..table.theta_i.len() * table.h_um.len())
-        .flat_map(|at| recorded(table, at / table.h_um.len(), at % table.h_um.len()))
-        .collect();
     // Sum of squared differences of cumulative shares, with these shapes of the kinds.
     let error = |[refl, high, dark]: [usize; EXIT_KINDS], is_refl: bool| -> f64 {
         let of = |of: &Recorded<'_>| {
