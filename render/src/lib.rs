@@ -19,17 +19,20 @@ mod props;
 mod room;
 mod scene;
 mod setup;
+mod sky;
+mod sky_file;
 mod strands;
 
 pub use camera::Camera;
 pub use film::{Film, FilmView, Ingredients, LAMBDA_RANGE_UM};
-pub use light::{Environment, Light};
+pub use light::{Light, LightSampling};
 pub use mesh::{Mesh, MeshNotes};
 pub use path::{RenderOptions, render};
 pub use picture::{Facts, png};
 pub use props::{Prop, Shape};
 pub use scene::{Frame, Scene, SurfacePoint};
 pub use setup::Setup;
+pub use sky::Environment;
 pub use strands::{
     Basis, LEAST_RADIUS_MM, MOST_MM, MOST_POINTS, Made, Skip, StrandDual, StrandDualOptions, StrandFiber, StrandFile,
     StrandHit, StrandScene, StrandShape, StrandTree, Strands, TraceCost, make, mitsuba_text, render_strands,

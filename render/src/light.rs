@@ -1,10 +1,10 @@
-//! Light sources: rectangles, and an environment of equal light or from a latitude-longitude picture.
+//! Lamps, and how light of lamps and the sky is found: drawn from one of them, and met by rays.
 
-use crate::RenderError;
-use crate::room::check_room;
+use crate::path::Light4;
+use crate::{Environment, WAVELENGTHS};
 use glam::Vec3;
-use std::f32::consts::{PI, TAU};
-use std::path::Path;
+use rand::RngExt;
+use rand_pcg::Pcg64Mcg;
 
 /// A rectangle that shines on one side, the side of `edges[0] x edges[1]`, with the same radiance into all directions.
 #[derive(Clone, Copy, Debug)]
@@ -34,12 +34,17 @@ impl Light {
         self.edges[0].cross(self.edges[1]).length()
     }
 
+    /// Whether rays in `direction` come to the shining side.
+    fn faces(&self, direction: Vec3) -> bool {
+        -self.normal().dot(direction) > 1e-9
+    }
+
     /// Distance along a ray to the shining side, if it is met.
     pub(crate) fn hit(&self, origin: Vec3, direction: Vec3) -> Option<f32> {
-        let cos = -self.normal().dot(direction);
-        if cos <= 1e-9 {
+        if !self.faces(direction) {
             return None;
         }
+        let cos = -self.normal().dot(direction);
         let t = (origin - self.corner).dot(self.normal()) / cos;
         let local = origin + direction * t - self.corner;
         let inside = self.edges.iter().all(|e| (0.0..=1.0).contains(&(local.dot(*e) / e.length_squared())));
@@ -59,190 +64,138 @@ impl Light {
     }
 }
 
-/// Most texels of an environment: 16384 x 8192.
-const MOST_TEXELS: u64 = 1 << 27;
-/// Bytes that a chunk of an EXR takes at least: 8 in the table of offsets, 4 of its place, 4 of its size.
-const CHUNK_BYTES: u64 = 16;
-/// Bytes a texel that an environment takes: the colors, twice while they are read, and the running sums.
-const TEXEL_BYTES: u64 = 28;
-
-/// Light from infinitely far: radiance over the sphere, z up, relative to the illuminant's spectrum. A picture's colors become a scale of three broad bands.
-#[derive(Clone, Debug)]
-pub struct Environment {
-    width: usize,
-    height: usize,
-    /// Linear red, green, blue of each texel, rows from the zenith down.
-    texels: Vec<[f32; 3]>,
-    /// Running sums for sampling: of rows, and within each row.
-    rows: Vec<f32>,
-    columns: Vec<f32>,
+/// How the light of lamps and the sky is found. Each way gives the same picture; alone, either is noisy where the other is not.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LightSampling {
+    /// In both ways, weighed by the power heuristic (Veach 1997, 9.2).
+    #[default]
+    Both,
+    /// By directions drawn from a lamp or the sky.
+    Sources,
+    /// By directions that the surface scatters into.
+    Scattering,
 }
 
-impl Environment {
-    /// The same radiance from everywhere.
-    pub fn constant(radiance: f32) -> Environment {
-        Environment::new(1, 1, vec![[radiance; 3]])
-    }
-
-    /// The same radiance from everywhere above the horizon, none from below.
-    pub fn above(radiance: f32) -> Environment {
-        Environment::new(1, 2, vec![[radiance; 3], [0.0; 3]])
-    }
-
-    /// A latitude-longitude picture in OpenEXR, times `scale`.
-    ///
-    /// # Errors
-    /// [`RenderError::Picture`] when it cannot be read, has more than 134 M texels, or holds numbers that are not finite or below 0; [`RenderError::TooLarge`].
-    pub fn load(path: &Path, scale: f32) -> Result<Environment, RenderError> {
-        use exr::prelude::*;
-        let name = path.display().to_string();
-        let bad = |what: String| RenderError::Picture { file: name.clone(), what };
-        check_header(path)?;
-        let image = read_first_rgba_layer_from_file(
-            path,
-            |size, _| (size.width(), vec![[0.0f32; 3]; size.width() * size.height()]),
-            |(width, texels), at, (r, g, b, _): (f32, f32, f32, f32)| texels[at.y() * *width + at.x()] = [r, g, b],
-        )
-        .map_err(|e| bad(e.to_string()))?;
-        let (width, mut texels) = image.layer_data.channel_data.pixels;
-        if texels.iter().flatten().any(|v| !v.is_finite() || *v < 0.0) {
-            return Err(bad("radiances must be finite and not negative".into()));
+impl LightSampling {
+    /// Weight of light in a direction that was drawn from its source with density `pdf`, and that scattering has with density `scattering`.
+    pub(crate) fn of_drawn(self, pdf: f32, scattering: f32) -> f32 {
+        match self {
+            LightSampling::Both => share(pdf, scattering),
+            LightSampling::Sources => 1.0,
+            LightSampling::Scattering => 0.0,
         }
-        texels.iter_mut().flatten().for_each(|v| *v *= scale);
-        Ok(Environment::new(width, texels.len() / width.max(1), texels))
     }
 
-    fn new(width: usize, height: usize, texels: Vec<[f32; 3]>) -> Environment {
-        let (mut rows, mut columns) = (Vec::with_capacity(height), Vec::with_capacity(width * height));
-        let mut all = 0.0;
-        for j in 0..height {
-            let sin = (PI * (j as f32 + 0.5) / height as f32).sin();
-            let mut sum = 0.0;
-            for texel in &texels[j * width..(j + 1) * width] {
-                sum += texel.iter().sum::<f32>() * sin;
-                columns.push(sum);
-            }
-            all += sum;
-            rows.push(all);
+    /// Weight of light that a ray met, scattered there with density `scattering`; infinite where no other direction was possible: from the camera, or straight through.
+    pub(crate) fn of_met(self, scattering: f32, pdf: f32) -> f32 {
+        match self {
+            LightSampling::Both => share(scattering, pdf),
+            LightSampling::Sources => f32::from(scattering.is_infinite()),
+            LightSampling::Scattering => 1.0,
         }
-        Environment { width, height, texels, rows, columns }
-    }
-
-    /// Whether it is dark.
-    pub(crate) fn is_dark(&self) -> bool {
-        self.rows.last().is_none_or(|all| *all <= 0.0)
-    }
-
-    fn texel(&self, direction: Vec3) -> usize {
-        let v = direction.z.clamp(-1.0, 1.0).acos() / PI;
-        let u = direction.y.atan2(direction.x) / TAU;
-        let i = ((u - u.floor()) * self.width as f32) as usize;
-        let j = (v * self.height as f32) as usize;
-        j.min(self.height - 1) * self.width + i.min(self.width - 1)
-    }
-
-    /// Radiance from `direction` at wavelengths [um].
-    pub(crate) fn radiance<const N: usize>(&self, direction: Vec3, lambda_um: [f32; N]) -> [f32; N] {
-        let [r, g, b] = self.texels[self.texel(direction)];
-        lambda_um.map(|l| {
-            if l > 0.59 {
-                r
-            } else if l > 0.49 {
-                g
-            } else {
-                b
-            }
-        })
-    }
-
-    /// Density [1/sr] of sampling `direction`.
-    pub(crate) fn pdf(&self, direction: Vec3) -> f32 {
-        let at = self.texel(direction);
-        let (j, all) = (at / self.width, self.rows[self.height - 1]);
-        let sin = (PI * (j as f32 + 0.5) / self.height as f32).sin();
-        let share = self.texels[at].iter().sum::<f32>() * sin / all.max(1e-30);
-        // The texel's exact solid angle.
-        let edge = |k: usize| (PI * k as f32 / self.height as f32).cos();
-        share / ((edge(j) - edge(j + 1)) * TAU / self.width as f32)
-    }
-
-    /// A direction by two uniform numbers.
-    pub(crate) fn sample(&self, u: [f32; 2]) -> Vec3 {
-        let target = u[0] * self.rows[self.height - 1];
-        let j = self.rows.partition_point(|s| *s <= target).min(self.height - 1);
-        let before = if j == 0 { 0.0 } else { self.rows[j - 1] };
-        let v = ((target - before) / (self.rows[j] - before).max(1e-30)).clamp(0.0, 1.0);
-        let row = &self.columns[j * self.width..(j + 1) * self.width];
-        let target = u[1] * row[self.width - 1];
-        let i = row.partition_point(|s| *s <= target).min(self.width - 1);
-        let before = if i == 0 { 0.0 } else { row[i - 1] };
-        let w = ((target - before) / (row[i] - before).max(1e-30)).clamp(0.0, 1.0);
-        let edge = |k: usize| (PI * k as f32 / self.height as f32).cos();
-        let z = edge(j) + v * (edge(j + 1) - edge(j));
-        let (sin, phi) = ((1.0 - z * z).max(0.0).sqrt(), TAU * (i as f32 + w) / self.width as f32);
-        Vec3::new(sin * phi.cos(), sin * phi.sin(), z)
     }
 }
 
-/// Refuses an EXR by its header alone, before anything is allocated by the sizes that it claims.
-fn check_header(path: &Path) -> Result<(), RenderError> {
-    let name = path.display().to_string();
-    let bad = |what: String| RenderError::Picture { file: name.clone(), what };
-    let io = |source| RenderError::Io { file: name.clone(), source };
-    let about = std::fs::metadata(path).map_err(io)?;
-    if !about.is_file() {
-        return Err(bad("no regular file; give an EXR".into()));
+/// Share of the first way of sampling by the power heuristic.
+fn share(a: f32, b: f32) -> f32 {
+    if a <= 0.0 {
+        0.0
+    } else if a.is_infinite() {
+        1.0
+    } else {
+        let ratio = b / a;
+        1.0 / (1.0 + ratio * ratio)
     }
-    let meta = exr::meta::MetaData::read_from_file(path, false).map_err(|e| bad(e.to_string()))?;
-    for header in &meta.headers {
-        let [w, h] = [header.layer_size.x() as u64, header.layer_size.y() as u64];
-        let texels = w.saturating_mul(h);
-        if texels > MOST_TEXELS {
-            return Err(bad(format!("{w} x {h} texels; use a picture of at most {MOST_TEXELS}")));
-        }
-        // Every chunk has its place in a table and a head of its own.
-        let least = (header.chunk_count as u64).saturating_mul(CHUNK_BYTES);
-        if least > about.len() {
-            return Err(bad(format!("{w} x {h} texels do not fit into {} bytes; the file is cut off", about.len())));
-        }
-        let sample = header.channels.bytes_per_pixel as u64 + TEXEL_BYTES;
-        check_room(&format!("{name}: a sky of {w} x {h} texels"), texels.saturating_mul(sample))?;
+}
+
+/// Light of one source on its way to a place.
+pub(crate) struct Arriving {
+    /// Unit direction towards the source.
+    pub direction: Vec3,
+    /// Distance to the source [mm].
+    pub t: f32,
+    /// Radiance, by wavelength.
+    pub radiance: Light4,
+    /// Density [1/sr] with which [`Sources::draw`] has this direction.
+    pub pdf: f32,
+}
+
+impl Arriving {
+    /// Distance within which nothing may stand before the source [mm].
+    pub fn reach(&self) -> f32 {
+        self.t * (1.0 - 1e-4)
     }
-    Ok(())
+}
+
+/// Lamps and sky of a scene. A lamp hides what is behind it, and is not there for rays that come from behind.
+#[derive(Clone, Copy)]
+pub(crate) struct Sources<'a> {
+    pub lights: &'a [Light],
+    pub environment: &'a Environment,
+    pub sampling: LightSampling,
+}
+
+impl Sources<'_> {
+    /// Number of sources, one of which is drawn.
+    fn count(&self) -> usize {
+        self.lights.len() + usize::from(!self.environment.is_dark())
+    }
+
+    /// The lamp that a ray meets first, and its distance.
+    fn nearest(&self, origin: Vec3, direction: Vec3) -> Option<(usize, f32)> {
+        let met = self.lights.iter().enumerate().filter_map(|(i, l)| l.hit(origin, direction).map(|t| (i, t)));
+        met.min_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
+    fn of_lamp(&self, i: usize, direction: Vec3, t: f32) -> Arriving {
+        let lamp = &self.lights[i];
+        let pdf = lamp.pdf(direction, t) / self.count() as f32;
+        Arriving { direction, t, radiance: [lamp.radiance; WAVELENGTHS], pdf }
+    }
+
+    fn of_sky(&self, direction: Vec3, texel: usize, lambda_um: Light4) -> Arriving {
+        let pdf = self.environment.pdf(texel) / self.count() as f32;
+        Arriving { direction, t: f32::INFINITY, radiance: self.environment.radiance(texel, lambda_um), pdf }
+    }
+
+    /// The source that a ray ends at where nothing stands before it.
+    pub fn met(&self, origin: Vec3, direction: Vec3, lambda_um: Light4) -> Option<Arriving> {
+        match self.nearest(origin, direction) {
+            Some((i, t)) => Some(self.of_lamp(i, direction, t)),
+            None if self.environment.is_dark() => None,
+            None => Some(self.of_sky(direction, self.environment.texel(direction), lambda_um)),
+        }
+    }
+
+    /// Light of a source drawn by chance, in a direction drawn from it; none where another source stands before it.
+    pub fn draw(&self, position: Vec3, lambda_um: Light4, rng: &mut Pcg64Mcg) -> Option<Arriving> {
+        let count = self.count();
+        let which = (rng.random::<f32>() * count as f32) as usize;
+        let u: [f64; 2] = rng.random();
+        if count == 0 || self.sampling == LightSampling::Scattering {
+            return None;
+        }
+        let which = which.min(count - 1);
+        let Some(lamp) = self.lights.get(which) else {
+            let (direction, texel) = self.environment.sample(u);
+            let hidden = self.nearest(position, direction).is_some();
+            return (!hidden).then(|| self.of_sky(direction, texel, lambda_um));
+        };
+        let (direction, t) = lamp.sample(position, u.map(|u| u as f32));
+        let others = self.lights.iter().enumerate().filter(|(i, _)| *i != which);
+        let mut hidden = others.filter_map(|(_, l)| l.hit(position, direction));
+        if !lamp.faces(direction) || hidden.any(|before| before < t) {
+            return None;
+        }
+        Some(self.of_lamp(which, direction, t))
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rand::{RngExt, SeedableRng};
-
-    #[test]
-    fn environments_sample_what_their_pdf_says() {
-        let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(1);
-        let texels: Vec<[f32; 3]> = (0..8 * 4).map(|_| rng.random()).collect();
-        let env = Environment::new(8, 4, texels);
-        // The mean of radiance / pdf is the integral of the radiance; the mean of 1 / pdf is 4 pi.
-        let n = 200_000;
-        let (mut sum, mut area, mut squares) = (0.0f64, 0.0f64, 0.0f64);
-        for _ in 0..n {
-            let w = env.sample([rng.random(), rng.random()]);
-            let inverse = 1.0 / f64::from(env.pdf(w));
-            area += inverse;
-            squares += inverse * inverse;
-            sum += f64::from(env.radiance(w, [0.55f32])[0]) * inverse;
-        }
-        let (mean, n) = (area / n as f64, n as f64);
-        let se = ((squares / n - mean * mean) / n).sqrt();
-        assert!((mean - 4.0 * std::f64::consts::PI).abs() < 5.0 * se, "{mean}");
-        let want: f64 = (0..200 * 400)
-            .map(|k| {
-                let (theta, phi) = (PI * ((k / 400) as f32 + 0.5) / 200.0, TAU * ((k % 400) as f32 + 0.5) / 400.0);
-                let w = Vec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
-                f64::from(env.radiance(w, [0.55f32])[0] * theta.sin() * PI / 200.0 * TAU / 400.0)
-            })
-            .sum();
-        assert!((sum / n / want - 1.0).abs() < 0.01, "{} {want}", sum / n);
-    }
+    use rand::SeedableRng;
+    use std::f32::consts::TAU;
 
     #[test]
     fn rectangles_sample_what_their_pdf_says() {

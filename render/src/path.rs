@@ -152,18 +152,6 @@ fn mix(a: u64, b: u64) -> u64 {
     mix64(a ^ b.wrapping_mul(GAMMA).wrapping_add(0x7f4a_7c15))
 }
 
-/// Share of the first way of sampling by the power heuristic.
-pub(crate) fn share(a: f32, b: f32) -> f32 {
-    let (a, b) = (a * a, b * b);
-    if a.is_infinite() {
-        1.0
-    } else if a + b > 0.0 {
-        a / (a + b)
-    } else {
-        0.0
-    }
-}
-
 impl<S: Surface> Tracer for Sheet<'_, S> {
     fn trace(&self, options: &RenderOptions, ray: (Vec3, Vec3, f32), lambda: Light4, rng: &mut Pcg64Mcg) -> Traced {
         trace(self.scene, self.surface, options, ray, lambda, rng)
@@ -187,31 +175,18 @@ fn trace<S: Surface>(
     let mut pdf = f32::INFINITY;
     for depth in 0..=options.depth {
         let meeting = scene.first(origin, direction);
-        // Lights that are met.
+        // Lamps and the sky, where nothing stands before them.
         let reach = meeting.map_or(f32::INFINITY, |m| m.point().t);
-        let nearest = scene
-            .lights
-            .iter()
-            .filter_map(|l| l.hit(origin, direction).filter(|t| *t < reach).map(|t| (t, l)))
-            .min_by(|a, b| a.0.total_cmp(&b.0));
-        let ways = ways(scene);
-        if let Some((t, l)) = nearest {
-            let weight = share(pdf, l.pdf(direction, t) / ways);
+        if let Some(source) =
+            scene.sources().met(origin, direction, lambda).filter(|s| s.t < reach || meeting.is_none())
+        {
+            let weight = scene.sampling.of_met(pdf, source.pdf);
             for k in 0..WAVELENGTHS {
-                light[k] += throughput[k] * weight * l.radiance;
+                light[k] += throughput[k] * weight * source.radiance[k];
             }
             break;
         }
-        let Some(meeting) = meeting else {
-            if !scene.environment.is_dark() {
-                let weight = share(pdf, scene.environment.pdf(direction) / ways);
-                let radiance = scene.environment.radiance(direction, lambda);
-                for k in 0..WAVELENGTHS {
-                    light[k] += throughput[k] * weight * radiance[k];
-                }
-            }
-            break;
-        };
+        let Some(meeting) = meeting else { break };
         let point = *meeting.point();
         width += width_per_mm * point.t;
         let last = depth == options.depth;
@@ -221,11 +196,14 @@ fn trace<S: Surface>(
                 // Of the ellipse on the cloth, the geometric mean of its axes.
                 let footprint_mm = width / wo[2].abs().max(0.01).sqrt();
                 let at = surface.at(point.uv_um, 1000.0 * footprint_mm, wo, lambda);
-                (at.albedo(), scatter(scene, &point, &at, last, throughput, rng, &mut light))
+                (at.albedo(), scatter(scene, &point, &at, last, (lambda, throughput), rng, &mut light))
             }
             Meeting::Prop(_, albedo) => {
                 let at = Matte(albedo);
-                (Bsdf::<WAVELENGTHS>::albedo(&at), scatter(scene, &point, &at, last, throughput, rng, &mut light))
+                (
+                    Bsdf::<WAVELENGTHS>::albedo(&at),
+                    scatter(scene, &point, &at, last, (lambda, throughput), rng, &mut light),
+                )
             }
         };
         if depth == 0 {
@@ -273,20 +251,15 @@ fn scatter(
     point: &SurfacePoint,
     at: &impl Bsdf<WAVELENGTHS>,
     is_last: bool,
-    throughput: Light4,
+    (lambda, throughput): (Light4, Light4),
     rng: &mut Pcg64Mcg,
     light: &mut Light4,
 ) -> BsdfSample<WAVELENGTHS> {
     if is_last {
         return BsdfSample::Absorbed;
     }
-    direct(scene, point, at, throughput, rng, light);
+    direct(scene, point, at, (lambda, throughput), rng, light);
     at.sample(rng.random())
-}
-
-/// Ways of sampling light, one of which is chosen.
-fn ways(scene: &Scene) -> f32 {
-    (scene.lights.len() + usize::from(!scene.environment.is_dark())).max(1) as f32
 }
 
 /// A start beside the sheet, on the side that `direction` goes to.
@@ -300,33 +273,18 @@ fn direct(
     scene: &Scene,
     point: &SurfacePoint,
     at: &impl Bsdf<WAVELENGTHS>,
-    throughput: Light4,
+    (lambda, throughput): (Light4, Light4),
     rng: &mut Pcg64Mcg,
     light: &mut Light4,
 ) {
-    let (count, ways) = (scene.lights.len(), ways(scene));
-    let which = ((rng.random::<f32>() * ways) as usize).min(ways as usize - 1);
-    let u: [f32; 2] = rng.random();
-    let (direction, reach, radiance, pdf) = if let Some(l) = scene.lights.get(which) {
-        let (direction, t) = l.sample(point.position, u);
-        if l.hit(point.position, direction).is_none() {
-            return;
-        }
-        (direction, t * (1.0 - 1e-4), l.radiance, l.pdf(direction, t))
-    } else if which == count && !scene.environment.is_dark() {
-        let direction = scene.environment.sample(u);
-        (direction, f32::INFINITY, 1.0, scene.environment.pdf(direction))
-    } else {
-        return;
-    };
-    let pdf = pdf / ways;
-    let local = point.frame.local(direction);
+    let Some(source) = scene.sources().draw(point.position, lambda, rng) else { return };
+    let local = point.frame.local(source.direction);
     let f = at.eval(local);
-    if f.iter().all(|f| *f <= 0.0) || !scene.free(leave(point, direction), direction, reach) {
+    if f.iter().all(|f| *f <= 0.0) || !scene.free(leave(point, source.direction), source.direction, source.reach()) {
         return;
     }
-    let weight = share(pdf, at.pdf(local)) * radiance / pdf.max(1e-30);
+    let weight = scene.sampling.of_drawn(source.pdf, at.pdf(local)) / source.pdf.max(1e-30);
     for k in 0..WAVELENGTHS {
-        light[k] += throughput[k] * f[k] * weight;
+        light[k] += throughput[k] * f[k] * weight * source.radiance[k];
     }
 }

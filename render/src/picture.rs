@@ -44,7 +44,7 @@ impl Facts {
 }
 
 /// Chromaticities of the primaries and the white of linear sRGB (ITU-R BT.709, D65).
-const REC_709: [[f32; 2]; 4] = [[0.64, 0.33], [0.30, 0.60], [0.15, 0.06], [0.3127, 0.3290]];
+pub(crate) const REC_709: [[f32; 2]; 4] = [[0.64, 0.33], [0.30, 0.60], [0.15, 0.06], [0.3127, 0.3290]];
 
 /// An OpenEXR text: Latin-1, with `?` for what that lacks.
 fn text(value: &str) -> Text {

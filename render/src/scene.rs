@@ -1,8 +1,9 @@
 //! A sheet in a BVH, lights, and what a ray meets.
 
-use crate::light::{Environment, Light};
+use crate::light::Sources;
 use crate::mesh::Mesh;
 use crate::props::Prop;
+use crate::{Environment, Light, LightSampling};
 use glam::{Vec3, Vec3A};
 use obvhs::cwbvh::CwBvh;
 use obvhs::ray::{Ray, RayHit};
@@ -55,6 +56,8 @@ pub struct Scene {
     pub environment: Environment,
     /// Things beside the sheet.
     pub props: Vec<Prop>,
+    /// How light is found.
+    pub sampling: LightSampling,
 }
 
 /// What a ray meets.
@@ -84,7 +87,13 @@ impl Scene {
         let order = &bvh.primitive_indices;
         let corners = order.iter().map(|&i| mesh.triangles[i as usize]).collect();
         let triangles = order.iter().map(|&i| triangles[i as usize]).collect();
-        Scene { bvh, triangles, corners, mesh, lights, environment, props: Vec::new() }
+        let (props, sampling) = (Vec::new(), LightSampling::default());
+        Scene { bvh, triangles, corners, mesh, lights, environment, props, sampling }
+    }
+
+    /// Lamps and sky.
+    pub(crate) fn sources(&self) -> Sources<'_> {
+        Sources { lights: &self.lights, environment: &self.environment, sampling: self.sampling }
     }
 
     fn nearest(&self, origin: Vec3, direction: Vec3, reach: f32) -> Option<(usize, f32)> {

@@ -133,7 +133,7 @@ fn renders_go_on_to_the_same_picture() {
     }
     let exr = folder.path().join("a.exr");
     std::fs::write(&exr, a.exr(&facts()).unwrap()).unwrap();
-    let env = plywave_render::Environment::load(&exr, 1.0);
+    let env = plywave_render::Environment::load(&exr, None);
     assert!(env.is_ok(), "{:?}", env.err());
     assert_eq!(a.image(FilmView::Albedo, 0.0).dimensions(), (20, 12));
 }
@@ -308,10 +308,10 @@ fn skies_are_refused_by_their_header() {
         huge[at..at + 4].copy_from_slice(&size.to_le_bytes());
         huge[at + 4..at + 8].copy_from_slice(&size.to_le_bytes());
         std::fs::write(&path, &huge).unwrap();
-        let error = plywave_render::Environment::load(&path, 1.0).unwrap_err().to_string();
+        let error = plywave_render::Environment::load(&path, None).unwrap_err().to_string();
         assert!(error.contains("sky.exr") && error.contains(words), "{error}");
     }
-    assert!(plywave_render::Environment::load(folder.path(), 1.0).is_err());
+    assert!(plywave_render::Environment::load(folder.path(), None).is_err());
 }
 
 #[test]

@@ -69,9 +69,12 @@ pub struct RenderArgs {
     /// Cloth to one unit of the mesh's texture coordinates [mm].
     #[arg(long, value_name = "MM", allow_negative_numbers = true, default_value_t = 100.0, requires = "mesh")]
     pub cloth_mm: f64,
-    /// Light from afar in place of the scene's own: EXR, latitude and longitude, z up.
-    #[arg(long, value_name = "EXR")]
+    /// Light from afar in place of the scene's own: OpenEXR or Radiance .hdr, in latitude and longitude, z up; 1 is as bright as a white cloth under it.
+    #[arg(long, value_name = "EXR|HDR")]
     pub sky: Option<PathBuf>,
+    /// Layer of the EXR that is the sky, where it has several.
+    #[arg(long, value_name = "NAME", requires = "sky")]
+    pub sky_layer: Option<String>,
     /// One absorption coefficient [1/um] for all yarns in place of their colors; 0 for a white fabric.
     #[arg(long, value_name = "SIGMA", allow_negative_numbers = true)]
     pub sigma: Option<f64>,

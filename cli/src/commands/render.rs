@@ -53,10 +53,11 @@ fn ingredients(args: &RenderArgs, size: f32, inputs: &[(&'static str, PathBuf)])
     for (name, path) in inputs {
         list.push(((*name).to_string(), digest_of_file(path)?));
     }
-    let flags: [(&str, String); 13] = [
+    let flags: [(&str, String); 14] = [
         ("--setup", format!("{:?}", setup(args))),
         ("--size-mm", size.to_string()),
         ("--cloth-mm", args.cloth_mm.to_string()),
+        ("--sky-layer", format!("{:?}", args.sky_layer)),
         ("--width", args.width.to_string()),
         ("--height", args.height.to_string()),
         ("--depth", depth(args).to_string()),
@@ -91,6 +92,14 @@ fn mesh_notes(file: &Path, notes: &MeshNotes) -> Vec<String> {
         }
     }
     lines
+}
+
+/// The sky that is asked for; what was assumed of its file, a line each.
+pub(super) fn sky(args: &RenderArgs, notes: &mut Vec<String>) -> Outcome<Option<Environment>> {
+    let Some(file) = &args.sky else { return Ok(None) };
+    let (sky, told) = Environment::load(file, args.sky_layer.as_deref()).map_err(failed)?;
+    notes.extend(told.iter().map(|line| format!("{}: {line}", file.display())));
+    Ok(Some(sky))
 }
 
 /// Lines of a picture that is worth the seconds in which the mean over the repeat is made.
@@ -180,7 +189,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
         }
         None => None,
     };
-    let sky = args.sky.as_ref().map(|file| Environment::load(file, 1.0)).transpose().map_err(failed)?;
+    let sky = sky(args, &mut notes)?;
     let name = loaded.spec.name.clone();
     let fabric = FabricBsdf::new(loaded, &options)?;
     if args.sigma.is_none() {

@@ -7,7 +7,7 @@ use crate::output;
 use crate::progress::STOP;
 use crate::rendering::{About, Outputs, check_flags, digest_of_file, failed, film, shoot};
 use crate::strand_scene::StrandSpec;
-use plywave_render::{Environment, RenderOptions, StrandDual, StrandDualOptions, render_strands, render_strands_dual};
+use plywave_render::{RenderOptions, StrandDual, StrandDualOptions, render_strands, render_strands_dual};
 use std::path::{Path, PathBuf};
 
 /// Most scatterings of a path: light in clear hair is scattered often.
@@ -59,9 +59,12 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     }
     let integrator = args.integrator.unwrap_or(Integrator::Path);
     of.push(("--integrator".into(), format!("{integrator:?}")));
+    of.push(("--sky-layer".into(), format!("{:?}", args.sky_layer)));
     let film = film(args, &outputs, &of)?;
-    let sky = args.sky.as_ref().map(|file| Environment::load(file, 1.0)).transpose().map_err(failed)?;
-    let (scene, camera, notes) = spec.scene(sky)?;
+    let mut notes = Vec::new();
+    let sky = super::render::sky(args, &mut notes)?;
+    let (scene, camera, told) = spec.scene(sky)?;
+    notes.extend(told);
     let options = RenderOptions { samples: args.samples, depth, seed: args.seed };
     let about = About { name: spec.name().to_string(), scene: "strands".into(), notes };
     match integrator {

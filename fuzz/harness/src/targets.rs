@@ -237,7 +237,7 @@ pub fn obj(bytes: &[u8]) {
 
 /// A sky in OpenEXR.
 pub fn sky(bytes: &[u8]) {
-    loaded(on_disk(bytes, |path| Environment::load(path, 1.0)));
+    loaded(on_disk(bytes, |path| Environment::load(path, None)));
 }
 
 /// A scene of the wave simulator.

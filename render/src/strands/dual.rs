@@ -11,10 +11,11 @@
 
 use super::StrandHit;
 use super::scene::StrandScene;
-use super::trace::{Drawn, Flight, Leaving, Place};
+use super::trace::{Flight, Leaving, Place};
 use crate::camera::Camera;
 use crate::film::LAMBDA_RANGE_UM;
-use crate::path::{Light4, RenderOptions, Traced, Tracer, render_by, share};
+use crate::light::{LightSampling, Sources};
+use crate::path::{Light4, RenderOptions, Traced, Tracer, render_by};
 use crate::props::Matte;
 use crate::{Film, Prop, RenderError, WAVELENGTHS};
 use glam::{DVec3, Vec3};
@@ -165,9 +166,10 @@ impl<'a> StrandDual<'a> {
         rng: &mut Pcg64Mcg,
         found: &mut Vec<StrandHit>,
     ) -> Light4 {
-        let Some(Drawn { w, reach, radiance, pdf }) = self.scene.draw(position, lambda, rng) else {
+        let Some(source) = self.sources().draw(position, lambda, rng) else {
             return [0.0; WAVELENGTHS];
         };
+        let (w, reach) = (source.direction.as_dvec3().normalize(), source.reach());
         let cos = w.dot(normal) as f32;
         let flight = beside(position, normal).flight(w);
         if cos <= 0.0 || self.is_blocked(&flight, reach) {
@@ -175,31 +177,39 @@ impl<'a> StrandDual<'a> {
         }
         let passed = self.count(dual, &flight, reach.into(), lambda, normal, found);
         let density = if passed.is_direct() { 1.0 } else { self.density };
-        let scale = density * albedo / PI * cos / pdf.max(1e-30);
-        std::array::from_fn(|k| scale * radiance[k] * passed.transmitted[k])
+        let scale = density * albedo / PI * cos / source.pdf.max(1e-30);
+        std::array::from_fn(|k| scale * source.radiance[k] * passed.transmitted[k])
+    }
+
+    /// Lamps and sky, found in both ways.
+    fn sources(&self) -> Sources<'_> {
+        Sources { sampling: LightSampling::Both, ..self.scene.sources() }
     }
 
     fn add(&self, of: &Shading<'_>, throughput: Light4, rng: &mut Pcg64Mcg, light: &mut Light4) {
         let mut found = Vec::new();
-        if let Some(Drawn { w, reach, radiance, pdf }) = self.scene.draw(of.place.position().as_vec3(), of.lambda, rng)
-        {
+        let sources = self.sources();
+        if let Some(source) = sources.draw(of.place.position().as_vec3(), of.lambda, rng) {
+            let (w, reach) = (source.direction.as_dvec3().normalize(), source.reach());
             let flight = of.place.flight(w);
             if !self.is_blocked(&flight, reach) {
                 let f = self.shade(of, &flight, reach.into(), &mut found);
-                let scale = share(pdf, of.fiber.pdf(of.place.local(w))) / pdf.max(1e-30);
-                (0..WAVELENGTHS).for_each(|k| light[k] += throughput[k] * f[k] * radiance[k] * scale);
+                let weight = sources.sampling.of_drawn(source.pdf, of.fiber.pdf(of.place.local(w)));
+                let scale = weight / source.pdf.max(1e-30);
+                (0..WAVELENGTHS).for_each(|k| light[k] += throughput[k] * f[k] * source.radiance[k] * scale);
             }
         }
         // The fiber's own samples find the light that its narrow lobes take from wide sources.
         if let BsdfSample::Scattered(sample) = of.fiber.sample(rng.random()) {
             let flight = of.place.flight(of.place.world(sample.w));
-            if let Some((reach, radiance, pdf)) = self.scene.source(&flight, of.lambda)
+            let (origin, direction) = (flight.origin.as_vec3(), flight.direction.as_vec3());
+            if let Some(source) = sources.met(origin, direction, of.lambda)
                 && flight.direction != DVec3::ZERO
-                && !self.is_blocked(&flight, reach)
+                && !self.is_blocked(&flight, source.reach())
             {
-                let f = self.shade(of, &flight, reach.into(), &mut found);
-                let scale = share(sample.pdf, pdf) / sample.pdf.max(1e-30);
-                (0..WAVELENGTHS).for_each(|k| light[k] += throughput[k] * f[k] * radiance[k] * scale);
+                let f = self.shade(of, &flight, source.reach().into(), &mut found);
+                let scale = sources.sampling.of_met(sample.pdf, source.pdf) / sample.pdf.max(1e-30);
+                (0..WAVELENGTHS).for_each(|k| light[k] += throughput[k] * f[k] * source.radiance[k] * scale);
             }
         }
         if self.scene.props.iter().all(|prop| prop.albedo <= 0.0) {

@@ -1,7 +1,8 @@
 //! Strands with a fiber's model and their light.
 
 use super::{StrandHit, StrandShape, StrandTree, Strands};
-use crate::{Environment, Light, Prop, WAVELENGTHS};
+use crate::light::Sources;
+use crate::{Environment, Light, LightSampling, Prop, WAVELENGTHS};
 use glam::{DVec3, Vec3};
 use plywave::{FiberBsdf, FiberModel, FiberQuery};
 
@@ -59,6 +60,8 @@ pub struct StrandScene {
     pub environment: Environment,
     /// Matte things beside the strands.
     pub props: Vec<Prop>,
+    /// How light is found.
+    pub sampling: LightSampling,
 }
 
 impl StrandScene {
@@ -78,7 +81,13 @@ impl StrandScene {
     /// Over a tree whose radii have the width in them that is met.
     pub fn over(tree: StrandTree, fiber: StrandFiber, lights: Vec<Light>, environment: Environment) -> StrandScene {
         let wider = wider(&fiber);
-        StrandScene { tree, fiber, wider, reference: Vec3::Z, lights, environment, props: Vec::new() }
+        let (props, sampling) = (Vec::new(), LightSampling::default());
+        StrandScene { tree, fiber, wider, reference: Vec3::Z, lights, environment, props, sampling }
+    }
+
+    /// Lamps and sky.
+    pub(super) fn sources(&self) -> Sources<'_> {
+        Sources { lights: &self.lights, environment: &self.environment, sampling: self.sampling }
     }
 
     /// The strands, as wide as they are met.

@@ -8,7 +8,7 @@
 use super::scene::StrandScene;
 use super::{Skip, StrandHit, StrandShape};
 use crate::camera::Camera;
-use crate::path::{Light4, RenderOptions, Traced, Tracer, render_by, share};
+use crate::path::{Light4, RenderOptions, Traced, Tracer, render_by};
 use crate::props::Matte;
 use crate::{Film, Prop, RenderError, StrandTree, WAVELENGTHS};
 use glam::{DVec3, Vec3};
@@ -116,18 +116,6 @@ impl Place {
     }
 }
 
-/// Light that was drawn from a source.
-pub(super) struct Drawn {
-    /// Unit direction to it.
-    pub w: DVec3,
-    /// Distance up to which nothing may stand [mm].
-    pub reach: f32,
-    /// Its radiance, by wavelength.
-    pub radiance: Light4,
-    /// Density of the draw [1/sr].
-    pub pdf: f32,
-}
-
 impl Tracer for StrandScene {
     fn trace(
         &self,
@@ -215,11 +203,6 @@ impl Tracer for StrandScene {
 }
 
 impl StrandScene {
-    /// Ways of sampling light, one of which is chosen.
-    fn ways(&self) -> f32 {
-        (self.lights.len() + usize::from(!self.environment.is_dark())).max(1) as f32
-    }
-
     /// Whether a path is scattered where some wavelengths are met and others pass: one of the two is followed, in proportion to what it carries.
     pub(super) fn choose(&self, met: [bool; WAVELENGTHS], throughput: &mut Light4, rng: &mut Pcg64Mcg) -> bool {
         let carried = |of: bool| (0..WAVELENGTHS).filter(|k| met[*k] == of).map(|k| throughput[k]).sum::<f32>();
@@ -267,24 +250,10 @@ impl StrandScene {
         throughput: Light4,
         light: &mut Light4,
     ) -> bool {
-        let lamp = self
-            .lights
-            .iter()
-            .filter_map(|l| l.hit(origin, direction).filter(|t| *t < reach).map(|t| (t, l)))
-            .min_by(|a, b| a.0.total_cmp(&b.0));
-        if let Some((t, l)) = lamp {
-            let weight = share(pdf, l.pdf(direction, t) / self.ways());
-            (0..WAVELENGTHS).for_each(|k| light[k] += throughput[k] * weight * l.radiance);
-            return true;
-        }
-        if reach < f32::INFINITY {
-            return false;
-        }
-        if !self.environment.is_dark() {
-            let weight = share(pdf, self.environment.pdf(direction) / self.ways());
-            let radiance = self.environment.radiance(direction, lambda);
-            (0..WAVELENGTHS).for_each(|k| light[k] += throughput[k] * weight * radiance[k]);
-        }
+        let met = self.sources().met(origin, direction, lambda);
+        let Some(source) = met.filter(|s| s.t < reach || reach.is_infinite()) else { return reach.is_infinite() };
+        let weight = self.sampling.of_met(pdf, source.pdf);
+        (0..WAVELENGTHS).for_each(|k| light[k] += throughput[k] * weight * source.radiance[k]);
         true
     }
 
@@ -315,47 +284,16 @@ impl StrandScene {
         rng: &mut Pcg64Mcg,
         light: &mut Light4,
     ) {
-        let Some(Drawn { w, reach, radiance, pdf }) = self.draw(place.position().as_vec3(), lambda, rng) else {
-            return;
-        };
+        let Some(source) = self.sources().draw(place.position().as_vec3(), lambda, rng) else { return };
+        let w = source.direction.as_dvec3().normalize();
         let local = place.local(w);
         let (f, own) = at.eval_pdf(local);
         if f.iter().all(|f| *f <= 0.0) {
             return;
         }
-        let passes = self.passes(place.flight(w), reach, lambda);
-        let weight = share(pdf, own) / pdf.max(1e-30);
-        (0..WAVELENGTHS).for_each(|k| light[k] += throughput[k] * f[k] * weight * radiance[k] * passes[k]);
-    }
-
-    /// Light of one source on its way to a place, if there is any.
-    pub(super) fn draw(&self, position: Vec3, lambda: Light4, rng: &mut Pcg64Mcg) -> Option<Drawn> {
-        let (count, ways) = (self.lights.len(), self.ways());
-        let which = ((rng.random::<f32>() * ways) as usize).min(ways as usize - 1);
-        let u: [f32; 2] = rng.random();
-        let (direction, reach, radiance, pdf) = if let Some(l) = self.lights.get(which) {
-            let (direction, t) = l.sample(position, u);
-            l.hit(position, direction)?;
-            (direction, t * (1.0 - 1e-4), [l.radiance; WAVELENGTHS], l.pdf(direction, t))
-        } else if which == count && !self.environment.is_dark() {
-            let direction = self.environment.sample(u);
-            let radiance = self.environment.radiance(direction, lambda);
-            (direction, f32::INFINITY, radiance, self.environment.pdf(direction))
-        } else {
-            return None;
-        };
-        Some(Drawn { w: direction.as_dvec3().normalize(), reach, radiance, pdf: pdf / ways })
-    }
-
-    /// The source that a ray ends at where nothing stands before it: distance up to which nothing may stand, radiance, and the density with which [`StrandScene::draw`] has its direction.
-    pub(super) fn source(&self, flight: &Flight, lambda: Light4) -> Option<(f32, Light4, f32)> {
-        let (origin, direction) = (flight.origin.as_vec3(), flight.direction.as_vec3());
-        let lamps = self.lights.iter().filter_map(|l| l.hit(origin, direction).map(|t| (t, l)));
-        if let Some((t, l)) = lamps.min_by(|a, b| a.0.total_cmp(&b.0)) {
-            return Some((t * (1.0 - 1e-4), [l.radiance; WAVELENGTHS], l.pdf(direction, t) / self.ways()));
-        }
-        let sky = &self.environment;
-        (!sky.is_dark()).then(|| (f32::INFINITY, sky.radiance(direction, lambda), sky.pdf(direction) / self.ways()))
+        let passes = self.passes(place.flight(w), source.reach(), lambda);
+        let weight = self.sampling.of_drawn(source.pdf, own) / source.pdf.max(1e-30);
+        (0..WAVELENGTHS).for_each(|k| light[k] += throughput[k] * f[k] * weight * source.radiance[k] * passes[k]);
     }
 
     /// What comes through from `reach` away.

@@ -1,0 +1,266 @@
+//! Light from infinitely far: a picture in latitude and longitude, each texel of which shines evenly over its part of the sphere.
+
+use crate::path::Light4;
+use crate::{LAMBDA_RANGE_UM, RenderError};
+use glam::{DMat3, DVec3, Vec3};
+use plywave::color;
+use std::f64::consts::{PI, TAU};
+
+/// Wavelengths that part the bands of a sky's spectrum, blue, green and red [um].
+const BAND_EDGES_UM: [f32; 2] = [0.49, 0.59];
+
+/// Light from infinitely far: radiance over the sphere, z up, relative to the illuminant's spectrum.
+///
+/// A texel's spectrum is the illuminant's times one number in each of three bands, below 0.49 um, up to 0.59 um and above. The numbers are those whose light has the
+/// texel's color: seen by the camera, or by way of gray things, a sky has the colors of its picture.
+#[derive(Clone, Debug)]
+pub struct Environment {
+    width: usize,
+    height: usize,
+    /// Radiance of each texel in the bands red, green and blue, rows from the zenith down.
+    texels: Vec<[f32; 3]>,
+    /// Running sums for sampling: of the rows' power, and of the texels' radiance within each row.
+    rows: Vec<f64>,
+    columns: Vec<f64>,
+}
+
+/// A texel's radiance summed over the bands: what it is sampled by.
+fn weight(texel: &[f32; 3]) -> f64 {
+    texel.iter().copied().map(f64::from).sum()
+}
+
+/// From linear sRGB to the bands whose light has that color. No entry is negative: nor is any band of a color that sRGB has.
+fn bands_of_srgb() -> DMat3 {
+    const STEP_UM: f64 = 1e-4;
+    let [low, high] = LAMBDA_RANGE_UM.map(f64::from);
+    let mut columns = [DVec3::ZERO; 3];
+    for k in 0..((high - low) / STEP_UM).round() as usize {
+        let lambda = low + (k as f64 + 0.5) * STEP_UM;
+        columns[band(lambda as f32)] += DVec3::from(color::linear_srgb_of_xyz(color::d65_xyz_density(lambda)));
+    }
+    // Equal bands are white.
+    let white = columns[0] + columns[1] + columns[2];
+    DMat3::from_cols(columns[0] / white, columns[1] / white, columns[2] / white).inverse()
+}
+
+/// The band of a wavelength: 0 for red, 1 for green, 2 for blue.
+fn band(lambda_um: f32) -> usize {
+    BAND_EDGES_UM.iter().filter(|edge| lambda_um < **edge).count()
+}
+
+impl Environment {
+    /// The same radiance from everywhere.
+    pub fn constant(radiance: f32) -> Environment {
+        Environment::new(1, 1, vec![[radiance; 3]])
+    }
+
+    /// The same radiance from everywhere above the horizon, none from below.
+    pub fn above(radiance: f32) -> Environment {
+        Environment::new(1, 2, vec![[radiance; 3], [0.0; 3]])
+    }
+
+    /// A picture in latitude and longitude: linear sRGB of `width` columns, which go from x by y around z, and rows from the zenith down, `srgb[row][column]`.
+    ///
+    /// # Errors
+    /// [`RenderError::Picture`] of no texels, rows that are not whole, and numbers that are not finite or below 0.
+    pub fn picture(width: usize, mut srgb: Vec<[f32; 3]>) -> Result<Environment, RenderError> {
+        let bad = |what: String| RenderError::Picture { file: "sky".into(), what };
+        if width == 0 || srgb.is_empty() || !srgb.len().is_multiple_of(width) {
+            return Err(bad(format!("{} texels in rows of {width}; give whole rows", srgb.len())));
+        }
+        let wrong = |v: &f32| !v.is_finite() || *v < 0.0;
+        if let Some((at, value)) = srgb.iter().flatten().enumerate().find(|(_, v)| wrong(v)) {
+            let (x, y, channel) = (at / 3 % width, at / 3 / width, ["R", "G", "B"][at % 3]);
+            return Err(bad(format!(
+                "{channel} of texel ({x}, {y}) is {value}; radiances are finite and not negative"
+            )));
+        }
+        let bands = bands_of_srgb();
+        for texel in &mut srgb {
+            // Grays stay what they are to the last bit.
+            if texel[0] != texel[1] || texel[1] != texel[2] {
+                *texel = (bands * DVec3::from(texel.map(f64::from))).as_vec3().max(Vec3::ZERO).to_array();
+            }
+        }
+        Ok(Environment::new(width, srgb.len() / width, srgb))
+    }
+
+    /// Of radiances in the bands.
+    fn new(width: usize, height: usize, texels: Vec<[f32; 3]>) -> Environment {
+        let (mut rows, mut columns) = (Vec::with_capacity(height), Vec::with_capacity(texels.len()));
+        let mut all = 0.0;
+        for (j, row) in texels.chunks_exact(width).enumerate() {
+            let mut sum = 0.0;
+            for texel in row {
+                sum += weight(texel);
+                columns.push(sum);
+            }
+            all += sum * solid_angle(j, width, height);
+            rows.push(all);
+        }
+        Environment { width, height, texels, rows, columns }
+    }
+
+    /// Power that it is sampled by.
+    fn power(&self) -> f64 {
+        self.rows.last().copied().unwrap_or(0.0)
+    }
+
+    /// Whether no light comes from it.
+    pub fn is_dark(&self) -> bool {
+        self.power() <= 0.0
+    }
+
+    /// The texel that lies in a direction.
+    pub(crate) fn texel(&self, direction: Vec3) -> usize {
+        let d = direction.as_dvec3();
+        // The angle from z by both its sine and cosine: near the poles the cosine alone does not part the rows of large pictures.
+        let v = d.x.hypot(d.y).atan2(d.z) / PI;
+        let u = d.y.atan2(d.x) / TAU;
+        let i = ((u - u.floor()) * self.width as f64) as usize;
+        let j = (v * self.height as f64) as usize;
+        j.min(self.height - 1) * self.width + i.min(self.width - 1)
+    }
+
+    /// Radiance of a texel at wavelengths [um].
+    pub(crate) fn radiance(&self, texel: usize, lambda_um: Light4) -> Light4 {
+        lambda_um.map(|l| self.texels[texel][band(l)])
+    }
+
+    /// Density [1/sr] of sampling a direction of a texel: all of its directions alike, and texels by their power.
+    pub(crate) fn pdf(&self, texel: usize) -> f32 {
+        (weight(&self.texels[texel]) / self.power().max(f64::MIN_POSITIVE)) as f32
+    }
+
+    /// A direction and its texel by two uniform numbers.
+    pub(crate) fn sample(&self, u: [f64; 2]) -> (Vec3, usize) {
+        let (j, v) = find(&self.rows, u[0]);
+        let (i, w) = find(&self.columns[j * self.width..(j + 1) * self.width], u[1]);
+        let [upper, lower] = [j, j + 1].map(|k| (PI * k as f64 / self.height as f64).cos());
+        let z = upper + v * (lower - upper);
+        let (sin, phi) = ((1.0 - z * z).max(0.0).sqrt(), TAU * (i as f64 + w) / self.width as f64);
+        (DVec3::new(sin * phi.cos(), sin * phi.sin(), z).as_vec3(), j * self.width + i)
+    }
+}
+
+/// Solid angle of a texel in row `j` [sr]: the difference of its edges' cosines, as a product that loses no digits, times its width.
+fn solid_angle(j: usize, width: usize, height: usize) -> f64 {
+    let half = 0.5 * PI / height as f64;
+    2.0 * (half * (2 * j + 1) as f64).sin() * half.sin() * TAU / width as f64
+}
+
+/// The entry of running sums that a share of the last falls into, and how far into it, 0 to 1.
+fn find(sums: &[f64], share: f64) -> (usize, f64) {
+    let target = share * sums.last().copied().unwrap_or(0.0);
+    let k = sums.partition_point(|s| *s <= target).min(sums.len().saturating_sub(1));
+    let before = if k == 0 { 0.0 } else { sums[k - 1] };
+    (k, ((target - before) / (sums[k] - before).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    #[test]
+    fn skies_sample_what_their_pdf_says() {
+        let mut rng = Pcg64Mcg::seed_from_u64(1);
+        let texels: Vec<[f32; 3]> = (0..8 * 4).map(|_| rng.random()).collect();
+        let sky = Environment::picture(8, texels).unwrap();
+        // The mean of radiance / pdf is the integral of the radiance; the mean of 1 / pdf is 4 pi.
+        let n = 200_000;
+        let (mut sums, mut squares) = ([0.0f64; 2], [0.0f64; 2]);
+        for _ in 0..n {
+            let (direction, texel) = sky.sample(rng.random());
+            assert_eq!(sky.texel(direction), texel);
+            let inverse = 1.0 / f64::from(sky.pdf(texel));
+            for (k, v) in [inverse, inverse * f64::from(sky.radiance(texel, [0.55; 4])[0])].into_iter().enumerate() {
+                sums[k] += v;
+                squares[k] += v * v;
+            }
+        }
+        let want: f64 = (0..32).map(|k| f64::from(sky.texels[k][1]) * solid_angle(k / 8, 8, 4)).sum();
+        for (k, want) in [4.0 * PI, want].into_iter().enumerate() {
+            let mean = sums[k] / f64::from(n);
+            let se = ((squares[k] / f64::from(n) - mean * mean) / f64::from(n)).sqrt();
+            assert!((mean - want).abs() < 5.0 * se, "{k}: {mean}, want {want}, standard error {se}");
+        }
+    }
+
+    #[test]
+    fn texels_of_large_pictures_are_told_apart() {
+        let mut rng = Pcg64Mcg::seed_from_u64(2);
+        // Rows as narrow as those of 16384 x 8192 texels, of which the first and the last lie within a thousandth of a radian about the poles; and columns as narrow.
+        for (width, height) in [(4, 8192), (16384, 16)] {
+            for row in [0, 1, height / 2, height - 2, height - 1] {
+                let mut texels = vec![[0.0; 3]; width * height];
+                let sun = row * width + width / 3;
+                texels[sun] = [1.0; 3];
+                let sky = Environment::picture(width, texels).unwrap();
+                let mut beside = 0;
+                for _ in 0..10_000 {
+                    let (direction, texel) = sky.sample(rng.random());
+                    assert_eq!(texel, sun);
+                    beside += usize::from(sky.texel(direction) != sun);
+                }
+                // Directions have 24 bits: at the edges of a texel some fall to the next.
+                assert!(beside < 20, "{width} x {height}, row {row}: {beside} beside");
+                let want = 1.0 / solid_angle(row, width, height);
+                assert!((f64::from(sky.pdf(sun)) / want - 1.0).abs() < 1e-6);
+            }
+        }
+    }
+
+    #[test]
+    fn a_sun_and_a_dark_sky_are_drawn_by_their_power() {
+        // A million texels of the sky have as much power together as .
+        let (width, height) = (16384, 64);
+        let mut texels = vec![[1e-6f32; 3]; width * height];
+        let sun = 5 * width + 9000;
+        texels[sun] = [0.0; 3];
+        let dark = Environment::picture(width, texels.clone()).unwrap().power();
+        texels[sun] = [(dark / 3.0 / solid_angle(5, width, height)) as f32; 3];
+        let sky = Environment::picture(width, texels).unwrap();
+        let mut rng = Pcg64Mcg::seed_from_u64(3);
+        let n = 100_000;
+        let (mut suns, mut blocks) = (0, [0; 16]);
+        for _ in 0..n {
+            let (direction, texel) = sky.sample(rng.random());
+            if texel == sun {
+                suns += 1;
+            } else {
+                // Slices of equal solid angle and so of equal power, but for the sun's part.
+                let slice = (4.0 * (0.5 + 0.5 * f64::from(direction.z))).min(3.0) as usize;
+                blocks[4 * slice + 4 * (texel % width) / width] += 1;
+            }
+        }
+        let within = |count: i32, share: f64| {
+            let (want, sd) = (share * f64::from(n), (f64::from(n) * share * (1.0 - share)).sqrt());
+            assert!((f64::from(count) - want).abs() < 5.0 * sd, "{count}, want {want} +- {sd}");
+        };
+        within(suns, 0.5);
+        blocks.into_iter().for_each(|count| within(count, 0.5 / 16.0));
+    }
+
+    /// Light of a sky's texel, seen by the camera, has the texel's color.
+    #[test]
+    fn skies_show_the_colors_of_their_picture() {
+        for srgb in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.3, 0.3, 0.3], [20.0, 3.0, 0.01]] {
+            let sky = Environment::picture(1, vec![srgb]).unwrap();
+            let mut xyz = [0.0; 3];
+            let n = 4000;
+            for k in 0..n {
+                let lambda = 0.38 + 0.4 * (k as f32 + 0.5) / n as f32;
+                let part = crate::film::xyz([lambda; 4], sky.radiance(0, [lambda; 4]));
+                (0..3).for_each(|c| xyz[c] += f64::from(part[c]) / f64::from(n));
+            }
+            let back = color::linear_srgb_of_xyz(xyz);
+            let largest = f64::from(srgb.into_iter().fold(0.0, f32::max));
+            for c in 0..3 {
+                assert!((back[c] - f64::from(srgb[c])).abs() < 5e-4 * largest, "{srgb:?}: {back:?}");
+            }
+        }
+        assert_eq!(Environment::picture(1, vec![[0.25; 3]]).unwrap().texels, [[0.25; 3]]);
+    }
+}
