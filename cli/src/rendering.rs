@@ -5,7 +5,8 @@ use crate::commands::on_threads;
 use crate::failure::{Failure, Outcome};
 use crate::progress::{self, Bar};
 use crate::{output, report};
-use plywave_render::{Facts, Film, FilmView, Ingredients, RenderError, png};
+use glam::Vec3;
+use plywave_render::{Camera, Facts, Film, FilmView, Ingredients, RenderError, png};
 use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -108,12 +109,62 @@ pub fn check_flags(args: &RenderArgs) -> Outcome {
         ("--sigma", args.sigma, 0.0, 1e6),
         ("--slit-share", args.slit_share, 0.0, 1.0),
         ("--exposure", Some(args.exposure), -40.0, 40.0),
+        ("--fov", args.fov, 0.001, 170.0),
     ] {
         if let Some(v) = value.filter(|v| !(low..=high).contains(v)) {
             return Err(Failure::input("command line", name, v, &format!("must be from {low} to {high}")));
         }
     }
     Ok(())
+}
+
+/// Farthest that a camera, and what it looks at, are from the origin along an axis [mm].
+const FARTHEST_MM: f64 = 1e6;
+
+/// The scene's camera with what the flags have in place of it.
+pub fn camera(args: &RenderArgs, own: Camera) -> Outcome<Camera> {
+    let own = own.view();
+    let shown = |v: [f64; 3]| v.map(|v| v.to_string()).join(",");
+    let refuse =
+        |name: &str, value: [f64; 3], hint: &str| Err(Failure::input("command line", name, shown(value), hint));
+    for (name, place) in [("--camera", args.camera), ("--look", args.look)] {
+        if let Some(place) = place.filter(|p| p.iter().any(|v| v.abs() > FARTHEST_MM)) {
+            return refuse(name, place, &format!("must be within {FARTHEST_MM} mm of the origin along each axis"));
+        }
+    }
+    let of = |v: Option<[f64; 3]>| v.map(|v| v.map(|v| v as f32).into());
+    let from = of(args.camera).unwrap_or(own.from);
+    let to = of(args.look).unwrap_or(own.to);
+    let fov_rad = args.fov.map_or(own.fov_rad, |deg| deg.to_radians() as f32);
+    let Some(forward) = (to - from).try_normalize() else {
+        let (name, place) = if args.camera.is_some() { ("--camera", from) } else { ("--look", to) };
+        return refuse(name, place.to_array().map(f64::from), "the camera must not be at the point that it looks at");
+    };
+    // Up along the view leaves open how the picture is turned.
+    let is_along = |up: Vec3| up.normalize_or_zero().cross(forward).length() < 1e-3;
+    let up = match of(args.up) {
+        Some(up) if is_along(up) => {
+            return refuse(
+                "--up",
+                args.up.unwrap_or_default(),
+                "must not be 0, nor along the view: give another direction",
+            );
+        }
+        Some(up) => up,
+        None => [own.up, Vec3::Z, Vec3::Y].into_iter().find(|up| !is_along(*up)).unwrap_or(own.up),
+    };
+    Ok(Camera::new(from, to, up, fov_rad))
+}
+
+/// Flags of the camera, for [`Ingredients`].
+pub fn camera_flags(args: &RenderArgs) -> [(String, String); 4] {
+    [
+        ("--camera", format!("{:?}", args.camera)),
+        ("--look", format!("{:?}", args.look)),
+        ("--up", format!("{:?}", args.up)),
+        ("--fov", format!("{:?}", args.fov)),
+    ]
+    .map(|(name, value)| (name.to_string(), value))
 }
 
 /// A new film, or with `--resume` the one to go on with.

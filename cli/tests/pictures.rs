@@ -29,7 +29,7 @@ crimp = 0.5
 srgb = [0.88, 0.88, 0.86]
 "#;
 
-/// A folder with a plain cotton cloth, its model, a mesh and a sky: a smooth picture, as the colors of few samples of speckle are beyond sRGB, negative there, which no sky may be.
+/// A folder with a plain cotton cloth, its model, a mesh and a sky.
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path();
@@ -376,4 +376,83 @@ fn what_memory_does_not_hold_is_refused() {
     assert_eq!(output.status.code(), Some(2), "{said}");
     assert!(said.contains("huge.exr: 60000 x 60000 texels") && said.lines().count() == 1, "{said}");
     assert!(!dir.join("a.png").exists() && !dir.join("a.exr").exists());
+}
+
+/// The camera's flags in place of the scene's own camera: the same numbers give the same picture, a cloth fills more of it from nearer, and nonsense is refused.
+#[test]
+fn cameras_look_where_they_are_told() {
+    let folder = folder();
+    let dir = folder.path();
+    let hits = |depth: &[f32]| depth.iter().filter(|d| **d > 0.0).count();
+    let covered = |more: &[&str]| {
+        let args = ["render", "cloth.toml", "--smooth", "-o", "a.exr", "--width", "24", "--height", "24", "--quiet"];
+        succeed(dir, &[&args[..], &["--samples", "2"], more].concat());
+        let read = exr::prelude::read_first_flat_layer_from_file(dir.join("a.exr")).unwrap();
+        let depth = read.layer_data.channel_data.list.iter().find(|c| c.name.eq("depth.Z")).unwrap();
+        let depth: Vec<f32> = depth.sample_data.values_as_f32().collect();
+        (hits(&depth), depth)
+    };
+    // A sheet of 30 mm from above.
+    let (_, own) = covered(&["--setup", "back"]);
+    assert_eq!(covered(&["--setup", "back", "--camera", "0,0,75", "--look", "0,0,0", "--up", "0,1,0"]).1, own);
+    let above = ["--setup", "back", "--camera", "0,0,100", "--fov", "20"];
+    let (count, depth) = covered(&above);
+    // 30 mm of the 35.3 mm that 20 degrees take in at 100 mm.
+    let share = count as f64 / 576.0;
+    assert!((share - (30.0f64 / 35.27).powi(2)).abs() < 0.06, "{share}");
+    assert!(depth.iter().filter(|d| **d > 0.0).all(|d| (d - 100.0).abs() < 1e-3));
+    assert_eq!(covered(&["--setup", "back", "--camera", "0,0,100", "--fov", "5"]).0, 576);
+    // From below, from the side along which the scene's own up points, and at a point beside the sheet.
+    assert_eq!(covered(&["--camera", "0,0,-40"]).0, 576);
+    assert!(covered(&["--camera", "0,-60,1", "--fov", "60"]).0 < 100);
+    assert_eq!(covered(&["--look", "500,0,0"]).0, 0);
+    for (flags, words) in [
+        (&["--camera", "0,0"][..], &["--camera", "three numbers"][..]),
+        (&["--camera", "0,nan,1"], &["--camera", "three numbers"]),
+        (&["--camera", "1,2,3,4"], &["--camera", "three numbers"]),
+        (&["--camera", "0,0,0"], &["--camera = 0,0,0", "looks at"]),
+        (&["--camera", "5,5,5", "--look", "5,5,5"], &["--camera = 5,5,5"]),
+        (&["--camera", "0,0,1e9"], &["--camera = 0,0,1000000000", "1000000 mm"]),
+        (&["--look", "-1e9,0,0"], &["--look = -1000000000,0,0"]),
+        (&["--camera", "0,0,9", "--up", "0,0,-2"], &["--up = 0,0,-2", "along the view"]),
+        (&["--up", "0,0,0"], &["--up = 0,0,0"]),
+        (&["--fov", "0"], &["--fov = 0"]),
+        (&["--fov", "180"], &["--fov = 180", "170"]),
+        (&["--fov", "-20"], &["--fov = -20"]),
+    ] {
+        refused(dir, &[&["render", "cloth.toml", "-o", "b.exr"], flags].concat(), words);
+    }
+}
+
+fn field(name: &str) -> String {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/field").join(name).display().to_string()
+}
+
+/// A white cloth in an even surrounding is as bright as it; what was mended in a sky is told, and one without colors refused.
+#[test]
+fn skies_light_by_their_radiance() {
+    let folder = folder();
+    let dir = folder.path();
+    let seen = |sky: &str| {
+        let args = ["render", "cloth.toml", "--sigma", "0", "--smooth", "--setup", "furnace", "--samples", "64"];
+        let size = ["--width", "16", "--height", "16", "-o", "a.exr", "--json", "--sky", sky];
+        let said = json(&succeed(dir, &[&args[..], &size].concat()));
+        let read = exr::prelude::read_first_flat_layer_from_file(dir.join("a.exr")).unwrap();
+        let green = read.layer_data.channel_data.list.iter().find(|c| c.name.eq("G")).unwrap();
+        let mean = green.sample_data.values_as_f32().map(f64::from).sum::<f64>() / 256.0;
+        (mean, said["notes"].to_string())
+    };
+    for (file, want) in [("grey01.exr", 0.1), ("grey10.exr", 10.0)] {
+        let (got, _) = seen(&field(&format!("sky_radiance/{file}")));
+        assert!((got / want - 1.0).abs() < 0.02, "{file}: {got}");
+    }
+    let (_, notes) = seen(&field("sky_files/negative.exr"));
+    assert!(notes.contains("negative.exr: R of pixel (0, 0) is -0.0001, taken as 0"), "{notes}");
+    assert!(seen(&field("sky_files/layer.exr")).0 > 0.0);
+    std::fs::write(dir.join("sky.png"), PNG).unwrap();
+    let base = ["render", "cloth.toml", "-o", "b.exr"];
+    refused(dir, &[&base[..], &["--sky", "sky.png"]].concat(), &["sky.png", "OpenEXR nor Radiance"]);
+    let layer = field("sky_files/layer.exr");
+    refused(dir, &[&base[..], &["--sky", &layer, "--sky-layer", "Sun"]].concat(), &["Sun", "ViewLayer.Combined"]);
+    refused(dir, &[&base[..], &["--sky-layer", "Sun"]].concat(), &["--sky"]);
 }

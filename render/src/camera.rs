@@ -2,22 +2,46 @@
 
 use glam::Vec3;
 
+/// Where a camera is and what it sees.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// Place of the camera [mm].
+    pub from: Vec3,
+    /// The point in the middle of the picture [mm].
+    pub to: Vec3,
+    /// What is above in the picture.
+    pub up: Vec3,
+    /// Angle across the picture's height [rad].
+    pub fov_rad: f32,
+}
+
 /// A pinhole camera.
 #[derive(Clone, Copy, Debug)]
 pub struct Camera {
-    origin: Vec3,
+    view: View,
     forward: Vec3,
     right: Vec3,
     up: Vec3,
 }
 
 impl Camera {
-    /// Looks from `origin` to `target` [mm] with `up` above; `fov_rad` is the angle across the picture's height.
-    pub fn new(origin: Vec3, target: Vec3, up: Vec3, fov_rad: f32) -> Camera {
-        let forward = (target - origin).normalize();
+    /// Looks from `from` to `to` [mm] with `up` above; `fov_rad` is the angle across the picture's height.
+    pub fn new(from: Vec3, to: Vec3, up: Vec3, fov_rad: f32) -> Camera {
+        let forward = (to - from).normalize();
         let right = forward.cross(up).normalize_or(forward.any_orthonormal_vector());
         let half = (0.5 * fov_rad).tan();
-        Camera { origin, forward, right: right * half, up: right.cross(forward) * half }
+        let view = View { from, to, up, fov_rad };
+        Camera { view, forward, right: right * half, up: right.cross(forward) * half }
+    }
+
+    /// Where it is and what it sees.
+    pub fn view(&self) -> View {
+        self.view
+    }
+
+    /// Width that a pixel of a picture `height` pixels high covers of what faces the camera at the point that it looks at [um].
+    pub fn pixel_um(&self, height: u32) -> f32 {
+        1000.0 * self.pixel_width(height) * self.view.from.distance(self.view.to)
     }
 
     /// Depth of a point `t` along a ray in unit `direction`: its distance along the camera's axis [mm].
@@ -34,6 +58,6 @@ impl Camera {
     pub fn ray(&self, x: f32, y: f32, width: u32, height: u32) -> (Vec3, Vec3) {
         let size = height as f32;
         let (a, b) = ((2.0 * x - width as f32) / size, (size - 2.0 * y) / size);
-        (self.origin, (self.forward + self.right * a + self.up * b).normalize())
+        (self.view.from, (self.forward + self.right * a + self.up * b).normalize())
     }
 }

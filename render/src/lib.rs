@@ -23,7 +23,7 @@ mod sky;
 mod sky_file;
 mod strands;
 
-pub use camera::Camera;
+pub use camera::{Camera, View};
 pub use film::{Film, FilmView, Ingredients, LAMBDA_RANGE_UM};
 pub use light::{Light, LightSampling};
 pub use mesh::{Mesh, MeshNotes};

@@ -158,13 +158,13 @@ impl Sources<'_> {
         Arriving { direction, t: f32::INFINITY, radiance: self.environment.radiance(texel, lambda_um), pdf }
     }
 
-    /// The source that a ray ends at where nothing stands before it.
-    pub fn met(&self, origin: Vec3, direction: Vec3, lambda_um: Light4) -> Option<Arriving> {
-        match self.nearest(origin, direction) {
-            Some((i, t)) => Some(self.of_lamp(i, direction, t)),
-            None if self.environment.is_dark() => None,
-            None => Some(self.of_sky(direction, self.environment.texel(direction), lambda_um)),
+    /// The source that a ray meets before anything else, which stands at `reach` [mm], infinite where nothing does.
+    pub fn met(&self, origin: Vec3, direction: Vec3, reach: f32, lambda_um: Light4) -> Option<Arriving> {
+        if let Some((i, t)) = self.nearest(origin, direction).filter(|(_, t)| *t < reach) {
+            return Some(self.of_lamp(i, direction, t));
         }
+        let is_open = reach.is_infinite() && !self.environment.is_dark();
+        is_open.then(|| self.of_sky(direction, self.environment.texel(direction), lambda_um))
     }
 
     /// Light of a source drawn by chance, in a direction drawn from it; none where another source stands before it.

@@ -177,9 +177,7 @@ fn trace<S: Surface>(
         let meeting = scene.first(origin, direction);
         // Lamps and the sky, where nothing stands before them.
         let reach = meeting.map_or(f32::INFINITY, |m| m.point().t);
-        if let Some(source) =
-            scene.sources().met(origin, direction, lambda).filter(|s| s.t < reach || meeting.is_none())
-        {
+        if let Some(source) = scene.sources().met(origin, direction, reach, lambda) {
             let weight = scene.sampling.of_met(pdf, source.pdf);
             for k in 0..WAVELENGTHS {
                 light[k] += throughput[k] * weight * source.radiance[k];

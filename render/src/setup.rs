@@ -34,25 +34,28 @@ impl Setup {
         }
     }
 
-    /// Width that a pixel of a picture `height` pixels high covers of a sheet `size_mm` wide that faces the viewer [um].
-    pub fn pixel_um(self, size_mm: f32, height: u32) -> f32 {
-        // Distance of the camera times the angle across the picture, over the sheet's size.
-        let view = match self {
-            Setup::Front => 0.68,
-            Setup::Back | Setup::Folds => 0.9,
-            Setup::Drape => 0.82,
-            Setup::Furnace => 0.8,
-            Setup::Swatch => 1.0,
-            Setup::Grazing => 0.53,
+    /// The camera for a sheet `size_mm` wide.
+    pub fn camera(self, size_mm: f32) -> Camera {
+        let looks = |from: [f32; 3], to: [f32; 3], up: Vec3, fov_rad: f32| {
+            let [from, to] = [from, to].map(|p| Vec3::from(p) * size_mm);
+            Camera::new(from, to, up, fov_rad)
         };
-        1000.0 * view * size_mm / height.max(1) as f32
+        match self {
+            // The far edge of the sheet lies just outside the picture.
+            Setup::Front => looks([0.0, -1.5, 2.0], [0.0; 3], Vec3::Y, 0.27),
+            Setup::Back => looks([0.0, 0.0, 2.5], [0.0; 3], Vec3::Y, 0.36),
+            Setup::Drape => looks([0.35, -2.3, 1.25], [0.0, 0.0, -0.04], Vec3::Z, 0.31),
+            Setup::Folds => looks([0.0, -1.2, 1.8], [0.0; 3], Vec3::Y, 0.42),
+            Setup::Swatch => looks([0.0, 0.0, 3.0], [0.0; 3], Vec3::Y, 0.33),
+            Setup::Grazing => looks([0.0, -2.0, 0.36], [0.0; 3], Vec3::Z, 0.26),
+            Setup::Furnace => looks([0.0, -1.0, 2.0], [0.0; 3], Vec3::Y, 0.36),
+        }
     }
 
     /// Scene and camera for a sheet `size_mm` wide; `mesh` in place of the setup's own, `sky` in place of its environment. Lamps are scaled so that a
     /// white diffuse sheet that faces one comes out at about 1.
     pub fn scene(self, size_mm: f32, mesh: Option<Mesh>, sky: Option<Environment>) -> (Scene, Camera) {
         let s = size_mm;
-        let up = Vec3::Y;
         let at = |x: f32, y: f32, z: f32| Vec3::new(x, y, z) * s;
         // Irradiance pi at the sheet's middle.
         let lamp = |place: Vec3, side: f32| {
@@ -63,52 +66,20 @@ impl Setup {
         let dim = || Environment::constant(0.12);
         // A mesh of the caller's takes the place of the setup's, which is then not made.
         let own = mesh.is_none();
-        let (made, lights, own_sky, camera) = match self {
+        let (made, lights, own_sky) = match self {
             // The highlight of a mirror would lie beside the picture: yarns shine where they lean, and elsewhere show their color.
-            Setup::Front => (
-                own.then(|| Mesh::flat(s)),
-                vec![lamp(at(-1.2, 0.9, 3.2), 0.25)],
-                dark(),
-                // The far edge of the sheet lies just outside the picture.
-                Camera::new(at(0.0, -1.5, 2.0), Vec3::ZERO, up, 0.27),
-            ),
-            Setup::Back => (
-                own.then(|| Mesh::flat(s)),
-                vec![lamp(at(0.0, 0.0, -3.0), 0.3)],
-                dark(),
-                Camera::new(at(0.0, 0.0, 2.5), Vec3::ZERO, up, 0.36),
-            ),
-            Setup::Drape => (
-                own.then(|| Mesh::drape(s)),
-                vec![lamp(at(-1.5, -0.9, 1.7), 1.0)],
-                dim(),
-                Camera::new(at(0.35, -2.3, 1.25), at(0.0, 0.0, -0.04), Vec3::Z, 0.31),
-            ),
-            Setup::Folds => (
-                own.then(|| Mesh::folded(s)),
-                vec![lamp(at(1.8, 1.0, 1.6), 0.4)],
-                dim(),
-                Camera::new(at(0.0, -1.2, 1.8), Vec3::ZERO, up, 0.42),
-            ),
+            Setup::Front => (own.then(|| Mesh::flat(s)), vec![lamp(at(-1.2, 0.9, 3.2), 0.25)], dark()),
+            Setup::Back => (own.then(|| Mesh::flat(s)), vec![lamp(at(0.0, 0.0, -3.0), 0.3)], dark()),
+            Setup::Drape => (own.then(|| Mesh::drape(s)), vec![lamp(at(-1.5, -0.9, 1.7), 1.0)], dim()),
+            Setup::Folds => (own.then(|| Mesh::folded(s)), vec![lamp(at(1.8, 1.0, 1.6), 0.4)], dim()),
             Setup::Swatch => (
                 own.then(|| Mesh::flat(s * 3.0)),
                 // Small, so that speckle shows.
                 vec![lamp(at(1.5, 2.0, 2.4), 0.03)],
                 dark(),
-                Camera::new(at(0.0, 0.0, 3.0), Vec3::ZERO, up, 0.33),
             ),
-            Setup::Grazing => (
-                own.then(|| Mesh::flat(s)),
-                vec![lamp(at(-0.3, 2.6, 0.9), 0.3)],
-                dim(),
-                Camera::new(at(0.0, -2.0, 0.36), at(0.0, 0.0, 0.0), Vec3::Z, 0.26),
-            ),
-            Setup::Furnace => (
-                own.then(|| Mesh::flat(s)),
-                Vec::new(),
-                Environment::constant(1.0),
-                Camera::new(at(0.0, -1.0, 2.0), Vec3::ZERO, up, 0.36),
-            ),
+            Setup::Grazing => (own.then(|| Mesh::flat(s)), vec![lamp(at(-0.3, 2.6, 0.9), 0.3)], dim()),
+            Setup::Furnace => (own.then(|| Mesh::flat(s)), Vec::new(), Environment::constant(1.0)),
         };
         let mut scene = Scene::new(mesh.or(made).unwrap_or_default(), lights, sky.unwrap_or(own_sky));
         if own && self == Setup::Drape {
@@ -117,6 +88,6 @@ impl Setup {
                 Prop { shape: Shape::Ball { center: Vec3::ZERO, radius_mm: Mesh::BALL * s }, albedo: 0.5 },
             ];
         }
-        (scene, camera)
+        (scene, self.camera(s))
     }
 }

@@ -13,7 +13,7 @@ const BAND_EDGES_UM: [f32; 2] = [0.49, 0.59];
 ///
 /// A texel's spectrum is the illuminant's times one number in each of three bands, below 0.49 um, up to 0.59 um and above. The numbers are those whose light has the
 /// texel's color: seen by the camera, or by way of gray things, a sky has the colors of its picture.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Environment {
     width: usize,
     height: usize,
@@ -59,7 +59,8 @@ impl Environment {
         Environment::new(1, 2, vec![[radiance; 3], [0.0; 3]])
     }
 
-    /// A picture in latitude and longitude: linear sRGB of `width` columns, which go from x by y around z, and rows from the zenith down, `srgb[row][column]`.
+    /// A picture in latitude and longitude, `srgb[row][column]`, linear sRGB: rows go from the zenith down; the middle of `width` columns lies along x, and columns to the
+    /// right of it turn right, along -y, as the picture is seen from inside (and as Blender has it).
     ///
     /// # Errors
     /// [`RenderError::Picture`] of no texels, rows that are not whole, and numbers that are not finite or below 0.
@@ -116,7 +117,7 @@ impl Environment {
         let d = direction.as_dvec3();
         // The angle from z by both its sine and cosine: near the poles the cosine alone does not part the rows of large pictures.
         let v = d.x.hypot(d.y).atan2(d.z) / PI;
-        let u = d.y.atan2(d.x) / TAU;
+        let u = 0.5 - d.y.atan2(d.x) / TAU;
         let i = ((u - u.floor()) * self.width as f64) as usize;
         let j = (v * self.height as f64) as usize;
         j.min(self.height - 1) * self.width + i.min(self.width - 1)
@@ -138,7 +139,7 @@ impl Environment {
         let (i, w) = find(&self.columns[j * self.width..(j + 1) * self.width], u[1]);
         let [upper, lower] = [j, j + 1].map(|k| (PI * k as f64 / self.height as f64).cos());
         let z = upper + v * (lower - upper);
-        let (sin, phi) = ((1.0 - z * z).max(0.0).sqrt(), TAU * (i as f64 + w) / self.width as f64);
+        let (sin, phi) = ((1.0 - z * z).max(0.0).sqrt(), TAU * (0.5 - (i as f64 + w) / self.width as f64));
         (DVec3::new(sin * phi.cos(), sin * phi.sin(), z).as_vec3(), j * self.width + i)
     }
 }
@@ -186,6 +187,16 @@ mod tests {
             let se = ((squares[k] / f64::from(n) - mean * mean) / f64::from(n)).sqrt();
             assert!((mean - want).abs() < 5.0 * se, "{k}: {mean}, want {want}, standard error {se}");
         }
+    }
+
+    #[test]
+    fn columns_turn_right_from_x_in_the_middle() {
+        let sky = Environment::picture(8, vec![[1.0; 3]; 32]).unwrap();
+        let at = |x: f32, y: f32, z: f32| sky.texel(Vec3::new(x, y, z).normalize());
+        assert_eq!([at(1.0, 0.1, 0.1), at(1.0, -0.1, -0.1)], [8 + 3, 16 + 4]);
+        assert_eq!([at(0.1, -1.0, 0.1), at(-0.1, 1.0, 0.1)], [8 + 5, 8 + 1]);
+        assert_eq!([at(-1.0, 0.1, 0.1), at(-1.0, -0.1, 0.1)], [8, 8 + 7]);
+        assert!(at(0.0, 0.0, 1.0) < 8 && at(0.0, 0.0, -1.0) >= 24);
     }
 
     #[test]

@@ -31,6 +31,13 @@ pub enum Integrator {
     Dual,
 }
 
+/// Three numbers with commas between them.
+fn triple(text: &str) -> Result<[f64; 3], String> {
+    let numbers = text.split(',').map(|part| part.trim().parse::<f64>().ok().filter(|v| v.is_finite()));
+    let numbers = numbers.collect::<Option<Vec<f64>>>().and_then(|list| list.try_into().ok());
+    numbers.ok_or_else(|| "give three numbers, as in 0,-100,50".into())
+}
+
 /// `plywave render`.
 #[derive(Debug, Args)]
 pub struct RenderArgs {
@@ -60,10 +67,10 @@ pub struct RenderArgs {
     /// How light between strands is found [default: path].
     #[arg(long, value_enum)]
     pub integrator: Option<Integrator>,
-    /// Width of the cloth [mm] [default: the scene's].
+    /// Width of the cloth, or largest extent of a mesh [mm] [default: the scene's].
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub size_mm: Option<f64>,
-    /// Mesh in place of the scene's own: Wavefront OBJ with texture coordinates.
+    /// Mesh in place of the scene's own: Wavefront OBJ with texture coordinates, z up; centered, and scaled to --size-mm.
     #[arg(long, value_name = "OBJ")]
     pub mesh: Option<PathBuf>,
     /// Cloth to one unit of the mesh's texture coordinates [mm].
@@ -75,6 +82,18 @@ pub struct RenderArgs {
     /// Layer of the EXR that is the sky, where it has several.
     #[arg(long, value_name = "NAME", requires = "sky")]
     pub sky_layer: Option<String>,
+    /// Place of the camera in place of the scene's own [mm]: x, y, z, with z up; a flat sheet lies about the origin at z = 0.
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = triple)]
+    pub camera: Option<[f64; 3]>,
+    /// Point in the middle of the picture [mm] [default: the scene's, about the origin].
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = triple)]
+    pub look: Option<[f64; 3]>,
+    /// Direction that is up in the picture [default: the scene's, or z].
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = triple)]
+    pub up: Option<[f64; 3]>,
+    /// Angle across the picture's height [degrees] [default: the scene's].
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub fov: Option<f64>,
     /// One absorption coefficient [1/um] for all yarns in place of their colors; 0 for a white fabric.
     #[arg(long, value_name = "SIGMA", allow_negative_numbers = true)]
     pub sigma: Option<f64>,

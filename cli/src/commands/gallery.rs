@@ -51,7 +51,7 @@ impl Work {
     fn render(&self, cli: &Cli, bar: &Bar) -> Outcome<Film> {
         let loaded = FabricSpec::load(&self.file)?;
         let Panel { setup, size_mm, options, .. } = self.panel;
-        let far = super::render::covers_repeats(&loaded.fabric, setup, size_mm, self.shot.pixels)
+        let far = super::render::covers_repeats(&loaded.fabric, &setup.camera(size_mm), self.shot.pixels)
             && !super::render::has_slits(&loaded.spec, &options);
         let fabric = FabricBsdf::new(loaded, &FabricOptions { far, ..options })?;
         let (scene, camera) = setup.scene(size_mm, None, None);

@@ -4,11 +4,11 @@ use super::color;
 use crate::args::{Cli, FabricPart, Integrator, RenderArgs, Scene};
 use crate::failure::{Failure, Outcome};
 use crate::progress::STOP;
-use crate::rendering::{About, Outputs, check_flags, digest_of_file, failed, film, shoot};
+use crate::rendering::{About, Outputs, camera, camera_flags, check_flags, digest_of_file, failed, film, shoot};
 use crate::{kinds, output, report};
 use plywave::fabric::{Fabric, FabricBsdf, FabricOptions, FabricSpec, Family, GapLight, Slits, WeaveSpec};
 use plywave::gap::{SLIT_MAX_UM, SLIT_SHARE};
-use plywave_render::{Environment, Mesh, MeshNotes, RenderOptions, Setup, render};
+use plywave_render::{Camera, Environment, Mesh, MeshNotes, RenderOptions, Setup, render};
 use std::path::{Path, PathBuf};
 
 impl From<Scene> for Setup {
@@ -77,6 +77,7 @@ fn ingredients(args: &RenderArgs, size: f32, inputs: &[(&'static str, PathBuf)])
         ),
     ];
     list.extend(flags.map(|(name, value)| (name.to_string(), value)));
+    list.extend(camera_flags(args));
     Ok(list)
 }
 
@@ -106,9 +107,9 @@ pub(super) fn sky(args: &RenderArgs, notes: &mut Vec<String>) -> Outcome<Option<
 const FAR_LINES: u32 = 256;
 
 /// Whether a pixel covers half of a fabric's repeat or more, so that its mean takes part.
-pub(super) fn covers_repeats(fabric: &Fabric, setup: Setup, size_mm: f32, height: u32) -> bool {
+pub(super) fn covers_repeats(fabric: &Fabric, camera: &Camera, height: u32) -> bool {
     let [x, y] = fabric.repeat_um();
-    height >= FAR_LINES && f64::from(setup.pixel_um(size_mm, height)) > 0.5 * x.max(y)
+    height >= FAR_LINES && f64::from(camera.pixel_um(height)) > 0.5 * x.max(y)
 }
 
 /// Slits as the flags have them; those of the spec without.
@@ -162,7 +163,8 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     };
     let setup = Setup::from(setup(args));
     let size = args.size_mm.map_or(setup.size_mm(), |s| s as f32);
-    let far = !args.without.contains(&FabricPart::Far) && covers_repeats(&loaded.fabric, setup, size, args.height);
+    let camera = camera(args, setup.camera(size))?;
+    let far = !args.without.contains(&FabricPart::Far) && covers_repeats(&loaded.fabric, &camera, args.height);
     let has_slits = has_slits(&loaded.spec, &options);
     let options = FabricOptions { far: far && !has_slits, ..options };
     let of = ingredients(args, size, &inputs)?;
@@ -195,7 +197,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     if args.sigma.is_none() {
         notes.extend(color::fabric_notes(&fabric));
     }
-    let (scene, camera) = setup.scene(size, mesh, sky);
+    let (scene, _) = setup.scene(size, mesh, sky);
     let render_options = RenderOptions { samples: args.samples, depth: depth(args), seed: args.seed };
     let about = About { name, scene: format!("{:?}", crate::commands::render::setup(args)).to_lowercase(), notes };
     shoot(cli, args, &outputs, &of, film, about, |film, after| {

@@ -5,7 +5,7 @@ use crate::args::{Cli, Integrator, RenderArgs};
 use crate::failure::{Failure, Outcome};
 use crate::output;
 use crate::progress::STOP;
-use crate::rendering::{About, Outputs, check_flags, digest_of_file, failed, film, shoot};
+use crate::rendering::{About, Outputs, camera, camera_flags, check_flags, digest_of_file, failed, film, shoot};
 use crate::strand_scene::StrandSpec;
 use plywave_render::{RenderOptions, StrandDual, StrandDualOptions, render_strands, render_strands_dual};
 use std::path::{Path, PathBuf};
@@ -59,11 +59,13 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     }
     let integrator = args.integrator.unwrap_or(Integrator::Path);
     of.push(("--integrator".into(), format!("{integrator:?}")));
+    of.extend(camera_flags(args));
     of.push(("--sky-layer".into(), format!("{:?}", args.sky_layer)));
     let film = film(args, &outputs, &of)?;
     let mut notes = Vec::new();
     let sky = super::render::sky(args, &mut notes)?;
-    let (scene, camera, told) = spec.scene(sky)?;
+    let (scene, own, told) = spec.scene(sky)?;
+    let camera = camera(args, own)?;
     notes.extend(told);
     let options = RenderOptions { samples: args.samples, depth, seed: args.seed };
     let about = About { name: spec.name().to_string(), scene: "strands".into(), notes };

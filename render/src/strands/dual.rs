@@ -203,7 +203,7 @@ impl<'a> StrandDual<'a> {
         if let BsdfSample::Scattered(sample) = of.fiber.sample(rng.random()) {
             let flight = of.place.flight(of.place.world(sample.w));
             let (origin, direction) = (flight.origin.as_vec3(), flight.direction.as_vec3());
-            if let Some(source) = sources.met(origin, direction, of.lambda)
+            if let Some(source) = sources.met(origin, direction, f32::INFINITY, of.lambda)
                 && flight.direction != DVec3::ZERO
                 && !self.is_blocked(&flight, source.reach())
             {

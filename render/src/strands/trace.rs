@@ -250,8 +250,7 @@ impl StrandScene {
         throughput: Light4,
         light: &mut Light4,
     ) -> bool {
-        let met = self.sources().met(origin, direction, lambda);
-        let Some(source) = met.filter(|s| s.t < reach || reach.is_infinite()) else { return reach.is_infinite() };
+        let Some(source) = self.sources().met(origin, direction, reach, lambda) else { return reach.is_infinite() };
         let weight = self.sampling.of_met(pdf, source.pdf);
         (0..WAVELENGTHS).for_each(|k| light[k] += throughput[k] * weight * source.radiance[k]);
         true
