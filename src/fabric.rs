@@ -17,6 +17,7 @@ mod dye;
 mod far;
 mod far_query;
 mod flight;
+mod layers;
 mod load;
 mod place;
 mod profile;
@@ -38,6 +39,7 @@ pub use center_line::{CenterPoint, Overlap};
 pub use color_of::ColorOf;
 pub use draft::{Draft, MAX_THREADS};
 pub use dye::{Channels, ColorReach};
+pub use layers::Layer;
 pub use load::{LoadedFabric, USUAL_LEAN_DEG};
 pub use place::{Gap, Place, PlyHit, YarnPlace};
 #[doc(hidden)]
@@ -45,7 +47,7 @@ pub use rules::FABRIC_RULES;
 pub use spec::{FabricSpec, WeaveSpec, YarnColor, YarnOfFabric};
 pub use tensors::{Tensor, Values};
 pub use uv::UvMap;
-pub use wif::Wif;
+pub use wif::{Wif, WifNote, WifNoteKind, WifSpacing};
 pub use yarn::YarnShape;
 
 use crate::Result;

@@ -590,7 +590,7 @@ PlywaveStatus plywave_fabric_name(const struct PlywaveFabric *fabric,
                                   size_t *length,
                                   struct PlywaveError *error);
 
-// What is left out because a model does not hold it, a line each; empty where the models are whole. The buffer as in `plywave_ply_spec`.
+// What there is to know of a fabric, a line each: what was taken where its WIF says nothing or is wrong, layers that no yarn joins, and what a model does not hold. The buffer as in `plywave_ply_spec`.
 PlywaveStatus plywave_fabric_notes(const struct PlywaveFabric *fabric,
                                    char *buffer,
                                    size_t size,

@@ -361,7 +361,7 @@ pub unsafe extern "C" fn plywave_fabric_name(
     })
 }
 
-/// What is left out because a model does not hold it, a line each; empty where the models are whole. The buffer as in `plywave_ply_spec`.
+/// What there is to know of a fabric, a line each: what was taken where its WIF says nothing or is wrong, layers that no yarn joins, and what a model does not hold. The buffer as in `plywave_ply_spec`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fabric_notes(
     fabric: *const PlywaveFabric,

@@ -1,6 +1,7 @@
 //! What a file is, by its first bytes, so that a command given the wrong kind of file says which it is and which it needs.
 
-use crate::failure::{Failure, Outcome};
+use crate::args::Cli;
+use crate::failure::{Failure, Outcome, one_line};
 use plywave::PlyModel;
 use plywave::fabric::{FabricSpec, LoadedFabric};
 use plywave::io::FileKind;
@@ -160,4 +161,11 @@ pub fn load_twin(path: &Path) -> Outcome<ClothTwin> {
 /// Loads a fabric spec and its models; another kind of file is named.
 pub fn load_fabric(path: &Path) -> Outcome<LoadedFabric> {
     FabricSpec::load(path).map_err(|e| explain(path, &[Kind::FabricSpec], e))
+}
+
+/// Says what there is to know of a fabric, for commands whose answer has no place for it.
+pub fn tell_fabric_notes(cli: &Cli, fabric: &LoadedFabric) {
+    if !cli.quiet {
+        fabric.notes().iter().for_each(|note| eprintln!("note: {}", one_line(note)));
+    }
 }

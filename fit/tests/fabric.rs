@@ -57,6 +57,7 @@ fn fabric(draft: Draft, spacing_um: f64, plies: u32, options: &FabricOptions) ->
         models: vec![model()],
         model_paths: Vec::new(),
         threads: [vec![0], vec![0]],
+        wif_notes: Vec::new(),
     };
     FabricBsdf::new(loaded, options).unwrap()
 }

@@ -125,6 +125,11 @@ impl Draft {
         })
     }
 
+    /// Crossings at which a draft of the same size has the other yarn on top.
+    pub fn differences(&self, other: &Draft) -> usize {
+        self.bits.iter().zip(&other.bits).map(|(a, b)| (a ^ b).count_ones() as usize).sum()
+    }
+
     /// Share of the crossings with the warp on top.
     pub fn warp_share(&self) -> f64 {
         let up: u64 = self.bits.iter().map(|w| u64::from(w.count_ones())).sum();

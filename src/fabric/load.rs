@@ -1,8 +1,9 @@
 //! Reading of fabric specs: from files, from memory, or of models that the host has loaded already.
 
-use super::rules::{FABRIC_RULES, check_alike, check_model, check_relations};
+use super::layers::Layer;
+use super::rules::{FABRIC_RULES, SPACING_UM, check_alike, check_model, check_relations};
 use super::spec::{FabricSpec, WeaveSpec, YarnColor, YarnOfFabric};
-use super::wif::{self, Wif};
+use super::wif::{self, Wif, WifNote, WifNoteKind, WifSpacing};
 use super::yarn::YarnShape;
 use super::{Fabric, Family};
 use crate::io::{AssetSource, FileKind, Folder, read_text};
@@ -28,6 +29,8 @@ pub struct LoadedFabric {
     pub model_paths: Vec<PathBuf>,
     /// For warp and weft, and each yarn of one repeat of their stripes: the index of its model. [`LoadedFabric::model_of`] looks it up.
     pub threads: [Vec<usize>; 2],
+    /// What was taken where the WIF says nothing or is wrong; none of other weaves.
+    pub wif_notes: Vec<WifNote>,
 }
 
 impl LoadedFabric {
@@ -67,9 +70,9 @@ impl LoadedFabric {
         (models, names): (Vec<Arc<PlyModel>>, Vec<String>),
         indices: [Vec<usize>; 2],
     ) -> Result<LoadedFabric> {
-        let (draft, colors) = match (wif, spec.weave.draft()) {
-            (Some(wif), None) => (wif.draft, [wif.warp_srgb, wif.weft_srgb]),
-            (None, Some(draft)) => (draft, [Vec::new(), Vec::new()]),
+        let (draft, colors, in_wif, mut wif_notes) = match (wif, spec.weave.draft()) {
+            (Some(wif), None) => (wif.draft, [wif.warp_srgb, wif.weft_srgb], wif.spacing, wif.notes),
+            (None, Some(draft)) => (draft, [Vec::new(), Vec::new()], [None, None], Vec::new()),
             (given, _) => {
                 let (value, hint) = match given {
                     Some(_) => ("a WIF", "this weave has a draft of its own: hand in none"),
@@ -78,6 +81,7 @@ impl LoadedFabric {
                 return Err(rules::invalid(file, "weave.kind", value, hint));
             }
         };
+        let spacing_um = spacings(&spec, file, &in_wif, &mut wif_notes)?;
         let mut shapes = Vec::with_capacity(2);
         let (mut threads, mut one_by_one) = ([Vec::new(), Vec::new()], [false; 2]);
         for (k, family) in Family::EACH.into_iter().enumerate() {
@@ -92,7 +96,18 @@ impl LoadedFabric {
                 }
             }
             if let Some(ply) = &first {
-                let shape = spec.shape(family, ply);
+                let shape = spec.shape(family, ply, spacing_um[k]);
+                if let (None, Some(given)) = (spec.yarn(family).spacing_um, &in_wif[k])
+                    && shape.spacing_um < shape.width_um()
+                {
+                    let hint = format!(
+                        "the yarn is {:.2} um wide, more than {} of the WIF; give a spacing of that or more",
+                        shape.width_um(),
+                        given.source
+                    );
+                    let key = format!("{}.spacing_um", family.name());
+                    return Err(rules::invalid(file, &key, format!("{:.2}", given.um), hint));
+                }
                 one_by_one[k] = ply.yarn.plies < shape.plies;
                 shapes.push(shape);
             }
@@ -112,7 +127,7 @@ impl LoadedFabric {
         let mut fabric = Fabric::named(draft, [warp, weft], spec.colors(colors), file)?;
         fabric.set_one_by_one(one_by_one);
         let model_paths = names.into_iter().map(PathBuf::from).collect();
-        Ok(LoadedFabric { spec, fabric, models, model_paths, threads })
+        Ok(LoadedFabric { spec, fabric, models, model_paths, threads, wif_notes })
     }
 
     /// Index in [`LoadedFabric::models`] of the model of a yarn; stripes go on without end.
@@ -127,9 +142,18 @@ impl LoadedFabric {
         &self.models[self.model_index(family, yarn)]
     }
 
-    /// What is left out because a model does not hold it, a line each; none where the models are whole.
+    /// What there is to know of the fabric, a line each: what was taken where its WIF says nothing or is wrong, layers that no yarn joins, and what is
+    /// left out because a model does not hold it.
     pub fn notes(&self) -> Vec<String> {
-        let mut notes = Vec::new();
+        let mut notes: Vec<String> = match &self.spec.weave {
+            WeaveSpec::Wif { file } => self.wif_notes.iter().map(|note| format!("{file}: {note}")).collect(),
+            WeaveSpec::Draft { .. } => {
+                let draft = self.fabric.draft();
+                let numbers = [draft.ends(), draft.picks()].map(|n| (0..n).collect());
+                Layer::note(&draft.layers_apart(), &numbers).into_iter().collect()
+            }
+            _ => Vec::new(),
+        };
         let mut add = |note: String| {
             if !notes.contains(&note) {
                 notes.push(note);
@@ -150,6 +174,37 @@ impl LoadedFabric {
         }
         notes
     }
+}
+
+/// The spacings of warp and weft: the spec's own, else those of the WIF, of which a note tells.
+fn spacings(
+    spec: &FabricSpec,
+    file: &str,
+    in_wif: &[Option<WifSpacing>; 2],
+    notes: &mut Vec<WifNote>,
+) -> Result<[f64; 2]> {
+    let (mut spacing_um, mut told) = ([0.0; 2], Vec::new());
+    for (k, family) in Family::EACH.into_iter().enumerate() {
+        spacing_um[k] = match (spec.yarn(family).spacing_um, &in_wif[k]) {
+            (Some(own), _) => own,
+            (None, Some(given)) if (SPACING_UM[0]..=SPACING_UM[1]).contains(&given.um) => {
+                told.push(format!("{}.spacing_um = {:.1} from {}", family.name(), given.um, given.source));
+                given.um
+            }
+            (None, given) => {
+                let key = format!("{}.spacing_um", family.name());
+                let hint = match given {
+                    None => "give this key; the WIF has no Spacing and no Thickness for it".into(),
+                    Some(given) => format!("give this key; {} in the WIF is {:.1} um", given.source, given.um),
+                };
+                return Err(rules::invalid(file, &key, "(absent)", hint));
+            }
+        };
+    }
+    if !told.is_empty() {
+        notes.push(WifNote { kind: WifNoteKind::Spacing, text: told.join(", ") });
+    }
+    Ok(spacing_um)
 }
 
 /// Greatest lean of a yarn whose crimp the spec does not give [degrees], as in the cloths that ship.
@@ -224,8 +279,8 @@ impl FabricSpec {
         LoadedFabric::assembled(spec, file, wif, (models, names), indices)
     }
 
-    /// Shape of the yarns of a family, of the plies of a yarn spec where the fabric's does not give their radius.
-    pub fn shape(&self, family: Family, ply: &YarnSpec) -> YarnShape {
+    /// Shape of the yarns of a family at a spacing, of the plies of a yarn spec where the fabric's does not give their radius.
+    pub fn shape(&self, family: Family, ply: &YarnSpec, spacing_um: f64) -> YarnShape {
         let yarn = self.yarn(family);
         let [a, b] = ply.ply_radii_um();
         YarnShape {
@@ -233,7 +288,7 @@ impl FabricSpec {
             ply_radius_um: yarn.ply_radius_um.unwrap_or(a.max(b)),
             ply_pitch_um: yarn.ply_pitch_um,
             handedness: yarn.handedness,
-            spacing_um: yarn.spacing_um,
+            spacing_um,
             crimp: yarn.crimp.unwrap_or(0.5),
             d_cut_um: ply.beam.beam().d_cut_um,
         }

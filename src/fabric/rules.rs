@@ -36,7 +36,7 @@ const YARN: &[Key] = &[
     optional("ply_radius_um", Kind::Number(0.01, 1e3), "the model's"),
     optional("ply_pitch_um", Kind::Number(0.01, 1e7), "parallel plies"),
     optional("handedness", Kind::Choice(&["Z", "S"]), "\"Z\""),
-    required("spacing_um", Kind::Number(0.01, 1e5)),
+    optional("spacing_um", Kind::Number(0.01, 1e5), "the WIF's"),
     optional("crimp", Kind::Number(0.0, 1.0), "a lean of 25 degrees, 0.5 at most"),
     optional("srgb", Kind::Srgb, "the WIF's, or clear fibers"),
     optional("sigma_per_um", Kind::Number(0.0, 10.0), "srgb"),
@@ -45,6 +45,9 @@ const YARN: &[Key] = &[
     optional("slit_um", Kind::Above(0.0, SLIT_MAX_UM as f64), "no slits"),
     optional("slit_share", Kind::Number(0.0, 1.0), "a quarter, with slit_um"),
 ];
+/// Spacings that are taken from a WIF [um]: programs that leave it to a default write all kinds of numbers.
+pub(super) const SPACING_UM: [f64; 2] = [10.0, 1e5];
+
 /// Keys of each `weave.kind`, besides `kind`.
 const WEAVES: &[(&str, &[Key])] = &[
     ("plain", &[]),
@@ -105,6 +108,9 @@ pub(super) fn check_relations(file: &str, spec: &FabricSpec) -> Result<()> {
     for family in Family::EACH {
         let (name, yarn) = (family.name(), spec.yarn(family));
         check_stripes(file, name, yarn)?;
+        if yarn.spacing_um.is_none() && !matches!(spec.weave, WeaveSpec::Wif { .. }) {
+            return Err(invalid(file, &format!("{name}.spacing_um"), "(absent)", "this key must be given"));
+        }
         if yarn.srgb.is_some() && yarn.sigma_per_um.is_some() {
             return Err(invalid(
                 file,

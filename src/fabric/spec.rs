@@ -93,8 +93,9 @@ pub struct YarnOfFabric {
     /// Hand of the plies' helix.
     #[serde(default)]
     pub handedness: Handedness,
-    /// From the axis of a yarn to that of the next [um].
-    pub spacing_um: f64,
+    /// From the axis of a yarn to that of the next [um]; absent: that of the WIF, which other weaves have none of.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spacing_um: Option<f64>,
     /// Amplitude of the yarn's height over the distance of the axes of touching yarns, [`YarnShape::crimp`]; absent: one by which the yarn leans by
     /// [`super::USUAL_LEAN_DEG`] at most, 0.5 in loose weaves.
     #[serde(default)]

@@ -39,6 +39,7 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
         return Err(Failure::input("command line", "--twin", "(absent)", hint));
     };
     let loaded = kinds::load_fabric(&args.model)?;
+    kinds::tell_fabric_notes(cli, &loaded);
     let twin = kinds::load_twin(path)?;
     let refuse = |e| super::runs::failure(e, path);
     if let Some(what) = TwinCloth::parse(&twin.spec_text).map_err(refuse)?.difference(&loaded) {

@@ -36,7 +36,7 @@ struct Report {
 
 /// Runs the command.
 pub fn run(cli: &Cli, args: &ColorArgs) -> Outcome {
-    let (curve, incidence) = curve(args)?;
+    let (curve, incidence) = curve(cli, args)?;
     let (flag, values) =
         if args.srgb.is_empty() { ("--reflectance", &args.reflectance) } else { ("--srgb", &args.srgb) };
     if let Some(bad) = values.iter().find(|v| !(0.0..=1.0).contains(*v)) {
@@ -96,7 +96,7 @@ pub fn run(cli: &Cli, args: &ColorArgs) -> Outcome {
 }
 
 /// The albedo over absorption that is asked for, and of which light.
-fn curve(args: &ColorArgs) -> Outcome<(AlbedoCurve, String)> {
+fn curve(cli: &Cli, args: &ColorArgs) -> Outcome<(AlbedoCurve, String)> {
     if kinds::kind_of(&args.model) == Some(Kind::FabricSpec) {
         if let Some(theta) = args.theta_i {
             return Err(Failure::input(
@@ -107,6 +107,7 @@ fn curve(args: &ColorArgs) -> Outcome<(AlbedoCurve, String)> {
             ));
         }
         let loaded = kinds::load_fabric(&args.model)?;
+        kinds::tell_fabric_notes(cli, &loaded);
         let of = args.color_of.map_or(loaded.spec.color_of, ColorOf::from);
         let fabric = FabricBsdf::new(loaded, &FabricOptions::default())?;
         return Ok((fabric.color_curve_of(of), of.name().into()));

@@ -13,7 +13,9 @@ use std::time::Duration;
 /// Runs the command.
 pub fn run(cli: &Cli, args: &TwinArgs) -> Outcome {
     let refuse = |e| runs::failure(e, &args.spec);
-    let cloth = TwinCloth::of(&kinds::load_fabric(&args.spec)?).map_err(refuse)?;
+    let loaded = kinds::load_fabric(&args.spec)?;
+    kinds::tell_fabric_notes(cli, &loaded);
+    let cloth = TwinCloth::of(&loaded).map_err(refuse)?;
     let job = TwinJob::new(cloth, &options(args)).map_err(refuse)?;
     let path = args.output.clone().unwrap_or_else(|| args.shards.default_output(&args.spec, "pwx"));
     output::check_writable(&path, &[&args.spec])?;

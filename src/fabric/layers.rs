@@ -1,0 +1,260 @@
+//! Whether a draft hangs together (C. R. J. Clapham, "When a fabric hangs together", Bulletin of the London Mathematical Society 12, 1980), and the layers into
+//! which it falls apart where not; and yarns that nothing binds.
+//!
+//! At each crossing one yarn lies above the other. Yarns can be lifted off where none of them passes below a yarn that stays. With s ends and t picks
+//! lifted of E ends and P picks that is where the ends lie above the other P - t picks, and the picks above the other E - s ends: the crossings at
+//! which one of the lifted is above are then s P + t E - s t, those of all s and t with anything, and fewer otherwise. Yarns that are above at more crossings lie in no
+//! lower layer, so sorted by that number only the first s and t need be tried, and of those only t between the numbers of the ends that t parts.
+
+use super::Family;
+use super::draft::Draft;
+use super::wif::{numbered, words};
+
+/// Yarns of a draft that can be lifted off those below: a cloth, or with one family only, loose yarns.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Layer {
+    /// Its ends, ascending from 0.
+    pub ends: Vec<usize>,
+    /// Its picks, ascending from 0.
+    pub picks: Vec<usize>,
+}
+
+impl Layer {
+    /// Whether its yarns bind each other.
+    pub fn is_cloth(&self) -> bool {
+        !self.ends.is_empty() && !self.picks.is_empty()
+    }
+
+    /// What is to be said of the layers of a draft, if there are several. `numbers` are those of its ends and picks elsewhere, from 0.
+    pub(super) fn note(layers: &[Layer], numbers: &[Vec<usize>; 2]) -> Option<String> {
+        let [top, _, ..] = layers else { return None };
+        let cloths = layers.iter().filter(|layer| layer.is_cloth()).count();
+        let loose: usize = layers.iter().filter(|l| !l.is_cloth()).map(|l| l.ends.len() + l.picks.len()).sum();
+        let parts = match (cloths, loose) {
+            (_, 0) => format!("{cloths} cloths"),
+            (1, 1) => "a cloth and a loose yarn".into(),
+            (1, _) => format!("a cloth and {loose} loose yarns"),
+            (_, 1) => format!("{cloths} cloths and a loose yarn"),
+            _ => format!("{cloths} cloths and {loose} loose yarns"),
+        };
+        let named = |family: Family, threads: &[usize]| {
+            let threads: Vec<usize> = threads.iter().map(|at| numbers[family as usize][*at] + 1).collect();
+            (!threads.is_empty()).then(|| numbered(words(family), &threads))
+        };
+        let on_top = [named(Family::Warp, &top.ends), named(Family::Weft, &top.picks)];
+        let on_top: Vec<String> = on_top.into_iter().flatten().collect();
+        Some(format!(
+            "the draft falls apart into {parts} that no yarn joins (Clapham 1980), on top {}; all are shaded as one layer",
+            on_top.join(" with ")
+        ))
+    }
+}
+
+impl Draft {
+    /// The layers into which the draft falls apart, the top one first; one where it hangs together.
+    pub fn layers_apart(&self) -> Vec<Layer> {
+        let (ends, picks) = (self.ends(), self.picks());
+        // Crossings at which each yarn is above.
+        let mut above = [vec![0usize; ends], vec![0usize; picks]];
+        for pick in 0..picks {
+            for end in 0..ends {
+                let up = self.up(pick, end);
+                above[0][end] += usize::from(up);
+                above[1][pick] += usize::from(!up);
+            }
+        }
+        let order = [0, 1].map(|k| {
+            let mut order: Vec<usize> = (0..above[k].len()).collect();
+            order.sort_by_key(|at| (std::cmp::Reverse(above[k][*at]), *at));
+            order
+        });
+        // Crossings won by the first s ends, and by the first t picks.
+        let sums = [0, 1].map(|k| {
+            let mut sum = vec![0];
+            sum.extend(order[k].iter().scan(0, |total, at| {
+                *total += above[k][*at];
+                Some(*total)
+            }));
+            sum
+        });
+        let mut layers = Vec::new();
+        let mut last = (0, 0);
+        for s in 0..=ends {
+            // The picks that are not lifted lie below each of the first s ends, and the ends that are not lifted above none of the others.
+            let most = if s == 0 { picks } else { above[0][order[0][s - 1]] };
+            let least = if s == ends { 0 } else { above[0][order[0][s]] };
+            for t in picks - most..=picks - least {
+                let lifts = sums[0][s] + sums[1][t] == s * picks + t * ends - s * t;
+                if !lifts || (s, t) == (0, 0) {
+                    continue;
+                }
+                let mut layer = Layer { ends: order[0][last.0..s].to_vec(), picks: order[1][last.1..t].to_vec() };
+                layer.ends.sort_unstable();
+                layer.picks.sort_unstable();
+                layers.push(layer);
+                last = (s, t);
+            }
+        }
+        layers
+    }
+
+    /// Takes yarns that are above, or below, all others that are kept out of those that are kept, until there is none. `is_kept` are those of ends and picks.
+    /// What comes back are family, index and whether it is above, in the order in which they went.
+    pub(super) fn peel(&self, is_kept: &mut [Vec<bool>; 2]) -> Vec<(Family, usize, bool)> {
+        let up = |family: Family, thread: usize, across: usize| match family {
+            Family::Warp => self.up(across, thread),
+            Family::Weft => !self.up(thread, across),
+        };
+        let mut left = [0, 1].map(|k| is_kept[k].iter().filter(|kept| **kept).count());
+        // Crossings with kept yarns at which each is above.
+        let mut above = Family::EACH.map(|family| {
+            let across: Vec<usize> =
+                (0..self.threads(family.other())).filter(|a| is_kept[family.other() as usize][*a]).collect();
+            (0..self.threads(family))
+                .map(|t| across.iter().filter(|a| up(family, t, **a)).count())
+                .collect::<Vec<usize>>()
+        });
+        let mut gone = Vec::new();
+        loop {
+            let before = gone.len();
+            for family in Family::EACH {
+                let (k, other) = (family as usize, family.other() as usize);
+                for thread in 0..self.threads(family) {
+                    let count = above[k][thread];
+                    if !is_kept[k][thread] || (count > 0 && count < left[other]) {
+                        continue;
+                    }
+                    is_kept[k][thread] = false;
+                    left[k] -= 1;
+                    for across in 0..self.threads(family.other()) {
+                        above[other][across] -=
+                            usize::from(is_kept[other][across] && up(family.other(), across, thread));
+                    }
+                    gone.push((family, thread, count > 0));
+                }
+            }
+            if gone.len() == before {
+                return gone;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(rows: &[&str]) -> Draft {
+        let up = |pick: usize, end: usize| rows[pick].as_bytes()[end] == b'X';
+        Draft::from_fn(rows.len(), rows[0].len(), up).unwrap()
+    }
+
+    /// The layers by definition: yarns that are above each other by way of others are of one layer, and layers are in the order in which they lie.
+    fn by_reach(draft: &Draft) -> Vec<Layer> {
+        let (ends, n) = (draft.ends(), draft.ends() + draft.picks());
+        let mut reach = vec![vec![false; n]; n];
+        for pick in 0..draft.picks() {
+            for end in 0..ends {
+                let up = draft.up(pick, end);
+                (reach[end][ends + pick], reach[ends + pick][end]) = (up, !up);
+            }
+        }
+        for via in 0..n {
+            for from in 0..n {
+                for to in 0..n {
+                    reach[from][to] |= reach[from][via] && reach[via][to];
+                }
+            }
+        }
+        let mut layers: Vec<(usize, Layer)> = Vec::new();
+        for yarn in 0..n {
+            if (0..yarn).any(|before| reach[yarn][before] && reach[before][yarn]) {
+                continue;
+            }
+            let all: Vec<usize> = (0..n).filter(|y| *y == yarn || (reach[yarn][*y] && reach[*y][yarn])).collect();
+            let picks = all.iter().filter(|y| **y >= ends).map(|y| y - ends).collect();
+            let layer = Layer { ends: all.iter().copied().filter(|y| *y < ends).collect(), picks };
+            layers.push(((0..n).filter(|to| reach[yarn][*to]).count(), layer));
+        }
+        // What is higher reaches more.
+        layers.sort_by_key(|(below, _)| std::cmp::Reverse(*below));
+        layers.into_iter().map(|(_, layer)| layer).collect()
+    }
+
+    /// All drafts of up to 4 x 3 and 3 x 4 yarns, against the definition. Loose yarns beside each other are in either order.
+    #[test]
+    fn layers_are_those_of_the_definition() {
+        let sorted = |layers: &[Layer]| {
+            let mut list: Vec<_> = layers.iter().map(|l| (l.ends.clone(), l.picks.clone())).collect();
+            list.sort();
+            list
+        };
+        for (picks, ends) in [(1, 1), (1, 2), (2, 1), (2, 2), (3, 1), (2, 3), (3, 3), (4, 3), (3, 4)] {
+            for bits in 0u32..1 << (picks * ends) {
+                let draft = Draft::from_fn(picks, ends, |pick, end| bits >> (pick * ends + end) & 1 == 1).unwrap();
+                let (got, want) = (draft.layers_apart(), by_reach(&draft));
+                assert_eq!(sorted(&got), sorted(&want), "{picks} x {ends}: {bits:b}");
+                // From top to bottom: no yarn lies above one of a higher layer.
+                for (k, layer) in got.iter().enumerate() {
+                    for lower in &got[k + 1..] {
+                        assert!(layer.ends.iter().all(|e| lower.picks.iter().all(|p| draft.up(*p, *e))), "{bits:b}");
+                        assert!(layer.picks.iter().all(|p| lower.ends.iter().all(|e| !draft.up(*p, *e))), "{bits:b}");
+                    }
+                }
+                let mut kept = [vec![true; ends], vec![true; picks]];
+                let gone = draft.peel(&mut kept);
+                assert_eq!(gone.len(), kept.iter().flatten().filter(|kept| !**kept).count(), "{bits:b}");
+                assert_eq!(gone.is_empty(), ends > 0 && unbound(&draft).is_none(), "{bits:b}");
+            }
+        }
+    }
+
+    /// As [`Draft::unbound`], which lets two layers pass.
+    fn unbound(draft: &Draft) -> Option<usize> {
+        if *draft == Draft::layers() { Some(0) } else { draft.unbound().map(|(_, thread, _)| thread) }
+    }
+
+    #[test]
+    fn weaves_hang_together_and_double_cloths_do_not() {
+        for draft in
+            [Draft::plain(), Draft::twill(3, 1).unwrap(), Draft::satin(8, 3).unwrap(), Draft::basket(3).unwrap()]
+        {
+            assert_eq!(draft.layers_apart().len(), 1);
+        }
+        // Two plain weaves, three, and one stitched to the other.
+        let two = of(&["X...", "XXX.", "..X.", "X.XX"]).layers_apart();
+        assert_eq!(two, [Layer { ends: vec![0, 2], picks: vec![0, 2] }, Layer { ends: vec![1, 3], picks: vec![1, 3] }]);
+        let plies = |n: usize| {
+            Draft::from_fn(2 * n, 2 * n, move |pick, end| match (end % n).cmp(&(pick % n)) {
+                std::cmp::Ordering::Less => true,
+                std::cmp::Ordering::Equal => (pick / n + end / n) % 2 == 0,
+                std::cmp::Ordering::Greater => false,
+            })
+        };
+        for n in [1, 2, 3, 7, 100] {
+            let layers = plies(n).unwrap().layers_apart();
+            assert_eq!(layers.len(), n);
+            assert!(layers.iter().enumerate().all(|(k, l)| l.ends == [k, n + k] && l.picks == [k, n + k]));
+        }
+        assert_eq!(of(&["XX..", "XXX.", "..X.", "X.XX"]).layers_apart().len(), 1);
+        let numbers = [(0..4).collect(), (0..4).collect()];
+        assert_eq!(Layer::note(&two[..1], &numbers), None);
+        // An end between two cloths, bound by neither.
+        let three = of(&["X....", "XXX.X", "..X..", "X.XXX"]).layers_apart();
+        assert_eq!(three[1], Layer { ends: vec![4], picks: vec![] });
+        let said = Layer::note(&three, &[(0..5).collect(), (0..4).collect()]).unwrap();
+        assert!(
+            said.contains("into 2 cloths and a loose yarn") && said.contains("on top ends 1 and 3 with picks 1 and 3")
+        );
+    }
+
+    /// Yarns go one after the other down a staircase, in time that grows with the crossings alone.
+    #[test]
+    fn staircases_are_peeled() {
+        let n = 2000;
+        let stairs = Draft::from_fn(n, n, |pick, end| end < pick).unwrap();
+        let mut kept = [vec![true; n], vec![true; n]];
+        assert_eq!(stairs.peel(&mut kept).len(), 2 * n);
+        assert_eq!(stairs.layers_apart().len(), 2 * n);
+    }
+}

@@ -1,0 +1,283 @@
+//! The text of a WIF: encodings and line ends, sections and keys, and values as programs write them.
+//!
+//! The syntax of INI files is the crate `configparser`'s. Section and key names count in any case; `;` begins a comment. A number may be followed by
+//! a comment without one (WIF 1.1, "Comments"), and values may stand in quotes.
+
+use super::note::{Notes, WifNoteKind, numbered};
+use crate::spec::rules::line;
+use crate::{Error, Result};
+use configparser::ini::IniDefault;
+use std::borrow::Cow;
+use std::collections::{BTreeMap, HashMap};
+
+/// The text of the bytes, with line ends of any system as line feeds. A byte order mark tells the encoding; bytes of other alphabets, in names and
+/// notes of old files, do no harm.
+fn decode<'a>(bytes: &'a [u8], notes: &mut Notes) -> Cow<'a, str> {
+    // Latin text in UTF-16 has a zero in every pair of bytes.
+    let head = &bytes[..bytes.len().min(256)];
+    let zeros = |at: usize| head.iter().skip(at).step_by(2).filter(|b| **b == 0).count() * 4 > head.len();
+    let wide: Option<fn([u8; 2]) -> u16> = match bytes {
+        [0xff, 0xfe, ..] => Some(u16::from_le_bytes),
+        [0xfe, 0xff, ..] => Some(u16::from_be_bytes),
+        _ if zeros(1) => Some(u16::from_le_bytes),
+        _ if zeros(0) => Some(u16::from_be_bytes),
+        _ => None,
+    };
+    let text: Cow<'a, str> = match wide {
+        None => String::from_utf8_lossy(bytes),
+        Some(unit) => {
+            if !matches!(bytes, [0xff, 0xfe, ..] | [0xfe, 0xff, ..]) {
+                notes.add(WifNoteKind::Encoding, "no byte order mark: read as UTF-16 all the same".into());
+            }
+            let (pairs, _) = bytes.as_chunks::<2>();
+            // Zeros are left of UTF-32.
+            let units = pairs.iter().map(|pair| unit(*pair)).filter(|u| *u != 0);
+            char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER)).collect::<String>().into()
+        }
+    };
+    let text = match text.strip_prefix('\u{feff}') {
+        Some(rest) => Cow::Owned(rest.to_string()),
+        None => text,
+    };
+    if text.contains('\r') { text.replace("\r\n", "\n").replace('\r', "\n").into() } else { text }
+}
+
+/// Name of a section or key: capitals, one space between words.
+fn name_of(given: &str) -> String {
+    given.split_whitespace().collect::<Vec<_>>().join(" ").to_ascii_uppercase()
+}
+
+/// A value without its quotes.
+fn bare(value: &str) -> &str {
+    value.trim_matches(|c: char| c == '"' || c == '\'' || c.is_whitespace())
+}
+
+/// Sections and their keys by [`name_of`], values [`bare`].
+pub(super) struct Ini<'a> {
+    file: &'a str,
+    sections: HashMap<String, HashMap<String, String>>,
+}
+
+impl<'a> Ini<'a> {
+    pub fn read(bytes: &[u8], file: &'a str, notes: &mut Notes) -> Result<Ini<'a>> {
+        let mut syntax = IniDefault::default();
+        (syntax.comment_symbols, syntax.delimiters) = (vec![';'], vec!['=']);
+        let parsed = configparser::ini::Ini::new_from_defaults(syntax).read(decode(bytes, notes).into_owned());
+        let parsed = parsed.map_err(|what| Error::Format {
+            file: line(file),
+            what: line(&what),
+            hint: "write sections as [NAME] and keys as name=value".into(),
+        })?;
+        let mut sections: HashMap<String, HashMap<String, String>> = HashMap::new();
+        for (name, keys) in parsed {
+            let keys = keys.into_iter().filter_map(|(key, value)| Some((name_of(&key), bare(&value?).to_string())));
+            // An empty value counts as absent.
+            sections.entry(name_of(&name)).or_default().extend(keys.filter(|(_, value)| !value.is_empty()));
+        }
+        if !sections.contains_key("WIF") {
+            let hint = "use a Weaving Information File, which begins with the section [WIF]".into();
+            return Err(Error::Format { file: line(file), what: "no section [WIF]".into(), hint });
+        }
+        Ok(Ini { file, sections })
+    }
+
+    pub fn has(&self, section: &str) -> bool {
+        self.sections.contains_key(section)
+    }
+
+    /// The value of a key.
+    pub fn text(&self, section: &str, key: &str) -> Option<&str> {
+        self.sections.get(section)?.get(&key.to_ascii_uppercase()).map(String::as_str)
+    }
+
+    /// A refusal of the value of a key.
+    pub fn invalid(&self, section: &str, key: &str, value: impl std::fmt::Display, hint: String) -> Error {
+        let key = line(&format!("[{section}] {key}"));
+        Error::Invalid { file: line(self.file), key, value: line(&value.to_string()), hint }
+    }
+
+    /// A number from 1 to `most`, if the key gives one; 0 stands for none.
+    pub fn count(&self, section: &str, key: &str, most: usize) -> Result<Option<usize>> {
+        let Some(given) = self.text(section, key) else { return Ok(None) };
+        match numbers(given).as_deref() {
+            Some([0]) => Ok(None),
+            Some([n]) if *n <= most as u64 => Ok(Some(*n as usize)),
+            _ => Err(self.invalid(section, key, given, format!("use a whole number from 1 to {most}"))),
+        }
+    }
+
+    /// Whether the key says yes or no, if it is there.
+    pub fn truth(&self, section: &str, key: &str) -> Result<Option<bool>> {
+        let Some(given) = self.text(section, key) else { return Ok(None) };
+        let word = given.split_whitespace().next().unwrap_or_default().to_ascii_lowercase();
+        match word.as_str() {
+            "true" | "yes" | "on" | "1" | "t" | "y" | "-1" => Ok(Some(true)),
+            "false" | "no" | "off" | "0" | "f" | "n" => Ok(Some(false)),
+            _ => Err(self.invalid(section, key, given, "use true or false".into())),
+        }
+    }
+
+    /// Numbered lines of a section, each with a list of whole numbers; none where the section is absent. Lines whose key is no number are left out.
+    pub fn rows(&self, section: &'static str, notes: &mut Notes) -> Result<Rows> {
+        let mut rows = Rows { section, lines: BTreeMap::new() };
+        for (number, given) in self.lines(section, notes) {
+            let Some(list) = numbers(given) else {
+                let hint = "use whole numbers with commas between them".into();
+                return Err(self.invalid(section, &number.to_string(), given, hint));
+            };
+            rows.lines.insert(number, list);
+        }
+        Ok(rows)
+    }
+
+    /// [`Ini::rows`] of shafts or treadles: numbers from 1 to `most`, which 0, for none, is left out of. Lines of none are left out as well.
+    pub fn loom_rows(&self, section: &'static str, most: usize, notes: &mut Notes) -> Result<Rows> {
+        let mut rows = self.rows(section, notes)?;
+        for (number, list) in &mut rows.lines {
+            list.retain(|n| *n != 0);
+            if list.iter().any(|n| *n > most as u64) {
+                let given = self.text(section, &number.to_string()).unwrap_or("(too large)");
+                return Err(self.invalid(section, &number.to_string(), given, format!("use numbers from 1 to {most}")));
+            }
+        }
+        rows.lines.retain(|_, list| !list.is_empty());
+        Ok(rows)
+    }
+
+    /// Positive numbers by the numbered lines of a section; lines of others are left out.
+    pub fn reals(&self, section: &'static str, notes: &mut Notes) -> BTreeMap<usize, f64> {
+        self.lines(section, notes).into_iter().filter_map(|(number, given)| Some((number, real(given)?))).collect()
+    }
+
+    /// Numbered lines of a section in order, so that the same file gives the same message.
+    fn lines(&self, section: &'static str, notes: &mut Notes) -> BTreeMap<usize, &str> {
+        let mut lines = BTreeMap::new();
+        for (key, given) in self.sections.get(section).into_iter().flatten() {
+            match key.parse::<usize>() {
+                Ok(number) => {
+                    lines.insert(number, given.as_str());
+                }
+                Err(_) => notes.add(
+                    WifNoteKind::SpareLines,
+                    format!("[{section}] has lines whose key is no number; they are left out"),
+                ),
+            }
+        }
+        lines
+    }
+}
+
+/// Numbered lines of a section.
+pub(super) struct Rows {
+    pub section: &'static str,
+    pub lines: BTreeMap<usize, Vec<u64>>,
+}
+
+impl Rows {
+    /// How many lines the section is made for, where the file does not say: its greatest number, and one more if it counts from 0.
+    pub fn count(&self) -> usize {
+        let from_zero = usize::from(self.lines.contains_key(&0));
+        self.lines.keys().next_back().map_or(0, |last| last.saturating_add(from_zero))
+    }
+
+    /// The greatest number in any list.
+    pub fn greatest(&self) -> usize {
+        self.lines.values().flatten().max().map_or(0, |n| *n as usize)
+    }
+
+    /// Lists of `count` threads; those without a line are empty. Lines beyond are left out. Where there is a line 0 and none of the last thread the file
+    /// counts from 0.
+    pub fn fit(mut self, count: usize, notes: &mut Notes) -> Vec<Vec<u64>> {
+        let section = self.section;
+        if self.lines.contains_key(&0) && !self.lines.contains_key(&count) {
+            notes.add(
+                WifNoteKind::Numbering,
+                format!("the lines of [{section}] count from 0: each is taken for the next"),
+            );
+            self.lines = self.lines.into_iter().map(|(number, list)| (number.saturating_add(1), list)).collect();
+        }
+        let mut lists = vec![Vec::new(); count];
+        let mut spare = Vec::new();
+        for (number, list) in self.lines {
+            match number.checked_sub(1).and_then(|at| lists.get_mut(at)) {
+                Some(place) => *place = list,
+                None => spare.push(number),
+            }
+        }
+        if !spare.is_empty() {
+            let lines = numbered(["line", "lines"], &spare);
+            notes.add(WifNoteKind::SpareLines, format!("{lines} of [{section}] left out: there are {count} threads"));
+        }
+        lists
+    }
+}
+
+/// Whole numbers between commas or blanks; `None` where something else stands in a number's place. Words after a number are a comment.
+pub(super) fn numbers(given: &str) -> Option<Vec<u64>> {
+    let whole = |word: &str| {
+        word.parse::<u64>().ok().or_else(|| {
+            let x: f64 = word.parse().ok()?;
+            (x.fract() == 0.0 && (0.0..1e15).contains(&x)).then_some(x as u64)
+        })
+    };
+    let mut list = Vec::new();
+    for part in given.split(',') {
+        for (k, word) in part.split_whitespace().enumerate() {
+            match (whole(bare(word)), k) {
+                (Some(n), _) => list.push(n),
+                (None, 0) => return None,
+                (None, _) => return Some(list),
+            }
+        }
+    }
+    Some(list)
+}
+
+/// A positive number, with a point or a comma.
+pub(super) fn real(given: &str) -> Option<f64> {
+    let word = given.split_whitespace().next()?;
+    let word = if word.contains('.') { word.into() } else { word.replacen(',', ".", 1) };
+    word.parse().ok().filter(|x: &f64| x.is_finite() && *x > 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_read_as_programs_write_them() {
+        assert_eq!(numbers("1,2").as_deref(), Some(&[1, 2][..]));
+        assert_eq!(numbers(" 1 , 2,, 3, ").as_deref(), Some(&[1, 2, 3][..]));
+        assert_eq!(numbers("1\t2").as_deref(), Some(&[1, 2][..]));
+        assert_eq!(numbers("1,5 both shafts 3").as_deref(), Some(&[1, 5][..]));
+        assert_eq!(numbers("2.0, 007").as_deref(), Some(&[2, 7][..]));
+        assert_eq!(numbers("").as_deref(), Some(&[][..]));
+        assert!(["x", "1,x", "-1", "1;", "2.5", "nan", "1e99", "0x1", "1-4"].iter().all(|t| numbers(t).is_none()));
+        assert_eq!([real("0.212"), real("0,212"), real(".5 cm"), real("2e-1")], [0.212, 0.212, 0.5, 0.2].map(Some));
+        assert!(["", "0", "-1", "nan", "inf", "x", "1.000,5"].iter().all(|t| real(t).is_none()));
+    }
+
+    #[test]
+    fn bytes_are_decoded() {
+        let text = "[WIF]\nVersion=1.1\n[TEXT]\nAuthor=M\u{fc}ller \u{1f9f6}\n";
+        let wide = |unit: fn(u16) -> [u8; 2]| -> Vec<u8> { text.encode_utf16().flat_map(unit).collect() };
+        let (little, big) = (wide(u16::to_le_bytes), wide(u16::to_be_bytes));
+        let of = |bytes: &[u8]| {
+            let mut notes = Notes::default();
+            let text = decode(bytes, &mut notes).into_owned();
+            (text, notes.finish().len())
+        };
+        assert_eq!(of(text.as_bytes()), (text.into(), 0));
+        assert_eq!(of(&[b"\xef\xbb\xbf", text.as_bytes()].concat()), (text.into(), 0));
+        assert_eq!(of(&[b"\xff\xfe", &little[..]].concat()), (text.into(), 0));
+        assert_eq!(of(&[b"\xfe\xff", &big[..]].concat()), (text.into(), 0));
+        assert_eq!((of(&little), of(&big)), ((text.into(), 1), (text.into(), 1)));
+        // An odd byte at the end, UTF-32, nothing at all.
+        assert_eq!(of(&[b"\xff\xfe", &little[..], b"x"].concat()), (text.into(), 0));
+        let four: Vec<u8> = text.chars().flat_map(|c| u32::from(c).to_le_bytes()).take(4 * 20).collect();
+        assert_eq!(of(&[b"\xff\xfe\0\0", &four[..]].concat()).0, text[..20]);
+        assert_eq!(of(b""), (String::new(), 0));
+        assert_eq!(of(b"a\rb\r\nc\nd\r\r").0, "a\nb\nc\nd\n\n");
+        assert!(of(b"[TEXT]\nAuthor=M\xfcller\n").0.contains("ller\n"));
+    }
+}
