@@ -251,7 +251,7 @@ fn yarns_that_nothing_binds_are_left_out() {
     let case = "wif_unthreaded_end";
     let wif = parse(draft_of(case));
     assert_eq!(drawn(&wif.draft), ["XX.", ".X.", "..X", "X.X"]);
-    assert_eq!(only(&wif, Kind::UnthreadedEnds), "end 3 left out: on no shaft, and no pick binds it");
+    assert_eq!(only(&wif, Kind::UnthreadedEnds), "end 3 left out: on no shaft, bound by no pick");
     for line in ["", "3=", "3= ; none", "3=0,0"] {
         assert_eq!(parse(with(case, "3=0", line)), wif, "{line:?}");
     }
@@ -261,18 +261,21 @@ fn yarns_that_nothing_binds_are_left_out() {
     // More ends are declared than threaded, as looms have heddles.
     let wide = parse(with(case, "[WARP]\nThreads=4", "[WARP]\nThreads=400").replace("3=0", "3=3"));
     assert_eq!(drawn(&wide.draft), TWILL);
-    assert_eq!(only(&wide, Kind::UnthreadedEnds), "ends 5 to 400 left out: on no shaft, and no pick binds it");
+    // Nothing is said of the colors of those that are left out.
+    let text = with("wif_color_zero", "[WARP]\nThreads=4", "[WARP]\nThreads=5");
+    assert_eq!(kinds(&parse(text)), [Kind::UnthreadedEnds]);
+    assert_eq!(only(&wide, Kind::UnthreadedEnds), "ends 5 to 400 left out: on no shaft, bound by no pick");
     // Picks of no treadle are unused just so.
     for line in ["3=0\n", "3=\n", ""] {
         let new = format!("[TREADLING]\n1=1\n2=2\n{line}4=4");
         let wif = parse(twill().replace("[TREADLING]\n1=1\n2=2\n3=3\n4=4", &new));
         assert_eq!(drawn(&wif.draft), ["XX..", ".XX.", "X..X"], "{line:?}");
-        assert_eq!(only(&wif, Kind::EmptyPicks), "pick 3 left out: no shaft moves, and no end binds it");
+        assert_eq!(only(&wif, Kind::EmptyPicks), "pick 3 left out: no shaft moves, bound by no end");
     }
     let plan = with("wif_shafts_undeclared", "Shafts=4", "Shafts=18");
     let wif = parse(plan.replace("4=2\n", "4=0\n5=2\n").replace("[WEFT]\nThreads=4", "[WEFT]\nThreads=5"));
     assert_eq!(drawn(&wif.draft), ["XX.X", ".XX.", "X.XX", ".X.."]);
-    assert_eq!(only(&wif, Kind::EmptyPicks), "pick 4 left out: no shaft moves, and no end binds it");
+    assert_eq!(only(&wif, Kind::EmptyPicks), "pick 4 left out: no shaft moves, bound by no end");
     // An end on a shaft that nothing lifts, and one that every pick lifts.
     let wif = parse(plan.replace("[THREADING]\n1=1\n2=2\n3=18\n4=1", "[THREADING]\n1=1\n2=2\n3=18\n4=7"));
     assert_eq!(drawn(&wif.draft), ["XX.", ".XX", "X.X", ".X."]);

@@ -95,9 +95,7 @@ impl Wif {
         if let Some(text) = Layer::note(&draft.layers_apart(), &kept) {
             notes.add(WifNoteKind::FallsApart, text);
         }
-        let [warp_srgb, weft_srgb] = colors::colors(&ini, [ends, picks], &mut notes)?;
-        let of = |all: Vec<[f32; 3]>, kept: &[usize]| kept.iter().filter_map(|at| all.get(*at).copied()).collect();
-        let (warp_srgb, weft_srgb) = (of(warp_srgb, warp), of(weft_srgb, weft));
+        let [warp_srgb, weft_srgb] = colors::colors(&ini, [ends, picks], &kept, &mut notes)?;
         let spacing = Family::EACH.map(|family| spacing::spacing(&ini, family, &kept[family as usize], &mut notes));
         Ok(Wif { draft, warp_srgb, weft_srgb, spacing, notes: notes.finish() })
     }
@@ -302,8 +300,8 @@ fn compare(plan: &Draft, other: &Draft, notes: &mut Notes) {
 /// that lie loose on the face or the back.
 fn woven(full: &Draft, unused: [Vec<bool>; 2], notes: &mut Notes) -> [Vec<usize>; 2] {
     let kinds = [
-        (WifNoteKind::UnthreadedEnds, "on no shaft, and no pick binds it"),
-        (WifNoteKind::EmptyPicks, "no shaft moves, and no end binds it"),
+        (WifNoteKind::UnthreadedEnds, "on no shaft, bound by no pick"),
+        (WifNoteKind::EmptyPicks, "no shaft moves, bound by no end"),
     ];
     for (k, family) in Family::EACH.into_iter().enumerate() {
         let list: Vec<usize> = (1..=unused[k].len()).filter(|n| unused[k][n - 1]).collect();

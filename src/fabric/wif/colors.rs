@@ -7,8 +7,13 @@ use crate::Result;
 use crate::fabric::Family;
 use std::collections::BTreeMap;
 
-/// Color of each of `threads` yarns of warp and weft [sRGB, 0 to 1]; empty for a family of which the file says none.
-pub(super) fn colors(ini: &Ini<'_>, threads: [usize; 2], notes: &mut Notes) -> Result<[Vec<[f32; 3]>; 2]> {
+/// Color of each of the yarns `kept`, counted from 0, of `threads` of warp and weft [sRGB, 0 to 1]; empty for a family of which the file says none.
+pub(super) fn colors(
+    ini: &Ini<'_>,
+    threads: [usize; 2],
+    kept: &[Vec<usize>; 2],
+    notes: &mut Notes,
+) -> Result<[Vec<[f32; 3]>; 2]> {
     let palette = Palette::read(ini, notes)?;
     let mut both = [Vec::new(), Vec::new()];
     for (k, family) in Family::EACH.into_iter().enumerate() {
@@ -23,8 +28,9 @@ pub(super) fn colors(ini: &Ini<'_>, threads: [usize; 2], notes: &mut Notes) -> R
         }
         let Some(first) = palette.colors.values().next().copied().or(usual) else { continue };
         let (mut unknown, mut none) = (Vec::new(), Vec::new());
-        both[k] = Vec::with_capacity(threads[k]);
-        for (at, list) in given.iter().enumerate() {
+        both[k] = Vec::with_capacity(kept[k].len());
+        for &at in &kept[k] {
+            let list = &given[at];
             let own = palette.find(list);
             match (is_named(list), own, usual) {
                 (true, None, _) => unknown.push(at + 1),

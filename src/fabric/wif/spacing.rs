@@ -44,7 +44,8 @@ pub(super) fn spacing(ini: &Ini<'_>, family: Family, kept: &[usize], notes: &mut
             continue;
         }
         let (least, greatest) = values.iter().fold((f64::MAX, 0.0), |(a, b): (f64, f64), v| (a.min(*v), b.max(*v)));
-        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        let sum: f64 = values.iter().sum();
+        let mean = if least == greatest { least } else { sum / values.len() as f64 };
         let mut source = match (least == greatest, common) {
             (true, Some(value)) if value == least => format!("[{section}] {key} = {least} {unit}"),
             (true, _) => format!("[{own}], {least} {unit}"),
