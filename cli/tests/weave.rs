@@ -147,21 +147,38 @@ fn textures_for_hosts_without_the_model() {
     assert!((mean * step / want - 1.0).abs() < 0.01, "{} {want}", mean * step);
 }
 
-/// Written twice, the same; a folder of something else is left alone. An open cloth of single plies takes half the time to load: less light goes from yarn to yarn.
+/// A plain weave whose contents announce what is not there.
+const PLAIN: &str = "[WIF]\nVersion=1.1\n[CONTENTS]\nLIFTPLAN=true\n[WEAVING]\nShafts=2\nTreadles=2\nRising Shed=true\n[WARP]\nThreads=2\n\
+Units=centimeters\nSpacing=0.02\n[WEFT]\nThreads=2\n[THREADING]\n1=1\n2=2\n[TIEUP]\n1=1\n2=2\n[TREADLING]\n1=1\n2=2\n";
+
+/// Written twice, the same; a folder of something else is left alone; what a WIF leaves open is told. An open cloth of single plies takes half the time to
+/// load: less light goes from yarn to yarn.
 #[test]
 fn textures_are_written_over() {
     let usual = folder("cotton_plain", |spec| {
         let drop = ["crimp", "plies", "ply_pitch_um", "handedness"];
         let line = |line: &str| line.replace("spacing_um = 348.0", "spacing_um = 200.0") + "\n";
-        spec.lines().filter(|line| !drop.iter().any(|key| line.starts_with(key))).map(line).collect()
+        let spec: String =
+            spec.lines().filter(|line| !drop.iter().any(|key| line.starts_with(key))).map(line).collect();
+        // The spacing of the warp is the file's, the same.
+        let spec = spec.replacen("spacing_um = 200.0\n", "", 1);
+        assert!(spec.contains("kind = \"plain\""), "{spec}");
+        spec.replace("kind = \"plain\"", "kind = \"wif\"\nfile = \"cloth.wif\"")
     });
     let dir = usual.path();
+    std::fs::write(dir.join("cloth.wif"), PLAIN).unwrap();
     // Without a crimp in the spec the yarns lean as those of the cloths that ship do.
     let said = json(&succeed(dir, &["weave", "cloth.toml", "-o", "out", "--pixels", "20", "--json"]));
     assert!(!said["notes"].to_string().contains("leans"), "{said}");
     let before = std::fs::read(dir.join("out/height.png")).unwrap();
     let text = succeed(dir, &["weave", "cloth.toml", "-o", "out", "--pixels", "20"]);
     assert_eq!(text.matches("leans by up to 25 degrees").count(), 2, "{text}");
+    for note in [
+        "cloth.wif: [CONTENTS] announces LIFTPLAN, which the file lacks",
+        "cloth.wif: warp.spacing_um = 200.0 from [WARP] Spacing = 0.02 centimeters",
+    ] {
+        assert!(text.contains(&format!("\n  note: {note}\n")) && said["notes"].to_string().contains(note), "{text}");
+    }
     assert_eq!(std::fs::read(dir.join("out/height.png")).unwrap(), before);
     refused(dir, &["weave", "cloth.toml", "-o", "models"], &["models", "a folder without weave.json"]);
 }
