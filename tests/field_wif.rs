@@ -1,5 +1,6 @@
-//! WIFs from the field, which depart from the format: read by value, crossing by crossing, with a note for each kind of assumption. The files of a case are in
-//! `tests/data/field/`, siblings are made from them. The values are those of the format's text (WIF 1.1, 1997) by hand.
+//! WIFs from the field, which depart from the format: read by value, crossing by crossing, with a note for
+//! each kind of assumption. The files of a case are in `tests/data/field/`, siblings are made from them. The
+//! values are those of the format's text (WIF 1.1, 1997) by hand.
 
 use plywave::fabric::{Draft, FabricSpec, Family, LoadedFabric, Wif, WifNoteKind as Kind, YarnColor};
 use plywave::io::MemoryAssets;
@@ -92,7 +93,8 @@ fn contents_are_a_hint() {
     let wif = parse(draft_of("wif_contents_lies"));
     assert_eq!(drawn(&wif.draft), TWILL);
     assert_eq!(only(&wif, Kind::Contents), "[CONTENTS] announces LIFTPLAN, which the file lacks");
-    // Sections that are there and not announced are read, and nothing is said; nor where there are no contents.
+    // Sections that are there and not announced are read, and nothing is said; nor where there are no
+    // contents.
     for text in [twill().replace("TIEUP=true", "TIEUP=false"), with("wif_contents_lies", "[CONTENTS]", "[PRIVATE A B]")]
     {
         let wif = parse(text);
@@ -207,7 +209,8 @@ fn colors_that_are_missing_are_taken_from_the_family() {
     // No color of a family at all: none is invented.
     let wif = parse(with(case, "Color=2", "Color=0"));
     assert_eq!((wif.weft_srgb.len(), kinds(&wif)), (0, vec![]));
-    // Index, red, green and blue, as of old: the index counts, and red, green and blue where there is no table.
+    // Index, red, green and blue, as of old: the index counts, and red, green and blue where there is no
+    // table.
     let old = with(case, "Color=2", "Color=1,0,0,255").replace("4=2\n\n[COLOR P", "4=2,9,9,9\n\n[COLOR P");
     assert_eq!((parse(&old).warp_srgb[3], parse(&old).weft_srgb[0]), (BLUE, RED));
     let old = parse(old.replace("[COLOR TABLE]", "[C]").replace("[WARP COLORS]", "[W]"));
@@ -521,8 +524,8 @@ fn colors_of_left_out_yarns_shift_no_other() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 3000, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Bytes, numbers and lines of a file from the field changed at several places: read or refused in one line, and what is read is a draft of bound yarns, with colors and
-    /// notes that fit.
+    /// Bytes, numbers and lines of a file from the field changed at several places: read or refused in one
+    /// line, and what is read is a draft of bound yarns, with colors and notes that fit.
     #[test]
     fn damaged_files_are_read_or_refused(
         which in 0..CASES.len(),

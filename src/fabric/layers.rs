@@ -1,10 +1,14 @@
-//! Whether a draft hangs together (C. R. J. Clapham, "When a fabric hangs together", Bulletin of the London Mathematical Society 12, 1980), and the layers into
-//! which it falls apart where not; and yarns that nothing binds.
+//! Whether a draft hangs together (C. R. J. Clapham, "When a fabric hangs together", Bulletin of the London
+//! Mathematical Society 12, 1980), the layers into which it falls apart, and yarns that nothing binds.
 //!
-//! At each crossing one yarn lies above the other. Yarns can be lifted off where none of them passes below a yarn that stays. With s ends and t picks
-//! lifted of E ends and P picks that is where the ends lie above the other P - t picks, and the picks above the other E - s ends: the crossings at
-//! which one of the lifted is above are then s P + t E - s t, those of all s and t with anything, and fewer otherwise. Yarns that are above at more crossings lie in no
-//! lower layer, so sorted by that number only the first s and t need be tried, and of those only t between the numbers of the ends that t parts.
+//! At each crossing one of two yarns lies above. A set of yarns can be lifted off if none of them passes
+//! below a yarn outside the set. Take s of E ends and t of P picks. At s P + t E - s t crossings one of them
+//! meets any yarn; the set can be lifted off if at all of these a yarn of the set is above, and then the
+//! counts "crossings at which this yarn is above" of its yarns add up to that number. A yarn of a higher
+//! layer is above at no fewer crossings than one of a lower layer. So ends and picks are sorted by their
+//! counts, and the sets to try are the first s and the first t of them. For each s only few t are possible:
+//! the P - t picks that stay are below each of the s ends, and the ends that stay are above none of the t
+//! picks.
 
 use super::Family;
 use super::draft::Draft;
@@ -25,7 +29,8 @@ impl Layer {
         !self.ends.is_empty() && !self.picks.is_empty()
     }
 
-    /// What is to be said of the layers of a draft, if there are several. `numbers` are those of its ends and picks elsewhere, from 0.
+    /// What is to be said of the layers of a draft, if there are several. `numbers` are those of its ends and
+    /// picks elsewhere, from 0.
     pub(super) fn note(layers: &[Layer], numbers: &[Vec<usize>; 2]) -> Option<String> {
         let [top, _, ..] = layers else { return None };
         let cloths = layers.iter().filter(|layer| layer.is_cloth()).count();
@@ -80,7 +85,8 @@ impl Draft {
         let mut layers = Vec::new();
         let mut last = (0, 0);
         for s in 0..=ends {
-            // The picks that are not lifted lie below each of the first s ends, and the ends that are not lifted above none of the others.
+            // The picks that are not lifted lie below each of the first s ends, and the ends that are not
+            // lifted above none of the others.
             let most = if s == 0 { picks } else { above[0][order[0][s - 1]] };
             let least = if s == ends { 0 } else { above[0][order[0][s]] };
             for t in picks - most..=picks - least {
@@ -98,8 +104,9 @@ impl Draft {
         layers
     }
 
-    /// Takes yarns that are above, or below, all others that are kept out of those that are kept, until there is none. `is_kept` are those of ends and picks.
-    /// What comes back are family, index and whether it is above, in the order in which they went.
+    /// Takes yarns that are above, or below, all others that are kept out of those that are kept, until there
+    /// is none. `is_kept` are those of ends and picks. What comes back are family, index and whether it is
+    /// above, in the order in which they went.
     pub(super) fn peel(&self, is_kept: &mut [Vec<bool>; 2]) -> Vec<(Family, usize, bool)> {
         let up = |family: Family, thread: usize, across: usize| match family {
             Family::Warp => self.up(across, thread),
@@ -149,7 +156,8 @@ mod tests {
         Draft::from_fn(rows.len(), rows[0].len(), up).unwrap()
     }
 
-    /// The layers by definition: yarns that are above each other by way of others are of one layer, and layers are in the order in which they lie.
+    /// The layers by definition: yarns that are above each other by way of others are of one layer, and
+    /// layers are in the order in which they lie.
     fn by_reach(draft: &Draft) -> Vec<Layer> {
         let (ends, n) = (draft.ends(), draft.ends() + draft.picks());
         let mut reach = vec![vec![false; n]; n];
@@ -181,7 +189,8 @@ mod tests {
         layers.into_iter().map(|(_, layer)| layer).collect()
     }
 
-    /// All drafts of up to 4 x 3 and 3 x 4 yarns, against the definition. Loose yarns beside each other are in either order.
+    /// All drafts of up to 4 x 3 and 3 x 4 yarns, against the definition. Loose yarns beside each other are
+    /// in either order.
     #[test]
     fn layers_are_those_of_the_definition() {
         let sorted = |layers: &[Layer]| {

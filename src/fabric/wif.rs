@@ -1,13 +1,15 @@
-//! WIF, the weavers' exchange format ("Weaving Information File" 1.1, R. Nielsen and others, 1997): an INI file with threading, tie-up and treadling or
-//! lift plan, colors, and distances of yarns; from it the draft, the color of each yarn and the spacings.
+//! WIF, the weavers' exchange format ("Weaving Information File" 1.1, R. Nielsen and others, 1997): an INI
+//! file with threading, tie-up and treadling or lift plan, colors, and distances of yarns; from it the draft,
+//! the color of each yarn and the spacings.
 //!
-//! Sections and keys count in any case; `;` begins a comment; yarns, shafts, treadles and colors are numbered from 1, and 0 stands for none. A shaft is
-//! named at a pick by a treadle that is pressed, or by the lift plan. With `Rising Shed` the warp is on top where a shaft of the end is named, without
-//! it where none is.
+//! Sections and keys count in any case; `;` begins a comment; yarns, shafts, treadles and colors are numbered
+//! from 1, and 0 stands for none. A shaft is named at a pick by a treadle that is pressed, or by the lift
+//! plan. With `Rising Shed` the warp is on top where a shaft of the end is named, without it where none is.
 //!
-//! Files depart from the format in many ways. What is read all the same comes with a [`WifNote`]; an error is left for what gives no draft. Departures
-//! of this reader: a file without `Rising Shed` has a rising shed, as programs take it, where the format has optional booleans false. A lift plan is
-//! taken before tie-up and treadling, on which the format is silent.
+//! Files depart from the format in many ways. What is read all the same comes with a [`WifNote`]; an error is
+//! left for what gives no draft. Departures of this reader: a file without `Rising Shed` has a rising shed,
+//! as programs take it, where the format has optional booleans false. A lift plan is taken before tie-up and
+//! treadling, on which the format is silent.
 
 mod colors;
 mod note;
@@ -49,8 +51,9 @@ impl Wif {
     /// Reads a WIF in UTF-8, UTF-16 or an older encoding; `file` is for messages.
     ///
     /// # Errors
-    /// [`crate::Error::Format`] when it is no WIF, [`crate::Error::Invalid`] naming section and key for what gives no draft: a section without which there is
-    /// none, text in place of numbers, numbers beyond [`MAX_THREADS`], and yarns of which none is bound.
+    /// [`crate::Error::Format`] when it is no WIF, [`crate::Error::Invalid`] naming section and key for what
+    /// gives no draft: a section without which there is none, text in place of numbers, numbers beyond
+    /// [`MAX_THREADS`], and yarns of which none is bound.
     pub fn parse(bytes: &[u8], file: &str) -> Result<Wif> {
         let mut notes = Notes::default();
         let ini = Ini::read(bytes, file, &mut notes)?;
@@ -244,7 +247,8 @@ impl Plans {
         rows.map(Rows::count).max().unwrap_or(0)
     }
 
-    /// The section that counts, and the shafts that it names at each pick; then those of the other way, where the file has both.
+    /// The section that counts, and the shafts that it names at each pick; then those of the other way, where
+    /// the file has both.
     fn named(self, picks: usize, notes: &mut Notes) -> (&'static str, Vec<Vec<Shafts>>) {
         let section = if self.lift.is_some() { "LIFTPLAN" } else { "TREADLING" };
         let mut all = Vec::new();
@@ -296,8 +300,8 @@ fn compare(plan: &Draft, other: &Draft, notes: &mut Notes) {
     }
 }
 
-/// The ends and picks that are woven, from 0. Left out are yarns that are `unused` and then, until each passes once above and once below another, yarns
-/// that lie loose on the face or the back.
+/// The ends and picks that are woven, from 0. Left out are yarns that are `unused` and then, until each
+/// passes once above and once below another, yarns that lie loose on the face or the back.
 fn woven(full: &Draft, unused: [Vec<bool>; 2], notes: &mut Notes) -> [Vec<usize>; 2] {
     let kinds = [
         (WifNoteKind::UnthreadedEnds, "on no shaft, bound by no pick"),

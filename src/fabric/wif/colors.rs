@@ -1,4 +1,5 @@
-//! Colors of the yarns of a WIF: a table of red, green and blue, the color of each yarn by its number, and one for those without.
+//! Colors of the yarns of a WIF: a table of red, green and blue, the color of each yarn by its number, and
+//! one for those without.
 
 use super::note::{Notes, WifNoteKind, numbered};
 use super::text::{Ini, numbers};
@@ -7,7 +8,8 @@ use crate::Result;
 use crate::fabric::Family;
 use std::collections::BTreeMap;
 
-/// Color of each of the yarns `kept`, counted from 0, of `threads` of warp and weft [sRGB, 0 to 1]; empty for a family of which the file says none.
+/// Color of each of the yarns `kept`, counted from 0, of `threads` of warp and weft [sRGB, 0 to 1]; empty for
+/// a family of which the file says none.
 pub(super) fn colors(
     ini: &Ini<'_>,
     threads: [usize; 2],
@@ -104,7 +106,8 @@ impl Palette {
         Ok(palette)
     }
 
-    /// The color of a yarn's line: a number of the table, with red, green and blue beside it for programs that have no table.
+    /// The color of a yarn's line: a number of the table, with red, green and blue beside it for programs
+    /// that have no table.
     fn find(&self, list: &[u64]) -> Option<[f32; 3]> {
         let number = list.first()?;
         self.colors.get(number).copied().or_else(|| (list.len() == 4).then(|| self.srgb(&list[1..])))

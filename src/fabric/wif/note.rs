@@ -1,5 +1,5 @@
-//! Notes on a WIF: what the reader took where a file says nothing, says it twice, or is wrong. One line for each kind of assumption, however often it
-//! was made.
+//! Notes on a WIF: what the reader took where a file says nothing, says it twice, or is wrong. One line for
+//! each kind of assumption, however often it was made.
 
 use std::fmt;
 
@@ -88,7 +88,8 @@ impl Notes {
 /// Runs of numbers that [`numbered`] tells.
 const RUNS: usize = 4;
 
-/// "end 3", "ends 1, 3 and 5 to 9", "picks 1, 3, 5, 7 and 12 more": a word for one and for several, and ascending numbers.
+/// "end 3", "ends 1, 3 and 5 to 9", "picks 1, 3, 5, 7 and 12 more": a word for one and for several, and
+/// ascending numbers.
 pub(in crate::fabric) fn numbered([one, several]: [&str; 2], numbers: &[usize]) -> String {
     let mut runs: Vec<[usize; 2]> = Vec::new();
     for &n in numbers {

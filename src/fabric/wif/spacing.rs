@@ -14,7 +14,8 @@ pub struct WifSpacing {
     pub source: String,
 }
 
-/// Units of length in um, and the name of one, which the units of a file begin with: WIF's own, and what else programs write.
+/// Units of length in um, and the name of one, which the units of a file begin with: WIF's own, and what else
+/// programs write.
 const UNITS: [(&str, &str, f64); 7] = [
     ("DECIPOINT", "decipoints", 25_400.0 / 720.0),
     ("INCH", "inches", 25_400.0),
@@ -25,8 +26,8 @@ const UNITS: [(&str, &str, f64); 7] = [
     ("MM", "millimeters", 1e3),
 ];
 
-/// The distance of a family's yarns, of which `kept`, counted from 0, are woven. A program that has one of spacing and thickness takes the spacing (WIF 1.1,
-/// "Spacing and Thickness Values").
+/// The distance of a family's yarns, of which `kept`, counted from 0, are woven. A program that has one of
+/// spacing and thickness takes the spacing (WIF 1.1, "Spacing and Thickness Values").
 pub(super) fn spacing(ini: &Ini<'_>, family: Family, kept: &[usize], notes: &mut Notes) -> Option<WifSpacing> {
     let section = section_of(family);
     let [of_spacing, of_thickness] = match family {

@@ -1,7 +1,8 @@
 //! The text of a WIF: encodings and line ends, sections and keys, and values as programs write them.
 //!
-//! The syntax of INI files is the crate `configparser`'s. Section and key names count in any case; `;` begins a comment. A number may be followed by
-//! a comment without one (WIF 1.1, "Comments"), and values may stand in quotes.
+//! The syntax of INI files is the crate `configparser`'s. Section and key names count in any case; `;` begins
+//! a comment. A number may be followed by a comment without one (WIF 1.1, "Comments"), and values may stand
+//! in quotes.
 
 use super::note::{Notes, WifNoteKind, numbered};
 use crate::spec::rules::line;
@@ -10,8 +11,8 @@ use configparser::ini::IniDefault;
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 
-/// The text of the bytes, with line ends of any system as line feeds. A byte order mark tells the encoding; bytes of other alphabets, in names and
-/// notes of old files, do no harm.
+/// The text of the bytes, with line ends of any system as line feeds. A byte order mark tells the encoding;
+/// bytes of other alphabets, in names and notes of old files, do no harm.
 fn decode<'a>(bytes: &'a [u8], notes: &mut Notes) -> Cow<'a, str> {
     // Latin text in UTF-16 has a zero in every pair of bytes.
     let head = &bytes[..bytes.len().min(256)];
@@ -117,7 +118,8 @@ impl<'a> Ini<'a> {
         }
     }
 
-    /// Numbered lines of a section, each with a list of whole numbers; none where the section is absent. Lines whose key is no number are left out.
+    /// Numbered lines of a section, each with a list of whole numbers; none where the section is absent.
+    /// Lines whose key is no number are left out.
     pub fn rows(&self, section: &'static str, notes: &mut Notes) -> Result<Rows> {
         let mut rows = Rows { section, lines: BTreeMap::new() };
         for (number, given) in self.lines(section, notes) {
@@ -130,7 +132,8 @@ impl<'a> Ini<'a> {
         Ok(rows)
     }
 
-    /// [`Ini::rows`] of shafts or treadles: numbers from 1 to `most`, which 0, for none, is left out of. Lines of none are left out as well.
+    /// [`Ini::rows`] of shafts or treadles: numbers from 1 to `most`, which 0, for none, is left out of.
+    /// Lines of none are left out as well.
     pub fn loom_rows(&self, section: &'static str, most: usize, notes: &mut Notes) -> Result<Rows> {
         let mut rows = self.rows(section, notes)?;
         for (number, list) in &mut rows.lines {
@@ -174,7 +177,8 @@ pub(super) struct Rows {
 }
 
 impl Rows {
-    /// How many lines the section is made for, where the file does not say: its greatest number, and one more if it counts from 0.
+    /// How many lines the section is made for, where the file does not say: its greatest number, and one more
+    /// if it counts from 0.
     pub fn count(&self) -> usize {
         let from_zero = usize::from(self.lines.contains_key(&0));
         self.lines.keys().next_back().map_or(0, |last| last.saturating_add(from_zero))
@@ -185,8 +189,8 @@ impl Rows {
         self.lines.values().flatten().max().map_or(0, |n| *n as usize)
     }
 
-    /// Lists of `count` threads; those without a line are empty. Lines beyond are left out. Where there is a line 0 and none of the last thread the file
-    /// counts from 0.
+    /// Lists of `count` threads; those without a line are empty. Lines beyond are left out. Where there is a
+    /// line 0 and none of the last thread the file counts from 0.
     pub fn fit(mut self, count: usize, notes: &mut Notes) -> Vec<Vec<u64>> {
         let section = self.section;
         if self.lines.contains_key(&0) && !self.lines.contains_key(&count) {
@@ -212,7 +216,8 @@ impl Rows {
     }
 }
 
-/// Whole numbers between commas or blanks; `None` where something else stands in a number's place. Words after a number are a comment.
+/// Whole numbers between commas or blanks; `None` where something else stands in a number's place. Words
+/// after a number are a comment.
 pub(super) fn numbers(given: &str) -> Option<Vec<u64>> {
     let whole = |word: &str| {
         word.parse::<u64>().ok().or_else(|| {
