@@ -172,10 +172,10 @@ fn skies_of_one_radiance_light_a_sheet_by_it() {
                 let scene = |sky| scene(&[], &sky, way);
                 let sky = scene(Environment::constant(radiance));
                 assert_seen(&what("sky, diffuse"), seen(&sky, camera, &GRAY, 16), [0.8 * l; 3]);
-                assert_seen(&what("sky, cone"), seen(&sky, camera, &CONE, 16), [0.8 * l; 3]);
+                assert_seen(&what("sky, cone"), seen(&sky, camera, &CONE, 64), [0.8 * l; 3]);
                 let above = scene(Environment::above(radiance));
                 assert_seen(&what("sky above, diffuse"), seen(&above, camera, &GRAY, 16), [0.5 * l; 3]);
-                assert_seen(&what("sky above, cone"), seen(&above, camera, &CONE, 16), [0.8 * l; 3]);
+                assert_seen(&what("sky above, cone"), seen(&above, camera, &CONE, 64), [0.8 * l; 3]);
             }
         }
     }
