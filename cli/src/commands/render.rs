@@ -84,12 +84,18 @@ fn ingredients(args: &RenderArgs, size: f32, inputs: &[(&'static str, PathBuf)])
 /// What was done to a mesh, a line each.
 fn mesh_notes(file: &Path, notes: &MeshNotes) -> Vec<String> {
     let file = file.display();
-    let scale = report::number(f64::from(notes.mm_per_unit));
+    let scale = report::number(notes.mm_per_unit);
     let mut lines =
         vec![format!("{file}: scaled and centered, 1 unit is {scale} mm; --size-mm sets its largest extent")];
-    for (count, what) in [(notes.equal_faces, "equal to another"), (notes.flat_faces, "without area")] {
-        if count > 0 {
-            lines.push(format!("{file}: left out {} {what}", report::counted(count as u64, "face", "faces")));
+    for (faces, done, what) in [
+        (notes.equal, "left out", "equal to another"),
+        (notes.flat, "left out", "without area in single precision"),
+        (notes.crossed, "cut as well as it goes", "crossing itself"),
+    ] {
+        if faces.count > 0 {
+            let (counted, first) = (report::counted(faces.count as u64, "face", "faces"), faces.first);
+            let which = if faces.count > 1 { "the first is " } else { "" };
+            lines.push(format!("{file}: {done} {counted} {what}: {which}face {first} (line {})", faces.line));
         }
     }
     lines

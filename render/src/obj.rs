@@ -1,0 +1,306 @@
+//! Reads what a sheet needs of a Wavefront OBJ file: vertices, texture coordinates, normals and faces. All else is passed over: names, materials, colors,
+//! smoothing groups, points, lines, curves.
+//!
+//! Coordinates stay in double precision, and faces stay polygons with the line that they begin on. What is passed over may be in any encoding. Lines end as
+//! they do on Unix, on Windows or on an old Mac; a backslash at the end of a line continues a statement that is read.
+
+use crate::RenderError;
+use std::borrow::Cow;
+
+/// Index of a texture coordinate or a normal that a corner does not have.
+pub(crate) const NONE: u32 = u32::MAX;
+
+/// The geometry of a file.
+#[derive(Debug, Default)]
+pub(crate) struct Obj {
+    /// Vertices, in the file's units.
+    pub positions: Vec<[f64; 3]>,
+    /// Texture coordinates.
+    pub uvs: Vec<[f64; 2]>,
+    /// Normals, of any length.
+    pub normals: Vec<[f64; 3]>,
+    /// Corners of all faces, face after face.
+    corners: Vec<Corner>,
+    /// Faces in the order of the file: the line from 1 that each begins on, and the end of its corners.
+    faces: Vec<(u32, u32)>,
+}
+
+/// Indices of a face's corner.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Corner {
+    /// Of a vertex.
+    pub position: u32,
+    /// Of a texture coordinate, or [`NONE`].
+    pub uv: u32,
+    /// Of a normal, or [`NONE`].
+    pub normal: u32,
+}
+
+impl Obj {
+    /// Reads the bytes of a file; `name` stands for it in errors.
+    ///
+    /// # Errors
+    /// [`RenderError::Mesh`] with the line, for what is not understood and for an index of what the file does not have.
+    pub fn read(bytes: &[u8], name: &str) -> Result<Obj, RenderError> {
+        let bad = |line: usize, what: String| RenderError::Mesh { file: name.into(), line, what };
+        let text = decode(bytes);
+        let mut obj = Obj::default();
+        let mut lines = Lines { rest: &text, number: 0 };
+        while let Some(line) = lines.next() {
+            let (number, (head, mut continued)) = (lines.number, statement(line));
+            let Some(kind @ ("v" | "vt" | "vn" | "f" | "fo")) = head.split_ascii_whitespace().next() else { continue };
+            let mut whole = Cow::Borrowed(head);
+            while continued && let Some(line) = lines.next() {
+                let (more, again) = statement(line);
+                whole = Cow::Owned(format!("{whole} {more}"));
+                continued = again;
+            }
+            let words = whole.split_ascii_whitespace().skip(1);
+            match kind {
+                "v" => obj.position(words),
+                "vt" => obj.uv(words),
+                "vn" => obj.normal(words),
+                _ => obj.face(words, number as u32),
+            }
+            .map_err(|what| bad(number, what))?;
+        }
+        // A corner may name what comes later.
+        for (line, corners) in obj.faces() {
+            for corner in corners {
+                for (index, count, what) in [
+                    (corner.position, obj.positions.len(), "vertex"),
+                    (corner.uv, obj.uvs.len(), "texture coordinate"),
+                    (corner.normal, obj.normals.len(), "normal"),
+                ] {
+                    if index != NONE && index as usize >= count {
+                        return Err(bad(line, format!("a face names {what} {}, and there are {count}", index + 1)));
+                    }
+                }
+            }
+        }
+        Ok(obj)
+    }
+
+    /// Faces: the line that each begins on, and its corners.
+    pub fn faces(&self) -> impl Iterator<Item = (usize, &[Corner])> {
+        let mut from = 0;
+        self.faces.iter().map(move |&(line, end)| {
+            let corners = &self.corners[from..end as usize];
+            from = end as usize;
+            (line as usize, corners)
+        })
+    }
+
+    /// `v x y z`, with a weight that divides them, or with colors.
+    fn position<'a>(&mut self, mut words: impl Iterator<Item = &'a str>) -> Result<(), String> {
+        let mut position = [0.0; 3];
+        for x in &mut position {
+            *x = real(words.next().ok_or("a vertex of fewer than three coordinates")?)?;
+        }
+        if let (Some(weight), None) = (words.next(), words.next()) {
+            let w = real(weight)?;
+            if w == 0.0 {
+                return Err("a vertex of weight 0, infinitely far; give it a weight above 0".into());
+            }
+            position = position.map(|x| x / w);
+        }
+        self.positions.push(position);
+        Ok(())
+    }
+
+    /// `vt u v`; v is 0 where it is left out.
+    fn uv<'a>(&mut self, mut words: impl Iterator<Item = &'a str>) -> Result<(), String> {
+        let u = real(words.next().ok_or("a texture coordinate without numbers")?)?;
+        self.uvs.push([u, words.next().map_or(Ok(0.0), real)?]);
+        Ok(())
+    }
+
+    /// `vn x y z`.
+    fn normal<'a>(&mut self, mut words: impl Iterator<Item = &'a str>) -> Result<(), String> {
+        let mut normal = [0.0; 3];
+        for x in &mut normal {
+            *x = real(words.next().ok_or("a normal of fewer than three components")?)?;
+        }
+        self.normals.push(normal);
+        Ok(())
+    }
+
+    /// `f v/vt/vn ..`, from 1, or from the last backwards below 0.
+    fn face<'a>(&mut self, words: impl Iterator<Item = &'a str>, line: u32) -> Result<(), String> {
+        let counts = [self.positions.len(), self.uvs.len(), self.normals.len()];
+        for word in words {
+            let mut indices = [NONE; 3];
+            let mut parts = word.split('/');
+            for (k, part) in parts.by_ref().take(3).enumerate() {
+                // `v//vn` and `v/` leave parts out.
+                if k == 0 || !part.is_empty() {
+                    indices[k] = index(part, counts[k]).ok_or_else(|| format!("not a corner of a face: {word}"))?;
+                }
+            }
+            if parts.next().is_some() {
+                return Err(format!("not a corner of a face: {word}"));
+            }
+            let [position, uv, normal] = indices;
+            self.corners.push(Corner { position, uv, normal });
+        }
+        let end = u32::try_from(self.corners.len()).map_err(|_| "more corners of faces than 32 bits count")?;
+        self.faces.push((line, end));
+        Ok(())
+    }
+}
+
+fn real(word: &str) -> Result<f64, String> {
+    word.parse().map_err(|_| format!("not a number: {word}"))
+}
+
+/// An index from 0, of one from 1 or one that counts back from what there is so far.
+fn index(word: &str, count: usize) -> Option<u32> {
+    let from_one: i64 = word.parse().ok()?;
+    let index = if from_one < 0 { count as i64 + from_one } else { from_one - 1 };
+    u32::try_from(index).ok().filter(|i| *i != NONE)
+}
+
+/// Text of a file. What is read of it is ASCII, whatever the encoding, but for UTF-16, which its mark tells.
+fn decode(bytes: &[u8]) -> Cow<'_, str> {
+    let utf16 = |units: &[u8], unit: fn([u8; 2]) -> u16| {
+        let units: Vec<u16> = units.as_chunks().0.iter().map(|pair| unit(*pair)).collect();
+        Cow::Owned(String::from_utf16_lossy(&units))
+    };
+    match bytes {
+        [0xff, 0xfe, rest @ ..] => utf16(rest, u16::from_le_bytes),
+        [0xfe, 0xff, rest @ ..] => utf16(rest, u16::from_be_bytes),
+        [0xef, 0xbb, 0xbf, rest @ ..] => String::from_utf8_lossy(rest),
+        _ => String::from_utf8_lossy(bytes),
+    }
+}
+
+/// Lines that end with LF, CR LF or CR.
+struct Lines<'a> {
+    rest: &'a str,
+    /// Number of the last line, from 1.
+    number: usize,
+}
+
+impl<'a> Iterator for Lines<'a> {
+    type Item = &'a str;
+
+    fn next(&mut self) -> Option<&'a str> {
+        if self.rest.is_empty() {
+            return None;
+        }
+        let end = self.rest.bytes().position(|b| matches!(b, b'\n' | b'\r')).unwrap_or(self.rest.len());
+        let (line, tail) = self.rest.split_at(end);
+        self.rest = tail.strip_prefix("\r\n").or_else(|| tail.get(1..)).unwrap_or("");
+        self.number += 1;
+        Some(line)
+    }
+}
+
+/// A line without its comment, and whether a backslash at its end continues it. In a comment a backslash means nothing: a path of Windows may end so.
+fn statement(line: &str) -> (&str, bool) {
+    match line.split_once('#') {
+        Some((before, _)) => (before, false),
+        None => match line.trim_ascii_end().strip_suffix('\\') {
+            Some(before) => (before, true),
+            None => (line, false),
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Faces as lines and corners `[position, uv, normal]`.
+    fn faces(bytes: &[u8]) -> Vec<(usize, Vec<[u32; 3]>)> {
+        let obj = Obj::read(bytes, "x").unwrap();
+        obj.faces().map(|(line, c)| (line, c.iter().map(|c| [c.position, c.uv, c.normal]).collect())).collect()
+    }
+
+    const THREE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\n";
+
+    #[test]
+    fn corners_have_all_forms() {
+        let (n, want) = (NONE, |a, b| vec![[0, a, b], [1, a, b], [2, a, b]]);
+        for (form, [uv, normal]) in [
+            ("f 1 2 3", [n, n]),
+            ("f 1/1 2/1 3/1", [0, n]),
+            ("f 1/1/ 2/1/ 3/1/", [0, n]),
+            ("f 1//1 2//1 3//1", [n, 0]),
+            ("f 1/1/1 2/1/1 3/1/1", [0, 0]),
+            ("f -3/-1/-1 -2/-1/-1 -1/-1/-1", [0, 0]),
+            ("\tfo  1/1/1\t2/1/1   3/1/1  # a face", [0, 0]),
+            ("f 1/1/1 \\\n 2/1/1 \\  \n\n\\\n", [0, 0]),
+        ] {
+            let got = faces(format!("{THREE}{form}\n").as_bytes());
+            let want = if form.contains('\\') { vec![[0, 0, 0], [1, 0, 0]] } else { want(uv, normal) };
+            assert_eq!(got, [(6, want)], "{form}");
+        }
+        // An index below 0 counts back from the place of the face; one above 0 may name what comes later.
+        let late = faces(b"v 0 0 0\nv 1 0 0\nf 1 2 3\nf -1 -2 1\nv 0 1 0\n");
+        assert_eq!(late, [(3, vec![[0, n, n], [1, n, n], [2, n, n]]), (4, vec![[1, n, n], [0, n, n], [0, n, n]])]);
+    }
+
+    #[test]
+    fn lines_end_and_go_on_in_all_ways() {
+        let text = "# C:\\cloth\\\nmtllib C:\\cloth\\\nv 0 0 \\\n 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nl 1 2 \\\n3\np 1\ncurv 0 1 1 2 \\\n3 1\nf 1 2\\\n 3 # \\\nf 3 2 1\n";
+        for end in ["\n", "\r\n", "\r"] {
+            let lines: Vec<usize> = faces(text.replace('\n', end).as_bytes()).iter().map(|f| f.0).collect();
+            assert_eq!(lines, [13, 15], "{end:?}");
+        }
+        // The end of the file ends a statement.
+        assert_eq!(faces(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3 \\").len(), 1);
+    }
+
+    #[test]
+    fn names_are_in_any_encoding() {
+        let named = |name: &[u8]| [b"usemtl ", name, b"\ng \x00\xff\no a#\n", THREE.as_bytes(), b"f 1 2 3\n"].concat();
+        for name in [&b"K\xfcper_gr\xfcn"[..], "Köper".as_bytes(), b"\x83J\x83\x5c", b""] {
+            assert_eq!(faces(&named(name)).len(), 1);
+        }
+        let text = format!("{THREE}usemtl Köper\nf 1 2 3\n");
+        let units = |unit: fn(u16) -> [u8; 2]| {
+            "\u{feff}".encode_utf16().chain(text.encode_utf16()).flat_map(unit).collect::<Vec<u8>>()
+        };
+        for bytes in [units(u16::to_le_bytes), units(u16::to_be_bytes), format!("\u{feff}{text}").into_bytes()] {
+            assert_eq!(faces(&bytes).len(), 1);
+        }
+    }
+
+    #[test]
+    fn numbers_are_doubles_with_weights_or_colors() {
+        let text =
+            "v 4500000.125 1e-3 -0.1\nv 2 4 6 2\nv 1 2 3 0.5 0.5 0.5\nv 1 2 3 1 0.5 0.5 0.5\nvt 0.25\nvt 0.25 0.5 0\n";
+        let obj = Obj::read(text.as_bytes(), "x").unwrap();
+        assert_eq!(obj.positions, [[4500000.125, 1e-3, -0.1], [1.0, 2.0, 3.0], [1.0, 2.0, 3.0], [1.0, 2.0, 3.0]]);
+        assert_eq!(obj.uvs, [[0.25, 0.0], [0.25, 0.5]]);
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_by_line() {
+        for (bad, line, words) in [
+            ("v 0 0\n", 1, "fewer than three"),
+            ("\n\nv 1 x 0\n", 3, "not a number: x"),
+            ("v 0,5 1 0\n", 1, "not a number: 0,5"),
+            ("v 1 2 3 0\n", 1, "weight 0"),
+            ("vt\n", 1, "texture"),
+            ("vn 1 2\n", 1, "normal"),
+            ("v 0 0 0\nf 1 0 1\n", 2, "not a corner of a face: 0"),
+            ("v 0 0 0\nf 1 -2 1\n", 2, "not a corner of a face: -2"),
+            ("v 0 0 0\nf 1 1.0 1\n", 2, "1.0"),
+            ("v 0 0 0\nf 1/1/1/1 1 1\n", 2, "1/1/1/1"),
+            ("v 0 0 0\nf /1 1 1\n", 2, "/1"),
+            ("v 0 0 0\nf 1 1 2\n", 2, "vertex 2, and there are 1"),
+            ("v 0 0 0\nf 1/1 1 1\n", 2, "texture coordinate 1, and there are 0"),
+            ("v 0 0 0\nf 1//7 1 1\n", 2, "normal 7, and there are 0"),
+            ("v 0 0 0\nf 1 99999999999 1\n", 2, "99999999999"),
+        ] {
+            match Obj::read(bad.as_bytes(), "bad") {
+                Err(RenderError::Mesh { line: at, what, .. }) => {
+                    assert!(at == line && what.contains(words), "{bad:?}: {at}: {what}");
+                }
+                other => panic!("{bad:?}: {other:?}"),
+            }
+        }
+    }
+}
