@@ -1,80 +1,142 @@
-//! The BVH over a mesh or the segments of strands, with a bound on the time to build it and on its depth.
+//! The BVH over a mesh or the segments of strands, built in a time of n log n whatever they look like, and of bounded depth.
 //!
-//! obvhs builds by locally ordered clustering: neighbors on the Morton curve merge when each is the other's cheapest partner, the later one among equals. Where many
-//! boxes are equal, all partners cost the same, each triangle names the last of its window, and only the last pair of all agrees: one merge a pass. The build then
-//! takes a time quadratic in the number of triangles, and the tree is a chain, deeper than the 32 entries of the traversal's stack. So [`build`] gives such meshes, and
-//! any whose tree comes out too deep, a tree that is split at the median, which has ceil(log2(n)) levels.
+//! Nodes are split in bins along the axis where the surface area heuristic is least (Wald 2007). obvhs' own builder clusters neighbors on the Morton curve, which
+//! merge when each is the other's cheapest partner; among equal or nested boxes, as in a stack of sheets, only the last pair of all agrees, each pass merges
+//! one pair, and the time is quadratic. Its reinsertion of nodes is quadratic where all boxes overlap. Here nodes below [`HEURISTIC_LEVELS`], and those whose centers
+//! are all the same, are split at the median.
 
 use glam::Vec3A;
 use obvhs::Boundable;
-use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::node::Bvh2Node;
-use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
-use obvhs::ploc::PlocBuilder;
-use std::collections::HashMap;
 
 /// Most levels of a tree that obvhs traverses: its stack has 32 entries.
 const MOST_LEVELS: usize = 31;
-/// Most triangles with the same box, up to [`CELLS`] steps across the mesh, that the clustering is trusted with. It looks at 14 neighbors on either side.
-const MOST_EQUAL: usize = 28;
-/// Steps across the mesh within which boxes count as the same.
-const CELLS: f32 = (1u32 << 20) as f32;
+/// Levels of a binary tree in which nodes are split by the heuristic.
+const HEURISTIC_LEVELS: usize = 48;
+/// Most bins along an axis.
+const BINS: usize = 16;
 /// Triangles of a leaf.
 const LEAF: u32 = 3;
 
 /// A tree over `triangles`, at most [`MOST_LEVELS`] deep.
 pub fn build<B: Boundable>(triangles: &[B]) -> CwBvh {
-    if !crowded(triangles) {
-        let bvh = clustered(triangles);
-        if levels(&bvh) <= MOST_LEVELS {
-            return bvh;
-        }
-    }
-    by_medians(triangles)
+    let wide = |tree: Bvh2| bvh2_to_cwbvh(&tree, LEAF, true, false);
+    let tree = wide(binary(triangles));
+    if levels(&tree) <= MOST_LEVELS { tree } else { wide(binary_by_medians(triangles)) }
 }
 
-/// obvhs' own tree at its medium effort. Its own function for that panics on a tree that is too deep where debug assertions are on, before anyone can look.
-fn clustered<B: Boundable>(triangles: &[B]) -> CwBvh {
-    bvh2_to_cwbvh(&clustered_binary(triangles), LEAF, true, false)
-}
-
-fn clustered_binary<B: Boundable>(triangles: &[B]) -> Bvh2 {
-    let effort = BvhBuildParams::medium_build();
-    let mut bvh2 = PlocBuilder::with_capacity(triangles.len()).build(
-        effort.ploc_search_distance,
-        triangles,
-        (0..triangles.len() as u32).collect(),
-        effort.sort_precision,
-        effort.search_depth_threshold,
-    );
-    ReinsertionOptimizer::default().run(&mut bvh2, effort.reinsertion_batch_ratio, None);
-    bvh2
-}
-
-/// A binary tree over `boxes`, one in a leaf; none of no boxes. It may be deep.
+/// A binary tree over `boxes`, one in a leaf; none of no boxes. It has at most ceil(log2(n)) levels more than [`HEURISTIC_LEVELS`].
 pub fn binary<B: Boundable>(boxes: &[B]) -> Bvh2 {
-    if crowded(boxes) { binary_by_medians(boxes) } else { clustered_binary(boxes) }
+    split(boxes, HEURISTIC_LEVELS)
 }
 
-/// Whether more than [`MOST_EQUAL`] triangles have nearly the same box.
-fn crowded<B: Boundable>(triangles: &[B]) -> bool {
-    let mut all = Aabb::empty();
-    for t in triangles {
-        all = all.union(&t.aabb());
+/// The same split at medians alone: ceil(log2(n)) levels below the root.
+pub fn binary_by_medians<B: Boundable>(boxes: &[B]) -> Bvh2 {
+    split(boxes, 0)
+}
+
+/// A binary tree whose first levels are split by the heuristic.
+fn split<B: Boundable>(primitives: &[B], heuristic_levels: usize) -> Bvh2 {
+    let mut boxes: Vec<(Aabb, u32)> = primitives.iter().zip(0..).map(|(p, i)| (p.aabb(), i)).collect();
+    let mut nodes = vec![Bvh2Node::default(); (2 * boxes.len()).saturating_sub(1)];
+    let mut next = 1;
+    // Node, the range of `boxes` that it holds, and its level.
+    let mut open = if boxes.is_empty() { Vec::new() } else { vec![(0, 0, boxes.len(), 0)] };
+    while let Some((at, from, to, level)) = open.pop() {
+        let range = &mut boxes[from..to];
+        let (mut all, mut centers) = (Aabb::empty(), Aabb::empty());
+        for (aabb, _) in range.iter() {
+            all = all.union(aabb);
+            centers.extend(aabb.center());
+        }
+        if let [_] = range {
+            nodes[at] = Bvh2Node::new(all, 1, from as u32);
+            continue;
+        }
+        let binned = if level < heuristic_levels { Bins::over(&centers, range.len()).split(range) } else { None };
+        let middle = from + binned.unwrap_or_else(|| halve(range, centers.largest_axis()));
+        nodes[at] = Bvh2Node::new(all, 0, next as u32);
+        open.push((next, from, middle, level + 1));
+        open.push((next + 1, middle, to, level + 1));
+        next += 2;
     }
-    let scale = CELLS / (all.max - all.min).max_element().max(f32::MIN_POSITIVE);
-    let cell = |p: Vec3A| ((p - all.min) * scale).to_array().map(|x| x as u32);
-    let mut counts: HashMap<[[u32; 3]; 2], usize> = HashMap::new();
-    triangles.iter().any(|t| {
-        let aabb = t.aabb();
-        let count = counts.entry([cell(aabb.min), cell(aabb.max)]).or_insert(0);
-        *count += 1;
-        *count > MOST_EQUAL
-    })
+    Bvh2 { nodes, primitive_indices: boxes.iter().map(|(_, i)| *i).collect(), ..Bvh2::default() }
+}
+
+/// Moves the half of lesser centers along an axis to the front; gives its size. Equal centers are told apart by their number, so that the tree depends on the mesh alone.
+fn halve(range: &mut [(Aabb, u32)], axis: usize) -> usize {
+    let half = range.len() / 2;
+    range.select_nth_unstable_by(half, |a, b| {
+        let center = |aabb: &Aabb| aabb.center()[axis];
+        center(&a.0).total_cmp(&center(&b.0)).then(a.1.cmp(&b.1))
+    });
+    half
+}
+
+/// Bins along each axis of a node, by the centers of its boxes.
+struct Bins {
+    count: usize,
+    low: Vec3A,
+    /// Bins to a unit of length.
+    scale: Vec3A,
+    last: Vec3A,
+}
+
+impl Bins {
+    fn over(centers: &Aabb, boxes: usize) -> Bins {
+        let count = boxes.min(BINS);
+        let scale = count as f32 / (centers.max - centers.min);
+        // Along an axis without extent all boxes are in the first bin.
+        let scale = Vec3A::select(scale.cmplt(Vec3A::INFINITY), scale, Vec3A::ZERO);
+        Bins { count, low: centers.min, scale, last: Vec3A::splat(count as f32 - 1.0) }
+    }
+
+    fn of(&self, aabb: &Aabb) -> [usize; 3] {
+        ((aabb.center() - self.low) * self.scale).min(self.last).to_array().map(|x| x as usize)
+    }
+
+    /// Moves the boxes of one side of the best split to the front; gives their number. `None` where all are in one bin.
+    fn split(&self, range: &mut [(Aabb, u32)]) -> Option<usize> {
+        let mut bins = [[(Aabb::empty(), 0usize); BINS]; 3];
+        for (aabb, _) in range.iter() {
+            for (bins, k) in bins.iter_mut().zip(self.of(aabb)) {
+                bins[k] = (bins[k].0.union(aabb), bins[k].1 + 1);
+            }
+        }
+        // Cost, axis, last bin of the front.
+        let mut best = (f32::INFINITY, None);
+        for (axis, bins) in bins.iter().enumerate() {
+            let add = |(all, n): (Aabb, usize), k: usize| (all.union(&bins[k].0), n + bins[k].1);
+            let cost = |(all, n): (Aabb, usize)| n as f32 * all.half_area();
+            let mut behind = [(Aabb::empty(), 0); BINS];
+            for k in (1..self.count).rev() {
+                behind[k - 1] = add(behind[k], k);
+            }
+            let mut front = (Aabb::empty(), 0);
+            for k in 0..self.count - 1 {
+                front = add(front, k);
+                if front.1 > 0 && behind[k].1 > 0 {
+                    let cost = cost(front) + cost(behind[k]);
+                    if cost < best.0 {
+                        best = (cost, Some((axis, k)));
+                    }
+                }
+            }
+        }
+        let (axis, last) = best.1?;
+        let mut front = 0;
+        for k in 0..range.len() {
+            if self.of(&range[k].0)[axis] <= last {
+                range.swap(front, k);
+                front += 1;
+            }
+        }
+        Some(front)
+    }
 }
 
 /// Levels of nodes of a tree.
@@ -93,45 +155,6 @@ fn levels(bvh: &CwBvh) -> usize {
     deepest
 }
 
-/// A tree whose nodes are split at the median of their boxes' centers, along the longest axis of these.
-fn by_medians<B: Boundable>(triangles: &[B]) -> CwBvh {
-    bvh2_to_cwbvh(&binary_by_medians(triangles), LEAF, true, false)
-}
-
-/// The same as a binary tree, of ceil(log2(n)) levels below the root.
-pub fn binary_by_medians<B: Boundable>(triangles: &[B]) -> Bvh2 {
-    let boxes: Vec<Aabb> = triangles.iter().map(|t| t.aabb()).collect();
-    let mut order: Vec<u32> = (0..triangles.len() as u32).collect();
-    let mut nodes = vec![Bvh2Node::default(); (2 * triangles.len()).saturating_sub(1)];
-    let mut next = 1;
-    // Node, and the range of `order` that it holds.
-    let mut open = if triangles.is_empty() { Vec::new() } else { vec![(0, 0, triangles.len())] };
-    while let Some((at, from, to)) = open.pop() {
-        let range = &mut order[from..to];
-        let (mut all, mut centers) = (Aabb::empty(), Aabb::empty());
-        for &i in range.iter() {
-            all = all.union(&boxes[i as usize]);
-            centers.extend(boxes[i as usize].center());
-        }
-        if let [_] = range {
-            nodes[at] = Bvh2Node::new(all, 1, from as u32);
-            continue;
-        }
-        let axis = centers.largest_axis();
-        let half = range.len() / 2;
-        // Equal centers are told apart by their number, so that the tree depends on the mesh alone.
-        range.select_nth_unstable_by(half, |a, b| {
-            let center = |i: u32| boxes[i as usize].center()[axis];
-            center(*a).total_cmp(&center(*b)).then(a.cmp(b))
-        });
-        nodes[at] = Bvh2Node::new(all, 0, next as u32);
-        open.push((next, from, from + half));
-        open.push((next + 1, from + half, to));
-        next += 2;
-    }
-    Bvh2 { nodes, primitive_indices: order, ..Bvh2::default() }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -144,53 +167,88 @@ mod tests {
         hit.t
     }
 
-    /// Triangles of one box, turned about its center by different corners; others beside them.
-    fn crowd(n: usize) -> Vec<Triangle> {
-        let v = |x: f32, y: f32, z: f32| Vec3A::new(x, y, z);
+    /// Levels of a binary tree below its root.
+    fn binary_levels(tree: &Bvh2) -> usize {
+        let (mut deepest, mut open) = (0, vec![(0, 0)]);
+        while let Some((at, level)) = open.pop() {
+            let node = &tree.nodes[at];
+            deepest = deepest.max(level);
+            if !node.is_leaf() {
+                open.extend([(node.first_index as usize, level + 1), (node.first_index as usize + 1, level + 1)]);
+            }
+        }
+        deepest
+    }
+
+    /// Triangles that overlap, in `n` ways from 0 to 1.
+    fn heap(n: usize, place: impl Fn(f32) -> [[f32; 3]; 3]) -> Vec<Triangle> {
         (0..n)
-            .map(|k| match k % 4 {
-                // The same box, and planes that differ.
-                0..=2 => {
-                    let s = (k as f32 + 0.5) / n as f32;
-                    Triangle { v0: v(0.0, 0.0, 0.0), v1: v(1.0, 1.0, s), v2: v(0.0, 1.0, 1.0) }
-                }
-                _ => Triangle { v0: v(k as f32, 2.0, 0.0), v1: v(k as f32 + 1.0, 2.0, 0.0), v2: v(k as f32, 3.0, 0.5) },
+            .map(|k| {
+                let [v0, v1, v2] = place((k as f32 + 0.5) / n as f32).map(Vec3A::from_array);
+                Triangle { v0, v1, v2 }
             })
             .collect()
     }
 
+    /// Heaps of triangles on which clustering takes quadratic time, or makes a chain: the time to build stays that of n log n, the tree shallow, the nearest is found.
     #[test]
-    fn trees_of_crowds_are_shallow_and_find_the_nearest() {
-        let triangles = crowd(20_000);
-        assert!(crowded(&triangles));
-        let begun = std::time::Instant::now();
-        let bvh = build(&triangles);
-        assert!(begun.elapsed().as_secs() < 20, "{:?}", begun.elapsed());
-        assert!(levels(&bvh) <= 15, "{}", levels(&bvh));
-        for k in 0..50 {
-            let (x, y) = (0.013 * k as f32, 0.3 + 0.011 * k as f32);
-            let ray = || Ray::new(Vec3A::new(x, y, 5.0), Vec3A::new(0.01, -0.02, -1.0).normalize(), 0.0, f32::INFINITY);
-            let want = triangles.iter().map(|t| t.intersect(&ray())).fold(f32::INFINITY, f32::min);
-            let got = nearest(&bvh, &triangles, ray());
-            assert!(got == want || (got - want).abs() < 1e-6, "{got} {want}");
+    fn heaps_take_no_longer_than_their_size_and_are_traversed() {
+        let n = 50_000;
+        let turn = |s: f32| (10.0 * std::f32::consts::TAU * s).sin_cos();
+        let heaps: [(&str, Vec<Triangle>); 7] = [
+            ("one box", heap(n, |s| [[0.0; 3], [1.0, 1.0, s], [0.0, 1.0, 1.0]])),
+            ("one place", heap(n, |_| [[0.0; 3], [1.0, 0.0, 0.3], [0.0, 1.0, 0.1]])),
+            ("nested at a corner", heap(n, |s| [[0.0; 3], [1.0 + s, 0.0, 0.3 + 0.3 * s], [0.0, 1.0 + s, 0.1]])),
+            ("nested about a center", heap(n, |s| [[-1.0 - s; 3], [1.0 + s, -1.0 - s, 1.0 + s], [0.0, 1.0 + s, 0.0]])),
+            (
+                "nested over 60 octaves",
+                heap(n, |s| {
+                    let r = (-60.0 * s).exp2();
+                    [[0.0; 3], [r, 0.0, 0.3 * r], [0.0, r, 0.1 * r]]
+                }),
+            ),
+            ("a stack", heap(n, |s| [[0.0, 0.0, s], [1.0, 0.0, s], [0.0, 1.0, s]])),
+            (
+                "slivers that cross",
+                heap(n, |s| {
+                    let (y, x) = turn(s);
+                    [[x, y, s - 0.5], [-x, -y, 0.5 - s], [-x, 1e-4 - y, 0.5 - s]]
+                }),
+            ),
+        ];
+        for (name, triangles) in heaps {
+            let begun = std::time::Instant::now();
+            let bvh = build(&triangles);
+            let time = begun.elapsed().as_secs_f64();
+            assert!(time < 5.0, "{name}: {time} s");
+            assert!(levels(&bvh) <= MOST_LEVELS, "{name}: {}", levels(&bvh));
+            for k in 0..20 {
+                let (x, y) = (0.023 * k as f32, 0.02 + 0.017 * k as f32);
+                let ray =
+                    || Ray::new(Vec3A::new(x, y, 5.0), Vec3A::new(0.01, -0.02, -1.0).normalize(), 0.0, f32::INFINITY);
+                let want = triangles.iter().map(|t| t.intersect(&ray())).fold(f32::INFINITY, f32::min);
+                let got = nearest(&bvh, &triangles, ray());
+                assert!(got == want || (got - want).abs() < 1e-6, "{name}: {got} {want}");
+            }
         }
     }
 
     #[test]
-    fn trees_that_come_out_too_deep_are_built_again() {
-        // Each twice as large as the one before, all from one corner: the cheapest partner of the union of the first k is the next one.
-        let triangles: Vec<Triangle> = (0..250)
-            .map(|k| {
-                let s = (0.5f32 * (k as f32 - 125.0)).exp2();
-                Triangle { v0: Vec3A::ZERO, v1: Vec3A::new(s, 0.0, 0.3 * s), v2: Vec3A::new(0.0, s, 0.1 * s) }
-            })
-            .collect();
-        assert!(levels(&clustered(&triangles)) > MOST_LEVELS, "{}", levels(&clustered(&triangles)));
+    fn depth_is_bounded() {
+        // Each twice as large as the one before, all from one corner: the heuristic takes few off at a time.
+        let triangles = heap(250, |s| {
+            let r = (250.0 * (s - 0.5)).exp2();
+            [[0.0; 3], [r, 0.0, 0.3 * r], [0.0, r, 0.1 * r]]
+        });
+        let tree = binary(&triangles);
+        assert!((30..=HEURISTIC_LEVELS + 8).contains(&binary_levels(&tree)), "{}", binary_levels(&tree));
+        assert_eq!(binary_levels(&binary_by_medians(&triangles)), 8);
         let bvh = build(&triangles);
         assert!(levels(&bvh) <= MOST_LEVELS);
         let ray = Ray::new(Vec3A::new(1e-3, 1e-3, -1.0), Vec3A::Z, 0.0, f32::INFINITY);
         let want = triangles.iter().map(|t| t.intersect(&ray)).fold(f32::INFINITY, f32::min);
         assert!((nearest(&bvh, &triangles, ray) - want).abs() < 1e-6);
         assert_eq!(levels(&build::<Triangle>(&[])), 0);
+        assert_eq!(binary(&triangles[..1]).nodes.len(), 1);
     }
 }
