@@ -12,7 +12,7 @@ pub(crate) mod document;
 mod source;
 
 pub use container::{FileKind, file_kind};
-pub use disk::{is_temporary, output_target, read_file, read_text, write_file, write_file_with};
+pub use disk::{is_temporary, lock_file, open_file, output_target, read_file, read_text, write_file, write_file_with};
 pub use source::{AssetSource, Folder, MemoryAssets};
 
 pub(crate) use check::{Axis, Check, Summary};

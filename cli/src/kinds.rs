@@ -87,11 +87,15 @@ impl Kind {
 /// Most bytes of a file that are looked at.
 const HEAD: u64 = 64 << 10;
 
+/// The first bytes of a regular file; none of one that cannot be read.
+pub fn head(path: &Path) -> Option<Vec<u8>> {
+    let mut head = Vec::new();
+    plywave::io::open_file(path, u64::MAX).ok()?.take(HEAD).read_to_end(&mut head).ok()?;
+    Some(head)
+}
+
 /// What a file is, as far as its first bytes tell.
 pub fn kind_of(path: &Path) -> Option<Kind> {
-    if !std::fs::metadata(path).ok()?.is_file() {
-        return None;
-    }
     if let Ok(kind) = plywave::io::file_kind(path) {
         return Some(match kind {
             FileKind::Table => Kind::Table,
@@ -102,8 +106,7 @@ pub fn kind_of(path: &Path) -> Option<Kind> {
             FileKind::Family => Kind::Family,
         });
     }
-    let mut head = Vec::new();
-    std::fs::File::open(path).ok()?.take(HEAD).read_to_end(&mut head).ok()?;
+    let head = head(path)?;
     if [&b"\x89PNG"[..], &[0x76, 0x2f, 0x31, 0x01], &[0xff, 0xd8, 0xff]].iter().any(|m| head.starts_with(m)) {
         return Some(Kind::Picture);
     }

@@ -81,6 +81,34 @@ pub fn check_folder(path: &Path, mark: &str, inputs: &[&Path]) -> Outcome {
     }
 }
 
+/// An output that no other run may write.
+pub struct Held {
+    lock: PathBuf,
+    // Held for its lock.
+    _file: std::fs::File,
+}
+
+impl Drop for Held {
+    fn drop(&mut self) {
+        // What a killed run leaves, or what cannot be taken away, does no harm.
+        let _ = std::fs::remove_file(&self.lock);
+    }
+}
+
+/// Keeps other runs from an output while the result lives, by a locked file of its name beside it; refuses one that another run holds.
+pub fn hold(path: &Path) -> Outcome<Held> {
+    let target = plywave::io::output_target(path)?;
+    let name = target.file_name().unwrap_or_default().to_string_lossy();
+    let lock = target.with_file_name(format!(".{name}.lock"));
+    match plywave::io::lock_file(&lock)? {
+        Some(file) => Ok(Held { lock, _file: file }),
+        None => {
+            let hint = "wait for its end, or name another output";
+            Err(Failure::input(path.display(), "-o", "written by another run", hint))
+        }
+    }
+}
+
 /// Writes a file whole or not at all.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Outcome {
     write_whole_by(path, |out| out.write_all(bytes))
@@ -158,6 +186,25 @@ mod tests {
         assert!(write_whole_by(&file, |_| Err(std::io::Error::other("full"))).is_err());
         assert_eq!(std::fs::read(&file).unwrap(), b"2");
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 3);
+    }
+
+    #[test]
+    fn outputs_have_one_holder() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.png");
+        let held = hold(&path).unwrap();
+        assert!(matches!(hold(&path), Err(Failure::Input(line)) if line.contains("another run")));
+        // Another name of the same file, and another file.
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink("a.png", dir.path().join("link.png")).unwrap();
+            assert!(hold(&dir.path().join("link.png")).is_err());
+            std::fs::remove_file(dir.path().join("link.png")).unwrap();
+        }
+        hold(&dir.path().join("b.png")).unwrap();
+        drop(held);
+        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
+        hold(&path).unwrap();
     }
 
     #[test]

@@ -3,11 +3,13 @@
 use crate::args::{Cli, RenderArgs};
 use crate::commands::on_threads;
 use crate::failure::{Failure, Outcome};
+use crate::output::Held;
 use crate::progress::{self, Bar};
 use crate::{output, report};
 use glam::Vec3;
 use plywave_render::{Camera, Facts, Film, FilmView, Ingredients, RenderError, png};
 use sha2::{Digest, Sha256};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -63,26 +65,33 @@ impl Outputs {
         [self.png.as_deref(), self.exr.as_deref(), Some(self.sums.as_path())].into_iter().flatten()
     }
 
+    /// Refuses outputs that cannot be written, and those of a run that is under way; keeps others from them while the result lives.
+    pub fn hold(&self, inputs: &[&Path]) -> Outcome<Vec<Held>> {
+        self.each().try_for_each(|path| output::check_writable(path, inputs))?;
+        self.each().map(output::hold).collect()
+    }
+
     /// The picture that was asked for.
     fn main(&self) -> &Path {
         self.png.as_deref().or(self.exr.as_deref()).unwrap_or(&self.sums)
     }
 }
 
+/// Largest file that a render reads [bytes].
+const MOST_INPUT: u64 = 1 << 32;
+
 /// SHA-256 of a file's bytes, in hex.
 pub fn digest_of_file(path: &Path) -> Outcome<String> {
+    let mut file = plywave::io::open_file(path, MOST_INPUT)?;
     let mut hash = Sha256::new();
-    let copied = std::fs::File::open(path).and_then(|mut file| {
-        let mut buffer = vec![0; 1 << 16];
-        loop {
-            match std::io::Read::read(&mut file, &mut buffer)? {
-                0 => return Ok(()),
-                n => hash.update(&buffer[..n]),
-            }
+    let mut buffer = vec![0; 1 << 16];
+    loop {
+        match file.read(&mut buffer) {
+            Ok(0) => return Ok(hex(&hash.finalize())),
+            Ok(n) => hash.update(&buffer[..n]),
+            Err(source) => return Err(plywave::Error::Io { file: path.display().to_string(), source }.into()),
         }
-    });
-    copied.map_err(|e| Failure::Input(format!("{}: {e}; check the path and its rights", path.display())))?;
-    Ok(hex(&hash.finalize()))
+    }
 }
 
 fn hex(bytes: &[u8]) -> String {

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{TINY, build, folder, refused};
+use common::{STRANDS, TINY, build, folder, open_cloth, refused};
 
 #[test]
 fn specs_are_refused_in_one_line() {
@@ -197,4 +197,58 @@ fn outputs_that_cannot_be_written_are_refused_before_the_work() {
     std::fs::write(dir.join("x.pwm.parts/diary.txt"), "dear diary").unwrap();
     refused(dir, &[&["build", "tiny.toml", "-o", "x.pwm"][..], &long].concat(), &["x.pwm.parts"]);
     assert!(dir.join("x.pwm.parts/diary.txt").exists());
+}
+
+/// Pipes, which nobody writes to, and links to devices without end are refused at once, whatever names them.
+#[cfg(unix)]
+#[test]
+fn endless_inputs_are_refused_at_once() {
+    use std::os::unix::fs::symlink;
+    let folder = folder();
+    let dir = folder.path();
+    open_cloth(dir);
+    assert!(std::process::Command::new("mkfifo").arg(dir.join("pipe")).status().unwrap().success());
+    symlink("pipe", dir.join("linked_pipe")).unwrap();
+    symlink("/dev/zero", dir.join("zero")).unwrap();
+    std::fs::write(dir.join("few.toml"), STRANDS).unwrap();
+    let of_file =
+        STRANDS.replace("make = { kind = \"fur\", count = 20, size_mm = 10.0, length_mm = 5.0 }", "file = \"zero\"");
+    std::fs::write(dir.join("of_file.toml"), of_file).unwrap();
+    let begun = std::time::Instant::now();
+    let not_regular = "not a regular file";
+    for input in ["pipe", "linked_pipe", "zero", "."] {
+        for command in [
+            &["render", input, "-o", "a.png"][..],
+            &["render", "few.toml", "-o", "a.png", "--sky", input],
+            &["build", input],
+            &["plot", input],
+            &["info", input],
+            &["fit", input],
+            &["weave", input],
+            &["color", input, "--srgb", "0.5,0.5,0.5"],
+            &["wave", "scatter", input],
+            &["wave", "tabulate", input],
+        ] {
+            refused(dir, command, &[input, not_regular]);
+        }
+    }
+    refused(dir, &["render", "of_file.toml", "-o", "a.png"], &["zero", not_regular]);
+    for input in ["linked_pipe", "zero"] {
+        refused(dir, &["render", "cloth.toml", "-o", "a.png", "--mesh", input], &[input, not_regular]);
+    }
+    assert!(begun.elapsed().as_secs() < 60, "{:?}", begun.elapsed());
+}
+
+/// A fabric whose model is a link to a place that its spec may not name.
+#[cfg(unix)]
+#[test]
+fn links_out_of_a_spec_s_folder_are_refused() {
+    let folder = folder();
+    let dir = folder.path();
+    let inner = dir.join("inner");
+    std::fs::create_dir(&inner).unwrap();
+    open_cloth(&inner);
+    std::fs::rename(inner.join("silk.pwm"), dir.join("silk.pwm")).unwrap();
+    std::os::unix::fs::symlink("../silk.pwm", inner.join("silk.pwm")).unwrap();
+    refused(dir, &["weave", "inner/cloth.toml"], &["silk.pwm", "leads out of the folder"]);
 }

@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{folder, names, plywave, run, succeed, text};
+use common::{STRANDS, folder, names, plywave, run, succeed, text};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -222,4 +222,33 @@ fn limits_of_file_sizes_are_failed_writes() {
     succeed(dir, &resume);
     succeed(dir, &["simulate", "tiny.toml", "--preset", "preview", "--quiet", "-o", "u.pwt"]);
     assert_eq!(bytes(dir, "t.pwt"), bytes(dir, "u.pwt"));
+}
+
+/// Two renders on one output would mix their sums: the second is refused, by any name of the output; a killed one leaves nothing in the way.
+#[test]
+fn renders_have_their_outputs_for_themselves() {
+    let folder = folder();
+    let dir = folder.path();
+    std::fs::write(dir.join("few.toml"), STRANDS).unwrap();
+    let shot = |output: &'static str, samples: &'static str| {
+        ["render", "few.toml", "--width", "8", "--height", "8", "--quiet", "-o", output, "--samples", samples]
+    };
+    let mut first = plywave(dir, &shot("a.png", "1000000")).spawn().unwrap();
+    let begun = Instant::now();
+    while !dir.join(".a.sums.lock").exists() {
+        assert!(begun.elapsed() < Duration::from_secs(60), "no lock within a minute");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    std::os::unix::fs::symlink("a.exr", dir.join("link.exr")).unwrap();
+    let refused = |output: &'static str| {
+        let output = run(dir, &shot(output, "1"));
+        let err = text(&output.stderr);
+        assert!(output.status.code() == Some(2) && err.contains("written by another run"), "{err}");
+    };
+    ["a.png", "a.exr", "link.exr"].map(refused);
+    succeed(dir, &shot("b.png", "1"));
+    first.kill().unwrap();
+    first.wait().unwrap();
+    succeed(dir, &shot("a.png", "1"));
+    assert!(!names(dir).iter().any(|name| name.ends_with(".lock")), "{:?}", names(dir));
 }

@@ -12,7 +12,7 @@ use plywave_sim::SimulateJob;
 use plywave_sim::wave::{ScatterJob, Scene, SingleFiber, SpeckleJob, SpeckleOptions, TabulateJob};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// A spec as it was given: the path of a file, or a text and the folder of the files it names.
 #[derive(FromPyObject)]
@@ -39,20 +39,11 @@ impl SpecArgs {
     /// The text of a scene.
     fn scene(&self) -> Outcome<(Scene, String)> {
         let refuse = |e| Failure::of_wave(e, &self.name());
-        let text = match &self.path {
-            Some(path) => {
-                Scene::load(path).map_err(refuse)?;
-                read(path)?
-            }
-            None => self.text.clone(),
-        };
-        Ok((Scene::parse(&text).map_err(refuse)?, text))
+        match &self.path {
+            Some(path) => Scene::load(path).map_err(refuse),
+            None => Ok((Scene::parse(&self.text).map_err(refuse)?, self.text.clone())),
+        }
     }
-}
-
-fn read(path: &Path) -> Outcome<String> {
-    std::fs::read_to_string(path)
-        .map_err(|source| plywave::Error::Io { file: path.display().to_string(), source }.into())
 }
 
 /// How a run goes.

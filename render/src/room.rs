@@ -1,7 +1,6 @@
 //! Memory and files whose size comes from a flag or a file: looked at before the work, refused in one line.
 
 use crate::RenderError;
-use std::io::Read;
 use std::path::Path;
 
 /// Refuses what memory does not hold: more than the system has to give (Linux tells), or than one allocation gets.
@@ -21,20 +20,14 @@ fn available() -> Option<u64> {
     Some(1024 * line.trim().trim_end_matches("kB").trim().parse::<u64>().ok()?)
 }
 
-/// The bytes of a regular file of at most `most` bytes.
+/// The bytes of a regular file of at most `most` bytes, by the one reader of `plywave::io`.
 pub(crate) fn read_file(path: &Path, most: u64) -> Result<Vec<u8>, RenderError> {
-    let file = path.display().to_string();
-    let io = |source| RenderError::Io { file: file.clone(), source };
-    let bad = |what: String| RenderError::Picture { file: file.clone(), what };
-    let about = std::fs::metadata(path).map_err(io)?;
-    if !about.is_file() {
-        return Err(bad("no regular file; give the path of a file".into()));
-    }
-    if about.len() > most {
-        return Err(bad(format!("{} bytes, at most {most} are read", about.len())));
-    }
-    check_room("this file", about.len()).map_err(|e| bad(e.to_string()))?;
-    let mut bytes = Vec::new();
-    std::fs::File::open(path).map_err(io)?.take(most).read_to_end(&mut bytes).map_err(io)?;
-    Ok(bytes)
+    // The reader tells what is wrong with a file that is not there.
+    let size = std::fs::metadata(path).map_or(0, |about| about.len());
+    check_room(&path.display().to_string(), size.min(most))?;
+    plywave::io::read_file(path, most).map_err(|error| match error {
+        plywave::Error::Io { file, source } => RenderError::Io { file, source },
+        plywave::Error::Format { file, what, hint } => RenderError::Picture { file, what: format!("{what}; {hint}") },
+        other => RenderError::Picture { file: path.display().to_string(), what: other.to_string() },
+    })
 }

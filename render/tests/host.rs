@@ -2,7 +2,9 @@
 
 use plywave::bsdf::{DirectionSample, Outcomes};
 use plywave::{Bsdf, BsdfSample};
-use plywave_render::{Facts, Film, FilmView, RenderOptions, Setup, Surface, render};
+use plywave_render::{
+    Environment, Facts, Film, FilmView, Mesh, MeshNotes, RenderOptions, Scene, Setup, Surface, render,
+};
 use std::f32::consts::{PI, TAU};
 use std::sync::atomic::AtomicBool;
 
@@ -318,4 +320,49 @@ fn skies_are_refused_by_their_header() {
 fn films_too_large_for_memory_are_refused() {
     let error = Film::new(u32::MAX, u32::MAX).unwrap_err().to_string();
     assert!(error.contains("GiB of memory"), "{error}");
+}
+
+/// A mesh of `tests/data/field` in a scene, 20 mm wide, and what was done to it.
+fn field(name: &str) -> (Scene, MeshNotes) {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/field").join(name);
+    let (mesh, notes) = Mesh::obj(&path, 1e5, 20.0).unwrap();
+    (Scene::new(mesh, Vec::new(), Environment::constant(1.0)), notes)
+}
+
+/// Meshes as they come from the field, looked at along -z: the share of the square that they cover, and no face left out.
+#[test]
+fn meshes_of_the_field_are_whole() {
+    for (name, want) in [
+        ("obj_concave/l_shape.obj", 0.75),
+        ("obj_concave/l_shape_turned.obj", 0.75),
+        ("obj_far_origin/survey.obj", 1.0),
+        ("obj_latin1/latin1.obj", 1.0),
+        ("obj_line_continuation/cont.obj", 1.0),
+    ] {
+        let (scene, notes) = field(name);
+        assert_eq!(notes, MeshNotes { mm_per_unit: notes.mm_per_unit, ..MeshNotes::default() }, "{name}");
+        // Centers of 64 x 64 pixels, none of which is on an edge.
+        let at = |k: i32| (k as f32 - 31.5) / 32.0 * 10.0;
+        let met = (0..64 * 64)
+            .filter(|k| scene.meet([at(k % 64), at(k / 64), 50.0].into(), [0.0, 0.0, -1.0].into()).is_some());
+        assert_eq!(met.count() as f32 / 4096.0, want, "{name}");
+    }
+}
+
+/// A tube of 16 sides whose uv end where it is seen, and the same with the seam behind: the normals between two corners are theirs, mixed, at the seam as elsewhere.
+#[test]
+fn normals_go_on_over_a_seam() {
+    for name in ["tube.obj", "tube_turned.obj"] {
+        let (scene, _) = field(&format!("obj_seam_normals/{name}"));
+        let mut last: Option<f32> = None;
+        for k in -190..=190 {
+            let (x, y) = (0.05 * k as f32 + 0.01, 0.1 * (k % 60) as f32);
+            let point = scene.meet([x, y, 50.0].into(), [0.0, 0.0, -1.0].into()).unwrap();
+            let normal = point.frame.axes[2];
+            // On a side's chord the normal is that of the circle at the same share of its angle, to the third order in the angle.
+            assert!((normal.x - x / 10.0).abs() < 0.01 && normal.y.abs() < 1e-5, "{name} at {x}: {normal}");
+            assert!(last.is_none_or(|last| (normal.x - last).abs() < 0.01), "{name} at {x}: {last:?}, {normal}");
+            last = Some(normal.x);
+        }
+    }
 }

@@ -81,7 +81,7 @@ pub fn file_kind(path: impl AsRef<Path>) -> Result<FileKind> {
     let path = path.as_ref();
     let name = path.display().to_string();
     let io = |source| Error::Io { file: name.clone(), source };
-    let mut file = super::disk::open_file(path)?;
+    let mut file = super::disk::open_file(path, u64::MAX)?;
     let mut size = [0u8; 8];
     let foreign = || format_error(&name, "no safetensors header", "give a table or model written by plywave");
     match file.read_exact(&mut size) {

@@ -3,17 +3,17 @@
 use super::utf8;
 use crate::math::hash::mix64;
 use crate::{Error, Result};
-use std::fs::{self, File, Metadata, OpenOptions};
+use std::fs::{self, File, Metadata, OpenOptions, TryLockError};
 use std::hash::{BuildHasher, Hasher};
-use std::io::{BufWriter, ErrorKind, Read, Write};
+use std::io::{BufWriter, ErrorKind, Read, Take, Write};
 use std::path::{Path, PathBuf};
 
 /// Symbolic links that are followed to find an output's target, as many as Linux does.
 const MOST_LINKS: usize = 40;
 /// First and last letters of the names that files have while they are written.
 const TEMPORARY: [&str; 2] = [".plywave-", ".tmp"];
-/// Temporary names that are tried before giving up.
-const MOST_NAMES: usize = 100;
+/// Temporary names that are tried before giving up, and times that a lock is.
+const MOST_TRIES: usize = 100;
 
 fn shown(path: &Path) -> String {
     path.display().to_string()
@@ -41,17 +41,25 @@ fn regular(path: &Path, metadata: &Metadata) -> Result<()> {
     Err(format_error(path, format!("{}, not a regular file", kind_of(metadata)), "give a regular file"))
 }
 
-/// Opens a regular file for reading.
+/// Opens a regular file of at most `most` bytes for reading. What it grows by meanwhile is cut off at one byte more.
 ///
 /// # Errors
-/// [`Error::Io`] when it cannot be opened, [`Error::Format`] for a folder, device, pipe or socket.
-pub fn open_file(path: impl AsRef<Path>) -> Result<File> {
+/// [`Error::Io`] when it cannot be opened, [`Error::Format`] for a folder, device, pipe or socket, and for a larger file.
+pub fn open_file(path: impl AsRef<Path>, most: u64) -> Result<Take<File>> {
     let path = path.as_ref();
     regular(path, &fs::metadata(path).map_err(io_error(path))?)?;
     let file = File::open(path).map_err(io_error(path))?;
     // The name may have been given to something else meanwhile.
-    regular(path, &file.metadata().map_err(io_error(path))?)?;
-    Ok(file)
+    let metadata = file.metadata().map_err(io_error(path))?;
+    regular(path, &metadata)?;
+    if metadata.len() > most {
+        return Err(too_large(path, most));
+    }
+    Ok(file.take(most.saturating_add(1)))
+}
+
+fn too_large(path: &Path, most: u64) -> Error {
+    format_error(path, format!("larger than {most} bytes"), "use a smaller file")
 }
 
 /// The bytes of a regular file of at most `most` bytes.
@@ -60,19 +68,14 @@ pub fn open_file(path: impl AsRef<Path>) -> Result<File> {
 /// As [`open_file`], and [`Error::Format`] for a larger file.
 pub fn read_file(path: impl AsRef<Path>, most: u64) -> Result<Vec<u8>> {
     let path = path.as_ref();
-    let file = open_file(path)?;
-    let large = || format_error(path, format!("larger than {most} bytes"), "use a smaller file");
-    let size = file.metadata().map_err(io_error(path))?.len();
-    if size > most {
-        return Err(large());
-    }
+    let mut file = open_file(path, most)?;
+    let size = file.get_ref().metadata().map_err(io_error(path))?.len();
     let mut bytes = Vec::new();
     if bytes.try_reserve_exact(size as usize + 1).is_err() {
         return Err(format_error(path, format!("{size} bytes do not fit in memory"), "use a smaller file"));
     }
-    // The file may grow while it is read.
-    file.take(most + 1).read_to_end(&mut bytes).map_err(io_error(path))?;
-    if bytes.len() as u64 > most { Err(large()) } else { Ok(bytes) }
+    file.read_to_end(&mut bytes).map_err(io_error(path))?;
+    if bytes.len() as u64 > most { Err(too_large(path, most)) } else { Ok(bytes) }
 }
 
 /// The text of a regular file of at most `most` bytes in UTF-8.
@@ -160,6 +163,42 @@ pub fn write_file_with(
     Ok(())
 }
 
+/// Locks a file, made where there is none, for as long as the handle lives; `None` while another process has it. The system releases the lock of a process
+/// that ends, however it ends; who is done first takes the file away. On file systems without locks everyone gets it.
+///
+/// # Errors
+/// [`Error::Io`] when it cannot be made.
+pub fn lock_file(path: impl AsRef<Path>) -> Result<Option<File>> {
+    let path = path.as_ref();
+    // Another process may take the file away between its opening and its locking: another try makes it anew.
+    for _ in 0..MOST_TRIES {
+        let mut options = OpenOptions::new();
+        let file = options.read(true).write(true).create(true).truncate(false).open(path).map_err(io_error(path))?;
+        match file.try_lock() {
+            Ok(()) if is_there(&file, path) => return Ok(Some(file)),
+            Ok(()) => {}
+            Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => return Ok(Some(file)),
+            Err(TryLockError::Error(error)) => return Err(io_error(path)(error)),
+            Err(TryLockError::WouldBlock) => break,
+        }
+    }
+    Ok(None)
+}
+
+/// Whether the open file is still the one at `path`.
+#[cfg(unix)]
+fn is_there(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let key = |m: &Metadata| (m.dev(), m.ino());
+    matches!((file.metadata(), fs::metadata(path)), (Ok(a), Ok(b)) if key(&a) == key(&b))
+}
+
+/// Elsewhere an open file cannot be deleted.
+#[cfg(not(unix))]
+fn is_there(_: &File, path: &Path) -> bool {
+    path.exists()
+}
+
 /// Whether a name is one that files have while they are written: what a killed program leaves.
 pub fn is_temporary(name: &str) -> bool {
     name.starts_with(TEMPORARY[0]) && name.ends_with(TEMPORARY[1])
@@ -175,7 +214,7 @@ fn fill(file: File, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -
 fn create_new(folder: &Path) -> std::io::Result<(PathBuf, File)> {
     let state = std::hash::RandomState::new();
     let mut last = ErrorKind::AlreadyExists.into();
-    for k in 0..MOST_NAMES {
+    for k in 0..MOST_TRIES {
         let mut hasher = state.build_hasher();
         hasher.write_usize(k);
         let [head, tail] = TEMPORARY;
@@ -221,6 +260,21 @@ mod tests {
         assert!(write_file("", b"").is_err());
     }
 
+    #[test]
+    fn locks_have_one_holder() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("lock");
+        let held = lock_file(&path).unwrap().unwrap();
+        assert!(lock_file(&path).unwrap().is_none());
+        drop(held);
+        let held = lock_file(&path).unwrap().unwrap();
+        // Taken away by its holder: the next one makes it anew.
+        fs::remove_file(&path).unwrap();
+        assert!(lock_file(&path).unwrap().is_some());
+        drop(held);
+        assert!(matches!(lock_file(folder.path().join("none/lock")), Err(Error::Io { .. })));
+    }
+
     #[cfg(unix)]
     #[test]
     fn links_keep_and_devices_are_refused() {
@@ -253,10 +307,14 @@ mod tests {
             }
         }
         assert!(at("null").is_symlink());
-        // A socket, as a pipe would, has no end to wait for.
+        // A pipe would have no end to wait for, a socket neither.
+        let made = std::process::Command::new("mkfifo").arg(at("pipe")).status();
+        assert!(made.unwrap().success());
+        symlink(at("pipe"), at("to_pipe")).unwrap();
+        assert!(read_file(at("pipe"), 9).is_err() && read_file(at("to_pipe"), 9).is_err());
         let _socket = std::os::unix::net::UnixListener::bind(at("socket")).unwrap();
         assert!(read_file(at("socket"), 9).is_err() && write_file(at("socket"), b"x").is_err());
-        assert!(read_file("/dev/zero", u64::MAX - 1).is_err());
+        assert!(read_file("/dev/zero", u64::MAX).is_err());
 
         fs::set_permissions(at("deep/target"), fs::Permissions::from_mode(0o440)).unwrap();
         let message = write_file(at("one"), b"x").unwrap_err().to_string();

@@ -20,8 +20,8 @@ pub trait AssetSource {
     }
 }
 
-/// Files of a folder on the disk. Names are paths relative to it and stay inside it: absolute ones and `..` are refused, unless
-/// [`Folder::anywhere`] allows them. Symbolic links in the folder are followed.
+/// Files of a folder on the disk. Names are paths relative to it and stay inside it: absolute ones, `..` and symbolic links that lead out are
+/// refused, unless [`Folder::anywhere`] allows them.
 #[derive(Clone, Debug)]
 pub struct Folder {
     root: PathBuf,
@@ -45,6 +45,14 @@ impl Folder {
         Folder { anywhere: true, ..self }
     }
 
+    /// Whether a name leads out of the folder, by itself or by a link. A file that is not there leads nowhere.
+    fn leads_out(&self, name: &str) -> bool {
+        let inside = Path::new(name).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
+        let real = |path: &Path| path.canonicalize().ok();
+        let root = if self.root.as_os_str().is_empty() { Path::new(".") } else { &self.root };
+        !inside || matches!((real(root), real(&self.path(name))), (Some(root), Some(file)) if !file.starts_with(root))
+    }
+
     /// The path of a name.
     pub fn path(&self, name: &str) -> PathBuf {
         self.root.join(name)
@@ -53,8 +61,7 @@ impl Folder {
 
 impl AssetSource for Folder {
     fn read(&self, name: &str, most: u64) -> Result<Vec<u8>> {
-        let inside = Path::new(name).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
-        if !(inside || self.anywhere) {
+        if !self.anywhere && self.leads_out(name) {
             return Err(Error::Format {
                 file: super::container::one_line(&name),
                 what: "leads out of the folder of the file that names it".into(),
@@ -140,5 +147,33 @@ mod tests {
             assert_eq!(source.clone().anywhere().read(name, 9).unwrap(), b"s");
         }
         assert!(matches!(source.read("none", 9), Err(Error::Io { .. })));
+    }
+
+    /// A link counts as the place that it leads to, whether it is the file or a folder on the way; the folder itself may be reached by one.
+    #[cfg(unix)]
+    #[test]
+    fn links_stay_inside_the_folder() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        let inner = folder.path().join("inner");
+        std::fs::create_dir_all(inner.join("deep")).unwrap();
+        std::fs::write(inner.join("deep/a"), "a").unwrap();
+        std::fs::create_dir(folder.path().join("inner2")).unwrap();
+        std::fs::write(folder.path().join("inner2/secret"), "s").unwrap();
+        symlink("deep/a", inner.join("within")).unwrap();
+        symlink("../inner2/secret", inner.join("out")).unwrap();
+        symlink(folder.path().join("inner2"), inner.join("folder")).unwrap();
+        symlink("folder/secret", inner.join("twice")).unwrap();
+        symlink("nowhere", inner.join("dangling")).unwrap();
+        symlink(&inner, folder.path().join("door")).unwrap();
+        for source in [Folder::new(&inner), Folder::new(folder.path().join("door"))] {
+            assert_eq!(source.read("within", 9).unwrap(), b"a");
+            for name in ["out", "folder/secret", "twice"] {
+                let message = source.read(name, 9).unwrap_err().to_string();
+                assert!(message.contains("leads out of the folder"), "{message}");
+                assert_eq!(source.clone().anywhere().read(name, 9).unwrap(), b"s");
+            }
+            assert!(matches!(source.read("dangling", 9), Err(Error::Io { .. })));
+        }
     }
 }

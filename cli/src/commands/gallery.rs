@@ -11,6 +11,7 @@ use crate::progress::{self, Bar, STOP};
 use crate::rendering::failed;
 use crate::{output, report};
 use plywave::fabric::{FabricBsdf, FabricOptions, FabricSpec};
+use plywave::io::FileKind;
 use plywave_render::{Film, FilmView, RenderOptions, render};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -118,6 +119,7 @@ pub fn run(cli: &Cli, args: &GalleryArgs) -> Outcome {
     for part in ["", "fabrics", "fabrics/models", "page"] {
         make_folder(&folder.join(part))?;
     }
+    let _held = output::hold(&folder.join(INDEX))?;
     let begun = Instant::now();
     let before = earlier(folder);
     let mut index = Index {
@@ -200,9 +202,10 @@ pub fn run(cli: &Cli, args: &GalleryArgs) -> Outcome {
 /// Of a fabric spec and the models beside it.
 fn digest_of(file: &Path) -> Outcome<String> {
     let loaded = FabricSpec::load(file)?;
-    let mut bytes = std::fs::read(file).unwrap_or_default();
+    let read = |file: &Path| plywave::io::read_file(file, FileKind::Model.most_bytes());
+    let mut bytes = read(file)?;
     for model in &loaded.model_paths {
-        bytes.extend(digest(&std::fs::read(model).unwrap_or_default()).bytes());
+        bytes.extend(digest(&read(model)?).bytes());
     }
     Ok(digest(&bytes))
 }

@@ -4,7 +4,6 @@ use super::info::NodeEnergies;
 use super::{Loaded, Yarn, absorptions, load_any};
 use crate::args::{Cli, Part, PlotArgs};
 use crate::failure::{Failure, Outcome};
-use crate::output;
 use crate::plot::Format;
 use crate::plot::budget::Budget;
 use crate::plot::figure::Figure;
@@ -14,6 +13,7 @@ use crate::plot::sheet::{self, Block, Cell, Section};
 use crate::plot::text::literal;
 use crate::report::number;
 use crate::yarn_words::yarn_line;
+use crate::{kinds, output};
 use plywave::frame::direction;
 use plywave::io::FileKind;
 use plywave::ply::asg::{Lobe, PARAMS};
@@ -504,7 +504,7 @@ fn wrong_kind(file: &Path) -> Outcome {
         "give a table (.pwt), a model (.pwm), a fiber table (.pwf), speckle patterns (.pws) or a yarn spec (.toml)";
     let refuse = |what: &str, more: &str| Err(Failure::input(file.display(), "FILE", what, &format!("{KINDS}{more}")));
     // What cannot be read is for the loaders too.
-    let Ok(bytes) = std::fs::read(file) else { return Ok(()) };
+    let Some(bytes) = kinds::head(file) else { return Ok(()) };
     if file.extension().is_some_and(|e| e == "toml") {
         let Ok(text) = str::from_utf8(&bytes) else { return Ok(()) };
         let has = |section: &str| text.lines().any(|line| line.trim() == section);

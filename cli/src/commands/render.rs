@@ -156,7 +156,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     let loaded = kinds::load_fabric(&args.fabric)?;
     let inputs = inputs(args, &loaded.spec, &loaded.model_paths);
     let read: Vec<&Path> = inputs.iter().map(|(_, path)| path.as_path()).collect();
-    outputs.each().try_for_each(|path| output::check_writable(path, &read))?;
+    let _held = outputs.hold(&read)?;
     let options = FabricOptions {
         gaps: if args.straight_gaps { GapLight::Straight } else { GapLight::Diffracted },
         sigma_per_um: args.sigma.map(|s| s as f32),

@@ -43,7 +43,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     inputs.extend(spec.inputs());
     inputs.extend(args.sky.iter().map(|s| ("sky", s.clone())));
     let read: Vec<&Path> = inputs.iter().map(|(_, path)| path.as_path()).collect();
-    outputs.each().try_for_each(|path| output::check_writable(path, &read))?;
+    let _held = outputs.hold(&read)?;
     let depth = args.depth.unwrap_or(DEPTH);
     let mut of = vec![("version".to_string(), env!("CARGO_PKG_VERSION").to_string())];
     for (name, path) in &inputs {

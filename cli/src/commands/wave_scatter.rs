@@ -10,12 +10,8 @@ use std::time::Duration;
 
 /// Runs the command.
 pub fn run(cli: &Cli, args: &WaveScatterArgs) -> Outcome {
-    let refuse = |error| runs::wave_failure(error, &args.scene);
-    Scene::load(&args.scene).map_err(refuse)?;
-    // The text that parts carry.
-    let text =
-        std::fs::read_to_string(&args.scene).map_err(|e| Failure::Input(format!("{}: {e}", args.scene.display())))?;
-    let scene = Scene::parse(&text).map_err(refuse)?;
+    // Parts carry the text.
+    let (scene, text) = Scene::load(&args.scene).map_err(|error| runs::wave_failure(error, &args.scene))?;
     let path = args.output.clone().unwrap_or_else(|| args.shards.default_output(&args.scene, "json"));
     output::check_writable(&path, &[&args.scene])?;
     let job = ScatterJob::new(&scene, &text);

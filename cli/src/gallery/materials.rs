@@ -9,6 +9,7 @@ use crate::failure::{Failure, Outcome};
 use crate::output;
 use crate::progress::{self, PipelineBar};
 use plywave::PlyModel;
+use plywave::io::FileKind;
 use plywave::ply::PlyData;
 use plywave::spec::{Shape, YarnSpec};
 use plywave_pipeline::{Quality, Recipe, Run, add_speckle, build, solve_speckle};
@@ -92,15 +93,21 @@ pub struct Workshop<'a> {
     pub quick: bool,
 }
 
+/// Longest spec that is read [bytes].
+const MOST_TEXT: u64 = 32 << 20;
+
 fn read(path: &Path) -> Outcome<String> {
-    let bad = |e: std::io::Error| match e.kind() {
-        std::io::ErrorKind::NotFound => Failure::Input(format!(
-            "{}: no such file; give the folder of the fabrics that ship by --fabrics",
-            path.display()
-        )),
-        _ => Failure::Input(format!("{}: {e}", path.display())),
-    };
-    std::fs::read_to_string(path).map_err(bad)
+    plywave::io::read_text(path, MOST_TEXT).map_err(not_shipped)
+}
+
+/// Says where a file that ships is looked for.
+fn not_shipped(error: plywave::Error) -> Failure {
+    match error {
+        plywave::Error::Io { file, source } if source.kind() == std::io::ErrorKind::NotFound => {
+            Failure::Input(format!("{file}: no such file; give the folder of the fabrics that ship by --fabrics"))
+        }
+        other => other.into(),
+    }
 }
 
 impl Workshop<'_> {
@@ -179,13 +186,7 @@ impl Workshop<'_> {
     /// A model that ships, made whole.
     fn shipped(&self, name: &str) -> Outcome<String> {
         let path = self.from.join("models").join(format!("{name}.pwm"));
-        let bytes = std::fs::read(&path).map_err(|e| match e.kind() {
-            std::io::ErrorKind::NotFound => {
-                let hint = "no such file; give the folder of the fabrics that ship by --fabrics";
-                Failure::Input(format!("{}: {hint}", path.display()))
-            }
-            _ => Failure::Input(format!("{}: {e}", path.display())),
-        })?;
+        let bytes = plywave::io::read_file(&path, FileKind::Model.most_bytes()).map_err(not_shipped)?;
         let fibers = self.speckle_fibers();
         let mark = format!("{} {fibers}", digest(&bytes));
         if self.is_made(name, &mark) {

@@ -32,6 +32,30 @@ lobes_refl = 1
 lobes_high = 2
 "#;
 
+/// A few strands in the light of a lamp: a scene that is loaded in no time.
+pub const STRANDS: &str = r#"
+name = "few"
+sky = 0.5
+
+[strands]
+make = { kind = "fur", count = 20, size_mm = 10.0, length_mm = 5.0 }
+radius_um = 60.0
+segments = 8
+
+[fiber]
+model = { kind = "dielectric" }
+
+[camera]
+from_mm = [0.0, -30.0, 20.0]
+to_mm = [0.0, 0.0, 1.0]
+fov_deg = 25.0
+
+[[lamps]]
+from_mm = [20.0, -20.0, 40.0]
+size_mm = 10.0
+radiance = 10.0
+"#;
+
 /// Flags of `build` under which any fit is good: the lobes of [`TINY`] are few.
 pub const ANY_FIT: &[&str] = &["--max-error-refl", "9", "--max-error-high", "9"];
 

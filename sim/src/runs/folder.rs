@@ -6,7 +6,7 @@ use super::part::{Entry, PartFile, encode};
 use crate::error::SimError;
 use plywave::Error;
 use std::collections::HashSet;
-use std::fs::{self, TryLockError};
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
@@ -214,42 +214,17 @@ fn parse_name(name: &str) -> Option<(usize, usize)> {
 }
 
 fn lock(folder: &Path) -> Result<fs::File, SimError> {
-    let path = folder.join(LOCK);
     // A process that ends takes an empty folder away with its lock: another try then makes both anew.
     for _ in 0..100 {
         fs::create_dir_all(folder).map_err(io(folder))?;
-        let file = match fs::File::options().read(true).write(true).create(true).truncate(false).open(&path) {
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => continue,
-            other => other.map_err(io(&path))?,
-        };
-        match file.try_lock() {
-            Ok(()) => {}
-            // File systems without locks: a second run there is not found out.
-            Err(TryLockError::Error(error)) if error.kind() == std::io::ErrorKind::Unsupported => return Ok(file),
-            Err(TryLockError::Error(error)) => return Err(io(&path)(error)),
-            Err(TryLockError::WouldBlock) => {
-                return Err(SimError::PartsInUse { folder: folder.display().to_string() });
-            }
-        }
-        if is_there(&file, &path) {
-            return Ok(file);
+        match plywave::io::lock_file(folder.join(LOCK)) {
+            Ok(Some(file)) => return Ok(file),
+            Ok(None) => break,
+            Err(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {}
+            Err(error) => return Err(error.into()),
         }
     }
     Err(SimError::PartsInUse { folder: folder.display().to_string() })
-}
-
-/// Whether the open file is still the one at `path`.
-#[cfg(unix)]
-fn is_there(file: &fs::File, path: &Path) -> bool {
-    use std::os::unix::fs::MetadataExt;
-    let key = |m: &fs::Metadata| (m.dev(), m.ino());
-    matches!((file.metadata(), fs::metadata(path)), (Ok(a), Ok(b)) if key(&a) == key(&b))
-}
-
-/// Elsewhere an open file cannot be deleted.
-#[cfg(not(unix))]
-fn is_there(_: &fs::File, path: &Path) -> bool {
-    path.exists()
 }
 
 #[cfg(test)]

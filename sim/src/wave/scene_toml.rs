@@ -4,7 +4,6 @@
 
 use super::scene::{Beams, Method, Scene, invalid};
 use super::{Body, C64, Shape, WaveError};
-use std::io::Read;
 use std::path::Path;
 use toml::{Table, Value};
 
@@ -46,27 +45,21 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Reads a scene from a file. Messages do not name the file.
+    /// Reads a scene from a file, and gives the file's text with it. Messages do not name the file.
     ///
     /// # Errors
     /// As [`Scene::parse`], and [`WaveError::Unreadable`] for a file that cannot be read.
-    pub fn load(path: impl AsRef<Path>) -> Result<Scene, WaveError> {
-        let unreadable = |what: String, hint: &str| WaveError::Unreadable { what, hint: hint.into() };
-        let mut bytes = Vec::new();
-        let read = std::fs::File::open(path).and_then(|file| file.take(MAX_BYTES + 1).read_to_end(&mut bytes));
-        match read {
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
-                return Err(unreadable("no such file".into(), "check the path"));
+    pub fn load(path: impl AsRef<Path>) -> Result<(Scene, String), WaveError> {
+        let unreadable = |what: String, hint: String| WaveError::Unreadable { what, hint };
+        let text = plywave::io::read_text(path, MAX_BYTES).map_err(|error| match error {
+            plywave::Error::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
+                unreadable("no such file".into(), "check the path".into())
             }
-            Err(e) => return Err(unreadable(e.to_string(), "check the path and its rights")),
-            Ok(n) if n as u64 > MAX_BYTES => {
-                return Err(unreadable(format!("larger than {MAX_BYTES} bytes"), "use a smaller file"));
-            }
-            Ok(_) => {}
-        }
-        let text =
-            String::from_utf8(bytes).map_err(|_| unreadable("not text in UTF-8".into(), "save it as UTF-8 text"))?;
-        Scene::parse(&text)
+            plywave::Error::Io { source, .. } => unreadable(source.to_string(), "check the path and its rights".into()),
+            plywave::Error::Format { what, hint, .. } => unreadable(what, hint),
+            other => unreadable(other.to_string(), "check the file".into()),
+        })?;
+        Ok((Scene::parse(&text)?, text))
     }
 }
 

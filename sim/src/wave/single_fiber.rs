@@ -56,6 +56,8 @@ pub struct SingleFiber {
     pub by_wavelength: Option<FiberSpec>,
 }
 
+/// Largest file that is read [bytes].
+const MAX_BYTES: u64 = 4 << 20;
 /// Points of an outline for measures of its extent.
 const MEASURED: usize = 2048;
 
@@ -68,7 +70,7 @@ impl SingleFiber {
     pub fn load(path: impl AsRef<Path>, sigma_per_um: f64) -> Result<(SingleFiber, String), SimError> {
         let path = path.as_ref();
         // What cannot be read or parsed is told by the reader of yarn specs.
-        let text = std::fs::read_to_string(path).unwrap_or_default();
+        let text = plywave::io::read_text(path, MAX_BYTES).unwrap_or_default();
         if !is_scene(&text) {
             let (spec, text) = YarnSpec::load(path)?;
             return Ok((SingleFiber::of_yarn(&spec, sigma_per_um)?, text));
