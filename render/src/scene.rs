@@ -77,6 +77,11 @@ impl Meeting {
     }
 }
 
+/// A ray for the BVH. Adding 0 turns -0 into 0: the BVH takes a ray's octant from the sign of its inverse in one place and of itself in another.
+fn ray(origin: Vec3, direction: Vec3, reach: f32) -> Ray {
+    Ray::new(origin.into(), Vec3A::from(direction) + Vec3A::ZERO, 0.0, reach)
+}
+
 impl Scene {
     /// Builds the BVH.
     pub fn new(mesh: Mesh, lights: Vec<Light>, environment: Environment) -> Scene {
@@ -97,17 +102,15 @@ impl Scene {
     }
 
     fn nearest(&self, origin: Vec3, direction: Vec3, reach: f32) -> Option<(usize, f32)> {
-        // Adding 0 turns -0 into 0: the BVH takes a ray's octant from the sign of its inverse in one place and of itself in another.
-        let ray = Ray::new(origin.into(), Vec3A::from(direction) + Vec3A::ZERO, 0.0, reach);
         let mut hit = RayHit::none();
-        self.bvh.ray_traverse(ray, &mut hit, |ray, i| self.triangles[i].intersect(ray));
+        self.bvh.ray_traverse(ray(origin, direction, reach), &mut hit, |ray, i| self.triangles[i].intersect(ray));
         (hit.t < f32::INFINITY).then_some((hit.primitive_id as usize, hit.t))
     }
 
     /// Whether nothing lies between `origin` and the point `reach` along `direction`.
     pub fn free(&self, origin: Vec3, direction: Vec3, reach: f32) -> bool {
         self.props.iter().all(|prop| prop.hit(origin, direction).is_none_or(|t| t >= reach))
-            && self.nearest(origin, direction, reach).is_none()
+            && self.bvh.ray_traverse_miss(ray(origin, direction, reach), |ray, i| self.triangles[i].intersect(ray))
     }
 
     /// What a ray meets first, lights apart.

@@ -5,7 +5,7 @@ use crate::args::{Cli, FabricPart, Integrator, RenderArgs, Scene};
 use crate::failure::{Failure, Outcome};
 use crate::progress::STOP;
 use crate::rendering::{About, Outputs, camera, camera_flags, check_flags, digest_of_file, failed, film, shoot};
-use crate::{kinds, output, report};
+use crate::{kinds, report};
 use plywave::fabric::{Fabric, FabricBsdf, FabricOptions, FabricSpec, Family, GapLight, Slits, WeaveSpec};
 use plywave::gap::{SLIT_MAX_UM, SLIT_SHARE};
 use plywave_render::{Camera, Environment, Mesh, MeshNotes, RenderOptions, Setup, render};

@@ -2,7 +2,7 @@
 
 use super::runs::{self, Told};
 use crate::args::{Cli, ResumeArgs, WaveScatterArgs};
-use crate::failure::{Failure, Outcome};
+use crate::failure::Outcome;
 use crate::{output, progress, report};
 use plywave_sim::wave::{Report, ScatterJob, Scene};
 use std::path::Path;
