@@ -233,9 +233,7 @@ fn endless_inputs_are_refused_at_once() {
         }
     }
     refused(dir, &["render", "of_file.toml", "-o", "a.png"], &["zero", not_regular]);
-    for input in ["linked_pipe", "zero"] {
-        refused(dir, &["render", "cloth.toml", "-o", "a.png", "--mesh", input], &[input, not_regular]);
-    }
+    refused(dir, &["render", "cloth.toml", "-o", "a.png", "--mesh", "linked_pipe"], &["linked_pipe", not_regular]);
     assert!(begun.elapsed().as_secs() < 60, "{:?}", begun.elapsed());
 }
 

@@ -2,13 +2,13 @@
 //!
 //! Vertices at the same place are one, whatever their texture coordinates: normals that are made do not break at a seam, and equal faces are known. "The same
 //! place" is to 2^-24 of the mesh's extent, which single precision does not tell apart. Polygons are cut in the plane of their mean normal (Newell's): into a
-//! fan where one covers them, by clipping ears (`earcut`) where they are concave. Normals that are made weigh the faces around a vertex by their angle there
-//! (Thuermer and Wuethrich 1998), so that they do not depend on how polygons are cut.
+//! fan where one covers them, by clipping ears (`earcut`) where they are concave.
 
 use crate::RenderError;
 use crate::mesh::Mesh;
 use crate::obj::{Corner, NONE, Obj};
 use crate::room::{check_room, read_file};
+use crate::smooth::Smooth;
 use earcut::Earcut;
 use earcut::utils3d::project3d_to_2d;
 use glam::{DVec3, Vec3};
@@ -17,8 +17,8 @@ use std::path::Path;
 
 /// Largest OBJ file that is read [bytes].
 const MAX_BYTES: u64 = 1 << 30;
-/// Memory to a byte of an OBJ file, at most: a corner of four characters becomes a triangle, its key and its vertex.
-const MEMORY_PER_BYTE: u64 = 24;
+/// Memory to a byte of an OBJ file, at most: a corner of four characters becomes a triangle, its key, its edges and its vertex.
+const MEMORY_PER_BYTE: u64 = 40;
 /// Steps over the extent of a mesh within which two places are one.
 const STEPS: f64 = (1u32 << 24) as f64;
 /// Least extent of a mesh over the spacing of double precision at its coordinates: they must place a corner to a millionth of the mesh.
@@ -82,7 +82,7 @@ impl Mesh {
         let bad = |line: usize, what: &str| RenderError::Mesh { file: name.to_string(), line, what: what.into() };
         let places = Places::of(obj, name, size_mm)?;
         let mut notes = MeshNotes { mm_per_unit: places.mm_per_unit, ..MeshNotes::default() };
-        let (mut mesh, mut vertices) = (Mesh::default(), Vertices::default());
+        let mut triangles: Vec<[Corner; 3]> = Vec::new();
         let (mut cutter, mut known, mut ring) = (Cutter::default(), HashSet::new(), Vec::new());
         for (k, (line, corners)) in obj.faces().enumerate() {
             let turned = places.ring(corners, &mut ring);
@@ -101,7 +101,7 @@ impl Mesh {
                 key.sort_unstable();
                 if known.insert(key) {
                     kept = true;
-                    mesh.triangles.push(triangle.map(|c| vertices.index(c, obj)));
+                    triangles.push(triangle);
                 } else {
                     there = true;
                 }
@@ -113,25 +113,41 @@ impl Mesh {
                 (false, false) => notes.flat.add(k + 1, line),
             }
         }
-        if mesh.triangles.is_empty() {
+        if triangles.is_empty() {
             return Err(bad(notes.flat.line, "no face has an area"));
         }
-        let made = if vertices.bare { places.normals(&mesh.triangles, &vertices.corners) } else { Vec::new() };
-        for corner in &vertices.corners {
-            mesh.positions.push(places.at(*corner).as_vec3());
-            mesh.uv_um.push(obj.uvs[corner.uv as usize].map(|x| (x * cloth_um) as f32));
-            mesh.normals.push(match corner.normal {
-                NONE => made[places.of[corner.position as usize] as usize],
-                i => DVec3::from(obj.normals[i as usize]).normalize().as_vec3(),
-            });
-        }
-        match mesh.uv_um.iter().position(|uv| !uv.iter().all(|x| x.is_finite())) {
-            Some(at) => {
-                let number = vertices.corners[at].uv + 1;
-                Err(bad(0, &format!("texture coordinate {number} is not finite, or too large for its cloth")))
+        for corner in triangles.iter().flatten() {
+            if !obj.uvs[corner.uv as usize].iter().all(|x| ((x * cloth_um) as f32).is_finite()) {
+                let number = corner.uv + 1;
+                return Err(bad(0, &format!("texture coordinate {number} is not finite, or too large for its cloth")));
             }
-            None => Ok((mesh, notes)),
         }
+        let bare = triangles.iter().flatten().any(|corner| !has_normal(corner, obj));
+        let smooth = bare.then(|| {
+            let at: Vec<[u32; 3]> = triangles.iter().map(|t| t.map(|c| places.of[c.position as usize])).collect();
+            Smooth::of(&at, &places.points)
+        });
+        let mut mesh = Mesh::default();
+        // Vertices by position, uv and normal: one of the file, or one of a side.
+        let mut vertices: HashMap<[u32; 4], u32> = HashMap::new();
+        for (t, triangle) in triangles.iter().enumerate() {
+            mesh.triangles.push(triangle.map(|corner| {
+                let side = smooth.as_ref().filter(|_| !has_normal(&corner, obj)).map(|smooth| smooth.side(t));
+                let normal = side.map_or([corner.normal, NONE], |side| [NONE, side]);
+                let next = mesh.positions.len() as u32;
+                let at = *vertices.entry([corner.position, corner.uv, normal[0], normal[1]]).or_insert(next);
+                if at == next {
+                    mesh.positions.push(places.at(corner).as_vec3());
+                    mesh.uv_um.push(obj.uvs[corner.uv as usize].map(|x| (x * cloth_um) as f32));
+                    mesh.normals.push(match (&smooth, side) {
+                        (Some(smooth), Some(side)) => smooth.normal(places.of[corner.position as usize], side),
+                        _ => DVec3::from(obj.normals[corner.normal as usize]).normalize().as_vec3(),
+                    });
+                }
+                at
+            }));
+        }
+        Ok((mesh, notes))
     }
 }
 
@@ -221,45 +237,13 @@ impl Places {
         }
         false
     }
-
-    /// Unit normals at all places, of the triangles around them by their angles.
-    fn normals(&self, triangles: &[[u32; 3]], vertices: &[Corner]) -> Vec<Vec3> {
-        let mut sums = vec![DVec3::ZERO; self.points.len()];
-        for triangle in triangles {
-            let at = triangle.map(|i| self.of[vertices[i as usize].position as usize] as usize);
-            let p = at.map(|i| self.points[i]);
-            let normal = (p[1] - p[0]).cross(p[2] - p[0]).normalize_or_zero();
-            for k in 0..3 {
-                sums[at[k]] += normal * (p[(k + 1) % 3] - p[k]).angle_between(p[(k + 2) % 3] - p[k]);
-            }
-        }
-        sums.iter().map(|n| n.normalize_or_zero().as_vec3()).collect()
-    }
 }
 
-/// Vertices of the mesh: the different corners.
-#[derive(Default)]
-struct Vertices {
-    corners: Vec<Corner>,
-    known: HashMap<[u32; 3], u32>,
-    /// Whether one has no normal in the file.
-    bare: bool,
-}
-
-impl Vertices {
-    fn index(&mut self, corner: Corner, obj: &Obj) -> u32 {
-        let has_normal = corner.normal != NONE && {
-            let n = DVec3::from(obj.normals[corner.normal as usize]);
-            n.is_finite() && n.try_normalize().is_some()
-        };
-        let normal = if has_normal { corner.normal } else { NONE };
-        self.bare |= !has_normal;
-        let next = self.corners.len() as u32;
-        let at = *self.known.entry([corner.position, corner.uv, normal]).or_insert(next);
-        if at == next {
-            self.corners.push(Corner { normal, ..corner });
-        }
-        at
+/// Whether a corner has a normal of some direction.
+fn has_normal(corner: &Corner, obj: &Obj) -> bool {
+    corner.normal != NONE && {
+        let normal = DVec3::from(obj.normals[corner.normal as usize]);
+        normal.is_finite() && normal.try_normalize().is_some()
     }
 }
 

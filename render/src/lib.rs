@@ -23,6 +23,7 @@ mod scene;
 mod setup;
 mod sky;
 mod sky_file;
+mod smooth;
 mod strands;
 
 pub use camera::{Camera, View};
