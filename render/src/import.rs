@@ -11,7 +11,7 @@ use crate::room::{check_room, read_file};
 use crate::smooth::Smooth;
 use earcut::Earcut;
 use earcut::utils3d::project3d_to_2d;
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
@@ -298,6 +298,7 @@ impl Cutter {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::Vec3;
     use std::f64::consts::TAU;
 
     const QUAD: &str = "v 0 0 0\nv 2 0 0 # a corner\nv 2 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n";
