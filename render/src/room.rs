@@ -1,6 +1,8 @@
 //! Memory and files whose size comes from a flag or a file: looked at before the work, refused in one line.
 
 use crate::RenderError;
+use std::fs::File;
+use std::io::BufReader;
 use std::path::Path;
 
 /// Refuses what memory does not hold: more than the system has to give (Linux tells), or than one allocation gets.
@@ -20,14 +22,25 @@ fn available() -> Option<u64> {
     Some(1024 * line.trim().trim_end_matches("kB").trim().parse::<u64>().ok()?)
 }
 
+/// Opens a regular file of at most `most` bytes by the one reader of `plywave::io`; gives its size too.
+pub(crate) fn open_file(path: &Path, most: u64) -> Result<(BufReader<File>, u64), RenderError> {
+    let file = plywave::io::open_file(path, most).map_err(|e| of_reader(path, e))?.into_inner();
+    let size = file.metadata().map_err(|source| RenderError::Io { file: path.display().to_string(), source })?.len();
+    Ok((BufReader::new(file), size))
+}
+
 /// The bytes of a regular file of at most `most` bytes, by the one reader of `plywave::io`.
 pub(crate) fn read_file(path: &Path, most: u64) -> Result<Vec<u8>, RenderError> {
     // The reader tells what is wrong with a file that is not there.
     let size = std::fs::metadata(path).map_or(0, |about| about.len());
     check_room(&path.display().to_string(), size.min(most))?;
-    plywave::io::read_file(path, most).map_err(|error| match error {
+    plywave::io::read_file(path, most).map_err(|e| of_reader(path, e))
+}
+
+fn of_reader(path: &Path, error: plywave::Error) -> RenderError {
+    match error {
         plywave::Error::Io { file, source } => RenderError::Io { file, source },
         plywave::Error::Format { file, what, hint } => RenderError::Picture { file, what: format!("{what}; {hint}") },
         other => RenderError::Picture { file: path.display().to_string(), what: other.to_string() },
-    })
+    }
 }

@@ -1,16 +1,19 @@
 //! Skies from files: OpenEXR with colors in any layer, or luminance, and Radiance pictures.
 
-use crate::room::check_room;
+use crate::room::{check_room, open_file};
 use crate::{Environment, RenderError};
 use exr::meta::header::Header;
 use exr::prelude::{FlatSamples, ReadChannels, ReadLayers};
 use image::ImageDecoder;
 use image::codecs::hdr::HdrDecoder;
-use std::io::Read;
+use std::fs::File;
+use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
 /// Most texels of an environment: 16384 x 8192.
 const MOST_TEXELS: u64 = 1 << 27;
+/// Largest file that is read [bytes]: all texels as 32-bit floats in eight channels.
+const MOST_BYTES: u64 = 32 * MOST_TEXELS;
 /// Bytes that a chunk of an EXR takes at least: 8 in the table of offsets, 4 of its place, 4 of its size.
 const CHUNK_BYTES: u64 = 16;
 /// Bytes a texel that an environment takes: the colors, twice while they are read, and the running sums.
@@ -51,21 +54,18 @@ impl Environment {
     pub fn load(path: &Path, layer: Option<&str>) -> Result<(Environment, Vec<String>), RenderError> {
         let name = path.display().to_string();
         let bad = |what: String| RenderError::Picture { file: name.clone(), what };
-        let io = |source| RenderError::Io { file: name.clone(), source };
-        let about = std::fs::metadata(path).map_err(io)?;
-        if !about.is_file() {
-            return Err(bad("no regular file; give an EXR or a Radiance .hdr".into()));
-        }
+        let (mut file, bytes) = open_file(path, MOST_BYTES)?;
         let mut magic = Vec::new();
-        std::fs::File::open(path).and_then(|file| file.take(4).read_to_end(&mut magic)).map_err(io)?;
+        let read = file.by_ref().take(4).read_to_end(&mut magic).and_then(|_| file.rewind());
+        read.map_err(|source| RenderError::Io { file: name.clone(), source })?;
         let mut notes = Vec::new();
         let picture = if magic == [0x76, 0x2f, 0x31, 0x01] {
-            read_exr(path, about.len(), layer, &mut notes)?
+            read_exr(file, &name, bytes, layer, &mut notes)?
         } else if magic.starts_with(b"#?") {
             if let Some(layer) = layer {
                 return Err(bad(format!("a Radiance picture has no layers, so none is named {layer}; leave it out")));
             }
-            read_radiance(path, about.len())?
+            read_radiance(file, &name, bytes)?
         } else {
             return Err(bad("neither OpenEXR nor Radiance; convert it to an .exr or .hdr in linear light".into()));
         };
@@ -133,13 +133,11 @@ fn check_size(name: &str, [w, h]: [u64; 2], sample_bytes: u64) -> Result<(), Ren
     check_room(&format!("{name}: a sky of {w} x {h} texels"), texels.saturating_mul(sample_bytes + TEXEL_BYTES))
 }
 
-fn read_radiance(path: &Path, bytes: u64) -> Result<Picture, RenderError> {
-    let name = path.display().to_string();
-    let bad = |what: String| RenderError::Picture { file: name.clone(), what };
-    let file = std::fs::File::open(path).map_err(|source| RenderError::Io { file: name.clone(), source })?;
-    let decoder = HdrDecoder::new_nonstrict(std::io::BufReader::new(file)).map_err(|e| bad(e.to_string()))?;
+fn read_radiance(file: BufReader<File>, name: &str, bytes: u64) -> Result<Picture, RenderError> {
+    let bad = |what: String| RenderError::Picture { file: name.into(), what };
+    let decoder = HdrDecoder::new_nonstrict(file).map_err(|e| bad(e.to_string()))?;
     let (w, h) = decoder.dimensions();
-    check_size(&name, [w, h].map(u64::from), 12)?;
+    check_size(name, [w, h].map(u64::from), 12)?;
     if u64::from(h) * ROW_BYTES > bytes {
         return Err(bad(format!("{w} x {h} texels do not fit into {bytes} bytes; the file is cut off")));
     }
@@ -280,11 +278,17 @@ fn choose(headers: &[Header], layer: Option<&str>, notes: &mut Vec<String>) -> R
     Ok(found.swap_remove(at))
 }
 
-fn read_exr(path: &Path, bytes: u64, layer: Option<&str>, notes: &mut Vec<String>) -> Result<Picture, RenderError> {
-    let name = path.display().to_string();
-    let bad = |what: String| RenderError::Picture { file: name.clone(), what };
-    let meta = exr::meta::MetaData::read_from_file(path, false).map_err(|e| bad(e.to_string()))?;
-    meta.headers.iter().try_for_each(|header| check_header(&name, header, bytes))?;
+fn read_exr(
+    mut file: BufReader<File>,
+    name: &str,
+    bytes: u64,
+    layer: Option<&str>,
+    notes: &mut Vec<String>,
+) -> Result<Picture, RenderError> {
+    let bad = |what: String| RenderError::Picture { file: name.into(), what };
+    let meta = exr::meta::MetaData::read_from_buffered(&mut file, false).map_err(|e| bad(e.to_string()))?;
+    file.rewind().map_err(|source| RenderError::Io { file: name.into(), source })?;
+    meta.headers.iter().try_for_each(|header| check_header(name, header, bytes))?;
     let colors = choose(&meta.headers, layer, notes).map_err(bad)?;
     let image = exr::prelude::read()
         .no_deep_data()
@@ -292,12 +296,12 @@ fn read_exr(path: &Path, bytes: u64, layer: Option<&str>, notes: &mut Vec<String
         .all_channels()
         .all_layers()
         .all_attributes()
-        .from_file(path)
+        .from_buffered(file)
         .map_err(|e| bad(e.to_string()))?;
     // The picture is the display window; the data may be a part of it, or reach beyond.
     let display = image.attributes.display_window;
     let [w, h] = [display.size.x(), display.size.y()];
-    check_size(&name, [w as u64, h as u64], 0)?;
+    check_size(name, [w as u64, h as u64], 0)?;
     if let Some(c) = image.attributes.chromaticities
         && !is_srgb(&c)
     {
