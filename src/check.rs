@@ -4,14 +4,16 @@
 
 #[doc(hidden)]
 pub mod chi2;
+mod nodes;
 mod whole;
 
 pub use whole::{KEPT_TOLERANCE, LAYER_TOLERANCE, PART_INCIDENCES, PartReport, check_layers, check_whole};
 
-use crate::frame::{direction, theta_phi};
-use crate::ply::LobeFamily;
+use crate::frame::theta_phi;
+use crate::ply::reference::Mixture;
 use crate::{Bsdf, BsdfSample, PlyModel, PlyQuery};
 use chi2::{chi2_test, threshold};
+use nodes::{Feature, integrate};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Sizes of a check.
@@ -140,9 +142,6 @@ pub fn check_model(model: &PlyModel, options: &CheckOptions, uniform: &mut dyn F
 
 /// Latitude and azimuth bins of the chi-square test.
 const BINS: [usize; 2] = [24, 48];
-/// Points and weights of the 3-point Gauss-Legendre rule on [0, 1].
-const GAUSS: [(f64, f64); 3] =
-    [(0.112_701_665_379_258_31, 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.887_298_334_620_741_7, 5.0 / 18.0)];
 
 /// What [`check_bsdf`] found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -168,15 +167,8 @@ pub fn check_incidence(
     samples: usize,
     uniform: &mut dyn FnMut() -> f32,
 ) -> IncidenceReport {
-    let d = model.data();
-    let ln_mu = |k: usize| d.refl.chunks_exact(6).chain(d.high.chunks_exact(6)).map(|p| p[k]).fold(0.0, f64::max);
-    // Round lobes turn any of their sides to any direction; a cone's second bandwidth is that of its latitude.
-    let ln_mu = match d.family {
-        LobeFamily::Round => [ln_mu(3).max(ln_mu(4)); 2],
-        LobeFamily::Cone => [ln_mu(4), ln_mu(3)],
-    };
-    let sd = ln_mu.map(|ln_mu| (-0.5 * ln_mu).exp() * std::f64::consts::FRAC_1_SQRT_2);
-    let r = check_bsdf(&model.at(&PlyQuery::lobes(theta_i, h_um, sigma_per_um)), sd, samples, uniform);
+    let lobes = lobe_features(model, theta_i, h_um);
+    let r = check_lobes(&model.at(&PlyQuery::lobes(theta_i, h_um, sigma_per_um)), &lobes, samples, uniform);
     IncidenceReport {
         theta_i,
         h_um,
@@ -188,10 +180,36 @@ pub fn check_incidence(
     }
 }
 
+/// What the integrals over a model's lobes at an incidence have to resolve.
+fn lobe_features(model: &PlyModel, theta_i: f32, h_um: f32) -> Vec<Feature> {
+    let Some(mixture) = Mixture::new(model.data(), theta_i.into(), h_um.into(), &[]) else { return Vec::new() };
+    mixture.lobes().map(|lobe| Feature::of(lobe, mixture.theta_i(), mixture.is_mirrored())).collect()
+}
+
+/// Checks a scattering function of these lobes, which is smooth but for them.
+fn check_lobes<const N: usize>(
+    s: &impl Bsdf<N>,
+    lobes: &[Feature],
+    samples: usize,
+    uniform: &mut dyn FnMut() -> f32,
+) -> BsdfReport {
+    check_integrated(s, integrate(s, [1.0; 2], lobes), samples, uniform)
+}
+
 /// Checks any scattering function whose finest features have the standard deviations `sd_rad` along latitude and azimuth.
 pub fn check_bsdf<const N: usize>(
     s: &impl Bsdf<N>,
     sd_rad: [f64; 2],
+    samples: usize,
+    uniform: &mut dyn FnMut() -> f32,
+) -> BsdfReport {
+    check_integrated(s, integrate(s, sd_rad, &[]), samples, uniform)
+}
+
+/// Checks a scattering function whose integrals are known: of eval over the sphere, of the pdf over each bin.
+fn check_integrated<const N: usize>(
+    s: &impl Bsdf<N>,
+    (f, bins): ([f64; N], Vec<f64>),
     samples: usize,
     uniform: &mut dyn FnMut() -> f32,
 ) -> BsdfReport {
@@ -200,7 +218,6 @@ pub fn check_bsdf<const N: usize>(
     let [scattered, chance_straight, absorbed] =
         [outcomes.scattered, outcomes.straight, outcomes.absorbed].map(f64::from);
 
-    let (f, bins) = integrate(s, sd_rad);
     let furnace_error = f.iter().zip(albedo).map(|(f, a)| (f - a).abs()).fold(0.0, f64::max);
     let outcomes_error = (scattered + chance_straight + absorbed - 1.0).abs();
     let pdf_error = (bins.iter().sum::<f64>() - scattered).abs().max(outcomes_error);
@@ -270,39 +287,4 @@ fn bin(wo: [f32; 3]) -> usize {
     let i = ((f64::from(theta) + FRAC_PI_2) / PI * BINS[0] as f64) as usize;
     let j = (f64::from(phi) / TAU * BINS[1] as f64) as usize;
     i.min(BINS[0] - 1) * BINS[1] + j.min(BINS[1] - 1)
-}
-
-/// Integrals over the sphere of eval, and of the pdf over each bin, by panels no wider than 1.5 standard deviations of the
-/// finest features along latitude and azimuth.
-fn integrate<const N: usize>(s: &impl Bsdf<N>, sd_rad: [f64; 2]) -> ([f64; N], Vec<f64>) {
-    let width = PI / BINS[0] as f64;
-    let points = |sd: f64| -> Vec<(f64, f64)> {
-        let panels = ((width / (1.5 * sd)).ceil() as usize).max(3);
-        (0..panels)
-            .flat_map(|p| GAUSS.map(|(x, w)| ((p as f64 + x) * width / panels as f64, w * width / panels as f64)))
-            .collect()
-    };
-    let (rows, across) = (points(sd_rad[0]), points(sd_rad[1]));
-    let per_bin = across.len();
-    let mut integral = [0.0; N];
-    let mut bins = vec![0.0; BINS[0] * BINS[1]];
-    let columns: Vec<(f64, f64)> =
-        (0..BINS[1]).flat_map(|j| across.iter().map(move |(x, w)| (j as f64 * width + x, *w))).collect();
-    let mut wo = vec![[0.0; 3]; columns.len()];
-    let (mut f, mut pdf) = (vec![[0.0; N]; columns.len()], vec![0.0; columns.len()]);
-    for i in 0..BINS[0] {
-        for (x, w) in &rows {
-            let theta = i as f64 * width + x - FRAC_PI_2;
-            for (wo, (phi, _)) in wo.iter_mut().zip(&columns) {
-                *wo = direction(theta as f32, *phi as f32);
-            }
-            s.eval_batch(&wo, &mut f, &mut pdf);
-            for (j, (_, v)) in columns.iter().enumerate() {
-                let area = w * v * theta.cos();
-                (0..N).for_each(|k| integral[k] += area * f64::from(f[j][k]));
-                bins[i * BINS[1] + j / per_bin] += area * f64::from(pdf[j]);
-            }
-        }
-    }
-    (integral, bins)
 }

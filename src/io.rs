@@ -9,10 +9,12 @@ pub(crate) mod check;
 pub(crate) mod container;
 pub mod disk;
 pub(crate) mod document;
+mod library;
 mod source;
 
 pub use container::{FileKind, file_kind};
 pub use disk::{is_temporary, lock_file, open_file, output_target, read_file, read_text, write_file, write_file_with};
+pub use library::{MODELS_VARIABLE, ModelLibrary};
 pub use source::{AssetSource, Folder, MemoryAssets};
 
 pub(crate) use check::{Axis, Check, Summary};
@@ -35,6 +37,18 @@ pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>> {
 /// Text of at most `most` bytes from a source.
 pub(crate) fn text_of(source: &dyn AssetSource, name: &str, most: u64) -> Result<String> {
     utf8(source.read(name, most)?, &source.display(name))
+}
+
+/// The error of reading the file that `key` of the spec `file` names, with all three; `way` is a further way out, or empty.
+pub(crate) fn of_key(file: &str, key: &str, name: &str, error: Error, way: &str) -> Error {
+    match error {
+        Error::Io { file: path, source } => Error::Io { file: format!("{file}: {key}: {path}"), source },
+        Error::Format { what, hint, .. } => {
+            let way = if way.is_empty() { String::new() } else { format!(", or {way}") };
+            Error::Format { file: format!("{file}: {key} = {}", container::one_line(&name)), what, hint: hint + &way }
+        }
+        other => other,
+    }
 }
 
 fn utf8(bytes: Vec<u8>, file: &str) -> Result<String> {

@@ -360,7 +360,7 @@ typedef struct PlywaveColorReach {
 //
 // The surface's frame: x along the weft (along u), y along the warp (along v), z the normal of the face.
 typedef struct PlywaveFabricQuery {
-    // Point in the plane of the fabric [um]: uv times the size that a unit of uv has.
+    // Point in the plane of the fabric [um], each within 1e10 of 0: uv times the size that a unit of uv has. Beyond 1e7, 10 m, its numbers are 1 um apart and more.
     float position_um[2];
     // Direction towards the viewer, unit.
     float wo[3];
@@ -370,7 +370,7 @@ typedef struct PlywaveFabricQuery {
     float lambda_um[PLYWAVE_MAX_COUNT];
     // A `PlywaveChannels`.
     int32_t channels;
-    // Angle by which the pattern is turned about the normal at the point [rad], from x towards y. The position is one of the turned pattern's plane, in the surface's axes.
+    // Angle by which the pattern is turned about the normal at the point [rad], within 1e6 of 0, from x towards y. The position is one of the turned pattern's plane, in the surface's axes.
     float turn_rad;
     // `[count]` absorptions [1/um] of the warp at the point, for textures and prints, or NULL for the fabric's own. Read during the call only.
     const float *sigma_warp_per_um;
@@ -378,7 +378,7 @@ typedef struct PlywaveFabricQuery {
     const float *sigma_weft_per_um;
     // Models of the warp and the weft in place of the fabric's, from `plywave_ply_of_lines`, of the same ply radius and number of plies, or NULL. They must live as long as what is prepared with them.
     const struct PlywavePly *models[2];
-    // Diameter of the part of the cloth that the point stands for [um], as of a pixel: beyond a repeat the mean over it answers. 0 for a point. See `far` of the options.
+    // Diameter of the part of the cloth that the point stands for [um], as of a pixel: beyond a repeat the mean over it answers. 0 for a point, never below. See `far` of the options.
     float footprint_um;
 } PlywaveFabricQuery;
 
@@ -620,7 +620,7 @@ PlywaveStatus plywave_fabric_sigma_of_reflectance(const struct PlywaveFabric *fa
                                                   float *sigma_per_um,
                                                   struct PlywaveError *error);
 
-// Prepares the fabric at a query for any number of directions.
+// Prepares the fabric at a query for any number of directions. On an error `bsdf` is not prepared, whatever was in it before.
 PlywaveStatus plywave_fabric_at(const struct PlywaveFabric *fabric,
                                 const struct PlywaveFabricQuery *query,
                                 struct PlywaveBsdf *bsdf,
@@ -672,7 +672,7 @@ PlywaveStatus plywave_fiber_max_width(const struct PlywaveFiber *fiber,
                                       float *max_width_um,
                                       struct PlywaveError *error);
 
-// Prepares the fiber at a query for any number of directions. The widths from which it takes light are in `plywave_bsdf_info`.
+// Prepares the fiber at a query for any number of directions. On an error `bsdf` is not prepared, whatever was in it before. The widths from which it takes light are in `plywave_bsdf_info`.
 PlywaveStatus plywave_fiber_at(const struct PlywaveFiber *fiber,
                                const struct PlywaveFiberQuery *query,
                                struct PlywaveBsdf *bsdf,
@@ -697,7 +697,7 @@ PlywaveStatus plywave_fiber_sample_batch(const struct PlywaveFiber *fiber,
                                          struct PlywaveSample *samples,
                                          struct PlywaveError *error);
 
-// Reads and checks a ply model (.pwm). `path` is UTF-8. On an error `*out` is NULL. Release it with `plywave_ply_free`.
+// Reads and checks a ply model (.pwm), or one that is named without folder and ending, NAME for NAME.pwm, from the folders of the variable PLYWAVE_MODELS. `path` is UTF-8. On an error `*out` is NULL. Release it with `plywave_ply_free`.
 PlywaveStatus plywave_ply_load(const char *path, struct PlywavePly **out, struct PlywaveError *error);
 
 // As `plywave_ply_load`, of the `size` bytes of a file; `name` stands for it in messages.
@@ -746,7 +746,7 @@ PlywaveStatus plywave_slit_new(const struct PlywavePly *ply,
 // Releases a slit; NULL is allowed.
 void plywave_slit_free(struct PlywaveSlit *slit);
 
-// Prepares the model at a query for any number of directions.
+// Prepares the model at a query for any number of directions. On an error `bsdf` is not prepared, whatever was in it before.
 PlywaveStatus plywave_ply_at(const struct PlywavePly *ply,
                              const struct PlywavePlyQuery *query,
                              struct PlywaveBsdf *bsdf,

@@ -3,8 +3,8 @@
 use crate::bsdf::{PLYWAVE_MAX_COUNT, PlywaveBsdf, PlywaveSample, prepare, unprepare};
 use crate::ply::PlywavePly;
 use crate::pointer::{
-    all_finite, disjoint, finite, numbers, optional, pointer, put, put_text, reference, slice, slice_mut, span, text,
-    unit,
+    all_finite, disjoint, numbers, optional, pointer, put, put_text, reference, slice, slice_mut, span, text, unit,
+    within,
 };
 use crate::queries::{Counted, by_count, count_of, eval_queries, hand_out, sample_queries, take_back, wavelengths};
 use crate::status::{AtIndex, Checked, PlywaveError, PlywaveStatus, failure, guard, invalid};
@@ -119,7 +119,7 @@ pub struct PlywaveAsset {
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct PlywaveFabricQuery {
-    /// Point in the plane of the fabric [um]: uv times the size that a unit of uv has.
+    /// Point in the plane of the fabric [um], each within 1e10 of 0: uv times the size that a unit of uv has. Beyond 1e7, 10 m, its numbers are 1 um apart and more.
     pub position_um: [f32; 2],
     /// Direction towards the viewer, unit.
     pub wo: [f32; 3],
@@ -129,7 +129,7 @@ pub struct PlywaveFabricQuery {
     pub lambda_um: [f32; PLYWAVE_MAX_COUNT],
     /// A `PlywaveChannels`.
     pub channels: i32,
-    /// Angle by which the pattern is turned about the normal at the point [rad], from x towards y. The position is one of the turned pattern's plane, in the surface's axes.
+    /// Angle by which the pattern is turned about the normal at the point [rad], within 1e6 of 0, from x towards y. The position is one of the turned pattern's plane, in the surface's axes.
     pub turn_rad: f32,
     /// `[count]` absorptions [1/um] of the warp at the point, for textures and prints, or NULL for the fabric's own. Read during the call only.
     pub sigma_warp_per_um: *const f32,
@@ -137,7 +137,7 @@ pub struct PlywaveFabricQuery {
     pub sigma_weft_per_um: *const f32,
     /// Models of the warp and the weft in place of the fabric's, from `plywave_ply_of_lines`, of the same ply radius and number of plies, or NULL. They must live as long as what is prepared with them.
     pub models: [*const PlywavePly; 2],
-    /// Diameter of the part of the cloth that the point stands for [um], as of a pixel: beyond a repeat the mean over it answers. 0 for a point. See `far` of the options.
+    /// Diameter of the part of the cloth that the point stands for [um], as of a pixel: beyond a repeat the mean over it answers. 0 for a point, never below. See `far` of the options.
     pub footprint_um: f32,
 }
 
@@ -223,16 +223,23 @@ fn channels_of(channels: i32, count: usize) -> Checked<Channels> {
     }
 }
 
+/// Farthest position [um]: 10 km, where the numbers of a position are 1 mm apart.
+const MOST_UM: f32 = 1e10;
+/// Greatest turn [rad], where its numbers are 0.06 apart.
+const MOST_RAD: f32 = 1e6;
+
 /// The query as Rust has it.
 ///
 /// # Safety
 /// Its pointers are NULL or to live memory.
 #[inline(always)]
 unsafe fn query_of<'a, const N: usize>(q: &PlywaveFabricQuery) -> Checked<FabricQuery<'a, N>> {
-    all_finite(&q.position_um, "position_um")?;
+    for position in q.position_um {
+        within(position, -MOST_UM, MOST_UM, "position_um")?;
+    }
     unit(q.wo, "wo")?;
-    finite(q.turn_rad, "turn_rad")?;
-    finite(q.footprint_um, "footprint_um")?;
+    within(q.turn_rad, -MOST_RAD, MOST_RAD, "turn_rad")?;
+    within(q.footprint_um, 0.0, f32::MAX, "footprint_um")?;
     let sigma = |p: *const f32, name: &str| -> Checked<Option<[f32; N]>> {
         if p.is_null() {
             return Ok(None);
@@ -476,7 +483,7 @@ pub unsafe extern "C" fn plywave_fabric_sigma_of_reflectance(
     })
 }
 
-/// Prepares the fabric at a query for any number of directions.
+/// Prepares the fabric at a query for any number of directions. On an error `bsdf` is not prepared, whatever was in it before.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fabric_at(
     fabric: *const PlywaveFabric,

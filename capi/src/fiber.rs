@@ -109,7 +109,7 @@ pub unsafe extern "C" fn plywave_fiber_max_width(
     })
 }
 
-/// Prepares the fiber at a query for any number of directions. The widths from which it takes light are in `plywave_bsdf_info`.
+/// Prepares the fiber at a query for any number of directions. On an error `bsdf` is not prepared, whatever was in it before. The widths from which it takes light are in `plywave_bsdf_info`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fiber_at(
     fiber: *const PlywaveFiber,

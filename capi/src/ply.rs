@@ -9,6 +9,7 @@ use crate::queries::{
 };
 use crate::status::{Checked, PlywaveError, PlywaveStatus, failure, guard};
 use plywave::gap::Slit;
+use plywave::io::ModelLibrary;
 use plywave::ply::{Layer, Queries};
 use plywave::spec::YarnSpec;
 use plywave::speckle::Instance;
@@ -152,7 +153,7 @@ fn layer_of<const N: usize>(of: &PlywaveLayer) -> Checked<Layer<N>> {
     })
 }
 
-/// Reads and checks a ply model (.pwm). `path` is UTF-8. On an error `*out` is NULL. Release it with `plywave_ply_free`.
+/// Reads and checks a ply model (.pwm), or one that is named without folder and ending, NAME for NAME.pwm, from the folders of the variable PLYWAVE_MODELS. `path` is UTF-8. On an error `*out` is NULL. Release it with `plywave_ply_free`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_load(
     path: *const c_char,
@@ -163,7 +164,7 @@ pub unsafe extern "C" fn plywave_ply_load(
         // SAFETY: the caller's pointers, as documented.
         unsafe {
             put(out, std::ptr::null_mut(), "out")?;
-            hand_out(out, PlywavePly(PlyModel::load(text(path, "path")?)?))
+            hand_out(out, PlywavePly(ModelLibrary::usual().load(text(path, "path")?)?))
         }
     })
 }
@@ -330,7 +331,7 @@ pub unsafe extern "C" fn plywave_slit_free(slit: *mut PlywaveSlit) {
     });
 }
 
-/// Prepares the model at a query for any number of directions.
+/// Prepares the model at a query for any number of directions. On an error `bsdf` is not prepared, whatever was in it before.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_at(
     ply: *const PlywavePly,

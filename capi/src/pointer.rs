@@ -161,6 +161,18 @@ pub(crate) fn finite(value: f32, name: &str) -> Checked {
     if value.is_finite() { Ok(()) } else { Err(invalid(name, value, "a finite number")) }
 }
 
+/// A number in [low, high].
+#[inline(always)]
+pub(crate) fn within(value: f32, low: f32, high: f32, name: &str) -> Checked {
+    if value >= low && value <= high { Ok(()) } else { Err(outside(value, low, high, name)) }
+}
+
+#[cold]
+fn outside(value: f32, low: f32, high: f32, name: &str) -> Box<crate::status::Failure> {
+    let allowed = if high == f32::MAX { format!("{low} or more, finite") } else { format!("{low:e} to {high:e}") };
+    invalid(name, value, &allowed)
+}
+
 /// Finite numbers.
 #[inline(always)]
 pub(crate) fn all_finite<const K: usize>(values: &[f32; K], name: &str) -> Checked {

@@ -259,8 +259,27 @@ fn bad_files_and_fabrics() {
     refused(Null, "fabric is NULL", |e| unsafe { plywave_fabric_at(null(), &good, &mut zeroed(), e) });
     refused(Invalid, "wo", at(PlywaveFabricQuery { wo: [0.0; 3], ..good }));
     refused(Invalid, "position_um", at(PlywaveFabricQuery { position_um: [0.0, f32::INFINITY], ..good }));
+    for far in [1e30, -1e30, 1.1e10] {
+        refused(Invalid, "position_um", at(PlywaveFabricQuery { position_um: [far, 0.0], ..good }));
+        refused(Invalid, "turn_rad", at(PlywaveFabricQuery { turn_rad: far, ..good }));
+    }
     refused(Invalid, "turn_rad", at(PlywaveFabricQuery { turn_rad: f32::NAN, ..good }));
-    refused(Invalid, "footprint_um", at(PlywaveFabricQuery { footprint_um: f32::NAN, ..good }));
+    for bad in [f32::NAN, -5.0, -1e-6, f32::INFINITY] {
+        refused(Invalid, "footprint_um", at(PlywaveFabricQuery { footprint_um: bad, ..good }));
+    }
+    assert_eq!(
+        at(PlywaveFabricQuery { position_um: [1e10, -1e10], turn_rad: -1e6, ..good })(null_mut()),
+        PlywaveStatus::Ok
+    );
+    // What was prepared is not any more after a query that is refused, and a call on it writes nothing.
+    let mut bsdf: PlywaveBsdf = zeroed();
+    assert_eq!(unsafe { plywave_fabric_at(fabric, &good, &mut bsdf, null_mut()) }, PlywaveStatus::Ok);
+    let none = PlywaveFabricQuery { wo: [f32::NAN; 3], ..good };
+    assert_eq!(unsafe { plywave_fabric_at(fabric, &none, &mut bsdf, null_mut()) }, Invalid);
+    let (w, mut f) = ([0.0f32, 0.0, 1.0], [7.0f32; 3]);
+    let f_at = f.as_mut_ptr();
+    refused(NotPrepared, "plywave_fabric_at", |e| unsafe { plywave_bsdf_eval(&bsdf, w.as_ptr(), f_at, e) });
+    assert_eq!(f, [7.0; 3]);
     refused(Invalid, "channels", at(PlywaveFabricQuery { channels: 3, ..good }));
     refused(Invalid, "3 channels", at(PlywaveFabricQuery { channels: 1, count: 4, lambda_um: [0.5; 4], ..good }));
     let nan = [f32::NAN; 3];

@@ -20,7 +20,10 @@ pub use shell::*;
 pub use twin::*;
 pub use wave::*;
 
+use crate::failure::{Failure, Outcome};
 use clap::{Parser, Subcommand};
+use plywave::io::ModelLibrary;
+use std::path::PathBuf;
 
 /// Simulates how a ply of fibers scatters light, fits a compact model to it, and inspects, checks, compares and plots models.
 #[derive(Debug, Parser)]
@@ -38,6 +41,26 @@ pub struct Cli {
     /// Number of threads; results do not depend on it [default: one a core].
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub threads: Option<u32>,
+    /// Folder of models that are named without folder and ending, NAME for NAME.pwm; asked before those of the variable PLYWAVE_MODELS and the models that ship.
+    #[arg(long, global = true, value_name = "DIR")]
+    pub models: Option<PathBuf>,
+}
+
+impl Cli {
+    /// The models that go by name.
+    pub fn library(&self) -> Outcome<ModelLibrary> {
+        let library = plywave_pipeline::model_library();
+        match &self.models {
+            None => Ok(library),
+            Some(folder) if folder.is_dir() => Ok(library.with_folder(folder)),
+            Some(folder) => Err(Failure::input(
+                "command line",
+                "--models",
+                folder.display(),
+                "is no folder; name one of .pwm files",
+            )),
+        }
+    }
 }
 
 /// The commands.

@@ -45,6 +45,12 @@ impl Failure {
 impl From<plywave::Error> for Failure {
     fn from(error: plywave::Error) -> Self {
         match error {
+            // With a message of its own, which tells what there is.
+            plywave::Error::Io { file, source }
+                if source.kind() == std::io::ErrorKind::NotFound && source.get_ref().is_some() =>
+            {
+                Failure::Input(format!("{file}: {source}"))
+            }
             plywave::Error::Io { file, source } if source.kind() == std::io::ErrorKind::NotFound => {
                 Failure::Input(format!("{file}: no such file; check the path"))
             }

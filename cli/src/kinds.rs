@@ -1,14 +1,11 @@
-//! What a file is, by its first bytes, so that a command given the wrong kind of file says which it is and which it needs.
+//! What a file is, by its first bytes, and which kinds each command takes: one given the wrong kind says which it is and which it needs.
 
-use crate::args::Cli;
+use crate::args::{Cli, Command, WaveCommand};
 use crate::failure::{Failure, Outcome, one_line};
-use plywave::PlyModel;
-use plywave::fabric::{FabricSpec, LoadedFabric};
-use plywave::io::FileKind;
-use plywave::table::Table;
-use plywave::twin::ClothTwin;
+use plywave::fabric::LoadedFabric;
+use plywave::io::{FileKind, ModelLibrary};
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Kinds of files that the commands read and write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,9 +23,9 @@ pub enum Kind {
     /// A family of plies.
     Family,
     /// A yarn spec.
-    YarnSpec,
+    Yarn,
     /// A fabric spec.
-    FabricSpec,
+    Fabric,
     /// An analytic fiber.
     Filament,
     /// A scene of the wave simulator.
@@ -39,6 +36,14 @@ pub enum Kind {
     Picture,
     /// A mesh.
     Mesh,
+    /// Parts of a run.
+    Part,
+    /// A library of the farm.
+    Library,
+    /// A weaver's file.
+    Wif,
+    /// Strands of hair.
+    Hair,
 }
 
 impl Kind {
@@ -51,35 +56,64 @@ impl Kind {
             Kind::Speckle => "speckle patterns (.pws)",
             Kind::Twin => "the twin of a cloth (.pwx)",
             Kind::Family => "a family of plies (.pwfam)",
-            Kind::YarnSpec => "a yarn spec (TOML)",
-            Kind::FabricSpec => "a fabric spec (TOML)",
+            Kind::Yarn => "a yarn spec (TOML)",
+            Kind::Fabric => "a fabric spec (TOML)",
             Kind::Filament => "an analytic fiber (TOML)",
             Kind::WaveScene => "a scene for waves (TOML)",
             Kind::StrandScene => "a scene of strands (TOML)",
             Kind::Picture => "a picture",
             Kind::Mesh => "a mesh (OBJ)",
+            Kind::Part => "a part of a run (.pwp)",
+            Kind::Library => "a library of the farm (TOML)",
+            Kind::Wif => "a weaver's file (WIF)",
+            Kind::Hair => "strands (.hair)",
+        }
+    }
+
+    /// Whether its files are text.
+    fn is_text(self) -> bool {
+        use Kind::{Fabric, Filament, Library, Mesh, StrandScene, WaveScene, Wif, Yarn};
+        matches!(self, Yarn | Fabric | Filament | WaveScene | StrandScene | Library | Wif | Mesh)
+    }
+
+    /// The command that makes such a file.
+    fn made_by(self) -> Option<&'static str> {
+        match self {
+            Kind::Table => Some("plywave simulate SPEC"),
+            Kind::Model => Some("plywave build SPEC"),
+            Kind::Fiber => Some("plywave wave tabulate SPEC"),
+            Kind::Speckle => Some("plywave wave speckle SPEC"),
+            Kind::Twin => Some("plywave twin FABRIC"),
+            Kind::Family => Some("plywave family SPEC"),
+            Kind::Part => Some("plywave simulate SPEC --shards I/N"),
+            _ => None,
         }
     }
 
     /// Which command makes the wanted kind of this one, or what takes this one.
     fn hint(self, wanted: Kind) -> &'static str {
         match (self, wanted) {
-            (Kind::YarnSpec, Kind::Model) => "`plywave build SPEC` makes a model of it",
-            (Kind::YarnSpec, Kind::Table) => "`plywave simulate SPEC` makes a table of it",
+            (Kind::Yarn, Kind::Model) => "`plywave build SPEC` makes a model of it",
+            (Kind::Yarn, Kind::Table) => "`plywave simulate SPEC` makes a table of it",
             (Kind::Family, Kind::Model) => "`plywave family FAMILY --param KEY=VALUE` takes a model out of it",
             (Kind::Table, Kind::Model) => "`plywave fit TABLE` makes a model of it",
-            (Kind::Model, Kind::FabricSpec) => "write a fabric spec that names it, as fabrics/cotton_plain.toml",
-            (Kind::YarnSpec, Kind::FabricSpec) => "build its model and write a fabric spec that names it",
-            (Kind::FabricSpec, Kind::Twin) => "`plywave twin SPEC` makes one of it",
-            (Kind::FabricSpec, _) => "`plywave render` and `plywave weave` take it",
-            (Kind::YarnSpec, _) => "`plywave build` takes it",
+            (Kind::Model, Kind::Fabric) => "write a fabric spec that names it, as fabrics/cotton_plain.toml",
+            (Kind::Yarn, Kind::Fabric) => "build its model and write a fabric spec that names it",
+            (Kind::Fabric, Kind::Twin) => "`plywave twin SPEC` makes one of it",
+            (Kind::Fabric, _) => "`plywave render` and `plywave weave` take it",
+            (Kind::Yarn, _) => "`plywave build` takes it",
             (Kind::Model, _) => "`plywave info` tells what it holds",
             (Kind::Table, _) => "`plywave fit` takes it",
             (Kind::Fiber | Kind::Speckle | Kind::Twin | Kind::Family, _) => "`plywave info` tells what it holds",
             (Kind::StrandScene, _) => "`plywave render` takes it",
             (Kind::Filament, _) => "`plywave check` takes it",
             (Kind::WaveScene, _) => "`plywave wave scatter` takes it",
-            (Kind::Picture | Kind::Mesh, _) => "check the path",
+            (Kind::Part, _) => "`plywave merge` joins parts",
+            (Kind::Library, _) => "`plywave farm` takes it",
+            (Kind::Wif, _) => "name it in a fabric spec: [weave] kind = \"wif\"",
+            (Kind::Hair, _) => "name it in a scene of strands: [strands] file",
+            (Kind::Picture, _) => "`plywave render --sky` takes an EXR",
+            (Kind::Mesh, _) => "`plywave render FABRIC --mesh` takes it",
         }
     }
 }
@@ -88,10 +122,17 @@ impl Kind {
 const HEAD: u64 = 64 << 10;
 
 /// The first bytes of a regular file; none of one that cannot be read.
-pub fn head(path: &Path) -> Option<Vec<u8>> {
+fn head_of(path: &Path) -> Option<Vec<u8>> {
     let mut head = Vec::new();
     plywave::io::open_file(path, u64::MAX).ok()?.take(HEAD).read_to_end(&mut head).ok()?;
     Some(head)
+}
+
+/// Whether a file is text, or would be in another encoding: no byte is 0, and few are foreign to UTF-8.
+fn is_text(path: &Path) -> Option<bool> {
+    let head = head_of(path)?;
+    let foreign = String::from_utf8_lossy(&head).matches(char::REPLACEMENT_CHARACTER).count();
+    Some(!head.contains(&0) && 10 * foreign <= head.len())
 }
 
 /// What a file is, as far as its first bytes tell.
@@ -106,22 +147,39 @@ pub fn kind_of(path: &Path) -> Option<Kind> {
             FileKind::Family => Kind::Family,
         });
     }
-    let head = head(path)?;
-    if [&b"\x89PNG"[..], &[0x76, 0x2f, 0x31, 0x01], &[0xff, 0xd8, 0xff]].iter().any(|m| head.starts_with(m)) {
+    let head = head_of(path)?;
+    const PICTURES: [&[u8]; 5] = [b"\x89PNG", &[0x76, 0x2f, 0x31, 0x01], &[0xff, 0xd8, 0xff], b"#?", b"<svg"];
+    if PICTURES.iter().any(|magic| head.starts_with(magic)) {
         return Some(Kind::Picture);
     }
-    let text = std::str::from_utf8(&head).ok()?;
+    if head.starts_with(b"HAIR") {
+        return Some(Kind::Hair);
+    }
+    // The header of a container, in JSON after its length.
+    if head.get(8) == Some(&b'{') {
+        let named = |format: &[u8]| head.windows(format.len()).any(|w| w == format);
+        return named(b"plywave-part").then_some(Kind::Part);
+    }
+    let text = String::from_utf8_lossy(&head);
     let has = |starts: &[&str]| text.lines().any(|l| starts.iter().any(|s| l.trim_start().starts_with(s)));
-    if has(&["[strands", "strands."]) {
+    if head.contains(&0) {
+        None
+    } else if has(&["[WIF]", "[wif]", "[Wif]"]) {
+        Some(Kind::Wif)
+    } else if has(&["[strands", "strands."]) {
         Some(Kind::StrandScene)
     } else if has(&["[weave", "weave.", "[warp", "[weft"]) {
-        Some(Kind::FabricSpec)
+        Some(Kind::Fabric)
     } else if has(&["[filament"]) {
         Some(Kind::Filament)
+    } else if has(&["[[yarn", "[[family", "[[fiber", "[[speckle", "[[twin", "[[compare"])
+        && has(&["spec =", "spec=", "fabric =", "fabric="])
+    {
+        Some(Kind::Library)
     } else if has(&["[[fiber"]) {
         Some(Kind::WaveScene)
     } else if has(&["[fiber", "[ply", "[absorption"]) {
-        Some(Kind::YarnSpec)
+        Some(Kind::Yarn)
     } else if has(&["v "]) && has(&["f "]) {
         Some(Kind::Mesh)
     } else {
@@ -129,41 +187,125 @@ pub fn kind_of(path: &Path) -> Option<Kind> {
     }
 }
 
-/// Says that `path` is of another kind than `wanted`, where that is why `error` came up.
-pub fn explain(path: &Path, wanted: &[Kind], error: impl Into<Failure>) -> Failure {
-    match kind_of(path) {
-        Some(kind) if !wanted.contains(&kind) => {
-            let names: Vec<&str> = wanted.iter().map(|k| k.words()).collect();
-            let names = match names.split_last() {
-                Some((last, [])) => (*last).to_string(),
-                Some((last, rest)) => format!("{} or {last}", rest.join(", ")),
-                None => String::new(),
-            };
-            let hint = kind.hint(wanted.first().copied().unwrap_or(kind));
-            Failure::Input(format!("{}: {}, expected {names}; {hint}", path.display(), kind.words()))
-        }
-        _ => error.into(),
+/// Whether a path is the name of a model and no file.
+pub fn is_named(path: &Path) -> bool {
+    path.to_str().is_some_and(ModelLibrary::is_name) && !path.exists()
+}
+
+/// Kinds in words: "a table (.pwt) or a yarn spec (TOML)".
+fn listed(kinds: &[Kind]) -> String {
+    let names: Vec<&str> = kinds.iter().map(|k| k.words()).collect();
+    match names.split_last() {
+        Some((last, [])) => (*last).to_string(),
+        Some((last, rest)) => format!("{} or {last}", rest.join(", ")),
+        None => String::new(),
     }
 }
 
-/// Loads a model; another kind of file is named.
-pub fn load_model(path: &Path) -> Outcome<PlyModel> {
-    PlyModel::load(path).map_err(|e| explain(path, &[Kind::Model], e))
+/// Refuses a file that is not there, and one that is known to be of none of the kinds that a command takes. What cannot be told by its first bytes is left to
+/// the loader.
+fn require(path: &Path, wanted: &[Kind]) -> Outcome {
+    if wanted.contains(&Kind::Model) && is_named(path) {
+        return Ok(());
+    }
+    let refuse = |what: &str, hint: &str| {
+        Err(Failure::Input(format!("{}: {what}, expected {}; {hint}", path.display(), listed(wanted))))
+    };
+    match std::fs::metadata(path) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            let made = match wanted {
+                [kind] => kind.made_by().map(|command| format!("`{command}` makes one, or check the path")),
+                _ => None,
+            };
+            return refuse("no such file", &made.unwrap_or_else(|| "check the path".into()));
+        }
+        // What is no file, or cannot be asked about, is for the loader.
+        Ok(about) if about.is_file() => {}
+        _ => return Ok(()),
+    }
+    match kind_of(path) {
+        Some(kind) if wanted.contains(&kind) => Ok(()),
+        Some(kind) => refuse(kind.words(), kind.hint(wanted.first().copied().unwrap_or(kind))),
+        None => match (is_text(path), wanted.iter().all(|k| k.is_text())) {
+            (Some(false), true) => refuse("neither text in UTF-8 nor a file of plywave's", "check the path"),
+            (Some(true), _) if !wanted.iter().any(|k| k.is_text()) => {
+                refuse("a text that is no file of plywave's", "check the path")
+            }
+            _ => Ok(()),
+        },
+    }
 }
 
-/// Loads a table; another kind of file is named.
-pub fn load_table(path: &Path) -> Outcome<Table> {
-    Table::load(path).map_err(|e| explain(path, &[Kind::Table], e))
+/// The error of loading a file that another one names; that it is not there, or of another kind than wanted, where that is why.
+pub fn explain(path: &Path, wanted: &[Kind], error: impl Into<Failure>) -> Failure {
+    require(path, wanted).err().unwrap_or_else(|| error.into())
 }
 
-/// Loads the twin of a cloth; another kind of file is named.
-pub fn load_twin(path: &Path) -> Outcome<ClothTwin> {
-    ClothTwin::load(path).map_err(|e| explain(path, &[Kind::Twin], e))
-}
-
-/// Loads a fabric spec and its models; another kind of file is named.
-pub fn load_fabric(path: &Path) -> Outcome<LoadedFabric> {
-    FabricSpec::load(path).map_err(|e| explain(path, &[Kind::FabricSpec], e))
+/// Refuses the inputs of a command that are not there or of another kind than it takes, before any work.
+pub fn check_inputs(command: &Command) -> Outcome {
+    use Kind::{
+        Fabric, Family, Fiber, Filament, Library, Mesh, Model, Part, Picture, Speckle, StrandScene, Table, Twin,
+        WaveScene, Yarn,
+    };
+    let one = |path: &Path, wanted: &[Kind]| require(path, wanted);
+    let maybe = |path: &Option<PathBuf>, wanted: &[Kind]| path.as_deref().map_or(Ok(()), |path| require(path, wanted));
+    match command {
+        Command::Simulate(args) => one(&args.spec, &[Yarn]),
+        Command::Fit(args) => {
+            one(&args.table, &[Table])?;
+            maybe(&args.spec, &[Yarn])
+        }
+        Command::Build(args) => {
+            maybe(&args.spec, &[Yarn])?;
+            maybe(&args.speckle, &[Speckle])
+        }
+        Command::Family(args) => match args.param.is_empty() || kind_of(&args.input) == Some(Yarn) {
+            true => one(&args.input, &[Yarn, Family]),
+            false => one(&args.input, &[Family]),
+        },
+        Command::Info(args) => one(&args.file, &[Model, Yarn, Table, Fiber, Speckle, Twin, Family]),
+        Command::Eval(args) => one(&args.model, &[Model]),
+        Command::Sample(args) => one(&args.model, &[Model]),
+        Command::Check(args) => {
+            one(&args.model, &[Model, Family, Fabric, Filament])?;
+            match kind_of(&args.model) {
+                Some(Fabric) => maybe(&args.twin, &[Twin]),
+                // Neither goes with it, wherever it leads.
+                Some(Filament) => Ok(()),
+                _ => maybe(&args.table, &[Table]).and_then(|()| maybe(&args.twin, &[Table])),
+            }
+        }
+        Command::Diff(args) => {
+            one(&args.a, &[Model, Table])?;
+            one(&args.b, if kind_of(&args.a) == Some(Table) { &[Table] } else { &[Model] })
+        }
+        Command::Plot(args) => {
+            one(&args.file, &[Model, Table, Fiber, Speckle, Yarn])?;
+            maybe(&args.table, &[Table])?;
+            maybe(&args.model, &[Model])
+        }
+        Command::Compare(args) => one(&args.spec, &[Yarn]),
+        Command::Render(args) => {
+            one(&args.fabric, &[Fabric, StrandScene])?;
+            maybe(&args.mesh, &[Mesh])?;
+            maybe(&args.sky, &[Picture])
+        }
+        Command::Merge(args) => args.parts.iter().try_for_each(|part| one(part, &[Part])),
+        Command::Noise(args) => {
+            one(&args.patterns, &[Speckle])?;
+            maybe(&args.model, &[Model])
+        }
+        Command::Color(args) => one(&args.model, &[Model, Fabric]),
+        Command::Farm(args) => one(&args.library, &[Library]),
+        Command::Twin(args) => one(&args.spec, &[Fabric]),
+        Command::Weave(args) => one(&args.fabric, &[Fabric]),
+        Command::Wave(wave) => match &wave.command {
+            WaveCommand::Scatter(args) => one(&args.scene, &[WaveScene]),
+            WaveCommand::Speckle(args) => one(&args.spec, &[Yarn]),
+            WaveCommand::Tabulate(args) => one(&args.spec, &[Yarn, WaveScene]),
+        },
+        Command::Gallery(_) | Command::Completions(_) | Command::Man(_) => Ok(()),
+    }
 }
 
 /// Says what there is to know of a fabric, for commands whose answer has no place for it.

@@ -22,6 +22,9 @@ fn main() -> ExitCode {
         Ok(cli) => cli,
         Err(error) => return usage(&error),
     };
+    if let Err(failure) = kinds::check_inputs(&cli.command) {
+        return failure.report();
+    }
     let outcome = match &cli.command {
         Command::Simulate(args) => commands::simulate::run(&cli, args),
         Command::Fit(args) => commands::fit::run(&cli, args),

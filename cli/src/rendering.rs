@@ -94,6 +94,11 @@ pub fn digest_of_file(path: &Path) -> Outcome<String> {
     }
 }
 
+/// Digest of bytes, as of a file of them.
+pub fn digest_of_bytes(bytes: &[u8]) -> String {
+    hex(&Sha256::digest(bytes))
+}
+
 fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|b| format!("{b:02x}")).collect()
 }

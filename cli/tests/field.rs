@@ -41,7 +41,8 @@ fn mean(file: &Path, name: &str) -> f64 {
 /// Renders a cloth of open silk, flat and from the front; gives what was said beside the picture `o.exr`.
 fn render_cloth(folder: &Path, more: &[&str]) -> String {
     open_cloth(folder);
-    let front = ["render", "cloth.toml", "--sigma", "0", "--smooth", "--setup", "front", "--size-mm", "20", "-o", "o.exr"];
+    let front =
+        ["render", "cloth.toml", "--sigma", "0", "--smooth", "--setup", "front", "--size-mm", "20", "-o", "o.exr"];
     let output = run(folder, &[&front[..], more].concat());
     assert!(output.status.success(), "{}", text(&output.stderr));
     text(&output.stderr) + &text(&output.stdout)

@@ -22,6 +22,7 @@ mod error;
 mod family;
 mod recipe;
 mod run;
+mod shipped;
 mod stages;
 
 pub use build::{Built, Times, build};
@@ -31,7 +32,8 @@ pub use family::{
 };
 pub use recipe::{Quality, Recipe, Speckle, with_keys};
 pub use run::{Progress, Run, Stage};
+pub use shipped::{SHIPPED_MODELS, model_library};
 pub use stages::{
-    FitQuality, LEAST_MET, add_speckle, check_fit, fit_model, simulate, simulate_job, solve_speckle, speckle_options,
-    yarn_table,
+    FitQuality, LEAST_MET, add_speckle, check_fit, fit_model, held_errors, simulate, simulate_job, solve_speckle,
+    speckle_options, yarn_table,
 };

@@ -160,8 +160,24 @@ pub(crate) fn noise_options(seed: u64, spec: &YarnSpec) -> NoiseOptions {
     NoiseOptions { seed, w0_um: spec.beam.beam().w0_um, ..NoiseOptions::default() }
 }
 
-/// Share of a beam, of which a slice's errors count in full [`FitQuality::of_errors`].
+/// Share of a beam, of which a slice's errors count in full ([`held_errors`]).
 pub const LEAST_MET: f64 = 0.02;
+
+/// Errors of f_refl, `[theta_i][h]`, and of f_high, `[theta_i][h][sigma]`, as a fit is held to them: those of the slices, relative L2, of f_high as a
+/// share of the slice's light at sigma = 0.
+///
+/// Beyond the ply's rim next to nothing of a beam meets fibers, and energies are good to 0.002 of the beam: where less than [`LEAST_MET`] of it meets any,
+/// a slice's errors count in proportion to that.
+pub fn held_errors(data: &PlyData, error_refl: &[f64], error_high: &[f64]) -> [Vec<f64>; 2] {
+    let (nodes, sigmas) = (data.node_energies(), data.sigma_per_um.len().max(1));
+    let energy = |k: usize| nodes[k / sigmas].high_at(data.sigma_per_um[k % sigmas], &data.path_um);
+    let share = |k: usize| energy(k) / energy(k - k % sigmas).max(f64::MIN_POSITIVE);
+    let met = |node: usize| ((1.0 - nodes[node].r_d) / LEAST_MET).clamp(0.0, 1.0);
+    [
+        error_refl.iter().enumerate().map(|(node, e)| e * met(node)).collect(),
+        error_high.iter().enumerate().map(|(k, e)| e * share(k) * met(k / sigmas)).collect(),
+    ]
+}
 
 /// How far a model is from the table of its fit: the largest errors of its slices, as `plywave check` takes them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -178,24 +194,14 @@ impl FitQuality {
         FitQuality::of_errors(data, &data.error_refl, &data.error_high)
     }
 
-    /// Of a model with these errors of its slices, `[theta_i][h]` and `[theta_i][h][sigma]`.
-    ///
-    /// Beyond the ply's rim next to nothing of a beam meets fibers, and energies are good to 0.002 of the beam: where less than [`LEAST_MET`] of it meets any, a slice's
-    /// errors count in proportion to that.
+    /// Of a model with these errors of its slices, `[theta_i][h]` and `[theta_i][h][sigma]`, as [`held_errors`] counts them.
     pub fn of_errors(data: &PlyData, error_refl: &[f64], error_high: &[f64]) -> FitQuality {
-        let (nodes, sigmas) = (data.node_energies(), data.sigma_per_um.len().max(1));
+        let [refl, high] = held_errors(data, error_refl, error_high);
         // What is not above 0 was hidden by noise.
-        let largest = |errors: &mut dyn Iterator<Item = f64>| errors.filter(|e| *e > 0.0).fold(f64::NAN, f64::max);
-        let energy = |k: usize| nodes[k / sigmas].high_at(data.sigma_per_um[k % sigmas], &data.path_um);
-        let share = |k: usize| energy(k) / energy(k - k % sigmas).max(f64::MIN_POSITIVE);
-        let met = |node: usize| ((1.0 - nodes[node].r_d) / LEAST_MET).clamp(0.0, 1.0);
+        let largest = |errors: Vec<f64>| errors.into_iter().filter(|e| *e > 0.0).fold(f64::NAN, f64::max);
         // Light that is nowhere is fitted by none: the lobes' energies are the table's.
-        let none = nodes.iter().all(|energies| energies.refl == 0.0);
-        let refl = largest(&mut error_refl.iter().enumerate().map(|(node, e)| e * met(node)));
-        FitQuality {
-            refl: if none { 0.0 } else { refl },
-            high: largest(&mut error_high.iter().enumerate().map(|(k, e)| e * share(k) * met(k / sigmas))),
-        }
+        let none = data.node_energies().iter().all(|energies| energies.refl == 0.0);
+        FitQuality { refl: if none { 0.0 } else { largest(refl) }, high: largest(high) }
     }
 
     /// What a model should reach: 0.2 and 0.15.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from typing import Any, Union
 
 from . import _plywave
@@ -13,12 +14,14 @@ from ._files import PathLike, Speckle, Table, Twin
 from ._model import Model
 from ._plywave import Error
 
+_NAME = re.compile(r"[\w-]+")
 _CLASSES: Any = {"table": Table, "model": Model, "fiber": Fiber, "speckle": Speckle, "twin": Twin, "family": Family}
 
 
 def load(path: PathLike) -> "Union[Model, Fabric, Fiber, Table, Speckle, Twin, Family]":
     """Reads a file by what it holds: a model (.pwm), a fabric spec (.toml), a fiber (.pwf), a table (.pwt), speckle patterns (.pws), the twin of a cloth (.pwx),
-    a family of plies (.pwfam).
+    a family of plies (.pwfam). A name without folder and ending, where there is no such file, is that of a model that ships, or of a folder of the variable
+    PLYWAVE_MODELS: ``load("polyester")``.
 
     Raises:
         Error: when the file cannot be read, is damaged, or is of another kind, such as a yarn spec.
@@ -31,6 +34,8 @@ def load(path: PathLike) -> "Union[Model, Fabric, Fiber, Table, Speckle, Twin, F
         if not sections & {"[weave]", "[warp]", "[weft]"} and sections & {"[fiber]", "[fiber.shape]", "[ply]", "[absorption]"}:
             raise Error(f"{name}: a yarn spec (TOML); `plywave.build` makes a model of it")
         return Fabric(name)
+    if _NAME.fullmatch(name) and not os.path.exists(name):
+        return Model(name)
     return _CLASSES[_plywave.file_kind(name)](name)  # type: ignore[no-any-return]
 
 

@@ -40,7 +40,7 @@ class Model(Document):
     """The table it was fitted to, of a model that `build` made."""
 
     def __init__(self, path: PathLike) -> None:
-        """Reads a model file.
+        """Reads a model file, or a model by its name: "polyester" of those that ship, or of the folders of the variable PLYWAVE_MODELS.
 
         Raises:
             Error: when the file cannot be read or holds something else.

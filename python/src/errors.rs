@@ -80,6 +80,12 @@ impl From<PipelineError> for Failure {
 impl From<plywave::Error> for Failure {
     fn from(error: plywave::Error) -> Failure {
         match error {
+            // With a message of its own, which tells what there is.
+            plywave::Error::Io { file, source }
+                if source.kind() == ErrorKind::NotFound && source.get_ref().is_some() =>
+            {
+                Failure::Input(format!("{file}: {source}"))
+            }
             plywave::Error::Io { file, source } if source.kind() == ErrorKind::NotFound => {
                 Failure::Input(format!("{file}: no such file; check the path"))
             }

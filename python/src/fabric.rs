@@ -8,6 +8,7 @@ use plywave::fabric::{
 };
 use plywave::io::Folder;
 use plywave::{FabricBsdf, FabricQuery};
+use plywave_pipeline::model_library;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -112,14 +113,15 @@ impl Fabric {
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf, options: Options) -> Outcome<Fabric> {
         let options = options.options()?;
-        py.detach(|| Fabric::of(FabricSpec::load(path)?, &options))
+        py.detach(|| Fabric::of(FabricSpec::load_file(path, &model_library())?, &options))
     }
 
     /// Of a spec's text; the files it names lie in `folder`, and anywhere.
     #[staticmethod]
     fn from_text(py: Python<'_>, text: &str, name: &str, folder: PathBuf, options: Options) -> Outcome<Fabric> {
         let options = options.options()?;
-        py.detach(|| Fabric::of(FabricSpec::load_from(text, name, &Folder::new(folder).anywhere())?, &options))
+        let folder = Folder::new(folder).anywhere();
+        py.detach(|| Fabric::of(FabricSpec::load_with(text, name, &folder, &model_library())?, &options))
     }
 
     /// The same fabric with other colors of warp and weft.

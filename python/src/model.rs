@@ -9,6 +9,7 @@ use plywave::spec::YarnSpec;
 use plywave::speckle::Instance;
 use plywave::table::Table;
 use plywave::{PlyBsdf, PlyModel, PlyQuery};
+use plywave_pipeline::model_library;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use std::path::PathBuf;
@@ -117,10 +118,10 @@ impl Model {
         Ok(Model::of(py.detach(|| PlyModel::from_bytes(bytes, name))?))
     }
 
-    /// Of a file.
+    /// Of a file, or by the name of a model of the library.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> Outcome<Model> {
-        Ok(Model::of(py.detach(|| PlyModel::load(path))?))
+        Ok(Model::of(py.detach(|| model_library().load(path))?))
     }
 
     /// The bytes of its file.

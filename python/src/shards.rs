@@ -5,7 +5,7 @@ use crate::errors::{Failure, Outcome};
 use crate::watch::{Shards, watched};
 use crate::work::{RecipeArgs, RunArgs, SpecArgs, TabulateArgs, recipe, speckle_job, tabulate_job};
 use plywave::fabric::FabricSpec;
-use plywave_pipeline::{simulate_job, speckle_options};
+use plywave_pipeline::{model_library, simulate_job, speckle_options};
 use plywave_sim::runs::{AnyJob, Job, Output, Plan, Run as JobRun, block_name as name_of};
 use plywave_sim::twin::{TwinCloth, TwinJob, TwinOptions};
 use plywave_sim::wave::SpeckleJob;
@@ -74,7 +74,7 @@ pub(crate) fn plan_twin(
     py.detach(|| {
         let name = fabric.display().to_string();
         let refuse = |e| Failure::of_run(e, &name);
-        let cloth = TwinCloth::of(&FabricSpec::load(&fabric)?).map_err(refuse)?;
+        let cloth = TwinCloth::of(&FabricSpec::load_file(&fabric, &model_library())?).map_err(refuse)?;
         let standard = TwinOptions::default();
         let options = TwinOptions { paths: paths.unwrap_or(standard.paths), seed, ..standard };
         let job = TwinJob::new(cloth, &options).map_err(refuse)?;

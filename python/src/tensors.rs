@@ -7,7 +7,8 @@ use plywave::fiber::FiberTable;
 use plywave::io::Folder;
 use plywave::spec::YarnSpec;
 use plywave::speckle::{Instance, NoiseTiles};
-use plywave::{Bsdf, FabricBsdf, FabricQuery, PlyModel, PlyQuery};
+use plywave::{Bsdf, FabricBsdf, FabricQuery, PlyQuery};
+use plywave_pipeline::model_library;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
@@ -62,8 +63,8 @@ impl FabricTables {
         let folder = folder.to_string();
         let load = move || -> plywave::Result<FabricTables> {
             let loaded = match (filename, text) {
-                (_, Some(text)) => FabricSpec::load_from(&text, "spec", &Folder::new(Path::new(&folder)))?,
-                (filename, None) => FabricSpec::load(filename.unwrap_or_default())?,
+                (_, Some(text)) => FabricSpec::load_with(&text, "spec", &Folder::new(Path::new(&folder)), &model_library())?,
+                (filename, None) => FabricSpec::load_file(filename.unwrap_or_default(), &model_library())?,
             };
             Ok(FabricTables { fabric: FabricBsdf::new(loaded, &options)?, speckle })
         };
@@ -180,7 +181,7 @@ impl FabricTables {
 /// The bytes of a ply model's file, read and checked by the library.
 #[pyfunction]
 pub fn ply_file<'py>(py: Python<'py>, filename: &str) -> PyResult<Bound<'py, PyBytes>> {
-    let model = PlyModel::load(filename).map_err(raise)?;
+    let model = model_library().load(filename).map_err(raise)?;
     Ok(PyBytes::new(py, &model.data().to_bytes().map_err(raise)?))
 }
 
@@ -194,7 +195,7 @@ pub fn fiber_file<'py>(py: Python<'py>, filename: &str) -> PyResult<Bound<'py, P
 /// Radius R of a ply model [um], from the spec in its file.
 #[pyfunction]
 pub fn ply_radius_um(filename: &str) -> PyResult<f64> {
-    let model = PlyModel::load(filename).map_err(raise)?;
+    let model = model_library().load(filename).map_err(raise)?;
     let [a, b] = YarnSpec::parse(&model.data().spec_text, filename).map_err(raise)?.ply_radii_um();
     Ok(a.max(b))
 }
@@ -226,7 +227,7 @@ pub fn speckle_factors<'py>(
     lambda_um: PyReadonlyArray2<'py, f32>,
     wo: PyReadonlyArray2<'py, f32>,
 ) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-    let model = PlyModel::load(filename).map_err(raise)?;
+    let model = model_library().load(filename).map_err(raise)?;
     let tiles = model.require_noise(filename).map_err(raise)?;
     let (ply, place, theta_i) = (ply.as_array(), place_um.as_array(), theta_i.as_array());
     let n = theta_i.len();
@@ -261,7 +262,7 @@ pub fn ply_terms<'py>(
     wo: PyReadonlyArray2<'py, f32>,
     edge: bool,
 ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-    let model = PlyModel::load(filename).map_err(raise)?;
+    let model = model_library().load(filename).map_err(raise)?;
     let (theta_i, h_um) = (theta_i.as_array(), h_um.as_array());
     let n = theta_i.len();
     columns("sigma_per_um", &sigma_per_um, n, 3)?;

@@ -145,3 +145,22 @@ def test_specs_as_text_and_dict(fabrics, monkeypatch, tmp_path):
     refused(lambda: plywave.Fabric(text, folder=fabrics, gaps="wide"), "gaps", "diffracted")
     refused(lambda: plywave.Fabric(text, folder=fabrics, sigma_per_um=-1.0), "sigma_per_um")
     assert "repeat" in whole._repr_html_() and "cotton_plain" in repr(whole)
+
+
+def test_models_that_ship_go_by_their_name(fabrics, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("PLYWAVE_MODELS", raising=False)
+    shipped = (fabrics / "models" / "silk.pwm").read_bytes()
+    assert plywave.load("silk").to_bytes() == plywave.Model("silk").to_bytes() == plywave.Model.from_bytes(shipped).to_bytes()
+    yarn = {"model": "silk", "spacing_um": 900.0, "crimp": 0.5}
+    named = {"name": "open", "weave": {"kind": "plain"}, "warp": yarn, "weft": yarn}
+    assert plywave.Fabric(named).repeat_um == (1800.0, 1800.0)
+    refused(lambda: plywave.load("sylk"), "sylk: no such file and no model of this name", "silk, viscose")
+    refused(lambda: plywave.Fabric({**named, "weft": {**yarn, "model": "sylk"}}), "weft.model = sylk", "there are: alpaca")
+    # A folder of one's own, and the file beside.
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "sylk.pwm").write_bytes(shipped)
+    monkeypatch.setenv("PLYWAVE_MODELS", str(tmp_path / "mine"))
+    assert plywave.load("sylk").to_bytes() == plywave.load("silk").to_bytes()
+    (tmp_path / "silk.pwm").write_bytes((fabrics / "models" / "wool.pwm").read_bytes())
+    assert plywave.load("silk").to_bytes() == plywave.load(fabrics / "models" / "wool.pwm").to_bytes()

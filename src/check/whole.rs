@@ -1,6 +1,7 @@
 //! Checks of what a model has beyond f_refl and f_high: the whole ply with its edge light, and a ply over a second layer.
 
-use crate::check::{BsdfReport, CheckOptions, check_bsdf};
+use super::nodes::Feature;
+use super::{BsdfReport, CheckOptions, check_lobes, lobe_features};
 use crate::ply::Layer;
 use crate::{Bsdf, PlyModel, PlyQuery};
 
@@ -51,7 +52,6 @@ fn incidences(model: &PlyModel, uniform: &mut dyn FnMut() -> f32) -> Vec<(f32, f
 /// Runs the checks of a scattering function at each incidence.
 fn run(
     model: &PlyModel,
-    sd_rad: f64,
     options: &CheckOptions,
     uniform: &mut dyn FnMut() -> f32,
     below: &dyn Fn([f32; 4]) -> Option<Option<Layer<4>>>,
@@ -64,8 +64,11 @@ fn run(
         let sigma_per_um = [0.0, 0.02 * last, 0.2 * last, last];
         let query = PlyQuery::new(theta_i, h_um, sigma_per_um, LAMBDA_UM);
         let scatter = model.at(&PlyQuery { below: below(sigma_per_um)?, ..query });
-        let sd = [sd_rad, sd_rad / f64::from(theta_i.cos())];
-        let found = check_bsdf(&scatter, sd, options.samples, uniform);
+        let edges = model.data().edge.iter().flat_map(|edge| {
+            LAMBDA_UM.map(|lambda| Feature::round(&edge.lobe(theta_i.into(), h_um.into(), lambda.into())))
+        });
+        let lobes: Vec<Feature> = lobe_features(model, theta_i, h_um).into_iter().chain(edges).collect();
+        let found = check_lobes(&scatter, &lobes, options.samples, uniform);
         let kept = (f64::from(scatter.albedo()[0]) - 1.0).abs();
         report = Some(match report {
             None => PartReport { scatter: found, kept_error: kept, chi2_threshold },
@@ -77,13 +80,11 @@ fn run(
 
 /// Checks f_refl + f_high + f_edge at a few incidences. `None` for a model without edge lobes.
 pub fn check_whole(model: &PlyModel, options: &CheckOptions, uniform: &mut dyn FnMut() -> f32) -> Option<PartReport> {
-    let edge = model.data().edge.as_ref()?;
-    let sharpest = edge.ln_mu.iter().copied().fold(0.0, f64::max);
-    let sd = (-0.5 * sharpest).exp() * std::f64::consts::FRAC_1_SQRT_2;
-    run(model, sd, options, uniform, &|_| Some(None))
+    model.data().edge.as_ref()?;
+    run(model, options, uniform, &|_| Some(None))
 }
 
 /// Checks a ply over a second layer of its own kind. `None` for a model without layer factors.
 pub fn check_layers(model: &PlyModel, options: &CheckOptions, uniform: &mut dyn FnMut() -> f32) -> Option<PartReport> {
-    run(model, 0.02, options, uniform, &|sigma_per_um| Some(Some(model.layer(0.5, sigma_per_um)?)))
+    run(model, options, uniform, &|sigma_per_um| Some(Some(model.layer(0.5, sigma_per_um)?)))
 }

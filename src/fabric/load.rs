@@ -6,7 +6,7 @@ use super::spec::{FabricSpec, WeaveSpec, YarnColor, YarnOfFabric};
 use super::wif::{self, Wif, WifNote, WifNoteKind, WifSpacing};
 use super::yarn::YarnShape;
 use super::{Fabric, Family};
-use crate::io::{AssetSource, FileKind, Folder, read_text};
+use crate::io::{AssetSource, Folder, ModelLibrary, of_key, read_text};
 use crate::spec::YarnSpec;
 use crate::spec::rules;
 use crate::{PlyModel, Result};
@@ -237,43 +237,69 @@ impl FabricSpec {
         check_relations(file, self)
     }
 
-    /// Reads a spec, its WIF if it has one, and its models. What the spec names must lie in its folder or below; [`FabricSpec::load_from`] with
-    /// [`Folder::anywhere`] allows other places.
+    /// Reads a spec, its WIF if it has one, and its models. What the spec names must lie in its folder or below, or is the name of a model of
+    /// [`ModelLibrary::usual`]; [`FabricSpec::load_with`] with [`Folder::anywhere`] allows other places, and other libraries.
     ///
     /// # Errors
     /// As [`FabricSpec::parse`], [`Wif::parse`] and [`PlyModel::load`], [`crate::Error::Io`] when a file cannot be read, and
     /// [`crate::Error::Invalid`] for a spacing narrower than the yarn, for a number of plies that a model of a yarn is not of, for a radius that is not
     /// that of the model's plies, and for models of one family whose yarns differ in size.
     pub fn load(path: impl AsRef<Path>) -> Result<LoadedFabric> {
-        let path = path.as_ref();
-        FabricSpec::load_from(&read_text(path, MAX_BYTES)?, &path.display().to_string(), &Folder::of_file(path))
+        FabricSpec::load_file(path, &ModelLibrary::usual())
     }
 
-    /// As [`FabricSpec::load`], from the spec's text and a source of the files it names, which may be in memory; `file` is for messages.
+    /// As [`FabricSpec::load`], with the models of a library.
+    ///
+    /// # Errors
+    /// As [`FabricSpec::load`].
+    pub fn load_file(path: impl AsRef<Path>, library: &ModelLibrary) -> Result<LoadedFabric> {
+        let path = path.as_ref();
+        let (text, file) = (read_text(path, MAX_BYTES)?, path.display().to_string());
+        FabricSpec::load_with(&text, &file, &Folder::of_file(path), library)
+    }
+
+    /// As [`FabricSpec::load`], from the spec's text and a source of the files it names, which may be in memory; `file` is for messages. A model
+    /// that is named without ending is the source's file of this name, or else with the ending `.pwm`.
     ///
     /// # Errors
     /// As [`FabricSpec::load`].
     pub fn load_from(text: &str, file: &str, assets: &dyn AssetSource) -> Result<LoadedFabric> {
+        FabricSpec::load_with(text, file, assets, &ModelLibrary::none())
+    }
+
+    /// As [`FabricSpec::load_from`]; names of models that the source does not have are those of the library.
+    ///
+    /// # Errors
+    /// As [`FabricSpec::load`].
+    pub fn load_with(text: &str, file: &str, assets: &dyn AssetSource, library: &ModelLibrary) -> Result<LoadedFabric> {
         let spec = FabricSpec::parse(text, file)?;
         let wif = match &spec.weave {
-            WeaveSpec::Wif { file } => Some(Wif::parse(&assets.read(file, wif::MAX_BYTES)?, &assets.display(file))?),
+            WeaveSpec::Wif { file: name } => {
+                let bytes = assets.read(name, wif::MAX_BYTES);
+                let bytes = bytes.map_err(|error| of_key(file, "weave.file", name, error, ""))?;
+                Some(Wif::parse(&bytes, &assets.display(name))?)
+            }
             _ => None,
         };
         let (mut models, mut names): (Vec<Arc<PlyModel>>, Vec<String>) = (Vec::new(), Vec::new());
         let mut indices = [Vec::new(), Vec::new()];
         for (k, family) in Family::EACH.into_iter().enumerate() {
-            for name in spec.yarn(family).stripes().0 {
-                let shown = assets.display(name);
-                let index = match names.iter().position(|known| *known == shown) {
+            let yarn = spec.yarn(family);
+            for (i, name) in yarn.stripes().0.into_iter().enumerate() {
+                let key = match yarn.models.keys().nth(i).filter(|_| yarn.model.is_none()) {
+                    Some(letter) => format!("{}.models.{letter}", family.name()),
+                    None => format!("{}.model", family.name()),
+                };
+                let (shown, bytes) = library.named(file, &key, name, assets)?;
+                let known = names.iter().position(|known| *known == shown);
+                indices[k].push(match known {
                     Some(index) => index,
                     None => {
-                        let bytes = assets.read(name, FileKind::Model.most_bytes())?;
                         models.push(Arc::new(PlyModel::from_bytes(&bytes, &shown)?));
                         names.push(shown);
                         names.len() - 1
                     }
-                };
-                indices[k].push(index);
+                });
             }
         }
         LoadedFabric::assembled(spec, file, wif, (models, names), indices)

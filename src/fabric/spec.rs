@@ -72,10 +72,10 @@ pub enum WeaveSpec {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct YarnOfFabric {
-    /// Path of the ply's model, relative to the spec; absent where `models` has several.
+    /// Path of the ply's model, relative to the spec, or its name in a [`crate::io::ModelLibrary`]; absent where `models` has several.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model: Option<String>,
-    /// Paths of several models by capital letters: stripes. Their plies have the same number, radius and beam.
+    /// Paths or names of several models by capital letters: stripes. Their plies have the same number, radius and beam.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub models: BTreeMap<String, String>,
     /// Letters of `models`, one for each yarn, in the order of ends or picks; the row repeats, whatever the repeat of the draft.

@@ -14,6 +14,11 @@ pub trait AssetSource {
     /// [`Error::Io`] or [`Error::Format`] for a name that is unknown or not allowed, and for more bytes.
     fn read(&self, name: &str, most: u64) -> Result<Vec<u8>>;
 
+    /// Whether there is a file `name`; by default, whether it can be read.
+    fn has(&self, name: &str) -> bool {
+        self.read(name, u64::MAX).is_ok()
+    }
+
     /// What messages call `name`, such as its path.
     fn display(&self, name: &str) -> String {
         name.to_string()
@@ -45,12 +50,13 @@ impl Folder {
         Folder { anywhere: true, ..self }
     }
 
-    /// Whether a name leads out of the folder, by itself or by a link. A file that is not there leads nowhere.
-    fn leads_out(&self, name: &str) -> bool {
+    /// Whether a name stays in the folder, links included, or need not. A file that is not there leads nowhere.
+    fn allows(&self, name: &str) -> bool {
         let inside = Path::new(name).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
         let real = |path: &Path| path.canonicalize().ok();
         let root = if self.root.as_os_str().is_empty() { Path::new(".") } else { &self.root };
-        !inside || matches!((real(root), real(&self.path(name))), (Some(root), Some(file)) if !file.starts_with(&root))
+        let out = || matches!((real(root), real(&self.path(name))), (Some(root), Some(file)) if !file.starts_with(&root));
+        self.anywhere || inside && !out()
     }
 
     /// The path of a name.
@@ -61,7 +67,7 @@ impl Folder {
 
 impl AssetSource for Folder {
     fn read(&self, name: &str, most: u64) -> Result<Vec<u8>> {
-        if !self.anywhere && self.leads_out(name) {
+        if !self.allows(name) {
             return Err(Error::Format {
                 file: super::container::one_line(&name),
                 what: "leads out of the folder of the file that names it".into(),
@@ -69,6 +75,10 @@ impl AssetSource for Folder {
             });
         }
         read_file(self.path(name), most)
+    }
+
+    fn has(&self, name: &str) -> bool {
+        self.allows(name) && self.path(name).is_file()
     }
 
     fn display(&self, name: &str) -> String {
@@ -110,6 +120,10 @@ impl MemoryAssets {
 }
 
 impl AssetSource for MemoryAssets {
+    fn has(&self, name: &str) -> bool {
+        self.files.contains_key(name)
+    }
+
     fn read(&self, name: &str, most: u64) -> Result<Vec<u8>> {
         let format =
             |what: String, hint: String| Err(Error::Format { file: super::container::one_line(&name), what, hint });

@@ -7,26 +7,26 @@ use crate::ply::asg::{Lobe, MU_MAX, MU_MIN, PARAMS, unit_energy};
 
 /// A lobe with its energy per wavelength.
 struct Weighted {
-    lobe: Any,
+    lobe: AnyLobe,
     refl: bool,
     energy: Vec<f64>,
 }
 
 /// A lobe of either family.
-enum Any {
+pub(crate) enum AnyLobe {
     Round(Lobe),
     Cone(ConeLobe),
 }
 
-impl Any {
-    fn of(family: LobeFamily, p: &[f64]) -> Any {
+impl AnyLobe {
+    fn of(family: LobeFamily, p: &[f64]) -> AnyLobe {
         let bound = |x: f64, (low, high): (f64, f64)| x.clamp(low.ln(), high.ln());
         let [mu1, mu2] = family.bandwidths();
         match family {
-            LobeFamily::Round => Any::Round(clamp(Lobe::from_params(p))),
+            LobeFamily::Round => AnyLobe::Round(clamp(Lobe::from_params(p))),
             LobeFamily::Cone => {
                 let lobe = ConeLobe::from_params(p);
-                Any::Cone(ConeLobe { ln_mu1: bound(lobe.ln_mu1, mu1), ln_mu2: bound(lobe.ln_mu2, mu2), ..lobe })
+                AnyLobe::Cone(ConeLobe { ln_mu1: bound(lobe.ln_mu1, mu1), ln_mu2: bound(lobe.ln_mu2, mu2), ..lobe })
             }
         }
     }
@@ -34,8 +34,8 @@ impl Any {
     /// Value of the lobe with energy 1 in direction `v` for theta_i >= 0.
     fn unit(&self, theta_i: f64, v: [f64; 3]) -> f64 {
         match self {
-            Any::Round(lobe) => Lobe { energy: 1.0, ..*lobe }.eval(v),
-            Any::Cone(lobe) => ConeLobe { energy: 1.0, ..*lobe }.eval(theta_i, v),
+            AnyLobe::Round(lobe) => Lobe { energy: 1.0, ..*lobe }.eval(v),
+            AnyLobe::Cone(lobe) => ConeLobe { energy: 1.0, ..*lobe }.eval(theta_i, v),
         }
     }
 }
@@ -131,7 +131,7 @@ impl Mixture {
                     }
                 }
             }
-            let lobe = Any::of(d.family, &p);
+            let lobe = AnyLobe::of(d.family, &p);
             lobes.push(Weighted { lobe, refl: true, energy: vec![p[5].max(LEAST_ENERGY); sigma.len()] });
         }
         let block = (m / 2) * (nh / 2) + n / 2;
@@ -148,7 +148,7 @@ impl Mixture {
                     path[j] += w * d.high_path[at * nj + j];
                 }
             }
-            let lobe = Any::of(d.family, &p);
+            let lobe = AnyLobe::of(d.family, &p);
             let transmittance = |s: &f64| (0..nj).map(|j| path[j] * (-s * d.path_um[j]).exp()).sum::<f64>();
             let energy = p[5].max(LEAST_ENERGY);
             let energy = sigma.iter().map(|s| energy * (transmittance(s) + LEAST_TRANSMITTANCE)).collect();
@@ -169,6 +169,21 @@ impl Mixture {
             energy_high,
             r_d,
         })
+    }
+
+    /// The lobes, for theta_i >= 0.
+    pub(crate) fn lobes(&self) -> impl Iterator<Item = &AnyLobe> {
+        self.lobes.iter().map(|l| &l.lobe)
+    }
+
+    /// |theta_i| [rad], at most pi/2.
+    pub(crate) fn theta_i(&self) -> f64 {
+        self.theta_i
+    }
+
+    /// Whether directions are mirrored first ([`crate::frame::mirror_incidence`]): theta_i < 0.
+    pub(crate) fn is_mirrored(&self) -> bool {
+        self.flip
     }
 
     /// f_refl and f_high per sigma in direction `wo` [1/sr].
@@ -196,8 +211,8 @@ impl Mixture {
         }
         let density = |l: &Weighted| {
             let lobe = match &l.lobe {
-                Any::Round(lobe) => lobe,
-                Any::Cone(_) => return l.lobe.unit(self.theta_i, v),
+                AnyLobe::Round(lobe) => lobe,
+                AnyLobe::Cone(_) => return l.lobe.unit(self.theta_i, v),
             };
             let [x, y, z] = lobe.frame();
             let dot = |a: [f64; 3]| a[0] * v[0] + a[1] * v[1] + a[2] * v[2];

@@ -4,7 +4,7 @@ use super::rules;
 use super::yarn::{Shape, YarnSpec};
 use super::yarn_rules::{YARN_RULES, check_relations};
 use crate::Result;
-use crate::io::{AssetSource, Folder, read_text, text_of};
+use crate::io::{AssetSource, Folder, of_key, read_text, text_of};
 use std::path::Path;
 
 /// Largest spec or point file that is read [bytes].
@@ -75,13 +75,16 @@ impl YarnSpec {
 /// Parse and check; the file of a polygon is looked for in `assets`.
 fn parse_near(text: &str, file: &str, assets: Option<&dyn AssetSource>) -> Result<YarnSpec> {
     let mut spec: YarnSpec = rules::typed(rules::parse(text, file, &YARN_RULES)?, file, &YARN_RULES)?;
-    let fibers = std::iter::once(&mut spec.fiber).chain(spec.blend.as_mut().map(|blend| &mut blend.fiber));
-    for fiber in fibers {
+    let blended = spec.blend.as_mut().map(|blend| ("blend.fiber.shape.file", &mut blend.fiber));
+    let fibers = std::iter::once(("fiber.shape.file", &mut spec.fiber)).chain(blended);
+    for (key, fiber) in fibers {
         if let (Shape::Polygon { file: points_file, points_um, .. }, Some(assets)) = (&mut fiber.shape, assets)
             && points_um.is_empty()
             && !points_file.is_empty()
         {
-            *points_um = read_points(assets, points_file)?;
+            let text = text_of(assets, points_file, MAX_BYTES);
+            let text = text.map_err(|error| of_key(file, key, points_file, error, ""))?;
+            *points_um = read_points(&text, &assets.display(points_file))?;
             points_file.clear();
         }
     }
@@ -90,10 +93,9 @@ fn parse_near(text: &str, file: &str, assets: Option<&dyn AssetSource>) -> Resul
 }
 
 /// Points of a polygon: one `x y` per line [um], blank lines and `#` comments skipped. Errors do not quote the file, which another file named.
-fn read_points(assets: &dyn AssetSource, name: &str) -> Result<Vec<[f64; 2]>> {
-    let file = assets.display(name);
+fn read_points(text: &str, file: &str) -> Result<Vec<[f64; 2]>> {
     let mut points = Vec::new();
-    for (i, row) in text_of(assets, name, MAX_BYTES)?.lines().enumerate() {
+    for (i, row) in text.lines().enumerate() {
         let row = row.split('#').next().unwrap_or_default().trim();
         if row.is_empty() {
             continue;
@@ -106,12 +108,12 @@ fn read_points(assets: &dyn AssetSource, name: &str) -> Result<Vec<[f64; 2]>> {
             }
             _ => {
                 let hint = "use two numbers `x y` [um] within 10000 of the origin, 2000 lines at most";
-                return Err(rules::invalid(&file, &format!("line {}", i + 1), "(no such point)", hint));
+                return Err(rules::invalid(file, &format!("line {}", i + 1), "(no such point)", hint));
             }
         }
     }
     if points.len() < 3 {
-        return Err(rules::invalid(&file, "points", points.len(), "use 3 or more lines `x y` [um]"));
+        return Err(rules::invalid(file, "points", points.len(), "use 3 or more lines `x y` [um]"));
     }
     Ok(points)
 }

@@ -20,7 +20,7 @@ pub struct TableEnergies {
     pub miss: Vec<f64>,
     /// `[A][B]`: its standard error over the instances.
     pub miss_se: Vec<f64>,
-    /// `[A][X]`: fraction of the lines at lateral position x that hit a fiber; x in equal parts of [-R, R]. Of a single ply; else empty.
+    /// `[A][X]`: fraction of the lines at lateral position x that hit a fiber; x in X equal parts of [-h, h], h the last offset. Of a single ply; else empty.
     pub met: Vec<f32>,
     /// `[P]` latitudes of the shares [rad], uniform from 0 to the table's last.
     pub share_theta_i: Vec<f64>,

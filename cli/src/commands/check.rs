@@ -11,6 +11,7 @@ use plywave::check::{
     CheckOptions, FURNACE_TOLERANCE, KEPT_TOLERANCE, LAYER_TOLERANCE, PartReport, REFERENCE_TOLERANCE,
     SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE, check_layers, check_model, check_whole,
 };
+use plywave::table::Table;
 use plywave_pipeline::FitQuality;
 use rand::{RngExt, SeedableRng};
 
@@ -76,7 +77,7 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     {
         return Err(Failure::input("command line", flag, value, "must be 0 or more"));
     }
-    if kinds::kind_of(&args.model) == Some(kinds::Kind::FabricSpec) {
+    if kinds::kind_of(&args.model) == Some(kinds::Kind::Fabric) {
         return super::check_cloth::run(cli, args);
     }
     if kinds::kind_of(&args.model) == Some(kinds::Kind::Filament) {
@@ -85,14 +86,14 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     let model = match kinds::kind_of(&args.model) {
         // Of a family the model of its own spec.
         Some(kinds::Kind::Family) => super::family::own_model(&args.model)?,
-        _ => kinds::load_model(&args.model)?,
+        _ => cli.library()?.load(&args.model)?,
     };
     let data = model.data();
     let yarn = Yarn::of(&args.model, &data.spec_text, &data.h_um)?;
     let mut same_run = false;
     // The table first: what is wrong with it is found before the long check.
-    let table = args.table.as_ref().map(|path| kinds::load_table(path).map(|t| (path.as_path(), t))).transpose()?;
-    let twin = args.twin.as_ref().map(|path| kinds::load_table(path).map(|t| (path.as_path(), t))).transpose()?;
+    let table = args.table.as_ref().map(|path| Table::load(path).map(|t| (path.as_path(), t))).transpose()?;
+    let twin = args.twin.as_ref().map(|path| Table::load(path).map(|t| (path.as_path(), t))).transpose()?;
     // A traced table is the twin; where no other is, of that of other incidences than the model's nothing else is asked.
     let traced = table.as_ref().filter(|(_, t)| t.traced);
     let only_twin = twin.is_none()
@@ -166,7 +167,7 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     let (columns, sigmas) = (data.h_um.len(), data.sigma_per_um.len());
     // Noise can hide every slice: then nothing is known, and nothing passes.
     let quality = FitQuality::of_errors(data, &error_refl, &error_high);
-    let meaning = "largest relative L2 of a slice, noise removed";
+    let meaning = "largest relative L2 of a slice, noise removed, in proportion where next to nothing is met";
     lines.push(Line::at_most("fit_error_refl", meaning, quality.refl, args.max_error_refl));
     // A slice that absorption has nearly put out may miss much of what is left: errors count by the light that the slice holds.
     let meaning = "the same, as a share of the slice's light at sigma = 0";

@@ -4,9 +4,9 @@ use super::on_threads;
 use super::twin::{angles, sigma_text};
 use crate::args::{CheckArgs, Cli};
 use crate::failure::{Failure, Outcome};
-use crate::{kinds, output};
+use crate::output;
 use plywave::FabricBsdf;
-use plywave::fabric::FabricOptions;
+use plywave::fabric::{FabricOptions, FabricSpec};
 use plywave::twin::{ClothTwin, Comparison, ComparisonOptions, compare};
 use plywave_sim::twin::TwinCloth;
 
@@ -38,9 +38,9 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
         let hint = "a fabric is checked against its twin: give --twin FILE, which `plywave twin` writes";
         return Err(Failure::input("command line", "--twin", "(absent)", hint));
     };
-    let loaded = kinds::load_fabric(&args.model)?;
+    let loaded = FabricSpec::load_file(&args.model, &cli.library()?)?;
     kinds::tell_fabric_notes(cli, &loaded);
-    let twin = kinds::load_twin(path)?;
+    let twin = ClothTwin::load(path)?;
     let refuse = |e| super::runs::failure(e, path);
     if let Some(what) = TwinCloth::parse(&twin.spec_text).map_err(refuse)?.difference(&loaded) {
         let hint = format!("{} is of another; trace it again with `plywave twin`", path.display());

@@ -11,7 +11,7 @@ use plywave::color::{
     AlbedoCurve, SPECTRUM_NODES, SPECTRUM_UM, SigmaSpectrum, SmoothReflectance, delta_e_2000, linear_srgb_of_xyz,
     spectrum_lambda_um, srgb_encode, xyz_of_reflectance,
 };
-use plywave::fabric::{ColorOf, FabricOptions};
+use plywave::fabric::{ColorOf, FabricOptions, FabricSpec};
 
 /// CIEDE2000 of colors that are just told apart.
 const SEEN: f64 = 1.0;
@@ -97,7 +97,7 @@ pub fn run(cli: &Cli, args: &ColorArgs) -> Outcome {
 
 /// The albedo over absorption that is asked for, and of which light.
 fn curve(cli: &Cli, args: &ColorArgs) -> Outcome<(AlbedoCurve, String)> {
-    if kinds::kind_of(&args.model) == Some(Kind::FabricSpec) {
+    if kinds::kind_of(&args.model) == Some(Kind::Fabric) {
         if let Some(theta) = args.theta_i {
             return Err(Failure::input(
                 "command line",
@@ -106,13 +106,13 @@ fn curve(cli: &Cli, args: &ColorArgs) -> Outcome<(AlbedoCurve, String)> {
                 "is of a model; for a fabric use --color-of",
             ));
         }
-        let loaded = kinds::load_fabric(&args.model)?;
+        let loaded = FabricSpec::load_file(&args.model, &cli.library()?)?;
         kinds::tell_fabric_notes(cli, &loaded);
         let of = args.color_of.map_or(loaded.spec.color_of, ColorOf::from);
         let fabric = FabricBsdf::new(loaded, &FabricOptions::default())?;
         return Ok((fabric.color_curve_of(of), of.name().into()));
     }
-    let model = kinds::load_model(&args.model)?;
+    let model = cli.library()?.load(&args.model)?;
     if let Some(of) = args.color_of {
         return Err(Failure::input("command line", "--color-of", ColorOf::from(of).name(), "is of a fabric spec"));
     }

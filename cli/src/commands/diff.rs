@@ -6,7 +6,6 @@ use crate::failure::{Failure, Outcome};
 use crate::kinds::{self, Kind};
 use crate::output;
 use crate::report::{Spread, number};
-use plywave::io::FileKind;
 use plywave::ply::PlyData;
 use plywave_fit::{DiffTolerance, LobeDrift};
 use std::path::Path;
@@ -49,14 +48,14 @@ pub fn run(cli: &Cli, args: &DiffArgs) -> Outcome {
             return Err(Failure::input("command line", flag, value, "must be 0 or more"));
         }
     }
-    let either = [Kind::Model, Kind::Table];
-    if plywave::io::file_kind(&args.a).map_err(|e| kinds::explain(&args.a, &either, e))? == FileKind::Table {
+    if kinds::kind_of(&args.a) == Some(Kind::Table) {
         return super::diff_tables::run(cli, args, &tolerance);
     }
     if args.max_h_rel.is_some() {
         return Err(Failure::Input("command line: --max-h-rel is for tables; leave it out".into()));
     }
-    let load = |path: &Path| PlyData::load(path).map_err(|e| kinds::explain(path, &[Kind::Model], e));
+    let library = cli.library()?;
+    let load = |path: &Path| library.load(path).map(|model| model.data().clone());
     let (a, b) = (load(&args.a)?, load(&args.b)?);
     if !super::diff_models::same_axes(&a, &b) {
         return super::diff_models::run(cli, args, [&a, &b], &tolerance);

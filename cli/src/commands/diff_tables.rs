@@ -3,8 +3,9 @@
 use super::{Yarn, on_threads};
 use crate::args::{Cli, DiffArgs};
 use crate::failure::{Failure, Outcome};
+use crate::output;
 use crate::report::number;
-use crate::{kinds, output};
+use plywave::table::Table;
 use plywave_fit::{DiffTolerance, TableDistance, table_distance};
 use std::io::Write;
 
@@ -17,7 +18,7 @@ pub fn run(cli: &Cli, args: &DiffArgs, tolerance: &DiffTolerance) -> Outcome {
     if !(0.0..).contains(&most) {
         return Err(Failure::input("command line", "--max-h-rel", most, "must be 0 or more"));
     }
-    let (a, b) = (kinds::load_table(&args.a)?, kinds::load_table(&args.b)?);
+    let (a, b) = (Table::load(&args.a)?, Table::load(&args.b)?);
     let radius_um = Yarn::of(&args.a, &a.spec_text, &a.h_um)?.radius_um;
     let d = on_threads(cli, || table_distance(&a, &b))?
         .map_err(|e| Failure::Input(format!("{}: {e}", args.b.display())))?;

@@ -3,8 +3,8 @@
 use super::{Yarn, by_count, incidence, latitude};
 use crate::args::{Cli, EvalArgs};
 use crate::failure::{Failure, Outcome};
+use crate::output;
 use crate::report::number;
-use crate::{kinds, output};
 use plywave::frame::direction;
 use plywave::{Bsdf, PlyModel, PlyQuery};
 
@@ -26,7 +26,7 @@ struct Report {
 
 /// Runs the command.
 pub fn run(cli: &Cli, args: &EvalArgs) -> Outcome {
-    let model = kinds::load_model(&args.model)?;
+    let model = cli.library()?.load(&args.model)?;
     let yarn = Yarn::of(&args.model, &model.data().spec_text, &model.data().h_um)?;
     let (theta_i, h_um) = incidence(&args.incidence, model.data(), yarn.radius_um)?;
     latitude("--theta-o", args.theta_o)?;

@@ -11,7 +11,7 @@ use crate::report::{self, Spread};
 use plywave::ply::PlyData;
 use plywave::spec::YarnSpec;
 use plywave::table::Table;
-use plywave_pipeline::{Quality, Run, check_fit, fit_model, yarn_table};
+use plywave_pipeline::{Quality, Run, check_fit, fit_model, held_errors, yarn_table};
 use std::path::Path;
 use std::time::Duration;
 
@@ -47,9 +47,9 @@ pub struct Summary {
     pub lobes_refl: usize,
     /// Lobes of f_high.
     pub lobes_high: usize,
-    /// Relative L2 error of f_refl over the incidences, noise removed, against the table of the fit.
+    /// Relative L2 error of f_refl over the incidences, noise removed, against the table of the fit, as `plywave check` counts it.
     pub fit_error_refl: Spread,
-    /// The same for f_high at sigma = 0.
+    /// The same for f_high over incidences and absorptions, as a share of the slice's light at sigma = 0.
     pub fit_error_high: Spread,
     /// Time [s].
     pub fit_s: f64,
@@ -58,14 +58,15 @@ pub struct Summary {
 impl Summary {
     /// Of a model just fitted.
     pub fn of(data: &PlyData, time: Duration) -> Self {
+        let [refl, high] = held_errors(data, &data.error_refl, &data.error_high);
         Summary {
             theta_i_nodes: data.theta_i.len(),
             h_nodes: data.h_um.len(),
             family: data.family.name(),
             lobes_refl: data.lobes_refl,
             lobes_high: data.lobes_high,
-            fit_error_refl: Spread::of_errors(data.error_refl.iter().copied()),
-            fit_error_high: Spread::of_errors(data.error_high.iter().copied().step_by(data.sigma_per_um.len().max(1))),
+            fit_error_refl: Spread::of_errors(refl),
+            fit_error_high: Spread::of_errors(high),
             fit_s: time.as_secs_f64(),
         }
     }
@@ -90,7 +91,7 @@ pub fn write_summary(out: &mut dyn std::io::Write, summary: &Summary, time: Dura
     )?;
     writeln!(
         out,
-        "               f_high rms {:.4}, largest {:.4} (relative L2 at sigma = 0, noise removed)",
+        "               f_high rms {:.4}, largest {:.4} (relative L2, noise removed; f_high: of the light at sigma = 0)",
         summary.fit_error_high.rms, summary.fit_error_high.max
     )
 }

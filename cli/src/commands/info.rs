@@ -145,12 +145,15 @@ fn spec(cli: &Cli, path: &Path) -> Outcome {
 
 /// Runs the command.
 pub fn run(cli: &Cli, args: &InfoArgs) -> Outcome {
-    if kinds::kind_of(&args.file) == Some(Kind::YarnSpec) {
+    if kinds::kind_of(&args.file) == Some(Kind::Yarn) {
         return spec(cli, &args.file);
     }
-    let bytes = std::fs::metadata(&args.file).map_or(0, |m| m.len());
+    let bytes = match kinds::is_named(&args.file) {
+        true => cli.library()?.read(&args.file)?.1.len() as u64,
+        false => std::fs::metadata(&args.file).map_or(0, |m| m.len()),
+    };
     let file = args.file.display().to_string();
-    match load_any(&args.file)? {
+    match load_any(cli, &args.file)? {
         Loaded::Table(t) => {
             let yarn = Yarn::of(&args.file, &t.spec_text, &t.h_um)?;
             let head = Head {

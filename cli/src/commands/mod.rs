@@ -64,11 +64,12 @@ pub enum Loaded {
     Family(Box<PlyFamily>),
 }
 
-/// Loads a file by what its header says it is.
-pub fn load_any(path: &Path) -> Outcome<Loaded> {
-    use crate::kinds::Kind;
-    let kinds = [Kind::Model, Kind::Table, Kind::Fiber, Kind::Speckle, Kind::Twin, Kind::Family];
-    Ok(match plywave::io::file_kind(path).map_err(|e| crate::kinds::explain(path, &kinds, e))? {
+/// Loads a file by what its header says it is, or a model by its name.
+pub fn load_any(cli: &Cli, path: &Path) -> Outcome<Loaded> {
+    if crate::kinds::is_named(path) {
+        return Ok(Loaded::Model(Box::new(cli.library()?.load(path)?)));
+    }
+    Ok(match plywave::io::file_kind(path)? {
         FileKind::Table => Loaded::Table(Box::new(Table::load(path)?)),
         FileKind::Model => Loaded::Model(Box::new(PlyModel::load(path)?)),
         FileKind::Fiber => Loaded::Fiber(Box::new(FiberTable::load(path)?)),

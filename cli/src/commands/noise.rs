@@ -57,7 +57,7 @@ pub fn run(cli: &Cli, args: &NoiseArgs) -> Outcome {
     let patterns = SpecklePatterns::load(&args.patterns)?;
     let options = options(args, &patterns)?;
     let data = match &args.model {
-        Some(model) => Some((model, same_fiber(args, &patterns, PlyData::load(model)?, model)?)),
+        Some(model) => Some((model, same_fiber(args, &patterns, cli.library()?.load(model)?.data().clone(), model)?)),
         None => None,
     };
     let file = args.patterns.display().to_string();

@@ -4,6 +4,8 @@ use super::info::NodeEnergies;
 use super::{Loaded, Yarn, absorptions, load_any};
 use crate::args::{Cli, Part, PlotArgs};
 use crate::failure::{Failure, Outcome};
+use crate::kinds::{self, Kind};
+use crate::output;
 use crate::plot::Format;
 use crate::plot::budget::Budget;
 use crate::plot::figure::Figure;
@@ -44,9 +46,9 @@ struct View {
 }
 
 impl Source {
-    fn load(args: &PlotArgs) -> Outcome<Self> {
-        let (table, model) = match (load_any(&args.file)?, &args.table, &args.model) {
-            (Loaded::Table(t), None, Some(model)) => (Some(t), Some(Box::new(PlyModel::load(model)?))),
+    fn load(cli: &Cli, args: &PlotArgs) -> Outcome<Self> {
+        let (table, model) = match (load_any(cli, &args.file)?, &args.table, &args.model) {
+            (Loaded::Table(t), None, Some(model)) => (Some(t), Some(Box::new(cli.library()?.load(model)?))),
             (Loaded::Table(t), None, None) => (Some(t), None),
             (Loaded::Model(m), Some(table), _) => (Some(Box::new(Table::load(table)?)), Some(m)),
             (Loaded::Model(m), None, None) => (None, Some(m)),
@@ -421,9 +423,8 @@ pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
     let inputs: Vec<&std::path::Path> = others.into_iter().flatten().chain([args.file.as_path()]).collect();
     let format = Format::of(&path)?;
     output::check_writable(&path, &inputs)?;
-    wrong_kind(&args.file)?;
     absorptions(&args.sigma)?;
-    if args.file.extension().is_some_and(|e| e == "toml") {
+    if kinds::kind_of(&args.file) == Some(Kind::Yarn) {
         if let Some(other) = others.into_iter().flatten().next() {
             let hint = "FILE is a yarn spec; leave --table and --model out";
             return Err(Failure::input(args.file.display(), "FILE", other.display(), hint));
@@ -440,7 +441,7 @@ pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
         let hint = "must be from 0 to 90 degrees; (-theta_i, h) is the mirror image of (theta_i, -h)";
         return Err(Failure::input("command line", "--theta-i", theta, hint));
     }
-    if others.iter().all(Option::is_none) {
+    if others.iter().all(Option::is_none) && !kinds::is_named(&args.file) {
         match plywave::io::file_kind(&args.file)? {
             FileKind::Speckle => {
                 let patterns = SpecklePatterns::load(&args.file)?;
@@ -456,7 +457,7 @@ pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
             FileKind::Table | FileKind::Model | FileKind::Twin | FileKind::Family => {}
         }
     }
-    let source = Source::load(args)?;
+    let source = Source::load(cli, args)?;
     if matches!(args.part, Part::Noise) {
         let file = args.file.display().to_string();
         let Some(model) = &source.model else {
@@ -496,30 +497,6 @@ pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
         sections.push(source.errors(args)?);
     }
     write(cli, &path, format, &sheet::page(&source.title, &source.particulars, &sections))
-}
-
-/// Refuses a file that is of no kind that can be drawn. Files of plywave's that are damaged pass: their loaders say more of them.
-fn wrong_kind(file: &Path) -> Outcome {
-    const KINDS: &str =
-        "give a table (.pwt), a model (.pwm), a fiber table (.pwf), speckle patterns (.pws) or a yarn spec (.toml)";
-    let refuse = |what: &str, more: &str| Err(Failure::input(file.display(), "FILE", what, &format!("{KINDS}{more}")));
-    // What cannot be read is for the loaders too.
-    let Some(bytes) = kinds::head(file) else { return Ok(()) };
-    if file.extension().is_some_and(|e| e == "toml") {
-        let Ok(text) = str::from_utf8(&bytes) else { return Ok(()) };
-        let has = |section: &str| text.lines().any(|line| line.trim() == section);
-        return match (has("[weave]") || has("[warp]"), has("[[fiber]]")) {
-            (true, _) => refuse("a fabric spec", "; plywave weave draws fabrics"),
-            (_, true) => refuse("a scene", ""),
-            _ => Ok(()),
-        };
-    }
-    match bytes.get(8) {
-        // A length of eight bytes and the header in JSON: a container as plywave writes it.
-        Some(b'{') => Ok(()),
-        _ if image::guess_format(&bytes).is_ok() || bytes.starts_with(b"<svg") => refuse("a picture", ""),
-        _ => refuse("no file of plywave's", ""),
-    }
 }
 
 /// Writes a figure and says so.

@@ -4,9 +4,13 @@ use super::color;
 use crate::args::{Cli, FabricPart, Integrator, RenderArgs, Scene};
 use crate::failure::{Failure, Outcome};
 use crate::progress::STOP;
-use crate::rendering::{About, Outputs, camera, camera_flags, check_flags, digest_of_file, failed, film, shoot};
+use crate::rendering::{
+    About, Outputs, camera, camera_flags, check_flags, digest_of_bytes, digest_of_file, failed, film, shoot,
+};
 use crate::{kinds, report};
-use plywave::fabric::{Fabric, FabricBsdf, FabricOptions, FabricSpec, Family, GapLight, Slits, WeaveSpec};
+use plywave::fabric::{
+    Fabric, FabricBsdf, FabricOptions, FabricSpec, Family, GapLight, LoadedFabric, Slits, WeaveSpec,
+};
 use plywave::gap::{SLIT_MAX_UM, SLIT_SHARE};
 use plywave_render::{Camera, Environment, Mesh, MeshNotes, RenderOptions, Setup, render};
 use std::path::{Path, PathBuf};
@@ -38,7 +42,7 @@ fn depth(args: &RenderArgs) -> u32 {
 /// What a render reads: names for people, and paths.
 fn inputs(args: &RenderArgs, spec: &FabricSpec, models: &[PathBuf]) -> Vec<(&'static str, PathBuf)> {
     let mut list = vec![("fabric spec", args.fabric.clone())];
-    list.extend(models.iter().map(|model| ("model", model.clone())));
+    list.extend(models.iter().filter(|model| !kinds::is_named(model)).map(|model| ("model", model.clone())));
     if let WeaveSpec::Wif { file } = &spec.weave {
         list.push(("WIF", args.fabric.parent().unwrap_or(Path::new("")).join(file)));
     }
@@ -48,10 +52,19 @@ fn inputs(args: &RenderArgs, spec: &FabricSpec, models: &[PathBuf]) -> Vec<(&'st
 }
 
 /// Contents of the inputs and the flags that matter for the picture: what sums must have in common with a render to go on.
-fn ingredients(args: &RenderArgs, size: f32, inputs: &[(&'static str, PathBuf)]) -> Outcome<Vec<(String, String)>> {
+fn ingredients(
+    args: &RenderArgs,
+    size: f32,
+    inputs: &[(&'static str, PathBuf)],
+    loaded: &LoadedFabric,
+) -> Outcome<Vec<(String, String)>> {
     let mut list = vec![("version".to_string(), env!("CARGO_PKG_VERSION").to_string())];
     for (name, path) in inputs {
         list.push(((*name).to_string(), digest_of_file(path)?));
+    }
+    // Models that are compiled in have no file.
+    for (model, _) in loaded.models.iter().zip(&loaded.model_paths).filter(|(_, path)| kinds::is_named(path)) {
+        list.push(("model".to_string(), digest_of_bytes(&model.data().to_bytes()?)));
     }
     let flags: [(&str, String); 14] = [
         ("--setup", format!("{:?}", setup(args))),
@@ -153,7 +166,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
         return Err(Failure::input("command line", "--integrator", "dual", hint));
     }
     let outputs = Outputs::of(args)?;
-    let loaded = kinds::load_fabric(&args.fabric)?;
+    let loaded = FabricSpec::load_file(&args.fabric, &cli.library()?)?;
     let inputs = inputs(args, &loaded.spec, &loaded.model_paths);
     let read: Vec<&Path> = inputs.iter().map(|(_, path)| path.as_path()).collect();
     let _held = outputs.hold(&read)?;
@@ -173,7 +186,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     let far = !args.without.contains(&FabricPart::Far) && covers_repeats(&loaded.fabric, &camera, args.height);
     let has_slits = has_slits(&loaded.spec, &options);
     let options = FabricOptions { far: far && !has_slits, ..options };
-    let of = ingredients(args, size, &inputs)?;
+    let of = ingredients(args, size, &inputs, &loaded)?;
     let film = film(args, &outputs, &of)?;
     let mut notes = loaded.notes();
     notes.extend(super::weave::lean_notes(&loaded.fabric));

@@ -4,7 +4,7 @@
 use super::{Yarn, by_count, incidence};
 use crate::args::{Cli, SampleArgs};
 use crate::failure::Outcome;
-use crate::{kinds, output};
+use crate::output;
 use plywave::frame::theta_phi;
 use plywave::{Bsdf, BsdfSample, PlyModel, PlyQuery};
 use rand::{RngExt, SeedableRng};
@@ -12,7 +12,7 @@ use std::io::Write;
 
 /// Runs the command.
 pub fn run(cli: &Cli, args: &SampleArgs) -> Outcome {
-    let model = kinds::load_model(&args.model)?;
+    let model = cli.library()?.load(&args.model)?;
     let yarn = Yarn::of(&args.model, &model.data().spec_text, &model.data().h_um)?;
     let (theta_i, h_um) = incidence(&args.incidence, model.data(), yarn.radius_um)?;
     by_count!(args.incidence.sigma, draw(cli, args, &model, theta_i, h_um))

@@ -3,7 +3,8 @@
 use super::runs::{self, Told};
 use crate::args::{Cli, TwinArgs};
 use crate::failure::Outcome;
-use crate::{kinds, output, progress, report};
+use crate::{output, progress, report};
+use plywave::fabric::FabricSpec;
 use plywave::twin::{CLASSES, ClothTwin};
 use plywave_sim::twin::{Domain, TwinCloth, TwinJob, TwinMesh, TwinOptions, direction};
 use std::io::{self, Write};
@@ -13,7 +14,7 @@ use std::time::Duration;
 /// Runs the command.
 pub fn run(cli: &Cli, args: &TwinArgs) -> Outcome {
     let refuse = |e| runs::failure(e, &args.spec);
-    let loaded = kinds::load_fabric(&args.spec)?;
+    let loaded = FabricSpec::load_file(&args.spec, &cli.library()?)?;
     kinds::tell_fabric_notes(cli, &loaded);
     let cloth = TwinCloth::of(&loaded).map_err(refuse)?;
     let job = TwinJob::new(cloth, &options(args)).map_err(refuse)?;

@@ -3,7 +3,7 @@
 use crate::args::{Cli, WeaveArgs};
 use crate::failure::{Failure, Outcome};
 use crate::report::{self, number};
-use crate::{kinds, output, plot, progress};
+use crate::{output, plot, progress};
 use image::{ExtendedColorType, ImageEncoder};
 use plywave::color::{AlbedoCurve, srgb_encode};
 use plywave::fabric::{
@@ -39,7 +39,7 @@ const USUAL_PIXELS: f64 = 32.0;
 /// Runs the command.
 pub fn run(cli: &Cli, args: &WeaveArgs) -> Outcome {
     let begun = Instant::now();
-    let loaded = kinds::load_fabric(&args.fabric)?;
+    let loaded = FabricSpec::load_file(&args.fabric, &cli.library()?)?;
     let mut notes = loaded.notes();
     notes.extend(lean_notes(&loaded.fabric));
     let spec = loaded.spec.clone();

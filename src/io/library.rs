@@ -1,0 +1,177 @@
+//! Ply models by name: `model = "polyester"` in a fabric spec, `plywave info polyester`.
+
+use super::{AssetSource, FileKind, disk, invalid};
+use crate::{Error, PlyModel, Result};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// Variable with folders of models, separated as those of `PATH`.
+pub const MODELS_VARIABLE: &str = "PLYWAVE_MODELS";
+/// Folder of models beside that of the program.
+const SHARED: &str = "../share/plywave/models";
+/// Ending of a model's file.
+const ENDING: &str = ".pwm";
+
+/// Where models are found by name. `NAME` stands for `NAME.pwm`, which is looked for beside the spec that names it, then in the library's
+/// folders in their order, then among the models that the host has compiled in.
+///
+/// ```
+/// use plywave::io::ModelLibrary;
+///
+/// assert!(ModelLibrary::is_name("cotton_2ply") && !ModelLibrary::is_name("cotton.pwm") && !ModelLibrary::is_name("a/cotton"));
+/// let error = ModelLibrary::none().load("polyster").unwrap_err();
+/// assert!(error.to_string().starts_with("polyster: no such file and no model of this name; there are: none"));
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct ModelLibrary {
+    folders: Vec<PathBuf>,
+    embedded: &'static [(&'static str, &'static [u8])],
+}
+
+/// Where a name leads.
+enum Place {
+    /// To a file of the spec's own source, by this name.
+    Own(String),
+    /// To a file of a folder of the library.
+    File(PathBuf),
+    /// To a model that is compiled in.
+    Embedded(&'static [u8]),
+    Nowhere,
+}
+
+impl ModelLibrary {
+    /// No models.
+    pub fn none() -> ModelLibrary {
+        ModelLibrary::default()
+    }
+
+    /// The folders of the variable `PLYWAVE_MODELS`, then `../share/plywave/models` seen from the folder of the program.
+    pub fn usual() -> ModelLibrary {
+        let variable = std::env::var_os(MODELS_VARIABLE).unwrap_or_default();
+        let named = std::env::split_paths(&variable).filter(|folder| !folder.as_os_str().is_empty());
+        let program = std::env::current_exe().ok();
+        let shared = program.as_deref().and_then(Path::parent).map(|folder| folder.join(SHARED));
+        ModelLibrary { folders: named.chain(shared).collect(), embedded: &[] }
+    }
+
+    /// The same with a folder that is asked before the others.
+    #[must_use]
+    pub fn with_folder(mut self, folder: impl Into<PathBuf>) -> ModelLibrary {
+        self.folders.insert(0, folder.into());
+        self
+    }
+
+    /// The same with models that are compiled in, `(name, bytes of the file)`, asked last.
+    #[must_use]
+    pub fn with_embedded(self, embedded: &'static [(&'static str, &'static [u8])]) -> ModelLibrary {
+        ModelLibrary { embedded, ..self }
+    }
+
+    /// Whether a text is a name of a model and no path: letters, digits, `_` and `-`.
+    pub fn is_name(text: &str) -> bool {
+        !text.is_empty() && text.chars().all(|c| c.is_alphanumeric() || c == '_' || c == '-')
+    }
+
+    /// Names of all models, sorted.
+    pub fn names(&self) -> Vec<String> {
+        let mut names: BTreeSet<String> = self.embedded.iter().map(|(name, _)| (*name).to_string()).collect();
+        for entry in self.folders.iter().flat_map(std::fs::read_dir).flatten().flatten() {
+            let file = entry.file_name().to_string_lossy().into_owned();
+            if let Some(name) = file.strip_suffix(ENDING).filter(|name| ModelLibrary::is_name(name)) {
+                names.insert(name.to_string());
+            }
+        }
+        names.into_iter().collect()
+    }
+
+    /// Whether a file that is named has a model of its stem here: what a message may tell.
+    fn stem(&self, file: &str) -> Option<String> {
+        let stem = file.rsplit(['/', '\\']).next()?.strip_suffix(ENDING)?.to_string();
+        self.names().contains(&stem).then_some(stem)
+    }
+
+    fn place(&self, name: &str, own: &dyn AssetSource) -> Place {
+        if !ModelLibrary::is_name(name) || own.has(name) {
+            return Place::Own(name.to_string());
+        }
+        let file = format!("{name}{ENDING}");
+        if own.has(&file) {
+            return Place::Own(file);
+        }
+        if let Some(path) = self.folders.iter().map(|folder| folder.join(&file)).find(|path| path.is_file()) {
+            return Place::File(path);
+        }
+        self.embedded
+            .iter()
+            .find(|(known, _)| *known == name)
+            .map_or(Place::Nowhere, |(_, bytes)| Place::Embedded(bytes))
+    }
+
+    /// The models that there are, for messages.
+    fn told(&self) -> String {
+        let names = self.names();
+        if names.is_empty() { "none".into() } else { names.join(", ") }
+    }
+
+    /// What messages call the model that the file `own` names, and its bytes; `None` where it is nowhere.
+    fn find(&self, name: &str, own: &dyn AssetSource) -> Result<Option<(String, Vec<u8>)>> {
+        let most = FileKind::Model.most_bytes();
+        Ok(Some(match self.place(name, own) {
+            Place::Own(file) => (own.display(&file), own.read(&file, most)?),
+            Place::File(path) => (path.display().to_string(), disk::read_file(&path, most)?),
+            Place::Embedded(bytes) => (name.to_string(), bytes.to_vec()),
+            Place::Nowhere => return Ok(None),
+        }))
+    }
+
+    /// The bytes of a model's file, or of a model by its name where there is no such file, and what messages call it.
+    ///
+    /// # Errors
+    /// [`Error::Io`] and [`Error::Format`] of a file that cannot be read, [`Error::Io`] for a name that no model has.
+    pub fn read(&self, path: impl AsRef<Path>) -> Result<(String, Vec<u8>)> {
+        let path = path.as_ref();
+        let here = super::Folder::new("").anywhere();
+        match path.to_str() {
+            Some(name) if ModelLibrary::is_name(name) => self.find(name, &here)?.ok_or_else(|| {
+                let what = format!("no such file and no model of this name; there are: {}", self.told());
+                Error::Io {
+                    file: super::container::one_line(&name),
+                    source: std::io::Error::new(std::io::ErrorKind::NotFound, what),
+                }
+            }),
+            _ => Ok((path.display().to_string(), disk::read_file(path, FileKind::Model.most_bytes())?)),
+        }
+    }
+
+    /// Loads a model's file, or a model by its name.
+    ///
+    /// # Errors
+    /// As [`ModelLibrary::read`] and [`PlyModel::from_bytes`].
+    pub fn load(&self, path: impl AsRef<Path>) -> Result<PlyModel> {
+        let (shown, bytes) = self.read(path)?;
+        PlyModel::from_bytes(&bytes, &shown)
+    }
+
+    /// The model that `key` of the spec `file` names: what messages call it, and its bytes. Errors of the name give file, key and name.
+    pub(crate) fn named(&self, file: &str, key: &str, name: &str, own: &dyn AssetSource) -> Result<(String, Vec<u8>)> {
+        let refused = |hint: String| Err(invalid(file, key, super::container::one_line(&name), &hint));
+        let ships = self.stem(name);
+        let by_name = ships.as_ref().map(|stem| format!("{key} = \"{stem}\" is the model of this name that is known"));
+        let error = match self.find(name, own) {
+            Ok(Some(found)) => return Ok(found),
+            Ok(None) => {
+                return refused(format!("no model of this name; there are: {}; a file is named NAME.pwm", self.told()));
+            }
+            Err(error) => error,
+        };
+        match (error, by_name) {
+            (Error::Io { source, .. }, Some(way)) if source.kind() == std::io::ErrorKind::NotFound => {
+                refused(format!("no such file; {way}"))
+            }
+            (error, way) => {
+                let usual = format!("put its folder into {MODELS_VARIABLE} and name it without folder and ending");
+                Err(super::of_key(file, key, name, error, &way.unwrap_or(usual)))
+            }
+        }
+    }
+}

@@ -1,0 +1,214 @@
+//! Every model that loads is answered in bounded time. Each tensor of a small model is set in turn to the ends of what the loader allows, which are found by
+//! bisection of the loader itself, and what stands behind `plywave check`, `eval`, `sample`, `info` and `plot` is run on what then loads. Where a bandwidth is at
+//! its end, the integrals over the sphere hold too: the check's nodes follow the lobe (`src/check/nodes.rs` holds them to closed forms).
+
+use plywave::check::{CheckOptions, FURNACE_TOLERANCE, check_incidence, check_layers, check_model, check_whole};
+use plywave::frame::direction;
+use plywave::ply::PlyData;
+use plywave::speckle::Instance;
+use plywave::{Bsdf, PlyModel, PlyQuery};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use std::time::{Duration, Instant};
+
+/// Longest that one model may take: a hundred times what any takes, for busy machines.
+const LIMIT: Duration = Duration::from_secs(20);
+
+/// A model's file, of which tensors are changed in place.
+struct File {
+    bytes: Vec<u8>,
+    tensors: Vec<Tensor>,
+}
+
+#[derive(Clone)]
+struct Tensor {
+    name: String,
+    at: usize,
+    /// Bytes of a number, 4 or 8.
+    size: usize,
+    count: usize,
+}
+
+/// Which numbers of a tensor are changed.
+#[derive(Clone, Copy, Debug)]
+enum Change {
+    /// One takes a value.
+    One(usize),
+    /// Every `stride`-th from `first` on takes a value.
+    Each { first: usize, stride: usize },
+    /// All are multiplied.
+    Scale,
+}
+
+impl File {
+    fn load(name: &str) -> File {
+        let bytes = std::fs::read(format!("{}/{name}", env!("CARGO_MANIFEST_DIR"))).unwrap();
+        let header = u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
+        let document: serde_json::Value = serde_json::from_slice(&bytes[8..8 + header]).unwrap();
+        let tensors = document
+            .as_object()
+            .unwrap()
+            .iter()
+            .filter(|(_, t)| t["dtype"].as_str().is_some_and(|d| d.starts_with('F')));
+        let tensors = tensors
+            .map(|(name, t)| {
+                let [from, to] = [0, 1].map(|k| t["data_offsets"][k].as_u64().unwrap() as usize);
+                let size = if t["dtype"] == "F32" { 4 } else { 8 };
+                Tensor { name: name.clone(), at: 8 + header + from, size, count: (to - from) / size }
+            })
+            .collect();
+        File { bytes, tensors }
+    }
+
+    fn tensor(&self, name: &str) -> &Tensor {
+        self.tensors.iter().find(|t| t.name == name).unwrap_or_else(|| panic!("no {name}"))
+    }
+
+    fn value(&self, t: &Tensor, i: usize) -> f64 {
+        let bytes = &self.bytes[t.at + i * t.size..][..t.size];
+        match t.size {
+            4 => f32::from_le_bytes(bytes.try_into().unwrap()).into(),
+            _ => f64::from_le_bytes(bytes.try_into().unwrap()),
+        }
+    }
+
+    fn with(&self, t: &Tensor, change: Change, value: f64) -> Vec<u8> {
+        let mut bytes = self.bytes.clone();
+        let mut put = |i: usize, value: f64| {
+            let to = &mut bytes[t.at + i * t.size..][..t.size];
+            match t.size {
+                4 => to.copy_from_slice(&(value as f32).to_le_bytes()),
+                _ => to.copy_from_slice(&value.to_le_bytes()),
+            }
+        };
+        match change {
+            Change::One(i) => put(i, value),
+            Change::Each { first, stride } => (first..t.count).step_by(stride).for_each(|i| put(i, value)),
+            Change::Scale => (0..t.count).for_each(|i| put(i, value * self.value(t, i))),
+        }
+        bytes
+    }
+
+    /// The files at both ends of a change: the farthest values that load.
+    fn ends(&self, t: &Tensor, change: Change) -> Vec<(f64, Vec<u8>)> {
+        let start = match change {
+            Change::One(i) | Change::Each { first: i, .. } => self.value(t, i),
+            Change::Scale => 1.0,
+        };
+        let mut ends = Vec::new();
+        for sign in [-1.0, 1.0] {
+            let at = |exponent: f64| match change {
+                Change::Scale => (sign * 10f64.powf(exponent)).exp(),
+                _ => start + sign * 10f64.powf(exponent),
+            };
+            let loads = |exponent: f64| PlyData::from_bytes(&self.with(t, change, at(exponent)), "corner").is_ok();
+            let (mut low, mut high) = (-9.0, 12.0);
+            if loads(high) {
+                low = high;
+            } else if !loads(low) {
+                continue;
+            }
+            while high - low > 1e-3 {
+                let middle = 0.5 * (low + high);
+                if loads(middle) { low = middle } else { high = middle }
+            }
+            ends.push((at(low), self.with(t, change, at(low))));
+        }
+        ends
+    }
+}
+
+/// Runs what the commands run on a model; gives the time and whether its integrals hold.
+fn run(bytes: &[u8]) -> (Duration, bool) {
+    let begun = Instant::now();
+    let model = PlyModel::from_bytes(bytes, "corner").unwrap();
+    let mut rng = Pcg64Mcg::seed_from_u64(1);
+    let options = CheckOptions { incidences: 3, samples: 300, ..CheckOptions::default() };
+    let lobes = check_model(&model, &options, &mut || rng.random());
+    let whole = check_whole(&model, &options, &mut || rng.random());
+    let layers = check_layers(&model, &options, &mut || rng.random());
+    let d = model.data();
+    let last = [&d.theta_i, &d.h_um, &d.sigma_per_um].map(|axis| axis[axis.len() - 1] as f32);
+    for (t, h) in [(0.0, 0.0), (-0.7, 0.6), (1.0, -1.0)] {
+        let query = PlyQuery::new(t * last[0], h * last[1], [0.0, 0.1 * last[2], last[2]], [0.4, 0.55, 0.7]);
+        let spotted = PlyQuery { instance: Some(Instance::new(3, [100.0, h * last[1]], 20.0)), ..query };
+        for at in [model.at(&query), model.at(&spotted)] {
+            for i in 0..16 {
+                let wo = direction(0.19 * i as f32 - 1.5, 0.4 * i as f32);
+                assert!(at.eval(wo).iter().chain([&at.pdf(wo)]).all(|v| v.is_finite()), "eval at {wo:?}");
+                at.sample([rng.random(), rng.random(), rng.random()]);
+            }
+        }
+    }
+    let nodes = d.node_energies();
+    assert!(
+        nodes.iter().all(|e| e.r_d.is_finite() && d.sigma_per_um.iter().all(|s| e.high_at(*s, &d.path_um).is_finite()))
+    );
+    let held = lobes.furnace_error() <= FURNACE_TOLERANCE
+        && lobes.pdf_error() <= FURNACE_TOLERANCE
+        && whole
+            .is_none_or(|w| w.scatter.furnace_error <= FURNACE_TOLERANCE && w.scatter.pdf_error <= FURNACE_TOLERANCE);
+    // Layers are held to what they may miss elsewhere; here to an answer.
+    assert!(layers.is_none_or(|l| l.scatter.furnace_error.is_finite()));
+    (begun.elapsed(), held)
+}
+
+/// Runs both ends of a change.
+fn corner(file: &File, name: &str, change: Change, is_held: bool) {
+    let tensor = file.tensor(name);
+    for (value, bytes) in file.ends(tensor, change) {
+        let (time, held) = run(&bytes);
+        println!("{name} {change:?} {value:.6e}: {time:.2?}{}", if held { "" } else { ", integrals off" });
+        assert!(time < LIMIT, "{name} {change:?} = {value}: {time:?}");
+        assert!(held || !is_held, "{name} {change:?} = {value}: the integrals are off");
+    }
+}
+
+/// The bandwidths of every lobe, each alone and all together, which made a check without end.
+#[test]
+fn bandwidths_at_their_ends_are_resolved() {
+    let file = File::load("tests/data/small.pwm");
+    for side in [0, 1] {
+        corner(&file, "edge_ln_mu", Change::Each { first: side, stride: 2 }, true);
+        corner(&file, "edge_ln_mu", Change::One(280 + side), true);
+        for name in ["refl", "high"] {
+            corner(&file, name, Change::Each { first: 3 + side, stride: 6 }, true);
+        }
+    }
+    corner(&file, "edge_ln_mu", Change::Scale, true);
+}
+
+#[test]
+#[ignore = "slow: 60 s: every tensor of the file"]
+fn every_tensor_at_its_ends_is_answered_in_time() {
+    let small = File::load("tests/data/small.pwm");
+    // What the small model has not.
+    let whole = File::load("fabrics/models/polyester.pwm");
+    for file in [&small, &whole] {
+        for tensor in &file.tensors {
+            if std::ptr::eq(file, &whole) && small.tensors.iter().any(|t| t.name == tensor.name) {
+                continue;
+            }
+            let mut changes = vec![Change::Scale, Change::Each { first: 0, stride: 1 }];
+            changes.extend([0, tensor.count / 2, tensor.count - 1].map(Change::One));
+            if ["refl", "high"].contains(&tensor.name.as_str()) {
+                changes.extend((0..6).map(|first| Change::Each { first, stride: 6 }));
+            }
+            changes.into_iter().for_each(|change| corner(file, &tensor.name, change, false));
+        }
+    }
+}
+
+/// The end of a bandwidth is resolved at one incidence too, where the edge is cut.
+#[test]
+fn the_sharpest_lobes_are_checked_at_grazing_light() {
+    let file = File::load("tests/data/small.pwm");
+    let high = file.tensor("high");
+    let bytes = file.with(high, Change::Each { first: 3, stride: 6 }, 20_000f64.ln());
+    let model = PlyModel::from_bytes(&bytes, "sharp").unwrap();
+    let mut rng = Pcg64Mcg::seed_from_u64(7);
+    for theta_i in [-1.5, 1.2] {
+        let r = check_incidence(&model, theta_i, 9.0, [0.0, 0.01, 0.1, 1.0], 4000, &mut || rng.random());
+        assert!(r.furnace_error < FURNACE_TOLERANCE && r.pdf_error < FURNACE_TOLERANCE && r.chi2_p > 1e-4, "{r:?}");
+    }
+}
