@@ -226,7 +226,8 @@ fn require(path: &Path, wanted: &[Kind]) -> Outcome {
     match kind_of(path) {
         Some(kind) if wanted.contains(&kind) => Ok(()),
         Some(kind) => refuse(kind.words(), kind.hint(wanted.first().copied().unwrap_or(kind))),
-        None => match (is_text(path), wanted.iter().all(|k| k.is_text())) {
+        // A container whose header is damaged is for its loader.
+        None => match (is_text(path), wanted.iter().all(|k| k.made_by().is_none())) {
             (Some(false), true) => refuse("neither text in UTF-8 nor a file of plywave's", "check the path"),
             (Some(true), _) if !wanted.iter().any(|k| k.is_text()) => {
                 refuse("a text that is no file of plywave's", "check the path")

@@ -6,7 +6,6 @@ use crate::failure::{Failure, Outcome};
 use crate::kinds::{self, Kind};
 use crate::output;
 use crate::report::{Spread, number};
-use plywave::ply::PlyData;
 use plywave_fit::{DiffTolerance, LobeDrift};
 use std::path::Path;
 

@@ -424,7 +424,7 @@ pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
     let format = Format::of(&path)?;
     output::check_writable(&path, &inputs)?;
     absorptions(&args.sigma)?;
-    if kinds::kind_of(&args.file) == Some(Kind::Yarn) {
+    if args.file.extension().is_some_and(|e| e == "toml") || kinds::kind_of(&args.file) == Some(Kind::Yarn) {
         if let Some(other) = others.into_iter().flatten().next() {
             let hint = "FILE is a yarn spec; leave --table and --model out";
             return Err(Failure::input(args.file.display(), "FILE", other.display(), hint));
@@ -467,7 +467,7 @@ pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
         return write(cli, &path, format, &super::noise_view::model(&source.title, model));
     }
     if let Some(file) = &args.beside {
-        let other = Source::load(&PlotArgs { file: file.clone(), table: None, model: None, ..args.clone() })?;
+        let other = Source::load(cli, &PlotArgs { file: file.clone(), table: None, model: None, ..args.clone() })?;
         let sigma = args.sigma.first().copied().unwrap_or(0.0);
         let section = source.pair(&other, sigma, f64::from(args.decades));
         return write(cli, &path, format, &sheet::page(&source.title, &source.particulars, &[section]));
