@@ -18,6 +18,8 @@ use std::path::{Path, PathBuf};
 pub fn run(cli: &Cli, args: &FamilyArgs) -> Outcome {
     match kinds::kind_of(&args.input) {
         Some(Kind::Family) => extract(cli, args),
+        // What it is its loader says.
+        None if !args.param.is_empty() => extract(cli, args),
         _ => make(cli, args),
     }
 }
