@@ -245,7 +245,7 @@ fn renders_have_their_outputs_for_themselves() {
         let err = text(&output.stderr);
         assert!(output.status.code() == Some(2) && err.contains("written by another run"), "{err}");
     };
-    ["a.png", "a.exr", "link.exr"].map(refused);
+    ["a.png", "a.exr", "link.exr"].into_iter().for_each(refused);
     succeed(dir, &shot("b.png", "1"));
     first.kill().unwrap();
     first.wait().unwrap();
