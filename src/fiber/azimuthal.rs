@@ -177,7 +177,9 @@ impl CrossSection {
                 let (sin, cos) = (0.5 * bent).sin_cos();
                 // The rim bends by pi/2 - asin(1/n').
                 if cos > self.inverse {
-                    let h = sin / (1.0 - 2.0 * cos * self.inverse + self.inverse * self.inverse).sqrt();
+                    // 1 - 2 cos / n' + 1 / n'^2 without the cancellation near index 1.
+                    let [slow, quarter] = [1.0 - self.inverse, (0.25 * bent).sin()];
+                    let h = sin / (slow * slow + 4.0 * self.inverse * quarter * quarter).sqrt();
                     let h = h.clamp(-1.0, 1.0);
                     visit(h, self.density(1, h.asin()));
                 }

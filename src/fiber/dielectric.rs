@@ -15,7 +15,7 @@
 
 use super::FiberQuery;
 use super::azimuthal::{CrossSection, OFFSETS, turn};
-use super::far_table::{FarTable, LEAST_WIDTH, Row};
+use super::far_table::{FarTable, LEAST_WIDTH, Row, Through};
 use super::fast::{atan2, exp, lanes, sin_cos, wrapped};
 use super::gaussian::Gaussian;
 use super::incident::Incident;
@@ -168,8 +168,8 @@ pub struct DielectricBsdf<'a, const N: usize> {
     latitude: [Latitude; 3],
     sigma_per_um: [f32; N],
     h_rel: Option<f32>,
-    /// Where the far field is looked up, and absorption times length at a cosine of 1.
-    far: Option<(&'a FarTable, Row, [f32; N])>,
+    /// Where the far field is looked up, and what absorption leaves of it.
+    far: Option<(&'a FarTable, Row, Through<N>)>,
     /// Of the near field: azimuths of the orders.
     turns: [f32; MOST_ORDERS],
     /// Of the near field: attenuations of the orders.
@@ -217,17 +217,15 @@ impl<'a, const N: usize> DielectricBsdf<'a, N> {
     fn prepare_far(&mut self, table: &'a FarTable, theta_i: f32) {
         let row = table.row(theta_i);
         let chord_um = self.section.chord_um();
-        let s: [f32; N] = lanes(|n| self.sigma_per_um[n] * chord_um);
-        for order in 0..self.fiber.parameters.orders {
-            self.light[order] = table.light(order, table.total(row, order), &s);
-        }
-        self.beyond = table.beyond(row, &s);
+        let through = table.through(&lanes(|n| self.sigma_per_um[n] * chord_um));
+        let mut energies = [0.0; MOST_ORDERS];
+        table.each_total(row, &through, |order, light, energy| (self.light[order], energies[order]) = (light, energy));
+        self.beyond = table.beyond(row, &through);
         self.divide();
-        for order in 0..self.fiber.parameters.orders {
-            let energy = table.total(row, order)[0];
-            self.chance[order] = if energy > 0.0 { self.chance[order] / energy } else { 0.0 };
-        }
-        self.far = Some((table, row, s));
+        // Chances over energies: the density of samples in an azimuth is this times the energy there.
+        let each = |order: usize| if energies[order] > 0.0 { self.chance[order] / energies[order] } else { 0.0 };
+        self.chance = lanes(each);
+        self.far = Some((table, row, through));
     }
 
     /// Chances in proportion to the light.
@@ -273,11 +271,9 @@ impl<'a, const N: usize> DielectricBsdf<'a, N> {
         }
         let mut left = u - self.beyond_share;
         let mut last = (0, 1.0);
+        let energies: Option<[f32; MOST_ORDERS]> = self.far.as_ref().map(|(table, row, _)| table.energies(*row));
         for order in 0..self.fiber.parameters.orders {
-            let mut chance = self.chance[order];
-            if let Some((table, row, _)) = &self.far {
-                chance *= table.total(*row, order)[0];
-            }
+            let chance = self.chance[order] * energies.map_or(1.0, |energies| energies[order]);
             if chance > 0.0 {
                 if left < chance {
                     return (order as u32, clamp_unit(left / chance));
@@ -343,8 +339,8 @@ impl<const N: usize> Bsdf<N> for DielectricBsdf<'_, N> {
                     add(order.min(2), density[order], &self.light[order], self.chance[order]);
                 }
             }
-            (None, Some((table, row, s))) => table.each_order(*row, phi, |order, moments| {
-                add(order.min(2), 1.0, &table.light(order, moments, s), moments[0] * self.chance[order]);
+            (None, Some((table, row, through))) => table.each_order(*row, phi, through, |order, light, energy| {
+                add(order.min(2), 1.0, &light, energy * self.chance[order]);
             }),
             (None, None) => {
                 for order in 0..orders as u32 {

@@ -1,23 +1,35 @@
 //! Far fields of a cylinder whose azimuths are spread by Gaussians, tabulated once a fiber (Zinke 2007, 9.2: "a two-dimensional lookup table with respect to theta_d and phi").
 //!
-//! The paper's table is of one absorption. Here a node holds, of the offsets whose light leaves there, the energy E without absorption and the first two moments of
-//! `d = cos gamma_t - c`, to which path lengths are in proportion; with s = p sigma 2 r / cos theta_t the light is
+//! The paper's table is of one absorption. Here a node holds, of the offsets whose light leaves there, the energy without absorption, shared among a few chords c_k: those are the
+//! Chebyshev points of the range of c = cos gamma_t, to which path lengths are in proportion, and an offset's energy goes to them by Lagrange's polynomials of its c. With
+//! s = sigma 2 r / cos theta_t the light of order p is
 //!
 //! ```text
-//! E exp(-s (c + <d>)) (1 + x/2 + x^2/24),   x = s^2 (<d^2> - <d>^2)
+//! sum over k of E_k exp(-p s c_k)
 //! ```
 //!
-//! which is exact where one path, or two of one weight up to x^3, leave there. cos gamma_t lies within 1 - 1/n^2 of its square, so that x is small where light is left.
-//! Nodes are linear in latitude and azimuth; the Gaussian is narrowed by what linear interpolation adds to its variance. Sampling inverts the same interpolation.
+//! which is the interpolation of `exp(-p s c)` over c. From the index 1.2 on, where c lies within 0.45, four chords know it to 3e-5 of the light at every absorption; below, where it
+//! comes to lie between 0.14 and 1, eight to 2e-5.
+//!
+//! Nodes are linear in azimuth and in `1 - sqrt(1 - 2 theta / pi)`, which spaces them by the root of the distance from the pole: Fresnel's reflectance rises to 1 there, at index 1.01
+//! within 3 degrees. The Gaussian is narrowed by what linear interpolation adds to its variance. Sampling inverts the same interpolation.
 
 use super::azimuthal::CrossSection;
 use super::fast::{exp, lanes};
-use std::f32::consts::{FRAC_PI_2, PI};
+use std::f32::consts::{FRAC_2_PI, FRAC_PI_2, PI};
 
-/// Least width that is tabulated [rad]: narrower ones would take more than 20 MB.
+/// Least width that is tabulated [rad]: narrower ones would take more than 40 MB.
 pub(super) const LEAST_WIDTH: f32 = 0.05;
 /// Largest absorption times length: nothing is left long before.
 const MOST: f32 = 1e4;
+/// Chords that a vector holds, and most vectors of a table.
+const FOUR: usize = 4;
+const MOST_VECTORS: usize = 2;
+/// Index from which four chords do.
+const FEW_CHORDS: f32 = 1.2;
+
+/// What an inner part of a path leaves of the light at each chord, by wavelength.
+pub(super) type Through<const N: usize> = [[[f32; FOUR]; MOST_VECTORS]; N];
 
 /// The table of a fiber's orders.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,14 +37,26 @@ pub(super) struct FarTable {
     orders: usize,
     cells: usize,
     rows: usize,
-    /// c.
-    middle: f32,
-    /// `[row][azimuth][order]` of E, its two moments [1/rad], and the integral of E from 0 on; azimuths from 0 to pi.
-    nodes: Vec<[f32; 4]>,
-    /// `[row][order + 1]`: the same over all azimuths, and of the order that comes next.
-    totals: Vec<[f32; 4]>,
-    /// `[row]`: energy of all orders that come next.
-    beyond: Vec<f32>,
+    /// Vectors of chords in use, 1 or 2.
+    vectors: usize,
+    chords: [[f32; FOUR]; MOST_VECTORS],
+    /// `[row][azimuth][order][vector]` of energies [1/rad]; azimuths from 0 to pi.
+    nodes: Vec<[f32; FOUR]>,
+    /// `[row][azimuth][order]`: their sum's integral from 0 on.
+    below: Vec<f32>,
+    /// `[row][order][vector]`: energies over all azimuths, of two orders more.
+    totals: Vec<[f32; FOUR]>,
+    /// `[row]` of the last of these two orders and all that follow it: see [`Series`].
+    series: Vec<Series>,
+}
+
+/// Orders that follow one of the energy 1 at the transmittance T of an inner part, that order included: `sum over two reflectances f of share / (1 - f T)`. Reflectances and shares are those
+/// that four moments of Fresnel's reflectance over the offsets ask for, so that without absorption the sum is exact.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Series {
+    /// 1 - f.
+    passed: [f32; 2],
+    share: [f32; 2],
 }
 
 /// A latitude in the table.
@@ -48,182 +72,339 @@ impl FarTable {
     pub(super) fn new(eta: f32, widths: &[f32]) -> FarTable {
         let least = widths.iter().copied().fold(f32::INFINITY, f32::min).max(LEAST_WIDTH);
         let cells = ((10.0 * PI / least).ceil() as usize).clamp(64, 640);
-        let rows = ((8.0 / least).ceil() as usize).clamp(64, 160);
+        let rows = ((12.0 / least).ceil() as usize).clamp(128, 224);
         let orders = widths.len();
-        let middle = 0.5 * (1.0 + (1.0 - 1.0 / (eta * eta)).max(0.0).sqrt());
+        let vectors = if eta < FEW_CHORDS { 2 } else { 1 };
+        let least_cos = f64::from((1.0 - 1.0 / (eta * eta)).max(0.0).sqrt());
+        let count = vectors * FOUR;
+        let chords: Vec<f64> = (0..count)
+            .map(|k| (std::f64::consts::PI * (k as f64 + 0.5) / count as f64).cos())
+            .map(|x| 0.5 * (1.0 + least_cos) + 0.5 * (1.0 - least_cos) * x)
+            .collect();
         let mut table = FarTable {
             orders,
             cells,
             rows,
-            middle,
-            nodes: vec![[0.0; 4]; rows * (cells + 1) * orders],
-            totals: vec![[0.0; 4]; rows * (orders + 1)],
-            beyond: vec![0.0; rows],
+            vectors,
+            chords: [[1.0; FOUR]; MOST_VECTORS],
+            nodes: vec![[0.0; FOUR]; rows * (cells + 1) * orders * vectors],
+            below: vec![0.0; rows * (cells + 1) * orders],
+            totals: vec![[0.0; FOUR]; rows * (orders + 2) * vectors],
+            series: vec![Series::default(); rows],
         };
+        chords.iter().enumerate().for_each(|(k, c)| table.chords[k / FOUR][k % FOUR] = *c as f32);
         let kernels: Vec<Vec<f64>> = widths.iter().map(|w| kernel(w.max(LEAST_WIDTH), cells)).collect();
         for row in 0..rows {
-            let theta = FRAC_PI_2 * row as f32 / (rows - 1) as f32;
-            table.fill(row, &CrossSection::new(eta, 1.0, theta.sin()), &kernels);
+            let left = 1.0 - row as f32 / (rows - 1) as f32;
+            let theta = FRAC_PI_2 * (1.0 - left * left);
+            table.fill(row, &CrossSection::new(eta, 1.0, theta.sin()), &chords, &kernels);
         }
         table
     }
 
-    fn fill(&mut self, row: usize, section: &CrossSection, kernels: &[Vec<f64>]) {
+    fn fill(&mut self, row: usize, section: &CrossSection, chords: &[f64], kernels: &[Vec<f64>]) {
         let (cells, turn) = (self.cells, 2 * self.cells);
-        let offsets = 6 * cells;
-        let step = std::f64::consts::FRAC_PI_2 / offsets as f64;
-        let all: f64 = (0..offsets).map(|k| ((k as f64 + 0.5) * step).cos()).sum();
         let per_rad = cells as f64 / std::f64::consts::PI;
-        let mut beyond = 0.0;
-        for order in 0..=self.orders {
-            let mut mass = vec![[0.0f64; 3]; turn];
-            let mut total = [0.0; 3];
-            for k in 0..offsets {
-                let gamma = (k as f64 + 0.5) * step;
-                let h = gamma.sin() as f32;
-                let weight = gamma.cos() / all;
-                let path = section.path(h);
-                let a = weight * f64::from(path.attenuation(order as u32, 0.0));
-                let d = f64::from(section.cos_t(h) - self.middle);
-                let moments = [a, a * d, a * d * d];
-                (0..3).for_each(|m| total[m] += moments[m]);
-                if order == self.orders {
-                    beyond += weight * f64::from(path.from_order(order as u32, 0.0));
+        let offsets = Offset::all(section, chords, 6 * cells);
+        for order in 0..self.orders + 2 {
+            let mut mass = vec![[0.0f64; FOUR * MOST_VECTORS]; turn];
+            let mut total = [0.0; FOUR * MOST_VECTORS];
+            for offset in &offsets {
+                let a = offset.energy(order);
+                (0..chords.len()).for_each(|k| total[k] += a * offset.shares[k]);
+                if order >= self.orders {
                     continue;
                 }
-                let at = f64::from(section.turn(order as u32, h)) * per_rad;
+                let at = f64::from(section.turn(order as u32, offset.h_rel)) * per_rad;
                 // Light at h and at -h, in the two nodes about its azimuth.
                 for at in [at, -at] {
                     let at = at.rem_euclid(turn as f64);
                     let (j, t) = (at as usize, at - at.floor());
-                    for (j, share) in [(j, 1.0 - t), (j + 1, t)] {
-                        (0..3).for_each(|m| mass[j % turn][m] += 0.5 * share * moments[m]);
+                    for (j, part) in [(j, 1.0 - t), (j + 1, t)] {
+                        let mass = &mut mass[j % turn];
+                        (0..chords.len()).for_each(|k| mass[k] += 0.5 * part * a * offset.shares[k]);
                     }
                 }
             }
-            self.totals[row * (self.orders + 1) + order] = [total[0] as f32, total[1] as f32, total[2] as f32, 0.0];
-            if order == self.orders {
+            for vector in 0..self.vectors {
+                self.totals[(row * (self.orders + 2) + order) * self.vectors + vector] =
+                    lanes(|k| total[vector * FOUR + k] as f32);
+            }
+            if order >= self.orders {
                 continue;
             }
             let kernel = &kernels[order];
             let reach = kernel.len() / 2;
             let (mut below, mut last) = (0.0, 0.0);
             for j in 0..=cells {
-                let mut sums = [0.0; 3];
+                let mut sums = [0.0; FOUR * MOST_VECTORS];
                 for (k, weight) in kernel.iter().enumerate() {
                     let from = &mass[(j + turn + k - reach) % turn];
-                    (0..3).for_each(|m| sums[m] += weight * from[m]);
+                    (0..chords.len()).for_each(|m| sums[m] += weight * from[m]);
                 }
-                let [e, first, second] = sums.map(|s| s * per_rad);
+                let e = sums.iter().sum::<f64>() * per_rad;
                 if j > 0 {
                     below += 0.5 * (last + e) / per_rad;
                 }
                 last = e;
-                self.nodes[(row * (cells + 1) + j) * self.orders + order] =
-                    [e as f32, first as f32, second as f32, below as f32];
+                let node = (row * (cells + 1) + j) * self.orders + order;
+                self.below[node] = below as f32;
+                for vector in 0..self.vectors {
+                    self.nodes[node * self.vectors + vector] =
+                        lanes(|k| (sums[vector * FOUR + k] * per_rad) as f32);
+                }
             }
         }
-        self.beyond[row] = beyond as f32;
+        self.series[row] = Series::of(&offsets, self.orders + 1);
     }
 
     /// A latitude [rad], of either sign.
     #[inline]
     pub(super) fn row(&self, theta: f32) -> Row {
-        let at = (theta.abs() * ((self.rows - 1) as f32 / FRAC_PI_2)).min((self.rows - 1) as f32);
+        let from_pole = (1.0 - FRAC_2_PI * theta.abs()).max(0.0).sqrt();
+        let at = (1.0 - from_pole) * (self.rows - 1) as f32;
         let first = (at as usize).min(self.rows - 2);
         Row { first, second: first + 1, t: at - first as f32 }
     }
 
-    /// Calls for each order with its moments in the relative azimuth `phi`, in [-pi, pi].
+    /// [`Through`] where absorption times length is `s` at a cosine of 1, by wavelength.
+    #[inline(always)]
+    pub(super) fn through<const N: usize>(&self, s: &[f32; N]) -> Through<N> {
+        let mut through = [[[1.0; FOUR]; MOST_VECTORS]; N];
+        for n in 0..N {
+            let s = s[n].min(MOST);
+            for vector in 0..self.vectors {
+                through[n][vector] = lanes(|k| exp(-s * self.chords[vector][k]));
+            }
+        }
+        through
+    }
+
+    /// Calls for each order with its light in the relative azimuth `phi`, in [-pi, pi], and that without absorption [1/rad].
     #[inline]
-    pub(super) fn each_order(&self, row: Row, phi: f32, mut visit: impl FnMut(usize, [f32; 4])) {
+    pub(super) fn each_order<const N: usize>(
+        &self,
+        row: Row,
+        phi: f32,
+        through: &Through<N>,
+        mut visit: impl FnMut(usize, [f32; N], f32),
+    ) {
         let at = (phi.abs() * (self.cells as f32 / PI)).min(self.cells as f32);
         let cell = (at as usize).min(self.cells - 1);
         let t = at - cell as f32;
-        let (p, n) = (self.orders, self.orders * (self.cells + 1));
+        let (p, n) = (self.orders * self.vectors, self.orders * self.vectors * (self.cells + 1));
         let slice = |row: usize| &self.nodes[row * n + cell * p..][..2 * p];
         let (a, b) = (slice(row.first), slice(row.second));
         let weights = [(1.0 - row.t) * (1.0 - t), (1.0 - row.t) * t, row.t * (1.0 - t), row.t * t];
-        for order in 0..p {
-            let corners = [&a[order], &a[p + order], &b[order], &b[p + order]];
-            visit(
-                order,
+        self.each_light(
+            self.orders,
+            through,
+            |at| {
+                let corners = [&a[at], &a[p + at], &b[at], &b[p + at]];
                 lanes(|m| {
                     corners[0][m] * weights[0]
                         + corners[1][m] * weights[1]
                         + corners[2][m] * weights[2]
                         + corners[3][m] * weights[3]
-                }),
-            );
-        }
+                })
+            },
+            &mut visit,
+        );
     }
 
-    /// Moments of an order over all azimuths, of the order that comes after the last, too.
+    /// The same over all azimuths.
     #[inline]
-    pub(super) fn total(&self, row: Row, order: usize) -> [f32; 4] {
-        let at = |row: usize| &self.totals[row * (self.orders + 1) + order];
-        let (a, b) = (at(row.first), at(row.second));
+    pub(super) fn each_total<const N: usize>(
+        &self,
+        row: Row,
+        through: &Through<N>,
+        mut visit: impl FnMut(usize, [f32; N], f32),
+    ) {
+        self.each_light(self.orders, through, |at| self.total(row, at), &mut visit);
+    }
+
+    /// Energies of the first `orders` orders over all azimuths, without absorption.
+    #[inline]
+    pub(super) fn energies<const P: usize>(&self, row: Row) -> [f32; P] {
+        lanes(|order| {
+            if order >= self.orders {
+                return 0.0;
+            }
+            (0..self.vectors).map(|v| sum(self.total(row, order * self.vectors + v))).sum::<f32>().max(0.0)
+        })
+    }
+
+    /// A vector of `totals` between the rows.
+    #[inline(always)]
+    fn total(&self, row: Row, at: usize) -> [f32; FOUR] {
+        let of = |row: usize| &self.totals[row * (self.orders + 2) * self.vectors + at];
+        let (a, b) = (of(row.first), of(row.second));
         lanes(|m| a[m] + row.t * (b[m] - a[m]))
     }
 
-    /// Light of moments where absorption times length is `s` at a cosine of 1, by wavelength; `order` such lengths.
+    /// Light of orders whose energies `vector` gives, one after the other.
     #[inline(always)]
-    pub(super) fn light<const N: usize>(&self, order: usize, moments: [f32; 4], s: &[f32; N]) -> [f32; N] {
-        let [energy, first, second, _] = moments;
-        if order == 0 || energy <= 0.0 {
-            return [energy.max(0.0); N];
+    fn each_light<const N: usize>(
+        &self,
+        orders: usize,
+        through: &Through<N>,
+        vector: impl Fn(usize) -> [f32; FOUR],
+        visit: &mut impl FnMut(usize, [f32; N], f32),
+    ) {
+        let mut power = [[[1.0f32; FOUR]; MOST_VECTORS]; N];
+        for order in 0..orders {
+            let (mut light, mut energy) = ([0.0; N], 0.0);
+            for v in 0..self.vectors {
+                let shares = vector(order * self.vectors + v);
+                energy += sum(shares);
+                for n in 0..N {
+                    light[n] += sum(lanes(|k| shares[k] * power[n][v][k]));
+                    power[n][v] = lanes(|k| power[n][v][k] * through[n][v][k]);
+                }
+            }
+            // Lagrange's polynomials have both signs: of what is all but dark, rounding is left.
+            visit(order, lanes(|n| light[n].max(0.0)), energy.max(0.0));
         }
-        let inverse = 1.0 / energy;
-        let mean = first * inverse;
-        let variance = (second * inverse - mean * mean).max(0.0);
-        let (c, p) = ((self.middle + mean).max(0.0), order as f32);
-        lanes(|n| {
-            let s = (p * s[n]).min(MOST);
-            let x = s * s * variance;
-            energy * exp(-s * c) * (1.0 + x * (0.5 + x * (1.0 / 24.0)))
-        })
     }
 
     /// Light of the orders that come after the last.
     #[inline]
-    pub(super) fn beyond<const N: usize>(&self, row: Row, s: &[f32; N]) -> [f32; N] {
-        let (a, b) = (self.beyond[row.first], self.beyond[row.second]);
-        let all = a + row.t * (b - a);
-        let next = self.total(row, self.orders);
-        if all <= 0.0 || next[0] <= 0.0 {
-            return [0.0; N];
+    pub(super) fn beyond<const N: usize>(&self, row: Row, through: &Through<N>) -> [f32; N] {
+        let mut beyond = [0.0; N];
+        for (at, weight) in [(row.first, 1.0 - row.t), (row.second, row.t)] {
+            let of = |order: usize, v: usize| &self.totals[(at * (self.orders + 2) + order) * self.vectors + v];
+            let series = &self.series[at];
+            for n in 0..N {
+                let (mut next, mut after, mut later, mut energy) = (0.0, 0.0, 0.0, 0.0);
+                for v in 0..self.vectors {
+                    let t = through[n][v];
+                    let power: [f32; FOUR] = lanes(|k| t[k].powi(self.orders as i32));
+                    next += sum(lanes(|k| of(self.orders, v)[k] * power[k]));
+                    after += sum(lanes(|k| of(self.orders + 1, v)[k] * power[k] * t[k]));
+                    later += sum(lanes(|k| of(self.orders + 1, v)[k] * t[k]));
+                    energy += sum(*of(self.orders + 1, v));
+                }
+                let t = if energy > 0.0 { (later / energy).clamp(0.0, 1.0) } else { 0.0 };
+                beyond[n] += weight * (next.max(0.0) + after.max(0.0) * series.sum(t));
+            }
         }
-        // A mean reflectance: without absorption the orders are a geometric series of it, as are they with it, times their transmittance.
-        let f = (1.0 - next[0] / all).max(0.0);
-        let c = (self.middle + next[1] / next[0]).max(0.0);
-        let light = self.light(self.orders, next, s);
-        lanes(|n| light[n] / (1.0 - f * exp(-s[n].min(MOST) * c)).max(1e-6))
+        beyond
     }
 
     /// The azimuth in [-pi, pi] below which an order's light without absorption has the share `u`.
     #[inline]
     pub(super) fn sample(&self, row: Row, order: usize, u: f32) -> f32 {
         let (sign, u) = if u < 0.5 { (-1.0, 2.0 * u) } else { (1.0, 2.0 * u - 1.0) };
-        let n = self.orders * (self.cells + 1);
-        let at = |j: usize| {
-            let (a, b) = (
-                &self.nodes[row.first * n + j * self.orders + order],
-                &self.nodes[row.second * n + j * self.orders + order],
-            );
-            [a[0] + row.t * (b[0] - a[0]), a[3] + row.t * (b[3] - a[3])]
+        let node = |row: usize, j: usize| (row * (self.cells + 1) + j) * self.orders + order;
+        let below = |j: usize| {
+            let (a, b) = (self.below[node(row.first, j)], self.below[node(row.second, j)]);
+            a + row.t * (b - a)
         };
-        let target = u * at(self.cells)[1];
+        let density = |j: usize| {
+            let of = |row: usize| -> f32 {
+                (0..self.vectors).map(|v| sum(self.nodes[node(row, j) * self.vectors + v])).sum()
+            };
+            let (a, b) = (of(row.first), of(row.second));
+            (a + row.t * (b - a)).max(0.0)
+        };
+        let target = u * below(self.cells);
         let (mut low, mut high) = (0, self.cells);
         while high - low > 1 {
             let middle = (low + high) / 2;
-            if at(middle)[1] <= target { low = middle } else { high = middle }
+            if below(middle) <= target { low = middle } else { high = middle }
         }
-        let ([from, below], [to, above]) = (at(low), at(high));
+        let ([from, below], [to, above]) = ([density(low), below(low)], [density(high), below(high)]);
         // Mass t (from + t (to - from) / 2) of the cell's whole is x.
         let x = if above > below { ((target - below) / (above - below)).clamp(0.0, 1.0) } else { 0.5 };
         let root = (from * from + x * (to * to - from * from)).max(0.0).sqrt();
         let t = if from + root > 0.0 { x * (from + to) / (from + root) } else { x };
         sign * (low as f32 + t.clamp(0.0, 1.0)) * (PI / self.cells as f32)
+    }
+}
+
+#[inline(always)]
+fn sum([a, b, c, d]: [f32; FOUR]) -> f32 {
+    (a + b) + (c + d)
+}
+
+/// An offset of a row: a part of the even beam.
+struct Offset {
+    h_rel: f32,
+    weight: f64,
+    /// Fresnel's.
+    reflectance: f64,
+    /// Lagrange's polynomials of its chord.
+    shares: [f64; FOUR * MOST_VECTORS],
+}
+
+impl Offset {
+    /// Midpoints in gamma.
+    fn all(section: &CrossSection, chords: &[f64], count: usize) -> Vec<Offset> {
+        let step = std::f64::consts::FRAC_PI_2 / count as f64;
+        let gamma = |k: usize| (k as f64 + 0.5) * step;
+        let all: f64 = (0..count).map(|k| gamma(k).cos()).sum();
+        let offset = |k: usize| {
+            let h_rel = gamma(k).sin() as f32;
+            let c = f64::from(section.cos_t(h_rel));
+            let lagrange = |k: usize| {
+                let others = chords.iter().enumerate().filter(|(j, _)| *j != k);
+                others.map(|(_, other)| (c - other) / (chords[k] - other)).product::<f64>()
+            };
+            Offset {
+                h_rel,
+                weight: gamma(k).cos() / all,
+                reflectance: f64::from(section.path(h_rel).reflectance),
+                shares: std::array::from_fn(|k| if k < chords.len() { lagrange(k) } else { 0.0 }),
+            }
+        };
+        (0..count).map(offset).collect()
+    }
+
+    /// Light of an order without absorption.
+    fn energy(&self, order: usize) -> f64 {
+        let f = self.reflectance;
+        if order == 0 { self.weight * f } else { self.weight * (1.0 - f) * (1.0 - f) * f.powi(order as i32 - 1) }
+    }
+}
+
+impl Series {
+    /// Of the orders from `order` on, 1 or more.
+    fn of(offsets: &[Offset], order: usize) -> Series {
+        // Moments of 1 - f over the light that is not yet out: those of f lose their digits near 1.
+        let mut moments = [0.0; 4];
+        for offset in offsets {
+            let passed = 1.0 - offset.reflectance;
+            let mut all = offset.weight * passed * offset.reflectance.powi(order as i32 - 1);
+            for moment in &mut moments {
+                *moment += all;
+                all *= passed;
+            }
+        }
+        let [all, first, second, third] = moments;
+        if first <= 0.0 {
+            return Series { passed: [1.0; 2], share: [0.0; 2] };
+        }
+        // Gauss's rule of two points of these moments.
+        let mean = first / all;
+        let variance = (second / all - mean * mean).max(0.0);
+        if variance <= 1e-12 * mean * mean {
+            return Series { passed: [mean as f32; 2], share: [(0.5 * mean * all / first) as f32; 2] };
+        }
+        let skew = third / all - 3.0 * mean * second / all + 2.0 * mean * mean * mean;
+        let half = 0.5 * skew / variance;
+        let root = (half * half + variance).sqrt();
+        let [low, high] = [half - root, half + root];
+        let passed = [mean + low, mean + high];
+        let weight = [high / (high - low), -low / (high - low)];
+        let share = |k: usize| (weight[k] * passed[k] * all / first) as f32;
+        Series { passed: passed.map(|p| p as f32), share: [share(0), share(1)] }
+    }
+
+    #[inline]
+    fn sum(&self, t: f32) -> f32 {
+        // 1 - f T without the cancellation of both near 1.
+        let one = |k: usize| self.share[k] / (self.passed[k] + (1.0 - self.passed[k]) * (1.0 - t)).max(1e-9);
+        one(0) + one(1)
     }
 }
 

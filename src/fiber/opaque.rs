@@ -92,7 +92,7 @@ pub struct OpaqueFiber {
 }
 
 /// Nodes of the base's table over cosines of the latitude from 0 to 1, and over azimuths from 0 to pi.
-const BASE: [usize; 2] = [65, 97];
+const BASE: [usize; 2] = [129, 97];
 
 impl OpaqueFiber {
     /// A fiber of these parameters.

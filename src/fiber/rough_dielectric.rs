@@ -209,15 +209,17 @@ impl RoughDielectricFiber {
         if incident.valid {
             let section = CrossSection::new(p.eta, p.radius_um, latitude.sin);
             let near = at.near.map(|[h, _]| at.attenuations(&section, h));
-            let row = self.far.row(theta_i);
-            let s: [f32; N] = lanes(|n| at.sigma_per_um[n] * section.chord_um());
-            let energy: [f32; 3] = lanes(|lobe| {
-                let light = match (&near, &self.azimuthal[lobe]) {
-                    (Some(light), Some(_)) => light[lobe],
-                    _ => self.far.light(lobe, self.far.total(row, lobe), &s),
-                };
-                if at.latitude[lobe].is_lit() { light.iter().sum() } else { 0.0 }
-            });
+            let mut light = near.unwrap_or([[0.0; N]; 3]);
+            if near.is_none() || self.azimuthal.contains(&None) {
+                let through = self.far.through(&lanes(|n| at.sigma_per_um[n] * section.chord_um()));
+                self.far.each_total(self.far.row(theta_i), &through, |lobe, total, _| {
+                    if near.is_none() || self.azimuthal[lobe].is_none() {
+                        light[lobe] = total;
+                    }
+                });
+            }
+            let energy: [f32; 3] =
+                lanes(|lobe| if at.latitude[lobe].is_lit() { light[lobe].iter().sum() } else { 0.0 });
             let total = energy.iter().sum::<f32>() + N as f32 * 2.0 * PI * PI * p.k_d;
             if total > 0.0 {
                 at.chance = lanes(|lobe| energy[lobe] / total);
@@ -370,11 +372,10 @@ impl<const N: usize> RoughDielectricBsdf<'_, N> {
             let far = &self.fiber.far;
             let row = far.row(0.5 * (theta_o - self.theta_i));
             let chord_um = section.chord_um();
-            let s: [f32; N] = lanes(|n| self.sigma_per_um[n] * chord_um);
-            far.each_order(row, phi, |lobe, moments| {
-                let total = far.total(row, lobe)[0];
-                let density = if total > 0.0 { moments[0] / total } else { 0.0 };
-                all[lobe] = (far.light(lobe, moments, &s), density);
+            let through = far.through(&lanes(|n| self.sigma_per_um[n] * chord_um));
+            let totals: [f32; 3] = far.energies(row);
+            far.each_order(row, phi, &through, |lobe, light, energy| {
+                all[lobe] = (light, if totals[lobe] > 0.0 { energy / totals[lobe] } else { 0.0 });
             });
         }
         for lobe in 0..3 {
