@@ -14,8 +14,10 @@ mod gaussian;
 mod incident;
 mod kajiya_kay;
 mod khungurn;
+mod latitudes;
 mod longitudinal;
 mod metal;
+mod normalized;
 pub mod opaque;
 mod range;
 mod reflectance;
@@ -133,6 +135,19 @@ impl FiberModel {
             FiberModel::RoughDielectric(fiber) => fiber.max_width_um(),
             FiberModel::KajiyaKay(fiber) => 2.0 * fiber.parameters().radius_um,
             FiberModel::Khungurn(fiber) => 2.0 * fiber.parameters().radius_um,
+        }
+    }
+}
+
+impl FiberModel {
+    /// Longitudinal width of the lobe of the light that goes on, TT's [rad], of models that have it as a parameter.
+    pub(crate) fn forward_beta(&self) -> Option<f32> {
+        match self {
+            FiberModel::Tabulated(fiber) => Some(fiber.table().beta_m as f32),
+            FiberModel::Dielectric(fiber) => Some(fiber.parameters().beta_m[1]),
+            FiberModel::RoughDielectric(fiber) => Some(fiber.parameters().width_theta[1]),
+            FiberModel::Khungurn(fiber) => Some(fiber.parameters().beta_tt),
+            FiberModel::Opaque(_) | FiberModel::KajiyaKay(_) => None,
         }
     }
 }

@@ -6,6 +6,7 @@
 
 use super::fast::asin;
 use super::fresnel;
+use super::longitudinal::Latitude;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 /// The cross section at a latitude of the light.
@@ -86,14 +87,20 @@ impl CrossSection {
     /// Of a fiber of index `eta` and a radius [um], for light of a latitude's sine.
     #[inline]
     pub fn new(eta: f32, radius_um: f32, sin_theta: f32) -> CrossSection {
-        let sin_theta = sin_theta.clamp(-1.0, 1.0);
-        let [across, _] = fresnel::cross_section_indices(sin_theta, eta);
-        let sin_t = -sin_theta / eta;
+        let sin = sin_theta.clamp(-1.0, 1.0);
+        CrossSection::at(eta, radius_um, Latitude { sin, cos: (1.0 - sin * sin).max(0.0).sqrt() })
+    }
+
+    /// Of a fiber of index `eta` and a radius [um], for light of a latitude, whose cosine is known near the poles too.
+    #[inline]
+    pub(crate) fn at(eta: f32, radius_um: f32, theta: Latitude) -> CrossSection {
+        let sin_t = -theta.sin / eta;
         let cos_t = (1.0 - sin_t * sin_t).max(0.0).sqrt();
         CrossSection {
             eta,
-            inverse: 1.0 / across,
-            cos_theta: (1.0 - sin_theta * sin_theta).max(0.0).sqrt(),
+            // 1/n' of Bravais's indices.
+            inverse: theta.cos / (eta * eta - theta.sin * theta.sin).max(0.0).sqrt(),
+            cos_theta: theta.cos,
             chord_um: 2.0 * radius_um / cos_t,
             advance_um: 2.0 * radius_um * sin_t / cos_t,
         }

@@ -126,7 +126,7 @@ impl DielectricFiber {
         let finite = query.sigma_per_um.iter().all(|s| s.is_finite()) && query.h_rel.is_none_or(f32::is_finite);
         let incident = Incident::new(query.omega_i, finite);
         let latitude = incident.latitude;
-        let section = self.cross_section(latitude.sin);
+        let section = CrossSection::at(self.parameters.eta, self.parameters.radius_um, latitude);
         let mut at = DielectricBsdf {
             fiber: self,
             incident,

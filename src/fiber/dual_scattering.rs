@@ -54,7 +54,7 @@ pub struct DualOptions {
     /// Whether the latitude of light that passes fibers drifts, and its spread levels off, as lobes near a pole have their light on the equator's side; else the latitude is
     /// that of straight light and the variance `n beta^2`, as in the note.
     pub drift: bool,
-    /// Samples of f a latitude, 64 to 1000000.
+    /// Samples of f a latitude, 64 to 1000000; powers of two fill the directions most evenly.
     pub samples: u32,
     /// Turns of the fiber about its axis that are averaged, 1 to 1000; a round fiber needs one.
     pub turns: u32,
@@ -69,7 +69,7 @@ impl Default for DualOptions {
             backscattering: Backscattering::Full,
             spread: Spread::Flux,
             drift: true,
-            samples: 4096,
+            samples: 16_384,
             turns: 1,
         }
     }

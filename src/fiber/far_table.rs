@@ -16,6 +16,7 @@
 
 use super::azimuthal::CrossSection;
 use super::fast::{exp, lanes};
+use super::longitudinal::Latitude;
 use std::f32::consts::{FRAC_2_PI, FRAC_PI_2, PI};
 
 /// Least width that is tabulated [rad]: narrower ones would take more than 40 MB.
@@ -97,7 +98,9 @@ impl FarTable {
         for row in 0..rows {
             let left = 1.0 - row as f32 / (rows - 1) as f32;
             let theta = FRAC_PI_2 * (1.0 - left * left);
-            table.fill(row, &CrossSection::new(eta, 1.0, theta.sin()), &chords, &kernels);
+            let (sin, cos) = theta.sin_cos();
+            let latitude = Latitude { sin, cos: cos.max(0.0) };
+            table.fill(row, &CrossSection::at(eta, 1.0, latitude), &chords, &kernels);
         }
         table
     }
@@ -221,6 +224,19 @@ impl FarTable {
         mut visit: impl FnMut(usize, [f32; N], f32),
     ) {
         self.each_light(self.orders, through, |at| self.total(row, at), &mut visit);
+    }
+
+    /// Light of an order over all azimuths.
+    #[inline]
+    pub(super) fn total_light<const N: usize>(&self, row: Row, order: usize, through: &Through<N>) -> [f32; N] {
+        let mut light = [0.0; N];
+        for v in 0..self.vectors {
+            let shares = self.total(row, order * self.vectors + v);
+            for n in 0..N {
+                light[n] += sum(lanes(|k| shares[k] * through[n][v][k].powi(order as i32)));
+            }
+        }
+        lanes(|n| light[n].max(0.0))
     }
 
     /// Energies of the first `orders` orders over all azimuths, without absorption.

@@ -89,9 +89,10 @@ impl TruncatedGaussian {
         TruncatedGaussian { width, inverse, ends, erf, normalizer }
     }
 
-    /// Whether any density is above 0.
-    pub(crate) fn is_lit(&self) -> bool {
-        self.normalizer > 0.0
+    /// Share of the Gaussian that the interval holds; 0 where that has no density.
+    #[inline]
+    pub(crate) fn share(&self) -> f32 {
+        if self.normalizer > 0.0 { 0.5 * (self.erf[1] - self.erf[0]) } else { 0.0 }
     }
 
     /// Density at `x`.

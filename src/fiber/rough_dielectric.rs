@@ -16,14 +16,15 @@
 
 use super::FiberQuery;
 use super::azimuthal::{CrossSection, OFFSETS, turn};
-use super::far_table::FarTable;
+use super::far_table::{FarTable, Through};
 use super::fast::{asin, atan2, atan2_each, exp, lanes, sin_cos, wrapped};
 use super::gaussian::{Gaussian, TruncatedGaussian};
 use super::incident::Incident;
 use super::longitudinal::Latitude;
+use super::normalized::Factors;
 use super::range::{invalid, parameter};
 use crate::bsdf::Outcomes;
-use crate::frame::is_direction;
+use crate::frame::{direction, is_direction};
 use crate::math::clamp_unit;
 use crate::{Bsdf, BsdfSample, Result};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
@@ -31,6 +32,8 @@ use std::f32::consts::{FRAC_PI_2, PI, TAU};
 /// Offsets a side of an ellipse's far TRT: the mean of the near field over midpoints of gamma. Their azimuths lie 0.1 rad apart at most, 1.6 of the least width, at which a sum of
 /// Gaussians is flat to 2e-3.
 const OFFSETS_A_SIDE: usize = 32;
+/// Least chance of a sample of a lobe that has any light.
+const LEAST_CHANCE: f32 = 0.04;
 /// Steps of the albedo's integral over the latitude.
 const LATITUDES: usize = 64;
 /// Steps of an elliptical section's albedo over latitude and azimuth.
@@ -53,6 +56,10 @@ pub struct RoughDielectricParameters {
     pub width_phi: [f32; 3],
     /// k_d of light beyond TRT, 0 to `1 / (2 pi^2)`, which alone is white.
     pub k_d: f32,
+    /// Whether f is brought to the albedo 1 without absorption, at every incidence, far and near; of a circle alone. f is divided by the albedo that the printed lobes have for the query's
+    /// latitude and offset, at every absorption alike. What that costs: f / cos theta_o is not reciprocal any more, and the far field is no longer the mean of the near field, by as
+    /// much as the albedos differ.
+    pub normalize: bool,
 }
 
 impl Default for RoughDielectricParameters {
@@ -66,6 +73,7 @@ impl Default for RoughDielectricParameters {
             width_theta: [0.1, 0.05, 0.2],
             width_phi: [0.1, 0.1, 0.2],
             k_d: 0.0,
+            normalize: false,
         }
     }
 }
@@ -81,6 +89,7 @@ impl RoughDielectricParameters {
             width_theta,
             width_phi: [0.0; 3],
             k_d: 0.0,
+            normalize: false,
         }
     }
 }
@@ -112,6 +121,8 @@ pub struct RoughDielectricFiber {
     far: FarTable,
     /// n_1 and n_2 of an ellipse.
     ellipse: Option<[f32; 2]>,
+    /// Of a normalized one.
+    factors: Option<Factors>,
 }
 
 /// R, TT and TRT side by side in a vector; the last of four has no light.
@@ -168,7 +179,11 @@ impl RoughDielectricFiber {
         let gamma = |k: usize| (k as f64 + 0.5) * step;
         let sum: f64 = (0..OFFSETS_A_SIDE).map(|k| gamma(k).cos()).sum();
         let offset = |k: usize| (gamma(k).sin() as f32, (0.5 * gamma(k).cos() / sum) as f32);
-        Ok(RoughDielectricFiber {
+        if p.normalize && p.eccentricity != 1.0 {
+            let hint = "an ellipse's albedo depends on the azimuth of the light: use eccentricity = 1, or leave it out";
+            return Err(invalid(MODEL, "normalize", true, hint.into()));
+        }
+        let mut fiber = RoughDielectricFiber {
             parameters,
             longitudinal: p.width_theta.map(|w| Gaussian::new(w, FRAC_PI_2)),
             azimuthal: p.width_phi.map(|w| (w > 0.0).then(|| Gaussian::new(w, PI))),
@@ -177,7 +192,16 @@ impl RoughDielectricFiber {
             // Of a lobe without width the energies alone are asked for.
             far: FarTable::new(p.eta, &p.width_phi.map(|w| if w > 0.0 { w } else { 0.5 })),
             ellipse: (p.eccentricity != 1.0).then(|| ellipse_indices(p.eta, p.eccentricity)),
-        })
+            factors: None,
+        };
+        if p.normalize {
+            let albedo = |theta: f32, h_rel: Option<f32>| {
+                let query = FiberQuery { h_rel, ..FiberQuery::new(direction(theta, 0.0), [0.55]) };
+                fiber.at(&query).albedo()[0]
+            };
+            fiber.factors = Some(Factors::new(MODEL, "normalize", albedo)?);
+        }
+        Ok(fiber)
     }
 
     /// What the fiber was made of.
@@ -203,23 +227,20 @@ impl RoughDielectricFiber {
             ),
             sigma_per_um: lanes(|n| query.sigma_per_um[n].clamp(0.0, 1e6)),
             near: h_rel.map(|h| [h, asin(h)]),
+            factor: 1.0,
             chance: [0.0; 3],
             diffuse_chance: 1.0,
         };
+        if let Some(factors) = &self.factors {
+            at.factor = factors.at(theta_i, at.near.map(|[_, gamma]| gamma));
+        }
         if incident.valid {
-            let section = CrossSection::new(p.eta, p.radius_um, latitude.sin);
-            let near = at.near.map(|[h, _]| at.attenuations(&section, h));
-            let mut light = near.unwrap_or([[0.0; N]; 3]);
-            if near.is_none() || self.azimuthal.contains(&None) {
-                let through = self.far.through(&lanes(|n| at.sigma_per_um[n] * section.chord_um()));
-                self.far.each_total(self.far.row(theta_i), &through, |lobe, total, _| {
-                    if near.is_none() || self.azimuthal[lobe].is_none() {
-                        light[lobe] = total;
-                    }
-                });
-            }
-            let energy: [f32; 3] =
-                lanes(|lobe| if at.latitude[lobe].is_lit() { light[lobe].iter().sum() } else { 0.0 });
+            let section = CrossSection::at(p.eta, p.radius_um, latitude);
+            let through = self.far.through(&lanes(|n| at.sigma_per_um[n] * section.chord_um()));
+            let energy: [f32; 3] = lanes(|lobe| at.energy(lobe, &through));
+            // A share for each lobe, however weak at its median: what it has far from there is drawn with weights of ten at most.
+            let least = LEAST_CHANCE * energy.iter().sum::<f32>();
+            let energy: [f32; 3] = lanes(|lobe| if at.latitude[lobe].share() > 0.0 { energy[lobe] + least } else { 0.0 });
             let total = energy.iter().sum::<f32>() + N as f32 * 2.0 * PI * PI * p.k_d;
             if total > 0.0 {
                 at.chance = lanes(|lobe| energy[lobe] / total);
@@ -257,6 +278,8 @@ pub struct RoughDielectricBsdf<'a, const N: usize> {
     sigma_per_um: [f32; N],
     /// Offset and gamma_i.
     near: Option<[f32; 2]>,
+    /// Of all light: what normalizes it.
+    factor: f32,
     /// Chances of the lobes.
     chance: [f32; 3],
     diffuse_chance: f32,
@@ -279,19 +302,41 @@ impl<const N: usize> RoughDielectricBsdf<'_, N> {
         [if self.incident.valid { self.fiber.width_um(self.incident.azimuth()) } else { 0.0 }; N]
     }
 
+    /// About what a lobe scatters at all wavelengths together, by the median of its latitudes: near a pole attenuations there are not those at theta_i.
+    fn energy(&self, lobe: usize, through: &Through<N>) -> f32 {
+        let share = self.latitude[lobe].share();
+        if share == 0.0 {
+            return 0.0;
+        }
+        let p = &self.fiber.parameters;
+        let theta_o = p.shift[lobe] - self.theta_i + self.latitude[lobe].sample(0.5);
+        let theta_o = theta_o.max(-FRAC_PI_2).min(FRAC_PI_2);
+        let (sin, cos) = sin_cos(theta_o);
+        let o = Latitude { sin, cos: cos.max(0.0) };
+        let light: f32 = match (self.near, &self.fiber.azimuthal[lobe]) {
+            (Some([h, _]), Some(_)) => self.attenuations(&self.section(o), h)[lobe].iter().sum(),
+            _ => {
+                let far = &self.fiber.far;
+                far.total_light(far.row(0.5 * (theta_o - self.theta_i)), lobe, through).iter().sum()
+            }
+        };
+        let ratio = o.cos / self.half_way(o).cos.max(1e-6);
+        share * ratio * ratio * light
+    }
+
     /// The section that light between theta_i and this latitude sees.
     #[inline]
     fn section(&self, o: Latitude) -> CrossSection {
         let p = &self.fiber.parameters;
-        CrossSection::new(p.eta, p.radius_um, self.sin_d(o))
+        CrossSection::at(p.eta, p.radius_um, self.half_way(o))
     }
 
-    /// |sin theta_d|.
+    /// theta_d, without its sign: half the sum and half the difference of the two unit vectors are as long as its cosine and sine.
     #[inline]
-    fn sin_d(&self, o: Latitude) -> f32 {
+    fn half_way(&self, o: Latitude) -> Latitude {
         let i = self.incident.latitude;
-        let cos = o.cos * i.cos + o.sin * i.sin;
-        (0.5 * (1.0 - cos)).max(0.0).sqrt()
+        let half = |x: f32, y: f32| 0.5 * (x * x + y * y).sqrt();
+        Latitude { sin: half(i.cos - o.cos, i.sin - o.sin), cos: half(i.cos + o.cos, i.sin + o.sin) }
     }
 
     /// The section that TRT sees between phi_i and the relative azimuth `phi`, of an ellipse.
@@ -303,7 +348,7 @@ impl<const N: usize> RoughDielectricBsdf<'_, N> {
         let (sin, cos) = sin_cos(phi);
         let double = (x * x - y * y) * cos - 2.0 * x * y * sin;
         let eta = 0.5 * ((first + second) + double * (first - second));
-        Some(CrossSection::new(eta.max(1.001), p.radius_um, self.sin_d(o)))
+        Some(CrossSection::at(eta.max(1.001), p.radius_um, self.half_way(o)))
     }
 
     /// Of R, TT, TRT at an offset.
@@ -412,11 +457,11 @@ impl<const N: usize> RoughDielectricBsdf<'_, N> {
     /// f and pdf at a latitude, whose section it is, and a relative azimuth.
     #[inline]
     fn at_angles(&self, o: Latitude, section: &CrossSection, angles: Angles) -> ([f32; N], f32) {
-        let (p, lobes, i) = (&self.fiber.parameters, &self.fiber.lobes, self.incident.latitude);
-        let cos_d2 = 0.5 * (1.0 + o.cos * i.cos + o.sin * i.sin);
-        let scale = o.cos / cos_d2.max(1e-6);
+        let (p, lobes) = (&self.fiber.parameters, &self.fiber.lobes);
+        let cos_d = self.half_way(o).cos;
+        let scale = self.factor * o.cos / (cos_d * cos_d).max(1e-12);
         let inverse = 1.0 / o.cos.max(1e-6);
-        let mut f = [2.0 * p.k_d * o.cos; N];
+        let mut f = [self.factor * 2.0 * p.k_d * o.cos; N];
         let mut pdf = self.diffuse_chance / (2.0 * TAU);
         // Exponents over the latitude.
         let along: [f32; 4] = lanes(|k| {
@@ -536,13 +581,18 @@ impl<const N: usize> Bsdf<N> for RoughDielectricBsdf<'_, N> {
             let middle = p.shift[lobe] - self.theta_i;
             let reach = 6.0 * p.width_theta[lobe];
             let (low, high) = ((middle - reach).max(-FRAC_PI_2), (middle + reach).min(FRAC_PI_2));
-            let step = (high - low).max(0.0) / latitudes as f32;
+            if high <= low {
+                continue;
+            }
             for k in 0..latitudes {
-                let theta_o = low + (k as f32 + 0.5) * step;
+                // Midpoints of an angle whose cosine is the place: they crowd at the ends, where a pole may be.
+                let (sin, cos) = (PI * (k as f32 + 0.5) / latitudes as f32).sin_cos();
+                let theta_o = 0.5 * (low + high) - 0.5 * (high - low) * cos;
+                let step = 0.5 * PI / latitudes as f32 * (high - low) * sin;
                 let (sin, cos) = theta_o.sin_cos();
-                let o = Latitude { sin, cos };
-                let cos_d = (0.5 * (theta_o - self.theta_i)).cos();
-                let ratio = cos * cos / (cos_d * cos_d).max(1e-6);
+                let o = Latitude { sin, cos: cos.max(0.0) };
+                let cos_d = self.half_way(o).cos;
+                let ratio = cos * cos / (cos_d * cos_d).max(1e-12);
                 let m = step * ratio * self.fiber.longitudinal[lobe].eval(theta_o - middle);
                 let mut light = [0.0; N];
                 let mut add = |weight: f32, a: [f32; N]| (0..N).for_each(|n| light[n] += weight * a[n]);
@@ -565,7 +615,7 @@ impl<const N: usize> Bsdf<N> for RoughDielectricBsdf<'_, N> {
                 (0..N).for_each(|n| sum[n] += m * light[n]);
             }
         }
-        sum
+        sum.map(|light| self.factor * light)
     }
 
     fn outcomes(&self) -> Outcomes {

@@ -79,6 +79,30 @@ const RADIUS: Kind = Kind::Number(0.01, 1e5);
 const ETA: Kind = Kind::Number(1.01, 4.0);
 const WIDTH_N: Kind = Kind::Number(1e-3, 10.0);
 
+fn truth(file: &str, key: &str, value: &Value) -> Result<()> {
+    match value {
+        Value::Boolean(_) => Ok(()),
+        _ => Err(rules::invalid(file, key, value, "use true or false")),
+    }
+}
+
+/// A key `normalize` that a kind refuses, and why.
+macro_rules! not_normalized {
+    ($why:literal) => {
+        optional(
+            "normalize",
+            Kind::Custom(Custom {
+                expected: "false",
+                check: |file, key, value| match value {
+                    Value::Boolean(false) => Ok(()),
+                    _ => Err(rules::invalid(file, key, value, concat!("leave it out: ", $why))),
+                },
+            }),
+            "false",
+        )
+    };
+}
+
 const DIELECTRIC: &[Key] = &[
     optional("eta", ETA, "1.55"),
     optional("radius_um", RADIUS, "10.0"),
@@ -86,6 +110,7 @@ const DIELECTRIC: &[Key] = &[
     optional("shift", SHIFTS, "[0.0, 0.0, 0.0]"),
     optional("beta_n", WIDTH_N, "0.1"),
     optional("orders", Kind::Integer(1, 8), "5"),
+    not_normalized!("a dielectric fiber without absorption has the albedo 1 as it is"),
 ];
 const ROUGH: &[Key] = &[
     optional("eta", ETA, "1.55"),
@@ -95,6 +120,7 @@ const ROUGH: &[Key] = &[
     optional("width_theta", WIDTHS_THETA, "[0.1, 0.05, 0.2]"),
     optional("width_phi", WIDTHS_PHI, "[0.1, 0.1, 0.2]"),
     optional("k_d", Kind::Number(0.0, 0.5 / (PI * PI)), "0.0"),
+    optional("normalize", Kind::Custom(Custom { expected: "true or false", check: truth }), "false"),
 ];
 const OPAQUE: &[Key] = &[
     optional("radius_um", RADIUS, "10.0"),
@@ -104,12 +130,14 @@ const OPAQUE: &[Key] = &[
     optional("diffuse", Kind::Number(0.0, 1.0), "0.0"),
     optional("beta_m", Kind::Number(1e-3, 2.0), "0.1"),
     optional("beta_n", WIDTH_N, "0.1"),
+    not_normalized!("what an opaque fiber does not reflect it absorbs"),
 ];
 const KAJIYA_KAY: &[Key] = &[
     optional("radius_um", RADIUS, "10.0"),
     optional("phong", Kind::Number(0.0, 10.0), "0.1"),
     optional("exponent", Kind::Number(1.0, 1e4), "50.0"),
     optional("diffuse", Kind::Number(0.0, 1.0 / (PI * PI)), "0.03"),
+    not_normalized!("the albedo is what phong and diffuse say"),
 ];
 
 const SHARE: Kind = Kind::Custom(Custom {
@@ -130,6 +158,7 @@ const KHUNGURN: &[Key] = &[
     optional("beta_r", Kind::Number(0.005, 10.0), "0.1"),
     optional("beta_tt", Kind::Number(0.005, 10.0), "0.2"),
     optional("gamma_tt", Kind::Number(0.01, 1000.0), "0.4"),
+    not_normalized!("the albedo is what c_r and c_tt say, 1 with c_tt = 1"),
 ];
 
 /// Kinds of analytic fibers and the keys of each, for all files that have one.
@@ -303,6 +332,7 @@ pub fn filament_of(table: &Table, file: &str, at: &str) -> Result<FiberModel> {
                 width_theta: given.three("width_theta", d.width_theta),
                 width_phi: given.three("width_phi", d.width_phi),
                 k_d: given.one("k_d", d.k_d).min((0.5 / (PI * PI)) as f32),
+                normalize: table.get("normalize").and_then(Value::as_bool).unwrap_or(d.normalize),
             })
             .map(FiberModel::from)
         }

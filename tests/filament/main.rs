@@ -3,6 +3,7 @@
 
 mod frames;
 mod kajiya_kay;
+mod normalize;
 mod opaque;
 mod paths;
 mod rough;

@@ -2,16 +2,19 @@
 
 use super::lobe::{LobeTable, lobe_of_moments};
 use super::{DualBsdf, DualOptions, Occlusion, Stack, stack};
+use crate::fiber::latitudes::{self, PARTS, cubic, measured, place};
 use crate::fiber::range::{invalid, parameter};
 use crate::fiber::{FiberModel, FiberQuery};
 use crate::frame::direction;
 use crate::{Bsdf, BsdfSample, Result};
-use std::f32::consts::{FRAC_PI_2, PI, TAU};
+use std::f32::consts::{PI, TAU};
 
-/// Latitudes of the tables: centers of equal parts, the equator among them.
-const LATITUDES: usize = 35;
-/// Nodes of the relative azimuth from 0 to pi.
-const AZIMUTHS: usize = 33;
+/// Parts of the axis of latitudes between rows of light over the azimuth.
+const ROWS: usize = 64;
+/// Parts of the relative azimuth from 0 to pi, an even number.
+const AZIMUTHS: usize = 32;
+/// Most that a cubic through other latitudes may miss of a_f and a_b at one that was measured.
+const MOST_MISSED: f64 = 1e-3;
 const MODEL: &str = "dual scattering";
 
 /// Averages over the azimuth at a latitude (Khungurn 2015, 3.1 and 5.1).
@@ -25,6 +28,9 @@ pub struct Attenuation<const N: usize> {
     pub forward_shift: f32,
     /// See there.
     pub forward_width: f32,
+    /// beta_f [rad]: width of the longitudinal lobe of the light that goes on, the model's parameter of TT, which the lobe's cos^2 narrows to `forward_width`. Where a model has no such
+    /// parameter it is the width of the Gaussian whose light `g cos^2` has the mean and deviation above.
+    pub forward_beta: f32,
     /// Of the light that goes back.
     pub backward_shift: f32,
     /// See there.
@@ -37,9 +43,26 @@ impl<const N: usize> Attenuation<N> {
         backward: [0.0; N],
         forward_shift: 0.0,
         forward_width: 0.0,
+        forward_beta: 0.0,
         backward_shift: 0.0,
         backward_width: 0.0,
     };
+
+    /// Sum of several, by weights.
+    fn weighted(parts: &[(&Attenuation<N>, f64)]) -> Attenuation<N> {
+        let sum = |of: &dyn Fn(&Attenuation<N>) -> f32| {
+            parts.iter().map(|(a, weight)| weight * f64::from(of(a))).sum::<f64>() as f32
+        };
+        Attenuation {
+            forward: std::array::from_fn(|n| sum(&|a| a.forward[n]).max(0.0)),
+            backward: std::array::from_fn(|n| sum(&|a| a.backward[n]).max(0.0)),
+            forward_shift: sum(&|a| a.forward_shift),
+            forward_width: sum(&|a| a.forward_width).max(0.0),
+            forward_beta: sum(&|a| a.forward_beta).max(0.0),
+            backward_shift: sum(&|a| a.backward_shift),
+            backward_width: sum(&|a| a.backward_width).max(0.0),
+        }
+    }
 
     /// Light on `count` layers: what comes back and what passes, by wavelength.
     pub fn stack(&self, count: u32) -> [Stack; N] {
@@ -69,6 +92,18 @@ pub(crate) struct HalfTurn<const N: usize> {
 }
 
 impl<const N: usize> HalfTurn<N> {
+    /// Sum of several, by weights.
+    fn weighted(parts: &[(&HalfTurn<N>, f64)]) -> HalfTurn<N> {
+        let sum = |of: &dyn Fn(&HalfTurn<N>) -> f32| {
+            parts.iter().map(|(h, weight)| weight * f64::from(of(h))).sum::<f64>() as f32
+        };
+        HalfTurn {
+            energy: std::array::from_fn(|n| sum(&|h| h.energy[n]).max(0.0)),
+            shift: sum(&|h| h.shift),
+            width: sum(&|h| h.width).max(0.0),
+        }
+    }
+
     fn mix(&self, other: &HalfTurn<N>, t: f32) -> HalfTurn<N> {
         let mut mixed = *self;
         (0..N).for_each(|n| mixed.energy[n] += t * (other.energy[n] - self.energy[n]));
@@ -101,10 +136,11 @@ impl<const N: usize> HalfTurn<N> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct DualScattering<const N: usize> {
     pub(crate) options: DualOptions,
+    /// `[PARTS + 1]`.
     latitudes: Vec<Attenuation<N>>,
-    /// `[LATITUDES][AZIMUTHS]`.
+    /// `[ROWS + 1][AZIMUTHS + 1]`.
     half_turns: Vec<HalfTurn<N>>,
-    /// `[LATITUDES]`.
+    /// `[PARTS + 1]`.
     neighbors: Vec<HalfTurn<N>>,
     pub(crate) lobes: LobeTable,
 }
@@ -121,7 +157,11 @@ impl<const N: usize> DualScattering<N> {
         for value in query.sigma_per_um {
             parameter(MODEL, "sigma_per_um", value, [0.0, 1e6])?;
         }
-        Self::of(|omega_i| model.at(&FiberQuery { omega_i, h_rel: None, ..*query }), options)
+        let mut dual = Self::of(|omega_i| model.at(&FiberQuery { omega_i, h_rel: None, ..*query }), options)?;
+        if let Some(beta) = model.forward_beta() {
+            dual.latitudes.iter_mut().for_each(|a| a.forward_beta = beta);
+        }
+        Ok(dual)
     }
 
     /// Of any scattering function of a fiber: `at` gives it for light from a direction.
@@ -137,95 +177,40 @@ impl<const N: usize> DualScattering<N> {
         if !(1..=1000).contains(&options.turns) {
             return Err(invalid(MODEL, "turns", options.turns, "use 1 to 1000".into()));
         }
-        let mut dual = DualScattering {
-            options,
-            latitudes: Vec::with_capacity(LATITUDES),
-            half_turns: Vec::with_capacity(LATITUDES * AZIMUTHS),
-            neighbors: Vec::with_capacity(LATITUDES),
-            lobes: LobeTable::new(),
-        };
-        for k in 0..LATITUDES {
-            let theta_i = (k as f32 + 0.5) / LATITUDES as f32 * PI - FRAC_PI_2;
-            dual.measure(&at, theta_i);
-        }
-        if dual.latitudes.iter().all(|a| a.forward.iter().chain(&a.backward).all(|x| *x == 0.0)) {
+        let rows = measured(
+            |theta_i| Measured::new(&at, theta_i, &options),
+            |row| row.averages.forward.iter().chain(&row.averages.backward).map(|x| f64::from(*x)).collect(),
+            // Few samples are not worth more nodes.
+            (8.0 / f64::from(options.samples)).max(MOST_MISSED),
+        );
+        if rows.iter().all(|(_, row)| row.averages.forward.iter().chain(&row.averages.backward).all(|x| *x == 0.0)) {
             return Err(invalid(MODEL, "albedo", 0, "the fiber scatters no light at these wavelengths".into()));
         }
-        Ok(dual)
+        let latitudes: Vec<Attenuation<N>> = (0..=PARTS)
+            .map(|node| Attenuation::weighted(&cubic(&rows, node).map(|(k, weight)| (&rows[k].1.averages, weight))))
+            .collect();
+        let neighbor = |a: &Attenuation<N>| HalfTurn {
+            energy: std::array::from_fn(|n| options.backscattering.sum(a.forward[n], a.backward[n])),
+            shift: 0.0,
+            width: a.back_width(),
+        };
+        let half_turn = |k: usize| {
+            let (row, d) = (k / (AZIMUTHS + 1), k % (AZIMUTHS + 1));
+            let nodes = cubic(&rows, row * (PARTS / ROWS));
+            HalfTurn::weighted(&nodes.map(|(k, weight)| (&rows[k].1.half_turns[d], weight)))
+        };
+        Ok(DualScattering {
+            options,
+            neighbors: latitudes.iter().map(neighbor).collect(),
+            half_turns: (0..(ROWS + 1) * (AZIMUTHS + 1)).map(half_turn).collect(),
+            latitudes,
+            lobes: LobeTable::new(),
+        })
     }
 
-    /// Adds the tables' row of a latitude.
-    fn measure<B: Bsdf<N>>(&mut self, at: &impl Fn([f32; 3]) -> B, theta_i: f32) {
-        let DualOptions { samples, turns, .. } = self.options;
-        let each = samples.div_ceil(turns);
-        let mut sides = [Moments::<N>::default(), Moments::default()];
-        let mut albedo = [0.0; N];
-        let mut azimuths = vec![Moments::<N>::default(); AZIMUTHS];
-        for turn in 0..turns {
-            let phi_i = TAU * turn as f32 / turns as f32;
-            let bsdf = at(direction(theta_i, phi_i));
-            let (scattered, straight) = (bsdf.albedo(), bsdf.straight());
-            (0..N).for_each(|n| albedo[n] += scattered[n] + straight[n]);
-            for k in 0..each {
-                let (w, weight) = match bsdf.sample(low_discrepancy(turn * each + k)) {
-                    BsdfSample::Scattered(light) => (light.w, light.weight),
-                    // Straight on: a fiber that lets light pass.
-                    BsdfSample::Straight { weight, .. } => (direction(-theta_i, phi_i + PI), weight),
-                    BsdfSample::Absorbed => continue,
-                };
-                let theta_o = w[2].clamp(-1.0, 1.0).asin();
-                let relative = w[1].atan2(w[0]) - phi_i;
-                let relative = (relative - TAU * (relative / TAU).round()).abs();
-                // Of phi_d over the near half turn the light leaves on that side with the chance 1 - |relative|/pi.
-                let ahead = relative / PI;
-                sides[0].add(&weight, ahead, theta_o + theta_i);
-                sides[1].add(&weight, 1.0 - ahead, theta_o + theta_i);
-                for (d, azimuth) in azimuths.iter_mut().enumerate() {
-                    // Light at phi_o - phi_i is spread over phi_o - phi_d within a quarter turn, either way around.
-                    let delta = PI * d as f32 / (AZIMUTHS - 1) as f32;
-                    let near = |x: f32| (x - TAU * (x / TAU).round()).abs() < FRAC_PI_2;
-                    let count = f32::from(u8::from(near(relative - delta)) + u8::from(near(relative + delta)));
-                    if count > 0.0 {
-                        azimuth.add(&weight, 0.5 * count / PI, theta_o + theta_i);
-                    }
-                }
-            }
-        }
-        let [forward, backward] = &sides;
-        // The samples tell where light goes, the model how much there is: the full sum feels an error of a lossless fiber's albedo by its root.
-        let total = (0..N).map(|n| forward.energy[n] + backward.energy[n]);
-        let mut scale = [0.0; N];
-        for (n, total) in total.enumerate() {
-            let light = f64::from(albedo[n]) / f64::from(turns);
-            scale[n] = if total > 0.0 && light.is_finite() { light / total } else { 0.0 };
-        }
-        let ([forward_shift, forward_width], [backward_shift, backward_width]) = (forward.spread(), backward.spread());
-        self.latitudes.push(Attenuation {
-            forward: forward.energy(&scale),
-            backward: backward.energy(&scale),
-            forward_shift,
-            forward_width,
-            backward_shift,
-            backward_width,
-        });
-        let a = &self.latitudes[self.latitudes.len() - 1];
-        let sum = self.options.backscattering;
-        let energy = std::array::from_fn(|n| sum.sum(a.forward[n], a.backward[n]));
-        self.neighbors.push(HalfTurn { energy, shift: 0.0, width: a.back_width() });
-        for azimuth in &azimuths {
-            let [shift, width] = azimuth.spread().map(f64::from);
-            let [middle, width] = lobe_of_moments(shift - f64::from(theta_i), width);
-            self.half_turns.push(HalfTurn {
-                energy: azimuth.energy(&scale),
-                shift: middle as f32 + theta_i,
-                width: width as f32,
-            });
-        }
-    }
-
-    /// Averages at a latitude [rad], linear between the tables'.
+    /// Averages at a latitude [rad]: a_f and a_b to 5e-4 at the default number of samples.
     pub fn attenuation(&self, theta: f32) -> Attenuation<N> {
-        let (k, t) = place(theta);
+        let (k, t) = place(theta, PARTS);
         let (a, b) = (&self.latitudes[k], &self.latitudes[k + 1]);
         let mix = |x: f32, y: f32| x + (y - x) * t;
         Attenuation {
@@ -233,6 +218,7 @@ impl<const N: usize> DualScattering<N> {
             backward: std::array::from_fn(|n| mix(a.backward[n], b.backward[n])),
             forward_shift: mix(a.forward_shift, b.forward_shift),
             forward_width: mix(a.forward_width, b.forward_width),
+            forward_beta: mix(a.forward_beta, b.forward_beta),
             backward_shift: mix(a.backward_shift, b.backward_shift),
             backward_width: mix(a.backward_width, b.backward_width),
         }
@@ -240,8 +226,9 @@ impl<const N: usize> DualScattering<N> {
 
     /// Slope of `forward_shift` over the latitude.
     pub(crate) fn shift_slope(&self, theta: f32) -> f32 {
-        let (k, _) = place(theta);
-        (self.latitudes[k + 1].forward_shift - self.latitudes[k].forward_shift) * (LATITUDES as f32 / PI)
+        let (k, _) = place(theta, PARTS);
+        let rise = self.latitudes[k + 1].forward_shift - self.latitudes[k].forward_shift;
+        rise / (latitudes::latitude(k + 1) - latitudes::latitude(k))
     }
 
     /// A_b at a latitude, by wavelength; linear between the tables'.
@@ -257,12 +244,12 @@ impl<const N: usize> DualScattering<N> {
     }
 
     pub(crate) fn half_turn(&self, theta: f32, azimuth: f32) -> HalfTurn<N> {
-        let (k, t) = place(theta);
-        let at = azimuth / PI * (AZIMUTHS - 1) as f32;
-        let d = (at as usize).min(AZIMUTHS - 2);
+        let (k, t) = place(theta, ROWS);
+        let at = azimuth / PI * AZIMUTHS as f32;
+        let d = (at as usize).min(AZIMUTHS - 1);
         let s = (at - d as f32).min(1.0);
         let row = |k: usize| {
-            let nodes = &self.half_turns[k * AZIMUTHS + d..][..2];
+            let nodes = &self.half_turns[k * (AZIMUTHS + 1) + d..][..2];
             nodes[0].mix(&nodes[1], s)
         };
         row(k).mix(&row(k + 1), t)
@@ -270,7 +257,7 @@ impl<const N: usize> DualScattering<N> {
 
     /// Light of endless neighbors at a latitude: A_b, and the width sigma_b in `width`.
     pub(crate) fn neighbors(&self, theta: f32) -> HalfTurn<N> {
-        let (k, t) = place(theta);
+        let (k, t) = place(theta, PARTS);
         self.neighbors[k].mix(&self.neighbors[k + 1], t)
     }
 
@@ -285,21 +272,108 @@ impl<const N: usize> DualScattering<N> {
     }
 }
 
-/// Latitudes around `theta`, and the part between them. What is not a number counts as the first.
-fn place(theta: f32) -> (usize, f32) {
-    let at = ((theta + FRAC_PI_2) / PI * LATITUDES as f32 - 0.5).max(0.0).min((LATITUDES - 1) as f32);
-    let k = (at as usize).min(LATITUDES - 2);
-    (k, at - k as f32)
+/// What a fiber does to light of a latitude.
+struct Measured<const N: usize> {
+    averages: Attenuation<N>,
+    /// `[AZIMUTHS + 1]`.
+    half_turns: Vec<HalfTurn<N>>,
 }
 
-/// Points whose first k fill the cube evenly for every k (the additive recurrence of the root of x^4 = x + 1).
-fn low_discrepancy(k: u32) -> [f32; 3] {
-    const STEP: [f64; 3] = [0.819_172_513_396_164_4, 0.671_043_606_703_789_3, 0.549_700_477_901_970_1];
-    STEP.map(|a| ((0.5 + a * f64::from(k + 1)).fract() as f32).min(1.0 - f32::EPSILON / 2.0))
+impl<const N: usize> Measured<N> {
+    fn new<B: Bsdf<N>>(at: &impl Fn([f32; 3]) -> B, theta_i: f32, options: &DualOptions) -> Measured<N> {
+        let turns = options.turns;
+        let each = options.samples.div_ceil(turns);
+        let mut sides = [Moments::<N>::default(); 2];
+        let mut albedo = [0.0; N];
+        // By the part of the relative azimuth, and the sums below each.
+        let mut parts = [Moments::<N>::default(); AZIMUTHS];
+        for turn in 0..turns {
+            let phi_i = TAU * turn as f32 / turns as f32;
+            let bsdf = at(direction(theta_i, phi_i));
+            let (scattered, straight) = (bsdf.albedo(), bsdf.straight());
+            (0..N).for_each(|n| albedo[n] += scattered[n] + straight[n]);
+            for k in 0..each {
+                let (w, weight) = match bsdf.sample(low_discrepancy(k, each, turn)) {
+                    BsdfSample::Scattered(light) => (light.w, light.weight),
+                    // Straight on: a fiber that lets light pass.
+                    BsdfSample::Straight { weight, .. } => (direction(-theta_i, phi_i + PI), weight),
+                    BsdfSample::Absorbed => continue,
+                };
+                let along = w[2].clamp(-1.0, 1.0).asin() + theta_i;
+                let relative = w[1].atan2(w[0]) - phi_i;
+                let relative = (relative - TAU * (relative / TAU).round()).abs();
+                // Of phi_d over the near half turn the light leaves on that side with the chance 1 - |relative|/pi.
+                let ahead = relative / PI;
+                sides[0].add(&weight, ahead, along);
+                sides[1].add(&weight, 1.0 - ahead, along);
+                parts[((ahead * AZIMUTHS as f32) as usize).min(AZIMUTHS - 1)].add(&weight, 1.0, along);
+            }
+        }
+        let [forward, backward] = &sides;
+        // The samples tell where light goes, the model how much there is: the full sum feels an error of a lossless fiber's albedo by its root.
+        let total = (0..N).map(|n| forward.energy[n] + backward.energy[n]);
+        let mut scale = [0.0; N];
+        for (n, total) in total.enumerate() {
+            let light = f64::from(albedo[n]) / f64::from(turns);
+            scale[n] = if total > 0.0 && light.is_finite() { light / total } else { 0.0 };
+        }
+        let ([forward_shift, forward_width], [backward_shift, backward_width]) = (forward.spread(), backward.spread());
+        let lobe = |[shift, width]: [f32; 2]| lobe_of_moments(f64::from(shift) - f64::from(theta_i), f64::from(width));
+        let averages = Attenuation {
+            forward: forward.energy(&scale),
+            backward: backward.energy(&scale),
+            forward_shift,
+            forward_width,
+            forward_beta: lobe([forward_shift, forward_width])[1] as f32,
+            backward_shift,
+            backward_width,
+        };
+        let half_turn = |d: usize| {
+            let light = half_turn(&parts, d);
+            let [middle, width] = lobe(light.spread());
+            // Light over the parts is spread over the half turn, on both sides.
+            let energy = light.energy(&scale).map(|e| 0.5 * e / PI);
+            HalfTurn { energy, shift: middle as f32 + theta_i, width: width as f32 }
+        };
+        Measured { averages, half_turns: (0..=AZIMUTHS).map(half_turn).collect() }
+    }
+}
+
+/// Light at `phi_o - phi_i` is spread over `phi_o - phi_d` within a quarter turn, either way around: what there is of it at the part's start `d`.
+fn half_turn<const N: usize>(parts: &[Moments<N>; AZIMUTHS], d: usize) -> Moments<N> {
+    const QUARTER: usize = AZIMUTHS / 2;
+    let mut sum = Moments::default();
+    for (k, part) in parts.iter().enumerate() {
+        // |relative - delta| and |relative + delta|, the latter also the other way around.
+        let near = (k + QUARTER >= d && k < d + QUARTER) as u8;
+        let across = (k + d < QUARTER || k + d >= AZIMUTHS + QUARTER) as u8;
+        sum.merge(part, f64::from(near + across));
+    }
+    sum
+}
+
+/// Points that fill the cube evenly, `count` of them (Hammersley's with Sobol's second dimension), moved for each turn of a fiber.
+fn low_discrepancy(k: u32, count: u32, turn: u32) -> [f32; 3] {
+    const PER_TURN: [f64; 3] = [0.819_172_513_396_164_4, 0.671_043_606_703_789_3, 0.549_700_477_901_970_1];
+    const WHOLE: f64 = 4_294_967_296.0;
+    let (mut second, mut direction, mut left) = (0u32, 1u32 << 31, k);
+    while left != 0 {
+        if left & 1 == 1 {
+            second ^= direction;
+        }
+        left >>= 1;
+        direction ^= direction >> 1;
+    }
+    let half = 0.5 / f64::from(count);
+    let point = [f64::from(k.reverse_bits()) / WHOLE, f64::from(second) / WHOLE, f64::from(k) / f64::from(count)];
+    std::array::from_fn(|j| {
+        let moved = (point[j] + half + f64::from(turn) * PER_TURN[j]).fract() as f32;
+        moved.min(1.0 - f32::EPSILON / 2.0)
+    })
 }
 
 /// Sums over samples.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 struct Moments<const N: usize> {
     energy: [f64; N],
     /// Of all wavelengths: light, light times t, light times t^2.
@@ -324,6 +398,11 @@ impl<const N: usize> Moments<N> {
         self.along[0] += sum;
         self.along[1] += sum * t;
         self.along[2] += sum * t * t;
+    }
+
+    fn merge(&mut self, other: &Moments<N>, times: f64) {
+        (0..N).for_each(|n| self.energy[n] += times * other.energy[n]);
+        (0..3).for_each(|k| self.along[k] += times * other.along[k]);
     }
 
     fn energy(&self, scale: &[f64; N]) -> [f32; N] {

@@ -62,13 +62,14 @@ impl<const N: usize> Occlusion<N> {
                 1.0
             };
             (0..N).for_each(|n| self.transmitted[n] *= a.forward[n].max(0.0).powf(part));
-            let variance = kept * kept * self.variance + part * a.forward_width * a.forward_width;
+            let width = if dual.options.drift { a.forward_width } else { a.forward_beta };
+            let variance = kept * kept * self.variance + part * width * width;
             self.variance = variance.min(WIDEST * WIDEST);
         }
         if count > steps {
             (0..N).for_each(|n| self.transmitted[n] *= a.forward[n].max(0.0).powf(count - steps));
             if !dual.options.drift {
-                let variance = self.variance + (count - steps) * a.forward_width * a.forward_width;
+                let variance = self.variance + (count - steps) * a.forward_beta * a.forward_beta;
                 self.variance = variance.min(WIDEST * WIDEST);
             }
         }

@@ -1,0 +1,87 @@
+//! Albedo of a fiber whose lobes do not conserve energy, without absorption, over latitude and offset. Its inverse is the factor that makes the albedo 1.
+//!
+//! The factor depends on the incident light alone, so that the shape of f, the sampler and its density stay as they are, and light that absorption takes stays the same share of it. It is not
+//! reciprocal: two directions swapped differ by the ratio of their factors. A symmetric factor `s(theta_i) s(theta_o)` with the albedo 1 exists for lobes without shifts alone: for hair's shifts it would
+//! weigh the lobes anew, by more than ten at the poles.
+
+use super::latitudes::{PARTS, cubic, measured, place};
+use super::range::invalid;
+use crate::Result;
+use std::f32::consts::{FRAC_2_PI, FRAC_PI_2};
+
+/// Nodes over the offset from 0 to 1. They are even in `1 - sqrt(1 - 2 gamma / pi)`, gamma = asin h, as much happens near the rim.
+const OFFSETS: usize = 49;
+/// Least albedo that is brought to 1: what scatters less at some incidence has all but lost its lobes there.
+const LEAST: f32 = 0.05;
+/// Most that a cubic through other latitudes may miss of the albedo at one that was measured.
+const MOST_MISSED: f64 = 1e-3;
+
+/// Factors to the albedo 1.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Factors {
+    /// `[PARTS + 1]` of the far field.
+    far: Vec<f32>,
+    /// `[PARTS + 1][OFFSETS]` of the near field.
+    near: Vec<f32>,
+}
+
+impl Factors {
+    /// Of a fiber whose albedo without absorption is `albedo` at a latitude [rad] and an offset, or the mean over all.
+    ///
+    /// # Errors
+    /// [`crate::Error::Invalid`] where hardly any light is scattered at some incidence; `model` and `key` say of what.
+    pub(super) fn new(model: &str, key: &str, albedo: impl Fn(f32, Option<f32>) -> f32) -> Result<Factors> {
+        let all = |theta: f32| -> Vec<f32> {
+            std::iter::once(None).chain((0..OFFSETS).map(|j| Some(offset(j)))).map(|h| albedo(theta, h)).collect()
+        };
+        let nodes = measured(all, |row| row.iter().map(|a| f64::from(*a)).collect(), MOST_MISSED);
+        for (node, row) in &nodes {
+            let least = row.iter().copied().fold(f32::INFINITY, f32::min);
+            // What is not a number is refused too.
+            if !(least >= LEAST) {
+                let degrees = super::latitudes::latitude(*node).to_degrees();
+                let hint = format!(
+                    "at a latitude of {degrees:.1} degrees {:.1} % of the light are scattered, the rest leaves beyond the pole: use less shift or wider lobes, or leave it out",
+                    100.0 * least
+                );
+                return Err(invalid(model, key, true, hint));
+            }
+        }
+        let at = |node: usize, j: usize| {
+            let albedo = cubic(&nodes, node).iter().map(|(k, w)| w * f64::from(nodes[*k].1[j])).sum::<f64>();
+            (1.0 / albedo.max(f64::from(LEAST))) as f32
+        };
+        Ok(Factors {
+            far: (0..=PARTS).map(|node| at(node, 0)).collect(),
+            near: (0..(PARTS + 1) * OFFSETS).map(|k| at(k / OFFSETS, 1 + k % OFFSETS)).collect(),
+        })
+    }
+
+    /// The factor at a latitude [rad] and the angle gamma of an offset [rad], of either sign.
+    #[inline]
+    pub(super) fn at(&self, theta: f32, gamma: Option<f32>) -> f32 {
+        let (row, s) = place(theta, PARTS);
+        let Some(gamma) = gamma else {
+            return self.far[row] + s * (self.far[row + 1] - self.far[row]);
+        };
+        let from_rim = (1.0 - FRAC_2_PI * gamma.abs()).max(0.0).sqrt();
+        let at = (1.0 - from_rim) * (OFFSETS - 1) as f32;
+        let first = (at as usize).saturating_sub(1).min(OFFSETS - 4);
+        // The cubic through four nodes, at 0, 1, 2, 3.
+        let t = at - first as f32;
+        let (a, b, c, d) = (t, t - 1.0, t - 2.0, t - 3.0);
+        let weights = [b * c * d * (-1.0 / 6.0), a * c * d * 0.5, a * b * d * -0.5, a * b * c * (1.0 / 6.0)];
+        let of = |row: usize| -> f32 {
+            let nodes = &self.near[row * OFFSETS + first..][..4];
+            (0..4).map(|k| weights[k] * nodes[k]).sum()
+        };
+        let (low, high) = (of(row), of(row + 1));
+        low + s * (high - low)
+    }
+}
+
+/// An offset's node.
+fn offset(j: usize) -> f32 {
+    let left = 1.0 - j as f32 / (OFFSETS - 1) as f32;
+    (FRAC_PI_2 * (1.0 - left * left)).sin()
+}
