@@ -4,9 +4,11 @@
 
 #[doc(hidden)]
 pub mod chi2;
+mod fiber;
 mod nodes;
 mod whole;
 
+pub use fiber::{ClearAlbedo, FiberReport, check_fiber, clear_albedo};
 pub use whole::{KEPT_TOLERANCE, LAYER_TOLERANCE, PART_INCIDENCES, PartReport, check_layers, check_whole};
 
 use crate::frame::theta_phi;

@@ -55,9 +55,9 @@ fn attenuations_are_the_closed_forms() {
         for (c_r, c_tt) in [(0.0, 1.0), (0.1, 0.6), (1.0, 0.5)] {
             let model = khungurn(c_r, c_tt, 0.1, (1.0 / kappa.sqrt()) as f32);
             let dual = dual(&model, DualOptions::default());
-            for k in [-8, -3, 0, 5] {
-                // A node of the tables: between them they are linear.
-                let theta = k as f32 / 35.0 * std::f32::consts::PI;
+            for k in [-7, -3, 0, 5] {
+                // A node at which the fiber is measured.
+                let theta = (FRAC_PI_2 * (FRAC_PI_2 * f64::from(k) / 8.0).sin()) as f32;
                 let a = dual.attenuation(theta);
                 let c_r = f64::from(c_r);
                 let fresnel = c_r + (1.0 - c_r) * (1.0 - f64::from(theta).cos()).powi(5);
@@ -106,8 +106,161 @@ fn attenuations_are_the_integrals_that_define_them() {
     }
     for n in 0..3 {
         let (f, b) = (f64::from(got.forward[n]), f64::from(got.backward[n]));
-        assert!((f - forward[n]).abs() < 3e-3, "{n}: {f}, want {}", forward[n]);
-        assert!((b - backward[n]).abs() < 3e-3, "{n}: {b}, want {}", backward[n]);
+        assert!((f - forward[n]).abs() < 5e-4, "{n}: {f}, want {}", forward[n]);
+        assert!((b - backward[n]).abs() < 5e-4, "{n}: {b}, want {}", backward[n]);
+    }
+}
+
+/// a_f and a_b of a round fiber by quadrature of its f: of light over all azimuths the share `|phi_o - phi_i| / pi` leaves on the far side. Rows crowd at the poles.
+fn integrated(model: &FiberModel, query: &FiberQuery<3>, [rows, columns]: [u32; 2]) -> [[f64; 3]; 2] {
+    let at = model.at(query);
+    let mut sides = [[0.0; 3]; 2];
+    for i in 0..rows {
+        let x = 2.0 * (f64::from(i) + 0.5) / f64::from(rows) - 1.0;
+        let theta_o = FRAC_PI_2 * (1.5 * x - 0.5 * x * x * x);
+        let area = theta_o.cos() * FRAC_PI_2 * 3.0 * (1.0 - x * x) / f64::from(rows) * TAU / f64::from(columns);
+        for j in 0..columns {
+            let ahead = (f64::from(j) + 0.5) / f64::from(columns);
+            // The mean of both sides of the light, for models that are not mirrored.
+            let f = [1.0, -1.0].map(|side| at.eval(direction(theta_o as f32, (side * PI * ahead) as f32)));
+            for n in 0..3 {
+                let light = 0.5 * area * f64::from(f[0][n] + f[1][n]);
+                sides[0][n] += light * ahead;
+                sides[1][n] += light * (1.0 - ahead);
+            }
+        }
+    }
+    sides
+}
+
+/// The same of Marschner's model by its lobes and offsets: caustics have no quadrature over the azimuth.
+fn marschner_integrated(p: &RoughDielectricParameters, theta_i: f64, sigma_per_um: [f32; 3]) -> [[f64; 3]; 2] {
+    let (rows, offsets) = (200, 400);
+    let mut sides = [[0.0; 3]; 2];
+    for lobe in 0..3usize {
+        let (middle, width) = (f64::from(p.shift[lobe]) - theta_i, f64::from(p.width_theta[lobe]));
+        let (low, high) = ((middle - 6.0 * width).max(-FRAC_PI_2), (middle + 6.0 * width).min(FRAC_PI_2));
+        for i in 0..rows {
+            // They crowd at the ends, as a pole may be there.
+            let (sin, cos) = (PI * (f64::from(i) + 0.5) / f64::from(rows)).sin_cos();
+            let theta_o = 0.5 * (low + high) - 0.5 * (high - low) * cos;
+            let (x, theta_d) = ((theta_o - middle) / width, 0.5 * (theta_o - theta_i));
+            let gaussian = (-0.5 * x * x).exp() / (width * TAU.sqrt()) * 0.5 * PI / f64::from(rows) * (high - low) * sin;
+            let m = gaussian * (theta_o.cos() / theta_d.cos()).powi(2);
+            let (n, sin_d, cos_d) = (f64::from(p.eta), theta_d.sin(), theta_d.cos());
+            let across = (n * n - sin_d * sin_d).sqrt() / cos_d;
+            for j in 0..offsets {
+                let gamma = FRAC_PI_2 * (f64::from(j) + 0.5) / f64::from(offsets);
+                let weight = m * gamma.cos() * FRAC_PI_2 / f64::from(offsets);
+                let gamma_t = (gamma.sin() / across).asin();
+                let turn = lobe as f64 * PI + 2.0 * gamma - 2.0 * lobe as f64 * gamma_t;
+                let cos = cos_d * gamma.cos();
+                let inside = (n * n - 1.0 + cos * cos).sqrt();
+                let (s, q) = ((cos - inside) / (cos + inside), (n * n * cos - inside) / (n * n * cos + inside));
+                let f = 0.5 * (s * s + q * q);
+                let length = 2.0 * f64::from(p.radius_um) * gamma_t.cos() / (1.0 - (sin_d / n).powi(2)).sqrt();
+                let ahead = (turn - TAU * (turn / TAU).round()).abs() / PI;
+                for n in 0..3 {
+                    let t = (-f64::from(sigma_per_um[n]) * length).exp();
+                    let light = weight * [f, (1.0 - f).powi(2) * t, (1.0 - f).powi(2) * f * t * t][lobe];
+                    sides[0][n] += light * ahead;
+                    sides[1][n] += light * (1.0 - ahead);
+                }
+            }
+        }
+    }
+    sides
+}
+
+/// Between the nodes too a_f and a_b are the integrals that define them, to 5e-4 up to 89.9 degrees, clear, light and dark.
+#[test]
+fn attenuations_hold_between_the_nodes() {
+    let marschner = RoughDielectricParameters::marschner(1.55, 40.0, [-0.1, 0.05, 0.15], [0.1, 0.1, 0.2]);
+    let low = DielectricParameters { eta: 1.01, radius_um: 40.0, beta_n: 0.2, ..Default::default() };
+    let rays = FiberTable {
+        spec_text: String::new(),
+        program_version: String::new(),
+        preset: String::new(),
+        seed: 0,
+        source: FiberSource::Ray,
+        symmetry: OutlineSymmetry::CIRCLE,
+        beta_m: 0.1,
+        lambda_um: vec![0.55],
+        theta_i: FiberTable::theta_nodes(45),
+        phi_i: OutlineSymmetry::CIRCLE.phi_i(1),
+        width_um: vec![20.0],
+        c_x_um: vec![20.0; 45],
+        c_abs_um: vec![0.0; 45],
+        azimuthal: (0..45 * 90)
+            .map(|k| {
+                let (t, x) = (f64::from(k / 90) / 45.0, f64::from(k % 90) / 90.0 * TAU);
+                ((1.0 - (0.8 - 1.2 * t * t * t) * x.cos()) / TAU) as f32
+            })
+            .collect(),
+    };
+    let models: [(&str, FiberModel, [u32; 2]); 6] = [
+        ("hair", RoughDielectricFiber::new(RoughDielectricParameters::default()).unwrap().into(), [500, 64]),
+        ("Marschner", RoughDielectricFiber::new(marschner).unwrap().into(), [0, 0]),
+        ("dielectric", DielectricFiber::new(DielectricParameters::default()).unwrap().into(), [400, 64]),
+        ("index 1.01", DielectricFiber::new(low).unwrap().into(), [400, 64]),
+        ("Khungurn", KhungurnFiber::new(KhungurnParameters::default()).unwrap().into(), [300, 48]),
+        ("table", TabulatedFiber::from_table(rays).unwrap().into(), [300, 48]),
+    ];
+    for (name, model, size) in models {
+        let query = FiberQuery { sigma_per_um: [0.0, 0.01, 0.06], ..light(0.0, 0.0) };
+        let dual = DualScattering::new(&model, &query, DualOptions::default()).unwrap();
+        let mut worst = 0.0f64;
+        for degrees in [13.0, 46.3, 61.7, 74.1, -83.9, 87.3, 89.1, 89.9, -89.9f32] {
+            let theta = degrees.to_radians();
+            let query = FiberQuery { omega_i: direction(theta, 0.0), ..query };
+            let got = dual.attenuation(theta);
+            let want = match size {
+                [0, 0] => marschner_integrated(&marschner, f64::from(theta), query.sigma_per_um),
+                size => integrated(&model, &query, size),
+            };
+            for n in 0..3 {
+                for (got, want) in [(got.forward[n], want[0][n]), (got.backward[n], want[1][n])] {
+                    let off = (f64::from(got) - want).abs();
+                    worst = worst.max(off);
+                    assert!(off < 5e-4, "{name} at {degrees}, {n}: {got}, want {want}");
+                }
+            }
+        }
+        println!("{name}: a_f and a_b off by {worst:.1e} at most");
+    }
+}
+
+/// Without drift the variance is the note's: n times beta^2 of TT (Khungurn 2015, 3.2), whatever the lobe's cos^2 leaves of the width, and whole or not the number of fibers.
+#[test]
+fn without_drift_the_variance_is_n_beta_squared() {
+    let wide_r = KhungurnParameters { beta_r: 0.8, beta_tt: 0.4, ..Default::default() };
+    let rough = RoughDielectricParameters { width_theta: [0.2, 0.07, 0.3], ..Default::default() };
+    let shiny = DielectricParameters { beta_m: [0.1, 0.3, 0.5], ..Default::default() };
+    let models: [(FiberModel, f32); 4] = [
+        (khungurn(0.05, 0.9, 0.1, 0.4), 0.1),
+        (KhungurnFiber::new(wide_r).unwrap().into(), 0.4),
+        (RoughDielectricFiber::new(rough).unwrap().into(), 0.07),
+        (DielectricFiber::new(shiny).unwrap().into(), 0.3),
+    ];
+    for (model, beta) in models {
+        let options = DualOptions { drift: false, samples: 256, ..Default::default() };
+        let dual = dual(&model, options);
+        for (theta, count) in [(0.0, 1.0), (0.8, 4.0), (-1.2, 8.0), (0.3, 2.5), (0.0, 100.0f32)] {
+            let got = passed(&dual, theta, count);
+            let want = count * beta * beta;
+            assert!((got.variance / want.min(36.0) - 1.0).abs() < 1e-4, "{beta} {theta} {count}: {got:?}, want {want}");
+            assert_eq!(got.drift, 0.0);
+        }
+    }
+    // With drift it is that of the light itself, which the poles narrow.
+    let with = dual(&khungurn(0.05, 0.9, 0.1, 0.4), DualOptions::default());
+    assert!(passed(&with, 0.8, 8.0).variance < 0.9 * 0.08);
+    // A function that has no such parameter: of the Gaussian whose light has its spread.
+    let model = khungurn(0.0, 1.0, 0.4, 0.4);
+    let query = light(0.0, 0.0);
+    let any = DualScattering::of(|omega_i| model.at(&FiberQuery { omega_i, ..query }), DualOptions::default()).unwrap();
+    for theta in [0.0, 0.7, 1.2f32] {
+        assert!((any.attenuation(theta).forward_beta / 0.4 - 1.0).abs() < 0.02, "{:?}", any.attenuation(theta));
     }
 }
 

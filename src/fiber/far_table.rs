@@ -233,7 +233,9 @@ impl FarTable {
         for v in 0..self.vectors {
             let shares = self.total(row, order * self.vectors + v);
             for n in 0..N {
-                light[n] += sum(lanes(|k| shares[k] * through[n][v][k].powi(order as i32)));
+                let mut part = shares;
+                (0..order).for_each(|_| part = lanes(|k| part[k] * through[n][v][k]));
+                light[n] += sum(part);
             }
         }
         lanes(|n| light[n].max(0.0))

@@ -235,9 +235,11 @@ impl RoughDielectricFiber {
             at.factor = factors.at(theta_i, at.near.map(|[_, gamma]| gamma));
         }
         if incident.valid {
-            let section = CrossSection::at(p.eta, p.radius_um, latitude);
-            let through = self.far.through(&lanes(|n| at.sigma_per_um[n] * section.chord_um()));
-            let energy: [f32; 3] = lanes(|lobe| at.energy(lobe, &through));
+            let through = (at.near.is_none() || !self.lobes.plain).then(|| {
+                let section = CrossSection::at(p.eta, p.radius_um, latitude);
+                self.far.through(&lanes(|n| at.sigma_per_um[n] * section.chord_um()))
+            });
+            let energy: [f32; 3] = lanes(|lobe| at.energy(lobe, through.as_ref()));
             // A share for each lobe, however weak at its median: what it has far from there is drawn with weights of ten at most.
             let least = LEAST_CHANCE * energy.iter().sum::<f32>();
             let energy: [f32; 3] = lanes(|lobe| if at.latitude[lobe].share() > 0.0 { energy[lobe] + least } else { 0.0 });
@@ -303,19 +305,20 @@ impl<const N: usize> RoughDielectricBsdf<'_, N> {
     }
 
     /// About what a lobe scatters at all wavelengths together, by the median of its latitudes: near a pole attenuations there are not those at theta_i.
-    fn energy(&self, lobe: usize, through: &Through<N>) -> f32 {
+    fn energy(&self, lobe: usize, through: Option<&Through<N>>) -> f32 {
         let share = self.latitude[lobe].share();
         if share == 0.0 {
             return 0.0;
         }
         let p = &self.fiber.parameters;
-        let theta_o = p.shift[lobe] - self.theta_i + self.latitude[lobe].sample(0.5);
+        let theta_o = p.shift[lobe] - self.theta_i + self.latitude[lobe].median();
         let theta_o = theta_o.max(-FRAC_PI_2).min(FRAC_PI_2);
         let (sin, cos) = sin_cos(theta_o);
         let o = Latitude { sin, cos: cos.max(0.0) };
         let light: f32 = match (self.near, &self.fiber.azimuthal[lobe]) {
             (Some([h, _]), Some(_)) => self.attenuations(&self.section(o), h)[lobe].iter().sum(),
             _ => {
+                let Some(through) = through else { return 0.0 };
                 let far = &self.fiber.far;
                 far.total_light(far.row(0.5 * (theta_o - self.theta_i)), lobe, through).iter().sum()
             }

@@ -14,7 +14,7 @@ const ROWS: usize = 64;
 /// Parts of the relative azimuth from 0 to pi, an even number.
 const AZIMUTHS: usize = 32;
 /// Most that a cubic through other latitudes may miss of a_f and a_b at one that was measured.
-const MOST_MISSED: f64 = 1e-3;
+const MOST_MISSED: f64 = 5e-4;
 const MODEL: &str = "dual scattering";
 
 /// Averages over the azimuth at a latitude (Khungurn 2015, 3.1 and 5.1).

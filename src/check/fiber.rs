@@ -1,0 +1,130 @@
+//! Checks of analytic fibers: those of every scattering function at a few incidences, far and near field, and how far the albedo without absorption is from 1.
+
+use super::{BsdfReport, FURNACE_TOLERANCE, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE, check_bsdf};
+use crate::fiber::LEAST_FAR_WIDTH;
+use crate::frame::direction;
+use crate::{Bsdf, FiberModel, FiberQuery};
+
+/// Caustics are integrated by panels of this width [rad], which knows them to [`CAUSTIC_TOLERANCE`].
+const CAUSTIC: f64 = 0.0025;
+/// Most that a furnace with caustics may miss.
+const CAUSTIC_TOLERANCE: f64 = 5e-3;
+/// Albedos of parametric models are integrals by midpoints.
+const PARAMETRIC_TOLERANCE: f64 = 2e-3;
+/// Least p-value of a chi-square test: some 1 % chance of a false alarm at 12 incidences.
+const LEAST_P: f64 = 8e-4;
+/// Latitudes of the incidences [degrees], and their offsets.
+const DEGREES: [f32; 3] = [0.0, 35.0, -70.0];
+const OFFSETS: [Option<f32>; 4] = [None, Some(0.0), Some(0.6), Some(-0.95)];
+/// Latitudes at which [`clear_albedo`] looks a side of the equator, and the last [degrees].
+const LATITUDES: u32 = 60;
+const LAST_DEGREES: f64 = 89.9;
+
+/// What was found of a fiber at an incidence.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FiberReport {
+    /// Latitude of the light [degrees].
+    pub theta_i_deg: f32,
+    /// Offset; `None` for the far field.
+    pub h_rel: Option<f32>,
+    /// Albedo at the query's wavelengths.
+    pub albedo: [f32; 3],
+    /// The checks.
+    pub scatter: BsdfReport,
+    /// Most that furnace and density may miss.
+    pub furnace_allowed: f64,
+}
+
+impl FiberReport {
+    /// Whether every check passes.
+    pub fn passed(&self) -> bool {
+        let r = &self.scatter;
+        r.furnace_error <= self.furnace_allowed
+            && r.pdf_error <= self.furnace_allowed
+            && r.weight_error <= WEIGHT_TOLERANCE
+            && r.sampled_furnace_se <= SAMPLED_TOLERANCE_SE
+            && r.chi2_p >= LEAST_P
+    }
+}
+
+/// Finest standard deviations over latitude and azimuth [rad], and what a furnace may miss.
+fn finest(model: &FiberModel, near: bool) -> ([f64; 2], f64) {
+    let least = |widths: &[f32]| f64::from(widths.iter().copied().fold(0.3, f32::min));
+    match model {
+        FiberModel::Dielectric(fiber) => {
+            let p = fiber.parameters();
+            let caustics = !near && p.beta_n < LEAST_FAR_WIDTH;
+            let across = if caustics { CAUSTIC } else { least(&[p.beta_n]) };
+            ([least(&p.beta_m), across], if caustics { CAUSTIC_TOLERANCE } else { FURNACE_TOLERANCE })
+        }
+        FiberModel::RoughDielectric(fiber) => {
+            let p = fiber.parameters();
+            let caustics = p.width_phi.contains(&0.0);
+            let across = if caustics { CAUSTIC } else { least(&p.width_phi) };
+            ([least(&p.width_theta), across], if caustics { CAUSTIC_TOLERANCE } else { PARAMETRIC_TOLERANCE })
+        }
+        FiberModel::Opaque(fiber) => {
+            let p = fiber.parameters();
+            ([least(&[p.beta_m]), if near { least(&[p.beta_n]) } else { 0.1 }], FURNACE_TOLERANCE)
+        }
+        FiberModel::KajiyaKay(fiber) => {
+            ([least(&[0.7 / fiber.parameters().exponent.sqrt()]), 0.3], PARAMETRIC_TOLERANCE)
+        }
+        FiberModel::Khungurn(fiber) => {
+            let p = fiber.parameters();
+            ([least(&[p.beta_r, p.beta_tt]), least(&[p.gamma_tt])], FURNACE_TOLERANCE)
+        }
+        FiberModel::Tabulated(fiber) => {
+            let table = fiber.table();
+            let cell = std::f64::consts::TAU / table.phi_r_count() as f64;
+            ([least(&[table.beta_m as f32]), cell.clamp(CAUSTIC, 0.3)], FURNACE_TOLERANCE)
+        }
+    }
+}
+
+/// Checks a fiber at three latitudes, far field and three offsets, by so many samples each.
+pub fn check_fiber(
+    model: &FiberModel,
+    lambda_um: [f32; 3],
+    sigma_per_um: [f32; 3],
+    samples: usize,
+    uniform: &mut dyn FnMut() -> f32,
+) -> Vec<FiberReport> {
+    let mut reports = Vec::with_capacity(DEGREES.len() * OFFSETS.len());
+    for theta_i_deg in DEGREES {
+        for h_rel in OFFSETS {
+            let omega_i = direction(theta_i_deg.to_radians(), 6.0 * uniform());
+            let at = model.at(&FiberQuery { omega_i, h_rel, lambda_um, sigma_per_um });
+            let (sd_rad, furnace_allowed) = finest(model, h_rel.is_some());
+            let scatter = check_bsdf(&at, sd_rad, samples, uniform);
+            reports.push(FiberReport { theta_i_deg, h_rel, albedo: at.albedo(), scatter, furnace_allowed });
+        }
+    }
+    reports
+}
+
+/// An albedo and where it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClearAlbedo {
+    /// Latitude of the light [degrees].
+    pub theta_i_deg: f64,
+    /// The albedo.
+    pub albedo: f64,
+}
+
+/// Where the far field's albedo without absorption is farthest from 1, of latitudes to 89.9 degrees and three wavelengths.
+pub fn clear_albedo(model: &FiberModel, lambda_um: [f32; 3]) -> ClearAlbedo {
+    let mut farthest = ClearAlbedo { theta_i_deg: 0.0, albedo: 1.0 };
+    for k in 0..=2 * LATITUDES {
+        // By the root of the distance from the pole, and the poles' own neighborhood.
+        let left = 1.0 - (f64::from(k) / f64::from(LATITUDES) - 1.0).abs();
+        let theta_i_deg = (LAST_DEGREES * (1.0 - left * left)).copysign(f64::from(k) - f64::from(LATITUDES));
+        let at = model.at(&FiberQuery::new(direction(theta_i_deg.to_radians() as f32, 0.0), lambda_um));
+        for albedo in at.albedo().map(f64::from) {
+            if (albedo - 1.0).abs() > (farthest.albedo - 1.0).abs() {
+                farthest = ClearAlbedo { theta_i_deg, albedo };
+            }
+        }
+    }
+    farthest
+}
