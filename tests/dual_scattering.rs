@@ -145,7 +145,8 @@ fn marschner_integrated(p: &RoughDielectricParameters, theta_i: f64, sigma_per_u
             let (sin, cos) = (PI * (f64::from(i) + 0.5) / f64::from(rows)).sin_cos();
             let theta_o = 0.5 * (low + high) - 0.5 * (high - low) * cos;
             let (x, theta_d) = ((theta_o - middle) / width, 0.5 * (theta_o - theta_i));
-            let gaussian = (-0.5 * x * x).exp() / (width * TAU.sqrt()) * 0.5 * PI / f64::from(rows) * (high - low) * sin;
+            let gaussian =
+                (-0.5 * x * x).exp() / (width * TAU.sqrt()) * 0.5 * PI / f64::from(rows) * (high - low) * sin;
             let m = gaussian * (theta_o.cos() / theta_d.cos()).powi(2);
             let (n, sin_d, cos_d) = (f64::from(p.eta), theta_d.sin(), theta_d.cos());
             let across = (n * n - sin_d * sin_d).sqrt() / cos_d;

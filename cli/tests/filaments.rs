@@ -29,6 +29,26 @@ fn each_kind_is_checked() {
     }
 }
 
+/// The albedo without absorption that is farthest from 1 is told, with what mends it.
+#[test]
+fn albedos_that_miss_1_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = folder.path();
+    let hint = "(filament.normalize = true brings it to 1)";
+    for (keys, want, hinted) in [
+        ("kind = \"rough_dielectric\"", 2.4457, true),
+        ("kind = \"rough_dielectric\"\nnormalize = true", 1.0, false),
+        ("kind = \"dielectric\"\neta = 1.01\nradius_um = 40", 1.0, false),
+    ] {
+        std::fs::write(dir.join("a.toml"), fiber(keys)).unwrap();
+        let text = succeed(dir, &["check", "a.toml"]);
+        let line =
+            text.lines().find(|line| line.starts_with("albedo without absorption, farthest from 1 at ")).unwrap();
+        let albedo: f64 = line.split("degrees: ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+        assert!((albedo - want).abs() < 1e-3 && line.ends_with(hint) == hinted, "{keys}: {line}");
+    }
+}
+
 #[test]
 fn bad_values_are_refused_in_one_line() {
     let folder = tempfile::tempdir().unwrap();
@@ -48,5 +68,10 @@ fn bad_values_are_refused_in_one_line() {
     bad("kind = \"khungurn\"\nc_tt = [0.5, -0.1, 0.5]", &["bad.toml", "filament.c_tt"]);
     bad("kind = \"khungurn\"\nc_r = 1.5", &["bad.toml", "filament.c_r", "1.5"]);
     bad("kind = \"kajiya_kay\"\nexponent = nan", &["bad.toml", "filament.exponent"]);
+    bad("kind = \"khungurn\"\nnormalize = true", &["bad.toml", "filament.normalize", "c_tt"]);
+    bad(
+        "kind = \"rough_dielectric\"\neccentricity = 0.9\nnormalize = true",
+        &["filament.normalize", "eccentricity = 1"],
+    );
     bad("kind = \"wool\"", &["bad.toml", "wool", "rough_dielectric"]);
 }

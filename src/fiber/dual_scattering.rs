@@ -52,7 +52,7 @@ pub struct DualOptions {
     /// S_f.
     pub spread: Spread,
     /// Whether the latitude of light that passes fibers drifts, and its spread levels off, as lobes near a pole have their light on the equator's side; else the latitude is
-    /// that of straight light and the variance `n beta^2`, as in the note.
+    /// that of straight light and the variance `n beta^2` of TT's width beta ([`Attenuation::forward_beta`]), as in the note.
     pub drift: bool,
     /// Samples of f a latitude, 64 to 1000000; powers of two fill the directions most evenly.
     pub samples: u32,

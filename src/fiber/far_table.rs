@@ -153,8 +153,7 @@ impl FarTable {
                 let node = (row * (cells + 1) + j) * self.orders + order;
                 self.below[node] = below as f32;
                 for vector in 0..self.vectors {
-                    self.nodes[node * self.vectors + vector] =
-                        lanes(|k| (sums[vector * FOUR + k] * per_rad) as f32);
+                    self.nodes[node * self.vectors + vector] = lanes(|k| (sums[vector * FOUR + k] * per_rad) as f32);
                 }
             }
         }

@@ -98,11 +98,11 @@ mod tests {
         let slow = |theta: f32| f64::from(theta).cos();
         let steep = |theta: f32| (-(f64::from(FRAC_PI_2 - theta) / 0.03)).exp();
         let kink = |theta: f32| (f64::from(theta) - 0.4).max(0.0);
-        for (name, f, most) in [("slow", &slow as &dyn Fn(f32) -> f64, 33), ("steep", &steep, 60), ("kink", &kink, 60)] {
+        for (name, f, most) in [("slow", &slow as &dyn Fn(f32) -> f64, 33), ("steep", &steep, 60), ("kink", &kink, 60)]
+        {
             let all = measured(f, |v| vec![*v], 1e-3);
             assert!(all.len() <= most, "{name}: {} nodes", all.len());
-            let fine: Vec<f64> =
-                (0..=PARTS).map(|n| cubic(&all, n).iter().map(|(k, w)| w * all[*k].1).sum()).collect();
+            let fine: Vec<f64> = (0..=PARTS).map(|n| cubic(&all, n).iter().map(|(k, w)| w * all[*k].1).sum()).collect();
             for i in 0..=3000 {
                 let theta = FRAC_PI_2 * (i as f32 / 1500.0 - 1.0) * 0.999;
                 let (k, t) = place(theta, PARTS);

@@ -242,7 +242,8 @@ impl RoughDielectricFiber {
             let energy: [f32; 3] = lanes(|lobe| at.energy(lobe, through.as_ref()));
             // A share for each lobe, however weak at its median: what it has far from there is drawn with weights of ten at most.
             let least = LEAST_CHANCE * energy.iter().sum::<f32>();
-            let energy: [f32; 3] = lanes(|lobe| if at.latitude[lobe].share() > 0.0 { energy[lobe] + least } else { 0.0 });
+            let energy: [f32; 3] =
+                lanes(|lobe| if at.latitude[lobe].share() > 0.0 { energy[lobe] + least } else { 0.0 });
             let total = energy.iter().sum::<f32>() + N as f32 * 2.0 * PI * PI * p.k_d;
             if total > 0.0 {
                 at.chance = lanes(|lobe| energy[lobe] / total);

@@ -28,7 +28,12 @@ fn printed_lobes_miss_the_albedo_1() {
 /// Without absorption the albedo is 1 at every latitude and offset, by the integral of eval too, and absorption takes the share that it takes of the printed lobes; the checks of every model hold.
 #[test]
 fn normalized_fibers_scatter_all_light() {
-    let wide = RoughDielectricParameters { width_theta: [0.3, 0.4, 0.6], width_phi: [0.3; 3], k_d: 0.01, ..Default::default() };
+    let wide = RoughDielectricParameters {
+        width_theta: [0.3, 0.4, 0.6],
+        width_phi: [0.3; 3],
+        k_d: 0.01,
+        ..Default::default()
+    };
     let low = RoughDielectricParameters { eta: 1.01, shift: [0.0; 3], ..Default::default() };
     for (j, p) in [RoughDielectricParameters::default(), marschner(), wide, low].into_iter().enumerate() {
         let printed = rough(p);
@@ -42,7 +47,10 @@ fn normalized_fibers_scatter_all_light() {
                 let w = direction(-degrees.to_radians() + 0.05, 3.1);
                 let (f, g) = (got.eval(w), want.eval(w));
                 for n in 1..3 {
-                    assert!((f[n] * g[0] - g[n] * f[0]).abs() <= 1e-5 * f[n] * g[0], "{degrees} {h_rel:?}: {f:?} {g:?}");
+                    assert!(
+                        (f[n] * g[0] - g[n] * f[0]).abs() <= 1e-5 * f[n] * g[0],
+                        "{degrees} {h_rel:?}: {f:?} {g:?}"
+                    );
                 }
             }
         }
@@ -61,10 +69,14 @@ fn normalized_fibers_scatter_all_light() {
 /// What it costs. Swapped directions differ by the ratio of the printed albedos; the far field is off the mean of the near field.
 #[test]
 fn costs_of_normalizing_are_those_stated() {
-    let (printed, fiber) =
-        (rough(RoughDielectricParameters::default()), rough(RoughDielectricParameters { normalize: true, ..Default::default() }));
+    let (printed, fiber) = (
+        rough(RoughDielectricParameters::default()),
+        rough(RoughDielectricParameters { normalize: true, ..Default::default() }),
+    );
     let [a, b] = [direction(1.1, 0.0), direction(-1.05, 3.0)];
-    let f = |from: [f32; 3], to: [f32; 3]| fiber.at(&FiberQuery::new(from, [0.5])).eval(to)[0] / (1.0 - to[2] * to[2]).sqrt();
+    let f = |from: [f32; 3], to: [f32; 3]| {
+        fiber.at(&FiberQuery::new(from, [0.5])).eval(to)[0] / (1.0 - to[2] * to[2]).sqrt()
+    };
     let albedo = |from: [f32; 3]| printed.at(&FiberQuery::new(from, [0.5])).albedo()[0];
     let (got, want) = (f(a, b) / f(b, a), albedo(b) / albedo(a));
     assert!((got / want - 1.0).abs() < 2e-3 && (got - 1.0).abs() > 0.05, "{got}, want {want}");

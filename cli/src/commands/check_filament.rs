@@ -51,8 +51,7 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     }
     let spec = FilamentSpec::load(&args.model)?;
     let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(args.seed);
-    let reports =
-        check_fiber(&spec.model, spec.lambda_um, spec.sigma_per_um, SAMPLES, &mut || rng.random());
+    let reports = check_fiber(&spec.model, spec.lambda_um, spec.sigma_per_um, SAMPLES, &mut || rng.random());
     let lines: Vec<Line> = reports.iter().map(Line::from).collect();
     let clear = clear_albedo(&spec.model, spec.lambda_um);
     let passed = lines.iter().all(|line| line.passed);
