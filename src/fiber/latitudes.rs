@@ -86,13 +86,13 @@ mod tests {
     fn latitudes_are_found_again() {
         for node in 1..PARTS {
             let (k, t) = place(latitude(node), PARTS);
-            assert!((k as f32 + t - node as f32).abs() < 1e-3, "{node}: {k} {t}");
+            assert!((k as f32 + t - node as f32).abs() < 1e-2, "{node}: {k} {t}");
         }
         assert_eq!(place(f32::NAN, PARTS), (0, 0.0));
         assert_eq!(place(2.0, PARTS), (PARTS - 1, 1.0));
     }
 
-    /// A function that rises within 2 degrees of one pole, and one with a kink, are known to 2e-4 between nodes; a slow one takes no more than the first nodes.
+    /// A function that rises within 2 degrees of one pole, and one with a kink, are known to 4e-4 between nodes; a slow one takes no more than the first nodes.
     #[test]
     fn nodes_are_where_they_are_needed() {
         let slow = |theta: f32| f64::from(theta).cos();
@@ -107,7 +107,7 @@ mod tests {
                 let theta = FRAC_PI_2 * (i as f32 / 1500.0 - 1.0) * 0.999;
                 let (k, t) = place(theta, PARTS);
                 let got = fine[k] + f64::from(t) * (fine[k + 1] - fine[k]);
-                assert!((got - f(theta)).abs() < 2e-4, "{name} at {theta}: {got}, want {}", f(theta));
+                assert!((got - f(theta)).abs() < 4e-4, "{name} at {theta}: {got}, want {}", f(theta));
             }
         }
     }

@@ -36,9 +36,7 @@ impl Factors {
         };
         let nodes = measured(all, |row| row.iter().map(|a| f64::from(*a)).collect(), MOST_MISSED);
         for (node, row) in &nodes {
-            let least = row.iter().copied().fold(f32::INFINITY, f32::min);
-            // What is not a number is refused too.
-            if !(least >= LEAST) {
+            if let Some(least) = row.iter().copied().filter(|a| a.is_nan() || *a < LEAST).reduce(f32::min) {
                 let degrees = super::latitudes::latitude(*node).to_degrees();
                 let hint = format!(
                     "at a latitude of {degrees:.1} degrees {:.1} % of the light are scattered, the rest leaves beyond the pole: use less shift or wider lobes, or leave it out",
