@@ -8,7 +8,7 @@
 //! attenuations and n'. A lobe with `w_phi = 0` is the smooth cylinder's, by the roots of its offsets, at every offset of the query: with three of them this is Marschner's basic model.
 //!
 //! As printed the lobes do not conserve energy: their integral is `integral of g cos^2 theta_o / cos^2 theta_d`, which is 1 for narrow lobes away from grazing light alone, and light
-//! beyond TRT is in `k_d`. [`Bsdf::albedo`] says how much it is. `DielectricFiber` conserves. What is left out: widths along the fiber (w_s) and of the offset (w_h), which the
+//! beyond TRT is in `k_d`. [`Bsdf::albedo`] says how much it is, [`RoughDielectricParameters::normalize`] brings it to 1. `DielectricFiber` conserves. What is left out: widths along the fiber (w_s) and of the offset (w_h), which the
 //! paper takes as narrow too.
 //!
 //! Far fields come from a table made with the fiber (9.2), for any absorption. An elliptical section is Marschner's: TRT sees an index that depends on (phi_i + phi_o)/2, and the width is the
