@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{json, open_cloth, plywave, refused, run, succeed, text};
+use common::{json, open_cloth, run, succeed, text};
 use exr::prelude::{ReadChannels, ReadLayers};
 use std::path::{Path, PathBuf};
 

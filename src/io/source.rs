@@ -55,7 +55,8 @@ impl Folder {
         let inside = Path::new(name).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
         let real = |path: &Path| path.canonicalize().ok();
         let root = if self.root.as_os_str().is_empty() { Path::new(".") } else { &self.root };
-        let out = || matches!((real(root), real(&self.path(name))), (Some(root), Some(file)) if !file.starts_with(&root));
+        let out =
+            || matches!((real(root), real(&self.path(name))), (Some(root), Some(file)) if !file.starts_with(&root));
         self.anywhere || inside && !out()
     }
 

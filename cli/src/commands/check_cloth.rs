@@ -4,7 +4,7 @@ use super::on_threads;
 use super::twin::{angles, sigma_text};
 use crate::args::{CheckArgs, Cli};
 use crate::failure::{Failure, Outcome};
-use crate::output;
+use crate::{kinds, output};
 use plywave::FabricBsdf;
 use plywave::fabric::{FabricOptions, FabricSpec};
 use plywave::twin::{ClothTwin, Comparison, ComparisonOptions, compare};

@@ -15,7 +15,6 @@ use crate::plot::sheet::{self, Block, Cell, Section};
 use crate::plot::text::literal;
 use crate::report::number;
 use crate::yarn_words::yarn_line;
-use crate::{kinds, output};
 use plywave::frame::direction;
 use plywave::io::FileKind;
 use plywave::ply::asg::{Lobe, PARAMS};

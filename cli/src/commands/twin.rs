@@ -3,7 +3,7 @@
 use super::runs::{self, Told};
 use crate::args::{Cli, TwinArgs};
 use crate::failure::Outcome;
-use crate::{output, progress, report};
+use crate::{kinds, output, progress, report};
 use plywave::fabric::FabricSpec;
 use plywave::twin::{CLASSES, ClothTwin};
 use plywave_sim::twin::{Domain, TwinCloth, TwinJob, TwinMesh, TwinOptions, direction};
