@@ -18,12 +18,18 @@ fi
 
 cargo fmt --manifest-path python/Cargo.toml --check
 
+# What the program has compiled, the extension takes, where versions and features are the same (python/Cargo.toml).
+tree() { cargo tree --locked --edges normal,build --prefix none --format '{p} [{f}]' "$@" | sed 's/ (\*)$//' | sort -u; }
+program=$(tree --package plywave-cli)
+apart=$(comm -23 <(tree --manifest-path python/Cargo.toml) <(echo "$program") | while read -r name rest; do if grep -q "^$name " <<<"$program"; then echo "$name $rest"; fi; done)
+[ -z "$apart" ] || { printf 'compiled twice, for the program and for the extension; give both the same features:\n%s\n' "$apart" >&2; exit 1; }
+
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
 "${PYTHON:-python3}" -m venv "$scratch/venv"
 bin=$scratch/venv/bin
-# The extension's build folder stays, python/target, so that a second run builds what has changed.
-export CARGO_TARGET_DIR="$PWD/python/target"
+# The extension is built in the workspace's target folder, whose dependencies it shares, and where a second run builds what has changed.
+export CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-$PWD/target}"
 cargo clippy --manifest-path python/Cargo.toml --locked --release -- -D warnings
 "$bin/pip" install --quiet "./python[test,mitsuba,cluster]"
 

@@ -36,7 +36,8 @@ def recipe_args(quality: str, seed: int, paths: Optional[int], instances: Option
     if isinstance(speckle, Speckle):
         speckle = (speckle.to_bytes(), speckle._name)
     elif not isinstance(speckle, bool):
-        speckle = whole(speckle, "speckle")
+        # No fibers, no speckle.
+        speckle = min(whole(speckle, "speckle"), 1 << 31) or False
     return {
         "quality": str(quality),
         "seed": whole(seed, "seed"),
@@ -70,7 +71,7 @@ def build(
         seed: Seed of all stages.
         paths: Paths per incident latitude, in place of the spec's and the quality's.
         instances: Instances of the ply, likewise.
-        speckle: Whether patterns of the spec's fiber are solved (but at preview quality); a number of fibers to be solved at any quality; or patterns.
+        speckle: Whether patterns of the spec's fiber are solved (but at preview quality); a number of fibers to be solved at any quality, 0 for none; or patterns.
         folder: Where finished shards are kept until the model is made.
         resume: Use shards that are there; without, they are deleted.
         progress: `True` for a bar, or a function of stage, unit, done and total.

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
+import logging
 import os
 import sys
 import time
+from importlib import import_module
 from typing import Any, Dict, List, Optional
 
 from . import _plywave
@@ -40,7 +43,7 @@ def _parse(argv: Optional[List[str]]) -> argparse.Namespace:
     workers.add_argument("--slurm", metavar="KEY=VALUE,..", help="jobs of Slurm: queue, account, cores, processes, memory, walltime, python, ..")
     parser.add_argument("--jobs", metavar="N", type=int, default=1, help="jobs that Slurm is asked for")
     parser.add_argument("--timeout", metavar="SECONDS", type=float, default=10.0, help="how long the scheduler may take to answer")
-    parser.add_argument("--retries", metavar="N", type=int, default=5, help="how often a task may be lost before its file is given up")
+    parser.add_argument("--retries", metavar="N", type=int, default=5, help="how often a task may come back damaged before its file is given up")
     parser.add_argument("--price", metavar="PRICE", type=float, help="price of a core for an hour: the page then has costs")
     parser.add_argument("--json", action="store_true", help="print what was made as JSON")
     parser.add_argument("--quiet", action="store_true", help="print errors only")
@@ -65,6 +68,7 @@ def _run(args: argparse.Namespace) -> int:
         from .cluster import Cache, Library, connect, farm, report
     except ImportError as error:
         raise Error(f"{error}: pip install plywave[cluster]") from None
+    _only_our_lines()
     if args.retries < 0 or args.jobs < 1 or not args.timeout > 0.0:
         raise Error("--retries, --jobs, --timeout: give 0 or more, 1 or more, more than 0")
     library = Library(args.library)
@@ -83,7 +87,10 @@ def _run(args: argparse.Namespace) -> int:
             if one.data is not None:
                 _plywave.write_file(os.path.join(folder, f"{one.item.name}.{one.item.extension}"), one.data)
             told.done(one)
-        seconds, slots = time.monotonic() - begun, max(1, sum(client.nthreads().values()))
+        seconds, slots = time.monotonic() - begun, 1
+        # All is made; a scheduler that ends now only leaves the number of cores unknown.
+        with contextlib.suppress(OSError, RuntimeError):
+            slots = max(slots, sum(client.nthreads().values()))
     order = {item.key: at for at, item in enumerate(library.items)}
     made.sort(key=lambda one: order[one.item.key])
     page = report(library.name, made, seconds=seconds, slots=slots, price_per_core_hour=args.price, damaged=cache.damaged)
@@ -94,6 +101,16 @@ def _run(args: argparse.Namespace) -> int:
     elif not args.quiet:
         print(f"{folder}: {sum(one.data is not None for one in made)} of {len(made)} files, report.html; {seconds:.1f} s with {slots} cores")
     return 1 if any(one.data is None for one in made) else 0
+
+
+def _only_our_lines() -> None:
+    """Keeps Dask's log to itself: it tells every worker that dies by pages of it."""
+    # It sets the levels of its loggers when it is imported.
+    with contextlib.suppress(ImportError):
+        import_module("distributed")
+    for name in [*logging.root.manager.loggerDict, "asyncio", "tornado"]:
+        if name.partition(".")[0] in ("asyncio", "distributed", "tornado"):
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
 
 
 class _Lines:

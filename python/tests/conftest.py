@@ -38,6 +38,26 @@ lobes_high = 2
 """
 
 
+_LOADED = {}
+
+
+def fabrics_once():
+    """Has `plywave.mitsuba` load each fabric once a process: its tables, and the mean over the repeat, take seconds."""
+    from plywave.mitsuba import _native
+
+    load = _native.FabricTables
+    if isinstance(load, type):
+
+        def once(filename=None, text=None, folder=".", diffracted=True, **parts):
+            parts = {"layers": True, "shadowing": True, "edges": True, "slits": True, "speckle": False, "far": False} | parts
+            key = (filename, text, folder, diffracted, *parts.items())
+            if key not in _LOADED:
+                _LOADED[key] = load(filename, text, folder, diffracted, **parts)
+            return _LOADED[key]
+
+        _native.FabricTables = once
+
+
 @pytest.fixture(scope="session")
 def tiny():
     return TINY

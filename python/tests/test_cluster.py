@@ -1,10 +1,12 @@
 """The farm: the same bits as one machine, whatever dies or comes back damaged; nothing computed twice; bad input in one line."""
 
 import base64
+import contextlib
 import json
 import os
 import random
 import signal
+import socket
 import struct
 import subprocess
 import sys
@@ -20,9 +22,11 @@ from plywave import Error
 
 pytest.importorskip("distributed")
 from plywave import cluster
-from plywave.cluster import _farm, _items
+from plywave import _plywave
+from plywave.cluster import _farm, _items, _local, _workers
 
 from conftest import FABRICS, TINY as SPEC
+from soak_cluster import Killer
 
 SMALL = {"quality": "preview", "paths": 6000, "instances": 2}
 
@@ -110,6 +114,15 @@ def test_damaged_caches_are_mended(client, model, tmp_path):
     assert made[0].facts["shards"] > 0
 
 
+def test_caches_that_stay_damaged_are_told(client, tmp_path, monkeypatch):
+    list(_farm.farm(items(), client, cluster.Cache(tmp_path)))
+    for name in os.listdir(tmp_path / "made"):
+        os.remove(tmp_path / "made" / name)
+    monkeypatch.setattr(_farm._Farm, "bytes_of", lambda *_: None)
+    (made,) = _farm.farm(items(), client, cluster.Cache(tmp_path), retries=2)
+    assert made.data is None and made.error == "tiny: its shards are damaged in the cache again and again"
+
+
 def test_two_farms_on_one_cache(client, model, tmp_path):
     results = []
 
@@ -126,28 +139,87 @@ def test_two_farms_on_one_cache(client, model, tmp_path):
 
 
 def test_workers_that_die(tmp_path):
-    """Killed while they work: a shard takes a tenth of a second or so, and a worker dies twice a second."""
+    """Killed while they start, as data are sent to them, and while they work: the same bits, and no shard twice."""
     sizes = {**SMALL, "paths": 200_000}
-    killed, over = [], threading.Event()
-    with cluster.connect(local=2) as client:
+    with Killer(10, 0.4) as killer, cluster.connect(local=2) as client:
+        killer.watch(client)
+        cache, seed = cluster.Cache(tmp_path), 0
+        # Models until enough have died.
+        while killer.killed < killer.kills or not seed:
+            seed += 1
+            item = cluster.yarn_item(SPEC, name="tiny", seed=seed, **sizes)
+            (made,) = _farm.farm([item], client, cache, retries=0)
+            assert made.error == "" and made.facts["shards"] == item.jobs[0].shards
+            assert made.data == plywave.build(SPEC, seed=seed, **sizes).to_bytes()
+    assert killer.killed == 10 and killer.starting > 0, (killer.starting, killer.sending, killer.working)
 
-        def kill():
-            while len(killed) < 3 and not over.wait(0.5):
-                try:
-                    pids = sorted(client.run(os.getpid, on_error="ignore").values())
-                    os.kill(pids[len(killed) % len(pids)], signal.SIGKILL)
-                    killed.append(pids)
-                except (OSError, ZeroDivisionError, RuntimeError):
-                    pass
 
-        killer = threading.Thread(target=kill)
-        killer.start()
-        item = cluster.yarn_item(SPEC, name="tiny", **sizes)
-        made = list(_farm.farm([item], client, cluster.Cache(tmp_path), retries=20))
-        over.set()
-        killer.join()
-    assert [one.data for one in made] == [plywave.build(SPEC, **sizes).to_bytes()]
-    assert len(killed) >= 2 and made[0].facts["shards"] == item.jobs[0].shards
+def test_a_worker_dies_as_data_are_sent_to_it(client, model, tmp_path):
+    scatter, pids = client.scatter, []
+
+    def deadly(*args, workers, **options):
+        if len(pids) < 2:
+            pids.extend(client.run(os.getpid, workers=workers).values())
+            os.kill(pids[-1], signal.SIGKILL)
+        return scatter(*args, workers=workers, **options)
+
+    client.scatter = deadly
+    try:
+        (made,) = _farm.farm(items(), client, cluster.Cache(tmp_path), retries=0)
+    finally:
+        del client.scatter
+    assert made.data == model and len(pids) == 2
+
+
+def test_farms_whose_workers_all_die_end(tmp_path):
+    """Too many deaths without anything finished in between: one line, and what was finished is kept."""
+    with cluster.connect(local=1) as client:
+        with Killer(10**6, 0.01) as killer:
+            killer._made.append(_workers.local_workers(client))
+            with pytest.raises(Error, match="6 times one after the other a worker died and nothing was finished.*; the last: .*exit code -9.*run it again") as told:
+                list(_farm.farm(items(), client, cluster.Cache(tmp_path), deaths=5))
+    assert "\n" not in str(told.value)
+
+
+def test_workers_that_cannot_start_are_told(monkeypatch):
+    monkeypatch.setattr(_local, "_CODE", "raise SystemExit('this Python is broken')")
+    monkeypatch.setattr(_workers, "MOST_DEATHS", 3)
+    begun = time.monotonic()
+    with pytest.raises(Error, match="local = 2: no worker process starts; . of them died, the last with exit code 1: this Python is broken"):
+        with cluster.connect(local=2):
+            pass
+    assert time.monotonic() - begun < 20
+
+
+def test_items_fail_by_their_own_faults_alone(inside, model, tmp_path, monkeypatch):
+    """An error that a task raises once is not the item's; the same one twice is, and the others go on."""
+    run, calls = _items.run_blocks, []
+
+    def raises(description, extent, blocks):
+        calls.append(description)
+        if '"seed":7' in description or len(calls) == 1:
+            raise ZeroDivisionError("of the task")
+        return run(description, extent, blocks)
+
+    monkeypatch.setattr(_items, "run_blocks", raises)
+    bad = cluster.yarn_item(SPEC, name="bad", **{**SMALL, "seed": 7})
+    made = {one.item.name: one for one in _farm.farm([*items(), bad], inside, cluster.Cache(tmp_path))}
+    assert made["tiny"].data == model and made["tiny"].error == ""
+    assert made["bad"].data is None and made["bad"].error == "bad: ZeroDivisionError: of the task"
+    # What plywave itself tells ends an item at once.
+    calls.clear()
+    monkeypatch.setattr(_items, "run_blocks", lambda *_: _plywave.json_of_toml("=", "spec"))
+    (one,) = _farm.farm([cluster.yarn_item(SPEC, name="worse", **{**SMALL, "seed": 8})], inside, cluster.Cache(tmp_path), retries=100)
+    assert one.data is None and one.error.startswith("spec") and one.facts["retries"] == 0
+
+
+def test_words_for_workers_that_are_gone():
+    from distributed.comm import CommClosedError
+    from distributed.scheduler import KilledWorker
+
+    gone = [None, KilledWorker("task", None, 3), CommClosedError("x"), TimeoutError(), ConnectionResetError()]
+    assert all(_farm.is_loss(error) for error in gone)
+    assert not any(_farm.is_loss(error) for error in (Error("x"), MemoryError(), OSError(28, "No space left on device"), ModuleNotFoundError("plywave")))
 
 
 def test_damaged_results_are_run_again(inside, model, tmp_path, monkeypatch):
@@ -477,6 +549,9 @@ def test_mutated_libraries(folder):
     [
         (LIBRARY.replace("paths", "pahts"), ["yarn[1].pahts = 6000", "did you mean paths?"]),
         (LIBRARY.replace("6000", "'many'"), ["yarn[1].paths = 'many'", "give a whole number"]),
+        (LIBRARY + "speckle = 1.5\n", ["yarn[1].speckle = 1.5", "give true or false or a whole number"]),
+        (LIBRARY + "speckle = -1\n", ["yarn[1]", "speckle = -1"]),
+        (LIBRARY + "[[compare]]\nspec = 'yarn.toml'\nlambda_um = true\n", ["compare[1].lambda_um = True", "give a number or a list"]),
         (LIBRARY.replace('quality = "preview"', 'quality = "good"'), ['quality = "good"', '"preview"']),
         (LIBRARY.replace("yarn.toml", "none.toml"), ["none.toml"]),
         (LIBRARY + LIBRARY[LIBRARY.index("[[") :], ["yarn.pwm is made twice"]),
@@ -495,11 +570,55 @@ def test_bad_libraries(folder, text, words):
     assert not (folder / "out").exists()
 
 
+@pytest.mark.parametrize(("value", "same"), [("true", True), ("false", False), ("0", False), ("3", 3)])
+def test_speckle_in_libraries(folder, value, same):
+    (folder / "library.toml").write_text(LIBRARY + f"speckle = {value}\n")
+    (item,) = cluster.Library(folder / "library.toml").items
+    assert item.key == cluster.yarn_item(folder / "yarn.toml", speckle=same, **SMALL).key
+
+
 def test_dead_scheduler(folder):
     begun = time.monotonic()
     done = run(str(folder / "library.toml"), "-o", str(folder / "out"), "--scheduler", "tcp://127.0.0.1:9", "--timeout", "1")
-    assert done.returncode == 2 and "tcp://127.0.0.1:9: no answer" in done.stderr.splitlines()[-1]
+    assert done.returncode == 2 and "tcp://127.0.0.1:9: no answer" in done.stderr and len(done.stderr.splitlines()) == 1
     assert time.monotonic() - begun < 60
+
+
+@pytest.mark.parametrize("says", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n", b"SSH-2.0-OpenSSH\r\n", b"\x05" + bytes(12), b"-ERR\r\n", None])
+def test_what_is_no_scheduler_is_told(says):
+    """A port that is silent, speaks first, answers, or hangs up: one line within the time."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        kept = []
+
+        def serve():
+            with contextlib.suppress(OSError):
+                while True:
+                    kept.append(server.accept()[0])
+                    if says is None:
+                        kept.pop().close()
+                    elif says:
+                        kept[-1].sendall(says)
+
+        threading.Thread(target=serve, daemon=True).start()
+        begun = time.monotonic()
+        with pytest.raises(Error, match=f"scheduler = tcp://127.0.0.1:{server.getsockname()[1]}: ") as told:
+            with cluster.connect(f"tcp://127.0.0.1:{server.getsockname()[1]}", timeout_s=1.0):
+                pass
+        assert time.monotonic() - begun < 3.0 and "\n" not in str(told.value), told.value
+        for one in kept:
+            one.close()
+
+
+def test_other_addresses_are_told(client):
+    worker = next(iter(client.nthreads()))
+    for address, words in [(worker, "a Dask worker answers"), (client.dashboard_link.replace("/status", ""), "give tcp://HOST:PORT"), ("nonsense", "give tcp://HOST:PORT")]:
+        with pytest.raises(Error, match=words) as told:
+            with cluster.connect(address, timeout_s=1.0):
+                pass
+        assert "\n" not in str(told.value)
+    # The scheduler's own is taken, from within a running loop too, as in a notebook.
+    with cluster.connect(client.cluster.scheduler_address) as other:
+        assert other.nthreads() == client.nthreads()
 
 
 def test_bad_slurm(folder):

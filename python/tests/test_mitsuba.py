@@ -33,20 +33,10 @@ import plywave  # noqa: E402
 import plywave.mitsuba  # noqa: E402  (registers the plugins)
 from plywave.mitsuba import _native  # noqa: E402
 
-
-_load, _loaded = _native.FabricTables, {}
-
-
-def once(filename=None, text=None, folder=".", diffracted=True, **parts):
-    """A fabric of these keys, loaded once: the mean over the repeat takes seconds."""
-    parts = {"layers": True, "shadowing": True, "edges": True, "slits": True, "speckle": False, "far": False} | parts
-    key = (filename, text, folder, diffracted, *parts.items())
-    if key not in _loaded:
-        _loaded[key] = _load(filename, text, folder, diffracted, **parts)
-    return _loaded[key]
+from conftest import fabrics_once  # noqa: E402
 
 
-_native.FabricTables = once
+fabrics_once()
 
 
 @pytest.fixture(autouse=True)
@@ -444,7 +434,7 @@ def test_gradients_by_the_scale_are_differences(spec, share, keys, wo):
         ({"filename": SATIN, "layer": True}, "layer: unknown key: did you mean 'layers'?"),
         ({"filename": SATIN, "layers": 3.0}, "layers: 3.0: expected true or false"),
         ({"filename": SATIN, "gaps": "open"}, "gaps: 'open': expected"),
-        ({"filename": SATIN, "um_per_uv": 0.0}, "um_per_uv: 0.0: expected one or two numbers other than 0"),
+        ({"filename": SATIN, "um_per_uv": 0.0}, "um_per_uv: 0.0: expected one or two numbers above 0"),
         ({"filename": "absent.toml"}, "absent.toml"),
         ({"filename": SATIN, "warp_color": 0.5, "warp_sigma_per_um": 0.1}, "warp_color: given with warp_sigma_per_um"),
         ({"spec": "name = 3"}, "name"),

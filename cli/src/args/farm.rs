@@ -26,7 +26,10 @@ pub struct FarmArgs {
     /// Jobs that Slurm is asked for.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub jobs: Option<u32>,
-    /// How often a task may be lost before its file is given up [default: 5].
+    /// How long the scheduler may take to answer [s] [default: 10].
+    #[arg(long, value_name = "SECONDS")]
+    pub timeout: Option<f64>,
+    /// How often a task may come back damaged before its file is given up [default: 5].
     #[arg(long, value_name = "N")]
     pub retries: Option<u32>,
     /// Price of a core for an hour: the page then has costs.

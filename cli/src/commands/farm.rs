@@ -22,6 +22,7 @@ pub fn run(cli: &Cli, args: &FarmArgs) -> Outcome {
     option("--local", args.local.or(cli.threads).filter(|_| local(args)).map(|n| n.to_string().into()));
     option("--slurm", args.slurm.clone().map(Into::into));
     option("--jobs", args.jobs.map(|n| n.to_string().into()));
+    option("--timeout", args.timeout.map(|s| s.to_string().into()));
     option("--retries", args.retries.map(|n| n.to_string().into()));
     option("--price", args.price.map(|p| p.to_string().into()));
     for (flag, given) in [("--json", cli.json), ("--quiet", cli.quiet)] {

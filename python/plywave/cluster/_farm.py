@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import asyncio
 import base64
+import contextlib
 import json
 import time
 from collections import deque
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import Any, Callable, Deque, Dict, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple, Union
+from typing import Any, Callable, Deque, Dict, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from .. import _plywave
 from .._plywave import Error
 from . import _items
 from ._cache import Cache
-from ._items import Item, Job
-from ._workers import check_versions
+from ._items import Item, Job, one_line
+from ._workers import MOST_DEATHS, check_versions, local_workers
 
 Block = Tuple[int, int]
 Key = Tuple[int, int]
@@ -30,7 +32,15 @@ GROUPS_A_SLOT = 4
 
 
 LOOK_S = 0.5
-"""How often workers are looked at while nothing comes [s]."""
+"""How often workers are looked at [s]."""
+
+SILENT_S = 60.0
+"""How long the scheduler may leave a question without an answer [s]."""
+
+LEAST_REST_S, MOST_REST_S = 0.2, 5.0
+"""How long a worker that did not take its data gets nothing [s]: at first, doubled each time, at most the last."""
+
+GOES_ON = "what is finished is in the cache: run it again"
 
 
 class Made(NamedTuple):
@@ -55,6 +65,9 @@ class _Work:
     shards: int = 0
     seconds: float = 0.0
     retries: int = 0
+    """Tasks that were run again."""
+    damaged: int = 0
+    """How often its shards were found damaged in the cache."""
     failed: str = ""
 
 
@@ -65,7 +78,10 @@ class _Task:
     work: _Work
     job: int
     blocks: List[Block]
-    tries: int = 0
+    faults: int = 0
+    """How often it came back damaged, or raised an error."""
+    raised: str = ""
+    """The kind of error that it raised last."""
     worker: str = ""
     """Where it was sent."""
 
@@ -151,50 +167,77 @@ def farm(
     cache: Cache,
     *,
     retries: int = 5,
+    deaths: int = MOST_DEATHS,
     told: Optional[Told] = None,
 ) -> Iterator[Made]:
     """Makes items, and gives each when it is done. The same bits come out whatever the workers are, how many of them die, and how often; what is in the cache is not
-    computed again.
+    computed again. What is lost with a worker is run again and never counts against its item.
 
     Args:
         items: What is to be made, the first first.
         client: A Dask client (`connect`).
         cache: Where shards and files are kept.
-        retries: How often a task may be lost, or come back damaged, before its item is given up.
+        retries: How often a task may come back damaged before its item is given up. An error that a task raises twice ends its item too, one of plywave's own at once.
+        deaths: How many workers may die one after the other while nothing is finished.
         told: Called with an item's name, its finished shards and all of them.
 
     Raises:
-        Error: where the cache cannot be written, and for workers of another version.
+        Error: where the cache cannot be written, the scheduler is gone or silent, more workers than `deaths` died in a row, and for workers of another version.
     """
-    run = _Farm(client, cache, retries, told)
+    run = _Farm(client, cache, retries, deaths, told)
     try:
         yield from run.all(items)
     finally:
         run.stop()
 
 
+def is_loss(error: Optional[BaseException]) -> bool:
+    """Whether an error is Dask's word for a worker, or a result, that is gone; the others are of the task itself."""
+    dasks = error is None or type(error).__module__.partition(".")[0] in ("dask", "distributed", "tornado")
+    return dasks or isinstance(error, (ConnectionError, TimeoutError, asyncio.TimeoutError, asyncio.CancelledError))
+
+
 class _Farm:
-    def __init__(self, client: Any, cache: Cache, retries: int, told: Optional[Told]) -> None:
-        self.client, self.cache, self.retries, self.told = client, cache, retries, told
+    def __init__(self, client: Any, cache: Cache, retries: int, most_deaths: int, told: Optional[Told]) -> None:
+        self.client, self.cache, self.retries, self.most_deaths, self.told = client, cache, retries, most_deaths, told
         self.tasks: Dict[str, _Task] = {}
         self.queue = _Queue()
         self.flying: Dict[str, int] = {}
         """Tasks that each worker has."""
+        self.resting: Dict[str, Tuple[float, float]] = {}
+        """Workers that did not take their data: until when they rest, and for how long [s]."""
         self.futures: Dict[str, Any] = {}
+        self.ended: List[Made] = []
+        """Items that were given up as their end was to be sent."""
         self.number = 0
         self.groups = False
         self.most_tasks = 1
+        self.looked = 0.0
+        self.local = local_workers(client)
+        self.local_deaths = 0 if self.local is None else self.local.deaths
+        self.deaths = 0
+        """Workers that died, and what was lost with them, since something was finished."""
+        self.last_words = ""
 
-    def slots(self) -> int:
-        return max(1, int(sum(self.client.nthreads().values())))
+    def ask(self, call: Callable[[], Any]) -> Any:
+        """What the scheduler answers."""
+        try:
+            return call()
+        except (TimeoutError, asyncio.TimeoutError):
+            raise Error(f"the scheduler has not answered for {SILENT_S:g} s; {GOES_ON}") from None
+        except (OSError, RuntimeError, asyncio.CancelledError):
+            raise Error(f"the scheduler is gone; {GOES_ON}") from None
+
+    def threads(self) -> Dict[str, int]:
+        """Threads of the workers that are there."""
+        found: Dict[str, int] = self.ask(lambda: self.client.nthreads(callback_timeout=SILENT_S))
+        return found
 
     def stop(self) -> None:
         if self.futures:
-            try:
+            # A scheduler that is gone has nothing to cancel.
+            with contextlib.suppress(Exception):
                 self.client.cancel(list(self.futures.values()), force=True)
-            except (OSError, RuntimeError, TimeoutError):
-                # A scheduler that is gone has nothing to cancel.
-                pass
         self.futures.clear()
 
     def all(self, items: Sequence[Item]) -> Iterator[Made]:
@@ -205,17 +248,24 @@ class _Farm:
                 left.append(item)
             else:
                 yield Made(item, kept.data, "", {**kept.facts, "cached": True})
+        if not left:
+            return
+        slots = max(1, sum(self.threads().values()))
         # Groups are added up on the worker: where all items together have enough of them, a group's bytes travel in place of every shard's.
         groups = sum(-(-job.shards // job.group) for item in left for job in item.jobs)
-        self.groups = groups >= GROUPS_A_SLOT * self.slots()
-        self.most_tasks = max(1, TASKS_A_SLOT * self.slots() // max(1, len(left)))
+        self.groups = groups >= GROUPS_A_SLOT * slots
+        self.most_tasks = max(1, TASKS_A_SLOT * slots // max(1, len(left)))
         for item in left:
             self.begin(_Work(item))
         self.done = import_module("distributed").as_completed(with_results=False)
         self.fill()
-        while self.futures or self.queue:
+        while self.futures or self.queue or self.ended:
+            while self.ended:
+                yield self.ended.pop()
             future = self.next()
             made = self.take(future) if future is not None else None
+            if time.monotonic() - self.looked >= LOOK_S:
+                self.look()
             self.fill()
             if made is not None:
                 yield made
@@ -225,29 +275,49 @@ class _Farm:
         until = time.monotonic() + LOOK_S
         while time.monotonic() < until:
             if self.client.status == "closed":
-                raise Error("the scheduler is gone; what is finished is in the cache: run it again")
+                raise Error(f"the scheduler is gone; {GOES_ON}")
             while self.done.has_ready():
                 future = next(self.done)
                 # Others were called back.
                 if self.futures.get(future.key) is future:
                     return future
             time.sleep(0.002)
-        self.call_back()
         return None
 
-    def call_back(self) -> None:
-        """Takes back what was sent to workers that are gone: Dask does not give it to one that comes after the last of them has died."""
-        threads = self.client.nthreads()
+    def look(self) -> None:
+        """Counts workers that are gone, and takes back what was sent to them: Dask does not give it to one that comes after the last of them has died."""
+        threads = self.threads()
+        for worker in [worker for worker in self.flying if worker not in threads]:
+            had = self.flying.pop(worker)
+            # Those that `connect` started are counted where they are started.
+            if had and self.local is None:
+                self.lose(f"worker {worker} is gone")
+        if self.local is not None and self.local.deaths > self.local_deaths:
+            self.deaths += self.local.deaths - self.local_deaths - 1
+            self.local_deaths = self.local.deaths
+            self.lose(f"a worker ended with {self.local.last_words}")
         for key in [key for key, task in self.tasks.items() if task.worker not in threads]:
-            task, future = self.tasks.pop(key), self.futures.pop(key)
+            future = self.futures[key]
             if future.done():
                 # It came while this was looked at.
-                self.tasks[key], self.futures[key] = task, future
                 continue
-            future.cancel(force=True)
-            self.flying[task.worker] -= 1
-            task.work.retries += 1
-            self.queue.first.append(task)
+            self.ask(lambda: future.cancel(force=True))
+            del self.futures[key]
+            self.again(self.tasks.pop(key))
+        self.looked = time.monotonic()
+
+    def lose(self, words: str) -> None:
+        """Counts a death; ends the farm where too many follow each other."""
+        self.deaths, self.last_words = self.deaths + 1, words
+        if self.deaths > self.most_deaths:
+            names = sorted({task.work.item.name for task in self.tasks.values()} | {task.work.item.name for task in self.queue.first})
+            left = f" (then at work on {', '.join(names[:5])})" if names else ""
+            raise Error(f"{self.deaths} times one after the other a worker died and nothing was finished{left}; the last: {words}; {GOES_ON}")
+
+    def again(self, task: _Task) -> None:
+        """Has a task run again."""
+        task.work.retries += 1
+        self.queue.first.append(task)
 
     def begin(self, work: _Work) -> None:
         """What of an item is missing."""
@@ -261,16 +331,19 @@ class _Farm:
 
     def fill(self) -> None:
         """Keeps workers busy, with no more in flight than they will soon take up."""
-        threads = self.client.nthreads()
-        for worker, count in sorted(threads.items(), key=lambda one: self.flying.get(one[0], 0) / max(1, one[1])):
-            while self.flying.get(worker, 0) < 3 * count:
+        if not self.queue:
+            return
+        now = time.monotonic()
+        for worker, count in sorted(self.threads().items(), key=lambda one: self.flying.get(one[0], 0) / max(1, one[1])):
+            while self.flying.get(worker, 0) < 3 * count and self.resting.get(worker, (0.0, 0.0))[0] <= now:
                 task = self.queue.take(worker)
                 if task is None:
                     return
-                if not task.work.failed:
-                    self.submit(task, worker)
+                if not task.work.failed and not self.submit(task, worker):
+                    break
 
-    def submit(self, task: _Task, worker: str) -> None:
+    def submit(self, task: _Task, worker: str) -> bool:
+        """Sends a task, where the worker takes its data."""
         self.number += 1
         key = f"plywave-{task.work.item.name}-{task.job}-{self.number}"
         # A wish: where that worker dies, or has much to do while another has nothing, another one runs it.
@@ -279,10 +352,17 @@ class _Farm:
             shards = [self.bytes_of(job) for job in task.work.item.jobs]
             if any(found is None for found in shards):
                 # Damaged since it was found whole: it is run again.
-                self.again(task.work)
-                return
-            # As one future: a worker that dies loses nothing that the scheduler cannot send again.
-            data = self.client.scatter(shards, hash=False)
+                self.mend(task.work)
+                return True
+            try:
+                data = self.client.scatter(shards, workers=[worker], hash=False)
+            except Exception as error:  # noqa: BLE001 - the worker died meanwhile: Dask has many words for that
+                rest = min(max(2.0 * self.resting.get(worker, (0.0, 0.0))[1], LEAST_REST_S), MOST_REST_S)
+                self.resting[worker] = (time.monotonic() + rest, rest)
+                self.again(task)
+                self.lose(f"worker {worker} did not take its data, {one_line(error)}")
+                return False
+            self.resting.pop(worker, None)
             future = self.client.submit(_items.finish, task.work.item, data, **options)
         else:
             job = task.work.item.jobs[task.job]
@@ -291,11 +371,13 @@ class _Farm:
         self.flying[worker] = self.flying.get(worker, 0) + 1
         self.tasks[key], self.futures[key] = task, future
         self.done.add(future)
+        return True
 
-    def again(self, work: _Work) -> None:
-        work.retries += 1
-        if work.retries > self.retries:
-            work.failed = "its shards are damaged in the cache again and again"
+    def mend(self, work: _Work) -> None:
+        """Has what is damaged in the cache of an item's shards run again."""
+        work.retries, work.damaged = work.retries + 1, work.damaged + 1
+        if work.damaged > self.retries:
+            self.ended.append(self.give_up(work, f"{work.item.name}: its shards are damaged in the cache again and again"))
             return
         self.begin(work)
 
@@ -307,7 +389,8 @@ class _Farm:
         """Takes up what a task left; gives its item where that is done or given up."""
         task = self.tasks.pop(future.key)
         del self.futures[future.key]
-        self.flying[task.worker] -= 1
+        if task.worker in self.flying:
+            self.flying[task.worker] -= 1
         work = task.work
         if work.failed:
             return None
@@ -316,17 +399,21 @@ class _Farm:
             try:
                 result = future.result()
             except Exception as error:  # noqa: BLE001 - the worker died with the result: whatever Dask calls that, it is run again
-                return self.lost(task, error)
+                self.died(task, error)
+                return None
         else:
             why: Optional[BaseException] = None
             try:
                 why = future.exception() if future.status == "error" else None
             except Exception as error:  # noqa: BLE001 - likewise
-                why = error
-            if isinstance(why, Error):
-                check_versions(self.client)
-                return self.give_up(work, str(why))
-            return self.lost(task, why)
+                self.died(task, error)
+                return None
+            if is_loss(why):
+                self.died(task, why)
+                return None
+            # Of a worker without plywave, or with another version, the farm tells that.
+            self.ask(lambda: check_versions(self.client))
+            return self.give_up(work, str(why)) if isinstance(why, Error) else self.raised(task, why)
         if task.job < 0:
             return self.finished(task, result)
         job = work.item.jobs[task.job]
@@ -337,7 +424,8 @@ class _Farm:
             except Error:
                 whole = False
         if not whole:
-            return self.lost(task, None)
+            return self.damaged(task, "damaged results")
+        self.deaths = 0
         for first, count, data in result.files:
             self.cache.keep_shard(job, first, count, data)
             work.left[task.job] -= count
@@ -362,7 +450,8 @@ class _Farm:
             else:
                 _plywave.check_bytes(work.item.file_kind, result.data, work.item.name)
         except Error as error:
-            return self.lost(task, error)
+            return self.damaged(task, one_line(error))
+        self.deaths = 0
         facts = {
             "name": work.item.name,
             "version": _plywave.__version__,
@@ -376,14 +465,26 @@ class _Farm:
         kept = self.cache.keep(work.item, result.data, facts)
         return Made(work.item, kept.data, "", {**kept.facts, "cached": False})
 
-    def lost(self, task: _Task, error: Union[BaseException, None]) -> Optional[Made]:
-        """A worker died, or what it sent is damaged: another try."""
-        task.tries += 1
-        task.work.retries += 1
-        if task.tries > self.retries:
-            why = f"{type(error).__name__}: {error}".splitlines()[0] if error is not None else "damaged results"
-            return self.give_up(task.work, f"{task.work.item.name}: a task was lost {task.tries} times; last: {why}")
-        self.queue.first.append(task)
+    def died(self, task: _Task, error: Optional[BaseException]) -> None:
+        """A worker died with a task or its result."""
+        self.again(task)
+        self.lose(f"a task was lost, {one_line(error)}" if error is not None else "a task was lost")
+
+    def damaged(self, task: _Task, words: str) -> Optional[Made]:
+        """What came back is not what was asked for: another try."""
+        task.faults += 1
+        if task.faults > self.retries:
+            return self.give_up(task.work, f"{task.work.item.name}: a task was lost {task.faults} times; last: {words}")
+        self.again(task)
+        return None
+
+    def raised(self, task: _Task, error: Optional[BaseException]) -> Optional[Made]:
+        """An error of the task itself: another worker may do better, once."""
+        kind, task.faults = type(error).__name__, task.faults + 1
+        if task.raised == kind or task.faults > self.retries:
+            return self.give_up(task.work, f"{task.work.item.name}: {one_line(error)}")
+        task.raised = kind
+        self.again(task)
         return None
 
     def give_up(self, work: _Work, why: str) -> Made:

@@ -9,7 +9,7 @@ import os
 import tempfile
 import time
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Union
 
 from .. import _plywave
 from .._files import PathLike
@@ -255,17 +255,24 @@ def version() -> str:
     return _plywave.__version__
 
 
-def check_options(given: Dict[str, Any], known: Dict[str, type], where: str) -> None:
-    """Refuses keys that are not known, and values of another type."""
+def one_line(error: Optional[BaseException]) -> str:
+    """An error's kind and its words."""
+    text = " ".join(str(error).split())[:300]
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
+def check_options(given: Dict[str, Any], known: Mapping[str, Union[type, Tuple[type, ...]]], where: str) -> None:
+    """Refuses keys that are not known, and values of another type than one of the key's."""
     import difflib
 
+    words = {str: "a text", int: "a whole number", bool: "true or false", float: "a number", list: "a list"}
     for key, value in given.items():
         if key not in known:
             near = difflib.get_close_matches(key, known, 1)
             hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
             raise Error(f"{where}.{key} = {value!r}: unknown key; {hint}")
         want = known[key]
-        fits = isinstance(value, want) and (want is bool or not isinstance(value, bool))
-        if not (fits or (want is float and isinstance(value, int) and not isinstance(value, bool))):
-            words = {str: "a text", int: "a whole number", bool: "true or false", float: "a number", object: "a value"}
-            raise Error(f"{where}.{key} = {value!r}: give {words[want]}")
+        kinds = want if isinstance(want, tuple) else (want,)
+        kind = type(value)
+        if kind not in kinds and not (kind is int and float in kinds):
+            raise Error(f"{where}.{key} = {value!r}: give {' or '.join(words[one] for one in kinds)}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from typing import Any, Callable, Dict, List
+from typing import Any, Callable, Dict, List, Tuple, Union
 
 from .. import _plywave
 from .._files import PathLike
@@ -12,8 +12,8 @@ from .._plywave import Error
 from ._items import Item, check_options, compare_item, family_item, fiber_item, speckle_item, twin_item, yarn_item
 
 _TOP: Dict[str, type] = {"name": str, "quality": str, "seed": int, "yarn": list, "family": list, "fiber": list, "speckle": list, "twin": list, "compare": list}
-_KEYS: Dict[str, Dict[str, type]] = {
-    "yarn": {"spec": str, "name": str, "quality": str, "seed": int, "paths": int, "instances": int, "speckle": object},
+_KEYS: Dict[str, Dict[str, Union[type, Tuple[type, ...]]]] = {
+    "yarn": {"spec": str, "name": str, "quality": str, "seed": int, "paths": int, "instances": int, "speckle": (bool, int)},
     "family": {"spec": str, "name": str, "quality": str, "seed": int, "nodes": int, "paths": int, "instances": int},
     "fiber": {
         "spec": str,
@@ -35,8 +35,8 @@ _KEYS: Dict[str, Dict[str, type]] = {
         "name": str,
         "seed": int,
         "instances": int,
-        "lambda_um": object,
-        "h_rel": object,
+        "lambda_um": (float, list),
+        "h_rel": (float, list),
         "theta_i_deg": float,
         "sigma_per_um": float,
         "tolerance": float,
@@ -70,9 +70,9 @@ class Library:
             raise Error(f"{file}: {getattr(error, 'strerror', None) or error}") from None
         data = json.loads(_plywave.json_of_toml(text, file))
         for key, value in data.items():
-            if key not in _TOP or not isinstance(value, _TOP[key]) or isinstance(value, bool):
-                check_options({key: value}, {k: (object if t is list else t) for k, t in _TOP.items()}, file)
+            if key in _KEYS and not isinstance(value, list):
                 raise Error(f"{file}: {key} is no list of tables; write [[{key}]]")
+            check_options({key: value}, _TOP, file)
         self.name: str = data.get("name", os.path.splitext(os.path.basename(file))[0])
         self.items: List[Item] = []
         for kind in _KEYS:
@@ -102,9 +102,6 @@ def _item(kind: str, entry: Any, where: str, library: Dict[str, Any], folder: st
         if key in library and key in _KEYS[kind]:
             options.setdefault(key, library[key])
     path = os.path.join(folder, options.pop(source))
-    speckle = options.get("speckle", True)
-    if not isinstance(speckle, (bool, int)):
-        raise Error(f"{where}.speckle = {speckle!r}: give true, false or a number of fibers")
     try:
         return _MAKE[kind](path, **options)
     except Error as error:

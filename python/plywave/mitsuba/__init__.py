@@ -25,19 +25,15 @@ def _register(old=None, new=None):
 def check(scene):
     """Refuses a scene in which a shape cannot carry the plugin that it has; what a plugin cannot see by itself.
 
-    Raises ``ValueError``, in one line, for a mesh without texture coordinates under ``plywave_fabric``, and for a ``linearcurve`` under ``plywave_ply`` or ``plywave_fiber``:
-    Mitsuba's linear curves do not tell where they run; take ``bsplinecurve``.
+    Raises ``ValueError``, in one line, for a mesh without texture coordinates, for ``plywave_fabric`` on a curve, and for ``plywave_ply`` or ``plywave_fiber`` on what is neither a
+    ``bsplinecurve`` nor a tube (Mitsuba's ``linearcurve`` does not tell where it runs). BSDFs within others, such as ``mask`` and ``twosided``, are looked at too.
     """
+    from ._base import misfit, plugins_of
+
     for shape in scene.shapes():
-        bsdf = shape.bsdf()
-        kind = type(bsdf).__name__
-        name = shape.id() or shape.class_name()
-        if kind == "Fabric" and shape.is_mesh() and not shape.has_vertex_texcoords():
-            raise ValueError(f"{name}: no texture coordinates: plywave_fabric needs uv, along whose u the weft runs")
-        if kind == "Fabric" and "Curve" in shape.class_name():
-            raise ValueError(f"{name}: a curve: plywave_fabric is for surfaces: use plywave_ply")
-        if kind in ("Ply", "OneFiber") and shape.class_name() == "LinearCurve":
-            raise ValueError(f"{name}: a linearcurve: Mitsuba does not tell where it runs: use a bsplinecurve")
+        for bsdf in plugins_of(shape.bsdf()):
+            if text := misfit(bsdf, shape):
+                raise ValueError(text)
 
 
 _mi.detail.add_variant_callback(_register)

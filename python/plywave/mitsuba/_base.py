@@ -1,6 +1,7 @@
 """What the three BSDF plugins share: keys, the calls of ``mitsuba.BSDF``."""
 
 import difflib
+import math
 
 import drjit as dr
 import mitsuba as mi
@@ -30,6 +31,19 @@ def typed(plugin, props, key, kind, default):
     return float(value) if kind is float else value
 
 
+def check_lengths(plugin, key, given, values):
+    """Refuses what are not two lengths above 0."""
+    if len(values) != 2 or not all(math.isfinite(v) and v > 0.0 for v in values):
+        raise ValueError(f"{plugin}: {key}: {given!r}: expected one or two numbers above 0 [um]; to_uv turns and mirrors the pattern")
+    return values
+
+
+def check_size(plugin, key, parameter, size):
+    """Refuses a parameter that was set to another number of values: kernels would read beyond them."""
+    if len(parameter) != size:
+        raise ValueError(f"{plugin}: {key}: {len(parameter)} values: expected {size}")
+
+
 def texture(plugin, props, key, default=None):
     """A texture, color or number that may be above 1."""
     if key not in props:
@@ -40,6 +54,55 @@ def texture(plugin, props, key, default=None):
         raise ValueError(f"{plugin}: {key}: expected a number, a color or a texture: {str(e).splitlines()[-1]}") from None
 
 
+#: Shapes that are looked at in JIT variants: those that were made first.
+MOST_SHAPES = 256
+
+
+def shapes_of(bsdf, si):
+    """Shapes that have a BSDF, as far as its calls tell: in scalar variants the one that was hit, in JIT variants those among the shapes that live."""
+    if mi.variant().startswith("scalar"):
+        return [] if si.shape is None else [si.shape]
+    found = []
+    for number in range(1, MOST_SHAPES + 1):
+        shape = dr.reinterpret_array(mi.ShapePtr, mi.UInt32(number))[0]
+        if shape is None:
+            break
+        if bsdf in plugins_of(shape.bsdf()):
+            found.append(shape)
+    return found
+
+
+def plugins_of(bsdf):
+    """The plugins of this package in a BSDF: itself, or those within such as ``mask`` and ``twosided``."""
+    if hasattr(bsdf, "PLUGIN"):
+        return [bsdf]
+    found = []
+
+    class Within(mi.TraversalCallback):
+        def put(self, name, value, flags, cpptype=None):
+            if isinstance(value, mi.BSDF):
+                found.extend(plugins_of(value))
+
+    if bsdf is not None:
+        bsdf.traverse(Within())
+    return found
+
+
+def misfit(bsdf, shape):
+    """Why a plugin cannot be on a shape, in one line; ``None`` where it can."""
+    kind, is_mesh = shape.class_name(), shape.is_mesh()
+    name = shape.id() or kind
+    if is_mesh and not shape.has_vertex_texcoords():
+        return f"{name}: no texture coordinates: {bsdf.PLUGIN} needs uv, {bsdf.ALONG}"
+    if bsdf.PLUGIN == "plywave_fabric":
+        return f"{name}: a curve: plywave_fabric is for surfaces: use plywave_ply" if "Curve" in kind else None
+    if kind == "LinearCurve":
+        return f"{name}: a linearcurve: Mitsuba does not tell where it runs: use a bsplinecurve"
+    if not is_mesh and kind not in ("BSplineCurve", "Cylinder"):
+        return f"{name}: a {kind}: {bsdf.PLUGIN} is for curves: use a bsplinecurve, or a tube with uv"
+    return None
+
+
 def make_calls():
     """The base class of the plugins for the current variant.
 
@@ -47,7 +110,23 @@ def make_calls():
     energy and chance; or, where they share work, ``model_drawn`` and ``model_both``.
     """
 
+    def numbers(sample1, sample2):
+        sample2 = mi.Point2f(sample2)
+        return [mi.Float(sample1), sample2.x, sample2.y]
+
     class Calls(mi.BSDF):
+        #: Whether the shapes that it is on have been looked at.
+        is_fitted = False
+
+        def say_misfit(self, si):
+            """Warns, once, of a shape that the plugin cannot be on."""
+            if self.is_fitted:
+                return
+            self.is_fitted = True
+            for shape in shapes_of(self, si):
+                if text := misfit(self, shape):
+                    mi.Log(mi.LogLevel.Warn, text)
+
         def setup(self, components):
             self.m_components = list(components)
             flags = 0
@@ -61,8 +140,12 @@ def make_calls():
                 return [si.wavelengths[k] * 1e-3 for k in range(self.kit.count)]
             return [RGB_LAMBDA_UM[min(k, 2)] for k in range(self.kit.count)]
 
+        # Arguments may be whatever Mitsuba makes its types of, such as lists, as of its own BSDFs.
+
         def eval_pdf(self, ctx, si, wo, active=True):
-            f, pdf = self.model_eval(si, wo, active)
+            self.say_misfit(si)
+            active = mi.Bool(active)
+            f, pdf = self.model_eval(si, mi.Vector3f(wo), active)
             on = active & (pdf > 0.0)
             return dr.select(on, f, 0.0), dr.select(on, pdf, 0.0)
 
@@ -73,7 +156,9 @@ def make_calls():
             return self.eval_pdf(ctx, si, wo, active)[1]
 
         def sample(self, ctx, si, sample1, sample2, active=True):
-            drawn, light = self.model_drawn(si, [sample1, sample2.x, sample2.y], active)
+            self.say_misfit(si)
+            active = mi.Bool(active)
+            drawn, light = self.model_drawn(si, numbers(sample1, sample2), active)
             return self.sampled(si, drawn, light, active)
 
         def sampled(self, si, drawn, light, active):
@@ -92,7 +177,9 @@ def make_calls():
             return bs, dr.select(active & (bs.pdf > 0.0), weight, 0.0)
 
         def eval_pdf_sample(self, ctx, si, wo, sample1, sample2, active=True):
-            (f, pdf), drawn, light = self.model_both(si, wo, [sample1, sample2.x, sample2.y], active)
+            self.say_misfit(si)
+            active = mi.Bool(active)
+            (f, pdf), drawn, light = self.model_both(si, mi.Vector3f(wo), numbers(sample1, sample2), active)
             bs, weight = self.sampled(si, drawn, light, active)
             on = active & (pdf > 0.0)
             return dr.select(on, f, 0.0), dr.select(on, pdf, 0.0), bs, weight

@@ -36,6 +36,21 @@ class Kit:
         values = np.ascontiguousarray(values, np.uint32).ravel()
         return self.UInt(_aligned(values)) if self.jit else values
 
+    def parameter(self, values):
+        """Numbers that ``mi.traverse`` shows. In scalar variants they are Dr.Jit's array, as the vertices of Mitsuba's meshes are: Mitsuba takes neither NumPy's arrays nor Python's
+        numbers."""
+        if self.jit:
+            return self.floats(values) if np.ndim(values) else self.Float(values)
+        return dr.scalar.ArrayXf(self.floats(values))
+
+    def table_of(self, parameter):
+        """A parameter as a table."""
+        return parameter if self.jit else np.array(parameter, np.float32)
+
+    def number_of(self, parameter):
+        """A parameter of one number."""
+        return parameter if self.jit else float(parameter[0])
+
     def take(self, table, index):
         """One number of a table."""
         if self.jit:

@@ -7,11 +7,11 @@ import mitsuba as mi
 import numpy as np
 
 from . import _native, _walk
-from ._base import check_keys, texture, typed
+from ._base import check_keys, check_lengths, check_size, texture, typed
 from ._cloth import Cloth
 from ._far import Far
 from ._gaps import Gaps, Slits
-from ._kit import Kit, clamp, cross3, dot3
+from ._kit import Kit, clamp, cross3, detached, dot3
 from ._speckle import Speckle
 
 #: ``BSDFFlags::NeedsDifferentials`` of Mitsuba's bsdf.h, which its Python enumeration lacks.
@@ -24,6 +24,7 @@ def define(Calls):
     class Fabric(Calls):
         """``plywave_fabric``: a woven fabric on a surface with uv."""
 
+        PLUGIN, ALONG = "plywave_fabric", "along whose u the weft runs"
         FLAGS = {"layers": True, "shadowing": True, "edges": True, "slits": True, "speckle": False, "far": False}
         KEYS = set(FLAGS) | {"filename", "spec", "folder", "gaps", "um_per_uv", "rotation_deg", "to_uv", "footprint_um", "footprint_rad", "footprint_scale", "id"}
         KEYS |= {f"{family}_{what}" for family in ("warp", "weft") for what in ("color", "sigma_per_um")}
@@ -66,8 +67,8 @@ def define(Calls):
                 dr.make_opaque(self.um_per_uv)
                 self.last, self.probe = None, mi.Float(0.0)
                 dr.enable_grad(self.probe)
-            turn = math.radians(typed(name, props, "rotation_deg", float, 0.0))
-            self.turn = (math.cos(turn), math.sin(turn))
+            self.rotation = math.radians(typed(name, props, "rotation_deg", float, 0.0))
+            self.turn = (math.cos(self.rotation), math.sin(self.rotation))
             self.to_uv = None
             if "to_uv" in props:
                 to_uv = props["to_uv"]
@@ -76,7 +77,12 @@ def define(Calls):
                     raise ValueError(f"{name}: to_uv: {to_uv!r}: expected a transform")
                 m = [[float(_number(matrix[i][j])) for j in range(len(matrix))] for i in range(2)]
                 self.to_uv = [[m[i][0], m[i][1], m[i][-1]] for i in range(2)]
-            self.dyes = kit.floats(tensors["dye_spectrum"] if kit.spectral else np.pad(tensors["dye_rgb"], ((0, 0), (0, 1))))
+                stretch = abs(self.scale_of_uv())
+                if not (math.isfinite(stretch) and stretch > 0.0):
+                    raise ValueError(f"{name}: to_uv: {self.to_uv}: expected a transform that can be inverted")
+            self.turn_directions()
+            self.dyes = kit.parameter(tensors["dye_spectrum"] if kit.spectral else np.pad(tensors["dye_rgb"], ((0, 0), (0, 1))))
+            self.dye_table, self.dye_count = kit.table_of(self.dyes), len(self.dyes)
             self.colors = [texture(name, props, f"{f}_color") for f in ("warp", "weft")]
             self.sigmas = [texture(name, props, f"{f}_sigma_per_um") for f in ("warp", "weft")]
             for f, a, b in zip(("warp", "weft"), self.colors, self.sigmas):
@@ -103,14 +109,12 @@ def define(Calls):
 
         def pair(self, name, key, value):
             """Two numbers, or one for both, as a differentiable point."""
-            values = [value, value] if isinstance(value, (int, float)) else list(value)[:2]
             try:
-                values = [float(_number(v)) for v in values]
+                values = [value, value] if isinstance(value, (int, float)) else [float(_number(v)) for v in value]
             except (TypeError, ValueError):
                 values = []
-            if len(values) != 2 or not all(math.isfinite(v) and v != 0.0 for v in values):
-                raise ValueError(f"{name}: {key}: {value!r}: expected one or two numbers other than 0")
-            return mi.Point2f(*values)
+            # Mitsuba makes three numbers of a text with two.
+            return mi.Point2f(*check_lengths(name, key, value, values[:2]))
 
         def traverse(self, callback):
             callback.put("um_per_uv", self.um_per_uv, mi.ParamFlags.Differentiable | mi.ParamFlags.Discontinuous)
@@ -122,8 +126,25 @@ def define(Calls):
                     callback.put(f"{family}_sigma_per_um", self.sigmas[k], mi.ParamFlags.Differentiable)
 
         def parameters_changed(self, keys=()):
-            if self.kit.jit:
+            name, kit = "plywave_fabric", self.kit
+            if kit.jit:
                 dr.make_opaque(self.um_per_uv)
+            scales = self.scales()
+            check_lengths(name, "um_per_uv", scales, scales)
+            check_size(name, "dyes_per_um", self.dyes, self.dye_count)
+            self.dye_table = kit.table_of(self.dyes)
+            self.turn_directions()
+
+        def scales(self):
+            """Lengths of cloth in a unit of u and of v [um], as Python's numbers."""
+            return [float(_number(detached(v))) for v in (self.um_per_uv.x, self.um_per_uv.y)]
+
+        def turn_directions(self):
+            """How directions of the surface lie in the pattern: the image of u's direction, and whether the pattern is mirrored."""
+            (a, b, _), (c, d, _) = self.to_uv or ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+            x, y = self.scales()
+            turn = self.rotation - math.atan2(c * y, a * x)
+            self.direction_turn, self.is_mirrored = (math.cos(turn), math.sin(turn)), a * d - b * c < 0.0
 
         # Inputs of a point
 
@@ -139,16 +160,19 @@ def define(Calls):
 
         def to_pattern(self, si, w):
             """A direction of the shading frame in the pattern's. Where uv runs the other way round, so does the pattern."""
-            mirrored = dr.dot(dr.cross(si.dp_du, si.dp_dv), si.sh_frame.n) < 0.0
-            x, y = w.x, dr.select(mirrored, -w.y, w.y)
-            c, s = self.turn
+            x, y = w.x, dr.select(self.runs_round(si), -w.y, w.y)
+            c, s = self.direction_turn
             return [x * c + y * s, y * c - x * s, w.z]
 
         def to_surface(self, si, w):
-            mirrored = dr.dot(dr.cross(si.dp_du, si.dp_dv), si.sh_frame.n) < 0.0
-            c, s = self.turn
+            c, s = self.direction_turn
             x, y = w[0] * c - w[1] * s, w[1] * c + w[0] * s
-            return self.kit.Vector3f(x, dr.select(mirrored, -y, y), w[2])
+            return self.kit.Vector3f(x, dr.select(self.runs_round(si), -y, y), w[2])
+
+        def runs_round(self, si):
+            """Whether the pattern is mirrored on the surface."""
+            handed = dr.dot(dr.cross(si.dp_du, si.dp_dv), si.sh_frame.n)
+            return handed > 0.0 if self.is_mirrored else handed < 0.0
 
         def scale_of_uv(self):
             """By how much ``to_uv`` stretches areas."""
@@ -222,7 +246,7 @@ def define(Calls):
         def dye(self, si, dye):
             kit, out = self.kit, self.kit.zero_s()
             if not kit.spectral:
-                values = kit.packets(self.dyes, dye, 1)
+                values = kit.packets(self.dye_table, dye, 1)
                 for k in range(kit.count):
                     out[k] = values[min(k, 2)]
                 return out
@@ -230,7 +254,7 @@ def define(Calls):
                 x = dr.minimum(dr.maximum((si.wavelengths[k] * 1e-3 - 0.38) * 200.0, 0.0), 80.0)
                 node = dr.minimum(dr.floor(x), 79.0)
                 at = dye * 81 + kit.uint(node)
-                low, high = kit.take(self.dyes, at), kit.take(self.dyes, at + 1)
+                low, high = kit.take(self.dye_table, at), kit.take(self.dye_table, at + 1)
                 out[k] = low + (x - node) * (high - low)
             return out
 

@@ -6,7 +6,7 @@ import drjit as dr
 import mitsuba as mi
 
 from . import _native
-from ._base import check_keys, typed
+from ._base import check_keys, check_size, typed
 from ._fiber import BETA_M, Fiber
 from ._kit import Kit, clamp
 from ._ply import read_container
@@ -18,6 +18,7 @@ def define(Calls):
     class OneFiber(Calls):
         """``plywave_fiber``: a single fiber's table on a curve or a tube with uv."""
 
+        PLUGIN, ALONG = "plywave_fiber", "one of which runs along the fiber"
         KEYS = {"filename", "width", "beta_m_rad", "axis", "rotation_deg", "id"}
 
         def __init__(self, props):
@@ -41,7 +42,7 @@ def define(Calls):
             beta = typed(name, props, "beta_m_rad", float, float(document["beta_m_rad"]))
             if not BETA_M[0] <= beta <= BETA_M[1]:
                 raise ValueError(f"{name}: beta_m_rad: {beta}: expected {BETA_M[0]} to {BETA_M[1]}")
-            self.beta = mi.Float(beta)
+            self.beta = self.kit.parameter(beta)
             F = mi.BSDFFlags
             sides = F.FrontSide | F.BackSide | F.Anisotropic | F.NonSymmetric
             components = [F.GlossyReflection | sides, F.GlossyTransmission | sides]
@@ -50,8 +51,17 @@ def define(Calls):
         def traverse(self, callback):
             callback.put("beta_m_rad", self.beta, mi.ParamFlags.Differentiable)
 
+        def parameters_changed(self, keys=()):
+            check_size("plywave_fiber", "beta_m_rad", self.beta, 1)
+
+        def eval_attribute_1(self, name, si, active=True):
+            # In scalar variants it is an array, which Mitsuba takes for no number.
+            if name == "beta_m_rad" and not self.kit.jit:
+                return self.kit.number_of(self.beta)
+            return super().eval_attribute_1(name, si, active)
+
         def variance(self):
-            beta = clamp(self.beta, *BETA_M)
+            beta = clamp(self.kit.number_of(self.beta), *BETA_M)
             return beta * beta
 
         def turned(self, si):

@@ -29,6 +29,7 @@ def define(Calls):
     class Ply(Calls):
         """``plywave_ply``: a ply model on a curve or a tube with uv."""
 
+        PLUGIN, ALONG = "plywave_ply", "one of which runs along the ply"
         KEYS = {"filename", "sigma_per_um", "edge", "axis", "id"}
 
         def __init__(self, props):
