@@ -1,5 +1,6 @@
 """What the three BSDF plugins share: keys, the calls of ``mitsuba.BSDF``."""
 
+import contextlib
 import difflib
 import math
 
@@ -64,10 +65,12 @@ def shapes_of(bsdf, si):
         return [] if si.shape is None else [si.shape]
     found = []
     for number in range(1, MOST_SHAPES + 1):
-        shape = dr.reinterpret_array(mi.ShapePtr, mi.UInt32(number))[0]
-        if shape is None:
+        try:
+            shape = dr.reinterpret_array(mi.ShapePtr, mi.UInt32(number))[0]
+        except RuntimeError:
+            # There has never been a shape of that number.
             break
-        if bsdf in plugins_of(shape.bsdf()):
+        if shape is not None and bsdf in plugins_of(shape.bsdf()):
             found.append(shape)
     return found
 
@@ -84,7 +87,9 @@ def plugins_of(bsdf):
                 found.extend(plugins_of(value))
 
     if bsdf is not None:
-        bsdf.traverse(Within())
+        # A plugin of others may not know how to be traversed; ours are not within it then.
+        with contextlib.suppress(TypeError, RuntimeError):
+            bsdf.traverse(Within())
     return found
 
 
