@@ -620,6 +620,22 @@ def test_other_addresses_are_told(client):
         assert other.nthreads() == client.nthreads()
 
 
+def test_jobs_that_ended_are_asked_for_again():
+    asked = []
+
+    class Slurm:
+        def scale(self, jobs):
+            asked.append(jobs)
+            raise RuntimeError("the queue is closed")
+
+    stop = _workers._keep_jobs(Slurm(), 3, every_s=0.01)
+    until = time.monotonic() + 10.0
+    while len(asked) < 3 and time.monotonic() < until:
+        time.sleep(0.01)
+    stop()
+    assert asked[:3] == [3, 3, 3]
+
+
 def test_bad_slurm(folder):
     done = run(str(folder / "library.toml"), "-o", str(folder / "out"), "--slurm", "qeue=x")
     assert done.returncode == 2 and "did you mean queue?" in done.stderr.splitlines()[-1]
