@@ -161,6 +161,15 @@ def test_lengths_of_uv_are_checked(bad):
         mi.load_dict(SATIN | {"to_uv": mi.ScalarTransform4f([[1, 1, 0, 0], [1, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])})
 
 
+@pytest.mark.parametrize("bad", [-0.001, math.nan, math.inf])
+def test_numbers_are_checked(bad, table):
+    for keys, key in [(PLY, "sigma_per_um"), (SATIN, "warp_sigma_per_um"), (SATIN, "weft_color"), (SATIN, "rotation_deg"), (table, "rotation_deg"), (table, "beta_m_rad")]:
+        if key == "rotation_deg" and math.isfinite(bad):
+            continue
+        with pytest.raises(Exception, match=f"{keys['type']}: {key}: .*: expected "):
+            mi.load_dict(keys | {key: bad})
+
+
 @pytest.mark.parametrize("turn_deg, mirror", [(90.0, 1.0), (37.0, 1.0), (0.0, -1.0), (120.0, -1.0)])
 def test_to_uv_turns_the_pattern(turn_deg, mirror):
     """A cloth under turned or mirrored uv is the cloth itself, with directions and place turned or mirrored alike."""

@@ -29,6 +29,8 @@ def typed(plugin, props, key, kind, default):
     ok = isinstance(value, kind) or (kind is float and isinstance(value, int) and not isinstance(value, bool))
     if not ok:
         raise ValueError(f"{plugin}: {key}: {value!r}: expected {names[kind]}")
+    if kind is float and not math.isfinite(value):
+        raise ValueError(f"{plugin}: {key}: {value!r}: expected a finite number")
     return float(value) if kind is float else value
 
 
@@ -49,6 +51,9 @@ def texture(plugin, props, key, default=None):
     """A texture, color or number that may be above 1."""
     if key not in props:
         return None if default is None else props.get_unbounded_texture(key, default)
+    value = props[key]
+    if isinstance(value, (int, float)) and not (math.isfinite(value) and value >= 0.0):
+        raise ValueError(f"{plugin}: {key}: {value!r}: expected a number that is not negative")
     try:
         return props.get_unbounded_texture(key)
     except Exception as e:

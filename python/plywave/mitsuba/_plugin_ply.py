@@ -68,7 +68,7 @@ def define(Calls):
             theta_i = dr.atan2(cosine, sine)
             # The hit lies R from the axis along the normal.
             h = x[2] * (0.99999 * self.radius)
-            return theta_i, h, self.sigma.eval(si, active), (x, y, z)
+            return theta_i, h, dr.maximum(self.sigma.eval(si, active), 0.0), (x, y, z)
 
         def unrolled(self, sigma):
             return self.kit.jit and dr.grad_enabled(sigma)
