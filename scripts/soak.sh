@@ -123,3 +123,11 @@ for ((n = 0; n < kills; n++)); do
     cmp whole_merge.pwt merged.pwt || { echo "merge $n: the file is not whole" >&2; exit 1; }
 done
 echo "$kills merges, $landed killed while they ran, $absent of them before their file was there: whole files or none"
+
+# The farm, where the Python package is installed; PYTHON chooses the interpreter.
+python=${PYTHON:-python3}
+if "$python" -c 'import plywave.cluster, distributed' 2>/dev/null; then
+    "$python" "$root/python/tests/soak_cluster.py" --specs spec.toml --workers 2 --kills "$kills" --seconds 1 --seed "${3:-1}"
+else
+    echo "farm: skipped, needs pip install \"./python[cluster]\""
+fi
