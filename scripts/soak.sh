@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Soak test: INPUTS mutated files through every loader, then KILLS runs killed with SIGKILL at random moments and resumed, whose results must be those of undisturbed
-# runs to the bit; then KILLS merges of parts, killed alike, which leave the whole file or none.
+# runs to the bit; then KILLS merges of parts, killed alike, which leave the whole file or none; then KILLS workers of the farm, where the Python package is installed.
 #
 #     scripts/soak.sh [INPUTS] [KILLS] [SEED]        by default 19000000 inputs, a million a kind of file, 50 kills, seed 1
 #     SOAK_SECONDS=3600 scripts/soak.sh              ends the inputs after an hour, if they are not done before
