@@ -81,6 +81,8 @@ def _run(args: argparse.Namespace) -> int:
     told = _Lines(args.quiet or args.json)
     made = []
     with connect(args.scheduler, args.local, _slurm(args.slurm) if args.slurm else None, args.jobs, args.timeout) as client:
+        if not (args.quiet or client.nthreads()):
+            print("note: no worker is there yet; waiting for the first", file=sys.stderr)
         begun = time.monotonic()
         for one in farm(library.items, client, cache, retries=args.retries, told=told):
             made.append(one)
