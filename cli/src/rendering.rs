@@ -7,7 +7,7 @@ use crate::output::Held;
 use crate::progress::{self, Bar};
 use crate::{output, report};
 use glam::Vec3;
-use plywave_render::{Camera, Facts, Film, FilmView, Ingredients, RenderError, png};
+use plywave_render::{Camera, Facts, Film, FilmView, Ingredients, MOST_SCATTERINGS, RenderError, png};
 use sha2::{Digest, Sha256};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -15,6 +15,8 @@ use std::time::Duration;
 
 /// Most pixels of a picture.
 const MOST_PIXELS: u64 = 1 << 28;
+/// Share of the light that may be left out untold.
+const TOLD: f64 = 0.005;
 
 /// What a render that ended early says.
 pub fn failed(error: RenderError) -> Failure {
@@ -250,6 +252,7 @@ pub fn shoot(
         seed: args.seed,
         samples: film.samples(),
         exposure: args.exposure as f32,
+        cut_share: film.cut_share(),
     };
     if let Some(path) = &outputs.exr {
         output::write_whole(path, &film.exr(&facts).map_err(failed)?)?;
@@ -263,7 +266,19 @@ pub fn shoot(
         // Sums that were never written, or are gone already, need no removal.
         false => drop(std::fs::remove_file(&outputs.sums)),
     }
-    tell(cli, args, outputs, (&film, first), time, &facts, &about.notes)
+    let mut notes = about.notes;
+    notes.extend(cut_note(args, facts.cut_share));
+    tell(cli, args, outputs, (&film, first), time, &facts, &notes)
+}
+
+/// What is said of light that paths left out because they were cut.
+fn cut_note(args: &RenderArgs, share: f64) -> Option<String> {
+    (share > TOLD).then(|| {
+        let (percent, depth) = (100.0 * share, args.depth);
+        let percent = format!("{percent:.*}", if percent < 10.0 { 1 } else { 0 });
+        let more = if depth < MOST_SCATTERINGS { "; give a larger --depth, or none" } else { "" };
+        format!("paths end after {depth} scatterings (--depth), which leaves out some {percent} % of the light{more}")
+    })
 }
 
 /// Says what came out.
@@ -281,7 +296,8 @@ fn tell(
         let shown = |path: &Option<PathBuf>| path.as_ref().map(|p| p.display().to_string());
         return output::print_json(&serde_json::json!({
             "png": shown(&outputs.png), "exr": shown(&outputs.exr), "width": args.width, "height": args.height,
-            "samples": film.samples(), "seconds": time.as_secs_f64(), "paths": paths, "digest": facts.digest, "notes": notes,
+            "samples": film.samples(), "seconds": time.as_secs_f64(), "paths": paths, "digest": facts.digest,
+            "cut_share": facts.cut_share, "notes": notes,
         }));
     }
     if cli.quiet {

@@ -1,6 +1,7 @@
 //! The film: sums over the samples of each pixel, kept whole on disk so that a render can go on. `picture.rs` writes it as EXR and PNG.
 
 use crate::RenderError;
+use crate::course::CutSums;
 use crate::room::check_room;
 use plywave::color;
 use std::collections::HashMap;
@@ -32,6 +33,8 @@ pub struct Film {
     hits: Vec<f32>,
     /// Squared deviations of the samples' linear sRGB from their mean.
     deviation: Vec<[f32; 3]>,
+    /// What paths that are cut leave out.
+    cut: CutSums,
 }
 
 /// Which picture of a film.
@@ -52,6 +55,8 @@ pub(crate) struct Sample {
     pub albedo: [f32; 3],
     /// Normal and depth of the first hit.
     pub hit: Option<([f32; 3], f32)>,
+    /// What cuts leave out.
+    pub cut: CutSums,
 }
 
 /// Sums over some samples of one pixel.
@@ -64,6 +69,7 @@ pub(crate) struct PixelSums {
     hits: f32,
     /// Of linear sRGB: sum and sum of squares.
     rgb: [[f64; 3]; 2],
+    cut: CutSums,
 }
 
 impl PixelSums {
@@ -80,6 +86,7 @@ impl PixelSums {
             self.depth += depth;
             self.hits += 1.0;
         }
+        self.cut.add(&sample.cut);
     }
 }
 
@@ -91,6 +98,8 @@ const TENSORS: [(&str, usize); 6] =
     [("light", 3), ("albedo", 3), ("normal", 3), ("depth", 1), ("hits", 1), ("deviation", 3)];
 /// Prefix of the ingredients in the file.
 const INGREDIENT: &str = "of ";
+/// Name of what cuts leave out, in the file.
+const CUT: &str = "cut";
 /// Largest header of a file of sums [bytes].
 const MOST_HEADER: u64 = 1 << 20;
 
@@ -114,6 +123,7 @@ impl Film {
             depth: vec![0.0; n],
             hits: vec![0.0; n],
             deviation: vec![[0.0; 3]; n],
+            cut: CutSums::default(),
         })
     }
 
@@ -149,6 +159,7 @@ impl Film {
         }
         self.depth[at] += sums.depth;
         self.hits[at] += sums.hits;
+        self.cut.add(&sums.cut);
     }
 
     pub(crate) fn count(&mut self, samples: u32) {
@@ -193,6 +204,12 @@ impl Film {
         (self.samples > 1).then(|| self.deviation[self.at(x, y)].map(|d| d / (n * (n - 1.0))))
     }
 
+    /// Light that paths left out because they were cut after the most scatterings, over all light of what is
+    /// seen, 0 to 1: estimated from paths that were followed on beside the picture.
+    pub fn cut_share(&self) -> f64 {
+        self.cut.share()
+    }
+
     /// The sums as a file's bytes, for [`Film::resume`].
     ///
     /// # Errors
@@ -212,6 +229,7 @@ impl Film {
         let mut about: HashMap<String, String> =
             of.iter().map(|(name, value)| (format!("{INGREDIENT}{name}"), value.clone())).collect();
         about.insert("samples".into(), self.samples.to_string());
+        about.insert(CUT.into(), self.cut.to_text());
         let mut views = Vec::new();
         for ((name, channels), data) in TENSORS.into_iter().zip(&data) {
             let shape = vec![self.height as usize, self.width as usize, channels];
@@ -247,6 +265,8 @@ impl Film {
         }
         let samples: Option<u32> = about.get("samples").and_then(|s| s.parse().ok());
         film.samples = samples.filter(|n| *n > 0).ok_or_else(|| bad("damaged: no count of samples"))?;
+        let cut = about.get(CUT).and_then(|text| CutSums::of_text(text));
+        film.cut = cut.ok_or_else(|| bad("damaged: no sums of what cuts leave out"))?;
         let tensors = safetensors::SafeTensors::deserialize(&bytes).map_err(damaged)?;
         let mut sums = TENSORS.map(|_| Vec::new());
         for ((name, channels), out) in TENSORS.into_iter().zip(&mut sums) {

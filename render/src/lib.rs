@@ -9,6 +9,7 @@
 mod bvh;
 mod camera;
 mod cloth;
+mod course;
 mod drape;
 mod film;
 mod import;
@@ -27,6 +28,7 @@ mod smooth;
 mod strands;
 
 pub use camera::{Camera, View};
+pub use course::MOST_SCATTERINGS;
 pub use film::{Film, FilmView, Ingredients, LAMBDA_RANGE_UM};
 pub use import::{FaceCount, MeshNotes};
 pub use light::{Light, LightSampling};
@@ -39,8 +41,8 @@ pub use setup::Setup;
 pub use sky::Environment;
 pub use strands::{
     Basis, LEAST_RADIUS_MM, MOST_MM, MOST_POINTS, Made, Skip, StrandDual, StrandDualOptions, StrandFiber, StrandFile,
-    StrandHit, StrandScene, StrandShape, StrandTree, Strands, TraceCost, make, mitsuba_text, render_strands,
-    render_strands_dual,
+    StrandHit, StrandNotes, StrandScene, StrandShape, StrandTree, Strands, TraceCost, make, mitsuba_text,
+    render_strands, render_strands_dual,
 };
 
 /// Wavelengths along a path.

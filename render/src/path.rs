@@ -1,6 +1,7 @@
 //! Path tracing with four wavelengths a path.
 
 use crate::camera::Camera;
+use crate::course::{Course, CutSums};
 use crate::film::{Film, LAMBDA_RANGE_UM, PixelSums, Sample};
 use crate::props::Matte;
 use crate::scene::{Meeting, Scene, SurfacePoint};
@@ -17,15 +18,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 const TILE: u32 = 16;
 /// Share of the width of a scattered path's cone that it stands for.
 const SPREAD: f32 = 0.1;
-/// Scatterings after which paths are thinned out by chance.
-const ROULETTE: u32 = 4;
 
 /// Sizes of a render.
 #[derive(Clone, Copy, Debug)]
 pub struct RenderOptions {
     /// Samples a pixel, in all.
     pub samples: u32,
-    /// Most scatterings of a path.
+    /// Most scatterings of a path; [`crate::MOST_SCATTERINGS`] leaves out next to nothing.
     pub depth: u32,
     /// Seed of the random numbers. A sample of a pixel depends on seed, pixel and its number alone.
     pub seed: u64,
@@ -43,6 +42,8 @@ pub(crate) struct Traced {
     pub albedo: Light4,
     /// Normal towards the camera and distance of what is hit first.
     pub hit: Option<([f32; 3], f32)>,
+    /// What cuts leave out.
+    pub cut: CutSums,
 }
 
 /// What paths are followed in.
@@ -143,9 +144,9 @@ fn pixel(
     let (origin, direction) = camera.ray(px, py, width, height);
     let width_per_mm = camera.pixel_width(height);
     // First hits take no random numbers: the light is the same with them and without.
-    let Traced { light, albedo, hit } = tracer.trace(options, (origin, direction, width_per_mm), lambda, &mut rng);
+    let Traced { light, albedo, hit, cut } = tracer.trace(options, (origin, direction, width_per_mm), lambda, &mut rng);
     let hit = hit.map(|(normal, t)| (normal, camera.depth(direction, t)));
-    Sample { light: crate::film::xyz(lambda, light), albedo: crate::film::xyz(lambda, albedo), hit }
+    Sample { light: crate::film::xyz(lambda, light), albedo: crate::film::xyz(lambda, albedo), hit, cut }
 }
 
 fn mix(a: u64, b: u64) -> u64 {
@@ -173,7 +174,8 @@ fn trace<S: Surface>(
     let (mut light, mut albedo, mut throughput) = ([0.0; WAVELENGTHS], [0.0; WAVELENGTHS], [1.0f32; WAVELENGTHS]);
     // Density with which the direction was drawn; the camera's counts as certain.
     let mut pdf = f32::INFINITY;
-    for depth in 0..=options.depth {
+    let mut course = Course::new(options.depth);
+    loop {
         let meeting = scene.first(origin, direction);
         // Lamps and the sky, where nothing stands before them.
         let reach = meeting.map_or(f32::INFINITY, |m| m.point().t);
@@ -187,24 +189,24 @@ fn trace<S: Surface>(
         let Some(meeting) = meeting else { break };
         let point = *meeting.point();
         width += width_per_mm * point.t;
-        let last = depth == options.depth;
+        let goes_on = course.goes_on(&throughput, &light, rng);
         let (seen, next) = match meeting {
             Meeting::Sheet(_) => {
                 let wo = point.frame.local(-direction);
                 // Of the ellipse on the cloth, the geometric mean of its axes.
                 let footprint_mm = width / wo[2].abs().max(0.01).sqrt();
                 let at = surface.at(point.uv_um, 1000.0 * footprint_mm, wo, lambda);
-                (at.albedo(), scatter(scene, &point, &at, last, (lambda, throughput), rng, &mut light))
+                (at.albedo(), scatter(scene, &point, &at, goes_on, (lambda, throughput), rng, &mut light))
             }
             Meeting::Prop(_, albedo) => {
                 let at = Matte(albedo);
                 (
                     Bsdf::<WAVELENGTHS>::albedo(&at),
-                    scatter(scene, &point, &at, last, (lambda, throughput), rng, &mut light),
+                    scatter(scene, &point, &at, goes_on, (lambda, throughput), rng, &mut light),
                 )
             }
         };
-        if depth == 0 {
+        if course.depth() == 0 {
             albedo = seen;
             let normal = point.frame.axes[2];
             let to_camera = if normal.dot(direction) > 0.0 { -normal } else { normal };
@@ -232,28 +234,25 @@ fn trace<S: Surface>(
             BsdfSample::Absorbed => break,
         }
         origin = leave(&point, direction);
-        if depth >= ROULETTE {
-            let keep = throughput.iter().copied().fold(0.0f32, f32::max).min(0.95);
-            if rng.random::<f32>() >= keep {
-                break;
-            }
-            throughput.iter_mut().for_each(|t| *t /= keep);
+        if !course.survives(&mut throughput, rng) {
+            break;
         }
     }
-    Traced { light, albedo, hit }
+    let (light, cut) = course.end(light, lambda, hit.is_some());
+    Traced { light, albedo, hit, cut }
 }
 
-/// Light from the sources at a point, and how the path goes on; it ends after the last.
+/// Light from the sources at a point, and how the path goes on, where it does.
 fn scatter(
     scene: &Scene,
     point: &SurfacePoint,
     at: &impl Bsdf<WAVELENGTHS>,
-    is_last: bool,
+    goes_on: bool,
     (lambda, throughput): (Light4, Light4),
     rng: &mut Pcg64Mcg,
     light: &mut Light4,
 ) -> BsdfSample<WAVELENGTHS> {
-    if is_last {
+    if !goes_on {
         return BsdfSample::Absorbed;
     }
     direct(scene, point, at, (lambda, throughput), rng, light);

@@ -25,11 +25,13 @@ pub struct Facts {
     pub samples: u32,
     /// Stops by which a PNG is brighter.
     pub exposure: f32,
+    /// Share of the light that paths left out because they were cut ([`Film::cut_share`]).
+    pub cut_share: f64,
 }
 
 impl Facts {
     /// Names and values: of the PNG's text chunks, and of the EXR's attributes with `plywave.` before the name.
-    pub fn entries(&self) -> [(&'static str, String); 8] {
+    pub fn entries(&self) -> [(&'static str, String); 9] {
         [
             ("Software", self.software.clone()),
             ("fabric", self.fabric.clone()),
@@ -39,6 +41,7 @@ impl Facts {
             ("seed", self.seed.to_string()),
             ("samples", self.samples.to_string()),
             ("exposure", self.exposure.to_string()),
+            ("cut_share", format!("{:.4}", self.cut_share)),
         ]
     }
 }

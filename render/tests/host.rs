@@ -3,7 +3,7 @@
 use plywave::bsdf::{DirectionSample, Outcomes};
 use plywave::{Bsdf, BsdfSample};
 use plywave_render::{
-    Environment, Facts, Film, FilmView, Mesh, MeshNotes, RenderOptions, Scene, Setup, Surface, render,
+    Environment, Facts, Film, FilmView, MOST_SCATTERINGS, Mesh, MeshNotes, RenderOptions, Scene, Setup, Surface, render,
 };
 use std::f32::consts::{PI, TAU};
 use std::sync::atomic::AtomicBool;
@@ -68,6 +68,7 @@ fn facts() -> Facts {
         seed: 3,
         samples: 7,
         exposure: 0.5,
+        cut_share: 0.01,
     }
 }
 
@@ -362,5 +363,23 @@ fn normals_go_on_over_a_seam() {
             let want = [p.x / radius, 0.0, p.z / radius];
             assert!((0..3).all(|c| (normal[c] - want[c]).abs() < 1e-4), "{name} at {x}: {normal}, not {want:?}");
         }
+    }
+}
+
+/// Folds of a white sheet in a white room lack what a cut leaves out, which the film tells; with the most
+/// scatterings nothing is lacking.
+#[test]
+fn cuts_tell_what_they_leave_out() {
+    let (mut scene, camera) = Setup::Folds.scene(20.0, None, Some(Environment::constant(1.0)));
+    scene.lights.clear();
+    for depth in [1, 2, MOST_SCATTERINGS] {
+        let mut film = Film::new(32, 32).unwrap();
+        let options = RenderOptions { samples: 64, depth, seed: 1 };
+        let white = Diffuse { up: 1.0, down: 0.0 };
+        render(&scene, &camera, &white, &mut film, &options, &AtomicBool::new(false), &mut |_| Ok(())).unwrap();
+        let sum = |view| (0..32 * 32).map(|k| film.xyz(view, k % 32, k / 32)[1]).map(f64::from).sum::<f64>();
+        let lacks = (32.0 * 32.0 - sum(FilmView::Light)) / sum(FilmView::Albedo);
+        println!("{depth} scatterings lack {lacks:.4}, told {:.4}", film.cut_share());
+        assert!((film.cut_share() - lacks).abs() < 0.01, "{depth}: {} of {lacks}", film.cut_share());
     }
 }

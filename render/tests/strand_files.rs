@@ -1,14 +1,27 @@
 //! Files of strands are read as they are meant, and refused in one line; strands made by rule are where they should be.
 
 use glam::DVec3;
-use plywave_render::{Basis, Made, StrandFile, StrandShape, StrandTree, Strands, make, mitsuba_text};
+use plywave_render::{
+    Basis, LEAST_RADIUS_MM, Made, StrandFile, StrandNotes, StrandShape, StrandTree, Strands, make, mitsuba_text,
+};
 use proptest::prelude::*;
 
 const AS_IS: StrandFile = StrandFile { basis: Basis::Linear, mm_per_unit: 1.0, radius_mm: None, whole: false };
 
 fn read(bytes: &[u8], how: &StrandFile) -> Result<Strands, String> {
+    read_with_notes(bytes, how).map(|(strands, _)| strands)
+}
+
+fn read_with_notes(bytes: &[u8], how: &StrandFile) -> Result<(Strands, StrandNotes), String> {
     Strands::from_bytes(bytes, "it", how).map_err(|e| e.to_string())
 }
+
+/// A file from the field.
+fn field(name: &str) -> Vec<u8> {
+    std::fs::read(format!("{}/../tests/data/field/{name}", env!("CARGO_MANIFEST_DIR"))).unwrap()
+}
+
+const SPLINE: StrandFile = StrandFile { basis: Basis::BSpline, whole: true, ..AS_IS };
 
 /// A `.hair` file of these strands, with what the flags say.
 fn hair(strands: &[&[[f32; 4]]], thickness: Option<f32>, default_segments: Option<u32>) -> Vec<u8> {
@@ -48,15 +61,69 @@ fn hair_files_hold_points_and_diameters() {
     let how = StrandFile { radius_mm: Some(0.04), ..how };
     assert!(read(&hair(&[A, B], Some(0.02), Some(2)), &how).unwrap().points().iter().all(|p| p[3] == 0.04));
     // A spline that goes from end to end: the curve begins and ends at the outermost points.
-    let how = StrandFile { basis: Basis::BSpline, whole: true, ..AS_IS };
-    let strands = read(&hair(&[A], None, None), &how).unwrap();
-    let p = strands.points();
-    for (end, k) in [(A[0], 0), (A[2], p.len() - 3)] {
-        for c in 0..3 {
-            let at = (p[k][c] + 4.0 * p[k + 1][c] + p[k + 2][c]) / 6.0;
-            assert!((at - end[c]).abs() < 1e-6, "{at} {end:?}");
+    let strands = read(&hair(&[A], None, None), &SPLINE).unwrap();
+    for (got, end) in ends(strands.points()).into_iter().zip([A[0], A[2]]) {
+        for c in 0..4 {
+            let want = if c == 3 { 0.5 * end[3] } else { end[c] };
+            assert!((got[c] - want).abs() < 1e-6, "{got:?} {end:?}");
         }
     }
+}
+
+/// First and last point of a B-spline.
+fn ends(p: &[[f32; 4]]) -> [[f32; 4]; 2] {
+    [0, p.len() - 3].map(|k| std::array::from_fn(|c| (p[k][c] + 4.0 * p[k + 1][c] + p[k + 2][c]) / 6.0))
+}
+
+/// Strands of one point are left out and tips of no width take the least radius, both counted; what else is
+/// there is what the file says.
+#[test]
+fn bald_roots_and_pointed_tips_are_read() {
+    for how in [AS_IS, SPLINE] {
+        let (strands, notes) = read_with_notes(&field("hair_one_point/roots.hair"), &how).unwrap();
+        assert_eq!((strands.len(), &notes), (3, &StrandNotes { single_points: 1, ..StrandNotes::default() }));
+        let x: Vec<f32> = strands.curves().map(|p| p[1][0]).collect();
+        // The second of four is the bald one.
+        assert_eq!(x, [0.0, 2.0, 3.0]);
+        let (strands, notes) = read_with_notes(&field("hair_zero_tip/tips.hair"), &how).unwrap();
+        assert_eq!((strands.len(), &notes), (5, &StrandNotes { thin_points: 5, ..StrandNotes::default() }));
+        assert!((strands.mean_radius_mm() - 0.25).abs() < 1e-5, "{}", strands.mean_radius_mm());
+        for curve in strands.curves() {
+            let [root, tip] = if how == SPLINE { ends(curve) } else { [curve[0], curve[5]] };
+            assert!((root[3] - 0.5).abs() < 1e-6 && (tip[3] - LEAST_RADIUS_MM).abs() < 1e-7, "{root:?} {tip:?}");
+            assert!((root[2], tip[2]) == (0.0, 10.0), "{root:?} {tip:?}");
+        }
+        // A ray along the tip meets a pointed end, not a blunt one.
+        let tree = StrandTree::new(strands, StrandShape::Tube);
+        for (z, radius) in [(9.0, 0.05), (9.8, 0.01), (9.98, 0.001)] {
+            let down = DVec3::new(0.0, -5.0, z);
+            let hit = tree.first(down, DVec3::Y, 0.0, 1e9, &[]).expect("met");
+            assert!((hit.radius_mm - radius).abs() < 0.06 * radius + 1e-4, "{} at {z}, not {radius}", hit.radius_mm);
+        }
+    }
+    // The same in text; a strand that is bald and one that has no width anywhere are left out, and the rest
+    // stays.
+    let text = b"0 0 0 .1\n0 0 1 0.05\n0 0 2 0\n\n5 5 5 1\n\n1 0 0 0\n1 0 1 0\n\n2 0 0 1e-9\n2 0 1 .1";
+    let (strands, notes) = read_with_notes(text, &AS_IS).unwrap();
+    let want = StrandNotes { single_points: 1, without_width: 1, thin_points: 2, ..StrandNotes::default() };
+    assert_eq!((strands.len(), &notes), (2, &want));
+    assert_eq!(notes.lines().len(), 3);
+    assert_eq!(strands.curves().map(|c| c[c.len() - 1][3]).collect::<Vec<_>>(), [LEAST_RADIUS_MM, 0.1]);
+    // With a radius for all, a file's widths do not count.
+    let how = StrandFile { radius_mm: Some(0.04), ..AS_IS };
+    let (strands, notes) = read_with_notes(&hair(&[A, B], Some(0.0), Some(2)), &how).unwrap();
+    assert_eq!((strands.len(), notes), (2, StrandNotes::default()));
+}
+
+#[test]
+fn pbrt_text_of_the_field() {
+    let moved = read(&field("pbrt_transform/moved.pbrt"), &AS_IS).unwrap();
+    let got: Vec<_> = moved.curves().map(ends).collect();
+    let close = |a: [[f32; 4]; 2], b: [[f32; 4]; 2]| (0..8).all(|k| (a[k / 4][k % 4] - b[k / 4][k % 4]).abs() < 1e-5);
+    assert!(close(got[0], [[8.0, 0.0, 0.0, 0.25], [8.0, 0.0, 3.0, 0.025]]), "{got:?}");
+    assert!(close(got[1], [[0.0, 0.0, 0.0, 0.5], [0.0, 0.0, 6.0, 0.05]]), "{got:?}");
+    let one = read(&field("pbrt_one_line/one_line.pbrt"), &AS_IS).unwrap();
+    assert!(close(one.curves().map(ends).next().unwrap(), got[1]) && one.len() == 1);
 }
 
 #[test]
@@ -114,6 +181,11 @@ fn pbrt_curves_are_the_same_curves() {
 fn bad_files_are_refused_in_one_line() {
     let whole = hair(&[A, B], None, None);
     let zero = hair(&[A], Some(0.0), None);
+    let with = |point: usize, width: f32| {
+        let (mut bytes, at) = (whole.clone(), 128 + 4 + 6 * 12 + 4 * point);
+        bytes[at..at + 4].copy_from_slice(&width.to_le_bytes());
+        bytes
+    };
     let many = hair(&[A], Some(0.1), Some(1_000_000));
     let mut nan = whole.clone();
     nan[132..136].copy_from_slice(&f32::NAN.to_le_bytes());
@@ -127,8 +199,13 @@ fn bad_files_are_refused_in_one_line() {
         (&whole[..whole.len() - 1], "cut off"),
         (&whole[..140], "cut off"),
         (&nan, "strand 1: point 1 has the coordinate NaN"),
+        (&with(5, f32::NAN), "strand 2: point 3 has the radius NaN mm"),
+        (&with(3, -1.0), "strand 2: point 1 has the radius -0.5 mm"),
+        (b"\x1f\x8b\x08", "packed by gzip"),
+        (&hair(&[&A[..1], &B[..1]], None, None), "no strands: strands of a single point, left out: 2"),
+        (&hair(&[], Some(0.1), None), "no strands"),
         (&huge, "cut off"),
-        (&zero, "radius 0 mm"),
+        (&zero, "all along, left out: 1; radius_um sets the radius of all"),
         (&many, "at most 65536"),
         (&hair(&[A, B], Some(0.1), Some(3)), "counts do not agree"),
         (&hair(&[A, B], Some(0.1), Some(1)), "counts do not agree"),
@@ -138,9 +215,9 @@ fn bad_files_are_refused_in_one_line() {
         (b"0 0 0 1\n0 0 x 1", "line 2: \"x\" is no number"),
         (b"0 0 0 1\n0 0 1", "line 2: without a radius"),
         (b"0 0 0 1\n0 0 1 1 1", "after the radius"),
-        (b"0 0 0 0\n0 0 1 0", "radius 0 mm"),
+        (b"0 0 0 0\n0 0 1 0", "strands with a radius below 0.00001 mm all along"),
         (b"0 0 0 -1\n0 0 1 1", "radius -1 mm"),
-        (b"0 0 0 1", "1 points; a segment takes 2"),
+        (b"0 0 0 1", "strands of a single point, left out: 1"),
         (b"1e30 0 0 1\n0 0 1 1", "coordinate"),
         (b"\xff\xfe", "neither .hair nor text"),
         (b"Shape \"curve\" \"point3 P\" [ 0 0 0 1", "no closing bracket"),
@@ -149,7 +226,7 @@ fn bad_files_are_refused_in_one_line() {
         (b"Shape \"curve\" \"point3 P\" [ 0 0 0 1 0 x ]", "is no number"),
         (b"Shape \"curve\" \"string basis\" [ \"nurbs\" ]", "unknown basis"),
         (b"Shape \"curve\" \"integer degree\" 9", "degree 9"),
-        (b"Shape \"curve\" \"point3 P\" [0 0 0 1 0 0 2 0 0 3 0 0] \"float width\" 0", "radius 0 mm"),
+        (b"Shape \"curve\" \"point3 P\" [0 0 0 1 0 0 2 0 0 3 0 0] \"float width\" 0", "all along, left out: 1"),
         (b"Shape \"sphere\"", "no strands"),
     ] {
         let error = read(bytes, &AS_IS).expect_err(words);

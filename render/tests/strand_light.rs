@@ -5,8 +5,8 @@ use glam::{DVec3, Vec3};
 use plywave::fiber::{DielectricFiber, DielectricParameters, FiberSource, FiberTable, OutlineSymmetry, TabulatedFiber};
 use plywave::{Bsdf, FiberModel, FiberQuery};
 use plywave_render::{
-    Basis, Camera, Environment, Film, FilmView, Light, Made, RenderOptions, StrandFiber, StrandScene, StrandShape,
-    StrandTree, Strands, make, render_strands,
+    Basis, Camera, Environment, Film, FilmView, Light, MOST_SCATTERINGS, Made, RenderOptions, StrandFiber, StrandScene,
+    StrandShape, StrandTree, Strands, make, render_strands,
 };
 use rand::{RngExt, SeedableRng};
 use std::f64::consts::TAU;
@@ -90,6 +90,46 @@ fn white_rooms_stay_white() {
         println!("{what:?} {shape:?} near {near}: {got:.4}");
         assert!((got - 1.0).abs() < 0.01, "{what:?} {shape:?} near {near}: {got}");
     }
+}
+
+/// In a white room fibers that absorb nothing lack what a cut leaves out, which the film tells; with the most
+/// scatterings nothing is lacking. Among dyed fibers the film tells what the whole picture has more.
+#[test]
+fn cuts_tell_what_they_leave_out() {
+    let fur = Made::Fur { count: 2000, size_mm: 5.0, length_mm: 4.0 };
+    let room = |sigma: f32| {
+        let strands = make(&fur, 0.001 * RADIUS_UM, 16, 3).unwrap();
+        let fiber = StrandFiber { model: dielectric(), sigma: vec![[0.5, sigma]], near: false };
+        StrandScene::new(strands, StrandShape::Tube, fiber, Vec::new(), Environment::constant(1.0))
+    };
+    let clear = room(0.0);
+    for depth in [2, 8, MOST_SCATTERINGS] {
+        let film = picture(&clear, &above(), 16, 64, depth);
+        // Of samples that hit a strand, whose albedo is 1.
+        let hit = mean(&film, FilmView::Albedo);
+        let (lacks, told) = ((1.0 - mean(&film, FilmView::Light)) / hit, film.cut_share());
+        println!("{depth} scatterings lack {lacks:.4}, told {told:.4}");
+        assert!((told - lacks).abs() < 0.012, "{depth}: {told} of {lacks}");
+        assert!(depth < MOST_SCATTERINGS || told < 1e-3, "{told}");
+    }
+    // Dyed fibers: the difference to the whole picture, of four seeds.
+    let dyed = room(0.004);
+    let off = [1, 2, 3, 4].map(|seed| {
+        let shot = |depth| {
+            let mut film = Film::new(16, 16).unwrap();
+            let options = RenderOptions { samples: 48, depth, seed };
+            render_strands(&dyed, &above(), &mut film, &options, &AtomicBool::new(false), &mut |_| Ok(())).unwrap();
+            film
+        };
+        let (cut, whole) = (shot(4), shot(MOST_SCATTERINGS));
+        let lacks = 1.0 - mean(&cut, FilmView::Light) / mean(&whole, FilmView::Light);
+        println!("4 scatterings lack {lacks:.4}, told {:.4}", cut.cut_share());
+        assert!(lacks > 0.1);
+        cut.cut_share() - lacks
+    });
+    let average = off.iter().sum::<f64>() / 4.0;
+    let deviation = (off.iter().map(|v| (v - average).powi(2)).sum::<f64>() / 12.0).sqrt();
+    assert!(average.abs() < 5.0 * deviation && deviation < 0.02, "{average} of {deviation}");
 }
 
 /// A furnace of an assembly with growing numbers of scatterings (Xia 2020, Fig. 8): met within C_e, all light is there in the end and never more than all; the same light put into strands

@@ -34,11 +34,6 @@ fn setup(args: &RenderArgs) -> Scene {
     args.setup.unwrap_or(Scene::Front)
 }
 
-/// Most scatterings of a path in a fabric.
-fn depth(args: &RenderArgs) -> u32 {
-    args.depth.unwrap_or(8)
-}
-
 /// What a render reads: names for people, and paths.
 fn inputs(args: &RenderArgs, spec: &FabricSpec, models: &[PathBuf]) -> Vec<(&'static str, PathBuf)> {
     let mut list = vec![("fabric spec", args.fabric.clone())];
@@ -73,7 +68,7 @@ fn ingredients(
         ("--sky-layer", format!("{:?}", args.sky_layer)),
         ("--width", args.width.to_string()),
         ("--height", args.height.to_string()),
-        ("--depth", depth(args).to_string()),
+        ("--depth", args.depth.to_string()),
         ("--seed", args.seed.to_string()),
         ("--sigma", format!("{:?}", args.sigma)),
         ("--straight-gaps", args.straight_gaps.to_string()),
@@ -217,7 +212,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
         notes.extend(color::fabric_notes(&fabric));
     }
     let (scene, _) = setup.scene(size, mesh, sky);
-    let render_options = RenderOptions { samples: args.samples, depth: depth(args), seed: args.seed };
+    let render_options = RenderOptions { samples: args.samples, depth: args.depth, seed: args.seed };
     let about = About { name, scene: format!("{:?}", crate::commands::render::setup(args)).to_lowercase(), notes };
     shoot(cli, args, &outputs, &of, film, about, |film, after| {
         render(&scene, &camera, &fabric, film, &render_options, &STOP, after)

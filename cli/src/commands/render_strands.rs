@@ -5,12 +5,9 @@ use crate::args::{Cli, Integrator, RenderArgs};
 use crate::failure::{Failure, Outcome};
 use crate::progress::STOP;
 use crate::rendering::{About, Outputs, camera, camera_flags, check_flags, digest_of_file, failed, film, shoot};
-use crate::strand_scene::StrandSpec;
+use crate::strand_scene::{Loaded, StrandSpec};
 use plywave_render::{RenderOptions, StrandDual, StrandDualOptions, render_strands, render_strands_dual};
 use std::path::{Path, PathBuf};
-
-/// Most scatterings of a path: light in clear hair is scattered often.
-const DEPTH: u32 = 64;
 
 /// Flags that are of fabrics alone.
 fn check_foreign(args: &RenderArgs) -> Outcome {
@@ -38,20 +35,32 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     check_foreign(args)?;
     let outputs = Outputs::of(args)?;
     let spec = StrandSpec::load(&args.fabric)?;
-    let mut inputs: Vec<(&str, PathBuf)> = vec![("scene of strands", args.fabric.clone())];
-    inputs.extend(spec.inputs());
-    inputs.extend(args.sky.iter().map(|s| ("sky", s.clone())));
+    let mut inputs: Vec<(String, PathBuf)> = vec![("scene of strands".into(), args.fabric.clone())];
+    inputs.extend(spec.inputs().into_iter().map(|(name, path)| (name.to_string(), path)));
+    inputs.extend(args.sky.iter().map(|s| ("sky".to_string(), s.clone())));
     let read: Vec<&Path> = inputs.iter().map(|(_, path)| path.as_path()).collect();
     let _held = outputs.hold(&read)?;
-    let depth = args.depth.unwrap_or(DEPTH);
+    let mut notes = Vec::new();
+    let sky = super::render::sky(args, &mut notes)?;
+    let Loaded { scene, camera: own, notes: told, included } = spec.load_scene(sky)?;
+    let camera = camera(args, own)?;
+    notes.extend(told);
+    // Which files a scene includes is known once it is read: none of them may be written to.
+    let included_paths: Vec<&Path> = included.iter().map(PathBuf::as_path).collect();
+    outputs.each().try_for_each(|path| output::check_writable(path, &included_paths))?;
+    let folder = args.fabric.parent().unwrap_or(Path::new(""));
+    inputs.extend(included.into_iter().map(|path| {
+        let name = path.strip_prefix(folder).unwrap_or(&path).display().to_string();
+        (format!("included file {name}"), path)
+    }));
     let mut of = vec![("version".to_string(), env!("CARGO_PKG_VERSION").to_string())];
     for (name, path) in &inputs {
-        of.push(((*name).to_string(), digest_of_file(path)?));
+        of.push((name.clone(), digest_of_file(path)?));
     }
     for (name, value) in [
         ("--width", args.width.into()),
         ("--height", args.height.into()),
-        ("--depth", depth.into()),
+        ("--depth", args.depth.into()),
         ("--seed", args.seed),
     ] {
         of.push((name.to_string(), value.to_string()));
@@ -61,12 +70,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     of.extend(camera_flags(args));
     of.push(("--sky-layer".into(), format!("{:?}", args.sky_layer)));
     let film = film(args, &outputs, &of)?;
-    let mut notes = Vec::new();
-    let sky = super::render::sky(args, &mut notes)?;
-    let (scene, own, told) = spec.scene(sky)?;
-    let camera = camera(args, own)?;
-    notes.extend(told);
-    let options = RenderOptions { samples: args.samples, depth, seed: args.seed };
+    let options = RenderOptions { samples: args.samples, depth: args.depth, seed: args.seed };
     let about = About { name: spec.name().to_string(), scene: "strands".into(), notes };
     match integrator {
         Integrator::Path => shoot(cli, args, &outputs, &of, film, about, |film, after| {

@@ -11,7 +11,8 @@ use plywave::FiberModel;
 use plywave::fiber::filament_of;
 use plywave::spec::rules;
 use plywave_render::{
-    Basis, Camera, Environment, Light, Prop, Shape, StrandFiber, StrandFile, StrandScene, StrandShape, make,
+    Basis, Camera, Environment, Light, Prop, Shape, StrandFiber, StrandFile, StrandNotes, StrandScene, StrandShape,
+    make,
 };
 use std::path::{Path, PathBuf};
 use types::{SigmaSpec, Spec};
@@ -24,6 +25,17 @@ pub struct StrandSpec {
     file: String,
     folder: PathBuf,
     spec: Spec,
+}
+
+/// A scene of strands, loaded.
+pub struct Loaded {
+    pub scene: StrandScene,
+    /// What it is seen by.
+    pub camera: Camera,
+    /// For the user, a line each.
+    pub notes: Vec<String>,
+    /// Files that the file of strands includes.
+    pub included: Vec<PathBuf>,
 }
 
 impl StrandSpec {
@@ -78,15 +90,16 @@ impl StrandSpec {
         self.spec.fiber.model.get("file").and_then(toml::Value::as_str).map(|file| self.folder.join(file))
     }
 
-    /// What it is lit and seen by, and notes for the user.
-    pub fn scene(&self, sky: Option<Environment>) -> Outcome<(StrandScene, Camera, Vec<String>)> {
+    /// What it is of.
+    pub fn load_scene(&self, sky: Option<Environment>) -> Outcome<Loaded> {
         let failed = crate::rendering::failed;
         let Spec { strands: s, camera, .. } = &self.spec;
         let basis = if s.basis.as_deref() == Some("linear") { Basis::Linear } else { Basis::BSpline };
-        let strands = match (&s.make, &s.file) {
+        let (strands, told) = match (&s.make, &s.file) {
             (Some(of), _) => {
                 let radius = 1e-3 * s.radius_um.unwrap_or(1.0);
-                make(of, radius, s.segments.unwrap_or(32), s.seed.unwrap_or(1)).map_err(failed)?
+                let made = make(of, radius, s.segments.unwrap_or(32), s.seed.unwrap_or(1)).map_err(failed)?;
+                (made, StrandNotes::default())
             }
             (None, file) => {
                 let path = self.folder.join(file.as_deref().unwrap_or(Path::new("")));
@@ -102,8 +115,8 @@ impl StrandSpec {
         };
         let mut notes =
             vec![format!("{} strands of {} segments", strands.len(), crate::report::count(strands.segments() as f64))];
-        let mean_um =
-            1e3 * strands.points().iter().map(|p| f64::from(p[3])).sum::<f64>() / strands.points().len().max(1) as f64;
+        notes.extend(told.lines());
+        let mean_um = 1e3 * strands.mean_radius_mm();
         let fiber = self.fiber(mean_um as f32)?;
         let model_um = f64::from(fiber.radius_um());
         if (mean_um / model_um).ln().abs() > 0.5 && matches!(fiber.model, FiberModel::Tabulated(_)) {
@@ -126,7 +139,7 @@ impl StrandSpec {
         }));
         let up = camera.up.map_or(Vec3::Z, Vec3::from);
         let camera = Camera::new(camera.from_mm.into(), camera.to_mm.into(), up, camera.fov_deg.to_radians());
-        Ok((scene, camera, notes))
+        Ok(Loaded { scene, camera, notes, included: told.included.into_iter().collect() })
     }
 
     fn fiber(&self, radius_um: f32) -> Outcome<StrandFiber> {

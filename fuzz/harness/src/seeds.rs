@@ -215,7 +215,7 @@ pub fn filaments() -> Vec<Vec<u8>> {
     kinds.into_iter().map(|kind| text(kind).into()).collect()
 }
 
-/// The same two strands in the three formats.
+/// The same two strands in the three formats, and pbrt's with transforms and objects.
 pub fn strands() -> Vec<Vec<u8>> {
     let points: [[f32; 3]; 10] = std::array::from_fn(|i| {
         let t = (i % 5) as f32;
@@ -237,7 +237,8 @@ pub fn strands() -> Vec<Vec<u8>> {
     let curve = |part: &[[f32; 3]]| part.iter().map(line).collect::<String>();
     let mitsuba = format!("{}\n{}", curve(&points[..5]), curve(&points[5..]));
     let pbrt = "AttributeBegin\nMaterial \"hair\" \"float beta_m\" [0.3]\nShape \"curve\" \"string type\" \"flat\" \"string basis\" \"bezier\" \"integer degree\" 3\n  \"point3 P\" [0 0 0  1 0.5 0  2 0 0.5  3 1 0] \"float width0\" 0.1 \"float width1\" 0.05\nShape \"curve\" \"point P\" [ 0 0 1 1 0 1 2 1 1 3 1 2 4 0 2 ] \"string basis\" [ \"bspline\" ] \"integer degree\" [ 3 ] \"float width\" [ 0.1 ]\nAttributeEnd\n";
-    vec![hair, mitsuba.into(), pbrt.into()]
+    let placed = "LookAt 0 0 5 0 0 0 0 1 0 Camera \"perspective\" \"float fov\" 30\nWorldBegin\nAttribute \"shape\" \"float width\" 0.1\nObjectBegin \"o\" Rotate 30 0 0 1 Shape \"curve\" \"integer degree\" 2 \"point3 P\" [ 0 0 0 1 2 0 2 0 0 ] ObjectEnd\nAttributeBegin CoordinateSystem \"c\" Scale 2 2 2 Translate 1 0 0 ObjectInstance \"o\" AttributeEnd\nActiveTransform EndTime Transform [ 1 0 0 0 0 1 0 0 0 0 1 0 5 0 0 1 ] ConcatTransform [ 1 0 0 0 0 2 0 0 0 0 1 0 5 0 0 1 ] ActiveTransform All CoordSysTransform \"c\" Identity\nObjectInstance \"o\" Shape \"sphere\"\n";
+    vec![hair, mitsuba.into(), pbrt.into(), placed.into()]
 }
 
 /// A twin that ships.

@@ -300,7 +300,7 @@ pub fn strands(bytes: &[u8]) {
     let basis = if rng.below(2) == 0 { Basis::Linear } else { Basis::BSpline };
     let radius_mm = (rng.below(4) == 0).then_some(0.02);
     let how = StrandFile { basis, mm_per_unit: 1.0, radius_mm, whole: rng.below(2) == 0 };
-    let Some(strands) = loaded(Strands::from_bytes(bytes, "s", &how)) else { return };
+    let Some((strands, _)) = loaded(Strands::from_bytes(bytes, "s", &how)) else { return };
     assert!(strands.points().iter().flatten().all(|v| v.is_finite()));
     let shape = if rng.below(2) == 0 { StrandShape::Tube } else { StrandShape::Band };
     let tree = StrandTree::new(strands, shape);

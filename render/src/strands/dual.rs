@@ -13,6 +13,7 @@ use super::StrandHit;
 use super::scene::StrandScene;
 use super::trace::{Flight, Leaving, Place};
 use crate::camera::Camera;
+use crate::course::Course;
 use crate::film::LAMBDA_RANGE_UM;
 use crate::light::{LightSampling, Sources};
 use crate::path::{Light4, RenderOptions, Traced, Tracer, render_by};
@@ -74,9 +75,7 @@ impl<'a> StrandDual<'a> {
             return Err(refuse("the scene has no strands; give some, or trace paths".into()));
         }
         let fiber = scene.fiber();
-        let points = strands.points();
-        let mean_mm = points.iter().map(|p| f64::from(p[3])).sum::<f64>() / points.len() as f64;
-        let larger = scene.larger(mean_mm);
+        let larger = scene.larger(strands.mean_radius_mm());
         let mut dual = options.dual;
         if dual.turns == 1 && !is_round(&fiber.model) {
             dual.turns = TURNS;
@@ -279,7 +278,7 @@ impl Tracer for StrandDual<'_> {
         let up = std::array::from_fn(|k| lambda[(k + WAVELENGTHS - turn) % WAVELENGTHS]);
         let traced = self.follow(options, ray, (&self.bins[bin], up), rng);
         let back = |l: Light4| std::array::from_fn(|k| l[(k + turn) % WAVELENGTHS]);
-        Traced { light: back(traced.light), albedo: back(traced.albedo), hit: traced.hit }
+        Traced { light: back(traced.light), albedo: back(traced.albedo), ..traced }
     }
 }
 
@@ -296,7 +295,8 @@ impl StrandDual<'_> {
         let (mut light, mut albedo, mut throughput) = ([0.0; WAVELENGTHS], [0.0; WAVELENGTHS], [1.0f32; WAVELENGTHS]);
         let mut first = None;
         let mut pdf = f32::INFINITY;
-        let (mut depth, mut passed) = (0, 0);
+        let mut course = Course::new(options.depth);
+        let mut passed = 0;
         while passed < MOST_PASSED {
             let prop: Option<(f32, &Prop)> = scene.prop(&flight);
             let hit = flight.first(scene.tree(), prop.map_or(f64::INFINITY, |(t, _)| t.into()));
@@ -317,7 +317,7 @@ impl StrandDual<'_> {
                     first = Some((scene.facing(&hit, flight.direction), hit.t as f32));
                     albedo = at.albedo();
                 }
-                if depth < options.depth {
+                if course.goes_on(&throughput, &light, rng) {
                     let sigma = scene.sigma(&hit, lambda);
                     let place = Place { axes, from: Leaving::Strand(hit) };
                     let of = Shading { place: &place, dual, fiber: &at, lambda, sigma, back: -flight.direction };
@@ -333,9 +333,11 @@ impl StrandDual<'_> {
                 albedo = [prop.albedo; WAVELENGTHS];
             }
             let place = beside(position, normal);
-            let last = depth == options.depth;
-            let next = scene.scatter(&place, &Matte(prop.albedo), last, lambda, throughput, rng, &mut light);
-            let Some(BsdfSample::Scattered(sample)) = next else { break };
+            if !course.goes_on(&throughput, &light, rng) {
+                break;
+            }
+            let next = scene.scatter(&place, &Matte(prop.albedo), lambda, throughput, rng, &mut light);
+            let BsdfSample::Scattered(sample) = next else { break };
             (0..WAVELENGTHS).for_each(|k| throughput[k] *= sample.weight[k]);
             pdf = sample.pdf;
             let w = place.world(sample.w);
@@ -343,9 +345,12 @@ impl StrandDual<'_> {
                 break;
             }
             flight = place.flight(w);
-            depth += 1;
+            if !course.survives(&mut throughput, rng) {
+                break;
+            }
         }
-        Traced { light, albedo, hit: first }
+        let (light, cut) = course.end(light, lambda, first.is_some());
+        Traced { light, albedo, hit: first, cut }
     }
 }
 

@@ -1,6 +1,6 @@
 //! How files of strands are taken: units, radii, what points mean.
 
-use super::{Basis, Strands};
+use super::{Basis, LEAST_RADIUS_MM, StrandNotes, Strands, check_points};
 use crate::RenderError;
 
 /// How a file of strands is taken.
@@ -22,15 +22,39 @@ impl StrandFile {
         [s * x, s * y, s * z, self.radius_mm.unwrap_or(s * radius)]
     }
 
+    /// Adds a strand by the points of a file. Strands end in points and are bald at some roots: a radius
+    /// below the least takes the least, a strand of one point or without any width is left out, and
+    /// both are counted.
     pub(super) fn push(
         &self,
         strands: &mut Strands,
-        points: &[[f32; 4]],
+        points: &mut [[f32; 4]],
+        notes: &mut StrandNotes,
         file: &str,
         place: &str,
     ) -> Result<(), RenderError> {
+        if points.len() == 1 {
+            notes.single_points += 1;
+            return Ok(());
+        }
+        check_points(points, 0.0, file, place)?;
+        let Some(least) = least_radius_mm(points.iter().map(|p| p[3].into())) else {
+            notes.without_width += 1;
+            return Ok(());
+        };
+        for p in points.iter_mut().filter(|p| f64::from(p[3]) < least) {
+            p[3] = least as f32;
+            notes.thin_points += 1;
+        }
         if self.whole { strands.push_whole(points, file, place) } else { strands.push(points, file, place) }
     }
+}
+
+/// Least radius along a strand of these radii [mm]: [`LEAST_RADIUS_MM`], and what 32 bits tell apart from the
+/// largest; none where all are below it.
+pub(super) fn least_radius_mm(radii: impl Iterator<Item = f64>) -> Option<f64> {
+    let (most, least) = (radii.fold(0.0, f64::max), f64::from(LEAST_RADIUS_MM));
+    (most >= least).then(|| least.max(1e-5 * most))
 }
 
 /// At most 20 characters of a word.

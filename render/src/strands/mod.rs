@@ -8,13 +8,16 @@ mod dual;
 mod group;
 mod how;
 mod make;
+mod notes;
 mod pbrt;
+mod pbrt_curve;
 mod read;
 mod scene;
 mod segment;
 mod trace;
 mod tree;
 mod wide;
+mod words;
 
 use crate::RenderError;
 use crate::room::check_room;
@@ -22,6 +25,7 @@ use crate::room::check_room;
 pub use dual::{StrandDual, StrandDualOptions, render_strands_dual};
 pub use how::StrandFile;
 pub use make::{Made, make};
+pub use notes::StrandNotes;
 pub use read::mitsuba_text;
 pub use scene::{StrandFiber, StrandScene};
 pub use trace::render_strands;
@@ -78,7 +82,7 @@ pub(crate) struct Run {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Strands {
     basis: Basis,
-    /// x, y, z, radius [mm].
+    /// x, y, z, radius [mm]. Beyond the ends of a spline a radius may be below 0: the curve's own is not.
     points: Vec<[f32; 4]>,
     runs: Vec<Run>,
     count: u32,
@@ -130,62 +134,40 @@ impl Strands {
     /// [`RenderError::Strands`] for too few or more than [`MOST_POINTS`] points, coordinates that are not finite or beyond [`MOST_MM`], radii below
     /// [`LEAST_RADIUS_MM`]; `file` and `place`, as `strand 3`, stand in it.
     pub fn push(&mut self, points: &[[f32; 4]], file: &str, place: &str) -> Result<(), RenderError> {
-        self.extend(points, file, place, true)
-    }
-
-    /// Adds a curve to the strand that was added last.
-    ///
-    /// # Errors
-    /// As [`Strands::push`].
-    pub fn push_to_last(&mut self, points: &[[f32; 4]], file: &str, place: &str) -> Result<(), RenderError> {
-        self.extend(points, file, place, self.count == 0)
-    }
-
-    /// A strand through all of `points`: of a B-spline, the outermost points are mirrored at the ends, so that it begins and ends there; in between it passes them by.
-    ///
-    /// # Errors
-    /// As [`Strands::push`].
-    pub fn push_whole(&mut self, points: &[[f32; 4]], file: &str, place: &str) -> Result<(), RenderError> {
-        let (Basis::BSpline, [a, b, .., y, z]) = (self.basis, points) else {
-            return match (self.basis, points) {
-                (Basis::BSpline, [a, b] | [a, _, b]) => {
-                    // Two or three points: the middle is where it was.
-                    let middle = if points.len() == 3 { points[1] } else { mean(*a, *b) };
-                    self.push(&[beyond(*a, middle), *a, middle, *b, beyond(*b, middle)], file, place)
-                }
-                _ => self.push(points, file, place),
-            };
-        };
-        let mut all = Vec::with_capacity(points.len() + 2);
-        all.push(beyond(*a, *b));
-        all.extend_from_slice(points);
-        all.push(beyond(*z, *y));
-        self.push(&all, file, place)
-    }
-
-    fn extend(&mut self, points: &[[f32; 4]], file: &str, place: &str, new: bool) -> Result<(), RenderError> {
         let bad = |what: String| RenderError::Strands { file: file.to_string(), what: format!("{place}: {what}") };
         let order = self.basis.order();
         if points.len() < order {
             return Err(bad(format!("{} points; a segment takes {order}", points.len())));
         }
-        if points.len() > MOST_POINTS {
-            return Err(bad(format!("{} points; at most {MOST_POINTS}, split the strand", points.len())));
-        }
-        for (k, p) in points.iter().enumerate() {
-            if let Some(v) = p[..3].iter().find(|v| v.is_nan() || v.abs() > MOST_MM) {
-                return Err(bad(format!("point {} has the coordinate {v} mm; use up to {MOST_MM}", k + 1)));
-            }
-            if !(p[3] >= LEAST_RADIUS_MM && p[3] <= MOST_MM) {
-                return Err(bad(format!("point {} has the radius {} mm; use {LEAST_RADIUS_MM} or more", k + 1, p[3])));
-            }
-        }
+        check_points(points, LEAST_RADIUS_MM, file, place)?;
+        self.add_run(points, true).map_err(bad)
+    }
+
+    /// A strand through all of `points`, two at least: of a B-spline, the outermost points are mirrored at
+    /// the ends, so that it begins and ends there with their radii; in between it passes them by.
+    ///
+    /// # Errors
+    /// As [`Strands::push`].
+    pub fn push_whole(&mut self, points: &[[f32; 4]], file: &str, place: &str) -> Result<(), RenderError> {
+        let middle = match (self.basis, points) {
+            (Basis::Linear, _) | (_, [] | [_]) => return self.push(points, file, place),
+            (_, [a, b]) => vec![*a, mean(*a, *b), *b],
+            _ => points.to_vec(),
+        };
+        check_points(points, LEAST_RADIUS_MM, file, place)?;
+        let (a, z) = (beyond(middle[0], middle[1]), beyond(middle[middle.len() - 1], middle[middle.len() - 2]));
+        let all = [&[a], &middle[..], &[z]].concat();
+        let bad = |what: String| RenderError::Strands { file: file.to_string(), what: format!("{place}: {what}") };
+        self.add_run(&all, true).map_err(bad)
+    }
+
+    /// Adds control points that have been looked at, to a strand of their own or to the one that was added
+    /// last.
+    fn add_run(&mut self, points: &[[f32; 4]], is_new: bool) -> Result<(), String> {
         if self.points.len() + points.len() > MOST_IN_ALL {
-            return Err(bad("more than 536 M points in all; give fewer strands".into()));
+            return Err("more than 536 M points in all; give fewer strands".into());
         }
-        if new {
-            self.count += 1;
-        }
+        self.count += u32::from(is_new || self.count == 0);
         self.runs.push(Run {
             first: self.points.len() as u32,
             count: points.len() as u32,
@@ -205,7 +187,20 @@ impl Strands {
 
     /// All radii times `factor`.
     pub fn scale_radii(&mut self, factor: f32) {
-        self.points.iter_mut().for_each(|p| p[3] = (p[3] * factor).clamp(LEAST_RADIUS_MM, MOST_MM));
+        self.points.iter_mut().for_each(|p| p[3] *= factor);
+    }
+
+    /// Mean radius over all segments [mm]; 0 without strands.
+    pub fn mean_radius_mm(&self) -> f64 {
+        let of = |p: &[[f32; 4]]| {
+            let r = |k: usize| f64::from(p[k][3]);
+            match self.basis {
+                Basis::Linear => 0.5 * (r(0) + r(1)),
+                Basis::BSpline => (r(0) + 11.0 * (r(1) + r(2)) + r(3)) / 24.0,
+            }
+        };
+        let all = self.curves().flat_map(|points| points.windows(self.basis.order()));
+        all.map(of).sum::<f64>() / self.segments().max(1) as f64
     }
 
     /// Largest and least coordinates of the control points [mm]; zeros without strands.
@@ -225,7 +220,25 @@ fn mean(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
     std::array::from_fn(|k| 0.5 * (a[k] + b[k]))
 }
 
-/// `b` mirrored at `a`; the radius is that at `a`, so that it stays above 0.
+/// `b` mirrored at `a`, with its radius: the curve has the radius of `a` there, and between the two radii, of
+/// which none is below 0, none that is below both.
 fn beyond(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
-    [2.0 * a[0] - b[0], 2.0 * a[1] - b[1], 2.0 * a[2] - b[2], a[3]]
+    std::array::from_fn(|k| 2.0 * a[k] - b[k])
+}
+
+/// Refuses numbers of points, coordinates and radii out of range; points are numbered as they are given.
+fn check_points(points: &[[f32; 4]], least: f32, file: &str, place: &str) -> Result<(), RenderError> {
+    let bad = |what: String| RenderError::Strands { file: file.to_string(), what: format!("{place}: {what}") };
+    if points.len() > MOST_POINTS {
+        return Err(bad(format!("{} points; at most {MOST_POINTS}, split the strand", points.len())));
+    }
+    for (k, p) in points.iter().enumerate() {
+        if let Some(v) = p[..3].iter().find(|v| v.is_nan() || v.abs() > MOST_MM) {
+            return Err(bad(format!("point {} has the coordinate {v} mm; use up to {MOST_MM}", k + 1)));
+        }
+        if !(p[3] >= least && p[3] <= MOST_MM) {
+            return Err(bad(format!("point {} has the radius {} mm; use {LEAST_RADIUS_MM} or more", k + 1, p[3])));
+        }
+    }
+    Ok(())
 }

@@ -1,216 +1,499 @@
-//! pbrt's `Shape "curve"` text: Bezier and B-spline curves of degree 2 and 3, as segments of cubic B-splines, exactly.
+//! pbrt's text: statements, of which transforms, blocks, objects, included files and curves count, in one
+//! pass.
+//!
+//! As in pbrt-v4 (`parser.cpp`, `scene.cpp`): a transform multiplies the current one from the right,
+//! `WorldBegin` begins anew, an object's curves keep the transform that they were defined under, and its
+//! instances put theirs before it.
+//! Statements of pbrt-v2 and -v3 that v4 lacks are passed over like all that are no geometry.
 
-use super::how::{StrandFile, cut};
-use super::{Basis, MOST_POINTS, Strands};
+use super::how::StrandFile;
+use super::pbrt_curve::{Curve, Given};
+use super::read::{MOST_BYTES, refuse_packed};
+use super::words::{Word, Words, number, shown};
+use super::{Basis, StrandNotes, Strands};
 use crate::RenderError;
+use glam::{DMat4, DVec3};
+use plywave::io::{AssetSource, Folder};
+use std::collections::HashMap;
+use std::path::{Component, Path, PathBuf};
 
-/// Whether a text is of pbrt.
-pub fn is(text: &str) -> bool {
-    text.lines().take(10_000).any(|line| line.trim_start().starts_with("Shape"))
-}
+/// Most blocks within one another.
+const MOST_BLOCKS: usize = 10_000;
+/// Most files within one another.
+const MOST_FILES: usize = 32;
+/// Most files that are read, each time counted.
+const MOST_READ: usize = 100_000;
+/// Most instances, those within instances counted.
+const MOST_INSTANCES: usize = 1 << 22;
+/// Most objects within one another.
+const MOST_WITHIN: usize = 64;
+/// Points at which memory is looked at first.
+const FIRST_CHECK: usize = 1 << 20;
 
-/// A word of the text: a text in quotes, a bracket, or anything else.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Word<'a> {
-    Quoted(&'a str),
-    Open,
-    Close,
-    Bare(&'a str),
-}
+/// Statements that are passed over.
+const PASSED: &[&[u8]] = &[
+    b"Accelerator",
+    b"AreaLightSource",
+    b"ColorSpace",
+    b"Exterior",
+    b"Film",
+    b"Integrator",
+    b"Interior",
+    b"LightSource",
+    b"MakeNamedMaterial",
+    b"MakeNamedMedium",
+    b"Material",
+    b"MediumInterface",
+    b"NamedMaterial",
+    b"Option",
+    b"PixelFilter",
+    b"Renderer",
+    b"ReverseOrientation",
+    b"Sampler",
+    b"SurfaceIntegrator",
+    b"Texture",
+    b"TransformTimes",
+    b"Volume",
+    b"VolumeIntegrator",
+    b"WorldEnd",
+];
+/// Statements that are followed.
+const FOLLOWED: &[&[u8]] = &[
+    b"ActiveTransform",
+    b"Attribute",
+    b"AttributeBegin",
+    b"AttributeEnd",
+    b"Camera",
+    b"ConcatTransform",
+    b"CoordSysTransform",
+    b"CoordinateSystem",
+    b"Identity",
+    b"Import",
+    b"Include",
+    b"LookAt",
+    b"ObjectBegin",
+    b"ObjectEnd",
+    b"ObjectInstance",
+    b"Rotate",
+    b"Scale",
+    b"Shape",
+    b"Transform",
+    b"TransformBegin",
+    b"TransformEnd",
+    b"Translate",
+    b"WorldBegin",
+];
 
-struct Words<'a> {
-    text: &'a str,
-    at: usize,
-}
-
-impl<'a> Words<'a> {
-    /// Line of the next word, from 1.
-    fn line(&self) -> usize {
-        1 + self.text.as_bytes()[..self.at.min(self.text.len())].iter().filter(|b| **b == b'\n').count()
+/// Whether a text is of pbrt: it does not begin with a number, and begins with a statement or has the word
+/// `Shape`.
+pub fn is(bytes: &[u8]) -> bool {
+    let mut words = Words::new(bytes);
+    let Ok(Some(first)) = words.next() else { return false };
+    if number(&first).is_some() {
+        return false;
     }
-
-    fn peek(&self) -> Option<Word<'a>> {
-        Words { text: self.text, at: self.at }.next()
+    let mut next = Some(first);
+    while let Some(word) = next {
+        if let Word::Bare(name) = word
+            && (name == b"Shape" || word == first && [PASSED, FOLLOWED].iter().any(|list| list.contains(&name)))
+        {
+            return true;
+        }
+        next = words.next().ok().flatten();
     }
+    false
 }
 
-impl<'a> Iterator for Words<'a> {
-    type Item = Word<'a>;
-
-    fn next(&mut self) -> Option<Word<'a>> {
-        let bytes = self.text.as_bytes();
-        loop {
-            match bytes.get(self.at)? {
-                b if b.is_ascii_whitespace() => self.at += 1,
-                b'#' => self.at += bytes[self.at..].iter().position(|b| *b == b'\n').unwrap_or(bytes.len() - self.at),
-                _ => break,
-            }
-        }
-        let from = self.at;
-        Some(match bytes[from] {
-            b'[' => {
-                self.at += 1;
-                Word::Open
-            }
-            b']' => {
-                self.at += 1;
-                Word::Close
-            }
-            b'"' => {
-                let end = bytes[from + 1..].iter().position(|b| *b == b'"').map_or(bytes.len(), |n| from + 1 + n);
-                self.at = (end + 1).min(bytes.len());
-                Word::Quoted(&self.text[from + 1..end])
-            }
-            _ => {
-                let end = bytes[from..].iter().position(|b| b.is_ascii_whitespace() || b"[]\"#".contains(b));
-                self.at = end.map_or(bytes.len(), |n| from + n);
-                Word::Bare(&self.text[from..self.at])
-            }
-        })
-    }
-}
-
-/// What a curve is given by.
-struct Curve {
-    degree: usize,
-    bezier: bool,
-    points: Vec<[f32; 3]>,
-    width: [f32; 2],
-}
-
-/// All curves of a text; what is no curve is passed over.
-pub fn read(text: &str, file: &str, how: &StrandFile) -> Result<Strands, RenderError> {
-    let mut strands = Strands::new(Basis::BSpline);
-    let mut words = Words { text, at: 0 };
-    while let Some(word) = words.next() {
-        if word != Word::Bare("Shape") {
-            continue;
-        }
-        let line = words.line();
-        if words.next() != Some(Word::Quoted("curve")) {
-            continue;
-        }
-        let bad = |what: String| RenderError::Strands { file: file.to_string(), what: format!("line {line}: {what}") };
-        let curve = parameters(&mut words).map_err(bad)?;
-        add(&mut strands, &curve, file, &format!("curve at line {line}"), how)?;
-    }
-    Ok(strands)
-}
-
-/// `"type name" value` or `"type name" [ values ]`, as many as follow.
-fn parameters(words: &mut Words<'_>) -> Result<Curve, String> {
-    let mut curve = Curve { degree: 3, bezier: true, points: Vec::new(), width: [1.0; 2] };
-    while let Some(Word::Quoted(declared)) = words.peek() {
-        words.next();
-        let name = declared.split_ascii_whitespace().nth(1).unwrap_or("");
-        let mut values = Vec::new();
-        match words.next() {
-            Some(Word::Open) => loop {
-                match words.next() {
-                    Some(Word::Close) => break,
-                    Some(Word::Open) | None => return Err(format!("{declared:?} has no closing bracket")),
-                    Some(word) => values.push(word),
-                }
-            },
-            Some(word @ (Word::Bare(_) | Word::Quoted(_))) => values.push(word),
-            _ => return Err(format!("{:?} has no value", cut(declared))),
-        }
-        let numbers = || -> Result<Vec<f32>, String> {
-            let number = |word: &Word<'_>| match word {
-                Word::Bare(text) => text.parse().map_err(|_| format!("{:?} of {name:?} is no number", cut(text))),
-                _ => Err(format!("{name:?} takes numbers")),
-            };
-            values.iter().map(number).collect()
-        };
-        let one = || numbers()?.first().copied().ok_or_else(|| format!("{name:?} has no value"));
-        match name {
-            "P" => {
-                let numbers = numbers()?;
-                if !numbers.len().is_multiple_of(3) {
-                    return Err(format!("\"P\" has {} numbers; use three a point", numbers.len()));
-                }
-                if numbers.len() > 3 * MOST_POINTS {
-                    return Err(format!("{} points; at most {MOST_POINTS}, split the curve", numbers.len() / 3));
-                }
-                curve.points = numbers.as_chunks().0.to_vec();
-            }
-            "width" => curve.width = [one()?; 2],
-            "width0" => curve.width[0] = one()?,
-            "width1" => curve.width[1] = one()?,
-            "degree" => {
-                curve.degree = match one()? {
-                    2.0 => 2,
-                    3.0 => 3,
-                    other => return Err(format!("degree {other}; use 2 or 3")),
-                }
-            }
-            "basis" => {
-                curve.bezier = match values.first() {
-                    Some(Word::Quoted("bezier")) => true,
-                    Some(Word::Quoted("bspline")) => false,
-                    _ => return Err("unknown basis; use \"bezier\" or \"bspline\"".into()),
-                }
-            }
-            // How it is cut up, which way it faces, and what of it is shown are the host's.
-            _ => {}
-        }
-    }
-    Ok(curve)
-}
-
-/// Adds a curve: each of its segments as the four points of a cubic B-spline's, all of one strand; a cubic B-spline as it is.
-fn add(strands: &mut Strands, curve: &Curve, file: &str, place: &str, how: &StrandFile) -> Result<(), RenderError> {
-    let n = curve.points.len();
-    let bad = |what: String| RenderError::Strands { file: file.to_string(), what: format!("{place}: {what}") };
-    let d = curve.degree;
-    let segments = if curve.bezier {
-        if n < d + 1 || !(n - 1).is_multiple_of(d) {
-            return Err(bad(format!("{n} points; Bezier curves of degree {d} have 1 + {d} a segment")));
-        }
-        (n - 1) / d
-    } else {
-        if n < d + 1 {
-            return Err(bad(format!("{n} points; a B-spline of degree {d} has {} or more", d + 1)));
-        }
-        n - d
+/// All curves of a text.
+pub fn read(
+    bytes: &[u8],
+    file: &str,
+    how: &StrandFile,
+    folder: Option<&Folder>,
+    notes: &mut StrandNotes,
+) -> Result<Strands, RenderError> {
+    let mut reader = Reader {
+        how,
+        folder,
+        notes,
+        strands: Strands::new(Basis::BSpline),
+        state: State { space: DMat4::IDENTITY, at_start: true, at_end: true, moves: false, given: Given::default() },
+        blocks: Vec::new(),
+        systems: HashMap::new(),
+        objects: HashMap::new(),
+        object: None,
+        uses: Vec::new(),
+        files: Path::new(file).file_name().iter().map(|name| name.to_string_lossy().into_owned()).collect(),
+        read: [bytes.len() as u64, 1],
+        points: 0,
+        check_at: FIRST_CHECK,
     };
-    let radius = |u: f32| 0.5 * (curve.width[0] + (curve.width[1] - curve.width[0]) * u);
-    if !curve.bezier && d == 3 {
-        // A linear function of u has the values of its knots' means as control values: -1, 0, .. over the segments.
-        let r = |k: usize| radius((k as f32 - 1.0) / segments as f32).max(1e-3 * radius(0.0).max(radius(1.0)));
-        let points: Vec<[f32; 4]> = curve.points.iter().enumerate().map(|(k, p)| how.point(*p, r(k))).collect();
-        return strands.push(&points, file, place);
+    reader.text(bytes, file)?;
+    reader.notes.open_blocks += reader.blocks.len() as u64;
+    reader.end_object();
+    let objects = std::mem::take(&mut reader.objects);
+    let mut instances = 0;
+    for of in std::mem::take(&mut reader.uses) {
+        reader.put(&of, &objects, &DMat4::IDENTITY, &mut Vec::new(), &mut instances)?;
     }
-    for s in 0..segments {
-        let p = |k: usize| curve.points[if curve.bezier { d * s + k } else { s + k }].map(f64::from);
-        let mix = |weights: &[(usize, f64)]| -> [f64; 3] {
-            std::array::from_fn(|c| weights.iter().map(|(k, w)| w * p(*k)[c]).sum())
-        };
-        // Bezier points of the segment, of degree 3.
-        let b: [[f64; 3]; 4] = if d == 3 {
-            [p(0), p(1), p(2), p(3)]
-        } else {
-            let q: [&[(usize, f64)]; 3] = if curve.bezier {
-                [&[(0, 1.0)], &[(1, 1.0)], &[(2, 1.0)]]
-            } else {
-                [&[(0, 0.5), (1, 0.5)], &[(1, 1.0)], &[(1, 0.5), (2, 0.5)]]
+    Ok(reader.strands)
+}
+
+/// What blocks keep.
+#[derive(Clone)]
+struct State {
+    /// The current transform.
+    space: DMat4,
+    /// Whether transforms count at the start and at the end of the time that the shutter is open.
+    at_start: bool,
+    at_end: bool,
+    /// Whether the two differ.
+    moves: bool,
+    /// Of all curves that follow.
+    given: Given,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Block {
+    Attributes,
+    Object,
+}
+
+/// An instance of an object.
+struct Use {
+    name: Vec<u8>,
+    space: DMat4,
+    moves: bool,
+    file: String,
+    line: usize,
+}
+
+/// What stands between `ObjectBegin` and `ObjectEnd`.
+#[derive(Default)]
+struct Object {
+    /// In the object's space.
+    curves: Vec<Curve>,
+    uses: Vec<Use>,
+    moves: bool,
+}
+
+struct Reader<'a> {
+    how: &'a StrandFile,
+    folder: Option<&'a Folder>,
+    notes: &'a mut StrandNotes,
+    strands: Strands,
+    state: State,
+    blocks: Vec<(State, Block)>,
+    /// Named coordinate systems.
+    systems: HashMap<Vec<u8>, DMat4>,
+    objects: HashMap<Vec<u8>, Object>,
+    /// The one that is being defined.
+    object: Option<(Vec<u8>, Object)>,
+    uses: Vec<Use>,
+    /// Files within one another, by name from the folder of the first.
+    files: Vec<String>,
+    /// Bytes and files that were read.
+    read: [u64; 2],
+    /// Control points so far, those of objects too.
+    points: usize,
+    check_at: usize,
+}
+
+impl Reader<'_> {
+    /// A whole text.
+    fn text(&mut self, bytes: &[u8], file: &str) -> Result<(), RenderError> {
+        let mut words = Words::new(bytes);
+        let mut values = Vec::new();
+        let mut points = Vec::new();
+        loop {
+            let next = words.next();
+            let line = words.line;
+            let bad = |what: String| RenderError::Strands { file: file.into(), what: format!("line {line}: {what}") };
+            let name = match next.map_err(bad)? {
+                None => return Ok(()),
+                Some(Word::Bare(name)) => name,
+                Some(word) => return Err(bad(format!("{} where a statement begins", word.shown()))),
             };
-            let [q0, q1, q2] = q.map(mix);
-            let raise = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|c| a[c] / 3.0 + 2.0 * b[c] / 3.0);
-            [q0, raise(q0, q1), raise(q2, q1), q2]
-        };
-        // Of a cubic B-spline with the same segment.
-        let rows = [[6.0, -7.0, 2.0, 0.0], [0.0, 2.0, -1.0, 0.0], [0.0, -1.0, 2.0, 0.0], [0.0, 2.0, -7.0, 6.0]];
-        let points: [[f32; 4]; 4] = std::array::from_fn(|i| {
-            let v: [f64; 3] = std::array::from_fn(|c| (0..4).map(|k| rows[i][k] * b[k][c]).sum());
-            let u = (s as f32 + i as f32 - 1.0) / segments as f32;
-            how.point(v.map(|v| v as f32), radius(u).max(1e-3 * radius(0.0).max(radius(1.0))))
-        });
-        if s == 0 {
-            strands.push(&points, file, place)?;
-        } else {
-            strands.push_to_last(&points, file, place)?;
+            match name {
+                b"Shape" => {
+                    let kind = words.quoted(name).map_err(bad)?;
+                    if kind != b"curve" {
+                        self.notes.count_shape(kind);
+                        words.pass().map_err(bad)?;
+                        continue;
+                    }
+                    let mut given = self.state.given;
+                    points.clear();
+                    given.read(&mut words, &mut values, &mut points).map_err(bad)?;
+                    self.curve(&given, &points).map_err(|what| bad(format!("curve: {what}")))?;
+                }
+                b"Include" | b"Import" => {
+                    let named = words.quoted(name).map_err(bad)?;
+                    let named = std::str::from_utf8(named).map_err(|_| bad("a file's name that is no UTF-8".into()))?;
+                    let before = (name == b"Import").then(|| (self.state.clone(), self.blocks.len()));
+                    let (bytes, named) = self.include(named).map_err(bad)?;
+                    let shown = self.folder.map_or_else(String::new, |folder| folder.display(&named));
+                    self.files.push(named);
+                    self.text(&bytes, &shown)?;
+                    self.files.pop();
+                    if let Some((state, blocks)) = before {
+                        if self.blocks.len() < blocks {
+                            return Err(bad("Import of a file that ends a block which it did not begin".into()));
+                        }
+                        self.state = state;
+                        self.blocks.truncate(blocks);
+                    }
+                }
+                b"ObjectInstance" => {
+                    let of = Use {
+                        name: words.quoted(name).map_err(bad)?.to_vec(),
+                        space: self.state.space,
+                        moves: self.state.moves,
+                        file: file.to_string(),
+                        line,
+                    };
+                    self.object.as_mut().map_or(&mut self.uses, |(_, object)| &mut object.uses).push(of);
+                }
+                _ if PASSED.contains(&name) => words.pass().map_err(bad)?,
+                _ => self.statement(name, &mut words, &mut values).map_err(bad)?,
+            }
         }
     }
-    Ok(())
+
+    /// A statement of transforms, blocks or attributes.
+    fn statement<'w>(&mut self, name: &[u8], words: &mut Words<'w>, values: &mut Vec<Word<'w>>) -> Result<(), String> {
+        match name {
+            b"Identity" => self.transform(|_| DMat4::IDENTITY),
+            b"Translate" => {
+                let by = DMat4::from_translation(words.numbers(name)?.into());
+                self.transform(|space| space * by);
+            }
+            b"Scale" => {
+                let by = DMat4::from_scale(words.numbers(name)?.into());
+                self.transform(|space| space * by);
+            }
+            b"Rotate" => {
+                let [degrees, x, y, z] = words.numbers(name)?;
+                let axis = DVec3::new(x, y, z).try_normalize().ok_or("Rotate about an axis of length 0")?;
+                let by = DMat4::from_axis_angle(axis, degrees.to_radians());
+                self.transform(|space| space * by);
+            }
+            b"LookAt" => {
+                let v: [f64; 9] = words.numbers(name)?;
+                let [eye, to, up] = [0, 3, 6].map(|k| DVec3::new(v[k], v[k + 1], v[k + 2]));
+                let ahead = (to - eye).normalize_or_zero();
+                let right = up.normalize_or_zero().cross(ahead).try_normalize();
+                let right = right.ok_or("LookAt along its own up direction")?;
+                let axes = [right, ahead.cross(right), ahead].map(|axis| axis.extend(0.0));
+                let by = DMat4::from_cols(axes[0], axes[1], axes[2], eye.extend(1.0)).inverse();
+                self.transform(|space| space * by);
+            }
+            b"Transform" => {
+                let to = matrix(words.numbers(name)?)?;
+                self.transform(|_| to);
+            }
+            b"ConcatTransform" => {
+                let by = matrix(words.numbers(name)?)?;
+                self.transform(|space| space * by);
+            }
+            b"CoordinateSystem" => {
+                self.systems.insert(words.quoted(name)?.to_vec(), self.state.space);
+            }
+            b"CoordSysTransform" => {
+                let of = words.quoted(name)?;
+                let to = *self.systems.get(of).ok_or_else(|| format!("no coordinate system {} before", shown(of)))?;
+                self.transform(|_| to);
+            }
+            b"ActiveTransform" => {
+                let (start, end) = match words.next()? {
+                    Some(Word::Bare(b"All")) => (true, true),
+                    Some(Word::Bare(b"StartTime")) => (true, false),
+                    Some(Word::Bare(b"EndTime")) => (false, true),
+                    _ => return Err("ActiveTransform takes All, StartTime or EndTime".into()),
+                };
+                (self.state.at_start, self.state.at_end) = (start, end);
+            }
+            b"Camera" => {
+                self.systems.insert(b"camera".to_vec(), self.state.space.inverse());
+                words.pass()?;
+            }
+            b"WorldBegin" => {
+                let State { space, at_start, at_end, moves, .. } = &mut self.state;
+                (*space, *at_start, *at_end, *moves) = (DMat4::IDENTITY, true, true, false);
+                self.systems.insert(b"world".to_vec(), DMat4::IDENTITY);
+            }
+            b"AttributeBegin" | b"TransformBegin" => self.begin(Block::Attributes)?,
+            b"AttributeEnd" | b"TransformEnd" => self.end(Block::Attributes, name)?,
+            b"ObjectBegin" => {
+                let of = words.quoted(name)?;
+                if self.object.is_some() {
+                    return Err("ObjectBegin within an object".into());
+                }
+                if self.objects.contains_key(of) {
+                    return Err(format!("object {} is defined twice", shown(of)));
+                }
+                self.begin(Block::Object)?;
+                self.object = Some((of.to_vec(), Object::default()));
+            }
+            b"ObjectEnd" => {
+                self.end(Block::Object, name)?;
+                self.end_object();
+            }
+            b"Attribute" => match words.quoted(name)? {
+                b"shape" => self.state.given.read(words, values, &mut Vec::new())?,
+                _ => words.pass()?,
+            },
+            _ => return Err(format!("unknown statement {}; correct it, or take it out", shown(name))),
+        }
+        Ok(())
+    }
+
+    fn transform(&mut self, change: impl Fn(DMat4) -> DMat4) {
+        let State { space, at_start, at_end, moves, .. } = &mut self.state;
+        if *at_start {
+            *space = change(*space);
+        }
+        *moves |= at_start != at_end;
+    }
+
+    fn begin(&mut self, block: Block) -> Result<(), String> {
+        if self.blocks.len() >= MOST_BLOCKS {
+            return Err(format!("more than {MOST_BLOCKS} blocks within one another"));
+        }
+        self.blocks.push((self.state.clone(), block));
+        Ok(())
+    }
+
+    fn end(&mut self, block: Block, name: &[u8]) -> Result<(), String> {
+        match self.blocks.pop_if(|(_, open)| *open == block) {
+            Some((state, _)) => self.state = state,
+            None => return Err(format!("{} without its beginning", String::from_utf8_lossy(name))),
+        }
+        Ok(())
+    }
+
+    fn end_object(&mut self) {
+        if let Some((name, object)) = self.object.take() {
+            self.objects.insert(name, object);
+        }
+    }
+
+    /// A curve: into the object that is being defined, or among the strands.
+    fn curve(&mut self, given: &Given, points: &[DVec3]) -> Result<(), String> {
+        let space = self.state.space;
+        if space.determinant() == 0.0 {
+            return Err("the transform flattens space (determinant 0); use scales other than 0".into());
+        }
+        let curve = given.curve(points)?.moved(&space);
+        self.count(curve.points()).map_err(|e| e.to_string())?;
+        match &mut self.object {
+            Some((_, object)) => {
+                object.moves |= self.state.moves;
+                object.curves.push(curve);
+            }
+            None => {
+                self.notes.moving += u64::from(self.state.moves);
+                curve.add(&mut self.strands, self.how, self.notes)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Looks at memory each time that the points have doubled.
+    fn count(&mut self, points: usize) -> Result<(), RenderError> {
+        self.points += points;
+        if self.points > self.check_at {
+            self.check_at = 2 * self.points;
+            Strands::check_room(self.check_at as u64)?;
+        }
+        Ok(())
+    }
+
+    /// The curves of an instance, and of those within it.
+    fn put<'o>(
+        &mut self,
+        of: &'o Use,
+        objects: &'o HashMap<Vec<u8>, Object>,
+        outer: &DMat4,
+        within: &mut Vec<&'o [u8]>,
+        instances: &mut usize,
+    ) -> Result<(), RenderError> {
+        let place = format!("line {}: ObjectInstance {}", of.line, shown(&of.name));
+        let bad = |what: String| RenderError::Strands { file: of.file.clone(), what: format!("{place}: {what}") };
+        let object = objects.get(&of.name).ok_or_else(|| bad("no object of that name".into()))?;
+        if within.contains(&&of.name[..]) {
+            return Err(bad("the object is within itself".into()));
+        }
+        *instances += 1;
+        if *instances > MOST_INSTANCES || within.len() >= MOST_WITHIN {
+            return Err(bad(format!("more than {MOST_INSTANCES} instances, or {MOST_WITHIN} within one another")));
+        }
+        let space = *outer * of.space;
+        if space.determinant() == 0.0 {
+            return Err(bad("the transform flattens space (determinant 0); use scales other than 0".into()));
+        }
+        for curve in &object.curves {
+            self.count(curve.points())?;
+            self.notes.moving += u64::from(of.moves || object.moves);
+            curve.clone().moved(&space).add(&mut self.strands, self.how, self.notes).map_err(bad)?;
+        }
+        within.push(&of.name);
+        for inner in &object.uses {
+            self.put(inner, objects, &space, within, instances)?;
+        }
+        within.pop();
+        Ok(())
+    }
+
+    /// The bytes of a file that the text names, and its name from the folder of the first file: there as pbrt
+    /// looks for it, or beside the file that names it.
+    fn include(&mut self, named: &str) -> Result<(Vec<u8>, String), String> {
+        let folder = self.folder.ok_or_else(|| format!("Include {named:?} without a folder to read it from"))?;
+        let beside = self.files.last().and_then(|file| Path::new(file).parent()).map(|parent| parent.join(named));
+        let names = [Some(PathBuf::from(named)), beside].into_iter().flatten().map(|path| plain(&path));
+        let mut failed = String::new();
+        for name in names {
+            if self.files.contains(&name) {
+                return Err(format!("Include {named:?}: the file includes itself"));
+            }
+            match folder.read(&name, MOST_BYTES.saturating_sub(self.read[0])) {
+                Ok(bytes) => {
+                    self.read = [self.read[0] + bytes.len() as u64, self.read[1] + 1];
+                    if self.files.len() >= MOST_FILES || self.read[1] > MOST_READ as u64 {
+                        return Err(format!("Include {named:?}: too many files, or too many within one another"));
+                    }
+                    refuse_packed(&bytes).map_err(|what| format!("Include {named:?}: {what}"))?;
+                    self.notes.included.insert(folder.path(&name));
+                    return Ok((bytes, name));
+                }
+                Err(error) => failed = format!("Include {named:?}: {error}"),
+            }
+        }
+        Err(failed)
+    }
+}
+
+/// A path without `.` and `name/..`.
+fn plain(path: &Path) -> String {
+    let mut parts: Vec<Component<'_>> = Vec::new();
+    for part in path.components() {
+        match part {
+            Component::CurDir => {}
+            Component::ParentDir if matches!(parts.last(), Some(Component::Normal(_))) => {
+                parts.pop();
+            }
+            part => parts.push(part),
+        }
+    }
+    parts.iter().collect::<PathBuf>().to_string_lossy().into_owned()
+}
+
+/// A matrix as pbrt writes it: column by column, the last row 0, 0, 0, 1.
+fn matrix(values: [f64; 16]) -> Result<DMat4, String> {
+    let m = DMat4::from_cols_array(&values);
+    let last = m.row(3);
+    if last.truncate() != DVec3::ZERO || last.w == 0.0 {
+        return Err("a matrix with perspective; its last row must be 0 0 0 1, which is every fourth number".into());
+    }
+    Ok(m * (1.0 / last.w))
 }

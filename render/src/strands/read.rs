@@ -1,59 +1,89 @@
-//! Files of strands: Cem Yuksel's `.hair`, Mitsuba's curve text, pbrt's `Shape "curve"`.
+//! Files of strands: Cem Yuksel's `.hair`, Mitsuba's curve text, pbrt's text.
 //!
 //! | file | units and radii |
 //! |---|---|
 //! | `.hair` | coordinates in the file's units; thickness is a diameter in the same, one per strand point or one for all |
 //! | Mitsuba's text | `x y z radius` a line, an empty line between curves |
-//! | pbrt's text | `width`, or `width0` to `width1`, is a diameter; `basis` `bezier` or `bspline`, of degree 3 or 2 |
+//! | pbrt's text | `width`, or `width0` to `width1`, is a diameter; `basis` `bezier` or `bspline`, of degree 3 or 2; transforms are applied |
 //!
-//! What is left out: the colors and transparency of `.hair`; transforms, object instances and normals of pbrt.
+//! What is left out: the colors and transparency of `.hair`; of pbrt all but curves, and the normals of
+//! ribbons.
 
 use super::how::{StrandFile, cut};
 use super::pbrt;
-use super::{MOST_POINTS, Strands};
+use super::{MOST_POINTS, StrandNotes, Strands};
 use crate::RenderError;
 use crate::room::read_file;
+use plywave::io::Folder;
 use std::path::Path;
 
 /// Largest file of strands [bytes].
-const MOST_BYTES: u64 = 1 << 32;
+pub(super) const MOST_BYTES: u64 = 1 << 32;
 
 impl Strands {
-    /// Reads a file by its contents: `.hair` begins with `HAIR`, pbrt's text has the word `Shape`, all else is Mitsuba's text.
+    /// Reads a file by its contents: `.hair` begins with `HAIR`, Mitsuba's text with a number, pbrt's text
+    /// has the word `Shape` or begins with one of its statements. Files that pbrt's text includes are
+    /// read from the file's folder.
     ///
     /// # Errors
     /// [`RenderError::Strands`], [`RenderError::Io`], [`RenderError::TooLarge`].
-    pub fn load(path: &Path, how: &StrandFile) -> Result<Strands, RenderError> {
+    pub fn load(path: &Path, how: &StrandFile) -> Result<(Strands, StrandNotes), RenderError> {
         let file = path.display().to_string();
         let bytes = read_file(path, MOST_BYTES).map_err(|e| match e {
             RenderError::Picture { file, what } => RenderError::Strands { file, what },
             other => other,
         })?;
-        Strands::from_bytes(&bytes, &file, how)
+        read(&bytes, &file, how, Some(&Folder::of_file(path)))
     }
 
-    /// As [`Strands::load`], of the bytes of a file; `file` stands for it in errors.
+    /// As [`Strands::load`], of the bytes of a file, which includes no others; `file` stands for it in
+    /// errors.
     ///
     /// # Errors
     /// As [`Strands::load`].
-    pub fn from_bytes(bytes: &[u8], file: &str, how: &StrandFile) -> Result<Strands, RenderError> {
-        let bad = |what: &str| RenderError::Strands { file: file.to_string(), what: what.to_string() };
-        let strands = if bytes.starts_with(b"HAIR") {
-            hair(bytes, file, how)?
-        } else {
-            let text = std::str::from_utf8(bytes)
-                .map_err(|_| bad("neither .hair nor text; give a .hair file, or curves as Mitsuba's or pbrt's text"))?;
-            if pbrt::is(text) { pbrt::read(text, file, how)? } else { mitsuba(text, file, how)? }
-        };
-        if strands.is_empty() {
-            return Err(bad("no strands; give a .hair file, or curves as Mitsuba's or pbrt's text"));
-        }
-        Ok(strands)
+    pub fn from_bytes(bytes: &[u8], file: &str, how: &StrandFile) -> Result<(Strands, StrandNotes), RenderError> {
+        read(bytes, file, how, None)
+    }
+}
+
+fn read(
+    bytes: &[u8],
+    file: &str,
+    how: &StrandFile,
+    folder: Option<&Folder>,
+) -> Result<(Strands, StrandNotes), RenderError> {
+    let bad = |what: String| RenderError::Strands { file: file.to_string(), what };
+    refuse_packed(bytes).map_err(bad)?;
+    let mut notes = StrandNotes::default();
+    let strands = if bytes.starts_with(b"HAIR") {
+        hair(bytes, file, how, &mut notes)?
+    } else if pbrt::is(bytes) {
+        pbrt::read(bytes, file, how, folder, &mut notes)?
+    } else {
+        const NEITHER: &str = "neither .hair nor text; give a .hair file, or curves as Mitsuba's or pbrt's text";
+        mitsuba(std::str::from_utf8(bytes).map_err(|_| bad(NEITHER.into()))?, file, how, &mut notes)?
+    };
+    if strands.is_empty() {
+        const GIVE: &str = "give a .hair file, or curves as Mitsuba's or pbrt's text";
+        let thin = if notes.without_width > 0 { "; radius_um sets the radius of all" } else { "" };
+        return Err(bad(match notes.lines()[..] {
+            [] => format!("no strands; {GIVE}"),
+            ref lines => format!("no strands: {}{thin}", lines.join("; ")),
+        }));
+    }
+    Ok((strands, notes))
+}
+
+/// Refuses what gzip packed.
+pub(super) fn refuse_packed(bytes: &[u8]) -> Result<(), String> {
+    match bytes {
+        [0x1f, 0x8b, ..] => Err("packed by gzip; unpack it (gunzip) and name the unpacked file".into()),
+        _ => Ok(()),
     }
 }
 
 /// The `.hair` format: a header of 128 bytes, then arrays of segments a strand, points, thickness, of which a word of flags tells which are there.
-fn hair(bytes: &[u8], file: &str, how: &StrandFile) -> Result<Strands, RenderError> {
+fn hair(bytes: &[u8], file: &str, how: &StrandFile, notes: &mut StrandNotes) -> Result<Strands, RenderError> {
     const HEADER: usize = 128;
     let bad = |what: String| RenderError::Strands { file: file.to_string(), what };
     let cut = |needs: u64| bad(format!("{} bytes where {needs} are needed; the file is cut off", bytes.len()));
@@ -104,7 +134,7 @@ fn hair(bytes: &[u8], file: &str, how: &StrandFile) -> Result<Strands, RenderErr
             let width = if thickness { real(thickness_at + 4 * i) } else { default_thickness };
             how.point([real(at), real(at + 4), real(at + 8)], 0.5 * width)
         }));
-        how.push(&mut strands, &curve, file, &place())?;
+        how.push(&mut strands, &mut curve, notes, file, &place())?;
         next += n;
     }
     if next != total {
@@ -114,7 +144,7 @@ fn hair(bytes: &[u8], file: &str, how: &StrandFile) -> Result<Strands, RenderErr
 }
 
 /// `x y z radius` a line, curves apart by empty lines.
-fn mitsuba(text: &str, file: &str, how: &StrandFile) -> Result<Strands, RenderError> {
+fn mitsuba(text: &str, file: &str, how: &StrandFile, notes: &mut StrandNotes) -> Result<Strands, RenderError> {
     let mut strands = Strands::new(how.basis);
     let mut curve: Vec<[f32; 4]> = Vec::new();
     let mut begun = 0;
@@ -122,7 +152,7 @@ fn mitsuba(text: &str, file: &str, how: &StrandFile) -> Result<Strands, RenderEr
         let line = line.trim();
         if line.is_empty() {
             if !curve.is_empty() {
-                how.push(&mut strands, &curve, file, &format!("curve at line {begun}"))?;
+                how.push(&mut strands, &mut curve, notes, file, &format!("curve at line {begun}"))?;
                 curve.clear();
             }
             continue;

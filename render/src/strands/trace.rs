@@ -8,6 +8,7 @@
 use super::scene::StrandScene;
 use super::{Skip, StrandHit, StrandShape};
 use crate::camera::Camera;
+use crate::course::Course;
 use crate::path::{Light4, RenderOptions, Traced, Tracer, render_by};
 use crate::props::Matte;
 use crate::{Film, Prop, RenderError, StrandTree, WAVELENGTHS};
@@ -17,8 +18,6 @@ use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use std::sync::atomic::AtomicBool;
 
-/// Scatterings after which paths are thinned out by chance.
-const ROULETTE: u32 = 8;
 /// Strands that a ray may pass; a bound against endless loops, not met in practice.
 const MOST_PASSED: u32 = 100_000;
 
@@ -129,7 +128,8 @@ impl Tracer for StrandScene {
         let mut first = None;
         // Density with which the direction was drawn; the camera's counts as certain.
         let mut pdf = f32::INFINITY;
-        let (mut depth, mut passed) = (0, 0);
+        let mut course = Course::new(options.depth);
+        let mut passed = 0;
         while passed < MOST_PASSED {
             let ray = (flight.origin.as_vec3(), flight.direction.as_vec3());
             let prop = self.prop(&flight);
@@ -152,8 +152,8 @@ impl Tracer for StrandScene {
                         albedo = at.albedo();
                     }
                     let place = Place { axes, from: Leaving::Strand(hit) };
-                    self.scatter(&place, &at, depth == options.depth, lambda, throughput, rng, &mut light)
-                        .map(|s| (place, s))
+                    let goes_on = course.goes_on(&throughput, &light, rng);
+                    goes_on.then(|| (self.scatter(&place, &at, lambda, throughput, rng, &mut light), place))
                 }
                 (None, Some((t, prop))) => {
                     let position = ray.0 + ray.1 * t;
@@ -166,12 +166,12 @@ impl Tracer for StrandScene {
                     }
                     let from = Leaving::Prop { position: position.as_dvec3(), normal };
                     let place = Place { axes: [x, y, normal], from };
-                    self.scatter(&place, &at, depth == options.depth, lambda, throughput, rng, &mut light)
-                        .map(|s| (place, s))
+                    let goes_on = course.goes_on(&throughput, &light, rng);
+                    goes_on.then(|| (self.scatter(&place, &at, lambda, throughput, rng, &mut light), place))
                 }
                 (None, None) => break,
             };
-            let Some((place, sample)) = next else { break };
+            let Some((sample, place)) = next else { break };
             match sample {
                 BsdfSample::Scattered(sample) => {
                     (0..WAVELENGTHS).for_each(|k| throughput[k] *= sample.weight[k]);
@@ -189,16 +189,12 @@ impl Tracer for StrandScene {
                 }
                 BsdfSample::Absorbed => break,
             }
-            if depth >= ROULETTE {
-                let keep = throughput.iter().copied().fold(0.0f32, f32::max).min(1.0);
-                if rng.random::<f32>() >= keep {
-                    break;
-                }
-                throughput.iter_mut().for_each(|t| *t /= keep);
+            if !course.survives(&mut throughput, rng) {
+                break;
             }
-            depth += 1;
         }
-        Traced { light, albedo, hit: first }
+        let (light, cut) = course.end(light, lambda, first.is_some());
+        Traced { light, albedo, hit: first, cut }
     }
 }
 
@@ -256,22 +252,18 @@ impl StrandScene {
         true
     }
 
-    /// Light from one source at a place, and how the path goes on; it ends after the last.
+    /// Light from one source at a place, and how the path goes on.
     pub(super) fn scatter(
         &self,
         place: &Place,
         at: &impl Bsdf<WAVELENGTHS>,
-        is_last: bool,
         lambda: Light4,
         throughput: Light4,
         rng: &mut Pcg64Mcg,
         light: &mut Light4,
-    ) -> Option<BsdfSample<WAVELENGTHS>> {
-        if is_last {
-            return None;
-        }
+    ) -> BsdfSample<WAVELENGTHS> {
         self.direct(place, at, lambda, throughput, rng, light);
-        Some(at.sample(rng.random()))
+        at.sample(rng.random())
     }
 
     fn direct(

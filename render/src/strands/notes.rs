@@ -1,0 +1,67 @@
+//! What a reader of strands left out, or took otherwise than the file has it.
+
+use super::LEAST_RADIUS_MM;
+use super::how::cut;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+
+/// Most kinds of shapes that are told apart.
+const MOST_KINDS: usize = 16;
+
+/// What a reader left out, or took otherwise than the file has it, and the files that it read beside the
+/// first.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StrandNotes {
+    /// Points whose radius is 0, or below the least, and took the least.
+    pub thin_points: u64,
+    /// Strands of a single point, left out.
+    pub single_points: u64,
+    /// Strands whose radius is below the least all along, left out.
+    pub without_width: u64,
+    /// pbrt's ribbons, taken as round.
+    pub ribbons: u64,
+    /// pbrt's curves under a scale that is not the same in all directions.
+    pub stretched: u64,
+    /// pbrt's curves under transforms that move, taken where they start.
+    pub moving: u64,
+    /// pbrt's shapes that are no curves, by kind, passed over.
+    pub other_shapes: BTreeMap<String, u64>,
+    /// pbrt's blocks without an end.
+    pub open_blocks: u64,
+    /// Files that pbrt's text includes.
+    pub included: BTreeSet<PathBuf>,
+}
+
+impl StrandNotes {
+    pub(super) fn count_shape(&mut self, kind: &[u8]) {
+        let mut kind = cut(&String::from_utf8_lossy(kind));
+        if !self.other_shapes.contains_key(&kind) && self.other_shapes.len() >= MOST_KINDS {
+            kind = "others".into();
+        }
+        *self.other_shapes.entry(kind).or_default() += 1;
+    }
+
+    /// For the user, a line each.
+    pub fn lines(&self) -> Vec<String> {
+        let least = format!("{LEAST_RADIUS_MM} mm");
+        let shapes: Vec<String> = self.other_shapes.iter().map(|(kind, n)| format!("{n} {kind}")).collect();
+        let others = self.other_shapes.values().sum();
+        [
+            (self.single_points, "strands of a single point, left out".to_string()),
+            (self.without_width, format!("strands with a radius below {least} all along, left out")),
+            (self.thin_points, format!("points with a radius of 0, or below {least}, which they take")),
+            (self.ribbons, "ribbons, taken as round".into()),
+            (
+                self.stretched,
+                "curves scaled differently by direction, taken as round, of the same section's area".into(),
+            ),
+            (self.moving, "curves that move, taken where they start".into()),
+            (others, format!("shapes that are no curves, passed over ({})", shapes.join(", "))),
+            (self.open_blocks, "blocks without an end, as AttributeBegin without AttributeEnd".into()),
+        ]
+        .into_iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, what)| format!("{what}: {count}"))
+        .collect()
+    }
+}
