@@ -3,6 +3,7 @@
 use super::on_threads;
 use crate::args::{Cli, Integrator, RenderArgs};
 use crate::failure::{Failure, Outcome};
+use crate::output;
 use crate::progress::STOP;
 use crate::rendering::{About, Outputs, camera, camera_flags, check_flags, digest_of_file, failed, film, shoot};
 use crate::strand_scene::{Loaded, StrandSpec};
