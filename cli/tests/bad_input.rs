@@ -213,7 +213,7 @@ fn endless_inputs_are_refused_at_once() {
     std::fs::write(dir.join("few.toml"), STRANDS).unwrap();
     let of_file =
         STRANDS.replace("make = { kind = \"fur\", count = 20, size_mm = 10.0, length_mm = 5.0 }", "file = \"zero\"");
-    std::fs::write(dir.join("of_file.toml"), of_file).unwrap();
+    std::fs::write(dir.join("of_file.toml"), of_file.replace("segments = 8\n", "")).unwrap();
     let begun = std::time::Instant::now();
     let not_regular = "not a regular file";
     for input in ["pipe", "linked_pipe", "zero", "."] {
