@@ -156,7 +156,8 @@ impl ModelLibrary {
     pub(crate) fn named(&self, file: &str, key: &str, name: &str, own: &dyn AssetSource) -> Result<(String, Vec<u8>)> {
         let refused = |hint: String| Err(invalid(file, key, super::container::one_line(&name), &hint));
         let ships = self.stem(name);
-        let by_name = ships.as_ref().map(|stem| format!("{key} = \"{stem}\" is the model of this name that is known"));
+        let by_name =
+            ships.as_ref().map(|stem| format!("write {key} = \"{stem}\" for the model that goes by this name"));
         let error = match self.find(name, own) {
             Ok(Some(found)) => return Ok(found),
             Ok(None) => {
