@@ -185,7 +185,7 @@ def test_workers_that_cannot_start_are_told(monkeypatch):
     monkeypatch.setattr(_local, "_CODE", "raise SystemExit('this Python is broken')")
     monkeypatch.setattr(_workers, "MOST_DEATHS", 3)
     begun = time.monotonic()
-    with pytest.raises(Error, match="local = 2: no worker process starts; . of them died, the last with exit code 1: this Python is broken"):
+    with pytest.raises(Error, match="local = 2: no worker process starts within .* s; . of them died, the last with exit code 1: this Python is broken"):
         with cluster.connect(local=2):
             pass
     assert time.monotonic() - begun < 20
@@ -603,7 +603,7 @@ def test_what_is_no_scheduler_is_told(says):
         with pytest.raises(Error, match=f"scheduler = tcp://127.0.0.1:{server.getsockname()[1]}: ") as told:
             with cluster.connect(f"tcp://127.0.0.1:{server.getsockname()[1]}", timeout_s=1.0):
                 pass
-        assert time.monotonic() - begun < 3.0 and "\n" not in str(told.value), told.value
+        assert time.monotonic() - begun < 10.0 and "\n" not in str(told.value), told.value
         for one in kept:
             one.close()
 

@@ -131,7 +131,8 @@ def _wait_for(client: Any, workers: LocalWorkers, count: int) -> None:
         if there == count or (there and waited > START_S):
             return
         if workers.deaths > MOST_DEATHS or waited > 3.0 * START_S:
-            raise Error(f"local = {count}: no worker process starts; {workers.deaths} of them died, the last with {workers.last_words or 'no word'}")
+            died = f"; {workers.deaths} of them died, the last with {workers.last_words}" if workers.deaths else ""
+            raise Error(f"local = {count}: no worker process starts within {waited:.0f} s{died}")
         time.sleep(0.02)
 
 
