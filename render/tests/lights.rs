@@ -4,6 +4,7 @@
 
 use glam::{DVec3, Vec3};
 use plywave::bsdf::{DirectionSample, Outcomes};
+use plywave::fabric::FabricOptions;
 use plywave::fiber::{DielectricFiber, DielectricParameters};
 use plywave::{Bsdf, BsdfSample, FabricBsdf};
 use plywave_render::{
@@ -172,10 +173,12 @@ fn skies_of_one_radiance_light_a_sheet_by_it() {
                 let scene = |sky| scene(&[], &sky, way);
                 let sky = scene(Environment::constant(radiance));
                 assert_seen(&what("sky, diffuse"), seen(&sky, camera, &GRAY, 16), [0.8 * l; 3]);
-                assert_seen(&what("sky, cone"), seen(&sky, camera, &CONE, 64), [0.8 * l; 3]);
+                // Of directions from a whole sky one in a hundred is in the cone.
+                let samples = if way == LightSampling::Sources { 128 } else { 16 };
+                assert_seen(&what("sky, cone"), seen(&sky, camera, &CONE, samples), [0.8 * l; 3]);
                 let above = scene(Environment::above(radiance));
                 assert_seen(&what("sky above, diffuse"), seen(&above, camera, &GRAY, 16), [0.5 * l; 3]);
-                assert_seen(&what("sky above, cone"), seen(&above, camera, &CONE, 64), [0.8 * l; 3]);
+                assert_seen(&what("sky above, cone"), seen(&above, camera, &CONE, samples), [0.8 * l; 3]);
             }
         }
     }
@@ -208,7 +211,7 @@ fn suns_light_a_sheet_by_their_texel() {
             let want = f64::from(radiance) / PI * (0.5 * up + 0.3 * under);
             for way in WAYS {
                 // By scattering alone a small sun is met too seldom.
-                if way == LightSampling::Scattering && up + under < 0.02 * PI {
+                if way == LightSampling::Scattering && up + under < 0.03 * PI {
                     continue;
                 }
                 let samples = if way == LightSampling::Scattering { 64 } else { 16 };
@@ -328,7 +331,8 @@ fn lamps_and_a_sky_add_up() {
 #[test]
 fn fabrics_are_lit_in_proportion_and_alike_in_all_ways() {
     let path = format!("{}/../fabrics/cotton_plain.toml", env!("CARGO_MANIFEST_DIR"));
-    let options = plywave::fabric::FabricOptions { sigma_per_um: Some(0.0), noise: false, ..Default::default() };
+    // By rays: diffracted light has lobes so narrow that directions drawn from a whole sky miss them.
+    let options = FabricOptions { sigma_per_um: Some(0.0), noise: false, ..FabricOptions::RAYS };
     let fabric = FabricBsdf::load(&path, &options).unwrap();
     let camera = Camera::new(Vec3::new(-6.0, 3.0, 10.0), Vec3::ZERO, Vec3::Y, 0.2);
     let shown = |lights: &[Light], sky: &Environment, way, samples| {
