@@ -120,4 +120,4 @@ def test_balls_are_lit_as_by_mitsuba(name, program, tmp_path):
     # Five standard errors; the rest is the eight bits of Radiance, and what the hosts' sums of the spectrum differ by.
     allowed = 5 * spread + (4e-3 if file.endswith("hdr") else 5e-4) * blocks(a).max()
     assert (off <= allowed).all(), f"{name}: {(off / allowed).max()} of what noise explains, at {np.argwhere(off > allowed)[:5].tolist()}"
-    assert spread.mean() < 0.03 * blocks(a).max(), f"{name}: noise hides what is wrong"
+    assert spread.mean() < 0.04 * blocks(a).max(), f"{name}: noise hides what is wrong"
