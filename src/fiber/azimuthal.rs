@@ -9,9 +9,9 @@ use super::fresnel;
 use super::longitudinal::Latitude;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-/// Slope of the azimuth over gamma from which a density is its inverse. At a caustic the slope is 0 and the density, one over the root of the distance, infinite: light within this slope, 2e-5 rad of the caustic,
-/// is even there, so that no quadrature or pixel meets more than 100 per radian. The mean of `1 / slope` over that is twice its value at the end.
-const LEAST_SLOPE: f32 = 0.01;
+/// Slope of the azimuth over gamma from which a density is its inverse. At a caustic the slope is 0 and the density, one over the root of the distance, infinite: light within this slope, 1e-4 rad of the caustic,
+/// is even there, so that no quadrature or pixel meets more than 50 per radian. The mean of `1 / slope` over that is twice its value at the end.
+const LEAST_SLOPE: f32 = 0.02;
 
 /// The cross section at a latitude of the light.
 #[derive(Clone, Copy, Debug, PartialEq)]
