@@ -95,7 +95,11 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
 /// What brings an albedo to 1 that the lobes' form takes from it.
 fn mend(model: &FiberModel, albedo: f64) -> &'static str {
     match model {
-        FiberModel::RoughDielectric(fiber) if !fiber.parameters().normalize && (albedo - 1.0).abs() > 0.01 => {
+        FiberModel::RoughDielectric(fiber)
+            if !fiber.parameters().normalize
+                && fiber.parameters().eccentricity == 1.0
+                && (albedo - 1.0).abs() > 0.01 =>
+        {
             " (filament.normalize = true brings it to 1)"
         }
         _ => "",
