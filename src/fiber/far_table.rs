@@ -288,6 +288,13 @@ impl FarTable {
     #[inline]
     pub(super) fn beyond<const N: usize>(&self, row: Row, through: &Through<N>) -> [f32; N] {
         let mut beyond = [0.0; N];
+        let mut powers = [[[1.0; FOUR]; MOST_VECTORS]; N];
+        for n in 0..N {
+            for v in 0..self.vectors {
+                let power = &mut powers[n][v];
+                (0..self.orders).for_each(|_| *power = lanes(|k| power[k] * through[n][v][k]));
+            }
+        }
         for (at, weight) in [(row.first, 1.0 - row.t), (row.second, row.t)] {
             let of = |order: usize, v: usize| &self.totals[(at * (self.orders + 2) + order) * self.vectors + v];
             let series = &self.series[at];
@@ -295,7 +302,7 @@ impl FarTable {
                 let (mut next, mut after, mut later, mut energy) = (0.0, 0.0, 0.0, 0.0);
                 for v in 0..self.vectors {
                     let t = through[n][v];
-                    let power: [f32; FOUR] = lanes(|k| t[k].powi(self.orders as i32));
+                    let power = powers[n][v];
                     next += sum(lanes(|k| of(self.orders, v)[k] * power[k]));
                     after += sum(lanes(|k| of(self.orders + 1, v)[k] * power[k] * t[k]));
                     later += sum(lanes(|k| of(self.orders + 1, v)[k] * t[k]));
