@@ -1,13 +1,15 @@
 //! The matrices of the boundary equations ([`system`](super::system)): every pair of nodes, reduced by the symmetry of the walls.
 //!
-//! Quadrature: trapezoidal rule on periodic nodes, the logarithm by Kussmaul and Martensen (see [`kernel`](super::kernel)). Targets close to another wall
-//! see it through finer nodes ([`close`](super::close)).
+//! Quadrature: trapezoidal rule on periodic nodes. On walls between clear media the logarithm is that of Kussmaul and Martensen (see
+//! [`kernel`](super::kernel)); on others a rule of its own takes the place of nodes around the target ([`vicinity`](super::vicinity)). Targets close to
+//! another wall see it through finer nodes ([`close`](super::close)).
 
 use super::close::{FINEST, close_row, closeness};
 use super::curve::CurvePoint;
-use super::entries::{E, Entries, H, P, Pair, Q, Wavenumbers};
+use super::entries::{COMPONENTS, E, Entries, H, P, Pair, Q, Wavenumbers};
 use super::kernel::{Medium, MediumKernel, WallKernel, log_weights};
 use super::symmetry::Group;
+use super::vicinity::{Vicinity, pairs_of};
 use super::walls::Wall;
 use super::{C64, Wave, WaveError};
 use rayon::prelude::*;
@@ -25,11 +27,21 @@ pub(super) struct Assembly {
     pub tolerance: f64,
 }
 
+/// Targets whose rows around them are held at once.
+const TARGETS: usize = 64;
+
+/// How nodes of a wall see each other.
+enum Own {
+    /// Between clear media: weights of the logarithm, by the distance in nodes.
+    Clear(Vec<f64>),
+    Lossy(Vicinity),
+}
+
 /// How walls see each other.
 struct Kernels {
     wavenumbers: Wavenumbers,
     walls: Vec<WallKernel>,
-    logs: Vec<Vec<f64>>,
+    own: Vec<Own>,
     media: Vec<Option<MediumKernel>>,
 }
 
@@ -46,19 +58,24 @@ impl Assembly {
             // Finer nodes of close walls may stand a little outside of the box.
             1.02 * (high[0] - low[0]).hypot(high[1] - low[1])
         };
-        let walls = self
-            .walls
-            .iter()
-            .map(|w| WallKernel::new(self.media[w.outside], self.media[w.inside], reach(&[w]), self.tolerance))
-            .collect();
-        let logs = self.walls.iter().map(|w| log_weights(w.curve.nodes.len())).collect();
+        let sides = |w: &Wall| [self.media[w.outside], self.media[w.inside]];
+        let kernel = |w: &Wall| WallKernel::new(self.media[w.outside], self.media[w.inside], reach(&[w]));
+        let walls = self.walls.iter().map(kernel).collect();
+        let own = self.walls.iter().map(|w| {
+            if sides(w).iter().all(|m| m.kappa.im == 0.0 && m.eps.im == 0.0) {
+                Own::Clear(log_weights(w.curve.nodes.len()))
+            } else {
+                Own::Lossy(Vicinity::new(&w.curve, sides(w).map(|m| m.kappa), self.tolerance))
+            }
+        });
+        let own = own.collect();
         let media = (0..self.media.len())
             .map(|m| {
                 let around: Vec<&Wall> = self.walls.iter().filter(|w| w.outside == m || w.inside == m).collect();
                 (around.len() > 1).then(|| MediumKernel::new(self.media[m], reach(&around)))
             })
             .collect();
-        Kernels { wavenumbers: Wavenumbers { k0: self.wave.k0(), kz: self.wave.kz() }, walls, logs, media }
+        Kernels { wavenumbers: Wavenumbers { k0: self.wave.k0(), kz: self.wave.kz() }, walls, own, media }
     }
 
     /// The medium that targets on wall a see wall b through, and the sign of b's layers in it.
@@ -121,6 +138,7 @@ impl Assembly {
                 }
             }
         });
+        self.add_vicinities(kernels, components, &runs, &mut matrices);
         self.refine_close(kernels, components, &runs, &mut matrices)?;
         Ok(matrices)
     }
@@ -164,25 +182,81 @@ impl Assembly {
             let radial = kernels.media[medium].as_ref()?.radial(pair.r, sign * h * y.speed);
             return Some(kernels.wavenumbers.regular(&radial, &pair));
         }
-        let log = &kernels.logs[b];
         let kernel = &kernels.walls[b];
+        let apart = target.abs_diff(source);
         if target != source {
-            let apart = target.abs_diff(source);
             let pair = Pair::new(x, y);
-            let radial = kernel.weighted(pair.r, h * y.speed, log[apart] * y.speed);
+            let radial = match &kernels.own[b] {
+                Own::Clear(logs) => kernel.weighted(pair.r, h * y.speed, logs[apart] * y.speed),
+                Own::Lossy(vicinity) => {
+                    let mut radial = kernel.without_pole(pair.r, h * y.speed * vicinity.outside[apart]);
+                    radial.ed += kernel.pole() * (h * y.speed / (pair.r * pair.r));
+                    radial
+                }
+            };
             return Some(kernels.wavenumbers.regular(&radial, &pair));
         }
-        let (radial, pole) = kernel.diagonal(y.speed, h * y.speed, log[0] * y.speed);
-        let pair = Pair { r: 0.0, rn: 0.0, rt: 0.0, rns: 0.0, rts: 0.0, nn: 1.0, tn: 0.0 };
-        let mut entries = kernels.wavenumbers.entries(&radial, &pair, 1.0);
+        let mut entries = [[C64::ZERO; COMPONENTS]; COMPONENTS];
+        if let Own::Clear(logs) = &kernels.own[b] {
+            let pair = Pair { r: 0.0, rn: 0.0, rt: 0.0, rns: 0.0, rts: 0.0, nn: 1.0, tn: 0.0 };
+            let radial = kernel.diagonal(y.speed, h * y.speed, logs[0] * y.speed);
+            entries = kernels.wavenumbers.entries(&radial, &pair, 1.0);
+        }
         // r.n'/R^2 tends to -curvature/2, r.n/R^2 to the opposite.
-        let bend = pole * (0.5 * y.curvature * h * y.speed);
+        let bend = kernel.pole() * (0.5 * y.curvature * h * y.speed);
         let mean = 0.5 * (self.media[wall.outside].eps + self.media[wall.inside].eps);
         entries[E][E] += mean - bend;
         entries[P][P] += 1.0;
         entries[H][H] += 1.0;
         entries[Q][Q] += mean + bend;
         Some(entries)
+    }
+
+    /// Adds what surrounds the targets on walls beside lossy media.
+    fn add_vicinities(
+        &self,
+        kernels: &Kernels,
+        components: &[&'static [usize]],
+        runs: &[(usize, usize)],
+        matrices: &mut [Vec<Vec<C64>>],
+    ) {
+        let (orbits, pairs) = (&self.group.orbits, pairs_of(components));
+        for (b, wall) in self.walls.iter().enumerate() {
+            let Own::Lossy(vicinity) = &kernels.own[b] else { continue };
+            let (first, last) = runs[b];
+            let n = wall.curve.nodes.len();
+            for start in (first..last).step_by(TARGETS) {
+                let targets: Vec<usize> =
+                    (start..last.min(start + TARGETS)).map(|row| orbits[row] as usize - wall.first).collect();
+                let rows = vicinity.rows(&kernels.wavenumbers, &kernels.walls[b], &wall.curve, &targets, &pairs);
+                let mut before = 0;
+                for (part, c) in matrices.iter_mut().zip(components) {
+                    let (c, size) = (*c, c.len() * orbits.len());
+                    for (chi, matrix) in part.iter_mut().enumerate() {
+                        let columns = matrix.par_chunks_mut(c.len() * size).enumerate();
+                        columns.skip(first).take(last - first).for_each(|(column, columns)| {
+                            for (gamma, element) in self.group.elements.iter().enumerate() {
+                                let source = element.image[orbits[column] as usize] as usize - wall.first;
+                                let factor = self.group.characters[chi][gamma].conj();
+                                for (k, &target) in targets.iter().enumerate() {
+                                    let ahead = (source + n - target) % n;
+                                    for (from_at, &from) in c.iter().enumerate() {
+                                        let factor = if element.mirror && from >= H { -factor } else { factor };
+                                        for to_at in 0..c.len() {
+                                            let pair = before + to_at * c.len() + from_at;
+                                            let at = 2 * (k * pairs.len() + pair) * n + ahead;
+                                            columns[from_at * size + (start + k) * c.len() + to_at] +=
+                                                factor * C64::new(rows[at], rows[at + n]);
+                                        }
+                                    }
+                                }
+                            }
+                        });
+                    }
+                    before += c.len() * c.len();
+                }
+            }
+        }
     }
 
     /// Replaces the rows of targets that stand so close to another wall that its nodes do not resolve the kernel.

@@ -67,6 +67,7 @@ mod tabulate;
 #[cfg(test)]
 mod tabulate_tests;
 mod total_field;
+mod vicinity;
 mod walls;
 
 pub use compare::{
