@@ -19,7 +19,7 @@ pub(super) fn candidates(scene: &Scene, wave: &Wave) -> Vec<Method> {
 pub(super) fn by_shape(fibers: &[Body], wave: &Wave, tolerance: f64) -> Vec<Method> {
     let series = fibers.iter().all(is_concentric);
     let mut all = match fibers.len() {
-        1 if series => return vec![Method::Mie],
+        0 | 1 if series => return vec![Method::Mie],
         1 => return vec![Method::Nystrom],
         // Measured on 2 to 19 fibers of 1 to 5 um: multipoles are 4 to 30 times faster than either of the others. They fail where walls all but touch.
         _ if series => vec![Method::Multipole, Method::Compressed, Method::Nystrom],

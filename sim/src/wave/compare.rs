@@ -402,7 +402,7 @@ fn one(
         let mut total = vec![0.0; BINS];
         let mut share = [0.0; SHARES];
         for (source, scattered) in pair.0.iter().zip(pair.1) {
-            check_ledger(&wave, options.tolerance, scattered)?;
+            check_ledger(&wave, options.tolerance, &bodies, scattered)?;
             let field = total_field(source, &wave, scattered)?;
             let binned = binned(&field.total, BINS);
             total.iter_mut().zip(binned).for_each(|(to, v)| *to += 0.5 * v);

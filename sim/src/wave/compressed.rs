@@ -10,6 +10,7 @@
 use super::coupling::{Coupling, Factors, SINGLE, product};
 use super::curve::{CurvePoint, Resolution};
 use super::entries::{E, H};
+use super::extinction::Probes;
 use super::hierarchy::{Factored, Hierarchy, Leaf};
 use super::kernel::{Medium, MediumKernel};
 use super::nystrom::harvest;
@@ -77,6 +78,7 @@ pub struct CompressedSolver {
     kernel: MediumKernel,
     shapes: Vec<BoundarySystem>,
     members: Vec<Member>,
+    probes: Probes,
     /// Components of the parts (those of `BoundarySystem`).
     parts: Vec<&'static [usize]>,
     coupled: Coupled,
@@ -117,7 +119,8 @@ impl CompressedSolver {
             // The boundary equations say what is wrong.
             BoundarySystem::new(bodies, wave, tolerance)?;
         }
-        let walls = trace_walls(bodies, wave, &Resolution::for_tolerance(tolerance))?.1;
+        let resolution = Resolution::of(bodies, tolerance);
+        let walls = trace_walls(bodies, wave, &resolution)?.1;
         if bodies.len() > 1 {
             // Before anything is made: a skeleton has more sites than waves that fit around the wall, k_rho length / pi.
             let length: f64 = walls
@@ -145,7 +148,8 @@ impl CompressedSolver {
             let known = homes.iter().position(|h| same(h, &home));
             shape_of.push(known.unwrap_or(shapes.len()));
             if known.is_none() {
-                shapes.push(BoundarySystem::new(std::slice::from_ref(&home), wave, tolerance)?);
+                let own = std::slice::from_ref(&home);
+                shapes.push(BoundarySystem::build(own, wave, tolerance, &resolution, true)?);
                 homes.push(home);
             }
         }
@@ -194,12 +198,15 @@ impl CompressedSolver {
                 skeleton,
             })
             .collect();
+        let walls: Vec<(&[CurvePoint], &[f64])> = members.iter().map(|m| (&m.nodes[..], &m.weights[..])).collect();
+        let probes = Probes::new(wave, &walls, tolerance);
         let mut solver = Self {
             wave: *wave,
             tolerance,
             kernel,
             shapes,
             members,
+            probes,
             parts,
             coupled: Coupled::Alone,
             peak_bytes: 0,
@@ -521,6 +528,7 @@ impl CompressedSolver {
         }
         let nodes: Vec<CurvePoint> = self.members.iter().flat_map(|m| m.nodes.iter().copied()).collect();
         let weights: Vec<f64> = self.members.iter().flat_map(|m| m.weights.iter().copied()).collect();
+        self.probes.check(&nodes, &weights, &total, outer, waves.iter())?;
         Ok(harvest(&self.wave, self.tolerance, &nodes, &weights, &total, outer, &waves, n_phi_out))
     }
 

@@ -25,9 +25,16 @@ pub(crate) struct Resolution {
     pub grading: i32,
     /// Nodes over which a joint's grading fades.
     pub fade_nodes: f64,
+    /// Whether waves inside of a body may go unresolved where they die on their way.
+    pub skin: bool,
 }
 
 impl Resolution {
+    /// What bodies take. Between several that all but touch there are shorter waves than along the wall of one.
+    pub(crate) fn of(bodies: &[Body], tolerance: f64) -> Self {
+        Self { skin: bodies.len() == 1, ..Self::for_tolerance(tolerance) }
+    }
+
     /// What relative errors of `tolerance` in the far field take, measured at 0.4 um and index 1.55 on circles of 0.2 to 7.5 um, ellipses of 1.6 and
     /// 16 um and a rounded triangle of 5 um. On a long wall the kernel and the density each hold waves of up to the denser medium's
     /// wavenumber, and the quadrature is exact where the nodes resolve their product: 4 a wavelength. Of the steepest waves there are few in ellipses
@@ -48,6 +55,7 @@ impl Resolution {
             logarithm: (10.0 / tolerance).ln(),
             grading,
             fade_nodes: per_digit * digits,
+            skin: true,
         }
     }
 }
@@ -282,14 +290,23 @@ impl Curve {
     /// `exp(-2 pi steps)`.
     fn thickness_in_steps(&self) -> f64 {
         let h = self.step();
+        self.thickness(|a, b| h * a.speed.max(b.speed))
+    }
+
+    /// The same distance [um].
+    pub(crate) fn thickness_um(&self) -> f64 {
+        self.thickness(|_, _| 1.0)
+    }
+
+    /// The same distance, in units that may depend on where it is.
+    fn thickness(&self, unit: impl Fn(&CurvePoint, &CurvePoint) -> f64) -> f64 {
         let stride = self.nodes.len().div_ceil(SAMPLES);
         let mut least = f64::MAX;
         for (j, a) in self.nodes.iter().enumerate().step_by(stride) {
             for b in self.nodes[j + 1..].iter().step_by(stride) {
                 if a.normal[0] * b.normal[0] + a.normal[1] * b.normal[1] < FACING {
                     let squared = (a.at[0] - b.at[0]).powi(2) + (a.at[1] - b.at[1]).powi(2);
-                    let step = h * a.speed.max(b.speed);
-                    least = least.min(squared / (step * step));
+                    least = least.min(squared / unit(a, b).powi(2));
                 }
             }
         }

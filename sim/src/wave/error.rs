@@ -81,6 +81,16 @@ pub enum WaveError {
         /// Iterations (or refinements) made.
         iterations: usize,
     },
+    /// Fields that do not cancel the incident light inside of the bodies: the solution is wrong.
+    #[error(
+        "{left:.2e} of the incident light is left inside of the fibers, {allowed:.2e} would pass; the tolerance is not reached here, ask for a larger one or another method"
+    )]
+    Uncancelled {
+        /// What is left, relative to the largest field.
+        left: f64,
+        /// What would have passed.
+        allowed: f64,
+    },
     /// Powers that do not add up: the solution is less exact than was asked.
     #[error(
         "lambda_um = {lambda_um}, theta_i_deg = {theta_i_deg}: C_ext - C_sca - C_abs = {defect_um:.2e} um, {allowed_um:.2e} would pass; the tolerance is not reached here, ask for a larger one or another method"

@@ -16,6 +16,8 @@
 //!
 //! Conventions: exp(-i omega t), index eta + i kappa with kappa >= 0 absorbing, outgoing waves H^(1), phase zero at the origin.
 
+#[cfg(test)]
+mod absorbing_tests;
 mod assemble;
 mod basis;
 mod choice;
@@ -31,6 +33,7 @@ mod coupling;
 mod curve;
 mod entries;
 mod error;
+mod extinction;
 mod hierarchy;
 #[cfg(test)]
 mod hierarchy_tests;
@@ -68,6 +71,7 @@ mod tabulate;
 mod tabulate_tests;
 mod total_field;
 mod vicinity;
+mod visible;
 mod walls;
 
 pub use compare::{

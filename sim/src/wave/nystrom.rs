@@ -14,6 +14,7 @@
 
 use super::curve::CurvePoint;
 use super::entries::{E, H, P, Q};
+use super::extinction::Probes;
 use super::lu::par;
 use super::symmetry::{Element, Group};
 use super::system::BoundarySystem;
@@ -35,6 +36,7 @@ pub struct NystromSolver {
     wave: Wave,
     tolerance: f64,
     system: BoundarySystem,
+    probes: Probes,
     /// Bits of the largest residual so far.
     residual: AtomicU64,
 }
@@ -51,7 +53,15 @@ impl NystromSolver {
     }
 
     pub(crate) fn with_system(system: BoundarySystem, wave: &Wave, tolerance: f64) -> Self {
-        Self { wave: *wave, tolerance, system, residual: AtomicU64::new(0) }
+        let weights = system.outer_weights();
+        let walls: Vec<(&[CurvePoint], &[f64])> = system
+            .walls()
+            .iter()
+            .filter(|w| w.outside == 0)
+            .map(|w| (w.curve.nodes.as_slice(), &weights[w.first..][..w.curve.nodes.len()]))
+            .collect();
+        let probes = Probes::new(wave, &walls, tolerance);
+        Self { wave: *wave, tolerance, system, probes, residual: AtomicU64::new(0) }
     }
 }
 
@@ -430,6 +440,7 @@ impl WaveSolver for NystromSolver {
         }
         let far = FarField::new(outer, self.wave.k_rho(), self.tolerance, group);
         let weights = self.system.outer_weights();
+        self.probes.check(outer, &weights, &fields, stride, solved.iter().map(|&s| &waves[s]))?;
         let radiated = Radiated::new(&self.wave, far, outer, &weights, &fields, stride, solved.len());
         Ok(finish(&self.wave, group, &radiated, &origins, &waves, n_phi_out))
     }

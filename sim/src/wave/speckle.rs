@@ -214,7 +214,8 @@ impl Job for SpeckleJob {
                 if let Some(core) = body.lumen.as_deref_mut() {
                     core.kappa = dye[1] * kappa;
                 }
-                let solver = solver_of(&[body], &wave, options.tolerance)?;
+                let bodies = [body];
+                let solver = solver_of(&bodies, &wave, options.tolerance)?;
                 let scattered = solver.scatter(&sources, self.azimuths)?;
                 let stats = solver.stats();
                 // Asked this way, a NaN does not pass.
@@ -224,7 +225,7 @@ impl Job for SpeckleJob {
                 }
                 peak_bytes = peak_bytes.max(stats.peak_bytes);
                 for scattered in &scattered {
-                    check_ledger(&wave, options.tolerance, scattered)?;
+                    check_ledger(&wave, options.tolerance, &bodies, scattered)?;
                     let scale = 2.0 / (PI * wave.k0());
                     let power = |j: usize| scale * (scattered.f_u[j].norm_sqr() + scattered.f_phi[j].norm_sqr());
                     patterns.extend((0..self.azimuths).map(|j| power(j) as f32));

@@ -64,7 +64,7 @@ impl BoundarySystem {
     /// # Errors
     /// Bad numbers and shapes, walls that overlap, a system larger than memory.
     pub(crate) fn new(bodies: &[Body], wave: &Wave, tolerance: f64) -> Result<Self, WaveError> {
-        Self::build(bodies, wave, tolerance, &Resolution::for_tolerance(tolerance), true)
+        Self::build(bodies, wave, tolerance, &Resolution::of(bodies, tolerance), true)
     }
 
     /// The same at a chosen resolution, with symmetry left unused where `symmetric` is false.

@@ -47,7 +47,7 @@ pub(super) struct Vicinity {
 }
 
 /// Exponent of the window: what it leaves at both of its ends is exp(-beta).
-fn steepness(tolerance: f64) -> f64 {
+pub(super) fn steepness(tolerance: f64) -> f64 {
     (100.0 / tolerance).ln()
 }
 
@@ -113,7 +113,7 @@ impl Vicinity {
         };
         let steepest = kappas[0].norm().max(kappas[1].norm()) * fastest;
         let first = (0.125 * h).min(1.0 / steepest);
-        let count = (4.0 - 0.5 * tolerance.log10()).ceil() as usize;
+        let count = (5.0 - 0.6 * tolerance.log10()).ceil() as usize;
         let mut half_rule: Vec<(f64, f64)> = gauss_legendre(2 * count + 4)
             .into_iter()
             .map(|(x, w)| {

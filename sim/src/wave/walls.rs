@@ -2,6 +2,7 @@
 
 use super::curve::{Curve, Resolution};
 use super::kernel::Medium;
+use super::vicinity::{steepness, width_nodes};
 use super::{Body, C64, Wave, WaveError};
 use std::f64::consts::TAU;
 
@@ -47,8 +48,7 @@ pub(crate) fn trace_walls(
             }
             let inside = media.len();
             media.push(Medium { kappa: wave.k_rho_in(body.index()), eps: body.index() * body.index() });
-            let largest: f64 = media[outside].kappa.norm().max(media[inside].kappa.norm());
-            let curve = Curve::new(body, resolution, TAU / largest, &name)?;
+            let curve = trace(body, wave, [media[outside], media[inside]], resolution, &name)?;
             walls.push(Wall { curve, first: 0, outside, inside, name: name.clone() });
             outside = inside;
             name.push_str(".lumen");
@@ -56,6 +56,34 @@ pub(crate) fn trace_walls(
         }
     }
     Ok((media, walls))
+}
+
+/// A wall with the nodes that the waves along it ask for: those of both media, and on metals the surface wave,
+/// `beta^2 = k_0^2 eps_o eps_i / (eps_o + eps_i) - k_z^2`. Waves that die within the window around a target ([`vicinity`](super::vicinity)) and before they
+/// have crossed the body need no nodes: what is seen of them from the wall is as smooth as what drives them.
+fn trace(
+    body: &Body,
+    wave: &Wave,
+    [outside, inside]: [Medium; 2],
+    resolution: &Resolution,
+    name: &str,
+) -> Result<Curve, WaveError> {
+    let surface =
+        (outside.eps * inside.eps / (outside.eps + inside.eps) * wave.k0().powi(2) - wave.kz().powi(2)).sqrt();
+    let bound = if outside.eps.re * inside.eps.re < 0.0 { surface.norm() } else { 0.0 };
+    let along = outside.kappa.norm().max(bound);
+    let every = along.max(inside.kappa.norm());
+    let tolerance = 10.0 * (-resolution.logarithm).exp();
+    let dead = steepness(tolerance) / inside.kappa.im;
+    let window_um =
+        width_nodes(tolerance) * TAU / (along * resolution.per_wavelength.max(resolution.per_wavelength_ellipse));
+    if resolution.skin && body.lumen.is_none() && along < every && dead < window_um {
+        let curve = Curve::new(body, resolution, TAU / along, name)?;
+        if dead < curve.thickness_um() {
+            return Ok(curve);
+        }
+    }
+    Curve::new(body, resolution, TAU / every, name)
 }
 
 /// Refuses walls that cross: a node of one on the wrong side of another.
