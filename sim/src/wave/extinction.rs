@@ -16,15 +16,17 @@ use super::nystrom::incident;
 use super::special::Ray;
 use super::{C64, PlaneWave, Polarization, Wave, WaveError};
 use rayon::prelude::*;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 /// Most bodies that are looked into.
 const BODIES: usize = 16;
 /// Points of an outline that are looked at for a place deep inside.
 const SAMPLES: usize = 48;
-/// How far fields at a point of the inside may be off, in units of the tolerance of far fields, and the most at any tolerance.
+/// How far fields at a point of the inside may be off, in units of the tolerance of far fields, and at the finest tolerances.
 const TOLERANCES: f64 = 10.0;
-const MOST: f64 = 0.3;
+const LEAST: f64 = 1e-8;
+/// The most that they may be off by: wrong fields are off by 1.
+const MOST: f64 = 0.5;
 /// Roundings, relative to the incident light.
 const ROUNDING: f64 = 1e-11;
 
@@ -43,10 +45,16 @@ impl Probes {
         let points = (0..count).into_par_iter().filter_map(|k| {
             let (nodes, weights) = walls[k * walls.len() / count];
             let (at, steps) = deepest(nodes, weights)?;
-            // The trapezoidal rule is off by exp(-2 pi distance / spacing).
-            Some((at, (TOLERANCES * tolerance).min(MOST) + 3.0 * (-TAU * steps).exp()))
+            // The trapezoidal rule is off by some exp(-2 pi distance / spacing).
+            Some((at, ((TOLERANCES * tolerance).max(LEAST) + 30.0 * (-5.5 * steps).exp()).min(MOST)))
         });
         Self { wave: *wave, ray: Ray::new(C64::new(wave.k_rho(), 0.0)), points: points.collect() }
+    }
+
+    /// No points: every field passes.
+    #[cfg(test)]
+    pub fn none(wave: &Wave) -> Self {
+        Self::new(wave, &[], 1.0)
     }
 
     /// Refuses fields that do not cancel the incident light. `densities` are `(e, P, h, Q)` node after node, `stride` nodes a column, one column a source.
@@ -103,23 +111,22 @@ impl Probes {
     }
 }
 
-/// The point inside of a wall, among the middles between points of it, that is farthest from all nodes; its distance in steps of the nearest.
+/// The point inside of a wall, among the middles between points of it, that is farthest from all nodes in steps between them; and these steps.
 fn deepest(nodes: &[CurvePoint], weights: &[f64]) -> Option<([f64; 2], f64)> {
-    let stride = nodes.len().div_ceil(SAMPLES);
-    let some: Vec<&CurvePoint> = nodes.iter().step_by(stride).collect();
-    let depth = |at: [f64; 2], of: &mut dyn Iterator<Item = (&CurvePoint, f64)>| {
-        of.map(|(p, w)| (p.at[0] - at[0]).hypot(p.at[1] - at[1]) / w).fold(f64::MAX, f64::min)
-    };
+    let some: Vec<&CurvePoint> = nodes.iter().step_by(nodes.len().div_ceil(SAMPLES)).collect();
     let mut middles: Vec<([f64; 2], f64)> = Vec::new();
     for (j, a) in some.iter().enumerate() {
         for b in &some[j + 1..] {
             let at = [0.5 * (a.at[0] + b.at[0]), 0.5 * (a.at[1] + b.at[1])];
-            middles.push((at, depth(at, &mut some.iter().map(|p| (*p, 1.0)))));
+            let squared = nodes.iter().zip(weights).map(|(p, w)| {
+                let (dx, dy) = (p.at[0] - at[0], p.at[1] - at[1]);
+                (dx * dx + dy * dy) / (w * w)
+            });
+            middles.push((at, squared.fold(f64::MAX, f64::min).sqrt()));
         }
     }
     middles.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let (at, _) = middles.into_iter().find(|(at, _)| winds(nodes, weights, *at))?;
-    Some((at, depth(at, &mut nodes.iter().zip(weights.iter().copied()))))
+    middles.into_iter().find(|(at, _)| winds(nodes, weights, *at))
 }
 
 /// Whether a wall goes once around a point: the flux of a charge there through it.

@@ -3,7 +3,7 @@
 use super::curve::{Curve, Resolution};
 use super::kernel::Medium;
 use super::vicinity::{steepness, width_nodes};
-use super::{Body, C64, Wave, WaveError};
+use super::{Body, C64, Shape, Wave, WaveError};
 use std::f64::consts::TAU;
 
 /// A wall, its place among the nodes and its media.
@@ -59,8 +59,11 @@ pub(crate) fn trace_walls(
 }
 
 /// A wall with the nodes that the waves along it ask for: those of both media, and on metals the surface wave,
-/// `beta^2 = k_0^2 eps_o eps_i / (eps_o + eps_i) - k_z^2`. Waves that die within the window around a target ([`vicinity`](super::vicinity)) and before they
-/// have crossed the body need no nodes: what is seen of them from the wall is as smooth as what drives them.
+/// `beta^2 = k_0^2 eps_o eps_i / (eps_o + eps_i) - k_z^2`.
+///
+/// Waves inside need no nodes where they die before they have crossed the body, and within the window around a target
+/// ([`vicinity`](super::vicinity)) wherever the nodes do not resolve them. What is seen of them from the wall then is as smooth as what drives them,
+/// but at the joints of polygons.
 fn trace(
     body: &Body,
     wave: &Wave,
@@ -68,18 +71,22 @@ fn trace(
     resolution: &Resolution,
     name: &str,
 ) -> Result<Curve, WaveError> {
-    let surface =
-        (outside.eps * inside.eps / (outside.eps + inside.eps) * wave.k0().powi(2) - wave.kz().powi(2)).sqrt();
-    let bound = if outside.eps.re * inside.eps.re < 0.0 { surface.norm() } else { 0.0 };
+    let square = outside.eps * inside.eps / (outside.eps + inside.eps) * wave.k0().powi(2) - wave.kz().powi(2);
+    let bound = if outside.eps.re * inside.eps.re < 0.0 { square.norm().sqrt() } else { 0.0 };
     let along = outside.kappa.norm().max(bound);
     let every = along.max(inside.kappa.norm());
     let tolerance = 10.0 * (-resolution.logarithm).exp();
-    let dead = steepness(tolerance) / inside.kappa.im;
-    let window_um =
-        width_nodes(tolerance) * TAU / (along * resolution.per_wavelength.max(resolution.per_wavelength_ellipse));
-    if resolution.skin && body.lumen.is_none() && along < every && dead < window_um {
+    let per_wavelength = match body.shape {
+        Shape::Circle { .. } | Shape::Ellipse { .. } => resolution.per_wavelength_ellipse,
+        _ => resolution.per_wavelength,
+    };
+    // The longest step that resolves the waves, and the shortest whose window they do not leave.
+    let resolving_um = TAU / (per_wavelength * inside.kappa.norm());
+    let dead_um = steepness(tolerance) / inside.kappa.im;
+    let jointed = matches!(body.shape, Shape::Polygon { .. });
+    if resolution.skin && !jointed && body.lumen.is_none() && dead_um <= width_nodes(tolerance) * resolving_um {
         let curve = Curve::new(body, resolution, TAU / along, name)?;
-        if dead < curve.thickness_um() {
+        if dead_um < curve.thickness_um() {
             return Ok(curve);
         }
     }
