@@ -43,7 +43,7 @@ mod tests {
     fn walls_between_equal_media_go() {
         let core = circle(1.0, 1.0, 0.0, None);
         let coat = |eta: f64, kappa: f64| circle(2.0, eta, kappa, Some(circle(1.5, 1.5, 0.1, Some(core.clone()))));
-        assert_eq!(visible(&[core.clone()]), []);
+        assert_eq!(visible(std::slice::from_ref(&core)), []);
         assert_eq!(visible(&[coat(1.0, 0.0)]), [circle(1.5, 1.5, 0.1, Some(core.clone()))]);
         assert_eq!(visible(&[coat(1.5, 0.1)]), [circle(2.0, 1.5, 0.1, Some(core.clone()))]);
         assert_eq!(visible(&[coat(1.5, 0.0), core.clone()]), [coat(1.5, 0.0)]);
