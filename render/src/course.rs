@@ -21,6 +21,9 @@ const ROULETTE: u32 = 4;
 /// out 79 % of its light, takes 2 % longer by it.
 const FOLLOWED: f32 = 1.0 / 32.0;
 
+/// Throughput of a path that is followed on, over that at its cut, below which it ends.
+const NEGLIGIBLE: f32 = 1e-3;
+
 /// A path that is cut.
 struct Cut {
     /// What came along the path before.
@@ -64,10 +67,17 @@ impl Course {
         followed
     }
 
-    /// Counts a scattering; whether the path is among those that are kept, which stand for the others.
+    /// Counts a scattering; whether the path is among those that are kept, which stand for the others. What
+    /// is followed beyond a cut is not thinned out, for less noise from few paths: it ends where nearly
+    /// nothing is left.
     pub fn survives(&mut self, throughput: &mut Light4, rng: &mut Pcg64Mcg) -> bool {
-        if self.depth >= ROULETTE {
-            let keep = throughput.iter().copied().fold(0.0f32, f32::max).min(1.0);
+        let most = |light: &Light4| light.iter().copied().fold(0.0f32, f32::max);
+        if let Some(cut) = &self.cut {
+            if most(throughput) < NEGLIGIBLE * most(&cut.carried) {
+                return false;
+            }
+        } else if self.depth >= ROULETTE {
+            let keep = most(throughput).min(1.0);
             if rng.random::<f32>() >= keep {
                 return false;
             }
