@@ -26,8 +26,8 @@ fn same(value: f32) -> FlatSamples {
     floats([value; 8])
 }
 
-fn exr(path: &Path, parts: &[Part]) {
-    let layer = |(name, channels): &Part| {
+fn exr(path: &Path, parts: &[Part<'_>]) {
+    let layer = |(name, channels): &Part<'_>| {
         let list: SmallVec<[AnyChannel<FlatSamples>; 4]> =
             channels.iter().map(|(name, samples)| AnyChannel::new(Text::new_or_panic(name), samples.clone())).collect();
         let attributes = if name.is_empty() { LayerAttributes::default() } else { LayerAttributes::named(*name) };
@@ -69,7 +69,7 @@ fn colors_are_found_in_any_layer() {
     let write = |parts: &[(&str, Vec<(String, FlatSamples)>)]| {
         let parts: Vec<(&str, Vec<(&str, FlatSamples)>)> =
             parts.iter().map(|(n, list)| (*n, list.iter().map(|(c, s)| (c.as_str(), s.clone())).collect())).collect();
-        let parts: Vec<Part> = parts.iter().map(|(n, list)| (*n, list.as_slice())).collect();
+        let parts: Vec<Part<'_>> = parts.iter().map(|(n, list)| (*n, list.as_slice())).collect();
         exr(&path, &parts);
     };
     // Blender's layers: the whole of the light, though it is not the first.
