@@ -19,7 +19,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 const SOURCES: usize = 256;
 
 /// What roundings of fields of size 1 make of widths, in units of the length of all walls.
-const ROUNDING: f64 = 1e-13;
+const ROUNDING: f64 = 1e-12;
 /// Tolerances that a method is tried at, over the one asked for: where powers do not add up within it, a finer solution is made. The second is within what
 /// compression reaches at the default tolerance.
 const FINER: [f64; 3] = [1.0, 0.21, 0.02];
