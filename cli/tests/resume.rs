@@ -180,7 +180,7 @@ fn shares_make_the_whole() {
     let a = share(dir, tiny, (1, 2));
     let b = share(dir, &[tiny, &["--seed", "2"]].concat(), (2, 2));
     common::refused(dir, &["merge", &a, &b, "-o", "x.pwt"], &["part2of2", "another job", "seed"]);
-    common::refused(dir, &["merge", &a, "tiny.toml", "-o", "x.pwt"], &["tiny.toml", "not a part"]);
+    common::refused(dir, &["merge", &a, "tiny.toml", "-o", "x.pwt"], &["tiny.toml", "expected a part"]);
     let all = share(dir, tiny, (1, 1));
     common::refused(dir, &["merge", &all, "-o", &all], &["-o", "an input"]);
     common::refused(dir, &[tiny, &["--shards", "1/1000"]].concat(), &["--shards", "1000", "shards"]);

@@ -63,7 +63,9 @@ impl FabricTables {
         let folder = folder.to_string();
         let load = move || -> plywave::Result<FabricTables> {
             let loaded = match (filename, text) {
-                (_, Some(text)) => FabricSpec::load_with(&text, "spec", &Folder::new(Path::new(&folder)), &model_library())?,
+                (_, Some(text)) => {
+                    FabricSpec::load_with(&text, "spec", &Folder::new(Path::new(&folder)), &model_library())?
+                }
                 (filename, None) => FabricSpec::load_file(filename.unwrap_or_default(), &model_library())?,
             };
             Ok(FabricTables { fabric: FabricBsdf::new(loaded, &options)?, speckle })

@@ -236,7 +236,7 @@ mod tests {
         let plies = |n: usize| {
             Draft::from_fn(2 * n, 2 * n, move |pick, end| match (end % n).cmp(&(pick % n)) {
                 std::cmp::Ordering::Less => true,
-                std::cmp::Ordering::Equal => (pick / n + end / n) % 2 == 0,
+                std::cmp::Ordering::Equal => (pick / n + end / n).is_multiple_of(2),
                 std::cmp::Ordering::Greater => false,
             })
         };

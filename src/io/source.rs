@@ -79,7 +79,7 @@ impl AssetSource for Folder {
     }
 
     fn has(&self, name: &str) -> bool {
-        self.allows(name) && self.path(name).is_file()
+        self.allows(name) && self.path(name).metadata().is_ok_and(|about| !about.is_dir())
     }
 
     fn display(&self, name: &str) -> String {
