@@ -70,6 +70,21 @@ fn absorbing_circles_match_the_series() {
     }
 }
 
+/// The grid of docs/wave.md: 96 circles.
+#[test]
+#[ignore = "slow: 30 s: widths and far fields of 96 absorbing circles within 1e-6 of the series"]
+fn grid_of_absorbing_circles_matches_the_series() {
+    for eta in [0.1, 0.7, 1.5, 2.5] {
+        for kappa in [0.01, 0.1, 0.5, 1.0, 2.0, 5.0] {
+            for theta_i in [0.0, 40f64.to_radians()] {
+                for radius_um in [0.5, 5.0] {
+                    check_circle(radius_um, [eta, kappa], &Wave { lambda_um: 0.5, theta_i }, 1e-6);
+                }
+            }
+        }
+    }
+}
+
 /// At every tolerance, up to skins of a thousandth of the radius.
 #[test]
 fn opaque_circles_keep_any_tolerance() {
