@@ -229,6 +229,9 @@ fn require(path: &Path, wanted: &[Kind]) -> Outcome {
         // A container whose header is damaged is for its loader.
         None => match (is_text(path), wanted.iter().all(|k| k.made_by().is_none())) {
             (Some(false), true) => refuse("neither text in UTF-8 nor a file of plywave's", "check the path"),
+            (Some(false), false) if head_of(path).is_some_and(|head| head.get(8) != Some(&b'{')) => {
+                refuse("no file of plywave's", "check the path")
+            }
             (Some(true), _) if !wanted.iter().any(|k| k.is_text()) => {
                 refuse("a text that is no file of plywave's", "check the path")
             }

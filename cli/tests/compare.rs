@@ -136,7 +136,7 @@ fn speckle_writes_patterns_that_are_told_and_drawn() {
     assert!(read("oval.png").starts_with(b"\x89PNG"));
 
     // Not what other commands take, and nothing half of it.
-    refused(dir, &["fit", "oval.pws", "-o", "x.pwm"], &["plywave-speckle"]);
+    refused(dir, &["fit", "oval.pws", "-o", "x.pwm"], &["speckle patterns (.pws)"]);
     refused(dir, &["plot", "oval.pws", "--table", "oval.pws"], &["speckle patterns"]);
     std::fs::write(dir.join("half.pws"), &read("oval.pws")[..2000]).unwrap();
     refused(dir, &["info", "half.pws"], &["half.pws"]);

@@ -161,7 +161,8 @@ fn wave_absorbing() {
     let (k05, k1) = ([[11.931, 20.549], [10.783, 20.707]], [[13.174, 20.534], [11.593, 20.870]]);
     expect_widths(dir, "mie.toml", k05, 5e-5);
     expect_widths(dir, "nystrom.toml", k05, 5e-5);
-    expect_widths(dir, "nystrom_k1.toml", k1, 5e-5);
+    // Its tolerance is 0.1.
+    expect_widths(dir, "nystrom_k1.toml", k1, 1e-3);
 }
 
 #[test]

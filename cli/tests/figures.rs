@@ -99,10 +99,10 @@ fn endings_and_sources_are_refused_in_one_line() {
         ("scene.toml", "a scene"),
         ("picture.png", "a picture"),
         ("noise.bin", "no file of plywave's"),
-        ("empty.pwm", "no file of plywave's"),
     ] {
-        refused(dir, &["plot", file, "-o", "a.svg"], &[file, what, ".pwm", ".pwt", ".toml"]);
+        refused(dir, &["plot", file, "-o", "a.svg"], &[file, what, ".pwm", ".pwt", "a yarn spec (TOML)"]);
     }
+    refused(dir, &["plot", "empty.pwm", "-o", "a.svg"], &["empty.pwm", "give a table or model"]);
     refused(dir, &["plot", "cloth.toml"], &["plywave weave"]);
     refused(dir, &["plot", "none.pwm"], &["none.pwm", "no such file"]);
     // A fabric's mistakes are told of a yarn spec alone.
