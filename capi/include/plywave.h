@@ -698,7 +698,9 @@ PlywaveStatus plywave_fiber_sample_batch(const struct PlywaveFiber *fiber,
                                          struct PlywaveError *error);
 
 // Reads and checks a ply model (.pwm), or one that is named without folder and ending, NAME for NAME.pwm, from the folders of the variable PLYWAVE_MODELS. `path` is UTF-8. On an error `*out` is NULL. Release it with `plywave_ply_free`.
-PlywaveStatus plywave_ply_load(const char *path, struct PlywavePly **out, struct PlywaveError *error);
+PlywaveStatus plywave_ply_load(const char *path,
+                               struct PlywavePly **out,
+                               struct PlywaveError *error);
 
 // As `plywave_ply_load`, of the `size` bytes of a file; `name` stands for it in messages.
 PlywaveStatus plywave_ply_from_bytes(const uint8_t *bytes,
