@@ -87,8 +87,11 @@ def test_the_words_are_those_of_the_program(built, tiny, program, tmp_path, monk
     (tmp_path / "empty.pwm").write_bytes(b"")
     (tmp_path / "old.pwm").write_bytes(data.replace(b'\\"version\\":2', b'\\"version\\":1'))
     (tmp_path / "dir.pwm").mkdir()
-    for name in ["cut.pwm", "empty.pwm", "old.pwm", "none.pwm", "dir.pwm"]:
+    for name in ["cut.pwm", "empty.pwm", "old.pwm", "dir.pwm"]:
         assert refused(lambda: plywave.Model(name)) == program_says(program, "check", name)
+    # The program lists the kinds that its command takes too.
+    for words in [refused(lambda: plywave.Model("none.pwm")), program_says(program, "check", "none.pwm")]:
+        assert words.startswith("none.pwm: no such file") and words.endswith("check the path")
     for k, (was, now) in enumerate(
         [
             ("eta = 1.58", "eta = 0.2"),
