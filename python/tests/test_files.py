@@ -89,9 +89,14 @@ def test_the_words_are_those_of_the_program(built, tiny, program, tmp_path, monk
     (tmp_path / "dir.pwm").mkdir()
     for name in ["cut.pwm", "empty.pwm", "old.pwm", "dir.pwm"]:
         assert refused(lambda: plywave.Model(name)) == program_says(program, "check", name)
-    # The program lists the kinds that its command takes too.
-    for words in [refused(lambda: plywave.Model("none.pwm")), program_says(program, "check", "none.pwm")]:
-        assert words.startswith("none.pwm: no such file") and words.endswith("check the path")
+    # Of a missing file the program names the kinds that its command takes, too.
+    missing = [
+        ("none.pwm", refused(lambda: plywave.Model("none.pwm")), program_says(program, "check", "none.pwm")),
+        ("none.toml", refused(lambda: plywave.build("none.toml")), program_says(program, "build", "none.toml")),
+    ]
+    for name, *both in missing:
+        for words in both:
+            assert words.startswith(f"{name}: no such file") and words.endswith("check the path")
     for k, (was, now) in enumerate(
         [
             ("eta = 1.58", "eta = 0.2"),
@@ -107,7 +112,6 @@ def test_the_words_are_those_of_the_program(built, tiny, program, tmp_path, monk
         (tmp_path / name).write_text(tiny.replace(was, now))
         want = program_says(program, "build", name, "--preset", "preview", "-o", "x.pwm")
         assert refused(lambda: plywave.build(name, "preview")) == want
-    assert refused(lambda: plywave.build("none.toml")) == program_says(program, "build", "none.toml")
     weave = 'name = "x"\n[weave]\nkind = "plain"\n[warp]\n%s\n[weft]\n%s\n'
     good = 'model = "ok.pwm"\nspacing_um = 90.0\nsrgb = [0.5, 0.2, 0.2]'
     for k, bad in enumerate(["", 'model = "none.pwm"\nspacing_um = 90.0', good + "\nplies = 3", good.replace("90.0", "9.0"), good.replace("0.5", "1.5")]):

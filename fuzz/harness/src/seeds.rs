@@ -185,8 +185,10 @@ pub fn parts() -> Vec<Vec<u8>> {
 
 /// Sums of a render of 4 x 3 pixels with one sample each.
 pub fn sums() -> Vec<Vec<u8>> {
-    let (mut header, mut data) =
-        (serde_json::json!({ "__metadata__": { "of spec": "digest", "samples": "1" } }), Vec::new());
+    let (mut header, mut data) = (
+        serde_json::json!({ "__metadata__": { "of spec": "digest", "samples": "1", "cut": "0 0 0 0 0" } }),
+        Vec::new(),
+    );
     for (name, channels) in [("albedo", 3), ("depth", 1), ("deviation", 3), ("hits", 1), ("light", 3), ("normal", 3)] {
         let from = data.len();
         data.extend((0..12 * channels).flat_map(|_| 0.5f32.to_le_bytes()));

@@ -5,7 +5,11 @@ use plywave_fuzz::targets::LOADED;
 use plywave_fuzz::{Rng, all, mutate};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::Ordering;
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
+
+/// One test at a time: both read the count of what loaded.
+static TURN: Mutex<()> = Mutex::new(());
 
 fn number(name: &str) -> Option<u64> {
     std::env::var(name).ok().map(|v| v.parse().unwrap_or_else(|_| panic!("{name} = {v:?}: expected a whole number")))
@@ -13,10 +17,13 @@ fn number(name: &str) -> Option<u64> {
 
 #[test]
 fn seeds_are_good_and_mutations_differ() {
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     for target in all() {
         assert!(!target.seeds.is_empty(), "{}", target.name);
         for seed in &target.seeds {
+            let before = LOADED.load(Ordering::Relaxed);
             (target.run)(seed);
+            assert!(LOADED.load(Ordering::Relaxed) > before, "{}: a seed does not load", target.name);
             let changed = (0..20u64).filter(|i| mutate(seed, &mut Rng::new(*i)) != *seed).count();
             assert!(changed >= 15, "{}: {changed} of 20 inputs differ from their seed", target.name);
         }
@@ -25,6 +32,7 @@ fn seeds_are_good_and_mutations_differ() {
 
 #[test]
 fn every_loader_keeps_its_promises() {
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     let count = number("PLYWAVE_FUZZ_COUNT");
     let seconds = number("PLYWAVE_FUZZ_SECONDS").or(if count.is_none() { Some(4) } else { None });
     let budget = seconds.map_or(Duration::MAX, Duration::from_secs);
