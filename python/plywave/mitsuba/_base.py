@@ -102,7 +102,8 @@ def misfit(bsdf, shape):
     """Why a plugin cannot be on a shape, in one line; ``None`` where it can."""
     kind, is_mesh = shape.class_name(), shape.is_mesh()
     name = shape.id() or kind
-    if is_mesh and not shape.has_vertex_texcoords():
+    # A rectangle counts as a mesh, has uv, and cannot be asked for them.
+    if isinstance(shape, mi.Mesh) and not shape.has_vertex_texcoords():
         return f"{name}: no texture coordinates: {bsdf.PLUGIN} needs uv, {bsdf.ALONG}"
     if bsdf.PLUGIN == "plywave_fabric":
         return f"{name}: a curve: plywave_fabric is for surfaces: use plywave_ply" if "Curve" in kind else None
