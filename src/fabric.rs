@@ -19,6 +19,7 @@ mod far_query;
 mod flight;
 mod layers;
 mod load;
+mod names;
 mod place;
 mod profile;
 mod regression;

@@ -7,7 +7,7 @@ use crate::output::Held;
 use crate::progress::{self, Bar};
 use crate::{output, report};
 use glam::Vec3;
-use plywave_render::{Camera, Facts, Film, FilmView, Ingredients, MOST_SCATTERINGS, RenderError, png};
+use plywave_render::{Camera, Environment, Facts, Film, FilmView, Ingredients, MOST_SCATTERINGS, RenderError, png};
 use sha2::{Digest, Sha256};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -181,6 +181,14 @@ pub fn camera_flags(args: &RenderArgs) -> [(String, String); 4] {
         ("--fov", format!("{:?}", args.fov)),
     ]
     .map(|(name, value)| (name.to_string(), value))
+}
+
+/// Loads the sky of `--sky`, and adds a note for each assumption about its file.
+pub fn sky(args: &RenderArgs, notes: &mut Vec<String>) -> Outcome<Option<Environment>> {
+    let Some(file) = &args.sky else { return Ok(None) };
+    let (sky, told) = Environment::load(file, args.sky_layer.as_deref()).map_err(failed)?;
+    notes.extend(told.iter().map(|line| format!("{}: {line}", file.display())));
+    Ok(Some(sky))
 }
 
 /// A new film, or with `--resume` the one to go on with.

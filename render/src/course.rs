@@ -7,8 +7,7 @@
 //! tell what a cut path would have brought over what it carried.
 
 use crate::WAVELENGTHS;
-use crate::film::xyz;
-use crate::path::Light4;
+use crate::spectrum::{Light4, xyz};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 

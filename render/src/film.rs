@@ -7,9 +7,6 @@ use plywave::color;
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Wavelengths of a picture [um].
-pub const LAMBDA_RANGE_UM: [f32; 2] = [0.38, 0.78];
-
 /// Bytes a pixel of a film's sums.
 const PIXEL_BYTES: u64 = 4 * 14;
 /// Bytes a pixel that a render needs at most, beside its sums: one pass of samples, or the pictures while they are written.
@@ -299,17 +296,4 @@ impl Film {
             image::Rgb(linear.map(|v| (255.0 * color::srgb_encode(f64::from(v.clamp(0.0, 1.0)))).round() as u8))
         })
     }
-}
-
-/// XYZ of light that has the illuminant's spectrum times `values` at the wavelengths of a path, drawn evenly over the picture's range.
-pub(crate) fn xyz<const N: usize>(lambda_um: [f32; N], values: [f32; N]) -> [f32; 3] {
-    let mut sum = [0.0; 3];
-    let scale = (LAMBDA_RANGE_UM[1] - LAMBDA_RANGE_UM[0]) / N.max(1) as f32;
-    for k in 0..N {
-        let matching = color::d65_xyz_density(f64::from(lambda_um[k]));
-        for c in 0..3 {
-            sum[c] += scale * values[k] * matching[c] as f32;
-        }
-    }
-    sum
 }

@@ -25,11 +25,12 @@ mod setup;
 mod sky;
 mod sky_file;
 mod smooth;
+mod spectrum;
 mod strands;
 
 pub use camera::{Camera, View};
 pub use course::MOST_SCATTERINGS;
-pub use film::{Film, FilmView, Ingredients, LAMBDA_RANGE_UM};
+pub use film::{Film, FilmView, Ingredients};
 pub use import::{FaceCount, MeshNotes};
 pub use light::{Light, LightSampling};
 pub use mesh::Mesh;
@@ -39,6 +40,7 @@ pub use props::{Prop, Shape};
 pub use scene::{Frame, Scene, SurfacePoint};
 pub use setup::Setup;
 pub use sky::Environment;
+pub use spectrum::LAMBDA_RANGE_UM;
 pub use strands::{
     Basis, LEAST_RADIUS_MM, MOST_MM, MOST_POINTS, Made, Skip, StrandDual, StrandDualOptions, StrandFiber, StrandFile,
     StrandHit, StrandNotes, StrandScene, StrandShape, StrandTree, Strands, TraceCost, make, mitsuba_text,

@@ -1,6 +1,6 @@
 //! Lamps, and how light of lamps and the sky is found: drawn from one of them, and met by rays.
 
-use crate::path::Light4;
+use crate::spectrum::Light4;
 use crate::{Environment, WAVELENGTHS};
 use glam::Vec3;
 use rand::RngExt;

@@ -2,9 +2,10 @@
 
 use crate::camera::Camera;
 use crate::course::{Course, CutSums};
-use crate::film::{Film, LAMBDA_RANGE_UM, PixelSums, Sample};
+use crate::film::{Film, PixelSums, Sample};
 use crate::props::Matte;
 use crate::scene::{Meeting, Scene, SurfacePoint};
+use crate::spectrum::{LAMBDA_RANGE_UM, Light4, xyz};
 use crate::{RenderError, Surface, WAVELENGTHS};
 use glam::Vec3;
 use plywave::math::hash::{GAMMA, mix64};
@@ -30,7 +31,6 @@ pub struct RenderOptions {
     pub seed: u64,
 }
 
-pub(crate) type Light4 = [f32; WAVELENGTHS];
 /// Place and sums of a pixel.
 type Pixel = (u32, u32, PixelSums);
 
@@ -146,7 +146,7 @@ fn pixel(
     // First hits take no random numbers: the light is the same with them and without.
     let Traced { light, albedo, hit, cut } = tracer.trace(options, (origin, direction, width_per_mm), lambda, &mut rng);
     let hit = hit.map(|(normal, t)| (normal, camera.depth(direction, t)));
-    Sample { light: crate::film::xyz(lambda, light), albedo: crate::film::xyz(lambda, albedo), hit, cut }
+    Sample { light: xyz(lambda, light), albedo: xyz(lambda, albedo), hit, cut }
 }
 
 fn mix(a: u64, b: u64) -> u64 {

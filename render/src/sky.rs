@@ -1,6 +1,6 @@
 //! Light from infinitely far: a picture in latitude and longitude, each texel of which shines evenly over its part of the sphere.
 
-use crate::path::Light4;
+use crate::spectrum::Light4;
 use crate::{LAMBDA_RANGE_UM, RenderError};
 use glam::{DMat3, DVec3, Vec3};
 use plywave::color;
@@ -263,7 +263,7 @@ mod tests {
             let n = 4000;
             for k in 0..n {
                 let lambda = 0.38 + 0.4 * (k as f32 + 0.5) / n as f32;
-                let part = crate::film::xyz([lambda; 4], sky.radiance(0, [lambda; 4]));
+                let part = crate::spectrum::xyz([lambda; 4], sky.radiance(0, [lambda; 4]));
                 (0..3).for_each(|c| xyz[c] += f64::from(part[c]) / f64::from(n));
             }
             let back = color::linear_srgb_of_xyz(xyz);

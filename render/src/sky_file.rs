@@ -240,7 +240,7 @@ fn listed(names: impl Iterator<Item = String>) -> String {
     if more > 0 { format!("{list} and {more} more") } else { list }
 }
 
-/// The layer that is asked for, or that is most likely the light.
+/// The layer of the given name, or else the one that most likely holds the light.
 fn choose(headers: &[Header], layer: Option<&str>, notes: &mut Vec<String>) -> Result<Colors, String> {
     let mut found = colors_of(headers);
     let channels = || {

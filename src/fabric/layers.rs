@@ -12,7 +12,7 @@
 
 use super::Family;
 use super::draft::Draft;
-use super::wif::{numbered, words};
+use super::names::{numbered, words};
 
 /// Yarns of a draft that can be lifted off those below: a cloth, or with one family only, loose yarns.
 #[derive(Clone, Debug, PartialEq, Eq)]

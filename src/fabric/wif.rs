@@ -16,13 +16,13 @@ mod note;
 mod spacing;
 mod text;
 
-pub(super) use note::numbered;
 pub use note::{WifNote, WifNoteKind};
 pub use spacing::WifSpacing;
 
 use super::Family;
 use super::draft::{Draft, MAX_THREADS};
 use super::layers::Layer;
+use super::names::{numbered, words};
 use crate::Result;
 use note::Notes;
 use text::{Ini, Rows};
@@ -115,14 +115,6 @@ fn colors_of(family: Family) -> &'static str {
     match family {
         Family::Warp => "WARP COLORS",
         Family::Weft => "WEFT COLORS",
-    }
-}
-
-/// What weavers call one yarn of a family, and several.
-pub(super) fn words(family: Family) -> [&'static str; 2] {
-    match family {
-        Family::Warp => ["end", "ends"],
-        Family::Weft => ["pick", "picks"],
     }
 }
 

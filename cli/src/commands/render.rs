@@ -12,7 +12,7 @@ use plywave::fabric::{
     Fabric, FabricBsdf, FabricOptions, FabricSpec, Family, GapLight, LoadedFabric, Slits, WeaveSpec,
 };
 use plywave::gap::{SLIT_MAX_UM, SLIT_SHARE};
-use plywave_render::{Camera, Environment, Mesh, MeshNotes, RenderOptions, Setup, render};
+use plywave_render::{Camera, Mesh, MeshNotes, RenderOptions, Setup, render};
 use std::path::{Path, PathBuf};
 
 impl From<Scene> for Setup {
@@ -109,14 +109,6 @@ fn mesh_notes(file: &Path, notes: &MeshNotes) -> Vec<String> {
     lines
 }
 
-/// The sky that is asked for; what was assumed of its file, a line each.
-pub(super) fn sky(args: &RenderArgs, notes: &mut Vec<String>) -> Outcome<Option<Environment>> {
-    let Some(file) = &args.sky else { return Ok(None) };
-    let (sky, told) = Environment::load(file, args.sky_layer.as_deref()).map_err(failed)?;
-    notes.extend(told.iter().map(|line| format!("{}: {line}", file.display())));
-    Ok(Some(sky))
-}
-
 /// Lines of a picture that is worth the seconds in which the mean over the repeat is made.
 const FAR_LINES: u32 = 256;
 
@@ -205,7 +197,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
         }
         None => None,
     };
-    let sky = sky(args, &mut notes)?;
+    let sky = crate::rendering::sky(args, &mut notes)?;
     let name = loaded.spec.name.clone();
     let fabric = FabricBsdf::new(loaded, &options)?;
     if args.sigma.is_none() {

@@ -42,7 +42,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     let read: Vec<&Path> = inputs.iter().map(|(_, path)| path.as_path()).collect();
     let _held = outputs.hold(&read)?;
     let mut notes = Vec::new();
-    let sky = super::render::sky(args, &mut notes)?;
+    let sky = crate::rendering::sky(args, &mut notes)?;
     let Loaded { scene, camera: own, notes: told, included } = spec.load_scene(sky)?;
     let camera = camera(args, own)?;
     notes.extend(told);

@@ -471,7 +471,7 @@ class _Farm:
         self.lose(f"a task was lost, {one_line(error)}" if error is not None else "a task was lost")
 
     def damaged(self, task: _Task, words: str) -> Optional[Made]:
-        """What came back is not what was asked for: another try."""
+        """A worker returned a wrong or damaged result: another try."""
         task.faults += 1
         if task.faults > self.retries:
             return self.give_up(task.work, f"{task.work.item.name}: a task was lost {task.faults} times; last: {words}")

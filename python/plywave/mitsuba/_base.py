@@ -102,7 +102,7 @@ def misfit(bsdf, shape):
     """Why a plugin cannot be on a shape, in one line; ``None`` where it can."""
     kind, is_mesh = shape.class_name(), shape.is_mesh()
     name = shape.id() or kind
-    # A rectangle counts as a mesh, has uv, and cannot be asked for them.
+    # Mitsuba counts a rectangle as a mesh; it always has uv, and no method that says so.
     if isinstance(shape, mi.Mesh) and not shape.has_vertex_texcoords():
         return f"{name}: no texture coordinates: {bsdf.PLUGIN} needs uv, {bsdf.ALONG}"
     if bsdf.PLUGIN == "plywave_fabric":

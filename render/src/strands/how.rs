@@ -3,6 +3,9 @@
 use super::{Basis, LEAST_RADIUS_MM, StrandNotes, Strands, check_points};
 use crate::RenderError;
 
+/// Largest file of strands [bytes].
+pub(super) const MOST_BYTES: u64 = 1 << 32;
+
 /// How a file of strands is taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StrandFile {
@@ -60,4 +63,12 @@ pub(super) fn least_radius_mm(radii: impl Iterator<Item = f64>) -> Option<f64> {
 /// At most 20 characters of a word.
 pub(super) fn cut(word: &str) -> String {
     if word.chars().count() <= 20 { word.to_string() } else { word.chars().take(17).chain("...".chars()).collect() }
+}
+
+/// Refuses what gzip packed.
+pub(super) fn refuse_packed(bytes: &[u8]) -> Result<(), String> {
+    match bytes {
+        [0x1f, 0x8b, ..] => Err("packed by gzip; unpack it (gunzip) and name the unpacked file".into()),
+        _ => Ok(()),
+    }
 }

@@ -6,9 +6,8 @@
 //! instances put theirs before it.
 //! Statements of pbrt-v2 and -v3 that v4 lacks are passed over like all that are no geometry.
 
-use super::how::StrandFile;
+use super::how::{MOST_BYTES, StrandFile, refuse_packed};
 use super::pbrt_curve::{Curve, Given};
-use super::read::{MOST_BYTES, refuse_packed};
 use super::words::{Word, Words, number, shown};
 use super::{Basis, StrandNotes, Strands};
 use crate::RenderError;

@@ -6,19 +6,16 @@
 //! | Mitsuba's text | `x y z radius` a line, an empty line between curves |
 //! | pbrt's text | `width`, or `width0` to `width1`, is a diameter; `basis` `bezier` or `bspline`, of degree 3 or 2; transforms are applied |
 //!
-//! What is left out: the colors and transparency of `.hair`; of pbrt all but curves, and the normals of
-//! ribbons.
+//! It does not read the colors and transparency of `.hair`, nor pbrt's shapes other than curves, nor the
+//! normals of ribbons.
 
-use super::how::{StrandFile, cut};
+use super::how::{MOST_BYTES, StrandFile, cut, refuse_packed};
 use super::pbrt;
 use super::{MOST_POINTS, StrandNotes, Strands};
 use crate::RenderError;
 use crate::room::read_file;
 use plywave::io::Folder;
 use std::path::Path;
-
-/// Largest file of strands [bytes].
-pub(super) const MOST_BYTES: u64 = 1 << 32;
 
 impl Strands {
     /// Reads a file by its contents: `.hair` begins with `HAIR`, Mitsuba's text with a number, pbrt's text
@@ -72,14 +69,6 @@ fn read(
         }));
     }
     Ok((strands, notes))
-}
-
-/// Refuses what gzip packed.
-pub(super) fn refuse_packed(bytes: &[u8]) -> Result<(), String> {
-    match bytes {
-        [0x1f, 0x8b, ..] => Err("packed by gzip; unpack it (gunzip) and name the unpacked file".into()),
-        _ => Ok(()),
-    }
 }
 
 /// The `.hair` format: a header of 128 bytes, then arrays of segments a strand, points, thickness, of which a word of flags tells which are there.

@@ -243,7 +243,7 @@ fn wrong_fields_do_not_pass() {
     let source = both()[0];
     let light = (source.pol, source.plane_waves(&wave, 2.0).unwrap());
     // Of an index-matched body: the incident fields themselves.
-    let matched: Vec<C64> = nodes.iter().flat_map(|p| super::nystrom::incident(&wave, light.0, &light.1, p)).collect();
+    let matched: Vec<C64> = nodes.iter().flat_map(|p| super::incident::incident(&wave, light.0, &light.1, p)).collect();
     let scaled = |factor: f64| -> Vec<C64> { matched.iter().map(|v| v * factor).collect() };
     for tolerance in [1e-1, 1e-6] {
         let probes = Probes::new(&wave, &[(&nodes, &weights)], tolerance);

@@ -86,7 +86,7 @@ pub enum WaveError {
         "{left:.2e} of the incident light is left inside of the fibers, {allowed:.2e} would pass; the tolerance is not reached here, ask for a larger one or another method"
     )]
     Uncancelled {
-        /// What is left, relative to the largest field.
+        /// Largest remaining field, relative to the largest field.
         left: f64,
         /// What would have passed.
         allowed: f64,

@@ -12,7 +12,7 @@
 
 use super::curve::CurvePoint;
 use super::entries::{E, H, P, Q};
-use super::nystrom::incident;
+use super::incident::incident;
 use super::special::Ray;
 use super::{C64, PlaneWave, Polarization, Wave, WaveError};
 use rayon::prelude::*;

@@ -37,6 +37,7 @@ mod extinction;
 mod hierarchy;
 #[cfg(test)]
 mod hierarchy_tests;
+mod incident;
 mod interpolate;
 mod kernel;
 mod likeness;

@@ -416,7 +416,7 @@ fn method_of(number: f64) -> Option<Method> {
 
 /// Refuses powers that do not add up within the tolerance, and fields that are not numbers. What counts is the greater of C_ext and `2 sqrt(C_sca / k_0)`.
 ///
-/// The second is (4/k_0) times the root mean square of |F|: the C_ext of thin clear fibers is what is left of an F nearly out of phase, and off by as much.
+/// The second is (4/k_0) times the root mean square of |F|: the C_ext of thin clear fibers is the small difference of an F nearly out of phase, with an error as large.
 /// Bodies that are all but invisible are off by roundings.
 ///
 /// # Errors

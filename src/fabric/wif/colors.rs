@@ -1,7 +1,8 @@
 //! Colors of the yarns of a WIF: a table of red, green and blue, the color of each yarn by its number, and
 //! one for those without.
 
-use super::note::{Notes, WifNoteKind, numbered};
+use super::super::names::numbered;
+use super::note::{Notes, WifNoteKind};
 use super::text::{Ini, numbers};
 use super::{colors_of, section_of, words};
 use crate::Result;

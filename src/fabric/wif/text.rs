@@ -4,7 +4,8 @@
 //! a comment. A number may be followed by a comment without one (WIF 1.1, "Comments"), and values may stand
 //! in quotes.
 
-use super::note::{Notes, WifNoteKind, numbered};
+use super::super::names::numbered;
+use super::note::{Notes, WifNoteKind};
 use crate::spec::rules::line;
 use crate::{Error, Result};
 use configparser::ini::IniDefault;

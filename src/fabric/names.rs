@@ -1,0 +1,61 @@
+//! Names of yarns in messages: ends and picks, by number.
+
+use super::Family;
+
+/// What weavers call one yarn of a family, and several.
+pub(super) fn words(family: Family) -> [&'static str; 2] {
+    match family {
+        Family::Warp => ["end", "ends"],
+        Family::Weft => ["pick", "picks"],
+    }
+}
+
+/// Runs of numbers that [`numbered`] tells.
+const RUNS: usize = 4;
+
+/// "end 3", "ends 1, 3 and 5 to 9", "picks 1, 3, 5, 7 and 12 more": a word for one and for several, and
+/// ascending numbers.
+pub(super) fn numbered([one, several]: [&str; 2], numbers: &[usize]) -> String {
+    let mut runs: Vec<[usize; 2]> = Vec::new();
+    for &n in numbers {
+        match runs.last_mut() {
+            Some([_, last]) if *last + 1 == n => *last = n,
+            _ => runs.push([n, n]),
+        }
+    }
+    let told: Vec<String> = runs
+        .iter()
+        .take(RUNS)
+        .map(|[first, last]| match last - first {
+            0 => first.to_string(),
+            1 => format!("{first}, {last}"),
+            _ => format!("{first} to {last}"),
+        })
+        .collect();
+    let more: usize = runs.iter().skip(RUNS).map(|[first, last]| last - first + 1).sum();
+    let list = told.join(", ");
+    match (numbers.len(), more) {
+        (1, _) => format!("{one} {list}"),
+        (_, 0) => match list.rsplit_once(", ") {
+            Some((head, last)) => format!("{several} {head} and {last}"),
+            None => format!("{several} {list}"),
+        },
+        _ => format!("{several} {list} and {more} more"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_listed_as_one_would_say_them() {
+        let of = |numbers: &[usize]| numbered(["end", "ends"], numbers);
+        assert_eq!(of(&[3]), "end 3");
+        assert_eq!(of(&[1, 3]), "ends 1 and 3");
+        assert_eq!(of(&[4, 5]), "ends 4 and 5");
+        assert_eq!(of(&[4, 5, 6]), "ends 4 to 6");
+        assert_eq!(of(&[1, 2, 4, 6, 7, 8, 9]), "ends 1, 2, 4 and 6 to 9");
+        assert_eq!(of(&[1, 3, 5, 7, 9, 10, 12]), "ends 1, 3, 5, 7 and 3 more");
+    }
+}
