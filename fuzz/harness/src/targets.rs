@@ -274,10 +274,11 @@ pub fn sums(bytes: &[u8]) {
 pub fn filament(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     let Some(spec) = loaded(FilamentSpec::parse(text, "f.toml")) else { return };
-    // What is not bound by energy: Kajiya and Kay's sum of a diffuse and a shiny part; Marschner's light beyond TRT, a share of its own.
-    let most = match spec.model {
+    // Not bound by energy: Kajiya and Kay's sum of a diffuse and a shiny part; Marschner's lobes over cos^2 of the half difference, which at
+    // grazing incidence grow without limit as they narrow (Marschner 2003 Eq. 8), unless they are normalized.
+    let most = match &spec.model {
         FiberModel::KajiyaKay(_) => f32::INFINITY,
-        FiberModel::RoughDielectric(_) => MOST + 0.5,
+        FiberModel::RoughDielectric(fiber) if !fiber.parameters().normalize => f32::INFINITY,
         _ => MOST,
     };
     let mut rng = seeded(bytes);
