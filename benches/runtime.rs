@@ -5,7 +5,7 @@
 //! incidences, absorptions and directions are random, so that hardly two queries share a block. `sample` gives direction, weight
 //! and pdf. Times of a batch are of all its queries; the throughput is of one.
 
-#[path = "../tests/synthetic/mod.rs"]
+#[path = "../tests/it/synthetic/mod.rs"]
 mod synthetic;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};

@@ -17,7 +17,7 @@
 //!
 //! Where light grazes, the factor 1/c_i lets an aperture send out many times what arrives (2 um, c_i = 0.001: 46 times). Two departures keep the integral at or below 1.005 for every
 //! aperture, tilt and wavelength, and leave f as it is to a tilt of 1.2 rad (w0 = 10 um): c_i is not less than `least_cosine`, and what a tilted beam has in excess without any aperture is divided
-//! out (`beam_excess`). Test: `tests/gap_grazing.rs`.
+//! out (`beam_excess`). Test: `tests/it/gap_grazing.rs`.
 
 mod slit;
 mod spectrum;

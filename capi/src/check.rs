@@ -163,7 +163,7 @@ pub unsafe extern "C" fn plywave_bsdf_check(
     })
 }
 
-/// Of one point: as `cli/tests/fabrics.rs` holds fabrics.
+/// Of one point: as `cli/tests/it/fabrics.rs` holds fabrics.
 const POINT_WEIGHT_TOLERANCE: f64 = 1e-3;
 const POINT_CHI2_THRESHOLD: f64 = 1e-4;
 

@@ -1,7 +1,7 @@
 //! Time of the objective for one slice and of a block fit, with the error reached beside it.
 //! `cargo bench -p plywave-fit --bench fit`
 
-#[path = "../tests/planted/mod.rs"]
+#[path = "../tests/it/planted/mod.rs"]
 mod planted;
 
 use criterion::{Criterion, criterion_group, criterion_main};

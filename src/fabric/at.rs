@@ -229,7 +229,7 @@ impl<const N: usize> FabricAt<'_, N> {
     ///
     /// Of parts whose light lies apart, chances as the root of the mean square of f over the part's own density give weights of the least variance, here that of the sum over
     /// channels. Of a ply's light the share m is not caught by other yarns. If shadows took as much in every direction, that root would be m of its energy, if they took all
-    /// or nothing, `m^(1/2)`; what is taken is between. (tests/cloth.rs has the weights.)
+    /// or nothing, `m^(1/2)`; what is taken is between. (tests/it/cloth.rs has the weights.)
     pub(super) fn set_chances(&mut self) {
         let mean = |x: &[f32; N]| x.iter().sum::<f32>() / N.max(1) as f32;
         let root_mean_square = |x: &[f32; N]| (x.iter().map(|x| x * x).sum::<f32>() / N.max(1) as f32).sqrt();

@@ -6,7 +6,7 @@
 //! nodes of absorption; between the nodes they are linear. The light between yarns is that of the mean energies (`between.rs`), which are a function of the direction to begin with.
 //! What passes all plies is diffracted by a few apertures that stand for those of the repeat.
 //!
-//! Energies are those of the means, in as far as the table's integrals are; tests/far.rs has both beside the mean of many places. The mean is as reciprocal as the fabric.
+//! Energies are those of the means, in as far as the table's integrals are; tests/it/far.rs has both beside the mean of many places. The mean is as reciprocal as the fabric.
 
 use super::Family;
 use super::between::BetweenAt;

@@ -319,7 +319,7 @@ fn pattern(fabric: &Fabric, family: Family, yarn: i32, crossing: i32) -> usize {
 /// The table's light leaves by lines that are even over the offset t from the yarn's axis, as from a straight yarn. Of a bent one, of curvature kappa towards n, lines in direction
 /// b have the area `(sin - t kappa (b . B) / sin^2) ds dt`, B = axis cross n and sin that between b and the axis: more on the outer side of a bend, less on the inner one, nothing
 /// where it folds. What b is sent is in proportion, as what comes from there is, so each line counts by this area over that of a straight yarn, `sin ds dt`. Of yarns of several plies,
-/// which turn from one side of a bend to the other, lines count alike: their light is conserved without (tests/cloth.rs).
+/// which turn from one side of a bend to the other, lines count alike: their light is conserved without (tests/it/cloth.rs).
 fn fill(row: &mut [u8], fabric: &Fabric, passing: &impl Passing, (id, place): (YarnId, i32), lines: usize) {
     let k = id.family as usize;
     let spacing = fabric.yarns[id.family.other() as usize].spacing;

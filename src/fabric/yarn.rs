@@ -6,7 +6,7 @@
 //!
 //! Every ply is replaced by the straight cylinder along its tangent where the yarn is straightened, and the line is followed from cylinder to cylinder (`walk.rs`). The ply that is met is
 //! replaced once more, by the cylinder along the tangent at the place of its axis next to where the line enters it; h is the distance of the line from this tangent, |h| <= R at every hit.
-//! For one ply, and for parallel plies, this is exact. `twisted_plies_are_near_true_helices` measures the rest, and `tests/weave.rs` plies of bent yarns.
+//! For one ply, and for parallel plies, this is exact. `twisted_plies_are_near_true_helices` measures the rest, and `tests/it/weave.rs` plies of bent yarns.
 
 use super::profile::{Profile, Profile32};
 use crate::math::simd::{atan2, signed, sin_cos_half_turns};

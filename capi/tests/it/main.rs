@@ -1,0 +1,4 @@
+//! Tests of the C interface. One program, so that they share what is loaded.
+
+mod calls;
+mod errors;

@@ -1,0 +1,13 @@
+//! Tests of the simulators. One program, so that they share what is loaded.
+
+mod fiber;
+mod fiber_truths;
+mod mesh;
+mod packing;
+mod runs;
+mod shapes;
+mod tracers;
+mod twin;
+mod yarn;
+mod yarn_fibers;
+mod yarn_table;

@@ -1,0 +1,167 @@
+//! `eval_pdf` shares work between `eval` and `pdf`, and so does `sample`: here each is held to the two it stands for, in every case of a fabric that
+//! ships (one layer, two layers, gaps), with speckle and without, and for the whole ply, with slits and without.
+
+
+use plywave::fabric::{FabricBsdf, FabricOptions, FabricSpec};
+use plywave::frame::direction;
+use plywave::gap::{SLIT_SHARE, Slit};
+use plywave::ply::PlyData;
+use plywave::spec::GaussianBeam;
+use plywave::speckle::{Instance, NoiseTiles};
+use plywave::{Bsdf, BsdfSample, FabricQuery, PlyModel, PlyQuery};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use std::sync::Arc;
+
+const LAMBDA: [f32; 4] = [0.41, 0.5, 0.6, 0.72];
+
+fn anywhere(rng: &mut Pcg64Mcg) -> [f32; 3] {
+    direction((2.0 * rng.random::<f32>() - 1.0).asin(), std::f32::consts::TAU * rng.random::<f32>())
+}
+
+fn tiles(rng: &mut Pcg64Mcg) -> NoiseTiles {
+    let sizes = [2, 64, 64];
+    let (mut tiles, mut code) = (Vec::new(), Vec::new());
+    for _ in 0..2 * sizes[0] {
+        let values: Vec<f64> = (0..sizes[1] * sizes[2]).map(|_| rng.random()).collect();
+        let (codes, scale) = NoiseTiles::code(&values);
+        tiles.extend(codes);
+        code.extend(scale);
+    }
+    NoiseTiles {
+        tiles,
+        sizes,
+        code,
+        step: [[0.05; 2]; 2],
+        lambda_um: 0.4,
+        fade: [[1.0, -0.2]; 2],
+        contrast: [[1.0; 2]; 2],
+    }
+}
+
+fn with_noise(model: &PlyModel, rng: &mut Pcg64Mcg) -> PlyModel {
+    PlyModel::from_data(PlyData { noise: Some(tiles(rng).into()), ..model.data().clone() }).unwrap()
+}
+
+fn near(got: f32, want: f32, peak: f32) -> bool {
+    (got - want).abs() <= 3e-6 * peak + 1e-5 * want.abs()
+}
+
+/// At `wo` and at a sample.
+fn check(s: &impl Bsdf<4>, wo: [f32; 3], u: [f32; 3]) {
+    let (f, pdf) = s.eval_pdf(wo);
+    let (want, want_pdf) = (s.eval(wo), s.pdf(wo));
+    let peak = want.iter().fold(0.0, |a: f32, b| a.max(*b));
+    assert!(f.iter().zip(&want).all(|(f, want)| near(*f, *want, peak)), "f at {wo:?}: {f:?}, alone {want:?}");
+    assert!(near(pdf, want_pdf, want_pdf), "pdf at {wo:?}: {pdf}, alone {want_pdf}");
+    let BsdfSample::Scattered(sample) = s.sample(u) else { return };
+    let (f, pdf) = s.eval_pdf(sample.w);
+    // The direction goes through two frames and back, which narrow lobes notice.
+    assert!((sample.pdf / pdf - 1.0).abs() < 2e-3, "pdf of a sample: {}, at its direction {pdf}", sample.pdf);
+    for k in 0..4 {
+        let got = sample.weight[k] * sample.pdf;
+        assert!((got - f[k]).abs() <= 2e-3 * f[k] + 1e-6, "sample {k}: {got}, at its direction {}", f[k]);
+    }
+}
+
+#[test]
+fn fabrics_answer_together_what_they_answer_alone() {
+    let mut rng = Pcg64Mcg::seed_from_u64(1);
+    let (mut gaps, mut doubles) = (0, 0);
+    for (name, noise) in [("polyester_satin", false), ("cotton_plain", true), ("silk_organza", false)] {
+        let path = format!("{}/fabrics/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+        let mut loaded = FabricSpec::load(path).unwrap();
+        if noise {
+            loaded.models.iter_mut().for_each(|m| *m = Arc::new(with_noise(m, &mut rng)));
+        }
+        let bsdf = FabricBsdf::new(loaded, &FabricOptions { noise, ..Default::default() }).unwrap();
+        for _ in 0..1500 {
+            let [x, y, z] = anywhere(&mut rng);
+            let point = rng.random::<[f32; 2]>().map(|u| 1e4 * u);
+            let at = bsdf.at(&FabricQuery::new(point, [x, y, z.abs()], LAMBDA));
+            gaps += u32::from(at.is_gap());
+            doubles += u32::from(at.is_double());
+            check(&at, anywhere(&mut rng), rng.random());
+        }
+    }
+    assert!(gaps > 100 && doubles > 100, "{gaps} gaps, {doubles} double layers");
+}
+
+#[test]
+fn whole_plies_answer_together_what_they_answer_alone() {
+    let mut rng = Pcg64Mcg::seed_from_u64(2);
+    let path = format!("{}/fabrics/models/polyester.pwm", env!("CARGO_MANIFEST_DIR"));
+    let smooth = PlyModel::load(path).unwrap();
+    let noisy = with_noise(&smooth, &mut rng);
+    let slit = Slit::new(2.0, SLIT_SHARE, &GaussianBeam { w0_um: 10.0, lambda_um: 0.55, d_cut_um: 20.0 }).unwrap();
+    for i in 0..3000 {
+        let theta_i = 2.8 * (rng.random::<f32>() - 0.5);
+        let h_um = 150.0 * (rng.random::<f32>() - 0.5);
+        let sigma_per_um = rng.random::<[f32; 4]>().map(|s| 0.05 * s);
+        let model = if i % 2 == 0 { &smooth } else { &noisy };
+        let s = model.at(&PlyQuery {
+            slit: (i % 3 == 0).then_some(&slit),
+            instance: Some(Instance::from_hash(i)),
+            cached: i % 7 != 0,
+            ..PlyQuery::new(theta_i, h_um, sigma_per_um, LAMBDA)
+        });
+        let forward = direction(-theta_i + 0.01 * rng.random::<f32>(), 1.5 * std::f32::consts::PI);
+        check(&s, if i % 5 == 0 { forward } else { anywhere(&mut rng) }, rng.random());
+    }
+}
+
+/// Cached lobes are multiplied out where uncached ones are summed: both give the same, for models of both sizes whose lobes are
+/// cached, and for one whose lobes are not.
+#[test]
+fn cached_plies_answer_what_uncached_ones_do() {
+    let mut rng = Pcg64Mcg::seed_from_u64(3);
+    let load =
+        |name: &str| PlyModel::load(format!("{}/fabrics/models/{name}.pwm", env!("CARGO_MANIFEST_DIR"))).unwrap();
+    let (few, many) = (load("polyester_3ply"), load("silk"));
+    let large = PlyModel::from_data(crate::synthetic::model(9, crate::synthetic::Sizes { high: 13, ..crate::synthetic::STANDARD })).unwrap();
+    let models = [with_noise(&few, &mut rng), few, with_noise(&many, &mut rng), many, large];
+    let slit = Slit::new(2.0, SLIT_SHARE, &GaussianBeam { w0_um: 10.0, lambda_um: 0.55, d_cut_um: 20.0 }).unwrap();
+    let (mut missed, mut sampled) = (0, 0);
+    for i in 0..7500 {
+        let model = &models[i % 5];
+        let theta_i = 2.8 * (rng.random::<f32>() - 0.5);
+        let h_um = 2.2 * model.data().h_um[0] as f32 * (rng.random::<f32>() - 0.5);
+        let sigma_per_um = rng.random::<[f32; 4]>().map(|s| if i % 7 == 0 { 0.0 } else { 0.1 * s * s });
+        let query = PlyQuery {
+            slit: (i % 11 == 0).then_some(&slit),
+            instance: Some(Instance::from_hash(i as u64)),
+            edge: i % 13 != 0,
+            ..PlyQuery::new(theta_i, h_um, sigma_per_um, LAMBDA)
+        };
+        let (cached, uncached) = (model.at(&query), model.at(&PlyQuery { cached: false, ..query }));
+        let forward = direction(-theta_i + 0.01 * rng.random::<f32>(), 1.5 * std::f32::consts::PI);
+        let wo = if i % 3 == 0 { forward } else { anywhere(&mut rng) };
+        let (got, want) = (cached.eval(wo), uncached.eval(wo));
+        let peak = want.iter().fold(0.0, |a: f32, b| a.max(*b));
+        assert!(got.iter().zip(&want).all(|(got, want)| near(*got, *want, peak)), "f: {got:?}, uncached {want:?}");
+        let (got, want) = (cached.pdf(wo), uncached.pdf(wo));
+        assert!(near(got, want, want), "pdf: {got}, uncached {want}");
+        let (got, want) = (cached.albedo(), uncached.albedo());
+        assert!(
+            got.iter().zip(&want).all(|(got, want)| near(*got, *want, *want)),
+            "albedo: {got:?}, uncached {want:?}"
+        );
+        assert!(near(cached.outcomes().scattered, uncached.outcomes().scattered, 1.0));
+        missed += u32::from(uncached.r_d() == 1.0);
+        check(&cached, wo, rng.random());
+        let u = rng.random();
+        match (cached.sample(u), uncached.sample(u)) {
+            (BsdfSample::Scattered(got), BsdfSample::Scattered(want)) => {
+                sampled += 1;
+                let apart = (0..3).map(|c| (got.w[c] - want.w[c]).abs()).fold(0.0, f32::max);
+                assert!(apart < 1e-4, "sample {u:?}: {:?}, uncached {:?}", got.w, want.w);
+            }
+            (BsdfSample::Straight { weight: got, .. }, BsdfSample::Straight { weight: want, .. }) => {
+                assert!((0..4).all(|k| near(got[k], want[k], 1.0)), "{got:?} {want:?}");
+            }
+            (BsdfSample::Absorbed, BsdfSample::Absorbed) => (),
+            (got, want) => panic!("sample {u:?}: {got:?}, uncached {want:?}"),
+        }
+    }
+    assert!(missed > 100 && sampled > 5000, "{missed} missed, {sampled} sampled");
+}

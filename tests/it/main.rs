@@ -1,0 +1,35 @@
+//! Tests of the runtime and across crates. One program, so that they share what is loaded.
+
+mod cloth;
+mod cones;
+mod corners;
+mod dual_scattering;
+mod dual_truth;
+mod energies;
+mod eval_pdf;
+mod fabric_query;
+mod fabric_slits;
+mod fabric_spec;
+mod family;
+mod far;
+mod fiber;
+mod field_wif;
+mod filament;
+mod filament_rays;
+mod files;
+mod gap;
+mod gap_grazing;
+mod gap_places;
+mod khungurn;
+mod metal_yarns;
+mod model;
+mod reference_values;
+mod regression;
+mod rgb;
+mod spec;
+mod spec_docs;
+mod synthetic;
+mod trust;
+mod twin;
+mod weave;
+mod whole;
