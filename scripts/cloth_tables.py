@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Makes the tables of docs/cloth.md anew: each cloth that ships beside its twin, by `plywave check FABRIC --twin TWIN --json`.
+"""Makes the tables of docs/validation/cloth.md anew: each cloth that ships beside its twin, by `plywave check FABRIC --twin TWIN --json`.
 
     cargo build --release -p plywave-cli && scripts/cloth_tables.py
 """
@@ -51,7 +51,7 @@ def main() -> None:
         table = re.compile(rf"(## {re.escape(heading)}\n\n\|.*\n\|[-|]+\|\n)(?:\|.*\n)+")
         text, found = table.subn(lambda m, name=name: m.group(1) + "\n".join(rows(name)) + "\n", text)
         if found != 1:
-            raise SystemExit(f"docs/cloth.md: no table under '{heading}'")
+            raise SystemExit(f"docs/validation/cloth.md: no table under '{heading}'")
     path.write_text(text)
 
 

@@ -5,7 +5,7 @@
 #   source FOLDER/env                         sbatch, squeue, .. of this Slurm
 #   scripts/slurm_one_node.sh stop FOLDER
 #
-# To try `plywave farm --slurm` (docs/scale.md); not for use by others: its key lies in FOLDER.
+# To try `plywave farm --slurm` (docs/howto/cluster.md); not for use by others: its key lies in FOLDER.
 set -euo pipefail
 
 usage() { sed -n '2,8p' "$0" | cut -c3- >&2; exit 2; }

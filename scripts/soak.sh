@@ -5,7 +5,7 @@
 #     scripts/soak.sh [INPUTS] [KILLS] [SEED]        by default 19000000 inputs, a million a kind of file, 50 kills, seed 1
 #     SOAK_SECONDS=3600 scripts/soak.sh              ends the inputs after an hour, if they are not done before
 #
-# Runs in a temporary folder, from copies of the programs, so that a build beside it changes nothing; the figures are for docs/numbers.md, with the date.
+# Runs in a temporary folder, from copies of the programs, so that a build beside it changes nothing; the figures are for docs/validation/robustness.md, with the date.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 root=$PWD

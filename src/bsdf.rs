@@ -7,7 +7,7 @@
 //! | ply, fiber, gap, as in the papers | `omega_i`: where the beam comes from | `omega_o`: where light goes |
 //! | fabric in a path tracer from the camera | `wo`: towards the camera | `wi`: towards the light |
 //!
-//! docs/hosts.md has the names of pbrt and Mitsuba beside these.
+//! docs/howto/host_rust.md has the names of pbrt and Mitsuba beside these.
 
 /// A scattering function with its query fixed, for N absorptions or wavelengths at once.
 ///

@@ -3,7 +3,7 @@
 //! The aperture lies in the plane z = 0 of its own frame, the beam's center at the origin, light from +z or from -z; what passes leaves on
 //! the other side. K is the product of two one-dimensional factors in closed form (`faddeeva.rs`), for any edges: no table
 //! of apertures, none of the paper's color correction. Departures from the print: |K|^2 for K^2, since K is complex for an aperture
-//! off the beam's center; the power on the aperture is that of the intensity, `integral exp(-2 r^2/w0^2)` (docs/papers.md).
+//! off the beam's center; the power on the aperture is that of the intensity, `integral exp(-2 r^2/w0^2)` (docs/explain/papers.md).
 //!
 //! As in print, the beam's cross section in the plane of the aperture is a circle of waist w0 at any tilt. That of a tilted beam is an ellipse,
 //! longer by 1/c_i: a wide gap spreads tilted light by 1/c_i more than the beam itself does.
@@ -12,7 +12,7 @@
 //! [`Bsdf::albedo`] gives what it does integrate to. By Parseval's theorem it is the mean of `(c_i + c_o)^2/(4 c_i c_o)` over the
 //! spectrum of the aperture, evanescent frequencies counted as 0; c_i and c_o are the cosines in and out.
 //! So it falls short by what the aperture's edges send beyond the plane, to first order `lambda/(2 pi^2) (q_x (1/c^2 + pi/(4 c)) + q_y (1 + pi/4)/c)`, c the
-//! cosine of a tilt towards x, q of an axis the mean intensity at its two edges over the power between them (docs/papers.md): of 10 um in a beam of w0 = 10 um,
+//! cosine of a tilt towards x, q of an axis the mean intensity at its two edges over the power between them (docs/explain/papers.md): of 10 um in a beam of w0 = 10 um,
 //! 0.7 % in green light at normal incidence, 1.6 % at 1 rad, 2.3 % there at 0.78 um.
 //!
 //! Where light grazes, the factor 1/c_i lets an aperture send out many times what arrives (2 um, c_i = 0.001: 46 times). Two departures keep the integral at or below 1.005 for every

@@ -34,8 +34,8 @@ pub use ply::{FamilyParams, PlyBsdf, PlyFamily, PlyModel, PlyQuery};
 mod pages {
     #[doc = include_str!("../README.md")]
     struct Readme;
-    #[doc = include_str!("../docs/hosts.md")]
+    #[doc = include_str!("../docs/howto/host_rust.md")]
     struct Hosts;
-    #[doc = include_str!("../docs/dual_scattering.md")]
+    #[doc = include_str!("../docs/explain/dual_scattering.md")]
     struct DualScattering;
 }

@@ -67,7 +67,7 @@ pub const CLASSES: usize = 3;
 /// which the light came in, "transmitted" what goes to the other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClothTwin {
-    /// The cloth that was traced: geometry of its yarns and the specs of their plies (docs/format.md).
+    /// The cloth that was traced: geometry of its yarns and the specs of their plies (docs/reference/format/cloth.md).
     pub spec_text: String,
     /// Program version that wrote it.
     pub program_version: String,

@@ -1,6 +1,6 @@
 // plywave for C11 and C++17: ply, fabric and fiber models for renderers. Made by capi/header.sh of capi/src; do not edit.
 //
-// Link with -lplywave (pkg-config: plywave). docs/c.md of the project has an example and the link lines.
+// Link with -lplywave (pkg-config: plywave). docs/howto/host_c.md of the project has an example and the link lines.
 //
 // - Units: um, 1/um, rad, 1/sr. Directions are unit vectors away from the surface, ply or fiber.
 // - f is an energy density [1/sr]: the BSDF times the absolute cosine of the direction. `weight` of a sample is f / pdf.

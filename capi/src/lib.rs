@@ -1,6 +1,6 @@
 //! plywave for C and C++: models, fabrics and fibers as opaque handles, queries prepared in memory of the caller, single calls and batches for 1, 3 or 4 wavelengths.
 //!
-//! The header is `include/plywave.h`, made of this crate by cbindgen (`capi/header.sh`); docs/c.md is the page for users.
+//! The header is `include/plywave.h`, made of this crate by cbindgen (`capi/header.sh`); docs/howto/host_c.md is the page for users.
 //!
 //! - Every function runs in `status::guard`: no panic leaves it, and what can fail returns a `PlywaveStatus`.
 //! - Nothing is global. Handles never change once they are made, so that threads share them without locks.

@@ -1,4 +1,4 @@
-"""Families of plies: one file for any twist, roughness and index of its ranges (docs/families.md)."""
+"""Families of plies: one file for any twist, roughness and index of its ranges (docs/howto/families.md)."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def build_family(
     folder: Optional[PathLike] = None,
     progress: Progress = None,
 ) -> Family:
-    """Makes the family of a yarn spec with ranges (`[family]`, docs/families.md): simulates nodes, adds some where interpolation is worst, fits all lobes together.
+    """Makes the family of a yarn spec with ranges (`[family]`, docs/howto/families.md): simulates nodes, adds some where interpolation is worst, fits all lobes together.
 
     Args:
         spec: Path of a yarn spec, its text, or a dict of its keys.

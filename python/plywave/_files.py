@@ -130,7 +130,7 @@ class Document:
         return known
 
     def tensors(self) -> Dict[str, np.ndarray]:
-        """Arrays by name, read-only, as docs/format.md has them: shapes, units and meanings are there."""
+        """Arrays by name, read-only, as docs/reference/format/models.md has them: shapes, units and meanings are there."""
         return dict(self._unpacked()[0])
 
     @property

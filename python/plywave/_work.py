@@ -66,7 +66,7 @@ def build(
     `KeyboardInterrupt`; with `folder`, what is finished stays there, and the same call goes on with it.
 
     Args:
-        spec: Path of a yarn spec, its text, or a dict of its keys (docs/spec.md).
+        spec: Path of a yarn spec, its text, or a dict of its keys (docs/reference/spec.md).
         quality: "preview" (under a minute for polyester), "standard" (minutes) or "reference" (hours).
         seed: Seed of all stages.
         paths: Paths per incident latitude, in place of the spec's and the quality's.

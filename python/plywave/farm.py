@@ -1,4 +1,4 @@
-"""`plywave-farm LIBRARY.toml`: all files of a library, made by Dask workers, and a page that shows them (docs/scale.md)."""
+"""`plywave-farm LIBRARY.toml`: all files of a library, made by Dask workers, and a page that shows them (docs/howto/cluster.md)."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def main(argv: Optional[List[str]] = None) -> int:
 
 def _parse(argv: Optional[List[str]]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
-        prog="plywave farm", description="Makes the files of a library on Dask workers, in shards that are never computed twice, and a page that shows them (docs/scale.md)."
+        prog="plywave farm", description="Makes the files of a library on Dask workers, in shards that are never computed twice, and a page that shows them (docs/howto/cluster.md)."
     )
     parser.add_argument("library", metavar="LIBRARY.toml", help="what is to be made")
     parser.add_argument("-o", "--output", metavar="FOLDER", help="where files and report.html go; by default the library's name")

@@ -1,4 +1,4 @@
-"""The wave simulator: far fields of parallel fibers, tables and speckle patterns of single fibers (docs/wave.md)."""
+"""The wave simulator: far fields of parallel fibers, tables and speckle patterns of single fibers (docs/howto/wave.md)."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def scatter(scene: Spec, *, progress: Progress = None) -> Scattering:
     """Solves a scene of parallel fibers: its far fields and widths, in every case.
 
     Args:
-        scene: Path of a scene, its text, or a dict of its keys (docs/wave.md). Its angles are in degrees, those of the result in radians.
+        scene: Path of a scene, its text, or a dict of its keys (docs/howto/wave.md). Its angles are in degrees, those of the result in radians.
         progress: `True` for a bar, or a function of stage, unit, done and total.
 
     Raises:

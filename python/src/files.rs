@@ -98,7 +98,7 @@ pub(crate) fn toml_of_json(json: &str, name: &str) -> Outcome<String> {
 pub(crate) fn json_of_toml(text: &str, name: &str) -> Outcome<String> {
     let table: toml::Table = text.parse().map_err(|e: toml::de::Error| {
         let line = e.span().map_or(1, |span| 1 + text[..span.start.min(text.len())].matches('\n').count());
-        Failure::Input(format!("{name}: line {line}: {}; see docs/scale.md", e.message().replace('\n', " ")))
+        Failure::Input(format!("{name}: line {line}: {}; see docs/howto/cluster.md", e.message().replace('\n', " ")))
     })?;
     serde_json::to_string(&table).map_err(|e| Failure::Input(format!("{name}: {e}; use finite numbers")))
 }

@@ -47,7 +47,7 @@ def ratio(model, what, n, edge, rounds=7):
     [
         # The library's batch kernel, `PlyModel::eval_batch`.
         ("eval", False, 1.1),
-        # A loop over `PlyModel::at`: the target is 1.1 as well; docs/python.md has what was measured, this guards against worse.
+        # A loop over `PlyModel::at`: the target is 1.1 as well; docs/reference/python_api.md has what was measured, this guards against worse.
         ("eval", True, 1.45),
         ("eval_pdf", True, 1.45),
         ("sample", True, 1.45),

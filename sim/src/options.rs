@@ -23,7 +23,7 @@ pub struct SimOptions {
     /// Seed of geometry and paths.
     pub seed: u64,
     /// Geometry instances of the ensemble. Every path turns its instance at random, so that 8 do for what hundreds of fixed
-    /// ones would (docs/papers.md, departure 8).
+    /// ones would (docs/explain/papers.md, departure 8).
     pub instances: u32,
     /// Paths per incident latitude, shared by all h.
     pub paths_per_theta: u64,

@@ -2,7 +2,7 @@
 //!
 //! The camera ray plays the beam: the query's `wo` is the direction to the viewer, and f(wi), an energy density per steradian of the light's direction `wi`, holds the
 //! cosine at the surface: `radiance to wo = integral f(wi) radiance from wi d wi`. Averaged over a repeat, f over that cosine is symmetric in wo and wi up to the ply
-//! models' own asymmetry, and energy is conserved either way (docs/papers.md: departures from 7.1).
+//! models' own asymmetry, and energy is conserved either way (docs/explain/papers.md: departures from 7.1).
 
 use super::at::{FabricAt, GapLight, NearPly, Passes, by_family, to_pattern};
 use super::between::{Between, BetweenAt, Yarns, class};

@@ -17,7 +17,7 @@
 //!
 //! Attenuations a_f, a_b and the moments of latitude are integrals of f over the azimuths of light and fiber, as the model's own samples at points of low discrepancy give them: so that narrow
 //! lobes and caustics count as they should. Of F^G the longitudinal shape is a Gaussian that has the mean and variance of f there, convolved with the spread's; [`DualScattering::global`]
-//! integrates f itself. Errors against traced layers and bundles stand in docs/dual_scattering.md.
+//! integrates f itself. Errors against traced layers and bundles stand in docs/explain/dual_scattering.md.
 
 mod attenuation;
 mod bsdf;

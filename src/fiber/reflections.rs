@@ -111,7 +111,7 @@ mod tests {
 
     const METALS: [Metal; 4] = [Metal::Gold, Metal::Silver, Metal::Aluminium, Metal::Copper];
 
-    /// The mean over the hemisphere is that of Fresnel's reflectance, and a single angle is off by 0.037 at most: the limit stated above and in docs/spec.md.
+    /// The mean over the hemisphere is that of Fresnel's reflectance, and a single angle is off by 0.037 at most: the limit stated above and in docs/reference/spec.md.
     #[test]
     fn reflectances_by_length_are_those_of_fresnel() {
         for metal in METALS {

@@ -179,7 +179,7 @@ pub const FILAMENT_RULES: Rules = Rules {
         required("filament", Kind::Tagged("{ kind = \"rough_dielectric\" }", FILAMENT_KINDS)),
     ],
     units: &["_per_um", "_um"],
-    example: "docs/filaments.md",
+    example: "docs/explain/filaments.md",
     foreign: &[(&["fiber", "ply", "absorption"], "this is a key of a yarn spec")],
 };
 

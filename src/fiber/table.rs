@@ -1,4 +1,4 @@
-//! The fiber's table and its file (`.pwf`, `docs/format.md`).
+//! The fiber's table and its file (`.pwf`, `docs/reference/format/models.md`).
 
 use crate::Result;
 use crate::io::{Axis, Check, Document, FileKind, Provenance, Reader, Summary, Writer, document, invalid};

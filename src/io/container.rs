@@ -1,4 +1,4 @@
-//! The container of plywave's files: safetensors with one JSON document in its metadata (`docs/format.md`).
+//! The container of plywave's files: safetensors with one JSON document in its metadata (`docs/reference/format/index.md`).
 //!
 //! Reading checks names, types and shapes and hands out owned arrays; what the numbers may be is checked by their owners.
 

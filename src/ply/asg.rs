@@ -104,7 +104,7 @@ pub fn unit_energy_gradient(mu1: f64, mu2: f64) -> (f64, f64, f64) {
 mod tests {
     use super::*;
 
-    /// The integral over t of docs/papers.md, notes, by brute force.
+    /// The integral over t of docs/explain/papers.md, notes, by brute force.
     fn energy_over_t(mu1: f64, mu2: f64) -> f64 {
         let n = 100_000;
         (0..n)

@@ -202,7 +202,7 @@ const MEANS: usize = 65;
 const MOST_MEAN: f32 = 0.97;
 
 /// Densities of one length: how light of a kind lies across a ply where it leaves, by its mean offset. Over the offsets t, from -1 to 1, it falls exponentially on both sides of a mode,
-/// `exp(-|t - mode| / length)` over its integral (docs/cloth.md, Where light leaves a ply).
+/// `exp(-|t - mode| / length)` over its integral (docs/explain/cloth_model.md, Where light leaves a ply).
 #[derive(Clone, Debug)]
 pub struct ExitShape {
     /// Mode and length by the mean, both over R.

@@ -46,7 +46,7 @@ pub struct PlyFamily {
 }
 
 impl PlyFamily {
-    /// Reads and checks a family file (`docs/format.md`).
+    /// Reads and checks a family file (`docs/reference/format/models.md`).
     ///
     /// # Errors
     /// As [`crate::ply::PlyData::load`].

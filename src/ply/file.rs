@@ -1,4 +1,4 @@
-//! Ply model files: writing, reading, checking (`docs/format.md`).
+//! Ply model files: writing, reading, checking (`docs/reference/format/models.md`).
 
 use super::cone::{CONE_OFFSET_MAX, LobeFamily};
 use super::edge_lobes::{self, EdgeLobes};
@@ -102,7 +102,7 @@ pub(crate) struct Keys {
 }
 
 impl PlyData {
-    /// Writes the model (`docs/format.md`) to a temporary name in the folder of `path`, then renames it. Lobes and their
+    /// Writes the model (`docs/reference/format/models.md`) to a temporary name in the folder of `path`, then renames it. Lobes and their
     /// spectra are rounded to f32; all else is kept to the last bit.
     ///
     /// # Errors

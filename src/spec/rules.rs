@@ -1,7 +1,7 @@
 //! Rules of TOML specs: which keys there are, in which ranges, and what a refusal says.
 //!
 //! The validator walks the parsed TOML, not a typed spec, so that every refusal is one line that names the file, the dotted key, the value as
-//! given and what would be accepted. [`Rules`] are static data; the keys of yarn and fabric specs are listed in `docs/spec.md`, which a test
+//! given and what would be accepted. [`Rules`] are static data; the keys of yarn and fabric specs are listed in `docs/reference/spec.md`, which a test
 //! holds to them.
 
 use crate::{Error, Result};

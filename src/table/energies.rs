@@ -3,7 +3,7 @@
 //! The beam's profile g has a standard deviation of a few um, and so has the edge of a ply in it, while slices are nodes for lobes that change
 //! slowly. Energies are single numbers: one pass of rays tells the chance m(x) that the line at lateral position x meets a fiber, which gives
 //! `r_d(h) = 1 - integral of m(x) g(x - h) dx` at every h; what the light that meets fibers becomes is tallied by the lateral position too.
-//! See `docs/papers.md`, departure 19.
+//! See `docs/explain/papers.md`, departure 19.
 
 use super::{TOLERANCE, Table};
 use crate::Result;

@@ -1,4 +1,4 @@
-//! Table files: writing, reading, checking (`docs/format.md`).
+//! Table files: writing, reading, checking (`docs/reference/format/models.md`).
 
 use super::{ExitPositions, OutgoingGrid, Table, TableEnergies, energies};
 use crate::Result;
@@ -38,7 +38,7 @@ fn one() -> u32 {
 }
 
 impl Table {
-    /// Writes the table (`docs/format.md`) to a temporary name in the folder of `path`, then renames it.
+    /// Writes the table (`docs/reference/format/models.md`) to a temporary name in the folder of `path`, then renames it.
     ///
     /// # Errors
     /// [`crate::Error::Invalid`] when the table would not load again, [`crate::Error::Io`].

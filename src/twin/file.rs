@@ -1,4 +1,4 @@
-//! Twin files: writing, reading, checking (`docs/format.md`).
+//! Twin files: writing, reading, checking (`docs/reference/format/cloth.md`).
 
 use super::{CLASSES, ClothTwin, SphereBins};
 use crate::Result;
@@ -34,7 +34,7 @@ pub(crate) struct Keys {
 const ROUNDING: f64 = 1e-6;
 
 impl ClothTwin {
-    /// Writes the twin (`docs/format.md`), whole or not at all.
+    /// Writes the twin (`docs/reference/format/cloth.md`), whole or not at all.
     ///
     /// # Errors
     /// [`crate::Error::Invalid`] when it would not load again, [`crate::Error::Io`].

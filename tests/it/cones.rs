@@ -1,7 +1,7 @@
 //! Models of cones. Chain of trust: `cone::ConeLobe` is tested against brute-force integrals in its own file; the reference implementation sums such lobes in
 //! f64; here the kernels are held to it, and the model to itself: furnace, sampling, files, slits, mirrored incidences.
 
-
+use crate::synthetic::{STANDARD, Sizes, cone_model, model};
 use plywave::check::{CheckOptions, check_model};
 use plywave::frame::direction;
 use plywave::gap::{SLIT_SHARE, Slit};
@@ -11,7 +11,6 @@ use plywave::spec::GaussianBeam;
 use plywave::{Bsdf, BsdfSample, PlyModel, PlyQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use crate::synthetic::{STANDARD, Sizes, cone_model, model};
 
 /// More lobes and path lengths than the fast kernels hold.
 const LARGE: Sizes = Sizes { theta: 5, h: 9, refl: 5, high: 13, paths: 11 };

@@ -1,4 +1,4 @@
-//! Dual scattering against light traced through layers and bundles of fibers, by the fiber's own samples alone. The figures are those of docs/dual_scattering.md; the bounds are
+//! Dual scattering against light traced through layers and bundles of fibers, by the fiber's own samples alone. The figures are those of docs/explain/dual_scattering.md; the bounds are
 //! the method's error as measured, rounded up, so that a change that makes it worse is seen.
 
 use plywave::fiber::dual_scattering::{DualOptions, DualScattering, Spread};

@@ -1,7 +1,6 @@
 //! `eval_pdf` shares work between `eval` and `pdf`, and so does `sample`: here each is held to the two it stands for, in every case of a fabric that
 //! ships (one layer, two layers, gaps), with speckle and without, and for the whole ply, with slits and without.
 
-
 use plywave::fabric::{FabricBsdf, FabricOptions, FabricSpec};
 use plywave::frame::direction;
 use plywave::gap::{SLIT_SHARE, Slit};
@@ -118,7 +117,11 @@ fn cached_plies_answer_what_uncached_ones_do() {
     let load =
         |name: &str| PlyModel::load(format!("{}/fabrics/models/{name}.pwm", env!("CARGO_MANIFEST_DIR"))).unwrap();
     let (few, many) = (load("polyester_3ply"), load("silk"));
-    let large = PlyModel::from_data(crate::synthetic::model(9, crate::synthetic::Sizes { high: 13, ..crate::synthetic::STANDARD })).unwrap();
+    let large = PlyModel::from_data(crate::synthetic::model(
+        9,
+        crate::synthetic::Sizes { high: 13, ..crate::synthetic::STANDARD },
+    ))
+    .unwrap();
     let models = [with_noise(&few, &mut rng), few, with_noise(&many, &mut rng), many, large];
     let slit = Slit::new(2.0, SLIT_SHARE, &GaussianBeam { w0_um: 10.0, lambda_um: 0.55, d_cut_um: 20.0 }).unwrap();
     let (mut missed, mut sampled) = (0, 0);

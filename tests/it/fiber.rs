@@ -1,5 +1,5 @@
 //! The tabulated fiber. Chain of trust: M_0 is tested against the printed formula and its integrals in its own file; the interpolation is held to a twin in
-//! f64 written from `docs/format.md`; furnace, sampling and chi-square use the checks that serve the ply model too; files are refused by one line.
+//! f64 written from `docs/reference/format/models.md`; furnace, sampling and chi-square use the checks that serve the ply model too; files are refused by one line.
 
 use plywave::check::{FURNACE_TOLERANCE, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE, check_bsdf};
 use plywave::fiber::{FiberSource, FiberTable, OutlineSymmetry, TabulatedFiber};

@@ -1,12 +1,11 @@
 //! Table and model files: what is written comes back; what is damaged, foreign or hostile is refused by one line.
 
-
+use crate::synthetic::{STANDARD, Sizes, model, table};
 use plywave::io::{FileKind, file_kind};
 use plywave::ply::{PlyData, PlyEnergies};
 use plywave::table::Table;
 use plywave::{Bsdf, PlyModel, PlyQuery};
 use proptest::prelude::*;
-use crate::synthetic::{STANDARD, Sizes, model, table};
 
 #[test]
 fn models_round_trip() {

@@ -190,7 +190,7 @@ fn any_input_gives_finite_numbers() {
 }
 
 /// What f does not integrate to 1 by is the light that the aperture's edges send where no direction is, less what Kirchhoff's cosines add elsewhere. To first
-/// order in the wavelength, of each axis alone (docs/papers.md), with q the mean intensity at its two edges over the power between them [1/um]:
+/// order in the wavelength, of each axis alone (docs/explain/papers.md), with q the mean intensity at its two edges over the power between them [1/um]:
 /// lambda/(2 pi^2) (q_x (1/c^2 + pi/(4 c)) + q_y (1 + pi/4)/c), c the cosine of a tilt towards x.
 #[test]
 fn missing_energy_is_that_of_the_edges() {

@@ -2,14 +2,13 @@
 //! `plywave::ply::reference` uses it in f64 and is the truth for the fast kernels here; the furnace, sampling and symmetry
 //! tests then need no reference.
 
-
+use crate::synthetic::{STANDARD, Sizes, model};
 use plywave::check::{CheckOptions, check_incidence, check_model};
 use plywave::frame::{direction, mirror_incidence};
 use plywave::ply::{Queries, reference::Mixture};
 use plywave::{Bsdf, BsdfSample, PlyModel, PlyQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use crate::synthetic::{STANDARD, Sizes, model};
 
 const LARGE: Sizes = Sizes { theta: 3, h: 5, refl: 11, high: 13, paths: 13 };
 /// Between the two sizes that the fast kernels are compiled for.

@@ -58,7 +58,7 @@ fn answers_do_not_hang_on_the_last_digits() {
     println!("greatest change {worst:.1e}");
 }
 
-/// The answers in f64, straight from docs/format.md.
+/// The answers in f64, straight from docs/reference/format/models.md.
 #[test]
 fn a_reader_in_double_precision_agrees() {
     let mut worst = 0.0f64;

@@ -1,4 +1,4 @@
-//! docs/spec.md against the rules of the specs: the same keys, ranges and defaults on both sides.
+//! docs/reference/spec.md against the rules of the specs: the same keys, ranges and defaults on both sides.
 
 use plywave::fabric::{FABRIC_RULES, FabricSpec};
 use plywave::spec::YARN_RULES;
@@ -50,7 +50,7 @@ fn shared(section: &str) -> String {
 }
 
 fn page() -> (Keys, Vec<String>) {
-    let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/spec.md")).unwrap();
+    let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/reference/spec.md")).unwrap();
     let (mut keys, mut sections, mut section) = (Keys::new(), Vec::new(), String::new());
     for line in text.lines() {
         if let Some(title) = line.strip_prefix("### ") {
@@ -85,7 +85,7 @@ fn the_page_and_the_rules_have_the_same_keys() {
             continue;
         }
         let (range, default) =
-            keys.remove(&at).unwrap_or_else(|| panic!("docs/spec.md lacks {name} under ### {}", at.0));
+            keys.remove(&at).unwrap_or_else(|| panic!("docs/reference/spec.md lacks {name} under ### {}", at.0));
         assert_eq!(range, expected, "{at:?}");
         match need {
             Need::Required => assert_eq!(default, "required", "{at:?}"),
@@ -94,7 +94,7 @@ fn the_page_and_the_rules_have_the_same_keys() {
             Need::Default(_) => assert_ne!(default, "required", "{at:?}"),
         }
     }
-    assert!(keys.is_empty(), "docs/spec.md has keys that the program does not know: {keys:?}");
+    assert!(keys.is_empty(), "docs/reference/spec.md has keys that the program does not know: {keys:?}");
     let mut known = vec![root("yarn"), root("fabric")];
     sections_of("", YARN_RULES.keys, &mut known);
     sections_of("", FABRIC_RULES.keys, &mut known);

@@ -1,6 +1,6 @@
 //! What loading promises: every model that loads gives finite, non-negative light, and no more than there is; directions that are none give none.
 
-
+use crate::synthetic::{Sizes, model};
 use plywave::fabric::FabricOptions;
 use plywave::fiber::{FiberSource, FiberTable, OutlineSymmetry, TabulatedFiber};
 use plywave::gap::{Aperture, Gap};
@@ -10,7 +10,6 @@ use plywave::{Bsdf, FabricBsdf, FabricQuery, FiberQuery, PlyModel, PlyQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::path::{Path, PathBuf};
-use crate::synthetic::{Sizes, model};
 
 const SMALL: Sizes = Sizes { theta: 3, h: 5, refl: 1, high: 2, paths: 3 };
 

@@ -1,7 +1,7 @@
 //! The whole ply model. Chain of trust: the core's terms are held to their twin in `tests/it/model.rs`, the edge lobe here to `asg::Lobe`; the
 //! checks that every `Bsdf` passes then hold energy, density and samples together.
 
-
+use crate::synthetic::{STANDARD, Sizes, model};
 use plywave::bsdf::Outcomes;
 use plywave::check::check_bsdf;
 use plywave::frame::direction;
@@ -12,7 +12,6 @@ use plywave::spec::GaussianBeam;
 use plywave::{Bsdf, BsdfSample, PlyModel, PlyQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use crate::synthetic::{STANDARD, Sizes, model};
 
 const LAMBDA: [f32; 4] = [0.41, 0.5, 0.6, 0.72];
 const RADIUS: f64 = 110.0;

@@ -356,9 +356,9 @@ fn the_page_shows_the_example() {
     let material = material.expect("the marks of the material");
     let lines = material.lines().filter(|l| !l.trim().is_empty()).count();
     assert!(lines <= 60, "{lines} lines");
-    let page = include_str!("../../../docs/c.md");
+    let page = include_str!("../../../docs/howto/host_c.md");
     assert!(
         page.contains(&format!("```cpp\n{material}```\n")),
-        "docs/c.md shows another material than capi/examples/fabric.cpp"
+        "docs/howto/host_c.md shows another material than capi/examples/fabric.cpp"
     );
 }

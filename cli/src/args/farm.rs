@@ -6,7 +6,7 @@ use std::path::PathBuf;
 /// `plywave farm`.
 #[derive(Debug, Args)]
 pub struct FarmArgs {
-    /// Library file: the yarns, fiber tables, speckle patterns and twins that are to be made (docs/scale.md).
+    /// Library file: the yarns, fiber tables, speckle patterns and twins that are to be made (docs/howto/cluster.md).
     pub library: PathBuf,
     /// Where files and report.html go [default: the library's name].
     #[arg(long, short, value_name = "FOLDER")]

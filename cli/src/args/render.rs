@@ -27,7 +27,7 @@ pub enum Scene {
 pub enum Integrator {
     /// Paths are followed.
     Path,
-    /// Dual scattering: estimated from the strands that shadow rays meet, with an error (docs/dual_scattering.md).
+    /// Dual scattering: estimated from the strands that shadow rays meet, with an error (docs/explain/dual_scattering.md).
     Dual,
 }
 

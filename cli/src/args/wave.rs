@@ -149,7 +149,7 @@ pub struct WaveTabulateArgs {
 /// `plywave wave scatter`.
 #[derive(Debug, Args)]
 pub struct WaveScatterArgs {
-    /// Scene (TOML), as docs/format.md tells.
+    /// Scene (TOML), as docs/reference/format/wave.md tells.
     pub scene: PathBuf,
     /// JSON file to write [default: SCENE's name with .json, in this folder].
     #[arg(long, short, value_name = "OUT")]

@@ -1,6 +1,5 @@
 //! Bad input: one line on stderr that names file, key and hint, exit code 2, nothing written.
 
-
 use crate::common::{STRANDS, TINY, build, folder, open_cloth, refused};
 
 #[test]

@@ -1,6 +1,5 @@
 //! `plywave compare` and `plywave wave speckle`: what they write, that threads and resumption do not matter, and what they refuse.
 
-
 use crate::common::{json, names, run, succeed, text};
 use std::path::Path;
 

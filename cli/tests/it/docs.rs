@@ -1,6 +1,5 @@
-//! The output in docs/commands.md is what this program prints: each command with output is run, and its output compared, numbers within what other processors round otherwise and other
+//! The output in docs/reference/commands.md is what this program prints: each command with output is run, and its output compared, numbers within what other processors round otherwise and other
 //! machines take in time. `scripts/renew_docs.sh` writes the output anew.
-
 
 use crate::common::{run, text};
 use std::path::Path;
@@ -16,7 +15,7 @@ struct Shown {
 const CUT: &str = "...";
 
 fn page() -> String {
-    format!("{}/../docs/commands.md", env!("CARGO_MANIFEST_DIR"))
+    format!("{}/../docs/reference/commands.md", env!("CARGO_MANIFEST_DIR"))
 }
 
 /// The commands in fenced blocks.

@@ -1,7 +1,6 @@
 //! Families from the command line: nodes chosen by error, stopped and resumed, models taken out, bad input.
 #![cfg(unix)]
 
-
 use crate::common::{ANY_FIT, TINY, folder, json, names, plywave, refused, succeed};
 use std::path::Path;
 use std::process::Stdio;

@@ -1,7 +1,6 @@
 //! `plywave wave tabulate` and `plywave info` of what it writes: files load, runs resume bit for bit, bad input is refused in one line.
 #![cfg(unix)]
 
-
 use crate::common::{folder, names, plywave, refused, run, succeed, text};
 use plywave::fiber::{FiberSource, FiberTable, TabulatedFiber};
 use std::path::Path;

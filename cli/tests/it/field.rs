@@ -2,7 +2,6 @@
 //! The values are closed forms, series of Bessel functions or counts by hand; none comes from the program.
 //! Siblings of the cases stand beside the code that reads them.
 
-
 use crate::common::{json, open_cloth, run, succeed, text};
 use exr::prelude::{ReadChannels, ReadLayers};
 use std::path::{Path, PathBuf};

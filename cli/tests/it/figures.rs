@@ -1,6 +1,5 @@
 //! `plywave plot`: PNG and SVG by the ending of the output, the same in both, names of any script, and which files are no figures' sources.
 
-
 use crate::common::{TINY, build, folder, json, names, refused, succeed};
 use std::path::Path;
 

@@ -1,6 +1,5 @@
 //! `plywave check` of analytic fibers: each kind passes, bad values are told in one line.
 
-
 use crate::common::{refused, succeed};
 
 fn fiber(keys: &str) -> String {

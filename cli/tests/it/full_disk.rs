@@ -2,7 +2,6 @@
 //! that ends with the command; where the system allows no such namespace, the tests print why and end.
 #![cfg(target_os = "linux")]
 
-
 use crate::common::{ANY_FIT, folder, open_cloth, succeed, text};
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -1,6 +1,5 @@
 //! `plywave gallery`: two small pictures end to end, taken up again, and what is refused.
 
-
 use crate::common::{json, names, plywave, refused, succeed, text};
 use std::path::Path;
 

@@ -1,6 +1,5 @@
 //! A file of the wrong kind, or none, is told at once and in one line, by every command and flag that takes a file: what it is, and what was expected.
 
-
 use crate::common::{TINY, refused};
 use std::path::Path;
 

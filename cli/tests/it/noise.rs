@@ -1,6 +1,5 @@
 //! `plywave noise` and `plywave color`: from fibers to a model with noise, told and drawn; bad input refused in one line.
 
-
 use crate::common::{ANY_FIT, TINY, run, succeed, text};
 use std::path::Path;
 

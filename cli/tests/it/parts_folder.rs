@@ -1,6 +1,5 @@
 //! A folder of parts may hold what is not ours: a run leaves all of it, and refuses a folder that holds nothing of its own.
 
-
 use crate::common::{folder, names, run, succeed, text};
 
 const RUN: &[&str] = &["simulate", "tiny.toml", "--preset", "preview", "--quiet", "-o", "t.pwt"];

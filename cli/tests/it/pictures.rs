@@ -1,6 +1,5 @@
 //! `plywave render` and its files: what `-o` makes, that no input is written over, that a render goes on only from sums of the same inputs, and what is told.
 
-
 use crate::common::{ANY_FIT, json, names, refused, run, succeed, text};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;

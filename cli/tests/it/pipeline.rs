@@ -1,6 +1,5 @@
 //! The whole path on a tiny ply: build, then every command that reads what it made.
 
-
 use crate::common::{ANY_FIT, build, folder, json, names, plywave, run, succeed, text};
 use std::io::Read;
 use std::process::Stdio;

@@ -1,7 +1,6 @@
 //! Results do not depend on the number of threads, on being killed and resumed, nor on being shared out; runs with one output do not mix.
 #![cfg(unix)]
 
-
 use crate::common::{STRANDS, folder, names, plywave, run, succeed, text};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -192,7 +191,8 @@ fn shares_make_the_whole() {
 #[test]
 fn runs_that_cannot_be_saved_are_refused() {
     let folder = folder();
-    let spec = crate::common::TINY.replace("radius_um = 40.0", "radius_um = 120.0").replace("instances = 2", "instances = 32");
+    let spec =
+        crate::common::TINY.replace("radius_um = 40.0", "radius_um = 120.0").replace("instances = 2", "instances = 32");
     std::fs::write(folder.path().join("wide.toml"), spec).unwrap();
     for command in ["simulate", "build"] {
         let few = [command, "wide.toml", "--preset", "preview", "--paths", "100"];

@@ -1,6 +1,5 @@
 //! `plywave completions`, `plywave man` and `plywave help`: every command is in each.
 
-
 use crate::common::{names, refused, succeed};
 
 const COMMANDS: &[&str] = &[
@@ -53,7 +52,9 @@ fn bash_reads_its_completions() {
     std::fs::write(folder.path().join("plywave.bash"), script).unwrap();
     let source = "source ./plywave.bash && COMP_WORDS=(plywave pl) COMP_CWORD=1 && _plywave plywave pl plywave && echo \"${COMPREPLY[@]}\"";
     match std::process::Command::new("bash").args(["-c", source]).current_dir(folder.path()).output() {
-        Ok(output) => assert_eq!(crate::common::text(&output.stdout), "plot\n", "{}", crate::common::text(&output.stderr)),
+        Ok(output) => {
+            assert_eq!(crate::common::text(&output.stdout), "plot\n", "{}", crate::common::text(&output.stderr))
+        }
         // Not every machine has it.
         Err(error) => assert_eq!(error.kind(), std::io::ErrorKind::NotFound),
     }

@@ -1,6 +1,5 @@
 //! Scenes of strands: rendered, resumed, refused in one line.
 
-
 use crate::common::{folder, refused, succeed};
 
 const SCENE: &str = r#"

@@ -1,6 +1,5 @@
 //! Results have the same bits on 1, 3 and 64 threads, many more than there are cores, shards or tiles.
 
-
 use crate::common::{ANY_FIT, folder, open_cloth, succeed};
 
 const THREADS: [&str; 3] = ["1", "3", "64"];

@@ -4,7 +4,6 @@
 //! A dipole p per length at the origin, driven at k_z, radiates `(i/4) k_0^2 (p - s (s . p))` in the units of F; s is the outgoing direction. A cylinder thin against
 //! the wavelength has p = A (eps - 1) E_z along the axis and p = A alpha E across, with area A and the alpha of its outline in a static field.
 
-
 use crate::common::{json, names, plywave, refused, run, succeed, text};
 use std::f64::consts::PI;
 use std::path::Path;

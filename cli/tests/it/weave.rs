@@ -1,6 +1,5 @@
 //! `plywave weave` end to end: textures hold what the weave is, bad fabrics are refused in one line.
 
-
 use crate::common::{json, names, refused, succeed};
 use std::path::{Path, PathBuf};
 

@@ -1,6 +1,5 @@
 //! Yarns of several plies on the command line: spec, table of one ply, table of the yarn, model; the traced yarn and the distance to it.
 
-
 use crate::common::{TINY, folder, json, names, refused, run, succeed, text};
 
 #[test]

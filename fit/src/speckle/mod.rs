@@ -1,4 +1,4 @@
-//! Noise from the patterns of simulated fibers (Yu 2025, 6.2, Eq. 19-23; supplement not at hand, `docs/papers.md`).
+//! Noise from the patterns of simulated fibers (Yu 2025, 6.2, Eq. 19-23; supplement not at hand, `docs/explain/papers.md`).
 //!
 //! The light of one kind in one direction is modeled as `N = |a + sqrt(b) g|^2` times its mean, a a constant phasor and g a circular complex Gaussian process of
 //! unit variance and correlation mu, `a^2 + b = 1`. Then N has mean 1 and, by the moments of Gaussian variables,

@@ -3,7 +3,6 @@
 //! Truth: planted lobes that turn from one end of a family to the other (tests/planted), with the noise of a known number of paths. In the middle between two ends
 //! the mean of the parameters is held to a table that no fit has seen.
 
-
 use crate::planted::Planted;
 use plywave::ply::asg::PARAMS;
 use plywave::ply::{FamilyAxis, FamilyParam, PlyData};

@@ -2,7 +2,6 @@
 //!
 //! Truth: lobes that drift smoothly over the incidences (tests/planted), with the noise of a known number of paths.
 
-
 use crate::planted::Planted;
 use plywave::PlyQuery;
 use plywave::ply::PlyData;
@@ -217,8 +216,13 @@ fn single_slices_reach_the_floor() {
 
 #[test]
 fn bad_tables_are_refused_by_name() {
-    let good =
-        crate::planted::table(&Planted { rows: 3, columns: 3, sigma_per_um: vec![0.0], paths: 1e4, ..Planted::default() });
+    let good = crate::planted::table(&Planted {
+        rows: 3,
+        columns: 3,
+        sigma_per_um: vec![0.0],
+        paths: 1e4,
+        ..Planted::default()
+    });
     let refuse = |change: &dyn Fn(&mut Table), word: &str| {
         let mut table = good.clone();
         change(&mut table);

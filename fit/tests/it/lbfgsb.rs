@@ -4,16 +4,15 @@
 //! evaluations are held to SciPy's (`tests/data/scipy_lbfgsb.json`, written by the script beside it), and every iterate to the
 //! crate `basin` run by its own executor; argmin's executor, with and without a checkpoint, must then give the same bits.
 
-
 use std::cell::Cell;
 use std::rc::Rc;
 
+use crate::mgh::{PROBLEMS, Watched, cost_gradient, residuals};
 use argmin::core::checkpointing::CheckpointingFrequency;
 use argmin::core::observers::{Observe, ObserverMode};
 use argmin::core::{CostFunction, Executor, Gradient, KV, OptimizationResult, State, TerminationReason};
 use argmin_checkpointing_file::FileCheckpoint;
 use basin::State as _;
-use crate::mgh::{PROBLEMS, Watched, cost_gradient, residuals};
 use plywave_fit::{
     CostGradient, Lbfgsb, LbfgsbError, LbfgsbOptions, LbfgsbSolution, LbfgsbState, LbfgsbStop, minimize,
 };

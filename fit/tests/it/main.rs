@@ -1,7 +1,5 @@
 //! Tests of the fits. One program, so that they share what is loaded.
 
-#[path = "../../../tests/it/synthetic/mod.rs"]
-mod synthetic;
 mod fabric;
 mod family;
 mod fit;
@@ -11,4 +9,6 @@ mod lbfgsb;
 mod mgh;
 mod planted;
 mod speckle;
+#[path = "../../../tests/it/synthetic/mod.rs"]
+mod synthetic;
 mod table_distance;

@@ -1,7 +1,6 @@
 //! Noise tiles. 1. Truth: fields drawn here by another way, of known contrast and covariance, come back; the tiles' statistics against the closed form.
 //! 2. What a renderer relies on: mean 1, memory effect, no seams, no panics. 3. Files.
 
-
 use plywave::frame::direction;
 use plywave::gap::Slit;
 use plywave::spec::GaussianBeam;

@@ -18,7 +18,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
-/// Largest albedo of one model: energies of loaded models add up to at most this (docs/format.md), and rounding.
+/// Largest albedo of one model: energies of loaded models add up to at most this (docs/reference/format/models.md), and rounding.
 const MOST: f32 = 1.0501;
 
 /// An error is one line that is not endless.

@@ -1,4 +1,4 @@
-"""Many yarns on many machines: shards on Dask workers, the same bits as one machine makes, and a cache in which nothing is computed twice (docs/scale.md).
+"""Many yarns on many machines: shards on Dask workers, the same bits as one machine makes, and a cache in which nothing is computed twice (docs/howto/cluster.md).
 
     import plywave.cluster
 

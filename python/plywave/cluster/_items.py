@@ -133,7 +133,7 @@ def speckle_item(spec: Spec, *, name: Optional[str] = None, instances: int = 200
 
 
 def twin_item(fabric: PathLike, *, name: Optional[str] = None, paths: Optional[int] = None, seed: int = 1) -> Item:
-    """The twin of a fabric spec: explicit fibers, path-traced at the standard views and absorptions (docs/cloth.md)."""
+    """The twin of a fabric spec: explicit fibers, path-traced at the standard views and absorptions (docs/validation/cloth.md)."""
     path = os.fspath(fabric)
     rows, text = _plywave.plan_twin(path, None if paths is None else whole(paths, "paths"), whole(seed, "seed"))
     return Item("twin", _name(path, name, "twin"), _jobs(rows), text, ())
@@ -152,7 +152,7 @@ def compare_item(
     tolerance: float = 1e-4,
     paths: int = 200_000,
 ) -> Item:
-    """Waves against rays over instances of a ply's cross section, as `plywave compare` (docs/wave.md); the file is its report.json.
+    """Waves against rays over instances of a ply's cross section, as `plywave compare` (docs/howto/wave.md); the file is its report.json.
 
     A shard is one instance at one wavelength. What they depend on has no number of instances in it: a longer run goes on with those of a shorter one.
 

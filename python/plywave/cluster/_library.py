@@ -54,7 +54,7 @@ _MAKE: Dict[str, Callable[..., Item]] = {
 
 
 class Library:
-    """Items of a library file (docs/scale.md); specs are looked for from the file's folder on."""
+    """Items of a library file (docs/howto/cluster.md); specs are looked for from the file's folder on."""
 
     def __init__(self, path: PathLike) -> None:
         """Reads and checks a library file and all specs it names.

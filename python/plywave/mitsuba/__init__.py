@@ -1,6 +1,6 @@
 """BSDF plugins for Mitsuba 3: ``import plywave.mitsuba`` registers ``plywave_fabric`` (surfaces with uv), ``plywave_ply`` and ``plywave_fiber`` (curves).
 
-All is evaluated in Dr.Jit from the model's own tensors, so it runs in megakernels and on GPUs and is differentiable. docs/mitsuba.md has the keys.
+All is evaluated in Dr.Jit from the model's own tensors, so it runs in megakernels and on GPUs and is differentiable. docs/reference/mitsuba_plugins.md has the keys.
 """
 
 try:

@@ -1,6 +1,6 @@
 """Fiber tables in Dr.Jit: d'Eon's M_0 over the latitude, the table's N over the azimuth (Xia 2020, 5 and 6).
 
-The tables are those of the fiber files (docs/format.md) and the formulas those of ``src/fiber.rs`` and ``src/fiber/longitudinal.rs``.
+The tables are those of the fiber files (docs/reference/format/models.md) and the formulas those of ``src/fiber.rs`` and ``src/fiber/longitudinal.rs``.
 """
 
 import math

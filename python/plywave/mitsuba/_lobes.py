@@ -122,7 +122,7 @@ class Round:
 
 
 class Cones:
-    """Cones about the fibers' axis (docs/format.md, a cone lobe)."""
+    """Cones about the fibers' axis (docs/reference/format/models.md, a cone lobe)."""
 
     def __init__(self, theta_i):
         self.sin, cos = dr.sincos(dr.minimum(dr.abs(theta_i), 0.5 * math.pi))

@@ -1,6 +1,6 @@
 """Ply models in Dr.Jit: f_refl + f_high of interpolated lobes, edge light (Yu 2025, Eq. 8 and 18).
 
-The tables are those of the model files (docs/format.md) and the formulas those of ``src/ply``: ``place.rs``, ``interpolate.rs``, ``energy.rs``, ``mixture.rs``, ``edge.rs``,
+The tables are those of the model files (docs/reference/format/models.md) and the formulas those of ``src/ply``: ``place.rs``, ``interpolate.rs``, ``energy.rs``, ``mixture.rs``, ``edge.rs``,
 ``exits.rs``; ``_lobes.py`` has a lobe's. The files of several models lie behind each other in the same tables; a number tells them apart at run time, so that a fabric of many yarns is one piece of code.
 """
 
@@ -22,7 +22,7 @@ _TYPES = {"F64": "<f8", "F32": "<f4", "U8": "u1", "U64": "<u8", "U32": "<u4"}
 
 
 def read_container(data, name):
-    """Tensors and JSON document of a file of docs/format.md."""
+    """Tensors and JSON document of a file of docs/reference/format/models.md."""
     if len(data) < 8:
         raise ValueError(f"{name}: file: {len(data)} bytes: expected a plywave file")
     size = int.from_bytes(data[:8], "little")

@@ -46,7 +46,7 @@ pub struct StrandDualOptions {
 }
 
 impl Default for StrandDualOptions {
-    /// d_f = d_b = 1 and the strands behind are counted: nearest to traced light (docs/dual_scattering.md).
+    /// d_f = d_b = 1 and the strands behind are counted: nearest to traced light (docs/explain/dual_scattering.md).
     fn default() -> Self {
         let dual = DualOptions { forward_density: 1.0, backward_density: 1.0, ..DualOptions::default() };
         StrandDualOptions { dual, behind: true }

@@ -136,7 +136,7 @@ fn one_strand_is_that_of_path_tracing() {
 }
 
 /// What the estimate is off by, and its cost: all light, less that of path tracing, as a share of it. Seeds are fixed, so the same work gives the same numbers. The limit is twice what
-/// two ways of sampling the same estimate differed by, 0.03 (sources alone; sources and lobes). An estimate that got better fails too: docs/dual_scattering.md has these numbers.
+/// two ways of sampling the same estimate differed by, 0.03 (sources alone; sources and lobes). An estimate that got better fails too: docs/explain/dual_scattering.md has these numbers.
 fn is_off_by(name: &str, what: Made, color: &str, tt: f32, told: [f64; 3]) {
     const LIMIT: f64 = 0.06;
     let camera = Camera::new(Vec3::new(4.0, -22.0, 20.0), Vec3::new(0.0, 0.0, 0.5), Vec3::Z, 0.25);

@@ -1,7 +1,7 @@
 //! How densely the fibers lie between a ply's axis and its surface.
 //!
 //! Hard particles at equilibrium line the wall of their container; a ply has no wall. Cross sections of spun yarns are densest in the inner part, fall
-//! towards the surface and end there with a ragged rim (Hickie and Chaikin 1974; Neckar and Ibrahim 2003; docs/papers.md, departure 20). With the ply scaled to
+//! towards the surface and end there with a ragged rim (Hickie and Chaikin 1974; Neckar and Ibrahim 2003; docs/explain/papers.md, departure 20). With the ply scaled to
 //! the unit disc, the filled fraction asked for is
 //!
 //! ```text

@@ -1,7 +1,7 @@
 //! Multiple-scattering rough dielectric: the random walk of Heitz et al. 2016 on a GGX microsurface of the Smith model.
 //!
 //! A single-scatter microfacet model drops the light that hits a second microfacet; inside a bundle of fibers, with a
-//! dozen interactions a path, that loses half the energy (docs/papers.md, departure 11). The walk follows the ray over the
+//! dozen interactions a path, that loses half the energy (docs/explain/papers.md, departure 11). The walk follows the ray over the
 //! microsurface until it leaves, so that every sample carries weight 1 and power is conserved exactly.
 //!
 //! Power is traced, not radiance: there is no eta^2 factor. Heights are uniform in [-1, 1] and enter only through their

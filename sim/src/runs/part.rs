@@ -1,4 +1,4 @@
-//! The file that holds one or several parts (`docs/format.md`, "plywave-part").
+//! The file that holds one or several parts (`docs/reference/format/parts.md`, "plywave-part").
 
 use super::arrays::{Part, Values};
 use super::disk;

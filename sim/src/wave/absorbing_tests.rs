@@ -70,7 +70,7 @@ fn absorbing_circles_match_the_series() {
     }
 }
 
-/// The grid of docs/wave.md: 96 circles.
+/// The grid of docs/howto/wave.md: 96 circles.
 #[test]
 #[ignore = "slow: 30 s: widths and far fields of 96 absorbing circles within 1e-6 of the series"]
 fn grid_of_absorbing_circles_matches_the_series() {

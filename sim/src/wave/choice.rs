@@ -7,7 +7,7 @@ use std::f64::consts::{PI, TAU};
 
 /// Operations of one core in a second that factorizations reach: complex, in double precision, counted as real ones. Single precision is twice as fast.
 const SPEED: f64 = 2.5e10;
-/// Seconds of one core that merging takes over (unknowns of a field)^1.5, for one system of one field: 37 fibers of `docs/wave.md`.
+/// Seconds of one core that merging takes over (unknowns of a field)^1.5, for one system of one field: 37 fibers of `docs/howto/wave.md`.
 const MERGING: f64 = 2e-5;
 
 /// Solvers to be tried for a scene at a wave, the cheapest first.

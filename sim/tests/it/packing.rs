@@ -177,7 +177,7 @@ fn shares_within(spec: &YarnSpec, seeds: u64, radii: &[f64]) -> Vec<f64> {
     within.into_iter().map(|w| w / all).collect()
 }
 
-/// The density that docs/papers.md asks for, written out anew: d0 (1 - r^m), m = 2 or what keeps the middle at 0.82 for discs, 0.72 for others.
+/// The density that docs/explain/papers.md asks for, written out anew: d0 (1 - r^m), m = 2 or what keeps the middle at 0.82 for discs, 0.72 for others.
 #[test]
 fn radial_density_is_the_asked_one() {
     let loose = yarn(Shape::Circle { radius_um: 5.0 }, 40, 60.0);

@@ -1,4 +1,4 @@
-//! Family files: writing, reading, checking (`docs/format.md`).
+//! Family files: writing, reading, checking (`docs/reference/format/models.md`).
 
 use super::data::{FamilyAxis, FamilyData, FamilyParam};
 use crate::Result;

@@ -110,7 +110,7 @@ fn far_fields_hold_at_grazing_light() {
     }
 }
 
-/// The figures of docs/filaments.md.
+/// The figures of docs/explain/filaments.md.
 #[test]
 fn albedos_farthest_from_1_are_those_stated() {
     for (keys, albedo, degrees) in [

@@ -15,7 +15,7 @@ fn query(degrees: f32, h_rel: Option<f32>, sigma_per_um: [f32; 3]) -> FiberQuery
     FiberQuery { h_rel, sigma_per_um, ..FiberQuery::new(omega_i, [0.61, 0.55, 0.465]) }
 }
 
-/// The figures of docs/filaments.md: hair's lobes as printed.
+/// The figures of docs/explain/filaments.md: hair's lobes as printed.
 #[test]
 fn printed_lobes_miss_the_albedo_1() {
     let fiber: FiberModel = rough(RoughDielectricParameters::default()).into();

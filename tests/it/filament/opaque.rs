@@ -4,7 +4,7 @@ use super::*;
 use plywave::fiber::opaque::{bcsdf_of_brdf, lambertian, lambertian_by_zinke};
 use plywave::fiber::{conductor, fresnel};
 
-/// Closed forms of physics: k_d pi/4 at phi = 0, integral 2 k_d over the azimuth, and Eq. 48 by quadrature; Eq. 51 is off as docs/papers.md says.
+/// Closed forms of physics: k_d pi/4 at phi = 0, integral 2 k_d over the azimuth, and Eq. 48 by quadrature; Eq. 51 is off as docs/explain/papers.md says.
 #[test]
 fn lambertian_fiber_is_exact() {
     assert!((f64::from(lambertian(0.3, 0.0)) - 0.3 * PI / 4.0).abs() < 1e-6);
