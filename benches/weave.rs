@@ -1,11 +1,11 @@
 //! Time of `Fabric::at` on one core: closed and open, one ply and several, twisted or not; random points and directions of the upper half space. Then
-//! of `FabricBsdf` in three fabrics that ship, four wavelengths, light from everywhere: a query finds its place, then evaluates, samples, asks the density.
+//! of `FabricModel` in three fabrics that ship, four wavelengths, light from everywhere: a query finds its place, then evaluates, samples, asks the density.
 //!
 //! `cargo bench -p plywave --bench weave`. The share of gaps stands beside each name: a gap asks all four yarns around it.
 //! Lines that begin with "memory" tell bytes and loading times of drafts up to the largest.
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use plywave::fabric::{Draft, Fabric, FabricBsdf, FabricOptions, FabricSpec, Place, UvMap, YarnShape};
+use plywave::fabric::{Draft, Fabric, FabricModel, FabricOptions, FabricSpec, Hit, UvMap, YarnShape};
 use plywave::io::Folder;
 use plywave::spec::Handedness;
 use plywave::{Bsdf, FabricQuery};
@@ -49,7 +49,7 @@ fn weave(c: &mut Criterion) {
         ("plain, 7 plies", Draft::plain(), yarn(7, 340.0, Some(2000.0))),
     ] {
         let fabric = Fabric::new(draft, [shape, shape]).expect("a sound fabric");
-        let gaps = queries.iter().filter(|([x, y], w)| matches!(fabric.at(*x, *y, *w), Place::Gap(_))).count();
+        let gaps = queries.iter().filter(|([x, y], w)| matches!(fabric.at(*x, *y, *w), Hit::Gap(_))).count();
         let mut i = 0;
         c.bench_function(&format!("at: {name}, {:.0} % gaps", 100.0 * gaps as f64 / QUERIES as f64), |b| {
             b.iter(|| {
@@ -85,7 +85,7 @@ fn fabric(c: &mut Criterion) {
     let mut group = c.benchmark_group("fabric");
     for name in ["polyester_satin", "cotton_plain", "silk_organza"] {
         let path = format!("{}/fabrics/{name}.toml", env!("CARGO_MANIFEST_DIR"));
-        let bsdf = FabricBsdf::load(path, &FabricOptions::default()).expect("a fabric that ships");
+        let bsdf = FabricModel::load(path, &FabricOptions::default()).expect("a fabric that ships");
         let at = |i: usize| bsdf.at(&FabricQuery::new(queries[i].0, queries[i].1, lambda_um));
         let mut i = 0;
         let mut next = || {
@@ -140,7 +140,7 @@ fn memory(_: &mut Criterion) {
         let begun = std::time::Instant::now();
         let loaded = FabricSpec::load_from(&text, "large.toml", &Folder::new("").anywhere()).expect("a sound fabric");
         let read = begun.elapsed();
-        let fabric = FabricBsdf::new(loaded, &FabricOptions::default()).expect("a sound fabric");
+        let fabric = FabricModel::new(loaded, &FabricOptions::default()).expect("a sound fabric");
         println!(
             "memory: {threads} x {threads}, {} bytes, {} bytes, {} bytes, {:.1} ms, {:.1} ms",
             text.len(),

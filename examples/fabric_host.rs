@@ -7,7 +7,7 @@
 //! Without an argument it takes `fabrics/polyester_satin.toml`.
 
 use plywave::fabric::FabricOptions;
-use plywave::{Bsdf, BsdfSample, FabricBsdf, FabricQuery};
+use plywave::{Bsdf, BsdfSample, FabricModel, FabricQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
 use std::path::{Path, PathBuf};
@@ -28,7 +28,7 @@ fn main() -> ExitCode {
 fn run() -> plywave::Result<()> {
     let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("fabrics/polyester_satin.toml");
     let path = std::env::args_os().nth(1).map_or(shipped, PathBuf::from);
-    let fabric = FabricBsdf::load(&path, &FabricOptions::default())?;
+    let fabric = FabricModel::load(&path, &FabricOptions::default())?;
     let [width, height] = fabric.fabric().repeat_um();
     println!("{}: one repeat is {width:.0} x {height:.0} um", path.file_name().unwrap_or_default().to_string_lossy());
 

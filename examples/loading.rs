@@ -4,7 +4,7 @@
 //! `cargo run --release -p plywave --example loading [far] [FABRIC.toml ..]`, without fabrics those that ship of filaments and of plies.
 //! ci: build only
 
-use plywave::FabricBsdf;
+use plywave::FabricModel;
 use plywave::fabric::{FabricOptions, FabricSpec, Values};
 use std::path::Path;
 use std::time::Instant;
@@ -30,7 +30,7 @@ fn timed<T>(of: impl FnOnce() -> T) -> (T, [f64; 2]) {
 }
 
 /// FNV-1a of the bits of all tables.
-fn digest(fabric: &FabricBsdf) -> u64 {
+fn digest(fabric: &FabricModel) -> u64 {
     let mut hash = 0xCBF2_9CE4_8422_2325u64;
     let mut add = |bits: u32| hash = (hash ^ u64::from(bits)).wrapping_mul(0x0100_0000_01B3);
     for tensor in fabric.tensors() {
@@ -58,7 +58,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let name = Path::new(&path).file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let (loaded, read) = timed(|| FabricSpec::load(&path));
         let options = FabricOptions { far, ..FabricOptions::default() };
-        let (fabric, ready) = timed(|| FabricBsdf::new(loaded?, &options));
+        let (fabric, ready) = timed(|| FabricModel::new(loaded?, &options));
         let fabric = fabric?;
         println!("{name}: {:.2} {:.2}, {:.2} {:.2}, {:016x}", read[0], read[1], ready[0], ready[1], digest(&fabric));
     }

@@ -185,7 +185,7 @@ pub fn check_incidence(
 /// What the integrals over a model's lobes at an incidence have to resolve.
 fn lobe_features(model: &PlyModel, theta_i: f32, h_um: f32) -> Vec<Feature> {
     let Some(mixture) = Mixture::new(model.data(), theta_i.into(), h_um.into(), &[]) else { return Vec::new() };
-    mixture.lobes().map(|lobe| Feature::of(lobe, mixture.theta_i(), mixture.is_mirrored())).collect()
+    mixture.lobes().map(|lobe| Feature::from_lobe(lobe, mixture.theta_i(), mixture.is_mirrored())).collect()
 }
 
 /// Checks a scattering function of these lobes, which is smooth but for them.

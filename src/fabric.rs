@@ -17,10 +17,10 @@ mod dye;
 mod far;
 mod far_query;
 mod flight;
+mod hit;
 mod layers;
 mod load;
 mod names;
-mod place;
 mod profile;
 mod regression;
 mod rules;
@@ -34,15 +34,15 @@ mod walk;
 mod wif;
 mod yarn;
 
-pub use at::{FabricAt, GapLight};
-pub use bsdf::{FabricBsdf, FabricOptions, FabricQuery, Slits};
+pub use at::{FabricBsdf, GapLight};
+pub use bsdf::{FabricModel, FabricOptions, FabricQuery, Slits};
 pub use center_line::{CenterPoint, Overlap};
 pub use color_of::ColorOf;
 pub use draft::{Draft, MAX_THREADS};
 pub use dye::{Channels, ColorReach};
+pub use hit::{Gap, Hit, PlyHit, YarnPlace};
 pub use layers::Layer;
 pub use load::{LoadedFabric, USUAL_LEAN_DEG};
-pub use place::{Gap, Place, PlyHit, YarnPlace};
 #[doc(hidden)]
 pub use rules::FABRIC_RULES;
 pub use spec::{FabricSpec, WeaveSpec, YarnColor, YarnOfFabric};
@@ -57,30 +57,30 @@ use yarn::Yarn;
 /// The two families of yarns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Family {
+pub enum YarnSet {
     /// Ends, along y.
     Warp,
     /// Picks, along x.
     Weft,
 }
 
-impl Family {
+impl YarnSet {
     /// Warp, then weft: the order of every pair by family.
-    pub const EACH: [Family; 2] = [Family::Warp, Family::Weft];
+    pub const EACH: [YarnSet; 2] = [YarnSet::Warp, YarnSet::Weft];
 
     /// The other family.
-    pub fn other(self) -> Family {
+    pub fn other(self) -> YarnSet {
         match self {
-            Family::Warp => Family::Weft,
-            Family::Weft => Family::Warp,
+            YarnSet::Warp => YarnSet::Weft,
+            YarnSet::Weft => YarnSet::Warp,
         }
     }
 
     /// Name as in a fabric spec.
     pub fn name(self) -> &'static str {
         match self {
-            Family::Warp => "warp",
-            Family::Weft => "weft",
+            YarnSet::Warp => "warp",
+            YarnSet::Weft => "weft",
         }
     }
 }
@@ -126,12 +126,12 @@ impl Fabric {
     }
 
     /// The yarns of a family.
-    pub fn shape(&self, family: Family) -> &YarnShape {
+    pub fn shape(&self, family: YarnSet) -> &YarnShape {
         &self.shapes[family as usize]
     }
 
     /// Color of a yarn; yarns of a WIF repeat with the draft.
-    pub fn color(&self, family: Family, yarn: i32) -> YarnColor {
+    pub fn color(&self, family: YarnSet, yarn: i32) -> YarnColor {
         let colors = &self.colors[family as usize];
         let at = i64::from(yarn).rem_euclid(colors.len().max(1) as i64);
         colors.get(at as usize).copied().unwrap_or(YarnColor::Undyed)
@@ -148,12 +148,12 @@ impl Fabric {
     }
 
     /// Greatest lean of a family's yarns between crossings over which they change sides [degrees].
-    pub fn lean_deg(&self, family: Family) -> f64 {
+    pub fn lean_deg(&self, family: YarnSet) -> f64 {
         f64::from(self.yarns[family as usize].profile.steepest()).atan().to_degrees()
     }
 
     /// Crimp with which a family's yarns lean by [`USUAL_LEAN_DEG`], 0.5 at most.
-    pub fn usual_crimp(&self, family: Family) -> f64 {
+    pub fn usual_crimp(&self, family: YarnSet) -> f64 {
         load::usual_crimp(&self.shapes[family as usize], &self.shapes[family.other() as usize])
     }
 

@@ -32,7 +32,7 @@ use crate::bsdf::Outcomes;
 use crate::{Bsdf, BsdfSample, Result};
 use std::path::Path;
 
-pub use dielectric::{DielectricBsdf, DielectricFiber, DielectricParameters, LEAST_FAR_WIDTH, MOST_ORDERS};
+pub use dielectric::{DielectricBsdf, DielectricFiber, DielectricParameters, MAX_ORDERS, MIN_FAR_WIDTH};
 pub use kajiya_kay::{KajiyaKayBsdf, KajiyaKayFiber, KajiyaKayParameters};
 pub use khungurn::{KhungurnBsdf, KhungurnFiber, KhungurnParameters};
 pub use metal::{Metal, conductor};

@@ -101,7 +101,7 @@ impl Gap {
     /// The light that comes from `xi_i` (unit, away from the aperture) at N wavelengths [um]. Wavelengths are clamped to [0.05, 20]; not a
     /// number counts as 0.05. An `xi_i` that is no direction, or lies in the plane, gives no light, and so does a `w` that is none.
     pub fn at<const N: usize>(&self, xi_i: [f32; 3], lambda_um: [f32; N]) -> GapBsdf<'_, N> {
-        GapBsdf::new(Axis::of(&self.x), Axis::of(&self.y), xi_i, lambda_um)
+        GapBsdf::new(Axis::new(&self.x), Axis::new(&self.y), xi_i, lambda_um)
     }
 }
 
@@ -111,12 +111,12 @@ pub(crate) fn clamp_lambda(lambda_um: f32) -> f32 {
 }
 
 /// Least cosine of incidence that f divides by, over the mean cosine of the light that leaves where the incident light lies in the plane: see [`least_cosine`].
-const LEAST_SHARE: f32 = 0.37;
+const MIN_SHARE: f32 = 0.37;
 /// Largest mean cosine out that counts for it.
-const MOST_MEAN_COSINE: f32 = 0.5;
+const MAX_MEAN_COSINE: f32 = 0.5;
 /// Excess of a tilted beam's energy in Kirchhoff's approximation that is left as it is, and the relative spread of c_o^2 above which it does not grow: see [`beam_excess`].
 const EXCESS_LEFT: f32 = 0.002;
-const MOST_SPREAD: f32 = 0.4;
+const MAX_SPREAD: f32 = 0.4;
 /// Share of the samples that is uniform over the hemisphere: bounds f/pdf where light leaves along the plane.
 const UNIFORM: f32 = 0.02;
 
@@ -145,7 +145,7 @@ pub struct GapBsdf<'a, const N: usize> {
 /// its direction, so that `E[c_o] = sqrt(lambda/2) mean sqrt(|f|)`. The integral is 1 where c_i is some 0.35 E[c_o]; 0.37 serves all apertures. From there on, c_i stays.
 fn least_cosine(x: &Spectrum, y: &Spectrum, xi_i: [f32; 3], lambda_um: f32) -> f32 {
     let f = (xi_i[0] * xi_i[0] * x.root_mean_4 + xi_i[1] * xi_i[1] * y.root_mean_4).sqrt();
-    LEAST_SHARE * crate::math::simd::min((0.5 * lambda_um * f).sqrt(), MOST_MEAN_COSINE)
+    MIN_SHARE * crate::math::simd::min((0.5 * lambda_um * f).sqrt(), MAX_MEAN_COSINE)
 }
 
 /// What a tilted beam's energy exceeds 1 by in Kirchhoff's approximation without any aperture, less [`EXCESS_LEFT`].
@@ -155,7 +155,7 @@ fn least_cosine(x: &Spectrum, y: &Spectrum, xi_i: [f32; 3], lambda_um: f32) -> f
 /// 0.0018 at 0.362, the cosine of 1.2 rad, for w0 = 10 um and lambda = 0.7 um.
 fn beam_excess(spread: f32, xi_i: [f32; 3], lambda_um: f32) -> f32 {
     let (sine2, cosine2) = (xi_i[0] * xi_i[0] + xi_i[1] * xi_i[1], xi_i[2] * xi_i[2]);
-    let s = crate::math::simd::min(lambda_um * spread * sine2.sqrt() / cosine2, MOST_SPREAD);
+    let s = crate::math::simd::min(lambda_um * spread * sine2.sqrt() / cosine2, MAX_SPREAD);
     let s2 = s * s;
     crate::math::simd::max(s2 / 16.0 + 45.0 / 256.0 * s2 * s2 - EXCESS_LEFT, 0.0)
 }

@@ -25,7 +25,7 @@ pub mod twin;
 
 pub use bsdf::{Bsdf, BsdfSample};
 pub use error::{Error, Result, one_line};
-pub use fabric::{FabricBsdf, FabricQuery};
+pub use fabric::{FabricModel, FabricQuery};
 pub use fiber::{FiberBsdf, FiberModel, FiberQuery};
 pub use ply::{FamilyParams, PlyBsdf, PlyFamily, PlyModel, PlyQuery};
 

@@ -1,4 +1,4 @@
-//! Numerics that several models share: lookups on uniform axes, hashes, vectorizable functions, the Faddeeva function, the error function.
+//! Numerics that several models share: lookups on uniform axes, hashes, vectors, vectorizable functions, the Faddeeva function, the error function.
 //!
 //! Public for the crates of this workspace; a host needs nothing from here.
 
@@ -9,6 +9,7 @@ pub(crate) mod fft;
 pub mod hash;
 pub(crate) mod parallel;
 pub(crate) mod simd;
+pub mod vec3;
 
 use simd::{max, min};
 

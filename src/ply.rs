@@ -2,33 +2,16 @@
 //! absorption by each lobe's path-length spectrum, and the simulated energies, which the evaluator holds exactly.
 
 pub mod asg;
-mod batch;
 mod bsdf;
-mod compiled;
 pub mod cone;
-mod cone_lobe;
-mod cone_mixture;
-mod data;
-mod dispatch;
+pub(crate) mod data;
 mod edge;
-pub(crate) mod edge_lobes;
-mod energies;
-mod energy;
-mod exits;
 mod family;
-mod file;
-mod interpolate;
-mod layer_factors;
+mod kernel;
 mod layers;
-mod layout;
 mod lines;
-mod lobe;
-mod lobes;
-mod mixture;
 mod model;
 mod on;
-mod place;
-mod prepared;
 mod queries;
 mod query;
 #[doc(hidden)]
@@ -38,21 +21,21 @@ mod terms;
 mod two_layers;
 
 pub use bsdf::PlyBsdf;
-pub use cone::LobeFamily;
+pub use cone::LobeKind;
 pub use data::PlyData;
-pub(crate) use data::{MAX_LOBES, MAX_PATHS};
-pub use edge_lobes::{EDGE_MU_MAX, EdgeLobes, beam_mu};
-pub use energies::{EnergiesAt, PlyEnergies, spline_coefficients};
-pub use exits::{
+pub use data::edge_lobes::{EDGE_MU_MAX, EdgeLobes, beam_mu};
+pub use data::energies::{EnergiesAt, PlyEnergies, spline_coefficients};
+pub use data::exits::{
     EXIT_KINDS, EXIT_LENGTH_UM, EXIT_LENGTHS, EXIT_TERMS, ExitOffsets, ExitShape, USUAL_EXIT_LENGTHS, exit_terms,
 };
-pub(crate) use exits::{ExitDensity, ExitLine, ExitsAt};
+pub(crate) use data::exits::{ExitDensity, ExitLine, ExitsAt};
+pub use data::file::ReferenceValue;
+pub use data::layer_factors::LayerFactors;
+pub(crate) use data::{MAX_LOBES, MAX_PATHS};
 pub use family::{FamilyAxis, FamilyData, FamilyGradient, FamilyParam, FamilyParams, FamilyPly, PlyFamily};
-pub use file::ReferenceValue;
-pub use layer_factors::LayerFactors;
+pub(crate) use kernel::lobes::{ByFirst, Cached, LobeLight, Lobes, Uncached};
 pub use layers::{Layer, TwoLayers};
 pub(crate) use lines::{PASSED_COLUMNS, PASSED_ROWS, PassedLines};
-pub(crate) use lobes::{ByFirst, Cached, LobeLight, Lobes, Uncached};
 pub use model::PlyModel;
 pub(crate) use on::{PlyOn, UncachedPly};
 pub use queries::Queries;

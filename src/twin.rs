@@ -2,7 +2,7 @@
 //!
 //! `plywave twin` writes it, `plywave check FABRIC --twin` compares. The twin shares no model with the cloth: it knows the fibers, their walls and the
 //! center lines of the yarns, and nothing else. Parallel light from the view direction `a` falls on the cloth evenly, from the face or from the back. What is
-//! told is the fraction of it that goes out into each direction `b`, as an energy density [1/sr] that holds the cosine at `b`, as [`crate::FabricBsdf`]'s
+//! told is the fraction of it that goes out into each direction `b`, as an energy density [1/sr] that holds the cosine at `b`, as [`crate::FabricModel`]'s
 //! `eval` with `wo = a` does. Light that hits no fiber is apart: `straight`.
 
 mod compare;

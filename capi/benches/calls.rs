@@ -7,7 +7,7 @@
 
 use plywave::fabric::FabricOptions;
 use plywave::ply::Queries;
-use plywave::{Bsdf, FabricBsdf, FabricQuery, PlyModel, PlyQuery};
+use plywave::{Bsdf, FabricModel, FabricQuery, PlyModel, PlyQuery};
 use plywave_capi::*;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -200,7 +200,7 @@ fn plies() {
 
 fn fabrics() {
     let path = format!("{FABRICS}/cotton_twill.toml");
-    let fabric = FabricBsdf::load(&path, &FabricOptions::default()).expect("a fabric that ships");
+    let fabric = FabricModel::load(&path, &FabricOptions::default()).expect("a fabric that ships");
     let mut c_fabric = null_mut();
     let path = CString::new(path).expect("no 0");
     let loaded = unsafe { plywave_fabric_load(path.as_ptr(), std::ptr::null(), &mut c_fabric, null_mut()) };

@@ -4,7 +4,7 @@ use crate::pointer::{
     disjoint, is_uniform, is_unit, pointer, put, slice, slice_mut, span, three, to_direction, to_random, uniform, unit,
 };
 use crate::status::{AtIndex, Checked, PlywaveError, PlywaveStatus, failure, guard};
-use plywave::fabric::FabricAt;
+use plywave::fabric::FabricBsdf;
 use plywave::{Bsdf, BsdfSample, FiberBsdf, PlyBsdf};
 
 /// Most wavelengths or channels of a query.
@@ -124,7 +124,7 @@ macro_rules! prepared_types {
 
 prepared_types!(
     Ply PlyBsdf 1, Ply PlyBsdf 3, Ply PlyBsdf 4,
-    Fabric FabricAt 1, Fabric FabricAt 3, Fabric FabricAt 4,
+    Fabric FabricBsdf 1, Fabric FabricBsdf 3, Fabric FabricBsdf 4,
     Fiber FiberBsdf 1, Fiber FiberBsdf 3, Fiber FiberBsdf 4,
 );
 
@@ -194,19 +194,19 @@ macro_rules! with_prepared {
                 let $at = unsafe { as_prepared::<PlyBsdf<'_, 4>>(bsdf) };
                 $body
             }
-            <FabricAt<'static, 1> as Prepared>::TAG => {
+            <FabricBsdf<'static, 1> as Prepared>::TAG => {
                 // SAFETY: the tag is that of this type.
-                let $at = unsafe { as_prepared::<FabricAt<'_, 1>>(bsdf) };
+                let $at = unsafe { as_prepared::<FabricBsdf<'_, 1>>(bsdf) };
                 $body
             }
-            <FabricAt<'static, 3> as Prepared>::TAG => {
+            <FabricBsdf<'static, 3> as Prepared>::TAG => {
                 // SAFETY: the tag is that of this type.
-                let $at = unsafe { as_prepared::<FabricAt<'_, 3>>(bsdf) };
+                let $at = unsafe { as_prepared::<FabricBsdf<'_, 3>>(bsdf) };
                 $body
             }
-            <FabricAt<'static, 4> as Prepared>::TAG => {
+            <FabricBsdf<'static, 4> as Prepared>::TAG => {
                 // SAFETY: the tag is that of this type.
-                let $at = unsafe { as_prepared::<FabricAt<'_, 4>>(bsdf) };
+                let $at = unsafe { as_prepared::<FabricBsdf<'_, 4>>(bsdf) };
                 $body
             }
             <FiberBsdf<'static, 1> as Prepared>::TAG => {
@@ -520,7 +520,7 @@ impl<const N: usize> Info for PlyBsdf<'_, N> {
     }
 }
 
-impl<const N: usize> Info for FabricAt<'_, N> {
+impl<const N: usize> Info for FabricBsdf<'_, N> {
     fn info(&self) -> PlywaveBsdfInfo {
         let (is_double, is_gap) = (self.is_double().into(), self.is_gap().into());
         PlywaveBsdfInfo { is_double, is_gap, ..info_of(PlywaveKind::Fabric, N) }

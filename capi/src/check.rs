@@ -8,7 +8,7 @@ use plywave::check::{
     BsdfReport, CheckOptions, FURNACE_TOLERANCE, KEPT_TOLERANCE, LAYER_TOLERANCE, PartReport, SAMPLED_TOLERANCE_SE,
     WEIGHT_TOLERANCE, check_bsdf, check_layers, check_model, check_whole,
 };
-use plywave::fabric::FabricAt;
+use plywave::fabric::FabricBsdf;
 use plywave::{FiberBsdf, PlyBsdf};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -56,10 +56,10 @@ pub struct PlywavePlyReport {
 }
 
 /// Most incidences and samples of a check.
-const MOST: usize = 10_000_000;
+const MAX: usize = 10_000_000;
 
 fn within(name: &str, value: usize) -> Checked {
-    if (1..=MOST).contains(&value) { Ok(()) } else { Err(invalid(name, value, "1 to 10000000")) }
+    if (1..=MAX).contains(&value) { Ok(()) } else { Err(invalid(name, value, "1 to 10000000")) }
 }
 
 fn report(r: &BsdfReport, chi2_threshold: f64, kept_error: f64) -> PlywaveReport {

@@ -8,14 +8,16 @@ use crate::pointer::{
 };
 use crate::queries::{Counted, by_count, count_of, eval_queries, hand_out, sample_queries, take_back, wavelengths};
 use crate::status::{AtIndex, Checked, PlywaveError, PlywaveStatus, failure, guard, invalid};
-use plywave::fabric::{Channels, ColorOf, FabricOptions, FabricSpec, Family, GapLight, LoadedFabric, Slits, YarnColor};
+use plywave::fabric::{
+    Channels, ColorOf, FabricOptions, FabricSpec, GapLight, LoadedFabric, Slits, YarnColor, YarnSet,
+};
 use plywave::io::MemoryAssets;
-use plywave::{Bsdf, FabricBsdf, FabricQuery, PlyModel};
+use plywave::{Bsdf, FabricModel, FabricQuery, PlyModel};
 use std::ffi::c_char;
 
 /// A loaded fabric. It never changes: any number of threads may use it at once.
 pub struct PlywaveFabric {
-    fabric: FabricBsdf,
+    fabric: FabricModel,
     name: String,
     notes: String,
 }
@@ -209,7 +211,7 @@ fn absorption(sigma: f32) -> Checked<f32> {
 
 fn handle_of(loaded: LoadedFabric, options: Option<&PlywaveFabricOptions>) -> Checked<PlywaveFabric> {
     let (name, notes) = (loaded.spec.name.clone(), loaded.notes().join("\n"));
-    Ok(PlywaveFabric { fabric: FabricBsdf::new(loaded, &options_of(options)?)?, name, notes })
+    Ok(PlywaveFabric { fabric: FabricModel::new(loaded, &options_of(options)?)?, name, notes })
 }
 
 #[inline(always)]
@@ -224,9 +226,9 @@ fn channels_of(channels: i32, count: usize) -> Checked<Channels> {
 }
 
 /// Farthest position [um]: 10 km, where the numbers of a position are 1 mm apart.
-const MOST_UM: f32 = 1e10;
+const MAX_UM: f32 = 1e10;
 /// Greatest turn [rad], where its numbers are 0.06 apart.
-const MOST_RAD: f32 = 1e6;
+const MAX_RAD: f32 = 1e6;
 
 /// The query as Rust has it.
 ///
@@ -235,10 +237,10 @@ const MOST_RAD: f32 = 1e6;
 #[inline(always)]
 unsafe fn query_of<'a, const N: usize>(q: &PlywaveFabricQuery) -> Checked<FabricQuery<'a, N>> {
     for position in q.position_um {
-        within(position, -MOST_UM, MOST_UM, "position_um")?;
+        within(position, -MAX_UM, MAX_UM, "position_um")?;
     }
     unit(q.wo, "wo")?;
-    within(q.turn_rad, -MOST_RAD, MOST_RAD, "turn_rad")?;
+    within(q.turn_rad, -MAX_RAD, MAX_RAD, "turn_rad")?;
     within(q.footprint_um, 0.0, f32::MAX, "footprint_um")?;
     let sigma = |p: *const f32, name: &str| -> Checked<Option<[f32; N]>> {
         if p.is_null() {
@@ -333,13 +335,13 @@ pub unsafe extern "C" fn plywave_fabric_info(
         // SAFETY: the caller's pointers, as documented.
         let f = unsafe { &reference(fabric, "fabric")?.fabric };
         let geometry = f.fabric();
-        let shape = Family::EACH.map(|family| geometry.shape(family));
+        let shape = YarnSet::EACH.map(|family| geometry.shape(family));
         let value = PlywaveFabricInfo {
             repeat_um: geometry.repeat_um(),
             spacing_um: shape.map(|s| s.spacing_um),
             width_um: shape.map(|s| s.width_um()),
             plies: shape.map(|s| s.plies as i32),
-            threads: Family::EACH.map(|family| geometry.draft().threads(family) as i32),
+            threads: YarnSet::EACH.map(|family| geometry.draft().threads(family) as i32),
             half_thickness_um: geometry.half_thickness_um(),
             color_of: match f.color_of() {
                 ColorOf::EvenSky => PlywaveColorOf::EvenSky,
@@ -567,7 +569,7 @@ pub unsafe extern "C" fn plywave_fabric_model(
             put(out, std::ptr::null_mut(), "out")?;
             reference(fabric, "fabric")?
         };
-        let family = usize::try_from(family).ok().and_then(|i| Family::EACH.get(i).copied());
+        let family = usize::try_from(family).ok().and_then(|i| YarnSet::EACH.get(i).copied());
         let family =
             family.ok_or_else(|| failure(PlywaveStatus::InvalidArgument, "family: expected 0 (warp) or 1 (weft)"))?;
         // SAFETY: as above.

@@ -4,12 +4,25 @@ use crate::bsdf::{PLYWAVE_MAX_COUNT, PlywaveBsdf, PlywaveSample, prepare, unprep
 use crate::pointer::{optional, put, reference, slice, text, unit};
 use crate::queries::{Counted, by_count, count_of, eval_queries, hand_out, sample_queries, take_back, wavelengths};
 use crate::status::{Checked, PlywaveError, PlywaveStatus, guard, invalid};
-use plywave::fiber::TabulatedFiber;
+use plywave::fiber::{FilamentSpec, TabulatedFiber};
 use plywave::{Bsdf, FiberModel, FiberQuery};
 use std::ffi::c_char;
 
+/// Largest absorption of a query [1/um], as of specs.
+const MAX_SIGMA_PER_UM: f32 = 1000.0;
+
 /// A loaded model of a fiber. It never changes: any number of threads may use it at once.
-pub struct PlywaveFiber(FiberModel);
+pub struct PlywaveFiber {
+    model: FiberModel,
+    /// Wavelengths [um] and absorption [1/um] of the spec of an analytic fiber.
+    color: Option<[[f32; 3]; 2]>,
+}
+
+impl From<FilamentSpec> for PlywaveFiber {
+    fn from(spec: FilamentSpec) -> PlywaveFiber {
+        PlywaveFiber { model: spec.model, color: Some([spec.lambda_um, spec.sigma_per_um]) }
+    }
+}
 
 const _: () = {
     const fn is_send_sync<T: Send + Sync>() {}
@@ -30,6 +43,8 @@ pub struct PlywaveFiberQuery {
     pub lambda_um: [f32; PLYWAVE_MAX_COUNT],
     /// Offset of the ray from the center line over half the fiber's width, -1 to 1, or NULL for the mean over all. Tables hold that mean alone. Read during the call only.
     pub h_rel: *const f32,
+    /// Absorption of the fiber's inside [1/um], by wavelength: the color of an analytic fiber. Tables hold their own and ignore it.
+    pub sigma_per_um: [f32; PLYWAVE_MAX_COUNT],
 }
 
 impl Counted for PlywaveFiberQuery {
@@ -48,10 +63,14 @@ unsafe fn query_of<const N: usize>(q: &PlywaveFiberQuery) -> Checked<FiberQuery<
     if h_rel.is_some_and(|h| !(-1.0..=1.0).contains(&h)) {
         return Err(invalid("h_rel", h_rel, "a number in [-1, 1]"));
     }
-    Ok(FiberQuery { h_rel, ..FiberQuery::new(q.omega_i, wavelengths(&q.lambda_um)?) })
+    let sigma_per_um: [f32; N] = std::array::from_fn(|k| q.sigma_per_um[k]);
+    if let Some(s) = sigma_per_um.iter().find(|s| !(0.0..=MAX_SIGMA_PER_UM).contains(*s)) {
+        return Err(invalid("sigma_per_um", s, "numbers in [0, 1000]"));
+    }
+    Ok(FiberQuery { omega_i: q.omega_i, h_rel, lambda_um: wavelengths(&q.lambda_um)?, sigma_per_um })
 }
 
-/// Reads and checks a fiber table (.pwf). `path` is UTF-8. On an error `*out` is NULL. Release it with `plywave_fiber_free`.
+/// Reads and checks a fiber table (.pwf), or the spec of an analytic fiber (.toml). `path` is UTF-8. On an error `*out` is NULL. Release it with `plywave_fiber_free`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fiber_load(
     path: *const c_char,
@@ -62,12 +81,18 @@ pub unsafe extern "C" fn plywave_fiber_load(
         // SAFETY: the caller's pointers, as documented.
         unsafe {
             put(out, std::ptr::null_mut(), "out")?;
-            hand_out(out, PlywaveFiber(FiberModel::load(text(path, "path")?)?))
+            let path = text(path, "path")?;
+            let fiber = if path.ends_with(".toml") {
+                FilamentSpec::load(path)?.into()
+            } else {
+                PlywaveFiber { model: FiberModel::load(path)?, color: None }
+            };
+            hand_out(out, fiber)
         }
     })
 }
 
-/// As `plywave_fiber_load`, of the `size` bytes of a file; `name` stands for it in messages.
+/// As `plywave_fiber_load`, of the `size` bytes of a file; `name` stands for it in messages, and ends in `.toml` for a spec.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fiber_from_bytes(
     bytes: *const u8,
@@ -80,8 +105,12 @@ pub unsafe extern "C" fn plywave_fiber_from_bytes(
         // SAFETY: the caller's pointers, as documented.
         unsafe {
             put(out, std::ptr::null_mut(), "out")?;
-            let fiber = TabulatedFiber::from_bytes(slice(bytes, size, "bytes")?, text(name, "name")?)?;
-            hand_out(out, PlywaveFiber(fiber.into()))
+            let (bytes, name) = (slice(bytes, size, "bytes")?, text(name, "name")?);
+            let fiber = match FilamentSpec::from_bytes(bytes, name)? {
+                Some(spec) => spec.into(),
+                None => PlywaveFiber { model: TabulatedFiber::from_bytes(bytes, name)?.into(), color: None },
+            };
+            hand_out(out, fiber)
         }
     })
 }
@@ -105,7 +134,25 @@ pub unsafe extern "C" fn plywave_fiber_max_width(
 ) -> PlywaveStatus {
     guard(error, || {
         // SAFETY: the caller's pointers, as documented.
-        unsafe { put(max_width_um, reference(fiber, "fiber")?.0.max_width_um(), "max_width_um") }
+        unsafe { put(max_width_um, reference(fiber, "fiber")?.model.max_width_um(), "max_width_um") }
+    })
+}
+
+/// Color of an analytic fiber by its spec: three wavelengths [um] to `lambda_um` `[3]`, absorption at them [1/um] to `sigma_per_um` `[3]`, as a query takes them. Of a table, which holds its own, all are 0.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn plywave_fiber_color(
+    fiber: *const PlywaveFiber,
+    lambda_um: *mut f32,
+    sigma_per_um: *mut f32,
+    error: *mut PlywaveError,
+) -> PlywaveStatus {
+    guard(error, || {
+        // SAFETY: the caller's pointers, as documented.
+        unsafe {
+            let [lambda, sigma] = reference(fiber, "fiber")?.color.unwrap_or_default();
+            put(lambda_um.cast(), lambda, "lambda_um")?;
+            put(sigma_per_um.cast(), sigma, "sigma_per_um")
+        }
     })
 }
 
@@ -119,7 +166,7 @@ pub unsafe extern "C" fn plywave_fiber_at(
 ) -> PlywaveStatus {
     let status = guard(error, || {
         // SAFETY: the caller's pointers, as documented.
-        let (of, q) = unsafe { (&reference(fiber, "fiber")?.0, reference(query, "query")?) };
+        let (of, q) = unsafe { (&reference(fiber, "fiber")?.model, reference(query, "query")?) };
         by_count!(q.count, N => {
             // SAFETY: as above.
             unsafe {
@@ -150,7 +197,7 @@ pub unsafe extern "C" fn plywave_fiber_eval_batch(
 ) -> PlywaveStatus {
     guard(error, || {
         // SAFETY: the caller's pointers, as documented.
-        let (of, queries) = unsafe { (&reference(fiber, "fiber")?.0, slice(queries, n, "queries")?) };
+        let (of, queries) = unsafe { (&reference(fiber, "fiber")?.model, slice(queries, n, "queries")?) };
         by_count!(count_of(queries)?, N => {
             // SAFETY: as above.
             unsafe { eval_queries::<_, N>(queries, w, f, pdf, |q, w| Ok(of.at(&query_of(q)?).eval_pdf(w))) }
@@ -170,7 +217,7 @@ pub unsafe extern "C" fn plywave_fiber_sample_batch(
 ) -> PlywaveStatus {
     guard(error, || {
         // SAFETY: the caller's pointers, as documented.
-        let (of, queries) = unsafe { (&reference(fiber, "fiber")?.0, slice(queries, n, "queries")?) };
+        let (of, queries) = unsafe { (&reference(fiber, "fiber")?.model, slice(queries, n, "queries")?) };
         by_count!(count_of(queries)?, N => {
             // SAFETY: as above.
             unsafe { sample_queries::<_, N>(queries, u, samples, |q, u| Ok(of.at(&query_of(q)?).sample(u))) }

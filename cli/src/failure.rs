@@ -10,7 +10,7 @@ pub enum Failure {
     /// A check or a comparison did not hold; the report has been printed: exit code 1.
     NotHeld,
     /// Another program did the work and has said why not: its exit code.
-    Told(u8),
+    ProgressNames(u8),
     /// The user stopped the work: exit code 130.
     Interrupted(String),
     /// The reader of the standard output went away: nothing to say.
@@ -33,7 +33,7 @@ impl Failure {
             Failure::Input(line) => (format!("error: {}", one_line(line)), 2),
             Failure::Interrupted(line) => (one_line(line), 130),
             Failure::NotHeld => return ExitCode::from(1),
-            Failure::Told(code) => return ExitCode::from(*code),
+            Failure::ProgressNames(code) => return ExitCode::from(*code),
             Failure::BrokenPipe => return ExitCode::SUCCESS,
         };
         // Nobody is left to tell when stderr itself is closed.

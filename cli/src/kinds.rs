@@ -276,7 +276,7 @@ pub fn check_inputs(command: &Command) -> Outcome {
                 Some(Fabric) => maybe(&args.twin, &[Twin]),
                 // Neither goes with it, wherever it leads.
                 Some(Filament) => Ok(()),
-                _ => maybe(&args.table, &[Table]).and_then(|()| maybe(&args.twin, &[Table])),
+                _ => maybe(&args.table, &[Table]).and_then(|()| maybe(&args.traced, &[Table])),
             }
         }
         Command::Diff(args) => {

@@ -7,14 +7,14 @@ use crate::output::Held;
 use crate::progress::{self, Bar};
 use crate::{output, report};
 use glam::Vec3;
-use plywave_render::{Camera, Environment, Facts, Film, FilmView, Ingredients, MOST_SCATTERINGS, RenderError, png};
+use plywave_render::{Camera, Environment, Facts, Film, FilmView, Ingredients, MAX_SCATTERINGS, RenderError, png};
 use sha2::{Digest, Sha256};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Most pixels of a picture.
-const MOST_PIXELS: u64 = 1 << 28;
+const MAX_PIXELS: u64 = 1 << 28;
 /// Share of the light that may be left out untold.
 const TOLD: f64 = 0.005;
 
@@ -40,7 +40,7 @@ pub struct Outputs {
 }
 
 impl Outputs {
-    pub fn of(args: &RenderArgs) -> Outcome<Outputs> {
+    pub fn from_args(args: &RenderArgs) -> Outcome<Outputs> {
         let path = args.output.clone().unwrap_or_else(|| output::default_output(&args.fabric, "png"));
         let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
         let sums = path.with_extension("sums");
@@ -80,11 +80,11 @@ impl Outputs {
 }
 
 /// Largest file that a render reads [bytes].
-const MOST_INPUT: u64 = 1 << 32;
+const MAX_INPUT: u64 = 1 << 32;
 
 /// SHA-256 of a file's bytes, in hex.
 pub fn digest_of_file(path: &Path) -> Outcome<String> {
-    let mut file = plywave::io::open_file(path, MOST_INPUT)?;
+    let mut file = plywave::io::open_file(path, MAX_INPUT)?;
     let mut hash = Sha256::new();
     let mut buffer = vec![0; 1 << 16];
     loop {
@@ -116,7 +116,7 @@ fn digest(of: &Ingredients) -> String {
 
 /// Refuses flags out of range.
 pub fn check_flags(args: &RenderArgs) -> Outcome {
-    if u64::from(args.width) * u64::from(args.height) > MOST_PIXELS {
+    if u64::from(args.width) * u64::from(args.height) > MAX_PIXELS {
         return Err(Failure::input("command line", "--width", args.width, "a picture of at most 268 M pixels"));
     }
     for (name, value, low, high) in [
@@ -284,7 +284,7 @@ fn cut_note(args: &RenderArgs, share: f64) -> Option<String> {
     (share > TOLD).then(|| {
         let (percent, depth) = (100.0 * share, args.depth);
         let percent = format!("{percent:.*}", if percent < 10.0 { 1 } else { 0 });
-        let more = if depth < MOST_SCATTERINGS { "; give a larger --depth, or none" } else { "" };
+        let more = if depth < MAX_SCATTERINGS { "; give a larger --depth, or none" } else { "" };
         format!("paths end after {depth} scatterings (--depth), which leaves out some {percent} % of the light{more}")
     })
 }

@@ -66,11 +66,11 @@ pub struct Spread {
 impl Spread {
     /// Of a model's stored fit errors. A stored 0 says that noise hid the error: it counts as unknown, not as perfect.
     pub fn of_errors(values: impl IntoIterator<Item = f64>) -> Self {
-        Self::of(values.into_iter().filter(|v| *v > 0.0))
+        Self::from_values(values.into_iter().filter(|v| *v > 0.0))
     }
 
     /// Of these numbers; all zero when there are none.
-    pub fn of(values: impl IntoIterator<Item = f64>) -> Self {
+    pub fn from_values(values: impl IntoIterator<Item = f64>) -> Self {
         let (mut n, mut min, mut max, mut square) = (0u64, f64::INFINITY, f64::NEG_INFINITY, 0.0);
         for v in values.into_iter().filter(|v| !v.is_nan()) {
             n += 1;
@@ -116,7 +116,7 @@ mod tests {
     #[test]
     fn spread_skips_what_is_not_a_number() {
         assert_eq!(Spread::of_errors([0.0, f64::NAN]).to_string(), "none known");
-        let s = Spread::of([3.0, f64::NAN, 4.0]);
+        let s = Spread::from_values([3.0, f64::NAN, 4.0]);
         assert_eq!((s.min, s.max), (3.0, 4.0));
         assert!((s.rms - 12.5f64.sqrt()).abs() < 1e-12);
     }

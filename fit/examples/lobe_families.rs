@@ -2,7 +2,7 @@
 //! Both families of lobes fitted to one table and held to another of the same yarn and another seed:
 //! `cargo run --release -p plywave-fit --example lobe_families -- TABLE OTHER [preview|standard] [round|cone]`
 
-use plywave::ply::LobeFamily;
+use plywave::ply::LobeKind;
 use plywave::table::Table;
 use plywave_fit::{FitOptions, errors, fit};
 use std::time::Instant;
@@ -14,7 +14,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     let (table, other) = (Table::load(table)?, Table::load(other)?);
     let options = if rest.iter().any(|a| a == "preview") { FitOptions::preview() } else { FitOptions::standard() };
-    for family in [LobeFamily::Cone, LobeFamily::Round] {
+    for family in [LobeKind::Cone, LobeKind::Round] {
         let wanted = rest.iter().filter(|a| ["cone", "round"].contains(&a.as_str())).all(|a| a == family.name());
         if !wanted {
             continue;

@@ -6,7 +6,7 @@ use crate::fit::block_targets;
 use crate::fit_errors::excess2;
 use crate::lobes::block::{BlockEffort, CORNERS, Target, coarse_grid, fit_joint};
 use crate::lobes::sphere::{Scratch, SphereGrid};
-use plywave::ply::LobeFamily;
+use plywave::ply::LobeKind;
 use plywave::ply::asg::PARAMS;
 use plywave::table::Table;
 use rayon::prelude::*;
@@ -35,7 +35,7 @@ pub fn fit_block(
         return Err(FitError::Option { name: "block", value: m.max(n), allowed: "a block of the table" });
     }
     let sphere = SphereGrid::new(table.grid);
-    let targets = block_targets(&sphere, table, m, n, LobeFamily::Round);
+    let targets = block_targets(&sphere, table, m, n, LobeKind::Round);
     let seed = (m * columns + n) as u64 + 1;
     let fit = fit_joint(&sphere, coarse_grid(&sphere).as_ref(), &targets, CORNERS, lobes, effort, seed, &[]);
     Ok(PartFit { params: fit.params, cost: fit.cost, evaluations: fit.evaluations })

@@ -2,9 +2,9 @@
 
 use crate::error::FitError;
 use crate::lobes::canonical::canonical_order;
-use crate::lobes::model::{Place, ScaledLobes, energies, evaluate, high_lobes, refl_lobes};
+use crate::lobes::model::{GridCell, ScaledLobes, energies, evaluate, high_lobes, refl_lobes};
 use crate::lobes::sphere::{Scratch, SphereGrid};
-use plywave::ply::LobeFamily;
+use plywave::ply::LobeKind;
 use plywave::ply::PlyData;
 use plywave::ply::asg::{Lobe, PARAMS};
 use plywave::table::OutgoingGrid;
@@ -85,12 +85,12 @@ pub fn diff(a: &PlyData, b: &PlyData, tolerance: &DiffTolerance) -> Result<DiffR
     }
     let sphere = SphereGrid::new(GRID);
     let (rows, columns) = (a.theta_i.len(), a.h_um.len());
-    let nodes: Vec<Place> =
+    let nodes: Vec<GridCell> =
         (0..rows * columns).map(|k| crate::fit_errors::node_place(k / columns, k % columns, rows, columns)).collect();
-    let cells: Vec<Place> = (0..(rows - 1) * (columns - 1))
-        .map(|k| Place { m: k / (columns - 1), s: 0.5, n: k % (columns - 1), t: 0.5 })
+    let cells: Vec<GridCell> = (0..(rows - 1) * (columns - 1))
+        .map(|k| GridCell { m: k / (columns - 1), s: 0.5, n: k % (columns - 1), t: 0.5 })
         .collect();
-    let round = a.family == LobeFamily::Round && b.family == LobeFamily::Round;
+    let round = a.family == LobeKind::Round && b.family == LobeKind::Round;
     let compare = |lobes: &(dyn Fn(&PlyData) -> ScaledLobes + Sync), scratch: &mut Scratch| {
         let (x, y) = (lobes(a), lobes(b));
         let (fx, fy) = (evaluate(&sphere, &x, scratch), evaluate(&sphere, &y, scratch));
@@ -100,7 +100,7 @@ pub fn diff(a: &PlyData, b: &PlyData, tolerance: &DiffTolerance) -> Result<DiffR
             drift: if round { lobe_drift(&x.params, &y.params) } else { None },
         }
     };
-    let slices = |places: &[Place], lobes: &(dyn Fn(&PlyData, Place) -> ScaledLobes + Sync)| -> Vec<SliceDiff> {
+    let slices = |places: &[GridCell], lobes: &(dyn Fn(&PlyData, GridCell) -> ScaledLobes + Sync)| -> Vec<SliceDiff> {
         places
             .par_iter()
             .map_init(Scratch::default, |scratch, &at| compare(&|data: &PlyData| lobes(data, at), scratch))

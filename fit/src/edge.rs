@@ -79,7 +79,7 @@ pub fn edge_error(beam: &GaussianBeam, lambda_um: f64, inside_um: f64, ln_mu: [f
 }
 
 /// Least width [um] of an aperture, for the node where it has closed.
-const LEAST_WIDTH_UM: f64 = 1e-3;
+const MIN_WIDTH_UM: f64 = 1e-3;
 
 /// A quarter of the forward hemisphere (pattern and lobe are even in u and w), in the variables u and psi, the angle about x, whose
 /// area element is that of the sphere. Nodes are [u^2, w^2, cosine, area].
@@ -139,7 +139,7 @@ impl<'a> Hemisphere<'a> {
 
     fn pattern(&self, inside_um: f64) -> Pattern {
         let (d, w0) = (self.beam.d_cut_um, self.beam.w0_um);
-        let low = inside_um.min(d - LEAST_WIDTH_UM);
+        let low = inside_um.min(d - MIN_WIDTH_UM);
         let (mut energy, mut norm2) = (0.0, 0.0);
         let mut value: Vec<Vec<f64>> = Vec::with_capacity(self.rows.len());
         for ((u, row), along) in self.rows.iter().zip(&self.along) {

@@ -6,7 +6,7 @@ use plywave::table::{Table, TableEnergies};
 use rayon::prelude::*;
 
 /// Most that the shares of a coefficient add up to, as of a table's nodes: beside a sudden fall splines swing over.
-const MOST: f64 = 1.049;
+const MAX: f64 = 1.049;
 
 /// The splines of a table's energies, and the path lengths [um] of their spectra: these, or those that fit the table best.
 ///
@@ -23,7 +23,7 @@ pub(crate) fn energy_splines(table: &Table, path_um: Option<&[f64]>) -> (PlyEner
     // Per node: f_refl, then f_high at each sigma.
     let shares: Vec<(f64, Vec<f64>)> = (0..rows * columns)
         .map(|i| {
-            let all = (refl[i] + high[0][i]).clamp(0.0, MOST);
+            let all = (refl[i] + high[0][i]).clamp(0.0, MAX);
             let refl = refl[i].clamp(0.0, all);
             let clear = all - refl;
             (refl, (0..sigmas).map(|k| if k == 0 { clear } else { high[k][i].clamp(0.0, clear) }).collect())

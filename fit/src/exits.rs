@@ -14,7 +14,7 @@ use rayon::prelude::*;
 const TRIED: usize = 28;
 const ROUNDS: usize = 3;
 /// Share of the light with a kind below which its length cannot be told.
-const LEAST_LIGHT: f64 = 1e-3;
+const MIN_LIGHT: f64 = 1e-3;
 
 /// Normal equations of `N` coefficients.
 struct Fit<const N: usize> {
@@ -162,7 +162,7 @@ fn lengths(all: &[Recorded<'_>], clear: &[f64], mean: &[f64]) -> [f64; EXIT_KIND
     let (mut best, mut found) = (usual, USUAL_EXIT_LENGTHS);
     for _ in 0..ROUNDS {
         for kind in 0..EXIT_KINDS {
-            if if kind == 0 { refl } else { high } < LEAST_LIGHT * (refl + high) {
+            if if kind == 0 { refl } else { high } < MIN_LIGHT * (refl + high) {
                 continue;
             }
             let errors: Vec<f64> = (0..TRIED)

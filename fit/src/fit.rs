@@ -15,7 +15,7 @@ use crate::lobes::reflection::fit_reflection;
 use crate::lobes::sphere::{Scratch, SphereGrid};
 use crate::options::FitOptions;
 use plywave::ply::asg::PARAMS;
-use plywave::ply::{EdgeLobes, LobeFamily, PlyData};
+use plywave::ply::{EdgeLobes, LobeKind, PlyData};
 use plywave::table::Table;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -43,7 +43,7 @@ pub struct Progress {
 }
 
 /// Most that becomes of the light at a node: 1 and room for the noise of few paths.
-const MOST_ENERGY: f64 = 1.05;
+const MAX_ENERGY: f64 = 1.05;
 
 /// A model without its lobes: axes, absorption and energies of a table, and these edge lobes. Refused where it could not be saved, in some milliseconds.
 ///
@@ -72,7 +72,7 @@ pub(crate) fn frame_on(
         h_um: table.h_um.clone(),
         sigma_per_um: table.sigma_per_um.clone(),
         path_um,
-        family: LobeFamily::Round,
+        family: LobeKind::Round,
         lobes_refl: options.lobes_refl,
         lobes_high: options.lobes_high,
         energies,
@@ -89,12 +89,12 @@ pub(crate) fn frame_on(
     // The splines' coefficients are kept within bounds: what the table itself has is looked at first.
     for node in 0..table.r_d.len() {
         let all = table.r_d[node] + table.energy_refl[node] + table.energy_high[node * table.sigma_per_um.len()];
-        if all > MOST_ENERGY {
+        if all > MAX_ENERGY {
             let key = format!("r_d + energy_refl + energy_high at node {node}");
             return Err(FitError::Unsavable {
                 key,
                 value: all.to_string(),
-                hint: format!("expected at most {MOST_ENERGY}"),
+                hint: format!("expected at most {MAX_ENERGY}"),
             });
         }
     }
@@ -180,7 +180,7 @@ pub fn fit(table: &Table, options: &FitOptions, progress: &(dyn Fn(Progress) + S
         .map(|node| {
             let values = table.refl_slice(node / columns, node % columns);
             Target::new(&sphere, values, table.energy_refl[node], table.noise_refl[node], vec![(0, 1.0)])
-                .with(SliceLobes::of(family, table.theta_i[node / columns]))
+                .with(SliceLobes::new(family, table.theta_i[node / columns]))
         })
         .collect();
     let total = rows * columns * (1 + options.reflection.rounds);
@@ -219,7 +219,7 @@ const ROUND_SERVES: f64 = 0.06;
 ///
 /// Round lobes, unless their slices are off by more than [`ROUND_SERVES`] (rms) and cones, which have as many parameters and so take up as much noise, leave less than
 /// half of their squared error: a family that every host evaluates is given up for a gain that shows, and for no less.
-fn needed_family(sphere: &SphereGrid, coarse: Option<&SphereGrid>, table: &Table, options: &FitOptions) -> LobeFamily {
+fn needed_family(sphere: &SphereGrid, coarse: Option<&SphereGrid>, table: &Table, options: &FitOptions) -> LobeKind {
     let (rows, columns) = ((table.theta_i.len() - 1) / 2, (table.h_um.len() - 1) / 2);
     let effort = BlockEffort { starts: options.block.starts.div_ceil(2), moves: 0, ..options.block };
     let probes: Vec<(usize, usize)> = [rows / 3, (2 * rows / 3).min(rows - 1)]
@@ -227,7 +227,7 @@ fn needed_family(sphere: &SphereGrid, coarse: Option<&SphereGrid>, table: &Table
         .flat_map(|m| [columns / 2, columns / 3].map(|n| (m, n)))
         .collect();
     // Sum of squared relative errors over all slices of all probes.
-    let cost = |family: LobeFamily| -> f64 {
+    let cost = |family: LobeKind| -> f64 {
         let costs: Vec<f64> = probes
             .par_iter()
             .map(|&(m, n)| {
@@ -237,22 +237,16 @@ fn needed_family(sphere: &SphereGrid, coarse: Option<&SphereGrid>, table: &Table
             .collect();
         costs.iter().sum()
     };
-    let round = cost(LobeFamily::Round);
-    if round <= ROUND_SERVES.powi(2) * (9 * probes.len()) as f64 || cost(LobeFamily::Cone) > 0.5 * round {
-        LobeFamily::Round
+    let round = cost(LobeKind::Round);
+    if round <= ROUND_SERVES.powi(2) * (9 * probes.len()) as f64 || cost(LobeKind::Cone) > 0.5 * round {
+        LobeKind::Round
     } else {
-        LobeFamily::Cone
+        LobeKind::Cone
     }
 }
 
 /// The nine slices of block `(bm, bn)` at sigma = 0.
-pub(crate) fn block_targets(
-    sphere: &SphereGrid,
-    table: &Table,
-    bm: usize,
-    bn: usize,
-    family: LobeFamily,
-) -> Vec<Target> {
+pub(crate) fn block_targets(sphere: &SphereGrid, table: &Table, bm: usize, bn: usize, family: LobeKind) -> Vec<Target> {
     let (columns, sigmas) = (table.h_um.len(), table.sigma_per_um.len());
     (0..9)
         .map(|i| {
@@ -260,7 +254,7 @@ pub(crate) fn block_targets(
             let at = (m * columns + n) * sigmas;
             let corners = corner_weights(i / 3, i % 3).into_iter().enumerate().filter(|c| c.1 > 0.0).collect();
             Target::new(sphere, table.high_slice(m, n, 0), table.energy_high[at], table.noise_high[at], corners)
-                .with(SliceLobes::of(family, table.theta_i[m]))
+                .with(SliceLobes::new(family, table.theta_i[m]))
         })
         .collect()
 }

@@ -3,7 +3,7 @@
 use crate::check::check_table;
 use crate::error::FitError;
 use crate::lobes::block::corner_weights;
-use crate::lobes::model::{Place, evaluate, high_lobes_in_block, refl_lobes};
+use crate::lobes::model::{GridCell, evaluate, high_lobes_in_block, refl_lobes};
 use crate::lobes::sphere::{Scratch, SphereGrid};
 use plywave::ply::PlyData;
 use plywave::table::Table;
@@ -55,9 +55,9 @@ fn root(squared: f64) -> f64 {
 }
 
 /// The place of node `(m, n)` of a model with `rows` x `columns` nodes.
-pub(crate) fn node_place(m: usize, n: usize, rows: usize, columns: usize) -> Place {
+pub(crate) fn node_place(m: usize, n: usize, rows: usize, columns: usize) -> GridCell {
     let (m0, n0) = (m.min(rows - 2), n.min(columns - 2));
-    Place { m: m0, s: (m - m0) as f64, n: n0, t: (n - n0) as f64 }
+    GridCell { m: m0, s: (m - m0) as f64, n: n0, t: (n - n0) as f64 }
 }
 
 /// Errors of `model` against `table`, which must have the same incidences and absorption coefficients. Against the table of

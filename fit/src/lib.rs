@@ -30,7 +30,7 @@ pub use fit_errors::{FitErrors, errors};
 pub use khungurn::{KhungurnFit, KhungurnFitError, SwatchOptions, SwatchSample, fit_khungurn, fit_khungurn_swatch};
 pub use layers::layer_factors;
 pub use lobes::{
-    BlockEffort, CORNERS, PATHS, PaddedSlice, Place, ReflectionEffort, ScaledLobes, Scratch, SliceLobes, SphereGrid,
+    BlockEffort, CORNERS, GridCell, PATHS, PaddedSlice, ReflectionEffort, ScaledLobes, Scratch, SliceLobes, SphereGrid,
     canonical, canonical_order, canonicalize, choose_paths, corner_weights, energies, energy_high, energy_spectrum,
     high_lobes, high_lobes_in_block, kmeans_lobes, locate, nearest_representation, refl_lobes,
 };

@@ -3,7 +3,7 @@
 use crate::error::FitError;
 use crate::lobes::block::BlockEffort;
 use crate::lobes::reflection::ReflectionEffort;
-use plywave::ply::LobeFamily;
+use plywave::ply::LobeKind;
 
 /// How hard and with how many lobes to fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -13,7 +13,7 @@ pub struct FitOptions {
     /// High-order lobes.
     pub lobes_high: usize,
     /// Which lobes; those that the table needs, where it is not said.
-    pub family: Option<LobeFamily>,
+    pub family: Option<LobeKind>,
     /// Effort of a block of high-order slices.
     pub block: BlockEffort,
     /// Effort of the reflection slices.

@@ -102,7 +102,7 @@ fn middles_of(axis: &FamilyAxis, radius: f64) -> Vec<f64> {
 
 /// The yarns of a product of axes, those of `values` along each.
 fn product(spec: &YarnSpec, axes: &[FamilyAxis], values: impl Fn(&FamilyAxis) -> Vec<f64>) -> Vec<FamilyParams> {
-    axes.iter().fold(vec![FamilyParams::of(spec)], |all, axis| {
+    axes.iter().fold(vec![FamilyParams::from_spec(spec)], |all, axis| {
         let values = values(axis);
         let with = |params: FamilyParams| {
             values.iter().map(move |v| {
@@ -155,7 +155,7 @@ pub fn family_jobs(recipe: &Recipe, options: &FamilyOptions) -> Result<Vec<Famil
     let axes = axes(&recipe.spec, options.first_nodes.max(2));
     let of = |params: &FamilyParams| {
         let job = simulate_job(&member(recipe, params)?)?;
-        Ok(FamilyJob { folder: format!("{}.parts", table_name(&Plan::of(&job).digest)), job })
+        Ok(FamilyJob { folder: format!("{}.parts", table_name(&Plan::from_job(&job).digest)), job })
     };
     yarns(&recipe.spec, &axes, options.middles).iter().flatten().map(of).collect()
 }
@@ -163,7 +163,7 @@ pub fn family_jobs(recipe: &Recipe, options: &FamilyOptions) -> Result<Vec<Famil
 /// The table of a member: from the folder, or simulated and put there.
 fn table(recipe: &Recipe, folder: Option<FamilyFolder<'_>>, run: &Run<'_>) -> Result<Table, Error> {
     let Some(folder) = folder else { return simulate(recipe, run) };
-    let digest = Plan::of(&simulate_job(recipe)?).digest;
+    let digest = Plan::from_job(&simulate_job(recipe)?).digest;
     let name = table_name(&digest);
     let path = folder.path.join(format!("{name}.pwt"));
     if path.exists()
@@ -221,7 +221,7 @@ pub fn build_family(
     let mut axes = axes(&recipe.spec, options.first_nodes.max(2));
     let mut tables = Tables { recipe, folder, run, known: Vec::new() };
     if options.most_nodes > options.first_nodes {
-        let mut center = FamilyParams::of(&recipe.spec);
+        let mut center = FamilyParams::from_spec(&recipe.spec);
         axes.iter().for_each(|axis| center.set(axis.param, axis.values[axis.values.len() / 2]));
         for axis in &mut axes {
             refine_axis(axis, &center, radius, options, &mut tables)?;

@@ -27,7 +27,7 @@ fn run_job<J: runs::Job>(
     run: &Run<'_>,
     file: &str,
 ) -> Result<J::Output, Error> {
-    let total = runs::Plan::of(job).units;
+    let total = runs::Plan::from_job(job).units;
     let done = AtomicU64::new(0);
     let advance = |units: u64| {
         let done = done.fetch_add(units, Ordering::Relaxed) + units;
@@ -161,18 +161,18 @@ pub(crate) fn noise_options(seed: u64, spec: &YarnSpec) -> NoiseOptions {
 }
 
 /// Share of a beam, of which a slice's errors count in full ([`held_errors`]).
-pub const LEAST_MET: f64 = 0.02;
+pub const MIN_MET: f64 = 0.02;
 
 /// Errors of f_refl, `[theta_i][h]`, and of f_high, `[theta_i][h][sigma]`, as a fit is held to them: those of the slices, relative L2, of f_high as a
 /// share of the slice's light at sigma = 0.
 ///
-/// Beyond the ply's rim next to nothing of a beam meets fibers, and energies are good to 0.002 of the beam: where less than [`LEAST_MET`] of it meets any,
+/// Beyond the ply's rim next to nothing of a beam meets fibers, and energies are good to 0.002 of the beam: where less than [`MIN_MET`] of it meets any,
 /// a slice's errors count in proportion to that.
 pub fn held_errors(data: &PlyData, error_refl: &[f64], error_high: &[f64]) -> [Vec<f64>; 2] {
     let (nodes, sigmas) = (data.node_energies(), data.sigma_per_um.len().max(1));
     let energy = |k: usize| nodes[k / sigmas].high_at(data.sigma_per_um[k % sigmas], &data.path_um);
     let share = |k: usize| energy(k) / energy(k - k % sigmas).max(f64::MIN_POSITIVE);
-    let met = |node: usize| ((1.0 - nodes[node].r_d) / LEAST_MET).clamp(0.0, 1.0);
+    let met = |node: usize| ((1.0 - nodes[node].r_d) / MIN_MET).clamp(0.0, 1.0);
     [
         error_refl.iter().enumerate().map(|(node, e)| e * met(node)).collect(),
         error_high.iter().enumerate().map(|(k, e)| e * share(k) * met(k / sigmas)).collect(),
@@ -190,7 +190,7 @@ pub struct FitQuality {
 
 impl FitQuality {
     /// Of a model, by the errors that its fit stored.
-    pub fn of(data: &PlyData) -> FitQuality {
+    pub fn from_data(data: &PlyData) -> FitQuality {
         FitQuality::of_errors(data, &data.error_refl, &data.error_high)
     }
 

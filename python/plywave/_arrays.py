@@ -6,7 +6,7 @@ from typing import Any, Dict, List, Optional, Tuple
 
 import numpy as np
 
-from ._plywave import MOST_CHANNELS, RGB_LAMBDA_UM, Error
+from ._plywave import MAX_CHANNELS, RGB_LAMBDA_UM, Error
 
 Shape = Tuple[int, ...]
 
@@ -65,9 +65,9 @@ def count_of(arrays: Dict[str, np.ndarray]) -> int:
     if any(n not in (1, count) for n in counts.values()):
         told = ", ".join(f"{name} {arrays[name].shape}" for name in arrays)
         raise Error(f"the last axes differ: {told}; give one absorption and one wavelength a channel")
-    if not 1 <= count <= MOST_CHANNELS:
+    if not 1 <= count <= MAX_CHANNELS:
         told = ", ".join(f"{name} {arrays[name].shape}" for name in arrays)
-        raise Error(f"{told}: the last axis is N absorptions or wavelengths; give 1 to {MOST_CHANNELS}")
+        raise Error(f"{told}: the last axis is N absorptions or wavelengths; give 1 to {MAX_CHANNELS}")
     return count
 
 

@@ -19,7 +19,7 @@ _CLASSES: Any = {"table": Table, "model": Model, "fiber": Fiber, "speckle": Spec
 
 
 def load(path: PathLike) -> "Union[Model, Fabric, Fiber, Table, Speckle, Twin, Family]":
-    """Reads a file by what it holds: a model (.pwm), a fabric spec (.toml), a fiber (.pwf), a table (.pwt), speckle patterns (.pws), the twin of a cloth (.pwx),
+    """Reads a file by what it holds: a model (.pwm), a fabric spec (.toml), a fiber (.pwf, or a spec .toml with `[filament]`), a table (.pwt), speckle patterns (.pws), the twin of a cloth (.pwx),
     a family of plies (.pwfam). A name without folder and ending, where there is no such file, is that of a model that ships, or of a folder of the variable
     PLYWAVE_MODELS: ``load("polyester")``.
 
@@ -29,6 +29,8 @@ def load(path: PathLike) -> "Union[Model, Fabric, Fiber, Table, Speckle, Twin, F
     name = os.fspath(path)
     if name.endswith(".toml"):
         sections = _sections(name)
+        if "[filament]" in sections:
+            return Fiber(name)
         if "[[fiber]]" in sections:
             raise Error(f"{name}: a scene for waves (TOML); `plywave.wave.scatter` takes it")
         if not sections & {"[weave]", "[warp]", "[weft]"} and sections & {"[fiber]", "[fiber.shape]", "[ply]", "[absorption]"}:

@@ -12,7 +12,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Most absorptions or wavelengths of a call.
-pub(crate) const MOST_CHANNELS: usize = 8;
+pub(crate) const MAX_CHANNELS: usize = 8;
 /// Queries that one thread takes at a time.
 pub(crate) const CHUNK: usize = 2048;
 /// Time between two looks for Ctrl-C.
@@ -42,7 +42,7 @@ pub(crate) enum Rows<'a, const K: usize> {
 
 impl<'a, const K: usize> Rows<'a, K> {
     /// Of an array of `n` rows or of one.
-    pub(crate) fn of(floats: &'a Floats<'_>, n: usize, name: &str) -> Outcome<Rows<'a, K>> {
+    pub(crate) fn new(floats: &'a Floats<'_>, n: usize, name: &str) -> Outcome<Rows<'a, K>> {
         fn slice<'a, T: numpy::Element>(array: &'a PyReadonlyArray1<'_, T>, name: &str) -> Outcome<&'a [T]> {
             array
                 .as_slice()
@@ -76,7 +76,7 @@ impl<'a, const K: usize> Rows<'a, K> {
         name: &str,
         usual: [f32; K],
     ) -> Outcome<Rows<'a, K>> {
-        floats.map_or(Ok(Rows::One(usual)), |floats| Rows::of(floats, n, name))
+        floats.map_or(Ok(Rows::One(usual)), |floats| Rows::new(floats, n, name))
     }
 
     /// Row of query `i`.
@@ -170,7 +170,7 @@ impl<Q, B, F: Fn(&Q) -> B> At<Q> for Same<F> {
 }
 
 /// Queries of an index, and the scattering function at one of them.
-pub(crate) struct Asked<G, A> {
+pub(crate) struct PreparedQueries<G, A> {
     /// Number of queries.
     pub(crate) n: usize,
     /// Threads.
@@ -216,7 +216,7 @@ impl<Q: PartialEq, G: Fn(usize) -> Q> Iterator for Runs<'_, G, Q> {
     }
 }
 
-impl<G, A> Asked<G, A> {
+impl<G, A> PreparedQueries<G, A> {
     /// M numbers a query, of what is there at it and its index.
     pub(crate) fn map<Q: PartialEq, const M: usize>(
         &self,
@@ -365,7 +365,7 @@ impl<G, A> Asked<G, A> {
     pub(crate) fn answer_often<Q: PartialEq, const N: usize>(
         &self,
         py: Python<'_>,
-        what: Often,
+        what: ScatterCall,
         w: Rows<'_, 3>,
         out: &mut Out<'_>,
         onward: impl Fn(&Q) -> [f32; 3] + Sync,
@@ -376,17 +376,17 @@ impl<G, A> Asked<G, A> {
     {
         let n = self.n;
         match what {
-            Often::Eval => {
+            ScatterCall::Eval => {
                 let [f] = out.floats()?;
                 let f = rows_mut(f, n)?;
                 py.detach(|| self.eval(w, f))?;
             }
-            Often::EvalPdf => {
+            ScatterCall::EvalPdf => {
                 let [f, pdf] = out.floats()?;
                 let (f, pdf) = (rows_mut(f, n)?, rows_mut::<_, 1>(pdf, n)?);
                 py.detach(|| self.eval_pdf(w, f, pdf.as_flattened_mut()))?;
             }
-            Often::Sample => {
+            ScatterCall::Sample => {
                 let ([drawn, weight, pdf], event) = out.floats_and_events()?;
                 let (drawn, weight) = (rows_mut(drawn, n)?, rows_mut(weight, n)?);
                 let (pdf, event) = (rows_mut::<_, 1>(pdf, n)?, rows_mut::<_, 1>(event, n)?);
@@ -412,7 +412,7 @@ impl<G, A> Asked<G, A> {
     {
         let directions = || w.ok_or_else(|| Failure::Input("directions are missing".into()));
         let n = self.n;
-        if let Some(often) = Often::of(what) {
+        if let Some(often) = ScatterCall::from_what(what) {
             return self.answer_often(py, often, directions()?, out, onward);
         }
         match what {
@@ -502,7 +502,7 @@ pub(crate) enum What {
 }
 
 impl What {
-    pub(crate) fn of(name: &str) -> Option<What> {
+    pub(crate) fn from_name(name: &str) -> Option<What> {
         Some(match name {
             "eval" => What::Eval,
             "pdf" => What::Pdf,
@@ -518,18 +518,18 @@ impl What {
 
 /// Questions that are asked by the million.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Often {
+pub(crate) enum ScatterCall {
     Eval,
     EvalPdf,
     Sample,
 }
 
-impl Often {
-    pub(crate) fn of(what: What) -> Option<Often> {
+impl ScatterCall {
+    pub(crate) fn from_what(what: What) -> Option<ScatterCall> {
         Some(match what {
-            What::Eval => Often::Eval,
-            What::EvalPdf => Often::EvalPdf,
-            What::Sample => Often::Sample,
+            What::Eval => ScatterCall::Eval,
+            What::EvalPdf => ScatterCall::EvalPdf,
+            What::Sample => ScatterCall::Sample,
             _ => return None,
         })
     }

@@ -62,7 +62,7 @@ pub(crate) fn check(py: Python<'_>, model: &Model, seed: u64, incidences: usize)
             let names = ["layers_furnace", "layers_weight", "", "layers_chi_square", "layers_kept"];
             lines.extend(part(names, &layers, LAYER_TOLERANCE));
         }
-        let (quality, good) = (FitQuality::of(model.data()), FitQuality::good());
+        let (quality, good) = (FitQuality::from_data(model.data()), FitQuality::good());
         lines.push(at_most("fit_error_refl", quality.refl, good.refl));
         lines.push(at_most("fit_error_high", quality.high, good.high));
         lines

@@ -96,13 +96,13 @@ impl From<plywave::Error> for Failure {
 }
 
 /// Characters of a message.
-const MOST: usize = 1999;
+const MAX: usize = 1999;
 
 impl From<Failure> for PyErr {
     fn from(failure: Failure) -> PyErr {
         match failure {
-            Failure::Input(line) => Error::new_err(plywave::one_line(&line, MOST)),
-            Failure::Interrupted(line) => PyKeyboardInterrupt::new_err(plywave::one_line(&line, MOST)),
+            Failure::Input(line) => Error::new_err(plywave::one_line(&line, MAX)),
+            Failure::Interrupted(line) => PyKeyboardInterrupt::new_err(plywave::one_line(&line, MAX)),
             Failure::Python(error) => error,
         }
     }

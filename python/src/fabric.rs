@@ -1,13 +1,13 @@
 //! Woven fabrics.
 
-use crate::batch::{Asked, Floats, Out, Rows, Same, What, by_channels, rows_mut};
+use crate::batch::{PreparedQueries, Floats, Out, Rows, Same, What, by_channels, rows_mut};
 use crate::errors::{Failure, Outcome};
 use numpy::IntoPyArray;
 use plywave::fabric::{
-    Channels, ColorOf, FabricAt, FabricOptions, FabricSpec, Family, GapLight, LoadedFabric, Slits, YarnColor,
+    Channels, ColorOf, FabricBsdf, FabricOptions, FabricSpec, YarnSet, GapLight, LoadedFabric, Slits, YarnColor,
 };
 use plywave::io::Folder;
-use plywave::{FabricBsdf, FabricQuery};
+use plywave::{FabricModel, FabricQuery};
 use plywave_pipeline::model_library;
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -16,7 +16,7 @@ use std::sync::Arc;
 /// A fabric, loaded for shading.
 #[pyclass(frozen, module = "plywave._plywave", name = "Fabric")]
 pub(crate) struct Fabric {
-    pub(crate) fabric: Arc<FabricBsdf>,
+    pub(crate) fabric: Arc<FabricModel>,
     notes: Vec<String>,
 }
 
@@ -113,7 +113,7 @@ impl Fabric {
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf, options: Options) -> Outcome<Fabric> {
         let options = options.options()?;
-        py.detach(|| Fabric::of(FabricSpec::load_file(path, &model_library())?, &options))
+        py.detach(|| Fabric::from_loaded(FabricSpec::load_file(path, &model_library())?, &options))
     }
 
     /// Of a spec's text; the files it names lie in `folder`, and anywhere.
@@ -121,7 +121,7 @@ impl Fabric {
     fn from_text(py: Python<'_>, text: &str, name: &str, folder: PathBuf, options: Options) -> Outcome<Fabric> {
         let options = options.options()?;
         let folder = Folder::new(folder).anywhere();
-        py.detach(|| Fabric::of(FabricSpec::load_with(text, name, &folder, &model_library())?, &options))
+        py.detach(|| Fabric::from_loaded(FabricSpec::load_with(text, name, &folder, &model_library())?, &options))
     }
 
     /// The same fabric with other colors of warp and weft.
@@ -167,16 +167,16 @@ impl Fabric {
             Floats::Single(array) => array.len()?,
             Floats::Double(array) => array.len()?,
         };
-        let rows: Rows<'_, 1> = Rows::of(&reflectance, n, "reflectance")?;
+        let rows: Rows<'_, 1> = Rows::new(&reflectance, n, "reflectance")?;
         let sigma: Vec<f32> = py.detach(|| (0..n).map(|i| self.fabric.sigma_of_reflectance(rows.get(i))[0]).collect());
         Ok(sigma.into_pyarray(py).into_any())
     }
 
     /// The ply model of a yarn.
     fn model_of(&self, family: &str, yarn: i32) -> Outcome<crate::model::Model> {
-        let family = Family::EACH.into_iter().find(|f| f.name() == family);
+        let family = YarnSet::EACH.into_iter().find(|f| f.name() == family);
         let family = family.ok_or_else(|| Failure::Input("family must be \"warp\" or \"weft\"".into()))?;
-        Ok(crate::model::Model::of(self.fabric.model_of(family, yarn).clone()))
+        Ok(crate::model::Model::from_model(self.fabric.model_of(family, yarn).clone()))
     }
 
     /// Answers `what` of the queries.
@@ -189,9 +189,9 @@ impl Fabric {
 type Numbers<const N: usize> = ([f32; 2], [f32; 3], [f32; N], [Option<[f32; N]>; 2], [f32; 2]);
 
 impl Fabric {
-    fn of(loaded: LoadedFabric, options: &FabricOptions) -> Outcome<Fabric> {
+    fn from_loaded(loaded: LoadedFabric, options: &FabricOptions) -> Outcome<Fabric> {
         let notes = loaded.notes();
-        Ok(Fabric { fabric: Arc::new(FabricBsdf::new(loaded, options)?), notes })
+        Ok(Fabric { fabric: Arc::new(FabricModel::new(loaded, options)?), notes })
     }
 
     fn answer<const N: usize>(
@@ -202,8 +202,8 @@ impl Fabric {
         out: &mut Out<'_>,
     ) -> Outcome {
         let FabricArrays { n, threads, .. } = *arrays;
-        let position: Rows<'_, 2> = Rows::of(&arrays.position, n, "position_um")?;
-        let wo: Rows<'_, 3> = Rows::of(&arrays.wo, n, "wo")?;
+        let position: Rows<'_, 2> = Rows::new(&arrays.position, n, "position_um")?;
+        let wo: Rows<'_, 3> = Rows::new(&arrays.wo, n, "wo")?;
         let mut rgb = [0.0; N];
         plywave::color::RGB_LAMBDA_UM.iter().zip(&mut rgb).for_each(|(from, to)| *to = *from);
         let lambda: Rows<'_, N> = Rows::of_optional(arrays.lambda.as_ref(), n, "lambda_um", rgb)?;
@@ -211,11 +211,11 @@ impl Fabric {
         let has = [arrays.warp.is_some(), arrays.weft.is_some()];
         let warp: Rows<'_, N> = Rows::of_optional(arrays.warp.as_ref(), n, "sigma_per_um", [0.0; N])?;
         let weft: Rows<'_, N> = Rows::of_optional(arrays.weft.as_ref(), n, "sigma_per_um", [0.0; N])?;
-        let turn: Rows<'_, 1> = Rows::of(&arrays.turn, n, "turn_rad")?;
-        let footprint: Rows<'_, 1> = Rows::of(&arrays.footprint, n, "footprint_um")?;
-        let w: Option<Rows<'_, 3>> = arrays.w.as_ref().map(|w| Rows::of(w, n, "wi")).transpose()?;
+        let turn: Rows<'_, 1> = Rows::new(&arrays.turn, n, "turn_rad")?;
+        let footprint: Rows<'_, 1> = Rows::new(&arrays.footprint, n, "footprint_um")?;
+        let w: Option<Rows<'_, 3>> = arrays.w.as_ref().map(|w| Rows::new(w, n, "wi")).transpose()?;
         let fabric = &*self.fabric;
-        let asked = Asked {
+        let asked = PreparedQueries {
             n,
             threads,
             get: |i: usize| -> Numbers<N> {
@@ -233,10 +233,10 @@ impl Fabric {
                 fabric.at(&query)
             }),
         };
-        match What::of(what) {
+        match What::from_name(what) {
             Some(what) => asked.answer(py, what, w, out, |(_, wo, ..)| wo.map(|v| -v)),
             None if what == "is_gap" => {
-                let of = |at: &FabricAt<'_, N>| [f32::from(u8::from(at.is_gap()))];
+                let of = |at: &FabricBsdf<'_, N>| [f32::from(u8::from(at.is_gap()))];
                 let [gap] = out.floats()?;
                 let gap = rows_mut(gap, n)?;
                 py.detach(|| asked.map(gap, |at, _| of(at)))?;

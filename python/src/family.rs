@@ -40,7 +40,7 @@ impl Family {
     /// The model of a yarn.
     fn at(&self, py: Python<'_>, params: [f64; 3]) -> Outcome<Model> {
         let [fiber_pitch_um, alpha_fiber, eta] = params;
-        Ok(Model::of(py.detach(|| self.family.at(&FamilyParams { fiber_pitch_um, alpha_fiber, eta }))?))
+        Ok(Model::from_model(py.detach(|| self.family.at(&FamilyParams { fiber_pitch_um, alpha_fiber, eta }))?))
     }
 }
 

@@ -1,8 +1,8 @@
 //! Fibers.
 
-use crate::batch::{Asked, Floats, Out, Rows, Same, What, by_channels, rows_mut};
+use crate::batch::{PreparedQueries, Floats, Out, Rows, Same, What, by_channels, rows_mut};
 use crate::errors::{Failure, Outcome};
-use plywave::fiber::TabulatedFiber;
+use plywave::fiber::{FilamentSpec, TabulatedFiber};
 use plywave::{FiberBsdf, FiberModel, FiberQuery};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -13,6 +13,20 @@ use std::sync::Arc;
 #[pyclass(frozen, module = "plywave._plywave", name = "Fiber")]
 pub(crate) struct Fiber {
     pub(crate) fiber: Arc<FiberModel>,
+    /// Wavelengths [um] and absorption [1/um] of the spec of an analytic fiber.
+    color: Option<([f32; 3], [f32; 3])>,
+}
+
+impl From<FilamentSpec> for Fiber {
+    fn from(spec: FilamentSpec) -> Fiber {
+        Fiber { fiber: Arc::new(spec.model), color: Some((spec.lambda_um, spec.sigma_per_um)) }
+    }
+}
+
+impl From<TabulatedFiber> for Fiber {
+    fn from(fiber: TabulatedFiber) -> Fiber {
+        Fiber { fiber: Arc::new(FiberModel::Tabulated(fiber)), color: None }
+    }
 }
 
 /// The queries of a call, as flat arrays.
@@ -23,23 +37,36 @@ pub(crate) struct FiberArrays<'py> {
     channels: usize,
     omega_i: Floats<'py>,
     lambda: Floats<'py>,
+    sigma: Floats<'py>,
+    h_rel: Option<Floats<'py>>,
     w: Option<Floats<'py>>,
     threads: usize,
 }
 
 #[pymethods]
 impl Fiber {
-    /// Of a file's bytes; `name` stands for it in messages.
+    /// From a file's bytes; `name` stands for it in messages, and ends in `.toml` for a spec.
     #[staticmethod]
     fn from_bytes(py: Python<'_>, bytes: &[u8], name: &str) -> Outcome<Fiber> {
-        let fiber = py.detach(|| TabulatedFiber::from_bytes(bytes, name))?;
-        Ok(Fiber { fiber: Arc::new(FiberModel::Tabulated(fiber)) })
+        match FilamentSpec::from_bytes(bytes, name)? {
+            Some(spec) => Ok(spec.into()),
+            None => Ok(py.detach(|| TabulatedFiber::from_bytes(bytes, name))?.into()),
+        }
     }
 
-    /// Of a file.
+    /// From a table (.pwf) or the spec of an analytic fiber (.toml).
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> Outcome<Fiber> {
-        Ok(Fiber { fiber: Arc::new(py.detach(|| FiberModel::load(path))?) })
+        if path.extension().is_some_and(|e| e == "toml") {
+            return Ok(FilamentSpec::load(path)?.into());
+        }
+        Ok(py.detach(|| TabulatedFiber::load(path))?.into())
+    }
+
+    /// Wavelengths [um] and absorption [1/um] of the spec of an analytic fiber; none of a table.
+    #[getter]
+    fn color(&self) -> Option<([f32; 3], [f32; 3])> {
+        self.color
     }
 
     /// The bytes of its file.
@@ -54,14 +81,13 @@ impl Fiber {
 
     /// Largest width from which it takes light [um].
     #[getter]
-    fn max_width_um(&self) -> Outcome<f32> {
-        Ok(self.tabulated()?.max_width_um())
+    fn max_width_um(&self) -> f32 {
+        self.fiber.max_width_um()
     }
 
     /// The same with another longitudinal width [rad].
     fn with_beta_m(&self, beta_m_rad: f32) -> Outcome<Fiber> {
-        let fiber = self.tabulated()?.clone().with_beta_m(beta_m_rad);
-        Ok(Fiber { fiber: Arc::new(FiberModel::Tabulated(fiber)) })
+        Ok(self.tabulated()?.clone().with_beta_m(beta_m_rad).into())
     }
 
     /// Answers `what` of the queries.
@@ -74,7 +100,7 @@ impl Fiber {
     fn tabulated(&self) -> Outcome<&TabulatedFiber> {
         match &*self.fiber {
             FiberModel::Tabulated(fiber) => Ok(fiber),
-            _ => Err(Failure::Input("the fiber has no table".into())),
+            _ => Err(Failure::Input("an analytic fiber has no table: change its spec".into())),
         }
     }
 
@@ -86,18 +112,25 @@ impl Fiber {
         out: &mut Out<'_>,
     ) -> Outcome {
         let FiberArrays { n, threads, .. } = *arrays;
-        let omega_i: Rows<'_, 3> = Rows::of(&arrays.omega_i, n, "omega_i")?;
-        let lambda: Rows<'_, N> = Rows::of(&arrays.lambda, n, "lambda_um")?;
-        let w: Option<Rows<'_, 3>> = arrays.w.as_ref().map(|w| Rows::of(w, n, "omega_o")).transpose()?;
+        let omega_i: Rows<'_, 3> = Rows::new(&arrays.omega_i, n, "omega_i")?;
+        let lambda: Rows<'_, N> = Rows::new(&arrays.lambda, n, "lambda_um")?;
+        let sigma: Rows<'_, N> = Rows::new(&arrays.sigma, n, "sigma_per_um")?;
+        let h_rel: Option<Rows<'_, 1>> = arrays.h_rel.as_ref().map(|h| Rows::new(h, n, "h_rel")).transpose()?;
+        let w: Option<Rows<'_, 3>> = arrays.w.as_ref().map(|w| Rows::new(w, n, "omega_o")).transpose()?;
         let fiber = &*self.fiber;
-        let asked = Asked {
+        let asked = PreparedQueries {
             n,
             threads,
-            get: |i| (omega_i.get(i), lambda.get(i)),
-            at: Same(|&(omega_i, lambda): &([f32; 3], [f32; N])| fiber.at(&FiberQuery::new(omega_i, lambda))),
+            get: |i| FiberQuery {
+                omega_i: omega_i.get(i),
+                h_rel: h_rel.map(|h| h.get(i)[0]),
+                lambda_um: lambda.get(i),
+                sigma_per_um: sigma.get(i),
+            },
+            at: Same(|query: &FiberQuery<N>| fiber.at(query)),
         };
-        match What::of(what) {
-            Some(what) => asked.answer(py, what, w, out, |(omega_i, _)| omega_i.map(|v| -v)),
+        match What::from_name(what) {
+            Some(what) => asked.answer(py, what, w, out, |query| query.omega_i.map(|v| -v)),
             None if what == "width_um" => {
                 let [width] = out.floats()?;
                 let width = rows_mut(width, n)?;

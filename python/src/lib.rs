@@ -20,7 +20,7 @@ use pyo3::prelude::*;
 #[pymodule]
 fn _plywave(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
-    module.add("MOST_CHANNELS", batch::MOST_CHANNELS)?;
+    module.add("MAX_CHANNELS", batch::MAX_CHANNELS)?;
     module.add("RGB_LAMBDA_UM", plywave::color::RGB_LAMBDA_UM.to_vec())?;
     module.add("Error", module.py().get_type::<errors::Error>())?;
     module.add_class::<model::Model>()?;

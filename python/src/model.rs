@@ -1,6 +1,6 @@
 //! Ply models.
 
-use crate::batch::{Arrays, Asked, At, CHUNK, Floats, Often, Out, Rows, Same, What, by_channels, parallel, rows_mut};
+use crate::batch::{Arrays, PreparedQueries, At, CHUNK, Floats, ScatterCall, Out, Rows, Same, What, by_channels, parallel, rows_mut};
 use crate::errors::{Failure, Outcome};
 use numpy::{IntoPyArray, PyReadonlyArray1};
 use plywave::gap::Slit;
@@ -115,13 +115,13 @@ impl Model {
     /// Of a file's bytes; `name` stands for it in messages.
     #[staticmethod]
     fn from_bytes(py: Python<'_>, bytes: &[u8], name: &str) -> Outcome<Model> {
-        Ok(Model::of(py.detach(|| PlyModel::from_bytes(bytes, name))?))
+        Ok(Model::from_model(py.detach(|| PlyModel::from_bytes(bytes, name))?))
     }
 
     /// Of a file, or by the name of a model of the library.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> Outcome<Model> {
-        Ok(Model::of(py.detach(|| model_library().load(path))?))
+        Ok(Model::from_model(py.detach(|| model_library().load(path))?))
     }
 
     /// The bytes of its file.
@@ -194,7 +194,7 @@ impl Model {
 }
 
 impl Model {
-    pub(crate) fn of(model: PlyModel) -> Model {
+    pub(crate) fn from_model(model: PlyModel) -> Model {
         Model { model: Arc::new(model) }
     }
 
@@ -211,23 +211,23 @@ impl Model {
     fn time<const N: usize>(&self, py: Python<'_>, what: &str, arrays: &PlyArrays<'_>, repeats: usize) -> Outcome<f64> {
         use plywave::Bsdf;
         let PlyArrays { n, threads, edge, .. } = *arrays;
-        let all: Rows<'_, 1> = Rows::of(&arrays.theta_i, n, "theta_i")?;
+        let all: Rows<'_, 1> = Rows::new(&arrays.theta_i, n, "theta_i")?;
         let theta_i: Vec<f32> = (0..n).map(|i| all.get(i)[0]).collect();
-        let all: Rows<'_, 1> = Rows::of(&arrays.h_um, n, "h_um")?;
+        let all: Rows<'_, 1> = Rows::new(&arrays.h_um, n, "h_um")?;
         let h_um: Vec<f32> = (0..n).map(|i| all.get(i)[0]).collect();
-        let all: Rows<'_, N> = Rows::of(&arrays.sigma, n, "sigma_per_um")?;
+        let all: Rows<'_, N> = Rows::new(&arrays.sigma, n, "sigma_per_um")?;
         let sigma: Vec<[f32; N]> = (0..n).map(|i| all.get(i)).collect();
-        let all: Rows<'_, N> = Rows::of(&arrays.lambda, n, "lambda_um")?;
+        let all: Rows<'_, N> = Rows::new(&arrays.lambda, n, "lambda_um")?;
         let lambda: Vec<[f32; N]> = (0..n).map(|i| all.get(i)).collect();
         let Some(w) = &arrays.w else { return Err(Failure::Input("directions are missing".into())) };
-        let all: Rows<'_, 3> = Rows::of(w, n, "omega_o")?;
+        let all: Rows<'_, 3> = Rows::new(w, n, "omega_o")?;
         let w: Vec<[f32; 3]> = (0..n).map(|i| all.get(i)).collect();
         let wo: [Vec<f32>; 3] = std::array::from_fn(|k| w.iter().map(|w| w[k]).collect());
         let (mut f, mut pdf) = (vec![[1.0f32; N]; n], vec![1.0f32; n]);
         let model = &*self.model;
         // As large as chunks can be: one a thread, at least.
         let chunk = n.div_ceil(threads * 8).max(1);
-        let what = What::of(what).ok_or_else(|| Failure::input("model", "question", what, "there is no such"))?;
+        let what = What::from_name(what).ok_or_else(|| Failure::input("model", "question", what, "there is no such"))?;
         Ok(py.detach(|| -> PyResult<f64> {
             let mut best = f64::INFINITY;
             for _ in 0..repeats.max(1) {
@@ -272,11 +272,11 @@ impl Model {
 
     fn answer<const N: usize>(&self, py: Python<'_>, what: &str, arrays: &PlyArrays<'_>, out: &mut Out<'_>) -> Outcome {
         let PlyArrays { n, threads, edge, .. } = *arrays;
-        let theta_i: Rows<'_, 1> = Rows::of(&arrays.theta_i, n, "theta_i")?;
-        let h_um: Rows<'_, 1> = Rows::of(&arrays.h_um, n, "h_um")?;
-        let sigma: Rows<'_, N> = Rows::of(&arrays.sigma, n, "sigma_per_um")?;
-        let lambda: Rows<'_, N> = Rows::of(&arrays.lambda, n, "lambda_um")?;
-        let w: Option<Rows<'_, 3>> = arrays.w.as_ref().map(|w| Rows::of(w, n, "omega_o")).transpose()?;
+        let theta_i: Rows<'_, 1> = Rows::new(&arrays.theta_i, n, "theta_i")?;
+        let h_um: Rows<'_, 1> = Rows::new(&arrays.h_um, n, "h_um")?;
+        let sigma: Rows<'_, N> = Rows::new(&arrays.sigma, n, "sigma_per_um")?;
+        let lambda: Rows<'_, N> = Rows::new(&arrays.lambda, n, "lambda_um")?;
+        let w: Option<Rows<'_, 3>> = arrays.w.as_ref().map(|w| Rows::new(w, n, "omega_o")).transpose()?;
         let instances = match &arrays.instance {
             None => &[][..],
             Some(array) => array.as_slice().map_err(|_| Failure::Input("instance: not contiguous".into()))?,
@@ -303,14 +303,14 @@ impl Model {
         let below = match &arrays.below {
             Some([a, b, c, d]) => {
                 self.require_layers()?;
-                let of = |rows, name| Rows::<N>::of(rows, n, name);
+                let of = |rows, name| Rows::<N>::new(rows, n, name);
                 Some([of(a, "below")?, of(b, "below")?, of(c, "below")?, of(d, "below")?])
             }
             None => None,
         };
         let one_below = below.is_some_and(|of| of.iter().all(|rows| matches!(rows, Rows::One(_))));
         let plain = instances.is_empty() && below.is_none() && slit.is_none();
-        if let (true, Kernel::Lobes, Some(w)) = (plain, Kernel::of(what, edge, (theta_i, h_um, sigma)), w) {
+        if let (true, Kernel::Lobes, Some(w)) = (plain, Kernel::from_query(what, edge, (theta_i, h_um, sigma)), w) {
             let [f] = out.floats()?;
             let f = rows_mut(f, n)?;
             py.detach(|| lobes(model, threads, (theta_i, h_um, sigma), w, f))?;
@@ -319,13 +319,13 @@ impl Model {
         let onward = |theta_i: f32| [0.0, -theta_i.cos(), -theta_i.sin()];
         // Of the usual numbers of channels alone: the others are not worth their time in the compiler.
         let usual = const { matches!(N, 1 | 3 | 4) };
-        if usual && let (true, Some(often), Some(w)) = (plain, What::of(what).and_then(Often::of), w) {
+        if usual && let (true, Some(often), Some(w)) = (plain, What::from_name(what).and_then(ScatterCall::from_what), w) {
             let get = |i| -> PlainNumbers<N> { (theta_i.get(i)[0], h_um.get(i)[0], sigma.get(i), lambda.get(i)) };
-            let asked = Asked { n, threads, get, at: PlainAt { model, edge } };
+            let asked = PreparedQueries { n, threads, get, at: PlainAt { model, edge } };
             return asked.answer_often(py, often, w, out, |(theta_i, ..)| onward(*theta_i));
         }
         let row = |i: usize| below.is_some().then_some(if one_below { 0 } else { i });
-        let asked = Asked {
+        let asked = PreparedQueries {
             n,
             threads,
             get: |i| -> Numbers<N> {
@@ -336,7 +336,7 @@ impl Model {
         match (what, w) {
             ("layer", _) => {
                 self.require_layers()?;
-                let asked = Asked {
+                let asked = PreparedQueries {
                     n,
                     threads,
                     get: |i| (theta_i.get(i)[0], sigma.get(i)),
@@ -370,7 +370,7 @@ impl Model {
             }
             _ => {
                 let what =
-                    What::of(what).ok_or_else(|| Failure::input("model", "question", what, "there is no such"))?;
+                    What::from_name(what).ok_or_else(|| Failure::input("model", "question", what, "there is no such"))?;
                 asked.answer(py, what, w, out, |(theta_i, ..)| onward(*theta_i))
             }
         }
@@ -392,7 +392,7 @@ enum Kernel {
 
 impl Kernel {
     /// It does where f alone is asked for, without edge light, at incidences of their own.
-    fn of<const N: usize>(what: &str, edge: bool, at: (Rows<'_, 1>, Rows<'_, 1>, Rows<'_, N>)) -> Kernel {
+    fn from_query<const N: usize>(what: &str, edge: bool, at: (Rows<'_, 1>, Rows<'_, 1>, Rows<'_, N>)) -> Kernel {
         match at {
             (Rows::One(_), Rows::One(_), Rows::One(_)) => Kernel::Other,
             _ if what == "eval" && !edge => Kernel::Lobes,

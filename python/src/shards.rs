@@ -19,7 +19,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub(crate) type PlanRow = (String, String, u64, String, usize, usize, u64);
 
 pub(crate) fn row<J: Job>(folder: &str, job: &J) -> PlanRow {
-    let plan = Plan::of(job);
+    let plan = Plan::from_job(job);
     (folder.into(), plan.description.text(), plan.extent, plan.digest, plan.shards, plan.group, plan.units)
 }
 
@@ -74,7 +74,7 @@ pub(crate) fn plan_twin(
     py.detach(|| {
         let name = fabric.display().to_string();
         let refuse = |e| Failure::of_run(e, &name);
-        let cloth = TwinCloth::of(&FabricSpec::load_file(&fabric, &model_library())?).map_err(refuse)?;
+        let cloth = TwinCloth::from_loaded(&FabricSpec::load_file(&fabric, &model_library())?).map_err(refuse)?;
         let standard = TwinOptions::default();
         let options = TwinOptions { paths: paths.unwrap_or(standard.paths), seed, ..standard };
         let job = TwinJob::new(cloth, &options).map_err(refuse)?;

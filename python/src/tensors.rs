@@ -2,12 +2,12 @@
 
 use numpy::ndarray::{Array1, Array2, ArrayD, IxDyn};
 use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
-use plywave::fabric::{FabricOptions, FabricSpec, GapLight, Place, Slits, Values};
+use plywave::fabric::{FabricOptions, FabricSpec, GapLight, Hit, Slits, Values};
 use plywave::fiber::FiberTable;
 use plywave::io::Folder;
 use plywave::spec::YarnSpec;
 use plywave::speckle::{Instance, NoiseTiles};
-use plywave::{Bsdf, FabricBsdf, FabricQuery, PlyQuery};
+use plywave::{Bsdf, FabricModel, FabricQuery, PlyQuery};
 use plywave_pipeline::model_library;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -33,7 +33,7 @@ fn columns(name: &str, a: &PyReadonlyArray2<'_, f32>, n: usize, count: usize) ->
 /// A fabric as `plywave.mitsuba` loads it.
 #[pyclass(frozen, module = "plywave._plywave")]
 pub struct FabricTables {
-    fabric: FabricBsdf,
+    fabric: FabricModel,
     speckle: bool,
 }
 
@@ -68,7 +68,7 @@ impl FabricTables {
                 }
                 (filename, None) => FabricSpec::load_file(filename.unwrap_or_default(), &model_library())?,
             };
-            Ok(FabricTables { fabric: FabricBsdf::new(loaded, &options)?, speckle })
+            Ok(FabricTables { fabric: FabricModel::new(loaded, &options)?, speckle })
         };
         py.detach(load).map_err(raise)
     }
@@ -160,7 +160,7 @@ impl FabricTables {
         for i in 0..n {
             let [x, y] = row(&position_um, i);
             match self.fabric.fabric().at(x, y, row(&wo, i)) {
-                Place::Ply(hit) => {
+                Hit::Ply(hit) => {
                     let [fx, _, fz] = hit.frame;
                     let numbers =
                         [1.0, hit.family as u8 as f32, hit.yarn as f32, hit.ply as f32, hit.theta_i, hit.h_um];
@@ -168,7 +168,7 @@ impl FabricTables {
                         [hit.along_um, f32::from(u8::from(hit.is_double)), fx[0], fx[1], fx[2], fz[0], fz[1], fz[2]];
                     numbers.into_iter().chain(rest).enumerate().for_each(|(k, v)| hits[[i, k]] = v);
                 }
-                Place::Gap(gap) => gap.aperture_um.into_iter().enumerate().for_each(|(k, v)| hits[[i, 4 + k]] = v),
+                Hit::Gap(gap) => gap.aperture_um.into_iter().enumerate().for_each(|(k, v)| hits[[i, 4 + k]] = v),
             }
         }
         Ok(hits.into_pyarray(py).into_any())

@@ -48,7 +48,7 @@ impl Watch {
         parts: Option<&PartsFolder>,
         file: &str,
     ) -> Outcome<J::Output> {
-        let (total, done) = (Plan::of(job).units, AtomicU64::new(0));
+        let (total, done) = (Plan::from_job(job).units, AtomicU64::new(0));
         *self.state() = Some((what, unit, 0, total));
         let advance = |units: u64| {
             let done = done.fetch_add(units, Ordering::Relaxed) + units;

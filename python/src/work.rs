@@ -188,7 +188,7 @@ pub(crate) fn fit<'py>(
 #[pyfunction]
 pub(crate) fn fit_quality(model: &crate::model::Model) -> [[f64; 2]; 2] {
     let of = |quality: FitQuality| [quality.refl, quality.high];
-    [of(FitQuality::of(model.model.data())), of(FitQuality::good())]
+    [of(FitQuality::from_data(model.model.data())), of(FitQuality::good())]
 }
 
 /// The report of a scene as JSON.

@@ -183,7 +183,7 @@ def test_farms_whose_workers_all_die_end(tmp_path):
 
 def test_workers_that_cannot_start_are_told(monkeypatch):
     monkeypatch.setattr(_local, "_CODE", "raise SystemExit('this Python is broken')")
-    monkeypatch.setattr(_workers, "MOST_DEATHS", 3)
+    monkeypatch.setattr(_workers, "MAX_DEATHS", 3)
     begun = time.monotonic()
     with pytest.raises(Error, match="local = 2: no worker process starts within .* s; . of them died, the last with exit code 1: this Python is broken"):
         with cluster.connect(local=2):

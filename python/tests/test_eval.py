@@ -278,3 +278,47 @@ def test_layers_and_slits_that_cannot_be_are_told(polyester):
     for call in (lambda: single.layer(0.4, 0.0), lambda: single.eval(*at, below=layer)):
         with pytest.raises(plywave.Error, match="layers = absent: the model has no layer factors"):
             call()
+
+
+FILAMENT = """
+name = "hair"
+lambda_um = [0.6, 0.55, 0.45]
+sigma_per_um = [0.001, 0.004, 0.01]
+[filament]
+kind = "dielectric"
+eta = 1.55
+radius_um = 20
+"""
+
+
+def test_analytic_fibers(tmp_path):
+    file = tmp_path / "hair.toml"
+    file.write_text(FILAMENT)
+    fiber = plywave.load(file)
+    assert isinstance(fiber, plywave.Fiber) and fiber.max_width_um == 40.0
+    assert np.allclose(fiber.lambda_um, [0.6, 0.55, 0.45])
+    omega_i = np.array([0.6, 0.0, 0.8])
+    # The sphere by a product rule: the integral of f is the albedo, which absorption lowers from one wavelength to the next.
+    z, weight = np.polynomial.legendre.leggauss(400)
+    phi = 2 * np.pi * (np.arange(720) + 0.5) / 720
+    radius = np.sqrt(1 - z**2)[:, None]
+    w = np.stack([radius * np.cos(phi), radius * np.sin(phi), np.broadcast_to(z[:, None], (400, 720))], -1)
+    f = fiber.eval(omega_i, w, fiber.lambda_um)
+    albedo = fiber.albedo(omega_i, fiber.lambda_um)
+    assert np.allclose((f * weight[:, None, None]).sum((0, 1)) * 2 * np.pi / 720, albedo, atol=0.01)
+    assert albedo[0] > albedo[1] > albedo[2] > 0.2
+    # The far field is the mean of the near field over the offsets.
+    h = (np.arange(2000) + 0.5) / 1000 - 1
+    near = fiber.albedo(omega_i, fiber.lambda_um, h_rel=h).mean(0)
+    assert np.allclose(near, albedo, atol=2e-3)
+    # The spec's color by hand; a clear fiber keeps its light, at any number of wavelengths.
+    given = fiber.albedo(omega_i, fiber.lambda_um, sigma_per_um=[0.001, 0.004, 0.01])
+    assert np.array_equal(given, albedo)
+    assert np.allclose(fiber.albedo(omega_i, 0.55, sigma_per_um=0.0), 1.0, atol=2e-3)
+    with pytest.raises(plywave.Error, match="3 wavelengths.*give sigma_per_um"):
+        fiber.albedo(omega_i, 0.55)
+    with pytest.raises(plywave.Error, match="no table"):
+        fiber.save(tmp_path / "hair.pwf")
+    with pytest.raises(plywave.Error, match="filament.eta = 0.5"):
+        plywave.Fiber.from_bytes(FILAMENT.replace("1.55", "0.5").encode(), "x.toml")
+    assert plywave.Fiber.from_bytes(FILAMENT.encode(), "x.toml").max_width_um == 40.0

@@ -6,7 +6,7 @@
 //! sides and those of a camera beside it as `sides.f32` and `camera.f32` (six 32-bit floats a ray), to be traced by others: `scripts/embree_strands.sh`.
 
 use glam::DVec3;
-use plywave_render::{Made, StrandShape, StrandTree, make, mitsuba_text};
+use plywave_render::{GeneratedStrands, StrandShape, StrandTree, make, mitsuba_text};
 use rand::{RngExt, SeedableRng};
 use std::f64::consts::TAU;
 use std::time::Instant;
@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let all = Instant::now();
     let count = std::env::args().nth(2).map_or(Ok(10_000), |text| text.parse())?;
     let side = std::env::args().nth(3).map_or(Ok(1_000_000), |text| text.parse::<u64>())?.isqrt().max(1);
-    let what = Made::Ball { count, ball_mm: 30.0, length_mm: 26.0, curl_mm: 2.5 };
+    let what = GeneratedStrands::Ball { count, ball_mm: 30.0, length_mm: 26.0, curl_mm: 2.5 };
     let strands = make(&what, 0.045, 100, 1)?;
     println!("{} strands, {} segments", strands.len(), strands.segments());
     let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(1);

@@ -6,7 +6,7 @@
 //! are all the same, are split at the median.
 //!
 //! Where most boxes overlap, a ray meets most of them whatever the tree. Triangles are then split into several boxes that fit them closer, the largest first, up to
-//! [`MOST_SPLITS`] times as many (Karras and Aila 2013).
+//! [`MAX_SPLITS`] times as many (Karras and Aila 2013).
 
 use glam::Vec3A;
 use obvhs::Boundable;
@@ -20,7 +20,7 @@ use obvhs::triangle::Triangle;
 use std::collections::BinaryHeap;
 
 /// Most levels of a tree that obvhs traverses: its stack has 32 entries.
-const MOST_LEVELS: usize = 31;
+const MAX_LEVELS: usize = 31;
 /// Levels of a binary tree in which nodes are split by the heuristic.
 const HEURISTIC_LEVELS: usize = 48;
 /// Most bins along an axis.
@@ -31,11 +31,11 @@ const LEAF: u32 = 3;
 /// Nodes that a ray through a tree meets in the mean, above which triangles are split; an ordinary mesh of a million has below 100.
 const CROWDED: f32 = 500.0;
 /// Most boxes to a triangle, in the mean, where they are split.
-const MOST_SPLITS: usize = 4;
+const MAX_SPLITS: usize = 4;
 /// Area that the halves of a box must have left at most, for it to be split.
 const WORTH_SPLITTING: f32 = 0.8;
 
-/// A tree over `triangles`, at most [`MOST_LEVELS`] deep. Its indices name a triangle more than once where triangles were split.
+/// A tree over `triangles`, at most [`MAX_LEVELS`] deep. Its indices name a triangle more than once where triangles were split.
 pub fn build(triangles: &[Triangle]) -> CwBvh {
     let tree = binary(triangles);
     if nodes_met(&tree) <= CROWDED {
@@ -51,7 +51,7 @@ pub fn build(triangles: &[Triangle]) -> CwBvh {
 fn wide(tree: Bvh2, shallower: impl FnOnce() -> Bvh2) -> CwBvh {
     let convert = |tree: Bvh2| bvh2_to_cwbvh(&tree, LEAF, true, false);
     let tree = convert(tree);
-    if levels(&tree) <= MOST_LEVELS { tree } else { convert(shallower()) }
+    if levels(&tree) <= MAX_LEVELS { tree } else { convert(shallower()) }
 }
 
 /// Inner nodes that a ray through the box of a tree meets in the mean.
@@ -68,7 +68,7 @@ fn split_boxes(triangles: &[Triangle]) -> (Vec<Aabb>, Vec<u32>) {
     // Areas are above 0, so that their bits are in their order.
     let entry = |boxes: &[Aabb], i: usize| (boxes[i].half_area().to_bits(), i);
     let mut open: BinaryHeap<(u32, usize)> = (0..boxes.len()).map(|i| entry(&boxes, i)).collect();
-    while boxes.len() < MOST_SPLITS * triangles.len()
+    while boxes.len() < MAX_SPLITS * triangles.len()
         && let Some((_, i)) = open.pop()
     {
         let (whole, t) = (boxes[i], triangles[of[i] as usize]);
@@ -205,7 +205,7 @@ fn levels(bvh: &CwBvh) -> usize {
     while let Some((at, level)) = open.pop() {
         let Some(node) = bvh.nodes.get(at) else { continue };
         deepest = deepest.max(level);
-        if deepest > MOST_LEVELS {
+        if deepest > MAX_LEVELS {
             break;
         }
         let first = node.child_base_idx as usize;
@@ -279,7 +279,7 @@ mod tests {
             let bvh = build(&triangles);
             let time = begun.elapsed().as_secs_f64();
             assert!(time < 5.0, "{name}: {time} s");
-            assert!(levels(&bvh) <= MOST_LEVELS, "{name}: {}", levels(&bvh));
+            assert!(levels(&bvh) <= MAX_LEVELS, "{name}: {}", levels(&bvh));
             for k in 0..20 {
                 let (x, y) = (0.023 * k as f32, 0.02 + 0.017 * k as f32);
                 let ray =
@@ -301,7 +301,7 @@ mod tests {
             [[x, y, z], [-x, -y, -z], [-x, -y, 1e-4 - z]]
         });
         let (boxes, of) = split_boxes(&needles);
-        assert!(boxes.len() > n && boxes.len() <= MOST_SPLITS * n && boxes.len() == of.len());
+        assert!(boxes.len() > n && boxes.len() <= MAX_SPLITS * n && boxes.len() == of.len());
         let area = |boxes: &[Aabb]| boxes.iter().map(Aabb::half_area).sum::<f32>();
         let whole: Vec<Aabb> = needles.iter().map(Boundable::aabb).collect();
         assert!(area(&boxes) < 0.4 * area(&whole), "{} of {}", area(&boxes), area(&whole));
@@ -325,7 +325,7 @@ mod tests {
         assert!((30..=HEURISTIC_LEVELS + 8).contains(&binary_levels(&tree)), "{}", binary_levels(&tree));
         assert_eq!(binary_levels(&binary_by_medians(&triangles)), 8);
         let bvh = build(&triangles);
-        assert!(levels(&bvh) <= MOST_LEVELS);
+        assert!(levels(&bvh) <= MAX_LEVELS);
         let ray = Ray::new(Vec3A::new(1e-3, 1e-3, -1.0), Vec3A::Z, 0.0, f32::INFINITY);
         let want = triangles.iter().map(|t| t.intersect(&ray)).fold(f32::INFINITY, f32::min);
         assert!((nearest(&bvh, &triangles, ray) - want).abs() < 1e-6);

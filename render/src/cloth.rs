@@ -1,11 +1,11 @@
 //! Fabrics as surfaces.
 
 use crate::{Surface, WAVELENGTHS};
-use plywave::fabric::FabricAt;
-use plywave::{FabricBsdf, FabricQuery};
+use plywave::fabric::FabricBsdf;
+use plywave::{FabricModel, FabricQuery};
 
-impl Surface for FabricBsdf {
-    type At<'a> = FabricAt<'a, WAVELENGTHS>;
+impl Surface for FabricModel {
+    type At<'a> = FabricBsdf<'a, WAVELENGTHS>;
 
     fn at(
         &self,
@@ -13,7 +13,7 @@ impl Surface for FabricBsdf {
         footprint_um: f32,
         wo: [f32; 3],
         lambda_um: [f32; WAVELENGTHS],
-    ) -> FabricAt<'_, WAVELENGTHS> {
-        FabricBsdf::at(self, &FabricQuery { footprint_um, ..FabricQuery::new(uv_um, wo, lambda_um) })
+    ) -> FabricBsdf<'_, WAVELENGTHS> {
+        FabricModel::at(self, &FabricQuery { footprint_um, ..FabricQuery::new(uv_um, wo, lambda_um) })
     }
 }

@@ -13,7 +13,7 @@ use rand_pcg::Pcg64Mcg;
 
 /// Most scatterings of a path unless told otherwise. What an endlessly deep layer of clear fibers still holds
 /// after n scatterings falls as 1 / sqrt(n), which is 0.4 % here.
-pub const MOST_SCATTERINGS: u32 = 1 << 16;
+pub const MAX_SCATTERINGS: u32 = 1 << 16;
 /// Scatterings after which paths are thinned out by chance.
 const ROULETTE: u32 = 4;
 /// Chance of a path that is cut to be followed on. Clear fur that is cut after 8 scatterings, which leaves
@@ -61,7 +61,7 @@ impl Course {
         let followed = rng.random::<f32>() < FOLLOWED;
         self.cut = Some(Cut { light: *light, carried: *throughput, followed });
         if followed {
-            self.most = self.most.saturating_add(MOST_SCATTERINGS);
+            self.most = self.most.saturating_add(MAX_SCATTERINGS);
         }
         followed
     }

@@ -98,7 +98,7 @@ const INGREDIENT: &str = "of ";
 /// Name of what cuts leave out, in the file.
 const CUT: &str = "cut";
 /// Largest header of a file of sums [bytes].
-const MOST_HEADER: u64 = 1 << 20;
+const MAX_HEADER: u64 = 1 << 20;
 
 impl Film {
     /// A black film.
@@ -247,7 +247,7 @@ impl Film {
             what: format!("{what}; remove it, or render without --resume"),
         };
         let mut film = Film::new(width, height)?;
-        let most = u64::from(width) * u64::from(height) * PIXEL_BYTES + MOST_HEADER;
+        let most = u64::from(width) * u64::from(height) * PIXEL_BYTES + MAX_HEADER;
         let bytes = crate::room::read_file(path, most)?;
         let damaged = |_| bad("not the sums of a render");
         let (_, metadata) = safetensors::SafeTensors::read_metadata(&bytes).map_err(damaged)?;

@@ -22,11 +22,11 @@ const MEMORY_PER_BYTE: u64 = 40;
 /// Steps over the extent of a mesh within which two places are one.
 const STEPS: f64 = (1u32 << 24) as f64;
 /// Least extent of a mesh over the spacing of double precision at its coordinates: they must place a corner to a millionth of the mesh.
-const LEAST_SPACINGS: f64 = (1u32 << 20) as f64;
+const MIN_SPACINGS: f64 = (1u32 << 20) as f64;
 /// Corners from which a fan is tried.
 const FAN_STARTS: usize = 8;
 /// Most corners of a face that is not covered by a fan.
-const MOST_CORNERS: usize = 1 << 20;
+const MAX_CORNERS: usize = 1 << 20;
 /// Share of a polygon's area that its triangles may be off by rounding; beyond, it crosses itself.
 const CROSSED: f64 = 1e-6;
 
@@ -80,14 +80,14 @@ impl Mesh {
 
     fn of_obj(obj: &Obj, name: &str, cloth_um: f64, size_mm: f64) -> Result<(Mesh, MeshNotes), RenderError> {
         let bad = |line: usize, what: &str| RenderError::Mesh { file: name.to_string(), line, what: what.into() };
-        let places = Places::of(obj, name, size_mm)?;
+        let places = Places::new(obj, name, size_mm)?;
         let mut notes = MeshNotes { mm_per_unit: places.mm_per_unit, ..MeshNotes::default() };
         let mut triangles: Vec<[Corner; 3]> = Vec::new();
         let (mut cutter, mut known, mut ring) = (Cutter::default(), HashSet::new(), Vec::new());
         for (k, (line, corners)) in obj.faces().enumerate() {
             let turned = places.ring(corners, &mut ring);
-            if ring.len() > MOST_CORNERS {
-                return Err(bad(line, &format!("a face of {} corners; at most {MOST_CORNERS}, cut it", ring.len())));
+            if ring.len() > MAX_CORNERS {
+                return Err(bad(line, &format!("a face of {} corners; at most {MAX_CORNERS}, cut it", ring.len())));
             }
             let crossed = cutter.cut(ring.iter().map(|i| places.at(corners[*i])));
             let (mut kept, mut there) = (false, false);
@@ -125,7 +125,7 @@ impl Mesh {
         let bare = triangles.iter().flatten().any(|corner| !has_normal(corner, obj));
         let smooth = bare.then(|| {
             let at: Vec<[u32; 3]> = triangles.iter().map(|t| t.map(|c| places.of[c.position as usize])).collect();
-            Smooth::of(&at, &places.points)
+            Smooth::new(&at, &places.points)
         });
         let mut mesh = Mesh::default();
         // Vertices by position, uv and normal: one of the file, or one of a side.
@@ -163,7 +163,7 @@ struct Places {
 
 impl Places {
     /// Centers and scales the vertices of faces, and joins those at the same place.
-    fn of(obj: &Obj, name: &str, size_mm: f64) -> Result<Places, RenderError> {
+    fn new(obj: &Obj, name: &str, size_mm: f64) -> Result<Places, RenderError> {
         let bad = |line: usize, what: String| RenderError::Mesh { file: name.to_string(), line, what };
         let at = |i: u32| DVec3::from(obj.positions[i as usize]);
         let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
@@ -187,7 +187,7 @@ impl Places {
         if extent <= 0.0 || !extent.is_finite() {
             return Err(bad(0, "all faces lie in one point, or farther apart than numbers reach".into()));
         }
-        if extent < LEAST_SPACINGS * spacing {
+        if extent < MIN_SPACINGS * spacing {
             return Err(bad(
                 0,
                 format!(

@@ -29,7 +29,7 @@ mod spectrum;
 mod strands;
 
 pub use camera::{Camera, View};
-pub use course::MOST_SCATTERINGS;
+pub use course::MAX_SCATTERINGS;
 pub use film::{Film, FilmView, Ingredients};
 pub use import::{FaceCount, MeshNotes};
 pub use light::{Light, LightSampling};
@@ -42,8 +42,8 @@ pub use setup::Setup;
 pub use sky::Environment;
 pub use spectrum::LAMBDA_RANGE_UM;
 pub use strands::{
-    Basis, LEAST_RADIUS_MM, MOST_MM, MOST_POINTS, Made, Skip, StrandDual, StrandDualOptions, StrandFiber, StrandFile,
-    StrandHit, StrandNotes, StrandScene, StrandShape, StrandTree, Strands, TraceCost, make, mitsuba_text,
+    Basis, GeneratedStrands, MAX_MM, MAX_POINTS, MIN_RADIUS_MM, Skip, StrandDual, StrandDualOptions, StrandFiber,
+    StrandFile, StrandHit, StrandNotes, StrandScene, StrandShape, StrandTree, Strands, TraceCost, make, mitsuba_text,
     render_strands, render_strands_dual,
 };
 

@@ -25,7 +25,7 @@ const SPREAD: f32 = 0.1;
 pub struct RenderOptions {
     /// Samples a pixel, in all.
     pub samples: u32,
-    /// Most scatterings of a path; [`crate::MOST_SCATTERINGS`] leaves out next to nothing.
+    /// Most scatterings of a path; [`crate::MAX_SCATTERINGS`] leaves out next to nothing.
     pub depth: u32,
     /// Seed of the random numbers. A sample of a pixel depends on seed, pixel and its number alone.
     pub seed: u64,

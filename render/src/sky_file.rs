@@ -11,9 +11,9 @@ use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
 /// Most texels of an environment: 16384 x 8192.
-const MOST_TEXELS: u64 = 1 << 27;
+const MAX_TEXELS: u64 = 1 << 27;
 /// Largest file that is read [bytes]: all texels as 32-bit floats in eight channels.
-const MOST_BYTES: u64 = 32 * MOST_TEXELS;
+const MAX_BYTES: u64 = 32 * MAX_TEXELS;
 /// Bytes that a chunk of an EXR takes at least: 8 in the table of offsets, 4 of its place, 4 of its size.
 const CHUNK_BYTES: u64 = 16;
 /// Bytes a texel that an environment takes: the colors, twice while they are read, and the running sums.
@@ -21,11 +21,11 @@ const TEXEL_BYTES: u64 = 32;
 /// Bytes that a row of a Radiance picture takes at least.
 const ROW_BYTES: u64 = 4;
 /// The largest finite half float: what brighter light was written as that a half float does not hold.
-const MOST_HALF: f32 = 65504.0;
+const MAX_HALF: f32 = 65504.0;
 /// Largest radiance; far above the sun's over that of its sky.
-const MOST_RADIANCE: f32 = 1e12;
+const MAX_RADIANCE: f32 = 1e12;
 /// Names of channels or layers that a message lists at most.
-const MOST_NAMES: usize = 20;
+const MAX_NAMES: usize = 20;
 /// Names of a layer that has all light, where a file has several, in lower case.
 const WHOLE: [&str; 4] = ["combined", "rgba", "beauty", "c"];
 /// Shares of red, green and blue in the luminance of linear sRGB (ITU-R BT.709), by which OpenEXR parts luminance and chroma.
@@ -54,7 +54,7 @@ impl Environment {
     pub fn load(path: &Path, layer: Option<&str>) -> Result<(Environment, Vec<String>), RenderError> {
         let name = path.display().to_string();
         let bad = |what: String| RenderError::Picture { file: name.clone(), what };
-        let (mut file, bytes) = open_file(path, MOST_BYTES)?;
+        let (mut file, bytes) = open_file(path, MAX_BYTES)?;
         let mut magic = Vec::new();
         let read = file.by_ref().take(4).read_to_end(&mut magic).and_then(|_| file.rewind());
         read.map_err(|source| RenderError::Io { file: name.clone(), source })?;
@@ -90,13 +90,13 @@ fn mend(values: &mut [[f32; 3]], width: usize, is_half: bool, names: &[String; 3
     let mended = |v: f32| match v {
         v if v == f32::INFINITY => {
             if is_half {
-                MOST_HALF
+                MAX_HALF
             } else {
                 0.0
             }
         }
         v if v.is_nan() || v <= 0.0 => 0.0,
-        v => v.min(MOST_RADIANCE),
+        v => v.min(MAX_RADIANCE),
     };
     let (mut count, mut first) = (0u64, None);
     let gray = names[0] == names[1];
@@ -127,8 +127,8 @@ fn check_size(name: &str, [w, h]: [u64; 2], sample_bytes: u64) -> Result<(), Ren
     if texels == 0 {
         return Err(bad(format!("{w} x {h} texels; use a picture of at least one")));
     }
-    if texels > MOST_TEXELS {
-        return Err(bad(format!("{w} x {h} texels; use a picture of at most {MOST_TEXELS}")));
+    if texels > MAX_TEXELS {
+        return Err(bad(format!("{w} x {h} texels; use a picture of at most {MAX_TEXELS}")));
     }
     check_room(&format!("{name}: a sky of {w} x {h} texels"), texels.saturating_mul(sample_bytes + TEXEL_BYTES))
 }
@@ -235,7 +235,7 @@ fn colors_of(headers: &[Header]) -> Vec<Colors> {
 /// A list for people, not longer than a line.
 fn listed(names: impl Iterator<Item = String>) -> String {
     let names: Vec<String> = names.collect();
-    let more = names.len().saturating_sub(MOST_NAMES);
+    let more = names.len().saturating_sub(MAX_NAMES);
     let list = names[..names.len() - more].join(", ");
     if more > 0 { format!("{list} and {more} more") } else { list }
 }

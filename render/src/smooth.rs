@@ -14,7 +14,7 @@ pub(crate) struct Smooth {
 
 impl Smooth {
     /// Of triangles over `points`.
-    pub fn of(triangles: &[[u32; 3]], points: &[DVec3]) -> Smooth {
+    pub fn new(triangles: &[[u32; 3]], points: &[DVec3]) -> Smooth {
         let mut pieces = Pieces::new(triangles.len());
         let mut edges: HashMap<[u32; 2], (u32, bool)> = HashMap::new();
         for (t, corners) in (0..).zip(triangles) {
@@ -126,7 +126,7 @@ mod tests {
         for turned in [vec![], vec![3], (0..12).collect(), vec![0, 5, 6, 7, 20, 23]] {
             let mut triangles = triangles.clone();
             turned.iter().for_each(|t: &usize| triangles[*t].swap(1, 2));
-            let smooth = Smooth::of(&triangles, &points);
+            let smooth = Smooth::new(&triangles, &points);
             for (t, corners) in triangles.iter().enumerate() {
                 let sign = if turned.contains(&t) { -1.0 } else { 1.0 };
                 for &k in corners {
@@ -141,7 +141,7 @@ mod tests {
     fn pieces_that_share_a_point_alone_keep_their_normals() {
         let points =
             [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]].map(DVec3::from);
-        let smooth = Smooth::of(&[[0, 1, 2], [0, 3, 4]], &points);
+        let smooth = Smooth::new(&[[0, 1, 2], [0, 3, 4]], &points);
         assert_eq!((smooth.normal(0, smooth.side(0)), smooth.normal(0, smooth.side(1))), (Vec3::Z, Vec3::X));
     }
 
@@ -165,7 +165,7 @@ mod tests {
             [[a, b, d], [a, d, c]]
         };
         let triangles: Vec<[u32; 3]> = (0..m / 2).flat_map(side).collect();
-        let smooth = Smooth::of(&triangles, &points);
+        let smooth = Smooth::new(&triangles, &points);
         for (t, corners) in triangles.iter().enumerate() {
             assert!(corners.iter().all(|k| (smooth.normal(*k, smooth.side(t)).length() - 1.0).abs() < 1e-5));
         }

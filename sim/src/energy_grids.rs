@@ -6,7 +6,7 @@ use plywave::table::TableEnergies;
 
 /// Bins of lateral positions in a standard deviation of the beam, and the most of them.
 const BINS_PER_SD: f64 = 16.0;
-const MOST_BINS: f64 = 8192.0;
+const MAX_BINS: f64 = 8192.0;
 /// Steps of r_d, in standard deviations of the beam or of what it makes of the ridge; a spline is then good to 4e-4 of an edge's height.
 const MISS_STEP_SDS: f64 = 0.4;
 const RIDGE_STEP_SDS: f64 = 0.6;
@@ -16,11 +16,11 @@ const SHARE_STEP_RAD: f64 = 0.18;
 /// Step of the shares along h, in standard deviations of the beam.
 const SHARE_STEP_SDS: f64 = 1.2;
 /// Most nodes of an axis.
-const MOST_NODES: usize = 1001;
+const MAX_NODES: usize = 1001;
 /// Rays of a latitude of r_d over all instances, those for each path where runs are short, and the least of an instance.
 const RAYS: u64 = 1 << 18;
 const RAYS_A_PATH: u64 = 1;
-const LEAST_RAYS: u64 = 1 << 11;
+const MIN_RAYS: u64 = 1 << 11;
 
 /// The grids, as refinements of those of the slices.
 #[derive(Clone, Debug)]
@@ -73,7 +73,7 @@ pub(crate) fn share_rows(options: &SimOptions) -> usize {
 
 /// Parts of a step that make it `wanted` or less, for an axis of `nodes`.
 fn refinement(step: f64, wanted: f64, nodes: usize) -> usize {
-    ((step / wanted - 1e-9).ceil().max(1.0) as usize).min(((MOST_NODES - 1) / (nodes - 1)).max(1))
+    ((step / wanted - 1e-9).ceil().max(1.0) as usize).min(((MAX_NODES - 1) / (nodes - 1)).max(1))
 }
 
 /// An axis with each step cut into `parts`.
@@ -88,7 +88,7 @@ impl EnergyGrids {
         let (sd, radius) = (spec.beam.beam().sd_um(), spec.ply_ring().radius_um);
         let reach_um = h_um[h_um.len() - 1];
         let along_h = |sds: f64| refined(h_um, refinement(h_um[1] - h_um[0], sds * sd, h_um.len()));
-        let k = spec.ply.fiber_pitch_um.map_or(0.0, |pitch| std::f64::consts::TAU / pitch);
+        let k = spec.ply.twist_per_um().abs();
         let width = (sd * k / (1.0 + (k * radius).powi(2))).hypot(spec.beam.beam().angular_sd_rad());
         let ridge = (1.0f64).atan2(k * radius) - 3.0 * width < theta_i[theta_i.len() - 1];
         let step = if k > 0.0 && ridge { (RIDGE_STEP_SDS * width).min(PLAIN_STEP_RAD) } else { PLAIN_STEP_RAD };
@@ -99,10 +99,9 @@ impl EnergyGrids {
             share_h_um: along_h(SHARE_STEP_SDS),
             bins: PositionBins {
                 reach_um,
-                count: (2.0 * reach_um / sd * BINS_PER_SD).ceil().clamp(64.0, MOST_BINS) as usize,
+                count: (2.0 * reach_um / sd * BINS_PER_SD).ceil().clamp(64.0, MAX_BINS) as usize,
             },
-            rays: (RAYS.min(RAYS_A_PATH * options.paths_per_theta) / u64::from(options.instances.max(1)))
-                .max(LEAST_RAYS),
+            rays: (RAYS.min(RAYS_A_PATH * options.paths_per_theta) / u64::from(options.instances.max(1))).max(MIN_RAYS),
         }
     }
 

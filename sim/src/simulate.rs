@@ -94,7 +94,7 @@ impl SimulateJob {
     ///
     /// # Errors
     /// [`SimError::Merge`] and those of the spec.
-    pub(crate) fn of(description: &Description) -> Result<SimulateJob, SimError> {
+    pub(crate) fn from_description(description: &Description) -> Result<SimulateJob, SimError> {
         let options: SimOptions = description.parse_options()?;
         let spec = YarnSpec::parse(&description.spec, "the part's spec")?;
         SimulateJob::new(&spec, &description.spec, &options)

@@ -22,7 +22,7 @@ use std::f64::consts::TAU;
 /// Step of psi from path to path, in turns: the golden ratio.
 pub(crate) const GOLDEN: f64 = 0.618_033_988_749_894_9;
 /// Most plies of a yarn.
-const MOST_PLIES: usize = 7;
+const MAX_PLIES: usize = 7;
 /// Fibers that a ply may have, in the yarn's numbers of fibers.
 const FIBERS: u32 = 1 << 16;
 
@@ -208,7 +208,7 @@ impl Placed<'_> {
 
 /// A yarn of placed plies.
 struct Yarn<'a> {
-    placed: [Placed<'a>; MOST_PLIES],
+    placed: [Placed<'a>; MAX_PLIES],
     plies: usize,
 }
 
@@ -235,7 +235,7 @@ impl Tracer for Yarn<'_> {
             return self.placed[p].trace(p, pos, dir, own);
         }
         // Plies in the order in which the ray enters their bounding cylinders.
-        let mut order = [(f32::INFINITY, 0usize); MOST_PLIES];
+        let mut order = [(f32::INFINITY, 0usize); MAX_PLIES];
         let mut count = 0;
         for (p, ply) in self.placed[..self.plies].iter().enumerate() {
             let from = pos.xy() - ply.center;

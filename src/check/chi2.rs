@@ -15,7 +15,7 @@ pub struct Chi2 {
 /// Cells with fewer expected counts than this are pooled. The usual 5 does for p-values of a percent; a cell of e expected counts
 /// adds 1/e to the 2 that its degree of freedom should add to the statistic's variance, and a hundred tests together ask for
 /// p-values of 1e-4, far out in the tail, where that excess doubles the false alarms.
-const LEAST_EXPECTED: f64 = 25.0;
+const MIN_EXPECTED: f64 = 25.0;
 
 /// Tests `observed` counts of cells against `expected` ones; both add up to the number of samples. The cells are pooled in the
 /// order of their expectation until each pool expects at least 25.
@@ -29,7 +29,7 @@ pub fn chi2_test(observed: &[f64], expected: &[f64]) -> Chi2 {
     for (expected, observed) in cells {
         impossible |= expected <= 0.0 && observed > 0.0;
         (e, o) = (e + expected, o + observed);
-        if e >= LEAST_EXPECTED {
+        if e >= MIN_EXPECTED {
             statistic += (o - e) * (o - e) / e;
             pools += 1;
             last = Some((e, o));

@@ -1,7 +1,7 @@
 //! Checks of analytic fibers: those of every scattering function at a few incidences, far and near field, and how far the albedo without absorption is from 1.
 
 use super::{BsdfReport, FURNACE_TOLERANCE, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE, check_bsdf};
-use crate::fiber::LEAST_FAR_WIDTH;
+use crate::fiber::MIN_FAR_WIDTH;
 use crate::frame::direction;
 use crate::{Bsdf, FiberModel, FiberQuery};
 
@@ -12,7 +12,7 @@ const CAUSTIC_TOLERANCE: f64 = 5e-3;
 /// Albedos of parametric models are integrals by midpoints.
 const PARAMETRIC_TOLERANCE: f64 = 2e-3;
 /// Least p-value of a chi-square test: some 1 % chance of a false alarm at 12 incidences.
-const LEAST_P: f64 = 8e-4;
+const MIN_P: f64 = 8e-4;
 /// Latitudes of the incidences [degrees], and their offsets.
 const DEGREES: [f32; 3] = [0.0, 35.0, -70.0];
 const OFFSETS: [Option<f32>; 4] = [None, Some(0.0), Some(0.6), Some(-0.95)];
@@ -43,7 +43,7 @@ impl FiberReport {
             && r.pdf_error <= self.furnace_allowed
             && r.weight_error <= WEIGHT_TOLERANCE
             && r.sampled_furnace_se <= SAMPLED_TOLERANCE_SE
-            && r.chi2_p >= LEAST_P
+            && r.chi2_p >= MIN_P
     }
 }
 
@@ -53,7 +53,7 @@ fn finest(model: &FiberModel, near: bool) -> ([f64; 2], f64) {
     match model {
         FiberModel::Dielectric(fiber) => {
             let p = fiber.parameters();
-            let caustics = !near && p.beta_n < LEAST_FAR_WIDTH;
+            let caustics = !near && p.beta_n < MIN_FAR_WIDTH;
             let across = if caustics { CAUSTIC } else { least(&[p.beta_n]) };
             ([least(&p.beta_m), across], if caustics { CAUSTIC_TOLERANCE } else { FURNACE_TOLERANCE })
         }

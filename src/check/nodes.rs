@@ -20,7 +20,7 @@ const GAUSS: [(f64, f64); 3] =
 /// Longest panel, in standard deviations of what it resolves.
 const PANEL_SD: f64 = 1.5;
 /// Least panels of a bin along latitude and azimuth.
-const LEAST_PANELS: usize = 3;
+const MIN_PANELS: usize = 3;
 /// p^2 + q^2 from which a lobe is dark: the sharpest, of bandwidth 1e7, has 3e-7 per sr left of its energy there.
 const DARK: f64 = 30.0;
 /// Nodes that are evaluated at a time.
@@ -78,7 +78,7 @@ impl Feature {
     }
 
     /// Of a lobe of a mixture.
-    pub(super) fn of(lobe: &AnyLobe, theta_i: f64, is_mirrored: bool) -> Feature {
+    pub(super) fn from_lobe(lobe: &AnyLobe, theta_i: f64, is_mirrored: bool) -> Feature {
         match lobe {
             AnyLobe::Cone(lobe) => Feature::Cone { lobe: *lobe, theta_i, is_mirrored },
             AnyLobe::Round(lobe) if is_mirrored => Feature::turned(lobe, lobe.frame().map(|[x, y, z]| [-x, y, -z])),
@@ -198,7 +198,7 @@ pub(super) fn integrate<const N: usize>(
     features: &[Feature],
 ) -> ([f64; N], Vec<f64>) {
     let width = PI / BINS[0] as f64;
-    let panels = sd_rad.map(|sd| ((width / (PANEL_SD * sd)).ceil() as usize).max(LEAST_PANELS));
+    let panels = sd_rad.map(|sd| ((width / (PANEL_SD * sd)).ceil() as usize).max(MIN_PANELS));
     let half = panels.map(|panels| 0.5 * width / panels as f64);
     let mut sums = Sums {
         of: s,
@@ -273,7 +273,7 @@ mod tests {
     /// Error of the integral and of the sum of the bins, and the nodes that they took.
     fn integral(lobe: AnyLobe, theta_i: f64) -> (f64, usize) {
         let asked = Count::new(0);
-        let feature = Feature::of(&lobe, theta_i, false);
+        let feature = Feature::from_lobe(&lobe, theta_i, false);
         let ([sum], bins) = integrate(&Alone { lobe, theta_i, asked: &asked }, [1.0; 2], &[feature]);
         ((sum - 1.0).abs().max((bins.iter().sum::<f64>() - 1.0).abs()), asked.get())
     }

@@ -7,7 +7,7 @@ use super::{SPECTRUM_NODES, SPECTRUM_UM, spectrum_lambda_um};
 use crate::PlyModel;
 
 /// Largest absorption that a reflectance is turned to [1/um]: black before a fiber is crossed.
-const MOST_PER_UM: f64 = 1.0;
+const MAX_PER_UM: f64 = 1.0;
 
 /// Albedo of a model or a cloth over the absorption, averaged over incidences.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,7 +45,7 @@ impl AlbedoCurve {
             let high = if row + 1 == m { std::f64::consts::FRAC_PI_2 } else { step * (row as f64 + 0.5) };
             primitive(high) - primitive(low)
         };
-        AlbedoCurve::of(model, &weight)
+        AlbedoCurve::from_model(model, &weight)
     }
 
     /// Under light of one latitude [rad], offsets even; between nodes linear, beyond the last that one.
@@ -53,10 +53,10 @@ impl AlbedoCurve {
         let d = model.data();
         let (m, last) = (d.theta_i.len(), d.theta_i[d.theta_i.len() - 1]);
         let x = (theta_i.abs() / last * (m - 1) as f64).max(0.0).min((m - 1) as f64);
-        AlbedoCurve::of(model, &|row| (1.0 - (x - row as f64).abs()).max(0.0))
+        AlbedoCurve::from_model(model, &|row| (1.0 - (x - row as f64).abs()).max(0.0))
     }
 
-    fn of(model: &PlyModel, weight: &dyn Fn(usize) -> f64) -> AlbedoCurve {
+    fn from_model(model: &PlyModel, weight: &dyn Fn(usize) -> f64) -> AlbedoCurve {
         let d = model.data();
         let (theta_i, h_um, j) = (&d.theta_i, &d.h_um, d.path_um.len());
         let h = h_um.len();
@@ -114,7 +114,7 @@ impl AlbedoCurve {
 
     /// The darkest and the brightest albedo that [`AlbedoCurve::sigma`] reaches.
     pub fn range(&self) -> [f64; 2] {
-        [self.albedo(MOST_PER_UM), self.albedo(0.0)]
+        [self.albedo(MAX_PER_UM), self.albedo(0.0)]
     }
 
     /// The absorption of an albedo that is reached.
@@ -125,7 +125,7 @@ impl AlbedoCurve {
                 for _ in 0..200 {
                     let (value, slope) = value(*constant, path_um, energy, sigma);
                     let step = (albedo - value) / slope;
-                    let next = if step.is_finite() { (sigma + step).clamp(0.0, MOST_PER_UM) } else { sigma };
+                    let next = if step.is_finite() { (sigma + step).clamp(0.0, MAX_PER_UM) } else { sigma };
                     let done = (next - sigma).abs() <= 1e-14 * next;
                     sigma = next;
                     if done {
@@ -138,7 +138,7 @@ impl AlbedoCurve {
                 let node = nodes.iter().rposition(|(_, value)| *value >= albedo).unwrap_or(0).min(nodes.len() - 2);
                 let ((v0, a), (v1, b)) = (nodes[node], nodes[node + 1]);
                 let v = v0 + if a > b { ((a - albedo) / (a - b)).clamp(0.0, 1.0) } else { 0.0 } * (v1 - v0);
-                ((1.0 / v - 1.0) / length_um).min(MOST_PER_UM)
+                ((1.0 / v - 1.0) / length_um).min(MAX_PER_UM)
             }
         }
     }
@@ -152,7 +152,7 @@ impl AlbedoCurve {
         // Asked this way, what is not a number is dark.
         let within = reflectance >= dark;
         if !within {
-            return (MOST_PER_UM, Clamped::ToDark);
+            return (MAX_PER_UM, Clamped::ToDark);
         }
         (self.inverse(reflectance), Clamped::No)
     }
@@ -193,7 +193,7 @@ impl SigmaSpectrum {
     }
 
     /// Of absorptions [1/um] by the wavelength [um].
-    pub fn of(sigma_per_um: impl Fn(f64) -> f64) -> SigmaSpectrum {
+    pub fn from_fn(sigma_per_um: impl Fn(f64) -> f64) -> SigmaSpectrum {
         SigmaSpectrum { per_um: std::array::from_fn(|node| sigma_per_um(spectrum_lambda_um(node)) as f32) }
     }
 
@@ -243,8 +243,8 @@ mod tests {
             last = sigma;
         }
         assert_eq!(c.sigma(1.01), (0.0, Clamped::ToClear));
-        assert_eq!(c.sigma(0.004), (MOST_PER_UM, Clamped::ToDark));
-        assert_eq!(c.sigma(f64::NAN), (MOST_PER_UM, Clamped::ToDark));
+        assert_eq!(c.sigma(0.004), (MAX_PER_UM, Clamped::ToDark));
+        assert_eq!(c.sigma(f64::NAN), (MAX_PER_UM, Clamped::ToDark));
     }
 
     /// A color goes through the fibers and comes back: its spectrum is that of the reflectance where nothing was clamped.

@@ -11,7 +11,7 @@ use super::{SPECTRUM_NODES, SPECTRUM_UM, lab_of_xyz, lab_root, spectrum_lambda_u
 use super::{delta_e, srgb_decode, xyz_of_linear_srgb};
 
 /// Bound of each coefficient: S(300) = 1 - 3e-6, and the steepest step is a hundredth of the range wide.
-const MOST: f64 = 300.0;
+const MAX: f64 = 300.0;
 /// Most steps; a solve takes about ten.
 const STEPS: usize = 200;
 
@@ -93,7 +93,7 @@ impl SmoothReflectance {
         let gray = xyz[1].clamp(1e-6, 1.0 - 1e-6);
         // S(t) = gray.
         let t = (gray - 0.5) / (gray * (1.0 - gray)).sqrt();
-        let mut c = [0.0, 0.0, t.clamp(-MOST, MOST)];
+        let mut c = [0.0, 0.0, t.clamp(-MAX, MAX)];
         let cost = |r: &[f64; 3]| r.iter().map(|v| v * v).sum::<f64>();
         let (mut r, mut j) = residuals(&c, &want);
         let mut damping = 1e-3;
@@ -102,7 +102,7 @@ impl SmoothReflectance {
                 break;
             }
             let step = damped_step(&j, &r, damping);
-            let next: [f64; 3] = std::array::from_fn(|k| (c[k] + step[k]).clamp(-MOST, MOST));
+            let next: [f64; 3] = std::array::from_fn(|k| (c[k] + step[k]).clamp(-MAX, MAX));
             let (next_r, next_j) = residuals(&next, &want);
             if cost(&next_r) < cost(&r) {
                 (c, r, j) = (next, next_r, next_j);

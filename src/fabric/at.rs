@@ -4,11 +4,11 @@
 //! single reflection from where the line enters the ply, other light from anywhere across it. What passes all plies is diffracted, at the edge of the ply that the line
 //! meets or by the aperture of the gap. All directions are those of the pattern, which may be turned about the surface's normal.
 
-use super::Family;
+use super::YarnSet;
 use super::between::BetweenAt;
 use super::far::FarAt;
-use super::place::MAX_NEAR;
-use super::shade::Shade;
+use super::hit::MAX_NEAR;
+use super::shade::Occlusion;
 use super::shadow::Toward;
 use crate::bsdf::{DirectionSample, Outcomes};
 use crate::frame::is_direction;
@@ -53,9 +53,9 @@ fn to_surface([c, s]: [f32; 2], w: [f32; 3]) -> [f32; 3] {
 pub(super) struct NearPly<'a, L, const N: usize> {
     pub ply: PlyOn<'a, L, N>,
     pub frame: [[f32; 3]; 3],
-    pub shade: Shade<'a>,
+    pub shade: Occlusion<'a>,
     pub exits: ExitsAt,
-    pub family: Family,
+    pub family: YarnSet,
     pub is_double: bool,
     /// Share of the beam that comes to it.
     pub arrives: f32,
@@ -166,14 +166,14 @@ const UP: usize = MAX_NEAR + 1;
 const DOWN: usize = MAX_NEAR + 2;
 
 /// Least share of a ply's light that counts as free: in some directions all of it is, and weights are as large as this is small.
-const LEAST_FREE: f32 = 0.4;
+const MIN_FREE: f32 = 0.4;
 /// Chance of light between yarns over its energy. Its samples, by the cosine, lie most where least is in the shadow and so stand in for those of plies there: more lessens the
 /// variance of weights and raises the largest one of clear cloths.
 const FOR_SHADOWS: f32 = 1.25;
 
 /// A fabric at a query, for N wavelengths; of the ply that the line meets the lobes are interpolated once.
 #[derive(Clone, Copy, Debug)]
-pub struct FabricAt<'a, const N: usize> {
+pub struct FabricBsdf<'a, const N: usize> {
     /// The ply that the line meets, and its place among those that it comes near.
     pub(super) main: Option<NearPly<'a, Cached<'a, N>, N>>,
     pub(super) others: [Option<NearPly<'a, Uncached<'a, N>, N>>; MAX_NEAR],
@@ -192,13 +192,13 @@ pub struct FabricAt<'a, const N: usize> {
     pub(super) far: Option<(FarAt<'a, N>, f32)>,
 }
 
-impl<const N: usize> FabricAt<'_, N> {
+impl<const N: usize> FabricBsdf<'_, N> {
     /// Share of the mean over the repeat in the answer: 0 for a point, 1 for a footprint as large as the repeat.
     pub fn far_share(&self) -> f32 {
         self.far.as_ref().map_or(0.0, |(_, share)| *share)
     }
 
-    /// Whether the point lies in a gap: the line meets no ply. Of no meaning where [`FabricAt::far_share`] is 1.
+    /// Whether the point lies in a gap: the line meets no ply. Of no meaning where [`FabricBsdf::far_share`] is 1.
     pub fn is_gap(&self) -> bool {
         self.main.is_none()
     }
@@ -209,7 +209,7 @@ impl<const N: usize> FabricAt<'_, N> {
     }
 
     /// f of the plies of one family towards `lights`, and the energies that they scatter, of one layer and of two.
-    pub(super) fn of_family(&self, family: Family, lights: &[Toward]) -> (Vec<[f32; N]>, [[f32; N]; 2]) {
+    pub(super) fn of_family(&self, family: YarnSet, lights: &[Toward]) -> (Vec<[f32; N]>, [[f32; N]; 2]) {
         let (mut f, mut first) = (vec![[0.0; N]; lights.len()], [[0.0; N]; 2]);
         let mut scatters = |is_double: bool, arrives: f32, energy: &[f32; N]| {
             (0..N).for_each(|k| first[usize::from(is_double)][k] += arrives * energy[k]);
@@ -241,7 +241,7 @@ impl<const N: usize> FabricAt<'_, N> {
         }
         self.others.iter().flatten().for_each(|p| add(p.arrives, &p.energy));
         let direct = root_mean_square(&std::array::from_fn(|k| {
-            let m = (1.0 - self.between.caught[k] / plies[k].max(f32::MIN_POSITIVE)).max(LEAST_FREE);
+            let m = (1.0 - self.between.caught[k] / plies[k].max(f32::MIN_POSITIVE)).max(MIN_FREE);
             // m^(3/4).
             plies[k] * (m * m.sqrt()).sqrt()
         }));
@@ -365,7 +365,7 @@ impl<const N: usize> FabricAt<'_, N> {
     }
 }
 
-impl<const N: usize> Bsdf<N> for FabricAt<'_, N> {
+impl<const N: usize> Bsdf<N> for FabricBsdf<'_, N> {
     fn eval(&self, w: [f32; 3]) -> [f32; N] {
         self.eval_pdf(w).0
     }
@@ -444,9 +444,9 @@ impl<const N: usize> Bsdf<N> for FabricAt<'_, N> {
 }
 
 /// The two families' numbers by what they are to a yarn: its own, the other's.
-pub(super) fn by_family<T: Copy>(family: Family, own: T, other: T) -> [T; 2] {
+pub(super) fn by_family<T: Copy>(family: YarnSet, own: T, other: T) -> [T; 2] {
     match family {
-        Family::Warp => [own, other],
-        Family::Weft => [other, own],
+        YarnSet::Warp => [own, other],
+        YarnSet::Weft => [other, own],
     }
 }

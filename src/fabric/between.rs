@@ -15,12 +15,12 @@
 //! E(a) of light reflected so, the form `E(a) E(b) cos b / integral E cos` is symmetric, has the energy E(a) and no other parameter; of light that is transmitted, E(b) is
 //! the energy of light from b transmitted the other way. (Kulla and Conty 2017 give microfacets their missing energy in this form.)
 
-use super::flight::{Near, exit};
-use super::place::PlyHit;
+use super::flight::{Candidate, exit};
+use super::hit::PlyHit;
 use super::regression::Sums;
 use super::shadow::Shadows;
 use super::splines;
-use super::{Fabric, Family};
+use super::{Fabric, YarnSet};
 use crate::color::AlbedoCurve;
 use crate::gap::Slit;
 use crate::math::hash::SplitMix64;
@@ -46,17 +46,17 @@ pub(super) const CLASSES: usize = 4;
 const BEAMS: usize = 1 << 18;
 const FOLLOWED: usize = 4;
 /// Most plies that scatter a path.
-const MOST_ORDERS: usize = 64;
+const MAX_ORDERS: usize = 64;
 /// What f has over the density of its samples, at most.
-const MOST_OVER: f32 = 2.0;
+const MAX_OVER: f32 = 2.0;
 /// Directions of the first ply's light that are looked at.
 const FIRSTS: usize = 4;
 /// Steps of an even sequence of three numbers (Roberts 2018).
 const EVEN: [f32; 3] = [0.819_172_5, 0.671_043_6, 0.549_700_5];
 /// Most directions drawn for one that is kept.
-const MOST_DRAWN: usize = 100;
+const MAX_DRAWN: usize = 100;
 /// A path of less energy is dropped.
-const LEAST_WEIGHT: f32 = 1e-4;
+const MIN_WEIGHT: f32 = 1e-4;
 
 /// A polynomial of the direction for each pair of absorptions.
 pub(super) type Poly = [f32; TERMS];
@@ -76,7 +76,7 @@ pub(super) struct Side {
 
 /// The light between the yarns of a fabric.
 #[derive(Clone, Debug)]
-pub(super) struct Between {
+pub(super) struct InterYarn {
     pub(super) sides: [Side; 2],
     /// By node of absorption of both families alike, of clear fibers first: scattered light of all orders over the light that meets fibers, under light from everywhere.
     albedo: [f64; SIGMAS],
@@ -135,7 +135,7 @@ fn dot<const T: usize>(a: &[f32; T], b: &[f32; T]) -> f32 {
 /// Models of a fabric's yarns.
 pub(super) trait Yarns {
     /// The model of a yarn.
-    fn model(&self, family: Family, yarn: i32) -> &PlyModel;
+    fn model(&self, family: YarnSet, yarn: i32) -> &PlyModel;
 
     /// The slits of a ply there, whose light of 0.55 um stands for all.
     fn slit(&self, hit: &PlyHit) -> Option<&Slit>;
@@ -143,7 +143,7 @@ pub(super) trait Yarns {
 
 /// What a ply sends out at a hit, at all nodes of absorption; directions are drawn for clear fibers. It lives on the stack of a path.
 #[allow(clippy::large_enum_variant)]
-enum Sent<'a> {
+enum Emitted<'a> {
     Lobes(ByFirst<'a, SIGMAS>),
     /// Of a ply with slits, which take their part of the lobes at every call.
     Slits {
@@ -152,28 +152,28 @@ enum Sent<'a> {
     },
 }
 
-impl<'a> Sent<'a> {
-    fn new(model: &'a PlyModel, hit: &PlyHit, slit: Option<&'a Slit>) -> Sent<'a> {
+impl<'a> Emitted<'a> {
+    fn new(model: &'a PlyModel, hit: &PlyHit, slit: Option<&'a Slit>) -> Emitted<'a> {
         if slit.is_none() {
-            return Sent::Lobes(model.by_first(hit.theta_i, hit.h_um, SIGMA_PER_UM));
+            return Emitted::Lobes(model.by_first(hit.theta_i, hit.h_um, SIGMA_PER_UM));
         }
         let clear = PlyQuery { cached: false, slit, ..PlyQuery::lobes(hit.theta_i, hit.h_um, [0.0]) };
         let dyed = PlyQuery { cached: false, slit, ..PlyQuery::lobes(hit.theta_i, hit.h_um, SIGMA_PER_UM) };
-        Sent::Slits { clear: model.uncached_at(&clear), dyed: model.uncached_at(&dyed) }
+        Emitted::Slits { clear: model.uncached_at(&clear), dyed: model.uncached_at(&dyed) }
     }
 
     /// Energy that clear fibers scatter.
     fn energy(&self) -> f32 {
         match self {
-            Sent::Lobes(ply) => ply.albedo()[0],
-            Sent::Slits { clear, .. } => clear.albedo_r_d().0[0],
+            Emitted::Lobes(ply) => ply.albedo()[0],
+            Emitted::Slits { clear, .. } => clear.albedo_r_d().0[0],
         }
     }
 
     fn sample(&self, u: [f32; 3]) -> Option<([f32; 3], LobeLight<SIGMAS>)> {
         match self {
-            Sent::Lobes(ply) => ply.sample(u),
-            Sent::Slits { clear, dyed } => {
+            Emitted::Lobes(ply) => ply.sample(u),
+            Emitted::Slits { clear, dyed } => {
                 let (w, drawn) = clear.sample_lobes(clear.hit_chance(), u)?;
                 Some((w, LobeLight { pdf: drawn.pdf, ..dyed.eval_pdf_lobes(1.0, w) }))
             }
@@ -182,7 +182,7 @@ impl<'a> Sent<'a> {
 }
 
 /// Light that has left the cloth.
-struct Gone {
+struct Escaped {
     /// Plies that scattered it.
     orders: usize,
     /// Class of the first ply; whether it sent the light up.
@@ -209,11 +209,11 @@ fn path(
     (a, at): ([f32; 3], [f32; 2]),
     is_followed: bool,
     number: &mut impl FnMut() -> f32,
-) -> Option<Gone> {
+) -> Option<Escaped> {
     let sigma = SIGMA_PER_UM;
     let mut flight = fabric.flight_through(at, a);
     let mut d = a.map(|v| -v);
-    let mut gone = Gone {
+    let mut gone = Escaped {
         orders: 0,
         class: 0,
         sent_up: false,
@@ -223,9 +223,9 @@ fn path(
         caught: [[0.0; SIGMAS]; 2],
         scattered: [0.0; SIGMAS],
     };
-    for _ in 0..MOST_ORDERS {
+    for _ in 0..MAX_ORDERS {
         // The first ply that catches the beam.
-        let near: Near = loop {
+        let near: Candidate = loop {
             let Some(near) = flight.next_near() else {
                 gone.up = d[2] * a[2] > 0.0;
                 return Some(gone);
@@ -238,9 +238,9 @@ fn path(
         let hit = &near.hit;
         let model = yarns.model(hit.family, hit.yarn);
         // Drawn for clear fibers, the first node's: their light is then neither lost nor made, and that of others is less.
-        let ply = Sent::new(model, hit, yarns.slit(hit));
+        let ply = Emitted::new(model, hit, yarns.slit(hit));
         let energy = ply.energy().max(1e-12);
-        let per_mean = 1.0 / (MOST_OVER * energy);
+        let per_mean = 1.0 / (MAX_OVER * energy);
         let looks = 1.0 / (FIRSTS as f32 * energy);
         let radius = fabric.yarns[hit.family as usize].radius;
         let (frame, z) = (hit.frame, hit.frame[2]);
@@ -251,7 +251,7 @@ fn path(
         };
         if gone.orders == 0 {
             gone.class = class(hit);
-            let shade = super::shade::Shade::new((fabric, shadows, model), &near, a, [true; 2]);
+            let shade = super::shade::Occlusion::new((fabric, shadows, model), &near, a, [true; 2]);
             // An even sequence, turned at random; what the density lacks is made good by weights.
             let turn = [number(), number(), number()];
             for i in 0..FIRSTS {
@@ -274,7 +274,7 @@ fn path(
             return Some(gone);
         }
         // Directions are drawn with a density near to f, and kept by what f has over it: weights would be noise.
-        let (w, light) = (0..MOST_DRAWN).find_map(|_| {
+        let (w, light) = (0..MAX_DRAWN).find_map(|_| {
             let (w, light) = ply.sample([number(), number(), number()])?;
             (number() * light.pdf <= (light.refl[0] + light.high[0]) * per_mean).then_some((w, light))
         })?;
@@ -304,7 +304,7 @@ fn path(
         flight = fabric.flight(from, d, fabric.skip_own(&near, from, d));
         gone.orders += 1;
         let most = gone.weight.iter().map(|w| w.iter().fold(0.0f32, |m, v| m.max(*v))).product::<f32>();
-        if most < LEAST_WEIGHT {
+        if most < MIN_WEIGHT {
             return None;
         }
     }
@@ -367,7 +367,7 @@ impl Found {
         found
     }
 
-    fn add(&mut self, side: usize, a: [f32; 3], t: &Poly, gone: &Gone, counts: bool) {
+    fn add(&mut self, side: usize, a: [f32; 3], t: &Poly, gone: &Escaped, counts: bool) {
         if gone.orders == 0 {
             return;
         }
@@ -411,9 +411,9 @@ impl Found {
     }
 }
 
-impl Between {
+impl InterYarn {
     /// Of a fabric whose yarns have these models.
-    pub(super) fn new(fabric: &Fabric, shadows: &Shadows, yarns: &(impl Yarns + Sync)) -> Between {
+    pub(super) fn new(fabric: &Fabric, shadows: &Shadows, yarns: &(impl Yarns + Sync)) -> InterYarn {
         let found = parallel::map(CHUNKS, |chunk| Found::new(fabric, shadows, yarns, chunk));
         let mut all = Found::none();
         found.iter().for_each(|found| all.join(found));
@@ -440,7 +440,7 @@ impl Between {
         };
         // Clear fibers send out all that meets them.
         let clear = albedo[0].max(f64::MIN_POSITIVE);
-        Between { sides: [side(0), side(1)], albedo: albedo.map(|a| a / clear) }
+        InterYarn { sides: [side(0), side(1)], albedo: albedo.map(|a| a / clear) }
     }
 
     /// The color of the cloth over the absorption, under a sky all round: what it scatters of the light that meets its fibers.

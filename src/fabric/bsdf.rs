@@ -4,16 +4,16 @@
 //! cosine at the surface: `radiance to wo = integral f(wi) radiance from wi d wi`. Averaged over a repeat, f over that cosine is symmetric in wo and wi up to the ply
 //! models' own asymmetry, and energy is conserved either way (docs/explain/papers.md: departures from 7.1).
 
-use super::at::{FabricAt, GapLight, NearPly, Passes, by_family, to_pattern};
-use super::between::{Between, BetweenAt, Yarns, class};
+use super::at::{FabricBsdf, GapLight, NearPly, Passes, by_family, to_pattern};
+use super::between::{BetweenAt, InterYarn, Yarns, class};
 use super::color_of::{self, ColorOf, Sheet};
 use super::dye::{Channels, Dye, colors_of, own_color, shares_of};
 use super::far::Far;
-use super::flight::Near;
-use super::place::MAX_NEAR;
-use super::shade::Shade;
+use super::flight::Candidate;
+use super::hit::MAX_NEAR;
+use super::shade::Occlusion;
 use super::shadow::{Passing, Shadows};
-use super::{Fabric, FabricSpec, Family, Gap, LoadedFabric, PlyHit, YarnColor};
+use super::{Fabric, FabricSpec, Gap, LoadedFabric, PlyHit, YarnColor, YarnSet};
 use crate::bsdf::DirectionSample;
 use crate::color::{AlbedoCurve, RGB_LAMBDA_UM};
 use crate::fiber::Reflections;
@@ -26,11 +26,11 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// Share of a beam that is not followed further.
-const LEAST_CAUGHT: f32 = 1e-3;
+const MIN_CAUGHT: f32 = 1e-3;
 /// Edges of apertures, in equal steps from the beam's center to d_cut, for which spectra are kept: those of which apertures between them are sampled.
 pub(super) const EDGES: usize = 32;
 /// Narrowest aperture [um]. What is narrower, a fraction of a wavelength, has its pattern: light goes everywhere.
-const LEAST_APERTURE_UM: f32 = 0.1;
+const MIN_APERTURE_UM: f32 = 0.1;
 
 /// Slits between the fibers of a yarn (Yu 2025, 7.3), [`Slit`], for those who want their colors.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -88,7 +88,7 @@ impl FabricOptions {
         FabricOptions { gaps: GapLight::Straight, edges: false, slits: Some(Slits::NONE), ..FabricOptions::SMOOTH };
 
     /// The slits of a family's yarns: these, or else those of the spec; `None` where no light goes through any.
-    pub fn slits_of(&self, spec: &FabricSpec, family: Family) -> Option<Slits> {
+    pub fn slits_of(&self, spec: &FabricSpec, family: YarnSet) -> Option<Slits> {
         self.slits.or_else(|| spec.yarn(family).slits()).filter(|slits| slits.share != 0.0)
     }
 }
@@ -122,7 +122,7 @@ pub struct FabricQuery<'a, const N: usize> {
     /// What the N numbers of a color are.
     pub channels: Channels,
     /// The point's own absorptions of warp and weft [1/um], for textures and prints, in place of those of the yarns' colors; a host gets them from
-    /// [`FabricBsdf::sigma_of_reflectance`].
+    /// [`FabricModel::sigma_of_reflectance`].
     pub sigma_per_um: [Option<[f32; N]>; 2],
     /// Angle by which the pattern is turned about the normal at the point [rad], from x towards y. The position is one of the turned pattern's plane, given in the
     /// surface's axes.
@@ -160,7 +160,7 @@ impl FabricQuery<'_, 3> {
 /// A woven fabric, ready for shading.
 ///
 /// ```
-/// use plywave::FabricBsdf;
+/// use plywave::FabricModel;
 /// use plywave::fabric::{FabricOptions, FabricSpec};
 /// use plywave::io::MemoryAssets;
 ///
@@ -170,7 +170,7 @@ impl FabricQuery<'_, 3> {
 /// let assets = MemoryAssets::new().with("ply.pwm", model);
 /// let yarn = "model = \"ply.pwm\"\nspacing_um = 130.0\ncrimp = 0.3\nsrgb = [0.6, 0.2, 0.2]\n";
 /// let text = format!("name = \"plain\"\n[weave]\nkind = \"plain\"\n[warp]\n{yarn}[weft]\n{yarn}");
-/// let fabric = FabricBsdf::new(FabricSpec::load_from(&text, "plain.toml", &assets)?, &FabricOptions::default())?;
+/// let fabric = FabricModel::new(FabricSpec::load_from(&text, "plain.toml", &assets)?, &FabricOptions::default())?;
 /// assert_eq!(fabric.fabric().repeat_um(), [260.0, 260.0]);
 /// # Ok(())
 /// # }
@@ -179,7 +179,7 @@ impl FabricQuery<'_, 3> {
 /// Lengths in um in the plane of the fabric (x along the weft, y along the warp, z the face's normal), directions unit in that frame. No call to
 /// evaluate fails, allocates or panics.
 #[derive(Clone, Debug)]
-pub struct FabricBsdf {
+pub struct FabricModel {
     pub(super) fabric: Fabric,
     pub(super) models: Vec<Arc<PlyModel>>,
     /// Brightness of the cloth over absorption, and what it is the brightness of.
@@ -200,7 +200,7 @@ pub struct FabricBsdf {
     pub(super) slits: [Option<Slit>; 2],
     pub(super) options: FabricOptions,
     pub(super) shadows: Shadows,
-    pub(super) between: Between,
+    pub(super) between: InterYarn,
     /// Length of a ply with the same patterns, 2 w0 [um].
     pub(super) grain_um: f32,
     /// The mean over the repeat, and by family the share of each color.
@@ -208,23 +208,23 @@ pub struct FabricBsdf {
     pub(super) color_shares: [Vec<(u32, f32)>; 2],
 }
 
-impl FabricBsdf {
+impl FabricModel {
     /// Reads a fabric spec and the models it names.
     ///
     /// # Errors
     /// As [`super::FabricSpec::load`].
-    pub fn load(path: impl AsRef<Path>, options: &FabricOptions) -> Result<FabricBsdf> {
-        FabricBsdf::new(super::FabricSpec::load(path)?, options)
+    pub fn load(path: impl AsRef<Path>, options: &FabricOptions) -> Result<FabricModel> {
+        FabricModel::new(super::FabricSpec::load(path)?, options)
     }
 
     /// Of a loaded fabric.
     ///
     /// # Errors
     /// As [`YarnSpec::parse`], for the spec in the warp's model, and as [`Slit::new`], for [`FabricOptions::slits`].
-    pub fn new(loaded: LoadedFabric, options: &FabricOptions) -> Result<FabricBsdf> {
-        let warp = loaded.model_of(Family::Warp, 0).data();
+    pub fn new(loaded: LoadedFabric, options: &FabricOptions) -> Result<FabricModel> {
+        let warp = loaded.model_of(YarnSet::Warp, 0).data();
         let beam: GaussianBeam = YarnSpec::parse(&warp.spec_text, "warp.model (its spec)")?.beam.beam();
-        let slits = [slit_of(&loaded, Family::Warp, options)?, slit_of(&loaded, Family::Weft, options)?];
+        let slits = [slit_of(&loaded, YarnSet::Warp, options)?, slit_of(&loaded, YarnSet::Weft, options)?];
         let LoadedFabric { fabric, models, threads: stripes, spec, .. } = loaded;
         // A line that passes a ply goes on to others: it is one line, not the beam of a table.
         let models: Vec<Arc<PlyModel>> = models.iter().map(|m| Ok(Arc::new(m.of_lines()?))).collect::<Result<_>>()?;
@@ -239,14 +239,14 @@ impl FabricBsdf {
         let spectra = (0..(EDGES + 1) * (EDGES + 1)).map(spectrum).collect();
         let yarns = OfYarns { models: &models, stripes: &stripes, slits: &slits };
         let shadows = Shadows::new(&fabric, &yarns);
-        let between = Between::new(&fabric, &shadows, &yarns);
+        let between = InterYarn::new(&fabric, &shadows, &yarns);
         if options.noise {
             // No query makes tiles then.
             for model in &models {
                 let _ = model.noise();
             }
         }
-        let mut shading = FabricBsdf {
+        let mut shading = FabricModel {
             shadows,
             curve: between.curve(),
             between,
@@ -273,7 +273,7 @@ impl FabricBsdf {
         shading.color_shares = shares_of(&shading.threads);
         if options.far {
             let options = FabricOptions { noise: false, ..*options };
-            let smooth = FabricBsdf { options, slits: [None; 2], ..shading.clone() };
+            let smooth = FabricModel { options, slits: [None; 2], ..shading.clone() };
             shading.far = Some(Arc::new(Far::new(&smooth)));
         }
         Ok(shading)
@@ -285,24 +285,24 @@ impl FabricBsdf {
     }
 
     /// The ply model of a yarn, [in single lines](PlyModel::of_lines).
-    pub fn model_of(&self, family: Family, yarn: i32) -> &PlyModel {
+    pub fn model_of(&self, family: YarnSet, yarn: i32) -> &PlyModel {
         &self.models[self.model_index(family, yarn)]
     }
 
     /// Number of yarns after which the models of a family repeat; 1 without stripes.
-    pub fn repeat_of_stripes(&self, family: Family) -> usize {
+    pub fn repeat_of_stripes(&self, family: YarnSet) -> usize {
         self.stripes[family as usize].len()
     }
 
     /// Index of the model of a yarn; stripes go on without end.
     #[inline]
-    fn model_index(&self, family: Family, yarn: i32) -> usize {
+    fn model_index(&self, family: YarnSet, yarn: i32) -> usize {
         repeated(&self.stripes[family as usize], yarn) as usize
     }
 
     /// Bytes of memory, the models apart, which fabrics share.
     pub fn memory_bytes(&self) -> usize {
-        size_of::<FabricBsdf>()
+        size_of::<FabricModel>()
             + self.fabric.memory_bytes()
             + self.threads.iter().chain(&self.stripes).map(|t| size_of_val(t.as_slice())).sum::<usize>()
             + size_of_val(self.dyes.as_slice())
@@ -315,7 +315,7 @@ impl FabricBsdf {
     }
 
     /// Absorptions [1/um] of a yarn at wavelengths [um].
-    pub fn sigma<const N: usize>(&self, family: Family, yarn: i32, lambda_um: [f32; N]) -> [f32; N] {
+    pub fn sigma<const N: usize>(&self, family: YarnSet, yarn: i32, lambda_um: [f32; N]) -> [f32; N] {
         self.dye(family, yarn).at(lambda_um, Channels::Wavelengths)
     }
 
@@ -330,7 +330,7 @@ impl FabricBsdf {
         self.color_of
     }
 
-    /// As [`FabricBsdf::color_curve`], in another meaning. It takes tenths of a second but for the spec's own and [`ColorOf::EvenSky`].
+    /// As [`FabricModel::color_curve`], in another meaning. It takes tenths of a second but for the spec's own and [`ColorOf::EvenSky`].
     pub fn color_curve_of(&self, of: ColorOf) -> AlbedoCurve {
         let even_sky = self.between.curve();
         if of == ColorOf::EvenSky {
@@ -344,20 +344,20 @@ impl FabricBsdf {
         color_of::curve(&rays, of, &even_sky)
     }
 
-    /// Absorptions [1/um] with which the cloth has these reflectances, 0 to 1, at wavelengths or in linear RGB: [`FabricBsdf::color_curve`] inverted. What is out of
+    /// Absorptions [1/um] with which the cloth has these reflectances, 0 to 1, at wavelengths or in linear RGB: [`FabricModel::color_curve`] inverted. What is out of
     /// reach is clamped to clear or black fibers. Hosts convert a texture once.
     pub fn sigma_of_reflectance<const N: usize>(&self, reflectance: [f32; N]) -> [f32; N] {
         reflectance.map(|r| self.curve.sigma(f64::from(r)).0 as f32)
     }
 
     #[inline]
-    fn dye(&self, family: Family, yarn: i32) -> &Dye {
+    fn dye(&self, family: YarnSet, yarn: i32) -> &Dye {
         let color = repeated(&self.threads[family as usize], yarn) as usize;
         &self.dyes[color]
     }
 
     /// Absorptions of a yarn at a query.
-    fn query_sigma<const N: usize>(&self, query: &FabricQuery<'_, N>, family: Family, yarn: i32) -> [f32; N] {
+    fn query_sigma<const N: usize>(&self, query: &FabricQuery<'_, N>, family: YarnSet, yarn: i32) -> [f32; N] {
         if let Some(sigma) = query.sigma_per_um[family as usize] {
             return sigma;
         }
@@ -367,7 +367,7 @@ impl FabricBsdf {
     fn query_model<'a, const N: usize>(
         &'a self,
         query: &FabricQuery<'a, N>,
-        family: Family,
+        family: YarnSet,
         yarn: i32,
     ) -> &'a PlyModel {
         query.models[family as usize].unwrap_or_else(|| self.model_of(family, yarn))
@@ -376,12 +376,12 @@ impl FabricBsdf {
     /// The fabric at a query.
     ///
     /// ```
-    /// use plywave::{Bsdf, BsdfSample, FabricBsdf, FabricQuery};
+    /// use plywave::{Bsdf, BsdfSample, FabricModel, FabricQuery};
     /// use plywave::fabric::FabricOptions;
     ///
     /// # fn main() -> plywave::Result<()> {
     /// let path = concat!(env!("CARGO_MANIFEST_DIR"), "/fabrics/polyester_satin.toml");
-    /// let fabric = FabricBsdf::load(path, &FabricOptions::default())?;
+    /// let fabric = FabricModel::load(path, &FabricOptions::default())?;
     /// let at = fabric.at(&FabricQuery::rgb([1200.0, 340.0], [0.0, 0.6, 0.8]));
     /// let rgb = at.eval([0.3, 0.0, 0.954]); // light from there, its cosine included
     /// if let BsdfSample::Scattered(light) = at.sample([0.3, 0.6, 0.9]) {
@@ -391,16 +391,16 @@ impl FabricBsdf {
     /// # Ok(())
     /// # }
     /// ```
-    pub fn at<'a, const N: usize>(&'a self, query: &FabricQuery<'a, N>) -> FabricAt<'a, N> {
+    pub fn at<'a, const N: usize>(&'a self, query: &FabricQuery<'a, N>) -> FabricBsdf<'a, N> {
         let turned = query.turn_rad != 0.0 && query.turn_rad.is_finite();
         let turn = if turned { [query.turn_rad.cos(), query.turn_rad.sin()] } else { [1.0, 0.0] };
-        let ([x, y], mut wo) = (query.position_um, super::place::unit(query.wo));
+        let ([x, y], mut wo) = (query.position_um, super::hit::unit(query.wo));
         let mut position = [x, y];
         if turned {
             let p = to_pattern(turn, [x, y, 0.0]);
             (position, wo) = ([p[0], p[1]], to_pattern(turn, wo));
         }
-        let mut at = FabricAt {
+        let mut at = FabricBsdf {
             main: None,
             others: [const { None }; MAX_NEAR],
             passes: Passes::Straight,
@@ -420,7 +420,7 @@ impl FabricBsdf {
         let (mut count, mut last_other) = (0, 0);
         let mut sigma = None;
         let mut gap = Gap::open(&self.fabric);
-        let mut flight = self.fabric.flight_through(super::place::position(position[0], position[1]), wo);
+        let mut flight = self.fabric.flight_through(super::hit::position(position[0], position[1]), wo);
         while let Some(near) = flight.next_near() {
             let hit = &near.hit;
             let ply_query = self.ply_query(query, hit);
@@ -438,18 +438,18 @@ impl FabricBsdf {
                 let ply = model.uncached_at(&ply_query);
                 let r_d = ply.albedo_r_d().1;
                 // Of less than this of the beam, what rims catch counts as passing.
-                if arrives * (1.0 - r_d) < LEAST_CAUGHT {
+                if arrives * (1.0 - r_d) < MIN_CAUGHT {
                     continue;
                 }
                 let Some(slot) = at.others.iter_mut().find(|slot| slot.is_none()) else {
                     // Grazing lines pass many rims: what those beyond these catch, the last of these scatters.
                     if let Some(last) = &mut at.others[MAX_NEAR - 1] {
-                        let more = 1.0 + arrives * (1.0 - r_d) / (last.arrives * last.caught).max(LEAST_CAUGHT);
+                        let more = 1.0 + arrives * (1.0 - r_d) / (last.arrives * last.caught).max(MIN_CAUGHT);
                         last.arrives *= more;
                         firsts[last_other].1.iter_mut().for_each(|energy| *energy *= more);
                     }
                     at.passing *= r_d;
-                    if at.passing < LEAST_CAUGHT {
+                    if at.passing < MIN_CAUGHT {
                         break;
                     }
                     continue;
@@ -468,7 +468,7 @@ impl FabricBsdf {
                 sigma = Some(by_family(hit.family, ply_query.sigma_per_um, self.query_sigma(query, other, other_yarn)));
             }
             at.passing *= r_d;
-            if at.passing < LEAST_CAUGHT {
+            if at.passing < MIN_CAUGHT {
                 break;
             }
         }
@@ -497,7 +497,7 @@ impl FabricBsdf {
     /// A ply near the line, of a beam of which the share `arrives` comes to it.
     fn near_ply<'a, L: Lobes<N>, const N: usize>(
         &'a self,
-        near: &Near,
+        near: &Candidate,
         ply: PlyOn<'a, L, N>,
         arrives: f32,
         wo: [f32; 3],
@@ -505,7 +505,7 @@ impl FabricBsdf {
         let hit = &near.hit;
         NearPly {
             frame: hit.frame,
-            shade: Shade::new(
+            shade: Occlusion::new(
                 (&self.fabric, &self.shadows, ply.model),
                 near,
                 wo,
@@ -543,7 +543,7 @@ impl FabricBsdf {
     #[inline]
     fn aperture(&self, before_um: f32, beyond_um: f32) -> (u16, Axis<'_>) {
         let (room, d_cut) =
-            (0.5 * (LEAST_APERTURE_UM - before_um - beyond_um).max(0.0), EDGES as f32 * self.edge_step_um);
+            (0.5 * (MIN_APERTURE_UM - before_um - beyond_um).max(0.0), EDGES as f32 * self.edge_step_um);
         let [before, beyond] = [before_um, beyond_um].map(|x| (x + room).min(d_cut));
         let node = |x: f32| ((x / self.edge_step_um + 0.5) as usize).min(EDGES);
         let nodes = match [node(before), node(beyond)] {
@@ -557,7 +557,7 @@ impl FabricBsdf {
 
     /// Light through an aperture whose spectra are kept.
     pub(super) fn gap<const N: usize>(&self, [x, y]: [u16; 2], wo: [f32; 3], lambda_um: [f32; N]) -> GapBsdf<'_, N> {
-        let axis = |number: u16| Axis::of(&self.spectra[usize::from(number)]);
+        let axis = |number: u16| Axis::new(&self.spectra[usize::from(number)]);
         GapBsdf::new(axis(x), axis(y), wo, lambda_um)
     }
 
@@ -568,7 +568,7 @@ impl FabricBsdf {
     }
 }
 
-impl Sheet for FabricBsdf {
+impl Sheet for FabricModel {
     fn repeat_um(&self) -> [f64; 2] {
         self.fabric.repeat_um()
     }
@@ -588,7 +588,7 @@ impl Sheet for FabricBsdf {
 }
 
 /// The slits of a family's yarns, in its models' beam; none where no light goes through them.
-fn slit_of(loaded: &LoadedFabric, family: Family, options: &FabricOptions) -> Result<Option<Slit>> {
+fn slit_of(loaded: &LoadedFabric, family: YarnSet, options: &FabricOptions) -> Result<Option<Slit>> {
     let Some(Slits { width_um, share }) = options.slits_of(&loaded.spec, family) else { return Ok(None) };
     let model = loaded.model_of(family, 0).data();
     let beam = YarnSpec::parse(&model.spec_text, "model (its spec)")?.beam.beam();
@@ -618,7 +618,7 @@ struct OfYarns<'a> {
 }
 
 impl Yarns for OfYarns<'_> {
-    fn model(&self, family: Family, yarn: i32) -> &PlyModel {
+    fn model(&self, family: YarnSet, yarn: i32) -> &PlyModel {
         &self.models[repeated(&self.stripes[family as usize], yarn) as usize]
     }
 
@@ -628,7 +628,7 @@ impl Yarns for OfYarns<'_> {
 }
 
 impl Passing for OfYarns<'_> {
-    fn r_d(&self, family: Family, yarn: i32, theta_i: f32, h_um: f32) -> f32 {
+    fn r_d(&self, family: YarnSet, yarn: i32, theta_i: f32, h_um: f32) -> f32 {
         self.model(family, yarn).r_d(theta_i, h_um)
     }
 }

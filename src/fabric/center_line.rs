@@ -9,7 +9,7 @@
 //! serve a draft of any size.
 
 use super::profile::Profile;
-use super::{Fabric, Family};
+use super::{Fabric, YarnSet};
 use crate::spec::Handedness;
 
 /// A point of a yarn's center line.
@@ -51,28 +51,28 @@ fn joined(profile: &Profile, from: bool, to: bool, x: f64) -> [f64; 3] {
 
 impl Fabric {
     /// Amplitude A of the height of a family's center lines [um]: they lie at +A and -A over the crossings.
-    pub fn amplitude_um(&self, family: Family) -> f64 {
+    pub fn amplitude_um(&self, family: YarnSet) -> f64 {
         self.profile(family).amplitude
     }
 
-    fn profile(&self, family: Family) -> Profile {
+    fn profile(&self, family: YarnSet) -> Profile {
         self.shapes[family as usize].profile(&self.shapes[family.other() as usize])
     }
 
     /// Whether yarn `yarn` of `family` is on top where it crosses yarn `other` of the other family.
-    pub fn is_on_top(&self, family: Family, yarn: i32, other: i32) -> bool {
+    pub fn is_on_top(&self, family: YarnSet, yarn: i32, other: i32) -> bool {
         let (end, pick) = match family {
-            Family::Warp => (yarn, other),
-            Family::Weft => (other, yarn),
+            YarnSet::Warp => (yarn, other),
+            YarnSet::Weft => (other, yarn),
         };
         // Drafts have no more threads than numbers of 32 bits.
         let wrap = |n: i32, count: usize| n.rem_euclid(count.max(1) as i32) as usize;
         let up = self.draft.up(wrap(pick, self.draft.picks()), wrap(end, self.draft.ends()));
-        up == (family == Family::Warp)
+        up == (family == YarnSet::Warp)
     }
 
     /// The center line of yarn `yarn` of `family` at `along_um`, its y on warp and its x on weft. Yarn n lies at `(n + 1/2) spacing` across.
-    pub fn center_line(&self, family: Family, yarn: i32, along_um: f64) -> CenterPoint {
+    pub fn center_line(&self, family: YarnSet, yarn: i32, along_um: f64) -> CenterPoint {
         let step = self.shapes[family.other() as usize].spacing_um;
         let t = along_um / step - 0.5;
         let first = t.floor();
@@ -81,14 +81,14 @@ impl Fabric {
         let across = (f64::from(yarn) + 0.5) * self.shapes[family as usize].spacing_um;
         let c = 1.0 / (1.0 + slope * slope).sqrt();
         let (point_um, tangent) = match family {
-            Family::Warp => ([across, along_um, height], [0.0, c, slope * c]),
-            Family::Weft => ([along_um, across, height], [c, 0.0, slope * c]),
+            YarnSet::Warp => ([across, along_um, height], [0.0, c, slope * c]),
+            YarnSet::Weft => ([along_um, across, height], [c, 0.0, slope * c]),
         };
         CenterPoint { point_um, tangent, curvature_per_um: second * c * c * c }
     }
 
     /// Turns of ply 0 of a yarn about the yarn's axis at `along_um`; 0 for a yarn of one ply. Ply k of P is `k / P` turns further.
-    pub fn ply_turns(&self, family: Family, yarn: i32, along_um: f64) -> f64 {
+    pub fn ply_turns(&self, family: YarnSet, yarn: i32, along_um: f64) -> f64 {
         let shape = &self.shapes[family as usize];
         if shape.plies < 2 {
             return 0.0;
@@ -100,8 +100,8 @@ impl Fabric {
 
     /// Least radius by which the center lines of a family bend [um]; infinite where no yarn changes sides. A yarn cannot bend with a radius of less than
     /// half its width.
-    pub fn least_bend_radius_um(&self, family: Family) -> f64 {
-        let threads = |f: Family| self.draft.threads(f) as i32;
+    pub fn least_bend_radius_um(&self, family: YarnSet) -> f64 {
+        let threads = |f: YarnSet| self.draft.threads(f) as i32;
         let other = family.other();
         let bends = (0..threads(family)).any(|yarn| {
             let top = self.is_on_top(family, yarn, 0);
@@ -119,7 +119,7 @@ impl Fabric {
         for weft in 0..self.draft.picks() as i32 {
             for warp in 0..self.draft.ends() as i32 {
                 // Around the crossing: on the warp yarn before, at and after it, on the weft yarn before and after.
-                let up = |end: i32, pick: i32| self.is_on_top(Family::Warp, end, pick);
+                let up = |end: i32, pick: i32| self.is_on_top(YarnSet::Warp, end, pick);
                 let around =
                     [up(warp, weft - 1), up(warp, weft), up(warp, weft + 1), up(warp - 1, weft), up(warp + 1, weft)];
                 let case = around.iter().fold(0, |case, up| 2 * case + usize::from(*up));
@@ -136,7 +136,7 @@ impl Fabric {
 
     /// Least distance of the two center lines about a crossing [um], and where: from the crossing along the warp yarn and along the weft yarn.
     fn least_distance(&self, around: &[bool; 5]) -> [f64; 3] {
-        let [warp, weft] = Family::EACH.map(|family| self.profile(family));
+        let [warp, weft] = YarnSet::EACH.map(|family| self.profile(family));
         let [s_warp, s_weft] = [0, 1].map(|k| self.shapes[k].spacing_um);
         let height = |profile: &Profile, at: f64, before: bool, here: bool, after: bool| {
             joined(profile, here, if at < 0.0 { before } else { after }, at.abs().min(profile.step))[0]
@@ -180,7 +180,7 @@ impl Fabric {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fabric::{Draft, Place, YarnShape};
+    use crate::fabric::{Draft, Hit, YarnShape};
 
     fn shape(spacing_um: f64, crimp: f64) -> YarnShape {
         YarnShape {
@@ -212,8 +212,8 @@ mod tests {
             for i in 0..4000 {
                 let (x, y) =
                     (width * ((f64::from(i) * 0.754_877).fract() - 0.3), height * ((f64::from(i) * 0.569_84).fract()));
-                let Place::Ply(hit) = fabric.at(x as f32, y as f32, [0.0, 0.0, 1.0]) else { continue };
-                let along = if hit.family == Family::Warp { y } else { x };
+                let Hit::Ply(hit) = fabric.at(x as f32, y as f32, [0.0, 0.0, 1.0]) else { continue };
+                let along = if hit.family == YarnSet::Warp { y } else { x };
                 let center = fabric.center_line(hit.family, hit.yarn, along);
                 compared[hit.family as usize] += 1;
                 let off = (center.point_um[2] - f64::from(hit.height_um)).abs();
@@ -235,8 +235,8 @@ mod tests {
     #[test]
     fn tangents_and_curvatures_are_derivatives() {
         for fabric in fabrics() {
-            for (family, yarn) in [(Family::Warp, 0), (Family::Warp, -3), (Family::Weft, 1), (Family::Weft, 7)] {
-                let k = if family == Family::Warp { 1 } else { 0 };
+            for (family, yarn) in [(YarnSet::Warp, 0), (YarnSet::Warp, -3), (YarnSet::Weft, 1), (YarnSet::Weft, 7)] {
+                let k = if family == YarnSet::Warp { 1 } else { 0 };
                 for i in 0..200 {
                     let (s, d) = (13.0 + 7.77 * f64::from(i), 1e-3);
                     let [a, b, c] = [-d, 0.0, d].map(|d| fabric.center_line(family, yarn, s + d));
@@ -248,7 +248,7 @@ mod tests {
                     assert!(jumps || (turn - b.curvature_per_um).abs() < 1e-6, "{turn} against {}", b.curvature_per_um);
                 }
             }
-            for family in Family::EACH {
+            for family in YarnSet::EACH {
                 let sharpest = (0..4000)
                     .map(|i| fabric.center_line(family, 0, 0.5 * f64::from(i)).curvature_per_um.abs())
                     .fold(0.0, f64::max);
@@ -264,15 +264,15 @@ mod tests {
         for fabric in fabrics() {
             let found = fabric.largest_overlap();
             let mut least = f64::INFINITY;
-            let step = |f: Family| fabric.shape(f).spacing_um;
+            let step = |f: YarnSet| fabric.shape(f).spacing_um;
             for warp in 0..fabric.draft().ends() as i32 {
                 for weft in 0..fabric.draft().picks() as i32 {
-                    let points = |family: Family, yarn: i32, at: i32| -> Vec<[f64; 3]> {
+                    let points = |family: YarnSet, yarn: i32, at: i32| -> Vec<[f64; 3]> {
                         let s = step(family.other());
                         let place = |i: i32| s * (f64::from(at) + 0.5 + f64::from(i) / 100.0);
                         (-80..=80).map(|i| fabric.center_line(family, yarn, place(i)).point_um).collect()
                     };
-                    let (a, b) = (points(Family::Warp, warp, weft), points(Family::Weft, weft, warp));
+                    let (a, b) = (points(YarnSet::Warp, warp, weft), points(YarnSet::Weft, weft, warp));
                     for p in &a {
                         for q in &b {
                             least = f64::min(least, (0..3).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>());
@@ -291,12 +291,12 @@ mod tests {
         let of = |spacing| Fabric::new(Draft::plain(), [shape(spacing, 0.5), shape(spacing, 0.5)]).unwrap();
         for spacing in [260.0, 200.0, 174.0] {
             let fabric = of(spacing);
-            assert!((fabric.least_bend_radius_um(Family::Warp) - 100.0).abs() < 1e-9);
+            assert!((fabric.least_bend_radius_um(YarnSet::Warp) - 100.0).abs() < 1e-9);
             assert!(fabric.largest_overlap().depth_um.abs() < 1e-4, "{spacing}: {:?}", fabric.largest_overlap());
         }
         // Peirce's jammed plain cloth: a spacing of sqrt(3) times the radii's sum.
         let dense = of(150.0);
-        assert!(dense.least_bend_radius_um(Family::Warp) < 100.0);
+        assert!(dense.least_bend_radius_um(YarnSet::Warp) < 100.0);
         let found = dense.largest_overlap();
         assert!(found.depth_um > 0.5 && found.along_warp_um.abs() > 5.0, "{found:?}");
         // Of uneven amplitudes: a satin's warp bends about nearly straight weft.

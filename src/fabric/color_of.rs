@@ -69,7 +69,7 @@ struct Light {
 }
 
 impl Light {
-    /// Between the nodes.
+    /// InterYarn the nodes.
     fn at(&self, v: f64) -> [f64; 2] {
         let x = (1.0 - v).clamp(0.0, 1.0) * (NODES - 1) as f64;
         let node = (x as usize).min(NODES - 2);

@@ -1,6 +1,6 @@
 //! The draft: which yarn is on top at each crossing of one repeat, a bit each. Plain weave, twills, satins, baskets, and any other from rows of text.
 
-use super::Family;
+use super::YarnSet;
 
 /// Most ends and most picks of a draft.
 pub const MAX_THREADS: usize = 4096;
@@ -80,10 +80,10 @@ impl Draft {
     }
 
     /// Yarns of a family in the repeat.
-    pub fn threads(&self, family: Family) -> usize {
+    pub fn threads(&self, family: YarnSet) -> usize {
         match family {
-            Family::Warp => self.ends,
-            Family::Weft => self.picks,
+            YarnSet::Warp => self.ends,
+            YarnSet::Weft => self.picks,
         }
     }
 
@@ -101,7 +101,7 @@ impl Draft {
 
     /// A yarn that is on top, or below, at all its crossings, and is thus bound by none: its family, its index in the repeat, whether it is on top. `None` of [`Draft::layers`],
     /// which binds none on purpose.
-    pub fn unbound(&self) -> Option<(Family, usize, bool)> {
+    pub fn unbound(&self) -> Option<(YarnSet, usize, bool)> {
         if *self == Draft::layers() {
             return None;
         }
@@ -110,7 +110,7 @@ impl Draft {
         for (pick, row) in self.bits.chunks_exact(self.stride).enumerate() {
             let count: u32 = row.iter().map(|w| w.count_ones()).sum();
             if count == 0 || count as usize == self.ends {
-                return Some((Family::Weft, pick, count == 0));
+                return Some((YarnSet::Weft, pick, count == 0));
             }
             for (k, word) in row.iter().enumerate() {
                 some[k] |= word;
@@ -119,8 +119,8 @@ impl Draft {
         }
         let bit = |words: &[u64], end: usize| words[end / 64] >> (end % 64) & 1 == 1;
         (0..self.ends).find_map(|end| match (bit(&some, end), bit(&all, end)) {
-            (true, true) => Some((Family::Warp, end, true)),
-            (false, _) => Some((Family::Warp, end, false)),
+            (true, true) => Some((YarnSet::Warp, end, true)),
+            (false, _) => Some((YarnSet::Warp, end, false)),
             _ => None,
         })
     }
@@ -191,15 +191,15 @@ mod tests {
             Draft::from_fn(rows.len(), rows[0].len(), up).unwrap().unbound()
         };
         assert_eq!(of(&["X.", ".X"]), None);
-        assert_eq!(of(&["X.", "XX"]), Some((Family::Weft, 0, false)));
-        assert_eq!(of(&["..", "X."]), Some((Family::Weft, 1, true)));
-        assert_eq!(of(&["XX.", "X.X"]), Some((Family::Warp, 0, true)));
-        assert_eq!(of(&["X..", ".X."]), Some((Family::Warp, 2, false)));
+        assert_eq!(of(&["X.", "XX"]), Some((YarnSet::Weft, 0, false)));
+        assert_eq!(of(&["..", "X."]), Some((YarnSet::Weft, 1, true)));
+        assert_eq!(of(&["XX.", "X.X"]), Some((YarnSet::Warp, 0, true)));
+        assert_eq!(of(&["X..", ".X."]), Some((YarnSet::Warp, 2, false)));
         let mut wide = [".".repeat(200), "X".repeat(200)];
-        assert_eq!(of(&[&wide[0], &wide[1]]), Some((Family::Weft, 0, false)));
+        assert_eq!(of(&[&wide[0], &wide[1]]), Some((YarnSet::Weft, 0, false)));
         wide[0].replace_range(130..131, "X");
         wide[1].replace_range(131..132, ".");
-        assert_eq!(of(&[&wide[0], &wide[1]]), Some((Family::Warp, 130, true)));
+        assert_eq!(of(&[&wide[0], &wide[1]]), Some((YarnSet::Warp, 130, true)));
     }
 
     /// Reference implementation: rows and columns of booleans.

@@ -1,6 +1,6 @@
 //! Colors of yarns as absorptions: over the wavelength, and for hosts that render in RGB.
 
-use super::{ColorOf, Fabric, FabricBsdf, Family, YarnColor};
+use super::{ColorOf, Fabric, FabricModel, YarnColor, YarnSet};
 use crate::color::{
     AlbedoCurve, SPECTRUM_NODES, SigmaSpectrum, SmoothReflectance, delta_e_2000, linear_rec2020_of_xyz,
     linear_srgb_of_xyz, srgb_encode, xyz_of_reflectance,
@@ -48,8 +48,8 @@ impl ColorReach {
         (ColorReach { asked: srgb, comes_out, delta_e, clamped }, sigma, achieved)
     }
 
-    /// Of a color of a cloth of this brightness over absorption.
-    pub fn of(srgb: [f32; 3], curve: &AlbedoCurve) -> ColorReach {
+    /// What a cloth of this brightness over absorption makes of a color.
+    pub fn from_srgb(srgb: [f32; 3], curve: &AlbedoCurve) -> ColorReach {
         ColorReach::new(srgb, curve).0
     }
 }
@@ -81,7 +81,7 @@ impl Dye {
 
     /// The color that opaque fibers have by themselves, in a cloth of this albedo.
     pub(super) fn of_metal(reflections: &Reflections, curve: &AlbedoCurve) -> Dye {
-        let sigma = SigmaSpectrum::of(|lambda_um| reflections.sigma_per_um(lambda_um));
+        let sigma = SigmaSpectrum::from_fn(|lambda_um| reflections.sigma_per_um(lambda_um));
         let xyz = xyz_of_reflectance(|l| curve.albedo(f64::from(sigma.at(l as f32))));
         let rgb = [linear_srgb_of_xyz(xyz), linear_rec2020_of_xyz(xyz)]
             .map(|rgb| rgb.map(|channel| curve.sigma(channel).0 as f32));
@@ -136,7 +136,7 @@ pub(super) fn colors_of(
     all: Option<f32>,
 ) -> (Vec<ColorOfModel>, [Vec<u32>; 2]) {
     let mut colors = Vec::new();
-    let threads = Family::EACH.map(|family| {
+    let threads = YarnSet::EACH.map(|family| {
         let (stripes, count) = (&stripes[family as usize], fabric.draft().threads(family));
         // Metals in stripes: the colors repeat where draft and stripes both do.
         let metal = stripes.iter().any(|model| metals[*model as usize].is_some());
@@ -159,10 +159,10 @@ pub(super) fn colors_of(
     (colors, threads)
 }
 
-impl FabricBsdf {
+impl FabricModel {
     /// The same fabric with other colors of warp and weft, which are colors of `of`. Nothing is traced anew; where `of` was not the fabric's, it takes tenths of a second.
     #[must_use]
-    pub fn with_colors(&self, [warp, weft]: [YarnColor; 2], of: ColorOf) -> FabricBsdf {
+    pub fn with_colors(&self, [warp, weft]: [YarnColor; 2], of: ColorOf) -> FabricModel {
         let mut other = self.clone();
         other.curve = self.color_curve_of(of);
         other.color_of = of;
@@ -181,7 +181,7 @@ impl FabricBsdf {
     /// The colors of the spec, each once, and what becomes of them.
     pub fn colors(&self) -> Vec<ColorReach> {
         let mut colors: Vec<[f32; 3]> = Vec::new();
-        for family in Family::EACH {
+        for family in YarnSet::EACH {
             for thread in 0..self.fabric.draft().threads(family) {
                 if let YarnColor::Srgb(srgb) = self.fabric.color(family, thread as i32)
                     && !colors.contains(&srgb)
@@ -190,7 +190,7 @@ impl FabricBsdf {
                 }
             }
         }
-        colors.into_iter().map(|srgb| ColorReach::of(srgb, &self.curve)).collect()
+        colors.into_iter().map(|srgb| ColorReach::from_srgb(srgb, &self.curve)).collect()
     }
 
     /// The absorption of a color, or of a model's metal.

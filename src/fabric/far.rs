@@ -8,7 +8,7 @@
 //!
 //! Energies are those of the means, in as far as the table's integrals are; tests/it/far.rs has both beside the mean of many places. The mean is as reciprocal as the fabric.
 
-use super::Family;
+use super::YarnSet;
 use super::between::BetweenAt;
 use super::shadow::Toward;
 use crate::math::{clamp_unit, floor_fraction, parallel};
@@ -86,21 +86,21 @@ impl<const N: usize> Mixed<N> {
 }
 
 /// theta and phi of a direction about a family's yarns.
-fn angles(family: Family, w: [f32; 3]) -> (f32, f32) {
+fn angles(family: YarnSet, w: [f32; 3]) -> (f32, f32) {
     let (along, across) = match family {
-        Family::Warp => (w[1], w[0]),
-        Family::Weft => (w[0], w[1]),
+        YarnSet::Warp => (w[1], w[0]),
+        YarnSet::Weft => (w[0], w[1]),
     };
     (along.clamp(-1.0, 1.0).asin(), w[2].atan2(across))
 }
 
 /// The inverse of [`angles`].
-fn direction(family: Family, theta: f32, phi: f32) -> [f32; 3] {
+fn direction(family: YarnSet, theta: f32, phi: f32) -> [f32; 3] {
     let (along, cos) = theta.sin_cos();
     let (up, across) = (cos * phi.sin(), cos * phi.cos());
     match family {
-        Family::Warp => [across, along, up],
-        Family::Weft => [along, across, up],
+        YarnSet::Warp => [across, along, up],
+        YarnSet::Weft => [along, across, up],
     }
 }
 
@@ -128,7 +128,7 @@ fn between_nodes(axis: &[f32], x: f32) -> (usize, f32) {
 }
 
 /// The four views around one, and their shares.
-fn views(family: Family, wo: [f32; 3]) -> ([usize; 4], [f32; 4], f32) {
+fn views(family: YarnSet, wo: [f32; 3]) -> ([usize; 4], [f32; 4], f32) {
     let (theta, phi) = angles(family, wo);
     let (i, s) = between_nodes(&PHI_I_DEG, phi.abs().to_degrees());
     let (m, t) = between_nodes(&THETA_I_DEG, theta.to_degrees());
@@ -139,7 +139,7 @@ fn views(family: Family, wo: [f32; 3]) -> ([usize; 4], [f32; 4], f32) {
 }
 
 /// Direction of a view.
-fn view(family: Family, view: usize) -> [f32; 3] {
+fn view(family: YarnSet, view: usize) -> [f32; 3] {
     let (azimuth, row) = (view / ROWS, view % ROWS);
     let phi = PHI_I_DEG[azimuth % SIDE].to_radians();
     direction(family, THETA_I_DEG[row].to_radians(), if azimuth < SIDE { phi } else { -phi })
@@ -159,7 +159,7 @@ pub(super) struct Seen {
 /// A cloth as the table needs it.
 pub(super) trait Places: Sync {
     /// What is seen of the plies of `family` from `wo` at a place of the repeat, by fractions of it, towards `lights`. `turn`, 0 to 1, says which repeat, as plies turn.
-    fn seen(&self, family: Family, place: [f64; 2], turn: f64, wo: [f32; 3], lights: &[Toward]) -> Seen;
+    fn seen(&self, family: YarnSet, place: [f64; 2], turn: f64, wo: [f32; 3], lights: &[Toward]) -> Seen;
 }
 
 /// Of one family.
@@ -192,7 +192,7 @@ struct View {
     apertures: Vec<[u16; 2]>,
 }
 
-fn look(places: &impl Places, family: Family, number: usize) -> View {
+fn look(places: &impl Places, family: YarnSet, number: usize) -> View {
     let wo = view(family, number);
     let theta_i = angles(family, wo).0;
     let lights: Vec<Toward> = (0..COLUMNS * NODES)
@@ -231,7 +231,7 @@ fn solid_angle(theta_i: f32, q: usize) -> f32 {
 
 impl Far {
     pub(super) fn new(places: &impl Places) -> Far {
-        let seen = parallel::map(2 * VIEWS, |i| look(places, Family::EACH[i / VIEWS], i % VIEWS));
+        let seen = parallel::map(2 * VIEWS, |i| look(places, YarnSet::EACH[i / VIEWS], i % VIEWS));
         let family = |k: usize| {
             let seen = &seen[k * VIEWS..(k + 1) * VIEWS];
             let (mut chances, mut energy) = (Vec::new(), Vec::new());
@@ -316,7 +316,7 @@ impl Far {
     /// Seen from `wo`, for the absorptions of warp and weft.
     pub(super) fn at<const N: usize>(&self, wo: [f32; 3], dyes: [&Mixed<N>; 2]) -> PliesAt<'_, N> {
         let sigma = dyes.map(|dye| dye.weights);
-        let around = Family::EACH.map(|family| views(family, wo));
+        let around = YarnSet::EACH.map(|family| views(family, wo));
         let mut at = PliesAt { far: self, around, sigma, energy: [[0.0; N]; 2], first: [[0.0; N]; 4], dark: [0.0; 2] };
         for k in 0..2 {
             let (views, shares, _) = around[k];
@@ -346,7 +346,7 @@ impl Far {
 
     /// Energy that passes from `wo`, and the apertures that it passes.
     pub(super) fn passing(&self, wo: [f32; 3]) -> (f32, &[[u16; 2]]) {
-        let (views, shares, _) = views(Family::Warp, wo);
+        let (views, shares, _) = views(YarnSet::Warp, wo);
         let passing = views.iter().zip(shares).map(|(view, share)| share * self.passing[*view]).sum();
         let nearest = (0..4).max_by(|a, b| shares[*a].total_cmp(&shares[*b])).map_or(0, |i| views[i]);
         let (apertures, count) = &self.apertures[nearest];
@@ -377,7 +377,7 @@ pub(super) struct PliesAt<'a, const N: usize> {
 impl<const N: usize> PliesAt<'_, N> {
     /// Adds f in a direction, and the density of a family's samples times its chance.
     pub(super) fn add(&self, b: [f32; 3], chances: [f32; 2], f: &mut [f32; N], pdf: &mut f32) {
-        for (k, family) in Family::EACH.into_iter().enumerate() {
+        for (k, family) in YarnSet::EACH.into_iter().enumerate() {
             let (views, shares, theta_i) = self.around[k];
             let plies = &self.far.families[k];
             let (theta, phi) = angles(family, b);
@@ -437,7 +437,7 @@ impl<const N: usize> PliesAt<'_, N> {
         let (column, row) = (cell / (NODES - 1), cell % (NODES - 1));
         let [a, b] = [row, row + 1].map(|q| theta_of(theta_i, q as f32).sin());
         let sine = a + (b - a) * u[2];
-        direction(Family::EACH[k], sine.clamp(-1.0, 1.0).asin(), TAU * (column as f32 + across) / COLUMNS as f32)
+        direction(YarnSet::EACH[k], sine.clamp(-1.0, 1.0).asin(), TAU * (column as f32 + across) / COLUMNS as f32)
     }
 }
 
@@ -540,7 +540,7 @@ mod tests {
 
     #[test]
     fn angles_and_nodes_are_inverted() {
-        for (i, family) in Family::EACH.into_iter().enumerate() {
+        for (i, family) in YarnSet::EACH.into_iter().enumerate() {
             for k in 0..200 {
                 let (theta, phi) = (1.5 * (0.37 * k as f32 + i as f32).sin(), 3.1 * (0.71 * k as f32).cos());
                 let (t, p) = angles(family, direction(family, theta, phi));
@@ -553,7 +553,7 @@ mod tests {
 
     #[test]
     fn views_are_found_at_their_nodes() {
-        for family in Family::EACH {
+        for family in YarnSet::EACH {
             for number in 0..VIEWS {
                 let (views, shares, _) = views(family, view(family, number));
                 let share: f32 = views.iter().zip(shares).filter(|(v, _)| **v == number).map(|(_, s)| s).sum();

@@ -1,12 +1,12 @@
 //! The mean over the repeat at a query, and what its table sees of a fabric at a place.
 
-use super::Family;
+use super::YarnSet;
 use super::at::GapLight;
-use super::bsdf::{FabricBsdf, FabricQuery};
+use super::bsdf::{FabricModel, FabricQuery};
 use super::far::{self, FarAt, Mixed, Places, Seen};
 use super::shadow::Toward;
 
-impl FabricBsdf {
+impl FabricModel {
     /// The mean over the repeat where a query asks for it, seen from `wo` in the pattern's frame, and its share.
     pub(super) fn far_at<'a, const N: usize>(
         &'a self,
@@ -44,8 +44,8 @@ impl FabricBsdf {
     }
 }
 
-impl Places for FabricBsdf {
-    fn seen(&self, family: Family, place: [f64; 2], turn: f64, wo: [f32; 3], lights: &[Toward]) -> Seen {
+impl Places for FabricModel {
+    fn seen(&self, family: YarnSet, place: [f64; 2], turn: f64, wo: [f32; 3], lights: &[Toward]) -> Seen {
         let at = [0, 1].map(|k| {
             let repeat = self.fabric.repeat_um()[k];
             ((place[k] + (turn * (1.0 + 20_000.0 / repeat)).floor()) * repeat) as f32

@@ -4,22 +4,23 @@
 //! along its tangent where the line is nearest to its axis, which is looked for in a few steps; in a yarn of several plies the line is followed along the bent axis (`walk.rs`). A
 //! line that passes the plies goes on behind the hull. Distances are those to the tangent at the same coordinate along the yarn, 0.9 of which is stepped: the axis bends away from it.
 
-use super::place::PlyHit;
+use super::hit::PlyHit;
 use super::profile::Ends;
-use super::yarn::{Line, MAX_PLIES, Met, dot};
-use super::{Fabric, Family};
+use super::yarn::{Line, MAX_PLIES, YarnHit};
+use super::{Fabric, YarnSet};
 use crate::math::floor_fraction;
+use crate::math::vec3::dot;
 
 /// Least step along a line [um].
-const LEAST_STEP_UM: f32 = 1.0;
+const MIN_STEP_UM: f32 = 1.0;
 /// A hull nearer than this is reached [um].
 const CLOSE_UM: f32 = 3.0;
 /// How near to the place where a line is nearest to a yarn's axis the axis is taken, over half of the yarn's width.
 const NEAREST: f32 = 0.001;
 /// Most rounds of looking for the place where a line is nearest to a yarn.
-const MOST_ROUNDS: usize = 7;
+const MAX_ROUNDS: usize = 7;
 /// Most steps of one line: what grazes for longer counts as gone.
-const MOST_STEPS: usize = 1024;
+const MAX_STEPS: usize = 1024;
 /// Yarns that a line may be in the hulls of at once, and more: hulls overlap by twice d_cut.
 const PASSED: usize = 8;
 /// All plies may be met.
@@ -40,7 +41,7 @@ const MARGIN_UM: f32 = 1.0;
 /// A yarn of a fabric.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct YarnId {
-    pub family: Family,
+    pub family: YarnSet,
     pub yarn: i32,
 }
 
@@ -64,7 +65,7 @@ pub(super) enum Skip {
 
 /// A ply within whose reach, R + d_cut, a line comes.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Near {
+pub(super) struct Candidate {
     pub hit: PlyHit,
     /// Whether the line meets the ply itself, |h| < R.
     pub is_hit: bool,
@@ -74,7 +75,7 @@ pub(super) struct Near {
     pub yarn_axis: [f32; 3],
 }
 
-impl Near {
+impl Candidate {
     pub(super) fn id(&self) -> YarnId {
         YarnId { family: self.hit.family, yarn: self.hit.yarn }
     }
@@ -82,7 +83,7 @@ impl Near {
 
 /// What a line meets of a yarn, or passes nearest to.
 struct Meeting {
-    met: Met,
+    met: YarnHit,
     /// Axes of the yarn, straight there, and the point of its axis.
     axes: [[f32; 3]; 3],
     axis: [f32; 3],
@@ -92,15 +93,15 @@ struct Meeting {
 
 /// A yarn that has been asked.
 #[derive(Clone, Copy, Debug)]
-struct Passed {
+struct TestedYarn {
     key: u64,
     /// It is not asked before the line is so far, and where on the line it was found [um].
     until: f32,
     met_at: f32,
 }
 
-impl Passed {
-    const NONE: Passed = Passed { key: NONE, until: f32::NEG_INFINITY, met_at: f32::NEG_INFINITY };
+impl TestedYarn {
+    const NONE: TestedYarn = TestedYarn { key: NONE, until: f32::NEG_INFINITY, met_at: f32::NEG_INFINITY };
 }
 
 /// A line on its way through a fabric.
@@ -111,7 +112,7 @@ pub(super) struct Flight<'a> {
     d: [f32; 3],
     at: f32,
     /// The yarns that have been asked.
-    passed: [Passed; PASSED],
+    passed: [TestedYarn; PASSED],
     oldest: usize,
     /// Of a yarn whose plies scatter one by one: its key, and until when each ply is not met, as the line has left it [um].
     left: (u64, [f32; MAX_PLIES]),
@@ -157,11 +158,11 @@ pub(super) fn exit(center: [f32; 3], z: [f32; 3], radius: f32, p: [f32; 3], b: [
 impl Fabric {
     /// The line from `from` [um] in direction `d` (unit).
     pub(super) fn flight(&self, from: [f32; 3], d: [f32; 3], skip: Skip) -> Flight<'_> {
-        let mut passed = [Passed::NONE; PASSED];
+        let mut passed = [TestedYarn::NONE; PASSED];
         let mut left = (NONE, ALL);
         match skip {
             Skip::None => {}
-            Skip::Yarn(id, until) => passed[0] = Passed { key: id.key(), until, ..Passed::NONE },
+            Skip::Yarn(id, until) => passed[0] = TestedYarn { key: id.key(), until, ..TestedYarn::NONE },
             Skip::Ply(id, ply, until) => {
                 left.0 = id.key();
                 left.1[ply as usize % MAX_PLIES] = until;
@@ -172,7 +173,7 @@ impl Fabric {
     }
 
     /// What light that leaves a ply at `from` in direction `d` does not meet: the ply; of a yarn of several plies, whose model has what the others do, the yarn.
-    pub(super) fn skip_own(&self, near: &Near, from: [f32; 3], d: [f32; 3]) -> Skip {
+    pub(super) fn skip_own(&self, near: &Candidate, from: [f32; 3], d: [f32; 3]) -> Skip {
         let yarn = &self.yarns[near.hit.family as usize];
         if yarn.one_by_one {
             return Skip::Ply(near.id(), near.hit.ply, OWN * yarn.radius);
@@ -190,7 +191,7 @@ impl Fabric {
         }
         let along = from[1 - k];
         let (height, slope) = self.axis_at(id, along);
-        let [_, _, tangent] = super::place::axes(id.family, slope);
+        let [_, _, tangent] = super::hit::axes(id.family, slope);
         let mut axis = [height; 3];
         axis[k] = (id.yarn as f32 + 0.5) * yarn.spacing;
         axis[1 - k] = along;
@@ -213,7 +214,7 @@ impl Fabric {
 
     /// The crossing before a coordinate along the yarns of a family [um], and the share of the way to the next.
     #[inline]
-    fn between_crossings(&self, family: Family, along: f32) -> (i32, f32) {
+    fn between_crossings(&self, family: YarnSet, along: f32) -> (i32, f32) {
         floor_fraction(along * self.yarns[family.other() as usize].per_spacing - 0.5)
     }
 
@@ -247,11 +248,11 @@ impl Flight<'_> {
         // A yarn has one entry.
         let key = id.key();
         let slot = self.passed.iter().position(|passed| passed.key == key).unwrap_or(self.oldest);
-        self.passed[slot] = Passed { key, until, met_at };
+        self.passed[slot] = TestedYarn { key, until, met_at };
         if slot == self.oldest {
             self.oldest = (self.oldest + 1) % self.passed.len();
         }
-        for family in Family::EACH {
+        for family in YarnSet::EACH {
             let until = self.around[family as usize].yarns().map(|yarn| self.until(YarnId { family, yarn }));
             self.around[family as usize].until = until;
         }
@@ -260,7 +261,7 @@ impl Flight<'_> {
     /// The nearest hull that has not been asked: its distance, yarn, and how far the line may go without meeting any.
     fn nearest(&mut self, q: [f32; 3]) -> (f32, Option<YarnId>, f32) {
         let (mut squared, mut free) = ([0.0; 4], f32::INFINITY);
-        for family in Family::EACH {
+        for family in YarnSet::EACH {
             let k = family as usize;
             let yarn = &self.fabric.yarns[k];
             let (cell, rest) = floor_fraction(q[k] * yarn.per_spacing);
@@ -287,7 +288,7 @@ impl Flight<'_> {
             free = free.min((yarn.spacing - yarn.hull).max(0.3 * yarn.half_width));
         }
         let (mut least, mut which) = (f32::INFINITY, None);
-        for family in Family::EACH {
+        for family in YarnSet::EACH {
             let k = family as usize;
             let (hull, around) = (self.fabric.yarns[k].hull, &self.around[k]);
             for (n, yarn) in around.yarns().into_iter().enumerate() {
@@ -318,7 +319,7 @@ impl Flight<'_> {
         let yarn = &self.fabric.yarns[k];
         let axis = (id.yarn as f32 + 0.5) * yarn.spacing;
         let mut at = self.at;
-        for _ in 0..MOST_ROUNDS {
+        for _ in 0..MAX_ROUNDS {
             let q = self.point(at);
             let (height, slope) = self.axis_at(id, q[1 - k]);
             let cos2 = 1.0 / (1.0 + slope * slope);
@@ -347,7 +348,7 @@ impl Flight<'_> {
             along += foot.clamp(-yarn.half_width, yarn.half_width);
             (height, slope) = self.axis_at(id, along);
         }
-        let axes = super::place::axes(id.family, slope);
+        let axes = super::hit::axes(id.family, slope);
         let mut axis = [height; 3];
         axis[k] = (id.yarn as f32 + 0.5) * yarn.spacing;
         axis[1 - k] = along;
@@ -379,10 +380,10 @@ impl Flight<'_> {
     }
 
     /// The next ply that the line comes near.
-    pub(super) fn next_near(&mut self) -> Option<Near> {
+    pub(super) fn next_near(&mut self) -> Option<Candidate> {
         let fabric = self.fabric;
         let top = self.top;
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             let q = self.point(self.at);
             if q[2].abs() > top {
                 if q[2] * self.d[2] >= 0.0 {
@@ -393,15 +394,15 @@ impl Flight<'_> {
             }
             let (distance, which, free) = self.nearest(q);
             let Some(id) = which.filter(|_| distance < CLOSE_UM) else {
-                self.at += free.max(LEAST_STEP_UM);
+                self.at += free.max(MIN_STEP_UM);
                 continue;
             };
             let (meeting, until) = self.meet(id);
             let yarn = &fabric.yarns[id.family as usize];
             let hull = yarn.hull;
             let Some(Meeting { met, axes, axis, nearest }) = meeting else {
-                self.pass(id, until.max(self.at + LEAST_STEP_UM), f32::NEG_INFINITY);
-                self.at += 0.1 * LEAST_STEP_UM;
+                self.pass(id, until.max(self.at + MIN_STEP_UM), f32::NEG_INFINITY);
+                self.at += 0.1 * MIN_STEP_UM;
                 continue;
             };
             // Where it leaves the hull, straight as the yarn is here.
@@ -412,7 +413,7 @@ impl Flight<'_> {
             let room = half * half - a * (o[0] * o[0] + o[1] * o[1] - hull * hull);
             let leaves = if a > 1e-6 && room > 0.0 { (room.sqrt() - half) / a } else { 0.0 };
             // It goes on in any case, so that every line ends.
-            let leaves = self.at + leaves.clamp(LEAST_STEP_UM, LOOKED_AT * hull);
+            let leaves = self.at + leaves.clamp(MIN_STEP_UM, LOOKED_AT * hull);
             // A line that stays near a yarn for longer than it is looked at asks again, and finds the same place or, where the yarn bends, the next.
             let before = self.met_at(id);
             let is_new = yarn.plies > 1 || (nearest - before).abs() > yarn.half_width;
@@ -426,10 +427,10 @@ impl Flight<'_> {
                 self.left.1[met.ply as usize % MAX_PLIES] = nearest + OWN * yarn.radius;
                 self.pass(id, nearest.max(self.at), met_at);
             } else {
-                let until = if met.hit || yarn.plies == 1 { leaves } else { until.max(self.at + LEAST_STEP_UM) };
+                let until = if met.hit || yarn.plies == 1 { leaves } else { until.max(self.at + MIN_STEP_UM) };
                 self.pass(id, until, met_at);
             }
-            self.at += 0.1 * LEAST_STEP_UM;
+            self.at += 0.1 * MIN_STEP_UM;
             // What lies behind the line's start is not met.
             if is_new && met.h.abs() < yarn.reach && nearest > 0.0 && is_in_reach {
                 let to_fabric = |v: [f32; 3]| -> [f32; 3] {
@@ -455,7 +456,7 @@ impl Flight<'_> {
                 let [c, n, _] = met.center;
                 let off_axis = std::array::from_fn(|i| c * axes[0][i] + n * axes[1][i]);
                 let center = std::array::from_fn(|i| axis[i] + center[i]);
-                return Some(Near { hit, is_hit: met.hit, center, off_axis, yarn_axis: axes[2] });
+                return Some(Candidate { hit, is_hit: met.hit, center, off_axis, yarn_axis: axes[2] });
             }
         }
         None

@@ -10,7 +10,7 @@
 //! the P - t picks that stay are below each of the s ends, and the ends that stay are above none of the t
 //! picks.
 
-use super::Family;
+use super::YarnSet;
 use super::draft::Draft;
 use super::names::{numbered, words};
 
@@ -42,11 +42,11 @@ impl Layer {
             (_, 1) => format!("{cloths} cloths and a loose yarn"),
             _ => format!("{cloths} cloths and {loose} loose yarns"),
         };
-        let named = |family: Family, threads: &[usize]| {
+        let named = |family: YarnSet, threads: &[usize]| {
             let threads: Vec<usize> = threads.iter().map(|at| numbers[family as usize][*at] + 1).collect();
             (!threads.is_empty()).then(|| numbered(words(family), &threads))
         };
-        let on_top = [named(Family::Warp, &top.ends), named(Family::Weft, &top.picks)];
+        let on_top = [named(YarnSet::Warp, &top.ends), named(YarnSet::Weft, &top.picks)];
         let on_top: Vec<String> = on_top.into_iter().flatten().collect();
         Some(format!(
             "the draft falls apart into {parts} that no yarn joins (Clapham 1980), on top {}; all are shaded as one layer",
@@ -107,14 +107,14 @@ impl Draft {
     /// Takes yarns that are above, or below, all others that are kept out of those that are kept, until there
     /// is none. `is_kept` are those of ends and picks. What comes back are family, index and whether it is
     /// above, in the order in which they went.
-    pub(super) fn peel(&self, is_kept: &mut [Vec<bool>; 2]) -> Vec<(Family, usize, bool)> {
-        let up = |family: Family, thread: usize, across: usize| match family {
-            Family::Warp => self.up(across, thread),
-            Family::Weft => !self.up(thread, across),
+    pub(super) fn peel(&self, is_kept: &mut [Vec<bool>; 2]) -> Vec<(YarnSet, usize, bool)> {
+        let up = |family: YarnSet, thread: usize, across: usize| match family {
+            YarnSet::Warp => self.up(across, thread),
+            YarnSet::Weft => !self.up(thread, across),
         };
         let mut left = [0, 1].map(|k| is_kept[k].iter().filter(|kept| **kept).count());
         // Crossings with kept yarns at which each is above.
-        let mut above = Family::EACH.map(|family| {
+        let mut above = YarnSet::EACH.map(|family| {
             let across: Vec<usize> =
                 (0..self.threads(family.other())).filter(|a| is_kept[family.other() as usize][*a]).collect();
             (0..self.threads(family))
@@ -124,7 +124,7 @@ impl Draft {
         let mut gone = Vec::new();
         loop {
             let before = gone.len();
-            for family in Family::EACH {
+            for family in YarnSet::EACH {
                 let (k, other) = (family as usize, family.other() as usize);
                 for thread in 0..self.threads(family) {
                     let count = above[k][thread];

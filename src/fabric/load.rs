@@ -5,7 +5,7 @@ use super::rules::{FABRIC_RULES, SPACING_UM, check_alike, check_model, check_rel
 use super::spec::{FabricSpec, WeaveSpec, YarnColor, YarnOfFabric};
 use super::wif::{self, Wif, WifNote, WifNoteKind, WifSpacing};
 use super::yarn::YarnShape;
-use super::{Fabric, Family};
+use super::{Fabric, YarnSet};
 use crate::io::{AssetSource, Folder, ModelLibrary, of_key, read_text};
 use crate::spec::YarnSpec;
 use crate::spec::rules;
@@ -43,7 +43,7 @@ impl LoadedFabric {
         spec.check("fabric")?;
         let (mut all, mut names): (Vec<Arc<PlyModel>>, Vec<String>) = (Vec::new(), Vec::new());
         let mut indices = [Vec::new(), Vec::new()];
-        for (k, family) in Family::EACH.into_iter().enumerate() {
+        for (k, family) in YarnSet::EACH.into_iter().enumerate() {
             let (wanted, _) = spec.yarn(family).stripes();
             if wanted.len() != models[k].len() {
                 let hint = format!("hand in {}, one for each that the spec names", wanted.len());
@@ -84,7 +84,7 @@ impl LoadedFabric {
         let spacing_um = spacings(&spec, file, &in_wif, &mut wif_notes)?;
         let mut shapes = Vec::with_capacity(2);
         let (mut threads, mut one_by_one) = ([Vec::new(), Vec::new()], [false; 2]);
-        for (k, family) in Family::EACH.into_iter().enumerate() {
+        for (k, family) in YarnSet::EACH.into_iter().enumerate() {
             let mut first: Option<YarnSpec> = None;
             for &index in &indices[k] {
                 let name = &names[index];
@@ -131,14 +131,14 @@ impl LoadedFabric {
     }
 
     /// Index in [`LoadedFabric::models`] of the model of a yarn; stripes go on without end.
-    pub fn model_index(&self, family: Family, yarn: i32) -> usize {
+    pub fn model_index(&self, family: YarnSet, yarn: i32) -> usize {
         let threads = &self.threads[family as usize];
         let at = i64::from(yarn).rem_euclid(threads.len().max(1) as i64);
         threads.get(at as usize).copied().unwrap_or(0)
     }
 
     /// The model of a yarn.
-    pub fn model_of(&self, family: Family, yarn: i32) -> &Arc<PlyModel> {
+    pub fn model_of(&self, family: YarnSet, yarn: i32) -> &Arc<PlyModel> {
         &self.models[self.model_index(family, yarn)]
     }
 
@@ -184,7 +184,7 @@ fn spacings(
     notes: &mut Vec<WifNote>,
 ) -> Result<[f64; 2]> {
     let (mut spacing_um, mut told) = ([0.0; 2], Vec::new());
-    for (k, family) in Family::EACH.into_iter().enumerate() {
+    for (k, family) in YarnSet::EACH.into_iter().enumerate() {
         spacing_um[k] = match (spec.yarn(family).spacing_um, &in_wif[k]) {
             (Some(own), _) => own,
             (None, Some(given)) if (SPACING_UM[0]..=SPACING_UM[1]).contains(&given.um) => {
@@ -283,7 +283,7 @@ impl FabricSpec {
         };
         let (mut models, mut names): (Vec<Arc<PlyModel>>, Vec<String>) = (Vec::new(), Vec::new());
         let mut indices = [Vec::new(), Vec::new()];
-        for (k, family) in Family::EACH.into_iter().enumerate() {
+        for (k, family) in YarnSet::EACH.into_iter().enumerate() {
             let yarn = spec.yarn(family);
             for (i, name) in yarn.stripes().0.into_iter().enumerate() {
                 let key = match yarn.models.keys().nth(i).filter(|_| yarn.model.is_none()) {
@@ -306,7 +306,7 @@ impl FabricSpec {
     }
 
     /// Shape of the yarns of a family at a spacing, of the plies of a yarn spec where the fabric's does not give their radius.
-    pub fn shape(&self, family: Family, ply: &YarnSpec, spacing_um: f64) -> YarnShape {
+    pub fn shape(&self, family: YarnSet, ply: &YarnSpec, spacing_um: f64) -> YarnShape {
         let yarn = self.yarn(family);
         let [a, b] = ply.ply_radii_um();
         YarnShape {

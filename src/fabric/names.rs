@@ -1,12 +1,12 @@
 //! Names of yarns in messages: ends and picks, by number.
 
-use super::Family;
+use super::YarnSet;
 
 /// What weavers call one yarn of a family, and several.
-pub(super) fn words(family: Family) -> [&'static str; 2] {
+pub(super) fn words(family: YarnSet) -> [&'static str; 2] {
     match family {
-        Family::Warp => ["end", "ends"],
-        Family::Weft => ["pick", "picks"],
+        YarnSet::Warp => ["end", "ends"],
+        YarnSet::Weft => ["pick", "picks"],
     }
 }
 

@@ -1,6 +1,6 @@
 //! Rules of the fabric spec: its keys and their ranges, and what must hold between them.
 
-use super::Family;
+use super::YarnSet;
 use super::draft::{Draft, MAX_THREADS};
 use super::spec::{FabricSpec, WeaveSpec, YarnOfFabric};
 use super::yarn::YarnShape;
@@ -105,7 +105,7 @@ pub(super) fn check_relations(file: &str, spec: &FabricSpec) -> Result<()> {
             return Err(invalid(file, "weave.kind", "a weave without draft", hint));
         }
     }
-    for family in Family::EACH {
+    for family in YarnSet::EACH {
         let (name, yarn) = (family.name(), spec.yarn(family));
         check_stripes(file, name, yarn)?;
         if yarn.spacing_um.is_none() && !matches!(spec.weave, WeaveSpec::Wif { .. }) {
@@ -173,9 +173,9 @@ fn check_stripes(file: &str, family: &str, yarn: &YarnOfFabric) -> Result<()> {
 fn check_bound(file: &str, draft: &Draft) -> Result<()> {
     let Some((family, thread, up)) = draft.unbound() else { return Ok(()) };
     let (what, at) = match family {
-        Family::Warp => ("column", thread + 1),
+        YarnSet::Warp => ("column", thread + 1),
         // As written: the last row is the first pick.
-        Family::Weft => ("row", draft.picks() - thread),
+        YarnSet::Weft => ("row", draft.picks() - thread),
     };
     let side = if up { "above" } else { "below" };
     let value = format!("{what} {at}, whose {} lies {side} all others", family.name());
@@ -186,7 +186,7 @@ fn check_bound(file: &str, draft: &Draft) -> Result<()> {
 ///
 /// A model of a yarn of P plies is that of its first ply with the light of the others in it (Yu 2025, 5.3), so the fabric's yarns have P plies. A model of one ply is taken for
 /// yarns of any number, whose plies then scatter one by one. Offsets h are in um, so the plies have the model's radius.
-pub(super) fn check_model(file: &str, family: Family, yarn: &YarnOfFabric, model: &str, ply: &YarnSpec) -> Result<()> {
+pub(super) fn check_model(file: &str, family: YarnSet, yarn: &YarnOfFabric, model: &str, ply: &YarnSpec) -> Result<()> {
     let key = |name: &str| format!("{}.{name}", family.name());
     let plies = ply.yarn.plies;
     if plies > 1 && yarn.plies != plies {
@@ -209,7 +209,7 @@ pub(super) fn check_model(file: &str, family: Family, yarn: &YarnOfFabric, model
 }
 
 /// What must hold between the models of one family: stripes differ in fibers and color, the geometry of the weave is that of one yarn.
-pub(super) fn check_alike(file: &str, family: Family, model: &str, ply: &YarnSpec, first: &YarnSpec) -> Result<()> {
+pub(super) fn check_alike(file: &str, family: YarnSet, model: &str, ply: &YarnSpec, first: &YarnSpec) -> Result<()> {
     let close = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs().max(b.abs());
     let ([a, b], [c, d]) = (ply.ply_radii_um(), first.ply_radii_um());
     let (beam, other) = (ply.beam.beam(), first.beam.beam());
@@ -230,7 +230,7 @@ pub(super) fn check_alike(file: &str, family: Family, model: &str, ply: &YarnSpe
 
 /// What must hold of the yarns once their plies are known.
 pub(super) fn check_shapes(file: &str, shapes: &[YarnShape; 2]) -> Result<()> {
-    for (family, shape) in Family::EACH.into_iter().zip(shapes) {
+    for (family, shape) in YarnSet::EACH.into_iter().zip(shapes) {
         let key = |name: &str| format!("{}.{name}", family.name());
         let positive = |x: f64| x.is_finite() && x > 0.0;
         if !positive(shape.ply_radius_um) {

@@ -1,16 +1,16 @@
 //! What a ply's neighbors leave of its light: the table of shadows (`shadow.rs`) at the place where light leaves the ply.
 
 use super::Fabric;
-use super::flight::Near;
+use super::flight::Candidate;
 use super::shadow::{self, OfYarn, Shadows, ShadowsAt, Toward};
-use super::yarn::{cross, dot};
 use crate::PlyModel;
 use crate::math::simd::atan2;
+use crate::math::vec3::{cross, dot};
 use crate::ply::{EXIT_KINDS, ExitDensity, ExitLine, PassedLines};
 
 /// Neighbors of a ply: which of them count, and the place.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Shade<'a> {
+pub(super) struct Occlusion<'a> {
     /// Of the half the light comes from, and of the other.
     counts: [bool; 2],
     /// Sign of z of the half the light comes from.
@@ -31,20 +31,20 @@ pub(super) struct Shade<'a> {
 
 /// Parts of a ply's width over which light that leaves it counts as even where it passes other plies of its yarn, and the least share of light that counts.
 const PARTS: usize = 6;
-const LEAST_SHARE: f32 = 2e-3;
+const MIN_SHARE: f32 = 2e-3;
 
-impl<'a> Shade<'a> {
+impl<'a> Occlusion<'a> {
     /// Of a ply that a line from direction `a` comes near; `counts` are the halves, up first, in which shadows count.
     pub(super) fn new(
         (fabric, shadows, model): (&'a Fabric, &'a Shadows, &'a PlyModel),
-        near: &Near,
+        near: &Candidate,
         a: [f32; 3],
         counts: [bool; 2],
-    ) -> Shade<'a> {
+    ) -> Occlusion<'a> {
         let hit = &near.hit;
         let k = hit.family as usize;
         let yarn = &fabric.yarns[k];
-        Shade {
+        Occlusion {
             counts,
             up_sign: if a[2] < 0.0 { -1.0 } else { 1.0 },
             fabric,
@@ -69,7 +69,7 @@ impl<'a> Shade<'a> {
         self.toward(&Toward::new(b), lines)
     }
 
-    /// [`Shade::free`] in a direction whose place in the table is known.
+    /// [`Occlusion::free`] in a direction whose place in the table is known.
     #[inline]
     pub(super) fn toward(&self, toward: &Toward, [refl, clear, dark]: [ExitLine; EXIT_KINDS]) -> [f32; EXIT_KINDS] {
         let b = toward.b;
@@ -139,7 +139,7 @@ impl<'a> Shade<'a> {
                 let h = dot(middle, across) / sine;
                 let (mut sum, mut all) = (0.0, 0.0);
                 for (part, share) in shares[kind].iter().enumerate() {
-                    if *share > LEAST_SHARE {
+                    if *share > MIN_SHARE {
                         let h = yarn.radius * (h + slope * (edge(part) + 1.0 / PARTS as f32));
                         sum += share * passed.mean(theta, h - half, h + half);
                         all += share;
@@ -154,7 +154,7 @@ impl<'a> Shade<'a> {
 #[cfg(test)]
 mod tests {
     use super::super::flight::exit;
-    use super::super::{FabricBsdf, FabricOptions, FabricSpec};
+    use super::super::{FabricModel, FabricOptions, FabricSpec};
     use super::*;
     use crate::io::Folder;
     use crate::math::hash::SplitMix64;
@@ -173,7 +173,7 @@ mod tests {
             let text = format!("name = \"apart\"\n[weave]\nkind = \"layers\"\n[warp]\n{yarn}[weft]\n{yarn}");
             let folder = format!("{}/fabrics", env!("CARGO_MANIFEST_DIR"));
             let loaded = FabricSpec::load_from(&text, "apart", &Folder::new(Path::new(&folder))).unwrap();
-            let bsdf = FabricBsdf::new(loaded, &FabricOptions::RAYS).unwrap();
+            let bsdf = FabricModel::new(loaded, &FabricOptions::RAYS).unwrap();
             let fabric = &bsdf.fabric;
             let mut rng = SplitMix64(7 + plies);
             let mut number = || rng.next_f64() as f32;
@@ -191,7 +191,7 @@ mod tests {
                 let (hit, id) = (&near.hit, near.id());
                 let model = bsdf.model_of(hit.family, hit.yarn);
                 let radius = fabric.yarns[hit.family as usize].radius;
-                let shade = Shade::new((fabric, &bsdf.shadows, model), &near, a, [true; 2]);
+                let shade = Occlusion::new((fabric, &bsdf.shadows, model), &near, a, [true; 2]);
                 let z = hit.frame[2];
                 let x = cross(b, z);
                 let per_x = 1.0 / dot(x, x).sqrt();

@@ -5,19 +5,20 @@
 //! the rows of the pattern of the nine crossings around.
 
 use super::flight::{Skip, YarnId, exit};
-use super::yarn::{Yarn, cross, dot};
-use super::{Fabric, Family};
+use super::yarn::Yarn;
+use super::{Fabric, YarnSet};
 use crate::math::floor_fraction;
 use crate::math::hash::SplitMix64;
 use crate::math::parallel;
 use crate::math::simd::{max, min};
+use crate::math::vec3::{cross, dot};
 use crate::ply::{EXIT_KINDS, ExitDensity};
 use multiversion::multiversion;
 use std::f32::consts::TAU;
 
 /// Places along a yarn from one crossing to the next: of one ply, and of several, which turn on their way. Of one ply more would bring more entries beyond the greatest.
 const PLACES: [usize; 2] = [4, 8];
-const MOST_PLACES: usize = PLACES[1];
+const MAX_PLACES: usize = PLACES[1];
 /// Bands of directions in each half of the sphere, rows of the table: the bands' and the pole's, and columns about the normal.
 const BANDS: usize = 8;
 pub(super) const ROWS: usize = BANDS + 1;
@@ -27,9 +28,9 @@ const OFFSETS: usize = 7;
 /// Numbers of a direction: the offsets, and zeros up to a word.
 pub(super) const LANES: usize = 8;
 /// Greatest entry: 255 stands for it.
-const MOST_SHARE: f32 = 1.35;
+const MAX_SHARE: f32 = 1.35;
 /// The entry of light that all gets out.
-const ALL_FREE: u8 = (255.0 / MOST_SHARE + 0.5) as u8;
+const ALL_FREE: u8 = (255.0 / MAX_SHARE + 0.5) as u8;
 /// Lines of an entry of all places together, and least and most of one place: where places are few, chance does not average out over them.
 const LINES: usize = 1024;
 const LINES_OF_ONE: [usize; 2] = [2, 16];
@@ -38,14 +39,14 @@ const SIZE: usize = 2 * ROWS * COLUMNS * LANES;
 /// Rows that are filled together.
 const ROWS_A_PART: usize = 8;
 /// Most crossings of a draft whose places have rows of their own.
-const MOST_CROSSINGS: usize = 512;
+const MAX_CROSSINGS: usize = 512;
 /// Crossings of a larger draft that are looked at for patterns.
 const LOOKED_AT: usize = 1 << 18;
 
 /// The table of a fabric.
 #[derive(Clone, Debug)]
 pub(super) struct Shadows {
-    /// `[place][row][column][LANES]`, 255 for [`MOST_SHARE`].
+    /// `[place][row][column][LANES]`, 255 for [`MAX_SHARE`].
     pub(super) free: Vec<u8>,
     /// For patterns: of `[family][place][pattern]` the index of its row; empty where every place has its own.
     pub(super) patterns: Vec<u32>,
@@ -54,7 +55,7 @@ pub(super) struct Shadows {
 /// What a ply model says of the light that passes beside its fibers.
 pub(super) trait Passing {
     /// Fraction of a beam that passes a ply.
-    fn r_d(&self, family: Family, yarn: i32, theta_i: f32, h_um: f32) -> f32;
+    fn r_d(&self, family: YarnSet, yarn: i32, theta_i: f32, h_um: f32) -> f32;
 }
 
 /// Places of a yarn from one crossing to the next.
@@ -74,7 +75,7 @@ const MEAN_Z: [f32; BANDS] = [0.017678, 0.082322, 0.175568, 0.290118, 0.422526, 
 /// Of the last band's mean.
 const PER_SQUARED_SINE: f32 = 1.0 / (1.0 - MEAN_Z[BANDS - 1] * MEAN_Z[BANDS - 1]);
 
-/// Place of a z among the bands of a half, 0 to BANDS.
+/// Hit of a z among the bands of a half, 0 to BANDS.
 #[inline]
 fn band_of(z: f32) -> f32 {
     (two_thirds(z) * BANDS as f32).min(BANDS as f32)
@@ -96,10 +97,10 @@ impl Shadows {
     pub(super) fn new(fabric: &Fabric, passing: &(impl Passing + Sync)) -> Shadows {
         let (ends, picks) = (fabric.draft.ends(), fabric.draft.picks());
         let mut shadows = Shadows { free: Vec::new(), patterns: Vec::new() };
-        // Family, yarn and place of each row.
-        let mut rows: Vec<(Family, i32, i32)> = Vec::new();
-        if ends * picks <= MOST_CROSSINGS {
-            for family in Family::EACH {
+        // Yarn set, yarn and place of each row.
+        let mut rows: Vec<(YarnSet, i32, i32)> = Vec::new();
+        if ends * picks <= MAX_CROSSINGS {
+            for family in YarnSet::EACH {
                 let places = places(&fabric.yarns[family as usize]);
                 for yarn in 0..fabric.draft.threads(family) as i32 {
                     for place in 0..(places * fabric.draft.threads(family.other())) as i32 {
@@ -108,11 +109,11 @@ impl Shadows {
                 }
             }
         } else {
-            shadows.patterns = vec![u32::MAX; 2 * MOST_PLACES * 512];
+            shadows.patterns = vec![u32::MAX; 2 * MAX_PLACES * 512];
             let step = (ends * picks).div_ceil(LOOKED_AT).max(1);
             for crossing in (0..ends * picks).step_by(step) {
                 let (end, pick) = ((crossing % ends) as i32, (crossing / ends) as i32);
-                for (family, yarn, along) in [(Family::Warp, end, pick), (Family::Weft, pick, end)] {
+                for (family, yarn, along) in [(YarnSet::Warp, end, pick), (YarnSet::Weft, pick, end)] {
                     let pattern = pattern(fabric, family, yarn, along);
                     let (first, places) = (first_of(family) + pattern, places(&fabric.yarns[family as usize]));
                     if shadows.patterns[first] == u32::MAX {
@@ -153,10 +154,10 @@ impl Shadows {
 
     /// The rows of a yarn.
     #[inline]
-    pub(super) fn of(&self, fabric: &Fabric, family: Family, yarn: i32) -> OfYarn<'_> {
+    pub(super) fn of(&self, fabric: &Fabric, family: YarnSet, yarn: i32) -> OfYarn<'_> {
         let [own, other] = [family, family.other()].map(|f| fabric.draft.threads(f));
-        let [of_warp, of_own] = [Family::Warp, family].map(|f| places(&fabric.yarns[f as usize]));
-        let first = if family == Family::Warp { 0 } else { of_warp * own * other };
+        let [of_warp, of_own] = [YarnSet::Warp, family].map(|f| places(&fabric.yarns[f as usize]));
+        let first = if family == YarnSet::Warp { 0 } else { of_warp * own * other };
         let places = of_own * other;
         OfYarn {
             shadows: self,
@@ -174,7 +175,7 @@ impl Shadows {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct OfYarn<'a> {
     shadows: &'a Shadows,
-    pub(super) family: Family,
+    pub(super) family: YarnSet,
     yarn: i32,
     per_um: f32,
     /// Where every place has rows of its own: the first row, and how many there are.
@@ -275,7 +276,7 @@ pub(super) fn free<'a>(
             }
         }
         for sum in sum {
-            *sum = min(max(*sum * (MOST_SHARE / 255.0), 0.0), MOST_SHARE);
+            *sum = min(max(*sum * (MAX_SHARE / 255.0), 0.0), MAX_SHARE);
         }
     }
     // Offsets of the yarn grow as those of the ply fall; what lies beyond the yarn's width counts as at its rim.
@@ -299,12 +300,12 @@ pub(super) fn free<'a>(
 }
 
 /// Where the patterns of a family begin.
-fn first_of(family: Family) -> usize {
-    family as usize * MOST_PLACES * 512
+fn first_of(family: YarnSet) -> usize {
+    family as usize * MAX_PLACES * 512
 }
 
 /// Bits of the nine crossings around: the yarn's own and its neighbors', at this crossing and the ones beside.
-fn pattern(fabric: &Fabric, family: Family, yarn: i32, crossing: i32) -> usize {
+fn pattern(fabric: &Fabric, family: YarnSet, yarn: i32, crossing: i32) -> usize {
     let mut bits = 0;
     for y in -1..=1 {
         for c in -1..=1 {
@@ -360,7 +361,7 @@ fn fill(row: &mut [u8], fabric: &Fabric, passing: &impl Passing, (id, place): (Y
                 let from = exit(center, axis, radius, inner, b);
                 free += area * free_share(fabric, passing, from, b, fabric.skip_yarn(id, from, b));
             }
-            *entry = (255.0 / MOST_SHARE * (free / lines as f32).min(MOST_SHARE) + 0.5) as u8;
+            *entry = (255.0 / MAX_SHARE * (free / lines as f32).min(MAX_SHARE) + 0.5) as u8;
         }
     }
 }
@@ -381,8 +382,8 @@ fn free_share(fabric: &Fabric, passing: &impl Passing, from: [f32; 3], d: [f32; 
 
 #[cfg(test)]
 mod tests {
-    use super::super::flight::Near;
-    use super::super::{FabricBsdf, FabricOptions, FabricSpec};
+    use super::super::flight::Candidate;
+    use super::super::{FabricModel, FabricOptions, FabricSpec};
     use super::*;
 
     /// What lies between a yarn and the light that comes to it is what light that leaves there meets, and hardly a line meets a yarn twice at one place. Next to a bent yarn light starts from
@@ -392,9 +393,10 @@ mod tests {
         const LINES: usize = 4000;
         for (name, most) in [("polyester_layers", 0.002), ("silk_organza", 0.05), ("polyester_satin", 0.03)] {
             let loaded = FabricSpec::load(format!("{}/fabrics/{name}.toml", env!("CARGO_MANIFEST_DIR"))).unwrap();
-            let bsdf = FabricBsdf::new(loaded, &FabricOptions::RAYS).unwrap();
+            let bsdf = FabricModel::new(loaded, &FabricOptions::RAYS).unwrap();
             let fabric = &bsdf.fabric;
-            let r_d = |near: &Near| bsdf.model_of(near.hit.family, near.hit.yarn).r_d(near.hit.theta_i, near.hit.h_um);
+            let r_d =
+                |near: &Candidate| bsdf.model_of(near.hit.family, near.hit.yarn).r_d(near.hit.theta_i, near.hit.h_um);
             let mut rng = SplitMix64(7);
             let mut number = || rng.next_f64() as f32;
             let [width, height] = fabric.repeat_um().map(|v| v as f32);
@@ -405,9 +407,9 @@ mod tests {
                     let across = (1.0 - z * z).sqrt();
                     let b = [across * cos, across * sin, z];
                     let mut flight = fabric.flight_through([width * number(), height * number()], b);
-                    let (mut free, mut met) = (1.0f32, Vec::<Near>::new());
+                    let (mut free, mut met) = (1.0f32, Vec::<Candidate>::new());
                     while let Some(near) = flight.next_near().filter(|_| free > 1e-3) {
-                        let is_known = |other: &Near| {
+                        let is_known = |other: &Candidate| {
                             other.id() == near.id() && (other.hit.along_um - near.hit.along_um).abs() < 1.0
                         };
                         twice += usize::from(met.iter().any(is_known));

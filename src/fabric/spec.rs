@@ -1,7 +1,7 @@
 //! The fabric spec (TOML): the weave, and the yarns of warp and weft. Lengths in um; the unit is part of the key. Keys, ranges and relations are in
 //! `rules.rs`, reading in `load.rs`.
 
-use super::Family;
+use super::YarnSet;
 use super::bsdf::Slits;
 use super::color_of::ColorOf;
 use super::draft::Draft;
@@ -153,10 +153,10 @@ pub enum YarnColor {
 
 impl FabricSpec {
     /// The yarns of a family.
-    pub fn yarn(&self, family: Family) -> &YarnOfFabric {
+    pub fn yarn(&self, family: YarnSet) -> &YarnOfFabric {
         match family {
-            Family::Warp => &self.warp,
-            Family::Weft => &self.weft,
+            YarnSet::Warp => &self.warp,
+            YarnSet::Weft => &self.weft,
         }
     }
 }

@@ -1,6 +1,6 @@
 //! All tables of a loaded fabric as named arrays, for hosts that evaluate it on machines of their own (GPUs, differentiating compilers): `python/plywave/mitsuba` is one.
 //!
-//! With these arrays, the files of the ply models and the formulas of this folder, [`FabricBsdf`] can be rebuilt. Arrays are flat, last index fastest; lengths in um.
+//! With these arrays, the files of the ply models and the formulas of this folder, [`FabricModel`] can be rebuilt. Arrays are flat, last index fastest; lengths in um.
 //!
 //! | name | shape | |
 //! |---|---|---|
@@ -15,7 +15,7 @@
 //! | `threads_warp`, `threads_weft` | `[..]` | dye of each yarn of one repeat |
 //! | `dye_rgb`, `dye_spectrum` | `[dyes][3]`, `[dyes][81]` | absorptions [1/um] of linear sRGB, and at 0.38 to 0.78 um |
 //! | `curve` | `[..][2]` | v = 1 / (1 + sigma L) and the cloth's brightness |
-//! | `shadow_free` | `[rows][18][16][8]` | shares that get out, 255 for 1.35 (`MOST_SHARE` of `shadow.rs`) |
+//! | `shadow_free` | `[rows][18][16][8]` | shares that get out, 255 for 1.35 (`MAX_SHARE` of `shadow.rs`) |
 //! | `shadow_patterns` | `[2][4][512]` or empty | rows by pattern |
 //! | `between_caught` | `[2][4][3][8][168]` | by side, class, sent up, down and all, absorption: splines of the direction |
 //! | `between_leaves` | `[2][4][2][2][64][8]` | by side, class, sent, leaves, pair of absorptions |
@@ -25,16 +25,16 @@
 //! | `far_chances` | `[2][330][2][384]` | sums of the energies up to a cell's end, of clear and dark fibers |
 //! | `far_energy`, `far_first` | `[2][330][8]`, `[2][330][2][8]` | integral of f; energies that first plies scatter, of one layer and of two |
 //! | `far_passing`, `far_apertures` | `[330]`, `[330][7]` | what passes; how many apertures stand for the repeat's, and three pairs of rows of `apertures` |
-//! | `apertures` | `[33][33][74]` | spectra by the distances of their two edges: the factor's eight numbers, g, 65 masses. A point's aperture has the factor of its own edges, and is sampled by the row nearest to them (`FabricBsdf::aperture`) |
+//! | `apertures` | `[33][33][74]` | spectra by the distances of their two edges: the factor's eight numbers, g, 65 masses. A point's aperture has the factor of its own edges, and is sampled by the row nearest to them (`FabricModel::aperture`) |
 //! | `slit_share` | `[2]` | of warp and weft: share of the forward light that slits between fibers take, 0 without slits |
 //! | `slits` | `[2][2][74]` or empty | spectra of the slits across and along the ply, as those of `apertures`; empty where no yarn has slits |
 
 use super::between::{CLASSES, FEW, PAIRS, SIGMAS, Side, TERMS};
-use super::bsdf::{EDGES, FabricBsdf};
+use super::bsdf::{EDGES, FabricModel};
 use super::shadow::{COLUMNS, LANES, ROWS};
 use super::splines::COUNT;
 use super::yarn::MAX_PLIES;
-use super::{Family, GapLight, far};
+use super::{GapLight, YarnSet, far};
 use crate::PlyModel;
 use crate::color::SPECTRUM_NODES;
 use crate::gap::SPECTRUM_CELLS;
@@ -64,7 +64,7 @@ pub struct Tensor {
     pub values: Values,
 }
 
-impl FabricBsdf {
+impl FabricModel {
     /// The models, in the order of `stripes_warp` and `stripes_weft`.
     pub fn models(&self) -> &[Arc<PlyModel>] {
         &self.models
@@ -138,7 +138,7 @@ impl FabricBsdf {
             all.push(Tensor { name, shape: vec![list.len()], values: Values::U32(list.clone()) });
         }
         let draft = f.draft();
-        let (picks, ends) = (draft.threads(Family::Weft), draft.threads(Family::Warp));
+        let (picks, ends) = (draft.threads(YarnSet::Weft), draft.threads(YarnSet::Warp));
         let up = (0..picks).flat_map(|pick| (0..ends).map(move |end| u8::from(draft.up(pick, end))));
         all.push(Tensor { name: "draft", shape: vec![picks, ends], values: Values::U8(up.collect()) });
         let rows = self.shadows.free.len() / (2 * ROWS * COLUMNS * LANES);
@@ -157,7 +157,7 @@ mod tests {
     #[test]
     fn tensors_are_whole() {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/fabrics/polyester_satin.toml");
-        let fabric = FabricBsdf::load(path, &FabricOptions::default()).unwrap();
+        let fabric = FabricModel::load(path, &FabricOptions::default()).unwrap();
         let all = fabric.tensors();
         for (i, t) in all.iter().enumerate() {
             let len = match &t.values {

@@ -7,7 +7,7 @@
 use super::yarn::{Line, MAX_PLIES, Yarn};
 
 /// Most straightened places of one walk; what lies behind them is asked by the next.
-const MOST_STEPS: usize = 24;
+const MAX_STEPS: usize = 24;
 /// Stretch on which plies count as straight, over R: a ply whose curvature is 1 over 5 R leaves its tangent by 0.1 R on it.
 const STRETCH: f32 = 1.0;
 /// A ply nearer than this is met, over R.
@@ -37,7 +37,7 @@ impl Yarn {
     ) -> Walked {
         let mut walked = Walked::default();
         let mut least = f32::INFINITY;
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             let line = line_at(at);
             let [x, y, shift] = line.origin;
             let [wc, wn, _] = line.w;

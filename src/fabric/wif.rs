@@ -19,7 +19,7 @@ mod text;
 pub use note::{WifNote, WifNoteKind};
 pub use spacing::WifSpacing;
 
-use super::Family;
+use super::YarnSet;
 use super::draft::{Draft, MAX_THREADS};
 use super::layers::Layer;
 use super::names::{numbered, words};
@@ -73,8 +73,8 @@ impl Wif {
             ),
             None => notes.add(WifNoteKind::Shed, "no Rising Shed in [WEAVING]: the shafts that are named rise".into()),
         }
-        let ends = threads(&ini, Family::Warp, threading.count(), &mut notes)?;
-        let picks = threads(&ini, Family::Weft, plans.picks(), &mut notes)?;
+        let ends = threads(&ini, YarnSet::Warp, threading.count(), &mut notes)?;
+        let picks = threads(&ini, YarnSet::Weft, plans.picks(), &mut notes)?;
         let threading = threading.fit(ends, &mut notes);
         let (section, named) = plans.named(picks, &mut notes);
         let drawdown = |named: &[Shafts]| {
@@ -99,22 +99,22 @@ impl Wif {
             notes.add(WifNoteKind::FallsApart, text);
         }
         let [warp_srgb, weft_srgb] = colors::colors(&ini, [ends, picks], &kept, &mut notes)?;
-        let spacing = Family::EACH.map(|family| spacing::spacing(&ini, family, &kept[family as usize], &mut notes));
+        let spacing = YarnSet::EACH.map(|family| spacing::spacing(&ini, family, &kept[family as usize], &mut notes));
         Ok(Wif { draft, warp_srgb, weft_srgb, spacing, notes: notes.finish() })
     }
 }
 
-fn section_of(family: Family) -> &'static str {
+fn section_of(family: YarnSet) -> &'static str {
     match family {
-        Family::Warp => "WARP",
-        Family::Weft => "WEFT",
+        YarnSet::Warp => "WARP",
+        YarnSet::Weft => "WEFT",
     }
 }
 
-fn colors_of(family: Family) -> &'static str {
+fn colors_of(family: YarnSet) -> &'static str {
     match family {
-        Family::Warp => "WARP COLORS",
-        Family::Weft => "WEFT COLORS",
+        YarnSet::Warp => "WARP COLORS",
+        YarnSet::Weft => "WEFT COLORS",
     }
 }
 
@@ -137,7 +137,7 @@ fn check_contents(ini: &Ini<'_>, notes: &mut Notes) {
 }
 
 /// The yarns of a family: as many as are declared, else as the lines say.
-fn threads(ini: &Ini<'_>, family: Family, lines: usize, notes: &mut Notes) -> Result<usize> {
+fn threads(ini: &Ini<'_>, family: YarnSet, lines: usize, notes: &mut Notes) -> Result<usize> {
     let section = section_of(family);
     if let Some(declared) = ini.count(section, "Threads", MAX_THREADS)? {
         return Ok(declared);
@@ -299,7 +299,7 @@ fn woven(full: &Draft, unused: [Vec<bool>; 2], notes: &mut Notes) -> [Vec<usize>
         (WifNoteKind::UnthreadedEnds, "on no shaft, bound by no pick"),
         (WifNoteKind::EmptyPicks, "no shaft moves, bound by no end"),
     ];
-    for (k, family) in Family::EACH.into_iter().enumerate() {
+    for (k, family) in YarnSet::EACH.into_iter().enumerate() {
         let list: Vec<usize> = (1..=unused[k].len()).filter(|n| unused[k][n - 1]).collect();
         if !list.is_empty() {
             let (kind, why) = kinds[k];
@@ -308,7 +308,7 @@ fn woven(full: &Draft, unused: [Vec<bool>; 2], notes: &mut Notes) -> [Vec<usize>
     }
     let mut is_kept = unused.map(|list| list.into_iter().map(|unused| !unused).collect::<Vec<bool>>());
     let loose = full.peel(&mut is_kept);
-    for family in Family::EACH {
+    for family in YarnSet::EACH {
         for (up, side) in [(true, "above"), (false, "below")] {
             let mut list: Vec<usize> = loose.iter().filter(|l| (l.0, l.2) == (family, up)).map(|l| l.1 + 1).collect();
             list.sort_unstable();

@@ -10,6 +10,7 @@
 
 use super::profile::{Profile, Profile32};
 use crate::math::simd::{atan2, signed, sin_cos_half_turns};
+use crate::math::vec3::{cross, dot};
 use crate::spec::Handedness;
 
 /// Most plies of a yarn.
@@ -94,7 +95,7 @@ pub(super) struct Line {
 
 /// A ply that a line meets, or the one it comes nearest to.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Met {
+pub(super) struct YarnHit {
     pub hit: bool,
     pub ply: u32,
     pub h: f32,
@@ -108,14 +109,6 @@ pub(super) struct Met {
     pub nearest: f32,
     /// The point of the axis there, in the yarn's frame [um].
     pub center: [f32; 3],
-}
-
-pub(super) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-pub(super) fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// Sine and cosine of an angle in turns.
@@ -143,7 +136,7 @@ fn across(w: [f32; 3], z: [f32; 3]) -> ([f32; 3], f32) {
     ([m[0] * scale, m[1] * scale, m[2] * scale], PARALLEL.sqrt())
 }
 
-impl Met {
+impl YarnHit {
     /// Latitude of the light `w` on the ply [rad].
     #[inline]
     pub fn theta_i(&self, w: [f32; 3]) -> f32 {
@@ -208,17 +201,17 @@ impl Yarn {
     }
 
     /// The ply of a yarn of one, and where a line meets it or comes nearest to it.
-    pub fn meet_one(&self, line: &Line) -> Met {
+    pub fn meet_one(&self, line: &Line) -> YarnHit {
         let tangent = [0.0, 0.0, 1.0];
         let (x, sine) = across(line.w, tangent);
         let h = dot(line.origin, x);
         let nearest = -dot(line.origin, cross(tangent, x)) / sine;
         let center = [0.0, 0.0, line.origin[2] + nearest * line.w[2]];
-        Met { hit: h.abs() < self.radius, ply: 0, h, tangent, x, sine, nearest, center }
+        YarnHit { hit: h.abs() < self.radius, ply: 0, h, tangent, x, sine, nearest, center }
     }
 
     /// A ply of several that a line meets or passes next to its point, the yarn straight there.
-    pub fn meet_ply(&self, line: &Line, ply: u32, is_hit: bool) -> Met {
+    pub fn meet_ply(&self, line: &Line, ply: u32, is_hit: bool) -> YarnHit {
         let shift = line.origin[2];
         let (mut best, _, further) = self.cylinder(line, ply as usize, shift, self.angle(line, shift));
         if self.slope != 0.0 && further.abs() < 2.0 * self.half_width {
@@ -237,7 +230,7 @@ impl Yarn {
 
     /// Ply k at the distance `shift` along t, as the straight cylinder along its tangent there; where the line enters it, and how much further along t
     /// the point of its axis next to that place lies.
-    pub(super) fn cylinder(&self, line: &Line, k: usize, shift: f32, [c, s]: [f32; 2]) -> (Met, f32, f32) {
+    pub(super) fn cylinder(&self, line: &Line, k: usize, shift: f32, [c, s]: [f32; 2]) -> (YarnHit, f32, f32) {
         let [ck, sk] = self.turn[k];
         let (cos, sin) = (c * ck - s * sk, s * ck + c * sk);
         let slope = self.slope * line.lean;
@@ -253,7 +246,7 @@ impl Yarn {
         let further = (dot(d, tangent) + entry * dot(line.w, tangent)) * tangent[2];
         let along = dot(d, tangent) + nearest * dot(line.w, tangent);
         let center = std::array::from_fn(|i| line.origin[i] - d[i] + along * tangent[i]);
-        (Met { hit: room > 0.0, ply: k as u32, h, tangent, x, sine, nearest, center }, entry, further)
+        (YarnHit { hit: room > 0.0, ply: k as u32, h, tangent, x, sine, nearest, center }, entry, further)
     }
 
     /// Cosine and sine of ply 0's angle at `shift` along t.

@@ -11,7 +11,7 @@ use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 /// Slope of the azimuth over gamma from which a density is its inverse. At a caustic the slope is 0 and the density, one over the root of the distance, infinite: light within this slope, 1e-4 rad of the caustic,
 /// is even there, so that no quadrature or pixel meets more than 50 per radian. The mean of `1 / slope` over that is twice its value at the end.
-const LEAST_SLOPE: f32 = 0.02;
+const MIN_SLOPE: f32 = 0.02;
 
 /// The cross section at a latitude of the light.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -231,10 +231,10 @@ impl CrossSection {
         2.0 - 2.0 * p * gamma.cos() * self.inverse / self.cos_t(gamma.sin()).max(1e-6)
     }
 
-    /// `cos gamma / (2 |dphi/dgamma|)`, even within [`LEAST_SLOPE`] of a caustic.
+    /// `cos gamma / (2 |dphi/dgamma|)`, even within [`MIN_SLOPE`] of a caustic.
     fn density(&self, order: u32, gamma: f32) -> f32 {
         let slope = self.slope(order as f32, gamma).abs();
-        0.5 * gamma.cos().max(0.0) / if slope < LEAST_SLOPE { 0.5 * LEAST_SLOPE } else { slope }
+        0.5 * gamma.cos().max(0.0) / if slope < MIN_SLOPE { 0.5 * MIN_SLOPE } else { slope }
     }
 
     /// The angle within a monotone piece whose bend is `value`.

@@ -7,7 +7,7 @@
 //!
 //! A perfect cylinder keeps the latitude: M is a delta, which no host can evaluate. Here M is d'Eon's, of width `beta_m`, with the attenuations at theta_i: all orders add up to 1
 //! where nothing is absorbed, at every incidence, which the paper's Gaussians with theta_d do not (those are `RoughDielectricFiber`'s). The near field's azimuth is a delta, spread by
-//! `beta_n`, and the far field's the mean of that over the offsets, from a table; below [`LEAST_FAR_WIDTH`] it is the perfect cylinder's, caustics included, by the roots of
+//! `beta_n`, and the far field's the mean of that over the offsets, from a table; below [`MIN_FAR_WIDTH`] it is the perfect cylinder's, caustics included, by the roots of
 //! its offsets. Orders beyond `orders` are spread evenly over the azimuth, with their energy.
 //!
 //! The near field is f at the offset of the query's ray. Light leaves at -h, so that the same number is Eq. 38's for a viewer: with `omega_i` towards the viewer, whose ray has the
@@ -15,7 +15,7 @@
 
 use super::FiberQuery;
 use super::azimuthal::{CrossSection, OFFSETS, turn};
-use super::far_table::{FarTable, LEAST_WIDTH, Row, Through};
+use super::far_table::{FarTable, MIN_WIDTH, Row, Through};
 use super::fast::{atan2, exp, lanes, sin_cos, wrapped};
 use super::gaussian::Gaussian;
 use super::incident::Incident;
@@ -28,9 +28,9 @@ use crate::{Bsdf, BsdfSample, Result};
 use std::f32::consts::{PI, TAU};
 
 /// Most orders that are kept apart, R included.
-pub const MOST_ORDERS: usize = 8;
+pub const MAX_ORDERS: usize = 8;
 /// Least azimuthal width of a far field that is spread by it [rad].
-pub const LEAST_FAR_WIDTH: f32 = LEAST_WIDTH;
+pub const MIN_FAR_WIDTH: f32 = MIN_WIDTH;
 
 /// What a [`DielectricFiber`] is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,9 +43,9 @@ pub struct DielectricParameters {
     pub beta_m: [f32; 3],
     /// Longitudinal shifts of the same [rad], -1 to 1: light goes about the latitude `shift - theta_i`. Tiles of a cuticle shift hair's.
     pub shift: [f32; 3],
-    /// Azimuthal width [rad], 0.001 to 10; the far field is a perfect cylinder's below [`LEAST_FAR_WIDTH`].
+    /// Azimuthal width [rad], 0.001 to 10; the far field is a perfect cylinder's below [`MIN_FAR_WIDTH`].
     pub beta_n: f32,
-    /// Orders kept apart, 3 for R, TT, TRT; 1 to [`MOST_ORDERS`].
+    /// Orders kept apart, 3 for R, TT, TRT; 1 to [`MAX_ORDERS`].
     pub orders: usize,
 }
 
@@ -97,8 +97,8 @@ impl DielectricFiber {
             parameter(MODEL, "shift", p.shift[lobe], [-1.0, 1.0])?;
         }
         parameter(MODEL, "beta_n", p.beta_n, [1e-3, 10.0])?;
-        if !(1..=MOST_ORDERS).contains(&p.orders) {
-            return Err(invalid(MODEL, "orders", p.orders, format!("use 1 to {MOST_ORDERS}")));
+        if !(1..=MAX_ORDERS).contains(&p.orders) {
+            return Err(invalid(MODEL, "orders", p.orders, format!("use 1 to {MAX_ORDERS}")));
         }
         let longitudinal = p.beta_m.map(Longitudinal::new);
         Ok(DielectricFiber {
@@ -107,7 +107,7 @@ impl DielectricFiber {
             three: ThreeLobes::new(&longitudinal),
             shift: p.shift.map(|s| <[f32; 2]>::from(s.sin_cos())),
             azimuthal: Gaussian::new(p.beta_n, PI),
-            far: (p.beta_n >= LEAST_WIDTH).then(|| FarTable::new(p.eta, &[p.beta_n; MOST_ORDERS][..p.orders])),
+            far: (p.beta_n >= MIN_WIDTH).then(|| FarTable::new(p.eta, &[p.beta_n; MAX_ORDERS][..p.orders])),
         })
     }
 
@@ -134,9 +134,9 @@ impl DielectricFiber {
             sigma_per_um: lanes(|n| query.sigma_per_um[n].clamp(0.0, 1e6)),
             h_rel: query.h_rel.map(|h| h.clamp(-1.0, 1.0)),
             far: None,
-            turns: [0.0; MOST_ORDERS],
-            light: [[0.0; N]; MOST_ORDERS],
-            chance: [0.0; MOST_ORDERS],
+            turns: [0.0; MAX_ORDERS],
+            light: [[0.0; N]; MAX_ORDERS],
+            chance: [0.0; MAX_ORDERS],
             beyond: [0.0; N],
             beyond_share: 0.0,
             section,
@@ -171,11 +171,11 @@ pub struct DielectricBsdf<'a, const N: usize> {
     /// Where the far field is looked up, and what absorption leaves of it.
     far: Option<(&'a FarTable, Row, Through<N>)>,
     /// Of the near field: azimuths of the orders.
-    turns: [f32; MOST_ORDERS],
+    turns: [f32; MAX_ORDERS],
     /// Of the near field: attenuations of the orders.
-    light: [[f32; N]; MOST_ORDERS],
+    light: [[f32; N]; MAX_ORDERS],
     /// Chances with which samples are of an order; of the far field over its energy without absorption.
-    chance: [f32; MOST_ORDERS],
+    chance: [f32; MAX_ORDERS],
     /// Energy of the orders beyond those kept apart, and the chance with which samples are theirs.
     beyond: [f32; N],
     beyond_share: f32,
@@ -218,7 +218,7 @@ impl<'a, const N: usize> DielectricBsdf<'a, N> {
         let row = table.row(theta_i);
         let chord_um = self.section.chord_um();
         let through = table.through(&lanes(|n| self.sigma_per_um[n] * chord_um));
-        let mut energies = [0.0; MOST_ORDERS];
+        let mut energies = [0.0; MAX_ORDERS];
         table.each_total(row, &through, |order, light, energy| (self.light[order], energies[order]) = (light, energy));
         self.beyond = table.beyond(row, &through);
         self.divide();
@@ -271,7 +271,7 @@ impl<'a, const N: usize> DielectricBsdf<'a, N> {
         }
         let mut left = u - self.beyond_share;
         let mut last = (0, 1.0);
-        let energies: Option<[f32; MOST_ORDERS]> = self.far.as_ref().map(|(table, row, _)| table.energies(*row));
+        let energies: Option<[f32; MAX_ORDERS]> = self.far.as_ref().map(|(table, row, _)| table.energies(*row));
         for order in 0..self.fiber.parameters.orders {
             let chance = self.chance[order] * energies.map_or(1.0, |energies| energies[order]);
             if chance > 0.0 {
@@ -320,7 +320,7 @@ impl<const N: usize> Bsdf<N> for DielectricBsdf<'_, N> {
             return (f, pdf);
         }
         // M of R, TT, TRT.
-        let m = self.fiber.three.eval(&self.latitude, Latitude::of(w));
+        let m = self.fiber.three.eval(&self.latitude, Latitude::from_direction(w));
         let [across, side] = self.incident.relative(w);
         let phi = atan2(side, across);
         let orders = self.fiber.parameters.orders;
@@ -331,8 +331,8 @@ impl<const N: usize> Bsdf<N> for DielectricBsdf<'_, N> {
         };
         match (self.h_rel, &self.far) {
             (Some(_), _) => {
-                let mut density = [0.0; MOST_ORDERS];
-                for order in 0..MOST_ORDERS {
+                let mut density = [0.0; MAX_ORDERS];
+                for order in 0..MAX_ORDERS {
                     density[order] = self.fiber.azimuthal.eval(wrapped(phi - self.turns[order]));
                 }
                 for order in 0..orders {

@@ -20,17 +20,17 @@ use super::longitudinal::Latitude;
 use std::f32::consts::{FRAC_2_PI, FRAC_PI_2, PI};
 
 /// Least width that is tabulated [rad]: narrower ones would take more than 40 MB.
-pub(super) const LEAST_WIDTH: f32 = 0.05;
+pub(super) const MIN_WIDTH: f32 = 0.05;
 /// Largest absorption times length: nothing is left long before.
-const MOST: f32 = 1e4;
+const MAX: f32 = 1e4;
 /// Chords that a vector holds, and most vectors of a table.
 const FOUR: usize = 4;
-const MOST_VECTORS: usize = 2;
+const MAX_VECTORS: usize = 2;
 /// Index from which four chords do.
 const FEW_CHORDS: f32 = 1.2;
 
 /// What an inner part of a path leaves of the light at each chord, by wavelength.
-pub(super) type Through<const N: usize> = [[[f32; FOUR]; MOST_VECTORS]; N];
+pub(super) type Through<const N: usize> = [[[f32; FOUR]; MAX_VECTORS]; N];
 
 /// The table of a fiber's orders.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,7 +40,7 @@ pub(super) struct FarTable {
     rows: usize,
     /// Vectors of chords in use, 1 or 2.
     vectors: usize,
-    chords: [[f32; FOUR]; MOST_VECTORS],
+    chords: [[f32; FOUR]; MAX_VECTORS],
     /// `[row][azimuth][order][vector]` of energies [1/rad]; azimuths from 0 to pi.
     nodes: Vec<[f32; FOUR]>,
     /// `[row][azimuth][order]`: their sum's integral from 0 on.
@@ -69,9 +69,9 @@ pub(super) struct Row {
 }
 
 impl FarTable {
-    /// Of a fiber of index `eta`, by the widths of its orders [rad], of which a width below [`LEAST_WIDTH`] counts as that.
+    /// Of a fiber of index `eta`, by the widths of its orders [rad], of which a width below [`MIN_WIDTH`] counts as that.
     pub(super) fn new(eta: f32, widths: &[f32]) -> FarTable {
-        let least = widths.iter().copied().fold(f32::INFINITY, f32::min).max(LEAST_WIDTH);
+        let least = widths.iter().copied().fold(f32::INFINITY, f32::min).max(MIN_WIDTH);
         let cells = ((10.0 * PI / least).ceil() as usize).clamp(64, 640);
         let rows = ((12.0 / least).ceil() as usize).clamp(128, 224);
         let orders = widths.len();
@@ -87,14 +87,14 @@ impl FarTable {
             cells,
             rows,
             vectors,
-            chords: [[1.0; FOUR]; MOST_VECTORS],
+            chords: [[1.0; FOUR]; MAX_VECTORS],
             nodes: vec![[0.0; FOUR]; rows * (cells + 1) * orders * vectors],
             below: vec![0.0; rows * (cells + 1) * orders],
             totals: vec![[0.0; FOUR]; rows * (orders + 2) * vectors],
             series: vec![Series::default(); rows],
         };
         chords.iter().enumerate().for_each(|(k, c)| table.chords[k / FOUR][k % FOUR] = *c as f32);
-        let kernels: Vec<Vec<f64>> = widths.iter().map(|w| kernel(w.max(LEAST_WIDTH), cells)).collect();
+        let kernels: Vec<Vec<f64>> = widths.iter().map(|w| kernel(w.max(MIN_WIDTH), cells)).collect();
         for row in 0..rows {
             let left = 1.0 - row as f32 / (rows - 1) as f32;
             let theta = FRAC_PI_2 * (1.0 - left * left);
@@ -110,8 +110,8 @@ impl FarTable {
         let per_rad = cells as f64 / std::f64::consts::PI;
         let offsets = Offset::all(section, chords, 6 * cells);
         for order in 0..self.orders + 2 {
-            let mut mass = vec![[0.0f64; FOUR * MOST_VECTORS]; turn];
-            let mut total = [0.0; FOUR * MOST_VECTORS];
+            let mut mass = vec![[0.0f64; FOUR * MAX_VECTORS]; turn];
+            let mut total = [0.0; FOUR * MAX_VECTORS];
             for offset in &offsets {
                 let a = offset.energy(order);
                 (0..chords.len()).for_each(|k| total[k] += a * offset.shares[k]);
@@ -140,7 +140,7 @@ impl FarTable {
             let reach = kernel.len() / 2;
             let (mut below, mut last) = (0.0, 0.0);
             for j in 0..=cells {
-                let mut sums = [0.0; FOUR * MOST_VECTORS];
+                let mut sums = [0.0; FOUR * MAX_VECTORS];
                 for (k, weight) in kernel.iter().enumerate() {
                     let from = &mass[(j + turn + k - reach) % turn];
                     (0..chords.len()).for_each(|m| sums[m] += weight * from[m]);
@@ -157,7 +157,7 @@ impl FarTable {
                 }
             }
         }
-        self.series[row] = Series::of(&offsets, self.orders + 1);
+        self.series[row] = Series::from_offsets(&offsets, self.orders + 1);
     }
 
     /// A latitude [rad], of either sign.
@@ -172,9 +172,9 @@ impl FarTable {
     /// [`Through`] where absorption times length is `s` at a cosine of 1, by wavelength.
     #[inline(always)]
     pub(super) fn through<const N: usize>(&self, s: &[f32; N]) -> Through<N> {
-        let mut through = [[[1.0; FOUR]; MOST_VECTORS]; N];
+        let mut through = [[[1.0; FOUR]; MAX_VECTORS]; N];
         for n in 0..N {
-            let s = s[n].min(MOST);
+            let s = s[n].min(MAX);
             for vector in 0..self.vectors {
                 through[n][vector] = lanes(|k| exp(-s * self.chords[vector][k]));
             }
@@ -268,7 +268,7 @@ impl FarTable {
         vector: impl Fn(usize) -> [f32; FOUR],
         visit: &mut impl FnMut(usize, [f32; N], f32),
     ) {
-        let mut power = [[[1.0f32; FOUR]; MOST_VECTORS]; N];
+        let mut power = [[[1.0f32; FOUR]; MAX_VECTORS]; N];
         for order in 0..orders {
             let (mut light, mut energy) = ([0.0; N], 0.0);
             for v in 0..self.vectors {
@@ -288,7 +288,7 @@ impl FarTable {
     #[inline]
     pub(super) fn beyond<const N: usize>(&self, row: Row, through: &Through<N>) -> [f32; N] {
         let mut beyond = [0.0; N];
-        let mut powers = [[[1.0; FOUR]; MOST_VECTORS]; N];
+        let mut powers = [[[1.0; FOUR]; MAX_VECTORS]; N];
         for n in 0..N {
             for v in 0..self.vectors {
                 let power = &mut powers[n][v];
@@ -358,7 +358,7 @@ struct Offset {
     /// Fresnel's.
     reflectance: f64,
     /// Lagrange's polynomials of its chord.
-    shares: [f64; FOUR * MOST_VECTORS],
+    shares: [f64; FOUR * MAX_VECTORS],
 }
 
 impl Offset {
@@ -393,7 +393,7 @@ impl Offset {
 
 impl Series {
     /// Of the orders from `order` on, 1 or more.
-    fn of(offsets: &[Offset], order: usize) -> Series {
+    fn from_offsets(offsets: &[Offset], order: usize) -> Series {
         // Moments of 1 - f over the light that is not yet out: those of f lose their digits near 1.
         let mut moments = [0.0; 4];
         for offset in offsets {

@@ -19,7 +19,7 @@ impl Incident {
     pub(super) fn new(omega_i: [f32; 3], finite: bool) -> Incident {
         let valid = is_direction(omega_i) && finite;
         let wi = if valid { omega_i } else { [1.0, 0.0, 0.0] };
-        let latitude = Latitude::of(wi);
+        let latitude = Latitude::from_direction(wi);
         let azimuth = if latitude.cos > 0.0 { [wi[0] / latitude.cos, wi[1] / latitude.cos] } else { [1.0, 0.0] };
         Incident { latitude, azimuth, valid }
     }

@@ -143,7 +143,7 @@ impl<const N: usize> Bsdf<N> for KajiyaKayBsdf<'_, N> {
         if !(self.incident.valid && is_direction(w)) {
             return ([0.0; N], 0.0);
         }
-        let o = Latitude::of(w);
+        let o = Latitude::from_direction(w);
         let theta_o = atan2(o.sin, o.cos);
         let f = (self.phong(o) + self.fiber.parameters.diffuse) * o.cos;
         let drawn = self.highlight.eval(theta_o + self.theta_i) / (TAU * o.cos.max(1e-6));

@@ -181,7 +181,7 @@ impl<const N: usize> Bsdf<N> for KhungurnBsdf<'_, N> {
         if !(self.lit && is_direction(w)) {
             return ([0.0; N], 0.0);
         }
-        let o = Latitude::of(w);
+        let o = Latitude::from_direction(w);
         let along = o.sin.atan2(o.cos) + self.theta_i;
         let p = &self.fiber.parameters;
         let gaussian = |beta: f32| (-0.5 * (along / beta) * (along / beta)).exp();

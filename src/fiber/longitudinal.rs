@@ -27,7 +27,7 @@ pub(crate) struct Latitude {
 
 impl Latitude {
     #[inline]
-    pub(crate) fn of(w: [f32; 3]) -> Self {
+    pub(crate) fn from_direction(w: [f32; 3]) -> Self {
         Latitude { sin: w[2], cos: (w[0] * w[0] + w[1] * w[1]).sqrt() }
     }
 }

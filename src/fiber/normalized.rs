@@ -12,9 +12,9 @@ use std::f32::consts::{FRAC_2_PI, FRAC_PI_2};
 /// Nodes over the offset from 0 to 1. They are even in `1 - sqrt(1 - 2 gamma / pi)`, gamma = asin h, as much happens near the rim.
 const OFFSETS: usize = 49;
 /// Least albedo that is brought to 1: what scatters less at some incidence has all but lost its lobes there.
-const LEAST: f32 = 0.05;
+const MIN: f32 = 0.05;
 /// Most that a cubic through other latitudes may miss of the albedo at one that was measured.
-const MOST_MISSED: f64 = 1e-3;
+const MAX_MISSED: f64 = 1e-3;
 
 /// Factors to the albedo 1.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,9 +34,9 @@ impl Factors {
         let all = |theta: f32| -> Vec<f32> {
             std::iter::once(None).chain((0..OFFSETS).map(|j| Some(offset(j)))).map(|h| albedo(theta, h)).collect()
         };
-        let nodes = measured(all, |row| row.iter().map(|a| f64::from(*a)).collect(), MOST_MISSED);
+        let nodes = measured(all, |row| row.iter().map(|a| f64::from(*a)).collect(), MAX_MISSED);
         for (node, row) in &nodes {
-            if let Some(least) = row.iter().copied().filter(|a| a.is_nan() || *a < LEAST).reduce(f32::min) {
+            if let Some(least) = row.iter().copied().filter(|a| a.is_nan() || *a < MIN).reduce(f32::min) {
                 let degrees = super::latitudes::latitude(*node).to_degrees();
                 let hint = format!(
                     "at a latitude of {degrees:.1} degrees {:.1} % of the light are scattered, the rest leaves beyond the pole: use less shift or wider lobes, or leave it out",
@@ -47,7 +47,7 @@ impl Factors {
         }
         let at = |node: usize, j: usize| {
             let albedo = cubic(&nodes, node).iter().map(|(k, w)| w * f64::from(nodes[*k].1[j])).sum::<f64>();
-            (1.0 / albedo.max(f64::from(LEAST))) as f32
+            (1.0 / albedo.max(f64::from(MIN))) as f32
         };
         Ok(Factors {
             far: (0..=PARTS).map(|node| at(node, 0)).collect(),

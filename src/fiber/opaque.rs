@@ -165,7 +165,7 @@ impl OpaqueFiber {
         at.near = query.h_rel.map(|h| h.clamp(-1.0, 1.0)).map(|h| {
             let cos = ((1.0 - h) * (1.0 + h)).max(0.0).sqrt();
             let (mirrored, diffuse) = at.shares(cos);
-            Near { h_rel: h, cos, gamma: asin(h), mirrored, diffuse }
+            OffsetTerms { h_rel: h, cos, gamma: asin(h), mirrored, diffuse }
         });
         if self.parameters.diffuse > 0.0 {
             // In the far field a guess by three offsets: any chance between would do.
@@ -207,7 +207,7 @@ impl OpaqueFiber {
 
 /// What a query's offset gives.
 #[derive(Clone, Copy, Debug)]
-struct Near<const N: usize> {
+struct OffsetTerms<const N: usize> {
     h_rel: f32,
     /// Of the offset's angle gamma.
     cos: f32,
@@ -281,7 +281,7 @@ pub struct OpaqueBsdf<'a, const N: usize> {
     incident: Incident,
     /// `[eta, kappa]` by wavelength.
     index: [[f32; 2]; N],
-    near: Option<Near<N>>,
+    near: Option<OffsetTerms<N>>,
     /// With which samples are mirrored.
     chance: f32,
     /// Whether all light is absorbed.
@@ -324,7 +324,7 @@ impl<const N: usize> Bsdf<N> for OpaqueBsdf<'_, N> {
             return (f, pdf);
         }
         let p = &self.fiber.parameters;
-        let o = Latitude::of(w);
+        let o = Latitude::from_direction(w);
         let [across, side] = self.incident.relative(w);
         let phi = atan2(side, across);
         let mut add = |density: f32, part: &[f32; N], chance: f32| {

@@ -33,7 +33,7 @@ use std::f32::consts::{FRAC_PI_2, PI, TAU};
 /// Gaussians is flat to 2e-3.
 const OFFSETS_A_SIDE: usize = 32;
 /// Least chance of a sample of a lobe that has any light.
-const LEAST_CHANCE: f32 = 0.04;
+const MIN_CHANCE: f32 = 0.04;
 /// Steps of the albedo's integral over the latitude.
 const LATITUDES: usize = 64;
 /// Steps of an elliptical section's albedo over latitude and azimuth.
@@ -241,7 +241,7 @@ impl RoughDielectricFiber {
             });
             let energy: [f32; 3] = lanes(|lobe| at.energy(lobe, through.as_ref()));
             // A share for each lobe, however weak at its median: what it has far from there is drawn with weights of ten at most.
-            let least = LEAST_CHANCE * energy.iter().sum::<f32>();
+            let least = MIN_CHANCE * energy.iter().sum::<f32>();
             let energy: [f32; 3] =
                 lanes(|lobe| if at.latitude[lobe].share() > 0.0 { energy[lobe] + least } else { 0.0 });
             let total = energy.iter().sum::<f32>() + N as f32 * 2.0 * PI * PI * p.k_d;
@@ -517,7 +517,7 @@ impl<const N: usize> Bsdf<N> for RoughDielectricBsdf<'_, N> {
         if !(self.incident.valid && is_direction(w)) {
             return ([0.0; N], 0.0);
         }
-        let o = Latitude::of(w);
+        let o = Latitude::from_direction(w);
         let section = self.section(o);
         let [across, side] = self.incident.relative(w);
         let [sin_t, cos_t] = self.near.map_or([0.0, 1.0], |[h, _]| [section.sin_t(h), section.cos_t(h)]);

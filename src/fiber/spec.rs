@@ -239,6 +239,23 @@ impl FilamentSpec {
         })
     }
 
+    /// An analytic fiber of a name's bytes if the name ends in `.toml`; none for other names.
+    ///
+    /// # Errors
+    /// As [`FilamentSpec::parse`].
+    pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Option<FilamentSpec>> {
+        if !name.ends_with(".toml") {
+            return Ok(None);
+        }
+        let not_text = |e| Error::Format {
+            file: name.into(),
+            what: format!("not UTF-8: {e}"),
+            hint: "write the spec as text".into(),
+        };
+        let text = std::str::from_utf8(bytes).map_err(not_text)?;
+        FilamentSpec::parse(text, name).map(Some)
+    }
+
     /// Reads a spec from a file.
     ///
     /// # Errors

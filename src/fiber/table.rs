@@ -267,10 +267,10 @@ impl Document for FiberTable {
             Axis::new("phi_r - phi_i", "rad", d),
         ];
         let statistics = serde_json::json!({
-            "c_x_um": Summary::of(self.c_x_um.iter().copied()),
-            "c_x_over_width": Summary::of(slices().map(|s| self.c_x_um[s] / self.width_um[s % p])),
-            "albedo": Summary::of(slices().map(|s| self.slice_albedo(s))),
-            "ledger": Summary::of(slices().map(|s| self.ledger(s))),
+            "c_x_um": Summary::from_values(self.c_x_um.iter().copied()),
+            "c_x_over_width": Summary::from_values(slices().map(|s| self.c_x_um[s] / self.width_um[s % p])),
+            "albedo": Summary::from_values(slices().map(|s| self.slice_albedo(s))),
+            "ledger": Summary::from_values(slices().map(|s| self.ledger(s))),
         });
         (axes, statistics)
     }

@@ -161,7 +161,7 @@ impl TabulatedFiber {
     pub fn at<const N: usize>(&self, query: &FiberQuery<N>) -> TabulatedBsdf<'_, N> {
         let valid = is_direction(query.omega_i);
         let wi = if valid { query.omega_i } else { [1.0, 0.0, 0.0] };
-        let latitude = Latitude::of(wi);
+        let latitude = Latitude::from_direction(wi);
         let azimuth = if latitude.cos > 0.0 { [wi[0] / latitude.cos, wi[1] / latitude.cos] } else { [1.0, 0.0] };
         let mut at = TabulatedBsdf {
             fiber: self,
@@ -351,7 +351,7 @@ impl<const N: usize> Bsdf<N> for TabulatedBsdf<'_, N> {
         if !is_direction(w) {
             return [0.0; N];
         }
-        let longitudinal = self.fiber.longitudinal.eval(self.latitude, Latitude::of(w));
+        let longitudinal = self.fiber.longitudinal.eval(self.latitude, Latitude::from_direction(w));
         self.azimuthal(w).map(|n| {
             let f = longitudinal * n;
             if f.is_finite() { f } else { 0.0 }

@@ -15,7 +15,7 @@ pub const SLIT_MAX_UM: f32 = 5.0;
 /// The paper's share.
 pub const SLIT_SHARE: f32 = 0.25;
 /// Least cosine of the incident latitude: grazing light meets the slit as at this.
-const LEAST_COSINE: f32 = 1e-3;
+const MIN_COSINE: f32 = 1e-3;
 
 /// A slit along the ply and the share of the forward light that passes it.
 #[derive(Clone, Copy, Debug)]
@@ -81,5 +81,5 @@ fn swapped(w: [f32; 3]) -> [f32; 3] {
 fn incident(theta_i: f32) -> [f32; 3] {
     use std::f32::consts::FRAC_PI_2;
     let (s, c) = crate::math::simd::max(crate::math::simd::min(theta_i, FRAC_PI_2), -FRAC_PI_2).sin_cos();
-    [0.0, s, c.max(LEAST_COSINE)]
+    [0.0, s, c.max(MIN_COSINE)]
 }

@@ -27,7 +27,7 @@ const GAUSS: [[(f32, f32); 4]; 2] = [
 /// Fringes in a cell above which their mean takes the place of the spectrum.
 const FRINGES: f32 = 2.0;
 /// Least mass of a range that is sampled by the table; below it f is uniform.
-const LEAST_MASS: f32 = 1e-12;
+const MIN_MASS: f32 = 1e-12;
 
 /// The spectrum of one axis of an aperture.
 #[derive(Clone, Copy, Debug)]
@@ -56,7 +56,7 @@ pub(crate) struct Axis<'a> {
 impl<'a> Axis<'a> {
     /// Of the table's edges.
     #[inline(always)]
-    pub(crate) fn of(table: &'a Spectrum) -> Axis<'a> {
+    pub(crate) fn new(table: &'a Spectrum) -> Axis<'a> {
         Axis { near: table, factor: table.factor, stretch: 1.0 }
     }
 
@@ -208,7 +208,7 @@ impl Spectrum {
     /// Density [um] with which [`Spectrum::sample`] gives `f` in `range`.
     #[inline(always)]
     pub(crate) fn pdf(&self, range: &Range, f: f32) -> f32 {
-        if range.mass > LEAST_MASS {
+        if range.mass > MIN_MASS {
             self.density(f) / range.mass
         } else if range.low < range.high {
             1.0 / (range.high - range.low)
@@ -221,7 +221,7 @@ impl Spectrum {
     #[inline(always)]
     pub(crate) fn sample(&self, range: &Range, u: f32) -> f32 {
         let r = range;
-        if r.mass <= LEAST_MASS {
+        if r.mass <= MIN_MASS {
             return r.low + u * (r.high - r.low);
         }
         let (sign, beyond) = if r.low < 0.0 && r.high > 0.0 {

@@ -121,7 +121,7 @@ pub(crate) struct Summary {
 }
 
 impl Summary {
-    pub(crate) fn of(values: impl Iterator<Item = f64>) -> Self {
+    pub(crate) fn from_values(values: impl Iterator<Item = f64>) -> Self {
         let (mut min, mut max, mut sum, mut n) = (f64::INFINITY, f64::NEG_INFINITY, 0.0, 0u64);
         for v in values {
             (min, max, sum, n) = (min.min(v), max.max(v), sum + v, n + 1);

@@ -9,11 +9,11 @@ use std::io::{BufWriter, ErrorKind, Read, Take, Write};
 use std::path::{Path, PathBuf};
 
 /// Symbolic links that are followed to find an output's target, as many as Linux does.
-const MOST_LINKS: usize = 40;
+const MAX_LINKS: usize = 40;
 /// First and last letters of the names that files have while they are written.
 const TEMPORARY: [&str; 2] = [".plywave-", ".tmp"];
 /// Temporary names that are tried before giving up, and times that a lock is.
-const MOST_TRIES: usize = 100;
+const MAX_TRIES: usize = 100;
 
 fn shown(path: &Path) -> String {
     path.display().to_string()
@@ -94,7 +94,7 @@ pub fn read_text(path: impl AsRef<Path>, most: u64) -> Result<String> {
 pub fn output_target(path: impl AsRef<Path>) -> Result<PathBuf> {
     let path = path.as_ref();
     let mut target = path.to_path_buf();
-    for _ in 0..MOST_LINKS {
+    for _ in 0..MAX_LINKS {
         match fs::symlink_metadata(&target) {
             Err(e) if e.kind() == ErrorKind::NotFound => break,
             Err(e) => return Err(io_error(path)(e)),
@@ -116,7 +116,7 @@ pub fn output_target(path: impl AsRef<Path>) -> Result<PathBuf> {
         return Err(format_error(path, "no file name".into(), "name a file"));
     }
     if target.is_symlink() {
-        return Err(format_error(path, format!("more than {MOST_LINKS} symbolic links"), "name a regular file"));
+        return Err(format_error(path, format!("more than {MAX_LINKS} symbolic links"), "name a regular file"));
     }
     Ok(target)
 }
@@ -171,7 +171,7 @@ pub fn write_file_with(
 pub fn lock_file(path: impl AsRef<Path>) -> Result<Option<File>> {
     let path = path.as_ref();
     // Another process may take the file away between its opening and its locking: another try makes it anew.
-    for _ in 0..MOST_TRIES {
+    for _ in 0..MAX_TRIES {
         let mut options = OpenOptions::new();
         let file = options.read(true).write(true).create(true).truncate(false).open(path).map_err(io_error(path))?;
         match file.try_lock() {
@@ -214,7 +214,7 @@ fn fill(file: File, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -
 fn create_new(folder: &Path) -> std::io::Result<(PathBuf, File)> {
     let state = std::hash::RandomState::new();
     let mut last = ErrorKind::AlreadyExists.into();
-    for k in 0..MOST_TRIES {
+    for k in 0..MAX_TRIES {
         let mut hasher = state.build_hasher();
         hasher.write_usize(k);
         let [head, tail] = TEMPORARY;

@@ -29,7 +29,7 @@ pub struct ModelLibrary {
 }
 
 /// Where a name leads.
-enum Place {
+enum Location {
     /// To a file of the spec's own source, by this name.
     Own(String),
     /// To a file of a folder of the library.
@@ -90,21 +90,21 @@ impl ModelLibrary {
         self.names().contains(&stem).then_some(stem)
     }
 
-    fn place(&self, name: &str, own: &dyn AssetSource) -> Place {
+    fn place(&self, name: &str, own: &dyn AssetSource) -> Location {
         if !ModelLibrary::is_name(name) || own.has(name) {
-            return Place::Own(name.to_string());
+            return Location::Own(name.to_string());
         }
         let file = format!("{name}{ENDING}");
         if own.has(&file) {
-            return Place::Own(file);
+            return Location::Own(file);
         }
         if let Some(path) = self.folders.iter().map(|folder| folder.join(&file)).find(|path| path.is_file()) {
-            return Place::File(path);
+            return Location::File(path);
         }
         self.embedded
             .iter()
             .find(|(known, _)| *known == name)
-            .map_or(Place::Nowhere, |(_, bytes)| Place::Embedded(bytes))
+            .map_or(Location::Nowhere, |(_, bytes)| Location::Embedded(bytes))
     }
 
     /// The models that there are, for messages.
@@ -117,10 +117,10 @@ impl ModelLibrary {
     fn find(&self, name: &str, own: &dyn AssetSource) -> Result<Option<(String, Vec<u8>)>> {
         let most = FileKind::Model.most_bytes();
         Ok(Some(match self.place(name, own) {
-            Place::Own(file) => (own.display(&file), own.read(&file, most)?),
-            Place::File(path) => (path.display().to_string(), disk::read_file(&path, most)?),
-            Place::Embedded(bytes) => (name.to_string(), bytes.to_vec()),
-            Place::Nowhere => return Ok(None),
+            Location::Own(file) => (own.display(&file), own.read(&file, most)?),
+            Location::File(path) => (path.display().to_string(), disk::read_file(&path, most)?),
+            Location::Embedded(bytes) => (name.to_string(), bytes.to_vec()),
+            Location::Nowhere => return Ok(None),
         }))
     }
 

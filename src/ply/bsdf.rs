@@ -2,7 +2,7 @@
 //!
 //! It keeps all light: at sigma = 0 its energy is 1 at every incidence, |h| up to R + d_cut and beyond, where the beam goes on with its own divergence.
 
-use super::lobes::{Cached, Lobes};
+use super::kernel::lobes::{Cached, Lobes};
 use super::model::PlyModel;
 use super::on::{PlyOn, UncachedPly};
 use super::query::{PlyQuery, PlyTerms};

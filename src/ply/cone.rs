@@ -25,7 +25,7 @@ use std::f64::consts::{PI, TAU};
 
 /// Which lobes a model is made of. Their parameters are as many, and interpolated alike.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum LobeFamily {
+pub enum LobeKind {
     /// Anisotropic spherical Gaussians ([`crate::ply::asg`]; Yu 2025, Eq. 4).
     #[default]
     Round,
@@ -33,20 +33,20 @@ pub enum LobeFamily {
     Cone,
 }
 
-impl LobeFamily {
+impl LobeKind {
     /// "round" or "cone".
     pub fn name(self) -> &'static str {
         match self {
-            LobeFamily::Round => "round",
-            LobeFamily::Cone => "cone",
+            LobeKind::Round => "round",
+            LobeKind::Cone => "cone",
         }
     }
 
     /// Least and largest mu1, and mu2.
     pub fn bandwidths(self) -> [(f64, f64); 2] {
         match self {
-            LobeFamily::Round => [(MU_MIN, MU_MAX); 2],
-            LobeFamily::Cone => [(CONE_MU_MIN, CONE_MU1_MAX), (CONE_MU_MIN, CONE_MU2_MAX)],
+            LobeKind::Round => [(MU_MIN, MU_MAX); 2],
+            LobeKind::Cone => [(CONE_MU_MIN, CONE_MU1_MAX), (CONE_MU_MIN, CONE_MU2_MAX)],
         }
     }
 }

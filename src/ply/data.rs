@@ -1,10 +1,16 @@
 //! The tensors of a ply model (Yu 2025, Eq. 8), as files hold them and the fitter makes them.
 
-use super::cone::LobeFamily;
-use super::edge_lobes::EdgeLobes;
-use super::energies::PlyEnergies;
-use super::exits::ExitOffsets;
-use super::layer_factors::LayerFactors;
+pub(crate) mod edge_lobes;
+pub(super) mod energies;
+pub(super) mod exits;
+pub(super) mod file;
+pub(super) mod layer_factors;
+
+use self::edge_lobes::EdgeLobes;
+use self::energies::PlyEnergies;
+use self::exits::ExitOffsets;
+use self::layer_factors::LayerFactors;
+use super::cone::LobeKind;
 use crate::speckle::Noise;
 
 /// Most lobes of each kind.
@@ -14,9 +20,9 @@ pub(crate) const MAX_PATHS: usize = 16;
 
 /// Weight of a lobe whose energy or spectrum has vanished: keeps the sum of the lobes above 0, so that the mixture can always be
 /// scaled to the simulated energy.
-pub(crate) const LEAST_ENERGY: f64 = 1e-12;
+pub(crate) const MIN_ENERGY: f64 = 1e-12;
 /// The same for a lobe's transmittance.
-pub(crate) const LEAST_TRANSMITTANCE: f64 = 1e-20;
+pub(crate) const MIN_TRANSMITTANCE: f64 = 1e-20;
 
 /// The tensors of a ply model file, as the fitter makes them. All arrays are flat, last index fastest.
 /// Lobe parameters are in the order of [`crate::ply::asg::Lobe`]: theta_z, phi_z, phi_xy [rad], ln mu1, ln mu2, energy;
@@ -46,7 +52,7 @@ pub struct PlyData {
     /// `[J]` path lengths of the absorption spectra [um], ascending, >= 0.
     pub path_um: Vec<f64>,
     /// Which lobes the model is made of.
-    pub family: LobeFamily,
+    pub family: LobeKind,
     /// Number of reflection lobes.
     pub lobes_refl: usize,
     /// Number of high-order lobes.

@@ -1,11 +1,11 @@
 //! Edge lobes at run time: bandwidths interpolated for N wavelengths side by side, the lobe's value, density and sampling.
 
-use super::compiled::{compiled, same, same_ref};
-use super::lobe::{amplitudes, disc_point, disc_share, norm, root_width, shape, sin_cos};
+use super::kernel::compiled::{compiled, same, same_ref};
+use super::kernel::lobe::{amplitudes, disc_point, disc_share, norm, root_width, shape, sin_cos};
 use crate::math::simd::{fma, max, min};
 use crate::ply::EdgeLobes;
 use crate::ply::asg::MU_MIN;
-use crate::ply::edge_lobes::EDGE_MU_MAX;
+use crate::ply::data::edge_lobes::EDGE_MU_MAX;
 use multiversion::{multiversion, target::target_cfg_f};
 use std::f32::consts::{FRAC_1_PI, FRAC_PI_2};
 use std::f64::consts::LOG2_E;

@@ -20,8 +20,8 @@ mod at;
 mod data;
 mod eval;
 mod file;
+mod node_weights;
 mod num;
-mod place;
 
 pub use data::{FamilyAxis, FamilyData, FamilyParam, FamilyParams};
 pub use eval::{FamilyGradient, FamilyPly};
@@ -41,7 +41,7 @@ pub struct PlyFamily {
     data: FamilyData,
     /// The yarn of the family's spec, without the ranges.
     spec: YarnSpec,
-    axes: place::Axes,
+    axes: node_weights::Axes,
     edge: Option<EdgeTables>,
 }
 
@@ -61,7 +61,7 @@ impl PlyFamily {
     /// # Errors
     /// As [`PlyFamily::load`].
     pub fn from_bytes(bytes: &[u8], name: &str) -> Result<PlyFamily> {
-        PlyFamily::of(FamilyData::from_bytes(bytes, name)?, name)
+        PlyFamily::named(FamilyData::from_bytes(bytes, name)?, name)
     }
 
     /// A family of tensors that need not have been in a file.
@@ -70,13 +70,13 @@ impl PlyFamily {
     /// [`crate::Error::Invalid`] when a file with them would be refused.
     pub fn from_data(data: FamilyData) -> Result<PlyFamily> {
         data.check_all("family")?;
-        PlyFamily::of(data, "family")
+        PlyFamily::named(data, "family")
     }
 
-    fn of(data: FamilyData, name: &str) -> Result<PlyFamily> {
+    fn named(data: FamilyData, name: &str) -> Result<PlyFamily> {
         let mut spec = YarnSpec::parse(&data.spec_text, &format!("{name} (its spec)"))?;
         spec.family = None;
-        let axes = place::Axes::new(&data, &spec);
+        let axes = node_weights::Axes::new(&data, &spec);
         let edge = data.nodes[0].edge.as_ref().map(EdgeTables::new);
         Ok(PlyFamily { data, spec, axes, edge })
     }
@@ -88,7 +88,7 @@ impl PlyFamily {
 
     /// The parameters of the yarn that the family's spec describes, to change some of: `FamilyParams { alpha_fiber: 0.3, ..family.params() }`.
     pub fn params(&self) -> FamilyParams {
-        FamilyParams::of(&self.spec)
+        FamilyParams::from_spec(&self.spec)
     }
 
     /// The spec of one of the family's yarns, which a simulation of it would have.

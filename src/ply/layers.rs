@@ -12,10 +12,10 @@
 //! Without absorption r + t = 1 in every layer, and then `T + R = r_1 + t_1 ((1 - r*_2) + r*_2 (1 - r*_1)) / (1 - r*_1 r*_2) = 1`.
 
 use super::asg::PARAMS;
-use super::compiled::{compiled, same, same_ref};
+use super::data::layer_factors::half_nodes;
 use super::data::{MAX_PATHS, PlyData};
-use super::energy::clamped_sigma;
-use super::layer_factors::half_nodes;
+use super::kernel::compiled::{compiled, same, same_ref};
+use super::kernel::energy::clamped_sigma;
 use crate::math::simd::{exp2, fma, max, min};
 use multiversion::{multiversion, target::target_cfg_f};
 use std::f64::consts::LOG2_E;
@@ -225,11 +225,11 @@ impl LayerTables {
             linear = fma::<FMA>(weights[c], met[c], linear);
         }
         // What meets fibers is not linear at the ply's edge, and all energies go with it.
-        let met = max(1.0 - r_d, 0.0) / max(linear, LEAST);
-        let scale = energy / max(sum, LEAST);
+        let met = max(1.0 - r_d, 0.0) / max(linear, MIN);
+        let scale = energy / max(sum, MIN);
         let (mut corners, mut refl) = ([(0.0, spectra[0]); 4], 0.0);
         for c in 0..4 {
-            let weight = weights[c] * scale * sums[c] / max(energies[c], LEAST);
+            let weight = weights[c] * scale * sums[c] / max(energies[c], MIN);
             corners[c] = (weight, spectra[c]);
             // Those of f_refl are linear.
             if let Some(last) = spectra[c].last() {
@@ -245,7 +245,7 @@ impl LayerTables {
 }
 
 /// Energies below this are none.
-const LEAST: f32 = 1e-12;
+const MIN: f32 = 1e-12;
 
 compiled!(
     /// [`PlyModel::layer`], and the energy of [`PlyModel::forward_energy`] as tabulated, where the share `r_d` of the beam misses.

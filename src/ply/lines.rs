@@ -5,7 +5,7 @@
 //! line passes both, but the product of the two blurred r_d is up to a quarter at the rim. m is found from them by Richardson and Lucy's iteration (Richardson 1972, "Bayesian-based
 //! iterative method of image restoration"; Lucy 1974), which keeps m at 0 or more and here at 1 or less, and the integral over h to 0.2 %.
 
-use super::energies::{PlyEnergies, spline_coefficients};
+use super::data::energies::{PlyEnergies, spline_coefficients};
 use crate::math::simd::{max, min};
 use std::f64::consts::FRAC_PI_2;
 

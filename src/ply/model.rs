@@ -1,14 +1,15 @@
 //! A loaded ply model.
 
 use super::data::PlyData;
-use super::exits::{EXIT_KINDS, ExitShape, ExitTables, ExitsAt};
-use super::file::{self, ReferenceValue};
+use super::data::exits::{EXIT_KINDS, ExitShape, ExitTables, ExitsAt};
+use super::data::file::{self, ReferenceValue};
+use super::edge;
+use super::kernel::dispatch;
+use super::kernel::layout::Layout;
 use super::layers::LayerTables;
-use super::layout::Layout;
 use super::lines::PassedLines;
 use super::queries::Queries;
 use super::query::PlyQuery;
-use super::{dispatch, edge};
 use crate::speckle::{Noise, NoiseTiles};
 use crate::{Bsdf, Result};
 use std::path::Path;
@@ -62,7 +63,7 @@ impl PlyModel {
     /// As [`PlyData::load`].
     pub fn from_bytes(bytes: &[u8], name: &str) -> Result<PlyModel> {
         let (data, reference_values) = file::read(bytes, name)?;
-        Ok(PlyModel::of(data, reference_values))
+        Ok(PlyModel::from_parts(data, reference_values))
     }
 
     /// A model of tensors that need not have been in a file.
@@ -75,11 +76,11 @@ impl PlyModel {
 
     pub(super) fn from_data_named(data: PlyData, name: &str) -> Result<PlyModel> {
         data.check(name)?;
-        Ok(PlyModel::of(data, Vec::new()))
+        Ok(PlyModel::from_parts(data, Vec::new()))
     }
 
     /// Of checked data.
-    pub(super) fn of(data: PlyData, reference_values: Vec<ReferenceValue>) -> PlyModel {
+    pub(super) fn from_parts(data: PlyData, reference_values: Vec<ReferenceValue>) -> PlyModel {
         let edge = data.edge.as_ref().map(edge::EdgeTables::new);
         PlyModel {
             layout: Layout::new(&data),
@@ -104,7 +105,7 @@ impl PlyModel {
         data.energies = data.energies.of_lines(spec.beam.beam().sd_um());
         data.bound_layers();
         let (noise, passed) = (self.tiles.clone(), Some(PassedLines::new(&data.energies)));
-        Ok(PlyModel { tiles: noise, passed, ..PlyModel::of(data, Vec::new()) })
+        Ok(PlyModel { tiles: noise, passed, ..PlyModel::from_parts(data, Vec::new()) })
     }
 
     /// How light lies across the ply where it leaves, by kind.

@@ -1,8 +1,8 @@
 //! A ply without a second layer at a query, of lobes that are cached or not.
 
-use super::dispatch;
-use super::energy::Core;
-use super::lobes::{Cached, LobeLight, Lobes, Uncached};
+use super::kernel::dispatch;
+use super::kernel::energy::Core;
+use super::kernel::lobes::{Cached, LobeLight, Lobes, Uncached};
 use super::model::PlyModel;
 use super::query::{PlyQuery, PlyTerms};
 use super::terms::{Drawn, Terms};

@@ -1,8 +1,8 @@
 //! The reference implementation of the runtime's kernels, slow and obvious: the model as [`super::PlyData`] defines it, in f64, through
 //! [`crate::ply::asg::Lobe`]. Tests hold the fast path to it.
 
-use super::cone::{ConeLobe, LobeFamily};
-use super::data::{LEAST_ENERGY, LEAST_TRANSMITTANCE, PlyData, extended};
+use super::cone::{ConeLobe, LobeKind};
+use super::data::{MIN_ENERGY, MIN_TRANSMITTANCE, PlyData, extended};
 use crate::ply::asg::{Lobe, MU_MAX, MU_MIN, PARAMS, unit_energy};
 
 /// A lobe with its energy per wavelength.
@@ -19,12 +19,12 @@ pub(crate) enum AnyLobe {
 }
 
 impl AnyLobe {
-    fn of(family: LobeFamily, p: &[f64]) -> AnyLobe {
+    fn from_parameters(family: LobeKind, p: &[f64]) -> AnyLobe {
         let bound = |x: f64, (low, high): (f64, f64)| x.clamp(low.ln(), high.ln());
         let [mu1, mu2] = family.bandwidths();
         match family {
-            LobeFamily::Round => AnyLobe::Round(clamp(Lobe::from_params(p))),
-            LobeFamily::Cone => {
+            LobeKind::Round => AnyLobe::Round(clamp(Lobe::from_params(p))),
+            LobeKind::Cone => {
                 let lobe = ConeLobe::from_params(p);
                 AnyLobe::Cone(ConeLobe { ln_mu1: bound(lobe.ln_mu1, mu1), ln_mu2: bound(lobe.ln_mu2, mu2), ..lobe })
             }
@@ -131,8 +131,8 @@ impl Mixture {
                     }
                 }
             }
-            let lobe = AnyLobe::of(d.family, &p);
-            lobes.push(Weighted { lobe, refl: true, energy: vec![p[5].max(LEAST_ENERGY); sigma.len()] });
+            let lobe = AnyLobe::from_parameters(d.family, &p);
+            lobes.push(Weighted { lobe, refl: true, energy: vec![p[5].max(MIN_ENERGY); sigma.len()] });
         }
         let block = (m / 2) * (nh / 2) + n / 2;
         let (gm, gn) = (0.5 * ((m % 2) as f64 + fm), 0.5 * ((n % 2) as f64 + fn_));
@@ -148,10 +148,10 @@ impl Mixture {
                     path[j] += w * d.high_path[at * nj + j];
                 }
             }
-            let lobe = AnyLobe::of(d.family, &p);
+            let lobe = AnyLobe::from_parameters(d.family, &p);
             let transmittance = |s: &f64| (0..nj).map(|j| path[j] * (-s * d.path_um[j]).exp()).sum::<f64>();
-            let energy = p[5].max(LEAST_ENERGY);
-            let energy = sigma.iter().map(|s| energy * (transmittance(s) + LEAST_TRANSMITTANCE)).collect();
+            let energy = p[5].max(MIN_ENERGY);
+            let energy = sigma.iter().map(|s| energy * (transmittance(s) + MIN_TRANSMITTANCE)).collect();
             lobes.push(Weighted { lobe, refl: false, energy });
         }
         for refl in [true, false] {

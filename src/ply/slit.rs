@@ -1,8 +1,8 @@
 //! What a slit takes of the high-order lobes (`src/slit.rs`), and sampling of what is left.
 
-use super::energy::Core;
-use super::lobe::{sin_cos, unit};
-use super::mixture::{Mixture, Params};
+use super::kernel::energy::Core;
+use super::kernel::lobe::{sin_cos, unit};
+use super::kernel::mixture::{Mixture, Params};
 use crate::math::simd::{fma, max, min};
 use std::f32::consts::FRAC_1_PI;
 

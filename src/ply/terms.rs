@@ -1,13 +1,14 @@
 //! All terms of the model at once: light that met fibers, light diffracted at the ply's edge, light of slits.
 
+use super::edge;
 use super::edge::EdgeTables;
-use super::energy::Core;
-use super::lobe::unit;
-use super::lobes::Lobes;
+use super::kernel::dispatch;
+use super::kernel::energy::Core;
+use super::kernel::lobe::unit;
+use super::kernel::lobes::Lobes;
 use super::model::PlyModel;
 use super::query::{PlyQuery, PlyTerms};
 use super::slit::SlitSample;
-use super::{dispatch, edge};
 use crate::gap::Slit;
 
 /// A direction drawn from all terms, or what else becomes of the light.

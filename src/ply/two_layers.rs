@@ -1,7 +1,7 @@
 //! A ply over a second layer of yarns (Yu 2025, 5.4 and 7.1).
 
+use super::kernel::lobes::{LobeLight, Lobes};
 use super::layers::{Layer, layer, layer_and_forward};
-use super::lobes::{LobeLight, Lobes};
 use super::model::PlyModel;
 use super::on::PlyOn;
 use super::query::PlyQuery;

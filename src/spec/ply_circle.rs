@@ -10,7 +10,7 @@
 use std::f64::consts::{PI, TAU};
 
 /// Largest circle that is tried, in ply radii. It only keeps the bisection finite: springs of that size are no yarns.
-const MOST_RADII: f64 = 50.0;
+const MAX_RADII: f64 = 50.0;
 /// Points of z on which the least distance is looked for before it is refined.
 const POINTS: usize = 512;
 
@@ -23,7 +23,7 @@ pub fn ply_circle_um(plies: u32, radius_um: f64, ply_pitch_um: Option<f64>) -> O
     let parallel = radius_um / (PI / f64::from(plies)).sin();
     let Some(pitch) = ply_pitch_um else { return Some(parallel) };
     let apart = |d: f64| least_distance(plies, d, pitch) >= 2.0 * radius_um;
-    let (mut low, mut high) = (parallel, MOST_RADII * radius_um);
+    let (mut low, mut high) = (parallel, MAX_RADII * radius_um);
     if !apart(high) {
         return None;
     }

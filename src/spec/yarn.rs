@@ -298,6 +298,14 @@ pub struct PlySpec {
     pub handedness: Handedness,
 }
 
+impl PlySpec {
+    /// Angle by which the fibers turn about the ply's axis along it [rad/um], positive for a right-handed helix; 0 for parallel fibers.
+    pub fn twist_per_um(&self) -> f64 {
+        let sign = if self.handedness == Handedness::Z { 1.0 } else { -1.0 };
+        self.fiber_pitch_um.map_or(0.0, |pitch| sign * std::f64::consts::TAU / pitch)
+    }
+}
+
 fn default_gap_um() -> f64 {
     0.2
 }

@@ -25,7 +25,7 @@ impl NoiseTiles {
 
 /// Where a direction falls on the patterns of one kind, before it is stretched.
 #[derive(Clone, Copy, Debug)]
-struct Place {
+struct PatternPoint {
     u: f32,
     v: f32,
     /// u on the other side of the seam and the share of that side.
@@ -33,14 +33,14 @@ struct Place {
     share: f32,
 }
 
-impl Place {
+impl PatternPoint {
     /// Of an azimuth in [-pi, pi], the cosine that turns it into an arc, and v.
     #[inline(always)]
-    fn new(azimuth: f32, cos: f32, v: f32) -> Place {
+    fn new(azimuth: f32, cos: f32, v: f32) -> PatternPoint {
         let beyond = azimuth - (2.0 * PI).copysign(azimuth);
         // 1/2 at the seam, 0 and flat at its end.
         let t = ((azimuth.abs() - (PI - SEAM_RAD)) / SEAM_RAD).max(0.0).min(1.0);
-        Place { u: azimuth * cos, v, other: beyond * cos, share: t * t * (1.5 - t) }
+        PatternPoint { u: azimuth * cos, v, other: beyond * cos, share: t * t * (1.5 - t) }
     }
 }
 
@@ -184,7 +184,7 @@ pub(crate) struct Look<'a, const N: usize> {
     valid: bool,
     /// Whether two nodes that lie side by side do so in memory.
     plain: bool,
-    places: [Place; 2],
+    places: [PatternPoint; 2],
     /// Where the left ones of the four nodes around are, and where between the nodes the direction is.
     top: Lanes<u32, N>,
     bottom: Lanes<u32, N>,
@@ -212,8 +212,10 @@ fn look<'a, const N: usize>(speckle: &'a Speckle<'a, N>, wo: [f32; 3]) -> Look<'
     let alpha = atan2::<FMA>(-x, y);
     let beta = alpha - PI.copysign(alpha);
     let v = z + speckle.sin_i;
-    let places =
-        [Place::new(alpha, max(1.0 - 0.25 * v * v, 0.0).sqrt(), v), Place::new(beta, (x * x + y * y).sqrt(), z)];
+    let places = [
+        PatternPoint::new(alpha, max(1.0 - 0.25 * v * v, 0.0).sqrt(), v),
+        PatternPoint::new(beta, (x * x + y * y).sqrt(), z),
+    ];
     let (mut top, mut bottom) = ([[0; N]; 2], [[0; N]; 2]);
     let (mut cell_v, mut cell_u) = ([[0.0; N]; 2], [[0.0; N]; 2]);
     let mut last = 0;

@@ -109,7 +109,7 @@ pub struct SpeckleStatistics {
 
 impl SpeckleStatistics {
     /// Of `patterns`, `[n][azimuths]`, over the azimuths of `side`, up to the lag `most_rad`.
-    pub fn of(patterns: &[Vec<f64>], side: SpeckleSide, most_rad: f64) -> SpeckleStatistics {
+    pub fn from_patterns(patterns: &[Vec<f64>], side: SpeckleSide, most_rad: f64) -> SpeckleStatistics {
         let n = patterns.len();
         let d = patterns.first().map_or(0, Vec::len);
         let step_rad = TAU / d.max(1) as f64;
@@ -249,7 +249,7 @@ impl SpecklePatterns {
         pol: SpecklePolarization,
         side: SpeckleSide,
     ) -> SpeckleStatistics {
-        SpeckleStatistics::of(&self.instances_of(absorption, lambda, pol), side, PI / 6.0)
+        SpeckleStatistics::from_patterns(&self.instances_of(absorption, lambda, pol), side, PI / 6.0)
     }
 
     /// Writes the file, whole or not at all.
@@ -312,8 +312,8 @@ impl Document for SpecklePatterns {
         let shape = self.shape();
         let axes = (0..5).map(|i| Axis::new(names[i], units[i], shape[i])).collect();
         let statistics = serde_json::json!({
-            "c_sca_um": Summary::of(self.c_sca_um.iter().copied()),
-            "c_abs_um": Summary::of(self.c_abs_um.iter().copied()),
+            "c_sca_um": Summary::from_values(self.c_sca_um.iter().copied()),
+            "c_abs_um": Summary::from_values(self.c_abs_um.iter().copied()),
         });
         (axes, statistics)
     }
@@ -417,7 +417,7 @@ mod tests {
         let (n, d, width) = (400, 240, 4.0);
         let patterns = drawn(n, d, width, |j| 3.0 + 2.5 * (TAU * j as f64 / d as f64).cos());
         for side in SpeckleSide::EACH {
-            let got = SpeckleStatistics::of(&patterns, side, PI / 6.0);
+            let got = SpeckleStatistics::from_patterns(&patterns, side, PI / 6.0);
             assert_eq!(got.covariance.len(), 21);
             // Standard error of a covariance at another lag is no larger than that of the variance.
             let allowed = 5.0 * got.covariance_se[0];
@@ -464,7 +464,9 @@ mod tests {
     fn few_instances_are_not_biased() {
         let all = drawn(3000, 90, 1.5, |_| 1.0);
         let mean = |group: usize| {
-            let groups = all.chunks_exact(group).map(|g| SpeckleStatistics::of(g, SpeckleSide::All, 0.1).covariance[0]);
+            let groups = all
+                .chunks_exact(group)
+                .map(|g| SpeckleStatistics::from_patterns(g, SpeckleSide::All, 0.1).covariance[0]);
             groups.sum::<f64>() / (all.len() / group) as f64
         };
         let (few, many) = (mean(10), mean(3000));
@@ -484,7 +486,11 @@ mod tests {
 
     #[test]
     fn identical_instances_have_no_contrast() {
-        let got = SpeckleStatistics::of(&vec![vec![1.0, 2.0, 5.0, 1.0, 1.0, 3.0, 1.0, 1.0]; 4], SpeckleSide::All, 1.0);
+        let got = SpeckleStatistics::from_patterns(
+            &vec![vec![1.0, 2.0, 5.0, 1.0, 1.0, 3.0, 1.0, 1.0]; 4],
+            SpeckleSide::All,
+            1.0,
+        );
         assert_eq!(got.contrast, 0.0);
         assert!(got.half_width_rad.is_nan());
         assert_eq!(got.rho().iter().sum::<f64>(), 0.0);

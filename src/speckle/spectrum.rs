@@ -27,11 +27,11 @@ pub(crate) const NAMES: [&str; 5] = ["noise_spectrum", "noise_share", "noise_siz
 /// Nodes of a tile along an axis.
 const SIDES: [usize; 2] = [16, 1 << 13];
 /// Most nodes of a tile: while it is made it takes 12 bytes a node, and a tile of each kind is made at a time.
-const MOST_NODES: usize = 1 << 20;
+const MAX_NODES: usize = 1 << 20;
 /// Most nodes of all tiles, a byte each and twice that for a moment. Together at most 64 MiB.
-const MOST_BYTES: usize = 1 << 24;
+const MAX_BYTES: usize = 1 << 24;
 /// Harmonics of less than this share of the greatest amplitude along v are left out: far below a code's step.
-const LEAST_AMPLITUDE: f32 = 1e-6;
+const MIN_AMPLITUDE: f32 = 1e-6;
 
 /// What noise tiles are made of.
 #[derive(Clone, Debug, PartialEq)]
@@ -147,11 +147,11 @@ impl NoiseSpectrum {
         if !(count.is_power_of_two() && side(rows) && side(columns)) {
             return refused(&format!("expected powers of two, {least} to {most} nodes along v and u"));
         }
-        if rows * columns > MOST_NODES {
-            return refused(&format!("expected {MOST_NODES} values at most in a tile"));
+        if rows * columns > MAX_NODES {
+            return refused(&format!("expected {MAX_NODES} values at most in a tile"));
         }
-        if count.saturating_mul(2 * rows * columns) > MOST_BYTES {
-            return refused(&format!("expected {MOST_BYTES} values at most"));
+        if count.saturating_mul(2 * rows * columns) > MAX_BYTES {
+            return refused(&format!("expected {MAX_BYTES} values at most"));
         }
         c.range(NAMES[4], &[self.w0_um], 1e-9, 1e9)?;
         tiles::check_frame(&c, &self.step, self.lambda_um, &self.fade, &self.contrast)
@@ -198,7 +198,7 @@ impl Field {
         };
         let sum: f64 = (0..rows).map(|p| f64::from(along_v(p)).powi(2)).sum();
         let scale = (1.0 / sum).sqrt() as f32;
-        let lit = (0..rows).map(|p| (p, along_v(p))).filter(|(_, a)| *a > LEAST_AMPLITUDE);
+        let lit = (0..rows).map(|p| (p, along_v(p))).filter(|(_, a)| *a > MIN_AMPLITUDE);
         let powers = &of.spectrum[kind * (columns / 2 + 1)..];
         let along_u = |q: usize| (share * f64::from(powers[q.min(columns - q)])).sqrt() as f32;
         Field {

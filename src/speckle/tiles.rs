@@ -27,7 +27,7 @@ pub(crate) const NAMES: [&str; 2] = ["noise_tiles", "noise_code"];
 /// Names of those that spectra have too.
 pub(crate) const FRAME_NAMES: [&str; 4] = ["noise_step", "noise_lambda_um", "noise_fade", "noise_contrast"];
 /// Most bytes of tiles.
-const MOST_BYTES: usize = 64 << 20;
+const MAX_BYTES: usize = 64 << 20;
 
 /// Tiles of noise, those of f_refl first.
 ///
@@ -150,8 +150,8 @@ impl NoiseTiles {
             let hint = "expected powers of two, two or more nodes along v and u";
             return Err(invalid(c.0, NAMES[0], format!("{:?}", self.sizes), hint));
         }
-        if (2 * count * rows).saturating_mul(columns) > MOST_BYTES {
-            let hint = format!("expected {MOST_BYTES} values at most");
+        if (2 * count * rows).saturating_mul(columns) > MAX_BYTES {
+            let hint = format!("expected {MAX_BYTES} values at most");
             return Err(invalid(c.0, NAMES[0], format!("{:?}", self.sizes), &hint));
         }
         check_frame(c, &self.step, self.lambda_um, &self.fade, &self.contrast)?;

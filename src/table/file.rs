@@ -114,13 +114,13 @@ impl Document for Table {
             Axis::new("phi_o", "rad", p),
         ];
         let statistics = serde_json::json!({
-            "r_d": Summary::of(self.r_d.iter().copied()),
-            "energy_refl": Summary::of(self.energy_refl.iter().copied()),
-            "energy_high_sigma_0": Summary::of(high()),
-            "energy_killed": Summary::of(self.energy_killed.iter().copied()),
-            "energy_sum_minus_1": Summary::of(sum),
+            "r_d": Summary::from_values(self.r_d.iter().copied()),
+            "energy_refl": Summary::from_values(self.energy_refl.iter().copied()),
+            "energy_high_sigma_0": Summary::from_values(high()),
+            "energy_killed": Summary::from_values(self.energy_killed.iter().copied()),
+            "energy_sum_minus_1": Summary::from_values(sum),
             "paths": self.paths.iter().fold(0u64, |a, b| a.saturating_add(*b)),
-            "interactions": Summary::of(self.interactions.iter().copied()),
+            "interactions": Summary::from_values(self.interactions.iter().copied()),
         });
         (axes, statistics)
     }

@@ -6,7 +6,7 @@
 
 use super::{ClothTwin, SphereBins};
 use crate::math::parallel;
-use crate::{Bsdf, FabricBsdf, FabricQuery};
+use crate::{Bsdf, FabricModel, FabricQuery};
 
 /// Where the light goes, as fractions of what comes in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
@@ -63,7 +63,7 @@ const STEPS_OF_DIRECTIONS: [f64; 2] = [0.856_674_883_854_502_9, 0.733_891_856_62
 const STEPS_OF_REPEATS: [f64; 2] = [0.628_706_721_042_211_5, 0.538_597_257_223_612_7];
 
 /// All views and absorptions of the twin, in its order. The fabric's own colors do not count: the absorptions are the twin's.
-pub fn compare(fabric: &FabricBsdf, twin: &ClothTwin, options: &ComparisonOptions) -> Vec<Comparison> {
+pub fn compare(fabric: &FabricModel, twin: &ClothTwin, options: &ComparisonOptions) -> Vec<Comparison> {
     let steps = twin.sigma_count().div_ceil(N);
     let parts = parallel::map(twin.view_count() * steps, |part| {
         let (view, first) = (part / steps, part % steps * N);
@@ -134,7 +134,7 @@ impl Directions {
 
 /// `[bin][N]` densities and the straight light of the model, for the absorptions from `first` on.
 fn mean_of_model(
-    fabric: &FabricBsdf,
+    fabric: &FabricModel,
     twin: &ClothTwin,
     view: usize,
     first: usize,

@@ -96,11 +96,11 @@ impl Document for ClothTwin {
             Axis::new("azimuth", "rad", self.bins.columns),
         ];
         let statistics = serde_json::json!({
-            "straight": Summary::of(self.straight.iter().copied()),
-            "reflected": Summary::of(self.reflected.iter().copied()),
-            "transmitted": Summary::of(self.transmitted.iter().copied()),
-            "killed": Summary::of(self.killed.iter().copied()),
-            "interactions": Summary::of(self.interactions.iter().copied()),
+            "straight": Summary::from_values(self.straight.iter().copied()),
+            "reflected": Summary::from_values(self.reflected.iter().copied()),
+            "transmitted": Summary::from_values(self.transmitted.iter().copied()),
+            "killed": Summary::from_values(self.killed.iter().copied()),
+            "interactions": Summary::from_values(self.interactions.iter().copied()),
             "paths": self.paths.iter().fold(0u64, |a, b| a.saturating_add(*b)),
         });
         (axes, statistics)

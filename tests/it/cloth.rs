@@ -2,7 +2,7 @@
 
 use plywave::fabric::FabricOptions;
 use plywave::twin::{ClothTwin, ComparisonOptions, Light, compare};
-use plywave::{Bsdf, BsdfSample, FabricBsdf, FabricQuery};
+use plywave::{Bsdf, BsdfSample, FabricModel, FabricQuery};
 use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
 use std::sync::{Arc, Mutex, OnceLock};
@@ -12,11 +12,11 @@ fn folder() -> String {
 }
 
 /// Each is loaded once, beside others.
-fn fabric(name: &'static str) -> Arc<FabricBsdf> {
-    type Once = Arc<OnceLock<Arc<FabricBsdf>>>;
+fn fabric(name: &'static str) -> Arc<FabricModel> {
+    type Once = Arc<OnceLock<Arc<FabricModel>>>;
     static LOADED: Mutex<BTreeMap<&str, Once>> = Mutex::new(BTreeMap::new());
     let once = LOADED.lock().unwrap().entry(name).or_default().clone();
-    let load = || Arc::new(FabricBsdf::load(format!("{}/{name}.toml", folder()), &FabricOptions::RAYS).unwrap());
+    let load = || Arc::new(FabricModel::load(format!("{}/{name}.toml", folder()), &FabricOptions::RAYS).unwrap());
     once.get_or_init(load).clone()
 }
 
@@ -75,7 +75,7 @@ fn cloths_are_near_their_twins(name: &'static str) {
 of_each!(cloths_are_near_their_twins: polyester_layers polyester_satin silk_organza cotton_plain cotton_twill wool_plain gold_satin alpaca_plain glass_plain);
 
 /// Mean over places of a clear cloth.
-fn places(fabric: &FabricBsdf, n: usize) -> impl Iterator<Item = [f32; 2]> {
+fn places(fabric: &FabricModel, n: usize) -> impl Iterator<Item = [f32; 2]> {
     let [w, h] = fabric.fabric().repeat_um().map(|r| r * (1.0 + (4000.0 / r).floor()));
     (0..n).map(move |k| {
         let even = |step: f64| (0.5 + k as f64 * step).fract();
@@ -88,7 +88,7 @@ fn direction(z: f64, turn: f64) -> [f32; 3] {
     [(r * (TAU * turn).cos()) as f32, (r * (TAU * turn).sin()) as f32, z as f32]
 }
 
-fn eval(fabric: &FabricBsdf, at: [f32; 2], wo: [f32; 3], wi: [f32; 3]) -> f64 {
+fn eval(fabric: &FabricModel, at: [f32; 2], wo: [f32; 3], wi: [f32; 3]) -> f64 {
     f64::from(
         fabric.at(&FabricQuery { sigma_per_um: [Some([0.0]); 2], ..FabricQuery::new(at, wo, [0.55]) }).eval(wi)[0],
     )
@@ -172,7 +172,7 @@ fn layers_are_reciprocal() {
 fn samples_cover_what_eval_holds(name: &'static str) {
     const N: usize = 200_000;
     let path = format!("{}/{name}.toml", folder());
-    let fabric = FabricBsdf::load(path, &FabricOptions::SMOOTH).unwrap();
+    let fabric = FabricModel::load(path, &FabricOptions::SMOOTH).unwrap();
     let (mut most, mut by_samples, mut by_directions, mut squares) = (0.0f32, 0.0f64, 0.0f64, 0.0f64);
     for (k, at) in places(&fabric, N).enumerate() {
         let even = |step: f64| (0.5 + k as f64 * step).fract();
@@ -219,7 +219,7 @@ const WEIGHTS: [Weights; 6] = [
 ];
 
 /// Weights of a cloth's samples at even places, tilts up to 85 degrees from both sides: the largest, the variance within a place and view over the square of the mean.
-fn weights<const N: usize>(fabric: &FabricBsdf, sigma_per_um: Option<[f32; N]>, lambda_um: [f32; N]) -> (f64, f64) {
+fn weights<const N: usize>(fabric: &FabricModel, sigma_per_um: Option<[f32; N]>, lambda_um: [f32; N]) -> (f64, f64) {
     const PLACES: usize = 12_000;
     const EACH: usize = 4;
     let (mut most, mut sum, mut within) = (0.0f64, 0.0, 0.0);

@@ -6,7 +6,7 @@ use plywave::check::{CheckOptions, check_model};
 use plywave::frame::direction;
 use plywave::gap::{SLIT_SHARE, Slit};
 use plywave::ply::reference::Mixture;
-use plywave::ply::{LobeFamily, PlyData, Queries};
+use plywave::ply::{LobeKind, PlyData, Queries};
 use plywave::spec::GaussianBeam;
 use plywave::{Bsdf, BsdfSample, PlyModel, PlyQuery};
 use rand::{RngExt, SeedableRng};
@@ -171,7 +171,7 @@ fn files_of_cones_load_again_and_bad_ones_are_refused() {
     let data = cone_model(10, STANDARD, 2.0);
     let bytes = data.to_bytes().unwrap();
     let back = PlyData::from_bytes(&bytes, "cones").unwrap();
-    assert_eq!(back.family, LobeFamily::Cone);
+    assert_eq!(back.family, LobeKind::Cone);
     assert_eq!(back.to_bytes().unwrap(), bytes);
     let m = PlyModel::from_bytes(&bytes, "cones").unwrap();
     assert!(!m.reference_values().is_empty() && m.reference_error() < 1e-5);
@@ -180,7 +180,7 @@ fn files_of_cones_load_again_and_bad_ones_are_refused() {
     let has = |bytes: &[u8], name: &str| String::from_utf8_lossy(&bytes[..20_000]).contains(&format!("\"{name}\""));
     assert!(has(&bytes, "cone_refl") && has(&bytes, "cone_high") && !has(&bytes, "refl") && !has(&bytes, "high"));
     assert!(has(&round, "refl") && has(&round, "high") && !has(&round, "cone_refl"));
-    assert_eq!(PlyData::from_bytes(&round, "round").unwrap().family, LobeFamily::Round);
+    assert_eq!(PlyData::from_bytes(&round, "round").unwrap().family, LobeKind::Round);
     for (p, value, key) in [
         (0, 41.0, "offset"),
         (2, -50.0, "slope"),

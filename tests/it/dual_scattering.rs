@@ -259,7 +259,8 @@ fn without_drift_the_variance_is_n_beta_squared() {
     // A function that has no such parameter: of the Gaussian whose light has its spread.
     let model = khungurn(0.0, 1.0, 0.4, 0.4);
     let query = light(0.0, 0.0);
-    let any = DualScattering::of(|omega_i| model.at(&FiberQuery { omega_i, ..query }), DualOptions::default()).unwrap();
+    let any = DualScattering::from_bsdf(|omega_i| model.at(&FiberQuery { omega_i, ..query }), DualOptions::default())
+        .unwrap();
     for theta in [0.0, 0.7, 1.2f32] {
         assert!((any.attenuation(theta).forward_beta / 0.4 - 1.0).abs() < 0.02, "{:?}", any.attenuation(theta));
     }

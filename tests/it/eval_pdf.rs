@@ -1,7 +1,7 @@
 //! `eval_pdf` shares work between `eval` and `pdf`, and so does `sample`: here each is held to the two it stands for, in every case of a fabric that
 //! ships (one layer, two layers, gaps), with speckle and without, and for the whole ply, with slits and without.
 
-use plywave::fabric::{FabricBsdf, FabricOptions, FabricSpec};
+use plywave::fabric::{FabricModel, FabricOptions, FabricSpec};
 use plywave::frame::direction;
 use plywave::gap::{SLIT_SHARE, Slit};
 use plywave::ply::PlyData;
@@ -73,7 +73,7 @@ fn fabrics_answer_together_what_they_answer_alone() {
         if noise {
             loaded.models.iter_mut().for_each(|m| *m = Arc::new(with_noise(m, &mut rng)));
         }
-        let bsdf = FabricBsdf::new(loaded, &FabricOptions { noise, ..Default::default() }).unwrap();
+        let bsdf = FabricModel::new(loaded, &FabricOptions { noise, ..Default::default() }).unwrap();
         for _ in 0..1500 {
             let [x, y, z] = anywhere(&mut rng);
             let point = rng.random::<[f32; 2]>().map(|u| 1e4 * u);

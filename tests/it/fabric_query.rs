@@ -1,11 +1,11 @@
 //! What a point of a fabric can have of its own: color, turn of the pattern, models; stripes of several models in a family; all of it from memory. Each is held to a fabric
 //! that has it everywhere.
 
-use plywave::fabric::{FabricOptions, FabricSpec, Family, GapLight};
+use plywave::fabric::{FabricOptions, FabricSpec, GapLight, YarnSet};
 use plywave::frame::direction;
 use plywave::io::MemoryAssets;
 use plywave::ply::PlyData;
-use plywave::{Bsdf, BsdfSample, FabricBsdf, FabricQuery, PlyModel};
+use plywave::{Bsdf, BsdfSample, FabricModel, FabricQuery, PlyModel};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::f32::consts::TAU;
@@ -21,7 +21,7 @@ fn models() -> [PlyModel; 2] {
     [light, dark]
 }
 
-fn fabric(warp: &str, options: &FabricOptions) -> FabricBsdf {
+fn fabric(warp: &str, options: &FabricOptions) -> FabricModel {
     let [light, dark] = models();
     let mut assets = MemoryAssets::new();
     assets.insert("light.pwm", light.data().to_bytes().unwrap());
@@ -31,7 +31,7 @@ fn fabric(warp: &str, options: &FabricOptions) -> FabricBsdf {
         "name = \"memory\"\n[weave]\nkind = \"plain\"\n[warp]\n{warp}\n{yarn}[weft]\nmodel = \"light.pwm\"\n{yarn}"
     );
     let loaded = FabricSpec::load_from(&text, "memory", &assets).unwrap();
-    FabricBsdf::new(loaded, options).unwrap()
+    FabricModel::new(loaded, options).unwrap()
 }
 
 /// Point, viewer, light, random numbers.
@@ -58,7 +58,7 @@ fn stripes_have_the_model_of_their_yarn() {
     let options = ALONE;
     let striped = fabric("models = { A = \"light.pwm\", B = \"dark.pwm\" }\nthreads = \"AAB\"", &options);
     let whole = [fabric("model = \"light.pwm\"", &options), fabric("model = \"dark.pwm\"", &options)];
-    assert_eq!(striped.repeat_of_stripes(Family::Warp), 3);
+    assert_eq!(striped.repeat_of_stripes(YarnSet::Warp), 3);
     let (mut seen, mut other_rims) = ([0u32; 2], 0u32);
     for (point, wo, wi, _) in queries(3000) {
         let query = FabricQuery::new(point, wo, LAMBDA);
@@ -66,8 +66,8 @@ fn stripes_have_the_model_of_their_yarn() {
         if got.is_double() || got.is_gap() {
             continue; // Warp and weft both have a part there.
         }
-        let plywave::fabric::Place::Ply(hit) = striped.fabric().at(point[0], point[1], wo) else { continue };
-        if hit.family == Family::Weft {
+        let plywave::fabric::Hit::Ply(hit) = striped.fabric().at(point[0], point[1], wo) else { continue };
+        if hit.family == YarnSet::Weft {
             continue;
         }
         let dark = usize::from(hit.yarn.rem_euclid(3) == 2);
@@ -85,7 +85,7 @@ fn points_have_their_own_color_and_models() {
     let plain = fabric("model = \"light.pwm\"", &FabricOptions::default());
     let dyed = fabric("model = \"light.pwm\"", &FabricOptions { sigma_per_um: Some(0.02), ..Default::default() });
     let replaced = fabric("model = \"dark.pwm\"", &ALONE);
-    let dark = replaced.model_of(Family::Warp, 0);
+    let dark = replaced.model_of(YarnSet::Warp, 0);
     let alone = fabric("model = \"light.pwm\"", &ALONE);
     let mut differ = 0;
     for (point, wo, wi, u) in queries(1500) {
@@ -115,7 +115,7 @@ fn turned_patterns_turn_the_light() {
             let query = FabricQuery { turn_rad: 0.7, ..FabricQuery::new([x, y], turned(wo), LAMBDA) };
             let there = cloth.at(&query);
             let case =
-                |at: &plywave::fabric::FabricAt<'_, 3>| if at.is_gap() { 0 } else { 1 + usize::from(at.is_double()) };
+                |at: &plywave::fabric::FabricBsdf<'_, 3>| if at.is_gap() { 0 } else { 1 + usize::from(at.is_double()) };
             if case(&at) != case(&there) {
                 // Rounding decides at an edge.
                 off += 1;

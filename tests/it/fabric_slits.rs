@@ -1,11 +1,11 @@
 //! Slits between the fibers of a fabric's yarns (Yu 2025, 7.3): asked for by the spec or by options, what a slit takes of a ply's light it sends on, and samples cover it.
 
 use plywave::check::check_bsdf;
-use plywave::fabric::{ColorOf, FabricAt, FabricOptions, FabricSpec, Family, Slits, YarnColor};
+use plywave::fabric::{ColorOf, FabricBsdf, FabricOptions, FabricSpec, Slits, YarnColor, YarnSet};
 use plywave::frame::direction;
 use plywave::gap::SLIT_SHARE;
 use plywave::io::Folder;
-use plywave::{Bsdf, BsdfSample, FabricBsdf, FabricQuery};
+use plywave::{Bsdf, BsdfSample, FabricModel, FabricQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::f32::consts::TAU;
@@ -23,15 +23,15 @@ fn spec(more: &str) -> String {
 }
 
 /// Without slits, loaded once.
-fn plain() -> &'static FabricBsdf {
-    static PLAIN: OnceLock<FabricBsdf> = OnceLock::new();
+fn plain() -> &'static FabricModel {
+    static PLAIN: OnceLock<FabricModel> = OnceLock::new();
     PLAIN.get_or_init(|| fabric("", &ALONE))
 }
 
-fn fabric(more: &str, options: &FabricOptions) -> FabricBsdf {
+fn fabric(more: &str, options: &FabricOptions) -> FabricModel {
     let folder = format!("{}/fabrics", env!("CARGO_MANIFEST_DIR"));
     let loaded = FabricSpec::load_from(&spec(more), "open", &Folder::new(Path::new(&folder))).unwrap();
-    FabricBsdf::new(loaded, options).unwrap()
+    FabricModel::new(loaded, options).unwrap()
 }
 
 fn with(width_um: f32, share: f32) -> Option<Slits> {
@@ -46,7 +46,7 @@ fn viewer(rng: &mut Pcg64Mcg) -> [f32; 3] {
 }
 
 /// The beam's case: a gap, one layer, two.
-fn case(at: &FabricAt<'_, 3>) -> usize {
+fn case(at: &FabricBsdf<'_, 3>) -> usize {
     if at.is_gap() { 0 } else { 1 + usize::from(at.is_double()) }
 }
 
@@ -158,10 +158,10 @@ fn specs_ask_for_slits() {
         let f = plain.at(&query).eval(wi);
         assert_eq!(f, none.at(&query).eval(wi));
         assert_eq!(f, zero.at(&query).eval(wi));
-        let plywave::fabric::Place::Ply(hit) = plain.fabric().at(point[0], point[1], wo) else { continue };
+        let plywave::fabric::Hit::Ply(hit) = plain.fabric().at(point[0], point[1], wo) else { continue };
         let (g, h) = (warp.at(&query).eval(wi), both.at(&query).eval(wi));
         differ[hit.family as usize] += u32::from(g != f);
-        if hit.family == Family::Warp && g != h {
+        if hit.family == YarnSet::Warp && g != h {
             // Rims of the weft have slits in the one and none in the other.
             assert!((0..3).all(|k| (g[k] - h[k]).abs() < 0.2 * (g[k] + h[k]) + 1e-3), "{g:?} {h:?}");
         }
@@ -188,7 +188,7 @@ fn slits_that_cannot_be_are_refused_in_a_line() {
         [(with(9.0, 0.2), "width_um = 9"), (with(f32::NAN, 0.2), "width_um"), (with(1.0, -0.1), "share")]
     {
         let loaded = FabricSpec::load_from(&spec(""), "open", &Folder::new(Path::new(&folder))).unwrap();
-        let said = FabricBsdf::new(loaded, &FabricOptions { slits, ..ALONE }).unwrap_err().to_string();
+        let said = FabricModel::new(loaded, &FabricOptions { slits, ..ALONE }).unwrap_err().to_string();
         assert!(said.contains(key) && !said.contains('\n'), "{said}");
     }
 }

@@ -1,6 +1,6 @@
 //! Fabric specs and WIF files: good ones load, bad ones are refused in one line that names section, key and hint, none panics.
 
-use plywave::fabric::{Draft, Fabric, FabricSpec, Family, LoadedFabric, MAX_THREADS, Wif, YarnColor, YarnShape};
+use plywave::fabric::{Draft, Fabric, FabricSpec, LoadedFabric, MAX_THREADS, Wif, YarnColor, YarnSet, YarnShape};
 use plywave::io::{Folder, MemoryAssets};
 use plywave::{Error, PlyModel};
 use proptest::prelude::*;
@@ -38,7 +38,7 @@ fn fabrics_that_ship_load() {
     for name in NAMES {
         let loaded = FabricSpec::load(shipped(name)).unwrap_or_else(|e| panic!("{e}"));
         loaded.spec.check("again").unwrap();
-        for family in Family::EACH {
+        for family in YarnSet::EACH {
             let shape = loaded.fabric.shape(family);
             assert!(shape.spacing_um >= shape.width_um(), "{name}: {shape:?}");
             // The model has offsets to R + d_cut: plies are those it was made for.
@@ -158,11 +158,11 @@ fn what_files_say_is_held_together() {
     assert!(load_with(&satin_with("plies = 1", "plies = 1\nply_radius_um = 50.0"), None).is_ok());
     let wif = woven("kind = \"wif\"\nfile = \"cloth.wif\"").replace("srgb = [0.50, 0.06, 0.12]", "");
     let fabric = load_with(&wif, Some(TWILL)).unwrap();
-    assert_eq!(fabric.color(Family::Warp, 4), YarnColor::Srgb([1.0, 0.0, 0.0]));
-    assert_eq!(fabric.color(Family::Weft, -1), YarnColor::Srgb([0.0, 0.0, 1.0]));
+    assert_eq!(fabric.color(YarnSet::Warp, 4), YarnColor::Srgb([1.0, 0.0, 0.0]));
+    assert_eq!(fabric.color(YarnSet::Weft, -1), YarnColor::Srgb([0.0, 0.0, 1.0]));
     // A color of the spec takes precedence over those of the file.
     let dyed = wif.replacen("[warp]", "[warp]\nsigma_per_um = 0.5", 1);
-    assert_eq!(load_with(&dyed, Some(TWILL)).unwrap().color(Family::Warp, 7), YarnColor::Sigma(0.5));
+    assert_eq!(load_with(&dyed, Some(TWILL)).unwrap().color(YarnSet::Warp, 7), YarnColor::Sigma(0.5));
 }
 
 /// Plies of the model, of the fabric, and what is said.
@@ -218,7 +218,7 @@ fn fabrics_are_built_in_memory() {
     let model = || vec![loaded.models[0].clone()];
     let again = LoadedFabric::new(loaded.spec.clone(), wif(), [model(), model()]).unwrap();
     assert_eq!((again.models.len(), again.fabric.draft()), (1, loaded.fabric.draft()));
-    assert_eq!(again.fabric.color(Family::Weft, 3), loaded.fabric.color(Family::Weft, 3));
+    assert_eq!(again.fabric.color(YarnSet::Weft, 3), loaded.fabric.color(YarnSet::Weft, 3));
     for (result, expected) in [
         (LoadedFabric::new(loaded.spec.clone(), None, [model(), model()]), "weave.kind = no draft"),
         (LoadedFabric::new(loaded.spec.clone(), wif(), [model(), vec![]]), "weft.models = 0 models: hand in 1"),
@@ -268,9 +268,9 @@ fn stripes_give_each_yarn_its_model() {
     };
     let loaded = striped("models = { A = \"one.pwm\", C = \"like.pwm\" }\nthreads = \"AAC\"").unwrap();
     assert_eq!((loaded.models.len(), &loaded.threads), (2, &[vec![0, 0, 1], vec![0]]));
-    let index = |yarn| loaded.model_index(Family::Warp, yarn);
+    let index = |yarn| loaded.model_index(YarnSet::Warp, yarn);
     assert_eq!([-4, -1, 0, 1, 2, 3, 5, i32::MIN].map(index), [1, 1, 0, 0, 1, 0, 1, 0]);
-    assert!((i32::MIN..i32::MIN + 9).all(|yarn| loaded.model_index(Family::Weft, yarn) == 0));
+    assert!((i32::MIN..i32::MIN + 9).all(|yarn| loaded.model_index(YarnSet::Weft, yarn) == 0));
     assert_eq!(FabricSpec::parse(&toml::to_string(&loaded.spec).unwrap(), "again").unwrap(), loaded.spec);
     for (models, expected) in [
         ("", "warp.model = (absent): give model, or models and threads"),

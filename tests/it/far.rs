@@ -1,20 +1,20 @@
 //! The mean over a repeat that a query with a footprint has. Reference: the mean of f over many places of the fabric itself, at views that are no nodes.
 
 use plywave::fabric::FabricOptions;
-use plywave::{Bsdf, BsdfSample, FabricBsdf, FabricQuery};
+use plywave::{Bsdf, BsdfSample, FabricModel, FabricQuery};
 use std::sync::LazyLock;
 use std::time::Instant;
 
 const PLACES: usize = 10_946;
 
 /// Each is made once.
-static TWILL: LazyLock<FabricBsdf> = LazyLock::new(|| fabric("cotton_twill", FabricOptions::RAYS));
-static ORGANZA: LazyLock<FabricBsdf> = LazyLock::new(|| fabric("silk_organza", FabricOptions::RAYS));
+static TWILL: LazyLock<FabricModel> = LazyLock::new(|| fabric("cotton_twill", FabricOptions::RAYS));
+static ORGANZA: LazyLock<FabricModel> = LazyLock::new(|| fabric("silk_organza", FabricOptions::RAYS));
 
-fn fabric(name: &str, options: FabricOptions) -> FabricBsdf {
+fn fabric(name: &str, options: FabricOptions) -> FabricModel {
     let path = format!("{}/fabrics/{name}.toml", env!("CARGO_MANIFEST_DIR"));
     let start = Instant::now();
-    let fabric = FabricBsdf::load(path, &FabricOptions { far: true, ..options }).unwrap();
+    let fabric = FabricModel::load(path, &FabricOptions { far: true, ..options }).unwrap();
     println!("{name}: loaded in {:.1} s, {} MiB", start.elapsed().as_secs_f64(), fabric.memory_bytes() >> 20);
     fabric
 }
@@ -30,7 +30,7 @@ fn far<const N: usize>(wo: [f32; 3], sigma: [f32; N]) -> FabricQuery<'static, N>
 }
 
 /// Place k of the repeat, or of many where plies turn.
-fn place(fabric: &FabricBsdf, k: usize) -> [f32; 2] {
+fn place(fabric: &FabricModel, k: usize) -> [f32; 2] {
     let even = |step: f64| (0.5 + k as f64 * step).fract();
     let turn = even(0.549_700_477_901_970_3);
     let steps = [0.819_172_513_396_164_4, 0.671_043_606_703_789_2];

@@ -2,7 +2,7 @@
 //! each kind of assumption. The files of a case are in `tests/data/field/`, siblings are made from them. The
 //! values are those of the format's text (WIF 1.1, 1997) by hand.
 
-use plywave::fabric::{Draft, FabricSpec, Family, LoadedFabric, Wif, WifNoteKind as Kind, YarnColor};
+use plywave::fabric::{Draft, FabricSpec, LoadedFabric, Wif, WifNoteKind as Kind, YarnColor, YarnSet};
 use plywave::io::MemoryAssets;
 use proptest::prelude::*;
 
@@ -450,7 +450,7 @@ fn spaced(warp: &str, weft: &str, sections: &str, own: [bool; 2]) -> plywave::Re
 
 #[test]
 fn spacings_of_the_file_are_taken_where_the_spec_has_none() {
-    let of = |loaded: &LoadedFabric| Family::EACH.map(|family| loaded.fabric.shape(family).spacing_um);
+    let of = |loaded: &LoadedFabric| YarnSet::EACH.map(|family| loaded.fabric.shape(family).spacing_um);
     let near = |got: f64, want: f64| assert!((got - want).abs() < 1e-9 * want, "{got} {want}");
     for (warp, sections, um, source) in [
         ("Units=centimeters\nSpacing=0.05", "", 500.0, "[WARP] Spacing = 0.05 centimeters"),
@@ -517,7 +517,7 @@ fn colors_of_left_out_yarns_shift_no_other() {
     let text = with("wif_color_zero", "1=1\n2=2\n3=3\n4=4\n\n[TIEUP]", "1=0\n2=2\n3=3\n4=4\n\n[TIEUP]");
     let spec = std::fs::read_to_string(path("wif_color_zero", "fabric.toml")).unwrap();
     let loaded = load(&spec, text.as_bytes()).unwrap();
-    let colors: Vec<YarnColor> = (0..4).map(|end| loaded.fabric.color(Family::Warp, end)).collect();
+    let colors: Vec<YarnColor> = (0..4).map(|end| loaded.fabric.color(YarnSet::Warp, end)).collect();
     assert_eq!(colors, [RED, RED, BLUE, RED].map(YarnColor::Srgb));
 }
 

@@ -4,7 +4,7 @@ use plywave::check::check_bsdf;
 use plywave::fabric::{FabricOptions, FabricSpec};
 use plywave::frame::direction;
 use plywave::io::Folder;
-use plywave::{Bsdf, FabricBsdf, FabricQuery};
+use plywave::{Bsdf, FabricModel, FabricQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::f32::consts::TAU;
@@ -17,21 +17,21 @@ const LAMBDA: [f32; 3] = [0.45, 0.55, 0.65];
 const ALONE: FabricOptions = FabricOptions { layers: false, shadowing: false, ..FabricOptions::SMOOTH };
 
 /// A plain weave of the silk that ships, of plies 90 um wide, its yarns this far from each other.
-fn plain(spacing_um: f64) -> Arc<FabricBsdf> {
+fn plain(spacing_um: f64) -> Arc<FabricModel> {
     // Two tests have the wide one.
-    static WIDE: OnceLock<Arc<FabricBsdf>> = OnceLock::new();
+    static WIDE: OnceLock<Arc<FabricModel>> = OnceLock::new();
     match spacing_um {
         200.0 => WIDE.get_or_init(|| Arc::new(load(200.0))).clone(),
         other => Arc::new(load(other)),
     }
 }
 
-fn load(spacing_um: f64) -> FabricBsdf {
+fn load(spacing_um: f64) -> FabricModel {
     let yarn = format!("model = \"models/silk.pwm\"\nspacing_um = {spacing_um}\ncrimp = 0.5\nsigma_per_um = 0.002\n");
     let text = format!("name = \"plain\"\n[weave]\nkind = \"plain\"\n[warp]\n{yarn}[weft]\n{yarn}");
     let folder = format!("{}/fabrics", env!("CARGO_MANIFEST_DIR"));
     let loaded = FabricSpec::load_from(&text, "plain", &Folder::new(Path::new(&folder))).unwrap();
-    FabricBsdf::new(loaded, &ALONE).unwrap()
+    FabricModel::new(loaded, &ALONE).unwrap()
 }
 
 /// Across gaps wide and narrow, in steps of 0.02 and 0.1 um: no step of f is greater than those beside it let expect. Masses are of the nearest spectrum, 1e-3 from the next one's.

@@ -1,9 +1,9 @@
 //! Yarns of metal in a fabric have their own color, by wavelength and in RGB; the models here are polyester's lobes under the spec of gold: colors depend on the spec and on
 //! how the cloth's brightness falls with absorption alone.
 
-use plywave::fabric::{Channels, ColorOf, FabricOptions, FabricSpec, Family, LoadedFabric, YarnColor};
+use plywave::fabric::{Channels, ColorOf, FabricOptions, FabricSpec, LoadedFabric, YarnColor, YarnSet};
 use plywave::spec::YarnSpec;
-use plywave::{Bsdf, FabricBsdf, FabricQuery, PlyModel};
+use plywave::{Bsdf, FabricModel, FabricQuery, PlyModel};
 use std::sync::Arc;
 
 fn gold() -> (YarnSpec, String) {
@@ -21,7 +21,7 @@ fn metal() -> PlyModel {
 }
 
 /// A plain cloth of a warp of gold and a weft of stripes, two of gold and one of polyester.
-fn cloth(color: &str, options: &FabricOptions) -> FabricBsdf {
+fn cloth(color: &str, options: &FabricOptions) -> FabricModel {
     let text = format!(
         "name = \"lame\"\n[weave]\nkind = \"plain\"\n[warp]\nmodel = \"gold\"\nspacing_um = 240.0\n{color}\n\
          [weft]\nmodels = {{ G = \"gold\", P = \"polyester\" }}\nthreads = \"GGP\"\nspacing_um = 240.0\n"
@@ -29,7 +29,7 @@ fn cloth(color: &str, options: &FabricOptions) -> FabricBsdf {
     let spec = FabricSpec::parse(&text, "lame").unwrap();
     let (gold, polyester) = (Arc::new(metal()), Arc::new(polyester()));
     let loaded = LoadedFabric::new(spec, None, [vec![gold.clone()], vec![gold, polyester]]).unwrap();
-    FabricBsdf::new(loaded, options).unwrap()
+    FabricModel::new(loaded, options).unwrap()
 }
 
 const LAMBDA: [f32; 4] = [0.45, 0.5, 0.55, 0.65];
@@ -40,20 +40,20 @@ fn metals_have_their_own_color_where_nothing_else_is_said() {
     let near = |got: [f32; 4]| got.iter().zip(own).all(|(a, b)| (a / b - 1.0).abs() < 0.02);
     let cloth = cloth("", &FabricOptions::SMOOTH);
     for yarn in [-7, 0, 1, 2, 3, 4, 5, 6] {
-        assert!(near(cloth.sigma(Family::Warp, yarn, LAMBDA)), "{:?}", cloth.sigma(Family::Warp, yarn, LAMBDA));
-        let weft = cloth.sigma(Family::Weft, yarn, LAMBDA);
+        assert!(near(cloth.sigma(YarnSet::Warp, yarn, LAMBDA)), "{:?}", cloth.sigma(YarnSet::Warp, yarn, LAMBDA));
+        let weft = cloth.sigma(YarnSet::Weft, yarn, LAMBDA);
         // Every third is polyester, clear, whatever the draft's repeat of two.
         assert!(if yarn.rem_euclid(3) == 2 { weft == [0.0; 4] } else { near(weft) }, "{yarn}: {weft:?}");
     }
     // A color that is given takes precedence, and so does one absorption for all.
     let dyed = self::cloth("sigma_per_um = 0.02", &FabricOptions::SMOOTH);
-    assert_eq!(dyed.sigma(Family::Warp, 0, LAMBDA), [0.02; 4]);
-    assert!(near(dyed.sigma(Family::Weft, 0, LAMBDA)));
+    assert_eq!(dyed.sigma(YarnSet::Warp, 0, LAMBDA), [0.02; 4]);
+    assert!(near(dyed.sigma(YarnSet::Weft, 0, LAMBDA)));
     let white = self::cloth("", &FabricOptions { sigma_per_um: Some(0.0), ..FabricOptions::SMOOTH });
-    assert_eq!(white.sigma(Family::Weft, 0, LAMBDA), [0.0; 4]);
+    assert_eq!(white.sigma(YarnSet::Weft, 0, LAMBDA), [0.0; 4]);
     let again = dyed.with_colors([YarnColor::Undyed, YarnColor::Sigma(0.01)], ColorOf::EvenSky);
-    assert!(near(again.sigma(Family::Warp, 0, LAMBDA)));
-    assert_eq!(again.sigma(Family::Weft, 0, LAMBDA), [0.01; 4]);
+    assert!(near(again.sigma(YarnSet::Warp, 0, LAMBDA)));
+    assert_eq!(again.sigma(YarnSet::Weft, 0, LAMBDA), [0.01; 4]);
 }
 
 /// In RGB gold is yellow: what it keeps of red, green and blue is in the order of Fresnel's reflectances, and the white furnace of one absorption stays gray.

@@ -1,6 +1,6 @@
 //! Reference values of the models that ship: a reader that rounds otherwise finds them too.
 
-use plywave::ply::LobeFamily;
+use plywave::ply::LobeKind;
 use plywave::ply::reference::Mixture;
 use plywave::{Bsdf, PlyModel, PlyQuery};
 use std::path::PathBuf;
@@ -40,8 +40,8 @@ fn answers_do_not_hang_on_the_last_digits() {
         let greatest = model.reference_values().iter().flat_map(|r| r.value).fold(1e-6, f32::max);
         for r in model.reference_values() {
             let peak = match model.data().family {
-                LobeFamily::Round => r.value.iter().copied().fold(1e-6, f32::max),
-                LobeFamily::Cone => greatest,
+                LobeKind::Round => r.value.iter().copied().fold(1e-6, f32::max),
+                LobeKind::Cone => greatest,
             };
             for (a, b) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0), (0.0, 1.0), (1.0, 0.0)] {
                 let (theta_i, h_um) = (r.theta_i * (1.0 + 1e-5 * a), r.h_um * (1.0 + 1e-5 * b));

@@ -7,7 +7,7 @@ use plywave::color::{
 };
 use plywave::fabric::{Channels, ColorOf, FabricOptions, YarnColor};
 use plywave::frame::direction;
-use plywave::{Bsdf, FabricBsdf, FabricQuery};
+use plywave::{Bsdf, FabricModel, FabricQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::f64::consts::PI;
@@ -87,13 +87,13 @@ fn ciede2000_has_the_published_values() {
 }
 
 /// A fabric that ships.
-fn fabric(name: &str) -> FabricBsdf {
+fn fabric(name: &str) -> FabricModel {
     let path = format!("{}/fabrics/{name}.toml", env!("CARGO_MANIFEST_DIR"));
-    FabricBsdf::load(path, &FabricOptions::default()).unwrap()
+    FabricModel::load(path, &FabricOptions::default()).unwrap()
 }
 
 /// All yarns of one color.
-fn dyed(fabric: &FabricBsdf, srgb: [f64; 3]) -> FabricBsdf {
+fn dyed(fabric: &FabricModel, srgb: [f64; 3]) -> FabricModel {
     fabric.with_colors([YarnColor::Srgb(srgb.map(|c| c as f32)); 2], ColorOf::EvenSky)
 }
 
@@ -104,7 +104,7 @@ struct Colors {
 }
 
 /// Points of the fabric with a viewer and a light on his side.
-fn places(fabric: &FabricBsdf) -> Vec<([f32; 2], [f32; 3], [f32; 3])> {
+fn places(fabric: &FabricModel) -> Vec<([f32; 2], [f32; 3], [f32; 3])> {
     let mut rng = Pcg64Mcg::seed_from_u64(4);
     let [width, height] = fabric.fabric().repeat_um().map(|r| r as f32);
     let upper = |rng: &mut Pcg64Mcg| {
@@ -115,7 +115,7 @@ fn places(fabric: &FabricBsdf) -> Vec<([f32; 2], [f32; 3], [f32; 3])> {
         .collect()
 }
 
-fn spectral(fabric: &FabricBsdf) -> Colors {
+fn spectral(fabric: &FabricModel) -> Colors {
     // Nine wavelengths a query.
     let places = places(fabric);
     let (mut sky, mut front) = (vec![0.0; 81], vec![0.0; 81]);
@@ -135,7 +135,7 @@ fn spectral(fabric: &FabricBsdf) -> Colors {
     Colors { sky: color(&sky), front: color(&front) }
 }
 
-fn rgb(fabric: &FabricBsdf, channels: Channels) -> Colors {
+fn rgb(fabric: &FabricModel, channels: Channels) -> Colors {
     let places = places(fabric);
     let (mut sky, mut front) = ([0.0; 3], [0.0; 3]);
     for (point, viewer, light) in &places {

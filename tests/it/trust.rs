@@ -6,7 +6,7 @@ use plywave::fiber::{FiberSource, FiberTable, OutlineSymmetry, TabulatedFiber};
 use plywave::gap::{Aperture, Gap};
 use plywave::ply::{Layer, LayerFactors, PlyData};
 use plywave::spec::GaussianBeam;
-use plywave::{Bsdf, FabricBsdf, FabricQuery, FiberQuery, PlyModel, PlyQuery};
+use plywave::{Bsdf, FabricModel, FabricQuery, FiberQuery, PlyModel, PlyQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::path::{Path, PathBuf};
@@ -197,7 +197,7 @@ fn what_is_no_direction_gives_no_light() {
     let gap = Gap::new(&Aperture::centered(10.0, 4.0).unwrap(), &beam);
     let fibers = [TabulatedFiber::from_table(round_fiber()).unwrap()];
     let fabric = Path::new(env!("CARGO_MANIFEST_DIR")).join("fabrics/polyester_satin.toml");
-    let fabric = FabricBsdf::load(fabric, &FabricOptions::default()).unwrap();
+    let fabric = FabricModel::load(fabric, &FabricOptions::default()).unwrap();
     for w in NONE {
         dark(&ply.at(&PlyQuery::new(0.0, 0.0, [0.01], [0.5])), w, "ply");
         dark(&ply.at(&PlyQuery { below: Some(below), ..PlyQuery::new(0.3, 5.0, [0.01], [0.5]) }), w, "two layers");

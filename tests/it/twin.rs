@@ -3,29 +3,29 @@
 use plywave::fabric::{FabricOptions, FabricSpec, GapLight};
 use plywave::io::MemoryAssets;
 use plywave::twin::{CLASSES, ClothTwin, ComparisonOptions, SphereBins, compare};
-use plywave::{Bsdf, BsdfSample, FabricBsdf, FabricQuery};
+use plywave::{Bsdf, BsdfSample, FabricModel, FabricQuery};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::sync::OnceLock;
 
 /// Loaded once.
-fn fabric() -> &'static FabricBsdf {
-    static FABRIC: OnceLock<FabricBsdf> = OnceLock::new();
+fn fabric() -> &'static FabricModel {
+    static FABRIC: OnceLock<FabricModel> = OnceLock::new();
     FABRIC.get_or_init(load)
 }
 
-fn load() -> FabricBsdf {
+fn load() -> FabricModel {
     let model = &include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/fabrics/models/polyester.pwm"))[..];
     let yarn = "model = \"ply.pwm\"\nspacing_um = 130.0\ncrimp = 0.5\n";
     let text = format!("name = \"layers\"\n[weave]\nkind = \"layers\"\n[warp]\n{yarn}[weft]\n{yarn}");
     let assets = MemoryAssets::new().with("ply.pwm", model);
     let loaded = FabricSpec::load_from(&text, "layers.toml", &assets).unwrap();
     let options = FabricOptions { gaps: GapLight::Straight, ..FabricOptions::default() };
-    FabricBsdf::new(loaded, &options).unwrap()
+    FabricModel::new(loaded, &options).unwrap()
 }
 
 /// Light of two absorptions drawn by the model's sampler, summed as paths of a twin are.
-fn drawn(fabric: &FabricBsdf, views: &[[f64; 3]], paths: usize) -> ClothTwin {
+fn drawn(fabric: &FabricModel, views: &[[f64; 3]], paths: usize) -> ClothTwin {
     let bins = SphereBins::STANDARD;
     let n = bins.len();
     let (v, k) = (views.len(), 2);

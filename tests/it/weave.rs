@@ -1,6 +1,6 @@
 //! Places in woven fabrics: frames, coverage, repeats, both sides, any numbers. The ray and ply intersection has its own slow twin in `src/fabric/yarn.rs`.
 
-use plywave::fabric::{Draft, Fabric, Family, Gap, Place, PlyHit, YarnShape};
+use plywave::fabric::{Draft, Fabric, Gap, Hit, PlyHit, YarnSet, YarnShape};
 use plywave::spec::Handedness;
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
@@ -71,12 +71,12 @@ fn frames_are_orthonormal_and_hold_the_light() {
                 w = if i % 20 == 0 { [1.0, small, small] } else { [small, -1.0, small] };
             }
             match fabric.at(x, y, w) {
-                Place::Ply(hit) => {
+                Hit::Ply(hit) => {
                     plies += 1;
                     check_hit(&fabric, &hit, w, fabric.shape(hit.family).ply_radius_um as f32);
                     doubles += u32::from(hit.is_double);
                 }
-                Place::Gap(gap) => {
+                Hit::Gap(gap) => {
                     gaps += 1;
                     check_gap(&fabric, &gap, w);
                 }
@@ -93,7 +93,7 @@ fn check_gap(fabric: &Fabric, gap: &Gap, w: [f32; 3]) {
     assert!(gap.aperture_um.iter().all(|d| (0.0..=1000.0).contains(d)), "{gap:?}");
     for (edge, hit) in gap.near.iter().enumerate() {
         let Some(hit) = hit else { continue };
-        assert_eq!(hit.family, if edge < 2 { Family::Warp } else { Family::Weft });
+        assert_eq!(hit.family, if edge < 2 { YarnSet::Warp } else { YarnSet::Weft });
         let radius = fabric.shape(hit.family).ply_radius_um as f32;
         check_hit(fabric, hit, w, radius + 20.0);
         assert!(hit.h_um.abs() >= radius, "{hit:?}");
@@ -108,11 +108,11 @@ fn shares(fabric: &Fabric, w: [f32; 3], n: usize, repeats: f64) -> [f64; 4] {
         for j in 0..n {
             let [x, y] = [(i as f64 + 0.5) / n as f64 * a, (j as f64 + 0.5) / n as f64 * b];
             match fabric.at(x as f32, y as f32, w) {
-                Place::Ply(hit) => {
+                Hit::Ply(hit) => {
                     count[hit.family as usize] += 1.0;
                     count[3] += f64::from(u8::from(hit.is_double));
                 }
-                Place::Gap(_) => count[2] += 1.0,
+                Hit::Gap(_) => count[2] += 1.0,
             }
         }
     }
@@ -125,7 +125,7 @@ fn first_is_highest(fabric: &Fabric) {
     let (mut other, n) = (0, 1500);
     for i in 0..n {
         let at = [width * (f64::from(i) * 0.754_877_666).fract(), height * (f64::from(i) * 0.569_840_291).fract()];
-        let top = Family::EACH.map(|family| {
+        let top = YarnSet::EACH.map(|family| {
             let k = family as usize;
             let near = (at[k] / fabric.shape(family).spacing_um).floor() as i32;
             let mut top = f64::NEG_INFINITY;
@@ -141,8 +141,8 @@ fn first_is_highest(fabric: &Fabric) {
             }
             top
         });
-        if let Place::Ply(hit) = fabric.at(at[0] as f32, at[1] as f32, [0.0, 0.0, 1.0]) {
-            let higher = if top[0] > top[1] { Family::Warp } else { Family::Weft };
+        if let Hit::Ply(hit) = fabric.at(at[0] as f32, at[1] as f32, [0.0, 0.0, 1.0]) {
+            let higher = if top[0] > top[1] { YarnSet::Warp } else { YarnSet::Weft };
             other += u32::from(hit.family != higher);
         }
     }
@@ -201,7 +201,7 @@ fn several_plies_cover_their_mean_width() {
         let mut gaps = 0.0;
         for _ in 0..200_000 {
             let [x, y] = rng.random::<[f32; 2]>().map(|u| 1e6 * (u - 0.5));
-            gaps += f64::from(u8::from(matches!(fabric.at(x, y, [0.0, 0.0, 1.0]), Place::Gap(_))));
+            gaps += f64::from(u8::from(matches!(fabric.at(x, y, [0.0, 0.0, 1.0]), Hit::Gap(_))));
         }
         let (got, want) = (gaps / 200_000.0, (1.0 - covered).powi(2));
         // Five standard errors of 200 000 points; the 1667 yarns of either family add less.
@@ -211,8 +211,8 @@ fn several_plies_cover_their_mean_width() {
 
 fn place_of(fabric: &Fabric, x: f64, y: f64, w: [f32; 3]) -> (Option<PlyHit>, [f32; 4]) {
     match fabric.at(x as f32, y as f32, w) {
-        Place::Ply(hit) => (Some(hit), [0.0; 4]),
-        Place::Gap(gap) => (None, gap.aperture_um),
+        Hit::Ply(hit) => (Some(hit), [0.0; 4]),
+        Hit::Gap(gap) => (None, gap.aperture_um),
     }
 }
 
@@ -239,7 +239,7 @@ fn a_repeat_further_all_is_the_same() {
                     continue;
                 }
                 let threads = fabric.draft().threads(p.family) as i32;
-                let shift = if p.family == Family::Warp { i } else { j };
+                let shift = if p.family == YarnSet::Warp { i } else { j };
                 // Halfway between two yarns either is the nearer one.
                 if q.yarn != p.yarn + shift * threads {
                     assert!(p.h_um.abs() > 49.9 || w[2].abs() < 0.5, "{p:?} {q:?}");
@@ -257,7 +257,7 @@ fn a_repeat_further_all_is_the_same() {
 fn nothing_jumps_along_a_yarn() {
     let w = [0.3f32, 0.35, (1.0f32 - 0.09 - 0.1225).sqrt()];
     for fabric in fabrics() {
-        for family in Family::EACH {
+        for family in YarnSet::EACH {
             let k = family as usize;
             let across = 0.3 * fabric.shape(family).spacing_um;
             let length = 3.0 * fabric.repeat_um()[1 - k];
@@ -266,7 +266,7 @@ fn nothing_jumps_along_a_yarn() {
             let mut followed = 0;
             for i in 0..(length / step) as usize {
                 let along = -0.5 * length + step * i as f64;
-                let (x, y) = if family == Family::Warp { (across, along) } else { (along, across) };
+                let (x, y) = if family == YarnSet::Warp { (across, along) } else { (along, across) };
                 let (hit, _) = place_of(&fabric, x, y, w);
                 if let (Some(a), Some(b)) = (last, hit)
                     && (a.family, a.yarn, a.ply) == (b.family, b.yarn, b.ply)
@@ -295,12 +295,12 @@ fn nothing_jumps_along_a_yarn() {
 fn symmetric_weaves_have_symmetric_statistics() {
     let yarn = shape(2, 220.0, 0.5, Some(800.0));
     let fabric = Fabric::new(Draft::plain(), [yarn, yarn]).unwrap();
-    let moments = |w: [f32; 3], family: Family| {
+    let moments = |w: [f32; 3], family: YarnSet| {
         let mut rng = Pcg64Mcg::seed_from_u64(3);
         let mut sums = [0.0; 6];
         for _ in 0..200_000 {
             let [x, y] = rng.random::<[f32; 2]>().map(|u| 1e5 * (u - 0.5));
-            if let Place::Ply(hit) = fabric.at(x, y, w)
+            if let Hit::Ply(hit) = fabric.at(x, y, w)
                 && hit.family == family
             {
                 let (theta, h) = (f64::from(hit.theta_i), f64::from(hit.h_um / 50.0));
@@ -311,15 +311,15 @@ fn symmetric_weaves_have_symmetric_statistics() {
         sums
     };
     for w in [[0.0f32, 0.0, 1.0], [0.6, 0.0, 0.8], [0.3, 0.5, 0.81240], [0.6, 0.3, -0.7416]] {
-        let warp = moments(w, Family::Warp);
-        let mut weft = moments([-w[1], w[0], w[2]], Family::Weft);
+        let warp = moments(w, YarnSet::Warp);
+        let mut weft = moments([-w[1], w[0], w[2]], YarnSet::Weft);
         (weft[1], weft[2]) = (-weft[1], -weft[2]);
         // Five standard errors of 200 000 points, of terms that spread by 0.5 at most.
         assert!((0..6).all(|k| (warp[k] - weft[k]).abs() < 0.0056), "{w:?}: {warp:?} {weft:?}");
     }
     // Half a turn about y shows the back, and is the same fabric again.
-    let front = moments([0.3, 0.2, 0.9327], Family::Warp);
-    let back = moments([-0.3, 0.2, -0.9327], Family::Warp);
+    let front = moments([0.3, 0.2, 0.9327], YarnSet::Warp);
+    let back = moments([-0.3, 0.2, -0.9327], YarnSet::Warp);
     assert!((0..6).all(|k| (front[k] - back[k]).abs() < 0.0056), "{front:?} {back:?}");
 }
 
@@ -328,20 +328,20 @@ fn symmetric_weaves_have_symmetric_statistics() {
 fn a_straight_yarn_is_what_it_is_on_paper() {
     let fabric = Fabric::new(Draft::plain(), [shape(1, 300.0, 0.0, None), shape(1, 300.0, 0.0, None)]).unwrap();
     // End 0 lies at x = 150; at y = 0 there is no weft.
-    let Place::Ply(hit) = fabric.at(170.0, 0.0, [0.0, 0.6, 0.8]) else { panic!("a yarn is there") };
-    assert_eq!((hit.family, hit.yarn, hit.ply, hit.is_double), (Family::Warp, 0, 0, false));
+    let Hit::Ply(hit) = fabric.at(170.0, 0.0, [0.0, 0.6, 0.8]) else { panic!("a yarn is there") };
+    assert_eq!((hit.family, hit.yarn, hit.ply, hit.is_double), (YarnSet::Warp, 0, 0, false));
     assert!((hit.theta_i - 0.6f32.asin()).abs() < 1e-6 && (hit.across_um - 20.0).abs() < 1e-3 && hit.along_um == 0.0);
     // z along +y, y up: x = y cross z points to -x of the fabric, where h is counted.
     assert!((hit.frame[2][1] - 1.0).abs() < 1e-6 && (hit.frame[1][2] - 1.0).abs() < 1e-6);
     assert!((hit.frame[0][0] + 1.0).abs() < 1e-6 && (hit.h_um + 20.0).abs() < 1e-3, "{hit:?}");
     // Leaning across by 60 degrees, h shrinks to half.
-    let Place::Ply(hit) = fabric.at(170.0, 0.0, [0.75f32.sqrt(), 0.0, 0.5]) else { panic!("a yarn is there") };
+    let Hit::Ply(hit) = fabric.at(170.0, 0.0, [0.75f32.sqrt(), 0.0, 0.5]) else { panic!("a yarn is there") };
     assert!((hit.h_um + 10.0).abs() < 1e-3 && hit.theta_i.abs() < 1e-6, "{hit:?}");
     // From below the frame is turned over, and h with it.
-    let Place::Ply(hit) = fabric.at(170.0, 0.0, [0.0, 0.0, -1.0]) else { panic!("a yarn is there") };
+    let Hit::Ply(hit) = fabric.at(170.0, 0.0, [0.0, 0.0, -1.0]) else { panic!("a yarn is there") };
     assert!((hit.frame[0][0] - 1.0).abs() < 1e-6 && (hit.h_um - 20.0).abs() < 1e-3, "{hit:?}");
     // A gap in the corner: 50 um and 250 um from yarns to the west and east, 75 and 125 south and north, but for the radius; only the first lies within the beam.
-    let Place::Gap(gap) = fabric.at(210.0, 225.0 + 300.0, [0.0, 0.0, 1.0]) else { panic!("no yarn is there") };
+    let Hit::Gap(gap) = fabric.at(210.0, 225.0 + 300.0, [0.0, 0.0, 1.0]) else { panic!("no yarn is there") };
     let want = [10.0, 300.0, 300.0, 300.0];
     assert!((0..4).all(|k| (gap.aperture_um[k] - want[k]).abs() < 1e-3), "{gap:?}");
     assert!(
@@ -351,7 +351,7 @@ fn a_straight_yarn_is_what_it_is_on_paper() {
     let yarn = fabric.yarn_at(170.0, 10.0, true).unwrap();
     assert_eq!(
         (yarn.family, yarn.tangent, yarn.is_double, yarn.height_um),
-        (Family::Warp, [0.0, 1.0, 0.0], false, 0.0)
+        (YarnSet::Warp, [0.0, 1.0, 0.0], false, 0.0)
     );
 }
 
@@ -378,7 +378,7 @@ fn heights_and_slopes_fit_together() {
                 .yarn_at(75.0, y, false)
                 .into_iter()
                 .chain(fabric.yarn_at(75.0, y, true))
-                .find(|p| p.family == Family::Warp)
+                .find(|p| p.family == YarnSet::Warp)
                 .unwrap()
         };
         let [a, b, m] = [at(y - 0.5), at(y + 0.5), at(y)];
@@ -395,19 +395,19 @@ proptest! {
         let fabric = &fabrics()[which];
         for w in [w, [small, w[0], 0.0], [0.0, small, 0.0], [f32::NAN, small, 1.0], [small, small, small]] {
             match fabric.at(x, y, w) {
-                Place::Ply(hit) => {
+                Hit::Ply(hit) => {
                     let finite = hit.frame.iter().flatten().chain([&hit.theta_i, &hit.h_um, &hit.height_um, &hit.across_um]).all(|v| v.is_finite());
                     prop_assert!(finite && hit.h_um.abs() <= 50.0, "{hit:?}");
                 }
-                Place::Gap(gap) => prop_assert!(gap.aperture_um.iter().all(|d| d.is_finite() && *d >= 0.0), "{gap:?}"),
+                Hit::Gap(gap) => prop_assert!(gap.aperture_um.iter().all(|d| d.is_finite() && *d >= 0.0), "{gap:?}"),
             }
         }
-        let _ = (fabric.yarn_at(x, y, true), fabric.color(Family::Warp, x as i32));
+        let _ = (fabric.yarn_at(x, y, true), fabric.color(YarnSet::Warp, x as i32));
     }
 }
 
 /// The nearest ply of a yarn to a point, by its true axis: a helix about the bent center line, in its plane the image of the straight yarn. Ply, distance, tangent and the way to the point.
-fn nearest_ply(fabric: &Fabric, family: Family, yarn: i32, p: [f64; 3]) -> (u32, f64, [f64; 3], [f64; 3]) {
+fn nearest_ply(fabric: &Fabric, family: YarnSet, yarn: i32, p: [f64; 3]) -> (u32, f64, [f64; 3], [f64; 3]) {
     let shape = fabric.shape(family);
     let k = family as usize;
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -417,8 +417,8 @@ fn nearest_ply(fabric: &Fabric, family: Family, yarn: i32, p: [f64; 3]) -> (u32,
             let line = fabric.center_line(family, yarn, along);
             let t = line.tangent;
             let (c, n) = match family {
-                Family::Warp => ([-1.0, 0.0, 0.0], [0.0, -t[2], t[1]]),
-                Family::Weft => ([0.0, 1.0, 0.0], [-t[2], 0.0, t[0]]),
+                YarnSet::Warp => ([-1.0, 0.0, 0.0], [0.0, -t[2], t[1]]),
+                YarnSet::Weft => ([0.0, 1.0, 0.0], [-t[2], 0.0, t[0]]),
             };
             let psi = std::f64::consts::TAU
                 * (fabric.ply_turns(family, yarn, along) + f64::from(ply) / f64::from(shape.plies));
@@ -449,15 +449,15 @@ fn nearest_ply(fabric: &Fabric, family: Family, yarn: i32, p: [f64; 3]) -> (u32,
 }
 
 /// The reference: a walk along the line in small steps to the first ply of any yarn; family, yarn, ply, theta_i, h.
-fn walked(fabric: &Fabric, at: [f64; 2], w: [f64; 3]) -> Option<(Family, i32, u32, f64, f64)> {
+fn walked(fabric: &Fabric, at: [f64; 2], w: [f64; 3]) -> Option<(YarnSet, i32, u32, f64, f64)> {
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let top =
-        Family::EACH.iter().map(|f| fabric.amplitude_um(*f) + 0.5 * fabric.shape(*f).width_um()).fold(0.0, f64::max);
+        YarnSet::EACH.iter().map(|f| fabric.amplitude_um(*f) + 0.5 * fabric.shape(*f).width_um()).fold(0.0, f64::max);
     let mut s = top / w[2];
     while s > -top / w[2] {
         let p = [at[0] + s * w[0], at[1] + s * w[1], s * w[2]];
         let mut free = f64::INFINITY;
-        for family in Family::EACH {
+        for family in YarnSet::EACH {
             let shape = fabric.shape(family);
             let near = (p[family as usize] / shape.spacing_um).floor() as i32;
             for yarn in near - 1..=near + 1 {
@@ -496,7 +496,7 @@ fn plies_of_bent_yarns_are_met_where_they_are() {
             let at = rng.random::<[f64; 2]>().map(|u| 3e3 * u);
             let got = denim.at(at[0] as f32, at[1] as f32, w.map(|v| v as f32));
             match (walked(&denim, at, w), got) {
-                (Some((family, yarn, ply, theta, h)), Place::Ply(hit)) => {
+                (Some((family, yarn, ply, theta, h)), Hit::Ply(hit)) => {
                     if (family, yarn) != (hit.family, hit.yarn) {
                         yarns += 1.0;
                     } else if ply != hit.ply {
@@ -507,7 +507,7 @@ fn plies_of_bent_yarns_are_met_where_they_are() {
                         theta2 += (f64::from(hit.theta_i) - theta).powi(2);
                     }
                 }
-                (None, Place::Gap(_)) => {}
+                (None, Hit::Gap(_)) => {}
                 _ => yarns += 1.0,
             }
         }

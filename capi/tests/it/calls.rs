@@ -4,10 +4,10 @@
 #![allow(clippy::undocumented_unsafe_blocks)] // Of all blocks: live pointers of the lengths that the calls ask for, but where it is said.
 
 use plywave::fabric::{Channels, ColorOf, FabricOptions, GapLight, Slits, YarnColor};
-use plywave::fiber::{FiberSource, FiberTable, OutlineSymmetry, TabulatedFiber};
+use plywave::fiber::{FiberSource, FiberTable, FilamentSpec, OutlineSymmetry, TabulatedFiber};
 use plywave::ply::Queries;
 use plywave::speckle::Instance;
-use plywave::{Bsdf, BsdfSample, FabricBsdf, FabricQuery, FiberModel, FiberQuery, PlyModel, PlyQuery};
+use plywave::{Bsdf, BsdfSample, FabricModel, FabricQuery, FiberModel, FiberQuery, PlyModel, PlyQuery};
 use plywave_capi::*;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -252,7 +252,7 @@ fn a_check_gives_the_numbers_of_the_command() {
 
 /// An organza whose gaps let light straight through, by Rust and by C from memory.
 struct Organza {
-    rust: FabricBsdf,
+    rust: FabricModel,
     c: Handle<PlywaveFabric>,
     model: Handle<PlywavePly>,
     rust_model: PlyModel,
@@ -262,7 +262,7 @@ fn organza() -> Organza {
     let path = format!("{FABRICS}/silk_organza.toml");
     let slits = Some(Slits { width_um: 2.0, share: 0.25 });
     let rust_options = FabricOptions { gaps: GapLight::Straight, noise: true, slits, ..FabricOptions::default() };
-    let rust = FabricBsdf::load(&path, &rust_options).expect("a fabric that ships");
+    let rust = FabricModel::load(&path, &rust_options).expect("a fabric that ships");
     let spec = c(&std::fs::read_to_string(&path).expect("a fabric that ships"));
     let model = std::fs::read(format!("{FABRICS}/models/silk.pwm")).expect("a model that ships");
     let (asset, name) = (c("models/silk.pwm"), c("organza"));
@@ -433,14 +433,24 @@ fn table() -> FiberTable {
 fn fibers<const N: usize>(fiber: &Handle<PlywaveFiber>, model: &FiberModel, rng: &mut Pcg64Mcg) {
     let n = 20;
     let (w, u): (Vec<[f32; 3]>, Vec<[f32; 3]>) = (0..n).map(|_| (direction(rng), rng.random::<[f32; 3]>())).unzip();
+    let mut offsets = vec![None; n];
     let (mut queries, mut answers, mut samples) = (Vec::new(), Vec::new(), Vec::new());
     for i in 0..n {
         let lambda: [f32; N] = std::array::from_fn(|_| 0.4 + 0.3 * rng.random::<f32>());
         let omega_i = direction(rng);
-        let query = PlywaveFiberQuery { omega_i, count: N as i32, lambda_um: four(lambda), h_rel: null() };
+        let sigma_per_um: [f32; N] = std::array::from_fn(|_| 0.01 * rng.random::<f32>());
+        let offset = 2.0 * rng.random::<f32>() - 1.0;
+        let h_rel = (i % 2 == 0).then_some(offset);
+        let query = PlywaveFiberQuery {
+            omega_i,
+            count: N as i32,
+            lambda_um: four(lambda),
+            h_rel: h_rel.map_or(null(), |_| &raw const *offsets[i].insert(offset)),
+            sigma_per_um: four(sigma_per_um),
+        };
         let mut bsdf: PlywaveBsdf = zeroed();
         ok(|e| unsafe { plywave_fiber_at(fiber.0, &query, &mut bsdf, e) });
-        let at = model.at(&FiberQuery::new(omega_i, lambda));
+        let at = model.at(&FiberQuery { omega_i, h_rel, lambda_um: lambda, sigma_per_um });
         same(&bsdf, &at, rng);
         let mut info = MaybeUninit::<PlywaveBsdfInfo>::uninit();
         ok(|e| unsafe { plywave_bsdf_info(&bsdf, info.as_mut_ptr(), e) });
@@ -457,6 +467,34 @@ fn fibers<const N: usize>(fiber: &Handle<PlywaveFiber>, model: &FiberModel, rng:
     let mut got: Vec<PlywaveSample> = vec![zeroed(); n];
     ok(|e| unsafe { plywave_fiber_sample_batch(fiber.0, n, queries.as_ptr(), u.as_ptr().cast(), got.as_mut_ptr(), e) });
     assert_eq!(got, samples);
+}
+
+#[test]
+fn analytic_fibers_give_the_bits_of_rust() {
+    let kinds = ["dielectric", "opaque", "rough_dielectric", "kajiya_kay", "khungurn"];
+    let mut rng = Pcg64Mcg::seed_from_u64(4);
+    for kind in kinds {
+        let head = "name = \"x\"\nlambda_um = [0.6, 0.5, 0.4]\nsigma_per_um = [0.001, 0.002, 0.003]\n";
+        let text = format!("{head}[filament]\nkind = \"{kind}\"\nradius_um = 30\n");
+        let text = if kind == "opaque" { text + "metal = \"gold\"\n" } else { text };
+        let spec = FilamentSpec::parse(&text, "x.toml").expect(kind);
+        let (mut fiber, name) = (null_mut(), c("x.toml"));
+        ok(|e| unsafe { plywave_fiber_from_bytes(text.as_ptr(), text.len(), name.as_ptr(), &mut fiber, e) });
+        let fiber = Handle(fiber, plywave_fiber_free);
+        fibers::<1>(&fiber, &spec.model, &mut rng);
+        fibers::<3>(&fiber, &spec.model, &mut rng);
+        let (mut lambda, mut sigma) = ([0.0_f32; 3], [0.0_f32; 3]);
+        ok(|e| unsafe { plywave_fiber_color(fiber.0, lambda.as_mut_ptr(), sigma.as_mut_ptr(), e) });
+        assert_eq!((lambda, sigma), (spec.lambda_um, spec.sigma_per_um));
+
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("x.toml");
+        std::fs::write(&path, &text).expect("a folder that can be written");
+        let mut loaded = null_mut();
+        let path = c(path.to_str().expect("UTF-8"));
+        ok(|e| unsafe { plywave_fiber_load(path.as_ptr(), &mut loaded, e) });
+        fibers::<4>(&Handle(loaded, plywave_fiber_free), &spec.model, &mut rng);
+    }
 }
 
 #[test]

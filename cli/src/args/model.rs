@@ -60,12 +60,16 @@ pub struct SampleArgs {
 /// `plywave check`.
 #[derive(Debug, Args)]
 pub struct CheckArgs {
-    /// Model; or a fabric spec, which is held to its twin and nothing else.
+    /// Model, or fabric spec. A fabric is compared with its twin alone.
     pub model: PathBuf,
-    /// A table to hold the model's slices to, best one of another seed.
+    /// Table to compare the model's slices with, best one of another seed.
     #[arg(long, value_name = "TABLE")]
     pub table: Option<PathBuf>,
-    /// Of a yarn of several plies, the traced yarn (`plywave simulate SPEC --plies traced`) to hold the model to, and the table of --table too; a --table that is traced serves as well. Of a fabric, what `plywave twin` wrote.
+    /// Traced yarn (`plywave simulate SPEC --plies traced`) to compare a yarn of several plies with, and the table of --table
+    /// too. A --table that is traced serves as well.
+    #[arg(long, value_name = "TABLE")]
+    pub traced: Option<PathBuf>,
+    /// Twin of the fabric, which `plywave twin` writes.
     #[arg(long, value_name = "FILE")]
     pub twin: Option<PathBuf>,
     /// Largest fit error of an f_refl slice that passes.

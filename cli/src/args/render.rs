@@ -62,7 +62,7 @@ pub struct RenderArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub samples: u32,
     /// Most scatterings of a path. Paths are thinned out by chance, so that the default leaves out next to nothing; a note tells what fewer leave out.
-    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = plywave_render::MOST_SCATTERINGS, value_parser = clap::value_parser!(u32).range(1..=i64::from(plywave_render::MOST_SCATTERINGS)))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = plywave_render::MAX_SCATTERINGS, value_parser = clap::value_parser!(u32).range(1..=i64::from(plywave_render::MAX_SCATTERINGS)))]
     pub depth: u32,
     /// How light between strands is found [default: path].
     #[arg(long, value_enum)]

@@ -58,10 +58,10 @@ pub fn run(cli: &Cli, args: &BuildArgs) -> Outcome {
     }
 
     let (data, times) = (&built.model, built.times);
-    let simulated = simulate::Summary::of(&built.table, times.simulate, resumed);
-    let fitted = fit::Summary::of(data, times.fit);
+    let simulated = simulate::Summary::new(&built.table, times.simulate, resumed);
+    let fitted = fit::Summary::new(data, times.fit);
     let (quality, allowed) =
-        (FitQuality::of(data), FitQuality { refl: args.max_error_refl, high: args.max_error_high });
+        (FitQuality::from_data(data), FitQuality { refl: args.max_error_refl, high: args.max_error_high });
     let good = quality.is_within(&allowed);
     let bytes = std::fs::metadata(&path).map_or(0, |m| m.len());
     if cli.json {

@@ -1,8 +1,8 @@
 //! `plywave check`: does a model keep its promises? Furnace, density and weights of the sampler, chi-square of the samples, stored
-//! values, and, where a table is given, the fit error of every slice. Of a yarn, the distance to the traced yarn too (`check_twin.rs`);
-//! a fabric is held to its twin (`check_cloth.rs`).
+//! values, and, where a table is given, the fit error of every slice. Of a yarn, the distance to the traced yarn too (`check_traced.rs`);
+//! a fabric is compared with its twin (`check_cloth.rs`).
 
-use super::{Yarn, check_twin, on_threads};
+use super::{Yarn, check_traced, on_threads};
 use crate::args::{CheckArgs, Cli};
 use crate::failure::{Failure, Outcome};
 use crate::report::{Spread, number};
@@ -14,6 +14,7 @@ use plywave::check::{
 use plywave::table::Table;
 use plywave_pipeline::FitQuality;
 use rand::{RngExt, SeedableRng};
+use std::path::PathBuf;
 
 /// One check: what was measured and what is allowed.
 #[derive(serde::Serialize)]
@@ -69,6 +70,16 @@ fn part_lines(lines: &mut Vec<Line>, names: [&'static str; 5], part: &PartReport
     lines.push(Line::at_most(names[4], "|all light - 1| at sigma = 0", part.kept_error, KEPT_TOLERANCE));
 }
 
+/// Refuses files that this kind of input is not compared with.
+fn refuse(flags: &[(&str, &Option<PathBuf>)], fix: &str) -> Outcome {
+    for (flag, path) in flags {
+        if let Some(path) = path {
+            return Err(Failure::input("command line", flag, path.display(), fix));
+        }
+    }
+    Ok(())
+}
+
 /// Runs the command.
 pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     if let Some((flag, value)) = [("--max-error-refl", args.max_error_refl), ("--max-error-high", args.max_error_high)]
@@ -78,29 +89,33 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
         return Err(Failure::input("command line", flag, value, "must be 0 or more"));
     }
     if kinds::kind_of(&args.model) == Some(kinds::Kind::Fabric) {
+        refuse(&[("--traced", &args.traced)], "a fabric is compared with its twin: give --twin FILE")?;
         return super::check_cloth::run(cli, args);
     }
     if kinds::kind_of(&args.model) == Some(kinds::Kind::Filament) {
+        let none = [("--table", &args.table), ("--traced", &args.traced), ("--twin", &args.twin)];
+        refuse(&none, "an analytic fiber has none: leave it out")?;
         return super::check_filament::run(cli, args);
     }
+    refuse(&[("--twin", &args.twin)], "a model is compared with a traced yarn: give --traced TABLE")?;
     let model = match kinds::kind_of(&args.model) {
         // Of a family the model of its own spec.
         Some(kinds::Kind::Family) => super::family::own_model(&args.model)?,
         _ => cli.library()?.load(&args.model)?,
     };
     let data = model.data();
-    let yarn = Yarn::of(&args.model, &data.spec_text, &data.h_um)?;
+    let yarn = Yarn::from_spec(&args.model, &data.spec_text, &data.h_um)?;
     let mut same_run = false;
     // The table first: what is wrong with it is found before the long check.
     let table = args.table.as_ref().map(|path| Table::load(path).map(|t| (path.as_path(), t))).transpose()?;
-    let twin = args.twin.as_ref().map(|path| Table::load(path).map(|t| (path.as_path(), t))).transpose()?;
-    // A traced table is the twin; where no other is, of that of other incidences than the model's nothing else is asked.
+    let given = args.traced.as_ref().map(|path| Table::load(path).map(|t| (path.as_path(), t))).transpose()?;
+    // A table of --table that is traced serves as --traced. Where its incidences are not the model's, it serves as nothing else.
     let traced = table.as_ref().filter(|(_, t)| t.traced);
-    let only_twin = twin.is_none()
+    let only_traced = given.is_none()
         && traced.is_some_and(|(_, t)| {
             (&t.theta_i, &t.h_um, &t.sigma_per_um) != (&data.theta_i, &data.h_um, &data.sigma_per_um)
         });
-    let held = match table.as_ref().filter(|_| !only_twin) {
+    let held = match table.as_ref().filter(|_| !only_traced) {
         None => None,
         Some((path, table)) => {
             same_run = plywave_fit::has_energies_of(data, table);
@@ -109,11 +124,11 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
             Some(errors)
         }
     };
-    let twin = match twin.as_ref().or(traced) {
+    let traced = match given.as_ref().or(traced) {
         None => None,
-        Some((path, twin)) => {
+        Some((path, of_yarn)) => {
             let made = table.as_ref().filter(|(_, t)| !t.traced).map(|(path, t)| (*path, t));
-            Some(check_twin::measure(cli, (&args.model, data, &yarn), (path, twin), made)?)
+            Some(check_traced::measure(cli, (&args.model, data, &yarn), (path, of_yarn), made)?)
         }
     };
     let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(args.seed);
@@ -154,7 +169,7 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     let (error_refl, error_high) = match held {
         None => (data.error_refl.clone(), data.error_high.clone()),
         Some(errors) => {
-            let worst = |v: &[f64]| Spread::of(v.iter().map(|v| v.abs())).max;
+            let worst = |v: &[f64]| Spread::from_values(v.iter().map(|v| v.abs())).max;
             let energy = worst(&errors.energy_refl).max(worst(&errors.energy_high));
             // A table of another seed has other noise in its energies: only that of the fit holds the model's exactly.
             if same_run {
@@ -172,7 +187,7 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     // A slice that absorption has nearly put out may miss much of what is left: errors count by the light that the slice holds.
     let meaning = "the same, as a share of the slice's light at sigma = 0";
     lines.push(Line::at_most("fit_error_high", meaning, quality.high, args.max_error_high));
-    for (check, value, allowed, meaning) in twin.iter().flat_map(check_twin::Twin::lines) {
+    for (check, value, allowed, meaning) in traced.iter().flat_map(check_traced::TracedCheck::lines) {
         lines.push(Line::at_most(check, meaning, value, allowed));
     }
     // What is not above 0 was hidden by noise.
@@ -197,7 +212,7 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
             "rms_error_refl": rms.as_ref().and_then(|r| known(r.0)),
             "rms_error_high": rms.as_ref().map(|r| r.1.iter().map(|v| known(*v)).collect::<Vec<_>>()),
             "slices": slices,
-            "twin": twin.as_ref().map(check_twin::Twin::json),
+            "traced": traced.as_ref().map(check_traced::TracedCheck::json),
             "passed": passed,
         }))
     } else {
@@ -236,8 +251,8 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
                     writeln!(out)?;
                 }
             }
-            match twin.as_ref().filter(|_| !cli.quiet) {
-                Some(twin) => twin.write(out),
+            match traced.as_ref().filter(|_| !cli.quiet) {
+                Some(traced) => traced.write(out),
                 None => Ok(()),
             }
         })

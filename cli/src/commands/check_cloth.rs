@@ -5,7 +5,7 @@ use super::twin::{angles, sigma_text};
 use crate::args::{CheckArgs, Cli};
 use crate::failure::{Failure, Outcome};
 use crate::{kinds, output};
-use plywave::FabricBsdf;
+use plywave::FabricModel;
 use plywave::fabric::{FabricOptions, FabricSpec};
 use plywave::twin::{ClothTwin, Comparison, ComparisonOptions, compare};
 use plywave_sim::twin::TwinCloth;
@@ -14,9 +14,9 @@ use plywave_sim::twin::TwinCloth;
 const LIGHT_TOLERANCE: [f64; 2] = [0.015, 0.03];
 /// Most that the light's half of the sphere may be off, relative L2.
 const UPPER_TOLERANCE: f64 = 0.12;
-/// Most that the other half may be off, where more than [`LEAST_TRANSMITTED`] goes there.
+/// Most that the other half may be off, where more than [`MIN_TRANSMITTED`] goes there.
 const LOWER_TOLERANCE: f64 = 0.20;
-const LEAST_TRANSMITTED: f64 = 0.05;
+const MIN_TRANSMITTED: f64 = 0.05;
 
 /// Whether a comparison passes, in the order reflected, transmitted, upper, lower.
 fn verdicts(twin: &ClothTwin, c: &Comparison) -> [bool; 4] {
@@ -28,7 +28,7 @@ fn verdicts(twin: &ClothTwin, c: &Comparison) -> [bool; 4] {
         (c.model.reflected - c.twin.reflected).abs() <= most,
         (all(&c.model) - all(&c.twin)).abs() <= most,
         c.upper <= UPPER_TOLERANCE,
-        c.twin.transmitted <= LEAST_TRANSMITTED || c.lower <= LOWER_TOLERANCE,
+        c.twin.transmitted <= MIN_TRANSMITTED || c.lower <= LOWER_TOLERANCE,
     ]
 }
 
@@ -46,7 +46,7 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
         let hint = format!("{} is of another; trace it again with `plywave twin`", path.display());
         return Err(Failure::input(args.model.display(), what, "not the twin's", &hint));
     }
-    let fabric = FabricBsdf::new(loaded, &FabricOptions::RAYS)?;
+    let fabric = FabricModel::new(loaded, &FabricOptions::RAYS)?;
     let all = on_threads(cli, || compare(&fabric, &twin, &ComparisonOptions::default()))?;
     let passed = all.iter().all(|c| verdicts(&twin, c).iter().all(|v| *v));
     let printed = if cli.json {
@@ -105,7 +105,7 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
             }
             writeln!(
                 out,
-                "allowed: reflected and transmitted + straight {} to 60 degrees, {} beyond; upper {UPPER_TOLERANCE}; lower {LOWER_TOLERANCE} where more than {LEAST_TRANSMITTED} is transmitted",
+                "allowed: reflected and transmitted + straight {} to 60 degrees, {} beyond; upper {UPPER_TOLERANCE}; lower {LOWER_TOLERANCE} where more than {MIN_TRANSMITTED} is transmitted",
                 LIGHT_TOLERANCE[0], LIGHT_TOLERANCE[1]
             )
         })

@@ -43,12 +43,6 @@ impl From<&FiberReport> for Line {
 
 /// Runs the command.
 pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
-    for (flag, path) in [("--table", &args.table), ("--twin", &args.twin)] {
-        if let Some(path) = path {
-            let hint = "an analytic fiber has none: leave it out";
-            return Err(Failure::input("command line", flag, path.display(), hint));
-        }
-    }
     let spec = FilamentSpec::load(&args.model)?;
     let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(args.seed);
     let reports = check_fiber(&spec.model, spec.lambda_um, spec.sigma_per_um, SAMPLES, &mut || rng.random());

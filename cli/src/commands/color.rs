@@ -6,7 +6,7 @@ use crate::failure::{Failure, Outcome};
 use crate::kinds::{self, Kind};
 use crate::output;
 use crate::report::number;
-use plywave::FabricBsdf;
+use plywave::FabricModel;
 use plywave::color::{
     AlbedoCurve, SPECTRUM_NODES, SPECTRUM_UM, SigmaSpectrum, SmoothReflectance, delta_e_2000, linear_srgb_of_xyz,
     spectrum_lambda_um, srgb_encode, xyz_of_reflectance,
@@ -109,7 +109,7 @@ fn curve(cli: &Cli, args: &ColorArgs) -> Outcome<(AlbedoCurve, String)> {
         let loaded = FabricSpec::load_file(&args.model, &cli.library()?)?;
         kinds::tell_fabric_notes(cli, &loaded);
         let of = args.color_of.map_or(loaded.spec.color_of, ColorOf::from);
-        let fabric = FabricBsdf::new(loaded, &FabricOptions::default())?;
+        let fabric = FabricModel::new(loaded, &FabricOptions::default())?;
         return Ok((fabric.color_curve_of(of), of.name().into()));
     }
     let model = cli.library()?.load(&args.model)?;
@@ -143,7 +143,7 @@ pub fn out_of_reach([clear, dark]: [usize; 2], [low, high]: [f64; 2], delta_e: f
 }
 
 /// The same of the colors of a fabric: of each that comes out visibly other than it was asked for.
-pub fn fabric_notes(fabric: &FabricBsdf) -> Vec<String> {
+pub fn fabric_notes(fabric: &FabricModel) -> Vec<String> {
     let mut notes = Vec::new();
     for color in fabric.colors().iter().filter(|color| color.delta_e > SEEN) {
         let [r, g, b] = color.asked.map(|v| number(f64::from(v)));

@@ -1,7 +1,7 @@
 //! `plywave compare`: a spec in, wave and ray optics of its ply's cross section side by side (Yu 2025, Fig. 7).
 
 use super::latitude;
-use super::runs::{self, Told};
+use super::runs::{self, ProgressNames};
 use crate::args::{Cli, CompareArgs};
 use crate::failure::{Failure, Outcome};
 use crate::plot::axes::LogScale;
@@ -33,7 +33,7 @@ pub fn run(cli: &Cli, args: &CompareArgs) -> Outcome {
         output::check_folder(&folder, REPORT, &[&args.spec])?;
     }
     let job = CompareJob::new(&spec, &text, &options).map_err(|e| runs::failure(e, &args.spec))?;
-    let told = Told { what: "compare", unit: "sections" };
+    let told = ProgressNames { what: "compare", unit: "sections" };
     if runs::run_share(cli, &job, told, &args.shards, (&folder, &args.resume), &args.spec)? {
         return Ok(());
     }

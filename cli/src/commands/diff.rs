@@ -59,7 +59,7 @@ pub fn run(cli: &Cli, args: &DiffArgs) -> Outcome {
     if !super::diff_models::same_axes(&a, &b) {
         return super::diff_models::run(cli, args, [&a, &b], &tolerance);
     }
-    let yarn = Yarn::of(&args.a, &a.spec_text, &a.h_um)?;
+    let yarn = Yarn::from_spec(&args.a, &a.spec_text, &a.h_um)?;
     let report = on_threads(cli, || plywave_fit::diff(&a, &b, &tolerance))?
         .map_err(|e| Failure::Input(format!("{}: {e}", args.b.display())))?;
     let (columns, sigmas) = (a.h_um.len(), a.sigma_per_um.len());
@@ -98,7 +98,7 @@ pub fn run(cli: &Cli, args: &DiffArgs) -> Outcome {
     } else if !cli.quiet || !report.equal {
         output::print(|out| {
             for (name, values, worst) in [("f_refl", &report.refl, &refl), ("f_high", &report.high, &high)] {
-                let spread = Spread::of(values.iter().copied());
+                let spread = Spread::from_values(values.iter().copied());
                 write!(out, "{name}  relative L2 rms {}, largest {}", number(spread.rms), number(spread.max))?;
                 match worst {
                     Some(w) if w.relative_l2 > 0.0 => {
@@ -108,7 +108,7 @@ pub fn run(cli: &Cli, args: &DiffArgs) -> Outcome {
                     _ => writeln!(out)?,
                 }
             }
-            let between = Spread::of(report.refl_between.iter().chain(&report.high_between).copied()).max;
+            let between = Spread::from_values(report.refl_between.iter().chain(&report.high_between).copied()).max;
             writeln!(out, "between the nodes largest {}", number(between))?;
             writeln!(out, "energy  largest difference {} of the beam's power", number(report.energy))?;
             for (name, drift) in [("f_refl", report.drift_refl), ("f_high", report.drift_high)] {

@@ -8,7 +8,7 @@ use crate::report::number;
 use plywave::ply::PlyData;
 use plywave::table::OutgoingGrid;
 use plywave_fit::{
-    DiffTolerance, Place, ScaledLobes, Scratch, SphereGrid, energies, energy_high, high_lobes, locate, refl_lobes,
+    DiffTolerance, GridCell, ScaledLobes, Scratch, SphereGrid, energies, energy_high, high_lobes, locate, refl_lobes,
 };
 
 /// Common incidences: latitudes from 0 on, offsets from rim to rim.
@@ -54,7 +54,7 @@ fn absorptions(a: &PlyData, b: &PlyData) -> Vec<f64> {
 }
 
 /// Relative L2 distances of the slices at `places`, one of each model.
-fn distances(places: &[[Place; 2]], lobes: &dyn Fn(usize, Place) -> ScaledLobes) -> Vec<f64> {
+fn distances(places: &[[GridCell; 2]], lobes: &dyn Fn(usize, GridCell) -> ScaledLobes) -> Vec<f64> {
     let sphere = SphereGrid::new(GRID);
     let mut scratch = Scratch::default();
     let found: Vec<[f64; 2]> = places
@@ -83,8 +83,10 @@ pub fn run(cli: &Cli, args: &DiffArgs, [a, b]: [&PlyData; 2], tolerance: &DiffTo
         return Err(Failure::Input(format!("command line: --tol-drift: {hint}")));
     }
     let both = [a, b];
-    let radii =
-        [Yarn::of(&args.a, &a.spec_text, &a.h_um)?.radius_um, Yarn::of(&args.b, &b.spec_text, &b.h_um)?.radius_um];
+    let radii = [
+        Yarn::from_spec(&args.a, &a.spec_text, &a.h_um)?.radius_um,
+        Yarn::from_spec(&args.b, &b.spec_text, &b.h_um)?.radius_um,
+    ];
     let last = |v: &[f64]| v.last().copied().unwrap_or(0.0);
     let theta = last(&a.theta_i).min(last(&b.theta_i));
     let reach = (last(&a.h_um) / radii[0]).min(last(&b.h_um) / radii[1]);
@@ -92,7 +94,7 @@ pub fn run(cli: &Cli, args: &DiffArgs, [a, b]: [&PlyData; 2], tolerance: &DiffTo
         .into_iter()
         .flat_map(|t| steps(-reach, reach, NODES[1]).into_iter().map(move |h| (t, h)))
         .collect();
-    let places: Vec<[Place; 2]> =
+    let places: Vec<[GridCell; 2]> =
         incidences.iter().map(|(t, h)| [0, 1].map(|k| locate(both[k], *t, h * radii[k]))).collect();
     let sigma = absorptions(a, b);
     let (refl, high) = on_threads(cli, || {
@@ -101,7 +103,7 @@ pub fn run(cli: &Cli, args: &DiffArgs, [a, b]: [&PlyData; 2], tolerance: &DiffTo
             sigma.iter().map(|s| distances(&places, &|k, at| high_lobes(both[k], at, *s))).collect();
         (refl, high)
     })?;
-    let difference = |of: &dyn Fn(usize, Place) -> f64, at: &[Place; 2]| (of(0, at[0]) - of(1, at[1])).abs();
+    let difference = |of: &dyn Fn(usize, GridCell) -> f64, at: &[GridCell; 2]| (of(0, at[0]) - of(1, at[1])).abs();
     let rows: Vec<Row> = (0..places.len())
         .map(|i| {
             let at = &places[i];

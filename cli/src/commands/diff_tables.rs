@@ -19,7 +19,7 @@ pub fn run(cli: &Cli, args: &DiffArgs, tolerance: &DiffTolerance) -> Outcome {
         return Err(Failure::input("command line", "--max-h-rel", most, "must be 0 or more"));
     }
     let (a, b) = (Table::load(&args.a)?, Table::load(&args.b)?);
-    let radius_um = Yarn::of(&args.a, &a.spec_text, &a.h_um)?.radius_um;
+    let radius_um = Yarn::from_spec(&args.a, &a.spec_text, &a.h_um)?.radius_um;
     let d = on_threads(cli, || table_distance(&a, &b))?
         .map_err(|e| Failure::Input(format!("{}: {e}", args.b.display())))?;
     let (columns, sigmas) = (d.h_um.len(), d.sigma_per_um.len());

@@ -22,7 +22,7 @@ const GAPS_UM: [[f32; 2]; 4] = [[2.0, 2.0], [5.0, 20.0], [10.0, 10.0], [40.0, 40
 /// Wavelengths [um] at which the energy is printed.
 const ENERGY_UM: [f32; 3] = [0.45, 0.55, 0.65];
 /// Greatest tilt [degrees].
-const MOST_TILT: f64 = 80.0;
+const MAX_TILT: f64 = 80.0;
 /// Pixels along a pattern.
 const SIDE: usize = 300;
 
@@ -53,8 +53,8 @@ fn apertures(numbers: &[f64]) -> Outcome<Vec<Aperture>> {
 }
 
 fn gaps(args: &PlotArgs, name: &str, beam: &GaussianBeam) -> Outcome<Figure> {
-    if args.tilt.is_nan() || args.tilt.abs() > MOST_TILT {
-        let hint = format!("must be from -{MOST_TILT} to {MOST_TILT} degrees");
+    if args.tilt.is_nan() || args.tilt.abs() > MAX_TILT {
+        let hint = format!("must be from -{MAX_TILT} to {MAX_TILT} degrees");
         return Err(Failure::input("command line", "--tilt", args.tilt, &hint));
     }
     let (s, c) = args.tilt.to_radians().sin_cos();

@@ -27,7 +27,7 @@ struct Report {
 /// Runs the command.
 pub fn run(cli: &Cli, args: &EvalArgs) -> Outcome {
     let model = cli.library()?.load(&args.model)?;
-    let yarn = Yarn::of(&args.model, &model.data().spec_text, &model.data().h_um)?;
+    let yarn = Yarn::from_spec(&args.model, &model.data().spec_text, &model.data().h_um)?;
     let (theta_i, h_um) = incidence(&args.incidence, model.data(), yarn.radius_um)?;
     latitude("--theta-o", args.theta_o)?;
     if !args.phi_o.is_finite() {

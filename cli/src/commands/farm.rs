@@ -34,7 +34,7 @@ pub fn run(cli: &Cli, args: &FarmArgs) -> Outcome {
     match status.code() {
         Some(0) => Ok(()),
         Some(1) => Err(Failure::NotHeld),
-        Some(code) => Err(Failure::Told(u8::try_from(code).unwrap_or(2))),
+        Some(code) => Err(Failure::ProgressNames(u8::try_from(code).unwrap_or(2))),
         None => Err(Failure::Input(format!("{}: {status}", python.display()))),
     }
 }

@@ -13,7 +13,7 @@ use plywave::fiber::{FiberSource, FiberTable};
 use std::path::Path;
 
 /// Most wavelengths drawn.
-const MOST_LAMBDAS: usize = 4;
+const MAX_LAMBDAS: usize = 4;
 /// Latitudes drawn [degrees]; the nearest of the table.
 const LATITUDES: [f64; 3] = [0.0, 35.0, 70.0];
 /// Decades of the azimuthal panels.
@@ -29,7 +29,7 @@ pub fn figure(file: &Path, t: &FiberTable) -> Outcome<Figure> {
         return Err(Failure::input(file.display(), "azimuthal", "none", "give a whole fiber table"));
     }
     let shown: Vec<usize> =
-        (0..lambdas.min(MOST_LAMBDAS)).map(|i| i * (lambdas - 1) / (lambdas.min(MOST_LAMBDAS) - 1).max(1)).collect();
+        (0..lambdas.min(MAX_LAMBDAS)).map(|i| i * (lambdas - 1) / (lambdas.min(MAX_LAMBDAS) - 1).max(1)).collect();
     let nearest = |deg: f64| {
         let away = |m: usize| (t.theta_i[m] - deg.to_radians()).abs();
         (0..latitudes).min_by(|a, b| away(*a).total_cmp(&away(*b))).unwrap_or(0)

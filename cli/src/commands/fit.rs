@@ -57,7 +57,7 @@ pub struct Summary {
 
 impl Summary {
     /// Of a model just fitted.
-    pub fn of(data: &PlyData, time: Duration) -> Self {
+    pub fn new(data: &PlyData, time: Duration) -> Self {
         let [refl, high] = held_errors(data, &data.error_refl, &data.error_high);
         Summary {
             theta_i_nodes: data.theta_i.len(),
@@ -153,7 +153,7 @@ pub fn run(cli: &Cli, args: &FitArgs) -> Outcome {
     let plies = table.plies;
     let (data, time) = stage(cli, |run| fit_model(&table, &spec, &quality.fit(), &file, run))?;
     data.save(&path)?;
-    let summary = Summary::of(&data, time);
+    let summary = Summary::new(&data, time);
     let bytes = std::fs::metadata(&path).map_or(0, |m| m.len());
     if cli.json {
         let mut object = serde_json::json!({

@@ -10,7 +10,7 @@ use crate::gallery::pictures::{self, Panel, Picture};
 use crate::progress::{self, Bar, STOP};
 use crate::rendering::failed;
 use crate::{output, report};
-use plywave::fabric::{FabricBsdf, FabricOptions, FabricSpec};
+use plywave::fabric::{FabricModel, FabricOptions, FabricSpec};
 use plywave::io::FileKind;
 use plywave_render::{Film, FilmView, RenderOptions, render};
 use std::path::{Path, PathBuf};
@@ -54,7 +54,7 @@ impl Work {
         let Panel { setup, size_mm, options, .. } = self.panel;
         let far = super::render::covers_repeats(&loaded.fabric, &setup.camera(size_mm), self.shot.pixels)
             && !super::render::has_slits(&loaded.spec, &options);
-        let fabric = FabricBsdf::new(loaded, &FabricOptions { far, ..options })?;
+        let fabric = FabricModel::new(loaded, &FabricOptions { far, ..options })?;
         let (scene, camera) = setup.scene(size_mm, None, None);
         let side = self.shot.pixels;
         let mut film = Film::new(side, side).map_err(failed)?;
@@ -150,7 +150,7 @@ pub fn run(cli: &Cli, args: &GalleryArgs) -> Outcome {
             let file = workshop.cloth(&panel.cloth)?;
             let digest = digest_of(&file)?;
             let name = format!("fabrics/{}.toml", panel.cloth.name());
-            let shot = Shot::of(panel, name, digest, side, samples, DEPTH);
+            let shot = Shot::new(panel, name, digest, side, samples, DEPTH);
             panels.push(Work { panel: panel.clone(), file, shot });
         }
         works.push((picture, panels));

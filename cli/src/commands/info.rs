@@ -53,7 +53,7 @@ pub struct NodeEnergies {
 }
 
 impl NodeEnergies {
-    pub fn of(data: &PlyData) -> NodeEnergies {
+    pub fn from_data(data: &PlyData) -> NodeEnergies {
         let nodes = data.node_energies();
         let high = |e: &EnergiesAt| -> Vec<f64> {
             data.sigma_per_um.iter().map(|sigma| e.high_at(*sigma, &data.path_um)).collect()
@@ -74,34 +74,34 @@ const MET_TURNS: usize = 360;
 
 /// Chance to meet a fiber over h/R at normal incidence: of a line, or of a model's beam, which blurs it.
 #[derive(serde::Serialize)]
-struct Met {
+struct HitChance {
     h_rel: Vec<f64>,
     chance: Vec<f64>,
     of: &'static str,
 }
 
-impl Met {
-    fn of(chance: impl Fn(f64) -> f64, of: &'static str) -> Met {
-        Met { h_rel: MET_AT.to_vec(), chance: MET_AT.into_iter().map(chance).collect(), of }
+impl HitChance {
+    fn new(chance: impl Fn(f64) -> f64, of: &'static str) -> HitChance {
+        HitChance { h_rel: MET_AT.to_vec(), chance: MET_AT.into_iter().map(chance).collect(), of }
     }
 
     /// Of a table's recorded lines, both sides alike.
-    fn table(t: &Table, radius_um: f64) -> Option<Met> {
+    fn table(t: &Table, radius_um: f64) -> Option<HitChance> {
         let energies = t.energies.as_ref().filter(|e| !e.met.is_empty())?;
         let count = energies.met.len() / energies.miss_theta_i.len();
         let reach = energies.miss_h_um[energies.miss_h_um.len() - 1];
         let bin = |x: f64| (((x / reach + 1.0) * 0.5 * count as f64).max(0.0) as usize).min(count - 1);
         let at = |x: f64| f64::from(energies.met[bin(x)]);
-        Some(Met::of(|h| 0.5 * (at(h * radius_um) + at(-h * radius_um)), "line"))
+        Some(HitChance::new(|h| 0.5 * (at(h * radius_um) + at(-h * radius_um)), "line"))
     }
 
     /// Of a model's beam.
-    fn model(d: &PlyData, radius_um: f64) -> Met {
-        Met::of(|h| 1.0 - d.energies.at(0.0, h * radius_um).r_d, "beam")
+    fn model(d: &PlyData, radius_um: f64) -> HitChance {
+        HitChance::new(|h| 1.0 - d.energies.at(0.0, h * radius_um).r_d, "beam")
     }
 
     /// Of plies packed by a spec.
-    fn spec(spec: &YarnSpec, file: &str) -> Outcome<Met> {
+    fn spec(spec: &YarnSpec, file: &str) -> Outcome<HitChance> {
         let h_um: Vec<f64> = MET_AT.iter().map(|h| h * spec.ply_radii_um()[0]).collect();
         let mut chance = vec![0.0; h_um.len()];
         for seed in 0..MET_PLIES {
@@ -110,7 +110,7 @@ impl Met {
                 *sum += met / MET_PLIES as f64;
             }
         }
-        Ok(Met { h_rel: MET_AT.to_vec(), chance, of: "line" })
+        Ok(HitChance { h_rel: MET_AT.to_vec(), chance, of: "line" })
     }
 
     fn text(&self, out: &mut dyn Write) -> std::io::Result<()> {
@@ -124,7 +124,7 @@ impl Met {
 fn spec(cli: &Cli, path: &Path) -> Outcome {
     let (spec, _) = YarnSpec::load(path)?;
     let file = path.display().to_string();
-    let met = Met::spec(&spec, &file)?;
+    let met = HitChance::spec(&spec, &file)?;
     let packing = match spec.ply.packing {
         Packing::Falling => "falling",
         Packing::Lined => "lined",
@@ -155,7 +155,7 @@ pub fn run(cli: &Cli, args: &InfoArgs) -> Outcome {
     let file = args.file.display().to_string();
     match load_any(cli, &args.file)? {
         Loaded::Table(t) => {
-            let yarn = Yarn::of(&args.file, &t.spec_text, &t.h_um)?;
+            let yarn = Yarn::from_spec(&args.file, &t.spec_text, &t.h_um)?;
             let head = Head {
                 file,
                 kind: "table",
@@ -170,12 +170,12 @@ pub fn run(cli: &Cli, args: &InfoArgs) -> Outcome {
                 h_um: t.h_um.clone(),
                 sigma_per_um: t.sigma_per_um.clone(),
             };
-            let met = Met::table(&t, yarn.radius_um);
+            let met = HitChance::table(&t, yarn.radius_um);
             if cli.json { table_json(&head, &t, met) } else { table_text(&head, &yarn.spec, &t, met) }
         }
         Loaded::Model(m) => {
             let d = m.data();
-            let yarn = Yarn::of(&args.file, &d.spec_text, &d.h_um)?;
+            let yarn = Yarn::from_spec(&args.file, &d.spec_text, &d.h_um)?;
             let head = Head {
                 file,
                 kind: "model",
@@ -190,7 +190,7 @@ pub fn run(cli: &Cli, args: &InfoArgs) -> Outcome {
                 h_um: d.h_um.clone(),
                 sigma_per_um: d.sigma_per_um.clone(),
             };
-            let met = Met::model(d, yarn.radius_um);
+            let met = HitChance::model(d, yarn.radius_um);
             if cli.json { model_json(&head, d, met) } else { model_text(&head, &yarn.spec, d, met) }
         }
         Loaded::Fiber(t) => super::info_fiber::run(cli, &file, bytes, &t),
@@ -200,7 +200,7 @@ pub fn run(cli: &Cli, args: &InfoArgs) -> Outcome {
     }
 }
 
-fn table_json(head: &Head, t: &Table, met: Option<Met>) -> Outcome {
+fn table_json(head: &Head, t: &Table, met: Option<HitChance>) -> Outcome {
     let m = t.theta_i.len();
     let sigmas = t.sigma_per_um.len();
     output::print_json(&serde_json::json!({
@@ -223,10 +223,10 @@ fn table_json(head: &Head, t: &Table, met: Option<Met>) -> Outcome {
     }))
 }
 
-fn model_json(head: &Head, d: &PlyData, met: Met) -> Outcome {
+fn model_json(head: &Head, d: &PlyData, met: HitChance) -> Outcome {
     let m = d.theta_i.len();
     let sigmas = d.sigma_per_um.len();
-    let NodeEnergies { r_d, refl, high } = NodeEnergies::of(d);
+    let NodeEnergies { r_d, refl, high } = NodeEnergies::from_data(d);
     output::print_json(&serde_json::json!({
         "file": head.file, "kind": head.kind, "bytes": head.bytes, "name": head.name,
         "program_version": head.program_version, "preset": head.preset, "seed": head.seed,
@@ -311,7 +311,7 @@ fn energies_text(
     Ok(())
 }
 
-fn table_text(head: &Head, spec: &YarnSpec, t: &Table, met: Option<Met>) -> Outcome {
+fn table_text(head: &Head, spec: &YarnSpec, t: &Table, met: Option<HitChance>) -> Outcome {
     output::print(|out| {
         head_text(out, head, spec)?;
         let scatters = match (t.plies, t.traced) {
@@ -322,7 +322,7 @@ fn table_text(head: &Head, spec: &YarnSpec, t: &Table, met: Option<Met>) -> Outc
         writeln!(out, "  scatters     {scatters}")?;
         writeln!(out, "  outgoing     {} x {} bins (theta_o, phi_o)", t.grid.theta_o, t.grid.phi_o)?;
         let paths = t.paths.iter().sum::<u64>() as f64;
-        let interactions = Spread::of(t.interactions.iter().copied());
+        let interactions = Spread::from_values(t.interactions.iter().copied());
         writeln!(
             out,
             "  paths        {} in all, {:.1} to {:.1} interactions a path",
@@ -343,7 +343,7 @@ fn table_text(head: &Head, spec: &YarnSpec, t: &Table, met: Option<Met>) -> Outc
     })
 }
 
-fn model_text(head: &Head, spec: &YarnSpec, d: &PlyData, met: Met) -> Outcome {
+fn model_text(head: &Head, spec: &YarnSpec, d: &PlyData, met: HitChance) -> Outcome {
     let sigmas = d.sigma_per_um.len();
     output::print(|out| {
         head_text(out, head, spec)?;
@@ -367,7 +367,7 @@ fn model_text(head: &Head, spec: &YarnSpec, d: &PlyData, met: Met) -> Outcome {
             writeln!(out, "               f_high {error} at sigma {}", number(*sigma))?;
         }
         met.text(out)?;
-        let e = NodeEnergies::of(d);
+        let e = NodeEnergies::from_data(d);
         energies_text(out, head, &e.refl, &e.high, &e.r_d, Some((&d.error_refl, &d.error_high)))
     })
 }

@@ -15,7 +15,7 @@ struct Range {
 }
 
 impl Range {
-    fn of(values: impl Iterator<Item = f64> + Clone) -> Self {
+    fn from_values(values: impl Iterator<Item = f64> + Clone) -> Self {
         let count = values.clone().count().max(1) as f64;
         Range {
             min: values.clone().fold(f64::INFINITY, f64::min),
@@ -35,9 +35,9 @@ impl std::fmt::Display for Range {
 pub fn run(cli: &Cli, file: &str, bytes: u64, t: &FiberTable) -> Outcome {
     let p = t.phi_i.len();
     let slices = 0..t.c_x_um.len();
-    let c_x = Range::of(t.c_x_um.iter().copied());
-    let relative = Range::of(slices.clone().map(|s| t.c_x_um[s] / t.width_um[s % p]));
-    let albedo = Range::of(slices.clone().map(|s| t.slice_albedo(s)));
+    let c_x = Range::from_values(t.c_x_um.iter().copied());
+    let relative = Range::from_values(slices.clone().map(|s| t.c_x_um[s] / t.width_um[s % p]));
+    let albedo = Range::from_values(slices.clone().map(|s| t.slice_albedo(s)));
     let ledger = t.ledger_error();
     let clamped = slices.clone().filter(|s| t.c_x_um[*s] > WIDTH_LIMIT * t.width_um[s % p]).count();
     let last = |v: &[f64]| v.last().copied().unwrap_or(0.0);
@@ -88,7 +88,7 @@ pub fn run(cli: &Cli, file: &str, bytes: u64, t: &FiberTable) -> Outcome {
             t.phi_r_count()
         )?;
         writeln!(out, "  beta_m       {} degrees", number(t.beta_m.to_degrees()))?;
-        writeln!(out, "  width        {} um", Range::of(t.width_um.iter().copied()))?;
+        writeln!(out, "  width        {} um", Range::from_values(t.width_um.iter().copied()))?;
         writeln!(out, "  C_x          {c_x} um; over the width {relative}")?;
         let share = 100.0 * clamped as f64 / t.c_x_um.len().max(1) as f64;
         writeln!(out, "  beyond {} widths: {} % of the slices", number(WIDTH_LIMIT), number(share))?;

@@ -4,7 +4,7 @@ pub mod build;
 pub mod check;
 pub mod check_cloth;
 pub mod check_filament;
-pub mod check_twin;
+pub mod check_traced;
 pub mod color;
 pub mod compare;
 pub mod diff;
@@ -89,7 +89,7 @@ pub struct Yarn {
 
 impl Yarn {
     /// From the spec text and the offsets of a table or model: the last offset is R + d_cut.
-    pub fn of(file: &Path, spec_text: &str, h_um: &[f64]) -> Outcome<Self> {
+    pub fn from_spec(file: &Path, spec_text: &str, h_um: &[f64]) -> Outcome<Self> {
         let spec = YarnSpec::parse(spec_text, &format!("{} (its spec)", file.display()))?;
         let reach = h_um.last().copied().unwrap_or(0.0);
         let radius_um = reach - spec.beam.beam().d_cut_um;

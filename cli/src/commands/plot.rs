@@ -26,7 +26,7 @@ use std::path::Path;
 /// Bins of a map of a model without a table: fine enough that none shows.
 const FINE: OutgoingGrid = OutgoingGrid { theta_o: 180, phi_o: 360 };
 /// Most latitudes shown in the energy budget.
-const MOST_BUDGETS: usize = 7;
+const MAX_BUDGETS: usize = 7;
 
 /// What is plotted: at least one of the two.
 struct Source {
@@ -80,11 +80,11 @@ impl Source {
             (_, Some(m)) => {
                 let d = m.data();
                 let written = format!("preset {}, seed {}, plywave {}", d.preset, d.seed, d.program_version);
-                (Yarn::of(&args.file, &d.spec_text, &d.h_um)?, written)
+                (Yarn::from_spec(&args.file, &d.spec_text, &d.h_um)?, written)
             }
             (Some(t), None) => {
                 let written = format!("preset {}, seed {}, plywave {}", t.preset, t.seed, t.program_version);
-                (Yarn::of(&args.file, &t.spec_text, &t.h_um)?, written)
+                (Yarn::from_spec(&args.file, &t.spec_text, &t.h_um)?, written)
             }
             (None, None) => {
                 return Err(Failure::input(args.file.display(), "content", "none", "give a table or a model"));
@@ -263,7 +263,7 @@ impl Source {
         std::iter::once(one(None)).chain(sigmas.iter().map(|s| one(Some(*s)))).collect()
     }
 
-    /// The energy budget at an absorption, at up to [`MOST_BUDGETS`] latitudes.
+    /// The energy budget at an absorption, at up to [`MAX_BUDGETS`] latitudes.
     fn budgets(&self, sigma: f64) -> Section {
         let (theta_i, h_um, _) = self.axes();
         let h_rel: Vec<f64> = h_um.iter().map(|h| h / self.yarn.radius_um).collect();
@@ -291,7 +291,7 @@ impl Source {
             Some(t) => (t.energy_refl.clone(), t.r_d.clone()),
             None => (nodes.iter().map(|e| e.refl).collect(), nodes.iter().map(|e| e.r_d).collect()),
         };
-        let panels = spread(theta_i.len(), MOST_BUDGETS)
+        let panels = spread(theta_i.len(), MAX_BUDGETS)
             .into_iter()
             .map(|m| {
                 let row = m * columns..(m + 1) * columns;
@@ -343,7 +343,7 @@ impl Source {
         let node = h_um.len() / 2;
         let high = match (&self.table, &self.model) {
             (Some(t), _) => t.energy_high.clone(),
-            (None, Some(m)) => NodeEnergies::of(m.data()).high,
+            (None, Some(m)) => NodeEnergies::from_data(m.data()).high,
             (None, None) => vec![],
         };
         let row = &high[node * sigma.len()..(node + 1) * sigma.len()];
@@ -420,7 +420,7 @@ pub fn run(cli: &Cli, args: &PlotArgs) -> Outcome {
     let path = args.output.clone().unwrap_or_else(|| output::default_output(&args.file, "png"));
     let others = [args.table.as_deref(), args.model.as_deref()];
     let inputs: Vec<&std::path::Path> = others.into_iter().flatten().chain([args.file.as_path()]).collect();
-    let format = Format::of(&path)?;
+    let format = Format::from_path(&path)?;
     output::check_writable(&path, &inputs)?;
     absorptions(&args.sigma)?;
     if args.file.extension().is_some_and(|e| e == "toml") || kinds::kind_of(&args.file) == Some(Kind::Yarn) {

@@ -9,7 +9,7 @@ use crate::rendering::{
 };
 use crate::{kinds, report};
 use plywave::fabric::{
-    Fabric, FabricBsdf, FabricOptions, FabricSpec, Family, GapLight, LoadedFabric, Slits, WeaveSpec,
+    Fabric, FabricModel, FabricOptions, FabricSpec, GapLight, LoadedFabric, Slits, WeaveSpec, YarnSet,
 };
 use plywave::gap::{SLIT_MAX_UM, SLIT_SHARE};
 use plywave_render::{Camera, Mesh, MeshNotes, RenderOptions, Setup, render};
@@ -139,7 +139,7 @@ fn slits(args: &RenderArgs) -> Outcome<Option<Slits>> {
 
 /// Whether the yarns of a fabric have slits, which the mean over its repeat leaves out.
 pub(super) fn has_slits(spec: &FabricSpec, options: &FabricOptions) -> bool {
-    Family::EACH.into_iter().any(|family| options.slits_of(spec, family).is_some())
+    YarnSet::EACH.into_iter().any(|family| options.slits_of(spec, family).is_some())
 }
 
 /// Runs the command.
@@ -152,7 +152,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
         let hint = "dual scattering is between strands and a fabric has none; give a scene of strands, or leave it out";
         return Err(Failure::input("command line", "--integrator", "dual", hint));
     }
-    let outputs = Outputs::of(args)?;
+    let outputs = Outputs::from_args(args)?;
     let loaded = FabricSpec::load_file(&args.fabric, &cli.library()?)?;
     let inputs = inputs(args, &loaded.spec, &loaded.model_paths);
     let read: Vec<&Path> = inputs.iter().map(|(_, path)| path.as_path()).collect();
@@ -199,7 +199,7 @@ pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     };
     let sky = crate::rendering::sky(args, &mut notes)?;
     let name = loaded.spec.name.clone();
-    let fabric = FabricBsdf::new(loaded, &options)?;
+    let fabric = FabricModel::new(loaded, &options)?;
     if args.sigma.is_none() {
         notes.extend(color::fabric_notes(&fabric));
     }

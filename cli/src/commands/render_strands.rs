@@ -34,7 +34,7 @@ fn check_foreign(args: &RenderArgs) -> Outcome {
 pub fn run(cli: &Cli, args: &RenderArgs) -> Outcome {
     check_flags(args)?;
     check_foreign(args)?;
-    let outputs = Outputs::of(args)?;
+    let outputs = Outputs::from_args(args)?;
     let spec = StrandSpec::load(&args.fabric)?;
     let mut inputs: Vec<(String, PathBuf)> = vec![("scene of strands".into(), args.fabric.clone())];
     inputs.extend(spec.inputs().into_iter().map(|(name, path)| (name.to_string(), path)));

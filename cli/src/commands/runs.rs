@@ -76,7 +76,7 @@ pub fn tell_notes(cli: &Cli, parts: &PartsFolder) {
 
 /// Names for the bar of a job.
 #[derive(Clone, Copy)]
-pub struct Told {
+pub struct ProgressNames {
     /// The work.
     pub what: &'static str,
     /// What is counted.
@@ -87,7 +87,7 @@ pub struct Told {
 pub fn run_job<J: Job>(
     cli: &Cli,
     job: &J,
-    told: Told,
+    told: ProgressNames,
     parts: Option<&PartsFolder>,
     file: &Path,
 ) -> Outcome<(J::Output, Duration)>
@@ -101,12 +101,12 @@ where
 pub fn run_share<J: Job>(
     cli: &Cli,
     job: &J,
-    told: Told,
+    told: ProgressNames,
     args: &ShardArgs,
     (path, resume): (&Path, &ResumeArgs),
     file: &Path,
 ) -> Outcome<bool> {
-    let plan = Plan::of(job);
+    let plan = Plan::from_job(job);
     if args.plan {
         tell_plan(cli, &plan)?;
         return Ok(true);
@@ -151,14 +151,14 @@ fn tell_plan(cli: &Cli, plan: &Plan) -> Outcome {
 fn with_bar<J: Job, T: Send>(
     cli: &Cli,
     job: &J,
-    told: Told,
+    told: ProgressNames,
     parts: Option<&PartsFolder>,
     file: &Path,
     work: impl FnOnce(Run<'_>) -> Result<T, SimError> + Send,
 ) -> Outcome<(T, Duration)> {
     progress::install_stop();
     let bar = Bar::new(told.what, told.unit, cli.quiet);
-    bar.begin(told.what, Plan::of(job).units);
+    bar.begin(told.what, Plan::from_job(job).units);
     let advance = |units: u64| bar.advance(units);
     let run = Run { parts, stop: Some(&progress::STOP), progress: Some(&advance) };
     // Without a folder there is nothing to save on the way, so that Ctrl-C may end the program at once.

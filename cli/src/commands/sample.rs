@@ -13,7 +13,7 @@ use std::io::Write;
 /// Runs the command.
 pub fn run(cli: &Cli, args: &SampleArgs) -> Outcome {
     let model = cli.library()?.load(&args.model)?;
-    let yarn = Yarn::of(&args.model, &model.data().spec_text, &model.data().h_um)?;
+    let yarn = Yarn::from_spec(&args.model, &model.data().spec_text, &model.data().h_um)?;
     let (theta_i, h_um) = incidence(&args.incidence, model.data(), yarn.radius_um)?;
     by_count!(args.incidence.sigma, draw(cli, args, &model, theta_i, h_um))
 }

@@ -1,6 +1,6 @@
 //! `plywave simulate`: spec in, table out.
 
-use super::runs::{self, Told, pipeline_failure};
+use super::runs::{self, ProgressNames, pipeline_failure};
 use crate::args::{Cli, Plies, Preset, RunArgs, SimulateArgs};
 use crate::failure::{Failure, Outcome};
 use crate::{output, report};
@@ -44,7 +44,7 @@ pub struct Summary {
 
 impl Summary {
     /// Of a table just simulated.
-    pub fn of(table: &Table, time: Duration, resumed: bool) -> Self {
+    pub fn new(table: &Table, time: Duration, resumed: bool) -> Self {
         Summary {
             paths: table.paths.iter().sum(),
             simulation_s: time.as_secs_f64(),
@@ -82,7 +82,7 @@ pub fn run(cli: &Cli, args: &SimulateArgs) -> Outcome {
     let job = SimulateJob::new(&recipe.spec, &recipe.spec_text, &recipe.simulation()).map_err(refuse)?;
     job.check_savable().map_err(refuse)?;
     output::check_writable(&path, &[&args.spec])?;
-    let told = Told { what: "simulate", unit: "paths" };
+    let told = ProgressNames { what: "simulate", unit: "paths" };
     if runs::run_share(cli, &job, told, &args.shards, (&path, &args.run.resume), &args.spec)? {
         return Ok(());
     }
@@ -91,7 +91,7 @@ pub fn run(cli: &Cli, args: &SimulateArgs) -> Outcome {
     let (table, time) = runs::run_job(cli, &job, told, Some(&parts), &args.spec)?;
     table.save(&path)?;
     parts.remove();
-    tell(cli, &path, &recipe.spec.name, &table, &Summary::of(&table, time, resumed))
+    tell(cli, &path, &recipe.spec.name, &table, &Summary::new(&table, time, resumed))
 }
 
 /// Says what came out.

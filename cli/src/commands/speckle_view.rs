@@ -50,7 +50,9 @@ pub fn kinds(p: &SpecklePatterns) -> Vec<Kind> {
             let from = (a * p.lambda_um.len() + l) * 2 * p.instances;
             let widths = &p.c_sca_um[from..from + 2 * p.instances];
             for side in SpeckleSide::EACH {
-                let of = |patterns: &[Vec<f64>]| plywave::speckle::SpeckleStatistics::of(patterns, side, LAGS_RAD);
+                let of = |patterns: &[Vec<f64>]| {
+                    plywave::speckle::SpeckleStatistics::from_patterns(patterns, side, LAGS_RAD)
+                };
                 let (tm, te, both) = (of(&tm), of(&te), of(&both));
                 let half_width_deg = Some(tm.half_width_rad.to_degrees()).filter(|w| w.is_finite());
                 kinds.push(Kind {
@@ -126,13 +128,13 @@ pub fn info(cli: &Cli, file: &str, bytes: u64, p: &SpecklePatterns) -> Outcome {
 /// Single patterns are drawn in these.
 const SINGLE: [Rgb; 2] = [[150, 160, 185], [205, 170, 130]];
 /// Most wavelengths drawn.
-const MOST_LAMBDAS: usize = 8;
+const MAX_LAMBDAS: usize = 8;
 
 /// Patterns, covariances over the lag, and over the lag in units of the wavelength, one row an absorption.
 pub fn figure(file: &Path, p: &SpecklePatterns) -> Outcome<Figure> {
     const DECADES: f64 = 5.0;
     let spec = YarnSpec::parse(&p.spec_text, &format!("{} (its spec)", file.display()))?;
-    let shown: Vec<usize> = (0..p.lambda_um.len()).step_by(p.lambda_um.len().div_ceil(MOST_LAMBDAS)).collect();
+    let shown: Vec<usize> = (0..p.lambda_um.len()).step_by(p.lambda_um.len().div_ceil(MAX_LAMBDAS)).collect();
     let Some(&first) = shown.first() else {
         return Err(Failure::input(file.display(), "lambda_um", "none", "give patterns of one wavelength or more"));
     };
@@ -168,7 +170,7 @@ pub fn figure(file: &Path, p: &SpecklePatterns) -> Outcome<Figure> {
             .map(|&l| {
                 let patterns = p.instances_of(a, l, SpecklePolarization::Tm);
                 let sides = [SpeckleSide::Reflection, SpeckleSide::Forward];
-                (l, sides.map(|side| plywave::speckle::SpeckleStatistics::of(&patterns, side, LAGS_RAD)))
+                (l, sides.map(|side| plywave::speckle::SpeckleStatistics::from_patterns(&patterns, side, LAGS_RAD)))
             })
             .collect();
         for (k, side) in ["light's side", "far side"].into_iter().enumerate() {

@@ -1,6 +1,6 @@
 //! `plywave twin`: fabric spec in, the light that path tracing of its explicit fibers sends out.
 
-use super::runs::{self, Told};
+use super::runs::{self, ProgressNames};
 use crate::args::{Cli, TwinArgs};
 use crate::failure::Outcome;
 use crate::{kinds, output, progress, report};
@@ -16,11 +16,11 @@ pub fn run(cli: &Cli, args: &TwinArgs) -> Outcome {
     let refuse = |e| runs::failure(e, &args.spec);
     let loaded = FabricSpec::load_file(&args.spec, &cli.library()?)?;
     kinds::tell_fabric_notes(cli, &loaded);
-    let cloth = TwinCloth::of(&loaded).map_err(refuse)?;
+    let cloth = TwinCloth::from_loaded(&loaded).map_err(refuse)?;
     let job = TwinJob::new(cloth, &options(args)).map_err(refuse)?;
     let path = args.output.clone().unwrap_or_else(|| args.shards.default_output(&args.spec, "pwx"));
     output::check_writable(&path, &[&args.spec])?;
-    let told = Told { what: "trace", unit: "paths" };
+    let told = ProgressNames { what: "trace", unit: "paths" };
     if runs::run_share(cli, &job, told, &args.shards, (&path, &args.resume), &args.spec)? {
         return Ok(());
     }

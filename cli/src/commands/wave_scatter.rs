@@ -1,6 +1,6 @@
 //! `plywave wave scatter`: scene in, far fields and widths out.
 
-use super::runs::{self, Told};
+use super::runs::{self, ProgressNames};
 use crate::args::{Cli, ResumeArgs, WaveScatterArgs};
 use crate::failure::Outcome;
 use crate::{output, progress, report};
@@ -15,7 +15,7 @@ pub fn run(cli: &Cli, args: &WaveScatterArgs) -> Outcome {
     let path = args.output.clone().unwrap_or_else(|| args.shards.default_output(&args.scene, "json"));
     output::check_writable(&path, &[&args.scene])?;
     let job = ScatterJob::new(&scene, &text);
-    let told = Told { what: "scatter", unit: "cases" };
+    let told = ProgressNames { what: "scatter", unit: "cases" };
     let never = ResumeArgs::default();
     if runs::run_share(cli, &job, told, &args.shards, (&path, &never), &args.scene)? {
         return Ok(());

@@ -1,7 +1,7 @@
 //! `plywave wave speckle`: a spec in, patterns of many instances of its fiber out (Yu 2025, 6.2).
 
 use super::compare::within;
-use super::runs::{self, Told};
+use super::runs::{self, ProgressNames};
 use super::{latitude, speckle_view};
 use crate::args::{Cli, WaveSpeckleArgs};
 use crate::failure::{Failure, Outcome};
@@ -16,7 +16,7 @@ pub fn run(cli: &Cli, args: &WaveSpeckleArgs) -> Outcome {
     let path = args.output.clone().unwrap_or_else(|| args.shards.default_output(&args.spec, "pws"));
     output::check_writable(&path, &[&args.spec])?;
     let job = SpeckleJob::new(&spec, &text, &options).map_err(|e| runs::failure(e, &args.spec))?;
-    let told = Told { what: "speckle", unit: "fibers" };
+    let told = ProgressNames { what: "speckle", unit: "fibers" };
     if runs::run_share(cli, &job, told, &args.shards, (&path, &args.resume), &args.spec)? {
         return Ok(());
     }

@@ -1,6 +1,6 @@
 //! `plywave wave tabulate`: a fiber's spec or scene in, the table of its scattering out (Xia 2020).
 
-use super::runs::{self, Told};
+use super::runs::{self, ProgressNames};
 use crate::args::{Cli, WaveTabulateArgs};
 use crate::failure::{Failure, Outcome};
 use crate::report::{self, number};
@@ -20,7 +20,7 @@ pub fn run(cli: &Cli, args: &WaveTabulateArgs) -> Outcome {
     output::check_writable(&path, &[&args.spec])?;
     let source = if args.rays { FiberSource::Ray } else { FiberSource::Wave };
     let job = TabulateJob::new(&fiber, &text, &options, source).map_err(refuse)?;
-    let told = Told { what: "tabulate", unit: "slices" };
+    let told = ProgressNames { what: "tabulate", unit: "slices" };
     if runs::run_share(cli, &job, told, &args.shards, (&path, &args.resume), &args.spec)? {
         return Ok(());
     }
@@ -29,7 +29,7 @@ pub fn run(cli: &Cli, args: &WaveTabulateArgs) -> Outcome {
     let (table, time) = runs::run_job(cli, &job, told, Some(&parts), &args.spec)?;
     progress::stoppable(|| table.save(&path))?;
     parts.remove();
-    tell(cli, &path, &table, Plan::of(&job).units, time, resumed)
+    tell(cli, &path, &table, Plan::from_job(&job).units, time, resumed)
 }
 
 /// Sizes: the preset's, then the command line's.

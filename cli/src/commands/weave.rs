@@ -7,7 +7,7 @@ use crate::{output, plot, progress};
 use image::{ExtendedColorType, ImageEncoder};
 use plywave::color::{AlbedoCurve, srgb_encode};
 use plywave::fabric::{
-    Fabric, FabricBsdf, FabricOptions, FabricSpec, Family, USUAL_LEAN_DEG, WeaveSpec, YarnColor, YarnPlace,
+    Fabric, FabricModel, FabricOptions, FabricSpec, USUAL_LEAN_DEG, WeaveSpec, YarnColor, YarnPlace, YarnSet,
 };
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -30,7 +30,7 @@ const FILES: [&str; 12] = [
     DESCRIPTION,
 ];
 /// Most pixels of a texture.
-const MOST_PIXELS: f64 = (1u64 << 24) as f64;
+const MAX_PIXELS: f64 = (1u64 << 24) as f64;
 /// Longest side of a texture whose size nobody asked for.
 const USUAL_SIDE: f64 = 4096.0;
 /// Pixels to the narrower spacing, where that makes no side longer.
@@ -56,10 +56,10 @@ pub fn run(cli: &Cli, args: &WeaveArgs) -> Outcome {
         FILES.iter().try_for_each(|name| output::check_writable(&folder.join(name), &read))?;
     }
     let size = size(args, &loaded.fabric)?;
-    let shading = FabricBsdf::new(loaded, &FabricOptions::default())?;
+    let shading = FabricModel::new(loaded, &FabricOptions::default())?;
     notes.extend(super::color::fabric_notes(&shading));
     let load = begun.elapsed();
-    let colors = Family::EACH.map(|family| base_colors(&shading, family));
+    let colors = YarnSet::EACH.map(|family| base_colors(&shading, family));
     let fabric = shading.fabric();
     progress::install_stop();
     let textures = textures(fabric, &colors, size, args.back);
@@ -88,15 +88,15 @@ pub fn run(cli: &Cli, args: &WeaveArgs) -> Outcome {
 
 /// Width and height of the textures of one repeat.
 fn size(args: &WeaveArgs, fabric: &Fabric) -> Outcome<[u32; 2]> {
-    let narrow = Family::EACH.map(|f| fabric.shape(f).spacing_um).into_iter().fold(f64::INFINITY, f64::min);
+    let narrow = YarnSet::EACH.map(|f| fabric.shape(f).spacing_um).into_iter().fold(f64::INFINITY, f64::min);
     let cells = fabric.repeat_um().map(|um| um / narrow);
     let pixels = match args.pixels {
         Some(pixels) => f64::from(pixels),
         None => USUAL_PIXELS.min((USUAL_SIDE / cells[0].max(cells[1])).floor()).max(1.0),
     };
     let [w, h] = cells.map(|c| (c * pixels).round().max(1.0));
-    if w * h > MOST_PIXELS {
-        let most = (MOST_PIXELS / (cells[0] * cells[1])).sqrt().floor();
+    if w * h > MAX_PIXELS {
+        let most = (MAX_PIXELS / (cells[0] * cells[1])).sqrt().floor();
         let hint = match most {
             most if most >= 1.0 => format!("one repeat would take {w} x {h} pixels; use {most} or less"),
             _ => "one repeat of this draft is too large for textures; ask the fabric on the fly".into(),
@@ -139,7 +139,7 @@ fn signed16(x: f64) -> u16 {
 }
 
 /// Base colors of the yarns of a repeat, encoded sRGB: the color of the spec or the WIF; of other yarns the albedo of their fibers under diffuse light.
-fn base_colors(shading: &FabricBsdf, family: Family) -> Vec<[u8; 3]> {
+fn base_colors(shading: &FabricModel, family: YarnSet) -> Vec<[u8; 3]> {
     let fabric = shading.fabric();
     let gray = |thread: i32, sigma: f64| {
         let curve = AlbedoCurve::diffuse(shading.model_of(family, thread));
@@ -162,8 +162,8 @@ fn normal(fabric: &Fabric, place: &YarnPlace) -> [f64; 3] {
     let [tx, ty, tz] = place.tangent.map(f64::from);
     // The axis of warp has no x, that of weft no y; the outline leans back where the axis climbs.
     let normal = match place.family {
-        Family::Warp => [sin, -cos * tz * ty.signum(), cos * ty.abs()],
-        Family::Weft => [-cos * tz * tx.signum(), sin, cos * tx.abs()],
+        YarnSet::Warp => [sin, -cos * tz * ty.signum(), cos * ty.abs()],
+        YarnSet::Weft => [-cos * tz * tx.signum(), sin, cos * tx.abs()],
     };
     normal.map(|v| if v.is_finite() { v } else { 0.0 })
 }
@@ -172,7 +172,7 @@ fn normal(fabric: &Fabric, place: &YarnPlace) -> [f64; 3] {
 const CHORDS: usize = 1024;
 
 /// Height of fiber-filled plies over distances from a level yarn's axis, from 0 to half its width [um], the mean over the turn of the plies.
-fn chords(fabric: &Fabric, family: Family) -> Vec<f64> {
+fn chords(fabric: &Fabric, family: YarnSet) -> Vec<f64> {
     const TURNS: usize = 96;
     let s = fabric.shape(family);
     let (radius, circle, plies) = (s.ply_radius_um, s.circle_um(), s.plies as usize);
@@ -207,7 +207,7 @@ fn textures(fabric: &Fabric, colors: &[Vec<[u8; 3]>; 2], [w, h]: [u32; 2], from_
     let half = f64::from(fabric.half_thickness_um());
     let [mut family, mut yarn, mut across, mut along, mut tangent, mut height] = [const { Vec::new() }; 6];
     let [mut base_color, mut normals] = [const { Vec::new() }; 2];
-    let chords = Family::EACH.map(|f| chords(fabric, f));
+    let chords = YarnSet::EACH.map(|f| chords(fabric, f));
     let mut thick: Vec<f64> = Vec::new();
     for row in 0..h {
         for column in 0..w {
@@ -216,8 +216,8 @@ fn textures(fabric: &Fabric, colors: &[Vec<[u8; 3]>; 2], [w, h]: [u32; 2], from_
             let place = fabric.yarn_at(x as f32, y as f32, from_back);
             family.push(match place.map(|p| p.family) {
                 None => 0,
-                Some(Family::Weft) => 128,
-                Some(Family::Warp) => 255,
+                Some(YarnSet::Weft) => 128,
+                Some(YarnSet::Warp) => 255,
             });
             let of = |f: &dyn Fn(&YarnPlace) -> u16, gap: u16| place.as_ref().map_or(gap, f).to_ne_bytes();
             let threads = |p: &YarnPlace| fabric.draft().threads(p.family) as i32;
@@ -304,7 +304,7 @@ fn textures(fabric: &Fabric, colors: &[Vec<[u8; 3]>; 2], [w, h]: [u32; 2], from_
 }
 
 fn about(spec: &FabricSpec, fabric: &Fabric, size: [u32; 2], back: bool, textures: &[Texture]) -> serde_json::Value {
-    let yarns: serde_json::Map<String, serde_json::Value> = Family::EACH
+    let yarns: serde_json::Map<String, serde_json::Value> = YarnSet::EACH
         .into_iter()
         .map(|family| {
             let s = fabric.shape(family);
@@ -340,7 +340,7 @@ const STEEP_DEG: f64 = 45.0;
 
 /// A line for each family whose yarns lean a lot.
 pub fn lean_notes(fabric: &Fabric) -> Vec<String> {
-    let note = |family: Family| {
+    let note = |family: YarnSet| {
         let (lean, crimp, usual) = (fabric.lean_deg(family), fabric.shape(family).crimp, fabric.usual_crimp(family));
         (lean > STEEP_DEG).then(|| {
             format!(
@@ -350,7 +350,7 @@ pub fn lean_notes(fabric: &Fabric) -> Vec<String> {
             )
         })
     };
-    Family::EACH.into_iter().filter_map(note).collect()
+    YarnSet::EACH.into_iter().filter_map(note).collect()
 }
 
 /// The yarns in words, one line a family.
@@ -362,7 +362,7 @@ fn particulars(fabric: &Fabric) -> Vec<String> {
         report::counted(draft.picks() as u64, "pick", "picks"),
         number((1000.0 * draft.warp_share()).round() / 10.0)
     )];
-    for family in Family::EACH {
+    for family in YarnSet::EACH {
         let s = fabric.shape(family);
         let pitch =
             s.ply_pitch_um.filter(|_| s.plies > 1).map(|p| format!(", pitch {} um {:?}", number(p), s.handedness));
@@ -385,7 +385,7 @@ fn particulars(fabric: &Fabric) -> Vec<String> {
 fn tell(
     cli: &Cli,
     folder: &Path,
-    shading: &FabricBsdf,
+    shading: &FabricModel,
     load: Duration,
     notes: &[String],
     about: &serde_json::Value,

@@ -68,7 +68,7 @@ impl Cloth {
     }
 
     /// Of another ply.
-    pub fn of(fabric: &'static str, ply: Ply) -> Cloth {
+    pub fn new(fabric: &'static str, ply: Ply) -> Cloth {
         Cloth { fabric, ply: Some(ply) }
     }
 
@@ -94,10 +94,10 @@ pub struct Workshop<'a> {
 }
 
 /// Longest spec that is read [bytes].
-const MOST_TEXT: u64 = 32 << 20;
+const MAX_TEXT: u64 = 32 << 20;
 
 fn read(path: &Path) -> Outcome<String> {
-    plywave::io::read_text(path, MOST_TEXT).map_err(not_shipped)
+    plywave::io::read_text(path, MAX_TEXT).map_err(not_shipped)
 }
 
 /// Says where a file that ships is looked for.

@@ -58,7 +58,7 @@ pub struct Shot {
 
 impl Shot {
     /// Of a panel.
-    pub fn of(panel: &Panel, fabric: String, digest: String, pixels: u32, samples: u32, depth: u32) -> Shot {
+    pub fn new(panel: &Panel, fabric: String, digest: String, pixels: u32, samples: u32, depth: u32) -> Shot {
         Shot {
             title: panel.title.clone(),
             fabric,
@@ -217,7 +217,7 @@ pub fn about(entry: &Entry) -> Vec<(String, String)> {
 
 /// The page: the pictures with what is to be seen, and the commands of each panel.
 pub fn markdown(index: &Index, command: &str) -> String {
-    let mut page = format!("Made by `{command}`.\n");
+    let mut page = format!("GeneratedStrands by `{command}`.\n");
     for entry in &index.pictures {
         page += &format!("\n![{}]({})\n\n{}\n\n```sh\n", entry.name, entry.small, entry.caption);
         for (k, shot) in entry.panels.iter().enumerate() {

@@ -208,7 +208,7 @@ pub fn all() -> Vec<Picture> {
     }
     let even = FabricOptions { sigma_per_um: Some(0.003), ..SMOOTH };
     let satin = |title: &str, cloth, options| panel(title, cloth, Setup::Drape, 400.0, options);
-    let of = |ply: Ply| Cloth::of("polyester_satin", ply);
+    let of = |ply: Ply| Cloth::new("polyester_satin", ply);
     list.push(picture(
         "fiber_shapes",
         "One satin, one absorption of the fibers (0.003 per um): polyester, the same with fibers of cotton's outline, and cotton.",

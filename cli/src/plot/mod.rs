@@ -28,7 +28,7 @@ pub enum Format {
 
 impl Format {
     /// By the ending of an output file.
-    pub fn of(path: &Path) -> Outcome<Format> {
+    pub fn from_path(path: &Path) -> Outcome<Format> {
         match path.extension().map(|e| e.to_string_lossy().to_lowercase()).as_deref() {
             Some("png") => Ok(Format::Png),
             Some("svg") => Ok(Format::Svg),
@@ -76,7 +76,7 @@ mod tests {
 
     #[test]
     fn the_ending_says_the_format() {
-        let of = |name: &str| Format::of(Path::new(name)).ok();
+        let of = |name: &str| Format::from_path(Path::new(name)).ok();
         assert_eq!(of("a.png").zip(of("b.c.SVG")), Some((Format::Png, Format::Svg)));
         assert!(["a.jpg", "a", "png", ".svg", "a.png.gz"].into_iter().all(|name| of(name).is_none()));
     }

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use ttf_parser::{Face, GlyphId, OutlineBuilder};
 
 /// DejaVu Sans 2.37 (license beside it): Latin, Greek, Cyrillic and a few signs, without hints, kerning and ligatures, so that a text is as wide as its
-/// letters. Made by `pyftsubset` of fonttools; README of the folder has the command.
+/// letters. GeneratedStrands by `pyftsubset` of fonttools; README of the folder has the command.
 const FONT: &[u8] = include_bytes!("../../fonts/DejaVuSans.ttf");
 /// Size of text [pixels an em].
 const SIZE: f64 = 15.0;

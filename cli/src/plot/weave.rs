@@ -8,17 +8,14 @@ use super::figure::{Figure, INK, LINE, Panel, WHITE};
 use super::page::{Head, page};
 use super::text::literal;
 use plywave::color::{srgb_decode, srgb_encode};
-use plywave::fabric::{Fabric, Family, Place, YarnColor};
+use plywave::fabric::{Fabric, Hit, YarnColor, YarnSet};
+use plywave::math::vec3::dot;
 
 const SIDE: i32 = 400;
 const GAP: i32 = 24;
 
 /// Towards the light, unit, for a viewer above the page.
 const LIGHT: [f64; 3] = [-0.38, 0.50, 0.778];
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
 
 fn encoded(linear: f64) -> u8 {
     (255.0 * srgb_encode(linear.clamp(0.0, 1.0))).round() as u8
@@ -36,7 +33,7 @@ fn dye(color: YarnColor) -> [f64; 3] {
 /// What the viewer sees at a point, linear; from behind the fabric is turned about y.
 fn seen(fabric: &Fabric, x_um: f64, y_um: f64, from_back: bool) -> [f64; 3] {
     let side = if from_back { -1.0 } else { 1.0 };
-    let Place::Ply(hit) = fabric.at((side * x_um) as f32, y_um as f32, [0.0, 0.0, side as f32]) else {
+    let Hit::Ply(hit) = fabric.at((side * x_um) as f32, y_um as f32, [0.0, 0.0, side as f32]) else {
         return [srgb_decode(0.97); 3];
     };
     let turned = |v: [f32; 3]| [side * f64::from(v[0]), f64::from(v[1]), side * f64::from(v[2])];
@@ -92,7 +89,7 @@ fn drafted(figure: &mut Figure, at: Panel, fabric: &Fabric) {
 
 /// The sheet.
 pub fn sheet(name: &str, particulars: &[String], fabric: &Fabric) -> Figure {
-    let spacing = Family::EACH.map(|f| fabric.shape(f).spacing_um);
+    let spacing = YarnSet::EACH.map(|f| fabric.shape(f).spacing_um);
     let [a, b] = fabric.repeat_um();
     // Close up: a repeat or two, between 6 and 12 yarns.
     let near = (2.0 * a.max(b)).clamp(6.0 * spacing[0].max(spacing[1]), 12.0 * spacing[0].max(spacing[1]));

@@ -7,9 +7,9 @@ use toml::Value;
 /// Largest length [mm].
 const FAR: f64 = 1e6;
 /// Most lamps.
-const MOST_LAMPS: usize = 64;
+const MAX_LAMPS: usize = 64;
 /// Most nodes of a spectrum.
-const MOST_NODES: usize = 256;
+const MAX_NODES: usize = 256;
 
 const LENGTH: Kind = Kind::Above(0.0, FAR);
 const COUNT: Kind = Kind::Integer(1, 10_000_000);
@@ -159,7 +159,7 @@ fn sigma(file: &str, key: &str, value: &Value) -> plywave::Result<()> {
         None => within(value),
         Some(list) => {
             let lambda = |v: &Value| number(&v[0]).unwrap_or(0.0);
-            (1..=MOST_NODES).contains(&list.len())
+            (1..=MAX_NODES).contains(&list.len())
                 && list.iter().all(pair)
                 && list.windows(2).all(|w| lambda(&w[0]) < lambda(&w[1]))
         }
@@ -169,8 +169,7 @@ fn sigma(file: &str, key: &str, value: &Value) -> plywave::Result<()> {
 }
 
 fn lamps(file: &str, key: &str, value: &Value) -> plywave::Result<()> {
-    let Some(list) = value.as_array().filter(|list| list.len() <= MOST_LAMPS && list.iter().all(Value::is_table))
-    else {
+    let Some(list) = value.as_array().filter(|list| list.len() <= MAX_LAMPS && list.iter().all(Value::is_table)) else {
         return Err(invalid(file, key, value, "use up to 64 tables, [[lamps]]"));
     };
     let rules = Rules { keys: LAMP, ..RULES };

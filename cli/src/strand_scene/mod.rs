@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use types::{SigmaSpec, Spec};
 
 /// Longest scene file [bytes].
-const MOST_BYTES: u64 = 4 << 20;
+const MAX_BYTES: u64 = 4 << 20;
 
 /// A scene of strands as its file describes it.
 pub struct StrandSpec {
@@ -43,7 +43,7 @@ impl StrandSpec {
     pub fn load(path: &Path) -> Outcome<StrandSpec> {
         let explain = |e: plywave::Error| kinds::explain(path, &[kinds::Kind::StrandScene], e);
         let file = path.display().to_string();
-        let text = plywave::io::read_text(path, MOST_BYTES).map_err(explain)?;
+        let text = plywave::io::read_text(path, MAX_BYTES).map_err(explain)?;
         let table = rules::parse(&text, &file, &RULES).map_err(explain)?;
         let spec: Spec = rules::typed(table, &file, &RULES)?;
         let strands = &spec.strands;

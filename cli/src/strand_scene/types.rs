@@ -1,6 +1,6 @@
 //! What the file of a scene of strands holds.
 
-use plywave_render::Made;
+use plywave_render::GeneratedStrands;
 use serde::Deserialize;
 use std::path::PathBuf;
 
@@ -21,7 +21,7 @@ pub struct Spec {
 #[derive(Debug, Deserialize)]
 pub struct StrandsSpec {
     pub file: Option<PathBuf>,
-    pub make: Option<Made>,
+    pub make: Option<GeneratedStrands>,
     pub radius_um: Option<f32>,
     pub segments: Option<u32>,
     pub seed: Option<u64>,

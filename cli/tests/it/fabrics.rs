@@ -5,7 +5,7 @@
 
 use glam::Vec3;
 use plywave::check::check_bsdf;
-use plywave::fabric::{ColorOf, FabricBsdf, FabricOptions, FabricSpec, YarnColor};
+use plywave::fabric::{ColorOf, FabricModel, FabricOptions, FabricSpec, YarnColor};
 use plywave::frame::direction;
 use plywave::ply::PlyData;
 use plywave::spec::YarnSpec;
@@ -50,20 +50,20 @@ fn models() -> &'static [Arc<PlyModel>] {
 }
 
 /// A fabric that ships, loaded once; its models have edge lobes and layer factors.
-fn fabric(name: &'static str) -> Arc<FabricBsdf> {
-    type Once = Arc<OnceLock<Arc<FabricBsdf>>>;
+fn fabric(name: &'static str) -> Arc<FabricModel> {
+    type Once = Arc<OnceLock<Arc<FabricModel>>>;
     static LOADED: Mutex<BTreeMap<&str, Once>> = Mutex::new(BTreeMap::new());
     let once = LOADED.lock().unwrap().entry(name).or_default().clone();
     let load = || {
         let loaded = FabricSpec::load(folder().join(format!("{name}.toml"))).unwrap();
         assert!(loaded.models.iter().all(|m| m.has_edge() && m.data().layers.is_some()), "{name}");
-        Arc::new(FabricBsdf::new(loaded, &FabricOptions::default()).unwrap())
+        Arc::new(FabricModel::new(loaded, &FabricOptions::default()).unwrap())
     };
     once.get_or_init(load).clone()
 }
 
 /// Twill of yarns of three plies, of a small model of such a yarn.
-fn three_plies(options: &FabricOptions) -> FabricBsdf {
+fn three_plies(options: &FabricOptions) -> FabricModel {
     static MODEL: OnceLock<PlyData> = OnceLock::new();
     let data = MODEL.get_or_init(|| {
         let text = std::fs::read_to_string(folder().join("polyester_3ply.toml")).unwrap();
@@ -92,10 +92,10 @@ fn three_plies(options: &FabricOptions) -> FabricBsdf {
         "name = \"three\"\n[weave]\nkind = \"twill\"\nup = 2\ndown = 1\n[warp]\n{yarn}{warp}[weft]\n{yarn}{weft}"
     );
     std::fs::write(folder.path().join("three.toml"), text).unwrap();
-    FabricBsdf::load(folder.path().join("three.toml"), options).unwrap()
+    FabricModel::load(folder.path().join("three.toml"), options).unwrap()
 }
 
-fn rendered(scene: &Scene, camera: &Camera, fabric: &FabricBsdf, side: u32, options: &RenderOptions) -> Film {
+fn rendered(scene: &Scene, camera: &Camera, fabric: &FabricModel, side: u32, options: &RenderOptions) -> Film {
     let mut film = Film::new(side, side).unwrap();
     render(scene, camera, fabric, &mut film, options, &AtomicBool::new(false), &mut |_| Ok(())).unwrap();
     film
@@ -115,7 +115,7 @@ fn luminances(film: &Film) -> Vec<f64> {
     (0..film.width() * film.height()).map(at).collect()
 }
 
-fn clear_in_a_white_room(name: &str, fabric: &FabricBsdf) {
+fn clear_in_a_white_room(name: &str, fabric: &FabricModel) {
     // Far from the sheet, so that all of the picture is cloth: from the face, from the face at 70 degrees, from the back; then folds, where light goes from cloth to cloth.
     let s = 30.0f32;
     let seen = |x: f32, z: f32| Camera::new(Vec3::new(x, 0.0, z) * (4.0 * s), Vec3::ZERO, Vec3::Y, 0.06);
@@ -231,12 +231,12 @@ fn the_mean_over_speckle_is_the_smooth_picture() {
     let satin = |noise: bool| {
         let mut loaded = FabricSpec::load(folder().join("polyester_satin.toml")).unwrap();
         loaded.models.fill(model.clone());
-        FabricBsdf::new(loaded, &FabricOptions { noise, ..FabricOptions::default() }).unwrap()
+        FabricModel::new(loaded, &FabricOptions { noise, ..FabricOptions::default() }).unwrap()
     };
     let (smooth, noised) = (satin(false), satin(true));
     // A few yarns lit by a small lamp from the front. Other repeats of the weave have other speckle and nothing else: the same samples of a pixel see the same plies.
     let repeat = smooth.fabric().repeat_um().map(|r| r as f32);
-    let film = |fabric: &FabricBsdf, instance: usize| {
+    let film = |fabric: &FabricModel, instance: usize| {
         let mut mesh = Mesh::flat(1.0);
         for uv in &mut mesh.uv_um {
             *uv = [uv[0] + repeat[0] * (3 * instance) as f32, uv[1] + repeat[1] * (2 * instance) as f32];

@@ -54,7 +54,7 @@ fn places() -> Vec<(&'static str, Vec<&'static str>)> {
         (leak(format!("sample FILE {AT}")), vec!["k.pwm"]),
         ("check FILE", vec!["k.pwm", "k.pwfam", "fabric.toml", "filament.toml"]),
         ("check k.pwm --table FILE", vec!["k.pwt"]),
-        ("check k.pwm --twin FILE", vec!["k.pwt"]),
+        ("check k.pwm --traced FILE", vec!["k.pwt"]),
         ("check fabric.toml --twin FILE", vec!["k.pwx"]),
         ("diff FILE k.pwm", vec!["k.pwm", "k.pwt"]),
         ("diff k.pwm FILE", vec!["k.pwm"]),

@@ -73,30 +73,32 @@ fn a_yarn_is_built_from_one_ply_and_compared_with_the_traced_yarn() {
     assert_eq!(d["slices"].as_array().unwrap().len(), 9);
     let strict = run(dir, &["diff", "one.pwt", "traced.pwt", "--tol-energy", "1e-9"]);
     assert_eq!(strict.status.code(), Some(1));
-    // The model, and the table that it was fitted to, are held to the twin at every incidence up to 40 degrees.
-    let checked =
-        run(dir, &["check", "yarn.pwm", "--table", "yarn.pwt", "--twin", "traced.pwt", "--incidences", "3", "--json"]);
+    // The model, and the table that it was fitted to, are compared with the traced yarn at every incidence up to 40 degrees.
+    let checked = run(
+        dir,
+        &["check", "yarn.pwm", "--table", "yarn.pwt", "--traced", "traced.pwt", "--incidences", "3", "--json"],
+    );
     let c = json(&text(&checked.stdout));
     let value = |name: &str| {
         let lines = c["checks"].as_array().unwrap();
         lines.iter().find(|l| l["check"] == name).unwrap_or_else(|| panic!("{name}"))["value"].as_f64().unwrap()
     };
-    for (k, name) in [(0, "table_twin_sigma_0"), (1, "table_twin_sigma_0.01")] {
-        let high = |part: &str, i: usize| c["twin"][part]["slices"][i]["high_relative_l2"][k].as_f64();
+    for (k, name) in [(0, "table_traced_sigma_0"), (1, "table_traced_sigma_0.01")] {
+        let high = |part: &str, i: usize| c["traced"][part]["slices"][i]["high_relative_l2"][k].as_f64();
         let largest = |part| (0..6).filter_map(|i| high(part, i)).fold(0.0, f64::max);
         assert!((value(name) - largest("table")).abs() < 1e-12 && largest("table") < 0.8);
-        assert!((value(&name.replace("table_twin", "twin_high")) - largest("model")).abs() < 1e-12);
+        assert!((value(&name.replace("table_traced", "traced_high")) - largest("model")).abs() < 1e-12);
     }
-    let [table_off, model_off] = ["table_twin_energy", "twin_energy"].map(value);
+    let [table_off, model_off] = ["table_traced_energy", "traced_energy"].map(value);
     // Between five nodes the model's energies round off what the table's slices have.
     assert!(table_off < 0.05 && (model_off - table_off).abs() < 5e-3, "{table_off} {model_off}");
     // A traced table is found out: the same figures by --table alone, whose errors are the model's fit errors against it.
     let told =
         json(&text(&run(dir, &["check", "yarn.pwm", "--table", "traced.pwt", "--incidences", "3", "--json"]).stdout));
-    assert_eq!(told["twin"]["model"], c["twin"]["model"]);
-    let told = text(&run(dir, &["check", "yarn.pwm", "--twin", "traced.pwt", "--incidences", "3"]).stdout);
-    assert!(told.contains("model against the traced yarn") && told.contains("twin_high_sigma_0.01"), "{told}");
-    refused(dir, &["check", "yarn.pwm", "--twin", "yarn.pwt"], &["yarn.pwt: traced = false: must be true"]);
+    assert_eq!(told["traced"]["model"], c["traced"]["model"]);
+    let told = text(&run(dir, &["check", "yarn.pwm", "--traced", "traced.pwt", "--incidences", "3"]).stdout);
+    assert!(told.contains("model against the traced yarn") && told.contains("traced_high_sigma_0.01"), "{told}");
+    refused(dir, &["check", "yarn.pwm", "--traced", "yarn.pwt"], &["yarn.pwt: traced = false: must be true"]);
     let of = |name: &str, from: &str, to: &str| {
         let spec = format!("{TINY}\n[yarn]\nplies = 3\n").replace(from, to);
         std::fs::write(dir.join(name).with_extension("toml"), spec).unwrap();
@@ -104,11 +106,11 @@ fn a_yarn_is_built_from_one_ply_and_compared_with_the_traced_yarn() {
         succeed(dir, &traced);
     };
     of("gray", "[0.0, 0.01, 0.1]", "[0.0, 0.1]");
-    refused(dir, &["check", "yarn.pwm", "--twin", "gray.pwt"], &["gray.pwt: sigma_per_um = [0, 0.1]: needs 0.01"]);
+    refused(dir, &["check", "yarn.pwm", "--traced", "gray.pwt"], &["gray.pwt: sigma_per_um = [0, 0.1]: needs 0.01"]);
     of("two", "plies = 3", "plies = 2");
-    refused(dir, &["check", "yarn.pwm", "--twin", "two.pwt"], &["two.pwt: yarn = ", "another yarn"]);
+    refused(dir, &["check", "yarn.pwm", "--traced", "two.pwt"], &["two.pwt: yarn = ", "another yarn"]);
     of("coarse", "phi_o_bins = 24", "phi_o_bins = 12");
-    let both = ["check", "yarn.pwm", "--table", "yarn.pwt", "--twin", "coarse.pwt"];
+    let both = ["check", "yarn.pwm", "--table", "yarn.pwt", "--traced", "coarse.pwt"];
     refused(dir, &both, &["coarse.pwt: axis theta_o, phi_o differs"]);
     // The model of a yarn is fitted as it is, never once more.
     succeed(dir, &["fit", "traced.pwt", "-o", "traced.pwm", "--quiet"]);

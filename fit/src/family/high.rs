@@ -5,7 +5,7 @@ use crate::fit::{block_products, block_targets, dark_slices};
 use crate::lobes::absorption::{attenuation, fit_lobe_spectra};
 use crate::lobes::block::{BlockEffort, CORNERS, Target, fit_joint};
 use crate::lobes::dark::{DarkSlices, refine};
-use plywave::ply::LobeFamily;
+use plywave::ply::LobeKind;
 use plywave::ply::asg::PARAMS;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -52,7 +52,7 @@ fn fit_block(work: &Work<'_>, (bm, bn): (usize, usize), block: usize, spectra: &
     let first = work.all[0];
     // Of every table nine slices, their corners those of one node.
     let own: Vec<Vec<Target>> =
-        work.all.iter().map(|table| block_targets(sphere, table, bm, bn, LobeFamily::Round)).collect();
+        work.all.iter().map(|table| block_targets(sphere, table, bm, bn, LobeKind::Round)).collect();
 
     // Node by node.
     let follow = BlockEffort { starts: 0, moves: 0, ..options.block };

@@ -5,7 +5,7 @@ use crate::lobes::block::{Target, joint_cost};
 use crate::lobes::reflection::{Nodes, fit_reflection, prior, relative};
 use crate::lobes::sphere::Scratch;
 use crate::optimize::minimize::{MinimizeOptions, minimize_bounded};
-use plywave::ply::LobeFamily;
+use plywave::ply::LobeKind;
 use plywave::ply::asg::{MU_MAX, MU_MIN, PARAMS};
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -74,8 +74,7 @@ fn round(
             .filter(|at| (at / n + at % n) % 2 == color)
             .map(|at| {
                 let start: Vec<f64> = held.iter().flat_map(|set| set[at].clone().unwrap_or_default()).collect();
-                let pull: Vec<f64> =
-                    held.iter().flat_map(|set| prior(nodes, at, set, size, LobeFamily::Round)).collect();
+                let pull: Vec<f64> = held.iter().flat_map(|set| prior(nodes, at, set, size, LobeKind::Round)).collect();
                 (at, fit_sets(work, &targets(at), &start, &pull))
             })
             .collect();

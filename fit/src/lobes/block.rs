@@ -7,7 +7,7 @@ use crate::lobes::cone::{self, SliceLobes, ring_lobes, rings};
 use crate::lobes::init::kmeans_lobes;
 use crate::lobes::sphere::{PaddedSlice, Scratch, SphereGrid};
 use crate::optimize::minimize::{MinimizeOptions, minimize_bounded};
-use plywave::ply::LobeFamily;
+use plywave::ply::LobeKind;
 use plywave::ply::asg::PARAMS;
 use std::f64::consts::PI;
 
@@ -115,7 +115,7 @@ pub(crate) fn joint_cost(
 }
 
 fn is_cone(targets: &[Target]) -> bool {
-    targets.iter().any(|t| t.lobes.family() == LobeFamily::Cone)
+    targets.iter().any(|t| t.lobes.family() == LobeKind::Cone)
 }
 
 /// Weighted sum of parameter sets.
@@ -155,7 +155,7 @@ pub(crate) struct BlockFit {
 }
 
 /// Bounds of every parameter: axis within half a turn of the start, bandwidths within the lobe's range, energies up to `top`.
-pub(crate) fn bounds(family: LobeFamily, start: &[f64], top: f64) -> (Vec<f64>, Vec<f64>) {
+pub(crate) fn bounds(family: LobeKind, start: &[f64], top: f64) -> (Vec<f64>, Vec<f64>) {
     let mut lower = Vec::with_capacity(start.len());
     let mut upper = Vec::with_capacity(start.len());
     for p in start.chunks_exact(PARAMS) {
@@ -191,16 +191,14 @@ pub(crate) fn fit_joint(
     for target in rough_targets.iter().filter(|t| t.weight > 0.0) {
         mean.add(&target.slice, 1.0 / target.energy);
     }
-    let family = targets.first().map_or(LobeFamily::Round, |t| t.lobes.family());
+    let family = targets.first().map_or(LobeKind::Round, |t| t.lobes.family());
     let mut scratch = Scratch::default();
     let mut starts: Vec<Vec<f64>> = (0..effort.starts as u64)
         .map(|s| {
             let seed = seed.wrapping_mul(1000).wrapping_add(s);
             let lobes: Vec<[f64; PARAMS]> = match family {
-                LobeFamily::Round => {
-                    kmeans_lobes(rough, &mean, lobes, seed).into_iter().map(|l| l.to_params()).collect()
-                }
-                LobeFamily::Cone => ring_lobes(&mean_rings(rough, rough_targets), lobes, row(rough), seed),
+                LobeKind::Round => kmeans_lobes(rough, &mean, lobes, seed).into_iter().map(|l| l.to_params()).collect(),
+                LobeKind::Cone => ring_lobes(&mean_rings(rough, rough_targets), lobes, row(rough), seed),
             };
             let sum: f64 = lobes.iter().map(|p| p[5]).sum::<f64>().max(f64::MIN_POSITIVE);
             (0..sets)

@@ -2,7 +2,7 @@
 //! may be listed in any order.
 
 use plywave::ply::asg::{Lobe, PARAMS};
-use plywave::ply::{LobeFamily, PlyData};
+use plywave::ply::{LobeKind, PlyData};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// The same lobe with theta_z in [-pi/2, pi/2], phi_z in [0, 2 pi), mu1 <= mu2 and phi_xy in [-pi/2, pi/2).
@@ -53,7 +53,7 @@ pub fn nearest_representation(lobe: Lobe, reference: Lobe) -> Lobe {
 /// with each other (all nodes of f_refl; the four corners of a block) are turned, swapped and ordered together.
 pub fn canonicalize(data: &mut PlyData) {
     let (lobes, paths) = (data.lobes_refl, data.path_um.len());
-    let turns = data.family == LobeFamily::Round;
+    let turns = data.family == LobeKind::Round;
     canonical_sets(&mut data.refl, lobes, &mut [], 0, turns);
     let lobes = data.lobes_high;
     let blocks = data.high.chunks_exact_mut(4 * lobes * PARAMS).zip(data.high_path.chunks_exact_mut(4 * lobes * paths));

@@ -10,7 +10,7 @@
 
 use crate::lobes::sphere::{PaddedSlice, SphereGrid};
 use plywave::math::hash::SplitMix64;
-use plywave::ply::LobeFamily;
+use plywave::ply::LobeKind;
 use plywave::ply::asg::PARAMS;
 use plywave::ply::cone::{CONE_MU_MIN, CONE_MU1_MAX, CONE_MU2_MAX, GRAZING};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -30,29 +30,29 @@ pub enum SliceLobes {
 
 impl SliceLobes {
     /// Lobes of a family at an incident latitude [rad].
-    pub fn of(family: LobeFamily, theta_i: f64) -> SliceLobes {
+    pub fn new(family: LobeKind, theta_i: f64) -> SliceLobes {
         match family {
-            LobeFamily::Round => SliceLobes::Round,
-            LobeFamily::Cone => SliceLobes::Cone { theta_i },
+            LobeKind::Round => SliceLobes::Round,
+            LobeKind::Cone => SliceLobes::Cone { theta_i },
         }
     }
 
     /// The family.
-    pub fn family(self) -> LobeFamily {
+    pub fn family(self) -> LobeKind {
         match self {
-            SliceLobes::Round => LobeFamily::Round,
-            SliceLobes::Cone { .. } => LobeFamily::Cone,
+            SliceLobes::Round => LobeKind::Round,
+            SliceLobes::Cone { .. } => LobeKind::Cone,
         }
     }
 }
 
 /// Bounds of the parameters of a lobe about `start`: axis within half a turn of it, energies up to `top`.
-pub(crate) fn bounds(family: LobeFamily, start: &[f64], top: f64) -> ([f64; PARAMS], [f64; PARAMS]) {
+pub(crate) fn bounds(family: LobeKind, start: &[f64], top: f64) -> ([f64; PARAMS], [f64; PARAMS]) {
     let [(low1, high1), (low2, high2)] = family.bandwidths().map(|(low, high)| (low.ln(), high.ln()));
     let (latitude, turn) = match family {
-        LobeFamily::Round => (FRAC_PI_2, (start[2] - PI, start[2] + PI)),
+        LobeKind::Round => (FRAC_PI_2, (start[2] - PI, start[2] + PI)),
         // Beyond these a cone of the steepest fibers does not go.
-        LobeFamily::Cone => (2.0, (-3.0, 3.0)),
+        LobeKind::Cone => (2.0, (-3.0, 3.0)),
     };
     ([-latitude, start[1] - PI, turn.0, low1, low2, 0.0], [latitude, start[1] + PI, turn.1, high1, high2, top])
 }

@@ -2,11 +2,8 @@
 
 use crate::lobes::sphere::{PaddedSlice, SphereGrid};
 use plywave::math::hash::SplitMix64;
+use plywave::math::vec3::dot;
 use plywave::ply::asg::{Lobe, MU_MAX, MU_MIN};
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
 
 /// `count` lobes whose energies add up to the slice's integral. `seed` picks the k-means++ start; equal seeds give equal lobes.
 /// An empty slice gives equal broad lobes of no energy.

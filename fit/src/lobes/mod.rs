@@ -15,6 +15,6 @@ pub use block::{BlockEffort, CORNERS, corner_weights};
 pub use canonical::{canonical, canonical_order, canonicalize, nearest_representation};
 pub use cone::SliceLobes;
 pub use init::kmeans_lobes;
-pub use model::{Place, ScaledLobes, energies, energy_high, high_lobes, high_lobes_in_block, locate, refl_lobes};
+pub use model::{GridCell, ScaledLobes, energies, energy_high, high_lobes, high_lobes_in_block, locate, refl_lobes};
 pub use reflection::ReflectionEffort;
 pub use sphere::{PaddedSlice, Scratch, SphereGrid};

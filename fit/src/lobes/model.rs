@@ -33,7 +33,7 @@ pub(crate) fn evaluate(sphere: &SphereGrid, lobes: &ScaledLobes, scratch: &mut S
 
 /// A place between nodes: lower index and fraction along each axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
+pub struct GridCell {
     /// Lower node of theta_i, at most M - 2.
     pub m: usize,
     /// Fraction towards the next latitude, in [0, 1].
@@ -45,14 +45,14 @@ pub struct Place {
 }
 
 /// The place of (theta_i >= 0, h), clamped to the nodes.
-pub fn locate(data: &PlyData, theta_i: f64, h_um: f64) -> Place {
+pub fn locate(data: &PlyData, theta_i: f64, h_um: f64) -> GridCell {
     let (m, s) = axis::locate(theta_i, &data.theta_i);
     let (n, t) = axis::locate(h_um, &data.h_um);
-    Place { m, s, n, t }
+    GridCell { m, s, n, t }
 }
 
 /// Reflection lobes at a place: Catmull-Rom over the nodes, continued linearly beyond the rim.
-pub fn refl_lobes(data: &PlyData, at: Place) -> ScaledLobes {
+pub fn refl_lobes(data: &PlyData, at: GridCell) -> ScaledLobes {
     let (rows, columns) = (data.theta_i.len(), data.h_um.len());
     let size = data.lobes_refl * PARAMS;
     let mut params = vec![0.0; size];
@@ -95,8 +95,8 @@ fn node_weights(k: usize, t: f64, count: usize) -> [(usize, f64); 4] {
 }
 
 /// What the lobes at a place are.
-fn lobes_at(data: &PlyData, at: Place) -> SliceLobes {
-    SliceLobes::of(data.family, along(&data.theta_i, at.m, at.s))
+fn lobes_at(data: &PlyData, at: GridCell) -> SliceLobes {
+    SliceLobes::new(data.family, along(&data.theta_i, at.m, at.s))
 }
 
 fn along(axis: &[f64], i: usize, t: f64) -> f64 {
@@ -104,17 +104,17 @@ fn along(axis: &[f64], i: usize, t: f64) -> f64 {
 }
 
 /// Energies of the model at a place.
-pub fn energies(data: &PlyData, at: Place) -> EnergiesAt {
+pub fn energies(data: &PlyData, at: GridCell) -> EnergiesAt {
     data.energies.at(along(&data.theta_i, at.m, at.s), along(&data.h_um, at.n, at.t))
 }
 
 /// Energy of f_high at a place and sigma [1/um].
-pub fn energy_high(data: &PlyData, at: Place, sigma_per_um: f64) -> f64 {
+pub fn energy_high(data: &PlyData, at: GridCell, sigma_per_um: f64) -> f64 {
     energies(data, at).high_at(sigma_per_um, &data.path_um)
 }
 
 /// High-order lobes at a place and sigma [1/um], by the block that holds the place.
-pub fn high_lobes(data: &PlyData, at: Place, sigma_per_um: f64) -> ScaledLobes {
+pub fn high_lobes(data: &PlyData, at: GridCell, sigma_per_um: f64) -> ScaledLobes {
     let s = ((at.m % 2) as f64 + at.s) / 2.0;
     let t = ((at.n % 2) as f64 + at.t) / 2.0;
     high_lobes_in_block(data, (at.m / 2, at.n / 2), s, t, at, sigma_per_um)
@@ -126,7 +126,7 @@ pub fn high_lobes_in_block(
     block: (usize, usize),
     s: f64,
     t: f64,
-    at: Place,
+    at: GridCell,
     sigma_per_um: f64,
 ) -> ScaledLobes {
     let (lobes, paths) = (data.lobes_high, data.path_um.len());

@@ -9,7 +9,7 @@ use crate::lobes::block::{BlockEffort, Target, bounds, fit_joint, joint_cost};
 use crate::lobes::cone;
 use crate::lobes::sphere::{Scratch, SphereGrid};
 use crate::optimize::minimize::{MinimizeOptions, minimize_bounded};
-use plywave::ply::LobeFamily;
+use plywave::ply::LobeKind;
 use plywave::ply::asg::PARAMS;
 use rayon::prelude::*;
 
@@ -62,7 +62,7 @@ pub(crate) fn fit_reflection(
 ) -> Vec<f64> {
     let size = lobes * PARAMS;
     let nodes = Nodes { m, n };
-    let family = targets.first().map_or(LobeFamily::Round, |t| t.lobes.family());
+    let family = targets.first().map_or(LobeKind::Round, |t| t.lobes.family());
     // The brightest slice of the middle latitude's neighborhood would move with noise; the middle of h at a third of the latitudes
     // is lit in every yarn.
     let first = (m / 3) * n + n / 2;
@@ -146,13 +146,7 @@ pub(crate) fn relative(params: &[f64]) -> Vec<f64> {
 }
 
 /// What the fitted neighbors say: the mean over the axes of the midpoint of the two neighbors, or of the one neighbor.
-pub(crate) fn prior(
-    nodes: Nodes,
-    node: usize,
-    fitted: &[Option<Vec<f64>>],
-    size: usize,
-    family: LobeFamily,
-) -> Vec<f64> {
+pub(crate) fn prior(nodes: Nodes, node: usize, fitted: &[Option<Vec<f64>>], size: usize, family: LobeKind) -> Vec<f64> {
     let mut sum = vec![0.0; size];
     let mut count = 0.0;
     let get = |k: Option<usize>| k.and_then(|k| fitted[k].as_ref());

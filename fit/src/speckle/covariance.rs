@@ -24,7 +24,7 @@ pub struct PatternCovariance {
 
 impl PatternCovariance {
     /// Of `patterns`, `[n][azimuths]`, over the azimuths of a side.
-    pub fn of(patterns: &[Vec<f64>], side: SpeckleSide) -> PatternCovariance {
+    pub fn from_patterns(patterns: &[Vec<f64>], side: SpeckleSide) -> PatternCovariance {
         let (n, d) = (patterns.len(), patterns.first().map_or(0, Vec::len));
         let step_rad = TAU / d.max(1) as f64;
         let lags = ((LAGS_RAD / step_rad).round() as usize).min(d / 2) + 1;

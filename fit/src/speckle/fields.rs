@@ -28,7 +28,7 @@ pub(super) fn field_models(
     let mut covariances = [Vec::new(), Vec::new()];
     for lambda in 0..patterns.lambda_um.len() {
         for (k, light) in refl_and_high(patterns, lambda, options.polarization).iter().enumerate() {
-            covariances[k].push(PatternCovariance::of(light, KIND_SIDES[k]).of_fibers(options.fibers));
+            covariances[k].push(PatternCovariance::from_patterns(light, KIND_SIDES[k]).of_fibers(options.fibers));
         }
     }
     Ok(covariances.map(|covariances| {
@@ -37,7 +37,7 @@ pub(super) fn field_models(
         let strip = (options.contrast == NoiseContrast::Developed).then(|| strip(patterns, &measured)).flatten();
         let model = match strip {
             Some(covariance) => FieldModel::developed(&covariance, patterns.azimuths),
-            None => FieldModel::of(&measured, options.contrast, patterns.azimuths),
+            None => FieldModel::from_covariance(&measured, options.contrast, patterns.azimuths),
         };
         let fade = if options.contrast == NoiseContrast::Developed { [1.0, 0.0] } else { fade };
         let model = FieldModel { fade, ..model };

@@ -104,12 +104,12 @@ pub fn compare_lines(
             rows.push(LineComparison {
                 kind: KIND_NAMES[k],
                 lambda_um: patterns.lambda_um[l],
-                simulated: PatternCovariance::of(&light, KIND_SIDES[k]).of_fibers(options.fibers),
+                simulated: PatternCovariance::from_patterns(&light, KIND_SIDES[k]).of_fibers(options.fibers),
                 halves: [0, 1].map(|first| {
                     let half: Vec<_> = light.iter().skip(first).step_by(2).cloned().collect();
-                    PatternCovariance::of(&half, KIND_SIDES[k]).of_fibers(options.fibers)
+                    PatternCovariance::from_patterns(&half, KIND_SIDES[k]).of_fibers(options.fibers)
                 }),
-                synthesized: PatternCovariance::of(&synthesized, KIND_SIDES[k]),
+                synthesized: PatternCovariance::from_patterns(&synthesized, KIND_SIDES[k]),
                 two_simulated: [light[0].clone(), light[1].clone()],
                 two_synthesized: [synthesized[0].clone(), synthesized[1].clone()],
                 mean,

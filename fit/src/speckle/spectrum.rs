@@ -45,7 +45,7 @@ fn correlation(share: f64, c: f64) -> f64 {
 
 impl FieldModel {
     /// Of a measured covariance.
-    pub fn of(measured: &PatternCovariance, contrast: NoiseContrast, azimuths: usize) -> FieldModel {
+    pub fn from_covariance(measured: &PatternCovariance, contrast: NoiseContrast, azimuths: usize) -> FieldModel {
         let variance = measured.variance();
         if variance.is_nan() || variance <= 0.0 {
             // Nothing varies: no field, whatever its spectrum.

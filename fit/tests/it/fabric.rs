@@ -3,7 +3,7 @@
 
 use plywave::check::check_bsdf;
 use plywave::fabric::{
-    Draft, Fabric, FabricAt, FabricBsdf, FabricOptions, FabricSpec, Family, GapLight, LoadedFabric, YarnShape,
+    Draft, Fabric, FabricBsdf, FabricModel, FabricOptions, FabricSpec, GapLight, LoadedFabric, YarnSet, YarnShape,
 };
 use plywave::frame::direction;
 use plywave::spec::{Handedness, YarnSpec};
@@ -41,7 +41,7 @@ spacing_um = 120.0
 "#;
 
 /// A fabric of this draft, spacing and number of plies, with clear fibers unless told otherwise.
-fn fabric(draft: Draft, spacing_um: f64, plies: u32, options: &FabricOptions) -> FabricBsdf {
+fn fabric(draft: Draft, spacing_um: f64, plies: u32, options: &FabricOptions) -> FabricModel {
     let shape = YarnShape {
         plies,
         ply_radius_um: 50.0,
@@ -59,7 +59,7 @@ fn fabric(draft: Draft, spacing_um: f64, plies: u32, options: &FabricOptions) ->
         threads: [vec![0], vec![0]],
         wif_notes: Vec::new(),
     };
-    FabricBsdf::new(loaded, options).unwrap()
+    FabricModel::new(loaded, options).unwrap()
 }
 
 fn viewer(rng: &mut Pcg64Mcg) -> [f32; 3] {
@@ -83,7 +83,7 @@ fn clear_fabrics_lose_no_light() {
         let n = 10_000;
         for _ in 0..n {
             let [x, y] = [0, 1].map(|_| 2000.0 * rng.random::<f32>());
-            let at: FabricAt<'_, 4> = f.at(&FabricQuery::new([x, y], viewer(&mut rng), [0.4, 0.5, 0.6, 0.7]));
+            let at: FabricBsdf<'_, 4> = f.at(&FabricQuery::new([x, y], viewer(&mut rng), [0.4, 0.5, 0.6, 0.7]));
             gaps += i32::from(at.is_gap());
             doubles += i32::from(at.is_double());
             let all = f64::from(at.albedo()[1]);
@@ -120,7 +120,7 @@ fn every_case_of_the_beam_is_a_scattering_function() {
     let (mut checked, mut least, mut furnace) = ([0; 3], 1.0f64, [0.0f64; 3]);
     while checked.iter().sum::<i32>() < 18 {
         let [x, y] = [0, 1].map(|_| 300.0 * rng.random::<f32>());
-        let at: FabricAt<'_, 4> = f.at(&FabricQuery::new([x, y], viewer(&mut rng), [0.4, 0.5, 0.6, 0.7]));
+        let at: FabricBsdf<'_, 4> = f.at(&FabricQuery::new([x, y], viewer(&mut rng), [0.4, 0.5, 0.6, 0.7]));
         let case = if at.is_gap() { 0 } else { 1 + usize::from(at.is_double()) };
         if checked[case] >= 6 {
             continue;
@@ -158,14 +158,14 @@ fn repeats_have_no_seam() {
 fn straight_gaps_let_the_light_go_on() {
     let options = FabricOptions { gaps: GapLight::Straight, ..FabricOptions::default() };
     let f = fabric(Draft::plain(), 260.0, 1, &options);
-    let at: FabricAt<'_, 4> = f.at(&FabricQuery::new([0.0, 0.0], [0.0, 0.0, 1.0], [0.4, 0.5, 0.6, 0.7]));
+    let at: FabricBsdf<'_, 4> = f.at(&FabricQuery::new([0.0, 0.0], [0.0, 0.0, 1.0], [0.4, 0.5, 0.6, 0.7]));
     let (straight, outcomes) = (at.straight(), at.outcomes());
     assert!(at.is_gap() && outcomes.straight > 0.99 && straight[0] > 0.99, "{outcomes:?} {straight:?}");
     let BsdfSample::Straight { weight, probability } = at.sample([0.5; 3]) else { panic!("{:?}", at.sample([0.5; 3])) };
     assert!((0..4).all(|k| (weight[k] * probability - straight[k]).abs() < 1e-6), "{weight:?} {probability}");
     let diffracted = fabric(Draft::plain(), 260.0, 1, &FabricOptions::default());
-    let at: FabricAt<'_, 4> = diffracted.at(&FabricQuery::new([0.0, 0.0], [0.0, 0.0, 1.0], [0.4, 0.5, 0.6, 0.7]));
+    let at: FabricBsdf<'_, 4> = diffracted.at(&FabricQuery::new([0.0, 0.0], [0.0, 0.0, 1.0], [0.4, 0.5, 0.6, 0.7]));
     assert!(at.outcomes().scattered > 1.0 - 1e-6 && at.sample([0.5; 3]).direction().is_some_and(|s| s.w[2] < -0.9));
     assert!(at.eval([f32::NAN; 3]).iter().all(|v| v.is_finite()));
-    assert_eq!(diffracted.sigma(Family::Warp, -3, [0.5]), [0.0]);
+    assert_eq!(diffracted.sigma(YarnSet::Warp, -3, [0.5]), [0.0]);
 }

@@ -8,8 +8,8 @@ use plywave::ply::PlyData;
 use plywave::ply::asg::{Lobe, PARAMS};
 use plywave::table::{OutgoingGrid, Table};
 use plywave_fit::{
-    BlockEffort, DiffTolerance, FitOptions, Part, Place, ScaledLobes, Scratch, SphereGrid, canonicalize, diff, errors,
-    fit, fit_single_slices, high_lobes, locate, refl_lobes,
+    BlockEffort, DiffTolerance, FitOptions, GridCell, Part, ScaledLobes, Scratch, SphereGrid, canonicalize, diff,
+    errors, fit, fit_single_slices, high_lobes, locate, refl_lobes,
 };
 use std::sync::OnceLock;
 
@@ -98,7 +98,7 @@ fn between_the_nodes_the_model_follows_the_truth() {
     let (mut refl, mut high, mut dark) = (vec![], vec![], vec![]);
     for m in 0..rows - 1 {
         for n in 0..columns - 1 {
-            let at = Place { m, s: 0.5, n, t: 0.5 };
+            let at = GridCell { m, s: 0.5, n, t: 0.5 };
             let theta = 0.5 * (model.theta_i[m] + model.theta_i[m + 1]);
             let h = 0.5 * (model.h_um[n] + model.h_um[n + 1]);
             refl.push(shape_error(&refl_lobes(model, at), &crate::planted::refl_lobes(theta, h)));
@@ -125,7 +125,7 @@ fn between_the_nodes_the_model_follows_the_truth() {
 #[test]
 fn absorption_is_monotone_at_every_sigma() {
     let (_, model) = fitted();
-    let at = Place { m: 1, s: 0.3, n: 2, t: 0.8 };
+    let at = GridCell { m: 1, s: 0.3, n: 2, t: 0.8 };
     let mut last = high_lobes(model, at, 0.0);
     for i in 1..200 {
         let next = high_lobes(model, at, 0.002 * i as f64);
@@ -277,7 +277,7 @@ fn dark_and_empty_slices_are_no_trouble() {
     let all =
         [&model.refl, &model.high, &model.high_path, &model.energies.share_high, &model.error_refl, &model.error_high];
     assert!(all.iter().all(|v| v.iter().all(|x| x.is_finite())));
-    let at = Place { m: 0, s: 0.0, n: 0, t: 0.0 };
+    let at = GridCell { m: 0, s: 0.0, n: 0, t: 0.0 };
     // A jump from 0 to 0.9 within a node: the spline is bounded and smooth, not exact.
     assert!(high_lobes(&model, at, 0.0).energy < 0.03);
 

@@ -139,8 +139,8 @@ fn what_cannot_be_saved_is_refused_before_the_work() {
 #[test]
 fn planted_fields_come_back() {
     for share in [0.05, 0.4, 1.0] {
-        let measured = PatternCovariance::of(&planted(share, 400, 7), SpeckleSide::All);
-        let model = FieldModel::of(&measured, NoiseContrast::Measured, AZIMUTHS);
+        let measured = PatternCovariance::from_patterns(&planted(share, 400, 7), SpeckleSide::All);
+        let model = FieldModel::from_covariance(&measured, NoiseContrast::Measured, AZIMUTHS);
         let want = (intensity_covariance(share, 1.0)).sqrt();
         assert!((measured.contrast() / want - 1.0).abs() < 0.05, "{share}: {} {want}", measured.contrast());
         let top = intensity_covariance(share, 1.0);
@@ -156,8 +156,8 @@ fn planted_fields_come_back() {
         assert!(model.spectrum.iter().all(|v| *v >= 0.0));
     }
     // The paper's form of a fully developed speckle is the same field.
-    let measured = PatternCovariance::of(&planted(1.0, 400, 7), SpeckleSide::All);
-    let paper = FieldModel::of(&measured, NoiseContrast::Developed, AZIMUTHS);
+    let measured = PatternCovariance::from_patterns(&planted(1.0, 400, 7), SpeckleSide::All);
+    let paper = FieldModel::from_covariance(&measured, NoiseContrast::Developed, AZIMUTHS);
     assert_eq!(paper.share, 1.0);
     for lag in 0..8 {
         let lag = TAU * f64::from(lag) / AZIMUTHS as f64;

@@ -8,7 +8,7 @@ use plywave::spec::YarnSpec;
 use plywave::speckle::{Instance, Noise, SpecklePatterns};
 use plywave::table::Table;
 use plywave::twin::ClothTwin;
-use plywave::{Bsdf, FabricBsdf, FabricQuery, FiberQuery, PlyModel, PlyQuery};
+use plywave::{Bsdf, FabricModel, FabricQuery, FiberQuery, PlyModel, PlyQuery};
 use plywave_render::{Basis, Environment, Film, Light, Mesh, Scene, StrandFile, StrandShape, StrandTree, Strands};
 use plywave_sim::runs::{AnyJob, PartFile, Parts};
 use plywave_sim::twin::TwinCloth;
@@ -19,7 +19,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
 /// Largest albedo of one model: energies of loaded models add up to at most this (docs/reference/format/models.md), and rounding.
-const MOST: f32 = 1.0501;
+const MAX: f32 = 1.0501;
 
 /// An error is one line that is not endless.
 fn one_line(error: &impl Display) {
@@ -103,9 +103,9 @@ pub fn model(bytes: &[u8]) {
         let base =
             PlyQuery { cached: rng.below(2) == 0, ..PlyQuery::new(theta_i, h_um, sigma, [0.55, any(&mut rng, 1.0)]) };
         let at = ply.at(&base);
-        ask("ply", &at, MOST, &mut rng);
+        ask("ply", &at, MAX, &mut rng);
         if let Some(below) = ply.layer(theta_i, sigma) {
-            ask("two layers", &ply.at(&PlyQuery { below: Some(below), ..base }), MOST, &mut rng);
+            ask("two layers", &ply.at(&PlyQuery { below: Some(below), ..base }), MAX, &mut rng);
         }
         // Large tiles take some hundredths of a second to make.
         if rng.below(8) != 0
@@ -114,7 +114,7 @@ pub fn model(bytes: &[u8]) {
             continue;
         }
         let instance = Some(Instance::new(rng.bits() as u32, [any(&mut rng, 1e4), base.h_um], 20.0));
-        ask("speckled ply", &ply.at(&PlyQuery { instance, ..base }), MOST, &mut rng);
+        ask("speckled ply", &ply.at(&PlyQuery { instance, ..base }), MAX, &mut rng);
     }
 }
 
@@ -131,13 +131,13 @@ pub fn family(bytes: &[u8]) {
         };
         let sigma = [0.0, any(&mut rng, 0.1)];
         let query = PlyQuery::new(any(&mut rng, 1.6), any(&mut rng, 60.0), sigma, [0.55, any(&mut rng, 1.0)]);
-        ask("a family's ply", &family.on(&params, &query), MOST, &mut rng);
+        ask("a family's ply", &family.on(&params, &query), MAX, &mut rng);
         let slope = family.eval_gradient(&params, &query, direction(&mut rng));
         let numbers = slope.by_params.iter().flatten().chain(&slope.value).chain(&slope.by_sigma);
         assert!(numbers.clone().all(|v| v.is_finite()), "{slope:?}");
         let params = if rng.below(2) == 0 { own } else { params };
         if let Some(model) = loaded(family.at(&params)) {
-            ask("a family's model", &model.at(&query), MOST, &mut rng);
+            ask("a family's model", &model.at(&query), MAX, &mut rng);
         }
     }
 }
@@ -161,7 +161,7 @@ pub fn fiber(bytes: &[u8]) {
     for _ in 0..4 {
         let at = fiber.at(&FiberQuery::new(direction(&mut rng), [0.5, any(&mut rng, 1.0)]));
         good("width", &at.width_um());
-        ask("fiber", &at, MOST, &mut rng);
+        ask("fiber", &at, MAX, &mut rng);
     }
 }
 
@@ -195,7 +195,8 @@ pub fn fabric(bytes: &[u8]) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fabrics/models/polyester.pwm");
     let model = MODEL.get_or_init(|| Arc::new(PlyModel::load(path).expect("the model ships")));
     let woven = LoadedFabric::new(spec, None, [vec![model.clone()], vec![model.clone()]]);
-    let Some(fabric) = loaded(woven).and_then(|woven| loaded(FabricBsdf::new(woven, &FabricOptions::default()))) else {
+    let Some(fabric) = loaded(woven).and_then(|woven| loaded(FabricModel::new(woven, &FabricOptions::default())))
+    else {
         return;
     };
     for _ in 0..40 {
@@ -279,7 +280,7 @@ pub fn filament(bytes: &[u8]) {
     let most = match &spec.model {
         FiberModel::KajiyaKay(_) => f32::INFINITY,
         FiberModel::RoughDielectric(fiber) if !fiber.parameters().normalize => f32::INFINITY,
-        _ => MOST,
+        _ => MAX,
     };
     let mut rng = seeded(bytes);
     for _ in 0..4 {

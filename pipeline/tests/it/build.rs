@@ -42,7 +42,7 @@ fn one_call_is_its_stages() {
     add_speckle(&mut model, &patterns, &recipe.spec, file).unwrap();
     assert_eq!(model, built.model);
     // So few lobes are a bad fit, by the errors that the model holds.
-    let quality = FitQuality::of(&model);
+    let quality = FitQuality::from_data(&model);
     assert!(quality.refl > 0.2 && quality.high > 0.15 && !quality.is_within(&FitQuality::good()), "{quality:?}");
     assert!(quality.is_within(&FitQuality { refl: 9.0, high: 9.0 }));
 }

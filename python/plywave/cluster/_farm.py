@@ -17,7 +17,7 @@ from .._plywave import Error
 from . import _items
 from ._cache import Cache
 from ._items import Item, Job, one_line
-from ._workers import MOST_DEATHS, check_versions, local_workers
+from ._workers import MAX_DEATHS, check_versions, local_workers
 
 Block = Tuple[int, int]
 Key = Tuple[int, int]
@@ -37,7 +37,7 @@ LOOK_S = 0.5
 SILENT_S = 60.0
 """How long the scheduler may leave a question without an answer [s]."""
 
-LEAST_REST_S, MOST_REST_S = 0.2, 5.0
+MIN_REST_S, MAX_REST_S = 0.2, 5.0
 """How long a worker that did not take its data gets nothing [s]: at first, doubled each time, at most the last."""
 
 GOES_ON = "what is finished is in the cache: run it again"
@@ -167,7 +167,7 @@ def farm(
     cache: Cache,
     *,
     retries: int = 5,
-    deaths: int = MOST_DEATHS,
+    deaths: int = MAX_DEATHS,
     told: Optional[Told] = None,
 ) -> Iterator[Made]:
     """Makes items, and gives each when it is done. The same bits come out whatever the workers are, how many of them die, and how often; what is in the cache is not
@@ -357,7 +357,7 @@ class _Farm:
             try:
                 data = self.client.scatter(shards, workers=[worker], hash=False)
             except Exception as error:  # noqa: BLE001 - the worker died meanwhile: Dask has many words for that
-                rest = min(max(2.0 * self.resting.get(worker, (0.0, 0.0))[1], LEAST_REST_S), MOST_REST_S)
+                rest = min(max(2.0 * self.resting.get(worker, (0.0, 0.0))[1], MIN_REST_S), MAX_REST_S)
                 self.resting[worker] = (time.monotonic() + rest, rest)
                 self.again(task)
                 self.lose(f"worker {worker} did not take its data, {one_line(error)}")

@@ -10,7 +10,7 @@ import threading
 import time
 from typing import IO, Any, Dict, List, Optional
 
-LEAST_WAIT_S, MOST_WAIT_S = 0.1, 3.0
+MIN_WAIT_S, MAX_WAIT_S = 0.1, 3.0
 """Wait before a worker that died young is replaced [s]: the least, doubled by each death, at most the last."""
 
 YOUNG_S = 10.0
@@ -101,7 +101,7 @@ class LocalWorkers:
         words = _last_line(place.log)
         self.last_words = f"{how}: {words}" if words else how
         lived = time.monotonic() - place.begun
-        place.wait_s = min(max(2.0 * place.wait_s, LEAST_WAIT_S), MOST_WAIT_S) if lived < YOUNG_S else 0.0
+        place.wait_s = min(max(2.0 * place.wait_s, MIN_WAIT_S), MAX_WAIT_S) if lived < YOUNG_S else 0.0
         place.not_before = time.monotonic() + place.wait_s
         self._forget(place)
 

@@ -32,7 +32,7 @@ _SLURM: Dict[str, Any] = {
     "job_script_prologue": list,
 }
 
-MOST_DEATHS = 200
+MAX_DEATHS = 200
 """So many workers may die one after the other while nothing is finished."""
 
 START_S = 60.0
@@ -130,7 +130,7 @@ def _wait_for(client: Any, workers: LocalWorkers, count: int) -> None:
         waited = time.monotonic() - begun
         if there == count or (there and waited > START_S):
             return
-        if workers.deaths > MOST_DEATHS or waited > 3.0 * START_S:
+        if workers.deaths > MAX_DEATHS or waited > 3.0 * START_S:
             died = f"; {workers.deaths} of them died, the last with {workers.last_words}" if workers.deaths else ""
             raise Error(f"local = {count}: no worker process starts within {waited:.0f} s{died}")
         time.sleep(0.02)

@@ -61,7 +61,7 @@ def texture(plugin, props, key, default=None):
 
 
 #: Shapes that are looked at in JIT variants: those that were made first.
-MOST_SHAPES = 256
+MAX_SHAPES = 256
 
 
 def shapes_of(bsdf, si):
@@ -69,7 +69,7 @@ def shapes_of(bsdf, si):
     if mi.variant().startswith("scalar"):
         return [] if si.shape is None else [si.shape]
     found = []
-    for number in range(1, MOST_SHAPES + 1):
+    for number in range(1, MAX_SHAPES + 1):
         try:
             shape = dr.reinterpret_array(mi.ShapePtr, mi.UInt32(number))[0]
         except RuntimeError:

@@ -15,8 +15,8 @@ from ._kit import clamp
 from ._ply import Plies, read_container
 from ._shadow import MEAN_Z, PASSED_COLUMNS, PASSED_ROWS, PLACES, Shadows
 
-# src/fabric/bsdf.rs, place.rs
-LEAST_CAUGHT, MAX_NEAR = 1e-3, 4
+# src/fabric/bsdf.rs, hit.rs
+MIN_CAUGHT, MAX_NEAR = 1e-3, 4
 
 YARN = "plies radius circle half_width spacing per_spacing reach turns_per_um slope step amplitude arc_radius arc steepest one_by_one".split()
 

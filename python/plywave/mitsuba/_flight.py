@@ -1,6 +1,6 @@
 """The way of a line through a fabric in Dr.Jit, from ply to ply, in a loop of the kernel.
 
-The formulas are those of ``src/fabric/flight.rs`` and ``place.rs``. No list of plies is kept: the line knows which yarns it has passed.
+The formulas are those of ``src/fabric/flight.rs`` and ``hit.rs``. No list of plies is kept: the line knows which yarns it has passed.
 """
 
 import drjit as dr
@@ -9,7 +9,7 @@ from ._kit import clamp, cross3, dot3
 from ._yarns import Yarns
 
 # src/fabric/flight.rs
-LEAST_STEP_UM, CLOSE_UM, NEAREST, MOST_ROUNDS, MOST_STEPS, PASSED, MARGIN_UM = 1.0, 3.0, 0.001, 7, 1024, 8, 1.0
+MIN_STEP_UM, CLOSE_UM, NEAREST, MAX_ROUNDS, MAX_STEPS, PASSED, MARGIN_UM = 1.0, 3.0, 0.001, 7, 1024, 8, 1.0
 NO_YARN = -(2**31)
 # A yarn that is found is named with its ply and whether that is met: 16 numbers a yarn.
 PLIES = 16
@@ -18,7 +18,7 @@ LOOKED_AT = 4.0
 AHEAD = 6.0
 OWN = 2.5
 # src/fabric/walk.rs
-MOST_STRETCHES, NEXT = 24, 0.02
+MAX_STRETCHES, NEXT = 24, 0.02
 # Squared sine below which a line counts as parallel to a yarn.
 PARALLEL = 1e-10
 
@@ -103,11 +103,11 @@ class Flight(Yarns):
             gone = kit.both(out, q[2] * d[2] >= 0.0)
             distance, near, free = self.nearest(q, ids, until, at)
             close = kit.both(distance < CLOSE_UM, kit.no(out))
-            way = dr.select(out, (height - self.top) / dr.maximum(dr.abs(d[2]), 1e-12) + 0.1 * MARGIN_UM, dr.maximum(free, LEAST_STEP_UM))
+            way = dr.select(out, (height - self.top) / dr.maximum(dr.abs(d[2]), 1e-12) + 0.1 * MARGIN_UM, dr.maximum(free, MIN_STEP_UM))
             which = dr.select(close, near, which)
             go = kit.no(gone | close)
             at = dr.select(go, at + way, at)
-            on = kit.both(kit.both(on, kit.no(gone)), steps < MOST_STEPS)
+            on = kit.both(kit.both(on, kit.no(gone)), steps < MAX_STEPS)
             return at, which, on, steps + 1, ids, until
 
         def refine(at, round_, looking, which):
@@ -115,7 +115,7 @@ class Flight(Yarns):
             nearest = self.beside(is_warp, yarn, start, d, at)
             half = self.of_family("half_width", is_warp)
             step = clamp(-nearest, -2.0 * half, 2.0 * half)
-            stop = (dr.abs(step) < NEAREST * half) | (round_ == MOST_ROUNDS)
+            stop = (dr.abs(step) < NEAREST * half) | (round_ == MAX_ROUNDS)
             return dr.select(stop, at, at + step), round_ + 1, kit.both(looking, kit.no(stop)), which
 
         def stretch(at, end, least, ply, place, is_hit, count, walking, which, left):
@@ -133,7 +133,7 @@ class Flight(Yarns):
             hull = of("half_width") + of("reach") - of("radius")
             ends = (at > end) | kit.both(beside > hull, x * wc + y * wn < 0.0) | is_hit
             count = count + 1
-            walking = kit.both(kit.both(walking, kit.no(ends)), count < MOST_STRETCHES)
+            walking = kit.both(kit.both(walking, kit.no(ends)), count < MAX_STRETCHES)
             return at, end, least, ply, place, is_hit, count, walking, which, left
 
         def search(at, ids, until, met_at, oldest, on, searching, found_which, found_at, left):
@@ -176,10 +176,10 @@ class Flight(Yarns):
             half = o[0] * v[0] + o[1] * v[1]
             room = half * half - a * (o[0] * o[0] + o[1] * o[1] - hull * hull)
             leaves = dr.select(kit.both(a > 1e-6, room > 0.0), (dr.sqrt(dr.maximum(room, 0.0)) - half) / dr.maximum(a, 1e-6), 0.0)
-            end = at + clamp(leaves, LEAST_STEP_UM, LOOKED_AT * hull)
+            end = at + clamp(leaves, MIN_STEP_UM, LOOKED_AT * hull)
             if self.most_plies > 1:
                 is_met = kit.both(is_hit, known) if one is False else kit.both(is_hit, known) | one
-                end = dr.select(is_met, end, dr.maximum(looked, at + LEAST_STEP_UM))
+                end = dr.select(is_met, end, dr.maximum(looked, at + MIN_STEP_UM))
             if self.some_one_by_one:
                 # Behind the ply that is met there may be another.
                 leaves = kit.both(kit.both(has, is_hit), kit.both(known, self.of_family("one_by_one", is_warp) > 0.5))
@@ -208,7 +208,7 @@ class Flight(Yarns):
             until = [dr.select(kit.both(has, slots[i]), end, until[i]) for i in range(PASSED)]
             met_at = [dr.select(kit.both(has, slot), last, m) for slot, m in zip(slots, met_at)]
             oldest = dr.select(kit.both(has, was_oldest), dr.select(oldest == PASSED - 1, kit.uint(0), oldest + 1), oldest)
-            at = dr.select(has, at + 0.1 * LEAST_STEP_UM, at)
+            at = dr.select(has, at + 0.1 * MIN_STEP_UM, at)
             taken = dr.abs(met["h"]) < self.of_family("reach", is_warp)
             taken = kit.both(kit.both(taken, nearest > 0.0), near)
             taken = kit.both(kit.both(known, is_new), taken)
@@ -227,7 +227,7 @@ class Flight(Yarns):
         return {"at": at, "ids": ids, "until": until, "met": met_at, "oldest": oldest, "on": on, "left": left}, which, place
 
     def hit(self, which, start, d, place):
-        """All about the ply that a line comes near (``PlyHit`` of src/fabric/place.rs)."""
+        """All about the ply that a line comes near (``PlyHit`` of src/fabric/hit.rs)."""
         kit = self.kit
         (which, ply), is_hit = (which >> 4, (which >> 1) & 7) if kit.jit else (which // PLIES, which // 2 % 8), (which & 1) == 1
         is_warp, yarn = family_of(kit, which)

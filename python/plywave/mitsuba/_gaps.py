@@ -7,9 +7,9 @@ import numpy as np
 
 from ._kit import clamp
 
-EDGES, CELLS, LEAST_MASS, LEAST_APERTURE_UM = 32, 64, 1e-12, 0.1
+EDGES, CELLS, MIN_MASS, MIN_APERTURE_UM = 32, 64, 1e-12, 0.1
 # src/gap/slit.rs
-LEAST_COSINE = 1e-3
+MIN_COSINE = 1e-3
 SCALE = 3.3635857
 SERIES = [
     1.7483959, 1.3622408, 0.88644785, 0.4692909, 0.19124173, 0.0518224, 0.0036825673, -0.003881015,
@@ -98,7 +98,7 @@ class Spectrum:
         stretch = dr.abs(f) + self.g
         density = 0.5 * CELLS * (self.mass_at(i) - self.mass_at(i + 1)) * self.g / (stretch * stretch)
         flat = dr.select(low < high, 1.0 / dr.maximum(high - low, 1e-12), 0.0)
-        return self.stretch * dr.select(mass > LEAST_MASS, density / dr.maximum(mass, LEAST_MASS), flat)
+        return self.stretch * dr.select(mass > MIN_MASS, density / dr.maximum(mass, MIN_MASS), flat)
 
     def sample(self, r, u):
         low, high, a, b, mass = r
@@ -119,7 +119,7 @@ class Spectrum:
         x = dr.select(cell > 0.0, clamp((before - beyond) / dr.maximum(cell, 1e-30), 0.0, 1.0), 0.5)
         t = dr.minimum((kit.float(i) + x) * (1.0 / CELLS), 1.0 - 1.2e-7)
         f = clamp(sign * self.g * t / (1.0 - t), low, high)
-        return dr.select(mass > LEAST_MASS, f, low + u * (high - low)) / self.stretch
+        return dr.select(mass > MIN_MASS, f, low + u * (high - low)) / self.stretch
 
     def value(self, f):
         """Density of the exact spectrum at a frequency [um]."""
@@ -153,7 +153,7 @@ class Gaps:
 
     def near(self, before, beyond):
         kit = self.kit
-        room = 0.5 * dr.maximum(LEAST_APERTURE_UM - before - beyond, 0.0)
+        room = 0.5 * dr.maximum(MIN_APERTURE_UM - before - beyond, 0.0)
         before, beyond = (dr.minimum(x + room, EDGES * self.step) for x in (before, beyond))
         a, b = (dr.minimum(dr.floor(x / self.step + 0.5), float(EDGES)) for x in (before, beyond))
         # The row has a width.
@@ -230,7 +230,7 @@ class Slit:
     def incident(self, theta_i):
         """The incident direction in the slit's frame, whose y is the ply's z."""
         s, c = dr.sincos(clamp(theta_i, -0.5 * math.pi, 0.5 * math.pi))
-        return [0.0, s, dr.maximum(c, LEAST_COSINE)]
+        return [0.0, s, dr.maximum(c, MIN_COSINE)]
 
     def eval(self, theta_i, v):
         """Light of energy 1 by wavelength [1/sr], and the density of :meth:`draw`, in a direction of the ply's frame."""

@@ -1,4 +1,4 @@
-"""Lobes of ply models in Dr.Jit: round ones and cones, which a mixture of them (``_ply.py``) asks alike; the formulas of ``src/ply/lobe.rs`` and ``cone_lobe.rs``.
+"""Lobes of ply models in Dr.Jit: round ones and cones, which a mixture of them (``_ply.py``) asks alike; the formulas of ``src/ply/kernel/lobe.rs`` and ``cone_lobe.rs``.
 
 A lobe is six numbers of a file, bandwidths as :func:`stored_mu` has them. Values and densities are of a lobe of energy 1, in the frame of the mirrored incidence, theta_i >= 0.
 """
@@ -17,7 +17,7 @@ CONE_MU1, CONE_MU2, GRAZING = (1e-3, 20_000.0), (1e-3, 500_000.0), 0.05
 DARK = 100.0
 TAU = 2.0 * math.pi
 
-# Energy of a lobe of amplitude 1 (src/ply/lobe.rs).
+# Energy of a lobe of amplitude 1 (src/ply/kernel/lobe.rs).
 MEAN = [
     [0.86472696, -0.5413396, -1.0858794, -0.33280998, 0.20640504, -3.191828, -0.32349062, 10.540188, -7.891373, -42.007984, -28.1854],
     [0.54242563, 0.51795506, -0.022908885, 3.760259, 1.3267359, -18.587229, 12.092752, 99.15994, 81.44035],
@@ -50,7 +50,7 @@ def _polynomial(c, x):
 
 
 def unit_mean(t1, t2):
-    """Energy of a lobe of amplitude 1 times sqrt(mu1 mu2) / pi, of bandwidths times log2 e (src/ply/lobe.rs)."""
+    """Energy of a lobe of amplitude 1 times sqrt(mu1 mu2) / pi, of bandwidths times log2 e (src/ply/kernel/lobe.rs)."""
     a = (2.0 * LOG2_E - t1) / (2.0 * LOG2_E + t1)
     b = (2.0 * LOG2_E - t2) / (2.0 * LOG2_E + t2)
     x, y = 0.5 * (a + b), a * b

@@ -13,7 +13,7 @@ from ._yarns import TAU
 
 # Step of the difference along a line, part of the yarn's half width; the least change of what is sought along it; room within a rim, part of the squared radius, where the way to the
 # rim is as the way to the axis.
-STEP, LEAST_RISE, RIM = 0.02, 0.1, 1e-3
+STEP, MIN_RISE, RIM = 0.02, 0.1, 1e-3
 
 
 def beyond(cloth, which, start, d, at):
@@ -44,7 +44,7 @@ def place_on_line(cloth, which, start, d, at):
     flat = detached(start)
     half = STEP * cloth.of_family("half_width", family_of(cloth.kit, which >> 4)[0])
     ahead, behind = (beyond(cloth, which, flat, d, at + step) for step in (half, -half))
-    rise = dr.maximum(dr.detach((ahead - behind) / (2.0 * half)), LEAST_RISE)
+    rise = dr.maximum(dr.detach((ahead - behind) / (2.0 * half)), MIN_RISE)
     change = beyond(cloth, which, start, d, at)
     return at - (change - dr.detach(change)) / rise
 
@@ -97,7 +97,7 @@ def again(self, si, own, start, d, s):
 
 
 def room_beside(cloth, hit):
-    """How far the line may be moved across before it meets a ply (src/fabric/place.rs) [um], and whether beyond it."""
+    """How far the line may be moved across before it meets a ply (src/fabric/hit.rs) [um], and whether beyond it."""
     per_um = dr.select(hit["is_warp"], hit["frame"][0][0], hit["frame"][0][1])
     room = dr.maximum(dr.abs(hit["h"]) - cloth.of_family("radius", hit["is_warp"]), 0.0) / dr.maximum(dr.abs(per_um), 1e-3)
     return room, (hit["h"] < 0.0) == (per_um > 0.0)

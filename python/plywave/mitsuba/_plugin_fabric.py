@@ -182,7 +182,7 @@ def define(Calls):
             return abs(a * d - b * c)
 
         def far_share(self, si):
-            """Share of the mean over the repeat in the answer (``FabricBsdf::far_at``): by the footprint that is given, that of a pixel's angle and the length of the ray, or
+            """Share of the mean over the repeat in the answer (``FabricModel::far_at``): by the footprint that is given, that of a pixel's angle and the length of the ray, or
             that of the ray's differentials. A footprint is the geometric mean of the axes of the ellipse that it has on the cloth."""
             kit, scale = self.kit, 1.0 if self.footprint_scale is None else self.footprint_scale
             footprint = self.footprint_um

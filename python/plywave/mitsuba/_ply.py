@@ -1,6 +1,6 @@
 """Ply models in Dr.Jit: f_refl + f_high of interpolated lobes, edge light (Yu 2025, Eq. 8 and 18).
 
-The tables are those of the model files (docs/reference/format/models.md) and the formulas those of ``src/ply``: ``place.rs``, ``interpolate.rs``, ``energy.rs``, ``mixture.rs``, ``edge.rs``,
+The tables are those of the model files (docs/reference/format/models.md) and the formulas those of ``src/ply``: ``grid_cell.rs``, ``interpolate.rs``, ``energy.rs``, ``mixture.rs``, ``edge.rs``,
 ``exits.rs``; ``_lobes.py`` has a lobe's. The files of several models lie behind each other in the same tables; a number tells them apart at run time, so that a fabric of many yarns is one piece of code.
 """
 
@@ -14,9 +14,9 @@ from ._kit import clamp
 from ._lobes import LOG2_E, MU_MIN, disc_point, disc_share, kind_of, stored_mu, unit_mean
 
 EDGE_MU_MAX = 1e7
-LEAST_ENERGY, LEAST_TRANSMITTANCE = 1e-12, 1e-20
+MIN_ENERGY, MIN_TRANSMITTANCE = 1e-12, 1e-20
 DARK, NARROW_MU = 101.0, 30.0
-EXIT_LENGTH_UM, MOST_TAN = 150.0, 6.0
+EXIT_LENGTH_UM, MAX_TAN = 150.0, 6.0
 
 _TYPES = {"F64": "<f8", "F32": "<f4", "U8": "u1", "U64": "<u8", "U32": "<u4"}
 
@@ -46,7 +46,7 @@ def _extended(a, axis):
 
 
 def _bordered(c):
-    """Coefficients of a spline of energies with one beyond each end (src/ply/energies.rs)."""
+    """Coefficients of a spline of energies with one beyond each end (src/ply/data/energies.rs)."""
     c = _extended(c.astype(np.float64), 1)
     # Mirrored at theta_i = 0: c(-theta_i, h) = c(theta_i, -h).
     return np.concatenate([c[1:2, ::-1], c, 2 * c[-1:] - c[-2:-1]], 0)
@@ -108,11 +108,11 @@ class Plies:
             n["share_at"] = add("shares", shares, 4)
             refl = np.zeros((m + 2, h + 2, self.refl_lobes, 8))
             refl[:, :, :lr, :6] = _extended(_extended(_stored(f["refl"]), 0), 1)
-            refl[:, :, :lr, 6] = LEAST_ENERGY
+            refl[:, :, :lr, 6] = MIN_ENERGY
             n["refl_at"] = add("refl", refl, 4)
             high = np.zeros(((m - 1) // 2, (h - 1) // 2, 4, self.high_lobes, 8 + self.paths))
             high[:, :, :, :lh, :6] = _stored(f["high"]).reshape(*high.shape[:2], 4, lh, 6)
-            high[:, :, :, :lh, 6] = LEAST_ENERGY
+            high[:, :, :, :lh, 6] = MIN_ENERGY
             high[:, :, :, :lh, 8 : 8 + j] = f["high_path"].reshape(*high.shape[:2], 4, lh, j)
             n["high_at"] = add("high", high, 4)
             path = np.zeros(self.paths)
@@ -163,7 +163,7 @@ class Plies:
     # Energies
 
     def _taps(self, kind, m, theta, h):
-        """First node, weights along theta_i and along h (src/ply/place.rs)."""
+        """First node, weights along theta_i and along h (src/ply/kernel/grid_cell.rs)."""
         kit = self.kit
         number = lambda key: self.number(f"{kind}_{key}", m)
         t = dr.minimum(theta * number("per_t"), number("last_t"))
@@ -221,7 +221,7 @@ class Plies:
         """Of the path lengths, by absorption."""
         path = self.kit.packets(self.tables["path"], self.number("path_at", m), self.paths // 4)
         sigma = clamp(sigma, 0.0, 1e6)
-        return [dr.exp2(dr.maximum(sigma * p, -126.0)) + LEAST_TRANSMITTANCE for p in path]
+        return [dr.exp2(dr.maximum(sigma * p, -126.0)) + MIN_TRANSMITTANCE for p in path]
 
     def high_energy(self, spectrum, through):
         return sum(e * t for e, t in zip(spectrum, through))
@@ -440,7 +440,7 @@ class Plies:
     # Where light leaves
 
     def exits(self, m, theta_i, h_um, radius):
-        """Coefficients of the mean offsets of the three kinds of light, ``[3][5]``, and the tangent of the latitude (src/ply/exits.rs)."""
+        """Coefficients of the mean offsets of the three kinds of light, ``[3][5]``, and the tangent of the latitude (src/ply/data/exits.rs)."""
         kit = self.kit
         theta, flip = dr.abs(theta_i), theta_i < 0.0
         h = dr.select(flip, -h_um, h_um)
@@ -465,7 +465,7 @@ class Plies:
             none = [0.0, dr.sqrt(dr.maximum(1.0 - h_rel * h_rel, 1e-12)), -h_rel, 0.0, 0.0] if k == 0 else [0.0] * 5
             mean.append([dr.select(known, x, y) for x, y in zip(c, none)])
         s, c = dr.sincos(theta_i)
-        return mean, s / dr.maximum(c, 1.0 / MOST_TAN)
+        return mean, s / dr.maximum(c, 1.0 / MAX_TAN)
 
 
 def exit_lines(exits, v):
@@ -475,7 +475,7 @@ def exit_lines(exits, v):
     per = dr.select(squared > 1e-8, dr.rsqrt(dr.maximum(squared, 1e-8)), 0.0)
     x, y = v[0] * per, v[1] * per
     terms = [1.0, x, y, x * y, x * x - y * y]
-    tan = clamp(v[2] * per, -MOST_TAN, MOST_TAN)
+    tan = clamp(v[2] * per, -MAX_TAN, MAX_TAN)
     lines = []
     for c in mean:
         t = clamp(sum(a * b for a, b in zip(c, terms)), -1.0, 1.0)

@@ -8,16 +8,16 @@ from ._kit import clamp, cross3, dot3
 
 TAU = 2.0 * math.pi
 # src/fabric/shade.rs
-PARTS, LEAST_SHARE = 6, 2e-3
-# src/ply/exits.rs
-EXIT_KINDS, MEANS, MOST_MEAN = 3, 65, 0.97
+PARTS, MIN_SHARE = 6, 2e-3
+# src/ply/data/exits.rs
+EXIT_KINDS, MEANS, MAX_MEAN = 3, 65, 0.97
 # src/ply/lines.rs
 PASSED_ROWS, PASSED_COLUMNS = 16, 65
 # src/fabric/shadow.rs
 PLACES, BANDS, COLUMNS, OFFSETS = (4, 8), 8, 16, 7
 ROWS = BANDS + 1
 SIZE = 2 * ROWS * COLUMNS
-MOST_SHARE = 1.35
+MAX_SHARE = 1.35
 MEAN_Z = [0.017678, 0.082322, 0.175568, 0.290118, 0.422526, 0.570634, 0.732919, 0.908235]
 PER_SQUARED_SINE = 1.0 / (1.0 - MEAN_Z[-1] ** 2)
 
@@ -89,12 +89,12 @@ class Shadows:
                 for o in range(OFFSETS):
                     word = low if o < 4 else high
                     sums[o] = sums[o] + w * kit.float(kit.int((word >> (8 * (o % 4))) & 255))
-        return [clamp(x * (MOST_SHARE / 255.0), 0.0, MOST_SHARE) for x in sums]
+        return [clamp(x * (MAX_SHARE / 255.0), 0.0, MAX_SHARE) for x in sums]
 
     def exit_density(self, model, kind, mean):
-        """How light of a kind lies across a ply of a model where it leaves, as :meth:`below` asks (src/ply/exits.rs)."""
+        """How light of a kind lies across a ply of a model where it leaves, as :meth:`below` asks (src/ply/data/exits.rs)."""
         kit = self.kit
-        x = dr.minimum(dr.abs(mean), MOST_MEAN) * ((MEANS - 1) / MOST_MEAN)
+        x = dr.minimum(dr.abs(mean), MAX_MEAN) * ((MEANS - 1) / MAX_MEAN)
         node = dr.minimum(dr.floor(x), MEANS - 2.0)
         mode, length, mode_to, length_to = kit.packets(self.exit_shapes, (kit.uint(model) * EXIT_KINDS + kind) * (MEANS - 1) + kit.uint(node), 1)
         s = x - node
@@ -158,7 +158,7 @@ class Shadows:
         for density in exits:
             below = [self.below(density, edge) for edge in edges]
             share = [y - x for x, y in zip(below, below[1:])]
-            parts.append([dr.select(x > LEAST_SHARE, x, 0.0) for x in share])
+            parts.append([dr.select(x > MIN_SHARE, x, 0.0) for x in share])
         lines = [([p[i] + further * z[i] for i in range(3)], [aside * per_x * x[i] for i in range(3)]) for aside, further in lines]
         shares = [kit.float(1.0)] * len(exits)
         several = self.of_family("one_by_one", is_warp) > 0.5

@@ -11,7 +11,7 @@ next is asked for, while kernels are recorded; it is known again by the variable
 import drjit as dr
 
 from ._between import CLASSES
-from ._cloth import LEAST_CAUGHT, MAX_NEAR
+from ._cloth import MIN_CAUGHT, MAX_NEAR
 from ._flight import NO_YARN
 from ._kit import detached, dot3
 from ._moved import again, room_beside
@@ -21,7 +21,7 @@ from ._speckle import instance
 #: Plies that are kept: the one that the line meets, and those beside it.
 KEPT = MAX_NEAR + 1
 # src/fabric/at.rs
-LEAST_FREE, FOR_SHADOWS = 0.4, 1.25
+MIN_FREE, FOR_SHADOWS = 0.4, 1.25
 
 
 def walked(self, si, active, is_last=False):
@@ -106,7 +106,7 @@ def walk(self, si, active):
         r_d, met = energies[0], 1.0 - energies[0]
         arrives = s["passing"]
         beside = kit.both(on, kit.no(is_main))
-        beside = kit.both(beside, arrives * met >= LEAST_CAUGHT)
+        beside = kit.both(beside, arrives * met >= MIN_CAUGHT)
         is_other = kit.both(beside, s["others"] < MAX_NEAR)
         is_beyond = kit.both(beside, s["others"] >= MAX_NEAR)
         is_last = kit.both(is_other, s["others"] == MAX_NEAR - 1)
@@ -119,7 +119,7 @@ def walk(self, si, active):
         cls = dr.select(hit["is_warp"], kit.uint(0), kit.uint(2)) + dr.select(hit["is_double"], kit.uint(1), kit.uint(0))
         s["classes"] = [e + dr.select(kit.both(cls == c, kit.no(is_last)), sent, none) for c, e in enumerate(s["classes"])]
         # Beyond as many as are told apart, the last of them scatters what others catch.
-        more = dr.select(is_beyond, 1.0 + arrives * met / dr.maximum(last["catch"], LEAST_CAUGHT), 1.0)
+        more = dr.select(is_beyond, 1.0 + arrives * met / dr.maximum(last["catch"], MIN_CAUGHT), 1.0)
         last["more"] = last["more"] * more
         last["catch"] = dr.select(is_last, arrives * met, last["catch"] * more)
         last["class"] = dr.select(is_last, cls, last["class"])
@@ -154,7 +154,7 @@ def walk(self, si, active):
         s["others"] = s["others"] + dr.select(is_other, kit.uint(1), kit.uint(0))
         passing = dr.select(counted | is_beyond, arrives * r_d, arrives)
         state = dict(state)
-        state["on"] = kit.both(on, passing >= LEAST_CAUGHT)
+        state["on"] = kit.both(on, passing >= MIN_CAUGHT)
         s |= {"state": state, "passing": passing, "main": main, "last": last, "dyed": dyed}
         return (s,)
 
@@ -171,7 +171,7 @@ def walk(self, si, active):
     plies = kit.mean(of_plies)
     root = lambda x: dr.sqrt(kit.mean(x * x))
     chance_up, chance_down = (FOR_SHADOWS * root(detach(x)) for x in (up, down))
-    free = dr.maximum(1.0 - detach(caught) / dr.maximum(of_plies, 1e-30), LEAST_FREE)
+    free = dr.maximum(1.0 - detach(caught) / dr.maximum(of_plies, 1e-30), MIN_FREE)
     direct = root(of_plies * dr.sqrt(free * dr.sqrt(free)))
     is_edge = kit.both(s["main"]["is"], kit.bool(options["edges"] and cloth.plies.some_edge))
     if not cloth.plies.has_edge:

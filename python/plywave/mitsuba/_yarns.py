@@ -1,6 +1,6 @@
 """Yarns of a fabric in Dr.Jit: the draft, the yarns' axes, and the ply of a yarn that a line meets.
 
-The formulas are those of ``src/fabric/profile.rs``, ``yarn.rs``, ``place.rs``.
+The formulas are those of ``src/fabric/profile.rs``, ``yarn.rs``, ``hit.rs``.
 """
 
 import math

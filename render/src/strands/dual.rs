@@ -11,7 +11,7 @@
 
 use super::StrandHit;
 use super::scene::StrandScene;
-use super::trace::{Flight, Leaving, Place};
+use super::trace::{Flight, Leaving, ScatterPoint};
 use crate::camera::Camera;
 use crate::course::Course;
 use crate::light::{LightSampling, Sources};
@@ -34,7 +34,7 @@ const BINS: usize = 16;
 /// Turns that are averaged of a fiber that is not round.
 const TURNS: u32 = 16;
 /// Strands that a camera ray may pass.
-const MOST_PASSED: u32 = 100_000;
+const MAX_PASSED: u32 = 100_000;
 
 /// How light between strands is estimated.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -232,7 +232,7 @@ impl<'a> StrandDual<'a> {
 
 /// A strand that is shaded.
 struct Shading<'a> {
-    place: &'a Place,
+    place: &'a ScatterPoint,
     dual: &'a DualScattering<WAVELENGTHS>,
     /// The fiber for light from `back`, at the ray's offset.
     fiber: &'a plywave::FiberBsdf<'a, WAVELENGTHS>,
@@ -243,9 +243,9 @@ struct Shading<'a> {
 }
 
 /// A place on a prop.
-fn beside(position: Vec3, normal: DVec3) -> Place {
+fn beside(position: Vec3, normal: DVec3) -> ScatterPoint {
     let (x, y) = normal.any_orthonormal_pair();
-    Place { axes: [x, y, normal], from: Leaving::Prop { position: position.as_dvec3(), normal } }
+    ScatterPoint { axes: [x, y, normal], from: Leaving::Prop { position: position.as_dvec3(), normal } }
 }
 
 /// Ascending wavelengths [um] of paths whose first lies at `t`, 0 to 1, of its quarter of the range.
@@ -297,7 +297,7 @@ impl StrandDual<'_> {
         let mut pdf = f32::INFINITY;
         let mut course = Course::new(options.depth);
         let mut passed = 0;
-        while passed < MOST_PASSED {
+        while passed < MAX_PASSED {
             let prop: Option<(f32, &Prop)> = scene.prop(&flight);
             let hit = flight.first(scene.tree(), prop.map_or(f64::INFINITY, |(t, _)| t.into()));
             let reach = hit.as_ref().map_or_else(|| prop.map_or(f32::INFINITY, |(t, _)| t), |hit| hit.t as f32);
@@ -319,7 +319,7 @@ impl StrandDual<'_> {
                 }
                 if course.goes_on(&throughput, &light, rng) {
                     let sigma = scene.sigma(&hit, lambda);
-                    let place = Place { axes, from: Leaving::Strand(hit) };
+                    let place = ScatterPoint { axes, from: Leaving::Strand(hit) };
                     let of = Shading { place: &place, dual, fiber: &at, lambda, sigma, back: -flight.direction };
                     self.add(&of, throughput, rng, &mut light);
                 }

@@ -1,10 +1,10 @@
 //! How files of strands are taken: units, radii, what points mean.
 
-use super::{Basis, LEAST_RADIUS_MM, StrandNotes, Strands, check_points};
+use super::{Basis, MIN_RADIUS_MM, StrandNotes, Strands, check_points};
 use crate::RenderError;
 
 /// Largest file of strands [bytes].
-pub(super) const MOST_BYTES: u64 = 1 << 32;
+pub(super) const MAX_BYTES: u64 = 1 << 32;
 
 /// How a file of strands is taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,10 +53,10 @@ impl StrandFile {
     }
 }
 
-/// Least radius along a strand of these radii [mm]: [`LEAST_RADIUS_MM`], and what 32 bits tell apart from the
+/// Least radius along a strand of these radii [mm]: [`MIN_RADIUS_MM`], and what 32 bits tell apart from the
 /// largest; none where all are below it.
 pub(super) fn least_radius_mm(radii: impl Iterator<Item = f64>) -> Option<f64> {
-    let (most, least) = (radii.fold(0.0, f64::max), f64::from(LEAST_RADIUS_MM));
+    let (most, least) = (radii.fold(0.0, f64::max), f64::from(MIN_RADIUS_MM));
     (most >= least).then(|| least.max(1e-5 * most))
 }
 

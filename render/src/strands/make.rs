@@ -11,7 +11,7 @@ use std::f32::consts::{FRAC_PI_2, PI, TAU};
 /// What is made; lengths in mm. In files a table whose `kind` is the name in small letters.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
-pub enum Made {
+pub enum GeneratedStrands {
     /// One straight fiber along x through the origin.
     Single {
         /// Its length.
@@ -82,23 +82,24 @@ fn three() -> u32 {
 }
 
 /// Most points that are made.
-const MOST_MADE: u64 = 200_000_000;
+const MAX_MADE: u64 = 200_000_000;
 
 /// Makes strands of a radius [mm] with so many segments each, as B-splines. Hairs of balls, wisps and fur become thinner towards their tips, by a half.
 ///
 /// # Errors
 /// [`RenderError::Strands`] for more than 200 M points, [`RenderError::TooLarge`].
-pub fn make(what: &Made, radius_mm: f32, segments: u32, seed: u64) -> Result<Strands, RenderError> {
+pub fn make(what: &GeneratedStrands, radius_mm: f32, segments: u32, seed: u64) -> Result<Strands, RenderError> {
     let count = match *what {
-        Made::Single { .. } => 1,
-        Made::Layer { count, layers, .. } => u64::from(count) * u64::from(layers),
-        Made::Ball { count, .. } | Made::Wisp { count, .. } | Made::Fur { count, .. } | Made::Loop { count, .. } => {
-            count.into()
-        }
+        GeneratedStrands::Single { .. } => 1,
+        GeneratedStrands::Layer { count, layers, .. } => u64::from(count) * u64::from(layers),
+        GeneratedStrands::Ball { count, .. }
+        | GeneratedStrands::Wisp { count, .. }
+        | GeneratedStrands::Fur { count, .. }
+        | GeneratedStrands::Loop { count, .. } => count.into(),
     };
     let points = count.saturating_mul(u64::from(segments) + 3);
-    if points > MOST_MADE {
-        let what = format!("{points} points of strands; at most {MOST_MADE}");
+    if points > MAX_MADE {
+        let what = format!("{points} points of strands; at most {MAX_MADE}");
         return Err(RenderError::Strands { file: "strands".into(), what });
     }
     Strands::check_room(points)?;
@@ -107,7 +108,10 @@ pub fn make(what: &Made, radius_mm: f32, segments: u32, seed: u64) -> Result<Str
     let tufts = Tufts::new(what, &mut rng);
     for k in 0..count {
         let path = path(what, k, &tufts, &mut rng);
-        let thin = matches!(what, Made::Ball { .. } | Made::Wisp { .. } | Made::Fur { .. });
+        let thin = matches!(
+            what,
+            GeneratedStrands::Ball { .. } | GeneratedStrands::Wisp { .. } | GeneratedStrands::Fur { .. }
+        );
         let points: Vec<[f32; 4]> = (0..=segments)
             .map(|i| {
                 let u = i as f32 / segments as f32;
@@ -127,8 +131,10 @@ struct Tufts {
 }
 
 impl Tufts {
-    fn new(what: &Made, rng: &mut Pcg64Mcg) -> Tufts {
-        let Made::Fur { size_mm, length_mm, .. } = *what else { return Tufts { across: 0, centers: Vec::new() } };
+    fn new(what: &GeneratedStrands, rng: &mut Pcg64Mcg) -> Tufts {
+        let GeneratedStrands::Fur { size_mm, length_mm, .. } = *what else {
+            return Tufts { across: 0, centers: Vec::new() };
+        };
         let across = ((size_mm / (0.22 * length_mm)).ceil() as usize).clamp(1, 1000);
         let cell = size_mm / across as f32;
         let centers = (0..across * across)
@@ -161,16 +167,16 @@ fn disc(rng: &mut Pcg64Mcg) -> [f32; 2] {
 }
 
 /// The center line of a strand, from u = 0 to 1.
-fn path(what: &Made, k: u64, tufts: &Tufts, rng: &mut Pcg64Mcg) -> Box<dyn Fn(f32) -> Vec3> {
+fn path(what: &GeneratedStrands, k: u64, tufts: &Tufts, rng: &mut Pcg64Mcg) -> Box<dyn Fn(f32) -> Vec3> {
     match *what {
-        Made::Single { length_mm } => Box::new(move |u| Vec3::X * (length_mm * (u - 0.5))),
-        Made::Layer { count, spacing_mm, length_mm, .. } => {
+        GeneratedStrands::Single { length_mm } => Box::new(move |u| Vec3::X * (length_mm * (u - 0.5))),
+        GeneratedStrands::Layer { count, spacing_mm, length_mm, .. } => {
             let (layer, i) = (k / u64::from(count), k % u64::from(count));
             let y = (i as f32 - 0.5 * (count as f32 - 1.0) + if layer % 2 == 1 { 0.5 } else { 0.0 }) * spacing_mm;
             let z = -(layer as f32) * spacing_mm;
             Box::new(move |u| Vec3::new(length_mm * (u - 0.5), y, z))
         }
-        Made::Ball { count, ball_mm, length_mm, curl_mm } => {
+        GeneratedStrands::Ball { count, ball_mm, length_mm, curl_mm } => {
             // Roots on a spiral of Fibonacci, moved a little.
             let z = 1.0 - 2.0 * (k as f32 + rng.random::<f32>()) / count as f32;
             let phi = k as f32 * 2.399_963 + 0.3 * rng.random::<f32>();
@@ -195,7 +201,7 @@ fn path(what: &Made, k: u64, tufts: &Tufts, rng: &mut Pcg64Mcg) -> Box<dyn Fn(f3
                 if depth < least { p * (least / depth.max(1e-6)) } else { p }
             })
         }
-        Made::Wisp { width_mm, length_mm, .. } => {
+        GeneratedStrands::Wisp { width_mm, length_mm, .. } => {
             let [x, y] = disc(rng);
             let root = Vec3::new(x, y, 0.0) * width_mm;
             let stray = rng.random::<f32>().powi(8);
@@ -211,7 +217,7 @@ fn path(what: &Made, k: u64, tufts: &Tufts, rng: &mut Pcg64Mcg) -> Box<dyn Fn(f3
                 twist * (root * gather) + out + Vec3::new(bend + fine, 0.25 * bend, -length * u)
             })
         }
-        Made::Fur { size_mm, length_mm, .. } => {
+        GeneratedStrands::Fur { size_mm, length_mm, .. } => {
             let [a, b]: [f32; 2] = rng.random();
             let root = Vec3::new(a - 0.5, b - 0.5, 0.0) * size_mm;
             let to = tufts.nearest(root, size_mm) - root;
@@ -229,7 +235,7 @@ fn path(what: &Made, k: u64, tufts: &Tufts, rng: &mut Pcg64Mcg) -> Box<dyn Fn(f3
                 root + forward + Vec3::Z * (along * angle.cos()) + to * (pull * u * u)
             })
         }
-        Made::Loop { count, loops, width_mm, yarn_mm } => {
+        GeneratedStrands::Loop { count, loops, width_mm, yarn_mm } => {
             // Rings of fibers that twist about the yarn's axis.
             let r = yarn_mm * ((k as f32 + 0.5) / count as f32).sqrt() * 0.92;
             let (phi, stray) = (k as f32 * 2.399_963, 0.15 * (rng.random::<f32>() - 0.5));

@@ -24,7 +24,7 @@ use crate::room::check_room;
 
 pub use dual::{StrandDual, StrandDualOptions, render_strands_dual};
 pub use how::StrandFile;
-pub use make::{Made, make};
+pub use make::{GeneratedStrands, make};
 pub use notes::StrandNotes;
 pub use read::mitsuba_text;
 pub use scene::{StrandFiber, StrandScene};
@@ -32,13 +32,13 @@ pub use trace::render_strands;
 pub use tree::{Skip, StrandHit, StrandTree, TraceCost};
 
 /// Most control points of one strand, which is what a `.hair` file can say.
-pub const MOST_POINTS: usize = 65_536;
+pub const MAX_POINTS: usize = 65_536;
 /// Most points of all strands: what the tree counts to.
-const MOST_IN_ALL: usize = 1 << 29;
+const MAX_IN_ALL: usize = 1 << 29;
 /// Largest coordinate [mm].
-pub const MOST_MM: f32 = 1e6;
+pub const MAX_MM: f32 = 1e6;
 /// Least radius [mm].
-pub const LEAST_RADIUS_MM: f32 = 1e-5;
+pub const MIN_RADIUS_MM: f32 = 1e-5;
 /// Bytes a control point, in the strands and in their BVH.
 const POINT_BYTES: u64 = 300;
 
@@ -131,15 +131,15 @@ impl Strands {
     /// Adds a strand by its control points: x, y, z, radius [mm].
     ///
     /// # Errors
-    /// [`RenderError::Strands`] for too few or more than [`MOST_POINTS`] points, coordinates that are not finite or beyond [`MOST_MM`], radii below
-    /// [`LEAST_RADIUS_MM`]; `file` and `place`, as `strand 3`, stand in it.
+    /// [`RenderError::Strands`] for too few or more than [`MAX_POINTS`] points, coordinates that are not finite or beyond [`MAX_MM`], radii below
+    /// [`MIN_RADIUS_MM`]; `file` and `place`, as `strand 3`, stand in it.
     pub fn push(&mut self, points: &[[f32; 4]], file: &str, place: &str) -> Result<(), RenderError> {
         let bad = |what: String| RenderError::Strands { file: file.to_string(), what: format!("{place}: {what}") };
         let order = self.basis.order();
         if points.len() < order {
             return Err(bad(format!("{} points; a segment takes {order}", points.len())));
         }
-        check_points(points, LEAST_RADIUS_MM, file, place)?;
+        check_points(points, MIN_RADIUS_MM, file, place)?;
         self.add_run(points, true).map_err(bad)
     }
 
@@ -154,7 +154,7 @@ impl Strands {
             (_, [a, b]) => vec![*a, mean(*a, *b), *b],
             _ => points.to_vec(),
         };
-        check_points(points, LEAST_RADIUS_MM, file, place)?;
+        check_points(points, MIN_RADIUS_MM, file, place)?;
         let (a, z) = (beyond(middle[0], middle[1]), beyond(middle[middle.len() - 1], middle[middle.len() - 2]));
         let all = [&[a], &middle[..], &[z]].concat();
         let bad = |what: String| RenderError::Strands { file: file.to_string(), what: format!("{place}: {what}") };
@@ -164,7 +164,7 @@ impl Strands {
     /// Adds control points that have been looked at, to a strand of their own or to the one that was added
     /// last.
     fn add_run(&mut self, points: &[[f32; 4]], is_new: bool) -> Result<(), String> {
-        if self.points.len() + points.len() > MOST_IN_ALL {
+        if self.points.len() + points.len() > MAX_IN_ALL {
             return Err("more than 536 M points in all; give fewer strands".into());
         }
         self.count += u32::from(is_new || self.count == 0);
@@ -229,15 +229,15 @@ fn beyond(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
 /// Refuses numbers of points, coordinates and radii out of range; points are numbered as they are given.
 fn check_points(points: &[[f32; 4]], least: f32, file: &str, place: &str) -> Result<(), RenderError> {
     let bad = |what: String| RenderError::Strands { file: file.to_string(), what: format!("{place}: {what}") };
-    if points.len() > MOST_POINTS {
-        return Err(bad(format!("{} points; at most {MOST_POINTS}, split the strand", points.len())));
+    if points.len() > MAX_POINTS {
+        return Err(bad(format!("{} points; at most {MAX_POINTS}, split the strand", points.len())));
     }
     for (k, p) in points.iter().enumerate() {
-        if let Some(v) = p[..3].iter().find(|v| v.is_nan() || v.abs() > MOST_MM) {
-            return Err(bad(format!("point {} has the coordinate {v} mm; use up to {MOST_MM}", k + 1)));
+        if let Some(v) = p[..3].iter().find(|v| v.is_nan() || v.abs() > MAX_MM) {
+            return Err(bad(format!("point {} has the coordinate {v} mm; use up to {MAX_MM}", k + 1)));
         }
-        if !(p[3] >= least && p[3] <= MOST_MM) {
-            return Err(bad(format!("point {} has the radius {} mm; use {LEAST_RADIUS_MM} or more", k + 1, p[3])));
+        if !(p[3] >= least && p[3] <= MAX_MM) {
+            return Err(bad(format!("point {} has the radius {} mm; use {MIN_RADIUS_MM} or more", k + 1, p[3])));
         }
     }
     Ok(())

@@ -1,12 +1,12 @@
 //! What a reader of strands left out, or took otherwise than the file has it.
 
-use super::LEAST_RADIUS_MM;
+use super::MIN_RADIUS_MM;
 use super::how::cut;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 /// Most kinds of shapes that are told apart.
-const MOST_KINDS: usize = 16;
+const MAX_KINDS: usize = 16;
 
 /// What a reader left out, or took otherwise than the file has it, and the files that it read beside the
 /// first.
@@ -35,7 +35,7 @@ pub struct StrandNotes {
 impl StrandNotes {
     pub(super) fn count_shape(&mut self, kind: &[u8]) {
         let mut kind = cut(&String::from_utf8_lossy(kind));
-        if !self.other_shapes.contains_key(&kind) && self.other_shapes.len() >= MOST_KINDS {
+        if !self.other_shapes.contains_key(&kind) && self.other_shapes.len() >= MAX_KINDS {
             kind = "others".into();
         }
         *self.other_shapes.entry(kind).or_default() += 1;
@@ -43,7 +43,7 @@ impl StrandNotes {
 
     /// For the user, a line each.
     pub fn lines(&self) -> Vec<String> {
-        let least = format!("{LEAST_RADIUS_MM} mm");
+        let least = format!("{MIN_RADIUS_MM} mm");
         let shapes: Vec<String> = self.other_shapes.iter().map(|(kind, n)| format!("{n} {kind}")).collect();
         let others = self.other_shapes.values().sum();
         [

@@ -6,7 +6,7 @@
 //! instances put theirs before it.
 //! Statements of pbrt-v2 and -v3 that v4 lacks are passed over like all that are no geometry.
 
-use super::how::{MOST_BYTES, StrandFile, refuse_packed};
+use super::how::{MAX_BYTES, StrandFile, refuse_packed};
 use super::pbrt_curve::{Curve, Given};
 use super::words::{Word, Words, number, shown};
 use super::{Basis, StrandNotes, Strands};
@@ -17,15 +17,15 @@ use std::collections::HashMap;
 use std::path::{Component, Path, PathBuf};
 
 /// Most blocks within one another.
-const MOST_BLOCKS: usize = 10_000;
+const MAX_BLOCKS: usize = 10_000;
 /// Most files within one another.
-const MOST_FILES: usize = 32;
+const MAX_FILES: usize = 32;
 /// Most files that are read, each time counted.
-const MOST_READ: usize = 100_000;
+const MAX_READ: usize = 100_000;
 /// Most instances, those within instances counted.
-const MOST_INSTANCES: usize = 1 << 22;
+const MAX_INSTANCES: usize = 1 << 22;
 /// Most objects within one another.
-const MOST_WITHIN: usize = 64;
+const MAX_WITHIN: usize = 64;
 /// Points at which memory is looked at first.
 const FIRST_CHECK: usize = 1 << 20;
 
@@ -356,8 +356,8 @@ impl Reader<'_> {
     }
 
     fn begin(&mut self, block: Block) -> Result<(), String> {
-        if self.blocks.len() >= MOST_BLOCKS {
-            return Err(format!("more than {MOST_BLOCKS} blocks within one another"));
+        if self.blocks.len() >= MAX_BLOCKS {
+            return Err(format!("more than {MAX_BLOCKS} blocks within one another"));
         }
         self.blocks.push((self.state.clone(), block));
         Ok(())
@@ -424,8 +424,8 @@ impl Reader<'_> {
             return Err(bad("the object is within itself".into()));
         }
         *instances += 1;
-        if *instances > MOST_INSTANCES || within.len() >= MOST_WITHIN {
-            return Err(bad(format!("more than {MOST_INSTANCES} instances, or {MOST_WITHIN} within one another")));
+        if *instances > MAX_INSTANCES || within.len() >= MAX_WITHIN {
+            return Err(bad(format!("more than {MAX_INSTANCES} instances, or {MAX_WITHIN} within one another")));
         }
         let space = *outer * of.space;
         if space.determinant() == 0.0 {
@@ -455,10 +455,10 @@ impl Reader<'_> {
             if self.files.contains(&name) {
                 return Err(format!("Include {named:?}: the file includes itself"));
             }
-            match folder.read(&name, MOST_BYTES.saturating_sub(self.read[0])) {
+            match folder.read(&name, MAX_BYTES.saturating_sub(self.read[0])) {
                 Ok(bytes) => {
                     self.read = [self.read[0] + bytes.len() as u64, self.read[1] + 1];
-                    if self.files.len() >= MOST_FILES || self.read[1] > MOST_READ as u64 {
+                    if self.files.len() >= MAX_FILES || self.read[1] > MAX_READ as u64 {
                         return Err(format!("Include {named:?}: too many files, or too many within one another"));
                     }
                     refuse_packed(&bytes).map_err(|what| format!("Include {named:?}: {what}"))?;

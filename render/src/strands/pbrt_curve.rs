@@ -8,7 +8,7 @@
 
 use super::how::{StrandFile, least_radius_mm};
 use super::words::{Word, Words, number, shown};
-use super::{MOST_MM, MOST_POINTS, StrandNotes, Strands};
+use super::{MAX_MM, MAX_POINTS, StrandNotes, Strands};
 use glam::{DMat4, DVec3};
 
 /// Scales that differ by less, over the largest, are the same.
@@ -54,8 +54,8 @@ impl Given {
                     if !rest.is_empty() {
                         return Err(format!("\"P\" has {} numbers; use three a point", values.len()));
                     }
-                    if triples.len() > MOST_POINTS {
-                        return Err(format!("{} points; at most {MOST_POINTS}, split the curve", triples.len()));
+                    if triples.len() > MAX_POINTS {
+                        return Err(format!("{} points; at most {MAX_POINTS}, split the curve", triples.len()));
                     }
                     points.clear();
                     for [x, y, z] in triples {
@@ -186,10 +186,10 @@ impl Curve {
         let radii = || self.pieces.iter().flat_map(|piece| &piece.radii).map(|r| radius_mm(*r));
         let coordinates = self.pieces.iter().flat_map(|piece| &piece.points).map(|p| mm * p.abs().max_element());
         // Points of a B-spline lie up to 15 times as far out as those of the same Bezier curve.
-        let too_much = |most: f64| move |v: &f64| v.is_nan() || *v > most * f64::from(MOST_MM);
+        let too_much = |most: f64| move |v: &f64| v.is_nan() || *v > most * f64::from(MAX_MM);
         let far = coordinates.into_iter().find(too_much(15.0)).map(|v| ("coordinate", v));
         if let Some((name, v)) = far.or_else(|| radii().find(too_much(1.0)).map(|v| ("radius", v))) {
-            return Err(format!("a {name} of {v} mm; use up to {MOST_MM}"));
+            return Err(format!("a {name} of {v} mm; use up to {MAX_MM}"));
         }
         let Some(least) = least_radius_mm(radii()) else {
             notes.without_width += 1;

@@ -9,9 +9,9 @@
 //! It does not read the colors and transparency of `.hair`, nor pbrt's shapes other than curves, nor the
 //! normals of ribbons.
 
-use super::how::{MOST_BYTES, StrandFile, cut, refuse_packed};
+use super::how::{MAX_BYTES, StrandFile, cut, refuse_packed};
 use super::pbrt;
-use super::{MOST_POINTS, StrandNotes, Strands};
+use super::{MAX_POINTS, StrandNotes, Strands};
 use crate::RenderError;
 use crate::room::read_file;
 use plywave::io::Folder;
@@ -26,7 +26,7 @@ impl Strands {
     /// [`RenderError::Strands`], [`RenderError::Io`], [`RenderError::TooLarge`].
     pub fn load(path: &Path, how: &StrandFile) -> Result<(Strands, StrandNotes), RenderError> {
         let file = path.display().to_string();
-        let bytes = read_file(path, MOST_BYTES).map_err(|e| match e {
+        let bytes = read_file(path, MAX_BYTES).map_err(|e| match e {
             RenderError::Picture { file, what } => RenderError::Strands { file, what },
             other => other,
         })?;
@@ -107,8 +107,8 @@ fn hair(bytes: &[u8], file: &str, how: &StrandFile, notes: &mut StrandNotes) -> 
         } else {
             default_segments
         };
-        if n > MOST_POINTS {
-            return Err(bad(format!("{}: {n} points; at most {MOST_POINTS}, split the strand", place())));
+        if n > MAX_POINTS {
+            return Err(bad(format!("{}: {n} points; at most {MAX_POINTS}, split the strand", place())));
         }
         if next + n > total {
             return Err(bad(format!(
@@ -161,8 +161,8 @@ fn mitsuba(text: &str, file: &str, how: &StrandFile, notes: &mut StrandNotes) ->
         if curve.is_empty() {
             begun = k + 1;
         }
-        if curve.len() == MOST_POINTS {
-            return Err(bad(format!("more than {MOST_POINTS} points in one curve; split it by an empty line")));
+        if curve.len() == MAX_POINTS {
+            return Err(bad(format!("more than {MAX_POINTS} points in one curve; split it by an empty line")));
         }
         curve.push(how.point([values[0], values[1], values[2]], values[3]));
     }

@@ -14,7 +14,7 @@ use glam::DVec3;
 /// How far the straight pieces of a spline may be from it, over the radius.
 pub const TOLERANCE: f64 = 0.02;
 /// Most halvings of a spline's segment.
-pub const MOST_DEPTH: u8 = 10;
+pub const MAX_DEPTH: u8 = 10;
 
 /// A ray as the z axis of a frame.
 #[derive(Clone, Copy, Debug)]
@@ -164,7 +164,7 @@ pub struct Extent {
 impl Extent {
     /// Of the control points. The second derivative is linear, so it is largest at an end.
     #[inline(always)]
-    pub fn of(p: &[[f32; 4]; 4]) -> Extent {
+    pub fn from_points(p: &[[f32; 4]; 4]) -> Extent {
         let second = |k: usize| {
             let d = |c: usize| f64::from(p[k][c]) - 2.0 * f64::from(p[k + 1][c]) + f64::from(p[k + 2][c]);
             d(0) * d(0) + d(1) * d(1) + d(2) * d(2)
@@ -175,7 +175,7 @@ impl Extent {
         // A tip much thinner than the rest is held to a hundredth of it. A chord over a step d is off by bend d^2 / 8 at most.
         let fine = 8.0 * TOLERANCE * f64::from(least.max(0.01 * most));
         let (mut depth, mut pieces) = (0, 1.0);
-        while bend > fine * pieces && depth < MOST_DEPTH {
+        while bend > fine * pieces && depth < MAX_DEPTH {
             depth += 1;
             pieces *= 4.0;
         }
@@ -187,7 +187,7 @@ impl Extent {
 pub fn spline(c: &Cubic, extent: Extent, shape: StrandShape, after: f64, before: f64) -> Option<(f64, f64)> {
     let step = 1.0 / f64::from(1u32 << extent.depth);
     // Each halving takes one entry and leaves two.
-    let mut open = [(0u32, 0u32); MOST_DEPTH as usize + 2];
+    let mut open = [(0u32, 0u32); MAX_DEPTH as usize + 2];
     let mut count = 1;
     open[0] = (0, 1 << extent.depth);
     let (mut best, mut hit) = (before, None);

@@ -20,7 +20,7 @@ use rand_pcg::Pcg64Mcg;
 use std::sync::atomic::AtomicBool;
 
 /// Strands that a ray may pass; a bound against endless loops, not met in practice.
-const MOST_PASSED: u32 = 100_000;
+const MAX_PASSED: u32 = 100_000;
 
 /// As [`crate::render`], of strands.
 ///
@@ -74,7 +74,7 @@ impl Flight {
 }
 
 /// What a path is scattered by: axes, and how it leaves.
-pub(super) struct Place {
+pub(super) struct ScatterPoint {
     pub axes: [DVec3; 3],
     pub from: Leaving,
 }
@@ -84,7 +84,7 @@ pub(super) enum Leaving {
     Prop { position: DVec3, normal: DVec3 },
 }
 
-impl Place {
+impl ScatterPoint {
     pub fn local(&self, w: DVec3) -> [f32; 3] {
         self.axes.map(|a| a.dot(w) as f32)
     }
@@ -131,7 +131,7 @@ impl Tracer for StrandScene {
         let mut pdf = f32::INFINITY;
         let mut course = Course::new(options.depth);
         let mut passed = 0;
-        while passed < MOST_PASSED {
+        while passed < MAX_PASSED {
             let ray = (flight.origin.as_vec3(), flight.direction.as_vec3());
             let prop = self.prop(&flight);
             let hit = flight.first(self.tree(), prop.map_or(f64::INFINITY, |(t, _)| t.into()));
@@ -152,7 +152,7 @@ impl Tracer for StrandScene {
                         first = Some((self.facing(&hit, flight.direction), hit.t as f32));
                         albedo = at.albedo();
                     }
-                    let place = Place { axes, from: Leaving::Strand(hit) };
+                    let place = ScatterPoint { axes, from: Leaving::Strand(hit) };
                     let goes_on = course.goes_on(&throughput, &light, rng);
                     goes_on.then(|| (self.scatter(&place, &at, lambda, throughput, rng, &mut light), place))
                 }
@@ -166,7 +166,7 @@ impl Tracer for StrandScene {
                         albedo = [prop.albedo; WAVELENGTHS];
                     }
                     let from = Leaving::Prop { position: position.as_dvec3(), normal };
-                    let place = Place { axes: [x, y, normal], from };
+                    let place = ScatterPoint { axes: [x, y, normal], from };
                     let goes_on = course.goes_on(&throughput, &light, rng);
                     goes_on.then(|| (self.scatter(&place, &at, lambda, throughput, rng, &mut light), place))
                 }
@@ -256,7 +256,7 @@ impl StrandScene {
     /// Light from one source at a place, and how the path goes on.
     pub(super) fn scatter(
         &self,
-        place: &Place,
+        place: &ScatterPoint,
         at: &impl Bsdf<WAVELENGTHS>,
         lambda: Light4,
         throughput: Light4,
@@ -269,7 +269,7 @@ impl StrandScene {
 
     fn direct(
         &self,
-        place: &Place,
+        place: &ScatterPoint,
         at: &impl Bsdf<WAVELENGTHS>,
         lambda: Light4,
         throughput: Light4,
@@ -296,7 +296,7 @@ impl StrandScene {
         if self.props.iter().any(blocks) {
             return [0.0; WAVELENGTHS];
         }
-        for _ in 0..MOST_PASSED {
+        for _ in 0..MAX_PASSED {
             let Some(hit) = flight.first(self.tree(), reach.into()) else { return passes };
             if !self.is_limited() {
                 break;

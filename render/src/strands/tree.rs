@@ -34,7 +34,7 @@ pub struct TraceCost {
 
 /// A segment that is met.
 #[derive(Clone, Copy, Debug)]
-struct Met {
+struct SegmentHit {
     t: f64,
     u: f64,
     /// First control point.
@@ -68,7 +68,7 @@ pub struct Skip {
 pub struct StrandHit {
     /// Distance along the ray [mm].
     pub t: f64,
-    /// Place where the ray is met [mm]: on the tube, or on the band.
+    /// ScatterPoint where the ray is met [mm]: on the tube, or on the band.
     pub position: DVec3,
     /// Center of the strand there [mm].
     pub center: DVec3,
@@ -83,7 +83,7 @@ pub struct StrandHit {
     pub strand: u32,
     /// First control point of the segment.
     pub first_point: u32,
-    /// Place on the segment, 0 to 1.
+    /// ScatterPoint on the segment, 0 to 1.
     pub u: f64,
 }
 
@@ -199,7 +199,7 @@ impl StrandTree {
         before: f64,
         skips: &[Skip],
         cost: &mut TraceCost,
-    ) -> Option<Met> {
+    ) -> Option<SegmentHit> {
         let [from, to] = self.reach(origin, direction)?;
         if to <= after || from >= before {
             return None;
@@ -207,7 +207,7 @@ impl StrandTree {
         let (start, moved, limit) = start_of(origin, direction, from.max(after), before.min(to));
         let (frame, chords) = (RayFrame::new(origin, direction), GroupRay::new(moved, direction));
         let low = (after - start) as f32;
-        let mut best: Option<Met> = None;
+        let mut best: Option<SegmentHit> = None;
         let ahead = |i| prefetch(&self.groups, i);
         let nodes = self.boxes.traverse(moved, direction.as_vec3(), limit, ahead, |i, mut limit| {
             let mut near = self.groups[i].near(&chords, low, limit);
@@ -226,7 +226,7 @@ impl StrandTree {
                 let most = best.map_or(before, |best| best.t + best.t.abs() * f64::EPSILON);
                 let Some((t, u)) = self.meet(&frame, first, after, most) else { continue };
                 if best.map_or(t < before, |best| t < best.t || t == best.t && first < best.first) {
-                    best = Some(Met { t, u, first, strand: source.strand });
+                    best = Some(SegmentHit { t, u, first, strand: source.strand });
                     limit = limit.min(above((t - start) as f32));
                 }
             }
@@ -271,7 +271,7 @@ impl StrandTree {
                 let mut after = after_skips(after, skips, source.strand);
                 // A bent segment is entered more than once: all of it, since which of them count is known only when those of its neighbors are.
                 while let Some((t, u)) = self.meet(&frame, first, after, before).filter(|(t, _)| *t < before) {
-                    found.push(self.hit(origin, direction, Met { t, u, first, strand: source.strand }));
+                    found.push(self.hit(origin, direction, SegmentHit { t, u, first, strand: source.strand }));
                     after = t;
                 }
             }
@@ -325,12 +325,12 @@ impl StrandTree {
             }
             Basis::BSpline => {
                 let p: &[[f32; 4]; 4] = points.first_chunk()?;
-                spline(&cubic(p.map(|p| frame.see(p))), Extent::of(p), self.shape, after, before)
+                spline(&cubic(p.map(|p| frame.see(p))), Extent::from_points(p), self.shape, after, before)
             }
         }
     }
 
-    fn hit(&self, origin: DVec3, direction: DVec3, Met { t, u, first, strand }: Met) -> StrandHit {
+    fn hit(&self, origin: DVec3, direction: DVec3, SegmentHit { t, u, first, strand }: SegmentHit) -> StrandHit {
         let points = &self.strands.points()[first as usize..];
         let wide = |p: [f32; 4]| p.map(f64::from);
         let (at, along) = match self.strands.basis() {

@@ -12,16 +12,16 @@ const LEAF: u32 = 1 << 31;
 const COUNT_SHIFT: u32 = 29;
 const INDEX: u32 = (1 << COUNT_SHIFT) - 1;
 /// Most primitives of a leaf.
-const MOST_IN_LEAF: u32 = 4;
+const MAX_IN_LEAF: u32 = 4;
 /// What testing a node costs, over testing a primitive.
 const NODE_COST: f32 = 1.0;
 /// Most levels: each takes three entries of the traversal's stack.
-const MOST_LEVELS: usize = 31;
-const STACK: usize = 3 * MOST_LEVELS + 3;
+const MAX_LEVELS: usize = 31;
+const STACK: usize = 3 * MAX_LEVELS + 3;
 /// Room for two roundings of a slab's far end.
 const ROOM: f32 = 1.0 + 4e-7;
 /// Components of directions below count as that.
-const LEAST: f32 = 1e-12;
+const MIN: f32 = 1e-12;
 
 /// Four boxes by axis, and where they lead. Boxes that are not there are inside out.
 #[derive(Clone, Copy, Debug)]
@@ -62,7 +62,7 @@ impl Wide {
         // Node of the binary tree, of the wide one, and level.
         let mut open = vec![(0usize, 0usize, 1usize)];
         while let Some((from, to, level)) = open.pop() {
-            if level > MOST_LEVELS {
+            if level > MAX_LEVELS {
                 return None;
             }
             let (children, count) = plan.children(tree, from);
@@ -102,7 +102,7 @@ impl Wide {
         if self.nodes.is_empty() {
             return 0;
         }
-        let inverse = direction.to_array().map(|d| 1.0 / if d.abs() < LEAST { LEAST.copysign(d) } else { d });
+        let inverse = direction.to_array().map(|d| 1.0 / if d.abs() < MIN { MIN.copysign(d) } else { d });
         let (origin, mut limit, mut tested) = (origin.to_array(), limit, 0);
         let mut stack = [(0.0f32, 0u32); STACK];
         let mut top = 1;
@@ -220,7 +220,7 @@ impl Plan {
                 // Of the binary tree's nodes a third becomes a node of four.
                 (count[a] + count[b], cost[a] + cost[b] + NODE_COST / 3.0 * area)
             };
-            let whole = if all <= MOST_IN_LEAF { area * all as f32 } else { f32::INFINITY };
+            let whole = if all <= MAX_IN_LEAF { area * all as f32 } else { f32::INFINITY };
             (count[at], cost[at], is_leaf[at]) = (all, whole.min(split), whole <= split);
         }
         Plan { is_leaf }

@@ -3,7 +3,7 @@
 use glam::Vec3;
 use plywave::color::{SmoothReflectance, delta_e_2000, white_d65, xyz_of_reflectance};
 use plywave::fabric::{ColorOf, ColorReach, FabricOptions, YarnColor};
-use plywave::{Bsdf, FabricBsdf, FabricQuery};
+use plywave::{Bsdf, FabricModel, FabricQuery};
 use plywave_render::{Camera, Environment, Film, FilmView, Mesh, RenderOptions, Scene, render};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -39,7 +39,7 @@ fn pile() -> Mesh {
 fn seen(
     scene: &Scene,
     from: Vec3,
-    fabric: &FabricBsdf,
+    fabric: &FabricModel,
     (pixels, samples, depth): (u32, u32, u32),
     seed: u64,
 ) -> [f64; 3] {
@@ -68,7 +68,7 @@ fn direction(k: usize) -> Vec3 {
 }
 
 /// Of a color, what a render gives.
-fn rendered(fabric: &FabricBsdf, of: ColorOf, straight: &[f64; VIEWS], samples: u32) -> [f64; 3] {
+fn rendered(fabric: &FabricModel, of: ColorOf, straight: &[f64; VIEWS], samples: u32) -> [f64; 3] {
     let (mesh, sky, depth) = match of {
         ColorOf::EvenSky => (Mesh::flat(SIZE_MM), Environment::constant(1.0), 2),
         ColorOf::Reflected => (Mesh::flat(SIZE_MM), Environment::above(1.0), 2),
@@ -92,7 +92,7 @@ fn rendered(fabric: &FabricBsdf, of: ColorOf, straight: &[f64; VIEWS], samples: 
 }
 
 /// Light of each view that passes through gaps.
-fn straight(fabric: &FabricBsdf) -> [f64; VIEWS] {
+fn straight(fabric: &FabricModel) -> [f64; VIEWS] {
     let mut rng = Pcg64Mcg::seed_from_u64(3);
     let size = fabric.fabric().repeat_um().map(|r| 50.0 * r as f32);
     std::array::from_fn(|k| {
@@ -110,8 +110,8 @@ fn straight(fabric: &FabricBsdf) -> [f64; VIEWS] {
 fn differences(name: &str, colors: usize, samples: u32) {
     let mut worst = 0.0f64;
     let path = format!("{}/../fabrics/{name}.toml", env!("CARGO_MANIFEST_DIR"));
-    let fabric = FabricBsdf::load(&path, &FabricOptions::default()).unwrap();
-    let straight = straight(&FabricBsdf::load(&path, &FabricOptions::RAYS).unwrap());
+    let fabric = FabricModel::load(&path, &FabricOptions::default()).unwrap();
+    let straight = straight(&FabricModel::load(&path, &FabricOptions::RAYS).unwrap());
     for of in MEANINGS {
         let fabric = fabric.with_colors([YarnColor::Undyed; 2], of);
         let curve = fabric.color_curve();
@@ -120,7 +120,7 @@ fn differences(name: &str, colors: usize, samples: u32) {
         let colors = if of == ColorOf::Folded { colors / 3 } else { colors };
         while found < colors {
             let srgb: [f32; 3] = rng.random();
-            if ColorReach::of(srgb, curve).delta_e > 0.1 {
+            if ColorReach::from_srgb(srgb, curve).delta_e > 0.1 {
                 continue;
             }
             found += 1;

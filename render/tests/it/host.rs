@@ -3,7 +3,7 @@
 use plywave::bsdf::{DirectionSample, Outcomes};
 use plywave::{Bsdf, BsdfSample};
 use plywave_render::{
-    Environment, Facts, Film, FilmView, MOST_SCATTERINGS, Mesh, MeshNotes, RenderOptions, Scene, Setup, Surface, render,
+    Environment, Facts, Film, FilmView, MAX_SCATTERINGS, Mesh, MeshNotes, RenderOptions, Scene, Setup, Surface, render,
 };
 use std::f32::consts::{PI, TAU};
 use std::sync::atomic::AtomicBool;
@@ -372,7 +372,7 @@ fn normals_go_on_over_a_seam() {
 fn cuts_tell_what_they_leave_out() {
     let (mut scene, camera) = Setup::Folds.scene(20.0, None, Some(Environment::constant(1.0)));
     scene.lights.clear();
-    for depth in [1, 2, MOST_SCATTERINGS] {
+    for depth in [1, 2, MAX_SCATTERINGS] {
         let mut film = Film::new(32, 32).unwrap();
         let options = RenderOptions { samples: 64, depth, seed: 1 };
         let white = Diffuse { up: 1.0, down: 0.0 };

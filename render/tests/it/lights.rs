@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 use plywave::bsdf::{DirectionSample, Outcomes};
 use plywave::fabric::FabricOptions;
 use plywave::fiber::{DielectricFiber, DielectricParameters};
-use plywave::{Bsdf, BsdfSample, FabricBsdf};
+use plywave::{Bsdf, BsdfSample, FabricModel};
 use plywave_render::{
     Basis, Camera, Environment, Film, FilmView, Light, LightSampling, Mesh, Prop, RenderOptions, Scene, Shape,
     StrandFiber, StrandScene, StrandShape, Strands, Surface, render, render_strands,
@@ -333,7 +333,7 @@ fn fabrics_are_lit_in_proportion_and_alike_in_all_ways() {
     let path = format!("{}/../fabrics/cotton_plain.toml", env!("CARGO_MANIFEST_DIR"));
     // By rays: diffracted light has lobes so narrow that directions drawn from a whole sky miss them.
     let options = FabricOptions { sigma_per_um: Some(0.0), noise: false, ..FabricOptions::RAYS };
-    let fabric = FabricBsdf::load(&path, &options).unwrap();
+    let fabric = FabricModel::load(&path, &options).unwrap();
     let camera = Camera::new(Vec3::new(-6.0, 3.0, 10.0), Vec3::ZERO, Vec3::Y, 0.2);
     let shown = |lights: &[Light], sky: &Environment, way, samples| {
         let mut film = Film::new(SIDE, SIDE).unwrap();

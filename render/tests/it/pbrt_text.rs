@@ -1,7 +1,7 @@
 //! pbrt's text against closed forms: where transforms, blocks, objects and included files put a curve, how
 //! thick it is there, and what is said of what is not taken.
 
-use plywave_render::{Basis, LEAST_RADIUS_MM, StrandFile, StrandNotes, Strands};
+use plywave_render::{Basis, MIN_RADIUS_MM, StrandFile, StrandNotes, Strands};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -124,7 +124,7 @@ fn curves_are_given_in_many_ways() {
 /// A taper to 0 ends in the least radius, exactly linear before it, however many segments there are.
 #[test]
 fn tips_of_no_width_take_the_least_radius() {
-    let least = f64::from(LEAST_RADIUS_MM);
+    let least = f64::from(MIN_RADIUS_MM);
     for segments in [1, 3] {
         let points: String = (0..=3 * segments).map(|k| format!("0 0 {} ", 2 * k)).collect();
         let text = format!("Shape \"curve\" \"point3 P\" [ {points} ] \"float width0\" 1 \"float width1\" 0");

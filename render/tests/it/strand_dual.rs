@@ -8,9 +8,9 @@ use plywave::FiberModel;
 use plywave::fiber::dual_scattering::DualOptions;
 use plywave::fiber::{KhungurnFiber, KhungurnParameters};
 use plywave_render::{
-    Basis, Camera, Environment, Film, FilmView, Light, Made, Prop, RenderError, RenderOptions, Shape, StrandDual,
-    StrandDualOptions, StrandFiber, StrandHit, StrandScene, StrandShape, StrandTree, Strands, make, render_strands,
-    render_strands_dual,
+    Basis, Camera, Environment, Film, FilmView, GeneratedStrands, Light, Prop, RenderError, RenderOptions, Shape,
+    StrandDual, StrandDualOptions, StrandFiber, StrandHit, StrandScene, StrandShape, StrandTree, Strands, make,
+    render_strands, render_strands_dual,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -26,7 +26,7 @@ fn fiber(tt: f32) -> StrandFiber {
     StrandFiber::new(model)
 }
 
-fn scene(what: &Made, tt: f32, sky: f32) -> StrandScene {
+fn scene(what: &GeneratedStrands, tt: f32, sky: f32) -> StrandScene {
     let strands = make(what, 0.001 * RADIUS_UM, 16, 3).unwrap();
     let lamp = Light::facing(Vec3::new(30.0, -25.0, 50.0), Vec3::ZERO, 12.0, 12.0);
     StrandScene::new(strands, StrandShape::Tube, fiber(tt), vec![lamp], Environment::constant(sky))
@@ -91,9 +91,9 @@ fn one_by_one(tree: &StrandTree, o: DVec3, w: DVec3, before: f64) -> Vec<StrandH
 #[test]
 fn strands_are_counted_as_they_are_met() {
     let mut rng = Pcg64Mcg::seed_from_u64(1);
-    let bent = Made::Ball { count: 300, ball_mm: 3.0, length_mm: 9.0, curl_mm: 2.0 };
-    let fur = Made::Fur { count: 2000, size_mm: 8.0, length_mm: 5.0 };
-    let layer = Made::Layer { count: 40, layers: 6, spacing_mm: 0.1, length_mm: 8.0 };
+    let bent = GeneratedStrands::Ball { count: 300, ball_mm: 3.0, length_mm: 9.0, curl_mm: 2.0 };
+    let fur = GeneratedStrands::Fur { count: 2000, size_mm: 8.0, length_mm: 5.0 };
+    let layer = GeneratedStrands::Layer { count: 40, layers: 6, spacing_mm: 0.1, length_mm: 8.0 };
     for (what, shape) in
         [(bent, StrandShape::Tube), (fur, StrandShape::Tube), (layer, StrandShape::Tube), (fur, StrandShape::Band)]
     {
@@ -137,7 +137,7 @@ fn one_strand_is_that_of_path_tracing() {
 
 /// What the estimate is off by, and its cost: all light, less that of path tracing, as a share of it. Seeds are fixed, so the same work gives the same numbers. The limit is twice what
 /// two ways of sampling the same estimate differed by, 0.03 (sources alone; sources and lobes). An estimate that got better fails too: docs/explain/dual_scattering.md has these numbers.
-fn is_off_by(name: &str, what: Made, color: &str, tt: f32, told: [f64; 3]) {
+fn is_off_by(name: &str, what: GeneratedStrands, color: &str, tt: f32, told: [f64; 3]) {
     const LIMIT: f64 = 0.06;
     let camera = Camera::new(Vec3::new(4.0, -22.0, 20.0), Vec3::new(0.0, 0.0, 0.5), Vec3::Z, 0.25);
     let scene = scene(&what, tt, 0.1);
@@ -165,10 +165,11 @@ fn is_off_by(name: &str, what: Made, color: &str, tt: f32, told: [f64; 3]) {
 
 /// A test for each color of each, which run beside each other.
 mod dual_scattering_is_off_from_path_tracing_by_what_is_told {
-    use super::{Made, is_off_by};
+    use super::{GeneratedStrands, is_off_by};
 
-    const FUR: Made = Made::Fur { count: 9000, size_mm: 10.0, length_mm: 5.0 };
-    const LAYERS: Made = Made::Layer { count: 100, layers: 12, spacing_mm: 0.11, length_mm: 30.0 };
+    const FUR: GeneratedStrands = GeneratedStrands::Fur { count: 9000, size_mm: 10.0, length_mm: 5.0 };
+    const LAYERS: GeneratedStrands =
+        GeneratedStrands::Layer { count: 100, layers: 12, spacing_mm: 0.11, length_mm: 30.0 };
 
     macro_rules! tests {
         ($($test:ident: $($arguments:expr),*;)*) => { $( #[test] fn $test() { is_off_by($($arguments),*); } )* };
@@ -187,7 +188,7 @@ mod dual_scattering_is_off_from_path_tracing_by_what_is_told {
 /// A matte floor under fur is lit through it, and the fur from the floor.
 #[test]
 fn floors_are_lit_through_strands() {
-    let mut scene = scene(&Made::Fur { count: 3000, size_mm: 10.0, length_mm: 4.0 }, 0.8, 0.2);
+    let mut scene = scene(&GeneratedStrands::Fur { count: 3000, size_mm: 10.0, length_mm: 4.0 }, 0.8, 0.2);
     scene.props.push(Prop { shape: Shape::Floor { height_mm: 0.0 }, albedo: 0.6 });
     let camera = Camera::new(Vec3::new(4.0, -12.0, 30.0), Vec3::ZERO, Vec3::Z, 0.25);
     let (path, _) = by_paths(&scene, &camera, 32, 64, 200);
@@ -210,7 +211,7 @@ fn scenes_without_strands_and_bad_options_are_refused() {
         other => panic!("{:?}", other.err()),
     };
     assert!(refused(&none, &StrandDualOptions::default()).contains("no strands"));
-    let some = scene(&Made::Single { length_mm: 3.0 }, 0.8, 1.0);
+    let some = scene(&GeneratedStrands::Single { length_mm: 3.0 }, 0.8, 1.0);
     let bad = DualOptions { forward_density: 1.5, ..DualOptions::default() };
     let what = refused(&some, &StrandDualOptions { dual: bad, behind: false });
     assert!(what.contains("forward_density"), "{what}");

@@ -2,7 +2,8 @@
 
 use glam::DVec3;
 use plywave_render::{
-    Basis, LEAST_RADIUS_MM, Made, StrandFile, StrandNotes, StrandShape, StrandTree, Strands, make, mitsuba_text,
+    Basis, GeneratedStrands, MIN_RADIUS_MM, StrandFile, StrandNotes, StrandShape, StrandTree, Strands, make,
+    mitsuba_text,
 };
 use proptest::prelude::*;
 
@@ -90,7 +91,7 @@ fn bald_roots_and_pointed_tips_are_read() {
         assert!((strands.mean_radius_mm() - 0.25).abs() < 1e-5, "{}", strands.mean_radius_mm());
         for curve in strands.curves() {
             let [root, tip] = if how == SPLINE { ends(curve) } else { [curve[0], curve[5]] };
-            assert!((root[3] - 0.5).abs() < 1e-6 && (tip[3] - LEAST_RADIUS_MM).abs() < 1e-7, "{root:?} {tip:?}");
+            assert!((root[3] - 0.5).abs() < 1e-6 && (tip[3] - MIN_RADIUS_MM).abs() < 1e-7, "{root:?} {tip:?}");
             assert!((root[2], tip[2]) == (0.0, 10.0), "{root:?} {tip:?}");
         }
         // A ray along the tip meets a pointed end, not a blunt one.
@@ -108,7 +109,7 @@ fn bald_roots_and_pointed_tips_are_read() {
     let want = StrandNotes { single_points: 1, without_width: 1, thin_points: 2, ..StrandNotes::default() };
     assert_eq!((strands.len(), &notes), (2, &want));
     assert_eq!(notes.lines().len(), 3);
-    assert_eq!(strands.curves().map(|c| c[c.len() - 1][3]).collect::<Vec<_>>(), [LEAST_RADIUS_MM, 0.1]);
+    assert_eq!(strands.curves().map(|c| c[c.len() - 1][3]).collect::<Vec<_>>(), [MIN_RADIUS_MM, 0.1]);
     // With a radius for all, a file's widths do not count.
     let how = StrandFile { radius_mm: Some(0.04), ..AS_IS };
     let (strands, notes) = read_with_notes(&hair(&[A, B], Some(0.0), Some(2)), &how).unwrap();
@@ -237,12 +238,12 @@ fn bad_files_are_refused_in_one_line() {
 #[test]
 fn made_strands_are_where_they_should_be() {
     for (what, size, strands) in [
-        (Made::Single { length_mm: 4.0 }, [4.0, 0.0, 0.0], 1),
-        (Made::Layer { count: 10, layers: 3, spacing_mm: 0.2, length_mm: 4.0 }, [4.0, 1.9, 0.4], 30),
-        (Made::Ball { count: 500, ball_mm: 10.0, length_mm: 6.0, curl_mm: 0.5 }, [32.0, 32.0, 32.0], 500),
-        (Made::Wisp { count: 300, width_mm: 3.0, length_mm: 60.0 }, [25.0, 20.0, 60.0], 300),
-        (Made::Fur { count: 800, size_mm: 20.0, length_mm: 6.0 }, [26.0, 26.0, 6.6], 800),
-        (Made::Loop { count: 40, loops: 3, width_mm: 2.0, yarn_mm: 0.25 }, [8.0, 3.7, 1.5], 40),
+        (GeneratedStrands::Single { length_mm: 4.0 }, [4.0, 0.0, 0.0], 1),
+        (GeneratedStrands::Layer { count: 10, layers: 3, spacing_mm: 0.2, length_mm: 4.0 }, [4.0, 1.9, 0.4], 30),
+        (GeneratedStrands::Ball { count: 500, ball_mm: 10.0, length_mm: 6.0, curl_mm: 0.5 }, [32.0, 32.0, 32.0], 500),
+        (GeneratedStrands::Wisp { count: 300, width_mm: 3.0, length_mm: 60.0 }, [25.0, 20.0, 60.0], 300),
+        (GeneratedStrands::Fur { count: 800, size_mm: 20.0, length_mm: 6.0 }, [26.0, 26.0, 6.6], 800),
+        (GeneratedStrands::Loop { count: 40, loops: 3, width_mm: 2.0, yarn_mm: 0.25 }, [8.0, 3.7, 1.5], 40),
     ] {
         let made = make(&what, 0.03, 24, 7).unwrap();
         assert_eq!((made.len(), made.segments()), (strands, 24 * strands), "{what:?}");
@@ -258,7 +259,7 @@ fn made_strands_are_where_they_should_be() {
             );
         }
     }
-    let what = Made::Fur { count: u32::MAX, size_mm: 1.0, length_mm: 1.0 };
+    let what = GeneratedStrands::Fur { count: u32::MAX, size_mm: 1.0, length_mm: 1.0 };
     assert!(make(&what, 0.03, 1000, 7).unwrap_err().to_string().contains("at most"));
 }
 

@@ -5,8 +5,8 @@ use glam::{DVec3, Vec3};
 use plywave::fiber::{DielectricFiber, DielectricParameters, FiberSource, FiberTable, OutlineSymmetry, TabulatedFiber};
 use plywave::{Bsdf, FiberModel, FiberQuery};
 use plywave_render::{
-    Basis, Camera, Environment, Film, FilmView, Light, MOST_SCATTERINGS, Made, RenderOptions, StrandFiber, StrandScene,
-    StrandShape, StrandTree, Strands, make, render_strands,
+    Basis, Camera, Environment, Film, FilmView, GeneratedStrands, Light, MAX_SCATTERINGS, RenderOptions, StrandFiber,
+    StrandScene, StrandShape, StrandTree, Strands, make, render_strands,
 };
 use rand::{RngExt, SeedableRng};
 use std::f64::consts::TAU;
@@ -73,8 +73,8 @@ fn above() -> Camera {
 /// A white room stays white among fibers that absorb nothing, whatever is met, and by either kind of offset.
 #[test]
 fn white_rooms_stay_white() {
-    let fur = Made::Fur { count: 6000, size_mm: 8.0, length_mm: 5.0 };
-    let layer = Made::Layer { count: 40, layers: 6, spacing_mm: 0.1, length_mm: 20.0 };
+    let fur = GeneratedStrands::Fur { count: 6000, size_mm: 8.0, length_mm: 5.0 };
+    let layer = GeneratedStrands::Layer { count: 40, layers: 6, spacing_mm: 0.1, length_mm: 20.0 };
     for (what, model, near, shape) in [
         (fur, dielectric(), false, StrandShape::Tube),
         (fur, dielectric(), true, StrandShape::Band),
@@ -96,21 +96,21 @@ fn white_rooms_stay_white() {
 /// scatterings nothing is lacking. Among dyed fibers the film tells what the whole picture has more.
 #[test]
 fn cuts_tell_what_they_leave_out() {
-    let fur = Made::Fur { count: 2000, size_mm: 5.0, length_mm: 4.0 };
+    let fur = GeneratedStrands::Fur { count: 2000, size_mm: 5.0, length_mm: 4.0 };
     let room = |sigma: f32| {
         let strands = make(&fur, 0.001 * RADIUS_UM, 16, 3).unwrap();
         let fiber = StrandFiber { model: dielectric(), sigma: vec![[0.5, sigma]], near: false };
         StrandScene::new(strands, StrandShape::Tube, fiber, Vec::new(), Environment::constant(1.0))
     };
     let clear = room(0.0);
-    for depth in [2, 8, MOST_SCATTERINGS] {
+    for depth in [2, 8, MAX_SCATTERINGS] {
         let film = picture(&clear, &above(), 16, 64, depth);
         // Of samples that hit a strand, whose albedo is 1.
         let hit = mean(&film, FilmView::Albedo);
         let (lacks, told) = ((1.0 - mean(&film, FilmView::Light)) / hit, film.cut_share());
         println!("{depth} scatterings lack {lacks:.4}, told {told:.4}");
         assert!((told - lacks).abs() < 0.012, "{depth}: {told} of {lacks}");
-        assert!(depth < MOST_SCATTERINGS || told < 1e-3, "{told}");
+        assert!(depth < MAX_SCATTERINGS || told < 1e-3, "{told}");
     }
     // Dyed fibers: the difference to the whole picture, of four seeds.
     let dyed = room(0.004);
@@ -121,7 +121,7 @@ fn cuts_tell_what_they_leave_out() {
             render_strands(&dyed, &above(), &mut film, &options, &AtomicBool::new(false), &mut |_| Ok(())).unwrap();
             film
         };
-        let (cut, whole) = (shot(4), shot(MOST_SCATTERINGS));
+        let (cut, whole) = (shot(4), shot(MAX_SCATTERINGS));
         let lacks = 1.0 - mean(&cut, FilmView::Light) / mean(&whole, FilmView::Light);
         println!("4 scatterings lack {lacks:.4}, told {:.4}", cut.cut_share());
         assert!(lacks > 0.1);
@@ -138,8 +138,8 @@ fn cuts_tell_what_they_leave_out() {
 fn assemblies_vanish_in_a_white_room_by_effective_widths_alone() {
     /// C_e / C_g, as of circles of some 10 um.
     const WIDER: f64 = 2.0;
-    const MOST: u32 = 12;
-    let what = Made::Ball { count: 400, ball_mm: 1.0, length_mm: 6.0, curl_mm: 1.5 };
+    const MAX: u32 = 12;
+    let what = GeneratedStrands::Ball { count: 400, ball_mm: 1.0, length_mm: 6.0, curl_mm: 1.5 };
     let camera = Camera::new(Vec3::new(0.0, -40.0, 0.0), Vec3::ZERO, Vec3::Z, 0.1);
     let upto = |width: f64, depth: u32| {
         let strands = make(&what, 0.001 * RADIUS_UM, 16, 3).unwrap();
@@ -148,11 +148,11 @@ fn assemblies_vanish_in_a_white_room_by_effective_widths_alone() {
         mean(&picture(&scene, &camera, 16, 64, depth), FilmView::Light)
     };
     // Light that arrives after at most d scatterings.
-    let adjusted: Vec<f64> = (0..=MOST).map(|d| upto(WIDER, d)).collect();
-    let narrow: Vec<f64> = (0..=MOST).map(|d| upto(1.0, d)).collect();
+    let adjusted: Vec<f64> = (0..=MAX).map(|d| upto(WIDER, d)).collect();
+    let narrow: Vec<f64> = (0..=MAX).map(|d| upto(1.0, d)).collect();
     // Light of n scatterings is WIDER^n times as much where each gives that.
     let mut naive = vec![narrow[0]];
-    for n in 1..=MOST as usize {
+    for n in 1..=MAX as usize {
         naive.push(naive[n - 1] + WIDER.powi(n as i32) * (narrow[n] - narrow[n - 1]));
     }
     for d in [0, 1, 2, 4, 8, 12] {
@@ -162,7 +162,7 @@ fn assemblies_vanish_in_a_white_room_by_effective_widths_alone() {
     println!("all: by C_e {all:.4}, C_g {alone:.4}");
     assert!((all - 1.0).abs() < 0.01 && (alone - 1.0).abs() < 0.01, "{all} {alone}");
     assert!(adjusted.windows(2).all(|w| w[1] > w[0] - 0.005) && adjusted.iter().all(|a| *a < 1.01), "{adjusted:?}");
-    assert!(naive[MOST as usize] > 1.5, "{naive:?}");
+    assert!(naive[MAX as usize] > 1.5, "{naive:?}");
 }
 
 /// One strand that fills the picture.
@@ -219,7 +219,7 @@ fn a_lamp_gives_the_integral_over_it() {
 fn effective_widths_cast_their_shadow() {
     // Nearly no scattering; a distance of five geometric widths.
     let spacing = 5.0 * 2.0 * 0.001 * RADIUS_UM;
-    let layer = Made::Layer { count: 30, layers: 1, spacing_mm: spacing, length_mm: 30.0 };
+    let layer = GeneratedStrands::Layer { count: 30, layers: 1, spacing_mm: spacing, length_mm: 30.0 };
     for widths in [[1.0, 1.0, 1.0], [3.0, 3.0, 3.0], [1.0, 2.0, 3.0], [0.5, 0.5, 0.5]] {
         let strands = make(&layer, 0.001 * RADIUS_UM, 4, 1).unwrap();
         let fiber = || StrandFiber::new(table(&widths, 0.0));
@@ -255,7 +255,8 @@ fn effective_widths_cast_their_shadow() {
 fn the_tree_is_not_in_the_picture() {
     let lamp = Light::facing(Vec3::new(30.0, -40.0, 20.0), Vec3::ZERO, 15.0, 8.0);
     let camera = Camera::new(Vec3::new(0.0, -60.0, -10.0), Vec3::new(0.0, 0.0, -15.0), Vec3::Z, 0.6);
-    let strands = make(&Made::Wisp { count: 400, width_mm: 3.0, length_mm: 30.0 }, 0.001 * RADIUS_UM, 24, 3).unwrap();
+    let strands =
+        make(&GeneratedStrands::Wisp { count: 400, width_mm: 3.0, length_mm: 30.0 }, 0.001 * RADIUS_UM, 24, 3).unwrap();
     let of = |sigma: f32, medians: bool| {
         let fiber = StrandFiber { model: dielectric(), sigma: vec![[0.5, sigma]], near: false };
         let tree = if medians { StrandTree::by_medians } else { StrandTree::new };

@@ -12,7 +12,7 @@
 use crate::error::SimError;
 use crate::geometry::fiber_section::FiberSection;
 use crate::geometry::outline::{Outline, Runs};
-use crate::geometry::radial::{LEAST_FIBERS, Radial};
+use crate::geometry::radial::{MIN_FIBERS, Radial};
 use nalgebra::{Rotation2, Vector2};
 use plywave::math::axis;
 use plywave::spec::{Packing, YarnSpec};
@@ -298,7 +298,7 @@ impl State {
 
     /// Sweeps at the final size.
     fn mix<R: Rng>(&mut self, packing: Packing, rng: &mut R) {
-        if packing == Packing::Lined || self.bodies.len() < LEAST_FIBERS {
+        if packing == Packing::Lined || self.bodies.len() < MIN_FIBERS {
             (0..MIX_SWEEPS).for_each(|_| self.sweep(1.0, rng));
             return;
         }

@@ -26,17 +26,17 @@ const TAU_START: f64 = 0.2;
 const CORE_DISCS: f64 = 0.82;
 const CORE_OTHERS: f64 = 0.72;
 /// Exponents of the profile.
-const LEAST_EXPONENT: f64 = 2.0;
-const MOST_EXPONENT: f64 = 40.0;
+const MIN_EXPONENT: f64 = 2.0;
+const MAX_EXPONENT: f64 = 40.0;
 /// Fewer fibers have no density to speak of.
-pub(super) const LEAST_FIBERS: usize = 4;
+pub(super) const MIN_FIBERS: usize = 4;
 
 /// Exponent m of the profile of a ply whose fibers fill the fraction `phi`, `discs` or others.
 pub(super) fn exponent(phi: f64, discs: bool) -> f64 {
     let core = if discs { CORE_DISCS } else { CORE_OTHERS };
     // (1 + 2/m) phi = core.
-    let m = if core > phi { 2.0 / (core / phi - 1.0) } else { MOST_EXPONENT };
-    m.clamp(LEAST_EXPONENT, MOST_EXPONENT)
+    let m = if core > phi { 2.0 / (core / phi - 1.0) } else { MAX_EXPONENT };
+    m.clamp(MIN_EXPONENT, MAX_EXPONENT)
 }
 
 /// Share of the fibers within r of 1.
@@ -158,7 +158,7 @@ mod tests {
                 let m = exponent(phi, discs);
                 assert!((asked(1.0, m) - 1.0).abs() < 1e-12 && asked(0.0, m) == 0.0);
                 let middle = phi * asked(1e-3, m) / 1e-6;
-                assert!(middle <= 0.821 || m == MOST_EXPONENT, "{phi}: {middle}");
+                assert!(middle <= 0.821 || m == MAX_EXPONENT, "{phi}: {middle}");
                 assert!((1..50).all(|k| asked(f64::from(k) / 50.0, m) > asked(f64::from(k - 1) / 50.0, m)));
             }
         }

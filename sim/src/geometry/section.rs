@@ -6,7 +6,7 @@ use crate::error::SimError;
 use crate::geometry::fiber_section::FiberSection;
 use crate::geometry::outline::Outline;
 use crate::geometry::{packing, shape};
-use plywave::spec::{Handedness, YarnSpec};
+use plywave::spec::YarnSpec;
 use rand::{Rng, RngExt};
 use rand_pcg::Pcg64Mcg;
 use std::f64::consts::TAU;
@@ -38,9 +38,7 @@ impl PlySection {
         }
         packing::pack(&mut fibers, spec, &mut rng)?;
         let bound_radius_um = fibers.iter().map(reach).fold(0.0, f64::max);
-        let sign = if spec.ply.handedness == Handedness::Z { 1.0 } else { -1.0 };
-        let twist_per_um = spec.ply.fiber_pitch_um.map_or(0.0, |pitch| sign * TAU / pitch);
-        Ok(PlySection { fibers, bound_radius_um, twist_per_um })
+        Ok(PlySection { fibers, bound_radius_um, twist_per_um: spec.ply.twist_per_um() })
     }
 
     /// Turn of the section at height `z_um` [rad].

@@ -22,7 +22,7 @@ const HIT_UM: f32 = 2e-4;
 /// Steps after which a march is given up.
 const MAX_STEPS: u32 = 20_000;
 /// Least step along dented walls and walls seen from inside, as motion in the turning frame [um].
-const LEAST_STEP_UM: f32 = 0.2;
+const MIN_STEP_UM: f32 = 0.2;
 /// Distance from a dented wall, or one seen from inside, within which Newton's step is taken, up to four safe steps long [um].
 /// It may pass the wall, which is seen; that it passes out and in again would take a dent thinner than what it overshoots.
 const NEWTON_WITHIN_UM: f32 = 1.0;
@@ -31,7 +31,7 @@ const NEAR: usize = 4;
 /// Marks an unused place in a cell.
 const NONE: u8 = u8::MAX;
 /// Least free length [um] that a cell must leave before a fiber it does not name can count.
-const LEAST_FREE_UM: f32 = 0.2;
+const MIN_FREE_UM: f32 = 0.2;
 
 /// Signed distance and its gradient, negative inside, of one outline in the ply's frame.
 enum Wall {
@@ -269,7 +269,7 @@ impl ScrewTracer {
                 distances.extend(self.outer.iter().enumerate().map(|(f, wall)| (wall.distance(q).0, f as u8)));
                 distances.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
                 let free = distances.get(NEAR).map_or(4.0 * self.bound, |d| d.0) - half_diagonal;
-                if free < LEAST_FREE_UM && distances[0].0 > -half_diagonal {
+                if free < MIN_FREE_UM && distances[0].0 > -half_diagonal {
                     return false;
                 }
                 let near = std::array::from_fn(|k| distances.get(k).map_or(NONE, |d| d.1));
@@ -341,7 +341,7 @@ fn careful_step(d: f32, slope: f32, safe: f32, least: f32) -> f32 {
 }
 
 /// A wall hit by the march: length, place and gradient in the turning frame.
-struct Met {
+struct WallHit {
     s: f32,
     q: V2,
     n: V2,
@@ -352,14 +352,14 @@ struct GivenUp;
 
 /// Place where the ray passes a wall between `good` (before it) and `bad` (behind it), by Newton kept within the bracket;
 /// `side` is -1 for a wall seen from inside.
-fn crossing(ray: &TurningRay, wall: &Wall, side: f32, mut good: f32, mut bad: f32) -> Met {
+fn crossing(ray: &TurningRay, wall: &Wall, side: f32, mut good: f32, mut bad: f32) -> WallHit {
     let mut s = bad;
     loop {
         let (q, v) = ray.at(s);
         let (d, n, _) = wall.distance(q);
         let (d, slope) = (side * d, side * v.dot(&n));
         if d.abs() < HIT_UM || bad - good < 1e-5 * (1.0 + bad) {
-            return Met { s, q, n };
+            return WallHit { s, q, n };
         }
         if d > 0.0 {
             good = s
@@ -373,7 +373,7 @@ fn crossing(ray: &TurningRay, wall: &Wall, side: f32, mut good: f32, mut bad: f3
 
 impl ScrewTracer {
     /// March between the fibers; None when the ray leaves the ply.
-    fn march_air(&self, ray: &TurningRay) -> Result<Option<(Met, u32)>, GivenUp> {
+    fn march_air(&self, ray: &TurningRay) -> Result<Option<(WallHit, u32)>, GivenUp> {
         let (mut s, mut before) = (0.0f32, 0.0f32);
         let bend = ray.bend(self.bound);
         for _ in 0..MAX_STEPS {
@@ -384,7 +384,7 @@ impl ScrewTracer {
             }
             let cell = self.cell(q);
             let mut step = ray.safe_step(r, cell.free);
-            let least = LEAST_STEP_UM / (v.norm() + 1e-6);
+            let least = MIN_STEP_UM / (v.norm() + 1e-6);
             for &f in &cell.near {
                 if f == NONE {
                     break;
@@ -394,7 +394,7 @@ impl ScrewTracer {
                 let slope = v.dot(&n);
                 if d < HIT_UM {
                     if slope < 0.0 && d > -HIT_UM {
-                        return Ok(Some((Met { s, q, n }, f as u32)));
+                        return Ok(Some((WallHit { s, q, n }, f as u32)));
                     }
                     if d <= -HIT_UM && s > before {
                         return Ok(Some((crossing(ray, wall, 1.0, before, s), f as u32)));
@@ -414,7 +414,7 @@ impl ScrewTracer {
     }
 
     /// March within a fiber or its lumen to the next wall; true when it is the lumen's.
-    fn march_inside(&self, ray: &TurningRay, fiber: u32, in_lumen: bool) -> Result<(Met, bool), GivenUp> {
+    fn march_inside(&self, ray: &TurningRay, fiber: u32, in_lumen: bool) -> Result<(WallHit, bool), GivenUp> {
         let outer = &self.outer[fiber as usize];
         let lumen = self.lumen[fiber as usize].as_ref();
         let bend = ray.bend(self.bound);
@@ -431,7 +431,7 @@ impl ScrewTracer {
             let (q, v) = ray.at(s);
             let r = q.norm();
             let mut step = f32::INFINITY;
-            let least = LEAST_STEP_UM / (v.norm() + 1e-6);
+            let least = MIN_STEP_UM / (v.norm() + 1e-6);
             for (wall, is_lumen) in [(Some(outer), false), (lumen, true)] {
                 let Some(wall) = wall else { continue };
                 if in_lumen && !is_lumen {
@@ -443,7 +443,7 @@ impl ScrewTracer {
                 let (d, slope) = (side * d, side * v.dot(&n));
                 if d < HIT_UM {
                     if slope < 0.0 && d > -HIT_UM {
-                        return Ok((Met { s, q, n }, is_lumen));
+                        return Ok((WallHit { s, q, n }, is_lumen));
                     }
                     if d <= -HIT_UM && s > before {
                         return Ok((crossing(ray, wall, side, before, s), is_lumen));
@@ -466,7 +466,7 @@ impl ScrewTracer {
 /// that Newton comes down on its larger root from the outside. None when the outline is dented, or the twist bends the ray too
 /// much for that (it then marches).
 #[inline(always)]
-fn leave_convex(ray: &TurningRay, wall: &Wall) -> Option<Met> {
+fn leave_convex(ray: &TurningRay, wall: &Wall) -> Option<WallHit> {
     let (q, v) = ray.at(0.0);
     // A place on the ray's tangent that is certainly not inside.
     let s = match wall {
@@ -479,7 +479,7 @@ fn leave_convex(ray: &TurningRay, wall: &Wall) -> Option<Met> {
 
 /// The same by Newton from `s`, near where the ray leaves or beyond.
 #[inline(always)]
-fn leave_from(ray: &TurningRay, wall: &Wall, mut s: f32) -> Option<Met> {
+fn leave_from(ray: &TurningRay, wall: &Wall, mut s: f32) -> Option<WallHit> {
     if !(s > 0.0 && ray.rate.abs() * s < 0.3) {
         return None;
     }
@@ -495,7 +495,7 @@ fn leave_from(ray: &TurningRay, wall: &Wall, mut s: f32) -> Option<Met> {
             return None;
         }
         if d.abs() < HIT_UM {
-            return Some(Met { s, q, n });
+            return Some(WallHit { s, q, n });
         }
         s -= d / slope;
         if s <= 0.0 {
@@ -512,7 +512,7 @@ const CORE_STEPS: u32 = 32;
 /// passed by when the ray's tangent keeps further off it than the twist can bend the ray up to there; else steps that cannot pass a convex wall lead to it, or past it.
 /// None for other outlines, and where that does not settle it.
 #[inline(always)]
-fn leave_ring(ray: &TurningRay, outer: &Wall, core: &Wall, bend: f32) -> Option<(Met, bool)> {
+fn leave_ring(ray: &TurningRay, outer: &Wall, core: &Wall, bend: f32) -> Option<(WallHit, bool)> {
     let (Wall::Circle { center, radius }, Wall::Circle { center: within, radius: inner }) = (outer, core) else {
         return None;
     };
@@ -532,7 +532,7 @@ fn leave_ring(ray: &TurningRay, outer: &Wall, core: &Wall, bend: f32) -> Option<
         let (d, n, _) = core.distance(q);
         let slope = v.dot(&n);
         if d < HIT_UM {
-            return (slope < 0.0 && d > -HIT_UM).then_some((Met { s, q, n }, true));
+            return (slope < 0.0 && d > -HIT_UM).then_some((WallHit { s, q, n }, true));
         }
         s += convex_step(d, slope, bend);
         if s >= met.s {
@@ -569,7 +569,7 @@ impl Tracer for ScrewTracer {
             Medium::Fiber(f) => self.march_inside(&ray, f, false).map(|(met, lumen)| (met, f, lumen)),
             Medium::Lumen(f) => self.march_inside(&ray, f, true).map(|(met, lumen)| (met, f, lumen)),
         };
-        let Ok((Met { s, q, n }, fiber, lumen)) = found else { return Trace::Lost };
+        let Ok((WallHit { s, q, n }, fiber, lumen)) = found else { return Trace::Lost };
         // Into the air: out of the fiber, or into the lumen.
         let n = if lumen { -n } else { n };
         // Gradient of sdf2D(Rot(-twist z)(x, y)): in the frame (n, twist (q.y n.x - q.x n.y)), turned back by the angle at the hit.

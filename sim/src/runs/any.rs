@@ -61,14 +61,14 @@ impl AnyJob {
     ///
     /// # Errors
     /// [`SimError::Merge`] for a kind or options that this program does not know, and those of the spec.
-    pub fn of(description: &Description, extent: u64) -> Result<AnyJob, SimError> {
+    pub fn from_description(description: &Description, extent: u64) -> Result<AnyJob, SimError> {
         Ok(AnyJob(match description.kind.as_str() {
-            "simulate" => Kind::Simulate(Box::new(SimulateJob::of(description)?)),
-            "tabulate" => Kind::Tabulate(Box::new(TabulateJob::of(description)?)),
-            "speckle" => Kind::Speckle(Box::new(SpeckleJob::of(description, extent)?)),
-            "compare" => Kind::Compare(Box::new(CompareJob::of(description, extent)?)),
-            "scatter" => Kind::Scatter(Box::new(ScatterJob::of(description)?)),
-            "twin" => Kind::Twin(Box::new(TwinJob::of(description)?)),
+            "simulate" => Kind::Simulate(Box::new(SimulateJob::from_description(description)?)),
+            "tabulate" => Kind::Tabulate(Box::new(TabulateJob::from_description(description)?)),
+            "speckle" => Kind::Speckle(Box::new(SpeckleJob::from_description(description, extent)?)),
+            "compare" => Kind::Compare(Box::new(CompareJob::from_description(description, extent)?)),
+            "scatter" => Kind::Scatter(Box::new(ScatterJob::from_description(description)?)),
+            "twin" => Kind::Twin(Box::new(TwinJob::from_description(description)?)),
             other => {
                 return Err(SimError::Merge {
                     what: format!("parts of kind {other:?}"),
@@ -81,7 +81,7 @@ impl AnyJob {
     /// The same from [`Description::text`], for shards that are run by this program.
     ///
     /// # Errors
-    /// As [`AnyJob::of`], and [`SimError::Merge`] for the description of another version of the program.
+    /// As [`AnyJob::from_description`], and [`SimError::Merge`] for the description of another version of the program.
     pub fn of_text(text: &str, extent: u64) -> Result<AnyJob, SimError> {
         let refuse = |what: String, hint: &str| SimError::Merge { what, hint: hint.into() };
         let description: Description = serde_json::from_str(text)
@@ -91,7 +91,7 @@ impl AnyJob {
             let what = format!("shards of plywave {asked} cannot be run by plywave {ours}");
             return Err(refuse(what, "install one version everywhere"));
         }
-        let job = AnyJob::of(&description, extent)?;
+        let job = AnyJob::from_description(&description, extent)?;
         if job.plan().description != description {
             return Err(refuse("the description of a job is not this program's".into(), "give that of a plan"));
         }
@@ -100,7 +100,7 @@ impl AnyJob {
 
     /// What of it is cheap to hold.
     pub fn plan(&self) -> Plan {
-        each!(self, job => Plan::of(&**job))
+        each!(self, job => Plan::from_job(&**job))
     }
 
     /// Runs one shard, or one group of shards, and gives the bytes of its file in a parts folder ([`super::block_name`]).
@@ -159,6 +159,6 @@ impl Parts {
     /// # Errors
     /// As [`Parts::merge`], and those of the spec in the parts.
     pub fn output(&self) -> Result<Output, SimError> {
-        AnyJob::of(self.description(), self.extent())?.merge(self)
+        AnyJob::from_description(self.description(), self.extent())?.merge(self)
     }
 }

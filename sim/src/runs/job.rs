@@ -168,7 +168,7 @@ pub struct Plan {
 
 impl Plan {
     /// The plan of a job.
-    pub fn of<J: Job + ?Sized>(job: &J) -> Plan {
+    pub fn from_job<J: Job + ?Sized>(job: &J) -> Plan {
         let description = job.description();
         let shards = job.shards();
         Plan {

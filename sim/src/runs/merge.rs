@@ -102,7 +102,7 @@ impl Parts {
     /// # Errors
     /// [`SimError::Merge`] when the job is not that of the parts, or a part is not what the job expects.
     pub fn merge<J: Job>(&self, job: &J) -> Result<J::Output, SimError> {
-        let plan = Plan::of(job);
+        let plan = Plan::from_job(job);
         if plan.digest != self.digest || plan.shards != self.shards {
             return Err(SimError::Merge {
                 what: format!("{}: not a part of this {} job", self.first().display(), plan.description.kind),

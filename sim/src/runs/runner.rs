@@ -37,7 +37,7 @@ impl Run<'_> {
 /// # Errors
 /// The failure of the first shard by number that fails, [`SimError::Interrupted`] when stopped, errors of the parts folder.
 pub fn run<J: Job>(job: &J, run: Run<'_>) -> Result<J::Output, SimError> {
-    let plan = Plan::of(job);
+    let plan = Plan::from_job(job);
     let mut merge = job.begin();
     execute(job, &plan, 0..plan.shards, run, &mut |entry| job.absorb(&mut merge, entry.first, entry.part))?;
     job.finish(merge)
@@ -53,7 +53,7 @@ pub fn run_part<J: Job>(
     path: &Path,
     run: Run<'_>,
 ) -> Result<Range<usize>, SimError> {
-    let plan = Plan::of(job);
+    let plan = Plan::from_job(job);
     if count > plan.shards || index == 0 || index > count {
         return Err(SimError::TooManyParts { index, count, shards: plan.shards });
     }
@@ -70,7 +70,7 @@ pub fn run_part<J: Job>(
 /// # Errors
 /// As [`run`], and [`SimError::Merge`] for shards that are neither.
 pub fn run_block<J: Job + ?Sized>(job: &J, shards: Range<usize>, run: Run<'_>) -> Result<Vec<u8>, SimError> {
-    let plan = Plan::of(job);
+    let plan = Plan::from_job(job);
     if shards.end > plan.shards || !(shards.len() == 1 || blocks(&plan, shards.clone()).len() == 1) {
         return Err(SimError::Merge {
             what: format!(
@@ -92,7 +92,7 @@ pub fn run_block<J: Job + ?Sized>(job: &J, shards: Range<usize>, run: Run<'_>) -
 /// # Errors
 /// As [`run`], for parts that may not be used or deleted.
 pub fn check_parts<J: Job>(job: &J, run: Run<'_>) -> Result<(), SimError> {
-    run.parts.map_or(Ok(()), |parts| parts.scan(job, &Plan::of(job)).map(|_| ()))
+    run.parts.map_or(Ok(()), |parts| parts.scan(job, &Plan::from_job(job)).map(|_| ()))
 }
 
 /// Runs of shards that are added up: groups, the beginnings of groups, else single shards.

@@ -307,7 +307,7 @@ proptest! {
         first in 0usize..20, shards in 0usize..6, length in 0usize..3,
     ) {
         let job = toy(8, 4);
-        let plan = Plan::of(&job);
+        let plan = Plan::from_job(&job);
         let made = |first, count, floats: Vec<f32>, number: f64| {
             let part = Part::new(vec![Values::F32(floats), Values::F64(vec![number])]);
             part::encode(&job, &plan, &[Entry { first, count, part }], "x").ok()

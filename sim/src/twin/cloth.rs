@@ -2,7 +2,7 @@
 
 use crate::error::SimError;
 use plywave::Error;
-use plywave::fabric::{Draft, Fabric, Family, LoadedFabric, YarnShape};
+use plywave::fabric::{Draft, Fabric, LoadedFabric, YarnSet, YarnShape};
 use plywave::spec::{Handedness, YarnSpec};
 use serde::{Deserialize, Serialize};
 
@@ -53,7 +53,7 @@ impl TwinCloth {
     ///
     /// # Errors
     /// [`SimError::YarnsIntersect`], [`SimError::YarnBends`], and those of the yarn specs.
-    pub fn of(loaded: &LoadedFabric) -> Result<TwinCloth, SimError> {
+    pub fn from_loaded(loaded: &LoadedFabric) -> Result<TwinCloth, SimError> {
         let texts = loaded.models.iter().map(|model| model.data().spec_text.clone()).collect();
         TwinCloth::new(&loaded.spec.name, loaded.fabric.clone(), texts, loaded.threads.clone())
     }
@@ -61,7 +61,7 @@ impl TwinCloth {
     /// A cloth of a fabric's geometry, the texts of the specs of its yarns, and for warp and weft which yarn of one repeat of their stripes has which spec.
     ///
     /// # Errors
-    /// As [`TwinCloth::of`].
+    /// As [`TwinCloth::from_loaded`].
     pub fn new(
         name: &str,
         fabric: Fabric,
@@ -76,7 +76,7 @@ impl TwinCloth {
         let draft = fabric.draft();
         let rows = (0..draft.picks())
             .map(|pick| (0..draft.ends()).map(|end| if draft.up(pick, end) { 'X' } else { '.' }).collect::<String>());
-        let [warp, weft] = Family::EACH.map(|family| {
+        let [warp, weft] = YarnSet::EACH.map(|family| {
             let YarnShape { plies, ply_radius_um, ply_pitch_um, handedness, spacing_um, crimp, .. } =
                 *fabric.shape(family);
             let threads = threads[family as usize].clone();
@@ -91,7 +91,7 @@ impl TwinCloth {
     /// A cloth from its own text.
     ///
     /// # Errors
-    /// As [`TwinCloth::of`], and [`SimError::Merge`] for what is no such text.
+    /// As [`TwinCloth::from_loaded`], and [`SimError::Merge`] for what is no such text.
     pub fn parse(text: &str) -> Result<TwinCloth, SimError> {
         let Text { name, draft: rows, warp, weft, yarns } =
             serde_json::from_str(text).map_err(|e| SimError::Merge {
@@ -125,12 +125,12 @@ impl TwinCloth {
             return Some("weave");
         }
         let shape = |fabric: &Fabric, family| YarnShape { d_cut_um: 0.0, ..*fabric.shape(family) };
-        for (family, name) in [(Family::Warp, "warp"), (Family::Weft, "weft")] {
+        for (family, name) in [(YarnSet::Warp, "warp"), (YarnSet::Weft, "weft")] {
             if shape(&self.fabric, family) != shape(&loaded.fabric, family) {
                 return Some(name);
             }
         }
-        for (family, name) in [(Family::Warp, "warp.model"), (Family::Weft, "weft.model")] {
+        for (family, name) in [(YarnSet::Warp, "warp.model"), (YarnSet::Weft, "weft.model")] {
             let count = self.threads[family as usize].len().max(loaded.threads[family as usize].len());
             for yarn in 0..count {
                 let text = &loaded.model_of(family, yarn as i32).data().spec_text;
@@ -144,7 +144,7 @@ impl TwinCloth {
     }
 
     /// Index of the spec of a yarn.
-    pub fn spec_index(&self, family: Family, yarn: usize) -> usize {
+    pub fn spec_index(&self, family: YarnSet, yarn: usize) -> usize {
         let threads = &self.threads[family as usize];
         threads[yarn % threads.len()]
     }
@@ -158,9 +158,9 @@ fn refuse(key: &str, value: String, hint: String) -> SimError {
 fn check(fabric: &Fabric) -> Result<(), SimError> {
     let overlap = fabric.largest_overlap();
     if overlap.depth_um > OVERLAP_TOLERANCE_UM {
-        return Err(SimError::YarnsIntersect { overlap, crimps: Family::EACH.map(|f| fabric.shape(f).crimp) });
+        return Err(SimError::YarnsIntersect { overlap, crimps: YarnSet::EACH.map(|f| fabric.shape(f).crimp) });
     }
-    for family in Family::EACH {
+    for family in YarnSet::EACH {
         let (radius_um, half_um) = (fabric.least_bend_radius_um(family), 0.5 * fabric.shape(family).width_um());
         if radius_um < half_um {
             return Err(SimError::YarnBends { family: family.name(), radius_um, half_um });

@@ -7,24 +7,24 @@
 use super::cloth::TwinCloth;
 use super::options::TwinMesh;
 use super::strand::{Helix, Strand, Winding};
-use plywave::fabric::Family;
+use plywave::fabric::YarnSet;
 use plywave::spec::Shape;
 use std::f64::consts::TAU;
 
 /// Most quads: they stay below 6 GiB, of which most is held only while a family's BVH is built.
 pub(super) const MAX_QUADS: f64 = 2.8e7;
 /// Most that a pitch should change, and what is allowed where memory forbids that.
-const MOST_CHANGE: [f64; 5] = [0.1, 0.15, 0.2, 0.3, 0.5];
+const MAX_CHANGE: [f64; 5] = [0.1, 0.15, 0.2, 0.3, 0.5];
 /// Most repeats along a side that are looked at.
-const MOST_REPEATS: u32 = 24;
+const MAX_REPEATS: u32 = 24;
 /// Least yarns of a family: each has its own packed sections.
-const LEAST_YARNS: u32 = 4;
+const MIN_YARNS: u32 = 4;
 
 /// A pitch of the spec and what it was changed to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PitchUsed {
-    /// Family of the yarns.
-    pub family: Family,
+    /// Yarn set of the yarns.
+    pub family: YarnSet,
     /// Whether it is the pitch of the plies, else that of the fibers.
     pub of_plies: bool,
     /// As in the spec [um].
@@ -56,10 +56,10 @@ pub struct Domain {
 impl Domain {
     /// The domain of a cloth, of these repeats along x and y or of as many as it takes.
     pub fn new(cloth: &TwinCloth, repeats: Option<[u32; 2]>, mesh: &TwinMesh) -> Domain {
-        let threads = Family::EACH.map(|family| cloth.fabric.draft().threads(family) as u32);
+        let threads = YarnSet::EACH.map(|family| cloth.fabric.draft().threads(family) as u32);
         let repeat = cloth.fabric.repeat_um();
         // Along x lies the weft, and ends are counted; along y the warp.
-        let enough = threads.map(|n| LEAST_YARNS.div_ceil(n.max(1)));
+        let enough = threads.map(|n| MIN_YARNS.div_ceil(n.max(1)));
         let of = |repeats: [u32; 2]| Domain {
             repeats,
             size_um: [0, 1].map(|k| repeat[k] * f64::from(repeats[k])),
@@ -68,42 +68,42 @@ impl Domain {
         };
         let least = |change: f64| {
             of([
-                least_repeats(cloth, Family::Weft, repeat[0], enough[0], change),
-                least_repeats(cloth, Family::Warp, repeat[1], enough[1], change),
+                least_repeats(cloth, YarnSet::Weft, repeat[0], enough[0], change),
+                least_repeats(cloth, YarnSet::Warp, repeat[1], enough[1], change),
             ])
         };
         let mut domain = match repeats {
             Some(given) => of(given.map(|n| n.max(1))),
             None => {
                 let fits = |domain: &Domain| estimate(cloth, domain, mesh) <= MAX_QUADS;
-                MOST_CHANGE.map(least).into_iter().find(fits).unwrap_or_else(|| least(MOST_CHANGE[0]))
+                MAX_CHANGE.map(least).into_iter().find(fits).unwrap_or_else(|| least(MAX_CHANGE[0]))
             }
         };
         let [x, y] = domain.size_um;
-        domain.pitches = [pitches(cloth, Family::Warp, y), pitches(cloth, Family::Weft, x)].concat();
+        domain.pitches = [pitches(cloth, YarnSet::Warp, y), pitches(cloth, YarnSet::Weft, x)].concat();
         domain
     }
 
     /// Length of the domain along the yarns of a family [um].
-    pub fn along_um(&self, family: Family) -> f64 {
+    pub fn along_um(&self, family: YarnSet) -> f64 {
         match family {
-            Family::Warp => self.size_um[1],
-            Family::Weft => self.size_um[0],
+            YarnSet::Warp => self.size_um[1],
+            YarnSet::Weft => self.size_um[0],
         }
     }
 }
 
-fn least_repeats(cloth: &TwinCloth, family: Family, repeat_um: f64, least: u32, allowed: f64) -> u32 {
+fn least_repeats(cloth: &TwinCloth, family: YarnSet, repeat_um: f64, least: u32, allowed: f64) -> u32 {
     let change =
         |n: u32| pitches(cloth, family, repeat_um * f64::from(n)).iter().map(PitchUsed::change).fold(0.0, f64::max);
-    let most = MOST_REPEATS.max(least);
+    let most = MAX_REPEATS.max(least);
     (least..=most)
         .find(|n| change(*n) <= allowed)
         .unwrap_or_else(|| (least..=most).min_by(|a, b| change(*a).total_cmp(&change(*b))).unwrap_or(least))
 }
 
 /// Pitches of a family's plies and fibers over a length.
-fn pitches(cloth: &TwinCloth, family: Family, length_um: f64) -> Vec<PitchUsed> {
+fn pitches(cloth: &TwinCloth, family: YarnSet, length_um: f64) -> Vec<PitchUsed> {
     let mut all: Vec<PitchUsed> = Vec::new();
     let strand = Strand::new(&cloth.fabric, family, 0, length_um);
     let helix = Helix::new(cloth.fabric.shape(family), length_um);
@@ -125,7 +125,7 @@ fn pitches(cloth: &TwinCloth, family: Family, length_um: f64) -> Vec<PitchUsed> 
 /// A ply of a yarn.
 #[derive(Clone, Copy)]
 pub(super) struct PlyOf {
-    pub family: Family,
+    pub family: YarnSet,
     pub yarn: u32,
     pub ply: u32,
     pub spec: usize,
@@ -134,7 +134,7 @@ pub(super) struct PlyOf {
 /// The plies of a domain.
 pub(super) fn plies_of(cloth: &TwinCloth, domain: &Domain) -> Vec<PlyOf> {
     let mut plies = Vec::new();
-    for family in Family::EACH {
+    for family in YarnSet::EACH {
         for yarn in 0..domain.yarns[family as usize] {
             let spec = cloth.spec_index(family, yarn as usize);
             plies.extend((0..cloth.fabric.shape(family).plies).map(|ply| PlyOf { family, yarn, ply, spec }));
@@ -151,7 +151,7 @@ pub(super) fn estimate(cloth: &TwinCloth, domain: &Domain, options: &TwinMesh) -
 fn estimate_ply(cloth: &TwinCloth, domain: &Domain, options: &TwinMesh, ply: PlyOf) -> f64 {
     let spec = &cloth.yarns[ply.spec];
     let length = domain.along_um(ply.family);
-    let turn = spec.ply.fiber_pitch_um.map_or(0.0, |pitch| TAU / pitch) + 0.005;
+    let turn = spec.ply.twist_per_um().abs() + 0.005;
     let rings = length * (turn / options.turn_rad.max(1e-3)).max(1.0 / options.step_um.max(0.1));
     // The costlier kind of a blend counts for all: it is an estimate.
     let shape = spec.fibers().map(|fiber| points_of(&fiber.shape)).fold(0.0, f64::max);

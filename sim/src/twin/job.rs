@@ -81,7 +81,7 @@ impl TwinJob {
     ///
     /// # Errors
     /// [`SimError::Merge`] and those of the cloth.
-    pub(crate) fn of(description: &Description) -> Result<TwinJob, SimError> {
+    pub(crate) fn from_description(description: &Description) -> Result<TwinJob, SimError> {
         TwinJob::new(TwinCloth::parse(&description.spec)?, &description.parse_options()?)
     }
 

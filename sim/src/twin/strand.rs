@@ -7,20 +7,13 @@
 //! simulation of a single ply, by an angle that is counted against a frame that turns as little as it can: against the frame of the helix, which points
 //! away from the yarn's axis, such a frame turns back by `cos(lean)` of every turn.
 
-use plywave::fabric::{Fabric, Family, YarnShape};
+use plywave::fabric::{Fabric, YarnSet, YarnShape};
+use plywave::math::vec3::dot;
 use plywave::spec::{Handedness, ply_circle_um};
 use std::f64::consts::TAU;
 
 /// A vector of three.
 pub(super) type V3 = [f64; 3];
-
-pub(super) fn dot(a: V3, b: V3) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-pub(super) fn cross(a: V3, b: V3) -> V3 {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
 
 pub(super) fn unit(a: V3) -> V3 {
     let scale = 1.0 / dot(a, a).max(f64::MIN_POSITIVE).sqrt();
@@ -33,7 +26,7 @@ const TABLE_STEP_UM: f64 = 1.0;
 /// One yarn's center line with the length along it.
 pub(super) struct Strand<'a> {
     fabric: &'a Fabric,
-    family: Family,
+    family: YarnSet,
     yarn: i32,
     /// Length of the domain along the yarn [um].
     pub length_um: f64,
@@ -41,9 +34,9 @@ pub(super) struct Strand<'a> {
     arc: Vec<f64>,
 }
 
-/// A place on a strand.
+/// A point on a strand.
 #[derive(Clone, Copy)]
-pub(super) struct Place {
+pub(super) struct StrandPoint {
     point: V3,
     c: V3,
     n: V3,
@@ -51,7 +44,7 @@ pub(super) struct Place {
     curvature: f64,
 }
 
-impl Place {
+impl StrandPoint {
     /// The image of the point (c, n) of the section here.
     pub fn image(&self, c: f64, n: f64) -> V3 {
         std::array::from_fn(|k| self.point[k] + c * self.c[k] + n * self.n[k])
@@ -65,7 +58,7 @@ impl Place {
 }
 
 impl<'a> Strand<'a> {
-    pub fn new(fabric: &'a Fabric, family: Family, yarn: i32, length_um: f64) -> Strand<'a> {
+    pub fn new(fabric: &'a Fabric, family: YarnSet, yarn: i32, length_um: f64) -> Strand<'a> {
         let steps = (length_um / TABLE_STEP_UM).ceil().max(1.0) as usize;
         let step = length_um / steps as f64;
         let mut strand = Strand { fabric, family, yarn, length_um, arc: vec![0.0] };
@@ -111,7 +104,7 @@ impl<'a> Strand<'a> {
     }
 
     /// The place at the length `s` along the center line, which lies near `along`.
-    pub fn place_near(&self, s: f64, along: f64) -> Place {
+    pub fn place_near(&self, s: f64, along: f64) -> StrandPoint {
         let mut at = along;
         // The length is nearly linear over a ply's radius.
         for _ in 0..3 {
@@ -120,14 +113,14 @@ impl<'a> Strand<'a> {
         self.place(at)
     }
 
-    pub fn place(&self, along: f64) -> Place {
+    pub fn place(&self, along: f64) -> StrandPoint {
         let center = self.fabric.center_line(self.family, self.yarn, along);
         let t = center.tangent;
         let (c, n) = match self.family {
-            Family::Warp => ([-1.0, 0.0, 0.0], [0.0, -t[2], t[1]]),
-            Family::Weft => ([0.0, 1.0, 0.0], [-t[2], 0.0, t[0]]),
+            YarnSet::Warp => ([-1.0, 0.0, 0.0], [0.0, -t[2], t[1]]),
+            YarnSet::Weft => ([0.0, 1.0, 0.0], [-t[2], 0.0, t[0]]),
         };
-        Place { point: center.point_um, c, n, t, curvature: center.curvature_per_um }
+        StrandPoint { point: center.point_um, c, n, t, curvature: center.curvature_per_um }
     }
 }
 

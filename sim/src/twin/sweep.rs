@@ -6,14 +6,15 @@
 use super::cloth::TwinCloth;
 use super::domain::{Domain, MAX_QUADS, PlyOf, estimate, plies_of};
 use super::options::TwinMesh;
-use super::strand::{Helix, Strand, V3, Winding, cross, dot, unit};
+use super::strand::{Helix, Strand, V3, Winding, unit};
 use crate::error::SimError;
 use crate::geometry::fiber_section::FiberSection;
 use crate::geometry::outline::{Outline, edges};
 use crate::geometry::section::PlySection;
 use crate::simulate::stream;
 use nalgebra::{Rotation2, Vector2};
-use plywave::fabric::Family;
+use plywave::fabric::YarnSet;
+use plywave::math::vec3::{cross, dot};
 use rand::RngExt;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -26,8 +27,8 @@ const FINE: usize = 512;
 /// What a fiber belongs to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThreadOfFiber {
-    /// Family of its yarn.
-    pub family: Family,
+    /// Yarn set of its yarn.
+    pub family: YarnSet,
     /// Number of its yarn in the domain.
     pub yarn: u32,
     /// Number of its ply among all of the domain.
@@ -241,8 +242,8 @@ fn sweep_ply(
         .collect();
     let straight = helix.circle_um == 0.0;
     let across = match family {
-        Family::Warp => cloth.fabric.center_line(family, yarn as i32, 0.0).point_um[0] - middle[0],
-        Family::Weft => cloth.fabric.center_line(family, yarn as i32, 0.0).point_um[1] - middle[1],
+        YarnSet::Warp => cloth.fabric.center_line(family, yarn as i32, 0.0).point_um[0] - middle[0],
+        YarnSet::Weft => cloth.fabric.center_line(family, yarn as i32, 0.0).point_um[1] - middle[1],
     };
     let mut mesh = ClothMesh::default();
     for (fiber, id) in section.fibers.iter().zip(0..) {

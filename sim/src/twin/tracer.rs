@@ -20,7 +20,7 @@ use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::ray::{Ray, RayHit};
 use obvhs::triangle::Triangle;
-use plywave::fabric::Family;
+use plywave::fabric::YarnSet;
 use std::time::Duration;
 
 /// Times that a ray may come in again before it is given up.
@@ -81,7 +81,7 @@ impl ClothTracer {
         let heights = || vertices.iter().map(|v| v[2]);
         let (low, high) = (heights().fold(0.0, f32::min) - 0.01, heights().fold(0.0, f32::max) + 0.01);
         // The warp's quads come first. One family after the other: building takes several times the memory of what is built.
-        let first = wall.partition_point(|w| fibers[*w as usize >> 1].family == Family::Warp);
+        let first = wall.partition_point(|w| fibers[*w as usize >> 1].family == YarnSet::Warp);
         let walls =
             [0..first, first..quads.len()].map(|range| Walls::new(&vertices, &quads[range.clone()], &wall[range]));
         Ok(ClothTracer {

@@ -39,7 +39,7 @@ pub(crate) struct Basis {
 
 impl Basis {
     /// The columns of the inputs `first .. first + inputs`.
-    pub fn of(all: &Interpolation, first: usize, inputs: usize) -> Self {
+    pub fn from_interpolation(all: &Interpolation, first: usize, inputs: usize) -> Self {
         let outputs = all.kept.len();
         let own = first..first + inputs;
         let kept = all.kept.iter().enumerate().filter(|(_, j)| own.contains(j));

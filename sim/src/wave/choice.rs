@@ -1,6 +1,6 @@
 //! Which solver serves a scene: by its shapes, and for many fibers by the time that each is predicted to take.
 
-use super::compressed::LEAST_TOLERANCE;
+use super::compressed::MIN_TOLERANCE;
 use super::coupling::SINGLE;
 use super::{Body, C64, Method, Scene, Shape, Wave};
 use std::f64::consts::{PI, TAU};
@@ -26,7 +26,7 @@ pub(super) fn by_shape(fibers: &[Body], wave: &Wave, tolerance: f64) -> Vec<Meth
         // On a level for two fibers of 1 um, 4 to 9 times faster for 19 of them. Tolerances below its reach are left to the other.
         _ => vec![Method::Compressed, Method::Nystrom],
     };
-    let many = tolerance >= LEAST_TOLERANCE
+    let many = tolerance >= MIN_TOLERANCE
         && seconds(Method::Hierarchical, fibers, wave, tolerance) < seconds(all[0], fibers, wave, tolerance);
     // Behind the others it serves where they do not fit in memory.
     all.insert(if many { 0 } else { all.len() - 1 }, Method::Hierarchical);

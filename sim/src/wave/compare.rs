@@ -259,7 +259,7 @@ impl CompareJob<'static> {
     ///
     /// # Errors
     /// [`SimError::Merge`] and those of the spec.
-    pub(crate) fn of(description: &Description, instances: u64) -> Result<Self, SimError> {
+    pub(crate) fn from_description(description: &Description, instances: u64) -> Result<Self, SimError> {
         let options: CompareOptions = description.parse_options()?;
         let spec = YarnSpec::parse(&description.spec, "the part's spec")?;
         let instances = u32::try_from(instances).unwrap_or(u32::MAX);
@@ -458,9 +458,9 @@ fn report(spec: &YarnSpec, spec_text: &str, options: &CompareOptions, parts: &[P
         for k in 0..h {
             let waves = waves_of(at, k);
             let rays: Vec<Vec<f64>> = of(at).map(|part| ray_total(part, k)).collect();
-            let share = |which: usize| Spread::of(of(at).map(move |part| part.f64(1)[k * SHARES + which]));
+            let share = |which: usize| Spread::from_values(of(at).map(move |part| part.f64(1)[k * SHARES + which]));
             let sum = |values: &[f64]| values.iter().sum::<f64>() * TAU / BINS as f64;
-            let energy = |which: usize| Spread::of(of(at).map(move |part| sum(curve(part, k, which))));
+            let energy = |which: usize| Spread::from_values(of(at).map(move |part| sum(curve(part, k, which))));
             let (wave_mean, wave_sd) = mean_and_sd(&waves);
             let (ray_mean, ray_sd) = mean_and_sd(&rays);
             let misses: Vec<Vec<f64>> = of(at).map(|part| curve(part, k, 1).to_vec()).collect();
@@ -499,7 +499,7 @@ fn report(spec: &YarnSpec, spec_text: &str, options: &CompareOptions, parts: &[P
                 lambda_um: [options.lambda_um[at - 1], options.lambda_um[at]],
                 h_rel: options.h_rel[k],
                 average: likeness(&mean_and_sd(&a).0, &mean_and_sd(&b).0),
-                single_correlation: Spread::of(a.iter().zip(&b).map(|(a, b)| correlation(a, b))),
+                single_correlation: Spread::from_values(a.iter().zip(&b).map(|(a, b)| correlation(a, b))),
             });
         }
     }
@@ -542,10 +542,10 @@ fn resolved(waves: &[Vec<f64>], rays: &[Vec<f64>], factor: usize) -> Resolved {
         average_noise_l2,
         average_off_forward,
         average_off_forward_noise_l2,
-        single_correlation: Spread::of(single.iter().map(|s| s.correlation)),
-        single_relative_l2: Spread::of(single.iter().map(|s| s.relative_l2)),
-        single_off_forward_correlation: Spread::of(single_off.iter().map(|s| s.correlation)),
-        single_off_forward_relative_l2: Spread::of(single_off.iter().map(|s| s.relative_l2)),
+        single_correlation: Spread::from_values(single.iter().map(|s| s.correlation)),
+        single_relative_l2: Spread::from_values(single.iter().map(|s| s.relative_l2)),
+        single_off_forward_correlation: Spread::from_values(single_off.iter().map(|s| s.correlation)),
+        single_off_forward_relative_l2: Spread::from_values(single_off.iter().map(|s| s.relative_l2)),
     }
 }
 

@@ -37,7 +37,7 @@ const HELD: f64 = 2e9;
 /// Tolerance of the coupled system's residual over that of the far field.
 const COUPLED: f64 = 1e-2;
 /// Least tolerance that is promised: at 1e-8 the tests' crowd is off by 1e-7.
-pub(super) const LEAST_TOLERANCE: f64 = 2e-7;
+pub(super) const MIN_TOLERANCE: f64 = 2e-7;
 /// Sources whose fields on all walls are held at once.
 const BATCH: usize = 32;
 
@@ -112,14 +112,14 @@ impl CompressedSolver {
         skeleton_tolerance: f64,
         merged: bool,
     ) -> Result<Self, WaveError> {
-        if tolerance > 0.0 && tolerance < LEAST_TOLERANCE {
-            return Err(WaveError::Unreachable { method: "compressed", asked: tolerance, reachable: LEAST_TOLERANCE });
+        if tolerance > 0.0 && tolerance < MIN_TOLERANCE {
+            return Err(WaveError::Unreachable { method: "compressed", asked: tolerance, reachable: MIN_TOLERANCE });
         }
         if bodies.is_empty() || !(tolerance > 0.0 && tolerance < 1.0) {
             // The boundary equations say what is wrong.
             BoundarySystem::new(bodies, wave, tolerance)?;
         }
-        let resolution = Resolution::of(bodies, tolerance);
+        let resolution = Resolution::new(bodies, tolerance);
         let walls = trace_walls(bodies, wave, &resolution)?.1;
         if bodies.len() > 1 {
             // Before anything is made: a skeleton has more sites than waves that fit around the wall, k_rho length / pi.
@@ -154,7 +154,7 @@ impl CompressedSolver {
             }
         }
         let parts: Vec<&'static [usize]> = shapes[0].parts().collect();
-        let frames: Vec<Frame> = bodies.iter().map(Frame::of).collect();
+        let frames: Vec<Frame> = bodies.iter().map(Frame::new).collect();
         let nodes: Vec<Vec<CurvePoint>> = frames
             .iter()
             .zip(&shape_of)

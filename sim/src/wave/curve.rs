@@ -31,7 +31,7 @@ pub(crate) struct Resolution {
 
 impl Resolution {
     /// What bodies take. Between several that all but touch there are shorter waves than along the wall of one.
-    pub(crate) fn of(bodies: &[Body], tolerance: f64) -> Self {
+    pub(crate) fn new(bodies: &[Body], tolerance: f64) -> Self {
         Self { skin: bodies.len() == 1, ..Self::for_tolerance(tolerance) }
     }
 

@@ -24,9 +24,9 @@ const BODIES: usize = 16;
 const SAMPLES: usize = 48;
 /// How far fields at a point of the inside may be off, in units of the tolerance of far fields, and at the finest tolerances.
 const TOLERANCES: f64 = 10.0;
-const LEAST: f64 = 1e-8;
+const MIN: f64 = 1e-8;
 /// The most that they may be off by: wrong fields are off by 1.
-const MOST: f64 = 0.5;
+const MAX: f64 = 0.5;
 /// Roundings, relative to the incident light.
 const ROUNDING: f64 = 1e-11;
 
@@ -46,7 +46,7 @@ impl Probes {
             let (nodes, weights) = walls[k * walls.len() / count];
             let (at, steps) = deepest(nodes, weights)?;
             // The trapezoidal rule is off by some exp(-2 pi distance / spacing).
-            Some((at, ((TOLERANCES * tolerance).max(LEAST) + 30.0 * (-5.5 * steps).exp()).min(MOST)))
+            Some((at, ((TOLERANCES * tolerance).max(MIN) + 30.0 * (-5.5 * steps).exp()).min(MAX)))
         });
         Self { wave: *wave, ray: Ray::new(C64::new(wave.k_rho(), 0.0)), points: points.collect() }
     }

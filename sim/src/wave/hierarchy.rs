@@ -216,9 +216,9 @@ impl Hierarchy {
                         let x = interpolate(tests.len(), joined.len(), column, tolerance, seed, guess);
                         let name = |&j: &usize| if j < a.len() { a[j] } else { b[j - a.len()] };
                         names = x.kept.iter().map(name).collect();
-                        [Basis::of(&x, 0, a.len()), Basis::of(&x, a.len(), b.len())]
+                        [Basis::from_interpolation(&x, 0, a.len()), Basis::from_interpolation(&x, a.len(), b.len())]
                     });
-                    let faces = [0, 1].map(|k| Basis::of(&faces[k], 0, sites[k].len()));
+                    let faces = [0, 1].map(|k| Basis::from_interpolation(&faces[k], 0, sites[k].len()));
                     (g, names, Branch { children, faces, borders, outward })
                 })
                 .collect();

@@ -200,7 +200,7 @@ fn bases_are_their_matrices() {
     let all =
         Interpolation { kept: vec![1, 3, 6], dropped: vec![0, 2, 4, 5], coefficients: (0..12).map(value).collect() };
     let (first, m, n, fields, wide) = (2, 5, 3, 2, 4);
-    let basis = Basis::of(&all, first, m);
+    let basis = Basis::from_interpolation(&all, first, m);
     let entry = |i: usize, j: usize| match all.kept.iter().position(|&k| k == first + j) {
         Some(k) => f64::from(u8::from(k == i)).into(),
         None => all.coefficients[all.dropped.iter().position(|&d| d == first + j).unwrap() * n + i],
@@ -247,7 +247,7 @@ fn products_from_both_sides_are_their_sums() {
     };
     for (fields, inputs, [nx, ny, nz]) in [(2, 9, [5, 4, 3]), (1, STRIP + 560, [530, STRIP + 20, 7])] {
         let [x, y, z] = [(inputs, nx, 3), (inputs, ny, 50), (nx, nz, 90)].map(|(m, n, s)| interpolation(m, n, s));
-        let basis = |x: &Interpolation, m: usize| Basis::of(x, 0, m);
+        let basis = |x: &Interpolation, m: usize| Basis::from_interpolation(x, 0, m);
         let (bx, by, bz) = (basis(&x, inputs), basis(&y, inputs), basis(&z, nx));
         let m = fields * inputs;
         let a: Vec<C64> = (0..m * m).map(|k| value(3 * k + 20)).collect();

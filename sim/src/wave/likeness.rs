@@ -71,7 +71,7 @@ pub struct Spread {
 
 impl Spread {
     /// Of these; zeros for none.
-    pub fn of(values: impl Iterator<Item = f64> + Clone) -> Self {
+    pub fn from_values(values: impl Iterator<Item = f64> + Clone) -> Self {
         let n = values.clone().count();
         if n == 0 {
             return Spread::default();
@@ -92,7 +92,7 @@ pub fn mean_and_sd(curves: &[Vec<f64>]) -> (Vec<f64>, Vec<f64>) {
     let bins = curves.first().map_or(0, Vec::len);
     (0..bins)
         .map(|bin| {
-            let s = Spread::of(curves.iter().map(|c| c[bin]));
+            let s = Spread::from_values(curves.iter().map(|c| c[bin]));
             (s.mean, s.sd)
         })
         .unzip()
@@ -130,7 +130,7 @@ mod tests {
         // One zero bin is left out of the logarithms alone.
         let gap = likeness(&a, &[0.0, 2.0, 3.0, 4.0]);
         assert!((gap.log_correlation - 1.0).abs() < 1e-15 && (gap.relative_l2 - (1.0f64 / 30.0).sqrt()).abs() < 1e-15);
-        let s = Spread::of([1.0, 2.0, 6.0].into_iter());
+        let s = Spread::from_values([1.0, 2.0, 6.0].into_iter());
         assert_eq!((s.mean, s.min, s.max), (3.0, 1.0, 6.0));
         assert!((s.sd - 7f64.sqrt()).abs() < 1e-15);
     }

@@ -14,7 +14,7 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    pub(super) fn of(body: &Body) -> Self {
+    pub(super) fn new(body: &Body) -> Self {
         Self { center: C64::new(body.center_um[0], body.center_um[1]), turn: C64::from_polar(1.0, body.rotation_rad) }
     }
 
@@ -33,7 +33,7 @@ impl Frame {
 
 /// The body moved to its own frame, with its lumens.
 pub(super) fn at_home(body: &Body) -> Body {
-    let frame = Frame::of(body);
+    let frame = Frame::new(body);
     let mut home = body.clone();
     let mut next = Some(&mut home);
     while let Some(inner) = next {

@@ -227,7 +227,7 @@ impl<'a> ScatterJob<'a> {
     ///
     /// # Errors
     /// Those of the scene.
-    pub(crate) fn of(description: &Description) -> Result<ScatterJob<'a>, SimError> {
+    pub(crate) fn from_description(description: &Description) -> Result<ScatterJob<'a>, SimError> {
         Ok(ScatterJob::new(&Scene::parse(&description.spec)?, &description.spec))
     }
 

@@ -112,7 +112,7 @@ impl Scene {
         for (i, fiber) in self.bodies.iter().enumerate() {
             let (mut body, mut name) = (Some(fiber), format!("fiber[{i}]"));
             while let Some(at) = body {
-                if wave.k_rho_in(at.index()).norm() < LEAST_K_RHO * wave.k0() {
+                if wave.k_rho_in(at.index()).norm() < MIN_K_RHO * wave.k0() {
                     let hint = format!(
                         "light of theta_i_deg = {} does not travel across a medium of this index; change one of them",
                         degrees(theta_i)
@@ -159,7 +159,7 @@ impl Scene {
 }
 
 /// Least |kappa_j| / k_0 of a medium: the fields of the walls are divided by its square.
-const LEAST_K_RHO: f64 = 1e-3;
+const MIN_K_RHO: f64 = 1e-3;
 
 /// An angle as written in files [degrees]: to 1e-12, so that what was read from a round number is that number again.
 pub(crate) fn degrees(angle: f64) -> f64 {

@@ -76,7 +76,7 @@ struct Bounds {
 }
 
 impl Bounds {
-    fn of(points: impl Iterator<Item = Point>) -> Bounds {
+    fn from_points(points: impl Iterator<Item = Point>) -> Bounds {
         let none = Bounds { min: Point::repeat(f64::INFINITY), max: Point::repeat(f64::NEG_INFINITY) };
         points.fold(none, |b, p| Bounds { min: b.min.inf(&p), max: b.max.sup(&p) })
     }
@@ -143,10 +143,10 @@ impl Wall {
         let n = points.len();
         let runs = (0..n.div_ceil(RUN)).map(|k| {
             let (first, last) = (k * RUN, (k * RUN + RUN).min(n));
-            Bounds::of((first..=last).map(|i| points[i % n]))
+            Bounds::from_points((first..=last).map(|i| points[i % n]))
         });
         let curve = Curve::Chords { runs: runs.collect(), points: points.clone() };
-        let bounds = Bounds::of(points.into_iter());
+        let bounds = Bounds::from_points(points.into_iter());
         let wall = Wall { curve, bounds, slack_um: slack + 1e-13 * bounds.size() };
         // A simple closed curve turns by just one full turn.
         if (turn.abs() - TAU).abs() > 0.1 || wall.meets_itself() {

@@ -385,7 +385,7 @@ rounding_um = 0.5
 center_um = [-20.0, 0.0]
 eta = 1.5
 "#;
-    const LEAST: &str = "lambda_um = [0.5]\nphi_i_deg = [0]\n[[fiber]]\nshape = \"circle\"\nradius_um = 1\neta = 1.5\n";
+    const MIN: &str = "lambda_um = [0.5]\nphi_i_deg = [0]\n[[fiber]]\nshape = \"circle\"\nradius_um = 1\neta = 1.5\n";
 
     #[test]
     fn all_keys_are_read() {
@@ -413,12 +413,12 @@ eta = 1.5
 
     #[test]
     fn silent_keys_take_their_defaults() {
-        let scene = Scene::parse(LEAST).unwrap();
+        let scene = Scene::parse(MIN).unwrap();
         assert_eq!((scene.theta_i, scene.n_phi_out, scene.tolerance), (vec![0.0], 360, 1e-6));
         assert_eq!((scene.method, scene.beams), (Method::Auto, None));
         let fiber = &scene.bodies[0];
         assert_eq!((fiber.center_um, fiber.rotation_rad, fiber.kappa, &fiber.lumen), ([0.0; 2], 0.0, 0.0, &None));
-        let beam = Scene::parse(&LEAST.replace("[[fiber]]", "[beam]\nw0_um = 5\n[[fiber]]")).unwrap();
+        let beam = Scene::parse(&MIN.replace("[[fiber]]", "[beam]\nw0_um = 5\n[[fiber]]")).unwrap();
         assert_eq!(beam.beams.unwrap().h_um, [0.0]);
     }
 
@@ -514,18 +514,18 @@ eta = 1.5
     #[test]
     fn too_many_cases_are_refused() {
         let list = (0..3000).map(|i| format!("{}", 0.3 + 1e-4 * f64::from(i))).collect::<Vec<_>>().join(",");
-        let text = LEAST.replace("[0.5]", &format!("[{list}]")).replace("[0]", &format!("[{list}]"));
+        let text = MIN.replace("[0.5]", &format!("[{list}]")).replace("[0]", &format!("[{list}]"));
         let error = Scene::parse(&text).unwrap_err().to_string();
         assert!(error.contains("18000000 cases") && error.contains("1.3e10"), "{error}");
     }
 
     #[test]
     fn deep_nests_are_refused() {
-        let nest = |n: usize, close: &str| format!("{LEAST}lumen{} = 1\n{close}", ".lumen".repeat(n));
+        let nest = |n: usize, close: &str| format!("{MIN}lumen{} = 1\n{close}", ".lumen".repeat(n));
         for n in [0, 5, 40, 500] {
             assert!(Scene::parse(&nest(n, "")).is_err());
         }
-        let mut text = LEAST.replace("radius_um = 1\n", "radius_um = 100\n");
+        let mut text = MIN.replace("radius_um = 1\n", "radius_um = 100\n");
         for i in 1..=20 {
             text += &format!("[fiber{}]\nshape = \"circle\"\nradius_um = {}\n", ".lumen".repeat(i), 100 - i);
         }

@@ -234,7 +234,7 @@ pub(crate) enum Coefficients {
 }
 
 impl Coefficients {
-    fn of(values: Vec<C64>, tolerance: f64) -> Self {
+    fn new(values: Vec<C64>, tolerance: f64) -> Self {
         if tolerance < SINGLE {
             return Self::Double(values);
         }
@@ -318,7 +318,7 @@ impl Skeleton {
                 .map(|&j| Site { point: candidates.points[j], scale: candidates.scales[j] })
                 .collect();
             let coefficients =
-                |columns: &[C64]| Coefficients::of(candidates.fold(&picked.coefficients(columns, rows), k), tolerance);
+                |columns: &[C64]| Coefficients::new(candidates.fold(&picked.coefficients(columns, rows), k), tolerance);
             return Self {
                 sites,
                 value: coefficients(&value),

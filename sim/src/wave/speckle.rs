@@ -141,10 +141,10 @@ impl SpeckleJob {
         let azimuths = grid(spec, options)?;
         let job = SpeckleJob { spec: spec.clone(), spec_text: spec_text.into(), options: options.clone(), azimuths };
         // Of the file's patterns, 1 GiB at most.
-        const MOST: f64 = 2.7e8;
+        const MAX: f64 = 2.7e8;
         let cells = job.kinds() as f64 * f64::from(options.instances) * azimuths as f64;
-        if cells > MOST {
-            return Err(SimError::TooLarge { cells, allowed: MOST });
+        if cells > MAX {
+            return Err(SimError::TooLarge { cells, allowed: MAX });
         }
         Ok(job)
     }
@@ -153,7 +153,7 @@ impl SpeckleJob {
     ///
     /// # Errors
     /// [`SimError::Merge`] and those of the spec.
-    pub(crate) fn of(description: &Description, instances: u64) -> Result<SpeckleJob, SimError> {
+    pub(crate) fn from_description(description: &Description, instances: u64) -> Result<SpeckleJob, SimError> {
         let options: SpeckleOptions = description.parse_options()?;
         let spec = YarnSpec::parse(&description.spec, "the part's spec")?;
         let instances = u32::try_from(instances).unwrap_or(u32::MAX);

@@ -32,7 +32,7 @@ use faer::{Accum, MatMut, MatRef};
 use rayon::prelude::*;
 
 /// Least tolerance that is promised.
-const LEAST_TOLERANCE: f64 = 1e-12;
+const MIN_TOLERANCE: f64 = 1e-12;
 /// Rows of a system whose residual is computed.
 const WITNESSES: usize = 64;
 
@@ -64,7 +64,7 @@ impl BoundarySystem {
     /// # Errors
     /// Bad numbers and shapes, walls that overlap, a system larger than memory.
     pub(crate) fn new(bodies: &[Body], wave: &Wave, tolerance: f64) -> Result<Self, WaveError> {
-        Self::build(bodies, wave, tolerance, &Resolution::of(bodies, tolerance), true)
+        Self::build(bodies, wave, tolerance, &Resolution::new(bodies, tolerance), true)
     }
 
     /// The same at a chosen resolution, with symmetry left unused where `symmetric` is false.
@@ -82,8 +82,8 @@ impl BoundarySystem {
                 hint: "use a number between 0 and 1, such as 1e-6".into(),
             });
         }
-        if tolerance < LEAST_TOLERANCE {
-            return Err(WaveError::Unreachable { method: "nystrom", asked: tolerance, reachable: LEAST_TOLERANCE });
+        if tolerance < MIN_TOLERANCE {
+            return Err(WaveError::Unreachable { method: "nystrom", asked: tolerance, reachable: MIN_TOLERANCE });
         }
         if bodies.is_empty() {
             return Err(WaveError::Invalid {

@@ -334,7 +334,7 @@ impl TabulateJob<'static> {
     ///
     /// # Errors
     /// [`SimError::Merge`] and those of the spec or scene.
-    pub(crate) fn of(description: &Description) -> Result<Self, SimError> {
+    pub(crate) fn from_description(description: &Description) -> Result<Self, SimError> {
         let Identity { rays, sigma_per_um, options, .. } = description.parse_options()?;
         let fiber = SingleFiber::parse(&description.spec, "the part's spec", sigma_per_um)?;
         let source = if rays { FiberSource::Ray } else { FiberSource::Wave };
@@ -397,7 +397,7 @@ pub struct Arrays {
 }
 
 impl Arrays {
-    fn of(cells: usize, p: usize, d: usize) -> Arrays {
+    fn new(cells: usize, p: usize, d: usize) -> Arrays {
         Arrays { azimuthal: vec![0.0; cells * p * d], c_x_um: vec![0.0; cells * p], c_abs_um: vec![0.0; cells * p] }
     }
 }
@@ -450,7 +450,7 @@ impl Job for TabulateJob<'_> {
     ) -> Result<Option<Done>, SimError> {
         let (band, first, thetas) = self.place(shard);
         let (p, d) = (self.plan.phi_i.len(), self.plan.relative);
-        let mut arrays = Arrays::of(thetas, p, d);
+        let mut arrays = Arrays::new(thetas, p, d);
         let done = || {
             progress(1);
             !stop.load(Ordering::Relaxed)
@@ -472,7 +472,7 @@ impl Job for TabulateJob<'_> {
 
     fn begin(&self) -> Arrays {
         let plan = &self.plan;
-        Arrays::of(plan.lambda_um.len() * plan.theta_i.len(), plan.phi_i.len(), plan.relative)
+        Arrays::new(plan.lambda_um.len() * plan.theta_i.len(), plan.phi_i.len(), plan.relative)
     }
 
     fn absorb(&self, to: &mut Arrays, shard: usize, part: Part) {

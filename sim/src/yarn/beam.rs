@@ -16,7 +16,7 @@ const SUB: usize = 8;
 const LINES: usize = 96;
 const SDS: f64 = 5.0;
 /// Least share of a beam that a slice is of, for its factor.
-const LEAST_MET: f64 = 1e-6;
+const MIN_MET: f64 = 1e-6;
 /// Bins of psi over which the missed light alone is averaged.
 const BINS: usize = 36;
 
@@ -41,7 +41,7 @@ pub(crate) fn first_hits(
     let r_d = &table.r_d[m * columns..(m + 1) * columns];
     let plies = ring.plies as usize;
     let lines = lines(beam, h);
-    let own = |primary: f64| primary / (1.0 - r_d[n]).max(LEAST_MET);
+    let own = |primary: f64| primary / (1.0 - r_d[n]).max(MIN_MET);
     let mut parts = vec![vec![0.0; bins]; columns];
     let (orientations, mut missed) = (orientations(ring, h, bins), 0.0);
     let mut order: Vec<usize> = (0..plies).collect();
@@ -116,6 +116,6 @@ fn at_nodes(table: &Table, r_d: &[f64], h: f64) -> [(usize, f64); 2] {
     let last = table.h_um.len() - 1;
     let step = (table.h_um[last] - table.h_um[0]) / last as f64;
     let (n, t) = axis::cell((h - table.h_um[0]) / step, last + 1);
-    let unit = ((1.0 - t) * (1.0 - r_d[n]) + t * (1.0 - r_d[n + 1])).max(LEAST_MET);
+    let unit = ((1.0 - t) * (1.0 - r_d[n]) + t * (1.0 - r_d[n + 1])).max(MIN_MET);
     [(n, (1.0 - t) / unit), (n + 1, t / unit)]
 }

@@ -12,7 +12,7 @@
 //! their noise.
 
 /// The least correlation that counts.
-const LEAST: f64 = 1e-3;
+const MIN: f64 = 1e-3;
 
 /// Correlation of the noise of slices at `h_um[n]` and `h_um[k]`, `[n][k]`, `hit` the chance to hit a fiber at x; 0 between slices that no light reaches.
 pub(super) fn correlations(h_um: &[f64], beam_sd_um: f64, hit: impl Fn(f64) -> f64) -> Vec<f64> {
@@ -46,7 +46,7 @@ pub(super) struct PartsNoise {
 impl PartsNoise {
     /// Adds the slice at offset node `node` of the variance `scale * variance[bin]` (solid angle included); `correlation` with the slices of earlier nodes.
     pub fn add(&mut self, node: usize, variance: Vec<f32>, scale: f64, correlation: impl Fn(usize) -> f64) {
-        self.recent.retain(|(from, _)| correlation(*from) >= LEAST);
+        self.recent.retain(|(from, _)| correlation(*from) >= MIN);
         self.integral += scale * variance.iter().map(|v| f64::from(*v)).sum::<f64>();
         let mut deviation = variance;
         deviation.iter_mut().for_each(|v| *v = (scale as f32 * *v).sqrt());

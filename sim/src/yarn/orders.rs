@@ -5,7 +5,7 @@ use super::kernel::{Kernel, Scratch};
 use std::sync::Arc;
 
 /// Orders after which a chain ends in its geometric series, whatever remains.
-const MOST_ORDERS: usize = 100;
+const MAX_ORDERS: usize = 100;
 
 /// Light of one kind that hit a second ply, followed to its end.
 pub(crate) struct Chain {
@@ -89,7 +89,7 @@ impl Orders {
         self.arrive(&state, &mut arrivals);
         let scale = (energy / sum(&arrivals).max(1e-30)) as f32;
         arrivals.iter_mut().for_each(|v| *v *= scale);
-        for order in 0..MOST_ORDERS {
+        for order in 0..MAX_ORDERS {
             self.kernel.scatter(&arrivals, &mut state, scratch);
             let absorbed = energy - sum(&state);
             let mut map = vec![0.0; chain.later.len()];
@@ -101,7 +101,7 @@ impl Orders {
             energy = before - absorbed - escaped;
             // The series: each further order is `ratio` of this one.
             let ratio = (energy / before).clamp(0.0, 0.999);
-            let last = energy <= least || order + 1 == MOST_ORDERS;
+            let last = energy <= least || order + 1 == MAX_ORDERS;
             let times = if last { 1.0 / (1.0 - ratio) } else { 1.0 };
             chain.later.iter_mut().zip(&map).for_each(|(to, v)| *to += times * v);
             chain.residual += times * escaped;

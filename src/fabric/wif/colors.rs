@@ -6,7 +6,7 @@ use super::note::{Notes, WifNoteKind};
 use super::text::{Ini, numbers};
 use super::{colors_of, section_of, words};
 use crate::Result;
-use crate::fabric::Family;
+use crate::fabric::YarnSet;
 use std::collections::BTreeMap;
 
 /// Color of each of the yarns `kept`, counted from 0, of `threads` of warp and weft [sRGB, 0 to 1]; empty for
@@ -19,7 +19,7 @@ pub(super) fn colors(
 ) -> Result<[Vec<[f32; 3]>; 2]> {
     let palette = Palette::read(ini, notes)?;
     let mut both = [Vec::new(), Vec::new()];
-    for (k, family) in Family::EACH.into_iter().enumerate() {
+    for (k, family) in YarnSet::EACH.into_iter().enumerate() {
         let (own, rest) = (colors_of(family), section_of(family));
         let given = ini.rows(own, notes)?.fit(threads[k], notes);
         // A number of the table, and red, green and blue for programs that have no table.

@@ -3,7 +3,7 @@
 use super::note::Notes;
 use super::section_of;
 use super::text::{Ini, real};
-use crate::fabric::Family;
+use crate::fabric::YarnSet;
 
 /// Distance from yarn to yarn that a WIF gives, for fabric specs that give none.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,11 +28,11 @@ const UNITS: [(&str, &str, f64); 7] = [
 
 /// The distance of a family's yarns, of which `kept`, counted from 0, are woven. A program that has one of
 /// spacing and thickness takes the spacing (WIF 1.1, "Spacing and Thickness Values").
-pub(super) fn spacing(ini: &Ini<'_>, family: Family, kept: &[usize], notes: &mut Notes) -> Option<WifSpacing> {
+pub(super) fn spacing(ini: &Ini<'_>, family: YarnSet, kept: &[usize], notes: &mut Notes) -> Option<WifSpacing> {
     let section = section_of(family);
     let [of_spacing, of_thickness] = match family {
-        Family::Warp => ["WARP SPACING", "WARP THICKNESS"],
-        Family::Weft => ["WEFT SPACING", "WEFT THICKNESS"],
+        YarnSet::Warp => ["WARP SPACING", "WARP THICKNESS"],
+        YarnSet::Weft => ["WEFT SPACING", "WEFT THICKNESS"],
     };
     let given = ini.text(section, "Units").map(str::to_ascii_uppercase);
     let known = given.as_ref().and_then(|given| UNITS.iter().find(|(start, ..)| given.starts_with(start)));

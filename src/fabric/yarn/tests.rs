@@ -103,7 +103,7 @@ fn plies_touch_and_fill_the_width() {
 }
 
 /// What a line meets of a straight yarn or passes nearest to.
-fn meet(yarn: &Yarn, line: &Line) -> Met {
+fn meet(yarn: &Yarn, line: &Line) -> YarnHit {
     if yarn.plies == 1 {
         return yarn.meet_one(line);
     }

@@ -14,7 +14,7 @@ const ROWS: usize = 64;
 /// Parts of the relative azimuth from 0 to pi, an even number.
 const AZIMUTHS: usize = 32;
 /// Most that a cubic through other latitudes may miss of a_f and a_b at one that was measured.
-const MOST_MISSED: f64 = 5e-4;
+const MAX_MISSED: f64 = 5e-4;
 const MODEL: &str = "dual scattering";
 
 /// Averages over the azimuth at a latitude (Khungurn 2015, 3.1 and 5.1).
@@ -157,7 +157,7 @@ impl<const N: usize> DualScattering<N> {
         for value in query.sigma_per_um {
             parameter(MODEL, "sigma_per_um", value, [0.0, 1e6])?;
         }
-        let mut dual = Self::of(|omega_i| model.at(&FiberQuery { omega_i, h_rel: None, ..*query }), options)?;
+        let mut dual = Self::from_bsdf(|omega_i| model.at(&FiberQuery { omega_i, h_rel: None, ..*query }), options)?;
         if let Some(beta) = model.forward_beta() {
             dual.latitudes.iter_mut().for_each(|a| a.forward_beta = beta);
         }
@@ -168,7 +168,7 @@ impl<const N: usize> DualScattering<N> {
     ///
     /// # Errors
     /// As [`DualScattering::new`].
-    pub fn of<B: Bsdf<N>>(at: impl Fn([f32; 3]) -> B, options: DualOptions) -> Result<Self> {
+    pub fn from_bsdf<B: Bsdf<N>>(at: impl Fn([f32; 3]) -> B, options: DualOptions) -> Result<Self> {
         parameter(MODEL, "forward_density", options.forward_density, [0.0, 1.0])?;
         parameter(MODEL, "backward_density", options.backward_density, [0.0, 1.0])?;
         if !(64..=1_000_000).contains(&options.samples) {
@@ -181,7 +181,7 @@ impl<const N: usize> DualScattering<N> {
             |theta_i| Measured::new(&at, theta_i, &options),
             |row| row.averages.forward.iter().chain(&row.averages.backward).map(|x| f64::from(*x)).collect(),
             // Few samples are not worth more nodes.
-            (8.0 / f64::from(options.samples)).max(MOST_MISSED),
+            (8.0 / f64::from(options.samples)).max(MAX_MISSED),
         );
         if rows.iter().all(|(_, row)| row.averages.forward.iter().chain(&row.averages.backward).all(|x| *x == 0.0)) {
             return Err(invalid(MODEL, "albedo", 0, "the fiber scatters no light at these wavelengths".into()));

@@ -12,7 +12,7 @@ use std::f32::consts::{FRAC_PI_2, PI, TAU};
 /// Greatest width of spread light [rad]: even over the latitudes to 1 %.
 const WIDEST: f32 = 6.0;
 /// Fibers behind that are counted: more are as good as endless ones.
-const MOST_BEHIND: u32 = 64;
+const MAX_BEHIND: u32 = 64;
 /// Positive points and weights of Gauss-Legendre's rule with 8 points on [-1, 1].
 const LEGENDRE: [(f32, f32); 4] = [
     (0.183_434_64, 0.362_683_8),
@@ -151,7 +151,7 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
 
     /// The note's integrator (Khungurn 2015, Eq. 1): radiance towards `w` for a unit of radiance [1/sr]; a host multiplies by `L_d / p_emitter`.
     pub fn radiance(&self, w: [f32; 3]) -> [f32; N] {
-        let cos_o = Latitude::of(w).cos;
+        let cos_o = Latitude::from_direction(w).cos;
         let scale = if self.incident.valid && is_direction(w) { self.cos_d / cos_o.max(1e-4) } else { 0.0 };
         self.eval(w).map(|f| f * scale)
     }
@@ -161,7 +161,7 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
         if !(self.incident.valid && is_direction(w)) {
             return DualTerms { global: [0.0; N], local: [0.0; N] };
         }
-        let o = Latitude::of(w);
+        let o = Latitude::from_direction(w);
         let theta_o = o.sin.atan2(o.cos);
         let azimuth = self.relative(w);
         let global = if self.direct { self.model.at(&self.query).eval(w) } else { self.spread_light(theta_o, azimuth) };
@@ -264,7 +264,7 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
     fn backscattered(&self, theta: f32, endless: [f32; N]) -> [f32; N] {
         let Some(count) = self.behind else { return endless };
         let a = self.dual.attenuation(theta);
-        let stack = a.stack(count.min(MOST_BEHIND) + 1);
+        let stack = a.stack(count.min(MAX_BEHIND) + 1);
         std::array::from_fn(|n| (stack[n].reflected - a.backward[n]).max(0.0))
     }
 

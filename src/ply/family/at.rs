@@ -2,10 +2,10 @@
 
 use super::PlyFamily;
 use super::data::{FamilyParam, FamilyParams};
-use super::place::{Place, missed};
+use super::node_weights::{NodeWeights, missed};
 use crate::Result;
 use crate::io::invalid;
-use crate::ply::{ExitOffsets, LayerFactors, LobeFamily, PlyData, PlyEnergies, PlyModel, USUAL_EXIT_LENGTHS};
+use crate::ply::{ExitOffsets, LayerFactors, LobeKind, PlyData, PlyEnergies, PlyModel, USUAL_EXIT_LENGTHS};
 
 /// The file that errors of parameters name.
 const PARAMS: &str = "parameters of the family";
@@ -16,7 +16,7 @@ impl PlyFamily {
     /// # Errors
     /// [`crate::Error::Invalid`] for a parameter outside its range, or another than the spec's where it is no axis of the family.
     pub fn at(&self, params: &FamilyParams) -> Result<PlyModel> {
-        Ok(PlyModel::of(self.data_at(params)?, Vec::new()))
+        Ok(PlyModel::from_parts(self.data_at(params)?, Vec::new()))
     }
 
     /// The tensors of [`PlyFamily::at`], to be saved as a model file.
@@ -44,7 +44,7 @@ impl PlyFamily {
         Ok(self.blended(&place, text))
     }
 
-    fn blended(&self, place: &Place<f64>, spec_text: String) -> PlyData {
+    fn blended(&self, place: &NodeWeights<f64>, spec_text: String) -> PlyData {
         let nodes = &self.data.nodes;
         let first = &nodes[0];
         let blend = |of: &dyn Fn(&PlyData) -> &[f64]| -> Vec<f64> {
@@ -89,7 +89,7 @@ impl PlyFamily {
             path_um: first.path_um.clone(),
             lobes_refl: first.lobes_refl,
             lobes_high: first.lobes_high,
-            family: LobeFamily::Round,
+            family: LobeKind::Round,
             energies,
             refl: blend(&|d| &d.refl),
             high: blend(&|d| &d.high),

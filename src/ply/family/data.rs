@@ -2,7 +2,7 @@
 
 use crate::Result;
 use crate::io::invalid;
-use crate::ply::{LobeFamily, PlyData};
+use crate::ply::{LobeKind, PlyData};
 use crate::spec::YarnSpec;
 
 /// A quantity that varies in a family.
@@ -48,7 +48,7 @@ pub struct FamilyParams {
 
 impl FamilyParams {
     /// Those of a spec; the pitch of one without twist is 0.
-    pub fn of(spec: &YarnSpec) -> FamilyParams {
+    pub fn from_spec(spec: &YarnSpec) -> FamilyParams {
         FamilyParams {
             fiber_pitch_um: spec.ply.fiber_pitch_um.unwrap_or(0.0),
             alpha_fiber: spec.fiber.alpha_fiber,
@@ -114,8 +114,8 @@ pub struct FamilyData {
 }
 
 /// Most nodes of an axis and of a family.
-const MOST_VALUES: usize = 64;
-const MOST_NODES: usize = 1024;
+const MAX_VALUES: usize = 64;
+const MAX_NODES: usize = 1024;
 
 impl FamilyData {
     /// The nodes of an axis, if the family has it.
@@ -131,7 +131,7 @@ impl FamilyData {
 
     /// Parameters of a node, of a family of `spec`.
     pub fn params_of(&self, node: usize, spec: &YarnSpec) -> FamilyParams {
-        let mut params = FamilyParams::of(spec);
+        let mut params = FamilyParams::from_spec(spec);
         let mut left = node;
         for axis in self.axes.iter().rev() {
             params.set(axis.param, axis.values[left % axis.values.len()]);
@@ -150,8 +150,8 @@ impl FamilyData {
         let mut nodes = 1usize;
         for axis in axes {
             let key = axis.param.name();
-            if !(2..=MOST_VALUES).contains(&axis.values.len()) {
-                let hint = format!("expected 2 to {MOST_VALUES}");
+            if !(2..=MAX_VALUES).contains(&axis.values.len()) {
+                let hint = format!("expected 2 to {MAX_VALUES}");
                 return Err(invalid(name, key, format!("{} values", axis.values.len()), &hint));
             }
             c.ascending(key, &axis.values)?;
@@ -162,8 +162,8 @@ impl FamilyData {
             }
             nodes *= axis.values.len();
         }
-        if nodes > MOST_NODES {
-            return Err(invalid(name, "nodes of the family", nodes, &format!("expected at most {MOST_NODES}")));
+        if nodes > MAX_NODES {
+            return Err(invalid(name, "nodes of the family", nodes, &format!("expected at most {MAX_NODES}")));
         }
         Ok(nodes)
     }
@@ -199,7 +199,7 @@ impl FamilyData {
                 ("exits", node.exits.is_some() == first.exits.is_some()),
                 ("layers", node.layers.is_some() == first.layers.is_some()),
                 ("noise", node.noise.is_none()),
-                ("family of lobes", node.family == LobeFamily::Round),
+                ("family of lobes", node.family == LobeKind::Round),
             ];
             if let Some((what, _)) = same.into_iter().find(|(_, same)| !same) {
                 let hint = "the nodes of a family share axes, path lengths, edge lobes and the r_d of their pitch, and have round lobes and no speckle";

@@ -4,14 +4,14 @@
 
 use super::PlyFamily;
 use super::data::{FamilyParam, FamilyParams};
+use super::node_weights::{NodeWeights, cubic_taps, missed};
 use super::num::{Dual, Real};
-use super::place::{Place, cubic_taps, missed};
 use crate::bsdf::{Bsdf, BsdfSample, Outcomes};
 use crate::math::axis;
 use crate::ply::asg::{MU_MAX, MU_MIN, PARAMS, unit_energy_gradient};
-use crate::ply::data::{LEAST_ENERGY, LEAST_TRANSMITTANCE};
+use crate::ply::data::energies::Taps;
+use crate::ply::data::{MIN_ENERGY, MIN_TRANSMITTANCE};
 use crate::ply::edge::{self, EdgeTables};
-use crate::ply::energies::Taps;
 use crate::ply::{MAX_LOBES, MAX_PATHS, PlyData, PlyEnergies, PlyQuery};
 use std::f64::consts::{FRAC_1_PI, TAU};
 
@@ -25,10 +25,10 @@ struct Parts<T> {
     share_high: [T; MAX_PATHS],
 }
 
-fn parts<T: Real>(nodes: &[PlyData], place: &Place<T>, theta_i: f64, h_um: f64) -> Parts<T> {
+fn parts<T: Real>(nodes: &[PlyData], place: &NodeWeights<T>, theta_i: f64, h_um: f64) -> Parts<T> {
     let d = &nodes[0];
     let (lr, lh, j) = (d.lobes_refl, d.lobes_high, d.path_um.len());
-    let zero = T::of(0.0);
+    let zero = T::from_f64(0.0);
     let mut out = Parts {
         refl: [[zero; PARAMS]; MAX_LOBES],
         high: [[zero; PARAMS]; MAX_LOBES],
@@ -44,7 +44,7 @@ fn parts<T: Real>(nodes: &[PlyData], place: &Place<T>, theta_i: f64, h_um: f64) 
     let blend = [(1.0 - s) * (1.0 - t), (1.0 - s) * t, s * (1.0 - t), s * t];
     let e = &d.energies;
     let share = Taps::new(&e.share_theta_i, &e.share_h_um, theta_i, h_um);
-    let add = |to: &mut T, w: T, v: f64| *to = *to + w * T::of(v);
+    let add = |to: &mut T, w: T, v: f64| *to = *to + w * T::from_f64(v);
     for &(node, w) in &place.corners[..place.count] {
         if place.count > 1 && w.value() == 0.0 && !T::DERIVED {
             continue;
@@ -83,7 +83,7 @@ fn parts<T: Real>(nodes: &[PlyData], place: &Place<T>, theta_i: f64, h_um: f64) 
     for (a, wa) in rd.weights[0].iter().enumerate() {
         for (b, wb) in rd.weights[1].iter().enumerate() {
             let c = missed(&place.pitch, &energies, (rd.at[0] + a) as isize - 1, (rd.at[1] + b) as isize - 1);
-            out.r_d = out.r_d + T::of(wa * wb) * c;
+            out.r_d = out.r_d + T::from_f64(wa * wb) * c;
         }
     }
     out.r_d = out.r_d.within(0.0, 1.0);
@@ -92,7 +92,7 @@ fn parts<T: Real>(nodes: &[PlyData], place: &Place<T>, theta_i: f64, h_um: f64) 
 
 /// One lobe, ready for directions.
 #[derive(Clone, Copy, Debug)]
-struct Ready<T, const N: usize> {
+struct PreparedLobe<T, const N: usize> {
     frame: [[T; 3]; 3],
     mu: [T; 2],
     /// Amplitude over the energy.
@@ -104,7 +104,7 @@ struct Ready<T, const N: usize> {
 /// The mixture at an incidence.
 #[derive(Clone, Copy, Debug)]
 struct Mixture<T, const N: usize> {
-    lobes: [Ready<T, N>; 2 * MAX_LOBES],
+    lobes: [PreparedLobe<T, N>; 2 * MAX_LOBES],
     count: usize,
     flip: bool,
     r_d: T,
@@ -114,9 +114,9 @@ struct Mixture<T, const N: usize> {
 impl<T: Real, const N: usize> Mixture<T, N> {
     /// Without light: the beam misses.
     fn miss() -> Self {
-        let zero = T::of(0.0);
-        let lobe = Ready { frame: [[zero; 3]; 3], mu: [zero; 2], amplitude: zero, energy: [zero; N] };
-        Mixture { lobes: [lobe; 2 * MAX_LOBES], count: 0, flip: false, r_d: T::of(1.0), albedo: [zero; N] }
+        let zero = T::from_f64(0.0);
+        let lobe = PreparedLobe { frame: [[zero; 3]; 3], mu: [zero; 2], amplitude: zero, energy: [zero; N] };
+        Mixture { lobes: [lobe; 2 * MAX_LOBES], count: 0, flip: false, r_d: T::from_f64(1.0), albedo: [zero; N] }
     }
 
     fn new(family: &PlyFamily, params: [T; 3], theta_i: f64, h_um: f64, sigma: [T; N]) -> Self {
@@ -129,34 +129,34 @@ impl<T: Real, const N: usize> Mixture<T, N> {
         out.flip = theta_i < 0.0;
         let h = if out.flip { -h_um } else { h_um };
         let p = parts(nodes, &family.axes.place(params), theta_i.abs(), h);
-        let one = T::of(1.0);
+        let one = T::from_f64(1.0);
         let met = one - p.r_d;
         let refl = met * p.share_refl;
         let attenuated = |spectrum: &[T; MAX_PATHS], s: T| {
-            let mut sum = T::of(0.0);
+            let mut sum = T::from_f64(0.0);
             for (j, l) in d.path_um.iter().enumerate() {
-                sum = sum + spectrum[j] * (-s * T::of(*l)).exp();
+                sum = sum + spectrum[j] * (-s * T::from_f64(*l)).exp();
             }
             sum
         };
-        let (mut sum_refl, mut sum_high) = (T::of(0.0), [T::of(0.0); N]);
+        let (mut sum_refl, mut sum_high) = (T::from_f64(0.0), [T::from_f64(0.0); N]);
         out.count = d.lobes_refl + d.lobes_high;
         for l in 0..out.count {
             let of = if l < d.lobes_refl { &p.refl[l] } else { &p.high[l - d.lobes_refl] };
             out.lobes[l] = ready(of);
-            let energy = of[5].within(LEAST_ENERGY, f64::MAX);
+            let energy = of[5].within(MIN_ENERGY, f64::MAX);
             if l < d.lobes_refl {
                 out.lobes[l].energy = [energy; N];
                 sum_refl = sum_refl + energy;
             } else {
                 for k in 0..N {
-                    let left = attenuated(&p.path[l - d.lobes_refl], sigma[k]) + T::of(LEAST_TRANSMITTANCE);
+                    let left = attenuated(&p.path[l - d.lobes_refl], sigma[k]) + T::from_f64(MIN_TRANSMITTANCE);
                     out.lobes[l].energy[k] = energy * left;
                     sum_high[k] = sum_high[k] + energy * left;
                 }
             }
         }
-        let mut gain_high = [T::of(0.0); N];
+        let mut gain_high = [T::from_f64(0.0); N];
         for k in 0..N {
             let high = met * attenuated(&p.share_high, sigma[k]);
             out.albedo[k] = refl + high;
@@ -175,7 +175,7 @@ impl<T: Real, const N: usize> Mixture<T, N> {
 
     fn eval(&self, w: [f32; 3]) -> [T; N] {
         let v = self.turned(w);
-        let mut f = [T::of(0.0); N];
+        let mut f = [T::from_f64(0.0); N];
         for lobe in &self.lobes[..self.count] {
             let [x, y, z] = lobe.project(v);
             if z.value() > 0.0 {
@@ -199,23 +199,28 @@ impl<T: Real, const N: usize> Mixture<T, N> {
     }
 }
 
-impl<T: Real, const N: usize> Ready<T, N> {
+impl<T: Real, const N: usize> PreparedLobe<T, N> {
     fn project(&self, v: [f64; 3]) -> [T; 3] {
-        self.frame.map(|a| a[0] * T::of(v[0]) + a[1] * T::of(v[1]) + a[2] * T::of(v[2]))
+        self.frame.map(|a| a[0] * T::from_f64(v[0]) + a[1] * T::from_f64(v[1]) + a[2] * T::from_f64(v[2]))
     }
 }
 
 /// Axes and amplitude of a lobe (as [`crate::ply::asg::Lobe::frame`]).
-fn ready<T: Real, const N: usize>(p: &[T; PARAMS]) -> Ready<T, N> {
+fn ready<T: Real, const N: usize>(p: &[T; PARAMS]) -> PreparedLobe<T, N> {
     let ((st, ct), (sp, cp), (sx, cx)) = (p[0].sin_cos(), p[1].sin_cos(), p[2].sin_cos());
-    let (x, y) = ([-sp, cp, T::of(0.0)], [-st * cp, -st * sp, ct]);
+    let (x, y) = ([-sp, cp, T::from_f64(0.0)], [-st * cp, -st * sp, ct]);
     let mix = |a: T, b: T| std::array::from_fn(|i| a * x[i] + b * y[i]);
     let ln = [p[3], p[4]].map(|x| x.within(MU_MIN.ln(), MU_MAX.ln()));
     let mu = ln.map(Real::exp);
     let (unit, d1, d2) = unit_energy_gradient(mu[0].value(), mu[1].value());
     // d(1/u) = -1/u (d1 d ln mu1 + d2 d ln mu2).
     let amplitude = ln[0].chain(1.0 / unit, -d1 / unit) + ln[1].chain(0.0, -d2 / unit);
-    Ready { frame: [mix(cx, sx), mix(-sx, cx), [ct * cp, ct * sp, st]], mu, amplitude, energy: [T::of(0.0); N] }
+    PreparedLobe {
+        frame: [mix(cx, sx), mix(-sx, cx), [ct * cp, ct * sp, st]],
+        mu,
+        amplitude,
+        energy: [T::from_f64(0.0); N],
+    }
 }
 
 /// A ply of a family at a query ([`PlyFamily::on`]).
@@ -268,7 +273,7 @@ pub(super) fn gradient<const N: usize>(
     let p = std::array::from_fn(|i| {
         let given = params.get(FamilyParam::ALL[i]);
         let value = family.axes.within(i, given);
-        if value == given { Dual::variable(value, i) } else { Dual::of(value) }
+        if value == given { Dual::variable(value, i) } else { Dual::from_f64(value) }
     });
     let sigma = query.sigma_per_um.map(|s| Dual::variable(clean(s), 3));
     let f = Mixture::new(family, p, f64::from(query.theta_i), f64::from(query.h_um), sigma).eval(wo);
@@ -383,7 +388,7 @@ impl<const N: usize> Bsdf<N> for FamilyPly<'_, N> {
 impl<const N: usize> FamilyPly<'_, N> {
     /// A direction drawn from a lobe, as the runtime's kernels draw it.
     fn drawn(&self, l: usize, u1: f64, u2: f64) -> [f32; 3] {
-        let Ready { frame, mu: [mu1, mu2], .. } = self.mixture.lobes[l];
+        let PreparedLobe { frame, mu: [mu1, mu2], .. } = self.mixture.lobes[l];
         let (s, c) = (TAU * u1).sin_cos();
         let (x, y) = (mu2.sqrt() * c, mu1.sqrt() * s);
         let n2 = 1.0 / (x * x + y * y);

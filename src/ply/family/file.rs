@@ -4,9 +4,9 @@ use super::data::{FamilyAxis, FamilyData, FamilyParam};
 use crate::Result;
 use crate::io::{Axis, Document, FileKind, Provenance, Reader, Summary, Writer, document, invalid};
 use crate::ply::asg::PARAMS;
-use crate::ply::edge_lobes::{self, EdgeLobes};
+use crate::ply::data::edge_lobes::{self, EdgeLobes};
 use crate::ply::{
-    EXIT_KINDS, EXIT_TERMS, ExitOffsets, LayerFactors, LobeFamily, PlyData, PlyEnergies, USUAL_EXIT_LENGTHS,
+    EXIT_KINDS, EXIT_TERMS, ExitOffsets, LayerFactors, LobeKind, PlyData, PlyEnergies, USUAL_EXIT_LENGTHS,
 };
 use std::path::Path;
 
@@ -88,7 +88,7 @@ impl Document for FamilyData {
     fn summary(&self) -> (Vec<Axis>, serde_json::Value) {
         let unit = |p: FamilyParam| if p == FamilyParam::FiberPitch { "um" } else { "1" };
         let axes = self.axes.iter().map(|a| Axis::new(a.param.name(), unit(a.param), a.values.len())).collect();
-        let all = |of: &dyn Fn(&PlyData) -> Vec<f64>| Summary::of(self.nodes.iter().flat_map(of));
+        let all = |of: &dyn Fn(&PlyData) -> Vec<f64>| Summary::from_values(self.nodes.iter().flat_map(of));
         let statistics = serde_json::json!({
             "error_refl": all(&|d| d.error_refl.clone()),
             "error_high": all(&|d| d.error_high.clone()),
@@ -213,7 +213,7 @@ impl Document for FamilyData {
                 path_um: path_um.clone(),
                 lobes_refl: lr,
                 lobes_high: lh,
-                family: LobeFamily::Round,
+                family: LobeKind::Round,
                 energies: PlyEnergies {
                     miss_theta_i: grids[0].clone(),
                     miss_h_um: grids[1].clone(),

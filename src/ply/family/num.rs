@@ -13,7 +13,7 @@ pub(super) trait Real:
     const DERIVED: bool;
 
     /// A constant.
-    fn of(x: f64) -> Self;
+    fn from_f64(x: f64) -> Self;
     /// The number.
     fn value(self) -> f64;
     /// A function of it, of this value and slope.
@@ -37,8 +37,8 @@ pub(super) trait Real:
     /// Kept within bounds, beyond which the slope is 0.
     fn within(self, low: f64, high: f64) -> Self {
         match self.value() {
-            v if v < low => Self::of(low),
-            v if v > high => Self::of(high),
+            v if v < low => Self::from_f64(low),
+            v if v > high => Self::from_f64(high),
             _ => self,
         }
     }
@@ -47,7 +47,7 @@ pub(super) trait Real:
 impl Real for f64 {
     const DERIVED: bool = false;
 
-    fn of(x: f64) -> f64 {
+    fn from_f64(x: f64) -> f64 {
         x
     }
 
@@ -119,7 +119,7 @@ impl Neg for Dual {
 impl Real for Dual {
     const DERIVED: bool = true;
 
-    fn of(x: f64) -> Dual {
+    fn from_f64(x: f64) -> Dual {
         Dual { v: x, d: [0.0; SLOTS] }
     }
 

@@ -2,7 +2,7 @@
 #![allow(dead_code)]
 
 use plywave::ply::asg::PARAMS;
-use plywave::ply::{LobeFamily, PlyData, PlyEnergies, spline_coefficients};
+use plywave::ply::{LobeKind, PlyData, PlyEnergies, spline_coefficients};
 use plywave::table::{ExitPositions, OutgoingGrid, Table};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -114,7 +114,7 @@ pub fn model(seed: u64, s: Sizes) -> PlyData {
         h_um: h_um.clone(),
         sigma_per_um,
         path_um,
-        family: LobeFamily::Round,
+        family: LobeKind::Round,
         lobes_refl: s.refl,
         lobes_high: s.high,
         energies: energies(s, &r_d, &energy_refl, &energy_high, theta_i, h_um),
@@ -127,7 +127,7 @@ pub fn model(seed: u64, s: Sizes) -> PlyData {
 /// A model of cones: the planted lobes with small shifts and leans, their rings about `sharp` e-folds of bandwidth narrower.
 pub fn cone_model(seed: u64, s: Sizes, sharp: f64) -> PlyData {
     let mut data = model(seed, s);
-    data.family = LobeFamily::Cone;
+    data.family = LobeKind::Cone;
     for p in data.refl.chunks_exact_mut(PARAMS).chain(data.high.chunks_exact_mut(PARAMS)) {
         (p[0], p[2], p[4]) = (0.3 * p[0], 0.3 * p[2], (p[4] + sharp).min(13.0));
     }

@@ -1,15 +1,15 @@
 //! The tensors of a model that say what layers of its yarns send back and let through (Yu 2025, 5.4).
 
-use super::{EnergiesAt, PlyData};
 use crate::Result;
 use crate::io::{Check, Reader, Writer, invalid};
+use crate::ply::{EnergiesAt, PlyData};
 use crate::table::TOLERANCE;
 
 /// Names of the tensors in a model file.
 pub(crate) const NAMES: [&str; 2] = ["layer_forward", "layer_diffuse"];
 
 /// The tensors of a model from which its layers follow. Flat arrays, last index fastest; of the last axis the first entry is f_refl, the others are
-/// the path-length spectrum of f_high on [`super::PlyData::path_um`], so that a factor holds at every absorption.
+/// the path-length spectrum of f_high on [`crate::ply::PlyData::path_um`], so that a factor holds at every absorption.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LayerFactors {
     /// `[2 M - 1][2 H - 1][1 + J]`, at the nodes and half way between them: energy that leaves into the half space away from the light, y < 0 in the ply frame.
@@ -73,7 +73,7 @@ impl LayerFactors {
 
 impl PlyData {
     /// Keeps what goes forward a part of what is scattered, where both were interpolated apart.
-    pub(super) fn bound_layers(&mut self) {
+    pub(in crate::ply) fn bound_layers(&mut self) {
         let Some(mut layers) = self.layers.take() else { return };
         let size = 1 + self.path_um.len();
         for (forward, energy) in layers.forward.chunks_exact_mut(size).zip(half_nodes(self)) {
@@ -88,7 +88,7 @@ impl PlyData {
 }
 
 /// Energies at the nodes and half way between them, `[2 M - 1][2 H - 1]`.
-pub(super) fn half_nodes(d: &PlyData) -> Vec<EnergiesAt> {
+pub(in crate::ply) fn half_nodes(d: &PlyData) -> Vec<EnergiesAt> {
     let (rows, columns) = (2 * d.theta_i.len() - 1, 2 * d.h_um.len() - 1);
     let half = |axis: &[f64], i: usize| 0.5 * (axis[i / 2] + axis[i.div_ceil(2)]);
     (0..rows * columns).map(|i| d.energies.at(half(&d.theta_i, i / columns), half(&d.h_um, i % columns))).collect()

@@ -1,15 +1,15 @@
 //! The lobes at one incidence, kept for many directions: what does not depend on the direction is multiplied out, sums over path lengths above all.
 
 use super::energy::{Core, DrawnBy, Energies, halves};
+use super::grid_cell::mirrored;
 use super::lobe::{Axes, disc_point, disc_share, project, shape, unit};
 use super::mixture::{Mixture, Shapes};
-use super::place::mirrored;
 use crate::math::simd::{fma, min};
 use crate::ply::asg::PARAMS;
 
 /// Lobes in L lanes, H high-order ones first, then those of f_refl, for N absorptions.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct PreparedLobes<const H: usize, const L: usize, const N: usize> {
+pub(in crate::ply) struct PreparedLobes<const H: usize, const L: usize, const N: usize> {
     /// Sines and cosines of the angles.
     axes: [[f32; L]; PARAMS],
     s1: [f32; L],
@@ -25,12 +25,12 @@ pub(super) struct PreparedLobes<const H: usize, const L: usize, const N: usize> 
     weight: [[f32; N]; H],
     flip: bool,
     total: f32,
-    pub(super) energies: Energies<N>,
+    pub(in crate::ply) energies: Energies<N>,
 }
 
 impl<const H: usize, const L: usize, const N: usize> PreparedLobes<H, L, N> {
     #[inline(always)]
-    pub(super) fn new<const FMA: bool, const R: usize, const J: usize>(
+    pub(in crate::ply) fn new<const FMA: bool, const R: usize, const J: usize>(
         m: &Mixture<H, R, L, J, N>,
         x: &Shapes<L>,
         drawn_by: DrawnBy,
@@ -98,7 +98,7 @@ impl<const H: usize, const L: usize, const N: usize> PreparedLobes<H, L, N> {
     }
 
     #[inline(always)]
-    pub(super) fn eval<const FMA: bool>(&self, wo: [f32; 3]) -> Core<N> {
+    pub(in crate::ply) fn eval<const FMA: bool>(&self, wo: [f32; 3]) -> Core<N> {
         let v = mirrored(self.flip, wo);
         let mut value = [0.0; L];
         for i in 0..L {
@@ -110,7 +110,7 @@ impl<const H: usize, const L: usize, const N: usize> PreparedLobes<H, L, N> {
     }
 
     #[inline(always)]
-    pub(super) fn eval_pdf<const FMA: bool>(&self, wo: [f32; 3]) -> Core<N> {
+    pub(in crate::ply) fn eval_pdf<const FMA: bool>(&self, wo: [f32; 3]) -> Core<N> {
         let v = mirrored(self.flip, wo);
         let (mut value, mut density) = ([0.0; L], [0.0; L]);
         for i in 0..L {
@@ -127,7 +127,7 @@ impl<const H: usize, const L: usize, const N: usize> PreparedLobes<H, L, N> {
     }
 
     #[inline(always)]
-    pub(super) fn sample<const FMA: bool>(&self, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>) {
+    pub(in crate::ply) fn sample<const FMA: bool>(&self, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>) {
         let u = unit(u);
         let left = u[0] * self.total;
         if left >= self.total - self.energies.r_d || self.sum <= 0.0 {

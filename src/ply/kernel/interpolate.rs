@@ -1,14 +1,14 @@
 //! Lobes at an incidence from those at the nodes and corners around it.
 
 use super::energy::mix;
+use super::grid_cell::GridCell;
 use super::layout::{High, Tables};
-use super::place::Place;
 use crate::ply::asg::PARAMS;
 
 #[inline(always)]
-pub(super) fn interpolate_refl<const FMA: bool, const H: usize, const R: usize, const J: usize>(
+pub(in crate::ply) fn interpolate_refl<const FMA: bool, const H: usize, const R: usize, const J: usize>(
     tables: &Tables<H, R, J>,
-    p: &Place,
+    p: &GridCell,
 ) -> Option<[[f32; R]; PARAMS]> {
     let nodes = tables.refl.get(p.refl as usize..)?.first_chunk::<4>()?;
     let node = |a: usize, b: usize| nodes[b].0[a].as_flattened();
@@ -22,9 +22,9 @@ pub(super) fn interpolate_refl<const FMA: bool, const H: usize, const R: usize, 
 
 /// High-order lobes and their spectra, bilinear over the corners of the block, which spans two cells each way.
 #[inline(always)]
-pub(super) fn interpolate_high<const FMA: bool, const H: usize, const R: usize, const J: usize>(
+pub(in crate::ply) fn interpolate_high<const FMA: bool, const H: usize, const R: usize, const J: usize>(
     tables: &Tables<H, R, J>,
-    p: &Place,
+    p: &GridCell,
 ) -> Option<High<H, J>> {
     let [a, b, c, d] = tables.high.get(p.high as usize)?;
     let w = p.block;

@@ -7,10 +7,10 @@
 //! L = [`EXIT_LENGTH_UM`]. About the mean, light lies as the density of [`ExitShape`] has it, whose length tells how far light gets aside: clear fibers spread it over the ply, metal wires,
 //! whose first reflection is of f_high as well, send it out next to where it came in.
 
-use super::PlyData;
 use crate::Result;
 use crate::io::{Check, Reader, Writer};
 use crate::math::simd::{exp2, max, min};
+use crate::ply::PlyData;
 use std::sync::LazyLock;
 
 /// Names of the tensors in a model file.
@@ -22,7 +22,7 @@ pub const EXIT_TERMS: usize = 5;
 /// L of the dependence on absorption [um], a path through a ply.
 pub const EXIT_LENGTH_UM: f64 = 150.0;
 /// Largest coefficient of a file.
-const MOST: f64 = 100.0;
+const MAX: f64 = 100.0;
 /// Lengths of the kinds' densities, over R, of models that do not tell theirs: near those that come closest to the cumulative shares that simulations of polyester, silk, cotton and wool
 /// record.
 pub const USUAL_EXIT_LENGTHS: [f64; EXIT_KINDS] = [0.13, 0.65, 0.18];
@@ -66,7 +66,7 @@ impl ExitOffsets {
 
     pub(crate) fn check(&self, c: &Check<'_>, m: usize, h: usize) -> Result<()> {
         c.len(NAMES[0], self.mean.len(), &[m, h, EXIT_KINDS, EXIT_TERMS])?;
-        c.range(NAMES[0], &self.mean, -MOST, MOST)?;
+        c.range(NAMES[0], &self.mean, -MAX, MAX)?;
         c.range(NAMES[1], &self.length, EXIT_LENGTHS[0], EXIT_LENGTHS[1])
     }
 }
@@ -136,10 +136,10 @@ impl ExitTables {
 }
 
 /// Greatest tangent of a latitude that counts, for light all but along a ply.
-const MOST_TAN: f32 = 6.0;
+const MAX_TAN: f32 = 6.0;
 
 fn tan(theta: f32) -> f32 {
-    theta.sin() / theta.cos().max(1.0 / MOST_TAN)
+    theta.sin() / theta.cos().max(1.0 / MAX_TAN)
 }
 
 /// The line on which light leaves, in units of R: at its nearest to the ply's axis it passes it `-t` along `w cross z`, `s` further along z than the line on which the light came.
@@ -178,7 +178,7 @@ impl ExitsAt {
         let per = if squared > 1e-8 { 1.0 / squared.sqrt() } else { 0.0 };
         let (x, y) = (wo[0] * per, wo[1] * per);
         let terms = exit_terms(x, y);
-        let tan = (wo[2] * per).clamp(-MOST_TAN, MOST_TAN);
+        let tan = (wo[2] * per).clamp(-MAX_TAN, MAX_TAN);
         std::array::from_fn(|kind| {
             let c = &self.mean[kind];
             let mut sum = 0.0;
@@ -199,7 +199,7 @@ impl ExitsAt {
 
 /// Means of a shape, from 0 to the greatest that counts.
 const MEANS: usize = 65;
-const MOST_MEAN: f32 = 0.97;
+const MAX_MEAN: f32 = 0.97;
 
 /// Densities of one length: how light of a kind lies across a ply where it leaves, by its mean offset. Over the offsets t, from -1 to 1, it falls exponentially on both sides of a mode,
 /// `exp(-|t - mode| / length)` over its integral (docs/explain/cloth_model.md, Where light leaves a ply).
@@ -212,7 +212,7 @@ pub struct ExitShape {
 impl ExitShape {
     /// Of a length over R, in [`EXIT_LENGTHS`].
     pub fn new(length: f64) -> ExitShape {
-        let mean = |i: usize| f64::from(MOST_MEAN) * i as f64 / (MEANS - 1) as f64;
+        let mean = |i: usize| f64::from(MAX_MEAN) * i as f64 / (MEANS - 1) as f64;
         ExitShape { nodes: std::array::from_fn(|i| shape(mean(i), length).map(|v| v as f32)) }
     }
 
@@ -230,8 +230,8 @@ impl ExitShape {
     /// The density of this mean.
     #[inline]
     pub(crate) fn density(&self, mean: f32) -> ExitDensity {
-        const PER: f32 = (MEANS - 1) as f32 / MOST_MEAN;
-        let x = min(mean.abs(), MOST_MEAN) * PER;
+        const PER: f32 = (MEANS - 1) as f32 / MAX_MEAN;
+        let x = min(mean.abs(), MAX_MEAN) * PER;
         let node = (x as usize).min(MEANS - 2);
         let [a, b] = [self.nodes[node], self.nodes[node + 1]];
         let s = x - node as f32;

@@ -55,16 +55,16 @@ fn unit_mean<const FMA: bool>(t1: f32, t2: f32) -> f32 {
 
 /// Axes of a lobe: sines and cosines of theta_z, phi_z, phi_xy. The sign of the last pair does not matter to an even lobe.
 #[derive(Clone, Copy)]
-pub(super) struct Axes {
-    pub(super) theta: (f32, f32),
-    pub(super) phi: (f32, f32),
-    pub(super) xy: (f32, f32),
+pub(in crate::ply) struct Axes {
+    pub(in crate::ply) theta: (f32, f32),
+    pub(in crate::ply) phi: (f32, f32),
+    pub(in crate::ply) xy: (f32, f32),
 }
 
 impl Axes {
     /// The direction with these components along x, y and z.
     #[inline(always)]
-    pub(super) fn direction(&self, [u, w, cz]: [f32; 3]) -> [f32; 3] {
+    pub(in crate::ply) fn direction(&self, [u, w, cz]: [f32; 3]) -> [f32; 3] {
         let Axes { theta: (st, ct), phi: (sp, cp), xy: (sx, cx) } = *self;
         let across = cx * u - sx * w;
         let up = sx * u + cx * w;
@@ -75,13 +75,13 @@ impl Axes {
 
 /// Sine and cosine of x half turns.
 #[inline(always)]
-pub(super) fn sin_cos<const FMA: bool>(x: f32) -> (f32, f32) {
+pub(in crate::ply) fn sin_cos<const FMA: bool>(x: f32) -> (f32, f32) {
     let (s, c, sign) = sin_cos_half_turns::<FMA>(x);
     (signed(s, sign), signed(c, sign))
 }
 
 #[inline(always)]
-pub(super) fn axes<const FMA: bool>(theta: f32, phi: f32, xy: f32) -> Axes {
+pub(in crate::ply) fn axes<const FMA: bool>(theta: f32, phi: f32, xy: f32) -> Axes {
     let (st, ct, sign_t) = sin_cos_half_turns::<FMA>(theta);
     let (sp, cp, sign_p) = sin_cos_half_turns::<FMA>(phi);
     let (sx, cx, _) = sin_cos_half_turns::<FMA>(xy);
@@ -94,26 +94,26 @@ pub(super) fn axes<const FMA: bool>(theta: f32, phi: f32, xy: f32) -> Axes {
 
 /// Square root of a bandwidth times log2 e, from the number stored.
 #[inline(always)]
-pub(super) fn root_width<const FMA: bool>(stored: f32, bounds: (f32, f32)) -> f32 {
+pub(in crate::ply) fn root_width<const FMA: bool>(stored: f32, bounds: (f32, f32)) -> f32 {
     exp2_within::<FMA>(min(max(stored, bounds.0), bounds.1))
 }
 
 /// `sqrt(mu1 mu2) / pi`.
 #[inline(always)]
-pub(super) fn norm(s1: f32, s2: f32) -> f32 {
+pub(in crate::ply) fn norm(s1: f32, s2: f32) -> f32 {
     s1 * s2 * (1.0 / (PI * LOG2_E))
 }
 
 /// [`norm`] and the amplitude of a lobe of energy 1.
 #[inline(always)]
-pub(super) fn amplitudes<const FMA: bool>(s1: f32, s2: f32) -> (f32, f32) {
+pub(in crate::ply) fn amplitudes<const FMA: bool>(s1: f32, s2: f32) -> (f32, f32) {
     let norm = norm(s1, s2);
     (norm, norm / unit_mean::<FMA>(s1 * s1, s2 * s2))
 }
 
 /// Components of `v` along x, y and z of a lobe; the first two share an arbitrary sign.
 #[inline(always)]
-pub(super) fn project<const FMA: bool>(x: Axes, v: [f32; 3]) -> [f32; 3] {
+pub(in crate::ply) fn project<const FMA: bool>(x: Axes, v: [f32; 3]) -> [f32; 3] {
     let ((st, ct), (sp, cp), (sx, cx)) = (x.theta, x.phi, x.xy);
     let across = fma::<FMA>(cp, v[1], -sp * v[0]);
     let along = fma::<FMA>(cp, v[0], sp * v[1]);
@@ -124,7 +124,7 @@ pub(super) fn project<const FMA: bool>(x: Axes, v: [f32; 3]) -> [f32; 3] {
 
 /// `cz 2^-q` in front of the lobe; the comparisons are false for what is not a number.
 #[inline(always)]
-pub(super) fn shape<const FMA: bool>(q: f32, cz: f32) -> f32 {
+pub(in crate::ply) fn shape<const FMA: bool>(q: f32, cz: f32) -> f32 {
     let value = cz * exp2_within::<FMA>(-q);
     // Below 2^-100 a lobe is dark; products of it could be denormal, which is slow.
     if cz > 0.0 && cz < 2.0 && q < 100.0 { value } else { 0.0 }
@@ -133,20 +133,20 @@ pub(super) fn shape<const FMA: bool>(q: f32, cz: f32) -> f32 {
 /// `1 - 2^-a`, the share of a lobe's plane that lies within the unit disc. Bandwidths keep it above 0.05; it would be 0 for what is no direction, whose squares
 /// overflow.
 #[inline(always)]
-pub(super) fn disc_share<const FMA: bool>(a: f32) -> f32 {
+pub(in crate::ply) fn disc_share<const FMA: bool>(a: f32) -> f32 {
     max(1.0 - exp2::<FMA>(-a), 1e-6)
 }
 
 /// Numbers below 1, and 0 for what is not a number.
 #[inline(always)]
-pub(super) fn unit(u: [f32; 3]) -> [f32; 3] {
+pub(in crate::ply) fn unit(u: [f32; 3]) -> [f32; 3] {
     use crate::math::clamp_unit;
     [clamp_unit(u[0]), clamp_unit(u[1]), clamp_unit(u[2])]
 }
 
 /// Components along x, y and z of a lobe of a direction drawn from it, by two uniform numbers.
 #[inline(always)]
-pub(super) fn disc_point<const FMA: bool>(s1: f32, s2: f32, u1: f32, u2: f32) -> [f32; 3] {
+pub(in crate::ply) fn disc_point<const FMA: bool>(s1: f32, s2: f32, u1: f32, u2: f32) -> [f32; 3] {
     // tan t = sqrt(mu1/mu2) tan(2 pi u1), in the same quadrant.
     let (s, c) = sin_cos::<FMA>(2.0 * u1);
     let (c, s) = (s2 * c, s1 * s);

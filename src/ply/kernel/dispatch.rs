@@ -2,14 +2,15 @@
 //!
 //! Each of these functions is one inlined copy of the arithmetic. Models beyond the fast tables take one portable copy.
 
+use super::batch;
 use super::compiled::{compiled, same, same_mut, same_queries, same_ref, same_rows_mut};
 use super::cone_mixture::{self, ConeMixture, PreparedCones};
 use super::energy::{Core, DrawnBy, Energies, energies, sum};
 use super::layout::{FEW, Fast, Layout, MORE, Tables};
 use super::mixture::{mixture, weights};
 use super::prepared::PreparedLobes;
-use super::slit::{Diffracted, SlitSample};
-use super::{MAX_LOBES, MAX_PATHS, Queries, batch};
+use crate::ply::slit::{Diffracted, SlitSample};
+use crate::ply::{MAX_LOBES, MAX_PATHS, Queries};
 use multiversion::{multiversion, target::target_cfg_f};
 
 type Large = Tables<MAX_LOBES, MAX_LOBES, MAX_PATHS>;
@@ -195,7 +196,7 @@ type FastCones<const N: usize> = PreparedCones<MORE, LANES, N>;
 /// What is kept of an incidence. It lives on the stack of a host's query: a box would allocate.
 #[allow(clippy::large_enum_variant)]
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Prepared<const N: usize> {
+pub(in crate::ply) enum Prepared<const N: usize> {
     Few(FastLobes<FEW, N>),
     More(FastLobes<MORE, N>),
     Cone(FastCones<N>),

@@ -1,10 +1,10 @@
-//! The arithmetic of cone lobes side by side ([`super::cone`]): their shapes at an incidence, values in a direction, a direction drawn from one.
+//! The arithmetic of cone lobes side by side ([`crate::ply::cone`]): their shapes at an incidence, values in a direction, a direction drawn from one.
 
-use super::cone::GRAZING;
 use super::lobe::{root_width, sin_cos};
 use super::mixture::Params;
 use crate::math::erf::{erf_inverse, fast_erf};
 use crate::math::simd::{atan2, exp2_within, fma, max, min};
+use crate::ply::cone::GRAZING;
 use std::f32::consts::{FRAC_1_PI, LN_2, PI};
 
 /// sqrt(ln 2): turns s = sqrt(mu log2 e) into sqrt(mu).
@@ -17,7 +17,7 @@ const ROUND: f32 = 12_582_912.0; // 1.5 * 2^23
 
 /// Shapes of cone lobes at an incidence.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct ConeShapes<const L: usize> {
+pub(in crate::ply) struct ConeShapes<const L: usize> {
     /// Azimuths [half turns].
     phi: [f32; L],
     /// s0 at them, and its change by sin x.
@@ -27,19 +27,19 @@ pub(super) struct ConeShapes<const L: usize> {
     s1: [f32; L],
     s2: [f32; L],
     /// What a lobe's exponentials are multiplied by for its energy, but for the sum of erf.
-    pub(super) amplitude: [f32; L],
+    pub(in crate::ply) amplitude: [f32; L],
 }
 
 /// Azimuth of a direction [half turns]; none of what is no direction.
 #[inline(always)]
-pub(super) fn azimuth<const FMA: bool>(v: [f32; 3]) -> Option<f32> {
+pub(in crate::ply) fn azimuth<const FMA: bool>(v: [f32; 3]) -> Option<f32> {
     let n2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
     (n2 > 0.25 && n2 < 4.0).then(|| atan2::<FMA>(v[1], v[0]) * FRAC_1_PI)
 }
 
 /// Sine and cosine of the incident latitude, and g.
 #[inline(always)]
-pub(super) fn incidence<const FMA: bool>(theta_i: f32) -> [f32; 3] {
+pub(in crate::ply) fn incidence<const FMA: bool>(theta_i: f32) -> [f32; 3] {
     let (s, c) = sin_cos::<FMA>(min(theta_i.abs() * FRAC_1_PI, 0.5));
     let c = max(c, 0.0);
     [s, c, max(c, GRAZING as f32)]
@@ -48,7 +48,7 @@ pub(super) fn incidence<const FMA: bool>(theta_i: f32) -> [f32; 3] {
 impl<const L: usize> ConeShapes<L> {
     /// Of interpolated parameters and the energies of the lobes. `bounds` are of the stored bandwidths, mu1 and mu2.
     #[inline(always)]
-    pub(super) fn new<const FMA: bool>(
+    pub(in crate::ply) fn new<const FMA: bool>(
         params: &Params<L>,
         energy: &[f32; L],
         theta_i: f32,
@@ -72,7 +72,7 @@ impl<const L: usize> ConeShapes<L> {
 
     /// The value of lobe `i` at (azimuth [half turns], s) over its amplitude.
     #[inline(always)]
-    pub(super) fn shape<const FMA: bool>(&self, i: usize, phi: f32, s: f32) -> f32 {
+    pub(in crate::ply) fn shape<const FMA: bool>(&self, i: usize, phi: f32, s: f32) -> f32 {
         let turn = phi - self.phi[i];
         let x = turn - 2.0 * (fma::<FMA>(0.5, turn, ROUND) - ROUND);
         let s0 = self.center::<FMA>(i, x);
@@ -93,7 +93,7 @@ impl<const L: usize> ConeShapes<L> {
 
     /// A direction drawn from lobe `i` by two uniform numbers.
     #[inline(always)]
-    pub(super) fn draw<const FMA: bool>(&self, i: usize, u1: f32, u2: f32) -> [f32; 3] {
+    pub(in crate::ply) fn draw<const FMA: bool>(&self, i: usize, u1: f32, u2: f32) -> [f32; 3] {
         // Short of +-1, where the inverse ends.
         let inverse = |y: f32| erf_inverse(min(max(y, -1.0 + 6e-8), 1.0 - 6e-8));
         let (r1, r2) = (ROOT_LN_2 * self.s1[i], ROOT_LN_2 * self.s2[i]);
@@ -110,7 +110,7 @@ impl<const L: usize> ConeShapes<L> {
 
     /// Cosine between the middle of lobe `i` and the forward direction of an incidence ([`incidence`]).
     #[inline(always)]
-    pub(super) fn forward<const FMA: bool>(&self, i: usize, [s_i, c_i, _]: [f32; 3]) -> f32 {
+    pub(in crate::ply) fn forward<const FMA: bool>(&self, i: usize, [s_i, c_i, _]: [f32; 3]) -> f32 {
         let s = min(max(self.center[i], -1.0), 1.0);
         let (sin, _) = sin_cos::<FMA>(self.phi[i]);
         fma::<FMA>(-c_i * ((1.0 - s) * (1.0 + s)).sqrt(), sin, -s_i * s)

@@ -1,14 +1,14 @@
 //! Many incidences at once: the lobes of W queries side by side in long arrays, so that every lane of a vector holds a lobe and
 //! one query's chain of dependent steps hides behind the others'.
 
-use super::Queries;
 use super::energy::{Energies, absorb, absorbed, clamped_sigma, halves, interpolate_node, scales, sum, transmittance};
+use super::grid_cell::GridCells;
 use super::interpolate::{interpolate_high, interpolate_refl};
 use super::layout::Tables;
 use super::lobe::{Axes, amplitudes, project, root_width, shape, sin_cos};
 use super::mixture::mixture;
-use super::place::Places;
 use crate::math::simd::{fma, max};
+use crate::ply::Queries;
 use crate::ply::asg::PARAMS;
 
 /// Queries in a chunk: their numbers, 13 KiB, stay in the first-level cache.
@@ -16,7 +16,14 @@ const W: usize = 16;
 
 /// f at `queries`; 0 beyond their shortest array. L is as of [`mixture`].
 #[inline(always)]
-pub(super) fn eval<const FMA: bool, const H: usize, const R: usize, const L: usize, const J: usize, const N: usize>(
+pub(in crate::ply) fn eval<
+    const FMA: bool,
+    const H: usize,
+    const R: usize,
+    const L: usize,
+    const J: usize,
+    const N: usize,
+>(
     tables: &Tables<H, R, J>,
     queries: &Queries<'_, N>,
     f: &mut [[f32; N]],
@@ -137,7 +144,7 @@ fn many<const FMA: bool, const H: usize, const R: usize, const J: usize, const N
     let mut theta_i = head(queries.theta_i, f32::NAN);
     let there = [queries.h_um.len(), queries.sigma_per_um.len(), x.len(), y.len(), z.len()];
     theta_i.iter_mut().skip(there.into_iter().fold(W, usize::min)).for_each(|t| *t = f32::NAN);
-    let places = Places::new::<FMA>(&tables.grid, &theta_i, &head(queries.h_um, 0.0));
+    let places = GridCells::new::<FMA>(&tables.grid, &theta_i, &head(queries.h_um, 0.0));
     let (sigma, mut v) = (head(queries.sigma_per_um, [0.0; N]), [head(x, 0.0), head(y, 0.0), head(z, 0.0)]);
     places.mirror(&mut v);
     let mut hit = places.hit;

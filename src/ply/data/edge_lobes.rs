@@ -15,7 +15,7 @@ pub(crate) const NAMES: [&str; 4] = ["edge_radius_um", "edge_lambda_um", "edge_i
 /// Greatest bandwidth of an edge lobe: a beam of waist 200 um in violet light.
 pub const EDGE_MU_MAX: f64 = 1e7;
 /// Most nodes of an axis.
-const MOST_NODES: usize = 1024;
+const MAX_NODES: usize = 1024;
 
 /// Bandwidths of the edge lobe at nodes; ln mu is bilinear between them and that of the border beyond.
 #[derive(Clone, Debug, PartialEq)]
@@ -79,8 +79,8 @@ impl EdgeLobes {
         for (name, axis, low, high) in
             [("edge_lambda_um", &self.lambda_um, 0.05, 20.0), ("edge_inside_um", &self.inside_um, -1e6, 1e6)]
         {
-            if !(2..=MOST_NODES).contains(&axis.len()) {
-                let hint = format!("expected 2 to {MOST_NODES}");
+            if !(2..=MAX_NODES).contains(&axis.len()) {
+                let hint = format!("expected 2 to {MAX_NODES}");
                 return Err(invalid(c.0, name, format!("{} values", axis.len()), &hint));
             }
             c.uniform(name, axis)?;

@@ -4,7 +4,7 @@ use super::data::{FamilyAxis, FamilyData, FamilyParam, FamilyParams};
 use super::num::Real;
 use crate::math::axis;
 use crate::ply::PlyEnergies;
-use crate::ply::energies::coefficient;
+use crate::ply::data::energies::coefficient;
 use crate::spec::YarnSpec;
 use std::f64::consts::TAU;
 
@@ -22,7 +22,7 @@ pub(super) struct Axes {
 }
 
 /// A place: corners with their weights, along pitch the two nodes too.
-pub(super) struct Place<T> {
+pub(super) struct NodeWeights<T> {
     pub(super) corners: [(usize, T); CORNERS],
     pub(super) count: usize,
     pub(super) pitch: Pitch<T>,
@@ -42,7 +42,7 @@ impl Axes {
         let values = FamilyParam::ALL.map(of);
         let coordinates =
             std::array::from_fn(|i| values[i].iter().map(|v| coordinate(FamilyParam::ALL[i], *v, radius_um)).collect());
-        let usual = FamilyParam::ALL.map(|p| FamilyParams::of(spec).get(p));
+        let usual = FamilyParam::ALL.map(|p| FamilyParams::from_spec(spec).get(p));
         Axes { values, coordinates, usual, radius_um }
     }
 
@@ -68,11 +68,11 @@ impl Axes {
     }
 
     /// The place of parameters within their ranges.
-    pub(super) fn place<T: Real>(&self, params: [T; 3]) -> Place<T> {
-        let mut corners = [(0, T::of(0.0)); CORNERS];
-        corners[0].1 = T::of(1.0);
+    pub(super) fn place<T: Real>(&self, params: [T; 3]) -> NodeWeights<T> {
+        let mut corners = [(0, T::from_f64(0.0)); CORNERS];
+        corners[0].1 = T::from_f64(1.0);
         let mut count = 1;
-        let mut pitch = Pitch { nodes: [(0, T::of(1.0), T::of(1.0)); 2], count: 1 };
+        let mut pitch = Pitch { nodes: [(0, T::from_f64(1.0), T::from_f64(1.0)); 2], count: 1 };
         for i in 0..3 {
             let (values, x) = (&self.values[i], &self.coordinates[i]);
             if values.is_empty() {
@@ -80,10 +80,10 @@ impl Axes {
             }
             let low = values.iter().rposition(|v| *v <= params[i].value()).unwrap_or(0).min(values.len() - 2);
             let at = coordinate_of(FamilyParam::ALL[i], params[i], self.radius_um);
-            let t = ((at - T::of(x[low])) / T::of(x[low + 1] - x[low])).within(0.0, 1.0);
-            let rest = T::of(1.0) - t;
+            let t = ((at - T::from_f64(x[low])) / T::from_f64(x[low + 1] - x[low])).within(0.0, 1.0);
+            let rest = T::from_f64(1.0) - t;
             if i == 0 {
-                let share = |k: usize| T::of(values[k]) / params[0];
+                let share = |k: usize| T::from_f64(values[k]) / params[0];
                 pitch = Pitch { nodes: [(low, rest, share(low)), (low + 1, t, share(low + 1))], count: 2 };
             }
             for c in (0..count).rev() {
@@ -97,14 +97,14 @@ impl Axes {
         // Parameters that are no axis have the stride 1: nothing to do. Pitch is the slowest axis: its nodes stand apart by all others.
         let stride: usize = self.values[1..].iter().map(|v| v.len().max(1)).product();
         pitch.nodes.iter_mut().for_each(|n| n.0 *= stride);
-        Place { corners, count, pitch }
+        NodeWeights { corners, count, pitch }
     }
 }
 
 /// The coordinate in which models are interpolated.
 fn coordinate_of<T: Real>(param: FamilyParam, value: T, radius_um: f64) -> T {
     match param {
-        FamilyParam::FiberPitch => (T::of(TAU * radius_um) / value).atan(),
+        FamilyParam::FiberPitch => (T::from_f64(TAU * radius_um) / value).atan(),
         FamilyParam::Alpha | FamilyParam::Eta => value,
     }
 }
@@ -150,25 +150,26 @@ pub(super) fn missed<'a, T: Real>(pitch: &Pitch<T>, of: &dyn Fn(usize) -> &'a Pl
     }
     if m as usize >= sizes[0] {
         let row = |m: usize| missed(pitch, of, m as isize, n);
-        return T::of(2.0) * row(sizes[0] - 1) - row(sizes[0] - 2);
+        return T::from_f64(2.0) * row(sizes[0] - 1) - row(sizes[0] - 2);
     }
     let last = (sizes[0] - 1) as f64;
     let theta = first.miss_theta_i[m as usize];
-    let row_of = |share: T| (T::of(theta.tan()) * share).atan() * T::of(last / first.miss_theta_i[sizes[0] - 1]);
-    let mut sum = T::of(0.0);
+    let row_of =
+        |share: T| (T::from_f64(theta.tan()) * share).atan() * T::from_f64(last / first.miss_theta_i[sizes[0] - 1]);
+    let mut sum = T::from_f64(0.0);
     // A node of a longer pitch may be asked beyond its last latitude, which one of a shorter pitch never is: that one then stands for both. Nodes ascend in pitch.
-    let mut before = T::of(0.0);
+    let mut before = T::from_f64(0.0);
     for (i, &(node, weight, share)) in pitch.nodes[..pitch.count].iter().enumerate().rev() {
         let c = &of(node).miss;
         let at = |m: isize| coefficient(sizes, m, n, &|m, n| c[m * sizes[1] + n]);
         let row = row_of(share);
         let held = if i == 0 {
-            T::of(1.0)
+            T::from_f64(1.0)
         } else {
-            (T::of(1.0) - (row - T::of(last)) / T::of(HAND_OVER * last)).within(0.0, 1.0)
+            (T::from_f64(1.0) - (row - T::from_f64(last)) / T::from_f64(HAND_OVER * last)).within(0.0, 1.0)
         };
         let weight = weight + before;
-        before = weight * (T::of(1.0) - held);
+        before = weight * (T::from_f64(1.0) - held);
         let row = row.within(0.0, last);
         let low = (row.value() as usize).min(sizes[0] - 2);
         let f = row.value() - low as f64;

@@ -7,30 +7,30 @@
 
 use super::energy::interpolate_node;
 use super::energy::{Core, DrawnBy, Energies, absorb, absorbed, halves, scales, transmittances};
+use super::grid_cell::{locate, mirrored};
 use super::interpolate::{interpolate_high, interpolate_refl};
 use super::layout::Tables;
 use super::lobe::{Axes, amplitudes, axes, disc_point, disc_share, project, root_width, shape, unit};
-use super::place::{mirrored, place};
 use crate::math::simd::{fma, max, min};
 use crate::ply::asg::PARAMS;
 
 /// f_refl and f_high per sigma in a direction, and the density of sampling it [1/sr].
-pub(super) type Values<const N: usize> = (f32, [f32; N], f32);
+pub(in crate::ply) type Values<const N: usize> = (f32, [f32; N], f32);
 
 /// Rows of the tables, interpolated.
-pub(super) type Params<const L: usize> = [[f32; L]; PARAMS];
+pub(in crate::ply) type Params<const L: usize> = [[f32; L]; PARAMS];
 
 /// Shapes of the lobes of a [`Mixture`].
-pub(super) struct Shapes<const L: usize> {
+pub(in crate::ply) struct Shapes<const L: usize> {
     /// Sines and cosines of the angles.
-    pub(super) axes: [[f32; L]; PARAMS],
+    pub(in crate::ply) axes: [[f32; L]; PARAMS],
     /// sqrt(mu1 log2 e), sqrt(mu2 log2 e).
-    pub(super) s1: [f32; L],
-    pub(super) s2: [f32; L],
+    pub(in crate::ply) s1: [f32; L],
+    pub(in crate::ply) s2: [f32; L],
     /// Energy * sqrt(mu1 mu2) / pi.
-    pub(super) norm: [f32; L],
+    pub(in crate::ply) norm: [f32; L],
     /// Energy / energy of the lobe with amplitude 1.
-    pub(super) amplitude: [f32; L],
+    pub(in crate::ply) amplitude: [f32; L],
 }
 
 impl<const L: usize> Shapes<L> {
@@ -42,9 +42,9 @@ impl<const L: usize> Shapes<L> {
 }
 
 /// The weights of the lobes at one incidence: H high-order and R reflection lanes, then empty ones up to L; J path lengths, N absorptions.
-pub(super) struct Mixture<const H: usize, const R: usize, const L: usize, const J: usize, const N: usize> {
+pub(in crate::ply) struct Mixture<const H: usize, const R: usize, const L: usize, const J: usize, const N: usize> {
     /// Energy before the scale to the simulated energy.
-    pub(super) energy: [f32; L],
+    pub(in crate::ply) energy: [f32; L],
     /// Path-length spectra of the high-order lobes.
     spectrum: [[f32; J]; H],
     /// Transmittance of each path length.
@@ -52,16 +52,16 @@ pub(super) struct Mixture<const H: usize, const R: usize, const L: usize, const 
     /// What makes the high-order lobes add up to the simulated energy.
     scale_high: [f32; N],
     /// What makes the reflection lobes add up to the simulated energy.
-    pub(super) scale_refl: f32,
+    pub(in crate::ply) scale_refl: f32,
     /// Pairs of high-order lobes.
     pairs: usize,
-    pub(super) flip: bool,
-    pub(super) energies: Energies<N>,
+    pub(in crate::ply) flip: bool,
+    pub(in crate::ply) energies: Energies<N>,
 }
 
 /// The lobes at an incidence; `None` where the beam misses.
 #[inline(always)]
-pub(super) fn mixture<
+pub(in crate::ply) fn mixture<
     const FMA: bool,
     const H: usize,
     const R: usize,
@@ -82,7 +82,7 @@ pub(super) fn mixture<
 
 /// [`mixture`] without the shapes of the lobes and without [`Mixture::scale`]: with that, enough to choose a lobe by.
 #[inline(always)]
-pub(super) fn weights<
+pub(in crate::ply) fn weights<
     const FMA: bool,
     const H: usize,
     const R: usize,
@@ -95,7 +95,7 @@ pub(super) fn weights<
     h_um: f32,
     sigma: &[f32; N],
 ) -> Option<(Mixture<H, R, L, J, N>, Params<L>)> {
-    let p = &place::<FMA>(&tables.grid, theta_i, h_um);
+    let p = &locate::<FMA>(&tables.grid, theta_i, h_um);
     if !p.hit {
         return None;
     }
@@ -137,14 +137,14 @@ fn part<const A: usize>(x: &[f32], at: usize) -> &[f32; A] {
 impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: usize> Mixture<H, R, L, J, N> {
     /// Finds what makes the lobes add up to the simulated energies.
     #[inline(always)]
-    pub(super) fn scale<const FMA: bool>(&mut self) {
+    pub(in crate::ply) fn scale<const FMA: bool>(&mut self) {
         let (refl, high) = self.absorbed::<FMA>(&self.energy);
         (self.scale_refl, self.scale_high) = scales(&self.energies, refl, &high);
     }
 
     /// Axes, widths and amplitudes of the lobes.
     #[inline(always)]
-    pub(super) fn shapes<const FMA: bool>(&self, params: &Params<L>, bandwidth: (f32, f32)) -> Shapes<L> {
+    pub(in crate::ply) fn shapes<const FMA: bool>(&self, params: &Params<L>, bandwidth: (f32, f32)) -> Shapes<L> {
         let zero = [0.0; L];
         let mut x = Shapes { axes: [zero; PARAMS], s1: zero, s2: zero, norm: zero, amplitude: zero };
         for i in 0..L {
@@ -174,7 +174,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
 
     /// [`Mixture::absorbed`], scaled to the simulated energies.
     #[inline(always)]
-    pub(super) fn weigh<const FMA: bool>(&self, value: &[f32; L]) -> (f32, [f32; N]) {
+    pub(in crate::ply) fn weigh<const FMA: bool>(&self, value: &[f32; L]) -> (f32, [f32; N]) {
         let (refl, mut high) = self.absorbed::<FMA>(value);
         for k in 0..N {
             high[k] *= self.scale_high[k];
@@ -184,7 +184,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
 
     /// f_refl and f_high per sigma [1/sr].
     #[inline(always)]
-    pub(super) fn eval<const FMA: bool>(&self, x: &Shapes<L>, wo: [f32; 3]) -> (f32, [f32; N]) {
+    pub(in crate::ply) fn eval<const FMA: bool>(&self, x: &Shapes<L>, wo: [f32; 3]) -> (f32, [f32; N]) {
         let v = mirrored(self.flip, wo);
         let mut value = [0.0; L];
         for i in 0..L {
@@ -197,13 +197,13 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
 
     /// Mean scattered energy plus the missed: what a sample is chosen from.
     #[inline(always)]
-    pub(super) fn total(&self) -> f32 {
+    pub(in crate::ply) fn total(&self) -> f32 {
         DrawnBy::Mean.total(&self.energies)
     }
 
     /// f_refl and f_high per sigma and the density of sampling `wo` [1/sr], missing included. `mean` is of [`Mixture::mean`].
     #[inline(always)]
-    pub(super) fn eval_pdf<const FMA: bool>(&self, x: &Shapes<L>, mean: &[f32; L], wo: [f32; 3]) -> Values<N> {
+    pub(in crate::ply) fn eval_pdf<const FMA: bool>(&self, x: &Shapes<L>, mean: &[f32; L], wo: [f32; 3]) -> Values<N> {
         let v = mirrored(self.flip, wo);
         let (mut value, mut density) = ([0.0; L], [0.0; L]);
         for i in 0..L {
@@ -223,7 +223,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
 
     /// By high-order lobe and absorption: what the energy of a lobe is multiplied by, scaled to the simulated energy.
     #[inline(always)]
-    pub(super) fn left<const FMA: bool>(&self) -> [[f32; N]; H] {
+    pub(in crate::ply) fn left<const FMA: bool>(&self) -> [[f32; N]; H] {
         let mut left = [[0.0; N]; H];
         for (left, spectrum) in left.iter_mut().zip(&self.spectrum).take(2 * self.pairs) {
             *left = absorb::<FMA, J, N>(spectrum, &self.transmittance);
@@ -236,7 +236,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
 
     /// By lane: what the energy of a lobe is multiplied by for its mean over the absorptions, scaled to the simulated energy.
     #[inline(always)]
-    pub(super) fn mean<const FMA: bool>(&self) -> [f32; L] {
+    pub(in crate::ply) fn mean<const FMA: bool>(&self) -> [f32; L] {
         let share = 1.0 / N.max(1) as f32;
         let mut by_path = [0.0; J];
         for j in 0..J {
@@ -263,7 +263,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
     /// The lane where the running sum of the mean energies passes `left`; `None` where there is no energy. The lanes before it
     /// are counted without a branch, which no processor could predict.
     #[inline(always)]
-    pub(super) fn choose<const FMA: bool>(&self, mean: &[f32; L], left: f32) -> Option<usize> {
+    pub(in crate::ply) fn choose<const FMA: bool>(&self, mean: &[f32; L], left: f32) -> Option<usize> {
         let (mut sums, mut sum) = ([f32::INFINITY; L], 0.0);
         for i in 0..H + R {
             sum = fma::<FMA>(self.energy[i], mean[i], sum);
@@ -280,7 +280,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
 
     /// With what the lobes leave.
     #[inline(always)]
-    pub(super) fn core(&self, refl: f32, high: [f32; N], pdf: f32) -> Core<N> {
+    pub(in crate::ply) fn core(&self, refl: f32, high: [f32; N], pdf: f32) -> Core<N> {
         let (r_d, total) = (self.energies.r_d, self.total());
         Core { refl, high, pdf, r_d, missed: if total > 0.0 { r_d / total } else { 0.0 } }
     }
@@ -289,7 +289,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
     /// yet: the lobe is chosen and the place on its disc drawn first, one long chain of scalar operations, and the processor fills its gaps with
     /// the shapes.
     #[inline(always)]
-    pub(super) fn sample<const FMA: bool>(
+    pub(in crate::ply) fn sample<const FMA: bool>(
         &mut self,
         params: &Params<L>,
         bandwidth: (f32, f32),
@@ -308,7 +308,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
 
     /// [`Mixture::sample`] where the running sum of the energies passes `left`.
     #[inline(always)]
-    pub(super) fn sample_lobe<const FMA: bool>(
+    pub(in crate::ply) fn sample_lobe<const FMA: bool>(
         &self,
         params: &Params<L>,
         bandwidth: (f32, f32),

@@ -22,7 +22,7 @@ use crate::io::{Check, Reader, Writer, invalid};
 use crate::table::TOLERANCE;
 
 /// Most nodes of an axis.
-const MOST_NODES: usize = 4095;
+const MAX_NODES: usize = 4095;
 
 /// Coefficients of a model's energies. Arrays are flat, last index fastest.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,7 +61,7 @@ impl EnergiesAt {
     }
 
     /// Of f_refl at `p` = 0, then of path length p - 1 of f_high.
-    pub(super) fn part(&self, p: usize) -> f64 {
+    pub(in crate::ply) fn part(&self, p: usize) -> f64 {
         if p == 0 { self.refl } else { self.high[p - 1] }
     }
 }
@@ -84,7 +84,7 @@ impl PlyEnergies {
 
 impl PlyEnergies {
     /// With the coefficients in single precision, as files have them.
-    pub(super) fn rounded(&self) -> PlyEnergies {
+    pub(in crate::ply) fn rounded(&self) -> PlyEnergies {
         let round = |values: &[f64]| values.iter().map(|v| f64::from(*v as f32)).collect();
         PlyEnergies {
             miss: round(&self.miss),
@@ -95,7 +95,7 @@ impl PlyEnergies {
     }
 
     /// Writes the tensors, the coefficients in f32. `j` is the number of path lengths.
-    pub(super) fn write(&self, w: &mut Writer, j: usize) {
+    pub(in crate::ply) fn write(&self, w: &mut Writer, j: usize) {
         let (a, b) = (self.miss_theta_i.len(), self.miss_h_um.len());
         let (p, q) = (self.share_theta_i.len(), self.share_h_um.len());
         let singles = |values: &[f64]| values.iter().map(|v| *v as f32).collect::<Vec<_>>().into_iter();
@@ -108,7 +108,7 @@ impl PlyEnergies {
         w.f32("share_high", &[p, q, j], singles(&self.share_high));
     }
 
-    pub(super) fn read(r: &Reader<'_>, j: usize) -> Result<PlyEnergies> {
+    pub(in crate::ply) fn read(r: &Reader<'_>, j: usize) -> Result<PlyEnergies> {
         let size = |name: &str| r.shape(name, 1).map(|shape| shape[0]);
         let (a, b) = (size("miss_theta_i")?, size("miss_h_um")?);
         let (p, q) = (size("share_theta_i")?, size("share_h_um")?);
@@ -124,15 +124,15 @@ impl PlyEnergies {
     }
 
     /// What the energies of a model must satisfy whose nodes end at `last` (theta_i, h), with `j` path lengths.
-    pub(super) fn check(&self, c: &Check<'_>, last: [f64; 2], j: usize) -> Result<()> {
+    pub(in crate::ply) fn check(&self, c: &Check<'_>, last: [f64; 2], j: usize) -> Result<()> {
         let sizes = [
             [("miss_theta_i", &self.miss_theta_i), ("miss_h_um", &self.miss_h_um)],
             [("share_theta_i", &self.share_theta_i), ("share_h_um", &self.share_h_um)],
         ];
         for axes in sizes {
             for ((name, axis), last) in axes.into_iter().zip(last) {
-                if !(2..=MOST_NODES).contains(&axis.len()) {
-                    let hint = format!("expected 2 to {MOST_NODES}");
+                if !(2..=MAX_NODES).contains(&axis.len()) {
+                    let hint = format!("expected 2 to {MAX_NODES}");
                     return Err(invalid(c.0, name, format!("{} values", axis.len()), &hint));
                 }
                 c.uniform(name, axis)?;
@@ -174,14 +174,14 @@ impl PlyEnergies {
 }
 
 /// Nodes around a place and their weights.
-pub(super) struct Taps {
-    pub(super) at: [usize; 2],
-    pub(super) weights: [[f64; 3]; 2],
+pub(in crate::ply) struct Taps {
+    pub(in crate::ply) at: [usize; 2],
+    pub(in crate::ply) weights: [[f64; 3]; 2],
     sizes: [usize; 2],
 }
 
 impl Taps {
-    pub(super) fn new(theta_i: &[f64], h_um: &[f64], t: f64, h: f64) -> Taps {
+    pub(in crate::ply) fn new(theta_i: &[f64], h_um: &[f64], t: f64, h: f64) -> Taps {
         let along = |axis: &[f64], x: f64| {
             let last = (axis.len() - 1) as f64;
             let t = ((x - axis[0]) / (axis[axis.len() - 1] - axis[0]) * last).max(0.0).min(last);
@@ -193,7 +193,7 @@ impl Taps {
     }
 
     /// Of entry `k` of arrays `[rows][columns][stride]`.
-    pub(super) fn value(&self, c: &[f64], stride: usize, k: usize) -> f64 {
+    pub(in crate::ply) fn value(&self, c: &[f64], stride: usize, k: usize) -> f64 {
         let mut sum = 0.0;
         for (a, wa) in self.weights[0].iter().enumerate() {
             for (b, wb) in self.weights[1].iter().enumerate() {
@@ -211,7 +211,12 @@ fn weights(f: f64) -> [f64; 3] {
 }
 
 /// Coefficient (m, n) of a grid, from one before the first to one after the last of each axis (module text).
-pub(super) fn coefficient([rows, columns]: [usize; 2], m: isize, n: isize, of: &dyn Fn(usize, usize) -> f64) -> f64 {
+pub(in crate::ply) fn coefficient(
+    [rows, columns]: [usize; 2],
+    m: isize,
+    n: isize,
+    of: &dyn Fn(usize, usize) -> f64,
+) -> f64 {
     let last = columns as isize - 1;
     if m < 0 {
         return coefficient([rows, columns], -m, last - n, of);

@@ -5,12 +5,12 @@
 //! grazing light, as they do.
 
 use super::yarn::{Yarn, cell};
-use super::{Fabric, Family};
+use super::{Fabric, YarnSet};
 
 /// What a line meets. It lives on the stack of one query: a box would allocate.
 #[allow(clippy::large_enum_variant)]
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Place {
+pub enum Hit {
     /// A ply.
     Ply(PlyHit),
     /// No ply.
@@ -20,8 +20,8 @@ pub enum Place {
 /// A ply at the line's theta_i and h.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlyHit {
-    /// Family of the yarn.
-    pub family: Family,
+    /// Yarn set of the yarn.
+    pub family: YarnSet,
     /// Number of the yarn, counted from the origin; negative on the other side of it.
     pub yarn: i32,
     /// Number of the ply in the yarn.
@@ -56,7 +56,7 @@ pub struct Gap {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct YarnPlace {
     /// Its family.
-    pub family: Family,
+    pub family: YarnSet,
     /// Its number, as in [`PlyHit`].
     pub yarn: i32,
     /// As in [`PlyHit`].
@@ -131,10 +131,10 @@ impl<'a> Point<'a> {
     }
 
     /// Height [um] and slope of the axis of the nearer (0) or the other yarn of a family.
-    fn axis(&self, family: Family, which: usize) -> (f32, f32) {
+    fn axis(&self, family: YarnSet, which: usize) -> (f32, f32) {
         let sides = match family {
-            Family::Warp => [self.up[0][which], self.up[1][which]],
-            Family::Weft => [!self.up[which][0], !self.up[which][1]],
+            YarnSet::Warp => [self.up[0][which], self.up[1][which]],
+            YarnSet::Weft => [!self.up[which][0], !self.up[which][1]],
         };
         // Crossings stand where the other family's yarns lie.
         let Pair { fraction: u, side, .. } = self.pairs[family.other() as usize];
@@ -145,12 +145,12 @@ impl<'a> Point<'a> {
 
 /// Axes c, n, t of a yarn of this slope, in the fabric's frame.
 #[inline]
-pub(super) fn axes(family: Family, slope: f32) -> [[f32; 3]; 3] {
+pub(super) fn axes(family: YarnSet, slope: f32) -> [[f32; 3]; 3] {
     let c = 1.0 / (1.0 + slope * slope).sqrt();
     let s = slope * c;
     match family {
-        Family::Warp => [[-1.0, 0.0, 0.0], [0.0, -s, c], [0.0, c, s]],
-        Family::Weft => [[0.0, 1.0, 0.0], [-s, 0.0, c], [c, 0.0, s]],
+        YarnSet::Warp => [[-1.0, 0.0, 0.0], [0.0, -s, c], [0.0, c, s]],
+        YarnSet::Weft => [[0.0, 1.0, 0.0], [-s, 0.0, c], [c, 0.0, s]],
     }
 }
 
@@ -202,16 +202,16 @@ impl Fabric {
     ///
     /// Never fails: a `w` that is not unit is made so, one that is no direction counts as the face's normal, points that are no numbers or more than 10 m
     /// away as the origin.
-    pub fn at(&self, x_um: f32, y_um: f32, w: [f32; 3]) -> Place {
+    pub fn at(&self, x_um: f32, y_um: f32, w: [f32; 3]) -> Hit {
         let mut flight = self.flight_through(position(x_um, y_um), unit(w));
         let mut gap = Gap::open(self);
         while let Some(near) = flight.next_near() {
             if near.is_hit {
-                return Place::Ply(near.hit);
+                return Hit::Ply(near.hit);
             }
             gap.close(self, &near.hit);
         }
-        Place::Gap(gap)
+        Hit::Gap(gap)
     }
 
     /// The yarn on top at the point (x, y) [um], seen from the face or from the back; `None` in gaps between yarns. Points as in [`Fabric::at`].
@@ -220,10 +220,10 @@ impl Fabric {
         let there = [0, 1].map(|k| point.pairs[k].offset[0].abs() < self.yarns[k].half_width);
         let family = match there {
             [false, false] => return None,
-            [true, false] => Family::Warp,
-            [false, true] => Family::Weft,
-            _ if point.up[0][0] != from_back => Family::Warp,
-            _ => Family::Weft,
+            [true, false] => YarnSet::Warp,
+            [false, true] => YarnSet::Weft,
+            _ if point.up[0][0] != from_back => YarnSet::Warp,
+            _ => YarnSet::Weft,
         };
         let (height_um, slope) = point.axis(family, 0);
         let [_, _, tangent] = axes(family, slope);

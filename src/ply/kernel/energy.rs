@@ -1,21 +1,21 @@
 //! Energies at an incidence: interpolated over the nodes, absorbed along the paths, and what scales lobes to them.
 
-use super::data::LEAST_TRANSMITTANCE;
+use super::grid_cell::{GridCell, locate};
 use super::layout::{Shares, Tables};
-use super::place::{Place, place};
 use crate::math::simd::{exp2, fma, max, min};
+use crate::ply::data::MIN_TRANSMITTANCE;
 
 /// r_d, energy of f_refl and of f_high per sigma.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Energies<const N: usize> {
     pub(crate) r_d: f32,
-    pub(super) refl: f32,
-    pub(super) high: [f32; N],
+    pub(in crate::ply) refl: f32,
+    pub(in crate::ply) high: [f32; N],
 }
 
 impl<const N: usize> Energies<N> {
     /// What a beam beyond the nodes meets: nothing.
-    pub(super) const MISS: Self = Energies { r_d: 1.0, refl: 0.0, high: [0.0; N] };
+    pub(in crate::ply) const MISS: Self = Energies { r_d: 1.0, refl: 0.0, high: [0.0; N] };
 
     /// All that is scattered.
     pub(crate) fn albedo(&self) -> [f32; N] {
@@ -25,7 +25,7 @@ impl<const N: usize> Energies<N> {
 
 /// Which of the absorptions directions are drawn by.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum DrawnBy {
+pub(in crate::ply) enum DrawnBy {
     /// Their mean.
     Mean,
     First,
@@ -34,7 +34,7 @@ pub(super) enum DrawnBy {
 impl DrawnBy {
     /// Scattered energy plus the missed: what a sample is chosen from.
     #[inline(always)]
-    pub(super) fn total<const N: usize>(self, energies: &Energies<N>) -> f32 {
+    pub(in crate::ply) fn total<const N: usize>(self, energies: &Energies<N>) -> f32 {
         energies.r_d
             + match self {
                 DrawnBy::Mean => mean_sum(energies.refl, &energies.high),
@@ -50,19 +50,19 @@ pub(crate) struct Core<const N: usize> {
     pub(crate) high: [f32; N],
     /// Density of sampling the direction; 0 where it was not asked for.
     pub(crate) pdf: f32,
-    pub(super) r_d: f32,
+    pub(in crate::ply) r_d: f32,
     /// Chance that a sample is of the missed light.
-    pub(super) missed: f32,
+    pub(in crate::ply) missed: f32,
 }
 
 impl<const N: usize> Core<N> {
     /// Of a beam beyond the nodes.
-    pub(super) const MISS: Self = Core { refl: 0.0, high: [0.0; N], pdf: 0.0, r_d: 1.0, missed: 1.0 };
+    pub(in crate::ply) const MISS: Self = Core { refl: 0.0, high: [0.0; N], pdf: 0.0, r_d: 1.0, missed: 1.0 };
 }
 
 /// `w[0] x[0] + .. + w[3] x[3]`.
 #[inline(always)]
-pub(super) fn mix<const FMA: bool>(w: [f32; 4], x: [f32; 4]) -> f32 {
+pub(in crate::ply) fn mix<const FMA: bool>(w: [f32; 4], x: [f32; 4]) -> f32 {
     fma::<FMA>(w[3], x[3], fma::<FMA>(w[2], x[2], fma::<FMA>(w[1], x[1], w[0] * x[0])))
 }
 
@@ -78,13 +78,13 @@ pub(crate) fn clamped_sigma<const N: usize>(sigma: &[f32; N]) -> [f32; N] {
 
 /// Transmittance of a path from its binary logarithm.
 #[inline(always)]
-pub(super) fn transmittance<const FMA: bool>(log2: f32) -> f32 {
-    exp2::<FMA>(log2) + LEAST_TRANSMITTANCE as f32
+pub(in crate::ply) fn transmittance<const FMA: bool>(log2: f32) -> f32 {
+    exp2::<FMA>(log2) + MIN_TRANSMITTANCE as f32
 }
 
 /// Transmittances of the path lengths.
 #[inline(always)]
-pub(super) fn transmittances<const FMA: bool, const J: usize, const N: usize>(
+pub(in crate::ply) fn transmittances<const FMA: bool, const J: usize, const N: usize>(
     path: &[f32; J],
     sigma: &[f32; N],
 ) -> [[f32; N]; J] {
@@ -103,18 +103,18 @@ pub(super) fn transmittances<const FMA: bool, const J: usize, const N: usize>(
 
 /// What is missed, and the energies of what is not.
 #[derive(Clone, Copy)]
-pub(super) struct Node<const J: usize> {
-    pub(super) r_d: f32,
-    pub(super) refl: f32,
+pub(in crate::ply) struct Node<const J: usize> {
+    pub(in crate::ply) r_d: f32,
+    pub(in crate::ply) refl: f32,
     /// Path-length spectrum of the energy of f_high.
-    pub(super) high: [f32; J],
+    pub(in crate::ply) high: [f32; J],
 }
 
 /// r_d, energy of f_refl, spectrum of the energy of f_high at a place, by their splines.
 #[inline(always)]
-pub(super) fn interpolate_node<const FMA: bool, const H: usize, const R: usize, const J: usize>(
+pub(in crate::ply) fn interpolate_node<const FMA: bool, const H: usize, const R: usize, const J: usize>(
     tables: &Tables<H, R, J>,
-    p: &Place,
+    p: &GridCell,
 ) -> Option<Node<J>> {
     let mut r_d = 0.0;
     for a in 0..3 {
@@ -145,7 +145,7 @@ pub(super) fn interpolate_node<const FMA: bool, const H: usize, const R: usize, 
 
 /// Sum over path lengths of a spectrum times its transmittances.
 #[inline(always)]
-pub(super) fn absorb<const FMA: bool, const J: usize, const N: usize>(
+pub(in crate::ply) fn absorb<const FMA: bool, const J: usize, const N: usize>(
     spectrum: &[f32; J],
     t: &[[f32; N]; J],
 ) -> [f32; N] {
@@ -165,13 +165,13 @@ pub(super) fn absorb<const FMA: bool, const J: usize, const N: usize>(
 
 /// Exact energies at an incidence: what `albedo` and `r_d` report and what the lobes are scaled to.
 #[inline(always)]
-pub(super) fn energies<const FMA: bool, const H: usize, const R: usize, const J: usize, const N: usize>(
+pub(in crate::ply) fn energies<const FMA: bool, const H: usize, const R: usize, const J: usize, const N: usize>(
     tables: &Tables<H, R, J>,
     theta_i: f32,
     h_um: f32,
     sigma: &[f32; N],
 ) -> Option<Energies<N>> {
-    let p = &place::<FMA>(&tables.grid, theta_i, h_um);
+    let p = &locate::<FMA>(&tables.grid, theta_i, h_um);
     if !p.hit {
         return None;
     }
@@ -182,7 +182,7 @@ pub(super) fn energies<const FMA: bool, const H: usize, const R: usize, const J:
 
 /// Sum over the high-order lobes after absorption. Not scaled.
 #[inline(always)]
-pub(super) fn absorbed<const FMA: bool, const H: usize, const J: usize, const N: usize>(
+pub(in crate::ply) fn absorbed<const FMA: bool, const H: usize, const J: usize, const N: usize>(
     pairs: usize,
     value: &[f32; H],
     spectrum: &[[f32; J]; H],
@@ -204,7 +204,7 @@ pub(super) fn absorbed<const FMA: bool, const H: usize, const J: usize, const N:
 
 /// What makes lobes of these sums of energies add up to the simulated energies.
 #[inline(always)]
-pub(super) fn scales<const N: usize>(energies: &Energies<N>, refl: f32, high: &[f32; N]) -> (f32, [f32; N]) {
+pub(in crate::ply) fn scales<const N: usize>(energies: &Energies<N>, refl: f32, high: &[f32; N]) -> (f32, [f32; N]) {
     let mut scale = [0.0; N];
     for k in 0..N {
         scale[k] = energies.high[k] / high[k];
@@ -214,7 +214,7 @@ pub(super) fn scales<const N: usize>(energies: &Energies<N>, refl: f32, high: &[
 
 /// f_refl + f_high. (The standard `map` is not always inlined into code for other instruction sets than the default one.)
 #[inline(always)]
-pub(super) fn sum<const N: usize>(refl: f32, mut high: [f32; N]) -> [f32; N] {
+pub(in crate::ply) fn sum<const N: usize>(refl: f32, mut high: [f32; N]) -> [f32; N] {
     for f in &mut high {
         *f += refl;
     }
@@ -223,13 +223,13 @@ pub(super) fn sum<const N: usize>(refl: f32, mut high: [f32; N]) -> [f32; N] {
 
 /// Reflection part plus the mean of the high-order parts.
 #[inline(always)]
-pub(super) fn mean_sum<const N: usize>(refl: f32, high: &[f32; N]) -> f32 {
+pub(in crate::ply) fn mean_sum<const N: usize>(refl: f32, high: &[f32; N]) -> f32 {
     refl + high.iter().sum::<f32>() * (1.0 / N.max(1) as f32)
 }
 
 /// Sum by halves; the length is a power of 2.
 #[inline(always)]
-pub(super) fn halves<const J: usize>(mut x: [f32; J]) -> f32 {
+pub(in crate::ply) fn halves<const J: usize>(mut x: [f32; J]) -> f32 {
     let mut n = J;
     while n > 1 {
         n /= 2;

@@ -1,7 +1,7 @@
 //! Kernels of 1, 3 and 4 absorptions, a wavelength, RGB and a spectral host's packet, compiled once with this library: a crate that calls them compiles those of
 //! other numbers alone. Without it every program and every test of a host compiles each kernel for each instruction set anew, a minute for all.
 
-use super::Queries;
+use crate::ply::Queries;
 use std::any::Any;
 
 /// A value of N absorptions as one of the number that N is. Costs nothing: types are compared when code is generated.
@@ -50,25 +50,25 @@ macro_rules! compiled {
         $(#[$doc])*
         #[inline]
         #[allow(unused_parens)]
-        pub(super) fn $name<const N: usize>($($arg: $type),*) -> $out {
+        pub(in crate::ply) fn $name<const N: usize>($($arg: $type),*) -> $out {
             mod one {
                 use super::*;
                 const N: usize = 1;
-                pub(super) fn of($($arg: $type),*) -> $out {
+                pub(in crate::ply) fn of($($arg: $type),*) -> $out {
                     $any($($arg),*)
                 }
             }
             mod three {
                 use super::*;
                 const N: usize = 3;
-                pub(super) fn of($($arg: $type),*) -> $out {
+                pub(in crate::ply) fn of($($arg: $type),*) -> $out {
                     $any($($arg),*)
                 }
             }
             mod four {
                 use super::*;
                 const N: usize = 4;
-                pub(super) fn of($($arg: $type),*) -> $out {
+                pub(in crate::ply) fn of($($arg: $type),*) -> $out {
                     $any($($arg),*)
                 }
             }

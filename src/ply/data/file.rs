@@ -1,13 +1,13 @@
 //! Ply model files: writing, reading, checking (`docs/reference/format/models.md`).
 
-use super::cone::{CONE_OFFSET_MAX, LobeFamily};
 use super::edge_lobes::{self, EdgeLobes};
 use super::exits::{self, ExitOffsets};
 use super::layer_factors::{self, LayerFactors};
-use super::{EnergiesAt, PlyData, PlyEnergies, PlyModel, PlyQuery};
 use crate::frame::direction;
 use crate::io::{Axis, Check, Document, FileKind, Provenance, Reader, Summary, Writer, document, invalid};
 use crate::ply::asg::PARAMS;
+use crate::ply::cone::{CONE_OFFSET_MAX, LobeKind};
+use crate::ply::{EnergiesAt, PlyData, PlyEnergies, PlyModel, PlyQuery};
 use crate::speckle::Noise;
 use crate::table::TOLERANCE;
 use crate::{Bsdf, Result};
@@ -32,18 +32,18 @@ const NAMES: [&str; 14] = [
 ];
 
 /// Tensors of the lobes of f_refl and of f_high, by family: a reader that knows one family alone refuses the files of the other.
-const LOBES: [(LobeFamily, [&str; 2]); 2] =
-    [(LobeFamily::Round, ["refl", "high"]), (LobeFamily::Cone, ["cone_refl", "cone_high"])];
+const LOBES: [(LobeKind, [&str; 2]); 2] =
+    [(LobeKind::Round, ["refl", "high"]), (LobeKind::Cone, ["cone_refl", "cone_high"])];
 
 /// Names of the two.
-fn lobe_names(family: LobeFamily) -> [&'static str; 2] {
-    LOBES[usize::from(family == LobeFamily::Cone)].1
+fn lobe_names(family: LobeKind) -> [&'static str; 2] {
+    LOBES[usize::from(family == LobeKind::Cone)].1
 }
 
 /// Most nodes of an axis of incidence.
-const MOST_NODES: usize = 4095;
+const MAX_NODES: usize = 4095;
 /// Least step of an axis of incidence [rad, um]: its inverse is a number in f32.
-const LEAST_STEP: f64 = 1e-6;
+const MIN_STEP: f64 = 1e-6;
 
 /// One stored value of eval: a foreign reader, or a later version of this one, finds out whether it computes the same.
 ///
@@ -195,11 +195,11 @@ impl Document for PlyData {
         ];
         let nodes = self.as_stored().node_energies();
         let statistics = serde_json::json!({
-            "r_d": Summary::of(nodes.iter().map(|e| e.r_d)),
-            "energy_refl": Summary::of(nodes.iter().map(|e| e.refl)),
-            "energy_high_sigma_0": Summary::of(nodes.iter().map(|e| e.high.iter().sum())),
-            "error_refl": Summary::of(self.error_refl.iter().copied()),
-            "error_high": Summary::of(self.error_high.iter().copied()),
+            "r_d": Summary::from_values(nodes.iter().map(|e| e.r_d)),
+            "energy_refl": Summary::from_values(nodes.iter().map(|e| e.refl)),
+            "energy_high_sigma_0": Summary::from_values(nodes.iter().map(|e| e.high.iter().sum())),
+            "error_refl": Summary::from_values(self.error_refl.iter().copied()),
+            "error_high": Summary::from_values(self.error_high.iter().copied()),
         });
         (axes, statistics)
     }
@@ -293,8 +293,8 @@ impl PlyData {
         c.theta_axis(&self.theta_i)?;
         c.h_axis(&self.h_um)?;
         for (key, axis) in [("theta_i[1]", &self.theta_i), ("h_um[1]", &self.h_um)] {
-            if axis[1] - axis[0] < LEAST_STEP {
-                return Err(invalid(name, key, axis[1], &format!("expected steps of at least {LEAST_STEP}")));
+            if axis[1] - axis[0] < MIN_STEP {
+                return Err(invalid(name, key, axis[1], &format!("expected steps of at least {MIN_STEP}")));
             }
         }
         c.sigma_axis(&self.sigma_per_um)?;
@@ -351,15 +351,15 @@ fn check_sizes(name: &str, (m, h, k, j): (usize, usize, usize, usize), (lr, lh):
         if size < 3 || size % 2 == 0 {
             return Err(invalid(name, axis, format!("{size} values"), "expected an odd number, at least 3"));
         }
-        if size > MOST_NODES {
-            return Err(invalid(name, axis, format!("{size} values"), &format!("expected at most {MOST_NODES}")));
+        if size > MAX_NODES {
+            return Err(invalid(name, axis, format!("{size} values"), &format!("expected at most {MAX_NODES}")));
         }
     }
     for (key, size, most) in [
         ("sigma_per_um values", k, 1024),
-        ("path_um values", j, super::MAX_PATHS),
-        ("lobes_refl", lr, super::MAX_LOBES),
-        ("lobes_high", lh, super::MAX_LOBES),
+        ("path_um values", j, crate::ply::MAX_PATHS),
+        ("lobes_refl", lr, crate::ply::MAX_LOBES),
+        ("lobes_high", lh, crate::ply::MAX_LOBES),
     ] {
         if size == 0 || size > most {
             return Err(invalid(name, key, size, &format!("expected 1 to {most}")));
@@ -369,7 +369,7 @@ fn check_sizes(name: &str, (m, h, k, j): (usize, usize, usize, usize), (lr, lh):
 }
 
 /// The family whose tensors a file has.
-fn read_family(r: &Reader<'_>) -> Result<LobeFamily> {
+fn read_family(r: &Reader<'_>) -> Result<LobeKind> {
     let has = LOBES.map(|(_, names)| names.iter().any(|name| r.has(name)));
     if has == [true, true] {
         return Err(invalid(r.file(), "refl, cone_refl", "both", "a model is made of round lobes or of cones"));
@@ -378,12 +378,12 @@ fn read_family(r: &Reader<'_>) -> Result<LobeFamily> {
 }
 
 /// Angles within +-100 rad (f32 keeps 1e-5 of them), bandwidths and energies within their ranges.
-fn check_lobes(name: &str, family: LobeFamily, key: &str, lobes: &[f64]) -> Result<()> {
+fn check_lobes(name: &str, family: LobeKind, key: &str, lobes: &[f64]) -> Result<()> {
     // A bandwidth at its bound may leave it by the rounding to f32.
     let [mu1, mu2] = family.bandwidths().map(|(low, high)| (low.ln() - 1e-5, high.ln() + 1e-5));
     let (shift, names) = match family {
-        LobeFamily::Round => (100.0, ["theta_z", "phi_z", "phi_xy", "ln_mu1", "ln_mu2", "energy"]),
-        LobeFamily::Cone => (CONE_OFFSET_MAX, ["offset", "phi_z", "slope", "ln_mu1", "ln_mu2", "energy"]),
+        LobeKind::Round => (100.0, ["theta_z", "phi_z", "phi_xy", "ln_mu1", "ln_mu2", "energy"]),
+        LobeKind::Cone => (CONE_OFFSET_MAX, ["offset", "phi_z", "slope", "ln_mu1", "ln_mu2", "energy"]),
     };
     let ranges = [(-shift, shift), (-100.0, 100.0), (-shift, shift), mu1, mu2, (0.0, 1.0 + TOLERANCE)];
     for (i, lobe) in lobes.chunks_exact(PARAMS).enumerate() {

@@ -3,7 +3,7 @@
 use super::dispatch::{self, Prepared};
 use super::energy::{Core, DrawnBy, Energies};
 use super::layout::Layout;
-use super::model::PlyModel;
+use crate::ply::model::PlyModel;
 
 /// The lobes in one direction, those of the instance, and the density of drawing it from them [1/sr]; light of slits is in f_high.
 #[derive(Clone, Copy, Debug)]

@@ -1,17 +1,17 @@
-//! Cone lobes ([`super::cone`]) in the place of round ones: the weights of a [`Mixture`] with other shapes.
+//! Cone lobes ([`crate::ply::cone`]) in the place of round ones: the weights of a [`Mixture`] with other shapes.
 
-use super::Queries;
 use super::cone_lobe::{ConeShapes, azimuth, incidence};
 use super::energy::{Core, DrawnBy, Energies, sum};
+use super::grid_cell::mirrored;
 use super::layout::Tables;
 use super::lobe::unit;
 use super::mixture::{Mixture, Params, Values, weights};
-use super::place::mirrored;
-use super::slit::{Diffracted, SlitSample};
 use crate::math::simd::{fma, max, min};
+use crate::ply::Queries;
+use crate::ply::slit::{Diffracted, SlitSample};
 
 /// The lobes at an incidence.
-pub(super) struct ConeMixture<const H: usize, const R: usize, const L: usize, const J: usize, const N: usize> {
+pub(in crate::ply) struct ConeMixture<const H: usize, const R: usize, const L: usize, const J: usize, const N: usize> {
     weights: Mixture<H, R, L, J, N>,
     shapes: ConeShapes<L>,
     theta_i: f32,
@@ -20,7 +20,7 @@ pub(super) struct ConeMixture<const H: usize, const R: usize, const L: usize, co
 impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: usize> ConeMixture<H, R, L, J, N> {
     /// `None` where the beam misses.
     #[inline(always)]
-    pub(super) fn new<const FMA: bool>(
+    pub(in crate::ply) fn new<const FMA: bool>(
         tables: &Tables<H, R, J>,
         theta_i: f32,
         h_um: f32,
@@ -35,13 +35,13 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
 
     /// f_refl and f_high per sigma [1/sr].
     #[inline(always)]
-    pub(super) fn eval<const FMA: bool>(&self, wo: [f32; 3]) -> (f32, [f32; N]) {
+    pub(in crate::ply) fn eval<const FMA: bool>(&self, wo: [f32; 3]) -> (f32, [f32; N]) {
         self.weights.weigh::<FMA>(&values::<FMA, L>(&self.shapes, self.weights.flip, wo))
     }
 
     /// f_refl and f_high per sigma and the density of sampling `wo` [1/sr], missing included. `mean` is of [`Mixture::mean`].
     #[inline(always)]
-    pub(super) fn eval_pdf<const FMA: bool>(&self, mean: &[f32; L], wo: [f32; 3]) -> Values<N> {
+    pub(in crate::ply) fn eval_pdf<const FMA: bool>(&self, mean: &[f32; L], wo: [f32; 3]) -> Values<N> {
         let value = values::<FMA, L>(&self.shapes, self.weights.flip, wo);
         let mut density = 0.0;
         for i in 0..L {
@@ -53,18 +53,18 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
     }
 
     #[inline(always)]
-    pub(super) fn mean<const FMA: bool>(&self) -> [f32; L] {
+    pub(in crate::ply) fn mean<const FMA: bool>(&self) -> [f32; L] {
         self.weights.mean::<FMA>()
     }
 
     #[inline(always)]
-    pub(super) fn core(&self, (refl, high, pdf): Values<N>) -> Core<N> {
+    pub(in crate::ply) fn core(&self, (refl, high, pdf): Values<N>) -> Core<N> {
         self.weights.core(refl, high, pdf)
     }
 
     /// A direction and what [`ConeMixture::eval_pdf`] is there; no direction for light that missed.
     #[inline(always)]
-    pub(super) fn sample<const FMA: bool>(&self, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>) {
+    pub(in crate::ply) fn sample<const FMA: bool>(&self, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>) {
         let u = unit(u);
         let total = self.weights.total();
         let left = u[0] * total;
@@ -100,7 +100,11 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
 
     /// [`ConeMixture::eval_pdf`] less what a slit takes, and that.
     #[inline(always)]
-    pub(super) fn slit_eval_pdf<const FMA: bool>(&mut self, share: f32, wo: [f32; 3]) -> (Core<N>, Diffracted<N>) {
+    pub(in crate::ply) fn slit_eval_pdf<const FMA: bool>(
+        &mut self,
+        share: f32,
+        wo: [f32; 3],
+    ) -> (Core<N>, Diffracted<N>) {
         let mean = self.mean::<FMA>();
         let (energy, sum) = self.take::<FMA>(&mean, share);
         let total = self.weights.total();
@@ -110,7 +114,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
 
     /// What a sample is of when a slit takes its share.
     #[inline(always)]
-    pub(super) fn slit_sample<const FMA: bool>(&mut self, share: f32, u: [f32; 3]) -> SlitSample {
+    pub(in crate::ply) fn slit_sample<const FMA: bool>(&mut self, share: f32, u: [f32; 3]) -> SlitSample {
         let u = unit(u);
         let (total, missed) = (self.weights.total(), self.weights.energies.r_d);
         let left = u[0] * total;
@@ -143,7 +147,7 @@ fn values<const FMA: bool, const L: usize>(x: &ConeShapes<L>, flip: bool, wo: [f
 
 /// f at `queries`; 0 beyond their shortest array.
 #[inline(always)]
-pub(super) fn eval_batch<
+pub(in crate::ply) fn eval_batch<
     const FMA: bool,
     const H: usize,
     const R: usize,
@@ -178,7 +182,7 @@ pub(super) fn eval_batch<
 
 /// Cone lobes at one incidence, kept for many directions: H high-order ones first, then those of f_refl.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct PreparedCones<const H: usize, const L: usize, const N: usize> {
+pub(in crate::ply) struct PreparedCones<const H: usize, const L: usize, const N: usize> {
     shapes: ConeShapes<L>,
     /// What a value is multiplied by for its density: the lobe's mean over the absorptions, over all energy.
     density: [f32; L],
@@ -190,12 +194,12 @@ pub(super) struct PreparedCones<const H: usize, const L: usize, const N: usize> 
     scale_refl: f32,
     flip: bool,
     total: f32,
-    pub(super) energies: Energies<N>,
+    pub(in crate::ply) energies: Energies<N>,
 }
 
 impl<const H: usize, const L: usize, const N: usize> PreparedCones<H, L, N> {
     #[inline(always)]
-    pub(super) fn new<const FMA: bool, const R: usize, const J: usize>(
+    pub(in crate::ply) fn new<const FMA: bool, const R: usize, const J: usize>(
         m: &ConeMixture<H, R, L, J, N>,
         drawn_by: DrawnBy,
     ) -> Self {
@@ -230,7 +234,7 @@ impl<const H: usize, const L: usize, const N: usize> PreparedCones<H, L, N> {
     }
 
     #[inline(always)]
-    pub(super) fn eval_pdf<const FMA: bool>(&self, wo: [f32; 3]) -> Core<N> {
+    pub(in crate::ply) fn eval_pdf<const FMA: bool>(&self, wo: [f32; 3]) -> Core<N> {
         let value = values::<FMA, L>(&self.shapes, self.flip, wo);
         let (mut high, mut refl, mut pdf) = ([0.0; N], 0.0, 0.0);
         for l in 0..H {
@@ -254,7 +258,7 @@ impl<const H: usize, const L: usize, const N: usize> PreparedCones<H, L, N> {
     }
 
     #[inline(always)]
-    pub(super) fn sample<const FMA: bool>(&self, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>) {
+    pub(in crate::ply) fn sample<const FMA: bool>(&self, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>) {
         let u = unit(u);
         let left = u[0] * self.total;
         if left >= self.total - self.energies.r_d || self.sum <= 0.0 {

@@ -2,98 +2,98 @@
 //! reflection grid, angles in half turns and bandwidths as the binary logarithm of sqrt(mu log2 e), so that the kernels need no
 //! range reduction and no square root: `exp(-mu u^2) = 2^-(s u)^2` with s = 2 to the stored number.
 
-use super::cone::LobeFamily;
-use super::data::{LEAST_ENERGY, MAX_LOBES, MAX_PATHS, PlyData, extended};
-use super::energies::coefficient;
 use crate::ply::asg::PARAMS;
+use crate::ply::cone::LobeKind;
+use crate::ply::data::energies::coefficient;
+use crate::ply::data::{MAX_LOBES, MAX_PATHS, MIN_ENERGY, PlyData, extended};
 use std::f64::consts::{LOG2_E, PI};
 
 /// Lanes of high-order lobes that the fast kernels are compiled for: those of most models, and those of fibers with flat faces. With the reflection lobes
 /// both fit 16 lanes.
-pub(super) const FEW: usize = 8;
-pub(super) const MORE: usize = 12;
+pub(in crate::ply) const FEW: usize = 8;
+pub(in crate::ply) const MORE: usize = 12;
 
 /// Lanes of reflection lobes and path lengths that the fast kernels are compiled for.
-pub(super) const REFL: usize = 4;
-pub(super) const PATHS: usize = 8;
+pub(in crate::ply) const REFL: usize = 4;
+pub(in crate::ply) const PATHS: usize = 8;
 
 /// Tables of the fast kernels.
-pub(super) type Fast<const H: usize> = Tables<H, REFL, PATHS>;
+pub(in crate::ply) type Fast<const H: usize> = Tables<H, REFL, PATHS>;
 
-/// Shares of the light that meets fibers, as coefficients of a spline ([`super::energies`]).
+/// Shares of the light that meets fibers, as coefficients of a spline ([`crate::ply::data::energies`]).
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
-pub(super) struct Shares<const J: usize> {
-    pub(super) refl: f32,
+pub(in crate::ply) struct Shares<const J: usize> {
+    pub(in crate::ply) refl: f32,
     /// Path-length spectrum of f_high.
-    pub(super) high: [f32; J],
+    pub(in crate::ply) high: [f32; J],
 }
 
 /// Reflection lobes at four nodes that follow each other along theta_i, one parameter after the other.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-pub(super) struct Refl<const R: usize>(pub(super) [[[f32; R]; PARAMS]; 4]);
+pub(in crate::ply) struct Refl<const R: usize>(pub(in crate::ply) [[[f32; R]; PARAMS]; 4]);
 
 /// High-order lobes at a corner of a block, one parameter after the other, and the spectrum of each.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-pub(super) struct High<const H: usize, const J: usize> {
-    pub(super) params: [[f32; H]; PARAMS],
-    pub(super) spectrum: [[f32; J]; H],
+pub(in crate::ply) struct High<const H: usize, const J: usize> {
+    pub(in crate::ply) params: [[f32; H]; PARAMS],
+    pub(in crate::ply) spectrum: [[f32; J]; H],
 }
 
 /// Arrays for kernels of H high-order and R reflection lanes and J path lengths; those beyond the model's own hold zeros.
 #[derive(Clone, Debug)]
-pub(super) struct Tables<const H: usize, const R: usize, const J: usize> {
-    pub(super) grid: Grid,
+pub(in crate::ply) struct Tables<const H: usize, const R: usize, const J: usize> {
+    pub(in crate::ply) grid: Grid,
     /// -log2 e times the path lengths [um].
-    pub(super) path: [f32; J],
+    pub(in crate::ply) path: [f32; J],
     /// `[A+2][B+2]`: coefficients of r_d, with one beyond each end.
-    pub(super) miss: Vec<f32>,
+    pub(in crate::ply) miss: Vec<f32>,
     /// `[P+2][Q+2]`: coefficients of the shares, with one beyond each end.
-    pub(super) shares: Vec<Shares<J>>,
+    pub(in crate::ply) shares: Vec<Shares<J>>,
     /// `[M-1][H+2]`: the nodes -1..=2 of a cell along theta_i, so that all a cell needs follows each other; continued linearly by
     /// one node on each side.
-    pub(super) refl: Vec<Refl<R>>,
+    pub(in crate::ply) refl: Vec<Refl<R>>,
     /// `[(M-1)/2][(H-1)/2]` of the four corners.
-    pub(super) high: Vec<[High<H, J>; 4]>,
-    /// Least energy of a lane: [`LEAST_ENERGY`] for lobes, 0 for empty lanes.
-    pub(super) least_high: [f32; H],
-    pub(super) least_refl: [f32; R],
+    pub(in crate::ply) high: Vec<[High<H, J>; 4]>,
+    /// Least energy of a lane: [`MIN_ENERGY`] for lobes, 0 for empty lanes.
+    pub(in crate::ply) least_high: [f32; H],
+    pub(in crate::ply) least_refl: [f32; R],
     /// Pairs of high-order lanes with a lobe.
-    pub(super) pairs: usize,
+    pub(in crate::ply) pairs: usize,
     /// Bounds of the stored bandwidths.
-    pub(super) bandwidth: (f32, f32),
+    pub(in crate::ply) bandwidth: (f32, f32),
     /// Those of mu2 where the lobes are cones; of round ones the same.
-    pub(super) bandwidth_across: (f32, f32),
+    pub(in crate::ply) bandwidth_across: (f32, f32),
 }
 
 /// The nodes.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Grid {
-    pub(super) nodes_h: u32,
+pub(in crate::ply) struct Grid {
+    pub(in crate::ply) nodes_h: u32,
     /// Last node along theta_i and along h.
-    pub(super) last_theta: f32,
-    pub(super) last_h: f32,
+    pub(in crate::ply) last_theta: f32,
+    pub(in crate::ply) last_h: f32,
     /// Nodes per radian of theta_i, per um of h.
-    pub(super) per_theta: f32,
-    pub(super) per_h: f32,
+    pub(in crate::ply) per_theta: f32,
+    pub(in crate::ply) per_h: f32,
     /// Last offset node [um]; the first is its negative.
-    pub(super) h_last: f32,
+    pub(in crate::ply) h_last: f32,
     /// Nodes of r_d and of the shares.
-    pub(super) miss: SplineGrid,
-    pub(super) shares: SplineGrid,
+    pub(in crate::ply) miss: SplineGrid,
+    pub(in crate::ply) shares: SplineGrid,
 }
 
 /// Nodes of a spline over the same range of theta_i and h.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct SplineGrid {
+pub(in crate::ply) struct SplineGrid {
     /// Coefficients of a row, those beyond the ends included.
-    pub(super) row: u32,
-    pub(super) last_theta: f32,
-    pub(super) last_h: f32,
-    pub(super) per_theta: f32,
-    pub(super) per_h: f32,
+    pub(in crate::ply) row: u32,
+    pub(in crate::ply) last_theta: f32,
+    pub(in crate::ply) last_h: f32,
+    pub(in crate::ply) per_theta: f32,
+    pub(in crate::ply) per_h: f32,
 }
 
 impl SplineGrid {
@@ -116,7 +116,7 @@ fn bordered<T>([rows, columns]: [usize; 2], of: impl Fn(isize, isize) -> T) -> V
 
 /// Tables of one of three sizes, or of two sizes of cones.
 #[derive(Clone, Debug)]
-pub(super) enum Layout {
+pub(in crate::ply) enum Layout {
     Few(Box<Fast<FEW>>),
     More(Box<Fast<MORE>>),
     Large(Box<Tables<MAX_LOBES, MAX_LOBES, MAX_PATHS>>),
@@ -127,9 +127,9 @@ pub(super) enum Layout {
 
 impl Layout {
     /// From checked data.
-    pub(super) fn new(d: &PlyData) -> Layout {
+    pub(in crate::ply) fn new(d: &PlyData) -> Layout {
         let fast = d.lobes_refl <= REFL && d.path_um.len() <= PATHS;
-        if d.family == LobeFamily::Cone {
+        if d.family == LobeKind::Cone {
             return match d.lobes_high {
                 0..=MORE if fast => Layout::Cone(Box::new(Tables::new(d))),
                 _ => Layout::LargeCone(Box::new(Tables::new(d))),
@@ -144,11 +144,11 @@ impl Layout {
 }
 
 /// Lobe parameter `k` in the units of the kernels, from its value in f32 as files have it.
-fn stored(family: LobeFamily, k: usize, value: f64) -> f64 {
+fn stored(family: LobeKind, k: usize, value: f64) -> f64 {
     let value = f64::from(value as f32);
     match k {
         // The shift and the lean of a cone are no angles of its axis.
-        0 | 2 if family == LobeFamily::Cone => value,
+        0 | 2 if family == LobeKind::Cone => value,
         0..3 => value / PI,
         3 | 4 => 0.5 * (value * LOG2_E + LOG2_E.log2()),
         _ => value,
@@ -201,7 +201,7 @@ impl<const H: usize, const R: usize, const J: usize> Tables<H, R, J> {
         let [low, high] =
             [0, 1].map(|end| d.family.bandwidths().map(|b| stored(d.family, 3, [b.0, b.1][end].ln()) as f32));
         let bounds = |k: usize| (low[k - 3], high[k - 3]);
-        let least = |is: bool| if is { LEAST_ENERGY as f32 } else { 0.0 };
+        let least = |is: bool| if is { MIN_ENERGY as f32 } else { 0.0 };
         Tables {
             grid: Grid {
                 nodes_h: h as u32,

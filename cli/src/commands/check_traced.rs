@@ -1,4 +1,4 @@
-//! The part of `plywave check` that holds a yarn's model, and the table it was fitted to, to the path-traced yarn, its brute-force twin.
+//! Compares a yarn's model, and the table it was fitted to, with the path-traced yarn, the brute-force reference (`plywave check --traced`).
 
 use super::diff_tables::{root, rows_json, write_rows};
 use super::{Yarn, on_threads};
@@ -12,16 +12,16 @@ use std::io::Write;
 use std::path::Path;
 
 /// Largest incident latitude [degrees] and |h/R| that are held.
-const MOST_THETA_DEG: f64 = 40.0;
-const MOST_H_REL: f64 = 0.9;
+const MAX_THETA_DEG: f64 = 40.0;
+const MAX_H_REL: f64 = 0.9;
 /// Absorptions that are held [1/um], and the largest relative L2 distance of f_high that passes at each.
 const HELD: [(f64, f64); 2] = [(0.0, 0.10), (0.01, 0.15)];
 /// Largest difference of an energy that passes.
 const ENERGY: f64 = 0.01;
 
-/// Distances of one thing to the twin.
+/// Distances of one thing to the traced yarn.
 struct Distance {
-    /// What is held to the twin.
+    /// What is compared.
     what: &'static str,
     /// Its lines in the report.
     names: [&'static str; 3],
@@ -47,8 +47,8 @@ impl Distance {
     }
 }
 
-/// What the twin says.
-pub struct Twin {
+/// The comparison with a traced yarn.
+pub struct TracedCheck {
     distances: Vec<Distance>,
     radius_um: f64,
     file: String,
@@ -58,23 +58,23 @@ fn at_sigma(sigmas: &[f64], sigma: f64) -> Option<usize> {
     sigmas.iter().position(|s| (s - sigma).abs() <= 1e-9 * (1.0 + sigma))
 }
 
-/// Holds the model, and the table that it was fitted to, if it is given, to `twin`.
+/// Compares the model, and the table that it was fitted to, if given, with `traced`.
 pub fn measure(
     cli: &Cli,
     (model_file, data, yarn): (&Path, &PlyData, &Yarn),
-    (twin_file, twin): (&Path, &Table),
+    (traced_file, traced): (&Path, &Table),
     table: Option<(&Path, &Table)>,
-) -> Outcome<Twin> {
+) -> Outcome<TracedCheck> {
     let plies = yarn.spec.yarn.plies;
     if plies == 1 {
-        let hint = "one ply has no twin; leave it out";
+        let hint = "one ply has no traced yarn: leave it out";
         return Err(Failure::input(model_file.display(), "yarn.plies", plies, hint));
     }
-    if !twin.traced {
-        let hint = "must be true; make the twin with plywave simulate SPEC --plies traced";
-        return Err(Failure::input(twin_file.display(), "traced", twin.traced, hint));
+    if !traced.traced {
+        let hint = "must be true; make it with plywave simulate SPEC --plies traced";
+        return Err(Failure::input(traced_file.display(), "traced", traced.traced, hint));
     }
-    let other = Yarn::of(twin_file, &twin.spec_text, &twin.h_um)?.spec;
+    let other = Yarn::from_spec(traced_file, &traced.spec_text, &traced.h_um)?.spec;
     let same = [
         ("fiber", other.fiber == yarn.spec.fiber),
         ("ply", other.ply == yarn.spec.ply),
@@ -82,27 +82,27 @@ pub fn measure(
         ("beam", other.beam == yarn.spec.beam),
     ];
     if let Some((key, _)) = same.iter().find(|(_, same)| !same) {
-        let hint = format!("must be as in the spec of {}: the twin is of another yarn", model_file.display());
-        return Err(Failure::input(twin_file.display(), key, "other values", &hint));
+        let hint = format!("must be as in the spec of {}: it is of another yarn", model_file.display());
+        return Err(Failure::input(traced_file.display(), key, "other values", &hint));
     }
-    let refused = |e: plywave_fit::FitError| Failure::Input(format!("{}: {e}", twin_file.display()));
-    let (theta_i, h_um) = (MOST_THETA_DEG.to_radians(), MOST_H_REL * yarn.radius_um);
+    let refused = |e: plywave_fit::FitError| Failure::Input(format!("{}: {e}", traced_file.display()));
+    let (theta_i, h_um) = (MAX_THETA_DEG.to_radians(), MAX_H_REL * yarn.radius_um);
     let mut all = vec![(
         "model",
-        ["twin_high_sigma_0", "twin_high_sigma_0.01", "twin_energy"],
-        on_threads(cli, || model_distance(data, twin, theta_i, h_um))?.map_err(refused)?,
+        ["traced_high_sigma_0", "traced_high_sigma_0.01", "traced_energy"],
+        on_threads(cli, || model_distance(data, traced, theta_i, h_um))?.map_err(refused)?,
     )];
     if let Some((file, table)) = table {
-        let d = on_threads(cli, || table_distance(table, twin))?.map_err(refused)?;
-        if table.plies != twin.plies {
+        let d = on_threads(cli, || table_distance(table, traced))?.map_err(refused)?;
+        if table.plies != traced.plies {
             return Err(Failure::input(
                 file.display(),
                 "plies",
                 table.plies,
-                "must be those of the twin; see fit --yarn-table",
+                "must be those of the traced yarn; see fit --yarn-table",
             ));
         }
-        all.push(("table", ["table_twin_sigma_0", "table_twin_sigma_0.01", "table_twin_energy"], d));
+        all.push(("table", ["table_traced_sigma_0", "table_traced_sigma_0.01", "table_traced_energy"], d));
     }
     let mut distances = Vec::new();
     for (what, names, d) in all {
@@ -114,21 +114,21 @@ pub fn measure(
         let incidences: Vec<usize> = (0..d.refl2.len()).filter(held).collect();
         if incidences.is_empty() {
             let hint = "has no incidence up to 40 degrees and |h/R| 0.9 in common with the table";
-            return Err(Failure::input(twin_file.display(), "theta_i, h_um", "other nodes", hint));
+            return Err(Failure::input(traced_file.display(), "theta_i, h_um", "other nodes", hint));
         }
         if let Some((sigma, _)) = HELD.iter().find(|s| at_sigma(&d.sigma_per_um, s.0).is_none()) {
             let values = d.sigma_per_um.iter().map(|s| number(*s)).collect::<Vec<_>>().join(", ");
             let hint = format!(
-                "needs {sigma}; put 0 and 0.01 into absorption.sigma_per_um of the {what}'s spec and the twin's"
+                "needs {sigma}; put 0 and 0.01 into absorption.sigma_per_um of the {what}'s spec and the traced yarn's"
             );
-            return Err(Failure::input(twin_file.display(), "sigma_per_um", format!("[{values}]"), &hint));
+            return Err(Failure::input(traced_file.display(), "sigma_per_um", format!("[{values}]"), &hint));
         }
         distances.push(Distance { what, names, d, incidences });
     }
-    Ok(Twin { distances, radius_um: yarn.radius_um, file: twin_file.display().to_string() })
+    Ok(TracedCheck { distances, radius_um: yarn.radius_um, file: traced_file.display().to_string() })
 }
 
-impl Twin {
+impl TracedCheck {
     /// The report's lines: name, value, most that passes, meaning.
     pub fn lines(&self) -> Vec<(&'static str, f64, f64, &'static str)> {
         let mut out = Vec::new();

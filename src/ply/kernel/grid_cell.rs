@@ -5,30 +5,30 @@ use crate::math::simd::{fma, max, min};
 
 /// Interpolation at one incidence.
 #[derive(Clone, Copy)]
-pub(super) struct Place {
+pub(in crate::ply) struct GridCell {
     /// Whether the beam is within the nodes.
-    pub(super) hit: bool,
+    pub(in crate::ply) hit: bool,
     /// Whether theta_i < 0: directions are mirrored on the way in and out.
-    pub(super) flip: bool,
+    pub(in crate::ply) flip: bool,
     /// The coefficients of r_d and of the shares.
-    pub(super) miss: Taps,
-    pub(super) shares: Taps,
+    pub(in crate::ply) miss: Taps,
+    pub(in crate::ply) shares: Taps,
     /// Where the tables hold the cell's reflection lobes, and the block.
-    pub(super) refl: u32,
-    pub(super) high: u32,
+    pub(in crate::ply) refl: u32,
+    pub(in crate::ply) high: u32,
     /// Catmull-Rom weights of nodes -1..=2 of the cell along theta_i and h.
-    pub(super) wm: [f32; 4],
-    pub(super) wn: [f32; 4],
+    pub(in crate::ply) wm: [f32; 4],
+    pub(in crate::ply) wn: [f32; 4],
     /// Bilinear weights of the corners of the block, theta_i the slower index.
-    pub(super) block: [f32; 4],
+    pub(in crate::ply) block: [f32; 4],
 }
 
 /// Three by three coefficients of a spline: where the tables hold the first, and the weights along theta_i and h.
 #[derive(Clone, Copy)]
-pub(super) struct Taps {
-    pub(super) at: u32,
-    pub(super) wm: [f32; 3],
-    pub(super) wn: [f32; 3],
+pub(in crate::ply) struct Taps {
+    pub(in crate::ply) at: u32,
+    pub(in crate::ply) wm: [f32; 3],
+    pub(in crate::ply) wn: [f32; 3],
 }
 
 impl Taps {
@@ -47,9 +47,9 @@ fn bits(x: f32) -> u32 {
     (x + 8_388_608.0).to_bits() & 0x7f_ffff
 }
 
-/// The place of any incidence, one beyond the nodes included, without a branch.
+/// The cell of any incidence, one beyond the nodes included, without a branch.
 #[inline(always)]
-pub(super) fn place<const FMA: bool>(grid: &Grid, theta_i: f32, h_um: f32) -> Place {
+pub(in crate::ply) fn locate<const FMA: bool>(grid: &Grid, theta_i: f32, h_um: f32) -> GridCell {
     let flip = theta_i < 0.0;
     let h = if flip { -h_um } else { h_um };
     let t = min(theta_i.abs() * grid.per_theta, grid.last_theta);
@@ -58,7 +58,7 @@ pub(super) fn place<const FMA: bool>(grid: &Grid, theta_i: f32, h_um: f32) -> Pl
     let (fm, fn_) = (t - m, x - n);
     let (half_m, half_n) = (0.5 * m, 0.5 * n);
     let (row, column) = (bits(m), bits(n));
-    Place {
+    GridCell {
         hit: h_um.abs() <= grid.h_last && !theta_i.is_nan(),
         flip,
         miss: Taps::new::<FMA>(&grid.miss, theta_i, h, grid.h_last),
@@ -71,20 +71,20 @@ pub(super) fn place<const FMA: bool>(grid: &Grid, theta_i: f32, h_um: f32) -> Pl
     }
 }
 
-/// Places side by side.
-pub(super) struct Places<const W: usize> {
-    pub(super) hit: [u32; W],
+/// GridCells side by side.
+pub(in crate::ply) struct GridCells<const W: usize> {
+    pub(in crate::ply) hit: [u32; W],
     flip: [u32; W],
     at: [[u32; W]; 4],
     weights: [[f32; W]; 24],
 }
 
-impl<const W: usize> Places<W> {
+impl<const W: usize> GridCells<W> {
     #[inline(always)]
-    pub(super) fn new<const FMA: bool>(grid: &Grid, theta_i: &[f32; W], h_um: &[f32; W]) -> Self {
-        let mut x = Places { hit: [0; W], flip: [0; W], at: [[0; W]; 4], weights: [[0.0; W]; 24] };
+    pub(in crate::ply) fn new<const FMA: bool>(grid: &Grid, theta_i: &[f32; W], h_um: &[f32; W]) -> Self {
+        let mut x = GridCells { hit: [0; W], flip: [0; W], at: [[0; W]; 4], weights: [[0.0; W]; 24] };
         for q in 0..W {
-            let p = place::<FMA>(grid, theta_i[q], h_um[q]);
+            let p = locate::<FMA>(grid, theta_i[q], h_um[q]);
             x.hit[q] = u32::from(p.hit);
             x.flip[q] = u32::from(p.flip);
             (x.at[0][q], x.at[1][q], x.at[2][q], x.at[3][q]) = (p.refl, p.high, p.miss.at, p.shares.at);
@@ -105,17 +105,17 @@ impl<const W: usize> Places<W> {
 
     /// Directions as at theta_i >= 0.
     #[inline(always)]
-    pub(super) fn mirror(&self, v: &mut [[f32; W]; 3]) {
+    pub(in crate::ply) fn mirror(&self, v: &mut [[f32; W]; 3]) {
         for q in 0..W {
             [v[0][q], v[1][q], v[2][q]] = mirrored(self.flip[q] != 0, [v[0][q], v[1][q], v[2][q]]);
         }
     }
 
     #[inline(always)]
-    pub(super) fn get(&self, q: usize) -> Place {
+    pub(in crate::ply) fn get(&self, q: usize) -> GridCell {
         let w = |k: usize| [self.weights[k][q], self.weights[k + 1][q], self.weights[k + 2][q], self.weights[k + 3][q]];
         let w3 = |k: usize| [self.weights[k][q], self.weights[k + 1][q], self.weights[k + 2][q]];
-        Place {
+        GridCell {
             hit: self.hit[q] != 0,
             flip: self.flip[q] != 0,
             miss: Taps { at: self.at[2][q], wm: w3(12), wn: w3(15) },
@@ -157,6 +157,6 @@ fn bilinear(fm: f32, fn_: f32) -> [f32; 4] {
 }
 
 #[inline(always)]
-pub(super) fn mirrored(flip: bool, w: [f32; 3]) -> [f32; 3] {
+pub(in crate::ply) fn mirrored(flip: bool, w: [f32; 3]) -> [f32; 3] {
     if flip { crate::frame::mirror_incidence(w) } else { w }
 }

@@ -1,0 +1,15 @@
+//! Kernels of the ply model in f32: tables in memory, the cell of an incidence, lobes prepared for it, and their evaluation and sampling in lanes.
+
+pub(super) mod batch;
+pub(super) mod compiled;
+pub(super) mod cone_lobe;
+pub(super) mod cone_mixture;
+pub(super) mod dispatch;
+pub(super) mod energy;
+pub(super) mod grid_cell;
+pub(super) mod interpolate;
+pub(super) mod layout;
+pub(super) mod lobe;
+pub(super) mod lobes;
+pub(super) mod mixture;
+pub(super) mod prepared;
