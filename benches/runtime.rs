@@ -1,9 +1,11 @@
-//! Time of the runtime on one core: eval of all terms, single and in batches, sample + pdf, loading; the slow f64 reference beside them;
+//! Time of the runtime on one core: eval of all terms, single and in batches, sample + pdf, loading; the slow
+//! f64 reference beside them;
 //! the whole model with its edge light, and weave gaps.
 //!
-//! `cargo bench -p plywave --bench runtime`. The planted model has 3 reflection lobes, 8 high-order lobes, 8 path lengths;
-//! incidences, absorptions and directions are random, so that hardly two queries share a block. `sample` gives direction, weight
-//! and pdf. Times of a batch are of all its queries; the throughput is of one.
+//! `cargo bench -p plywave --bench runtime`. The planted model has 3 reflection lobes, 8 high-order lobes, 8
+//! path lengths;
+//! incidences, absorptions and directions are random, so that hardly two queries share a block. `sample`
+//! gives direction, weight and pdf. Times of a batch are of all its queries; the throughput is of one.
 
 #[path = "../tests/it/synthetic/mod.rs"]
 mod synthetic;
@@ -194,7 +196,8 @@ fn runtime(c: &mut Criterion) {
     });
 }
 
-/// The whole model beside its core (`eval N=4` above): random directions, and directions about the forward one, where the edge light is;
+/// The whole model beside its core (`eval N=4` above): random directions, and directions about the forward
+/// one, where the edge light is;
 /// gaps of random apertures.
 fn whole(c: &mut Criterion, q: &[Query]) {
     let beam = GaussianBeam { w0_um: 10.0, lambda_um: 0.55, d_cut_um: 20.0 };
@@ -247,7 +250,8 @@ fn whole(c: &mut Criterion, q: &[Query]) {
             }))
         })
     });
-    // Many incidences that hit, so that the processor cannot learn the directions of one; as many as fit the near caches.
+    // Many incidences that hit, so that the processor cannot learn the directions of one; as many as fit the
+    // near caches.
     let prepared: Vec<_> = (0..q.len())
         .filter(|i| noisy.at(&PlyQuery::lobes(q[*i].0, q[*i].1, [0.0])).r_d() < 1.0)
         .take(16)

@@ -1,7 +1,9 @@
-//! Time of `Fabric::at` on one core: closed and open, one ply and several, twisted or not; random points and directions of the upper half space. Then
-//! of `FabricModel` in three fabrics that ship, four wavelengths, light from everywhere: a query finds its place, then evaluates, samples, asks the density.
+//! Time of `Fabric::at` on one core: closed and open, one ply and several, twisted or not; random points and
+//! directions of the upper half space. Then of `FabricModel` in three fabrics that ship, four wavelengths,
+//! light from everywhere: a query finds its place, then evaluates, samples, asks the density.
 //!
-//! `cargo bench -p plywave --bench weave`. The share of gaps stands beside each name: a gap asks all four yarns around it.
+//! `cargo bench -p plywave --bench weave`. The share of gaps stands beside each name: a gap asks all four
+//! yarns around it.
 //! Lines that begin with "memory" tell bytes and loading times of drafts up to the largest.
 
 use criterion::{Criterion, criterion_group, criterion_main};
@@ -123,7 +125,8 @@ fn fabric(c: &mut Criterion) {
     group.finish();
 }
 
-/// Bytes and loading time of fabrics of large drafts, all yarns of one color, models apart: rows of text in a fabric spec.
+/// Bytes and loading time of fabrics of large drafts, all yarns of one color, models apart: rows of text in a
+/// fabric spec.
 fn memory(_: &mut Criterion) {
     let models = format!("{}/fabrics/models/polyester.pwm", env!("CARGO_MANIFEST_DIR"));
     println!("memory: threads, spec's text, draft and colors, ready for shading, read in, made ready in");

@@ -1,4 +1,5 @@
-//! Gives the shared library the name under which programs look for it, as cargo-c does: the first number of the version that is not 0, and those before it.
+//! Gives the shared library the name under which programs look for it, as cargo-c does: the first number of
+//! the version that is not 0, and those before it.
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");

@@ -1,4 +1,5 @@
-//! A path tracer's side of a woven fabric: built in memory from bytes, shaded at a point with the point's own color, turned, and sampled.
+//! A path tracer's side of a woven fabric: built in memory from bytes, shaded at a point with the point's own
+//! color, turned, and sampled.
 //!
 //! ```sh
 //! cargo run --release -p plywave --example fabric_host -- [FABRIC.toml]
@@ -32,22 +33,25 @@ fn run() -> plywave::Result<()> {
     let [width, height] = fabric.fabric().repeat_um();
     println!("{}: one repeat is {width:.0} x {height:.0} um", path.file_name().unwrap_or_default().to_string_lossy());
 
-    // A hit of a camera ray: position in the plane of the cloth [um], direction towards the camera in the surface's frame (x along the weft, y along the warp, z the
-    // normal). `rgb` is for hosts that render in linear sRGB, `FabricQuery::new` for wavelengths.
+    // A hit of a camera ray: position in the plane of the cloth [um], direction towards the camera in the
+    // surface's frame (x along the weft, y along the warp, z the normal). `rgb` is for hosts that render in
+    // linear sRGB, `FabricQuery::new` for wavelengths.
     let query = FabricQuery::rgb([1200.0, 340.0], [0.0, 0.6, 0.8]);
     let light = [0.3, 0.0, 0.954];
     let at = fabric.at(&query);
     println!("in a gap: {}, over a second layer: {}", at.is_gap(), at.is_double());
     println!("f                {}  the cosine at the surface included", rgb(at.eval(light)));
 
-    // The same point of a print: a texture's color in place of the yarn's. Convert a texture once, not at every hit.
+    // The same point of a print: a texture's color in place of the yarn's. Convert a texture once, not at
+    // every hit.
     let print = [Some(fabric.sigma_of_reflectance([0.6, 0.5, 0.1])); 2];
     println!("printed          {}", rgb(fabric.at(&FabricQuery { sigma_per_um: print, ..query }).eval(light)));
     // The pattern turned by 45 degrees, as on a sleeve cut on the bias.
     let bias = FabricQuery { turn_rad: std::f32::consts::FRAC_PI_4, ..query };
     println!("cut on the bias  {}", rgb(fabric.at(&bias).eval(light)));
 
-    // One bounce of a path tracer, many times over random points: what comes back, what goes through, what goes straight through gaps.
+    // One bounce of a path tracer, many times over random points: what comes back, what goes through, what
+    // goes straight through gaps.
     let mut rng = Pcg32::seed_from_u64(1);
     let (mut back, mut through, mut straight) = ([0.0f32; 3], [0.0f32; 3], [0.0f32; 3]);
     for _ in 0..SAMPLES {

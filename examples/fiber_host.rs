@@ -4,7 +4,8 @@
 //! cargo run --release -p plywave --example fiber_host -- [FIBER.pwf]
 //! ```
 //!
-//! `plywave wave tabulate SPEC.toml` makes a fiber file. Without an argument the example takes a made-up one: a lossless round fiber with a forward peak.
+//! `plywave wave tabulate SPEC.toml` makes a fiber file. Without an argument the example takes a made-up one:
+//! a lossless round fiber with a forward peak.
 
 use plywave::fiber::{FiberSource, FiberTable, OutlineSymmetry, TabulatedFiber};
 use plywave::frame::direction;
@@ -32,12 +33,13 @@ fn run() -> plywave::Result<()> {
         None => TabulatedFiber::from_table(made_up())?.into(),
     };
 
-    // A hit of a ray with the cylinder of the fiber's largest width: the direction that light comes from, in the fiber's frame (z along it), and the ray's distance
-    // from the center line.
+    // A hit of a ray with the cylinder of the fiber's largest width: the direction that light comes from, in
+    // the fiber's frame (z along it), and the ray's distance from the center line.
     println!("cylinder to intersect: {:.3} um wide", fiber.max_width_um());
     let (omega_i, offset_um) = (direction(0.4, 1.1), 0.45 * fiber.max_width_um());
     let at = fiber.at(&FiberQuery::new(omega_i, [0.65, 0.55, 0.45]));
-    // Light is taken from a width that depends on wavelength and direction (Xia 2020, 6): beyond it the ray passes.
+    // Light is taken from a width that depends on wavelength and direction (Xia 2020, 6): beyond it the ray
+    // passes.
     println!("width   {} um, hit {:?}", rgb(at.width_um()), at.hit(offset_um));
     let forward = direction(-0.4, 1.1 + std::f32::consts::PI);
     let (f, pdf) = at.eval_pdf(forward);

@@ -1,4 +1,5 @@
-//! The figures and claims of Zinke and Weber 2007 in numbers: `cargo run --release -p plywave --example filaments [FOLDER]`; with a folder, curves as CSV too.
+//! The figures and claims of Zinke and Weber 2007 in numbers:
+//! `cargo run --release -p plywave --example filaments [FOLDER]`; with a folder, curves as CSV too.
 //! docs/explain/filaments.md tells what came out.
 
 use plywave::fiber::opaque::{lambertian, lambertian_by_zinke};
@@ -120,7 +121,8 @@ fn main() -> Result<()> {
             energy += mean;
             worst = worst.max((f - mean).abs());
             if mean > 1e-3 {
-                // Hits are half of the rays: variances over the mean's square, (<f^2>/c - c^0 <f>^2)/<f>^2 with c = 1/2.
+                // Hits are half of the rays: variances over the mean's square, (<f^2>/c - c^0 <f>^2)/<f>^2
+                // with c = 1/2.
                 ratios.push(2.0 * square / (mean * mean) - 1.0);
             }
             if let Some(kk) = &matched {

@@ -35,8 +35,9 @@ fn run() -> plywave::Result<()> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     println!("{name}: {} + {} lobes", model.data().lobes_refl, model.data().lobes_high);
 
-    // A query: incidence in the ply frame, latitude [rad] and offset of the beam's center [um]; absorption of the fibers [1/um], here one coefficient for each of
-    // R, G, B: the color is the host's, not the model's; the wavelengths that stand for R, G, B at the ply's edge [um].
+    // A query: incidence in the ply frame, latitude [rad] and offset of the beam's center [um]; absorption of
+    // the fibers [1/um], here one coefficient for each of R, G, B: the color is the host's, not the model's;
+    // the wavelengths that stand for R, G, B at the ply's edge [um].
     let reach_um = model.data().h_um[model.data().h_um.len() - 1] as f32;
     let (theta_i, h_um, sigma) = (30f32.to_radians(), 0.4 * reach_um, [0.001, 0.004, 0.010]);
     let ply = model.at(&PlyQuery::new(theta_i, h_um, sigma, RGB_LAMBDA_UM));
@@ -50,7 +51,8 @@ fn run() -> plywave::Result<()> {
     println!("  f_high {}", rgb(terms.high));
     println!("  f_edge {}", rgb(terms.edge));
 
-    // What becomes of the light: scattered, by color; past the fibers without being diffracted; the rest is absorbed.
+    // What becomes of the light: scattered, by color; past the fibers without being diffracted; the rest is
+    // absorbed.
     println!("albedo   {}  straight on {}", rgb(ply.albedo()), rgb(ply.straight()));
 
     // A host's Monte Carlo estimate of the albedo: the mean weight f / pdf. Random numbers are the host's.
@@ -59,7 +61,8 @@ fn run() -> plywave::Result<()> {
     for _ in 0..SAMPLES {
         match ply.sample([rng.random(), rng.random(), rng.random()]) {
             BsdfSample::Scattered(light) => sum.iter_mut().zip(light.weight).for_each(|(s, w)| *s += w),
-            // The next ray goes on in the same direction, times the weight. Not here: this ply's edge diffracts all light that misses.
+            // The next ray goes on in the same direction, times the weight. Not here: this ply's edge
+            // diffracts all light that misses.
             BsdfSample::Straight { .. } => (),
             BsdfSample::Absorbed => (),
         }

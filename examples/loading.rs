@@ -1,7 +1,9 @@
-//! What it costs to load woven fabrics: clock and, on Linux, seconds of all cores, of reading a spec with its models, of making the fabric ready, and of the mean over its repeat
-//! (`FabricOptions::far`); then a number that tells whether its tables are those of another run, bit by bit.
+//! What it costs to load woven fabrics: clock and, on Linux, seconds of all cores, of reading a spec with its
+//! models, of making the fabric ready, and of the mean over its repeat (`FabricOptions::far`); then a number
+//! that tells whether its tables are those of another run, bit by bit.
 //!
-//! `cargo run --release -p plywave --example loading [far] [FABRIC.toml ..]`, without fabrics those that ship of filaments and of plies.
+//! `cargo run --release -p plywave --example loading [far] [FABRIC.toml ..]`, without fabrics those that ship
+//! of filaments and of plies.
 //! ci: build only
 
 use plywave::FabricModel;

@@ -1,6 +1,8 @@
-//! The interface of every scattering model: a query fixes one direction and all else about a shading point, and the model at that query is a [`Bsdf`].
+//! The interface of every scattering model: a query fixes one direction and all else about a shading point,
+//! and the model at that query is a [`Bsdf`].
 //!
-//! Directions are unit vectors that point away from the surface, ply or fiber. One of the two is fixed by the query, the other is the argument `w` of each call:
+//! Directions are unit vectors that point away from the surface, ply or fiber. One of the two is fixed by the
+//! query, the other is the argument `w` of each call:
 //!
 //! | | fixed by the query | `w` of `eval`, `pdf`, `sample` |
 //! |---|---|---|
@@ -11,8 +13,9 @@
 
 /// A scattering function with its query fixed, for N absorptions or wavelengths at once.
 ///
-/// `f` is an energy density [1/sr], the BSDF times the cosine of `w` (of a ply or fiber: of the papers' energy density): its integral over the sphere is the
-/// scattered fraction of the light that the query counts as incident. No call fails, allocates or panics, whatever numbers come in.
+/// `f` is an energy density [1/sr], the BSDF times the cosine of `w` (of a ply or fiber: of the papers'
+/// energy density): its integral over the sphere is the scattered fraction of the light that the query counts
+/// as incident. No call fails, allocates or panics, whatever numbers come in.
 ///
 /// ```
 /// use plywave::{Bsdf, BsdfSample};
@@ -53,7 +56,8 @@ pub trait Bsdf<const N: usize> {
     /// Integral of f over the sphere, by absorption or wavelength.
     fn albedo(&self) -> [f32; N];
 
-    /// Fraction of the light that goes straight on, unscattered, by absorption or wavelength; 0 for most models.
+    /// Fraction of the light that goes straight on, unscattered, by absorption or wavelength; 0 for most
+    /// models.
     fn straight(&self) -> [f32; N] {
         [0.0; N]
     }

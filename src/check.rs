@@ -1,6 +1,8 @@
-//! Checks of a scattering model against itself: furnace, density of the sampler, eval = weight * pdf, chi-square of samples.
+//! Checks of a scattering model against itself: furnace, density of the sampler, eval = weight * pdf,
+//! chi-square of samples.
 //!
-//! The same code serves `plywave check` and the tests. Random numbers come in as a closure of uniform numbers in [0, 1).
+//! The same code serves `plywave check` and the tests. Random numbers come in as a closure of uniform numbers
+//! in [0, 1).
 
 #[doc(hidden)]
 pub mod chi2;
@@ -25,12 +27,14 @@ pub struct CheckOptions {
     pub incidences: usize,
     /// Samples per incidence.
     pub samples: usize,
-    /// Chance that a correct model fails any of its chi-square tests: of [`check_model`], [`check_whole`] and [`check_layers`] together.
+    /// Chance that a correct model fails any of its chi-square tests: of [`check_model`], [`check_whole`] and
+    /// [`check_layers`] together.
     pub significance: f64,
 }
 
 impl CheckOptions {
-    /// Least p-value of a single chi-square test that passes, so that all tests of `model` together fail with the chance `significance`.
+    /// Least p-value of a single chi-square test that passes, so that all tests of `model` together fail with
+    /// the chance `significance`.
     pub fn chi2_threshold(&self, model: &PlyModel) -> f64 {
         let d = model.data();
         let parts = usize::from(d.edge.is_some()) + usize::from(d.layers.is_some());
@@ -57,7 +61,8 @@ pub struct IncidenceReport {
     pub pdf_error: f64,
     /// Greatest |weight * pdf - eval| over the samples, relative to the greatest eval.
     pub weight_error: f64,
-    /// Greatest |mean weight - albedo| over the absorptions, in standard errors (1e-4 added to the standard error).
+    /// Greatest |mean weight - albedo| over the absorptions, in standard errors (1e-4 added to the standard
+    /// error).
     pub sampled_furnace_se: f64,
     /// p-value of the samples, the missed light among them, against the pdf.
     pub chi2_p: f64,
@@ -74,7 +79,8 @@ pub struct CheckReport {
     pub reference_error: f32,
 }
 
-/// Most that the furnace and the integral of the pdf may miss: the energy quadrature of a lobe is good to 2e-4.
+/// Most that the furnace and the integral of the pdf may miss: the energy quadrature of a lobe is good to
+/// 2e-4.
 pub const FURNACE_TOLERANCE: f64 = 1e-3;
 /// Most that weight * pdf may differ from eval, by f32 rounding.
 pub const WEIGHT_TOLERANCE: f64 = 1e-4;
@@ -154,7 +160,8 @@ pub struct BsdfReport {
     pub pdf_error: f64,
     /// Greatest |weight * pdf - eval| over the samples, relative to the greatest eval.
     pub weight_error: f64,
-    /// Greatest |mean weight - albedo| over the absorptions, in standard errors (1e-4 added to the standard error).
+    /// Greatest |mean weight - albedo| over the absorptions, in standard errors (1e-4 added to the standard
+    /// error).
     pub sampled_furnace_se: f64,
     /// p-value of the samples, those that missed among them, against the pdf.
     pub chi2_p: f64,
@@ -198,7 +205,8 @@ fn check_lobes<const N: usize>(
     check_integrated(s, integrate(s, [1.0; 2], lobes), samples, uniform)
 }
 
-/// Checks any scattering function whose finest features have the standard deviations `sd_rad` along latitude and azimuth.
+/// Checks any scattering function whose finest features have the standard deviations `sd_rad` along latitude
+/// and azimuth.
 pub fn check_bsdf<const N: usize>(
     s: &impl Bsdf<N>,
     sd_rad: [f64; 2],
@@ -263,8 +271,8 @@ fn check_integrated<const N: usize>(
         .map(|k| {
             let mean = sum[k] / n;
             let sampled = squares[k] / n - mean * mean;
-            // Where hits are rare, a handful of them says little of their own spread. By Cauchy and Schwarz the mean square weight is
-            // at least albedo^2 over the chance to hit.
+            // Where hits are rare, a handful of them says little of their own spread. By Cauchy and Schwarz
+            // the mean square weight is at least albedo^2 over the chance to hit.
             let least = |energy: f64, chance: f64| energy * energy * (1.0 / chance.max(1e-12) - 1.0).max(0.0);
             let se = (sampled.max(least(albedo[k], scattered)).max(0.0) / n).sqrt();
             // Straight light has one weight, so its spread is that of its count.

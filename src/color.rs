@@ -1,10 +1,14 @@
-//! Color: from spectra to XYZ and sRGB for output, from a color or a reflectance to the absorption sigma(lambda) for input.
+//! Color: from spectra to XYZ and sRGB for output, from a color or a reflectance to the absorption
+//! sigma(lambda) for input.
 //!
-//! Spectra are held at 5 nm from 0.38 to 0.78 um, linear between the nodes and constant beyond the ends. Integrals are sums over the nodes, the method of
-//! the CIE for 5 nm tables: `X = sum of x_bar(lambda) S(lambda) / sum of y_bar(lambda)`, so that a spectrum that is 1 everywhere has Y = 1.
+//! Spectra are held at 5 nm from 0.38 to 0.78 um, linear between the nodes and constant beyond the ends.
+//! Integrals are sums over the nodes, the method of the CIE for 5 nm tables:
+//! `X = sum of x_bar(lambda) S(lambda) / sum of y_bar(lambda)`, so that a spectrum that is 1 everywhere has Y
+//! = 1.
 //!
-//! The white of sRGB is that of the tabulated D65, (0.3127, 0.3290) to four digits, and the matrix follows from it and the primaries of ITU-R BT.709. So a
-//! flat reflectance is an exact gray; the digits printed in IEC 61966-2-1 differ by 4e-4 at most.
+//! The white of sRGB is that of the tabulated D65, (0.3127, 0.3290) to four digits, and the matrix follows
+//! from it and the primaries of ITU-R BT.709. So a flat reflectance is an exact gray; the digits printed in
+//! IEC 61966-2-1 differ by 4e-4 at most.
 
 mod absorption;
 mod difference;
@@ -19,8 +23,8 @@ use tables::{D65, X_BAR, Y_BAR, Z_BAR};
 
 /// Nodes of a spectrum.
 pub const SPECTRUM_NODES: usize = 81;
-/// Wavelengths that stand for R, G and B of a host that renders in RGB [um], the dominant ones of the sRGB primaries. Diffraction and speckle take them; the color of
-/// the yarns does not depend on them.
+/// Wavelengths that stand for R, G and B of a host that renders in RGB [um], the dominant ones of the sRGB
+/// primaries. Diffraction and speckle take them; the color of the yarns does not depend on them.
 pub const RGB_LAMBDA_UM: [f32; 3] = [0.612, 0.549, 0.464];
 
 /// First and last wavelength of a spectrum [um].
@@ -31,14 +35,16 @@ pub fn spectrum_lambda_um(node: usize) -> f64 {
     (380 + 5 * node) as f64 * 1e-3
 }
 
-/// The number on which a wavelength [um] falls between the nodes, 0 to 80: below the first and above the last it counts as that one, not a number as the first.
+/// The number on which a wavelength [um] falls between the nodes, 0 to 80: below the first and above the last
+/// it counts as that one, not a number as the first.
 fn place(lambda_um: f64) -> (usize, f64) {
     let x = ((lambda_um - SPECTRUM_UM[0]) / 0.005).max(0.0).min((SPECTRUM_NODES - 1) as f64);
     let node = (x as usize).min(SPECTRUM_NODES - 2);
     (node, x - node as f64)
 }
 
-/// Values of the color matching functions of the CIE 1931 standard observer at a wavelength [um]; 0 outside the table.
+/// Values of the color matching functions of the CIE 1931 standard observer at a wavelength [um]; 0 outside
+/// the table.
 pub fn color_matching(lambda_um: f64) -> [f64; 3] {
     if !(SPECTRUM_UM[0]..=SPECTRUM_UM[1]).contains(&lambda_um) {
         return [0.0; 3];
@@ -57,8 +63,8 @@ pub fn xyz_of_reflectance(reflectance: impl Fn(f64) -> f64) -> [f64; 3] {
     sums(|i| reflectance(spectrum_lambda_um(i)), |i| D65[i])
 }
 
-/// X, Y and Z per um of wavelength of a white surface under D65, at a wavelength [um]; the integral of Y is 1. 0 outside the table. For hosts that draw
-/// wavelengths at random.
+/// X, Y and Z per um of wavelength of a white surface under D65, at a wavelength [um]; the integral of Y
+/// is 1. 0 outside the table. For hosts that draw wavelengths at random.
 pub fn d65_xyz_density(lambda_um: f64) -> [f64; 3] {
     let (i, t) = place(lambda_um);
     let light = D65[i] + t * (D65[i + 1] - D65[i]);
@@ -183,7 +189,8 @@ mod tests {
         [xyz[0] / sum, xyz[1] / sum]
     }
 
-    /// Published values: the integrals of the color matching functions (CVRL: 106.857 each at 5 nm), white points of E and D65, the peak of V.
+    /// Published values: the integrals of the color matching functions (CVRL: 106.857 each at 5 nm), white
+    /// points of E and D65, the peak of V.
     #[test]
     fn tables_have_the_published_integrals_and_white_points() {
         for bar in [&X_BAR, &Y_BAR, &Z_BAR] {
@@ -202,7 +209,8 @@ mod tests {
         assert!((a[0] - 0.447_58).abs() < 3e-4 && (a[1] - 0.407_45).abs() < 3e-4, "{a:?}");
     }
 
-    /// The matrix of IEC 61966-2-1 to the difference of its white; there and back is the same color; white is (1, 1, 1).
+    /// The matrix of IEC 61966-2-1 to the difference of its white; there and back is the same color; white is
+    /// (1, 1, 1).
     #[test]
     fn srgb_there_and_back() {
         let printed = [

@@ -42,8 +42,9 @@ pub enum Error {
     },
 }
 
-/// A message as one printable line of at most `most` characters, whatever a file put into it: control characters, the two that Unicode has for ends of lines and paragraphs, and
-/// runs of spaces become one space.
+/// A message as one printable line of at most `most` characters, whatever a file put into it: control
+/// characters, the two that Unicode has for ends of lines and paragraphs, and runs of spaces become one
+/// space.
 ///
 /// ```
 /// assert_eq!(plywave::one_line("key\n  \u{1b}[31m\u{2028}", 20), "key [31m");

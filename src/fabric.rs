@@ -1,10 +1,12 @@
-//! Woven fabrics as surfaces (Yu 2025, 3.2, 3.3 and 7.1): for a point of the fabric and a direction, which ply of which yarn is met, at which
-//! theta_i and h, or which gap.
+//! Woven fabrics as surfaces (Yu 2025, 3.2, 3.3 and 7.1): for a point of the fabric and a direction, which
+//! ply of which yarn is met, at which theta_i and h, or which gap.
 //!
-//! The fabric lies in the plane of x and y [um], z is its normal on the face. Weft yarns (picks) run along x, warp yarns (ends) along y. End j lies at
-//! `x = (j + 1/2) spacing` of the warp, pick i at `y = (i + 1/2) spacing` of the weft; both go on without end, the draft repeats.
+//! The fabric lies in the plane of x and y [um], z is its normal on the face. Weft yarns (picks) run along x,
+//! warp yarns (ends) along y. End j lies at `x = (j + 1/2) spacing` of the warp, pick i at
+//! `y = (i + 1/2) spacing` of the weft; both go on without end, the draft repeats.
 //!
-//! Nothing is stored but the draft, one bit a crossing: all else is computed where it is asked for, without allocation.
+//! Nothing is stored but the draft, one bit a crossing: all else is computed where it is asked for, without
+//! allocation.
 //! A line meets the first yarn along it; light that leaves a ply meets other yarns (`between.rs`).
 
 mod at;
@@ -99,7 +101,8 @@ impl Fabric {
     /// A fabric of a draft and the shapes of warp and weft; undyed.
     ///
     /// # Errors
-    /// [`crate::Error::Invalid`] for a draft that leaves a yarn unbound, shapes out of range and a spacing narrower than the yarn.
+    /// [`crate::Error::Invalid`] for a draft that leaves a yarn unbound, shapes out of range and a spacing
+    /// narrower than the yarn.
     pub fn new(draft: Draft, shapes: [YarnShape; 2]) -> Result<Fabric> {
         Fabric::named(draft, shapes, [vec![YarnColor::Undyed], vec![YarnColor::Undyed]], "fabric")
     }

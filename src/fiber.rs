@@ -1,7 +1,9 @@
-//! Scattering models of single fibers, asked alike by [`FiberModel`]: tables by waves or rays (Xia 2020), and analytic models (Zinke 2007).
+//! Scattering models of single fibers, asked alike by [`FiberModel`]: tables by waves or rays (Xia 2020), and
+//! analytic models (Zinke 2007).
 //!
-//! f is an energy density of what falls on the fiber's width; `cylinder` has the measures of the papers beside it. A fiber is round, so that a query's azimuth counts only where a
-//! model says so: a table of an outline that is not round, and an elliptic section.
+//! f is an energy density of what falls on the fiber's width; `cylinder` has the measures of the papers
+//! beside it. A fiber is round, so that a query's azimuth counts only where a model says so: a table of an
+//! outline that is not round, and an elliptic section.
 
 pub mod azimuthal;
 pub mod cylinder;
@@ -57,14 +59,17 @@ pub use tabulated::{TabulatedBsdf, TabulatedFiber, WIDTH_LIMIT};
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FiberQuery<const N: usize> {
-    /// Direction that light comes from (the papers' omega_i), unit, in the fiber's frame: z along it, x and y those of the outline.
+    /// Direction that light comes from (the papers' omega_i), unit, in the fiber's frame: z along it, x and y
+    /// those of the outline.
     pub omega_i: [f32; 3],
-    /// Offset of the ray from the center line over half the fiber's width, -1 to 1, for models that resolve it; `None` for the mean over all offsets.
+    /// Offset of the ray from the center line over half the fiber's width, -1 to 1, for models that resolve
+    /// it; `None` for the mean over all offsets.
     /// Tables hold that mean alone and give it at every offset.
     pub h_rel: Option<f32>,
     /// Wavelengths [um].
     pub lambda_um: [f32; N],
-    /// Absorption of the fiber's inside [1/um], by wavelength: its color. Tables hold their own and ignore it.
+    /// Absorption of the fiber's inside [1/um], by wavelength: its color. Tables hold their own and ignore
+    /// it.
     pub sigma_per_um: [f32; N],
 }
 
@@ -75,7 +80,8 @@ impl<const N: usize> FiberQuery<N> {
     }
 }
 
-/// A scattering model of one fiber: a table, `FiberModel::load("fiber.pwf")` of what `plywave wave tabulate` writes, or an analytic one; see [`FiberModel::at`].
+/// A scattering model of one fiber: a table, `FiberModel::load("fiber.pwf")` of what `plywave wave tabulate`
+/// writes, or an analytic one; see [`FiberModel::at`].
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum FiberModel {
@@ -126,7 +132,8 @@ impl FiberModel {
         }
     }
 
-    /// Diameter of the cylinder that a ray must meet for the fiber to scatter it, whatever the direction and wavelength [um].
+    /// Diameter of the cylinder that a ray must meet for the fiber to scatter it, whatever the direction and
+    /// wavelength [um].
     pub fn max_width_um(&self) -> f32 {
         match self {
             FiberModel::Tabulated(fiber) => fiber.max_width_um(),
@@ -140,7 +147,8 @@ impl FiberModel {
 }
 
 impl FiberModel {
-    /// Longitudinal width of the lobe of the light that goes on, TT's [rad], of models that have it as a parameter.
+    /// Longitudinal width of the lobe of the light that goes on, TT's [rad], of models that have it as a
+    /// parameter.
     pub(crate) fn forward_beta(&self) -> Option<f32> {
         match self {
             FiberModel::Tabulated(fiber) => Some(fiber.table().beta_m as f32),
@@ -233,7 +241,8 @@ impl<const N: usize> FiberBsdf<'_, N> {
         each!(self, at => at.width_um())
     }
 
-    /// Whether a ray that passes the center line at the distance `offset_um`, either side, meets the fiber, by wavelength.
+    /// Whether a ray that passes the center line at the distance `offset_um`, either side, meets the fiber,
+    /// by wavelength.
     pub fn hit(&self, offset_um: f32) -> [bool; N] {
         self.width_um().map(|width| offset_um.abs() <= 0.5 * width)
     }

@@ -1,23 +1,31 @@
-//! Weave gaps: far-field diffraction of a Gaussian beam through a rectangular aperture (Yu 2025, 6.1, Eq. 11, 12, 15).
+//! Weave gaps: far-field diffraction of a Gaussian beam through a rectangular aperture (Yu 2025, 6.1, Eq. 11,
+//! 12, 15).
 //!
-//! The aperture lies in the plane z = 0 of its own frame, the beam's center at the origin, light from +z or from -z; what passes leaves on
-//! the other side. K is the product of two one-dimensional factors in closed form (`faddeeva.rs`), for any edges: no table
-//! of apertures, none of the paper's color correction. Departures from the print: |K|^2 for K^2, since K is complex for an aperture
-//! off the beam's center; the power on the aperture is that of the intensity, `integral exp(-2 r^2/w0^2)` (docs/explain/papers.md).
+//! The aperture lies in the plane z = 0 of its own frame, the beam's center at the origin, light from +z or
+//! from -z; what passes leaves on the other side. K is the product of two one-dimensional factors in closed
+//! form (`faddeeva.rs`), for any edges: no table of apertures, none of the paper's color correction.
+//! Departures from the print: |K|^2 for K^2, since K is complex for an aperture off the beam's center; the
+//! power on the aperture is that of the intensity, `integral exp(-2 r^2/w0^2)` (docs/explain/papers.md).
 //!
-//! As in print, the beam's cross section in the plane of the aperture is a circle of waist w0 at any tilt. That of a tilted beam is an ellipse,
-//! longer by 1/c_i: a wide gap spreads tilted light by 1/c_i more than the beam itself does.
+//! As in print, the beam's cross section in the plane of the aperture is a circle of waist w0 at any tilt.
+//! That of a tilted beam is an ellipse, longer by 1/c_i: a wide gap spreads tilted light by 1/c_i more than
+//! the beam itself does.
 //!
-//! f integrates to 1 in Kirchhoff's approximation as long as the aperture is many wavelengths wide and light does not graze;
-//! [`Bsdf::albedo`] gives what it does integrate to. By Parseval's theorem it is the mean of `(c_i + c_o)^2/(4 c_i c_o)` over the
-//! spectrum of the aperture, evanescent frequencies counted as 0; c_i and c_o are the cosines in and out.
-//! So it falls short by what the aperture's edges send beyond the plane, to first order `lambda/(2 pi^2) (q_x (1/c^2 + pi/(4 c)) + q_y (1 + pi/4)/c)`, c the
-//! cosine of a tilt towards x, q of an axis the mean intensity at its two edges over the power between them (docs/explain/papers.md): of 10 um in a beam of w0 = 10 um,
+//! f integrates to 1 in Kirchhoff's approximation as long as the aperture is many wavelengths wide and light
+//! does not graze;
+//! [`Bsdf::albedo`] gives what it does integrate to. By Parseval's theorem it is the mean of
+//! `(c_i + c_o)^2/(4 c_i c_o)` over the spectrum of the aperture, evanescent frequencies counted as 0; c_i
+//! and c_o are the cosines in and out.
+//! So it falls short by what the aperture's edges send beyond the plane, to first order
+//! `lambda/(2 pi^2) (q_x (1/c^2 + pi/(4 c)) + q_y (1 + pi/4)/c)`, c the cosine of a tilt towards x, q of an
+//! axis the mean intensity at its two edges over the power between them (docs/explain/papers.md): of 10 um in
+//! a beam of w0 = 10 um,
 //! 0.7 % in green light at normal incidence, 1.6 % at 1 rad, 2.3 % there at 0.78 um.
 //!
-//! Where light grazes, the factor 1/c_i lets an aperture send out many times what arrives (2 um, c_i = 0.001: 46 times). Two departures keep the integral at or below 1.005 for every
-//! aperture, tilt and wavelength, and leave f as it is to a tilt of 1.2 rad (w0 = 10 um): c_i is not less than `least_cosine`, and what a tilted beam has in excess without any aperture is divided
-//! out (`beam_excess`). Test: `tests/it/gap_grazing.rs`.
+//! Where light grazes, the factor 1/c_i lets an aperture send out many times what arrives (2 um, c_i = 0.001:
+//! 46 times). Two departures keep the integral at or below 1.005 for every aperture, tilt and wavelength, and
+//! leave f as it is to a tilt of 1.2 rad (w0 = 10 um): c_i is not less than `least_cosine`, and what a tilted
+//! beam has in excess without any aperture is divided out (`beam_excess`). Test: `tests/it/gap_grazing.rs`.
 
 mod slit;
 mod spectrum;
@@ -66,7 +74,8 @@ impl Aperture {
     }
 }
 
-/// Light through one aperture: a host makes one for each aperture (some 20 us) and asks it at any incidence and wavelength.
+/// Light through one aperture: a host makes one for each aperture (some 20 us) and asks it at any incidence
+/// and wavelength.
 #[derive(Clone, Copy, Debug)]
 pub struct Gap {
     x: Spectrum,
@@ -75,8 +84,8 @@ pub struct Gap {
 }
 
 impl Gap {
-    /// For an aperture in a beam. Edges are clamped to +-d_cut; an aperture of which nothing is left, or whose edges are not in order, is
-    /// dark: f = 0, and all light is missed.
+    /// For an aperture in a beam. Edges are clamped to +-d_cut; an aperture of which nothing is left, or
+    /// whose edges are not in order, is dark: f = 0, and all light is missed.
     pub fn new(aperture: &Aperture, beam: &GaussianBeam) -> Gap {
         let w0 = beam.w0_um;
         let axis = |[a, b]: [f32; 2]| {
@@ -98,8 +107,9 @@ impl Gap {
         self.passing
     }
 
-    /// The light that comes from `xi_i` (unit, away from the aperture) at N wavelengths [um]. Wavelengths are clamped to [0.05, 20]; not a
-    /// number counts as 0.05. An `xi_i` that is no direction, or lies in the plane, gives no light, and so does a `w` that is none.
+    /// The light that comes from `xi_i` (unit, away from the aperture) at N wavelengths [um]. Wavelengths are
+    /// clamped to [0.05, 20]; not a number counts as 0.05. An `xi_i` that is no direction, or lies in the
+    /// plane, gives no light, and so does a `w` that is none.
     pub fn at<const N: usize>(&self, xi_i: [f32; 3], lambda_um: [f32; N]) -> GapBsdf<'_, N> {
         GapBsdf::new(Axis::new(&self.x), Axis::new(&self.y), xi_i, lambda_um)
     }
@@ -110,11 +120,13 @@ pub(crate) fn clamp_lambda(lambda_um: f32) -> f32 {
     crate::math::simd::min(crate::math::simd::max(lambda_um, 0.05), 20.0)
 }
 
-/// Least cosine of incidence that f divides by, over the mean cosine of the light that leaves where the incident light lies in the plane: see [`least_cosine`].
+/// Least cosine of incidence that f divides by, over the mean cosine of the light that leaves where the
+/// incident light lies in the plane: see [`least_cosine`].
 const MIN_SHARE: f32 = 0.37;
 /// Largest mean cosine out that counts for it.
 const MAX_MEAN_COSINE: f32 = 0.5;
-/// Excess of a tilted beam's energy in Kirchhoff's approximation that is left as it is, and the relative spread of c_o^2 above which it does not grow: see [`beam_excess`].
+/// Excess of a tilted beam's energy in Kirchhoff's approximation that is left as it is, and the relative
+/// spread of c_o^2 above which it does not grow: see [`beam_excess`].
 const EXCESS_LEFT: f32 = 0.002;
 const MAX_SPREAD: f32 = 0.4;
 /// Share of the samples that is uniform over the hemisphere: bounds f/pdf where light leaves along the plane.
@@ -137,21 +149,28 @@ pub struct GapBsdf<'a, const N: usize> {
     share: [f32; N],
 }
 
-/// Least cosine of incidence that f divides by: light that grazes more is treated as this, so that no aperture sends out more than arrives.
+/// Least cosine of incidence that f divides by: light that grazes more is treated as this, so that no
+/// aperture sends out more than arrives.
 ///
-/// f integrates to `P/2 + c_i E[1/c_o]/4 + E[c_o]/(4 c_i)`, P and E the share and the means over the spectrum of what propagates. As c_i goes to 0, the last term grows
-/// without bound: Kirchhoff's approximation takes the field's slope in the aperture from the direction of incidence alone, but a field as narrow as the aperture is made
-/// of many directions, of mean cosine E[c_o]. With the light in the plane, half of its spectrum propagates, and `c_o^2 = 2 lambda |f|` to first order, f the frequency along
-/// its direction, so that `E[c_o] = sqrt(lambda/2) mean sqrt(|f|)`. The integral is 1 where c_i is some 0.35 E[c_o]; 0.37 serves all apertures. From there on, c_i stays.
+/// f integrates to `P/2 + c_i E[1/c_o]/4 + E[c_o]/(4 c_i)`, P and E the share and the means over the spectrum
+/// of what propagates. As c_i goes to 0, the last term grows without bound: Kirchhoff's approximation takes
+/// the field's slope in the aperture from the direction of incidence alone, but a field as narrow as the
+/// aperture is made of many directions, of mean cosine E[c_o]. With the light in the plane, half of its
+/// spectrum propagates, and `c_o^2 = 2 lambda |f|` to first order, f the frequency along its direction, so
+/// that `E[c_o] = sqrt(lambda/2) mean sqrt(|f|)`. The integral is 1 where c_i is some 0.35 E[c_o]; 0.37
+/// serves all apertures. From there on, c_i stays.
 fn least_cosine(x: &Spectrum, y: &Spectrum, xi_i: [f32; 3], lambda_um: f32) -> f32 {
     let f = (xi_i[0] * xi_i[0] * x.root_mean_4 + xi_i[1] * xi_i[1] * y.root_mean_4).sqrt();
     MIN_SHARE * crate::math::simd::min((0.5 * lambda_um * f).sqrt(), MAX_MEAN_COSINE)
 }
 
-/// What a tilted beam's energy exceeds 1 by in Kirchhoff's approximation without any aperture, less [`EXCESS_LEFT`].
+/// What a tilted beam's energy exceeds 1 by in Kirchhoff's approximation without any aperture, less
+/// [`EXCESS_LEFT`].
 ///
-/// The mean of `(c_i + c_o)^2/(4 c_i c_o) = 1 + (c_o - c_i)^2/(4 c_i c_o)` is above 1. With `c_o^2 = c_i^2 (1 + s z)`, z of unit variance and `s = lambda sin_i/(pi w0 c_i^2)`,
-/// it is `1 + s^2/16 + 45 s^4/256` for the Gaussian z of a beam, to fourth order. From s = 0.4 on, what the beam sends beyond the plane outweighs it. At normal and moderate tilt it is below what is left:
+/// The mean of `(c_i + c_o)^2/(4 c_i c_o) = 1 + (c_o - c_i)^2/(4 c_i c_o)` is above 1. With
+/// `c_o^2 = c_i^2 (1 + s z)`, z of unit variance and `s = lambda sin_i/(pi w0 c_i^2)`, it is
+/// `1 + s^2/16 + 45 s^4/256` for the Gaussian z of a beam, to fourth order. From s = 0.4 on, what the beam
+/// sends beyond the plane outweighs it. At normal and moderate tilt it is below what is left:
 /// 0.0018 at 0.362, the cosine of 1.2 rad, for w0 = 10 um and lambda = 0.7 um.
 fn beam_excess(spread: f32, xi_i: [f32; 3], lambda_um: f32) -> f32 {
     let (sine2, cosine2) = (xi_i[0] * xi_i[0] + xi_i[1] * xi_i[1], xi_i[2] * xi_i[2]);
@@ -206,13 +225,14 @@ impl<'a, const N: usize> GapBsdf<'a, N> {
         self.y.range((self.xi_i[1] - reach) * per_lambda, (self.xi_i[1] + reach) * per_lambda)
     }
 
-    /// The direction of these components in the plane; not quite in the plane itself, where light leaves on neither side.
+    /// The direction of these components in the plane; not quite in the plane itself, where light leaves on
+    /// neither side.
     fn leaving(&self, x: f32, y: f32) -> [f32; 3] {
         [x, y, -self.side * (1.0 - x * x - y * y).max(1e-12).sqrt()]
     }
 
-    /// Components x and y of a direction: a wavelength is drawn uniformly, then f_x and f_y from its tabulated spectra, cut to what
-    /// propagates.
+    /// Components x and y of a direction: a wavelength is drawn uniformly, then f_x and f_y from its
+    /// tabulated spectra, cut to what propagates.
     fn tabulated_sample(&self, u: [f32; 3]) -> (f32, f32) {
         let k = ((u[0] * N as f32) as usize).min(N.saturating_sub(1));
         let lambda = self.lambda_um[k];
@@ -235,8 +255,8 @@ impl<'a, const N: usize> GapBsdf<'a, N> {
         sum / N.max(1) as f32
     }
 
-    /// The spectrum of the aperture without Kirchhoff's cosines, scaled to an integral of 1 over the directions that light can leave in; and
-    /// the density of [`GapBsdf::conserved_sample`].
+    /// The spectrum of the aperture without Kirchhoff's cosines, scaled to an integral of 1 over the
+    /// directions that light can leave in; and the density of [`GapBsdf::conserved_sample`].
     pub(crate) fn conserved(&self, wo: [f32; 3]) -> ([f32; N], f32) {
         let mut f = [0.0; N];
         if !self.leaves(wo) || N == 0 {

@@ -1,7 +1,8 @@
-//! Files: the container of tables, models, fibers and speckle patterns, its one reader and writer, and where named files come from.
+//! Files: the container of tables, models, fibers and speckle patterns, its one reader and writer, and where
+//! named files come from.
 //!
-//! No other module of this crate touches the file system. Loading goes through an [`AssetSource`], so that a host without file system
-//! (a browser, a renderer with its own archive) hands in bytes by name.
+//! No other module of this crate touches the file system. Loading goes through an [`AssetSource`], so that a
+//! host without file system (a browser, a renderer with its own archive) hands in bytes by name.
 //!
 //! Public for the crates of this workspace; a host needs [`AssetSource`] and its two implementations only.
 
@@ -39,7 +40,8 @@ pub(crate) fn text_of(source: &dyn AssetSource, name: &str, most: u64) -> Result
     utf8(source.read(name, most)?, &source.display(name))
 }
 
-/// The error of reading the file that `key` of the spec `file` names, with all three; `way` is a further way out, or empty.
+/// The error of reading the file that `key` of the spec `file` names, with all three; `way` is a further way
+/// out, or empty.
 pub(crate) fn of_key(file: &str, key: &str, name: &str, error: Error, way: &str) -> Error {
     match error {
         Error::Io { file: path, source } => Error::Io { file: format!("{file}: {key}: {path}"), source },

@@ -1,4 +1,5 @@
-//! Numerics that several models share: lookups on uniform axes, hashes, vectors, vectorizable functions, the Faddeeva function, the error function.
+//! Numerics that several models share: lookups on uniform axes, hashes, vectors, vectorizable functions, the
+//! Faddeeva function, the error function.
 //!
 //! Public for the crates of this workspace; a host needs nothing from here.
 
@@ -16,13 +17,15 @@ use simd::{max, min};
 /// The greatest f32 below 1.
 const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
 
-/// A random number, clamped to [0, 1): negative numbers and NaN become 0, 1 and more the greatest number below 1.
+/// A random number, clamped to [0, 1): negative numbers and NaN become 0, 1 and more the greatest number
+/// below 1.
 #[inline(always)]
 pub fn clamp_unit(u: f32) -> f32 {
     min(max(u, 0.0), BELOW_ONE)
 }
 
-/// The whole number at or below `x`, and the fraction in [0, 1]; for |x| < 2^31. `f32::floor` is a call into a library on processors without SSE 4.
+/// The whole number at or below `x`, and the fraction in [0, 1]; for |x| < 2^31. `f32::floor` is a call into
+/// a library on processors without SSE 4.
 #[inline(always)]
 pub fn floor_fraction(x: f32) -> (i32, f32) {
     let whole = x as i32;

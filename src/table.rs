@@ -56,23 +56,24 @@ impl OutgoingGrid {
     }
 }
 
-/// Where on a single ply light leaves and where the beam meets it: what the model of a yarn of several plies asks beyond the
-/// distributions (Yu 2025, 5.3, takes exits as spread evenly over the ply's width).
+/// Where on a single ply light leaves and where the beam meets it: what the model of a yarn of several plies
+/// asks beyond the distributions (Yu 2025, 5.3, takes exits as spread evenly over the ply's width).
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExitPositions {
     /// Azimuths phi_o: equal parts of [0, 2 pi).
     pub azimuths: usize,
     /// Lateral positions t: equal parts of [-R, R] along (-sin phi_o, cos phi_o).
     pub positions: usize,
-    /// `[theta_i][h][1 + sigma][azimuth][position]`: shares of the light of an azimuth, of f_refl, then of f_high at each sigma; they
-    /// add up to 1 over the positions, evenly where there was no light.
+    /// `[theta_i][h][1 + sigma][azimuth][position]`: shares of the light of an azimuth, of f_refl, then of
+    /// f_high at each sigma; they add up to 1 over the positions, evenly where there was no light.
     pub shares: Vec<f32>,
-    /// `[theta_i][x]`: fraction of the paths through lateral position x that hit a fiber; x in equal parts of [-R, R].
+    /// `[theta_i][x]`: fraction of the paths through lateral position x that hit a fiber; x in equal parts of
+    /// [-R, R].
     pub met: Vec<f32>,
 }
 
-/// Ensemble-averaged scattering of one ply, or of the yarn that its plies make, over a grid of incidences. All arrays are flat, last
-/// index fastest.
+/// Ensemble-averaged scattering of one ply, or of the yarn that its plies make, over a grid of incidences.
+/// All arrays are flat, last index fastest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     /// Text of the yarn spec that was simulated, as given.
@@ -85,9 +86,11 @@ pub struct Table {
     pub seed: u64,
     /// Plies that scatter: 1 for a single ply, whatever the spec's yarn has, else all of the yarn's.
     pub plies: u32,
-    /// True of a yarn whose plies were traced together, the brute-force reference; false of one ply and of a yarn made from one ply's table.
+    /// True of a yarn whose plies were traced together, the brute-force reference; false of one ply and of a
+    /// yarn made from one ply's table.
     pub traced: bool,
-    /// Incident latitudes [rad], uniform, ascending from 0 (negative ones follow from the symmetry of the ply).
+    /// Incident latitudes [rad], uniform, ascending from 0 (negative ones follow from the symmetry of the
+    /// ply).
     pub theta_i: Vec<f64>,
     /// Beam center offsets [um], uniform, ascending, from -(R + d_cut) to R + d_cut.
     pub h_um: Vec<f64>,
@@ -103,13 +106,15 @@ pub struct Table {
     pub energy_high: Vec<f64>,
     /// `[theta_i][h]`: standard error of `r_d + energy_refl + energy_high` at sigma = 0.
     pub energy_se: Vec<f64>,
-    /// `[theta_i][h]`: energy of paths stopped at the interaction limit, at sigma = 0. Kept, never added elsewhere.
+    /// `[theta_i][h]`: energy of paths stopped at the interaction limit, at sigma = 0. Kept, never added
+    /// elsewhere.
     pub energy_killed: Vec<f64>,
     /// `[theta_i][h][theta_o][phi_o]`: reflection-only density [1/sr].
     pub refl: Vec<f32>,
     /// `[theta_i][h][sigma][theta_o][phi_o]`: density of all other light [1/sr].
     pub high: Vec<f32>,
-    /// `[theta_i][h]`: integral over the sphere of the variance of `refl` [1/sr]: the noise part of a squared L2 distance.
+    /// `[theta_i][h]`: integral over the sphere of the variance of `refl` [1/sr]: the noise part of a squared
+    /// L2 distance.
     pub noise_refl: Vec<f64>,
     /// `[theta_i][h][sigma]`: the same for `high`.
     pub noise_high: Vec<f64>,

@@ -1,9 +1,11 @@
-//! The twin of a cloth: the light that path tracing of its explicit fibers sends out, for some views, and how far a cloth model is from it.
+//! The twin of a cloth: the light that path tracing of its explicit fibers sends out, for some views, and how
+//! far a cloth model is from it.
 //!
-//! `plywave twin` writes it, `plywave check FABRIC --twin` compares. The twin shares no model with the cloth: it knows the fibers, their walls and the
-//! center lines of the yarns, and nothing else. Parallel light from the view direction `a` falls on the cloth evenly, from the face or from the back. What is
-//! told is the fraction of it that goes out into each direction `b`, as an energy density [1/sr] that holds the cosine at `b`, as [`crate::FabricModel`]'s
-//! `eval` with `wo = a` does. Light that hits no fiber is apart: `straight`.
+//! `plywave twin` writes it, `plywave check FABRIC --twin` compares. The twin shares no model with the cloth:
+//! it knows the fibers, their walls and the center lines of the yarns, and nothing else. Parallel light from
+//! the view direction `a` falls on the cloth evenly, from the face or from the back. What is told is the
+//! fraction of it that goes out into each direction `b`, as an energy density [1/sr] that holds the cosine at
+//! `b`, as [`crate::FabricModel`]'s `eval` with `wo = a` does. Light that hits no fiber is apart: `straight`.
 
 mod compare;
 mod file;
@@ -63,11 +65,13 @@ impl SphereBins {
 /// Classes by the number of different yarns or plies that a path hit: 1, 2, and 3 or more.
 pub const CLASSES: usize = 3;
 
-/// The light that leaves the explicit fibers of a cloth. All arrays are flat, the last index fastest. "Reflected" is what goes to the side of the face on
-/// which the light came in, "transmitted" what goes to the other.
+/// The light that leaves the explicit fibers of a cloth. All arrays are flat, the last index fastest.
+/// "Reflected" is what goes to the side of the face on which the light came in, "transmitted" what goes to
+/// the other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClothTwin {
-    /// The cloth that was traced: geometry of its yarns and the specs of their plies (docs/reference/format/cloth.md).
+    /// The cloth that was traced: geometry of its yarns and the specs of their plies
+    /// (docs/reference/format/cloth.md).
     pub spec_text: String,
     /// Program version that wrote it.
     pub program_version: String,
@@ -79,7 +83,8 @@ pub struct ClothTwin {
     pub repeat_um: [f64; 2],
     /// Repeats along x and y that were traced.
     pub repeats: [u32; 2],
-    /// `[view][3]`: unit directions that the light comes from, in the fabric's frame; z below 0 is from the back.
+    /// `[view][3]`: unit directions that the light comes from, in the fabric's frame; z below 0 is from the
+    /// back.
     pub views: Vec<f64>,
     /// `[sigma][2]`: absorption coefficients of warp and weft [1/um].
     pub sigma_per_um: Vec<f64>,
@@ -101,7 +106,8 @@ pub struct ClothTwin {
     pub reflected_se: Vec<f64>,
     /// `[view][sigma]`: standard errors.
     pub transmitted_se: Vec<f64>,
-    /// `[view][sigma][half][class]`: reflected (0) and transmitted (1) light by the number of different yarns hit.
+    /// `[view][sigma][half][class]`: reflected (0) and transmitted (1) light by the number of different yarns
+    /// hit.
     pub by_yarns: Vec<f64>,
     /// As `by_yarns`, by the number of different plies hit.
     pub by_plies: Vec<f64>,
@@ -109,7 +115,8 @@ pub struct ClothTwin {
     pub density: Vec<f32>,
     /// As `density`: variance of it [1/sr^2].
     pub variance: Vec<f32>,
-    /// `[view][sigma][y][x]`: reflected light by the place at which its line crosses the middle plane, over one repeat.
+    /// `[view][sigma][y][x]`: reflected light by the place at which its line crosses the middle plane, over
+    /// one repeat.
     pub image: Vec<f32>,
     /// Places of the image along x and y.
     pub image_size: [usize; 2],

@@ -1,6 +1,8 @@
-//! A peer: the formula of pbrt-v4's hair (Chiang 2016 with d'Eon's M, Marschner's attenuations, trimmed logistics over the azimuth), N wavelengths, near field.
+//! A peer: the formula of pbrt-v4's hair (Chiang 2016 with d'Eon's M, Marschner's attenuations, trimmed
+//! logistics over the azimuth), N wavelengths, near field.
 //!
-//! Written from the published formula. Directions are the fiber's frame of this crate, z along it; the peer's own is x along it.
+//! Written from the published formula. Directions are the fiber's frame of this crate, z along it; the peer's
+//! own is x along it.
 
 use std::f32::consts::{PI, TAU};
 

@@ -1,7 +1,10 @@
-//! Cost of a call through the C interface over that of Rust's, for single calls and batches, of plies and fabrics.
+//! Cost of a call through the C interface over that of Rust's, for single calls and batches, of plies and
+//! fabrics.
 //!
-//! `cargo bench -p plywave-capi --bench calls`. The two take turns in one run, 40 times; each line has the least times of both [ns a query], their ratio, and the median over the turns of
-//! the ratio of each turn, which the machine's other work disturbs least. Functions of C are called through pointers that the compiler cannot see through.
+//! `cargo bench -p plywave-capi --bench calls`. The two take turns in one run, 40 times; each line has the
+//! least times of both [ns a query], their ratio, and the median over the turns of the ratio of each turn,
+//! which the machine's other work disturbs least. Functions of C are called through pointers that the
+//! compiler cannot see through.
 
 #![allow(clippy::undocumented_unsafe_blocks)] // Of all blocks: live pointers of the lengths that the calls ask for.
 

@@ -1,4 +1,5 @@
-//! What `examples/ply.c` prints, by the Rust library itself: `capi/run_examples.sh` compares the two, digit by digit.
+//! What `examples/ply.c` prints, by the Rust library itself: `capi/run_examples.sh` compares the two, digit
+//! by digit.
 //!
 //! ```sh
 //! cargo run --release -p plywave-capi --example reference -- [MODEL.pwm]

@@ -1,4 +1,5 @@
-//! A prepared query: a model at one query, in memory of the caller, asked for any number of directions. One set of functions serves plies, fabrics and fibers.
+//! A prepared query: a model at one query, in memory of the caller, asked for any number of directions. One
+//! set of functions serves plies, fabrics and fibers.
 
 use crate::pointer::{
     disjoint, is_uniform, is_unit, pointer, put, slice, slice_mut, span, three, to_direction, to_random, uniform, unit,
@@ -10,11 +11,13 @@ use plywave::{Bsdf, BsdfSample, FiberBsdf, PlyBsdf};
 /// Most wavelengths or channels of a query.
 pub const PLYWAVE_MAX_COUNT: usize = 4;
 
-/// Words of memory of a prepared query: 6.5 KB with its tag, which the largest, a fabric at four wavelengths, takes.
+/// Words of memory of a prepared query: 6.5 KB with its tag, which the largest, a fabric at four wavelengths,
+/// takes.
 pub const PLYWAVE_BSDF_WORDS: usize = 814;
 
-/// A model at a query. The caller's memory, on the stack above all; what is in it is the library's. It owns nothing and needs no release; it may be copied and moved, and read by
-/// many threads. It is valid as long as the handles that it was prepared from: the model or fabric, and the slit and models of its query.
+/// A model at a query. The caller's memory, on the stack above all; what is in it is the library's. It owns
+/// nothing and needs no release; it may be copied and moved, and read by many threads. It is valid as long as
+/// the handles that it was prepared from: the model or fabric, and the slit and models of its query.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct PlywaveBsdf {
@@ -46,7 +49,8 @@ pub struct PlywaveSample {
     pub w: [f32; 3],
     /// f / pdf by wavelength, or what goes straight on over its probability; 0 beyond the count.
     pub weight: [f32; PLYWAVE_MAX_COUNT],
-    /// Density of the direction [1/sr], the chance of being scattered included; or the probability of going straight on.
+    /// Density of the direction [1/sr], the chance of being scattered included; or the probability of going
+    /// straight on.
     pub pdf: f32,
 }
 
@@ -111,7 +115,8 @@ pub(crate) unsafe trait Prepared: Copy + Send + Sync {
 /// Each type with its tag; it fits, is aligned, and is shared between threads.
 macro_rules! prepared_types {
     ($($kind:ident $type:ident $count:literal),* $(,)?) => {$(
-        // SAFETY: the type is Copy and made of numbers and references to the models; the tag names kind and count.
+        // SAFETY: the type is Copy and made of numbers and references to the models; the tag names kind and
+        // count.
         unsafe impl Prepared for $type<'_, $count> {
             const TAG: u64 = tag(PlywaveKind::$kind, $count);
         }
@@ -132,8 +137,8 @@ prepared_types!(
 #[inline(always)]
 pub(crate) unsafe fn prepare<T: Prepared>(bsdf: *mut PlywaveBsdf, make: impl FnOnce() -> T) -> Checked {
     pointer(bsdf, "bsdf")?;
-    // SAFETY: not null and aligned, the rest is the caller's; T fits and is no more aligned than the words, as `prepared_types` asserts. The tag comes last: after a panic
-    // the memory is not prepared.
+    // SAFETY: not null and aligned, the rest is the caller's; T fits and is no more aligned than the words,
+    // as `prepared_types` asserts. The tag comes last: after a panic the memory is not prepared.
     unsafe {
         (&raw mut (*bsdf).tag).write(0);
         (&raw mut (*bsdf).words).cast::<T>().write(make());
@@ -154,7 +159,8 @@ pub(crate) unsafe fn unprepare(bsdf: *mut PlywaveBsdf) {
 #[inline(always)]
 pub(crate) unsafe fn tag_of(bsdf: *const PlywaveBsdf) -> Checked<u64> {
     pointer(bsdf, "bsdf")?;
-    // SAFETY: not null and aligned; the rest is the caller's. Volatile: the compiler makes no guess about memory that C has.
+    // SAFETY: not null and aligned; the rest is the caller's. Volatile: the compiler makes no guess about
+    // memory that C has.
     Ok(unsafe { (&raw const (*bsdf).tag).read_volatile() })
 }
 
@@ -269,7 +275,8 @@ pub(crate) unsafe fn put_sample<const N: usize>(to: *mut PlywaveSample, sample: 
     Ok(())
 }
 
-/// f in direction `w` [1/sr], the cosine included, to the `count` numbers of `f`. What goes straight on is not in it.
+/// f in direction `w` [1/sr], the cosine included, to the `count` numbers of `f`. What goes straight on is
+/// not in it.
 ///
 /// `w`: 3 numbers, a unit vector. On an error nothing is written.
 #[unsafe(no_mangle)]
@@ -361,7 +368,8 @@ pub unsafe extern "C" fn plywave_bsdf_sample(
     })
 }
 
-/// Integral of f over the sphere, to the `count` numbers of `albedo`. Of a fabric with shadows at their mean over directions.
+/// Integral of f over the sphere, to the `count` numbers of `albedo`. Of a fabric with shadows at their mean
+/// over directions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_bsdf_albedo(
     bsdf: *const PlywaveBsdf,
@@ -376,7 +384,8 @@ pub unsafe extern "C" fn plywave_bsdf_albedo(
     })
 }
 
-/// Fraction of the light that goes straight on, unscattered, to the `count` numbers of `straight`; 0 for most models.
+/// Fraction of the light that goes straight on, unscattered, to the `count` numbers of `straight`; 0 for most
+/// models.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_bsdf_straight(
     bsdf: *const PlywaveBsdf,
@@ -408,9 +417,11 @@ pub unsafe extern "C" fn plywave_bsdf_outcomes(
     })
 }
 
-/// f and pdf in `n` directions at one query: of `w` `[n][3]`, to `f` `[n][count]` and `pdf` `[n]`. The fastest way to ask for many directions.
+/// f and pdf in `n` directions at one query: of `w` `[n][3]`, to `f` `[n][count]` and `pdf` `[n]`. The
+/// fastest way to ask for many directions.
 ///
-/// With a bad direction the status is that of the first, `error` has its index, and nothing is written. `n` = 0 does nothing.
+/// With a bad direction the status is that of the first, `error` has its index, and nothing is written. `n` =
+/// 0 does nothing.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_bsdf_eval_batch(
     bsdf: *const PlywaveBsdf,

@@ -1,4 +1,5 @@
-//! Models held to what they promise, as `plywave check` does: furnace, density and weights of the sampler, chi-square of its samples, stored values.
+//! Models held to what they promise, as `plywave check` does: furnace, density and weights of the sampler,
+//! chi-square of its samples, stored values.
 
 use crate::bsdf::{PlywaveBsdf, Prepared, as_prepared, not_prepared, tag_of, with_prepared};
 use crate::ply::PlywavePly;
@@ -87,7 +88,8 @@ fn part(found: Option<PartReport>, furnace: f64, is_sampled: bool) -> (PlywaveRe
     (PlywaveReport { passed: passed.into(), ..report(s, p.chi2_threshold, p.kept_error) }, true)
 }
 
-/// Holds a model to what it promises at `incidences` incidences (100 in `plywave check`), with `samples` samples each (20000 there) and random numbers of `seed` (1 there):
+/// Holds a model to what it promises at `incidences` incidences (100 in `plywave check`), with `samples`
+/// samples each (20000 there) and random numbers of `seed` (1 there):
 /// the checks of `plywave check` that need no table, and its numbers. It takes some 0.1 s an incidence.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_check(
@@ -133,9 +135,11 @@ pub unsafe extern "C" fn plywave_ply_check(
     })
 }
 
-/// Holds a prepared query to what it promises, with `samples` samples and random numbers of `seed`. The integrals take steps that resolve features of `sd_rad` (0.001 to 1)
-/// along latitude and azimuth: 0.01 suits most. It passes with weight times pdf = eval within 1e-3 and a p-value of 1e-4 or more; of plies and fibers furnace and integral of
-/// the pdf are held to 1e-3 too. The furnace of a single point of a fabric differs by what its shadows differ from their mean, and is reported only.
+/// Holds a prepared query to what it promises, with `samples` samples and random numbers of `seed`. The
+/// integrals take steps that resolve features of `sd_rad` (0.001 to 1) along latitude and azimuth: 0.01 suits
+/// most. It passes with weight times pdf = eval within 1e-3 and a p-value of 1e-4 or more; of plies and
+/// fibers furnace and integral of the pdf are held to 1e-3 too. The furnace of a single point of a fabric
+/// differs by what its shadows differ from their mean, and is reported only.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_bsdf_check(
     bsdf: *const PlywaveBsdf,

@@ -75,7 +75,8 @@ pub struct PlywaveYarnColor {
     pub sigma_per_um: f32,
 }
 
-/// How a fabric is shaded. Zeroed memory, or NULL in its place, is the whole model without speckle, in the colors of the spec.
+/// How a fabric is shaded. Zeroed memory, or NULL in its place, is the whole model without speckle, in the
+/// colors of the spec.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlywaveFabricOptions {
@@ -93,9 +94,11 @@ pub struct PlywaveFabricOptions {
     pub has_sigma: i32,
     /// One absorption [1/um] at every wavelength for all yarns; 0 for a white furnace.
     pub sigma_per_um: f32,
-    /// Not 0: the mean over the repeat is made ready, some seconds, for queries with a footprint. Without, footprints count as points.
+    /// Not 0: the mean over the repeat is made ready, some seconds, for queries with a footprint. Without,
+    /// footprints count as points.
     pub far: i32,
-    /// Not 0: slits between the fibers of all yarns, in place of those of the spec, `slit_width_um` and `slit_share` of them.
+    /// Not 0: slits between the fibers of all yarns, in place of those of the spec, `slit_width_um` and
+    /// `slit_share` of them.
     pub has_slits: i32,
     /// Their width [um], above 0 and at most 5.
     pub slit_width_um: f32,
@@ -115,31 +118,38 @@ pub struct PlywaveAsset {
     pub size: usize,
 }
 
-/// What fixes a shading point of a fabric. Zeroed memory is a fine start: what is 0 or NULL is left at its default; `count` and `wo` must be given.
+/// What fixes a shading point of a fabric. Zeroed memory is a fine start: what is 0 or NULL is left at its
+/// default; `count` and `wo` must be given.
 ///
 /// The surface's frame: x along the weft (along u), y along the warp (along v), z the normal of the face.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct PlywaveFabricQuery {
-    /// Point in the plane of the fabric [um], each within 1e10 of 0: uv times the size that a unit of uv has. Beyond 1e7, 10 m, its numbers are 1 um apart and more.
+    /// Point in the plane of the fabric [um], each within 1e10 of 0: uv times the size that a unit of uv has.
+    /// Beyond 1e7, 10 m, its numbers are 1 um apart and more.
     pub position_um: [f32; 2],
     /// Direction towards the viewer, unit.
     pub wo: [f32; 3],
     /// Number of wavelengths or channels: 1, 3 or 4.
     pub count: i32,
-    /// Wavelengths [um]. All 0 with a count of 3: 0.612, 0.549 and 0.464, those of red, green and blue. RGB channels need them too, for diffraction and speckle.
+    /// Wavelengths [um]. All 0 with a count of 3: 0.612, 0.549 and 0.464, those of red, green and blue. RGB
+    /// channels need them too, for diffraction and speckle.
     pub lambda_um: [f32; PLYWAVE_MAX_COUNT],
     /// A `PlywaveChannels`.
     pub channels: i32,
-    /// Angle by which the pattern is turned about the normal at the point [rad], within 1e6 of 0, from x towards y. The position is one of the turned pattern's plane, in the surface's axes.
+    /// Angle by which the pattern is turned about the normal at the point [rad], within 1e6 of 0, from x
+    /// towards y. The position is one of the turned pattern's plane, in the surface's axes.
     pub turn_rad: f32,
-    /// `[count]` absorptions [1/um] of the warp at the point, for textures and prints, or NULL for the fabric's own. Read during the call only.
+    /// `[count]` absorptions [1/um] of the warp at the point, for textures and prints, or NULL for the
+    /// fabric's own. Read during the call only.
     pub sigma_warp_per_um: *const f32,
     /// The same of the weft.
     pub sigma_weft_per_um: *const f32,
-    /// Models of the warp and the weft in place of the fabric's, from `plywave_ply_of_lines`, of the same ply radius and number of plies, or NULL. They must live as long as what is prepared with them.
+    /// Models of the warp and the weft in place of the fabric's, from `plywave_ply_of_lines`, of the same ply
+    /// radius and number of plies, or NULL. They must live as long as what is prepared with them.
     pub models: [*const PlywavePly; 2],
-    /// Diameter of the part of the cloth that the point stands for [um], as of a pixel: beyond a repeat the mean over it answers. 0 for a point, never below. See `far` of the options.
+    /// Diameter of the part of the cloth that the point stands for [um], as of a pixel: beyond a repeat the
+    /// mean over it answers. 0 for a point, never below. See `far` of the options.
     pub footprint_um: f32,
 }
 
@@ -268,8 +278,9 @@ unsafe fn query_of<'a, const N: usize>(q: &PlywaveFabricQuery) -> Checked<Fabric
     })
 }
 
-/// Reads a fabric spec (TOML) and the models that it names, which lie in its folder or below. `path` is UTF-8; `options` may be NULL. It takes a second or two: light between
-/// yarns is followed. On an error `*out` is NULL. Release it with `plywave_fabric_free`.
+/// Reads a fabric spec (TOML) and the models that it names, which lie in its folder or below. `path` is
+/// UTF-8; `options` may be NULL. It takes a second or two: light between yarns is followed. On an error
+/// `*out` is NULL. Release it with `plywave_fabric_free`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fabric_load(
     path: *const c_char,
@@ -287,7 +298,8 @@ pub unsafe extern "C" fn plywave_fabric_load(
     })
 }
 
-/// As `plywave_fabric_load`, of the text of a spec and the files that it names, `assets` `[n]`; `name` stands for the spec in messages.
+/// As `plywave_fabric_load`, of the text of a spec and the files that it names, `assets` `[n]`; `name` stands
+/// for the spec in messages.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fabric_from_memory(
     spec: *const c_char,
@@ -370,7 +382,8 @@ pub unsafe extern "C" fn plywave_fabric_name(
     })
 }
 
-/// What there is to know of a fabric, a line each: what was taken where its WIF says nothing or is wrong, layers that no yarn joins, and what a model does not hold. The buffer as in `plywave_ply_spec`.
+/// What there is to know of a fabric, a line each: what was taken where its WIF says nothing or is wrong,
+/// layers that no yarn joins, and what a model does not hold. The buffer as in `plywave_ply_spec`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fabric_notes(
     fabric: *const PlywaveFabric,
@@ -385,7 +398,8 @@ pub unsafe extern "C" fn plywave_fabric_notes(
     })
 }
 
-/// The same fabric in other colors, as a new handle; nothing is traced anew. `color_of` is a `PlywaveColorOf`; where it is not the fabric's, it takes tenths of a second.
+/// The same fabric in other colors, as a new handle; nothing is traced anew. `color_of` is a
+/// `PlywaveColorOf`; where it is not the fabric's, it takes tenths of a second.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fabric_with_colors(
     fabric: *const PlywaveFabric,
@@ -424,7 +438,8 @@ fn yarn_color(of: &PlywaveYarnColor) -> Checked<YarnColor> {
     }
 }
 
-/// The colors of the fabric, each once, and what becomes of them: the first `capacity` to `colors`, the number of all to `*count`.
+/// The colors of the fabric, each once, and what becomes of them: the first `capacity` to `colors`, the
+/// number of all to `*count`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fabric_colors(
     fabric: *const PlywaveFabric,
@@ -446,8 +461,9 @@ pub unsafe extern "C" fn plywave_fabric_colors(
     })
 }
 
-/// Absorptions [1/um] with which the cloth has `n` reflectances, 0 to 1, at wavelengths or in linear RGB: `sigma_per_um` may be `reflectance`. What is out of reach is clamped to
-/// clear or black fibers. Convert a texture once, not at every hit. With a bad entry nothing is written.
+/// Absorptions [1/um] with which the cloth has `n` reflectances, 0 to 1, at wavelengths or in linear RGB:
+/// `sigma_per_um` may be `reflectance`. What is out of reach is clamped to clear or black fibers. Convert a
+/// texture once, not at every hit. With a bad entry nothing is written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fabric_sigma_of_reflectance(
     fabric: *const PlywaveFabric,
@@ -485,7 +501,8 @@ pub unsafe extern "C" fn plywave_fabric_sigma_of_reflectance(
     })
 }
 
-/// Prepares the fabric at a query for any number of directions. On an error `bsdf` is not prepared, whatever was in it before.
+/// Prepares the fabric at a query for any number of directions. On an error `bsdf` is not prepared, whatever
+/// was in it before.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fabric_at(
     fabric: *const PlywaveFabric,
@@ -511,9 +528,11 @@ pub unsafe extern "C" fn plywave_fabric_at(
     status
 }
 
-/// f and pdf of `n` queries, one direction each: of `queries` `[n]` and `w` `[n][3]`, to `f` `[n][count]` and `pdf` `[n]`. All queries have the count of the first.
+/// f and pdf of `n` queries, one direction each: of `queries` `[n]` and `w` `[n][3]`, to `f` `[n][count]` and
+/// `pdf` `[n]`. All queries have the count of the first.
 ///
-/// With a bad entry the status is that of the first, `error` has its index, and all before it are written. `n` = 0 does nothing.
+/// With a bad entry the status is that of the first, `error` has its index, and all before it are written.
+/// `n` = 0 does nothing.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fabric_eval_batch(
     fabric: *const PlywaveFabric,
@@ -534,7 +553,8 @@ pub unsafe extern "C" fn plywave_fabric_eval_batch(
     })
 }
 
-/// Samples of `n` queries, one each: of `queries` `[n]` and `u` `[n][3]`, to `samples` `[n]`. As `plywave_fabric_eval_batch`.
+/// Samples of `n` queries, one each: of `queries` `[n]` and `u` `[n][3]`, to `samples` `[n]`. As
+/// `plywave_fabric_eval_batch`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fabric_sample_batch(
     fabric: *const PlywaveFabric,
@@ -554,7 +574,8 @@ pub unsafe extern "C" fn plywave_fabric_sample_batch(
     })
 }
 
-/// A model of a fabric as a handle of its own, of the yarn `thread` of the warp (`family` 0) or the weft (1): what it is, its spec, its check. Release it with `plywave_ply_free`.
+/// A model of a fabric as a handle of its own, of the yarn `thread` of the warp (`family` 0) or the weft (1):
+/// what it is, its spec, its check. Release it with `plywave_ply_free`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fabric_model(
     fabric: *const PlywaveFabric,

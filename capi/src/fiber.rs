@@ -41,9 +41,11 @@ pub struct PlywaveFiberQuery {
     pub count: i32,
     /// Wavelengths [um]. All 0 with a count of 3: 0.612, 0.549 and 0.464, those of red, green and blue.
     pub lambda_um: [f32; PLYWAVE_MAX_COUNT],
-    /// Offset of the ray from the center line over half the fiber's width, -1 to 1, or NULL for the mean over all. Tables hold that mean alone. Read during the call only.
+    /// Offset of the ray from the center line over half the fiber's width, -1 to 1, or NULL for the mean over
+    /// all. Tables hold that mean alone. Read during the call only.
     pub h_rel: *const f32,
-    /// Absorption of the fiber's inside [1/um], by wavelength: the color of an analytic fiber. Tables hold their own and ignore it.
+    /// Absorption of the fiber's inside [1/um], by wavelength: the color of an analytic fiber. Tables hold
+    /// their own and ignore it.
     pub sigma_per_um: [f32; PLYWAVE_MAX_COUNT],
 }
 
@@ -70,7 +72,8 @@ unsafe fn query_of<const N: usize>(q: &PlywaveFiberQuery) -> Checked<FiberQuery<
     Ok(FiberQuery { omega_i: q.omega_i, h_rel, lambda_um: wavelengths(&q.lambda_um)?, sigma_per_um })
 }
 
-/// Reads and checks a fiber table (.pwf), or the spec of an analytic fiber (.toml). `path` is UTF-8. On an error `*out` is NULL. Release it with `plywave_fiber_free`.
+/// Reads and checks a fiber table (.pwf), or the spec of an analytic fiber (.toml). `path` is UTF-8. On an
+/// error `*out` is NULL. Release it with `plywave_fiber_free`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fiber_load(
     path: *const c_char,
@@ -92,7 +95,8 @@ pub unsafe extern "C" fn plywave_fiber_load(
     })
 }
 
-/// As `plywave_fiber_load`, of the `size` bytes of a file; `name` stands for it in messages, and ends in `.toml` for a spec.
+/// As `plywave_fiber_load`, of the `size` bytes of a file; `name` stands for it in messages, and ends in
+/// `.toml` for a spec.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fiber_from_bytes(
     bytes: *const u8,
@@ -125,7 +129,8 @@ pub unsafe extern "C" fn plywave_fiber_free(fiber: *mut PlywaveFiber) {
     });
 }
 
-/// Diameter of the cylinder that a ray must meet for the fiber to scatter it, whatever the direction and wavelength [um].
+/// Diameter of the cylinder that a ray must meet for the fiber to scatter it, whatever the direction and
+/// wavelength [um].
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fiber_max_width(
     fiber: *const PlywaveFiber,
@@ -138,7 +143,8 @@ pub unsafe extern "C" fn plywave_fiber_max_width(
     })
 }
 
-/// Color of an analytic fiber by its spec: three wavelengths [um] to `lambda_um` `[3]`, absorption at them [1/um] to `sigma_per_um` `[3]`, as a query takes them. Of a table, which holds its own, all are 0.
+/// Color of an analytic fiber by its spec: three wavelengths [um] to `lambda_um` `[3]`, absorption at them
+/// [1/um] to `sigma_per_um` `[3]`, as a query takes them. Of a table, which holds its own, all are 0.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fiber_color(
     fiber: *const PlywaveFiber,
@@ -156,7 +162,8 @@ pub unsafe extern "C" fn plywave_fiber_color(
     })
 }
 
-/// Prepares the fiber at a query for any number of directions. On an error `bsdf` is not prepared, whatever was in it before. The widths from which it takes light are in `plywave_bsdf_info`.
+/// Prepares the fiber at a query for any number of directions. On an error `bsdf` is not prepared, whatever
+/// was in it before. The widths from which it takes light are in `plywave_bsdf_info`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fiber_at(
     fiber: *const PlywaveFiber,
@@ -182,9 +189,11 @@ pub unsafe extern "C" fn plywave_fiber_at(
     status
 }
 
-/// f and pdf of `n` queries, one direction each: of `queries` `[n]` and `w` `[n][3]`, to `f` `[n][count]` and `pdf` `[n]`. All queries have the count of the first.
+/// f and pdf of `n` queries, one direction each: of `queries` `[n]` and `w` `[n][3]`, to `f` `[n][count]` and
+/// `pdf` `[n]`. All queries have the count of the first.
 ///
-/// With a bad entry the status is that of the first, `error` has its index, and all before it are written. `n` = 0 does nothing.
+/// With a bad entry the status is that of the first, `error` has its index, and all before it are written.
+/// `n` = 0 does nothing.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fiber_eval_batch(
     fiber: *const PlywaveFiber,
@@ -205,7 +214,8 @@ pub unsafe extern "C" fn plywave_fiber_eval_batch(
     })
 }
 
-/// Samples of `n` queries, one each: of `queries` `[n]` and `u` `[n][3]`, to `samples` `[n]`. As `plywave_fiber_eval_batch`.
+/// Samples of `n` queries, one each: of `queries` `[n]` and `u` `[n][3]`, to `samples` `[n]`. As
+/// `plywave_fiber_eval_batch`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fiber_sample_batch(
     fiber: *const PlywaveFiber,

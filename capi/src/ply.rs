@@ -36,7 +36,8 @@ pub struct PlywaveInstance {
     pub ply_id: u32,
     /// Position along its fibers [um].
     pub position_um: f32,
-    /// Length and width of a grain, which has the same patterns [um]; 0 for one instance for the whole ply. Twice the beam's waist suits.
+    /// Length and width of a grain, which has the same patterns [um]; 0 for one instance for the whole ply.
+    /// Twice the beam's waist suits.
     pub grain_um: f32,
 }
 
@@ -54,9 +55,11 @@ pub struct PlywaveLayer {
     pub transmitted_diffuse: [f32; PLYWAVE_MAX_COUNT],
 }
 
-/// What fixes a shading point of a ply. Zeroed memory is a fine start: what is 0 or NULL is left at its default.
+/// What fixes a shading point of a ply. Zeroed memory is a fine start: what is 0 or NULL is left at its
+/// default.
 ///
-/// The ply's frame: z along the ply, light comes from `(0, cos theta_i, sin theta_i)`, `h_um` is the x coordinate of the beam's center.
+/// The ply's frame: z along the ply, light comes from `(0, cos theta_i, sin theta_i)`, `h_um` is the x
+/// coordinate of the beam's center.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct PlywavePlyQuery {
@@ -70,15 +73,18 @@ pub struct PlywavePlyQuery {
     pub sigma_per_um: [f32; PLYWAVE_MAX_COUNT],
     /// Wavelengths [um]. All 0 with a count of 3: 0.612, 0.549 and 0.464, those of red, green and blue.
     pub lambda_um: [f32; PLYWAVE_MAX_COUNT],
-    /// Not 0: light that passes beside the ply goes straight on. 0: it is diffracted at the ply's edge, where the model has edge lobes.
+    /// Not 0: light that passes beside the ply goes straight on. 0: it is diffracted at the ply's edge, where
+    /// the model has edge lobes.
     pub no_edge: i32,
-    /// Not 0: every call interpolates the lobes anew. 0: `plywave_ply_at` does it once. The batches of queries never keep them, whatever is here.
+    /// Not 0: every call interpolates the lobes anew. 0: `plywave_ply_at` does it once. The batches of
+    /// queries never keep them, whatever is here.
     pub uncached: i32,
     /// Small gaps between the fibers, or NULL. Must live as long as what is prepared with it.
     pub slit: *const PlywaveSlit,
     /// Speckle patterns, or NULL for the smooth model. Read during the call only.
     pub instance: *const PlywaveInstance,
-    /// A second layer below, or NULL. Read during the call only. Without effect for a model without layer factors.
+    /// A second layer below, or NULL. Read during the call only. Without effect for a model without layer
+    /// factors.
     pub below: *const PlywaveLayer,
 }
 
@@ -104,7 +110,8 @@ pub struct PlywavePlyInfo {
     pub w0_um: f64,
     /// Distance beyond which the beam counts as dark [um].
     pub d_cut_um: f64,
-    /// Greatest difference of eval on this machine from the values stored in the file, relative to the greatest of them; 1e-3 and less is fine.
+    /// Greatest difference of eval on this machine from the values stored in the file, relative to the
+    /// greatest of them; 1e-3 and less is fine.
     pub reference_error: f64,
     /// Plies of the yarn that the model is of.
     pub plies: i32,
@@ -153,7 +160,9 @@ fn layer_of<const N: usize>(of: &PlywaveLayer) -> Checked<Layer<N>> {
     })
 }
 
-/// Reads and checks a ply model (.pwm), or one that is named without folder and ending, NAME for NAME.pwm, from the folders of the variable PLYWAVE_MODELS. `path` is UTF-8. On an error `*out` is NULL. Release it with `plywave_ply_free`.
+/// Reads and checks a ply model (.pwm), or one that is named without folder and ending, NAME for NAME.pwm,
+/// from the folders of the variable PLYWAVE_MODELS. `path` is UTF-8. On an error `*out` is NULL. Release it
+/// with `plywave_ply_free`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_load(
     path: *const c_char,
@@ -188,8 +197,8 @@ pub unsafe extern "C" fn plywave_ply_from_bytes(
     })
 }
 
-/// A model's ply in single lines instead of a beam, for `PlywaveFabricQuery.models`: its light that is missed is the chance of a line, not the mean of a beam. Release it with
-/// `plywave_ply_free`.
+/// A model's ply in single lines instead of a beam, for `PlywaveFabricQuery.models`: its light that is missed
+/// is the chance of a line, not the mean of a beam. Release it with `plywave_ply_free`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_of_lines(
     ply: *const PlywavePly,
@@ -249,7 +258,8 @@ pub unsafe extern "C" fn plywave_ply_info(
     })
 }
 
-/// The text of the yarn spec that a model was made of, with a 0 at its end, to a buffer of `size` bytes; its length without that 0 to `*length`, which may be NULL.
+/// The text of the yarn spec that a model was made of, with a 0 at its end, to a buffer of `size` bytes; its
+/// length without that 0 to `*length`, which may be NULL.
 /// With `PLYWAVE_STATUS_BUFFER_TOO_SMALL`, as with NULL and 0, `*length` + 1 bytes are needed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_spec(
@@ -265,7 +275,8 @@ pub unsafe extern "C" fn plywave_ply_spec(
     })
 }
 
-/// A layer of this ply's yarns at a latitude [rad], for `count` absorptions [1/um]; what lies below another ply. `PLYWAVE_STATUS_MISSING` for a model without layer factors.
+/// A layer of this ply's yarns at a latitude [rad], for `count` absorptions [1/um]; what lies below another
+/// ply. `PLYWAVE_STATUS_MISSING` for a model without layer factors.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_layer(
     ply: *const PlywavePly,
@@ -297,7 +308,8 @@ pub unsafe extern "C" fn plywave_ply_layer(
     })
 }
 
-/// A slit between the fibers of a model's ply, `width_um` wide (above 0, at most 5), through which `share` of the forward light goes (0.25 in the paper).
+/// A slit between the fibers of a model's ply, `width_um` wide (above 0, at most 5), through which `share` of
+/// the forward light goes (0.25 in the paper).
 /// Release it with `plywave_slit_free`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_slit_new(
@@ -331,7 +343,8 @@ pub unsafe extern "C" fn plywave_slit_free(slit: *mut PlywaveSlit) {
     });
 }
 
-/// Prepares the model at a query for any number of directions. On an error `bsdf` is not prepared, whatever was in it before.
+/// Prepares the model at a query for any number of directions. On an error `bsdf` is not prepared, whatever
+/// was in it before.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_at(
     ply: *const PlywavePly,
@@ -357,9 +370,11 @@ pub unsafe extern "C" fn plywave_ply_at(
     status
 }
 
-/// f and pdf of `n` queries, one direction each: of `queries` `[n]` and `w` `[n][3]`, to `f` `[n][count]` and `pdf` `[n]`. All queries have the count of the first.
+/// f and pdf of `n` queries, one direction each: of `queries` `[n]` and `w` `[n][3]`, to `f` `[n][count]` and
+/// `pdf` `[n]`. All queries have the count of the first.
 ///
-/// With a bad entry the status is that of the first, `error` has its index, and all before it are written. `n` = 0 does nothing.
+/// With a bad entry the status is that of the first, `error` has its index, and all before it are written.
+/// `n` = 0 does nothing.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_eval_batch(
     ply: *const PlywavePly,
@@ -380,7 +395,8 @@ pub unsafe extern "C" fn plywave_ply_eval_batch(
     })
 }
 
-/// Samples of `n` queries, one each: of `queries` `[n]` and `u` `[n][3]`, to `samples` `[n]`. As `plywave_ply_eval_batch`.
+/// Samples of `n` queries, one each: of `queries` `[n]` and `u` `[n][3]`, to `samples` `[n]`. As
+/// `plywave_ply_eval_batch`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_sample_batch(
     ply: *const PlywavePly,
@@ -400,9 +416,10 @@ pub unsafe extern "C" fn plywave_ply_sample_batch(
     })
 }
 
-/// f_refl + f_high alone, without edge light, of `n` queries as arrays: `theta_i` `[n]` [rad], `h_um` `[n]`, `sigma_per_um` `[n][count]`, components of the directions
-/// `x`, `y`, `z` `[n]`, to `f` `[n][count]` [1/sr]. The fastest way to ask for many queries: it works on 16 at a time. Nothing is checked entry by entry: where a number is
-/// not finite, the ply is missed and f is 0.
+/// f_refl + f_high alone, without edge light, of `n` queries as arrays: `theta_i` `[n]` [rad], `h_um` `[n]`,
+/// `sigma_per_um` `[n][count]`, components of the directions `x`, `y`, `z` `[n]`, to `f` `[n][count]` [1/sr].
+/// The fastest way to ask for many queries: it works on 16 at a time. Nothing is checked entry by entry:
+/// where a number is not finite, the ply is missed and f is 0.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_lobes_batch(
     ply: *const PlywavePly,

@@ -1,7 +1,8 @@
 //! What comes in from C: pointers and numbers, checked as far as C allows.
 //!
-//! A pointer can be null, misaligned, or of a length that no memory has: these are errors. That it points to live memory of that length and is not written meanwhile
-//! is the caller's part, and the safety condition of every `unsafe fn` here.
+//! A pointer can be null, misaligned, or of a length that no memory has: these are errors. That it points to
+//! live memory of that length and is not written meanwhile is the caller's part, and the safety condition of
+//! every `unsafe fn` here.
 
 use crate::status::{Checked, PlywaveStatus, failure, invalid};
 use std::ffi::{CStr, c_char};
@@ -103,7 +104,8 @@ pub(crate) unsafe fn numbers<const K: usize>(p: *const f32, name: &str) -> Check
     Ok(unsafe { p.cast::<[f32; K]>().read() })
 }
 
-/// Three numbers, read one by one. No `Result` carries them: its pieces are of other sizes than theirs, and an array that goes through memory in such pieces costs a call 10 ns.
+/// Three numbers, read one by one. No `Result` carries them: its pieces are of other sizes than theirs, and
+/// an array that goes through memory in such pieces costs a call 10 ns.
 ///
 /// # Safety
 /// The pointer was checked, and three numbers are there.

@@ -1,4 +1,5 @@
-//! Errors as codes and messages in memory of the caller, and the one way over the border: every function runs inside [`guard`].
+//! Errors as codes and messages in memory of the caller, and the one way over the border: every function runs
+//! inside [`guard`].
 
 use plywave::Error;
 use std::any::Any;
@@ -13,7 +14,8 @@ pub enum PlywaveStatus {
     Ok = 0,
     /// A pointer that must not be null is null.
     NullPointer = 1,
-    /// An argument has a value that is not allowed: not a finite number, a direction that is no unit vector, a number out of range, a misaligned pointer, arrays that overlap.
+    /// An argument has a value that is not allowed: not a finite number, a direction that is no unit vector,
+    /// a number out of range, a misaligned pointer, arrays that overlap.
     InvalidArgument = 2,
     /// A `PlywaveBsdf` was not prepared, or its preparation failed.
     NotPrepared = 3,
@@ -27,7 +29,8 @@ pub enum PlywaveStatus {
     Format = 7,
     /// A file is well formed and holds a value that is not allowed.
     InvalidFile = 8,
-    /// A defect of the library, caught at the border. What the call was to write is undefined; handles stay usable.
+    /// A defect of the library, caught at the border. What the call was to write is undefined; handles stay
+    /// usable.
     Panic = 9,
 }
 
@@ -37,7 +40,8 @@ pub const PLYWAVE_MESSAGE_SIZE: usize = 496;
 /// Index of an error that belongs to no entry of an array.
 pub const PLYWAVE_NO_INDEX: u64 = u64::MAX;
 
-/// What went wrong. The caller's memory: each call takes a pointer to one, or NULL. It is written only where the status is not `PLYWAVE_STATUS_OK`.
+/// What went wrong. The caller's memory: each call takes a pointer to one, or NULL. It is written only where
+/// the status is not `PLYWAVE_STATUS_OK`.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct PlywaveError {
@@ -102,7 +106,8 @@ impl From<Error> for Box<Failure> {
 /// Runs the body of a function: no panic leaves it, and a failure is written to the caller's error.
 #[inline(always)]
 pub(crate) fn guard(error: *mut PlywaveError, body: impl FnOnce() -> Checked) -> PlywaveStatus {
-    // What a body borrows is the caller's memory, read-only models, or written before it is read: nothing half-done is seen after a panic.
+    // What a body borrows is the caller's memory, read-only models, or written before it is read: nothing
+    // half-done is seen after a panic.
     match catch_unwind(AssertUnwindSafe(body)) {
         Ok(Ok(())) => PlywaveStatus::Ok,
         Ok(Err(failure)) => report(error, &failure),
@@ -149,7 +154,8 @@ impl FloorCharBoundary for String {
     }
 }
 
-/// Name of a status as in C, such as `"PLYWAVE_STATUS_NULL_POINTER"`; `"unknown status"` for other numbers. Never NULL.
+/// Name of a status as in C, such as `"PLYWAVE_STATUS_NULL_POINTER"`; `"unknown status"` for other numbers.
+/// Never NULL.
 #[unsafe(no_mangle)]
 pub extern "C" fn plywave_status_name(status: i32) -> *const c_char {
     let name = match status {

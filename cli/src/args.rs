@@ -25,7 +25,8 @@ use clap::{Parser, Subcommand};
 use plywave::io::ModelLibrary;
 use std::path::PathBuf;
 
-/// Simulates how a ply of fibers scatters light, fits a compact model to it, and inspects, checks, compares and plots models.
+/// Simulates how a ply of fibers scatters light, fits a compact model to it, and inspects, checks, compares
+/// and plots models.
 #[derive(Debug, Parser)]
 #[command(name = "plywave", version, max_term_width = 110)]
 pub struct Cli {
@@ -41,7 +42,8 @@ pub struct Cli {
     /// Number of threads; results do not depend on it [default: one a core].
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub threads: Option<u32>,
-    /// Folder of models that are named without folder and ending, NAME for NAME.pwm; asked before those of the variable PLYWAVE_MODELS and the models that ship.
+    /// Folder of models that are named without folder and ending, NAME for NAME.pwm; asked before those of
+    /// the variable PLYWAVE_MODELS and the models that ship.
     #[arg(long, global = true, value_name = "DIR")]
     pub models: Option<PathBuf>,
 }
@@ -72,7 +74,8 @@ pub enum Command {
     Fit(FitArgs),
     /// Simulate and fit in one go. Without a spec: polyester, compiled in, at preview quality.
     Build(BuildArgs),
-    /// Make a continuous family of yarns of a spec with ranges: spec (TOML) in, family (.pwfam) out; or take a model (.pwm) out of a family.
+    /// Make a continuous family of yarns of a spec with ranges: spec (TOML) in, family (.pwfam) out; or take
+    /// a model (.pwm) out of a family.
     Family(FamilyArgs),
     /// Tell what a yarn spec, a table, a model, a fiber or a file of speckle patterns holds.
     Info(InfoArgs),
@@ -80,11 +83,13 @@ pub enum Command {
     Eval(EvalArgs),
     /// Sample outgoing directions of a model at one incidence, as CSV lines.
     Sample(SampleArgs),
-    /// Check a model: furnace, eval against weight times pdf, chi-square of sampling, fit error of every slice. Exit code 1 when one fails.
+    /// Check a model: furnace, eval against weight times pdf, chi-square of sampling, fit error of every
+    /// slice. Exit code 1 when one fails.
     Check(CheckArgs),
     /// Compare two models, or two tables, slice by slice. Exit code 1 beyond the tolerance.
     Diff(DiffArgs),
-    /// Draw a table or a model as PNG or SVG: false-color maps, energy budget, fit errors; of speckle patterns curves and covariances.
+    /// Draw a table or a model as PNG or SVG: false-color maps, energy budget, fit errors; of speckle
+    /// patterns curves and covariances.
     Plot(PlotArgs),
     /// Join the parts of a run that was shared out with --shards: parts (.pwp) in, what the run makes out.
     Merge(MergeArgs),
@@ -92,19 +97,24 @@ pub enum Command {
     Noise(NoiseArgs),
     /// Turn a color or a reflectance into the absorption of a model's fibers, by inverting its albedo.
     Color(ColorArgs),
-    /// Draw the weave of a fabric: fabric spec (TOML) in, folder with textures (PNG) and a sheet to look at out.
+    /// Draw the weave of a fabric: fabric spec (TOML) in, folder with textures (PNG) and a sheet to look at
+    /// out.
     Weave(WeaveArgs),
-    /// Trace the explicit fibers of a cloth, with no model in between: fabric spec (TOML) in, its twin (.pwx) out, which `check` holds the fabric to.
+    /// Trace the explicit fibers of a cloth, with no model in between: fabric spec (TOML) in, its twin (.pwx)
+    /// out, which `check` holds the fabric to.
     Twin(TwinArgs),
-    /// Make the files of a library on many machines, by Dask: library file (TOML) in, models, tables, twins and a page that shows them out.
+    /// Make the files of a library on many machines, by Dask: library file (TOML) in, models, tables, twins
+    /// and a page that shows them out.
     Farm(FarmArgs),
     /// Wave optics of parallel fibers.
     Wave(WaveArgs),
-    /// Compare wave and ray optics over instances of a ply's cross section: spec (TOML) in, folder with report.json and compare.png out.
+    /// Compare wave and ray optics over instances of a ply's cross section: spec (TOML) in, folder with
+    /// report.json and compare.png out.
     Compare(CompareArgs),
     /// Render a fabric in a ready-made scene: fabric spec (TOML) in, PNG and EXR out.
     Render(RenderArgs),
-    /// Render the gallery: the fabrics that ship, front-lit and back-lit, and what each part of the model does to them. A folder of PNGs with an index out.
+    /// Render the gallery: the fabrics that ship, front-lit and back-lit, and what each part of the model
+    /// does to them. A folder of PNGs with an index out.
     Gallery(GalleryArgs),
     /// Print completions for a shell: bash, elvish, fish, powershell or zsh.
     Completions(CompletionsArgs),

@@ -1,4 +1,5 @@
-//! What a file is, by its first bytes, and which kinds each command takes: one given the wrong kind says which it is and which it needs.
+//! What a file is, by its first bytes, and which kinds each command takes: one given the wrong kind says
+//! which it is and which it needs.
 
 use crate::args::{Cli, Command, WaveCommand};
 use crate::failure::{Failure, Outcome, one_line};
@@ -202,8 +203,8 @@ fn listed(kinds: &[Kind]) -> String {
     }
 }
 
-/// Refuses a file that is not there, and one that is known to be of none of the kinds that a command takes. What cannot be told by its first bytes is left to
-/// the loader.
+/// Refuses a file that is not there, and one that is known to be of none of the kinds that a command takes.
+/// What cannot be told by its first bytes is left to the loader.
 fn require(path: &Path, wanted: &[Kind]) -> Outcome {
     if wanted.contains(&Kind::Model) && is_named(path) {
         return Ok(());
@@ -240,7 +241,8 @@ fn require(path: &Path, wanted: &[Kind]) -> Outcome {
     }
 }
 
-/// The error of loading a file that another one names; that it is not there, or of another kind than wanted, where that is why.
+/// The error of loading a file that another one names; that it is not there, or of another kind than wanted,
+/// where that is why.
 pub fn explain(path: &Path, wanted: &[Kind], error: impl Into<Failure>) -> Failure {
     require(path, wanted).err().unwrap_or_else(|| error.into())
 }

@@ -39,8 +39,8 @@ fn is_same(a: &Path, b: &Path) -> bool {
     matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
-/// Refuses an output path that cannot be written, before any work is done: its folder must exist and take a new file; the path itself must be a regular file or
-/// none, and not one of the command's inputs.
+/// Refuses an output path that cannot be written, before any work is done: its folder must exist and take a
+/// new file; the path itself must be a regular file or none, and not one of the command's inputs.
 pub fn check_writable(path: &Path, inputs: &[&Path]) -> Outcome {
     let refuse = |what: String, hint: &str| Err(Failure::input(path.display(), "-o", what, hint));
     if inputs.iter().any(|input| is_same(input, path)) {
@@ -64,7 +64,8 @@ pub fn check_writable(path: &Path, inputs: &[&Path]) -> Outcome {
     }
 }
 
-/// Refuses a folder to be written that could not be made, or that holds what is not from an earlier run: an existing one must be empty or hold `mark`.
+/// Refuses a folder to be written that could not be made, or that holds what is not from an earlier run: an
+/// existing one must be empty or hold `mark`.
 pub fn check_folder(path: &Path, mark: &str, inputs: &[&Path]) -> Outcome {
     let refuse = |what: String, hint: &str| Err(Failure::input(path.display(), "-o", what, hint));
     if !path.exists() {
@@ -95,7 +96,8 @@ impl Drop for Held {
     }
 }
 
-/// Keeps other runs from an output while the result lives, by a locked file of its name beside it; refuses one that another run holds.
+/// Keeps other runs from an output while the result lives, by a locked file of its name beside it; refuses
+/// one that another run holds.
 pub fn hold(path: &Path) -> Outcome<Held> {
     let target = plywave::io::output_target(path)?;
     let name = target.file_name().unwrap_or_default().to_string_lossy();

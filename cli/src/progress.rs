@@ -1,4 +1,5 @@
-//! Progress on stderr: a bar on a terminal, else a line every ten seconds; nothing with `--quiet`. And Ctrl-C and SIGTERM.
+//! Progress on stderr: a bar on a terminal, else a line every ten seconds; nothing with `--quiet`. And Ctrl-C
+//! and SIGTERM.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use plywave_pipeline::{Progress, Stage};
@@ -16,12 +17,14 @@ const LINES_EVERY: Duration = Duration::from_secs(10);
 pub static STOP: AtomicBool = AtomicBool::new(false);
 static STOPPABLE: AtomicBool = AtomicBool::new(false);
 
-/// Makes the first Ctrl-C or SIGTERM stop the work in good order where it can be, else (and the second one always) end the program at once.
+/// Makes the first Ctrl-C or SIGTERM stop the work in good order where it can be, else (and the second one
+/// always) end the program at once.
 /// Shards already written stay whole either way.
 pub fn install_stop() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
-        // A file beyond the limit of its size is then a failed write with a message, not the end of the program. Without room for a handler it stays that.
+        // A file beyond the limit of its size is then a failed write with a message, not the end of the
+        // program. Without room for a handler it stays that.
         #[cfg(unix)]
         let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());
         let handler = || {
@@ -34,7 +37,8 @@ pub fn install_stop() {
                 std::process::exit(130);
             }
         };
-        // Fails only when the system has no room for a handler: Ctrl-C then ends the program at once, and --resume still works.
+        // Fails only when the system has no room for a handler: Ctrl-C then ends the program at once, and
+        // --resume still works.
         let _ = ctrlc::set_handler(handler);
     });
 }

@@ -1,4 +1,5 @@
-//! What renders of fabrics and of strands have in common: the files that they write, what sums must agree with, the work with its bar, and what is said of it.
+//! What renders of fabrics and of strands have in common: the files that they write, what sums must agree
+//! with, the work with its bar, and what is said of it.
 
 use crate::args::{Cli, RenderArgs};
 use crate::commands::on_threads;
@@ -67,7 +68,8 @@ impl Outputs {
         [self.png.as_deref(), self.exr.as_deref(), Some(self.sums.as_path())].into_iter().flatten()
     }
 
-    /// Refuses outputs that cannot be written, and those of a run that is under way; keeps others from them while the result lives.
+    /// Refuses outputs that cannot be written, and those of a run that is under way; keeps others from them
+    /// while the result lives.
     pub fn hold(&self, inputs: &[&Path]) -> Outcome<Vec<Held>> {
         self.each().try_for_each(|path| output::check_writable(path, inputs))?;
         self.each().map(output::hold).collect()

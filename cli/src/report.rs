@@ -64,7 +64,8 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// Of a model's stored fit errors. A stored 0 says that noise hid the error: it counts as unknown, not as perfect.
+    /// Of a model's stored fit errors. A stored 0 says that noise hid the error: it counts as unknown, not as
+    /// perfect.
     pub fn of_errors(values: impl IntoIterator<Item = f64>) -> Self {
         Self::from_values(values.into_iter().filter(|v| *v > 0.0))
     }

@@ -1,11 +1,12 @@
-//! Cost of L-BFGS-B itself: extended Rosenbrock with bounds, by the plain function, by argmin's executor, by basin's executor.
+//! Cost of L-BFGS-B itself: extended Rosenbrock with bounds, by the plain function, by argmin's executor, by
+//! basin's executor.
 //!
 //! ```sh
 //! cargo bench -p plywave-fit --bench lbfgsb
 //! ```
 //!
-//! The objective is a dozen operations a pair of variables, so that what is timed is the algorithm. All three do the same
-//! evaluations.
+//! The objective is a dozen operations a pair of variables, so that what is timed is the algorithm. All three
+//! do the same evaluations.
 
 use argmin::core::{Executor, State};
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};

@@ -50,9 +50,10 @@ pub enum Part {
     High,
 }
 
-/// Fits `lobes` lobes to each slice of `table` at `nodes` alone and returns the excess error of each against `other`, a table of
-/// the same yarn and grids and another seed: the floor of what a model of so many lobes can reach. Squared, and below zero where
-/// the slice has less noise than expected, so that means are not biased; NaN where noise hides it.
+/// Fits `lobes` lobes to each slice of `table` at `nodes` alone and returns the excess error of each against
+/// `other`, a table of the same yarn and grids and another seed: the floor of what a model of so many lobes
+/// can reach. Squared, and below zero where the slice has less noise than expected, so that means are not
+/// biased; NaN where noise hides it.
 pub fn fit_single_slices(
     table: &Table,
     other: &Table,

@@ -49,7 +49,8 @@ pub struct DiffReport {
     pub refl_between: Vec<f64>,
     /// `[M-1][H-1]`: of f_high at sigma = 0 at the centers of the cells.
     pub high_between: Vec<f64>,
-    /// Largest difference of r_d, the energy of f_refl or of f_high at sigma_k over the nodes and half way between them.
+    /// Largest difference of r_d, the energy of f_refl or of f_high at sigma_k over the nodes and half way
+    /// between them.
     pub energy: f64,
     /// Drift of the reflection lobes over all nodes; none when the models differ in their number.
     pub drift_refl: Option<LobeDrift>,

@@ -1,11 +1,12 @@
-//! Edge lobes (Yu 2025, 6.1): one lobe for each (wavelength, e = R - |h|), fitted to the far field of a beam cut by the half plane x > e.
+//! Edge lobes (Yu 2025, 6.1): one lobe for each (wavelength, e = R - |h|), fitted to the far field of a beam
+//! cut by the half plane x > e.
 //!
-//! The aperture is `[e, d_cut] x [-d_cut, d_cut]` (Eq. 17), the beam's center at the origin, incidence normal. Pattern and lobe have equal
-//! energy, and the two bandwidths minimize their squared distance over the hemisphere. At e = d_cut the aperture has closed; the node there is
-//! the limit of a narrow slit.
+//! The aperture is `[e, d_cut] x [-d_cut, d_cut]` (Eq. 17), the beam's center at the origin, incidence
+//! normal. Pattern and lobe have equal energy, and the two bandwidths minimize their squared distance over
+//! the hemisphere. At e = d_cut the aperture has closed; the node there is the limit of a narrow slit.
 //!
-//! The same bandwidths hold for tilted light: across the ply nothing changes, and along it the longer cross section of the tilted beam
-//! compensates for the foreshortened plane (test: `lobes_hold_for_tilted_light`).
+//! The same bandwidths hold for tilted light: across the ply nothing changes, and along it the longer cross
+//! section of the tilted beam compensates for the foreshortened plane (test: `lobes_hold_for_tilted_light`).
 
 use crate::optimize::minimize::{MinimizeOptions, minimize_bounded};
 use plywave::math::faddeeva::diffraction_factor;
@@ -26,7 +27,8 @@ pub struct EdgeOptions {
 }
 
 impl Default for EdgeOptions {
-    /// Visible light in steps of 0.05 um, e in steps of a sixteenth of d_cut: interpolation then adds less than the lobe's own misfit.
+    /// Visible light in steps of 0.05 um, e in steps of a sixteenth of d_cut: interpolation then adds less
+    /// than the lobe's own misfit.
     fn default() -> Self {
         EdgeOptions { lambda_um: [0.38, 0.78], lambdas: 9, insides: 33 }
     }
@@ -81,8 +83,8 @@ pub fn edge_error(beam: &GaussianBeam, lambda_um: f64, inside_um: f64, ln_mu: [f
 /// Least width [um] of an aperture, for the node where it has closed.
 const MIN_WIDTH_UM: f64 = 1e-3;
 
-/// A quarter of the forward hemisphere (pattern and lobe are even in u and w), in the variables u and psi, the angle about x, whose
-/// area element is that of the sphere. Nodes are [u^2, w^2, cosine, area].
+/// A quarter of the forward hemisphere (pattern and lobe are even in u and w), in the variables u and psi,
+/// the angle about x, whose area element is that of the sphere. Nodes are [u^2, w^2, cosine, area].
 struct Hemisphere<'a> {
     beam: &'a GaussianBeam,
     lambda_um: f64,
@@ -211,7 +213,8 @@ mod tests {
         }
     }
 
-    /// A beam that passes far from the ply keeps its own divergence; cut in its middle, it spreads across the ply and not along it.
+    /// A beam that passes far from the ply keeps its own divergence; cut in its middle, it spreads across the
+    /// ply and not along it.
     #[test]
     fn uncut_beam_keeps_its_divergence() {
         let options = EdgeOptions { lambda_um: [0.45, 0.65], lambdas: 2, insides: 3 };
@@ -224,14 +227,15 @@ mod tests {
             assert!((open1 - beam).abs() < 0.05 && (open2 - beam).abs() < 0.05, "{open1} {open2} {beam}");
             assert!(fit.error[l * 3] < 0.05, "{}", fit.error[l * 3]);
             let [half1, half2] = node(1);
-            // Energy that the lobe cannot put into the tails across the ply broadens it along the ply too, by 6 %.
+            // Energy that the lobe cannot put into the tails across the ply broadens it along the ply too, by
+            // 6 %.
             assert!(half1 < beam - 0.5 && (half2 - beam).abs() < 0.2, "{half1} {half2} {beam}");
             assert!(node(2)[0] < 3.0, "a slit of no width spreads over all angles: {}", node(2)[0]);
         }
     }
 
-    /// Relative L2 distance of the lobe from the integral of light at latitude `tilt`, whose cross section along the ply is longer by
-    /// 1/cos(tilt).
+    /// Relative L2 distance of the lobe from the integral of light at latitude `tilt`, whose cross section
+    /// along the ply is longer by 1/cos(tilt).
     fn tilted_error(lobe: &plywave::ply::asg::Lobe, lambda: f64, inside: f64, tilt: f64) -> f64 {
         let (s, c) = tilt.sin_cos();
         let (d, w0) = (BEAM.d_cut_um, BEAM.w0_um);

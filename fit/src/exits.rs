@@ -1,8 +1,10 @@
 //! Where light leaves a ply, from the exits that a table recorded.
 //!
-//! At an incidence, an absorption and an azimuth the table has the distribution of the lateral position t at which light leaves. The polynomials of the azimuth
-//! (`plywave::ply::ExitOffsets`) are those nearest to its mean, in least squares weighted by the light of the azimuth, each absorption alike. About these means the densities have the
-//! lengths, one a kind for all incidences, whose cumulative shares come nearest to the recorded ones, in least squares weighted by the light.
+//! At an incidence, an absorption and an azimuth the table has the distribution of the lateral position t at
+//! which light leaves. The polynomials of the azimuth (`plywave::ply::ExitOffsets`) are those nearest to its
+//! mean, in least squares weighted by the light of the azimuth, each absorption alike. About these means the
+//! densities have the lengths, one a kind for all incidences, whose cumulative shares come nearest to the
+//! recorded ones, in least squares weighted by the light.
 
 use plywave::ply::{
     EXIT_KINDS, EXIT_LENGTH_UM, EXIT_LENGTHS, EXIT_TERMS, ExitOffsets, ExitShape, USUAL_EXIT_LENGTHS, exit_terms,
@@ -10,7 +12,8 @@ use plywave::ply::{
 use plywave::table::Table;
 use rayon::prelude::*;
 
-/// Lengths that are tried, even in their logarithm, and rounds of looking for those of clear and of dark fibers, which go together.
+/// Lengths that are tried, even in their logarithm, and rounds of looking for those of clear and of dark
+/// fibers, which go together.
 const TRIED: usize = 28;
 const ROUNDS: usize = 3;
 /// Share of the light with a kind below which its length cannot be told.
@@ -116,7 +119,8 @@ pub fn fit_exits(table: &Table) -> Option<ExitOffsets> {
     Some(ExitOffsets { mean, length })
 }
 
-/// Lengths of the densities about the means of a table's exits, `[M][H][EXIT_KINDS][EXIT_TERMS]`, over R; the usual one of a kind without light.
+/// Lengths of the densities about the means of a table's exits, `[M][H][EXIT_KINDS][EXIT_TERMS]`, over R; the
+/// usual one of a kind without light.
 ///
 /// # Panics
 /// For means of other nodes than the table's.

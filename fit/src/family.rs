@@ -1,14 +1,18 @@
 //! Lobes of a family of plies, fitted together (`plywave::ply::PlyFamily`).
 //!
-//! Fits of each node alone end in different minima: lobes in another order, axes turned up to 159 degrees. Between such lobes nothing can be interpolated. Here
+//! Fits of each node alone end in different minima: lobes in another order, axes turned up to 159 degrees.
+//! Between such lobes nothing can be interpolated. Here
 //!
 //! 1. the node in the middle of the family is fitted as a model of its own;
-//! 2. every other node is fitted from the lobes of a neighbor that has been, with no other start and no moves: lobe l stays lobe l, and its angles stay those of the same
-//!    turn, of the same swap of mu1 and mu2;
-//! 3. the parameters of all nodes are refined together. Slices of tables in the middles of cells are targets too, whose lobes are the interpolated ones: what the family
-//!    evaluates between nodes is in the cost, as the five inner slices of a block are in that of a model (Yu 2025, 5.2).
+//! 2. every other node is fitted from the lobes of a neighbor that has been, with no other start and no
+//!    moves: lobe l stays lobe l, and its angles stay those of the same turn, of the same swap of mu1 and
+//!    mu2;
+//! 3. the parameters of all nodes are refined together. Slices of tables in the middles of cells are targets
+//!    too, whose lobes are the interpolated ones: what the family evaluates between nodes is in the cost, as
+//!    the five inner slices of a block are in that of a model (Yu 2025, 5.2).
 //!
-//! Step 3 is `joint_cost` and `dark::refine` with 4 N parameter sets, N nodes of four corners. No lobe is sorted or brought to canonical form afterwards.
+//! Step 3 is `joint_cost` and `dark::refine` with 4 N parameter sets, N nodes of four corners. No lobe is
+//! sorted or brought to canonical form afterwards.
 
 mod high;
 mod reflection;
@@ -49,7 +53,8 @@ pub struct FamilyTables<'a> {
     pub edge: Option<EdgeLobes>,
 }
 
-/// The order in which nodes are fitted: the middle one, then each after a neighbor along an axis; with that neighbor.
+/// The order in which nodes are fitted: the middle one, then each after a neighbor along an axis; with that
+/// neighbor.
 fn order(axes: &[FamilyAxis]) -> Vec<(usize, Option<usize>)> {
     let sizes: Vec<usize> = axes.iter().map(|a| a.values.len()).collect();
     let index = |at: &[usize]| at.iter().zip(&sizes).fold(0, |sum, (i, n)| sum * n + i);
@@ -84,7 +89,8 @@ fn order(axes: &[FamilyAxis]) -> Vec<(usize, Option<usize>)> {
 /// Curves of absorption among which the common path lengths are chosen.
 const CURVES: usize = 600;
 
-/// Fits a family to its tables. The result depends on the tables and options alone, not on the number of threads.
+/// Fits a family to its tables. The result depends on the tables and options alone, not on the number of
+/// threads.
 ///
 /// # Errors
 /// As [`crate::fit`]; [`FitError::Axes`] for tables of different grids.
@@ -180,7 +186,8 @@ impl Work<'_> {
     }
 }
 
-/// Gives all nodes one grid of r_d, the finest, and those of one pitch their mean: fibers in the way do not depend on what they are made of.
+/// Gives all nodes one grid of r_d, the finest, and those of one pitch their mean: fibers in the way do not
+/// depend on what they are made of.
 fn share_missed(nodes: &mut [PlyData], axes: &[FamilyAxis]) {
     let pitches = axes.iter().find(|a| a.param == FamilyParam::FiberPitch).map_or(1, |a| a.values.len());
     let per_pitch = nodes.len() / pitches;

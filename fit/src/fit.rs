@@ -45,7 +45,8 @@ pub struct Progress {
 /// Most that becomes of the light at a node: 1 and room for the noise of few paths.
 const MAX_ENERGY: f64 = 1.05;
 
-/// A model without its lobes: axes, absorption and energies of a table, and these edge lobes. Refused where it could not be saved, in some milliseconds.
+/// A model without its lobes: axes, absorption and energies of a table, and these edge lobes. Refused where
+/// it could not be saved, in some milliseconds.
 ///
 /// # Errors
 /// [`FitError::Table`], [`FitError::Option`], [`FitError::Unsavable`].
@@ -112,8 +113,9 @@ pub(crate) fn frame_on(
     }
 }
 
-/// Fits a ply model to a table. The lobes of f_refl carry shares of `energy_refl` that add up to 1 at each node, those of a block of
-/// f_high energies up to a common factor; the evaluator scales both to the energies of the table. The result depends on the table and options alone, not on the number of threads.
+/// Fits a ply model to a table. The lobes of f_refl carry shares of `energy_refl` that add up to 1 at each
+/// node, those of a block of f_high energies up to a common factor; the evaluator scales both to the energies
+/// of the table. The result depends on the table and options alone, not on the number of threads.
 /// `progress` is called from worker threads, after each unit of work.
 pub fn fit(table: &Table, options: &FitOptions, progress: &(dyn Fn(Progress) + Sync)) -> Result<PlyData, FitError> {
     let mut data = frame(table, options, None)?;
@@ -215,10 +217,12 @@ pub fn fit(table: &Table, options: &FitOptions, progress: &(dyn Fn(Progress) + S
 /// Relative error of high-order slices up to which round lobes serve: beyond, cones are tried.
 const ROUND_SERVES: f64 = 0.06;
 
-/// The family that a table needs, told by a few blocks: a third and two thirds of the way along theta_i, in the middle and half way to the rim, with half the starts.
+/// The family that a table needs, told by a few blocks: a third and two thirds of the way along theta_i, in
+/// the middle and half way to the rim, with half the starts.
 ///
-/// Round lobes, unless their slices are off by more than [`ROUND_SERVES`] (rms) and cones, which have as many parameters and so take up as much noise, leave less than
-/// half of their squared error: a family that every host evaluates is given up for a gain that shows, and for no less.
+/// Round lobes, unless their slices are off by more than [`ROUND_SERVES`] (rms) and cones, which have as many
+/// parameters and so take up as much noise, leave less than half of their squared error: a family that every
+/// host evaluates is given up for a gain that shows, and for no less.
 fn needed_family(sphere: &SphereGrid, coarse: Option<&SphereGrid>, table: &Table, options: &FitOptions) -> LobeKind {
     let (rows, columns) = ((table.theta_i.len() - 1) / 2, (table.h_um.len() - 1) / 2);
     let effort = BlockEffort { starts: options.block.starts.div_ceil(2), moves: 0, ..options.block };

@@ -9,12 +9,12 @@ use plywave::ply::PlyData;
 use plywave::table::Table;
 use rayon::prelude::*;
 
-/// Excess errors `sqrt(max(0, |model - table|^2 - noise) / |table|^2)`, |table|^2 with its own noise removed too. A slice whose
-/// noise is more than half of its norm has no meaningful figure and holds NaN.
+/// Excess errors `sqrt(max(0, |model - table|^2 - noise) / |table|^2)`, |table|^2 with its own noise removed
+/// too. A slice whose noise is more than half of its norm has no meaningful figure and holds NaN.
 ///
-/// The noise that is subtracted is an expectation; what a slice really has scatters about it, so that one slice's figure is only
-/// good to about `sqrt(noise / |table|^2) (2 / bins)^(1/4)`: 0.03 for a standard table. Means add the squares with their signs, below
-/// zero too, and are good to far less.
+/// The noise that is subtracted is an expectation; what a slice really has scatters about it, so that one
+/// slice's figure is only good to about `sqrt(noise / |table|^2) (2 / bins)^(1/4)`: 0.03 for a standard
+/// table. Means add the squares with their signs, below zero too, and are good to far less.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FitErrors {
     /// `[M][H]`: of f_refl.
@@ -27,13 +27,15 @@ pub struct FitErrors {
     pub rms_refl: f64,
     /// `[K]`: rms of f_high over the nine slices of all blocks.
     pub rms_high: Vec<f64>,
-    /// `[M][H]`: difference of the model's lobe energies from the table's own ([`Table::fine_energies`]), f_refl; absolute.
+    /// `[M][H]`: difference of the model's lobe energies from the table's own ([`Table::fine_energies`]),
+    /// f_refl; absolute.
     pub energy_refl: Vec<f64>,
     /// `[M][H][K]`: the same for f_high.
     pub energy_high: Vec<f64>,
 }
 
-/// Squared excess error of one slice, below zero where the slice has less noise than expected; None where noise hides it.
+/// Squared excess error of one slice, below zero where the slice has less noise than expected; None where
+/// noise hides it.
 pub(crate) fn excess2(distance2: f64, norm2: f64, noise: f64) -> Option<f64> {
     let signal = norm2 - noise;
     (signal > 0.5 * norm2 && norm2 > 0.0).then(|| (distance2 - noise) / signal)
@@ -60,8 +62,9 @@ pub(crate) fn node_place(m: usize, n: usize, rows: usize, columns: usize) -> Gri
     GridCell { m: m0, s: (m - m0) as f64, n: n0, t: (n - n0) as f64 }
 }
 
-/// Errors of `model` against `table`, which must have the same incidences and absorption coefficients. Against the table of
-/// the fit the figures are optimistic by what the fit took up of its noise: use one of another seed.
+/// Errors of `model` against `table`, which must have the same incidences and absorption coefficients.
+/// Against the table of the fit the figures are optimistic by what the fit took up of its noise: use one of
+/// another seed.
 pub fn errors(model: &PlyData, table: &Table) -> Result<FitErrors, FitError> {
     check_table(table)?;
     let same = |a: &[f64], b: &[f64]| {

@@ -1,7 +1,10 @@
-//! Fits of Khungurn's fiber model: to the scattering of another fiber, a table by waves or rays among them, and to the reflectance of a swatch by dual scattering.
+//! Fits of Khungurn's fiber model: to the scattering of another fiber, a table by waves or rays among them,
+//! and to the reflectance of a swatch by dual scattering.
 //!
-//! The lobes are separable: for light at a latitude theta_i, f is `F L_R(theta_o) / (2 pi) + (1 - F) C_TT L_TT(theta_o) v(phi)` with `L = cos theta_o g / G`. So a cost over a product of
-//! latitudes and azimuths needs one row of each lobe a latitude, and its gradient their derivatives, which are closed but for the integrals G, `integral of t^2 g cos^2` and I_1/I_0.
+//! The lobes are separable: for light at a latitude theta_i, f is
+//! `F L_R(theta_o) / (2 pi) + (1 - F) C_TT L_TT(theta_o) v(phi)` with `L = cos theta_o g / G`. So a cost over
+//! a product of latitudes and azimuths needs one row of each lobe a latitude, and its gradient their
+//! derivatives, which are closed but for the integrals G, `integral of t^2 g cos^2` and I_1/I_0.
 //! Widths are fitted by their logarithms, shares as they are, within [0, 1]; all by [`minimize`].
 
 use crate::{CostGradient, LbfgsbError, LbfgsbOptions, LbfgsbSolution, minimize};
@@ -113,9 +116,10 @@ fn options() -> LbfgsbOptions {
     LbfgsbOptions { memory: 20, pgtol: 1e-9, ftol: 1e-15, max_iterations: 2000, ..LbfgsbOptions::default() }
 }
 
-/// The model whose scattering is nearest to that of `target` at these wavelengths, in the L2 sense over the sphere at five latitudes of light, weighted by the power that the fiber takes
-/// of light from all sides, `cos^2 theta_i`, of the mean over `turns` azimuths of light (1 for a
-/// round fiber). Lobes narrower than 0.03 rad are not resolved.
+/// The model whose scattering is nearest to that of `target` at these wavelengths, in the L2 sense over the
+/// sphere at five latitudes of light, weighted by the power that the fiber takes of light from all sides,
+/// `cos^2 theta_i`, of the mean over `turns` azimuths of light (1 for a round fiber). Lobes narrower than
+/// 0.03 rad are not resolved.
 ///
 /// # Errors
 /// A wavelength or absorption that is not finite, no light in the target, a start that is no model.
@@ -232,7 +236,8 @@ impl Azimuth {
         [value, -2.0 * self.kappa * value * (x.cos() - self.mean_cos)]
     }
 
-    /// Share of the light that goes forward on the average over the azimuths of light, `1 - E|x|/pi` (Khungurn 2015, 3.1), and its derivative by ln gamma.
+    /// Share of the light that goes forward on the average over the azimuths of light, `1 - E|x|/pi`
+    /// (Khungurn 2015, 3.1), and its derivative by ln gamma.
     fn forward(&self) -> [f64; 2] {
         let n = 4000;
         let reach = PI.min(9.0 / self.kappa.sqrt());
@@ -293,7 +298,8 @@ impl CostGradient for Scattering {
     }
 }
 
-/// Reflectance of a swatch of aligned fibers under light at a latitude, all azimuths of its half: measured, or of a photograph of a surface beside a white standard.
+/// Reflectance of a swatch of aligned fibers under light at a latitude, all azimuths of its half: measured,
+/// or of a photograph of a surface beside a white standard.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SwatchSample {
     /// Latitude of the light in the fibers' frame [rad].
@@ -322,11 +328,14 @@ impl Default for SwatchOptions {
     }
 }
 
-/// The model whose layers reflect what the samples say: `a_b + A_b` with all orders of backscattering, or that of a number of layers. The longitudinal widths have no part in it and stay
-/// those of the start, as does what the options do not fit.
+/// The model whose layers reflect what the samples say: `a_b + A_b` with all orders of backscattering, or
+/// that of a number of layers. The longitudinal widths have no part in it and stay those of the start, as
+/// does what the options do not fit.
 ///
-/// With `u = 1 - (1 - cos theta_i)^5` and s the share of TT that goes on, `a_f = 1/2 + u (1 - C_R) (C_TT s - 1/2)` and `a_b = 1/2 + u (1 - C_R) (C_TT (1 - s) - 1/2)`: two numbers a wavelength, whatever
-/// the latitudes, for C_R, C_TT and an s that all wavelengths share. So no reflectance tells C_R and gamma_TT apart, and one of the two must be known.
+/// With `u = 1 - (1 - cos theta_i)^5` and s the share of TT that goes on,
+/// `a_f = 1/2 + u (1 - C_R) (C_TT s - 1/2)` and `a_b = 1/2 + u (1 - C_R) (C_TT (1 - s) - 1/2)`: two numbers a
+/// wavelength, whatever the latitudes, for C_R, C_TT and an s that all wavelengths share. So no reflectance
+/// tells C_R and gamma_TT apart, and one of the two must be known.
 ///
 /// # Errors
 /// No sample or layer, a number out of range, C_R and gamma_TT asked for together, a start that is no model.

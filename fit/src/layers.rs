@@ -1,8 +1,10 @@
-//! Factors of a layer of yarns (Yu 2025, 5.4), computed from the lobes of a fitted ply, so that they match the evaluator rather than the table.
+//! Factors of a layer of yarns (Yu 2025, 5.4), computed from the lobes of a fitted ply, so that they match
+//! the evaluator rather than the table.
 //!
-//! Forward is the half space y < 0 of the ply frame, phi_o in (pi, 2 pi). Diffuse light comes with the density cos(theta) cos(alpha) of its
-//! projected solid angle cos(theta) d theta d alpha about the layer's normal, alpha its azimuth about the ply. Light scattered to an azimuth
-//! delta beyond the one it came from stays above the layer when |alpha + delta| < pi/2. Averaged over alpha, that has the probability
+//! Forward is the half space y < 0 of the ply frame, phi_o in (pi, 2 pi). Diffuse light comes with the
+//! density cos(theta) cos(alpha) of its projected solid angle cos(theta) d theta d alpha about the layer's
+//! normal, alpha its azimuth about the ply. Light scattered to an azimuth delta beyond the one it came from
+//! stays above the layer when |alpha + delta| < pi/2. Averaged over alpha, that has the probability
 //!
 //! ```text
 //! 1/2 integral from -pi/2 to pi/2 - delta of cos(alpha) d alpha = (1 + cos delta) / 2,      cos delta = sin phi_o
@@ -46,7 +48,8 @@ pub fn layer_factors(data: &PlyData) -> LayerFactors {
         locate(data, theta(node / columns), h)
     };
     let size = 1 + data.path_um.len();
-    // Of each node: forward energy of f_refl and its spectrum of f_high; energy that stays above diffuse light, and all, as [1 + K].
+    // Of each node: forward energy of f_refl and its spectrum of f_high; energy that stays above diffuse
+    // light, and all, as [1 + K].
     type Node = (Vec<f64>, Vec<f64>, Vec<f64>);
     let nodes: Vec<Node> = (0..rows * columns)
         .into_par_iter()

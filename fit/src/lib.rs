@@ -1,4 +1,5 @@
-//! Fitter of plywave: from tables of simulated scattering to ply models of anisotropic spherical Gaussian lobes, or of cones.
+//! Fitter of plywave: from tables of simulated scattering to ply models of anisotropic spherical Gaussian
+//! lobes, or of cones.
 
 mod check;
 mod diagnose;

@@ -8,7 +8,8 @@ use plywave::ply::LobeKind;
 /// How hard and with how many lobes to fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitOptions {
-    /// Reflection lobes per incidence; 1 is the paper's choice, which cannot wrap a distribution wider than a half turn.
+    /// Reflection lobes per incidence; 1 is the paper's choice, which cannot wrap a distribution wider than a
+    /// half turn.
     pub lobes_refl: usize,
     /// High-order lobes.
     pub lobes_high: usize,

@@ -1,5 +1,5 @@
-//! Distance between two tables of one yarn, or between a fitted model and a table, with their noise removed: for example, of the model of a yarn from the
-//! path-traced yarn.
+//! Distance between two tables of one yarn, or between a fitted model and a table, with their noise removed:
+//! for example, of the model of a yarn from the path-traced yarn.
 
 use crate::check::check_table;
 use crate::error::FitError;
@@ -19,7 +19,8 @@ pub struct TableDistance {
     pub h_um: Vec<f64>,
     /// `[K]`: absorptions [1/um].
     pub sigma_per_um: Vec<f64>,
-    /// `[M][H]`: squared relative L2 distance of f_refl, the noise of both subtracted; below zero where it is less than expected, NaN where noise hides it.
+    /// `[M][H]`: squared relative L2 distance of f_refl, the noise of both subtracted; below zero where it is
+    /// less than expected, NaN where noise hides it.
     pub refl2: Vec<f64>,
     /// `[M][H][K]`: the same of f_high.
     pub high2: Vec<f64>,
@@ -31,7 +32,8 @@ pub struct TableDistance {
     pub r_d: Vec<f64>,
 }
 
-/// Distance of `a` to `b`, relative to `b`. Bins must be the same, incidences and absorptions need to be in part.
+/// Distance of `a` to `b`, relative to `b`. Bins must be the same, incidences and absorptions need to be in
+/// part.
 ///
 /// # Errors
 /// [`FitError::Axes`] when bins differ or nothing is common to an axis, [`FitError::Table`].
@@ -96,8 +98,9 @@ pub fn table_distance(a: &Table, b: &Table) -> Result<TableDistance, FitError> {
     Ok(out)
 }
 
-/// Distance of a fitted model to the table `reference`, relative to it, at the table's incidences up to `theta_i` [rad] and |h| `h_um`, between the
-/// model's nodes too, and at all of the table's absorptions. Noise that the model took from its own table is part of the distance.
+/// Distance of a fitted model to the table `reference`, relative to it, at the table's incidences up to
+/// `theta_i` [rad] and |h| `h_um`, between the model's nodes too, and at all of the table's absorptions.
+/// Noise that the model took from its own table is part of the distance.
 ///
 /// # Errors
 /// [`FitError::Axes`] when no incidence remains, or one lies beyond the model's nodes; [`FitError::Table`].

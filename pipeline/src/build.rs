@@ -37,8 +37,8 @@ pub struct Built {
 /// Makes a recipe's model on the current thread pool. The result depends on the recipe alone.
 ///
 /// # Errors
-/// [`Error::Interrupted`] when stopped, and those of the stages. Folders that may not be used, and runs whose results could not be saved, are refused
-/// before any work.
+/// [`Error::Interrupted`] when stopped, and those of the stages. Folders that may not be used, and runs whose
+/// results could not be saved, are refused before any work.
 pub fn build(recipe: &Recipe, run: &Run<'_>) -> Result<Built, Error> {
     let (spec, text, file) = (&recipe.spec, &recipe.spec_text, recipe.file.as_str());
     let speckle = recipe.solved_speckle().map(|instances| speckle_options(recipe, instances));

@@ -20,7 +20,8 @@ pub struct FamilyOptions {
     pub first_nodes: usize,
     /// Most nodes along an axis.
     pub most_nodes: usize,
-    /// Error of f_high in the middle of a cell over that of the nodes beside it, rms over all slices, beyond which the cell is cut in two.
+    /// Error of f_high in the middle of a cell over that of the nodes beside it, rms over all slices, beyond
+    /// which the cell is cut in two.
     pub error_ratio: f64,
     /// Difference of an energy there from the simulation's, beyond which it is too.
     pub energy: f64,
@@ -137,7 +138,8 @@ fn table_name(digest: &str) -> &str {
     &digest[..digest.len().min(16)]
 }
 
-/// A member of a family that is simulated: the name of its folder of shards in a [`FamilyFolder`], and its job.
+/// A member of a family that is simulated: the name of its folder of shards in a [`FamilyFolder`], and its
+/// job.
 pub struct FamilyJob {
     /// `NAME.parts`.
     pub folder: String,
@@ -145,7 +147,8 @@ pub struct FamilyJob {
     pub job: SimulateJob,
 }
 
-/// All that [`build_family`] simulates with these options, where nodes are not chosen by error ([`FamilyOptions::most_nodes`] no more than
+/// All that [`build_family`] simulates with these options, where nodes are not chosen by error
+/// ([`FamilyOptions::most_nodes`] no more than
 /// [`FamilyOptions::first_nodes`]): for who runs the shards elsewhere and lays them into a folder.
 ///
 /// # Errors
@@ -202,11 +205,15 @@ impl Tables<'_> {
     }
 }
 
-/// Makes the family of a recipe whose spec has ranges, on the current thread pool. The result depends on recipe and options alone.
+/// Makes the family of a recipe whose spec has ranges, on the current thread pool. The result depends on
+/// recipe and options alone.
 ///
-/// *Nodes.* Along each axis, the others at their middle nodes, a family of that line alone is fitted and held to fresh simulations in the middles of its cells. The cell that is worst
-/// by [`FamilyOptions::error_ratio`] or [`FamilyOptions::energy`], each error over what is allowed, is cut there; this goes on until all are within both or the axis has
-/// [`FamilyOptions::most_nodes`]. Then all nodes of the product of the axes, and the middles of its cells, are simulated and fitted together.
+/// *Nodes.* Along each axis, the others at their middle nodes, a family of that line alone is fitted and held
+/// to fresh simulations in the middles of its cells. The cell that is worst by [`FamilyOptions::error_ratio`]
+/// or [`FamilyOptions::energy`], each error over what is allowed, is cut there; this goes on until all are
+/// within both or the axis has
+/// [`FamilyOptions::most_nodes`]. Then all nodes of the product of the axes, and the middles of its cells,
+/// are simulated and fitted together.
 ///
 /// # Errors
 /// [`Error::Interrupted`] when stopped; specs that have no family; those of the stages.
@@ -284,8 +291,8 @@ fn refine_axis(
     Ok(())
 }
 
-/// Largest differences of a model's r_d, E_refl and E_high, of the beam, from a table's, whose `errors` the model's are: at the nodes of the slices and,
-/// of r_d, where the table has finer ones.
+/// Largest differences of a model's r_d, E_refl and E_high, of the beam, from a table's, whose `errors` the
+/// model's are: at the nodes of the slices and, of r_d, where the table has finer ones.
 pub fn energies_off(model: &PlyData, table: &Table, errors: &FitErrors) -> [f64; 3] {
     let fine = table.fine_energies();
     let columns = fine.miss_h_um.len();

@@ -138,7 +138,8 @@ impl Recipe {
         Ok(Recipe::new(file, spec, text, quality))
     }
 
-    /// Instances of the fiber whose speckle is solved; `None` where nothing is to be solved, `Some(None)` for the usual number.
+    /// Instances of the fiber whose speckle is solved; `None` where nothing is to be solved, `Some(None)` for
+    /// the usual number.
     pub fn solved_speckle(&self) -> Option<Option<u32>> {
         match &self.speckle {
             Speckle::Usual if self.quality != Quality::Preview => Some(None),

@@ -68,7 +68,8 @@ pub struct Run<'a> {
     pub parts: Option<&'a PartsFolder>,
     /// The same for solved fibers.
     pub speckle_parts: Option<&'a PartsFolder>,
-    /// Set to stop with [`Error::Interrupted`]: at once in stages that are [stoppable](Stage::is_stoppable), else after the stage.
+    /// Set to stop with [`Error::Interrupted`]: at once in stages that are [stoppable](Stage::is_stoppable),
+    /// else after the stage.
     pub stop: Option<&'a AtomicBool>,
     /// Called from any thread.
     pub progress: Option<&'a (dyn Fn(Progress) + Sync)>,

@@ -1,4 +1,5 @@
-//! The ply models that ship, compiled in, so that an installed program finds `model = "polyester"` without any file beside it.
+//! The ply models that ship, compiled in, so that an installed program finds `model = "polyester"` without
+//! any file beside it.
 
 use plywave::io::ModelLibrary;
 

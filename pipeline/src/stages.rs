@@ -14,7 +14,8 @@ use plywave_sim::wave::{SpeckleJob, SpeckleOptions};
 use plywave_sim::{SimError, SimulateJob};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Largest error of an f_refl slice, and of an f_high slice as a share of its light at sigma = 0, of a good fit.
+/// Largest error of an f_refl slice, and of an f_high slice as a share of its light at sigma = 0, of a good
+/// fit.
 const GOOD_REFL: f64 = 0.2;
 /// See [`GOOD_REFL`].
 const GOOD_HIGH: f64 = 0.15;
@@ -57,7 +58,8 @@ pub fn simulate(recipe: &Recipe, run: &Run<'_>) -> Result<Table, Error> {
     run_job(&simulate_job(recipe)?, Stage::Simulate, run.parts, run, &recipe.file)
 }
 
-/// The table of the yarn of `spec` from the table of one of its plies; `None` where the table is that of the yarn already, or the yarn is one ply.
+/// The table of the yarn of `spec` from the table of one of its plies; `None` where the table is that of the
+/// yarn already, or the yarn is one ply.
 /// `file` stands for the table in messages.
 ///
 /// # Errors
@@ -75,8 +77,8 @@ pub fn yarn_table(table: &Table, spec: &YarnSpec, file: &str, run: &Run<'_>) -> 
     }
 }
 
-/// The model of a table with its layer factors and the edge lobes of `spec`, which is the table's; the spec's numbers of lobes take precedence over the
-/// options'. `file` stands for the table in messages.
+/// The model of a table with its layer factors and the edge lobes of `spec`, which is the table's; the spec's
+/// numbers of lobes take precedence over the options'. `file` stands for the table in messages.
 ///
 /// # Errors
 /// [`Error::Fit`].
@@ -105,7 +107,8 @@ pub(crate) fn tell_fit(run: &Run<'_>, p: plywave_fit::Progress) {
     run.tell(Progress { stage, done: p.done as u64, total: p.total as u64 });
 }
 
-/// Refuses a table whose model could not be saved, in some milliseconds; gives the edge lobes of `spec`. `file` stands for the table in messages.
+/// Refuses a table whose model could not be saved, in some milliseconds; gives the edge lobes of `spec`.
+/// `file` stands for the table in messages.
 ///
 /// # Errors
 /// [`Error::Fit`].
@@ -146,7 +149,8 @@ pub fn solve_speckle(
     run_job(&job, Stage::Speckle, run.speckle_parts, run, file)
 }
 
-/// Gives a model the speckle noise of patterns of its fiber, in the beam of `spec`. `file` stands for the patterns in messages.
+/// Gives a model the speckle noise of patterns of its fiber, in the beam of `spec`. `file` stands for the
+/// patterns in messages.
 ///
 /// # Errors
 /// Those of [`noise_tiles`].
@@ -163,11 +167,11 @@ pub(crate) fn noise_options(seed: u64, spec: &YarnSpec) -> NoiseOptions {
 /// Share of a beam, of which a slice's errors count in full ([`held_errors`]).
 pub const MIN_MET: f64 = 0.02;
 
-/// Errors of f_refl, `[theta_i][h]`, and of f_high, `[theta_i][h][sigma]`, as a fit is held to them: those of the slices, relative L2, of f_high as a
-/// share of the slice's light at sigma = 0.
+/// Errors of f_refl, `[theta_i][h]`, and of f_high, `[theta_i][h][sigma]`, as a fit is held to them: those of
+/// the slices, relative L2, of f_high as a share of the slice's light at sigma = 0.
 ///
-/// Beyond the ply's rim next to nothing of a beam meets fibers, and energies are good to 0.002 of the beam: where less than [`MIN_MET`] of it meets any,
-/// a slice's errors count in proportion to that.
+/// Beyond the ply's rim next to nothing of a beam meets fibers, and energies are good to 0.002 of the beam:
+/// where less than [`MIN_MET`] of it meets any, a slice's errors count in proportion to that.
 pub fn held_errors(data: &PlyData, error_refl: &[f64], error_high: &[f64]) -> [Vec<f64>; 2] {
     let (nodes, sigmas) = (data.node_energies(), data.sigma_per_um.len().max(1));
     let energy = |k: usize| nodes[k / sigmas].high_at(data.sigma_per_um[k % sigmas], &data.path_um);
@@ -179,10 +183,12 @@ pub fn held_errors(data: &PlyData, error_refl: &[f64], error_high: &[f64]) -> [V
     ]
 }
 
-/// How far a model is from the table of its fit: the largest errors of its slices, as `plywave check` takes them.
+/// How far a model is from the table of its fit: the largest errors of its slices, as `plywave check` takes
+/// them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitQuality {
-    /// Largest relative L2 error of an f_refl slice, noise removed; 0 of a model without f_refl, as of opaque fibers; NaN where noise hides them all.
+    /// Largest relative L2 error of an f_refl slice, noise removed; 0 of a model without f_refl, as of opaque
+    /// fibers; NaN where noise hides them all.
     pub refl: f64,
     /// The same of f_high, as a share of the slice's light at sigma = 0.
     pub high: f64,
@@ -194,7 +200,8 @@ impl FitQuality {
         FitQuality::of_errors(data, &data.error_refl, &data.error_high)
     }
 
-    /// Of a model with these errors of its slices, `[theta_i][h]` and `[theta_i][h][sigma]`, as [`held_errors`] counts them.
+    /// Of a model with these errors of its slices, `[theta_i][h]` and `[theta_i][h][sigma]`, as
+    /// [`held_errors`] counts them.
     pub fn of_errors(data: &PlyData, error_refl: &[f64], error_high: &[f64]) -> FitQuality {
         let [refl, high] = held_errors(data, error_refl, error_high);
         // What is not above 0 was hidden by noise.

@@ -1,6 +1,8 @@
-//! Many queries at once: arrays from Python, chunks of them side by side on threads, and what every [`Bsdf`] answers.
+//! Many queries at once: arrays from Python, chunks of them side by side on threads, and what every [`Bsdf`]
+//! answers.
 //!
-//! Chunks have a fixed size and each is worked on alone, so that results do not depend on the number of threads.
+//! Chunks have a fixed size and each is worked on alone, so that results do not depend on the number of
+//! threads.
 
 use crate::errors::{Failure, Outcome};
 use numpy::{PyReadonlyArray1, PyReadwriteArray1};
@@ -100,7 +102,8 @@ impl<'a, const K: usize> Rows<'a, K> {
     }
 }
 
-/// Works on jobs on `threads` threads, each taking the next. The calling thread, which must not hold the interpreter's lock, looks for Ctrl-C now and then.
+/// Works on jobs on `threads` threads, each taking the next. The calling thread, which must not hold the
+/// interpreter's lock, looks for Ctrl-C now and then.
 ///
 /// # Errors
 /// The exception that a signal raised; some jobs are then not done.
@@ -325,7 +328,8 @@ impl<G, A> PreparedQueries<G, A> {
         })
     }
 
-    /// Samples by the numbers `u`: directions, weights, densities and what became of the light. Light that goes straight on leaves along `onward`.
+    /// Samples by the numbers `u`: directions, weights, densities and what became of the light. Light that
+    /// goes straight on leaves along `onward`.
     fn sample<Q: PartialEq, const N: usize>(
         &self,
         u: Rows<'_, 3>,
@@ -446,7 +450,8 @@ impl<G, A> PreparedQueries<G, A> {
     }
 }
 
-/// The caller's arrays for results: floats in the order of the results, and what became of samples. NumPy allocates them, as large pages where it can.
+/// The caller's arrays for results: floats in the order of the results, and what became of samples. NumPy
+/// allocates them, as large pages where it can.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct Out<'py> {

@@ -10,7 +10,8 @@ use plywave_pipeline::FitQuality;
 use pyo3::prelude::*;
 use rand::{RngExt, SeedableRng};
 
-/// As in `plywave check`: most that a ply over a second layer may miss, and that all light together may miss 1 at sigma = 0.
+/// As in `plywave check`: most that a ply over a second layer may miss, and that all light together may miss
+/// 1 at sigma = 0.
 const LAYER_TOLERANCE: f64 = 0.02;
 const KEPT_TOLERANCE: f64 = 5e-3;
 

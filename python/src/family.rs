@@ -44,7 +44,8 @@ impl Family {
     }
 }
 
-/// Recipe and options of a family with `nodes` nodes along each axis, up to `most_nodes` where interpolation is worst.
+/// Recipe and options of a family with `nodes` nodes along each axis, up to `most_nodes` where interpolation
+/// is worst.
 fn of(spec: &SpecArgs, args: RecipeArgs, nodes: usize, most_nodes: usize) -> Outcome<(Recipe, FamilyOptions)> {
     if !(2..=64).contains(&nodes) || !(nodes..=64).contains(&most_nodes) {
         let hint = "use 2 to 64 nodes along an axis, the most no fewer than the first";

@@ -56,7 +56,8 @@ pub(crate) fn check_bytes(py: Python<'_>, kind: &str, bytes: &[u8], name: &str) 
     py.detach(|| check(kind, bytes, name))
 }
 
-/// The bytes of a file as this program writes it, of bytes that may have been made elsewhere: checked, its statistics and reference values made anew.
+/// The bytes of a file as this program writes it, of bytes that may have been made elsewhere: checked, its
+/// statistics and reference values made anew.
 #[pyfunction]
 pub(crate) fn rewritten<'py>(py: Python<'py>, kind: &str, bytes: &[u8], name: &str) -> Outcome<Bound<'py, PyBytes>> {
     let kind = kind_of(kind)?;

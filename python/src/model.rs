@@ -64,7 +64,8 @@ impl<'a> PlainAt<'a> {
 impl<'a, const N: usize> At<PlainNumbers<N>> for PlainAt<'a> {
     type Bsdf = PlyBsdf<'a, N>;
 
-    // What is prepared of a query takes 1.3 KB: compiled into the loop over queries, and without what else a query may have, most of it never exists.
+    // What is prepared of a query takes 1.3 KB: compiled into the loop over queries, and without what else a
+    // query may have, most of it never exists.
     #[inline(always)]
     fn one(&self, query: &PlainNumbers<N>) -> PlyBsdf<'a, N> {
         self.at(query, false)
@@ -182,7 +183,8 @@ impl Model {
         Ok([errors.refl, errors.high].map(|values| values.into_pyarray(py).into_any()).into())
     }
 
-    /// For the tests of cost: seconds that the Rust library takes for the queries, the best of `repeats`, its own arrays made before.
+    /// For the tests of cost: seconds that the Rust library takes for the queries, the best of `repeats`, its
+    /// own arrays made before.
     fn bench(&self, py: Python<'_>, what: &str, arrays: PlyArrays<'_>, repeats: usize) -> Outcome<f64> {
         by_channels!(arrays.channels, N => self.time::<N>(py, what, &arrays, repeats))
     }

@@ -1,4 +1,5 @@
-//! Shards of long work for whoever schedules them: plans of what `build`, `wave.tabulate`, `wave.speckle`, twins and comparisons run, single blocks of shards as bytes, checks of such bytes.
+//! Shards of long work for whoever schedules them: plans of what `build`, `wave.tabulate`, `wave.speckle`,
+//! twins and comparisons run, single blocks of shards as bytes, checks of such bytes.
 
 use crate::compare::{CompareArgs, compare_job};
 use crate::errors::{Failure, Outcome};
@@ -15,7 +16,8 @@ use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Folder of the shards, text of the description, extent, digest, shards, shards of a group, units of progress.
+/// Folder of the shards, text of the description, extent, digest, shards, shards of a group, units of
+/// progress.
 pub(crate) type PlanRow = (String, String, u64, String, usize, usize, u64);
 
 pub(crate) fn row<J: Job>(folder: &str, job: &J) -> PlanRow {

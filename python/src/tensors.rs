@@ -1,4 +1,5 @@
-//! What `plywave.mitsuba` takes from the Rust library: all tables of a fabric as arrays, and the library's own answers, term by term, to which its tests hold it.
+//! What `plywave.mitsuba` takes from the Rust library: all tables of a fabric as arrays, and the library's
+//! own answers, term by term, to which its tests hold it.
 
 use numpy::ndarray::{Array1, Array2, ArrayD, IxDyn};
 use numpy::{IntoPyArray, PyReadonlyArray1, PyReadonlyArray2};
@@ -73,7 +74,8 @@ impl FabricTables {
         py.detach(load).map_err(raise)
     }
 
-    /// Tables by name; `models`, the files of the ply models; `noise`, the noise tiles of each model, none without speckle.
+    /// Tables by name; `models`, the files of the ply models; `noise`, the noise tiles of each model, none
+    /// without speckle.
     fn tensors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
         for tensor in self.fabric.tensors() {
@@ -109,7 +111,8 @@ impl FabricTables {
         self.fabric.fabric().repeat_um()
     }
 
-    /// Of `position_um` [n, 2], `wo` and `wi` [n, 3]: f [n, 3] and the density of samples [n] by the library, at three wavelengths [um] or in linear sRGB, and the energy that goes straight on.
+    /// Of `position_um` [n, 2], `wo` and `wi` [n, 3]: f [n, 3] and the density of samples [n] by the library,
+    /// at three wavelengths [um] or in linear sRGB, and the energy that goes straight on.
     #[pyo3(signature = (position_um, wo, wi, lambda_um = None, sigma_per_um = None, footprint_um = 0.0))]
     #[allow(clippy::too_many_arguments)]
     fn eval_pdf<'py>(
@@ -145,7 +148,8 @@ impl FabricTables {
         Ok((f.into_pyarray(py).into_any(), pdf.into_pyarray(py).into_any(), straight.into_pyarray(py).into_any()))
     }
 
-    /// What lines meet first, `[n, 16]`: 1 for a ply, family, yarn, ply, theta_i, h, along, 1 for two layers, the x and z axes; a gap's edges from number 4 on.
+    /// What lines meet first, `[n, 16]`: 1 for a ply, family, yarn, ply, theta_i, h, along, 1 for two layers,
+    /// the x and z axes; a gap's edges from number 4 on.
     fn hits<'py>(
         &self,
         py: Python<'py>,
@@ -202,7 +206,8 @@ pub fn ply_radius_um(filename: &str) -> PyResult<f64> {
     Ok(a.max(b))
 }
 
-/// Tiles of noise: `tiles` `[2][T][V][U]` of codes, `code` `[2][T][2]`, `step` and `fade` `[2][2]`, `lambda_um`.
+/// Tiles of noise: `tiles` `[2][T][V][U]` of codes, `code` `[2][T][2]`, `step` and `fade` `[2][2]`,
+/// `lambda_um`.
 fn noise_tiles<'py>(py: Python<'py>, tiles: &NoiseTiles) -> PyResult<Bound<'py, PyDict>> {
     let all = PyDict::new(py);
     let [count, rows, columns] = tiles.sizes;
@@ -216,7 +221,8 @@ fn noise_tiles<'py>(py: Python<'py>, tiles: &NoiseTiles) -> PyResult<Bound<'py, 
     Ok(all)
 }
 
-/// Factors of f_refl and f_high `[n, 3]` by the library's noise tiles of a model: of plies by number and place `[n, 2]` along and across them [um], grains of `grain_um`. The tiles come first.
+/// Factors of f_refl and f_high `[n, 3]` by the library's noise tiles of a model: of plies by number and
+/// place `[n, 2]` along and across them [um], grains of `grain_um`. The tiles come first.
 #[pyfunction]
 #[allow(clippy::too_many_arguments, clippy::type_complexity)]
 pub fn speckle_factors<'py>(
@@ -251,7 +257,8 @@ pub fn speckle_factors<'py>(
     Ok((noise_tiles(py, tiles)?, refl.into_pyarray(py).into_any(), high.into_pyarray(py).into_any()))
 }
 
-/// The terms of a ply by the library, of n queries: f_refl `[n]`, f_high and f_edge `[n, 3]`, the density of samples `[n]`.
+/// The terms of a ply by the library, of n queries: f_refl `[n]`, f_high and f_edge `[n, 3]`, the density of
+/// samples `[n]`.
 #[pyfunction]
 #[allow(clippy::type_complexity)]
 pub fn ply_terms<'py>(

@@ -1,4 +1,5 @@
-//! Long work: on a thread of its own, while the thread that called looks for Ctrl-C and tells progress to Python.
+//! Long work: on a thread of its own, while the thread that called looks for Ctrl-C and tells progress to
+//! Python.
 
 use crate::errors::{Failure, Outcome};
 use plywave_pipeline::{Progress, Run};
@@ -69,7 +70,8 @@ impl Watch {
     }
 }
 
-/// Runs `work` on a pool of `threads` threads. `progress` is called with the name of a stage, what it counts, done and in all. An exception of it, and Ctrl-C, stop the work.
+/// Runs `work` on a pool of `threads` threads. `progress` is called with the name of a stage, what it counts,
+/// done and in all. An exception of it, and Ctrl-C, stop the work.
 pub(crate) fn watched<T: Send>(
     py: Python<'_>,
     threads: usize,

@@ -1,11 +1,14 @@
-//! The BVH over a mesh or the segments of strands, built in a time of n log n whatever they look like, and of bounded depth.
+//! The BVH over a mesh or the segments of strands, built in a time of n log n whatever they look like, and of
+//! bounded depth.
 //!
-//! Nodes are split in bins along the axis where the surface area heuristic is least (Wald 2007). obvhs' own builder clusters neighbors on the Morton curve, which
-//! merge when each is the other's cheapest partner; among equal or nested boxes, as in a stack of sheets, only the last pair of all agrees, each pass merges
-//! one pair, and the time is quadratic. Its reinsertion of nodes is quadratic where all boxes overlap. Here nodes below [`HEURISTIC_LEVELS`], and those whose centers
-//! are all the same, are split at the median.
+//! Nodes are split in bins along the axis where the surface area heuristic is least (Wald 2007). obvhs' own
+//! builder clusters neighbors on the Morton curve, which merge when each is the other's cheapest partner;
+//! among equal or nested boxes, as in a stack of sheets, only the last pair of all agrees, each pass merges
+//! one pair, and the time is quadratic. Its reinsertion of nodes is quadratic where all boxes overlap. Here
+//! nodes below [`HEURISTIC_LEVELS`], and those whose centers are all the same, are split at the median.
 //!
-//! Where most boxes overlap, a ray meets most of them whatever the tree. Triangles are then split into several boxes that fit them closer, the largest first, up to
+//! Where most boxes overlap, a ray meets most of them whatever the tree. Triangles are then split into
+//! several boxes that fit them closer, the largest first, up to
 //! [`MAX_SPLITS`] times as many (Karras and Aila 2013).
 
 use glam::Vec3A;
@@ -28,14 +31,16 @@ const BINS: usize = 16;
 /// Triangles of a leaf.
 const LEAF: u32 = 3;
 
-/// Nodes that a ray through a tree meets in the mean, above which triangles are split; an ordinary mesh of a million has below 100.
+/// Nodes that a ray through a tree meets in the mean, above which triangles are split; an ordinary mesh of a
+/// million has below 100.
 const CROWDED: f32 = 500.0;
 /// Most boxes to a triangle, in the mean, where they are split.
 const MAX_SPLITS: usize = 4;
 /// Area that the halves of a box must have left at most, for it to be split.
 const WORTH_SPLITTING: f32 = 0.8;
 
-/// A tree over `triangles`, at most [`MAX_LEVELS`] deep. Its indices name a triangle more than once where triangles were split.
+/// A tree over `triangles`, at most [`MAX_LEVELS`] deep. Its indices name a triangle more than once where
+/// triangles were split.
 pub fn build(triangles: &[Triangle]) -> CwBvh {
     let tree = binary(triangles);
     if nodes_met(&tree) <= CROWDED {
@@ -88,7 +93,8 @@ fn split_boxes(triangles: &[Triangle]) -> (Vec<Aabb>, Vec<u32>) {
     (boxes, of)
 }
 
-/// A binary tree over `boxes`, one in a leaf; none of no boxes. It has at most ceil(log2(n)) levels more than [`HEURISTIC_LEVELS`].
+/// A binary tree over `boxes`, one in a leaf; none of no boxes. It has at most ceil(log2(n)) levels more than
+/// [`HEURISTIC_LEVELS`].
 pub fn binary<B: Boundable>(boxes: &[B]) -> Bvh2 {
     split(boxes, HEURISTIC_LEVELS)
 }
@@ -126,7 +132,8 @@ fn split<B: Boundable>(primitives: &[B], heuristic_levels: usize) -> Bvh2 {
     Bvh2 { nodes, primitive_indices: boxes.iter().map(|(_, i)| *i).collect(), ..Bvh2::default() }
 }
 
-/// Moves the half of lesser centers along an axis to the front; gives its size. Equal centers are told apart by their number, so that the tree depends on the mesh alone.
+/// Moves the half of lesser centers along an axis to the front; gives its size. Equal centers are told apart
+/// by their number, so that the tree depends on the mesh alone.
 fn halve(range: &mut [(Aabb, u32)], axis: usize) -> usize {
     let half = range.len() / 2;
     range.select_nth_unstable_by(half, |a, b| {
@@ -158,7 +165,8 @@ impl Bins {
         ((aabb.center() - self.low) * self.scale).min(self.last).to_array().map(|x| x as usize)
     }
 
-    /// Moves the boxes of one side of the best split to the front; gives their number. `None` where all are in one bin.
+    /// Moves the boxes of one side of the best split to the front; gives their number. `None` where all are
+    /// in one bin.
     fn split(&self, range: &mut [(Aabb, u32)]) -> Option<usize> {
         let mut bins = [[(Aabb::empty(), 0usize); BINS]; 3];
         for (aabb, _) in range.iter() {
@@ -248,7 +256,8 @@ mod tests {
             .collect()
     }
 
-    /// Heaps of triangles on which clustering takes quadratic time, or makes a chain: the time to build stays that of n log n, the tree shallow, the nearest is found.
+    /// Heaps of triangles on which clustering takes quadratic time, or makes a chain: the time to build stays
+    /// that of n log n, the tree shallow, the nearest is found.
     #[test]
     fn heaps_take_no_longer_than_their_size_and_are_traversed() {
         let n = 20_000;
@@ -291,7 +300,8 @@ mod tests {
         }
     }
 
-    /// Slivers that cross in one place are in boxes that fit them several times closer, no more of them than there may be; a sheet is not split.
+    /// Slivers that cross in one place are in boxes that fit them several times closer, no more of them than
+    /// there may be; a sheet is not split.
     #[test]
     fn crowds_are_split_and_sheets_are_not() {
         let n = 2000;

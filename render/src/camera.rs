@@ -39,7 +39,8 @@ impl Camera {
         self.view
     }
 
-    /// Width that a pixel of a picture `height` pixels high covers of what faces the camera at the point that it looks at [um].
+    /// Width that a pixel of a picture `height` pixels high covers of what faces the camera at the point that
+    /// it looks at [um].
     pub fn pixel_um(&self, height: u32) -> f32 {
         1000.0 * self.pixel_width(height) * self.view.from.distance(self.view.to)
     }

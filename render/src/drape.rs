@@ -1,5 +1,6 @@
-//! A sheet that falls over a ball and comes to rest on it and on the floor, by position-based dynamics with small steps (Macklin et al. 2019): distances along and across the
-//! threads are kept, those along the bias and over two cells give way. Sheets do not collide with themselves.
+//! A sheet that falls over a ball and comes to rest on it and on the floor, by position-based dynamics with
+//! small steps (Macklin et al. 2019): distances along and across the threads are kept, those along the bias
+//! and over two cells give way. Sheets do not collide with themselves.
 
 use glam::Vec3;
 
@@ -75,7 +76,8 @@ fn touch(p: &mut Vec3, before: Vec3, normal: Vec3, deep: f32) {
     *p -= slid * if long > most { most / long } else { 1.0 };
 }
 
-/// Points of a sheet of width 1 about the origin that has fallen over a ball of this radius about the origin, above a floor; and their number along a side.
+/// Points of a sheet of width 1 about the origin that has fallen over a ball of this radius about the origin,
+/// above a floor; and their number along a side.
 pub(crate) fn fallen(radius: f32, floor: f32) -> (Vec<Vec3>, usize) {
     let springs = springs();
     // Turned a little, and not quite flat, so that folds need no chance to begin.

@@ -1,4 +1,5 @@
-//! The film: sums over the samples of each pixel, kept whole on disk so that a render can go on. `picture.rs` writes it as EXR and PNG.
+//! The film: sums over the samples of each pixel, kept whole on disk so that a render can go on. `picture.rs`
+//! writes it as EXR and PNG.
 
 use crate::RenderError;
 use crate::course::CutSums;
@@ -9,7 +10,8 @@ use std::path::Path;
 
 /// Bytes a pixel of a film's sums.
 const PIXEL_BYTES: u64 = 4 * 14;
-/// Bytes a pixel that a render needs at most, beside its sums: one pass of samples, or the pictures while they are written.
+/// Bytes a pixel that a render needs at most, beside its sums: one pass of samples, or the pictures while
+/// they are written.
 const WORK_BYTES: u64 = 120;
 
 /// Sums over the samples of each pixel, `[y][x]`.
@@ -143,7 +145,8 @@ impl Film {
     pub(crate) fn add(&mut self, x: u32, y: u32, sums: &PixelSums, count: u32) {
         let at = self.at(x, y);
         let (before, n) = (f64::from(self.samples), f64::from(count.max(1)));
-        // Two sets of samples have the squared deviations of both and of their means (Chan, Golub and LeVeque 1979).
+        // Two sets of samples have the squared deviations of both and of their means (Chan, Golub and LeVeque
+        // 1979).
         let mean = color::linear_srgb_of_xyz(self.light[at].map(|v| f64::from(v) / before.max(1.0)));
         for k in 0..3 {
             let own = sums.rgb[0][k] / n;
@@ -182,7 +185,8 @@ impl Film {
         color::linear_srgb_of_xyz(self.xyz(view, x, y).map(f64::from)).map(|v| v as f32)
     }
 
-    /// Unit mean of the normals that are hit first, in the scene's axes, turned to the camera; 0 where no sample hits.
+    /// Unit mean of the normals that are hit first, in the scene's axes, turned to the camera; 0 where no
+    /// sample hits.
     pub fn normal(&self, x: u32, y: u32) -> [f32; 3] {
         let n = self.normal[self.at(x, y)];
         let length = n.iter().map(|v| v * v).sum::<f32>().sqrt();
@@ -195,7 +199,8 @@ impl Film {
         self.depth[at] / self.hits[at].max(1.0)
     }
 
-    /// Variance of a pixel's mean, of red, green and blue of linear sRGB, from the samples' own spread; `None` of fewer than two samples.
+    /// Variance of a pixel's mean, of red, green and blue of linear sRGB, from the samples' own spread;
+    /// `None` of fewer than two samples.
     pub fn variance(&self, x: u32, y: u32) -> Option<[f32; 3]> {
         let n = self.samples as f32;
         (self.samples > 1).then(|| self.deviation[self.at(x, y)].map(|d| d / (n * (n - 1.0))))
@@ -239,7 +244,8 @@ impl Film {
     /// Goes on from [`Film::sums`] of a film of this size.
     ///
     /// # Errors
-    /// [`RenderError::Picture`] when they are of something else than `of`, which is named, or damaged; [`RenderError::Io`]; as [`Film::new`].
+    /// [`RenderError::Picture`] when they are of something else than `of`, which is named, or damaged;
+    /// [`RenderError::Io`]; as [`Film::new`].
     pub fn resume(path: &Path, of: &Ingredients, width: u32, height: u32) -> Result<Film, RenderError> {
         let file = path.display().to_string();
         let bad = |what: &str| RenderError::Picture {

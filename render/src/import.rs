@@ -1,8 +1,9 @@
 //! From the faces of an OBJ file to a mesh, in double precision until all is in its place.
 //!
-//! Vertices at the same place are one, whatever their texture coordinates: normals that are made do not break at a seam, and equal faces are known. "The same
-//! place" is to 2^-24 of the mesh's extent, which single precision does not tell apart. Polygons are cut in the plane of their mean normal (Newell's): into a
-//! fan where one covers them, by clipping ears (`earcut`) where they are concave.
+//! Vertices at the same place are one, whatever their texture coordinates: normals that are made do not break
+//! at a seam, and equal faces are known. "The same place" is to 2^-24 of the mesh's extent, which single
+//! precision does not tell apart. Polygons are cut in the plane of their mean normal (Newell's): into a fan
+//! where one covers them, by clipping ears (`earcut`) where they are concave.
 
 use crate::RenderError;
 use crate::mesh::Mesh;
@@ -17,11 +18,13 @@ use std::path::Path;
 
 /// Largest OBJ file that is read [bytes].
 const MAX_BYTES: u64 = 1 << 30;
-/// Memory to a byte of an OBJ file, at most: a corner of four characters becomes a triangle, its key, its edges and its vertex.
+/// Memory to a byte of an OBJ file, at most: a corner of four characters becomes a triangle, its key, its
+/// edges and its vertex.
 const MEMORY_PER_BYTE: u64 = 40;
 /// Steps over the extent of a mesh within which two places are one.
 const STEPS: f64 = (1u32 << 24) as f64;
-/// Least extent of a mesh over the spacing of double precision at its coordinates: they must place a corner to a millionth of the mesh.
+/// Least extent of a mesh over the spacing of double precision at its coordinates: they must place a corner
+/// to a millionth of the mesh.
 const MIN_SPACINGS: f64 = (1u32 << 20) as f64;
 /// Corners from which a fan is tried.
 const FAN_STARTS: usize = 8;
@@ -64,13 +67,15 @@ impl FaceCount {
 }
 
 impl Mesh {
-    /// Reads a Wavefront OBJ file with texture coordinates: polygons of any shape, normals where corners have them; the others are made. One unit of the texture
-    /// is `cloth_um` of cloth; the mesh is scaled and moved into a box of `size_mm` about the origin. Of equal faces one is kept: two sheets in one place have no
-    /// front. Faces without area are left out. Names, materials and colors are not read.
+    /// Reads a Wavefront OBJ file with texture coordinates: polygons of any shape, normals where corners have
+    /// them; the others are made. One unit of the texture is `cloth_um` of cloth; the mesh is scaled and
+    /// moved into a box of `size_mm` about the origin. Of equal faces one is kept: two sheets in one place
+    /// have no front. Faces without area are left out. Names, materials and colors are not read.
     ///
     /// # Errors
-    /// [`RenderError::Mesh`] with the line for what is not understood and for a face without uv, for a mesh so far from the origin that double precision does
-    /// not place its corners, and for a file without faces; [`RenderError::Io`]; [`RenderError::TooLarge`].
+    /// [`RenderError::Mesh`] with the line for what is not understood and for a face without uv, for a mesh
+    /// so far from the origin that double precision does not place its corners, and for a file without faces;
+    /// [`RenderError::Io`]; [`RenderError::TooLarge`].
     pub fn obj(path: &Path, cloth_um: f32, size_mm: f32) -> Result<(Mesh, MeshNotes), RenderError> {
         let name = path.display().to_string();
         let bytes = read_file(path, MAX_BYTES)?;
@@ -217,8 +222,9 @@ impl Places {
         self.points[self.of[corner.position as usize] as usize]
     }
 
-    /// The corners of a face that lie apart from the one before, as positions among its corners, and whether they go the other way round. More than three begin
-    /// at the earliest place and go on to the earlier one beside it: equal faces are then cut alike, whichever corner they begin with and whichever way they go.
+    /// The corners of a face that lie apart from the one before, as positions among its corners, and whether
+    /// they go the other way round. More than three begin at the earliest place and go on to the earlier one
+    /// beside it: equal faces are then cut alike, whichever corner they begin with and whichever way they go.
     fn ring(&self, corners: &[Corner], ring: &mut Vec<usize>) -> bool {
         let place = |i: usize| self.of[corners[i].position as usize];
         ring.clear();
@@ -259,7 +265,8 @@ struct Cutter {
 }
 
 impl Cutter {
-    /// Cuts the polygon of a ring of places; gives whether it crosses itself. One without area may have no triangles.
+    /// Cuts the polygon of a ring of places; gives whether it crosses itself. One without area may have no
+    /// triangles.
     fn cut(&mut self, ring: impl ExactSizeIterator<Item = DVec3> + Clone) -> bool {
         self.triangles.clear();
         let count = ring.len();
@@ -379,7 +386,8 @@ mod tests {
         }
     }
 
-    /// Polygons of known area, begun at each corner, either way round, in tilted planes far from the origin: all of it is covered, once, wound as the face.
+    /// Polygons of known area, begun at each corner, either way round, in tilted planes far from the origin:
+    /// all of it is covered, once, wound as the face.
     #[test]
     fn polygons_are_covered_whatever_their_shape() {
         let comb: Vec<[f64; 2]> = (0..40).flat_map(|k| [[f64::from(k), 1.0 + f64::from(k % 2) * 8.0]]).collect();
@@ -474,7 +482,8 @@ mod tests {
         assert_eq!((notes.crossed, notes.flat), (count(1, 2, 12), count(1, 3, 13)));
     }
 
-    /// A survey's sheet of 3 x 3 faces, 0.3 m wide at some 4 500 km: as the same sheet at the origin, to single precision.
+    /// A survey's sheet of 3 x 3 faces, 0.3 m wide at some 4 500 km: as the same sheet at the origin, to
+    /// single precision.
     #[test]
     fn places_far_from_the_origin_are_kept() {
         let sheet = |[x0, y0]: [f64; 2]| {
@@ -495,7 +504,8 @@ mod tests {
         }
     }
 
-    /// Normals that are made: those of the places, whatever the texture coordinates and the numbers of vertices, on a tube and at the poles of a ball.
+    /// Normals that are made: those of the places, whatever the texture coordinates and the numbers of
+    /// vertices, on a tube and at the poles of a ball.
     #[test]
     fn normals_do_not_break_at_seams() {
         let n = 16;
@@ -522,7 +532,8 @@ mod tests {
                 assert!((*normal - radial).length() < 1e-5, "{p}: {normal}");
             }
         }
-        // A ball whose poles have a texture coordinate for each face: along the axis there, along the radius elsewhere.
+        // A ball whose poles have a texture coordinate for each face: along the axis there, along the radius
+        // elsewhere.
         let (n, rows) = (12, 7);
         let (mut text, mut faces) = (String::new(), String::new());
         for j in 0..=rows {

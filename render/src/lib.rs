@@ -1,8 +1,10 @@
-//! Reference host of plywave: a small spectral path tracer for a sheet of fabric, so that every part of the shading model is exercised by a real renderer.
+//! Reference host of plywave: a small spectral path tracer for a sheet of fabric, so that every part of the
+//! shading model is exercised by a real renderer.
 //!
-//! Four wavelengths go along a path. The camera ray plays the beam of the ply model: at a point of the cloth it gives latitude and offset on the ply that it
-//! meets, and `f(wo)`, which holds the cosine of the light's direction, weighs the light from `wo`. Light sources are sampled and hit, weighed by the power
-//! heuristic; cloth is thin, paths go on at either side.
+//! Four wavelengths go along a path. The camera ray plays the beam of the ply model: at a point of the cloth
+//! it gives latitude and offset on the ply that it meets, and `f(wo)`, which holds the cosine of the light's
+//! direction, weighs the light from `wo`. Light sources are sampled and hit, weighed by the power heuristic;
+//! cloth is thin, paths go on at either side.
 //!
 //! What is left out: subsurface and volumes, textures other than the weave, depth of field, denoising.
 
@@ -107,14 +109,16 @@ pub enum RenderError {
 
 /// What covers the surface of a scene: a scattering function at each point.
 ///
-/// `wo` is the direction back along the path, unit, in the surface's frame: x and y along the cloth's u and v, z its normal. The scattering function takes the
-/// other direction, in the same frame, and holds its cosine.
+/// `wo` is the direction back along the path, unit, in the surface's frame: x and y along the cloth's u and
+/// v, z its normal. The scattering function takes the other direction, in the same frame, and holds its
+/// cosine.
 pub trait Surface: Sync {
     /// The scattering function at a point.
     type At<'a>: plywave::Bsdf<WAVELENGTHS>
     where
         Self: 'a;
 
-    /// At a position on the cloth [um] that stands for a part of it of this diameter [um], seen from `wo`, at wavelengths [um].
+    /// At a position on the cloth [um] that stands for a part of it of this diameter [um], seen from `wo`, at
+    /// wavelengths [um].
     fn at(&self, uv_um: [f32; 2], footprint_um: f32, wo: [f32; 3], lambda_um: [f32; WAVELENGTHS]) -> Self::At<'_>;
 }

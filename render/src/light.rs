@@ -6,7 +6,8 @@ use glam::Vec3;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
-/// A rectangle that shines on one side, the side of `edges[0] x edges[1]`, with the same radiance into all directions.
+/// A rectangle that shines on one side, the side of `edges[0] x edges[1]`, with the same radiance into all
+/// directions.
 #[derive(Clone, Copy, Debug)]
 pub struct Light {
     /// A corner [mm].
@@ -64,7 +65,8 @@ impl Light {
     }
 }
 
-/// How the light of lamps and the sky is found. Each way gives the same picture; alone, either is noisy where the other is not.
+/// How the light of lamps and the sky is found. Each way gives the same picture; alone, either is noisy where
+/// the other is not.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LightSampling {
     /// In both ways, weighed by the power heuristic (Veach 1997, 9.2).
@@ -77,7 +79,8 @@ pub enum LightSampling {
 }
 
 impl LightSampling {
-    /// Weight of light in a direction that was drawn from its source with density `pdf`, and that scattering has with density `scattering`.
+    /// Weight of light in a direction that was drawn from its source with density `pdf`, and that scattering
+    /// has with density `scattering`.
     pub(crate) fn of_drawn(self, pdf: f32, scattering: f32) -> f32 {
         match self {
             LightSampling::Both => share(pdf, scattering),
@@ -86,7 +89,8 @@ impl LightSampling {
         }
     }
 
-    /// Weight of light that a ray met, scattered there with density `scattering`; infinite where no other direction was possible: from the camera, or straight through.
+    /// Weight of light that a ray met, scattered there with density `scattering`; infinite where no other
+    /// direction was possible: from the camera, or straight through.
     pub(crate) fn of_met(self, scattering: f32, pdf: f32) -> f32 {
         match self {
             LightSampling::Both => share(scattering, pdf),
@@ -158,7 +162,8 @@ impl Sources<'_> {
         Arriving { direction, t: f32::INFINITY, radiance: self.environment.radiance(texel, lambda_um), pdf }
     }
 
-    /// The source that a ray meets before anything else, which stands at `reach` [mm], infinite where nothing does.
+    /// The source that a ray meets before anything else, which stands at `reach` [mm], infinite where nothing
+    /// does.
     pub fn met(&self, origin: Vec3, direction: Vec3, reach: f32, lambda_um: Light4) -> Option<Arriving> {
         if let Some((i, t)) = self.nearest(origin, direction).filter(|(_, t)| *t < reach) {
             return Some(self.of_lamp(i, direction, t));
@@ -167,7 +172,8 @@ impl Sources<'_> {
         is_open.then(|| self.of_sky(direction, self.environment.texel(direction), lambda_um))
     }
 
-    /// Light of a source drawn by chance, in a direction drawn from it; none where another source stands before it.
+    /// Light of a source drawn by chance, in a direction drawn from it; none where another source stands
+    /// before it.
     pub fn draw(&self, position: Vec3, lambda_um: Light4, rng: &mut Pcg64Mcg) -> Option<Arriving> {
         let count = self.count();
         let which = (rng.random::<f32>() * count as f32) as usize;

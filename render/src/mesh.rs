@@ -1,4 +1,5 @@
-//! Sheets as triangles with surface coordinates: flat, draped over a sphere, folded. Scene lengths are in millimeters, surface coordinates in um of cloth.
+//! Sheets as triangles with surface coordinates: flat, draped over a sphere, folded. Scene lengths are in
+//! millimeters, surface coordinates in um of cloth.
 
 use glam::Vec3;
 
@@ -16,7 +17,8 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// A sheet of `(n + 1)^2` vertices: `place` gives the point of (s, t) in [0, 1]^2, which is `size_um` of cloth wide and high.
+    /// A sheet of `(n + 1)^2` vertices: `place` gives the point of (s, t) in [0, 1]^2, which is `size_um` of
+    /// cloth wide and high.
     pub fn grid(n: usize, size_um: f32, place: impl Fn(f32, f32) -> Vec3) -> Mesh {
         let mut mesh = Mesh::default();
         let e = 1e-3;
@@ -45,8 +47,9 @@ impl Mesh {
         Mesh::grid(1, 1000.0 * size_mm, |s, t| Vec3::new((s - 0.5) * size_mm, (t - 0.5) * size_mm, 0.0))
     }
 
-    /// A square sheet that has fallen over the ball of [`Mesh::BALL`] of its width about the origin and lies with its corners on the floor at [`Mesh::FLOOR`] of it. A
-    /// simulation of a second or two, the same each time.
+    /// A square sheet that has fallen over the ball of [`Mesh::BALL`] of its width about the origin and lies
+    /// with its corners on the floor at [`Mesh::FLOOR`] of it. A simulation of a second or two, the same each
+    /// time.
     pub fn drape(size_mm: f32) -> Mesh {
         // The cloth's own thickness above what carries it.
         let lift = 0.004;

@@ -1,8 +1,9 @@
-//! Reads what a sheet needs of a Wavefront OBJ file: vertices, texture coordinates, normals and faces. All else is passed over: names, materials, colors,
-//! smoothing groups, points, lines, curves.
+//! Reads what a sheet needs of a Wavefront OBJ file: vertices, texture coordinates, normals and faces. All
+//! else is passed over: names, materials, colors, smoothing groups, points, lines, curves.
 //!
-//! Coordinates stay in double precision, and faces stay polygons with the line that they begin on. What is passed over may be in any encoding. Lines end as
-//! they do on Unix, on Windows or on an old Mac; a backslash at the end of a line continues a statement that is read.
+//! Coordinates stay in double precision, and faces stay polygons with the line that they begin on. What is
+//! passed over may be in any encoding. Lines end as they do on Unix, on Windows or on an old Mac; a backslash
+//! at the end of a line continues a statement that is read.
 
 use crate::RenderError;
 use std::borrow::Cow;
@@ -40,7 +41,8 @@ impl Obj {
     /// Reads the bytes of a file; `name` stands for it in errors.
     ///
     /// # Errors
-    /// [`RenderError::Mesh`] with the line, for what is not understood and for an index of what the file does not have.
+    /// [`RenderError::Mesh`] with the line, for what is not understood and for an index of what the file does
+    /// not have.
     pub fn read(bytes: &[u8], name: &str) -> Result<Obj, RenderError> {
         let bad = |line: usize, what: String| RenderError::Mesh { file: name.into(), line, what };
         let text = decode(bytes);
@@ -196,7 +198,8 @@ impl<'a> Iterator for Lines<'a> {
     }
 }
 
-/// A line without its comment, and whether a backslash at its end continues it. In a comment a backslash means nothing: a path of Windows may end so.
+/// A line without its comment, and whether a backslash at its end continues it. In a comment a backslash
+/// means nothing: a path of Windows may end so.
 fn statement(line: &str) -> (&str, bool) {
     match line.split_once('#') {
         Some((before, _)) => (before, false),

@@ -58,8 +58,9 @@ struct Sheet<'a, S> {
     surface: &'a S,
 }
 
-/// Adds samples to a film until it has `options.samples` a pixel, in passes; `after` is called after each with the samples done and may write the film. Tiles run
-/// on the current rayon pool; the picture does not depend on the number of threads, nor on where it was stopped.
+/// Adds samples to a film until it has `options.samples` a pixel, in passes; `after` is called after each
+/// with the samples done and may write the film. Tiles run on the current rayon pool; the picture does not
+/// depend on the number of threads, nor on where it was stopped.
 ///
 /// # Errors
 /// [`RenderError::Stopped`] when `stop` was set, and what `after` gives.
@@ -218,7 +219,8 @@ fn trace<S: Surface>(
                     throughput[k] *= sample.weight[k];
                 }
                 pdf = sample.pdf;
-                // A direction of this density stands for a cone of the solid angle 1 / density, thinly as paths are.
+                // A direction of this density stands for a cone of the solid angle 1 / density, thinly as
+                // paths are.
                 width_per_mm += SPREAD * (1.0 / pdf.max(1e-3)).sqrt();
                 direction = point.frame.world(sample.w).normalize_or_zero();
                 if direction == Vec3::ZERO || pdf <= 0.0 {

@@ -30,7 +30,8 @@ pub struct Facts {
 }
 
 impl Facts {
-    /// Names and values: of the PNG's text chunks, and of the EXR's attributes with `plywave.` before the name.
+    /// Names and values: of the PNG's text chunks, and of the EXR's attributes with `plywave.` before the
+    /// name.
     pub fn entries(&self) -> [(&'static str, String); 9] {
         [
             ("Software", self.software.clone()),
@@ -56,9 +57,10 @@ fn text(value: &str) -> Text {
 }
 
 impl Film {
-    /// An OpenEXR file, one part of 32-bit floats: `R G B`, linear sRGB of the light; `albedo.R G B`; `normal.X Y Z`, unit, in the scene's axes, turned to the camera;
-    /// `depth.Z` along the camera's axis [mm]; from two samples on `variance.R G B`, of the mean of a pixel. Normal and depth are 0 where nothing is hit. The header
-    /// has `facts` and the chromaticities.
+    /// An OpenEXR file, one part of 32-bit floats: `R G B`, linear sRGB of the light; `albedo.R G B`;
+    /// `normal.X Y Z`, unit, in the scene's axes, turned to the camera;
+    /// `depth.Z` along the camera's axis [mm]; from two samples on `variance.R G B`, of the mean of a pixel.
+    /// Normal and depth are 0 where nothing is hit. The header has `facts` and the chromaticities.
     ///
     /// # Errors
     /// [`RenderError::Picture`].
@@ -105,8 +107,8 @@ impl Film {
     }
 }
 
-/// The file with the attributes of its header in the order of their names: the library writes them in the order of a hash map, another one in each run. No length
-/// changes, so that the offsets hold.
+/// The file with the attributes of its header in the order of their names: the library writes them in the
+/// order of a hash map, another one in each run. No length changes, so that the offsets hold.
 fn sorted_header(mut file: Vec<u8>) -> Vec<u8> {
     /// Magic number and version come before the first attribute.
     const START: usize = 8;

@@ -5,7 +5,8 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
-/// Refuses what memory does not hold: more than the system has to give (Linux tells), or than one allocation gets.
+/// Refuses what memory does not hold: more than the system has to give (Linux tells), or than one allocation
+/// gets.
 pub(crate) fn check_room(what: &str, bytes: u64) -> Result<(), RenderError> {
     let refuse = || RenderError::TooLarge { what: what.to_string(), gib: bytes as f64 / (1u64 << 30) as f64 };
     if available().is_some_and(|free| bytes > free) {

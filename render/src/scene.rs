@@ -77,7 +77,8 @@ impl Meeting {
     }
 }
 
-/// A ray for the BVH. Adding 0 turns -0 into 0: the BVH takes a ray's octant from the sign of its inverse in one place and of itself in another.
+/// A ray for the BVH. Adding 0 turns -0 into 0: the BVH takes a ray's octant from the sign of its inverse in
+/// one place and of itself in another.
 fn ray(origin: Vec3, direction: Vec3, reach: f32) -> Ray {
     Ray::new(origin.into(), Vec3A::from(direction) + Vec3A::ZERO, 0.0, reach)
 }
@@ -154,7 +155,8 @@ impl Scene {
             face = -face;
         }
         let mut normal = normal.normalize_or(face);
-        // Seen from the side of the face that the ray comes from: a shading normal that looks away is bent to the face.
+        // Seen from the side of the face that the ray comes from: a shading normal that looks away is bent to
+        // the face.
         if normal.dot(direction) * face.dot(direction) <= 0.0 {
             normal = face;
         }

@@ -52,8 +52,8 @@ impl Setup {
         }
     }
 
-    /// Scene and camera for a sheet `size_mm` wide; `mesh` in place of the setup's own, `sky` in place of its environment. Lamps are scaled so that a
-    /// white diffuse sheet that faces one comes out at about 1.
+    /// Scene and camera for a sheet `size_mm` wide; `mesh` in place of the setup's own, `sky` in place of its
+    /// environment. Lamps are scaled so that a white diffuse sheet that faces one comes out at about 1.
     pub fn scene(self, size_mm: f32, mesh: Option<Mesh>, sky: Option<Environment>) -> (Scene, Camera) {
         let s = size_mm;
         let at = |x: f32, y: f32, z: f32| Vec3::new(x, y, z) * s;
@@ -67,7 +67,8 @@ impl Setup {
         // A mesh of the caller's takes the place of the setup's, which is then not made.
         let own = mesh.is_none();
         let (made, lights, own_sky) = match self {
-            // The highlight of a mirror would lie beside the picture: yarns shine where they lean, and elsewhere show their color.
+            // The highlight of a mirror would lie beside the picture: yarns shine where they lean, and
+            // elsewhere show their color.
             Setup::Front => (own.then(|| Mesh::flat(s)), vec![lamp(at(-1.2, 0.9, 3.2), 0.25)], dark()),
             Setup::Back => (own.then(|| Mesh::flat(s)), vec![lamp(at(0.0, 0.0, -3.0), 0.3)], dark()),
             Setup::Drape => (own.then(|| Mesh::drape(s)), vec![lamp(at(-1.5, -0.9, 1.7), 1.0)], dim()),

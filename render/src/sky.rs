@@ -1,4 +1,5 @@
-//! Light from infinitely far: a picture in latitude and longitude, each texel of which shines evenly over its part of the sphere.
+//! Light from infinitely far: a picture in latitude and longitude, each texel of which shines evenly over its
+//! part of the sphere.
 
 use crate::spectrum::Light4;
 use crate::{LAMBDA_RANGE_UM, RenderError};
@@ -11,8 +12,9 @@ const BAND_EDGES_UM: [f32; 2] = [0.49, 0.59];
 
 /// Light from infinitely far: radiance over the sphere, z up, relative to the illuminant's spectrum.
 ///
-/// A texel's spectrum is the illuminant's times one number in each of three bands, below 0.49 um, up to 0.59 um and above. The numbers are those whose light has the
-/// texel's color: seen by the camera, or by way of gray things, a sky has the colors of its picture.
+/// A texel's spectrum is the illuminant's times one number in each of three bands, below 0.49 um, up to 0.59
+/// um and above. The numbers are those whose light has the texel's color: seen by the camera, or by way of
+/// gray things, a sky has the colors of its picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Environment {
     width: usize,
@@ -29,7 +31,8 @@ fn weight(texel: &[f32; 3]) -> f64 {
     texel.iter().copied().map(f64::from).sum()
 }
 
-/// From linear sRGB to the bands whose light has that color. No entry is negative: nor is any band of a color that sRGB has.
+/// From linear sRGB to the bands whose light has that color. No entry is negative: nor is any band of a color
+/// that sRGB has.
 fn bands_of_srgb() -> DMat3 {
     const STEP_UM: f64 = 1e-4;
     let [low, high] = LAMBDA_RANGE_UM.map(f64::from);
@@ -59,11 +62,13 @@ impl Environment {
         Environment::new(1, 2, vec![[radiance; 3], [0.0; 3]])
     }
 
-    /// A picture in latitude and longitude, `srgb[row][column]`, linear sRGB: rows go from the zenith down; the middle of `width` columns lies along x, and columns to the
-    /// right of it turn right, along -y, as the picture is seen from inside (and as Blender has it).
+    /// A picture in latitude and longitude, `srgb[row][column]`, linear sRGB: rows go from the zenith down;
+    /// the middle of `width` columns lies along x, and columns to the right of it turn right, along -y, as
+    /// the picture is seen from inside (and as Blender has it).
     ///
     /// # Errors
-    /// [`RenderError::Picture`] of no texels, rows that are not whole, and numbers that are not finite or below 0.
+    /// [`RenderError::Picture`] of no texels, rows that are not whole, and numbers that are not finite or
+    /// below 0.
     pub fn picture(width: usize, mut srgb: Vec<[f32; 3]>) -> Result<Environment, RenderError> {
         let bad = |what: String| RenderError::Picture { file: "sky".into(), what };
         if width == 0 || srgb.is_empty() || !srgb.len().is_multiple_of(width) {
@@ -115,7 +120,8 @@ impl Environment {
     /// The texel that lies in a direction.
     pub(crate) fn texel(&self, direction: Vec3) -> usize {
         let d = direction.as_dvec3();
-        // The angle from z by both its sine and cosine: near the poles the cosine alone does not part the rows of large pictures.
+        // The angle from z by both its sine and cosine: near the poles the cosine alone does not part the
+        // rows of large pictures.
         let v = d.x.hypot(d.y).atan2(d.z) / PI;
         let u = 0.5 - d.y.atan2(d.x) / TAU;
         let i = ((u - u.floor()) * self.width as f64) as usize;
@@ -128,7 +134,8 @@ impl Environment {
         lambda_um.map(|l| self.texels[texel][band(l)])
     }
 
-    /// Density [1/sr] of sampling a direction of a texel: all of its directions alike, and texels by their power.
+    /// Density [1/sr] of sampling a direction of a texel: all of its directions alike, and texels by their
+    /// power.
     pub(crate) fn pdf(&self, texel: usize) -> f32 {
         (weight(&self.texels[texel]) / self.power().max(f64::MIN_POSITIVE)) as f32
     }
@@ -144,7 +151,8 @@ impl Environment {
     }
 }
 
-/// Solid angle of a texel in row `j` [sr]: the difference of its edges' cosines, as a product that loses no digits, times its width.
+/// Solid angle of a texel in row `j` [sr]: the difference of its edges' cosines, as a product that loses no
+/// digits, times its width.
 fn solid_angle(j: usize, width: usize, height: usize) -> f64 {
     let half = 0.5 * PI / height as f64;
     2.0 * (half * (2 * j + 1) as f64).sin() * half.sin() * TAU / width as f64
@@ -202,7 +210,8 @@ mod tests {
     #[test]
     fn texels_of_large_pictures_are_told_apart() {
         let mut rng = Pcg64Mcg::seed_from_u64(2);
-        // Rows as narrow as those of 16384 x 8192 texels, of which the first and the last lie within a thousandth of a radian about the poles; and columns as narrow.
+        // Rows as narrow as those of 16384 x 8192 texels, of which the first and the last lie within a
+        // thousandth of a radian about the poles; and columns as narrow.
         for (width, height) in [(4, 8192), (16384, 16)] {
             for row in [0, 1, height / 2, height - 2, height - 1] {
                 let mut texels = vec![[0.0; 3]; width * height];

@@ -28,7 +28,8 @@ const MAX_RADIANCE: f32 = 1e12;
 const MAX_NAMES: usize = 20;
 /// Names of a layer that has all light, where a file has several, in lower case.
 const WHOLE: [&str; 4] = ["combined", "rgba", "beauty", "c"];
-/// Shares of red, green and blue in the luminance of linear sRGB (ITU-R BT.709), by which OpenEXR parts luminance and chroma.
+/// Shares of red, green and blue in the luminance of linear sRGB (ITU-R BT.709), by which OpenEXR parts
+/// luminance and chroma.
 const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
 /// Linear sRGB as a file has it, before values that are no radiances are mended.
@@ -43,14 +44,17 @@ struct Picture {
 }
 
 impl Environment {
-    /// A picture in latitude and longitude: OpenEXR, or Radiance (`.hdr`, `.pic`), rows from the zenith down; with notes of what was assumed or mended, a line each.
+    /// A picture in latitude and longitude: OpenEXR, or Radiance (`.hdr`, `.pic`), rows from the zenith down;
+    /// with notes of what was assumed or mended, a line each.
     ///
-    /// An EXR has colors in channels `R`, `G`, `B`, in `Y`, `RY`, `BY`, or one that is taken as gray, in a layer of any name: of several, `layer` chooses, or else the one
-    /// without a name or named as the whole of the light. Numbers are taken as linear sRGB. Values below 0 and those that are not a number count as 0, infinite ones of
-    /// half floats as the largest half.
+    /// An EXR has colors in channels `R`, `G`, `B`, in `Y`, `RY`, `BY`, or one that is taken as gray, in a
+    /// layer of any name: of several, `layer` chooses, or else the one without a name or named as the whole
+    /// of the light. Numbers are taken as linear sRGB. Values below 0 and those that are not a number count
+    /// as 0, infinite ones of half floats as the largest half.
     ///
     /// # Errors
-    /// [`RenderError::Picture`] when it cannot be read, has more than 134 M texels or no colors, or not the `layer`; [`RenderError::TooLarge`]; [`RenderError::Io`].
+    /// [`RenderError::Picture`] when it cannot be read, has more than 134 M texels or no colors, or not the
+    /// `layer`; [`RenderError::TooLarge`]; [`RenderError::Io`].
     pub fn load(path: &Path, layer: Option<&str>) -> Result<(Environment, Vec<String>), RenderError> {
         let name = path.display().to_string();
         let bad = |what: String| RenderError::Picture { file: name.clone(), what };
@@ -176,7 +180,8 @@ enum Kind {
     Single,
 }
 
-/// Layers of a part with their channels: the name before the last dot, and those after it. The part's own name comes before where it is no part of them.
+/// Layers of a part with their channels: the name before the last dot, and those after it. The part's own
+/// name comes before where it is no part of them.
 fn layers_of(header: &Header) -> Vec<(String, Vec<(String, String)>)> {
     let mut layers: Vec<(String, Vec<(String, String)>)> = Vec::new();
     let part = header.own_attributes.layer_name.as_ref().map(ToString::to_string).unwrap_or_default();

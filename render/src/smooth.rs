@@ -1,7 +1,9 @@
 //! Normals of triangles that have none, from the places of their corners alone.
 //!
-//! A corner's normal weighs the faces around its place by their angle there (Thuermer and Wuethrich 1998), so that it does not depend on how polygons are cut.
-//! Only faces that are joined by edges count, each turned as its neighbor across the edge is wound: pieces that were wound apart meet without a crease.
+//! A corner's normal weighs the faces around its place by their angle there (Thuermer and Wuethrich 1998), so
+//! that it does not depend on how polygons are cut.
+//! Only faces that are joined by edges count, each turned as its neighbor across the edge is wound: pieces
+//! that were wound apart meet without a crease.
 
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
@@ -47,7 +49,8 @@ impl Smooth {
         Smooth { sides, normals }
     }
 
-    /// The side of its piece on which a triangle's normals are: corners of one place and one side have the same normal.
+    /// The side of its piece on which a triangle's normals are: corners of one place and one side have the
+    /// same normal.
     pub fn side(&self, triangle: usize) -> u32 {
         self.sides[triangle]
     }

@@ -1,4 +1,5 @@
-//! Paths per second through the standard polyester ply: screw march beside triangles in the same run, one thread beside two.
+//! Paths per second through the standard polyester ply: screw march beside triangles in the same run, one
+//! thread beside two.
 //!
 //! `cargo bench -p plywave-sim --bench trace`; the throughput line of each is paths per second.
 

@@ -1,5 +1,7 @@
-//! Speed of the wave solvers at stated errors: one slice is one wavelength (0.4 um) and one latitude, both polarizations, 360 azimuths out.
-//! One thread. Errors are the largest difference of the far field from that of a much finer solve, over its largest value. `cargo bench -p plywave-sim --bench wave`.
+//! Speed of the wave solvers at stated errors: one slice is one wavelength (0.4 um) and one latitude, both
+//! polarizations, 360 azimuths out.
+//! One thread. Errors are the largest difference of the far field from that of a much finer solve, over its
+//! largest value. `cargo bench -p plywave-sim --bench wave`.
 
 use plywave_sim::wave::{
     Body, MieSolver, MultipoleSolver, NystromSolver, Polarization, Scattered, Shape, Source, Wave, WaveSolver,
@@ -7,7 +9,8 @@ use plywave_sim::wave::{
 use std::f64::consts::TAU;
 use std::time::Instant;
 
-/// Seconds this thread has run, where the system tells: what a machine shared with others leaves of the clock.
+/// Seconds this thread has run, where the system tells: what a machine shared with others leaves of the
+/// clock.
 fn running() -> f64 {
     let stat = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
     stat.split_whitespace().next().and_then(|s| s.parse::<f64>().ok()).map_or(f64::NAN, |ns| ns * 1e-9)
@@ -76,7 +79,8 @@ fn main() {
     });
 }
 
-/// A slice of one round fiber by Mie's series, and of several by multipoles, against the same series at a much smaller tolerance.
+/// A slice of one round fiber by Mie's series, and of several by multipoles, against the same series at a
+/// much smaller tolerance.
 fn series() {
     let fiber = |center_um| Body {
         shape: Shape::Circle { radius_um: 7.5 },

@@ -1,4 +1,5 @@
-//! Radial density of packed plies, chance to meet a fiber, and time a ply: `cargo run --release -p plywave-sim --example packing -- fabrics/*.toml`.
+//! Radial density of packed plies, chance to meet a fiber, and time a ply:
+//! `cargo run --release -p plywave-sim --example packing -- fabrics/*.toml`.
 //!
 //! ci: build only
 

@@ -1,7 +1,9 @@
-//! Numbers of Xia et al. 2020: how much more light than its width a fiber takes (Table 1), fringes behind a fiber (Fig. 11-12), pairs of fibers (Fig. 18); and maps of
-//! scattering over phi_i and phi_r in color (Fig. 6 and the last row of Fig. 4).
+//! Numbers of Xia et al. 2020: how much more light than its width a fiber takes (Table 1), fringes behind a
+//! fiber (Fig. 11-12), pairs of fibers (Fig. 18); and maps of scattering over phi_i and phi_r in color (Fig.
+//! 6 and the last row of Fig. 4).
 //!
-//! `cargo run --release -p plywave-sim --example xia` prints the numbers of circles; `-- ellipses` those of ellipses, which take minutes; `-- maps FOLDER` writes the maps as PNG.
+//! `cargo run --release -p plywave-sim --example xia` prints the numbers of circles; `-- ellipses` those of
+//! ellipses, which take minutes; `-- maps FOLDER` writes the maps as PNG.
 
 use plywave::fiber::{DielectricFiber, DielectricParameters};
 use plywave::frame::direction;
@@ -224,7 +226,8 @@ fn pairs() -> Result<(), WaveError> {
         let begun = Instant::now();
         let at = |x: f64| Body { center_um: [x, 0.0], ..circle(1.0) };
         let pair = MultipoleSolver::new(&[at(-0.5 * distance), at(0.5 * distance)], &wave, 1e-6)?;
-        // Turns by steps of the grid, so that relative azimuths stay on it; within a step, the turns of later rounds.
+        // Turns by steps of the grid, so that relative azimuths stay on it; within a step, the turns of later
+        // rounds.
         let mut sum = vec![0.0; n];
         let order: Vec<usize> = (0..TURNS).collect();
         for chunk in order.chunks(100) {
@@ -269,7 +272,8 @@ fn snapped(phi: f64, n: usize) -> f64 {
     (phi / TAU * n as f64).round() * TAU / n as f64
 }
 
-/// The map of a fiber: scattered width per azimuth over the geometric width, `[phi_i][phi_r]`, as linear sRGB of D65.
+/// The map of a fiber: scattered width per azimuth over the geometric width, `[phi_i][phi_r]`, as linear sRGB
+/// of D65.
 fn map(fiber: &SingleFiber, lambdas: usize, size: usize) -> Result<Vec<[f64; 3]>, WaveError> {
     let mut xyz = vec![[0.0; 3]; size * size];
     for l in 0..lambdas {

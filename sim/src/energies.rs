@@ -1,21 +1,27 @@
 //! Energies of one ply on grids finer than those of its slices, at a cost a path that no grid adds to.
 //!
-//! With g the beam's profile, of standard deviation s, and m(x) the chance that the line at lateral position x hits a fiber,
+//! With g the beam's profile, of standard deviation s, and m(x) the chance that the line at lateral position
+//! x hits a fiber,
 //!
 //! ```text
 //! r_d(h) = 1 - integral of m(x) g(x - h) dx,      q_c(h) = integral of e_c(x) g(x - h) dx / integral of m(x) g(x - h) dx
 //! ```
 //!
-//! where e_c(x) is what paths at x bring into channel c (f_refl, f_high at each sigma). So both come from histograms over x, into which a path or ray adds
-//! once, convolved with the beam afterwards; bins of s/16 blur a step of m by 1e-4 at most.
+//! where e_c(x) is what paths at x bring into channel c (f_refl, f_high at each sigma). So both come from
+//! histograms over x, into which a path or ray adds once, convolved with the beam afterwards; bins of s/16
+//! blur a step of m by 1e-4 at most.
 //!
-//! *r_d* has rays of its own that end at the first wall. They cost a tenth of a path, and all that they depend on beside the beam's divergence is the line's
-//! position and the ply's turn: x is stratified and the turn follows the golden ratio from ray to ray, which covers the rectangle evenly. Its standard error is
-//! that of the mean over the instances. Along theta_i it has a ridge where light runs parallel to the fibers of the rim, which lean by k r at radius r,
-//! k = 2 pi / pitch: at `cot theta_i = k h`. Its width along theta_i is that of the beam across it, `s k / (1 + k^2 R^2)`, and the divergence.
+//! *r_d* has rays of its own that end at the first wall. They cost a tenth of a path, and all that they
+//! depend on beside the beam's divergence is the line's position and the ply's turn: x is stratified and the
+//! turn follows the golden ratio from ray to ray, which covers the rectangle evenly. Its standard error is
+//! that of the mean over the instances. Along theta_i it has a ridge where light runs parallel to the fibers
+//! of the rim, which lean by k r at radius r, k = 2 pi / pitch: at `cot theta_i = k h`. Its width along
+//! theta_i is that of the beam across it, `s k / (1 + k^2 R^2)`, and the divergence.
 //!
-//! *q* is a ratio of sums over the same paths. With n paths in a bin, each with weight w in a channel, 0 <= w <= 1, the variance of the numerator less q
-//! times the denominator is `sum_b g_b^2 sum (w - q)^2 <= sum_b g_b^2 ((1 - 2 q) sum w + n q^2)`, an equality where w is 0 or 1, as at sigma = 0.
+//! *q* is a ratio of sums over the same paths. With n paths in a bin, each with weight w in a channel, 0 <= w
+//! <= 1, the variance of the numerator less q times the denominator is
+//! `sum_b g_b^2 sum (w - q)^2 <= sum_b g_b^2 ((1 - 2 q) sum w + n q^2)`, an equality where w is 0 or 1, as at
+//! sigma = 0.
 
 use crate::energy_grids::EnergyGrids;
 use crate::incidence::Incidence;
@@ -61,7 +67,8 @@ impl EnergyGrids {
         sums.miss_met[row * count..(row + 1) * count].iter_mut().zip(&met).for_each(|(sum, met)| *sum += met);
     }
 
-    /// Rows of latitude `m` of the slices from its sums over `runs` runs of instances, of which `instances` were different.
+    /// Rows of latitude `m` of the slices from its sums over `runs` runs of instances, of which `instances`
+    /// were different.
     pub fn fill(&self, to: &mut TableEnergies, m: usize, sd: f64, sums: &Sums, runs: f64, instances: f64) {
         let (count, columns) = (self.bins.count, self.miss_h_um.len());
         for row in 0..self.miss_rows.min(to.miss_theta_i.len() - m * self.miss_rows) {

@@ -7,7 +7,8 @@ use plywave::table::TableEnergies;
 /// Bins of lateral positions in a standard deviation of the beam, and the most of them.
 const BINS_PER_SD: f64 = 16.0;
 const MAX_BINS: f64 = 8192.0;
-/// Steps of r_d, in standard deviations of the beam or of what it makes of the ridge; a spline is then good to 4e-4 of an edge's height.
+/// Steps of r_d, in standard deviations of the beam or of what it makes of the ridge; a spline is then good
+/// to 4e-4 of an edge's height.
 const MISS_STEP_SDS: f64 = 0.4;
 const RIDGE_STEP_SDS: f64 = 0.6;
 /// Steps of r_d along theta_i where there is no ridge, and of the shares [rad].
@@ -17,7 +18,8 @@ const SHARE_STEP_RAD: f64 = 0.18;
 const SHARE_STEP_SDS: f64 = 1.2;
 /// Most nodes of an axis.
 const MAX_NODES: usize = 1001;
-/// Rays of a latitude of r_d over all instances, those for each path where runs are short, and the least of an instance.
+/// Rays of a latitude of r_d over all instances, those for each path where runs are short, and the least of
+/// an instance.
 const RAYS: u64 = 1 << 18;
 const RAYS_A_PATH: u64 = 1;
 const MIN_RAYS: u64 = 1 << 11;

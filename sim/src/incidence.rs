@@ -17,7 +17,8 @@ pub(crate) struct Incidence<'a> {
     pub radius_um: f64,
     /// Whether exit positions are recorded.
     pub record_exits: bool,
-    /// Lateral positions over which the energies are tallied; `None` for whole yarns, whose plies' orientations h depends on.
+    /// Lateral positions over which the energies are tallied; `None` for whole yarns, whose plies'
+    /// orientations h depends on.
     pub energies: Option<&'a EnergyGrids>,
 }
 

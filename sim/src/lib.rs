@@ -1,6 +1,7 @@
 //! Simulator of plywave: fiber and ply geometry, path tracing, scattering tables.
 //!
-//! Yarn spec -> cross section ([`PlySection`]) -> tracer ([`ScrewTracer`] or [`MeshTracer`]) -> [`simulate`] -> `plywave::table::Table`;
+//! Yarn spec -> cross section ([`PlySection`]) -> tracer ([`ScrewTracer`] or [`MeshTracer`]) -> [`simulate`]
+//! -> `plywave::table::Table`;
 //! a yarn of several plies: [`yarn::yarn_table`]. Single fibers by waves: [`wave`].
 //! A cloth of explicit fibers: [`twin`].
 

@@ -22,8 +22,8 @@ pub struct SimOptions {
     pub preset: String,
     /// Seed of geometry and paths.
     pub seed: u64,
-    /// Geometry instances of the ensemble. Every path turns its instance at random, so that 8 do for what hundreds of fixed
-    /// ones would (docs/explain/papers.md, departure 8).
+    /// Geometry instances of the ensemble. Every path turns its instance at random, so that 8 do for what
+    /// hundreds of fixed ones would (docs/explain/papers.md, departure 8).
     pub instances: u32,
     /// Paths per incident latitude, shared by all h.
     pub paths_per_theta: u64,
@@ -41,7 +41,8 @@ pub struct SimOptions {
     pub shards: u32,
     /// Which tracer walks the paths.
     pub tracer: TracerKind,
-    /// Trace the whole yarn of the spec's plies instead of one ply: the brute-force twin of the model's multi-ply construction.
+    /// Trace the whole yarn of the spec's plies instead of one ply: the brute-force twin of the model's
+    /// multi-ply construction.
     pub traced_plies: bool,
 }
 

@@ -1,10 +1,12 @@
 //! One shard of a simulation: paths at one incident latitude, reweighted to every beam offset and absorption.
 //!
-//! A path's lateral position x is drawn once, uniformly (stratified) over the width that can meet the ply. A beam centered
-//! at h has the density N(x - h; w0/2) there, so the path counts for h with that density over its own: one path serves every h,
-//! and with exp(-sigma L) every sigma. Light beyond the drawn width misses for certain; its share is the Gaussian's tail.
+//! A path's lateral position x is drawn once, uniformly (stratified) over the width that can meet the ply. A
+//! beam centered at h has the density N(x - h; w0/2) there, so the path counts for h with that density over
+//! its own: one path serves every h, and with exp(-sigma L) every sigma. Light beyond the drawn width misses
+//! for certain; its share is the Gaussian's tail.
 //!
-//! A single ply also tells where light leaves it and where rays meet it, for the model of a yarn ([`plywave::table::ExitPositions`]).
+//! A single ply also tells where light leaves it and where rays meet it, for the model of a yarn
+//! ([`plywave::table::ExitPositions`]).
 
 use crate::incidence::Incidence;
 use crate::rays::path::PathEnd;
@@ -39,21 +41,23 @@ pub(crate) struct Sums {
     pub missed: Vec<f64>,
     /// `[h]`: weight of killed paths.
     pub killed: Vec<f64>,
-    /// `[h]`: sum over pairs of neighboring strata of the squared difference of their total weights; of yarns, over shards' instances of the square
-    /// of what their total weights are off by.
+    /// `[h]`: sum over pairs of neighboring strata of the squared difference of their total weights; of
+    /// yarns, over shards' instances of the square of what their total weights are off by.
     pub variance: Vec<f64>,
     /// Paths drawn; paths that met a fiber; their wall interactions.
     pub counts: [f64; 3],
     /// `[azimuth][position][h][1 + sigma]`: weight by the place where it left; empty when not recorded.
     pub exit: Vec<f64>,
-    /// `[2][x]`: paths through a lateral position, and those of them that met a fiber; empty when not recorded.
+    /// `[2][x]`: paths through a lateral position, and those of them that met a fiber; empty when not
+    /// recorded.
     pub met: Vec<f64>,
-    /// `[row][bin]`: chance to hit a fiber by lateral position, at each fine latitude, summed over instances; with what follows empty where energies are
-    /// not tallied.
+    /// `[row][bin]`: chance to hit a fiber by lateral position, at each fine latitude, summed over instances;
+    /// with what follows empty where energies are not tallied.
     pub miss_met: Vec<f64>,
     /// `[row][h]`: square of the missed share, summed over instances.
     pub miss_squares: Vec<f64>,
-    /// `[row][bin][2 + sigma]`: of paths that hit a fiber, by lateral position: killed, reflected, high-order at each sigma.
+    /// `[row][bin][2 + sigma]`: of paths that hit a fiber, by lateral position: killed, reflected, high-order
+    /// at each sigma.
     pub shares: Vec<f64>,
 }
 
@@ -89,8 +93,8 @@ impl Sums {
         })
     }
 
-    /// Arrays of the part that holds the sums, by the names and in the order of the fields. Weights are sums of densities, squares and tails: never
-    /// negative.
+    /// Arrays of the part that holds the sums, by the names and in the order of the fields. Weights are sums
+    /// of densities, squares and tails: never negative.
     pub fn layout(at: &Incidence<'_>) -> Vec<ArrayLayout> {
         let (h, c) = (at.h_um.len(), 1 + at.sigma_per_um.len());
         let (any, energies) = ([0.0, f64::MAX], Sums::energies(at));
@@ -274,14 +278,16 @@ pub(crate) fn trace_paths<R: Rng>(
         let tail = paths as f64 * (upper_tail((half - h) / sd) + upper_tail((half + h) / sd));
         sums.missed[n] += tail;
         if matches!(target, Target::Yarn(..)) {
-            // Neighbors differ in psi: what the shard's total is off by, its mean being known, tells the variance.
+            // Neighbors differ in psi: what the shard's total is off by, its mean being known, tells the
+            // variance.
             sums.variance[n] += (previous[n] + tail - paths as f64).powi(2);
         }
     }
     Some(())
 }
 
-/// Place `[azimuth][position]` of the line through `pos` in direction `dir`: position along (-sin phi, cos phi) over [-radius, radius].
+/// Place `[azimuth][position]` of the line through `pos` in direction `dir`: position along (-sin phi, cos
+/// phi) over [-radius, radius].
 fn exit_place(dir: Vector3<f32>, pos: Vector3<f32>, radius: f32) -> usize {
     let across = dir.xy().norm().max(1e-12);
     let t = (dir.x * pos.y - dir.y * pos.x) / across;
@@ -291,7 +297,8 @@ fn exit_place(dir: Vector3<f32>, pos: Vector3<f32>, radius: f32) -> usize {
     azimuth.min(EXIT_AZIMUTHS - 1) * EXIT_POSITIONS + position.min(EXIT_POSITIONS - 1)
 }
 
-/// Upper tail of the standard normal distribution, by Simpson's rule on the density; absolute error below 1e-9.
+/// Upper tail of the standard normal distribution, by Simpson's rule on the density; absolute error below
+/// 1e-9.
 fn upper_tail(t: f64) -> f64 {
     if t < 0.0 {
         return 1.0 - upper_tail(-t);

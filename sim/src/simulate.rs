@@ -1,7 +1,8 @@
 //! The whole simulation: an ensemble of ply instances, every incidence, into a [`Table`] (Yu 2025, 5.1).
 //!
-//! Work is cut into shards of one incident latitude. A shard's random stream and instances depend on the seed and its number alone, and the shards of a
-//! latitude form a group that is summed in their order: the table does not depend on threads, machines or interruptions.
+//! Work is cut into shards of one incident latitude. A shard's random stream and instances depend on the seed
+//! and its number alone, and the shards of a latitude form a group that is summed in their order: the table
+//! does not depend on threads, machines or interruptions.
 
 use crate::energy_grids::{EnergyGrids, share_rows};
 use crate::error::SimError;
@@ -38,11 +39,13 @@ pub fn total_paths(options: &SimOptions) -> u64 {
     rows * shard_paths(options) * u64::from(options.shards.max(1))
 }
 
-/// Simulate the scattering of `spec`, whose text is `spec_text` (kept in the table), on the threads of the current rayon pool: that of one ply, or
-/// with `options.traced_plies` that of the whole yarn, its plies parallel where they lie. Progress counts paths.
+/// Simulate the scattering of `spec`, whose text is `spec_text` (kept in the table), on the threads of the
+/// current rayon pool: that of one ply, or with `options.traced_plies` that of the whole yarn, its plies
+/// parallel where they lie. Progress counts paths.
 ///
 /// # Errors
-/// [`SimError::CannotPack`] and the like when the geometry cannot be built, [`SimError::Interrupted`] when stopped, errors of the parts folder.
+/// [`SimError::CannotPack`] and the like when the geometry cannot be built, [`SimError::Interrupted`] when
+/// stopped, errors of the parts folder.
 pub fn simulate(spec: &YarnSpec, spec_text: &str, options: &SimOptions, run: Run<'_>) -> Result<Table, SimError> {
     runs::run(&SimulateJob::new(spec, spec_text, options)?, run)
 }
@@ -100,7 +103,8 @@ impl SimulateJob {
         SimulateJob::new(&spec, &description.spec, &options)
     }
 
-    /// Refuses a run whose energies would be off 1 by more than a table may be, for the noise of its few paths.
+    /// Refuses a run whose energies would be off 1 by more than a table may be, for the noise of its few
+    /// paths.
     ///
     /// # Errors
     /// [`SimError::TooFewPaths`].
@@ -119,7 +123,8 @@ impl SimulateJob {
         Err(SimError::TooFewPaths { paths, error, least })
     }
 
-    /// Largest standard error of the energies' sum of an incidence: that of the stratified integral of a beam's density over the drawn width.
+    /// Largest standard error of the energies' sum of an incidence: that of the stratified integral of a
+    /// beam's density over the drawn width.
     fn standard_error(&self, options: &SimOptions) -> f64 {
         let n = instance_paths(options);
         let sd = self.spec.beam.beam().sd_um();
@@ -160,7 +165,8 @@ impl SimulateJob {
         }
     }
 
-    /// A latitude between those of the slices, `row` of `rows` parts beyond latitude `m`: no slices, only energies.
+    /// A latitude between those of the slices, `row` of `rows` parts beyond latitude `m`: no slices, only
+    /// energies.
     fn between(&self, m: usize, row: usize, rows: usize) -> Incidence<'_> {
         let step = self.theta_i[1] - self.theta_i[0];
         let theta_i = self.theta_i[m] + step * row as f64 / rows as f64;
@@ -385,7 +391,8 @@ fn empty_table(
     }
 }
 
-/// Slices of incident latitude `m` from its sums: divided by the paths drawn and the solid angles, and nothing else.
+/// Slices of incident latitude `m` from its sums: divided by the paths drawn and the solid angles, and
+/// nothing else.
 fn fill(table: &mut Table, m: usize, at: &Incidence<'_>, sums: &Sums) {
     let (hs, ks) = (at.h_um.len(), at.sigma_per_um.len());
     let bins = at.grid.len();

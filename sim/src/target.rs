@@ -2,11 +2,12 @@
 //!
 //! *One ply.* Each path turns it about z and shifts it along z at random.
 //!
-//! *The yarn* (the brute-force twin of the multi-ply model, Yu 2025, 5.3): plies lie parallel on their circle about the yarn's axis, ply 0 with
-//! its axis in the origin, at the azimuth psi about the yarn's axis; every ply is turned and shifted at random on its own, and psi is drawn for
-//! each path. For offset h only those psi count at which the line x = h meets ply 0 first ([`PlyRing::is_valid`]). As one path serves
-//! every h, it counts for h by valid(psi, h)/V(h), V(h) the fraction of psi that is valid. Psi follows the golden ratio from path to path, which
-//! with the stratified lateral position covers the rectangle (x, psi) evenly.
+//! *The yarn* (the brute-force twin of the multi-ply model, Yu 2025, 5.3): plies lie parallel on their circle
+//! about the yarn's axis, ply 0 with its axis in the origin, at the azimuth psi about the yarn's axis; every
+//! ply is turned and shifted at random on its own, and psi is drawn for each path. For offset h only those
+//! psi count at which the line x = h meets ply 0 first ([`PlyRing::is_valid`]). As one path serves every h,
+//! it counts for h by valid(psi, h)/V(h), V(h) the fraction of psi that is valid. Psi follows the golden
+//! ratio from path to path, which with the stratified lateral position covers the rectangle (x, psi) evenly.
 
 use crate::incidence::Incidence;
 use crate::rays::dielectric::sin_cos_turn;
@@ -64,8 +65,9 @@ pub(crate) enum Target<'a> {
 }
 
 impl Target<'_> {
-    /// Half of the width over which lateral positions are drawn [um]: all rays that can meet the ply or yarn, their sideways tilt in the xy plane up to
-    /// 5 standard deviations (at most 1 rad) included, but no further than beams reach: `beam_sds` standard deviations beyond the last h.
+    /// Half of the width over which lateral positions are drawn [um]: all rays that can meet the ply or yarn,
+    /// their sideways tilt in the xy plane up to 5 standard deviations (at most 1 rad) included, but no
+    /// further than beams reach: `beam_sds` standard deviations beyond the last h.
     pub fn half_width(&self, at: &Incidence<'_>, beam_sds: f64) -> f64 {
         let tilt = at.sideways_rad();
         match self {
@@ -78,8 +80,9 @@ impl Target<'_> {
         }
     }
 
-    /// Walk path number `i`, which would pass through (x, 0) at the origin's height in direction `dir`, to its end. Directions and places are
-    /// those of the beam's frame. True when the path counts for each h by `shares`, else it counts as it is.
+    /// Walk path number `i`, which would pass through (x, 0) at the origin's height in direction `dir`, to
+    /// its end. Directions and places are those of the beam's frame. True when the path counts for each h by
+    /// `shares`, else it counts as it is.
     pub fn walk<R: Rng>(
         &self,
         i: u64,
@@ -113,7 +116,8 @@ pub(crate) fn ray<R: Rng>(at: &Incidence<'_>, rng: &mut R) -> Vector3<f32> {
     (forward + Vector3::x() * (tilt[0] * angular_sd) + across * (tilt[1] * angular_sd)).normalize()
 }
 
-/// Whether the ray through (x, 0) in direction `dir` hits a fiber of the ply turned by `turn` turns, at a random height.
+/// Whether the ray through (x, 0) in direction `dir` hits a fiber of the ply turned by `turn` turns, at a
+/// random height.
 pub(crate) fn hits<R: Rng>(tracer: &dyn Tracer, x: f32, dir: Vector3<f32>, turn: f32, rng: &mut R) -> bool {
     let z = rng.random::<f32>() * tracer.period_um();
     let (sin, cos) = sin_cos_turn(turn);
@@ -274,8 +278,8 @@ impl Tracer for Yarn<'_> {
     }
 }
 
-/// Distance along a ray from `q` in the xy plane at which it enters the circle of radius `bound` about the origin; negative behind it, None
-/// when it passes by.
+/// Distance along a ray from `q` in the xy plane at which it enters the circle of radius `bound` about the
+/// origin; negative behind it, None when it passes by.
 fn entry(q: Vector2<f32>, dir: Vector3<f32>, bound: f32) -> Option<f32> {
     let (a, b) = (dir.x * dir.x + dir.y * dir.y, q.x * dir.x + q.y * dir.y);
     let disc = b * b - a * (q.norm_squared() - bound * bound);
@@ -325,7 +329,8 @@ mod tests {
         (0..15).map(|n| 28.0 * (f64::from(n) / 7.0 - 1.0)).collect()
     }
 
-    /// Share of the beam at `h` that meets none of the solid plies, by quadrature over the beam and the valid psi.
+    /// Share of the beam at `h` that meets none of the solid plies, by quadrature over the beam and the valid
+    /// psi.
     fn missed(ring: PlyRing, sd: f64, h: f64) -> f64 {
         let (turns, lines) = (1200, 200);
         let (mut valid, mut sum) = (0.0, 0.0);
@@ -346,7 +351,8 @@ mod tests {
         sum / valid
     }
 
-    /// In parallel light at normal incidence, what misses a yarn is what misses its section; the beam's divergence of 0.02 rad is little.
+    /// In parallel light at normal incidence, what misses a yarn is what misses its section; the beam's
+    /// divergence of 0.02 rad is little.
     #[test]
     fn what_misses_a_yarn_of_solid_plies_is_geometry() {
         let (tracer, walls) = (solid(), walls(0.2));
@@ -364,7 +370,8 @@ mod tests {
                 for (n, h) in h_um.iter().enumerate() {
                     let got = sums.missed[n] / paths as f64;
                     let want = missed(ring, at.beam.sd_um(), *h);
-                    // Some 4000 paths serve a beam; the weights of the valid psi, 1/V, raise the noise of what they share.
+                    // Some 4000 paths serve a beam; the weights of the valid psi, 1/V, raise the noise of
+                    // what they share.
                     let share = twin.valid[n].1;
                     let tol = 5.0 * (want * (1.0 - want) / share / 4e3).sqrt() + 3e-3;
                     assert!(
@@ -376,7 +383,8 @@ mod tests {
         }
     }
 
-    /// A reflection by a smooth cylinder keeps the line's distance from the axis and its side: light of the beam at x leaves at t = x.
+    /// A reflection by a smooth cylinder keeps the line's distance from the axis and its side: light of the
+    /// beam at x leaves at t = x.
     #[test]
     fn reflected_light_leaves_at_its_impact_parameter() {
         let (tracer, walls) = (solid(), walls(0.0));
@@ -393,7 +401,8 @@ mod tests {
                 for (n, h) in h_um.iter().enumerate() {
                     let weight = sums.exit[((a * EXIT_POSITIONS + t) * h_um.len() + n) * 2];
                     light += weight;
-                    // The beam's standard deviation is 2 um, a position is 2.5 um wide, the tilt of the beam moves lines by less than 1 um.
+                    // The beam's standard deviation is 2 um, a position is 2.5 um wide, the tilt of the beam
+                    // moves lines by less than 1 um.
                     let off = (place - h).abs() - 1.25 - 1.0;
                     assert!(weight == 0.0 || off < 6.5 * 2.0, "h {h}: light at {place}");
                 }

@@ -1,4 +1,5 @@
-//! Pearson's chi-square test of counts against expected counts, for samplers (after Mitsuba's and Nori's tests).
+//! Pearson's chi-square test of counts against expected counts, for samplers (after Mitsuba's and Nori's
+//! tests).
 
 /// Outcome of a test.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -7,18 +8,19 @@ pub struct Chi2 {
     pub statistic: f64,
     /// Cells after pooling, less 1.
     pub degrees: usize,
-    /// Chance of a statistic this large or larger when the counts follow the expectation. 0 when something was observed where
-    /// nothing is expected.
+    /// Chance of a statistic this large or larger when the counts follow the expectation. 0 when something
+    /// was observed where nothing is expected.
     pub p_value: f64,
 }
 
-/// Cells with fewer expected counts than this are pooled. The usual 5 does for p-values of a percent; a cell of e expected counts
-/// adds 1/e to the 2 that its degree of freedom should add to the statistic's variance, and a hundred tests together ask for
-/// p-values of 1e-4, far out in the tail, where that excess doubles the false alarms.
+/// Cells with fewer expected counts than this are pooled. The usual 5 does for p-values of a percent; a cell
+/// of e expected counts adds 1/e to the 2 that its degree of freedom should add to the statistic's variance,
+/// and a hundred tests together ask for p-values of 1e-4, far out in the tail, where that excess doubles the
+/// false alarms.
 const MIN_EXPECTED: f64 = 25.0;
 
-/// Tests `observed` counts of cells against `expected` ones; both add up to the number of samples. The cells are pooled in the
-/// order of their expectation until each pool expects at least 25.
+/// Tests `observed` counts of cells against `expected` ones; both add up to the number of samples. The cells
+/// are pooled in the order of their expectation until each pool expects at least 25.
 pub fn chi2_test(observed: &[f64], expected: &[f64]) -> Chi2 {
     let mut cells: Vec<(f64, f64)> = expected.iter().copied().zip(observed.iter().copied()).collect();
     cells.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -63,7 +65,8 @@ fn ln_gamma(x: f64) -> f64 {
     stirling - (0..8).map(|k| (x + f64::from(k)).ln()).sum::<f64>()
 }
 
-/// Regularised upper incomplete gamma function Q(a, x), a > 0: series below a + 1, continued fraction (Lentz) above.
+/// Regularised upper incomplete gamma function Q(a, x), a > 0: series below a + 1, continued fraction (Lentz)
+/// above.
 fn gamma_q(a: f64, x: f64) -> f64 {
     if x.is_nan() {
         return 0.0;

@@ -1,4 +1,5 @@
-//! Checks of analytic fibers: those of every scattering function at a few incidences, far and near field, and how far the albedo without absorption is from 1.
+//! Checks of analytic fibers: those of every scattering function at a few incidences, far and near field, and
+//! how far the albedo without absorption is from 1.
 
 use super::{BsdfReport, FURNACE_TOLERANCE, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE, check_bsdf};
 use crate::fiber::MIN_FAR_WIDTH;
@@ -112,7 +113,8 @@ pub struct ClearAlbedo {
     pub albedo: f64,
 }
 
-/// Where the far field's albedo without absorption is farthest from 1, of latitudes to 89.9 degrees and three wavelengths.
+/// Where the far field's albedo without absorption is farthest from 1, of latitudes to 89.9 degrees and three
+/// wavelengths.
 pub fn clear_albedo(model: &FiberModel, lambda_um: [f32; 3]) -> ClearAlbedo {
     let mut farthest = ClearAlbedo { theta_i_deg: 0.0, albedo: 1.0 };
     for k in 0..=2 * LATITUDES {

@@ -1,10 +1,12 @@
-//! Where a check takes its integrals over the sphere: cells of latitude and azimuth, cut until they resolve every lobe.
+//! Where a check takes its integrals over the sphere: cells of latitude and azimuth, cut until they resolve
+//! every lobe.
 //!
-//! A lobe falls off as `exp(-(p^2 + q^2))`. For a round lobe p and q are its disc coordinates times the roots of its bandwidths, for a
-//! cone its azimuth and its sine of the latitude, counted from the cone, times theirs. How fast p and q change within a cell is bounded
-//! in closed form, so a cell is known to be dark, or known to be short against the lobe's standard deviation, before anything is
-//! evaluated. Cells are cut along the ridges of a lobe alone: their number grows as the inverse of the lobe's width, not as its square,
-//! and is bounded by the bandwidths that files may hold.
+//! A lobe falls off as `exp(-(p^2 + q^2))`. For a round lobe p and q are its disc coordinates times the roots
+//! of its bandwidths, for a cone its azimuth and its sine of the latitude, counted from the cone, times
+//! theirs. How fast p and q change within a cell is bounded in closed form, so a cell is known to be dark, or
+//! known to be short against the lobe's standard deviation, before anything is evaluated. Cells are cut along
+//! the ridges of a lobe alone: their number grows as the inverse of the lobe's width, not as its square, and
+//! is bounded by the bandwidths that files may hold.
 
 use super::BINS;
 use crate::Bsdf;
@@ -21,7 +23,8 @@ const GAUSS: [(f64, f64); 3] =
 const PANEL_SD: f64 = 1.5;
 /// Least panels of a bin along latitude and azimuth.
 const MIN_PANELS: usize = 3;
-/// p^2 + q^2 from which a lobe is dark: the sharpest, of bandwidth 1e7, has 3e-7 per sr left of its energy there.
+/// p^2 + q^2 from which a lobe is dark: the sharpest, of bandwidth 1e7, has 3e-7 per sr left of its energy
+/// there.
 const DARK: f64 = 30.0;
 /// Nodes that are evaluated at a time.
 const BATCH: usize = 4096;
@@ -46,7 +49,8 @@ impl Cell {
     }
 }
 
-/// p or q over a cell: its value in the middle and bounds on its slopes along latitude and azimuth anywhere in it [1/rad].
+/// p or q over a cell: its value in the middle and bounds on its slopes along latitude and azimuth anywhere
+/// in it [1/rad].
 struct Phase {
     middle: f64,
     slope: [f64; 2],
@@ -126,7 +130,8 @@ impl Feature {
         }
     }
 
-    /// Sides of a cell over the longest that resolve the lobe, along latitude and azimuth; 0 where it is dark.
+    /// Sides of a cell over the longest that resolve the lobe, along latitude and azimuth; 0 where it is
+    /// dark.
     fn excess(&self, cell: &Cell) -> [f64; 2] {
         let Some(phases) = self.phases(cell) else { return [0.0; 2] };
         if phases.iter().map(|p| p.least(cell.half).powi(2)).sum::<f64>() > DARK {
@@ -190,8 +195,9 @@ impl<B: Bsdf<N>, const N: usize> Sums<'_, B, N> {
     }
 }
 
-/// Integrals over the sphere of eval, and of the pdf over each bin, by panels of at most 1.5 standard deviations of the finest
-/// features: `sd_rad` along latitude and azimuth everywhere, and those of `features` where they are.
+/// Integrals over the sphere of eval, and of the pdf over each bin, by panels of at most 1.5 standard
+/// deviations of the finest features: `sd_rad` along latitude and azimuth everywhere, and those of `features`
+/// where they are.
 pub(super) fn integrate<const N: usize>(
     s: &impl Bsdf<N>,
     sd_rad: [f64; 2],

@@ -1,4 +1,5 @@
-//! Checks of what a model has beyond f_refl and f_high: the whole ply with its edge light, and a ply over a second layer.
+//! Checks of what a model has beyond f_refl and f_high: the whole ply with its edge light, and a ply over a
+//! second layer.
 
 use super::nodes::Feature;
 use super::{BsdfReport, CheckOptions, check_lobes, lobe_features};
@@ -16,7 +17,8 @@ pub struct PartReport {
     pub chi2_threshold: f64,
 }
 
-/// Most that a ply over a second layer may miss in the furnace: what it sends forward is bilinear between nodes, its lobes are not.
+/// Most that a ply over a second layer may miss in the furnace: what it sends forward is bilinear between
+/// nodes, its lobes are not.
 pub const LAYER_TOLERANCE: f64 = 0.02;
 /// Most that all light together may miss 1 at sigma = 0: the Monte Carlo error of a preview table.
 pub const KEPT_TOLERANCE: f64 = 5e-3;

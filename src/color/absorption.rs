@@ -1,7 +1,9 @@
-//! From a reflectance to the absorption sigma(lambda) that gives it, by inverting the albedo of the loaded model.
+//! From a reflectance to the absorption sigma(lambda) that gives it, by inverting the albedo of the loaded
+//! model.
 //!
-//! A model's albedo at an incidence is `E_refl + sum_j e_j exp(-sigma path_j)` with e_j >= 0, and so is every average over incidences: it falls with sigma and
-//! is convex, from the albedo of clear fibers to the light that enters none. Newton's steps from sigma = 0 stay at the left of the root and converge.
+//! A model's albedo at an incidence is `E_refl + sum_j e_j exp(-sigma path_j)` with e_j >= 0, and so is every
+//! average over incidences: it falls with sigma and is convex, from the albedo of clear fibers to the light
+//! that enters none. Newton's steps from sigma = 0 stay at the left of the root and converge.
 
 use super::{SPECTRUM_NODES, SPECTRUM_UM, spectrum_lambda_um};
 use crate::PlyModel;
@@ -17,7 +19,8 @@ pub struct AlbedoCurve(Form);
 enum Form {
     /// A constant, and energies by path length.
     Paths { constant: f64, path_um: Vec<f64>, energy: Vec<f64> },
-    /// `(v, value)`, falling with the absorption, at nodes of `v = 1 / (1 + sigma L)` from 1 to 0, linear in v between.
+    /// `(v, value)`, falling with the absorption, at nodes of `v = 1 / (1 + sigma L)` from 1 to 0, linear in
+    /// v between.
     Nodes { length_um: f64, nodes: Vec<(f64, f64)> },
 }
 
@@ -33,8 +36,9 @@ pub enum Clamped {
 }
 
 impl AlbedoCurve {
-    /// Under diffuse light: the scattered share of the light that meets fibers, offsets even, latitudes by cos^2 theta_i, the projected solid angle of light
-    /// from everywhere about a thread. Latitudes beyond the last node count as that one.
+    /// Under diffuse light: the scattered share of the light that meets fibers, offsets even, latitudes by
+    /// cos^2 theta_i, the projected solid angle of light from everywhere about a thread. Latitudes beyond the
+    /// last node count as that one.
     pub fn diffuse(model: &PlyModel) -> AlbedoCurve {
         let d = model.data();
         let (m, last) = (d.theta_i.len(), d.theta_i[d.theta_i.len() - 1]);
@@ -81,7 +85,8 @@ impl AlbedoCurve {
         AlbedoCurve(Form::Paths { constant: constant * scale, path_um: d.path_um.clone(), energy })
     }
 
-    /// Of values at two nodes or more of `v = 1 / (1 + sigma L)`, falling from clear fibers, 1, to infinite absorption, 0. A value above the one before counts as that.
+    /// Of values at two nodes or more of `v = 1 / (1 + sigma L)`, falling from clear fibers, 1, to infinite
+    /// absorption, 0. A value above the one before counts as that.
     pub(crate) fn of_nodes(length_um: f64, nodes: impl Iterator<Item = (f64, f64)>) -> AlbedoCurve {
         let mut least = f64::INFINITY;
         let falling = |(v, value): (f64, f64)| {
@@ -143,7 +148,8 @@ impl AlbedoCurve {
         }
     }
 
-    /// The absorption [1/um] whose albedo is `reflectance`, 0 to 1 per um, and whether the reflectance had to be clamped.
+    /// The absorption [1/um] whose albedo is `reflectance`, 0 to 1 per um, and whether the reflectance had to
+    /// be clamped.
     pub fn sigma(&self, reflectance: f64) -> (f64, Clamped) {
         let [dark, bright] = self.range();
         if reflectance > bright {
@@ -176,8 +182,8 @@ pub struct SigmaSpectrum {
 }
 
 impl SigmaSpectrum {
-    /// The absorption that gives a model with this albedo the reflectance at each wavelength. How many of the 81 nodes were clamped to clear and to dark fibers
-    /// comes with it.
+    /// The absorption that gives a model with this albedo the reflectance at each wavelength. How many of the
+    /// 81 nodes were clamped to clear and to dark fibers comes with it.
     pub fn of_reflectance(curve: &AlbedoCurve, reflectance: impl Fn(f64) -> f64) -> (SigmaSpectrum, [usize; 2]) {
         let mut clamped = [0; 2];
         let per_um = std::array::from_fn(|node| {
@@ -202,7 +208,8 @@ impl SigmaSpectrum {
         &self.per_um
     }
 
-    /// The absorption at a wavelength [1/um], linear between the nodes; beyond 0.38 to 0.78 um that of the nearer end.
+    /// The absorption at a wavelength [1/um], linear between the nodes; beyond 0.38 to 0.78 um that of the
+    /// nearer end.
     pub fn at(&self, lambda_um: f32) -> f32 {
         // As `place`, in f32 and without its division.
         const LAST: usize = SPECTRUM_NODES - 1;
@@ -247,7 +254,8 @@ mod tests {
         assert_eq!(c.sigma(f64::NAN), (MAX_PER_UM, Clamped::ToDark));
     }
 
-    /// A color goes through the fibers and comes back: its spectrum is that of the reflectance where nothing was clamped.
+    /// A color goes through the fibers and comes back: its spectrum is that of the reflectance where nothing
+    /// was clamped.
     #[test]
     fn colors_come_back_through_the_albedo() {
         let c = curve();

@@ -1,10 +1,13 @@
-//! A smooth reflectance of a given color (Jakob and Hanika 2019): `S(c0 x^2 + c1 x + c2)` with `S(t) = 1/2 + t / (2 sqrt(1 + t^2))`, here with x running from
-//! -1 to 1 over 0.38 to 0.78 um, which conditions the problem better than their [0, 1] and spans the same functions.
+//! A smooth reflectance of a given color (Jakob and Hanika 2019): `S(c0 x^2 + c1 x + c2)` with
+//! `S(t) = 1/2 + t / (2 sqrt(1 + t^2))`, here with x running from
+//! -1 to 1 over 0.38 to 0.78 um, which conditions the problem better than their [0, 1] and spans the same
+//! functions.
 //!
-//! They tabulate the coefficients over the RGB cube; here each color is solved when it is asked for, by damped Gauss-Newton steps on the three residuals in
-//! CIELAB under D65. With `dS/dt = (1 + t^2)^(-3/2) / 2` the derivative of XYZ by c_k is the sum over the spectrum of `x^(2 - k) dS/dt`, and that of CIELAB
-//! follows by its roots. Colors at the border of the cube have coefficients that go to infinity (a step in the spectrum); these are kept within a bound,
-//! and what is missed is told.
+//! They tabulate the coefficients over the RGB cube; here each color is solved when it is asked for, by
+//! damped Gauss-Newton steps on the three residuals in CIELAB under D65. With `dS/dt = (1 + t^2)^(-3/2) / 2`
+//! the derivative of XYZ by c_k is the sum over the spectrum of `x^(2 - k) dS/dt`, and that of CIELAB follows
+//! by its roots. Colors at the border of the cube have coefficients that go to infinity (a step in the
+//! spectrum); these are kept within a bound, and what is missed is told.
 
 use super::{D65, X_BAR, Y_BAR, Z_BAR};
 use super::{SPECTRUM_NODES, SPECTRUM_UM, lab_of_xyz, lab_root, spectrum_lambda_um, white_d65, xyz_of_reflectance};
@@ -147,7 +150,8 @@ mod tests {
         }
     }
 
-    /// The sRGB cube there and back: Delta E below 0.01 inside, below 1 at its faces; reflectances within (0, 1).
+    /// The sRGB cube there and back: Delta E below 0.01 inside, below 1 at its faces; reflectances within (0,
+    /// 1).
     #[test]
     fn colors_come_back() {
         let (mut inside, mut border, n) = (0.0f64, 0.0f64, 8);

@@ -1,8 +1,11 @@
-//! The fabric at a query (Yu 2025, 7.1): the plies that the line meets, the light that passes them all, and the light between yarns.
+//! The fabric at a query (Yu 2025, 7.1): the plies that the line meets, the light that passes them all, and
+//! the light between yarns.
 //!
-//! The line comes near one ply or several, in order; each catches its part of what those before it left. Its light counts as far as it meets no other yarn on its way out,
-//! single reflection from where the line enters the ply, other light from anywhere across it. What passes all plies is diffracted, at the edge of the ply that the line
-//! meets or by the aperture of the gap. All directions are those of the pattern, which may be turned about the surface's normal.
+//! The line comes near one ply or several, in order; each catches its part of what those before it left. Its
+//! light counts as far as it meets no other yarn on its way out, single reflection from where the line enters
+//! the ply, other light from anywhere across it. What passes all plies is diffracted, at the edge of the ply
+//! that the line meets or by the aperture of the gap. All directions are those of the pattern, which may be
+//! turned about the surface's normal.
 
 use super::YarnSet;
 use super::between::BetweenAt;
@@ -93,7 +96,8 @@ impl<L: Lobes<N>, const N: usize> NearPly<'_, L, N> {
         self.ply.query.sigma_per_um.map(ExitsAt::clear_share)
     }
 
-    /// Adds the lobes' light, of which these shares get out: of f_refl, and of f_high from clear and from dark fibers.
+    /// Adds the lobes' light, of which these shares get out: of f_refl, and of f_high from clear and from
+    /// dark fibers.
     #[inline]
     fn add_light(&self, free: [f32; 3], clear_shares: &[f32; N], light: &LobeLight<N>, f: &mut [f32; N]) {
         let [refl, clear, dark] = [free[0] * self.arrives, free[1] * self.arrives, free[2] * self.arrives];
@@ -165,10 +169,12 @@ const PASSES: usize = MAX_NEAR;
 const UP: usize = MAX_NEAR + 1;
 const DOWN: usize = MAX_NEAR + 2;
 
-/// Least share of a ply's light that counts as free: in some directions all of it is, and weights are as large as this is small.
+/// Least share of a ply's light that counts as free: in some directions all of it is, and weights are as
+/// large as this is small.
 const MIN_FREE: f32 = 0.4;
-/// Chance of light between yarns over its energy. Its samples, by the cosine, lie most where least is in the shadow and so stand in for those of plies there: more lessens the
-/// variance of weights and raises the largest one of clear cloths.
+/// Chance of light between yarns over its energy. Its samples, by the cosine, lie most where least is in the
+/// shadow and so stand in for those of plies there: more lessens the variance of weights and raises the
+/// largest one of clear cloths.
 const FOR_SHADOWS: f32 = 1.25;
 
 /// A fabric at a query, for N wavelengths; of the ply that the line meets the lobes are interpolated once.
@@ -193,12 +199,14 @@ pub struct FabricBsdf<'a, const N: usize> {
 }
 
 impl<const N: usize> FabricBsdf<'_, N> {
-    /// Share of the mean over the repeat in the answer: 0 for a point, 1 for a footprint as large as the repeat.
+    /// Share of the mean over the repeat in the answer: 0 for a point, 1 for a footprint as large as the
+    /// repeat.
     pub fn far_share(&self) -> f32 {
         self.far.as_ref().map_or(0.0, |(_, share)| *share)
     }
 
-    /// Whether the point lies in a gap: the line meets no ply. Of no meaning where [`FabricBsdf::far_share`] is 1.
+    /// Whether the point lies in a gap: the line meets no ply. Of no meaning where [`FabricBsdf::far_share`]
+    /// is 1.
     pub fn is_gap(&self) -> bool {
         self.main.is_none()
     }
@@ -208,7 +216,8 @@ impl<const N: usize> FabricBsdf<'_, N> {
         self.is_double
     }
 
-    /// f of the plies of one family towards `lights`, and the energies that they scatter, of one layer and of two.
+    /// f of the plies of one family towards `lights`, and the energies that they scatter, of one layer and of
+    /// two.
     pub(super) fn of_family(&self, family: YarnSet, lights: &[Toward]) -> (Vec<[f32; N]>, [[f32; N]; 2]) {
         let (mut f, mut first) = (vec![[0.0; N]; lights.len()], [[0.0; N]; 2]);
         let mut scatters = |is_double: bool, arrives: f32, energy: &[f32; N]| {
@@ -227,9 +236,11 @@ impl<const N: usize> FabricBsdf<'_, N> {
 
     /// Sets the chances of all parts.
     ///
-    /// Of parts whose light lies apart, chances as the root of the mean square of f over the part's own density give weights of the least variance, here that of the sum over
-    /// channels. Of a ply's light the share m is not caught by other yarns. If shadows took as much in every direction, that root would be m of its energy, if they took all
-    /// or nothing, `m^(1/2)`; what is taken is between. (tests/it/cloth.rs has the weights.)
+    /// Of parts whose light lies apart, chances as the root of the mean square of f over the part's own
+    /// density give weights of the least variance, here that of the sum over channels. Of a ply's light the
+    /// share m is not caught by other yarns. If shadows took as much in every direction, that root would be m
+    /// of its energy, if they took all or nothing, `m^(1/2)`; what is taken is between. (tests/it/cloth.rs
+    /// has the weights.)
     pub(super) fn set_chances(&mut self) {
         let mean = |x: &[f32; N]| x.iter().sum::<f32>() / N.max(1) as f32;
         let root_mean_square = |x: &[f32; N]| (x.iter().map(|x| x * x).sum::<f32>() / N.max(1) as f32).sqrt();
@@ -405,8 +416,9 @@ impl<const N: usize> Bsdf<N> for FabricBsdf<'_, N> {
         BsdfSample::straight(self.straight(), self.outcomes().straight)
     }
 
-    /// The light that comes back or through, shadows at the mean over directions: what a ply sends out less what other yarns catch of it, which is the light between yarns of
-    /// clear fibers, and the light between yarns.
+    /// The light that comes back or through, shadows at the mean over directions: what a ply sends out less
+    /// what other yarns catch of it, which is the light between yarns of clear fibers, and the light between
+    /// yarns.
     fn albedo(&self) -> [f32; N] {
         let mut albedo = if matches!(self.passes, Passes::Straight) { [0.0; N] } else { [self.passing; N] };
         let lit = |energy: &[f32; N], arrives: f32, k: usize| arrives * energy[k];

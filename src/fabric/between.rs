@@ -1,19 +1,24 @@
 //! Light between yarns: what leaves a ply and meets another yarn, until it leaves the cloth.
 //!
-//! The cloth's f is that of the ply which the line meets, as far as the light gets out without meeting another yarn (`shadow.rs`), and the rest, the light that is
-//! scattered by two or more yarns. The rest is smooth. Its energies are found once a fabric by following light from ply to ply: a ply scatters as its model says; light
-//! leaves it as the model's exits lie; a beam that passes a ply's rim goes on. Energies are regressed
-//! on polynomials of the direction `a` that the light comes from (by reciprocity: of the viewer), apart for
+//! The cloth's f is that of the ply which the line meets, as far as the light gets out without meeting
+//! another yarn (`shadow.rs`), and the rest, the light that is scattered by two or more yarns. The rest is
+//! smooth. Its energies are found once a fabric by following light from ply to ply: a ply scatters as its
+//! model says; light leaves it as the model's exits lie; a beam that passes a ply's rim goes on. Energies are
+//! regressed on polynomials of the direction `a` that the light comes from (by reciprocity: of the viewer),
+//! apart for
 //!
 //! - the face and the back, from which the light comes,
 //! - the family and whether two layers lie there, of the first ply,
-//! - the half of the sphere, of the cloth's normal, into which the first ply sends the light: what yarns beside it catch, and what the layer below catches,
+//! - the half of the sphere, of the cloth's normal, into which the first ply sends the light: what yarns
+//!   beside it catch, and what the layer below catches,
 //! - the half in which the light leaves the cloth at last,
 //! - absorptions of warp and weft, each at nodes.
 //!
-//! The direction in which it leaves is given by reciprocity: averaged over a repeat, the light from a to b over the cosine at b is symmetric. With the energy
-//! E(a) of light reflected so, the form `E(a) E(b) cos b / integral E cos` is symmetric, has the energy E(a) and no other parameter; of light that is transmitted, E(b) is
-//! the energy of light from b transmitted the other way. (Kulla and Conty 2017 give microfacets their missing energy in this form.)
+//! The direction in which it leaves is given by reciprocity: averaged over a repeat, the light from a to b
+//! over the cosine at b is symmetric. With the energy E(a) of light reflected so, the form
+//! `E(a) E(b) cos b / integral E cos` is symmetric, has the energy E(a) and no other parameter; of light that
+//! is transmitted, E(b) is the energy of light from b transmitted the other way. (Kulla and Conty 2017 give
+//! microfacets their missing energy in this form.)
 
 use super::flight::{Candidate, exit};
 use super::hit::PlyHit;
@@ -29,8 +34,9 @@ use crate::ply::{ByFirst, ExitsAt, LobeLight, UncachedPly};
 use crate::{PlyModel, PlyQuery};
 use std::f32::consts::PI;
 
-/// Nodes of absorption, those of the mean over the repeat: between them energies are linear in v = 1 / (1 + sigma L), L this length [um], some paths through a ply. Nodes even in v
-/// end at 0.04 and 3 per um, and deep colors, denim's warp in red, lie between these.
+/// Nodes of absorption, those of the mean over the repeat: between them energies are linear in v = 1 / (1 +
+/// sigma L), L this length [um], some paths through a ply. Nodes even in v end at 0.04 and 3 per um, and deep
+/// colors, denim's warp in red, lie between these.
 pub(super) use super::far::{SIGMA_PER_UM, SIGMAS};
 const LENGTH_UM: f32 = 150.0;
 /// Polynomials of the direction.
@@ -41,8 +47,8 @@ pub(super) const FEW: usize = 8;
 pub(super) const PAIRS: usize = SIGMAS * SIGMAS;
 /// Classes of a first ply: family, and whether two layers lie there.
 pub(super) const CLASSES: usize = 4;
-/// Beams from each side whose first ply is looked at, and of which two of `FOLLOWED` are followed until they leave the cloth: what is caught needs many terms of the direction
-/// and so many beams.
+/// Beams from each side whose first ply is looked at, and of which two of `FOLLOWED` are followed until they
+/// leave the cloth: what is caught needs many terms of the direction and so many beams.
 const BEAMS: usize = 1 << 18;
 const FOLLOWED: usize = 4;
 /// Most plies that scatter a path.
@@ -65,12 +71,13 @@ pub(super) type Few = [f32; FEW];
 /// Energies of a side, the face or the back.
 #[derive(Clone, Debug)]
 pub(super) struct Side {
-    /// `[class][sent up, sent down, all][absorption of its family]`: what other yarns catch of the first ply's light, up the half the light came from, and all that it
-    /// scatters.
+    /// `[class][sent up, sent down, all][absorption of its family]`: what other yarns catch of the first
+    /// ply's light, up the half the light came from, and all that it scatters.
     pub(super) caught: Vec<splines::Coefficients>,
     /// `[class][sent up, down][leaves up, down][pair]`: what leaves the cloth, per energy that is caught.
     pub(super) leaves: Vec<Few>,
-    /// `[leaves up, down][pair]`: the mean over classes, divided by the integral of its cosine-weighted values.
+    /// `[leaves up, down][pair]`: the mean over classes, divided by the integral of its cosine-weighted
+    /// values.
     pub(super) shape: Vec<Poly>,
 }
 
@@ -78,7 +85,8 @@ pub(super) struct Side {
 #[derive(Clone, Debug)]
 pub(super) struct InterYarn {
     pub(super) sides: [Side; 2],
-    /// By node of absorption of both families alike, of clear fibers first: scattered light of all orders over the light that meets fibers, under light from everywhere.
+    /// By node of absorption of both families alike, of clear fibers first: scattered light of all orders
+    /// over the light that meets fibers, under light from everywhere.
     albedo: [f64; SIGMAS],
 }
 
@@ -141,7 +149,8 @@ pub(super) trait Yarns {
     fn slit(&self, hit: &PlyHit) -> Option<&Slit>;
 }
 
-/// What a ply sends out at a hit, at all nodes of absorption; directions are drawn for clear fibers. It lives on the stack of a path.
+/// What a ply sends out at a hit, at all nodes of absorption; directions are drawn for clear fibers. It lives
+/// on the stack of a path.
 #[allow(clippy::large_enum_variant)]
 enum Emitted<'a> {
     Lobes(ByFirst<'a, SIGMAS>),
@@ -193,7 +202,8 @@ struct Escaped {
     weight: [[f32; SIGMAS]; 2],
     /// What the first ply left of it.
     first: [f32; SIGMAS],
-    /// Means over directions that the first ply may send light in: `[sent up, down]`, what other yarns catch by the table of shadows, and all that it scatters.
+    /// Means over directions that the first ply may send light in: `[sent up, down]`, what other yarns catch
+    /// by the table of shadows, and all that it scatters.
     caught: [[f32; SIGMAS]; 2],
     scattered: [f32; SIGMAS],
 }
@@ -203,7 +213,8 @@ pub(super) fn class(hit: &PlyHit) -> usize {
     2 * (hit.family as usize) + usize::from(hit.is_double)
 }
 
-/// A path from direction `a` through a point of the middle plane, followed to its end or to its first ply; none where it is dropped or lost.
+/// A path from direction `a` through a point of the middle plane, followed to its end or to its first ply;
+/// none where it is dropped or lost.
 fn path(
     (fabric, shadows, yarns): (&Fabric, &Shadows, &impl Yarns),
     (a, at): ([f32; 3], [f32; 2]),
@@ -237,7 +248,8 @@ fn path(
         };
         let hit = &near.hit;
         let model = yarns.model(hit.family, hit.yarn);
-        // Drawn for clear fibers, the first node's: their light is then neither lost nor made, and that of others is less.
+        // Drawn for clear fibers, the first node's: their light is then neither lost nor made, and that of
+        // others is less.
         let ply = Emitted::new(model, hit, yarns.slit(hit));
         let energy = ply.energy().max(1e-12);
         let per_mean = 1.0 / (MAX_OVER * energy);
@@ -273,7 +285,8 @@ fn path(
             gone.orders = 1;
             return Some(gone);
         }
-        // Directions are drawn with a density near to f, and kept by what f has over it: weights would be noise.
+        // Directions are drawn with a density near to f, and kept by what f has over it: weights would be
+        // noise.
         let (w, light) = (0..MAX_DRAWN).find_map(|_| {
             let (w, light) = ply.sample([number(), number(), number()])?;
             (number() * light.pdf <= (light.refl[0] + light.high[0]) * per_mean).then_some((w, light))
@@ -311,7 +324,8 @@ fn path(
     None
 }
 
-/// What is found of a first ply: energies caught of what it sends up and down, and all that it scatters, by absorption.
+/// What is found of a first ply: energies caught of what it sends up and down, and all that it scatters, by
+/// absorption.
 const LOOKS: usize = 3 * SIGMAS;
 
 /// Parts of the paths, whose sums are joined in order.
@@ -343,7 +357,8 @@ impl Found {
             let mut rng = SplitMix64(0x70_6c79 + (2 * chunk + side) as u64);
             let sign = if side == 0 { 1.0 } else { -1.0 };
             for k in chunk * (BEAMS / CHUNKS)..(chunk + 1) * (BEAMS / CHUNKS) {
-                // Even sequences (Roberts 2018) of direction and place; half of the directions even, half by their cosine.
+                // Even sequences (Roberts 2018) of direction and place; half of the directions even, half by
+                // their cosine.
                 let even = |step: f64| (0.5 + k as f64 * step).fract();
                 let (u, turn) = (even(0.856_674_883_854_502_9) as f32, even(0.733_891_856_627_126_9));
                 let place = [even(0.628_706_721_042_211_5), even(0.538_597_257_223_612_7)];
@@ -443,7 +458,8 @@ impl InterYarn {
         InterYarn { sides: [side(0), side(1)], albedo: albedo.map(|a| a / clear) }
     }
 
-    /// The color of the cloth over the absorption, under a sky all round: what it scatters of the light that meets its fibers.
+    /// The color of the cloth over the absorption, under a sky all round: what it scatters of the light that
+    /// meets its fibers.
     pub(super) fn curve(&self) -> AlbedoCurve {
         let v = |node: usize| f64::from(v_of(node));
         AlbedoCurve::of_nodes(f64::from(LENGTH_UM), self.albedo.iter().enumerate().map(|(node, a)| (v(node), *a)))
@@ -458,8 +474,8 @@ impl InterYarn {
             .sum()
     }
 
-    /// The light between yarns of a beam from `a`. `firsts` are the classes of the plies that scatter it and the energies that they scatter, `sent` factors on what the
-    /// first ply sends up and what it sends down.
+    /// The light between yarns of a beam from `a`. `firsts` are the classes of the plies that scatter it and
+    /// the energies that they scatter, `sent` factors on what the first ply sends up and what it sends down.
     #[inline]
     pub(super) fn at<const N: usize>(
         &self,

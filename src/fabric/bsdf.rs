@@ -1,8 +1,11 @@
-//! The fabric as a surface that scatters light (Yu 2025, 7.1), loaded with what all its points share: models, colors, shadows, the light between yarns.
+//! The fabric as a surface that scatters light (Yu 2025, 7.1), loaded with what all its points share: models,
+//! colors, shadows, the light between yarns.
 //!
-//! The camera ray plays the beam: the query's `wo` is the direction to the viewer, and f(wi), an energy density per steradian of the light's direction `wi`, holds the
-//! cosine at the surface: `radiance to wo = integral f(wi) radiance from wi d wi`. Averaged over a repeat, f over that cosine is symmetric in wo and wi up to the ply
-//! models' own asymmetry, and energy is conserved either way (docs/explain/papers.md: departures from 7.1).
+//! The camera ray plays the beam: the query's `wo` is the direction to the viewer, and f(wi), an energy
+//! density per steradian of the light's direction `wi`, holds the cosine at the surface:
+//! `radiance to wo = integral f(wi) radiance from wi d wi`. Averaged over a repeat, f over that cosine is
+//! symmetric in wo and wi up to the ply models' own asymmetry, and energy is conserved either way
+//! (docs/explain/papers.md: departures from 7.1).
 
 use super::at::{FabricBsdf, GapLight, NearPly, Passes, by_family, to_pattern};
 use super::between::{BetweenAt, InterYarn, Yarns, class};
@@ -27,9 +30,11 @@ use std::sync::Arc;
 
 /// Share of a beam that is not followed further.
 const MIN_CAUGHT: f32 = 1e-3;
-/// Edges of apertures, in equal steps from the beam's center to d_cut, for which spectra are kept: those of which apertures between them are sampled.
+/// Edges of apertures, in equal steps from the beam's center to d_cut, for which spectra are kept: those of
+/// which apertures between them are sampled.
 pub(super) const EDGES: usize = 32;
-/// Narrowest aperture [um]. What is narrower, a fraction of a wavelength, has its pattern: light goes everywhere.
+/// Narrowest aperture [um]. What is narrower, a fraction of a wavelength, has its pattern: light goes
+/// everywhere.
 const MIN_APERTURE_UM: f32 = 0.1;
 
 /// Slits between the fibers of a yarn (Yu 2025, 7.3), [`Slit`], for those who want their colors.
@@ -37,7 +42,8 @@ const MIN_APERTURE_UM: f32 = 0.1;
 pub struct Slits {
     /// Their width [um], above 0 and at most [`crate::gap::SLIT_MAX_UM`].
     pub width_um: f32,
-    /// Share of a ply's forward light that goes through them, 0 to 1; [`crate::gap::SLIT_SHARE`] in the paper. At 0 there are none.
+    /// Share of a ply's forward light that goes through them, 0 to 1; [`crate::gap::SLIT_SHARE`] in the
+    /// paper. At 0 there are none.
     pub share: f32,
 }
 
@@ -51,20 +57,25 @@ impl Slits {
 pub struct FabricOptions {
     /// Light through the gaps.
     pub gaps: GapLight,
-    /// One absorption [1/um] at every wavelength for all yarns, in place of their colors; 0 for a white furnace.
+    /// One absorption [1/um] at every wavelength for all yarns, in place of their colors; 0 for a white
+    /// furnace.
     pub sigma_per_um: Option<f32>,
-    /// Speckle: every stretch of a ply as long as the beam's waist is wide has patterns of its own. Models without noise stay smooth.
+    /// Speckle: every stretch of a ply as long as the beam's waist is wide has patterns of its own. Models
+    /// without noise stay smooth.
     pub noise: bool,
-    /// The layer below catches what a ply sends on. Without, as a single layer: for comparison (Yu 2025, Fig. 13).
+    /// The layer below catches what a ply sends on. Without, as a single layer: for comparison (Yu 2025, Fig.
+    /// 13).
     pub layers: bool,
     /// Yarns catch what their neighbors send back. Without, as the paper has it: for comparison.
     pub shadowing: bool,
-    /// Light that passes beside a ply that the line meets is diffracted at its edge. Without, it goes straight on.
+    /// Light that passes beside a ply that the line meets is diffracted at its edge. Without, it goes
+    /// straight on.
     pub edges: bool,
-    /// Slits between the fibers of all yarns, in place of those that the spec gives each family. They diffract light where one layer of yarn lies, of points alone: the mean over the
-    /// repeat does without.
+    /// Slits between the fibers of all yarns, in place of those that the spec gives each family. They
+    /// diffract light where one layer of yarn lies, of points alone: the mean over the repeat does without.
     pub slits: Option<Slits>,
-    /// The mean over the repeat is made ready, some seconds, for queries with a footprint ([`FabricQuery::footprint_um`]). Without, footprints count as points.
+    /// The mean over the repeat is made ready, some seconds, for queries with a footprint
+    /// ([`FabricQuery::footprint_um`]). Without, footprints count as points.
     pub far: bool,
 }
 
@@ -87,7 +98,8 @@ impl FabricOptions {
     pub const RAYS: FabricOptions =
         FabricOptions { gaps: GapLight::Straight, edges: false, slits: Some(Slits::NONE), ..FabricOptions::SMOOTH };
 
-    /// The slits of a family's yarns: these, or else those of the spec; `None` where no light goes through any.
+    /// The slits of a family's yarns: these, or else those of the spec; `None` where no light goes through
+    /// any.
     pub fn slits_of(&self, spec: &FabricSpec, family: YarnSet) -> Option<Slits> {
         self.slits.or_else(|| spec.yarn(family).slits()).filter(|slits| slits.share != 0.0)
     }
@@ -100,8 +112,9 @@ impl Default for FabricOptions {
     }
 }
 
-/// What fixes a shading point of a fabric, for N wavelengths or color channels. [`FabricQuery::new`] is the fabric as its spec has it; a point's own color, turn or
-/// models are options to set: `FabricQuery { turn_rad: 0.3, ..FabricQuery::new(..) }`.
+/// What fixes a shading point of a fabric, for N wavelengths or color channels. [`FabricQuery::new`] is the
+/// fabric as its spec has it; a point's own color, turn or models are options to set:
+/// `FabricQuery { turn_rad: 0.3, ..FabricQuery::new(..) }`.
 ///
 /// ```
 /// use plywave::FabricQuery;
@@ -121,16 +134,19 @@ pub struct FabricQuery<'a, const N: usize> {
     pub lambda_um: [f32; N],
     /// What the N numbers of a color are.
     pub channels: Channels,
-    /// The point's own absorptions of warp and weft [1/um], for textures and prints, in place of those of the yarns' colors; a host gets them from
+    /// The point's own absorptions of warp and weft [1/um], for textures and prints, in place of those of the
+    /// yarns' colors; a host gets them from
     /// [`FabricModel::sigma_of_reflectance`].
     pub sigma_per_um: [Option<[f32; N]>; 2],
-    /// Angle by which the pattern is turned about the normal at the point [rad], from x towards y. The position is one of the turned pattern's plane, given in the
-    /// surface's axes.
+    /// Angle by which the pattern is turned about the normal at the point [rad], from x towards y. The
+    /// position is one of the turned pattern's plane, given in the surface's axes.
     pub turn_rad: f32,
-    /// Ply models of warp and weft in place of the fabric's, made by [`PlyModel::of_lines`]; of the same ply radius and number of plies.
+    /// Ply models of warp and weft in place of the fabric's, made by [`PlyModel::of_lines`]; of the same ply
+    /// radius and number of plies.
     pub models: [Option<&'a PlyModel>; 2],
-    /// Diameter of the part of the cloth that the point stands for [um], as of a pixel: from half a repeat on the mean over the repeat takes part, and beyond a repeat it is
-    /// all. 0 for a point. Fabrics loaded without [`FabricOptions::far`], and points with models of their own, do without.
+    /// Diameter of the part of the cloth that the point stands for [um], as of a pixel: from half a repeat on
+    /// the mean over the repeat takes part, and beyond a repeat it is all. 0 for a point. Fabrics loaded
+    /// without [`FabricOptions::far`], and points with models of their own, do without.
     pub footprint_um: f32,
 }
 
@@ -176,8 +192,8 @@ impl FabricQuery<'_, 3> {
 /// # }
 /// ```
 ///
-/// Lengths in um in the plane of the fabric (x along the weft, y along the warp, z the face's normal), directions unit in that frame. No call to
-/// evaluate fails, allocates or panics.
+/// Lengths in um in the plane of the fabric (x along the weft, y along the warp, z the face's normal),
+/// directions unit in that frame. No call to evaluate fails, allocates or panics.
 #[derive(Clone, Debug)]
 pub struct FabricModel {
     pub(super) fabric: Fabric,
@@ -193,7 +209,8 @@ pub struct FabricModel {
     pub(super) metals: Vec<Option<Reflections>>,
     /// `[color]`: the absorption that gives yarns the color.
     pub(super) dyes: Vec<Dye>,
-    /// `[EDGES + 1][EDGES + 1]` of the distances of the two edges along one axis, of the beam of the warp's model.
+    /// `[EDGES + 1][EDGES + 1]` of the distances of the two edges along one axis, of the beam of the warp's
+    /// model.
     pub(super) spectra: Vec<Spectrum>,
     pub(super) edge_step_um: f32,
     /// By family.
@@ -220,7 +237,8 @@ impl FabricModel {
     /// Of a loaded fabric.
     ///
     /// # Errors
-    /// As [`YarnSpec::parse`], for the spec in the warp's model, and as [`Slit::new`], for [`FabricOptions::slits`].
+    /// As [`YarnSpec::parse`], for the spec in the warp's model, and as [`Slit::new`], for
+    /// [`FabricOptions::slits`].
     pub fn new(loaded: LoadedFabric, options: &FabricOptions) -> Result<FabricModel> {
         let warp = loaded.model_of(YarnSet::Warp, 0).data();
         let beam: GaussianBeam = YarnSpec::parse(&warp.spec_text, "warp.model (its spec)")?.beam.beam();
@@ -319,8 +337,8 @@ impl FabricModel {
         self.dye(family, yarn).at(lambda_um, Channels::Wavelengths)
     }
 
-    /// Brightness of the cloth over the absorption of its fibers, in the meaning that the spec gives to colors: what a color asked for is a color of. Of a spec without
-    /// colors, under a sky all round.
+    /// Brightness of the cloth over the absorption of its fibers, in the meaning that the spec gives to
+    /// colors: what a color asked for is a color of. Of a spec without colors, under a sky all round.
     pub fn color_curve(&self) -> &AlbedoCurve {
         &self.curve
     }
@@ -330,7 +348,8 @@ impl FabricModel {
         self.color_of
     }
 
-    /// As [`FabricModel::color_curve`], in another meaning. It takes tenths of a second but for the spec's own and [`ColorOf::EvenSky`].
+    /// As [`FabricModel::color_curve`], in another meaning. It takes tenths of a second but for the spec's
+    /// own and [`ColorOf::EvenSky`].
     pub fn color_curve_of(&self, of: ColorOf) -> AlbedoCurve {
         let even_sky = self.between.curve();
         if of == ColorOf::EvenSky {
@@ -344,8 +363,9 @@ impl FabricModel {
         color_of::curve(&rays, of, &even_sky)
     }
 
-    /// Absorptions [1/um] with which the cloth has these reflectances, 0 to 1, at wavelengths or in linear RGB: [`FabricModel::color_curve`] inverted. What is out of
-    /// reach is clamped to clear or black fibers. Hosts convert a texture once.
+    /// Absorptions [1/um] with which the cloth has these reflectances, 0 to 1, at wavelengths or in linear
+    /// RGB: [`FabricModel::color_curve`] inverted. What is out of reach is clamped to clear or black fibers.
+    /// Hosts convert a texture once.
     pub fn sigma_of_reflectance<const N: usize>(&self, reflectance: [f32; N]) -> [f32; N] {
         reflectance.map(|r| self.curve.sigma(f64::from(r)).0 as f32)
     }
@@ -442,7 +462,8 @@ impl FabricModel {
                     continue;
                 }
                 let Some(slot) = at.others.iter_mut().find(|slot| slot.is_none()) else {
-                    // Grazing lines pass many rims: what those beyond these catch, the last of these scatters.
+                    // Grazing lines pass many rims: what those beyond these catch, the last of these
+                    // scatters.
                     if let Some(last) = &mut at.others[MAX_NEAR - 1] {
                         let more = 1.0 + arrives * (1.0 - r_d) / (last.arrives * last.caught).max(MIN_CAUGHT);
                         last.arrives *= more;
@@ -539,7 +560,8 @@ impl FabricModel {
         Instance::new(ply, [hit.along_um, hit.h_um], self.grain_um)
     }
 
-    /// The spectrum of the aperture whose edges are this far before and beyond the beam's center [um], and the number of the nearest that is kept, which has a width.
+    /// The spectrum of the aperture whose edges are this far before and beyond the beam's center [um], and
+    /// the number of the nearest that is kept, which has a width.
     #[inline]
     fn aperture(&self, before_um: f32, beyond_um: f32) -> (u16, Axis<'_>) {
         let (room, d_cut) =

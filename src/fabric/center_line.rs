@@ -1,12 +1,13 @@
 //! Center lines of yarns in double precision, and by how much the tubes about them intersect.
 //!
-//! The axis of a yarn lies at +A over the crossings where it is on top and at -A where it is below, A its amplitude, joined by arcs and straight lines
-//! (`profile.rs`).
+//! The axis of a yarn lies at +A over the crossings where it is on top and at -A where it is below, A its
+//! amplitude, joined by arcs and straight lines (`profile.rs`).
 //!
-//! Each yarn lies within a tube about its center line, whose radius is half of the yarn's width. Center lines of one family keep the distance of their
-//! spacing, which is not below the width. Those of a warp and a weft yarn come close where they cross: the distance of two points is a function of their
-//! places along the yarns, and its least value is found on a grid that is then refined. It depends on the sides of five crossings, so that 32 cases
-//! serve a draft of any size.
+//! Each yarn lies within a tube about its center line, whose radius is half of the yarn's width. Center lines
+//! of one family keep the distance of their spacing, which is not below the width. Those of a warp and a weft
+//! yarn come close where they cross: the distance of two points is a function of their places along the
+//! yarns, and its least value is found on a grid that is then refined. It depends on the sides of five
+//! crossings, so that 32 cases serve a draft of any size.
 
 use super::profile::Profile;
 use super::{Fabric, YarnSet};
@@ -38,12 +39,14 @@ pub struct Overlap {
     pub along_weft_um: f64,
 }
 
-/// Points a side of the grid on which the least distance is looked for, over a spacing to either side of the crossing.
+/// Points a side of the grid on which the least distance is looked for, over a spacing to either side of the
+/// crossing.
 const GRID: i32 = 48;
 /// Step at which the refinement ends [um].
 const FINEST_UM: f64 = 1e-6;
 
-/// Height between two crossings at `x` um from the first, on top at each or not, its slope and its second derivative.
+/// Height between two crossings at `x` um from the first, on top at each or not, its slope and its second
+/// derivative.
 fn joined(profile: &Profile, from: bool, to: bool, x: f64) -> [f64; 3] {
     let side = if from { 1.0 } else { -1.0 };
     if from == to { [side * profile.amplitude, 0.0, 0.0] } else { profile.at(x).map(|v| side * v) }
@@ -71,7 +74,8 @@ impl Fabric {
         up == (family == YarnSet::Warp)
     }
 
-    /// The center line of yarn `yarn` of `family` at `along_um`, its y on warp and its x on weft. Yarn n lies at `(n + 1/2) spacing` across.
+    /// The center line of yarn `yarn` of `family` at `along_um`, its y on warp and its x on weft. Yarn n lies
+    /// at `(n + 1/2) spacing` across.
     pub fn center_line(&self, family: YarnSet, yarn: i32, along_um: f64) -> CenterPoint {
         let step = self.shapes[family.other() as usize].spacing_um;
         let t = along_um / step - 0.5;
@@ -87,7 +91,8 @@ impl Fabric {
         CenterPoint { point_um, tangent, curvature_per_um: second * c * c * c }
     }
 
-    /// Turns of ply 0 of a yarn about the yarn's axis at `along_um`; 0 for a yarn of one ply. Ply k of P is `k / P` turns further.
+    /// Turns of ply 0 of a yarn about the yarn's axis at `along_um`; 0 for a yarn of one ply. Ply k of P is
+    /// `k / P` turns further.
     pub fn ply_turns(&self, family: YarnSet, yarn: i32, along_um: f64) -> f64 {
         let shape = &self.shapes[family as usize];
         if shape.plies < 2 {
@@ -98,8 +103,8 @@ impl Fabric {
         begin + shape.ply_pitch_um.map_or(0.0, |pitch| hand * along_um / pitch)
     }
 
-    /// Least radius by which the center lines of a family bend [um]; infinite where no yarn changes sides. A yarn cannot bend with a radius of less than
-    /// half its width.
+    /// Least radius by which the center lines of a family bend [um]; infinite where no yarn changes sides. A
+    /// yarn cannot bend with a radius of less than half its width.
     pub fn least_bend_radius_um(&self, family: YarnSet) -> f64 {
         let threads = |f: YarnSet| self.draft.threads(f) as i32;
         let other = family.other();
@@ -111,14 +116,16 @@ impl Fabric {
         if bends && profile.amplitude > 0.0 { profile.radius } else { f64::INFINITY }
     }
 
-    /// Where the tubes about a warp yarn and a weft yarn intersect most over the repeat, or come nearest; the first such crossing by pick and end.
+    /// Where the tubes about a warp yarn and a weft yarn intersect most over the repeat, or come nearest; the
+    /// first such crossing by pick and end.
     pub fn largest_overlap(&self) -> Overlap {
         let mut cases: [Option<[f64; 3]>; 32] = [None; 32];
         let mut worst =
             Overlap { depth_um: f64::NEG_INFINITY, warp: 0, weft: 0, along_warp_um: 0.0, along_weft_um: 0.0 };
         for weft in 0..self.draft.picks() as i32 {
             for warp in 0..self.draft.ends() as i32 {
-                // Around the crossing: on the warp yarn before, at and after it, on the weft yarn before and after.
+                // Around the crossing: on the warp yarn before, at and after it, on the weft yarn before and
+                // after.
                 let up = |end: i32, pick: i32| self.is_on_top(YarnSet::Warp, end, pick);
                 let around =
                     [up(warp, weft - 1), up(warp, weft), up(warp, weft + 1), up(warp - 1, weft), up(warp + 1, weft)];
@@ -134,7 +141,8 @@ impl Fabric {
         worst
     }
 
-    /// Least distance of the two center lines about a crossing [um], and where: from the crossing along the warp yarn and along the weft yarn.
+    /// Least distance of the two center lines about a crossing [um], and where: from the crossing along the
+    /// warp yarn and along the weft yarn.
     fn least_distance(&self, around: &[bool; 5]) -> [f64; 3] {
         let [warp, weft] = YarnSet::EACH.map(|family| self.profile(family));
         let [s_warp, s_weft] = [0, 1].map(|k| self.shapes[k].spacing_um);
@@ -285,7 +293,8 @@ mod tests {
         }
     }
 
-    /// Yarns whose crimps add up to 1 touch, along arcs, as long as arcs of the sum of their radii fit; nearer ones intersect beside the crossing.
+    /// Yarns whose crimps add up to 1 touch, along arcs, as long as arcs of the sum of their radii fit;
+    /// nearer ones intersect beside the crossing.
     #[test]
     fn round_yarns_touch_until_they_jam() {
         let of = |spacing| Fabric::new(Draft::plain(), [shape(spacing, 0.5), shape(spacing, 0.5)]).unwrap();

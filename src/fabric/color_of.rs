@@ -1,14 +1,20 @@
-//! What a color asked for is a color of, and the cloth's brightness over the absorption of its fibers in each of these meanings.
+//! What a color asked for is a color of, and the cloth's brightness over the absorption of its fibers in each
+//! of these meanings.
 //!
 //! All are of a cloth whose yarns all have the same absorption, at nodes of it:
 //!
-//! - under a sky all round, light that was scattered over the light that met fibers, as the light between yarns counts it (`between.rs`);
-//! - reflected: R of the cloth's face, mean over views by their cosine, of light that is even over the viewer's half;
-//! - folded: R of a pile of sheets, face up and face down in turn, seen 8 degrees off the normal under light that is even over the viewer's half, as a d/8
-//!   spectrophotometer has it. Light between sheets is taken as even: with R and T of a sheet from either side and X, Y the reflectances of piles that begin with the
-//!   other side, `Y = R_f + T_f X T_b / (1 - R_b X)`, and alike for X; of a pile without end that neither absorbs nor lets through, 1.
+//! - under a sky all round, light that was scattered over the light that met fibers, as the light between
+//!   yarns counts it (`between.rs`);
+//! - reflected: R of the cloth's face, mean over views by their cosine, of light that is even over the
+//!   viewer's half;
+//! - folded: R of a pile of sheets, face up and face down in turn, seen 8 degrees off the normal under light
+//!   that is even over the viewer's half, as a d/8 spectrophotometer has it. Light between sheets is taken as
+//!   even: with R and T of a sheet from either side and X, Y the reflectances of piles that begin with the
+//!   other side, `Y = R_f + T_f X T_b / (1 - R_b X)`, and alike for X; of a pile without end that neither
+//!   absorbs nor lets through, 1.
 //!
-//! R and T are means over places and samples of the fabric as it is shaded, clear fibers' scaled to lose nothing.
+//! R and T are means over places and samples of the fabric as it is shaded, clear fibers' scaled to lose
+//! nothing.
 
 use crate::bsdf::DirectionSample;
 use crate::color::AlbedoCurve;
@@ -18,12 +24,14 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ColorOf {
-    /// The cloth's fibers under a sky all round: reflected and transmitted light over the light that meets fibers.
+    /// The cloth's fibers under a sky all round: reflected and transmitted light over the light that meets
+    /// fibers.
     #[default]
     EvenSky,
     /// The cloth's face, lit from the viewer's side, with dark behind it: the mean over views.
     Reflected,
-    /// The cloth folded until no light comes through, under even light 8 degrees off the normal (d/8), as textile labs read it.
+    /// The cloth folded until no light comes through, under even light 8 degrees off the normal (d/8), as
+    /// textile labs read it.
     Folded,
 }
 
@@ -38,7 +46,8 @@ impl ColorOf {
     }
 }
 
-/// Nodes of absorption at which R and T are found, even in `1 / (1 + sigma L)` with L = 150 um, as are those of the light between yarns, and one between each two.
+/// Nodes of absorption at which R and T are found, even in `1 / (1 + sigma L)` with L = 150 um, as are those
+/// of the light between yarns, and one between each two.
 const NODES: usize = 15;
 /// Absorption of the last node [1/um], for an infinite one.
 const DARKEST: f64 = 3.0;
@@ -82,7 +91,8 @@ pub(super) trait Sheet {
     /// Size of its repeat [um].
     fn repeat_um(&self) -> [f64; 2];
 
-    /// What goes straight on at a point [um] seen from `wo`, all yarns of these absorptions [1/um], and a sample of the rest.
+    /// What goes straight on at a point [um] seen from `wo`, all yarns of these absorptions [1/um], and a
+    /// sample of the rest.
     fn sample<const N: usize>(
         &self,
         position_um: [f32; 2],

@@ -1,12 +1,13 @@
-//! The draft: which yarn is on top at each crossing of one repeat, a bit each. Plain weave, twills, satins, baskets, and any other from rows of text.
+//! The draft: which yarn is on top at each crossing of one repeat, a bit each. Plain weave, twills, satins,
+//! baskets, and any other from rows of text.
 
 use super::YarnSet;
 
 /// Most ends and most picks of a draft.
 pub const MAX_THREADS: usize = 4096;
 
-/// One repeat of a weave, `[picks][ends]`: a set bit has the warp on top, seen from the face. Pick 0 is woven first and lies lowest in y; end 0 lies
-/// lowest in x.
+/// One repeat of a weave, `[picks][ends]`: a set bit has the warp on top, seen from the face. Pick 0 is woven
+/// first and lies lowest in y; end 0 lies lowest in x.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Draft {
     ends: usize,
@@ -37,8 +38,8 @@ impl Draft {
         Draft { ends: 2, picks: 2, stride: 1, bits: vec![0b01, 0b10] }
     }
 
-    /// Twill: each end over `up` picks and under `down`, its neighbor at larger x one pick later, so that diagonals rise with x (Z). `None` when a
-    /// count is 0 or the repeat above [`MAX_THREADS`].
+    /// Twill: each end over `up` picks and under `down`, its neighbor at larger x one pick later, so that
+    /// diagonals rise with x (Z). `None` when a count is 0 or the repeat above [`MAX_THREADS`].
     pub fn twill(up: usize, down: usize) -> Option<Draft> {
         if up == 0 || down == 0 || up > MAX_THREADS || down > MAX_THREADS {
             return None;
@@ -47,8 +48,10 @@ impl Draft {
         Draft::from_fn(n, n, |pick, end| (pick + n - end) % n < up)
     }
 
-    /// Satin of `n` ends: the warp on top but for one crossing a pick, which moves by `step` ends from pick to pick. `None` unless n is 5 to
-    /// [`MAX_THREADS`], and step 2 to n - 2 without a factor in common with n: else an end is never bound, or it is a twill.
+    /// Satin of `n` ends: the warp on top but for one crossing a pick, which moves by `step` ends from pick
+    /// to pick. `None` unless n is 5 to
+    /// [`MAX_THREADS`], and step 2 to n - 2 without a factor in common with n: else an end is never bound, or
+    /// it is a twill.
     pub fn satin(n: usize, step: usize) -> Option<Draft> {
         if !(5..=MAX_THREADS).contains(&n) || !(2..=n - 2).contains(&step) || gcd(n, step) != 1 {
             return None;
@@ -56,7 +59,8 @@ impl Draft {
         Draft::from_fn(n, n, |pick, end| end != pick * step % n)
     }
 
-    /// Basket: plain weave of groups of `n` ends and `n` picks. `None` for 0 and above half of [`MAX_THREADS`].
+    /// Basket: plain weave of groups of `n` ends and `n` picks. `None` for 0 and above half of
+    /// [`MAX_THREADS`].
     pub fn basket(n: usize) -> Option<Draft> {
         if !(1..=MAX_THREADS / 2).contains(&n) {
             return None;
@@ -64,7 +68,8 @@ impl Draft {
         Draft::from_fn(2 * n, 2 * n, |pick, end| pick / n == end / n)
     }
 
-    /// Two layers of straight yarns, the warp above the weft at every crossing: not woven, since no yarn binds another.
+    /// Two layers of straight yarns, the warp above the weft at every crossing: not woven, since no yarn
+    /// binds another.
     pub fn layers() -> Draft {
         Draft { ends: 1, picks: 1, stride: 1, bits: vec![1] }
     }
@@ -87,7 +92,8 @@ impl Draft {
         }
     }
 
-    /// Whether the warp is on top where this pick and this end of the repeat cross. Indices beyond the repeat count as 0.
+    /// Whether the warp is on top where this pick and this end of the repeat cross. Indices beyond the repeat
+    /// count as 0.
     #[inline]
     pub fn up(&self, pick: usize, end: usize) -> bool {
         let (pick, end) = (if pick < self.picks { pick } else { 0 }, if end < self.ends { end } else { 0 });
@@ -99,8 +105,8 @@ impl Draft {
         self.bits.len() * size_of::<u64>()
     }
 
-    /// A yarn that is on top, or below, at all its crossings, and is thus bound by none: its family, its index in the repeat, whether it is on top. `None` of [`Draft::layers`],
-    /// which binds none on purpose.
+    /// A yarn that is on top, or below, at all its crossings, and is thus bound by none: its family, its
+    /// index in the repeat, whether it is on top. `None` of [`Draft::layers`], which binds none on purpose.
     pub fn unbound(&self) -> Option<(YarnSet, usize, bool)> {
         if *self == Draft::layers() {
             return None;

@@ -15,10 +15,13 @@ pub enum Channels {
     /// Light of the N wavelengths of the query: a spectral host.
     #[default]
     Wavelengths,
-    /// Linear RGB of the primaries of sRGB: a host that renders in RGB. Each channel has the absorption that gives the yarn, under diffuse light, the channel of the color
-    /// that the yarn's spectrum has under D65. Edges, gaps and speckle take the query's wavelengths, of which [`crate::color::RGB_LAMBDA_UM`] stand for the channels.
+    /// Linear RGB of the primaries of sRGB: a host that renders in RGB. Each channel has the absorption that
+    /// gives the yarn, under diffuse light, the channel of the color that the yarn's spectrum has under D65.
+    /// Edges, gaps and speckle take the query's wavelengths, of which [`crate::color::RGB_LAMBDA_UM`] stand
+    /// for the channels.
     ///
-    /// A channel cannot be darker than what the fibers' surfaces reflect: a saturated color whose spectrum would have a channel below that comes out paler. For N = 3;
+    /// A channel cannot be darker than what the fibers' surfaces reflect: a saturated color whose spectrum
+    /// would have a channel below that comes out paler. For N = 3;
     /// channels beyond the third count as the third.
     LinearSrgb,
     /// The same of the wider primaries of BT.2020, in which every color that fibers can have fits.
@@ -30,7 +33,8 @@ pub enum Channels {
 pub struct ColorReach {
     /// As asked for [sRGB, 0 to 1].
     pub asked: [f32; 3],
-    /// As the cloth has it, in the meaning that its spec gives to colors [sRGB; beyond 0 to 1 out of its gamut].
+    /// As the cloth has it, in the meaning that its spec gives to colors [sRGB; beyond 0 to 1 out of its
+    /// gamut].
     pub comes_out: [f64; 3],
     /// CIEDE2000 between the two; one that is just seen is about 1.
     pub delta_e: f64,
@@ -70,7 +74,8 @@ impl Dye {
             YarnColor::Undyed => Dye::Even(0.0),
             YarnColor::Sigma(sigma) => Dye::Even(sigma),
             YarnColor::Srgb(srgb) => {
-                // What the fibers can have of the color, seen under D65: out of reach colors are the same in both modes.
+                // What the fibers can have of the color, seen under D65: out of reach colors are the same in
+                // both modes.
                 let (_, sigma, achieved) = ColorReach::new(srgb, curve);
                 let rgb = [linear_srgb_of_xyz(achieved), linear_rec2020_of_xyz(achieved)]
                     .map(|rgb| rgb.map(|channel| curve.sigma(channel).0 as f32));
@@ -127,8 +132,8 @@ pub(super) fn own_color(model: &PlyModel) -> Result<Option<Reflections>> {
 /// A color, and the model whose metal has it by itself.
 pub(super) type ColorOfModel = (YarnColor, Option<u32>);
 
-/// The different colors of a fabric's yarns, undyed yarns of opaque fibers with their model, and by family which of them each yarn of one repeat has. `all` takes precedence over
-/// every color.
+/// The different colors of a fabric's yarns, undyed yarns of opaque fibers with their model, and by family
+/// which of them each yarn of one repeat has. `all` takes precedence over every color.
 pub(super) fn colors_of(
     fabric: &Fabric,
     stripes: &[Vec<u32>; 2],
@@ -160,7 +165,8 @@ pub(super) fn colors_of(
 }
 
 impl FabricModel {
-    /// The same fabric with other colors of warp and weft, which are colors of `of`. Nothing is traced anew; where `of` was not the fabric's, it takes tenths of a second.
+    /// The same fabric with other colors of warp and weft, which are colors of `of`. Nothing is traced anew;
+    /// where `of` was not the fabric's, it takes tenths of a second.
     #[must_use]
     pub fn with_colors(&self, [warp, weft]: [YarnColor; 2], of: ColorOf) -> FabricModel {
         let mut other = self.clone();

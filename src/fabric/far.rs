@@ -1,12 +1,17 @@
 //! The mean of a cloth over its repeat: what a pixel sees that covers many yarns.
 //!
-//! Light of the plies is tabulated for each family in angles about its yarns' mean axis z, which runs in the cloth: `theta = asin(w . z)`, and `phi` from the other in-plane
-//! axis towards the normal. A cylinder's light keeps near the cone `theta_o = -theta_i`, so that the table has theta_o on nodes about that cone which move with theta_i:
-//! entries at neighboring theta_i then hold the same feature. Entries are the fabric's own f (`at.rs`), its shadows included, at places spread evenly over the repeat, at
-//! nodes of absorption; between the nodes they are linear. The light between yarns is that of the mean energies (`between.rs`), which are a function of the direction to begin with.
+//! Light of the plies is tabulated for each family in angles about its yarns' mean axis z, which runs in the
+//! cloth: `theta = asin(w . z)`, and `phi` from the other in-plane axis towards the normal. A cylinder's
+//! light keeps near the cone `theta_o = -theta_i`, so that the table has theta_o on nodes about that cone
+//! which move with theta_i:
+//! entries at neighboring theta_i then hold the same feature. Entries are the fabric's own f (`at.rs`), its
+//! shadows included, at places spread evenly over the repeat, at nodes of absorption; between the nodes they
+//! are linear. The light between yarns is that of the mean energies (`between.rs`), which are a function of
+//! the direction to begin with.
 //! What passes all plies is diffracted by a few apertures that stand for those of the repeat.
 //!
-//! Energies are those of the means, in as far as the table's integrals are; tests/it/far.rs has both beside the mean of many places. The mean is as reciprocal as the fabric.
+//! Energies are those of the means, in as far as the table's integrals are; tests/it/far.rs has both beside
+//! the mean of many places. The mean is as reciprocal as the fabric.
 
 use super::YarnSet;
 use super::between::BetweenAt;
@@ -14,8 +19,10 @@ use super::shadow::Toward;
 use crate::math::{clamp_unit, floor_fraction, parallel};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-/// Nodes of absorption [1/um], the last for an infinite one; between them f is linear in `1 / (1 + sigma L)`, L some paths through a ply [um].
-/// They are close at 0, where light scattered many times falls as the root of the absorption (Kubelka and Munk).
+/// Nodes of absorption [1/um], the last for an infinite one; between them f is linear in `1 / (1 + sigma L)`,
+/// L some paths through a ply [um].
+/// They are close at 0, where light scattered many times falls as the root of the absorption (Kubelka and
+/// Munk).
 pub(super) const SIGMA_PER_UM: [f32; SIGMAS] = [0.0, 0.0006, 0.002, 0.005, 0.0115, 0.028, 0.085, 3.0];
 pub(super) const SIGMAS: usize = 8;
 const LENGTH_UM: f32 = 150.0;
@@ -158,7 +165,8 @@ pub(super) struct Seen {
 
 /// A cloth as the table needs it.
 pub(super) trait Places: Sync {
-    /// What is seen of the plies of `family` from `wo` at a place of the repeat, by fractions of it, towards `lights`. `turn`, 0 to 1, says which repeat, as plies turn.
+    /// What is seen of the plies of `family` from `wo` at a place of the repeat, by fractions of it, towards
+    /// `lights`. `turn`, 0 to 1, says which repeat, as plies turn.
     fn seen(&self, family: YarnSet, place: [f64; 2], turn: f64, wo: [f32; 3], lights: &[Toward]) -> Seen;
 }
 
@@ -297,7 +305,8 @@ impl Far {
             + size_of_val(self.apertures.as_slice())
     }
 
-    /// Its tables, as src/fabric/tensors.rs has them: f, chances, energies and first energies of both families, what passes, apertures.
+    /// Its tables, as src/fabric/tensors.rs has them: f, chances, energies and first energies of both
+    /// families, what passes, apertures.
     pub(super) fn numbers(&self) -> ([Vec<f32>; 5], Vec<u32>) {
         let of = |numbers: &dyn Fn(&Plies) -> Vec<f32>| self.families.iter().flat_map(numbers).collect::<Vec<f32>>();
         let apertures = self.apertures.iter().flat_map(|(apertures, count)| {
@@ -382,7 +391,8 @@ impl<const N: usize> PliesAt<'_, N> {
             let plies = &self.far.families[k];
             let (theta, phi) = angles(family, b);
             let q = q_of(theta_i, theta).clamp(0.0, (NODES - 1) as f32);
-            // A turn is not added to the angle: its digits would be lost, and f falls by a factor of some tens from a column to the next.
+            // A turn is not added to the angle: its digits would be lost, and f falls by a factor of some
+            // tens from a column to the next.
             let (column, t) = floor_fraction(phi * (COLUMNS as f32 / TAU));
             let column = column.rem_euclid(COLUMNS as i32) as usize;
             let (row, s) = ((q as usize).min(NODES - 2), q - (q as usize).min(NODES - 2) as f32);
@@ -449,7 +459,8 @@ pub(super) struct FarAt<'a, const N: usize> {
     /// Energy that passes all plies, and the apertures that diffract it; straight on without.
     pub passing: f32,
     pub gaps: [Option<crate::gap::GapBsdf<'a, N>>; APERTURES],
-    /// Chances of warp and weft, light between yarns that leaves up and down, diffracted light; the rest goes straight on.
+    /// Chances of warp and weft, light between yarns that leaves up and down, diffracted light; the rest goes
+    /// straight on.
     chances: [f32; 5],
 }
 

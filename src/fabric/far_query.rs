@@ -7,7 +7,8 @@ use super::far::{self, FarAt, Mixed, Places, Seen};
 use super::shadow::Toward;
 
 impl FabricModel {
-    /// The mean over the repeat where a query asks for it, seen from `wo` in the pattern's frame, and its share.
+    /// The mean over the repeat where a query asks for it, seen from `wo` in the pattern's frame, and its
+    /// share.
     pub(super) fn far_at<'a, const N: usize>(
         &'a self,
         query: &FabricQuery<'a, N>,

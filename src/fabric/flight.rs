@@ -1,8 +1,11 @@
 //! The plies that a line comes near, in the order along it: yarns as tubes about their crimped axes.
 //!
-//! A line is followed by steps as long as the distance to the nearest yarn's hull, the tube of its outer radius and d_cut about it. At a hull a yarn of one ply counts as straight
-//! along its tangent where the line is nearest to its axis, which is looked for in a few steps; in a yarn of several plies the line is followed along the bent axis (`walk.rs`). A
-//! line that passes the plies goes on behind the hull. Distances are those to the tangent at the same coordinate along the yarn, 0.9 of which is stepped: the axis bends away from it.
+//! A line is followed by steps as long as the distance to the nearest yarn's hull, the tube of its outer
+//! radius and d_cut about it. At a hull a yarn of one ply counts as straight along its tangent where the line
+//! is nearest to its axis, which is looked for in a few steps; in a yarn of several plies the line is
+//! followed along the bent axis (`walk.rs`). A line that passes the plies goes on behind the hull. Distances
+//! are those to the tangent at the same coordinate along the yarn, 0.9 of which is stepped: the axis bends
+//! away from it.
 
 use super::hit::PlyHit;
 use super::profile::Ends;
@@ -15,7 +18,8 @@ use crate::math::vec3::dot;
 const MIN_STEP_UM: f32 = 1.0;
 /// A hull nearer than this is reached [um].
 const CLOSE_UM: f32 = 3.0;
-/// How near to the place where a line is nearest to a yarn's axis the axis is taken, over half of the yarn's width.
+/// How near to the place where a line is nearest to a yarn's axis the axis is taken, over half of the yarn's
+/// width.
 const NEAREST: f32 = 0.001;
 /// Most rounds of looking for the place where a line is nearest to a yarn.
 const MAX_ROUNDS: usize = 7;
@@ -27,7 +31,8 @@ const PASSED: usize = 8;
 const ALL: [f32; MAX_PLIES] = [f32::NEG_INFINITY; MAX_PLIES];
 /// No yarn.
 const NONE: u64 = u64::MAX;
-/// How far a yarn is looked at at once, over its hull's radius. A ply's r_d is of the whole yarn: a yarn that a line passes beside once must count once.
+/// How far a yarn is looked at at once, over its hull's radius. A ply's r_d is of the whole yarn: a yarn that
+/// a line passes beside once must count once.
 const LOOKED_AT: f32 = 4.0;
 /// How far from where it is asked a yarn is met at most, over its hull's radius.
 const AHEAD: f32 = 6.0;
@@ -69,7 +74,8 @@ pub(super) struct Candidate {
     pub hit: PlyHit,
     /// Whether the line meets the ply itself, |h| < R.
     pub is_hit: bool,
-    /// Point of the ply's axis that the line is nearest to [um], the way to it from the yarn's axis, and that axis' direction.
+    /// Point of the ply's axis that the line is nearest to [um], the way to it from the yarn's axis, and that
+    /// axis' direction.
     pub center: [f32; 3],
     pub off_axis: [f32; 3],
     pub yarn_axis: [f32; 3],
@@ -114,7 +120,8 @@ pub(super) struct Flight<'a> {
     /// The yarns that have been asked.
     passed: [TestedYarn; PASSED],
     oldest: usize,
-    /// Of a yarn whose plies scatter one by one: its key, and until when each ply is not met, as the line has left it [um].
+    /// Of a yarn whose plies scatter one by one: its key, and until when each ply is not met, as the line has
+    /// left it [um].
     left: (u64, [f32; MAX_PLIES]),
     /// By family.
     around: [Around; 2],
@@ -141,8 +148,8 @@ impl Around {
     }
 }
 
-/// Where light in direction `b` leaves the tube of this radius about the axis through `center` along `z` (unit), from a point `p` in it. Along the tube at most ten
-/// radii further.
+/// Where light in direction `b` leaves the tube of this radius about the axis through `center` along `z`
+/// (unit), from a point `p` in it. Along the tube at most ten radii further.
 pub(super) fn exit(center: [f32; 3], z: [f32; 3], radius: f32, p: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     let q: [f32; 3] = std::array::from_fn(|i| p[i] - center[i]);
     let (qz, bz) = (dot(q, z), dot(b, z));
@@ -172,7 +179,8 @@ impl Fabric {
         Flight { fabric: self, from, d, at: 0.0, passed, oldest: 1, left, around, top }
     }
 
-    /// What light that leaves a ply at `from` in direction `d` does not meet: the ply; of a yarn of several plies, whose model has what the others do, the yarn.
+    /// What light that leaves a ply at `from` in direction `d` does not meet: the ply; of a yarn of several
+    /// plies, whose model has what the others do, the yarn.
     pub(super) fn skip_own(&self, near: &Candidate, from: [f32; 3], d: [f32; 3]) -> Skip {
         let yarn = &self.yarns[near.hit.family as usize];
         if yarn.one_by_one {
@@ -200,7 +208,8 @@ impl Fabric {
         Skip::Yarn(id, dot(way, way).sqrt() + beside)
     }
 
-    /// The line that crosses the middle plane at a point [um], towards the light at `w` (unit), followed the other way from above the yarns.
+    /// The line that crosses the middle plane at a point [um], towards the light at `w` (unit), followed the
+    /// other way from above the yarns.
     pub(super) fn flight_through(&self, at: [f32; 2], w: [f32; 3]) -> Flight<'_> {
         // Lines in the plane itself come from ten repeats of a thick cloth away.
         let lift = (self.top_um() / w[2].abs().max(1e-6)).min(1e5);
@@ -212,7 +221,8 @@ impl Fabric {
         self.half_thickness_um() + self.yarns.iter().map(|y| y.reach - y.radius).fold(0.0, f32::max) + MARGIN_UM
     }
 
-    /// The crossing before a coordinate along the yarns of a family [um], and the share of the way to the next.
+    /// The crossing before a coordinate along the yarns of a family [um], and the share of the way to the
+    /// next.
     #[inline]
     fn between_crossings(&self, family: YarnSet, along: f32) -> (i32, f32) {
         floor_fraction(along * self.yarns[family.other() as usize].per_spacing - 0.5)
@@ -258,7 +268,8 @@ impl Flight<'_> {
         }
     }
 
-    /// The nearest hull that has not been asked: its distance, yarn, and how far the line may go without meeting any.
+    /// The nearest hull that has not been asked: its distance, yarn, and how far the line may go without
+    /// meeting any.
     fn nearest(&mut self, q: [f32; 3]) -> (f32, Option<YarnId>, f32) {
         let (mut squared, mut free) = ([0.0; 4], f32::INFINITY);
         for family in YarnSet::EACH {
@@ -313,7 +324,8 @@ impl Flight<'_> {
         }
     }
 
-    /// Where on the line a yarn of one ply is straightened: next to its axis, found as in [`Flight::meet`] by the distance to the axis alone.
+    /// Where on the line a yarn of one ply is straightened: next to its axis, found as in [`Flight::meet`] by
+    /// the distance to the axis alone.
     fn beside(&self, id: YarnId) -> f32 {
         let k = id.family as usize;
         let yarn = &self.fabric.yarns[k];
@@ -335,7 +347,8 @@ impl Flight<'_> {
         at
     }
 
-    /// The line `at` um along it and a yarn, straight along its tangent next to the point: the line from that point, the yarn's axes, and the point of its axis.
+    /// The line `at` um along it and a yarn, straight along its tangent next to the point: the line from that
+    /// point, the yarn's axes, and the point of its axis.
     fn straightened(&self, id: YarnId, at: f32) -> (Line, [[f32; 3]; 3], [f32; 3]) {
         let k = id.family as usize;
         let yarn = &self.fabric.yarns[k];
@@ -414,7 +427,8 @@ impl Flight<'_> {
             let leaves = if a > 1e-6 && room > 0.0 { (room.sqrt() - half) / a } else { 0.0 };
             // It goes on in any case, so that every line ends.
             let leaves = self.at + leaves.clamp(MIN_STEP_UM, LOOKED_AT * hull);
-            // A line that stays near a yarn for longer than it is looked at asks again, and finds the same place or, where the yarn bends, the next.
+            // A line that stays near a yarn for longer than it is looked at asks again, and finds the same
+            // place or, where the yarn bends, the next.
             let before = self.met_at(id);
             let is_new = yarn.plies > 1 || (nearest - before).abs() > yarn.half_width;
             let is_in_reach = (nearest - self.at).abs() < AHEAD * hull;

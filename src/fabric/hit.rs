@@ -1,8 +1,10 @@
-//! What is at a point of the fabric: the plies and gaps that a line meets, in their order; the yarn on top, by a side.
+//! What is at a point of the fabric: the plies and gaps that a line meets, in their order; the yarn on top,
+//! by a side.
 //!
-//! A line meets the plies of the first yarn along it (`flight.rs`). The draft says on which side of a crossing a yarn passes; its axis lies at +amplitude where it is
-//! on top and at -amplitude where it is below, joined from crossing to crossing by arcs and a straight line (`profile.rs`). An oblique line meets a yarn beyond its width: gaps close towards
-//! grazing light, as they do.
+//! A line meets the plies of the first yarn along it (`flight.rs`). The draft says on which side of a
+//! crossing a yarn passes; its axis lies at +amplitude where it is on top and at -amplitude where it is
+//! below, joined from crossing to crossing by arcs and a straight line (`profile.rs`). An oblique line meets
+//! a yarn beyond its width: gaps close towards grazing light, as they do.
 
 use super::yarn::{Yarn, cell};
 use super::{Fabric, YarnSet};
@@ -26,7 +28,8 @@ pub struct PlyHit {
     pub yarn: i32,
     /// Number of the ply in the yarn.
     pub ply: u32,
-    /// Axes x, y, z of the ply frame (Yu 2025, Eq. 1) in the fabric's frame: z along the ply, `w = y cos theta_i + z sin theta_i`.
+    /// Axes x, y, z of the ply frame (Yu 2025, Eq. 1) in the fabric's frame: z along the ply,
+    /// `w = y cos theta_i + z sin theta_i`.
     pub frame: [[f32; 3]; 3],
     /// Latitude of w [rad].
     pub theta_i: f32,
@@ -45,8 +48,9 @@ pub struct PlyHit {
 /// A gap, or a near miss.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gap {
-    /// Distances in the fabric's plane from the point to the edges west (-x), east (+x), south (-y) and north (+y), 0 or more [um]: how far the line
-    /// may be moved before it meets a ply. Of edges beyond the beam, |h| > R + d_cut, the yarns' spacing.
+    /// Distances in the fabric's plane from the point to the edges west (-x), east (+x), south (-y) and north
+    /// (+y), 0 or more [um]: how far the line may be moved before it meets a ply. Of edges beyond the beam,
+    /// |h| > R + d_cut, the yarns' spacing.
     pub aperture_um: [f32; 4],
     /// The plies at these edges that lie within the beam.
     pub near: [Option<PlyHit>; 4],
@@ -71,7 +75,8 @@ pub struct YarnPlace {
     pub is_double: bool,
 }
 
-/// Points beyond this distance from the origin count as at it [um]: 10 m, where single precision ends to tell fibers apart.
+/// Points beyond this distance from the origin count as at it [um]: 10 m, where single precision ends to tell
+/// fibers apart.
 const FAR_UM: f32 = 1e7;
 
 /// The two nearest yarns of a family at a point: the nearer one, then that on the point's other side.
@@ -197,11 +202,11 @@ pub(super) fn unit(w: [f32; 3]) -> [f32; 3] {
 }
 
 impl Fabric {
-    /// What the line through the point (x, y) of the middle plane [um] towards the light at `w` (unit, in the fabric's frame) meets first. From behind, `w[2] < 0`,
-    /// the yarns of the other side are on top.
+    /// What the line through the point (x, y) of the middle plane [um] towards the light at `w` (unit, in the
+    /// fabric's frame) meets first. From behind, `w[2] < 0`, the yarns of the other side are on top.
     ///
-    /// Never fails: a `w` that is not unit is made so, one that is no direction counts as the face's normal, points that are no numbers or more than 10 m
-    /// away as the origin.
+    /// Never fails: a `w` that is not unit is made so, one that is no direction counts as the face's normal,
+    /// points that are no numbers or more than 10 m away as the origin.
     pub fn at(&self, x_um: f32, y_um: f32, w: [f32; 3]) -> Hit {
         let mut flight = self.flight_through(position(x_um, y_um), unit(w));
         let mut gap = Gap::open(self);
@@ -214,7 +219,8 @@ impl Fabric {
         Hit::Gap(gap)
     }
 
-    /// The yarn on top at the point (x, y) [um], seen from the face or from the back; `None` in gaps between yarns. Points as in [`Fabric::at`].
+    /// The yarn on top at the point (x, y) [um], seen from the face or from the back; `None` in gaps between
+    /// yarns. Points as in [`Fabric::at`].
     pub fn yarn_at(&self, x_um: f32, y_um: f32, from_back: bool) -> Option<YarnPlace> {
         let point = Point::new(self, x_um, y_um);
         let there = [0, 1].map(|k| point.pairs[k].offset[0].abs() < self.yarns[k].half_width);

@@ -27,18 +27,21 @@ pub struct LoadedFabric {
     pub models: Vec<Arc<PlyModel>>,
     /// Path of each model, or its name where it is not from a file.
     pub model_paths: Vec<PathBuf>,
-    /// For warp and weft, and each yarn of one repeat of their stripes: the index of its model. [`LoadedFabric::model_of`] looks it up.
+    /// For warp and weft, and each yarn of one repeat of their stripes: the index of its model.
+    /// [`LoadedFabric::model_of`] looks it up.
     pub threads: [Vec<usize>; 2],
     /// What was taken where the WIF says nothing or is wrong; none of other weaves.
     pub wif_notes: Vec<WifNote>,
 }
 
 impl LoadedFabric {
-    /// A fabric of a spec, the WIF if its weave is one, and models, all of which the host has: nothing is read. `models` are those that
-    /// the spec names, in the order of [`YarnOfFabric::stripes`], of warp and weft.
+    /// A fabric of a spec, the WIF if its weave is one, and models, all of which the host has: nothing is
+    /// read. `models` are those that the spec names, in the order of [`YarnOfFabric::stripes`], of warp and
+    /// weft.
     ///
     /// # Errors
-    /// [`crate::Error::Invalid`] when the spec does not pass its rules, a WIF or a model is missing, and as [`FabricSpec::load`].
+    /// [`crate::Error::Invalid`] when the spec does not pass its rules, a WIF or a model is missing, and as
+    /// [`FabricSpec::load`].
     pub fn new(spec: FabricSpec, wif: Option<Wif>, models: [Vec<Arc<PlyModel>>; 2]) -> Result<LoadedFabric> {
         spec.check("fabric")?;
         let (mut all, mut names): (Vec<Arc<PlyModel>>, Vec<String>) = (Vec::new(), Vec::new());
@@ -142,8 +145,8 @@ impl LoadedFabric {
         &self.models[self.model_index(family, yarn)]
     }
 
-    /// What there is to know of the fabric, a line each: what was taken where its WIF says nothing or is wrong, layers that no yarn joins, and what is
-    /// left out because a model does not hold it.
+    /// What there is to know of the fabric, a line each: what was taken where its WIF says nothing or is
+    /// wrong, layers that no yarn joins, and what is left out because a model does not hold it.
     pub fn notes(&self) -> Vec<String> {
         let mut notes: Vec<String> = match &self.spec.weave {
             WeaveSpec::Wif { file } => self.wif_notes.iter().map(|note| format!("{file}: {note}")).collect(),
@@ -210,7 +213,8 @@ fn spacings(
 /// Greatest lean of a yarn whose crimp the spec does not give [degrees], as in the cloths that ship.
 pub const USUAL_LEAN_DEG: f64 = 25.0;
 
-/// The crimp by which a yarn leans by [`USUAL_LEAN_DEG`] where it is steepest, half way between crossings. 0.5, where both families bend alike, at most.
+/// The crimp by which a yarn leans by [`USUAL_LEAN_DEG`] where it is steepest, half way between crossings.
+/// 0.5, where both families bend alike, at most.
 pub(super) fn usual_crimp(yarn: &YarnShape, other: &YarnShape) -> f64 {
     let radii = 0.5 * (yarn.width_um() + other.width_um());
     (super::profile::amplitude_of(USUAL_LEAN_DEG.to_radians(), other.spacing_um, radii) / radii).min(0.5)
@@ -220,8 +224,8 @@ impl FabricSpec {
     /// Reads a spec from its text; `file` is for messages only. Files it names are not read.
     ///
     /// # Errors
-    /// [`crate::Error::Format`] when the text is not TOML, [`crate::Error::Invalid`] for a key that is unknown, absent or out of range, and for a draft
-    /// that binds a yarn nowhere.
+    /// [`crate::Error::Format`] when the text is not TOML, [`crate::Error::Invalid`] for a key that is
+    /// unknown, absent or out of range, and for a draft that binds a yarn nowhere.
     pub fn parse(text: &str, file: &str) -> Result<FabricSpec> {
         let spec: FabricSpec = rules::typed(rules::parse(text, file, &FABRIC_RULES)?, file, &FABRIC_RULES)?;
         check_relations(file, &spec)?;
@@ -237,13 +241,17 @@ impl FabricSpec {
         check_relations(file, self)
     }
 
-    /// Reads a spec, its WIF if it has one, and its models. What the spec names must lie in its folder or below, or is the name of a model of
-    /// [`ModelLibrary::usual`]; [`FabricSpec::load_with`] with [`Folder::anywhere`] allows other places, and other libraries.
+    /// Reads a spec, its WIF if it has one, and its models. What the spec names must lie in its folder or
+    /// below, or is the name of a model of
+    /// [`ModelLibrary::usual`]; [`FabricSpec::load_with`] with [`Folder::anywhere`] allows other places, and
+    /// other libraries.
     ///
     /// # Errors
-    /// As [`FabricSpec::parse`], [`Wif::parse`] and [`PlyModel::load`], [`crate::Error::Io`] when a file cannot be read, and
-    /// [`crate::Error::Invalid`] for a spacing narrower than the yarn, for a number of plies that a model of a yarn is not of, for a radius that is not
-    /// that of the model's plies, and for models of one family whose yarns differ in size.
+    /// As [`FabricSpec::parse`], [`Wif::parse`] and [`PlyModel::load`], [`crate::Error::Io`] when a file
+    /// cannot be read, and
+    /// [`crate::Error::Invalid`] for a spacing narrower than the yarn, for a number of plies that a model of
+    /// a yarn is not of, for a radius that is not that of the model's plies, and for models of one family
+    /// whose yarns differ in size.
     pub fn load(path: impl AsRef<Path>) -> Result<LoadedFabric> {
         FabricSpec::load_file(path, &ModelLibrary::usual())
     }
@@ -258,8 +266,9 @@ impl FabricSpec {
         FabricSpec::load_with(&text, &file, &Folder::of_file(path), library)
     }
 
-    /// As [`FabricSpec::load`], from the spec's text and a source of the files it names, which may be in memory; `file` is for messages. A model
-    /// that is named without ending is the source's file of this name, or else with the ending `.pwm`.
+    /// As [`FabricSpec::load`], from the spec's text and a source of the files it names, which may be in
+    /// memory; `file` is for messages. A model that is named without ending is the source's file of this
+    /// name, or else with the ending `.pwm`.
     ///
     /// # Errors
     /// As [`FabricSpec::load`].
@@ -305,7 +314,8 @@ impl FabricSpec {
         LoadedFabric::assembled(spec, file, wif, (models, names), indices)
     }
 
-    /// Shape of the yarns of a family at a spacing, of the plies of a yarn spec where the fabric's does not give their radius.
+    /// Shape of the yarns of a family at a spacing, of the plies of a yarn spec where the fabric's does not
+    /// give their radius.
     pub fn shape(&self, family: YarnSet, ply: &YarnSpec, spacing_um: f64) -> YarnShape {
         let yarn = self.yarn(family);
         let [a, b] = ply.ply_radii_um();
@@ -320,7 +330,8 @@ impl FabricSpec {
         }
     }
 
-    /// Colors of one repeat of ends and picks, or of all of them: the spec's own take precedence over a WIF's.
+    /// Colors of one repeat of ends and picks, or of all of them: the spec's own take precedence over a
+    /// WIF's.
     fn colors(&self, threads: [Vec<[f32; 3]>; 2]) -> [Vec<YarnColor>; 2] {
         let [warp, weft] = threads;
         let of = |yarn: &YarnOfFabric, threads: Vec<[f32; 3]>| match (yarn.srgb, yarn.sigma_per_um) {

@@ -1,15 +1,20 @@
-//! The height of a yarn's axis from crossing to crossing: Peirce's arcs and straight lines (Peirce 1937, The geometry of cloth structure).
+//! The height of a yarn's axis from crossing to crossing: Peirce's arcs and straight lines (Peirce 1937, The
+//! geometry of cloth structure).
 //!
-//! Over a crossing the axis lies at +A or -A, A the yarn's amplitude. From a crossing where it is on top to the next, a distance S further, where it is below, it runs on
-//! an arc about the yarn that it crosses, straight, and on an arc about the next. With arcs of radius rho up to the angle theta and half a straight line of length l,
+//! Over a crossing the axis lies at +A or -A, A the yarn's amplitude. From a crossing where it is on top to
+//! the next, a distance S further, where it is below, it runs on an arc about the yarn that it crosses,
+//! straight, and on an arc about the next. With arcs of radius rho up to the angle theta and half a straight
+//! line of length l,
 //!
 //! `S / 2 = rho sin theta + l cos theta`, `A = rho (1 - cos theta) + l sin theta`,
 //!
-//! the line is the inner tangent of two circles whose centers lie S apart and `2 (rho - A)` in height: `theta = asin(2 rho / d) - atan(2 (rho - A) / S)`,
-//! `d^2 = S^2 + 4 (rho - A)^2`. With rho the sum of the two yarns' radii and amplitudes that add up to it, round yarns touch along the arcs and intersect nowhere: of two points
-//! on the axes, x and y from the crossing, the squared distance is `rho^2 + 2 (rho - a) (rho - b)`, `a^2 = rho^2 - x^2`, `b^2 = rho^2 - y^2`. Arcs of that
-//! radius fit as long as `rho <= (S^2 / 4 + A^2) / (2 A)`, where l is 0 and the cloth is jammed; yarns that lie closer have shorter arcs, lean by [`STEEPEST_DEG`] at most where any
-//! arc does, and intersect.
+//! the line is the inner tangent of two circles whose centers lie S apart and `2 (rho - A)` in height:
+//! `theta = asin(2 rho / d) - atan(2 (rho - A) / S)`, `d^2 = S^2 + 4 (rho - A)^2`. With rho the sum of the
+//! two yarns' radii and amplitudes that add up to it, round yarns touch along the arcs and intersect nowhere:
+//! of two points on the axes, x and y from the crossing, the squared distance is
+//! `rho^2 + 2 (rho - a) (rho - b)`, `a^2 = rho^2 - x^2`, `b^2 = rho^2 - y^2`. Arcs of that radius fit as long
+//! as `rho <= (S^2 / 4 + A^2) / (2 A)`, where l is 0 and the cloth is jammed; yarns that lie closer have
+//! shorter arcs, lean by [`STEEPEST_DEG`] at most where any arc does, and intersect.
 
 /// Greatest lean of an axis whose arcs are shorter than its yarn's widths ask for [degrees].
 const STEEPEST_DEG: f64 = 66.0;
@@ -30,7 +35,8 @@ pub(super) struct Profile {
 }
 
 impl Profile {
-    /// Of an amplitude, between crossings a distance `step` apart, of yarns whose radii add up to `radii` [um].
+    /// Of an amplitude, between crossings a distance `step` apart, of yarns whose radii add up to `radii`
+    /// [um].
     pub fn new(amplitude: f64, step: f64, radii: f64) -> Profile {
         let flat = Profile { step, amplitude, radius: radii, arc: 0.0, slope: 0.0 };
         if amplitude <= 0.0 {
@@ -47,7 +53,8 @@ impl Profile {
         Profile { radius, arc: (radius * angle.sin()).min(0.5 * step), slope: angle.tan(), ..flat }
     }
 
-    /// Height [um], slope and second derivative [1/um] at `x` um from the crossing where the yarn is on top, 0 to `step`.
+    /// Height [um], slope and second derivative [1/um] at `x` um from the crossing where the yarn is on top,
+    /// 0 to `step`.
     pub fn at(&self, x: f64) -> [f64; 3] {
         let (sign, x) = if x > 0.5 * self.step { (-1.0, self.step - x) } else { (1.0, x) };
         if x >= self.arc {
@@ -102,7 +109,8 @@ impl Profile32 {
         self.on(Ends::new(from, to), u)
     }
 
-    /// As [`Profile32::joined`]. Both pieces are computed and one is chosen: which it is changes from call to call, and a wrong guess of the processor costs more.
+    /// As [`Profile32::joined`]. Both pieces are computed and one is chosen: which it is changes from call to
+    /// call, and a wrong guess of the processor costs more.
     #[inline]
     pub fn on(&self, ends: Ends, u: f32) -> (f32, f32) {
         let (turned, x, depth) = self.arc_at(u);
@@ -113,7 +121,8 @@ impl Profile32 {
         (ends.side * height, if ends.bends { ends.side * slope } else { 0.0 })
     }
 
-    /// Height [um] at the share `u` of the way from a crossing where the yarn is on top to one where it is below, and the squared cosine of its lean.
+    /// Height [um] at the share `u` of the way from a crossing where the yarn is on top to one where it is
+    /// below, and the squared cosine of its lean.
     #[inline]
     pub fn bent(&self, u: f32) -> (f32, f32) {
         let (turned, x, depth) = self.arc_at(u);
@@ -153,7 +162,8 @@ impl Ends {
 mod tests {
     use super::*;
 
-    /// Heights against points made of the arcs and the line, one by one; slopes and curvatures against differences.
+    /// Heights against points made of the arcs and the line, one by one; slopes and curvatures against
+    /// differences.
     #[test]
     fn profiles_are_arcs_and_tangents() {
         for (amplitude, step, radii) in [

@@ -184,8 +184,9 @@ fn check_bound(file: &str, draft: &Draft) -> Result<()> {
 
 /// What must hold between the yarns of a family and `ply`, the spec in `model`, which they name.
 ///
-/// A model of a yarn of P plies is that of its first ply with the light of the others in it (Yu 2025, 5.3), so the fabric's yarns have P plies. A model of one ply is taken for
-/// yarns of any number, whose plies then scatter one by one. Offsets h are in um, so the plies have the model's radius.
+/// A model of a yarn of P plies is that of its first ply with the light of the others in it (Yu 2025, 5.3),
+/// so the fabric's yarns have P plies. A model of one ply is taken for yarns of any number, whose plies then
+/// scatter one by one. Offsets h are in um, so the plies have the model's radius.
 pub(super) fn check_model(file: &str, family: YarnSet, yarn: &YarnOfFabric, model: &str, ply: &YarnSpec) -> Result<()> {
     let key = |name: &str| format!("{}.{name}", family.name());
     let plies = ply.yarn.plies;
@@ -208,7 +209,8 @@ pub(super) fn check_model(file: &str, family: YarnSet, yarn: &YarnOfFabric, mode
     Ok(())
 }
 
-/// What must hold between the models of one family: stripes differ in fibers and color, the geometry of the weave is that of one yarn.
+/// What must hold between the models of one family: stripes differ in fibers and color, the geometry of the
+/// weave is that of one yarn.
 pub(super) fn check_alike(file: &str, family: YarnSet, model: &str, ply: &YarnSpec, first: &YarnSpec) -> Result<()> {
     let close = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs().max(b.abs());
     let ([a, b], [c, d]) = (ply.ply_radii_um(), first.ply_radii_um());
@@ -246,7 +248,8 @@ pub(super) fn check_shapes(file: &str, shapes: &[YarnShape; 2]) -> Result<()> {
             return Err(invalid(file, &key("d_cut_um"), shape.d_cut_um, "use a distance of 0 or more"));
         }
         if let Some(pitch) = shape.ply_pitch_um {
-            // At a pitch of 2 P R the next ply stands a diameter further along the yarn, whatever its distance from the axis.
+            // At a pitch of 2 P R the next ply stands a diameter further along the yarn, whatever its
+            // distance from the axis.
             let least = if shape.plies > 1 { 2.0 * f64::from(shape.plies) * shape.ply_radius_um } else { 0.0 };
             if !(pitch.is_finite() && pitch > least) {
                 let hint = format!("plies of this pitch would intersect; use more than {least} um");

@@ -1,4 +1,5 @@
-//! What a ply's neighbors leave of its light: the table of shadows (`shadow.rs`) at the place where light leaves the ply.
+//! What a ply's neighbors leave of its light: the table of shadows (`shadow.rs`) at the place where light
+//! leaves the ply.
 
 use super::Fabric;
 use super::flight::Candidate;
@@ -17,10 +18,12 @@ pub(super) struct Occlusion<'a> {
     up_sign: f32,
     fabric: &'a Fabric,
     shadows: OfYarn<'a>,
-    /// Where the line is nearest to the ply's axis along the yarn [um], and how much further a point lies that is R further along the ply.
+    /// Where the line is nearest to the ply's axis along the yarn [um], and how much further a point lies
+    /// that is R further along the ply.
     along_um: f32,
     per_radius_um: f32,
-    /// The ply's axis, the way to it from the yarn's over the ply's radius, and that radius over half of the yarn's width.
+    /// The ply's axis, the way to it from the yarn's over the ply's radius, and that radius over half of the
+    /// yarn's width.
     axis: [f32; 3],
     off_axis: [f32; 3],
     scale: f32,
@@ -29,12 +32,14 @@ pub(super) struct Occlusion<'a> {
     yarn_axis: [f32; 3],
 }
 
-/// Parts of a ply's width over which light that leaves it counts as even where it passes other plies of its yarn, and the least share of light that counts.
+/// Parts of a ply's width over which light that leaves it counts as even where it passes other plies of its
+/// yarn, and the least share of light that counts.
 const PARTS: usize = 6;
 const MIN_SHARE: f32 = 2e-3;
 
 impl<'a> Occlusion<'a> {
-    /// Of a ply that a line from direction `a` comes near; `counts` are the halves, up first, in which shadows count.
+    /// Of a ply that a line from direction `a` comes near; `counts` are the halves, up first, in which
+    /// shadows count.
     pub(super) fn new(
         (fabric, shadows, model): (&'a Fabric, &'a Shadows, &'a PlyModel),
         near: &Candidate,
@@ -63,7 +68,8 @@ impl<'a> Occlusion<'a> {
         self.shadows.at(self.fabric, self.along_um + s * self.per_radius_um)
     }
 
-    /// Shares of single reflection, of other light of clear fibers and of that of dark ones that get out in direction `b`, of light that leaves on these lines.
+    /// Shares of single reflection, of other light of clear fibers and of that of dark ones that get out in
+    /// direction `b`, of light that leaves on these lines.
     #[inline]
     pub(super) fn free(&self, b: [f32; 3], lines: [ExitLine; EXIT_KINDS]) -> [f32; EXIT_KINDS] {
         self.toward(&Toward::new(b), lines)
@@ -76,7 +82,8 @@ impl<'a> Occlusion<'a> {
         if !self.counts[usize::from(b[2] * self.up_sign < 0.0)] {
             return [1.0; EXIT_KINDS];
         }
-        // Of the ply's axis: the offset along `b cross z`, as the table counts it, and how much further along z the line is nearest to the yarn's axis than to the ply's.
+        // Of the ply's axis: the offset along `b cross z`, as the table counts it, and how much further along
+        // z the line is nearest to the yarn's axis than to the ply's.
         let (mut off, mut further) = (0.0, 0.0);
         if self.scale < 1.0 {
             let (z, p) = (self.axis, self.off_axis);
@@ -162,7 +169,8 @@ mod tests {
     use std::f32::consts::TAU;
     use std::path::Path;
 
-    /// What the plies of a yarn let pass of each other's light, against lines followed through the twisted yarn from where light leaves.
+    /// What the plies of a yarn let pass of each other's light, against lines followed through the twisted
+    /// yarn from where light leaves.
     #[test]
     fn plies_shadow_each_other_as_lines_meet_them() {
         const LINES: usize = 48;

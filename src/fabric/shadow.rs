@@ -1,8 +1,10 @@
-//! Shadows of yarns on their neighbors: the chance that light which leaves a ply in a direction meets no other yarn, more of it on the outer side of a bend, less on the inner one.
+//! Shadows of yarns on their neighbors: the chance that light which leaves a ply in a direction meets no
+//! other yarn, more of it on the outer side of a bend, less on the inner one.
 //!
-//! It is tabulated over the place along the yarn where the light's line is nearest to the yarn's axis, its offset from the axis, and the direction, by lines followed through
-//! the fabric (`flight.rs`). A draft of few crossings has rows of its own for every place; in a larger one places share
-//! the rows of the pattern of the nine crossings around.
+//! It is tabulated over the place along the yarn where the light's line is nearest to the yarn's axis, its
+//! offset from the axis, and the direction, by lines followed through the fabric (`flight.rs`). A draft of
+//! few crossings has rows of its own for every place; in a larger one places share the rows of the pattern of
+//! the nine crossings around.
 
 use super::flight::{Skip, YarnId, exit};
 use super::yarn::Yarn;
@@ -16,10 +18,12 @@ use crate::ply::{EXIT_KINDS, ExitDensity};
 use multiversion::multiversion;
 use std::f32::consts::TAU;
 
-/// Places along a yarn from one crossing to the next: of one ply, and of several, which turn on their way. Of one ply more would bring more entries beyond the greatest.
+/// Places along a yarn from one crossing to the next: of one ply, and of several, which turn on their way. Of
+/// one ply more would bring more entries beyond the greatest.
 const PLACES: [usize; 2] = [4, 8];
 const MAX_PLACES: usize = PLACES[1];
-/// Bands of directions in each half of the sphere, rows of the table: the bands' and the pole's, and columns about the normal.
+/// Bands of directions in each half of the sphere, rows of the table: the bands' and the pole's, and columns
+/// about the normal.
 const BANDS: usize = 8;
 pub(super) const ROWS: usize = BANDS + 1;
 pub(super) const COLUMNS: usize = 16;
@@ -31,7 +35,8 @@ pub(super) const LANES: usize = 8;
 const MAX_SHARE: f32 = 1.35;
 /// The entry of light that all gets out.
 const ALL_FREE: u8 = (255.0 / MAX_SHARE + 0.5) as u8;
-/// Lines of an entry of all places together, and least and most of one place: where places are few, chance does not average out over them.
+/// Lines of an entry of all places together, and least and most of one place: where places are few, chance
+/// does not average out over them.
 const LINES: usize = 1024;
 const LINES_OF_ONE: [usize; 2] = [2, 16];
 /// Bytes of a place.
@@ -63,7 +68,8 @@ fn places(yarn: &Yarn) -> usize {
     PLACES[usize::from(yarn.plies > 1)]
 }
 
-/// Bands of directions: z of band r + 1/2 of a half is that to this power of the band's place in the half. Shadows change most towards the plane.
+/// Bands of directions: z of band r + 1/2 of a half is that to this power of the band's place in the half.
+/// Shadows change most towards the plane.
 fn z_of(band: f32) -> f32 {
     let t = band / BANDS as f32;
     t * t.sqrt()
@@ -81,7 +87,8 @@ fn band_of(z: f32) -> f32 {
     (two_thirds(z) * BANDS as f32).min(BANDS as f32)
 }
 
-/// z^(2/3), z from 0 to 1, to 0.01: two steps of Newton's for the cube root of the root, from a line that is near it.
+/// z^(2/3), z from 0 to 1, to 0.01: two steps of Newton's for the cube root of the root, from a line that is
+/// near it.
 #[inline]
 pub(super) fn two_thirds(z: f32) -> f32 {
     let root = z.sqrt();
@@ -247,8 +254,9 @@ impl Toward {
     }
 }
 
-/// Chances of being free in a direction, of light of each kind that leaves so across a ply whose axis lies `off` from the yarn's, over the ply's radius, which is `scale` of half of the
-/// yarn's width. The first and the last of them leave at the first place, the other at the second.
+/// Chances of being free in a direction, of light of each kind that leaves so across a ply whose axis lies
+/// `off` from the yarn's, over the ply's radius, which is `scale` of half of the yarn's width. The first and
+/// the last of them leave at the first place, the other at the second.
 #[multiversion(targets(
     "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
     "x86_64+avx2+bmi1+bmi2+fma"
@@ -279,7 +287,8 @@ pub(super) fn free<'a>(
             *sum = min(max(*sum * (MAX_SHARE / 255.0), 0.0), MAX_SHARE);
         }
     }
-    // Offsets of the yarn grow as those of the ply fall; what lies beyond the yarn's width counts as at its rim.
+    // Offsets of the yarn grow as those of the ply fall; what lies beyond the yarn's width counts as at its
+    // rim.
     let per = 1.0 / scale;
     let mut edges = [0.0f32; LANES];
     for (o, edge) in edges.iter_mut().enumerate() {
@@ -304,7 +313,8 @@ fn first_of(family: YarnSet) -> usize {
     family as usize * MAX_PLACES * 512
 }
 
-/// Bits of the nine crossings around: the yarn's own and its neighbors', at this crossing and the ones beside.
+/// Bits of the nine crossings around: the yarn's own and its neighbors', at this crossing and the ones
+/// beside.
 fn pattern(fabric: &Fabric, family: YarnSet, yarn: i32, crossing: i32) -> usize {
     let mut bits = 0;
     for y in -1..=1 {
@@ -317,10 +327,13 @@ fn pattern(fabric: &Fabric, family: YarnSet, yarn: i32, crossing: i32) -> usize 
 
 /// One place: lines in every direction, from every offset.
 ///
-/// The table's light leaves by lines that are even over the offset t from the yarn's axis, as from a straight yarn. Of a bent one, of curvature kappa towards n, lines in direction
-/// b have the area `(sin - t kappa (b . B) / sin^2) ds dt`, B = axis cross n and sin that between b and the axis: more on the outer side of a bend, less on the inner one, nothing
-/// where it folds. What b is sent is in proportion, as what comes from there is, so each line counts by this area over that of a straight yarn, `sin ds dt`. Of yarns of several plies,
-/// which turn from one side of a bend to the other, lines count alike: their light is conserved without (tests/it/cloth.rs).
+/// The table's light leaves by lines that are even over the offset t from the yarn's axis, as from a straight
+/// yarn. Of a bent one, of curvature kappa towards n, lines in direction b have the area
+/// `(sin - t kappa (b . B) / sin^2) ds dt`, B = axis cross n and sin that between b and the axis: more on the
+/// outer side of a bend, less on the inner one, nothing where it folds. What b is sent is in proportion, as
+/// what comes from there is, so each line counts by this area over that of a straight yarn, `sin ds dt`. Of
+/// yarns of several plies, which turn from one side of a bend to the other, lines count alike: their light is
+/// conserved without (tests/it/cloth.rs).
 fn fill(row: &mut [u8], fabric: &Fabric, passing: &impl Passing, (id, place): (YarnId, i32), lines: usize) {
     let k = id.family as usize;
     let spacing = fabric.yarns[id.family.other() as usize].spacing;
@@ -386,8 +399,9 @@ mod tests {
     use super::super::{FabricModel, FabricOptions, FabricSpec};
     use super::*;
 
-    /// What lies between a yarn and the light that comes to it is what light that leaves there meets, and hardly a line meets a yarn twice at one place. Next to a bent yarn light starts from
-    /// where the straight one has its wall.
+    /// What lies between a yarn and the light that comes to it is what light that leaves there meets, and
+    /// hardly a line meets a yarn twice at one place. Next to a bent yarn light starts from where the
+    /// straight one has its wall.
     #[test]
     fn lines_meet_the_same_both_ways() {
         const LINES: usize = 4000;

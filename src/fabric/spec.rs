@@ -1,5 +1,5 @@
-//! The fabric spec (TOML): the weave, and the yarns of warp and weft. Lengths in um; the unit is part of the key. Keys, ranges and relations are in
-//! `rules.rs`, reading in `load.rs`.
+//! The fabric spec (TOML): the weave, and the yarns of warp and weft. Lengths in um; the unit is part of the
+//! key. Keys, ranges and relations are in `rules.rs`, reading in `load.rs`.
 
 use super::YarnSet;
 use super::bsdf::Slits;
@@ -54,7 +54,8 @@ pub enum WeaveSpec {
         /// Yarns of a group.
         n: usize,
     },
-    /// Two layers of straight yarns, warp above weft: no cloth, but the simplest case to hold a model to. Round yarns touch where the crimps add up to 1.
+    /// Two layers of straight yarns, warp above weft: no cloth, but the simplest case to hold a model to.
+    /// Round yarns touch where the crimps add up to 1.
     Layers {},
     /// Any draft: rows of `X` (warp on top) and `.`, as seen, so that the last row is the first pick.
     Draft {
@@ -72,13 +73,16 @@ pub enum WeaveSpec {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct YarnOfFabric {
-    /// Path of the ply's model, relative to the spec, or its name in a [`crate::io::ModelLibrary`]; absent where `models` has several.
+    /// Path of the ply's model, relative to the spec, or its name in a [`crate::io::ModelLibrary`]; absent
+    /// where `models` has several.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model: Option<String>,
-    /// Paths or names of several models by capital letters: stripes. Their plies have the same number, radius and beam.
+    /// Paths or names of several models by capital letters: stripes. Their plies have the same number, radius
+    /// and beam.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub models: BTreeMap<String, String>,
-    /// Letters of `models`, one for each yarn, in the order of ends or picks; the row repeats, whatever the repeat of the draft.
+    /// Letters of `models`, one for each yarn, in the order of ends or picks; the row repeats, whatever the
+    /// repeat of the draft.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub threads: Option<String>,
     /// Plies of the yarn, 1 to 7.
@@ -93,10 +97,12 @@ pub struct YarnOfFabric {
     /// Hand of the plies' helix.
     #[serde(default)]
     pub handedness: Handedness,
-    /// From the axis of a yarn to that of the next [um]; absent: that of the WIF, which other weaves have none of.
+    /// From the axis of a yarn to that of the next [um]; absent: that of the WIF, which other weaves have
+    /// none of.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spacing_um: Option<f64>,
-    /// Amplitude of the yarn's height over the distance of the axes of touching yarns, [`YarnShape::crimp`]; absent: one by which the yarn leans by
+    /// Amplitude of the yarn's height over the distance of the axes of touching yarns, [`YarnShape::crimp`];
+    /// absent: one by which the yarn leans by
     /// [`super::USUAL_LEAN_DEG`] at most, 0.5 in loose weaves.
     #[serde(default)]
     pub crimp: Option<f64>,

@@ -1,6 +1,7 @@
 //! Functions of a direction of the half sphere by quadratic B-splines, fitted to samples in least squares.
 //!
-//! Along `z^(2/3)`, which is finer towards the plane, knots are even from 0 to 1; along the azimuth they are even and periodic. The splines add up to 1.
+//! Along `z^(2/3)`, which is finer towards the plane, knots are even from 0 to 1; along the azimuth they are
+//! even and periodic. The splines add up to 1.
 
 use super::shadow::two_thirds;
 use std::f32::consts::TAU;

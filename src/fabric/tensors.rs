@@ -1,6 +1,8 @@
-//! All tables of a loaded fabric as named arrays, for hosts that evaluate it on machines of their own (GPUs, differentiating compilers): `python/plywave/mitsuba` is one.
+//! All tables of a loaded fabric as named arrays, for hosts that evaluate it on machines of their own (GPUs,
+//! differentiating compilers): `python/plywave/mitsuba` is one.
 //!
-//! With these arrays, the files of the ply models and the formulas of this folder, [`FabricModel`] can be rebuilt. Arrays are flat, last index fastest; lengths in um.
+//! With these arrays, the files of the ply models and the formulas of this folder, [`FabricModel`] can be
+//! rebuilt. Arrays are flat, last index fastest; lengths in um.
 //!
 //! | name | shape | |
 //! |---|---|---|
@@ -70,7 +72,8 @@ impl FabricModel {
         &self.models
     }
 
-    /// The tables of the fabric, each described in the head of src/fabric/tensors.rs; those of its models are in their files, [`crate::ply::PlyData::to_bytes`].
+    /// The tables of the fabric, each described in the head of src/fabric/tensors.rs; those of its models are
+    /// in their files, [`crate::ply::PlyData::to_bytes`].
     pub fn tensors(&self) -> Vec<Tensor> {
         let mut all = Vec::new();
         let mut f32s = |name, shape: &[usize], values: Vec<f32>| {

@@ -1,6 +1,7 @@
 //! From a surface's texture coordinates to the fabric's plane.
 
-/// Where a fabric lies on a surface with coordinates (u, v): scaled, then turned. A host gives directions in the frame (along u, along v, normal).
+/// Where a fabric lies on a surface with coordinates (u, v): scaled, then turned. A host gives directions in
+/// the frame (along u, along v, normal).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UvMap {
     um_per_uv: [f64; 2],
@@ -9,7 +10,8 @@ pub struct UvMap {
 }
 
 impl UvMap {
-    /// A map with `um_per_uv` um to a unit of u and of v, and the weft turned by `rotation_rad` from u towards v.
+    /// A map with `um_per_uv` um to a unit of u and of v, and the weft turned by `rotation_rad` from u
+    /// towards v.
     /// Numbers that are not finite count as 1 um and 0 rad.
     pub fn new(um_per_uv: [f64; 2], rotation_rad: f64) -> UvMap {
         let (sin, cos) = if rotation_rad.is_finite() { rotation_rad.sin_cos() } else { (0.0, 1.0) };

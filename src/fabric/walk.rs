@@ -1,14 +1,19 @@
-//! The way of a line along a yarn of several plies, bent or not: the first ply that it meets, or the one that it passes nearest to.
+//! The way of a line along a yarn of several plies, bent or not: the first ply that it meets, or the one that
+//! it passes nearest to.
 //!
-//! The yarn is straightened where the line is, its plies are straight cylinders along their tangents there, and the line goes on to the first of them, but no further than a
-//! stretch on which a ply hardly leaves its tangent, or than the distance to the circle about all plies. Then the yarn is straightened anew. A ply is met where the line is next to it.
-//! Thus a line nearly along a yarn that dives under another meets what it meets first, not what a yarn straight from far away would have there.
+//! The yarn is straightened where the line is, its plies are straight cylinders along their tangents there,
+//! and the line goes on to the first of them, but no further than a stretch on which a ply hardly leaves its
+//! tangent, or than the distance to the circle about all plies. Then the yarn is straightened anew. A ply is
+//! met where the line is next to it.
+//! Thus a line nearly along a yarn that dives under another meets what it meets first, not what a yarn
+//! straight from far away would have there.
 
 use super::yarn::{Line, MAX_PLIES, Yarn};
 
 /// Most straightened places of one walk; what lies behind them is asked by the next.
 const MAX_STEPS: usize = 24;
-/// Stretch on which plies count as straight, over R: a ply whose curvature is 1 over 5 R leaves its tangent by 0.1 R on it.
+/// Stretch on which plies count as straight, over R: a ply whose curvature is 1 over 5 R leaves its tangent
+/// by 0.1 R on it.
 const STRETCH: f32 = 1.0;
 /// A ply nearer than this is met, over R.
 const NEXT: f32 = 0.02;
@@ -26,8 +31,9 @@ pub(super) struct Walked {
 }
 
 impl Yarn {
-    /// Walks along a line from the distance `at` until it has met a ply, left the yarn's hull, or come to `end`. `line_at` straightens the yarn at a distance along the line. Each
-    /// ply is met once the line is so far as `until` says [um].
+    /// Walks along a line from the distance `at` until it has met a ply, left the yarn's hull, or come to
+    /// `end`. `line_at` straightens the yarn at a distance along the line. Each ply is met once the line is
+    /// so far as `until` says [um].
     pub(super) fn walk(
         &self,
         mut at: f32,

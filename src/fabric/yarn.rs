@@ -1,12 +1,15 @@
 //! A yarn at one place and a line through it: which ply is met first, at which theta_i and h (Yu 2025, 3.2).
 //!
-//! In the yarn's frame (c across, n up, t along) the axis is straight and ply k's is the helix `(D cos psi, D sin psi, s)`,
-//! `psi = phase +- 2 pi s / pitch + 2 pi k / P`, D the radius of the circle the plies lie on. The line runs through (a, 0, 0), a point of the yarn's
-//! middle plane, along w.
+//! In the yarn's frame (c across, n up, t along) the axis is straight and ply k's is the helix
+//! `(D cos psi, D sin psi, s)`, `psi = phase +- 2 pi s / pitch + 2 pi k / P`, D the radius of the circle the
+//! plies lie on. The line runs through (a, 0, 0), a point of the yarn's middle plane, along w.
 //!
-//! Every ply is replaced by the straight cylinder along its tangent where the yarn is straightened, and the line is followed from cylinder to cylinder (`walk.rs`). The ply that is met is
-//! replaced once more, by the cylinder along the tangent at the place of its axis next to where the line enters it; h is the distance of the line from this tangent, |h| <= R at every hit.
-//! For one ply, and for parallel plies, this is exact. `twisted_plies_are_near_true_helices` measures the rest, and `tests/it/weave.rs` plies of bent yarns.
+//! Every ply is replaced by the straight cylinder along its tangent where the yarn is straightened, and the
+//! line is followed from cylinder to cylinder (`walk.rs`). The ply that is met is replaced once more, by the
+//! cylinder along the tangent at the place of its axis next to where the line enters it; h is the distance of
+//! the line from this tangent, |h| <= R at every hit.
+//! For one ply, and for parallel plies, this is exact. `twisted_plies_are_near_true_helices` measures the
+//! rest, and `tests/it/weave.rs` plies of bent yarns.
 
 use super::profile::{Profile, Profile32};
 use crate::math::simd::{atan2, signed, sin_cos_half_turns};
@@ -29,16 +32,18 @@ pub struct YarnShape {
     pub handedness: Handedness,
     /// From axis to axis [um].
     pub spacing_um: f64,
-    /// Amplitude of the axis' height over what lies between the layers, the distance `r_warp + r_weft` of the axes of two touching yarns at a
-    /// crossing: 0 is a straight yarn. Round yarns that touch have crimps that add up to 1 (the crimp heights of Peirce 1937 add up to the yarns'
-    /// diameters); yarns flattened in the cloth have less.
+    /// Amplitude of the axis' height over what lies between the layers, the distance `r_warp + r_weft` of the
+    /// axes of two touching yarns at a crossing: 0 is a straight yarn. Round yarns that touch have crimps
+    /// that add up to 1 (the crimp heights of Peirce 1937 add up to the yarns' diameters); yarns flattened in
+    /// the cloth have less.
     pub crimp: f64,
     /// The beam is dark beyond this distance from its center [um].
     pub d_cut_um: f64,
 }
 
 impl YarnShape {
-    /// Distance D of the plies' axes from the yarn's axis [um]: `R / sin(pi / P)`, at which parallel plies touch; 0 for one ply.
+    /// Distance D of the plies' axes from the yarn's axis [um]: `R / sin(pi / P)`, at which parallel plies
+    /// touch; 0 for one ply.
     pub fn circle_um(&self) -> f64 {
         if self.plies < 2 { 0.0 } else { self.ply_radius_um / (std::f64::consts::PI / f64::from(self.plies)).sin() }
     }
@@ -59,7 +64,8 @@ impl YarnShape {
 #[derive(Clone, Debug)]
 pub(super) struct Yarn {
     pub plies: usize,
-    /// Whether its plies scatter one by one, each by a model of one ply; else the model of the ply that is met has what the others do.
+    /// Whether its plies scatter one by one, each by a model of one ply; else the model of the ply that is
+    /// met has what the others do.
     pub one_by_one: bool,
     pub radius: f32,
     pub circle: f32,
@@ -101,7 +107,8 @@ pub(super) struct YarnHit {
     pub h: f32,
     /// Tangent of the ply in the yarn's frame.
     pub tangent: [f32; 3],
-    /// The x axis of the ply frame. Its component along c says by how much h grows when the line is moved along c.
+    /// The x axis of the ply frame. Its component along c says by how much h grows when the line is moved
+    /// along c.
     pub x: [f32; 3],
     /// Sine between line and ply.
     pub sine: f32,
@@ -121,7 +128,8 @@ fn sin_cos_turns(turns: f32) -> (f32, f32) {
 /// Squared sine below which a line counts as parallel to a ply; its frame is then turned so that y is n.
 const PARALLEL: f32 = 1e-10;
 
-/// The x axis of the ply frame of tangent `z` for light from `w`, `w cross z` made unit (Yu 2025, Eq. 1), and the sine between w and z, at least 1e-5.
+/// The x axis of the ply frame of tangent `z` for light from `w`, `w cross z` made unit (Yu 2025, Eq. 1), and
+/// the sine between w and z, at least 1e-5.
 #[inline]
 fn across(w: [f32; 3], z: [f32; 3]) -> ([f32; 3], f32) {
     let m = cross(w, z);
@@ -149,7 +157,8 @@ impl YarnHit {
         let z = self.tangent;
         let mut x = self.x;
         if self.sine < 0.05 {
-            // Lines nearly along the ply lose digits in the product; a step of Gram and Schmidt gives them back.
+            // Lines nearly along the ply lose digits in the product; a step of Gram and Schmidt gives them
+            // back.
             let off = dot(x, z);
             x = [x[0] - off * z[0], x[1] - off * z[1], x[2] - off * z[2]];
             let scale = 1.0 / dot(x, x).max(1e-12).sqrt();
@@ -190,8 +199,9 @@ impl Yarn {
         }
     }
 
-    /// Turns of ply 0 of yarn `index` at the distance `along` from the weave's origin. Every yarn begins at a turn of its own, drawn by hash from
-    /// its number and family: no two yarns of a cloth are twisted in step.
+    /// Turns of ply 0 of yarn `index` at the distance `along` from the weave's origin. Every yarn begins at a
+    /// turn of its own, drawn by hash from its number and family: no two yarns of a cloth are twisted in
+    /// step.
     pub fn turns(&self, index: i32, family: u32, along: f32) -> f32 {
         if self.plies < 2 {
             return 0.0;
@@ -219,7 +229,8 @@ impl Yarn {
             (best, ..) = self.cylinder(line, ply as usize, shift, self.angle(line, shift));
         }
         best.hit = is_hit;
-        // The walk has told whether it is met: what this ply, straightened once more, says of a line at its rim is within that.
+        // The walk has told whether it is met: what this ply, straightened once more, says of a line at its
+        // rim is within that.
         best.h = if is_hit {
             best.h.clamp(-self.radius, self.radius)
         } else {
@@ -228,8 +239,8 @@ impl Yarn {
         best
     }
 
-    /// Ply k at the distance `shift` along t, as the straight cylinder along its tangent there; where the line enters it, and how much further along t
-    /// the point of its axis next to that place lies.
+    /// Ply k at the distance `shift` along t, as the straight cylinder along its tangent there; where the
+    /// line enters it, and how much further along t the point of its axis next to that place lies.
     pub(super) fn cylinder(&self, line: &Line, k: usize, shift: f32, [c, s]: [f32; 2]) -> (YarnHit, f32, f32) {
         let [ck, sk] = self.turn[k];
         let (cos, sin) = (c * ck - s * sk, s * ck + c * sk);
@@ -256,7 +267,8 @@ impl Yarn {
     }
 }
 
-/// The whole number at or below `x`, and what is left, 0 to 1. `f32::floor` is a call into a library on machines without SSE 4.
+/// The whole number at or below `x`, and what is left, 0 to 1. `f32::floor` is a call into a library on
+/// machines without SSE 4.
 #[inline]
 pub(super) fn cell(x: f32) -> (i32, f32) {
     let whole = x as i32;

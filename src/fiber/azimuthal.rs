@@ -1,16 +1,21 @@
-//! Paths of light through the cross section of a smooth dielectric cylinder, of any order, in closed form (Zinke 2007, 5.1).
+//! Paths of light through the cross section of a smooth dielectric cylinder, of any order, in closed form
+//! (Zinke 2007, 5.1).
 //!
-//! Order 0 is R, 1 is TT, 2 is TRT, p leaves after p inner parts of length l. In terms of the offset's angle `gamma = asin h`, order p turns light by
-//! `phi_p = p pi + 2 gamma - 2 p asin(h/n')` and carries `a_0 = F`, `a_p = (1 - F)^2 F^(p-1) exp(-p sigma l)`: Fresnel's reflectance is the same at every event of a path, as
-//! the circle returns to the same angle. Polarization is mixed at every event, as in the paper. The orders from p on add up to `(1 - F)^2 F^(p-1) T^p / (1 - F T)`.
+//! Order 0 is R, 1 is TT, 2 is TRT, p leaves after p inner parts of length l. In terms of the offset's angle
+//! `gamma = asin h`, order p turns light by `phi_p = p pi + 2 gamma - 2 p asin(h/n')` and carries `a_0 = F`,
+//! `a_p = (1 - F)^2 F^(p-1) exp(-p sigma l)`: Fresnel's reflectance is the same at every event of a path, as
+//! the circle returns to the same angle. Polarization is mixed at every event, as in the paper. The orders
+//! from p on add up to `(1 - F)^2 F^(p-1) T^p / (1 - F T)`.
 
 use super::fast::asin;
 use super::fresnel;
 use super::longitudinal::Latitude;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-/// Slope of the azimuth over gamma from which a density is its inverse. At a caustic the slope is 0 and the density, one over the root of the distance, infinite: light within this slope, 1e-4 rad of the caustic,
-/// is even there, so that no quadrature or pixel meets more than 50 per radian. The mean of `1 / slope` over that is twice its value at the end.
+/// Slope of the azimuth over gamma from which a density is its inverse. At a caustic the slope is 0 and the
+/// density, one over the root of the distance, infinite: light within this slope, 1e-4 rad of the caustic, is
+/// even there, so that no quadrature or pixel meets more than 50 per radian. The mean of `1 / slope` over
+/// that is twice its value at the end.
 const MIN_SLOPE: f32 = 0.02;
 
 /// The cross section at a latitude of the light.
@@ -34,7 +39,8 @@ pub struct Path {
     pub length_um: f32,
 }
 
-/// Where light seen at an offset and azimuth came from, and how much of it arrives: an order's term of the BFSDF (Zinke 2007, Eq. 14, 15, 23).
+/// Where light seen at an offset and azimuth came from, and how much of it arrives: an order's term of the
+/// BFSDF (Zinke 2007, Eq. 14, 15, 23).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Peak {
     /// lambda_s: along the axis, from where light enters to where it leaves [um].
@@ -95,7 +101,8 @@ impl CrossSection {
         CrossSection::at(eta, radius_um, Latitude { sin, cos: (1.0 - sin * sin).max(0.0).sqrt() })
     }
 
-    /// Of a fiber of index `eta` and a radius [um], for light of a latitude, whose cosine is known near the poles too.
+    /// Of a fiber of index `eta` and a radius [um], for light of a latitude, whose cosine is known near the
+    /// poles too.
     #[inline]
     pub(crate) fn at(eta: f32, radius_um: f32, theta: Latitude) -> CrossSection {
         let sin_t = -theta.sin / eta;
@@ -120,7 +127,8 @@ impl CrossSection {
         }
     }
 
-    /// Azimuth phi_o - phi_i by which an order turns light at the offset `h_rel` [rad], not brought to a turn (Zinke 2007, Eq. 17-19).
+    /// Azimuth phi_o - phi_i by which an order turns light at the offset `h_rel` [rad], not brought to a turn
+    /// (Zinke 2007, Eq. 17-19).
     #[inline]
     pub fn turn(&self, order: u32, h_rel: f32) -> f32 {
         let [gamma, gamma_t] = self.angles(h_rel);
@@ -152,7 +160,8 @@ impl CrossSection {
         self.chord_um
     }
 
-    /// The BFSDF's term of an order, where it is seen (Zinke 2007, Eq. 21-23); its weight is [`Path::attenuation`].
+    /// The BFSDF's term of an order, where it is seen (Zinke 2007, Eq. 21-23); its weight is
+    /// [`Path::attenuation`].
     pub fn peak(&self, order: u32, h_rel_o: f32) -> Peak {
         let turn = -self.turn(order, -h_rel_o);
         Peak {
@@ -169,9 +178,11 @@ impl CrossSection {
         (1.0 - s * s).max(0.0).sqrt()
     }
 
-    /// Offsets whose light of an order leaves in the relative azimuth `phi` [rad], each with the density `|dh/dphi| / 2` [1/rad] of an even beam.
+    /// Offsets whose light of an order leaves in the relative azimuth `phi` [rad], each with the density
+    /// `|dh/dphi| / 2` [1/rad] of an even beam.
     ///
-    /// R and TT have a root in closed form; higher orders have one for each turn of each monotone piece, found by Newton's method within it.
+    /// R and TT have a root in closed form; higher orders have one for each turn of each monotone piece,
+    /// found by Newton's method within it.
     pub fn roots(&self, order: u32, phi: f32, mut visit: impl FnMut(f32, f32)) {
         if !phi.is_finite() {
             return;
@@ -183,7 +194,8 @@ impl CrossSection {
                 visit(gamma.sin(), 0.25 * gamma.cos().max(0.0));
             }
             1 => {
-                // tan gamma_t = sin(d) / (n' - cos(d)), d = gamma_i - gamma_t the half of what the light is bent by.
+                // tan gamma_t = sin(d) / (n' - cos(d)), d = gamma_i - gamma_t the half of what the light is
+                // bent by.
                 let bent = if phi > 0.0 { phi - PI } else { phi + PI };
                 let (sin, cos) = (0.5 * bent).sin_cos();
                 // The rim bends by pi/2 - asin(1/n').
@@ -260,7 +272,8 @@ impl CrossSection {
     }
 }
 
-/// Offsets and weights of Gauss-Legendre's rule with 16 points in gamma on [0, pi/2]: `sum w a(h)` is the mean of an even a over the offsets.
+/// Offsets and weights of Gauss-Legendre's rule with 16 points in gamma on [0, pi/2]: `sum w a(h)` is the
+/// mean of an even a over the offsets.
 pub(crate) const OFFSETS: [(f32, f32); 16] = [
     (8.324_39e-3, 2.132_475_3e-2),
     (4.351_693e-2, 4.884_748_6e-2),

@@ -1,9 +1,11 @@
 //! Frames and measures of a fiber's enclosing cylinder (Zinke 2007, 3.2, 4, 6).
 //!
-//! A place and direction at the cylinder has two sets of coordinates. One is of the surface: `xi`, the azimuth of the place about the axis, and the direction by `alpha`
-//! about the normal, from the axis, and `beta` from the normal. The other is of parallel light: the direction's latitude `theta` and azimuth `phi`, and the offset
-//! `h_rel = sin gamma'` in [-1, 1] of its line from the axis, in radii. The place lies at `xi = phi + asin h_rel`: seen along the direction to the outside, positive offsets
-//! are those of growing azimuth.
+//! A place and direction at the cylinder has two sets of coordinates. One is of the surface: `xi`, the
+//! azimuth of the place about the axis, and the direction by `alpha` about the normal, from the axis, and
+//! `beta` from the normal. The other is of parallel light: the direction's latitude `theta` and azimuth
+//! `phi`, and the offset `h_rel = sin gamma'` in [-1, 1] of its line from the axis, in radii. The place lies
+//! at `xi = phi + asin h_rel`: seen along the direction to the outside, positive offsets are those of growing
+//! azimuth.
 //!
 //! Measures. Zinke's scattering functions give radiance, [`Bsdf`](crate::Bsdf) energy:
 //!
@@ -13,7 +15,8 @@
 //! | near field, Eq. 37-38 [1/sr] | `L_o(h_o) = integral f L_i cos^2 theta_i dtheta_i dphi_i` | of the mean over h: `f cos theta_o` |
 //! | BCSDF, Eq. 34-36 [1/sr] | `L_o = D integral f L_i cos^2 theta_i dtheta_i dphi_i` | `f cos theta_o` |
 //!
-//! The last column: a curve of width D and radiance L_o sends `L_o cos theta_o` per length and solid angle, of `D L_i cos theta_i` per length and solid angle that fall on it.
+//! The last column: a curve of width D and radiance L_o sends `L_o cos theta_o` per length and solid angle,
+//! of `D L_i cos theta_i` per length and solid angle that fall on it.
 
 use std::f64::consts::{PI, TAU};
 
@@ -67,7 +70,8 @@ impl FiberDirection {
         }
     }
 
-    /// `|d(xi, alpha, beta) / d(h, phi, theta)|`, which times `sin beta cos beta` is `cos^2 theta` (Zinke 2007, Eq. 11 and 12). Infinite at the rim.
+    /// `|d(xi, alpha, beta) / d(h, phi, theta)|`, which times `sin beta cos beta` is `cos^2 theta` (Zinke
+    /// 2007, Eq. 11 and 12). Infinite at the rim.
     pub fn jacobian(&self) -> f64 {
         let sin_beta = (1.0 - self.cos_beta().powi(2)).max(0.0).sqrt();
         self.theta.cos() / ((1.0 - self.h_rel * self.h_rel).max(0.0).sqrt() * sin_beta)
@@ -88,7 +92,8 @@ impl SurfaceDirection {
     }
 }
 
-/// Energy density [1/sr] of a BCSDF, Zinke's or Marschner's, whose light leaves at the latitude of this cosine.
+/// Energy density [1/sr] of a BCSDF, Zinke's or Marschner's, whose light leaves at the latitude of this
+/// cosine.
 pub fn energy_of_bcsdf(bcsdf: f64, cos_theta_o: f64) -> f64 {
     bcsdf * cos_theta_o
 }

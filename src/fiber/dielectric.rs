@@ -1,17 +1,21 @@
-//! Smooth dielectric fibers of circular section (Zinke 2007, 5.1, 6, 7.1): all orders, far field and near field.
+//! Smooth dielectric fibers of circular section (Zinke 2007, 5.1, 6, 7.1): all orders, far field and near
+//! field.
 //!
 //! ```text
 //! far field    f = sum over p of M_p(theta_i, theta_o) sum over roots h of a_p(h) |dh/dphi| / 2
 //! near field   f = sum over p of M_p(theta_i, theta_o) a_p(h) g(pi, phi - phi_p(h), beta_n)
 //! ```
 //!
-//! A perfect cylinder keeps the latitude: M is a delta, which no host can evaluate. Here M is d'Eon's, of width `beta_m`, with the attenuations at theta_i: all orders add up to 1
-//! where nothing is absorbed, at every incidence, which the paper's Gaussians with theta_d do not (those are `RoughDielectricFiber`'s). The near field's azimuth is a delta, spread by
-//! `beta_n`, and the far field's the mean of that over the offsets, from a table; below [`MIN_FAR_WIDTH`] it is the perfect cylinder's, caustics included, by the roots of
-//! its offsets. Orders beyond `orders` are spread evenly over the azimuth, with their energy.
+//! A perfect cylinder keeps the latitude: M is a delta, which no host can evaluate. Here M is d'Eon's, of
+//! width `beta_m`, with the attenuations at theta_i: all orders add up to 1 where nothing is absorbed, at
+//! every incidence, which the paper's Gaussians with theta_d do not (those are `RoughDielectricFiber`'s). The
+//! near field's azimuth is a delta, spread by `beta_n`, and the far field's the mean of that over the
+//! offsets, from a table; below [`MIN_FAR_WIDTH`] it is the perfect cylinder's, caustics included, by the
+//! roots of its offsets. Orders beyond `orders` are spread evenly over the azimuth, with their energy.
 //!
-//! The near field is f at the offset of the query's ray. Light leaves at -h, so that the same number is Eq. 38's for a viewer: with `omega_i` towards the viewer, whose ray has the
-//! offset, f towards a light is what arrives from it, but for `cos theta` of the two (`cylinder`, table).
+//! The near field is f at the offset of the query's ray. Light leaves at -h, so that the same number is Eq.
+//! 38's for a viewer: with `omega_i` towards the viewer, whose ray has the offset, f towards a light is what
+//! arrives from it, but for `cos theta` of the two (`cylinder`, table).
 
 use super::FiberQuery;
 use super::azimuthal::{CrossSection, OFFSETS, turn};
@@ -41,7 +45,8 @@ pub struct DielectricParameters {
     pub radius_um: f32,
     /// Longitudinal widths of R, TT, and TRT with all beyond [rad], 0.001 to 2.
     pub beta_m: [f32; 3],
-    /// Longitudinal shifts of the same [rad], -1 to 1: light goes about the latitude `shift - theta_i`. Tiles of a cuticle shift hair's.
+    /// Longitudinal shifts of the same [rad], -1 to 1: light goes about the latitude `shift - theta_i`. Tiles
+    /// of a cuticle shift hair's.
     pub shift: [f32; 3],
     /// Azimuthal width [rad], 0.001 to 10; the far field is a perfect cylinder's below [`MIN_FAR_WIDTH`].
     pub beta_n: f32,
@@ -121,7 +126,8 @@ impl DielectricFiber {
         CrossSection::new(self.parameters.eta, self.parameters.radius_um, sin_theta)
     }
 
-    /// The fiber at a query. Where an input is not finite, or `omega_i` is no direction, nothing is scattered.
+    /// The fiber at a query. Where an input is not finite, or `omega_i` is no direction, nothing is
+    /// scattered.
     pub fn at<const N: usize>(&self, query: &FiberQuery<N>) -> DielectricBsdf<'_, N> {
         let finite = query.sigma_per_um.iter().all(|s| s.is_finite()) && query.h_rel.is_none_or(f32::is_finite);
         let incident = Incident::new(query.omega_i, finite);
@@ -152,7 +158,8 @@ impl DielectricFiber {
     }
 }
 
-/// The latitude whose mirror image is the middle of a lobe that is shifted by an angle of this sine and cosine.
+/// The latitude whose mirror image is the middle of a lobe that is shifted by an angle of this sine and
+/// cosine.
 fn shifted(i: Latitude, [sin, cos]: [f32; 2]) -> Latitude {
     // sin(theta_i - shift); beyond a pole the latitude comes back on the other side.
     Latitude { sin: (i.sin * cos - i.cos * sin).clamp(-1.0, 1.0), cos: (i.cos * cos + i.sin * sin).abs() }
@@ -250,7 +257,8 @@ impl<'a, const N: usize> DielectricBsdf<'a, N> {
         self.beyond_share = if all > 0.0 { (self.beyond.iter().sum::<f32>() / all).min(1.0) } else { 0.0 };
     }
 
-    /// Attenuations of an order at an offset, and the chance with which a sample at that offset is of the order.
+    /// Attenuations of an order at an offset, and the chance with which a sample at that offset is of the
+    /// order.
     fn order(&self, order: u32, h_rel: f32) -> ([f32; N], f32) {
         let path = self.section.path(h_rel);
         let mut a = [0.0; N];
@@ -264,7 +272,8 @@ impl<'a, const N: usize> DielectricBsdf<'a, N> {
         (a, if kept > 0.0 { (1.0 - self.beyond_share) * sum / kept } else { 0.0 })
     }
 
-    /// Chooses an order by the number `u`, the orders beyond first; gives the order and a number left for other use.
+    /// Chooses an order by the number `u`, the orders beyond first; gives the order and a number left for
+    /// other use.
     fn choose(&self, u: f32) -> (u32, f32) {
         if u < self.beyond_share {
             return (self.orders(), clamp_unit(u / self.beyond_share));
@@ -363,7 +372,8 @@ impl<const N: usize> Bsdf<N> for DielectricBsdf<'_, N> {
         let h = self.h_rel.unwrap_or(2.0 * u[0] - 1.0);
         let roots = self.h_rel.is_none() && self.far.is_none();
         let (order, left) = if roots { self.choose_at(h, u[2]) } else { self.choose(u[2]) };
-        // The azimuth: of what is beyond, anywhere; of a far field, by its table or the order's turn; of the near field, about that.
+        // The azimuth: of what is beyond, anywhere; of a far field, by its table or the order's turn; of the
+        // near field, about that.
         let azimuth = match (order < self.orders(), &self.far) {
             (false, _) => TAU * u[0],
             (true, Some((table, row, _))) => table.sample(*row, order as usize, u[0]),

@@ -1,18 +1,23 @@
-//! Far fields of a cylinder whose azimuths are spread by Gaussians, tabulated once a fiber (Zinke 2007, 9.2: "a two-dimensional lookup table with respect to theta_d and phi").
+//! Far fields of a cylinder whose azimuths are spread by Gaussians, tabulated once a fiber (Zinke 2007, 9.2:
+//! "a two-dimensional lookup table with respect to theta_d and phi").
 //!
-//! The paper's table is of one absorption. Here a node holds, of the offsets whose light leaves there, the energy without absorption, shared among a few chords c_k: those are the
-//! Chebyshev points of the range of c = cos gamma_t, to which path lengths are in proportion, and an offset's energy goes to them by Lagrange's polynomials of its c. With
-//! s = sigma 2 r / cos theta_t the light of order p is
+//! The paper's table is of one absorption. Here a node holds, of the offsets whose light leaves there, the
+//! energy without absorption, shared among a few chords c_k: those are the Chebyshev points of the range of c
+//! = cos gamma_t, to which path lengths are in proportion, and an offset's energy goes to them by Lagrange's
+//! polynomials of its c. With s = sigma 2 r / cos theta_t the light of order p is
 //!
 //! ```text
 //! sum over k of E_k exp(-p s c_k)
 //! ```
 //!
-//! which is the interpolation of `exp(-p s c)` over c. From the index 1.2 on, where c lies within 0.45, four chords know it to 3e-5 of the light at every absorption; below, where it
-//! comes to lie between 0.14 and 1, eight to 2e-5.
+//! which is the interpolation of `exp(-p s c)` over c. From the index 1.2 on, where c lies within 0.45, four
+//! chords know it to 3e-5 of the light at every absorption; below, where it comes to lie between 0.14 and 1,
+//! eight to 2e-5.
 //!
-//! Nodes are linear in azimuth and in `1 - sqrt(1 - 2 theta / pi)`, which spaces them by the root of the distance from the pole: Fresnel's reflectance rises to 1 there, at index 1.01
-//! within 3 degrees. The Gaussian is narrowed by what linear interpolation adds to its variance. Sampling inverts the same interpolation.
+//! Nodes are linear in azimuth and in `1 - sqrt(1 - 2 theta / pi)`, which spaces them by the root of the
+//! distance from the pole: Fresnel's reflectance rises to 1 there, at index 1.01 within 3 degrees. The
+//! Gaussian is narrowed by what linear interpolation adds to its variance. Sampling inverts the same
+//! interpolation.
 
 use super::azimuthal::CrossSection;
 use super::fast::{exp, lanes};
@@ -51,8 +56,9 @@ pub(super) struct FarTable {
     series: Vec<Series>,
 }
 
-/// Orders that follow one of the energy 1 at the transmittance T of an inner part, that order included: `sum over two reflectances f of share / (1 - f T)`. Reflectances and shares are those
-/// that four moments of Fresnel's reflectance over the offsets ask for, so that without absorption the sum is exact.
+/// Orders that follow one of the energy 1 at the transmittance T of an inner part, that order included:
+/// `sum over two reflectances f of share / (1 - f T)`. Reflectances and shares are those that four moments of
+/// Fresnel's reflectance over the offsets ask for, so that without absorption the sum is exact.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Series {
     /// 1 - f.
@@ -69,7 +75,8 @@ pub(super) struct Row {
 }
 
 impl FarTable {
-    /// Of a fiber of index `eta`, by the widths of its orders [rad], of which a width below [`MIN_WIDTH`] counts as that.
+    /// Of a fiber of index `eta`, by the widths of its orders [rad], of which a width below [`MIN_WIDTH`]
+    /// counts as that.
     pub(super) fn new(eta: f32, widths: &[f32]) -> FarTable {
         let least = widths.iter().copied().fold(f32::INFINITY, f32::min).max(MIN_WIDTH);
         let cells = ((10.0 * PI / least).ceil() as usize).clamp(64, 640);
@@ -182,7 +189,8 @@ impl FarTable {
         through
     }
 
-    /// Calls for each order with its light in the relative azimuth `phi`, in [-pi, pi], and that without absorption [1/rad].
+    /// Calls for each order with its light in the relative azimuth `phi`, in [-pi, pi], and that without
+    /// absorption [1/rad].
     #[inline]
     pub(super) fn each_order<const N: usize>(
         &self,

@@ -48,7 +48,8 @@ pub(super) fn sin_cos(angle: f32) -> (f32, f32) {
     (simd::signed(sin, sign), simd::signed(cos, sign))
 }
 
-/// The array of a function of the index. `array::map` and `from_fn` are calls where this is a loop that becomes vector code.
+/// The array of a function of the index. `array::map` and `from_fn` are calls where this is a loop that
+/// becomes vector code.
 #[inline(always)]
 pub(super) fn lanes<T: Copy + Default, const N: usize>(mut of: impl FnMut(usize) -> T) -> [T; N] {
     let mut all = [T::default(); N];

@@ -13,8 +13,9 @@ pub fn dielectric(cos: f32, eta: f32) -> f32 {
     (0.5 * (perpendicular * perpendicular + parallel * parallel)).min(1.0)
 }
 
-/// Indices `[n', n'']` of a cylinder's cross section for light of latitude `theta` (Bravais; Zinke 2007, 5.1): n' bends the projected path and gives the reflectance of
-/// light polarized across the plane of incidence, n'' that of the other.
+/// Indices `[n', n'']` of a cylinder's cross section for light of latitude `theta` (Bravais; Zinke 2007,
+/// 5.1): n' bends the projected path and gives the reflectance of light polarized across the plane of
+/// incidence, n'' that of the other.
 #[inline]
 pub fn cross_section_indices(sin_theta: f32, eta: f32) -> [f32; 2] {
     let cos = (1.0 - sin_theta * sin_theta).max(1e-8).sqrt();

@@ -1,4 +1,5 @@
-//! The Gaussian of Zinke 2007, 9.2: `g(I, x, w) = N exp(-x^2 / (2 w^2))`, normalized on [-I, I]. The square is missing in print.
+//! The Gaussian of Zinke 2007, 9.2: `g(I, x, w) = N exp(-x^2 / (2 w^2))`, normalized on [-I, I]. The square
+//! is missing in print.
 
 use super::fast::{exp, lanes};
 use crate::math::clamp_unit;
@@ -64,7 +65,8 @@ pub(crate) struct TruncatedGaussian {
 }
 
 impl TruncatedGaussian {
-    /// About 0, of the standard deviation `width` before it is cut. An interval with less than 1e-4 of its light has the density 0.
+    /// About 0, of the standard deviation `width` before it is cut. An interval with less than 1e-4 of its
+    /// light has the density 0.
     #[inline]
     pub(crate) fn new(width: f32, ends: [f32; 2]) -> TruncatedGaussian {
         let at = FRAC_1_SQRT_2 / width;
@@ -95,7 +97,8 @@ impl TruncatedGaussian {
         if self.normalizer > 0.0 { 0.5 * (self.erf[1] - self.erf[0]) } else { 0.0 }
     }
 
-    /// The place with half of the density on either side, 0 to a thousandth of the width where the interval holds nearly all.
+    /// The place with half of the density on either side, 0 to a thousandth of the width where the interval
+    /// holds nearly all.
     #[inline]
     pub(crate) fn median(&self) -> f32 {
         if self.share() > 0.999 { 0.0 } else { self.sample(0.5) }

@@ -14,7 +14,8 @@ pub(super) struct Incident {
 }
 
 impl Incident {
-    /// Light from `omega_i`, refused where that is no direction or where the query's other inputs are not `finite`.
+    /// Light from `omega_i`, refused where that is no direction or where the query's other inputs are not
+    /// `finite`.
     #[inline]
     pub(super) fn new(omega_i: [f32; 3], finite: bool) -> Incident {
         let valid = is_direction(omega_i) && finite;

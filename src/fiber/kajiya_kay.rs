@@ -1,6 +1,8 @@
-//! Kajiya and Kay's model as a BCSDF (Zinke 2007, Eq. 41): `K_phong cos^n(theta_o + theta_i) / cos theta_i + K_diffuse`, 0 where the cosine is negative.
+//! Kajiya and Kay's model as a BCSDF (Zinke 2007, Eq. 41):
+//! `K_phong cos^n(theta_o + theta_i) / cos theta_i + K_diffuse`, 0 where the cosine is negative.
 //!
-//! It is phenomenological: no color of its own, no Fresnel, no azimuth, and more light out than in at grazing light, by `1 / cos theta_i`. [`Bsdf::albedo`] says how much.
+//! It is phenomenological: no color of its own, no Fresnel, no azimuth, and more light out than in at grazing
+//! light, by `1 / cos theta_i`. [`Bsdf::albedo`] says how much.
 
 use super::FiberQuery;
 use super::fast::{atan2, exp, ln, sin_cos};
@@ -75,7 +77,8 @@ impl KajiyaKayFiber {
         &self.parameters
     }
 
-    /// The fiber at a query. Where an input is not finite, or `omega_i` is no direction, nothing is scattered.
+    /// The fiber at a query. Where an input is not finite, or `omega_i` is no direction, nothing is
+    /// scattered.
     pub fn at<const N: usize>(&self, query: &FiberQuery<N>) -> KajiyaKayBsdf<'_, N> {
         let incident = Incident::new(query.omega_i, true);
         let i = incident.latitude;

@@ -1,4 +1,5 @@
-//! The fiber model of Khungurn et al. 2015, "Matching Real Fabrics with Micro-Appearance Models", as written in section 2 of Khungurn's note on dual scattering.
+//! The fiber model of Khungurn et al. 2015, "Matching Real Fabrics with Micro-Appearance Models", as written
+//! in section 2 of Khungurn's note on dual scattering.
 //!
 //! Two lobes, each a Gaussian over the latitude times a density over the azimuth:
 //!
@@ -8,10 +9,12 @@
 //! g(theta_o) = exp(-(theta_o + theta_i)^2 / (2 beta^2)) / G(theta_i),  G = integral over (-pi/2, pi/2) of exp(-(x + theta_i)^2 / (2 beta^2)) cos^2 x dx
 //! ```
 //!
-//! with von Mises' v of the concentration `1 / gamma^2`. The paper has a polynomial above cos^2 in G, which keeps the lobes below 1; here G is the integral itself, in closed
-//! form through the Faddeeva function, so that they are 1: the albedo is `F + (1 - F) C_TT` exactly.
+//! with von Mises' v of the concentration `1 / gamma^2`. The paper has a polynomial above cos^2 in G, which
+//! keeps the lobes below 1; here G is the integral itself, in closed form through the Faddeeva function, so
+//! that they are 1: the albedo is `F + (1 - F) C_TT` exactly.
 //!
-//! The paper's colors C_R and C_TT are shares by wavelength, [`Reflectance`]; absorption of the query does not matter. The model has no offset: it answers its mean at every `h_rel`.
+//! The paper's colors C_R and C_TT are shares by wavelength, [`Reflectance`]; absorption of the query does
+//! not matter. The model has no offset: it answers its mean at every `h_rel`.
 //! It is not reciprocal: F depends on theta_i alone, and each lobe is normalized over theta_o alone.
 
 use super::FiberQuery;
@@ -107,7 +110,8 @@ impl KhungurnFiber {
         &self.parameters
     }
 
-    /// The fiber at a query, whose offset and absorption do not matter. Where an input is not finite, or `omega_i` is no direction, nothing is scattered.
+    /// The fiber at a query, whose offset and absorption do not matter. Where an input is not finite, or
+    /// `omega_i` is no direction, nothing is scattered.
     pub fn at<const N: usize>(&self, query: &FiberQuery<N>) -> KhungurnBsdf<'_, N> {
         let finite = query.lambda_um.iter().all(|l| l.is_finite());
         let incident = Incident::new(query.omega_i, finite);
@@ -198,7 +202,8 @@ impl<const N: usize> Bsdf<N> for KhungurnBsdf<'_, N> {
         (f, pdf * inverse)
     }
 
-    /// Weights vary with cos^2 theta_o within a lobe: their mean square is at most 3 times the square of their mean, which is at grazing light.
+    /// Weights vary with cos^2 theta_o within a lobe: their mean square is at most 3 times the square of
+    /// their mean, which is at grazing light.
     fn sample(&self, u: [f32; 3]) -> BsdfSample<N> {
         if !(self.lit && u.iter().all(|v| (0.0..1.0).contains(v))) {
             return BsdfSample::Absorbed;
@@ -227,8 +232,10 @@ impl<const N: usize> Bsdf<N> for KhungurnBsdf<'_, N> {
 
 /// G(theta_i) of the module's head, of a width, 0.005 to 10.
 ///
-/// With `cos^2 x = (1 + cos 2x) / 2` it is `(k(0) + Re(exp(2 i theta_i) k(1/pi))) / 2`, k being [`diffraction_factor`]: `integral of exp(-t^2 / (2 beta^2) - 2 pi i f t) dt` between the
-/// ends. Far from the poles they lie at infinity: `G = beta sqrt(2 pi) (1 + exp(-2 beta^2) cos 2 theta_i) / 2`. Within 8 widths of a pole a table holds it.
+/// With `cos^2 x = (1 + cos 2x) / 2` it is `(k(0) + Re(exp(2 i theta_i) k(1/pi))) / 2`, k being
+/// [`diffraction_factor`]: `integral of exp(-t^2 / (2 beta^2) - 2 pi i f t) dt` between the ends. Far from
+/// the poles they lie at infinity: `G = beta sqrt(2 pi) (1 + exp(-2 beta^2) cos 2 theta_i) / 2`. Within 8
+/// widths of a pole a table holds it.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Normalizer {
     beta: f32,
@@ -286,7 +293,8 @@ impl Normalizer {
 mod tests {
     use super::*;
 
-    /// Integral of g cos^2 is 1: G against midpoints in f64, its closed form and its table, for every width and latitude.
+    /// Integral of g cos^2 is 1: G against midpoints in f64, its closed form and its table, for every width
+    /// and latitude.
     #[test]
     fn normalizer_is_the_integral() {
         for beta in [0.005, 0.02, 0.1, 0.3, 1.0, 10.0f32] {

@@ -1,8 +1,11 @@
-//! Latitudes of tables over a fiber's incident light: where the fiber is measured, and the even nodes that are looked up.
+//! Latitudes of tables over a fiber's incident light: where the fiber is measured, and the even nodes that
+//! are looked up.
 //!
-//! The axis is `x = (2 / pi) asin(2 theta / pi)` in [-1, 1], whose even nodes lie closer towards the poles, by the root of the distance: Fresnel's reflectance rises to 1 there.
-//! Measuring starts at 17 even nodes. Where the cubic through the two neighbors on either side misses what was measured at a node, both parts beside it are halved, down to the spacing of
-//! the nodes looked up. Those are 513 even ones, from cubics through the four measured nodes about each, and linear between.
+//! The axis is `x = (2 / pi) asin(2 theta / pi)` in [-1, 1], whose even nodes lie closer towards the poles,
+//! by the root of the distance: Fresnel's reflectance rises to 1 there.
+//! Measuring starts at 17 even nodes. Where the cubic through the two neighbors on either side misses what
+//! was measured at a node, both parts beside it are halved, down to the spacing of the nodes looked up. Those
+//! are 513 even ones, from cubics through the four measured nodes about each, and linear between.
 
 use std::f32::consts::{FRAC_2_PI, FRAC_PI_2};
 
@@ -19,7 +22,8 @@ pub(super) fn latitude(node: usize) -> f32 {
     (theta as f32).clamp(FROM_POLE - FRAC_PI_2, FRAC_PI_2 - FROM_POLE)
 }
 
-/// The part of `parts` even ones of the axis that holds the latitude `theta` [rad], and the place within it. What is not a number counts as the first.
+/// The part of `parts` even ones of the axis that holds the latitude `theta` [rad], and the place within it.
+/// What is not a number counts as the first.
 pub(super) fn place(theta: f32, parts: usize) -> (usize, f32) {
     let sin = (FRAC_2_PI * theta).max(-1.0).min(1.0);
     let x = FRAC_2_PI * sin.asin();
@@ -28,8 +32,9 @@ pub(super) fn place(theta: f32, parts: usize) -> (usize, f32) {
     (k, at - k as f32)
 }
 
-/// Measures at as many nodes as it takes: `measure` at a latitude [rad], of which `values` should be known. Gives nodes and what was measured, in order. The cubic without a node may
-/// miss `most_missed` of it, seven times as much as one with it misses between nodes.
+/// Measures at as many nodes as it takes: `measure` at a latitude [rad], of which `values` should be known.
+/// Gives nodes and what was measured, in order. The cubic without a node may miss `most_missed` of it, seven
+/// times as much as one with it misses between nodes.
 pub(super) fn measured<T>(
     measure: impl Fn(f32) -> T,
     values: impl Fn(&T) -> Vec<f64>,
@@ -92,7 +97,8 @@ mod tests {
         assert_eq!(place(2.0, PARTS), (PARTS - 1, 1.0));
     }
 
-    /// A function that rises within 2 degrees of one pole, and one with a kink, are known to 4e-4 between nodes; a slow one takes no more than the first nodes.
+    /// A function that rises within 2 degrees of one pole, and one with a kink, are known to 4e-4 between
+    /// nodes; a slow one takes no more than the first nodes.
     #[test]
     fn nodes_are_where_they_are_needed() {
         let slow = |theta: f32| f64::from(theta).cos();

@@ -1,14 +1,16 @@
 //! The longitudinal function M_0 of d'Eon et al. 2011 and its exact sampling.
 //!
-//! With kappa = 1/v and a von Mises-Fisher distribution of that concentration about the direction of latitude -theta_i, the density of the latitude
-//! alone is `M(theta_i, theta_o) cos theta_o`: integrating `kappa / (4 pi sinh kappa) exp(kappa cos gamma)` over the azimuth gives
+//! With kappa = 1/v and a von Mises-Fisher distribution of that concentration about the direction of latitude
+//! -theta_i, the density of the latitude alone is `M(theta_i, theta_o) cos theta_o`: integrating
+//! `kappa / (4 pi sinh kappa) exp(kappa cos gamma)` over the azimuth gives
 //!
 //! ```text
 //! M = csch(1/v) / (2 v) exp(-sin theta_i sin theta_o / v) I_0(cos theta_i cos theta_o / v)
 //! ```
 //!
-//! So M integrates to 1 over `cos theta_o d theta_o` at every theta_i and v, and its latitudes are those of von Mises-Fisher samples. The exponents
-//! cancel by hand: with `I_0(x) = e^x i0e(x)` and `chord^2 = (cos theta_i - cos theta_o)^2 + (sin theta_i + sin theta_o)^2`,
+//! So M integrates to 1 over `cos theta_o d theta_o` at every theta_i and v, and its latitudes are those of
+//! von Mises-Fisher samples. The exponents cancel by hand: with `I_0(x) = e^x i0e(x)` and
+//! `chord^2 = (cos theta_i - cos theta_o)^2 + (sin theta_i + sin theta_o)^2`,
 //!
 //! ```text
 //! M = exp(-chord^2 / (2 v)) i0e(cos theta_i cos theta_o / v) / (v (1 - exp(-2/v)))
@@ -66,7 +68,8 @@ impl Longitudinal {
         let w = (-self.v * ln(((1.0 - u[0]) + u[0] * self.tail).max(f32::MIN_POSITIVE))).clamp(0.0, 2.0);
         let (cos_gamma, sin_gamma) = (1.0 - w, (w * (2.0 - w)).max(0.0).sqrt());
         let (sin_psi, cos_psi) = sin_cos(std::f32::consts::TAU * u[1]);
-        // Components along the fiber's normal and its axis of the mean direction at latitude -theta_i, turned by gamma.
+        // Components along the fiber's normal and its axis of the mean direction at latitude -theta_i, turned
+        // by gamma.
         let x = i.cos * cos_gamma + i.sin * sin_gamma * cos_psi;
         let y = sin_gamma * sin_psi;
         let z = i.cos * sin_gamma * cos_psi - i.sin * cos_gamma;
@@ -105,8 +108,9 @@ impl ThreeLobes {
     }
 }
 
-/// Coefficients by powers of t of `i0e(4 (t + 1))` and of `sqrt(x) i0e(x)` at `x = 16 / (t + 1)`, t in [-1, 1]; made by
-/// `numpy.polynomial.chebyshev.chebinterpolate` (degrees 17 and 9, the latter cut) from `scipy.special.i0e`; relative error 1.3e-8 before rounding.
+/// Coefficients by powers of t of `i0e(4 (t + 1))` and of `sqrt(x) i0e(x)` at `x = 16 / (t + 1)`, t in [-1,
+/// 1]; made by `numpy.polynomial.chebyshev.chebinterpolate` (degrees 17 and 9, the latter cut) from
+/// `scipy.special.i0e`; relative error 1.3e-8 before rounding.
 const NEAR: [f32; 18] = [
     0.207_001_93,
     -0.113_004_32,
@@ -180,7 +184,8 @@ mod tests {
         Latitude { sin: theta.sin() as f32, cos: theta.cos().abs() as f32 }
     }
 
-    /// `e^-x I_0(x) = 1/pi integral over [0, pi] of exp(-x (1 - cos t))`: the trapezoid rule converges exponentially.
+    /// `e^-x I_0(x) = 1/pi integral over [0, pi] of exp(-x (1 - cos t))`: the trapezoid rule converges
+    /// exponentially.
     fn i0e_reference(x: f64) -> f64 {
         let n = 64 + 8 * x.sqrt() as usize;
         let value = |k: usize| (-x * (1.0 - (PI * k as f64 / n as f64).cos())).exp();
@@ -233,7 +238,8 @@ mod tests {
         }
     }
 
-    /// Integral of M_0 over `cos theta_o d theta_o` is 1 for every width and latitude, down to widths where the printed form is 0/0.
+    /// Integral of M_0 over `cos theta_o d theta_o` is 1 for every width and latitude, down to widths where
+    /// the printed form is 0/0.
     #[test]
     fn integrates_to_one() {
         for beta in [1e-3, 0.01, 0.05, 0.2, 0.7, 2.0_f64] {

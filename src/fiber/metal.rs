@@ -1,9 +1,12 @@
 //! Metals with measured indices, and Fresnel's reflectance of conductors.
 
-/// A metal with measured indices of refraction, linear in the wavelength between the measurements and constant beyond them (0.365 to 0.79 um).
+/// A metal with measured indices of refraction, linear in the wavelength between the measurements and
+/// constant beyond them (0.365 to 0.79 um).
 ///
-/// Gold, silver and copper: P. B. Johnson and R. W. Christy, "Optical constants of the noble metals", Phys. Rev. B 6, 4370 (1972). Aluminium: A. D. Rakic, "Algorithm for
-/// the determination of intrinsic optical constants of metal films: application to aluminum", Appl. Opt. 34, 4755 (1995). Numbers from refractiveindex.info (public domain).
+/// Gold, silver and copper: P. B. Johnson and R. W. Christy, "Optical constants of the noble metals", Phys.
+/// Rev. B 6, 4370 (1972). Aluminium: A. D. Rakic, "Algorithm for the determination of intrinsic optical
+/// constants of metal films: application to aluminum", Appl. Opt. 34, 4755 (1995). Numbers from
+/// refractiveindex.info (public domain).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
@@ -46,12 +49,14 @@ impl Metal {
     }
 }
 
-/// Reflectance of a conductor of index `eta - i kappa` for unpolarized light at the cosine `cos` of the angle of incidence.
+/// Reflectance of a conductor of index `eta - i kappa` for unpolarized light at the cosine `cos` of the angle
+/// of incidence.
 #[inline]
 pub fn conductor(cos: f32, [eta, kappa]: [f32; 2]) -> f32 {
     let cos2 = (cos * cos).min(1.0);
     let (sin2, cos) = (1.0 - cos2, cos.max(0.0).min(1.0));
-    // a - i b is the root of (eta - i kappa)^2 - sin^2: what the index does to the normal part of the wave's vector.
+    // a - i b is the root of (eta - i kappa)^2 - sin^2: what the index does to the normal part of the wave's
+    // vector.
     let real = eta * eta - kappa * kappa - sin2;
     let size = (real * real + 4.0 * eta * eta * kappa * kappa).sqrt();
     let a = (0.5 * (size + real)).max(0.0).sqrt();

@@ -1,15 +1,19 @@
-//! Albedo of a fiber whose lobes do not conserve energy, without absorption, over latitude and offset. Its inverse is the factor that makes the albedo 1.
+//! Albedo of a fiber whose lobes do not conserve energy, without absorption, over latitude and offset. Its
+//! inverse is the factor that makes the albedo 1.
 //!
-//! The factor depends on the incident light alone, so that the shape of f, the sampler and its density stay as they are, and light that absorption takes stays the same share of it. It is not
-//! reciprocal: two directions swapped differ by the ratio of their factors. A symmetric factor `s(theta_i) s(theta_o)` with the albedo 1 exists for lobes without shifts alone: for hair's shifts it would
-//! weigh the lobes anew, by more than ten at the poles.
+//! The factor depends on the incident light alone, so that the shape of f, the sampler and its density stay
+//! as they are, and light that absorption takes stays the same share of it. It is not reciprocal: two
+//! directions swapped differ by the ratio of their factors. A symmetric factor `s(theta_i) s(theta_o)` with
+//! the albedo 1 exists for lobes without shifts alone: for hair's shifts it would weigh the lobes anew, by
+//! more than ten at the poles.
 
 use super::latitudes::{PARTS, cubic, measured, place};
 use super::range::invalid;
 use crate::Result;
 use std::f32::consts::{FRAC_2_PI, FRAC_PI_2};
 
-/// Nodes over the offset from 0 to 1. They are even in `1 - sqrt(1 - 2 gamma / pi)`, gamma = asin h, as much happens near the rim.
+/// Nodes over the offset from 0 to 1. They are even in `1 - sqrt(1 - 2 gamma / pi)`, gamma = asin h, as much
+/// happens near the rim.
 const OFFSETS: usize = 49;
 /// Least albedo that is brought to 1: what scatters less at some incidence has all but lost its lobes there.
 const MIN: f32 = 0.05;
@@ -26,10 +30,12 @@ pub(super) struct Factors {
 }
 
 impl Factors {
-    /// Of a fiber whose albedo without absorption is `albedo` at a latitude [rad] and an offset, or the mean over all.
+    /// Of a fiber whose albedo without absorption is `albedo` at a latitude [rad] and an offset, or the mean
+    /// over all.
     ///
     /// # Errors
-    /// [`crate::Error::Invalid`] where hardly any light is scattered at some incidence; `model` and `key` say of what.
+    /// [`crate::Error::Invalid`] where hardly any light is scattered at some incidence; `model` and `key` say
+    /// of what.
     pub(super) fn new(model: &str, key: &str, albedo: impl Fn(f32, Option<f32>) -> f32) -> Result<Factors> {
         let all = |theta: f32| -> Vec<f32> {
             std::iter::once(None).chain((0..OFFSETS).map(|j| Some(offset(j)))).map(|h| albedo(theta, h)).collect()

@@ -1,14 +1,18 @@
 //! Opaque fibers of circular section over a reflecting surface (Zinke 2007, 9.1).
 //!
-//! Light leaves where it arrives: in place of the BFSDF the surface's BRDF is asked, and of a whole fiber (Eq. 48, with gamma = asin h_i)
+//! Light leaves where it arrives: in place of the BFSDF the surface's BRDF is asked, and of a whole fiber
+//! (Eq. 48, with gamma = asin h_i)
 //!
 //! ```text
 //! f_BCSDF(phi) = 1/2 integral of f_BRDF cos gamma cos(gamma - phi) dgamma    over the lit part that is seen
 //! ```
 //!
-//! The surface here is a mirror of Fresnel's reflectance F over a Lambertian base of albedo rho: `F delta + (1 - F) rho / pi`, F at the incident light's angle, as in the paper's Fig. 11.
-//! A mirror of a cylinder keeps the latitude; as in the dielectric model it is spread by d'Eon's M of width `beta_m`, and, in the near field, over the azimuth by `beta_n`.
-//! With F = 0 the fiber is Lambertian, exactly: `f_BCSDF = rho / (4 pi) (sin|phi| + (pi - |phi|) cos phi)`, where the paper has a polynomial ([`lambertian_by_zinke`]).
+//! The surface here is a mirror of Fresnel's reflectance F over a Lambertian base of albedo rho:
+//! `F delta + (1 - F) rho / pi`, F at the incident light's angle, as in the paper's Fig. 11.
+//! A mirror of a cylinder keeps the latitude; as in the dielectric model it is spread by d'Eon's M of width
+//! `beta_m`, and, in the near field, over the azimuth by `beta_n`.
+//! With F = 0 the fiber is Lambertian, exactly: `f_BCSDF = rho / (4 pi) (sin|phi| + (pi - |phi|) cos phi)`,
+//! where the paper has a polynomial ([`lambertian_by_zinke`]).
 
 use super::FiberQuery;
 use super::azimuthal::OFFSETS;
@@ -87,7 +91,8 @@ pub struct OpaqueFiber {
     parameters: OpaqueParameters,
     longitudinal: Longitudinal,
     azimuthal: Gaussian,
-    /// `[latitude][azimuth]` of Eq. 48 for `(1 - F) / pi`: what the base under a mirror of one index gives in the far field, per albedo.
+    /// `[latitude][azimuth]` of Eq. 48 for `(1 - F) / pi`: what the base under a mirror of one index gives in
+    /// the far field, per albedo.
     base: Option<Vec<f32>>,
 }
 
@@ -144,7 +149,8 @@ impl OpaqueFiber {
         &self.parameters
     }
 
-    /// The fiber at a query, whose absorption does not matter. Where an input is not finite, or `omega_i` is no direction, nothing is scattered.
+    /// The fiber at a query, whose absorption does not matter. Where an input is not finite, or `omega_i` is
+    /// no direction, nothing is scattered.
     pub fn at<const N: usize>(&self, query: &FiberQuery<N>) -> OpaqueBsdf<'_, N> {
         let finite = query.lambda_um.iter().all(|l| l.is_finite()) && query.h_rel.is_none_or(f32::is_finite);
         let index = lanes(|n| match self.parameters.mirror {
@@ -216,8 +222,9 @@ struct OffsetTerms<const N: usize> {
     diffuse: [f32; N],
 }
 
-/// Eq. 48 of any BRDF: the BCSDF of an opaque fiber in the relative azimuth `phi` [rad], of which `brdf` is the surface's BRDF [1/sr] where light arrives at the offset
-/// angle gamma = asin h_i, given as its cosine and sine. By Gauss's rule with 16 points: exact to 1e-6 for what is smooth on the fiber.
+/// Eq. 48 of any BRDF: the BCSDF of an opaque fiber in the relative azimuth `phi` [rad], of which `brdf` is
+/// the surface's BRDF [1/sr] where light arrives at the offset angle gamma = asin h_i, given as its cosine
+/// and sine. By Gauss's rule with 16 points: exact to 1e-6 for what is smooth on the fiber.
 pub fn bcsdf_of_brdf<const N: usize>(phi: f32, brdf: impl Fn([f32; 2]) -> [f32; N]) -> [f32; N] {
     let mut sum = [0.0; N];
     each_lit(phi, |gamma, weight| {
@@ -227,7 +234,8 @@ pub fn bcsdf_of_brdf<const N: usize>(phi: f32, brdf: impl Fn([f32; 2]) -> [f32; 
     sum
 }
 
-/// Places of the lit part that is seen in the relative azimuth `phi`: cosine and sine of gamma, and `cos gamma cos(gamma - phi) dgamma / 2`.
+/// Places of the lit part that is seen in the relative azimuth `phi`: cosine and sine of gamma, and
+/// `cos gamma cos(gamma - phi) dgamma / 2`.
 #[inline]
 fn each_lit(phi: f32, mut visit: impl FnMut([f32; 2], f32)) {
     let phi = phi - TAU * (phi / TAU).round();
@@ -268,7 +276,8 @@ fn lambertian_of(k_d: f32, phi: f32, cos: f32, sin: f32, scale: f32) -> f32 {
     0.25 * k_d * ((sin.abs() + (PI - phi.abs()) * cos) * inverse).max(0.0)
 }
 
-/// The paper's polynomial for it, phi from 0 to pi (Zinke 2007, Eq. 51), for comparison alone: it is off by 6 % at 0 and by 87 % at 150 degrees.
+/// The paper's polynomial for it, phi from 0 to pi (Zinke 2007, Eq. 51), for comparison alone: it is off by 6
+/// % at 0 and by 87 % at 150 degrees.
 pub fn lambertian_by_zinke(k_d: f32, phi: f32) -> f32 {
     let (s, c) = phi.sin_cos();
     0.5 * k_d * (5.0 / 6.0 * c + c * c - c.powi(4) / 6.0 + 0.5 * s - 0.5 * s * c * c).abs()

@@ -10,7 +10,8 @@ use crate::color::SmoothReflectance;
 pub enum Reflectance {
     /// The same at every wavelength.
     Gray(f32),
-    /// `[lambda_um, share]` at ascending wavelengths, linear between them and constant beyond: measured or fitted.
+    /// `[lambda_um, share]` at ascending wavelengths, linear between them and constant beyond: measured or
+    /// fitted.
     Nodes(Vec<[f32; 2]>),
     /// Smooth, of a color.
     Smooth(SmoothReflectance),

@@ -1,16 +1,22 @@
-//! What the reflections of an opaque fiber absorb, as a length in an absorbing material: a ply of metal then has the same axis of absorption as every other ply.
+//! What the reflections of an opaque fiber absorb, as a length in an absorbing material: a ply of metal then
+//! has the same axis of absorption as every other ply.
 //!
-//! A path keeps `prod_k F(lambda, c_k)` of its light, F the reflectance of the conductor and c_k the cosine of the angle of incidence at its k-th facet. That is
-//! `exp(-sum_k a(lambda, c_k))`, a = -ln F. Over the wavelengths of one metal a changes much more with lambda than its course over c does, so
+//! A path keeps `prod_k F(lambda, c_k)` of its light, F the reflectance of the conductor and c_k the cosine
+//! of the angle of incidence at its k-th facet. That is `exp(-sum_k a(lambda, c_k))`, a = -ln F. Over the
+//! wavelengths of one metal a changes much more with lambda than its course over c does, so
 //!
 //! ```text
 //! a(lambda, c) ~ sigma(lambda) L(c),     L(c) = 100 um * mean of a(lambda', c) over the measured lambda' / the same at c = 1,
 //! ```
 //!
-//! and a path has one length, the sum of L(c_k), for all wavelengths. Light at normal incidence gains 100 um, [`REFLECTION_UM`], a reflection, which puts the absorption of
-//! metals where that of dyed fibers is (gold 3e-4 to 9e-3 per um). sigma(lambda) is such that a reflection keeps the right share of light that is even over the hemisphere:
-//! `integral of exp(-sigma L(c)) 2 c dc = integral of F(lambda, c) 2 c dc`. A first reflection is exact in that mean at every wavelength; at a single angle a
-//! reflectance is off by 0.037 at most (tests below: aluminium near grazing, gold by 0.030), a wire lit from 63 degrees of latitude by 0.018. Of one fixed index L is exact.
+//! and a path has one length, the sum of L(c_k), for all wavelengths. Light at normal incidence gains 100 um,
+//! [`REFLECTION_UM`], a reflection, which puts the absorption of metals where that of dyed fibers is (gold
+//! 3e-4 to 9e-3 per um). sigma(lambda) is such that a reflection keeps the right share of light that is even
+//! over the hemisphere:
+//! `integral of exp(-sigma L(c)) 2 c dc = integral of F(lambda, c) 2 c dc`. A first reflection is exact in
+//! that mean at every wavelength; at a single angle a reflectance is off by 0.037 at most (tests below:
+//! aluminium near grazing, gold by 0.030), a wire lit from 63 degrees of latitude by 0.018. Of one fixed
+//! index L is exact.
 
 use super::metal::{Metal, conductor};
 
@@ -76,11 +82,13 @@ impl Reflections {
         a + (x - i as f32) * (b - a)
     }
 
-    /// Absorption at a wavelength [um] for which reflections keep the right share of light from all directions [1/um].
+    /// Absorption at a wavelength [um] for which reflections keep the right share of light from all
+    /// directions [1/um].
     pub fn sigma_per_um(&self, lambda_um: f64) -> f64 {
         let index = self.index.at(lambda_um);
         let wanted = mean(|cos| (-absorbance(cos, index)).exp());
-        // The mean falls with sigma and is convex: Newton from 0 comes from the left and does not pass the root.
+        // The mean falls with sigma and is convex: Newton from 0 comes from the left and does not pass the
+        // root.
         let mut sigma = 0.0;
         for _ in 0..60 {
             let kept = |cos: f32| (-sigma * f64::from(self.length_um(cos))).exp();
@@ -111,7 +119,8 @@ mod tests {
 
     const METALS: [Metal; 4] = [Metal::Gold, Metal::Silver, Metal::Aluminium, Metal::Copper];
 
-    /// The mean over the hemisphere is that of Fresnel's reflectance, and a single angle is off by 0.037 at most: the limit stated above and in docs/reference/spec.md.
+    /// The mean over the hemisphere is that of Fresnel's reflectance, and a single angle is off by 0.037 at
+    /// most: the limit stated above and in docs/reference/spec.md.
     #[test]
     fn reflectances_by_length_are_those_of_fresnel() {
         for metal in METALS {

@@ -1,18 +1,24 @@
-//! Zinke 2007's parametric model of rough dielectric fibers (9.2, Eq. 52-53, Table 1), and Marschner's far field as an instance of it (Eq. 42-43).
+//! Zinke 2007's parametric model of rough dielectric fibers (9.2, Eq. 52-53, Table 1), and Marschner's far
+//! field as an instance of it (Eq. 42-43).
 //!
 //! ```text
 //! f / cos theta_o = 2 k_d + sum over p of g(pi/2, theta_o + theta_i - shift_p, w_theta_p) a_p(theta_d, h) g(pi, phi - phi_p(h), w_phi_p) / cos^2 theta_d
 //! ```
 //!
-//! of the offset of the query (Eq. 53, with the argument of TRT as Eq. 23 has it), or its mean over the offsets; theta_d = (theta_o - theta_i) / 2 stands for theta_i in
-//! attenuations and n'. A lobe with `w_phi = 0` is the smooth cylinder's, by the roots of its offsets, at every offset of the query: with three of them this is Marschner's basic model.
+//! of the offset of the query (Eq. 53, with the argument of TRT as Eq. 23 has it), or its mean over the
+//! offsets; theta_d = (theta_o - theta_i) / 2 stands for theta_i in attenuations and n'. A lobe with
+//! `w_phi = 0` is the smooth cylinder's, by the roots of its offsets, at every offset of the query: with
+//! three of them this is Marschner's basic model.
 //!
-//! As printed the lobes do not conserve energy: their integral is `integral of g cos^2 theta_o / cos^2 theta_d`, which is 1 for narrow lobes away from grazing light alone, and light
-//! beyond TRT is in `k_d`. [`Bsdf::albedo`] says how much it is, [`RoughDielectricParameters::normalize`] brings it to 1. `DielectricFiber` conserves. What is left out: widths along the fiber (w_s) and of the offset (w_h), which the
-//! paper takes as narrow too.
+//! As printed the lobes do not conserve energy: their integral is
+//! `integral of g cos^2 theta_o / cos^2 theta_d`, which is 1 for narrow lobes away from grazing light alone,
+//! and light beyond TRT is in `k_d`. [`Bsdf::albedo`] says how much it is,
+//! [`RoughDielectricParameters::normalize`] brings it to 1. `DielectricFiber` conserves. What is left out:
+//! widths along the fiber (w_s) and of the offset (w_h), which the paper takes as narrow too.
 //!
-//! Far fields come from a table made with the fiber (9.2), for any absorption. An elliptical section is Marschner's: TRT sees an index that depends on (phi_i + phi_o)/2, and the width is the
-//! projected one; its far TRT is a sum over offsets at every call, some 2 us.
+//! Far fields come from a table made with the fiber (9.2), for any absorption. An elliptical section is
+//! Marschner's: TRT sees an index that depends on (phi_i + phi_o)/2, and the width is the projected one; its
+//! far TRT is a sum over offsets at every call, some 2 us.
 
 use super::FiberQuery;
 use super::azimuthal::{CrossSection, OFFSETS, turn};
@@ -29,8 +35,8 @@ use crate::math::clamp_unit;
 use crate::{Bsdf, BsdfSample, Result};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-/// Offsets a side of an ellipse's far TRT: the mean of the near field over midpoints of gamma. Their azimuths lie 0.1 rad apart at most, 1.6 of the least width, at which a sum of
-/// Gaussians is flat to 2e-3.
+/// Offsets a side of an ellipse's far TRT: the mean of the near field over midpoints of gamma. Their azimuths
+/// lie 0.1 rad apart at most, 1.6 of the least width, at which a sum of Gaussians is flat to 2e-3.
 const OFFSETS_A_SIDE: usize = 32;
 /// Least chance of a sample of a lobe that has any light.
 const MIN_CHANCE: f32 = 0.04;
@@ -56,9 +62,10 @@ pub struct RoughDielectricParameters {
     pub width_phi: [f32; 3],
     /// k_d of light beyond TRT, 0 to `1 / (2 pi^2)`, which alone is white.
     pub k_d: f32,
-    /// Whether f is brought to the albedo 1 without absorption, at every incidence, far and near; of a circle alone. f is divided by the albedo that the printed lobes have for the query's
-    /// latitude and offset, at every absorption alike. What that costs: f / cos theta_o is not reciprocal any more, and the far field is no longer the mean of the near field, by as
-    /// much as the albedos differ.
+    /// Whether f is brought to the albedo 1 without absorption, at every incidence, far and near; of a circle
+    /// alone. f is divided by the albedo that the printed lobes have for the query's latitude and offset, at
+    /// every absorption alike. What that costs: f / cos theta_o is not reciprocal any more, and the far field
+    /// is no longer the mean of the near field, by as much as the albedos differ.
     pub normalize: bool,
 }
 
@@ -209,7 +216,8 @@ impl RoughDielectricFiber {
         &self.parameters
     }
 
-    /// The fiber at a query. Where an input is not finite, or `omega_i` is no direction, nothing is scattered.
+    /// The fiber at a query. Where an input is not finite, or `omega_i` is no direction, nothing is
+    /// scattered.
     pub fn at<const N: usize>(&self, query: &FiberQuery<N>) -> RoughDielectricBsdf<'_, N> {
         let finite = query.sigma_per_um.iter().all(|s| s.is_finite()) && query.h_rel.is_none_or(f32::is_finite);
         let incident = Incident::new(query.omega_i, finite);
@@ -240,7 +248,8 @@ impl RoughDielectricFiber {
                 self.far.through(&lanes(|n| at.sigma_per_um[n] * section.chord_um()))
             });
             let energy: [f32; 3] = lanes(|lobe| at.energy(lobe, through.as_ref()));
-            // A share for each lobe, however weak at its median: what it has far from there is drawn with weights of ten at most.
+            // A share for each lobe, however weak at its median: what it has far from there is drawn with
+            // weights of ten at most.
             let least = MIN_CHANCE * energy.iter().sum::<f32>();
             let energy: [f32; 3] =
                 lanes(|lobe| if at.latitude[lobe].share() > 0.0 { energy[lobe] + least } else { 0.0 });
@@ -265,7 +274,8 @@ impl RoughDielectricFiber {
     }
 }
 
-/// n_1 and n_2: indices of a circle whose TRT is that of an ellipse, for light along x and y (Marschner 2003; Zinke 2007, 8.2).
+/// n_1 and n_2: indices of a circle whose TRT is that of an ellipse, for light along x and y (Marschner 2003;
+/// Zinke 2007, 8.2).
 fn ellipse_indices(eta: f32, e: f32) -> [f32; 2] {
     [e * e, 1.0 / (e * e)].map(|e2| 2.0 * (eta - 1.0) * e2 - eta + 2.0)
 }
@@ -305,7 +315,8 @@ impl<const N: usize> RoughDielectricBsdf<'_, N> {
         [if self.incident.valid { self.fiber.width_um(self.incident.azimuth()) } else { 0.0 }; N]
     }
 
-    /// About what a lobe scatters at all wavelengths together, by the median of its latitudes: near a pole attenuations there are not those at theta_i.
+    /// About what a lobe scatters at all wavelengths together, by the median of its latitudes: near a pole
+    /// attenuations there are not those at theta_i.
     fn energy(&self, lobe: usize, through: Option<&Through<N>>) -> f32 {
         let share = self.latitude[lobe].share();
         if share == 0.0 {
@@ -335,7 +346,8 @@ impl<const N: usize> RoughDielectricBsdf<'_, N> {
         CrossSection::at(p.eta, p.radius_um, self.half_way(o))
     }
 
-    /// theta_d, without its sign: half the sum and half the difference of the two unit vectors are as long as its cosine and sine.
+    /// theta_d, without its sign: half the sum and half the difference of the two unit vectors are as long as
+    /// its cosine and sine.
     #[inline]
     fn half_way(&self, o: Latitude) -> Latitude {
         let i = self.incident.latitude;
@@ -572,7 +584,8 @@ impl<const N: usize> Bsdf<N> for RoughDielectricBsdf<'_, N> {
         BsdfSample::scattered(w, f, pdf)
     }
 
-    /// Integral of f, by midpoints over the latitude and, of an ellipse, the azimuth: some 50 us in the far field, 20 ms of an ellipse.
+    /// Integral of f, by midpoints over the latitude and, of an ellipse, the azimuth: some 50 us in the far
+    /// field, 20 ms of an ellipse.
     fn albedo(&self) -> [f32; N] {
         if !self.incident.valid {
             return [0.0; N];
@@ -589,7 +602,8 @@ impl<const N: usize> Bsdf<N> for RoughDielectricBsdf<'_, N> {
                 continue;
             }
             for k in 0..latitudes {
-                // Midpoints of an angle whose cosine is the place: they crowd at the ends, where a pole may be.
+                // Midpoints of an angle whose cosine is the place: they crowd at the ends, where a pole may
+                // be.
                 let (sin, cos) = (PI * (k as f32 + 0.5) / latitudes as f32).sin_cos();
                 let theta_o = 0.5 * (low + high) - 0.5 * (high - low) * cos;
                 let step = 0.5 * PI / latitudes as f32 * (high - low) * sin;

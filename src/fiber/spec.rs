@@ -1,4 +1,5 @@
-//! Specs of analytic fibers in TOML, for the command line and for hosts: a name, `[filament]` with a model and its parameters, and the color of its inside.
+//! Specs of analytic fibers in TOML, for the command line and for hosts: a name, `[filament]` with a model
+//! and its parameters, and the color of its inside.
 //!
 //! ```toml
 //! name = "brown hair"
@@ -218,7 +219,8 @@ impl FilamentSpec {
     /// Reads a spec from its text; `file` is for messages.
     ///
     /// # Errors
-    /// [`Error::Format`] when the text is not TOML, [`Error::Invalid`] for a key that is unknown, absent or out of range.
+    /// [`Error::Format`] when the text is not TOML, [`Error::Invalid`] for a key that is unknown, absent or
+    /// out of range.
     ///
     /// ```
     /// use plywave::fiber::FilamentSpec;
@@ -266,7 +268,8 @@ impl FilamentSpec {
     }
 }
 
-/// The model of a table of one of [`FILAMENT_KINDS`] that has passed their rules. `at` is the table's key in `file`, for messages.
+/// The model of a table of one of [`FILAMENT_KINDS`] that has passed their rules. `at` is the table's key in
+/// `file`, for messages.
 ///
 /// # Errors
 /// [`Error::Invalid`] for values that do not go together.

@@ -7,7 +7,8 @@ use std::path::Path;
 
 /// Least and greatest longitudinal width [rad].
 pub(crate) const BETA_M: (f64, f64) = (1e-3, 2.0);
-/// How far scattered and absorbed light may miss the extinction, as a share of it: what a coarse solve leaves, and Monte Carlo noise.
+/// How far scattered and absorbed light may miss the extinction, as a share of it: what a coarse solve
+/// leaves, and Monte Carlo noise.
 pub(crate) const LEDGER: f64 = 0.02;
 
 /// Which optics made a table.
@@ -25,7 +26,8 @@ pub enum FiberSource {
 pub struct OutlineSymmetry {
     /// The outline turned by 2 pi / folds is itself; 0 for a circle, 1 for no such symmetry.
     pub folds: u32,
-    /// Azimuth [rad] of a line through the center in which the outline mirrors itself, in [0, pi); absent without one.
+    /// Azimuth [rad] of a line through the center in which the outline mirrors itself, in [0, pi); absent
+    /// without one.
     pub mirror_rad: Option<f64>,
 }
 
@@ -35,8 +37,9 @@ impl OutlineSymmetry {
     /// Nothing in common with itself.
     pub const NONE: OutlineSymmetry = OutlineSymmetry { folds: 1, mirror_rad: None };
 
-    /// The `count` azimuths phi_i that a table holds [rad]: one for a circle; from mirror line to mirror line with both ends where there are some,
-    /// `mirror + pi k / (folds (count - 1))`; else one turn of the outline without its end, `2 pi k / (folds count)`.
+    /// The `count` azimuths phi_i that a table holds [rad]: one for a circle; from mirror line to mirror line
+    /// with both ends where there are some, `mirror + pi k / (folds (count - 1))`; else one turn of the
+    /// outline without its end, `2 pi k / (folds count)`.
     pub fn phi_i(&self, count: usize) -> Vec<f64> {
         let step = self.step(count);
         (0..count).map(|k| self.mirror_rad.unwrap_or(0.0) + step * k as f64).collect()
@@ -51,7 +54,8 @@ impl OutlineSymmetry {
         }
     }
 
-    /// How many azimuths a table must hold for `full` of them round the fiber: at least that density, at least 2 between mirrors.
+    /// How many azimuths a table must hold for `full` of them round the fiber: at least that density, at
+    /// least 2 between mirrors.
     pub fn count(&self, full: usize) -> usize {
         match (self.folds as usize, self.mirror_rad) {
             (0, _) => 1,
@@ -61,11 +65,13 @@ impl OutlineSymmetry {
     }
 }
 
-/// What a fiber does to light of any direction and wavelength: Xia's N_wave and C_x, or their ray-optics counterparts (Xia 2020, 5). Arrays are flat,
-/// last index fastest; L wavelengths, T latitudes, P azimuths, D relative azimuths.
+/// What a fiber does to light of any direction and wavelength: Xia's N_wave and C_x, or their ray-optics
+/// counterparts (Xia 2020, 5). Arrays are flat, last index fastest; L wavelengths, T latitudes, P azimuths, D
+/// relative azimuths.
 ///
-/// The frame is the fiber's: z along it, x and y those of the outline. Directions point away from the fiber; theta is the latitude above the plane of the
-/// cross section. A straight fiber scatters light from theta_i and -theta_i alike, so that theta_i >= 0 is enough.
+/// The frame is the fiber's: z along it, x and y those of the outline. Directions point away from the fiber;
+/// theta is the latitude above the plane of the cross section. A straight fiber scatters light from theta_i
+/// and -theta_i alike, so that theta_i >= 0 is enough.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FiberTable {
     /// Text of the spec or scene that was computed, as given.
@@ -80,9 +86,11 @@ pub struct FiberTable {
     pub source: FiberSource,
     /// Symmetry of the outline.
     pub symmetry: OutlineSymmetry,
-    /// Longitudinal width [rad]: M_0 has variance beta_m^2. Xia's model takes it from elsewhere; a host may set another.
+    /// Longitudinal width [rad]: M_0 has variance beta_m^2. Xia's model takes it from elsewhere; a host may
+    /// set another.
     pub beta_m: f64,
-    /// `[L]` wavelengths [um], ascending in equal steps: centers of the bands that were averaged. One alone stands for all.
+    /// `[L]` wavelengths [um], ascending in equal steps: centers of the bands that were averaged. One alone
+    /// stands for all.
     pub lambda_um: Vec<f64>,
     /// `[T]` latitudes [rad], centers of T equal parts of [0, pi/2].
     pub theta_i: Vec<f64>,
@@ -90,13 +98,15 @@ pub struct FiberTable {
     pub phi_i: Vec<f64>,
     /// `[P]` geometric width of the fiber seen from phi_i [um].
     pub width_um: Vec<f64>,
-    /// `[L][T][P]` width that the fiber takes light from, C_e of Xia 2020, 5.1 [um]: the extinction over the irradiance on a plane through the axis,
-    /// which is the incident flux times cos theta_i; for rays the geometric width.
+    /// `[L][T][P]` width that the fiber takes light from, C_e of Xia 2020, 5.1 [um]: the extinction over the
+    /// irradiance on a plane through the axis, which is the incident flux times cos theta_i; for rays the
+    /// geometric width.
     pub c_x_um: Vec<f64>,
-    /// `[L][T][P]` the part of that width whose light is absorbed [um], found by itself and not as what is left over.
+    /// `[L][T][P]` the part of that width whose light is absorbed [um], found by itself and not as what is
+    /// left over.
     pub c_abs_um: Vec<f64>,
-    /// `[L][T][P][D]` scattered intensity over the azimuth as a fraction of the extinguished power [1/rad], unpolarized (Xia 2020, Eq. 31), at
-    /// `phi_r = phi_i + 2 pi j / D`; linear between. D = 2 is the least.
+    /// `[L][T][P][D]` scattered intensity over the azimuth as a fraction of the extinguished power [1/rad],
+    /// unpolarized (Xia 2020, Eq. 31), at `phi_r = phi_i + 2 pi j / D`; linear between. D = 2 is the least.
     pub azimuthal: Vec<f32>,
 }
 
@@ -148,8 +158,8 @@ impl FiberTable {
     /// Reads a table and checks names, shapes, axes, ranges, finiteness and the ledger.
     ///
     /// # Errors
-    /// [`crate::Error::Io`], [`crate::Error::Format`] for a foreign, damaged or newer file, [`crate::Error::Invalid`] for a value that is not
-    /// allowed.
+    /// [`crate::Error::Io`], [`crate::Error::Format`] for a foreign, damaged or newer file,
+    /// [`crate::Error::Invalid`] for a value that is not allowed.
     pub fn load(path: impl AsRef<Path>) -> Result<FiberTable> {
         document::load(path.as_ref())
     }

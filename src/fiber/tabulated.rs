@@ -1,20 +1,25 @@
-//! A fiber's scattering from a table (Xia 2020, 5 and 6): wave optics, or rays, over the azimuth; d'Eon's M_0 over the latitude.
+//! A fiber's scattering from a table (Xia 2020, 5 and 6): wave optics, or rays, over the azimuth; d'Eon's M_0
+//! over the latitude.
 //!
 //! ```text
 //! f(wi, wo, lambda) = M_0(theta_i, theta_o) N(theta_i, phi_i, phi_o, lambda)
 //! ```
 //!
-//! f is an energy density: its integral over wo is the scattered fraction of the power that the fiber takes from the light, which per length is
-//! `C_e cos theta_i` times the flux across `wi`. So with Xia's BCSDF S = M_0 N the radiance that leaves a curve of width C_e is
-//! `integral L_i f cos theta_i / cos theta_o d wi`, and a path tracer whose rays hit that width needs `f` alone as "BSDF times cosine".
+//! f is an energy density: its integral over wo is the scattered fraction of the power that the fiber takes
+//! from the light, which per length is `C_e cos theta_i` times the flux across `wi`. So with Xia's BCSDF S =
+//! M_0 N the radiance that leaves a curve of width C_e is `integral L_i f cos theta_i / cos theta_o d wi`,
+//! and a path tracer whose rays hit that width needs `f` alone as "BSDF times cosine".
 //!
-//! The width C_e depends on direction and wavelength; a host intersects a cylinder of [`TabulatedFiber::max_width_um`] and asks
+//! The width C_e depends on direction and wavelength; a host intersects a cylinder of
+//! [`TabulatedFiber::max_width_um`] and asks
 //! [`TabulatedBsdf::hit`] whether the ray's offset from the center line is within C_e / 2 (Xia 2020, 6).
 //!
-//! Departures from Xia: the table is linear in `phi_r - phi_i` instead of phi_r, so that the forward peak stays one peak between nodes; slices are mixed
-//! by the power they take, their weight times their width, which is what conserves it; lambda is linear too.
+//! Departures from Xia: the table is linear in `phi_r - phi_i` instead of phi_r, so that the forward peak
+//! stays one peak between nodes; slices are mixed by the power they take, their weight times their width,
+//! which is what conserves it; lambda is linear too.
 //!
-//! What is left out: cuticle tilt and separate lobes (one M_0 for all light), polarization, width of the beam across the fiber.
+//! What is left out: cuticle tilt and separate lobes (one M_0 for all light), polarization, width of the beam
+//! across the fiber.
 
 use super::FiberQuery;
 use super::longitudinal::{Latitude, Longitudinal};
@@ -32,9 +37,10 @@ const BLOCK: usize = 16;
 
 /// A loaded fiber table, ready for evaluation.
 ///
-/// Directions are unit vectors in the fiber's frame, away from the fiber: z along it, x and y those of the outline. No call allocates, fails or panics.
-/// Wavelengths and latitudes beyond the nodes count as the last node; where an input is not finite, or a component of a direction is beyond 1.001,
-/// f = 0 and nothing is hit.
+/// Directions are unit vectors in the fiber's frame, away from the fiber: z along it, x and y those of the
+/// outline. No call allocates, fails or panics.
+/// Wavelengths and latitudes beyond the nodes count as the last node; where an input is not finite, or a
+/// component of a direction is beyond 1.001, f = 0 and nothing is hit.
 #[derive(Clone, Debug)]
 pub struct TabulatedFiber {
     table: FiberTable,
@@ -157,7 +163,8 @@ impl TabulatedFiber {
         self.clamped
     }
 
-    /// The fiber at a query. Where an input is not finite, or `omega_i` is no direction, nothing is hit and nothing scattered.
+    /// The fiber at a query. Where an input is not finite, or `omega_i` is no direction, nothing is hit and
+    /// nothing scattered.
     pub fn at<const N: usize>(&self, query: &FiberQuery<N>) -> TabulatedBsdf<'_, N> {
         let valid = is_direction(query.omega_i);
         let wi = if valid { query.omega_i } else { [1.0, 0.0, 0.0] };
@@ -237,7 +244,8 @@ impl<const N: usize> TabulatedBsdf<'_, N> {
         self.width_um
     }
 
-    /// Whether a ray that passes the center line at the distance `offset_um`, either side, meets the fiber (Xia 2020, 6), by wavelength.
+    /// Whether a ray that passes the center line at the distance `offset_um`, either side, meets the fiber
+    /// (Xia 2020, 6), by wavelength.
     pub fn hit(&self, offset_um: f32) -> [bool; N] {
         self.width_um.map(|width| offset_um.abs() <= 0.5 * width)
     }
@@ -304,8 +312,8 @@ impl<const N: usize> TabulatedBsdf<'_, N> {
         Some([latitude.cos * cos, latitude.cos * sin, latitude.sin])
     }
 
-    /// Relative azimuth below which the mixed slices hold the fraction `u` of their light [rad]: blocks, then cells, then the root of the square
-    /// within a cell.
+    /// Relative azimuth below which the mixed slices hold the fraction `u` of their light [rad]: blocks, then
+    /// cells, then the root of the square within a cell.
     fn invert(&self, corners: &Corners, u: f32) -> f32 {
         let (cells, blocks) = (self.fiber.cells, self.fiber.blocks);
         let block = |b: usize| -> f32 {

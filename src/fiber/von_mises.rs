@@ -1,7 +1,9 @@
-//! The von Mises distribution of an angle about 0, `v(x) = exp(kappa cos x) / (2 pi I_0(kappa))`, for any concentration.
+//! The von Mises distribution of an angle about 0, `v(x) = exp(kappa cos x) / (2 pi I_0(kappa))`, for any
+//! concentration.
 //!
-//! Both factors overflow where kappa is large. Their ratio does not: `v(x) = exp(-kappa (1 - cos x)) / (2 pi i0e(kappa))` with the scaled Bessel function
-//! `i0e = e^-kappa I_0`, and `1 - cos x = 2 sin^2(x/2)` is half the squared chord, which loses no digits at small x.
+//! Both factors overflow where kappa is large. Their ratio does not:
+//! `v(x) = exp(-kappa (1 - cos x)) / (2 pi i0e(kappa))` with the scaled Bessel function `i0e = e^-kappa I_0`,
+//! and `1 - cos x = 2 sin^2(x/2)` is half the squared chord, which loses no digits at small x.
 
 use crate::math::clamp_unit;
 use std::f64::consts::PI;
@@ -58,7 +60,8 @@ impl VonMises {
         self.normalizer * (-0.5 * self.kappa * chord2).exp()
     }
 
-    /// The angle below which the share `u` lies [rad]. Within a cell the quantile is that of the cubic through the shares and densities at its ends.
+    /// The angle below which the share `u` lies [rad]. Within a cell the quantile is that of the cubic
+    /// through the shares and densities at its ends.
     pub(crate) fn sample(&self, u: f32) -> f32 {
         let signed = 2.0 * clamp_unit(u) - 1.0;
         let share = signed.abs();

@@ -1,10 +1,13 @@
-//! Colors of small gaps between fibers (Yu 2025, 7.3): a part of the forward light is diffracted by a slit along the ply.
+//! Colors of small gaps between fibers (Yu 2025, 7.3): a part of the forward light is diffracted by a slit
+//! along the ply.
 //!
-//! This is the paper's bonus feature, not a simulation: nobody has counted the slits of a ply or their widths. It takes from f_high what goes
-//! forward, lobe by lobe: `share` times the cosine between the lobe's axis and the forward direction (nothing of a lobe that points back), and
-//! sends it through one slit of the given width, of length +-d_cut along the ply, about the forward direction. The energy of each lobe is
-//! exact, so what is taken is what is sent, at every absorption. Through so narrow a slit Kirchhoff's approximation loses light (5 % and
-//! more below 5 um); the pattern here is the spectrum of the slit alone, scaled to an integral of 1 over the directions that propagate.
+//! This is the paper's bonus feature, not a simulation: nobody has counted the slits of a ply or their
+//! widths. It takes from f_high what goes forward, lobe by lobe: `share` times the cosine between the lobe's
+//! axis and the forward direction (nothing of a lobe that points back), and sends it through one slit of the
+//! given width, of length +-d_cut along the ply, about the forward direction. The energy of each lobe is
+//! exact, so what is taken is what is sent, at every absorption. Through so narrow a slit Kirchhoff's
+//! approximation loses light (5 % and more below 5 um); the pattern here is the spectrum of the slit alone,
+//! scaled to an integral of 1 over the directions that propagate.
 
 use super::{Aperture, Gap};
 use crate::spec::GaussianBeam;
@@ -55,13 +58,14 @@ impl Slit {
         self.share
     }
 
-    /// The numbers of the spectra across and along the ply ([`super::Spectrum`]), for hosts that evaluate them themselves.
+    /// The numbers of the spectra across and along the ply ([`super::Spectrum`]), for hosts that evaluate
+    /// them themselves.
     pub(crate) fn numbers(&self) -> impl Iterator<Item = f32> {
         self.gap.x.numbers().chain(self.gap.y.numbers())
     }
 
-    /// The pattern in direction `wo` of the ply frame [1/sr], of energy 1, and the density of [`Slit::sample`]: a beam from latitude
-    /// `theta_i` spreads over the cone of the forward latitude.
+    /// The pattern in direction `wo` of the ply frame [1/sr], of energy 1, and the density of
+    /// [`Slit::sample`]: a beam from latitude `theta_i` spreads over the cone of the forward latitude.
     pub fn eval_pdf<const N: usize>(&self, theta_i: f32, lambda_um: [f32; N], wo: [f32; 3]) -> ([f32; N], f32) {
         self.gap.at(incident(theta_i), lambda_um).conserved(swapped(wo))
     }
@@ -72,7 +76,8 @@ impl Slit {
     }
 }
 
-/// Between the ply's frame and the slit's, whose y is the ply's z: a mirror image, which an even pattern does not notice.
+/// Between the ply's frame and the slit's, whose y is the ply's z: a mirror image, which an even pattern does
+/// not notice.
 fn swapped(w: [f32; 3]) -> [f32; 3] {
     [w[0], w[2], w[1]]
 }

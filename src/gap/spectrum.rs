@@ -1,8 +1,10 @@
-//! The spectrum of a beam between two edges, tabulated for sampling: mass beyond a frequency, and its inverse.
+//! The spectrum of a beam between two edges, tabulated for sampling: mass beyond a frequency, and its
+//! inverse.
 //!
-//! The spectrum `|k(f)|^2` is even in f and, behind its central lobes, falls as 1/f^2 under the interference of the two edges. With
-//! `t = |f| / (|f| + g)`, g the inverse of the passing width, 64 cells uniform in t cover all frequencies: the density per t is bounded,
-//! the central lobes are resolved, and a far cell holds many fringes and their mean. Within a cell the tabulated density is uniform in t.
+//! The spectrum `|k(f)|^2` is even in f and, behind its central lobes, falls as 1/f^2 under the interference
+//! of the two edges. With `t = |f| / (|f| + g)`, g the inverse of the passing width, 64 cells uniform in t
+//! cover all frequencies: the density per t is bounded, the central lobes are resolved, and a far cell holds
+//! many fringes and their mean. Within a cell the tabulated density is uniform in t.
 
 use super::spectra;
 use crate::math::faddeeva::Factor;
@@ -43,8 +45,9 @@ pub(crate) struct Spectrum {
     pub(super) beam_spread: f32,
 }
 
-/// The spectrum of one axis of an aperture as a query has it: exact in value. Masses and samples are those of a table, of the same edges or of ones near them; these it
-/// stretches by the power that falls on the two, which is as their widths as long as they are narrow and stays where they are wider than the beam.
+/// The spectrum of one axis of an aperture as a query has it: exact in value. Masses and samples are those of
+/// a table, of the same edges or of ones near them; these it stretches by the power that falls on the two,
+/// which is as their widths as long as they are narrow and stays where they are wider than the beam.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Axis<'a> {
     near: &'a Spectrum,
@@ -156,7 +159,8 @@ impl Spectrum {
         Spectrum { factor, g_per_um: g, beyond, root_mean_4, beam_spread }
     }
 
-    /// The factor's eight numbers, g [1/um] and the masses beyond the borders of the cells: for hosts that evaluate the spectrum themselves.
+    /// The factor's eight numbers, g [1/um] and the masses beyond the borders of the cells: for hosts that
+    /// evaluate the spectrum themselves.
     pub(crate) fn numbers(&self) -> impl Iterator<Item = f32> {
         self.factor.numbers().into_iter().chain([self.g_per_um]).chain(self.beyond)
     }

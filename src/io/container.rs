@@ -1,6 +1,8 @@
-//! The container of plywave's files: safetensors with one JSON document in its metadata (`docs/reference/format/index.md`).
+//! The container of plywave's files: safetensors with one JSON document in its metadata
+//! (`docs/reference/format/index.md`).
 //!
-//! Reading checks names, types and shapes and hands out owned arrays; what the numbers may be is checked by their owners.
+//! Reading checks names, types and shapes and hands out owned arrays; what the numbers may be is checked by
+//! their owners.
 
 use crate::{Error, Result};
 use safetensors::tensor::{Dtype, Metadata, SafeTensors, TensorInfo, TensorView};
@@ -52,7 +54,8 @@ impl FileKind {
         }
     }
 
-    /// Largest file that is read [bytes]: the most cells that a spec may ask for, and as much again for what comes with them.
+    /// Largest file that is read [bytes]: the most cells that a spec may ask for, and as much again for what
+    /// comes with them.
     pub fn most_bytes(self) -> u64 {
         match self {
             FileKind::Table => 4 << 30,
@@ -76,7 +79,8 @@ impl FileKind {
 /// Tells what a file holds by its header alone, without reading the arrays.
 ///
 /// # Errors
-/// [`Error::Io`] when the file cannot be read, [`Error::Format`] when it is nothing of plywave's or of another version.
+/// [`Error::Io`] when the file cannot be read, [`Error::Format`] when it is nothing of plywave's or of
+/// another version.
 pub fn file_kind(path: impl AsRef<Path>) -> Result<FileKind> {
     let path = path.as_ref();
     let name = path.display().to_string();

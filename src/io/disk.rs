@@ -1,4 +1,5 @@
-//! Reading and writing of whole files. Every reader has a limit of size and takes regular files only; every writer leaves a whole file or none.
+//! Reading and writing of whole files. Every reader has a limit of size and takes regular files only; every
+//! writer leaves a whole file or none.
 
 use super::utf8;
 use crate::math::hash::mix64;
@@ -33,7 +34,8 @@ fn kind_of(metadata: &Metadata) -> &'static str {
     if metadata.is_dir() { "a folder" } else { "a device, pipe or socket" }
 }
 
-/// Refuses what is no regular file. It is asked for before opening, which would wait for the other end of a pipe.
+/// Refuses what is no regular file. It is asked for before opening, which would wait for the other end of a
+/// pipe.
 fn regular(path: &Path, metadata: &Metadata) -> Result<()> {
     if metadata.is_file() {
         return Ok(());
@@ -41,10 +43,12 @@ fn regular(path: &Path, metadata: &Metadata) -> Result<()> {
     Err(format_error(path, format!("{}, not a regular file", kind_of(metadata)), "give a regular file"))
 }
 
-/// Opens a regular file of at most `most` bytes for reading. What it grows by meanwhile is cut off at one byte more.
+/// Opens a regular file of at most `most` bytes for reading. What it grows by meanwhile is cut off at one
+/// byte more.
 ///
 /// # Errors
-/// [`Error::Io`] when it cannot be opened, [`Error::Format`] for a folder, device, pipe or socket, and for a larger file.
+/// [`Error::Io`] when it cannot be opened, [`Error::Format`] for a folder, device, pipe or socket, and for a
+/// larger file.
 pub fn open_file(path: impl AsRef<Path>, most: u64) -> Result<Take<File>> {
     let path = path.as_ref();
     regular(path, &fs::metadata(path).map_err(io_error(path))?)?;
@@ -90,7 +94,8 @@ pub fn read_text(path: impl AsRef<Path>, most: u64) -> Result<String> {
 /// The file that an output path stands for: that at the end of its symbolic links. It need not exist.
 ///
 /// # Errors
-/// [`Error::Format`] for a folder, device, pipe or socket, a file that is write-protected, and a path without file name; [`Error::Io`].
+/// [`Error::Format`] for a folder, device, pipe or socket, a file that is write-protected, and a path without
+/// file name; [`Error::Io`].
 pub fn output_target(path: impl AsRef<Path>) -> Result<PathBuf> {
     let path = path.as_ref();
     let mut target = path.to_path_buf();
@@ -129,8 +134,9 @@ pub fn write_file(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
     write_file_with(path, |out| out.write_all(bytes))
 }
 
-/// Writes a file piece by piece: to a new file of random name in the same folder, which is flushed to the disk and renamed. `path` holds
-/// the old content or the new one, never a part. A symbolic link is kept and its target written; an existing file keeps its permissions.
+/// Writes a file piece by piece: to a new file of random name in the same folder, which is flushed to the
+/// disk and renamed. `path` holds the old content or the new one, never a part. A symbolic link is kept and
+/// its target written; an existing file keeps its permissions.
 ///
 /// # Errors
 /// As [`output_target`], and [`Error::Io`]. On an error the temporary file is removed.
@@ -163,8 +169,9 @@ pub fn write_file_with(
     Ok(())
 }
 
-/// Locks a file, made where there is none, for as long as the handle lives; `None` while another process has it. The system releases the lock of a process
-/// that ends, however it ends; who is done first takes the file away. On file systems without locks everyone gets it.
+/// Locks a file, made where there is none, for as long as the handle lives; `None` while another process has
+/// it. The system releases the lock of a process that ends, however it ends; who is done first takes the file
+/// away. On file systems without locks everyone gets it.
 ///
 /// # Errors
 /// [`Error::Io`] when it cannot be made.

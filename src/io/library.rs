@@ -12,8 +12,9 @@ const SHARED: &str = "../share/plywave/models";
 /// Ending of a model's file.
 const ENDING: &str = ".pwm";
 
-/// Where models are found by name. `NAME` stands for `NAME.pwm`, which is looked for beside the spec that names it, then in the library's
-/// folders in their order, then among the models that the host has compiled in.
+/// Where models are found by name. `NAME` stands for `NAME.pwm`, which is looked for beside the spec that
+/// names it, then in the library's folders in their order, then among the models that the host has compiled
+/// in.
 ///
 /// ```
 /// use plywave::io::ModelLibrary;
@@ -45,7 +46,8 @@ impl ModelLibrary {
         ModelLibrary::default()
     }
 
-    /// The folders of the variable `PLYWAVE_MODELS`, then `../share/plywave/models` seen from the folder of the program.
+    /// The folders of the variable `PLYWAVE_MODELS`, then `../share/plywave/models` seen from the folder of
+    /// the program.
     pub fn usual() -> ModelLibrary {
         let variable = std::env::var_os(MODELS_VARIABLE).unwrap_or_default();
         let named = std::env::split_paths(&variable).filter(|folder| !folder.as_os_str().is_empty());
@@ -124,10 +126,12 @@ impl ModelLibrary {
         }))
     }
 
-    /// The bytes of a model's file, or of a model by its name where there is no such file, and what messages call it.
+    /// The bytes of a model's file, or of a model by its name where there is no such file, and what messages
+    /// call it.
     ///
     /// # Errors
-    /// [`Error::Io`] and [`Error::Format`] of a file that cannot be read, [`Error::Io`] for a name that no model has.
+    /// [`Error::Io`] and [`Error::Format`] of a file that cannot be read, [`Error::Io`] for a name that no
+    /// model has.
     pub fn read(&self, path: impl AsRef<Path>) -> Result<(String, Vec<u8>)> {
         let path = path.as_ref();
         let here = super::Folder::new("").anywhere();
@@ -152,7 +156,8 @@ impl ModelLibrary {
         PlyModel::from_bytes(&bytes, &shown)
     }
 
-    /// The model that `key` of the spec `file` names: what messages call it, and its bytes. Errors of the name give file, key and name.
+    /// The model that `key` of the spec `file` names: what messages call it, and its bytes. Errors of the
+    /// name give file, key and name.
     pub(crate) fn named(&self, file: &str, key: &str, name: &str, own: &dyn AssetSource) -> Result<(String, Vec<u8>)> {
         let refused = |hint: String| Err(invalid(file, key, super::container::one_line(&name), &hint));
         let ships = self.stem(name);

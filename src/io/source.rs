@@ -6,7 +6,8 @@ use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
-/// Gives the bytes of files by the names that a spec has for them: a folder, a map in memory, an archive, a network.
+/// Gives the bytes of files by the names that a spec has for them: a folder, a map in memory, an archive, a
+/// network.
 pub trait AssetSource {
     /// The bytes of `name`, at most `most`.
     ///
@@ -25,8 +26,8 @@ pub trait AssetSource {
     }
 }
 
-/// Files of a folder on the disk. Names are paths relative to it and stay inside it: absolute ones, `..` and symbolic links that lead out are
-/// refused, unless [`Folder::anywhere`] allows them.
+/// Files of a folder on the disk. Names are paths relative to it and stay inside it: absolute ones, `..` and
+/// symbolic links that lead out are refused, unless [`Folder::anywhere`] allows them.
 #[derive(Clone, Debug)]
 pub struct Folder {
     root: PathBuf,
@@ -50,7 +51,8 @@ impl Folder {
         Folder { anywhere: true, ..self }
     }
 
-    /// Whether a name stays in the folder, links included, or need not. A file that is not there leads nowhere.
+    /// Whether a name stays in the folder, links included, or need not. A file that is not there leads
+    /// nowhere.
     fn allows(&self, name: &str) -> bool {
         let inside = Path::new(name).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
         let real = |path: &Path| path.canonicalize().ok();
@@ -164,7 +166,8 @@ mod tests {
         assert!(matches!(source.read("none", 9), Err(Error::Io { .. })));
     }
 
-    /// A link counts as the place that it leads to, whether it is the file or a folder on the way; the folder itself may be reached by one.
+    /// A link counts as the place that it leads to, whether it is the file or a folder on the way; the folder
+    /// itself may be reached by one.
     #[cfg(unix)]
     #[test]
     fn links_stay_inside_the_folder() {

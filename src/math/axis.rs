@@ -1,14 +1,15 @@
 //! Lookups on uniform axes: which cell holds a value, and how far into it.
 //!
-//! Every function takes a position in units of nodes or bins, or computes it from the nodes. Positions outside the axis count as its
-//! nearer end, NaN as the first node. The functions are inlined and branch-free; the f64 and f32 variants are the same code.
+//! Every function takes a position in units of nodes or bins, or computes it from the nodes. Positions
+//! outside the axis count as its nearer end, NaN as the first node. The functions are inlined and
+//! branch-free; the f64 and f32 variants are the same code.
 
 use super::simd;
 
 macro_rules! lookups {
     ($real:ty, $cell:ident, $cell_periodic:ident, $max:expr, $min:expr) => {
-        /// Cell and fraction in [0, 1] of position `t` on an axis of `nodes` nodes: the value there is `(1 - f) v[i] + f v[i + 1]`. The axis must
-        /// have at least 2 nodes.
+        /// Cell and fraction in [0, 1] of position `t` on an axis of `nodes` nodes: the value there is
+        /// `(1 - f) v[i] + f v[i + 1]`. The axis must have at least 2 nodes.
         #[inline(always)]
         pub fn $cell(t: $real, nodes: usize) -> (usize, $real) {
             let t = $min($max(t, 0.0), (nodes - 1) as $real);
@@ -16,7 +17,8 @@ macro_rules! lookups {
             (i, t - i as $real)
         }
 
-        /// Node, next node and fraction in [0, 1] of position `t` in [0, nodes] on a closed axis, whose last node is followed by the first.
+        /// Node, next node and fraction in [0, 1] of position `t` in [0, nodes] on a closed axis, whose last
+        /// node is followed by the first.
         #[inline(always)]
         pub fn $cell_periodic(t: $real, nodes: usize) -> (usize, usize, $real) {
             let t = $min($max(t, 0.0), nodes as $real);

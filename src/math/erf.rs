@@ -15,7 +15,8 @@ pub(crate) fn fast_erf<const FMA: bool>(x: f32) -> f32 {
     (1.0 - p * t * exp2_within::<FMA>(-min(z * z, 80.0) * LOG2_E)).copysign(x)
 }
 
-/// The error function of x >= 0 to 5e-7 of itself, which small x keep: a quotient of polynomials, as linear algebra libraries have it (Eigen, XLA); 1 beyond 4.
+/// The error function of x >= 0 to 5e-7 of itself, which small x keep: a quotient of polynomials, as linear
+/// algebra libraries have it (Eigen, XLA); 1 beyond 4.
 #[inline(always)]
 pub(crate) fn erf_from_0(x: f32) -> f32 {
     const OVER: [f32; 7] = [

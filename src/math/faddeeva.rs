@@ -1,14 +1,17 @@
-//! The Faddeeva function `w(z) = exp(-z^2) erfc(-i z)` in the upper half plane, and the diffraction factor of a Gaussian beam cut
-//! by two straight edges, which is made of it (Yu 2025, Eq. 12, separated).
+//! The Faddeeva function `w(z) = exp(-z^2) erfc(-i z)` in the upper half plane, and the diffraction factor of
+//! a Gaussian beam cut by two straight edges, which is made of it (Yu 2025, Eq. 12, separated).
 //!
-//! `w` is Weideman's rational series: with `Z = (L + i z)/(L - i z)`, `w = 2 p(Z)/(L - i z)^2 + 1/(sqrt(pi) (L - i z))`, p a polynomial
-//! whose coefficients are trapezoid sums, lowest power first (J. A. C. Weideman, "Computation of the complex error function", SIAM J. Numer. Anal. 31,
+//! `w` is Weideman's rational series: with `Z = (L + i z)/(L - i z)`,
+//! `w = 2 p(Z)/(L - i z)^2 + 1/(sqrt(pi) (L - i z))`, p a polynomial whose coefficients are trapezoid sums,
+//! lowest power first (J. A. C. Weideman, "Computation of the complex error function", SIAM J. Numer. Anal.
+//! 31,
 //! 1994). It has no branches, so that the f32 form becomes vector code.
 //!
-//! The factor is `k(a, b, f) = integral_a^b exp(-x^2/w0^2 - 2 pi i f x) dx`. With s = pi f w0 and D(t) = exp(-s^2) erf(t + i s),
-//! `k = sqrt(pi)/2 w0 (D(b/w0) - D(a/w0))`. erf overflows where exp(-s^2) underflows; their product does neither:
-//! `D(t) = exp(-s^2) - E(t)`, `E(t) = exp(-t^2 - 2 i s t) w(-s + i t)` for t >= 0, and D is odd up to conjugation,
-//! `D(-t) = -conj D(t)`. So w is needed in the upper half plane alone, where |w| <= 1.
+//! The factor is `k(a, b, f) = integral_a^b exp(-x^2/w0^2 - 2 pi i f x) dx`. With s = pi f w0 and D(t) =
+//! exp(-s^2) erf(t + i s), `k = sqrt(pi)/2 w0 (D(b/w0) - D(a/w0))`. erf overflows where exp(-s^2) underflows;
+//! their product does neither:
+//! `D(t) = exp(-s^2) - E(t)`, `E(t) = exp(-t^2 - 2 i s t) w(-s + i t)` for t >= 0, and D is odd up to
+//! conjugation, `D(-t) = -conj D(t)`. So w is needed in the upper half plane alone, where |w| <= 1.
 
 use super::erf::erf_from_0;
 use crate::math::simd::{exp2, fma, max, min, signed, sin_cos_half_turns};
@@ -81,8 +84,8 @@ const SERIES_F32: [f32; TERMS_F32] = [
     9.939323e-07,
 ];
 
-/// `w(z)` of `z = x + i y`, y >= 0, as its real and imaginary part, to 3e-14 of |w|. Below the real axis, where w grows
-/// without bound, the numbers are those of y = 0.
+/// `w(z)` of `z = x + i y`, y >= 0, as its real and imaginary part, to 3e-14 of |w|. Below the real axis,
+/// where w grows without bound, the numbers are those of y = 0.
 pub fn faddeeva(x: f64, y: f64) -> [f64; 2] {
     // Beyond 1e100 squares overflow; w is 0 there to all digits that count.
     let (x, y) = (x.clamp(-1e100, 1e100), y.clamp(0.0, 1e100));
@@ -99,8 +102,9 @@ pub fn faddeeva(x: f64, y: f64) -> [f64; 2] {
     [2.0 * series[0] + r[0] / PI.sqrt(), 2.0 * series[1] + r[1] / PI.sqrt()]
 }
 
-/// `k(a, b, f) = integral_a^b exp(-x^2/w0^2 - 2 pi i f x) dx` [um], real and imaginary part: one of the two factors of the
-/// diffraction integral K (Yu 2025, Eq. 12). Edges in um, `f_per_um` in 1/um; no finite argument overflows.
+/// `k(a, b, f) = integral_a^b exp(-x^2/w0^2 - 2 pi i f x) dx` [um], real and imaginary part: one of the two
+/// factors of the diffraction integral K (Yu 2025, Eq. 12). Edges in um, `f_per_um` in 1/um; no finite
+/// argument overflows.
 pub fn diffraction_factor(a_um: f64, b_um: f64, f_per_um: f64, w0_um: f64) -> [f64; 2] {
     let s = (PI * f_per_um * w0_um).clamp(-1e100, 1e100);
     // sign(t) (exp(-s^2) - E), without its first term, which the two edges share.
@@ -117,7 +121,8 @@ pub fn diffraction_factor(a_um: f64, b_um: f64, f_per_um: f64, w0_um: f64) -> [f
     [scale * ((eb[2] - ea[2]) * (-s * s).exp() + eb[0] - ea[0]), scale * (eb[1] - ea[1])]
 }
 
-/// `integral_a^b exp(-2 x^2/w0^2) dx` [um]: the beam's power between two edges, per unit of its power at the center.
+/// `integral_a^b exp(-2 x^2/w0^2) dx` [um]: the beam's power between two edges, per unit of its power at the
+/// center.
 pub fn power_between(a_um: f64, b_um: f64, w0_um: f64) -> f64 {
     diffraction_factor(a_um, b_um, 0.0, w0_um * std::f64::consts::FRAC_1_SQRT_2)[0].max(0.0)
 }
@@ -154,8 +159,9 @@ impl Factor {
         Factor { edges: [edge(a_um), edge(b_um)], w0_um: w0_um as f32, scale_um: scale as f32 }
     }
 
-    /// [`Factor::new`] in f32, for apertures that are asked for once: edges `before_um` below and `beyond_um` above the beam's center, 0 or more. The power is a sum of
-    /// two of one sign, good to single precision however narrow the aperture is.
+    /// [`Factor::new`] in f32, for apertures that are asked for once: edges `before_um` below and `beyond_um`
+    /// above the beam's center, 0 or more. The power is a sum of two of one sign, good to single precision
+    /// however narrow the aperture is.
     #[inline]
     pub(crate) fn about(before_um: f32, beyond_um: f32, w0_um: f32) -> Factor {
         let edge = |x_um: f32, sign: f32| {
@@ -180,7 +186,8 @@ impl Factor {
         self.w0_um
     }
 
-    /// t, sign and amplitude of the two edges, then w0 and the scale [um]: for hosts that evaluate the spectrum themselves.
+    /// t, sign and amplitude of the two edges, then w0 and the scale [um]: for hosts that evaluate the
+    /// spectrum themselves.
     pub(crate) fn numbers(&self) -> [f32; 8] {
         let [a, b] = &self.edges;
         [a.t, a.sign, a.amplitude, b.t, b.sign, b.amplitude, self.w0_um, self.scale_um]
@@ -191,7 +198,8 @@ impl Factor {
         self.scale_um > 0.0
     }
 
-    /// Mean of [`spectra`] over the interference of the two edges, for frequencies far above those of the beam:
+    /// Mean of [`spectra`] over the interference of the two edges, for frequencies far above those of the
+    /// beam:
     /// the sum of what each edge scatters.
     pub(crate) fn smooth_spectrum(&self, f_per_um: f32) -> f32 {
         let s = std::f32::consts::PI * f_per_um * self.w0_um;
@@ -203,8 +211,8 @@ impl Factor {
     }
 }
 
-/// `|k|^2` of two factors, N frequencies [1/um] each, scaled to an integral of 1 over f [um]. The four edges stand side by side in 4 N
-/// lanes: enough that the compiler makes the loop vector code.
+/// `|k|^2` of two factors, N frequencies [1/um] each, scaled to an integral of 1 over f [um]. The four edges
+/// stand side by side in 4 N lanes: enough that the compiler makes the loop vector code.
 #[inline(always)]
 pub(crate) fn spectra<const FMA: bool, const N: usize>(
     factors: [&Factor; 2],
@@ -271,7 +279,8 @@ fn faddeeva_f32<const FMA: bool>(x: f32, y: f32) -> [f32; 2] {
 mod tests {
     use super::*;
 
-    /// x, y, Re w, Im w from SciPy 1.16.3, `scipy.special.wofz(x + 1j*y)`; the same to the digits given from mpmath 1.3 with 40 digits.
+    /// x, y, Re w, Im w from SciPy 1.16.3, `scipy.special.wofz(x + 1j*y)`; the same to the digits given from
+    /// mpmath 1.3 with 40 digits.
     const SCIPY: [[f64; 4]; 12] = [
         [0.0, 0.0, 1.0, 0.0],
         [1.0, 0.0, 0.36787944117144233, 0.6071577058413937],

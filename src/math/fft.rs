@@ -1,6 +1,8 @@
-//! Fourier transforms of several sequences side by side, of lengths that are powers of two (Cooley and Tukey 1965, radix 2).
+//! Fourier transforms of several sequences side by side, of lengths that are powers of two (Cooley and Tukey
+//! 1965, radix 2).
 //!
-//! No operation is fused and no function of the system's library is called, so that all machines get the same bits.
+//! No operation is fused and no function of the system's library is called, so that all machines get the same
+//! bits.
 
 use super::simd::{signed, sin_cos_half_turns};
 use multiversion::multiversion;
@@ -26,7 +28,8 @@ impl Fft {
         Fft { turns: (0..n / 2).map(turn).collect() }
     }
 
-    /// `z[j] = sum over k of z[k] exp(2 pi i j k / n)`, in place and not normalized; `re` and `im` have n elements.
+    /// `z[j] = sum over k of z[k] exp(2 pi i j k / n)`, in place and not normalized; `re` and `im` have n
+    /// elements.
     pub(crate) fn inverse(&self, re: &mut [Lanes], im: &mut [Lanes]) {
         let n = 2 * self.turns.len();
         debug_assert!(n.is_power_of_two() && re.len() == n && im.len() == n);

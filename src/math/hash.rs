@@ -1,9 +1,12 @@
-//! Hashes and the random stream made of them. None is cryptographic; all give the same numbers on every machine.
+//! Hashes and the random stream made of them. None is cryptographic; all give the same numbers on every
+//! machine.
 
-/// Odd number nearest to 2^64 over the golden ratio: increment of SplitMix64, and a factor that spreads small integers over 64 bits.
+/// Odd number nearest to 2^64 over the golden ratio: increment of SplitMix64, and a factor that spreads small
+/// integers over 64 bits.
 pub const GAMMA: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// The finalizer of SplitMix64 (Steele, Lea and Flood 2014): every bit of the result depends on every bit of `x`.
+/// The finalizer of SplitMix64 (Steele, Lea and Flood 2014): every bit of the result depends on every bit of
+/// `x`.
 #[inline(always)]
 pub fn mix64(x: u64) -> u64 {
     let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

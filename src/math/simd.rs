@@ -1,7 +1,8 @@
 //! Branch-free scalar functions that a loop over an array of lanes turns into vector code.
 //!
-//! Each takes the type parameter `FMA`: fused multiply-add where the target has it, a product and a sum elsewhere (there the
-//! fused form would be a call). Nothing here is exact to the last bit; the accuracies below are tested.
+//! Each takes the type parameter `FMA`: fused multiply-add where the target has it, a product and a sum
+//! elsewhere (there the fused form would be a call). Nothing here is exact to the last bit; the accuracies
+//! below are tested.
 
 use std::f32::consts::{FRAC_PI_2, PI};
 
@@ -69,7 +70,8 @@ pub(crate) fn ln<const FMA: bool>(x: f32) -> f32 {
     fma::<FMA>(e, 0.693_359_4, r + p)
 }
 
-/// Sine and cosine of x half turns, both times the same sign, which is in the top bit of the third number. To 2e-7 for
+/// Sine and cosine of x half turns, both times the same sign, which is in the top bit of the third number. To
+/// 2e-7 for
 /// |x| <= 1000: taking whole half turns off is exact.
 #[inline(always)]
 pub(crate) fn sin_cos_half_turns<const FMA: bool>(x: f32) -> (f32, f32, u32) {
@@ -123,7 +125,8 @@ pub(crate) fn signed(x: f32, sign: u32) -> f32 {
     f32::from_bits(x.to_bits() ^ sign)
 }
 
-/// Asks for the cache line of an element that is read soon; does nothing where it does not exist, or where the processor cannot be asked.
+/// Asks for the cache line of an element that is read soon; does nothing where it does not exist, or where
+/// the processor cannot be asked.
 #[inline(always)]
 pub(crate) fn prefetch(of: &[u8], at: usize) {
     #[cfg(target_arch = "x86_64")]

@@ -1,10 +1,11 @@
 //! The anisotropic spherical Gaussian lobe (Yu 2025, Eq. 4), its exact energy, its exact sampling.
 //!
-//! With u = v.x and w = v.y the factor v.z cancels the Jacobian of the projection onto the lobe's disc, so that
-//! `integral G d omega = c * integral over u^2 + w^2 <= 1 of exp(-mu1 u^2 - mu2 w^2) du dw`. The energy integral in the angle t
-//! about the axis, `c * integral of (1 - e^-a(t)) / (2 a(t)) dt` with a(t) = mu1 cos^2 t + mu2 sin^2 t, turns by
-//! `tan t = sqrt(mu1/mu2) tan s` into `c pi / sqrt(mu1 mu2) * mean over s of (1 - exp(-1/b(s)))`,
-//! b(s) = cos^2 s / mu1 + sin^2 s / mu2, whose integrand is smooth and periodic: a few midpoint nodes give full accuracy.
+//! With u = v.x and w = v.y the factor v.z cancels the Jacobian of the projection onto the lobe's disc, so
+//! that `integral G d omega = c * integral over u^2 + w^2 <= 1 of exp(-mu1 u^2 - mu2 w^2) du dw`. The energy
+//! integral in the angle t about the axis, `c * integral of (1 - e^-a(t)) / (2 a(t)) dt` with a(t) = mu1
+//! cos^2 t + mu2 sin^2 t, turns by `tan t = sqrt(mu1/mu2) tan s` into
+//! `c pi / sqrt(mu1 mu2) * mean over s of (1 - exp(-1/b(s)))`, b(s) = cos^2 s / mu1 + sin^2 s / mu2, whose
+//! integrand is smooth and periodic: a few midpoint nodes give full accuracy.
 //!
 //! A lobe here carries its *energy*, not its amplitude c: energies interpolate and add up, amplitudes do not.
 
@@ -64,14 +65,14 @@ impl Lobe {
     }
 }
 
-/// Least bandwidth of a lobe. At 0.2 the Gaussian factor is 0.82 or more everywhere: a flatter lobe is the same lobe, and the
-/// energy quadrature below keeps its accuracy.
+/// Least bandwidth of a lobe. At 0.2 the Gaussian factor is 0.82 or more everywhere: a flatter lobe is the
+/// same lobe, and the energy quadrature below keeps its accuracy.
 pub const MU_MIN: f64 = 0.2;
 /// Largest bandwidth of a lobe: a standard deviation of 0.005 rad, below the beam's own divergence.
 pub const MU_MAX: f64 = 20_000.0;
 
-/// Midpoint nodes in s over a quarter turn. The integrand 1 - exp(-1/b) is smooth in b; 12 nodes leave at most 1e-4 of the
-/// integral for any bandwidths >= MU_MIN (tested against the integral over t).
+/// Midpoint nodes in s over a quarter turn. The integrand 1 - exp(-1/b) is smooth in b; 12 nodes leave at
+/// most 1e-4 of the integral for any bandwidths >= MU_MIN (tested against the integral over t).
 const NODES: usize = 12;
 
 /// Energy of a lobe of amplitude c = 1: `integral over the unit disc of exp(-mu1 u^2 - mu2 w^2) du dw`.

@@ -1,6 +1,8 @@
-//! The ply model at a query (Yu 2025, 7.1): f_refl + f_high + f_edge, with speckle, light of slits and a second layer as the query asks.
+//! The ply model at a query (Yu 2025, 7.1): f_refl + f_high + f_edge, with speckle, light of slits and a
+//! second layer as the query asks.
 //!
-//! It keeps all light: at sigma = 0 its energy is 1 at every incidence, |h| up to R + d_cut and beyond, where the beam goes on with its own divergence.
+//! It keeps all light: at sigma = 0 its energy is 1 at every incidence, |h| up to R + d_cut and beyond, where
+//! the beam goes on with its own divergence.
 
 use super::kernel::lobes::{Cached, Lobes};
 use super::model::PlyModel;
@@ -36,7 +38,8 @@ impl PlyModel {
         bsdf
     }
 
-    /// What [`PlyBsdf::prepare`] makes [`PlyModel::at`] of, in place: its lobes are too large to be moved about.
+    /// What [`PlyBsdf::prepare`] makes [`PlyModel::at`] of, in place: its lobes are too large to be moved
+    /// about.
     #[inline(always)]
     pub(crate) fn unprepared<'a, const N: usize>(&'a self, query: &PlyQuery<'a, N>) -> PlyBsdf<'a, N> {
         let lobes = self.cached(query.theta_i, query.h_um, query.sigma_per_um);

@@ -1,7 +1,8 @@
 //! The cone lobe: light of smooth, nearly parallel fibers.
 //!
-//! A smooth cylinder sends light of latitude theta_i onto the cone theta_o = -theta_i about its axis and nowhere else, whatever happens inside it, and so do
-//! many parallel ones. No sum of round lobes follows a ring of no width. In s = sin theta_o, where `d omega = d s d phi`, a lobe here is
+//! A smooth cylinder sends light of latitude theta_i onto the cone theta_o = -theta_i about its axis and
+//! nowhere else, whatever happens inside it, and so do many parallel ones. No sum of round lobes follows a
+//! ring of no width. In s = sin theta_o, where `d omega = d s d phi`, a lobe here is
 //!
 //! ```text
 //! f = energy N(x) M(s; s0(x)),    x = phi_o - phi_z wrapped into [-pi, pi]
@@ -10,14 +11,19 @@
 //! s0(x)     = -sin theta_i + g (offset + slope sin x), kept within [-1, 1],    g = max(cos theta_i, 0.05)
 //! ```
 //!
-//! N integrates to 1 over a turn of x and M to 1 over s in [-1, 1] at every x, so the integral over the sphere is the energy, exactly. Both are truncated
-//! normal distributions: a sample is x and then s by the inverse of erf, its density is f / energy, again exactly. The mean of f over a bin of s is a
-//! difference of erf, so that a lobe far narrower than a bin can be fitted to binned light. (The function of d'Eon 2011 has no such integral.)
+//! N integrates to 1 over a turn of x and M to 1 over s in [-1, 1] at every x, so the integral over the
+//! sphere is the energy, exactly. Both are truncated normal distributions: a sample is x and then s by the
+//! inverse of erf, its density is f / energy, again exactly. The mean of f over a bin of s is a difference of
+//! erf, so that a lobe far narrower than a bin can be fitted to binned light. (The function of d'Eon 2011 has
+//! no such integral.)
 //!
-//! `offset` and `1 / sqrt(mu2)` are angles: `d s = cos theta d theta` near the cone. A fiber that leans by tau towards the azimuth phi_t has the cone
-//! `sin theta_o = -sin theta_i - tan tau (cos theta_o cos(phi_o - phi_t) + cos theta_i cos(phi_i - phi_t))`: the ring of a twisted ply shifts and leans with the
-//! azimuth, which `offset` and `slope` follow, and the mixture of all tilts widens it. Everything is relative to the cone of the incidence, so that lobes
-//! interpolated between nodes stay on it; for the same reason theta_i beyond the last node moves the cone on while the lobe's parameters stay.
+//! `offset` and `1 / sqrt(mu2)` are angles: `d s = cos theta d theta` near the cone. A fiber that leans by
+//! tau towards the azimuth phi_t has the cone
+//! `sin theta_o = -sin theta_i - tan tau (cos theta_o cos(phi_o - phi_t) + cos theta_i cos(phi_i - phi_t))`:
+//! the ring of a twisted ply shifts and leans with the azimuth, which `offset` and `slope` follow, and the
+//! mixture of all tilts widens it. Everything is relative to the cone of the incidence, so that lobes
+//! interpolated between nodes stay on it; for the same reason theta_i beyond the last node moves the cone on
+//! while the lobe's parameters stay.
 
 use super::asg::{MU_MAX, MU_MIN};
 use crate::math::erf::erf;
@@ -55,7 +61,8 @@ impl LobeKind {
 pub const CONE_MU_MIN: f64 = 1e-3;
 /// Largest mu1, as that of round lobes: a standard deviation of 0.005 rad in azimuth.
 pub const CONE_MU1_MAX: f64 = 20_000.0;
-/// Largest mu2: a standard deviation of 0.001 rad from the cone, a fifth of the radius of the sun and a 35th of a bin of a standard table.
+/// Largest mu2: a standard deviation of 0.001 rad from the cone, a fifth of the radius of the sun and a 35th
+/// of a bin of a standard table.
 pub const CONE_MU2_MAX: f64 = 500_000.0;
 /// Least g, where cos theta_i vanishes.
 pub const GRAZING: f64 = 0.05;

@@ -18,21 +18,24 @@ pub(crate) const MAX_LOBES: usize = 16;
 /// Most path lengths of a spectrum.
 pub(crate) const MAX_PATHS: usize = 16;
 
-/// Weight of a lobe whose energy or spectrum has vanished: keeps the sum of the lobes above 0, so that the mixture can always be
-/// scaled to the simulated energy.
+/// Weight of a lobe whose energy or spectrum has vanished: keeps the sum of the lobes above 0, so that the
+/// mixture can always be scaled to the simulated energy.
 pub(crate) const MIN_ENERGY: f64 = 1e-12;
 /// The same for a lobe's transmittance.
 pub(crate) const MIN_TRANSMITTANCE: f64 = 1e-20;
 
 /// The tensors of a ply model file, as the fitter makes them. All arrays are flat, last index fastest.
-/// Lobe parameters are in the order of [`crate::ply::asg::Lobe`]: theta_z, phi_z, phi_xy [rad], ln mu1, ln mu2, energy;
+/// Lobe parameters are in the order of [`crate::ply::asg::Lobe`]: theta_z, phi_z, phi_xy [rad], ln mu1, ln
+/// mu2, energy;
 /// those of cones in the order of [`crate::ply::cone::ConeLobe`].
 ///
-/// A model at (theta_i >= 0, h): `f_refl` has its lobe parameters by bicubic (Catmull-Rom) interpolation over the nodes,
-/// lobe energies clamped at 0 and scaled so that they add up to the energy of f_refl in `energies`. `f_high` has its lobe parameters by
-/// bilinear interpolation over the four corners of the block that holds (theta_i, h); block (m, n) spans the nodes
-/// 2m..2m+2 and 2n..2n+2. Lobe l's energy is multiplied by `w_l(sigma) = sum_j high_path[l][j] exp(-sigma path_um[j])`
-/// (spectrum interpolated as the lobe is), and the sum scaled to the energy of f_high in `energies`. Incidences outside the nodes are clamped to them; theta_i < 0 is mirrored.
+/// A model at (theta_i >= 0, h): `f_refl` has its lobe parameters by bicubic (Catmull-Rom) interpolation over
+/// the nodes, lobe energies clamped at 0 and scaled so that they add up to the energy of f_refl in
+/// `energies`. `f_high` has its lobe parameters by bilinear interpolation over the four corners of the block
+/// that holds (theta_i, h); block (m, n) spans the nodes 2m..2m+2 and 2n..2n+2. Lobe l's energy is multiplied
+/// by `w_l(sigma) = sum_j high_path[l][j] exp(-sigma path_um[j])` (spectrum interpolated as the lobe is), and
+/// the sum scaled to the energy of f_high in `energies`. Incidences outside the nodes are clamped to them;
+/// theta_i < 0 is mirrored.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlyData {
     /// Text of the yarn spec, as given.
@@ -71,7 +74,8 @@ pub struct PlyData {
     pub error_high: Vec<f64>,
     /// What layers of this ply's yarns send back and let through; absent from models of one ply alone.
     pub layers: Option<LayerFactors>,
-    /// Where light leaves the ply; absent from models of tables without exits, whose light leaves anywhere across the ply.
+    /// Where light leaves the ply; absent from models of tables without exits, whose light leaves anywhere
+    /// across the ply.
     pub exits: Option<ExitOffsets>,
     /// Edge diffraction (Yu 2025, 6.1); absent in models without it, whose missed light goes on.
     pub edge: Option<EdgeLobes>,

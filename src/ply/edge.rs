@@ -1,4 +1,5 @@
-//! Edge lobes at run time: bandwidths interpolated for N wavelengths side by side, the lobe's value, density and sampling.
+//! Edge lobes at run time: bandwidths interpolated for N wavelengths side by side, the lobe's value, density
+//! and sampling.
 
 use super::kernel::compiled::{compiled, same, same_ref};
 use super::kernel::lobe::{amplitudes, disc_point, disc_share, norm, root_width, shape, sin_cos};
@@ -42,7 +43,8 @@ impl Axis {
         Axis { first: nodes[0] as f32, per: (last as f64 / (nodes[last] - nodes[0])) as f32, last: last as f32 }
     }
 
-    /// The cell of [`Axis::place`] by truncation: `floor` is a call in code for processors that need not have SSE 4.
+    /// The cell of [`Axis::place`] by truncation: `floor` is a call in code for processors that need not have
+    /// SSE 4.
     #[inline(always)]
     fn cell(&self, x: f32) -> usize {
         max(min((x - self.first) * self.per, self.last - 1.0), 0.0) as i32 as usize
@@ -83,14 +85,16 @@ impl EdgeTables {
         EdgeTables { radius_um: d.radius_um as f32, lambda, inside, cells, least, narrow, bounds }
     }
 
-    /// Whether no edge light goes in directions with this component across the ply: most are told so without the trigonometry.
+    /// Whether no edge light goes in directions with this component across the ply: most are told so without
+    /// the trigonometry.
     #[inline]
     pub(super) fn dark(&self, h_um: f32, across: f32) -> bool {
         let e = self.inside.cell(self.radius_um - h_um.abs());
         self.least.get(e).is_none_or(|least| least[0] * across * across > DARK)
     }
 
-    /// The place of an incidence. An angle that is not a number counts as pi/2, an offset that is none as the edge's first node.
+    /// The place of an incidence. An angle that is not a number counts as pi/2, an offset that is none as the
+    /// edge's first node.
     #[inline(always)]
     fn at<const FMA: bool>(&self, theta_i: f32, h_um: f32) -> Edge<'_> {
         let theta = max(min(theta_i, FRAC_PI_2), -FRAC_PI_2);
@@ -153,8 +157,8 @@ impl Edge<'_> {
         (s1, s2)
     }
 
-    /// Values [1/sr] in direction `wo`, and the mean over the wavelengths of the densities with which [`Edge::sample`] gives it; that is
-    /// left at 0 without `PDF`.
+    /// Values [1/sr] in direction `wo`, and the mean over the wavelengths of the densities with which
+    /// [`Edge::sample`] gives it; that is left at 0 without `PDF`.
     #[inline(always)]
     fn eval<const FMA: bool, const PDF: bool, const N: usize>(
         &self,
@@ -168,7 +172,8 @@ impl Edge<'_> {
         }
     }
 
-    /// [`Edge::eval`]; where all lobes are `CLOSE` to their axis value and density are the same and need no normalization.
+    /// [`Edge::eval`]; where all lobes are `CLOSE` to their axis value and density are the same and need no
+    /// normalization.
     #[inline(always)]
     fn values<const FMA: bool, const PDF: bool, const CLOSE: bool, const N: usize>(
         &self,

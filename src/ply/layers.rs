@@ -1,15 +1,18 @@
-//! Two layers of yarn (Yu 2025, 5.4): how much light a layer sends back and lets through, and what two of them do together.
+//! Two layers of yarn (Yu 2025, 5.4): how much light a layer sends back and lets through, and what two of
+//! them do together.
 //!
-//! A layer seen from above at latitude theta_i sends back the fraction `r` of the light that meets its fibers and lets `t` through, averaged over the
-//! offsets h, which is what light spread evenly over the layer meets. Light that comes diffuse from the other layer meets `r*` and `t*`. Between
-//! the layers light goes to and fro; the sums of the series are
+//! A layer seen from above at latitude theta_i sends back the fraction `r` of the light that meets its fibers
+//! and lets `t` through, averaged over the offsets h, which is what light spread evenly over the layer meets.
+//! Light that comes diffuse from the other layer meets `r*` and `t*`. Between the layers light goes to and
+//! fro; the sums of the series are
 //!
 //! ```text
 //! T = t_1 t*_2 / (1 - r*_1 r*_2)
 //! R = r_1 + t_1 r*_2 t*_1 / (1 - r*_1 r*_2)
 //! ```
 //!
-//! Without absorption r + t = 1 in every layer, and then `T + R = r_1 + t_1 ((1 - r*_2) + r*_2 (1 - r*_1)) / (1 - r*_1 r*_2) = 1`.
+//! Without absorption r + t = 1 in every layer, and then
+//! `T + R = r_1 + t_1 ((1 - r*_2) + r*_2 (1 - r*_1)) / (1 - r*_1 r*_2) = 1`.
 
 use super::asg::PARAMS;
 use super::data::layer_factors::half_nodes;
@@ -33,8 +36,8 @@ pub(crate) struct LayerTables {
     size: usize,
     /// `[rows][columns][size]`.
     forward: Vec<f32>,
-    /// `[rows - 1][columns - 1]`: of the four corners of a cell, the sums of its block's lobes at sigma = 0, their energies f_high, and the shares of the beam
-    /// that meet fibers.
+    /// `[rows - 1][columns - 1]`: of the four corners of a cell, the sums of its block's lobes at sigma = 0,
+    /// their energies f_high, and the shares of the beam that meet fibers.
     lobes: Vec<[[f32; 4]; 3]>,
     /// `[rows][2][size]`: r and t at the latitudes.
     first: Vec<f32>,
@@ -67,7 +70,8 @@ impl LayerTables {
             first.extend((0..=j).map(|p| forward(p) as f32));
         }
         let energy_high = |row: usize, column: usize| at(row, column).high.iter().sum::<f64>();
-        // Lobes' spectra add up to 1, so at sigma = 0 the sum of a block's lobes is bilinear over its corners, four half cells apart.
+        // Lobes' spectra add up to 1, so at sigma = 0 the sum of a block's lobes is bilinear over its
+        // corners, four half cells apart.
         let corner = d.lobes_high * PARAMS;
         let sum = |lobes: &[f64]| lobes.iter().skip(PARAMS - 1).step_by(PARAMS).sum::<f64>() as f32;
         let corner_sums: Vec<f32> = d.high.chunks_exact(corner).map(sum).collect();
@@ -191,7 +195,8 @@ impl LayerTables {
         .conserved()
     }
 
-    /// r (0) or t (1), at the fraction `s` from row `m` to the next. (Closures need not be inlined into code for other instruction sets.)
+    /// r (0) or t (1), at the fraction `s` from row `m` to the next. (Closures need not be inlined into code
+    /// for other instruction sets.)
     #[inline(always)]
     fn first<const FMA: bool, const N: usize>(&self, m: usize, s: f32, half: usize, t: &Transmittances<N>) -> [f32; N] {
         let (a, b) = (self.spectrum(&self.first, m * 2 + half), self.spectrum(&self.first, m * 2 + 2 + half));
@@ -217,7 +222,8 @@ impl LayerTables {
         let weights = [(1.0 - s) * (1.0 - x), (1.0 - s) * x, s * (1.0 - x), s * x];
         let spectra = [low, low + 1, high, high + 1].map(|i| self.spectrum(&self.forward, i));
         let Some([sums, energies, met]) = self.lobes.get(m * (self.columns - 1) + n) else { return [0.0; N] };
-        // Lobes are linear between the corners and scaled to the energy after that, so a corner of strong lobes counts for more than its share.
+        // Lobes are linear between the corners and scaled to the energy after that, so a corner of strong
+        // lobes counts for more than its share.
         let (mut sum, mut energy, mut linear) = (0.0, 0.0, 0.0);
         for c in 0..4 {
             sum = fma::<FMA>(weights[c], sums[c], sum);
@@ -248,7 +254,8 @@ impl LayerTables {
 const MIN: f32 = 1e-12;
 
 compiled!(
-    /// [`PlyModel::layer`], and the energy of [`PlyModel::forward_energy`] as tabulated, where the share `r_d` of the beam misses.
+    /// [`PlyModel::layer`], and the energy of [`PlyModel::forward_energy`] as tabulated, where the share
+    /// `r_d` of the beam misses.
     layer_and_forward = any_layer_and_forward(
         tables: &LayerTables, theta_i: f32, h_um: f32, r_d: f32, sigma: &[f32; N] as same_ref
     ) -> (Layer<N>, [f32; N])
@@ -297,8 +304,8 @@ pub struct Layer<const N: usize> {
 }
 
 impl<const N: usize> Layer<N> {
-    /// Of fractions at 0 or more, and each pair scaled to no more than 1: simulated energies have noise, and a layer sends on no more than it gets. Not a
-    /// number counts as 0.
+    /// Of fractions at 0 or more, and each pair scaled to no more than 1: simulated energies have noise, and
+    /// a layer sends on no more than it gets. Not a number counts as 0.
     pub(super) fn conserved(mut self) -> Self {
         for k in 0..N {
             for (r, t) in [

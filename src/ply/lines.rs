@@ -1,9 +1,12 @@
 //! A ply in single lines instead of a beam.
 //!
-//! A model's `1 - r_d(h)` is the chance m(x) that a line at lateral position x meets a fiber, blurred by the beam: `1 - r_d = m * g`, g normal of standard deviation
-//! s = w0 / 2. A host that follows lines through several plies must not multiply such means: where two plies overlap in projection, less than s deep, no
-//! line passes both, but the product of the two blurred r_d is up to a quarter at the rim. m is found from them by Richardson and Lucy's iteration (Richardson 1972, "Bayesian-based
-//! iterative method of image restoration"; Lucy 1974), which keeps m at 0 or more and here at 1 or less, and the integral over h to 0.2 %.
+//! A model's `1 - r_d(h)` is the chance m(x) that a line at lateral position x meets a fiber, blurred by the
+//! beam: `1 - r_d = m * g`, g normal of standard deviation s = w0 / 2. A host that follows lines through
+//! several plies must not multiply such means: where two plies overlap in projection, less than s deep, no
+//! line passes both, but the product of the two blurred r_d is up to a quarter at the rim. m is found from
+//! them by Richardson and Lucy's iteration (Richardson 1972, "Bayesian-based iterative method of image
+//! restoration"; Lucy 1974), which keeps m at 0 or more and here at 1 or less, and the integral over h to 0.2
+//! %.
 
 use super::data::energies::{PlyEnergies, spline_coefficients};
 use crate::math::simd::{max, min};
@@ -15,7 +18,8 @@ const STEPS: f64 = 4.0;
 const ITERATIONS: usize = 60;
 
 impl PlyEnergies {
-    /// With r_d of lines in place of that of a beam of standard deviation `sd_um` [um]; on a grid of h of a quarter of it, or finer. What meets fibers is shared as before.
+    /// With r_d of lines in place of that of a beam of standard deviation `sd_um` [um]; on a grid of h of a
+    /// quarter of it, or finer. What meets fibers is shared as before.
     pub(super) fn of_lines(&self, sd_um: f64) -> PlyEnergies {
         let last = self.miss_h_um[self.miss_h_um.len() - 1];
         // Nodes stay nodes: a whole number of steps between two.
@@ -58,10 +62,12 @@ pub(crate) const PASSED_COLUMNS: usize = 65;
 /// Places at which a stretch between two offsets is looked at.
 const LOOKS: usize = 4;
 
-/// Means of r_d of lines over stretches of offsets: what passes a ply of light that lies evenly over a stretch.
+/// Means of r_d of lines over stretches of offsets: what passes a ply of light that lies evenly over a
+/// stretch.
 #[derive(Clone, Debug)]
 pub(crate) struct PassedLines {
-    /// `[PASSED_ROWS][PASSED_COLUMNS]`: r_d summed from the first offset on, over the last one [1]; latitudes from 0 to a right angle.
+    /// `[PASSED_ROWS][PASSED_COLUMNS]`: r_d summed from the first offset on, over the last one [1]; latitudes
+    /// from 0 to a right angle.
     sums: Vec<f32>,
     last_h_um: f32,
 }
@@ -126,7 +132,8 @@ impl PassedLines {
 mod tests {
     use super::*;
 
-    /// Means over stretches against sums of r_d, on both sides and beyond the ply; a ply turned about y has them mirrored.
+    /// Means over stretches against sums of r_d, on both sides and beyond the ply; a ply turned about y has
+    /// them mirrored.
     #[test]
     fn means_over_stretches_are_those_of_r_d() {
         let lines = blurred().of_lines(SD);
@@ -144,7 +151,8 @@ mod tests {
 
     const SD: f64 = 5.0;
 
-    /// A ply of radius 45 that meets every line within 42 and none beyond 48, and its mean over a beam. The rim leans outwards with theta_i.
+    /// A ply of radius 45 that meets every line within 42 and none beyond 48, and its mean over a beam. The
+    /// rim leans outwards with theta_i.
     fn met(theta_i: f64, x: f64) -> f64 {
         ((48.0 + 4.0 * theta_i - x.abs()) / 6.0).clamp(0.0, 1.0)
     }
@@ -196,7 +204,8 @@ mod tests {
         }
     }
 
-    /// Two plies side by side whose projections overlap by 8 um let no line through; nor do two that touch, but for lines through both rims.
+    /// Two plies side by side whose projections overlap by 8 um let no line through; nor do two that touch,
+    /// but for lines through both rims.
     #[test]
     fn plies_that_overlap_let_no_line_through() {
         let through = |e: &PlyEnergies, apart: f64| -> f64 {

@@ -28,11 +28,14 @@ use std::sync::OnceLock;
 /// # }
 /// ```
 ///
-/// All angles in radians, lengths in um, densities in 1/sr; every f is an energy density: BSDF times |cos theta_o|. Directions are
-/// unit vectors in the ply frame and are not normalised. No call allocates, fails or panics, but for the first that asks for speckle ([`PlyModel::noise`]), which allocates. Where |h| is beyond the nodes, or
-/// theta_i or h is not a number, the beam misses: f = 0 and r_d = 1. |theta_i| beyond the nodes counts as the last node.
-/// Absorption is clamped to [0, 1e6]; not a number counts as 0. A `wo` that is not finite, or far from unit, gives 0. Interpolated ln mu is kept
-/// within [`crate::ply::asg::MU_MIN`] and [`crate::ply::asg::MU_MAX`], lobe energies at 0 or more.
+/// All angles in radians, lengths in um, densities in 1/sr; every f is an energy density: BSDF times |cos
+/// theta_o|. Directions are unit vectors in the ply frame and are not normalised. No call allocates, fails or
+/// panics, but for the first that asks for speckle ([`PlyModel::noise`]), which allocates. Where |h| is
+/// beyond the nodes, or theta_i or h is not a number, the beam misses: f = 0 and r_d = 1. |theta_i| beyond
+/// the nodes counts as the last node.
+/// Absorption is clamped to [0, 1e6]; not a number counts as 0. A `wo` that is not finite, or far from unit,
+/// gives 0. Interpolated ln mu is kept within [`crate::ply::asg::MU_MIN`] and [`crate::ply::asg::MU_MAX`],
+/// lobe energies at 0 or more.
 #[derive(Clone, Debug)]
 pub struct PlyModel {
     data: PlyData,
@@ -94,8 +97,9 @@ impl PlyModel {
         }
     }
 
-    /// The same ply in single lines instead of a beam: r_d becomes the chance that a line misses all fibers, and the energies follow. For hosts that follow a line through
-    /// more than one ply, and for [`crate::FabricQuery::models`]: a fabric takes its own plies so.
+    /// The same ply in single lines instead of a beam: r_d becomes the chance that a line misses all fibers,
+    /// and the energies follow. For hosts that follow a line through more than one ply, and for
+    /// [`crate::FabricQuery::models`]: a fabric takes its own plies so.
     ///
     /// # Errors
     /// Those of the spec in the model, which tells the beam.
@@ -140,7 +144,8 @@ impl PlyModel {
         &self.reference_values
     }
 
-    /// Greatest difference of eval from the stored values, relative to the greatest of them. 0 when none are stored.
+    /// Greatest difference of eval from the stored values, relative to the greatest of them. 0 when none are
+    /// stored.
     pub fn reference_error(&self) -> f32 {
         let (mut error, mut peak) = (0.0f32, 0.0f32);
         for g in &self.reference_values {
@@ -158,13 +163,14 @@ impl PlyModel {
         self.edge.is_some()
     }
 
-    /// f_refl + f_high [1/sr] (Yu 2025, Eq. 8) at each of many queries; 0 where an array of `queries` is shorter than `f`.
+    /// f_refl + f_high [1/sr] (Yu 2025, Eq. 8) at each of many queries; 0 where an array of `queries` is
+    /// shorter than `f`.
     pub fn eval_batch<const N: usize>(&self, queries: &Queries<'_, N>, f: &mut [[f32; N]]) {
         dispatch::run_batch(&self.layout, *queries, f);
     }
 
-    /// The model's noise tiles, if it has noise. The first call makes them of their spectrum, in a tenth of a second or less, and allocates; the first query with an instance
-    /// does the same.
+    /// The model's noise tiles, if it has noise. The first call makes them of their spectrum, in a tenth of a
+    /// second or less, and allocates; the first query with an instance does the same.
     #[inline]
     pub fn noise(&self) -> Option<&NoiseTiles> {
         match self.data.noise.as_ref()? {

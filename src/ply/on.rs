@@ -95,7 +95,8 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
         Some((w, self.light(w, hit, |_| core)))
     }
 
-    /// What `of` the lobes gives, with the patterns. The tiles are looked up before the lobes are summed: their memory comes meanwhile.
+    /// What `of` the lobes gives, with the patterns. The tiles are looked up before the lobes are summed:
+    /// their memory comes meanwhile.
     #[inline]
     fn light(&self, w: [f32; 3], hit: f32, of: impl FnOnce(&L) -> Core<N>) -> LobeLight<N> {
         let lookup = self.speckle.as_ref().map(|speckle| speckle.look(w));
@@ -111,7 +112,8 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
         LobeLight { refl, high, pdf: if hit > 0.0 { pdf / hit } else { 0.0 } }
     }
 
-    /// [`PlyOn::eval_pdf_lobes`] with a slit: what it takes of f_high comes back as its light, which has no patterns. The lobes are interpolated at every call.
+    /// [`PlyOn::eval_pdf_lobes`] with a slit: what it takes of f_high comes back as its light, which has no
+    /// patterns. The lobes are interpolated at every call.
     #[inline(never)]
     fn slit_light(&self, slit: &Slit, hit: f32, w: [f32; 3]) -> LobeLight<N> {
         let (core, diffracted, pdf) = self.all().slit_lobes(slit, w);
@@ -123,7 +125,8 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
         light
     }
 
-    /// Light diffracted at the ply's edge, of a beam of which all passes, and the density of drawing it; `None` for a ply without.
+    /// Light diffracted at the ply's edge, of a beam of which all passes, and the density of drawing it;
+    /// `None` for a ply without.
     pub(crate) fn edge_eval_pdf(&self, w: [f32; 3]) -> Option<([f32; N], f32)> {
         let q = &self.query;
         Some(super::edge::eval_pdf(self.model.edge.as_ref()?, q.theta_i, q.h_um, &q.lambda_um, w))
@@ -140,7 +143,8 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
         Terms { model: self.model, query: &self.query, lobes: &self.lobes }
     }
 
-    /// Terms of the instance summed. The tiles are looked up before the lobes are summed: their memory comes meanwhile.
+    /// Terms of the instance summed. The tiles are looked up before the lobes are summed: their memory comes
+    /// meanwhile.
     fn speckled(&self, w: [f32; 3], terms: impl FnOnce() -> PlyTerms<N>) -> ([f32; N], f32) {
         let Some(speckle) = &self.speckle else {
             let terms = terms();

@@ -4,8 +4,9 @@ use super::layers::Layer;
 use crate::gap::Slit;
 use crate::speckle::Instance;
 
-/// What fixes a shading point of a ply, for N absorptions, each with its wavelength. [`PlyQuery::new`] is the smooth ply with its edge light; the parts are
-/// options to set: `PlyQuery { instance: Some(..), ..PlyQuery::new(..) }`.
+/// What fixes a shading point of a ply, for N absorptions, each with its wavelength. [`PlyQuery::new`] is the
+/// smooth ply with its edge light; the parts are options to set:
+/// `PlyQuery { instance: Some(..), ..PlyQuery::new(..) }`.
 ///
 /// ```
 /// use plywave::PlyQuery;
@@ -16,7 +17,8 @@ use crate::speckle::Instance;
 /// # assert!(smooth.edge && !without_edge.edge && !asked_once.cached);
 /// ```
 ///
-/// Units and odd values as in [`PlyModel`]. Wavelengths outside the tables count as the nearest in them, and so does what is not a number.
+/// Units and odd values as in [`PlyModel`]. Wavelengths outside the tables count as the nearest in them, and
+/// so does what is not a number.
 #[derive(Clone, Copy, Debug)]
 pub struct PlyQuery<'a, const N: usize> {
     /// Incident latitude [rad].
@@ -27,16 +29,21 @@ pub struct PlyQuery<'a, const N: usize> {
     pub sigma_per_um: [f32; N],
     /// Wavelengths [um]; edge light, slits and speckle depend on them.
     pub lambda_um: [f32; N],
-    /// Light that passes beside the ply is diffracted at its edge (Yu 2025, Eq. 18). Without, and in a model without edge lobes, it goes straight on.
+    /// Light that passes beside the ply is diffracted at its edge (Yu 2025, Eq. 18). Without, and in a model
+    /// without edge lobes, it goes straight on.
     pub edge: bool,
-    /// Small gaps between the fibers (Yu 2025, 7.3), for those who want their colors. Has no effect over a second layer.
+    /// Small gaps between the fibers (Yu 2025, 7.3), for those who want their colors. Has no effect over a
+    /// second layer.
     pub slit: Option<&'a Slit>,
-    /// Speckle patterns that f_refl and f_high carry (Yu 2025, Eq. 23); `None` for the smooth model. Of a model without noise both are the same. Sampling and
-    /// albedo are those of the smooth model, the mean over instances.
+    /// Speckle patterns that f_refl and f_high carry (Yu 2025, Eq. 23); `None` for the smooth model. Of a
+    /// model without noise both are the same. Sampling and albedo are those of the smooth model, the mean
+    /// over instances.
     pub instance: Option<Instance>,
-    /// A second layer of yarns below (Yu 2025, 5.4), from [`PlyModel::layer`] of its model. Has no effect in a model without layer factors.
+    /// A second layer of yarns below (Yu 2025, 5.4), from [`PlyModel::layer`] of its model. Has no effect in
+    /// a model without layer factors.
     pub below: Option<Layer<N>>,
-    /// Interpolate the lobes once for all calls. Without, every call interpolates them anew: faster only where a single call is made.
+    /// Interpolate the lobes once for all calls. Without, every call interpolates them anew: faster only
+    /// where a single call is made.
     pub cached: bool,
 }
 
@@ -87,7 +94,8 @@ impl<const N: usize> PlyTerms<N> {
         f
     }
 
-    /// The sum of the terms of one instance (Yu 2025, Eq. 23): f_refl and f_high times their speckle factors, other light as it is.
+    /// The sum of the terms of one instance (Yu 2025, Eq. 23): f_refl and f_high times their speckle factors,
+    /// other light as it is.
     pub(super) fn sum_speckled(&self, (refl, high): &([f32; N], [f32; N])) -> [f32; N] {
         std::array::from_fn(|k| self.refl * refl[k] + self.high[k] * high[k] + self.edge[k] + self.slit[k])
     }

@@ -1,4 +1,5 @@
-//! The reference implementation of the runtime's kernels, slow and obvious: the model as [`super::PlyData`] defines it, in f64, through
+//! The reference implementation of the runtime's kernels, slow and obvious: the model as [`super::PlyData`]
+//! defines it, in f64, through
 //! [`crate::ply::asg::Lobe`]. Tests hold the fast path to it.
 
 use super::cone::{ConeLobe, LobeKind};
@@ -67,8 +68,9 @@ pub(crate) fn catmull_rom(f: f64) -> [f64; 4] {
     [0.5 * (-f3 + 2.0 * f2 - f), 0.5 * (3.0 * f3 - 5.0 * f2 + 2.0), 0.5 * (-3.0 * f3 + 4.0 * f2 + f), 0.5 * (f3 - f2)]
 }
 
-/// A spline of coefficients `of(node)` at (theta_i >= 0, h): the sum over every basis function, the three boxes of the quadratic one written out, and those
-/// beyond the ends with the coefficients that the ends give them.
+/// A spline of coefficients `of(node)` at (theta_i >= 0, h): the sum over every basis function, the three
+/// boxes of the quadratic one written out, and those beyond the ends with the coefficients that the ends give
+/// them.
 fn spline(theta_i: &[f64], h_um: &[f64], t: f64, h: f64, of: &dyn Fn(usize) -> f64) -> f64 {
     let basis = |x: f64| match x.abs() {
         a if a <= 0.5 => 0.75 - a * a,
@@ -99,7 +101,8 @@ fn spline(theta_i: &[f64], h_um: &[f64], t: f64, h: f64, of: &dyn Fn(usize) -> f
 }
 
 impl Mixture {
-    /// The model `d` at an incidence; `None` where the beam misses (|h| beyond the nodes, or an input that is not a number).
+    /// The model `d` at an incidence; `None` where the beam misses (|h| beyond the nodes, or an input that is
+    /// not a number).
     pub fn new(d: &PlyData, theta_i: f64, h_um: f64, sigma: &[f64]) -> Option<Mixture> {
         let (nm, nh, _, nj) = d.sizes();
         if theta_i.is_nan() || h_um.is_nan() || h_um.abs() > d.h_um[nh - 1] {

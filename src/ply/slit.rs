@@ -23,8 +23,9 @@ pub(super) enum SlitSample {
 }
 
 impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: usize> Mixture<H, R, L, J, N> {
-    /// Takes the share of each high-order lobe that a slit diffracts (`slit.rs`): `share` times the cosine between its axis and the forward
-    /// direction, nothing of a lobe that points back. Gives the energy taken, and its mean over the absorptions.
+    /// Takes the share of each high-order lobe that a slit diffracts (`slit.rs`): `share` times the cosine
+    /// between its axis and the forward direction, nothing of a lobe that points back. Gives the energy
+    /// taken, and its mean over the absorptions.
     #[inline(always)]
     fn take<const FMA: bool>(
         &mut self,
@@ -47,7 +48,8 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         (self.weigh::<FMA>(&taken).1, sum)
     }
 
-    /// [`Mixture::eval_pdf`] less what a slit takes, and that; `by` is of [`Mixture::take`]. Of a mixture without shapes, not scaled.
+    /// [`Mixture::eval_pdf`] less what a slit takes, and that; `by` is of [`Mixture::take`]. Of a mixture
+    /// without shapes, not scaled.
     #[inline(always)]
     pub(super) fn slit_eval_pdf<const FMA: bool>(
         &mut self,

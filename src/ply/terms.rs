@@ -68,7 +68,8 @@ impl<L: Lobes<N>, const N: usize> Terms<'_, L, N> {
         if core.missed <= 0.0 {
             return Drawn::Absorbed;
         }
-        // Missed light is the last part of the unit interval: what remains of the number chooses the wavelength.
+        // Missed light is the last part of the unit interval: what remains of the number chooses the
+        // wavelength.
         self.sample_missed(1.0 - (1.0 - u[0]) / core.missed, u)
     }
 
@@ -100,7 +101,8 @@ impl<L: Lobes<N>, const N: usize> Terms<'_, L, N> {
         self.edge().filter(|tables| core.r_d > 0.0 && !tables.dark(self.query.h_um, w[0]))
     }
 
-    /// The terms of a ply whose forward light has a part that a slit diffracts (Yu 2025, 7.3). Its lobes are interpolated at every call.
+    /// The terms of a ply whose forward light has a part that a slit diffracts (Yu 2025, 7.3). Its lobes are
+    /// interpolated at every call.
     fn slit_eval_pdf(&self, slit: &Slit, w: [f32; 3]) -> PlyTerms<N> {
         let (core, light, pdf) = self.slit_lobes(slit, w);
         let terms = self.with_edge_pdf(&core, w);
@@ -127,7 +129,8 @@ impl<L: Lobes<N>, const N: usize> Terms<'_, L, N> {
         }
     }
 
-    /// A direction of the lobes or of the slit's light; for missed light what is left of the number that chose it.
+    /// A direction of the lobes or of the slit's light; for missed light what is left of the number that
+    /// chose it.
     pub(super) fn slit_direction(&self, slit: &Slit, u: [f32; 3]) -> Result<Option<[f32; 3]>, f32> {
         let q = self.query;
         let layout = &self.model.layout;

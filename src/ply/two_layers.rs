@@ -16,7 +16,8 @@ impl PlyModel {
         Some(layer(self.layer_tables()?, theta_i, &sigma_per_um))
     }
 
-    /// Energy that f_refl + f_high sends into the half space away from the light, y < 0. `None` for a model without layer factors.
+    /// Energy that f_refl + f_high sends into the half space away from the light, y < 0. `None` for a model
+    /// without layer factors.
     pub fn forward_energy<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> Option<[f32; N]> {
         let at = self.uncached_at(&PlyQuery::lobes(theta_i, h_um, sigma_per_um));
         let (all, r_d) = at.albedo_r_d();
@@ -25,12 +26,14 @@ impl PlyModel {
     }
 }
 
-/// A ply of the upper of two layers at a query (Yu 2025, 5.4 and 7.1): what it sends back keeps its lobes, what it sends on is made diffuse and
-/// scaled to T, and what comes back from the lower layer, R - r, is added as diffuse light. The light that passes beside the ply, r_d, meets the lower layer alone
-/// and is diffuse after it.
+/// A ply of the upper of two layers at a query (Yu 2025, 5.4 and 7.1): what it sends back keeps its lobes,
+/// what it sends on is made diffuse and scaled to T, and what comes back from the lower layer, R - r, is
+/// added as diffuse light. The light that passes beside the ply, r_d, meets the lower layer alone and is
+/// diffuse after it.
 ///
-/// With E_f the energy the ply sends forward and r_2, t_2 the first-hit factors of the layer below, the diffuse parts are
-/// `(E_f T/t + r_d t_2) |y|/pi` below and `(E_f (R - r)/t + r_d r_2) y/pi` above; y is that of the ply frame, toward the light. At sigma = 0 all light is kept.
+/// With E_f the energy the ply sends forward and r_2, t_2 the first-hit factors of the layer below, the
+/// diffuse parts are `(E_f T/t + r_d t_2) |y|/pi` below and `(E_f (R - r)/t + r_d r_2) y/pi` above; y is that
+/// of the ply frame, toward the light. At sigma = 0 all light is kept.
 ///
 /// Its calls take the ply it was made of.
 #[derive(Clone, Copy, Debug)]
@@ -133,7 +136,8 @@ impl<const N: usize> TwoLayered<N> {
         }
     }
 
-    /// Lobe directions that go forward count too, with the diffuse value there: the density covers both ways of drawing.
+    /// Lobe directions that go forward count too, with the diffuse value there: the density covers both ways
+    /// of drawing.
     pub(crate) fn sample(&self, upper: &PlyOn<'_, impl Lobes<N>, N>, u: [f32; 3]) -> BsdfSample<N> {
         // Below 1, and 0 for what is not a number.
         let u = u.map(crate::math::clamp_unit);

@@ -17,7 +17,8 @@ impl GaussianBeam {
         0.5 * self.w0_um
     }
 
-    /// Far-field divergence theta0 = lambda / (pi w0) [rad]: the intensity falls as exp(-2 theta^2 / theta0^2).
+    /// Far-field divergence theta0 = lambda / (pi w0) [rad]: the intensity falls as exp(-2 theta^2 /
+    /// theta0^2).
     pub fn divergence_rad(&self) -> f64 {
         self.lambda_um / (std::f64::consts::PI * self.w0_um)
     }

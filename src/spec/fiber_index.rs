@@ -35,7 +35,8 @@ impl FiberSpec {
 }
 
 impl YarnSpec {
-    /// Absorption [1/um] that gives the yarn its own color at a wavelength [um]: that of its opaque fibers' reflections ([`Reflections`]), 0 of fibers that light passes.
+    /// Absorption [1/um] that gives the yarn its own color at a wavelength [um]: that of its opaque fibers'
+    /// reflections ([`Reflections`]), 0 of fibers that light passes.
     pub fn own_sigma_per_um(&self, lambda_um: f64) -> f64 {
         self.fiber.reflections().map_or(0.0, |of| of.sigma_per_um(lambda_um))
     }

@@ -1,21 +1,25 @@
 //! Where the plies of a yarn lie: the least circle on which they do not intersect (Yu 2025, 5.3).
 //!
-//! The axes of P plies are the helices `(D cos(k z + 2 pi p / P), D sin(k z + 2 pi p / P), z)`, k = 2 pi / pitch. The squared distance of a point of one
-//! at height 0 to a point of another at height z is `2 D^2 (1 - cos(k z + 2 pi p / P)) + z^2`: it grows with D at every z, and so does its
-//! least value over z. Tubes of radius R are apart where that is at least 2 R, so the least D is found by bisection.
+//! The axes of P plies are the helices `(D cos(k z + 2 pi p / P), D sin(k z + 2 pi p / P), z)`, k = 2 pi /
+//! pitch. The squared distance of a point of one at height 0 to a point of another at height z is
+//! `2 D^2 (1 - cos(k z + 2 pi p / P)) + z^2`: it grows with D at every z, and so does its least value over z.
+//! Tubes of radius R are apart where that is at least 2 R, so the least D is found by bisection.
 //!
-//! At z = pitch / P the next ply stands where this one stood, whatever D is: no D serves a pitch below 2 P R. From there on a ply
-//! never meets itself: the helix' radius of curvature, D + 1 / (D k^2), is at least 2 / k > 2 P R / pi > R, and it comes back only after a pitch.
+//! At z = pitch / P the next ply stands where this one stood, whatever D is: no D serves a pitch below 2 P R.
+//! From there on a ply never meets itself: the helix' radius of curvature, D + 1 / (D k^2), is at least 2 /
+//! k > 2 P R / pi > R, and it comes back only after a pitch.
 
 use std::f64::consts::{PI, TAU};
 
-/// Largest circle that is tried, in ply radii. It only keeps the bisection finite: springs of that size are no yarns.
+/// Largest circle that is tried, in ply radii. It only keeps the bisection finite: springs of that size are
+/// no yarns.
 const MAX_RADII: f64 = 50.0;
 /// Points of z on which the least distance is looked for before it is refined.
 const POINTS: usize = 512;
 
-/// Distance D [um] of the axes of `plies` plies of radius `radius_um` from the yarn's axis: `R / sin(pi / P)` for parallel plies, more for
-/// helices of pitch `ply_pitch_um`; 0 for a single ply. None when the plies of that pitch intersect for every D up to 50 R.
+/// Distance D [um] of the axes of `plies` plies of radius `radius_um` from the yarn's axis: `R / sin(pi / P)`
+/// for parallel plies, more for helices of pitch `ply_pitch_um`; 0 for a single ply. None when the plies of
+/// that pitch intersect for every D up to 50 R.
 pub fn ply_circle_um(plies: u32, radius_um: f64, ply_pitch_um: Option<f64>) -> Option<f64> {
     if plies < 2 {
         return Some(0.0);
@@ -55,7 +59,8 @@ pub fn least_ply_pitch_um(plies: u32, radius_um: f64) -> f64 {
     high
 }
 
-/// Least distance of two different axes on a circle of radius `d`. The ply before this one is the next one seen from the other end.
+/// Least distance of two different axes on a circle of radius `d`. The ply before this one is the next one
+/// seen from the other end.
 fn least_distance(plies: u32, d: f64, pitch: f64) -> f64 {
     let squared = |phase: f64, z: f64| 2.0 * d * d * (1.0 - (TAU * z / pitch + phase).cos()) + z * z;
     let mut least = f64::INFINITY;
@@ -82,7 +87,8 @@ fn least_distance(plies: u32, d: f64, pitch: f64) -> f64 {
 /// Cells of a turn in which an end of a valid range is looked for.
 const CELLS: usize = 2048;
 
-/// The plies of a yarn in the plane across it, seen from ply 0: its axis is the origin, light comes from +y (Yu 2025, Fig. 9).
+/// The plies of a yarn in the plane across it, seen from ply 0: its axis is the origin, light comes from +y
+/// (Yu 2025, Fig. 9).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlyRing {
     /// Number of plies.
@@ -100,19 +106,22 @@ impl PlyRing {
         [self.circle_um * (turned.cos() - psi.cos()), self.circle_um * (turned.sin() - psi.sin())]
     }
 
-    /// Whether the line x = `h_um` from +y meets ply 0 first or, where it misses ply 0, no other ply (Yu 2025, Fig. 9b).
+    /// Whether the line x = `h_um` from +y meets ply 0 first or, where it misses ply 0, no other ply (Yu
+    /// 2025, Fig. 9b).
     pub fn is_valid(&self, psi: f64, h_um: f64) -> bool {
         let r2 = self.radius_um * self.radius_um;
         let top = r2 - h_um * h_um;
         (1..self.plies).all(|p| {
             let [x, y] = self.center(p, psi);
             let there = r2 - (h_um - x) * (h_um - x);
-            // Discs that do not overlap are hit in the order of their centers' heights along a line through both.
+            // Discs that do not overlap are hit in the order of their centers' heights along a line through
+            // both.
             there <= 0.0 || (top > 0.0 && y + there.sqrt() <= top.sqrt())
         })
     }
 
-    /// The valid psi of offset `h_um`, as disjoint ranges of [0, 2 pi) in rising order; their ends are bisected to 1e-12.
+    /// The valid psi of offset `h_um`, as disjoint ranges of [0, 2 pi) in rising order; their ends are
+    /// bisected to 1e-12.
     pub fn valid_ranges(&self, h_um: f64) -> Vec<(f64, f64)> {
         let at = |i: usize| TAU * i as f64 / CELLS as f64;
         let middle = |i: usize| TAU * (i as f64 + 0.5) / CELLS as f64;

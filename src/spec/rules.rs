@@ -1,8 +1,8 @@
 //! Rules of TOML specs: which keys there are, in which ranges, and what a refusal says.
 //!
-//! The validator walks the parsed TOML, not a typed spec, so that every refusal is one line that names the file, the dotted key, the value as
-//! given and what would be accepted. [`Rules`] are static data; the keys of yarn and fabric specs are listed in `docs/reference/spec.md`, which a test
-//! holds to them.
+//! The validator walks the parsed TOML, not a typed spec, so that every refusal is one line that names the
+//! file, the dotted key, the value as given and what would be accepted. [`Rules`] are static data; the keys
+//! of yarn and fabric specs are listed in `docs/reference/spec.md`, which a test holds to them.
 
 use crate::{Error, Result};
 use toml::{Table, Value};
@@ -40,7 +40,8 @@ pub enum Need {
     Default(&'static str),
 }
 
-/// A check of a value beyond the common kinds: what would be accepted, and the check, given file, dotted key and value.
+/// A check of a value beyond the common kinds: what would be accepted, and the check, given file, dotted key
+/// and value.
 #[derive(Clone, Copy, Debug)]
 pub struct Custom {
     /// What is accepted, as in "use ...".

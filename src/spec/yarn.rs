@@ -1,6 +1,7 @@
 //! The yarn spec: its keys as types. Lengths in um, angles in rad; the unit is part of the key.
 //!
-//! Ranges and relations of the keys are in `yarn_rules.rs`; [`YarnSpec::parse`] and [`YarnSpec::load`] hold every spec to them.
+//! Ranges and relations of the keys are in `yarn_rules.rs`; [`YarnSpec::parse`] and [`YarnSpec::load`] hold
+//! every spec to them.
 
 use super::beam::GaussianBeam;
 use super::ply_circle::{PlyRing, ply_circle_um};
@@ -33,7 +34,8 @@ pub struct YarnSpec {
     /// Sizes of the simulation and fit; each key that is given overrides the preset.
     #[serde(default)]
     pub simulation: SimulationSpec,
-    /// Ranges of a family of yarns; absent: one yarn. A yarn with ranges is also the one that its other keys describe.
+    /// Ranges of a family of yarns; absent: one yarn. A yarn with ranges is also the one that its other keys
+    /// describe.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub family: Option<FamilySpec>,
 }
@@ -59,7 +61,8 @@ impl YarnSpec {
         self.ply.radii_um.unwrap_or([self.ply.radius_um.unwrap_or(0.0); 2])
     }
 
-    /// Distance D [um] of the plies' axes from the yarn's axis, 0 for a single ply (Yu 2025, 5.3; [`ply_circle_um`]).
+    /// Distance D [um] of the plies' axes from the yarn's axis, 0 for a single ply (Yu 2025, 5.3;
+    /// [`ply_circle_um`]).
     pub fn ply_circle_um(&self) -> f64 {
         let [a, b] = self.ply_radii_um();
         ply_circle_um(self.yarn.plies, a.max(b), self.yarn.ply_pitch_um).unwrap_or(0.0)
@@ -101,10 +104,12 @@ pub struct FiberSpec {
     /// Relative standard deviation of the shape's parameters from fiber to fiber.
     #[serde(default)]
     pub shape_jitter: f64,
-    /// Standard deviation [rad] of the turn of the cross section from fiber to fiber; absent: any turn, uniformly.
+    /// Standard deviation [rad] of the turn of the cross section from fiber to fiber; absent: any turn,
+    /// uniformly.
     #[serde(default)]
     pub angle_jitter_rad: Option<f64>,
-    /// Real refractive index, of a fiber with dispersion that at [`super::SODIUM_UM`]; 0 of a metal, which brings its own.
+    /// Real refractive index, of a fiber with dispersion that at [`super::SODIUM_UM`]; 0 of a metal, which
+    /// brings its own.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub eta: f64,
     /// Imaginary index: the fiber is opaque. Absent: light passes it.
@@ -113,7 +118,8 @@ pub struct FiberSpec {
     /// A metal, with its measured index: the fiber is opaque.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub metal: Option<Metal>,
-    /// Dispersion B [um^2]: the index at a wavelength is `eta + B (1/lambda^2 - 1/lambda_D^2)`, lambda_D = [`super::SODIUM_UM`] (Cauchy). Absent: none.
+    /// Dispersion B [um^2]: the index at a wavelength is `eta + B (1/lambda^2 - 1/lambda_D^2)`, lambda_D =
+    /// [`super::SODIUM_UM`] (Cauchy). Absent: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dispersion_um2: Option<f64>,
     /// GGX roughness of the fiber surface, 0 for smooth.
@@ -150,7 +156,8 @@ pub enum Shape {
         /// Radius [um].
         radius_um: f64,
     },
-    /// Circle with a round core in its middle: a hollow fiber, hair with its medulla, a cuticle about a cortex.
+    /// Circle with a round core in its middle: a hollow fiber, hair with its medulla, a cuticle about a
+    /// cortex.
     HollowCircle {
         /// Radius [um].
         radius_um: f64,
@@ -213,8 +220,9 @@ pub enum Shape {
         /// Number of teeth.
         teeth: u32,
     },
-    /// Polygon, either from a file of `x y` lines [um] or with its points in the spec. [`YarnSpec::load`] puts the points of the
-    /// file in `points_um` and empties `file`, so that a loaded spec and its text stand alone.
+    /// Polygon, either from a file of `x y` lines [um] or with its points in the spec. [`YarnSpec::load`]
+    /// puts the points of the file in `points_um` and empties `file`, so that a loaded spec and its text
+    /// stand alone.
     Polygon {
         /// Path of the file, relative to the spec; empty once loaded.
         #[serde(default, skip_serializing_if = "String::is_empty")]
@@ -237,7 +245,8 @@ impl Shape {
         }
     }
 
-    /// Real index of what fills the core, and its absorption over that of the fiber's material; of a fiber without one, of air.
+    /// Real index of what fills the core, and its absorption over that of the fiber's material; of a fiber
+    /// without one, of air.
     pub fn core(&self) -> [f64; 2] {
         match self {
             Shape::HollowCircle { lumen_eta, lumen_dye, .. } => [*lumen_eta, *lumen_dye],
@@ -299,7 +308,8 @@ pub struct PlySpec {
 }
 
 impl PlySpec {
-    /// Angle by which the fibers turn about the ply's axis along it [rad/um], positive for a right-handed helix; 0 for parallel fibers.
+    /// Angle by which the fibers turn about the ply's axis along it [rad/um], positive for a right-handed
+    /// helix; 0 for parallel fibers.
     pub fn twist_per_um(&self) -> f64 {
         let sign = if self.handedness == Handedness::Z { 1.0 } else { -1.0 };
         self.fiber_pitch_um.map_or(0.0, |pitch| sign * std::f64::consts::TAU / pitch)
@@ -321,7 +331,8 @@ pub enum Packing {
     Lined,
 }
 
-/// Hand of the fiber helix. With Z twist (right-handed helix) a fiber's azimuth grows with z, as `2 pi z / pitch`.
+/// Hand of the fiber helix. With Z twist (right-handed helix) a fiber's azimuth grows with z, as
+/// `2 pi z / pitch`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Handedness {
     /// Right-handed helix.
@@ -337,7 +348,8 @@ pub enum Handedness {
 pub struct YarnGeometry {
     /// Number of plies, 1 to 7.
     pub plies: u32,
-    /// Pitch of the plies' helix [um]; absent for parallel plies. It sets the plies' distance from the yarn's axis.
+    /// Pitch of the plies' helix [um]; absent for parallel plies. It sets the plies' distance from the yarn's
+    /// axis.
     pub ply_pitch_um: Option<f64>,
     /// Hand of the plies' helix, for the record: scattering takes plies as parallel where they lie.
     pub handedness: Handedness,

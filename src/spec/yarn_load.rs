@@ -25,14 +25,17 @@ impl YarnSpec {
     /// Read a spec from its text; `file` is for messages only. A polygon must hold its points itself.
     ///
     /// # Errors
-    /// [`crate::Error::Format`] when the text is not TOML, [`crate::Error::Invalid`] for a key that is unknown, absent or out of range.
+    /// [`crate::Error::Format`] when the text is not TOML, [`crate::Error::Invalid`] for a key that is
+    /// unknown, absent or out of range.
     pub fn parse(text: &str, file: &str) -> Result<YarnSpec> {
         parse_near(text, file, None)
     }
 
-    /// Read a spec from a file; gives the spec and the text to embed in tables and models, from which [`YarnSpec::parse`] makes the
-    /// same spec. That is the file's own text, except for a polygon from a file: there the spec is written anew with the points in it.
-    /// The polygon's file must lie in the spec's folder or below; [`YarnSpec::load_from`] with [`Folder::anywhere`] allows others.
+    /// Read a spec from a file; gives the spec and the text to embed in tables and models, from which
+    /// [`YarnSpec::parse`] makes the same spec. That is the file's own text, except for a polygon from a
+    /// file: there the spec is written anew with the points in it.
+    /// The polygon's file must lie in the spec's folder or below; [`YarnSpec::load_from`] with
+    /// [`Folder::anywhere`] allows others.
     ///
     /// # Errors
     /// As [`YarnSpec::parse`], and [`crate::Error::Io`] when a file cannot be read.
@@ -41,7 +44,8 @@ impl YarnSpec {
         YarnSpec::load_from(&read_text(path, MAX_BYTES)?, &path.display().to_string(), &Folder::of_file(path))
     }
 
-    /// As [`YarnSpec::load`], from the spec's text and a source of the file that it may name; `file` is for messages.
+    /// As [`YarnSpec::load`], from the spec's text and a source of the file that it may name; `file` is for
+    /// messages.
     ///
     /// # Errors
     /// As [`YarnSpec::load`].
@@ -92,7 +96,8 @@ fn parse_near(text: &str, file: &str, assets: Option<&dyn AssetSource>) -> Resul
     Ok(spec)
 }
 
-/// Points of a polygon: one `x y` per line [um], blank lines and `#` comments skipped. Errors do not quote the file, which another file named.
+/// Points of a polygon: one `x y` per line [um], blank lines and `#` comments skipped. Errors do not quote
+/// the file, which another file named.
 fn read_points(text: &str, file: &str) -> Result<Vec<[f64; 2]>> {
     let mut points = Vec::new();
     for (i, row) in text.lines().enumerate() {

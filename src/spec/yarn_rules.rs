@@ -268,7 +268,8 @@ fn check_fiber(file: &str, path: &str, fiber: &FiberSpec, lambda_um: f64) -> Res
     if fiber.shape.has_lumen() {
         return refuse("shape.lumen", "a core".into(), "no light is in an opaque fiber: use a shape without".into());
     }
-    // What enters must be gone before it comes out elsewhere: 20 absorption lengths across the thickness of the same area.
+    // What enters must be gone before it comes out elsewhere: 20 absorption lengths across the thickness of
+    // the same area.
     if let Some(kappa) = fiber.kappa {
         let width_um = 2.0 * (fiber.shape.area_um2() / PI).sqrt();
         let least = 20.0 * lambda_um / (4.0 * PI * width_um);

@@ -1,5 +1,6 @@
-//! The look-up of a direction's speckle: first where its factors are in the tiles, then what they are. Between the two a host has other work, while
-//! which the memory comes: tiles are larger than the caches near the processor.
+//! The look-up of a direction's speckle: first where its factors are in the tiles, then what they are.
+//! Between the two a host has other work, while which the memory comes: tiles are larger than the caches near
+//! the processor.
 
 use super::tiles::{Instance, NoiseTiles, SEAM_RAD};
 use crate::math::hash::mix64;
@@ -8,10 +9,12 @@ use multiversion::{multiversion, target::target_cfg_f};
 use std::f32::consts::{FRAC_1_PI, PI};
 
 impl NoiseTiles {
-    /// The factors of f_refl and f_high in direction `wo` at N wavelengths [um], for one instance. Their mean over instances is 1.
+    /// The factors of f_refl and f_high in direction `wo` at N wavelengths [um], for one instance. Their mean
+    /// over instances is 1.
     ///
-    /// A direction that is not finite gives 1. Wavelengths count as within a tenth and ten times that of the tiles; not a number counts as that of the tiles,
-    /// and a theta_i that is none as 0. No call fails, allocates or panics.
+    /// A direction that is not finite gives 1. Wavelengths count as within a tenth and ten times that of the
+    /// tiles; not a number counts as that of the tiles, and a theta_i that is none as 0. No call fails,
+    /// allocates or panics.
     pub fn factors<const N: usize>(
         &self,
         instance: Instance,
@@ -44,14 +47,15 @@ impl PatternPoint {
     }
 }
 
-/// 1.5 2^23 plus a whole number below 2^22 has that number in its low bits, negative ones as their two's complement. What is beyond falls somewhere on
-/// the tile.
+/// 1.5 2^23 plus a whole number below 2^22 has that number in its low bits, negative ones as their two's
+/// complement. What is beyond falls somewhere on the tile.
 const WHOLE: f32 = 12_582_912.0;
 
 /// Numbers of f_refl and f_high at N wavelengths.
 type Lanes<T, const N: usize> = [[T; N]; 2];
 
-/// The patterns of one instance at one latitude and N wavelengths: which tile each kind has, mirrored, moved and stretched.
+/// The patterns of one instance at one latitude and N wavelengths: which tile each kind has, mirrored, moved
+/// and stretched.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Speckle<'a, const N: usize> {
     tiles: &'a NoiseTiles,
@@ -82,7 +86,8 @@ impl<'a, const N: usize> Speckle<'a, N> {
         look(self, wo)
     }
 
-    /// Cell and the place in it at (v, u) of one kind at wavelength k. Sizes are powers of two, so that masks wrap.
+    /// Cell and the place in it at (v, u) of one kind at wavelength k. Sizes are powers of two, so that masks
+    /// wrap.
     #[inline(always)]
     fn cell<const FMA: bool>(&self, kind: usize, k: usize, v: f32, u: f32) -> ([u32; 2], [f32; 2]) {
         let v = fma::<FMA>(v, self.per_v[kind][k], self.offset[kind][0]);
@@ -337,7 +342,8 @@ mod tests {
         }
     }
 
-    /// All wavelengths side by side give what one place after the other gives, at the seams and the tiles' borders too.
+    /// All wavelengths side by side give what one place after the other gives, at the seams and the tiles'
+    /// borders too.
     #[test]
     fn factors_are_those_of_single_places() {
         let mut rng = Pcg64Mcg::seed_from_u64(3);

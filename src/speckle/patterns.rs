@@ -1,8 +1,10 @@
 //! Patterns of single fibers under a wide beam, their statistics and their file (Yu 2025, 6.2; Goodman 2007).
 //!
-//! For a fully developed speckle the covariance of the intensity over its squared mean is |rho|^2, rho the field's autocorrelation (Siegert). From instances
-//! it is `C(d) = <(n(phi) - 1)(n(phi + d) - 1)>` with `n = I / mean of I over the instances`, averaged over instances and over a range of azimuths. The mean
-//! that divides holds the instance itself, which takes 1/N of the covariance away; a factor N/(N - 1) gives it back.
+//! For a fully developed speckle the covariance of the intensity over its squared mean is |rho|^2, rho the
+//! field's autocorrelation (Siegert). From instances it is `C(d) = <(n(phi) - 1)(n(phi + d) - 1)>` with
+//! `n = I / mean of I over the instances`, averaged over instances and over a range of azimuths. The mean
+//! that divides holds the instance itself, which takes 1/N of the covariance away; a factor N/(N - 1) gives
+//! it back.
 //!
 //! The directions about exact forward are left out: light diffracted there is the same in every instance.
 
@@ -11,8 +13,8 @@ use crate::io::{Axis, Check, Document, FileKind, Provenance, Reader, Summary, Wr
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::path::Path;
 
-/// Half of the range about exact forward that no statistics look at [rad], 20 degrees: several times the width lambda / (2 a) of the diffraction
-/// behind a fiber of radius a >= 2 um.
+/// Half of the range about exact forward that no statistics look at [rad], 20 degrees: several times the
+/// width lambda / (2 a) of the diffraction behind a fiber of radius a >= 2 um.
 pub const FORWARD_RAD: f64 = PI / 9.0;
 
 /// Polarization of the incident light.
@@ -62,8 +64,8 @@ impl SpeckleSide {
     }
 }
 
-/// Scattered light of many instances of one fiber. Arrays are flat, last index fastest; A absorptions, L wavelengths, 2 polarizations (TM, TE), N instances,
-/// D azimuths.
+/// Scattered light of many instances of one fiber. Arrays are flat, last index fastest; A absorptions, L
+/// wavelengths, 2 polarizations (TM, TE), N instances, D azimuths.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpecklePatterns {
     /// Text of the yarn spec.
@@ -156,8 +158,8 @@ impl SpeckleStatistics {
         }
     }
 
-    /// Autocorrelation of the field, `sqrt(C / C(0))`, up to where C first falls below two of its standard errors and zero beyond: the root would make
-    /// a tail of what is noise of the estimate there.
+    /// Autocorrelation of the field, `sqrt(C / C(0))`, up to where C first falls below two of its standard
+    /// errors and zero beyond: the root would make a tail of what is noise of the estimate there.
     pub fn rho(&self) -> Vec<f64> {
         let top = self.covariance.first().copied().unwrap_or(0.0);
         let end = self.covariance.iter().zip(&self.covariance_se).position(|(c, se)| *c <= 2.0 * se || *c <= 0.0);
@@ -166,8 +168,9 @@ impl SpeckleStatistics {
         self.covariance.iter().enumerate().map(value).collect()
     }
 
-    /// Power spectrum of the field on a circle of `azimuths` places: the cosine transform of [`SpeckleStatistics::rho`], clipped at 0 and scaled to the mean 1
-    /// over all places, `[k]` for harmonics 0 to azimuths / 2.
+    /// Power spectrum of the field on a circle of `azimuths` places: the cosine transform of
+    /// [`SpeckleStatistics::rho`], clipped at 0 and scaled to the mean 1 over all places, `[k]` for harmonics
+    /// 0 to azimuths / 2.
     pub fn power_spectrum(&self, azimuths: usize) -> Vec<f64> {
         let rho = self.rho();
         let at = |k: usize| {
@@ -184,7 +187,8 @@ impl SpeckleStatistics {
     }
 }
 
-/// Where an even function, given at 0, 1, ..., first falls to half of its first value: by the cubic through the four nearest values. NaN where it does not.
+/// Where an even function, given at 0, 1, ..., first falls to half of its first value: by the cubic through
+/// the four nearest values. NaN where it does not.
 fn half(values: &[f64]) -> f64 {
     let Some(top) = values.first() else { return f64::NAN };
     let level = 0.5 * top;
@@ -271,7 +275,8 @@ impl SpecklePatterns {
     /// Reads a file.
     ///
     /// # Errors
-    /// [`crate::Error::Io`], [`crate::Error::Format`] for what is no whole file of patterns, [`crate::Error::Invalid`] for arrays of other shapes or values.
+    /// [`crate::Error::Io`], [`crate::Error::Format`] for what is no whole file of patterns,
+    /// [`crate::Error::Invalid`] for arrays of other shapes or values.
     pub fn load(path: impl AsRef<Path>) -> Result<SpecklePatterns> {
         document::load(path.as_ref())
     }
@@ -382,7 +387,8 @@ mod tests {
     use super::*;
     use rand::{RngExt, SeedableRng};
 
-    /// `n` intensities of a circular Gaussian field on `d` places with rho(lag) = exp(-(lag/width)^2 / 2) and the mean `mean(j)`.
+    /// `n` intensities of a circular Gaussian field on `d` places with rho(lag) = exp(-(lag/width)^2 / 2) and
+    /// the mean `mean(j)`.
     fn drawn(n: usize, d: usize, width: f64, mean: impl Fn(usize) -> f64) -> Vec<Vec<f64>> {
         let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(5);
         let top = (4.0 * d as f64 / (TAU * width)).ceil() as i64;
@@ -411,7 +417,8 @@ mod tests {
             .collect()
     }
 
-    /// A fully developed speckle over an uneven mean: contrast 1, covariance |rho|^2, its half width, and rho and the spectrum that it was drawn from.
+    /// A fully developed speckle over an uneven mean: contrast 1, covariance |rho|^2, its half width, and rho
+    /// and the spectrum that it was drawn from.
     #[test]
     fn developed_speckle_has_contrast_1_and_siegerts_covariance() {
         let (n, d, width) = (400, 240, 4.0);

@@ -1,16 +1,19 @@
 //! Tiles of noise by the spectrum of their field: some kilobytes in a file, in place of the tiles' megabytes.
 //!
-//! The amplitude of the light of one kind over (v, u) is a constant phasor and a periodic circular Gaussian field whose power spectrum is that along u times that along
-//! v, `N = |sqrt(1 - b) + g|^2` with b the share of the field (`plywave_fit::speckle`). Its harmonics are independent normal numbers:
+//! The amplitude of the light of one kind over (v, u) is a constant phasor and a periodic circular Gaussian
+//! field whose power spectrum is that along u times that along v, `N = |sqrt(1 - b) + g|^2` with b the share
+//! of the field (`plywave_fit::speckle`). Its harmonics are independent normal numbers:
 //!
 //! ```text
 //! g[r][c] = sum over (p, q) of sqrt(b P_v[p] P_u[q]) n[p][q] exp(2 pi i (p r / V + q c / U))
 //! ```
 //!
-//! P_u is stored. Along v the correlation is that of an illuminated length of Gaussian intensity exp(-2 z^2 / w0^2), `exp(-q^2 / (2 s^2))` with
-//! `s = lambda / (pi w0)` in v (van Cittert and Zernike, Goodman 2007, 4.4), so that `P_v[p]` is proportional to `exp(-(2 pi p s / (V step))^2 / 2)`.
+//! P_u is stored. Along v the correlation is that of an illuminated length of Gaussian intensity exp(-2 z^2 /
+//! w0^2), `exp(-q^2 / (2 s^2))` with `s = lambda / (pi w0)` in v (van Cittert and Zernike, Goodman 2007,
+//! 4.4), so that `P_v[p]` is proportional to `exp(-(2 pi p s / (V step))^2 / 2)`.
 //!
-//! n is a hash of seed, kind, tile and harmonic, and no step calls a function of the system's library: all machines make the same tiles.
+//! n is a hash of seed, kind, tile and harmonic, and no step calls a function of the system's library: all
+//! machines make the same tiles.
 
 use super::tiles::{self, NoiseTiles};
 use crate::Result;
@@ -26,7 +29,8 @@ use std::f64::consts::{LOG2_E, PI, TAU};
 pub(crate) const NAMES: [&str; 5] = ["noise_spectrum", "noise_share", "noise_sizes", "noise_seed", "noise_w0_um"];
 /// Nodes of a tile along an axis.
 const SIDES: [usize; 2] = [16, 1 << 13];
-/// Most nodes of a tile: while it is made it takes 12 bytes a node, and a tile of each kind is made at a time.
+/// Most nodes of a tile: while it is made it takes 12 bytes a node, and a tile of each kind is made at a
+/// time.
 const MAX_NODES: usize = 1 << 20;
 /// Most nodes of all tiles, a byte each and twice that for a moment. Together at most 64 MiB.
 const MAX_BYTES: usize = 1 << 24;
@@ -40,7 +44,8 @@ pub struct NoiseSpectrum {
     pub sizes: [usize; 3],
     /// Seed of the normal numbers.
     pub seed: u64,
-    /// `[2][U/2 + 1]`: of each kind the field's power at harmonics 0 to U/2 along u, >= 0; with all others counted twice they add up to 1.
+    /// `[2][U/2 + 1]`: of each kind the field's power at harmonics 0 to U/2 along u, >= 0; with all others
+    /// counted twice they add up to 1.
     pub spectrum: Vec<f32>,
     /// `[2]`: of each kind the field's share b of the mean intensity, 0 to 1.
     pub share: [f64; 2],
@@ -91,7 +96,8 @@ impl NoiseSpectrum {
         }
     }
 
-    /// Values N at the nodes of a tile before they are coded, `[V][U]`, of mean 1; `kind` 0 for f_refl, 1 for f_high. Empty where there is no such tile.
+    /// Values N at the nodes of a tile before they are coded, `[V][U]`, of mean 1; `kind` 0 for f_refl, 1 for
+    /// f_high. Empty where there is no such tile.
     pub fn values(&self, kind: usize, tile: usize) -> Vec<f64> {
         if kind > 1 || tile >= self.sizes[0] {
             return Vec::new();
@@ -133,7 +139,8 @@ impl NoiseSpectrum {
         })
     }
 
-    /// What noise must satisfy whatever its spectrum is: sizes, steps, wavelength, waist, contrasts. The spectrum may be absent: a fit asks this before its work.
+    /// What noise must satisfy whatever its spectrum is: sizes, steps, wavelength, waist, contrasts. The
+    /// spectrum may be absent: a fit asks this before its work.
     /// `name` stands for the file in messages.
     ///
     /// # Errors
@@ -261,7 +268,8 @@ impl Field {
     }
 }
 
-/// Complex normal numbers of the harmonics `first + column` times `size`, whose square is their variance (Box and Muller 1958).
+/// Complex normal numbers of the harmonics `first + column` times `size`, whose square is their variance (Box
+/// and Muller 1958).
 #[multiversion(targets("x86_64+avx2", "x86_64+sse4.1"))]
 fn normals(start: u64, first: &[u64; LANES], column: u64, size: &Lanes) -> (Lanes, Lanes) {
     let mut bits = [0; LANES];

@@ -1,20 +1,27 @@
-//! Speckle noise at run time (Yu 2025, 6.2, Eq. 23): factors of mean 1 that turn the smooth f_refl and f_high into those of one instance of the ply.
+//! Speckle noise at run time (Yu 2025, 6.2, Eq. 23): factors of mean 1 that turn the smooth f_refl and f_high
+//! into those of one instance of the ply.
 //!
-//! A tile holds N over a plane that wraps in both axes, made at one wavelength ([`super::NoiseSpectrum`]). A speckle pattern is the Fourier transform of what
-//! is lit, so at the wavelength lambda it is the same pattern stretched about the direction in which all wavelengths are in phase: angles are looked
-//! up times `lambda_ref / lambda`. What differs in contrast is faded, `1 + s(lambda) (N - 1)`. The two coordinates of a direction are
+//! A tile holds N over a plane that wraps in both axes, made at one wavelength ([`super::NoiseSpectrum`]). A
+//! speckle pattern is the Fourier transform of what is lit, so at the wavelength lambda it is the same
+//! pattern stretched about the direction in which all wavelengths are in phase: angles are looked up times
+//! `lambda_ref / lambda`. What differs in contrast is faded, `1 + s(lambda) (N - 1)`. The two coordinates of
+//! a direction are
 //!
 //! ```text
 //! f_high:   u = beta cos theta_o                 v = sin theta_o                   beta: azimuth about exact forward
 //! f_refl:   u = alpha sqrt(1 - (v/2)^2)          v = sin theta_o + sin theta_i     alpha: azimuth about the light's
 //! ```
 //!
-//! v is the spatial frequency along the ply, `q_z = (omega_o + omega_i)_z` for reflection: a surface's phase is a function of it, so the pattern moves with the
-//! light and is otherwise unchanged (memory effect); high-order light does not remember. Across the ply the patterns of fibers are stationary in the
-//! azimuth, not in `q_x = cos theta_o cos phi_o`, whose grains would smear without bound at phi_o = 0 and whose front and back would be mirror images; so u is the arc about the
-//! ply's axis, cos theta_o times the azimuth, in which a pattern has no pole. For reflection the cosine is that of the latitude of the half vector, a
-//! function of v alone, so that the shift is exact. u has a seam opposite to where it starts: exact forward for reflection, which is dark there, and the light's
-//! azimuth for high-order light; and the pole of f_refl is not the ply's axis, about which its grains narrow. Over [`SEAM_RAD`] beside it the two sides are blended; the mean stays 1, the contrast falls to 0.71 of itself at the seam.
+//! v is the spatial frequency along the ply, `q_z = (omega_o + omega_i)_z` for reflection: a surface's phase
+//! is a function of it, so the pattern moves with the light and is otherwise unchanged (memory effect);
+//! high-order light does not remember. Across the ply the patterns of fibers are stationary in the azimuth,
+//! not in `q_x = cos theta_o cos phi_o`, whose grains would smear without bound at phi_o = 0 and whose front
+//! and back would be mirror images; so u is the arc about the ply's axis, cos theta_o times the azimuth, in
+//! which a pattern has no pole. For reflection the cosine is that of the latitude of the half vector, a
+//! function of v alone, so that the shift is exact. u has a seam opposite to where it starts: exact forward
+//! for reflection, which is dark there, and the light's azimuth for high-order light; and the pole of f_refl
+//! is not the ply's axis, about which its grains narrow. Over [`SEAM_RAD`] beside it the two sides are
+//! blended; the mean stays 1, the contrast falls to 0.71 of itself at the seam.
 
 use crate::Result;
 use crate::io::{Check, Reader, Writer, invalid};
@@ -31,7 +38,8 @@ const MAX_BYTES: usize = 64 << 20;
 
 /// Tiles of noise, those of f_refl first.
 ///
-/// `N = (low + step code)^2` of a tile's codes, [`NoiseTiles::code`]; its mean over each tile is 1. Between the nodes N is bilinear.
+/// `N = (low + step code)^2` of a tile's codes, [`NoiseTiles::code`]; its mean over each tile is 1. Between
+/// the nodes N is bilinear.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NoiseTiles {
     /// `[2][T][V][U]`: codes. T, V and U are powers of two.
@@ -44,24 +52,30 @@ pub struct NoiseTiles {
     pub step: [[f64; 2]; 2],
     /// Wavelength at which the tiles are not stretched [um].
     pub lambda_um: f64,
-    /// `[2][2]`: of each kind, N at a wavelength fades to `1 + s (N - 1)` with `s = fade[0] + fade[1] lambda_um`, kept within 0 and 1.
+    /// `[2][2]`: of each kind, N at a wavelength fades to `1 + s (N - 1)` with
+    /// `s = fade[0] + fade[1] lambda_um`, kept within 0 and 1.
     pub fade: [[f64; 2]; 2],
-    /// `[2][2]`: of each kind, the contrast of the simulated fibers and that of these tiles, looked up; for the record.
+    /// `[2][2]`: of each kind, the contrast of the simulated fibers and that of these tiles, looked up; for
+    /// the record.
     pub contrast: [[f64; 2]; 2],
 }
 
 /// Which patterns a point of a ply has: which tile, where on it, and how it is turned.
 ///
-/// Made of a number, 0 for the unstretched corner of the first tile; [`Instance::new`] hashes ply and position.
+/// Made of a number, 0 for the unstretched corner of the first tile; [`Instance::new`] hashes ply and
+/// position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Instance(pub(super) u64);
 
 impl Instance {
-    /// Of a ply's number, a position along its fibers and the offset h of the beam across them [um], in grains of `grain_um`: all places within one grain have the same
-    /// patterns. Grains lie in rows along the ply, each row shifted by its own part of a grain. Beams of waist w0 that are d apart light the same fibers but for what the
-    /// covariance `exp(-(d / w0)^2)` of their fields leaves, whose integral over d is 1.8 w0: grains of twice the waist suit, in both directions.
+    /// Of a ply's number, a position along its fibers and the offset h of the beam across them [um], in
+    /// grains of `grain_um`: all places within one grain have the same patterns. Grains lie in rows along the
+    /// ply, each row shifted by its own part of a grain. Beams of waist w0 that are d apart light the same
+    /// fibers but for what the covariance `exp(-(d / w0)^2)` of their fields leaves, whose integral over d is
+    /// 1.8 w0: grains of twice the waist suit, in both directions.
     ///
-    /// A grain that is not above 0, or no number, gives one instance for the whole ply; a place that is not a number counts as 0.
+    /// A grain that is not above 0, or no number, gives one instance for the whole ply; a place that is not a
+    /// number counts as 0.
     pub fn new(ply_id: u32, [along_um, h_um]: [f32; 2], grain_um: f32) -> Instance {
         let [along, across] = [along_um, h_um].map(|um| if grain_um > 0.0 { um / grain_um } else { 0.0 });
         let row = mix64(u64::from(ply_id) << 32 | u64::from((across + 0.5).floor() as i32 as u32));
@@ -78,7 +92,8 @@ impl Instance {
 }
 
 impl NoiseTiles {
-    /// Values N at the nodes of a tile, `[V][U]`; `kind` 0 for f_refl, 1 for f_high. Empty where there is no such tile.
+    /// Values N at the nodes of a tile, `[V][U]`; `kind` 0 for f_refl, 1 for f_high. Empty where there is no
+    /// such tile.
     pub fn tile(&self, kind: usize, tile: usize) -> Vec<f32> {
         let [count, rows, columns] = self.sizes;
         if kind > 1 || tile >= count {
@@ -90,8 +105,9 @@ impl NoiseTiles {
         codes.iter().map(|c| (low + step * f32::from(*c)).powi(2)).collect()
     }
 
-    /// The codes of a tile of values `N >= 0`, with low and step of the root scaled so that the mean of the coded values is 1: least and greatest root get the
-    /// codes 0 and 255. Values that are all 0 or not finite give a tile that is 1.
+    /// The codes of a tile of values `N >= 0`, with low and step of the root scaled so that the mean of the
+    /// coded values is 1: least and greatest root get the codes 0 and 255. Values that are all 0 or not
+    /// finite give a tile that is 1.
     pub fn code(values: &[f64]) -> (Vec<u8>, [f32; 2]) {
         NoiseTiles::code_of(values.len(), values.iter().map(|v| v.max(0.0).sqrt()))
     }

@@ -1,15 +1,18 @@
 //! Energies of a table on grids of their own, finer than those of its slices.
 //!
-//! The beam's profile g has a standard deviation of a few um, and so has the edge of a ply in it, while slices are nodes for lobes that change
-//! slowly. Energies are single numbers: one pass of rays tells the chance m(x) that the line at lateral position x meets a fiber, which gives
-//! `r_d(h) = 1 - integral of m(x) g(x - h) dx` at every h; what the light that meets fibers becomes is tallied by the lateral position too.
+//! The beam's profile g has a standard deviation of a few um, and so has the edge of a ply in it, while
+//! slices are nodes for lobes that change slowly. Energies are single numbers: one pass of rays tells the
+//! chance m(x) that the line at lateral position x meets a fiber, which gives
+//! `r_d(h) = 1 - integral of m(x) g(x - h) dx` at every h; what the light that meets fibers becomes is
+//! tallied by the lateral position too.
 //! See `docs/explain/papers.md`, departure 19.
 
 use super::{TOLERANCE, Table};
 use crate::Result;
 use crate::io::{Check, Reader, Writer, invalid};
 
-/// Missed light and what becomes of the rest, over grids that hold the nodes of the slices. Arrays are flat, last index fastest.
+/// Missed light and what becomes of the rest, over grids that hold the nodes of the slices. Arrays are flat,
+/// last index fastest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TableEnergies {
     /// `[A]` latitudes of `miss` [rad], uniform from 0 to the table's last.
@@ -20,7 +23,8 @@ pub struct TableEnergies {
     pub miss: Vec<f64>,
     /// `[A][B]`: its standard error over the instances.
     pub miss_se: Vec<f64>,
-    /// `[A][X]`: fraction of the lines at lateral position x that hit a fiber; x in X equal parts of [-h, h], h the last offset. Of a single ply; else empty.
+    /// `[A][X]`: fraction of the lines at lateral position x that hit a fiber; x in X equal parts of [-h, h],
+    /// h the last offset. Of a single ply; else empty.
     pub met: Vec<f32>,
     /// `[P]` latitudes of the shares [rad], uniform from 0 to the table's last.
     pub share_theta_i: Vec<f64>,
@@ -70,8 +74,8 @@ pub(super) const NAMES: [&str; 10] = [
 ];
 
 impl TableEnergies {
-    /// Of a table that has none but those of its slices: a yarn made of a ply's table, or plies traced together. Where nothing is met the shares are
-    /// those of the nearest offset at which something is.
+    /// Of a table that has none but those of its slices: a yarn made of a ply's table, or plies traced
+    /// together. Where nothing is met the shares are those of the nearest offset at which something is.
     pub fn of_nodes(table: &Table) -> TableEnergies {
         let (rows, columns, k) = (table.theta_i.len(), table.h_um.len(), table.sigma_per_um.len());
         let met = |i: usize| 1.0 - table.r_d[i];

@@ -38,7 +38,8 @@ fn one() -> u32 {
 }
 
 impl Table {
-    /// Writes the table (`docs/reference/format/models.md`) to a temporary name in the folder of `path`, then renames it.
+    /// Writes the table (`docs/reference/format/models.md`) to a temporary name in the folder of `path`, then
+    /// renames it.
     ///
     /// # Errors
     /// [`crate::Error::Invalid`] when the table would not load again, [`crate::Error::Io`].
@@ -49,8 +50,8 @@ impl Table {
     /// Reads a table and checks names, shapes, axes, ranges and finiteness.
     ///
     /// # Errors
-    /// [`crate::Error::Io`], [`crate::Error::Format`] for a foreign, damaged or newer file, [`crate::Error::Invalid`] for a
-    /// value that is not allowed.
+    /// [`crate::Error::Io`], [`crate::Error::Format`] for a foreign, damaged or newer file,
+    /// [`crate::Error::Invalid`] for a value that is not allowed.
     pub fn load(path: impl AsRef<Path>) -> Result<Table> {
         document::load(path.as_ref())
     }
@@ -71,7 +72,8 @@ impl Table {
         Ok(document::from_bytes(bytes, name)?.0)
     }
 
-    /// Checks what every table must satisfy, read or written: lengths, axes, ranges and finiteness. `name` stands for the file in errors.
+    /// Checks what every table must satisfy, read or written: lengths, axes, ranges and finiteness. `name`
+    /// stands for the file in errors.
     ///
     /// # Errors
     /// [`crate::Error::Invalid`].

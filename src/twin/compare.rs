@@ -1,8 +1,10 @@
 //! How far a cloth model is from its twin: energies and distributions, direction by direction.
 //!
-//! The model's distribution is the mean of its `eval` over places in the repeats that were traced and over directions within each bin. The distance in a
-//! half of the sphere is the relative L2 of the bins with the twin's noise removed: with t the twin's density, v its variance and m the model's,
-//! `sqrt((sum (m - t)^2 - v) / (sum t^2 - v))`: the expected value of `(m - t)^2` is `(m - E t)^2 + v`, that of `t^2` is `(E t)^2 + v`.
+//! The model's distribution is the mean of its `eval` over places in the repeats that were traced and over
+//! directions within each bin. The distance in a half of the sphere is the relative L2 of the bins with the
+//! twin's noise removed: with t the twin's density, v its variance and m the model's,
+//! `sqrt((sum (m - t)^2 - v) / (sum t^2 - v))`: the expected value of `(m - t)^2` is `(m - E t)^2 + v`, that
+//! of `t^2` is `(E t)^2 + v`.
 
 use super::{ClothTwin, SphereBins};
 use crate::math::parallel;
@@ -32,7 +34,8 @@ pub struct Comparison {
     pub model: Light,
     /// Relative L2 distance in the half that the light came from, noise removed.
     pub upper: f64,
-    /// Relative L2 distance in the other half, noise removed; not a number where noise hides the twin's light.
+    /// Relative L2 distance in the other half, noise removed; not a number where noise hides the twin's
+    /// light.
     pub lower: f64,
 }
 
@@ -46,7 +49,8 @@ pub struct ComparisonOptions {
 }
 
 impl Default for ComparisonOptions {
-    /// A direction a bin at each place: with a fourth of the places and four directions, light straight through denim was off by up to 0.009 of 100 000 places'.
+    /// A direction a bin at each place: with a fourth of the places and four directions, light straight
+    /// through denim was off by up to 0.009 of 100 000 places'.
     fn default() -> Self {
         ComparisonOptions { places: 4096, directions: 1 }
     }
@@ -58,11 +62,13 @@ const N: usize = 4;
 /// The inverse of the plastic number and its square: steps of an even sequence in the plane.
 const STEPS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
 
-/// The same of the directions within a bin and of the repeats, at odds with those of the places: powers of the root of x^5 = x + 1.
+/// The same of the directions within a bin and of the repeats, at odds with those of the places: powers of
+/// the root of x^5 = x + 1.
 const STEPS_OF_DIRECTIONS: [f64; 2] = [0.856_674_883_854_502_9, 0.733_891_856_627_126];
 const STEPS_OF_REPEATS: [f64; 2] = [0.628_706_721_042_211_5, 0.538_597_257_223_612_7];
 
-/// All views and absorptions of the twin, in its order. The fabric's own colors do not count: the absorptions are the twin's.
+/// All views and absorptions of the twin, in its order. The fabric's own colors do not count: the absorptions
+/// are the twin's.
 pub fn compare(fabric: &FabricModel, twin: &ClothTwin, options: &ComparisonOptions) -> Vec<Comparison> {
     let steps = twin.sigma_count().div_ceil(N);
     let parts = parallel::map(twin.view_count() * steps, |part| {
@@ -77,7 +83,8 @@ pub fn compare(fabric: &FabricModel, twin: &ClothTwin, options: &ComparisonOptio
     parts.into_iter().flatten().collect()
 }
 
-/// Half-angle of the cone about the straight direction that is integrated apart [rad]: light beside plies and through gaps is narrow there.
+/// Half-angle of the cone about the straight direction that is integrated apart [rad]: light beside plies and
+/// through gaps is narrow there.
 const CONE_RAD: f64 = 0.2;
 /// Directions in the cone at each place.
 const CONE_DIRECTIONS: usize = 64;
@@ -90,8 +97,9 @@ struct Directions {
 }
 
 impl Directions {
-    /// Evenly spread over cells of the bins, but for the cone about the straight direction, and over the cone, denser towards its middle. Each place has
-    /// others, so that the mean over places finds lobes narrower than the cells.
+    /// Evenly spread over cells of the bins, but for the cone about the straight direction, and over the
+    /// cone, denser towards its middle. Each place has others, so that the mean over places finds lobes
+    /// narrower than the cells.
     fn fill(&mut self, bins: &SphereBins, wo: [f32; 3], side: usize, place: usize) {
         let straight = wo.map(|v| f64::from(-v));
         let shift = STEPS_OF_DIRECTIONS.map(|step| (0.5 + place as f64 * step).fract());
@@ -175,7 +183,8 @@ fn held_to(twin: &ClothTwin, view: usize, sigma: usize, model: &[f64], straight:
     let (density, variance) = twin.distribution(view, sigma);
     let from_face = twin.view(view)[2] > 0.0;
     let solid_angle = twin.bins.solid_angle();
-    // Of the upper half, the light's, then of the lower one: the model's energy, squared difference and squared density less the noise.
+    // Of the upper half, the light's, then of the lower one: the model's energy, squared difference and
+    // squared density less the noise.
     let mut halves = [[0.0f64; 3]; 2];
     for bin in 0..twin.bins.len() {
         let half = &mut halves[usize::from(twin.bins.is_up(bin) != from_face)];

@@ -45,7 +45,8 @@ impl ClothTwin {
     /// Reads a twin and checks names, shapes, ranges and finiteness.
     ///
     /// # Errors
-    /// [`crate::Error::Io`], [`crate::Error::Format`] for a foreign, damaged or newer file, [`crate::Error::Invalid`] for a value that is not allowed.
+    /// [`crate::Error::Io`], [`crate::Error::Format`] for a foreign, damaged or newer file,
+    /// [`crate::Error::Invalid`] for a value that is not allowed.
     pub fn load(path: impl AsRef<Path>) -> Result<ClothTwin> {
         document::load(path.as_ref())
     }

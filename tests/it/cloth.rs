@@ -25,9 +25,12 @@ macro_rules! of_each {
     ($what:ident: $($cloth:ident)*) => { mod $what { $( #[test] fn $cloth() { super::$what(stringify!($cloth)); } )* } };
 }
 
-/// What a cloth may be off from its twin: R and T up to 60 degrees, twice that beyond; L2 of the upper half up to 60 degrees and beyond; L2 of the lower half where more than 0.05 is
-/// transmitted, up to 60 degrees. Issued limits are 0.015, 0.12 and 0.2; measured ones stand, rounded up. Light between yarns is that of random paths, which moves single figures by
-/// some 0.003. With models of whole yarns in place of one ply's, light of muslin, denim and worsted was off by 0.015, 0.036 and 0.026, their lower half by 0.16, 0.40 and 0.24.
+/// What a cloth may be off from its twin: R and T up to 60 degrees, twice that beyond; L2 of the upper half
+/// up to 60 degrees and beyond; L2 of the lower half where more than 0.05 is transmitted, up to 60 degrees.
+/// Issued limits are 0.015, 0.12 and 0.2; measured ones stand, rounded up. Light between yarns is that of
+/// random paths, which moves single figures by some 0.003. With models of whole yarns in place of one ply's,
+/// light of muslin, denim and worsted was off by 0.015, 0.036 and 0.026, their lower half by 0.16, 0.40 and
+/// 0.24.
 struct Limits {
     name: &'static str,
     light: f64,
@@ -48,8 +51,9 @@ const LIMITS: [Limits; 9] = [
     Limits { name: "glass_plain", light: 0.041, upper: [0.31, 0.25], lower: 0.42 },
 ];
 
-/// The cloths that ship against the twins that ship, `plywave twin fabrics/NAME.toml --paths 120000`: explicit fibers, eight views, three absorptions. Of the cloth what ray
-/// optics has: twins have no diffraction.
+/// The cloths that ship against the twins that ship, `plywave twin fabrics/NAME.toml --paths 120000`:
+/// explicit fibers, eight views, three absorptions. Of the cloth what ray optics has: twins have no
+/// diffraction.
 fn cloths_are_near_their_twins(name: &'static str) {
     let limits = LIMITS.iter().find(|limits| limits.name == name).unwrap();
     let fabric = fabric(limits.name);
@@ -94,8 +98,9 @@ fn eval(fabric: &FabricModel, at: [f32; 2], wo: [f32; 3], wi: [f32; 3]) -> f64 {
     )
 }
 
-/// A clear cloth sends out what comes in, from each view and from each light direction, rays going straight through gaps: as diffracted they are light of grazing views that
-/// comes from single directions. Asked for are 0.02 at every cosine.
+/// A clear cloth sends out what comes in, from each view and from each light direction, rays going straight
+/// through gaps: as diffracted they are light of grazing views that comes from single directions. Asked for
+/// are 0.02 at every cosine.
 fn clear_cloths_conserve_energy_both_ways(cloth: &'static str) {
     const N: usize = 60_000;
     for (name, z, by_view_most, by_light_most) in [
@@ -168,7 +173,8 @@ fn layers_are_reciprocal() {
     assert!(off < 0.05, "{off}");
 }
 
-/// Sampling covers what eval holds: no weight of a sample is large, whatever the place and view, and the energy by samples is that by even directions.
+/// Sampling covers what eval holds: no weight of a sample is large, whatever the place and view, and the
+/// energy by samples is that by even directions.
 fn samples_cover_what_eval_holds(name: &'static str) {
     const N: usize = 200_000;
     let path = format!("{}/{name}.toml", folder());
@@ -200,9 +206,11 @@ fn samples_cover_what_eval_holds(name: &'static str) {
 
 of_each!(samples_cover_what_eval_holds: polyester_layers polyester_satin silk_organza cotton_plain cotton_twill wool_plain);
 
-/// Largest weight of gray samples, by mean over the channels of dyed ones, and their greatest variance over the square of the mean, at one place and view, clear, light and
-/// with the spec's own colors. Those of dyed layers, satin and organza are half way between the ones of chances by what leaves the cloth, as it was, and those measured; those of
-/// cloths of several plies, whose light is shared anew among plies and yarns, are measured ones, rounded up.
+/// Largest weight of gray samples, by mean over the channels of dyed ones, and their greatest variance over
+/// the square of the mean, at one place and view, clear, light and with the spec's own colors. Those of dyed
+/// layers, satin and organza are half way between the ones of chances by what leaves the cloth, as it was,
+/// and those measured; those of cloths of several plies, whose light is shared anew among plies and yarns,
+/// are measured ones, rounded up.
 struct Weights {
     name: &'static str,
     most: f64,
@@ -218,7 +226,8 @@ const WEIGHTS: [Weights; 6] = [
     Weights { name: "wool_plain", most: 2.5, variance: [0.174, 0.23, 0.0325] },
 ];
 
-/// Weights of a cloth's samples at even places, tilts up to 85 degrees from both sides: the largest, the variance within a place and view over the square of the mean.
+/// Weights of a cloth's samples at even places, tilts up to 85 degrees from both sides: the largest, the
+/// variance within a place and view over the square of the mean.
 fn weights<const N: usize>(fabric: &FabricModel, sigma_per_um: Option<[f32; N]>, lambda_um: [f32; N]) -> (f64, f64) {
     const PLACES: usize = 12_000;
     const EACH: usize = 4;
@@ -248,7 +257,8 @@ fn weights<const N: usize>(fabric: &FabricModel, sigma_per_um: Option<[f32; N]>,
     (most, within / (sum * sum))
 }
 
-/// No sample of a cloth has a large weight, and samples of a place differ little: what many scatterings in folds multiply.
+/// No sample of a cloth has a large weight, and samples of a place differ little: what many scatterings in
+/// folds multiply.
 fn weights_of_samples_are_small(name: &'static str) {
     let limits = WEIGHTS.iter().find(|limits| limits.name == name).unwrap();
     let fabric = fabric(limits.name);

@@ -1,5 +1,6 @@
-//! Models of cones. Chain of trust: `cone::ConeLobe` is tested against brute-force integrals in its own file; the reference implementation sums such lobes in
-//! f64; here the kernels are held to it, and the model to itself: furnace, sampling, files, slits, mirrored incidences.
+//! Models of cones. Chain of trust: `cone::ConeLobe` is tested against brute-force integrals in its own file;
+//! the reference implementation sums such lobes in f64; here the kernels are held to it, and the model to
+//! itself: furnace, sampling, files, slits, mirrored incidences.
 
 use crate::synthetic::{STANDARD, Sizes, cone_model, model};
 use plywave::check::{CheckOptions, check_model};
@@ -85,7 +86,8 @@ fn furnace_sampling_and_chi_square() {
     }
 }
 
-/// Half way between nodes a narrow ring lies where the physics has it, which no interpolation of latitudes of round lobes would give near the pole.
+/// Half way between nodes a narrow ring lies where the physics has it, which no interpolation of latitudes of
+/// round lobes would give near the pole.
 #[test]
 fn rings_between_nodes_stay_on_the_cone() {
     let mut data = cone_model(7, STANDARD, 20.0);
@@ -175,7 +177,8 @@ fn files_of_cones_load_again_and_bad_ones_are_refused() {
     assert_eq!(back.to_bytes().unwrap(), bytes);
     let m = PlyModel::from_bytes(&bytes, "cones").unwrap();
     assert!(!m.reference_values().is_empty() && m.reference_error() < 1e-5);
-    // Round lobes stay under their old names, so that earlier readers load them and refuse cones by the name of the tensor.
+    // Round lobes stay under their old names, so that earlier readers load them and refuse cones by the name
+    // of the tensor.
     let round = model(10, STANDARD).to_bytes().unwrap();
     let has = |bytes: &[u8], name: &str| String::from_utf8_lossy(&bytes[..20_000]).contains(&format!("\"{name}\""));
     assert!(has(&bytes, "cone_refl") && has(&bytes, "cone_high") && !has(&bytes, "refl") && !has(&bytes, "high"));

@@ -1,6 +1,8 @@
-//! Every model that loads is answered in bounded time. Each tensor of a small model is set in turn to the ends of what the loader allows, which are found by
-//! bisection of the loader itself, and what stands behind `plywave check`, `eval`, `sample`, `info` and `plot` is run on what then loads. Where a bandwidth is at
-//! its end, the integrals over the sphere hold too: the check's nodes follow the lobe (`src/check/nodes.rs` holds them to closed forms).
+//! Every model that loads is answered in bounded time. Each tensor of a small model is set in turn to the
+//! ends of what the loader allows, which are found by bisection of the loader itself, and what stands behind
+//! `plywave check`, `eval`, `sample`, `info` and `plot` is run on what then loads. Where a bandwidth is at
+//! its end, the integrals over the sphere hold too: the check's nodes follow the lobe (`src/check/nodes.rs`
+//! holds them to closed forms).
 
 use plywave::check::{CheckOptions, FURNACE_TOLERANCE, check_incidence, check_layers, check_model, check_whole};
 use plywave::frame::direction;
@@ -144,8 +146,9 @@ fn run(bytes: &[u8]) -> (Duration, bool) {
     assert!(
         nodes.iter().all(|e| e.r_d.is_finite() && d.sigma_per_um.iter().all(|s| e.high_at(*s, &d.path_um).is_finite()))
     );
-    // The integral of f follows the lobes at any bandwidths. The density has a wedge about the axis of a lobe that is as wide as the sphere one way and sharp the other, finer
-    // than the lobe: its integral is known to a few thousandths there.
+    // The integral of f follows the lobes at any bandwidths. The density has a wedge about the axis of a lobe
+    // that is as wide as the sphere one way and sharp the other, finer than the lobe: its integral is known
+    // to a few thousandths there.
     let whole = whole.map(|w| w.scatter);
     let furnace = lobes.furnace_error().max(whole.map_or(0.0, |w| w.furnace_error));
     let density = lobes.pdf_error().max(whole.map_or(0.0, |w| w.pdf_error));
@@ -167,7 +170,8 @@ fn corner(file: &File, name: &str, change: Change, signs: &[f64], is_held: bool)
     }
 }
 
-/// Sharp edge lobes, across and along the ply and one alone, which made a check without end, and sharp lobes of f_high.
+/// Sharp edge lobes, across and along the ply and one alone, which made a check without end, and sharp lobes
+/// of f_high.
 #[test]
 fn bandwidths_at_their_ends_are_resolved() {
     let file = File::load("tests/data/small.pwm");

@@ -1,4 +1,5 @@
-//! Dual scattering (Khungurn 2015) against closed forms, its own balance, and quadrature of the models' f. Light traced through layers and bundles is in `dual_truth.rs`.
+//! Dual scattering (Khungurn 2015) against closed forms, its own balance, and quadrature of the models' f.
+//! Light traced through layers and bundles is in `dual_truth.rs`.
 
 use plywave::fiber::dual_scattering::{
     Attenuation, Backscattering, DualBsdf, DualOptions, DualScattering, Occlusion, Spread, stack,
@@ -33,7 +34,8 @@ fn dual(model: &FiberModel, options: DualOptions) -> DualScattering<3> {
     DualScattering::new(model, &light(0.0, 0.0), options).unwrap()
 }
 
-/// `1 - E|delta| / pi` of a von Mises distribution: `E|delta| = pi/2 - (4/pi) sum over odd k of I_k / (k^2 I_0)`, Bessel functions by their integrals.
+/// `1 - E|delta| / pi` of a von Mises distribution:
+/// `E|delta| = pi/2 - (4/pi) sum over odd k of I_k / (k^2 I_0)`, Bessel functions by their integrals.
 fn forward_share(kappa: f64) -> f64 {
     let n = 20_000;
     let mean = |order: f64| {
@@ -46,7 +48,8 @@ fn forward_share(kappa: f64) -> f64 {
     1.0 - (0.5 * PI - 4.0 / PI * sum) / PI
 }
 
-/// Physics: 1/2 for kappa 0; 0.6817, 0.9179, 0.9745 for 1, 10, 100. And the quadrature of the model gives that, R sends half each way (3.1), and both add up to the albedo.
+/// Physics: 1/2 for kappa 0; 0.6817, 0.9179, 0.9745 for 1, 10, 100. And the quadrature of the model gives
+/// that, R sends half each way (3.1), and both add up to the albedo.
 #[test]
 fn attenuations_are_the_closed_forms() {
     for (kappa, want) in [(1.0f64, 0.6817), (10.0, 0.9179), (100.0, 0.9745)] {
@@ -79,7 +82,8 @@ fn attenuations_are_the_closed_forms() {
     assert!((even.forward[0] - 0.5).abs() < 1e-3, "{even:?}");
 }
 
-/// A mean over the azimuths of light and of f written out, for a model with its own f: a_f and a_b of Khungurn 2015, 3.1 and 5.1, as they are defined.
+/// A mean over the azimuths of light and of f written out, for a model with its own f: a_f and a_b of
+/// Khungurn 2015, 3.1 and 5.1, as they are defined.
 #[test]
 fn attenuations_are_the_integrals_that_define_them() {
     let fiber =
@@ -111,7 +115,8 @@ fn attenuations_are_the_integrals_that_define_them() {
     }
 }
 
-/// a_f and a_b of a round fiber by quadrature of its f: of light over all azimuths the share `|phi_o - phi_i| / pi` leaves on the far side. Rows crowd at the poles.
+/// a_f and a_b of a round fiber by quadrature of its f: of light over all azimuths the share
+/// `|phi_o - phi_i| / pi` leaves on the far side. Rows crowd at the poles.
 fn integrated(model: &FiberModel, query: &FiberQuery<3>, [rows, columns]: [u32; 2]) -> [[f64; 3]; 2] {
     let at = model.at(query);
     let mut sides = [[0.0; 3]; 2];
@@ -173,7 +178,8 @@ fn marschner_integrated(p: &RoughDielectricParameters, theta_i: f64, sigma_per_u
     sides
 }
 
-/// Between the nodes too a_f and a_b are the integrals that define them, to 5e-4 up to 89.9 degrees, clear, light and dark.
+/// Between the nodes too a_f and a_b are the integrals that define them, to 5e-4 up to 89.9 degrees, clear,
+/// light and dark.
 #[test]
 fn attenuations_hold_between_the_nodes() {
     let marschner = RoughDielectricParameters::marschner(1.55, 40.0, [-0.1, 0.05, 0.15], [0.1, 0.1, 0.2]);
@@ -231,7 +237,8 @@ fn attenuations_hold_between_the_nodes() {
     }
 }
 
-/// Without drift the variance is the note's: n times beta^2 of TT (Khungurn 2015, 3.2), whatever the lobe's cos^2 leaves of the width, and whole or not the number of fibers.
+/// Without drift the variance is the note's: n times beta^2 of TT (Khungurn 2015, 3.2), whatever the lobe's
+/// cos^2 leaves of the width, and whole or not the number of fibers.
 #[test]
 fn without_drift_the_variance_is_n_beta_squared() {
     let wide_r = KhungurnParameters { beta_r: 0.8, beta_tt: 0.4, ..Default::default() };
@@ -266,7 +273,8 @@ fn without_drift_the_variance_is_n_beta_squared() {
     }
 }
 
-/// Section 7: x solves the note's quadratic and is below 1; the total solves the adding equation; its first orders are A_1 and A_3; published values; limits.
+/// Section 7: x solves the note's quadratic and is below 1; the total solves the adding equation; its first
+/// orders are A_1 and A_3; published values; limits.
 #[test]
 fn sums_over_layers_are_right() {
     let full = |f: f32, b: f32| f64::from(Backscattering::Full.sum(f, b));
@@ -361,8 +369,9 @@ fn passed(dual: &DualScattering<3>, theta: f32, count: f32) -> Occlusion<3> {
     occlusion
 }
 
-/// Energies: a fiber with nothing before it is the fiber itself; the terms' integrals are [`DualBsdf::energy`]; with all densities 1 and nothing absorbed, what comes back of endless layers
-/// and what T_f leaves are all of the light.
+/// Energies: a fiber with nothing before it is the fiber itself; the terms' integrals are
+/// [`DualBsdf::energy`]; with all densities 1 and nothing absorbed, what comes back of endless layers and
+/// what T_f leaves are all of the light.
 #[test]
 fn energies_balance() {
     for (c_tt, beta, gamma) in [(1.0, 0.1, 0.3), (0.5, 0.3, 1.0), (0.9, 0.6, 0.5)] {
@@ -394,7 +403,8 @@ fn energies_balance() {
     }
 }
 
-/// Fibers behind: none leaves the fiber alone, many are endless ones. Fractions of fibers are fractions of their attenuation.
+/// Fibers behind: none leaves the fiber alone, many are endless ones. Fractions of fibers are fractions of
+/// their attenuation.
 #[test]
 fn fibers_are_counted() {
     let model = khungurn(0.05, 0.9, 0.1, 0.4);
@@ -424,7 +434,8 @@ fn fibers_are_counted() {
     }
 }
 
-/// The tables' F^G against quadrature of f, for every kind of model: worst and mean difference over directions, as shares of the greatest value.
+/// The tables' F^G against quadrature of f, for every kind of model: worst and mean difference over
+/// directions, as shares of the greatest value.
 #[test]
 fn tables_are_the_integral_of_the_model() {
     let n = 16;
@@ -493,7 +504,8 @@ fn tables_are_the_integral_of_the_model() {
     }
 }
 
-/// Limits: light that is not spread arrives at its own latitude (sigma -> 0); the two spreads agree there, and differ by the mean cosine where it is wide.
+/// Limits: light that is not spread arrives at its own latitude (sigma -> 0); the two spreads agree there,
+/// and differ by the mean cosine where it is wide.
 #[test]
 fn spreads_have_their_limits() {
     let model = khungurn(0.05, 0.9, 0.02, 0.4);

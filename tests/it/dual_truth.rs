@@ -1,5 +1,6 @@
-//! Dual scattering against light traced through layers and bundles of fibers, by the fiber's own samples alone. The figures are those of docs/explain/dual_scattering.md; the bounds are
-//! the method's error as measured, rounded up, so that a change that makes it worse is seen.
+//! Dual scattering against light traced through layers and bundles of fibers, by the fiber's own samples
+//! alone. The figures are those of docs/explain/dual_scattering.md; the bounds are the method's error as
+//! measured, rounded up, so that a change that makes it worse is seen.
 
 use plywave::fiber::dual_scattering::{DualOptions, DualScattering, Spread};
 use plywave::fiber::{KhungurnFiber, KhungurnParameters, Reflectance};
@@ -36,7 +37,8 @@ fn scatter(model: &FiberModel, wi: [f32; 3], rng: &mut Pcg64Mcg) -> Option<([f32
 /// What light did in layers of fibers that let none slip by, y up, light from above.
 #[derive(Default)]
 struct Layers {
-    /// Share that leaves below having only gone down, and its latitudes: sum, sum of squares, of the first wavelength.
+    /// Share that leaves below having only gone down, and its latitudes: sum, sum of squares, of the first
+    /// wavelength.
     ahead: [f64; 3],
     latitude: [f64; 2],
     below: [f64; 3],
@@ -115,7 +117,8 @@ fn light_through_layers() {
                     theta + occlusion.drift
                 );
                 if layers > 1 {
-                    // The spread levels off as the drift says; fibers further from normal light are not held to a mean over azimuths.
+                    // The spread levels off as the drift says; fibers further from normal light are not held
+                    // to a mean over azimuths.
                     assert!(
                         (f64::from(occlusion.variance.sqrt()) - sd).abs() < 0.06,
                         "{name}: {occlusion:?}, traced {sd}"
@@ -178,7 +181,8 @@ impl Bundle {
         Bundle { centers, radius }
     }
 
-    /// Fibers along a line from `from` in direction `d`, but `own`: the distance and number of the first, and how many.
+    /// Fibers along a line from `from` in direction `d`, but `own`: the distance and number of the first, and
+    /// how many.
     fn met(&self, from: [f64; 2], d: [f64; 2], own: usize) -> (Option<(f64, usize)>, u32) {
         let (mut first, mut count) = (None, 0);
         for (k, c) in self.centers.iter().enumerate() {
@@ -203,7 +207,8 @@ impl Bundle {
 const BINS: usize = 12;
 const NONE: usize = usize::MAX;
 
-/// Light from `[theta, 0]` that a bundle scatters, over the azimuth: shares of the light that falls on its diameter [1/rad], and of what is scattered once alone. Light leaves a fiber from its axis.
+/// Light from `[theta, 0]` that a bundle scatters, over the azimuth: shares of the light that falls on its
+/// diameter [1/rad], and of what is scattered once alone. Light leaves a fiber from its axis.
 fn trace_bundle(model: &FiberModel, bundle: &Bundle, theta: f32, paths: u32, rng: &mut Pcg64Mcg) -> Vec<[f64; 3]> {
     let mut bins = vec![[0.0; 3]; BINS];
     for _ in 0..paths {
@@ -237,7 +242,8 @@ fn trace_bundle(model: &FiberModel, bundle: &Bundle, theta: f32, paths: u32, rng
     bins
 }
 
-/// The same by dual scattering: lines of sight across the bundle, shadow rays from the axis of the first fiber.
+/// The same by dual scattering: lines of sight across the bundle, shadow rays from the axis of the first
+/// fiber.
 fn dual_bundle(
     model: &FiberModel,
     dual: &DualScattering<3>,
@@ -278,7 +284,8 @@ fn dual_bundle(
     bins
 }
 
-/// Four densities, three colors: light scattered in all, back to the light's half and ahead, and the mean difference over the azimuth as a share of the traced light.
+/// Four densities, three colors: light scattered in all, back to the light's half and ahead, and the mean
+/// difference over the azimuth as a share of the traced light.
 #[test]
 fn light_through_bundles() {
     let model = fiber(0.15, 0.4);

@@ -1,7 +1,8 @@
-//! Energies of a model at incidences between its nodes, against rays and paths at those incidences: the beam's offset and latitude themselves, no
-//! histogram, no spline. Both see the same instances of the ply.
+//! Energies of a model at incidences between its nodes, against rays and paths at those incidences: the
+//! beam's offset and latitude themselves, no histogram, no spline. Both see the same instances of the ply.
 //!
-//! Truth: lines drawn from the beam's profile about h, turned at random, traced by [`plywave_sim::trace_path`].
+//! Truth: lines drawn from the beam's profile about h, turned at random, traced by
+//! [`plywave_sim::trace_path`].
 
 use nalgebra::Vector3;
 use plywave::ply::PlyData;
@@ -30,7 +31,8 @@ fn options(spec: &YarnSpec) -> SimOptions {
     }
 }
 
-/// A line of the beam at (theta_i, h), as a ply turned and shifted at random sees it: where it enters the ply's bounding cylinder, and its direction.
+/// A line of the beam at (theta_i, h), as a ply turned and shifted at random sees it: where it enters the
+/// ply's bounding cylinder, and its direction.
 fn line<R: Rng>(
     spec: &YarnSpec,
     bound: f64,
@@ -58,7 +60,8 @@ fn line<R: Rng>(
     Some((turn(at), turn(d)))
 }
 
-/// Shares that hit nothing, are reflected only, are otherwise scattered at sigma = 0 and 0.01, each with its standard error.
+/// Shares that hit nothing, are reflected only, are otherwise scattered at sigma = 0 and 0.01, each with its
+/// standard error.
 fn traced(
     spec: &YarnSpec,
     tracers: &[ScrewTracer],
@@ -106,8 +109,9 @@ fn energies(model: &PlyData, theta_i: f64, h: f64) -> [f64; 4] {
     [e.r_d, e.refl, e.high.iter().sum(), e.high_at(0.01, &model.path_um)]
 }
 
-/// r_d to 0.002 and the rest to 0.002 and the noise of both, between the nodes of lobes and of energies, in both packings. The ridge of light that runs along the
-/// fibers of the rim is among the incidences: theta_i = 1.24 at h = 44.
+/// r_d to 0.002 and the rest to 0.002 and the noise of both, between the nodes of lobes and of energies, in
+/// both packings. The ridge of light that runs along the fibers of the rim is among the incidences: theta_i =
+/// 1.24 at h = 44.
 fn energies_hold_between_the_nodes(packing: Packing) {
     let mut spec = YarnSpec::polyester().unwrap();
     spec.ply.packing = packing;
@@ -156,7 +160,8 @@ fn energies_of_lined_fibers_hold_between_the_nodes() {
     energies_hold_between_the_nodes(Packing::Lined);
 }
 
-/// The fine grids at the nodes of the slices, against the slices' own weighted sums: two estimators, paths and rays of their own.
+/// The fine grids at the nodes of the slices, against the slices' own weighted sums: two estimators, paths
+/// and rays of their own.
 #[test]
 fn fine_energies_are_those_of_the_slices() {
     let mut spec = YarnSpec::polyester().unwrap();

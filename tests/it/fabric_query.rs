@@ -1,5 +1,5 @@
-//! What a point of a fabric can have of its own: color, turn of the pattern, models; stripes of several models in a family; all of it from memory. Each is held to a fabric
-//! that has it everywhere.
+//! What a point of a fabric can have of its own: color, turn of the pattern, models; stripes of several
+//! models in a family; all of it from memory. Each is held to a fabric that has it everywhere.
 
 use plywave::fabric::{FabricOptions, FabricSpec, GapLight, YarnSet};
 use plywave::frame::direction;
@@ -52,7 +52,8 @@ fn queries(count: usize) -> Vec<Query> {
 /// Each yarn alone, without light from or to others.
 const ALONE: FabricOptions = FabricOptions { layers: false, shadowing: false, ..FabricOptions::SMOOTH };
 
-/// Each yarn of a striped family shades as in a fabric of its model alone; stripes repeat, negative yarns too.
+/// Each yarn of a striped family shades as in a fabric of its model alone; stripes repeat, negative yarns
+/// too.
 #[test]
 fn stripes_have_the_model_of_their_yarn() {
     let options = ALONE;
@@ -100,7 +101,8 @@ fn points_have_their_own_color_and_models() {
     assert!(differ > 300, "{differ} points have warp yarns");
 }
 
-/// A turned pattern seen from a turned direction is the pattern: f, density, samples, in all cases of the beam.
+/// A turned pattern seen from a turned direction is the pattern: f, density, samples, in all cases of the
+/// beam.
 #[test]
 fn turned_patterns_turn_the_light() {
     for gaps in [GapLight::Diffracted, GapLight::Straight] {

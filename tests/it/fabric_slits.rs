@@ -1,4 +1,5 @@
-//! Slits between the fibers of a fabric's yarns (Yu 2025, 7.3): asked for by the spec or by options, what a slit takes of a ply's light it sends on, and samples cover it.
+//! Slits between the fibers of a fabric's yarns (Yu 2025, 7.3): asked for by the spec or by options, what a
+//! slit takes of a ply's light it sends on, and samples cover it.
 
 use plywave::check::check_bsdf;
 use plywave::fabric::{ColorOf, FabricBsdf, FabricOptions, FabricSpec, Slits, YarnColor, YarnSet};
@@ -50,7 +51,8 @@ fn case(at: &FabricBsdf<'_, 3>) -> usize {
     if at.is_gap() { 0 } else { 1 + usize::from(at.is_double()) }
 }
 
-/// Where two layers lie nothing changes; where one lies, of light that goes on some is in the slit's pattern, whose color depends on the direction.
+/// Where two layers lie nothing changes; where one lies, of light that goes on some is in the slit's pattern,
+/// whose color depends on the direction.
 #[test]
 fn slits_color_one_layer_alone() {
     let (plain, slit) = (plain(), fabric("", &FabricOptions { slits: with(2.0, SLIT_SHARE), ..ALONE }));
@@ -80,7 +82,8 @@ fn slits_color_one_layer_alone() {
     assert!(reds.iter().all(|n| *n > 100), "redder and bluer of {}: {reds:?}", seen[1]);
 }
 
-/// Slits lose no light of clear fibers, nor of dyed ones: what leaves a point is what leaves it without. Each ply alone: integrals over the sphere of samples.
+/// Slits lose no light of clear fibers, nor of dyed ones: what leaves a point is what leaves it without. Each
+/// ply alone: integrals over the sphere of samples.
 #[test]
 fn slits_keep_the_energy_of_a_point() {
     let slit = fabric("", &FabricOptions { slits: with(1.5, 1.0), ..ALONE });
@@ -97,7 +100,8 @@ fn slits_keep_the_energy_of_a_point() {
             checked += 1;
             let r = check_bsdf(&at, [0.006, 0.012], 20_000, &mut || rng.random());
             assert!(r.furnace_error < 3e-3 && r.pdf_error < 3e-3, "{r:?}");
-            // The tabulated density of a slit has steps, where a direction that went through two frames may be on the other side.
+            // The tabulated density of a slit has steps, where a direction that went through two frames may
+            // be on the other side.
             assert!(r.weight_error < 0.05 && r.sampled_furnace_se < 5.0 && r.chi2_p > 1e-3, "{r:?}");
             let (mut error, mut peak, mut steps) = (0.0f32, 0.0f32, 0);
             for _ in 0..5000 {

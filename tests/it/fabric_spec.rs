@@ -1,4 +1,5 @@
-//! Fabric specs and WIF files: good ones load, bad ones are refused in one line that names section, key and hint, none panics.
+//! Fabric specs and WIF files: good ones load, bad ones are refused in one line that names section, key and
+//! hint, none panics.
 
 use plywave::fabric::{Draft, Fabric, FabricSpec, LoadedFabric, MAX_THREADS, Wif, YarnColor, YarnSet, YarnShape};
 use plywave::io::{Folder, MemoryAssets};

@@ -1,6 +1,8 @@
-//! Families of plies: whole models and single incidences agree, energies are exact, slopes match differences, files are refused in one line.
+//! Families of plies: whole models and single incidences agree, energies are exact, slopes match differences,
+//! files are refused in one line.
 //!
-//! The nodes are planted: the polyester that ships, its lobes and energies moved smoothly with the parameters.
+//! The nodes are planted: the polyester that ships, its lobes and energies moved smoothly with the
+//! parameters.
 
 use plywave::math::hash::SplitMix64;
 use plywave::ply::asg::PARAMS;

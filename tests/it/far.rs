@@ -1,4 +1,5 @@
-//! The mean over a repeat that a query with a footprint has. Reference: the mean of f over many places of the fabric itself, at views that are no nodes.
+//! The mean over a repeat that a query with a footprint has. Reference: the mean of f over many places of the
+//! fabric itself, at views that are no nodes.
 
 use plywave::fabric::FabricOptions;
 use plywave::{Bsdf, BsdfSample, FabricModel, FabricQuery};
@@ -101,7 +102,8 @@ fn the_mean_is_that_of_many_places() {
     assert!(worst[0] < 0.016 && worst[1] < 0.02 && worst[2] < 0.1, "{worst:?}");
 }
 
-/// Weight times density is f, the density integrates to the chance of a direction, and samples' mean is the integral of f; with diffracted light, and within the blend.
+/// Weight times density is f, the density integrates to the chance of a direction, and samples' mean is the
+/// integral of f; with diffracted light, and within the blend.
 #[test]
 fn the_mean_is_sampled_as_it_is_evaluated() {
     let fabric = fabric("silk_organza", FabricOptions::SMOOTH);

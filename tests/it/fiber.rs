@@ -1,5 +1,7 @@
-//! The tabulated fiber. Chain of trust: M_0 is tested against the printed formula and its integrals in its own file; the interpolation is held to a twin in
-//! f64 written from `docs/reference/format/models.md`; furnace, sampling and chi-square use the checks that serve the ply model too; files are refused by one line.
+//! The tabulated fiber. Chain of trust: M_0 is tested against the printed formula and its integrals in its
+//! own file; the interpolation is held to a twin in f64 written from `docs/reference/format/models.md`;
+//! furnace, sampling and chi-square use the checks that serve the ply model too; files are refused by one
+//! line.
 
 use plywave::check::{FURNACE_TOLERANCE, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE, check_bsdf};
 use plywave::fiber::{FiberSource, FiberTable, OutlineSymmetry, TabulatedFiber};
@@ -200,7 +202,8 @@ fn threshold_of(significance: f64, tests: usize) -> f64 {
     plywave::check::chi2::threshold(significance, tests)
 }
 
-/// Light from a mirrored or turned direction scatters into mirrored or turned ones; -theta_i is theta_i seen from the other end.
+/// Light from a mirrored or turned direction scatters into mirrored or turned ones; -theta_i is theta_i seen
+/// from the other end.
 #[test]
 fn symmetry_of_the_outline_holds() {
     let mut rng = Pcg64Mcg::seed_from_u64(5);

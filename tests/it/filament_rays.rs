@@ -1,4 +1,5 @@
-//! The smooth dielectric fiber against the simulator's ray tables of a circle, all orders, clear and dyed: the same fiber by paths through a traced section.
+//! The smooth dielectric fiber against the simulator's ray tables of a circle, all orders, clear and dyed:
+//! the same fiber by paths through a traced section.
 
 use plywave::fiber::{DielectricFiber, DielectricParameters, RoughDielectricFiber, RoughDielectricParameters};
 use plywave::frame::direction;
@@ -45,7 +46,8 @@ fn ray_tables_of_a_circle_are_the_closed_forms() {
                 let cell = TAU / bins as f64;
                 let (got, want) = (f64::from(*got) * cell, want / f64::from(fine) * cell + beyond / bins as f64);
                 energy += want;
-                // Five standard errors of a bin's count, whose weights are at most 1; a caustic by midpoints; where orders beyond lie; the tracer's offsets.
+                // Five standard errors of a bin's count, whose weights are at most 1; a caustic by midpoints;
+                // where orders beyond lie; the tracer's offsets.
                 let tolerance = 5.0 * (want / 300_000.0).sqrt() + 0.01 * want + 5e-5;
                 worst = worst.max((got - want).abs() / tolerance);
                 let what = format!("sigma {sigma}, theta {theta}, bin {j}");
@@ -60,8 +62,9 @@ fn ray_tables_of_a_circle_are_the_closed_forms() {
     }
 }
 
-/// An elliptical section by rays beside the first-order model (Zinke 2007, 8.2): where TRT is brightest, by the azimuth of the light about the section, both blurred alike. The model turns the
-/// index of TRT alone; a circle of the same index stays where it is.
+/// An elliptical section by rays beside the first-order model (Zinke 2007, 8.2): where TRT is brightest, by
+/// the azimuth of the light about the section, both blurred alike. The model turns the index of TRT alone; a
+/// circle of the same index stays where it is.
 #[test]
 fn oval_sections_move_trt_as_rays_say() {
     let (radius_um, eta, width) = (8.0f64, 1.55, 0.06f64);
@@ -96,7 +99,8 @@ fn oval_sections_move_trt_as_rays_say() {
         };
         let oval = RoughDielectricFiber::new(parameters).unwrap();
         let bin = |j: i32| j.rem_euclid(bins as i32) as usize;
-        // TRT's brightest azimuth on either side of where the light comes from, on the half that R alone shares.
+        // TRT's brightest azimuth on either side of where the light comes from, on the half that R alone
+        // shares.
         let brightest = |f: &dyn Fn(i32) -> f64| {
             let side = |sign: i32| (0..bins as i32 / 5).max_by(|a, b| f(sign * a).total_cmp(&f(sign * b))).unwrap_or(0);
             [side(1), side(-1)].map(|j| azimuth(j).to_degrees())

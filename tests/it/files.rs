@@ -1,4 +1,5 @@
-//! Table and model files: what is written comes back; what is damaged, foreign or hostile is refused by one line.
+//! Table and model files: what is written comes back; what is damaged, foreign or hostile is refused by one
+//! line.
 
 use crate::synthetic::{STANDARD, Sizes, model, table};
 use plywave::io::{FileKind, file_kind};
@@ -72,7 +73,8 @@ fn with_document(bytes: &[u8], change: impl Fn(&mut serde_json::Value)) -> Vec<u
     })
 }
 
-/// Refused as a model, a table and in telling them apart, always by one line with the name in it; returns the model's line.
+/// Refused as a model, a table and in telling them apart, always by one line with the name in it; returns the
+/// model's line.
 fn refused(bytes: &[u8]) -> String {
     let error = PlyModel::from_bytes(bytes, "some.ply").map(|_| ()).unwrap_err().to_string();
     assert!(error.starts_with("some.ply: ") && error.lines().count() == 1 && error.len() < 600, "{error}");

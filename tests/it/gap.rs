@@ -1,5 +1,6 @@
-//! Weave gaps. Chain of trust: the factor k is held to quadrature in `src/faddeeva.rs`; here f is held to its formula in f64, its energy to
-//! an integral of its own, and the sampler to f by the checks that every `Bsdf` passes.
+//! Weave gaps. Chain of trust: the factor k is held to quadrature in `src/faddeeva.rs`; here f is held to its
+//! formula in f64, its energy to an integral of its own, and the sampler to f by the checks that every `Bsdf`
+//! passes.
 
 use plywave::bsdf::Outcomes;
 use plywave::check::check_bsdf;
@@ -65,8 +66,8 @@ fn eval_is_the_formula() {
     assert!(worst < 2e-5, "{worst}");
 }
 
-/// The integral of the f64 formula in the variables (xi_x, angle about x), whose area element is that of the sphere: no table, none of the
-/// code that is tested but K.
+/// The integral of the f64 formula in the variables (xi_x, angle about x), whose area element is that of the
+/// sphere: no table, none of the code that is tested but K.
 fn furnace(x: [f64; 2], y: [f64; 2], xi_i: [f64; 3], lambda: f64) -> f64 {
     let (w0, mut sum) = (BEAM.w0_um, 0.0);
     let square = |k: [f64; 2]| k[0] * k[0] + k[1] * k[1];
@@ -123,7 +124,8 @@ fn furnace_of_apertures_and_tilts() {
     }
 }
 
-/// Energy, density, weights and samples belong together: open, narrow, off-center and slit-like apertures, tilts to 1 rad.
+/// Energy, density, weights and samples belong together: open, narrow, off-center and slit-like apertures,
+/// tilts to 1 rad.
 #[test]
 fn every_check_of_a_bsdf_passes() {
     let cases = [
@@ -189,8 +191,9 @@ fn any_input_gives_finite_numbers() {
     }
 }
 
-/// What f does not integrate to 1 by is the light that the aperture's edges send where no direction is, less what Kirchhoff's cosines add elsewhere. To first
-/// order in the wavelength, of each axis alone (docs/explain/papers.md), with q the mean intensity at its two edges over the power between them [1/um]:
+/// What f does not integrate to 1 by is the light that the aperture's edges send where no direction is, less
+/// what Kirchhoff's cosines add elsewhere. To first order in the wavelength, of each axis alone
+/// (docs/explain/papers.md), with q the mean intensity at its two edges over the power between them [1/um]:
 /// lambda/(2 pi^2) (q_x (1/c^2 + pi/(4 c)) + q_y (1 + pi/4)/c), c the cosine of a tilt towards x.
 #[test]
 fn missing_energy_is_that_of_the_edges() {

@@ -1,5 +1,6 @@
-//! Light that grazes an aperture. Truth: the light that arrives, 1, against the integral of `eval` over the sphere by a rule that shares nothing with the code under test; and Yu 2025, Eq. 15
-//! in f64, where light does not graze.
+//! Light that grazes an aperture. Truth: the light that arrives, 1, against the integral of `eval` over the
+//! sphere by a rule that shares nothing with the code under test; and Yu 2025, Eq. 15 in f64, where light
+//! does not graze.
 
 use plywave::Bsdf;
 use plywave::gap::{Aperture, Gap};
@@ -8,8 +9,9 @@ use plywave::spec::GaussianBeam;
 
 const LAMBDA: [f32; 3] = [0.4, 0.55, 0.7];
 
-/// The integral of f over all directions, in the variables (xi_x, angle about x), whose area element is that of the sphere. Cells are as small as `finest` about
-/// the frequency 0 of either axis and grow in proportion to the distance from it.
+/// The integral of f over all directions, in the variables (xi_x, angle about x), whose area element is that
+/// of the sphere. Cells are as small as `finest` about the frequency 0 of either axis and grow in proportion
+/// to the distance from it.
 fn integral(gap: &Gap, xi_i: [f32; 3], finest: f64) -> [f64; 3] {
     let at = gap.at(xi_i, LAMBDA);
     let nodes = |center: f64, low: f64, high: f64| -> Vec<(f64, f64)> {
@@ -67,7 +69,8 @@ fn case((w0, x, y): (f64, [f32; 2], [f32; 2])) -> Gap {
     Gap::new(&Aperture::new(x, y).unwrap(), &beam)
 }
 
-/// As Kirchhoff's 1/c_i stands in print, an aperture of 2 um would send out 2.5 times what arrives at a cosine of 0.02, and 46 times at 0.001.
+/// As Kirchhoff's 1/c_i stands in print, an aperture of 2 um would send out 2.5 times what arrives at a
+/// cosine of 0.02, and 46 times at 0.001.
 #[test]
 fn no_aperture_sends_out_more_than_arrives() {
     let (mut most, mut least, mut apart) = (0.0f64, f64::INFINITY, 0.0f64);
@@ -91,7 +94,8 @@ fn no_aperture_sends_out_more_than_arrives() {
         }
     }
     println!("least {least:.4}, most {most:.4}, apart from the albedo {apart:.1e}");
-    // Kirchhoff's approximation loses at grazing light what an aperture's spectrum has beyond the plane; the bound takes no more from it.
+    // Kirchhoff's approximation loses at grazing light what an aperture's spectrum has beyond the plane; the
+    // bound takes no more from it.
     assert!(least > 0.55, "{least}");
     // The albedo is that of 64 cells a sign and axis: 0.003 in wide apertures, 0.012 in slits of 2 um.
     assert!(apart < 0.015, "{apart}");
@@ -132,6 +136,7 @@ fn moderate_tilts_are_left_as_they_are() {
         }
     }
     println!("f against the formula in f64, over its peak: {worst:.1e}");
-    // As in `gap.rs`; the beam of 50 um is five times as narrow, so that the rounding of xi_i + wo is five times as much of it.
+    // As in `gap.rs`; the beam of 50 um is five times as narrow, so that the rounding of xi_i + wo is five
+    // times as much of it.
     assert!(worst < 1e-4, "{worst}");
 }

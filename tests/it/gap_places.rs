@@ -1,4 +1,5 @@
-//! Light through the gaps of a fabric from place to place: it changes little where the aperture does, keeps its energy, and goes through the narrowest of them by diffraction.
+//! Light through the gaps of a fabric from place to place: it changes little where the aperture does, keeps
+//! its energy, and goes through the narrowest of them by diffraction.
 
 use plywave::check::check_bsdf;
 use plywave::fabric::{FabricOptions, FabricSpec};
@@ -34,7 +35,8 @@ fn load(spacing_um: f64) -> FabricModel {
     FabricModel::new(loaded, &ALONE).unwrap()
 }
 
-/// Across gaps wide and narrow, in steps of 0.02 and 0.1 um: no step of f is greater than those beside it let expect. Masses are of the nearest spectrum, 1e-3 from the next one's.
+/// Across gaps wide and narrow, in steps of 0.02 and 0.1 um: no step of f is greater than those beside it let
+/// expect. Masses are of the nearest spectrum, 1e-3 from the next one's.
 fn light_changes_steadily(spacing: f64, step: f32) {
     let cloth = plain(spacing);
     let wo = [0.0f32, 0.0, 1.0];
@@ -54,7 +56,8 @@ fn light_changes_steadily(spacing: f64, step: f32) {
                 let [Some(a), Some(b), Some(c), Some(d)] = [w[0], w[1], w[2], w[3]] else { continue };
                 for k in 0..3 {
                     places += 1;
-                    // A jump between b and c, beyond what the steps on both sides have, and beyond what a rim sends that catches too little to count.
+                    // A jump between b and c, beyond what the steps on both sides have, and beyond what a rim
+                    // sends that catches too little to count.
                     let slope = (b[k] - a[k]).abs().max((d[k] - c[k]).abs());
                     let jump = (c[k] - b[k]).abs() - 3.0 * slope - 2e-3;
                     worst = worst.max(jump / a[k].max(d[k]).max(1e-2));
@@ -107,7 +110,8 @@ fn narrow_gaps_diffract_their_light() {
     assert!(gaps > 300, "{gaps} places in gaps");
 }
 
-/// Apertures of any edges are scattering functions: their light adds up to what passes, and samples have their density.
+/// Apertures of any edges are scattering functions: their light adds up to what passes, and samples have
+/// their density.
 fn gaps_keep_their_energy(spacing: f64, sd_rad: f64) {
     let mut rng = Pcg64Mcg::seed_from_u64(2);
     let cloth = plain(spacing);
@@ -132,7 +136,8 @@ fn gaps_keep_their_energy(spacing: f64, sd_rad: f64) {
 
 #[test]
 fn narrow_gaps_keep_their_energy_and_their_samples_their_density() {
-    // The finest features are those of the plies' lobes: by half the width the integral of the density is the same to 1e-5.
+    // The finest features are those of the plies' lobes: by half the width the integral of the density is the
+    // same to 1e-5.
     gaps_keep_their_energy(90.6, 0.006);
 }
 

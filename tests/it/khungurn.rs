@@ -1,4 +1,5 @@
-//! Khungurn's fiber model (2015) against its formulas written out in f64, closed forms, and the checks of every model.
+//! Khungurn's fiber model (2015) against its formulas written out in f64, closed forms, and the checks of
+//! every model.
 
 use plywave::check::{FURNACE_TOLERANCE, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE, check_bsdf};
 use plywave::fiber::{KhungurnFiber, KhungurnParameters, Reflectance};
@@ -75,7 +76,8 @@ fn model_is_the_printed_one() {
     assert!(peak > 5.0, "the lobes were met: {peak}");
 }
 
-/// Furnace, density, weight times pdf, sampled furnace, chi-square: at narrow and wide lobes, normal and grazing light.
+/// Furnace, density, weight times pdf, sampled furnace, chi-square: at narrow and wide lobes, normal and
+/// grazing light.
 #[test]
 fn khungurn_fibers_pass_the_checks() {
     let mut rng = Pcg64Mcg::seed_from_u64(2);
@@ -104,7 +106,8 @@ fn khungurn_fibers_pass_the_checks() {
     }
 }
 
-/// The model is not reciprocal, as the module says: of two directions swapped, f / cos theta_o differs by more than rounding.
+/// The model is not reciprocal, as the module says: of two directions swapped, f / cos theta_o differs by
+/// more than rounding.
 #[test]
 fn swapped_directions_differ() {
     let fiber = fiber(red());

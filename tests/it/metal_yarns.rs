@@ -1,5 +1,6 @@
-//! Yarns of metal in a fabric have their own color, by wavelength and in RGB; the models here are polyester's lobes under the spec of gold: colors depend on the spec and on
-//! how the cloth's brightness falls with absorption alone.
+//! Yarns of metal in a fabric have their own color, by wavelength and in RGB; the models here are polyester's
+//! lobes under the spec of gold: colors depend on the spec and on how the cloth's brightness falls with
+//! absorption alone.
 
 use plywave::fabric::{Channels, ColorOf, FabricOptions, FabricSpec, LoadedFabric, YarnColor, YarnSet};
 use plywave::spec::YarnSpec;
@@ -56,7 +57,8 @@ fn metals_have_their_own_color_where_nothing_else_is_said() {
     assert_eq!(again.sigma(YarnSet::Weft, 0, LAMBDA), [0.01; 4]);
 }
 
-/// In RGB gold is yellow: what it keeps of red, green and blue is in the order of Fresnel's reflectances, and the white furnace of one absorption stays gray.
+/// In RGB gold is yellow: what it keeps of red, green and blue is in the order of Fresnel's reflectances, and
+/// the white furnace of one absorption stays gray.
 #[test]
 fn gold_is_yellow_in_rgb() {
     let cloth = cloth("", &FabricOptions::SMOOTH);

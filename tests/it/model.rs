@@ -1,6 +1,6 @@
-//! The runtime's evaluator. Chain of trust: `asg::Lobe` is tested against brute-force integrals in its own file; the reference implementation
-//! `plywave::ply::reference` uses it in f64 and is the truth for the fast kernels here; the furnace, sampling and symmetry
-//! tests then need no reference.
+//! The runtime's evaluator. Chain of trust: `asg::Lobe` is tested against brute-force integrals in its own
+//! file; the reference implementation `plywave::ply::reference` uses it in f64 and is the truth for the fast
+//! kernels here; the furnace, sampling and symmetry tests then need no reference.
 
 use crate::synthetic::{STANDARD, Sizes, model};
 use plywave::check::{CheckOptions, check_incidence, check_model};
@@ -146,7 +146,8 @@ fn albedo_falls_with_absorption_and_is_exact_at_nodes() {
 
 #[test]
 fn eval_falls_with_absorption_where_the_lobes_carry_the_spectrum() {
-    // At the corners of blocks the lobes' spectra add up to the simulated one, so the scale does not depend on sigma.
+    // At the corners of blocks the lobes' spectra add up to the simulated one, so the scale does not depend
+    // on sigma.
     let m = PlyModel::from_data(model(10, STANDARD)).unwrap();
     let (theta, h) = (m.data().theta_i.clone(), m.data().h_um.clone());
     let mut rng = Pcg64Mcg::seed_from_u64(10);

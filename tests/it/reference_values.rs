@@ -30,9 +30,10 @@ fn queries_lie_inside_cells() {
     }
 }
 
-/// Moved by 1e-5 of themselves, as other arithmetic would, queries have the same answers. Relative to the greatest value of the query, as a direction in
-/// which nothing is scattered has no relative accuracy; of cones relative to the greatest of all queries, as on the flank of a cone, which is some mrad wide near the axis, light
-/// changes by more of itself than the angle does.
+/// Moved by 1e-5 of themselves, as other arithmetic would, queries have the same answers. Relative to the
+/// greatest value of the query, as a direction in which nothing is scattered has no relative accuracy; of
+/// cones relative to the greatest of all queries, as on the flank of a cone, which is some mrad wide near the
+/// axis, light changes by more of itself than the angle does.
 #[test]
 fn answers_do_not_hang_on_the_last_digits() {
     let mut worst = 0.0f32;

@@ -1,4 +1,5 @@
-//! Regression of fitted lobes: today's fit of a stored small table, against the model that was fitted to it when it was stored.
+//! Regression of fitted lobes: today's fit of a stored small table, against the model that was fitted to it
+//! when it was stored.
 //!
 //! The files are remade, on purpose and with a line in CHANGELOG.md, by
 //! `plywave simulate tests/data/small.toml --preset preview -o tests/data/small.pwt` and
@@ -27,8 +28,8 @@ fn todays_fit_is_the_stored_one() {
     assert!(!diff(&stored, &moved, &DiffTolerance::default()).unwrap().equal);
 }
 
-/// Today's simulation of the same spec, with other paths and instances, is fitted as well by the stored model as its own table
-/// was: the simulator has not drifted.
+/// Today's simulation of the same spec, with other paths and instances, is fitted as well by the stored model
+/// as its own table was: the simulator has not drifted.
 #[test]
 fn todays_simulation_is_the_stored_one() {
     let (spec, text) = YarnSpec::load(data("small.toml")).unwrap();

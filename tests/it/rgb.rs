@@ -1,5 +1,6 @@
-//! Hosts that render in RGB get the color they asked for: the RGB mode of a fabric against the spectral answer, for the colors of the
-//! ColorChecker chart, on fabrics that ship. CIEDE2000 is written here from the paper (Sharma, Wu, Dalal 2005) and held to its published pairs.
+//! Hosts that render in RGB get the color they asked for: the RGB mode of a fabric against the spectral
+//! answer, for the colors of the ColorChecker chart, on fabrics that ship. CIEDE2000 is written here from the
+//! paper (Sharma, Wu, Dalal 2005) and held to its published pairs.
 
 use plywave::color::{
     SigmaSpectrum, SmoothReflectance, lab_of_xyz, linear_srgb_of_xyz, spectrum_lambda_um, xyz_of_linear_rec2020,
@@ -97,7 +98,8 @@ fn dyed(fabric: &FabricModel, srgb: [f64; 3]) -> FabricModel {
     fabric.with_colors([YarnColor::Srgb(srgb.map(|c| c as f32)); 2], ColorOf::EvenSky)
 }
 
-/// Color [linear sRGB or XYZ of a reflectance] of the mean over points, viewers and lights: under a sky all round, and lit from the front.
+/// Color [linear sRGB or XYZ of a reflectance] of the mean over points, viewers and lights: under a sky all
+/// round, and lit from the front.
 struct Colors {
     sky: [f64; 3],
     front: [f64; 3],
@@ -150,7 +152,8 @@ fn rgb(fabric: &FabricModel, channels: Channels) -> Colors {
     Colors { sky: xyz(sky), front: xyz(front) }
 }
 
-/// In BT.2020 every color is held to CIEDE2000 2; in linear sRGB those colors of yarns that have no channel below what the fibers' surfaces reflect.
+/// In BT.2020 every color is held to CIEDE2000 2; in linear sRGB those colors of yarns that have no channel
+/// below what the fibers' surfaces reflect.
 #[test]
 fn rgb_hosts_get_the_color_they_ask_for() {
     let asked: Vec<[f64; 3]> =

@@ -1,4 +1,5 @@
-//! The yarn spec: good ones load, bad ones are refused in one line that names the key and the hint, none panics.
+//! The yarn spec: good ones load, bad ones are refused in one line that names the key and the hint, none
+//! panics.
 
 use plywave::Error;
 use plywave::io::MemoryAssets;
@@ -43,7 +44,8 @@ fn plies_lie_on_their_circle() {
     let yarn = |keys: &str| YarnSpec::parse(&format!("{POLYESTER}\n[yarn]\n{keys}\n"), "yarn").unwrap();
     let two = yarn("plies = 2");
     assert!((two.ply_circle_um() - 50.0).abs() < 1e-9);
-    // Two plies lie as if parallel until the helix' slope at radius R passes 1, at a pitch of 2 pi R = 314 um.
+    // Two plies lie as if parallel until the helix' slope at radius R passes 1, at a pitch of 2 pi R = 314
+    // um.
     let loose = yarn("plies = 2\nply_pitch_um = 1000");
     assert!((loose.ply_circle_um() - 50.0).abs() < 1e-6, "{}", loose.ply_circle_um());
     let twisted = yarn("plies = 2\nply_pitch_um = 280\nhandedness = \"S\"");

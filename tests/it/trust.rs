@@ -1,4 +1,5 @@
-//! What loading promises: every model that loads gives finite, non-negative light, and no more than there is; directions that are none give none.
+//! What loading promises: every model that loads gives finite, non-negative light, and no more than there is;
+//! directions that are none give none.
 
 use crate::synthetic::{Sizes, model};
 use plywave::fabric::FabricOptions;
@@ -19,7 +20,8 @@ fn files(folder: &str, extension: &str) -> Vec<PathBuf> {
     entries.filter(|p| p.extension().is_some_and(|e| e == extension)).collect()
 }
 
-/// A model whose energy goes forward at the share `share`, and whose diffuse light is sent back and passes at these.
+/// A model whose energy goes forward at the share `share`, and whose diffuse light is sent back and passes at
+/// these.
 fn layered(share: f64, back: f64, through: f64) -> PlyData {
     let mut data = model(3, SMALL);
     let (m, h, j) = (data.theta_i.len(), data.h_um.len(), data.path_um.len());

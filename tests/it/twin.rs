@@ -1,4 +1,5 @@
-//! Comparison of a cloth model with a twin, and the twin's file. The twin here is drawn from the model itself: it must find no distance.
+//! Comparison of a cloth model with a twin, and the twin's file. The twin here is drawn from the model
+//! itself: it must find no distance.
 
 use plywave::fabric::{FabricOptions, FabricSpec, GapLight};
 use plywave::io::MemoryAssets;

@@ -1,4 +1,5 @@
-//! Places in woven fabrics: frames, coverage, repeats, both sides, any numbers. The ray and ply intersection has its own slow twin in `src/fabric/yarn.rs`.
+//! Places in woven fabrics: frames, coverage, repeats, both sides, any numbers. The ray and ply intersection
+//! has its own slow twin in `src/fabric/yarn.rs`.
 
 use plywave::fabric::{Draft, Fabric, Gap, Hit, PlyHit, YarnSet, YarnShape};
 use plywave::spec::Handedness;
@@ -18,7 +19,8 @@ fn shape(plies: u32, spacing_um: f64, crimp: f64, pitch: Option<f64>) -> YarnSha
     }
 }
 
-/// Fabrics of every kind: closed and open, one ply and several, flat and crimped; none jams (Peirce's geometry, src/fabric/profile.rs).
+/// Fabrics of every kind: closed and open, one ply and several, flat and crimped; none jams (Peirce's
+/// geometry, src/fabric/profile.rs).
 fn fabrics() -> Vec<Fabric> {
     let of = |draft: Draft, warp, weft| Fabric::new(draft, [warp, weft]).unwrap();
     let mut odd = shape(3, 260.0, 0.15, Some(900.0));
@@ -119,7 +121,8 @@ fn shares(fabric: &Fabric, w: [f32; 3], n: usize, repeats: f64) -> [f64; 4] {
     count.map(|c| c / (n * n) as f64)
 }
 
-/// Along vertical lines the first family is the one whose tube is highest there, by points of its center lines: no straight pieces, no steps along a line.
+/// Along vertical lines the first family is the one whose tube is highest there, by points of its center
+/// lines: no straight pieces, no steps along a line.
 fn first_is_highest(fabric: &Fabric) {
     let [width, height] = fabric.repeat_um();
     let (mut other, n) = (0, 1500);
@@ -164,7 +167,8 @@ fn coverage_is_the_area_of_the_yarns() {
         let [a, b] = [100.0 / warp, 100.0 / weft];
         let above = draft.warp_share();
         let want = [a * (1.0 - b) + a * b * above, b * (1.0 - a) + a * b * (1.0 - above), (1.0 - a) * (1.0 - b), a * b];
-        // Beside a crossing a yarn that rises may lie above the one that is on top at it: which family is first, `first_is_highest` tells.
+        // Beside a crossing a yarn that rises may lie above the one that is on top at it: which family is
+        // first, `first_is_highest` tells.
         let near = |got: [f64; 4], want: [f64; 4]| {
             (got[0] + got[1] - want[0] - want[1]).abs() < 3e-3 && (2..4).all(|k| (got[k] - want[k]).abs() < 3e-3)
         };
@@ -190,7 +194,8 @@ fn gaps_close_towards_grazing_light() {
     }
 }
 
-/// P parallel plies, seen at a random turn, are R + R P / pi wide to either side on average (the mean over psi of the greatest D cos psi, plus R).
+/// P parallel plies, seen at a random turn, are R + R P / pi wide to either side on average (the mean over
+/// psi of the greatest D cos psi, plus R).
 #[test]
 fn several_plies_cover_their_mean_width() {
     for plies in 2..=7 {
@@ -251,8 +256,9 @@ fn a_repeat_further_all_is_the_same() {
     }
 }
 
-/// Along a yarn theta_i, h and height change by what the step gives, at borders of cells and repeats as anywhere. Yarns of several plies that bend more than these are met in
-/// two places by some lines, as straight pieces along their tangents, and jump by some um there.
+/// Along a yarn theta_i, h and height change by what the step gives, at borders of cells and repeats as
+/// anywhere. Yarns of several plies that bend more than these are met in two places by some lines, as
+/// straight pieces along their tangents, and jump by some um there.
 #[test]
 fn nothing_jumps_along_a_yarn() {
     let w = [0.3f32, 0.35, (1.0f32 - 0.09 - 0.1225).sqrt()];
@@ -275,10 +281,12 @@ fn nothing_jumps_along_a_yarn() {
                     followed += 1;
                     let moved =
                         [(b.theta_i - a.theta_i).abs(), (b.h_um - a.h_um).abs(), (b.height_um - a.height_um).abs()];
-                    // Seen obliquely, a step of the line is a longer one along a yarn that falls away from the viewer.
+                    // Seen obliquely, a step of the line is a longer one along a yarn that falls away from
+                    // the viewer.
                     let stretch = ((b.along_um - a.along_um).abs() / step as f32).max(1.0);
                     assert!(stretch < 12.0, "{stretch} at {along}: {a:?} {b:?}");
-                    // The steepest that these yarns get: a curvature of 12 50/100^2 per um, slopes of 1.5, plies of pitch 800 um.
+                    // The steepest that these yarns get: a curvature of 12 50/100^2 per um, slopes of 1.5,
+                    // plies of pitch 800 um.
                     let most = [0.016, 1.0, 0.5].map(|m| m * stretch);
                     assert!((0..3).all(|k| moved[k] < most[k]), "{moved:?} at {along}: {a:?} {b:?}");
                 }
@@ -289,8 +297,9 @@ fn nothing_jumps_along_a_yarn() {
     }
 }
 
-/// Plain weave of equal yarns, turned by a quarter, is the same with warp and weft exchanged. The turn takes +y to -x, so that theta_i and h of the weft,
-/// which runs along +x, change sign. (A reflection would not do: it makes S twist of Z.)
+/// Plain weave of equal yarns, turned by a quarter, is the same with warp and weft exchanged. The turn takes
+/// +y to -x, so that theta_i and h of the weft, which runs along +x, change sign. (A reflection would not do:
+/// it makes S twist of Z.)
 #[test]
 fn symmetric_weaves_have_symmetric_statistics() {
     let yarn = shape(2, 220.0, 0.5, Some(800.0));
@@ -340,7 +349,8 @@ fn a_straight_yarn_is_what_it_is_on_paper() {
     // From below the frame is turned over, and h with it.
     let Hit::Ply(hit) = fabric.at(170.0, 0.0, [0.0, 0.0, -1.0]) else { panic!("a yarn is there") };
     assert!((hit.frame[0][0] - 1.0).abs() < 1e-6 && (hit.h_um - 20.0).abs() < 1e-3, "{hit:?}");
-    // A gap in the corner: 50 um and 250 um from yarns to the west and east, 75 and 125 south and north, but for the radius; only the first lies within the beam.
+    // A gap in the corner: 50 um and 250 um from yarns to the west and east, 75 and 125 south and north, but
+    // for the radius; only the first lies within the beam.
     let Hit::Gap(gap) = fabric.at(210.0, 225.0 + 300.0, [0.0, 0.0, 1.0]) else { panic!("no yarn is there") };
     let want = [10.0, 300.0, 300.0, 300.0];
     assert!((0..4).all(|k| (gap.aperture_um[k] - want[k]).abs() < 1e-3), "{gap:?}");
@@ -355,7 +365,8 @@ fn a_straight_yarn_is_what_it_is_on_paper() {
     );
 }
 
-/// At crossings two touching round yarns of crimps that add up to 1 are a sum of radii apart, and the slope is that of the height.
+/// At crossings two touching round yarns of crimps that add up to 1 are a sum of radii apart, and the slope
+/// is that of the height.
 #[test]
 fn heights_and_slopes_fit_together() {
     let fabric =
@@ -406,7 +417,8 @@ proptest! {
     }
 }
 
-/// The nearest ply of a yarn to a point, by its true axis: a helix about the bent center line, in its plane the image of the straight yarn. Ply, distance, tangent and the way to the point.
+/// The nearest ply of a yarn to a point, by its true axis: a helix about the bent center line, in its plane
+/// the image of the straight yarn. Ply, distance, tangent and the way to the point.
 fn nearest_ply(fabric: &Fabric, family: YarnSet, yarn: i32, p: [f64; 3]) -> (u32, f64, [f64; 3], [f64; 3]) {
     let shape = fabric.shape(family);
     let k = family as usize;
@@ -448,7 +460,8 @@ fn nearest_ply(fabric: &Fabric, family: YarnSet, yarn: i32, p: [f64; 3]) -> (u32
     best
 }
 
-/// The reference: a walk along the line in small steps to the first ply of any yarn; family, yarn, ply, theta_i, h.
+/// The reference: a walk along the line in small steps to the first ply of any yarn; family, yarn, ply,
+/// theta_i, h.
 fn walked(fabric: &Fabric, at: [f64; 2], w: [f64; 3]) -> Option<(YarnSet, i32, u32, f64, f64)> {
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let top =
@@ -474,15 +487,17 @@ fn walked(fabric: &Fabric, at: [f64; 2], w: [f64; 3]) -> Option<(YarnSet, i32, u
     None
 }
 
-/// Lines through denim meet the plies that a walk among true helices about bent axes meets, whatever their angle to the yarns. With yarns straightened where lines are nearest to them
-/// 2, 6 and 8 of 100 lines met another yarn, 2, 3 and 7 another ply.
+/// Lines through denim meet the plies that a walk among true helices about bent axes meets, whatever their
+/// angle to the yarns. With yarns straightened where lines are nearest to them 2, 6 and 8 of 100 lines met
+/// another yarn, 2, 3 and 7 another ply.
 #[test]
 fn plies_of_bent_yarns_are_met_where_they_are() {
     let [mut warp, mut weft] = [shape(3, 211.7, 0.875, Some(1300.0)), shape(4, 453.6, 0.125, Some(1300.0))];
     (warp.ply_radius_um, weft.ply_radius_um) = (47.1, 47.1);
     let denim = Fabric::new(Draft::twill(3, 1).unwrap(), [warp, weft]).unwrap();
     let mut rng = Pcg64Mcg::seed_from_u64(9);
-    // Other yarn or none, other ply, rms of h over R and of theta_i. What is left: plies count as straight on 2 um, and bends do not stretch them.
+    // Other yarn or none, other ply, rms of h over R and of theta_i. What is left: plies count as straight on
+    // 2 um, and bends do not stretch them.
     let allowed = [0.007, 0.004, 0.04, 0.045];
     for (from, to) in [(0.0, 0.5), (0.5, 1.05), (1.05, 1.4)] {
         let n = 2000;

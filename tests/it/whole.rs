@@ -1,5 +1,6 @@
-//! The whole ply model. Chain of trust: the core's terms are held to their twin in `tests/it/model.rs`, the edge lobe here to `asg::Lobe`; the
-//! checks that every `Bsdf` passes then hold energy, density and samples together.
+//! The whole ply model. Chain of trust: the core's terms are held to their twin in `tests/it/model.rs`, the
+//! edge lobe here to `asg::Lobe`; the checks that every `Bsdf` passes then hold energy, density and samples
+//! together.
 
 use crate::synthetic::{STANDARD, Sizes, model};
 use plywave::bsdf::Outcomes;

@@ -1,4 +1,5 @@
-//! Makes `capi/include/plywave.h` of the crate `plywave-capi`. With `--check` it writes nothing and fails where the file differs.
+//! Makes `capi/include/plywave.h` of the crate `plywave-capi`. With `--check` it writes nothing and fails
+//! where the file differs.
 
 use std::path::Path;
 use std::process::ExitCode;

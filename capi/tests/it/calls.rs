@@ -1,4 +1,5 @@
-//! The C interface gives the bits of the Rust library: plies, fabrics and fibers at 1, 3 and 4 wavelengths, single calls and batches, on one thread and on four.
+//! The C interface gives the bits of the Rust library: plies, fabrics and fibers at 1, 3 and 4 wavelengths,
+//! single calls and batches, on one thread and on four.
 //! What it refuses is in `errors.rs`.
 
 #![allow(clippy::undocumented_unsafe_blocks)] // Of all blocks: live pointers of the lengths that the calls ask for, but where it is said.

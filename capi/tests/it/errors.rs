@@ -1,5 +1,6 @@
-//! What the C interface refuses: null and misaligned pointers, lengths that no memory has, what is not finite, memory that was never prepared, files that are none. Each is a code
-//! and a message, never a crash; and the header and the page say what the code does.
+//! What the C interface refuses: null and misaligned pointers, lengths that no memory has, what is not
+//! finite, memory that was never prepared, files that are none. Each is a code and a message, never a crash;
+//! and the header and the page say what the code does.
 
 #![allow(clippy::undocumented_unsafe_blocks)] // Of all blocks: pointers are null, misaligned or of impossible lengths, which the library looks at before it reads, or to live memory.
 

@@ -40,7 +40,8 @@ pub struct ResumeArgs {
 /// Flags of a share of a run.
 #[derive(Clone, Debug, Default, Args)]
 pub struct ShardArgs {
-    /// Run part K of N only, here or on another machine, and write its part; `plywave merge` joins all parts to the bits of one run.
+    /// Run part K of N only, here or on another machine, and write its part; `plywave merge` joins all parts
+    /// to the bits of one run.
     #[arg(long, value_name = "K/N", value_parser = crate::commands::runs::share)]
     pub shards: Option<(usize, usize)>,
     /// Print how the run is cut into shards, and its identity; run nothing.
@@ -64,7 +65,8 @@ pub struct MergeArgs {
     /// Parts written with --shards (.pwp), all of one run, in any order.
     #[arg(required = true)]
     pub parts: Vec<PathBuf>,
-    /// What the run makes: a table (.pwt), a fiber (.pwf), patterns (.pws), the twin of a cloth (.pwx), the folder of a comparison, or a JSON file of a scene.
+    /// What the run makes: a table (.pwt), a fiber (.pwf), patterns (.pws), the twin of a cloth (.pwx), the
+    /// folder of a comparison, or a JSON file of a scene.
     #[arg(long, short, value_name = "OUTPUT")]
     pub output: PathBuf,
 }
@@ -128,8 +130,8 @@ pub struct FitArgs {
     /// Quality of the fit [default: the table's].
     #[arg(long, value_enum)]
     pub preset: Option<Preset>,
-    /// Make the model of this spec's yarn in place of that of the table's: of as many plies as it says, made of the fibers and the ply of the
-    /// table.
+    /// Make the model of this spec's yarn in place of that of the table's: of as many plies as it says, made
+    /// of the fibers and the ply of the table.
     #[arg(long, value_name = "SPEC")]
     pub spec: Option<PathBuf>,
     /// Write the yarn's table too, made of the ply's where the spec's yarn has several plies.
@@ -154,7 +156,8 @@ pub struct BuildArgs {
     /// Speckle patterns (.pws) to make the noise from, in place of solving for 200 fibers.
     #[arg(long, value_name = "PATTERNS")]
     pub speckle: Option<PathBuf>,
-    /// Largest fit error of an f_refl slice of a good fit; beyond it the exit code is 1, and the model is kept.
+    /// Largest fit error of an f_refl slice of a good fit; beyond it the exit code is 1, and the model is
+    /// kept.
     #[arg(long, value_name = "ERROR", default_value_t = FitQuality::good().refl)]
     pub max_error_refl: f64,
     /// The same of f_high, as a share of the slice's light at sigma = 0.

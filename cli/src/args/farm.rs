@@ -6,12 +6,14 @@ use std::path::PathBuf;
 /// `plywave farm`.
 #[derive(Debug, Args)]
 pub struct FarmArgs {
-    /// Library file: the yarns, fiber tables, speckle patterns and twins that are to be made (docs/howto/cluster.md).
+    /// Library file: the yarns, fiber tables, speckle patterns and twins that are to be made
+    /// (docs/howto/cluster.md).
     pub library: PathBuf,
     /// Where files and report.html go [default: the library's name].
     #[arg(long, short, value_name = "FOLDER")]
     pub output: Option<PathBuf>,
-    /// Where shards and files are kept, so that nothing is computed twice: a folder or a URL that fsspec knows [default: FOLDER/cache].
+    /// Where shards and files are kept, so that nothing is computed twice: a folder or a URL that fsspec
+    /// knows [default: FOLDER/cache].
     #[arg(long, value_name = "FOLDER|URL")]
     pub cache: Option<String>,
     /// A Dask scheduler that runs.

@@ -65,8 +65,8 @@ pub struct CheckArgs {
     /// Table to compare the model's slices with, best one of another seed.
     #[arg(long, value_name = "TABLE")]
     pub table: Option<PathBuf>,
-    /// Traced yarn (`plywave simulate SPEC --plies traced`) to compare a yarn of several plies with, and the table of --table
-    /// too. A --table that is traced serves as well.
+    /// Traced yarn (`plywave simulate SPEC --plies traced`) to compare a yarn of several plies with, and the
+    /// table of --table too. A --table that is traced serves as well.
     #[arg(long, value_name = "TABLE")]
     pub traced: Option<PathBuf>,
     /// Twin of the fabric, which `plywave twin` writes.
@@ -91,7 +91,8 @@ pub struct CheckArgs {
 pub struct DiffArgs {
     /// First model or table.
     pub a: PathBuf,
-    /// Second model or table. Of models with other nodes, incidences that both hold are compared. Of tables, the incidences and absorptions that both hold are compared, the noise of both taken off.
+    /// Second model or table. Of models with other nodes, incidences that both hold are compared. Of tables,
+    /// the incidences and absorptions that both hold are compared, the noise of both taken off.
     pub b: PathBuf,
     /// Largest relative L2 distance of a slice that passes [default: 0.02].
     #[arg(long, value_name = "TOL", allow_negative_numbers = true)]
@@ -99,7 +100,8 @@ pub struct DiffArgs {
     /// Largest difference of an energy that passes, as a share of the beam's power [default: 0.002].
     #[arg(long, value_name = "TOL", allow_negative_numbers = true)]
     pub tol_energy: Option<f64>,
-    /// Largest turn of a lobe's axis that passes [degrees] [default: any, since different lobes may make one density].
+    /// Largest turn of a lobe's axis that passes [degrees] [default: any, since different lobes may make one
+    /// density].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub tol_drift: Option<f64>,
     /// Of tables, leave out offsets beyond this |h/R|, where little light is scattered [default: all].

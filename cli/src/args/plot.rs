@@ -23,7 +23,8 @@ pub enum Part {
 /// `plywave plot`.
 #[derive(Clone, Debug, Args)]
 pub struct PlotArgs {
-    /// Table, model, fiber table, speckle patterns (the last two take no other flags), or a yarn spec (.toml): how gaps and the ply's edge diffract its beam.
+    /// Table, model, fiber table, speckle patterns (the last two take no other flags), or a yarn spec
+    /// (.toml): how gaps and the ply's edge diffract its beam.
     pub file: PathBuf,
     /// Figure to write, a PNG or an SVG by its ending [default: FILE's name with .png, in this folder].
     #[arg(long, short, value_name = "PNG|SVG")]
@@ -43,7 +44,8 @@ pub struct PlotArgs {
     /// One incidence: offset of the beam's center over the ply radius, to the nearest node of a table.
     #[arg(long, value_name = "H", allow_negative_numbers = true)]
     pub h_rel: Option<f64>,
-    /// Absorption coefficients [1/um], one to four; the nearest of a table [default: 0 in maps, and one of the table's in the budget].
+    /// Absorption coefficients [1/um], one to four; the nearest of a table [default: 0 in maps, and one of
+    /// the table's in the budget].
     #[arg(long, value_name = "SIGMA", num_args = 1..=4, value_delimiter = ',')]
     pub sigma: Vec<f64>,
     /// Decades of the color scale.

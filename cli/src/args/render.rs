@@ -27,7 +27,8 @@ pub enum Scene {
 pub enum Integrator {
     /// Paths are followed.
     Path,
-    /// Dual scattering: estimated from the strands that shadow rays meet, with an error (docs/explain/dual_scattering.md).
+    /// Dual scattering: estimated from the strands that shadow rays meet, with an error
+    /// (docs/explain/dual_scattering.md).
     Dual,
 }
 
@@ -46,7 +47,8 @@ pub struct RenderArgs {
     /// Scene for a fabric [default: front].
     #[arg(long, value_enum)]
     pub setup: Option<Scene>,
-    /// Picture to write: a .png, with an EXR of the same name beside it, or an .exr alone [default: FABRIC's name with .png, in this folder].
+    /// Picture to write: a .png, with an EXR of the same name beside it, or an .exr alone [default: FABRIC's
+    /// name with .png, in this folder].
     #[arg(long, short, value_name = "PNG|EXR")]
     pub output: Option<PathBuf>,
     /// No EXR beside the PNG.
@@ -61,7 +63,8 @@ pub struct RenderArgs {
     /// Samples a pixel.
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub samples: u32,
-    /// Most scatterings of a path. Paths are thinned out by chance, so that the default leaves out next to nothing; a note tells what fewer leave out.
+    /// Most scatterings of a path. Paths are thinned out by chance, so that the default leaves out next to
+    /// nothing; a note tells what fewer leave out.
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = plywave_render::MAX_SCATTERINGS, value_parser = clap::value_parser!(u32).range(1..=i64::from(plywave_render::MAX_SCATTERINGS)))]
     pub depth: u32,
     /// How light between strands is found [default: path].
@@ -70,19 +73,22 @@ pub struct RenderArgs {
     /// Width of the cloth, or largest extent of a mesh [mm] [default: the scene's].
     #[arg(long, value_name = "MM", allow_negative_numbers = true)]
     pub size_mm: Option<f64>,
-    /// Mesh in place of the scene's own: Wavefront OBJ with texture coordinates, z up; centered, and scaled to --size-mm.
+    /// Mesh in place of the scene's own: Wavefront OBJ with texture coordinates, z up; centered, and scaled
+    /// to --size-mm.
     #[arg(long, value_name = "OBJ")]
     pub mesh: Option<PathBuf>,
     /// Cloth to one unit of the mesh's texture coordinates [mm].
     #[arg(long, value_name = "MM", allow_negative_numbers = true, default_value_t = 100.0, requires = "mesh")]
     pub cloth_mm: f64,
-    /// Light from afar in place of the scene's own: OpenEXR or Radiance .hdr, in latitude and longitude, z up; 1 is as bright as a white cloth under it.
+    /// Light from afar in place of the scene's own: OpenEXR or Radiance .hdr, in latitude and longitude, z
+    /// up; 1 is as bright as a white cloth under it.
     #[arg(long, value_name = "EXR|HDR")]
     pub sky: Option<PathBuf>,
     /// Layer of the EXR that is the sky, where it has several.
     #[arg(long, value_name = "NAME", requires = "sky")]
     pub sky_layer: Option<String>,
-    /// Place of the camera in place of the scene's own [mm]: x, y, z, with z up; a flat sheet lies about the origin at z = 0.
+    /// Place of the camera in place of the scene's own [mm]: x, y, z, with z up; a flat sheet lies about the
+    /// origin at z = 0.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = triple)]
     pub camera: Option<[f64; 3]>,
     /// Point in the middle of the picture [mm] [default: the scene's, about the origin].
@@ -103,14 +109,16 @@ pub struct RenderArgs {
     /// Without speckle, which the models that ship have.
     #[arg(long)]
     pub smooth: bool,
-    /// Slits between the fibers of all yarns, this wide [um], 5 at most, in place of those of the spec: colors of loose cloth before a small lamp.
+    /// Slits between the fibers of all yarns, this wide [um], 5 at most, in place of those of the spec:
+    /// colors of loose cloth before a small lamp.
     #[arg(long, value_name = "UM", allow_negative_numbers = true)]
     pub slit_um: Option<f64>,
     /// Share of the forward light that goes through these slits [default: 0.25].
     #[arg(long, value_name = "SHARE", allow_negative_numbers = true, requires = "slit_um")]
     pub slit_share: Option<f64>,
-    /// Leave parts of the model out, for comparison: `layers` (yarns of the layer below catch nothing), `shadowing` (yarns beside catch nothing), `edges` (light at a ply's
-    /// edge goes straight on), `slits` (those of the spec).
+    /// Leave parts of the model out, for comparison: `layers` (yarns of the layer below catch nothing),
+    /// `shadowing` (yarns beside catch nothing), `edges` (light at a ply's edge goes straight on), `slits`
+    /// (those of the spec).
     #[arg(long, value_name = "PART", num_args = 1, value_delimiter = ',', value_enum)]
     pub without: Vec<FabricPart>,
     /// Stops by which the PNG is brighter.
@@ -145,7 +153,8 @@ pub enum FabricPart {
 /// `plywave gallery`.
 #[derive(Debug, Args)]
 pub struct GalleryArgs {
-    /// Folder to write: pictures, the same as JPEG for pages, the fabrics and models they are made of, gallery.json and gallery.md.
+    /// Folder to write: pictures, the same as JPEG for pages, the fabrics and models they are made of,
+    /// gallery.json and gallery.md.
     #[arg(long, short, value_name = "FOLDER", default_value = "gallery")]
     pub output: PathBuf,
     /// Small pictures of few samples, and models of few paths: the whole gallery in about a minute.
@@ -170,7 +179,8 @@ pub struct WeaveArgs {
     /// Folder to write [default: FABRIC's name with .weave, in this folder].
     #[arg(long, short, value_name = "FOLDER")]
     pub output: Option<PathBuf>,
-    /// Pixels from one yarn to the next, in the family that lies closer [default: 32, fewer where a repeat would be longer than 4096].
+    /// Pixels from one yarn to the next, in the family that lies closer [default: 32, fewer where a repeat
+    /// would be longer than 4096].
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=4096))]
     pub pixels: Option<u32>,
     /// Textures of the back in place of the face, in the same coordinates.

@@ -14,7 +14,8 @@ pub struct CompletionsArgs {
 /// `plywave man`.
 #[derive(Clone, Debug, Args)]
 pub struct ManArgs {
-    /// Folder for the pages of all commands, as share/man/man1 [default: the page of plywave itself, on standard output].
+    /// Folder for the pages of all commands, as share/man/man1 [default: the page of plywave itself, on
+    /// standard output].
     #[arg(long, short, value_name = "FOLDER")]
     pub output: Option<PathBuf>,
 }

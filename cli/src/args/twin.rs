@@ -12,7 +12,9 @@ pub struct TwinArgs {
     /// Where the twin goes [default: the spec's name with .pwx].
     #[arg(long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// Views as TILT or TILT:AZIMUTH [degrees]: the light's tilt from the face's normal, above 90 from the back, and its azimuth from the weft (across the warp) towards the warp (along it) [default: 0, 30:0, 60:0, 75:0, 30:90, 60:90, 45:45, 60:45].
+    /// Views as TILT or TILT:AZIMUTH [degrees]: the light's tilt from the face's normal, above 90 from the
+    /// back, and its azimuth from the weft (across the warp) towards the warp (along it) [default: 0, 30:0,
+    /// 60:0, 75:0, 30:90, 60:90, 45:45, 60:45].
     #[arg(long, value_name = "T:A", num_args = 1, value_delimiter = ',', allow_negative_numbers = true, value_parser = view)]
     pub views: Vec<[f64; 2]>,
     /// Absorption coefficients [1/um]; WARP:WEFT where they differ.
@@ -24,10 +26,12 @@ pub struct TwinArgs {
     /// Seed of the packing and of the paths.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
-    /// Repeats along the weft and along the warp that are traced [default: as few as keep the pitches of plies and fibers within 10 %, or further off where memory forbids that].
+    /// Repeats along the weft and along the warp that are traced [default: as few as keep the pitches of
+    /// plies and fibers within 10 %, or further off where memory forbids that].
     #[arg(long, value_name = "NX,NY", num_args = 1, value_parser = repeats)]
     pub repeats: Option<[u32; 2]>,
-    /// Points around a round fiber; outlines with dents have more [default: 24]. Rings along the fibers become as much closer.
+    /// Points around a round fiber; outlines with dents have more [default: 24]. Rings along the fibers
+    /// become as much closer.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(8..=512))]
     pub points: Option<u32>,
     /// What to do with shards of an earlier run.

@@ -60,9 +60,11 @@ pub struct WaveArgs {
 pub enum WaveCommand {
     /// Scatter plane waves or beams by fibers: scene (TOML) in, far fields and widths (JSON) out.
     Scatter(WaveScatterArgs),
-    /// Tabulate how one fiber scatters light of every direction and wavelength: spec or scene (TOML) in, fiber (.pwf) out.
+    /// Tabulate how one fiber scatters light of every direction and wavelength: spec or scene (TOML) in,
+    /// fiber (.pwf) out.
     Tabulate(WaveTabulateArgs),
-    /// Scatter a wide beam by many instances of a spec's fiber, for the statistics of speckle: spec (TOML) in, patterns (.pws) out.
+    /// Scatter a wide beam by many instances of a spec's fiber, for the statistics of speckle: spec (TOML)
+    /// in, patterns (.pws) out.
     Speckle(WaveSpeckleArgs),
 }
 

@@ -9,7 +9,8 @@ use crate::{output, report};
 use plywave::speckle::SpecklePatterns;
 use plywave_pipeline::{FitQuality, Run, Speckle, build};
 
-/// Runs the command. The shards stay until the model is written, so that a run stopped while fitting can go on too.
+/// Runs the command. The shards stay until the model is written, so that a run stopped while fitting can go
+/// on too.
 pub fn run(cli: &Cli, args: &BuildArgs) -> Outcome {
     let mut recipe = simulate::recipe(args.spec.as_deref(), &args.run)?;
     let spec_path = args.spec.clone().unwrap_or_else(|| "polyester.toml".into());

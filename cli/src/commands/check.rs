@@ -1,5 +1,6 @@
-//! `plywave check`: does a model keep its promises? Furnace, density and weights of the sampler, chi-square of the samples, stored
-//! values, and, where a table is given, the fit error of every slice. Of a yarn, the distance to the traced yarn too (`check_traced.rs`);
+//! `plywave check`: does a model keep its promises? Furnace, density and weights of the sampler, chi-square
+//! of the samples, stored values, and, where a table is given, the fit error of every slice. Of a yarn, the
+//! distance to the traced yarn too (`check_traced.rs`);
 //! a fabric is compared with its twin (`check_cloth.rs`).
 
 use super::{Yarn, check_traced, on_threads};
@@ -43,12 +44,14 @@ struct Slice {
     error_high: Vec<Option<f64>>,
 }
 
-/// Most that the model's energies may differ from the table's: the spectra of path lengths are fitted, not copied.
+/// Most that the model's energies may differ from the table's: the spectra of path lengths are fitted, not
+/// copied.
 const ENERGY_TOLERANCE: f64 = 1e-3;
 
 /// Names of the lines of the whole ply, edge light included.
 const WHOLE: [&str; 5] = ["whole_furnace", "whole_weight", "whole_sampled", "whole_chi_square", "whole_kept"];
-/// Names of the lines of a ply over a second layer. Its sampler is held by weight and chi-square: the sampled energy would show the furnace's error again.
+/// Names of the lines of a ply over a second layer. Its sampler is held by weight and chi-square: the sampled
+/// energy would show the furnace's error again.
 const LAYERS: [&str; 5] = ["layers_furnace", "layers_weight", "", "layers_chi_square", "layers_kept"];
 
 /// The lines of a part of the model.
@@ -109,7 +112,8 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     // The table first: what is wrong with it is found before the long check.
     let table = args.table.as_ref().map(|path| Table::load(path).map(|t| (path.as_path(), t))).transpose()?;
     let given = args.traced.as_ref().map(|path| Table::load(path).map(|t| (path.as_path(), t))).transpose()?;
-    // A table of --table that is traced serves as --traced. Where its incidences are not the model's, it serves as nothing else.
+    // A table of --table that is traced serves as --traced. Where its incidences are not the model's, it
+    // serves as nothing else.
     let traced = table.as_ref().filter(|(_, t)| t.traced);
     let only_traced = given.is_none()
         && traced.is_some_and(|(_, t)| {
@@ -171,7 +175,8 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
         Some(errors) => {
             let worst = |v: &[f64]| Spread::from_values(v.iter().map(|v| v.abs())).max;
             let energy = worst(&errors.energy_refl).max(worst(&errors.energy_high));
-            // A table of another seed has other noise in its energies: only that of the fit holds the model's exactly.
+            // A table of another seed has other noise in its energies: only that of the fit holds the model's
+            // exactly.
             if same_run {
                 lines.push(Line::at_most("energy", "|energy of the model - of the table|", energy, ENERGY_TOLERANCE));
             }
@@ -184,7 +189,8 @@ pub fn run(cli: &Cli, args: &CheckArgs) -> Outcome {
     let quality = FitQuality::of_errors(data, &error_refl, &error_high);
     let meaning = "largest relative L2 of a slice, noise removed, in proportion where next to nothing is met";
     lines.push(Line::at_most("fit_error_refl", meaning, quality.refl, args.max_error_refl));
-    // A slice that absorption has nearly put out may miss much of what is left: errors count by the light that the slice holds.
+    // A slice that absorption has nearly put out may miss much of what is left: errors count by the light
+    // that the slice holds.
     let meaning = "the same, as a share of the slice's light at sigma = 0";
     lines.push(Line::at_most("fit_error_high", meaning, quality.high, args.max_error_high));
     for (check, value, allowed, meaning) in traced.iter().flat_map(check_traced::TracedCheck::lines) {

@@ -1,4 +1,5 @@
-//! `plywave check FABRIC --twin`: a cloth model beside path tracing of its explicit fibers, direction by direction.
+//! `plywave check FABRIC --twin`: a cloth model beside path tracing of its explicit fibers, direction by
+//! direction.
 
 use super::on_threads;
 use super::twin::{angles, sigma_text};

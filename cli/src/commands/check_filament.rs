@@ -1,4 +1,5 @@
-//! `plywave check` of an analytic fiber's spec: the checks of every model at a few incidences, far and near field.
+//! `plywave check` of an analytic fiber's spec: the checks of every model at a few incidences, far and near
+//! field.
 
 use crate::args::{CheckArgs, Cli};
 use crate::failure::{Failure, Outcome};

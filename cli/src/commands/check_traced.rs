@@ -1,4 +1,5 @@
-//! Compares a yarn's model, and the table it was fitted to, with the path-traced yarn, the brute-force reference (`plywave check --traced`).
+//! Compares a yarn's model, and the table it was fitted to, with the path-traced yarn, the brute-force
+//! reference (`plywave check --traced`).
 
 use super::diff_tables::{root, rows_json, write_rows};
 use super::{Yarn, on_threads};
@@ -31,7 +32,8 @@ struct Distance {
 }
 
 impl Distance {
-    /// Largest of f_high at each absorption that is held, then of the energies; not a number where noise hides all.
+    /// Largest of f_high at each absorption that is held, then of the energies; not a number where noise
+    /// hides all.
     fn worst(&self) -> [f64; 3] {
         let sigmas = self.d.sigma_per_um.len();
         let high = HELD.map(|(sigma, _)| {

@@ -1,4 +1,5 @@
-//! `plywave color`: a color or a reflectance in, the absorption that gives it to a model or a fabric out, and what that makes of it.
+//! `plywave color`: a color or a reflectance in, the absorption that gives it to a model or a fabric out, and
+//! what that makes of it.
 
 use super::latitude;
 use crate::args::{Cli, ColorArgs};
@@ -125,7 +126,8 @@ fn curve(cli: &Cli, args: &ColorArgs) -> Outcome<(AlbedoCurve, String)> {
     }
 }
 
-/// What there is to say of a color that a model does not reach: at how many wavelengths, why, and how far off it comes out.
+/// What there is to say of a color that a model does not reach: at how many wavelengths, why, and how far off
+/// it comes out.
 pub fn out_of_reach([clear, dark]: [usize; 2], [low, high]: [f64; 2], delta_e: f64) -> Vec<String> {
     let line = |count: usize, why: String| {
         format!(

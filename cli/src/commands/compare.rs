@@ -1,4 +1,5 @@
-//! `plywave compare`: a spec in, wave and ray optics of its ply's cross section side by side (Yu 2025, Fig. 7).
+//! `plywave compare`: a spec in, wave and ray optics of its ply's cross section side by side (Yu 2025, Fig.
+//! 7).
 
 use super::latitude;
 use super::runs::{self, ProgressNames};
@@ -179,7 +180,8 @@ pub fn color_of(lambda_um: f64) -> Rgb {
     std::array::from_fn(|i| (f64::from(a[i]) + t * (f64::from(b[i]) - f64::from(a[i]))).round() as u8)
 }
 
-/// A density in equal bins of the azimuth as points over the angle from exact forward [degrees], in bins `factor` times as wide.
+/// A density in equal bins of the azimuth as points over the angle from exact forward [degrees], in bins
+/// `factor` times as wide.
 fn points(values: &[f64], factor: usize) -> Vec<[f64; 2]> {
     let coarse: Vec<f64> = values.chunks(factor).map(|c| c.iter().sum::<f64>() / c.len() as f64).collect();
     let n = coarse.len();
@@ -239,7 +241,8 @@ fn figure(report: &CompareReport) -> Figure {
                 color,
                 width,
             };
-            // Rays differ between wavelengths by the beam's spread alone: one curve stands for them but near forward.
+            // Rays differ between wavelengths by the beam's spread alone: one curve stands for them but near
+            // forward.
             let mut mean: Vec<Curve> =
                 cases.iter().map(|c| banded(&c.curves.wave_mean, &c.curves.wave_sd, color_of(c.lambda_um))).collect();
             mean.extend(cases.first().map(|c| line(&c.curves.ray_mean, 2, RAY, 1.8)));

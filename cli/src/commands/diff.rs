@@ -1,4 +1,5 @@
-//! `plywave diff`: two models of the same nodes compared slice by slice; of other nodes: `diff_models.rs`; tables: `diff_tables.rs`.
+//! `plywave diff`: two models of the same nodes compared slice by slice; of other nodes: `diff_models.rs`;
+//! tables: `diff_tables.rs`.
 
 use super::{Yarn, on_threads};
 use crate::args::{Cli, DiffArgs};

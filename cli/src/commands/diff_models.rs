@@ -1,4 +1,5 @@
-//! `plywave diff` of two models of other incidences, offsets or absorptions: both are evaluated at incidences that both hold.
+//! `plywave diff` of two models of other incidences, offsets or absorptions: both are evaluated at incidences
+//! that both hold.
 
 use super::{Yarn, on_threads};
 use crate::args::{Cli, DiffArgs};

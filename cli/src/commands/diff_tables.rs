@@ -1,4 +1,5 @@
-//! `plywave diff` of two tables: noise-removed distances of their slices and the differences of their energies, per incidence.
+//! `plywave diff` of two tables: noise-removed distances of their slices and the differences of their
+//! energies, per incidence.
 
 use super::{Yarn, on_threads};
 use crate::args::{Cli, DiffArgs};

@@ -96,7 +96,8 @@ fn gaps(args: &PlotArgs, name: &str, beam: &GaussianBeam) -> Outcome<Figure> {
     Ok(pattern::page(&Head { title, particulars, legend: Vec::new() }, &patterns))
 }
 
-/// Edge lobes and the diffraction integral in the plane across the ply: columns of e = R - |h|, rows of wavelengths.
+/// Edge lobes and the diffraction integral in the plane across the ply: columns of e = R - |h|, rows of
+/// wavelengths.
 fn edge_lobes(name: &str, spec: &YarnSpec, beam: &GaussianBeam) -> Figure {
     const LAMBDA: [f64; 3] = [0.45, 0.55, 0.65];
     const DECADES: f64 = 4.0;

@@ -1,4 +1,5 @@
-//! `plywave farm`: a library of yarns on many machines. The engine is Dask's, so the work is done by the Python package, which this command starts.
+//! `plywave farm`: a library of yarns on many machines. The engine is Dask's, so the work is done by the
+//! Python package, which this command starts.
 
 use crate::args::{Cli, FarmArgs};
 use crate::failure::{Failure, Outcome};

@@ -1,4 +1,5 @@
-//! The figure of a fiber table: scattering over the azimuth by wavelength at a few latitudes, and the widths it takes light from.
+//! The figure of a fiber table: scattering over the azimuth by wavelength at a few latitudes, and the widths
+//! it takes light from.
 
 use super::compare::color_of;
 use crate::failure::{Failure, Outcome};

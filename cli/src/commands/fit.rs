@@ -47,7 +47,8 @@ pub struct Summary {
     pub lobes_refl: usize,
     /// Lobes of f_high.
     pub lobes_high: usize,
-    /// Relative L2 error of f_refl over the incidences, noise removed, against the table of the fit, as `plywave check` counts it.
+    /// Relative L2 error of f_refl over the incidences, noise removed, against the table of the fit, as
+    /// `plywave check` counts it.
     pub fit_error_refl: Spread,
     /// The same for f_high over incidences and absorptions, as a share of the slice's light at sigma = 0.
     pub fit_error_high: Spread,

@@ -45,7 +45,8 @@ fn rows<T: Clone>(values: &[T], rows: usize) -> Vec<Vec<T>> {
     values.chunks((values.len() / rows.max(1)).max(1)).map(<[T]>::to_vec).collect()
 }
 
-/// Energies of a model at the nodes of its lobes: r_d and f_refl `[theta_i][h]`, f_high `[theta_i][h][sigma]`.
+/// Energies of a model at the nodes of its lobes: r_d and f_refl `[theta_i][h]`, f_high
+/// `[theta_i][h][sigma]`.
 pub struct NodeEnergies {
     pub r_d: Vec<f64>,
     pub refl: Vec<f64>,

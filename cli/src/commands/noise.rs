@@ -1,4 +1,5 @@
-//! `plywave noise`: speckle patterns in, their statistics beside those of the noise made from them, and a model with noise out (Yu 2025, 6.2).
+//! `plywave noise`: speckle patterns in, their statistics beside those of the noise made from them, and a
+//! model with noise out (Yu 2025, 6.2).
 
 use super::compare::within;
 use crate::args::{Cli, NoiseArgs, NoiseContrastArg, PolarizationArg};
@@ -27,9 +28,11 @@ struct Line {
     contrast_simulated: f64,
     contrast_simulated_se: f64,
     contrast_synthesized: f64,
-    /// Largest difference of the covariances over the simulated one at lag 0, up to a lag of 5 and of 30 degrees.
+    /// Largest difference of the covariances over the simulated one at lag 0, up to a lag of 5 and of 30
+    /// degrees.
     covariance_distance: [f64; 2],
-    /// What the simulated covariance itself is good to, the same way: half the distance of those of every other pattern.
+    /// What the simulated covariance itself is good to, the same way: half the distance of those of every
+    /// other pattern.
     covariance_floor: [f64; 2],
 }
 

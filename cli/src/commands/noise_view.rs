@@ -1,4 +1,5 @@
-//! Figures of noise: synthesized patterns beside simulated ones (Yu 2025, Fig. 11 a), and what a model's tiles do to its terms (Fig. 11 b).
+//! Figures of noise: synthesized patterns beside simulated ones (Yu 2025, Fig. 11 a), and what a model's
+//! tiles do to its terms (Fig. 11 b).
 
 use super::noise::{LINES, spec_of};
 use crate::failure::Outcome;
@@ -133,7 +134,8 @@ fn rgb(light: &[f32; 12]) -> [f64; 3] {
     std::array::from_fn(|k| of[k] / white[k])
 }
 
-/// One instance of a model with noise at two incidences: smooth, as an instance has it, and the noise alone. Grayscale where light is smooth, color by
+/// One instance of a model with noise at two incidences: smooth, as an instance has it, and the noise alone.
+/// Grayscale where light is smooth, color by
 /// [`LAMBDAS`].
 pub fn model(title: &str, model: &PlyModel) -> Figure {
     const GAP: [i32; 2] = [26, LINE + BELOW + 6];

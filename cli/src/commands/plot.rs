@@ -210,7 +210,8 @@ impl Source {
         Section::Maps(vec![block(None), block(Some(sigma))])
     }
 
-    /// Maps of this file above those of another, at a few incidences, on one scale (Yu 2025, Fig. 8b: a ply alone and in its yarn).
+    /// Maps of this file above those of another, at a few incidences, on one scale (Yu 2025, Fig. 8b: a ply
+    /// alone and in its yarn).
     fn pair(&self, other: &Source, sigma: f64, decades: f64) -> Section {
         let incidences = [(0.0, 0.0), (0.0, 0.8), (40.0, 0.4)];
         let block = |sigma: Option<f64>| {
@@ -337,7 +338,8 @@ impl Source {
         ]))
     }
 
-    /// The absorption that the budget shows: one that takes about a third of the light at normal incidence in the middle.
+    /// The absorption that the budget shows: one that takes about a third of the light at normal incidence in
+    /// the middle.
     fn telling_sigma(&self) -> f64 {
         let (_, h_um, sigma) = self.axes();
         let node = h_um.len() / 2;

@@ -46,7 +46,8 @@ fn inputs(args: &RenderArgs, spec: &FabricSpec, models: &[PathBuf]) -> Vec<(&'st
     list
 }
 
-/// Contents of the inputs and the flags that matter for the picture: what sums must have in common with a render to go on.
+/// Contents of the inputs and the flags that matter for the picture: what sums must have in common with a
+/// render to go on.
 fn ingredients(
     args: &RenderArgs,
     size: f32,

@@ -1,4 +1,5 @@
-//! What the commands that run shards share: the parts folder, `--resume`, `--fresh`, `--shards`, `--plan`, progress and failures.
+//! What the commands that run shards share: the parts folder, `--resume`, `--fresh`, `--shards`, `--plan`,
+//! progress and failures.
 
 use super::on_threads;
 use crate::args::{Cli, ResumeArgs, ShardArgs};
@@ -97,7 +98,8 @@ where
     with_bar(cli, job, told, parts, file, |run| runs::run(job, run))
 }
 
-/// Runs the shards that `--shards` asks for and writes their part, or prints the plan that `--plan` asks for. True when there is nothing more to do.
+/// Runs the shards that `--shards` asks for and writes their part, or prints the plan that `--plan` asks for.
+/// True when there is nothing more to do.
 pub fn run_share<J: Job>(
     cli: &Cli,
     job: &J,

@@ -1,5 +1,5 @@
-//! `plywave sample`: outgoing directions of a model at one incidence, as CSV or JSON. Light that misses has no line; its number
-//! is told at the end.
+//! `plywave sample`: outgoing directions of a model at one incidence, as CSV or JSON. Light that misses has
+//! no line; its number is told at the end.
 
 use super::{Yarn, by_count, incidence};
 use crate::args::{Cli, SampleArgs};

@@ -1,4 +1,5 @@
-//! `plywave completions` and `plywave man`: what a shell and its manual need, generated from the flags themselves.
+//! `plywave completions` and `plywave man`: what a shell and its manual need, generated from the flags
+//! themselves.
 
 use crate::args::{Cli, CompletionsArgs, ManArgs};
 use crate::failure::{Failure, Outcome};

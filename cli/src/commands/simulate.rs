@@ -55,7 +55,8 @@ impl Summary {
     }
 }
 
-/// Largest |refl + high + r_d - 1| at sigma = 0 over the incidences, in standard errors; incidences without spread are left out.
+/// Largest |refl + high + r_d - 1| at sigma = 0 over the incidences, in standard errors; incidences without
+/// spread are left out.
 pub fn energy_balance(table: &Table) -> f64 {
     let sigmas = table.sigma_per_um.len();
     (0..table.r_d.len())

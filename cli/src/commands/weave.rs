@@ -1,4 +1,5 @@
-//! `plywave weave`: a fabric spec in, the textures of its weave out, for hosts that want images (Yu 2025, 7.1), with a sheet to look at.
+//! `plywave weave`: a fabric spec in, the textures of its weave out, for hosts that want images (Yu 2025,
+//! 7.1), with a sheet to look at.
 
 use crate::args::{Cli, WeaveArgs};
 use crate::failure::{Failure, Outcome};
@@ -138,7 +139,8 @@ fn signed16(x: f64) -> u16 {
     (32768.0 + 32767.0 * x.clamp(-1.0, 1.0)).round() as u16
 }
 
-/// Base colors of the yarns of a repeat, encoded sRGB: the color of the spec or the WIF; of other yarns the albedo of their fibers under diffuse light.
+/// Base colors of the yarns of a repeat, encoded sRGB: the color of the spec or the WIF; of other yarns the
+/// albedo of their fibers under diffuse light.
 fn base_colors(shading: &FabricModel, family: YarnSet) -> Vec<[u8; 3]> {
     let fabric = shading.fabric();
     let gray = |thread: i32, sigma: f64| {
@@ -154,7 +156,8 @@ fn base_colors(shading: &FabricModel, family: YarnSet) -> Vec<[u8; 3]> {
     (0..fabric.draft().threads(family)).map(|thread| bytes(of(thread))).collect()
 }
 
-/// Normal of a yarn's round outline where it is seen, in the fabric's axes; z points out of the side that is seen.
+/// Normal of a yarn's round outline where it is seen, in the fabric's axes; z points out of the side that is
+/// seen.
 fn normal(fabric: &Fabric, place: &YarnPlace) -> [f64; 3] {
     let half = 0.5 * fabric.shape(place.family).width_um();
     let sin = (f64::from(place.across_um) / half).clamp(-1.0, 1.0);
@@ -171,7 +174,8 @@ fn normal(fabric: &Fabric, place: &YarnPlace) -> [f64; 3] {
 /// Steps of the tables of [`chords`].
 const CHORDS: usize = 1024;
 
-/// Height of fiber-filled plies over distances from a level yarn's axis, from 0 to half its width [um], the mean over the turn of the plies.
+/// Height of fiber-filled plies over distances from a level yarn's axis, from 0 to half its width [um], the
+/// mean over the turn of the plies.
 fn chords(fabric: &Fabric, family: YarnSet) -> Vec<f64> {
     const TURNS: usize = 96;
     let s = fabric.shape(family);

@@ -14,7 +14,8 @@ pub struct LogScale {
 }
 
 impl LogScale {
-    /// The scale whose top is the next of 1, 2, 5, 10, ... at or above `max`. Anything that is not positive counts as 1.
+    /// The scale whose top is the next of 1, 2, 5, 10, ... at or above `max`. Anything that is not positive
+    /// counts as 1.
     pub fn above(max: f64, decades: f64) -> Self {
         let max = if max > 0.0 && max.is_finite() { max } else { 1.0 };
         let floor = max.log10().floor();

@@ -101,7 +101,8 @@ mod tests {
             let y = 150 - (share * 100.0) as u32;
             assert_eq!(image.get_pixel(60, y).0, PARTS[part].1, "at {share}");
         }
-        // Linear between nodes: a quarter of the way from 0 to the middle's 0.8, the border lies at 0.2 and 0.4.
+        // Linear between nodes: a quarter of the way from 0 to the middle's 0.8, the border lies at 0.2 and
+        // 0.4.
         let image = drawn(&Budget {
             refl: vec![0.0, 0.8, 0.0],
             high: vec![0.0; 3],

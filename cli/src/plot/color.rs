@@ -1,5 +1,5 @@
-//! Color maps of the figures, those of d3 as the crate `colorous` has them: inferno for densities, whose lightness climbs evenly, and blue to red for signed
-//! differences.
+//! Color maps of the figures, those of d3 as the crate `colorous` has them: inferno for densities, whose
+//! lightness climbs evenly, and blue to red for signed differences.
 
 /// A color of the figure, sRGB.
 pub type Rgb = [u8; 3];
@@ -14,7 +14,8 @@ pub fn diverging(t: f64) -> Rgb {
     rgb(colorous::RED_BLUE.eval_continuous(if t.is_nan() { 0.5 } else { 0.5 - 0.5 * t }))
 }
 
-/// Black or white, whichever reads better on `background`: equal contrast by WCAG 2 lies at a luminance of 0.18.
+/// Black or white, whichever reads better on `background`: equal contrast by WCAG 2 lies at a luminance of
+/// 0.18.
 pub fn ink_on(background: Rgb) -> Rgb {
     if luminance(background) > 0.18 { [20, 20, 24] } else { [250, 250, 250] }
 }

@@ -1,6 +1,8 @@
-//! A figure: an SVG document that is drawn once, then written as it is or rasterized by resvg. Texts are the outlines of their letters in the font that is
-//! compiled in, each with its words as `aria-label`, so that a figure looks the same in every viewer, whatever fonts it finds. Images lie below all else; the
-//! rasterizer gets them as pixels, so that resvg needs neither its image decoders nor its text shaping, which take longer to compile than all else of it.
+//! A figure: an SVG document that is drawn once, then written as it is or rasterized by resvg. Texts are the
+//! outlines of their letters in the font that is compiled in, each with its words as `aria-label`, so that a
+//! figure looks the same in every viewer, whatever fonts it finds. Images lie below all else; the rasterizer
+//! gets them as pixels, so that resvg needs neither its image decoders nor its text shaping, which take
+//! longer to compile than all else of it.
 
 use super::color::Rgb;
 use super::text::Text;
@@ -133,7 +135,8 @@ impl Figure {
         self.body.append(ring.set("stroke-width", width));
     }
 
-    /// Fills a rectangle with an embedded image, one pixel a unit: `color(column, row)`, the first row at the top.
+    /// Fills a rectangle with an embedded image, one pixel a unit: `color(column, row)`, the first row at the
+    /// top.
     pub fn pixels(&mut self, at: Panel, mut color: impl FnMut(i32, i32) -> Rgb) {
         let image = RgbImage::from_fn(at.w as u32, at.h as u32, |i, j| image::Rgb(color(i as i32, j as i32)));
         self.images.push(([at.x, at.y], image));
@@ -164,7 +167,8 @@ impl Figure {
         self.write(&text, &format!("translate({x} {}) scale({HEADING})", y + CAP), Align::Left, INK);
     }
 
-    /// Text that runs upwards and is centered at `y`, its capitals reaching from `x` to the right, shortened to `room` units.
+    /// Text that runs upwards and is centered at `y`, its capitals reaching from `x` to the right, shortened
+    /// to `room` units.
     pub fn text_up(&mut self, x: i32, y: i32, room: i32, markup: &str) {
         let text = Text::parse(markup).shortened(f64::from(room));
         self.write(&text, &format!("translate({} {y}) rotate(-90)", x + CAP), Align::Center, INK);
@@ -256,7 +260,8 @@ fn list(points: impl IntoIterator<Item = [f64; 2]>) -> String {
 mod tests {
     use super::*;
 
-    /// The document can be read and says its texts, also those that mean something in XML; shapes and images lie where they belong.
+    /// The document can be read and says its texts, also those that mean something in XML; shapes and images
+    /// lie where they belong.
     #[test]
     fn documents_say_their_texts() {
         let mut figure = Figure::new(300, 80);

@@ -24,7 +24,8 @@ impl Numbers {
 /// Color of a cell without a number.
 const NONE: color::Rgb = [225, 225, 228];
 
-/// Draws the grid in percent, theta_i upwards and h rightwards, colors from 0 to `max`, with a color bar at the right.
+/// Draws the grid in percent, theta_i upwards and h rightwards, colors from 0 to `max`, with a color bar at
+/// the right.
 pub fn draw(figure: &mut Figure, at: Panel, numbers: &Numbers, max: f64, title: &str) {
     let Panel { x, y, w, h } = at;
     let (rows, columns) = (numbers.theta_i.len(), numbers.h_rel.len());

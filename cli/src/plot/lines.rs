@@ -155,7 +155,8 @@ mod tests {
         assert!(banded(110) && banded(190) && !banded(90) && !banded(210));
     }
 
-    /// Titles longer than their panels are shortened: between two panels, titles and names of axes leave paper.
+    /// Titles longer than their panels are shortened: between two panels, titles and names of axes leave
+    /// paper.
     #[test]
     fn titles_keep_to_their_panels() {
         let long = LinePanel {

@@ -37,7 +37,8 @@ impl Field {
         Field { grid: self.grid, values: self.values.iter().zip(&other.values).map(|(a, b)| a - b).collect() }
     }
 
-    /// The value that all but a share of 5e-4 of the sphere stays below: the top of a scale that a noisy bin at a pole cannot set.
+    /// The value that all but a share of 5e-4 of the sphere stays below: the top of a scale that a noisy bin
+    /// at a pole cannot set.
     pub fn top(&self) -> f64 {
         let mut bins: Vec<(f64, f64)> =
             (0..self.grid.len()).map(|b| (self.values[b], self.grid.solid_angle(b / self.grid.phi_o))).collect();
@@ -111,8 +112,8 @@ pub fn label(figure: &mut Figure, at: Panel, below: Option<bool>, left: Option<b
     }
 }
 
-/// Marks the mirror direction of a smooth cylinder's cone and the exact forward direction: the cone theta_o = -theta_i as ticks
-/// on both edges, forward as a small ring at phi_o = 270 degrees.
+/// Marks the mirror direction of a smooth cylinder's cone and the exact forward direction: the cone theta_o =
+/// -theta_i as ticks on both edges, forward as a small ring at phi_o = 270 degrees.
 pub fn mark_forward(figure: &mut Figure, at: Panel, theta_i: f64) {
     let center = point(at, -theta_i, 1.5 * std::f64::consts::PI);
     figure.clipped(at, |figure| {
@@ -125,8 +126,9 @@ pub fn mark_forward(figure: &mut Figure, at: Panel, theta_i: f64) {
     }
 }
 
-/// Draws each lobe's axis as a dot, as large as its energy, and its two principal directions as arcs half a standard
-/// deviation long each way: whole ones hide the map. Lobes with less than 1 % of the energy are left out.
+/// Draws each lobe's axis as a dot, as large as its energy, and its two principal directions as arcs half a
+/// standard deviation long each way: whole ones hide the map. Lobes with less than 1 % of the energy are left
+/// out.
 pub fn draw_lobes(figure: &mut Figure, at: Panel, lobes: &[Lobe]) {
     let total: f64 = lobes.iter().map(|l| l.energy).sum();
     let shown = || lobes.iter().filter(|l| l.energy > 0.01 * total);
@@ -152,7 +154,8 @@ fn azimuth(v: [f64; 3]) -> f64 {
     v[1].atan2(v[0]).rem_euclid(std::f64::consts::TAU)
 }
 
-/// The great-circle arc from -reach to reach [rad] about `z` towards `axis`; one that wraps around the map comes in pieces, which end and begin off its edges.
+/// The great-circle arc from -reach to reach [rad] about `z` towards `axis`; one that wraps around the map
+/// comes in pieces, which end and begin off its edges.
 fn arc(at: Panel, z: [f64; 3], axis: [f64; 3], reach: f64) -> Vec<Vec<[f64; 2]>> {
     let w = f64::from(at.w);
     let mut pieces: Vec<Vec<[f64; 2]>> = vec![Vec::new()];

@@ -1,4 +1,5 @@
-//! Figures: false-color maps of the outgoing sphere, energy budgets, grids of numbers and curves, laid out here, written as SVG and rasterized by libraries.
+//! Figures: false-color maps of the outgoing sphere, energy budgets, grids of numbers and curves, laid out
+//! here, written as SVG and rasterized by libraries.
 
 pub mod axes;
 pub mod budget;

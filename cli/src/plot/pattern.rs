@@ -1,5 +1,6 @@
-//! Far-field patterns in colors, as an eye would see them behind an aperture: daylight (D65) in bands of the visible spectrum, the CIE 1931 observer, sRGB; one
-//! exposure a panel. Light that is the same at every wavelength is white.
+//! Far-field patterns in colors, as an eye would see them behind an aperture: daylight (D65) in bands of the
+//! visible spectrum, the CIE 1931 observer, sRGB; one exposure a panel. Light that is the same at every
+//! wavelength is white.
 
 use super::axes::{self, BELOW, LEFT, linear};
 use super::figure::{Align, Figure, GRAY, INK, LINE, Panel};
@@ -9,7 +10,8 @@ use plywave::color::{SPECTRUM_UM, d65_xyz_density, linear_srgb_of_xyz, srgb_enco
 /// Bands of the visible spectrum.
 pub const BANDS: usize = 24;
 
-/// Daylight in equal bands of the visible spectrum: their middles [um], and the linear sRGB of each band's light, (1, 1, 1) together.
+/// Daylight in equal bands of the visible spectrum: their middles [um], and the linear sRGB of each band's
+/// light, (1, 1, 1) together.
 pub struct Daylight {
     /// Middles of the bands [um].
     pub lambda_um: [f32; BANDS],
@@ -32,7 +34,8 @@ impl Daylight {
         Daylight { lambda_um: std::array::from_fn(|k| at(k as f64 + 0.5) as f32), rgb }
     }
 
-    /// Linear sRGB of this light in each band. A color outside the gamut is brought to its border, at the same luminance.
+    /// Linear sRGB of this light in each band. A color outside the gamut is brought to its border, at the
+    /// same luminance.
     pub fn rgb(&self, light: &[f32; BANDS]) -> [f32; 3] {
         let mut sum = [0.0; 3];
         for (light, rgb) in light.iter().zip(&self.rgb) {
@@ -74,7 +77,8 @@ fn encode(linear: f32) -> u8 {
     (255.0 * srgb_encode(f64::from(linear.clamp(0.0, 1.0)))).round() as u8
 }
 
-/// Exposures of a pattern: the brightest value at the top of the scale, and this many times as much light, for the side lobes.
+/// Exposures of a pattern: the brightest value at the top of the scale, and this many times as much light,
+/// for the side lobes.
 const EXPOSURES: [f32; 2] = [1.0, 100.0];
 
 /// A page: two exposures of each pattern, one above the other.
@@ -133,7 +137,8 @@ mod tests {
         assert_eq!((encode(0.5), encode(2.0), encode(-1.0)), (188, 255, 0));
     }
 
-    /// Light that is even over the spectrum is white, also where bands are many; single bands have their hues; light between two hues is in the gamut.
+    /// Light that is even over the spectrum is white, also where bands are many; single bands have their
+    /// hues; light between two hues is in the gamut.
     #[test]
     fn even_light_is_white_and_bands_have_their_hues() {
         let day = Daylight::new();

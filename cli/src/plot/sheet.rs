@@ -1,4 +1,5 @@
-//! Pages of a table or a model: maps, energy budgets and grids of numbers in sections one below the other. Sections are measured first and drawn after.
+//! Pages of a table or a model: maps, energy budgets and grids of numbers in sections one below the other.
+//! Sections are measured first and drawn after.
 
 use super::axes::{self, BELOW, LEFT, LogScale};
 use super::budget::{self, Budget};

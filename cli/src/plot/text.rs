@@ -4,8 +4,9 @@ use std::fmt::Write;
 use std::sync::LazyLock;
 use ttf_parser::{Face, GlyphId, OutlineBuilder};
 
-/// DejaVu Sans 2.37 (license beside it): Latin, Greek, Cyrillic and a few signs, without hints, kerning and ligatures, so that a text is as wide as its
-/// letters. GeneratedStrands by `pyftsubset` of fonttools; README of the folder has the command.
+/// DejaVu Sans 2.37 (license beside it): Latin, Greek, Cyrillic and a few signs, without hints, kerning and
+/// ligatures, so that a text is as wide as its letters. GeneratedStrands by `pyftsubset` of fonttools; README
+/// of the folder has the command.
 const FONT: &[u8] = include_bytes!("../../fonts/DejaVuSans.ttf");
 /// Size of text [pixels an em].
 const SIZE: f64 = 15.0;
@@ -19,13 +20,15 @@ static FACE: LazyLock<Face<'static>> = LazyLock::new(|| match Face::parse(FONT, 
     Err(error) => unreachable!("the font is compiled in: {error}"),
 });
 
-/// Width of a letter [em]. One that the font lacks is taken to be square, as Chinese, Japanese and Korean letters are.
+/// Width of a letter [em]. One that the font lacks is taken to be square, as Chinese, Japanese and Korean
+/// letters are.
 fn letter(c: char) -> f64 {
     let width = FACE.glyph_index(c).and_then(|glyph| FACE.glyph_hor_advance(glyph));
     width.map_or(1.0, |width| f64::from(width) / f64::from(FACE.units_per_em()))
 }
 
-/// An outline as the data of an SVG path: `d`, grown by `scale` from the font's units, from `(x, y)` on, y downwards.
+/// An outline as the data of an SVG path: `d`, grown by `scale` from the font's units, from `(x, y)` on, y
+/// downwards.
 struct Pen {
     d: String,
     scale: f64,
@@ -80,7 +83,8 @@ impl Letter {
     }
 }
 
-/// A line of text. In its markup `_` lowers and `^` raises what follows, one letter or a group in braces; doubled they stand for themselves.
+/// A line of text. In its markup `_` lowers and `^` raises what follows, one letter or a group in braces;
+/// doubled they stand for themselves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Text(Vec<Letter>);
 
@@ -137,7 +141,8 @@ impl Text {
         self
     }
 
-    /// Its outline as the data of an SVG path, at the size [`SIZE`], from `x` on along the axis. A letter that the font lacks is a box.
+    /// Its outline as the data of an SVG path, at the size [`SIZE`], from `x` on along the axis. A letter
+    /// that the font lacks is a box.
     pub fn outline(&self, x: f64) -> String {
         let mut pen = Pen { d: String::new(), scale: 0.0, x, y: 0.0 };
         for letter in &self.0 {

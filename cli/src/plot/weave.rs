@@ -1,6 +1,8 @@
-//! A sheet to look at a weave by: both sides close up and from afar, the draft, and the textures in false colors.
+//! A sheet to look at a weave by: both sides close up and from afar, the draft, and the textures in false
+//! colors.
 //!
-//! Light falls from the upper left on smooth, dull fibers: enough to tell one weave from another, and no more. How fabrics scatter light is not shown here.
+//! Light falls from the upper left on smooth, dull fibers: enough to tell one weave from another, and no
+//! more. How fabrics scatter light is not shown here.
 
 use super::axes;
 use super::color::{self, Rgb};

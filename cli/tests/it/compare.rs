@@ -1,4 +1,5 @@
-//! `plywave compare` and `plywave wave speckle`: what they write, that threads and resumption do not matter, and what they refuse.
+//! `plywave compare` and `plywave wave speckle`: what they write, that threads and resumption do not matter,
+//! and what they refuse.
 
 use crate::common::{json, names, run, succeed, text};
 use std::path::Path;
@@ -64,7 +65,8 @@ fn compare_reports_both_optics() {
     }
     assert_eq!(cases[1]["h_um"], serde_json::json!(-3.2));
 
-    // Fewer instances first, kept, then more on other threads: the same report. An earlier folder of ours is written over.
+    // Fewer instances first, kept, then more on other threads: the same report. An earlier folder of ours is
+    // written over.
     succeed(dir, &[COMPARE, &["-o", "s", "--instances", "2", "--keep-parts", "--quiet"]].concat());
     assert!(dir.join("s.parts").is_dir());
     refused(dir, &[COMPARE, &["-o", "s", "--seed", "2", "--resume"]].concat(), &["s.parts", "another run"]);

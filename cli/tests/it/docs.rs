@@ -1,5 +1,6 @@
-//! The output in docs/reference/commands.md is what this program prints: each command with output is run, and its output compared, numbers within what other processors round otherwise and other
-//! machines take in time. `scripts/renew_docs.sh` writes the output anew.
+//! The output in docs/reference/commands.md is what this program prints: each command with output is run, and
+//! its output compared, numbers within what other processors round otherwise and other machines take in time.
+//! `scripts/renew_docs.sh` writes the output anew.
 
 use crate::common::{run, text};
 use std::path::Path;
@@ -59,7 +60,8 @@ fn alike(shown: &str, printed: &str) -> bool {
         })
 }
 
-/// Runs the commands that `chosen` picks, in the order of the page in one folder, and compares; or writes their output into the page.
+/// Runs the commands that `chosen` picks, in the order of the page in one folder, and compares; or writes
+/// their output into the page.
 fn hold(chosen: impl Fn(&str) -> bool) {
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path();

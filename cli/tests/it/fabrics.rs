@@ -1,7 +1,10 @@
-//! The fabrics that ship as scattering functions and as pictures, with models made whole (edge lobes, layer factors, speckle), and one of a yarn of three plies.
+//! The fabrics that ship as scattering functions and as pictures, with models made whole (edge lobes, layer
+//! factors, speckle), and one of a yarn of three plies.
 //!
-//! 1. Light: clear fabrics in a white room are white, through the renderer. 2. eval, sample and pdf agree at random points; chi-square.
-//! 3. The mean over speckle is the smooth picture. 4. No line shows where the draft repeats, nor where blocks of the fit meet.
+//! 1. Light: clear fabrics in a white room are white, through the renderer. 2. eval, sample and pdf agree at
+//!    random points; chi-square.
+//! 3. The mean over speckle is the smooth picture. 4. No line shows where the draft repeats, nor where blocks
+//!    of the fit meet.
 
 use glam::Vec3;
 use plywave::check::check_bsdf;
@@ -116,11 +119,13 @@ fn luminances(film: &Film) -> Vec<f64> {
 }
 
 fn clear_in_a_white_room(name: &str, fabric: &FabricModel) {
-    // Far from the sheet, so that all of the picture is cloth: from the face, from the face at 70 degrees, from the back; then folds, where light goes from cloth to cloth.
+    // Far from the sheet, so that all of the picture is cloth: from the face, from the face at 70 degrees,
+    // from the back; then folds, where light goes from cloth to cloth.
     let s = 30.0f32;
     let seen = |x: f32, z: f32| Camera::new(Vec3::new(x, 0.0, z) * (4.0 * s), Vec3::ZERO, Vec3::Y, 0.06);
     let views = [("face", seen(0.3, 0.95)), ("oblique", seen(0.94, 0.34)), ("back", seen(0.5, -0.87))];
-    // Of models of whole yarns, which no fabric that ships has any more, 0.9895 +- 0.0011 was measured obliquely: light between yarns is that of random paths.
+    // Of models of whole yarns, which no fabric that ships has any more, 0.9895 +- 0.0011 was measured
+    // obliquely: light between yarns is that of random paths.
     let most = if name == "three plies" { 0.012 } else { 0.01 };
     for (view, camera) in &views {
         let (scene, _) = Setup::Furnace.scene(s, None, None);
@@ -234,7 +239,8 @@ fn the_mean_over_speckle_is_the_smooth_picture() {
         FabricModel::new(loaded, &FabricOptions { noise, ..FabricOptions::default() }).unwrap()
     };
     let (smooth, noised) = (satin(false), satin(true));
-    // A few yarns lit by a small lamp from the front. Other repeats of the weave have other speckle and nothing else: the same samples of a pixel see the same plies.
+    // A few yarns lit by a small lamp from the front. Other repeats of the weave have other speckle and
+    // nothing else: the same samples of a pixel see the same plies.
     let repeat = smooth.fabric().repeat_um().map(|r| r as f32);
     let film = |fabric: &FabricModel, instance: usize| {
         let mut mesh = Mesh::flat(1.0);
@@ -288,8 +294,8 @@ fn step_rms(of: &dyn Fn(f32) -> Vec<f64>, at: f32, step: f32) -> f64 {
 
 #[test]
 fn repeats_of_the_draft_show_no_line() {
-    // Satin: all cells between ends, and all between picks, are alike but for where the pattern begins, so that a step over the repeat's border differs from one over another
-    // border only if the border shows.
+    // Satin: all cells between ends, and all between picks, are alike but for where the pattern begins, so
+    // that a step over the repeat's border differs from one over another border only if the border shows.
     let f = fabric("polyester_satin");
     let [width, height] = f.fabric().repeat_um().map(|r| r as f32);
     let (ends, picks) = (f.fabric().draft().ends(), f.fabric().draft().picks());
@@ -346,8 +352,9 @@ fn blocks_of_the_fit_show_no_line() {
             let f = |l: &[f32; 3]| f64::from(model.at(&PlyQuery::lobes(theta, h, [0.003])).eval(*l)[0]);
             lamp.iter().map(f).sum::<f64>() / lamp.len() as f64
         };
-        // Steps over the borders of blocks (every second node), and beside them. Over a step near 0 only what is not continuous is left; over half a cell, 3 um
-        // across the ply, it stands beside what differs from there to there anyway.
+        // Steps over the borders of blocks (every second node), and beside them. Over a step near 0 only what
+        // is not continuous is left; over half a cell, 3 um across the ply, it stands beside what differs
+        // from there to there anyway.
         for (share, what) in [(1.0 / 64.0, "least"), (0.5, "pixel")] {
             let (mut border, mut away, mut level) = ([0.0f64; 2], [0.0f64; 2], 0.0f64);
             let n = 2000;
@@ -365,8 +372,9 @@ fn blocks_of_the_fit_show_no_line() {
                 };
                 for axis in 0..2 {
                     border[axis] += over(axis, at[axis]);
-                    // Next to the border on both sides: a line is a step that stands out from those beside it. Farther off, one would compare the rim,
-                    // where light falls off steeply whether a border lies there or not.
+                    // Next to the border on both sides: a line is a step that stands out from those beside
+                    // it. Farther off, one would compare the rim, where light falls off steeply whether a
+                    // border lies there or not.
                     let half = 0.5 * cell[axis];
                     away[axis] += 0.5 * (over(axis, at[axis] - half) + over(axis, at[axis] + half));
                 }
@@ -377,7 +385,8 @@ fn blocks_of_the_fit_show_no_line() {
                 println!(
                     "{yarn}, {name}, {what} step: {b:.4} of the light over borders of blocks, {a:.4} away from them"
                 );
-                // The piecewise fit is not continuous (Yu 2025, 5.2): neighbors differ by the error of the fit, stored as 4 % rms.
+                // The piecewise fit is not continuous (Yu 2025, 5.2): neighbors differ by the error of the
+                // fit, stored as 4 % rms.
                 match what {
                     "least" => assert!(b < 0.06, "{yarn}, {name}: jump of {b} of the light"),
                     _ => assert!(b < 1.3 * a, "{yarn}, {name}: {b} over borders, {a} away from them"),

@@ -1,11 +1,16 @@
-//! `plywave check` promises that a correct model fails its chi-square tests with a chance of 1 %, all of them together: is that the chance?
+//! `plywave check` promises that a correct model fails its chi-square tests with a chance of 1 %, all of them
+//! together: is that the chance?
 //!
-//! Measured on the polyester that ships, 126 seeds of the command's own sizes: where each of the three lines had 1 % of its own, 6 seeds failed (lines 1, 1 and 4); with
-//! one threshold for all 116 tests none does. Single p-values are uniform: of 11 337, 0.996, 1.08 and 1.4 times the expected number lie below 0.1, 0.01 and 0.001.
-//! (A tenth of the incidences lie beyond the rim, where next to all light misses and there is nothing to test.)
+//! Measured on the polyester that ships, 126 seeds of the command's own sizes: where each of the three lines
+//! had 1 % of its own, 6 seeds failed (lines 1, 1 and 4); with one threshold for all 116 tests none does.
+//! Single p-values are uniform: of 11 337, 0.996, 1.08 and 1.4 times the expected number lie below 0.1, 0.01
+//! and 0.001.
+//! (A tenth of the incidences lie beyond the rim, where next to all light misses and there is nothing to
+//! test.)
 //!
-//! Over many seeds, the least of a seed's p-values, corrected for their number, is a uniform number where each p-value is one (Kolmogorov and Smirnov's test of
-//! that, whose limit at n seeds is 1.95 / sqrt(n) for one false alarm in 1000), and some 1 % of the seeds fail.
+//! Over many seeds, the least of a seed's p-values, corrected for their number, is a uniform number where
+//! each p-value is one (Kolmogorov and Smirnov's test of that, whose limit at n seeds is 1.95 / sqrt(n) for
+//! one false alarm in 1000), and some 1 % of the seeds fail.
 
 use plywave::PlyModel;
 use plywave::check::{CheckOptions, check_layers, check_model, check_whole};

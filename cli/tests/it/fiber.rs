@@ -1,4 +1,5 @@
-//! `plywave wave tabulate` and `plywave info` of what it writes: files load, runs resume bit for bit, bad input is refused in one line.
+//! `plywave wave tabulate` and `plywave info` of what it writes: files load, runs resume bit for bit, bad
+//! input is refused in one line.
 #![cfg(unix)]
 
 use crate::common::{folder, names, plywave, refused, run, succeed, text};

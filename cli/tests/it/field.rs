@@ -1,4 +1,5 @@
-//! Inputs from the field, as other programs and other people write them, each with its right value: `tests/data/field/CASE`, a test a case.
+//! Inputs from the field, as other programs and other people write them, each with its right value:
+//! `tests/data/field/CASE`, a test a case.
 //! The values are closed forms, series of Bessel functions or counts by hand; none comes from the program.
 //! Siblings of the cases stand beside the code that reads them.
 
@@ -181,7 +182,8 @@ fn filament_eta_101() {
 fn pbrt_transform() {
     let folder = case("pbrt_transform");
     render_strands(folder.path(), "64", "4");
-    // 40 mm away and 30 degrees wide: 64 pixels are 21.4 mm at x = 0. The strand at 8 mm stands 24 pixels from that at 0.
+    // 40 mm away and 30 degrees wide: 64 pixels are 21.4 mm at x = 0. The strand at 8 mm stands 24 pixels
+    // from that at 0.
     let columns = columns_with_strands(folder.path());
     assert!(columns.iter().any(|x| (31..=32).contains(x)), "{columns:?}");
     assert!(columns.iter().any(|x| (54..=57).contains(x)), "{columns:?}");

@@ -1,4 +1,5 @@
-//! `plywave plot`: PNG and SVG by the ending of the output, the same in both, names of any script, and which files are no figures' sources.
+//! `plywave plot`: PNG and SVG by the ending of the output, the same in both, names of any script, and which
+//! files are no figures' sources.
 
 use crate::common::{TINY, build, folder, json, names, refused, succeed};
 use std::path::Path;
@@ -16,7 +17,8 @@ fn named(dir: &Path) {
     build(dir);
 }
 
-/// One figure as both: an XML document of the PNG's size that names the yarn, has its maps as images, and a heading inside the page.
+/// One figure as both: an XML document of the PNG's size that names the yarn, has its maps as images, and a
+/// heading inside the page.
 #[test]
 fn both_formats_show_one_figure() {
     let folder = folder();
@@ -49,20 +51,23 @@ fn both_formats_show_one_figure() {
         let maps = all(&document, "image");
         let is_png = |href: &str| href.starts_with("data:image/png;base64,");
         assert!(maps.iter().all(|n| n.attribute("href").is_some_and(is_png)));
-        // Three columns of f_refl and f_high in nine rows at most, and their bars; two exposures of four gaps; no maps elsewhere.
+        // Three columns of f_refl and f_high in nine rows at most, and their bars; two exposures of four
+        // gaps; no maps elsewhere.
         match figure {
             [_, "--table", _] => assert!(maps.len() >= 10, "{figure:?}: {}", maps.len()),
             ["tiny.toml"] => assert_eq!(maps.len(), 8),
             _ => assert!(maps.is_empty(), "{figure:?}"),
         }
-        // The name's letters are ink: the heading reaches as far as its text, which here is half a page or less.
+        // The name's letters are ink: the heading reaches as far as its text, which here is half a page or
+        // less.
         let heading = image.enumerate_pixels().filter(|(_, y, p)| *y < 44 && p.0[0] < 128);
         let end = heading.map(|(x, _, _)| x).max().unwrap_or(0);
         assert!(end > 28 + 9 * NAME.chars().count() as u32 && end < image.width() - 28, "{figure:?}: {end}");
     }
 }
 
-/// The same words twice are the same figure, also of text: nothing depends on the machine's fonts or on the order of a table.
+/// The same words twice are the same figure, also of text: nothing depends on the machine's fonts or on the
+/// order of a table.
 #[test]
 fn figures_are_reproducible() {
     let folder = folder();

@@ -1,5 +1,6 @@
-//! A full disk: what a command writes is whole or absent, it says so in one line, and what was there before stays. The disk is a file system in memory of some KiB, in a mount namespace of its own
-//! that ends with the command; where the system allows no such namespace, the tests print why and end.
+//! A full disk: what a command writes is whole or absent, it says so in one line, and what was there before
+//! stays. The disk is a file system in memory of some KiB, in a mount namespace of its own that ends with the
+//! command; where the system allows no such namespace, the tests print why and end.
 #![cfg(target_os = "linux")]
 
 use crate::common::{ANY_FIT, folder, open_cloth, succeed, text};
@@ -8,8 +9,9 @@ use std::path::Path;
 use std::process::Command;
 use std::sync::OnceLock;
 
-/// Mounts a disk of `$1` KiB, puts the files of `before` on it, runs the rest of the arguments there, and copies what is then on the disk to `after`. With RESUME, the disk then becomes large and the
-/// command runs again.
+/// Mounts a disk of `$1` KiB, puts the files of `before` on it, runs the rest of the arguments there, and
+/// copies what is then on the disk to `after`. With RESUME, the disk then becomes large and the command runs
+/// again.
 const SCRIPT: &str = r#"
 mount -t tmpfs -o "size=$1k,mode=0777" none disk || exit 99
 shift
@@ -82,7 +84,8 @@ fn files(folder: &Path, prefix: &str, found: &mut BTreeMap<String, Vec<u8>>) {
     }
 }
 
-/// Runs a command on a disk of this size [KiB] that holds `before`; again with `--resume` on a large one, if asked. Inputs are in the disk's parent folder.
+/// Runs a command on a disk of this size [KiB] that holds `before`; again with `--resume` on a large one, if
+/// asked. Inputs are in the disk's parent folder.
 fn on_disk(dir: &Path, kib: usize, before: &[(&str, &[u8])], args: &[&str], resume: bool) -> Vec<Ended> {
     for name in ["disk", "before", "after", "resumed"] {
         let _ = std::fs::remove_dir_all(dir.join(name));
@@ -114,8 +117,9 @@ fn on_disk(dir: &Path, kib: usize, before: &[(&str, &[u8])], args: &[&str], resu
     all
 }
 
-/// A command on disks of several sizes: either all outputs are those of a large disk and the code is 0, or the error is one line, and each output is whole, or what was there before. Returns how many
-/// disks were too small.
+/// A command on disks of several sizes: either all outputs are those of a large disk and the code is 0, or
+/// the error is one line, and each output is whole, or what was there before. Returns how many disks were too
+/// small.
 fn whole_or_absent(dir: &Path, args: &[&str], outputs: &[&str], sizes: &[usize]) -> usize {
     let whole = on_disk(dir, 32 << 10, &[], args, false).remove(0);
     assert_eq!(whole.code, 0, "{args:?}: {}", whole.err);
@@ -180,7 +184,8 @@ fn outputs_on_a_full_disk_are_whole_or_absent() {
     assert_eq!((ended.code, ended.err.lines().count()), (2, 1), "{}", ended.err);
 }
 
-/// A run whose shards or table do not fit: what was finished is resumed once there is room, to the bits of an undisturbed run.
+/// A run whose shards or table do not fit: what was finished is resumed once there is room, to the bits of an
+/// undisturbed run.
 #[test]
 fn runs_on_a_full_disk_go_on_when_there_is_room() {
     if namespace().is_none() {

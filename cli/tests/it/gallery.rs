@@ -23,7 +23,8 @@ fn folder() -> tempfile::TempDir {
 fn pictures_are_made_and_taken_up() {
     let folder = folder();
     let dir = folder.path();
-    // An open satin takes a third of the time to load, and each of the six pictures loads it: less light goes from yarn to yarn.
+    // An open satin takes a third of the time to load, and each of the six pictures loads it: less light goes
+    // from yarn to yarn.
     let spec = dir.join("fabrics/polyester_satin.toml");
     let dense = std::fs::read_to_string(&spec).unwrap();
     let open =

@@ -1,9 +1,11 @@
-//! A file of the wrong kind, or none, is told at once and in one line, by every command and flag that takes a file: what it is, and what was expected.
+//! A file of the wrong kind, or none, is told at once and in one line, by every command and flag that takes a
+//! file: what it is, and what was expected.
 
 use crate::common::{TINY, refused};
 use std::path::Path;
 
-/// Each kind of file: its name, what it is in words, and what is in it. Of containers the header alone, which is all that is looked at.
+/// Each kind of file: its name, what it is in words, and what is in it. Of containers the header alone, which
+/// is all that is looked at.
 fn kinds() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     let container = |format: &str, version: u64| {
         let document = serde_json::json!({ "format": format, "version": version }).to_string();
@@ -107,7 +109,8 @@ fn every_command_names_the_wrong_kind_and_the_right_one() {
         }
         // What is not there: which kind it should be.
         refused_at(dir, place, "none.toml", &["none.toml", "no such file", &expected]);
-        // What is of no kind: its name and no panic. Of two files the other, which is a header alone, may be told first.
+        // What is of no kind: its name and no panic. Of two files the other, which is a header alone, may be
+        // told first.
         let is_one = !["k.pw", "fabric.toml", "yarn.toml"].iter().any(|other| place.contains(other));
         refused_at(dir, place, "noise.bin", if is_one { &["noise.bin"] } else { &[] });
         if wanted.iter().all(|w| w.starts_with("k.") && *w != "k.obj") {

@@ -1,4 +1,5 @@
-//! Models by name: those beside a spec, those of folders that are given, those that ship; and what is said where a name or a path leads nowhere.
+//! Models by name: those beside a spec, those of folders that are given, those that ship; and what is said
+//! where a name or a path leads nowhere.
 
 use crate::common::{json, plywave, refused, run, succeed, text};
 use std::path::Path;

@@ -1,4 +1,5 @@
-//! `plywave noise` and `plywave color`: from fibers to a model with noise, told and drawn; bad input refused in one line.
+//! `plywave noise` and `plywave color`: from fibers to a model with noise, told and drawn; bad input refused
+//! in one line.
 
 use crate::common::{ANY_FIT, TINY, run, succeed, text};
 use std::path::Path;
@@ -16,7 +17,8 @@ fn refused(dir: &Path, args: &[&str], words: &[&str]) {
     }
 }
 
-/// The whole path: fibers, a model, its noise, pictures; contrast and covariance of what is synthesized are those of the fibers. Then colors.
+/// The whole path: fibers, a model, its noise, pictures; contrast and covariance of what is synthesized are
+/// those of the fibers. Then colors.
 #[test]
 fn fibers_give_a_model_noise() {
     let folder = tempfile::tempdir().unwrap();

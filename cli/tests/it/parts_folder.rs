@@ -1,4 +1,5 @@
-//! A folder of parts may hold what is not ours: a run leaves all of it, and refuses a folder that holds nothing of its own.
+//! A folder of parts may hold what is not ours: a run leaves all of it, and refuses a folder that holds
+//! nothing of its own.
 
 use crate::common::{folder, names, run, succeed, text};
 

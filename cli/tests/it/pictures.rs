@@ -1,4 +1,5 @@
-//! `plywave render` and its files: what `-o` makes, that no input is written over, that a render goes on only from sums of the same inputs, and what is told.
+//! `plywave render` and its files: what `-o` makes, that no input is written over, that a render goes on only
+//! from sums of the same inputs, and what is told.
 
 use crate::common::{ANY_FIT, json, names, refused, run, succeed, text};
 use std::path::{Path, PathBuf};
@@ -8,7 +9,8 @@ fn fabrics() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../fabrics")
 }
 
-/// An open cloth: it takes a fourth of the time to load that a dense one does, as less light goes from yarn to yarn.
+/// An open cloth: it takes a fourth of the time to load that a dense one does, as less light goes from yarn
+/// to yarn.
 const CLOTH: &str = r#"name = "open cotton"
 
 [weave]
@@ -150,7 +152,8 @@ fn sums_of_other_inputs_are_refused() {
     let spec = std::fs::read_to_string(dir.join("cloth.toml")).unwrap();
     let model = spec.split("models/").nth(1).unwrap().split('"').next().unwrap();
     let bytes = std::fs::read(dir.join("models").join(model)).unwrap();
-    // The same model with another name of the fabric's text in it would do; so does a byte at its end that no reader looks at.
+    // The same model with another name of the fabric's text in it would do; so does a byte at its end that no
+    // reader looks at.
     let path = dir.join("models").join(model);
     let mut other = bytes.clone();
     let at = other.windows(4).position(|w| w == b"name").unwrap();
@@ -383,7 +386,8 @@ fn what_memory_does_not_hold_is_refused() {
     assert!(!dir.join("a.png").exists() && !dir.join("a.exr").exists());
 }
 
-/// The camera's flags in place of the scene's own camera: the same numbers give the same picture, a cloth fills more of it from nearer, and nonsense is refused.
+/// The camera's flags in place of the scene's own camera: the same numbers give the same picture, a cloth
+/// fills more of it from nearer, and nonsense is refused.
 #[test]
 fn cameras_look_where_they_are_told() {
     let folder = folder();
@@ -433,7 +437,8 @@ fn field(name: &str) -> String {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/field").join(name).display().to_string()
 }
 
-/// A white cloth in an even surrounding is as bright as it; what was mended in a sky is told, and one without colors refused.
+/// A white cloth in an even surrounding is as bright as it; what was mended in a sky is told, and one without
+/// colors refused.
 #[test]
 fn skies_light_by_their_radiance() {
     let folder = folder();

@@ -33,7 +33,8 @@ fn build_makes_what_every_command_reads() {
             assert!((sum - 1.0).abs() < 0.05, "({i}, {j}): {sum}");
         }
     }
-    // The model's energies are those of the table's fine grids, which have rays of their own: as far from the slices' as the noise of few paths is.
+    // The model's energies are those of the table's fine grids, which have rays of their own: as far from the
+    // slices' as the noise of few paths is.
     let model = json(&succeed(dir, &["info", "tiny.pwm", "--json"]));
     assert_eq!(model["kind"], "model");
     for (i, j) in (0..3).flat_map(|i| (0..9).map(move |j| (i, j))) {
@@ -51,7 +52,8 @@ fn build_makes_what_every_command_reads() {
     assert_eq!(std::fs::read(dir.join("again.pwm")).unwrap(), std::fs::read(dir.join("tiny.pwm")).unwrap());
     assert_eq!(run(dir, &["diff", "tiny.pwm", "again.pwm"]).status.code(), Some(0));
 
-    // check passes what does not depend on the quality of the fit, and fails where the fit is held to more than it can.
+    // check passes what does not depend on the quality of the fit, and fails where the fit is held to more
+    // than it can.
     let lax = ["--max-error-refl", "9", "--max-error-high", "9", "--incidences", "12"];
     let checked = json(&succeed(dir, &[&["check", "tiny.pwm", "--table", "tiny.pwt", "--json"][..], &lax].concat()));
     assert_eq!(checked["passed"], true);

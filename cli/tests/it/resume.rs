@@ -1,4 +1,5 @@
-//! Results do not depend on the number of threads, on being killed and resumed, nor on being shared out; runs with one output do not mix.
+//! Results do not depend on the number of threads, on being killed and resumed, nor on being shared out; runs
+//! with one output do not mix.
 #![cfg(unix)]
 
 use crate::common::{STRANDS, folder, names, plywave, run, succeed, text};
@@ -223,7 +224,8 @@ fn limits_of_file_sizes_are_failed_writes() {
     assert_eq!(bytes(dir, "t.pwt"), bytes(dir, "u.pwt"));
 }
 
-/// Two renders on one output would mix their sums: the second is refused, by any name of the output; a killed one leaves nothing in the way.
+/// Two renders on one output would mix their sums: the second is refused, by any name of the output; a killed
+/// one leaves nothing in the way.
 #[test]
 fn renders_have_their_outputs_for_themselves() {
     let folder = folder();

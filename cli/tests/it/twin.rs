@@ -1,4 +1,5 @@
-//! `plywave twin`, and `plywave check` of a fabric against it: what is written, what is said, what is refused.
+//! `plywave twin`, and `plywave check` of a fabric against it: what is written, what is said, what is
+//! refused.
 
 use crate::common::{json, refused, run, succeed, text};
 use std::path::Path;

@@ -1,8 +1,10 @@
-//! `plywave wave scatter` end to end, held to what follows from the conventions alone: dipoles in closed form, phases of shifted fibers, symmetries,
-//! reciprocity, the widths from the printed fields. No number here comes from a solver.
+//! `plywave wave scatter` end to end, held to what follows from the conventions alone: dipoles in closed
+//! form, phases of shifted fibers, symmetries, reciprocity, the widths from the printed fields. No number
+//! here comes from a solver.
 //!
-//! A dipole p per length at the origin, driven at k_z, radiates `(i/4) k_0^2 (p - s (s . p))` in the units of F; s is the outgoing direction. A cylinder thin against
-//! the wavelength has p = A (eps - 1) E_z along the axis and p = A alpha E across, with area A and the alpha of its outline in a static field.
+//! A dipole p per length at the origin, driven at k_z, radiates `(i/4) k_0^2 (p - s (s . p))` in the units of
+//! F; s is the outgoing direction. A cylinder thin against the wavelength has p = A (eps - 1) E_z along the
+//! axis and p = A alpha E across, with area A and the alpha of its outline in a static field.
 
 use crate::common::{json, names, plywave, refused, run, succeed, text};
 use std::f64::consts::PI;
@@ -17,7 +19,8 @@ const ONE: &[&str] = &["auto", "mie", "multipole", "nystrom", "compressed"];
 const CIRCLES: &[&str] = &["auto", "multipole", "nystrom", "compressed"];
 const ANY: &[&str] = &["auto", "nystrom", "compressed"];
 
-/// What is asked: near rounding of closed series and analytic outlines, less where arcs and edges take many nodes and where fibers are compressed.
+/// What is asked: near rounding of closed series and analytic outlines, less where arcs and edges take many
+/// nodes and where fibers are compressed.
 fn tolerance(method: &str, shape: &str) -> f64 {
     match (method, shape) {
         ("compressed", _) => 1e-6,
@@ -135,7 +138,8 @@ fn dipole(case: &Case, phi: f64, p: [C64; 3]) -> [C64; 2] {
 
 const THIN: &str = "lambda_um = [1.0]\ntheta_i_deg = [0, 35, -60]\nphi_i_deg = [0, 70, 200]\nn_phi_out = 24\n";
 
-/// Round, hollow and filled, clear and lossy, by every method: the leading order in k a, with its phase, in both polarizations at any incidence.
+/// Round, hollow and filled, clear and lossy, by every method: the leading order in k a, with its phase, in
+/// both polarizations at any incidence.
 #[test]
 fn thin_fibers_radiate_as_dipoles() {
     // k a = 0.003; what is left out is of relative order (k a)^2 ln(k a), times a few for the index.
@@ -228,7 +232,8 @@ fn moved_fibers_shift_the_phase() {
     }
 }
 
-/// A fiber turned with the light turns its field. Within the plane of incidence a circle keeps the polarization, and at theta_i = 0 any fiber does so everywhere.
+/// A fiber turned with the light turns its field. Within the plane of incidence a circle keeps the
+/// polarization, and at theta_i = 0 any fiber does so everywhere.
 #[test]
 fn turned_scenes_turn_the_field() {
     let head = |phi: f64| format!("lambda_um = [0.6]\ntheta_i_deg = [0, 40]\nphi_i_deg = [{phi}]\nn_phi_out = 36\n");
@@ -258,7 +263,8 @@ fn turned_scenes_turn_the_field() {
     }
 }
 
-/// Light sent back along its way finds the same amplitude: from (theta, phi_i) to phi_o as from (-theta, phi_o) to phi_i, co and cross.
+/// Light sent back along its way finds the same amplitude: from (theta, phi_i) to phi_o as from (-theta,
+/// phi_o) to phi_i, co and cross.
 #[test]
 fn ways_can_be_reversed() {
     let step = 15.0;
@@ -317,7 +323,8 @@ fn thin_fibers_add_up() {
     }
 }
 
-/// The widths are those of the printed field: C_sca its integral, C_ext its forward value along the incident polarization.
+/// The widths are those of the printed field: C_sca its integral, C_ext its forward value along the incident
+/// polarization.
 #[test]
 fn widths_are_those_of_the_field() {
     let head = "lambda_um = [0.5]\ntheta_i_deg = [0, 50]\nphi_i_deg = [0, 90]\nn_phi_out = 360\n";
@@ -343,7 +350,8 @@ fn widths_are_those_of_the_field() {
     }
 }
 
-/// A thin fiber feels the beam at its place: amplitude exp(-s^2 / w0^2), s along (sin phi_i, -cos phi_i), which is x for light from +y.
+/// A thin fiber feels the beam at its place: amplitude exp(-s^2 / w0^2), s along (sin phi_i, -cos phi_i),
+/// which is x for light from +y.
 #[test]
 fn beams_have_their_offset() {
     let a = 0.003 / (2.0 * PI);

@@ -149,8 +149,8 @@ fn textures_for_hosts_without_the_model() {
 const PLAIN: &str = "[WIF]\nVersion=1.1\n[CONTENTS]\nLIFTPLAN=true\n[WEAVING]\nShafts=2\nTreadles=2\nRising Shed=true\n[WARP]\nThreads=2\n\
 Units=centimeters\nSpacing=0.02\n[WEFT]\nThreads=2\n[THREADING]\n1=1\n2=2\n[TIEUP]\n1=1\n2=2\n[TREADLING]\n1=1\n2=2\n";
 
-/// Written twice, the same; a folder of something else is left alone; what a WIF leaves open is told. An open cloth of single plies takes half the time to
-/// load: less light goes from yarn to yarn.
+/// Written twice, the same; a folder of something else is left alone; what a WIF leaves open is told. An open
+/// cloth of single plies takes half the time to load: less light goes from yarn to yarn.
 #[test]
 fn textures_are_written_over() {
     let usual = folder("cotton_plain", |spec| {

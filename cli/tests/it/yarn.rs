@@ -1,4 +1,5 @@
-//! Yarns of several plies on the command line: spec, table of one ply, table of the yarn, model; the traced yarn and the distance to it.
+//! Yarns of several plies on the command line: spec, table of one ply, table of the yarn, model; the traced
+//! yarn and the distance to it.
 
 use crate::common::{TINY, folder, json, names, refused, run, succeed, text};
 
@@ -73,7 +74,8 @@ fn a_yarn_is_built_from_one_ply_and_compared_with_the_traced_yarn() {
     assert_eq!(d["slices"].as_array().unwrap().len(), 9);
     let strict = run(dir, &["diff", "one.pwt", "traced.pwt", "--tol-energy", "1e-9"]);
     assert_eq!(strict.status.code(), Some(1));
-    // The model, and the table that it was fitted to, are compared with the traced yarn at every incidence up to 40 degrees.
+    // The model, and the table that it was fitted to, are compared with the traced yarn at every incidence up
+    // to 40 degrees.
     let checked = run(
         dir,
         &["check", "yarn.pwm", "--table", "yarn.pwt", "--traced", "traced.pwt", "--incidences", "3", "--json"],
@@ -92,7 +94,8 @@ fn a_yarn_is_built_from_one_ply_and_compared_with_the_traced_yarn() {
     let [table_off, model_off] = ["table_traced_energy", "traced_energy"].map(value);
     // Between five nodes the model's energies round off what the table's slices have.
     assert!(table_off < 0.05 && (model_off - table_off).abs() < 5e-3, "{table_off} {model_off}");
-    // A traced table is found out: the same figures by --table alone, whose errors are the model's fit errors against it.
+    // A traced table is found out: the same figures by --table alone, whose errors are the model's fit errors
+    // against it.
     let told =
         json(&text(&run(dir, &["check", "yarn.pwm", "--table", "traced.pwt", "--incidences", "3", "--json"]).stdout));
     assert_eq!(told["traced"]["model"], c["traced"]["model"]);

@@ -128,7 +128,8 @@ fn fit_block(work: &Work<'_>, (bm, bn): (usize, usize), block: usize, spectra: &
     Block { params, paths, nodes }
 }
 
-/// Lobe energies of a node with this sum over corners and lobes: a common factor of a node is free in its own fit, and would weigh it against others between nodes.
+/// Lobe energies of a node with this sum over corners and lobes: a common factor of a node is free in its own
+/// fit, and would weigh it against others between nodes.
 fn common_scale(params: &mut [f64], to: f64) {
     let sum: f64 = params.chunks_exact(PARAMS).map(|p| p[5]).sum();
     if sum > 0.0 {

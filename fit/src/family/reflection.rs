@@ -1,4 +1,5 @@
-//! Reflection lobes of a family. At the middle node as in a model; at others from a neighbor's; then of all nodes together, incidence by incidence.
+//! Reflection lobes of a family. At the middle node as in a model; at others from a neighbor's; then of all
+//! nodes together, incidence by incidence.
 
 use super::Work;
 use crate::lobes::block::{Target, joint_cost};
@@ -57,7 +58,8 @@ pub(super) fn fit(work: &Work<'_>, done: &(dyn Fn(usize, usize) + Sync)) -> Vec<
     fitted.into_iter().map(|node| node.concat()).collect()
 }
 
-/// Refits `fitted[set][incidence]`, one color of a checkerboard of incidences after the other, all sets of an incidence together.
+/// Refits `fitted[set][incidence]`, one color of a checkerboard of incidences after the other, all sets of an
+/// incidence together.
 fn round(
     work: &Work<'_>,
     (m, n): (usize, usize),

@@ -1,13 +1,16 @@
-//! Absorption as path-length spectra: `E(sigma) = sum_j P_j exp(-sigma L_j)`, P >= 0, and the same for every lobe's weight.
+//! Absorption as path-length spectra: `E(sigma) = sum_j P_j exp(-sigma L_j)`, P >= 0, and the same for every
+//! lobe's weight.
 //!
-//! f_high is the Laplace transform in sigma of the distribution of path lengths inside the fibers; a spectrum on a few path
-//! lengths shared by the model is monotone in sigma and holds between and beyond the simulated coefficients.
+//! f_high is the Laplace transform in sigma of the distribution of path lengths inside the fibers; a spectrum
+//! on a few path lengths shared by the model is monotone in sigma and holds between and beyond the simulated
+//! coefficients.
 
 use crate::optimize::minimize::{MinimizeOptions, minimize_bounded};
 use crate::optimize::nnls::nnls;
 use nalgebra::{DMatrix, DVector};
 
-/// Longest path [um], 900 m: what absorbs less than over this absorbs nothing, and a model holds no longer ones.
+/// Longest path [um], 900 m: what absorbs less than over this absorbs nothing, and a model holds no longer
+/// ones.
 const LONGEST_UM: f64 = 9e8;
 /// Number of path lengths of a model with absorption.
 pub const PATHS: usize = 8;
@@ -17,14 +20,15 @@ pub(crate) fn attenuation(sigma: &[f64], path: &[f64]) -> Vec<f64> {
     sigma.iter().flat_map(|s| path.iter().map(move |l| (-s * l).exp())).collect()
 }
 
-/// The spectrum P >= 0 with sum `energy[0]` whose attenuated sums come closest to `energy[k]`, and the largest error over k
-/// relative to `energy[0]`.
+/// The spectrum P >= 0 with sum `energy[0]` whose attenuated sums come closest to `energy[k]`, and the
+/// largest error over k relative to `energy[0]`.
 pub fn energy_spectrum(energy: &[f64], sigma: &[f64], path: &[f64]) -> (Vec<f64>, f64) {
     let top = energy.first().copied().unwrap_or(0.0);
     if top <= 0.0 {
         return (vec![0.0; path.len()], 0.0);
     }
-    // The first row (sigma = 0) is the sum of P: weighted so that it nearly holds, then made exact by scaling.
+    // The first row (sigma = 0) is the sum of P: weighted so that it nearly holds, then made exact by
+    // scaling.
     let t = attenuation(sigma, path);
     let weight = |k: usize| if k == 0 { 1e3 } else { 1.0 };
     let a = DMatrix::from_fn(sigma.len(), path.len(), |k, j| weight(k) * t[k * path.len() + j]);
@@ -48,11 +52,12 @@ pub fn energy_spectrum(energy: &[f64], sigma: &[f64], path: &[f64]) -> (Vec<f64>
 
 /// Largest error of energies, relative to those at sigma = 0, with which [`PATHS`] lengths are enough.
 const ENOUGH: f64 = 1e-3;
-/// Numbers of lengths that are tried then: reflections of opaque fibers are steps of one length, which the eight cannot tell apart.
+/// Numbers of lengths that are tried then: reflections of opaque fibers are steps of one length, which the
+/// eight cannot tell apart.
 const MORE_PATHS: [usize; 2] = [12, 16];
 
-/// Path lengths that fit `energies[node][K]` best: log-spaced, with or without a zero, the least of the largest errors over
-/// the nodes.
+/// Path lengths that fit `energies[node][K]` best: log-spaced, with or without a zero, the least of the
+/// largest errors over the nodes.
 pub fn choose_paths(energies: &[Vec<f64>], sigma: &[f64]) -> Vec<f64> {
     let mut best = choose_among(energies, sigma, PATHS);
     for count in MORE_PATHS {
@@ -109,7 +114,8 @@ pub(crate) struct SliceProducts {
     pub corners: Vec<(usize, f64)>,
 }
 
-/// Spectra `[sets][L][J]`, each of sum 1, that bring the energy-scaled mixtures closest to the slices at all sigma.
+/// Spectra `[sets][L][J]`, each of sum 1, that bring the energy-scaled mixtures closest to the slices at all
+/// sigma.
 /// `start` is the spectrum `[J]` every lobe starts from.
 pub(crate) fn fit_lobe_spectra(
     slices: &[SliceProducts],
@@ -138,7 +144,8 @@ pub(crate) fn normalized(x: &[f64]) -> Vec<f64> {
     if sum > 1e-9 { x.iter().map(|v| v / sum).collect() } else { vec![1.0 / x.len() as f64; x.len()] }
 }
 
-/// A lobe without energy has no data: this pull toward the block's own spectrum decides it and is too weak to move others.
+/// A lobe without energy has no data: this pull toward the block's own spectrum decides it and is too weak to
+/// move others.
 const PULL: f64 = 1e-5;
 
 fn spectra_cost(

@@ -1,7 +1,8 @@
-//! High-order lobes in blocks (Yu 2025, Eq. 6-7): nine slices, the lobes of four free corners, the other five averages of them.
+//! High-order lobes in blocks (Yu 2025, Eq. 6-7): nine slices, the lobes of four free corners, the other five
+//! averages of them.
 //!
-//! Inside the objective, the model of a slice is scaled to the slice's energy as the evaluator scales it. So the objective is the error of the values
-//! that will be evaluated.
+//! Inside the objective, the model of a slice is scaled to the slice's energy as the evaluator scales it. So
+//! the objective is the error of the values that will be evaluated.
 
 use crate::lobes::cone::{self, SliceLobes, ring_lobes, rings};
 use crate::lobes::init::kmeans_lobes;
@@ -33,7 +34,8 @@ pub(crate) struct Target {
 }
 
 impl Target {
-    /// `weight` makes a perfect fit's noise count equally: 1 / norm^2, lowered by the share of noise in the norm.
+    /// `weight` makes a perfect fit's noise count equally: 1 / norm^2, lowered by the share of noise in the
+    /// norm.
     pub fn new(sphere: &SphereGrid, values: &[f32], energy: f64, noise: f64, corners: Vec<(usize, f64)>) -> Self {
         let slice = sphere.pad(values, 1.0);
         let norm2 = sphere.inner(&slice, &slice);
@@ -70,8 +72,8 @@ pub(crate) fn coarse_grid(sphere: &SphereGrid) -> Option<SphereGrid> {
         .then(|| SphereGrid::new(plywave::table::OutgoingGrid { theta_o: g.theta_o / 2, phi_o: g.phi_o / 2 }))
 }
 
-/// Sum over targets of the weighted squared distance of the energy-scaled mixture, and its gradient by the free parameter
-/// sets `x[set][lobe][6]`.
+/// Sum over targets of the weighted squared distance of the energy-scaled mixture, and its gradient by the
+/// free parameter sets `x[set][lobe][6]`.
 pub(crate) fn joint_cost(
     sphere: &SphereGrid,
     targets: &[Target],
@@ -136,7 +138,8 @@ pub struct BlockEffort {
     pub starts: usize,
     /// Iterations of each start.
     pub start_iterations: usize,
-    /// Tries to move a little used lobe to where the best start misses light, each refitted on the coarse grid.
+    /// Tries to move a little used lobe to where the best start misses light, each refitted on the coarse
+    /// grid.
     pub moves: usize,
     /// Iterations of each such refit.
     pub move_iterations: usize,
@@ -154,7 +157,8 @@ pub(crate) struct BlockFit {
     pub evaluations: usize,
 }
 
-/// Bounds of every parameter: axis within half a turn of the start, bandwidths within the lobe's range, energies up to `top`.
+/// Bounds of every parameter: axis within half a turn of the start, bandwidths within the lobe's range,
+/// energies up to `top`.
 pub(crate) fn bounds(family: LobeKind, start: &[f64], top: f64) -> (Vec<f64>, Vec<f64>) {
     let mut lower = Vec::with_capacity(start.len());
     let mut upper = Vec::with_capacity(start.len());
@@ -166,7 +170,8 @@ pub(crate) fn bounds(family: LobeKind, start: &[f64], top: f64) -> (Vec<f64>, Ve
     (lower, upper)
 }
 
-/// Fits `sets` free parameter sets of `lobes` lobes to `targets`, from k-means starts on their mean and from `extra` starts.
+/// Fits `sets` free parameter sets of `lobes` lobes to `targets`, from k-means starts on their mean and from
+/// `extra` starts.
 pub(crate) fn fit_joint(
     sphere: &SphereGrid,
     coarse: Option<&SphereGrid>,
@@ -293,7 +298,8 @@ fn energy_factor(targets: &[Target], x: &[f64], sets: usize, lobes: usize) -> f6
 /// Clusters among which the missing light is divided.
 const MISSING: usize = 6;
 
-/// `x` with one of its least used lobes put where the mixture misses light. `round` picks which lobe and which place.
+/// `x` with one of its least used lobes put where the mixture misses light. `round` picks which lobe and
+/// which place.
 fn relocate(sphere: &SphereGrid, targets: &[Target], x: &[f64], lobes: usize, round: usize) -> Vec<f64> {
     let size = lobes * PARAMS;
     let mut scratch = Scratch::default();
@@ -342,10 +348,11 @@ fn relocate(sphere: &SphereGrid, targets: &[Target], x: &[f64], lobes: usize, ro
     out
 }
 
-/// Starting energy of parameter set `set`: the fourth root of its own slice's energy (the corner's; else the mean of all) in units
-/// of `scale`. Where the beam leaves the ply the energies of the corners differ a thousandfold, and with the energies
-/// themselves the dim corner would have no say in the slices between and hardly any gradient: measured at the rim blocks of
-/// polyester, errors of 0.45 with the first power, 0.07 with the half and the quarter. Only ratios between corners count.
+/// Starting energy of parameter set `set`: the fourth root of its own slice's energy (the corner's; else the
+/// mean of all) in units of `scale`. Where the beam leaves the ply the energies of the corners differ a
+/// thousandfold, and with the energies themselves the dim corner would have no say in the slices between and
+/// hardly any gradient: measured at the rim blocks of polyester, errors of 0.45 with the first power, 0.07
+/// with the half and the quarter. Only ratios between corners count.
 fn set_energy(targets: &[Target], set: usize, scale: f64) -> f64 {
     let own = targets.iter().find(|t| t.corners == [(set, 1.0)]).map(|t| t.energy);
     let energy = own.unwrap_or_else(|| targets.iter().map(|t| t.energy).sum::<f64>() / targets.len() as f64);

@@ -1,5 +1,5 @@
-//! One canonical form for parameters that describe the same mixture: mu1 and mu2 may swap with a turn of phi_xy, phi_z and phi_xy are periodic, and lobes
-//! may be listed in any order.
+//! One canonical form for parameters that describe the same mixture: mu1 and mu2 may swap with a turn of
+//! phi_xy, phi_z and phi_xy are periodic, and lobes may be listed in any order.
 
 use plywave::ply::asg::{Lobe, PARAMS};
 use plywave::ply::{LobeKind, PlyData};
@@ -11,7 +11,8 @@ pub fn canonical(lobe: Lobe) -> Lobe {
     let wrapped = (l.theta_z + PI).rem_euclid(TAU) - PI;
     l.theta_z = wrapped;
     if wrapped.abs() > FRAC_PI_2 {
-        // Over the pole: the axis at pi - theta from the other side, where the unturned frame is turned by pi.
+        // Over the pole: the axis at pi - theta from the other side, where the unturned frame is turned by
+        // pi.
         l.theta_z = PI.copysign(wrapped) - wrapped;
         l.phi_z += PI;
     }
@@ -31,7 +32,8 @@ pub fn canonical_order(lobes: &[Lobe]) -> Vec<Lobe> {
     out
 }
 
-/// The representation of `lobe` nearest to `reference`: turns of phi_z by 2 pi, of phi_xy by pi, and the swap of mu1, mu2.
+/// The representation of `lobe` nearest to `reference`: turns of phi_z by 2 pi, of phi_xy by pi, and the swap
+/// of mu1, mu2.
 pub fn nearest_representation(lobe: Lobe, reference: Lobe) -> Lobe {
     let near = |x: f64, to: f64, period: f64| x + period * ((to - x) / period).round();
     let turn = |mut l: Lobe| {
@@ -49,8 +51,9 @@ pub fn nearest_representation(lobe: Lobe, reference: Lobe) -> Lobe {
     if distance(&swapped) < distance(&plain) { swapped } else { plain }
 }
 
-/// Brings the lobes of a model to canonical form without touching what it evaluates to: the parameter sets that are interpolated
-/// with each other (all nodes of f_refl; the four corners of a block) are turned, swapped and ordered together.
+/// Brings the lobes of a model to canonical form without touching what it evaluates to: the parameter sets
+/// that are interpolated with each other (all nodes of f_refl; the four corners of a block) are turned,
+/// swapped and ordered together.
 pub fn canonicalize(data: &mut PlyData) {
     let (lobes, paths) = (data.lobes_refl, data.path_um.len());
     let turns = data.family == LobeKind::Round;
@@ -62,7 +65,8 @@ pub fn canonicalize(data: &mut PlyData) {
     }
 }
 
-/// `params[sets][lobes][6]` and what goes with each lobe, `extra[sets][lobes][stride]`. Round lobes turn about their axes (`turns`), cones do not.
+/// `params[sets][lobes][6]` and what goes with each lobe, `extra[sets][lobes][stride]`. Round lobes turn
+/// about their axes (`turns`), cones do not.
 fn canonical_sets(params: &mut [f64], lobes: usize, extra: &mut [f64], stride: usize, turns: bool) {
     let sets = params.len() / (lobes * PARAMS).max(1);
     if sets == 0 {

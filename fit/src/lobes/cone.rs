@@ -1,12 +1,15 @@
-//! Mixtures of cone lobes ([`plywave::ply::cone`]) on a latitude-longitude grid: weighted squared distance to a slice, its gradient, and starts.
+//! Mixtures of cone lobes ([`plywave::ply::cone`]) on a latitude-longitude grid: weighted squared distance to
+//! a slice, its gradient, and starts.
 //!
-//! Both profiles of a lobe have closed integrals, so bins are compared by their means, not at their centers: along s the mean over a row is a difference
-//! of erf, along phi over a column too (the tilt of s0 within a column is left out). A ring far narrower than a row is then what it is in a table, one row of
-//! light, and only its distance from the row's edges matters to the fit.
+//! Both profiles of a lobe have closed integrals, so bins are compared by their means, not at their centers:
+//! along s the mean over a row is a difference of erf, along phi over a column too (the tilt of s0 within a
+//! column is left out). A ring far narrower than a row is then what it is in a table, one row of light, and
+//! only its distance from the row's edges matters to the fit.
 //!
-//! Where rings lie on an edge, as at every second node of a standard table, rounding puts all of a ring of no width into one row of the two: a lobe must move
-//! off the edge by two of its own widths to follow, a tenth of a degree for the narrowest. Within a row nothing tells where a ring lies, so a weak pull holds
-//! it to the cone.
+//! Where rings lie on an edge, as at every second node of a standard table, rounding puts all of a ring of no
+//! width into one row of the two: a lobe must move off the edge by two of its own widths to follow, a tenth
+//! of a degree for the narrowest. Within a row nothing tells where a ring lies, so a weak pull holds it to
+//! the cone.
 
 use crate::lobes::sphere::{PaddedSlice, SphereGrid};
 use plywave::math::hash::SplitMix64;
@@ -59,7 +62,8 @@ pub(crate) fn bounds(family: LobeKind, start: &[f64], top: f64) -> ([f64; PARAMS
 
 /// |x| beyond which erf counts as 1: 1 - erf is 1.5e-8.
 const FAR: f64 = 4.0;
-/// Strength and reach [rad] of the pull to the cone: at most this is added to the squared relative error of a slice.
+/// Strength and reach [rad] of the pull to the cone: at most this is added to the squared relative error of a
+/// slice.
 const PULL: f64 = 2e-5;
 const REACH: f64 = 0.03;
 
@@ -283,7 +287,8 @@ pub(crate) fn rings(sphere: &SphereGrid, values: &PaddedSlice, theta_i: f64) -> 
     rings
 }
 
-/// `count` cone lobes whose energies add up to that of the rings: k-means of the azimuth, then each cluster's moments. `row` is the height of a row [rad].
+/// `count` cone lobes whose energies add up to that of the rings: k-means of the azimuth, then each cluster's
+/// moments. `row` is the height of a row [rad].
 pub(crate) fn ring_lobes(rings: &[Ring], count: usize, row: f64, seed: u64) -> Vec<[f64; PARAMS]> {
     let columns = rings.len();
     let step = TAU / columns as f64;

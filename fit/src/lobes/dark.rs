@@ -1,7 +1,9 @@
-//! Joint refinement of a block at all absorptions: lobes that fit sigma = 0 alone cannot fit the light that remains after absorption.
+//! Joint refinement of a block at all absorptions: lobes that fit sigma = 0 alone cannot fit the light that
+//! remains after absorption.
 //!
-//! Absorption removes long paths first, and long and short paths leave in different directions. Given the lobes of sigma = 0 and
-//! their spectra, both are refined together on the slices of all sigma, where sigma = 0 keeps the larger part of the weight.
+//! Absorption removes long paths first, and long and short paths leave in different directions. Given the
+//! lobes of sigma = 0 and their spectra, both are refined together on the slices of all sigma, where sigma =
+//! 0 keeps the larger part of the weight.
 
 use crate::lobes::absorption::normalized;
 use crate::lobes::block::{Target, bounds};
@@ -10,15 +12,16 @@ use crate::lobes::sphere::{Scratch, SphereGrid};
 use crate::optimize::minimize::{MinimizeOptions, minimize_bounded};
 use plywave::ply::asg::PARAMS;
 
-/// Slices of one incidence at all sigma, `targets[k]`, the energies the evaluator scales to in `Target::energy`.
+/// Slices of one incidence at all sigma, `targets[k]`, the energies the evaluator scales to in
+/// `Target::energy`.
 pub(crate) struct DarkSlices {
     pub targets: Vec<Target>,
     /// Parameter sets of this incidence and their weights.
     pub corners: Vec<(usize, f64)>,
 }
 
-/// Refines `params[sets][lobes][6]` and `spectra[sets][lobes][J]` in place. `share` is the weight of a slice at sigma > 0
-/// against that of sigma = 0.
+/// Refines `params[sets][lobes][6]` and `spectra[sets][lobes][J]` in place. `share` is the weight of a slice
+/// at sigma > 0 against that of sigma = 0.
 pub(crate) fn refine(
     sphere: &SphereGrid,
     slices: &[DarkSlices],

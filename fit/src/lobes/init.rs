@@ -1,11 +1,13 @@
-//! Starting lobes for a slice: weighted spherical k-means, then each cluster's covariance in the tangent plane of its axis.
+//! Starting lobes for a slice: weighted spherical k-means, then each cluster's covariance in the tangent
+//! plane of its axis.
 
 use crate::lobes::sphere::{PaddedSlice, SphereGrid};
 use plywave::math::hash::SplitMix64;
 use plywave::math::vec3::dot;
 use plywave::ply::asg::{Lobe, MU_MAX, MU_MIN};
 
-/// `count` lobes whose energies add up to the slice's integral. `seed` picks the k-means++ start; equal seeds give equal lobes.
+/// `count` lobes whose energies add up to the slice's integral. `seed` picks the k-means++ start; equal seeds
+/// give equal lobes.
 /// An empty slice gives equal broad lobes of no energy.
 pub fn kmeans_lobes(sphere: &SphereGrid, slice: &PaddedSlice, count: usize, seed: u64) -> Vec<Lobe> {
     let grid = sphere.grid();

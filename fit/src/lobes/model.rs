@@ -1,5 +1,5 @@
-//! Lobes of a ply model at one incidence, in f64 and straight from the tensors: the fitter's own view of what the runtime
-//! evaluates, for errors and comparisons.
+//! Lobes of a ply model at one incidence, in f64 and straight from the tensors: the fitter's own view of what
+//! the runtime evaluates, for errors and comparisons.
 
 use crate::lobes::cone::SliceLobes;
 use crate::lobes::sphere::{PaddedSlice, Scratch, SphereGrid};
@@ -71,7 +71,8 @@ pub fn refl_lobes(data: &PlyData, at: GridCell) -> ScaledLobes {
     ScaledLobes { params, energy: energies(data, at).refl, lobes: lobes_at(data, at) }
 }
 
-/// Nodes and Catmull-Rom weights at fraction `t` beyond node `k` of `count`; a node beyond the rim is `2 rim - next`.
+/// Nodes and Catmull-Rom weights at fraction `t` beyond node `k` of `count`; a node beyond the rim is
+/// `2 rim - next`.
 fn node_weights(k: usize, t: f64, count: usize) -> [(usize, f64); 4] {
     let (t2, t3) = (t * t, t * t * t);
     let mut w = [

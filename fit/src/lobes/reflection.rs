@@ -1,9 +1,11 @@
-//! Reflection lobes at every incidence (Yu 2025, Eq. 5), smooth enough over the nodes for bicubic interpolation.
+//! Reflection lobes at every incidence (Yu 2025, Eq. 5), smooth enough over the nodes for bicubic
+//! interpolation.
 //!
-//! Nodes are fitted outwards from one in the middle, each started from its fitted neighbors, so that a lobe keeps its identity
-//! and its representation (the swap of mu1 and mu2, the turns of phi_z and phi_xy). Further rounds refit all nodes of one
-//! color of a checkerboard while the others are held. A weak pull to the mean of the neighbors on either side leaves what is
-//! linear in theta_i and h untouched; it decides where a slice has no light.
+//! Nodes are fitted outwards from one in the middle, each started from its fitted neighbors, so that a lobe
+//! keeps its identity and its representation (the swap of mu1 and mu2, the turns of phi_z and phi_xy).
+//! Further rounds refit all nodes of one color of a checkerboard while the others are held. A weak pull to
+//! the mean of the neighbors on either side leaves what is linear in theta_i and h untouched; it decides
+//! where a slice has no light.
 
 use crate::lobes::block::{BlockEffort, Target, bounds, fit_joint, joint_cost};
 use crate::lobes::cone;
@@ -22,8 +24,8 @@ pub struct ReflectionEffort {
     pub iterations: usize,
     /// Rounds over all nodes after the first sweep.
     pub rounds: usize,
-    /// Pull to the neighbors: added cost (relative squared error) for a deviation of one radian, one e-fold of bandwidth, or the
-    /// whole energy.
+    /// Pull to the neighbors: added cost (relative squared error) for a deviation of one radian, one e-fold
+    /// of bandwidth, or the whole energy.
     pub smoothness: f64,
     /// Stop when ten iterations together gain less than this fraction.
     pub tolerance: f64,
@@ -63,8 +65,8 @@ pub(crate) fn fit_reflection(
     let size = lobes * PARAMS;
     let nodes = Nodes { m, n };
     let family = targets.first().map_or(LobeKind::Round, |t| t.lobes.family());
-    // The brightest slice of the middle latitude's neighborhood would move with noise; the middle of h at a third of the latitudes
-    // is lit in every yarn.
+    // The brightest slice of the middle latitude's neighborhood would move with noise; the middle of h at a
+    // third of the latitudes is lit in every yarn.
     let first = (m / 3) * n + n / 2;
     let start_effort = BlockEffort {
         starts: effort.starts,
@@ -130,9 +132,10 @@ pub(crate) fn fit_reflection(
             }
         }
     }
-    // Shares, not energies: where the beam leaves the ply energies fall a hundredfold from node to node, their cubic interpolation
-    // falls below zero, and the mixture between would be left to whichever lobe does so last. Measured on polyester at every other
-    // node left out: errors of 0.42 rms between the nodes in h with energies, 0.12 with shares.
+    // Shares, not energies: where the beam leaves the ply energies fall a hundredfold from node to node,
+    // their cubic interpolation falls below zero, and the mixture between would be left to whichever lobe
+    // does so last. Measured on polyester at every other node left out: errors of 0.42 rms between the nodes
+    // in h with energies, 0.12 with shares.
     fitted.into_iter().flat_map(|p| p.unwrap_or_else(|| vec![0.0; size])).collect()
 }
 
@@ -145,7 +148,8 @@ pub(crate) fn relative(params: &[f64]) -> Vec<f64> {
     out
 }
 
-/// What the fitted neighbors say: the mean over the axes of the midpoint of the two neighbors, or of the one neighbor.
+/// What the fitted neighbors say: the mean over the axes of the midpoint of the two neighbors, or of the one
+/// neighbor.
 pub(crate) fn prior(nodes: Nodes, node: usize, fitted: &[Option<Vec<f64>>], size: usize, family: LobeKind) -> Vec<f64> {
     let mut sum = vec![0.0; size];
     let mut count = 0.0;

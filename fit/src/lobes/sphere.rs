@@ -1,12 +1,14 @@
 //! Mixtures of ASG lobes on a latitude-longitude grid: weighted squared distance to a slice and its gradient.
 //!
-//! Along a row of the grid the three dot products of a lobe are `a cos phi + b sin phi + c` with constants per (lobe, row), so
-//! only the exponential costs anything. Values are f32 in lanes of 16 which the compiler vectorizes for the processor at hand;
-//! sums over a row and everything about parameters are f64. Bins outside a lobe's support (the half sphere v.z <= 0, and where
-//! the Gaussian factor is below e^-18) are skipped in chunks.
+//! Along a row of the grid the three dot products of a lobe are `a cos phi + b sin phi + c` with constants
+//! per (lobe, row), so only the exponential costs anything. Values are f32 in lanes of 16 which the compiler
+//! vectorizes for the processor at hand;
+//! sums over a row and everything about parameters are f64. Bins outside a lobe's support (the half sphere
+//! v.z <= 0, and where the Gaussian factor is below e^-18) are skipped in chunks.
 //!
-//! Tables hold bin averages, lobes are compared at bin centers: a fitted lobe is broader than the truth by the variance of a bin,
-//! (pi / rows)^2 / 12 along theta. With 2 degree bins that is 0.5 % of the width of a lobe of standard deviation 0.1 rad; it is not corrected.
+//! Tables hold bin averages, lobes are compared at bin centers: a fitted lobe is broader than the truth by
+//! the variance of a bin, (pi / rows)^2 / 12 along theta. With 2 degree bins that is 0.5 % of the width of a
+//! lobe of standard deviation 0.1 rad; it is not corrected.
 
 use multiversion::{multiversion, target::target_cfg_f};
 use plywave::ply::asg::{Lobe, PARAMS, unit_energy_gradient};
@@ -115,7 +117,8 @@ impl SphereGrid {
         self.padded
     }
 
-    /// Turns `model` into the derivatives of `integral (model - target)^2 d omega` by its bins times `gain`; gives the integral.
+    /// Turns `model` into the derivatives of `integral (model - target)^2 d omega` by its bins times `gain`;
+    /// gives the integral.
     pub(crate) fn residual(&self, model: &mut PaddedSlice, target: &PaddedSlice, gain: f64) -> f64 {
         let rows = model.values.chunks_exact_mut(self.padded).zip(target.values.chunks_exact(self.padded));
         rows.zip(&self.solid_angle)
@@ -168,7 +171,8 @@ impl SphereGrid {
         &self.solid_angle
     }
 
-    /// `gain * sum of lobes` at the bin centers. `params` holds the lobes one after the other in the order of [`Lobe`].
+    /// `gain * sum of lobes` at the bin centers. `params` holds the lobes one after the other in the order of
+    /// [`Lobe`].
     pub fn mixture(&self, params: &[f64], gain: f64, scratch: &mut Scratch) -> PaddedSlice {
         let lobes = params.len() / PARAMS;
         scratch.prepare(params, self.padded, lobes);
@@ -181,8 +185,8 @@ impl SphereGrid {
         PaddedSlice { values }
     }
 
-    /// `integral (gain * sum of lobes - target)^2 d omega`; its derivatives by the parameters of the lobes, gain held, go to
-    /// `gradient` (same layout as `params`).
+    /// `integral (gain * sum of lobes - target)^2 d omega`; its derivatives by the parameters of the lobes,
+    /// gain held, go to `gradient` (same layout as `params`).
     pub fn cost_gradient(
         &self,
         target: &PaddedSlice,
@@ -311,9 +315,10 @@ impl LobeAxes {
         }
     }
 
-    /// From the sums over the sphere of `g e z` times 1, u^2, w^2, u w, and of `g e u (1 + 2 mu1 z^2)`, `g e w (1 + 2 mu2 z^2)`
-    /// (e: amplitude of a unit of energy times Gaussian factor, g: derivative of the cost by the model) to derivatives by the parameters. The
-    /// last three are the lobe's response to turning its frame about its own axes.
+    /// From the sums over the sphere of `g e z` times 1, u^2, w^2, u w, and of `g e u (1 + 2 mu1 z^2)`,
+    /// `g e w (1 + 2 mu2 z^2)` (e: amplitude of a unit of energy times Gaussian factor, g: derivative of the
+    /// cost by the model) to derivatives by the parameters. The last three are the lobe's response to turning
+    /// its frame about its own axes.
     fn chain(&self, s: &[f64; 6], gradient: &mut [f64]) {
         let turn_z = self.energy * 2.0 * (self.mu2 - self.mu1) * s[3];
         let (toward_x, toward_y) = (self.energy * s[4], self.energy * s[5]);
@@ -415,7 +420,8 @@ fn backward_kernel<const FMA: bool>(
     }
 }
 
-/// Turns `model` into `twice_weight * (model - target)` and returns the sum of squared differences of the row.
+/// Turns `model` into `twice_weight * (model - target)` and returns the sum of squared differences of the
+/// row.
 #[multiversion(targets("x86_64+avx512f+avx512dq+avx512vl+fma", "x86_64+avx2+fma"))]
 fn residual(target: &[f32], model: &mut [f32], columns: usize, twice_weight: f32) -> f32 {
     model[columns..].fill(0.0);

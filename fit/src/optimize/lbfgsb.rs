@@ -1,19 +1,23 @@
 //! L-BFGS-B, minimization under simple bounds l <= x <= u, as a solver of argmin and as a plain function.
 //!
-//! The algorithm is that of Byrd, Lu, Nocedal, Zhu, "A limited memory algorithm for bound constrained optimization"
-//! (SIAM J. Sci. Comput. 16, 1995) with the subspace step of Morales and Nocedal (ACM TOMS 38, 2011): generalized Cauchy
-//! point, subspace minimization, Moré-Thuente search for the strong Wolfe conditions. The numerics are those of the crate
-//! `basin`, driven one iteration at a time; this file adds what argmin and the fits need around them:
-//! - [`Lbfgsb`], an argmin [`Solver`] over `IterState<Vec<f64>, Vec<f64>, (), (), (), f64>`: observers see every iteration,
-//!   and since the whole history is part of the serialized solver, a run resumed from a checkpoint continues bit for bit;
-//! - [`CostGradient`], one call for cost and gradient: every argmin problem with `CostFunction` and `Gradient` has it, and an
-//!   objective that computes both at once implements it alone;
+//! The algorithm is that of Byrd, Lu, Nocedal, Zhu, "A limited memory algorithm for bound constrained
+//! optimization" (SIAM J. Sci. Comput. 16, 1995) with the subspace step of Morales and Nocedal (ACM TOMS 38,
+//! 2011): generalized Cauchy point, subspace minimization, Moré-Thuente search for the strong Wolfe
+//! conditions. The numerics are those of the crate `basin`, driven one iteration at a time; this file adds
+//! what argmin and the fits need around them:
+//! - [`Lbfgsb`], an argmin [`Solver`] over `IterState<Vec<f64>, Vec<f64>, (), (), (), f64>`: observers see
+//!   every iteration, and since the whole history is part of the serialized solver, a run resumed from a
+//!   checkpoint continues bit for bit;
+//! - [`CostGradient`], one call for cost and gradient: every argmin problem with `CostFunction` and
+//!   `Gradient` has it, and an objective that computes both at once implements it alone;
 //! - [`minimize`], the same steps without argmin's executor;
-//! - a line search that steps back from costs and gradients that are not finite: such a point is never accepted;
+//! - a line search that steps back from costs and gradients that are not finite: such a point is never
+//!   accepted;
 //! - errors and stopping reasons as values.
 //!
-//! No evaluation lies outside the bounds. An infeasible start is projected onto them, and l = u fixes a variable. What is left
-//! out: general linear constraints, and scaling of the variables (the caller's, since only the caller knows the units).
+//! No evaluation lies outside the bounds. An infeasible start is projected onto them, and l = u fixes a
+//! variable. What is left out: general linear constraints, and scaling of the variables (the caller's, since
+//! only the caller knows the units).
 
 mod run;
 
@@ -27,8 +31,8 @@ pub type LbfgsbState = IterState<Vec<f64>, Vec<f64>, (), (), (), f64>;
 
 /// An objective whose cost and gradient come out of one evaluation.
 ///
-/// Every argmin problem with `CostFunction<Param = Vec<f64>, Output = f64>` and `Gradient<Param = Vec<f64>, Gradient =
-/// Vec<f64>>` implements it by calling the two in turn.
+/// Every argmin problem with `CostFunction<Param = Vec<f64>, Output = f64>` and
+/// `Gradient<Param = Vec<f64>, Gradient = Vec<f64>>` implements it by calling the two in turn.
 pub trait CostGradient {
     /// Cost at `x`; writes the gradient to `gradient`, which has the length of `x`.
     ///
@@ -120,8 +124,8 @@ pub struct LbfgsbOptions {
     pub pgtol: f64,
     /// Stop when (f_k - f_k+1) / max(|f_k|, |f_k+1|, 1) is at most this (SciPy's `ftol`).
     pub ftol: f64,
-    /// Evaluations in one line search, at least 1 (SciPy's `maxls`); counted again when it steps back from a cost that is not
-    /// finite.
+    /// Evaluations in one line search, at least 1 (SciPy's `maxls`); counted again when it steps back from a
+    /// cost that is not finite.
     pub max_line_search: u32,
     /// Iterations of [`minimize`]; argmin's executor has its own `max_iters`.
     pub max_iterations: u64,
@@ -163,8 +167,9 @@ pub enum LbfgsbStop {
     Decrease,
     /// `max_iterations` reached.
     MaxIterations,
-    /// No step decreased the cost, not even along the projected gradient: rounding has been reached, or cost and gradient do not
-    /// belong together, or no point ahead is finite. The point reported is the best one seen. Holds the numerics' own words.
+    /// No step decreased the cost, not even along the projected gradient: rounding has been reached, or cost
+    /// and gradient do not belong together, or no point ahead is finite. The point reported is the best one
+    /// seen. Holds the numerics' own words.
     NoProgress(String),
 }
 
@@ -192,8 +197,8 @@ pub struct LbfgsbSolution {
 /// All three vectors have the same length; `f64::NEG_INFINITY` and `f64::INFINITY` stand for no bound.
 ///
 /// # Errors
-/// Bounds, options or start out of range, a start whose cost is not finite, or an error of the objective. A line search that
-/// finds nothing is no error: see [`LbfgsbStop::NoProgress`].
+/// Bounds, options or start out of range, a start whose cost is not finite, or an error of the objective. A
+/// line search that finds nothing is no error: see [`LbfgsbStop::NoProgress`].
 pub fn minimize<O: CostGradient + ?Sized>(
     objective: &O,
     x0: &[f64],
@@ -223,9 +228,10 @@ pub fn minimize<O: CostGradient + ?Sized>(
 
 /// L-BFGS-B as a solver of argmin.
 ///
-/// Its reasons to stop: `SolverConverged` for `pgtol` and `ftol` ([`Lbfgsb::stop`] says which), `SolverExit` when no further
-/// progress is possible. Observers get `pg_norm` (largest component of the projected gradient) and `evaluations`. A
-/// checkpoint needs a format that keeps every bit and infinities, like argmin's own file checkpoints; plain JSON does not.
+/// Its reasons to stop: `SolverConverged` for `pgtol` and `ftol` ([`Lbfgsb::stop`] says which), `SolverExit`
+/// when no further progress is possible. Observers get `pg_norm` (largest component of the projected
+/// gradient) and `evaluations`. A checkpoint needs a format that keeps every bit and infinities, like
+/// argmin's own file checkpoints; plain JSON does not.
 ///
 /// ```
 /// use argmin::core::{CostFunction, Error, Executor, Gradient};
@@ -261,7 +267,8 @@ pub struct Lbfgsb {
 }
 
 impl Lbfgsb {
-    /// Solver for `lower <= x <= upper`; infinities stand for no bound. The bounds are checked when the run starts.
+    /// Solver for `lower <= x <= upper`; infinities stand for no bound. The bounds are checked when the run
+    /// starts.
     #[must_use]
     pub fn new(lower: Vec<f64>, upper: Vec<f64>) -> Self {
         Self { lower: Some(lower), upper: Some(upper), options: LbfgsbOptions::default(), run: None }

@@ -1,4 +1,5 @@
-//! The bounded minimizer as the fits use it: the best point is kept, and a run stops by its gain over a window of evaluations.
+//! The bounded minimizer as the fits use it: the best point is kept, and a run stops by its gain over a
+//! window of evaluations.
 
 use crate::optimize::lbfgsb::{CostGradient, LbfgsbOptions, minimize};
 use std::cell::RefCell;
@@ -9,8 +10,8 @@ use std::collections::VecDeque;
 pub(crate) struct MinimizeOptions {
     /// Largest number of iterations.
     pub iterations: usize,
-    /// Stop when [`WINDOW`] evaluations together lower the cost by less than this fraction: single steps of a quasi-Newton method
-    /// are too uneven to judge by.
+    /// Stop when [`WINDOW`] evaluations together lower the cost by less than this fraction: single steps of a
+    /// quasi-Newton method are too uneven to judge by.
     pub tolerance: f64,
     /// Pairs kept by the quasi-Newton model.
     pub memory: usize,
@@ -65,8 +66,8 @@ impl<F: FnMut(&[f64], &mut [f64]) -> f64> CostGradient for Watched<F> {
     }
 }
 
-/// Minimizes `objective(x, gradient) -> cost` within the box, from `start` clamped into it. Whatever ends the run, the best point
-/// found is returned.
+/// Minimizes `objective(x, gradient) -> cost` within the box, from `start` clamped into it. Whatever ends the
+/// run, the best point found is returned.
 pub(crate) fn minimize_bounded(
     start: &[f64],
     lower: &[f64],
@@ -85,7 +86,8 @@ pub(crate) fn minimize_bounded(
         max_iterations: options.iterations as u64,
         ..LbfgsbOptions::default()
     };
-    // An error is either `Settled` or a start without finite cost; in both cases the watch holds what there is.
+    // An error is either `Settled` or a start without finite cost; in both cases the watch holds what there
+    // is.
     let _ = minimize(&watched, &start, lower, upper, &settings);
     let watch = watched.watch.into_inner();
     Minimum { x: watch.x, cost: watch.best, evaluations: watch.evaluations }

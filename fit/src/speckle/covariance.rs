@@ -1,8 +1,9 @@
 //! Covariance of the patterns of instances, light of many weights together.
 //!
-//! `C(d) = <(I(phi) - m(phi)) (I(phi + d) - m(phi + d))> / <m(phi) m(phi + d)>`, m the mean over the instances: a ratio of sums over the azimuths, in which
-//! directions are weighted by their light. The mean of the ratios, [`plywave::speckle::SpeckleStatistics`], has no meaning for high-order light: it is the difference of
-//! two patterns, so its mean over the instances may come near 0.
+//! `C(d) = <(I(phi) - m(phi)) (I(phi + d) - m(phi + d))> / <m(phi) m(phi + d)>`, m the mean over the
+//! instances: a ratio of sums over the azimuths, in which directions are weighted by their light. The mean of
+//! the ratios, [`plywave::speckle::SpeckleStatistics`], has no meaning for high-order light: it is the
+//! difference of two patterns, so its mean over the instances may come near 0.
 
 use plywave::speckle::{SpecklePatterns, SpecklePolarization, SpeckleSide};
 use rustfft::{FftPlanner, num_complex::Complex};
@@ -90,8 +91,9 @@ impl PatternCovariance {
     }
 }
 
-/// Mean of the covariances at several wavelengths, each over its own value at lag 0, times the square of a contrast, over the lag times `lambda_um[0] / lambda`, which is the lag at the first: between the measured lags
-/// by cubics, of the lags that a wavelength has.
+/// Mean of the covariances at several wavelengths, each over its own value at lag 0, times the square of a
+/// contrast, over the lag times `lambda_um[0] / lambda`, which is the lag at the first: between the measured
+/// lags by cubics, of the lags that a wavelength has.
 pub fn stretched_mean(covariances: &[PatternCovariance], lambda_um: &[f64], contrast: f64) -> PatternCovariance {
     let first = &covariances[0];
     let mean = |of: &dyn Fn(&PatternCovariance) -> &Vec<f64>| -> Vec<f64> {
@@ -127,7 +129,8 @@ fn cubic(values: &[f64], x: f64) -> Option<f64> {
     Some((-1..3).zip(weights).map(|(i, w)| w * at(i)).sum())
 }
 
-/// Patterns of reflection, those of the darkest fibers, and of high-order light, those of the clearest less those of the darkest: `[n][azimuths]` each.
+/// Patterns of reflection, those of the darkest fibers, and of high-order light, those of the clearest less
+/// those of the darkest: `[n][azimuths]` each.
 pub fn refl_and_high(patterns: &SpecklePatterns, lambda: usize, pol: SpecklePolarization) -> [Vec<Vec<f64>>; 2] {
     let refl = patterns.instances_of(patterns.kappa.len() - 1, lambda, pol);
     let mut high = patterns.instances_of(0, lambda, pol);

@@ -21,7 +21,8 @@ const FINE: usize = 8;
 pub struct LinePatterns(pub Vec<Vec<Vec<f64>>>);
 
 impl LinePatterns {
-    /// `count` instances at wavelengths [um]: drawn at the first, the others are the same field stretched about exact forward, where all are in phase.
+    /// `count` instances at wavelengths [um]: drawn at the first, the others are the same field stretched
+    /// about exact forward, where all are in phase.
     pub fn draw(model: &FieldModel, lambda_um: &[f64], count: usize, seed: u64) -> LinePatterns {
         let (d, n) = (model.azimuths, FINE * model.azimuths);
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
@@ -68,7 +69,8 @@ pub struct LineComparison {
     pub lambda_um: f64,
     /// Of the simulated patterns.
     pub simulated: PatternCovariance,
-    /// Of every other simulated pattern, the first and the second ones: half their distance is what the estimate of so many patterns is good to.
+    /// Of every other simulated pattern, the first and the second ones: half their distance is what the
+    /// estimate of so many patterns is good to.
     pub halves: [PatternCovariance; 2],
     /// Of the synthesized ones, mean times N.
     pub synthesized: PatternCovariance,
@@ -80,8 +82,9 @@ pub struct LineComparison {
     pub two_synthesized: [Vec<f64>; 2],
 }
 
-/// Both kinds at every wavelength, f_refl first, with `count` synthesized instances. One field serves all wavelengths. Of several
-/// fibers in view the covariances are those of their sum, the two simulated patterns those of single ones.
+/// Both kinds at every wavelength, f_refl first, with `count` synthesized instances. One field serves all
+/// wavelengths. Of several fibers in view the covariances are those of their sum, the two simulated patterns
+/// those of single ones.
 ///
 /// # Errors
 /// As [`super::noise_tiles`].

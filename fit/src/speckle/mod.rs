@@ -1,23 +1,28 @@
-//! Noise from the patterns of simulated fibers (Yu 2025, 6.2, Eq. 19-23; supplement not at hand, `docs/explain/papers.md`).
+//! Noise from the patterns of simulated fibers (Yu 2025, 6.2, Eq. 19-23; supplement not at hand,
+//! `docs/explain/papers.md`).
 //!
-//! The light of one kind in one direction is modeled as `N = |a + sqrt(b) g|^2` times its mean, a a constant phasor and g a circular complex Gaussian process of
-//! unit variance and correlation mu, `a^2 + b = 1`. Then N has mean 1 and, by the moments of Gaussian variables,
+//! The light of one kind in one direction is modeled as `N = |a + sqrt(b) g|^2` times its mean, a a constant
+//! phasor and g a circular complex Gaussian process of unit variance and correlation mu, `a^2 + b = 1`. Then
+//! N has mean 1 and, by the moments of Gaussian variables,
 //!
 //! ```text
 //! C(d) = <N(x) N(x + d)> - 1 = 2 b (1 - b) mu(d) + b^2 mu(d)^2            (mu real)
 //! C(0) = 1 - (1 - b)^2
 //! ```
 //!
-//! so that b follows from the contrast sqrt(C(0)) and mu from the covariance, `spectrum.rs`. The paper's form is b = 1, a fully developed speckle of contrast 1
-//! with `C = mu^2`, whose covariance cannot be negative. The light of one smooth fiber is the sum of few rays: its contrast is below 1, and its
-//! covariance swings below 0 as their fringes do, which the constant phasor allows.
+//! so that b follows from the contrast sqrt(C(0)) and mu from the covariance, `spectrum.rs`. The paper's form
+//! is b = 1, a fully developed speckle of contrast 1 with `C = mu^2`, whose covariance cannot be negative.
+//! The light of one smooth fiber is the sum of few rays: its contrast is below 1, and its covariance swings
+//! below 0 as their fringes do, which the constant phasor allows.
 //!
-//! A contrast above 1 (glints of flat faces, turned at random) is more than N can have; then b = 1, and the report says so. Where several fibers are in view,
-//! their light adds up incoherently, and C is that of one fiber divided by their number.
+//! A contrast above 1 (glints of flat faces, turned at random) is more than N can have; then b = 1, and the
+//! report says so. Where several fibers are in view, their light adds up incoherently, and C is that of one
+//! fiber divided by their number.
 //!
-//! One field serves all wavelengths by a stretch, so C / C(0) is the mean over the simulated wavelengths, each at its stretched lag. Their contrasts differ too:
-//! a straight line over the wavelength is fitted to them. The field has the largest contrast on that line; at the other wavelengths N fades to `1 + s (N - 1)`,
-//! s <= 1, which keeps mean and sign and scales C by s^2.
+//! One field serves all wavelengths by a stretch, so C / C(0) is the mean over the simulated wavelengths,
+//! each at its stretched lag. Their contrasts differ too:
+//! a straight line over the wavelength is fitted to them. The field has the largest contrast on that line; at
+//! the other wavelengths N fades to `1 + s (N - 1)`, s <= 1, which keeps mean and sign and scales C by s^2.
 
 mod covariance;
 mod fields;
@@ -50,8 +55,9 @@ pub struct NoiseKind {
     pub coding_error: f64,
 }
 
-/// Noise of the light of `patterns`, which need clear and absorbing fibers (first and last kappa), and what it was computed from, f_refl first. Its tiles, which the
-/// runtime makes, are those of the shortest wavelength. `file` is for messages.
+/// Noise of the light of `patterns`, which need clear and absorbing fibers (first and last kappa), and what
+/// it was computed from, f_refl first. Its tiles, which the runtime makes, are those of the shortest
+/// wavelength. `file` is for messages.
 ///
 /// # Errors
 /// [`Error::Invalid`] for patterns without absorbing fibers or of fewer than two instances.
@@ -81,7 +87,8 @@ pub fn noise_tiles(
     Ok((noise, kinds))
 }
 
-/// Refuses patterns and options whose tiles no model could hold, whatever the patterns' values, at no cost. `file` stands for the patterns in messages.
+/// Refuses patterns and options whose tiles no model could hold, whatever the patterns' values, at no cost.
+/// `file` stands for the patterns in messages.
 ///
 /// # Errors
 /// [`Error::Invalid`].

@@ -50,7 +50,8 @@ impl Default for NoiseOptions {
     }
 }
 
-/// The azimuths that the statistics of f_refl and f_high look at. Behind a dark fiber there is diffracted light, which is no reflection.
+/// The azimuths that the statistics of f_refl and f_high look at. Behind a dark fiber there is diffracted
+/// light, which is no reflection.
 pub const KIND_SIDES: [SpeckleSide; 2] = [SpeckleSide::Reflection, SpeckleSide::All];
 /// Names of the kinds.
 pub const KIND_NAMES: [&str; 2] = ["refl", "high"];

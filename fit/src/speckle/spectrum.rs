@@ -1,8 +1,10 @@
 //! From a covariance of the intensity to the power spectrum of the field that has it.
 //!
-//! mu solves `b^2 mu^2 + 2 b (1 - b) mu = C`; its spectrum must not be negative. Clipping the transform of mu at 0 (Yu 2024) changes the covariance by
-//! the clipped part, up to a tenth here, and where b = 1 the root turns noise in C into a tail. So we look for the non-negative spectrum whose C is
-//! nearest to the measured one over its lags, by accelerated projected gradient steps from the clipped transform (Beck and Teboulle 2009).
+//! mu solves `b^2 mu^2 + 2 b (1 - b) mu = C`; its spectrum must not be negative. Clipping the transform of mu
+//! at 0 (Yu 2024) changes the covariance by the clipped part, up to a tenth here, and where b = 1 the root
+//! turns noise in C into a tail. So we look for the non-negative spectrum whose C is nearest to the measured
+//! one over its lags, by accelerated projected gradient steps from the clipped transform (Beck and Teboulle
+//! 2009).
 
 use super::covariance::PatternCovariance;
 use super::options::NoiseContrast;
@@ -16,7 +18,8 @@ const STEPS: usize = 1500;
 pub struct FieldModel {
     /// Share b of the fluctuating field in the mean intensity, 0 to 1.
     pub share: f64,
-    /// Power at harmonics 0 to azimuths / 2 of the circle, >= 0; with all others counted twice they add up to 1.
+    /// Power at harmonics 0 to azimuths / 2 of the circle, >= 0; with all others counted twice they add up to
+    /// 1.
     pub spectrum: Vec<f64>,
     /// N fades to `1 + s (N - 1)` with `s = fade[0] + fade[1] lambda_um`, within 0 and 1.
     pub fade: [f64; 2],
@@ -34,7 +37,8 @@ pub fn share_of(variance: f64) -> f64 {
     1.0 - (1.0 - variance.clamp(0.0, 1.0)).sqrt()
 }
 
-/// mu of a covariance: the root that is 1 at lag 0. Where C is less than any mu gives, the one that gives the least.
+/// mu of a covariance: the root that is 1 at lag 0. Where C is less than any mu gives, the one that gives the
+/// least.
 fn correlation(share: f64, c: f64) -> f64 {
     let rest = 1.0 - share;
     // c / (sqrt(rest^2 + c) + rest) is the root without cancellation for small shares.
@@ -97,8 +101,8 @@ impl FieldModel {
     }
 }
 
-/// The spectrum, `[n / 2 + 1]`, >= 0 and of sum 1 (harmonics beside 0 and n / 2 twice), with which the covariance of N on n places of a circle is nearest to
-/// `covariance`, `[lag]`.
+/// The spectrum, `[n / 2 + 1]`, >= 0 and of sum 1 (harmonics beside 0 and n / 2 twice), with which the
+/// covariance of N on n places of a circle is nearest to `covariance`, `[lag]`.
 pub fn spectrum_of(share: f64, covariance: &[f64], n: usize) -> Vec<f64> {
     let lags = covariance.len().min(n / 2 + 1);
     let mut planner = FftPlanner::new();
@@ -126,7 +130,8 @@ pub fn spectrum_of(share: f64, covariance: &[f64], n: usize) -> Vec<f64> {
     transform(&mu, &mut s);
     s.iter_mut().for_each(|v| *v = v.max(0.0));
     normalize(&mut s);
-    // Of C / (2 b) = (1 - b) mu + b mu^2 / 2 the slope is at most 1, and the transform's norm is sqrt(n): steps of 1/n descend.
+    // Of C / (2 b) = (1 - b) mu + b mu^2 / 2 the slope is at most 1, and the transform's norm is sqrt(n):
+    // steps of 1/n descend.
     let want: Vec<f64> = covariance.iter().take(lags).map(|c| c / (2.0 * share)).collect();
     let (mut ahead, mut momentum) = (s.clone(), 1.0f64);
     let (mut mu, mut gradient) = (vec![0.0; n], vec![0.0; n]);

@@ -1,9 +1,11 @@
-//! The spectrum of a kind's tiles: the intensity of a periodic Gaussian field over (v, u), which the runtime synthesizes ([`NoiseSpectrum`]).
+//! The spectrum of a kind's tiles: the intensity of a periodic Gaussian field over (v, u), which the runtime
+//! synthesizes ([`NoiseSpectrum`]).
 //!
 //! The field's correlation is that of the azimuth along u times that of the illuminated length along v.
 //!
-//! Bilinear interpolation between four nodes keeps the mean but not the variance: over a cell, `(4 + 2 c_10 + 2 c_01 + c_11) / 9` of it remains, c the covariance of
-//! neighboring nodes over the variance. The nodes' variance is raised to compensate, up to 1.
+//! Bilinear interpolation between four nodes keeps the mean but not the variance: over a cell,
+//! `(4 + 2 c_10 + 2 c_01 + c_11) / 9` of it remains, c the covariance of neighboring nodes over the variance.
+//! The nodes' variance is raised to compensate, up to 1.
 
 use super::options::NoiseOptions;
 use super::spectrum::{FieldModel, intensity_covariance, share_of, spectrum_of};
@@ -23,7 +25,8 @@ pub struct TileField {
     pub kept: f64,
 }
 
-/// Step between nodes along v: the square of the correlation, the narrowest that the covariance can be, has its half width at s sqrt(ln 2).
+/// Step between nodes along v: the square of the correlation, the narrowest that the covariance can be, has
+/// its half width at s sqrt(ln 2).
 pub fn step_v(lambda_um: f64, options: &NoiseOptions) -> f64 {
     NoiseSpectrum::width_v(lambda_um, options.w0_um) * 2f64.ln().sqrt() / options.nodes_a_half_width
 }
@@ -40,7 +43,8 @@ pub fn field(model: &FieldModel, lambda_um: f64, options: &NoiseOptions) -> Tile
     let (step_v, step_u) = (step_v(lambda_um, options), step_u(model, options));
     let along_v = |node: f64| (-0.5 * (node * step_v / s).powi(2)).exp();
     let lags = ((LAGS_RAD / step_u) as usize).min(2 * columns / 5);
-    // More variance at the nodes makes up for what the interpolation loses between them; each share has its own loss.
+    // More variance at the nodes makes up for what the interpolation loses between them; each share has its
+    // own loss.
     let wanted = intensity_covariance(model.share, 1.0);
     let kept = |share: f64| {
         let c = |v: f64, u: f64| intensity_covariance(share, along_v(v) * model.correlation(u * step_u));

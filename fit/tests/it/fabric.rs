@@ -1,5 +1,5 @@
-//! A fabric as a scattering function, on models that ship: energy of clear fibers at random points and directions, eval against weight and pdf, chi-square, and no
-//! jump at the border of the draft's repeat.
+//! A fabric as a scattering function, on models that ship: energy of clear fibers at random points and
+//! directions, eval against weight and pdf, chi-square, and no jump at the border of the draft's repeat.
 
 use plywave::check::check_bsdf;
 use plywave::fabric::{

@@ -1,7 +1,8 @@
 //! Lobes of a family interpolate, those of fits apart do not.
 //!
-//! Truth: planted lobes that turn from one end of a family to the other (tests/planted), with the noise of a known number of paths. In the middle between two ends
-//! the mean of the parameters is held to a table that no fit has seen.
+//! Truth: planted lobes that turn from one end of a family to the other (tests/planted), with the noise of a
+//! known number of paths. In the middle between two ends the mean of the parameters is held to a table that
+//! no fit has seen.
 
 use crate::planted::Planted;
 use plywave::ply::asg::PARAMS;
@@ -10,7 +11,8 @@ use plywave::table::Table;
 use plywave_fit::{FamilyMiddle, FamilyTables, FitOptions, errors, fit, fit_family};
 use std::sync::{Arc, OnceLock};
 
-/// How far lobes turn over the family [rad times the factors of `crate::planted::turned`]: two widths of the narrowest.
+/// How far lobes turn over the family [rad times the factors of `crate::planted::turned`]: two widths of the
+/// narrowest.
 const TURN: f64 = 0.3;
 
 /// A table at a place from 0 to 1 of the family.
@@ -84,7 +86,8 @@ fn nodes_share_what_a_family_needs() {
     assert_eq!(nodes.len(), 2);
     assert_eq!(nodes[0].path_um, nodes[1].path_um);
     assert_eq!(nodes[0].energies.miss, nodes[1].energies.miss);
-    // Lobes stay near each other, no turn by pi, no swap of mu1 and mu2 (a quarter turn): planted ones turn by some TURN.
+    // Lobes stay near each other, no turn by pi, no swap of mu1 and mu2 (a quarter turn): planted ones turn
+    // by some TURN.
     let mut compared = 0;
     let mut near = |a: &[f64], b: &[f64], lobes: usize| {
         for (a, b) in a.chunks_exact(lobes * PARAMS).zip(b.chunks_exact(lobes * PARAMS)) {

@@ -1,6 +1,7 @@
 //! Fits of planted tables: the density comes back, on the nodes and between them.
 //!
-//! Truth: lobes that drift smoothly over the incidences (tests/planted), with the noise of a known number of paths.
+//! Truth: lobes that drift smoothly over the incidences (tests/planted), with the noise of a known number of
+//! paths.
 
 use crate::planted::Planted;
 use plywave::PlyQuery;

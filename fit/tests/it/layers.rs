@@ -70,7 +70,8 @@ fn the_series_is_that_of_light_between_the_layers() {
     }
 }
 
-/// Integral of eval over y < 0, and over all directions with the weight (1 + y / cos theta) / 2 of light that stays above.
+/// Integral of eval over y < 0, and over all directions with the weight (1 + y / cos theta) / 2 of light that
+/// stays above.
 fn brute_force(model: &PlyModel, theta_i: f32, h_um: f32, sigma: [f32; 2]) -> ([f64; 2], [f64; 2]) {
     let (mut forward, mut above) = ([0.0; 2], [0.0; 2]);
     let (rows, columns) = (240, 480);
@@ -97,7 +98,8 @@ fn factors_are_those_of_the_evaluator() {
     let mut between = 0.0f64;
     for (m, n) in [(0, 12), (2, 7), (5, 20), (9, 12)] {
         let sigma = [0.0, 0.01];
-        // A hair beyond the node: at the border of two blocks the factors are those of the larger index, and f32 must not fall back.
+        // A hair beyond the node: at the border of two blocks the factors are those of the larger index, and
+        // f32 must not fall back.
         let (t, x) = (theta[m] as f32 + 1e-6, h[n] as f32 + 1e-4);
         let got = model.forward_energy(t, x, sigma).unwrap();
         let want = brute_force(&model, t, x, sigma).0;
@@ -127,8 +129,9 @@ fn factors_are_those_of_the_evaluator() {
     assert!((f64::from(got.reflected_diffuse[0]) - above / met).abs() < 4e-3);
 }
 
-/// At the rim of a yarn's ply the lobes of a block's corners differ in energy many times, so that their shape changes near the weaker one: linear factors are off by 0.03 there,
-/// and those of the lobes by 0.007 where fibers thin out to a ragged rim.
+/// At the rim of a yarn's ply the lobes of a block's corners differ in energy many times, so that their shape
+/// changes near the weaker one: linear factors are off by 0.03 there, and those of the lobes by 0.007 where
+/// fibers thin out to a ragged rim.
 #[test]
 fn factors_follow_lobes_at_the_rim() {
     let model = model("polyester_3ply");

@@ -1,8 +1,9 @@
 //! L-BFGS-B on problems of More, Garbow and Hillstrom in seven settings of bounds and start.
 //!
-//! Chain of trust: the residuals agree with the same in Python and the gradients with differences; the minima and the numbers of
-//! evaluations are held to SciPy's (`tests/data/scipy_lbfgsb.json`, written by the script beside it), and every iterate to the
-//! crate `basin` run by its own executor; argmin's executor, with and without a checkpoint, must then give the same bits.
+//! Chain of trust: the residuals agree with the same in Python and the gradients with differences; the minima
+//! and the numbers of evaluations are held to SciPy's (`tests/data/scipy_lbfgsb.json`, written by the script
+//! beside it), and every iterate to the crate `basin` run by its own executor; argmin's executor, with and
+//! without a checkpoint, must then give the same bits.
 
 use std::cell::Cell;
 use std::rc::Rc;
@@ -108,8 +109,8 @@ fn residuals_agree_with_their_twins_and_gradients_with_differences() {
     }
 }
 
-/// SciPy takes the infinities that it meets here for convergence, at a cost of 214; the minimum is 124.362 (problem 6 of More,
-/// Garbow, Hillstrom).
+/// SciPy takes the infinities that it meets here for convergence, at a cost of 214; the minimum is 124.362
+/// (problem 6 of More, Garbow, Hillstrom).
 const LOST_BY_SCIPY: (&str, &str) = ("jennrich_sampson", "free");
 
 #[test]
@@ -267,7 +268,8 @@ fn argmin_executor_gives_the_same_bits_and_tells_its_observers() {
     }
 }
 
-/// Extended Rosenbrock with cost and gradient apart, as argmin's users write it; fails once its evaluations are used up.
+/// Extended Rosenbrock with cost and gradient apart, as argmin's users write it; fails once its evaluations
+/// are used up.
 struct Separate {
     left: Cell<u64>,
 }
@@ -311,7 +313,8 @@ fn a_run_resumed_from_a_checkpoint_continues_bit_for_bit() {
     let whole = program(u64::MAX, undisturbed).unwrap();
     let iterations = whole.state.get_iter();
     assert!(iterations > 30, "{iterations} iterations leave nothing to resume");
-    // Breaks off at the start, then after 25 evaluations each: every program goes on from the last multiple of 7.
+    // Breaks off at the start, then after 25 evaluations each: every program goes on from the last multiple
+    // of 7.
     let mut broken = 0;
     let resumed = loop {
         match program(if broken == 0 { 0 } else { 25 }, disturbed) {
@@ -344,7 +347,8 @@ const NONE: f64 = f64::INFINITY;
 
 #[test]
 fn costs_that_are_not_finite_are_stepped_back_from() {
-    // x - ln x, whose first trial lands beyond zero and whose minimum is 1. Each kind of bad value must give the same.
+    // x - ln x, whose first trial lands beyond zero and whose minimum is 1. Each kind of bad value must give
+    // the same.
     let bad: [(f64, f64); 5] =
         [(f64::NAN, 0.0), (f64::INFINITY, 0.0), (f64::NEG_INFINITY, 0.0), (0.0, f64::NAN), (f64::NAN, f64::NAN)];
     for (bad_cost, bad_gradient) in bad {

@@ -1,4 +1,5 @@
-//! Noise tiles. 1. Truth: fields drawn here by another way, of known contrast and covariance, come back; the tiles' statistics against the closed form.
+//! Noise tiles. 1. Truth: fields drawn here by another way, of known contrast and covariance, come back; the
+//! tiles' statistics against the closed form.
 //! 2. What a renderer relies on: mean 1, memory effect, no seams, no panics. 3. Files.
 
 use plywave::frame::direction;
@@ -19,8 +20,9 @@ const AZIMUTHS: usize = 720;
 /// Half range of source positions over the wavelength: k a.
 const REACH: f64 = 30.0;
 
-/// Patterns of plane waves of random phase from places drawn within [-REACH, REACH] (an image of what a fiber does), beside a constant phasor: share b of the power
-/// in the former. Their correlation is the mean of cos(m d) over the harmonics m drawn, sin(REACH d) / (REACH d) nearly.
+/// Patterns of plane waves of random phase from places drawn within [-REACH, REACH] (an image of what a fiber
+/// does), beside a constant phasor: share b of the power in the former. Their correlation is the mean of
+/// cos(m d) over the harmonics m drawn, sin(REACH d) / (REACH d) nearly.
 fn planted(share: f64, instances: usize, seed: u64) -> Vec<Vec<f64>> {
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let m = REACH as i32;
@@ -150,7 +152,8 @@ fn planted_fields_come_back() {
             let got = model.covariance(lag);
             assert!((got - want).abs() < 0.08 * top, "{share} {lag}: {got} {want} of {top}");
         }
-        // The field's spectrum is within the harmonics that were drawn, but for what the noise of 400 instances leaves; at share 1 C = mu^2 is flat at 0.
+        // The field's spectrum is within the harmonics that were drawn, but for what the noise of 400
+        // instances leaves; at share 1 C = mu^2 is flat at 0.
         let beyond: f64 = model.spectrum[REACH as usize + 3..].iter().sum::<f64>() * 2.0;
         assert!(beyond < if share < 1.0 { 0.08 } else { 0.25 }, "{share}: {beyond} beyond the reach");
         assert!(model.spectrum.iter().all(|v| *v >= 0.0));
@@ -235,8 +238,8 @@ fn mean_over_instances_is_one() {
     }
 }
 
-/// Looked up, the contrast is the one the tiles claim and that of the model; the covariance along the azimuth and along the ply are the closed forms, at two
-/// wavelengths.
+/// Looked up, the contrast is the one the tiles claim and that of the model; the covariance along the azimuth
+/// and along the ply are the closed forms, at two wavelengths.
 #[test]
 fn looked_up_statistics_are_the_models() {
     // Large tiles: their own statistics are those of so many grains.
@@ -280,7 +283,8 @@ fn looked_up_statistics_are_the_models() {
     }
 }
 
-/// Reflection moves with the light: at theta_i + d the pattern is found at the sin theta_o that keeps q_z. High-order light stays where it is.
+/// Reflection moves with the light: at theta_i + d the pattern is found at the sin theta_o that keeps q_z.
+/// High-order light stays where it is.
 #[test]
 fn reflection_remembers_and_high_order_light_does_not() {
     let tiles = tiles();
@@ -308,7 +312,8 @@ fn reflection_remembers_and_high_order_light_does_not() {
     }
 }
 
-/// No seam, and of high-order light no pole: N changes over 1e-4 rad by no more there than elsewhere. Reflection has its pole on the ply's axis, where hardly light goes.
+/// No seam, and of high-order light no pole: N changes over 1e-4 rad by no more there than elsewhere.
+/// Reflection has its pole on the ply's axis, where hardly light goes.
 #[test]
 fn patterns_are_continuous_everywhere() {
     let tiles = tiles();
@@ -402,8 +407,8 @@ fn any_numbers_come_in() {
     assert_eq!(tiles.factors(instance(1), 0.0, [0.0, 1.0, 0.0], []), ([], []));
 }
 
-/// A model keeps its noise in its file, in 20 kB at the standard sizes, and makes the tiles of it; tiles of earlier files stay what they are; a model without any
-/// says so; broken noise is refused.
+/// A model keeps its noise in its file, in 20 kB at the standard sizes, and makes the tiles of it; tiles of
+/// earlier files stay what they are; a model without any says so; broken noise is refused.
 #[test]
 fn models_keep_their_noise() {
     let bare = crate::synthetic::model(1, crate::synthetic::STANDARD);
@@ -463,7 +468,8 @@ fn models_keep_their_noise() {
     }
 }
 
-/// The mean of eval over instances is the smooth eval; no instance, or a model without tiles, is the smooth eval itself.
+/// The mean of eval over instances is the smooth eval; no instance, or a model without tiles, is the smooth
+/// eval itself.
 #[test]
 fn eval_of_instances_averages_to_the_smooth_model() {
     let bare = crate::synthetic::model(1, crate::synthetic::STANDARD);

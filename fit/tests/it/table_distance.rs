@@ -3,7 +3,8 @@
 use plywave::table::{OutgoingGrid, Table};
 use plywave_fit::table_distance;
 
-/// A made-up table of 3 latitudes, 9 offsets and 2 absorptions: smooth densities that follow the incidence, nothing equal to anything else.
+/// A made-up table of 3 latitudes, 9 offsets and 2 absorptions: smooth densities that follow the incidence,
+/// nothing equal to anything else.
 fn table() -> Table {
     let grid = OutgoingGrid { theta_o: 24, phi_o: 48 };
     let theta_i: Vec<f64> = (0..3).map(|m| 0.7 * f64::from(m)).collect();

@@ -1,8 +1,10 @@
-//! What every loader of plywave must withstand. [`targets`] takes bytes as a file of each kind and asks all that loads for finite, non-negative light and no
-//! more than there is; [`seeds`] has good files of each kind; [`mutate`] damages them where it hurts: numbers, sizes, lines, headers, checksums.
+//! What every loader of plywave must withstand. [`targets`] takes bytes as a file of each kind and asks all
+//! that loads for finite, non-negative light and no more than there is; [`seeds`] has good files of each
+//! kind; [`mutate`] damages them where it hurts: numbers, sizes, lines, headers, checksums.
 //!
-//! The same targets are run by `cargo fuzz` (`fuzz/`) and, on stable Rust, by this crate's test, which takes its budget from `PLYWAVE_FUZZ_SECONDS` or
-//! `PLYWAVE_FUZZ_COUNT`, and with `PLYWAVE_FUZZ_TARGETS` runs some of them.
+//! The same targets are run by `cargo fuzz` (`fuzz/`) and, on stable Rust, by this crate's test, which takes
+//! its budget from `PLYWAVE_FUZZ_SECONDS` or `PLYWAVE_FUZZ_COUNT`, and with `PLYWAVE_FUZZ_TARGETS` runs some
+//! of them.
 
 pub mod mutate;
 pub mod seeds;

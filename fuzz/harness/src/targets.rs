@@ -1,4 +1,5 @@
-//! Bytes taken as a file of each kind. An error is one line; what loads keeps its promises. A broken promise is a panic.
+//! Bytes taken as a file of each kind. An error is one line; what loads keeps its promises. A broken promise
+//! is a panic.
 
 use crate::Rng;
 use plywave::fabric::{FabricOptions, FabricSpec, LoadedFabric, Wif};
@@ -18,7 +19,8 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
-/// Largest albedo of one model: energies of loaded models add up to at most this (docs/reference/format/models.md), and rounding.
+/// Largest albedo of one model: energies of loaded models add up to at most this
+/// (docs/reference/format/models.md), and rounding.
 const MAX: f32 = 1.0501;
 
 /// An error is one line that is not endless.
@@ -275,8 +277,9 @@ pub fn sums(bytes: &[u8]) {
 pub fn filament(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     let Some(spec) = loaded(FilamentSpec::parse(text, "f.toml")) else { return };
-    // Not bound by energy: Kajiya and Kay's sum of a diffuse and a shiny part; Marschner's lobes over cos^2 of the half difference, which at
-    // grazing incidence grow without limit as they narrow (Marschner 2003 Eq. 8), unless they are normalized.
+    // Not bound by energy: Kajiya and Kay's sum of a diffuse and a shiny part; Marschner's lobes over cos^2
+    // of the half difference, which at grazing incidence grow without limit as they narrow (Marschner 2003
+    // Eq. 8), unless they are normalized.
     let most = match &spec.model {
         FiberModel::KajiyaKay(_) => f32::INFINITY,
         FiberModel::RoughDielectric(fiber) if !fiber.parameters().normalize => f32::INFINITY,

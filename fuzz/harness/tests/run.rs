@@ -1,5 +1,7 @@
-//! The targets under mutations, for as long or as many inputs as asked: `PLYWAVE_FUZZ_SECONDS` (4 by default) or `PLYWAVE_FUZZ_COUNT`, from `PLYWAVE_FUZZ_SEED` on. With both, the
-//! run ends at whichever comes first. `PLYWAVE_FUZZ_TARGETS=model,table` runs these alone. A failure names target and seed, which give the same input again.
+//! The targets under mutations, for as long or as many inputs as asked: `PLYWAVE_FUZZ_SECONDS` (4 by default)
+//! or `PLYWAVE_FUZZ_COUNT`, from `PLYWAVE_FUZZ_SEED` on. With both, the run ends at whichever comes first.
+//! `PLYWAVE_FUZZ_TARGETS=model,table` runs these alone. A failure names target and seed, which give the same
+//! input again.
 
 use plywave_fuzz::targets::LOADED;
 use plywave_fuzz::{Rng, all, mutate};

@@ -1,4 +1,5 @@
-//! The pipeline on a tiny ply: one call against its stages, progress, and a stop that is resumed to the same model.
+//! The pipeline on a tiny ply: one call against its stages, progress, and a stop that is resumed to the same
+//! model.
 
 use plywave::spec::YarnSpec;
 use plywave_pipeline::*;

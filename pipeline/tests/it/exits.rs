@@ -6,8 +6,9 @@ use plywave_fit::fit_exits;
 use plywave_sim::runs::Run;
 use plywave_sim::{SimOptions, simulate};
 
-/// Rms of the differences of cumulative shares over incidences, azimuths (by their light) and positions: of single reflection, of clear fibers and of the darkest; the model's, and those of light
-/// spread evenly about the same mean.
+/// Rms of the differences of cumulative shares over incidences, azimuths (by their light) and positions: of
+/// single reflection, of clear fibers and of the darkest; the model's, and those of light spread evenly about
+/// the same mean.
 fn differences(name: &str) -> [[f64; 2]; EXIT_KINDS] {
     let path = format!("{}/../fabrics/{name}.toml", env!("CARGO_MANIFEST_DIR"));
     let (spec, text) = YarnSpec::load(&path).unwrap();

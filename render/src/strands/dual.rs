@@ -1,13 +1,18 @@
-//! Dual scattering over strands: light between them is estimated from those that a shadow ray meets (Zinke 2008; Khungurn 2015, 6).
+//! Dual scattering over strands: light between them is estimated from those that a shadow ray meets (Zinke
+//! 2008; Khungurn 2015, 6).
 //!
-//! A path ends at the first strand. Light is drawn there from one source and by the fiber's own lobes, weighed by the power heuristic; the ray to it is followed through all strands that it meets, and each weakens and spreads the
-//! light at its own latitude ([`plywave::fiber::dual_scattering`]). Along tables' effective widths a strand counts at the wavelengths that it is met at. Light that nothing stands before is scattered as in
-//! path tracing, by the offset too where the scene resolves it.
+//! A path ends at the first strand. Light is drawn there from one source and by the fiber's own lobes,
+//! weighed by the power heuristic; the ray to it is followed through all strands that it meets, and each
+//! weakens and spreads the light at its own latitude ([`plywave::fiber::dual_scattering`]). Along tables'
+//! effective widths a strand counts at the wavelengths that it is met at. Light that nothing stands before is
+//! scattered as in path tracing, by the offset too where the scene resolves it.
 //!
-//! Props are followed as in path tracing, so that light through the strands to a floor comes from the strands that it sees. To the strands, props are sources whose
-//! light is that of the sources through the strands before them, once.
+//! Props are followed as in path tracing, so that light through the strands to a floor comes from the strands
+//! that it sees. To the strands, props are sources whose light is that of the sources through the strands
+//! before them, once.
 //!
-//! Tables of averages are made for [`BINS`] sets of wavelengths and for the mean thickness of the strands. What a tapered strand lets through is that of the mean one.
+//! Tables of averages are made for [`BINS`] sets of wavelengths and for the mean thickness of the strands.
+//! What a tapered strand lets through is that of the mean one.
 
 use super::StrandHit;
 use super::scene::StrandScene;
@@ -46,7 +51,8 @@ pub struct StrandDualOptions {
 }
 
 impl Default for StrandDualOptions {
-    /// d_f = d_b = 1 and the strands behind are counted: nearest to traced light (docs/explain/dual_scattering.md).
+    /// d_f = d_b = 1 and the strands behind are counted: nearest to traced light
+    /// (docs/explain/dual_scattering.md).
     fn default() -> Self {
         let dual = DualOptions { forward_density: 1.0, backward_density: 1.0, ..DualOptions::default() };
         StrandDualOptions { dual, behind: true }
@@ -67,7 +73,8 @@ impl<'a> StrandDual<'a> {
     /// Averages the fiber's scattering, on the current rayon pool.
     ///
     /// # Errors
-    /// [`RenderError::Strands`] for a scene without strands, an option outside its range, and a fiber that scatters no light.
+    /// [`RenderError::Strands`] for a scene without strands, an option outside its range, and a fiber that
+    /// scatters no light.
     pub fn new(scene: &'a StrandScene, options: &StrandDualOptions) -> Result<StrandDual<'a>, RenderError> {
         let refuse = |what: String| RenderError::Strands { file: "dual scattering".into(), what };
         let strands = scene.tree().strands();
@@ -96,7 +103,8 @@ impl<'a> StrandDual<'a> {
         StrandDual { bins: self.bins.clone(), behind, ..*self }
     }
 
-    /// What light along a ray up to `reach` has passed, as it arrives at the ray's origin, where a strand has this `tangent`.
+    /// What light along a ray up to `reach` has passed, as it arrives at the ray's origin, where a strand has
+    /// this `tangent`.
     fn count(
         &self,
         dual: &DualScattering<WAVELENGTHS>,

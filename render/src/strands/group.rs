@@ -1,7 +1,9 @@
 //! Segments that follow one another on a strand, in one line of the cache: which of them a ray may meet.
 //!
-//! Of each segment the chord is kept, and for all of them how far the strand reaches from it: the largest radius and, of a spline, an eighth of its largest second derivative.
-//! A ray that passes the chord at a greater distance, or before or behind it, does not meet the segment. In 32 bits, with room for the roundings.
+//! Of each segment the chord is kept, and for all of them how far the strand reaches from it: the largest
+//! radius and, of a spline, an eighth of its largest second derivative.
+//! A ray that passes the chord at a greater distance, or before or behind it, does not meet the segment. In
+//! 32 bits, with room for the roundings.
 
 use super::Basis;
 use super::segment::{Cubic, cubic, point};
@@ -9,7 +11,8 @@ use glam::{DVec3, Vec3, Vec4};
 
 /// Segments of a group.
 pub const SEGMENTS: usize = 4;
-/// Room for roundings, over the largest coordinate: those of the chord's ends and the ray's origin, of their difference and of its products with the ray's axes.
+/// Room for roundings, over the largest coordinate: those of the chord's ends and the ray's origin, of their
+/// difference and of its products with the ray's axes.
 const PAD: f32 = 2e-6;
 
 /// Chords of up to [`SEGMENTS`] segments; the last end is repeated where there are fewer.

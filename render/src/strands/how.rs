@@ -15,7 +15,8 @@ pub struct StrandFile {
     pub mm_per_unit: f32,
     /// Radius [mm] in place of the file's.
     pub radius_mm: Option<f32>,
-    /// Of a spline: go from the first to the last point of each strand, as `.hair` means it. Mitsuba's splines do not.
+    /// Of a spline: go from the first to the last point of each strand, as `.hair` means it. Mitsuba's
+    /// splines do not.
     pub whole: bool,
 }
 

@@ -1,4 +1,5 @@
-//! Strands made by rule: a ball of hair, a single fiber, layers, a wisp, a patch of fur, a knitted loop. The same seed makes the same strands.
+//! Strands made by rule: a ball of hair, a single fiber, layers, a wisp, a patch of fur, a knitted loop. The
+//! same seed makes the same strands.
 
 use super::{Basis, Strands};
 use crate::RenderError;
@@ -84,7 +85,8 @@ fn three() -> u32 {
 /// Most points that are made.
 const MAX_MADE: u64 = 200_000_000;
 
-/// Makes strands of a radius [mm] with so many segments each, as B-splines. Hairs of balls, wisps and fur become thinner towards their tips, by a half.
+/// Makes strands of a radius [mm] with so many segments each, as B-splines. Hairs of balls, wisps and fur
+/// become thinner towards their tips, by a half.
 ///
 /// # Errors
 /// [`RenderError::Strands`] for more than 200 M points, [`RenderError::TooLarge`].

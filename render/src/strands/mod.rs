@@ -1,7 +1,8 @@
 //! Strands: hair, fur, threads, lone fibers as curves with a radius, and what a ray meets of them.
 //!
-//! A strand is a chain of straight segments or a uniform cubic B-spline through or near its control points; its radius varies along it in the same way. Rays meet
-//! it as a tube ([`StrandShape::Tube`]: the union of balls along the curve) or as a band that faces each ray ([`StrandShape::Band`]). `segment.rs` has the
+//! A strand is a chain of straight segments or a uniform cubic B-spline through or near its control points;
+//! its radius varies along it in the same way. Rays meet it as a tube ([`StrandShape::Tube`]: the union of
+//! balls along the curve) or as a band that faces each ray ([`StrandShape::Band`]). `segment.rs` has the
 //! formulas, `tree.rs` the BVH and the answer at a hit.
 
 mod dual;
@@ -70,7 +71,8 @@ pub enum StrandShape {
     Band,
 }
 
-/// Consecutive control points of one strand. The curves of one strand, as pbrt's Bezier pieces, may stand in several runs.
+/// Consecutive control points of one strand. The curves of one strand, as pbrt's Bezier pieces, may stand in
+/// several runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Run {
     pub first: u32,
@@ -131,7 +133,8 @@ impl Strands {
     /// Adds a strand by its control points: x, y, z, radius [mm].
     ///
     /// # Errors
-    /// [`RenderError::Strands`] for too few or more than [`MAX_POINTS`] points, coordinates that are not finite or beyond [`MAX_MM`], radii below
+    /// [`RenderError::Strands`] for too few or more than [`MAX_POINTS`] points, coordinates that are not
+    /// finite or beyond [`MAX_MM`], radii below
     /// [`MIN_RADIUS_MM`]; `file` and `place`, as `strand 3`, stand in it.
     pub fn push(&mut self, points: &[[f32; 4]], file: &str, place: &str) -> Result<(), RenderError> {
         let bad = |what: String| RenderError::Strands { file: file.to_string(), what: format!("{place}: {what}") };

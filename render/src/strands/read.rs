@@ -71,7 +71,8 @@ fn read(
     Ok((strands, notes))
 }
 
-/// The `.hair` format: a header of 128 bytes, then arrays of segments a strand, points, thickness, of which a word of flags tells which are there.
+/// The `.hair` format: a header of 128 bytes, then arrays of segments a strand, points, thickness, of which a
+/// word of flags tells which are there.
 fn hair(bytes: &[u8], file: &str, how: &StrandFile, notes: &mut StrandNotes) -> Result<Strands, RenderError> {
     const HEADER: usize = 128;
     let bad = |what: String| RenderError::Strands { file: file.to_string(), what };

@@ -11,7 +11,8 @@ use plywave::{FiberBsdf, FiberModel, FiberQuery};
 pub struct StrandFiber {
     /// Scattering of one fiber.
     pub model: FiberModel,
-    /// Absorption of its inside: wavelengths [um], ascending, and absorptions [1/um], linear in between and constant beyond; none is 0. Tables ignore it.
+    /// Absorption of its inside: wavelengths [um], ascending, and absorptions [1/um], linear in between and
+    /// constant beyond; none is 0. Tables ignore it.
     pub sigma: Vec<[f32; 2]>,
     /// Whether light is resolved by its offset on the fiber; else each hit has the mean over the offsets.
     pub near: bool,
@@ -44,9 +45,11 @@ impl StrandFiber {
 
 /// Strands of one kind of fiber, and their light.
 ///
-/// The strands' radius is the fiber's. Where a table takes light from more than its geometric width (Xia 2020, 6), strands are met that much wider, and
-/// [`FiberBsdf::hit`] says, by wavelength, whether a ray's offset is within the width C_e at its direction; else it passes. A strand of another radius than the model's is
-/// the model enlarged: the same shape of scattering, widths in proportion; of analytic models the light's paths inside grow with it.
+/// The strands' radius is the fiber's. Where a table takes light from more than its geometric width (Xia
+/// 2020, 6), strands are met that much wider, and
+/// [`FiberBsdf::hit`] says, by wavelength, whether a ray's offset is within the width C_e at its direction;
+/// else it passes. A strand of another radius than the model's is the model enlarged: the same shape of
+/// scattering, widths in proportion; of analytic models the light's paths inside grow with it.
 pub struct StrandScene {
     tree: StrandTree,
     fiber: StrandFiber,

@@ -1,12 +1,15 @@
 //! A ray and one segment of a strand, in 64 bits.
 //!
-//! A host's rays come from a meter away and fibers are a micrometer thick: in 32 bits the offset from the center line is off by 6 % of the radius there. One
-//! segment in 64 bits costs about what it costs in 32, one at a time, and needs no care.
+//! A host's rays come from a meter away and fibers are a micrometer thick: in 32 bits the offset from the
+//! center line is off by 6 % of the radius there. One segment in 64 bits costs about what it costs in 32, one
+//! at a time, and needs no care.
 //!
-//! In the ray's frame (the ray is the z axis) the ball of the curve at s is entered at `z(s) - sqrt(Q(s))`, `Q(s) = r(s)^2 - x(s)^2 - y(s)^2`, where Q is not
-//! negative. The tube is the union of the balls, so it is entered at the least of these; on a straight piece with linear radius Q is a quadratic in s and the least is
-//! in closed form. A spline is taken as 2^depth straight pieces through points of it, which no ray's direction changes: neighbors share their ends, balls close the
-//! turns, and so the tube has no gaps. The band is met where Q is largest, if that is not negative.
+//! In the ray's frame (the ray is the z axis) the ball of the curve at s is entered at `z(s) - sqrt(Q(s))`,
+//! `Q(s) = r(s)^2 - x(s)^2 - y(s)^2`, where Q is not negative. The tube is the union of the balls, so it is
+//! entered at the least of these; on a straight piece with linear radius Q is a quadratic in s and the least
+//! is in closed form. A spline is taken as 2^depth straight pieces through points of it, which no ray's
+//! direction changes: neighbors share their ends, balls close the turns, and so the tube has no gaps. The
+//! band is met where Q is largest, if that is not negative.
 
 use super::StrandShape;
 use glam::DVec3;
@@ -68,7 +71,8 @@ pub fn slope(c: &Cubic, u: f64) -> [f64; 4] {
     std::array::from_fn(|k| c[1][k] + u * (2.0 * c[2][k] + u * 3.0 * c[3][k]))
 }
 
-/// Where a ray enters the hull of the balls `a` and `b` of linear radius between them: distance along the ray and s from 0 to 1. Distances up to `after` do not count.
+/// Where a ray enters the hull of the balls `a` and `b` of linear radius between them: distance along the ray
+/// and s from 0 to 1. Distances up to `after` do not count.
 #[inline(always)]
 pub fn tube(a: [f64; 4], b: [f64; 4], after: f64) -> Option<(f64, f64)> {
     let d: [f64; 4] = std::array::from_fn(|k| b[k] - a[k]);
@@ -92,7 +96,8 @@ pub fn tube(a: [f64; 4], b: [f64; 4], after: f64) -> Option<(f64, f64)> {
         // At the rim of Q >= 0 rounding may say less than 0; only a piece that ends before the rim is missed.
         at(s).or_else(|| at(middle.max(0.0).min(1.0)))
     } else {
-        // The ray runs along the piece more than across it: the ends, and what lies between where the piece is longer than one ball in the other.
+        // The ray runs along the piece more than across it: the ends, and what lies between where the piece
+        // is longer than one ball in the other.
         let mut best = nearer(at(0.0), at(1.0));
         let length = qa - d[2] * d[2];
         if length < 0.0 {
@@ -172,7 +177,8 @@ impl Extent {
         let bend = second(0).max(second(1)).sqrt();
         let most = p[0][3].max(p[1][3]).max(p[2][3].max(p[3][3]));
         let least = p[0][3].min(p[1][3]).min(p[2][3].min(p[3][3]));
-        // A tip much thinner than the rest is held to a hundredth of it. A chord over a step d is off by bend d^2 / 8 at most.
+        // A tip much thinner than the rest is held to a hundredth of it. A chord over a step d is off by bend
+        // d^2 / 8 at most.
         let fine = 8.0 * TOLERANCE * f64::from(least.max(0.01 * most));
         let (mut depth, mut pieces) = (0, 1.0);
         while bend > fine * pieces && depth < MAX_DEPTH {
@@ -183,7 +189,8 @@ impl Extent {
     }
 }
 
-/// Where a ray first meets a segment of a spline: distance beyond `after` and before `before`, and u from 0 to 1.
+/// Where a ray first meets a segment of a spline: distance beyond `after` and before `before`, and u from 0
+/// to 1.
 pub fn spline(c: &Cubic, extent: Extent, shape: StrandShape, after: f64, before: f64) -> Option<(f64, f64)> {
     let step = 1.0 / f64::from(1u32 << extent.depth);
     // Each halving takes one entry and leaves two.

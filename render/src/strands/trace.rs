@@ -1,9 +1,10 @@
 //! Path tracing over strands: light sources are sampled and hit, weighed by the power heuristic.
 //!
-//! A path that hits a strand leaves it from the place where it was met and does not meet it again before it is out of it: the model holds all that happens
-//! inside. Of a table, some wavelengths of a path may be hit where others pass (Xia 2020, 6): one of the two is followed, chosen in proportion to what each carries, and
-//! weighed for it; light from a source is weakened by wavelength on its way. The width at a ray's direction is that of light that comes the other way: extinction is the
-//! same both ways.
+//! A path that hits a strand leaves it from the place where it was met and does not meet it again before it
+//! is out of it: the model holds all that happens inside. Of a table, some wavelengths of a path may be hit
+//! where others pass (Xia 2020, 6): one of the two is followed, chosen in proportion to what each carries,
+//! and weighed for it; light from a source is weakened by wavelength on its way. The width at a ray's
+//! direction is that of light that comes the other way: extinction is the same both ways.
 
 use super::scene::StrandScene;
 use super::{Skip, StrandHit, StrandShape};
@@ -200,7 +201,8 @@ impl Tracer for StrandScene {
 }
 
 impl StrandScene {
-    /// Whether a path is scattered where some wavelengths are met and others pass: one of the two is followed, in proportion to what it carries.
+    /// Whether a path is scattered where some wavelengths are met and others pass: one of the two is
+    /// followed, in proportion to what it carries.
     pub(super) fn choose(&self, met: [bool; WAVELENGTHS], throughput: &mut Light4, rng: &mut Pcg64Mcg) -> bool {
         let carried = |of: bool| (0..WAVELENGTHS).filter(|k| met[*k] == of).map(|k| throughput[k]).sum::<f32>();
         let (scattered, straight) = (carried(true), carried(false));

@@ -7,7 +7,8 @@ use super::{Basis, StrandShape, Strands};
 use glam::{DVec3, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 
-/// Rounding of the tree's traversal, over the largest coordinate: boxes grow by it. Slabs are off by some ten roundings of 6e-8: those of the ray's origin, of the difference, whose size is up to
+/// Rounding of the tree's traversal, over the largest coordinate: boxes grow by it. Slabs are off by some ten
+/// roundings of 6e-8: those of the ray's origin, of the difference, whose size is up to
 /// 3.5 coordinates, and of the product.
 const PAD: f32 = 1.5e-6;
 
@@ -76,7 +77,8 @@ pub struct StrandHit {
     pub tangent: DVec3,
     /// Radius there [mm].
     pub radius_mm: f64,
-    /// Offset of the ray from the line along the tangent through the center, over the radius, -1 to 1; above 0 on the side of growing azimuth about the tangent, as
+    /// Offset of the ray from the line along the tangent through the center, over the radius, -1 to 1; above
+    /// 0 on the side of growing azimuth about the tangent, as
     /// [`plywave::FiberQuery::h_rel`] has it.
     pub h_rel: f64,
     /// Number of the strand.
@@ -88,20 +90,22 @@ pub struct StrandHit {
 }
 
 impl StrandHit {
-    /// Axes of the fiber: two across it, and the tangent. The first lies in the plane of the tangent and `reference`, or anywhere where the two are parallel.
+    /// Axes of the fiber: two across it, and the tangent. The first lies in the plane of the tangent and
+    /// `reference`, or anywhere where the two are parallel.
     pub fn frame(&self, reference: Vec3) -> [DVec3; 3] {
         let x = reference.as_dvec3();
         let x = (x - self.tangent * self.tangent.dot(x)).normalize_or(self.tangent.any_orthonormal_vector());
         [x, self.tangent.cross(x), self.tangent]
     }
 
-    /// Azimuth, about the tangent from the first axis of the frame, of the direction towards where the ray comes from [rad].
+    /// Azimuth, about the tangent from the first axis of the frame, of the direction towards where the ray
+    /// comes from [rad].
     pub fn phi(&self, frame: &[DVec3; 3], direction: DVec3) -> f64 {
         (-direction.dot(frame[1])).atan2(-direction.dot(frame[0]))
     }
 
-    /// How far a ray from this place in the unit direction `w` goes before it is out of the strand: until then the strand is not met again. The strand counts as
-    /// straight, and as left after 1000 radii.
+    /// How far a ray from this place in the unit direction `w` goes before it is out of the strand: until
+    /// then the strand is not met again. The strand counts as straight, and as left after 1000 radii.
     pub fn leave(&self, w: DVec3) -> Skip {
         let across = |v: DVec3| v - self.tangent * self.tangent.dot(v);
         let (p, d) = (across(self.position - self.center), across(w));
@@ -178,7 +182,8 @@ impl StrandTree {
         [self.bounds.min.into(), self.bounds.max.into()]
     }
 
-    /// What a ray from `origin` in the unit `direction` meets first, farther than `after` and nearer than `before` [mm]; the strands of `skips` only where it is out of them.
+    /// What a ray from `origin` in the unit `direction` meets first, farther than `after` and nearer than
+    /// `before` [mm]; the strands of `skips` only where it is out of them.
     pub fn first(&self, origin: DVec3, direction: DVec3, after: f64, before: f64, skips: &[Skip]) -> Option<StrandHit> {
         let met = self.nearest::<false>(origin, direction, after, before, skips, &mut TraceCost::default())?;
         Some(self.hit(origin, direction, met))
@@ -222,7 +227,8 @@ impl StrandTree {
                 let first = source.first + near.trailing_zeros();
                 near &= near - 1;
                 cost.segments += u64::from(COUNT);
-                // Equal distances go to the segment that was given first, in whatever order the tree comes by.
+                // Equal distances go to the segment that was given first, in whatever order the tree comes
+                // by.
                 let most = best.map_or(before, |best| best.t + best.t.abs() * f64::EPSILON);
                 let Some((t, u)) = self.meet(&frame, first, after, most) else { continue };
                 if best.map_or(t < before, |best| t < best.t || t == best.t && first < best.first) {
@@ -238,8 +244,10 @@ impl StrandTree {
         best
     }
 
-    /// All that a ray meets farther than `after` and nearer than `before` [mm], the nearest first: a strand is met again only where the ray has been out of it
-    /// ([`StrandHit::leave`]); the strands of `skips` only where it is out of them. What was in `found` is dropped. One traversal, where [`StrandTree::first`] takes one a strand.
+    /// All that a ray meets farther than `after` and nearer than `before` [mm], the nearest first: a strand
+    /// is met again only where the ray has been out of it ([`StrandHit::leave`]); the strands of `skips` only
+    /// where it is out of them. What was in `found` is dropped. One traversal, where [`StrandTree::first`]
+    /// takes one a strand.
     pub fn each(
         &self,
         origin: DVec3,
@@ -269,7 +277,8 @@ impl StrandTree {
                 let first = source.first + near.trailing_zeros();
                 near &= near - 1;
                 let mut after = after_skips(after, skips, source.strand);
-                // A bent segment is entered more than once: all of it, since which of them count is known only when those of its neighbors are.
+                // A bent segment is entered more than once: all of it, since which of them count is known
+                // only when those of its neighbors are.
                 while let Some((t, u)) = self.meet(&frame, first, after, before).filter(|(t, _)| *t < before) {
                     found.push(self.hit(origin, direction, SegmentHit { t, u, first, strand: source.strand }));
                     after = t;
@@ -354,15 +363,17 @@ impl StrandTree {
         let radius_mm = at[3];
         let tangent = DVec3::new(along[0], along[1], along[2]).normalize_or(direction.any_orthonormal_vector());
         let position = origin + direction * t;
-        // Unit vector across the ray and the strand: the side of growing azimuth of the direction to where the ray comes from.
+        // Unit vector across the ray and the strand: the side of growing azimuth of the direction to where
+        // the ray comes from.
         let side = direction.cross(tangent).normalize_or(tangent.any_orthonormal_vector());
         let h_rel = ((position - center).dot(side) / radius_mm).clamp(-1.0, 1.0);
         StrandHit { t, position, center, tangent, radius_mm, h_rel, strand, first_point: first, u }
     }
 }
 
-/// The tree's ray between two distances: where it starts, and the distance from there up to which it counts. It starts where the box of all begins, so that its roundings are those of
-/// the strands' coordinates, however far off the ray comes from.
+/// The tree's ray between two distances: where it starts, and the distance from there up to which it counts.
+/// It starts where the box of all begins, so that its roundings are those of the strands' coordinates,
+/// however far off the ray comes from.
 fn start_of(origin: DVec3, direction: DVec3, from: f64, to: f64) -> (f64, Vec3, f32) {
     let start = from.max(0.0);
     (start, (origin + direction * start).as_vec3(), above((to - start) as f32))

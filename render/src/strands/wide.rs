@@ -1,6 +1,8 @@
-//! A BVH with four boxes a node, in 32 bits as they are: two lines of the cache, and three subtractions and products of four numbers for each end of the slabs.
+//! A BVH with four boxes a node, in 32 bits as they are: two lines of the cache, and three subtractions and
+//! products of four numbers for each end of the slabs.
 //!
-//! obvhs builds the binary tree; its traversal of eight boxes in 8 bits takes less memory, but unpacks 48 bytes a node one by one where only SSE2 is there.
+//! obvhs builds the binary tree; its traversal of eight boxes in 8 bits takes less memory, but unpacks 48
+//! bytes a node one by one where only SSE2 is there.
 
 use crate::bvh;
 use glam::{Vec3, Vec4};
@@ -88,8 +90,10 @@ impl Wide {
         Some(wide)
     }
 
-    /// Calls `visit` with the number of a primitive, in the tree's order, and the distance up to which things matter, for all whose box a ray meets up to that; `visit` gives the new
-    /// distance. `ahead` hears of the first primitive of a leaf before that, when it may begin to fetch it. Gives the number of nodes tested.
+    /// Calls `visit` with the number of a primitive, in the tree's order, and the distance up to which things
+    /// matter, for all whose box a ray meets up to that; `visit` gives the new distance. `ahead` hears of the
+    /// first primitive of a leaf before that, when it may begin to fetch it. Gives the number of nodes
+    /// tested.
     #[inline(always)]
     pub fn traverse(
         &self,
@@ -173,7 +177,8 @@ impl Node {
     const EMPTY: Node = Node { low: [Vec4::INFINITY; 3], high: [Vec4::NEG_INFINITY; 3], children: [0; 4] };
 }
 
-/// Asks for the first and the last cache line of an element that is read soon; does nothing where it does not exist, or where the processor cannot be asked.
+/// Asks for the first and the last cache line of an element that is read soon; does nothing where it does not
+/// exist, or where the processor cannot be asked.
 #[inline(always)]
 pub fn prefetch<T>(of: &[T], at: usize) {
     #[cfg(target_arch = "x86_64")]
@@ -226,7 +231,8 @@ impl Plan {
         Plan { is_leaf }
     }
 
-    /// Up to four children of a node: the largest that is no leaf is opened until there are four. A leaf is its own only child.
+    /// Up to four children of a node: the largest that is no leaf is opened until there are four. A leaf is
+    /// its own only child.
     fn children(&self, tree: &Bvh2, at: usize) -> ([usize; 4], usize) {
         let mut list = [at; 4];
         let mut count = 1;

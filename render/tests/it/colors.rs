@@ -76,7 +76,8 @@ fn rendered(fabric: &FabricModel, of: ColorOf, straight: &[f64; VIEWS], samples:
     };
     let scene = Scene::new(mesh, Vec::new(), sky);
     if of == ColorOf::Folded {
-        // By 8, 12 and, of cotton plain, 24 times the samples the five differences are the same to 0.01. Where samples weighed more by chance, 16 told 2.01 and 1.92 by seed.
+        // By 8, 12 and, of cotton plain, 24 times the samples the five differences are the same to 0.01.
+        // Where samples weighed more by chance, 16 told 2.01 and 1.92 by seed.
         return seen(&scene, view(0.990_268, 0.1), fabric, (32, 8 * samples, depth), 5);
     }
     let mut sum = [0.0; 3];
@@ -106,7 +107,8 @@ fn straight(fabric: &FabricModel) -> [f64; VIEWS] {
     })
 }
 
-/// CIEDE2000 between colors that are asked of a fabric and their renders, in every meaning; colors in reach, a third of them in folds, whose light takes most of the time.
+/// CIEDE2000 between colors that are asked of a fabric and their renders, in every meaning; colors in reach,
+/// a third of them in folds, whose light takes most of the time.
 fn differences(name: &str, colors: usize, samples: u32) {
     let mut worst = 0.0f64;
     let path = format!("{}/../fabrics/{name}.toml", env!("CARGO_MANIFEST_DIR"));

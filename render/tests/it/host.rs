@@ -1,4 +1,5 @@
-//! The host itself, with surfaces whose light is known: a white diffuse sheet in a white room, a half transparent one, light sources.
+//! The host itself, with surfaces whose light is known: a white diffuse sheet in a white room, a half
+//! transparent one, light sources.
 
 use plywave::bsdf::{DirectionSample, Outcomes};
 use plywave::{Bsdf, BsdfSample};
@@ -330,7 +331,8 @@ fn field(name: &str) -> (Scene, MeshNotes) {
     (Scene::new(mesh, Vec::new(), Environment::constant(1.0)), notes)
 }
 
-/// Meshes as they come from the field, looked at along -z: the share of the square that they cover, and no face left out.
+/// Meshes as they come from the field, looked at along -z: the share of the square that they cover, and no
+/// face left out.
 #[test]
 fn meshes_of_the_field_are_whole() {
     for (name, want) in [
@@ -350,7 +352,8 @@ fn meshes_of_the_field_are_whole() {
     }
 }
 
-/// A tube of 16 sides whose uv end where it is seen, and the same with the seam behind: its normals at the corners are radii, and so are those mixed of them.
+/// A tube of 16 sides whose uv end where it is seen, and the same with the seam behind: its normals at the
+/// corners are radii, and so are those mixed of them.
 #[test]
 fn normals_go_on_over_a_seam() {
     for name in ["tube.obj", "tube_turned.obj"] {

@@ -1,6 +1,7 @@
-//! Every lamp and sky against a closed form: light on a diffuse sheet by its irradiance (of rectangles, Lambert's formula for polygons; of a sky's texel, the integral of the
-//! cosine), light in a narrow lobe by the radiance that it sees, a fabric by what it is alike in. Each by directions drawn from the lights, by scattering, and by both,
-//! within five standard errors that are computed from the picture's own pixels.
+//! Every lamp and sky against a closed form: light on a diffuse sheet by its irradiance (of rectangles,
+//! Lambert's formula for polygons; of a sky's texel, the integral of the cosine), light in a narrow lobe by
+//! the radiance that it sees, a fabric by what it is alike in. Each by directions drawn from the lights, by
+//! scattering, and by both, within five standard errors that are computed from the picture's own pixels.
 
 use glam::{DVec3, Vec3};
 use plywave::bsdf::{DirectionSample, Outcomes};
@@ -24,7 +25,8 @@ const SIDE: u32 = 24;
 enum Sheet {
     /// Reflects a share `up` of the light and lets `down` through, both by Lambert's law.
     Diffuse { up: f32, down: f32 },
-    /// Reflects a share of the light evenly into a cone about the mirror's direction, whose half-angle has this cosine.
+    /// Reflects a share of the light evenly into a cone about the mirror's direction, whose half-angle has
+    /// this cosine.
     Cone { albedo: f32, cos: f32 },
 }
 
@@ -113,7 +115,8 @@ fn statistics(film: &Film) -> [(f64, f64); 3] {
     })
 }
 
-/// Straight down on the sheet's middle, and from 45 degrees beside it; so narrow that all pixels see the same.
+/// Straight down on the sheet's middle, and from 45 degrees beside it; so narrow that all pixels see the
+/// same.
 fn cameras() -> [Camera; 2] {
     [Vec3::new(0.0, 0.0, 10.0), Vec3::new(-10.0, 0.0, 10.0)].map(|from| Camera::new(from, Vec3::ZERO, Vec3::Y, 1e-4))
 }
@@ -149,7 +152,8 @@ fn of_texel(row: usize, width: usize, height: usize) -> [f64; 2] {
     [above, half * (squared(a.max(PI / 2.0)) - squared(b.max(PI / 2.0)))]
 }
 
-/// Irradiance of a rectangle of radiance 1 on a sheet at the origin that faces z (Lambert 1760): the polygon lies above the sheet and shines on it.
+/// Irradiance of a rectangle of radiance 1 on a sheet at the origin that faces z (Lambert 1760): the polygon
+/// lies above the sheet and shines on it.
 fn of_rectangle(light: &Light) -> f64 {
     let [e, f] = light.edges;
     let corners = [light.corner, light.corner + e, light.corner + e + f, light.corner + f];
@@ -184,7 +188,8 @@ fn skies_of_one_radiance_light_a_sheet_by_it() {
     }
 }
 
-/// All of a sky's power in one texel: at the pole, beside it, about and across the horizon, below it, and in pictures of few texels.
+/// All of a sky's power in one texel: at the pole, beside it, about and across the horizon, below it, and in
+/// pictures of few texels.
 #[test]
 fn suns_light_a_sheet_by_their_texel() {
     let [down, _] = cameras();
@@ -327,7 +332,8 @@ fn lamps_and_a_sky_add_up() {
     }
 }
 
-/// A fabric: white under a sky all round, its light in proportion to the sky's and the sum of that of the sky's colors; under lamps and suns the same in all ways.
+/// A fabric: white under a sky all round, its light in proportion to the sky's and the sum of that of the
+/// sky's colors; under lamps and suns the same in all ways.
 #[test]
 fn fabrics_are_lit_in_proportion_and_alike_in_all_ways() {
     let path = format!("{}/../fabrics/cotton_plain.toml", env!("CARGO_MANIFEST_DIR"));
@@ -378,7 +384,8 @@ fn fabrics_are_lit_in_proportion_and_alike_in_all_ways() {
     }
 }
 
-/// Strands find light by the same lamps and skies: a floor beside them is lit by its irradiance, a fiber alike in all ways.
+/// Strands find light by the same lamps and skies: a floor beside them is lit by its irradiance, a fiber
+/// alike in all ways.
 #[test]
 fn strands_and_floors_beside_them_are_lit_the_same_way() {
     let [down, _] = cameras();

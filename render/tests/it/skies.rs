@@ -1,4 +1,5 @@
-//! Skies from files: OpenEXR by layers, luminance and one channel, in half and float; Radiance in its three codings; values that are no radiances; files that are no skies.
+//! Skies from files: OpenEXR by layers, luminance and one channel, in half and float; Radiance in its three
+//! codings; values that are no radiances; files that are no skies.
 
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, ImageAttributes, IntegerBounds, Layer, LayerAttributes,

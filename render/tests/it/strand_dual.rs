@@ -1,7 +1,9 @@
-//! Dual scattering beside path tracing: strands along a ray are counted as they are met one by one; one scattering is that of path tracing; what the estimate of the rest is off by in layers and fur, and
-//! what it costs, in one run.
+//! Dual scattering beside path tracing: strands along a ray are counted as they are met one by one; one
+//! scattering is that of path tracing; what the estimate of the rest is off by in layers and fur, and what it
+//! costs, in one run.
 //!
-//! `cargo test --release -p plywave-render --test it strand_dual:: -- --nocapture --test-threads 1` prints all of it, the times of one render at a time.
+//! `cargo test --release -p plywave-render --test it strand_dual:: -- --nocapture --test-threads 1` prints
+//! all of it, the times of one render at a time.
 
 use glam::{DVec3, Vec3};
 use plywave::FiberModel;
@@ -131,12 +133,15 @@ fn one_strand_is_that_of_path_tracing() {
     let (dual, _) = by_dual(&prepared(&scene), &camera, 16, 4096);
     let (want, got) = (mean(&blocks(&path, 1)), mean(&blocks(&dual, 1)));
     println!("one strand: paths {want:.5}, dual {got:.5}");
-    // The two are 0.04 % apart; with light drawn from sources alone, whose noise is greater, they were 0.5 % apart.
+    // The two are 0.04 % apart; with light drawn from sources alone, whose noise is greater, they were 0.5 %
+    // apart.
     assert!((got / want - 1.0).abs() < 0.005, "{got} {want}");
 }
 
-/// What the estimate is off by, and its cost: all light, less that of path tracing, as a share of it. Seeds are fixed, so the same work gives the same numbers. The limit is twice what
-/// two ways of sampling the same estimate differed by, 0.03 (sources alone; sources and lobes). An estimate that got better fails too: docs/explain/dual_scattering.md has these numbers.
+/// What the estimate is off by, and its cost: all light, less that of path tracing, as a share of it. Seeds
+/// are fixed, so the same work gives the same numbers. The limit is twice what two ways of sampling the same
+/// estimate differed by, 0.03 (sources alone; sources and lobes). An estimate that got better fails too:
+/// docs/explain/dual_scattering.md has these numbers.
 fn is_off_by(name: &str, what: GeneratedStrands, color: &str, tt: f32, told: [f64; 3]) {
     const LIMIT: f64 = 0.06;
     let camera = Camera::new(Vec3::new(4.0, -22.0, 20.0), Vec3::new(0.0, 0.0, 0.5), Vec3::Z, 0.25);
@@ -197,7 +202,8 @@ fn floors_are_lit_through_strands() {
     let (black, _) = by_dual(&prepared(&scene), &camera, 32, 64);
     let [want, got, black] = [&path, &dual, &black].map(|film| mean(&blocks(film, 1)));
     println!("fur on a floor: paths {want:.4}, dual {got:.4}, dual over a black floor {black:.4}");
-    // Measured: 7 % more light than by paths, where brown fur alone has 15 %; without the floor's light 0.53 of it.
+    // Measured: 7 % more light than by paths, where brown fur alone has 15 %; without the floor's light 0.53
+    // of it.
     assert!((got / want - 1.07).abs() < 0.08 && (black / got - 0.53).abs() < 0.08, "{want} {got} {black}");
 }
 

@@ -1,4 +1,5 @@
-//! Files of strands are read as they are meant, and refused in one line; strands made by rule are where they should be.
+//! Files of strands are read as they are meant, and refused in one line; strands made by rule are where they
+//! should be.
 
 use glam::DVec3;
 use plywave_render::{

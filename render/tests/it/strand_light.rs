@@ -1,5 +1,5 @@
-//! Light among strands: white rooms stay white, one scattering is the model's albedo, a lamp's light is its integral, effective widths cast shadows of their width,
-//! and the form of the tree is not in the picture.
+//! Light among strands: white rooms stay white, one scattering is the model's albedo, a lamp's light is its
+//! integral, effective widths cast shadows of their width, and the form of the tree is not in the picture.
 
 use glam::{DVec3, Vec3};
 use plywave::fiber::{DielectricFiber, DielectricParameters, FiberSource, FiberTable, OutlineSymmetry, TabulatedFiber};
@@ -19,7 +19,8 @@ fn dielectric() -> FiberModel {
     DielectricFiber::new(parameters).unwrap().into()
 }
 
-/// A table that takes light from the given multiples of its geometric width, from 0.38 to 0.78 um, and scatters the share `albedo` evenly.
+/// A table that takes light from the given multiples of its geometric width, from 0.38 to 0.78 um, and
+/// scatters the share `albedo` evenly.
 fn table(widths: &[f64], albedo: f64) -> FiberModel {
     let l = widths.len();
     let geometric = 2.0 * f64::from(RADIUS_UM);
@@ -132,8 +133,9 @@ fn cuts_tell_what_they_leave_out() {
     assert!(average.abs() < 5.0 * deviation && deviation < 0.02, "{average} of {deviation}");
 }
 
-/// A furnace of an assembly with growing numbers of scatterings (Xia 2020, Fig. 8): met within C_e, all light is there in the end and never more than all; the same light put into strands
-/// that are met within C_g alone, C_e / C_g of it a scattering, grows beyond the room's.
+/// A furnace of an assembly with growing numbers of scatterings (Xia 2020, Fig. 8): met within C_e, all light
+/// is there in the end and never more than all; the same light put into strands that are met within C_g
+/// alone, C_e / C_g of it a scattering, grows beyond the room's.
 #[test]
 fn assemblies_vanish_in_a_white_room_by_effective_widths_alone() {
     /// C_e / C_g, as of circles of some 10 um.
@@ -214,7 +216,8 @@ fn a_lamp_gives_the_integral_over_it() {
     assert!((got / want - 1.0).abs() < 0.02, "{got} {want}");
 }
 
-/// Black fibers side by side let through what is beyond their effective width, by wavelength: to the camera, and to a matte floor from a lamp.
+/// Black fibers side by side let through what is beyond their effective width, by wavelength: to the camera,
+/// and to a matte floor from a lamp.
 #[test]
 fn effective_widths_cast_their_shadow() {
     // Nearly no scattering; a distance of five geometric widths.
@@ -250,7 +253,8 @@ fn effective_widths_cast_their_shadow() {
     }
 }
 
-/// A dyed wisp under lamp and sky: the same picture, bit by bit, by trees of two forms; darker than a clear one.
+/// A dyed wisp under lamp and sky: the same picture, bit by bit, by trees of two forms; darker than a clear
+/// one.
 #[test]
 fn the_tree_is_not_in_the_picture() {
     let lamp = Light::facing(Vec3::new(30.0, -40.0, 20.0), Vec3::ZERO, 15.0, 8.0);

@@ -1,5 +1,7 @@
-//! Rays and strands against a reference in 64 bits that knows no tree and no closed form: the entry into each of many balls along the curve, the best refined by golden
-//! section; splines by de Boor's scheme. Splines are traced as straight pieces within 2 % of the radius, so their answers are bracketed by tubes of 0.97 and 1.03 radii.
+//! Rays and strands against a reference in 64 bits that knows no tree and no closed form: the entry into each
+//! of many balls along the curve, the best refined by golden section; splines by de Boor's scheme. Splines
+//! are traced as straight pieces within 2 % of the radius, so their answers are bracketed by tubes of 0.97
+//! and 1.03 radii.
 
 use glam::{DVec3, Vec3};
 use plywave_render::{Basis, Skip, StrandHit, StrandShape, StrandTree, Strands};
@@ -176,7 +178,8 @@ fn far_from_the_origin_a_strand_is_what_its_numbers_say() {
     }
 }
 
-/// A point inside the tube is never seen without the tube before it: no gaps at turns, between segments, between a spline's straight pieces.
+/// A point inside the tube is never seen without the tube before it: no gaps at turns, between segments,
+/// between a spline's straight pieces.
 #[test]
 fn no_ray_gets_through() {
     let mut rng = Pcg64Mcg::seed_from_u64(3);

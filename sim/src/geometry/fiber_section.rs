@@ -34,7 +34,8 @@ impl FiberSection {
         self.outer.area() - self.lumen.as_ref().map_or(0.0, Outline::area)
     }
 
-    /// Least distance between the outer walls of two fibers [um]; negative, by the depth of the deepest vertex, when they overlap.
+    /// Least distance between the outer walls of two fibers [um]; negative, by the depth of the deepest
+    /// vertex, when they overlap.
     /// Exact for the outlines as held.
     pub fn min_distance(&self, other: &FiberSection) -> f64 {
         let apart = (self.center_um - other.center_um).norm();

@@ -1,8 +1,8 @@
 //! Triangle mesh of a ply: every outline swept along its helix (Yu 2025, 4.1, Fig. 5b).
 //!
-//! The section turns rigidly with height, so the sweep is a screw. Each fiber is one closed surface of its own: outer wall,
-//! lumen wall if it is hollow, and two caps. Vertices are shared within a fiber; every edge belongs to two triangles of
-//! opposite direction.
+//! The section turns rigidly with height, so the sweep is a screw. Each fiber is one closed surface of its
+//! own: outer wall, lumen wall if it is hollow, and two caps. Vertices are shared within a fiber; every edge
+//! belongs to two triangles of opposite direction.
 
 use crate::geometry::fiber_section::FiberSection;
 use crate::geometry::section::PlySection;
@@ -24,8 +24,9 @@ pub struct TriMesh {
 }
 
 impl TriMesh {
-    /// Sweep `section` from `z0_um` to `z1_um` with `outline_points` (8 or more) around each wall and layers at most `step_um`
-    /// apart. Empty unless `z1_um > z0_um`. Outlines become inscribed polygons: relative loss of a circle's area `6.6 / points^2`.
+    /// Sweep `section` from `z0_um` to `z1_um` with `outline_points` (8 or more) around each wall and layers
+    /// at most `step_um` apart. Empty unless `z1_um > z0_um`. Outlines become inscribed polygons: relative
+    /// loss of a circle's area `6.6 / points^2`.
     pub fn sweep(section: &PlySection, z0_um: f64, z1_um: f64, outline_points: usize, step_um: f64) -> TriMesh {
         let mut mesh = TriMesh::default();
         let length = z1_um - z0_um;
@@ -133,7 +134,8 @@ impl TriMesh {
     }
 }
 
-/// Triangles between two counterclockwise rings of `n` points, the second within the first; its vertices count from `n`.
+/// Triangles between two counterclockwise rings of `n` points, the second within the first; its vertices
+/// count from `n`.
 fn triangulate_annulus(outer: &[Vector2<f64>], lumen: &[Vector2<f64>]) -> Vec<[usize; 3]> {
     let n = outer.len();
     // A bridge that crosses neither ring makes one polygon of the two; the shortest one never does.
@@ -154,7 +156,8 @@ fn triangulate_annulus(outer: &[Vector2<f64>], lumen: &[Vector2<f64>]) -> Vec<[u
     triangulate(&points, around_outer.chain(around_lumen).collect())
 }
 
-/// Triangles of the counterclockwise polygon of `corners`, by ear clipping. A corner may come twice, at the ends of a bridge.
+/// Triangles of the counterclockwise polygon of `corners`, by ear clipping. A corner may come twice, at the
+/// ends of a bridge.
 fn triangulate(points: &[Vector2<f64>], mut corners: Vec<usize>) -> Vec<[usize; 3]> {
     let mut triangles = Vec::with_capacity(corners.len());
     let mut at = 0;
@@ -164,7 +167,8 @@ fn triangulate(points: &[Vector2<f64>], mut corners: Vec<usize>) -> Vec<[usize; 
     while corners.len() > 3 {
         let n = corners.len();
         let ear = [corners[at % n], corners[(at + 1) % n], corners[(at + 2) % n]];
-        // Once even points in line, to rounding, are all that is left, any corner is cut: the surface stays closed.
+        // Once even points in line, to rounding, are all that is left, any corner is cut: the surface stays
+        // closed.
         if height < 1e-13 || is_ear(points, &corners, ear, height) {
             triangles.push(ear);
             corners.remove((at + 1) % n);

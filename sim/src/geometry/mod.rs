@@ -1,4 +1,5 @@
-//! The geometry of a ply: outlines of fibers, their packing, the cross section, the sweep along the twist as triangles.
+//! The geometry of a ply: outlines of fibers, their packing, the cross section, the sweep along the twist as
+//! triangles.
 
 pub(crate) mod fiber_section;
 pub(crate) mod mesh;

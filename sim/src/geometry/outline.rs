@@ -1,7 +1,7 @@
 //! Closed outlines of fiber cross sections: distance, area, curvature, resampling.
 //!
-//! A circle is kept as such; everything else is a dense polyline whose vertices lie on the smooth outline. All
-//! measures of a polyline are exact for the polyline itself, by brute force over its edges.
+//! A circle is kept as such; everything else is a dense polyline whose vertices lie on the smooth outline.
+//! All measures of a polyline are exact for the polyline itself, by brute force over its edges.
 
 use nalgebra::Vector2;
 use std::f64::consts::TAU;
@@ -103,8 +103,9 @@ impl Outline {
         }
     }
 
-    /// `n >= 3` points, uniform in arc length and counterclockwise, with outward unit normals. Points of a polyline lie on its
-    /// edges, and their normals turn evenly from vertex to vertex as those of the smooth outline do.
+    /// `n >= 3` points, uniform in arc length and counterclockwise, with outward unit normals. Points of a
+    /// polyline lie on its edges, and their normals turn evenly from vertex to vertex as those of the smooth
+    /// outline do.
     pub fn points(&self, n: usize) -> Vec<OutlinePoint> {
         let n = n.max(3);
         match self {

@@ -1,13 +1,16 @@
 //! Hard-particle Monte Carlo packing of fiber outlines in a circular or elliptical ply.
 //!
-//! The fibers start apart in a ply that is too large. Random moves and turns are accepted only while every gap is kept,
-//! and after each sweep the arrangement is compressed as far as the gaps allow, until all fibers lie within the ply.
-//! Further sweeps at that size forget the way there, and hold the radial density that is asked for (`radial.rs`); without one, hard particles at
-//! equilibrium fill their container evenly and line its wall.
-//! At no moment do two fibers overlap. (Yu 2025, 4.1, only says that cross sections are "generated and clustered".)
+//! The fibers start apart in a ply that is too large. Random moves and turns are accepted only while every
+//! gap is kept, and after each sweep the arrangement is compressed as far as the gaps allow, until all fibers
+//! lie within the ply.
+//! Further sweeps at that size forget the way there, and hold the radial density that is asked for
+//! (`radial.rs`); without one, hard particles at equilibrium fill their container evenly and line its wall.
+//! At no moment do two fibers overlap. (Yu 2025, 4.1, only says that cross sections are "generated and
+//! clustered".)
 //!
-//! Outlines other than circles are tested through a grid of exact signed distances in the fiber's frame, with the error of
-//! the grid measured and added to the gap; the packed section is then checked against the exact outlines.
+//! Outlines other than circles are tested through a grid of exact signed distances in the fiber's frame, with
+//! the error of the grid measured and added to the gap; the packed section is then checked against the exact
+//! outlines.
 
 use crate::error::SimError;
 use crate::geometry::fiber_section::FiberSection;
@@ -29,7 +32,8 @@ const MAX_SWEEPS: usize = 6000;
 const STALL_SWEEPS: usize = 400;
 /// Relative shrinkage below which compression counts as jammed.
 const STALL: f64 = 1e-3;
-/// Sweeps at the final size; with steps near a third of a gap, tens of sweeps carry a fiber past its neighbors.
+/// Sweeps at the final size; with steps near a third of a gap, tens of sweeps carry a fiber past its
+/// neighbors.
 const MIX_SWEEPS: usize = 150;
 /// The same where a radial density is held: two thirds of them on the way there.
 const RADIAL_SWEEPS: usize = 600;
@@ -254,7 +258,8 @@ impl DistanceGrid {
         for j in 0..=CELLS {
             for i in 0..=CELLS {
                 let p = Vector2::new(node(i), node(j));
-                // The neighbor's distance is off by one spacing at most, and no wall lies between if it is larger than that.
+                // The neighbor's distance is off by one spacing at most, and no wall lies between if it is
+                // larger than that.
                 let last = if i > 0 { values.last().copied() } else { None };
                 let distance = runs.distance(p, last.map_or(f64::INFINITY, |d| d.abs() + 1.001 / per_um));
                 let inside = last.filter(|d| d.abs() > 1.001 / per_um).map_or_else(|| outline.contains(p), |d| d < 0.0);

@@ -1,18 +1,21 @@
 //! How densely the fibers lie between a ply's axis and its surface.
 //!
-//! Hard particles at equilibrium line the wall of their container; a ply has no wall. Cross sections of spun yarns are densest in the inner part, fall
-//! towards the surface and end there with a ragged rim (Hickie and Chaikin 1974; Neckar and Ibrahim 2003; docs/explain/papers.md, departure 20). With the ply scaled to
-//! the unit disc, the filled fraction asked for is
+//! Hard particles at equilibrium line the wall of their container; a ply has no wall. Cross sections of spun
+//! yarns are densest in the inner part, fall towards the surface and end there with a ragged rim (Hickie and
+//! Chaikin 1974; Neckar and Ibrahim 2003; docs/explain/papers.md, departure 20). With the ply scaled to the
+//! unit disc, the filled fraction asked for is
 //!
 //! ```text
 //! d(r) = d0 (1 - r^m),   d0 = (1 + 2/m) phi,   share of the fibers within r:  A(r) = ((m + 2) r^2 - 2 r^(m + 2)) / m
 //! ```
 //!
-//! phi the filled fraction of the whole ply. m is 2, a parabola, where the middle then holds no more than discs or other outlines pack at random, and else what
-//! makes the middle that dense: loose plies fall all the way, tight ones have a dense core and a thin rim.
+//! phi the filled fraction of the whole ply. m is 2, a parabola, where the middle then holds no more than
+//! discs or other outlines pack at random, and else what makes the middle that dense: loose plies fall all
+//! the way, tight ones have a dense core and a thin rim.
 //!
-//! The packing's trial moves are accepted by the Metropolis rule for the energy `sum_k (A_k - A(r_k))^2 / (2 tau^2)` over rings r_k, A_k the share within. Fibers
-//! count as discs of their area.
+//! The packing's trial moves are accepted by the Metropolis rule for the energy
+//! `sum_k (A_k - A(r_k))^2 / (2 tau^2)` over rings r_k, A_k the share within. Fibers count as discs of their
+//! area.
 
 use nalgebra::Vector2;
 use std::f64::consts::PI;
@@ -22,7 +25,8 @@ const RINGS: usize = 12;
 /// Standard deviation of the share within a ring, at the end and at the start of the way there.
 const TAU_END: f64 = 0.015;
 const TAU_START: f64 = 0.2;
-/// Densest middle of random packings: discs end at 0.82 (Berryman 1983, Phys. Rev. A 27, 1053); what other outlines reach is chosen.
+/// Densest middle of random packings: discs end at 0.82 (Berryman 1983, Phys. Rev. A 27, 1053); what other
+/// outlines reach is chosen.
 const CORE_DISCS: f64 = 0.82;
 const CORE_OTHERS: f64 = 0.72;
 /// Exponents of the profile.

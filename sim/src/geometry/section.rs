@@ -1,6 +1,7 @@
 //! The cross section of a ply: fibers placed without overlap in the plane z = 0 (Yu 2025, 4.1, Fig. 5a).
 //!
-//! Along z the whole section turns rigidly about the axis, so fibers that are apart at z = 0 are apart everywhere.
+//! Along z the whole section turns rigidly about the axis, so fibers that are apart at z = 0 are apart
+//! everywhere.
 
 use crate::error::SimError;
 use crate::geometry::fiber_section::FiberSection;
@@ -26,7 +27,8 @@ impl PlySection {
     /// Draw the fibers of `spec` and pack them. The same seed gives the same section.
     ///
     /// # Errors
-    /// [`SimError::CannotPack`] when the fibers do not fit within the ply, [`SimError::BadOutline`] for a shape that cannot be built.
+    /// [`SimError::CannotPack`] when the fibers do not fit within the ply, [`SimError::BadOutline`] for a
+    /// shape that cannot be built.
     pub fn generate(spec: &YarnSpec, seed: u64) -> Result<PlySection, SimError> {
         let mut rng = Pcg64Mcg::new(0x9e37_79b9_7f4a_7c15_f39c_c060_5ced_c835 ^ u128::from(seed) << 1);
         let mut fibers = Vec::new();
@@ -46,7 +48,8 @@ impl PlySection {
         z_um * self.twist_per_um
     }
 
-    /// Chance that the line x = `h_um[n]` meets a fiber when the section is turned at random: mean over `turns` even turns.
+    /// Chance that the line x = `h_um[n]` meets a fiber when the section is turned at random: mean over
+    /// `turns` even turns.
     pub fn chance_to_meet(&self, h_um: &[f64], turns: usize) -> Vec<f64> {
         let mut met = vec![0usize; h_um.len()];
         for k in 0..turns {
@@ -89,7 +92,8 @@ impl PlySection {
     }
 }
 
-/// Which fibers are of the second kind: of n fibers at a share s, n s of them and at random one more or less, so that the mean over sections is the share.
+/// Which fibers are of the second kind: of n fibers at a share s, n s of them and at random one more or less,
+/// so that the mean over sections is the share.
 /// Nothing is drawn where there is one kind.
 fn which_second<R: Rng>(spec: &YarnSpec, rng: &mut R) -> Vec<usize> {
     let Some(blend) = &spec.blend else { return Vec::new() };

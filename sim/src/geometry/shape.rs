@@ -1,8 +1,10 @@
 //! Fiber outlines drawn at random from the spec's shape and jitter.
 //!
-//! Every outline is smooth, simple, counterclockwise and centered on its centroid; vertices lie on the smooth curve.
-//! Curves are given by a parameter or, for polygons, by lines and arcs; both are sampled evenly in arc length, more densely
-//! where they bend sharply. Not modeled: variation along the fiber (the section is the same at every height).
+//! Every outline is smooth, simple, counterclockwise and centered on its centroid; vertices lie on the smooth
+//! curve.
+//! Curves are given by a parameter or, for polygons, by lines and arcs; both are sampled evenly in arc
+//! length, more densely where they bend sharply. Not modeled: variation along the fiber (the section is the
+//! same at every height).
 
 use crate::error::SimError;
 use crate::geometry::fiber_section::FiberSection;
@@ -150,8 +152,9 @@ fn kidney(a: f64, b: f64, dent: f64, hollow: f64) -> (Outline, Option<Outline>) 
 /// A bean with a dent from above and bent ends; the lumen lies flat along its midline.
 ///
 /// With `x = a cos t`, `s = |sin t|` and `g(s) = ((1 + s)/2)^10`, the walls stand at `b (s - dent g(s))` and
-/// `b (-s - dent g(-s))` above the bent midline. As `g(s) - g(-s) <= s`, the thickness is `b (2 - dent) s` or more and that of the
-/// lumen, drawn about the same midline, is less at every x: the walls never touch. Both are trigonometric polynomials of degree 10.
+/// `b (-s - dent g(-s))` above the bent midline. As `g(s) - g(-s) <= s`, the thickness is `b (2 - dent) s` or
+/// more and that of the lumen, drawn about the same midline, is less at every x: the walls never touch. Both
+/// are trigonometric polynomials of degree 10.
 pub(crate) struct Kidney {
     pub a: f64,
     pub b: f64,
@@ -295,8 +298,8 @@ fn sample(pieces: &[Piece], rounding: f64) -> Outline {
     Outline::Polyline(points)
 }
 
-/// A convex counterclockwise polygon opened by a disc: shrunk by `rounding`, then grown by it. Edges too short for two arcs
-/// vanish. None when nothing remains after shrinking.
+/// A convex counterclockwise polygon opened by a disc: shrunk by `rounding`, then grown by it. Edges too
+/// short for two arcs vanish. None when nothing remains after shrinking.
 fn rounded_convex(corners: &[Vector2<f64>], rounding: f64) -> Option<Outline> {
     let mut inset = corners.to_vec();
     for (a, b) in edges(corners) {

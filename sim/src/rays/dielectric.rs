@@ -1,13 +1,15 @@
-//! Multiple-scattering rough dielectric: the random walk of Heitz et al. 2016 on a GGX microsurface of the Smith model.
+//! Multiple-scattering rough dielectric: the random walk of Heitz et al. 2016 on a GGX microsurface of the
+//! Smith model.
 //!
-//! A single-scatter microfacet model drops the light that hits a second microfacet; inside a bundle of fibers, with a
-//! dozen interactions a path, that loses half the energy (docs/explain/papers.md, departure 11). The walk follows the ray over the
-//! microsurface until it leaves, so that every sample carries weight 1 and power is conserved exactly.
+//! A single-scatter microfacet model drops the light that hits a second microfacet; inside a bundle of
+//! fibers, with a dozen interactions a path, that loses half the energy (docs/explain/papers.md, departure
+//! 11). The walk follows the ray over the microsurface until it leaves, so that every sample carries weight 1
+//! and power is conserved exactly.
 //!
-//! Power is traced, not radiance: there is no eta^2 factor. Heights are uniform in [-1, 1] and enter only through their
-//! cumulative distribution, here `c` in [0, 1]. The walk is kept in the frame of the medium the ray is in, with the
-//! outward side up: when it refracts, the frame is turned over (w -> -w, c -> 1 - c, eta -> 1/eta), which the symmetry of
-//! the height distribution allows.
+//! Power is traced, not radiance: there is no eta^2 factor. Heights are uniform in [-1, 1] and enter only
+//! through their cumulative distribution, here `c` in [0, 1]. The walk is kept in the frame of the medium the
+//! ray is in, with the outward side up: when it refracts, the frame is turned over (w -> -w, c -> 1 - c, eta
+//! -> 1/eta), which the symmetry of the height distribution allows.
 
 use nalgebra::Vector3;
 use rand::{Rng, RngExt};
@@ -35,8 +37,8 @@ pub struct Scattered {
 /// Microfacet interactions after which a walk is given up; the path counts as killed.
 pub(super) const MAX_ORDER: u32 = 512;
 
-/// Unpolarized Fresnel reflectance at a facet, and the cosine of the refracted ray; `cos_i >= 0`, `eta` = transmitted over
-/// incident index. Total internal reflection gives (1, 0).
+/// Unpolarized Fresnel reflectance at a facet, and the cosine of the refracted ray; `cos_i >= 0`, `eta` =
+/// transmitted over incident index. Total internal reflection gives (1, 0).
 pub fn fresnel(cos_i: f32, eta: f32) -> (f32, f32) {
     let sin2_t = (1.0 - cos_i * cos_i) / (eta * eta);
     if sin2_t >= 1.0 {
@@ -49,7 +51,8 @@ pub fn fresnel(cos_i: f32, eta: f32) -> (f32, f32) {
 }
 
 impl RoughDielectric {
-    /// Scatter a ray that propagates along `dir` (local frame) and hits the interface from `outside` or from inside.
+    /// Scatter a ray that propagates along `dir` (local frame) and hits the interface from `outside` or from
+    /// inside.
     pub fn scatter<R: Rng>(&self, dir: Vector3<f32>, outside: bool, rng: &mut R) -> Scattered {
         // Frame of the medium the ray comes from; `flipped` says that it is the inside's.
         let mut flipped = !outside;
@@ -85,7 +88,8 @@ impl RoughDielectric {
         Scattered { dir: if flipped { -w } else { w }, outside: !flipped, order }
     }
 
-    /// Reflect or refract `w` at a facet of normal `n` (n.w < 0); true when refracted. The frame is not turned over.
+    /// Reflect or refract `w` at a facet of normal `n` (n.w < 0); true when refracted. The frame is not
+    /// turned over.
     #[inline(always)]
     fn facet<R: Rng>(&self, w: &mut Vector3<f32>, n: Vector3<f32>, eta: f32, rng: &mut R) -> bool {
         let cos_i = (-w.dot(&n)).max(0.0);
@@ -105,7 +109,8 @@ impl RoughDielectric {
         0.5 * (-1.0 + if w.z > 0.0 { root } else { -root })
     }
 
-    /// Height (as cumulative probability) of the next facet hit by a ray at height `c`; None when it leaves (Heitz 2016, 4.1).
+    /// Height (as cumulative probability) of the next facet hit by a ray at height `c`; None when it leaves
+    /// (Heitz 2016, 4.1).
     #[inline(always)]
     pub(super) fn next_height(&self, w: Vector3<f32>, c: f32, u: f32) -> Option<f32> {
         if w.z > 0.9999 {
@@ -125,8 +130,8 @@ impl RoughDielectric {
         Some((c / powf(1.0 - u, 1.0 / lambda)).clamp(0.0, 1.0))
     }
 
-    /// Normal of the facet seen from `wi` (any direction, also from below the horizon), by uniform sampling of the spherical
-    /// cap of the stretched configuration (Dupuy and Benyoub 2023).
+    /// Normal of the facet seen from `wi` (any direction, also from below the horizon), by uniform sampling
+    /// of the spherical cap of the stretched configuration (Dupuy and Benyoub 2023).
     #[inline(always)]
     pub(super) fn visible_normal(&self, wi: Vector3<f32>, u1: f32, u2: f32) -> Vector3<f32> {
         let s = Vector3::new(self.alpha * wi.x, self.alpha * wi.y, wi.z).normalize();
@@ -191,8 +196,9 @@ mod tests {
         }
     }
 
-    /// Reciprocity of power scattering: flux from a cosine-distributed bundle outside into the inside must equal, through
-    /// detailed balance, eta^2 times the reverse: T_in = eta^2 T_out for diffuse light, whatever the roughness.
+    /// Reciprocity of power scattering: flux from a cosine-distributed bundle outside into the inside must
+    /// equal, through detailed balance, eta^2 times the reverse: T_in = eta^2 T_out for diffuse light,
+    /// whatever the roughness.
     #[test]
     fn diffuse_transmittances_are_reciprocal() {
         let mut rng = Pcg64Mcg::seed_from_u64(2);
@@ -236,8 +242,8 @@ mod tests {
         }
     }
 
-    /// The facet seen from wi has the density D(m) max(m.wi, 0) / sigma(wi), sigma the projected area of all facets: its mean
-    /// m.z by quadrature over GGX, for directions above and below the horizon.
+    /// The facet seen from wi has the density D(m) max(m.wi, 0) / sigma(wi), sigma the projected area of all
+    /// facets: its mean m.z by quadrature over GGX, for directions above and below the horizon.
     #[test]
     fn visible_normals_follow_ggx() {
         let m = RoughDielectric { eta: 1.5, alpha: 0.4 };
@@ -248,8 +254,8 @@ mod tests {
             let (mut area, mut first) = (0.0f64, 0.0f64);
             let n = 1200;
             for i in 0..n {
-                // GGX's radial variable: tan^2 = alpha^2 u/(1-u), the density of m.z-weighted area is 1 in u. With u = 1 - t^2
-                // the root singularity of the projected area at u = 1 cancels.
+                // GGX's radial variable: tan^2 = alpha^2 u/(1-u), the density of m.z-weighted area is 1 in u.
+                // With u = 1 - t^2 the root singularity of the projected area at u = 1 cancels.
                 let t = (i as f64 + 0.5) / n as f64;
                 let u = 1.0 - t * t;
                 let t2 = 0.16 * u / (t * t);

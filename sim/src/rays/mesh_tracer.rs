@@ -1,7 +1,7 @@
 //! Triangles in an obvhs BVH: the general tracer, for any sweep.
 //!
-//! The mesh covers one period of the screw and a margin beyond both ends; a ray that reaches the end of the period goes on
-//! at the other end, so that no path ever hits an end cap.
+//! The mesh covers one period of the screw and a margin beyond both ends; a ray that reaches the end of the
+//! period goes on at the other end, so that no path ever hits an end cap.
 
 use crate::geometry::mesh::TriMesh;
 use crate::geometry::section::PlySection;
@@ -25,8 +25,8 @@ pub struct MeshResolution {
 }
 
 impl Default for MeshResolution {
-    /// 96 facets turn a circle's normal by 3.75 degrees from one to the next, 1.1 degrees rms off the smooth normal: little
-    /// beside the 11 degrees of alpha 0.2.
+    /// 96 facets turn a circle's normal by 3.75 degrees from one to the next, 1.1 degrees rms off the smooth
+    /// normal: little beside the 11 degrees of alpha 0.2.
     fn default() -> Self {
         MeshResolution { outline_points: 96, step_um: 8.0 }
     }
@@ -97,7 +97,8 @@ impl Tracer for MeshTracer {
 
     fn trace(&self, pos: Vector3<f32>, dir: Vector3<f32>, medium: Medium) -> Trace {
         let half = 0.5 * self.period;
-        // Adding 0 turns -0 into 0: the BVH takes a ray's octant from the sign of its inverse in one place and of itself in another.
+        // Adding 0 turns -0 into 0: the BVH takes a ray's octant from the sign of its inverse in one place
+        // and of itself in another.
         let d = Vec3A::new(dir.x, dir.y, dir.z) + Vec3A::ZERO;
         let mut z = pos.z - self.period * (pos.z / self.period).round();
         let mut done = 0.0f32;
@@ -123,7 +124,8 @@ impl Tracer for MeshTracer {
             let mut hit = RayHit::none();
             self.bvh.ray_traverse(ray, &mut hit, |ray, i| {
                 let (fiber, lumen) = (self.wall[i] >> 1, self.wall[i] & 1 == 1);
-                // Into the material: against the normal. Only the walls of the medium count, from the medium's side.
+                // Into the material: against the normal. Only the walls of the medium count, from the
+                // medium's side.
                 let (wanted, into) = match medium {
                     Medium::Air => (!lumen, true),
                     Medium::Fiber(f) => (fiber == f, false),

@@ -1,4 +1,5 @@
-//! The walk of one path through a ply: rough dielectric scattering at every fiber wall until the path escapes (Yu 2025, 4.4).
+//! The walk of one path through a ply: rough dielectric scattering at every fiber wall until the path escapes
+//! (Yu 2025, 4.4).
 
 use crate::rays::dielectric::RoughDielectric;
 use crate::rays::surface::{FiberSurface, Surfaces, Wall};
@@ -26,8 +27,9 @@ pub enum PathEnd {
         dir: Vector3<f32>,
         /// A place on its last line [um].
         pos: Vector3<f32>,
-        /// Length in the material, as it counts for absorption [um]: of a core and of a blend's second fibers times their share of the dye, of an opaque fiber
-        /// what its reflections stand for (`plywave::fiber::reflections`).
+        /// Length in the material, as it counts for absorption [um]: of a core and of a blend's second fibers
+        /// times their share of the dye, of an opaque fiber what its reflections stand for
+        /// (`plywave::fiber::reflections`).
         length_um: f32,
         /// Wall interactions.
         interactions: u32,
@@ -36,7 +38,8 @@ pub enum PathEnd {
     Killed,
 }
 
-/// Wall interactions after which a path is killed. Smooth fibers guide light for long; rough ones never come near.
+/// Wall interactions after which a path is killed. Smooth fibers guide light for long; rough ones never come
+/// near.
 pub const MAX_INTERACTIONS: u32 = 10_000;
 
 /// Trace one path from `pos` [um] outside the ply in unit direction `dir`.
@@ -63,8 +66,9 @@ pub fn trace_path_among<T: Tracer + ?Sized, R: Rng>(
     walk(|pos, dir, medium| tracer.trace(pos, dir, medium), surface, pos, dir, rng, |_, _, _| ())
 }
 
-/// The walk itself. `trace` answers for the next wall as a [`Tracer`] does, `surface` says what a fiber does to light, and `on_hit` is told of every wall
-/// that the path hits: its fiber, the length that counts for absorption since the last wall, 0 in air, and the place, which it may move to an equal one.
+/// The walk itself. `trace` answers for the next wall as a [`Tracer`] does, `surface` says what a fiber does
+/// to light, and `on_hit` is told of every wall that the path hits: its fiber, the length that counts for
+/// absorption since the last wall, 0 in air, and the place, which it may move to an equal one.
 #[inline(always)]
 pub(crate) fn walk<'s, R: Rng>(
     trace: impl Fn(Vector3<f32>, Vector3<f32>, Medium) -> Trace,
@@ -97,8 +101,8 @@ pub(crate) fn walk<'s, R: Rng>(
         };
         let n = hit.normal;
         let (t, b) = basis(n);
-        // At a corner sharper than the geometry resolves, the normal can face away from a ray that passes the wall: it then
-        // counts as grazing, from the side of its medium.
+        // At a corner sharper than the geometry resolves, the normal can face away from a ray that passes the
+        // wall: it then counts as grazing, from the side of its medium.
         let z = dir.dot(&n).abs().max(1e-6);
         let local = Vector3::new(dir.dot(&t), dir.dot(&b), if outside { -z } else { z });
         let wall = if hit.lumen { &fiber.inner } else { &fiber.outer };

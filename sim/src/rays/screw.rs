@@ -1,14 +1,15 @@
-//! The screw march: a rigid screw sweep is a 2D picture, `inside(x, y, z) = inside2D(Rot(-twist z)(x, y))`, so a ray is
-//! marched through signed distances of the cross section in the frame that turns with the fibers.
+//! The screw march: a rigid screw sweep is a 2D picture, `inside(x, y, z) = inside2D(Rot(-twist z)(x, y))`,
+//! so a ray is marched through signed distances of the cross section in the frame that turns with the fibers.
 //!
 //! In that frame a ray `p + s d` moves as `q(s) = Rot(-twist d_z s)(q0 + s d_xy)`, at a speed of at most
-//! `|d_xy| + |twist d_z| |q|`. Within the distance to the nearest wall, and so within `r + distance` of the axis, nothing can be
-//! hit, which bounds a safe step. Close to a wall the step is Newton's: along a line the distance to a convex outline is a
-//! convex function, so that Newton never passes it from the outside; where an outline is dented or the twist bends the
-//! line, a pass of the wall is seen by the sign and walked back.
+//! `|d_xy| + |twist d_z| |q|`. Within the distance to the nearest wall, and so within `r + distance` of the
+//! axis, nothing can be hit, which bounds a safe step. Close to a wall the step is Newton's: along a line the
+//! distance to a convex outline is a convex function, so that Newton never passes it from the outside; where
+//! an outline is dented or the twist bends the line, a pass of the wall is seen by the sign and walked back.
 //!
-//! The distance to the nearest fiber comes from one grid over the ply; near the walls its cells name the fibers to test
-//! for their exact distance: circles in closed form, all others by a grid of distance and gradient of their own.
+//! The distance to the nearest fiber comes from one grid over the ply; near the walls its cells name the
+//! fibers to test for their exact distance: circles in closed form, all others by a grid of distance and
+//! gradient of their own.
 
 use crate::geometry::outline::Outline;
 use crate::geometry::section::PlySection;
@@ -23,8 +24,10 @@ const HIT_UM: f32 = 2e-4;
 const MAX_STEPS: u32 = 20_000;
 /// Least step along dented walls and walls seen from inside, as motion in the turning frame [um].
 const MIN_STEP_UM: f32 = 0.2;
-/// Distance from a dented wall, or one seen from inside, within which Newton's step is taken, up to four safe steps long [um].
-/// It may pass the wall, which is seen; that it passes out and in again would take a dent thinner than what it overshoots.
+/// Distance from a dented wall, or one seen from inside, within which Newton's step is taken, up to four safe
+/// steps long [um].
+/// It may pass the wall, which is seen; that it passes out and in again would take a dent thinner than what
+/// it overshoots.
 const NEWTON_WITHIN_UM: f32 = 1.0;
 /// Fibers that one cell of the ply's grid names.
 const NEAR: usize = 4;
@@ -50,7 +53,8 @@ impl Wall {
         }
     }
 
-    /// Signed distance, gradient, and whether the outline is convex and the distance exact (not a lower bound).
+    /// Signed distance, gradient, and whether the outline is convex and the distance exact (not a lower
+    /// bound).
     #[inline(always)]
     fn distance(&self, q: V2) -> (f32, V2, bool) {
         match self {
@@ -64,8 +68,8 @@ impl Wall {
     }
 }
 
-/// Distance and gradient of a polyline on a square grid, bilinear between the nodes. The gradient is stored, not
-/// differenced: its error is of second order in cell size times curvature.
+/// Distance and gradient of a polyline on a square grid, bilinear between the nodes. The gradient is stored,
+/// not differenced: its error is of second order in cell size times curvature.
 struct DistanceGrid {
     origin: V2,
     inv_cell: f32,
@@ -74,8 +78,8 @@ struct DistanceGrid {
     convex: bool,
 }
 
-/// Bounds of the number of cells across an outline's grid. With 48 cells on a fiber of 15 um the bilinear error of the distance
-/// is 2 nm; more only cost cache.
+/// Bounds of the number of cells across an outline's grid. With 48 cells on a fiber of 15 um the bilinear
+/// error of the distance is 2 nm; more only cost cache.
 const CELLS: (usize, usize) = (48, 96);
 /// Nodes along the side of a block that shares its choice of near edges.
 const BLOCK: usize = 8;
@@ -122,8 +126,8 @@ impl DistanceGrid {
         DistanceGrid { origin: origin.cast(), inv_cell: (1.0 / cell) as f32, n, nodes, convex }
     }
 
-    /// Length along the line q + s v, from inside the outline, at which it is beyond the outline: in the middle of the margin
-    /// that the grid has about it, so that a path bent a little stays on the grid.
+    /// Length along the line q + s v, from inside the outline, at which it is beyond the outline: in the
+    /// middle of the margin that the grid has about it, so that a path bent a little stays on the grid.
     #[inline(always)]
     fn leave(&self, q: V2, v: V2) -> f32 {
         let size = (self.n - 1) as f32 / self.inv_cell;
@@ -181,7 +185,8 @@ fn nearest_on_edge(points: &[Vector2<f64>], k: usize, q: Vector2<f64>) -> (Vecto
     (a + e * t, t)
 }
 
-/// Signed distance (negative inside) to a counterclockwise polyline and its gradient, from the edges `near` that may be nearest.
+/// Signed distance (negative inside) to a counterclockwise polyline and its gradient, from the edges `near`
+/// that may be nearest.
 /// At a vertex the side is that of the mean of both edges' normals.
 fn signed_distance(points: &[Vector2<f64>], near: &[usize], q: Vector2<f64>) -> (f64, Vector2<f64>) {
     let m = points.len();
@@ -212,7 +217,8 @@ fn signed_distance(points: &[Vector2<f64>], near: &[usize], q: Vector2<f64>) -> 
     (sign * d, g)
 }
 
-/// A cell of the ply's grid: the nearest fibers, and the distance from any of its points within which no other counts.
+/// A cell of the ply's grid: the nearest fibers, and the distance from any of its points within which no
+/// other counts.
 #[derive(Clone, Copy)]
 struct Cell {
     free: f32,
@@ -232,8 +238,8 @@ pub struct ScrewTracer {
 }
 
 impl ScrewTracer {
-    /// Build the distance grids of a cross section. None when more fibers crowd round one spot than a cell can name even
-    /// on the finest grid; the mesh tracer is then the one to use.
+    /// Build the distance grids of a cross section. None when more fibers crowd round one spot than a cell
+    /// can name even on the finest grid; the mesh tracer is then the one to use.
     pub fn new(section: &PlySection) -> Option<ScrewTracer> {
         if section.fibers.len() >= NONE as usize {
             return None;
@@ -325,8 +331,8 @@ impl TurningRay {
     }
 }
 
-/// Length within which the distance to a convex outline, now `d` > 0 and changing by `slope` per length, stays positive when
-/// the path's acceleration is at most `bend`: the zero of d + slope s - bend s^2 / 2.
+/// Length within which the distance to a convex outline, now `d` > 0 and changing by `slope` per length,
+/// stays positive when the path's acceleration is at most `bend`: the zero of d + slope s - bend s^2 / 2.
 #[inline(always)]
 fn convex_step(d: f32, slope: f32, bend: f32) -> f32 {
     let root = (slope * slope + 2.0 * bend * d).sqrt();
@@ -350,7 +356,8 @@ struct WallHit {
 /// The march was given up.
 struct GivenUp;
 
-/// Place where the ray passes a wall between `good` (before it) and `bad` (behind it), by Newton kept within the bracket;
+/// Place where the ray passes a wall between `good` (before it) and `bad` (behind it), by Newton kept within
+/// the bracket;
 /// `side` is -1 for a wall seen from inside.
 fn crossing(ray: &TurningRay, wall: &Wall, side: f32, mut good: f32, mut bad: f32) -> WallHit {
     let mut s = bad;
@@ -437,7 +444,8 @@ impl ScrewTracer {
                 if in_lumen && !is_lumen {
                     continue;
                 }
-                // Distance on the side of the medium: outside the lumen in the material, inside the wall otherwise.
+                // Distance on the side of the medium: outside the lumen in the material, inside the wall
+                // otherwise.
                 let side = if is_lumen && !in_lumen { 1.0 } else { -1.0 };
                 let (d, n, convex) = wall.distance(q);
                 let (d, slope) = (side * d, side * v.dot(&n));
@@ -462,9 +470,9 @@ impl ScrewTracer {
     }
 }
 
-/// Where a ray leaves a convex outline, by Newton from beyond: along a straight line the distance is a convex function, so
-/// that Newton comes down on its larger root from the outside. None when the outline is dented, or the twist bends the ray too
-/// much for that (it then marches).
+/// Where a ray leaves a convex outline, by Newton from beyond: along a straight line the distance is a convex
+/// function, so that Newton comes down on its larger root from the outside. None when the outline is dented,
+/// or the twist bends the ray too much for that (it then marches).
 #[inline(always)]
 fn leave_convex(ray: &TurningRay, wall: &Wall) -> Option<WallHit> {
     let (q, v) = ray.at(0.0);
@@ -508,8 +516,10 @@ fn leave_from(ray: &TurningRay, wall: &Wall, mut s: f32) -> Option<WallHit> {
 /// Steps towards a core after which the ray is marched.
 const CORE_STEPS: u32 = 32;
 
-/// Where a ray within the material between two circles meets the next wall; true when it is the inner one's. It leaves the outer circle as it would a full one. The inner one is
-/// passed by when the ray's tangent keeps further off it than the twist can bend the ray up to there; else steps that cannot pass a convex wall lead to it, or past it.
+/// Where a ray within the material between two circles meets the next wall; true when it is the inner one's.
+/// It leaves the outer circle as it would a full one. The inner one is passed by when the ray's tangent keeps
+/// further off it than the twist can bend the ray up to there; else steps that cannot pass a convex wall lead
+/// to it, or past it.
 /// None for other outlines, and where that does not settle it.
 #[inline(always)]
 fn leave_ring(ray: &TurningRay, outer: &Wall, core: &Wall, bend: f32) -> Option<(WallHit, bool)> {
@@ -572,7 +582,8 @@ impl Tracer for ScrewTracer {
         let Ok((WallHit { s, q, n }, fiber, lumen)) = found else { return Trace::Lost };
         // Into the air: out of the fiber, or into the lumen.
         let n = if lumen { -n } else { n };
-        // Gradient of sdf2D(Rot(-twist z)(x, y)): in the frame (n, twist (q.y n.x - q.x n.y)), turned back by the angle at the hit.
+        // Gradient of sdf2D(Rot(-twist z)(x, y)): in the frame (n, twist (q.y n.x - q.x n.y)), turned back by
+        // the angle at the hit.
         let (sin, cos) = (self.twist * (pos.z + s * dir.z)).sin_cos();
         let normal = Vector3::new(cos * n.x - sin * n.y, sin * n.x + cos * n.y, self.twist * (q.y * n.x - q.x * n.y))
             .normalize();

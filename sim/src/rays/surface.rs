@@ -1,7 +1,9 @@
 //! What fibers do to light: their walls, and what absorbs within them.
 //!
-//! An opaque fiber's wall is the GGX microsurface of [`RoughDielectric`] whose facets all reflect (Heitz et al. 2016, the conductor). Nothing is lost in the walk: what the facets
-//! absorb is kept as a length, [`Reflections`], by which a path is weighted for every absorption afterwards, as by its length in a dielectric.
+//! An opaque fiber's wall is the GGX microsurface of [`RoughDielectric`] whose facets all reflect (Heitz et
+//! al. 2016, the conductor). Nothing is lost in the walk: what the facets absorb is kept as a length,
+//! [`Reflections`], by which a path is weighted for every absorption afterwards, as by its length in a
+//! dielectric.
 
 use crate::rays::dielectric::{MAX_ORDER, RoughDielectric, Scattered};
 use nalgebra::Vector3;
@@ -19,12 +21,14 @@ pub struct RoughConductor {
 }
 
 impl RoughConductor {
-    /// Reflect a ray that propagates along `dir` (local frame, z along the normal, which points outside), and the length that its reflections stand for [um].
+    /// Reflect a ray that propagates along `dir` (local frame, z along the normal, which points outside), and
+    /// the length that its reflections stand for [um].
     pub fn scatter<R: Rng>(&self, dir: Vector3<f32>, rng: &mut R) -> (Scattered, f32) {
         self.walk(dir, rng, |cos| self.reflections.length_um(cos))
     }
 
-    /// The walk over the microsurface; `of_facet` answers for each facet by its cosine of incidence, and its sum comes back.
+    /// The walk over the microsurface; `of_facet` answers for each facet by its cosine of incidence, and its
+    /// sum comes back.
     pub(crate) fn walk<R: Rng>(
         &self,
         dir: Vector3<f32>,
@@ -74,9 +78,11 @@ pub enum Wall {
 pub struct FiberSurface {
     /// The outer wall.
     pub outer: Wall,
-    /// The wall of the core, its normal from the material into the core: index of the material over that of the core.
+    /// The wall of the core, its normal from the material into the core: index of the material over that of
+    /// the core.
     pub inner: Wall,
-    /// Length that counts for absorption per length in the material: 1, of a blend's second fibers their share of the dye.
+    /// Length that counts for absorption per length in the material: 1, of a blend's second fibers their
+    /// share of the dye.
     pub absorbs: f32,
     /// The same in the core.
     pub core_absorbs: f32,
@@ -161,7 +167,8 @@ mod tests {
         }
     }
 
-    /// Reciprocity of a surface that loses nothing: light that is even over the hemisphere stays even, whatever the roughness. Mean cosine 2/3, nothing below.
+    /// Reciprocity of a surface that loses nothing: light that is even over the hemisphere stays even,
+    /// whatever the roughness. Mean cosine 2/3, nothing below.
     #[test]
     fn even_light_stays_even() {
         let mut rng = Pcg64Mcg::seed_from_u64(2);
@@ -183,8 +190,8 @@ mod tests {
         }
     }
 
-    /// Weights by length against the walk that is absorbed facet by facet, by Fresnel's reflectance of the wavelength: off by what the lengths' common course over the angle
-    /// leaves, 0.02.
+    /// Weights by length against the walk that is absorbed facet by facet, by Fresnel's reflectance of the
+    /// wavelength: off by what the lengths' common course over the angle leaves, 0.02.
     #[test]
     fn lengths_absorb_as_facets_do() {
         let mut rng = Pcg64Mcg::seed_from_u64(3);

@@ -1,8 +1,8 @@
 //! What the path walk needs from the geometry: the next fiber wall along a ray, in the medium the ray is in.
 //!
-//! Two tracers answer: [`crate::ScrewTracer`] marches through the screw sweep of a 2D picture, [`crate::MeshTracer`] traces
-//! triangles in a BVH. The medium is kept by fiber identity, never by the sign of a normal, so that a ray in a fiber sees only
-//! that fiber's walls.
+//! Two tracers answer: [`crate::ScrewTracer`] marches through the screw sweep of a 2D picture,
+//! [`crate::MeshTracer`] traces triangles in a BVH. The medium is kept by fiber identity, never by the sign
+//! of a normal, so that a ray in a fiber sees only that fiber's walls.
 
 use nalgebra::Vector3;
 
@@ -65,6 +65,6 @@ pub trait Tracer: Sync {
     fn trace(&self, pos: Vector3<f32>, dir: Vector3<f32>, medium: Medium) -> Trace;
 }
 
-/// Distance [um] by which a path is set off a wall, along the normal, into the medium it goes on in. Offsets of 1e-5 to 1e-2 um
-/// leak nothing, none at all leaks 91 % of the paths, as a prototype measured.
+/// Distance [um] by which a path is set off a wall, along the normal, into the medium it goes on in. Offsets
+/// of 1e-5 to 1e-2 um leak nothing, none at all leaks 91 % of the paths, as a prototype measured.
 pub const WALL_OFFSET_UM: f32 = 1e-3;

@@ -1,7 +1,8 @@
 //! The path walk in 2D: parallel fibers, any incident latitude, one ply instance (Yu 2025, 4.4 and 4.5).
 //!
-//! Light that hits smooth parallel fibers stays on the specular cone theta_o = -theta_i, so that its distribution is one over
-//! the azimuth alone. It is the same walk as in 3D, through the same tracer, over a cross section that does not turn;
+//! Light that hits smooth parallel fibers stays on the specular cone theta_o = -theta_i, so that its
+//! distribution is one over the azimuth alone. It is the same walk as in 3D, through the same tracer, over a
+//! cross section that does not turn;
 //! made for comparison with 2D wave optics, which sees one fixed instance: nothing is turned at random here.
 
 use crate::error::SimError;
@@ -38,7 +39,8 @@ pub struct Walk2d {
     pub seed: u64,
 }
 
-/// Energy densities over the azimuth [1/rad], `values[bin]`; the integral over the azimuth is a fraction of the beam's power.
+/// Energy densities over the azimuth [1/rad], `values[bin]`; the integral over the azimuth is a fraction of
+/// the beam's power.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Azimuthal {
     /// Light that hit no fiber.
@@ -49,7 +51,8 @@ pub struct Azimuthal {
     pub high: Vec<Vec<f64>>,
     /// Fraction of the beam in killed paths.
     pub killed: f64,
-    /// Variance of the light that the cone did not hold: mean squared distance of theta_o from -theta_i [rad^2], per scattered path.
+    /// Variance of the light that the cone did not hold: mean squared distance of theta_o from -theta_i
+    /// [rad^2], per scattered path.
     pub cone_spread_rad2: f64,
 }
 

@@ -1,4 +1,5 @@
-//! Jobs of any kind, made anew from their descriptions: to run shards of them elsewhere, and to merge their parts.
+//! Jobs of any kind, made anew from their descriptions: to run shards of them elsewhere, and to merge their
+//! parts.
 
 use super::job::{Description, Plan};
 use super::merge::Parts;
@@ -81,7 +82,8 @@ impl AnyJob {
     /// The same from [`Description::text`], for shards that are run by this program.
     ///
     /// # Errors
-    /// As [`AnyJob::from_description`], and [`SimError::Merge`] for the description of another version of the program.
+    /// As [`AnyJob::from_description`], and [`SimError::Merge`] for the description of another version of the
+    /// program.
     pub fn of_text(text: &str, extent: u64) -> Result<AnyJob, SimError> {
         let refuse = |what: String, hint: &str| SimError::Merge { what, hint: hint.into() };
         let description: Description = serde_json::from_str(text)
@@ -103,7 +105,8 @@ impl AnyJob {
         each!(self, job => Plan::from_job(&**job))
     }
 
-    /// Runs one shard, or one group of shards, and gives the bytes of its file in a parts folder ([`super::block_name`]).
+    /// Runs one shard, or one group of shards, and gives the bytes of its file in a parts folder
+    /// ([`super::block_name`]).
     ///
     /// # Errors
     /// As [`run_block`].
@@ -111,10 +114,12 @@ impl AnyJob {
         each!(self, job => run_block(&**job, shards, run))
     }
 
-    /// Whether the bytes are those of a file of these shards of this job, whole and with values that can be theirs.
+    /// Whether the bytes are those of a file of these shards of this job, whole and with values that can be
+    /// theirs.
     ///
     /// # Errors
-    /// [`SimError::Merge`] for the parts of another job or other shards, those of [`PartFile::from_bytes`] and [`PartFile::entry`].
+    /// [`SimError::Merge`] for the parts of another job or other shards, those of [`PartFile::from_bytes`]
+    /// and [`PartFile::entry`].
     pub fn check_block(&self, shards: Range<usize>, bytes: Vec<u8>, name: &str) -> Result<(), SimError> {
         let file = PartFile::from_bytes(bytes, name)?;
         if file.digest() != self.plan().digest || !file.entries().eq([(shards.start, shards.len())]) {

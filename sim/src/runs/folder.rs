@@ -1,4 +1,5 @@
-//! The parts folder of a run: a lock that the running process holds, and one file for every finished shard or group of shards.
+//! The parts folder of a run: a lock that the running process holds, and one file for every finished shard or
+//! group of shards.
 
 use super::disk::{self, io};
 use super::job::{Job, Plan};
@@ -24,8 +25,8 @@ pub enum Found {
     Replace,
 }
 
-/// A folder of parts, locked by this process. The system releases the lock when the process ends, however it ends. Files that are not plywave's are left
-/// alone.
+/// A folder of parts, locked by this process. The system releases the lock when the process ends, however it
+/// ends. Files that are not plywave's are left alone.
 #[derive(Debug)]
 pub struct PartsFolder {
     path: PathBuf,
@@ -39,8 +40,8 @@ impl PartsFolder {
     /// Makes the folder where there is none, and locks it.
     ///
     /// # Errors
-    /// [`SimError::PartsInUse`] when another process has the lock, [`Error::Io`] when the folder cannot be made, [`Error::Format`] when it is a folder of
-    /// something else.
+    /// [`SimError::PartsInUse`] when another process has the lock, [`Error::Io`] when the folder cannot be
+    /// made, [`Error::Format`] when it is a folder of something else.
     pub fn open(path: impl Into<PathBuf>, found: Found) -> Result<PartsFolder, SimError> {
         let path = path.into();
         let names = if path.exists() { names_in(&path)? } else { Vec::new() };
@@ -86,7 +87,8 @@ impl PartsFolder {
     /// Entries of `job` in the folder that are whole, as first shard and number of shards.
     ///
     /// # Errors
-    /// [`SimError::PartsFound`] and [`SimError::PartsOfAnotherRun`] for what may not be used or deleted unasked.
+    /// [`SimError::PartsFound`] and [`SimError::PartsOfAnotherRun`] for what may not be used or deleted
+    /// unasked.
     pub(super) fn scan<J: Job + ?Sized>(&self, job: &J, plan: &Plan) -> Result<HashSet<(usize, usize)>, SimError> {
         let mut whole = HashSet::new();
         for name in self.names()? {
@@ -245,7 +247,8 @@ mod tests {
         }
     }
 
-    /// A second process is refused while the first holds the folder, and an empty folder goes with its holder.
+    /// A second process is refused while the first holds the folder, and an empty folder goes with its
+    /// holder.
     #[test]
     fn folders_have_one_holder() {
         let dir = tempfile::tempdir().unwrap();

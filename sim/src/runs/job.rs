@@ -48,7 +48,8 @@ impl Description {
         })
     }
 
-    /// Its canonical text: JSON without spaces, the keys of `options` sorted, numbers in the fewest digits that give them back.
+    /// Its canonical text: JSON without spaces, the keys of `options` sorted, numbers in the fewest digits
+    /// that give them back.
     pub fn text(&self) -> String {
         // Strings, numbers and objects with string keys: nothing that JSON cannot hold.
         serde_json::to_string(self).unwrap_or_default()
@@ -70,8 +71,9 @@ pub struct Done {
 
 /// Work cut into shards.
 ///
-/// Shard `i` depends on the description and `i` alone. Consecutive shards may form groups, whose parts are added up in their order; the sums of the
-/// groups, again in their order, make the output. So the output has the same bits whatever threads, machines and interruptions made the parts.
+/// Shard `i` depends on the description and `i` alone. Consecutive shards may form groups, whose parts are
+/// added up in their order; the sums of the groups, again in their order, make the output. So the output has
+/// the same bits whatever threads, machines and interruptions made the parts.
 pub trait Job: Sync {
     /// What the parts are merged into.
     type Output;
@@ -102,7 +104,8 @@ pub trait Job: Sync {
     /// Arrays of the part of shard `shard` or of the group that it begins.
     fn layout(&self, shard: usize) -> Vec<ArrayLayout>;
 
-    /// Whether the values of the part of shards `first..first + count` can be theirs, beyond what the layout says.
+    /// Whether the values of the part of shards `first..first + count` can be theirs, beyond what the layout
+    /// says.
     ///
     /// # Errors
     /// A sentence about what cannot be.

@@ -2,8 +2,8 @@
 
 use crate::wave::memory::available_bytes;
 
-/// Shards that may be held at once where each takes `bytes`: one a thread, in half of the memory that is free; one a thread where they take nothing to
-/// speak of.
+/// Shards that may be held at once where each takes `bytes`: one a thread, in half of the memory that is
+/// free; one a thread where they take nothing to speak of.
 pub(super) fn lanes(bytes: usize) -> usize {
     let threads = rayon::current_num_threads();
     if bytes == 0 {

@@ -21,7 +21,8 @@ impl Parts {
     /// Reads the files and checks that they are whole, of one job, and hold each shard once.
     ///
     /// # Errors
-    /// [`SimError::Merge`] naming the shards that are missing or there twice, or the file of another job; those of [`PartFile::open`].
+    /// [`SimError::Merge`] naming the shards that are missing or there twice, or the file of another job;
+    /// those of [`PartFile::open`].
     pub fn open(paths: &[PathBuf]) -> Result<Parts, SimError> {
         let refuse = |what: String, hint: &str| SimError::Merge { what, hint: hint.into() };
         let mut first: Option<Parts> = None;

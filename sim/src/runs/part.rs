@@ -85,7 +85,8 @@ struct Document {
     entries: Vec<EntryHead>,
 }
 
-/// A file of parts, read and found whole: its checksum holds, and the job's digest is that of its description.
+/// A file of parts, read and found whole: its checksum holds, and the job's digest is that of its
+/// description.
 pub struct PartFile {
     /// Name for messages.
     name: String,
@@ -151,7 +152,8 @@ impl PartFile {
     /// Reads a file.
     ///
     /// # Errors
-    /// [`Error::Io`] when it cannot be read, [`Error::Format`] when it is no file of parts, of another version or damaged.
+    /// [`Error::Io`] when it cannot be read, [`Error::Format`] when it is no file of parts, of another
+    /// version or damaged.
     pub fn open(path: &Path) -> Result<PartFile, SimError> {
         PartFile::from_bytes(disk::read_whole(path)?, &path.display().to_string())
     }

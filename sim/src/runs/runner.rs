@@ -1,4 +1,5 @@
-//! Runs shards side by side as far as memory allows, with finished ones in memory or in a folder, and gives their sums out in order.
+//! Runs shards side by side as far as memory allows, with finished ones in memory or in a folder, and gives
+//! their sums out in order.
 
 use super::arrays::Part;
 use super::folder::{PartsFolder, block_name};
@@ -35,7 +36,8 @@ impl Run<'_> {
 /// Runs all shards of a job on the current thread pool and merges them.
 ///
 /// # Errors
-/// The failure of the first shard by number that fails, [`SimError::Interrupted`] when stopped, errors of the parts folder.
+/// The failure of the first shard by number that fails, [`SimError::Interrupted`] when stopped, errors of the
+/// parts folder.
 pub fn run<J: Job>(job: &J, run: Run<'_>) -> Result<J::Output, SimError> {
     let plan = Plan::from_job(job);
     let mut merge = job.begin();
@@ -64,8 +66,8 @@ pub fn run_part<J: Job>(
     Ok(shards)
 }
 
-/// Runs one shard, or one whole group of shards, and gives the bytes of its file in a parts folder: with the files of all others there, a run that
-/// resumes has nothing left to do but to merge.
+/// Runs one shard, or one whole group of shards, and gives the bytes of its file in a parts folder: with the
+/// files of all others there, a run that resumes has nothing left to do but to merge.
 ///
 /// # Errors
 /// As [`run`], and [`SimError::Merge`] for shards that are neither.
@@ -87,7 +89,8 @@ pub fn run_block<J: Job + ?Sized>(job: &J, shards: Range<usize>, run: Run<'_>) -
     encode(job, &plan, &entries, &block_name(shards.start, shards.len()))
 }
 
-/// Checks what the folder of `run` holds of `job` before any work, so that a job that comes later in a chain is not refused after hours.
+/// Checks what the folder of `run` holds of `job` before any work, so that a job that comes later in a chain
+/// is not refused after hours.
 ///
 /// # Errors
 /// As [`run`], for parts that may not be used or deleted.
@@ -177,7 +180,8 @@ fn execute<J: Job + ?Sized>(
     (0..side_by_side.min(turns.len() - begun)).into_par_iter().with_max_len(1).for_each(|_| {
         loop {
             let turn = next.fetch_add(1, Ordering::Relaxed);
-            // Shards begin in order, so that the first failure by number is found whatever the number of lanes.
+            // Shards begin in order, so that the first failure by number is found whatever the number of
+            // lanes.
             let hopeless = || lock(&state).failed.as_ref().is_some_and(|(at, _)| *at < turn);
             if turn >= turns.len() || stop.load(Ordering::Relaxed) || hopeless() {
                 return;
@@ -218,7 +222,8 @@ struct Lanes<'a, 'b, J: ?Sized> {
 }
 
 impl<J: Job + ?Sized> Lanes<'_, '_, J> {
-    /// Reads or runs the shard of a step and adds up what is next in order; gives the memory that it took when it was run.
+    /// Reads or runs the shard of a step and adds up what is next in order; gives the memory that it took
+    /// when it was run.
     fn one(&self, at: usize) -> Result<Option<usize>, SimError> {
         let Step::Shard { shard, stored, .. } = self.steps[at] else { return Ok(None) };
         let mut bytes = None;

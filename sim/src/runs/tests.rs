@@ -1,4 +1,5 @@
-//! The scheduler on a made-up job whose parts are known: groups, stops, failures, damaged and foreign parts, merges in any order.
+//! The scheduler on a made-up job whose parts are known: groups, stops, failures, damaged and foreign parts,
+//! merges in any order.
 
 use super::*;
 use crate::error::SimError;
@@ -120,7 +121,8 @@ fn groups_are_summed_in_order_whatever_the_threads() {
     }
 }
 
-/// Stopped in the middle and resumed: each shard is run once, the outcome is that of one run, and a longer run of the same job uses what is there.
+/// Stopped in the middle and resumed: each shard is run once, the outcome is that of one run, and a longer
+/// run of the same job uses what is there.
 #[test]
 fn stopped_runs_are_resumed() {
     let folder = tempfile::tempdir().unwrap();
@@ -226,7 +228,8 @@ fn part_files(folder: &Path, job: &Toy<'_>, count: usize) -> Vec<PathBuf> {
     (1..=count).map(one).collect()
 }
 
-/// Parts made apart, of any number, given in any order, make the same bits; what is missing, double or of another job is told.
+/// Parts made apart, of any number, given in any order, make the same bits; what is missing, double or of
+/// another job is told.
 #[test]
 fn merges_are_the_whole_run() {
     let dir = tempfile::tempdir().unwrap();
@@ -260,7 +263,8 @@ fn merges_are_the_whole_run() {
     assert!(matches!(none, Err(SimError::TooManyParts { shards: 13, .. })), "{none:?}");
 }
 
-/// Any flipped byte of a part is found out, and so is any length; in a folder such a part is dropped with a word and its shard is run again.
+/// Any flipped byte of a part is found out, and so is any length; in a folder such a part is dropped with a
+/// word and its shard is run again.
 #[test]
 fn damaged_parts_are_found_out() {
     let dir = tempfile::tempdir().unwrap();
@@ -299,7 +303,8 @@ fn damaged_parts_are_found_out() {
 }
 
 proptest! {
-    /// Parts whose checksum holds but whose values, sizes or numbers of shards cannot be: refused, never a panic.
+    /// Parts whose checksum holds but whose values, sizes or numbers of shards cannot be: refused, never a
+    /// panic.
     #[test]
     fn impossible_parts_are_refused(
         value in prop_oneof![Just(f32::NAN), Just(f32::INFINITY), Just(-1.0f32), Just(2e6f32)],
@@ -326,7 +331,8 @@ proptest! {
     }
 }
 
-/// Blocks that were run one by one fill the folder of a run, which then merges without running a shard, to the same bits; what is no block is refused.
+/// Blocks that were run one by one fill the folder of a run, which then merges without running a shard, to
+/// the same bits; what is no block is refused.
 #[test]
 fn blocks_made_elsewhere_fill_a_folder() {
     let want = run(&toy(11, 4), Run::plain()).unwrap();

@@ -1,4 +1,5 @@
-//! What is traced: the geometry of a fabric's yarns and the specs of their plies. It is made of a loaded fabric or of its own text, without models.
+//! What is traced: the geometry of a fabric's yarns and the specs of their plies. It is made of a loaded
+//! fabric or of its own text, without models.
 
 use crate::error::SimError;
 use plywave::Error;
@@ -6,7 +7,8 @@ use plywave::fabric::{Draft, Fabric, LoadedFabric, YarnSet, YarnShape};
 use plywave::spec::{Handedness, YarnSpec};
 use serde::{Deserialize, Serialize};
 
-/// Most that the tubes about two yarns may intersect [um]: fibers are packed some tenths of a micrometer within their ply.
+/// Most that the tubes about two yarns may intersect [um]: fibers are packed some tenths of a micrometer
+/// within their ply.
 pub const OVERLAP_TOLERANCE_UM: f64 = 0.5;
 
 /// A cloth of explicit fibers.
@@ -58,7 +60,8 @@ impl TwinCloth {
         TwinCloth::new(&loaded.spec.name, loaded.fabric.clone(), texts, loaded.threads.clone())
     }
 
-    /// A cloth of a fabric's geometry, the texts of the specs of its yarns, and for warp and weft which yarn of one repeat of their stripes has which spec.
+    /// A cloth of a fabric's geometry, the texts of the specs of its yarns, and for warp and weft which yarn
+    /// of one repeat of their stripes has which spec.
     ///
     /// # Errors
     /// As [`TwinCloth::from_loaded`].
@@ -119,7 +122,8 @@ impl TwinCloth {
         &self.text
     }
 
-    /// The key in which a fabric differs from this cloth, as far as its fibers depend on it; `None` when they are the same.
+    /// The key in which a fabric differs from this cloth, as far as its fibers depend on it; `None` when they
+    /// are the same.
     pub fn difference(&self, loaded: &LoadedFabric) -> Option<&'static str> {
         if self.fabric.draft() != loaded.fabric.draft() {
             return Some("weave");

@@ -1,7 +1,8 @@
 //! How many repeats are traced, and which pitches close over them.
 //!
-//! Rays that leave the domain at one side come in again at the other, so that plies and fibers make whole turns over its length. Their pitches change a
-//! little for that. As few repeats are traced as keep every change under 10 % and give four yarns a family. Where these are too many fibers for the memory, larger
+//! Rays that leave the domain at one side come in again at the other, so that plies and fibers make whole
+//! turns over its length. Their pitches change a little for that. As few repeats are traced as keep every
+//! change under 10 % and give four yarns a family. Where these are too many fibers for the memory, larger
 //! changes are allowed; where nothing serves, the domain is that of the least change and refused later.
 
 use super::cloth::TwinCloth;

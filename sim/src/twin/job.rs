@@ -1,4 +1,5 @@
-//! The twin as a job: shard `v S + s` is the s-th of the S shards of view v. A shard's random numbers depend on the seed and its number alone.
+//! The twin as a job: shard `v S + s` is the s-th of the S shards of view v. A shard's random numbers depend
+//! on the seed and its number alone.
 
 use super::cloth::TwinCloth;
 use super::domain::Domain;
@@ -15,7 +16,8 @@ use std::sync::atomic::AtomicBool;
 /// Traces the twin of a cloth on the threads of the current rayon pool. Progress counts paths.
 ///
 /// # Errors
-/// As [`TwinJob::new`] and [`ClothTracer::new`]; [`SimError::Interrupted`] when stopped, errors of the parts folder.
+/// As [`TwinJob::new`] and [`ClothTracer::new`]; [`SimError::Interrupted`] when stopped, errors of the parts
+/// folder.
 pub fn twin(cloth: &TwinCloth, options: &TwinOptions, run: Run<'_>) -> Result<ClothTwin, SimError> {
     runs::run(&TwinJob::new(cloth.clone(), options)?, run)
 }

@@ -1,9 +1,12 @@
-//! The twin of a cloth: path tracing of one periodic repeat with every fiber there, no model in between (`plywave::twin`).
+//! The twin of a cloth: path tracing of one periodic repeat with every fiber there, no model in between
+//! (`plywave::twin`).
 //!
-//! What it shares with the cloth model is the spec and the center lines of the yarns, and nothing else: plies wind about the yarns, packed fibers wind in
-//! the plies, and rays scatter at the fibers' walls by the same walk as in the simulation of a single ply.
+//! What it shares with the cloth model is the spec and the center lines of the yarns, and nothing else: plies
+//! wind about the yarns, packed fibers wind in the plies, and rays scatter at the fibers' walls by the same
+//! walk as in the simulation of a single ply.
 //!
-//! [`TwinCloth`] says what is there, [`Domain`] how many repeats are traced and which pitches close over them, `sweep.rs` makes triangles of it,
+//! [`TwinCloth`] says what is there, [`Domain`] how many repeats are traced and which pitches close over
+//! them, `sweep.rs` makes triangles of it,
 //! [`ClothTracer`] follows rays through them without end, [`TwinJob`] runs the paths.
 
 mod cloth;

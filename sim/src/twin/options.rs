@@ -3,10 +3,12 @@
 use plywave::twin::SphereBins;
 use serde::{Deserialize, Serialize};
 
-/// How finely triangles approximate the fibers. Normals are smooth: they are those of the swept outline at the vertices, and interpolated between.
+/// How finely triangles approximate the fibers. Normals are smooth: they are those of the swept outline at
+/// the vertices, and interpolated between.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TwinMesh {
-    /// Points around a circle or another convex outline; outlines with dents have more, and points are closer where an outline bends more.
+    /// Points around a circle or another convex outline; outlines with dents have more, and points are closer
+    /// where an outline bends more.
     pub outline_points: u32,
     /// Most that a fiber's frame may turn from ring to ring, by bend and twist together [rad].
     pub turn_rad: f64,
@@ -15,7 +17,8 @@ pub struct TwinMesh {
 }
 
 impl Default for TwinMesh {
-    /// Chords of a turn of 0.2 draw a fiber 50 um off the axis of its ply in by 0.25 um half way between rings, and its neighbors nearly as much.
+    /// Chords of a turn of 0.2 draw a fiber 50 um off the axis of its ply in by 0.25 um half way between
+    /// rings, and its neighbors nearly as much.
     fn default() -> Self {
         TwinMesh { outline_points: 24, turn_rad: 0.2, step_um: 20.0 }
     }
@@ -45,7 +48,8 @@ pub struct TwinOptions {
 }
 
 impl Default for TwinOptions {
-    /// [`standard_views`]; clear fibers, and absorptions of 0.003 and 0.01 per um in both families; standard errors of the energies of 0.0007 or less.
+    /// [`standard_views`]; clear fibers, and absorptions of 0.003 and 0.01 per um in both families; standard
+    /// errors of the energies of 0.0007 or less.
     fn default() -> Self {
         TwinOptions {
             views: standard_views(),
@@ -68,13 +72,15 @@ impl TwinOptions {
     }
 }
 
-/// The direction of a tilt from the face's normal towards an azimuth from x to y [rad]; a tilt beyond pi/2 is from the back.
+/// The direction of a tilt from the face's normal towards an azimuth from x to y [rad]; a tilt beyond pi/2 is
+/// from the back.
 pub fn direction(tilt_rad: f64, azimuth_rad: f64) -> [f64; 3] {
     let ((sin, cos), (y, x)) = (tilt_rad.sin_cos(), azimuth_rad.sin_cos());
     [sin * x, sin * y, cos]
 }
 
-/// Normal; 30, 60 and 75 degrees across the warp (towards x); 30 and 60 along it (towards y); 45 and 60 along the diagonal.
+/// Normal; 30, 60 and 75 degrees across the warp (towards x); 30 and 60 along it (towards y); 45 and 60 along
+/// the diagonal.
 pub fn standard_views() -> Vec<[f64; 3]> {
     [[0.0, 0.0], [30.0, 0.0], [60.0, 0.0], [75.0, 0.0], [30.0, 90.0], [60.0, 90.0], [45.0, 45.0], [60.0, 45.0]]
         .iter()

@@ -1,7 +1,8 @@
 //! Paths of one view through a cloth, and their sums.
 //!
-//! The lines of the light cross the middle plane at places drawn evenly over the domain; a path begins where its line comes down to the highest fiber, or up to
-//! the lowest. It is walked once: the lengths within warp and weft fibers tell its weight for every pair of absorptions.
+//! The lines of the light cross the middle plane at places drawn evenly over the domain; a path begins where
+//! its line comes down to the highest fiber, or up to the lowest. It is walked once: the lengths within warp
+//! and weft fibers tell its weight for every pair of absorptions.
 
 use super::options::TwinOptions;
 use super::tracer::ClothTracer;
@@ -128,7 +129,8 @@ impl Different {
     }
 }
 
-/// Trace `paths` paths of light from `view` and add them to `sums`. `repeat_um` is the size of the repeat that the image is of. None when stopped.
+/// Trace `paths` paths of light from `view` and add them to `sums`. `repeat_um` is the size of the repeat
+/// that the image is of. None when stopped.
 pub(super) fn trace_paths<R: Rng>(
     tracer: &ClothTracer,
     options: &TwinOptions,

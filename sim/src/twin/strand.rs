@@ -1,11 +1,14 @@
-//! From the coordinates of a straight yarn to the cloth: center line, helix of the plies, winding of the fibers.
+//! From the coordinates of a straight yarn to the cloth: center line, helix of the plies, winding of the
+//! fibers.
 //!
-//! A straight yarn has the coordinates (c, n, s): across, up, and the length along its axis. The curved yarn is its image under
-//! `P(s) + c C + n N(s)`, C the horizontal across and N the normal of the center line P in the vertical plane. N turns as little as it can, as the curve
-//! lies in a plane, and the map stretches lengths along the yarn by `1 - kappa n`: while that is positive, what is apart in the straight yarn is apart in
-//! the cloth. The plies are tubes about helices in the straight yarn, their sections at right angles to the helix. Fibers wind in these tubes as in the
-//! simulation of a single ply, by an angle that is counted against a frame that turns as little as it can: against the frame of the helix, which points
-//! away from the yarn's axis, such a frame turns back by `cos(lean)` of every turn.
+//! A straight yarn has the coordinates (c, n, s): across, up, and the length along its axis. The curved yarn
+//! is its image under `P(s) + c C + n N(s)`, C the horizontal across and N the normal of the center line P in
+//! the vertical plane. N turns as little as it can, as the curve lies in a plane, and the map stretches
+//! lengths along the yarn by `1 - kappa n`: while that is positive, what is apart in the straight yarn is
+//! apart in the cloth. The plies are tubes about helices in the straight yarn, their sections at right angles
+//! to the helix. Fibers wind in these tubes as in the simulation of a single ply, by an angle that is counted
+//! against a frame that turns as little as it can: against the frame of the helix, which points away from the
+//! yarn's axis, such a frame turns back by `cos(lean)` of every turn.
 
 use plywave::fabric::{Fabric, YarnSet, YarnShape};
 use plywave::math::vec3::dot;
@@ -143,7 +146,8 @@ impl Helix {
         let spec_pitch_um = shape.ply_pitch_um.filter(|_| shape.plies > 1);
         let hand = if shape.handedness == Handedness::Z { 1.0 } else { -1.0 };
         let turns = spec_pitch_um.map_or(0.0, |pitch| hand * (length_um / pitch).round());
-        // Where the changed pitch is too short for any circle, that of parallel plies: it is then off by more than any pitch that is kept.
+        // Where the changed pitch is too short for any circle, that of parallel plies: it is then off by more
+        // than any pitch that is kept.
         let pitch = (turns != 0.0).then(|| length_um / turns.abs());
         let circle_um = ply_circle_um(shape.plies, shape.ply_radius_um, pitch).unwrap_or_else(|| shape.circle_um());
         Helix { plies: shape.plies, circle_um, turns, spec_pitch_um, length_um }
@@ -159,7 +163,8 @@ impl Helix {
         TAU * self.turns / self.length_um
     }
 
-    /// Length of a ply by length along the axis of the yarn's family, where the center line has the given speed.
+    /// Length of a ply by length along the axis of the yarn's family, where the center line has the given
+    /// speed.
     fn speed(&self, speed: f64) -> f64 {
         speed.hypot(self.circle_um * self.rate())
     }

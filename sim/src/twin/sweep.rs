@@ -1,7 +1,10 @@
-//! Quads of a cloth's fibers: every outline swept along its winding in its ply, along the helix of the ply and the center line of the yarn.
+//! Quads of a cloth's fibers: every outline swept along its winding in its ply, along the helix of the ply
+//! and the center line of the yarn.
 //!
-//! Tubes are open: they begin and end a little beyond the domain, where rays go over to the other side. Vertices have the normals of the swept surface.
-//! A polygon within an outline has less area than the outline; its points are moved out so that the areas agree.
+//! Tubes are open: they begin and end a little beyond the domain, where rays go over to the other side.
+//! Vertices have the normals of the swept surface.
+//! A polygon within an outline has less area than the outline; its points are moved out so that the areas
+//! agree.
 
 use super::cloth::TwinCloth;
 use super::domain::{Domain, MAX_QUADS, PlyOf, estimate, plies_of};
@@ -94,8 +97,8 @@ impl ClothMesh {
     }
 }
 
-/// Places of the rings along the yarn over one domain, closer where the frame turns faster, with a margin of `margin_um` or more beyond both ends, and how many
-/// of them lie in the domain.
+/// Places of the rings along the yarn over one domain, closer where the frame turns faster, with a margin of
+/// `margin_um` or more beyond both ends, and how many of them lie in the domain.
 fn ring_places(
     strand: &Strand<'_>,
     helix: &Helix,
@@ -146,8 +149,9 @@ fn points_of(outline: &Outline, is_lumen: bool, options: &TwinMesh) -> usize {
     (n * turns.clamp(1.0, 4.0)).ceil() as usize
 }
 
-/// Points of a ring about an outline, relative to the fiber's center, by arc length and turn of the normal in equal parts. Their polygon has the outline's area; where
-/// the outline turns by `turn` from ring to ring, the chords between lie within by a share of `turn^2 / 12` on average, which is added.
+/// Points of a ring about an outline, relative to the fiber's center, by arc length and turn of the normal in
+/// equal parts. Their polygon has the outline's area; where the outline turns by `turn` from ring to ring,
+/// the chords between lie within by a share of `turn^2 / 12` on average, which is added.
 fn ring(fiber: &FiberSection, outline: &Outline, is_lumen: bool, turn: f64, options: &TwinMesh) -> Ring {
     let n = points_of(outline, is_lumen, options);
     let mut points = match outline {
@@ -203,7 +207,8 @@ fn sweep_ply(
     let winding = Winding::new(&strand, &helix, section.twist_per_um);
     let middle = [0.5 * domain.size_um[0], 0.5 * domain.size_um[1], 0.0];
     let phase = cloth.fabric.ply_turns(family, yarn as i32, 0.0) + f64::from(ply) / f64::from(helix.plies.max(1));
-    // Per ring: the ply's center in the straight yarn, its frame, the angle of its fibers, and the length along the axis.
+    // Per ring: the ply's center in the straight yarn, its frame, the angle of its fibers, and the length
+    // along the axis.
     struct Frame {
         center: V3,
         radial: V3,
@@ -213,7 +218,8 @@ fn sweep_ply(
         least: Rotation2<f64>,
         along: f64,
     }
-    // Sections stand at right angles to the center line and to the plies: they lean out of the plane of the border.
+    // Sections stand at right angles to the center line and to the plies: they lean out of the plane of the
+    // border.
     let shape = cloth.fabric.shape(family);
     let lean = |slope: f64| slope / slope.hypot(1.0);
     let margin_um = 0.5 * shape.width_um() * strand.steepest()

@@ -1,4 +1,5 @@
-//! The twin against the simulation of a single ply, which shares no geometry with it beyond the packed section.
+//! The twin against the simulation of a single ply, which shares no geometry with it beyond the packed
+//! section.
 
 use super::cloth::TwinCloth;
 use super::domain::Domain;
@@ -29,8 +30,9 @@ fn layers(spacing_um: [f64; 2]) -> TwinCloth {
     TwinCloth::new("layers", fabric, vec![POLYESTER.into()], [vec![0], vec![0]]).unwrap()
 }
 
-/// Means over paths of light onto a ply: missed, reflected without entering a fiber, absorbed-weighted light upwards and downwards at sigma 0 and 0.01,
-/// mean of the outgoing component along the ply; with squares for standard errors.
+/// Means over paths of light onto a ply: missed, reflected without entering a fiber, absorbed-weighted light
+/// upwards and downwards at sigma 0 and 0.01, mean of the outgoing component along the ply; with squares for
+/// standard errors.
 #[derive(Default)]
 struct Tally {
     sums: [f64; 7],
@@ -69,8 +71,8 @@ impl Tally {
     }
 }
 
-/// A lone straight ply of the twin, lit evenly over its width, against the screw march of the same section: two geometries, one physics. They
-/// differ by the triangles alone.
+/// A lone straight ply of the twin, lit evenly over its width, against the screw march of the same section:
+/// two geometries, one physics. They differ by the triangles alone.
 #[test]
 fn a_lone_ply_scatters_as_in_its_own_simulation() {
     let cloth = layers([4000.0, 100.0]);

@@ -1,9 +1,10 @@
-//! Rays among the fibers of a cloth without end: the quads of the domain in a BVH for each family, and rays that come in again at the other side. A ray within a fiber
-//! asks one family only.
+//! Rays among the fibers of a cloth without end: the quads of the domain in a BVH for each family, and rays
+//! that come in again at the other side. A ray within a fiber asks one family only.
 //!
-//! A position may lie anywhere in the plane; it is moved into the domain for the search. The tubes go on a little beyond the ends of the domain, so that a
-//! ray is followed up to the border and no end is seen. Yarns lie within the domain across; a ray within a fiber is moved to the image that holds the
-//! fiber's yarn, whichever side of the border rounding puts it on.
+//! A position may lie anywhere in the plane; it is moved into the domain for the search. The tubes go on a
+//! little beyond the ends of the domain, so that a ray is followed up to the border and no end is seen. Yarns
+//! lie within the domain across; a ray within a fiber is moved to the image that holds the fiber's yarn,
+//! whichever side of the border rounding puts it on.
 
 use super::cloth::TwinCloth;
 use super::domain::Domain;
@@ -80,7 +81,8 @@ impl ClothTracer {
         let ClothMesh { vertices, normals, quads, wall, fibers } = ClothMesh::new(cloth, domain, mesh, seed)?;
         let heights = || vertices.iter().map(|v| v[2]);
         let (low, high) = (heights().fold(0.0, f32::min) - 0.01, heights().fold(0.0, f32::max) + 0.01);
-        // The warp's quads come first. One family after the other: building takes several times the memory of what is built.
+        // The warp's quads come first. One family after the other: building takes several times the memory of
+        // what is built.
         let first = wall.partition_point(|w| fibers[*w as usize >> 1].family == YarnSet::Warp);
         let walls =
             [0..first, first..quads.len()].map(|range| Walls::new(&vertices, &quads[range.clone()], &wall[range]));
@@ -228,7 +230,8 @@ impl ClothTracer {
         Triangle { v0, v1, v2 }
     }
 
-    /// Distance along the ray to a quad, hit from the side that leads into its material or out of it, and the corners of the triangle hit.
+    /// Distance along the ray to a quad, hit from the side that leads into its material or out of it, and the
+    /// corners of the triangle hit.
     #[inline(always)]
     fn intersect(&self, [a, b, c, d]: [u32; 4], ray: &Ray, into: bool) -> (f32, [u32; 3]) {
         let mut best = (f32::INFINITY, [a, b, d]);

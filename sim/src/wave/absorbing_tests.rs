@@ -1,5 +1,6 @@
-//! Boundary integrals on absorbing and metallic bodies. Truth first: the series of one circle and of two; then what must hold of any solution (power balance,
-//! one answer at any resolution). Metals have measured indices (Johnson and Christy 1972).
+//! Boundary integrals on absorbing and metallic bodies. Truth first: the series of one circle and of two;
+//! then what must hold of any solution (power balance, one answer at any resolution). Metals have measured
+//! indices (Johnson and Christy 1972).
 
 use super::curve::CurvePoint;
 use super::extinction::Probes;
@@ -125,7 +126,8 @@ fn metal_ellipses_balance_and_converge() {
     }
 }
 
-/// A coat of metal around glass and glass around a metal core, against the series; a carbon triangle by its powers.
+/// A coat of metal around glass and glass around a metal core, against the series; a carbon triangle by its
+/// powers.
 #[test]
 fn coats_cores_and_corners() {
     for lambda_um in [0.45, 0.65] {
@@ -173,7 +175,8 @@ fn report(text: &str) -> Report {
     scatter(&Scene::parse(text).unwrap(), text, Run::plain()).unwrap()
 }
 
-/// The scenes of `tests/data/field/wave_absorbing`: widths of the series (mpmath, 1e-14), within each tolerance.
+/// The scenes of `tests/data/field/wave_absorbing`: widths of the series (mpmath, 1e-14), within each
+/// tolerance.
 #[test]
 fn field_absorbing() {
     let half = include_str!("../../../tests/data/field/wave_absorbing/nystrom.toml");
@@ -201,7 +204,8 @@ fn field_absorbing() {
     }
 }
 
-/// The scene of `tests/data/field/wave_index_matched`, by every method and tolerance, and bodies that are all but matched: nothing is scattered, which is no error.
+/// The scene of `tests/data/field/wave_index_matched`, by every method and tolerance, and bodies that are all
+/// but matched: nothing is scattered, which is no error.
 #[test]
 fn field_index_matched() {
     let text = include_str!("../../../tests/data/field/wave_index_matched/matched.toml");
@@ -228,7 +232,8 @@ fn field_index_matched() {
     }
 }
 
-/// Fields of zero, and fields of another body, are refused at every tolerance, however well their powers add up.
+/// Fields of zero, and fields of another body, are refused at every tolerance, however well their powers add
+/// up.
 #[test]
 fn wrong_fields_do_not_pass() {
     let wave = Wave { lambda_um: 0.5, theta_i: 0.4 };

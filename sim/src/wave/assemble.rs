@@ -1,8 +1,11 @@
-//! The matrices of the boundary equations ([`system`](super::system)): every pair of nodes, reduced by the symmetry of the walls.
+//! The matrices of the boundary equations ([`system`](super::system)): every pair of nodes, reduced by the
+//! symmetry of the walls.
 //!
-//! Quadrature: trapezoidal rule on periodic nodes. On walls between clear media the logarithm is that of Kussmaul and Martensen (see
-//! [`kernel`](super::kernel)); on others a rule of its own takes the place of nodes around the target ([`vicinity`](super::vicinity)). Targets close to
-//! another wall see it through finer nodes ([`close`](super::close)).
+//! Quadrature: trapezoidal rule on periodic nodes. On walls between clear media the logarithm is that of
+//! Kussmaul and Martensen (see
+//! [`kernel`](super::kernel)); on others a rule of its own takes the place of nodes around the target
+//! ([`vicinity`](super::vicinity)). Targets close to another wall see it through finer nodes
+//! ([`close`](super::close)).
 
 use super::close::{FINEST, close_row, closeness};
 use super::curve::CurvePoint;
@@ -94,7 +97,8 @@ impl Assembly {
         self.walls.partition_point(|w| w.first <= node) - 1
     }
 
-    /// The matrices of all parts, `[part][block]`, each column after column: parts as in `components`, a block for each character of the symmetry group.
+    /// The matrices of all parts, `[part][block]`, each column after column: parts as in `components`, a
+    /// block for each character of the symmetry group.
     ///
     /// # Errors
     /// [`WaveError::Overlap`] for walls that all but touch.
@@ -259,7 +263,8 @@ impl Assembly {
         }
     }
 
-    /// Replaces the rows of targets that stand so close to another wall that its nodes do not resolve the kernel.
+    /// Replaces the rows of targets that stand so close to another wall that its nodes do not resolve the
+    /// kernel.
     fn refine_close(
         &self,
         kernels: &Kernels,

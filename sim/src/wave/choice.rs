@@ -1,13 +1,16 @@
-//! Which solver serves a scene: by its shapes, and for many fibers by the time that each is predicted to take.
+//! Which solver serves a scene: by its shapes, and for many fibers by the time that each is predicted to
+//! take.
 
 use super::compressed::MIN_TOLERANCE;
 use super::coupling::SINGLE;
 use super::{Body, C64, Method, Scene, Shape, Wave};
 use std::f64::consts::{PI, TAU};
 
-/// Operations of one core in a second that factorizations reach: complex, in double precision, counted as real ones. Single precision is twice as fast.
+/// Operations of one core in a second that factorizations reach: complex, in double precision, counted as
+/// real ones. Single precision is twice as fast.
 const SPEED: f64 = 2.5e10;
-/// Seconds of one core that merging takes over (unknowns of a field)^1.5, for one system of one field: 37 fibers of `docs/howto/wave.md`.
+/// Seconds of one core that merging takes over (unknowns of a field)^1.5, for one system of one field: 37
+/// fibers of `docs/howto/wave.md`.
 const MERGING: f64 = 2e-5;
 
 /// Solvers to be tried for a scene at a wave, the cheapest first.
@@ -21,9 +24,11 @@ pub(super) fn by_shape(fibers: &[Body], wave: &Wave, tolerance: f64) -> Vec<Meth
     let mut all = match fibers.len() {
         0 | 1 if series => return vec![Method::Mie],
         1 => return vec![Method::Nystrom],
-        // Measured on 2 to 19 fibers of 1 to 5 um: multipoles are 4 to 30 times faster than either of the others. They fail where walls all but touch.
+        // Measured on 2 to 19 fibers of 1 to 5 um: multipoles are 4 to 30 times faster than either of the
+        // others. They fail where walls all but touch.
         _ if series => vec![Method::Multipole, Method::Compressed, Method::Nystrom],
-        // On a level for two fibers of 1 um, 4 to 9 times faster for 19 of them. Tolerances below its reach are left to the other.
+        // On a level for two fibers of 1 um, 4 to 9 times faster for 19 of them. Tolerances below its reach
+        // are left to the other.
         _ => vec![Method::Compressed, Method::Nystrom],
     };
     let many = tolerance >= MIN_TOLERANCE
@@ -61,7 +66,8 @@ pub(super) fn least_length(shape: &Shape) -> f64 {
     match shape {
         Shape::Circle { radius_um } => TAU * radius_um,
         Shape::Ellipse { a_um, b_um } => 4.0 * a_um.max(*b_um),
-        // The root mean square of |z - c_0| is that of the |c_k|: one point is as far from c_0, another lies beyond c_0, and the wall goes there and back.
+        // The root mean square of |z - c_0| is that of the |c_k|: one point is as far from c_0, another lies
+        // beyond c_0, and the wall goes there and back.
         Shape::Fourier { coeffs } => {
             2.0 * coeffs.iter().filter(|(k, _)| *k != 0).map(|(_, c)| c.norm_sqr()).sum::<f64>().sqrt()
         }
@@ -96,7 +102,8 @@ mod tests {
             .collect()
     }
 
-    /// Merging is for many thick fibers, never first for one, few or thin ones, and never below its tolerance; it stands in before the plain solver otherwise.
+    /// Merging is for many thick fibers, never first for one, few or thin ones, and never below its
+    /// tolerance; it stands in before the plain solver otherwise.
     #[test]
     fn many_fibers_are_merged() {
         let wave = Wave { lambda_um: 0.4, theta_i: 0.0 };

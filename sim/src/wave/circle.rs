@@ -1,18 +1,22 @@
-//! Response of one circular cylinder, plain or of concentric layers, order by order: what [`super::MieSolver`] and [`super::MultipoleSolver`] share.
+//! Response of one circular cylinder, plain or of concentric layers, order by order: what
+//! [`super::MieSolver`] and [`super::MultipoleSolver`] share.
 //!
-//! About the cylinder's center the fields of order n go as `exp(i n phi)`. Exciting light has axial amplitudes `a J_n`, scattered light `c H_n`, with
-//! two components (e, h) each, and `c = T_n a`. Boundary matching goes from the inside out and hands on, at each wall, the two equations `A W = B V`
-//! between its continuous axial fields V = (e, h) and the other two continuous quantities of the module's head:
+//! About the cylinder's center the fields of order n go as `exp(i n phi)`. Exciting light has axial
+//! amplitudes `a J_n`, scattered light `c H_n`, with two components (e, h) each, and `c = T_n a`. Boundary
+//! matching goes from the inside out and hands on, at each wall, the two equations `A W = B V` between its
+//! continuous axial fields V = (e, h) and the other two continuous quantities of the module's head:
 //!
 //! ```text
 //! W_1 = (k_0 eps d_rho e + (i n k_z / rho) h) / kappa^2      W_2 = (k_0 d_rho h - (i n k_z / rho) e) / kappa^2
 //! ```
 //!
-//! In one medium of index m they part: with `V = (sum g_s / m, sum i s g_s)` and `W = (m sum w_s, sum i s w_s)`, s = +-1, the circular parts obey
-//! `w_s = lambda_s g_s`, `m lambda_s = k F_n'/(kappa F_n) - s n k_z / (rho kappa^2)`. At grazing latitudes in air the two terms cancel for one s; written
-//! with F_{n-1} or F_{n+1} they do not, and the two rows of A and B, of very different size then, are never mixed. J and H carry binary exponents
-//! throughout, so orders far above the size parameter, thick lossy layers and thin ones need no special care. (Bohren and Huffman 1983, 8.4, have the
-//! plain cylinder's T as b_nI, a_nII and a_nI, up to sign.)
+//! In one medium of index m they part: with `V = (sum g_s / m, sum i s g_s)` and
+//! `W = (m sum w_s, sum i s w_s)`, s = +-1, the circular parts obey `w_s = lambda_s g_s`,
+//! `m lambda_s = k F_n'/(kappa F_n) - s n k_z / (rho kappa^2)`. At grazing latitudes in air the two terms
+//! cancel for one s; written with F_{n-1} or F_{n+1} they do not, and the two rows of A and B, of very
+//! different size then, are never mixed. J and H carry binary exponents throughout, so orders far above the
+//! size parameter, thick lossy layers and thin ones need no special care. (Bohren and Huffman 1983, 8.4, have
+//! the plain cylinder's T as b_nI, a_nII and a_nI, up to sign.)
 
 use super::special::{Sequence, power_of_two};
 use super::{Body, C64, Shape, Wave, WaveError};
@@ -80,7 +84,8 @@ impl Circle {
     }
 }
 
-/// Responses of orders 0..=n of one cylinder. All amplitudes are counted at the wall by the power of two next to |H_n|, so that nothing overflows:
+/// Responses of orders 0..=n of one cylinder. All amplitudes are counted at the wall by the power of two next
+/// to |H_n|, so that nothing overflows:
 /// exciting `a / s_n`, scattered `c s_n`, s_n = 2^exponent.
 #[derive(Clone, Debug)]
 pub(super) struct Response {
@@ -107,7 +112,8 @@ impl Response {
         let radius_um = circle.radius_um();
         let outside = Medium::new(wave, C64::new(1.0, 0.0));
         let bessel = Sequence::bessel(outside.kappa * radius_um, top + 1);
-        // From the core outwards: the medium with its functions at the wall it begins at (none for the core) and at the one it ends at.
+        // From the core outwards: the medium with its functions at the wall it begins at (none for the core)
+        // and at the one it ends at.
         let mut layers = Vec::with_capacity(circle.layers.len());
         for (i, &(radius, index)) in circle.layers.iter().enumerate().rev() {
             let medium = Medium::new(wave, index);
@@ -135,7 +141,8 @@ impl Response {
                     wall = if let (Some((begin, j_in, h_in)), Some(h_out)) = (inner, h_out) {
                         let reflected = medium.reflect(&wall, j_in, h_in, n, *begin);
                         let h = medium.wave_at(h_out, n, *radius);
-                        // J + H T with the exponents of J at the outer wall taken out: T is counted by H at the inner one.
+                        // J + H T with the exponents of J at the outer wall taken out: T is counted by H at
+                        // the inner one.
                         let shift = h_out.get(n).exponent - 2 * h_in.get(n).exponent - j_out.get(n).exponent;
                         let weight = power_of_two(shift);
                         let (mut v, mut w) = ([[ZERO; 2]; 2], [[ZERO; 2]; 2]);
@@ -154,7 +161,8 @@ impl Response {
                     };
                 }
                 let t = cartesian(&outside.reflect(&wall, &bessel, hankel, n, radius_um));
-                // Fields at the wall: (A lambda_H - B)^-1 A (lambda_H - lambda_J) J_n a; the difference is the Wronskian 2 i k_0 / (pi kappa^2 R H_n J_n).
+                // Fields at the wall: (A lambda_H - B)^-1 A (lambda_H - lambda_J) J_n a; the difference is
+                // the Wronskian 2 i k_0 / (pi kappa^2 R H_n J_n).
                 let h = outside.wave_at(hankel, n, radius_um);
                 let (a, b) = outside.circular(&wall);
                 let m = [0, 1].map(|r| [0, 1].map(|s| a[r][s] * h.lambda[s] - b[r][s] * h.value));
@@ -197,8 +205,8 @@ impl Response {
         self.t(n).map(|row| row.map(|x| x * scale * scale))
     }
 
-    /// Absorbed power per length over the incident |S| [um] of order n excited by `a / s_n`: the flux of `E x H*` through
-    /// the wall, -2 pi R Im V* Y V, from the fields inside.
+    /// Absorbed power per length over the incident |S| [um] of order n excited by `a / s_n`: the flux of
+    /// `E x H*` through the wall, -2 pi R Im V* Y V, from the fields inside.
     pub fn absorbed_um(&self, n: i64, a: [C64; 2]) -> f64 {
         let order = &self.orders[n.unsigned_abs() as usize];
         let v = apply(&mirrored(order.inside, n), a);
@@ -270,8 +278,9 @@ impl Medium {
         Wall { a: [0, 1].map(|s| row(s, 1.0 / m, j.value)), b: [0, 1].map(|s| row(s, m, j.lambda[s])) }.balanced()
     }
 
-    /// A wall with the circular parts `v, w` of two independent solutions within, a column each: W V^-1 as A^-1 B by reciprocity, which says that it
-    /// is its own transpose but for the sign of the elements off the diagonal.
+    /// A wall with the circular parts `v, w` of two independent solutions within, a column each: W V^-1 as
+    /// A^-1 B by reciprocity, which says that it is its own transpose but for the sign of the elements off
+    /// the diagonal.
     fn wall_of_fields(&self, v: &M2, w: &M2) -> Wall {
         let m = self.index;
         let rows = |x: &M2, scale: C64| [0, 1].map(|c| [(x[0][c] + x[1][c]) * scale, -I * (x[0][c] - x[1][c])]);
@@ -332,9 +341,11 @@ fn inverse(m: &M2) -> M2 {
     [[m[1][1] / det, -m[0][1] / det], [-m[1][0] / det, m[0][0] / det]]
 }
 
-/// Orders above which `|J_n / H_n|` at x is below `cut`, the size of a cylinder's scattering off any resonance.
+/// Orders above which `|J_n / H_n|` at x is below `cut`, the size of a cylinder's scattering off any
+/// resonance.
 pub(super) fn order_for(x: f64, cut: f64) -> usize {
-    // Beyond x both go with alpha, cosh(alpha) = n/x: |J_n / H_n| ~ exp(-2 n (alpha - tanh alpha)) / 2 (Debye, DLMF 10.19.3).
+    // Beyond x both go with alpha, cosh(alpha) = n/x: |J_n / H_n| ~ exp(-2 n (alpha - tanh alpha)) / 2
+    // (Debye, DLMF 10.19.3).
     let mut n = x.ceil().max(1.0);
     loop {
         let alpha = (n / x).acosh();

@@ -1,5 +1,5 @@
-//! Targets that stand so close to another wall that its nodes do not resolve the kernel: finer nodes, on which the density is interpolated by
-//! trigonometric polynomials.
+//! Targets that stand so close to another wall that its nodes do not resolve the kernel: finer nodes, on
+//! which the density is interpolated by trigonometric polynomials.
 
 use super::C64;
 use super::curve::{Curve, CurvePoint};
@@ -12,11 +12,13 @@ pub(crate) const WINDOW_NODES: f64 = 12.0;
 /// Most nodes a close wall's node is refined to.
 pub(crate) const FINEST: f64 = 128.0;
 
-/// Parameter of the point of `curve` nearest to `target` and the refinement its kernel needs there; none where the nodes do.
+/// Parameter of the point of `curve` nearest to `target` and the refinement its kernel needs there; none
+/// where the nodes do.
 pub(crate) fn closeness(target: &CurvePoint, curve: &Curve, tolerance: f64) -> Option<(f64, f64)> {
     let digits = (10.0 / tolerance).ln();
-    // The trapezoidal rule is off by exp(-2 pi distance / spacing) of what it sums, which grows as kernels of both sides cancel: measured on walls of metal and
-    // glass 0.01 to 0.2 um thick, as the third power of what the nodes lack.
+    // The trapezoidal rule is off by exp(-2 pi distance / spacing) of what it sums, which grows as kernels of
+    // both sides cancel: measured on walls of metal and glass 0.01 to 0.2 um thick, as the third power of
+    // what the nodes lack.
     let needed = |distance: f64, speed: f64| {
         let coarse = curve.step() * speed / distance;
         (digits + 3.0 * coarse.max(1.0).ln()) * coarse / TAU
@@ -41,8 +43,8 @@ pub(crate) fn closeness(target: &CurvePoint, curve: &Curve, tolerance: f64) -> O
     (refinement > 1.0).then_some((t, refinement))
 }
 
-/// Entries of one target against all nodes of a wall close to it: inside a smooth window around the nearest point the wall's own nodes give way to
-/// finer ones, to which the density is interpolated.
+/// Entries of one target against all nodes of a wall close to it: inside a smooth window around the nearest
+/// point the wall's own nodes give way to finer ones, to which the density is interpolated.
 pub(super) fn close_row(
     wavenumbers: &Wavenumbers,
     kernel: &MediumKernel,

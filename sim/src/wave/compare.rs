@@ -1,10 +1,13 @@
-//! Wave against ray over instances of a ply's cross section (Yu 2025, 4.5, Fig. 7): the same fibers, the same beam, by both optics.
+//! Wave against ray over instances of a ply's cross section (Yu 2025, 4.5, Fig. 7): the same fibers, the same
+//! beam, by both optics.
 //!
-//! Waves: the far field of beam and scattered light together, mean of TM and TE, each by its own exact solve. Rays: f_miss + f_refl + f_high of the walk in 2D
-//! over smooth walls, with the position and angle of the beam at each wavelength (the paper takes the angles of 0.55 um for all). Both are shares of the
-//! beam's power per azimuth, in bins of half a degree; coarser ones are their means.
+//! Waves: the far field of beam and scattered light together, mean of TM and TE, each by its own exact solve.
+//! Rays: f_miss + f_refl + f_high of the walk in 2D over smooth walls, with the position and angle of the
+//! beam at each wavelength (the paper takes the angles of 0.55 um for all). Both are shares of the beam's
+//! power per azimuth, in bins of half a degree; coarser ones are their means.
 //!
-//! The pair of a section and a wavelength is one shard. Instance i is the same section whatever the number of instances, so that a run can be made longer.
+//! The pair of a section and a wavelength is one shard. Instance i is the same section whatever the number of
+//! instances, so that a run can be made longer.
 
 use super::likeness::{Likeness, Spread, binned, coarser, correlation, likeness, mean_and_sd};
 use super::scatter::solver_of;
@@ -30,8 +33,8 @@ pub const BINS: usize = 720;
 const FACTORS: [usize; 4] = [1, 2, 6, 20];
 /// One degree, in those bins.
 const DEGREE: usize = 2;
-/// Half of the range about exact forward that is left out where the report says so [degrees]: some fifteen times the beam's spread, so that
-/// what is left is light that a fiber turned.
+/// Half of the range about exact forward that is left out where the report says so [degrees]: some fifteen
+/// times the beam's spread, so that what is left is light that a fiber turned.
 const FORWARD_DEG: f64 = 10.0;
 /// Curves of a case in a shard: total by waves, missed, reflected, other by rays.
 const CURVES: usize = 4;
@@ -51,7 +54,8 @@ pub struct CompareOptions {
     pub h_rel: Vec<f64>,
     /// Latitude of the incidence [rad].
     pub theta_i: f64,
-    /// Absorption coefficient of the fibers [1/um], the same at every wavelength: kappa = sigma lambda / (4 pi).
+    /// Absorption coefficient of the fibers [1/um], the same at every wavelength: kappa = sigma lambda / (4
+    /// pi).
     pub sigma_per_um: f64,
     /// Error of the solver's far field.
     pub tolerance: f64,
@@ -125,7 +129,8 @@ pub struct Resolved {
     pub bin_deg: f64,
     /// The averages over all instances.
     pub average: Likeness,
-    /// The relative L2 distance that the instances' spread alone would leave: root of the sum of the variances of wave minus ray, over their number.
+    /// The relative L2 distance that the instances' spread alone would leave: root of the sum of the
+    /// variances of wave minus ray, over their number.
     pub average_noise_l2: f64,
     /// The averages without 10 degrees either side of exact forward.
     pub average_off_forward: Likeness,
@@ -224,10 +229,12 @@ pub struct CompareReport {
 /// What makes a solver for the bodies of a section.
 pub(crate) type MakeSolver<'a> = dyn Fn(&[Body], &Wave, f64) -> Result<Solver, WaveError> + Sync + 'a;
 
-/// Runs both optics over the instances of `spec`, whose text is kept in the report, on the current thread pool.
+/// Runs both optics over the instances of `spec`, whose text is kept in the report, on the current thread
+/// pool.
 ///
 /// # Errors
-/// What the geometry, the solvers ([`SimError::Wave`]) and the parts folder refuse; [`SimError::Interrupted`].
+/// What the geometry, the solvers ([`SimError::Wave`]) and the parts folder refuse;
+/// [`SimError::Interrupted`].
 pub fn compare(
     spec: &YarnSpec,
     spec_text: &str,
@@ -293,7 +300,8 @@ impl<'a> CompareJob<'a> {
         Ok(CompareJob { spec, spec_text, options, solver, sections: OnceLock::new() })
     }
 
-    /// All sections, made when they are first asked for, so that fibers that do not fit are told before hours of work.
+    /// All sections, made when they are first asked for, so that fibers that do not fit are told before hours
+    /// of work.
     fn sections(&self) -> Result<&[PlySection], SimError> {
         if let Some(sections) = self.sections.get() {
             return Ok(sections);
@@ -324,7 +332,8 @@ impl Job for CompareJob<'_> {
 
     fn layout(&self, _: usize) -> Vec<ArrayLayout> {
         let h = self.options.h_rel.len();
-        // Extinction and absorption may be negative by the solver's tolerance, and by the beam's own interference.
+        // Extinction and absorption may be negative by the solver's tolerance, and by the beam's own
+        // interference.
         let any = [f64::MIN, f64::MAX];
         vec![ArrayLayout::f64("curves", &[h, CURVES, BINS], any), ArrayLayout::f64("shares", &[h, SHARES], any)]
     }

@@ -37,7 +37,8 @@ fn compare_with(
     runs::run(&CompareJob::with_solver(spec, text, options, solver)?, run)
 }
 
-/// Clear fibers: both optics give back the beam, waves to the solver's accuracy; the share that missed is that of rays. With absorption both keep less.
+/// Clear fibers: both optics give back the beam, waves to the solver's accuracy; the share that missed is
+/// that of rays. With absorption both keep less.
 #[test]
 fn energies_add_up() {
     let spec = YarnSpec::parse(ONE, "one.toml").unwrap();
@@ -64,7 +65,8 @@ fn energies_add_up() {
     }
 }
 
-/// A fiber of hundreds of wavelengths in coarse bins is what rays say: the whole chain from section to likeness, with angles, sides and offsets right.
+/// A fiber of hundreds of wavelengths in coarse bins is what rays say: the whole chain from section to
+/// likeness, with angles, sides and offsets right.
 #[test]
 fn thick_fibers_are_ray_optics() {
     let text = ONE.replace("radius_um = 4.0", "radius_um = 40.0").replace("radius_um = 6.0", "radius_um = 52.0");

@@ -1,11 +1,15 @@
-//! Many bodies: each solved once by itself, its outside response compressed on its outline, and the small responses coupled.
+//! Many bodies: each solved once by itself, its outside response compressed on its outline, and the small
+//! responses coupled.
 //!
-//! A body's boundary equations ([`system`](super::system)) take the fields that arrive from outside to the total fields on its wall. Between bodies only the
-//! exterior's Green function acts, at a rank little above `2 k_rho r`: each body is reduced to a [`skeleton`](super::skeleton) of its outer wall, found against what the
-//! others can see of it, and to the matrix T from what its sites receive to what they radiate. The [`coupling`](super::coupling) of all is a dense system that is
-//! factorized once; directions, beams and polarizations are its right-hand sides. Equal bodies share their boundary equations, wherever they lie.
+//! A body's boundary equations ([`system`](super::system)) take the fields that arrive from outside to the
+//! total fields on its wall. Between bodies only the exterior's Green function acts, at a rank little above
+//! `2 k_rho r`: each body is reduced to a [`skeleton`](super::skeleton) of its outer wall, found against what
+//! the others can see of it, and to the matrix T from what its sites receive to what they radiate. The
+//! [`coupling`](super::coupling) of all is a dense system that is factorized once; directions, beams and
+//! polarizations are its right-hand sides. Equal bodies share their boundary equations, wherever they lie.
 //!
-//! The coupled system is factorized whole, or by merging groups of bodies ([`hierarchy`](super::hierarchy)), which many bodies ask for.
+//! The coupled system is factorized whole, or by merging groups of bodies ([`hierarchy`](super::hierarchy)),
+//! which many bodies ask for.
 
 use super::coupling::{Coupling, Factors, SINGLE, product};
 use super::curve::{CurvePoint, Resolution};
@@ -25,12 +29,15 @@ use std::f64::consts::PI;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Tolerance of the skeletons over that of the far field. Errors grow on their way by the strength of multiple scattering: a few hundredfold for a ply of
-/// clear fibers of 15 um at 0.4 um, 0.2 um apart. A digit more costs some 5 % more sites there.
+/// Tolerance of the skeletons over that of the far field. Errors grow on their way by the strength of
+/// multiple scattering: a few hundredfold for a ply of clear fibers of 15 um at 0.4 um, 0.2 um apart. A digit
+/// more costs some 5 % more sites there.
 const SKELETON: f64 = 2e-3;
-/// Tolerance of groups of bodies over that of the skeletons. What bodies send each other is off by this times the coefficients of all levels of groups above, and
-/// by the strength of multiple scattering on top: the residual is proportional to it (19 and 37 fibers of 15 um at 0.4 um, over three decades) and grows with the
-/// number of fibers. A digit takes some 4 % more time and memory. With these five, 37 fibers leave 4e-8 and 200 leave 9e-7.
+/// Tolerance of groups of bodies over that of the skeletons. What bodies send each other is off by this times
+/// the coefficients of all levels of groups above, and by the strength of multiple scattering on top: the
+/// residual is proportional to it (19 and 37 fibers of 15 um at 0.4 um, over three decades) and grows with
+/// the number of fibers. A digit takes some 4 % more time and memory. With these five, 37 fibers leave 4e-8
+/// and 200 leave 9e-7.
 const GROUPS: f64 = 1e-5;
 /// Systems of all parts together that are held at once [bytes]; larger ones are held one at a time.
 const HELD: f64 = 2e9;
@@ -88,15 +95,18 @@ pub struct CompressedSolver {
 }
 
 impl CompressedSolver {
-    /// Prepares `bodies` (any outline, nested to any depth, lossy or not) so that far fields are off by about `tolerance` relative to their largest value.
+    /// Prepares `bodies` (any outline, nested to any depth, lossy or not) so that far fields are off by about
+    /// `tolerance` relative to their largest value.
     ///
     /// # Errors
-    /// Bad numbers and shapes, walls that overlap, a tolerance out of reach, a system larger than the free memory.
+    /// Bad numbers and shapes, walls that overlap, a tolerance out of reach, a system larger than the free
+    /// memory.
     pub fn new(bodies: &[Body], wave: &Wave, tolerance: f64) -> Result<Self, WaveError> {
         Self::with_skeletons(bodies, wave, tolerance, SKELETON * tolerance, false)
     }
 
-    /// The same with the coupled system solved by merging groups of bodies: time grows as their number to the power 1.5, not 3.
+    /// The same with the coupled system solved by merging groups of bodies: time grows as their number to the
+    /// power 1.5, not 3.
     ///
     /// # Errors
     /// As [`new`](Self::new).
@@ -122,7 +132,8 @@ impl CompressedSolver {
         let resolution = Resolution::new(bodies, tolerance);
         let walls = trace_walls(bodies, wave, &resolution)?.1;
         if bodies.len() > 1 {
-            // Before anything is made: a skeleton has more sites than waves that fit around the wall, k_rho length / pi.
+            // Before anything is made: a skeleton has more sites than waves that fit around the wall, k_rho
+            // length / pi.
             let length: f64 = walls
                 .iter()
                 .filter(|w| w.outside == 0)
@@ -323,8 +334,8 @@ impl CompressedSolver {
         self.radiate(part, b, &densities, size)
     }
 
-    /// Densities of a part on all walls of a body (components side by side, node after node, column after column) for what its sites receive (a unit at one
-    /// after the other if not given), and the residual.
+    /// Densities of a part on all walls of a body (components side by side, node after node, column after
+    /// column) for what its sites receive (a unit at one after the other if not given), and the residual.
     fn respond(&self, part: usize, b: usize, received: Option<&[C64]>, columns: usize) -> (Vec<C64>, f64) {
         let member = &self.members[b];
         let system = &self.shapes[member.shape];
@@ -569,7 +580,8 @@ fn check_free(unknowns: f64, need: f64) -> Result<(), WaveError> {
 
 impl WaveSolver for CompressedSolver {
     fn scatter(&self, sources: &[Source], n_phi_out: usize) -> Result<Vec<Scattered>, WaveError> {
-        // One polarization after the other: at normal incidence each has a system of its own, and not all may be held at once.
+        // One polarization after the other: at normal incidence each has a system of its own, and not all may
+        // be held at once.
         let mut order: Vec<usize> = (0..sources.len()).collect();
         order.sort_by_key(|&s| sources[s].pol == Polarization::Te);
         let together = |&a: &usize, &b: &usize| self.fields() == 2 || sources[a].pol == sources[b].pol;

@@ -33,7 +33,8 @@ fn unbalance(s: &Scattered) -> f64 {
     (s.c_sca_um + s.c_abs_um - s.c_ext_um).abs() / s.c_ext_um
 }
 
-/// Five bodies: ellipses whose circumscribed circles overlap, a hollow one, an absorbing one, a small one; gaps from 0.03 to 0.1 um.
+/// Five bodies: ellipses whose circumscribed circles overlap, a hollow one, an absorbing one, a small one;
+/// gaps from 0.03 to 0.1 um.
 fn crowd() -> Vec<Body> {
     let mut hollow = body(Shape::Circle { radius_um: 1.0 }, [0.0, 0.0], 0.0, 1.55, 0.0);
     hollow.lumen = Some(Box::new(body(Shape::Ellipse { a_um: 0.5, b_um: 0.3 }, [0.15, 0.1], 0.4, 1.0, 0.0)));

@@ -1,9 +1,12 @@
-//! The coupled system of skeletons: what arrives at each body from all others, `v_b - sum_c K_bc T_c v_c = v_b^ext`.
+//! The coupled system of skeletons: what arrives at each body from all others,
+//! `v_b - sum_c K_bc T_c v_c = v_b^ext`.
 //!
-//! v holds a body's combined functionals (see [`skeleton`](super::skeleton)) of the fields that arrive from outside, T_c takes them to the strengths of its
-//! sites as sources, and K_bc is the kernel between sites, the same for e and h. The matrix is dense; where the tolerance allows, it is held and
-//! factorized in single precision, which is half the memory and twice the speed, and the solution is refined against residuals in double precision, for
-//! which K is computed again. The residual is that of the whole system in double precision in either case.
+//! v holds a body's combined functionals (see [`skeleton`](super::skeleton)) of the fields that arrive from
+//! outside, T_c takes them to the strengths of its sites as sources, and K_bc is the kernel between sites,
+//! the same for e and h. The matrix is dense; where the tolerance allows, it is held and factorized in single
+//! precision, which is half the memory and twice the speed, and the solution is refined against residuals in
+//! double precision, for which K is computed again. The residual is that of the whole system in double
+//! precision in either case.
 
 use super::C64;
 use super::kernel::MediumKernel;
@@ -58,8 +61,9 @@ impl Coupling<'_> {
             .collect()
     }
 
-    /// Residual of the equations of some sites, spread over all bodies, for strengths that v makes them radiate: root mean square over that of the external fields
-    /// at the same sites, the largest of all columns. Arrays as in [`solve`](Self::solve).
+    /// Residual of the equations of some sites, spread over all bodies, for strengths that v makes them
+    /// radiate: root mean square over that of the external fields at the same sites, the largest of all
+    /// columns. Arrays as in [`solve`](Self::solve).
     pub(crate) fn witness(&self, strengths: &[Vec<C64>], v: &[Vec<C64>], external: &[Vec<C64>], fields: usize) -> f64 {
         let all: usize = self.sites.iter().map(|s| s.len()).sum();
         let columns = v[0].len() / (fields * self.sites[0].len());
@@ -110,7 +114,8 @@ impl Coupling<'_> {
             .fold(0.0, |worst: f64, r| if r.is_nan() { f64::NAN } else { worst.max(r) })
     }
 
-    /// `1 - K T` in one precision for several T at once (`[system][body]`, each `fields k` square), bodies' unknowns one after the other, fields of one side by side.
+    /// `1 - K T` in one precision for several T at once (`[system][body]`, each `fields k` square), bodies'
+    /// unknowns one after the other, fields of one side by side.
     fn matrices<T: Number>(&self, transfers: &[Vec<Vec<C64>>], fields: usize) -> Vec<Vec<T>> {
         let firsts = self.firsts(fields);
         let n = firsts[self.sites.len()];
@@ -182,8 +187,9 @@ impl Coupling<'_> {
         }
     }
 
-    /// Solves for what arrives, in place (`[body]`, a column of `fields` values a site after the other), until the residual is below `tolerance` or no longer
-    /// falls. Returns it, relative to the external fields, and the number of refinements.
+    /// Solves for what arrives, in place (`[body]`, a column of `fields` values a site after the other),
+    /// until the residual is below `tolerance` or no longer falls. Returns it, relative to the external
+    /// fields, and the number of refinements.
     pub(crate) fn solve(
         &self,
         factors: &Factors,

@@ -1,9 +1,11 @@
 //! Walls as curves of one periodic parameter, and the nodes of the trapezoidal rule on them.
 //!
-//! Circles, ellipses and Fourier outlines are analytic in their own parameter. A rounded polygon is a chain of straight pieces and circular arcs whose
-//! curvature jumps at the joints, where the densities have weak singularities `s^2 ln s`. Its parameter is graded: on a piece of length L, with
-//! tau in [0, 1] along it, `ds/d tau` is proportional to `(1 - |1 - 2 tau|^(2 q))^(order - 1)`, which vanishes at the joints and is flat away from
-//! them (Kress 1990 grades the whole piece; here only some nodes at its ends, so that few are spent).
+//! Circles, ellipses and Fourier outlines are analytic in their own parameter. A rounded polygon is a chain
+//! of straight pieces and circular arcs whose curvature jumps at the joints, where the densities have weak
+//! singularities `s^2 ln s`. Its parameter is graded: on a piece of length L, with tau in [0, 1] along it,
+//! `ds/d tau` is proportional to `(1 - |1 - 2 tau|^(2 q))^(order - 1)`, which vanishes at the joints and is
+//! flat away from them (Kress 1990 grades the whole piece; here only some nodes at its ends, so that few are
+//! spent).
 //!
 //! Nodes stand at `t_j = (j + 1/2) 2 pi / n`: off the joints, off the axes of mirror symmetry.
 
@@ -17,7 +19,8 @@ pub(crate) struct Resolution {
     pub per_wavelength_ellipse: f64,
     /// The same of other outlines.
     pub per_wavelength: f64,
-    /// Times the cube root of the wall's length in wavelengths over 2 pi: nodes on top of those, as for the order at which a Bessel series may stop.
+    /// Times the cube root of the wall's length in wavelengths over 2 pi: nodes on top of those, as for the
+    /// order at which a Bessel series may stop.
     pub transition: f64,
     /// Natural logarithm of ten over the tolerance.
     pub logarithm: f64,
@@ -30,15 +33,17 @@ pub(crate) struct Resolution {
 }
 
 impl Resolution {
-    /// What bodies take. Between several that all but touch there are shorter waves than along the wall of one.
+    /// What bodies take. Between several that all but touch there are shorter waves than along the wall of
+    /// one.
     pub(crate) fn new(bodies: &[Body], tolerance: f64) -> Self {
         Self { skin: bodies.len() == 1, ..Self::for_tolerance(tolerance) }
     }
 
-    /// What relative errors of `tolerance` in the far field take, measured at 0.4 um and index 1.55 on circles of 0.2 to 7.5 um, ellipses of 1.6 and
-    /// 16 um and a rounded triangle of 5 um. On a long wall the kernel and the density each hold waves of up to the denser medium's
-    /// wavenumber, and the quadrature is exact where the nodes resolve their product: 4 a wavelength. Of the steepest waves there are few in ellipses
-    /// (none in circles), more where an outline mixes directions.
+    /// What relative errors of `tolerance` in the far field take, measured at 0.4 um and index 1.55 on
+    /// circles of 0.2 to 7.5 um, ellipses of 1.6 and 16 um and a rounded triangle of 5 um. On a long wall the
+    /// kernel and the density each hold waves of up to the denser medium's wavenumber, and the quadrature is
+    /// exact where the nodes resolve their product: 4 a wavelength. Of the steepest waves there are few in
+    /// ellipses (none in circles), more where an outline mixes directions.
     pub(crate) fn for_tolerance(tolerance: f64) -> Self {
         let digits = -tolerance.log10();
         let per_wavelength = if digits < 6.0 { 3.6 + 0.33 * (digits - 3.0) } else { 4.6 + 0.22 * (digits - 6.0) };
@@ -134,7 +139,8 @@ impl Grading {
     }
 }
 
-/// Order from which on the Fourier coefficients of curvature times speed stay below `tolerance` of the largest.
+/// Order from which on the Fourier coefficients of curvature times speed stay below `tolerance` of the
+/// largest.
 fn harmonics(samples: &[CurvePoint], tolerance: f64) -> usize {
     let n = samples.len();
     let bend: Vec<f64> = samples.iter().map(|p| p.curvature * p.speed).collect();
@@ -167,7 +173,8 @@ fn fourier_of(shape: &Shape) -> Option<Vec<(i32, C64)>> {
     Some(coeffs)
 }
 
-/// Straight pieces and arcs of a rounded polygon, counterclockwise, without nodes; the first starts in the middle of an edge.
+/// Straight pieces and arcs of a rounded polygon, counterclockwise, without nodes; the first starts in the
+/// middle of an edge.
 fn pieces_of(points: &[[f64; 2]], rounding: f64, key: &str) -> Result<Vec<Piece>, WaveError> {
     let mut points: Vec<C64> = points.iter().map(|p| C64::new(p[0], p[1])).collect();
     let n = points.len();
@@ -271,23 +278,26 @@ impl Curve {
             Outline::Fourier(coeffs) => coeffs,
         };
         let highest = coeffs.iter().map(|(k, _)| k.unsigned_abs()).max().unwrap_or(1);
-        // Node sets keep the outline's rotations (z(t + 2 pi/m) = z turned where m divides all k - 1) and mirrors.
+        // Node sets keep the outline's rotations (z(t + 2 pi/m) = z turned where m divides all k - 1) and
+        // mirrors.
         let order = coeffs.iter().fold(0, |m, (k, _)| gcd(m, (k - 1).unsigned_abs()));
         let multiple = if order == 0 { 24 } else { 4 * order as usize / gcd(4, order) as usize };
         let samples: Vec<CurvePoint> =
             (0..SAMPLES).map(|j| self.at(TAU * j as f64 / SAMPLES as f64, SAMPLES)).collect();
-        // The sparsest nodes set the count: those where the parameter runs fastest. Wavelengths, were all as fast.
+        // The sparsest nodes set the count: those where the parameter runs fastest. Wavelengths, were all as
+        // fast.
         let waves = TAU * samples.iter().map(|p| p.speed).fold(0.0, f64::max) / wavelength_um;
         let ellipse = highest <= 1;
         let density = if ellipse { resolution.per_wavelength_ellipse } else { resolution.per_wavelength };
         let waving = density * waves + resolution.transition * waves.cbrt() + 4.0 * highest as f64;
-        // The kernel's diagonal holds curvature times speed: its harmonics are those of the outline's bends. Ellipses are bent as they are thin.
+        // The kernel's diagonal holds curvature times speed: its harmonics are those of the outline's bends.
+        // Ellipses are bent as they are thin.
         let bending = if ellipse { 0 } else { harmonics(&samples, (-resolution.logarithm).exp()) };
         ((denser * waving.max(bending as f64)).ceil() as usize).next_multiple_of(multiple)
     }
 
-    /// Least distance between two runs of the wall that face each other from within, in the steps of its nodes there: kernels between them are resolved to
-    /// `exp(-2 pi steps)`.
+    /// Least distance between two runs of the wall that face each other from within, in the steps of its
+    /// nodes there: kernels between them are resolved to `exp(-2 pi steps)`.
     fn thickness_in_steps(&self) -> f64 {
         let h = self.step();
         self.thickness(|a, b| h * a.speed.max(b.speed))
@@ -384,7 +394,8 @@ mod tests {
         Shape::Polygon { points_um: vec![corner(0), corner(1), corner(2)], rounding_um: 0.5 }
     }
 
-    /// Lengths, areas and the turn by 2 pi of closed curves, through the nodes' weights; also for outlines given clockwise.
+    /// Lengths, areas and the turn by 2 pi of closed curves, through the nodes' weights; also for outlines
+    /// given clockwise.
     #[test]
     fn curves_close() {
         let side = 5.0 * 3f64.sqrt();

@@ -1,4 +1,5 @@
-//! Entries of the boundary equations ([`system`](super::system)) at one pair of points: the kernels of all components, from the radial functions.
+//! Entries of the boundary equations ([`system`](super::system)) at one pair of points: the kernels of all
+//! components, from the radial functions.
 
 use super::C64;
 use super::curve::CurvePoint;
@@ -53,7 +54,8 @@ pub(super) struct Wavenumbers {
 }
 
 impl Wavenumbers {
-    /// The equations' kernels (what stands on the left hand side) from the radial sums over media; `q` is `(t.r)(t'.r)/R^2`.
+    /// The equations' kernels (what stands on the left hand side) from the radial sums over media; `q` is
+    /// `(t.r)(t'.r)/R^2`.
     #[inline(always)]
     pub fn entries(&self, radial: &Radial, pair: &Pair, q: f64) -> Entries {
         let Radial { g, eg, d, ed } = *radial;

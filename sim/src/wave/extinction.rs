@@ -7,8 +7,9 @@
 //! 0 = h_inc + integral [d_n' G h - (k_rho^2/k_0) G Q + (k_z/k_0) d_t' G e] ds
 //! ```
 //!
-//! This is linear in the fields and measured by the incident light. Fields that are wrong by all of themselves, zeros among them, violate it by 1,
-//! where powers that add up say nothing (0 = 0 + 0) and the residual of the equations is as small as ever. The sums below share no kernel with the equations.
+//! This is linear in the fields and measured by the incident light. Fields that are wrong by all of
+//! themselves, zeros among them, violate it by 1, where powers that add up say nothing (0 = 0 + 0) and the
+//! residual of the equations is as small as ever. The sums below share no kernel with the equations.
 
 use super::curve::CurvePoint;
 use super::entries::{E, H, P, Q};
@@ -22,7 +23,8 @@ use std::f64::consts::PI;
 const BODIES: usize = 16;
 /// Points of an outline that are looked at for a place deep inside.
 const SAMPLES: usize = 48;
-/// How far fields at a point of the inside may be off, in units of the tolerance of far fields, and at the finest tolerances.
+/// How far fields at a point of the inside may be off, in units of the tolerance of far fields, and at the
+/// finest tolerances.
 const TOLERANCES: f64 = 10.0;
 const MIN: f64 = 1e-8;
 /// The most that they may be off by: wrong fields are off by 1.
@@ -57,7 +59,8 @@ impl Probes {
         Self::new(wave, &[], 1.0)
     }
 
-    /// Refuses fields that do not cancel the incident light. `densities` are `(e, P, h, Q)` node after node, `stride` nodes a column, one column a source.
+    /// Refuses fields that do not cancel the incident light. `densities` are `(e, P, h, Q)` node after node,
+    /// `stride` nodes a column, one column a source.
     ///
     /// # Errors
     /// [`WaveError::Uncancelled`].
@@ -111,7 +114,8 @@ impl Probes {
     }
 }
 
-/// The point inside of a wall, among the middles between points of it, that is farthest from all nodes in steps between them; and these steps.
+/// The point inside of a wall, among the middles between points of it, that is farthest from all nodes in
+/// steps between them; and these steps.
 fn deepest(nodes: &[CurvePoint], weights: &[f64]) -> Option<([f64; 2], f64)> {
     let some: Vec<&CurvePoint> = nodes.iter().step_by(nodes.len().div_ceil(SAMPLES)).collect();
     let mut middles: Vec<([f64; 2], f64)> = Vec::new();

@@ -1,28 +1,35 @@
-//! The coupled system of many bodies by merging groups: a direct solver whose time grows as the number of bodies to the power 1.5.
+//! The coupled system of many bodies by merging groups: a direct solver whose time grows as the number of
+//! bodies to the power 1.5.
 //!
-//! Bodies are halved again and again; the pieces form a binary tree. A group of bodies deals with all others through sites of its own, as a body does: their
-//! number is that of the waves that fit around the group, which grows as the root of its area. The response of a group, S, takes what arrives at its
-//! sites from outside (u) to what they radiate (s), all multiple scattering inside of it included. Two groups A and B see each other through fewer
-//! sites still, those of their common border: `K_AB ~ Z_A^T K'_AB Z_B`, with K' between these sites. From
+//! Bodies are halved again and again; the pieces form a binary tree. A group of bodies deals with all others
+//! through sites of its own, as a body does: their number is that of the waves that fit around the group,
+//! which grows as the root of its area. The response of a group, S, takes what arrives at its sites from
+//! outside (u) to what they radiate (s), all multiple scattering inside of it included. Two groups A and B
+//! see each other through fewer sites still, those of their common border: `K_AB ~ Z_A^T K'_AB Z_B`, with K'
+//! between these sites. From
 //!
 //! ```text
 //! s_A = S_A (u_A + Z_A^T K'_AB Z_B s_B)        s_B = S_B (u_B + Z_B^T K'_BA Z_A s_A)
 //! ```
 //!
-//! follow the strengths of the borders, `p = (Z_A s_A, Z_B s_B)`, from a system of their size, and from them everything else:
+//! follow the strengths of the borders, `p = (Z_A s_A, Z_B s_B)`, from a system of their size, and from them
+//! everything else:
 //!
 //! ```text
 //! [ 1              -Z_A S_A Z_A^T K'_AB ] [p_A]   [Z_A S_A u_A]
 //! [ -Z_B S_B Z_B^T K'_BA              1 ] [p_B] = [Z_B S_B u_B]
 //! ```
 //!
-//! (in [`merge`](super::merge)). The union is reduced to its own sites, `s = X (s_A, s_B)` and `(u_A, u_B) = X^T u`, and answers in turn. X and Z are interpolative
-//! decompositions ([`interpolate`](super::interpolate)): sites of a group are some of its bodies' sites, all interactions have the one kernel `L_x L_y G`
-//! ([`skeleton`](super::skeleton)), and X, K', Z are the same for all fields and polarizations. (Recursive skeletonization: Martinsson and
-//! Rokhlin 2005, Ho and Greengard 2012; merged scattering matrices: Bremer, Gillman and Martinsson 2015.)
+//! (in [`merge`](super::merge)). The union is reduced to its own sites, `s = X (s_A, s_B)` and
+//! `(u_A, u_B) = X^T u`, and answers in turn. X and Z are interpolative decompositions
+//! ([`interpolate`](super::interpolate)): sites of a group are some of its bodies' sites, all interactions
+//! have the one kernel `L_x L_y G` ([`skeleton`](super::skeleton)), and X, K', Z are the same for all fields
+//! and polarizations. (Recursive skeletonization: Martinsson and Rokhlin 2005, Ho and Greengard 2012; merged
+//! scattering matrices: Bremer, Gillman and Martinsson 2015.)
 //!
-//! For X, everything outside of a group is tested by points on a curve around it, the rim of the union of discs about its bodies, and by those sites of
-//! other bodies that lie inside of this curve (Green's representation: fields on the curve determine those beyond).
+//! For X, everything outside of a group is tested by points on a curve around it, the rim of the union of
+//! discs about its bodies, and by those sites of other bodies that lie inside of this curve (Green's
+//! representation: fields on the curve determine those beyond).
 
 use super::C64;
 use super::basis::Basis;
@@ -37,12 +44,14 @@ use std::sync::OnceLock;
 /// Distance of the curve of tests from the bodies' circles: in wavelengths, and in radii.
 const RIM_WAVES: f64 = 1.5;
 const RIM_RADII: f64 = 0.2;
-/// Points on it over those that resolve the fields there, and the part of the tolerance down to which these are resolved: sites excite fast variations
-/// more strongly than slow ones. With too few points the interpolation holds on them and fails between.
+/// Points on it over those that resolve the fields there, and the part of the tolerance down to which these
+/// are resolved: sites excite fast variations more strongly than slow ones. With too few points the
+/// interpolation holds on them and fails between.
 const OVERSAMPLING: f64 = 1.8;
 const RIM_MARGIN: f64 = 1e-3;
 
-/// Halves of groups above this depth of the tree are made one after the other, each by all threads: side by side they would take more memory.
+/// Halves of groups above this depth of the tree are made one after the other, each by all threads: side by
+/// side they would take more memory.
 const SEQUENTIAL: usize = 2;
 
 /// A body as the tree sees it.
@@ -70,8 +79,8 @@ struct UnderWay<'a> {
     merges: Vec<OnceLock<Merge>>,
 }
 
-/// The groups of a scene. Single precision does not serve: coefficients of X grow from level to level, and its rounding with them, to residuals of 4e-5 for 7
-/// fibers and 1e-3 for 19 at a tolerance of 4e-10.
+/// The groups of a scene. Single precision does not serve: coefficients of X grow from level to level, and
+/// its rounding with them, to residuals of 4e-5 for 7 fibers and 1e-3 for 19 at a tolerance of 4e-10.
 pub(crate) struct Hierarchy {
     groups: Vec<Group>,
 }
@@ -116,7 +125,8 @@ fn halves(leaves: &[Leaf<'_>]) -> Vec<(usize, Vec<u32>, Option<[usize; 2]>)> {
     all
 }
 
-/// What stands for all beyond a group: points on the curve around its bodies, and sites of others inside of it.
+/// What stands for all beyond a group: points on the curve around its bodies, and sites of others inside of
+/// it.
 fn surroundings(leaves: &[Leaf<'_>], bodies: &[u32], exterior: Exterior<'_>, tolerance: f64) -> Vec<Site> {
     let own: Vec<&Leaf<'_>> = bodies.iter().map(|&b| &leaves[b as usize]).collect();
     let wavelength = TAU / exterior.k_rho;
@@ -251,7 +261,8 @@ impl Hierarchy {
         branch.faces.each_ref().map(|z| branch.outward.is_none().then_some(z))
     }
 
-    /// Numbers that are held at once, at most, while a group is merged, those that are kept of it for solves, and those of its response.
+    /// Numbers that are held at once, at most, while a group is merged, those that are kept of it for solves,
+    /// and those of its response.
     fn most(&self, g: usize, face: Option<&Basis>, fields: f64) -> [f64; 3] {
         let group = &self.groups[g];
         let n = fields * group.names.len() as f64;
@@ -281,7 +292,8 @@ impl Hierarchy {
         Factored(under_way.merges)
     }
 
-    /// The response of a group, one half after the other, so that few are held at once; with a `face`, as seen through it, and at the root nothing.
+    /// The response of a group, one half after the other, so that few are held at once; with a `face`, as
+    /// seen through it, and at the root nothing.
     fn respond(&self, g: usize, face: Option<&Basis>, under_way: &UnderWay<'_>) -> Vec<C64> {
         let (fields, exterior) = (under_way.fields, under_way.exterior);
         let group = &self.groups[g];
@@ -312,7 +324,8 @@ impl Hierarchy {
         response
     }
 
-    /// From the external fields at all bodies' sites to all that arrives there, in place (as [`Coupling::solve`](super::coupling::Coupling::solve)).
+    /// From the external fields at all bodies' sites to all that arrives there, in place (as
+    /// [`Coupling::solve`](super::coupling::Coupling::solve)).
     pub(crate) fn solve(&self, merges: &Factored, fields: usize, exterior: Exterior<'_>, v: &mut [Vec<C64>]) {
         let counts: Vec<usize> = v.iter().map(Vec::len).collect();
         let mut arrived: Vec<Option<Vec<C64>>> = self.groups.iter().map(|_| None).collect();

@@ -1,4 +1,5 @@
-//! Tests of the solver that merges groups of bodies: against the system solved whole, the multipole series, reciprocity, power balance, and how groups grow.
+//! Tests of the solver that merges groups of bodies: against the system solved whole, the multipole series,
+//! reciprocity, power balance, and how groups grow.
 
 use super::basis::{Basis, STRIP};
 use super::curve::CurvePoint;
@@ -23,7 +24,8 @@ fn lattice(count: usize, apart_um: f64) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// Circles and ellipses by turns, 0.1 um or more apart, of 1 um; every third one absorbs, one is hollow and one lies alone, far from the others.
+/// Circles and ellipses by turns, 0.1 um or more apart, of 1 um; every third one absorbs, one is hollow and
+/// one lies alone, far from the others.
 fn mixed(count: usize) -> Vec<Body> {
     let mut all: Vec<Body> = lattice(count, 2.1)
         .into_iter()
@@ -64,7 +66,8 @@ fn unbalance(s: &Scattered) -> f64 {
     (s.c_sca_um + s.c_abs_um - s.c_ext_um).abs() / s.c_ext_um
 }
 
-/// Fourteen bodies, normal and oblique: the fields of the system solved whole at a much smaller tolerance, and powers that add up.
+/// Fourteen bodies, normal and oblique: the fields of the system solved whole at a much smaller tolerance,
+/// and powers that add up.
 #[test]
 fn merged_groups_match_the_whole_system() {
     let bodies = mixed(13);
@@ -154,7 +157,8 @@ fn odd_scenes() {
     assert!(matches!(refused, Err(WaveError::TooLarge { .. })));
 }
 
-/// A group's sites are those of its rim: four times the bodies, twice the sites and little more. Memory follows.
+/// A group's sites are those of its rim: four times the bodies, twice the sites and little more. Memory
+/// follows.
 #[test]
 fn groups_grow_as_their_rim() {
     let k_rho = TAU / 0.5;
@@ -230,7 +234,8 @@ fn bases_are_their_matrices() {
     assert!(basis.bytes() > 0);
 }
 
-/// X a Y^T and Z X a Y^T against sums over the entries: two fields, and one with more sites than are taken at a time.
+/// X a Y^T and Z X a Y^T against sums over the entries: two fields, and one with more sites than are taken at
+/// a time.
 #[test]
 fn products_from_both_sides_are_their_sums() {
     let value = |k: usize| C64::new((k as f64 * 1.7).sin(), (k as f64 * 0.9).cos());

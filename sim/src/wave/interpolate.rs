@@ -1,8 +1,9 @@
 //! Interpolative decomposition of large matrices by pivoted elimination of a sketch: `A ~ A[:, kept] [1 C]`.
 //!
-//! A few random sums of A's rows hold its row space (Halko, Martinsson and Tropp 2011). Gaussian elimination with partial pivoting of their transpose picks
-//! columns of A almost as well as a QR decomposition with column pivots (Dong and Martinsson 2023) and runs as matrix products, where
-//! the other passes over the whole matrix once a pivot.
+//! A few random sums of A's rows hold its row space (Halko, Martinsson and Tropp 2011). Gaussian elimination
+//! with partial pivoting of their transpose picks columns of A almost as well as a QR decomposition with
+//! column pivots (Dong and Martinsson 2023) and runs as matrix products, where the other passes over the
+//! whole matrix once a pivot.
 
 use super::C64;
 use super::lu::par;
@@ -29,8 +30,8 @@ pub(crate) struct Interpolation {
     pub coefficients: Vec<C64>,
 }
 
-/// Decomposes the `tests x count` matrix that `column` writes, so that what is left is below `tolerance` of its largest entries. `guess` is a rank to
-/// begin with.
+/// Decomposes the `tests x count` matrix that `column` writes, so that what is left is below `tolerance` of
+/// its largest entries. `guess` is a rank to begin with.
 pub(crate) fn interpolate(
     tests: usize,
     count: usize,
@@ -41,7 +42,8 @@ pub(crate) fn interpolate(
 ) -> Interpolation {
     let mut rows = guess + 2 * BEYOND;
     loop {
-        // As many sums as rows or columns hide nothing. Rows themselves would do less well: their order would decide on the pivots.
+        // As many sums as rows or columns hide nothing. Rows themselves would do less well: their order would
+        // decide on the pivots.
         let most = tests.min(count);
         rows = rows.min(most);
         let sketch = sketch(tests, count, &column, rows, seed);
@@ -153,7 +155,8 @@ mod tests {
     use super::*;
     use faer::{Accum, linalg::matmul::matmul};
 
-    /// A matrix of rank 30 with singular values from 1 to 1e-6, 400 x 250: few columns give back all others, to the tolerance.
+    /// A matrix of rank 30 with singular values from 1 to 1e-6, 400 x 250: few columns give back all others,
+    /// to the tolerance.
     #[test]
     fn columns_are_interpolated() {
         let mut rng = Pcg64Mcg::seed_from_u64(5);

@@ -1,15 +1,18 @@
 //! Radial parts of Helmholtz's Green function, tabulated over distance, with the logarithm split off.
 //!
-//! `G(R) = (i/4) H0(kappa R)` and `D(R) = G'(R)/R = -(i kappa/4) H1(kappa R)/R` are all that the boundary operators need: their kernels are these
-//! two times dot products of the distance with normals and tangents. At one wavelength and latitude they are functions of R alone, so they are
-//! sampled once: near R = 0 as `L(R^2) ln R + B(R^2) + c/R^2` with power series L and B (Abramowitz and Stegun 9.1.12-13), farther out by piecewise
-//! polynomials through Chebyshev points.
+//! `G(R) = (i/4) H0(kappa R)` and `D(R) = G'(R)/R = -(i kappa/4) H1(kappa R)/R` are all that the boundary
+//! operators need: their kernels are these two times dot products of the distance with normals and tangents.
+//! At one wavelength and latitude they are functions of R alone, so they are sampled once: near R = 0 as
+//! `L(R^2) ln R + B(R^2) + c/R^2` with power series L and B (Abramowitz and Stegun 9.1.12-13), farther out by
+//! piecewise polynomials through Chebyshev points.
 //!
-//! On a wall between media o (outside) and i (inside) a second-kind equation sees differences only. [`WallKernel`] tabulates the four sums it asks
-//! for, so that their 1/R^2 and log parts cancel in the series and not in rounded numbers.
+//! On a wall between media o (outside) and i (inside) a second-kind equation sees differences only.
+//! [`WallKernel`] tabulates the four sums it asks for, so that their 1/R^2 and log parts cancel in the series
+//! and not in rounded numbers.
 //!
-//! The quadrature on clear walls needs the factor L of the logarithm, `-J0(kappa R)/(2 pi)` for G: -2/pi times the imaginary part of what is tabulated
-//! anyway. With loss J0 grows as `exp(Im kappa R)` while G decays; such walls do not split the logarithm off ([`vicinity`](super::vicinity)).
+//! The quadrature on clear walls needs the factor L of the logarithm, `-J0(kappa R)/(2 pi)` for G: -2/pi
+//! times the imaginary part of what is tabulated anyway. With loss J0 grows as `exp(Im kappa R)` while G
+//! decays; such walls do not split the logarithm off ([`vicinity`](super::vicinity)).
 
 use super::C64;
 use super::special::Ray;
@@ -22,7 +25,8 @@ const EULER: f64 = 0.577_215_664_901_532_9;
 const TERMS: usize = 18;
 /// The series is used for `|kappa| R` below this.
 const NEAR: f64 = 4.0;
-/// Coefficients of a polynomial piece, which spans `1/|kappa|`: with [`NEAR`] the first piece is off by 1e-14.
+/// Coefficients of a polynomial piece, which spans `1/|kappa|`: with [`NEAR`] the first piece is off by
+/// 1e-14.
 const DEGREE: usize = 12;
 
 /// `G` and `D` at a distance.
@@ -185,7 +189,8 @@ pub(crate) struct Medium {
     pub eps: C64,
 }
 
-/// The radial sums of the equations' kernels over media j with signs s: `g = sum s G_j`, `eg = sum s eps_j G_j`, `d = sum s D_j`, `ed = sum s eps_j D_j`.
+/// The radial sums of the equations' kernels over media j with signs s: `g = sum s G_j`,
+/// `eg = sum s eps_j G_j`, `d = sum s D_j`, `ed = sum s eps_j D_j`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Radial {
     pub g: C64,
@@ -272,7 +277,8 @@ impl WallKernel {
         Self { series, near, table }
     }
 
-    /// The sums at distance `r > 0` on a wall between clear media, times `h`, plus half the logarithm's factor (of ln R) times `q`.
+    /// The sums at distance `r > 0` on a wall between clear media, times `h`, plus half the logarithm's
+    /// factor (of ln R) times `q`.
     #[inline(always)]
     pub(crate) fn weighted(&self, r: f64, h: f64, q: f64) -> Radial {
         if r < self.near {
@@ -310,8 +316,9 @@ impl WallKernel {
         self.series[3].pole
     }
 
-    /// Limits at R = 0 on a curve of parameter speed `speed`: the sums times `h`, plus half the logarithm's factor times `q`, where `ln R` stands for
-    /// `ln speed`, without the pole of `ed`, which meets `r.n / R^2`.
+    /// Limits at R = 0 on a curve of parameter speed `speed`: the sums times `h`, plus half the logarithm's
+    /// factor times `q`, where `ln R` stands for `ln speed`, without the pole of `ed`, which meets
+    /// `r.n / R^2`.
     pub(crate) fn diagonal(&self, speed: f64, h: f64, q: f64) -> Radial {
         let limits = std::array::from_fn(|k| {
             let s = &self.series[k];
@@ -321,8 +328,10 @@ impl WallKernel {
     }
 }
 
-/// Weights of the logarithm on n (even) equispaced nodes of [0, 2 pi): `integral ln(4 sin^2((t - s)/2)) f(s) ds = sum_j weights[|i - j|] f(s_j)` for
-/// trigonometric polynomials f (Kress, Linear Integral Equations, 12.3), less the trapezoidal rule's own `h ln(4 sin^2)`; the latter is left out at 0.
+/// Weights of the logarithm on n (even) equispaced nodes of [0, 2 pi):
+/// `integral ln(4 sin^2((t - s)/2)) f(s) ds = sum_j weights[|i - j|] f(s_j)` for trigonometric polynomials f
+/// (Kress, Linear Integral Equations, 12.3), less the trapezoidal rule's own `h ln(4 sin^2)`; the latter is
+/// left out at 0.
 pub(crate) fn log_weights(n: usize) -> Vec<f64> {
     let half = n / 2;
     let h = 2.0 * PI / n as f64;
@@ -372,7 +381,8 @@ mod tests {
         assert!(err <= tolerance, "{what}: got {got}, want {want}, err {err:e}");
     }
 
-    /// Tables and series against the special functions, on both sides of the seam, for real and complex wavenumbers.
+    /// Tables and series against the special functions, on both sides of the seam, for real and complex
+    /// wavenumbers.
     #[test]
     fn tables_reproduce_the_functions() {
         for kappa in [C64::new(13.6, 0.0), C64::new(23.04, 0.7), C64::new(20.0, 8.0)] {
@@ -381,14 +391,16 @@ mod tests {
                 let r = 4.0 * (j as f64 / 400.0).powi(2);
                 let [g, d] = green(kappa, r);
                 let (got_g, got_d) = kernel.eval(r);
-                // Below 1e-12 of the largest value in reach relative digits fade: the decay is that of a lossy medium.
+                // Below 1e-12 of the largest value in reach relative digits fade: the decay is that of a
+                // lossy medium.
                 close(got_g, g, 2e-12, &format!("G, kappa {kappa}, r {r}"));
                 close(got_d, d, 2e-12, &format!("D, kappa {kappa}, r {r}"));
             }
         }
     }
 
-    /// Differences of media against the special functions, with the pole and without; without loss the logarithm's factor against J0, J1.
+    /// Differences of media against the special functions, with the pole and without; without loss the
+    /// logarithm's factor against J0, J1.
     #[test]
     fn wall_sums_and_their_logarithms() {
         let outside = Medium { kappa: C64::new(13.6, 0.0), eps: C64::ONE };

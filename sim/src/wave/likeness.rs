@@ -1,9 +1,11 @@
-//! How alike two distributions over the azimuth are: bins, correlation, relative distance, and how much of that is the spread of the instances.
+//! How alike two distributions over the azimuth are: bins, correlation, relative distance, and how much of
+//! that is the spread of the instances.
 
 use serde::Serialize;
 
-/// Means over `bins` equal parts of the azimuth of a function given at azimuths 2 pi j / n, n a multiple of `bins`: `[bin]` from bin/bins to (bin + 1)/bins of
-/// a turn. The trapezoidal rule within each: their mean is that of the function, to rounding.
+/// Means over `bins` equal parts of the azimuth of a function given at azimuths 2 pi j / n, n a multiple of
+/// `bins`: `[bin]` from bin/bins to (bin + 1)/bins of a turn. The trapezoidal rule within each: their mean is
+/// that of the function, to rounding.
 pub fn binned(samples: &[f64], bins: usize) -> Vec<f64> {
     let (n, each) = (samples.len(), samples.len() / bins);
     let mean = |bin: usize| {

@@ -1,4 +1,5 @@
-//! LU factors of a dense complex matrix with partial pivoting, in either precision: the only use of faer's factorization.
+//! LU factors of a dense complex matrix with partial pivoting, in either precision: the only use of faer's
+//! factorization.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::lu::partial_pivoting::{factor, solve};

@@ -1,9 +1,12 @@
-//! Two groups of bodies made one: the response of the union from those of its halves, and what solves need of it. The equations are those of
-//! `hierarchy.rs`.
+//! Two groups of bodies made one: the response of the union from those of its halves, and what solves need of
+//! it. The equations are those of `hierarchy.rs`.
 //!
-//! What is kept for solves is what the halves send each other's borders for a unit that arrives at each site of the union, `K' p`: as long as the borders and
-//! as wide as the union's rim, less than the responses and factors that it is made of, which go with the halves. It is held in fixed point ([`packed`](super::packed)), as
-//! interpolations are. The root alone keeps factors: its fields come from the sources, few against the sites they arrive at. Products are formed in strips of columns, so that little but these results is held beside the halves.
+//! What is kept for solves is what the halves send each other's borders for a unit that arrives at each site
+//! of the union, `K' p`: as long as the borders and as wide as the union's rim, less than the responses and
+//! factors that it is made of, which go with the halves. It is held in fixed point
+//! ([`packed`](super::packed)), as interpolations are. The root alone keeps factors: its fields come from the
+//! sources, few against the sites they arrive at. Products are formed in strips of columns, so that little
+//! but these results is held beside the halves.
 
 use super::C64;
 use super::basis::{Basis, STRIP, gemm};
@@ -51,8 +54,8 @@ impl Branch {
         bases + self.borders.iter().map(|sites| size_of_val(sites.as_slice())).sum::<usize>()
     }
 
-    /// Numbers that [`merge`](Self::merge) and [`root`](Self::root) hold at once, at most, what they are given and their results among them, and those that they
-    /// leave for solves.
+    /// Numbers that [`merge`](Self::merge) and [`root`](Self::root) hold at once, at most, what they are
+    /// given and their results among them, and those that they leave for solves.
     pub fn numbers(&self, face: Option<&Basis>, fields: f64) -> [f64; 2] {
         let [r, m] = [
             self.faces.each_ref().map(|z| fields * z.outputs as f64),
@@ -133,7 +136,8 @@ impl Branch {
         out
     }
 
-    /// What solves need of the root, from `Z S` of the halves. Here memory is at its most, and the system is made in strips, of nothing else that is as large.
+    /// What solves need of the root, from `Z S` of the halves. Here memory is at its most, and the system is
+    /// made in strips, of nothing else that is as large.
     pub fn root(&self, gathered: [Vec<C64>; 2], fields: usize, exterior: Exterior<'_>) -> Root {
         let zero = C64::ZERO;
         let [r, m] = self.sizes(fields);
@@ -173,7 +177,8 @@ impl Branch {
         Root { gathered, lu: Lu::new(system, border) }
     }
 
-    /// The response of the union and what solves need, from the responses of the halves. With a `face`, the response is only made as seen through it, `Z S`.
+    /// The response of the union and what solves need, from the responses of the halves. With a `face`, the
+    /// response is only made as seen through it, `Z S`.
     pub fn merge(
         &self,
         outward: &[Basis; 2],

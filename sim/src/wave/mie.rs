@@ -1,7 +1,9 @@
-//! Scattering by one circular cylinder, plain or of concentric layers, at oblique incidence: the closed form every other solver is held to.
+//! Scattering by one circular cylinder, plain or of concentric layers, at oblique incidence: the closed form
+//! every other solver is held to.
 //!
-//! Each order is a 2x2 problem of its own (Bohren and Huffman 1983, chapter 8, for the plain cylinder); layers by the recursion of `circle.rs`. The
-//! series is cut where the outside's J_n/H_n falls below rounding, so only rounding remains.
+//! Each order is a 2x2 problem of its own (Bohren and Huffman 1983, chapter 8, for the plain cylinder);
+//! layers by the recursion of `circle.rs`. The series is cut where the outside's J_n/H_n falls below
+//! rounding, so only rounding remains.
 
 use super::circle::{Circle, Response, order_for};
 use super::series::{AzimuthGrid, incident, minus_i_power};
@@ -17,7 +19,8 @@ const CUT: f64 = 1e-18;
 
 /// One circular cylinder, solved in closed form.
 ///
-/// Orders whose cylinder resonance is narrower than the cut are left out: they are narrower than the rounding of the wavelength.
+/// Orders whose cylinder resonance is narrower than the cut are left out: they are narrower than the rounding
+/// of the wavelength.
 pub struct MieSolver {
     wave: Wave,
     circle: Circle,
@@ -52,7 +55,8 @@ impl MieSolver {
     /// Prepares the orders of `body`, a circle whose lumens, if any, are circles about the same center.
     ///
     /// # Errors
-    /// [`WaveError::Unsupported`] for other outlines, [`WaveError::Invalid`] and [`WaveError::Overlap`] for bad numbers,
+    /// [`WaveError::Unsupported`] for other outlines, [`WaveError::Invalid`] and [`WaveError::Overlap`] for
+    /// bad numbers,
     /// [`WaveError::Unreachable`] where `tolerance` (relative, on the far field) is below rounding.
     pub fn new(body: &Body, wave: &Wave, tolerance: f64) -> Result<Self, WaveError> {
         check_wave(wave)?;
@@ -82,7 +86,8 @@ impl MieSolver {
             let t = self.response.t_plain(n);
             let c = [0, 1].map(|r| (t[r][0] * e0 + t[r][1] * h0) * p / cos);
             sca += c[0].norm_sqr() + c[1].norm_sqr();
-            // The optical theorem: the forward amplitude of plane wave m is the sum over n of its own conj(p_n) c_n.
+            // The optical theorem: the forward amplitude of plane wave m is the sum over n of its own
+            // conj(p_n) c_n.
             ext += match source.pol {
                 Polarization::Tm => -(p.conj() * c[0]).re,
                 Polarization::Te => (p.conj() * c[1]).re,
@@ -121,7 +126,8 @@ impl WaveSolver for MieSolver {
 
 #[cfg(test)]
 mod tests {
-    //! Truth: an arbitrary-precision solve of all walls' equations at once, Bohren and Huffman's closed coefficients, and the ledger.
+    //! Truth: an arbitrary-precision solve of all walls' equations at once, Bohren and Huffman's closed
+    //! coefficients, and the ledger.
     use super::*;
     use crate::wave::{BeamSource, Shape, extinction_width, scattering_width};
 
@@ -143,7 +149,8 @@ mod tests {
 
     const BOTH: [Polarization; 2] = [Polarization::Tm, Polarization::Te];
 
-    /// `layers` as `(radius_um, eta, kappa)`; `f` as `[F_u, F_phi]` at azimuths 0 and 4 pi / 5 for TM, then for TE; `c` as `[C_sca, C_ext]`.
+    /// `layers` as `(radius_um, eta, kappa)`; `f` as `[F_u, F_phi]` at azimuths 0 and 4 pi / 5 for TM, then
+    /// for TE; `c` as `[C_sca, C_ext]`.
     struct Case {
         lambda_um: f64,
         theta_i: f64,
@@ -153,7 +160,8 @@ mod tests {
         c: [[f64; 2]; 2],
     }
 
-    /// Python 3.11, mpmath 1.3, 60 digits: per order, e, h and both W of the module's head are matched at every wall in one dense system, unscaled.
+    /// Python 3.11, mpmath 1.3, 60 digits: per order, e, h and both W of the module's head are matched at
+    /// every wall in one dense system, unscaled.
     /// ```text
     /// from mpmath import *
     /// mp.dps = 60
@@ -177,7 +185,8 @@ mod tests {
     ///     x = [lu_solve(A, B[:, p]) for p in (0, 1)]
     ///     return [[x[0][0], x[1][0]], [x[0][1], x[1][1]]]
     /// ```
-    /// F then is `sum (-1)^n T_n (e0, h0) exp(i n (phi - phi_i)) / cos(theta)`, C_sca `4/k0 sum |T_n[:, pol]|^2`, C_ext `-4/k0 Re sum T_n[pol, pol]`.
+    /// F then is `sum (-1)^n T_n (e0, h0) exp(i n (phi - phi_i)) / cos(theta)`, C_sca
+    /// `4/k0 sum |T_n[:, pol]|^2`, C_ext `-4/k0 Re sum T_n[pol, pol]`.
     #[rustfmt::skip]
     #[allow(clippy::excessive_precision, reason = "digits as printed")]
     const CASES: &[Case] = &[
@@ -229,10 +238,12 @@ Case { lambda_um: 0.55, theta_i: 1.5533430342749532, phi_i: 0.4, layers: &[(1.3,
         }
     }
 
-    /// b_nI, a_nII and a_nI of Bohren and Huffman 1983, section 8.4, from the crate's own Bessel functions: T_ee = -b_nI, T_hh = -a_nII, |T_eh| = |a_nI|.
+    /// b_nI, a_nII and a_nI of Bohren and Huffman 1983, section 8.4, from the crate's own Bessel functions:
+    /// T_ee = -b_nI, T_hh = -a_nII, |T_eh| = |a_nI|.
     #[test]
     fn coefficients_are_those_of_bohren_and_huffman() {
-        // One call an order: the crate's sequences may return zeros at large Im z. The factor exp(-|Im z|) of the functions inside cancels.
+        // One call an order: the crate's sequences may return zeros at large Im z. The factor exp(-|Im z|) of
+        // the functions inside cancels.
         let seq = |z: C64, n: usize, hankel: bool| -> Vec<C64> {
             let f = |n| if hankel { complex_bessel::hankel1(n, z) } else { complex_bessel::besselj_scaled(n, z) };
             (0..n).map(|n| f(n as f64).unwrap()).collect()
@@ -247,7 +258,8 @@ Case { lambda_um: 0.55, theta_i: 1.5533430342749532, phi_i: 0.4, layers: &[(1.3,
         ] {
             let wave = Wave { lambda_um: TAU, theta_i: theta };
             let solver = MieSolver::new(&body([0.0, 0.0], &[(size, m.re, m.im)]), &wave, 1e-10).unwrap();
-            // B and H's zeta is the angle between the light's way and the axis; their xi and eta are our arguments outside and inside.
+            // B and H's zeta is the angle between the light's way and the axis; their xi and eta are our
+            // arguments outside and inside.
             let cos_zeta = wave.kz();
             let (xi, eta) = (C64::new(size * wave.theta_i.cos(), 0.0), size * (m * m - cos_zeta * cos_zeta).sqrt());
             let top = (xi.re + 10.0) as usize;
@@ -275,7 +287,8 @@ Case { lambda_um: 0.55, theta_i: 1.5533430342749532, phi_i: 0.4, layers: &[(1.3,
         }
     }
 
-    /// Normal incidence, TM and TE, in the textbook form (Bohren and Huffman, 8.30 and 8.32) for a tiny lossless cylinder: limits of small x.
+    /// Normal incidence, TM and TE, in the textbook form (Bohren and Huffman, 8.30 and 8.32) for a tiny
+    /// lossless cylinder: limits of small x.
     #[test]
     fn small_cylinders_scatter_as_dipoles() {
         let wave = Wave { lambda_um: TAU, theta_i: 0.0 };
@@ -293,7 +306,8 @@ Case { lambda_um: 0.55, theta_i: 1.5533430342749532, phi_i: 0.4, layers: &[(1.3,
         }
     }
 
-    /// Energy, the grid's integral and the optical theorem written out, from tiny to huge, up to grazing latitudes, lossless and metallic, hollow.
+    /// Energy, the grid's integral and the optical theorem written out, from tiny to huge, up to grazing
+    /// latitudes, lossless and metallic, hollow.
     #[test]
     fn ledger_closes() {
         let (mut worst, mut absorbed) = (0.0f64, 0.0f64);
@@ -312,8 +326,9 @@ Case { lambda_um: 0.55, theta_i: 1.5533430342749532, phi_i: 0.4, layers: &[(1.3,
                     let out = solver.scatter(&BOTH.map(|pol| plane(0.7, pol)), 7).unwrap();
                     for (o, pol) in out.iter().zip(BOTH) {
                         assert!(o.c_sca_um > 0.0 && o.c_abs_um.is_finite());
-                        // The optical theorem takes a real part that may be far below |F|: its rounding. And the roundings of a layered
-                        // wall's admittance show beside the tiny C_ext of thin cylinders at grazing latitudes.
+                        // The optical theorem takes a real part that may be far below |F|: its rounding. And
+                        // the roundings of a layered wall's admittance show beside the tiny C_ext of thin
+                        // cylinders at grazing latitudes.
                         let size_f = o.f_u.iter().chain(&o.f_phi).map(|f| f.norm()).fold(0.0, f64::max);
                         let floor = if layers.len() > 1 { 1e-15 } else { 0.0 } + 2e-15 * 4.0 / wave.k0() * size_f;
                         let err = ((o.c_sca_um + o.c_abs_um - o.c_ext_um).abs() - floor).max(0.0) / o.c_ext_um;
@@ -379,7 +394,8 @@ Case { lambda_um: 0.55, theta_i: 1.5533430342749532, phi_i: 0.4, layers: &[(1.3,
         }
     }
 
-    /// Moving the cylinder multiplies F by the phases of both ways; turning the light turns the field; a layer of the core's index is no layer.
+    /// Moving the cylinder multiplies F by the phases of both ways; turning the light turns the field; a
+    /// layer of the core's index is no layer.
     #[test]
     fn moves_turns_and_idle_layers() {
         let wave = Wave { lambda_um: 0.5, theta_i: -0.7 };

@@ -1,8 +1,11 @@
-//! Wave optics of parallel fibers: scattering by straight cylinders of any outline, at any incidence (Yu 2025, 4.3; Xia 2020, 3-4).
+//! Wave optics of parallel fibers: scattering by straight cylinders of any outline, at any incidence (Yu
+//! 2025, 4.3; Xia 2020, 3-4).
 //!
-//! All fields are those of one axial wavenumber, `E(x, y, z) = E(x, y) exp(i k_z z)`, so a 3D problem lives in the plane ("2.5D").
-//! Its unknowns are `e = E_z` and `h = Z_0 H_z`, of the same unit, which obey Helmholtz's equation with the transverse wavenumber
-//! `kappa_j^2 = k_0^2 eps_j - k_z^2` of each medium j. The other components follow from them:
+//! All fields are those of one axial wavenumber, `E(x, y, z) = E(x, y) exp(i k_z z)`, so a 3D problem lives
+//! in the plane ("2.5D").
+//! Its unknowns are `e = E_z` and `h = Z_0 H_z`, of the same unit, which obey Helmholtz's equation with the
+//! transverse wavenumber `kappa_j^2 = k_0^2 eps_j - k_z^2` of each medium j. The other components follow from
+//! them:
 //!
 //! ```text
 //! E_T = (i / kappa_j^2) (k_z grad e - k_0 z x grad h)        h_T = (i / kappa_j^2) (k_z grad h + k_0 eps_j z x grad e)
@@ -14,7 +17,8 @@
 //! (k_0 eps_j d_n e + k_z d_t h) / kappa_j^2                  (k_0 d_n h - k_z d_t e) / kappa_j^2
 //! ```
 //!
-//! Conventions: exp(-i omega t), index eta + i kappa with kappa >= 0 absorbing, outgoing waves H^(1), phase zero at the origin.
+//! Conventions: exp(-i omega t), index eta + i kappa with kappa >= 0 absorbing, outgoing waves H^(1), phase
+//! zero at the origin.
 
 #[cfg(test)]
 mod absorbing_tests;
@@ -174,7 +178,8 @@ pub enum Shape {
     },
 }
 
-/// A homogeneous body bounded by a closed wall: a fiber, or the lumen inside of one. At most one lumen a body, any depth.
+/// A homogeneous body bounded by a closed wall: a fiber, or the lumen inside of one. At most one lumen a
+/// body, any depth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Body {
     /// Outline of the wall.
@@ -200,9 +205,11 @@ impl Body {
 
 /// Far field and power of one source.
 ///
-/// As rho -> inf, `E_s = sqrt(2/(pi k_rho rho)) exp(i (k_rho rho - pi/4 + k_z z)) [F_u u + F_phi phi]` with `u = cos theta_i z + sin theta_i rho`.
-/// In terms of the axial fields, which go as `sqrt(2/(pi k_rho rho)) exp(i (k_rho rho - pi/4)) a(phi)`: `F_u = a_e / cos theta_i`,
-/// `F_phi = a_h / cos theta_i`. Widths [um] are power per length over |S| of the incident wave; for a beam, over |S| at its center.
+/// As rho -> inf, `E_s = sqrt(2/(pi k_rho rho)) exp(i (k_rho rho - pi/4 + k_z z)) [F_u u + F_phi phi]` with
+/// `u = cos theta_i z + sin theta_i rho`.
+/// In terms of the axial fields, which go as `sqrt(2/(pi k_rho rho)) exp(i (k_rho rho - pi/4)) a(phi)`:
+/// `F_u = a_e / cos theta_i`, `F_phi = a_h / cos theta_i`. Widths [um] are power per length over |S| of the
+/// incident wave; for a beam, over |S| at its center.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scattered {
     /// F_u at azimuths 2 pi j / n, `[j]`.
@@ -211,9 +218,11 @@ pub struct Scattered {
     pub f_phi: Vec<C64>,
     /// Scattered power, from the integral of the far field over a grid that resolves it [um].
     pub c_sca_um: f64,
-    /// Absorbed power, from the flux of the total field through the walls (or the series' own, for Mie and multipoles) [um].
+    /// Absorbed power, from the flux of the total field through the walls (or the series' own, for Mie and
+    /// multipoles) [um].
     pub c_abs_um: f64,
-    /// Extinction, from the optical theorem [um]. `c_sca + c_abs` equals it as far as the solution is exact; nothing is scaled to make it so.
+    /// Extinction, from the optical theorem [um]. `c_sca + c_abs` equals it as far as the solution is exact;
+    /// nothing is scaled to make it so.
     pub c_ext_um: f64,
 }
 
@@ -228,7 +237,8 @@ pub struct SolverStats {
     pub peak_bytes: usize,
 }
 
-/// A scene prepared for one [`Wave`]: every source, any azimuth, beam and polarization, is served by the same factorization.
+/// A scene prepared for one [`Wave`]: every source, any azimuth, beam and polarization, is served by the same
+/// factorization.
 pub trait WaveSolver: Sync {
     /// Far fields at `n_phi_out` azimuths and the ledger, one [`Scattered`] a source, in their order.
     ///
@@ -240,16 +250,19 @@ pub trait WaveSolver: Sync {
     fn stats(&self) -> SolverStats;
 }
 
-/// C_sca [um] from far-field amplitudes on an equispaced azimuth grid that resolves them: `2/(pi k_0) integral (|F_u|^2 + |F_phi|^2) d phi`.
+/// C_sca [um] from far-field amplitudes on an equispaced azimuth grid that resolves them:
+/// `2/(pi k_0) integral (|F_u|^2 + |F_phi|^2) d phi`.
 pub fn scattering_width(wave: &Wave, f_u: &[C64], f_phi: &[C64]) -> f64 {
     let sum: f64 = f_u.iter().zip(f_phi).map(|(u, p)| u.norm_sqr() + p.norm_sqr()).sum();
     2.0 / (PI * wave.k0()) * sum * TAU / f_u.len() as f64
 }
 
-/// C_ext [um] by the optical theorem, from the amplitudes `(F_u, F_phi)` in the forward direction of each plane wave that makes the source.
+/// C_ext [um] by the optical theorem, from the amplitudes `(F_u, F_phi)` in the forward direction of each
+/// plane wave that makes the source.
 ///
-/// For one plane wave `C_ext = -(4/k_0) Re F_co(phi_i + pi)`, with the other sign for TE since `phi(phi_i + pi) = -e_TE`. A sum of plane waves
-/// with amplitudes A_m adds up `conj(A_m)` times the forward amplitude of its own direction.
+/// For one plane wave `C_ext = -(4/k_0) Re F_co(phi_i + pi)`, with the other sign for TE since
+/// `phi(phi_i + pi) = -e_TE`. A sum of plane waves with amplitudes A_m adds up `conj(A_m)` times the forward
+/// amplitude of its own direction.
 pub fn extinction_width(wave: &Wave, pol: Polarization, waves: &[PlaneWave], forward: &[(C64, C64)]) -> f64 {
     let sum: f64 = waves
         .iter()

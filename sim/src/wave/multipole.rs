@@ -1,12 +1,16 @@
-//! Several circular cylinders, plain or layered, at oblique incidence by cylindrical waves about each center (Graf's addition theorem, DLMF 10.23.7).
+//! Several circular cylinders, plain or layered, at oblique incidence by cylindrical waves about each center
+//! (Graf's addition theorem, DLMF 10.23.7).
 //!
-//! Scattered amplitudes c of all cylinders obey `c_p = T_p (a_p + sum_q G_pq c_q)`, a the incident light about the center of p, T_p the response of
-//! `circle.rs`, and `G_pq[n][m] = H_{m-n}(k_rho D) exp(i (m - n) psi)` for the vector (D, psi) from the center of q to that of p. All amplitudes are
-//! counted by the size s_n of H_n at their own wall, x = s c, which bounds every entry: orders may rise as narrow gaps ask. One LU factorization serves
-//! all sources; at normal incidence e and h have one each, of half the size.
+//! Scattered amplitudes c of all cylinders obey `c_p = T_p (a_p + sum_q G_pq c_q)`, a the incident light
+//! about the center of p, T_p the response of `circle.rs`, and
+//! `G_pq[n][m] = H_{m-n}(k_rho D) exp(i (m - n) psi)` for the vector (D, psi) from the center of q to that of
+//! p. All amplitudes are counted by the size s_n of H_n at their own wall, x = s c, which bounds every entry:
+//! orders may rise as narrow gaps ask. One LU factorization serves all sources; at normal incidence e and h
+//! have one each, of half the size.
 //!
-//! How many orders a gap needs is not known beforehand: the first guess comes from the image points of the two walls, and orders are added until the
-//! amplitudes of the last ones are small enough for probe waves from several sides.
+//! How many orders a gap needs is not known beforehand: the first guess comes from the image points of the
+//! two walls, and orders are added until the amplitudes of the last ones are small enough for probe waves
+//! from several sides.
 
 use super::circle::{Circle, M2, Response, order_for};
 use super::lu::{Lu, par};
@@ -63,7 +67,8 @@ impl Cylinder {
     }
 }
 
-/// The factorized equations of the fields in `fields` (0: e, 1: h). Unknowns run over cylinder, field, order, the last fastest.
+/// The factorized equations of the fields in `fields` (0: e, 1: h). Unknowns run over cylinder, field, order,
+/// the last fastest.
 struct System {
     fields: &'static [usize],
     size: usize,
@@ -84,9 +89,10 @@ impl MultipoleSolver {
     /// Prepares and factorizes the scene: circles with concentric circular lumens, nowhere touching.
     ///
     /// # Errors
-    /// [`WaveError::Unsupported`] for other outlines, [`WaveError::Invalid`] and [`WaveError::Overlap`] for bad scenes, [`WaveError::TooLarge`] before a
-    /// factorization that does not fit in the free memory, [`WaveError::Unreachable`] where `tolerance` is below rounding or asks for more orders than
-    /// could be tried.
+    /// [`WaveError::Unsupported`] for other outlines, [`WaveError::Invalid`] and [`WaveError::Overlap`] for
+    /// bad scenes, [`WaveError::TooLarge`] before a factorization that does not fit in the free memory,
+    /// [`WaveError::Unreachable`] where `tolerance` is below rounding or asks for more orders than could be
+    /// tried.
     pub fn new(bodies: &[Body], wave: &Wave, tolerance: f64) -> Result<Self, WaveError> {
         check_wave(wave)?;
         if bodies.is_empty() {
@@ -114,7 +120,8 @@ impl MultipoleSolver {
         }
         let mut tops = vec![0; circles.len()];
         if circles.len() > 2 {
-            // Every cylinder with its closest neighbor alone first: small systems, and most often the cluster asks for no more.
+            // Every cylinder with its closest neighbor alone first: small systems, and most often the cluster
+            // asks for no more.
             let mut known: Vec<([&Circle; 2], f64, Vec<usize>)> = Vec::new();
             for (i, p) in circles.iter().enumerate() {
                 let gap = |q: &Circle| distance(p, q) - p.radius_um() - q.radius_um();
@@ -161,7 +168,8 @@ impl MultipoleSolver {
             }
             for ((top, error), circle) in tops.iter_mut().zip(errors).zip(circles) {
                 if error > tolerance {
-                    // Squared amplitudes fall at least as exp(-2 alpha) an order, cosh(alpha) = n/x, unless a gap holds them up: then the steps grow.
+                    // Squared amplitudes fall at least as exp(-2 alpha) an order, cosh(alpha) = n/x, unless a
+                    // gap holds them up: then the steps grow.
                     let alpha = (*top as f64 / (wave.k_rho() * circle.radius_um())).max(1.0).acosh();
                     let more = (1 + round) as f64 * (error / tolerance).ln() / (2.0 * alpha);
                     *top += more.clamp(3.0, (*top as f64 / 8.0).max(4.0)) as usize;
@@ -361,12 +369,13 @@ impl MultipoleSolver {
         Ok(Solution { incident: a, exciting, x })
     }
 
-    /// For each cylinder, the part of its scattered amplitudes (at the wall, squared) that lies in the last three orders, times twice the number of
-    /// orders beyond the size parameter.
+    /// For each cylinder, the part of its scattered amplitudes (at the wall, squared) that lies in the last
+    /// three orders, times twice the number of orders beyond the size parameter.
     ///
-    /// What is cut off acts on the far field only by way of the neighbors, that is twice, hence the square; the number counts the pairs of orders that
-    /// meet in a gap. Measured on pairs with gaps of 0.003 to 0.3 radii, sizes 1 to 60, glass and metal: with [`first_order`]'s sum over the left-out
-    /// orders this bounds the far field's relative error for all errors below 1e-3.
+    /// What is cut off acts on the far field only by way of the neighbors, that is twice, hence the square;
+    /// the number counts the pairs of orders that meet in a gap. Measured on pairs with gaps of 0.003 to 0.3
+    /// radii, sizes 1 to 60, glass and metal: with [`first_order`]'s sum over the left-out orders this bounds
+    /// the far field's relative error for all errors below 1e-3.
     fn tails(&self, sources: &[Source]) -> Result<Vec<f64>, WaveError> {
         let mut tails = vec![0.0f64; self.cylinders.len()];
         for system in &self.systems {
@@ -455,8 +464,9 @@ impl MultipoleSolver {
             .map(|c| {
                 let intensity: f64 = fine.iter().map(|f| norm(f.col(c)).powi(2)).sum();
                 let n_fine = fine[0].nrows() as f64;
-                // The optical theorem: the forward amplitudes of the source's plane waves, each times its conjugate amplitude, add up to the product of
-                // all incident and scattered amplitudes, since a plane wave's amplitudes are the conjugate of the far field's phases in its forward way.
+                // The optical theorem: the forward amplitudes of the source's plane waves, each times its
+                // conjugate amplitude, add up to the product of all incident and scattered amplitudes, since
+                // a plane wave's amplitudes are the conjugate of the far field's phases in its forward way.
                 let forward: f64 =
                     (0..system.size).map(|r| (solution.incident[(r, c)].conj() * solution.x[(r, c)]).re).sum();
                 let mut c_abs_um = 0.0;
@@ -528,11 +538,13 @@ fn distance(p: &Circle, q: &Circle) -> f64 {
     (p.center_um[0] - q.center_um[0]).hypot(p.center_um[1] - q.center_um[1])
 }
 
-/// First guess of the highest order about cylinder i, and the sum of the left-out squares over the last ones, `1 / (1 - r^2)`.
+/// First guess of the highest order about cylinder i, and the sum of the left-out squares over the last ones,
+/// `1 / (1 - r^2)`.
 ///
-/// Charges in the walls' gap image each other: a point at distance t from the center of the neighbor (radius b) has its image in this cylinder at
-/// `a^2 / (D - t)` from its center, weaker by the static reflection `(eps - 1)/(eps + 1)`, and so on to and fro. The image at s makes amplitudes at the
-/// wall that fall as (s/a)^n beyond the size parameter. r is s/a where the images gather.
+/// Charges in the walls' gap image each other: a point at distance t from the center of the neighbor (radius
+/// b) has its image in this cylinder at `a^2 / (D - t)` from its center, weaker by the static reflection
+/// `(eps - 1)/(eps + 1)`, and so on to and fro. The image at s makes amplitudes at the wall that fall as
+/// (s/a)^n beyond the size parameter. r is s/a where the images gather.
 fn first_order(circles: &[Circle], i: usize, wave: &Wave, tolerance: f64) -> (usize, f64) {
     let weakening = |c: &Circle| {
         let eps = c.layers[0].1 * c.layers[0].1;

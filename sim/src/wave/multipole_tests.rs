@@ -1,4 +1,5 @@
-//! Multipoles. Truth: Mie for one cylinder; for several, a collocation of the walls' own conditions that knows neither Graf's theorem nor T-matrices.
+//! Multipoles. Truth: Mie for one cylinder; for several, a collocation of the walls' own conditions that
+//! knows neither Graf's theorem nor T-matrices.
 use super::*;
 use faer::Mat;
 use faer::linalg::solvers::SolveLstsq;
@@ -54,8 +55,9 @@ fn one_cylinder_is_mie() {
     }
 }
 
-/// Far field of unlayered cylinders for one source by least squares on their walls: outgoing waves about each center outside, regular ones
-/// inside, and e, h and both W of the module's head matched at points of every wall.
+/// Far field of unlayered cylinders for one source by least squares on their walls: outgoing waves about each
+/// center outside, regular ones inside, and e, h and both W of the module's head matched at points of every
+/// wall.
 fn collocation(bodies: &[Body], wave: &Wave, source: &Source, orders: i64, azimuths: usize) -> Scattered {
     let i = C64::new(0.0, 1.0);
     let (k0, kz, k_rho) = (wave.k0(), wave.kz(), wave.k_rho());
@@ -81,7 +83,8 @@ fn collocation(bodies: &[Body], wave: &Wave, source: &Source, orders: i64, azimu
     let mut matrix = Mat::<C64>::zeros(4 * points * bodies.len(), 4 * width * bodies.len());
     let mut rhs = Mat::<C64>::zeros(matrix.nrows(), 1);
     let (e0, h0) = source.axial(wave);
-    // Rows e, h, W_1, W_2 of a field whose axial part is `v` with gradient `g`, as an e field and as an h field.
+    // Rows e, h, W_1, W_2 of a field whose axial part is `v` with gradient `g`, as an e field and as an h
+    // field.
     let rows = |v: C64, g: [C64; 2], normal: [f64; 2], eps: C64, kappa: C64| {
         let dn = g[0] * normal[0] + g[1] * normal[1];
         let dt = -g[0] * normal[1] + g[1] * normal[0];
@@ -167,7 +170,8 @@ fn several_cylinders_agree_with_collocation() {
     }
 }
 
-/// With walls 0.10 um apart the collocation, not the series, is what has not converged: more orders bring it to the series.
+/// With walls 0.10 um apart the collocation, not the series, is what has not converged: more orders bring it
+/// to the series.
 #[test]
 fn collocation_of_close_cylinders_converges_to_the_series() {
     let bodies = [circle(0.0, 0.0, 0.6, 1.5, 0.0), circle(1.2, 0.1, 0.5, 1.6, 0.05), circle(0.4, -1.9, 0.7, 1.3, 0.0)];
@@ -182,7 +186,8 @@ fn collocation_of_close_cylinders_converges_to_the_series() {
     assert!(errors[1] < 0.2 * errors[0] && errors[2] < 0.2 * errors[1] && errors[2] < 1e-9, "{errors:?}");
 }
 
-/// Lossy, lossless and hollow cylinders of different sizes; plane waves and beams; each field exact to the tolerance it was asked for.
+/// Lossy, lossless and hollow cylinders of different sizes; plane waves and beams; each field exact to the
+/// tolerance it was asked for.
 #[test]
 fn ledger_closes_and_tolerances_hold() {
     let bodies = [
@@ -243,7 +248,8 @@ fn narrow_gaps_take_more_orders() {
     }
 }
 
-/// Light from a to b is as light from b to a: F_ab(phi_i -> phi_o; theta) = F_ba(phi_o -> phi_i; -theta) in the bases of the conventions.
+/// Light from a to b is as light from b to a: F_ab(phi_i -> phi_o; theta) = F_ba(phi_o -> phi_i; -theta) in
+/// the bases of the conventions.
 #[test]
 fn reciprocity_and_translation() {
     let at = |dx: f64, dy: f64| [circle(dx, dy, 0.8, 1.5, 0.01), circle(dx + 1.1, dy + 1.5, 0.9, 1.7, 0.0)];
@@ -288,7 +294,8 @@ fn bad_scenes_are_refused() {
     assert!(matches!(new(&[], 1e-6), WaveError::Invalid { .. }));
 }
 
-/// A third way: boundary integrals, with hollow and absorbing fibers (the collocation above knows plain ones).
+/// A third way: boundary integrals, with hollow and absorbing fibers (the collocation above knows plain
+/// ones).
 #[test]
 fn layered_cylinders_agree_with_boundary_integrals() {
     let bodies = [with_lumen(circle(0.0, 0.0, 1.0, 1.55, 0.0), 0.4), circle(2.2, 0.3, 0.9, 1.5, 0.03)];

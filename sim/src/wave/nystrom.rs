@@ -1,16 +1,18 @@
 //! Scattering by fibers of any outline: incident light onto the walls, densities to far field and ledger.
 //!
-//! The fields of [`system`](super::system) on outermost walls radiate. From `G ~ (i/4) sqrt(2/(pi k_rho rho)) exp(i (k_rho rho - pi/4)) exp(-i k_rho x.y)` with x the
-//! unit vector towards azimuth phi, the axial amplitudes are
+//! The fields of [`system`](super::system) on outermost walls radiate. From
+//! `G ~ (i/4) sqrt(2/(pi k_rho rho)) exp(i (k_rho rho - pi/4)) exp(-i k_rho x.y)` with x the unit vector
+//! towards azimuth phi, the axial amplitudes are
 //!
 //! ```text
 //! a_e = (i/4) integral exp(-i k_rho x.y) [-i k_rho x.n e - (k_rho^2/k_0) P + i k_rho (k_z/k_0) x.t h] ds
 //! a_h = (i/4) integral exp(-i k_rho x.y) [-i k_rho x.n h - (k_rho^2/k_0) Q - i k_rho (k_z/k_0) x.t e] ds
 //! ```
 //!
-//! and the power that enters the fibers is `-(1/2) integral Im(P e* + Q h*) ds`, since E_t = -i Q and H_t = i P on the walls. The far field of bodies
-//! within r of a point is a trigonometric polynomial of order little above k_rho r about it. It is computed on the azimuths that determine this
-//! polynomial, which gives C_sca exactly, and interpolated to any azimuth.
+//! and the power that enters the fibers is `-(1/2) integral Im(P e* + Q h*) ds`, since E_t = -i Q and H_t = i
+//! P on the walls. The far field of bodies within r of a point is a trigonometric polynomial of order little
+//! above k_rho r about it. It is computed on the azimuths that determine this polynomial, which gives C_sca
+//! exactly, and interpolated to any azimuth.
 
 use super::curve::CurvePoint;
 use super::entries::{E, H, P, Q};
@@ -43,11 +45,12 @@ pub struct NystromSolver {
 }
 
 impl NystromSolver {
-    /// Assembles and factorizes the boundary equations of `bodies` (any outline, nested to any depth, lossy or not) so that far fields are off by about
-    /// `tolerance` relative to their largest value.
+    /// Assembles and factorizes the boundary equations of `bodies` (any outline, nested to any depth, lossy
+    /// or not) so that far fields are off by about `tolerance` relative to their largest value.
     ///
     /// # Errors
-    /// Bad numbers and shapes, walls that overlap, a tolerance out of reach, a system larger than the free memory.
+    /// Bad numbers and shapes, walls that overlap, a tolerance out of reach, a system larger than the free
+    /// memory.
     pub fn new(bodies: &[Body], wave: &Wave, tolerance: f64) -> Result<Self, WaveError> {
         let system = BoundarySystem::new(bodies, wave, tolerance)?;
         Ok(Self::with_system(system, wave, tolerance))
@@ -83,7 +86,8 @@ pub(crate) struct FarField {
 }
 
 impl FarField {
-    /// For sources at `nodes`, resolved to `tolerance`. Where the walls have symmetries, their maps take the grid to itself.
+    /// For sources at `nodes`, resolved to `tolerance`. Where the walls have symmetries, their maps take the
+    /// grid to itself.
     pub(crate) fn new(nodes: &[CurvePoint], k_rho: f64, tolerance: f64, group: &Group) -> Self {
         let mut center = [0.0; 2];
         for k in 0..2 {
@@ -110,8 +114,8 @@ impl FarField {
         self.start + TAU * j as f64 / self.azimuths as f64
     }
 
-    /// Amplitudes `(a_e, a_h)` on the grid, about the center: `[azimuth]` column after column. `densities` are `(e, P, h, Q)` at a node, node after node, of which the
-    /// first `nodes.len()` of `stride` radiate.
+    /// Amplitudes `(a_e, a_h)` on the grid, about the center: `[azimuth]` column after column. `densities`
+    /// are `(e, P, h, Q)` at a node, node after node, of which the first `nodes.len()` of `stride` radiate.
     pub(crate) fn amplitudes(
         &self,
         wave: &Wave,
@@ -178,7 +182,8 @@ impl FarField {
         out
     }
 
-    /// Values at `phi` of functions known on the grid (`values`, column after column, `[column][phi]` out), with the phase moved from the center to the origin.
+    /// Values at `phi` of functions known on the grid (`values`, column after column, `[column][phi]` out),
+    /// with the phase moved from the center to the origin.
     pub(crate) fn resample(&self, wave: &Wave, values: &[C64], phi: &[f64]) -> Vec<C64> {
         let n = self.azimuths;
         let columns = values.len() / n;
@@ -272,7 +277,8 @@ struct Origin {
     factor_phi: C64,
 }
 
-/// Sources to be solved, and for every source how it follows from them. Plane waves that maps of the walls take to each other are solved once.
+/// Sources to be solved, and for every source how it follows from them. Plane waves that maps of the walls
+/// take to each other are solved once.
 fn origins(wave: &Wave, group: &Group, sources: &[Source]) -> (Vec<usize>, Vec<Origin>) {
     let mut solved: Vec<usize> = Vec::new();
     let origins = sources
@@ -297,7 +303,8 @@ fn origins(wave: &Wave, group: &Group, sources: &[Source]) -> (Vec<usize>, Vec<O
             // Both waves have phase zero at the origin, the map keeps the phase at the center.
             let towards = C64::from_polar(1.0, source.phi_i) - C64::from_polar(1.0, phi_i);
             let phase = C64::from_polar(1.0, -wave.k_rho() * (towards.conj() * group.center).re);
-            // A mirror turns h around: that of the scattered light for TM; the incident one for TE, so that the whole answer changes sign.
+            // A mirror turns h around: that of the scattered light for TM; the incident one for TE, so that
+            // the whole answer changes sign.
             let (factor_u, factor_phi) = match (group.elements[element].mirror, source.pol) {
                 (false, _) => (phase, phase),
                 (true, Polarization::Tm) => (phase, -phase),
@@ -309,7 +316,8 @@ fn origins(wave: &Wave, group: &Group, sources: &[Source]) -> (Vec<usize>, Vec<O
     (solved, origins)
 }
 
-/// Far fields and ledger of sources from the total fields on outermost walls. `densities` are `(e, P, h, Q)` node after node, `stride` nodes a column, one column a source.
+/// Far fields and ledger of sources from the total fields on outermost walls. `densities` are `(e, P, h, Q)`
+/// node after node, `stride` nodes a column, one column a source.
 #[allow(dead_code, reason = "for the solver of many fibers")]
 pub(crate) fn harvest(
     wave: &Wave,

@@ -1,5 +1,7 @@
-//! Tests of the boundary integral solver. Truth first: the series of layered circular cylinders, implemented here independently; then sources inside and outside
-//! of outlines that are not circles, whose densities are known; then what must hold of any solution (ledger, reciprocity, convergence); then reference implementations.
+//! Tests of the boundary integral solver. Truth first: the series of layered circular cylinders, implemented
+//! here independently; then sources inside and outside of outlines that are not circles, whose densities are
+//! known; then what must hold of any solution (ledger, reciprocity, convergence); then reference
+//! implementations.
 
 use super::curve::Resolution;
 use super::entries::COMPONENTS;
@@ -145,7 +147,8 @@ fn unbalance(s: &Scattered) -> f64 {
     (s.c_sca_um + s.c_abs_um - s.c_ext_um).abs() / s.c_ext_um
 }
 
-/// Far field and ledger against the series: clear, absorbing, strongly absorbing and hollow, normal and oblique, at three tolerances.
+/// Far field and ledger against the series: clear, absorbing, strongly absorbing and hollow, normal and
+/// oblique, at three tolerances.
 #[test]
 fn circles_match_the_series() {
     let air = C64::ONE;
@@ -191,7 +194,8 @@ fn circles_match_the_series() {
     }
 }
 
-/// Fields `(e, P, h, Q)` at a point, made of an incident wave with gradient: `(value, d_x, d_y)` of e and of h in a medium.
+/// Fields `(e, P, h, Q)` at a point, made of an incident wave with gradient: `(value, d_x, d_y)` of e and of
+/// h in a medium.
 fn wall_fields(wave: &Wave, eps: C64, kappa: C64, e: [C64; 3], h: [C64; 3], normal: [f64; 2]) -> [C64; 4] {
     let [nx, ny] = normal;
     let n = |v: &[C64; 3]| v[1] * nx + v[2] * ny;
@@ -222,8 +226,9 @@ fn assorted() -> Vec<Body> {
     vec![hollow, bean, triangle]
 }
 
-/// Green's representations, summed plainly at points away from the walls with the solved densities, vanish on the wrong side of every medium: with
-/// the incident field of a point source this is the extinction theorem, which only the exact densities fulfil. The sums know nothing of the solver's kernels.
+/// Green's representations, summed plainly at points away from the walls with the solved densities, vanish on
+/// the wrong side of every medium: with the incident field of a point source this is the extinction theorem,
+/// which only the exact densities fulfil. The sums know nothing of the solver's kernels.
 fn extinction_error(bodies: &[Body], wave: &Wave, tolerance: f64) -> f64 {
     let system = BoundarySystem::new(bodies, wave, tolerance).unwrap();
     let nodes = system.nodes();
@@ -262,7 +267,8 @@ fn extinction_error(bodies: &[Body], wave: &Wave, tolerance: f64) -> f64 {
     }
     let mut worst: f64 = 0.0;
     for (index, medium) in system.media().iter().enumerate() {
-        // Middles of bodies and points outside, all of them away from walls; those in this medium itself are left out below.
+        // Middles of bodies and points outside, all of them away from walls; those in this medium itself are
+        // left out below.
         let probes = [[-0.75, -0.3], [0.2, 0.1], [2.4, 0.3], [0.6, -2.2], [-3.0, -2.0], [4.0, -1.5]];
         let home = [1, 2, 3, if bodies.len() > 2 { 4 } else { 0 }, 0, 0];
         for (x, _) in probes.iter().zip(home).filter(|(_, home)| *home != index) {
@@ -294,7 +300,8 @@ fn extinction_error(bodies: &[Body], wave: &Wave, tolerance: f64) -> f64 {
     worst
 }
 
-/// The extinction theorem for an ellipse with a lumen, a bean and a triangle together. Fields are of size 0.1 to 1.
+/// The extinction theorem for an ellipse with a lumen, a bean and a triangle together. Fields are of size 0.1
+/// to 1.
 #[test]
 fn densities_obey_the_extinction_theorem() {
     for theta_i in [0.0, 0.6] {
@@ -327,7 +334,8 @@ fn ledger_and_reciprocity() {
             assert!(unbalance(s) < 10.0 * tolerance, "{source:?}: {}", unbalance(s));
             assert!(s.c_abs_um > 0.01, "the hollow fiber absorbs");
         }
-        // Turned by pi about z and reversed: amplitude(i -> o) = amplitude(o -> i). e_TM is u and e_TE is phi of the opposite azimuth up to sign.
+        // Turned by pi about z and reversed: amplitude(i -> o) = amplitude(o -> i). e_TM is u and e_TE is phi
+        // of the opposite azimuth up to sign.
         let mut worst: f64 = 0.0;
         for i in 0..n {
             for o in 0..n {
@@ -393,7 +401,8 @@ fn oblique_tends_to_normal() {
     }
 }
 
-/// Outlines much smaller than the wavelength get their nodes from their shape: thin ones are as exact as round ones.
+/// Outlines much smaller than the wavelength get their nodes from their shape: thin ones are as exact as
+/// round ones.
 #[test]
 fn thin_outlines_are_resolved() {
     let bean = |size: f64| {
@@ -416,7 +425,8 @@ fn thin_outlines_are_resolved() {
     }
 }
 
-/// Ellipses at gaps of 0.2 and 0.05 um, absorbing and clear: what a tolerance gives agrees with what a much finer one gives.
+/// Ellipses at gaps of 0.2 and 0.05 um, absorbing and clear: what a tolerance gives agrees with what a much
+/// finer one gives.
 #[test]
 fn close_fibers_converge() {
     for gap in [0.2, 0.05] {
@@ -443,7 +453,8 @@ fn close_fibers_converge() {
     }
 }
 
-/// Sources that the body's symmetry maps on each other are solved once: each must be what it is when it is solved alone, wherever the body stands.
+/// Sources that the body's symmetry maps on each other are solved once: each must be what it is when it is
+/// solved alone, wherever the body stands.
 #[test]
 fn mapped_sources_are_themselves() {
     let corner = |j: i32| [1.5 * (2.0 * PI * j as f64 / 3.0).cos(), 1.5 * (2.0 * PI * j as f64 / 3.0).sin()];
@@ -471,8 +482,9 @@ fn mapped_sources_are_themselves() {
     }
 }
 
-/// Observed convergence. On smooth outlines errors fall faster than any power of the node number, to 1e-10 of the series at 6 nodes a wavelength; on a
-/// rounded polygon with joints graded to order 5 they fall with a power of at least 4.5.
+/// Observed convergence. On smooth outlines errors fall faster than any power of the node number, to 1e-10 of
+/// the series at 6 nodes a wavelength; on a rounded polygon with joints graded to order 5 they fall with a
+/// power of at least 4.5.
 #[test]
 fn errors_fall_as_nodes_are_added() {
     let error = |bodies: &[Body], wave: &Wave, resolution: &Resolution, truth: &dyn Fn(&Source) -> [Vec<C64>; 2]| {

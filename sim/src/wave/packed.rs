@@ -1,8 +1,11 @@
-//! Matrices in fixed point of 40 bits, in ten bytes a complex number for sixteen: what merged groups hold for long and use a panel at a time.
+//! Matrices in fixed point of 40 bits, in ten bytes a complex number for sixteen: what merged groups hold for
+//! long and use a panel at a time.
 //!
-//! What a coefficient of an interpolation may be off by is the same for all of a column: the field of a site that is left out is off by the sum of what the
-//! fields of those that stand for it are multiplied with. Each column has a step of its own, the power of 2 that is 2^-39 to 2^-38 of its largest real or
-//! imaginary part; rounding is off by half of it, at most 1.8e-12 of that part. Single precision is off by 6e-8 of each coefficient, which is too much.
+//! What a coefficient of an interpolation may be off by is the same for all of a column: the field of a site
+//! that is left out is off by the sum of what the fields of those that stand for it are multiplied with. Each
+//! column has a step of its own, the power of 2 that is 2^-39 to 2^-38 of its largest real or imaginary part;
+//! rounding is off by half of it, at most 1.8e-12 of that part. Single precision is off by 6e-8 of each
+//! coefficient, which is too much.
 
 use super::C64;
 use faer::MatRef;
@@ -96,8 +99,8 @@ impl Packed {
 mod tests {
     use super::*;
 
-    /// Columns from 1e-200 to 1e300 come back to 2^-39 of their largest entry, multiples of a step as they are, and parts of the matrix as the whole of it
-    /// has them.
+    /// Columns from 1e-200 to 1e300 come back to 2^-39 of their largest entry, multiples of a step as they
+    /// are, and parts of the matrix as the whole of it has them.
     #[test]
     fn entries_come_back() {
         let (rows, sizes) = (300, [1.0, 1e-200, 7e300, 0.0, 3e-5]);

@@ -1,4 +1,5 @@
-//! Where bodies lie: the frames of equal ones, and the points of a wall that take part in its dealings with others.
+//! Where bodies lie: the frames of equal ones, and the points of a wall that take part in its dealings with
+//! others.
 
 use super::close::{FINEST, closeness};
 use super::curve::{Curve, CurvePoint};

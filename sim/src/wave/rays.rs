@@ -1,7 +1,9 @@
-//! One fiber by rays: its azimuthal scattering under a beam that is wider than it (Xia 2020, 6: "Ray traced BCSDF").
+//! One fiber by rays: its azimuthal scattering under a beam that is wider than it (Xia 2020, 6: "Ray traced
+//! BCSDF").
 //!
-//! The walk is that of the ply, [`trace_path`], through a section of one straight fiber. Only absorption has a scale for rays, so the fiber is traced at a fixed size,
-//! that of the fibers the tracer's offsets are meant for, and path lengths are scaled back.
+//! The walk is that of the ply, [`trace_path`], through a section of one straight fiber. Only absorption has
+//! a scale for rays, so the fiber is traced at a fixed size, that of the fibers the tracer's offsets are
+//! meant for, and path lengths are scaled back.
 
 use super::{SingleFiber, WaveError};
 use crate::error::SimError;
@@ -53,11 +55,12 @@ impl RaySlice {
         Ok(RaySlice { fiber: fiber.clone(), tracer, surface, scale })
     }
 
-    /// Fills `bins` with the scattered light over phi_r - phi_i as a fraction of the light that falls on the fiber [1/rad], bin j centered at
-    /// `2 pi j / bins`; gives the absorbed fraction. What is in neither was killed. Incidence is `[theta_i, phi_i]` [rad].
+    /// Fills `bins` with the scattered light over phi_r - phi_i as a fraction of the light that falls on the
+    /// fiber [1/rad], bin j centered at `2 pi j / bins`; gives the absorbed fraction. What is in neither was
+    /// killed. Incidence is `[theta_i, phi_i]` [rad].
     ///
-    /// Rays are spread evenly over the fiber's shadow, one at random in each of `rays` parts. One that slips by within the tracer's accuracy of the edge goes
-    /// straight on.
+    /// Rays are spread evenly over the fiber's shadow, one at random in each of `rays` parts. One that slips
+    /// by within the tracer's accuracy of the edge goes straight on.
     pub(crate) fn trace(
         &self,
         [theta_i, phi_i]: [f64; 2],

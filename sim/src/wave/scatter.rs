@@ -1,7 +1,9 @@
-//! From a scene to its far fields: the choice of the solver, the slices of equal wavelength and latitude, the checks of what comes back, the report.
+//! From a scene to its far fields: the choice of the solver, the slices of equal wavelength and latitude, the
+//! checks of what comes back, the report.
 //!
-//! A slice is solved by one factorization for all its sources. Slices run side by side as far as memory allows; a single one is left to the
-//! solver's own threads. Nothing is scaled to make powers add up: a case whose ledger does not balance is an error.
+//! A slice is solved by one factorization for all its sources. Slices run side by side as far as memory
+//! allows; a single one is left to the solver's own threads. Nothing is scaled to make powers add up: a case
+//! whose ledger does not balance is an error.
 
 use super::choice::{by_shape, candidates, least_length};
 use super::scene::degrees;
@@ -20,8 +22,8 @@ const SOURCES: usize = 256;
 
 /// What roundings of fields of size 1 make of widths, in units of the length of all walls.
 const ROUNDING: f64 = 1e-12;
-/// Tolerances that a method is tried at, over the one asked for: where powers do not add up within it, a finer solution is made. The second is within what
-/// compression reaches at the default tolerance.
+/// Tolerances that a method is tried at, over the one asked for: where powers do not add up within it, a
+/// finer solution is made. The second is within what compression reaches at the default tolerance.
 const FINER: [f64; 3] = [1.0, 0.21, 0.02];
 
 /// What one source scatters.
@@ -69,7 +71,8 @@ pub struct RunStats {
     pub residual: f64,
     /// Time of the slices, one after the other [s].
     pub seconds: f64,
-    /// The most memory the process held at once, or the solvers' estimate where the system does not tell [bytes].
+    /// The most memory the process held at once, or the solvers' estimate where the system does not tell
+    /// [bytes].
     pub peak_bytes: usize,
 }
 
@@ -101,11 +104,12 @@ fn in_pairs<S: Serializer>(list: &[C64], out: S) -> Result<S::Ok, S::Error> {
 /// A solver behind its trait.
 type Solver = Box<dyn WaveSolver>;
 
-/// Solves every case of a scene that has passed [`Scene::check`]. Progress counts cases. The work runs in the current thread pool of rayon; results do
-/// not depend on its size. `text` is the scene's.
+/// Solves every case of a scene that has passed [`Scene::check`]. Progress counts cases. The work runs in the
+/// current thread pool of rayon; results do not depend on its size. `text` is the scene's.
 ///
 /// # Errors
-/// What the solvers refuse, [`WaveError::NotConverged`] for a residual above the tolerance, [`WaveError::Ledger`] for powers that do not add up, all in
+/// What the solvers refuse, [`WaveError::NotConverged`] for a residual above the tolerance,
+/// [`WaveError::Ledger`] for powers that do not add up, all in
 /// [`SimError::Wave`]; [`SimError::Interrupted`] and errors of the parts folder.
 pub fn scatter(scene: &Scene, text: &str, run: Run<'_>) -> Result<Report, SimError> {
     let mut report = runs::run(&ScatterJob::new(scene, text), run)?;
@@ -123,7 +127,8 @@ fn is_coarse(error: &WaveError) -> bool {
     matches!(error, NotConverged { .. } | Uncancelled { .. } | Ledger { .. })
 }
 
-/// Whether another method may succeed where one fails so. Whatever answers in the end has passed its own residual and ledger.
+/// Whether another method may succeed where one fails so. Whatever answers in the end has passed its own
+/// residual and ledger.
 fn passes_on(error: &WaveError) -> bool {
     use WaveError::{TooLarge, Unreachable, Unsupported};
     is_coarse(error) || matches!(error, Unsupported { .. } | Unreachable { .. } | TooLarge { .. })
@@ -181,8 +186,9 @@ fn walls(bodies: &[Body]) -> impl Iterator<Item = &Body> {
     bodies.iter().flat_map(|body| std::iter::successors(Some(body), |b| b.lumen.as_deref()))
 }
 
-/// Lower bound of the unknowns of boundary integrals, two nodes a wavelength with two unknowns each on every wall. The solvers count exactly, but only
-/// with the nodes in memory. Waves inside of lossy bodies may ask for none.
+/// Lower bound of the unknowns of boundary integrals, two nodes a wavelength with two unknowns each on every
+/// wall. The solvers count exactly, but only with the nodes in memory. Waves inside of lossy bodies may ask
+/// for none.
 fn least_unknowns(bodies: &[Body], wave: &Wave) -> f64 {
     let index = |wall: &Body| if wall.kappa == 0.0 { wall.eta.max(1.0) } else { 1.0 };
     walls(bodies).map(|wall| 4.0 * least_length(&wall.shape) * index(wall) / wave.lambda_um).sum()
@@ -201,8 +207,8 @@ fn check_memory(unknowns: f64, bytes: f64) -> Result<(), WaveError> {
 /// What makes the solver of a slice by a method, to a tolerance.
 pub(crate) type Prepare<'a> = dyn Fn(Method, &Wave, f64) -> Result<Solver, WaveError> + Sync + 'a;
 
-/// A scene as a job: a shard is a slice, those of the shortest waves first, as they make the largest systems. Its part has the far fields and widths of its
-/// cases and how it was solved.
+/// A scene as a job: a shard is a slice, those of the shortest waves first, as they make the largest systems.
+/// Its part has the far fields and widths of its cases and how it was solved.
 pub struct ScatterJob<'a> {
     scene: Scene,
     text: String,
@@ -238,8 +244,8 @@ impl<'a> ScatterJob<'a> {
         }
     }
 
-    /// One slice by one method at a tolerance: all sources by one solver, each checked against the scene's tolerance. `None` when stopped. `progress` is told of
-    /// all cases done so far.
+    /// One slice by one method at a tolerance: all sources by one solver, each checked against the scene's
+    /// tolerance. `None` when stopped. `progress` is told of all cases done so far.
     fn slice(
         &self,
         method: Method,
@@ -414,9 +420,11 @@ fn method_of(number: f64) -> Option<Method> {
     METHODS.into_iter().enumerate().find(|(at, _)| *at as f64 == number).map(|(_, m)| m)
 }
 
-/// Refuses powers that do not add up within the tolerance, and fields that are not numbers. What counts is the greater of C_ext and `2 sqrt(C_sca / k_0)`.
+/// Refuses powers that do not add up within the tolerance, and fields that are not numbers. What counts is
+/// the greater of C_ext and `2 sqrt(C_sca / k_0)`.
 ///
-/// The second is (4/k_0) times the root mean square of |F|: the C_ext of thin clear fibers is the small difference of an F nearly out of phase, with an error as large.
+/// The second is (4/k_0) times the root mean square of |F|: the C_ext of thin clear fibers is the small
+/// difference of an F nearly out of phase, with an error as large.
 /// Bodies that are all but invisible are off by roundings.
 ///
 /// # Errors
@@ -506,7 +514,8 @@ mod tests {
         }
     }
 
-    /// Powers that do not add up, residuals that stay, fields that are not numbers: errors, never answers. The first bad slice is told, whatever the threads.
+    /// Powers that do not add up, residuals that stay, fields that are not numbers: errors, never answers.
+    /// The first bad slice is told, whatever the threads.
     #[test]
     fn bad_solutions_are_errors() {
         let scene = Scene::parse(SCENE).unwrap();
@@ -533,7 +542,8 @@ mod tests {
         assert_eq!(runs::run(&job, Run::plain()).unwrap().cases, solve(&scene).unwrap().cases);
     }
 
-    /// The ledger is held to the tolerance at every tolerance; zeros and roundings of invisible bodies add up.
+    /// The ledger is held to the tolerance at every tolerance; zeros and roundings of invisible bodies add
+    /// up.
     #[test]
     fn ledgers_are_held_to_the_tolerance() {
         let wave = Wave { lambda_um: 0.5, theta_i: 0.0 };

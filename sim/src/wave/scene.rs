@@ -1,5 +1,5 @@
-//! The scene of `plywave wave scatter`: bodies, lists of incidences and what must hold between them. Its text is read in `scene_toml.rs`; walls are held
-//! to each other in `scene_check.rs`.
+//! The scene of `plywave wave scatter`: bodies, lists of incidences and what must hold between them. Its text
+//! is read in `scene_toml.rs`; walls are held to each other in `scene_check.rs`.
 
 use super::scene_check::check_walls;
 use super::{BeamSource, Body, Polarization, Source, Wave, WaveError};
@@ -51,7 +51,8 @@ pub struct Beams {
     pub h_um: Vec<f64>,
 }
 
-/// What `plywave wave scatter` computes. Every combination of wavelength, incidence, offset and polarization is one case.
+/// What `plywave wave scatter` computes. Every combination of wavelength, incidence, offset and polarization
+/// is one case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
     /// Vacuum wavelengths [um].
@@ -73,7 +74,8 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// What must hold between the parts: the walls, the beams at every wave, the number of cases. Parsed scenes have passed it.
+    /// What must hold between the parts: the walls, the beams at every wave, the number of cases. Parsed
+    /// scenes have passed it.
     ///
     /// # Errors
     /// As [`Scene::parse`].
@@ -96,7 +98,8 @@ impl Scene {
         check_walls(&self.bodies)
     }
 
-    /// The beam's waist must not be too narrow at any wave; the longest transverse wavelength asks for the widest.
+    /// The beam's waist must not be too narrow at any wave; the longest transverse wavelength asks for the
+    /// widest.
     fn check_waists(&self) -> Result<(), WaveError> {
         let Some(beams) = &self.beams else { return Ok(()) };
         let lambda_um = self.lambda_um.iter().copied().fold(0.0, f64::max);
@@ -161,7 +164,8 @@ impl Scene {
 /// Least |kappa_j| / k_0 of a medium: the fields of the walls are divided by its square.
 const MIN_K_RHO: f64 = 1e-3;
 
-/// An angle as written in files [degrees]: to 1e-12, so that what was read from a round number is that number again.
+/// An angle as written in files [degrees]: to 1e-12, so that what was read from a round number is that number
+/// again.
 pub(crate) fn degrees(angle: f64) -> f64 {
     let rounded = (angle.to_degrees() * 1e12).round() / 1e12;
     // No negative zeros.

@@ -1,8 +1,9 @@
 //! Walls of a scene against themselves and each other: simple, smooth, apart, lumens inside of their bodies.
 //!
-//! Circles are treated exactly. Other walls are sampled so densely that the chords leave the curve by some 1e-6 of its size; two walls that are closer
-//! than their chords' departures count as touching. Chords are grouped into runs with a bounding box each, so that a pair of walls costs
-//! little more than its nearest runs.
+//! Circles are treated exactly. Other walls are sampled so densely that the chords leave the curve by some
+//! 1e-6 of its size; two walls that are closer than their chords' departures count as touching. Chords are
+//! grouped into runs with a bounding box each, so that a pair of walls costs little more than its nearest
+//! runs.
 
 use super::{Body, C64, Shape, WaveError};
 use nalgebra::Vector2;
@@ -14,7 +15,8 @@ type Point = Vector2<f64>;
 const CHORDS: usize = 2048;
 /// Chords per run.
 const RUN: usize = 16;
-/// Largest turn between two chords [rad] that counts as smooth: a curve of radius 1/6000 of its size still turns by less.
+/// Largest turn between two chords [rad] that counts as smooth: a curve of radius 1/6000 of its size still
+/// turns by less.
 const SHARPEST: f64 = 0.5;
 /// Relative accuracy to which circles are told apart.
 const CIRCLE_SLACK: f64 = 1e-10;
@@ -22,8 +24,8 @@ const CIRCLE_SLACK: f64 = 1e-10;
 /// Refuses walls that no solver can treat.
 ///
 /// # Errors
-/// [`WaveError::SelfCrossing`], [`WaveError::Overlap`], [`WaveError::LumenOutside`], and [`WaveError::Invalid`] for outlines with a cusp and
-/// polygons whose rounding does not fit.
+/// [`WaveError::SelfCrossing`], [`WaveError::Overlap`], [`WaveError::LumenOutside`], and
+/// [`WaveError::Invalid`] for outlines with a cusp and polygons whose rounding does not fit.
 pub fn check_walls(bodies: &[Body]) -> Result<(), WaveError> {
     let mut fibers = Vec::with_capacity(bodies.len());
     for (i, body) in bodies.iter().enumerate() {
@@ -248,8 +250,9 @@ fn chord(points: &[Point], i: usize) -> (Point, Point) {
     (points[i], points[(i + 1) % points.len()])
 }
 
-/// Total turn, sharpest turn [rad] and largest departure from the curve [um] of a closed polyline drawn through a curve. An arc of turn t over a
-/// chord of length c departs by about c t / 8; twice that is taken, since the curvature may change from one chord to the next.
+/// Total turn, sharpest turn [rad] and largest departure from the curve [um] of a closed polyline drawn
+/// through a curve. An arc of turn t over a chord of length c departs by about c t / 8; twice that is taken,
+/// since the curvature may change from one chord to the next.
 fn turns(points: &[Point]) -> (f64, f64, f64) {
     let n = points.len();
     let (mut total, mut sharpest, mut slack) = (0.0, 0.0, 0.0);
@@ -336,7 +339,8 @@ fn round(points_um: &[[f64; 2]], rounding_um: f64, name: &str) -> Result<Vec<Poi
             let (sin, cos) = (turn * j as f64 / steps).sin_cos();
             let arm = begin - center;
             let p = center + Point::new(cos * arm.x - sin * arm.y, sin * arm.x + cos * arm.y);
-            // Where arcs fill an edge, one ends where the next begins; a straight corner has an arc of no length.
+            // Where arcs fill an edge, one ends where the next begins; a straight corner has an arc of no
+            // length.
             if points.last().is_none_or(|q: &Point| (q - p).norm() > 1e-9 * rounding_um) {
                 points.push(p);
             }
@@ -445,7 +449,8 @@ mod tests {
         let crossing = |b: Body| {
             assert_eq!(check_walls(&[b]), Err(WaveError::SelfCrossing { wall: "fiber[0]".into() }));
         };
-        // A limacon with an inner loop; a circle run through twice; a figure of eight; a lemniscate-like curve whose turns cancel.
+        // A limacon with an inner loop; a circle run through twice; a figure of eight; a lemniscate-like
+        // curve whose turns cancel.
         crossing(fourier(&[(1, 1.0), (2, 1.0)]));
         crossing(fourier(&[(2, 1.0)]));
         crossing(polygon(&[[0.0, 0.0], [4.0, 4.0], [4.0, 0.0], [0.0, 4.0]], 0.2));

@@ -1,4 +1,5 @@
-//! The TOML of a scene: flat tables in, bodies and lists of incidences out. The one place of the wave code that reads keys and degrees.
+//! The TOML of a scene: flat tables in, bodies and lists of incidences out. The one place of the wave code
+//! that reads keys and degrees.
 //!
 //! Every key is held to its range here, so that the solvers get sound bodies only.
 
@@ -29,8 +30,10 @@ impl Scene {
     /// Reads a scene from its text.
     ///
     /// # Errors
-    /// [`WaveError::Unreadable`] for what is no TOML, [`WaveError::Invalid`] for a key that is unknown, absent or out of range,
-    /// [`WaveError::SelfCrossing`], [`WaveError::Overlap`] and [`WaveError::LumenOutside`] for walls that cannot be.
+    /// [`WaveError::Unreadable`] for what is no TOML, [`WaveError::Invalid`] for a key that is unknown,
+    /// absent or out of range,
+    /// [`WaveError::SelfCrossing`], [`WaveError::Overlap`] and [`WaveError::LumenOutside`] for walls that
+    /// cannot be.
     pub fn parse(text: &str) -> Result<Scene, WaveError> {
         let table: Table = toml::from_str(text).map_err(|e| {
             let at = e.span().and_then(|span| text.as_bytes().get(..span.start)).map(|head| {
@@ -399,7 +402,8 @@ eta = 1.5
         assert_eq!(scene.bodies.len(), 3);
         let fiber = &scene.bodies[0];
         assert_eq!(fiber.index(), C64::new(1.55, 1e-4));
-        // A lumen is air about its fiber's center and turned as the fiber, unless it says otherwise; its center is in the scene's frame.
+        // A lumen is air about its fiber's center and turned as the fiber, unless it says otherwise; its
+        // center is in the scene's frame.
         let lumen = fiber.lumen.as_deref().unwrap();
         assert_eq!((lumen.center_um, lumen.rotation_rad), (fiber.center_um, fiber.rotation_rad));
         assert_eq!((lumen.eta, lumen.kappa), (1.0, 0.0));

@@ -1,9 +1,11 @@
-//! The cross section of a ply instance as bodies of the wave code: the plane z = 0 of a [`PlySection`], whose fibers count as parallel (Yu 2025, 4.3).
+//! The cross section of a ply instance as bodies of the wave code: the plane z = 0 of a [`PlySection`], whose
+//! fibers count as parallel (Yu 2025, 4.3).
 //!
-//! Circles stay circles. A polyline whose vertices lie on an ellipse becomes that ellipse. Any other polyline has its vertices on a smooth curve, evenly in
-//! arc length, so that its trigonometric interpolant converges as fast as the curve is smooth: it becomes a Fourier outline through the vertices, cut
-//! where the rest is below [`CUT_UM`], and checked against the outline between them. Rounded polygons, whose curvature jumps, decay as 1/k^3: their joints are
-//! softened over one spacing of the vertices or so.
+//! Circles stay circles. A polyline whose vertices lie on an ellipse becomes that ellipse. Any other polyline
+//! has its vertices on a smooth curve, evenly in arc length, so that its trigonometric interpolant converges
+//! as fast as the curve is smooth: it becomes a Fourier outline through the vertices, cut where the rest is
+//! below [`CUT_UM`], and checked against the outline between them. Rounded polygons, whose curvature jumps,
+//! decay as 1/k^3: their joints are softened over one spacing of the vertices or so.
 
 use super::scene_check::check_walls;
 use super::{Body, C64, Shape, WaveError};
@@ -13,8 +15,8 @@ use crate::geometry::section::PlySection;
 use nalgebra::{Matrix4, Vector2, Vector4};
 use std::f64::consts::TAU;
 
-/// Largest distance that cutting the Fourier series may move a point [um]: a four-hundredth of a wavelength, and a two-hundredth of the least gap of
-/// the specs that ship.
+/// Largest distance that cutting the Fourier series may move a point [um]: a four-hundredth of a wavelength,
+/// and a two-hundredth of the least gap of the specs that ship.
 const CUT_UM: f64 = 1e-3;
 /// Largest distance of a Fourier outline from the fiber's, between vertices too [um].
 const LARGEST_DEVIATION_UM: f64 = 0.01;
@@ -24,7 +26,8 @@ const CONIC: f64 = 1e-10;
 /// Bodies of all fibers of `section`, in their order, apart from each other. Lumens hold air.
 ///
 /// # Errors
-/// [`WaveError::Invalid`] for an outline too sharp for its vertices, [`WaveError::Overlap`] and the like for walls that meet.
+/// [`WaveError::Invalid`] for an outline too sharp for its vertices, [`WaveError::Overlap`] and the like for
+/// walls that meet.
 pub fn section_bodies(section: &PlySection, eta: f64, kappa: f64) -> Result<Vec<Body>, WaveError> {
     let bodies: Vec<Body> =
         section.fibers.iter().map(|fiber| fiber_body(fiber, eta, kappa)).collect::<Result<_, _>>()?;
@@ -60,7 +63,8 @@ fn shape_of(wall: &Outline) -> Result<(Shape, Vector2<f64>), WaveError> {
     }
 }
 
-/// The ellipse along the axes that all points lie on, with its center, if there is one: `A x^2 + C y^2 + D x + E y = 1`.
+/// The ellipse along the axes that all points lie on, with its center, if there is one:
+/// `A x^2 + C y^2 + D x + E y = 1`.
 fn ellipse_through(points: &[Vector2<f64>]) -> Option<(Shape, Vector2<f64>)> {
     let size = points.iter().map(|p| p.norm()).fold(0.0, f64::max);
     let terms = |p: &Vector2<f64>| {
@@ -92,7 +96,8 @@ fn ellipse_through(points: &[Vector2<f64>]) -> Option<(Shape, Vector2<f64>)> {
     Some((shape, center))
 }
 
-/// The trigonometric interpolant of evenly spaced points of a closed curve, cut where the rest does not matter.
+/// The trigonometric interpolant of evenly spaced points of a closed curve, cut where the rest does not
+/// matter.
 fn fourier_through(points: &[Vector2<f64>]) -> Result<Shape, WaveError> {
     let n = points.len();
     let z: Vec<C64> = points.iter().map(|p| C64::new(p.x, p.y)).collect();
@@ -101,7 +106,8 @@ fn fourier_through(points: &[Vector2<f64>]) -> Result<Shape, WaveError> {
     let coefficient = |k: i32| {
         let step = k.rem_euclid(n as i32) as usize;
         let sum: C64 = z.iter().enumerate().map(|(j, z)| z * roots[j * step % n].conj()).sum();
-        // An even number of points tells the sum of the two highest harmonics alone; halves of it wiggle least.
+        // An even number of points tells the sum of the two highest harmonics alone; halves of it wiggle
+        // least.
         let share = if n.is_multiple_of(2) && k.abs() == top { 0.5 } else { 1.0 };
         (k, sum * (share / n as f64))
     };
@@ -125,8 +131,8 @@ fn fourier_through(points: &[Vector2<f64>]) -> Result<Shape, WaveError> {
     Ok(Shape::Fourier { coeffs })
 }
 
-/// Largest distance, across the wall, of a Fourier outline from the curve whose points these are: at the points, and halfway between them, where the curve is
-/// taken from the cubic through the four nearest [um].
+/// Largest distance, across the wall, of a Fourier outline from the curve whose points these are: at the
+/// points, and halfway between them, where the curve is taken from the cubic through the four nearest [um].
 fn deviation(points: &[Vector2<f64>], coeffs: &[(i32, C64)]) -> f64 {
     let n = points.len();
     let at = |j: usize| points[j % n];
@@ -191,7 +197,8 @@ mod tests {
             .collect()
     }
 
-    /// Every wall of every kind of fiber lies on its outline to 0.01 um, has its area to 1e-3, and keeps its distance to others.
+    /// Every wall of every kind of fiber lies on its outline to 0.01 um, has its area to 1e-3, and keeps its
+    /// distance to others.
     #[test]
     fn walls_follow_their_outlines() {
         for shape in SHAPES {
@@ -206,7 +213,8 @@ mod tests {
                     let walls = [(Some(body), Some(&fiber.outer)), (lumen, fiber.lumen.as_ref())];
                     for (body, wall) in walls.into_iter().filter_map(|(b, w)| Some((b?, w?))) {
                         let points: Vec<_> = points(body, 3000).into_iter().map(|p| fiber.to_fiber(p)).collect();
-                        // A vertex that stands out of the chord between its neighbors by s makes the polyline that much too small.
+                        // A vertex that stands out of the chord between its neighbors by s makes the polyline
+                        // that much too small.
                         let sagitta = match wall {
                             Outline::Circle { .. } => 0.0,
                             Outline::Polyline(p) => {
@@ -246,7 +254,8 @@ mod tests {
         }
     }
 
-    /// The three-lobed outline is known: its interpolant lies on r(t) = R (1 + depth cos 3 t) far more closely than asked.
+    /// The three-lobed outline is known: its interpolant lies on r(t) = R (1 + depth cos 3 t) far more
+    /// closely than asked.
     #[test]
     fn analytic_outlines_are_met() {
         let section = PlySection::generate(&spec(SHAPES[5], 0.0), 4).unwrap();

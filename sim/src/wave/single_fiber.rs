@@ -1,7 +1,8 @@
-//! One fiber of a yarn spec or a scene as a body of the wave code, with the symmetry of its outline: the mean shape, without jitter.
+//! One fiber of a yarn spec or a scene as a body of the wave code, with the symmetry of its outline: the mean
+//! shape, without jitter.
 //!
-//! Everything that takes a single fiber, by waves or by rays, takes it from here, so that both see the same outline. Its frame is the outline's own, with
-//! the centroid at the origin and no turn.
+//! Everything that takes a single fiber, by waves or by rays, takes it from here, so that both see the same
+//! outline. Its frame is the outline's own, with the centroid at the origin and no turn.
 
 use super::{Body, C64, Scene, Shape, WaveError};
 use crate::error::SimError;
@@ -52,7 +53,8 @@ pub struct SingleFiber {
     pub symmetry: OutlineSymmetry,
     /// GGX roughness of its walls, which rays see and waves do not.
     pub alpha_fiber: f64,
-    /// Of an opaque fiber and of one with dispersion: the fiber of the spec, which has the index at each wavelength. The body has that at sodium's line.
+    /// Of an opaque fiber and of one with dispersion: the fiber of the spec, which has the index at each
+    /// wavelength. The body has that at sodium's line.
     pub by_wavelength: Option<FiberSpec>,
 }
 
@@ -62,11 +64,12 @@ const MAX_BYTES: u64 = 4 << 20;
 const MEASURED: usize = 2048;
 
 impl SingleFiber {
-    /// Reads the fiber of a file and gives the text that tells it whole: a yarn spec's mean fiber, with `sigma_per_um` for its absorption, or the one fiber
-    /// of a scene, which brings its own.
+    /// Reads the fiber of a file and gives the text that tells it whole: a yarn spec's mean fiber, with
+    /// `sigma_per_um` for its absorption, or the one fiber of a scene, which brings its own.
     ///
     /// # Errors
-    /// Those of [`YarnSpec::load`] and [`Scene::load`] (which do not name the file), and [`WaveError::Invalid`] for a scene of several fibers.
+    /// Those of [`YarnSpec::load`] and [`Scene::load`] (which do not name the file), and
+    /// [`WaveError::Invalid`] for a scene of several fibers.
     pub fn load(path: impl AsRef<Path>, sigma_per_um: f64) -> Result<(SingleFiber, String), SimError> {
         let path = path.as_ref();
         // What cannot be read or parsed is told by the reader of yarn specs.
@@ -113,8 +116,9 @@ impl SingleFiber {
         Ok(SingleFiber::of_body(body))
     }
 
-    /// The mean fiber of a yarn spec: its shape as given, without jitter of any kind. Shapes that are irregular by nature take their regular form: a
-    /// stone its regular polygon of the same area, a serrated outline even teeth of the mean depth.
+    /// The mean fiber of a yarn spec: its shape as given, without jitter of any kind. Shapes that are
+    /// irregular by nature take their regular form: a stone its regular polygon of the same area, a serrated
+    /// outline even teeth of the mean depth.
     pub fn of_spec(spec: &FiberSpec, absorption: Absorption) -> SingleFiber {
         let fold = |folds, mirror| OutlineSymmetry { folds, mirror_rad: Some(mirror) };
         let mut lumen = None;
@@ -148,7 +152,8 @@ impl SingleFiber {
                 (regular(3, *radius_um, *rounding_um), fold(3, 0.0))
             }
             plywave::spec::Shape::Stone { radius_um, corners, rounding_um } => {
-                // Area of a regular polygon of circumradius c with arcs of radius r: c^2 n/2 sin(2 pi/n) - r^2 (n tan(pi/n) - pi).
+                // Area of a regular polygon of circumradius c with arcs of radius r: c^2 n/2 sin(2 pi/n) -
+                // r^2 (n tan(pi/n) - pi).
                 let n = f64::from(*corners);
                 let taken = rounding_um * rounding_um * (n * (PI / n).tan() - PI);
                 let c = (2.0 * (PI * radius_um * radius_um + taken) / (n * (TAU / n).sin())).sqrt();
@@ -189,7 +194,8 @@ impl SingleFiber {
         }
     }
 
-    /// A fiber of a scene in its own frame, smooth, with the symmetry that circles, ellipses and Fourier outlines show by their numbers.
+    /// A fiber of a scene in its own frame, smooth, with the symmetry that circles, ellipses and Fourier
+    /// outlines show by their numbers.
     pub fn of_body(body: &Body) -> SingleFiber {
         let bare = body.lumen.is_none();
         let (symmetry, shape) = match &body.shape {
@@ -242,7 +248,8 @@ impl SingleFiber {
     /// The same outlines for rays: the outer wall and a hollow lumen.
     ///
     /// # Errors
-    /// [`WaveError::Unsupported`] for what rays cannot trace: a filled core, or more than one wall within the fiber.
+    /// [`WaveError::Unsupported`] for what rays cannot trace: a filled core, or more than one wall within the
+    /// fiber.
     pub fn section(&self) -> Result<FiberSection, WaveError> {
         let unsupported = |what: &str| WaveError::Unsupported {
             method: "rays",
@@ -345,7 +352,8 @@ fn lobed(radius_um: f64, depth: f64, lobes: u32) -> Shape {
     Shape::Fourier { coeffs }
 }
 
-/// Coefficients of a curve that is a trigonometric polynomial of degree below 32, those that rounding alone makes left out.
+/// Coefficients of a curve that is a trigonometric polynomial of degree below 32, those that rounding alone
+/// makes left out.
 fn trigonometric(curve: impl Fn(f64) -> Vector2<f64>) -> Vec<(i32, C64)> {
     const N: i32 = 64;
     let points: Vec<C64> =
@@ -360,8 +368,8 @@ fn trigonometric(curve: impl Fn(f64) -> Vector2<f64>) -> Vec<(i32, C64)> {
         .collect()
 }
 
-/// Centroid of the area within a Fourier outline: `A = pi sum k |c_k|^2` and, as `2 i A z = closed integral of |z|^2 dz` over the outline,
-/// by the trapezoid rule, which is exact here.
+/// Centroid of the area within a Fourier outline: `A = pi sum k |c_k|^2` and, as
+/// `2 i A z = closed integral of |z|^2 dz` over the outline, by the trapezoid rule, which is exact here.
 fn center_of(coeffs: &[(i32, C64)]) -> C64 {
     const N: u32 = 256;
     let area: f64 = PI * coeffs.iter().map(|(k, c)| f64::from(*k) * c.norm_sqr()).sum::<f64>();

@@ -1,9 +1,12 @@
-//! A body as the others see it: a few directional points on its outer wall that represent all sources and all receivers on it.
+//! A body as the others see it: a few directional points on its outer wall that represent all sources and all
+//! receivers on it.
 //!
-//! Whatever a body radiates is a sum of monopoles, normal dipoles and tangential dipoles on its outer wall, and what its boundary equations need of an
-//! arriving field is that field's value, normal and tangential derivative there. Both are one matrix, since Green's function is symmetric. Its
-//! numerical rank is little more than the number of waves that fit around the wall, `2 k_rho r`, so that an interpolative decomposition (Cheng, Gimbutas,
-//! Martinsson and Rokhlin 2005) writes it through `k` of its own rows and columns.
+//! Whatever a body radiates is a sum of monopoles, normal dipoles and tangential dipoles on its outer wall,
+//! and what its boundary equations need of an arriving field is that field's value, normal and tangential
+//! derivative there. Both are one matrix, since Green's function is symmetric. Its numerical rank is little
+//! more than the number of waves that fit around the wall, `2 k_rho r`, so that an interpolative
+//! decomposition (Cheng, Gimbutas, Martinsson and Rokhlin 2005) writes it through `k` of its own rows and
+//! columns.
 //!
 //! The rows and columns chosen from belong to the combined functional
 //!
@@ -11,13 +14,16 @@
 //! L = s (d_n / k_rho - i)
 //! ```
 //!
-//! at points of the wall (s: root of the arc length a point stands for). As a source it is Brakhage and Werner's combined layer, as a receiver the
-//! impedance trace; either layer alone fails at some interior wavenumbers (single and double layer alone need coefficients hundreds of times larger).
+//! at points of the wall (s: root of the arc length a point stands for). As a source it is Brakhage and
+//! Werner's combined layer, as a receiver the impedance trace; either layer alone fails at some interior
+//! wavenumbers (single and double layer alone need coefficients hundreds of times larger).
 //! With one kind of point, all interactions have one kernel, `L_x L_y G`, in [`combined`].
 //!
-//! What the others see is tested by a circle around the body, which stands for everything beyond it (Green), and by the points of those walls that
-//! reach into the circle: circumscribed circles may overlap. Where another wall is so close that the nodes do not resolve the kernel, finer points
-//! take their place in a smooth window, to which densities are interpolated and from which arriving fields are projected, by the transposed matrix.
+//! What the others see is tested by a circle around the body, which stands for everything beyond it (Green),
+//! and by the points of those walls that reach into the circle: circumscribed circles may overlap. Where
+//! another wall is so close that the nodes do not resolve the kernel, finer points take their place in a
+//! smooth window, to which densities are interpolated and from which arriving fields are projected, by the
+//! transposed matrix.
 
 use super::C64;
 use super::close::WINDOW_NODES;
@@ -47,7 +53,8 @@ pub(crate) struct Site {
     pub scale: f64,
 }
 
-/// Functionals of `G(x, y)` at a pair: `L_x` of the target with value, `d_n / k_rho` and `d_t / k_rho` of the source.
+/// Functionals of `G(x, y)` at a pair: `L_x` of the target with value, `d_n / k_rho` and `d_t / k_rho` of the
+/// source.
 #[inline(always)]
 fn received(kernel: &MediumKernel, k_rho: f64, target: &Site, source: &CurvePoint) -> [C64; 3] {
     let ([nx, ny], [sx, sy]) = (target.point.normal, source.normal);
@@ -94,7 +101,8 @@ pub(crate) fn combined(kernel: &MediumKernel, k_rho: f64, target: &Site, source:
     (normal + C64::new(value.im, -value.re)) * source.scale
 }
 
-/// Points of a wall that take part in its dealings with other walls, and how densities on its nodes become theirs.
+/// Points of a wall that take part in its dealings with other walls, and how densities on its nodes become
+/// theirs.
 pub(crate) struct Candidates {
     /// The points, in the frame of the curve they were made from.
     pub points: Vec<CurvePoint>,
@@ -167,7 +175,8 @@ impl Candidates {
         made
     }
 
-    /// From coefficients of the points to those of the nodes: `x` has `rows` rows and a column a point, column after column.
+    /// From coefficients of the points to those of the nodes: `x` has `rows` rows and a column a point,
+    /// column after column.
     fn fold(&self, x: &[C64], rows: usize) -> Vec<C64> {
         let mut out = vec![C64::ZERO; rows * self.nodes];
         let (kept, fine) = x.split_at(rows * self.kept.len());
@@ -217,14 +226,15 @@ fn zones(close: &mut [f64], h: f64) -> Vec<(f64, f64)> {
 pub(crate) struct Skeleton {
     /// The sites, in the scene.
     pub sites: Vec<Site>,
-    /// Coefficients of a value (or monopole), a `d_n / k_rho` and a `d_t / k_rho` at each node: `[node][site]`; the last are empty at normal
-    /// incidence, which has none.
+    /// Coefficients of a value (or monopole), a `d_n / k_rho` and a `d_t / k_rho` at each node:
+    /// `[node][site]`; the last are empty at normal incidence, which has none.
     pub value: Coefficients,
     pub normal: Coefficients,
     pub tangential: Coefficients,
 }
 
-/// Least tolerance of a skeleton whose coefficients are held in single precision: its rounding, 6e-8, is well below.
+/// Least tolerance of a skeleton whose coefficients are held in single precision: its rounding, 6e-8, is well
+/// below.
 const SINGLE: f64 = 1e-6;
 
 /// Coefficients of a skeleton, as precise as its tolerance asks for: they are most of what is held of a body.
@@ -269,7 +279,8 @@ pub(crate) fn circle(points: &[CurvePoint], k_rho: f64, tolerance: f64) -> (Vec<
     }
     let inner = points.iter().map(|p| (p.at[0] - center[0]).hypot(p.at[1] - center[1])).fold(0.0, f64::max);
     let radius = CIRCLE * inner + CIRCLE_WAVES * TAU / k_rho;
-    // Orders up to where those of the body have faded, and as many as the circle's own field has, lest they alias.
+    // Orders up to where those of the body have faded, and as many as the circle's own field has, lest they
+    // alias.
     let digits = 2.0 - tolerance.log10();
     let order = |x: f64| x + 1.8 * digits.powf(2.0 / 3.0) * x.max(1.0).cbrt() + digits;
     let count = (order(k_rho * inner) + order(k_rho * radius)).ceil() as usize + 2;
@@ -285,8 +296,8 @@ pub(crate) fn circle(points: &[CurvePoint], k_rho: f64, tolerance: f64) -> (Vec<
 }
 
 impl Skeleton {
-    /// Chooses sites among `candidates` (whose points are in the scene) so that what the `tests` receive is off by about `tolerance`. Tangential
-    /// sources are left out unless the incidence is `oblique`.
+    /// Chooses sites among `candidates` (whose points are in the scene) so that what the `tests` receive is
+    /// off by about `tolerance`. Tangential sources are left out unless the incidence is `oblique`.
     pub(crate) fn new(
         kernel: &MediumKernel,
         k_rho: f64,
@@ -329,7 +340,8 @@ impl Skeleton {
     }
 }
 
-/// What the tests receive of value, normal and tangential sources at the candidates, each row of it added with random signs to a few of `rows` sums.
+/// What the tests receive of value, normal and tangential sources at the candidates, each row of it added
+/// with random signs to a few of `rows` sums.
 fn sketch(
     kernel: &MediumKernel,
     k_rho: f64,
@@ -409,7 +421,8 @@ fn subtract(c: &mut [f64], along: C64, q: &[f64]) -> f64 {
     sum.iter().sum()
 }
 
-/// Gram-Schmidt with column pivots, until the largest remaining column is below `tolerance` of the first. `rows` is a multiple of [`LANES`].
+/// Gram-Schmidt with column pivots, until the largest remaining column is below `tolerance` of the first.
+/// `rows` is a multiple of [`LANES`].
 fn pick(columns: &[C64], rows: usize, tolerance: f64) -> Picked {
     let mut split: Vec<f64> = Vec::with_capacity(2 * columns.len());
     for column in columns.chunks(rows) {

@@ -3,11 +3,13 @@
 use super::{C64, Polarization, Wave, WaveError};
 use std::f64::consts::PI;
 
-/// A Gaussian beam focused on the fibers (Yu 2025, 4.2): amplitude `exp(-s^2 / w0^2)` across, unlimited along z.
+/// A Gaussian beam focused on the fibers (Yu 2025, 4.2): amplitude `exp(-s^2 / w0^2)` across, unlimited along
+/// z.
 ///
-/// s is measured from the beam's center along `(sin phi_i, -cos phi_i)`, which is +x for light from +y (phi_i = 90 degrees), and the waist lies in
-/// the plane through the origin. The field is an exact solution of Maxwell's equations: a sum of propagating plane waves of one k_z, each with the
-/// polarization vector of its own azimuth.
+/// s is measured from the beam's center along `(sin phi_i, -cos phi_i)`, which is +x for light from +y (phi_i
+/// = 90 degrees), and the waist lies in the plane through the origin. The field is an exact solution of
+/// Maxwell's equations: a sum of propagating plane waves of one k_z, each with the polarization vector of its
+/// own azimuth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BeamSource {
     /// Waist w0 [um].
@@ -17,7 +19,8 @@ pub struct BeamSource {
 }
 
 impl BeamSource {
-    /// Amplitude per transverse wavenumber q [um], such that `integral spectrum(q) exp(i q s) dq = exp(-(s - h)^2 / w0^2)`.
+    /// Amplitude per transverse wavenumber q [um], such that
+    /// `integral spectrum(q) exp(i q s) dq = exp(-(s - h)^2 / w0^2)`.
     pub fn spectrum(&self, q: f64) -> C64 {
         let size = self.w0_um / (2.0 * PI.sqrt()) * (-(0.5 * self.w0_um * q).powi(2)).exp();
         C64::from_polar(size, -q * self.h_um)
@@ -53,8 +56,8 @@ const EVANESCENT: f64 = 1e-3;
 impl Source {
     /// The plane waves that make this source within `extent_um` of the origin.
     ///
-    /// A beam of waist w0 has the spectrum `w0 / (2 sqrt(pi)) exp(-w0^2 q^2 / 4 - i q h)` over the transverse wavenumber q; q is sampled so finely that
-    /// the beam's periodic images stay clear of the scene.
+    /// A beam of waist w0 has the spectrum `w0 / (2 sqrt(pi)) exp(-w0^2 q^2 / 4 - i q h)` over the transverse
+    /// wavenumber q; q is sampled so finely that the beam's periodic images stay clear of the scene.
     ///
     /// # Errors
     /// [`WaveError::Invalid`] for a waist so narrow that its spectrum does not fit in the propagating waves.
@@ -71,8 +74,9 @@ impl Source {
                 hint: format!("use {least:.3} or more at this wavelength and latitude"),
             });
         }
-        // exp(-w0^2 q^2 / 4) is below 1e-16 at q = 12.2 / w0. Beside the beam, q may be sampled as if it had period 2 pi / dq: images of the
-        // waist at that distance must miss the scene, with the beam's spread over the depth of the scene allowed for.
+        // exp(-w0^2 q^2 / 4) is below 1e-16 at q = 12.2 / w0. Beside the beam, q may be sampled as if it had
+        // period 2 pi / dq: images of the waist at that distance must miss the scene, with the beam's spread
+        // over the depth of the scene allowed for.
         let reach = (12.2 / beam.w0_um).min(k_rho * (1.0 - 1e-9));
         let spread = extent_um * (reach / k_rho).asin().tan().min(4.0);
         let period = 2.0 * (extent_um + spread) + beam.h_um.abs() + 12.0 * beam.w0_um;
@@ -106,7 +110,8 @@ mod tests {
         waves.iter().map(|w| w.amplitude * C64::from_polar(1.0, -k_rho * (x * w.phi_i.cos() + y * w.phi_i.sin()))).sum()
     }
 
-    /// In the plane of the waist the amplitude is the Gaussian, centered at x = h for light from +y, and travels towards -y.
+    /// In the plane of the waist the amplitude is the Gaussian, centered at x = h for light from +y, and
+    /// travels towards -y.
     #[test]
     fn beam_is_gaussian_at_its_waist() {
         let wave = Wave { lambda_um: 0.5, theta_i: 0.3 };

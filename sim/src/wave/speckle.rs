@@ -1,8 +1,9 @@
-//! Patterns of single fibers for the statistics of speckle (Yu 2025, 6.2): many instances of one fiber, drawn with the spec's jitter and turned at random,
-//! each under the same wide beam, clear and absorbing, at several wavelengths.
+//! Patterns of single fibers for the statistics of speckle (Yu 2025, 6.2): many instances of one fiber, drawn
+//! with the spec's jitter and turned at random, each under the same wide beam, clear and absorbing, at
+//! several wavelengths.
 //!
-//! One instance is one shard. Instance i is the same fiber whatever the number of instances. What is kept is the scattered field's power alone, without the
-//! beam: `2/(pi k_0) |F|^2`, the scattering width per azimuth.
+//! One instance is one shard. Instance i is the same fiber whatever the number of instances. What is kept is
+//! the scattered field's power alone, without the beam: `2/(pi k_0) |F|^2`, the scattering width per azimuth.
 
 use super::scatter::solver_of;
 use super::total_field::azimuths;
@@ -44,7 +45,8 @@ impl Default for SpeckleOptions {
             instances: 200,
             seed: 1,
             lambda_um: vec![0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7],
-            // At 0.05 a path of 15 um keeps e^-24 of its light at 0.4 um and e^-13 at 0.7, and the reflectance of a fiber of index 1.55 grows by 1 %.
+            // At 0.05 a path of 15 um keeps e^-24 of its light at 0.4 um and e^-13 at 0.7, and the
+            // reflectance of a fiber of index 1.55 grows by 1 %.
             kappa: vec![0.0, 0.05],
             theta_i: 0.0,
             w0_um: 100.0,
@@ -97,7 +99,8 @@ fn fiber(spec: &YarnSpec, seed: u64, i: u32) -> Result<Instance<'_>, SimError> {
     Ok(Instance { of, body, radius_um, dye: [dye, dye * core_dye] })
 }
 
-/// Azimuths of the patterns: what the fiber of the spec, a third larger, asks for at the shortest wavelength, in steps of half a degree or a whole part of it.
+/// Azimuths of the patterns: what the fiber of the spec, a third larger, asks for at the shortest wavelength,
+/// in steps of half a degree or a whole part of it.
 fn grid(spec: &YarnSpec, options: &SpeckleOptions) -> Result<usize, SimError> {
     let radius = fiber(spec, options.seed, 0)?.radius_um;
     let wave = options.wave(options.lambda_um.iter().copied().fold(f64::INFINITY, f64::min));
@@ -105,10 +108,12 @@ fn grid(spec: &YarnSpec, options: &SpeckleOptions) -> Result<usize, SimError> {
     Ok(azimuths(&wave, &plane, 4.0 / 3.0 * radius, 720))
 }
 
-/// Patterns of the fibers of `spec`, whose text is kept, on the current thread pool. Progress counts instances.
+/// Patterns of the fibers of `spec`, whose text is kept, on the current thread pool. Progress counts
+/// instances.
 ///
 /// # Errors
-/// What the outlines, the solvers ([`SimError::Wave`]) and the parts folder refuse; [`SimError::Interrupted`].
+/// What the outlines, the solvers ([`SimError::Wave`]) and the parts folder refuse;
+/// [`SimError::Interrupted`].
 pub fn speckle(
     spec: &YarnSpec,
     spec_text: &str,
@@ -130,7 +135,8 @@ impl SpeckleJob {
     /// The job of `spec`, whose text is `spec_text`.
     ///
     /// # Errors
-    /// Beams that are too narrow and outlines that cannot be made ([`SimError::Wave`]), [`SimError::TooLarge`], [`SimError::Option`] for no instance.
+    /// Beams that are too narrow and outlines that cannot be made ([`SimError::Wave`]),
+    /// [`SimError::TooLarge`], [`SimError::Option`] for no instance.
     pub fn new(spec: &YarnSpec, spec_text: &str, options: &SpeckleOptions) -> Result<SpeckleJob, SimError> {
         if options.instances == 0 {
             return Err(SimError::Option { name: "instances", value: 0, allowed: "1 or more" });
@@ -287,7 +293,8 @@ mod tests {
         SpeckleOptions { instances: 4, lambda_um: vec![0.5, 0.7], w0_um: 20.0, ..SpeckleOptions::default() }
     }
 
-    /// The patterns hold the energy of the ledger; clear fibers absorb nothing, dark ones do; instances differ.
+    /// The patterns hold the energy of the ledger; clear fibers absorb nothing, dark ones do; instances
+    /// differ.
     #[test]
     fn patterns_hold_the_scattered_power() {
         let spec = YarnSpec::parse(SPEC, "s.toml").unwrap();
@@ -311,7 +318,8 @@ mod tests {
         p.save(tempfile::tempdir().unwrap().path().join("s.pws")).unwrap();
     }
 
-    /// A wide beam is a plane wave to the fiber: a circle without jitter gives the same pattern in every instance, that of its series.
+    /// A wide beam is a plane wave to the fiber: a circle without jitter gives the same pattern in every
+    /// instance, that of its series.
     #[test]
     fn wide_beams_are_plane_waves() {
         let text = SPEC.replace("kind = \"ellipse\", a_um = 1.6, b_um = 1.0", "kind = \"circle\", radius_um = 1.5");

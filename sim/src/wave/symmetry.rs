@@ -1,9 +1,11 @@
 //! Symmetry of a body's node set, and what it does to the linear system.
 //!
-//! A rigid map that takes the walls to themselves and nodes to nodes, and fixes none, commutes with the boundary equations when it acts on densities by
-//! `(U u)(x) = s u(map^-1 x)`: s = -1 for the axial quantities (h, Q) under mirrors, else 1. For an abelian group of such maps of order g with
-//! characters chi, densities with `U_gamma u = chi(gamma) u` are known from one node an orbit, `u(gamma r) = s conj(chi(gamma)) u(r)`, and the system
-//! falls into g blocks of 1/g of its size: `M_chi(r, r') = sum_gamma s conj(chi(gamma)) M(r, gamma r')`.
+//! A rigid map that takes the walls to themselves and nodes to nodes, and fixes none, commutes with the
+//! boundary equations when it acts on densities by `(U u)(x) = s u(map^-1 x)`: s = -1 for the axial
+//! quantities (h, Q) under mirrors, else 1. For an abelian group of such maps of order g with characters chi,
+//! densities with `U_gamma u = chi(gamma) u` are known from one node an orbit,
+//! `u(gamma r) = s conj(chi(gamma)) u(r)`, and the system falls into g blocks of 1/g of its size:
+//! `M_chi(r, r') = sum_gamma s conj(chi(gamma)) M(r, gamma r')`.
 
 use super::C64;
 use std::f64::consts::{PI, TAU};
@@ -94,11 +96,13 @@ impl Group {
         }
     }
 
-    /// The largest group found for a body: rotations, or mirrors with their product. `points` are the nodes of its walls, outermost first, `lengths` the walls' counts.
+    /// The largest group found for a body: rotations, or mirrors with their product. `points` are the nodes
+    /// of its walls, outermost first, `lengths` the walls' counts.
     pub(crate) fn detect(points: &[C64], lengths: &[usize]) -> Self {
         let n = lengths[0];
         let outer = &points[..n];
-        // The middle between opposite extremes of Fourier order 0 is not the centroid of nodes that are unevenly spaced, but both are fixed by symmetry.
+        // The middle between opposite extremes of Fourier order 0 is not the centroid of nodes that are
+        // unevenly spaced, but both are fixed by symmetry.
         let center = outer.iter().sum::<C64>() / n as f64;
         let size = outer.iter().map(|z| (z - center).norm()).fold(0.0, f64::max);
         let tolerance = MATCH * size;

@@ -1,9 +1,11 @@
 //! The boundary integral equations of walls between media, assembled and factorized.
 //!
-//! Unknowns on every wall are the four continuous fields of [`wave`](super): `e`, `P = (k_0 eps d_n e + k_z d_t h)/kappa^2`, `h` and
-//! `Q = (k_0 d_n h - k_z d_t e)/kappa^2`, all of the unit of e. With the single layer S, its adjoint double layer K' and double layer K of a medium's Green
-//! function G, Green's representation of both fields, `u = +-(K u - S d_n u)`, with `d_n e = (kappa^2 P - k_z d_t h)/(k_0 eps)` put in and tangential
-//! derivatives moved onto G by parts, reads (upper sign: the medium lies outside of the wall)
+//! Unknowns on every wall are the four continuous fields of [`wave`](super): `e`,
+//! `P = (k_0 eps d_n e + k_z d_t h)/kappa^2`, `h` and `Q = (k_0 d_n h - k_z d_t e)/kappa^2`, all of the unit
+//! of e. With the single layer S, its adjoint double layer K' and double layer K of a medium's Green function
+//! G, Green's representation of both fields, `u = +-(K u - S d_n u)`, with
+//! `d_n e = (kappa^2 P - k_z d_t h)/(k_0 eps)` put in and tangential derivatives moved onto G by parts, reads
+//! (upper sign: the medium lies outside of the wall)
 //!
 //! ```text
 //! eps e = +-[eps K e - (kappa^2/k_0) S P - (k_z/k_0) A h]                              A(x, y)  = d_t(y) G
@@ -12,11 +14,12 @@
 //! eps Q = +-[-eps K' Q - (W/k_0 - k_0 eps n.n' S) h + (k_z/k_0) A' P - k_z eps t.n' S e]
 //! ```
 //!
-//! In P the hypersingular operators of e and h have the factors `k_0 eps/kappa^2` and `-k_z^2/(k_0 kappa^2)`, whose sum is 1/k_0 in every medium, and
-//! `d_t K + K' d_t = kappa^2 t.S n'` removes the other terms in 1/kappa^2. So with these weights the sum of the equations from both sides of a wall holds
-//! only differences of W, A, A' and S between the media, all weakly singular or smooth: a Fredholm system of the second kind at every incidence,
-//! with `(eps_o + eps_i)/2, 1, 1, (eps_o + eps_i)/2` on its diagonal (Müller's choice, here for 2.5 dimensions). At normal incidence (e, P) and (h, Q)
-//! are two separate systems.
+//! In P the hypersingular operators of e and h have the factors `k_0 eps/kappa^2` and `-k_z^2/(k_0 kappa^2)`,
+//! whose sum is 1/k_0 in every medium, and `d_t K + K' d_t = kappa^2 t.S n'` removes the other terms in
+//! 1/kappa^2. So with these weights the sum of the equations from both sides of a wall holds only differences
+//! of W, A, A' and S between the media, all weakly singular or smooth: a Fredholm system of the second kind
+//! at every incidence, with `(eps_o + eps_i)/2, 1, 1, (eps_o + eps_i)/2` on its diagonal (Müller's choice,
+//! here for 2.5 dimensions). At normal incidence (e, P) and (h, Q) are two separate systems.
 
 use super::assemble::Assembly;
 use super::curve::{CurvePoint, Resolution};
@@ -184,8 +187,9 @@ impl BoundarySystem {
         &self.assembly.media
     }
 
-    /// Solves for the densities of one part. `rhs` has `components.len()` values a node, side by side, for all nodes, column after column; on entry the fields
-    /// that arrive from outside on outermost walls (zero on others), on exit the total fields on all walls. Returns the relative residual.
+    /// Solves for the densities of one part. `rhs` has `components.len()` values a node, side by side, for
+    /// all nodes, column after column; on entry the fields that arrive from outside on outermost walls (zero
+    /// on others), on exit the total fields on all walls. Returns the relative residual.
     pub(crate) fn solve(&self, part: usize, rhs: &mut [C64], columns: usize) -> f64 {
         let part = &self.parts[part];
         let c = part.components.len();
@@ -248,7 +252,8 @@ impl Block {
         Self { lu: Lu::new(matrix, size), witnesses, rows }
     }
 
-    /// Solves in place; returns the largest residual over the witness rows, relative to the column's largest right-hand side or solution.
+    /// Solves in place; returns the largest residual over the witness rows, relative to the column's largest
+    /// right-hand side or solution.
     fn solve(&self, rhs: &mut [C64], columns: usize) -> f64 {
         let n = self.lu.size();
         let count = self.witnesses.len();

@@ -1,14 +1,18 @@
-//! Xia's tables of one fiber (Xia 2020, 5): N_wave and C_x over wavelength, latitude and azimuth, by waves or by rays.
+//! Xia's tables of one fiber (Xia 2020, 5): N_wave and C_x over wavelength, latitude and azimuth, by waves or
+//! by rays.
 //!
-//! A table's cell stands for a band of wavelengths and of latitudes, within which the far field of a large fiber beats many times. So each cell averages as
-//! many solves as keep the phase of the light's longest way, there and back across the fiber, within a set number of turns from solve to solve (Xia samples
-//! until renderings no longer change). What is averaged are powers: differential widths and C_x; N is their quotient. Azimuths follow the band limit: a far
-//! field of harmonics |m| <= M has an intensity of harmonics up to 2 M, whose sums over more than 4 M azimuths are exact; more azimuths than the table keeps
-//! are averaged down.
+//! A table's cell stands for a band of wavelengths and of latitudes, within which the far field of a large
+//! fiber beats many times. So each cell averages as many solves as keep the phase of the light's longest way,
+//! there and back across the fiber, within a set number of turns from solve to solve (Xia samples until
+//! renderings no longer change). What is averaged are powers: differential widths and C_x; N is their
+//! quotient. Azimuths follow the band limit: a far field of harmonics |m| <= M has an intensity of harmonics
+//! up to 2 M, whose sums over more than 4 M azimuths are exact; more azimuths than the table keeps are
+//! averaged down.
 //!
 //! TM and TE light are averaged with equal weights: their powers are, so that N is unpolarized light's.
 //!
-//! Work is cut into shards, a few latitudes of one wavelength each, that depend on their place alone; the table does not depend on threads or interruptions.
+//! Work is cut into shards, a few latitudes of one wavelength each, that depend on their place alone; the
+//! table does not depend on threads or interruptions.
 
 use super::rays::RaySlice;
 use super::scatter::solver_of;
@@ -147,7 +151,8 @@ impl Plan {
         let thetas = options.thetas.max(1);
         let band = (last - first) / lambdas as f64;
         let harmonics = highest_harmonic(TAU / first * radius);
-        // Linear interpolation wants several nodes for each period; a fiber of few harmonics needs no more than that.
+        // Linear interpolation wants several nodes for each period; a fiber of few harmonics needs no more
+        // than that.
         let wanted = if source == FiberSource::Wave { 16 * harmonics } else { usize::MAX };
         let folds = fiber.symmetry.folds.max(1) as usize;
         let stride = options.relative.min(wanted).div_ceil(options.azimuths.max(1)).max(1);
@@ -165,7 +170,8 @@ impl Plan {
         if values > MAX_VALUES {
             return Err(SimError::TooLarge { cells: values, allowed: MAX_VALUES });
         }
-        // Ways of light 4 eta R long (across and back) turn by 4 eta R band / lambda^2, those of 4 R by 4 R dtheta / lambda.
+        // Ways of light 4 eta R long (across and back) turn by 4 eta R band / lambda^2, those of 4 R by 4 R
+        // dtheta / lambda.
         let samples = match source {
             FiberSource::Ray => [1, 1],
             FiberSource::Wave => {
@@ -208,8 +214,8 @@ impl Plan {
     }
 }
 
-/// Highest harmonic of a far field from within `x` = k R of the center: beyond x they fall as an Airy function of width x^(1/3); its fifth power of ten
-/// of the amplitude lies some 4 widths out.
+/// Highest harmonic of a far field from within `x` = k R of the center: beyond x they fall as an Airy
+/// function of width x^(1/3); its fifth power of ten of the amplitude lies some 4 widths out.
 fn highest_harmonic(x: f64) -> usize {
     (x + 4.0 * x.cbrt() + 2.0).ceil() as usize
 }
@@ -235,10 +241,12 @@ pub type Solver = Box<dyn WaveSolver>;
 /// What prepares a fiber for a wave, to a tolerance.
 pub type MakeSolver<'a> = dyn Fn(&SingleFiber, &Wave, f64) -> Result<Solver, WaveError> + Sync + 'a;
 
-/// The table of `fiber` by wave optics, each solve made by `solver`; `spec_text` is kept in the table. Progress counts solves.
+/// The table of `fiber` by wave optics, each solve made by `solver`; `spec_text` is kept in the table.
+/// Progress counts solves.
 ///
 /// # Errors
-/// [`SimError::TooLarge`], [`SimError::Wave`] from the solver, [`SimError::Interrupted`], errors of the parts folder.
+/// [`SimError::TooLarge`], [`SimError::Wave`] from the solver, [`SimError::Interrupted`], errors of the parts
+/// folder.
 pub fn tabulate_with(
     fiber: &SingleFiber,
     spec_text: &str,
@@ -249,7 +257,8 @@ pub fn tabulate_with(
     runs::run(&TabulateJob::with_solver(fiber, spec_text, options, solver)?, run)
 }
 
-/// [`tabulate_with`] the cheapest solver that serves the fiber: series for circles, boundary integrals for all others.
+/// [`tabulate_with`] the cheapest solver that serves the fiber: series for circles, boundary integrals for
+/// all others.
 ///
 /// # Errors
 /// As [`tabulate_with`], and what is wrong with the fiber's walls.
@@ -524,7 +533,8 @@ fn wave_cell(
     let (p, d, q) = (plan.phi_i.len(), plan.relative, plan.fine);
     let n = d * q;
     let half = (q / 2) as i64;
-    // Azimuths stand on the grid of n: a node every `stride q` steps, its samples `stride` steps apart around it.
+    // Azimuths stand on the grid of n: a node every `stride q` steps, its samples `stride` steps apart around
+    // it.
     let step = TAU / n as f64;
     let round = plan.phi_i.len() == 1;
     let stride = if round { 0.0 } else { ((plan.phi_i[1] - plan.phi_i[0]) / (TAU / d as f64)).round() };

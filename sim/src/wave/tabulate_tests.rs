@@ -13,9 +13,9 @@ use std::f64::consts::{PI, TAU};
 use std::sync::atomic::AtomicU64;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A made-up scatterer of the ellipse's symmetry whose powers are known in closed form: first order in a soft ellipse of Gaussian profile,
-/// `F = (k_0 a b) exp(-((a u)^2 + (b v)^2) / 4)` with (u, v) the change of the transverse wavevector, and what is scattered is extinguished, but
-/// for a tenth that is absorbed.
+/// A made-up scatterer of the ellipse's symmetry whose powers are known in closed form: first order in a soft
+/// ellipse of Gaussian profile, `F = (k_0 a b) exp(-((a u)^2 + (b v)^2) / 4)` with (u, v) the change of the
+/// transverse wavevector, and what is scattered is extinguished, but for a tenth that is absorbed.
 struct Soft {
     wave: Wave,
     axes: [f64; 2],
@@ -110,7 +110,8 @@ fn nodes_hold_the_solver_s_powers() {
     assert!(table.ledger_error() < 1e-6, "{}", table.ledger_error());
 }
 
-/// Cells that average several solves and azimuths hold the power of all of them, and the loaded fiber gives it back at azimuths that are not stored.
+/// Cells that average several solves and azimuths hold the power of all of them, and the loaded fiber gives
+/// it back at azimuths that are not stored.
 #[test]
 fn averages_keep_the_power_and_symmetry_the_rest() {
     let fiber = ellipse(3.0, 2.0);
@@ -218,8 +219,9 @@ fn threads_and_interruptions_change_nothing() {
     assert!(tabulate_with(&ellipse(0.5, 0.3), "spec", &small(), run, &soft).is_err());
 }
 
-/// A smooth circle's rays: nothing is lost, the width is the diameter, and what is absorbed has a closed form: all chords of a path are equally long, so
-/// that with Fresnel's R, T = 1 - R and the transmittance x of a chord `R + T^2 x / (1 - R x)` leaves.
+/// A smooth circle's rays: nothing is lost, the width is the diameter, and what is absorbed has a closed
+/// form: all chords of a path are equally long, so that with Fresnel's R, T = 1 - R and the transmittance x
+/// of a chord `R + T^2 x / (1 - R x)` leaves.
 #[test]
 fn rays_keep_their_energy() {
     let mut spec = YarnSpec::polyester().unwrap().fiber;

@@ -1,21 +1,26 @@
-//! The far field of a beam together with the light that the fibers scatter, as energy over the azimuth: for rays, f_miss + f_refl + f_high (Yu 2025, 4.5).
+//! The far field of a beam together with the light that the fibers scatter, as energy over the azimuth: for
+//! rays, f_miss + f_refl + f_high (Yu 2025, 4.5).
 //!
-//! A beam is an integral of plane waves over the azimuth alpha that they come from, `E = integral A(alpha) e_pol(alpha) exp(-i k_rho rho cos(phi - alpha))
-//! d alpha`, with `A(alpha) = k_rho cos(alpha - phi_i) a(q)`, `q = k_rho sin(alpha - phi_i)` and a the beam's spectrum. At large rho the phase is
-//! stationary at `alpha = phi + pi`, where the wave has passed, and (with waves still to come) at `alpha = phi`. The first gives
+//! A beam is an integral of plane waves over the azimuth alpha that they come from,
+//! `E = integral A(alpha) e_pol(alpha) exp(-i k_rho rho cos(phi - alpha)) d alpha`, with
+//! `A(alpha) = k_rho cos(alpha - phi_i) a(q)`, `q = k_rho sin(alpha - phi_i)` and a the beam's spectrum. At
+//! large rho the phase is stationary at `alpha = phi + pi`, where the wave has passed, and (with waves still
+//! to come) at `alpha = phi`. The first gives
 //!
 //! ```text
 //! E -> sqrt(2 pi / (k_rho rho)) exp(i (k_rho rho - pi/4)) A(phi + pi) e_pol(phi + pi),
 //! ```
 //!
-//! which in the form of [`Scattered`] is `F_inc = pi A(phi + pi)`, along u for TM and, since `e_TE(phi + pi) = -phi`, along -phi for TE. The outgoing
-//! light is `|F_s + F_inc|^2`. Its cross term, over all azimuths, is minus the extinction (the optical theorem), so that the whole adds up to the
-//! beam's power less what is absorbed. Nothing is scaled to make it so.
+//! which in the form of [`Scattered`] is `F_inc = pi A(phi + pi)`, along u for TM and, since
+//! `e_TE(phi + pi) = -phi`, along -phi for TE. The outgoing light is `|F_s + F_inc|^2`. Its cross term, over
+//! all azimuths, is minus the extinction (the optical theorem), so that the whole adds up to the beam's power
+//! less what is absorbed. Nothing is scaled to make it so.
 
 use super::{C64, Polarization, Scattered, Source, Wave, WaveError};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// Powers per length over |S| at the beam's center [um], as in [`Scattered`], and densities of them over the beam's power [1/rad] at the azimuths of the far field.
+/// Powers per length over |S| at the beam's center [um], as in [`Scattered`], and densities of them over the
+/// beam's power [1/rad] at the azimuths of the far field.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TotalField {
     /// `[j]`: scattered and incident light together, at azimuth 2 pi j / n.
@@ -50,8 +55,9 @@ pub fn incident_far_field(source: &Source, wave: &Wave, n_phi_out: usize) -> Res
         .collect())
 }
 
-/// Power of a beam per length, over |S| at its center [um]: `2 pi / k_0 integral |a(q)|^2 k_rho cos(alpha - phi_i) dq`, in the limit of wide
-/// beams `cos theta_i w0 sqrt(pi/2)`.
+/// Power of a beam per length, over |S| at its center [um]:
+/// `2 pi / k_0 integral |a(q)|^2 k_rho cos(alpha - phi_i) dq`, in the limit of wide beams
+/// `cos theta_i w0 sqrt(pi/2)`.
 ///
 /// # Errors
 /// [`WaveError::Unsupported`] for a plane wave.
@@ -89,10 +95,11 @@ pub fn total_field(source: &Source, wave: &Wave, scattered: &Scattered) -> Resul
     Ok(TotalField { total, scattered: alone, beam_um })
 }
 
-/// Azimuths that resolve `|F_s + F_inc|^2` of fibers within `extent_um` of the origin and of this source: a multiple of `multiple`.
+/// Azimuths that resolve `|F_s + F_inc|^2` of fibers within `extent_um` of the origin and of this source: a
+/// multiple of `multiple`.
 ///
-/// A far field holds harmonics up to `k_rho extent` and some more, its intensity twice as many; the sum over the azimuths is exact with more of them than
-/// that, and a speckle is seen by 4.
+/// A far field holds harmonics up to `k_rho extent` and some more, its intensity twice as many; the sum over
+/// the azimuths is exact with more of them than that, and a speckle is seen by 4.
 pub fn azimuths(wave: &Wave, source: &Source, extent_um: f64, multiple: usize) -> usize {
     let reach = wave.k_rho() * (extent_um.max(source.beam.map_or(0.0, |b| b.h_um.abs() + 3.0 * b.w0_um)));
     let harmonics = reach + 6.0 * reach.cbrt() + 10.0;
@@ -109,7 +116,8 @@ fn plane() -> WaveError {
 
 #[cfg(test)]
 mod tests {
-    //! Truth: the beam's own field far away, summed from its plane waves; the energy of beam and scattered light together.
+    //! Truth: the beam's own field far away, summed from its plane waves; the energy of beam and scattered
+    //! light together.
     use super::*;
     use crate::wave::{BeamSource, Body, MieSolver, Shape, WaveSolver};
 
@@ -124,7 +132,8 @@ mod tests {
         Scattered { f_u: zeros.clone(), f_phi: zeros, c_sca_um: 0.0, c_abs_um: 0.0, c_ext_um: 0.0 }
     }
 
-    /// Axial field of the beam's plane waves at a far point against the asymptotic form: phase, sign and size, with an error that halves with the distance.
+    /// Axial field of the beam's plane waves at a far point against the asymptotic form: phase, sign and
+    /// size, with an error that halves with the distance.
     #[test]
     fn far_field_is_the_limit_of_the_beam() {
         let wave = Wave { lambda_um: 0.6, theta_i: 0.4 };
@@ -133,7 +142,8 @@ mod tests {
             let source = beam(pol, 1.1, 2.5, -4.0);
             let n = 3600;
             let far = incident_far_field(&source, &wave, n).unwrap();
-            // F_u = a_e / cos theta_i and F_phi = a_h / cos theta_i, and the axial amplitude of a unit wave is cos theta_i (TM: e), -cos theta_i (TE: h).
+            // F_u = a_e / cos theta_i and F_phi = a_h / cos theta_i, and the axial amplitude of a unit wave
+            // is cos theta_i (TM: e), -cos theta_i (TE: h).
             let (e, h) = source.axial(&wave);
             let axial = e + h;
             let mut last = f64::INFINITY;
@@ -160,7 +170,8 @@ mod tests {
         }
     }
 
-    /// The beam alone: all of its power, about phi_i + pi, with standard deviation 1/(w0 k_rho), which is the rays' lambda/(2 pi w0) over cos theta_i.
+    /// The beam alone: all of its power, about phi_i + pi, with standard deviation 1/(w0 k_rho), which is the
+    /// rays' lambda/(2 pi w0) over cos theta_i.
     #[test]
     fn beam_alone_keeps_its_power_and_spread() {
         for (theta_i, w0, h) in [(0.0, 10.0, 0.0), (0.7, 6.0, 31.0), (0.3, 1.0, -3.0)] {
@@ -191,8 +202,9 @@ mod tests {
         Body { shape: Shape::Circle { radius_um }, center_um: [x, y], rotation_rad: 0.0, eta: 1.55, kappa, lumen: None }
     }
 
-    /// A clear fiber in a beam of its own width, off the axis and oblique: all light leaves. One that absorbs keeps C_abs. And what is behind a thick dark
-    /// fiber in a thin beam is dark: the beam's own far field is cancelled, not added to.
+    /// A clear fiber in a beam of its own width, off the axis and oblique: all light leaves. One that absorbs
+    /// keeps C_abs. And what is behind a thick dark fiber in a thin beam is dark: the beam's own far field is
+    /// cancelled, not added to.
     #[test]
     fn total_energy_is_the_beams() {
         for (theta_i, h, kappa) in

@@ -1,21 +1,24 @@
 //! Walls beside a lossy medium: what surrounds a target is integrated by a rule of its own.
 //!
-//! In a medium of wavenumber k with loss, the factor of the logarithm, `J0(k R)`, grows as `exp(Im k R)` while the kernel decays: splitting it off along a
-//! wall ([`kernel`](super::kernel)) cancels digits, all of them where the wall is some tens of skin depths long. Here nothing is split. A window chi,
-//! 1 at the target and 0 some nodes away, cuts the integral over the parameter in two:
+//! In a medium of wavenumber k with loss, the factor of the logarithm, `J0(k R)`, grows as `exp(Im k R)`
+//! while the kernel decays: splitting it off along a wall ([`kernel`](super::kernel)) cancels digits, all of
+//! them where the wall is some tens of skin depths long. Here nothing is split. A window chi, 1 at the target
+//! and 0 some nodes away, cuts the integral over the parameter in two:
 //!
 //! ```text
 //! integral K f = sum_j h (1 - chi) K f (t_j) + integral chi K f
 //! ```
 //!
-//! The first integrand is smooth, for the nodes resolve the kernel out there or the loss has ended it. The second takes a Gauss-Legendre rule whose
-//! panels are as short as the distance from the target and the skin depth ask for, and the trigonometric interpolant of f. The offsets of its
-//! points from the target are the same at every node. So the interpolation is one real matrix, and the rows of all targets are one product with it.
+//! The first integrand is smooth, for the nodes resolve the kernel out there or the loss has ended it. The
+//! second takes a Gauss-Legendre rule whose panels are as short as the distance from the target and the skin
+//! depth ask for, and the trigonometric interpolant of f. The offsets of its points from the target are the
+//! same at every node. So the interpolation is one real matrix, and the rows of all targets are one product
+//! with it.
 //!
 //! Joints of graded outlines lie half-way between nodes; there panels end.
 //!
-//! The `1/R^2` of `ed` makes the kernel `r.n'/R^2` of the static double layer, which is smooth along a wall. It stays with the nodes, as `r.n'` of points
-//! close to each other is a small difference of large numbers.
+//! The `1/R^2` of `ed` makes the kernel `r.n'/R^2` of the static double layer, which is smooth along a wall.
+//! It stays with the nodes, as `r.n'` of points close to each other is a small difference of large numbers.
 
 use super::C64;
 use super::curve::{Curve, CurvePoint};
@@ -27,7 +30,8 @@ use faer::{Accum, MatMut, MatRef};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// Power of the substitution `u = a x^p` on the panel that begins at the target: the rule of N points is off by `N^(-2 p)` for a logarithm.
+/// Power of the substitution `u = a x^p` on the panel that begins at the target: the rule of N points is off
+/// by `N^(-2 p)` for a logarithm.
 const POWER: i32 = 5;
 /// Phase (or decay) by which a kernel may change along a panel.
 const PHASE: f64 = 6.0;
@@ -51,8 +55,9 @@ pub(super) fn steepness(tolerance: f64) -> f64 {
     (100.0 / tolerance).ln()
 }
 
-/// Nodes from the target to where the window ends. The Fourier transform of chi falls to exp(-beta) at `2 beta / width`, which has to be within the gap
-/// that the kernel's and the density's waves leave to the nodes' 2 pi: 0.4 of it at 3.4 nodes a wavelength.
+/// Nodes from the target to where the window ends. The Fourier transform of chi falls to exp(-beta) at
+/// `2 beta / width`, which has to be within the gap that the kernel's and the density's waves leave to the
+/// nodes' 2 pi: 0.4 of it at 3.4 nodes a wavelength.
 pub(super) fn width_nodes(tolerance: f64) -> f64 {
     (2.0 * steepness(tolerance) / (0.4 * 2.0 * PI)).ceil()
 }
@@ -77,8 +82,9 @@ fn gauss_legendre(n: usize) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// `chi` at a distance, in units of its end: the integral of `exp(beta sqrt(1 - x^2))` from there to the end, over the whole. No other bump has a Fourier transform
-/// that falls much faster (Barnett, Magland and af Klinteberg 2019).
+/// `chi` at a distance, in units of its end: the integral of `exp(beta sqrt(1 - x^2))` from there to the end,
+/// over the whole. No other bump has a Fourier transform that falls much faster (Barnett, Magland and af
+/// Klinteberg 2019).
 fn window(beta: f64, rule: &[(f64, f64)], distance: f64) -> f64 {
     if distance >= 1.0 {
         return 0.0;
@@ -106,7 +112,8 @@ impl Vicinity {
         let end = if whole { PI } else { width * h };
         let chi = |u: f64| if whole { 1.0 } else { window(beta, &fine, u / end) };
         let fastest = curve.nodes.iter().map(|p| p.speed).fold(0.0, f64::max);
-        // Longest panel that starts at u: of all speeds up to the fastest, those at which the kernel is no more there do not count.
+        // Longest panel that starts at u: of all speeds up to the fastest, those at which the kernel is no
+        // more there do not count.
         let longest = |u: f64| {
             let each = kappas.map(|k| PHASE / (k.norm() * fastest.min(DEAD / (k.im * u).max(1e-300))));
             each[0].min(each[1]).min(u)
@@ -157,8 +164,9 @@ impl Vicinity {
         Self { outside, offsets, weights, interpolation }
     }
 
-    /// The window's part of the rows of some targets, given by their node on the wall: `[target][pair of components][real, imaginary][node after the target]`,
-    /// pairs `(to, from)` as in `pairs`.
+    /// The window's part of the rows of some targets, given by their node on the wall:
+    /// `[target][pair of components][real, imaginary][node after the target]`, pairs `(to, from)` as in
+    /// `pairs`.
     pub fn rows(
         &self,
         wavenumbers: &Wavenumbers,

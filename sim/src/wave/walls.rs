@@ -1,4 +1,5 @@
-//! Walls between media: the outlines of bodies and their lumens, with nodes and the media on both sides, and the check that no two cross.
+//! Walls between media: the outlines of bodies and their lumens, with nodes and the media on both sides, and
+//! the check that no two cross.
 
 use super::curve::{Curve, Resolution};
 use super::kernel::Medium;
@@ -58,12 +59,12 @@ pub(crate) fn trace_walls(
     Ok((media, walls))
 }
 
-/// A wall with the nodes that the waves along it ask for: those of both media, and on metals the surface wave,
-/// `beta^2 = k_0^2 eps_o eps_i / (eps_o + eps_i) - k_z^2`.
+/// A wall with the nodes that the waves along it ask for: those of both media, and on metals the surface
+/// wave, `beta^2 = k_0^2 eps_o eps_i / (eps_o + eps_i) - k_z^2`.
 ///
-/// Waves inside need no nodes where they die before they have crossed the body, and within the window around a target
-/// ([`vicinity`](super::vicinity)) wherever the nodes do not resolve them. What is seen of them from the wall then is as smooth as what drives them,
-/// but at the joints of polygons.
+/// Waves inside need no nodes where they die before they have crossed the body, and within the window around
+/// a target ([`vicinity`](super::vicinity)) wherever the nodes do not resolve them. What is seen of them from
+/// the wall then is as smooth as what drives them, but at the joints of polygons.
 fn trace(
     body: &Body,
     wave: &Wave,

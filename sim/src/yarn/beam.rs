@@ -1,8 +1,11 @@
-//! What the beam hits first: ply 0, or another ply that stands in front of it or beside it (Yu 2025, 5.3, last paragraphs).
+//! What the beam hits first: ply 0, or another ply that stands in front of it or beside it (Yu 2025, 5.3,
+//! last paragraphs).
 //!
-//! The beam's lateral profile is cut into thin lines. The plies are visited in the order of their height, and each stops the share of a line that hits
-//! a fiber. Ply 0 then scatters its own slice of the table, f(theta_i, h), scaled to the energy that it stops; another ply scatters the slices at the offsets of the lines
-//! that it stops. What no ply stops misses the yarn. So energies are those of the lines alone, whatever the slices' own Monte Carlo errors beside the rim.
+//! The beam's lateral profile is cut into thin lines. The plies are visited in the order of their height, and
+//! each stops the share of a line that hits a fiber. Ply 0 then scatters its own slice of the table,
+//! f(theta_i, h), scaled to the energy that it stops; another ply scatters the slices at the offsets of the
+//! lines that it stops. What no ply stops misses the yarn. So energies are those of the lines alone, whatever
+//! the slices' own Monte Carlo errors beside the rim.
 
 use super::geometry::Intercept;
 use plywave::math::axis;
@@ -22,7 +25,8 @@ const BINS: usize = 36;
 
 /// Where a beam's power goes, averaged over the valid orientations of the yarn.
 pub(crate) struct FirstHits {
-    /// `(n', [psi])`: factors of the table's slice at offset n', scattered by a ply that lies at psi (bins of a turn).
+    /// `(n', [psi])`: factors of the table's slice at offset n', scattered by a ply that lies at psi (bins of
+    /// a turn).
     pub parts: Vec<(usize, Vec<f64>)>,
     /// Fraction that misses the yarn.
     pub r_d: f64,
@@ -77,7 +81,8 @@ pub(crate) fn first_hits(
     FirstHits { parts, r_d: missed }
 }
 
-/// Valid orientations psi of the yarn for a beam at `h`, and their shares: the middles of equal parts of what each bin has of each valid range, whose ends are sharp.
+/// Valid orientations psi of the yarn for a beam at `h`, and their shares: the middles of equal parts of what
+/// each bin has of each valid range, whose ends are sharp.
 fn orientations(ring: &PlyRing, h: f64, bins: usize) -> Vec<(f64, f64)> {
     let ranges = ring.valid_ranges(h);
     let per_turn = 1.0 / ranges.iter().map(|(a, b)| b - a).sum::<f64>().max(f64::MIN_POSITIVE);
@@ -92,7 +97,8 @@ fn orientations(ring: &PlyRing, h: f64, bins: usize) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// Share of the beam at offset `h` that misses the whole yarn, averaged over its valid orientations: what every line of it has left behind all plies.
+/// Share of the beam at offset `h` that misses the whole yarn, averaged over its valid orientations: what
+/// every line of it has left behind all plies.
 pub(crate) fn missed(ring: &PlyRing, beam: &GaussianBeam, intercept: &Intercept, h: f64) -> f64 {
     let lines = lines(beam, h);
     let missed = |(psi, share): (f64, f64)| -> f64 {
@@ -111,7 +117,8 @@ fn lines(beam: &GaussianBeam, h: f64) -> Vec<(f64, f64)> {
     (0..LINES).map(|i| (h + sd * t(i), (-0.5 * t(i) * t(i)).exp() / total)).collect()
 }
 
-/// Nodes around an offset, with factors of the table's slices there that make a unit of scattered and absorbed energy.
+/// Nodes around an offset, with factors of the table's slices there that make a unit of scattered and
+/// absorbed energy.
 fn at_nodes(table: &Table, r_d: &[f64], h: f64) -> [(usize, f64); 2] {
     let last = table.h_um.len() - 1;
     let step = (table.h_um[last] - table.h_um[0]) / last as f64;

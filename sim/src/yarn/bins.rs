@@ -1,11 +1,13 @@
-//! Conversion between the table's bins of the outgoing sphere and the coarser bins of light between plies. Energy is moved, never density: a bin's
-//! energy is divided in proportion to the solid angles of its overlaps.
+//! Conversion between the table's bins of the outgoing sphere and the coarser bins of light between plies.
+//! Energy is moved, never density: a bin's energy is divided in proportion to the solid angles of its
+//! overlaps.
 
 use plywave::math::axis;
 use plywave::table::OutgoingGrid;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// Overlaps of the table's rows and columns with coarse ones: of coarse index i, the table's indices and their measures.
+/// Overlaps of the table's rows and columns with coarse ones: of coarse index i, the table's indices and
+/// their measures.
 pub(crate) struct Overlap {
     /// `[coarse row]`: table row and the difference of the sines of their common latitudes.
     rows: Vec<Vec<(usize, f64)>>,
@@ -15,7 +17,8 @@ pub(crate) struct Overlap {
 }
 
 impl Overlap {
-    /// Coarse columns begin at azimuth `start` [rad]. When `mirrored`, coarse (theta, phi) is the table's (-theta, pi - phi).
+    /// Coarse columns begin at azimuth `start` [rad]. When `mirrored`, coarse (theta, phi) is the table's
+    /// (-theta, pi - phi).
     pub fn new(grid: OutgoingGrid, rows: usize, columns: usize, start: f64, mirrored: bool) -> Overlap {
         let latitude = |i: usize, n: usize| PI * i as f64 / n as f64 - FRAC_PI_2;
         let row = |i: usize| {
@@ -71,8 +74,8 @@ impl Overlap {
     }
 }
 
-/// Density [1/sr] on the table's grid of energies in coarse bins `[rows][columns]`: linear between the coarse bins' mean densities, scaled to the
-/// energy that they hold.
+/// Density [1/sr] on the table's grid of energies in coarse bins `[rows][columns]`: linear between the coarse
+/// bins' mean densities, scaled to the energy that they hold.
 pub(crate) fn density(grid: OutgoingGrid, rows: usize, columns: usize, energies: &[f64], out: &mut [f64]) {
     let coarse = OutgoingGrid { theta_o: rows, phi_o: columns };
     let mean: Vec<f64> =

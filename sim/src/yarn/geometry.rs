@@ -1,9 +1,11 @@
-//! Flights between the plies, in the plane across the yarn: where a ray that leaves one ply hits the others (Yu 2025, 5.3, Fig. 9a).
+//! Flights between the plies, in the plane across the yarn: where a ray that leaves one ply hits the others
+//! (Yu 2025, 5.3, Fig. 9a).
 //!
-//! A ray leaves ply 0 in azimuth phi at lateral position t along x' = (-sin phi, cos phi). It hits ply p, whose center is c, at the offset
-//! h' = t - c . x' in that ply's frame, whose y' axis points back along the ray. A ply stops only the share
-//! s(h') of a line, which hits a fiber. The plies are visited in their order along the ray; each stops the share s of the remaining light, and what
-//! remains in the end escapes. So the shares add up to 1 exactly.
+//! A ray leaves ply 0 in azimuth phi at lateral position t along x' = (-sin phi, cos phi). It hits ply p,
+//! whose center is c, at the offset h' = t - c . x' in that ply's frame, whose y' axis points back along the
+//! ray. A ply stops only the share s(h') of a line, which hits a fiber. The plies are visited in their order
+//! along the ray; each stops the share s of the remaining light, and what remains in the end escapes. So the
+//! shares add up to 1 exactly.
 
 use plywave::math::axis;
 use plywave::spec::PlyRing;
@@ -18,8 +20,8 @@ pub(crate) struct Intercept {
 }
 
 impl Intercept {
-    /// At each incident latitude of the table: from the paths that hit the ply where that was recorded, else 1 - r_d of the beam, whose
-    /// waist blurs the ply's edge.
+    /// At each incident latitude of the table: from the paths that hit the ply where that was recorded, else
+    /// 1 - r_d of the beam, whose waist blurs the ply's edge.
     pub fn of_table(table: &Table, radius_um: f64) -> Vec<Intercept> {
         let rows = table.theta_i.len();
         let columns = table.h_um.len();
@@ -53,14 +55,16 @@ impl Intercept {
         values.map(|met| Intercept { values: met.iter().map(|v| f64::from(*v)).collect(), reach_um }).collect()
     }
 
-    /// At the latitudes of the table's slices, of those of its fine energies, if it has them: the parts are finer than those of [`Intercept::of_table`].
+    /// At the latitudes of the table's slices, of those of its fine energies, if it has them: the parts are
+    /// finer than those of [`Intercept::of_table`].
     pub fn of_beams(table: &Table) -> Option<Vec<Intercept>> {
         let fine = Intercept::fine(table);
         let steps = fine.len().checked_sub(1)? / (table.theta_i.len() - 1);
         Some(fine.into_iter().step_by(steps.max(1)).collect())
     }
 
-    /// Mean over the latitudes, by the light of an even sphere, and over both signs of the offset, which a turned ply exchanges.
+    /// Mean over the latitudes, by the light of an even sphere, and over both signs of the offset, which a
+    /// turned ply exchanges.
     pub fn mean(all: &[Intercept], theta: &[f64]) -> Intercept {
         let n = all[0].values.len();
         let total: f64 = theta.iter().map(|t| t.cos()).sum();
@@ -127,7 +131,8 @@ pub(crate) struct Flights {
 const SUB: usize = 4;
 
 impl Flights {
-    /// Over bins of azimuth of the same width as the bins of psi, both evenly filled, light leaving at `positions` equal parts of [-R, R].
+    /// Over bins of azimuth of the same width as the bins of psi, both evenly filled, light leaving at
+    /// `positions` equal parts of [-R, R].
     pub fn new(ring: &PlyRing, azimuths: usize, positions: usize, offsets: usize, met: &Intercept) -> Flights {
         let others = ring.plies as usize - 1;
         let mut flights = Flights {
@@ -171,7 +176,8 @@ impl Flights {
         flights
     }
 
-    /// The same for light spread evenly over the positions and over cells of psi: `hits[azimuth - first bin of the cell][ply - 1][h']`, `escape[..]`.
+    /// The same for light spread evenly over the positions and over cells of psi:
+    /// `hits[azimuth - first bin of the cell][ply - 1][h']`, `escape[..]`.
     pub fn of_cells(&self) -> CellFlights {
         let (n, width) = (self.azimuths, self.others * self.offsets);
         let (mut hits, mut escape) = (vec![0.0f32; n * width], vec![0.0f32; n]);

@@ -1,11 +1,14 @@
-//! Scattering by a ply of light that another ply sent: a matrix over latitude and offset for each azimuthal frequency (Yu 2025, 5.3).
+//! Scattering by a ply of light that another ply sent: a matrix over latitude and offset for each azimuthal
+//! frequency (Yu 2025, 5.3).
 //!
-//! Light that travels in direction (theta_o, phi_o) arrives at the latitude theta_i' = -theta_o, and a global azimuth phi is
-//! phi' = phi - phi_o - pi/2 in the ply's frame. So the energy that leaves is
+//! Light that travels in direction (theta_o, phi_o) arrives at the latitude theta_i' = -theta_o, and a global
+//! azimuth phi is phi' = phi - phi_o - pi/2 in the ply's frame. So the energy that leaves is
 //!
-//! `E'(theta, phi) = sum over theta_o, h', phi_o of A(theta_o, h', phi_o) F(-theta_o, h'; theta, phi - phi_o - pi/2)`,
+//! `E'(theta,
+//! phi) = sum over theta_o, h', phi_o of A(theta_o, h', phi_o) F(-theta_o, h'; theta, phi - phi_o - pi/2)`,
 //!
-//! F the table's distribution of light that hits the ply: a circular convolution over the azimuth, a product for each of its frequencies.
+//! F the table's distribution of light that hits the ply: a circular convolution over the azimuth, a product
+//! for each of its frequencies.
 
 use super::bins::Overlap;
 use super::geometry::Level;
@@ -48,8 +51,8 @@ pub(crate) struct Scratch {
     work: Vec<C32>,
 }
 
-/// Light of a unit of energy that hit the ply at latitude `theta_i` (any sign) and offset `h_um`, in coarse bins of the level
-/// with azimuths counted from the light's own direction of travel.
+/// Light of a unit of energy that hit the ply at latitude `theta_i` (any sign) and offset `h_um`, in coarse
+/// bins of the level with azimuths counted from the light's own direction of travel.
 fn response(table: &Table, light: Light, level: Level, theta_i: f64, h_um: f64) -> Vec<f32> {
     let width = TAU / level.azimuths as f64;
     let mirrored = theta_i < 0.0;
@@ -103,7 +106,8 @@ impl Kernel {
         Kernel { level, spectra, forward, inverse }
     }
 
-    /// Energies that leave, `out[cell][theta][phi]`, of those that arrive, `arrivals[cell][theta_o][h'][phi_o]`.
+    /// Energies that leave, `out[cell][theta][phi]`, of those that arrive,
+    /// `arrivals[cell][theta_o][h'][phi_o]`.
     pub fn scatter(&self, arrivals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
         let Level { rows, azimuths, cells, offsets } = self.level;
         let (frequencies, inputs) = (azimuths / 2 + 1, rows * offsets);
@@ -111,7 +115,8 @@ impl Kernel {
         scratch
             .work
             .resize(self.forward.get_inplace_scratch_len().max(self.inverse.get_inplace_scratch_len()), C32::default());
-        // Two real lines a transform, one as the imaginary part of the other. `[frequency][cell][theta_o][h']`.
+        // Two real lines a transform, one as the imaginary part of the other.
+        // `[frequency][cell][theta_o][h']`.
         scratch.spectra.resize(frequencies * cells * inputs, C32::default());
         let half = C32::new(0.5, 0.0);
         let minus_half_i = C32::new(0.0, -0.5);

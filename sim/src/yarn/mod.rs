@@ -1,20 +1,27 @@
-//! The table of a yarn of P plies, computed from the table of one ply (Yu 2025, 5.3, Eq. 9-10). It is fitted like any other table.
+//! The table of a yarn of P plies, computed from the table of one ply (Yu 2025, 5.3, Eq. 9-10). It is fitted
+//! like any other table.
 //!
 //! `f_multi = f_direct + f_conv + f_resi`, averaged over the yarn's valid orientations psi:
 //!
-//! - what the beam hits first: ply 0, and the plies that catch some of the beam before or beside it (`beam.rs`);
-//! - *direct*: light of a ply's slice that no other ply stops. The flights between plies are 2D (`geometry.rs`): each ply stops the share of a line
-//!   that hits a fiber, and the rest goes on, so that the shares add up to 1;
-//! - *conv*: the ply that stopped the light scatters it, at the latitude -theta_o and the offset h' at which it arrives, by the same table:
+//! - what the beam hits first: ply 0, and the plies that catch some of the beam before or beside it
+//!   (`beam.rs`);
+//! - *direct*: light of a ply's slice that no other ply stops. The flights between plies are 2D
+//!   (`geometry.rs`): each ply stops the share of a line that hits a fiber, and the rest goes on, so that the
+//!   shares add up to 1;
+//! - *conv*: the ply that stopped the light scatters it, at the latitude -theta_o and the offset h' at which
+//!   it arrives, by the same table:
 //!   a circular convolution over azimuth (`kernel.rs`);
-//! - *residual*: the same again, order after order, on a grid half as fine (`orders.rs`). The last 1e-4 is distributed like the last order.
+//! - *residual*: the same again, order after order, on a grid half as fine (`orders.rs`). The last 1e-4 is
+//!   distributed like the last order.
 //!
-//! The paper stops after conv and gives the rest a guessed diffuse lobe. As all plies are alike, light that leaves ply p of a yarn that lies at psi
-//! leaves ply 0 of one that lies at psi + 2 pi p / P: a state over (psi, theta_o, phi_o) is all that orders need.
+//! The paper stops after conv and gives the rest a guessed diffuse lobe. As all plies are alike, light that
+//! leaves ply p of a yarn that lies at psi leaves ply 0 of one that lies at psi + 2 pi p / P: a state over
+//! (psi, theta_o, phi_o) is all that orders need.
 //!
-//! f_refl and f_high are kept apart: light that was only reflected at every ply is f_refl, all else f_high. At each absorption the chain of all
-//! light is computed, and that of f_refl is subtracted. Where in its azimuth light leaves a ply is the table's own record
-//! ([`plywave::table::ExitPositions`]) for the first exit; the paper's even spread serves later ones, and tables without the record.
+//! f_refl and f_high are kept apart: light that was only reflected at every ply is f_refl, all else f_high.
+//! At each absorption the chain of all light is computed, and that of f_refl is subtracted. Where in its
+//! azimuth light leaves a ply is the table's own record ([`plywave::table::ExitPositions`]) for the first
+//! exit; the paper's even spread serves later ones, and tables without the record.
 
 mod beam;
 mod bins;
@@ -41,11 +48,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 pub struct YarnOptions {
     /// Rows of theta_o in the light between plies; orders beyond the first have half of them.
     pub rows: usize,
-    /// Least number of orientations psi; the bins of phi_o are three times as many. Orders beyond the first have half of both.
+    /// Least number of orientations psi; the bins of phi_o are three times as many. Orders beyond the first
+    /// have half of both.
     pub cells: usize,
     /// Offsets h' at which light hits a ply.
     pub offsets: usize,
-    /// Take the first exit's positions from the table where it has them; else light leaves evenly over the ply's width.
+    /// Take the first exit's positions from the table where it has them; else light leaves evenly over the
+    /// ply's width.
     pub exits: bool,
     /// Fraction of a chain's light below which the remaining orders are summed as a geometric series.
     pub tolerance: f64,
@@ -72,11 +81,13 @@ pub struct YarnLedger {
     pub r_d: Vec<f64>,
 }
 
-/// The table of the yarn of `spec` from the table of one of its plies, and the ledger of its light. The result depends on table and options alone.
+/// The table of the yarn of `spec` from the table of one of its plies, and the ledger of its light. The
+/// result depends on table and options alone.
 /// `progress` is called with incidences done and in all.
 ///
 /// # Errors
-/// [`SimError::Runtime`] when the table's arrays do not fit together, [`SimError::Table`] when it is not of a single ply,
+/// [`SimError::Runtime`] when the table's arrays do not fit together, [`SimError::Table`] when it is not of a
+/// single ply,
 /// [`SimError::Option`] when a size is out of range.
 pub fn yarn_table(
     table: &Table,
@@ -126,7 +137,8 @@ pub fn yarn_table(
     Ok((out, ledger))
 }
 
-/// The yarn's missed light on the fine grid of its ply's; what becomes of the rest at the nodes of its slices.
+/// The yarn's missed light on the fine grid of its ply's; what becomes of the rest at the nodes of its
+/// slices.
 fn fine_energies(ply: &Table, yarn: &Table, spec: &YarnSpec) -> Option<TableEnergies> {
     let fine = ply.energies.as_ref()?;
     let intercepts = Intercept::fine(ply);
@@ -171,7 +183,8 @@ struct Node {
     refl: Vec<f32>,
     /// `[sigma]`.
     high: Vec<Vec<f32>>,
-    /// Integral of the variance of f_refl, then of f_high at each sigma [1/sr]; that of the light between plies counts as averaged out.
+    /// Integral of the variance of f_refl, then of f_high at each sigma [1/sr]; that of the light between
+    /// plies counts as averaged out.
     noise: Vec<f64>,
     /// `[sigma]`: direct, conv, residual, absorbed.
     ledger: Vec<[f64; 4]>,
@@ -220,7 +233,8 @@ impl<'a> Yarn<'a> {
         Yarn { table, spec, fine, intercepts, flights, escape, kernels, overlap, exits, tolerance: options.tolerance }
     }
 
-    /// Shares of the lateral positions at each azimuth bin, `[azimuth][position]`, of light `channel` (0 reflected, 1 + k high) at node (m, n).
+    /// Shares of the lateral positions at each azimuth bin, `[azimuth][position]`, of light `channel` (0
+    /// reflected, 1 + k high) at node (m, n).
     fn exit_shares(&self, m: usize, n: usize, channel: usize) -> Vec<f32> {
         let (azimuths, positions) = (self.fine.azimuths, self.flights.positions);
         let Some(exit) = self.table.exit.as_ref().filter(|_| self.exits) else {
@@ -301,8 +315,8 @@ impl<'a> Yarn<'a> {
         out
     }
 
-    /// Light `channel` of the plies that the beam hits, after its first flight: what escapes, and in `arrivals[node][cell][theta_o][h'][phi_o]`, added,
-    /// what arrives at other plies.
+    /// Light `channel` of the plies that the beam hits, after its first flight: what escapes, and in
+    /// `arrivals[node][cell][theta_o][h'][phi_o]`, added, what arrives at other plies.
     fn first_exits(
         &self,
         m: usize,
@@ -440,7 +454,8 @@ fn assemble(table: &Table, plies: u32, nodes: impl Iterator<Item = Node>) -> (Ta
         out.r_d[i] = node.r_d;
         out.energy_refl[i] = energy(&node.refl);
         out.energy_killed[i] = node.killed;
-        // Each later scattering takes part in the table's error too: once in conv, some three times in what remains.
+        // Each later scattering takes part in the table's error too: once in conv, some three times in what
+        // remains.
         out.energy_se[i] = (node.se + (node.ledger[0][1] + 3.0 * node.ledger[0][2]) * mean_se).min(1.0);
         out.noise_refl[i] = node.noise[0];
         out.refl.extend(node.refl);

@@ -1,20 +1,23 @@
 //! Noise of a sum of slices at different offsets.
 //!
-//! One path serves every offset (`sim/src/shard.rs`): it counts for h by the beam's density g(x - h) at its lateral position x. So slices at neighboring offsets share
-//! paths. With m(x) the chance to hit a fiber, which weights where the light comes from, the correlation of the noise at h and h' is
+//! One path serves every offset (`sim/src/shard.rs`): it counts for h by the beam's density g(x - h) at its
+//! lateral position x. So slices at neighboring offsets share paths. With m(x) the chance to hit a fiber,
+//! which weights where the light comes from, the correlation of the noise at h and h' is
 //!
 //! ```text
 //! integral g(x - h) g(x - h') m(x) dx / sqrt(integral g(x - h)^2 m(x) dx * integral g(x - h')^2 m(x) dx)
 //! ```
 //!
-//! Within the ply, where m is even, it is exp(-(h - h')^2 / (4 s^2)), s the standard deviation of g: 0.7 from node to node of usual tables. At the rim, where beams hit
-//! only the same edge, it is near 1. Added up as if they were independent, the parts of a beam beyond the rim, which hits many offsets of other plies, would have half of
-//! their noise.
+//! Within the ply, where m is even, it is exp(-(h - h')^2 / (4 s^2)), s the standard deviation of g: 0.7 from
+//! node to node of usual tables. At the rim, where beams hit only the same edge, it is near 1. Added up as if
+//! they were independent, the parts of a beam beyond the rim, which hits many offsets of other plies, would
+//! have half of their noise.
 
 /// The least correlation that counts.
 const MIN: f64 = 1e-3;
 
-/// Correlation of the noise of slices at `h_um[n]` and `h_um[k]`, `[n][k]`, `hit` the chance to hit a fiber at x; 0 between slices that no light reaches.
+/// Correlation of the noise of slices at `h_um[n]` and `h_um[k]`, `[n][k]`, `hit` the chance to hit a fiber
+/// at x; 0 between slices that no light reaches.
 pub(super) fn correlations(h_um: &[f64], beam_sd_um: f64, hit: impl Fn(f64) -> f64) -> Vec<f64> {
     const SDS: f64 = 5.0;
     let step = 0.125 * beam_sd_um;
@@ -44,7 +47,8 @@ pub(super) struct PartsNoise {
 }
 
 impl PartsNoise {
-    /// Adds the slice at offset node `node` of the variance `scale * variance[bin]` (solid angle included); `correlation` with the slices of earlier nodes.
+    /// Adds the slice at offset node `node` of the variance `scale * variance[bin]` (solid angle included);
+    /// `correlation` with the slices of earlier nodes.
     pub fn add(&mut self, node: usize, variance: Vec<f32>, scale: f64, correlation: impl Fn(usize) -> f64) {
         self.recent.retain(|(from, _)| correlation(*from) >= MIN);
         self.integral += scale * variance.iter().map(|v| f64::from(*v)).sum::<f64>();
@@ -68,8 +72,9 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
 
-    /// Slices made of the same paths, each path weighted by the beam's density at every offset, and summed with some weights: the sum's variance from run to run is the
-    /// one that follows from the slices' own, and not the sum of independent ones.
+    /// Slices made of the same paths, each path weighted by the beam's density at every offset, and summed
+    /// with some weights: the sum's variance from run to run is the one that follows from the slices' own,
+    /// and not the sum of independent ones.
     #[test]
     fn noise_of_slices_that_share_paths() {
         let (s, step_um, nodes, bins, paths, runs) = (5.0f64, 5.83f64, 9, 24, 1500, 400);

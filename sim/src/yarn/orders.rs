@@ -1,4 +1,5 @@
-//! Orders of scattering beyond the second ply, one after the other, until little remains; the rest is distributed like the last order.
+//! Orders of scattering beyond the second ply, one after the other, until little remains; the rest is
+//! distributed like the last order.
 
 use super::geometry::{BINS_A_CELL, CellFlights, Level};
 use super::kernel::{Kernel, Scratch};
@@ -74,7 +75,8 @@ impl Orders {
         Orders { kernel, level, plies: plies as usize, flights }
     }
 
-    /// All orders from `stopped[cell][theta_o][phi_o]`, light that left the second ply and was stopped by a third, on a grid twice as fine.
+    /// All orders from `stopped[cell][theta_o][phi_o]`, light that left the second ply and was stopped by a
+    /// third, on a grid twice as fine.
     pub fn run(&self, chain: &mut Chain, fine: Level, stopped: &[f32], tolerance: f64, scratch: &mut Scratch) {
         let sum = |v: &[f32]| v.iter().map(|v| f64::from(*v)).sum::<f64>();
         let mut energy = sum(stopped);

@@ -1,5 +1,6 @@
-//! Opaque, hollow and blended fibers against truths that share no code with the tracers: Fresnel's formula integrated, a walk through straight circles by quadratic equations in
-//! double precision, the sum of single fibers where a ply is dilute, the path back where nothing prefers a sense.
+//! Opaque, hollow and blended fibers against truths that share no code with the tracers: Fresnel's formula
+//! integrated, a walk through straight circles by quadratic equations in double precision, the sum of single
+//! fibers where a ply is dilute, the path back where nothing prefers a sense.
 
 use nalgebra::{Complex, Vector2, Vector3};
 use plywave::fiber::{Metal, OpaqueIndex, Reflections};
@@ -16,7 +17,8 @@ fn yarn(fiber: &str, more: &str) -> YarnSpec {
     YarnSpec::parse(&text, "yarn").unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Unpolarized reflectance at the wall of a material of complex index `eta - j kappa`, `eta` relative to where the light is (Born and Wolf, 14.2).
+/// Unpolarized reflectance at the wall of a material of complex index `eta - j kappa`, `eta` relative to
+/// where the light is (Born and Wolf, 14.2).
 fn reflectance(cos: f64, index: Complex<f64>) -> f64 {
     let m2 = index * index;
     let q = (m2 - (1.0 - cos * cos)).sqrt();
@@ -140,7 +142,8 @@ fn rounds(section: &PlySection, spec: &YarnSpec, lambda_um: f64) -> Vec<Round> {
     section.fibers.iter().map(of).collect()
 }
 
-/// A line of light that is even over all directions, towards a cylinder: its start and its direction. Latitudes as cos^2, since the cylinder shows less of itself to steep light.
+/// A line of light that is even over all directions, towards a cylinder: its start and its direction.
+/// Latitudes as cos^2, since the cylinder shows less of itself to steep light.
 fn even_line<R: Rng>(bound: f64, rng: &mut R) -> (Vector3<f64>, Vector3<f64>) {
     let (sin, cos) = loop {
         let sin: f64 = 2.0 * rng.random::<f64>() - 1.0;
@@ -185,8 +188,9 @@ impl Tally {
     }
 }
 
-/// A smooth wire lit across: its albedo is the mean of Fresnel's reflectance over the offset. Lit from everywhere: that over the hemisphere, of each metal at each wavelength,
-/// by the one length that serves them all.
+/// A smooth wire lit across: its albedo is the mean of Fresnel's reflectance over the offset. Lit from
+/// everywhere: that over the hemisphere, of each metal at each wavelength, by the one length that serves them
+/// all.
 #[test]
 fn wires_keep_what_fresnel_says() {
     let wire = PlySection {
@@ -244,8 +248,9 @@ fn wires_keep_what_fresnel_says() {
     }
 }
 
-/// Plies of smooth straight circles by the tracer and by quadratic equations: energies at three absorptions, and the light by its turn in azimuth. Silver at one wavelength, hollow
-/// fibers, a cuticle about a darker cortex of lower index, a blend of these with full ones.
+/// Plies of smooth straight circles by the tracer and by quadratic equations: energies at three absorptions,
+/// and the light by its turn in azimuth. Silver at one wavelength, hollow fibers, a cuticle about a darker
+/// cortex of lower index, a blend of these with full ones.
 #[test]
 fn straight_plies_are_those_of_quadratic_equations() {
     let circle = |index: &str| format!("shape = {{ kind = \"circle\", radius_um = 7.0 }}\n{index}\nalpha_fiber = 0.0");
@@ -281,7 +286,8 @@ fn straight_plies_are_those_of_quadratic_equations() {
         let mut killed = 0;
         let mut rng = Pcg64Mcg::seed_from_u64(3);
         for _ in 0..n {
-            // Light in steeper fibers is reflected so often before it leaves that paths end at the limit of interactions.
+            // Light in steeper fibers is reflected so often before it leaves that paths end at the limit of
+            // interactions.
             let (pos, dir) = loop {
                 let (pos, dir) = even_line(bound, &mut rng);
                 if dir.z.abs() < 0.95 {
@@ -310,7 +316,8 @@ fn straight_plies_are_those_of_quadratic_equations() {
                 }
             }
         }
-        // The offset from a wall, 1e-3 um, adds up where light skims a smooth core: some ends up held by total reflection. Roughness frees it.
+        // The offset from a wall, 1e-3 um, adds up where light skims a smooth core: some ends up held by
+        // total reflection. Roughness frees it.
         println!("{what}: {killed} of {n} paths were killed");
         assert!(f64::from(killed) < 3e-4 * f64::from(n), "{what}: {killed} of {n} paths were killed");
         for (k, sigma) in sigmas.iter().enumerate() {
@@ -326,7 +333,8 @@ fn straight_plies_are_those_of_quadratic_equations() {
     }
 }
 
-/// Fibers a hundred times their width apart scatter each for itself: what a blend keeps is the mean of what its two kinds keep, by the light that meets them.
+/// Fibers a hundred times their width apart scatter each for itself: what a blend keeps is the mean of what
+/// its two kinds keep, by the light that meets them.
 #[test]
 fn dilute_blends_are_the_mixture_of_their_parts() {
     let first = "shape = { kind = \"hollow_circle\", radius_um = 7.5, lumen = 0.5 }\neta = 1.6\nalpha_fiber = 0.2";
@@ -383,8 +391,9 @@ fn dilute_blends_are_the_mixture_of_their_parts() {
     }
 }
 
-/// A ply turned end over end is the same ply, and every path can be walked back: light that is even over all directions goes as often from latitude a to b as from b to a, at
-/// every turn in azimuth, absorption included.
+/// A ply turned end over end is the same ply, and every path can be walked back: light that is even over all
+/// directions goes as often from latitude a to b as from b to a, at every turn in azimuth, absorption
+/// included.
 #[test]
 fn plies_of_every_kind_are_reciprocal() {
     let circle = "shape = { kind = \"circle\", radius_um = 7.5 }\nalpha_fiber = 0.3\n";

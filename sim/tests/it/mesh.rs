@@ -1,4 +1,5 @@
-//! The sweep: every fiber one closed surface, oriented out of its material, of the right volume, along the right helix.
+//! The sweep: every fiber one closed surface, oriented out of its material, of the right volume, along the
+//! right helix.
 
 use plywave::spec::{Handedness, Shape, YarnSpec};
 use plywave_sim::{PlySection, TriMesh};

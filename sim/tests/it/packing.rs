@@ -1,4 +1,5 @@
-//! Packings at random seeds: gaps kept, all within the ply, filled evenly, the same for the same seed; refused when they cannot fit.
+//! Packings at random seeds: gaps kept, all within the ply, filled evenly, the same for the same seed;
+//! refused when they cannot fit.
 //! The gap is measured here by a second, plain code over all vertices and edges.
 
 use nalgebra::Vector2;
@@ -25,7 +26,8 @@ fn placed(fiber: &FiberSection) -> Vec<Vector2<f64>> {
     fiber.outer.polyline(360).iter().map(|&p| fiber.to_ply(p)).collect()
 }
 
-/// Least distance from the vertices of one polyline to the edges of the other, and whether a vertex lies within the other.
+/// Least distance from the vertices of one polyline to the edges of the other, and whether a vertex lies
+/// within the other.
 fn plain_distance(a: &[Vector2<f64>], b: &[Vector2<f64>]) -> (f64, bool) {
     let (mut least, mut overlap) = (f64::INFINITY, false);
     for (points, walls) in [(a, b), (b, a)] {
@@ -113,7 +115,8 @@ fn twist_has_the_sign_of_the_hand() {
     assert_eq!(PlySection::generate(&spec, 0).unwrap().twist_per_um, 0.0);
 }
 
-/// Few small fibers fall evenly: the mean of r^2 over the reachable radius squared is 1/2, within 5 standard errors.
+/// Few small fibers fall evenly: the mean of r^2 over the reachable radius squared is 1/2, within 5 standard
+/// errors.
 #[test]
 fn dilute_fibers_are_uniform() {
     let mut spec = yarn(Shape::Circle { radius_um: 3.0 }, 4, 60.0);
@@ -126,8 +129,8 @@ fn dilute_fibers_are_uniform() {
     assert!((mean - 0.5).abs() < 5.0 * se, "got {mean}, want 0.5, standard error {se}");
 }
 
-/// Hard particles neither crowd the middle nor the rim: the filled fraction within 0.7 of the radius is that of the ply, up to
-/// the wedges that round walls leave at the rim.
+/// Hard particles neither crowd the middle nor the rim: the filled fraction within 0.7 of the radius is that
+/// of the ply, up to the wedges that round walls leave at the rim.
 #[test]
 fn packed_fibers_fill_evenly() {
     for name in ["polyester", "cotton"] {
@@ -177,7 +180,8 @@ fn shares_within(spec: &YarnSpec, seeds: u64, radii: &[f64]) -> Vec<f64> {
     within.into_iter().map(|w| w / all).collect()
 }
 
-/// The density that docs/explain/papers.md asks for, written out anew: d0 (1 - r^m), m = 2 or what keeps the middle at 0.82 for discs, 0.72 for others.
+/// The density that docs/explain/papers.md asks for, written out anew: d0 (1 - r^m), m = 2 or what keeps the
+/// middle at 0.82 for discs, 0.72 for others.
 #[test]
 fn radial_density_is_the_asked_one() {
     let loose = yarn(Shape::Circle { radius_um: 5.0 }, 40, 60.0);
@@ -190,7 +194,8 @@ fn radial_density_is_the_asked_one() {
         println!("{}: m {m:.2}, got {got:.3?}, asked {asked:.3?}", spec.name);
         for k in 0..radii.len() {
             let (off, r) = ((got[k] - asked[k]).abs(), radii[k]);
-            // Fibers are stiff: they resist the crowding. Equal discs as tight as these lie in layers, which no smooth density has.
+            // Fibers are stiff: they resist the crowding. Equal discs as tight as these lie in layers, which
+            // no smooth density has.
             let allowed = if spec.packing_fraction() > 0.65 { 0.06 } else { 0.05 };
             assert!(off < allowed, "{}: {:.3} within {r} R, asked {:.3}", spec.name, got[k], asked[k]);
         }

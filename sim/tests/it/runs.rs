@@ -1,4 +1,5 @@
-//! Every kind of job run in shares, merged by what the parts themselves say, against the same job in one run: equal to the bit.
+//! Every kind of job run in shares, merged by what the parts themselves say, against the same job in one run:
+//! equal to the bit.
 
 use plywave::fiber::FiberSource;
 use plywave::spec::YarnSpec;

@@ -1,4 +1,5 @@
-//! Outlines at random seeds and strong jitter: simple, counterclockwise, centered, smooth, evenly sampled; lumens strictly within.
+//! Outlines at random seeds and strong jitter: simple, counterclockwise, centered, smooth, evenly sampled;
+//! lumens strictly within.
 
 use nalgebra::Vector2;
 use plywave::spec::{Shape, YarnSpec};
@@ -59,7 +60,8 @@ fn outlines_are_simple_smooth_and_centered() {
                 let mean = wall.perimeter() / points.len() as f64;
                 let edge = |i: usize| (points[(i + 1) % points.len()] - points[i]).norm();
                 assert!((0..points.len()).all(|i| (0.8 * mean..1.05 * mean).contains(&edge(i))), "{shape:?}: uneven");
-                // Turn from edge to edge: about 0.2 rad, or what 1024 points can do for the sharpest of shapes.
+                // Turn from edge to edge: about 0.2 rad, or what 1024 points can do for the sharpest of
+                // shapes.
                 let (turn, allowed) = (wall.max_curvature() * mean, if points.len() < 1024 { 0.25 } else { 0.75 });
                 assert!(turn < allowed, "{shape:?}: turns by {turn} rad at a vertex of {}", points.len());
             }

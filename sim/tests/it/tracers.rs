@@ -1,5 +1,6 @@
-//! Chain of trust of the path tracer. Truth: the closed form of a smooth circular cylinder (Zinke and Weber 2007, 5.1) and
-//! the conservation of power. Reference: the triangle mesh beside the screw march, and a run at sigma beside the reweighted one.
+//! Chain of trust of the path tracer. Truth: the closed form of a smooth circular cylinder (Zinke and Weber
+//! 2007, 5.1) and the conservation of power. Reference: the triangle mesh beside the screw march, and a run
+//! at sigma beside the reweighted one.
 
 use nalgebra::{Vector2, Vector3};
 use plywave::spec::YarnSpec;
@@ -33,8 +34,9 @@ fn small(preset: SimOptions, tracer: TracerKind, paths_per_theta: u64) -> SimOpt
     }
 }
 
-/// Azimuths and attenuations of R, TT and TRT for a smooth cylinder, unpolarized light (Zinke-Weber 2007, Eq. 17-28; TRT's
-/// azimuth as Eq. 23 gives it). Unpolarized Fresnel with n' and n~' mixes both polarizations at every event, as the tracer does.
+/// Azimuths and attenuations of R, TT and TRT for a smooth cylinder, unpolarized light (Zinke-Weber 2007, Eq.
+/// 17-28; TRT's azimuth as Eq. 23 gives it). Unpolarized Fresnel with n' and n~' mixes both polarizations at
+/// every event, as the tracer does.
 fn cylinder_modes(h: f64, theta_i: f64, eta: f64, sigma_r: f64) -> [(f64, f64); 3] {
     let n1 = (eta * eta - theta_i.sin().powi(2)).sqrt() / theta_i.cos();
     let gi = h.asin();
@@ -59,7 +61,8 @@ fn smooth_cylinder_matches_zinke_weber() {
     let screw = ScrewTracer::new(&section).unwrap();
     let mesh = MeshTracer::new(&section, MeshResolution { outline_points: 1024, step_um: 8.0 });
     let surface = RoughDielectric { eta: eta as f32, alpha: 0.0 };
-    // The mesh's facets turn the normal by up to 0.003 rad; TRT bends by six times that, and more near the rim.
+    // The mesh's facets turn the normal by up to 0.003 rad; TRT bends by six times that, and more near the
+    // rim.
     for (which, tracer, tol_phi) in [("screw", &screw as &dyn Tracer, 5e-3), ("mesh", &mesh, 5e-2)] {
         for theta_i in [0.0f64, 0.4, 0.9] {
             let mut rng = Pcg64Mcg::seed_from_u64(7);
@@ -89,8 +92,8 @@ fn smooth_cylinder_matches_zinke_weber() {
                 if order > 2 {
                     continue;
                 }
-                // The exit angle is exact for every path: theta is kept, the azimuth is the mode's, counted from +y, the side
-                // that the light comes from.
+                // The exit angle is exact for every path: theta is kept, the azimuth is the mode's, counted
+                // from +y, the side that the light comes from.
                 assert!((dir.z as f64 + theta_i.sin()).abs() < 2e-3, "{which}: theta_o {}", dir.z);
                 let phi = f64::from(dir.x).atan2(f64::from(dir.y));
                 let off = (phi - modes[order].0).rem_euclid(std::f64::consts::TAU);
@@ -117,9 +120,9 @@ fn smooth_cylinder_matches_zinke_weber() {
     }
 }
 
-/// refl + high + r_d = 1 at sigma = 0, within 5 standard errors, for every incidence of every shipped yarn: no path is lost or
-/// counted twice, and none is killed. (Each path carries weight 1 through every scattering; that the surface may do so is held by
-/// the reciprocity test of the dielectric.)
+/// refl + high + r_d = 1 at sigma = 0, within 5 standard errors, for every incidence of every shipped yarn:
+/// no path is lost or counted twice, and none is killed. (Each path carries weight 1 through every
+/// scattering; that the surface may do so is held by the reciprocity test of the dielectric.)
 #[test]
 fn power_is_conserved() {
     for name in ["polyester", "cotton", "silk", "wool", "viscose"] {
@@ -146,8 +149,8 @@ fn power_is_conserved() {
     }
 }
 
-/// Sum over bins of (a - b)^2 in units of its variance, from the noise integrals of both tables, for one slice: its expected
-/// value under equality is 1. Returned with the number of bins that carry light.
+/// Sum over bins of (a - b)^2 in units of its variance, from the noise integrals of both tables, for one
+/// slice: its expected value under equality is 1. Returned with the number of bins that carry light.
 fn distance(a: &Table, b: &Table, m: usize, n: usize, k: Option<usize>) -> f64 {
     let (x, y) = match k {
         None => (a.refl_slice(m, n), b.refl_slice(m, n)),
@@ -167,8 +170,8 @@ fn distance(a: &Table, b: &Table, m: usize, n: usize, k: Option<usize>) -> f64 {
     d2 / noise
 }
 
-/// Triangles and screw march make the same tables, slice by slice, within noise: same geometry instances and random streams,
-/// but paths that part at the first difference.
+/// Triangles and screw march make the same tables, slice by slice, within noise: same geometry instances and
+/// random streams, but paths that part at the first difference.
 #[test]
 fn mesh_and_screw_agree() {
     for (name, paths) in [("polyester", 15_000), ("cotton", 3_000), ("viscose", 12_000)] {
@@ -199,8 +202,8 @@ fn mesh_and_screw_agree() {
     }
 }
 
-/// The energies of one run at many sigma are those of another with that sigma alone and other paths, within noise. That the length
-/// they are weighted by is right is held by the cylinder's closed form above.
+/// The energies of one run at many sigma are those of another with that sigma alone and other paths, within
+/// noise. That the length they are weighted by is right is held by the cylinder's closed form above.
 #[test]
 fn energies_at_a_sigma_do_not_depend_on_the_others() {
     let (mut spec, text) = spec("polyester");
@@ -249,7 +252,8 @@ fn threads_and_interruptions_do_not_matter() {
     assert!(refused.is_err());
 }
 
-/// A ply turned by pi about y is the same ply: f(theta_i, h) = f(-theta_i, -h) mirrored. At theta_i = 0 both are in the table.
+/// A ply turned by pi about y is the same ply: f(theta_i, h) = f(-theta_i, -h) mirrored. At theta_i = 0 both
+/// are in the table.
 #[test]
 fn turned_ply_is_the_same_ply() {
     let (spec, text) = spec("polyester");
@@ -271,7 +275,8 @@ fn turned_ply_is_the_same_ply() {
     }
 }
 
-/// Random rays from outside, and then on through the fiber they hit: every wall the screw march finds is on that fiber's outline.
+/// Random rays from outside, and then on through the fiber they hit: every wall the screw march finds is on
+/// that fiber's outline.
 #[test]
 fn hits_lie_on_the_walls() {
     for name in ["polyester", "cotton", "silk", "viscose"] {
@@ -311,8 +316,8 @@ fn hits_lie_on_the_walls() {
     }
 }
 
-/// The walk in 2D conserves power, keeps smooth fibers' light on the specular cone, and, for parallel rough fibers, gives the
-/// azimuthal energies that the 3D simulation of the same yarn gives at the same incidence.
+/// The walk in 2D conserves power, keeps smooth fibers' light on the specular cone, and, for parallel rough
+/// fibers, gives the azimuthal energies that the 3D simulation of the same yarn gives at the same incidence.
 #[test]
 fn walk_in_2d_keeps_the_cone_and_the_power() {
     let (mut spec, text) = spec("silk");

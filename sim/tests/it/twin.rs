@@ -1,5 +1,6 @@
-//! The twin of a cloth. That its fibers scatter as those of a ply alone is held in `sim/src/twin/tests.rs`; here: energy, reciprocity, the mesh's resolution,
-//! refusals, and that a run gives the same bits however it is cut.
+//! The twin of a cloth. That its fibers scatter as those of a ply alone is held in `sim/src/twin/tests.rs`;
+//! here: energy, reciprocity, the mesh's resolution, refusals, and that a run gives the same bits however it
+//! is cut.
 
 use plywave::fabric::{Draft, Fabric, YarnShape};
 use plywave::spec::{Handedness, POLYESTER};
@@ -44,7 +45,8 @@ fn trace(cloth: &TwinCloth, options: &TwinOptions) -> ClothTwin {
     twin(cloth, options, Run::plain()).unwrap()
 }
 
-/// At sigma = 0 every path that is not stopped goes out with all it had, and hardly any is stopped; sums by bins, by yarns and by plies are the same light.
+/// At sigma = 0 every path that is not stopped goes out with all it had, and hardly any is stopped; sums by
+/// bins, by yarns and by plies are the same light.
 #[test]
 fn all_light_comes_out() {
     for (cloth, views) in [
@@ -87,8 +89,9 @@ fn all_light_comes_out() {
     }
 }
 
-/// Power from a range of directions A into a range B equals that from B into A: `integral over A and B of BSDF cos_a cos_b`. Each range is filled with views; no
-/// bin is small, so that the two agree within their standard errors.
+/// Power from a range of directions A into a range B equals that from B into A:
+/// `integral over A and B of BSDF cos_a cos_b`. Each range is filled with views; no bin is small, so that the
+/// two agree within their standard errors.
 #[test]
 fn light_is_reciprocal() {
     let bins = SphereBins { rows: 4, columns: 6 };
@@ -155,7 +158,8 @@ fn the_mesh_is_fine_enough() {
     }
 }
 
-/// The same bits on any number of threads, and from parts that were run apart; the cloth is made anew from its text.
+/// The same bits on any number of threads, and from parts that were run apart; the cloth is made anew from
+/// its text.
 #[test]
 fn bits_do_not_depend_on_how_the_run_is_cut() {
     let cloth = plain();

@@ -1,5 +1,5 @@
-//! Traced yarns: power is kept, other plies stop light, one ply is none of a yarn's business. What misses a yarn and where light leaves a ply is held
-//! to closed forms in `sim/src/target.rs`.
+//! Traced yarns: power is kept, other plies stop light, one ply is none of a yarn's business. What misses a
+//! yarn and where light leaves a ply is held to closed forms in `sim/src/target.rs`.
 
 use plywave::spec::YarnSpec;
 use plywave::table::Table;

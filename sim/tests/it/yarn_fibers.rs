@@ -1,5 +1,6 @@
-//! Fibers beyond the solid dielectric: opaque ones, hollow circles, blends, dispersion. Truth: conservation of power, mirrors, straight lines through two circles; reference
-//! implementations: a march in small steps, triangles, fibers whose exact answer is known from those of one kind.
+//! Fibers beyond the solid dielectric: opaque ones, hollow circles, blends, dispersion. Truth: conservation
+//! of power, mirrors, straight lines through two circles; reference implementations: a march in small steps,
+//! triangles, fibers whose exact answer is known from those of one kind.
 
 use nalgebra::{Vector2, Vector3};
 use plywave::fiber::{Metal, OpaqueIndex, Reflections};
@@ -87,8 +88,9 @@ fn plies_of_every_kind_conserve_power() {
     }
 }
 
-/// The color of a metal by one length for all wavelengths, against the exact one: the same paths, each facet by Fresnel's reflectance of the wavelength. The same seed makes the
-/// same paths, so that the difference has no noise. Of light that left a ply of gold, silver, aluminium or copper it is held to 0.012.
+/// The color of a metal by one length for all wavelengths, against the exact one: the same paths, each facet
+/// by Fresnel's reflectance of the wavelength. The same seed makes the same paths, so that the difference has
+/// no noise. Of light that left a ply of gold, silver, aluminium or copper it is held to 0.012.
 #[test]
 fn colors_of_metals_by_length_are_those_by_facets() {
     let lambdas = [0.42, 0.45, 0.48, 0.50, 0.52, 0.55, 0.58, 0.62, 0.66, 0.70];
@@ -134,7 +136,8 @@ fn colors_of_metals_by_length_are_those_by_facets() {
     }
 }
 
-/// Two straight circles, and a twisted ply's: what the tracer answers within a ring and within its core, against a march in steps of a thousandth of a micrometer.
+/// Two straight circles, and a twisted ply's: what the tracer answers within a ring and within its core,
+/// against a march in steps of a thousandth of a micrometer.
 #[test]
 fn rings_are_left_where_a_fine_march_leaves_them() {
     for pitch_um in [None, Some(300.0)] {
@@ -208,7 +211,8 @@ fn rings_are_left_where_a_fine_march_leaves_them() {
     }
 }
 
-/// A core of the fiber's own material changes nothing; one that takes no dye makes the lengths those in the ring.
+/// A core of the fiber's own material changes nothing; one that takes no dye makes the lengths those in the
+/// ring.
 #[test]
 fn a_core_of_the_same_material_is_no_core() {
     let solid = table(&yarn(&format!("{CIRCLE}{DIELECTRIC}"), ""), 20_000);
@@ -238,7 +242,8 @@ fn hollow_circles_by_march_and_by_triangles() {
     assert!((mean_refl(&screw) - mean_refl(&mesh)).abs() < 0.003);
 }
 
-/// Time of this thread on its core [s], whatever else runs beside it; where the system does not tell it, time that has passed.
+/// Time of this thread on its core [s], whatever else runs beside it; where the system does not tell it, time
+/// that has passed.
 fn seconds() -> f64 {
     static START: std::sync::LazyLock<Instant> = std::sync::LazyLock::new(Instant::now);
     let told = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
@@ -246,7 +251,9 @@ fn seconds() -> f64 {
     on_core.map_or_else(|| START.elapsed().as_secs_f64(), |nanoseconds| 1e-9 * nanoseconds)
 }
 
-/// Tracing a ply of hollow circles takes no more than twice the time of full ones, path for path, for cores up to half the radius, and wall for wall at most a third more. The least of several runs of each, in turn, on one thread.
+/// Tracing a ply of hollow circles takes no more than twice the time of full ones, path for path, for cores
+/// up to half the radius, and wall for wall at most a third more. The least of several runs of each, in turn,
+/// on one thread.
 #[test]
 fn hollow_circles_trace_at_half_the_speed_of_full_ones_or_better() {
     let full = yarn(&format!("{CIRCLE}{DIELECTRIC}"), "");
@@ -325,7 +332,8 @@ fn loose(spec: &YarnSpec) -> plywave::spec::PlySpec {
     plywave::spec::PlySpec { radius_um: Some(90.0), packing: plywave::spec::Packing::Lined, ..spec.ply.clone() }
 }
 
-/// The walls of each kind are those of its spec: the same path through the same fiber as one of the first and of the second kind, whose lengths differ by the dye alone.
+/// The walls of each kind are those of its spec: the same path through the same fiber as one of the first and
+/// of the second kind, whose lengths differ by the dye alone.
 #[test]
 fn the_dye_of_second_fibers_scales_their_lengths() {
     let tracer = |second: bool| {
@@ -354,7 +362,8 @@ fn the_dye_of_second_fibers_scales_their_lengths() {
         };
         let (first, second) = (walk(&same, 0), walk(&same, 1));
         assert_eq!(first.map(|f| f.0), second.map(|s| s.0), "x = {x}");
-        // The first fiber does not see what the second is made of; light in the second bends by its own index.
+        // The first fiber does not see what the second is made of; light in the second bends by its own
+        // index.
         assert_eq!(walk(&other, 0), first);
         let (Some(first), Some(second)) = (first, second) else { continue };
         assert!((0.25 * first.1 - second.1).abs() < 1e-5 * first.1, "{first:?} {second:?}");
@@ -364,7 +373,8 @@ fn the_dye_of_second_fibers_scales_their_lengths() {
     assert!(seen > 200 && differ == seen, "{differ} of {seen}");
 }
 
-/// Dispersion: a table is that of the index at its beam's wavelength, bit for bit, and what one index leaves out of a spectrum is printed and held to a bound.
+/// Dispersion: a table is that of the index at its beam's wavelength, bit for bit, and what one index leaves
+/// out of a spectrum is printed and held to a bound.
 #[test]
 fn a_table_has_the_index_of_its_wavelength() {
     let with = |index: &str, lambda_um: f64| {
@@ -396,7 +406,8 @@ fn a_table_has_the_index_of_its_wavelength() {
     assert!(mean_refl(&blue) > mean_refl(&red));
 }
 
-/// What cannot be is told in one line: comparisons of plies with waves, single fibers by rays, an absorption for a metal.
+/// What cannot be is told in one line: comparisons of plies with waves, single fibers by rays, an absorption
+/// for a metal.
 #[test]
 fn what_rays_and_waves_do_not_share_is_refused() {
     use plywave_sim::wave::{CompareJob, CompareOptions, SingleFiber};

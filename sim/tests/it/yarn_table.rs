@@ -1,5 +1,6 @@
-//! Chain of trust of the yarn's table. Truth: light is kept at every number of plies. Reference implementation: a random walk of photons between
-//! plies that knows the table, the ring of plies and nothing else of the construction.
+//! Chain of trust of the yarn's table. Truth: light is kept at every number of plies. Reference
+//! implementation: a random walk of photons between plies that knows the table, the ring of plies and nothing
+//! else of the construction.
 
 use plywave::frame::{direction, theta_phi};
 use plywave::spec::YarnSpec;
@@ -17,8 +18,8 @@ const THETAS: u32 = 3;
 const OFFSETS: u32 = 9;
 const REACH_UM: f64 = 70.0;
 
-/// A ply made up: lobes that follow theta_i and h, skewed so that no symmetry hides a sign, an edge blurred by the beam. Its energy is
-/// exactly 1 at sigma = 0.
+/// A ply made up: lobes that follow theta_i and h, skewed so that no symmetry hides a sign, an edge blurred
+/// by the beam. Its energy is exactly 1 at sigma = 0.
 fn ply(exits: bool) -> Table {
     let grid = OutgoingGrid { theta_o: 24, phi_o: 48 };
     let theta_i: Vec<f64> = (0..THETAS).map(|m| 1.4 * f64::from(m) / f64::from(THETAS - 1)).collect();
@@ -129,7 +130,8 @@ fn light_is_kept_at_every_number_of_plies() {
     }
 }
 
-/// One photon after the other: it hits a ply by chance, is scattered by the table's bins and leaves evenly over the ply's width.
+/// One photon after the other: it hits a ply by chance, is scattered by the table's bins and leaves evenly
+/// over the ply's width.
 struct Walk<'a> {
     table: &'a Table,
     spec: &'a YarnSpec,
@@ -175,7 +177,8 @@ impl<'a> Walk<'a> {
         a + (at - n as f64) * (b - a)
     }
 
-    /// Direction of a photon scattered at node (m, n) in the ply's frame, and whether it was only reflected; None when absorbed.
+    /// Direction of a photon scattered at node (m, n) in the ply's frame, and whether it was only reflected;
+    /// None when absorbed.
     fn scatter(&mut self, m: usize, n: usize) -> Option<([f32; 3], bool)> {
         let t = self.table;
         let node = m * t.h_um.len() + n;
@@ -193,7 +196,8 @@ impl<'a> Walk<'a> {
         Some((direction(sine.asin() as f32, phi as f32), place < t.grid.len()))
     }
 
-    /// A photon that ply 0 scatters at node (m, n): its last direction, whether it was only reflected, plies it hit; None when absorbed.
+    /// A photon that ply 0 scatters at node (m, n): its last direction, whether it was only reflected, plies
+    /// it hit; None when absorbed.
     fn photon(&mut self, m: usize, n: usize) -> Option<([f32; 3], bool, usize)> {
         let ring = self.spec.ply_ring();
         let mut psi = TAU * self.rng.random::<f64>();
@@ -279,7 +283,8 @@ fn construction_is_a_walk_of_photons() {
             }
             let total: f64 = walked.iter().sum();
             let off: f64 = energies.iter().zip(walked).map(|(a, b)| (a - b).abs()).sum::<f64>() / total;
-            // Half of the sum of |differences| is the light in a wrong bin; 200k photons have some of it by chance.
+            // Half of the sum of |differences| is the light in a wrong bin; 200k photons have some of it by
+            // chance.
             let chance = (72.0 / (total * f64::from(photons))).sqrt();
             assert!(off < 0.02 + chance, "{plies} plies, {name}: {off} of the light is elsewhere, chance {chance}");
         }

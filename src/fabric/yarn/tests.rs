@@ -21,7 +21,8 @@ fn cross64(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// The reference implementation: a walk along the line in small steps until it is within R of the axis of a ply, a true helix; its ply, theta_i and h there.
+/// The reference implementation: a walk along the line in small steps until it is within R of the axis of a
+/// ply, a true helix; its ply, theta_i and h there.
 struct Twin {
     circle: f64,
     turns_per_um: f64,
@@ -155,7 +156,8 @@ fn parallel_plies_are_those_of_a_walk_along_the_line() {
     }
 }
 
-/// What the straight cylinders cost against true helices: the share of lines that meet another ply or none, and the errors of h and theta_i of the others.
+/// What the straight cylinders cost against true helices: the share of lines that meet another ply or none,
+/// and the errors of h and theta_i of the others.
 fn against_helices(plies: u32, pitch: f64, handedness: Handedness, steepest: f32, count: usize) -> [f64; 3] {
     let (yarn, shape) = yarn(plies, Some(pitch), handedness);
     let hand = if handedness == Handedness::Z { 1.0 } else { -1.0 };
@@ -177,7 +179,8 @@ fn against_helices(plies: u32, pitch: f64, handedness: Handedness, steepest: f32
     [other / count as f64, (h2 / n).sqrt() / R, (theta2 / n).sqrt()]
 }
 
-/// Angles between line and normal, and what is allowed: about twice what was measured for the worst of these yarns.
+/// Angles between line and normal, and what is allowed: about twice what was measured for the worst of these
+/// yarns.
 #[test]
 fn twisted_plies_are_near_true_helices() {
     for (plies, pitch, hand) in
@@ -195,7 +198,8 @@ fn twisted_plies_are_near_true_helices() {
     }
 }
 
-/// A ply of Z twist lies like the middle stroke of the letter: seen from above, its upper side leans from the yarn's axis to the right.
+/// A ply of Z twist lies like the middle stroke of the letter: seen from above, its upper side leans from the
+/// yarn's axis to the right.
 #[test]
 fn hands_are_those_of_the_letters() {
     for (hand, sign) in [(Handedness::Z, 1.0), (Handedness::S, -1.0)] {

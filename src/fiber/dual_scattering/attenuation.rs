@@ -1,4 +1,5 @@
-//! What a fiber does to light on the average over its azimuths, by latitude: how much it sends on and back, how wide, and its light over the relative azimuth.
+//! What a fiber does to light on the average over its azimuths, by latitude: how much it sends on and back,
+//! how wide, and its light over the relative azimuth.
 
 use super::lobe::{LobeTable, lobe_of_moments};
 use super::{DualBsdf, DualOptions, Occlusion, Stack, stack};
@@ -24,12 +25,14 @@ pub struct Attenuation<const N: usize> {
     pub forward: [f32; N],
     /// a_b, on the near side.
     pub backward: [f32; N],
-    /// Mean of theta_o + theta_i of the light that goes on, and its standard deviation [rad]; of all wavelengths together.
+    /// Mean of theta_o + theta_i of the light that goes on, and its standard deviation [rad]; of all
+    /// wavelengths together.
     pub forward_shift: f32,
     /// See there.
     pub forward_width: f32,
-    /// beta_f [rad]: width of the longitudinal lobe of the light that goes on, the model's parameter of TT, which the lobe's cos^2 narrows to `forward_width`. Where a model has no such
-    /// parameter it is the width of the Gaussian whose light `g cos^2` has the mean and deviation above.
+    /// beta_f [rad]: width of the longitudinal lobe of the light that goes on, the model's parameter of TT,
+    /// which the lobe's cos^2 narrows to `forward_width`. Where a model has no such parameter it is the width
+    /// of the Gaussian whose light `g cos^2` has the mean and deviation above.
     pub forward_beta: f32,
     /// Of the light that goes back.
     pub backward_shift: f32,
@@ -69,8 +72,10 @@ impl<const N: usize> Attenuation<N> {
         std::array::from_fn(|n| stack(self.forward[n], self.backward[n], count))
     }
 
-    /// sigma_b, the width of the neighbors' light [rad] (Khungurn 2015, 5.2): as printed, with means of the shares over the wavelengths. Its units do not agree: the denominator holds widths
-    /// where the numerator has roots of variances. Where no light goes back it is `(1 + 0.7 a_f^2) sqrt(2 beta_f^2 + beta_b^2)`, of the widths of what goes on and back.
+    /// sigma_b, the width of the neighbors' light [rad] (Khungurn 2015, 5.2): as printed, with means of the
+    /// shares over the wavelengths. Its units do not agree: the denominator holds widths where the numerator
+    /// has roots of variances. Where no light goes back it is `(1 + 0.7 a_f^2) sqrt(2 beta_f^2 + beta_b^2)`,
+    /// of the widths of what goes on and back.
     pub fn back_width(&self) -> f32 {
         let mean = |a: &[f32; N]| a.iter().sum::<f32>() / N.max(1) as f32;
         let (a_f, a_b) = (mean(&self.forward), mean(&self.backward));
@@ -81,7 +86,8 @@ impl<const N: usize> Attenuation<N> {
     }
 }
 
-/// Light of a fiber over the azimuth `phi_o - phi_d` where its incident light is spread over the half turn about phi_d.
+/// Light of a fiber over the azimuth `phi_o - phi_d` where its incident light is spread over the half turn
+/// about phi_d.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct HalfTurn<const N: usize> {
     /// Energy [1/rad].
@@ -146,10 +152,12 @@ pub struct DualScattering<const N: usize> {
 }
 
 impl<const N: usize> DualScattering<N> {
-    /// Of a fiber model at the wavelengths and absorptions of a query; its direction and offset do not matter.
+    /// Of a fiber model at the wavelengths and absorptions of a query; its direction and offset do not
+    /// matter.
     ///
     /// # Errors
-    /// [`crate::Error::Invalid`] for an option outside its range, a query that is not finite, or a model that scatters no light at all.
+    /// [`crate::Error::Invalid`] for an option outside its range, a query that is not finite, or a model that
+    /// scatters no light at all.
     pub fn new(model: &FiberModel, query: &FiberQuery<N>, options: DualOptions) -> Result<Self> {
         for value in query.lambda_um {
             parameter(MODEL, "lambda_um", value, [1e-3, 1e3])?;
@@ -236,7 +244,8 @@ impl<const N: usize> DualScattering<N> {
         self.neighbors(theta).energy
     }
 
-    /// Share of the light that endless layers send back, `a_b + A_b`, by wavelength: the reflectance of a thick swatch of aligned fibers.
+    /// Share of the light that endless layers send back, `a_b + A_b`, by wavelength: the reflectance of a
+    /// thick swatch of aligned fibers.
     pub fn reflectance(&self, theta: f32) -> [f32; N] {
         let a = self.attenuation(theta);
         let neighbors = self.backscattered(theta);
@@ -266,7 +275,8 @@ impl<const N: usize> DualScattering<N> {
         Occlusion::new()
     }
 
-    /// Dual scattering for light from `query.omega_i` that has passed `occlusion`, at a fiber of the model that this was made of.
+    /// Dual scattering for light from `query.omega_i` that has passed `occlusion`, at a fiber of the model
+    /// that this was made of.
     pub fn at<'a>(&'a self, model: &'a FiberModel, query: &FiberQuery<N>, occlusion: &Occlusion<N>) -> DualBsdf<'a, N> {
         DualBsdf::new(self, model, query, occlusion)
     }
@@ -302,7 +312,8 @@ impl<const N: usize> Measured<N> {
                 let along = w[2].clamp(-1.0, 1.0).asin() + theta_i;
                 let relative = w[1].atan2(w[0]) - phi_i;
                 let relative = (relative - TAU * (relative / TAU).round()).abs();
-                // Of phi_d over the near half turn the light leaves on that side with the chance 1 - |relative|/pi.
+                // Of phi_d over the near half turn the light leaves on that side with the chance 1 -
+                // |relative|/pi.
                 let ahead = relative / PI;
                 sides[0].add(&weight, ahead, along);
                 sides[1].add(&weight, 1.0 - ahead, along);
@@ -310,7 +321,8 @@ impl<const N: usize> Measured<N> {
             }
         }
         let [forward, backward] = &sides;
-        // The samples tell where light goes, the model how much there is: the full sum feels an error of a lossless fiber's albedo by its root.
+        // The samples tell where light goes, the model how much there is: the full sum feels an error of a
+        // lossless fiber's albedo by its root.
         let total = (0..N).map(|n| forward.energy[n] + backward.energy[n]);
         let mut scale = [0.0; N];
         for (n, total) in total.enumerate() {
@@ -339,7 +351,8 @@ impl<const N: usize> Measured<N> {
     }
 }
 
-/// Light at `phi_o - phi_i` is spread over `phi_o - phi_d` within a quarter turn, either way around: what there is of it at the part's start `d`.
+/// Light at `phi_o - phi_i` is spread over `phi_o - phi_d` within a quarter turn, either way around: what
+/// there is of it at the part's start `d`.
 fn half_turn<const N: usize>(parts: &[Moments<N>; AZIMUTHS], d: usize) -> Moments<N> {
     const QUARTER: usize = AZIMUTHS / 2;
     let mut sum = Moments::default();
@@ -352,7 +365,8 @@ fn half_turn<const N: usize>(parts: &[Moments<N>; AZIMUTHS], d: usize) -> Moment
     sum
 }
 
-/// Points that fill the cube evenly, `count` of them (Hammersley's with Sobol's second dimension), moved for each turn of a fiber.
+/// Points that fill the cube evenly, `count` of them (Hammersley's with Sobol's second dimension), moved for
+/// each turn of a fiber.
 fn low_discrepancy(k: u32, count: u32, turn: u32) -> [f32; 3] {
     const PER_TURN: [f64; 3] = [0.819_172_513_396_164_4, 0.671_043_606_703_789_3, 0.549_700_477_901_970_1];
     const WHOLE: f64 = 4_294_967_296.0;

@@ -1,4 +1,5 @@
-//! Dual scattering at a shading point: what the fibers before it leave of the light, and what it and its neighbors make of that.
+//! Dual scattering at a shading point: what the fibers before it leave of the light, and what it and its
+//! neighbors make of that.
 
 use super::{DualScattering, Spread};
 use crate::Bsdf;
@@ -30,9 +31,11 @@ pub struct Occlusion<const N: usize> {
     pub transmitted: [f32; N],
     /// sigma_f^2 [rad^2].
     pub variance: f32,
-    /// Mean latitude of the light that arrives less that of straight light [rad]; 0 without [`super::DualOptions::drift`].
+    /// Mean latitude of the light that arrives less that of straight light [rad]; 0 without
+    /// [`super::DualOptions::drift`].
     pub drift: f32,
-    /// Fibers behind the shading point along the light, where the host has counted them: A_b is then that of as many layers. `None` for endless ones.
+    /// Fibers behind the shading point along the light, where the host has counted them: A_b is then that of
+    /// as many layers. `None` for endless ones.
     pub behind: Option<u32>,
 }
 
@@ -41,7 +44,8 @@ impl<const N: usize> Occlusion<N> {
         Occlusion { fibers: 0.0, transmitted: [1.0; N], variance: 0.0, drift: 0.0, behind: None }
     }
 
-    /// Passes `count` fibers, in whose frame the light comes from the latitude `theta_d` [rad] (Khungurn 2015, 3.1 and 3.2). Of a density that is only known on the average the count is a fraction.
+    /// Passes `count` fibers, in whose frame the light comes from the latitude `theta_d` [rad] (Khungurn
+    /// 2015, 3.1 and 3.2). Of a density that is only known on the average the count is a fraction.
     /// A count that is not positive, or an angle that is not finite, passes none.
     pub fn pass(&mut self, dual: &DualScattering<N>, theta_d: f32, count: f32) {
         if !(count > 0.0 && count.is_finite() && theta_d.is_finite()) {
@@ -143,13 +147,15 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
         }
     }
 
-    /// Energy density in direction `w` [1/sr]: F^G and d_b F^L together, times `cos theta_o / cos theta_d`. 0 where an input is no direction.
+    /// Energy density in direction `w` [1/sr]: F^G and d_b F^L together, times `cos theta_o / cos theta_d`. 0
+    /// where an input is no direction.
     pub fn eval(&self, w: [f32; 3]) -> [f32; N] {
         let DualTerms { global, local } = self.terms(w);
         std::array::from_fn(|n| global[n] + local[n])
     }
 
-    /// The note's integrator (Khungurn 2015, Eq. 1): radiance towards `w` for a unit of radiance [1/sr]; a host multiplies by `L_d / p_emitter`.
+    /// The note's integrator (Khungurn 2015, Eq. 1): radiance towards `w` for a unit of radiance [1/sr]; a
+    /// host multiplies by `L_d / p_emitter`.
     pub fn radiance(&self, w: [f32; 3]) -> [f32; N] {
         let cos_o = Latitude::from_direction(w).cos;
         let scale = if self.incident.valid && is_direction(w) { self.cos_d / cos_o.max(1e-4) } else { 0.0 };
@@ -174,7 +180,8 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
         side.atan2(across).abs()
     }
 
-    /// Latitudes of the light that arrives, and the weights of its flux, whose sum is 1 but for [`Spread::Radiance`].
+    /// Latitudes of the light that arrives, and the weights of its flux, whose sum is 1 but for
+    /// [`Spread::Radiance`].
     fn each_latitude(&self, mut visit: impl FnMut(f32, f32)) {
         if self.sigma_f <= 0.0 {
             return visit(self.theta_d, 1.0);
@@ -228,9 +235,11 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
         std::array::from_fn(|n| density * self.transmitted[n] * energy[n])
     }
 
-    /// Integral over the latitudes theta_i that light arrives from of its density and the lobe that `lobe` gives for theta_i: energies, mean and width.
+    /// Integral over the latitudes theta_i that light arrives from of its density and the lobe that `lobe`
+    /// gives for theta_i: energies, mean and width.
     ///
-    /// Both factors are about Gaussians in theta_i, so that their product is one too: Gauss's rule over 3.6 deviations of that, as far as the poles.
+    /// Both factors are about Gaussians in theta_i, so that their product is one too: Gauss's rule over 3.6
+    /// deviations of that, as far as the poles.
     fn convolve(&self, theta_o: f32, lobe: impl Fn(f32) -> ([f32; N], f32, f32)) -> [f32; N] {
         let (energy, mean, width) = lobe(self.theta_d);
         if self.sigma_f <= 0.0 {
@@ -276,7 +285,8 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
         }
     }
 
-    /// Integral of f over the sphere but for the tables' errors: light scattered by the fiber, and by its neighbors.
+    /// Integral of f over the sphere but for the tables' errors: light scattered by the fiber, and by its
+    /// neighbors.
     pub fn energy(&self) -> DualTerms<N> {
         if !self.incident.valid {
             return DualTerms { global: [0.0; N], local: [0.0; N] };
@@ -296,7 +306,8 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
         DualTerms { global, local }
     }
 
-    /// F^G as [`DualBsdf::terms`] has it, by quadrature of the model's f over `steps` latitudes and `2 steps` azimuths: the reference of the tables, slow.
+    /// F^G as [`DualBsdf::terms`] has it, by quadrature of the model's f over `steps` latitudes and `2 steps`
+    /// azimuths: the reference of the tables, slow.
     pub fn global(&self, w: [f32; 3], steps: u32) -> [f32; N] {
         if !(self.incident.valid && is_direction(w)) {
             return [0.0; N];

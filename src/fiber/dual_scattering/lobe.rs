@@ -1,4 +1,5 @@
-//! The longitudinal lobe of light between fibers: `g(theta_o - mean) cos theta_o / G`, whose integral over the sphere of latitudes is 1 at every mean and width.
+//! The longitudinal lobe of light between fibers: `g(theta_o - mean) cos theta_o / G`, whose integral over
+//! the sphere of latitudes is 1 at every mean and width.
 
 use crate::fiber::khungurn::Normalizer;
 use std::f32::consts::{FRAC_PI_2, TAU};
@@ -9,7 +10,8 @@ pub(crate) const WIDTHS: [f32; 2] = [0.005, 10.0];
 const ACROSS: usize = 129;
 const WIDE: usize = 65;
 
-/// G over its form without poles, `beta sqrt(2 pi) (1 + exp(-2 beta^2) cos 2 theta) / 2`: smooth in both axes. Bilinear, to 1e-3.
+/// G over its form without poles, `beta sqrt(2 pi) (1 + exp(-2 beta^2) cos 2 theta) / 2`: smooth in both
+/// axes. Bilinear, to 1e-3.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LobeTable {
     ratio: Vec<f32>,
@@ -30,7 +32,8 @@ impl LobeTable {
         LobeTable { ratio }
     }
 
-    /// `cos theta_o g / G` about `mean`: energy per solid angle of a lobe whose light is 1 over all latitudes, and 1/rad of azimuth apart.
+    /// `cos theta_o g / G` about `mean`: energy per solid angle of a lobe whose light is 1 over all
+    /// latitudes, and 1/rad of azimuth apart.
     pub(crate) fn eval(&self, theta_o: f32, mean: f32, width: f32) -> f32 {
         let width = width.max(WIDTHS[0]).min(WIDTHS[1]);
         // A mean beyond a pole stands for light about the pole.
@@ -52,7 +55,8 @@ fn open(theta: f64, width: f64) -> f64 {
     0.5 * width * std::f64::consts::TAU.sqrt() * (1.0 + (-2.0 * width * width).exp() * (2.0 * theta).cos())
 }
 
-/// Mean and width of the lobe whose light has this mean latitude and standard deviation. Deviations beyond those of `cos^2`, the widest lobe's, give that.
+/// Mean and width of the lobe whose light has this mean latitude and standard deviation. Deviations beyond
+/// those of `cos^2`, the widest lobe's, give that.
 pub(crate) fn lobe_of_moments(mean: f64, sd: f64) -> [f64; 2] {
     let half = std::f64::consts::FRAC_PI_2;
     let (mut middle, mut width) = (mean.clamp(-half, half), sd.clamp(f64::from(WIDTHS[0]), f64::from(WIDTHS[1])));

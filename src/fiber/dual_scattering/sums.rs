@@ -10,11 +10,14 @@ pub enum Backscattering {
 }
 
 impl Backscattering {
-    /// A_b of layers with the shares `forward` and `backward`, in [0, 1]. A sum of the shares above 1, as of models that do not conserve, counts as 1.
+    /// A_b of layers with the shares `forward` and `backward`, in [0, 1]. A sum of the shares above 1, as of
+    /// models that do not conserve, counts as 1.
     ///
-    /// Full: light that has passed fiber 0 (a_f) arrives at fiber 1 from above, and comes out at the top with the chance
-    /// `x = 2 a_f a_b / (S + sqrt(S^2 - 4 a_f^2 a_b^2))`, `S = 1 - a_f^2 - a_b^2`, the root of the note's quadratic in a form without cancellation, where
-    /// `S^2 - 4 a_f^2 a_b^2 = (1 - (a_f + a_b)^2) (1 - (a_f - a_b)^2)`. So A_b is `a_f x`; the note's last line has `a_f a_0^+`, which counts fiber 0 again.
+    /// Full: light that has passed fiber 0 (a_f) arrives at fiber 1 from above, and comes out at the top with
+    /// the chance `x = 2 a_f a_b / (S + sqrt(S^2 - 4 a_f^2 a_b^2))`, `S = 1 - a_f^2 - a_b^2`, the root of the
+    /// note's quadratic in a form without cancellation, where
+    /// `S^2 - 4 a_f^2 a_b^2 = (1 - (a_f + a_b)^2) (1 - (a_f - a_b)^2)`. So A_b is `a_f x`; the note's last
+    /// line has `a_f a_0^+`, which counts fiber 0 again.
     pub fn sum(self, forward: f32, backward: f32) -> f32 {
         let (f, b) = bounded(forward, backward);
         let sum = match self {
@@ -50,7 +53,9 @@ pub struct Stack {
     pub transmitted: f32,
 }
 
-/// `count` equal layers, by adding one at a time: `R' = a_b + a_f^2 R / (1 - a_b R)`, `T' = a_f T / (1 - a_b R)`. None lets all light pass. As the count grows R tends to `a_b + A_b` of [`Backscattering::Full`].
+/// `count` equal layers, by adding one at a time: `R' = a_b + a_f^2 R / (1 - a_b R)`,
+/// `T' = a_f T / (1 - a_b R)`. None lets all light pass. As the count grows R tends to `a_b + A_b` of
+/// [`Backscattering::Full`].
 pub fn stack(forward: f32, backward: f32, count: u32) -> Stack {
     let (f, b) = bounded(forward, backward);
     let (mut r, mut t) = (0.0, 1.0);

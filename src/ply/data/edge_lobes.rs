@@ -1,8 +1,10 @@
-//! Ply-edge diffraction lobes (Yu 2025, 6.1, Eq. 17, 18): the light of a beam that passes beside a ply, spread by the edge it passes.
+//! Ply-edge diffraction lobes (Yu 2025, 6.1, Eq. 17, 18): the light of a beam that passes beside a ply,
+//! spread by the edge it passes.
 //!
-//! The lobe points forward (theta -theta_i, phi 3 pi/2, phi_xy 0), so that its x axis is the ply's, and carries the energy r_d. Only its
-//! bandwidths are stored, over the wavelength and over how far inside the ply's edge the beam's center is, e = R - |h|; e < 0 is
-//! a beam whose center misses. The lobe is normalized exactly, not by `mu1 mu2/pi` (docs/explain/papers.md).
+//! The lobe points forward (theta -theta_i, phi 3 pi/2, phi_xy 0), so that its x axis is the ply's, and
+//! carries the energy r_d. Only its bandwidths are stored, over the wavelength and over how far inside the
+//! ply's edge the beam's center is, e = R - |h|; e < 0 is a beam whose center misses. The lobe is normalized
+//! exactly, not by `mu1 mu2/pi` (docs/explain/papers.md).
 
 use crate::Result;
 use crate::io::{Check, Reader, Writer, invalid};

@@ -1,21 +1,29 @@
-//! Energies of a ply model between its nodes: splines over (theta_i, h) whose coefficients a model file holds.
+//! Energies of a ply model between its nodes: splines over (theta_i, h) whose coefficients a model file
+//! holds.
 //!
-//! With m(x) the chance that a line at lateral position x meets a fiber and g the beam's profile, `1 - r_d(h) = (m * g)(h)`: the energies follow the
-//! beam's width, a few um, while lobes change over the ply's. So energies have grids of their own. They are kept as two quantities:
+//! With m(x) the chance that a line at lateral position x meets a fiber and g the beam's profile,
+//! `1 - r_d(h) = (m * g)(h)`: the energies follow the beam's width, a few um, while lobes change over the
+//! ply's. So energies have grids of their own. They are kept as two quantities:
 //!
-//! - the missed share `r_d`. Along theta_i it is as sharp as along h where light runs parallel to the leaning fibers of the rim: at
-//!   `tan(theta_i) = pitch / (2 pi h)` the rim of one side opens, so its grid is fine in both;
-//! - the shares of the light that meets fibers, `q_refl` and the path-length spectrum `q_high`. What a fiber does depends little on where the beam
-//!   meets it, so that these are smooth, and at sigma = 0 they add up to 1.
+//! - the missed share `r_d`. Along theta_i it is as sharp as along h where light runs parallel to the leaning
+//!   fibers of the rim: at `tan(theta_i) = pitch / (2 pi h)` the rim of one side opens, so its grid is fine
+//!   in both;
+//! - the shares of the light that meets fibers, `q_refl` and the path-length spectrum `q_high`. What a fiber
+//!   does depends little on where the beam meets it, so that these are smooth, and at sigma = 0 they add up
+//!   to 1.
 //!
-//! Then `E_refl = (1 - r_d) q_refl`, `E_high = (1 - r_d) q_high`, and `r_d + E_refl + E_high = 1` holds wherever they are asked for.
+//! Then `E_refl = (1 - r_d) q_refl`, `E_high = (1 - r_d) q_high`, and `r_d + E_refl + E_high = 1` holds
+//! wherever they are asked for.
 //!
-//! The splines are quadratic B-splines on the nodes of a uniform axis: at a distance f from the nearest node i, |f| <= 1/2 of a step,
-//! `(1/2 - f)^2 / 2 c[i-1] + (3/4 - f^2) c[i] + (1/2 + f)^2 / 2 c[i+1]`. Weights are never negative and add up to 1: values stay within the bounds of the
-//! coefficients, and sums of quantities are kept. The slope is continuous. For a profile blurred by a Gaussian of standard deviation s the error goes with
-//! the cube of the step, `4 step^3 |f'''| / (2 pi)^3`: 8e-4 of an edge's height at a step of s/2, 4e-4 at 0.4 s.
+//! The splines are quadratic B-splines on the nodes of a uniform axis: at a distance f from the nearest node
+//! i, |f| <= 1/2 of a step, `(1/2 - f)^2 / 2 c[i-1] + (3/4 - f^2) c[i] + (1/2 + f)^2 / 2 c[i+1]`. Weights are
+//! never negative and add up to 1: values stay within the bounds of the coefficients, and sums of quantities
+//! are kept. The slope is continuous. For a profile blurred by a Gaussian of standard deviation s the error
+//! goes with the cube of the step, `4 step^3 |f'''| / (2 pi)^3`: 8e-4 of an edge's height at a step of s/2,
+//! 4e-4 at 0.4 s.
 //!
-//! At the ends the coefficients go on linearly, `c[-1] = 2 c[0] - c[1]`; at theta_i = 0 they are mirrored, `c(-theta_i, h) = c(theta_i, -h)`.
+//! At the ends the coefficients go on linearly, `c[-1] = 2 c[0] - c[1]`; at theta_i = 0 they are mirrored,
+//! `c(-theta_i, h) = c(theta_i, -h)`.
 
 use crate::Result;
 use crate::io::{Check, Reader, Writer, invalid};
@@ -123,7 +131,8 @@ impl PlyEnergies {
         })
     }
 
-    /// What the energies of a model must satisfy whose nodes end at `last` (theta_i, h), with `j` path lengths.
+    /// What the energies of a model must satisfy whose nodes end at `last` (theta_i, h), with `j` path
+    /// lengths.
     pub(in crate::ply) fn check(&self, c: &Check<'_>, last: [f64; 2], j: usize) -> Result<()> {
         let sizes = [
             [("miss_theta_i", &self.miss_theta_i), ("miss_h_um", &self.miss_h_um)],
@@ -252,8 +261,8 @@ pub fn spline_coefficients(values: &[f64], rows: usize, columns: usize) -> Vec<f
     c
 }
 
-/// Along one axis: `c[i-1] + 6 c[i] + c[i+1] = 8 v[i]`. The last coefficient goes on linearly, so it is its value; the first does too, or there is
-/// `c[-1] = mirrored c[1]`.
+/// Along one axis: `c[i-1] + 6 c[i] + c[i+1] = 8 v[i]`. The last coefficient goes on linearly, so it is its
+/// value; the first does too, or there is `c[-1] = mirrored c[1]`.
 fn filtered(v: &[f64], mirrored: Option<f64>) -> Vec<f64> {
     let last = v.len() - 1;
     let (first, next) = mirrored.map_or((8.0, 0.0), |sign| (6.0, 1.0 + sign));
@@ -318,7 +327,8 @@ mod tests {
         assert_eq!(g.at(9.0, 99.0), g.at(1.4, 70.0));
     }
 
-    /// The edge of a ply in a beam of standard deviation s, which leans with theta_i. Halving the step divides the error by 8 or so.
+    /// The edge of a ply in a beam of standard deviation s, which leans with theta_i. Halving the step
+    /// divides the error by 8 or so.
     #[test]
     fn a_blurred_edge_is_found_between_the_nodes() {
         let s = 5.0;

@@ -1,11 +1,15 @@
 //! Where light leaves a ply: at which distance from the ply's axis its line passes.
 //!
-//! Yu 2025, 5.3, lets light leave evenly over the ply's width. The simulation records where light of each azimuth leaves (`table::ExitPositions`), as t, over R from -1 to 1:
-//! light that has passed little material leaves near the place at which it came in. The mean of t is a polynomial of the azimuth, `t = c . (1, x, y, x y, x^2 - y^2)` of
-//! the unit vector (x, y) of the direction's azimuth in the ply frame: light that leaves around a place P over R of the ply's section has `t = x P_y - y P_x`. There is one for
-//! single reflection, one for other light of clear fibers and one for that of dark ones, of which light with the absorption sigma has the shares `v = 1 / (1 + sigma L)` and 1 - v,
-//! L = [`EXIT_LENGTH_UM`]. About the mean, light lies as the density of [`ExitShape`] has it, whose length tells how far light gets aside: clear fibers spread it over the ply, metal wires,
-//! whose first reflection is of f_high as well, send it out next to where it came in.
+//! Yu 2025, 5.3, lets light leave evenly over the ply's width. The simulation records where light of each
+//! azimuth leaves (`table::ExitPositions`), as t, over R from -1 to 1:
+//! light that has passed little material leaves near the place at which it came in. The mean of t is a
+//! polynomial of the azimuth, `t = c . (1, x, y, x y, x^2 - y^2)` of the unit vector (x, y) of the
+//! direction's azimuth in the ply frame: light that leaves around a place P over R of the ply's section has
+//! `t = x P_y - y P_x`. There is one for single reflection, one for other light of clear fibers and one for
+//! that of dark ones, of which light with the absorption sigma has the shares `v = 1 / (1 + sigma L)` and 1 -
+//! v, L = [`EXIT_LENGTH_UM`]. About the mean, light lies as the density of [`ExitShape`] has it, whose length
+//! tells how far light gets aside: clear fibers spread it over the ply, metal wires, whose first reflection
+//! is of f_high as well, send it out next to where it came in.
 
 use crate::Result;
 use crate::io::{Check, Reader, Writer};
@@ -23,8 +27,8 @@ pub const EXIT_TERMS: usize = 5;
 pub const EXIT_LENGTH_UM: f64 = 150.0;
 /// Largest coefficient of a file.
 const MAX: f64 = 100.0;
-/// Lengths of the kinds' densities, over R, of models that do not tell theirs: near those that come closest to the cumulative shares that simulations of polyester, silk, cotton and wool
-/// record.
+/// Lengths of the kinds' densities, over R, of models that do not tell theirs: near those that come closest
+/// to the cumulative shares that simulations of polyester, silk, cotton and wool record.
 pub const USUAL_EXIT_LENGTHS: [f64; EXIT_KINDS] = [0.13, 0.65, 0.18];
 /// Least and greatest length.
 pub const EXIT_LENGTHS: [f64; 2] = [0.02, 4.0];
@@ -142,7 +146,8 @@ fn tan(theta: f32) -> f32 {
     theta.sin() / theta.cos().max(1.0 / MAX_TAN)
 }
 
-/// The line on which light leaves, in units of R: at its nearest to the ply's axis it passes it `-t` along `w cross z`, `s` further along z than the line on which the light came.
+/// The line on which light leaves, in units of R: at its nearest to the ply's axis it passes it `-t` along
+/// `w cross z`, `s` further along z than the line on which the light came.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ExitLine {
     pub t: f32,
@@ -160,7 +165,8 @@ pub(crate) struct ExitsAt {
 }
 
 impl ExitsAt {
-    /// Of models without a record: single reflection leaves from the ply's wall, where a line at the offset `h` (over R) enters it, other light from anywhere.
+    /// Of models without a record: single reflection leaves from the ply's wall, where a line at the offset
+    /// `h` (over R) enters it, other light from anywhere.
     pub(crate) fn unknown(theta_i: f32, h: f32) -> ExitsAt {
         let h = h.clamp(-1.0, 1.0);
         let mut mean = [[0.0; EXIT_TERMS]; EXIT_KINDS];
@@ -170,8 +176,8 @@ impl ExitsAt {
 
     /// Mean lines of the three kinds of light in a direction of the ply frame, of a model with these shapes.
     ///
-    /// The place P at which the light turns lies on the line on which it came, `P_z = P_y tan theta_i`; the line on which it leaves is nearest to the axis at
-    /// `s = P_z - (P_x x + P_y y) tan theta_o`.
+    /// The place P at which the light turns lies on the line on which it came, `P_z = P_y tan theta_i`; the
+    /// line on which it leaves is nearest to the axis at `s = P_z - (P_x x + P_y y) tan theta_o`.
     #[inline]
     pub(crate) fn lines(&self, shapes: &[ExitShape; EXIT_KINDS], wo: [f32; 3]) -> [ExitLine; EXIT_KINDS] {
         let squared = wo[0] * wo[0] + wo[1] * wo[1];
@@ -201,8 +207,9 @@ impl ExitsAt {
 const MEANS: usize = 65;
 const MAX_MEAN: f32 = 0.97;
 
-/// Densities of one length: how light of a kind lies across a ply where it leaves, by its mean offset. Over the offsets t, from -1 to 1, it falls exponentially on both sides of a mode,
-/// `exp(-|t - mode| / length)` over its integral (docs/explain/cloth_model.md, Where light leaves a ply).
+/// Densities of one length: how light of a kind lies across a ply where it leaves, by its mean offset. Over
+/// the offsets t, from -1 to 1, it falls exponentially on both sides of a mode, `exp(-|t - mode| / length)`
+/// over its integral (docs/explain/cloth_model.md, Where light leaves a ply).
 #[derive(Clone, Debug)]
 pub struct ExitShape {
     /// Mode and length by the mean, both over R.
@@ -222,7 +229,8 @@ impl ExitShape {
         &SHAPES
     }
 
-    /// The share of light that leaves a ply at offsets below `t`, over R from -1 to 1, of a kind whose mean offset is `mean` ([`ExitOffsets`]).
+    /// The share of light that leaves a ply at offsets below `t`, over R from -1 to 1, of a kind whose mean
+    /// offset is `mean` ([`ExitOffsets`]).
     pub fn share_below(&self, mean: f32, t: f32) -> f32 {
         self.density(mean).below(t)
     }
@@ -257,7 +265,8 @@ fn mean_of(mode: f64, length: f64) -> f64 {
     mode + (above[1] - below[1]) / (below[0] + above[0])
 }
 
-/// Mode and length of the density with a mean of 0 or more. Light whose mean lies too near to the rim for the kind's length has its mode there, and a shorter one.
+/// Mode and length of the density with a mean of 0 or more. Light whose mean lies too near to the rim for the
+/// kind's length has its mode there, and a shorter one.
 fn shape(mean: f64, length: f64) -> [f64; 2] {
     let is_short = mean_of(1.0, length) < mean;
     let (mut low, mut high) = if is_short { (1e-3, length) } else { (0.0, 1.0) };
@@ -307,7 +316,8 @@ impl ExitDensity {
 mod tests {
     use super::*;
 
-    /// The density has the mean that is asked for, is the slope of its cumulative, and what is drawn lies as it says.
+    /// The density has the mean that is asked for, is the slope of its cumulative, and what is drawn lies as
+    /// it says.
     #[test]
     fn densities_have_their_mean() {
         const STEPS: usize = 2000;

@@ -31,7 +31,8 @@ const NAMES: [&str; 14] = [
     "error_high",
 ];
 
-/// Tensors of the lobes of f_refl and of f_high, by family: a reader that knows one family alone refuses the files of the other.
+/// Tensors of the lobes of f_refl and of f_high, by family: a reader that knows one family alone refuses the
+/// files of the other.
 const LOBES: [(LobeKind, [&str; 2]); 2] =
     [(LobeKind::Round, ["refl", "high"]), (LobeKind::Cone, ["cone_refl", "cone_high"])];
 
@@ -45,10 +46,11 @@ const MAX_NODES: usize = 4095;
 /// Least step of an axis of incidence [rad, um]: its inverse is a number in f32.
 const MIN_STEP: f64 = 1e-6;
 
-/// One stored value of eval: a foreign reader, or a later version of this one, finds out whether it computes the same.
+/// One stored value of eval: a foreign reader, or a later version of this one, finds out whether it computes
+/// the same.
 ///
-/// Queries lie inside the cells of the grid, away from nodes and from the borders of blocks, where f_high jumps: there the rounding of theta_i and h alone
-/// would decide which block answers.
+/// Queries lie inside the cells of the grid, away from nodes and from the borders of blocks, where f_high
+/// jumps: there the rounding of theta_i and h alone would decide which block answers.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(from = "ReferenceNumbers")]
 pub struct ReferenceValue {
@@ -64,7 +66,8 @@ pub struct ReferenceValue {
     pub value: [f32; 4],
 }
 
-/// A [`ReferenceValue`] as files have it: numbers beyond single precision become infinite, which the check of the model tells.
+/// A [`ReferenceValue`] as files have it: numbers beyond single precision become infinite, which the check of
+/// the model tells.
 #[derive(serde::Deserialize)]
 struct ReferenceNumbers {
     theta_i: f64,
@@ -102,8 +105,8 @@ pub(crate) struct Keys {
 }
 
 impl PlyData {
-    /// Writes the model (`docs/reference/format/models.md`) to a temporary name in the folder of `path`, then renames it. Lobes and their
-    /// spectra are rounded to f32; all else is kept to the last bit.
+    /// Writes the model (`docs/reference/format/models.md`) to a temporary name in the folder of `path`, then
+    /// renames it. Lobes and their spectra are rounded to f32; all else is kept to the last bit.
     ///
     /// # Errors
     /// [`crate::Error::Invalid`] when the model would not load again, [`crate::Error::Io`].
@@ -114,8 +117,8 @@ impl PlyData {
     /// Reads a model's tensors and checks names, shapes, axes, ranges and finiteness.
     ///
     /// # Errors
-    /// [`crate::Error::Io`], [`crate::Error::Format`] for a foreign, damaged or newer file, [`crate::Error::Invalid`] for a
-    /// value that is not allowed.
+    /// [`crate::Error::Io`], [`crate::Error::Format`] for a foreign, damaged or newer file,
+    /// [`crate::Error::Invalid`] for a value that is not allowed.
     pub fn load(path: impl AsRef<Path>) -> Result<PlyData> {
         document::load(path.as_ref())
     }
@@ -281,8 +284,9 @@ impl Document for PlyData {
 }
 
 impl PlyData {
-    /// What a model must satisfy whatever its lobes are: the number of lobes, the axes, the absorption, the energies, the edge lobes if there are any. Lobes, their spectra and their errors are not
-    /// looked at and may be absent: a fit asks this before its work. `name` stands for the model in messages.
+    /// What a model must satisfy whatever its lobes are: the number of lobes, the axes, the absorption, the
+    /// energies, the edge lobes if there are any. Lobes, their spectra and their errors are not looked at and
+    /// may be absent: a fit asks this before its work. `name` stands for the model in messages.
     ///
     /// # Errors
     /// [`Error::Invalid`](crate::Error::Invalid), which saving would answer too.
@@ -403,7 +407,8 @@ pub(crate) fn read(bytes: &[u8], name: &str) -> Result<(PlyData, Vec<ReferenceVa
     Ok((data, keys.reference_values))
 }
 
-/// A dozen values of eval: six incidences of both signs of theta_i, each inside a cell of the grid, forward and backward.
+/// A dozen values of eval: six incidences of both signs of theta_i, each inside a cell of the grid, forward
+/// and backward.
 fn reference_values(model: &PlyModel) -> Vec<ReferenceValue> {
     let d = model.data();
     let sigma = d.sigma_per_um[d.sigma_per_um.len() - 1] as f32;

@@ -8,14 +8,17 @@ use crate::table::TOLERANCE;
 /// Names of the tensors in a model file.
 pub(crate) const NAMES: [&str; 2] = ["layer_forward", "layer_diffuse"];
 
-/// The tensors of a model from which its layers follow. Flat arrays, last index fastest; of the last axis the first entry is f_refl, the others are
-/// the path-length spectrum of f_high on [`crate::ply::PlyData::path_um`], so that a factor holds at every absorption.
+/// The tensors of a model from which its layers follow. Flat arrays, last index fastest; of the last axis the
+/// first entry is f_refl, the others are the path-length spectrum of f_high on
+/// [`crate::ply::PlyData::path_um`], so that a factor holds at every absorption.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LayerFactors {
-    /// `[2 M - 1][2 H - 1][1 + J]`, at the nodes and half way between them: energy that leaves into the half space away from the light, y < 0 in the ply frame.
+    /// `[2 M - 1][2 H - 1][1 + J]`, at the nodes and half way between them: energy that leaves into the half
+    /// space away from the light, y < 0 in the ply frame.
     /// Lobes turn and blocks change between nodes, and what goes forward with them.
     pub forward: Vec<f64>,
-    /// `[2][1 + J]`: fraction of diffuse light that is sent back and that passes, of the light that meets fibers.
+    /// `[2][1 + J]`: fraction of diffuse light that is sent back and that passes, of the light that meets
+    /// fibers.
     pub diffuse: Vec<f64>,
 }
 
@@ -36,7 +39,8 @@ impl LayerFactors {
         }))
     }
 
-    /// What the factors must satisfy beside a model of checked sizes and energies: no more goes forward than is scattered, no more diffuse light leaves than comes.
+    /// What the factors must satisfy beside a model of checked sizes and energies: no more goes forward than
+    /// is scattered, no more diffuse light leaves than comes.
     pub(crate) fn check(&self, c: &Check<'_>, model: &PlyData) -> Result<()> {
         let (m, h, _, j) = model.sizes();
         let (rows, columns) = (2 * m - 1, 2 * h - 1);
@@ -47,7 +51,8 @@ impl LayerFactors {
             c.range(name, values, 0.0, 1.0 + TOLERANCE)?;
         }
         let energies = half_nodes(model);
-        // Of f_high all paths together: lobes are scaled to the energy as a whole, so that one of its paths may take more forward than is scattered on that path.
+        // Of f_high all paths together: lobes are scaled to the energy as a whole, so that one of its paths
+        // may take more forward than is scattered on that path.
         for (i, forward) in self.forward.chunks_exact(1 + j).enumerate() {
             let energy = &energies[i];
             for (part, forward, energy) in [

@@ -11,10 +11,12 @@ use crate::ply::{ExitOffsets, LayerFactors, LobeKind, PlyData, PlyEnergies, PlyM
 const PARAMS: &str = "parameters of the family";
 
 impl PlyFamily {
-    /// The model of these parameters, as if it had been fitted to a simulation of them: a smooth one, whose errors are those of the nodes, interpolated.
+    /// The model of these parameters, as if it had been fitted to a simulation of them: a smooth one, whose
+    /// errors are those of the nodes, interpolated.
     ///
     /// # Errors
-    /// [`crate::Error::Invalid`] for a parameter outside its range, or another than the spec's where it is no axis of the family.
+    /// [`crate::Error::Invalid`] for a parameter outside its range, or another than the spec's where it is no
+    /// axis of the family.
     pub fn at(&self, params: &FamilyParams) -> Result<PlyModel> {
         Ok(PlyModel::from_parts(self.data_at(params)?, Vec::new()))
     }

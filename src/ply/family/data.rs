@@ -109,7 +109,8 @@ pub struct FamilyData {
     pub seed: u64,
     /// 1 to 3 axes, in the order of [`FamilyParam::ALL`].
     pub axes: Vec<FamilyAxis>,
-    /// Models at the nodes, the last axis fastest. All have the same axes, path lengths and edge lobes, those of one pitch the same r_d; none has speckle.
+    /// Models at the nodes, the last axis fastest. All have the same axes, path lengths and edge lobes, those
+    /// of one pitch the same r_d; none has speckle.
     pub nodes: Vec<PlyData>,
 }
 

@@ -1,6 +1,8 @@
-//! A family's ply at one incidence: the numbers that this incidence needs, interpolated over the family, and the mixture that they make.
+//! A family's ply at one incidence: the numbers that this incidence needs, interpolated over the family, and
+//! the mixture that they make.
 //!
-//! The arithmetic is that of the reference implementation of the model, in f64, and written once for numbers with and without derivatives.
+//! The arithmetic is that of the reference implementation of the model, in f64, and written once for numbers
+//! with and without derivatives.
 
 use super::PlyFamily;
 use super::data::{FamilyParam, FamilyParams};
@@ -188,7 +190,8 @@ impl<T: Real, const N: usize> Mixture<T, N> {
         f
     }
 
-    /// A direction in the frame of the lobes, or one of theirs in the ply's. What is no unit vector gives no light.
+    /// A direction in the frame of the lobes, or one of theirs in the ply's. What is no unit vector gives no
+    /// light.
     fn turned(&self, w: [f32; 3]) -> [f64; 3] {
         let v = w.map(f64::from);
         let square = v.iter().map(|v| v * v).sum::<f64>();

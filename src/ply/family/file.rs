@@ -163,7 +163,8 @@ impl Document for FamilyData {
         let (lr, lh) = (r.shape("refl", 5)?[3], r.shape("high", 7)?[5]);
         let (a, b) = (size("miss_theta_i")?, size("miss_h_um")?);
         let (p, q) = (size("share_theta_i")?, size("share_h_um")?);
-        // Shapes are those of tensors in the file, whose products it holds; an empty one would leave a node without numbers.
+        // Shapes are those of tensors in the file, whose products it holds; an empty one would leave a node
+        // without numbers.
         let sizes = [("theta_i", m), ("h_um", h), ("sigma_per_um", k), ("path_um", j), ("refl", lr), ("high", lh)];
         if let Some((name, _)) = sizes.into_iter().find(|(_, size)| *size == 0) {
             return Err(invalid(r.file(), name, "0 values", "expected some"));

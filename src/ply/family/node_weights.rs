@@ -11,10 +11,12 @@ use std::f64::consts::TAU;
 /// Most corners of a cell.
 pub(super) const CORNERS: usize = 8;
 
-/// The axes in the coordinates in which models are linear, and what the spec says of parameters that are none.
+/// The axes in the coordinates in which models are linear, and what the spec says of parameters that are
+/// none.
 #[derive(Clone, Debug)]
 pub(super) struct Axes {
-    /// By [`FamilyParam::ALL`]: nodes and their coordinates, both ascending in the parameter; empty for a parameter that is no axis.
+    /// By [`FamilyParam::ALL`]: nodes and their coordinates, both ascending in the parameter; empty for a
+    /// parameter that is no axis.
     values: [Vec<f64>; 3],
     coordinates: [Vec<f64>; 3],
     usual: [f64; 3],
@@ -94,7 +96,8 @@ impl Axes {
             }
             count *= 2;
         }
-        // Parameters that are no axis have the stride 1: nothing to do. Pitch is the slowest axis: its nodes stand apart by all others.
+        // Parameters that are no axis have the stride 1: nothing to do. Pitch is the slowest axis: its nodes
+        // stand apart by all others.
         let stride: usize = self.values[1..].iter().map(|v| v.len().max(1)).product();
         pitch.nodes.iter_mut().for_each(|n| n.0 *= stride);
         NodeWeights { corners, count, pitch }
@@ -130,7 +133,8 @@ impl FamilyParam {
 }
 
 impl FamilyAxis {
-    /// Weights of the nodes below and above a value within the axis: the lower one's index, and the weight of the upper.
+    /// Weights of the nodes below and above a value within the axis: the lower one's index, and the weight of
+    /// the upper.
     pub fn locate(&self, value: f64, radius_um: f64) -> (usize, f64) {
         let low = self.values.iter().rposition(|v| *v <= value).unwrap_or(0).min(self.values.len() - 2);
         let at = |v: f64| coordinate(self.param, v, radius_um);
@@ -139,8 +143,9 @@ impl FamilyAxis {
     }
 }
 
-/// Coefficient (m, n) of r_d at a pitch, of the energies `of(node)`: rows are read where `tan(theta) / pitch` is the same, by Catmull-Rom's cubic over the
-/// rows, and stay within 0 and 1. (m, n) may be one before the first or after the last.
+/// Coefficient (m, n) of r_d at a pitch, of the energies `of(node)`: rows are read where `tan(theta) / pitch`
+/// is the same, by Catmull-Rom's cubic over the rows, and stay within 0 and 1. (m, n) may be one before the
+/// first or after the last.
 pub(super) fn missed<'a, T: Real>(pitch: &Pitch<T>, of: &dyn Fn(usize) -> &'a PlyEnergies, m: isize, n: isize) -> T {
     let first = of(pitch.nodes[0].0);
     let sizes = [first.miss_theta_i.len(), first.miss_h_um.len()];
@@ -157,7 +162,8 @@ pub(super) fn missed<'a, T: Real>(pitch: &Pitch<T>, of: &dyn Fn(usize) -> &'a Pl
     let row_of =
         |share: T| (T::from_f64(theta.tan()) * share).atan() * T::from_f64(last / first.miss_theta_i[sizes[0] - 1]);
     let mut sum = T::from_f64(0.0);
-    // A node of a longer pitch may be asked beyond its last latitude, which one of a shorter pitch never is: that one then stands for both. Nodes ascend in pitch.
+    // A node of a longer pitch may be asked beyond its last latitude, which one of a shorter pitch never is:
+    // that one then stands for both. Nodes ascend in pitch.
     let mut before = T::from_f64(0.0);
     for (i, &(node, weight, share)) in pitch.nodes[..pitch.count].iter().enumerate().rev() {
         let c = &of(node).miss;

@@ -1,5 +1,5 @@
-//! Many incidences at once: the lobes of W queries side by side in long arrays, so that every lane of a vector holds a lobe and
-//! one query's chain of dependent steps hides behind the others'.
+//! Many incidences at once: the lobes of W queries side by side in long arrays, so that every lane of a
+//! vector holds a lobe and one query's chain of dependent steps hides behind the others'.
 
 use super::energy::{Energies, absorb, absorbed, clamped_sigma, halves, interpolate_node, scales, sum, transmittance};
 use super::grid_cell::GridCells;
@@ -88,8 +88,9 @@ impl<const K: usize> Lobes<K> {
         }
     }
 
-    /// Energies of the lobes and their values. Each step of the arithmetic is a loop of its own over all the lanes: its chain of
-    /// dependent operations is short, so that the processor overlaps many of them, and its constants stay in registers.
+    /// Energies of the lobes and their values. Each step of the arithmetic is a loop of its own over all the
+    /// lanes: its chain of dependent operations is short, so that the processor overlaps many of them, and
+    /// its constants stay in registers.
     #[inline(always)]
     fn eval<const FMA: bool>(&mut self, bounds: (f32, f32)) {
         let [theta, phi, xy, width1, width2, energy] = self.params.each_mut().map(|x| x.as_flattened_mut());

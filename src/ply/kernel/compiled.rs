@@ -1,10 +1,12 @@
-//! Kernels of 1, 3 and 4 absorptions, a wavelength, RGB and a spectral host's packet, compiled once with this library: a crate that calls them compiles those of
-//! other numbers alone. Without it every program and every test of a host compiles each kernel for each instruction set anew, a minute for all.
+//! Kernels of 1, 3 and 4 absorptions, a wavelength, RGB and a spectral host's packet, compiled once with this
+//! library: a crate that calls them compiles those of other numbers alone. Without it every program and every
+//! test of a host compiles each kernel for each instruction set anew, a minute for all.
 
 use crate::ply::Queries;
 use std::any::Any;
 
-/// A value of N absorptions as one of the number that N is. Costs nothing: types are compared when code is generated.
+/// A value of N absorptions as one of the number that N is. Costs nothing: types are compared when code is
+/// generated.
 #[inline(always)]
 pub(crate) fn same<A: Copy + 'static, B: Copy + 'static>(value: A) -> B {
     match (&value as &dyn Any).downcast_ref() {
@@ -44,7 +46,8 @@ pub(crate) fn same_queries<const N: usize, const M: usize>(queries: Queries<'_, 
     Queries { theta_i, h_um, sigma_per_um: sigma_per_um.as_flattened().as_chunks().0, wo }
 }
 
-/// Declares `$name` of N absorptions, which is `$any`. An argument whose type has N says which of the functions above makes it one of a number.
+/// Declares `$name` of N absorptions, which is `$any`. An argument whose type has N says which of the
+/// functions above makes it one of a number.
 macro_rules! compiled {
     ($(#[$doc:meta])* $name:ident = $any:ident($($arg:ident: $type:ty $(as $how:ident)?),*) -> $out:ty) => {
         $(#[$doc])*

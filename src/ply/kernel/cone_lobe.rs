@@ -1,4 +1,5 @@
-//! The arithmetic of cone lobes side by side ([`crate::ply::cone`]): their shapes at an incidence, values in a direction, a direction drawn from one.
+//! The arithmetic of cone lobes side by side ([`crate::ply::cone`]): their shapes at an incidence, values in
+//! a direction, a direction drawn from one.
 
 use super::lobe::{root_width, sin_cos};
 use super::mixture::Params;
@@ -46,7 +47,8 @@ pub(in crate::ply) fn incidence<const FMA: bool>(theta_i: f32) -> [f32; 3] {
 }
 
 impl<const L: usize> ConeShapes<L> {
-    /// Of interpolated parameters and the energies of the lobes. `bounds` are of the stored bandwidths, mu1 and mu2.
+    /// Of interpolated parameters and the energies of the lobes. `bounds` are of the stored bandwidths, mu1
+    /// and mu2.
     #[inline(always)]
     pub(in crate::ply) fn new<const FMA: bool>(
         params: &Params<L>,

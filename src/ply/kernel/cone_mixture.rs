@@ -1,4 +1,5 @@
-//! Cone lobes ([`crate::ply::cone`]) in the place of round ones: the weights of a [`Mixture`] with other shapes.
+//! Cone lobes ([`crate::ply::cone`]) in the place of round ones: the weights of a [`Mixture`] with other
+//! shapes.
 
 use super::cone_lobe::{ConeShapes, azimuth, incidence};
 use super::energy::{Core, DrawnBy, Energies, sum};
@@ -39,7 +40,8 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         self.weights.weigh::<FMA>(&values::<FMA, L>(&self.shapes, self.weights.flip, wo))
     }
 
-    /// f_refl and f_high per sigma and the density of sampling `wo` [1/sr], missing included. `mean` is of [`Mixture::mean`].
+    /// f_refl and f_high per sigma and the density of sampling `wo` [1/sr], missing included. `mean` is of
+    /// [`Mixture::mean`].
     #[inline(always)]
     pub(in crate::ply) fn eval_pdf<const FMA: bool>(&self, mean: &[f32; L], wo: [f32; 3]) -> Values<N> {
         let value = values::<FMA, L>(&self.shapes, self.weights.flip, wo);
@@ -83,7 +85,8 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         Some(mirrored(self.weights.flip, self.shapes.draw::<FMA>(i, u[1], u[2])))
     }
 
-    /// Takes a slit's share of each lobe, as of round ones: `share` times the cosine between its middle and the forward direction.
+    /// Takes a slit's share of each lobe, as of round ones: `share` times the cosine between its middle and
+    /// the forward direction.
     #[inline(always)]
     fn take<const FMA: bool>(&mut self, mean: &[f32; L], share: f32) -> ([f32; N], f32) {
         let at = incidence::<FMA>(self.theta_i);

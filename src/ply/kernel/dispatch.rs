@@ -1,6 +1,7 @@
 //! The kernels compiled for several instruction sets; the processor chooses at the first call.
 //!
-//! Each of these functions is one inlined copy of the arithmetic. Models beyond the fast tables take one portable copy.
+//! Each of these functions is one inlined copy of the arithmetic. Models beyond the fast tables take one
+//! portable copy.
 
 use super::batch;
 use super::compiled::{compiled, same, same_mut, same_queries, same_ref, same_rows_mut};
@@ -18,8 +19,9 @@ type Large = Tables<MAX_LOBES, MAX_LOBES, MAX_PATHS>;
 const LANES: usize = 16;
 const LANES_LARGE: usize = 2 * MAX_LOBES;
 
-/// Declares a kernel: `$name` is `$any`, which chooses between `$fast`, compiled for several instruction sets, `$large`, and the two of cones. In each the body
-/// is of the tables and of the constants FMA and L (lanes).
+/// Declares a kernel: `$name` is `$any`, which chooses between `$fast`, compiled for several instruction
+/// sets, `$large`, and the two of cones. In each the body is of the tables and of the constants FMA and L
+/// (lanes).
 macro_rules! kernel {
     ($name:ident = $any:ident, [$fast:ident, $large:ident, $cone:ident, $large_cone:ident],
      ($($arg:ident: $type:ty $(as $how:ident)?),*) -> $out:ty, |$t:ident, $fma:ident, $l:ident| $body:expr, $cone_body:expr) => {

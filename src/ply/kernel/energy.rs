@@ -1,4 +1,5 @@
-//! Energies at an incidence: interpolated over the nodes, absorbed along the paths, and what scales lobes to them.
+//! Energies at an incidence: interpolated over the nodes, absorbed along the paths, and what scales lobes to
+//! them.
 
 use super::grid_cell::{GridCell, locate};
 use super::layout::{Shares, Tables};
@@ -134,7 +135,8 @@ pub(in crate::ply) fn interpolate_node<const FMA: bool, const H: usize, const R:
             }
         }
     }
-    // Weights and coefficients are not negative but beyond the ends, where rounding may leave a little below 0.
+    // Weights and coefficients are not negative but beyond the ends, where rounding may leave a little below
+    // 0.
     let r_d = min(max(r_d, 0.0), 1.0);
     let hit = 1.0 - r_d;
     for e in &mut high {
@@ -188,7 +190,8 @@ pub(in crate::ply) fn absorbed<const FMA: bool, const H: usize, const J: usize, 
     spectrum: &[[f32; J]; H],
     t: &[[f32; N]; J],
 ) -> [f32; N] {
-    // Of as many turns as there are pairs of lobes, which the compiler does not know: it then keeps the path lengths in vectors.
+    // Of as many turns as there are pairs of lobes, which the compiler does not know: it then keeps the path
+    // lengths in vectors.
     let (mut even, mut odd) = ([0.0; J], [0.0; J]);
     for (value, spectrum) in value.as_chunks::<2>().0.iter().zip(spectrum.as_chunks::<2>().0).take(pairs) {
         for j in 0..J {
@@ -212,7 +215,8 @@ pub(in crate::ply) fn scales<const N: usize>(energies: &Energies<N>, refl: f32, 
     (energies.refl / refl, scale)
 }
 
-/// f_refl + f_high. (The standard `map` is not always inlined into code for other instruction sets than the default one.)
+/// f_refl + f_high. (The standard `map` is not always inlined into code for other instruction sets than the
+/// default one.)
 #[inline(always)]
 pub(in crate::ply) fn sum<const N: usize>(refl: f32, mut high: [f32; N]) -> [f32; N] {
     for f in &mut high {

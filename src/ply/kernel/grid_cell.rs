@@ -1,4 +1,5 @@
-//! Where an incidence lies in the tables: the cell of the nodes, the block, and the weights of what is around.
+//! Where an incidence lies in the tables: the cell of the nodes, the block, and the weights of what is
+//! around.
 
 use super::layout::{Grid, SplineGrid};
 use crate::math::simd::{fma, max, min};
@@ -23,7 +24,8 @@ pub(in crate::ply) struct GridCell {
     pub(in crate::ply) block: [f32; 4],
 }
 
-/// Three by three coefficients of a spline: where the tables hold the first, and the weights along theta_i and h.
+/// Three by three coefficients of a spline: where the tables hold the first, and the weights along theta_i
+/// and h.
 #[derive(Clone, Copy)]
 pub(in crate::ply) struct Taps {
     pub(in crate::ply) at: u32,

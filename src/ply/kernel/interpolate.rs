@@ -20,7 +20,8 @@ pub(in crate::ply) fn interpolate_refl<const FMA: bool, const H: usize, const R:
     Some(sum)
 }
 
-/// High-order lobes and their spectra, bilinear over the corners of the block, which spans two cells each way.
+/// High-order lobes and their spectra, bilinear over the corners of the block, which spans two cells each
+/// way.
 #[inline(always)]
 pub(in crate::ply) fn interpolate_high<const FMA: bool, const H: usize, const R: usize, const J: usize>(
     tables: &Tables<H, R, J>,

@@ -1,6 +1,7 @@
-//! The tensors of a model laid out for the kernels: f32, records on cache lines, lobes side by side, one ghost node around the
-//! reflection grid, angles in half turns and bandwidths as the binary logarithm of sqrt(mu log2 e), so that the kernels need no
-//! range reduction and no square root: `exp(-mu u^2) = 2^-(s u)^2` with s = 2 to the stored number.
+//! The tensors of a model laid out for the kernels: f32, records on cache lines, lobes side by side, one
+//! ghost node around the reflection grid, angles in half turns and bandwidths as the binary logarithm of
+//! sqrt(mu log2 e), so that the kernels need no range reduction and no square root:
+//! `exp(-mu u^2) = 2^-(s u)^2` with s = 2 to the stored number.
 
 use crate::ply::asg::PARAMS;
 use crate::ply::cone::LobeKind;
@@ -8,8 +9,8 @@ use crate::ply::data::energies::coefficient;
 use crate::ply::data::{MAX_LOBES, MAX_PATHS, MIN_ENERGY, PlyData, extended};
 use std::f64::consts::{LOG2_E, PI};
 
-/// Lanes of high-order lobes that the fast kernels are compiled for: those of most models, and those of fibers with flat faces. With the reflection lobes
-/// both fit 16 lanes.
+/// Lanes of high-order lobes that the fast kernels are compiled for: those of most models, and those of
+/// fibers with flat faces. With the reflection lobes both fit 16 lanes.
 pub(in crate::ply) const FEW: usize = 8;
 pub(in crate::ply) const MORE: usize = 12;
 
@@ -42,7 +43,8 @@ pub(in crate::ply) struct High<const H: usize, const J: usize> {
     pub(in crate::ply) spectrum: [[f32; J]; H],
 }
 
-/// Arrays for kernels of H high-order and R reflection lanes and J path lengths; those beyond the model's own hold zeros.
+/// Arrays for kernels of H high-order and R reflection lanes and J path lengths; those beyond the model's own
+/// hold zeros.
 #[derive(Clone, Debug)]
 pub(in crate::ply) struct Tables<const H: usize, const R: usize, const J: usize> {
     pub(in crate::ply) grid: Grid,
@@ -52,8 +54,8 @@ pub(in crate::ply) struct Tables<const H: usize, const R: usize, const J: usize>
     pub(in crate::ply) miss: Vec<f32>,
     /// `[P+2][Q+2]`: coefficients of the shares, with one beyond each end.
     pub(in crate::ply) shares: Vec<Shares<J>>,
-    /// `[M-1][H+2]`: the nodes -1..=2 of a cell along theta_i, so that all a cell needs follows each other; continued linearly by
-    /// one node on each side.
+    /// `[M-1][H+2]`: the nodes -1..=2 of a cell along theta_i, so that all a cell needs follows each other;
+    /// continued linearly by one node on each side.
     pub(in crate::ply) refl: Vec<Refl<R>>,
     /// `[(M-1)/2][(H-1)/2]` of the four corners.
     pub(in crate::ply) high: Vec<[High<H, J>; 4]>,

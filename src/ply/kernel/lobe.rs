@@ -1,10 +1,12 @@
-//! The arithmetic of one lobe: axes, amplitude, value in a direction, a direction drawn from it. Loops over lanes call these.
+//! The arithmetic of one lobe: axes, amplitude, value in a direction, a direction drawn from it. Loops over
+//! lanes call these.
 
 use crate::math::simd::{exp2, exp2_within, fma, ln, max, min, signed, sin_cos_half_turns};
 use std::f32::consts::{LN_2, LOG2_E, PI};
 
-// Coefficients of the mean over s of 1 - exp(-1/b(s)) (see asg.rs) in x = (a + b)/2 and y = a b, a = (2 - mu1)/(2 + mu1) and b
-// likewise of mu2: row j multiplies y^j. A minimax fit for bandwidths from MU_MIN to MU_MAX, relative error 9e-5 in f32 (tested);
+// Coefficients of the mean over s of 1 - exp(-1/b(s)) (see asg.rs) in x = (a + b)/2 and y = a b, a = (2 -
+// mu1)/(2 + mu1) and b likewise of mu2: row j multiplies y^j. A minimax fit for bandwidths from MU_MIN to
+// MU_MAX, relative error 9e-5 in f32 (tested);
 // the 12-node quadrature, good to 1e-4 itself, costs ten times as much.
 const MEAN_0: [f32; 11] = [
     0.86472696,
@@ -26,7 +28,8 @@ const MEAN_3: [f32; 5] = [0.103313036, -1.2792708, 0.07296818, 23.176245, 33.990
 const MEAN_4: [f32; 3] = [0.04638332, -1.8602276, -4.9093513];
 const MEAN_5: [f32; 1] = [0.121228844];
 
-/// Polynomial of even degree in x, constant term first, its even and odd powers apart: half the chain of Horner's rule.
+/// Polynomial of even degree in x, constant term first, its even and odd powers apart: half the chain of
+/// Horner's rule.
 #[inline(always)]
 fn polynomial<const FMA: bool, const M: usize>(c: [f32; M], x: f32, x2: f32) -> f32 {
     let (mut even, mut odd) = (c[M - 1], c[M - 2]);
@@ -53,7 +56,8 @@ fn unit_mean<const FMA: bool>(t1: f32, t2: f32) -> f32 {
     fma::<FMA>(fma::<FMA>(p45, y2, p23), y2, p01)
 }
 
-/// Axes of a lobe: sines and cosines of theta_z, phi_z, phi_xy. The sign of the last pair does not matter to an even lobe.
+/// Axes of a lobe: sines and cosines of theta_z, phi_z, phi_xy. The sign of the last pair does not matter to
+/// an even lobe.
 #[derive(Clone, Copy)]
 pub(in crate::ply) struct Axes {
     pub(in crate::ply) theta: (f32, f32),
@@ -130,8 +134,8 @@ pub(in crate::ply) fn shape<const FMA: bool>(q: f32, cz: f32) -> f32 {
     if cz > 0.0 && cz < 2.0 && q < 100.0 { value } else { 0.0 }
 }
 
-/// `1 - 2^-a`, the share of a lobe's plane that lies within the unit disc. Bandwidths keep it above 0.05; it would be 0 for what is no direction, whose squares
-/// overflow.
+/// `1 - 2^-a`, the share of a lobe's plane that lies within the unit disc. Bandwidths keep it above 0.05; it
+/// would be 0 for what is no direction, whose squares overflow.
 #[inline(always)]
 pub(in crate::ply) fn disc_share<const FMA: bool>(a: f32) -> f32 {
     max(1.0 - exp2::<FMA>(-a), 1e-6)

@@ -1,11 +1,13 @@
-//! What f_refl and f_high answer at one incidence: of lobes interpolated at every call (uncached), or once for many (cached).
+//! What f_refl and f_high answer at one incidence: of lobes interpolated at every call (uncached), or once
+//! for many (cached).
 
 use super::dispatch::{self, Prepared};
 use super::energy::{Core, DrawnBy, Energies};
 use super::layout::Layout;
 use crate::ply::model::PlyModel;
 
-/// The lobes in one direction, those of the instance, and the density of drawing it from them [1/sr]; light of slits is in f_high.
+/// The lobes in one direction, those of the instance, and the density of drawing it from them [1/sr]; light
+/// of slits is in f_high.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LobeLight<const N: usize> {
     pub(crate) refl: [f32; N],
@@ -60,7 +62,8 @@ impl<const N: usize> Lobes<N> for Uncached<'_, N> {
     }
 }
 
-/// Lobes that [`Cached::prepare`] interpolates once; those of models with more lobes than the fast kernels hold stay [`Uncached`].
+/// Lobes that [`Cached::prepare`] interpolates once; those of models with more lobes than the fast kernels
+/// hold stay [`Uncached`].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cached<'a, const N: usize> {
     uncached: Uncached<'a, N>,

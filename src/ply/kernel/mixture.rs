@@ -1,9 +1,11 @@
-//! The arithmetic of the runtime: the lobes of a model at one incidence side by side in the lanes of vectors, and their sums.
+//! The arithmetic of the runtime: the lobes of a model at one incidence side by side in the lanes of vectors,
+//! and their sums.
 //!
-//! Every loop over lanes is contiguous, of constant length, and long enough a body that the compiler makes it vector code before
-//! it would unroll it. With T the transmittances of the J path lengths, e_l and p_l the energy and spectrum of lobe l and G_l its
-//! value, `f_high = scale * sum_j T_j sum_l e_l G_l p_lj`, so the sum over lobes is done once for all absorptions. Bandwidths
-//! are t = mu log2 e here, as `s = sqrt(t)`: `exp(-mu1 u^2 - mu2 w^2) = 2^-((s1 u)^2 + (s2 w)^2)`.
+//! Every loop over lanes is contiguous, of constant length, and long enough a body that the compiler makes it
+//! vector code before it would unroll it. With T the transmittances of the J path lengths, e_l and p_l the
+//! energy and spectrum of lobe l and G_l its value, `f_high = scale * sum_j T_j sum_l e_l G_l p_lj`, so the
+//! sum over lobes is done once for all absorptions. Bandwidths are t = mu log2 e here, as `s = sqrt(t)`:
+//! `exp(-mu1 u^2 - mu2 w^2) = 2^-((s1 u)^2 + (s2 w)^2)`.
 
 use super::energy::interpolate_node;
 use super::energy::{Core, DrawnBy, Energies, absorb, absorbed, halves, scales, transmittances};
@@ -41,7 +43,8 @@ impl<const L: usize> Shapes<L> {
     }
 }
 
-/// The weights of the lobes at one incidence: H high-order and R reflection lanes, then empty ones up to L; J path lengths, N absorptions.
+/// The weights of the lobes at one incidence: H high-order and R reflection lanes, then empty ones up to L; J
+/// path lengths, N absorptions.
 pub(in crate::ply) struct Mixture<const H: usize, const R: usize, const L: usize, const J: usize, const N: usize> {
     /// Energy before the scale to the simulated energy.
     pub(in crate::ply) energy: [f32; L],
@@ -201,7 +204,8 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         DrawnBy::Mean.total(&self.energies)
     }
 
-    /// f_refl and f_high per sigma and the density of sampling `wo` [1/sr], missing included. `mean` is of [`Mixture::mean`].
+    /// f_refl and f_high per sigma and the density of sampling `wo` [1/sr], missing included. `mean` is of
+    /// [`Mixture::mean`].
     #[inline(always)]
     pub(in crate::ply) fn eval_pdf<const FMA: bool>(&self, x: &Shapes<L>, mean: &[f32; L], wo: [f32; 3]) -> Values<N> {
         let v = mirrored(self.flip, wo);
@@ -211,7 +215,8 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
             let (su, sw) = (x.s1[i] * u, x.s2[i] * w);
             let q = fma::<FMA>(su, su, sw * sw);
             let shape = shape::<FMA>(q, cz);
-            // a(t) of the direction t of (u, w); at the axis, where t is undefined, any mean of mu1 and mu2 serves.
+            // a(t) of the direction t of (u, w); at the axis, where t is undefined, any mean of mu1 and mu2
+            // serves.
             let a = (q + 1e-30) / (fma::<FMA>(u, u, w * w) + 1e-30);
             value[i] = shape * x.amplitude[i];
             density[i] = shape * (mean[i] * x.norm[i]) / disc_share::<FMA>(a);
@@ -221,7 +226,8 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         (refl, high, if total > 0.0 { halves(density) / total } else { 0.0 })
     }
 
-    /// By high-order lobe and absorption: what the energy of a lobe is multiplied by, scaled to the simulated energy.
+    /// By high-order lobe and absorption: what the energy of a lobe is multiplied by, scaled to the simulated
+    /// energy.
     #[inline(always)]
     pub(in crate::ply) fn left<const FMA: bool>(&self) -> [[f32; N]; H] {
         let mut left = [[0.0; N]; H];
@@ -234,7 +240,8 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         left
     }
 
-    /// By lane: what the energy of a lobe is multiplied by for its mean over the absorptions, scaled to the simulated energy.
+    /// By lane: what the energy of a lobe is multiplied by for its mean over the absorptions, scaled to the
+    /// simulated energy.
     #[inline(always)]
     pub(in crate::ply) fn mean<const FMA: bool>(&self) -> [f32; L] {
         let share = 1.0 / N.max(1) as f32;
@@ -260,8 +267,8 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         mean
     }
 
-    /// The lane where the running sum of the mean energies passes `left`; `None` where there is no energy. The lanes before it
-    /// are counted without a branch, which no processor could predict.
+    /// The lane where the running sum of the mean energies passes `left`; `None` where there is no energy.
+    /// The lanes before it are counted without a branch, which no processor could predict.
     #[inline(always)]
     pub(in crate::ply) fn choose<const FMA: bool>(&self, mean: &[f32; L], left: f32) -> Option<usize> {
         let (mut sums, mut sum) = ([f32::INFINITY; L], 0.0);
@@ -285,9 +292,9 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         Core { refl, high, pdf, r_d, missed: if total > 0.0 { r_d / total } else { 0.0 } }
     }
 
-    /// A direction, f_refl, f_high and pdf there; `None` for the light that missed. Of a mixture that is not scaled, whose lobes have no shapes
-    /// yet: the lobe is chosen and the place on its disc drawn first, one long chain of scalar operations, and the processor fills its gaps with
-    /// the shapes.
+    /// A direction, f_refl, f_high and pdf there; `None` for the light that missed. Of a mixture that is not
+    /// scaled, whose lobes have no shapes yet: the lobe is chosen and the place on its disc drawn first, one
+    /// long chain of scalar operations, and the processor fills its gaps with the shapes.
     #[inline(always)]
     pub(in crate::ply) fn sample<const FMA: bool>(
         &mut self,

@@ -1,4 +1,5 @@
-//! The lobes at one incidence, kept for many directions: what does not depend on the direction is multiplied out, sums over path lengths above all.
+//! The lobes at one incidence, kept for many directions: what does not depend on the direction is multiplied
+//! out, sums over path lengths above all.
 
 use super::energy::{Core, DrawnBy, Energies, halves};
 use super::grid_cell::mirrored;

@@ -1,4 +1,5 @@
-//! `plywave check` at the corners of what specs take: least and greatest index, width, order, strength, without absorption and with lengths times it of 0.3 to 20 and beyond.
+//! `plywave check` at the corners of what specs take: least and greatest index, width, order, strength,
+//! without absorption and with lengths times it of 0.3 to 20 and beyond.
 
 use super::*;
 use plywave::check::{FiberReport, check_fiber, clear_albedo};
@@ -83,7 +84,8 @@ fn opaque_and_parametric_corners_pass() {
     );
 }
 
-/// At grazing light of every index the integral of eval is the albedo that the offsets give: rows of the far field's table are close enough there.
+/// At grazing light of every index the integral of eval is the albedo that the offsets give: rows of the far
+/// field's table are close enough there.
 #[test]
 fn far_fields_hold_at_grazing_light() {
     for (eta, radius_um) in [(1.01, 40.0), (1.05, 10.0), (1.19, 40.0), (1.55, 40.0), (4.0, 40.0)] {

@@ -1,4 +1,5 @@
-//! Frames and measures of the enclosing cylinder, and reflectances of its cross section (Zinke 2007, Eq. 1-16, 24).
+//! Frames and measures of the enclosing cylinder, and reflectances of its cross section (Zinke 2007, Eq.
+//! 1-16, 24).
 
 use super::*;
 use plywave::fiber::cylinder::{FiberDirection, bcsdf_of_energy, energy_of_bcsdf, relative_azimuth};
@@ -33,7 +34,8 @@ fn frames_are_those_of_the_vectors() {
         let cos_alpha = at.theta.sin() / (1.0 - (1.0 - at.h_rel.powi(2)) * at.theta.cos().powi(2)).sqrt();
         let alpha = if at.h_rel <= 0.0 { cos_alpha.acos() } else { TAU - cos_alpha.acos() };
         assert!((s.alpha - alpha).abs() < 1e-6, "{at:?}: {} and {alpha}", s.alpha);
-        // The line at offset h passes the axis at h radii: the place is on it, and its distance from the axis is |h|.
+        // The line at offset h passes the axis at h radii: the place is on it, and its distance from the axis
+        // is |h|.
         let (x, y) = (s.xi.cos(), s.xi.sin());
         assert!((x * -at.phi.sin() + y * at.phi.cos() - at.h_rel).abs() < 1e-12, "{at:?}");
         let back = s.in_fiber();
@@ -50,7 +52,8 @@ fn azimuths_are_brought_to_half_a_turn_a_side() {
     }
 }
 
-/// Eq. 8, 11, 12: `d xi d alpha d beta sin beta cos beta = cos^2 theta dh dphi dtheta`, the Jacobian from differences.
+/// Eq. 8, 11, 12: `d xi d alpha d beta sin beta cos beta = cos^2 theta dh dphi dtheta`, the Jacobian from
+/// differences.
 #[test]
 fn measure_is_cos_squared() {
     let mut rng = Pcg64Mcg::seed_from_u64(2);
@@ -82,8 +85,10 @@ fn measure_is_cos_squared() {
     }
 }
 
-/// Table of the module `cylinder`: f of `Bsdf` is the BCSDF times cos theta_o. A fiber that scatters all light evenly over the sphere has f = 1/(4 pi), so that
-/// Eq. 36 in a white room must give the curve radiance that keeps it in balance: out, `integral L cos theta_o d omega`, is in, `integral D L_i cos theta_i d omega`.
+/// Table of the module `cylinder`: f of `Bsdf` is the BCSDF times cos theta_o. A fiber that scatters all
+/// light evenly over the sphere has f = 1/(4 pi), so that Eq. 36 in a white room must give the curve radiance
+/// that keeps it in balance: out, `integral L cos theta_o d omega`, is in,
+/// `integral D L_i cos theta_i d omega`.
 #[test]
 fn measures_keep_the_balance_of_a_white_room() {
     let n = 4000;
@@ -101,7 +106,8 @@ fn measures_keep_the_balance_of_a_white_room() {
     assert!((out / within - 1.0).abs() < 1e-5, "{out} of {within}");
 }
 
-/// Eq. 24: reflectances of the cross section's two indices are those in three dimensions, at the cosine cos theta cos gamma'; swapped indices are not (physics: 0.151, 0.052).
+/// Eq. 24: reflectances of the cross section's two indices are those in three dimensions, at the cosine cos
+/// theta cos gamma'; swapped indices are not (physics: 0.151, 0.052).
 #[test]
 fn cross_section_indices_give_the_reflectance_in_space() {
     let printed = |n: [f64; 2], gamma: f64, n_bend: f64| {

@@ -1,5 +1,6 @@
-//! Analytic models of single fibers (Zinke 2007). Chain of trust: frames are held to vectors and differences; reflectances to the
-//! formulas in three dimensions; paths of a smooth cylinder to a walk by vectors; the far field to its histogram and to the mean of the near field; every model passes the checks of `check_bsdf`.
+//! Analytic models of single fibers (Zinke 2007). Chain of trust: frames are held to vectors and differences;
+//! reflectances to the formulas in three dimensions; paths of a smooth cylinder to a walk by vectors; the far
+//! field to its histogram and to the mean of the near field; every model passes the checks of `check_bsdf`.
 
 mod corners;
 mod frames;

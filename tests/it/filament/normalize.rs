@@ -25,7 +25,8 @@ fn printed_lobes_miss_the_albedo_1() {
     }
 }
 
-/// Without absorption the albedo is 1 at every latitude and offset, by the integral of eval too, and absorption takes the share that it takes of the printed lobes; the checks of every model hold.
+/// Without absorption the albedo is 1 at every latitude and offset, by the integral of eval too, and
+/// absorption takes the share that it takes of the printed lobes; the checks of every model hold.
 #[test]
 fn normalized_fibers_scatter_all_light() {
     let wide = RoughDielectricParameters {
@@ -66,7 +67,8 @@ fn normalized_fibers_scatter_all_light() {
     }
 }
 
-/// What it costs. Swapped directions differ by the ratio of the printed albedos; the far field is off the mean of the near field.
+/// What it costs. Swapped directions differ by the ratio of the printed albedos; the far field is off the
+/// mean of the near field.
 #[test]
 fn costs_of_normalizing_are_those_stated() {
     let (printed, fiber) = (

@@ -4,7 +4,8 @@ use super::*;
 use plywave::fiber::opaque::{bcsdf_of_brdf, lambertian, lambertian_by_zinke};
 use plywave::fiber::{conductor, fresnel};
 
-/// Closed forms of physics: k_d pi/4 at phi = 0, integral 2 k_d over the azimuth, and Eq. 48 by quadrature; Eq. 51 is off as docs/explain/papers.md says.
+/// Closed forms of physics: k_d pi/4 at phi = 0, integral 2 k_d over the azimuth, and Eq. 48 by quadrature;
+/// Eq. 51 is off as docs/explain/papers.md says.
 #[test]
 fn lambertian_fiber_is_exact() {
     assert!((f64::from(lambertian(0.3, 0.0)) - 0.3 * PI / 4.0).abs() < 1e-6);
@@ -110,7 +111,8 @@ fn opaque_fibers_pass_the_checks() {
     }
 }
 
-/// The far field is the mean of the near field, which is the surface itself under the light: Eq. 48 against Eq. 44.
+/// The far field is the mean of the near field, which is the surface itself under the light: Eq. 48 against
+/// Eq. 44.
 #[test]
 fn opaque_far_field_is_the_mean_of_the_surface() {
     let plastic = OpaqueParameters {

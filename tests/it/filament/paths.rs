@@ -1,9 +1,11 @@
-//! Paths of a smooth cylinder: closed forms against a walk by vectors, the far field against its histogram (Zinke 2007, Eq. 17-35).
+//! Paths of a smooth cylinder: closed forms against a walk by vectors, the far field against its histogram
+//! (Zinke 2007, Eq. 17-35).
 
 use super::*;
 use plywave::fiber::cylinder::relative_azimuth;
 
-/// A ray through a smooth cylinder of radius 1, by vectors alone: what leaves after each inner part (direction, power without absorption, length inside so far).
+/// A ray through a smooth cylinder of radius 1, by vectors alone: what leaves after each inner part
+/// (direction, power without absorption, length inside so far).
 fn walk(theta: f64, h: f64, eta: f64, parts: usize) -> Vec<([f64; 3], f64, f64)> {
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     // Light from the azimuth 0: its line has y = h.
@@ -37,7 +39,8 @@ fn walk(theta: f64, h: f64, eta: f64, parts: usize) -> Vec<([f64; 3], f64, f64)>
     out
 }
 
-/// Eq. 17-28 at every offset against the walk: azimuth, power, length, position along the axis; and the sum of all orders.
+/// Eq. 17-28 at every offset against the walk: azimuth, power, length, position along the axis; and the sum
+/// of all orders.
 #[test]
 fn paths_are_those_of_the_walk() {
     for (eta, theta) in [(1.55, 0.0), (1.55, 0.5), (1.3, -1.1), (1.9, 1.4f64)] {
@@ -73,7 +76,8 @@ fn paths_are_those_of_the_walk() {
     }
 }
 
-/// Eq. 35 by order: the roots' density, integrated over bins, against a histogram of the walk at 400 000 offsets, power and all. Caustics lie in bins as everything else.
+/// Eq. 35 by order: the roots' density, integrated over bins, against a histogram of the walk at 400 000
+/// offsets, power and all. Caustics lie in bins as everything else.
 #[test]
 fn far_field_is_the_histogram_of_the_walk() {
     let (bins, offsets, fine) = (90, 400_000, 4000);
@@ -88,7 +92,8 @@ fn far_field_is_the_histogram_of_the_walk() {
             }
         }
         for order in 0..5 {
-            // Midpoints know a caustic, 1/sqrt of the distance, to 0.3/sqrt(4000) of its light; an order has two, each in one bin or two.
+            // Midpoints know a caustic, 1/sqrt of the distance, to 0.3/sqrt(4000) of its light; an order has
+            // two, each in one bin or two.
             let (mut apart, mut off, mut total) = (0, 0.0, 0.0);
             for (bin, want) in want.iter().enumerate() {
                 let mut got = 0.0;
@@ -110,7 +115,8 @@ fn far_field_is_the_histogram_of_the_walk() {
     }
 }
 
-/// Closed forms of physics: one root of TT, none within 2 asin(1/n') of the light's side; one or three of TRT; R is cos(phi/2)/4, whose integral is 1.
+/// Closed forms of physics: one root of TT, none within 2 asin(1/n') of the light's side; one or three of
+/// TRT; R is cos(phi/2)/4, whose integral is 1.
 #[test]
 fn roots_are_as_many_as_they_must_be() {
     let section = CrossSection::new(1.55, 1.0, 0.0);
@@ -138,7 +144,8 @@ fn roots_are_as_many_as_they_must_be() {
     assert!((edge.to_degrees() - 80.36).abs() < 0.01, "{edge}");
 }
 
-/// Eq. 39-40: light that varies over the width, L(h_i). The mean over the offsets of L times the near field is what a histogram of the walk with power L(h) a has; and Eq. 54:
+/// Eq. 39-40: light that varies over the width, L(h_i). The mean over the offsets of L times the near field
+/// is what a histogram of the walk with power L(h) a has; and Eq. 54:
 /// at one offset, over all places of exit, it is the position-dependent BSDF of a ribbon.
 #[test]
 fn light_that_varies_over_the_width_is_the_weighted_mean_of_the_near_field() {
@@ -148,7 +155,8 @@ fn light_that_varies_over_the_width_is_the_weighted_mean_of_the_near_field() {
     let p = DielectricParameters { radius_um: 1.0, beta_n, orders: 8, beta_m: [0.02; 3], ..Default::default() };
     let fiber = dielectric(p);
     let query = FiberQuery::new(direction(theta as f32, 0.0), [0.5]);
-    // Of the walk, spread by the width; of the azimuth's first moments, which the spread takes exp(-k^2 beta^2 / 2) of.
+    // Of the walk, spread by the width; of the azimuth's first moments, which the spread takes exp(-k^2
+    // beta^2 / 2) of.
     let mut want = [[0.0f64; 2]; 4];
     for k in 0..offsets {
         let h = (2.0 * f64::from(k) + 1.0) / f64::from(offsets) - 1.0;
@@ -191,8 +199,10 @@ fn light_that_varies_over_the_width_is_the_weighted_mean_of_the_near_field() {
     assert!(want[1][1].abs() > 0.02 * want[0][0], "{want:?}");
 }
 
-/// Eq. 54: at one offset, the BFSDF integrated over all places of exit (xi_o and s) is the position-dependent BSDF of a ribbon; paths of the walk are counted wherever they leave.
-/// Its mean over a ribbon, places even in h, and over a half cylinder, places even in xi with the foreshortening cos(xi - phi_i), is the far field's.
+/// Eq. 54: at one offset, the BFSDF integrated over all places of exit (xi_o and s) is the position-dependent
+/// BSDF of a ribbon; paths of the walk are counted wherever they leave.
+/// Its mean over a ribbon, places even in h, and over a half cylinder, places even in xi with the
+/// foreshortening cos(xi - phi_i), is the far field's.
 #[test]
 fn position_dependent_bsdf_is_the_bfsdf_over_all_exits() {
     let (beta_n, sigma) = (0.1, 0.15f32);

@@ -3,7 +3,8 @@
 use super::*;
 use plywave::fiber::cylinder::relative_azimuth;
 
-/// Eq. 53 written out in f64, with TRT's argument as Eq. 23 has it: the energy density, that is times cos theta_o.
+/// Eq. 53 written out in f64, with TRT's argument as Eq. 23 has it: the energy density, that is times cos
+/// theta_o.
 fn near_field_as_printed(
     p: &RoughDielectricParameters,
     [theta_i, theta_o]: [f64; 2],
@@ -69,7 +70,8 @@ fn rough_near_field_is_the_printed_one() {
     assert!(peak > 1.0, "the lobes were met: {peak}");
 }
 
-/// Furnace against the albedo's own integral, sampling, chi-square, at a near and the far field; rough, and Marschner's with caustics.
+/// Furnace against the albedo's own integral, sampling, chi-square, at a near and the far field; rough, and
+/// Marschner's with caustics.
 #[test]
 fn rough_fibers_pass_the_checks() {
     let blurred = RoughDielectricParameters { width_phi: [0.1, 0.15, 0.3], k_d: 0.01, ..Default::default() };
@@ -96,7 +98,8 @@ fn rough_fibers_pass_the_checks() {
     }
 }
 
-/// The far field is the mean of the near field (Eq. 35 of 52), at the least width too; `k_d = 1 / (2 pi^2)` alone is white.
+/// The far field is the mean of the near field (Eq. 35 of 52), at the least width too; `k_d = 1 / (2 pi^2)`
+/// alone is white.
 #[test]
 fn rough_far_field_is_the_mean_of_the_near_field() {
     let p = RoughDielectricParameters {
@@ -127,8 +130,9 @@ fn rough_far_field_is_the_mean_of_the_near_field() {
     assert!((white - 1.0).abs() < 1e-5, "{white}");
 }
 
-/// Eq. 43: R of Marschner's model is `a(theta_d, sin(phi/2)) cos(phi/2) g / (4 cos^2 theta_d)`, derived from Eq. 42 by Eq. 35; an opaque inside leaves it alone. And widths that
-/// shrink give the smooth cylinder: the mean of the rough far field over a tenth of a radian is Marschner's.
+/// Eq. 43: R of Marschner's model is `a(theta_d, sin(phi/2)) cos(phi/2) g / (4 cos^2 theta_d)`, derived from
+/// Eq. 42 by Eq. 35; an opaque inside leaves it alone. And widths that shrink give the smooth cylinder: the
+/// mean of the rough far field over a tenth of a radian is Marschner's.
 #[test]
 fn marschner_is_an_instance() {
     let p = RoughDielectricParameters::marschner(1.55, 40.0, [-0.1, 0.05, 0.15], [0.1, 0.1, 0.2]);
@@ -147,7 +151,8 @@ fn marschner_is_an_instance() {
         let want = 0.5 * (s * s + q * q) * (0.5 * phi).cos() * g / (4.0 * theta_d.cos().powi(2)) * theta_o.cos();
         assert!((got - want).abs() < 2e-4 * want + 1e-7, "{k}: got {got}, want {want}");
     }
-    // Away from caustics and edges by five widths the blur of 0.06 rad moves little: TT at its middle, where a(h) and |dh/dphi| change slowly.
+    // Away from caustics and edges by five widths the blur of 0.06 rad moves little: TT at its middle, where
+    // a(h) and |dh/dphi| change slowly.
     let narrow = rough(RoughDielectricParameters { width_phi: [0.06; 3], ..p });
     let clear = FiberQuery { sigma_per_um: [0.0], ..query };
     for phi in [PI, PI - 0.3, PI + 0.3] {
@@ -157,8 +162,8 @@ fn marschner_is_an_instance() {
     }
 }
 
-/// Elliptical sections (Zinke 2007, 8.2): an ellipse of e near 1 is nearly the circle; TRT sees n_1 where light comes and goes along x, n_2 along y; its width is the projected
-/// one; the checks hold, near and far.
+/// Elliptical sections (Zinke 2007, 8.2): an ellipse of e near 1 is nearly the circle; TRT sees n_1 where
+/// light comes and goes along x, n_2 along y; its width is the projected one; the checks hold, near and far.
 #[test]
 fn ellipses_change_trt_alone() {
     let circle = rough(RoughDielectricParameters::default());
@@ -198,8 +203,9 @@ fn ellipses_change_trt_alone() {
     }
 }
 
-/// Where the models are reciprocal: `f / cos theta_o` is the same with light and view swapped for the far fields of Eq. 52 and of Marschner's model, whose attenuations are taken at theta_d, and for the
-/// Lambertian fiber; of the near field at the offset with the other sign, where the light that comes back enters.
+/// Where the models are reciprocal: `f / cos theta_o` is the same with light and view swapped for the far
+/// fields of Eq. 52 and of Marschner's model, whose attenuations are taken at theta_d, and for the Lambertian
+/// fiber; of the near field at the offset with the other sign, where the light that comes back enters.
 #[test]
 fn swapped_directions_agree_where_the_models_are_reciprocal() {
     let hair = RoughDielectricParameters { k_d: 0.01, ..Default::default() };
@@ -235,8 +241,10 @@ fn swapped_directions_agree_where_the_models_are_reciprocal() {
     }
 }
 
-/// The widths along the fiber and of the offset (w_s, w_h of Eq. 52). w_s is gone once the place of exit along the axis is integrated over. w_h blurs the offset of exit about that of entry: the near
-/// field is then the mean of Eq. 53 by `g(1, h_o + h_i, w_h)`, as of light that varies over the width (Eq. 39-40), and the far field, its mean over h_o, loses what the blur carries past the rims alone:
+/// The widths along the fiber and of the offset (w_s, w_h of Eq. 52). w_s is gone once the place of exit
+/// along the axis is integrated over. w_h blurs the offset of exit about that of entry: the near field is
+/// then the mean of Eq. 53 by `g(1, h_o + h_i, w_h)`, as of light that varies over the width (Eq. 39-40), and
+/// the far field, its mean over h_o, loses what the blur carries past the rims alone:
 /// `w_h / sqrt(2 pi)` of the light where all offsets are alike.
 #[test]
 fn blur_of_the_offset_costs_the_far_field_the_rims() {

@@ -27,7 +27,8 @@ fn far_field_of_a_smooth_fiber_passes_the_checks() {
     }
 }
 
-/// The mean of the near field over the offsets is the far field (Eq. 35 and 38), by its first Fourier coefficients over the azimuth.
+/// The mean of the near field over the offsets is the far field (Eq. 35 and 38), by its first Fourier
+/// coefficients over the azimuth.
 #[test]
 fn mean_of_the_near_field_is_the_far_field() {
     let fiber = dielectric(DielectricParameters { beta_n: 0.01, beta_m: [0.3; 3], ..Default::default() });
@@ -62,8 +63,8 @@ fn mean_of_the_near_field_is_the_far_field() {
     }
 }
 
-/// Eq. 36 in a white room: L_o / D is 1 for a clear fiber of narrow lobes. With wide ones it is the mean of `cos theta_i / cos theta_o` over the lobe, as f = M N keeps the
-/// energy of each light and not of each view.
+/// Eq. 36 in a white room: L_o / D is 1 for a clear fiber of narrow lobes. With wide ones it is the mean of
+/// `cos theta_i / cos theta_o` over the lobe, as f = M N keeps the energy of each light and not of each view.
 #[test]
 fn white_room_gives_white() {
     let fiber = dielectric(DielectricParameters { beta_m: [0.02; 3], ..Default::default() });

@@ -124,7 +124,8 @@ pub fn model(seed: u64, s: Sizes) -> PlyData {
     }
 }
 
-/// A model of cones: the planted lobes with small shifts and leans, their rings about `sharp` e-folds of bandwidth narrower.
+/// A model of cones: the planted lobes with small shifts and leans, their rings about `sharp` e-folds of
+/// bandwidth narrower.
 pub fn cone_model(seed: u64, s: Sizes, sharp: f64) -> PlyData {
     let mut data = model(seed, s);
     data.family = LobeKind::Cone;

@@ -101,7 +101,8 @@ pub fn folder() -> tempfile::TempDir {
     folder
 }
 
-/// Writes `cloth.toml`, an open weave of silk, and its model into a folder: it takes a third of the time to load that a dense cloth does, as less light goes from yarn to yarn.
+/// Writes `cloth.toml`, an open weave of silk, and its model into a folder: it takes a third of the time to
+/// load that a dense cloth does, as less light goes from yarn to yarn.
 pub fn open_cloth(folder: &Path) {
     let model = concat!(env!("CARGO_MANIFEST_DIR"), "/../fabrics/models/silk.pwm");
     std::fs::copy(model, folder.join("silk.pwm")).expect("the model ships");

@@ -107,7 +107,8 @@ impl Run {
         self.stop = if stationary && rise <= ROUNDING {
             Some(LbfgsbStop::Gradient)
         } else if rise > 0.0 || (completed && rise == 0.0 && !moved) {
-            // A search that can narrow its interval no further gives its last point, which may lie above the first one.
+            // A search that can narrow its interval no further gives its last point, which may lie above the
+            // first one.
             let restored = progress.replace(x_old, cost_old, gradient_old);
             restored.map_err(|error| LbfgsbError::Objective(argmin::core::Error::msg(error.to_string())))?;
             Some(if rise <= ROUNDING && moved {
@@ -215,8 +216,8 @@ impl<O: CostGradient + ?Sized> basin::Gradient for Boxed<'_, O> {
 
 /// Moré-Thuente search that starts over nearer to its origin when it reaches a point that is not finite.
 ///
-/// The search interpolates, so one infinity would poison its bracket. Half the step that failed becomes the new bound, a quarter
-/// of it the new first trial.
+/// The search interpolates, so one infinity would poison its bracket. Half the step that failed becomes the
+/// new bound, a quarter of it the new first trial.
 #[derive(Serialize, Deserialize)]
 struct SteppingBack(MoreThuente<f64>);
 

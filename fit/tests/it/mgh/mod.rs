@@ -1,4 +1,5 @@
-//! Problems of More, Garbow, Hillstrom (ACM TOMS 7, 1981) as sums of squared residuals, with gradients by forward dual numbers.
+//! Problems of More, Garbow, Hillstrom (ACM TOMS 7, 1981) as sums of squared residuals, with gradients by
+//! forward dual numbers.
 //!
 //! The same residuals stand in `tests/data/scipy_lbfgsb.py`; the tests compare the two at every start.
 

@@ -1,4 +1,5 @@
-//! Tables made from known lobes that drift smoothly over (theta_i, h), with Poisson noise of a known number of paths.
+//! Tables made from known lobes that drift smoothly over (theta_i, h), with Poisson noise of a known number
+//! of paths.
 #![allow(dead_code)]
 
 use plywave::ply::asg::Lobe;

@@ -1,4 +1,5 @@
-//! Orders 0 and 1 by their power series about 0 and their asymptotic series, and between them the Hankel functions of the crate `complex-bessel`.
+//! Orders 0 and 1 by their power series about 0 and their asymptotic series, and between them the Hankel
+//! functions of the crate `complex-bessel`.
 
 use super::C64;
 use std::f64::consts::{FRAC_2_PI, FRAC_PI_4};
@@ -45,7 +46,8 @@ pub(super) fn hankel01_scaled(z: C64) -> [C64; 2] {
     [0.0, 1.0].map(|nu| complex_bessel::hankel1_scaled(nu, z).unwrap_or(C64::new(f64::NAN, f64::NAN)))
 }
 
-/// Coefficients of 1/|z|^m in the smooth parts of H_0, H_1, H_0^(2), H_1^(2) along the ray through `unit`, DLMF 10.17.5-6.
+/// Coefficients of 1/|z|^m in the smooth parts of H_0, H_1, H_0^(2), H_1^(2) along the ray through `unit`,
+/// DLMF 10.17.5-6.
 pub(super) fn asymptotic(unit: C64) -> [[C64; 4]; ASYMPTOTIC] {
     let mut out = [[C64::new(0.0, 0.0); 4]; ASYMPTOTIC];
     for n in 0..2 {

@@ -2,11 +2,14 @@
 //!
 //! Three needs, three tools:
 //! - [`cylinder01`], [`hankel01`], [`bessel01`]: orders 0 and 1 at any one argument;
-//! - [`Ray`], [`real01`]: the same many times over along one ray `z = k r` of the complex plane, ten times faster;
-//! - [`Sequence`]: all orders 0..=n with exponents of their own, so that neither large orders nor lossy media overflow.
+//! - [`Ray`], [`real01`]: the same many times over along one ray `z = k r` of the complex plane, ten times
+//!   faster;
+//! - [`Sequence`]: all orders 0..=n with exponents of their own, so that neither large orders nor lossy media
+//!   overflow.
 //!
-//! Power series below |z| = 1, asymptotic series above 50; between them H comes from the crate `complex-bessel` (Amos' algorithm 644) and J from its
-//! recurrence. Formulas by their number in DLMF (dlmf.nist.gov).
+//! Power series below |z| = 1, asymptotic series above 50; between them H comes from the crate
+//! `complex-bessel` (Amos' algorithm 644) and J from its recurrence. Formulas by their number in DLMF
+//! (dlmf.nist.gov).
 
 mod expansions;
 mod ray;

@@ -8,21 +8,24 @@ use super::single::bessel01;
 use std::f64::consts::PI;
 use std::sync::LazyLock;
 
-/// Degree of a piece of a [`Ray`]. A piece spans a quarter of an octave of r; the singularity at r = 0 leaves 1e-16 from degree 11 on.
+/// Degree of a piece of a [`Ray`]. A piece spans a quarter of an octave of r; the singularity at r = 0 leaves
+/// 1e-16 from degree 11 on.
 const DEGREE: usize = 11;
 /// Pieces cover 2^0..2^6 of |z|: the power series serves below, the asymptotic series above.
 const OCTAVES: usize = 6;
-/// One piece: polynomials of `s = (|z| - middle) / half` for `sqrt(z) exp(-iz) H_n` and `sqrt(z) exp(iz) H_n^(2)`, n = 0, 1.
+/// One piece: polynomials of `s = (|z| - middle) / half` for `sqrt(z) exp(-iz) H_n` and
+/// `sqrt(z) exp(iz) H_n^(2)`, n = 0, 1.
 struct Piece {
     middle: f64,
     inverse_half: f64,
     coeffs: [[C64; 4]; DEGREE + 1],
 }
 
-/// Hankel and Bessel functions of orders 0 and 1 along the ray `z = k r`, r > 0, of one complex k with Im k >= 0.
+/// Hankel and Bessel functions of orders 0 and 1 along the ray `z = k r`, r > 0, of one complex k with Im k
+/// >= 0.
 ///
-/// With the exponential and the root taken out, the functions are smooth in r on every scale, so piecewise polynomials in |z| with four pieces an
-/// octave hold them to rounding. Building one takes about 1 ms.
+/// With the exponential and the root taken out, the functions are smooth in r on every scale, so piecewise
+/// polynomials in |z| with four pieces an octave hold them to rounding. Building one takes about 1 ms.
 pub struct Ray {
     k: C64,
     size: f64,

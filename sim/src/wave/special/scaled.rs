@@ -1,4 +1,5 @@
-//! Complex numbers with a binary exponent of their own: neither large orders nor lossy media make them overflow.
+//! Complex numbers with a binary exponent of their own: neither large orders nor lossy media make them
+//! overflow.
 
 use super::C64;
 use std::f64::consts::LN_2;

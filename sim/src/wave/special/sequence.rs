@@ -16,7 +16,8 @@ const RESCALE: i32 = 200;
 impl Sequence {
     /// `J_0..=J_n` by downward recurrence.
     ///
-    /// J decays beyond the order |z| and is the smaller solution there, so the recurrence is stable downwards (DLMF 10.74(iv)).
+    /// J decays beyond the order |z| and is the smaller solution there, so the recurrence is stable downwards
+    /// (DLMF 10.74(iv)).
     pub fn bessel(z: C64, n: usize) -> Self {
         let mut values = vec![Scaled::ZERO; n.max(1) + 1];
         downward(z, &mut values);
@@ -83,7 +84,8 @@ impl Sequence {
 
 /// `2 m / z` for the recurrence `F_{m-1} + F_{m+1} = (2 m / z) F_m`.
 ///
-/// The rounding of 2/z is the same in each step and would add up to a phase of |z| roundings; with its remainder, the steps' roundings are independent.
+/// The rounding of 2/z is the same in each step and would add up to a phase of |z| roundings; with its
+/// remainder, the steps' roundings are independent.
 struct Step {
     high: C64,
     low: C64,
@@ -110,16 +112,19 @@ impl Step {
     }
 }
 
-/// `J_0, J_1, ..` into `values` by downward recurrence. A sum over all orders ties it to J, or the larger of J_0 and J_1 from their asymptotic series.
+/// `J_0, J_1, ..` into `values` by downward recurrence. A sum over all orders ties it to J, or the larger of
+/// J_0 and J_1 from their asymptotic series.
 ///
-/// (The crate's J is off by up to 6e-15 of its envelope near the real axis, and by a rounding of z at large |z|.)
+/// (The crate's J is off by up to 6e-15 of its envelope near the real axis, and by a rounding of z at large
+/// |z|.)
 pub(super) fn downward(z: C64, values: &mut [Scaled]) {
     let start = start_order(z, values.len() - 1);
     let step = Step::new(z);
     let zero = C64::new(0.0, 0.0);
     let (mut above, mut this) = (zero, C64::new(1.0, 0.0));
     let mut exponent = 0;
-    // sum of (-+ i)^m J_m over m != 0, which is (exp(-+ i z) - J_0) / 2: the sign for which nothing cancels (DLMF 10.12.1).
+    // sum of (-+ i)^m J_m over m != 0, which is (exp(-+ i z) - J_0) / 2: the sign for which nothing cancels
+    // (DLMF 10.12.1).
     let turn = if z.im >= 0.0 { I } else { -I };
     let mut sum = zero;
     for m in (0..=start).rev() {
@@ -161,7 +166,8 @@ pub(super) fn downward(z: C64, values: &mut [Scaled]) {
     }
 }
 
-/// Order at which a downward recurrence may start from (0, 1) so that J_n and all below it are exact: where the growing solution has gained 2^60 (Olver).
+/// Order at which a downward recurrence may start from (0, 1) so that J_n and all below it are exact: where
+/// the growing solution has gained 2^60 (Olver).
 fn start_order(z: C64, n: usize) -> usize {
     let mut m = n.max(1).max(z.norm().ceil() as usize);
     let two_over_z = 2.0 / z;

@@ -26,7 +26,8 @@ const ORDERS_01: &[(C64, [C64; 4])] = &[
     (C64::new(3000.0, 0.0), [C64::new(-7.7918452618898996e-3, 0.0), C64::new(1.2306980664764856e-2, 0.0), C64::new(-7.7918452618898996e-3, 1.2308279134657472e-2), C64::new(1.2306980664764856e-2, 7.7938967499087473e-3)]),
 ];
 
-/// `(hankel, n, z, digits, power of ten)`, by the same functions with `e = floor(log10(abs(v)))`, `nstr(v/mpf(10)**e, 17)`.
+/// `(hankel, n, z, digits, power of ten)`, by the same functions with `e = floor(log10(abs(v)))`,
+/// `nstr(v/mpf(10)**e, 17)`.
 #[rustfmt::skip]
 #[allow(clippy::excessive_precision, reason = "digits as printed")]
 const HIGH_ORDERS: &[(bool, i64, C64, C64, i32)] = &[
@@ -46,7 +47,8 @@ const HIGH_ORDERS: &[(bool, i64, C64, C64, i32)] = &[
     (true, 5, C64::new(20.0, 800.0), C64::new(-4.1635212552780029e-1, -9.646149123737493e-1), -349),
 ];
 
-/// Largest error of any route; that of J against its envelope (|H^(1)| + |H^(2)|) / 2, since J has zeros near the real axis.
+/// Largest error of any route; that of J against its envelope (|H^(1)| + |H^(2)|) / 2, since J has zeros near
+/// the real axis.
 fn error(z: C64, got: Cylinder01, want: &[C64; 4]) -> f64 {
     (0..2)
         .map(|n| {
