@@ -45,7 +45,7 @@ def rows(name: str) -> list[str]:
 
 def main() -> None:
     """Rewrites the rows under each cloth's heading."""
-    path = ROOT / "docs" / "cloth.md"
+    path = ROOT / "docs" / "validation" / "cloth.md"
     text = path.read_text()
     for heading, name in CLOTHS.items():
         table = re.compile(rf"(## {re.escape(heading)}\n\n\|.*\n\|[-|]+\|\n)(?:\|.*\n)+")

@@ -113,9 +113,6 @@ pub enum Command {
     Compare(CompareArgs),
     /// Render a fabric in a ready-made scene: fabric spec (TOML) in, PNG and EXR out.
     Render(RenderArgs),
-    /// Render the gallery: the fabrics that ship, front-lit and back-lit, and what each part of the model
-    /// does to them. A folder of PNGs with an index out.
-    Gallery(GalleryArgs),
     /// Print completions for a shell: bash, elvish, fish, powershell or zsh.
     Completions(CompletionsArgs),
     /// Print the manual page, or write the pages of all commands into a folder.

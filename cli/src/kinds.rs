@@ -310,7 +310,7 @@ pub fn check_inputs(command: &Command) -> Outcome {
             WaveCommand::Speckle(args) => one(&args.spec, &[Yarn]),
             WaveCommand::Tabulate(args) => one(&args.spec, &[Yarn, WaveScene]),
         },
-        Command::Gallery(_) | Command::Completions(_) | Command::Man(_) => Ok(()),
+        Command::Completions(_) | Command::Man(_) => Ok(()),
     }
 }
 

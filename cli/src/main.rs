@@ -3,7 +3,6 @@
 mod args;
 mod commands;
 mod failure;
-mod gallery;
 mod kinds;
 mod output;
 mod plot;
@@ -38,7 +37,6 @@ fn main() -> ExitCode {
         Command::Plot(args) => commands::plot::run(&cli, args),
         Command::Compare(args) => commands::compare::run(&cli, args),
         Command::Render(args) => commands::render::run(&cli, args),
-        Command::Gallery(args) => commands::gallery::run(&cli, args),
         Command::Merge(args) => commands::merge::run(&cli, args),
         Command::Noise(args) => commands::noise::run(&cli, args),
         Command::Color(args) => commands::color::run(&cli, args),

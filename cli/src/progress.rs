@@ -52,7 +52,7 @@ pub fn stoppable<T>(work: impl FnOnce() -> T) -> T {
 }
 
 /// Commands that have the flag `--resume`.
-const RESUMABLE: [&str; 7] = ["simulate", "build", "tabulate", "compare", "speckle", "render", "gallery"];
+const RESUMABLE: [&str; 6] = ["simulate", "build", "tabulate", "compare", "speckle", "render"];
 
 /// The command line of this run with `--resume`, where the command has that flag.
 pub fn resume_command() -> String {

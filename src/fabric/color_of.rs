@@ -78,7 +78,7 @@ struct Light {
 }
 
 impl Light {
-    /// InterYarn the nodes.
+    /// Between the nodes.
     fn at(&self, v: f64) -> [f64; 2] {
         let x = (1.0 - v).clamp(0.0, 1.0) * (NODES - 1) as f64;
         let node = (x as usize).min(NODES - 2);

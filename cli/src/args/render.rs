@@ -1,4 +1,4 @@
-//! Flags of fabrics: rendering, weaving, the gallery.
+//! Flags of fabrics: rendering, weaving.
 
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -148,27 +148,6 @@ pub enum FabricPart {
     Slits,
     /// The mean over the repeat, for pixels that cover half of it or more.
     Far,
-}
-
-/// `plywave gallery`.
-#[derive(Debug, Args)]
-pub struct GalleryArgs {
-    /// Folder to write: pictures, the same as JPEG for pages, the fabrics and models they are made of,
-    /// gallery.json and gallery.md.
-    #[arg(long, short, value_name = "FOLDER", default_value = "gallery")]
-    pub output: PathBuf,
-    /// Small pictures of few samples, and models of few paths: the whole gallery in about a minute.
-    #[arg(long)]
-    pub quick: bool,
-    /// These pictures only; an unknown name lists all.
-    #[arg(long, value_name = "NAME", num_args = 1, value_delimiter = ',')]
-    pub only: Vec<String>,
-    /// Folder of the fabric and yarn specs that ship.
-    #[arg(long, value_name = "FOLDER", default_value = "fabrics")]
-    pub fabrics: PathBuf,
-    /// Skip pictures that are there with the same settings.
-    #[arg(long)]
-    pub resume: bool,
 }
 
 /// `plywave weave`.

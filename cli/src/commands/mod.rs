@@ -16,7 +16,6 @@ pub mod family;
 pub mod farm;
 pub mod fiber_view;
 pub mod fit;
-pub mod gallery;
 pub mod info;
 pub mod info_fiber;
 pub mod merge;

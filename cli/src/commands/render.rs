@@ -114,7 +114,7 @@ fn mesh_notes(file: &Path, notes: &MeshNotes) -> Vec<String> {
 const FAR_LINES: u32 = 256;
 
 /// Whether a pixel covers half of a fabric's repeat or more, so that its mean takes part.
-pub(super) fn covers_repeats(fabric: &Fabric, camera: &Camera, height: u32) -> bool {
+fn covers_repeats(fabric: &Fabric, camera: &Camera, height: u32) -> bool {
     let [x, y] = fabric.repeat_um();
     height >= FAR_LINES && f64::from(camera.pixel_um(height)) > 0.5 * x.max(y)
 }
@@ -139,7 +139,7 @@ fn slits(args: &RenderArgs) -> Outcome<Option<Slits>> {
 }
 
 /// Whether the yarns of a fabric have slits, which the mean over its repeat leaves out.
-pub(super) fn has_slits(spec: &FabricSpec, options: &FabricOptions) -> bool {
+fn has_slits(spec: &FabricSpec, options: &FabricOptions) -> bool {
     YarnSet::EACH.into_iter().any(|family| options.slits_of(spec, family).is_some())
 }
 

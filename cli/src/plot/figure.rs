@@ -1,17 +1,17 @@
-//! A figure: an SVG document that is drawn once, then written as it is or rasterized by resvg. Texts are the
-//! outlines of their letters in the font that is compiled in, each with its words as `aria-label`, so that a
-//! figure looks the same in every viewer, whatever fonts it finds. Images lie below all else; the rasterizer
-//! gets them as pixels, so that resvg needs neither its image decoders nor its text shaping, which take
-//! longer to compile than all else of it.
+//! A figure: shapes on a white page, written as an SVG document or as pixels. Every shape is a path, filled or
+//! stroked, so that both outputs draw the same outlines. Texts are the outlines of their letters in the font
+//! that is compiled in, each with its words as `aria-label`: a figure looks the same in every viewer, whatever
+//! fonts it finds. Images lie below all shapes.
 
 use super::color::Rgb;
+use super::path::{Path, Transform};
 use super::text::Text;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use image::RgbImage;
-use resvg::{tiny_skia, usvg};
 use svg::Node;
-use svg::node::element::{Circle, Group, Image, Line, Path, Polygon, Polyline, Rectangle, SVG, Title};
+use svg::node::element::{Image, Rectangle, SVG, Title};
+use tiny_skia::{FillRule, LineJoin, Mask, Paint, PathBuilder, Pixmap, Rect, Stroke, StrokeDash};
 
 /// Paper of every figure.
 pub const WHITE: Rgb = [255, 255, 255];
@@ -38,7 +38,7 @@ pub enum Align {
 }
 
 /// A rectangle of `w` by `h` units with its upper left corner at `(x, y)`.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Panel {
     /// Left edge.
     pub x: i32,
@@ -50,20 +50,41 @@ pub struct Panel {
     pub h: i32,
 }
 
-/// An SVG document in the making. A unit is a pixel of the PNG.
+/// How a path is painted.
+#[derive(Clone, Copy, Debug)]
+enum Style {
+    /// Its inside.
+    Fill { opacity: f64 },
+    /// Its outline; dashed where `dash` is above 0.
+    Stroke { width: f64, dash: f64 },
+}
+
+/// A path with its paint.
+#[derive(Clone, Debug)]
+struct Shape {
+    path: Path,
+    style: Style,
+    color: Rgb,
+    /// The words of a text.
+    label: Option<String>,
+    /// What lies outside is cut off.
+    clip: Option<Panel>,
+}
+
+/// A figure in the making. A unit is a pixel of the PNG.
 pub struct Figure {
     width: i32,
     height: i32,
     title: String,
     images: Vec<([i32; 2], RgbImage)>,
-    body: Group,
+    shapes: Vec<Shape>,
 }
 
 impl Figure {
     /// A white page.
     pub fn new(width: i32, height: i32) -> Self {
         let (width, height) = (width.max(1), height.max(1));
-        Figure { width, height, title: String::new(), images: Vec::new(), body: Group::new() }
+        Figure { width, height, title: String::new(), images: Vec::new(), shapes: Vec::new() }
     }
 
     /// Figures one below the other.
@@ -74,7 +95,12 @@ impl Figure {
         let mut y = 0;
         for figure in figures {
             all.images.extend(figure.images.into_iter().map(|(at, image)| ([at[0], at[1] + y], image)));
-            all.body.append(figure.body.set("transform", format!("translate(0 {y})")));
+            let down = Transform { shift: [0.0, f64::from(y)], ..Transform::NONE };
+            all.shapes.extend(figure.shapes.into_iter().map(|shape| Shape {
+                path: shape.path.transformed(&down),
+                clip: shape.clip.map(|clip| Panel { y: clip.y + y, ..clip }),
+                ..shape
+            }));
             y += figure.height;
         }
         all
@@ -85,54 +111,48 @@ impl Figure {
         (self.width, self.height)
     }
 
-    /// Says what the figure shows, for readers that do not look at it.
+    /// Sets what the figure shows, for readers that do not look at it.
     pub fn set_title(&mut self, markup: &str) {
         self.title = Text::parse(markup).plain();
     }
 
+    fn draw(&mut self, path: Path, style: Style, color: Rgb) {
+        self.shapes.push(Shape { path, style, color, label: None, clip: None });
+    }
+
     /// Fills a rectangle.
     pub fn fill(&mut self, at: Panel, color: Rgb) {
-        self.body.append(rectangle(at).set("fill", hex(color)));
+        self.draw(Path::rectangle(at, 0.0), Style::Fill { opacity: 1.0 }, color);
     }
 
     /// Frame of one unit around a rectangle.
     pub fn frame(&mut self, at: Panel, color: Rgb) {
-        let around = rectangle(Panel { w: at.w + 1, h: at.h + 1, ..at }).set("x", f64::from(at.x) - 0.5);
-        let around = around.set("y", f64::from(at.y) - 0.5);
-        self.body.append(around.set("fill", "none").set("stroke", hex(color)));
+        self.draw(Path::rectangle(at, 0.5), Style::Stroke { width: 1.0, dash: 0.0 }, color);
     }
 
     /// A straight line; dashed where `dash` is above 0.
     pub fn line(&mut self, a: [f64; 2], b: [f64; 2], color: Rgb, dash: f64) {
-        let mut line = Line::new().set("x1", short(a[0])).set("y1", short(a[1]));
-        line = line.set("x2", short(b[0])).set("y2", short(b[1])).set("stroke", hex(color));
-        if dash > 0.0 {
-            line = line.set("stroke-dasharray", dash);
-        }
-        self.body.append(line);
+        self.draw(Path::lines([a, b]), Style::Stroke { width: 1.0, dash }, color);
     }
 
     /// A curve through points; points that are no numbers are left out.
     pub fn curve(&mut self, points: impl IntoIterator<Item = [f64; 2]>, width: f64, color: Rgb) {
-        let curve = Polyline::new().set("points", list(points)).set("fill", "none").set("stroke", hex(color));
-        self.body.append(curve.set("stroke-width", short(width)).set("stroke-linejoin", "round"));
+        self.draw(Path::lines(points), Style::Stroke { width, dash: 0.0 }, color);
     }
 
     /// The area within points.
     pub fn area(&mut self, points: impl IntoIterator<Item = [f64; 2]>, color: Rgb, opacity: f64) {
-        let area = Polygon::new().set("points", list(points)).set("fill", hex(color));
-        self.body.append(area.set("fill-opacity", opacity));
+        self.draw(Path::lines(points).closed(), Style::Fill { opacity }, color);
     }
 
     /// A filled circle.
     pub fn dot(&mut self, center: [f64; 2], radius: f64, color: Rgb) {
-        self.body.append(circle(center, radius).set("fill", hex(color)));
+        self.draw(Path::circle(center, radius), Style::Fill { opacity: 1.0 }, color);
     }
 
     /// A circle's outline.
     pub fn ring(&mut self, center: [f64; 2], radius: f64, width: f64, color: Rgb) {
-        let ring = circle(center, radius).set("fill", "none").set("stroke", hex(color));
-        self.body.append(ring.set("stroke-width", width));
+        self.draw(Path::circle(center, radius), Style::Stroke { width, dash: 0.0 }, color);
     }
 
     /// Fills a rectangle with an embedded image, one pixel a unit: `color(column, row)`, the first row at the
@@ -142,12 +162,11 @@ impl Figure {
         self.images.push(([at.x, at.y], image));
     }
 
-    /// Draws with everything cut off that leaves `at`. Coordinates stay the page's; images are not for here.
+    /// Draws shapes, and cuts off what leaves `at`. Coordinates stay the page's; images cannot be clipped.
     pub fn clipped(&mut self, at: Panel, draw: impl FnOnce(&mut Figure)) {
         let mut inner = Figure::new(self.width, self.height);
         draw(&mut inner);
-        let window = SVG::new().set("x", at.x).set("y", at.y).set("width", at.w).set("height", at.h);
-        self.body.append(window.set("viewBox", (at.x, at.y, at.w, at.h)).add(inner.body));
+        self.shapes.extend(inner.shapes.into_iter().map(|shape| Shape { clip: Some(at), ..shape }));
     }
 
     /// Writes a line of text, the top of its capitals at `y`.
@@ -158,23 +177,23 @@ impl Figure {
     /// As [`Self::text`], shortened to `room` units.
     pub fn text_within(&mut self, x: i32, y: i32, room: i32, markup: &str, align: Align, color: Rgb) {
         let text = Text::parse(markup).shortened(f64::from(room));
-        self.write(&text, &format!("translate({x} {})", y + CAP), align, color);
+        self.write(&text, [x, y + CAP], Transform::NONE, align, color);
     }
 
     /// A heading, shortened to `room` units.
     pub fn heading(&mut self, x: i32, y: i32, room: i32, markup: &str) {
         let text = Text::parse(markup).shortened(f64::from(room) / HEADING);
-        self.write(&text, &format!("translate({x} {}) scale({HEADING})", y + CAP), Align::Left, INK);
+        self.write(&text, [x, y + CAP], Transform { scale: HEADING, ..Transform::NONE }, Align::Left, INK);
     }
 
     /// Text that runs upwards and is centered at `y`, its capitals reaching from `x` to the right, shortened
     /// to `room` units.
     pub fn text_up(&mut self, x: i32, y: i32, room: i32, markup: &str) {
         let text = Text::parse(markup).shortened(f64::from(room));
-        self.write(&text, &format!("translate({} {y}) rotate(-90)", x + CAP), Align::Center, INK);
+        self.write(&text, [x + CAP, y], Transform { upwards: true, ..Transform::NONE }, Align::Center, INK);
     }
 
-    fn write(&mut self, text: &Text, place: &str, align: Align, color: Rgb) {
+    fn write(&mut self, text: &Text, at: [i32; 2], turn: Transform, align: Align, color: Rgb) {
         let words = text.plain();
         if words.trim().is_empty() {
             return;
@@ -184,44 +203,108 @@ impl Figure {
             Align::Center => 0.5,
             Align::Right => 1.0,
         };
-        let outline = Path::new().set("d", text.outline(-back * text.width())).set("fill", hex(color));
-        self.body.append(outline.set("transform", place).set("role", "img").set("aria-label", words));
+        let path = text.outline(-back * text.width()).transformed(&Transform { shift: at.map(f64::from), ..turn });
+        self.shapes.push(Shape { path, style: Style::Fill { opacity: 1.0 }, color, label: Some(words), clip: None });
     }
 
-    /// The document.
+    /// The figure as an SVG document.
     pub fn svg(&self) -> String {
         let page = Rectangle::new().set("width", self.width).set("height", self.height).set("fill", hex(WHITE));
-        let document = self.document().add(Title::new(self.title.clone())).add(page);
-        let document = self.images.iter().fold(document, |document, (at, image)| document.add(embedded(*at, image)));
-        document.add(self.body.clone()).to_string()
-    }
-
-    fn document(&self) -> SVG {
         let document = SVG::new().set("width", self.width).set("height", self.height);
-        document.set("viewBox", (0, 0, self.width, self.height))
+        let document = document.set("viewBox", (0, 0, self.width, self.height));
+        let document = document.add(Title::new(self.title.clone())).add(page);
+        let mut document =
+            self.images.iter().fold(document, |document, (at, image)| document.add(embedded(*at, image)));
+        for shapes in self.shapes.chunk_by(|a, b| a.clip == b.clip) {
+            let elements = shapes.iter().map(Shape::element);
+            match shapes[0].clip {
+                None => elements.for_each(|element| document.append(element)),
+                Some(at) => {
+                    let window = SVG::new().set("x", at.x).set("y", at.y).set("width", at.w).set("height", at.h);
+                    let window = window.set("viewBox", (at.x, at.y, at.w, at.h));
+                    document.append(elements.fold(window, SVG::add));
+                }
+            }
+        }
+        document.to_string()
     }
 
-    /// The document as pixels, sRGB.
+    /// The figure as pixels, sRGB.
     pub fn raster(&self) -> RgbImage {
         let (width, height) = (self.width as u32, self.height as u32);
         let mut page = RgbImage::from_pixel(width, height, image::Rgb(WHITE));
         for ([x, y], image) in &self.images {
             image::imageops::replace(&mut page, image, i64::from(*x), i64::from(*y));
         }
-        let document = self.document().add(self.body.clone());
-        let tree = usvg::Tree::from_str(&document.to_string(), &usvg::Options::default());
         let opaque: Vec<u8> = page.pixels().flat_map(|p| [p[0], p[1], p[2], 255]).collect();
-        let pixmap = tiny_skia::IntSize::from_wh(width, height).and_then(|s| tiny_skia::Pixmap::from_vec(opaque, s));
-        let (Ok(tree), Some(mut pixmap)) = (tree, pixmap) else {
-            unreachable!("a figure is a well-formed document of some size");
+        let size = tiny_skia::IntSize::from_wh(width, height);
+        let Some(mut pixmap) = size.and_then(|size| Pixmap::from_vec(opaque, size)) else {
+            unreachable!("a figure has a size");
         };
-        resvg::render(&tree, tiny_skia::Transform::identity(), &mut pixmap.as_mut());
+        for shapes in self.shapes.chunk_by(|a, b| a.clip == b.clip) {
+            let mask = shapes[0].clip.map(|clip| window(clip, width, height));
+            shapes.iter().for_each(|shape| shape.paint(&mut pixmap, mask.as_ref()));
+        }
         // The page is opaque, so that nothing is premultiplied.
         for (to, from) in page.pixels_mut().zip(pixmap.pixels()) {
             to.0 = [from.red(), from.green(), from.blue()];
         }
         page
     }
+}
+
+impl Shape {
+    /// The shape as an element of SVG.
+    fn element(&self) -> svg::node::element::Path {
+        let element = svg::node::element::Path::new().set("d", self.path.data());
+        let element = match self.style {
+            Style::Fill { opacity: 1.0 } => element.set("fill", hex(self.color)),
+            Style::Fill { opacity } => element.set("fill", hex(self.color)).set("fill-opacity", opacity),
+            Style::Stroke { width, dash } => {
+                let line = element.set("fill", "none").set("stroke", hex(self.color)).set("stroke-width", width);
+                let line = line.set("stroke-linejoin", "round");
+                if dash > 0.0 { line.set("stroke-dasharray", dash) } else { line }
+            }
+        };
+        match &self.label {
+            Some(words) => element.set("role", "img").set("aria-label", words.clone()),
+            None => element,
+        }
+    }
+
+    /// Paints the shape. A path without extent paints nothing.
+    fn paint(&self, pixmap: &mut Pixmap, mask: Option<&Mask>) {
+        let Some(path) = self.path.outline() else { return };
+        let mut paint = Paint::default();
+        let opacity = match self.style {
+            Style::Fill { opacity } => opacity,
+            Style::Stroke { .. } => 1.0,
+        };
+        let [r, g, b] = self.color;
+        paint.set_color_rgba8(r, g, b, (255.0 * opacity).round() as u8);
+        match self.style {
+            Style::Fill { .. } => {
+                pixmap.fill_path(&path, &paint, FillRule::Winding, tiny_skia::Transform::identity(), mask);
+            }
+            Style::Stroke { width, dash } => {
+                let dash = (dash > 0.0).then(|| StrokeDash::new(vec![dash as f32; 2], 0.0)).flatten();
+                let stroke = Stroke { width: width as f32, line_join: LineJoin::Round, dash, ..Stroke::default() };
+                pixmap.stroke_path(&path, &paint, &stroke, tiny_skia::Transform::identity(), mask);
+            }
+        }
+    }
+}
+
+/// The pixels of a rectangle, of a page of this size.
+fn window(at: Panel, width: u32, height: u32) -> Mask {
+    let (Some(mut mask), Some(rectangle)) =
+        (Mask::new(width, height), Rect::from_xywh(at.x as f32, at.y as f32, at.w.max(0) as f32, at.h.max(0) as f32))
+    else {
+        unreachable!("a figure has a size, and so has a panel");
+    };
+    let path = PathBuilder::from_rect(rectangle);
+    mask.fill_path(&path, FillRule::Winding, false, tiny_skia::Transform::identity());
+    mask
 }
 
 /// An image as an element, its pixels as PNG.
@@ -234,26 +317,8 @@ fn embedded([x, y]: [i32; 2], image: &RgbImage) -> Image {
     element.set("image-rendering", "optimizeSpeed").set("href", href)
 }
 
-fn rectangle(at: Panel) -> Rectangle {
-    Rectangle::new().set("x", at.x).set("y", at.y).set("width", at.w).set("height", at.h)
-}
-
-fn circle(center: [f64; 2], radius: f64) -> Circle {
-    Circle::new().set("cx", short(center[0])).set("cy", short(center[1])).set("r", short(radius))
-}
-
 fn hex([r, g, b]: Rgb) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")
-}
-
-/// A coordinate in hundredths.
-fn short(value: f64) -> f64 {
-    (100.0 * value).round() / 100.0
-}
-
-fn list(points: impl IntoIterator<Item = [f64; 2]>) -> String {
-    let finite = points.into_iter().filter(|p| p.iter().all(|v| v.is_finite()));
-    finite.map(|[x, y]| format!("{},{}", short(x), short(y))).collect::<Vec<_>>().join(" ")
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ pub mod grid;
 pub mod lines;
 pub mod map;
 pub mod page;
+pub mod path;
 pub mod pattern;
 pub mod sheet;
 pub mod text;

@@ -1,11 +1,11 @@
 //! Lines of text: markup for indices, their widths in the embedded font, shortening and wrapping.
 
-use std::fmt::Write;
+use super::path::{Path, Pen};
 use std::sync::LazyLock;
-use ttf_parser::{Face, GlyphId, OutlineBuilder};
+use ttf_parser::{Face, GlyphId};
 
 /// DejaVu Sans 2.37 (license beside it): Latin, Greek, Cyrillic and a few signs, without hints, kerning and
-/// ligatures, so that a text is as wide as its letters. GeneratedStrands by `pyftsubset` of fonttools; README
+/// ligatures, so that a text is as wide as its letters. Made by `pyftsubset` of fonttools; README
 /// of the folder has the command.
 const FONT: &[u8] = include_bytes!("../../fonts/DejaVuSans.ttf");
 /// Size of text [pixels an em].
@@ -25,48 +25,6 @@ static FACE: LazyLock<Face<'static>> = LazyLock::new(|| match Face::parse(FONT, 
 fn letter(c: char) -> f64 {
     let width = FACE.glyph_index(c).and_then(|glyph| FACE.glyph_hor_advance(glyph));
     width.map_or(1.0, |width| f64::from(width) / f64::from(FACE.units_per_em()))
-}
-
-/// An outline as the data of an SVG path: `d`, grown by `scale` from the font's units, from `(x, y)` on, y
-/// downwards.
-struct Pen {
-    d: String,
-    scale: f64,
-    x: f64,
-    y: f64,
-}
-
-impl Pen {
-    fn add(&mut self, command: char, points: &[[f32; 2]]) {
-        self.d.push(command);
-        for [x, y] in points {
-            let (x, y) = (self.x + self.scale * f64::from(*x), self.y - self.scale * f64::from(*y));
-            // Writing to a string does not fail.
-            let _ = write!(self.d, "{x:.2} {y:.2} ");
-        }
-    }
-}
-
-impl OutlineBuilder for Pen {
-    fn move_to(&mut self, x: f32, y: f32) {
-        self.add('M', &[[x, y]]);
-    }
-
-    fn line_to(&mut self, x: f32, y: f32) {
-        self.add('L', &[[x, y]]);
-    }
-
-    fn quad_to(&mut self, x1: f32, y1: f32, x: f32, y: f32) {
-        self.add('Q', &[[x1, y1], [x, y]]);
-    }
-
-    fn curve_to(&mut self, x1: f32, y1: f32, x2: f32, y2: f32, x: f32, y: f32) {
-        self.add('C', &[[x1, y1], [x2, y2], [x, y]]);
-    }
-
-    fn close(&mut self) {
-        self.d.push('Z');
-    }
 }
 
 /// A letter on its line, or below or above it.
@@ -141,10 +99,10 @@ impl Text {
         self
     }
 
-    /// Its outline as the data of an SVG path, at the size [`SIZE`], from `x` on along the axis. A letter
+    /// Its outline at the size [`SIZE`], from `x` on along the axis. A letter
     /// that the font lacks is a box.
-    pub fn outline(&self, x: f64) -> String {
-        let mut pen = Pen { d: String::new(), scale: 0.0, x, y: 0.0 };
+    pub fn outline(&self, x: f64) -> Path {
+        let mut pen = Pen { x, ..Pen::default() };
         for letter in &self.0 {
             let size = if letter.level == 0 { SIZE } else { INDEX * SIZE };
             pen.scale = size / f64::from(FACE.units_per_em());
@@ -157,7 +115,7 @@ impl Text {
             FACE.outline_glyph(glyph, &mut pen);
             pen.x = from + width;
         }
-        pen.d
+        pen.path
     }
 }
 
@@ -211,13 +169,13 @@ mod tests {
             x.fold([f64::INFINITY, 0.0], |[low, high], x| [low.min(x), high.max(x)])
         };
         // A and H have bearings of 0.01 and 0.1 em.
-        let [from, to] = ends(&line.outline(0.0));
+        let [from, to] = ends(&line.outline(0.0).data());
         assert!(
             (0.0..0.2).contains(&from) && (line.width() - to - 0.1 * SIZE).abs() < 0.3,
             "{from}..{to} of {}",
             line.width()
         );
-        assert!(!Text::parse("絹").outline(0.0).is_empty());
+        assert!(Text::parse("絹").outline(0.0).outline().is_some());
     }
 
     #[test]

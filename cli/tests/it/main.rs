@@ -12,7 +12,6 @@ mod field;
 mod figures;
 mod filaments;
 mod full_disk;
-mod gallery;
 mod kinds;
 mod library;
 mod noise;

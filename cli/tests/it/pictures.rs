@@ -108,14 +108,12 @@ fn inputs_are_not_written_over() {
     refused(dir, &[&["render", "cloth.exr", "-o", "cloth.png"], SMALL].concat(), &["cloth.exr", "input"]);
     let after: Vec<Vec<u8>> = names(dir).iter().filter_map(|n| std::fs::read(dir.join(n)).ok()).collect();
     assert_eq!(before, after);
-    // Folders of textures and galleries neither.
+    // Folders of textures neither.
     succeed(dir, &["weave", "cloth.toml", "-o", "out", "--pixels", "8", "--quiet"]);
     std::fs::write(dir.join("out/family.png"), &spec).unwrap();
     std::fs::create_dir(dir.join("out/models")).unwrap();
     std::fs::copy(dir.join("models/cotton.pwm"), dir.join("out/models/cotton.pwm")).unwrap();
     refused(dir, &["weave", "out/family.png", "-o", "out"], &["family.png", "an input"]);
-    std::fs::write(dir.join("gallery.json"), "{}").unwrap();
-    refused(dir, &["gallery", "-o", ".", "--fabrics", "."], &["-o", "--fabrics"]);
 }
 
 #[test]

@@ -18,7 +18,6 @@ const COMMANDS: &[&str] = &[
     "wave",
     "compare",
     "render",
-    "gallery",
     "completions",
     "man",
 ];

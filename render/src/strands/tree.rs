@@ -69,7 +69,7 @@ pub struct Skip {
 pub struct StrandHit {
     /// Distance along the ray [mm].
     pub t: f64,
-    /// ScatterPoint where the ray is met [mm]: on the tube, or on the band.
+    /// Point where the ray is met [mm]: on the tube, or on the band.
     pub position: DVec3,
     /// Center of the strand there [mm].
     pub center: DVec3,
@@ -85,7 +85,7 @@ pub struct StrandHit {
     pub strand: u32,
     /// First control point of the segment.
     pub first_point: u32,
-    /// ScatterPoint on the segment, 0 to 1.
+    /// Position on the segment, 0 to 1.
     pub u: f64,
 }
 
