@@ -32,8 +32,13 @@ def marked():
     """Slow tests: file, name, seconds, what each holds."""
     for name in sorted(output("git", "ls-files", "*.rs").split()):
         text = (ROOT / name).read_text(encoding="utf-8")
-        for seconds, holds, function in MARK.findall(text):
-            yield {"file": ROOT / name, "name": function, "seconds": int(seconds), "holds": holds}
+        for found in MARK.finditer(text):
+            seconds, holds, function = found.groups()
+            line = text[text.rfind("\n", 0, found.start(3)) + 1 : found.start(3)]
+            # Of a module in the file, as `mod tests { ... }`, an indented function has that module's name.
+            around = re.findall(r"^mod (\w+) \{", text[: found.start()], re.M) if line.startswith(" ") else []
+            full = "::".join([*around[-1:], function])
+            yield {"file": ROOT / name, "name": full, "seconds": int(seconds), "holds": holds}
 
 
 def binaries():
@@ -96,7 +101,7 @@ def main():
     for (exe, folder), names in by_program.items():
         known = subprocess.run([exe, "--list", "--ignored"], cwd=folder, check=True, capture_output=True, text=True).stdout
         known = [line.removesuffix(": test") for line in known.splitlines() if line.endswith(": test")]
-        full = [k for k in known if k.rsplit("::", 1)[-1] in names]
+        full = [k for k in known if any(f"::{k}".endswith(f"::{name}") for name in names)]
         if len(full) < len(names):
             sys.exit(f"{exe}: of {names} only {full} are there")
         begun = time.monotonic()

@@ -1,14 +1,13 @@
 //! Color: from spectra to XYZ and sRGB for output, from a color or a reflectance to the absorption
 //! sigma(lambda) for input.
 //!
-//! Spectra are held at 5 nm from 0.38 to 0.78 um, linear between the nodes and constant beyond the ends.
+//! Spectra are stored at 5 nm from 0.38 to 0.78 um, linear between the nodes and constant beyond the ends.
 //! Integrals are sums over the nodes, the method of the CIE for 5 nm tables:
-//! `X = sum of x_bar(lambda) S(lambda) / sum of y_bar(lambda)`, so that a spectrum that is 1 everywhere has Y
-//! = 1.
+//! `X = sum of x_bar(lambda) S(lambda) / sum of y_bar(lambda)`, so a spectrum that is 1 everywhere has Y = 1.
 //!
-//! The white of sRGB is that of the tabulated D65, (0.3127, 0.3290) to four digits, and the matrix follows
-//! from it and the primaries of ITU-R BT.709. So a flat reflectance is an exact gray; the digits printed in
-//! IEC 61966-2-1 differ by 4e-4 at most.
+//! The white point of sRGB is that of the tabulated D65, (0.3127, 0.3290) to four digits, and the matrix
+//! follows from it and the primaries of ITU-R BT.709. So a flat reflectance is an exact gray; the digits
+//! printed in IEC 61966-2-1 differ by at most 4e-4.
 
 mod absorption;
 mod difference;
@@ -21,10 +20,10 @@ pub use upsample::SmoothReflectance;
 
 use tables::{D65, X_BAR, Y_BAR, Z_BAR};
 
-/// Nodes of a spectrum.
+/// Number of nodes of a spectrum.
 pub const SPECTRUM_NODES: usize = 81;
-/// Wavelengths that stand for R, G and B of a host that renders in RGB [um], the dominant ones of the sRGB
-/// primaries. Diffraction and speckle take them; the color of the yarns does not depend on them.
+/// Wavelengths that represent R, G and B of a host that renders in RGB [um], the dominant ones of the sRGB
+/// primaries. Diffraction and speckle use them; the color of the yarns does not depend on them.
 pub const RGB_LAMBDA_UM: [f32; 3] = [0.612, 0.549, 0.464];
 
 /// First and last wavelength of a spectrum [um].
@@ -35,16 +34,15 @@ pub fn spectrum_lambda_um(node: usize) -> f64 {
     (380 + 5 * node) as f64 * 1e-3
 }
 
-/// The number on which a wavelength [um] falls between the nodes, 0 to 80: below the first and above the last
-/// it counts as that one, not a number as the first.
+/// Position of a wavelength [um] among the nodes, as node and fraction; wavelengths below the first and above
+/// the last node are clamped, and NaN counts as the first.
 fn place(lambda_um: f64) -> (usize, f64) {
     let x = ((lambda_um - SPECTRUM_UM[0]) / 0.005).max(0.0).min((SPECTRUM_NODES - 1) as f64);
     let node = (x as usize).min(SPECTRUM_NODES - 2);
     (node, x - node as f64)
 }
 
-/// Values of the color matching functions of the CIE 1931 standard observer at a wavelength [um]; 0 outside
-/// the table.
+/// The color matching functions of the CIE 1931 standard observer at a wavelength [um]; 0 outside the table.
 pub fn color_matching(lambda_um: f64) -> [f64; 3] {
     if !(SPECTRUM_UM[0]..=SPECTRUM_UM[1]).contains(&lambda_um) {
         return [0.0; 3];
@@ -53,18 +51,18 @@ pub fn color_matching(lambda_um: f64) -> [f64; 3] {
     [&X_BAR, &Y_BAR, &Z_BAR].map(|bar| bar[i] + t * (bar[i + 1] - bar[i]))
 }
 
-/// XYZ of a spectrum of light; of one that is 1 at every wavelength Y = 1.
+/// XYZ of a spectrum of light; Y = 1 for a spectrum that is 1 at every wavelength.
 pub fn xyz_of_light(light: impl Fn(f64) -> f64) -> [f64; 3] {
     sums(|i| light(spectrum_lambda_um(i)), |_| 1.0)
 }
 
-/// XYZ of a reflectance under D65; of one that is 1 at every wavelength Y = 1.
+/// XYZ of a reflectance under D65; Y = 1 for a reflectance that is 1 at every wavelength.
 pub fn xyz_of_reflectance(reflectance: impl Fn(f64) -> f64) -> [f64; 3] {
     sums(|i| reflectance(spectrum_lambda_um(i)), |i| D65[i])
 }
 
-/// X, Y and Z per um of wavelength of a white surface under D65, at a wavelength [um]; the integral of Y
-/// is 1. 0 outside the table. For hosts that draw wavelengths at random.
+/// X, Y and Z per um of wavelength of a white surface under D65, at a wavelength [um]; the integral of Y is
+/// 1. 0 outside the table. For hosts that sample wavelengths.
 pub fn d65_xyz_density(lambda_um: f64) -> [f64; 3] {
     let (i, t) = place(lambda_um);
     let light = D65[i] + t * (D65[i + 1] - D65[i]);
@@ -95,7 +93,7 @@ fn times(m: &Matrix, v: [f64; 3]) -> [f64; 3] {
     m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }
 
-/// The inverse by cofactors; of a singular matrix no numbers.
+/// The inverse by cofactors; not finite for a singular matrix.
 fn inverse(m: &Matrix) -> Matrix {
     let minor = |r: usize, c: usize| {
         let (r, s, c, d) = ((r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3);
@@ -105,7 +103,8 @@ fn inverse(m: &Matrix) -> Matrix {
     std::array::from_fn(|r| std::array::from_fn(|c| minor(c, r) / det))
 }
 
-/// Linear RGB of these primaries to XYZ: columns are the primaries, scaled so that (1, 1, 1) is D65.
+/// Matrix from linear RGB of these primaries to XYZ: columns are the primaries, scaled so that (1, 1, 1) is
+/// D65.
 fn primaries_to_xyz(primaries: [[f64; 2]; 3]) -> Matrix {
     let columns = primaries.map(|[x, y]| [x / y, 1.0, (1.0 - x - y) / y]);
     let m: Matrix = std::array::from_fn(|r| std::array::from_fn(|c| columns[c][r]));
@@ -113,37 +112,37 @@ fn primaries_to_xyz(primaries: [[f64; 2]; 3]) -> Matrix {
     std::array::from_fn(|r| std::array::from_fn(|c| m[r][c] * scale[c]))
 }
 
-/// Of the primaries of sRGB and BT.709.
+/// Matrix for the primaries of sRGB and BT.709.
 fn rgb_to_xyz() -> Matrix {
     primaries_to_xyz([[0.64, 0.33], [0.30, 0.60], [0.15, 0.06]])
 }
 
-/// Of the primaries of BT.2020.
+/// Matrix for the primaries of BT.2020.
 fn rec2020_to_xyz() -> Matrix {
     primaries_to_xyz([[0.708, 0.292], [0.170, 0.797], [0.131, 0.046]])
 }
 
-/// Linear RGB of the primaries of BT.2020, of XYZ; below 0 or above 1 for a color outside their gamut.
+/// Linear BT.2020 RGB from XYZ; below 0 or above 1 for a color outside its gamut.
 pub fn linear_rec2020_of_xyz(xyz: [f64; 3]) -> [f64; 3] {
     times(&inverse(&rec2020_to_xyz()), xyz)
 }
 
-/// XYZ of linear RGB of the primaries of BT.2020.
+/// XYZ from linear BT.2020 RGB.
 pub fn xyz_of_linear_rec2020(rgb: [f64; 3]) -> [f64; 3] {
     times(&rec2020_to_xyz(), rgb)
 }
 
-/// Linear sRGB of XYZ; below 0 or above 1 for a color outside its gamut.
+/// Linear sRGB from XYZ; below 0 or above 1 for a color outside its gamut.
 pub fn linear_srgb_of_xyz(xyz: [f64; 3]) -> [f64; 3] {
     times(&inverse(&rgb_to_xyz()), xyz)
 }
 
-/// XYZ of linear sRGB.
+/// XYZ from linear sRGB.
 pub fn xyz_of_linear_srgb(rgb: [f64; 3]) -> [f64; 3] {
     times(&rgb_to_xyz(), rgb)
 }
 
-/// sRGB's transfer function (IEC 61966-2-1): linear 0 to 1 to encoded 0 to 1, odd about 0.
+/// sRGB's transfer function (IEC 61966-2-1), from linear 0 to 1 to encoded 0 to 1, odd about 0.
 pub fn srgb_encode(linear: f64) -> f64 {
     let v = linear.abs();
     (if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }).copysign(linear)
@@ -155,14 +154,14 @@ pub fn srgb_decode(encoded: f64) -> f64 {
     (if v <= 0.040_45 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }).copysign(encoded)
 }
 
-/// CIELAB (1976) of XYZ with D65 as its white.
+/// CIELAB (1976) from XYZ with D65 as its white.
 pub fn lab_of_xyz(xyz: [f64; 3]) -> [f64; 3] {
     let white = white_d65();
     let f: [f64; 3] = std::array::from_fn(|i| lab_root(xyz[i] / white[i]).0);
     [116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])]
 }
 
-/// CIELAB's cube root with its straight start, and the slope.
+/// CIELAB's cube root with its linear start, and the slope.
 fn lab_root(t: f64) -> (f64, f64) {
     const KNEE: f64 = 6.0 / 29.0;
     if t > KNEE * KNEE * KNEE {
@@ -174,7 +173,7 @@ fn lab_root(t: f64) -> (f64, f64) {
     }
 }
 
-/// Distance of two colors in CIELAB, Delta E of 1976; one that is seen is about 2.
+/// Distance of two colors in CIELAB, Delta E of 1976; about 2 is visible.
 pub fn delta_e(xyz: [f64; 3], other: [f64; 3]) -> f64 {
     let (a, b) = (lab_of_xyz(xyz), lab_of_xyz(other));
     (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt()
@@ -209,8 +208,8 @@ mod tests {
         assert!((a[0] - 0.447_58).abs() < 3e-4 && (a[1] - 0.407_45).abs() < 3e-4, "{a:?}");
     }
 
-    /// The matrix of IEC 61966-2-1 to the difference of its white; there and back is the same color; white is
-    /// (1, 1, 1).
+    /// The matrix of IEC 61966-2-1 up to the difference of its white; a round trip preserves the color; white
+    /// is (1, 1, 1).
     #[test]
     fn srgb_there_and_back() {
         let printed = [
@@ -230,7 +229,7 @@ mod tests {
             let v = f64::from(i) / 20.0;
             assert!((srgb_decode(srgb_encode(v)) - v).abs() < 1e-12);
         }
-        // The two branches meet to the digits of the standard.
+        // The two branches agree to the digits of the standard.
         assert!((srgb_encode(0.003_130_8) - srgb_encode(0.003_130_9)).abs() < 2e-6);
         assert!((srgb_encode(0.214_041_14) - 0.5).abs() < 1e-7);
         let gray = xyz_of_reflectance(|_| 0.18);
@@ -238,7 +237,7 @@ mod tests {
         assert!((lab_of_xyz(gray)[1]).abs() < 1e-9 && delta_e(gray, gray) == 0.0);
     }
 
-    /// Between nodes a table is straight; what is no number or outside counts as an end.
+    /// A table is linear between nodes; NaN and values outside count as an end.
     #[test]
     fn wavelengths_have_their_place() {
         assert_eq!((place(0.38), place(0.78)), ((0, 0.0), (79, 1.0)));

@@ -1,9 +1,9 @@
-//! Scattering models of single fibers, asked alike by [`FiberModel`]: tables by waves or rays (Xia 2020), and
-//! analytic models (Zinke 2007).
+//! Scattering models of single fibers behind one interface, [`FiberModel`]: tables from wave or ray optics
+//! (Xia 2020), and analytic models (Zinke 2007).
 //!
-//! f is an energy density of what falls on the fiber's width; `cylinder` has the measures of the papers
-//! beside it. A fiber is round, so that a query's azimuth counts only where a model says so: a table of an
-//! outline that is not round, and an elliptic section.
+//! f is an energy density relative to the light on the fiber's width; `cylinder` relates it to the measures
+//! of the papers. A fiber is round, so a query's azimuth counts only for a table of an outline that is not
+//! round, and for an elliptic section.
 
 pub mod azimuthal;
 pub mod cylinder;
@@ -48,7 +48,7 @@ pub use spec::{FILAMENT_KINDS, FilamentSpec, filament_of};
 pub use table::{FiberSource, FiberTable, OutlineSymmetry};
 pub use tabulated::{TabulatedBsdf, TabulatedFiber, WIDTH_LIMIT};
 
-/// What fixes a shading point of a fiber, for N wavelengths.
+/// A query at a shading point of a fiber, for N wavelengths.
 ///
 /// ```
 /// use plywave::FiberQuery;
@@ -59,33 +59,32 @@ pub use tabulated::{TabulatedBsdf, TabulatedFiber, WIDTH_LIMIT};
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FiberQuery<const N: usize> {
-    /// Direction that light comes from (the papers' omega_i), unit, in the fiber's frame: z along it, x and y
-    /// those of the outline.
+    /// Direction that light comes from (the papers' omega_i), unit, in the fiber's frame: z along the fiber,
+    /// x and y the axes of the outline.
     pub omega_i: [f32; 3],
     /// Offset of the ray from the center line over half the fiber's width, -1 to 1, for models that resolve
-    /// it; `None` for the mean over all offsets.
-    /// Tables hold that mean alone and give it at every offset.
+    /// it; `None` for the mean over all offsets. Tables contain only that mean and return it at every offset.
     pub h_rel: Option<f32>,
     /// Wavelengths [um].
     pub lambda_um: [f32; N],
-    /// Absorption of the fiber's inside [1/um], by wavelength: its color. Tables hold their own and ignore
-    /// it.
+    /// Absorption inside the fiber [1/um], by wavelength: its color. Tables ignore it, since they have their
+    /// own.
     pub sigma_per_um: [f32; N],
 }
 
 impl<const N: usize> FiberQuery<N> {
-    /// Light from `omega_i`, averaged over the offsets, onto a clear fiber.
+    /// A query of light from `omega_i`, averaged over the offsets, on a clear fiber.
     pub fn new(omega_i: [f32; 3], lambda_um: [f32; N]) -> Self {
         FiberQuery { omega_i, h_rel: None, lambda_um, sigma_per_um: [0.0; N] }
     }
 }
 
-/// A scattering model of one fiber: a table, `FiberModel::load("fiber.pwf")` of what `plywave wave tabulate`
-/// writes, or an analytic one; see [`FiberModel::at`].
+/// A scattering model of one fiber: a table that `plywave wave tabulate` writes, from
+/// `FiberModel::load("fiber.pwf")`, or an analytic model; see [`FiberModel::at`].
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum FiberModel {
-    /// Of a table, by waves or rays (Xia 2020).
+    /// A table, from wave or ray optics (Xia 2020).
     Tabulated(TabulatedFiber),
     /// A smooth dielectric cylinder (Zinke 2007).
     Dielectric(DielectricFiber),
@@ -132,8 +131,8 @@ impl FiberModel {
         }
     }
 
-    /// Diameter of the cylinder that a ray must meet for the fiber to scatter it, whatever the direction and
-    /// wavelength [um].
+    /// Diameter of the cylinder outside which the fiber scatters no ray, for any direction and wavelength
+    /// [um].
     pub fn max_width_um(&self) -> f32 {
         match self {
             FiberModel::Tabulated(fiber) => fiber.max_width_um(),
@@ -147,8 +146,7 @@ impl FiberModel {
 }
 
 impl FiberModel {
-    /// Longitudinal width of the lobe of the light that goes on, TT's [rad], of models that have it as a
-    /// parameter.
+    /// Longitudinal width of the forward lobe, TT's [rad], for models that have it as a parameter.
     pub(crate) fn forward_beta(&self) -> Option<f32> {
         match self {
             FiberModel::Tabulated(fiber) => Some(fiber.table().beta_m as f32),
@@ -221,7 +219,7 @@ enum At<'a, const N: usize> {
     Khungurn(KhungurnBsdf<'a, N>),
 }
 
-/// The same expression of whatever model it is.
+/// Evaluates one expression for the model of any kind.
 macro_rules! each {
     ($self:ident, $at:ident => $does:expr) => {
         match &$self.0 {
@@ -236,12 +234,12 @@ macro_rules! each {
 }
 
 impl<const N: usize> FiberBsdf<'_, N> {
-    /// Width from which the fiber takes light [um], by wavelength.
+    /// Width from which the fiber intercepts light [um], by wavelength.
     pub fn width_um(&self) -> [f32; N] {
         each!(self, at => at.width_um())
     }
 
-    /// Whether a ray that passes the center line at the distance `offset_um`, either side, meets the fiber,
+    /// Whether a ray that passes the center line at the distance `offset_um`, on either side, hits the fiber,
     /// by wavelength.
     pub fn hit(&self, offset_um: f32) -> [bool; N] {
         self.width_um().map(|width| offset_um.abs() <= 0.5 * width)

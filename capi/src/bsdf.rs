@@ -1,4 +1,4 @@
-//! A prepared query: a model at one query, in memory of the caller, asked for any number of directions. One
+//! A prepared query: a model at one query, in the caller's memory, evaluated in any number of directions. One
 //! set of functions serves plies, fabrics and fibers.
 
 use crate::pointer::{
@@ -8,34 +8,36 @@ use crate::status::{AtIndex, Checked, PlywaveError, PlywaveStatus, failure, guar
 use plywave::fabric::FabricBsdf;
 use plywave::{Bsdf, BsdfSample, FiberBsdf, PlyBsdf};
 
-/// Most wavelengths or channels of a query.
+/// Largest number of wavelengths or channels of a query.
 pub const PLYWAVE_MAX_COUNT: usize = 4;
 
-/// Words of memory of a prepared query: 6.5 KB with its tag, which the largest, a fabric at four wavelengths,
-/// takes.
+/// Size of a prepared query in 64-bit words, without its tag: 6.5 KB with the tag, the size of the largest, a
+/// fabric at four wavelengths.
 pub const PLYWAVE_BSDF_WORDS: usize = 814;
 
-/// A model at a query. The caller's memory, on the stack above all; what is in it is the library's. It owns
-/// nothing and needs no release; it may be copied and moved, and read by many threads. It is valid as long as
-/// the handles that it was prepared from: the model or fabric, and the slit and models of its query.
+/// A model at a query. The caller provides the memory, usually on the stack; the library writes and reads its
+/// content. It owns nothing and needs no release; it may be copied, moved, and read by many threads. It is
+/// valid as long as the handles that it was prepared from: the model or fabric, and the slit and models of
+/// its query.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct PlywaveBsdf {
-    /// What is in it.
+    /// Identifies the prepared type.
     pub tag: u64,
-    /// The library's.
+    /// Private to the library.
     pub words: [u64; PLYWAVE_BSDF_WORDS],
 }
 
-/// What becomes of a sampled light path.
+/// Outcome of a sampled light path.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlywaveOutcome {
-    /// It ends here: w, weight and pdf are 0.
+    /// The path ends here: w, weight and pdf are 0.
     Absorbed = 0,
-    /// It is scattered into the direction w.
+    /// The light is scattered into the direction w.
     Scattered = 1,
-    /// It goes straight on, as if nothing were there: a delta. w is 0, pdf the probability of this outcome.
+    /// The light goes straight on, as if nothing were there: a delta. w is 0, pdf the probability of this
+    /// outcome.
     Straight = 2,
 }
 
@@ -43,26 +45,26 @@ pub enum PlywaveOutcome {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlywaveSample {
-    /// What becomes of it: a `PlywaveOutcome`.
+    /// The outcome: a `PlywaveOutcome`.
     pub outcome: i32,
-    /// Direction, unit, where it is scattered.
+    /// Direction of scattered light, a unit vector.
     pub w: [f32; 3],
-    /// f / pdf by wavelength, or what goes straight on over its probability; 0 beyond the count.
+    /// f / pdf by wavelength, or the straight fraction over its probability; 0 beyond the count.
     pub weight: [f32; PLYWAVE_MAX_COUNT],
-    /// Density of the direction [1/sr], the chance of being scattered included; or the probability of going
+    /// Density of the direction [1/sr], including the chance of being scattered; or the probability of going
     /// straight on.
     pub pdf: f32,
 }
 
-/// Chances of the outcomes of sampling; they add up to 1.
+/// Chances of the outcomes of sampling; they sum to 1.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlywaveOutcomes {
-    /// Of `PLYWAVE_OUTCOME_ABSORBED`.
+    /// Chance of `PLYWAVE_OUTCOME_ABSORBED`.
     pub absorbed: f32,
-    /// Of `PLYWAVE_OUTCOME_SCATTERED`: the integral of the pdf.
+    /// Chance of `PLYWAVE_OUTCOME_SCATTERED`: the integral of the pdf.
     pub scattered: f32,
-    /// Of `PLYWAVE_OUTCOME_STRAIGHT`.
+    /// Chance of `PLYWAVE_OUTCOME_STRAIGHT`.
     pub straight: f32,
 }
 
@@ -78,25 +80,25 @@ pub enum PlywaveKind {
     Fiber = 3,
 }
 
-/// What a prepared query is.
+/// Description of a prepared query.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlywaveBsdfInfo {
-    /// Of which kind of model.
+    /// Kind of its model.
     pub kind: PlywaveKind,
     /// Number of wavelengths or channels: 1, 3 or 4.
     pub count: i32,
-    /// Whether a second layer of yarn lies there; 0 or 1.
+    /// Whether a second layer of yarn lies below the point; 0 or 1.
     pub is_double: i32,
-    /// Of a fabric: whether the point lies in a gap, where the line meets no ply; 0 or 1.
+    /// For a fabric: whether the point lies in a gap, where the line hits no ply; 0 or 1.
     pub is_gap: i32,
-    /// Of a ply: the fraction of the beam that meets no fiber; else 0.
+    /// For a ply: the fraction of the beam that hits no fiber; else 0.
     pub r_d: f32,
-    /// Of a fiber: the width from which it takes light [um], by wavelength; else 0.
+    /// For a fiber: the width from which it intercepts light [um], by wavelength; else 0.
     pub width_um: [f32; PLYWAVE_MAX_COUNT],
 }
 
-/// First half of every tag: memory that was not prepared hardly has it.
+/// First half of every tag: memory that was not prepared is unlikely to hold it.
 const MARK: u64 = 0x706c_7977 << 32;
 
 /// Tag of a model of a kind at N wavelengths.
@@ -104,15 +106,16 @@ pub(crate) const fn tag(kind: PlywaveKind, count: usize) -> u64 {
     MARK | (kind as u64) << 8 | count as u64
 }
 
-/// What may lie in the memory of a prepared query.
+/// A type that the memory of a prepared query may hold.
 ///
 /// # Safety
-/// It is plain data: no destructor, no reference into itself, and `TAG` is of this type alone.
+/// The type is plain data: no destructor, no reference into itself, and `TAG` belongs to this type alone.
 pub(crate) unsafe trait Prepared: Copy + Send + Sync {
     const TAG: u64;
 }
 
-/// Each type with its tag; it fits, is aligned, and is shared between threads.
+/// Implements [`Prepared`] for each type with its tag, and asserts that it fits, is aligned, and is shared
+/// between threads.
 macro_rules! prepared_types {
     ($($kind:ident $type:ident $count:literal),* $(,)?) => {$(
         // SAFETY: the type is Copy and made of numbers and references to the models; the tag names kind and
@@ -133,12 +136,12 @@ prepared_types!(
     Fiber FiberBsdf 1, Fiber FiberBsdf 3, Fiber FiberBsdf 4,
 );
 
-/// Prepares the memory: what `make` gives is written to it in place.
+/// Prepares the memory: writes the result of `make` to it in place.
 #[inline(always)]
 pub(crate) unsafe fn prepare<T: Prepared>(bsdf: *mut PlywaveBsdf, make: impl FnOnce() -> T) -> Checked {
     pointer(bsdf, "bsdf")?;
-    // SAFETY: not null and aligned, the rest is the caller's; T fits and is no more aligned than the words,
-    // as `prepared_types` asserts. The tag comes last: after a panic the memory is not prepared.
+    // SAFETY: not null and aligned; the caller guarantees the rest. T fits and is no more aligned than the
+    // words, as `prepared_types` asserts. The tag comes last: after a panic the memory is not prepared.
     unsafe {
         (&raw mut (*bsdf).tag).write(0);
         (&raw mut (*bsdf).words).cast::<T>().write(make());
@@ -147,24 +150,24 @@ pub(crate) unsafe fn prepare<T: Prepared>(bsdf: *mut PlywaveBsdf, make: impl FnO
     Ok(())
 }
 
-/// Marks the memory as not prepared, for a query that is refused.
+/// Marks the memory as not prepared, for a refused query.
 pub(crate) unsafe fn unprepare(bsdf: *mut PlywaveBsdf) {
     if pointer(bsdf, "bsdf").is_ok() {
-        // SAFETY: not null and aligned; the rest is the caller's.
+        // SAFETY: not null and aligned; the caller guarantees the rest.
         unsafe { (&raw mut (*bsdf).tag).write(0) };
     }
 }
 
-/// The tag of the caller's memory, which may never have been written.
+/// The tag in the caller's memory, which may never have been written.
 #[inline(always)]
 pub(crate) unsafe fn tag_of(bsdf: *const PlywaveBsdf) -> Checked<u64> {
     pointer(bsdf, "bsdf")?;
-    // SAFETY: not null and aligned; the rest is the caller's. Volatile: the compiler makes no guess about
-    // memory that C has.
+    // SAFETY: not null and aligned; the caller guarantees the rest. Volatile: the compiler must not reason
+    // about memory that C owns.
     Ok(unsafe { (&raw const (*bsdf).tag).read_volatile() })
 }
 
-/// What was prepared as `T`.
+/// The prepared value as `T`.
 #[inline(always)]
 pub(crate) unsafe fn as_prepared<'a, T: Prepared>(bsdf: *const PlywaveBsdf) -> &'a T {
     // SAFETY: its tag is that of T, so `prepare` wrote a T there.
@@ -179,11 +182,11 @@ pub(crate) fn not_prepared() -> Box<crate::status::Failure> {
     )
 }
 
-/// Evaluates an expression of the prepared model, whatever its kind and count.
+/// Evaluates an expression on the prepared model of any kind and count.
 macro_rules! with_prepared {
     ($bsdf:expr, $at:ident => $body:expr) => {{
         let bsdf: *const PlywaveBsdf = $bsdf;
-        // SAFETY: the caller's pointer, which is checked there.
+        // SAFETY: the caller's pointer, checked by `tag_of`.
         match unsafe { tag_of(bsdf) }? {
             <PlyBsdf<'static, 1> as Prepared>::TAG => {
                 // SAFETY: the tag is that of this type.
@@ -236,23 +239,23 @@ macro_rules! with_prepared {
 }
 pub(crate) use with_prepared;
 
-/// N values to the caller's array, number by number.
+/// Copies N values to the caller's array, number by number.
 #[inline(always)]
 unsafe fn put_values<const N: usize>(to: *mut f32, values: [f32; N], name: &str) -> Checked {
     pointer(to, name)?;
     for k in 0..N {
-        // SAFETY: not null and aligned; that it has N numbers is the caller's.
+        // SAFETY: not null and aligned; the caller guarantees N numbers.
         unsafe { to.add(k).write(values[k]) };
     }
     Ok(())
 }
 
-/// The first N of four.
+/// Pads N values with zeros to four.
 pub(crate) fn padded<const N: usize>(values: [f32; N]) -> [f32; PLYWAVE_MAX_COUNT] {
     std::array::from_fn(|k| values.get(k).copied().unwrap_or(0.0))
 }
 
-/// A sample to the caller's memory, number by number: none goes through memory twice.
+/// Copies a sample to the caller's memory, number by number, so that none goes through memory twice.
 #[inline(always)]
 pub(crate) unsafe fn put_sample<const N: usize>(to: *mut PlywaveSample, sample: BsdfSample<N>) -> Checked {
     pointer(to, "sample")?;
@@ -261,7 +264,7 @@ pub(crate) unsafe fn put_sample<const N: usize>(to: *mut PlywaveSample, sample: 
         BsdfSample::Straight { weight, probability } => (PlywaveOutcome::Straight, [0.0; 3], weight, probability),
         BsdfSample::Absorbed => (PlywaveOutcome::Absorbed, [0.0; 3], [0.0; N], 0.0),
     };
-    // SAFETY: not null and aligned; the rest is the caller's.
+    // SAFETY: not null and aligned; the caller guarantees the rest.
     unsafe {
         (&raw mut (*to).outcome).write(outcome as i32);
         for k in 0..3 {
@@ -275,8 +278,8 @@ pub(crate) unsafe fn put_sample<const N: usize>(to: *mut PlywaveSample, sample: 
     Ok(())
 }
 
-/// f in direction `w` [1/sr], the cosine included, to the `count` numbers of `f`. What goes straight on is
-/// not in it.
+/// f in direction `w` [1/sr], including the cosine, to the `count` numbers of `f`. Straight light is not
+/// included.
 ///
 /// `w`: 3 numbers, a unit vector. On an error nothing is written.
 #[unsafe(no_mangle)]
@@ -299,7 +302,7 @@ pub unsafe extern "C" fn plywave_bsdf_eval(
     })
 }
 
-/// Density [1/sr] with which `plywave_bsdf_sample` gives the direction `w`, to the one number of `pdf`.
+/// Density [1/sr] with which `plywave_bsdf_sample` returns the direction `w`, to the one number of `pdf`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_bsdf_pdf(
     bsdf: *const PlywaveBsdf,
@@ -320,7 +323,7 @@ pub unsafe extern "C" fn plywave_bsdf_pdf(
     })
 }
 
-/// `plywave_bsdf_eval` and `plywave_bsdf_pdf` in one, which share their work.
+/// `plywave_bsdf_eval` and `plywave_bsdf_pdf` in one call, which share their work.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_bsdf_eval_pdf(
     bsdf: *const PlywaveBsdf,
@@ -347,7 +350,7 @@ pub unsafe extern "C" fn plywave_bsdf_eval_pdf(
     })
 }
 
-/// What becomes of a light path, by three independent uniform random numbers `u` in [0, 1).
+/// Samples the outcome of a light path from three independent uniform random numbers `u` in [0, 1).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_bsdf_sample(
     bsdf: *const PlywaveBsdf,
@@ -368,8 +371,8 @@ pub unsafe extern "C" fn plywave_bsdf_sample(
     })
 }
 
-/// Integral of f over the sphere, to the `count` numbers of `albedo`. Of a fabric with shadows at their mean
-/// over directions.
+/// Integral of f over the sphere, to the `count` numbers of `albedo`. For a fabric it takes shadows at their
+/// mean over directions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_bsdf_albedo(
     bsdf: *const PlywaveBsdf,
@@ -400,7 +403,7 @@ pub unsafe extern "C" fn plywave_bsdf_straight(
     })
 }
 
-/// Chances of what `plywave_bsdf_sample` gives.
+/// Chances of the outcomes of `plywave_bsdf_sample`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_bsdf_outcomes(
     bsdf: *const PlywaveBsdf,
@@ -417,11 +420,11 @@ pub unsafe extern "C" fn plywave_bsdf_outcomes(
     })
 }
 
-/// f and pdf in `n` directions at one query: of `w` `[n][3]`, to `f` `[n][count]` and `pdf` `[n]`. The
-/// fastest way to ask for many directions.
+/// f and pdf in `n` directions at one query: from `w` `[n][3]` to `f` `[n][count]` and `pdf` `[n]`. This is
+/// the fastest way to evaluate many directions.
 ///
-/// With a bad direction the status is that of the first, `error` has its index, and nothing is written. `n` =
-/// 0 does nothing.
+/// If a direction is invalid, the status is that of the first such entry, `error` has its index, and nothing
+/// is written. `n` = 0 does nothing.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_bsdf_eval_batch(
     bsdf: *const PlywaveBsdf,
@@ -454,7 +457,7 @@ unsafe fn eval_directions<const N: usize>(
     if !w.iter().fold(true, |all, [x, y, z]| all & is_unit(*x, *y, *z)) {
         return w.iter().enumerate().try_for_each(|(i, w)| unit(*w, "w").at(i));
     }
-    // SAFETY: the caller's arrays, which `outputs` found not to overlap.
+    // SAFETY: the caller's arrays, which `outputs` found disjoint.
     let (f, pdf) = unsafe { (slice_mut(f, n, "f")?, slice_mut(pdf, n, "pdf")?) };
     at.eval_batch(w, f, pdf);
     Ok(())
@@ -472,7 +475,8 @@ pub(crate) fn outputs<const N: usize>(n: usize, f: *mut [f32; N], pdf: *mut f32,
     disjoint(span(pdf, n), &[span(f, n)], "pdf")
 }
 
-/// Samples of one query, of `u` `[n][3]`, to `samples` `[n]`. Errors as in `plywave_bsdf_eval_batch`.
+/// Samples `n` times at one query: from `u` `[n][3]` to `samples` `[n]`. Errors are as in
+/// `plywave_bsdf_eval_batch`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_bsdf_sample_batch(
     bsdf: *const PlywaveBsdf,
@@ -490,7 +494,7 @@ pub unsafe extern "C" fn plywave_bsdf_sample_batch(
         if !u.iter().fold(true, |all, [x, y, z]| all & is_uniform(*x, *y, *z)) {
             return u.iter().enumerate().try_for_each(|(i, u)| uniform(*u).at(i));
         }
-        // SAFETY: the caller's array, which was found not to overlap `u`.
+        // SAFETY: the caller's array, which is disjoint from `u`.
         let samples = unsafe { slice_mut(samples, n, "samples") }?;
         with_prepared!(bsdf, at => {
             samples.iter_mut().zip(u).try_for_each(|(sample, u)| {
@@ -501,7 +505,7 @@ pub unsafe extern "C" fn plywave_bsdf_sample_batch(
     })
 }
 
-/// What a prepared query is: kind, count, and what is known of the point.
+/// Describes a prepared query: its kind, count, and facts about the point.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_bsdf_info(
     bsdf: *const PlywaveBsdf,
@@ -516,7 +520,7 @@ pub unsafe extern "C" fn plywave_bsdf_info(
     })
 }
 
-/// What each kind knows of its point.
+/// Description of a prepared query, by kind of model.
 trait Info {
     fn info(&self) -> PlywaveBsdfInfo;
 }

@@ -1,5 +1,5 @@
-//! Models held to what they promise, as `plywave check` does: furnace, density and weights of the sampler,
-//! chi-square of its samples, stored values.
+//! Checks of models, as in `plywave check`: furnace, density and weights of the sampler, chi-square of its
+//! samples, stored values.
 
 use crate::bsdf::{PlywaveBsdf, Prepared, as_prepared, not_prepared, tag_of, with_prepared};
 use crate::ply::PlywavePly;
@@ -14,49 +14,50 @@ use plywave::{FiberBsdf, PlyBsdf};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-/// What a check found: the worst of its incidences.
+/// Result of a check: the worst of its incidences.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PlywaveReport {
     /// Greatest |integral of eval - albedo|.
     pub furnace_error: f64,
-    /// Greatest |integral of pdf - chance to be scattered|, or what the chances of all outcomes lack to 1.
+    /// Greatest |integral of pdf - chance of being scattered|, or |sum of the chances of all outcomes - 1|.
     pub pdf_error: f64,
     /// Greatest |weight times pdf - eval| over the samples, relative to the greatest eval.
     pub weight_error: f64,
     /// Greatest |mean weight - albedo| in standard errors.
     pub sampled_furnace_se: f64,
-    /// Least p-value of the samples against the pdf.
+    /// Smallest p-value of the samples against the pdf.
     pub chi2_p: f64,
-    /// Least p-value that passes.
+    /// Smallest p-value that passes.
     pub chi2_threshold: f64,
-    /// Greatest |all energy - 1| at sigma = 0; 0 where it is not looked at.
+    /// Greatest |total energy - 1| at sigma = 0; 0 where it is not checked.
     pub kept_error: f64,
-    /// Whether all that is held to a limit is within it; 0 or 1.
+    /// Whether every number with a limit is within it; 0 or 1.
     pub passed: i32,
 }
 
-/// What the check of a ply model found.
+/// Result of the check of a ply model.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PlywavePlyReport {
-    /// Of f_refl + f_high.
+    /// Report on f_refl + f_high.
     pub lobes: PlywaveReport,
-    /// Of all terms, edge light included, where `has_whole`.
+    /// Report on all terms, edge light included, where `has_whole`.
     pub whole: PlywaveReport,
-    /// Of a ply over a second layer, where `has_layers`.
+    /// Report on a ply over a second layer, where `has_layers`.
     pub layers: PlywaveReport,
-    /// Whether the model has edge lobes, and `whole` was found; 0 or 1.
+    /// Whether the model has edge lobes, so that `whole` is set; 0 or 1.
     pub has_whole: i32,
-    /// Whether the model has layer factors, and `layers` was found; 0 or 1.
+    /// Whether the model has layer factors, so that `layers` is set; 0 or 1.
     pub has_layers: i32,
-    /// Greatest difference of eval from the values stored in the file, relative to the greatest of them.
+    /// Greatest difference of eval from the values stored in the file, relative to the greatest of those
+    /// values.
     pub reference_error: f64,
     /// Whether everything passed; 0 or 1.
     pub passed: i32,
 }
 
-/// Most incidences and samples of a check.
+/// Largest number of incidences and samples of a check.
 const MAX: usize = 10_000_000;
 
 fn within(name: &str, value: usize) -> Checked {
@@ -76,7 +77,8 @@ fn report(r: &BsdfReport, chi2_threshold: f64, kept_error: f64) -> PlywaveReport
     }
 }
 
-/// A part of a model as the command line holds it: its sampled energy only where the furnace is exact.
+/// Report of a part of a model with the limits of the command line: its sampled energy counts only where the
+/// furnace is exact.
 fn part(found: Option<PartReport>, furnace: f64, is_sampled: bool) -> (PlywaveReport, bool) {
     let Some(p) = found else { return (PlywaveReport::default(), false) };
     let s = &p.scatter;
@@ -88,9 +90,9 @@ fn part(found: Option<PartReport>, furnace: f64, is_sampled: bool) -> (PlywaveRe
     (PlywaveReport { passed: passed.into(), ..report(s, p.chi2_threshold, p.kept_error) }, true)
 }
 
-/// Holds a model to what it promises at `incidences` incidences (100 in `plywave check`), with `samples`
-/// samples each (20000 there) and random numbers of `seed` (1 there):
-/// the checks of `plywave check` that need no table, and its numbers. It takes some 0.1 s an incidence.
+/// Checks a model at `incidences` incidences (100 in `plywave check`), with `samples` samples each (20000
+/// there) and random numbers of `seed` (1 there). The checks and numbers are those of `plywave check` that
+/// need no table. It takes about 0.1 s per incidence.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_check(
     ply: *const PlywavePly,
@@ -135,11 +137,11 @@ pub unsafe extern "C" fn plywave_ply_check(
     })
 }
 
-/// Holds a prepared query to what it promises, with `samples` samples and random numbers of `seed`. The
-/// integrals take steps that resolve features of `sd_rad` (0.001 to 1) along latitude and azimuth: 0.01 suits
-/// most. It passes with weight times pdf = eval within 1e-3 and a p-value of 1e-4 or more; of plies and
-/// fibers furnace and integral of the pdf are held to 1e-3 too. The furnace of a single point of a fabric
-/// differs by what its shadows differ from their mean, and is reported only.
+/// Checks a prepared query with `samples` samples and random numbers of `seed`. The integrals use steps that
+/// resolve features of `sd_rad` (0.001 to 1) along latitude and azimuth: 0.01 suits most models. It passes
+/// with weight times pdf = eval within 1e-3 and a p-value of 1e-4 or more; for plies and fibers, furnace and
+/// integral of the pdf must also be within 1e-3. The furnace of a single point of a fabric differs as its
+/// shadows differ from their mean, and is only reported.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_bsdf_check(
     bsdf: *const PlywaveBsdf,
@@ -167,7 +169,7 @@ pub unsafe extern "C" fn plywave_bsdf_check(
     })
 }
 
-/// Of one point: as `cli/tests/it/fabrics.rs` holds fabrics.
+/// Limit at one point, the one that `cli/tests/it/fabrics.rs` sets for fabrics.
 const POINT_WEIGHT_TOLERANCE: f64 = 1e-3;
 const POINT_CHI2_THRESHOLD: f64 = 1e-4;
 

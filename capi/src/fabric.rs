@@ -15,7 +15,7 @@ use plywave::io::MemoryAssets;
 use plywave::{Bsdf, FabricModel, FabricQuery, PlyModel};
 use std::ffi::c_char;
 
-/// A loaded fabric. It never changes: any number of threads may use it at once.
+/// A loaded fabric. It is immutable: any number of threads may use it at once.
 pub struct PlywaveFabric {
     fabric: FabricModel,
     name: String,
@@ -27,7 +27,7 @@ const _: () = {
     is_send_sync::<PlywaveFabric>();
 };
 
-/// What the numbers of a color are; the `channels` of a query.
+/// Meaning of the numbers of a color; the `channels` of a query.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlywaveChannels {
@@ -39,70 +39,71 @@ pub enum PlywaveChannels {
     LinearRec2020 = 2,
 }
 
-/// What a color asked for is a color of.
+/// Quantity that a target color refers to.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlywaveColorOf {
-    /// The cloth under a sky all round: reflected and transmitted light over the light that meets fibers.
+    /// The cloth under a uniform sky all around: reflected and transmitted light over the light that hits
+    /// fibers.
     EvenSky = 0,
-    /// The cloth's face, lit from the viewer's side, with dark behind it.
+    /// The cloth's face, lit from the viewer's side, with a dark background.
     Reflected = 1,
-    /// The cloth folded until no light comes through, as textile labs read it (d/8).
+    /// The cloth folded until opaque, as textile labs measure it (d/8).
     Folded = 2,
 }
 
-/// What a yarn is colored by; the `kind` of a `PlywaveYarnColor`.
+/// How a yarn is colored; the `kind` of a `PlywaveYarnColor`.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlywaveYarnColorKind {
-    /// Nothing: clear fibers.
+    /// No color: clear fibers.
     Undyed = 0,
     /// A color [sRGB, 0 to 1].
     Srgb = 1,
-    /// An absorption of the fibers [1/um].
+    /// An absorption coefficient of the fibers [1/um].
     Sigma = 2,
 }
 
-/// Color of the yarns of warp or weft. Zeroed memory is clear fibers.
+/// Color of the yarns of warp or weft. Zeroed memory means clear fibers.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlywaveYarnColor {
     /// A `PlywaveYarnColorKind`.
     pub kind: i32,
-    /// Of `PLYWAVE_YARN_COLOR_KIND_SRGB`: the color, gamma encoded, 0 to 1.
+    /// The color for `PLYWAVE_YARN_COLOR_KIND_SRGB`, gamma encoded, 0 to 1.
     pub srgb: [f32; 3],
-    /// Of `PLYWAVE_YARN_COLOR_KIND_SIGMA`: the absorption [1/um], 0 or more.
+    /// The absorption for `PLYWAVE_YARN_COLOR_KIND_SIGMA` [1/um], 0 or more.
     pub sigma_per_um: f32,
 }
 
-/// How a fabric is shaded. Zeroed memory, or NULL in its place, is the whole model without speckle, in the
-/// colors of the spec.
+/// Options of a fabric's shading. Zeroed memory, or NULL in its place, is the whole model without speckle, in
+/// the colors of the spec.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlywaveFabricOptions {
-    /// Not 0: light goes straight through gaps, a delta. 0: gaps diffract it.
+    /// Not 0: light goes straight through gaps, as a delta. 0: gaps diffract it.
     pub straight_gaps: i32,
     /// Not 0: light that passes beside a ply goes straight on. 0: it is diffracted at its edge.
     pub no_edges: i32,
-    /// Not 0: speckle, in models that have noise.
+    /// Not 0: adds speckle in models that have noise.
     pub noise: i32,
-    /// Not 0: a single layer of yarn. For comparison.
+    /// Not 0: uses a single layer of yarn. For comparison.
     pub no_layers: i32,
-    /// Not 0: no shadows of yarns on their neighbors. For comparison.
+    /// Not 0: turns off shadows of yarns on their neighbors. For comparison.
     pub no_shadowing: i32,
-    /// Not 0: `sigma_per_um` takes the place of all colors.
+    /// Not 0: `sigma_per_um` overrides all colors.
     pub has_sigma: i32,
     /// One absorption [1/um] at every wavelength for all yarns; 0 for a white furnace.
     pub sigma_per_um: f32,
-    /// Not 0: the mean over the repeat is made ready, some seconds, for queries with a footprint. Without,
+    /// Not 0: prepares the mean over the repeat, which takes some seconds, for queries with a footprint. 0:
     /// footprints count as points.
     pub far: i32,
-    /// Not 0: slits between the fibers of all yarns, in place of those of the spec, `slit_width_um` and
-    /// `slit_share` of them.
+    /// Not 0: all yarns have slits between their fibers by `slit_width_um` and `slit_share`, which override
+    /// those of the spec.
     pub has_slits: i32,
-    /// Their width [um], above 0 and at most 5.
+    /// Width of the slits [um], above 0 and at most 5.
     pub slit_width_um: f32,
-    /// Share of a ply's forward light that goes through them (0.25 in the paper); 0 for none.
+    /// Share of a ply's forward light that goes through the slits (0.25 in the paper); 0 for none.
     pub slit_share: f32,
 }
 
@@ -112,21 +113,21 @@ pub struct PlywaveFabricOptions {
 pub struct PlywaveAsset {
     /// Name as the spec has it, UTF-8.
     pub name: *const c_char,
-    /// Its bytes.
+    /// Content of the file.
     pub bytes: *const u8,
-    /// How many.
+    /// Number of bytes.
     pub size: usize,
 }
 
-/// What fixes a shading point of a fabric. Zeroed memory is a fine start: what is 0 or NULL is left at its
-/// default; `count` and `wo` must be given.
+/// A query at a shading point of a fabric. Start from zeroed memory: 0 and NULL mean the default; `count` and
+/// `wo` are required.
 ///
 /// The surface's frame: x along the weft (along u), y along the warp (along v), z the normal of the face.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct PlywaveFabricQuery {
-    /// Point in the plane of the fabric [um], each within 1e10 of 0: uv times the size that a unit of uv has.
-    /// Beyond 1e7, 10 m, its numbers are 1 um apart and more.
+    /// Point in the plane of the fabric [um], each coordinate within 1e10 of 0: uv times the size of a unit
+    /// of uv. Beyond 1e7, 10 m, consecutive f32 values are 1 um apart and more.
     pub position_um: [f32; 2],
     /// Direction towards the viewer, unit.
     pub wo: [f32; 3],
@@ -138,18 +139,18 @@ pub struct PlywaveFabricQuery {
     /// A `PlywaveChannels`.
     pub channels: i32,
     /// Angle by which the pattern is turned about the normal at the point [rad], within 1e6 of 0, from x
-    /// towards y. The position is one of the turned pattern's plane, in the surface's axes.
+    /// towards y. The position lies in the turned pattern's plane, in the surface's axes.
     pub turn_rad: f32,
     /// `[count]` absorptions [1/um] of the warp at the point, for textures and prints, or NULL for the
     /// fabric's own. Read during the call only.
     pub sigma_warp_per_um: *const f32,
-    /// The same of the weft.
+    /// The same for the weft.
     pub sigma_weft_per_um: *const f32,
-    /// Models of the warp and the weft in place of the fabric's, from `plywave_ply_of_lines`, of the same ply
-    /// radius and number of plies, or NULL. They must live as long as what is prepared with them.
+    /// Models that override those of the warp and the weft, from `plywave_ply_of_lines`, of the same ply
+    /// radius and number of plies, or NULL. They must outlive the query prepared with them.
     pub models: [*const PlywavePly; 2],
-    /// Diameter of the part of the cloth that the point stands for [um], as of a pixel: beyond a repeat the
-    /// mean over it answers. 0 for a point, never below. See `far` of the options.
+    /// Diameter of the area of cloth that the point represents [um], such as a pixel's footprint: beyond one
+    /// repeat the mean over the repeat is used. 0 for a point; never negative. See `far` of the options.
     pub footprint_um: f32,
 }
 
@@ -159,13 +160,13 @@ impl Counted for PlywaveFabricQuery {
     }
 }
 
-/// What a fabric is. Pairs are of warp and weft.
+/// Description of a fabric. Pairs are warp and weft.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlywaveFabricInfo {
     /// Size of one repeat along x and y [um].
     pub repeat_um: [f64; 2],
-    /// From the axis of a yarn to that of the next [um].
+    /// Distance between the axes of neighboring yarns [um].
     pub spacing_um: [f64; 2],
     /// Width of a yarn [um].
     pub width_um: [f64; 2],
@@ -175,23 +176,24 @@ pub struct PlywaveFabricInfo {
     pub threads: [i32; 2],
     /// Greatest distance of any fiber from the middle plane [um].
     pub half_thickness_um: f32,
-    /// What its colors are colors of.
+    /// Quantity that its colors refer to.
     pub color_of: PlywaveColorOf,
-    /// Memory that it takes, its models apart.
+    /// Memory use, without its models.
     pub memory_bytes: u64,
 }
 
-/// What becomes of a color that was asked for.
+/// A target color and the color that the cloth reaches.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlywaveColorReach {
-    /// As asked for [sRGB, 0 to 1].
+    /// Target color [sRGB, 0 to 1].
     pub asked: [f32; 3],
-    /// As the cloth has it [sRGB; beyond 0 to 1 out of its gamut].
+    /// Color of the cloth [sRGB; outside 0 to 1 if out of gamut].
     pub comes_out: [f64; 3],
-    /// CIEDE2000 between the two; one that is just seen is about 1.
+    /// CIEDE2000 between the two; about 1 is just visible.
     pub delta_e: f64,
-    /// How many of the 81 wavelengths were brighter than clear fibers and darker than black ones.
+    /// Number of the 81 wavelengths at which the target was brighter than clear fibers, and darker than black
+    /// ones.
     pub clamped: [u32; 2],
 }
 
@@ -210,7 +212,7 @@ fn options_of(of: Option<&PlywaveFabricOptions>) -> Checked<FabricOptions> {
     })
 }
 
-/// An absorption that a caller gives for good.
+/// An absorption that must be valid when a caller sets it.
 fn absorption(sigma: f32) -> Checked<f32> {
     if (0.0..f32::INFINITY).contains(&sigma) {
         Ok(sigma)
@@ -235,15 +237,15 @@ fn channels_of(channels: i32, count: usize) -> Checked<Channels> {
     }
 }
 
-/// Farthest position [um]: 10 km, where the numbers of a position are 1 mm apart.
+/// Farthest position [um]: 10 km, where consecutive f32 values are 1 mm apart.
 const MAX_UM: f32 = 1e10;
-/// Greatest turn [rad], where its numbers are 0.06 apart.
+/// Greatest turn [rad], where consecutive f32 values are 0.06 apart.
 const MAX_RAD: f32 = 1e6;
 
-/// The query as Rust has it.
+/// The query as a Rust type.
 ///
 /// # Safety
-/// Its pointers are NULL or to live memory.
+/// Its pointers are NULL or point to live memory.
 #[inline(always)]
 unsafe fn query_of<'a, const N: usize>(q: &PlywaveFabricQuery) -> Checked<FabricQuery<'a, N>> {
     for position in q.position_um {
@@ -279,8 +281,8 @@ unsafe fn query_of<'a, const N: usize>(q: &PlywaveFabricQuery) -> Checked<Fabric
 }
 
 /// Reads a fabric spec (TOML) and the models that it names, which lie in its folder or below. `path` is
-/// UTF-8; `options` may be NULL. It takes a second or two: light between yarns is followed. On an error
-/// `*out` is NULL. Release it with `plywave_fabric_free`.
+/// UTF-8; `options` may be NULL. It takes a second or two, to trace inter-yarn scattering. On an error `*out`
+/// is NULL. Release it with `plywave_fabric_free`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fabric_load(
     path: *const c_char,
@@ -298,8 +300,8 @@ pub unsafe extern "C" fn plywave_fabric_load(
     })
 }
 
-/// As `plywave_fabric_load`, of the text of a spec and the files that it names, `assets` `[n]`; `name` stands
-/// for the spec in messages.
+/// Like `plywave_fabric_load`, but from the text of a spec and the files that it names, `assets` `[n]`;
+/// `name` identifies the spec in messages.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fabric_from_memory(
     spec: *const c_char,
@@ -326,17 +328,17 @@ pub unsafe extern "C" fn plywave_fabric_from_memory(
     })
 }
 
-/// Releases a fabric; NULL is allowed. No prepared query and no call may use it any more.
+/// Releases a fabric; NULL is allowed. No prepared query and no call may use it afterwards.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fabric_free(fabric: *mut PlywaveFabric) {
     guard(std::ptr::null_mut(), || {
-        // SAFETY: the caller's handle, given back once.
+        // SAFETY: the caller's handle, released once.
         unsafe { take_back(fabric) };
         Ok(())
     });
 }
 
-/// What a fabric is.
+/// Describes a fabric.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fabric_info(
     fabric: *const PlywaveFabric,
@@ -367,7 +369,7 @@ pub unsafe extern "C" fn plywave_fabric_info(
     })
 }
 
-/// Name of a fabric, as its spec has it. The buffer as in `plywave_ply_spec`.
+/// Name of a fabric, as its spec has it. The buffer works as in `plywave_ply_spec`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fabric_name(
     fabric: *const PlywaveFabric,
@@ -382,8 +384,8 @@ pub unsafe extern "C" fn plywave_fabric_name(
     })
 }
 
-/// What there is to know of a fabric, a line each: what was taken where its WIF says nothing or is wrong,
-/// layers that no yarn joins, and what a model does not hold. The buffer as in `plywave_ply_spec`.
+/// Notes on a fabric, one per line: assumptions where its WIF is silent or wrong, layers that no yarn joins,
+/// and what a model does not contain. The buffer works as in `plywave_ply_spec`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fabric_notes(
     fabric: *const PlywaveFabric,
@@ -398,8 +400,8 @@ pub unsafe extern "C" fn plywave_fabric_notes(
     })
 }
 
-/// The same fabric in other colors, as a new handle; nothing is traced anew. `color_of` is a
-/// `PlywaveColorOf`; where it is not the fabric's, it takes tenths of a second.
+/// The same fabric in other colors, as a new handle, without tracing again. `color_of` is a `PlywaveColorOf`;
+/// if it differs from the fabric's, the call takes tenths of a second.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fabric_with_colors(
     fabric: *const PlywaveFabric,
@@ -438,8 +440,8 @@ fn yarn_color(of: &PlywaveYarnColor) -> Checked<YarnColor> {
     }
 }
 
-/// The colors of the fabric, each once, and what becomes of them: the first `capacity` to `colors`, the
-/// number of all to `*count`.
+/// The distinct colors of the fabric, each as target and result: the first `capacity` to `colors`, the total
+/// number to `*count`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fabric_colors(
     fabric: *const PlywaveFabric,
@@ -461,9 +463,9 @@ pub unsafe extern "C" fn plywave_fabric_colors(
     })
 }
 
-/// Absorptions [1/um] with which the cloth has `n` reflectances, 0 to 1, at wavelengths or in linear RGB:
-/// `sigma_per_um` may be `reflectance`. What is out of reach is clamped to clear or black fibers. Convert a
-/// texture once, not at every hit. With a bad entry nothing is written.
+/// Absorptions [1/um] with which the cloth has `n` given reflectances, 0 to 1, at wavelengths or in linear
+/// RGB: `sigma_per_um` may be `reflectance`. Values out of reach are clamped to clear or black fibers.
+/// Convert a texture once, not at every hit. If an entry is invalid, nothing is written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fabric_sigma_of_reflectance(
     fabric: *const PlywaveFabric,
@@ -475,7 +477,8 @@ pub unsafe extern "C" fn plywave_fabric_sigma_of_reflectance(
     guard(error, || {
         // SAFETY: the caller's pointers, as documented.
         let of = unsafe {
-            // One after another by pointers: the two may be the same array, and then no slice of both may be.
+            // One by one through pointers: the two may be the same array, and then slices of both must not
+            // exist.
             for (i, r) in slice(reflectance, n, "reflectance")?.iter().enumerate() {
                 if !(0.0..=1.0).contains(r) {
                     return Err(invalid("reflectance", r, "a number in [0, 1]")).at(i);
@@ -502,7 +505,7 @@ pub unsafe extern "C" fn plywave_fabric_sigma_of_reflectance(
 }
 
 /// Prepares the fabric at a query for any number of directions. On an error `bsdf` is not prepared, whatever
-/// was in it before.
+/// it held before.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fabric_at(
     fabric: *const PlywaveFabric,
@@ -528,11 +531,11 @@ pub unsafe extern "C" fn plywave_fabric_at(
     status
 }
 
-/// f and pdf of `n` queries, one direction each: of `queries` `[n]` and `w` `[n][3]`, to `f` `[n][count]` and
-/// `pdf` `[n]`. All queries have the count of the first.
+/// f and pdf of `n` queries, one direction each: from `queries` `[n]` and `w` `[n][3]` to `f` `[n][count]`
+/// and `pdf` `[n]`. All queries have the count of the first.
 ///
-/// With a bad entry the status is that of the first, `error` has its index, and all before it are written.
-/// `n` = 0 does nothing.
+/// If an entry is invalid, the status is that of the first such entry, `error` has its index, and all entries
+/// before it are written. `n` = 0 does nothing.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fabric_eval_batch(
     fabric: *const PlywaveFabric,
@@ -553,7 +556,7 @@ pub unsafe extern "C" fn plywave_fabric_eval_batch(
     })
 }
 
-/// Samples of `n` queries, one each: of `queries` `[n]` and `u` `[n][3]`, to `samples` `[n]`. As
+/// Samples `n` queries once each: from `queries` `[n]` and `u` `[n][3]` to `samples` `[n]`. Errors are as in
 /// `plywave_fabric_eval_batch`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fabric_sample_batch(
@@ -574,8 +577,8 @@ pub unsafe extern "C" fn plywave_fabric_sample_batch(
     })
 }
 
-/// A model of a fabric as a handle of its own, of the yarn `thread` of the warp (`family` 0) or the weft (1):
-/// what it is, its spec, its check. Release it with `plywave_ply_free`.
+/// The ply model of yarn `thread` of the warp (`family` 0) or the weft (1), as its own handle, for its info,
+/// spec and check. Release it with `plywave_ply_free`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fabric_model(
     fabric: *const PlywaveFabric,

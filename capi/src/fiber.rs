@@ -8,13 +8,13 @@ use plywave::fiber::{FilamentSpec, TabulatedFiber};
 use plywave::{Bsdf, FiberModel, FiberQuery};
 use std::ffi::c_char;
 
-/// Largest absorption of a query [1/um], as of specs.
+/// Largest absorption of a query [1/um], as in specs.
 const MAX_SIGMA_PER_UM: f32 = 1000.0;
 
-/// A loaded model of a fiber. It never changes: any number of threads may use it at once.
+/// A loaded fiber model. It is immutable: any number of threads may use it at once.
 pub struct PlywaveFiber {
     model: FiberModel,
-    /// Wavelengths [um] and absorption [1/um] of the spec of an analytic fiber.
+    /// Wavelengths [um] and absorption [1/um] from the spec of an analytic fiber.
     color: Option<[[f32; 3]; 2]>,
 }
 
@@ -29,9 +29,9 @@ const _: () = {
     is_send_sync::<PlywaveFiber>();
 };
 
-/// What fixes a shading point of a fiber. Zeroed memory is a fine start; `count` and `omega_i` must be given.
+/// A query at a shading point of a fiber. Start from zeroed memory; `count` and `omega_i` are required.
 ///
-/// The fiber's frame: z along it, x and y those of its outline.
+/// The fiber's frame: z along the fiber, x and y the axes of its outline.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct PlywaveFiberQuery {
@@ -42,10 +42,10 @@ pub struct PlywaveFiberQuery {
     /// Wavelengths [um]. All 0 with a count of 3: 0.612, 0.549 and 0.464, those of red, green and blue.
     pub lambda_um: [f32; PLYWAVE_MAX_COUNT],
     /// Offset of the ray from the center line over half the fiber's width, -1 to 1, or NULL for the mean over
-    /// all. Tables hold that mean alone. Read during the call only.
+    /// all offsets. Tables contain only that mean. Read during the call only.
     pub h_rel: *const f32,
-    /// Absorption of the fiber's inside [1/um], by wavelength: the color of an analytic fiber. Tables hold
-    /// their own and ignore it.
+    /// Absorption inside the fiber [1/um], by wavelength: the color of an analytic fiber. Tables ignore it,
+    /// since they have their own.
     pub sigma_per_um: [f32; PLYWAVE_MAX_COUNT],
 }
 
@@ -56,7 +56,7 @@ impl Counted for PlywaveFiberQuery {
 }
 
 /// # Safety
-/// Its pointer is NULL or to a number.
+/// Its pointer is NULL or points to a number.
 #[inline(always)]
 unsafe fn query_of<const N: usize>(q: &PlywaveFiberQuery) -> Checked<FiberQuery<N>> {
     unit(q.omega_i, "omega_i")?;
@@ -95,8 +95,8 @@ pub unsafe extern "C" fn plywave_fiber_load(
     })
 }
 
-/// As `plywave_fiber_load`, of the `size` bytes of a file; `name` stands for it in messages, and ends in
-/// `.toml` for a spec.
+/// Like `plywave_fiber_load`, but from the `size` bytes of a file; `name` identifies it in messages, and ends
+/// in `.toml` for a spec.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fiber_from_bytes(
     bytes: *const u8,
@@ -119,7 +119,7 @@ pub unsafe extern "C" fn plywave_fiber_from_bytes(
     })
 }
 
-/// Releases a fiber; NULL is allowed. No prepared query and no call may use it any more.
+/// Releases a fiber; NULL is allowed. No prepared query and no call may use it afterwards.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fiber_free(fiber: *mut PlywaveFiber) {
     guard(std::ptr::null_mut(), || {
@@ -129,8 +129,8 @@ pub unsafe extern "C" fn plywave_fiber_free(fiber: *mut PlywaveFiber) {
     });
 }
 
-/// Diameter of the cylinder that a ray must meet for the fiber to scatter it, whatever the direction and
-/// wavelength [um].
+/// Diameter of the cylinder outside which no ray is scattered by the fiber, for any direction and wavelength
+/// [um].
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fiber_max_width(
     fiber: *const PlywaveFiber,
@@ -143,8 +143,9 @@ pub unsafe extern "C" fn plywave_fiber_max_width(
     })
 }
 
-/// Color of an analytic fiber by its spec: three wavelengths [um] to `lambda_um` `[3]`, absorption at them
-/// [1/um] to `sigma_per_um` `[3]`, as a query takes them. Of a table, which holds its own, all are 0.
+/// Color of an analytic fiber from its spec: three wavelengths [um] to `lambda_um` `[3]`, the absorption at
+/// them [1/um] to `sigma_per_um` `[3]`, as a query takes them. All are 0 for a table, which has its own
+/// color.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fiber_color(
     fiber: *const PlywaveFiber,
@@ -163,7 +164,7 @@ pub unsafe extern "C" fn plywave_fiber_color(
 }
 
 /// Prepares the fiber at a query for any number of directions. On an error `bsdf` is not prepared, whatever
-/// was in it before. The widths from which it takes light are in `plywave_bsdf_info`.
+/// it held before. `plywave_bsdf_info` has the widths from which the fiber intercepts light.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fiber_at(
     fiber: *const PlywaveFiber,
@@ -189,11 +190,11 @@ pub unsafe extern "C" fn plywave_fiber_at(
     status
 }
 
-/// f and pdf of `n` queries, one direction each: of `queries` `[n]` and `w` `[n][3]`, to `f` `[n][count]` and
-/// `pdf` `[n]`. All queries have the count of the first.
+/// f and pdf of `n` queries, one direction each: from `queries` `[n]` and `w` `[n][3]` to `f` `[n][count]`
+/// and `pdf` `[n]`. All queries have the count of the first.
 ///
-/// With a bad entry the status is that of the first, `error` has its index, and all before it are written.
-/// `n` = 0 does nothing.
+/// If an entry is invalid, the status is that of the first such entry, `error` has its index, and all entries
+/// before it are written. `n` = 0 does nothing.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fiber_eval_batch(
     fiber: *const PlywaveFiber,
@@ -214,7 +215,7 @@ pub unsafe extern "C" fn plywave_fiber_eval_batch(
     })
 }
 
-/// Samples of `n` queries, one each: of `queries` `[n]` and `u` `[n][3]`, to `samples` `[n]`. As
+/// Samples `n` queries once each: from `queries` `[n]` and `u` `[n][3]` to `samples` `[n]`. Errors are as in
 /// `plywave_fiber_eval_batch`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_fiber_sample_batch(

@@ -1,15 +1,16 @@
-//! plywave for C and C++: models, fabrics and fibers as opaque handles, queries prepared in memory of the
-//! caller, single calls and batches for 1, 3 or 4 wavelengths.
+//! plywave for C and C++: models, fabrics and fibers as opaque handles, queries prepared in the caller's
+//! memory, single calls and batches for 1, 3 or 4 wavelengths.
 //!
-//! The header is `include/plywave.h`, made of this crate by cbindgen (`capi/header.sh`); docs/howto/host_c.md
-//! is the page for users.
+//! cbindgen makes the header `include/plywave.h` from this crate (`capi/header.sh`); docs/howto/host_c.md is
+//! the user guide.
 //!
-//! - Every function runs in `status::guard`: no panic leaves it, and what can fail returns a `PlywaveStatus`.
-//! - Nothing is global. Handles never change once they are made, so that threads share them without locks.
-//! - Numbers of a call are checked at the border (`pointer`), since `eval` and `sample` of the library give 0
-//!   for what is no direction, and a host wants to know.
-//! - There is one set of functions for all that was prepared (`bsdf`): the kind of model and its number of
-//!   wavelengths are a tag in the caller's memory.
+//! - Every function runs in `status::guard`: no panic leaves it, and a function that can fail returns a
+//! `PlywaveStatus`.
+//! - There is no global state. Handles are immutable, so threads share them without locks.
+//! - The border (`pointer`) checks the numbers of a call, because the library's `eval` and `sample` return 0
+//! for an invalid direction, and a host needs the error.
+//! - One set of functions serves every prepared query (`bsdf`): a tag in the caller's memory holds the kind
+//! of model and the number of wavelengths.
 
 mod bsdf;
 mod check;
@@ -32,12 +33,11 @@ use std::ffi::c_char;
 #[cfg(not(panic = "unwind"))]
 compile_error!("plywave-capi turns panics into errors: compile it with panic = \"unwind\"");
 
-/// Version of what this header declares: it rises with every change that programs compiled before would not
-/// notice.
+/// Version of this header's interface: it rises with every change that breaks already compiled programs
+/// without an error.
 pub const PLYWAVE_ABI_VERSION: u32 = 1;
 
-/// `PLYWAVE_ABI_VERSION` of the library at run time: a program that was compiled with another one must not go
-/// on.
+/// `PLYWAVE_ABI_VERSION` of the library at run time: a program compiled with another value must not continue.
 #[unsafe(no_mangle)]
 pub extern "C" fn plywave_abi_version() -> u32 {
     PLYWAVE_ABI_VERSION

@@ -16,10 +16,10 @@ use plywave::speckle::Instance;
 use plywave::{Bsdf, PlyModel, PlyQuery};
 use std::ffi::c_char;
 
-/// A loaded ply model. It never changes: any number of threads may use it at once.
+/// A loaded ply model. It is immutable: any number of threads may use it at once.
 pub struct PlywavePly(pub(crate) PlyModel);
 
-/// A small gap between the fibers of a ply. It never changes.
+/// A small gap between the fibers of a ply. It is immutable.
 pub struct PlywaveSlit(Slit);
 
 const _: () = {
@@ -28,7 +28,8 @@ const _: () = {
     is_send_sync::<PlywaveSlit>();
 };
 
-/// Which speckle patterns a point of a ply has: those of a place on a ply, with the `h_um` of the query.
+/// Selects the speckle patterns at a point of a ply, from its position on the ply and the `h_um` of the
+/// query.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlywaveInstance {
@@ -36,30 +37,29 @@ pub struct PlywaveInstance {
     pub ply_id: u32,
     /// Position along its fibers [um].
     pub position_um: f32,
-    /// Length and width of a grain, which has the same patterns [um]; 0 for one instance for the whole ply.
-    /// Twice the beam's waist suits.
+    /// Length and width of a grain, which has one set of patterns [um]; 0 for one set for the whole ply.
+    /// Twice the beam's waist is a good value.
     pub grain_um: f32,
 }
 
-/// What a layer of yarn does to the light that meets its fibers; of `plywave_ply_layer`.
+/// Layer factors of a yarn: how it scatters the light that hits its fibers; from `plywave_ply_layer`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlywaveLayer {
-    /// Fraction sent back.
+    /// Reflected fraction.
     pub reflected: [f32; PLYWAVE_MAX_COUNT],
-    /// Fraction let through.
+    /// Transmitted fraction.
     pub transmitted: [f32; PLYWAVE_MAX_COUNT],
-    /// Of diffuse light, fraction sent back.
+    /// Reflected fraction of diffuse light.
     pub reflected_diffuse: [f32; PLYWAVE_MAX_COUNT],
-    /// Of diffuse light, fraction let through.
+    /// Transmitted fraction of diffuse light.
     pub transmitted_diffuse: [f32; PLYWAVE_MAX_COUNT],
 }
 
-/// What fixes a shading point of a ply. Zeroed memory is a fine start: what is 0 or NULL is left at its
-/// default.
+/// A query at a shading point of a ply. Start from zeroed memory: 0 and NULL mean the default.
 ///
-/// The ply's frame: z along the ply, light comes from `(0, cos theta_i, sin theta_i)`, `h_um` is the x
-/// coordinate of the beam's center.
+/// The ply's frame: z along the ply, light from `(0, cos theta_i, sin theta_i)`, `h_um` the x coordinate of
+/// the beam's center.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct PlywavePlyQuery {
@@ -69,21 +69,21 @@ pub struct PlywavePlyQuery {
     pub h_um: f32,
     /// Number of absorptions and wavelengths: 1, 3 or 4.
     pub count: i32,
-    /// Absorptions of the fibers [1/um]: the host's color. Below 0 counts as 0.
+    /// Absorptions of the fibers [1/um]: the host's color. Negative values count as 0.
     pub sigma_per_um: [f32; PLYWAVE_MAX_COUNT],
     /// Wavelengths [um]. All 0 with a count of 3: 0.612, 0.549 and 0.464, those of red, green and blue.
     pub lambda_um: [f32; PLYWAVE_MAX_COUNT],
     /// Not 0: light that passes beside the ply goes straight on. 0: it is diffracted at the ply's edge, where
     /// the model has edge lobes.
     pub no_edge: i32,
-    /// Not 0: every call interpolates the lobes anew. 0: `plywave_ply_at` does it once. The batches of
-    /// queries never keep them, whatever is here.
+    /// Not 0: every call interpolates the lobes again. 0: `plywave_ply_at` interpolates them once. Batches of
+    /// queries are uncached in either case.
     pub uncached: i32,
-    /// Small gaps between the fibers, or NULL. Must live as long as what is prepared with it.
+    /// Small gaps between the fibers, or NULL. Must outlive the query prepared with it.
     pub slit: *const PlywaveSlit,
     /// Speckle patterns, or NULL for the smooth model. Read during the call only.
     pub instance: *const PlywaveInstance,
-    /// A second layer below, or NULL. Read during the call only. Without effect for a model without layer
+    /// A second layer below, or NULL. Read during the call only. It has no effect for a model without layer
     /// factors.
     pub below: *const PlywaveLayer,
 }
@@ -94,30 +94,30 @@ impl Counted for PlywavePlyQuery {
     }
 }
 
-/// What a model is.
+/// Description of a ply model.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlywavePlyInfo {
     /// Greater radius R of a ply [um].
     pub radius_um: f64,
-    /// Greatest offset |h| at which a beam may meet fibers [um].
+    /// Greatest offset |h| at which a beam can hit fibers [um].
     pub h_limit_um: f64,
-    /// Greatest latitude of the nodes [rad]; beyond, the last node counts.
+    /// Greatest latitude of the nodes [rad]; beyond it, the last node is used.
     pub theta_limit: f64,
-    /// Greatest absorption of the simulation [1/um]; the model holds beyond.
+    /// Greatest simulated absorption [1/um]; the model remains valid beyond it.
     pub sigma_limit_per_um: f64,
     /// Waist w0 of the beam [um].
     pub w0_um: f64,
     /// Distance beyond which the beam counts as dark [um].
     pub d_cut_um: f64,
     /// Greatest difference of eval on this machine from the values stored in the file, relative to the
-    /// greatest of them; 1e-3 and less is fine.
+    /// greatest of them; up to 1e-3 is fine.
     pub reference_error: f64,
-    /// Plies of the yarn that the model is of.
+    /// Number of plies of the modeled yarn.
     pub plies: i32,
-    /// Lobes of single reflection.
+    /// Number of single-reflection lobes.
     pub lobes_refl: i32,
-    /// Lobes of other light.
+    /// Number of lobes of other light.
     pub lobes_high: i32,
     /// Whether the model has edge lobes; 0 or 1.
     pub has_edge: i32,
@@ -127,10 +127,10 @@ pub struct PlywavePlyInfo {
     pub has_noise: i32,
 }
 
-/// The query as Rust has it.
+/// The query as a Rust type.
 ///
 /// # Safety
-/// Its pointers are NULL or to live memory.
+/// Its pointers are NULL or point to live memory.
 #[inline(always)]
 unsafe fn query_of<'a, const N: usize>(q: &PlywavePlyQuery, cached: bool) -> Checked<PlyQuery<'a, N>> {
     finite(q.theta_i, "theta_i")?;
@@ -160,9 +160,9 @@ fn layer_of<const N: usize>(of: &PlywaveLayer) -> Checked<Layer<N>> {
     })
 }
 
-/// Reads and checks a ply model (.pwm), or one that is named without folder and ending, NAME for NAME.pwm,
-/// from the folders of the variable PLYWAVE_MODELS. `path` is UTF-8. On an error `*out` is NULL. Release it
-/// with `plywave_ply_free`.
+/// Reads and checks a ply model (.pwm). A name without folder and ending, NAME for NAME.pwm, is found in the
+/// folders of the variable PLYWAVE_MODELS. `path` is UTF-8. On an error `*out` is NULL. Release it with
+/// `plywave_ply_free`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_load(
     path: *const c_char,
@@ -178,7 +178,7 @@ pub unsafe extern "C" fn plywave_ply_load(
     })
 }
 
-/// As `plywave_ply_load`, of the `size` bytes of a file; `name` stands for it in messages.
+/// Like `plywave_ply_load`, but from the `size` bytes of a file; `name` identifies it in messages.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_from_bytes(
     bytes: *const u8,
@@ -197,8 +197,8 @@ pub unsafe extern "C" fn plywave_ply_from_bytes(
     })
 }
 
-/// A model's ply in single lines instead of a beam, for `PlywaveFabricQuery.models`: its light that is missed
-/// is the chance of a line, not the mean of a beam. Release it with `plywave_ply_free`.
+/// The ply of a model lit along single lines instead of a beam, for `PlywaveFabricQuery.models`: its missed
+/// light is the chance that a line misses, not the mean over a beam. Release it with `plywave_ply_free`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_of_lines(
     ply: *const PlywavePly,
@@ -214,7 +214,7 @@ pub unsafe extern "C" fn plywave_ply_of_lines(
     })
 }
 
-/// Releases a model; NULL is allowed. No prepared query and no call may use it any more.
+/// Releases a model; NULL is allowed. No prepared query and no call may use it afterwards.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_free(ply: *mut PlywavePly) {
     guard(std::ptr::null_mut(), || {
@@ -224,7 +224,7 @@ pub unsafe extern "C" fn plywave_ply_free(ply: *mut PlywavePly) {
     });
 }
 
-/// What a model is.
+/// Describes a model.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_info(
     ply: *const PlywavePly,
@@ -258,9 +258,9 @@ pub unsafe extern "C" fn plywave_ply_info(
     })
 }
 
-/// The text of the yarn spec that a model was made of, with a 0 at its end, to a buffer of `size` bytes; its
-/// length without that 0 to `*length`, which may be NULL.
-/// With `PLYWAVE_STATUS_BUFFER_TOO_SMALL`, as with NULL and 0, `*length` + 1 bytes are needed.
+/// Copies the text of the yarn spec that a model was made from, with a final 0, to a buffer of `size` bytes;
+/// its length without that 0 goes to `*length`, which may be NULL. With `PLYWAVE_STATUS_BUFFER_TOO_SMALL`, as
+/// with NULL and 0, `*length` + 1 bytes are needed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_spec(
     ply: *const PlywavePly,
@@ -275,8 +275,8 @@ pub unsafe extern "C" fn plywave_ply_spec(
     })
 }
 
-/// A layer of this ply's yarns at a latitude [rad], for `count` absorptions [1/um]; what lies below another
-/// ply. `PLYWAVE_STATUS_MISSING` for a model without layer factors.
+/// A layer of this ply's yarns at a latitude [rad], for `count` absorptions [1/um], to lie below another ply.
+/// `PLYWAVE_STATUS_MISSING` for a model without layer factors.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_layer(
     ply: *const PlywavePly,
@@ -309,8 +309,7 @@ pub unsafe extern "C" fn plywave_ply_layer(
 }
 
 /// A slit between the fibers of a model's ply, `width_um` wide (above 0, at most 5), through which `share` of
-/// the forward light goes (0.25 in the paper).
-/// Release it with `plywave_slit_free`.
+/// the forward light goes (0.25 in the paper). Release it with `plywave_slit_free`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_slit_new(
     ply: *const PlywavePly,
@@ -344,7 +343,7 @@ pub unsafe extern "C" fn plywave_slit_free(slit: *mut PlywaveSlit) {
 }
 
 /// Prepares the model at a query for any number of directions. On an error `bsdf` is not prepared, whatever
-/// was in it before.
+/// it held before.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_at(
     ply: *const PlywavePly,
@@ -370,11 +369,11 @@ pub unsafe extern "C" fn plywave_ply_at(
     status
 }
 
-/// f and pdf of `n` queries, one direction each: of `queries` `[n]` and `w` `[n][3]`, to `f` `[n][count]` and
-/// `pdf` `[n]`. All queries have the count of the first.
+/// f and pdf of `n` queries, one direction each: from `queries` `[n]` and `w` `[n][3]` to `f` `[n][count]`
+/// and `pdf` `[n]`. All queries have the count of the first.
 ///
-/// With a bad entry the status is that of the first, `error` has its index, and all before it are written.
-/// `n` = 0 does nothing.
+/// If an entry is invalid, the status is that of the first such entry, `error` has its index, and all entries
+/// before it are written. `n` = 0 does nothing.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_eval_batch(
     ply: *const PlywavePly,
@@ -395,7 +394,7 @@ pub unsafe extern "C" fn plywave_ply_eval_batch(
     })
 }
 
-/// Samples of `n` queries, one each: of `queries` `[n]` and `u` `[n][3]`, to `samples` `[n]`. As
+/// Samples `n` queries once each: from `queries` `[n]` and `u` `[n][3]` to `samples` `[n]`. Errors are as in
 /// `plywave_ply_eval_batch`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_sample_batch(
@@ -418,8 +417,8 @@ pub unsafe extern "C" fn plywave_ply_sample_batch(
 
 /// f_refl + f_high alone, without edge light, of `n` queries as arrays: `theta_i` `[n]` [rad], `h_um` `[n]`,
 /// `sigma_per_um` `[n][count]`, components of the directions `x`, `y`, `z` `[n]`, to `f` `[n][count]` [1/sr].
-/// The fastest way to ask for many queries: it works on 16 at a time. Nothing is checked entry by entry:
-/// where a number is not finite, the ply is missed and f is 0.
+/// This is the fastest way to evaluate many queries: it processes 16 at a time. Entries are not checked: if a
+/// number is not finite, f is 0, as for a missed ply.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn plywave_ply_lobes_batch(
     ply: *const PlywavePly,

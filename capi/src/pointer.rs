@@ -1,8 +1,8 @@
-//! What comes in from C: pointers and numbers, checked as far as C allows.
+//! Checks of pointers and numbers that come in from C, as far as C allows.
 //!
-//! A pointer can be null, misaligned, or of a length that no memory has: these are errors. That it points to
-//! live memory of that length and is not written meanwhile is the caller's part, and the safety condition of
-//! every `unsafe fn` here.
+//! A pointer that is null, misaligned, or of an impossible length is an error. The caller guarantees that it
+//! points to live memory of that length that is not written meanwhile; this is the safety condition of every
+//! `unsafe fn` here.
 
 use crate::status::{Checked, PlywaveStatus, failure, invalid};
 use std::ffi::{CStr, c_char};
@@ -22,18 +22,18 @@ pub(crate) fn pointer<T>(p: *const T, name: &str) -> Checked {
     if p.is_null() || !p.is_aligned() { Err(bad_pointer(p.is_null(), name)) } else { Ok(()) }
 }
 
-/// A reference of a pointer that must not be null.
+/// A reference from a pointer that must not be null.
 #[inline(always)]
 pub(crate) unsafe fn reference<'a, T>(p: *const T, name: &str) -> Checked<&'a T> {
     pointer(p, name)?;
-    // SAFETY: not null and aligned; the rest is the caller's.
+    // SAFETY: not null and aligned; the caller guarantees the rest.
     Ok(unsafe { &*p })
 }
 
-/// A reference of a pointer that may be null.
+/// A reference from a pointer that may be null.
 #[inline(always)]
 pub(crate) unsafe fn optional<'a, T>(p: *const T, name: &str) -> Checked<Option<&'a T>> {
-    // SAFETY: the caller's.
+    // SAFETY: guaranteed by the caller.
     if p.is_null() { Ok(None) } else { unsafe { reference(p, name) }.map(Some) }
 }
 
@@ -42,35 +42,35 @@ fn too_long(len: usize, name: &str) -> Box<crate::status::Failure> {
     invalid(name, len, "a number of entries that fit in memory")
 }
 
-/// Refuses what cannot be an array: of no entries everything can.
+/// Refuses a pointer and length that cannot be an array; with length 0 any pointer passes.
 #[inline(always)]
 fn array<T>(p: *const T, len: usize, name: &str) -> Checked {
     if len == 0 {
         return Ok(());
     }
     pointer(p, name)?;
-    // More than half of the address space is no array, and one that goes beyond its end neither.
+    // An array is at most half of the address space and does not extend past its end.
     let bytes = len.checked_mul(size_of::<T>()).filter(|bytes| *bytes <= isize::MAX as usize);
     if bytes.and_then(|bytes| p.addr().checked_add(bytes)).is_none() { Err(too_long(len, name)) } else { Ok(()) }
 }
 
-/// Entries to read; of none, any pointer.
+/// A slice to read; with length 0, from any pointer.
 #[inline(always)]
 pub(crate) unsafe fn slice<'a, T>(p: *const T, len: usize, name: &str) -> Checked<&'a [T]> {
     array(p, len, name)?;
-    // SAFETY: not null, aligned and of a length that memory can have; the rest is the caller's.
+    // SAFETY: not null, aligned and of a possible length; the caller guarantees the rest.
     Ok(if len == 0 { &[] } else { unsafe { std::slice::from_raw_parts(p, len) } })
 }
 
-/// Entries to write; of none, any pointer.
+/// A slice to write; with length 0, from any pointer.
 #[inline(always)]
 pub(crate) unsafe fn slice_mut<'a, T>(p: *mut T, len: usize, name: &str) -> Checked<&'a mut [T]> {
     array(p, len, name)?;
-    // SAFETY: as in `slice`; that nothing else refers to it is asked by `disjoint`.
+    // SAFETY: as in `slice`; `disjoint` checks that nothing else refers to it.
     Ok(if len == 0 { &mut [] } else { unsafe { std::slice::from_raw_parts_mut(p, len) } })
 }
 
-/// First address of an array and the one behind its last, for [`disjoint`].
+/// First address of an array and the address after its end, for [`disjoint`].
 #[inline(always)]
 pub(crate) fn span<T>(p: *const T, len: usize) -> [usize; 2] {
     let bytes = len.saturating_mul(size_of::<T>());
@@ -91,7 +91,7 @@ pub(crate) fn disjoint(output: [usize; 2], others: &[[usize; 2]], name: &str) ->
 #[inline(always)]
 pub(crate) unsafe fn put<T>(p: *mut T, value: T, name: &str) -> Checked {
     pointer(p, name)?;
-    // SAFETY: not null and aligned; the rest is the caller's.
+    // SAFETY: not null and aligned; the caller guarantees the rest.
     unsafe { p.write(value) };
     Ok(())
 }
@@ -100,56 +100,56 @@ pub(crate) unsafe fn put<T>(p: *mut T, value: T, name: &str) -> Checked {
 #[inline(always)]
 pub(crate) unsafe fn numbers<const K: usize>(p: *const f32, name: &str) -> Checked<[f32; K]> {
     pointer(p, name)?;
-    // SAFETY: not null and aligned as f32, which is how arrays of them are aligned; the rest is the caller's.
+    // SAFETY: not null and aligned as f32, as arrays of f32 are; the caller guarantees the rest.
     Ok(unsafe { p.cast::<[f32; K]>().read() })
 }
 
-/// Three numbers, read one by one. No `Result` carries them: its pieces are of other sizes than theirs, and
-/// an array that goes through memory in such pieces costs a call 10 ns.
+/// Reads three numbers, one by one. They do not pass through a `Result`, whose pieces have other sizes:
+/// copying an array through memory in such pieces costs a call 10 ns.
 ///
 /// # Safety
-/// The pointer was checked, and three numbers are there.
+/// The pointer was checked and points to three numbers.
 #[inline(always)]
 pub(crate) unsafe fn three(p: *const f32) -> [f32; 3] {
     // SAFETY: as above.
     unsafe { [p.read(), p.add(1).read(), p.add(2).read()] }
 }
 
-/// Refuses a pointer that is not to a unit vector.
+/// Refuses a pointer to anything but a unit vector.
 #[inline(always)]
 pub(crate) unsafe fn to_direction(p: *const f32, name: &str) -> Checked {
     pointer(p, name)?;
-    // SAFETY: not null and aligned; that it has three numbers is the caller's.
+    // SAFETY: not null and aligned; the caller guarantees three numbers.
     unit(unsafe { three(p) }, name)
 }
 
-/// Refuses a pointer that is not to three random numbers.
+/// Refuses a pointer to anything but three random numbers.
 #[inline(always)]
 pub(crate) unsafe fn to_random(p: *const f32) -> Checked {
     pointer(p, "u")?;
-    // SAFETY: not null and aligned; that it has three numbers is the caller's.
+    // SAFETY: not null and aligned; the caller guarantees three numbers.
     uniform(unsafe { three(p) })
 }
 
-/// A string that ends with a 0, in UTF-8.
+/// A 0-terminated string in UTF-8.
 pub(crate) unsafe fn text<'a>(p: *const c_char, name: &str) -> Checked<&'a str> {
     pointer(p, name)?;
-    // SAFETY: not null; that it ends is the caller's.
+    // SAFETY: not null; the caller guarantees its end.
     let bytes = unsafe { CStr::from_ptr(p) };
     bytes.to_str().map_err(|_| failure(PlywaveStatus::InvalidArgument, format!("{name} is not text in UTF-8")))
 }
 
-/// Copies a text and the 0 at its end to the caller's buffer, and its length without that 0.
+/// Copies a text and its final 0 to the caller's buffer, and its length without that 0 to `length`.
 pub(crate) unsafe fn put_text(from: &str, buffer: *mut c_char, size: usize, length: *mut usize) -> Checked {
     if !length.is_null() {
-        // SAFETY: the caller's; `put` checks the rest.
+        // SAFETY: guaranteed by the caller; `put` checks the rest.
         unsafe { put(length, from.len(), "length") }?;
     }
     if size <= from.len() {
         let message = format!("size = {size}: expected {} or more", from.len() + 1);
         return Err(failure(PlywaveStatus::BufferTooSmall, message));
     }
-    // SAFETY: the caller's; `slice_mut` checks the rest.
+    // SAFETY: guaranteed by the caller; `slice_mut` checks the rest.
     let to = unsafe { slice_mut(buffer, size, "buffer") }?;
     for (to, from) in to.iter_mut().zip(from.bytes().chain([0])) {
         *to = from as c_char;
@@ -178,15 +178,15 @@ fn outside(value: f32, low: f32, high: f32, name: &str) -> Box<crate::status::Fa
 /// Finite numbers.
 #[inline(always)]
 pub(crate) fn all_finite<const K: usize>(values: &[f32; K], name: &str) -> Checked {
-    // 0 times what is not finite is no number.
+    // 0 times a number that is not finite is NaN.
     let sum = values.iter().fold(0.0, |sum, v| sum + 0.0 * v);
     if sum == 0.0 { Ok(()) } else { Err(invalid(name, values, "finite numbers")) }
 }
 
-/// How far the square of a direction's length may be from 1.
+/// Largest deviation of the squared length of a direction from 1.
 const UNIT_TOLERANCE: f32 = 0.01;
 
-/// Whether a vector is a direction; what is not a number is none.
+/// Whether a vector is a direction; one with a NaN is not.
 #[inline(always)]
 pub(crate) fn is_unit(x: f32, y: f32, z: f32) -> bool {
     (x * x + y * y + z * z - 1.0).abs() <= UNIT_TOLERANCE
@@ -203,7 +203,8 @@ pub(crate) fn unit([x, y, z]: [f32; 3], name: &str) -> Checked {
     if is_unit(x, y, z) { Ok(()) } else { Err(no_direction(x, y, z, name)) }
 }
 
-/// Whether numbers can be uniform random numbers. 1 may come of rounding and counts as the greatest below it.
+/// Whether numbers can be uniform random numbers. 1 may result from rounding and counts as the greatest
+/// number below it.
 #[inline(always)]
 pub(crate) fn is_uniform(x: f32, y: f32, z: f32) -> bool {
     let range = 0.0..=1.0;

@@ -1,11 +1,11 @@
-//! Many queries, one direction each, and handles: what the three kinds of models share.
+//! Many queries, one direction each, and handles: code that the three kinds of models share.
 
 use crate::bsdf::{PlywaveSample, outputs, put_sample};
 use crate::pointer::{disjoint, put, slice, slice_mut, span, uniform, unit};
 use crate::status::{AtIndex, Checked, invalid};
 use plywave::BsdfSample;
 
-/// Does something for the number of wavelengths of a query, of which there are 1, 3 or 4.
+/// Runs an expression for the number of wavelengths of a query: 1, 3 or 4.
 macro_rules! by_count {
     ($count:expr, $n:ident => $body:expr) => {
         match $count {
@@ -27,13 +27,13 @@ macro_rules! by_count {
 }
 pub(crate) use by_count;
 
-/// A query as C has it.
+/// A query as C passes it.
 pub(crate) trait Counted {
-    /// How many wavelengths it has.
+    /// Its number of wavelengths.
     fn count(&self) -> i32;
 }
 
-/// The number of wavelengths of all queries: that of the first.
+/// The number of wavelengths of all queries, which is that of the first.
 pub(crate) fn count_of<Q: Counted>(queries: &[Q]) -> Checked<i32> {
     let Some(first) = queries.first() else { return Ok(1) };
     let same = |(i, q): (usize, &Q)| {
@@ -59,7 +59,7 @@ pub(crate) unsafe fn eval_queries<Q, const N: usize>(
     // SAFETY: the caller's arrays; lengths are checked there.
     let w = unsafe { slice(w.cast::<[f32; 3]>(), n, "w") }?;
     outputs(n, f, pdf, &[span(w.as_ptr(), n), span(queries.as_ptr(), n)])?;
-    // SAFETY: the caller's arrays, which `outputs` found not to overlap.
+    // SAFETY: the caller's arrays, which `outputs` found disjoint.
     let (f, pdf) = unsafe { (slice_mut(f, n, "f")?, slice_mut(pdf, n, "pdf")?) };
     for i in 0..n {
         let one = unit(w[i], "w").and_then(|()| eval_pdf(&queries[i], w[i]));
@@ -81,7 +81,7 @@ pub(crate) unsafe fn sample_queries<Q, const N: usize>(
     if n > 0 {
         disjoint(span(samples, n), &[span(u.as_ptr(), n), span(queries.as_ptr(), n)], "samples")?;
     }
-    // SAFETY: the caller's array, which was found not to overlap the others.
+    // SAFETY: the caller's array, which is disjoint from the others.
     let samples = unsafe { slice_mut(samples, n, "samples") }?;
     for i in 0..n {
         let one = uniform(u[i]).and_then(|()| sample(&queries[i], u[i]));
@@ -91,7 +91,7 @@ pub(crate) unsafe fn sample_queries<Q, const N: usize>(
     Ok(())
 }
 
-/// The first N of the numbers of a query, which are finite.
+/// The first N numbers of a query, which must be finite.
 #[inline(always)]
 pub(crate) fn first<const N: usize>(of: &[f32; 4], name: &str) -> Checked<[f32; N]> {
     let values: [f32; N] = std::array::from_fn(|k| of[k]);
@@ -112,16 +112,16 @@ pub(crate) fn wavelengths<const N: usize>(of: &[f32; 4]) -> Checked<[f32; N]> {
     Err(invalid("lambda_um", values, "wavelengths above 0, in um"))
 }
 
-/// Gives a new handle to the caller.
+/// Passes a new handle to the caller.
 pub(crate) unsafe fn hand_out<T>(out: *mut *mut T, value: T) -> Checked {
     // SAFETY: the caller's pointer, which was checked when the call began.
     unsafe { put(out, Box::into_raw(Box::new(value)), "out") }
 }
 
-/// Takes a handle back. NULL is none.
+/// Releases a handle. NULL does nothing.
 pub(crate) unsafe fn take_back<T>(handle: *mut T) {
     if !handle.is_null() && handle.is_aligned() {
-        // SAFETY: the caller has it of `hand_out` and gives it back once.
+        // SAFETY: the caller got it from `hand_out` and releases it once.
         drop(unsafe { Box::from_raw(handle) });
     }
 }

@@ -1,4 +1,4 @@
-//! Errors as codes and messages in memory of the caller, and the one way over the border: every function runs
+//! Errors as codes and messages in the caller's memory, and the one way over the border: every function runs
 //! inside [`guard`].
 
 use plywave::Error;
@@ -6,7 +6,7 @@ use std::any::Any;
 use std::ffi::c_char;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// What a call came to. Every function that can fail returns one; 0 is success.
+/// Status of a call. Every function that can fail returns one; 0 is success.
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlywaveStatus {
@@ -14,14 +14,14 @@ pub enum PlywaveStatus {
     Ok = 0,
     /// A pointer that must not be null is null.
     NullPointer = 1,
-    /// An argument has a value that is not allowed: not a finite number, a direction that is no unit vector,
-    /// a number out of range, a misaligned pointer, arrays that overlap.
+    /// An argument has a value that is not allowed: a number that is not finite or out of range, a direction
+    /// that is not a unit vector, a misaligned pointer, overlapping arrays.
     InvalidArgument = 2,
     /// A `PlywaveBsdf` was not prepared, or its preparation failed.
     NotPrepared = 3,
-    /// The buffer is too small; the length that is needed was written.
+    /// The buffer is too small; the required length was written.
     BufferTooSmall = 4,
-    /// The model does not hold what was asked for, such as layer factors.
+    /// The model does not have the requested part, such as layer factors.
     Missing = 5,
     /// A file cannot be read.
     Io = 6,
@@ -29,31 +29,31 @@ pub enum PlywaveStatus {
     Format = 7,
     /// A file is well formed and holds a value that is not allowed.
     InvalidFile = 8,
-    /// A defect of the library, caught at the border. What the call was to write is undefined; handles stay
+    /// A defect of the library, caught at the border. The outputs of the call are undefined; handles stay
     /// usable.
     Panic = 9,
 }
 
-/// Bytes of a message, its end included.
+/// Bytes of a message, including its final 0.
 pub const PLYWAVE_MESSAGE_SIZE: usize = 496;
 
-/// Index of an error that belongs to no entry of an array.
+/// Index of an error that is not about an entry of an array.
 pub const PLYWAVE_NO_INDEX: u64 = u64::MAX;
 
-/// What went wrong. The caller's memory: each call takes a pointer to one, or NULL. It is written only where
-/// the status is not `PLYWAVE_STATUS_OK`.
+/// An error in the caller's memory: each call takes a pointer to one, or NULL. It is written only if the
+/// status is not `PLYWAVE_STATUS_OK`.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct PlywaveError {
-    /// As returned: a `PlywaveStatus`.
+    /// The returned status: a `PlywaveStatus`.
     pub status: i32,
-    /// In a batch, the first bad entry, before which all are done; else `PLYWAVE_NO_INDEX`.
+    /// In a batch, the first invalid entry, before which all are done; else `PLYWAVE_NO_INDEX`.
     pub index: u64,
-    /// One line in UTF-8 that names file, key or argument, value and what is allowed; ends with a 0.
+    /// One line in UTF-8 that names file, key or argument, value and what is allowed; 0-terminated.
     pub message: [c_char; PLYWAVE_MESSAGE_SIZE],
 }
 
-/// Why a call did not do what it was asked for.
+/// The reason why a call failed.
 #[derive(Debug)]
 pub(crate) struct Failure {
     pub status: PlywaveStatus,
@@ -64,19 +64,19 @@ pub(crate) struct Failure {
 /// A failure is rare and large: it is boxed, so that success costs nothing.
 pub(crate) type Checked<T = ()> = Result<T, Box<Failure>>;
 
-/// A failure of this status.
+/// A failure with this status.
 #[cold]
 pub(crate) fn failure(status: PlywaveStatus, message: impl Into<String>) -> Box<Failure> {
     Box::new(Failure { status, index: PLYWAVE_NO_INDEX, message: message.into() })
 }
 
-/// An argument that is not allowed.
+/// A failure for an argument that is not allowed.
 #[cold]
 pub(crate) fn invalid(name: &str, value: impl std::fmt::Debug, allowed: &str) -> Box<Failure> {
     failure(PlywaveStatus::InvalidArgument, format!("{name} = {value:?}: expected {allowed}"))
 }
 
-/// The same failure, of an entry of a batch.
+/// Sets the index of the failed entry of a batch.
 pub(crate) trait AtIndex {
     fn at(self, index: usize) -> Self;
 }
@@ -106,8 +106,8 @@ impl From<Error> for Box<Failure> {
 /// Runs the body of a function: no panic leaves it, and a failure is written to the caller's error.
 #[inline(always)]
 pub(crate) fn guard(error: *mut PlywaveError, body: impl FnOnce() -> Checked) -> PlywaveStatus {
-    // What a body borrows is the caller's memory, read-only models, or written before it is read: nothing
-    // half-done is seen after a panic.
+    // A body borrows the caller's memory, read-only models, or memory that is written before it is read:
+    // nothing half-done is seen after a panic.
     match catch_unwind(AssertUnwindSafe(body)) {
         Ok(Ok(())) => PlywaveStatus::Ok,
         Ok(Err(failure)) => report(error, &failure),
@@ -121,7 +121,7 @@ fn report_panic(error: *mut PlywaveError, payload: Box<dyn Any + Send>) -> Plywa
     let text = payload.downcast_ref::<String>().map(String::as_str).or(payload.downcast_ref::<&str>().copied());
     let message = format!("a defect of plywave, please report it: {}", text.unwrap_or("unknown panic"));
     let status = report(error, &Failure { status: PlywaveStatus::Panic, index: PLYWAVE_NO_INDEX, message });
-    // Dropping what was thrown may throw again.
+    // Dropping the payload of a panic may panic again.
     std::mem::forget(payload);
     status
 }
@@ -137,7 +137,7 @@ fn report(error: *mut PlywaveError, failure: &Failure) -> PlywaveStatus {
         for (to, from) in message.iter_mut().zip(line.as_bytes().iter().take(end)) {
             *to = *from as c_char;
         }
-        // SAFETY: the caller gives a PlywaveError or NULL; it is not null and aligned.
+        // SAFETY: the caller gives a PlywaveError or NULL; here it is not null, and aligned.
         unsafe { error.write(PlywaveError { status: failure.status as i32, index: failure.index, message }) };
     }
     failure.status
@@ -194,7 +194,7 @@ mod tests {
         assert_eq!(guard(&mut error, || panic!("entry {}", 3)), PlywaveStatus::Panic);
         assert_eq!((error.status, error.index), (9, PLYWAVE_NO_INDEX));
         assert_eq!(text(&error), "a defect of plywave, please report it: entry 3");
-        // Text that is static, what is no text, and nowhere to tell it.
+        // A static text, a payload without text, and no error to write to.
         assert_eq!(guard(&mut error, || panic!("static")), PlywaveStatus::Panic);
         assert!(text(&error).ends_with(": static"));
         assert_eq!(guard(&mut error, || std::panic::panic_any(5)), PlywaveStatus::Panic);
@@ -202,7 +202,7 @@ mod tests {
         assert_eq!(guard(std::ptr::null_mut(), || panic!("unheard")), PlywaveStatus::Panic);
     }
 
-    /// What throws again when it is dropped would end the program.
+    /// A payload that panics again when dropped would end the program.
     #[test]
     fn a_payload_that_panics_when_dropped_is_not_dropped() {
         struct Bomb;
@@ -222,7 +222,7 @@ mod tests {
         assert_eq!(guard(&mut error, fail), PlywaveStatus::Format);
         let got = text(&error);
         assert!(got.starts_with("a b\u{e4}") && got.len() == PLYWAVE_MESSAGE_SIZE - 1, "{got}");
-        // An odd place of the cut: one byte less.
+        // A cut inside a character: one byte less.
         let fail = || Err(failure(PlywaveStatus::Format, &long[1..]));
         assert_eq!(guard(&mut error, fail), PlywaveStatus::Format);
         assert_eq!(text(&error).len(), PLYWAVE_MESSAGE_SIZE - 2);

@@ -1,31 +1,7 @@
-//! The ply models that ship, compiled in, so that an installed program finds `model = "polyester"` without
-//! any file beside it.
+//! The library of ply models with those that ship ([`plywave_fabrics`]).
 
 use plywave::io::ModelLibrary;
-
-/// A list of models by the names of their files.
-macro_rules! models {
-    ($($name:literal),* $(,)?) => {
-        &[$(($name, include_bytes!(concat!("../../fabrics/models/", $name, ".pwm")))),*]
-    };
-}
-
-/// Name and file of every model that ships.
-pub static SHIPPED_MODELS: &[(&str, &[u8])] = models![
-    "alpaca",
-    "cotton",
-    "cotton_2ply",
-    "cotton_3ply",
-    "cotton_4ply",
-    "glass",
-    "gold",
-    "polyester",
-    "polyester_3ply",
-    "silk",
-    "viscose",
-    "wool",
-    "wool_2ply",
-];
+pub use plywave_fabrics::MODELS as SHIPPED_MODELS;
 
 /// [`ModelLibrary::usual`] with the models that ship.
 pub fn model_library() -> ModelLibrary {

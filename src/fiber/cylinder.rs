@@ -1,9 +1,9 @@
 //! Frames and measures of a fiber's enclosing cylinder (Zinke 2007, 3.2, 4, 6).
 //!
-//! A place and direction at the cylinder has two sets of coordinates. One is of the surface: `xi`, the
-//! azimuth of the place about the axis, and the direction by `alpha` about the normal, from the axis, and
+//! A point and direction at the cylinder have two sets of coordinates. One is of the surface: `xi`, the
+//! azimuth of the point about the axis, and the direction by `alpha` about the normal, from the axis, and
 //! `beta` from the normal. The other is of parallel light: the direction's latitude `theta` and azimuth
-//! `phi`, and the offset `h_rel = sin gamma'` in [-1, 1] of its line from the axis, in radii. The place lies
+//! `phi`, and the offset `h_rel = sin gamma'` in [-1, 1] of its line from the axis, in radii. The point lies
 //! at `xi = phi + asin h_rel`: seen along the direction to the outside, positive offsets are those of growing
 //! azimuth.
 //!
@@ -15,12 +15,12 @@
 //! | near field, Eq. 37-38 [1/sr] | `L_o(h_o) = integral f L_i cos^2 theta_i dtheta_i dphi_i` | of the mean over h: `f cos theta_o` |
 //! | BCSDF, Eq. 34-36 [1/sr] | `L_o = D integral f L_i cos^2 theta_i dtheta_i dphi_i` | `f cos theta_o` |
 //!
-//! The last column: a curve of width D and radiance L_o sends `L_o cos theta_o` per length and solid angle,
-//! of `D L_i cos theta_i` per length and solid angle that fall on it.
+//! The last column: a curve of width D and radiance L_o emits `L_o cos theta_o` per length and solid angle,
+//! for `D L_i cos theta_i` per length and solid angle of incident light.
 
 use std::f64::consts::{PI, TAU};
 
-/// An angle brought to (-pi, pi] (Zinke 2007, Eq. 16, for any angle).
+/// An angle wrapped to (-pi, pi] (Zinke 2007, Eq. 16, for any angle).
 ///
 /// ```
 /// # use plywave::fiber::cylinder::relative_azimuth;
@@ -31,10 +31,10 @@ pub fn relative_azimuth(angle: f64) -> f64 {
     if turned > PI { turned - TAU } else { turned }
 }
 
-/// A place on the cylinder and a direction to the outside, by the surface's frame [rad].
+/// A point on the cylinder and a direction to the outside, in the surface's frame [rad].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceDirection {
-    /// Azimuth of the place, in [0, 2 pi).
+    /// Azimuth of the point, in [0, 2 pi).
     pub xi: f64,
     /// Azimuth of the direction about the normal, from the axis, in [0, 2 pi).
     pub alpha: f64,
@@ -42,7 +42,7 @@ pub struct SurfaceDirection {
     pub beta: f64,
 }
 
-/// The same by the frame of parallel light.
+/// The same in the frame of parallel light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FiberDirection {
     /// Offset of the direction's line from the axis over the radius, in [-1, 1].
@@ -59,7 +59,7 @@ impl FiberDirection {
         self.theta.cos() * (1.0 - self.h_rel * self.h_rel).max(0.0).sqrt()
     }
 
-    /// By the surface's frame (Zinke 2007, Eq. 3-6). Along the axis alpha is 0 where beta is.
+    /// The direction in the surface's frame (Zinke 2007, Eq. 3-6). Along the axis alpha is 0 where beta is.
     pub fn on_surface(&self) -> SurfaceDirection {
         let along = self.theta.sin();
         let across = -self.h_rel * self.theta.cos();
@@ -79,7 +79,8 @@ impl FiberDirection {
 }
 
 impl SurfaceDirection {
-    /// By the frame of parallel light, the inverse of [`FiberDirection::on_surface`]; phi in (-pi, pi].
+    /// The direction in the frame of parallel light, the inverse of [`FiberDirection::on_surface`]; phi in
+    /// (-pi, pi].
     pub fn in_fiber(&self) -> FiberDirection {
         let (sin_beta, cos_beta) = self.beta.sin_cos();
         let (sin_alpha, cos_alpha) = self.alpha.sin_cos();
@@ -92,7 +93,7 @@ impl SurfaceDirection {
     }
 }
 
-/// Energy density [1/sr] of a BCSDF, Zinke's or Marschner's, whose light leaves at the latitude of this
+/// Energy density [1/sr] of a BCSDF, Zinke's or Marschner's, for light that leaves at the latitude of this
 /// cosine.
 pub fn energy_of_bcsdf(bcsdf: f64, cos_theta_o: f64) -> f64 {
     bcsdf * cos_theta_o

@@ -1,4 +1,4 @@
-//! Elementary functions of the analytic models: those of `math::simd` in the forms that are asked for here.
+//! Elementary functions for the analytic models: wrappers of `math::simd`.
 
 use crate::math::simd;
 use std::f32::consts::{LOG2_E, TAU};
@@ -33,7 +33,7 @@ pub(super) fn ln(x: f32) -> f32 {
     simd::ln::<false>(x)
 }
 
-/// An angle of at most 1e6 brought to [-pi, pi].
+/// An angle of at most 1e6 wrapped to [-pi, pi].
 #[inline(always)]
 pub(super) fn wrapped(angle: f32) -> f32 {
     // Adding this rounds to integers.
@@ -48,8 +48,8 @@ pub(super) fn sin_cos(angle: f32) -> (f32, f32) {
     (simd::signed(sin, sign), simd::signed(cos, sign))
 }
 
-/// The array of a function of the index. `array::map` and `from_fn` are calls where this is a loop that
-/// becomes vector code.
+/// The array of a function of the index. `array::map` and `from_fn` compile to calls, this to a loop that
+/// vectorizes.
 #[inline(always)]
 pub(super) fn lanes<T: Copy + Default, const N: usize>(mut of: impl FnMut(usize) -> T) -> [T; N] {
     let mut all = [T::default(); N];

@@ -2,7 +2,7 @@
 
 /// Reflectance of a dielectric of relative index `eta` at the cosine `cos` of the angle of incidence.
 ///
-/// From inside, at the angle that this light is refracted to, it is the same.
+/// From inside, at the refracted angle, the reflectance is the same.
 #[inline]
 pub fn dielectric(cos: f32, eta: f32) -> f32 {
     let cos = cos.max(0.0);

@@ -1,5 +1,5 @@
-//! The Gaussian of Zinke 2007, 9.2: `g(I, x, w) = N exp(-x^2 / (2 w^2))`, normalized on [-I, I]. The square
-//! is missing in print.
+//! The Gaussian of Zinke 2007, 9.2: `g(I, x, w) = N exp(-x^2 / (2 w^2))`, normalized on [-I, I]. The print
+//! omits the square.
 
 use super::fast::{exp, lanes};
 use crate::math::clamp_unit;
@@ -14,12 +14,12 @@ pub(crate) struct Gaussian {
     inverse: f32,
     half: f32,
     normalizer: f32,
-    /// Share of the Gaussian without limits that the interval holds.
+    /// Share of the unbounded Gaussian within the interval.
     inside: f32,
 }
 
 impl Gaussian {
-    /// Of the standard deviation `width` before it is cut at -half and half.
+    /// A Gaussian of standard deviation `width` before the cut at -half and half.
     pub(crate) fn new(width: f32, half: f32) -> Gaussian {
         let inside = erf(f64::from(half) / (f64::from(width) * std::f64::consts::SQRT_2)) as f32;
         Gaussian {
@@ -37,14 +37,14 @@ impl Gaussian {
         self.normalizer
     }
 
-    /// Density at `x`, which the caller keeps within the interval.
+    /// Density at `x`, which must be within the interval.
     #[inline]
     pub(crate) fn eval(&self, x: f32) -> f32 {
         let t = x * self.inverse;
         self.normalizer * exp(-0.5 * t * t)
     }
 
-    /// The place below which the share `u` lies.
+    /// The point below which the share `u` lies.
     #[inline]
     pub(crate) fn sample(&self, u: f32) -> f32 {
         let x = SQRT_2 * self.width * erf_inverse(self.inside * (2.0 * clamp_unit(u) - 1.0));
@@ -65,15 +65,15 @@ pub(crate) struct TruncatedGaussian {
 }
 
 impl TruncatedGaussian {
-    /// About 0, of the standard deviation `width` before it is cut. An interval with less than 1e-4 of its
-    /// light has the density 0.
+    /// A Gaussian about 0, of standard deviation `width` before the cut. An interval with less than 1e-4 of
+    /// its light has the density 0.
     #[inline]
     pub(crate) fn new(width: f32, ends: [f32; 2]) -> TruncatedGaussian {
         let at = FRAC_1_SQRT_2 / width;
         TruncatedGaussian::of_erf(width, ends, [fast_erf::<false>(ends[0] * at), fast_erf::<false>(ends[1] * at)])
     }
 
-    /// Three at once, side by side in a vector: of each the width and the ends.
+    /// Three at once, side by side in a vector, from the width and the ends of each.
     #[inline]
     pub(crate) fn three(width: [f32; 3], ends: [[f32; 2]; 3]) -> [TruncatedGaussian; 3] {
         let erf: [f32; 8] = lanes(|k| {
@@ -91,14 +91,13 @@ impl TruncatedGaussian {
         TruncatedGaussian { width, inverse, ends, erf, normalizer }
     }
 
-    /// Share of the Gaussian that the interval holds; 0 where that has no density.
+    /// Share of the Gaussian within the interval; 0 where it has no density.
     #[inline]
     pub(crate) fn share(&self) -> f32 {
         if self.normalizer > 0.0 { 0.5 * (self.erf[1] - self.erf[0]) } else { 0.0 }
     }
 
-    /// The place with half of the density on either side, 0 to a thousandth of the width where the interval
-    /// holds nearly all.
+    /// The median, set to 0 within a thousandth of the width where the interval contains nearly all.
     #[inline]
     pub(crate) fn median(&self) -> f32 {
         if self.share() > 0.999 { 0.0 } else { self.sample(0.5) }
@@ -117,7 +116,7 @@ impl TruncatedGaussian {
         self.normalizer
     }
 
-    /// The place below which the share `u` lies.
+    /// The point below which the share `u` lies.
     #[inline]
     pub(crate) fn sample(&self, u: f32) -> f32 {
         let e = self.erf[0] + clamp_unit(u) * (self.erf[1] - self.erf[0]);

@@ -2,7 +2,7 @@
 //! `K_phong cos^n(theta_o + theta_i) / cos theta_i + K_diffuse`, 0 where the cosine is negative.
 //!
 //! It is phenomenological: no color of its own, no Fresnel, no azimuth, and more light out than in at grazing
-//! light, by `1 / cos theta_i`. [`Bsdf::albedo`] says how much.
+//! light, by `1 / cos theta_i`. [`Bsdf::albedo`] returns the ratio.
 
 use super::FiberQuery;
 use super::fast::{atan2, exp, ln, sin_cos};
@@ -15,7 +15,7 @@ use crate::frame::is_direction;
 use crate::{Bsdf, BsdfSample, Result};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-/// What a [`KajiyaKayFiber`] is made of.
+/// Parameters of a [`KajiyaKayFiber`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KajiyaKayParameters {
     /// Radius [um], 0.01 to 1e5.
@@ -24,12 +24,12 @@ pub struct KajiyaKayParameters {
     pub phong: f32,
     /// n, 1 to 10000.
     pub exponent: f32,
-    /// K_diffuse [1/sr], 0 to `1 / pi^2`, which alone is white; not both this and K_phong 0.
+    /// K_diffuse [1/sr], 0 to `1 / pi^2`, which alone is white; this and K_phong must not both be 0.
     pub diffuse: f32,
 }
 
 impl Default for KajiyaKayParameters {
-    /// A highlight over gray, of 10 um.
+    /// A highlight over gray, with a radius of 10 um.
     fn default() -> Self {
         KajiyaKayParameters { radius_um: 10.0, phong: 0.1, exponent: 50.0, diffuse: 0.03 }
     }
@@ -55,7 +55,7 @@ pub struct KajiyaKayFiber {
 }
 
 impl KajiyaKayFiber {
-    /// A fiber of these parameters.
+    /// A fiber with these parameters.
     ///
     /// # Errors
     /// [`crate::Error::Invalid`] for a parameter outside its range.
@@ -72,12 +72,12 @@ impl KajiyaKayFiber {
         Ok(KajiyaKayFiber { parameters })
     }
 
-    /// What the fiber was made of.
+    /// The fiber's parameters.
     pub fn parameters(&self) -> &KajiyaKayParameters {
         &self.parameters
     }
 
-    /// The fiber at a query. Where an input is not finite, or `omega_i` is no direction, nothing is
+    /// The fiber at a query. If an input is not finite, or `omega_i` is not a direction, nothing is
     /// scattered.
     pub fn at<const N: usize>(&self, query: &FiberQuery<N>) -> KajiyaKayBsdf<'_, N> {
         let incident = Incident::new(query.omega_i, true);
@@ -87,10 +87,10 @@ impl KajiyaKayFiber {
         let ends = [-FRAC_PI_2 + theta_i, FRAC_PI_2 + theta_i];
         let highlight = TruncatedGaussian::new(1.0 / self.parameters.exponent.sqrt(), ends);
         let p = &self.parameters;
-        // What the highlight would have were cos theta_o 1.
+        // Energy of the highlight if cos theta_o were 1.
         let phong = p.phong / i.cos.max(1e-3) * TAU * (TAU / p.exponent).sqrt() * i.cos * i.cos;
         let diffuse = PI * PI * p.diffuse;
-        // Either is drawn where it has any light.
+        // Both are sampled where they have any light.
         let chance = if p.diffuse == 0.0 {
             1.0
         } else if p.phong == 0.0 {
@@ -108,10 +108,10 @@ pub struct KajiyaKayBsdf<'a, const N: usize> {
     fiber: &'a KajiyaKayFiber,
     incident: Incident,
     theta_i: f32,
-    /// At least 1e-3.
+    /// cos theta_i, at least 1e-3.
     cos_i: f32,
     highlight: TruncatedGaussian,
-    /// With which samples are of the highlight.
+    /// Chance that a sample is of the highlight.
     chance: f32,
 }
 

@@ -10,12 +10,12 @@
 //! ```
 //!
 //! with von Mises' v of the concentration `1 / gamma^2`. The paper has a polynomial above cos^2 in G, which
-//! keeps the lobes below 1; here G is the integral itself, in closed form through the Faddeeva function, so
-//! that they are 1: the albedo is `F + (1 - F) C_TT` exactly.
+//! keeps the energy of the lobes below 1; here G is the integral itself, in closed form through the Faddeeva
+//! function, so the energy is 1: the albedo is `F + (1 - F) C_TT` exactly.
 //!
 //! The paper's colors C_R and C_TT are shares by wavelength, [`Reflectance`]; absorption of the query does
-//! not matter. The model has no offset: it answers its mean at every `h_rel`.
-//! It is not reciprocal: F depends on theta_i alone, and each lobe is normalized over theta_o alone.
+//! not matter. The model has no offset: it returns its mean at every `h_rel`. It is not reciprocal: F depends
+//! on theta_i alone, and each lobe is normalized over theta_o alone.
 
 use super::FiberQuery;
 use super::gaussian::TruncatedGaussian;
@@ -32,25 +32,25 @@ use crate::{Bsdf, BsdfSample, Result};
 use std::f32::consts::{FRAC_PI_2, TAU};
 use std::f64::consts::{FRAC_1_PI, SQRT_2};
 
-/// What a [`KhungurnFiber`] is made of.
+/// Parameters of a [`KhungurnFiber`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct KhungurnParameters {
     /// Radius [um], 0.01 to 1e5.
     pub radius_um: f32,
-    /// C_R, share that is reflected at normal light.
+    /// C_R, the reflected share at normal incidence.
     pub c_r: Reflectance,
-    /// C_TT, share of what enters that is transmitted.
+    /// C_TT, the transmitted share of the entering light.
     pub c_tt: Reflectance,
     /// Longitudinal width of R, its standard deviation [rad], 0.005 to 10.
     pub beta_r: f32,
-    /// That of TT.
+    /// Longitudinal width of TT.
     pub beta_tt: f32,
     /// Azimuthal width of TT [rad], 0.01 to 1000, gamma_TT: the concentration is `1 / gamma_tt^2`.
     pub gamma_tt: f32,
 }
 
 impl Default for KhungurnParameters {
-    /// A clear fiber of 10 um.
+    /// A clear fiber with a radius of 10 um.
     fn default() -> Self {
         KhungurnParameters {
             radius_um: 10.0,
@@ -87,7 +87,7 @@ pub struct KhungurnFiber {
 }
 
 impl KhungurnFiber {
-    /// A fiber of these parameters.
+    /// A fiber with these parameters.
     ///
     /// # Errors
     /// [`crate::Error::Invalid`] for a parameter outside its range.
@@ -105,13 +105,13 @@ impl KhungurnFiber {
         Ok(KhungurnFiber { parameters, r, tt, azimuth })
     }
 
-    /// What the fiber was made of.
+    /// The fiber's parameters.
     pub fn parameters(&self) -> &KhungurnParameters {
         &self.parameters
     }
 
-    /// The fiber at a query, whose offset and absorption do not matter. Where an input is not finite, or
-    /// `omega_i` is no direction, nothing is scattered.
+    /// The fiber at a query, whose offset and absorption do not matter. If an input is not finite, or
+    /// `omega_i` is not a direction, nothing is scattered.
     pub fn at<const N: usize>(&self, query: &FiberQuery<N>) -> KhungurnBsdf<'_, N> {
         let finite = query.lambda_um.iter().all(|l| l.is_finite());
         let incident = Incident::new(query.omega_i, finite);
@@ -155,11 +155,11 @@ pub struct KhungurnBsdf<'a, const N: usize> {
     through: [f32; N],
     /// 1/G of both lobes.
     scale: [f32; 2],
-    /// Of samples of both lobes: theta_o + theta_i.
+    /// For samples of both lobes: theta_o + theta_i.
     drawn: [TruncatedGaussian; 2],
-    /// Their densities at 0.
+    /// Densities of `drawn` at 0.
     peak: [f32; 2],
-    /// With which samples are of R.
+    /// Chance that a sample is of R.
     chance: f32,
     /// Whether any light is scattered.
     lit: bool,
@@ -190,7 +190,7 @@ impl<const N: usize> Bsdf<N> for KhungurnBsdf<'_, N> {
         let p = &self.fiber.parameters;
         let gaussian = |beta: f32| (-0.5 * (along / beta) * (along / beta)).exp();
         let [g_r, g_tt] = [gaussian(p.beta_r), gaussian(p.beta_tt)];
-        // Chord of the azimuth from straight on; any azimuth at the pole, where f is 0.
+        // Chord of the azimuth from the straight direction; any azimuth at the pole, where f is 0.
         let [across, side] = self.incident.relative(w);
         let inverse = 1.0 / o.cos.max(1e-6);
         let chord = [across * inverse + 1.0, side * inverse];
@@ -203,7 +203,7 @@ impl<const N: usize> Bsdf<N> for KhungurnBsdf<'_, N> {
     }
 
     /// Weights vary with cos^2 theta_o within a lobe: their mean square is at most 3 times the square of
-    /// their mean, which is at grazing light.
+    /// their mean, attained at grazing light.
     fn sample(&self, u: [f32; 3]) -> BsdfSample<N> {
         if !(self.lit && u.iter().all(|v| (0.0..1.0).contains(v))) {
             return BsdfSample::Absorbed;
@@ -230,16 +230,16 @@ impl<const N: usize> Bsdf<N> for KhungurnBsdf<'_, N> {
     }
 }
 
-/// G(theta_i) of the module's head, of a width, 0.005 to 10.
+/// G(theta_i) of the module text, for a width of 0.005 to 10.
 ///
 /// With `cos^2 x = (1 + cos 2x) / 2` it is `(k(0) + Re(exp(2 i theta_i) k(1/pi))) / 2`, k being
 /// [`diffraction_factor`]: `integral of exp(-t^2 / (2 beta^2) - 2 pi i f t) dt` between the ends. Far from
 /// the poles they lie at infinity: `G = beta sqrt(2 pi) (1 + exp(-2 beta^2) cos 2 theta_i) / 2`. Within 8
-/// widths of a pole a table holds it.
+/// widths of a pole it is tabulated.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Normalizer {
     beta: f32,
-    /// First latitude of the table and one over its step; beyond any latitude where none is near a pole.
+    /// First latitude of the table and one over its step; beyond all latitudes if none is near a pole.
     first: f32,
     per_rad: f32,
     /// Values, and slopes times the step.
@@ -293,8 +293,8 @@ impl Normalizer {
 mod tests {
     use super::*;
 
-    /// Integral of g cos^2 is 1: G against midpoints in f64, its closed form and its table, for every width
-    /// and latitude.
+    /// Integral of g cos^2 is 1: G agrees with midpoints in f64, in closed form and as a table, for every
+    /// width and latitude.
     #[test]
     fn normalizer_is_the_integral() {
         for beta in [0.005, 0.02, 0.1, 0.3, 1.0, 10.0f32] {

@@ -1,29 +1,28 @@
-//! Latitudes of tables over a fiber's incident light: where the fiber is measured, and the even nodes that
-//! are looked up.
+//! Latitudes of tables over a fiber's incident light: the measured nodes, and the uniform nodes for lookups.
 //!
-//! The axis is `x = (2 / pi) asin(2 theta / pi)` in [-1, 1], whose even nodes lie closer towards the poles,
-//! by the root of the distance: Fresnel's reflectance rises to 1 there.
-//! Measuring starts at 17 even nodes. Where the cubic through the two neighbors on either side misses what
-//! was measured at a node, both parts beside it are halved, down to the spacing of the nodes looked up. Those
-//! are 513 even ones, from cubics through the four measured nodes about each, and linear between.
+//! The axis is `x = (2 / pi) asin(2 theta / pi)` in [-1, 1], whose uniform nodes are denser towards the
+//! poles, by the root of the distance: Fresnel's reflectance rises to 1 there. Measuring starts at 17 uniform
+//! nodes. Where the cubic through the two neighbors on either side misses the measurement at a node, both
+//! parts beside it are halved, down to the spacing of the lookup nodes. Those are 513 uniform ones, from
+//! cubics through the four measured nodes about each, and linear between.
 
 use std::f32::consts::{FRAC_2_PI, FRAC_PI_2};
 
-/// Parts of the axis that measuring starts with, and between nodes looked up.
+/// Parts of the axis at the start of measuring, and between lookup nodes.
 const FIRST: usize = 16;
 pub(super) const PARTS: usize = 512;
 /// Distance of the last nodes from the poles [rad]: at a pole light has no azimuth.
 const FROM_POLE: f32 = 1e-5;
 
-/// Latitude of a node looked up [rad].
+/// Latitude of a lookup node [rad].
 pub(super) fn latitude(node: usize) -> f32 {
     let x = 2.0 * node as f64 / PARTS as f64 - 1.0;
     let theta = std::f64::consts::FRAC_PI_2 * (std::f64::consts::FRAC_PI_2 * x).sin();
     (theta as f32).clamp(FROM_POLE - FRAC_PI_2, FRAC_PI_2 - FROM_POLE)
 }
 
-/// The part of `parts` even ones of the axis that holds the latitude `theta` [rad], and the place within it.
-/// What is not a number counts as the first.
+/// The part, of `parts` uniform ones of the axis, that contains the latitude `theta` [rad], and the position
+/// within it. NaN counts as the first.
 pub(super) fn place(theta: f32, parts: usize) -> (usize, f32) {
     let sin = (FRAC_2_PI * theta).max(-1.0).min(1.0);
     let x = FRAC_2_PI * sin.asin();
@@ -32,9 +31,9 @@ pub(super) fn place(theta: f32, parts: usize) -> (usize, f32) {
     (k, at - k as f32)
 }
 
-/// Measures at as many nodes as it takes: `measure` at a latitude [rad], of which `values` should be known.
-/// Gives nodes and what was measured, in order. The cubic without a node may miss `most_missed` of it, seven
-/// times as much as one with it misses between nodes.
+/// Measures at as many nodes as needed: `measure` at a latitude [rad] gives a measurement, whose `values`
+/// should be known. Returns nodes and measurements, in order. The cubic without a node may miss `most_missed`
+/// of it, seven times the error between nodes of the cubic with it.
 pub(super) fn measured<T>(
     measure: impl Fn(f32) -> T,
     values: impl Fn(&T) -> Vec<f64>,
@@ -63,13 +62,13 @@ pub(super) fn measured<T>(
     }
 }
 
-/// The four nodes next to node `k` of `count`, without it.
+/// The four nodes next to node `k` of `count`, without `k`.
 fn four_about(k: usize, count: usize) -> [usize; 4] {
     let first = k.saturating_sub(2).min(count - 5);
     std::array::from_fn(|m| if first + m < k { first + m } else { first + m + 1 })
 }
 
-/// Four nodes about a place of the axis, in even parts, and their weights: the cubic through them.
+/// Four nodes about a point of the axis, in uniform parts, and their weights: the cubic through them.
 pub(super) fn cubic<T>(all: &[(usize, T)], node: usize) -> [(usize, f64); 4] {
     let next = all.partition_point(|(at, _)| *at < node);
     let first = next.saturating_sub(2).min(all.len() - 4);
@@ -98,7 +97,7 @@ mod tests {
     }
 
     /// A function that rises within 2 degrees of one pole, and one with a kink, are known to 4e-4 between
-    /// nodes; a slow one takes no more than the first nodes.
+    /// nodes; a smooth one takes no more than the first nodes.
     #[test]
     fn nodes_are_where_they_are_needed() {
         let slow = |theta: f32| f64::from(theta).cos();

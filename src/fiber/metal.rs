@@ -23,7 +23,7 @@ pub enum Metal {
 }
 
 impl Metal {
-    /// By name: "gold", "silver", "aluminium" (or "aluminum"), "copper".
+    /// The metal with a name: "gold", "silver", "aluminium" (or "aluminum"), "copper".
     pub fn named(name: &str) -> Option<Metal> {
         match name {
             "gold" => Some(Metal::Gold),
@@ -55,8 +55,7 @@ impl Metal {
 pub fn conductor(cos: f32, [eta, kappa]: [f32; 2]) -> f32 {
     let cos2 = (cos * cos).min(1.0);
     let (sin2, cos) = (1.0 - cos2, cos.max(0.0).min(1.0));
-    // a - i b is the root of (eta - i kappa)^2 - sin^2: what the index does to the normal part of the wave's
-    // vector.
+    // a - i b is the root of (eta - i kappa)^2 - sin^2: the normal component of the wave vector in the metal.
     let real = eta * eta - kappa * kappa - sin2;
     let size = (real * real + 4.0 * eta * eta * kappa * kappa).sqrt();
     let a = (0.5 * (size + real)).max(0.0).sqrt();

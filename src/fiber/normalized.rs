@@ -1,41 +1,41 @@
 //! Albedo of a fiber whose lobes do not conserve energy, without absorption, over latitude and offset. Its
-//! inverse is the factor that makes the albedo 1.
+//! inverse is the factor that scales the albedo to 1.
 //!
-//! The factor depends on the incident light alone, so that the shape of f, the sampler and its density stay
-//! as they are, and light that absorption takes stays the same share of it. It is not reciprocal: two
-//! directions swapped differ by the ratio of their factors. A symmetric factor `s(theta_i) s(theta_o)` with
-//! the albedo 1 exists for lobes without shifts alone: for hair's shifts it would weigh the lobes anew, by
-//! more than ten at the poles.
+//! The factor depends only on the incident light, so the shape of f, the sampler and its density stay
+//! unchanged, and so does the absorbed share of light. It is not reciprocal: two directions swapped differ by
+//! the ratio of their factors. A symmetric factor `s(theta_i) s(theta_o)` with the albedo 1 exists only for
+//! lobes without shifts: for hair's shifts it would reweight the lobes by more than ten at the poles.
 
 use super::latitudes::{PARTS, cubic, measured, place};
 use super::range::invalid;
 use crate::Result;
 use std::f32::consts::{FRAC_2_PI, FRAC_PI_2};
 
-/// Nodes over the offset from 0 to 1. They are even in `1 - sqrt(1 - 2 gamma / pi)`, gamma = asin h, as much
-/// happens near the rim.
+/// Number of nodes over the offset from 0 to 1. They are uniform in `1 - sqrt(1 - 2 gamma / pi)`, gamma =
+/// asin h, since the albedo varies most near the rim.
 const OFFSETS: usize = 49;
-/// Least albedo that is brought to 1: what scatters less at some incidence has all but lost its lobes there.
+/// Smallest albedo that is scaled to 1: a fiber that scatters less at some incidence has almost lost its
+/// lobes there.
 const MIN: f32 = 0.05;
-/// Most that a cubic through other latitudes may miss of the albedo at one that was measured.
+/// Largest error of a cubic through other latitudes at a measured albedo.
 const MAX_MISSED: f64 = 1e-3;
 
 /// Factors to the albedo 1.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Factors {
-    /// `[PARTS + 1]` of the far field.
+    /// `[PARTS + 1]` factors of the far field.
     far: Vec<f32>,
-    /// `[PARTS + 1][OFFSETS]` of the near field.
+    /// `[PARTS + 1][OFFSETS]` factors of the near field.
     near: Vec<f32>,
 }
 
 impl Factors {
-    /// Of a fiber whose albedo without absorption is `albedo` at a latitude [rad] and an offset, or the mean
-    /// over all.
+    /// Factors of a fiber whose albedo without absorption is `albedo` at a latitude [rad] and an offset, or
+    /// the mean over all offsets.
     ///
     /// # Errors
-    /// [`crate::Error::Invalid`] where hardly any light is scattered at some incidence; `model` and `key` say
-    /// of what.
+    /// [`crate::Error::Invalid`] if almost no light is scattered at some incidence; `model` and `key` are for
+    /// the message.
     pub(super) fn new(model: &str, key: &str, albedo: impl Fn(f32, Option<f32>) -> f32) -> Result<Factors> {
         let all = |theta: f32| -> Vec<f32> {
             std::iter::once(None).chain((0..OFFSETS).map(|j| Some(offset(j)))).map(|h| albedo(theta, h)).collect()
@@ -84,7 +84,7 @@ impl Factors {
     }
 }
 
-/// An offset's node.
+/// Offset of a node.
 fn offset(j: usize) -> f32 {
     let left = 1.0 - j as f32 / (OFFSETS - 1) as f32;
     (FRAC_PI_2 * (1.0 - left * left)).sin()

@@ -1,18 +1,18 @@
-//! Opaque fibers of circular section over a reflecting surface (Zinke 2007, 9.1).
+//! Opaque fibers of circular section with a reflecting surface (Zinke 2007, 9.1).
 //!
-//! Light leaves where it arrives: in place of the BFSDF the surface's BRDF is asked, and of a whole fiber
-//! (Eq. 48, with gamma = asin h_i)
+//! Light leaves where it arrives: the surface's BRDF replaces the BFSDF, and for a whole fiber (Eq. 48, with
+//! gamma = asin h_i)
 //!
 //! ```text
 //! f_BCSDF(phi) = 1/2 integral of f_BRDF cos gamma cos(gamma - phi) dgamma    over the lit part that is seen
 //! ```
 //!
 //! The surface here is a mirror of Fresnel's reflectance F over a Lambertian base of albedo rho:
-//! `F delta + (1 - F) rho / pi`, F at the incident light's angle, as in the paper's Fig. 11.
-//! A mirror of a cylinder keeps the latitude; as in the dielectric model it is spread by d'Eon's M of width
-//! `beta_m`, and, in the near field, over the azimuth by `beta_n`.
-//! With F = 0 the fiber is Lambertian, exactly: `f_BCSDF = rho / (4 pi) (sin|phi| + (pi - |phi|) cos phi)`,
-//! where the paper has a polynomial ([`lambertian_by_zinke`]).
+//! `F delta + (1 - F) rho / pi`, F at the incident light's angle, as in the paper's Fig. 11. A cylindrical
+//! mirror keeps the latitude; as in the dielectric model, d'Eon's M of width `beta_m` spreads it, and, in the
+//! near field, `beta_n` over the azimuth. With F = 0 the fiber is Lambertian, exactly:
+//! `f_BCSDF = rho / (4 pi) (sin|phi| + (pi - |phi|) cos phi)`, where the paper has a polynomial
+//! ([`lambertian_by_zinke`]).
 
 use super::FiberQuery;
 use super::azimuthal::OFFSETS;
@@ -29,11 +29,11 @@ use crate::math::clamp_unit;
 use crate::{Bsdf, BsdfSample, Result};
 use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, PI, TAU};
 
-/// What a surface mirrors.
+/// Specular reflection of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Mirror {
-    /// Nothing.
+    /// None.
     None,
     /// Like a dielectric of this index, 1.01 to 4: varnish, plastic.
     Dielectric(f32),
@@ -43,18 +43,19 @@ pub enum Mirror {
     Metal(Metal),
 }
 
-/// What an [`OpaqueFiber`] is made of.
+/// Parameters of an [`OpaqueFiber`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OpaqueParameters {
     /// Radius [um], 0.01 to 1e5.
     pub radius_um: f32,
-    /// What the surface mirrors.
+    /// Specular reflection of the surface.
     pub mirror: Mirror,
-    /// Albedo of the Lambertian base, pi k_d of the paper, 0 to 1; of the light that is not mirrored.
+    /// Albedo of the Lambertian base, pi k_d of the paper, 0 to 1; relative to the light that is not
+    /// mirrored.
     pub diffuse: f32,
     /// Longitudinal width of the mirrored light [rad], 0.001 to 2.
     pub beta_m: f32,
-    /// Its azimuthal width in the near field [rad], 0.001 to 10.
+    /// Azimuthal width of the mirrored light in the near field [rad], 0.001 to 10.
     pub beta_n: f32,
 }
 
@@ -91,8 +92,8 @@ pub struct OpaqueFiber {
     parameters: OpaqueParameters,
     longitudinal: Longitudinal,
     azimuthal: Gaussian,
-    /// `[latitude][azimuth]` of Eq. 48 for `(1 - F) / pi`: what the base under a mirror of one index gives in
-    /// the far field, per albedo.
+    /// `[latitude][azimuth]` of Eq. 48 for `(1 - F) / pi`: the far field of the base under a mirror of one
+    /// index, per albedo.
     base: Option<Vec<f32>>,
 }
 
@@ -100,7 +101,7 @@ pub struct OpaqueFiber {
 const BASE: [usize; 2] = [129, 97];
 
 impl OpaqueFiber {
-    /// A fiber of these parameters.
+    /// A fiber with these parameters.
     ///
     /// # Errors
     /// [`crate::Error::Invalid`] for a parameter outside its range.
@@ -127,7 +128,7 @@ impl OpaqueFiber {
         let base = fixed.filter(|_| p.diffuse > 0.0).map(|index| {
             let node = |k: usize| {
                 let (theta, phi) = (k / BASE[1], k % BASE[1]);
-                // Squares: much happens near grazing light.
+                // Squares: the function varies most near grazing light.
                 let cos_theta = (theta as f32 / (BASE[0] - 1) as f32).powi(2);
                 let [f] = bcsdf_of_brdf(PI * phi as f32 / (BASE[1] - 1) as f32, |[cos, _]| {
                     [FRAC_1_PI * (1.0 - conductor(cos_theta * cos, index))]
@@ -144,13 +145,13 @@ impl OpaqueFiber {
         })
     }
 
-    /// What the fiber was made of.
+    /// The fiber's parameters.
     pub fn parameters(&self) -> &OpaqueParameters {
         &self.parameters
     }
 
-    /// The fiber at a query, whose absorption does not matter. Where an input is not finite, or `omega_i` is
-    /// no direction, nothing is scattered.
+    /// The fiber at a query, whose absorption does not matter. If an input is not finite, or `omega_i` is not
+    /// a direction, nothing is scattered.
     pub fn at<const N: usize>(&self, query: &FiberQuery<N>) -> OpaqueBsdf<'_, N> {
         let finite = query.lambda_um.iter().all(|l| l.is_finite()) && query.h_rel.is_none_or(f32::is_finite);
         let index = lanes(|n| match self.parameters.mirror {
@@ -174,7 +175,7 @@ impl OpaqueFiber {
             OffsetTerms { h_rel: h, cos, gamma: asin(h), mirrored, diffuse }
         });
         if self.parameters.diffuse > 0.0 {
-            // In the far field a guess by three offsets: any chance between would do.
+            // In the far field an estimate from three offsets: any chance strictly between 0 and 1 is valid.
             let (mut m, mut d) = (0.0, 0.0);
             let mut add = |(mirrored, diffuse): ([f32; N], [f32; N])| {
                 m += mirrored.iter().sum::<f32>();
@@ -185,7 +186,7 @@ impl OpaqueFiber {
                 None => [0.3, 0.7, 0.95f32].iter().for_each(|cos| add(at.shares(*cos))),
             }
             let chance = if m + d > 0.0 { m / (m + d) } else { 0.0 };
-            // Either is drawn where the other may be weak at some offset.
+            // Both are sampled, since the other may be weak at some offset.
             at.chance = if self.parameters.mirror == Mirror::None { 0.0 } else { chance.max(0.05).min(0.95) };
         }
         at
@@ -211,20 +212,20 @@ impl OpaqueFiber {
     }
 }
 
-/// What a query's offset gives.
+/// Quantities of a query's offset.
 #[derive(Clone, Copy, Debug)]
 struct OffsetTerms<const N: usize> {
     h_rel: f32,
-    /// Of the offset's angle gamma.
+    /// Cosine of the offset's angle gamma.
     cos: f32,
     gamma: f32,
     mirrored: [f32; N],
     diffuse: [f32; N],
 }
 
-/// Eq. 48 of any BRDF: the BCSDF of an opaque fiber in the relative azimuth `phi` [rad], of which `brdf` is
-/// the surface's BRDF [1/sr] where light arrives at the offset angle gamma = asin h_i, given as its cosine
-/// and sine. By Gauss's rule with 16 points: exact to 1e-6 for what is smooth on the fiber.
+/// Eq. 48 for any BRDF: the BCSDF of an opaque fiber in the relative azimuth `phi` [rad]. `brdf` is the
+/// surface's BRDF [1/sr] where light arrives at the offset angle gamma = asin h_i, given as its cosine and
+/// sine. By Gauss's rule with 16 points: exact to 1e-6 for integrands that are smooth on the fiber.
 pub fn bcsdf_of_brdf<const N: usize>(phi: f32, brdf: impl Fn([f32; 2]) -> [f32; N]) -> [f32; N] {
     let mut sum = [0.0; N];
     each_lit(phi, |gamma, weight| {
@@ -234,7 +235,7 @@ pub fn bcsdf_of_brdf<const N: usize>(phi: f32, brdf: impl Fn([f32; 2]) -> [f32; 
     sum
 }
 
-/// Places of the lit part that is seen in the relative azimuth `phi`: cosine and sine of gamma, and
+/// Points of the lit and visible part in the relative azimuth `phi`: cosine and sine of gamma, and
 /// `cos gamma cos(gamma - phi) dgamma / 2`.
 #[inline]
 fn each_lit(phi: f32, mut visit: impl FnMut([f32; 2], f32)) {
@@ -269,14 +270,14 @@ pub fn lambertian(k_d: f32, phi: f32) -> f32 {
     0.25 * k_d * (phi.sin() + (PI - phi) * phi.cos()).max(0.0)
 }
 
-/// The same by the sine and cosine of phi, both times `scale`.
+/// [`lambertian`] from the sine and cosine of phi, both times `scale`.
 #[inline]
 fn lambertian_of(k_d: f32, phi: f32, cos: f32, sin: f32, scale: f32) -> f32 {
     let inverse = 1.0 / scale.max(1e-20);
     0.25 * k_d * ((sin.abs() + (PI - phi.abs()) * cos) * inverse).max(0.0)
 }
 
-/// The paper's polynomial for it, phi from 0 to pi (Zinke 2007, Eq. 51), for comparison alone: it is off by 6
+/// The paper's polynomial for it, phi from 0 to pi (Zinke 2007, Eq. 51), only for comparison: it is off by 6
 /// % at 0 and by 87 % at 150 degrees.
 pub fn lambertian_by_zinke(k_d: f32, phi: f32) -> f32 {
     let (s, c) = phi.sin_cos();
@@ -291,7 +292,7 @@ pub struct OpaqueBsdf<'a, const N: usize> {
     /// `[eta, kappa]` by wavelength.
     index: [[f32; 2]; N],
     near: Option<OffsetTerms<N>>,
-    /// With which samples are mirrored.
+    /// Chance that a sample is mirrored.
     chance: f32,
     /// Whether all light is absorbed.
     dark: bool,
@@ -410,7 +411,7 @@ impl<const N: usize> Bsdf<N> for OpaqueBsdf<'_, N> {
         BsdfSample::scattered(w, f, pdf)
     }
 
-    /// Mean over the offsets, or at the query's, of what is not absorbed.
+    /// Albedo: the mean over the offsets, or the value at the query's.
     fn albedo(&self) -> [f32; N] {
         if !self.incident.valid {
             return [0.0; N];

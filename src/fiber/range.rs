@@ -1,4 +1,4 @@
-//! Parameters of analytic models, checked where they enter.
+//! Checks of the parameters of analytic models.
 
 use crate::{Error, Result};
 
@@ -7,7 +7,7 @@ pub(crate) fn invalid(model: &str, key: &str, value: impl ToString, hint: String
     Error::Invalid { file: model.into(), key: key.into(), value: value.to_string(), hint }
 }
 
-/// Refuses a parameter outside its range, what is not a number included.
+/// Refuses a parameter outside its range, and NaN.
 pub(crate) fn parameter(model: &str, key: &str, value: f32, [low, high]: [f32; 2]) -> Result<()> {
     if (low..=high).contains(&value) {
         return Ok(());

@@ -1,4 +1,4 @@
-//! Shares of light that depend on the wavelength: the colors of models that are not made of an absorption.
+//! Shares of light that depend on the wavelength: the colors of models without an absorption.
 
 use super::range::{invalid, parameter};
 use crate::Result;
@@ -13,17 +13,17 @@ pub enum Reflectance {
     /// `[lambda_um, share]` at ascending wavelengths, linear between them and constant beyond: measured or
     /// fitted.
     Nodes(Vec<[f32; 2]>),
-    /// Smooth, of a color.
+    /// Smooth, from a color.
     Smooth(SmoothReflectance),
 }
 
 impl Reflectance {
-    /// A smooth one of a color in encoded sRGB, 0 to 1 each.
+    /// A smooth reflectance of a color in encoded sRGB, 0 to 1 each.
     pub fn of_srgb(srgb: [f64; 3]) -> Reflectance {
         Reflectance::Smooth(SmoothReflectance::of_srgb(srgb))
     }
 
-    /// The share at a wavelength; of what is not a number, that of the first node.
+    /// The share at a wavelength; for NaN, that of the first node.
     pub fn at(&self, lambda_um: f32) -> f32 {
         match self {
             Reflectance::Gray(share) => *share,
@@ -39,7 +39,7 @@ impl Reflectance {
         }
     }
 
-    /// Refuses shares outside 0 to 1, and nodes that are not in order; `model` and `key` say where.
+    /// Refuses shares outside 0 to 1, and nodes out of order; `model` and `key` are for the message.
     pub(crate) fn check(&self, model: &str, key: &str) -> Result<()> {
         match self {
             Reflectance::Gray(share) => parameter(model, key, *share, [0.0, 1.0]),

@@ -1,39 +1,37 @@
-//! What the reflections of an opaque fiber absorb, as a length in an absorbing material: a ply of metal then
-//! has the same axis of absorption as every other ply.
+//! Absorption by the reflections of an opaque fiber, as a length in an absorbing material: a ply of metal
+//! then has the same axis of absorption as every other ply.
 //!
 //! A path keeps `prod_k F(lambda, c_k)` of its light, F the reflectance of the conductor and c_k the cosine
 //! of the angle of incidence at its k-th facet. That is `exp(-sum_k a(lambda, c_k))`, a = -ln F. Over the
-//! wavelengths of one metal a changes much more with lambda than its course over c does, so
-//!
+//! wavelengths of one metal, a varies much more with lambda than its shape over c does, so
 //! ```text
 //! a(lambda, c) ~ sigma(lambda) L(c),     L(c) = 100 um * mean of a(lambda', c) over the measured lambda' / the same at c = 1,
 //! ```
 //!
-//! and a path has one length, the sum of L(c_k), for all wavelengths. Light at normal incidence gains 100 um,
-//! [`REFLECTION_UM`], a reflection, which puts the absorption of metals where that of dyed fibers is (gold
-//! 3e-4 to 9e-3 per um). sigma(lambda) is such that a reflection keeps the right share of light that is even
-//! over the hemisphere:
-//! `integral of exp(-sigma L(c)) 2 c dc = integral of F(lambda, c) 2 c dc`. A first reflection is exact in
-//! that mean at every wavelength; at a single angle a reflectance is off by 0.037 at most (tests below:
-//! aluminium near grazing, gold by 0.030), a wire lit from 63 degrees of latitude by 0.018. Of one fixed
-//! index L is exact.
+//! and a path has one length, the sum of L(c_k), for all wavelengths. At normal incidence each reflection
+//! adds 100 um, [`REFLECTION_UM`], which puts the absorption of metals in the range of dyed fibers (gold 3e-4
+//! to 9e-3 per um). sigma(lambda) is such that a reflection keeps the right share of light that is uniform
+//! over the hemisphere: `integral of exp(-sigma L(c)) 2 c dc = integral of F(lambda, c) 2 c dc`. A first
+//! reflection is exact in that mean at every wavelength; at a single angle a reflectance is off by at most
+//! 0.037 (tests below: aluminum near grazing, gold by 0.030), a wire lit from 63 degrees of latitude by
+//! 0.018. For one fixed index L is exact.
 
 use super::metal::{Metal, conductor};
 
-/// Length that stands for a reflection at normal incidence [um].
+/// Length that represents a reflection at normal incidence [um].
 pub const REFLECTION_UM: f64 = 100.0;
 
-/// Nodes of the length over the cosine, less one.
+/// Number of nodes of the length over the cosine, less one.
 const CELLS: usize = 256;
-/// Points of integrals over the hemisphere.
+/// Number of points of integrals over the hemisphere.
 const POINTS: usize = 512;
-/// Wavelengths over which a metal's lengths are the mean [um]: 0.40 to 0.70 in steps of 0.02.
+/// Number of wavelengths over which a metal's lengths are averaged [um]: 0.40 to 0.70 in steps of 0.02.
 const LAMBDAS: usize = 16;
 
 /// Complex index of an opaque material.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum OpaqueIndex {
-    /// A metal's measured one.
+    /// The measured index of a metal.
     Metal(Metal),
     /// `[eta, kappa]` at all wavelengths.
     Fixed([f32; 2]),
@@ -58,11 +56,11 @@ pub struct Reflections {
 }
 
 impl Reflections {
-    /// Of a material.
+    /// The lengths for a material.
     pub fn new(index: OpaqueIndex) -> Reflections {
         let lambda = |k: usize| 0.40 + 0.02 * k as f64;
         let sum = |cos: f32| (0..LAMBDAS).map(|k| absorbance(cos, index.at(lambda(k)))).sum::<f64>();
-        // A perfect mirror has no course of its own.
+        // A perfect mirror has no dependence on the angle.
         let all = sum(1.0).max(1e-12);
         let length = |i: usize| (REFLECTION_UM * sum(i as f32 / CELLS as f32) / all) as f32;
         Reflections { index, length_um: (0..=CELLS).map(length).collect() }
@@ -73,7 +71,7 @@ impl Reflections {
         self.index
     }
 
-    /// Length that stands for a reflection at this cosine of the angle of incidence [um].
+    /// Length that represents a reflection at this cosine of the angle of incidence [um].
     #[inline]
     pub fn length_um(&self, cos: f32) -> f32 {
         let x = cos.abs().min(1.0) * CELLS as f32;
@@ -87,8 +85,8 @@ impl Reflections {
     pub fn sigma_per_um(&self, lambda_um: f64) -> f64 {
         let index = self.index.at(lambda_um);
         let wanted = mean(|cos| (-absorbance(cos, index)).exp());
-        // The mean falls with sigma and is convex: Newton from 0 comes from the left and does not pass the
-        // root.
+        // The mean falls with sigma and is convex: Newton from 0 approaches the root from the left without
+        // overshoot.
         let mut sigma = 0.0;
         for _ in 0..60 {
             let kept = |cos: f32| (-sigma * f64::from(self.length_um(cos))).exp();
@@ -108,7 +106,7 @@ fn absorbance(cos: f32, index: [f32; 2]) -> f64 {
     -f64::from(conductor(cos, index)).max(1e-12).ln()
 }
 
-/// Mean over light that is even over the hemisphere, by the midpoint rule in cos^2.
+/// Mean over light that is uniform over the hemisphere, by the midpoint rule in cos^2.
 fn mean(of: impl Fn(f32) -> f64) -> f64 {
     (0..POINTS).map(|i| of(((i as f32 + 0.5) / POINTS as f32).sqrt())).sum::<f64>() / POINTS as f64
 }
@@ -119,8 +117,8 @@ mod tests {
 
     const METALS: [Metal; 4] = [Metal::Gold, Metal::Silver, Metal::Aluminium, Metal::Copper];
 
-    /// The mean over the hemisphere is that of Fresnel's reflectance, and a single angle is off by 0.037 at
-    /// most: the limit stated above and in docs/reference/spec.md.
+    /// The mean over the hemisphere is that of Fresnel's reflectance, and a single angle is off by at most
+    /// 0.037: the limit stated above and in docs/reference/spec.md.
     #[test]
     fn reflectances_by_length_are_those_of_fresnel() {
         for metal in METALS {
@@ -143,7 +141,7 @@ mod tests {
         }
     }
 
-    /// Of one index nothing is approximated but the table over the cosine.
+    /// For one index, only the table over the cosine is an approximation.
     #[test]
     fn one_index_is_exact() {
         for index in [[0.43, 2.455], [2.5, 3.0], [1.5, 0.3]] {

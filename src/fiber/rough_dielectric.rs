@@ -5,20 +5,20 @@
 //! f / cos theta_o = 2 k_d + sum over p of g(pi/2, theta_o + theta_i - shift_p, w_theta_p) a_p(theta_d, h) g(pi, phi - phi_p(h), w_phi_p) / cos^2 theta_d
 //! ```
 //!
-//! of the offset of the query (Eq. 53, with the argument of TRT as Eq. 23 has it), or its mean over the
-//! offsets; theta_d = (theta_o - theta_i) / 2 stands for theta_i in attenuations and n'. A lobe with
-//! `w_phi = 0` is the smooth cylinder's, by the roots of its offsets, at every offset of the query: with
-//! three of them this is Marschner's basic model.
+//! at the offset of the query (Eq. 53, with the argument of TRT from Eq. 23), or its mean over the offsets;
+//! theta_d = (theta_o - theta_i) / 2 replaces theta_i in attenuations and n'. A lobe with `w_phi = 0` is the
+//! smooth cylinder's, by the roots of its offsets, at every offset of the query: with three of them this is
+//! Marschner's basic model.
 //!
 //! As printed the lobes do not conserve energy: their integral is
-//! `integral of g cos^2 theta_o / cos^2 theta_d`, which is 1 for narrow lobes away from grazing light alone,
-//! and light beyond TRT is in `k_d`. [`Bsdf::albedo`] says how much it is,
-//! [`RoughDielectricParameters::normalize`] brings it to 1. `DielectricFiber` conserves. What is left out:
-//! widths along the fiber (w_s) and of the offset (w_h), which the paper takes as narrow too.
+//! `integral of g cos^2 theta_o / cos^2 theta_d`, which is 1 only for narrow lobes away from grazing light,
+//! and light beyond TRT is in `k_d`. [`Bsdf::albedo`] returns it, [`RoughDielectricParameters::normalize`]
+//! scales it to 1. `DielectricFiber` conserves energy. Not modeled: widths along the fiber (w_s) and of the
+//! offset (w_h), which the paper assumes narrow too.
 //!
-//! Far fields come from a table made with the fiber (9.2), for any absorption. An elliptical section is
-//! Marschner's: TRT sees an index that depends on (phi_i + phi_o)/2, and the width is the projected one; its
-//! far TRT is a sum over offsets at every call, some 2 us.
+//! Far fields come from a table made with the fiber (9.2), for any absorption. An elliptical section follows
+//! Marschner: TRT has an index that depends on (phi_i + phi_o)/2, and the width is the projected one; its far
+//! TRT is a sum over offsets at every call, some 2 us.
 
 use super::FiberQuery;
 use super::azimuthal::{CrossSection, OFFSETS, turn};
@@ -35,22 +35,23 @@ use crate::math::clamp_unit;
 use crate::{Bsdf, BsdfSample, Result};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-/// Offsets a side of an ellipse's far TRT: the mean of the near field over midpoints of gamma. Their azimuths
-/// lie 0.1 rad apart at most, 1.6 of the least width, at which a sum of Gaussians is flat to 2e-3.
+/// Number of offsets per side of an ellipse's far TRT: the mean of the near field over midpoints of gamma.
+/// Their azimuths are at most 0.1 rad apart, 1.6 of the smallest width, at which a sum of Gaussians is flat
+/// to 2e-3.
 const OFFSETS_A_SIDE: usize = 32;
-/// Least chance of a sample of a lobe that has any light.
+/// Smallest chance of a lobe that has any light.
 const MIN_CHANCE: f32 = 0.04;
-/// Steps of the albedo's integral over the latitude.
+/// Number of steps of the albedo's integral over the latitude.
 const LATITUDES: usize = 64;
-/// Steps of an elliptical section's albedo over latitude and azimuth.
+/// Number of steps of an elliptical section's albedo over latitude and azimuth.
 const ELLIPTICAL: [usize; 2] = [32, 256];
 
-/// Table 1 of Zinke 2007, with the absorption in the query; three values are of R, TT, TRT.
+/// Table 1 of Zinke 2007, with the absorption in the query; arrays of three are for R, TT, TRT.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RoughDielectricParameters {
     /// n, 1.01 to 4.
     pub eta: f32,
-    /// Radius [um], 0.01 to 1e5; of an ellipse the geometric mean of its half axes.
+    /// Radius [um], 0.01 to 1e5; for an ellipse the geometric mean of its half axes.
     pub radius_um: f32,
     /// e: half axis of the section along x over that along y, 0.8 to 1.25, 1 for a circle.
     pub eccentricity: f32,
@@ -58,19 +59,19 @@ pub struct RoughDielectricParameters {
     pub shift: [f32; 3],
     /// Longitudinal widths, w_theta [rad], 0.005 to 1.
     pub width_theta: [f32; 3],
-    /// Azimuthal widths, w_phi [rad], 0.06 to 10, or 0 for a smooth cylinder's.
+    /// Azimuthal widths, w_phi [rad], 0.06 to 10, or 0 for a smooth cylinder.
     pub width_phi: [f32; 3],
-    /// k_d of light beyond TRT, 0 to `1 / (2 pi^2)`, which alone is white.
+    /// k_d of light beyond TRT, 0 to `1 / (2 pi^2)`, which is white without other lobes.
     pub k_d: f32,
-    /// Whether f is brought to the albedo 1 without absorption, at every incidence, far and near; of a circle
-    /// alone. f is divided by the albedo that the printed lobes have for the query's latitude and offset, at
-    /// every absorption alike. What that costs: f / cos theta_o is not reciprocal any more, and the far field
-    /// is no longer the mean of the near field, by as much as the albedos differ.
+    /// Whether f is scaled to the albedo 1 without absorption, at every incidence, far and near; only for a
+    /// circle. f is divided by the albedo of the printed lobes at the query's latitude and offset, the same
+    /// at every absorption. The cost: f / cos theta_o is no longer reciprocal, and the far field is no longer
+    /// the mean of the near field, by the variation of the albedos.
     pub normalize: bool,
 }
 
 impl Default for RoughDielectricParameters {
-    /// Clear, about hair's widths and shifts in Marschner 2003.
+    /// A clear fiber with about hair's widths and shifts in Marschner 2003.
     fn default() -> Self {
         RoughDielectricParameters {
             eta: 1.55,
@@ -128,19 +129,19 @@ pub struct RoughDielectricFiber {
     far: FarTable,
     /// n_1 and n_2 of an ellipse.
     ellipse: Option<[f32; 2]>,
-    /// Of a normalized one.
+    /// Factors of a normalized fiber.
     factors: Option<Factors>,
 }
 
-/// R, TT and TRT side by side in a vector; the last of four has no light.
+/// R, TT and TRT side by side in a vector; the last of the four lanes has no light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Lobes {
     shift: [f32; 4],
-    /// One over the widths, of latitude and azimuth; 0 over an azimuth without width.
+    /// One over the widths of latitude and azimuth; 0 for an azimuth without width.
     inverse: [[f32; 4]; 2],
     /// Densities at 0.
     peak: [[f32; 4]; 2],
-    /// Whether all are Gaussians of a circle.
+    /// Whether all lobes are Gaussians of a circle.
     plain: bool,
 }
 
@@ -164,7 +165,7 @@ impl Lobes {
 }
 
 impl RoughDielectricFiber {
-    /// A fiber of these parameters.
+    /// A fiber with these parameters.
     ///
     /// # Errors
     /// [`crate::Error::Invalid`] for a parameter outside its range.
@@ -196,7 +197,7 @@ impl RoughDielectricFiber {
             azimuthal: p.width_phi.map(|w| (w > 0.0).then(|| Gaussian::new(w, PI))),
             lobes: Lobes::new(p),
             offsets: (0..OFFSETS_A_SIDE).map(offset).collect(),
-            // Of a lobe without width the energies alone are asked for.
+            // For a lobe without width only the energies are used.
             far: FarTable::new(p.eta, &p.width_phi.map(|w| if w > 0.0 { w } else { 0.5 })),
             ellipse: (p.eccentricity != 1.0).then(|| ellipse_indices(p.eta, p.eccentricity)),
             factors: None,
@@ -211,12 +212,12 @@ impl RoughDielectricFiber {
         Ok(fiber)
     }
 
-    /// What the fiber was made of.
+    /// The fiber's parameters.
     pub fn parameters(&self) -> &RoughDielectricParameters {
         &self.parameters
     }
 
-    /// The fiber at a query. Where an input is not finite, or `omega_i` is no direction, nothing is
+    /// The fiber at a query. If an input is not finite, or `omega_i` is not a direction, nothing is
     /// scattered.
     pub fn at<const N: usize>(&self, query: &FiberQuery<N>) -> RoughDielectricBsdf<'_, N> {
         let finite = query.sigma_per_um.iter().all(|s| s.is_finite()) && query.h_rel.is_none_or(f32::is_finite);
@@ -248,8 +249,8 @@ impl RoughDielectricFiber {
                 self.far.through(&lanes(|n| at.sigma_per_um[n] * section.chord_um()))
             });
             let energy: [f32; 3] = lanes(|lobe| at.energy(lobe, through.as_ref()));
-            // A share for each lobe, however weak at its median: what it has far from there is drawn with
-            // weights of ten at most.
+            // Each lobe gets a share, however weak at its median: its light far from there is sampled with
+            // weights of at most ten.
             let least = MIN_CHANCE * energy.iter().sum::<f32>();
             let energy: [f32; 3] =
                 lanes(|lobe| if at.latitude[lobe].share() > 0.0 { energy[lobe] + least } else { 0.0 });
@@ -268,7 +269,7 @@ impl RoughDielectricFiber {
         2.0 * self.parameters.radius_um * (e * y * y + x * x / e).sqrt()
     }
 
-    /// Its most over all azimuths [um].
+    /// Largest width over all azimuths [um].
     pub(super) fn max_width_um(&self) -> f32 {
         self.width_um([1.0, 0.0]).max(self.width_um([0.0, 1.0]))
     }
@@ -286,19 +287,20 @@ pub struct RoughDielectricBsdf<'a, const N: usize> {
     fiber: &'a RoughDielectricFiber,
     incident: Incident,
     theta_i: f32,
-    /// Of samples: theta_o less the middle of each lobe.
+    /// For samples: theta_o relative to the middle of each lobe.
     latitude: [TruncatedGaussian; 3],
     sigma_per_um: [f32; N],
     /// Offset and gamma_i.
     near: Option<[f32; 2]>,
-    /// Of all light: what normalizes it.
+    /// Normalization factor of all light.
     factor: f32,
     /// Chances of the lobes.
     chance: [f32; 3],
     diffuse_chance: f32,
 }
 
-/// Where f is asked for: latitude, azimuth from phi_i on, and gamma_t there at the query's offset.
+/// Angles at which f is evaluated: latitude, azimuth relative to phi_i, and gamma_t there at the query's
+/// offset.
 #[derive(Clone, Copy)]
 struct Angles {
     theta_o: f32,
@@ -310,13 +312,13 @@ struct Angles {
 type Azimuthal<const N: usize> = ([f32; N], f32);
 
 impl<const N: usize> RoughDielectricBsdf<'_, N> {
-    /// The fiber's diameter [um], of an ellipse its width across the light; 0 where the query was refused.
+    /// The fiber's diameter [um], for an ellipse its width across the light; 0 where the query was refused.
     pub fn width_um(&self) -> [f32; N] {
         [if self.incident.valid { self.fiber.width_um(self.incident.azimuth()) } else { 0.0 }; N]
     }
 
-    /// About what a lobe scatters at all wavelengths together, by the median of its latitudes: near a pole
-    /// attenuations there are not those at theta_i.
+    /// Approximate energy of a lobe over all wavelengths, at the median of its latitudes: near a pole
+    /// attenuations there differ from those at theta_i.
     fn energy(&self, lobe: usize, through: Option<&Through<N>>) -> f32 {
         let share = self.latitude[lobe].share();
         if share == 0.0 {
@@ -339,15 +341,15 @@ impl<const N: usize> RoughDielectricBsdf<'_, N> {
         share * ratio * ratio * light
     }
 
-    /// The section that light between theta_i and this latitude sees.
+    /// The cross section for light between theta_i and this latitude.
     #[inline]
     fn section(&self, o: Latitude) -> CrossSection {
         let p = &self.fiber.parameters;
         CrossSection::at(p.eta, p.radius_um, self.half_way(o))
     }
 
-    /// theta_d, without its sign: half the sum and half the difference of the two unit vectors are as long as
-    /// its cosine and sine.
+    /// theta_d, without its sign: half the sum and half the difference of the two unit vectors have the
+    /// lengths of its cosine and sine.
     #[inline]
     fn half_way(&self, o: Latitude) -> Latitude {
         let i = self.incident.latitude;
@@ -355,7 +357,7 @@ impl<const N: usize> RoughDielectricBsdf<'_, N> {
         Latitude { sin: half(i.cos - o.cos, i.sin - o.sin), cos: half(i.cos + o.cos, i.sin + o.sin) }
     }
 
-    /// The section that TRT sees between phi_i and the relative azimuth `phi`, of an ellipse.
+    /// The cross section of an ellipse for TRT between phi_i and the relative azimuth `phi`.
     fn elliptical(&self, o: Latitude, phi: f32) -> Option<CrossSection> {
         let [first, second] = self.fiber.ellipse?;
         let p = &self.fiber.parameters;
@@ -367,7 +369,7 @@ impl<const N: usize> RoughDielectricBsdf<'_, N> {
         Some(CrossSection::at(eta.max(1.001), p.radius_um, self.half_way(o)))
     }
 
-    /// Of R, TT, TRT at an offset.
+    /// R, TT, TRT at an offset.
     #[inline]
     fn attenuations(&self, section: &CrossSection, h_rel: f32) -> [[f32; N]; 3] {
         let path = section.path(h_rel);
@@ -406,7 +408,7 @@ impl<const N: usize> RoughDielectricBsdf<'_, N> {
         (f, density)
     }
 
-    /// gamma_t at the query's offset, 0 where it has none.
+    /// gamma_t at the query's offset, 0 without one.
     #[inline]
     fn gamma_t(&self, section: &CrossSection) -> f32 {
         self.near.map_or(0.0, |[h, _]| section.gamma_t(h))
@@ -449,7 +451,7 @@ impl<const N: usize> RoughDielectricBsdf<'_, N> {
                 Some(gaussian) => self.summed(&section, 2, phi, gaussian),
                 None => self.rooted(&section, 2, phi).0,
             };
-            // Half of the samples are the circle's, half go anywhere.
+            // Half of the samples follow the circle, half are uniform.
             all[2] = (light, 0.5 * all[2].1 + 0.5 / TAU);
         }
         all
@@ -470,7 +472,7 @@ impl<const N: usize> RoughDielectricBsdf<'_, N> {
         }
     }
 
-    /// f and pdf at a latitude, whose section it is, and a relative azimuth.
+    /// f and pdf at a latitude, with its cross section, and a relative azimuth.
     #[inline]
     fn at_angles(&self, o: Latitude, section: &CrossSection, angles: Angles) -> ([f32; N], f32) {
         let (p, lobes) = (&self.fiber.parameters, &self.fiber.lobes);
@@ -551,7 +553,7 @@ impl<const N: usize> Bsdf<N> for RoughDielectricBsdf<'_, N> {
             left -= self.chance[lobe];
         }
         if chosen.is_none() && self.fiber.parameters.k_d == 0.0 {
-            // What rounding leaves over is the strongest lobe's.
+            // The rounding remainder belongs to the strongest lobe.
             chosen = (0..3).max_by(|a, b| self.chance[*a].total_cmp(&self.chance[*b]));
             if self.diffuse_chance >= 0.5 {
                 return BsdfSample::Absorbed;
@@ -578,14 +580,14 @@ impl<const N: usize> Bsdf<N> for RoughDielectricBsdf<'_, N> {
         };
         let (sin, cos) = sin_cos(angles.phi);
         let w = self.incident.direction([latitude.cos * cos, latitude.cos * sin], latitude.sin);
-        // Caustics take the direction as eval would: its last digit counts there.
+        // Caustics need the direction as eval would see it: its last digit counts there.
         let smooth = self.fiber.azimuthal.iter().any(Option::is_none);
         let (f, pdf) = if smooth { self.eval_pdf(w) } else { self.at_angles(latitude, &section, angles) };
         BsdfSample::scattered(w, f, pdf)
     }
 
-    /// Integral of f, by midpoints over the latitude and, of an ellipse, the azimuth: some 50 us in the far
-    /// field, 20 ms of an ellipse.
+    /// Integral of f, by midpoints over the latitude and, for an ellipse, the azimuth: some 50 us in the far
+    /// field, 20 ms for an ellipse.
     fn albedo(&self) -> [f32; N] {
         if !self.incident.valid {
             return [0.0; N];
@@ -602,8 +604,8 @@ impl<const N: usize> Bsdf<N> for RoughDielectricBsdf<'_, N> {
                 continue;
             }
             for k in 0..latitudes {
-                // Midpoints of an angle whose cosine is the place: they crowd at the ends, where a pole may
-                // be.
+                // Midpoints of an angle whose cosine is the position: they are dense at the ends, where a
+                // pole may be.
                 let (sin, cos) = (PI * (k as f32 + 0.5) / latitudes as f32).sin_cos();
                 let theta_o = 0.5 * (low + high) - 0.5 * (high - low) * cos;
                 let step = 0.5 * PI / latitudes as f32 * (high - low) * sin;

@@ -1,5 +1,5 @@
 //! Specs of analytic fibers in TOML, for the command line and for hosts: a name, `[filament]` with a model
-//! and its parameters, and the color of its inside.
+//! and its parameters, and the color inside the fiber.
 //!
 //! ```toml
 //! name = "brown hair"
@@ -12,7 +12,7 @@
 //! radius_um = 40
 //! ```
 //!
-//! Parameters that are absent are those of the model's `Default`. Angles are radians, as in every file.
+//! Absent parameters are those of the model's `Default`. Angles are in radians, as in every file.
 
 use super::{
     DielectricFiber, DielectricParameters, FiberModel, KajiyaKayFiber, KajiyaKayParameters, KhungurnFiber,
@@ -38,7 +38,7 @@ pub struct FilamentSpec {
     pub model: FiberModel,
     /// Three wavelengths [um].
     pub lambda_um: [f32; 3],
-    /// Absorption of its inside at them [1/um].
+    /// Absorption inside the fiber at them [1/um].
     pub sigma_per_um: [f32; 3],
 }
 
@@ -46,7 +46,7 @@ const fn three(expected: &'static str, check: fn(&str, &str, &Value) -> Result<(
     Kind::Custom(Custom { expected, check })
 }
 
-/// Refuses what is not three numbers of which each passes.
+/// Refuses anything but three numbers that each pass.
 fn each_of_three(file: &str, key: &str, value: &Value, hint: &str, holds: fn(f64) -> bool) -> Result<()> {
     let list = value.as_array().map_or(&[][..], Vec::as_slice);
     if list.len() == 3 && list.iter().all(|x| number(x).is_some_and(holds)) {
@@ -162,7 +162,7 @@ const KHUNGURN: &[Key] = &[
     not_normalized!("the albedo is what c_r and c_tt say, 1 with c_tt = 1"),
 ];
 
-/// Kinds of analytic fibers and the keys of each, for all files that have one.
+/// Kinds of analytic fibers and their keys, for all files that contain one.
 pub const FILAMENT_KINDS: &[(&str, &[Key])] = &[
     ("dielectric", DIELECTRIC),
     ("rough_dielectric", ROUGH),
@@ -219,8 +219,8 @@ impl FilamentSpec {
     /// Reads a spec from its text; `file` is for messages.
     ///
     /// # Errors
-    /// [`Error::Format`] when the text is not TOML, [`Error::Invalid`] for a key that is unknown, absent or
-    /// out of range.
+    /// [`Error::Format`] if the text is not TOML, [`Error::Invalid`] for a key that is unknown, absent or out
+    /// of range.
     ///
     /// ```
     /// use plywave::fiber::FilamentSpec;
@@ -241,7 +241,7 @@ impl FilamentSpec {
         })
     }
 
-    /// An analytic fiber of a name's bytes if the name ends in `.toml`; none for other names.
+    /// An analytic fiber from a file's bytes if its name ends in `.toml`; none for other names.
     ///
     /// # Errors
     /// As [`FilamentSpec::parse`].
@@ -261,18 +261,18 @@ impl FilamentSpec {
     /// Reads a spec from a file.
     ///
     /// # Errors
-    /// As [`FilamentSpec::parse`], and [`Error::Io`] when the file cannot be read.
+    /// As [`FilamentSpec::parse`], and [`Error::Io`] if the file cannot be read.
     pub fn load(path: impl AsRef<Path>) -> Result<FilamentSpec> {
         let path = path.as_ref();
         FilamentSpec::parse(&read_text(path, MAX_BYTES)?, &path.display().to_string())
     }
 }
 
-/// The model of a table of one of [`FILAMENT_KINDS`] that has passed their rules. `at` is the table's key in
+/// The model from a table of one of [`FILAMENT_KINDS`] that passed their rules. `at` is the table's key in
 /// `file`, for messages.
 ///
 /// # Errors
-/// [`Error::Invalid`] for values that do not go together.
+/// [`Error::Invalid`] for values that are incompatible.
 pub fn filament_of(table: &Table, file: &str, at: &str) -> Result<FiberModel> {
     let given = Given(table);
     let made = match table.get("kind").and_then(Value::as_str).unwrap_or_default() {

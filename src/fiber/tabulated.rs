@@ -1,24 +1,24 @@
-//! A fiber's scattering from a table (Xia 2020, 5 and 6): wave optics, or rays, over the azimuth; d'Eon's M_0
+//! A fiber's scattering from a table (Xia 2020, 5 and 6): wave or ray optics over the azimuth, d'Eon's M_0
 //! over the latitude.
 //!
 //! ```text
 //! f(wi, wo, lambda) = M_0(theta_i, theta_o) N(theta_i, phi_i, phi_o, lambda)
 //! ```
 //!
-//! f is an energy density: its integral over wo is the scattered fraction of the power that the fiber takes
-//! from the light, which per length is `C_e cos theta_i` times the flux across `wi`. So with Xia's BCSDF S =
-//! M_0 N the radiance that leaves a curve of width C_e is `integral L_i f cos theta_i / cos theta_o d wi`,
-//! and a path tracer whose rays hit that width needs `f` alone as "BSDF times cosine".
+//! f is an energy density: its integral over wo is the scattered fraction of the power that the fiber
+//! intercepts, which per length is `C_e cos theta_i` times the flux across `wi`. So with Xia's BCSDF S = M_0
+//! N the radiance that leaves a curve of width C_e is `integral L_i f cos theta_i / cos theta_o d wi`, and a
+//! path tracer whose rays hit that width uses `f` alone as "BSDF times cosine".
 //!
 //! The width C_e depends on direction and wavelength; a host intersects a cylinder of
-//! [`TabulatedFiber::max_width_um`] and asks
-//! [`TabulatedBsdf::hit`] whether the ray's offset from the center line is within C_e / 2 (Xia 2020, 6).
+//! [`TabulatedFiber::max_width_um`], and [`TabulatedBsdf::hit`] decides whether the ray's offset from the
+//! center line is within C_e / 2 (Xia 2020, 6).
 //!
-//! Departures from Xia: the table is linear in `phi_r - phi_i` instead of phi_r, so that the forward peak
-//! stays one peak between nodes; slices are mixed by the power they take, their weight times their width,
-//! which is what conserves it; lambda is linear too.
+//! Departures from Xia: the table is linear in `phi_r - phi_i` instead of phi_r, so the forward peak stays
+//! one peak between nodes; slices are mixed by their intercepted power, weight times width, which conserves
+//! it; lambda is linear too.
 //!
-//! What is left out: cuticle tilt and separate lobes (one M_0 for all light), polarization, width of the beam
+//! Not modeled: cuticle tilt and separate lobes (one M_0 for all light), polarization, width of the beam
 //! across the fiber.
 
 use super::FiberQuery;
@@ -30,17 +30,16 @@ use crate::{Bsdf, BsdfSample, Result};
 use std::f32::consts::{FRAC_PI_2, TAU};
 use std::path::Path;
 
-/// Most that C_e may exceed the geometric width (Xia 2020, 6).
+/// Largest ratio of C_e to the geometric width (Xia 2020, 6).
 pub const WIDTH_LIMIT: f64 = 6.0;
-/// Cells of the azimuth whose sums are kept for sampling.
+/// Cells of the azimuth per stored sum for sampling.
 const BLOCK: usize = 16;
 
-/// A loaded fiber table, ready for evaluation.
+/// A loaded fiber table, prepared for evaluation.
 ///
-/// Directions are unit vectors in the fiber's frame, away from the fiber: z along it, x and y those of the
-/// outline. No call allocates, fails or panics.
-/// Wavelengths and latitudes beyond the nodes count as the last node; where an input is not finite, or a
-/// component of a direction is beyond 1.001, f = 0 and nothing is hit.
+/// Directions are unit vectors in the fiber's frame, away from the fiber: z along it, x and y the axes of the
+/// outline. No call allocates, fails or panics. Wavelengths and latitudes beyond the nodes count as the last
+/// node; if an input is not finite, or a component of a direction is beyond 1.001, f = 0 and nothing is hit.
 #[derive(Clone, Debug)]
 pub struct TabulatedFiber {
     table: FiberTable,
@@ -63,19 +62,19 @@ pub struct TabulatedFiber {
     turn: f32,
 }
 
-/// Slices of the table and their shares of the power, which add up to 1.
+/// Slices of the table and their shares of the power, which sum to 1.
 type Corners = [(u32, f32); 8];
 
-/// A tabulated fiber at a query: what is looked up once for any number of outgoing directions.
+/// A tabulated fiber at a query: one lookup for any number of outgoing directions.
 #[derive(Clone, Copy, Debug)]
 pub struct TabulatedBsdf<'a, const N: usize> {
     fiber: &'a TabulatedFiber,
-    /// Cosine and sine of phi_i; of 0 for light along the fiber.
+    /// Cosine and sine of phi_i; those of 0 for light along the fiber.
     azimuth: [f32; 2],
     latitude: Latitude,
     /// By wavelength; all 0 where the input is not finite.
     corners: [Corners; N],
-    /// Whether the slices hold the mirrored azimuth.
+    /// Whether the slices store the mirrored azimuth.
     mirrored: bool,
     albedo: [f32; N],
     width_um: [f32; N],
@@ -90,7 +89,7 @@ impl TabulatedFiber {
         Ok(TabulatedFiber::new(FiberTable::load(path)?))
     }
 
-    /// Reads and checks a fiber table from the bytes of its file; `name` stands for the file in errors.
+    /// Reads and checks a fiber table from the bytes of its file; `name` identifies the file in errors.
     ///
     /// # Errors
     /// As [`FiberTable::load`].
@@ -98,10 +97,10 @@ impl TabulatedFiber {
         Ok(TabulatedFiber::new(FiberTable::from_bytes(bytes, name)?))
     }
 
-    /// A fiber of a table that need not have been in a file.
+    /// A fiber from a table, without a file.
     ///
     /// # Errors
-    /// [`crate::Error::Invalid`] when a file with it would be refused.
+    /// [`crate::Error::Invalid`] if a file with it would be refused.
     pub fn from_table(table: FiberTable) -> Result<TabulatedFiber> {
         table.check("fiber table")?;
         Ok(TabulatedFiber::new(table))
@@ -146,7 +145,7 @@ impl TabulatedFiber {
         &self.table
     }
 
-    /// With another longitudinal width [rad], clamped to [0.001, 2]; not a number counts as the least.
+    /// The fiber with another longitudinal width [rad], clamped to [0.001, 2]; NaN counts as the least.
     pub fn with_beta_m(mut self, beta_m: f32) -> Self {
         self.table.beta_m = f64::from(beta_m).max(table::BETA_M.0).min(table::BETA_M.1);
         self.longitudinal = Longitudinal::new(self.table.beta_m as f32);
@@ -158,13 +157,13 @@ impl TabulatedFiber {
         self.max_width_um
     }
 
-    /// Share of the table's slices whose width was clamped to [`WIDTH_LIMIT`] times the geometric one.
+    /// Share of the table's slices whose width was clamped to [`WIDTH_LIMIT`] times the geometric width.
     pub fn clamped_share(&self) -> f64 {
         self.clamped
     }
 
-    /// The fiber at a query. Where an input is not finite, or `omega_i` is no direction, nothing is hit and
-    /// nothing scattered.
+    /// The fiber at a query. If an input is not finite, or `omega_i` is not a direction, nothing is hit or
+    /// scattered.
     pub fn at<const N: usize>(&self, query: &FiberQuery<N>) -> TabulatedBsdf<'_, N> {
         let valid = is_direction(query.omega_i);
         let wi = if valid { query.omega_i } else { [1.0, 0.0, 0.0] };
@@ -210,7 +209,7 @@ impl TabulatedFiber {
         at
     }
 
-    /// Nodes around the azimuth `phi`, their weights, and whether they hold it mirrored.
+    /// Nodes around the azimuth `phi`, their weights, and whether they store it mirrored.
     fn azimuth(&self, phi: f32, count: usize) -> ([usize; 2], [f32; 2], bool) {
         if self.table.symmetry.folds == 0 {
             return ([0, 0], [1.0, 0.0], false);
@@ -229,7 +228,7 @@ impl TabulatedFiber {
     }
 }
 
-/// Two neighboring nodes and their weights for the place `at` in units of nodes, clamped to `count` nodes.
+/// Two neighboring nodes and their weights for the position `at` in units of nodes, clamped to `count` nodes.
 fn place(at: f32, count: usize) -> ([usize; 2], [f32; 2]) {
     let last = count - 1;
     let at = at.clamp(0.0, last as f32);
@@ -244,7 +243,7 @@ impl<const N: usize> TabulatedBsdf<'_, N> {
         self.width_um
     }
 
-    /// Whether a ray that passes the center line at the distance `offset_um`, either side, meets the fiber
+    /// Whether a ray that passes the center line at the distance `offset_um`, on either side, hits the fiber
     /// (Xia 2020, 6), by wavelength.
     pub fn hit(&self, offset_um: f32) -> [bool; N] {
         self.width_um.map(|width| offset_um.abs() <= 0.5 * width)
@@ -271,7 +270,7 @@ impl<const N: usize> TabulatedBsdf<'_, N> {
         corners.iter().map(|(slice, share)| share * values[*slice as usize * self.fiber.cells + j]).sum()
     }
 
-    /// Sum of the albedos: wavelengths are drawn in proportion to theirs.
+    /// Sum of the albedos: wavelengths are sampled in proportion to theirs.
     fn total(&self) -> f32 {
         self.albedo.iter().sum()
     }
@@ -282,7 +281,7 @@ impl<const N: usize> TabulatedBsdf<'_, N> {
         if total > 0.0 { f.iter().sum::<f32>() / total } else { 0.0 }
     }
 
-    /// A direction: a wavelength, then its azimuth and the latitude.
+    /// Samples a direction: a wavelength, then its azimuth and the latitude.
     fn draw(&self, u: [f32; 3]) -> Option<[f32; 3]> {
         let total = self.total();
         if !(total > 0.0 && u.iter().all(|v| (0.0..1.0).contains(v))) {
@@ -299,7 +298,7 @@ impl<const N: usize> TabulatedBsdf<'_, N> {
             }
         }
         let albedo = self.albedo[chosen];
-        // With one wavelength the number is used as it is.
+        // With one wavelength the number is used unchanged.
         let first = if N == 1 { u[0] } else { (remaining / albedo).min(1.0 - f32::EPSILON / 2.0) };
         if !(0.0..1.0).contains(&first) {
             return None;
@@ -312,8 +311,8 @@ impl<const N: usize> TabulatedBsdf<'_, N> {
         Some([latitude.cos * cos, latitude.cos * sin, latitude.sin])
     }
 
-    /// Relative azimuth below which the mixed slices hold the fraction `u` of their light [rad]: blocks, then
-    /// cells, then the root of the square within a cell.
+    /// Relative azimuth below which the mixed slices contain the fraction `u` of their light [rad]: by
+    /// blocks, then cells, then the square root within a cell.
     fn invert(&self, corners: &Corners, u: f32) -> f32 {
         let (cells, blocks) = (self.fiber.cells, self.fiber.blocks);
         let block = |b: usize| -> f32 {
@@ -332,7 +331,7 @@ impl<const N: usize> TabulatedBsdf<'_, N> {
         let end = cells.min((b + 1) * BLOCK);
         let mut j = b * BLOCK;
         let mut low = self.node(corners, j);
-        // The last cell with light takes what rounding has left over.
+        // The last cell with light takes the rounding remainder.
         let mut kept = (j, low, low, 0.0);
         while j < end {
             let high = self.node(corners, if j + 1 == cells { 0 } else { j + 1 });
@@ -380,7 +379,7 @@ impl<const N: usize> Bsdf<N> for TabulatedBsdf<'_, N> {
             Some(w) => {
                 let (f, pdf) = self.eval_pdf(w);
                 if N == 1 {
-                    // The density is f over the albedo: their ratio needs no division of two values near 0.
+                    // The density is f over the albedo: this ratio avoids a division of two values near 0.
                     BsdfSample::Scattered(DirectionSample { w, weight: self.albedo, pdf })
                 } else {
                     BsdfSample::scattered(w, f, pdf)

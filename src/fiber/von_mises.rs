@@ -8,7 +8,7 @@
 use crate::math::clamp_unit;
 use std::f64::consts::PI;
 
-/// Cells of the half turn, or of the part of it that holds light.
+/// Cells of the half turn, or of the part of it that contains light.
 const CELLS: usize = 128;
 /// Points and weights of the 4-point Gauss-Legendre rule on [0, 1].
 const GAUSS: [(f64, f64); 4] = [
@@ -34,10 +34,10 @@ pub(crate) struct VonMises {
 }
 
 impl VonMises {
-    /// Of the width `gamma` [rad], 0.01 to 1000: kappa = 1 / gamma^2.
+    /// The distribution of width `gamma` [rad], 0.01 to 1000: kappa = 1 / gamma^2.
     pub(crate) fn new(gamma: f32) -> VonMises {
         let kappa = 1.0 / (f64::from(gamma) * f64::from(gamma));
-        // Beyond 9 widths lies less than 1e-17 of the light.
+        // Less than 1e-17 of the light lies beyond 9 widths.
         let reach = PI.min(9.0 * f64::from(gamma));
         let step = reach / CELLS as f64;
         let value = |x: f64| (-2.0 * kappa * (0.5 * x).sin().powi(2)).exp();
@@ -60,14 +60,14 @@ impl VonMises {
         self.normalizer * (-0.5 * self.kappa * chord2).exp()
     }
 
-    /// The angle below which the share `u` lies [rad]. Within a cell the quantile is that of the cubic
-    /// through the shares and densities at its ends.
+    /// The angle below which the share `u` lies [rad]. Within a cell the quantile is the cubic through the
+    /// shares and densities at its ends.
     pub(crate) fn sample(&self, u: f32) -> f32 {
         let signed = 2.0 * clamp_unit(u) - 1.0;
         let share = signed.abs();
         let cell = self.below.partition_point(|b| *b <= share).saturating_sub(1);
         let (low, mass) = (self.step * cell as f32, self.within[cell]);
-        // A cell of the far tail may have no light in f32: its start is as good as any place of it.
+        // A cell of the far tail may have no light in f32: its start serves as well as any point in it.
         let part = if mass > 0.0 { ((share - self.below[cell]) / mass).clamp(0.0, 1.0) } else { 0.0 };
         let slope = |end: f32| (end / mass.max(f32::MIN_POSITIVE)).min(9.0);
         let (a, b) = (slope(self.ends[cell]), slope(self.ends[cell + 1]));
@@ -100,7 +100,7 @@ mod tests {
         assert!((narrow * std::f64::consts::TAU * 0.003_989_472_675_604_637 - 1.0).abs() < 2e-6, "{narrow}");
     }
 
-    /// Quantiles against the integral of the density, in f64.
+    /// Quantiles agree with the integral of the density, in f64.
     #[test]
     fn samples_are_the_quantiles() {
         for gamma in [0.01, 0.1, 0.35, 0.8, 2.0, 1000.0f32] {

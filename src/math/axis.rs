@@ -1,4 +1,4 @@
-//! Lookups on uniform axes: which cell holds a value, and how far into it.
+//! Lookups on uniform axes: the cell of a value, and the fraction in it.
 //!
 //! Every function takes a position in units of nodes or bins, or computes it from the nodes. Positions
 //! outside the axis count as its nearer end, NaN as the first node. The functions are inlined and
@@ -32,19 +32,19 @@ macro_rules! lookups {
 lookups!(f32, cell_f32, cell_periodic_f32, simd::max, simd::min);
 lookups!(f64, cell, cell_periodic, max, min);
 
-/// The greater; `b` when `a` is NaN.
+/// The greater of two; `b` if `a` is NaN.
 #[inline(always)]
 fn max(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
-/// The lesser; `b` when `a` is NaN.
+/// The lesser of two; `b` if `a` is NaN.
 #[inline(always)]
 fn min(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
 }
 
-/// [`cell`] of `x` on an axis given by its nodes, ascending in equal steps; at least 2.
+/// [`cell`] of `x` on an axis of nodes in equal ascending steps; at least 2.
 #[inline]
 pub fn locate(x: f64, axis: &[f64]) -> (usize, f64) {
     let last = axis.len() - 1;
@@ -60,7 +60,7 @@ pub struct UniformAxis {
 }
 
 impl UniformAxis {
-    /// From nodes that ascend in equal steps; at least 2.
+    /// An axis from nodes in equal ascending steps; at least 2.
     pub fn new(nodes: &[f64]) -> UniformAxis {
         let last = nodes.len() - 1;
         UniformAxis {
@@ -102,7 +102,7 @@ mod tests {
             let prepared = UniformAxis::new(&axis);
             assert_eq!(prepared.nodes(), nodes);
             for k in -100..4000 {
-                // Off the nodes by 1e-3 of a cell, where rounding cannot move a value to the next cell.
+                // 1e-3 of a cell off the nodes, where rounding cannot move a value to the next cell.
                 let x = -2.0 + 0.00525 * f64::from(k) + 1e-4;
                 let (i, f) = searched(x, &axis);
                 let (j, g) = locate(x, &axis);

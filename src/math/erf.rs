@@ -3,7 +3,7 @@
 use super::simd::{exp2_within, fma, ln, min};
 use std::f32::consts::LOG2_E;
 
-/// The error function to 5e-7 absolute: 1.5e-7 of Abramowitz and Stegun 1964, 7.1.26, and what rounding adds.
+/// The error function to 5e-7 absolute: 1.5e-7 of Abramowitz and Stegun 1964, 7.1.26, plus rounding.
 #[inline(always)]
 pub(crate) fn fast_erf<const FMA: bool>(x: f32) -> f32 {
     let z = x.abs();
@@ -15,8 +15,8 @@ pub(crate) fn fast_erf<const FMA: bool>(x: f32) -> f32 {
     (1.0 - p * t * exp2_within::<FMA>(-min(z * z, 80.0) * LOG2_E)).copysign(x)
 }
 
-/// The error function of x >= 0 to 5e-7 of itself, which small x keep: a quotient of polynomials, as linear
-/// algebra libraries have it (Eigen, XLA); 1 beyond 4.
+/// The error function of x >= 0 to a relative 5e-7, also at small x: a quotient of polynomials, as in linear
+/// algebra libraries (Eigen, XLA); 1 beyond 4.
 #[inline(always)]
 pub(crate) fn erf_from_0(x: f32) -> f32 {
     const OVER: [f32; 7] = [
@@ -34,7 +34,7 @@ pub(crate) fn erf_from_0(x: f32) -> f32 {
     min(x * of(&OVER) / of(&UNDER), 1.0)
 }
 
-/// The error function: its series, and 1 beyond 5, where it is within 2e-12 of it.
+/// The error function: its series, and 1 beyond 5, which is within 2e-12.
 pub fn erf(x: f64) -> f64 {
     if x.abs() > 5.0 {
         return x.signum();

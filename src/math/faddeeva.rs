@@ -1,23 +1,22 @@
 //! The Faddeeva function `w(z) = exp(-z^2) erfc(-i z)` in the upper half plane, and the diffraction factor of
-//! a Gaussian beam cut by two straight edges, which is made of it (Yu 2025, Eq. 12, separated).
+//! a Gaussian beam cut by two straight edges, expressed by it (Yu 2025, Eq. 12, separated).
 //!
 //! `w` is Weideman's rational series: with `Z = (L + i z)/(L - i z)`,
 //! `w = 2 p(Z)/(L - i z)^2 + 1/(sqrt(pi) (L - i z))`, p a polynomial whose coefficients are trapezoid sums,
 //! lowest power first (J. A. C. Weideman, "Computation of the complex error function", SIAM J. Numer. Anal.
-//! 31,
-//! 1994). It has no branches, so that the f32 form becomes vector code.
+//! 31, 1994). It has no branches, so the f32 form vectorizes.
 //!
 //! The factor is `k(a, b, f) = integral_a^b exp(-x^2/w0^2 - 2 pi i f x) dx`. With s = pi f w0 and D(t) =
 //! exp(-s^2) erf(t + i s), `k = sqrt(pi)/2 w0 (D(b/w0) - D(a/w0))`. erf overflows where exp(-s^2) underflows;
-//! their product does neither:
-//! `D(t) = exp(-s^2) - E(t)`, `E(t) = exp(-t^2 - 2 i s t) w(-s + i t)` for t >= 0, and D is odd up to
-//! conjugation, `D(-t) = -conj D(t)`. So w is needed in the upper half plane alone, where |w| <= 1.
+//! their product does neither: `D(t) = exp(-s^2) - E(t)`, `E(t) = exp(-t^2 - 2 i s t) w(-s + i t)` for t >=
+//! 0, and D is odd up to conjugation, `D(-t) = -conj D(t)`. So w is needed only in the upper half plane,
+//! where |w| <= 1.
 
 use super::erf::erf_from_0;
 use crate::math::simd::{exp2, fma, max, min, signed, sin_cos_half_turns};
 use std::f64::consts::PI;
 
-/// Terms and scale of the series in f64: good to 3e-14 relative to |w| (tested against SciPy).
+/// Number of terms and scale of the series in f64: good to 3e-14 relative to |w| (tested against SciPy).
 const TERMS: usize = 40;
 const SCALE: f64 = 5.318295896944989;
 const SERIES: [f64; TERMS] = [
@@ -62,7 +61,7 @@ const SERIES: [f64; TERMS] = [
     1.128073562364402e-15,
     -1.899694947394927e-15,
 ];
-/// The same in f32: the rounding of f32, 7e-7, hides its error.
+/// The same in f32: rounding, 7e-7, exceeds its error.
 const TERMS_F32: usize = 16;
 const SCALE_F32: f32 = 3.3635857;
 const SERIES_F32: [f32; TERMS_F32] = [
@@ -84,10 +83,10 @@ const SERIES_F32: [f32; TERMS_F32] = [
     9.939323e-07,
 ];
 
-/// `w(z)` of `z = x + i y`, y >= 0, as its real and imaginary part, to 3e-14 of |w|. Below the real axis,
-/// where w grows without bound, the numbers are those of y = 0.
+/// `w(z)` for `z = x + i y`, y >= 0, as real and imaginary part, to 3e-14 of |w|. Below the real axis, where
+/// w grows without bound, the values are those of y = 0.
 pub fn faddeeva(x: f64, y: f64) -> [f64; 2] {
-    // Beyond 1e100 squares overflow; w is 0 there to all digits that count.
+    // Beyond 1e100 squares overflow; w is 0 there to all significant digits.
     let (x, y) = (x.clamp(-1e100, 1e100), y.clamp(0.0, 1e100));
     let d = [SCALE + y, -x];
     let norm = 1.0 / (d[0] * d[0] + d[1] * d[1]);
@@ -107,7 +106,7 @@ pub fn faddeeva(x: f64, y: f64) -> [f64; 2] {
 /// argument overflows.
 pub fn diffraction_factor(a_um: f64, b_um: f64, f_per_um: f64, w0_um: f64) -> [f64; 2] {
     let s = (PI * f_per_um * w0_um).clamp(-1e100, 1e100);
-    // sign(t) (exp(-s^2) - E), without its first term, which the two edges share.
+    // sign(t) (exp(-s^2) - E), without its first term, which cancels between the edges.
     let edge = |x_um: f64| {
         let t = (x_um / w0_um).abs().min(30.0);
         let w = faddeeva(-s, t);
@@ -137,7 +136,7 @@ pub(crate) struct Edge {
     amplitude: f32,
 }
 
-/// Two edges of a beam: the f32 form of [`diffraction_factor`].
+/// Two edges in a beam: the f32 form of [`diffraction_factor`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Factor {
     edges: [Edge; 2],
@@ -147,7 +146,7 @@ pub(crate) struct Factor {
 }
 
 impl Factor {
-    /// Edges a <= b [um] of a beam of waist w0 [um].
+    /// The factor for edges a <= b [um] in a beam of waist w0 [um].
     pub(crate) fn new(a_um: f64, b_um: f64, w0_um: f64) -> Factor {
         let edge = |x: f64| {
             let t = (x / w0_um).abs().min(30.0);
@@ -159,9 +158,9 @@ impl Factor {
         Factor { edges: [edge(a_um), edge(b_um)], w0_um: w0_um as f32, scale_um: scale as f32 }
     }
 
-    /// [`Factor::new`] in f32, for apertures that are asked for once: edges `before_um` below and `beyond_um`
-    /// above the beam's center, 0 or more. The power is a sum of two of one sign, good to single precision
-    /// however narrow the aperture is.
+    /// [`Factor::new`] in f32, for apertures that are evaluated once: edges `before_um` below and `beyond_um`
+    /// above the beam's center, 0 or more. The power is a sum of two terms of the same sign, good to single
+    /// precision for any width of aperture.
     #[inline]
     pub(crate) fn about(before_um: f32, beyond_um: f32, w0_um: f32) -> Factor {
         let edge = |x_um: f32, sign: f32| {
@@ -169,7 +168,7 @@ impl Factor {
             Edge { t, sign, amplitude: exp2::<false>(-std::f32::consts::LOG2_E * t * t) }
         };
         let edges = [edge(before_um, -1.0), edge(beyond_um, 1.0)];
-        // In waists: sqrt(pi/8) (erf(sqrt(2) t) of one edge and of the other).
+        // In waists: sqrt(pi/8) (erf(sqrt(2) t) of one edge plus that of the other).
         let [a, b] = [0, 1].map(|e| erf_from_0(std::f32::consts::SQRT_2 * edges[e].t));
         let power = 0.626_657_1 * (a + b);
         let scale_um = if power > 1e-12 { 0.25 * std::f32::consts::PI * w0_um / power } else { 0.0 };
@@ -186,7 +185,7 @@ impl Factor {
         self.w0_um
     }
 
-    /// t, sign and amplitude of the two edges, then w0 and the scale [um]: for hosts that evaluate the
+    /// t, sign and amplitude of the two edges, then w0 and the scale [um], for hosts that evaluate the
     /// spectrum themselves.
     pub(crate) fn numbers(&self) -> [f32; 8] {
         let [a, b] = &self.edges;
@@ -199,8 +198,7 @@ impl Factor {
     }
 
     /// Mean of [`spectra`] over the interference of the two edges, for frequencies far above those of the
-    /// beam:
-    /// the sum of what each edge scatters.
+    /// beam: the sum of the light that each edge scatters.
     pub(crate) fn smooth_spectrum(&self, f_per_um: f32) -> f32 {
         let s = std::f32::consts::PI * f_per_um * self.w0_um;
         let edge = |e: &Edge| {
@@ -212,7 +210,7 @@ impl Factor {
 }
 
 /// `|k|^2` of two factors, N frequencies [1/um] each, scaled to an integral of 1 over f [um]. The four edges
-/// stand side by side in 4 N lanes: enough that the compiler makes the loop vector code.
+/// are side by side in 4 N lanes: enough for the compiler to vectorize the loop.
 #[inline(always)]
 pub(crate) fn spectra<const FMA: bool, const N: usize>(
     factors: [&Factor; 2],
@@ -225,7 +223,7 @@ pub(crate) fn spectra<const FMA: bool, const N: usize>(
         t[e] = [factor.edges[e % 2].t; N];
         amplitude[e] = [factor.edges[e % 2].amplitude; N];
         for k in 0..N {
-            // Above 2^20 half turns a phase in f32 is no phase; the light there is below 1e-10.
+            // Above 2^20 half turns f32 cannot resolve the phase; the light there is below 1e-10.
             row[k] = min(max(f_per_um[e / 2][k] * factor.w0_um, -1e4), 1e4);
         }
     }
@@ -262,7 +260,7 @@ fn faddeeva_f32<const FMA: bool>(x: f32, y: f32) -> [f32; 2] {
     let mul = |a: [f32; 2], b: [f32; 2]| [fma::<FMA>(a[0], b[0], -a[1] * b[1]), fma::<FMA>(a[0], b[1], a[1] * b[0])];
     let z = mul([SCALE_F32 - y, x], r);
     let z2 = mul(z, z);
-    // Even and odd powers apart: half the chain.
+    // Even and odd powers separate: half the chain.
     let (mut even, mut odd) = ([SERIES_F32[TERMS_F32 - 2], 0.0], [SERIES_F32[TERMS_F32 - 1], 0.0]);
     for j in (0..TERMS_F32 / 2 - 1).rev() {
         (even, odd) = (mul(even, z2), mul(odd, z2));
@@ -334,7 +332,7 @@ mod tests {
         }
     }
 
-    /// f32 against f64 all over the half plane.
+    /// f32 agrees with f64 over the half plane.
     #[test]
     fn f32_follows_f64() {
         let mut worst = 0.0f64;
@@ -353,7 +351,7 @@ mod tests {
         println!("w in f32: worst relative error {worst:.1e}");
     }
 
-    /// The factor of an aperture that is asked for once is that of [`Factor::new`], narrow ones too.
+    /// The factor of an aperture that is evaluated once equals that of [`Factor::new`], also for narrow ones.
     #[test]
     fn factors_in_f32_follow_f64() {
         let mut worst = 0.0f32;
@@ -424,7 +422,7 @@ mod tests {
                     let err = f64::hypot(got[0] - want[0], got[1] - want[1]) / open;
                     assert!(err < 1e-8, "k({a}, {b}, {f}), w0 {w0}: got {got:?}, want {want:?}, err {err}");
                     worst = worst.max(err);
-                    // The runtime's: amplitudes, on the scale of an open beam.
+                    // The runtime's value: amplitudes, relative to an open beam.
                     let got = f64::from(spectra::<false, 1>([&factor; 2], [&[f as f32]; 2])[1][0]) * power;
                     worst_f32 = worst_f32.max((got.sqrt() - want[0].hypot(want[1])).abs() / open);
                 }

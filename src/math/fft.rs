@@ -1,13 +1,13 @@
-//! Fourier transforms of several sequences side by side, of lengths that are powers of two (Cooley and Tukey
-//! 1965, radix 2).
+//! Fourier transforms of several sequences side by side, with power-of-two lengths (Cooley and Tukey 1965,
+//! radix 2).
 //!
-//! No operation is fused and no function of the system's library is called, so that all machines get the same
-//! bits.
+//! No operation is fused and no function of the system's library is called, so results are bit-identical on
+//! all machines.
 
 use super::simd::{signed, sin_cos_half_turns};
 use multiversion::multiversion;
 
-/// Sequences that are transformed side by side: a cache line.
+/// Number of sequences that are transformed side by side: a cache line.
 pub(crate) const LANES: usize = 16;
 /// One element of all sequences.
 pub(crate) type Lanes = [f32; LANES];
@@ -19,7 +19,7 @@ pub(crate) struct Fft {
 }
 
 impl Fft {
-    /// Of n elements, a power of two.
+    /// A transform of n elements, a power of two.
     pub(crate) fn new(n: usize) -> Fft {
         let turn = |k: usize| {
             let (sin, cos, sign) = sin_cos_half_turns::<false>((2 * k) as f32 / n as f32);
@@ -73,7 +73,7 @@ mod tests {
     use crate::math::hash::SplitMix64;
     use std::f64::consts::TAU;
 
-    /// Against the sum itself.
+    /// Agrees with the sum itself.
     #[test]
     fn transforms_are_the_direct_ones() {
         let mut rng = SplitMix64(3);

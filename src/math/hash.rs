@@ -1,4 +1,4 @@
-//! Hashes and the random stream made of them. None is cryptographic; all give the same numbers on every
+//! Hashes and the random stream made from them. None is cryptographic; all give the same numbers on every
 //! machine.
 
 /// Odd number nearest to 2^64 over the golden ratio: increment of SplitMix64, and a factor that spreads small
@@ -41,17 +41,17 @@ impl SplitMix64 {
     }
 }
 
-/// Hash of a sequence of bytes (FNV-1a, 64 bits), for telling settings and files apart.
+/// Hash of a sequence of bytes (FNV-1a, 64 bits), to distinguish settings and files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fnv64(u64);
 
 impl Fnv64 {
-    /// Of no bytes.
+    /// The hash of no bytes.
     pub const fn new() -> Fnv64 {
         Fnv64(0xcbf2_9ce4_8422_2325)
     }
 
-    /// With further bytes.
+    /// The hash with further bytes.
     #[must_use]
     pub fn with(self, bytes: &[u8]) -> Fnv64 {
         Fnv64(bytes.iter().fold(self.0, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x0100_0000_01b3)))

@@ -1,7 +1,7 @@
-//! Work in parts on the machine's cores.
+//! Parallel loops over the machine's cores.
 
-/// `of(0)` to `of(count - 1)`, in order; the results do not depend on the number of cores. On one where there
-/// are no threads.
+/// `of(0)` to `of(count - 1)`, in order; the results do not depend on the number of cores. Runs on one core
+/// without threads.
 pub(crate) fn map<T: Send>(count: usize, of: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from).min(count);
     if cores < 2 || cfg!(target_family = "wasm") {

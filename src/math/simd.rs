@@ -1,6 +1,6 @@
-//! Branch-free scalar functions that a loop over an array of lanes turns into vector code.
+//! Branch-free scalar functions that vectorize in a loop over an array of lanes.
 //!
-//! Each takes the type parameter `FMA`: fused multiply-add where the target has it, a product and a sum
+//! Each takes the type parameter `FMA`: fused multiply-add if the target has it, a product and a sum
 //! elsewhere (there the fused form would be a call). Nothing here is exact to the last bit; the accuracies
 //! below are tested.
 
@@ -12,22 +12,22 @@ pub(crate) fn fma<const FMA: bool>(a: f32, b: f32, c: f32) -> f32 {
     if FMA { a.mul_add(b, c) } else { a * b + c }
 }
 
-/// The greater; `b` when `a` is not a number.
+/// The greater of two; `b` if `a` is NaN.
 #[inline(always)]
 pub(crate) fn max(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// The lesser; `b` when `a` is not a number.
+/// The lesser of two; `b` if `a` is NaN.
 #[inline(always)]
 pub(crate) fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// Adding this to |x| < 2^22 rounds x to an integer, which the low bits of the sum then hold.
+/// Adding this to |x| < 2^22 rounds x to an integer, stored in the low bits of the sum.
 const ROUND: f32 = 12_582_912.0; // 1.5 * 2^23
 
-/// `2^x` to 3e-7 relative for x in [-126, 127]; 2^-126 below, and for what is not a number. Not for x above.
+/// `2^x` to 3e-7 relative for x in [-126, 127]; 2^-126 below and for NaN. Not valid for greater x.
 #[inline(always)]
 pub(crate) fn exp2<const FMA: bool>(x: f32) -> f32 {
     exp2_within::<FMA>(max(x, -126.0))
@@ -50,7 +50,8 @@ pub(crate) fn exp2_within<const FMA: bool>(x: f32) -> f32 {
 /// `ln x` for normal x > 0, to 1e-7 absolute plus 1e-7 relative.
 #[inline(always)]
 pub(crate) fn ln<const FMA: bool>(x: f32) -> f32 {
-    // x = m 2^e with m in [sqrt(1/2), sqrt(2)): taking the bits of sqrt(1/2) off moves the border of e there.
+    // x = m 2^e with m in [sqrt(1/2), sqrt(2)): subtracting the bits of sqrt(1/2) moves the border of e
+    // there.
     const SQRT_HALF: u32 = 0x3f35_04f3;
     let shifted = x.to_bits().wrapping_sub(SQRT_HALF);
     let e = (shifted as i32 >> 23) as f32;
@@ -70,8 +71,8 @@ pub(crate) fn ln<const FMA: bool>(x: f32) -> f32 {
     fma::<FMA>(e, 0.693_359_4, r + p)
 }
 
-/// Sine and cosine of x half turns, both times the same sign, which is in the top bit of the third number. To
-/// 2e-7 for
+/// Sine and cosine of x half turns, both up to a common sign, which is the top bit of the third number.
+/// Accurate to 2e-7 for |x| <= 1000: subtracting whole half turns is exact.
 /// |x| <= 1000: taking whole half turns off is exact.
 #[inline(always)]
 pub(crate) fn sin_cos_half_turns<const FMA: bool>(x: f32) -> (f32, f32, u32) {
@@ -125,8 +126,8 @@ pub(crate) fn signed(x: f32, sign: u32) -> f32 {
     f32::from_bits(x.to_bits() ^ sign)
 }
 
-/// Asks for the cache line of an element that is read soon; does nothing where it does not exist, or where
-/// the processor cannot be asked.
+/// Prefetches the cache line of an element that is read soon; does nothing if the element does not exist, or
+/// if the processor has no prefetch.
 #[inline(always)]
 pub(crate) fn prefetch(of: &[u8], at: usize) {
     #[cfg(target_arch = "x86_64")]

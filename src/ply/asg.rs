@@ -7,7 +7,7 @@
 //! `c pi / sqrt(mu1 mu2) * mean over s of (1 - exp(-1/b(s)))`, b(s) = cos^2 s / mu1 + sin^2 s / mu2, whose
 //! integrand is smooth and periodic: a few midpoint nodes give full accuracy.
 //!
-//! A lobe here carries its *energy*, not its amplitude c: energies interpolate and add up, amplitudes do not.
+//! A lobe here has its *energy*, not its amplitude c: energies interpolate and add up, amplitudes do not.
 
 use std::f64::consts::PI;
 
@@ -21,7 +21,8 @@ pub struct Lobe {
     pub theta_z: f64,
     /// Azimuth of the axis z [rad], not wrapped.
     pub phi_z: f64,
-    /// Turn of x, y about z [rad]; at 0, x points along increasing azimuth and y along increasing latitude.
+    /// Rotation of x, y about z [rad]; at 0, x points along increasing azimuth and y along increasing
+    /// latitude.
     pub phi_xy: f64,
     /// ln of the bandwidth along x.
     pub ln_mu1: f64,
@@ -32,7 +33,7 @@ pub struct Lobe {
 }
 
 impl Lobe {
-    /// From the parameter order of files and fits: theta_z, phi_z, phi_xy, ln mu1, ln mu2, energy.
+    /// A lobe from the parameter order of files and fits: theta_z, phi_z, phi_xy, ln mu1, ln mu2, energy.
     pub fn from_params(p: &[f64]) -> Self {
         Lobe { theta_z: p[0], phi_z: p[1], phi_xy: p[2], ln_mu1: p[3], ln_mu2: p[4], energy: p[5] }
     }
@@ -65,14 +66,14 @@ impl Lobe {
     }
 }
 
-/// Least bandwidth of a lobe. At 0.2 the Gaussian factor is 0.82 or more everywhere: a flatter lobe is the
-/// same lobe, and the energy quadrature below keeps its accuracy.
+/// Smallest bandwidth of a lobe. At 0.2 the Gaussian factor is 0.82 or more everywhere: a flatter lobe is
+/// practically the same, and the energy quadrature below keeps its accuracy.
 pub const MU_MIN: f64 = 0.2;
 /// Largest bandwidth of a lobe: a standard deviation of 0.005 rad, below the beam's own divergence.
 pub const MU_MAX: f64 = 20_000.0;
 
-/// Midpoint nodes in s over a quarter turn. The integrand 1 - exp(-1/b) is smooth in b; 12 nodes leave at
-/// most 1e-4 of the integral for any bandwidths >= MU_MIN (tested against the integral over t).
+/// Midpoint nodes in s over a quarter turn. The integrand 1 - exp(-1/b) is smooth in b; with 12 nodes the
+/// error is at most 1e-4 of the integral for any bandwidths >= MU_MIN (tested against the integral over t).
 const NODES: usize = 12;
 
 /// Energy of a lobe of amplitude c = 1: `integral over the unit disc of exp(-mu1 u^2 - mu2 w^2) du dw`.
@@ -81,7 +82,7 @@ pub fn unit_energy(mu1: f64, mu2: f64) -> f64 {
     unit_energy_gradient(mu1, mu2).0
 }
 
-/// [`unit_energy`] and its derivatives of ln(unit energy) by ln mu1 and ln mu2, all from the same quadrature.
+/// [`unit_energy`] and the derivatives of its logarithm by ln mu1 and ln mu2, all from the same quadrature.
 pub fn unit_energy_gradient(mu1: f64, mu2: f64) -> (f64, f64, f64) {
     let (b1, b2) = (1.0 / mu1, 1.0 / mu2);
     let (mut mean, mut d1, mut d2) = (0.0, 0.0, 0.0);
@@ -105,7 +106,7 @@ pub fn unit_energy_gradient(mu1: f64, mu2: f64) -> (f64, f64, f64) {
 mod tests {
     use super::*;
 
-    /// The integral over t of docs/explain/papers.md, notes, by brute force.
+    /// The integral over t from the notes in docs/explain/papers.md, by brute force.
     fn energy_over_t(mu1: f64, mu2: f64) -> f64 {
         let n = 100_000;
         (0..n)

@@ -1,8 +1,8 @@
-//! The ply model at a query (Yu 2025, 7.1): f_refl + f_high + f_edge, with speckle, light of slits and a
-//! second layer as the query asks.
+//! The ply model at a query (Yu 2025, 7.1): f_refl + f_high + f_edge, with optional speckle, slit light and
+//! second layer.
 //!
-//! It keeps all light: at sigma = 0 its energy is 1 at every incidence, |h| up to R + d_cut and beyond, where
-//! the beam goes on with its own divergence.
+//! It conserves energy: at sigma = 0 its energy is 1 at every incidence, |h| up to R + d_cut and beyond,
+//! where the beam goes straight on with its own divergence.
 
 use super::kernel::lobes::{Cached, Lobes};
 use super::model::PlyModel;
@@ -38,8 +38,8 @@ impl PlyModel {
         bsdf
     }
 
-    /// What [`PlyBsdf::prepare`] makes [`PlyModel::at`] of, in place: its lobes are too large to be moved
-    /// about.
+    /// The unprepared [`PlyModel::at`], for [`PlyBsdf::prepare`] to complete in place: its lobes are too
+    /// large to move.
     #[inline(always)]
     pub(crate) fn unprepared<'a, const N: usize>(&'a self, query: &PlyQuery<'a, N>) -> PlyBsdf<'a, N> {
         let lobes = self.cached(query.theta_i, query.h_um, query.sigma_per_um);
@@ -47,14 +47,14 @@ impl PlyModel {
         PlyBsdf { ply, two: None }
     }
 
-    /// The model at a query, its lobes interpolated at every call: for what is asked for once.
+    /// The model at a query, uncached: its lobes are interpolated at every call. For single calls.
     #[inline]
     pub(crate) fn uncached_at<'a, const N: usize>(&'a self, query: &PlyQuery<'a, N>) -> UncachedPly<'a, N> {
         let lobes = self.uncached(query.theta_i, query.h_um, query.sigma_per_um);
         PlyOn { model: self, query: *query, lobes, speckle: self.speckle(query) }
     }
 
-    /// The patterns of a query, where there are both noise and an instance.
+    /// The patterns of a query, if it has an instance and the model has noise.
     #[inline(always)]
     fn speckle<'a, const N: usize>(&'a self, query: &PlyQuery<'a, N>) -> Option<Speckle<'a, N>> {
         let instance = query.instance?;
@@ -105,17 +105,17 @@ impl<'a, const N: usize> PlyBsdf<'a, N> {
         &self.ply.query
     }
 
-    /// Whether a second layer is in it: the query has one and the model has layer factors.
+    /// Whether a second layer is included: the query has one and the model has layer factors.
     pub fn is_double(&self) -> bool {
         self.two.is_some()
     }
 
-    /// Fraction of the beam that meets no fiber.
+    /// Fraction of the beam that hits no fiber.
     pub fn r_d(&self) -> f32 {
         self.ply.lobes.energies().r_d
     }
 
-    /// The terms of f in direction `w` apart, smooth and without a second layer.
+    /// The separate terms of f in direction `w`, smooth and without a second layer.
     pub fn terms(&self, w: [f32; 3]) -> PlyTerms<N> {
         self.ply.all().eval_pdf(w)
     }

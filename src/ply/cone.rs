@@ -1,8 +1,8 @@
 //! The cone lobe: light of smooth, nearly parallel fibers.
 //!
-//! A smooth cylinder sends light of latitude theta_i onto the cone theta_o = -theta_i about its axis and
-//! nowhere else, whatever happens inside it, and so do many parallel ones. No sum of round lobes follows a
-//! ring of no width. In s = sin theta_o, where `d omega = d s d phi`, a lobe here is
+//! A smooth cylinder scatters light of latitude theta_i onto the cone theta_o = -theta_i about its axis and
+//! nowhere else, whatever happens inside it, and so do many parallel cylinders. No sum of round lobes fits a
+//! ring of zero width. In s = sin theta_o, where `d omega = d s d phi`, a lobe here is
 //!
 //! ```text
 //! f = energy N(x) M(s; s0(x)),    x = phi_o - phi_z wrapped into [-pi, pi]
@@ -21,15 +21,16 @@
 //! tau towards the azimuth phi_t has the cone
 //! `sin theta_o = -sin theta_i - tan tau (cos theta_o cos(phi_o - phi_t) + cos theta_i cos(phi_i - phi_t))`:
 //! the ring of a twisted ply shifts and leans with the azimuth, which `offset` and `slope` follow, and the
-//! mixture of all tilts widens it. Everything is relative to the cone of the incidence, so that lobes
-//! interpolated between nodes stay on it; for the same reason theta_i beyond the last node moves the cone on
-//! while the lobe's parameters stay.
+//! mixture of all tilts widens it. Everything is relative to the cone of the incidence, so lobes interpolated
+//! between nodes stay on it; for the same reason theta_i beyond the last node moves the cone while the lobe's
+//! parameters stay constant.
 
 use super::asg::{MU_MAX, MU_MIN};
 use crate::math::erf::erf;
 use std::f64::consts::{PI, TAU};
 
-/// Which lobes a model is made of. Their parameters are as many, and interpolated alike.
+/// The family of lobes of a model. Both families have the same number of parameters and the same
+/// interpolation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum LobeKind {
     /// Anisotropic spherical Gaussians ([`crate::ply::asg`]; Yu 2025, Eq. 4).
@@ -48,7 +49,7 @@ impl LobeKind {
         }
     }
 
-    /// Least and largest mu1, and mu2.
+    /// Smallest and largest mu1, and mu2.
     pub fn bandwidths(self) -> [(f64, f64); 2] {
         match self {
             LobeKind::Round => [(MU_MIN, MU_MAX); 2],
@@ -57,14 +58,14 @@ impl LobeKind {
     }
 }
 
-/// Least mu1 and mu2: the profiles are flat to 1 % over all they cover.
+/// Smallest mu1 and mu2: the profiles are flat to 1 % over their range.
 pub const CONE_MU_MIN: f64 = 1e-3;
 /// Largest mu1, as that of round lobes: a standard deviation of 0.005 rad in azimuth.
 pub const CONE_MU1_MAX: f64 = 20_000.0;
 /// Largest mu2: a standard deviation of 0.001 rad from the cone, a fifth of the radius of the sun and a 35th
 /// of a bin of a standard table.
 pub const CONE_MU2_MAX: f64 = 500_000.0;
-/// Least g, where cos theta_i vanishes.
+/// Smallest g, where cos theta_i vanishes.
 pub const GRAZING: f64 = 0.05;
 /// Largest offset and slope: all latitudes, at any g.
 pub(crate) const CONE_OFFSET_MAX: f64 = 2.0 / GRAZING;
@@ -76,7 +77,7 @@ pub struct ConeLobe {
     pub offset: f64,
     /// Azimuth of the center [rad], not wrapped.
     pub phi_z: f64,
-    /// Change of the latitude from the cone by sin x [rad].
+    /// Coefficient of sin x in the latitude from the cone [rad].
     pub slope: f64,
     /// ln of the bandwidth along the azimuth.
     pub ln_mu1: f64,
@@ -87,7 +88,7 @@ pub struct ConeLobe {
 }
 
 impl ConeLobe {
-    /// From the parameter order of files and fits: offset, phi_z, slope, ln mu1, ln mu2, energy.
+    /// A lobe from the parameter order of files and fits: offset, phi_z, slope, ln mu1, ln mu2, energy.
     pub fn from_params(p: &[f64]) -> Self {
         ConeLobe { offset: p[0], phi_z: p[1], slope: p[2], ln_mu1: p[3], ln_mu2: p[4], energy: p[5] }
     }

@@ -11,7 +11,7 @@ use multiversion::{multiversion, target::target_cfg_f};
 use std::f32::consts::{FRAC_1_PI, FRAC_PI_2};
 use std::f64::consts::LOG2_E;
 
-/// Wavelengths side by side: enough that the compiler makes loops over them vector code.
+/// Wavelengths side by side: enough for the compiler to vectorize loops over them.
 const LANES: usize = 8;
 
 /// [`EdgeLobes`] laid out for the kernels: f32, bandwidths in the units of `layout.rs`.
@@ -20,9 +20,9 @@ pub(super) struct EdgeTables {
     radius_um: f32,
     lambda: Axis,
     inside: Axis,
-    /// `[E-1][L-1]` of what a cell needs: at e and the next, mu1 and mu2 at lambda, mu1 and mu2 at the next.
+    /// `[E-1][L-1]` data of a cell: at e and the next, mu1 and mu2 at lambda, mu1 and mu2 at the next.
     cells: Vec<[[f32; 4]; 2]>,
-    /// `[E-1]`: least mu1 log2 e and mu2 log2 e of the cells.
+    /// `[E-1]`: smallest mu1 log2 e and mu2 log2 e of the cells.
     least: Vec<[f32; 2]>,
     /// Whether every lobe of a cell is [`NARROW`].
     narrow: Vec<bool>,
@@ -43,14 +43,13 @@ impl Axis {
         Axis { first: nodes[0] as f32, per: (last as f64 / (nodes[last] - nodes[0])) as f32, last: last as f32 }
     }
 
-    /// The cell of [`Axis::place`] by truncation: `floor` is a call in code for processors that need not have
-    /// SSE 4.
+    /// The cell of [`Axis::place`] by truncation: `floor` is a function call on processors without SSE 4.
     #[inline(always)]
     fn cell(&self, x: f32) -> usize {
         max(min((x - self.first) * self.per, self.last - 1.0), 0.0) as i32 as usize
     }
 
-    /// Cell and fraction, clamped to the axis; not a number counts as its end.
+    /// Cell and fraction, clamped to the axis; NaN counts as its end.
     #[inline(always)]
     fn place(&self, x: f32) -> (usize, f32) {
         let t = max(min((x - self.first) * self.per, self.last), 0.0);
@@ -65,7 +64,7 @@ fn stored(ln_mu: f64) -> f32 {
 }
 
 impl EdgeTables {
-    /// From checked lobes.
+    /// Tables from checked lobes.
     pub(super) fn new(d: &EdgeLobes) -> EdgeTables {
         let (nodes_l, nodes_e) = (d.lambda_um.len(), d.inside_um.len());
         let node = |l: usize, e: usize| [0, 1].map(|c| stored(d.ln_mu[(l * nodes_e + e) * 2 + c]));
@@ -85,16 +84,15 @@ impl EdgeTables {
         EdgeTables { radius_um: d.radius_um as f32, lambda, inside, cells, least, narrow, bounds }
     }
 
-    /// Whether no edge light goes in directions with this component across the ply: most are told so without
-    /// the trigonometry.
+    /// Whether edge light is zero in directions with this component across the ply: most directions are
+    /// rejected without trigonometry.
     #[inline]
     pub(super) fn dark(&self, h_um: f32, across: f32) -> bool {
         let e = self.inside.cell(self.radius_um - h_um.abs());
         self.least.get(e).is_none_or(|least| least[0] * across * across > DARK)
     }
 
-    /// The place of an incidence. An angle that is not a number counts as pi/2, an offset that is none as the
-    /// edge's first node.
+    /// Cell and fraction of an incidence. A NaN angle counts as pi/2, a NaN offset as the edge's first node.
     #[inline(always)]
     fn at<const FMA: bool>(&self, theta_i: f32, h_um: f32) -> Edge<'_> {
         let theta = max(min(theta_i, FRAC_PI_2), -FRAC_PI_2);
@@ -103,19 +101,19 @@ impl EdgeTables {
     }
 }
 
-/// log2 of how far below its peak a lobe is dark: what [`shape`] cuts off, and a little more.
+/// log2 of the fraction of its peak below which a lobe is dark: the cutoff of [`shape`], and a little more.
 const DARK: f32 = 101.0;
 
-/// mu log2 e from which what a lobe has beyond its hemisphere, exp(-mu) of it, is below the rounding.
+/// mu log2 e from which the part of a lobe beyond its hemisphere, exp(-mu), is below rounding.
 const NARROW: f32 = 30.0;
 
-/// The edge lobes at one incidence, of energy 1.
+/// The edge lobes of energy 1 at one incidence.
 #[derive(Clone, Copy)]
 struct Edge<'a> {
     tables: &'a EdgeTables,
     /// Sine and cosine of theta_i.
     theta: (f32, f32),
-    /// Cell along e and the place in it.
+    /// Cell along e and the fraction in it.
     e: usize,
     fraction: f32,
 }
@@ -158,7 +156,7 @@ impl Edge<'_> {
     }
 
     /// Values [1/sr] in direction `wo`, and the mean over the wavelengths of the densities with which
-    /// [`Edge::sample`] gives it; that is left at 0 without `PDF`.
+    /// [`Edge::sample`] returns it; the mean stays 0 without `PDF`.
     #[inline(always)]
     fn eval<const FMA: bool, const PDF: bool, const N: usize>(
         &self,
@@ -172,7 +170,7 @@ impl Edge<'_> {
         }
     }
 
-    /// [`Edge::eval`]; where all lobes are `CLOSE` to their axis value and density are the same and need no
+    /// [`Edge::eval`]; where all lobes are `CLOSE` to their axis, value and density are the same and need no
     /// normalization.
     #[inline(always)]
     fn values<const FMA: bool, const PDF: bool, const CLOSE: bool, const N: usize>(
@@ -183,7 +181,7 @@ impl Edge<'_> {
         let (mut values, mut pdf) = ([0.0; N], 0.0);
         let [u, w, cz] = self.project::<FMA>(wo);
         let Some([least1, least2]) = self.tables.least.get(self.e) else { return (values, 0.0) };
-        // Where the widest lobe is dark all are; most directions are far from the lobe.
+        // Where the widest lobe is dark, all are; most directions are far from the lobe.
         let lit = cz > 0.0 && fma::<FMA>(least1 * u, u, least2 * w * w) < DARK;
         if !lit {
             return (values, 0.0);
@@ -221,7 +219,7 @@ impl Edge<'_> {
         (values, pdf * (1.0 / N.max(1) as f32))
     }
 
-    /// A direction: `v` in [0, 1) chooses the wavelength, `u` the place on its disc.
+    /// A direction: `v` in [0, 1) chooses the wavelength, `u` the point on its disc.
     #[inline(always)]
     fn sample<const FMA: bool, const N: usize>(&self, lambda_um: &[f32; N], v: f32, u: [f32; 2]) -> Option<[f32; 3]> {
         let lambda = *lambda_um.get(((v * N as f32) as usize).min(N.checked_sub(1)?))?;

@@ -1,5 +1,5 @@
-//! Kernels of the ply model in f32: tables in memory, the cell of an incidence, lobes prepared for it, and
-//! their evaluation and sampling in lanes.
+//! Kernels of the ply model in f32: tables in memory, the cell of an incidence, prepared lobes, and their
+//! evaluation and sampling in lanes.
 
 pub(super) mod batch;
 pub(super) mod compiled;

@@ -1,10 +1,9 @@
-//! Two layers of yarn (Yu 2025, 5.4): how much light a layer sends back and lets through, and what two of
-//! them do together.
+//! Two layers of yarn (Yu 2025, 5.4): the light that one layer reflects and transmits, and that two layers do
+//! together.
 //!
-//! A layer seen from above at latitude theta_i sends back the fraction `r` of the light that meets its fibers
-//! and lets `t` through, averaged over the offsets h, which is what light spread evenly over the layer meets.
-//! Light that comes diffuse from the other layer meets `r*` and `t*`. Between the layers light goes to and
-//! fro; the sums of the series are
+//! A layer seen from above at latitude theta_i reflects the fraction `r` of the light that hits its fibers
+//! and transmits `t`, averaged over the offsets h, as for light spread evenly over the layer. Diffuse light
+//! from the other layer has `r*` and `t*`. Light bounces between the layers; the sums of the series are
 //!
 //! ```text
 //! T = t_1 t*_2 / (1 - r*_1 r*_2)
@@ -23,29 +22,29 @@ use crate::math::simd::{exp2, fma, max, min};
 use multiversion::{multiversion, target::target_cfg_f};
 use std::f64::consts::LOG2_E;
 
-/// What evaluation needs of [`super::LayerFactors`]: f32, averaged over h.
+/// [`super::LayerFactors`] laid out for evaluation: f32, averaged over h.
 #[derive(Clone, Debug)]
 pub(crate) struct LayerTables {
     rows: usize,
     columns: usize,
     theta_last: f32,
     h_last: f32,
-    /// -log2 e times the path lengths [um]; zeros behind them.
+    /// -log2 e times the path lengths [um], padded with zeros.
     path: [f32; MAX_PATHS],
-    /// Entries of a spectrum: J made a multiple of [`LANES`] by zeros, then that of f_refl.
+    /// Entries of a spectrum: J padded with zeros to a multiple of [`LANES`], then that of f_refl.
     size: usize,
     /// `[rows][columns][size]`.
     forward: Vec<f32>,
-    /// `[rows - 1][columns - 1]`: of the four corners of a cell, the sums of its block's lobes at sigma = 0,
-    /// their energies f_high, and the shares of the beam that meet fibers.
+    /// `[rows - 1][columns - 1]`, at the four corners of a cell: the sums of its block's lobes at sigma = 0,
+    /// their energies f_high, and the shares of the beam that hit fibers.
     lobes: Vec<[[f32; 4]; 3]>,
-    /// `[rows][2][size]`: r and t at the latitudes.
+    /// `[rows][2][size]`: r and t at the node latitudes.
     first: Vec<f32>,
     /// `[2][size]`.
     diffuse: Vec<f32>,
 }
 
-/// Path lengths side by side.
+/// Path lengths processed side by side.
 const LANES: usize = 8;
 
 /// Transmittances of the path lengths.
@@ -60,7 +59,7 @@ impl LayerTables {
         let at = |row: usize, column: usize| &half_nodes[row * columns + column];
         let mut first = Vec::with_capacity(rows * 2 * (1 + j));
         for row in 0..rows {
-            // Trapezoids over h; the ends, where a beam meets next to nothing, count half.
+            // Trapezoids over h; the ends, where a beam hits almost nothing, count half.
             let weight = |n: usize| if n == 0 || n + 1 == columns { 0.5 } else { 1.0 };
             let mean = |of: &dyn Fn(usize) -> f64| (0..columns).map(|n| weight(n) * of(n)).sum::<f64>();
             let met = mean(&|n| 1.0 - at(row, n).r_d).max(f64::MIN_POSITIVE);
@@ -70,8 +69,8 @@ impl LayerTables {
             first.extend((0..=j).map(|p| forward(p) as f32));
         }
         let energy_high = |row: usize, column: usize| at(row, column).high.iter().sum::<f64>();
-        // Lobes' spectra add up to 1, so at sigma = 0 the sum of a block's lobes is bilinear over its
-        // corners, four half cells apart.
+        // Spectra of lobes sum to 1, so at sigma = 0 the sum of a block's lobes is bilinear over its corners,
+        // four half cells apart.
         let corner = d.lobes_high * PARAMS;
         let sum = |lobes: &[f64]| lobes.iter().skip(PARAMS - 1).step_by(PARAMS).sum::<f64>() as f32;
         let corner_sums: Vec<f32> = d.high.chunks_exact(corner).map(sum).collect();
@@ -163,13 +162,13 @@ impl LayerTables {
         sum
     }
 
-    /// Spectrum `i` of an array of them.
+    /// Spectrum `i` of an array of spectra.
     #[inline(always)]
     fn spectrum<'a>(&self, of: &'a [f32], i: usize) -> &'a [f32] {
         of.get(i * self.size..(i + 1) * self.size).unwrap_or(&[])
     }
 
-    /// Node below `x` and the fraction to the next, of nodes 0 to `last`; 0 for what is not a number.
+    /// Node below `x` and the fraction to the next, for nodes 0 to `last`; 0 for NaN.
     #[inline(always)]
     fn place(x: f32, count: usize) -> (usize, f32) {
         let x = x.clamp(0.0, (count - 1) as f32);
@@ -211,7 +210,7 @@ impl LayerTables {
         r_d: f32,
         t: &Transmittances<N>,
     ) -> [f32; N] {
-        // Beams beyond the nodes meet nothing.
+        // Beams beyond the nodes hit nothing.
         if h_um.abs() > self.h_last || h_um.is_nan() || theta_i.is_nan() {
             return [0.0; N];
         }
@@ -222,22 +221,22 @@ impl LayerTables {
         let weights = [(1.0 - s) * (1.0 - x), (1.0 - s) * x, s * (1.0 - x), s * x];
         let spectra = [low, low + 1, high, high + 1].map(|i| self.spectrum(&self.forward, i));
         let Some([sums, energies, met]) = self.lobes.get(m * (self.columns - 1) + n) else { return [0.0; N] };
-        // Lobes are linear between the corners and scaled to the energy after that, so a corner of strong
-        // lobes counts for more than its share.
+        // Lobes are linear between the corners and then scaled to the energy, so a corner of strong lobes
+        // counts for more than its share.
         let (mut sum, mut energy, mut linear) = (0.0, 0.0, 0.0);
         for c in 0..4 {
             sum = fma::<FMA>(weights[c], sums[c], sum);
             energy = fma::<FMA>(weights[c], energies[c], energy);
             linear = fma::<FMA>(weights[c], met[c], linear);
         }
-        // What meets fibers is not linear at the ply's edge, and all energies go with it.
+        // The share that hits fibers is not linear at the ply's edge, and all energies follow it.
         let met = max(1.0 - r_d, 0.0) / max(linear, MIN);
         let scale = energy / max(sum, MIN);
         let (mut corners, mut refl) = ([(0.0, spectra[0]); 4], 0.0);
         for c in 0..4 {
             let weight = weights[c] * scale * sums[c] / max(energies[c], MIN);
             corners[c] = (weight, spectra[c]);
-            // Those of f_refl are linear.
+            // The shares of f_refl are linear.
             if let Some(last) = spectra[c].last() {
                 refl = fma::<FMA>(weights[c] - weight, *last, refl);
             }
@@ -250,7 +249,7 @@ impl LayerTables {
     }
 }
 
-/// Energies below this are none.
+/// Energies below this count as none.
 const MIN: f32 = 1e-12;
 
 compiled!(
@@ -290,22 +289,22 @@ fn any_layer<const N: usize>(tables: &LayerTables, theta_i: f32, sigma: &[f32; N
     tables.layer::<FMA, N>(theta_i, &tables.transmittances::<FMA, N>(sigma))
 }
 
-/// What one layer of yarns does to the light that meets its fibers, for N absorptions.
+/// How one layer of yarns scatters the light that hits its fibers, for N absorptions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Layer<const N: usize> {
-    /// Fraction sent back into the half space the light came from, r.
+    /// Fraction reflected into the half space that the light came from, r.
     pub reflected: [f32; N],
-    /// Fraction let through, t.
+    /// Transmitted fraction, t.
     pub transmitted: [f32; N],
-    /// r* of diffuse light.
+    /// Reflected fraction of diffuse light, r*.
     pub reflected_diffuse: [f32; N],
-    /// t* of diffuse light.
+    /// Transmitted fraction of diffuse light, t*.
     pub transmitted_diffuse: [f32; N],
 }
 
 impl<const N: usize> Layer<N> {
-    /// Of fractions at 0 or more, and each pair scaled to no more than 1: simulated energies have noise, and
-    /// a layer sends on no more than it gets. Not a number counts as 0.
+    /// Clamps the fractions to 0 or more and scales each pair to a sum of at most 1: simulated energies have
+    /// noise, and a layer scatters no more than it receives. NaN counts as 0.
     pub(super) fn conserved(mut self) -> Self {
         for k in 0..N {
             for (r, t) in [
@@ -320,12 +319,12 @@ impl<const N: usize> Layer<N> {
         self
     }
 
-    /// R and T of this layer with `below` beneath it (module text).
+    /// R and T of this layer with `below` beneath it (see the module).
     pub fn over(&self, below: &Layer<N>) -> TwoLayers<N> {
         let mut two = TwoLayers { reflected: [0.0; N], transmitted: [0.0; N] };
         for k in 0..N {
             let (r1, r2) = (self.reflected_diffuse[k], below.reflected_diffuse[k]);
-            // Two layers that let nothing diffuse through would trap light for good; none are known.
+            // Two layers that transmit no diffuse light would trap light forever; none are known.
             let through = self.transmitted[k] / (1.0 - r1 * r2).max(1e-6);
             two.transmitted[k] = through * below.transmitted_diffuse[k];
             two.reflected[k] = self.reflected[k] + through * r2 * self.transmitted_diffuse[k];
@@ -334,11 +333,11 @@ impl<const N: usize> Layer<N> {
     }
 }
 
-/// What two layers do to the light that meets fibers of the upper one, for N absorptions.
+/// How two layers scatter the light that hits fibers of the upper one, for N absorptions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TwoLayers<const N: usize> {
-    /// Fraction sent back, R.
+    /// Reflected fraction, R.
     pub reflected: [f32; N],
-    /// Fraction let through, T.
+    /// Transmitted fraction, T.
     pub transmitted: [f32; N],
 }

@@ -1,28 +1,27 @@
-//! A ply in single lines instead of a beam.
+//! A ply lit along single lines instead of a beam.
 //!
-//! A model's `1 - r_d(h)` is the chance m(x) that a line at lateral position x meets a fiber, blurred by the
+//! A model's `1 - r_d(h)` is the chance m(x) that a line at lateral position x hits a fiber, blurred by the
 //! beam: `1 - r_d = m * g`, g normal of standard deviation s = w0 / 2. A host that follows lines through
-//! several plies must not multiply such means: where two plies overlap in projection, less than s deep, no
-//! line passes both, but the product of the two blurred r_d is up to a quarter at the rim. m is found from
-//! them by Richardson and Lucy's iteration (Richardson 1972, "Bayesian-based iterative method of image
-//! restoration"; Lucy 1974), which keeps m at 0 or more and here at 1 or less, and the integral over h to 0.2
-//! %.
+//! several plies must not multiply such means: where two plies overlap in projection by less than s, no line
+//! passes both, but the product of the two blurred r_d is up to a quarter at the rim. m is recovered by
+//! Richardson and Lucy's iteration (Richardson 1972, "Bayesian-based iterative method of image restoration";
+//! Lucy 1974), which keeps m at 0 or more and here at 1 or less, and the integral over h to 0.2 %.
 
 use super::data::energies::{PlyEnergies, spline_coefficients};
 use crate::math::simd::{max, min};
 use std::f64::consts::FRAC_PI_2;
 
-/// Steps of the finer grid in a standard deviation of the beam.
+/// Steps of the finer grid per standard deviation of the beam.
 const STEPS: f64 = 4.0;
 /// Iterations.
 const ITERATIONS: usize = 60;
 
 impl PlyEnergies {
-    /// With r_d of lines in place of that of a beam of standard deviation `sd_um` [um]; on a grid of h of a
-    /// quarter of it, or finer. What meets fibers is shared as before.
+    /// The energies with r_d of lines instead of a beam of standard deviation `sd_um` [um], on a grid of h
+    /// with steps of a quarter of it, or finer. The shares of the light that hits fibers are unchanged.
     pub(super) fn of_lines(&self, sd_um: f64) -> PlyEnergies {
         let last = self.miss_h_um[self.miss_h_um.len() - 1];
-        // Nodes stay nodes: a whole number of steps between two.
+        // Nodes stay nodes: a whole number of steps between two of them.
         let per_step = (2.0 * last / (self.miss_h_um.len() - 1) as f64 / (sd_um / STEPS)).ceil().max(1.0) as usize;
         let columns = (self.miss_h_um.len() - 1) * per_step + 1;
         let step = 2.0 * last / (columns - 1) as f64;
@@ -59,21 +58,20 @@ impl PlyEnergies {
 /// Latitudes and offsets of [`PassedLines`].
 pub(crate) const PASSED_ROWS: usize = 16;
 pub(crate) const PASSED_COLUMNS: usize = 65;
-/// Places at which a stretch between two offsets is looked at.
+/// Points at which the stretch between two offsets is sampled.
 const LOOKS: usize = 4;
 
-/// Means of r_d of lines over stretches of offsets: what passes a ply of light that lies evenly over a
-/// stretch.
+/// Means of r_d of lines over intervals of offsets: the transmission of light spread evenly over an interval.
 #[derive(Clone, Debug)]
 pub(crate) struct PassedLines {
-    /// `[PASSED_ROWS][PASSED_COLUMNS]`: r_d summed from the first offset on, over the last one [1]; latitudes
+    /// `[PASSED_ROWS][PASSED_COLUMNS]`: r_d summed from the first offset, over the last one [1]; latitudes
     /// from 0 to a right angle.
     sums: Vec<f32>,
     last_h_um: f32,
 }
 
 impl PassedLines {
-    /// Of r_d of lines.
+    /// The table from r_d of lines.
     pub(super) fn new(lines: &PlyEnergies) -> PassedLines {
         let last = lines.miss_h_um[lines.miss_h_um.len() - 1];
         let step = 2.0 * last / (PASSED_COLUMNS - 1) as f64;
@@ -98,10 +96,10 @@ impl PassedLines {
         (&self.sums, self.last_h_um)
     }
 
-    /// The mean over offsets from `low` to `high` [um] at a latitude [rad]; 1 of those beyond the ply.
+    /// The mean over offsets from `low` to `high` [um] at a latitude [rad]; 1 beyond the ply.
     #[inline]
     pub(crate) fn mean(&self, theta_i: f32, low: f32, high: f32) -> f32 {
-        // A negative latitude is turned about y.
+        // A negative latitude is rotated about y.
         let (theta, [low, high]) = if theta_i < 0.0 { (-theta_i, [-high, -low]) } else { (theta_i, [low, high]) };
         let [low, high] = [low, high].map(|h| h / self.last_h_um);
         if low >= 1.0 || high <= -1.0 {
@@ -132,8 +130,8 @@ impl PassedLines {
 mod tests {
     use super::*;
 
-    /// Means over stretches against sums of r_d, on both sides and beyond the ply; a ply turned about y has
-    /// them mirrored.
+    /// Means over intervals agree with sums of r_d, on both sides and beyond the ply; a ply rotated about y
+    /// has them mirrored.
     #[test]
     fn means_over_stretches_are_those_of_r_d() {
         let lines = blurred().of_lines(SD);
@@ -151,7 +149,7 @@ mod tests {
 
     const SD: f64 = 5.0;
 
-    /// A ply of radius 45 that meets every line within 42 and none beyond 48, and its mean over a beam. The
+    /// A ply of radius 45 that hits every line within 42 and none beyond 48, and its mean over a beam. The
     /// rim leans outwards with theta_i.
     fn met(theta_i: f64, x: f64) -> f64 {
         ((48.0 + 4.0 * theta_i - x.abs()) / 6.0).clamp(0.0, 1.0)
@@ -205,7 +203,7 @@ mod tests {
     }
 
     /// Two plies side by side whose projections overlap by 8 um let no line through; nor do two that touch,
-    /// but for lines through both rims.
+    /// except lines through both rims.
     #[test]
     fn plies_that_overlap_let_no_line_through() {
         let through = |e: &PlyEnergies, apart: f64| -> f64 {

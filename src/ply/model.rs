@@ -28,14 +28,13 @@ use std::sync::OnceLock;
 /// # }
 /// ```
 ///
-/// All angles in radians, lengths in um, densities in 1/sr; every f is an energy density: BSDF times |cos
-/// theta_o|. Directions are unit vectors in the ply frame and are not normalised. No call allocates, fails or
-/// panics, but for the first that asks for speckle ([`PlyModel::noise`]), which allocates. Where |h| is
-/// beyond the nodes, or theta_i or h is not a number, the beam misses: f = 0 and r_d = 1. |theta_i| beyond
-/// the nodes counts as the last node.
-/// Absorption is clamped to [0, 1e6]; not a number counts as 0. A `wo` that is not finite, or far from unit,
-/// gives 0. Interpolated ln mu is kept within [`crate::ply::asg::MU_MIN`] and [`crate::ply::asg::MU_MAX`],
-/// lobe energies at 0 or more.
+/// All angles are in radians, lengths in um, densities in 1/sr; every f is an energy density: BSDF times |cos
+/// theta_o|. Directions are unit vectors in the ply frame and are not normalized. No call allocates, fails or
+/// panics, except the first that uses speckle ([`PlyModel::noise`]), which allocates. Where |h| is beyond the
+/// nodes, or theta_i or h is NaN, the beam misses: f = 0 and r_d = 1. |theta_i| beyond the nodes counts as
+/// the last node. Absorption is clamped to [0, 1e6]; NaN counts as 0. A `wo` that is not finite, or far from
+/// unit, gives 0. Interpolated ln mu is clamped to [`crate::ply::asg::MU_MIN`] and
+/// [`crate::ply::asg::MU_MAX`], lobe energies to 0 or more.
 #[derive(Clone, Debug)]
 pub struct PlyModel {
     data: PlyData,
@@ -43,10 +42,10 @@ pub struct PlyModel {
     pub(super) layout: Layout,
     layers: Option<LayerTables>,
     exits: Option<ExitTables>,
-    /// Of a ply in single lines.
+    /// Present for a ply lit along single lines.
     passed: Option<PassedLines>,
     pub(super) edge: Option<edge::EdgeTables>,
-    /// Made of the noise's spectrum when first asked for.
+    /// Made from the noise's spectrum at first use.
     tiles: OnceLock<NoiseTiles>,
 }
 
@@ -60,7 +59,7 @@ impl PlyModel {
         PlyModel::from_bytes(&crate::io::read_bytes(path)?, &path.display().to_string())
     }
 
-    /// Reads and checks a model from the bytes of its file; `name` stands for the file in errors.
+    /// Reads and checks a model from the bytes of its file; `name` identifies the file in errors.
     ///
     /// # Errors
     /// As [`PlyData::load`].
@@ -69,10 +68,10 @@ impl PlyModel {
         Ok(PlyModel::from_parts(data, reference_values))
     }
 
-    /// A model of tensors that need not have been in a file.
+    /// A model from tensors, without a file.
     ///
     /// # Errors
-    /// [`crate::Error::Invalid`] when a file with them would be refused.
+    /// [`crate::Error::Invalid`] if a file with these tensors would be refused.
     pub fn from_data(data: PlyData) -> Result<PlyModel> {
         PlyModel::from_data_named(data, "model")
     }
@@ -82,7 +81,7 @@ impl PlyModel {
         Ok(PlyModel::from_parts(data, Vec::new()))
     }
 
-    /// Of checked data.
+    /// A model from checked data.
     pub(super) fn from_parts(data: PlyData, reference_values: Vec<ReferenceValue>) -> PlyModel {
         let edge = data.edge.as_ref().map(edge::EdgeTables::new);
         PlyModel {
@@ -97,12 +96,12 @@ impl PlyModel {
         }
     }
 
-    /// The same ply in single lines instead of a beam: r_d becomes the chance that a line misses all fibers,
-    /// and the energies follow. For hosts that follow a line through more than one ply, and for
-    /// [`crate::FabricQuery::models`]: a fabric takes its own plies so.
+    /// The same ply lit along single lines instead of a beam: r_d becomes the chance that a line misses all
+    /// fibers, and the energies follow. For hosts that follow a line through several plies, and for
+    /// [`crate::FabricQuery::models`]: a fabric uses its own plies this way.
     ///
     /// # Errors
-    /// Those of the spec in the model, which tells the beam.
+    /// Those of the spec in the model, which defines the beam.
     pub fn of_lines(&self) -> Result<PlyModel> {
         let mut data = self.data.clone();
         let spec = crate::spec::YarnSpec::parse(&data.spec_text, "model (its spec)")?;
@@ -112,7 +111,7 @@ impl PlyModel {
         Ok(PlyModel { tiles: noise, passed, ..PlyModel::from_parts(data, Vec::new()) })
     }
 
-    /// How light lies across the ply where it leaves, by kind.
+    /// Distribution of the exiting light across the ply, by kind.
     pub(crate) fn exit_shapes(&self) -> &[ExitShape; EXIT_KINDS] {
         match &self.exits {
             Some(exits) => &exits.shapes,
@@ -120,12 +119,12 @@ impl PlyModel {
         }
     }
 
-    /// Where light of an incidence leaves the ply of this radius [um].
+    /// Exit positions of light of an incidence on a ply of this radius [um].
     pub(crate) fn exits_at(&self, theta_i: f32, h_um: f32, radius_um: f32) -> ExitsAt {
         self.exits.as_ref().map_or_else(|| ExitsAt::unknown(theta_i, h_um / radius_um), |exits| exits.at(theta_i, h_um))
     }
 
-    /// Of a ply in single lines ([`PlyModel::of_lines`]), what passes it.
+    /// Light that passes a ply lit along single lines ([`PlyModel::of_lines`]).
     pub(crate) fn passed_lines(&self) -> Option<&PassedLines> {
         self.passed.as_ref()
     }
@@ -139,13 +138,13 @@ impl PlyModel {
         &self.data
     }
 
-    /// Values of eval stored in the file; empty for a model not from a file.
+    /// Values of eval stored in the file; empty for a model that is not from a file.
     pub fn reference_values(&self) -> &[ReferenceValue] {
         &self.reference_values
     }
 
-    /// Greatest difference of eval from the stored values, relative to the greatest of them. 0 when none are
-    /// stored.
+    /// Greatest difference of eval from the stored values, relative to the greatest of them. 0 without stored
+    /// values.
     pub fn reference_error(&self) -> f32 {
         let (mut error, mut peak) = (0.0f32, 0.0f32);
         for g in &self.reference_values {
@@ -169,8 +168,8 @@ impl PlyModel {
         dispatch::run_batch(&self.layout, *queries, f);
     }
 
-    /// The model's noise tiles, if it has noise. The first call makes them of their spectrum, in a tenth of a
-    /// second or less, and allocates; the first query with an instance does the same.
+    /// The model's noise tiles, if it has noise. The first call makes them from their spectrum, in a tenth of
+    /// a second or less, and allocates; the first query with an instance does the same.
     #[inline]
     pub fn noise(&self) -> Option<&NoiseTiles> {
         match self.data.noise.as_ref()? {
@@ -179,10 +178,10 @@ impl PlyModel {
         }
     }
 
-    /// The model's noise tiles, for a host that is asked for noise.
+    /// The model's noise tiles, for a host that requires noise.
     ///
     /// # Errors
-    /// [`crate::Error::Invalid`] when the model has none; `file` names it in the message.
+    /// [`crate::Error::Invalid`] if the model has no noise; `file` names it in the message.
     pub fn require_noise(&self, file: &str) -> Result<&NoiseTiles> {
         let hint = "the model has no speckle noise; add it with `plywave noise`";
         self.noise().ok_or_else(|| crate::io::invalid(file, "noise_spectrum", "absent", hint))

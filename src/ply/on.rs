@@ -1,4 +1,4 @@
-//! A ply without a second layer at a query, of lobes that are cached or not.
+//! A ply without a second layer at a query, with cached or uncached lobes.
 
 use super::kernel::dispatch;
 use super::kernel::energy::Core;
@@ -14,7 +14,7 @@ use crate::{Bsdf, BsdfSample};
 /// A ply whose lobes are interpolated at every call.
 pub(crate) type UncachedPly<'a, const N: usize> = PlyOn<'a, Uncached<'a, N>, N>;
 
-/// A ply at a query, what answers for its lobes, and its patterns.
+/// A ply at a query, with its lobes and its patterns.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PlyOn<'a, L, const N: usize> {
     pub(crate) model: &'a PlyModel,
@@ -32,13 +32,13 @@ impl<const N: usize> PlyOn<'_, Cached<'_, N>, N> {
 }
 
 impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
-    /// Energies of f_refl + f_high and of the light that missed.
+    /// Energies of f_refl + f_high and of the missed light.
     pub(crate) fn albedo_r_d(&self) -> ([f32; N], f32) {
         let energies = self.lobes.energies();
         (energies.albedo(), energies.r_d)
     }
 
-    /// f_refl + f_high, those of the instance.
+    /// f_refl + f_high, with the instance's patterns.
     pub(crate) fn eval_lobes(&self, w: [f32; 3]) -> [f32; N] {
         let light = match self.query.slit {
             None => self.light(w, 1.0, |lobes| lobes.eval(w)),
@@ -47,7 +47,7 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
         std::array::from_fn(|k| light.refl[k] + light.high[k])
     }
 
-    /// Chance that a sample of the lobes and of missed light is of the lobes.
+    /// Chance of a lobe when a sample chooses between the lobes and missed light.
     pub(crate) fn hit_chance(&self) -> f32 {
         let (albedo, r_d) = self.albedo_r_d();
         let mean = albedo.iter().sum::<f32>() / N.max(1) as f32;
@@ -81,10 +81,10 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
         if hit > 0.0 { self.lobes.eval_pdf(w).pdf / hit } else { 0.0 }
     }
 
-    /// A direction of the lobes, with [`PlyOn::eval_pdf_lobes`] there.
+    /// A direction sampled from the lobes, with [`PlyOn::eval_pdf_lobes`] there.
     #[inline]
     pub(crate) fn sample_lobes(&self, hit: f32, u: [f32; 3]) -> Option<([f32; 3], LobeLight<N>)> {
-        // The last numbers are those of missed light.
+        // The last numbers belong to missed light.
         let u = [(u[0] * hit).min(hit * (1.0 - 1e-6)), u[1], u[2]];
         if let Some(slit) = self.query.slit {
             let w = self.all().slit_direction(slit, u).ok().flatten()?;
@@ -95,8 +95,8 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
         Some((w, self.light(w, hit, |_| core)))
     }
 
-    /// What `of` the lobes gives, with the patterns. The tiles are looked up before the lobes are summed:
-    /// their memory comes meanwhile.
+    /// The result of `of` on the lobes, with the patterns. The tiles are prefetched before the lobes are
+    /// summed, so that their memory arrives meanwhile.
     #[inline]
     fn light(&self, w: [f32; 3], hit: f32, of: impl FnOnce(&L) -> Core<N>) -> LobeLight<N> {
         let lookup = self.speckle.as_ref().map(|speckle| speckle.look(w));
@@ -112,7 +112,7 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
         LobeLight { refl, high, pdf: if hit > 0.0 { pdf / hit } else { 0.0 } }
     }
 
-    /// [`PlyOn::eval_pdf_lobes`] with a slit: what it takes of f_high comes back as its light, which has no
+    /// [`PlyOn::eval_pdf_lobes`] with a slit: its share of f_high is replaced by slit light, which has no
     /// patterns. The lobes are interpolated at every call.
     #[inline(never)]
     fn slit_light(&self, slit: &Slit, hit: f32, w: [f32; 3]) -> LobeLight<N> {
@@ -125,14 +125,14 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
         light
     }
 
-    /// Light diffracted at the ply's edge, of a beam of which all passes, and the density of drawing it;
-    /// `None` for a ply without.
+    /// Light diffracted at the ply's edge, for a beam that passes entirely, and the density of sampling it;
+    /// `None` for a ply without edge lobes.
     pub(crate) fn edge_eval_pdf(&self, w: [f32; 3]) -> Option<([f32; N], f32)> {
         let q = &self.query;
         Some(super::edge::eval_pdf(self.model.edge.as_ref()?, q.theta_i, q.h_um, &q.lambda_um, w))
     }
 
-    /// A direction of the edge's light.
+    /// A direction of edge light.
     pub(crate) fn edge_sample(&self, u: [f32; 3]) -> Option<[f32; 3]> {
         let q = &self.query;
         super::edge::sample(self.model.edge.as_ref()?, q.theta_i, q.h_um, &q.lambda_um, u)
@@ -143,8 +143,8 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
         Terms { model: self.model, query: &self.query, lobes: &self.lobes }
     }
 
-    /// Terms of the instance summed. The tiles are looked up before the lobes are summed: their memory comes
-    /// meanwhile.
+    /// Sum of the terms with the instance's patterns. The tiles are prefetched before the lobes are summed,
+    /// so that their memory arrives meanwhile.
     fn speckled(&self, w: [f32; 3], terms: impl FnOnce() -> PlyTerms<N>) -> ([f32; N], f32) {
         let Some(speckle) = &self.speckle else {
             let terms = terms();
@@ -155,7 +155,7 @@ impl<L: Lobes<N>, const N: usize> PlyOn<'_, L, N> {
         (terms.sum_speckled(&lookup.factors()), terms.pdf)
     }
 
-    /// Light that is diffracted at the edge is scattered; of other plies it goes straight on.
+    /// Light diffracted at the edge is scattered; for plies without edge lobes it goes straight on.
     #[inline]
     fn has_edge(&self) -> bool {
         self.query.edge && self.model.has_edge()

@@ -1,6 +1,6 @@
-//! Many queries at once, as arrays.
+//! Batches of queries, as arrays.
 
-/// Many queries, as arrays of equal lengths.
+/// A batch of queries, as arrays of equal lengths.
 #[derive(Clone, Copy, Debug)]
 pub struct Queries<'a, const N: usize> {
     /// Incident latitudes [rad].

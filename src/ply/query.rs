@@ -1,11 +1,11 @@
-//! What fixes a shading point of a ply, and the terms of its scattering function.
+//! A query of a ply, and the terms of its scattering function.
 
 use super::layers::Layer;
 use crate::gap::Slit;
 use crate::speckle::Instance;
 
-/// What fixes a shading point of a ply, for N absorptions, each with its wavelength. [`PlyQuery::new`] is the
-/// smooth ply with its edge light; the parts are options to set:
+/// A query at a shading point of a ply, for N absorptions, each with its wavelength. [`PlyQuery::new`] is the
+/// smooth ply with its edge light; other parts are options:
 /// `PlyQuery { instance: Some(..), ..PlyQuery::new(..) }`.
 ///
 /// ```
@@ -17,8 +17,8 @@ use crate::speckle::Instance;
 /// # assert!(smooth.edge && !without_edge.edge && !asked_once.cached);
 /// ```
 ///
-/// Units and odd values as in [`PlyModel`]. Wavelengths outside the tables count as the nearest in them, and
-/// so does what is not a number.
+/// Units and invalid values are as in [`PlyModel`]. Wavelengths outside the tables, and NaN, are clamped to
+/// the tables.
 #[derive(Clone, Copy, Debug)]
 pub struct PlyQuery<'a, const N: usize> {
     /// Incident latitude [rad].
@@ -29,26 +29,26 @@ pub struct PlyQuery<'a, const N: usize> {
     pub sigma_per_um: [f32; N],
     /// Wavelengths [um]; edge light, slits and speckle depend on them.
     pub lambda_um: [f32; N],
-    /// Light that passes beside the ply is diffracted at its edge (Yu 2025, Eq. 18). Without, and in a model
+    /// Light that passes beside the ply is diffracted at its edge (Yu 2025, Eq. 18). If false, or in a model
     /// without edge lobes, it goes straight on.
     pub edge: bool,
-    /// Small gaps between the fibers (Yu 2025, 7.3), for those who want their colors. Has no effect over a
+    /// Small gaps between the fibers (Yu 2025, 7.3), for their diffraction colors. Has no effect over a
     /// second layer.
     pub slit: Option<&'a Slit>,
-    /// Speckle patterns that f_refl and f_high carry (Yu 2025, Eq. 23); `None` for the smooth model. Of a
-    /// model without noise both are the same. Sampling and albedo are those of the smooth model, the mean
-    /// over instances.
+    /// Speckle patterns of f_refl and f_high (Yu 2025, Eq. 23); `None` for the smooth model, which is the
+    /// same for a model without noise. Sampling and albedo are those of the smooth model, the mean over
+    /// instances.
     pub instance: Option<Instance>,
     /// A second layer of yarns below (Yu 2025, 5.4), from [`PlyModel::layer`] of its model. Has no effect in
     /// a model without layer factors.
     pub below: Option<Layer<N>>,
-    /// Interpolate the lobes once for all calls. Without, every call interpolates them anew: faster only
-    /// where a single call is made.
+    /// Cached: interpolates the lobes once for all calls. If false, every call interpolates them again, which
+    /// is faster only for a single call.
     pub cached: bool,
 }
 
 impl<const N: usize> PlyQuery<'_, N> {
-    /// The smooth ply with its edge light.
+    /// A query of the smooth ply with its edge light.
     pub fn new(theta_i: f32, h_um: f32, sigma_per_um: [f32; N], lambda_um: [f32; N]) -> Self {
         PlyQuery {
             theta_i,
@@ -63,7 +63,8 @@ impl<const N: usize> PlyQuery<'_, N> {
         }
     }
 
-    /// f_refl + f_high alone, which no wavelength enters: what passes beside the fibers goes straight on.
+    /// A query of f_refl + f_high alone, which no wavelength affects: light that passes beside the fibers
+    /// goes straight on.
     pub fn lobes(theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> Self {
         PlyQuery { edge: false, ..PlyQuery::new(theta_i, h_um, sigma_per_um, [0.55; N]) }
     }
@@ -74,18 +75,18 @@ impl<const N: usize> PlyQuery<'_, N> {
 pub struct PlyTerms<const N: usize> {
     /// Single reflection; the same at every absorption.
     pub refl: f32,
-    /// All other light that met fibers.
+    /// All other light that hit fibers.
     pub high: [f32; N],
     /// Light that passed beside the ply and was diffracted (Yu 2025, Eq. 18).
     pub edge: [f32; N],
-    /// Light of f_high that small slits diffract, where the query has a [`Slit`]; `high` is then without it.
+    /// Light of f_high that small slits diffract, if the query has a [`Slit`]; `high` is then without it.
     pub slit: [f32; N],
-    /// Density of sampling the direction, all terms together [1/sr].
+    /// Density of sampling the direction, over all terms [1/sr].
     pub pdf: f32,
 }
 
 impl<const N: usize> PlyTerms<N> {
-    /// f_refl + f_high + f_edge, and the light of slits.
+    /// f_refl + f_high + f_edge, plus the light of slits.
     pub fn sum(&self) -> [f32; N] {
         let mut f = [0.0; N];
         for k in 0..N {
@@ -95,7 +96,7 @@ impl<const N: usize> PlyTerms<N> {
     }
 
     /// The sum of the terms of one instance (Yu 2025, Eq. 23): f_refl and f_high times their speckle factors,
-    /// other light as it is.
+    /// other light unchanged.
     pub(super) fn sum_speckled(&self, (refl, high): &([f32; N], [f32; N])) -> [f32; N] {
         std::array::from_fn(|k| self.refl * refl[k] + self.high[k] * high[k] + self.edge[k] + self.slit[k])
     }

@@ -1,6 +1,5 @@
-//! The reference implementation of the runtime's kernels, slow and obvious: the model as [`super::PlyData`]
-//! defines it, in f64, through
-//! [`crate::ply::asg::Lobe`]. Tests hold the fast path to it.
+//! The reference implementation of the runtime's kernels, slow and simple: the model as [`super::PlyData`]
+//! defines it, in f64, through [`crate::ply::asg::Lobe`]. Tests compare the fast path with it.
 
 use super::cone::{ConeLobe, LobeKind};
 use super::data::{MIN_ENERGY, MIN_TRANSMITTANCE, PlyData, extended};
@@ -50,7 +49,7 @@ pub struct Mixture {
     pub energy_refl: f64,
     /// Energy of f_high per sigma.
     pub energy_high: Vec<f64>,
-    /// Fraction of the beam that meets no fiber.
+    /// Fraction of the beam that hits no fiber.
     pub r_d: f64,
 }
 
@@ -68,9 +67,8 @@ pub(crate) fn catmull_rom(f: f64) -> [f64; 4] {
     [0.5 * (-f3 + 2.0 * f2 - f), 0.5 * (3.0 * f3 - 5.0 * f2 + 2.0), 0.5 * (-3.0 * f3 + 4.0 * f2 + f), 0.5 * (f3 - f2)]
 }
 
-/// A spline of coefficients `of(node)` at (theta_i >= 0, h): the sum over every basis function, the three
-/// boxes of the quadratic one written out, and those beyond the ends with the coefficients that the ends give
-/// them.
+/// A spline of coefficients `of(node)` at (theta_i >= 0, h): the sum over every basis function. The three
+/// pieces of the quadratic basis function are written out, and coefficients beyond the ends are extended.
 fn spline(theta_i: &[f64], h_um: &[f64], t: f64, h: f64, of: &dyn Fn(usize) -> f64) -> f64 {
     let basis = |x: f64| match x.abs() {
         a if a <= 0.5 => 0.75 - a * a,
@@ -101,8 +99,7 @@ fn spline(theta_i: &[f64], h_um: &[f64], t: f64, h: f64, of: &dyn Fn(usize) -> f
 }
 
 impl Mixture {
-    /// The model `d` at an incidence; `None` where the beam misses (|h| beyond the nodes, or an input that is
-    /// not a number).
+    /// The model `d` at an incidence; `None` where the beam misses (|h| beyond the nodes, or a NaN input).
     pub fn new(d: &PlyData, theta_i: f64, h_um: f64, sigma: &[f64]) -> Option<Mixture> {
         let (nm, nh, _, nj) = d.sizes();
         if theta_i.is_nan() || h_um.is_nan() || h_um.abs() > d.h_um[nh - 1] {
@@ -204,7 +201,7 @@ impl Mixture {
         (refl, high)
     }
 
-    /// Density of sampling `wo`, missing included.
+    /// Density of sampling `wo`, including the chance of missed light.
     pub fn pdf(&self, wo: [f64; 3]) -> f64 {
         let v = if self.flip { [-wo[0], wo[1], -wo[2]] } else { wo };
         let mean = |e: &[f64]| e.iter().sum::<f64>() / e.len().max(1) as f64;
@@ -230,7 +227,7 @@ impl Mixture {
     }
 }
 
-/// Overshoot of the interpolation kept within the bounds of a lobe.
+/// Clamps interpolation overshoot to the bounds of a lobe.
 fn clamp(lobe: Lobe) -> Lobe {
     let bound = |x: f64| x.clamp(MU_MIN.ln(), MU_MAX.ln());
     Lobe { ln_mu1: bound(lobe.ln_mu1), ln_mu2: bound(lobe.ln_mu2), ..lobe }

@@ -1,4 +1,4 @@
-//! What a slit takes of the high-order lobes (`src/slit.rs`), and sampling of what is left.
+//! The share of the high-order lobes that a slit diffracts (`src/gap/slit.rs`), and sampling of the rest.
 
 use super::kernel::energy::Core;
 use super::kernel::lobe::{sin_cos, unit};
@@ -6,14 +6,14 @@ use super::kernel::mixture::{Mixture, Params};
 use crate::math::simd::{fma, max, min};
 use std::f32::consts::FRAC_1_PI;
 
-/// What a slit takes of f_high: energy, and the chance that a sample is of it.
+/// Share of f_high that a slit diffracts: energy, and the chance that a sample belongs to it.
 #[derive(Clone, Copy)]
 pub(super) struct Diffracted<const N: usize> {
     pub(super) energy: [f32; N],
     pub(super) chance: f32,
 }
 
-/// What a sample is of; light of the slit and missed light with what is left of the number that chose it.
+/// Kind of a sample; slit light and missed light carry the remainder of the number that chose the kind.
 #[derive(Clone, Copy)]
 pub(super) enum SlitSample {
     Lobe([f32; 3]),
@@ -23,9 +23,9 @@ pub(super) enum SlitSample {
 }
 
 impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: usize> Mixture<H, R, L, J, N> {
-    /// Takes the share of each high-order lobe that a slit diffracts (`slit.rs`): `share` times the cosine
-    /// between its axis and the forward direction, nothing of a lobe that points back. Gives the energy
-    /// taken, and its mean over the absorptions.
+    /// Computes the share of each high-order lobe that a slit diffracts (`src/gap/slit.rs`): `share` times
+    /// the cosine between the lobe's axis and the forward direction, nothing for a lobe that points back.
+    /// Returns the diffracted energy, and its mean over the absorptions.
     #[inline(always)]
     fn take<const FMA: bool>(
         &mut self,
@@ -48,8 +48,8 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         (self.weigh::<FMA>(&taken).1, sum)
     }
 
-    /// [`Mixture::eval_pdf`] less what a slit takes, and that; `by` is of [`Mixture::take`]. Of a mixture
-    /// without shapes, not scaled.
+    /// [`Mixture::eval_pdf`] less the slit's share, and that share; `by` is from [`Mixture::take`]. For a
+    /// mixture without shapes, not scaled.
     #[inline(always)]
     pub(super) fn slit_eval_pdf<const FMA: bool>(
         &mut self,
@@ -67,7 +67,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         (self.core(refl, high, pdf), Diffracted { energy, chance: if total > 0.0 { sum / total } else { 0.0 } })
     }
 
-    /// What a sample is of when a slit takes its share.
+    /// Kind of a sample when a slit diffracts its share.
     #[inline(always)]
     pub(super) fn slit_sample<const FMA: bool>(
         &mut self,

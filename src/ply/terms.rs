@@ -1,4 +1,4 @@
-//! All terms of the model at once: light that met fibers, light diffracted at the ply's edge, light of slits.
+//! All terms of the model together: light that hit fibers, light diffracted at the ply's edge, slit light.
 
 use super::edge;
 use super::edge::EdgeTables;
@@ -11,14 +11,14 @@ use super::query::{PlyQuery, PlyTerms};
 use super::slit::SlitSample;
 use crate::gap::Slit;
 
-/// A direction drawn from all terms, or what else becomes of the light.
+/// A direction sampled from all terms, or another outcome.
 pub(crate) enum Drawn<const N: usize> {
     Scattered([f32; 3], PlyTerms<N>),
     Missed,
     Absorbed,
 }
 
-/// The terms of a model at one query, of lobes `L`.
+/// The terms of a model at one query, with lobes `L`.
 pub(crate) struct Terms<'a, L, const N: usize> {
     pub(super) model: &'a PlyModel,
     pub(super) query: &'a PlyQuery<'a, N>,
@@ -26,7 +26,7 @@ pub(crate) struct Terms<'a, L, const N: usize> {
 }
 
 impl<L: Lobes<N>, const N: usize> Terms<'_, L, N> {
-    /// In direction `w`; `pdf` stays 0 without a slit.
+    /// The terms in direction `w`; `pdf` stays 0 without a slit.
     pub(crate) fn eval(&self, w: [f32; 3]) -> PlyTerms<N> {
         if let Some(slit) = self.query.slit {
             return self.slit_eval_pdf(slit, w);
@@ -68,12 +68,12 @@ impl<L: Lobes<N>, const N: usize> Terms<'_, L, N> {
         if core.missed <= 0.0 {
             return Drawn::Absorbed;
         }
-        // Missed light is the last part of the unit interval: what remains of the number chooses the
+        // Missed light is the last part of the unit interval: the remainder of the number chooses the
         // wavelength.
         self.sample_missed(1.0 - (1.0 - u[0]) / core.missed, u)
     }
 
-    /// The edge lobes take all missed light, where the model has some and the query wants them.
+    /// The edge lobes scatter all missed light, if the model has them and the query enables them.
     fn sample_missed(&self, remaining: f32, u: [f32; 3]) -> Drawn<N> {
         let Some(tables) = self.edge() else { return Drawn::Missed };
         let q = self.query;
@@ -96,12 +96,12 @@ impl<L: Lobes<N>, const N: usize> Terms<'_, L, N> {
         if self.query.edge { self.model.edge.as_ref() } else { None }
     }
 
-    /// The edge lobes where they have light in a direction.
+    /// The edge lobes, if they have light in a direction.
     fn lit(&self, core: &Core<N>, w: [f32; 3]) -> Option<&EdgeTables> {
         self.edge().filter(|tables| core.r_d > 0.0 && !tables.dark(self.query.h_um, w[0]))
     }
 
-    /// The terms of a ply whose forward light has a part that a slit diffracts (Yu 2025, 7.3). Its lobes are
+    /// The terms of a ply with a slit that diffracts part of its forward light (Yu 2025, 7.3). Its lobes are
     /// interpolated at every call.
     fn slit_eval_pdf(&self, slit: &Slit, w: [f32; 3]) -> PlyTerms<N> {
         let (core, light, pdf) = self.slit_lobes(slit, w);
@@ -109,7 +109,7 @@ impl<L: Lobes<N>, const N: usize> Terms<'_, L, N> {
         PlyTerms { slit: light, pdf: terms.pdf + pdf, ..terms }
     }
 
-    /// The lobes less what a slit takes of them, the slit's light, and its part of the density.
+    /// The lobes less the slit's share, the slit light, and its part of the density.
     pub(super) fn slit_lobes(&self, slit: &Slit, w: [f32; 3]) -> (Core<N>, [f32; N], f32) {
         let q = self.query;
         let layout = &self.model.layout;
@@ -129,7 +129,7 @@ impl<L: Lobes<N>, const N: usize> Terms<'_, L, N> {
         }
     }
 
-    /// A direction of the lobes or of the slit's light; for missed light what is left of the number that
+    /// A direction of the lobes or of the slit light; for missed light, the remainder of the number that
     /// chose it.
     pub(super) fn slit_direction(&self, slit: &Slit, u: [f32; 3]) -> Result<Option<[f32; 3]>, f32> {
         let q = self.query;
@@ -143,7 +143,7 @@ impl<L: Lobes<N>, const N: usize> Terms<'_, L, N> {
     }
 }
 
-/// The terms, of edge light of energy 1 and the density of its samples.
+/// Joins the terms, from edge light of energy 1 and the density of its samples.
 fn join<const N: usize>(core: &Core<N>, light: [f32; N], pdf: f32) -> PlyTerms<N> {
     let mut edge = light;
     for f in &mut edge {

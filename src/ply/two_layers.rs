@@ -26,30 +26,30 @@ impl PlyModel {
     }
 }
 
-/// A ply of the upper of two layers at a query (Yu 2025, 5.4 and 7.1): what it sends back keeps its lobes,
-/// what it sends on is made diffuse and scaled to T, and what comes back from the lower layer, R - r, is
-/// added as diffuse light. The light that passes beside the ply, r_d, meets the lower layer alone and is
-/// diffuse after it.
+/// A ply of the upper of two layers at a query (Yu 2025, 5.4 and 7.1). Light that the ply reflects keeps its
+/// lobes; light that it transmits becomes diffuse and is scaled to T; light that returns from the lower
+/// layer, R - r, is added as diffuse light. The light that passes beside the ply, r_d, hits only the lower
+/// layer and is diffuse after it.
 ///
-/// With E_f the energy the ply sends forward and r_2, t_2 the first-hit factors of the layer below, the
-/// diffuse parts are `(E_f T/t + r_d t_2) |y|/pi` below and `(E_f (R - r)/t + r_d r_2) y/pi` above; y is that
-/// of the ply frame, toward the light. At sigma = 0 all light is kept.
+/// With E_f the energy that the ply scatters forward and r_2, t_2 the first-hit factors of the layer below,
+/// the diffuse parts are `(E_f T/t + r_d t_2) |y|/pi` below and `(E_f (R - r)/t + r_d r_2) y/pi` above; y is
+/// that of the ply frame, toward the light. At sigma = 0 energy is conserved.
 ///
-/// Its calls take the ply it was made of.
+/// Its methods take the ply that it was made from.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TwoLayered<const N: usize> {
     /// Energy of the diffuse light above and below.
     above: [f32; N],
     below: [f32; N],
     albedo: [f32; N],
-    /// Chance of a diffuse direction, and of one above among those.
+    /// Chance of a diffuse direction, and of an upward one among those.
     diffuse: f32,
     up: f32,
-    /// Chance that the lobes of the ply alone give a direction.
+    /// Chance that the ply's lobes alone yield a direction.
     hit: f32,
 }
 
-/// f_refl + f_high and the density.
+/// f_refl + f_high, and the density.
 fn both<const N: usize>(light: &LobeLight<N>) -> ([f32; N], f32) {
     (std::array::from_fn(|k| light.refl[k] + light.high[k]), light.pdf)
 }
@@ -91,7 +91,7 @@ impl<const N: usize> TwoLayered<N> {
         (if y >= 0.0 { self.up } else { 1.0 - self.up }) * y.abs().min(1.0) / PI
     }
 
-    /// f and the density in a direction, from those of the ply's lobes there.
+    /// f and the density in a direction, from the values of the ply's lobes there.
     fn over(&self, wo: [f32; 3], (lobes, lobes_pdf): ([f32; N], f32)) -> ([f32; N], f32) {
         let y = wo[1].clamp(-1.0, 1.0);
         let mut f = self.below.map(|e| e * -y / PI);
@@ -136,10 +136,10 @@ impl<const N: usize> TwoLayered<N> {
         }
     }
 
-    /// Lobe directions that go forward count too, with the diffuse value there: the density covers both ways
-    /// of drawing.
+    /// Lobe directions that go forward count too, with the diffuse value there: the density covers both
+    /// sampling strategies.
     pub(crate) fn sample(&self, upper: &PlyOn<'_, impl Lobes<N>, N>, u: [f32; 3]) -> BsdfSample<N> {
-        // Below 1, and 0 for what is not a number.
+        // Below 1, and 0 for NaN.
         let u = u.map(crate::math::clamp_unit);
         let (wo, lobes) = if u[0] < self.diffuse {
             let side = u[0] / self.diffuse;

@@ -1,10 +1,11 @@
-//! What must hold between the ranges of a family and its yarn.
+//! Relations between the ranges of a family and its yarn.
 
 use super::rules::invalid;
 use super::yarn::{FamilySpec, YarnSpec};
 use crate::Result;
 
-/// Ranges ascend, hold the yarn's own values, and vary what the yarn has. `widest` is the ply's radius [um].
+/// Checks that ranges ascend, contain the yarn's own values, and vary quantities that the yarn has. `widest`
+/// is the ply's radius [um].
 pub(super) fn check_family(file: &str, spec: &YarnSpec, family: &FamilySpec, widest: f64) -> Result<()> {
     let FamilySpec { fiber_pitch_um, alpha_fiber, eta } = *family;
     if fiber_pitch_um.is_none() && alpha_fiber.is_none() && eta.is_none() {

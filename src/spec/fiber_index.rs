@@ -1,18 +1,18 @@
-//! The index of a fiber of a yarn spec at a wavelength.
+//! Refractive indices of the fibers of a yarn spec at a wavelength.
 
 use super::yarn::{FiberSpec, YarnSpec};
 use crate::fiber::{OpaqueIndex, Reflections};
 
-/// Wavelength at which tables of fibers state an index: sodium's D line [um].
+/// Wavelength at which fiber tables state an index: sodium's D line [um].
 pub const SODIUM_UM: f64 = 0.5893;
 
 impl FiberSpec {
-    /// Whether no light passes the fiber.
+    /// Whether no light passes through the fiber.
     pub fn is_opaque(&self) -> bool {
         self.metal.is_some() || self.kappa.is_some()
     }
 
-    /// Real index at a wavelength [um]. A ply's table has that at its spec's `beam.lambda_um`.
+    /// Real index at a wavelength [um]. A ply's table uses that at its spec's `beam.lambda_um`.
     pub fn eta_at(&self, lambda_um: f64) -> f64 {
         match (self.metal, self.dispersion_um2) {
             (Some(metal), _) => f64::from(metal.index(lambda_um as f32)[0]),
@@ -21,13 +21,13 @@ impl FiberSpec {
         }
     }
 
-    /// Imaginary index of an opaque fiber at a wavelength [um]; 0 of a fiber that light passes.
+    /// Imaginary index of an opaque fiber at a wavelength [um]; 0 for a fiber that transmits light.
     pub fn kappa_at(&self, lambda_um: f64) -> f64 {
         let of_metal = self.metal.map(|metal| f64::from(metal.index(lambda_um as f32)[1]));
         of_metal.or(self.kappa).unwrap_or(0.0)
     }
 
-    /// What reflections of an opaque fiber absorb; `None` of a fiber that light passes.
+    /// Absorption by reflections of an opaque fiber; `None` for a fiber that transmits light.
     pub fn reflections(&self) -> Option<Reflections> {
         let fixed = self.kappa.map(|kappa| OpaqueIndex::Fixed([self.eta as f32, kappa as f32]));
         self.metal.map(OpaqueIndex::Metal).or(fixed).map(Reflections::new)
@@ -36,7 +36,7 @@ impl FiberSpec {
 
 impl YarnSpec {
     /// Absorption [1/um] that gives the yarn its own color at a wavelength [um]: that of its opaque fibers'
-    /// reflections ([`Reflections`]), 0 of fibers that light passes.
+    /// reflections ([`Reflections`]), 0 for fibers that transmit light.
     pub fn own_sigma_per_um(&self, lambda_um: f64) -> f64 {
         self.fiber.reflections().map_or(0.0, |of| of.sigma_per_um(lambda_um))
     }

@@ -1,20 +1,20 @@
-//! Where the plies of a yarn lie: the least circle on which they do not intersect (Yu 2025, 5.3).
+//! Positions of the plies of a yarn: the smallest circle on which they do not intersect (Yu 2025, 5.3).
 //!
 //! The axes of P plies are the helices `(D cos(k z + 2 pi p / P), D sin(k z + 2 pi p / P), z)`, k = 2 pi /
 //! pitch. The squared distance of a point of one at height 0 to a point of another at height z is
-//! `2 D^2 (1 - cos(k z + 2 pi p / P)) + z^2`: it grows with D at every z, and so does its least value over z.
-//! Tubes of radius R are apart where that is at least 2 R, so the least D is found by bisection.
+//! `2 D^2 (1 - cos(k z + 2 pi p / P)) + z^2`: it grows with D at every z, and so does its minimum over z.
+//! Tubes of radius R are apart where that is at least 2 R, so bisection finds the smallest D.
 //!
-//! At z = pitch / P the next ply stands where this one stood, whatever D is: no D serves a pitch below 2 P R.
-//! From there on a ply never meets itself: the helix' radius of curvature, D + 1 / (D k^2), is at least 2 /
-//! k > 2 P R / pi > R, and it comes back only after a pitch.
+//! At z = pitch / P the next ply is where this one was, for any D: no D works for a pitch below 2 P R. From
+//! there on a ply never intersects itself: the helix' radius of curvature, D + 1 / (D k^2), is at least 2 / k
+//! > 2 P R / pi > R, and it returns only after a pitch.
 
 use std::f64::consts::{PI, TAU};
 
 /// Largest circle that is tried, in ply radii. It only keeps the bisection finite: springs of that size are
-/// no yarns.
+/// not yarns.
 const MAX_RADII: f64 = 50.0;
-/// Points of z on which the least distance is looked for before it is refined.
+/// Number of points of z at which the least distance is searched before refinement.
 const POINTS: usize = 512;
 
 /// Distance D [um] of the axes of `plies` plies of radius `radius_um` from the yarn's axis: `R / sin(pi / P)`
@@ -42,7 +42,8 @@ pub fn ply_circle_um(plies: u32, radius_um: f64, ply_pitch_um: Option<f64>) -> O
     Some(high)
 }
 
-/// Least pitch [um] that [`ply_circle_um`] finds a circle for; a little above `2 P R`. 0 for a single ply.
+/// Smallest pitch [um] for which [`ply_circle_um`] finds a circle; slightly above `2 P R`. 0 for a single
+/// ply.
 pub fn least_ply_pitch_um(plies: u32, radius_um: f64) -> f64 {
     if plies < 2 {
         return 0.0;
@@ -59,7 +60,7 @@ pub fn least_ply_pitch_um(plies: u32, radius_um: f64) -> f64 {
     high
 }
 
-/// Least distance of two different axes on a circle of radius `d`. The ply before this one is the next one
+/// Smallest distance of two different axes on a circle of radius `d`. The previous ply equals the next one
 /// seen from the other end.
 fn least_distance(plies: u32, d: f64, pitch: f64) -> f64 {
     let squared = |phase: f64, z: f64| 2.0 * d * d * (1.0 - (TAU * z / pitch + phase).cos()) + z * z;
@@ -84,7 +85,7 @@ fn least_distance(plies: u32, d: f64, pitch: f64) -> f64 {
     least.sqrt()
 }
 
-/// Cells of a turn in which an end of a valid range is looked for.
+/// Cells of a turn in which an end of a valid range is searched.
 const CELLS: usize = 2048;
 
 /// The plies of a yarn in the plane across it, seen from ply 0: its axis is the origin, light comes from +y
@@ -106,8 +107,8 @@ impl PlyRing {
         [self.circle_um * (turned.cos() - psi.cos()), self.circle_um * (turned.sin() - psi.sin())]
     }
 
-    /// Whether the line x = `h_um` from +y meets ply 0 first or, where it misses ply 0, no other ply (Yu
-    /// 2025, Fig. 9b).
+    /// Whether the line x = `h_um` from +y hits ply 0 first or, where it misses ply 0, no other ply (Yu 2025,
+    /// Fig. 9b).
     pub fn is_valid(&self, psi: f64, h_um: f64) -> bool {
         let r2 = self.radius_um * self.radius_um;
         let top = r2 - h_um * h_um;
@@ -120,8 +121,8 @@ impl PlyRing {
         })
     }
 
-    /// The valid psi of offset `h_um`, as disjoint ranges of [0, 2 pi) in rising order; their ends are
-    /// bisected to 1e-12.
+    /// The valid psi of offset `h_um`, as disjoint ranges of [0, 2 pi) in rising order; bisection finds their
+    /// ends to 1e-12.
     pub fn valid_ranges(&self, h_um: f64) -> Vec<(f64, f64)> {
         let at = |i: usize| TAU * i as f64 / CELLS as f64;
         let middle = |i: usize| TAU * (i as f64 + 0.5) / CELLS as f64;
@@ -152,7 +153,7 @@ impl PlyRing {
 mod tests {
     use super::*;
 
-    /// The ranges against a walk along the line in small steps.
+    /// The ranges agree with a walk along the line in small steps.
     #[test]
     fn valid_ranges_are_those_of_a_walk_along_the_line() {
         for plies in 2..=7 {
@@ -188,14 +189,14 @@ mod tests {
             let d = ply_circle_um(plies, 50.0, None).unwrap();
             let chord = 2.0 * d * (PI / f64::from(plies)).sin();
             assert!((chord - 100.0).abs() < 1e-9, "{plies}: neighbors {chord} um apart");
-            // A pitch of a metre is as good as none.
+            // A pitch of a meter is practically none.
             let long = ply_circle_um(plies, 50.0, Some(1e6)).unwrap();
             assert!((long / d - 1.0).abs() < 1e-4, "{plies}: {long} against {d}");
         }
         assert_eq!(ply_circle_um(1, 50.0, Some(10.0)), Some(0.0));
     }
 
-    /// Reference implementation: points on all helices against points on the first.
+    /// Reference implementation: the points on all helices against the points on the first.
     #[test]
     fn helical_plies_touch_and_do_not_intersect() {
         for (plies, pitch) in [(2, 500.0), (2, 260.0), (3, 800.0), (4, 900.0), (7, 1500.0)] {
@@ -210,7 +211,7 @@ mod tests {
                     let z = 2.0 * pitch * (f64::from(i) / 100_000.0 - 1.0);
                     let (a, b) = (point(0, 0.0), point(p, z));
                     let apart = (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt();
-                    // Of the ply itself only what lies beyond a quarter turn is another place.
+                    // For the ply itself, only points beyond a quarter turn count.
                     if p > 0 || z.abs() > 0.25 * pitch {
                         least = least.min(apart);
                     }

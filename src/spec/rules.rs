@@ -1,8 +1,8 @@
-//! Rules of TOML specs: which keys there are, in which ranges, and what a refusal says.
+//! Rules of TOML specs: the keys, their ranges, and the messages of refusals.
 //!
 //! The validator walks the parsed TOML, not a typed spec, so that every refusal is one line that names the
-//! file, the dotted key, the value as given and what would be accepted. [`Rules`] are static data; the keys
-//! of yarn and fabric specs are listed in `docs/reference/spec.md`, which a test holds to them.
+//! file, the dotted key, the given value and the accepted values. [`Rules`] are static data; the keys of yarn
+//! and fabric specs are listed in `docs/reference/spec.md`, which a test compares with them.
 
 use crate::{Error, Result};
 use toml::{Table, Value};
@@ -12,11 +12,11 @@ use toml::{Table, Value};
 pub struct Rules {
     /// Keys of the root.
     pub keys: &'static [Key],
-    /// Units that the names of keys end in, longest first: a key with another unit is told the right one.
+    /// Units that key names end in, longest first: for a key with another unit the hint names the right one.
     pub units: &'static [&'static str],
-    /// A file to look at, named in the hint for text that is not TOML.
+    /// An example file, named in the hint for text that is not TOML.
     pub example: &'static str,
-    /// Keys at the root that belong to another kind of file, and what to say of them.
+    /// Root keys of other kinds of files, and the hint for them.
     pub foreign: &'static [(&'static [&'static str], &'static str)],
 }
 
@@ -25,32 +25,32 @@ pub struct Rules {
 pub struct Key {
     /// Its name, unit included.
     pub name: &'static str,
-    /// What it holds.
+    /// Its kind of value.
     pub kind: Kind,
-    /// Whether it must be given.
+    /// Whether it is required.
     pub need: Need,
 }
 
-/// Whether a key must be given.
+/// Whether a key is required.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Need {
-    /// It must.
+    /// Required.
     Required,
-    /// It need not; the value that counts without it, as TOML, or what its absence means.
+    /// Optional; the default value, as TOML, or the meaning of its absence.
     Default(&'static str),
 }
 
-/// A check of a value beyond the common kinds: what would be accepted, and the check, given file, dotted key
-/// and value.
+/// A check of a value beyond the common kinds: the accepted values, and the check, called with file, dotted
+/// key and value.
 #[derive(Clone, Copy, Debug)]
 pub struct Custom {
-    /// What is accepted, as in "use ...".
+    /// The accepted values, as in "use ...".
     pub expected: &'static str,
     /// The check.
     pub check: fn(&str, &str, &Value) -> Result<()>,
 }
 
-/// What a key holds. Ranges are closed unless said otherwise.
+/// Kind of a key's value. Ranges are closed unless stated otherwise.
 #[derive(Clone, Copy, Debug)]
 pub enum Kind {
     /// Number in a range.
@@ -63,7 +63,7 @@ pub enum Kind {
     Odd(i64, i64),
     /// Text that is not empty.
     Text,
-    /// One of some words.
+    /// One of several words.
     Choice(&'static [&'static str]),
     /// Up to 32 numbers ascending from 0, the second 1e-6 or more, the last up to the value.
     Ascending(f64),
@@ -71,9 +71,9 @@ pub enum Kind {
     Pair(f64, f64),
     /// Three numbers from 0 to 1: red, green, blue.
     Srgb,
-    /// So many `[x, y]` pairs [um] at most, at least 3, coordinates within the bound.
+    /// At least 3 and at most this many `[x, y]` pairs [um], coordinates within the bound.
     Points(usize, f64),
-    /// Texts by name, of names that are one capital letter each.
+    /// Texts by name; each name is one capital letter.
     Letters,
     /// A table of further keys.
     Table(&'static [Key]),
@@ -83,18 +83,18 @@ pub enum Kind {
     Custom(Custom),
 }
 
-/// A key that must be given.
+/// A required key.
 pub const fn required(name: &'static str, kind: Kind) -> Key {
     Key { name, kind, need: Need::Required }
 }
 
-/// A key that may be absent, and what counts then.
+/// An optional key, with its default.
 pub const fn optional(name: &'static str, kind: Kind, default: &'static str) -> Key {
     Key { name, kind, need: Need::Default(default) }
 }
 
 impl Kind {
-    /// What is accepted, as in "use ..."; `key` is the dotted key, which tables name.
+    /// The accepted values, as in "use ..."; `key` is the dotted key, which tables name.
     pub fn expected(&self, key: &str) -> String {
         match self {
             Kind::Number(min, max) => format!("a number from {min} to {max}"),
@@ -116,7 +116,7 @@ impl Kind {
         }
     }
 
-    /// Whether a value is one of this kind. Tables are looked into by [`check`] only.
+    /// Whether a value is of this kind. Only [`check`] looks inside tables.
     fn holds(&self, value: &Value) -> bool {
         let within = |v: &Value, min: f64, max: f64| number(v).is_some_and(|x| (min..=max).contains(&x));
         let integer = |min: i64, max: i64| value.as_integer().filter(|i| (min..=max).contains(i));
@@ -157,7 +157,7 @@ impl Kind {
 /// Parses TOML and checks it by `rules`.
 ///
 /// # Errors
-/// [`Error::Format`] with the line when the text is not TOML, and as [`check`].
+/// [`Error::Format`] with the line if the text is not TOML, and as [`check`].
 pub fn parse(text: &str, file: &str, rules: &Rules) -> Result<Table> {
     let table: Table = toml::from_str(text).map_err(|e| {
         let at = e.span().and_then(|span| text.as_bytes().get(..span.start)).map(|head| {
@@ -170,10 +170,10 @@ pub fn parse(text: &str, file: &str, rules: &Rules) -> Result<Table> {
     Ok(table)
 }
 
-/// A typed spec from a table that has passed [`check`].
+/// A typed spec from a table that passed [`check`].
 ///
 /// # Errors
-/// [`Error::Format`] where the type holds a table to more than its rules do.
+/// [`Error::Format`] if the type is stricter than the rules.
 pub fn typed<T: serde::de::DeserializeOwned>(table: Table, file: &str, rules: &Rules) -> Result<T> {
     table.try_into().map_err(|e: toml::de::Error| format_error(file, e.message().to_string(), rules))
 }
@@ -195,18 +195,18 @@ pub fn check(file: &str, table: &Table, rules: &Rules) -> Result<()> {
     check_table(file, "", table, rules.keys, rules)
 }
 
-/// A refusal of the value of a key. Each part is made one line.
+/// An error for the value of a key. Each part is made one line.
 pub fn invalid(file: &str, key: &str, value: impl std::fmt::Display, hint: impl Into<String>) -> Error {
     Error::Invalid { file: line(file), key: line(key), value: line(&value.to_string()), hint: hint.into() }
 }
 
-/// A refusal of the whole text.
+/// An error for the whole text.
 fn format_error(file: &str, what: String, rules: &Rules) -> Error {
     let what = what.split_whitespace().collect::<Vec<_>>().join(" ");
     Error::Format { file: line(file), what, hint: format!("use TOML with the keys of {}", rules.example) }
 }
 
-/// One line, at most 80 characters.
+/// Text as one line of at most 80 characters.
 pub fn line(text: &str) -> String {
     crate::one_line(text, 80)
 }
@@ -242,7 +242,7 @@ fn check_table(file: &str, path: &str, table: &Table, keys: &[Key], rules: &Rule
     }
 }
 
-/// What to do about an unknown key: a known one with another unit, another kind of file, or the list of all.
+/// Hint for an unknown key: a known one with another unit, another kind of file, or the list of all.
 fn unknown(path: &str, name: &str, keys: &[Key], rules: &Rules) -> String {
     for key in keys {
         let Some(stem) = rules.units.iter().find_map(|unit| key.name.strip_suffix(unit)) else { continue };

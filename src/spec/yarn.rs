@@ -1,7 +1,7 @@
 //! The yarn spec: its keys as types. Lengths in um, angles in rad; the unit is part of the key.
 //!
-//! Ranges and relations of the keys are in `yarn_rules.rs`; [`YarnSpec::parse`] and [`YarnSpec::load`] hold
-//! every spec to them.
+//! Ranges and relations of the keys are in `yarn_rules.rs`; [`YarnSpec::parse`] and [`YarnSpec::load`] check
+//! every spec by them.
 
 use super::beam::GaussianBeam;
 use super::ply_circle::{PlyRing, ply_circle_um};
@@ -15,14 +15,14 @@ use std::f64::consts::PI;
 pub struct YarnSpec {
     /// Name of the yarn, for the record.
     pub name: String,
-    /// One fiber.
+    /// The main kind of fiber.
     pub fiber: FiberSpec,
-    /// Other fibers among them; absent: all are alike.
+    /// A second kind of fiber among them; absent: all are alike.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub blend: Option<BlendSpec>,
     /// The ply of fibers.
     pub ply: PlySpec,
-    /// How many plies make the yarn, and how they lie.
+    /// Number and arrangement of the plies.
     #[serde(default)]
     pub yarn: YarnGeometry,
     /// The illuminating beam.
@@ -31,16 +31,16 @@ pub struct YarnSpec {
     /// Absorption coefficients to tabulate.
     #[serde(default)]
     pub absorption: AbsorptionSpec,
-    /// Sizes of the simulation and fit; each key that is given overrides the preset.
+    /// Sizes of the simulation and fit; each given key overrides the preset.
     #[serde(default)]
     pub simulation: SimulationSpec,
-    /// Ranges of a family of yarns; absent: one yarn. A yarn with ranges is also the one that its other keys
-    /// describe.
+    /// Ranges of a family of yarns; absent: one yarn. The other keys of a yarn with ranges describe one
+    /// member.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub family: Option<FamilySpec>,
 }
 
-/// Ranges `[least, most]` of a family ([`crate::ply::PlyFamily`]); a key that is absent does not vary.
+/// Ranges `[least, most]` of a family ([`crate::ply::PlyFamily`]); an absent key does not vary.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FamilySpec {
@@ -104,15 +104,15 @@ pub struct FiberSpec {
     /// Relative standard deviation of the shape's parameters from fiber to fiber.
     #[serde(default)]
     pub shape_jitter: f64,
-    /// Standard deviation [rad] of the turn of the cross section from fiber to fiber; absent: any turn,
-    /// uniformly.
+    /// Standard deviation [rad] of the rotation of the cross section from fiber to fiber; absent: uniform
+    /// over all rotations.
     #[serde(default)]
     pub angle_jitter_rad: Option<f64>,
-    /// Real refractive index, of a fiber with dispersion that at [`super::SODIUM_UM`]; 0 of a metal, which
-    /// brings its own.
+    /// Real refractive index; for a fiber with dispersion, that at [`super::SODIUM_UM`]; 0 for a metal, which
+    /// has its own.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub eta: f64,
-    /// Imaginary index: the fiber is opaque. Absent: light passes it.
+    /// Imaginary index: the fiber is opaque. Absent: light passes through it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub kappa: Option<f64>,
     /// A metal, with its measured index: the fiber is opaque.
@@ -130,16 +130,16 @@ fn is_zero(x: &f64) -> bool {
     *x == 0.0
 }
 
-/// A second kind of fibers among the first, in every ply of the yarn.
+/// A second kind of fiber among the first, in every ply of the yarn.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BlendSpec {
     /// Their share of the fibers by number.
     pub share: f64,
-    /// Absorption of their material over that of the first fibers: 1 takes the dye alike, 0 not at all.
+    /// Absorption of their material over that of the first fibers: 1 for the same dye uptake, 0 for none.
     #[serde(default = "unit")]
     pub dye: f64,
-    /// One of them.
+    /// The second kind of fiber.
     pub fiber: FiberSpec,
 }
 
@@ -156,17 +156,16 @@ pub enum Shape {
         /// Radius [um].
         radius_um: f64,
     },
-    /// Circle with a round core in its middle: a hollow fiber, hair with its medulla, a cuticle about a
-    /// cortex.
+    /// Circle with a concentric round core: a hollow fiber, hair with its medulla, a cortex with its cuticle.
     HollowCircle {
         /// Radius [um].
         radius_um: f64,
         /// Radius of the core, as a fraction of the fiber's.
         lumen: f64,
-        /// Real refractive index of what fills the core; 1 for air.
+        /// Real refractive index of the core; 1 for air.
         #[serde(default = "unit")]
         lumen_eta: f64,
-        /// Absorption of what fills the core over that of the fiber's material.
+        /// Absorption of the core over that of the fiber's material.
         #[serde(default)]
         lumen_dye: f64,
     },
@@ -221,13 +220,13 @@ pub enum Shape {
         teeth: u32,
     },
     /// Polygon, either from a file of `x y` lines [um] or with its points in the spec. [`YarnSpec::load`]
-    /// puts the points of the file in `points_um` and empties `file`, so that a loaded spec and its text
-    /// stand alone.
+    /// moves the points of the file to `points_um` and empties `file`, so a loaded spec and its text are
+    /// self-contained.
     Polygon {
         /// Path of the file, relative to the spec; empty once loaded.
         #[serde(default, skip_serializing_if = "String::is_empty")]
         file: String,
-        /// Corners in order [um], either way round; closed implicitly.
+        /// Corners in order [um], in either direction; closed implicitly.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         points_um: Vec<[f64; 2]>,
         /// Radius of the rounding of its corners [um].
@@ -245,8 +244,8 @@ impl Shape {
         }
     }
 
-    /// Real index of what fills the core, and its absorption over that of the fiber's material; of a fiber
-    /// without one, of air.
+    /// Real index of the core, and its absorption over that of the fiber's material; that of air for a fiber
+    /// without a core.
     pub fn core(&self) -> [f64; 2] {
         match self {
             Shape::HollowCircle { lumen_eta, lumen_dye, .. } => [*lumen_eta, *lumen_dye],
@@ -296,7 +295,7 @@ pub struct PlySpec {
     /// Smallest gap between fibers [um].
     #[serde(default = "default_gap_um")]
     pub min_gap_um: f64,
-    /// How densely the fibers lie from the axis to the surface.
+    /// Radial density of the fibers.
     #[serde(default)]
     pub packing: Packing,
     /// Pitch of the helix [um]; absent for parallel fibers.
@@ -308,8 +307,8 @@ pub struct PlySpec {
 }
 
 impl PlySpec {
-    /// Angle by which the fibers turn about the ply's axis along it [rad/um], positive for a right-handed
-    /// helix; 0 for parallel fibers.
+    /// Angle by which the fibers turn about the ply's axis per length along it [rad/um], positive for a
+    /// right-handed helix; 0 for parallel fibers.
     pub fn twist_per_um(&self) -> f64 {
         let sign = if self.handedness == Handedness::Z { 1.0 } else { -1.0 };
         self.fiber_pitch_um.map_or(0.0, |pitch| sign * std::f64::consts::TAU / pitch)
@@ -324,10 +323,10 @@ fn default_gap_um() -> f64 {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Packing {
-    /// Densest in the middle, falling to nothing at the surface, as measured in spun yarns: a ragged rim.
+    /// Densest in the middle, falling to zero at the surface, as measured in spun yarns: a ragged rim.
     #[default]
     Falling,
-    /// As hard particles fill a container: even, with fibers along its wall.
+    /// As hard particles fill a container: uniform, with fibers along its wall.
     Lined,
 }
 
@@ -348,10 +347,10 @@ pub enum Handedness {
 pub struct YarnGeometry {
     /// Number of plies, 1 to 7.
     pub plies: u32,
-    /// Pitch of the plies' helix [um]; absent for parallel plies. It sets the plies' distance from the yarn's
-    /// axis.
+    /// Pitch of the plies' helix [um]; absent for parallel plies. It determines the plies' distance from the
+    /// yarn's axis.
     pub ply_pitch_um: Option<f64>,
-    /// Hand of the plies' helix, for the record: scattering takes plies as parallel where they lie.
+    /// Hand of the plies' helix, for the record: scattering treats plies as parallel.
     pub handedness: Handedness,
 }
 
@@ -404,7 +403,7 @@ impl Default for AbsorptionSpec {
     }
 }
 
-/// Sizes of a run. A key that is absent takes the preset's value.
+/// Sizes of a run. An absent key takes the preset's value.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SimulationSpec {
@@ -412,11 +411,11 @@ pub struct SimulationSpec {
     pub instances: Option<u32>,
     /// Paths per incident latitude.
     pub paths_per_theta: Option<u64>,
-    /// Incident latitudes, odd.
+    /// Number of incident latitudes, odd.
     pub theta_i_nodes: Option<u32>,
     /// Largest incident latitude [rad].
     pub theta_i_max_rad: Option<f64>,
-    /// Beam offsets, odd.
+    /// Number of beam offsets, odd.
     pub h_nodes: Option<u32>,
     /// Latitude bins of the outgoing sphere.
     pub theta_o_bins: Option<u32>,

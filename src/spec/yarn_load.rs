@@ -14,7 +14,7 @@ const MAX_BYTES: u64 = 4 << 20;
 pub const POLYESTER: &str = include_str!("../../fabrics/polyester.toml");
 
 impl YarnSpec {
-    /// The polyester that ships with the program, [`POLYESTER`].
+    /// The spec of the polyester that ships with the program, [`POLYESTER`].
     ///
     /// # Errors
     /// None in a build whose tests pass.
@@ -22,30 +22,28 @@ impl YarnSpec {
         YarnSpec::parse(POLYESTER, "fabrics/polyester.toml")
     }
 
-    /// Read a spec from its text; `file` is for messages only. A polygon must hold its points itself.
+    /// Reads a spec from its text; `file` is only for messages. A polygon must contain its points.
     ///
     /// # Errors
-    /// [`crate::Error::Format`] when the text is not TOML, [`crate::Error::Invalid`] for a key that is
-    /// unknown, absent or out of range.
+    /// [`crate::Error::Format`] if the text is not TOML, [`crate::Error::Invalid`] for a key that is unknown,
+    /// absent or out of range.
     pub fn parse(text: &str, file: &str) -> Result<YarnSpec> {
         parse_near(text, file, None)
     }
 
-    /// Read a spec from a file; gives the spec and the text to embed in tables and models, from which
+    /// Reads a spec from a file; returns the spec and the text to embed in tables and models, from which
     /// [`YarnSpec::parse`] makes the same spec. That is the file's own text, except for a polygon from a
-    /// file: there the spec is written anew with the points in it.
-    /// The polygon's file must lie in the spec's folder or below; [`YarnSpec::load_from`] with
-    /// [`Folder::anywhere`] allows others.
-    ///
+    /// file: then the spec is rewritten with the points in it. The polygon's file must lie in the spec's
+    /// folder or below; [`YarnSpec::load_from`] with [`Folder::anywhere`] allows others.
     /// # Errors
-    /// As [`YarnSpec::parse`], and [`crate::Error::Io`] when a file cannot be read.
+    /// As [`YarnSpec::parse`], and [`crate::Error::Io`] if a file cannot be read.
     pub fn load(path: impl AsRef<Path>) -> Result<(YarnSpec, String)> {
         let path = path.as_ref();
         YarnSpec::load_from(&read_text(path, MAX_BYTES)?, &path.display().to_string(), &Folder::of_file(path))
     }
 
-    /// As [`YarnSpec::load`], from the spec's text and a source of the file that it may name; `file` is for
-    /// messages.
+    /// Like [`YarnSpec::load`], but from the spec's text and a source of the file that it may name; `file` is
+    /// for messages.
     ///
     /// # Errors
     /// As [`YarnSpec::load`].
@@ -58,15 +56,15 @@ impl YarnSpec {
         Ok((spec, text))
     }
 
-    /// The spec as TOML, from which [`YarnSpec::parse`] makes the same; `file` stands for it in errors.
+    /// The spec as TOML, from which [`YarnSpec::parse`] makes the same spec; `file` identifies it in errors.
     ///
     /// # Errors
-    /// [`crate::Error::Invalid`] for values that TOML cannot hold.
+    /// [`crate::Error::Invalid`] for values that TOML cannot represent.
     pub fn to_text(&self, file: &str) -> Result<String> {
         toml::to_string(self).map_err(|e| rules::invalid(file, "spec", e, "use values that TOML can hold"))
     }
 
-    /// Check a spec that was made or changed in code, by the same rules as a parsed one.
+    /// Checks a spec that was made or changed in code, by the same rules as a parsed one.
     ///
     /// # Errors
     /// [`crate::Error::Invalid`], with `file` as given.
@@ -76,7 +74,7 @@ impl YarnSpec {
     }
 }
 
-/// Parse and check; the file of a polygon is looked for in `assets`.
+/// Parses and checks a spec; a polygon's file is read from `assets`.
 fn parse_near(text: &str, file: &str, assets: Option<&dyn AssetSource>) -> Result<YarnSpec> {
     let mut spec: YarnSpec = rules::typed(rules::parse(text, file, &YARN_RULES)?, file, &YARN_RULES)?;
     let blended = spec.blend.as_mut().map(|blend| ("blend.fiber.shape.file", &mut blend.fiber));
@@ -97,7 +95,7 @@ fn parse_near(text: &str, file: &str, assets: Option<&dyn AssetSource>) -> Resul
 }
 
 /// Points of a polygon: one `x y` per line [um], blank lines and `#` comments skipped. Errors do not quote
-/// the file, which another file named.
+/// the file, whose path another file specified.
 fn read_points(text: &str, file: &str) -> Result<Vec<[f64; 2]>> {
     let mut points = Vec::new();
     for (i, row) in text.lines().enumerate() {

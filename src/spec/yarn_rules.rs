@@ -1,6 +1,6 @@
-//! Rules of the yarn spec: its keys and their ranges, and what must hold between them.
+//! Rules of the yarn spec: its keys, their ranges, and the relations between them.
 //!
-//! Bounds are those within which the simulator's geometry and grids are sound, far wider than real yarns.
+//! Within these bounds the simulator's geometry and grids are sound; they are far wider than for real yarns.
 
 use super::ply_circle::{least_ply_pitch_um, ply_circle_um};
 use super::rules::{Key, Kind, Rules, invalid, optional, required};
@@ -8,9 +8,9 @@ use super::yarn::{BlendSpec, FiberSpec, PlySpec, Shape, YarnSpec};
 use crate::Result;
 use std::f64::consts::PI;
 
-/// Densest ply that is let through to packing; random packings of discs end near 0.8.
+/// Densest ply that packing accepts; random packings of discs end near 0.8.
 const MAX_FRACTION: f64 = 0.9;
-/// Most cells of a table, 1 GiB in f32.
+/// Largest number of cells of a table, 1 GiB in f32.
 const MAX_CELLS: f64 = 2.7e8;
 /// Largest number of polygon points.
 const MAX_POINTS: usize = 2000;
@@ -49,7 +49,7 @@ const BLEND: &[Key] = &[
 ];
 const PLY: &[Key] = &[
     required("fibers", Kind::Integer(1, 200)),
-    // Beyond 1 mm the tracer's single precision would no longer resolve its own offset from a wall.
+    // Beyond 1 mm the tracer's single precision would not resolve its own offset from a wall.
     optional("radius_um", Kind::Number(0.01, 1e3), "radii_um"),
     optional("radii_um", Kind::Pair(0.01, 1e3), "radius_um"),
     optional("min_gap_um", Kind::Number(0.001, 100.0), "0.2"),
@@ -127,7 +127,7 @@ const SHAPES: &[(&str, &[Key])] = &[
     ),
 ];
 
-/// What must hold between keys. The polygon's points are in place.
+/// Checks relations between keys. The polygon's points are already loaded.
 pub(super) fn check_relations(file: &str, spec: &YarnSpec) -> Result<()> {
     let lambda_um = spec.beam.lambda_um;
     check_fiber(file, "fiber", &spec.fiber, lambda_um)?;
@@ -197,7 +197,7 @@ pub(super) fn check_relations(file: &str, spec: &YarnSpec) -> Result<()> {
     Ok(())
 }
 
-/// Plies of one radius that do not intersect.
+/// Checks that plies of one radius do not intersect.
 fn check_plies(file: &str, spec: &YarnSpec, radius_um: f64) -> Result<()> {
     let yarn = &spec.yarn;
     if let (2.., Some(radii)) = (yarn.plies, spec.ply.radii_um) {
@@ -234,7 +234,7 @@ fn check_fraction(file: &str, ply: &PlySpec, radii: [f64; 2], fiber_area: f64) -
     })
 }
 
-/// Relations within a fiber, at `path` in the spec.
+/// Checks relations within a fiber, at `path` in the spec.
 fn check_fiber(file: &str, path: &str, fiber: &FiberSpec, lambda_um: f64) -> Result<()> {
     check_outline(file, path, &fiber.shape)?;
     let refuse = |key: &str, value: String, hint: String| Err(invalid(file, &format!("{path}.{key}"), value, hint));
@@ -268,8 +268,8 @@ fn check_fiber(file: &str, path: &str, fiber: &FiberSpec, lambda_um: f64) -> Res
     if fiber.shape.has_lumen() {
         return refuse("shape.lumen", "a core".into(), "no light is in an opaque fiber: use a shape without".into());
     }
-    // What enters must be gone before it comes out elsewhere: 20 absorption lengths across the thickness of
-    // the same area.
+    // Light that enters must be absorbed before it exits elsewhere: 20 absorption lengths across the
+    // thickness of the same area.
     if let Some(kappa) = fiber.kappa {
         let width_um = 2.0 * (fiber.shape.area_um2() / PI).sqrt();
         let least = 20.0 * lambda_um / (4.0 * PI * width_um);
@@ -282,7 +282,7 @@ fn check_fiber(file: &str, path: &str, fiber: &FiberSpec, lambda_um: f64) -> Res
     Ok(())
 }
 
-/// What two kinds of fibers in a ply must have in common: one axis of absorption.
+/// Checks that two kinds of fibers in a ply share one axis of absorption.
 fn check_blend(file: &str, spec: &YarnSpec, blend: &BlendSpec) -> Result<()> {
     let (first, second) = (&spec.fiber, &blend.fiber);
     let key = |path: &str, fiber: &FiberSpec| {
@@ -310,7 +310,7 @@ fn check_blend(file: &str, spec: &YarnSpec, blend: &BlendSpec) -> Result<()> {
     }
 }
 
-/// Relations within a shape, of the fiber at `path`.
+/// Checks relations within a shape, of the fiber at `path`.
 fn check_outline(file: &str, path: &str, shape: &Shape) -> Result<()> {
     let key = |name: &str| format!("{path}.shape.{name}");
     match shape {
@@ -351,7 +351,7 @@ fn check_outline(file: &str, path: &str, shape: &Shape) -> Result<()> {
     }
 }
 
-/// A polygon must not touch itself, and each rounding arc must fit on its two edges.
+/// Checks that a polygon does not touch itself, and that each rounding arc fits on its two edges.
 fn check_polygon(file: &str, path: &str, points: &[[f64; 2]], rounding_um: f64) -> Result<()> {
     let n = points.len();
     let show = |p: [f64; 2]| format!("[{}, {}]", p[0], p[1]);

@@ -1,8 +1,8 @@
-//! How far a cloth model is from its twin: energies and distributions, direction by direction.
+//! Comparison of a cloth model with its twin: energies and distributions, direction by direction.
 //!
-//! The model's distribution is the mean of its `eval` over places in the repeats that were traced and over
-//! directions within each bin. The distance in a half of the sphere is the relative L2 of the bins with the
-//! twin's noise removed: with t the twin's density, v its variance and m the model's,
+//! The model's distribution is the mean of its `eval` over points in the traced repeats and over directions
+//! within each bin. The distance in a half of the sphere is the relative L2 of the bins with the twin's noise
+//! removed: with t the twin's density, v its variance and m the model's,
 //! `sqrt((sum (m - t)^2 - v) / (sum t^2 - v))`: the expected value of `(m - t)^2` is `(m - E t)^2 + v`, that
 //! of `t^2` is `(E t)^2 + v`.
 
@@ -10,14 +10,14 @@ use super::{ClothTwin, SphereBins};
 use crate::math::parallel;
 use crate::{Bsdf, FabricModel, FabricQuery};
 
-/// Where the light goes, as fractions of what comes in.
+/// Outgoing light, as fractions of the incident light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Light {
-    /// To the side that it came from.
+    /// Scattered to the side that it came from.
     pub reflected: f64,
-    /// To the other side, scattered.
+    /// Scattered to the other side.
     pub transmitted: f64,
-    /// Straight on.
+    /// Light that goes straight on.
     pub straight: f64,
 }
 
@@ -30,45 +30,44 @@ pub struct Comparison {
     pub sigma: usize,
     /// The twin's light.
     pub twin: Light,
-    /// The model's light; `transmitted` holds what gaps diffract, where they do.
+    /// The model's light; `transmitted` includes light that gaps diffract, where they do.
     pub model: Light,
     /// Relative L2 distance in the half that the light came from, noise removed.
     pub upper: f64,
-    /// Relative L2 distance in the other half, noise removed; not a number where noise hides the twin's
-    /// light.
+    /// Relative L2 distance in the other half, noise removed; NaN where noise hides the twin's light.
     pub lower: f64,
 }
 
-/// How a model's mean over the repeats is taken.
+/// Sampling of a model's mean over the repeats.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ComparisonOptions {
-    /// Places, spread evenly over the repeats that were traced.
+    /// Number of points, spread evenly over the traced repeats.
     pub places: usize,
-    /// Directions a side of a bin.
+    /// Number of directions per side of a bin.
     pub directions: usize,
 }
 
 impl Default for ComparisonOptions {
-    /// A direction a bin at each place: with a fourth of the places and four directions, light straight
-    /// through denim was off by up to 0.009 of 100 000 places'.
+    /// One direction per bin at each point: with a fourth of the points and four directions, light straight
+    /// through denim differed by up to 0.009 from that of 100 000 points.
     fn default() -> Self {
         ComparisonOptions { places: 4096, directions: 1 }
     }
 }
 
-/// Absorptions that are asked together.
+/// Number of absorptions that are evaluated together.
 const N: usize = 4;
 
 /// The inverse of the plastic number and its square: steps of an even sequence in the plane.
 const STEPS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
 
-/// The same of the directions within a bin and of the repeats, at odds with those of the places: powers of
-/// the root of x^5 = x + 1.
+/// The same for the directions within a bin and for the repeats, incommensurate with those of the points:
+/// powers of the root of x^5 = x + 1.
 const STEPS_OF_DIRECTIONS: [f64; 2] = [0.856_674_883_854_502_9, 0.733_891_856_627_126];
 const STEPS_OF_REPEATS: [f64; 2] = [0.628_706_721_042_211_5, 0.538_597_257_223_612_7];
 
-/// All views and absorptions of the twin, in its order. The fabric's own colors do not count: the absorptions
-/// are the twin's.
+/// Compares all views and absorptions of the twin, in its order. The fabric's own colors do not count: the
+/// absorptions are the twin's.
 pub fn compare(fabric: &FabricModel, twin: &ClothTwin, options: &ComparisonOptions) -> Vec<Comparison> {
     let steps = twin.sigma_count().div_ceil(N);
     let parts = parallel::map(twin.view_count() * steps, |part| {
@@ -83,13 +82,13 @@ pub fn compare(fabric: &FabricModel, twin: &ClothTwin, options: &ComparisonOptio
     parts.into_iter().flatten().collect()
 }
 
-/// Half-angle of the cone about the straight direction that is integrated apart [rad]: light beside plies and
-/// through gaps is narrow there.
+/// Half-angle of the cone about the straight direction that is integrated separately [rad]: light beside
+/// plies and through gaps is narrow there.
 const CONE_RAD: f64 = 0.2;
-/// Directions in the cone at each place.
+/// Number of directions in the cone at each point.
 const CONE_DIRECTIONS: usize = 64;
 
-/// Directions with their solid angles and bins, drawn anew for each place.
+/// Directions with their solid angles and bins, sampled again for each point.
 struct Directions {
     w: Vec<[f32; 3]>,
     solid_angle: Vec<f64>,
@@ -97,9 +96,9 @@ struct Directions {
 }
 
 impl Directions {
-    /// Evenly spread over cells of the bins, but for the cone about the straight direction, and over the
-    /// cone, denser towards its middle. Each place has others, so that the mean over places finds lobes
-    /// narrower than the cells.
+    /// Fills in directions: evenly spread over cells of the bins, except in the cone about the straight
+    /// direction, and over the cone, denser towards its middle. They differ between points, so the mean over
+    /// points resolves lobes narrower than the cells.
     fn fill(&mut self, bins: &SphereBins, wo: [f32; 3], side: usize, place: usize) {
         let straight = wo.map(|v| f64::from(-v));
         let shift = STEPS_OF_DIRECTIONS.map(|step| (0.5 + place as f64 * step).fract());
@@ -159,7 +158,7 @@ fn mean_of_model(
     let mut straight = [0.0f64; N];
     let places = options.places.max(1);
     for place in 0..places {
-        // Apart, as steps of many repeats are not even within one.
+        // Separately, since steps over many repeats are not uniform within one.
         let at = [0, 1].map(|k| {
             let even = |steps: [f64; 2]| (0.5 + place as f64 * steps[k]).fract();
             let repeat = (even(STEPS_OF_REPEATS) * f64::from(twin.repeats[k].max(1))).floor();
@@ -178,13 +177,13 @@ fn mean_of_model(
     (sums.into_iter().map(|sum| sum.map(|s| s * scale)).collect(), straight)
 }
 
-/// A model's densities beside the twin's.
+/// Compares a model's densities with the twin's.
 fn held_to(twin: &ClothTwin, view: usize, sigma: usize, model: &[f64], straight: f64) -> Comparison {
     let (density, variance) = twin.distribution(view, sigma);
     let from_face = twin.view(view)[2] > 0.0;
     let solid_angle = twin.bins.solid_angle();
-    // Of the upper half, the light's, then of the lower one: the model's energy, squared difference and
-    // squared density less the noise.
+    // For the upper half, where the light comes from, then the lower one: the model's energy, squared
+    // difference and squared density less the noise.
     let mut halves = [[0.0f64; 3]; 2];
     for bin in 0..twin.bins.len() {
         let half = &mut halves[usize::from(twin.bins.is_up(bin) != from_face)];

@@ -23,21 +23,21 @@ const NAMES: [&str; 15] = [
     "image",
 ];
 
-/// Keys of the JSON document beyond the common ones.
+/// Keys of the JSON document besides the common ones.
 #[derive(serde::Serialize, serde::Deserialize)]
 pub(crate) struct Keys {
     repeat_um: [f64; 2],
     repeats: [u32; 2],
 }
 
-/// Most that a sum of fractions may exceed 1, for rounding.
+/// Largest excess of a sum of fractions over 1, for rounding.
 const ROUNDING: f64 = 1e-6;
 
 impl ClothTwin {
-    /// Writes the twin (`docs/reference/format/cloth.md`), whole or not at all.
+    /// Writes the twin (`docs/reference/format/cloth.md`) atomically.
     ///
     /// # Errors
-    /// [`crate::Error::Invalid`] when it would not load again, [`crate::Error::Io`].
+    /// [`crate::Error::Invalid`] if it would not load again, [`crate::Error::Io`].
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
         document::save(self, path.as_ref())
     }
@@ -54,12 +54,12 @@ impl ClothTwin {
     /// The bytes of the file.
     ///
     /// # Errors
-    /// [`crate::Error::Invalid`] when it would not load again.
+    /// [`crate::Error::Invalid`] if it would not load again.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         document::to_bytes(self, "twin")
     }
 
-    /// Reads a twin from the bytes of its file; `name` stands for the file in errors.
+    /// Reads a twin from the bytes of its file; `name` identifies the file in errors.
     ///
     /// # Errors
     /// As [`ClothTwin::load`].

@@ -20,11 +20,6 @@ fn fabric(name: &'static str) -> Arc<FabricModel> {
     once.get_or_init(load).clone()
 }
 
-/// Each test of a cloth for each of these cloths, so that they run beside each other.
-macro_rules! of_each {
-    ($what:ident: $($cloth:ident)*) => { mod $what { $( #[test] fn $cloth() { super::$what(stringify!($cloth)); } )* } };
-}
-
 /// What a cloth may be off from its twin: R and T up to 60 degrees, twice that beyond; L2 of the upper half
 /// up to 60 degrees and beyond; L2 of the lower half where more than 0.05 is transmitted, up to 60 degrees.
 /// Issued limits are 0.015, 0.12 and 0.2; measured ones stand, rounded up. Light between yarns is that of
@@ -76,7 +71,54 @@ fn cloths_are_near_their_twins(name: &'static str) {
     assert!(lower < limits.lower, "{}: {lower}", limits.name);
 }
 
-of_each!(cloths_are_near_their_twins: polyester_layers polyester_satin silk_organza cotton_plain cotton_twill wool_plain gold_satin alpaca_plain glass_plain);
+mod cloths_are_near_their_twins {
+    use super::cloths_are_near_their_twins as of;
+    #[test]
+    #[ignore = "slow: 15 s: cloths are near their twins, polyester layers"]
+    fn polyester_layers() {
+        of("polyester_layers");
+    }
+    #[test]
+    #[ignore = "slow: 25 s: cloths are near their twins, polyester satin"]
+    fn polyester_satin() {
+        of("polyester_satin");
+    }
+    #[test]
+    #[ignore = "slow: 25 s: cloths are near their twins, silk organza"]
+    fn silk_organza() {
+        of("silk_organza");
+    }
+    #[test]
+    #[ignore = "slow: 35 s: cloths are near their twins, cotton plain"]
+    fn cotton_plain() {
+        of("cotton_plain");
+    }
+    #[test]
+    #[ignore = "slow: 50 s: cloths are near their twins, cotton twill"]
+    fn cotton_twill() {
+        of("cotton_twill");
+    }
+    #[test]
+    #[ignore = "slow: 35 s: cloths are near their twins, wool plain"]
+    fn wool_plain() {
+        of("wool_plain");
+    }
+    #[test]
+    #[ignore = "slow: 90 s: cloths are near their twins, gold satin"]
+    fn gold_satin() {
+        of("gold_satin");
+    }
+    #[test]
+    #[ignore = "slow: 30 s: cloths are near their twins, alpaca plain"]
+    fn alpaca_plain() {
+        of("alpaca_plain");
+    }
+    #[test]
+    #[ignore = "slow: 30 s: cloths are near their twins, glass plain"]
+    fn glass_plain() {
+        of("glass_plain");
+    }
+}
 
 /// Mean over places of a clear cloth.
 fn places(fabric: &FabricModel, n: usize) -> impl Iterator<Item = [f32; 2]> {
@@ -146,7 +188,28 @@ fn clear_cloths_conserve_energy_both_ways(cloth: &'static str) {
     }
 }
 
-of_each!(clear_cloths_conserve_energy_both_ways: polyester_layers polyester_satin silk_organza cotton_plain);
+mod clear_cloths_conserve_energy_both_ways {
+    use super::clear_cloths_conserve_energy_both_ways as of;
+    #[test]
+    fn polyester_layers() {
+        of("polyester_layers");
+    }
+    #[test]
+    #[ignore = "slow: 15 s: clear cloths conserve energy both ways, polyester satin"]
+    fn polyester_satin() {
+        of("polyester_satin");
+    }
+    #[test]
+    #[ignore = "slow: 10 s: clear cloths conserve energy both ways, silk organza"]
+    fn silk_organza() {
+        of("silk_organza");
+    }
+    #[test]
+    #[ignore = "slow: 15 s: clear cloths conserve energy both ways, cotton plain"]
+    fn cotton_plain() {
+        of("cotton_plain");
+    }
+}
 
 /// The mean over a repeat is the same with view and light swapped.
 #[test]
@@ -204,7 +267,39 @@ fn samples_cover_what_eval_holds(name: &'static str) {
     assert!((by_samples - by_directions).abs() < 4.0 * se + 0.003, "{name}: {by_samples} {by_directions}");
 }
 
-of_each!(samples_cover_what_eval_holds: polyester_layers polyester_satin silk_organza cotton_plain cotton_twill wool_plain);
+mod samples_cover_what_eval_holds {
+    use super::samples_cover_what_eval_holds as of;
+    #[test]
+    #[ignore = "slow: 10 s: samples cover what eval holds, polyester layers"]
+    fn polyester_layers() {
+        of("polyester_layers");
+    }
+    #[test]
+    #[ignore = "slow: 10 s: samples cover what eval holds, polyester satin"]
+    fn polyester_satin() {
+        of("polyester_satin");
+    }
+    #[test]
+    #[ignore = "slow: 10 s: samples cover what eval holds, silk organza"]
+    fn silk_organza() {
+        of("silk_organza");
+    }
+    #[test]
+    #[ignore = "slow: 15 s: samples cover what eval holds, cotton plain"]
+    fn cotton_plain() {
+        of("cotton_plain");
+    }
+    #[test]
+    #[ignore = "slow: 15 s: samples cover what eval holds, cotton twill"]
+    fn cotton_twill() {
+        of("cotton_twill");
+    }
+    #[test]
+    #[ignore = "slow: 10 s: samples cover what eval holds, wool plain"]
+    fn wool_plain() {
+        of("wool_plain");
+    }
+}
 
 /// Largest weight of gray samples, by mean over the channels of dyed ones, and their greatest variance over
 /// the square of the mean, at one place and view, clear, light and with the spec's own colors. Those of dyed
@@ -274,4 +369,35 @@ fn weights_of_samples_are_small(name: &'static str) {
     }
 }
 
-of_each!(weights_of_samples_are_small: polyester_layers polyester_satin silk_organza cotton_plain cotton_twill wool_plain);
+mod weights_of_samples_are_small {
+    use super::weights_of_samples_are_small as of;
+    #[test]
+    fn polyester_layers() {
+        of("polyester_layers");
+    }
+    #[test]
+    #[ignore = "slow: 5 s: weights of samples are small, polyester satin"]
+    fn polyester_satin() {
+        of("polyester_satin");
+    }
+    #[test]
+    #[ignore = "slow: 5 s: weights of samples are small, silk organza"]
+    fn silk_organza() {
+        of("silk_organza");
+    }
+    #[test]
+    #[ignore = "slow: 5 s: weights of samples are small, cotton plain"]
+    fn cotton_plain() {
+        of("cotton_plain");
+    }
+    #[test]
+    #[ignore = "slow: 10 s: weights of samples are small, cotton twill"]
+    fn cotton_twill() {
+        of("cotton_twill");
+    }
+    #[test]
+    #[ignore = "slow: 5 s: weights of samples are small, wool plain"]
+    fn wool_plain() {
+        of("wool_plain");
+    }
+}

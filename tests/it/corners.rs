@@ -183,7 +183,7 @@ fn bandwidths_at_their_ends_are_resolved() {
 }
 
 #[test]
-#[ignore = "slow: 5 min: every tensor of the file"]
+#[ignore = "slow: 300 s: every tensor of the file"]
 fn every_tensor_at_its_ends_is_answered_in_time() {
     let small = File::load("tests/data/small.pwm");
     // What the small model has not.

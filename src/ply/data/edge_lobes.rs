@@ -1,10 +1,10 @@
 //! Ply-edge diffraction lobes (Yu 2025, 6.1, Eq. 17, 18): the light of a beam that passes beside a ply,
 //! spread by the edge it passes.
 //!
-//! The lobe points forward (theta -theta_i, phi 3 pi/2, phi_xy 0), so that its x axis is the ply's, and
-//! carries the energy r_d. Only its bandwidths are stored, over the wavelength and over how far inside the
-//! ply's edge the beam's center is, e = R - |h|; e < 0 is a beam whose center misses. The lobe is normalized
-//! exactly, not by `mu1 mu2/pi` (docs/explain/papers.md).
+//! The lobe points forward (theta -theta_i, phi 3 pi/2, phi_xy 0), so its x axis is the ply's, and has the
+//! energy r_d. Only its bandwidths are stored, over the wavelength and over e = R - |h|, the distance of the
+//! beam's center inside the ply's edge; at e < 0 the beam's center misses. The lobe is normalized exactly,
+//! not by `mu1 mu2/pi` (docs/explain/papers.md).
 
 use crate::Result;
 use crate::io::{Check, Reader, Writer, invalid};
@@ -16,10 +16,10 @@ pub(crate) const NAMES: [&str; 4] = ["edge_radius_um", "edge_lambda_um", "edge_i
 
 /// Greatest bandwidth of an edge lobe: a beam of waist 200 um in violet light.
 pub const EDGE_MU_MAX: f64 = 1e7;
-/// Most nodes of an axis.
+/// Largest number of nodes of an axis.
 const MAX_NODES: usize = 1024;
 
-/// Bandwidths of the edge lobe at nodes; ln mu is bilinear between them and that of the border beyond.
+/// Bandwidths of the edge lobe at nodes; ln mu is bilinear between them and constant beyond.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EdgeLobes {
     /// Radius R of the ply [um], from which e is counted.
@@ -33,7 +33,7 @@ pub struct EdgeLobes {
 }
 
 impl EdgeLobes {
-    /// The lobe of energy 1 at an incidence: the reference implementation of what the runtime evaluates.
+    /// The lobe of energy 1 at an incidence: the reference implementation of the runtime's evaluation.
     pub fn lobe(&self, theta_i: f64, h_um: f64, lambda_um: f64) -> Lobe {
         let place = |axis: &[f64], x: f64| {
             let last = axis.len() - 1;
@@ -60,7 +60,7 @@ impl EdgeLobes {
         w.f32("edge_ln_mu", &[l, e, 2], self.ln_mu.iter().map(|v| *v as f32));
     }
 
-    /// The lobes of a file; `None` where it has no tensor of them.
+    /// Reads the lobes of a file; `None` if it has no tensor of them.
     pub(crate) fn read(r: &Reader<'_>) -> Result<Option<EdgeLobes>> {
         if NAMES.iter().all(|name| !r.has(name)) {
             return Ok(None);
@@ -74,7 +74,7 @@ impl EdgeLobes {
         }))
     }
 
-    /// What lobes must satisfy, read or written.
+    /// Checks that lobes are valid, when read or written.
     pub(crate) fn check(&self, c: &Check<'_>) -> Result<()> {
         c.range("edge_radius_um", &[self.radius_um], 1e-3, 1e6)?;
         let (l, e) = (self.lambda_um.len(), self.inside_um.len());
@@ -89,12 +89,12 @@ impl EdgeLobes {
             c.range(name, axis, low, high)?;
         }
         c.len("edge_ln_mu", self.ln_mu.len(), &[l, e, 2])?;
-        // A bandwidth at its bound may leave it by the rounding to f32.
+        // Rounding to f32 may move a bandwidth slightly past its bound.
         c.range("edge_ln_mu", &self.ln_mu, MU_MIN.ln() - 1e-5, EDGE_MU_MAX.ln() + 1e-5)
     }
 }
 
-/// Bandwidth of the uncut beam: `|k|^2` falls as `exp(-2 (pi w0 u/lambda)^2)`.
+/// Bandwidth of the unobstructed beam: `|k|^2` falls as `exp(-2 (pi w0 u/lambda)^2)`.
 pub fn beam_mu(w0_um: f64, lambda_um: f64) -> f64 {
     2.0 * (PI * w0_um / lambda_um).powi(2)
 }

@@ -1,35 +1,34 @@
-//! Energies of a ply model between its nodes: splines over (theta_i, h) whose coefficients a model file
-//! holds.
+//! Energies of a ply model between its nodes: splines over (theta_i, h) whose coefficients are stored in a
+//! model file.
 //!
-//! With m(x) the chance that a line at lateral position x meets a fiber and g the beam's profile,
-//! `1 - r_d(h) = (m * g)(h)`: the energies follow the beam's width, a few um, while lobes change over the
-//! ply's. So energies have grids of their own. They are kept as two quantities:
+//! With m(x) the chance that a line at lateral position x hits a fiber and g the beam's profile,
+//! `1 - r_d(h) = (m * g)(h)`: the energies vary over the beam's width, a few um, while lobes vary over the
+//! ply's. So energies have their own grids. They are stored as two quantities:
 //!
-//! - the missed share `r_d`. Along theta_i it is as sharp as along h where light runs parallel to the leaning
-//!   fibers of the rim: at `tan(theta_i) = pitch / (2 pi h)` the rim of one side opens, so its grid is fine
-//!   in both;
-//! - the shares of the light that meets fibers, `q_refl` and the path-length spectrum `q_high`. What a fiber
-//!   does depends little on where the beam meets it, so that these are smooth, and at sigma = 0 they add up
-//!   to 1.
+//! - the missed share `r_d`. Along theta_i it is as sharp as along h where light is parallel to the leaning
+//! fibers of the rim: at `tan(theta_i) = pitch / (2 pi h)` the rim of one side opens, so its grid is fine in
+//! both;
+//! - the shares of the light that hits fibers, `q_refl` and the path-length spectrum `q_high`. Scattering by
+//! a fiber depends little on where the beam hits it, so these are smooth, and at sigma = 0 they sum to 1.
 //!
-//! Then `E_refl = (1 - r_d) q_refl`, `E_high = (1 - r_d) q_high`, and `r_d + E_refl + E_high = 1` holds
-//! wherever they are asked for.
+//! Then `E_refl = (1 - r_d) q_refl`, `E_high = (1 - r_d) q_high`, and `r_d + E_refl + E_high = 1` holds at
+//! every incidence.
 //!
 //! The splines are quadratic B-splines on the nodes of a uniform axis: at a distance f from the nearest node
 //! i, |f| <= 1/2 of a step, `(1/2 - f)^2 / 2 c[i-1] + (3/4 - f^2) c[i] + (1/2 + f)^2 / 2 c[i+1]`. Weights are
-//! never negative and add up to 1: values stay within the bounds of the coefficients, and sums of quantities
-//! are kept. The slope is continuous. For a profile blurred by a Gaussian of standard deviation s the error
-//! goes with the cube of the step, `4 step^3 |f'''| / (2 pi)^3`: 8e-4 of an edge's height at a step of s/2,
+//! never negative and sum to 1: values stay within the bounds of the coefficients, and sums of quantities are
+//! preserved. The slope is continuous. For a profile blurred by a Gaussian of standard deviation s the error
+//! grows with the cube of the step, `4 step^3 |f'''| / (2 pi)^3`: 8e-4 of an edge's height at a step of s/2,
 //! 4e-4 at 0.4 s.
 //!
-//! At the ends the coefficients go on linearly, `c[-1] = 2 c[0] - c[1]`; at theta_i = 0 they are mirrored,
-//! `c(-theta_i, h) = c(theta_i, -h)`.
+//! At the ends the coefficients are extrapolated linearly, `c[-1] = 2 c[0] - c[1]`; at theta_i = 0 they are
+//! mirrored, `c(-theta_i, h) = c(theta_i, -h)`.
 
 use crate::Result;
 use crate::io::{Check, Reader, Writer, invalid};
 use crate::table::TOLERANCE;
 
-/// Most nodes of an axis.
+/// Largest number of nodes of an axis.
 const MAX_NODES: usize = 4095;
 
 /// Coefficients of a model's energies. Arrays are flat, last index fastest.
@@ -37,13 +36,13 @@ const MAX_NODES: usize = 4095;
 pub struct PlyEnergies {
     /// `[A]` latitudes of `miss` [rad], uniform from 0 to the model's last.
     pub miss_theta_i: Vec<f64>,
-    /// `[B]` offsets of `miss` [um], uniform over the model's.
+    /// `[B]` offsets of `miss` [um], uniform over the model's range.
     pub miss_h_um: Vec<f64>,
     /// `[A][B]`: coefficients of r_d, in [0, 1].
     pub miss: Vec<f64>,
     /// `[P]` latitudes of the shares [rad], uniform from 0 to the model's last.
     pub share_theta_i: Vec<f64>,
-    /// `[Q]` offsets of the shares [um], uniform over the model's.
+    /// `[Q]` offsets of the shares [um], uniform over the model's range.
     pub share_h_um: Vec<f64>,
     /// `[P][Q]`: coefficients of q_refl, >= 0.
     pub share_refl: Vec<f64>,
@@ -54,7 +53,7 @@ pub struct PlyEnergies {
 /// Energies at an incidence.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EnergiesAt {
-    /// Fraction of the beam that meets no fiber.
+    /// Fraction of the beam that hits no fiber.
     pub r_d: f64,
     /// Energy of f_refl.
     pub refl: f64,
@@ -63,19 +62,19 @@ pub struct EnergiesAt {
 }
 
 impl EnergiesAt {
-    /// Energy of f_high at an absorption [1/um], of spectra on the path lengths `path_um`.
+    /// Energy of f_high at an absorption [1/um], for spectra on the path lengths `path_um`.
     pub fn high_at(&self, sigma_per_um: f64, path_um: &[f64]) -> f64 {
         self.high.iter().zip(path_um).map(|(e, l)| e * (-sigma_per_um * l).exp()).sum()
     }
 
-    /// Of f_refl at `p` = 0, then of path length p - 1 of f_high.
+    /// Part `p`: f_refl at 0, then path length p - 1 of f_high.
     pub(in crate::ply) fn part(&self, p: usize) -> f64 {
         if p == 0 { self.refl } else { self.high[p - 1] }
     }
 }
 
 impl PlyEnergies {
-    /// Energies at (theta_i, h) [rad, um]; beyond the nodes those at the nearest.
+    /// Energies at (theta_i, h) [rad, um]; those at the nearest node beyond the grid.
     pub fn at(&self, theta_i: f64, h_um: f64) -> EnergiesAt {
         let h_um = if theta_i < 0.0 { -h_um } else { h_um };
         let missed = Taps::new(&self.miss_theta_i, &self.miss_h_um, theta_i.abs(), h_um);
@@ -91,7 +90,7 @@ impl PlyEnergies {
 }
 
 impl PlyEnergies {
-    /// With the coefficients in single precision, as files have them.
+    /// The energies with coefficients in single precision, as in files.
     pub(in crate::ply) fn rounded(&self) -> PlyEnergies {
         let round = |values: &[f64]| values.iter().map(|v| f64::from(*v as f32)).collect();
         PlyEnergies {
@@ -102,7 +101,7 @@ impl PlyEnergies {
         }
     }
 
-    /// Writes the tensors, the coefficients in f32. `j` is the number of path lengths.
+    /// Writes the tensors, with coefficients in f32. `j` is the number of path lengths.
     pub(in crate::ply) fn write(&self, w: &mut Writer, j: usize) {
         let (a, b) = (self.miss_theta_i.len(), self.miss_h_um.len());
         let (p, q) = (self.share_theta_i.len(), self.share_h_um.len());
@@ -131,8 +130,7 @@ impl PlyEnergies {
         })
     }
 
-    /// What the energies of a model must satisfy whose nodes end at `last` (theta_i, h), with `j` path
-    /// lengths.
+    /// Checks the energies of a model whose nodes end at `last` (theta_i, h), with `j` path lengths.
     pub(in crate::ply) fn check(&self, c: &Check<'_>, last: [f64; 2], j: usize) -> Result<()> {
         let sizes = [
             [("miss_theta_i", &self.miss_theta_i), ("miss_h_um", &self.miss_h_um)],
@@ -182,7 +180,7 @@ impl PlyEnergies {
     }
 }
 
-/// Nodes around a place and their weights.
+/// The nodes around a point and their weights.
 pub(in crate::ply) struct Taps {
     pub(in crate::ply) at: [usize; 2],
     pub(in crate::ply) weights: [[f64; 3]; 2],
@@ -201,7 +199,7 @@ impl Taps {
         Taps { at: [m, n], weights: [wm, wn], sizes: [theta_i.len(), h_um.len()] }
     }
 
-    /// Of entry `k` of arrays `[rows][columns][stride]`.
+    /// Interpolated entry `k` of arrays `[rows][columns][stride]`.
     pub(in crate::ply) fn value(&self, c: &[f64], stride: usize, k: usize) -> f64 {
         let mut sum = 0.0;
         for (a, wa) in self.weights[0].iter().enumerate() {
@@ -214,12 +212,13 @@ impl Taps {
     }
 }
 
-/// Weights of the nodes before, nearest to and after a place at the distance `f` from the nearest, in steps.
+/// Weights of the nodes before, nearest to and after a point at the distance `f` from the nearest, in steps.
 fn weights(f: f64) -> [f64; 3] {
     [0.5 * (0.5 - f) * (0.5 - f), 0.75 - f * f, 0.5 * (0.5 + f) * (0.5 + f)]
 }
 
-/// Coefficient (m, n) of a grid, from one before the first to one after the last of each axis (module text).
+/// Coefficient (m, n) of a grid, from one before the first to one after the last of each axis (see the
+/// module).
 pub(in crate::ply) fn coefficient(
     [rows, columns]: [usize; 2],
     m: isize,
@@ -247,7 +246,7 @@ pub(in crate::ply) fn coefficient(
 /// Coefficients of the spline that has `values[rows][columns]` at the nodes; at least 2 of each.
 pub fn spline_coefficients(values: &[f64], rows: usize, columns: usize) -> Vec<f64> {
     let mut c: Vec<f64> = values.chunks_exact(columns).flat_map(|row| filtered(row, None)).collect();
-    // Along theta_i the part that is even in h is mirrored at 0, the odd part changes its sign there.
+    // Along theta_i the part that is even in h is mirrored at 0; the odd part changes its sign there.
     for n in 0..columns.div_ceil(2) {
         let other = columns - 1 - n;
         let column = |sign: f64| -> Vec<f64> {
@@ -261,8 +260,8 @@ pub fn spline_coefficients(values: &[f64], rows: usize, columns: usize) -> Vec<f
     c
 }
 
-/// Along one axis: `c[i-1] + 6 c[i] + c[i+1] = 8 v[i]`. The last coefficient goes on linearly, so it is its
-/// value; the first does too, or there is `c[-1] = mirrored c[1]`.
+/// Solves along one axis: `c[i-1] + 6 c[i] + c[i+1] = 8 v[i]`. The last coefficient is extrapolated linearly,
+/// so it equals its value; so is the first, unless `c[-1] = mirrored c[1]`.
 fn filtered(v: &[f64], mirrored: Option<f64>) -> Vec<f64> {
     let last = v.len() - 1;
     let (first, next) = mirrored.map_or((8.0, 0.0), |sign| (6.0, 1.0 + sign));
@@ -328,7 +327,7 @@ mod tests {
     }
 
     /// The edge of a ply in a beam of standard deviation s, which leans with theta_i. Halving the step
-    /// divides the error by 8 or so.
+    /// divides the error by about 8.
     #[test]
     fn a_blurred_edge_is_found_between_the_nodes() {
         let s = 5.0;

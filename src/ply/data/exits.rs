@@ -1,15 +1,15 @@
-//! Where light leaves a ply: at which distance from the ply's axis its line passes.
+//! Exit positions: the distance from the ply's axis at which an exiting line passes it.
 //!
-//! Yu 2025, 5.3, lets light leave evenly over the ply's width. The simulation records where light of each
-//! azimuth leaves (`table::ExitPositions`), as t, over R from -1 to 1:
-//! light that has passed little material leaves near the place at which it came in. The mean of t is a
-//! polynomial of the azimuth, `t = c . (1, x, y, x y, x^2 - y^2)` of the unit vector (x, y) of the
-//! direction's azimuth in the ply frame: light that leaves around a place P over R of the ply's section has
-//! `t = x P_y - y P_x`. There is one for single reflection, one for other light of clear fibers and one for
-//! that of dark ones, of which light with the absorption sigma has the shares `v = 1 / (1 + sigma L)` and 1 -
-//! v, L = [`EXIT_LENGTH_UM`]. About the mean, light lies as the density of [`ExitShape`] has it, whose length
-//! tells how far light gets aside: clear fibers spread it over the ply, metal wires, whose first reflection
-//! is of f_high as well, send it out next to where it came in.
+//! Yu 2025, 5.3, lets light exit uniformly over the ply's width. The simulation records the exit position of
+//! light of each azimuth (`table::ExitPositions`) as t, over R from -1 to 1: light that passed little
+//! material exits near its entry point. The mean of t is a polynomial of the azimuth,
+//! `t = c . (1, x, y, x y, x^2 - y^2)` of the unit vector (x, y) of the direction's azimuth in the ply frame:
+//! light that exits around a point P over R of the ply's section has `t = x P_y - y P_x`. There are three
+//! such polynomials: for single reflection, for other light of clear fibers, and for other light of dark
+//! fibers. Other light at absorption sigma mixes the last two with the shares `v = 1 / (1 + sigma L)` and 1 -
+//! v, L = [`EXIT_LENGTH_UM`]. About the mean, light has the density of [`ExitShape`], whose length is the
+//! lateral spread: clear fibers spread light over the ply; metal wires, whose first reflection is in f_high
+//! as well, send it out next to its entry point.
 
 use crate::Result;
 use crate::io::{Check, Reader, Writer};
@@ -19,21 +19,21 @@ use std::sync::LazyLock;
 
 /// Names of the tensors in a model file.
 pub(crate) const NAMES: [&str; 2] = ["exit_offset", "exit_length"];
-/// Kinds of light: single reflection, other light of clear fibers, that of dark ones.
+/// Kinds of light: single reflection, other light of clear fibers, other light of dark fibers.
 pub const EXIT_KINDS: usize = 3;
 /// Terms of the polynomial of the azimuth.
 pub const EXIT_TERMS: usize = 5;
 /// L of the dependence on absorption [um], a path through a ply.
 pub const EXIT_LENGTH_UM: f64 = 150.0;
-/// Largest coefficient of a file.
+/// Largest coefficient in a file.
 const MAX: f64 = 100.0;
-/// Lengths of the kinds' densities, over R, of models that do not tell theirs: near those that come closest
-/// to the cumulative shares that simulations of polyester, silk, cotton and wool record.
+/// Lengths of the kinds' densities, over R, for models without stored lengths: close to the best fit to the
+/// cumulative shares that simulations of polyester, silk, cotton and wool record.
 pub const USUAL_EXIT_LENGTHS: [f64; EXIT_KINDS] = [0.13, 0.65, 0.18];
-/// Least and greatest length.
+/// Smallest and largest length.
 pub const EXIT_LENGTHS: [f64; 2] = [0.02, 4.0];
 
-/// Offsets at which light leaves.
+/// Exit offsets of a model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExitOffsets {
     /// `[M][H][EXIT_KINDS][EXIT_TERMS]`: coefficients of the mean over R, at the nodes of the lobes.
@@ -42,7 +42,7 @@ pub struct ExitOffsets {
     pub length: [f64; EXIT_KINDS],
 }
 
-/// The polynomial's terms at an azimuth of this cosine and sine.
+/// Terms of the polynomial at an azimuth with this cosine and sine.
 #[inline]
 pub fn exit_terms(x: f32, y: f32) -> [f32; EXIT_TERMS] {
     [1.0, x, y, x * y, x * x - y * y]
@@ -51,7 +51,7 @@ pub fn exit_terms(x: f32, y: f32) -> [f32; EXIT_TERMS] {
 impl ExitOffsets {
     pub(crate) fn write(&self, w: &mut Writer, m: usize, h: usize) {
         w.f32(NAMES[0], &[m, h, EXIT_KINDS, EXIT_TERMS], self.mean.iter().map(|v| *v as f32));
-        // A file that did not tell them is written as it was.
+        // A file without stored lengths is written unchanged.
         if self.length != USUAL_EXIT_LENGTHS {
             w.f32(NAMES[1], &[EXIT_KINDS], self.length.iter().map(|v| *v as f32));
         }
@@ -77,7 +77,7 @@ impl ExitOffsets {
 
 type Coefficients = [[f32; EXIT_TERMS]; EXIT_KINDS];
 
-/// The offsets of a model as evaluation needs them.
+/// Exit offsets laid out for evaluation.
 #[derive(Clone, Debug)]
 pub(crate) struct ExitTables {
     rows: usize,
@@ -105,7 +105,7 @@ impl ExitTables {
         })
     }
 
-    /// At an incidence, bilinear over the nodes. A negative latitude is turned about y.
+    /// Offsets at an incidence, bilinear over the nodes. A negative latitude is rotated about y.
     pub(crate) fn at(&self, theta_i: f32, h_um: f32) -> ExitsAt {
         let (theta, h) = (theta_i.abs(), if theta_i < 0.0 { -h_um } else { h_um });
         let place = |x: f32, count: usize| {
@@ -139,24 +139,24 @@ impl ExitTables {
     }
 }
 
-/// Greatest tangent of a latitude that counts, for light all but along a ply.
+/// Largest tangent of a latitude that is used, for light almost along a ply.
 const MAX_TAN: f32 = 6.0;
 
 fn tan(theta: f32) -> f32 {
     theta.sin() / theta.cos().max(1.0 / MAX_TAN)
 }
 
-/// The line on which light leaves, in units of R: at its nearest to the ply's axis it passes it `-t` along
-/// `w cross z`, `s` further along z than the line on which the light came.
+/// The line on which light exits, in units of R: at its point nearest to the ply's axis it passes the axis
+/// `-t` along `w cross z`, `s` further along z than the incident line.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ExitLine {
     pub t: f32,
     pub s: f32,
-    /// How light of its kind lies about it, over t.
+    /// Distribution of light of its kind about the line, over t.
     pub density: ExitDensity,
 }
 
-/// Offsets at an incidence.
+/// Exit offsets at an incidence.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ExitsAt {
     mean: Coefficients,
@@ -165,8 +165,8 @@ pub(crate) struct ExitsAt {
 }
 
 impl ExitsAt {
-    /// Of models without a record: single reflection leaves from the ply's wall, where a line at the offset
-    /// `h` (over R) enters it, other light from anywhere.
+    /// Offsets for models without a record: single reflection exits from the ply's wall, where a line at the
+    /// offset `h` (over R) enters it, other light from anywhere.
     pub(crate) fn unknown(theta_i: f32, h: f32) -> ExitsAt {
         let h = h.clamp(-1.0, 1.0);
         let mut mean = [[0.0; EXIT_TERMS]; EXIT_KINDS];
@@ -174,10 +174,10 @@ impl ExitsAt {
         ExitsAt { mean, tan: tan(theta_i) }
     }
 
-    /// Mean lines of the three kinds of light in a direction of the ply frame, of a model with these shapes.
+    /// Mean lines of the three kinds of light in a direction of the ply frame, for a model with these shapes.
     ///
-    /// The place P at which the light turns lies on the line on which it came, `P_z = P_y tan theta_i`; the
-    /// line on which it leaves is nearest to the axis at `s = P_z - (P_x x + P_y y) tan theta_o`.
+    /// The point P at which the light turns lies on the incident line, `P_z = P_y tan theta_i`; the exit line
+    /// is nearest to the axis at `s = P_z - (P_x x + P_y y) tan theta_o`.
     #[inline]
     pub(crate) fn lines(&self, shapes: &[ExitShape; EXIT_KINDS], wo: [f32; 3]) -> [ExitLine; EXIT_KINDS] {
         let squared = wo[0] * wo[0] + wo[1] * wo[1];
@@ -196,20 +196,20 @@ impl ExitsAt {
         })
     }
 
-    /// Share v of the clear fibers' kind.
+    /// Share v of the kind of clear fibers.
     #[inline]
     pub(crate) fn clear_share(sigma_per_um: f32) -> f32 {
         1.0 / (1.0 + EXIT_LENGTH_UM as f32 * sigma_per_um.clamp(0.0, 1e6))
     }
 }
 
-/// Means of a shape, from 0 to the greatest that counts.
+/// Number of tabulated means of a shape, from 0 to the greatest.
 const MEANS: usize = 65;
 const MAX_MEAN: f32 = 0.97;
 
-/// Densities of one length: how light of a kind lies across a ply where it leaves, by its mean offset. Over
-/// the offsets t, from -1 to 1, it falls exponentially on both sides of a mode, `exp(-|t - mode| / length)`
-/// over its integral (docs/explain/cloth_model.md, Where light leaves a ply).
+/// Densities of one length: the distribution of a kind of light across a ply at its exit, by its mean offset.
+/// Over the offsets t, from -1 to 1, it falls exponentially on both sides of a mode,
+/// `exp(-|t - mode| / length)` over its integral (docs/explain/cloth_model.md, Where light leaves a ply).
 #[derive(Clone, Debug)]
 pub struct ExitShape {
     /// Mode and length by the mean, both over R.
@@ -217,25 +217,25 @@ pub struct ExitShape {
 }
 
 impl ExitShape {
-    /// Of a length over R, in [`EXIT_LENGTHS`].
+    /// The shape of a length over R, in [`EXIT_LENGTHS`].
     pub fn new(length: f64) -> ExitShape {
         let mean = |i: usize| f64::from(MAX_MEAN) * i as f64 / (MEANS - 1) as f64;
         ExitShape { nodes: std::array::from_fn(|i| shape(mean(i), length).map(|v| v as f32)) }
     }
 
-    /// Of the [usual lengths](USUAL_EXIT_LENGTHS).
+    /// Shapes of the [usual lengths](USUAL_EXIT_LENGTHS).
     pub(crate) fn usual() -> &'static [ExitShape; EXIT_KINDS] {
         static SHAPES: LazyLock<[ExitShape; EXIT_KINDS]> = LazyLock::new(|| USUAL_EXIT_LENGTHS.map(ExitShape::new));
         &SHAPES
     }
 
-    /// The share of light that leaves a ply at offsets below `t`, over R from -1 to 1, of a kind whose mean
+    /// The share of light that exits a ply at offsets below `t`, over R from -1 to 1, for a kind whose mean
     /// offset is `mean` ([`ExitOffsets`]).
     pub fn share_below(&self, mean: f32, t: f32) -> f32 {
         self.density(mean).below(t)
     }
 
-    /// The density of this mean.
+    /// The density with this mean.
     #[inline]
     pub(crate) fn density(&self, mean: f32) -> ExitDensity {
         const PER: f32 = (MEANS - 1) as f32 / MAX_MEAN;
@@ -249,15 +249,15 @@ impl ExitShape {
         ExitDensity { mode, per, tail, per_all: 1.0 / (2.0 - tail - other) }
     }
 
-    /// Mode and length by the mean, `[MEANS][2]`, and that shape.
+    /// The table of mode and length by the mean, and its shape `[MEANS][2]`.
     pub(crate) fn numbers(&self) -> (&[f32], [usize; 2]) {
         (self.nodes.as_flattened(), [MEANS, 2])
     }
 }
 
-/// Mean of the density of this mode and length.
+/// Mean of the density with this mode and length.
 fn mean_of(mode: f64, length: f64) -> f64 {
-    // Of each side of the mode, its width: energy and first moment about the mode, over the length.
+    // For each side of the mode, its width: energy and first moment about the mode, over the length.
     let [below, above] = [1.0 + mode, 1.0 - mode].map(|width| {
         let tail = (-width / length).exp();
         [1.0 - tail, length - (length + width) * tail]
@@ -265,8 +265,8 @@ fn mean_of(mode: f64, length: f64) -> f64 {
     mode + (above[1] - below[1]) / (below[0] + above[0])
 }
 
-/// Mode and length of the density with a mean of 0 or more. Light whose mean lies too near to the rim for the
-/// kind's length has its mode there, and a shorter one.
+/// Mode and length of the density with a mean of 0 or more. If the mean lies too near to the rim for the
+/// kind's length, the mode is at the rim and the length is shorter.
 fn shape(mean: f64, length: f64) -> [f64; 2] {
     let is_short = mean_of(1.0, length) < mean;
     let (mut low, mut high) = if is_short { (1e-3, length) } else { (0.0, 1.0) };
@@ -284,14 +284,14 @@ pub(crate) struct ExitDensity {
     mode: f32,
     /// log2(e) over the length.
     per: f32,
-    /// What the density at the lower rim is over that of the mode.
+    /// The density at the lower rim over that at the mode.
     tail: f32,
     /// 1 over the integral, in lengths.
     per_all: f32,
 }
 
 impl ExitDensity {
-    /// The share that leaves at offsets below `t`.
+    /// The share that exits at offsets below `t`.
     #[inline]
     pub(crate) fn below(&self, t: f32) -> f32 {
         let t = max(min(t, 1.0), -1.0) - self.mode;
@@ -304,7 +304,7 @@ impl ExitDensity {
         exp2::<false>(-(t - self.mode).abs() * self.per) * self.per_all * self.per * std::f32::consts::LN_2
     }
 
-    /// The offset below which the share `u` leaves.
+    /// The offset below which the share `u` exits.
     pub(crate) fn draw(&self, u: f32) -> f32 {
         let e = u / self.per_all + self.tail;
         let t = if e < 1.0 { e.log2() } else { -(2.0 - e).max(f32::MIN_POSITIVE).log2() };
@@ -316,8 +316,7 @@ impl ExitDensity {
 mod tests {
     use super::*;
 
-    /// The density has the mean that is asked for, is the slope of its cumulative, and what is drawn lies as
-    /// it says.
+    /// The density has the requested mean and is the slope of its cumulative share, and samples follow it.
     #[test]
     fn densities_have_their_mean() {
         const STEPS: usize = 2000;
@@ -344,7 +343,7 @@ mod tests {
         }
     }
 
-    /// A place of the section, seen from a turned ply, is the turned place.
+    /// A point of the section, seen from a rotated ply, is the rotated point.
     #[test]
     fn negative_latitudes_are_turned() {
         let node = |h: f32| -> Coefficients { [[0.1, 0.7, -h, 0.2, 0.05]; EXIT_KINDS] };

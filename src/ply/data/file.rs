@@ -31,26 +31,26 @@ const NAMES: [&str; 14] = [
     "error_high",
 ];
 
-/// Tensors of the lobes of f_refl and of f_high, by family: a reader that knows one family alone refuses the
-/// files of the other.
+/// Tensors of the lobes of f_refl and of f_high, by family: a reader for one family only refuses the files of
+/// the other.
 const LOBES: [(LobeKind, [&str; 2]); 2] =
     [(LobeKind::Round, ["refl", "high"]), (LobeKind::Cone, ["cone_refl", "cone_high"])];
 
-/// Names of the two.
+/// Names of the two tensors.
 fn lobe_names(family: LobeKind) -> [&'static str; 2] {
     LOBES[usize::from(family == LobeKind::Cone)].1
 }
 
-/// Most nodes of an axis of incidence.
+/// Largest number of nodes of an axis of incidence.
 const MAX_NODES: usize = 4095;
-/// Least step of an axis of incidence [rad, um]: its inverse is a number in f32.
+/// Smallest step of an axis of incidence [rad, um]: its inverse is finite in f32.
 const MIN_STEP: f64 = 1e-6;
 
-/// One stored value of eval: a foreign reader, or a later version of this one, finds out whether it computes
-/// the same.
+/// A stored value of eval, by which a foreign reader, or a later version of this one, checks whether it
+/// computes the same.
 ///
 /// Queries lie inside the cells of the grid, away from nodes and from the borders of blocks, where f_high
-/// jumps: there the rounding of theta_i and h alone would decide which block answers.
+/// jumps: there the rounding of theta_i and h alone would decide which block is used.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(from = "ReferenceNumbers")]
 pub struct ReferenceValue {
@@ -66,8 +66,8 @@ pub struct ReferenceValue {
     pub value: [f32; 4],
 }
 
-/// A [`ReferenceValue`] as files have it: numbers beyond single precision become infinite, which the check of
-/// the model tells.
+/// A [`ReferenceValue`] as stored in files: numbers beyond single precision become infinite, and the check of
+/// the model reports them.
 #[derive(serde::Deserialize)]
 struct ReferenceNumbers {
     theta_i: f64,
@@ -89,27 +89,27 @@ impl From<ReferenceNumbers> for ReferenceValue {
     }
 }
 
-/// Keys of the JSON document beyond the common ones.
+/// Keys of the JSON document besides the common ones.
 #[derive(serde::Serialize, serde::Deserialize)]
 pub(crate) struct Keys {
-    /// For readers of the header: the names of the tensors say it.
+    /// For readers of the header; the names of the tensors imply it.
     #[serde(skip_deserializing)]
     family: &'static str,
     #[serde(skip_deserializing)]
     lobes_refl: usize,
     #[serde(skip_deserializing)]
     lobes_high: usize,
-    /// Earlier files call it `golden`.
+    /// Earlier files use the name `golden`.
     #[serde(default, alias = "golden")]
     reference_values: Vec<ReferenceValue>,
 }
 
 impl PlyData {
     /// Writes the model (`docs/reference/format/models.md`) to a temporary name in the folder of `path`, then
-    /// renames it. Lobes and their spectra are rounded to f32; all else is kept to the last bit.
+    /// renames it. Lobes and their spectra are rounded to f32; everything else is stored exactly.
     ///
     /// # Errors
-    /// [`crate::Error::Invalid`] when the model would not load again, [`crate::Error::Io`].
+    /// [`crate::Error::Invalid`] if the model would not load again, [`crate::Error::Io`].
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
         document::save(self, path.as_ref())
     }
@@ -126,12 +126,12 @@ impl PlyData {
     /// The bytes of the file, with reference values of eval.
     ///
     /// # Errors
-    /// [`crate::Error::Invalid`] when the model would not load again.
+    /// [`crate::Error::Invalid`] if the model would not load again.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         document::to_bytes(self, "model")
     }
 
-    /// Reads a model from the bytes of its file; `name` stands for the file in errors.
+    /// Reads a model from the bytes of its file; `name` identifies the file in errors.
     ///
     /// # Errors
     /// As [`PlyData::load`].
@@ -139,12 +139,12 @@ impl PlyData {
         Ok(read(bytes, name)?.0)
     }
 
-    /// M, H, K, J.
+    /// The sizes M, H, K, J.
     pub(crate) fn sizes(&self) -> (usize, usize, usize, usize) {
         (self.theta_i.len(), self.h_um.len(), self.sigma_per_um.len(), self.path_um.len())
     }
 
-    /// With the energies as a file has them, so that a model that was loaded is written to the same bytes.
+    /// The model with its energies as stored in a file, so that a loaded model is written to the same bytes.
     fn as_stored(&self) -> PlyData {
         PlyData { energies: self.energies.rounded(), ..self.clone() }
     }
@@ -284,12 +284,13 @@ impl Document for PlyData {
 }
 
 impl PlyData {
-    /// What a model must satisfy whatever its lobes are: the number of lobes, the axes, the absorption, the
-    /// energies, the edge lobes if there are any. Lobes, their spectra and their errors are not looked at and
-    /// may be absent: a fit asks this before its work. `name` stands for the model in messages.
+    /// Checks the parts of a model that do not depend on its lobes: the number of lobes, the axes, the
+    /// absorption, the energies, the edge lobes if there are any. Lobes, their spectra and their errors are
+    /// not checked and may be absent: a fit calls this before its work. `name` identifies the model in
+    /// messages.
     ///
     /// # Errors
-    /// [`Error::Invalid`](crate::Error::Invalid), which saving would answer too.
+    /// [`Error::Invalid`](crate::Error::Invalid), as saving would return.
     pub fn check_frame(&self, name: &str) -> Result<()> {
         let c = Check(name);
         let (m, h, k, j) = self.sizes();
@@ -311,7 +312,7 @@ impl PlyData {
         Ok(())
     }
 
-    /// What every model must satisfy, read or written.
+    /// Checks that a model is valid, when read or written.
     pub(crate) fn check(&self, name: &str) -> Result<()> {
         self.check_frame(name)?;
         let c = Check(name);
@@ -349,7 +350,7 @@ impl PlyData {
     }
 }
 
-/// Sizes M, H, K, J and the numbers of lobes: asked before any arithmetic on them.
+/// Checks sizes M, H, K, J and the numbers of lobes, before any arithmetic with them.
 fn check_sizes(name: &str, (m, h, k, j): (usize, usize, usize, usize), (lr, lh): (usize, usize)) -> Result<()> {
     for (axis, size) in [("theta_i", m), ("h_um", h)] {
         if size < 3 || size % 2 == 0 {
@@ -372,7 +373,7 @@ fn check_sizes(name: &str, (m, h, k, j): (usize, usize, usize, usize), (lr, lh):
     Ok(())
 }
 
-/// The family whose tensors a file has.
+/// The lobe family of the tensors in a file.
 fn read_family(r: &Reader<'_>) -> Result<LobeKind> {
     let has = LOBES.map(|(_, names)| names.iter().any(|name| r.has(name)));
     if has == [true, true] {
@@ -381,9 +382,10 @@ fn read_family(r: &Reader<'_>) -> Result<LobeKind> {
     Ok(LOBES[usize::from(has[1])].0)
 }
 
-/// Angles within +-100 rad (f32 keeps 1e-5 of them), bandwidths and energies within their ranges.
+/// Checks that angles are within +-100 rad (f32 resolves 1e-5 of them), bandwidths and energies within their
+/// ranges.
 fn check_lobes(name: &str, family: LobeKind, key: &str, lobes: &[f64]) -> Result<()> {
-    // A bandwidth at its bound may leave it by the rounding to f32.
+    // Rounding to f32 may move a bandwidth slightly past its bound.
     let [mu1, mu2] = family.bandwidths().map(|(low, high)| (low.ln() - 1e-5, high.ln() + 1e-5));
     let (shift, names) = match family {
         LobeKind::Round => (100.0, ["theta_z", "phi_z", "phi_xy", "ln_mu1", "ln_mu2", "energy"]),
@@ -412,7 +414,7 @@ pub(crate) fn read(bytes: &[u8], name: &str) -> Result<(PlyData, Vec<ReferenceVa
 fn reference_values(model: &PlyModel) -> Vec<ReferenceValue> {
     let d = model.data();
     let sigma = d.sigma_per_um[d.sigma_per_um.len() - 1] as f32;
-    // Along each axis: where the cell lies, as a fraction of all cells, and where in it the query does.
+    // Along each axis: the cell, as a fraction of all cells, and the position of the query in it.
     const PLACES: [([f64; 2], [f64; 2], f32); 6] = [
         ([0.05, 0.35], [0.50, 0.45], 1.0),
         ([0.37, 0.70], [0.60, 0.30], 1.0),

@@ -1,4 +1,4 @@
-//! The tensors of a model that say what layers of its yarns send back and let through (Yu 2025, 5.4).
+//! The tensors of a model for light that layers of its yarns reflect and transmit (Yu 2025, 5.4).
 
 use crate::Result;
 use crate::io::{Check, Reader, Writer, invalid};
@@ -8,22 +8,21 @@ use crate::table::TOLERANCE;
 /// Names of the tensors in a model file.
 pub(crate) const NAMES: [&str; 2] = ["layer_forward", "layer_diffuse"];
 
-/// The tensors of a model from which its layers follow. Flat arrays, last index fastest; of the last axis the
-/// first entry is f_refl, the others are the path-length spectrum of f_high on
-/// [`crate::ply::PlyData::path_um`], so that a factor holds at every absorption.
+/// The tensors of a model that define its layers. Flat arrays, last index fastest; on the last axis the first
+/// entry is f_refl, the others are the path-length spectrum of f_high on [`crate::ply::PlyData::path_um`], so
+/// a factor is valid at every absorption.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LayerFactors {
-    /// `[2 M - 1][2 H - 1][1 + J]`, at the nodes and half way between them: energy that leaves into the half
-    /// space away from the light, y < 0 in the ply frame.
-    /// Lobes turn and blocks change between nodes, and what goes forward with them.
+    /// `[2 M - 1][2 H - 1][1 + J]`, at the nodes and midway between them: energy that exits into the half
+    /// space away from the light, y < 0 in the ply frame. Lobes turn and blocks change between nodes, and
+    /// forward light with them.
     pub forward: Vec<f64>,
-    /// `[2][1 + J]`: fraction of diffuse light that is sent back and that passes, of the light that meets
-    /// fibers.
+    /// `[2][1 + J]`: reflected and transmitted fractions of diffuse light, of the light that hits fibers.
     pub diffuse: Vec<f64>,
 }
 
 impl LayerFactors {
-    /// Of sizes M, H and J.
+    /// Writes the tensors, of sizes M, H and J.
     pub(crate) fn write(&self, w: &mut Writer, (m, h, j): (usize, usize, usize)) {
         w.f64(NAMES[0], &[2 * m - 1, 2 * h - 1, 1 + j], &self.forward);
         w.f64(NAMES[1], &[2, 1 + j], &self.diffuse);
@@ -39,8 +38,8 @@ impl LayerFactors {
         }))
     }
 
-    /// What the factors must satisfy beside a model of checked sizes and energies: no more goes forward than
-    /// is scattered, no more diffuse light leaves than comes.
+    /// Checks the factors beside a model of checked sizes and energies: at most the scattered light goes
+    /// forward, and at most the incident diffuse light exits.
     pub(crate) fn check(&self, c: &Check<'_>, model: &PlyData) -> Result<()> {
         let (m, h, _, j) = model.sizes();
         let (rows, columns) = (2 * m - 1, 2 * h - 1);
@@ -51,8 +50,8 @@ impl LayerFactors {
             c.range(name, values, 0.0, 1.0 + TOLERANCE)?;
         }
         let energies = half_nodes(model);
-        // Of f_high all paths together: lobes are scaled to the energy as a whole, so that one of its paths
-        // may take more forward than is scattered on that path.
+        // All paths of f_high together: lobes are scaled to the energy as a whole, so one path may send more
+        // light forward than is scattered on it.
         for (i, forward) in self.forward.chunks_exact(1 + j).enumerate() {
             let energy = &energies[i];
             for (part, forward, energy) in [
@@ -77,7 +76,7 @@ impl LayerFactors {
 }
 
 impl PlyData {
-    /// Keeps what goes forward a part of what is scattered, where both were interpolated apart.
+    /// Limits forward light to scattered light, where both were interpolated separately.
     pub(in crate::ply) fn bound_layers(&mut self) {
         let Some(mut layers) = self.layers.take() else { return };
         let size = 1 + self.path_um.len();
@@ -92,7 +91,7 @@ impl PlyData {
     }
 }
 
-/// Energies at the nodes and half way between them, `[2 M - 1][2 H - 1]`.
+/// Energies at the nodes and midway between them, `[2 M - 1][2 H - 1]`.
 pub(in crate::ply) fn half_nodes(d: &PlyData) -> Vec<EnergiesAt> {
     let (rows, columns) = (2 * d.theta_i.len() - 1, 2 * d.h_um.len() - 1);
     let half = |axis: &[f64], i: usize| 0.5 * (axis[i / 2] + axis[i.div_ceil(2)]);

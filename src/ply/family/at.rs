@@ -1,4 +1,4 @@
-//! A whole model of one of a family's yarns.
+//! A whole model for one of a family's yarns.
 
 use super::PlyFamily;
 use super::data::{FamilyParam, FamilyParams};
@@ -7,21 +7,21 @@ use crate::Result;
 use crate::io::invalid;
 use crate::ply::{ExitOffsets, LayerFactors, LobeKind, PlyData, PlyEnergies, PlyModel, USUAL_EXIT_LENGTHS};
 
-/// The file that errors of parameters name.
+/// The file name in errors about parameters.
 const PARAMS: &str = "parameters of the family";
 
 impl PlyFamily {
-    /// The model of these parameters, as if it had been fitted to a simulation of them: a smooth one, whose
-    /// errors are those of the nodes, interpolated.
+    /// The model with these parameters, as if fitted to a simulation of them: without speckle, with errors
+    /// interpolated from those of the nodes.
     ///
     /// # Errors
-    /// [`crate::Error::Invalid`] for a parameter outside its range, or another than the spec's where it is no
-    /// axis of the family.
+    /// [`crate::Error::Invalid`] for a parameter outside its range, or different from the spec's if it is not
+    /// an axis of the family.
     pub fn at(&self, params: &FamilyParams) -> Result<PlyModel> {
         Ok(PlyModel::from_parts(self.data_at(params)?, Vec::new()))
     }
 
-    /// The tensors of [`PlyFamily::at`], to be saved as a model file.
+    /// The tensors of [`PlyFamily::at`], to save as a model file.
     ///
     /// # Errors
     /// As [`PlyFamily::at`].

@@ -17,7 +17,7 @@ pub enum FamilyParam {
 }
 
 impl FamilyParam {
-    /// All, in the order of a family's axes.
+    /// All parameters, in the order of a family's axes.
     pub const ALL: [FamilyParam; 3] = [FamilyParam::FiberPitch, FamilyParam::Alpha, FamilyParam::Eta];
 
     /// Its key in specs, and the name of its axis in files.
@@ -29,7 +29,7 @@ impl FamilyParam {
         }
     }
 
-    /// By its key.
+    /// The parameter with this key.
     pub fn of_name(name: &str) -> Option<FamilyParam> {
         FamilyParam::ALL.into_iter().find(|p| p.name() == name)
     }
@@ -47,7 +47,7 @@ pub struct FamilyParams {
 }
 
 impl FamilyParams {
-    /// Those of a spec; the pitch of one without twist is 0.
+    /// The parameters of a spec; the pitch of one without twist is 0.
     pub fn from_spec(spec: &YarnSpec) -> FamilyParams {
         FamilyParams {
             fiber_pitch_um: spec.ply.fiber_pitch_um.unwrap_or(0.0),
@@ -56,7 +56,7 @@ impl FamilyParams {
         }
     }
 
-    /// One of them.
+    /// The value of one parameter.
     pub fn get(&self, param: FamilyParam) -> f64 {
         match param {
             FamilyParam::FiberPitch => self.fiber_pitch_um,
@@ -65,7 +65,7 @@ impl FamilyParams {
         }
     }
 
-    /// Changes one of them.
+    /// Changes one parameter.
     pub fn set(&mut self, param: FamilyParam, value: f64) {
         match param {
             FamilyParam::FiberPitch => self.fiber_pitch_um = value,
@@ -74,7 +74,7 @@ impl FamilyParams {
         }
     }
 
-    /// The spec with these in it, and no ranges.
+    /// The spec with these parameters, without ranges.
     pub fn applied_to(&self, spec: &YarnSpec) -> YarnSpec {
         let mut spec = spec.clone();
         if spec.ply.fiber_pitch_um.is_some() {
@@ -90,7 +90,7 @@ impl FamilyParams {
 /// One axis of a family.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FamilyAxis {
-    /// What varies.
+    /// The parameter that varies.
     pub param: FamilyParam,
     /// Its nodes, ascending; at least 2.
     pub values: Vec<f64>,
@@ -109,12 +109,12 @@ pub struct FamilyData {
     pub seed: u64,
     /// 1 to 3 axes, in the order of [`FamilyParam::ALL`].
     pub axes: Vec<FamilyAxis>,
-    /// Models at the nodes, the last axis fastest. All have the same axes, path lengths and edge lobes, those
-    /// of one pitch the same r_d; none has speckle.
+    /// Models at the nodes, the last axis fastest. All have the same axes, path lengths and edge lobes; those
+    /// of one pitch have the same r_d; none has speckle.
     pub nodes: Vec<PlyData>,
 }
 
-/// Most nodes of an axis and of a family.
+/// Largest number of nodes of an axis and of a family.
 const MAX_VALUES: usize = 64;
 const MAX_NODES: usize = 1024;
 
@@ -124,13 +124,13 @@ impl FamilyData {
         self.axes.iter().find(|axis| axis.param == param).map(|axis| axis.values.as_slice())
     }
 
-    /// Number of nodes along pitch (1 without), and nodes of each.
+    /// Number of nodes along pitch (1 if it is not an axis), and number of nodes at each.
     pub(super) fn pitches(&self) -> (usize, usize) {
         let count = self.values(FamilyParam::FiberPitch).map_or(1, <[f64]>::len);
         (count, self.nodes.len() / count.max(1))
     }
 
-    /// Parameters of a node, of a family of `spec`.
+    /// Parameters of a node, in a family of `spec`.
     pub fn params_of(&self, node: usize, spec: &YarnSpec) -> FamilyParams {
         let mut params = FamilyParams::from_spec(spec);
         let mut left = node;
@@ -141,7 +141,7 @@ impl FamilyData {
         params
     }
 
-    /// Checks the axes; gives the number of nodes.
+    /// Checks the axes; returns the number of nodes.
     pub(super) fn check_axes(name: &str, axes: &[FamilyAxis]) -> Result<usize> {
         if axes.is_empty() {
             let hint = "expected one or more of fiber_pitch_um, alpha_fiber, eta";
@@ -169,7 +169,7 @@ impl FamilyData {
         Ok(nodes)
     }
 
-    /// What every family must satisfy.
+    /// Checks that a family is valid.
     pub(super) fn check_all(&self, name: &str) -> Result<()> {
         let count = FamilyData::check_axes(name, &self.axes)?;
         if count != self.nodes.len() {
@@ -211,7 +211,7 @@ impl FamilyData {
     }
 }
 
-/// The error of a node's tensors, with the node in its key.
+/// Adds the node to the key of an error in its tensors.
 pub(super) fn at_node(error: crate::Error, node: usize) -> crate::Error {
     match error {
         crate::Error::Invalid { file, key, value, hint } => {

@@ -1,8 +1,8 @@
-//! A family's ply at one incidence: the numbers that this incidence needs, interpolated over the family, and
-//! the mixture that they make.
+//! A family's ply at one incidence: the numbers for this incidence, interpolated over the family, and the
+//! mixture that they define.
 //!
-//! The arithmetic is that of the reference implementation of the model, in f64, and written once for numbers
-//! with and without derivatives.
+//! The arithmetic is that of the model's reference implementation, in f64, written once for numbers with and
+//! without derivatives.
 
 use super::PlyFamily;
 use super::data::{FamilyParam, FamilyParams};
@@ -92,7 +92,7 @@ fn parts<T: Real>(nodes: &[PlyData], place: &NodeWeights<T>, theta_i: f64, h_um:
     out
 }
 
-/// One lobe, ready for directions.
+/// One lobe, prepared for directions.
 #[derive(Clone, Copy, Debug)]
 struct PreparedLobe<T, const N: usize> {
     frame: [[T; 3]; 3],
@@ -114,7 +114,7 @@ struct Mixture<T, const N: usize> {
 }
 
 impl<T: Real, const N: usize> Mixture<T, N> {
-    /// Without light: the beam misses.
+    /// No light: the beam misses.
     fn miss() -> Self {
         let zero = T::from_f64(0.0);
         let lobe = PreparedLobe { frame: [[zero; 3]; 3], mu: [zero; 2], amplitude: zero, energy: [zero; N] };
@@ -190,8 +190,8 @@ impl<T: Real, const N: usize> Mixture<T, N> {
         f
     }
 
-    /// A direction in the frame of the lobes, or one of theirs in the ply's. What is no unit vector gives no
-    /// light.
+    /// A direction in the frame of the lobes, or one of theirs in the ply's. A vector that is not of unit
+    /// length gives no light.
     fn turned(&self, w: [f32; 3]) -> [f64; 3] {
         let v = w.map(f64::from);
         let square = v.iter().map(|v| v * v).sum::<f64>();
@@ -241,9 +241,9 @@ pub struct FamilyPly<'a, const N: usize> {
 pub struct FamilyGradient<const N: usize> {
     /// The value [1/sr].
     pub value: [f64; N],
-    /// By pitch [1/(sr um)], roughness and index, in the order of [`FamilyParam::ALL`].
+    /// Derivatives by pitch [1/(sr um)], roughness and index, in the order of [`FamilyParam::ALL`].
     pub by_params: [[f64; N]; 3],
-    /// Of value k by absorption k [um/sr].
+    /// Derivative of value k by absorption k [um/sr].
     pub by_sigma: [f64; N],
 }
 
@@ -288,7 +288,7 @@ pub(super) fn gradient<const N: usize>(
 }
 
 impl<const N: usize> FamilyPly<'_, N> {
-    /// Fraction of the beam that meets no fiber.
+    /// Fraction of the beam that hits no fiber.
     pub fn r_d(&self) -> f32 {
         self.mixture.r_d as f32
     }
@@ -389,7 +389,7 @@ impl<const N: usize> Bsdf<N> for FamilyPly<'_, N> {
 }
 
 impl<const N: usize> FamilyPly<'_, N> {
-    /// A direction drawn from a lobe, as the runtime's kernels draw it.
+    /// A direction sampled from a lobe, as the runtime's kernels sample it.
     fn drawn(&self, l: usize, u1: f64, u2: f64) -> [f32; 3] {
         let PreparedLobe { frame, mu: [mu1, mu2], .. } = self.mixture.lobes[l];
         let (s, c) = (TAU * u1).sin_cos();

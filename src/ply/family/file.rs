@@ -10,7 +10,7 @@ use crate::ply::{
 };
 use std::path::Path;
 
-/// Tensors of every family but its axes.
+/// Tensors of every family, without its axes.
 const NAMES: [&str; 16] = [
     "theta_i",
     "h_um",
@@ -29,11 +29,11 @@ const NAMES: [&str; 16] = [
     "error_refl",
     "error_high",
 ];
-/// Those that may be left out.
+/// The optional tensors among them.
 const LAYERS: [&str; 2] = ["layer_forward", "layer_diffuse"];
 const EXITS: [&str; 2] = ["exit_offset", "exit_length"];
 
-/// No keys beyond the common ones.
+/// No keys besides the common ones.
 #[derive(serde::Serialize, serde::Deserialize)]
 pub(crate) struct Keys {}
 
@@ -41,7 +41,7 @@ impl FamilyData {
     /// Writes the family to a temporary name in the folder of `path`, then renames it.
     ///
     /// # Errors
-    /// [`crate::Error::Invalid`] when the family would not load again, [`crate::Error::Io`].
+    /// [`crate::Error::Invalid`] if the family would not load again, [`crate::Error::Io`].
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
         document::save(self, path.as_ref())
     }
@@ -49,12 +49,12 @@ impl FamilyData {
     /// The bytes of the file.
     ///
     /// # Errors
-    /// [`crate::Error::Invalid`] when the family would not load again.
+    /// [`crate::Error::Invalid`] if the family would not load again.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         document::to_bytes(self, "family")
     }
 
-    /// Reads a family from the bytes of its file; `name` stands for the file in errors.
+    /// Reads a family from the bytes of its file; `name` identifies the file in errors.
     ///
     /// # Errors
     /// As [`crate::ply::PlyData::from_bytes`].
@@ -163,8 +163,8 @@ impl Document for FamilyData {
         let (lr, lh) = (r.shape("refl", 5)?[3], r.shape("high", 7)?[5]);
         let (a, b) = (size("miss_theta_i")?, size("miss_h_um")?);
         let (p, q) = (size("share_theta_i")?, size("share_h_um")?);
-        // Shapes are those of tensors in the file, whose products it holds; an empty one would leave a node
-        // without numbers.
+        // Shapes come from tensors in the file, which contains their products; an empty one would leave a
+        // node without numbers.
         let sizes = [("theta_i", m), ("h_um", h), ("sigma_per_um", k), ("path_um", j), ("refl", lr), ("high", lh)];
         if let Some((name, _)) = sizes.into_iter().find(|(_, size)| *size == 0) {
             return Err(invalid(r.file(), name, "0 values", "expected some"));

@@ -1,4 +1,4 @@
-//! Where parameters lie in a family: the nodes around them, their weights, and where r_d is read.
+//! Interpolation of parameters in a family: the nodes around them, their weights, and the nodes of r_d.
 
 use super::data::{FamilyAxis, FamilyData, FamilyParam, FamilyParams};
 use super::num::Real;
@@ -8,29 +8,29 @@ use crate::ply::data::energies::coefficient;
 use crate::spec::YarnSpec;
 use std::f64::consts::TAU;
 
-/// Most corners of a cell.
+/// Largest number of corners of a cell.
 pub(super) const CORNERS: usize = 8;
 
-/// The axes in the coordinates in which models are linear, and what the spec says of parameters that are
-/// none.
+/// The axes in the coordinates in which models are linear, and the spec's values of parameters that are not
+/// axes.
 #[derive(Clone, Debug)]
 pub(super) struct Axes {
     /// By [`FamilyParam::ALL`]: nodes and their coordinates, both ascending in the parameter; empty for a
-    /// parameter that is no axis.
+    /// parameter that is not an axis.
     values: [Vec<f64>; 3],
     coordinates: [Vec<f64>; 3],
     usual: [f64; 3],
     radius_um: f64,
 }
 
-/// A place: corners with their weights, along pitch the two nodes too.
+/// Corners with their weights, and the two nodes along pitch.
 pub(super) struct NodeWeights<T> {
     pub(super) corners: [(usize, T); CORNERS],
     pub(super) count: usize,
     pub(super) pitch: Pitch<T>,
 }
 
-/// The nodes of r_d: where their models stand, their weights and pitches over the pitch asked for.
+/// The nodes of r_d: the indices of their models, their weights, and their pitches over the requested pitch.
 #[derive(Clone, Copy)]
 pub(super) struct Pitch<T> {
     pub(super) nodes: [(usize, T, T); 2],
@@ -48,7 +48,7 @@ impl Axes {
         Axes { values, coordinates, usual, radius_um }
     }
 
-    /// A parameter within its range, as the spec has it where it is no axis or not a number.
+    /// A parameter clamped to its range; the spec's value if it is not an axis or NaN.
     pub(super) fn within(&self, i: usize, value: f64) -> f64 {
         match (self.values[i].first(), self.values[i].last()) {
             (Some(first), Some(last)) => {
@@ -64,12 +64,12 @@ impl Axes {
         Some([*self.values[i].first()?, *self.values[i].last()?])
     }
 
-    /// What a parameter must be where it is no axis.
+    /// The required value of a parameter that is not an axis.
     pub(super) fn usual(&self, i: usize) -> f64 {
         self.usual[i]
     }
 
-    /// The place of parameters within their ranges.
+    /// Node weights of parameters within their ranges.
     pub(super) fn place<T: Real>(&self, params: [T; 3]) -> NodeWeights<T> {
         let mut corners = [(0, T::from_f64(0.0)); CORNERS];
         corners[0].1 = T::from_f64(1.0);
@@ -96,8 +96,8 @@ impl Axes {
             }
             count *= 2;
         }
-        // Parameters that are no axis have the stride 1: nothing to do. Pitch is the slowest axis: its nodes
-        // stand apart by all others.
+        // Parameters that are not an axis have the stride 1 and change nothing. Pitch is the slowest axis:
+        // the product of all others separates its nodes.
         let stride: usize = self.values[1..].iter().map(|v| v.len().max(1)).product();
         pitch.nodes.iter_mut().for_each(|n| n.0 *= stride);
         NodeWeights { corners, count, pitch }
@@ -118,12 +118,12 @@ pub(super) fn coordinate(param: FamilyParam, value: f64, radius_um: f64) -> f64 
 }
 
 impl FamilyParam {
-    /// The coordinate in which models of plies of this radius [um] are linear (module text).
+    /// The coordinate in which models of plies of this radius [um] are linear (see the module).
     pub fn coordinate(self, value: f64, radius_um: f64) -> f64 {
         coordinate(self, value, radius_um)
     }
 
-    /// The value of a coordinate.
+    /// The parameter's value at a coordinate.
     pub fn of_coordinate(self, x: f64, radius_um: f64) -> f64 {
         match self {
             FamilyParam::FiberPitch => TAU * radius_um / x.tan(),
@@ -133,8 +133,7 @@ impl FamilyParam {
 }
 
 impl FamilyAxis {
-    /// Weights of the nodes below and above a value within the axis: the lower one's index, and the weight of
-    /// the upper.
+    /// The nodes around a value within the axis: the index of the lower one, and the weight of the upper.
     pub fn locate(&self, value: f64, radius_um: f64) -> (usize, f64) {
         let low = self.values.iter().rposition(|v| *v <= value).unwrap_or(0).min(self.values.len() - 2);
         let at = |v: f64| coordinate(self.param, v, radius_um);
@@ -143,13 +142,13 @@ impl FamilyAxis {
     }
 }
 
-/// Coefficient (m, n) of r_d at a pitch, of the energies `of(node)`: rows are read where `tan(theta) / pitch`
-/// is the same, by Catmull-Rom's cubic over the rows, and stay within 0 and 1. (m, n) may be one before the
-/// first or after the last.
+/// Coefficient (m, n) of r_d at a pitch, from the energies `of(node)`: rows are read where
+/// `tan(theta) / pitch` is the same, by a Catmull-Rom cubic over the rows, and clamped to 0 to 1. (m, n) may
+/// be one before the first or after the last.
 pub(super) fn missed<'a, T: Real>(pitch: &Pitch<T>, of: &dyn Fn(usize) -> &'a PlyEnergies, m: isize, n: isize) -> T {
     let first = of(pitch.nodes[0].0);
     let sizes = [first.miss_theta_i.len(), first.miss_h_um.len()];
-    // Beyond the ends the coefficients go on as those of any spline.
+    // Beyond the ends the coefficients are extrapolated, as for any spline.
     if m < 0 {
         return missed(pitch, of, -m, sizes[1] as isize - 1 - n);
     }
@@ -162,8 +161,8 @@ pub(super) fn missed<'a, T: Real>(pitch: &Pitch<T>, of: &dyn Fn(usize) -> &'a Pl
     let row_of =
         |share: T| (T::from_f64(theta.tan()) * share).atan() * T::from_f64(last / first.miss_theta_i[sizes[0] - 1]);
     let mut sum = T::from_f64(0.0);
-    // A node of a longer pitch may be asked beyond its last latitude, which one of a shorter pitch never is:
-    // that one then stands for both. Nodes ascend in pitch.
+    // A node of a longer pitch may be read beyond its last latitude, a node of a shorter pitch never: there
+    // the latter replaces both. Nodes ascend in pitch.
     let mut before = T::from_f64(0.0);
     for (i, &(node, weight, share)) in pitch.nodes[..pitch.count].iter().enumerate().rev() {
         let c = &of(node).miss;
@@ -187,7 +186,7 @@ pub(super) fn missed<'a, T: Real>(pitch: &Pitch<T>, of: &dyn Fn(usize) -> &'a Pl
     sum.within(0.0, 1.0)
 }
 
-/// Part of the latitudes, beyond the last, over which a node hands its weight over.
+/// Fraction of the latitudes, beyond the last, over which a node's weight passes to the other.
 const HAND_OVER: f64 = 0.02;
 
 /// Catmull-Rom weights of nodes i-1..=i+2 at fraction `f` of cell `i`.
@@ -207,7 +206,7 @@ fn catmull_rom_slope(f: f64) -> [f64; 4] {
     ]
 }
 
-/// Nodes and weights of Catmull-Rom's cubic at `x` on an axis; a node beyond the rim is `2 rim - next`.
+/// Nodes and weights of the Catmull-Rom cubic at `x` on an axis; a node beyond the rim is `2 rim - next`.
 pub(super) fn cubic_taps(nodes: &[f64], x: f64) -> [(usize, f64); 4] {
     let (k, f) = axis::locate(x, nodes);
     let mut w = catmull_rom(f);

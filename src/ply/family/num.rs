@@ -1,22 +1,22 @@
-//! Numbers with derivatives: forward-mode differentiation by the three parameters and an absorption.
+//! Numbers with derivatives: forward-mode differentiation by the three parameters and one absorption.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// Derivatives of a [`Dual`]: by pitch, roughness, index and one absorption.
 pub(super) const SLOTS: usize = 4;
 
-/// What the evaluator computes with: f64, or [`Dual`].
+/// The evaluator's number type: f64, or [`Dual`].
 pub(super) trait Real:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
 {
-    /// Whether it has derivatives: a weight of 0 counts then.
+    /// Whether it has derivatives: then a weight of 0 still matters.
     const DERIVED: bool;
 
     /// A constant.
     fn from_f64(x: f64) -> Self;
     /// The number.
     fn value(self) -> f64;
-    /// A function of it, of this value and slope.
+    /// A function of the number, by its value and slope there.
     fn chain(self, value: f64, slope: f64) -> Self;
 
     fn exp(self) -> Self {
@@ -34,7 +34,7 @@ pub(super) trait Real:
         self.chain(x.atan(), 1.0 / (1.0 + x * x))
     }
 
-    /// Kept within bounds, beyond which the slope is 0.
+    /// The number clamped to bounds, beyond which the slope is 0.
     fn within(self, low: f64, high: f64) -> Self {
         match self.value() {
             v if v < low => Self::from_f64(low),

@@ -1,5 +1,5 @@
-//! Many incidences at once: the lobes of W queries side by side in long arrays, so that every lane of a
-//! vector holds a lobe and one query's chain of dependent steps hides behind the others'.
+//! Batches of incidences: the lobes of W queries side by side in long arrays, so that every lane of a vector
+//! holds a lobe and one query's chain of dependent steps hides behind the others'.
 
 use super::energy::{Energies, absorb, absorbed, clamped_sigma, halves, interpolate_node, scales, sum, transmittance};
 use super::grid_cell::GridCells;
@@ -11,10 +11,10 @@ use crate::math::simd::{fma, max};
 use crate::ply::Queries;
 use crate::ply::asg::PARAMS;
 
-/// Queries in a chunk: their numbers, 13 KiB, stay in the first-level cache.
+/// Queries in a chunk: their data, 13 KiB, fit the first-level cache.
 const W: usize = 16;
 
-/// f at `queries`; 0 beyond their shortest array. L is as of [`mixture`].
+/// f at `queries`; 0 beyond their shortest array. L is as in [`mixture`].
 #[inline(always)]
 pub(in crate::ply) fn eval<
     const FMA: bool,
@@ -61,12 +61,12 @@ fn one_incidence<const FMA: bool, const H: usize, const R: usize, const L: usize
     }
 }
 
-/// Numbers of W queries. Lobes of kind K have K lanes a query.
+/// Lobe data of W queries. Lobes of kind K have K lanes per query.
 struct Lobes<const K: usize> {
     params: [[[f32; K]; W]; PARAMS],
     v: [[[f32; K]; W]; 3],
     least: [[f32; K]; W],
-    /// Cosines of the angles, whose sines take their place in `params`.
+    /// Cosines of the angles; the sines overwrite the angles in `params`.
     cos: [[[f32; K]; W]; 3],
     value: [[f32; K]; W],
 }
@@ -88,9 +88,9 @@ impl<const K: usize> Lobes<K> {
         }
     }
 
-    /// Energies of the lobes and their values. Each step of the arithmetic is a loop of its own over all the
-    /// lanes: its chain of dependent operations is short, so that the processor overlaps many of them, and
-    /// its constants stay in registers.
+    /// Energies of the lobes and their values. Each step of the arithmetic is a separate loop over all lanes:
+    /// its chain of dependent operations is short, so the processor overlaps many of them, and its constants
+    /// stay in registers.
     #[inline(always)]
     fn eval<const FMA: bool>(&mut self, bounds: (f32, f32)) {
         let [theta, phi, xy, width1, width2, energy] = self.params.each_mut().map(|x| x.as_flattened_mut());
@@ -122,7 +122,7 @@ impl<const K: usize> Lobes<K> {
     }
 }
 
-/// Numbers of W queries.
+/// Working memory for W queries.
 struct Scratch<const H: usize, const R: usize, const J: usize, const N: usize> {
     high: Lobes<H>,
     refl: Lobes<R>,
@@ -141,7 +141,7 @@ fn many<const FMA: bool, const H: usize, const R: usize, const J: usize, const N
     f: &mut [[f32; N]],
 ) {
     let [x, y, z] = queries.wo;
-    // Queries that are not there miss.
+    // Absent queries miss.
     let mut theta_i = head(queries.theta_i, f32::NAN);
     let there = [queries.h_um.len(), queries.sigma_per_um.len(), x.len(), y.len(), z.len()];
     theta_i.iter_mut().skip(there.into_iter().fold(W, usize::min)).for_each(|t| *t = f32::NAN);
@@ -187,7 +187,7 @@ fn many<const FMA: bool, const H: usize, const R: usize, const J: usize, const N
     }
 }
 
-/// The first W of `x`, or what there is and then `fill`.
+/// The first W entries of `x`, padded with `fill`.
 #[inline(always)]
 fn head<T: Copy>(x: &[T], fill: T) -> [T; W] {
     x.first_chunk().copied().unwrap_or_else(|| {

@@ -1,12 +1,12 @@
-//! Kernels of 1, 3 and 4 absorptions, a wavelength, RGB and a spectral host's packet, compiled once with this
-//! library: a crate that calls them compiles those of other numbers alone. Without it every program and every
-//! test of a host compiles each kernel for each instruction set anew, a minute for all.
+//! Kernels for 1, 3 and 4 absorptions (a wavelength, RGB and a spectral host's packet), compiled once with
+//! this library: a crate that calls them compiles only kernels for other numbers. Otherwise every program and
+//! every test of a host would compile each kernel for each instruction set again, a minute in total.
 
 use crate::ply::Queries;
 use std::any::Any;
 
-/// A value of N absorptions as one of the number that N is. Costs nothing: types are compared when code is
-/// generated.
+/// Converts a value for N absorptions to the type with the literal number. Costs nothing: types are compared
+/// when code is generated.
 #[inline(always)]
 pub(crate) fn same<A: Copy + 'static, B: Copy + 'static>(value: A) -> B {
     match (&value as &dyn Any).downcast_ref() {
@@ -15,7 +15,7 @@ pub(crate) fn same<A: Copy + 'static, B: Copy + 'static>(value: A) -> B {
     }
 }
 
-/// [`same`] of what is borrowed.
+/// [`same`] for a reference.
 #[inline(always)]
 pub(crate) fn same_ref<A: 'static, B: 'static>(value: &A) -> &B {
     match (value as &dyn Any).downcast_ref() {
@@ -24,7 +24,7 @@ pub(crate) fn same_ref<A: 'static, B: 'static>(value: &A) -> &B {
     }
 }
 
-/// [`same`] of what is changed.
+/// [`same`] for a mutable reference.
 #[inline(always)]
 pub(crate) fn same_mut<A: 'static, B: 'static>(value: &mut A) -> &mut B {
     match (value as &mut dyn Any).downcast_mut() {
@@ -33,21 +33,21 @@ pub(crate) fn same_mut<A: 'static, B: 'static>(value: &mut A) -> &mut B {
     }
 }
 
-/// [`same`] of results.
+/// [`same`] for results.
 #[inline(always)]
 pub(crate) fn same_rows_mut<const N: usize, const M: usize>(rows: &mut [[f32; N]]) -> &mut [[f32; M]] {
     rows.as_flattened_mut().as_chunks_mut().0
 }
 
-/// [`same`] of many queries.
+/// [`same`] for batches of queries.
 #[inline(always)]
 pub(crate) fn same_queries<const N: usize, const M: usize>(queries: Queries<'_, N>) -> Queries<'_, M> {
     let Queries { theta_i, h_um, sigma_per_um, wo } = queries;
     Queries { theta_i, h_um, sigma_per_um: sigma_per_um.as_flattened().as_chunks().0, wo }
 }
 
-/// Declares `$name` of N absorptions, which is `$any`. An argument whose type has N says which of the
-/// functions above makes it one of a number.
+/// Declares `$name` for N absorptions, equal to `$any`. An argument whose type has N names the function above
+/// that converts it to the literal number.
 macro_rules! compiled {
     ($(#[$doc:meta])* $name:ident = $any:ident($($arg:ident: $type:ty $(as $how:ident)?),*) -> $out:ty) => {
         $(#[$doc])*

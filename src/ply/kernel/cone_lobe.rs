@@ -1,5 +1,5 @@
-//! The arithmetic of cone lobes side by side ([`crate::ply::cone`]): their shapes at an incidence, values in
-//! a direction, a direction drawn from one.
+//! The arithmetic of cone lobes side by side ([`crate::ply::cone`]): shapes at an incidence, values in a
+//! direction, sampling.
 
 use super::lobe::{root_width, sin_cos};
 use super::mixture::Params;
@@ -10,7 +10,7 @@ use std::f32::consts::{FRAC_1_PI, LN_2, PI};
 
 /// sqrt(ln 2): turns s = sqrt(mu log2 e) into sqrt(mu).
 const ROOT_LN_2: f32 = 0.832_554_6;
-/// Exponents beyond count as this: 2^-100 is dark, and less could be denormal.
+/// Exponents beyond this are clamped to it: 2^-100 is dark, and less could be denormal.
 const DARK: f32 = 100.0;
 
 /// Adding this rounds a small number to a whole one.
@@ -21,17 +21,17 @@ const ROUND: f32 = 12_582_912.0; // 1.5 * 2^23
 pub(in crate::ply) struct ConeShapes<const L: usize> {
     /// Azimuths [half turns].
     phi: [f32; L],
-    /// s0 at them, and its change by sin x.
+    /// s0 there, and its change by sin x.
     center: [f32; L],
     slope: [f32; L],
     /// sqrt(mu1 log2 e), sqrt(mu2 log2 e) / g.
     s1: [f32; L],
     s2: [f32; L],
-    /// What a lobe's exponentials are multiplied by for its energy, but for the sum of erf.
+    /// Factor of a lobe's exponentials for its energy, without the sum of erf.
     pub(in crate::ply) amplitude: [f32; L],
 }
 
-/// Azimuth of a direction [half turns]; none of what is no direction.
+/// Azimuth of a direction [half turns]; NaN for an invalid direction.
 #[inline(always)]
 pub(in crate::ply) fn azimuth<const FMA: bool>(v: [f32; 3]) -> Option<f32> {
     let n2 = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
@@ -47,8 +47,8 @@ pub(in crate::ply) fn incidence<const FMA: bool>(theta_i: f32) -> [f32; 3] {
 }
 
 impl<const L: usize> ConeShapes<L> {
-    /// Of interpolated parameters and the energies of the lobes. `bounds` are of the stored bandwidths, mu1
-    /// and mu2.
+    /// Shapes from interpolated parameters and the energies of the lobes. `bounds` are those of the stored
+    /// bandwidths, mu1 and mu2.
     #[inline(always)]
     pub(in crate::ply) fn new<const FMA: bool>(
         params: &Params<L>,
@@ -93,10 +93,10 @@ impl<const L: usize> ConeShapes<L> {
         min(max(fma::<FMA>(self.slope[i], sin, self.center[i]), -1.0), 1.0)
     }
 
-    /// A direction drawn from lobe `i` by two uniform numbers.
+    /// A direction sampled from lobe `i` by two uniform numbers.
     #[inline(always)]
     pub(in crate::ply) fn draw<const FMA: bool>(&self, i: usize, u1: f32, u2: f32) -> [f32; 3] {
-        // Short of +-1, where the inverse ends.
+        // Just inside +-1, where the inverse is infinite.
         let inverse = |y: f32| erf_inverse(min(max(y, -1.0 + 6e-8), 1.0 - 6e-8));
         let (r1, r2) = (ROOT_LN_2 * self.s1[i], ROOT_LN_2 * self.s2[i]);
         let x = inverse((2.0 * u1 - 1.0) * fast_erf::<FMA>(PI * r1)) * FRAC_1_PI / r1;

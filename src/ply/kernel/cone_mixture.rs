@@ -1,5 +1,5 @@
-//! Cone lobes ([`crate::ply::cone`]) in the place of round ones: the weights of a [`Mixture`] with other
-//! shapes.
+//! Mixtures of cone lobes ([`crate::ply::cone`]) instead of round ones: the weights of a [`Mixture`] with
+//! other shapes.
 
 use super::cone_lobe::{ConeShapes, azimuth, incidence};
 use super::energy::{Core, DrawnBy, Energies, sum};
@@ -40,8 +40,8 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         self.weights.weigh::<FMA>(&values::<FMA, L>(&self.shapes, self.weights.flip, wo))
     }
 
-    /// f_refl and f_high per sigma and the density of sampling `wo` [1/sr], missing included. `mean` is of
-    /// [`Mixture::mean`].
+    /// f_refl and f_high per sigma and the density of sampling `wo` [1/sr], including missed light. `mean` is
+    /// from [`Mixture::mean`].
     #[inline(always)]
     pub(in crate::ply) fn eval_pdf<const FMA: bool>(&self, mean: &[f32; L], wo: [f32; 3]) -> Values<N> {
         let value = values::<FMA, L>(&self.shapes, self.weights.flip, wo);
@@ -64,7 +64,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         self.weights.core(refl, high, pdf)
     }
 
-    /// A direction and what [`ConeMixture::eval_pdf`] is there; no direction for light that missed.
+    /// A direction and [`ConeMixture::eval_pdf`] there; no direction for missed light.
     #[inline(always)]
     pub(in crate::ply) fn sample<const FMA: bool>(&self, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>) {
         let u = unit(u);
@@ -85,8 +85,8 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         Some(mirrored(self.weights.flip, self.shapes.draw::<FMA>(i, u[1], u[2])))
     }
 
-    /// Takes a slit's share of each lobe, as of round ones: `share` times the cosine between its middle and
-    /// the forward direction.
+    /// Computes a slit's share of each lobe, as for round ones: `share` times the cosine between its middle
+    /// and the forward direction.
     #[inline(always)]
     fn take<const FMA: bool>(&mut self, mean: &[f32; L], share: f32) -> ([f32; N], f32) {
         let at = incidence::<FMA>(self.theta_i);
@@ -101,7 +101,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         (self.weights.weigh::<FMA>(&taken).1, sum)
     }
 
-    /// [`ConeMixture::eval_pdf`] less what a slit takes, and that.
+    /// [`ConeMixture::eval_pdf`] less the slit's share, and that share.
     #[inline(always)]
     pub(in crate::ply) fn slit_eval_pdf<const FMA: bool>(
         &mut self,
@@ -115,7 +115,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         (self.core(self.eval_pdf::<FMA>(&mean, wo)), Diffracted { energy, chance })
     }
 
-    /// What a sample is of when a slit takes its share.
+    /// Kind of a sample when a slit diffracts its share.
     #[inline(always)]
     pub(in crate::ply) fn slit_sample<const FMA: bool>(&mut self, share: f32, u: [f32; 3]) -> SlitSample {
         let u = unit(u);
@@ -183,16 +183,16 @@ pub(in crate::ply) fn eval_batch<
     }
 }
 
-/// Cone lobes at one incidence, kept for many directions: H high-order ones first, then those of f_refl.
+/// Prepared cone lobes at one incidence, for many directions: H high-order ones first, then those of f_refl.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::ply) struct PreparedCones<const H: usize, const L: usize, const N: usize> {
     shapes: ConeShapes<L>,
-    /// What a value is multiplied by for its density: the lobe's mean over the absorptions, over all energy.
+    /// Factor from a value to its density: the lobe's mean over the absorptions, over the total energy.
     density: [f32; L],
-    /// Running sum of the mean energies, and all of it; infinite in empty lanes.
+    /// Running sum of the mean energies, and the total; infinite in empty lanes.
     sums: [f32; L],
     sum: f32,
-    /// By high-order lobe: what is left after absorption, scaled to the simulated energy.
+    /// By high-order lobe: the fraction that absorption leaves, scaled to the simulated energy.
     weight: [[f32; N]; H],
     scale_refl: f32,
     flip: bool,

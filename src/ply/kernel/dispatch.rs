@@ -1,6 +1,6 @@
-//! The kernels compiled for several instruction sets; the processor chooses at the first call.
+//! The kernels, compiled for several instruction sets; the processor is detected at the first call.
 //!
-//! Each of these functions is one inlined copy of the arithmetic. Models beyond the fast tables take one
+//! Each of these functions is one inlined copy of the arithmetic. Models that exceed the fast tables use one
 //! portable copy.
 
 use super::batch;
@@ -15,12 +15,12 @@ use crate::ply::{MAX_LOBES, MAX_PATHS, Queries};
 use multiversion::{multiversion, target::target_cfg_f};
 
 type Large = Tables<MAX_LOBES, MAX_LOBES, MAX_PATHS>;
-/// Lanes of a mixture of fast and of large tables: a power of 2.
+/// Lanes of a mixture for fast and for large tables: a power of 2.
 const LANES: usize = 16;
 const LANES_LARGE: usize = 2 * MAX_LOBES;
 
 /// Declares a kernel: `$name` is `$any`, which chooses between `$fast`, compiled for several instruction
-/// sets, `$large`, and the two of cones. In each the body is of the tables and of the constants FMA and L
+/// sets, `$large`, and the two for cones. In each, the body uses the tables and the constants FMA and L
 /// (lanes).
 macro_rules! kernel {
     ($name:ident = $any:ident, [$fast:ident, $large:ident, $cone:ident, $large_cone:ident],
@@ -195,7 +195,7 @@ kernel!(
 type FastLobes<const H: usize, const N: usize> = PreparedLobes<H, LANES, N>;
 type FastCones<const N: usize> = PreparedCones<MORE, LANES, N>;
 
-/// What is kept of an incidence. It lives on the stack of a host's query: a box would allocate.
+/// Prepared lobes of an incidence. They live on the stack of a host's query: a box would allocate.
 #[allow(clippy::large_enum_variant)]
 #[derive(Clone, Copy, Debug)]
 pub(in crate::ply) enum Prepared<const N: usize> {
@@ -207,13 +207,13 @@ pub(in crate::ply) enum Prepared<const N: usize> {
 }
 
 compiled!(
-    /// Puts the lobes at an incidence where they are kept.
+    /// Prepares the lobes at an incidence, in place.
     run_prepare = any_prepare(
         layout: &Layout, theta_i: f32, h_um: f32, sigma: &[f32; N] as same_ref, drawn_by: DrawnBy, prepared: &mut Prepared<N> as same_mut
     ) -> ()
 );
 compiled!(
-    /// f_refl and f_high of lobes that are kept; those of a beam that misses where none are.
+    /// f_refl and f_high of prepared lobes; those of a beam that misses if there are none.
     kept_eval = any_kept_eval(kept: &Prepared<N> as same_ref, wo: [f32; 3]) -> Core<N>
 );
 compiled!(
@@ -221,7 +221,7 @@ compiled!(
     kept_eval_pdf = any_kept_eval_pdf(kept: &Prepared<N> as same_ref, wo: [f32; 3]) -> Core<N>
 );
 compiled!(
-    /// A direction of lobes that are kept, with [`kept_eval_pdf`] there.
+    /// A direction sampled from prepared lobes, with [`kept_eval_pdf`] there.
     kept_sample = any_kept_sample(kept: &Prepared<N> as same_ref, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>)
 );
 
@@ -272,7 +272,7 @@ fn any_kept_sample<const N: usize>(kept: &Prepared<N>, u: [f32; 3]) -> (Option<[
     }
 }
 
-/// Declares a kernel of kept lobes, compiled for several instruction sets.
+/// Declares a kernel of prepared lobes, compiled for several instruction sets.
 macro_rules! prepared {
     ($name:ident <$($h:ident)?>, ($($arg:ident: $type:ty),*) -> $out:ty, |$fma:ident| $body:expr) => {
         #[multiversion(targets(

@@ -1,5 +1,5 @@
-//! Energies at an incidence: interpolated over the nodes, absorbed along the paths, and what scales lobes to
-//! them.
+//! Energies at an incidence: interpolated over the nodes, absorbed along the paths, and the factors that
+//! scale lobes to them.
 
 use super::grid_cell::{GridCell, locate};
 use super::layout::{Shares, Tables};
@@ -15,16 +15,16 @@ pub(crate) struct Energies<const N: usize> {
 }
 
 impl<const N: usize> Energies<N> {
-    /// What a beam beyond the nodes meets: nothing.
+    /// A beam beyond the nodes, which hits nothing.
     pub(in crate::ply) const MISS: Self = Energies { r_d: 1.0, refl: 0.0, high: [0.0; N] };
 
-    /// All that is scattered.
+    /// Total scattered energy.
     pub(crate) fn albedo(&self) -> [f32; N] {
         sum(self.refl, self.high)
     }
 }
 
-/// Which of the absorptions directions are drawn by.
+/// The absorptions by which directions are sampled.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::ply) enum DrawnBy {
     /// Their mean.
@@ -33,7 +33,7 @@ pub(in crate::ply) enum DrawnBy {
 }
 
 impl DrawnBy {
-    /// Scattered energy plus the missed: what a sample is chosen from.
+    /// Scattered energy plus the missed light: the total from which a sample is chosen.
     #[inline(always)]
     pub(in crate::ply) fn total<const N: usize>(self, energies: &Energies<N>) -> f32 {
         energies.r_d
@@ -44,20 +44,20 @@ impl DrawnBy {
     }
 }
 
-/// What the lobes answer in one direction, and the light they leave.
+/// Values of the lobes in one direction, and the missed light.
 #[derive(Clone, Copy)]
 pub(crate) struct Core<const N: usize> {
     pub(crate) refl: f32,
     pub(crate) high: [f32; N],
-    /// Density of sampling the direction; 0 where it was not asked for.
+    /// Density of sampling the direction; 0 where it was not requested.
     pub(crate) pdf: f32,
     pub(in crate::ply) r_d: f32,
-    /// Chance that a sample is of the missed light.
+    /// Chance that a sample is missed light.
     pub(in crate::ply) missed: f32,
 }
 
 impl<const N: usize> Core<N> {
-    /// Of a beam beyond the nodes.
+    /// A beam beyond the nodes.
     pub(in crate::ply) const MISS: Self = Core { refl: 0.0, high: [0.0; N], pdf: 0.0, r_d: 1.0, missed: 1.0 };
 }
 
@@ -67,7 +67,7 @@ pub(in crate::ply) fn mix<const FMA: bool>(w: [f32; 4], x: [f32; 4]) -> f32 {
     fma::<FMA>(w[3], x[3], fma::<FMA>(w[2], x[2], fma::<FMA>(w[1], x[1], w[0] * x[0])))
 }
 
-/// The absorption that is any number: not a number counts as 0, the range is 0 to 1e6 per um.
+/// Clamps an absorption to 0 to 1e6 per um; NaN counts as 0.
 #[inline(always)]
 pub(crate) fn clamped_sigma<const N: usize>(sigma: &[f32; N]) -> [f32; N] {
     let mut s = [0.0; N];
@@ -102,7 +102,7 @@ pub(in crate::ply) fn transmittances<const FMA: bool, const J: usize, const N: u
     t
 }
 
-/// What is missed, and the energies of what is not.
+/// Missed light, and the energies of scattered light.
 #[derive(Clone, Copy)]
 pub(in crate::ply) struct Node<const J: usize> {
     pub(in crate::ply) r_d: f32,
@@ -111,7 +111,7 @@ pub(in crate::ply) struct Node<const J: usize> {
     pub(in crate::ply) high: [f32; J],
 }
 
-/// r_d, energy of f_refl, spectrum of the energy of f_high at a place, by their splines.
+/// r_d, energy of f_refl, spectrum of the energy of f_high at an incidence, by their splines.
 #[inline(always)]
 pub(in crate::ply) fn interpolate_node<const FMA: bool, const H: usize, const R: usize, const J: usize>(
     tables: &Tables<H, R, J>,
@@ -135,8 +135,8 @@ pub(in crate::ply) fn interpolate_node<const FMA: bool, const H: usize, const R:
             }
         }
     }
-    // Weights and coefficients are not negative but beyond the ends, where rounding may leave a little below
-    // 0.
+    // Weights and coefficients are not negative except beyond the ends, where rounding may make them slightly
+    // negative.
     let r_d = min(max(r_d, 0.0), 1.0);
     let hit = 1.0 - r_d;
     for e in &mut high {
@@ -165,7 +165,7 @@ pub(in crate::ply) fn absorb<const FMA: bool, const J: usize, const N: usize>(
     even
 }
 
-/// Exact energies at an incidence: what `albedo` and `r_d` report and what the lobes are scaled to.
+/// Exact energies at an incidence, as `albedo` and `r_d` return them and as lobes are scaled to.
 #[inline(always)]
 pub(in crate::ply) fn energies<const FMA: bool, const H: usize, const R: usize, const J: usize, const N: usize>(
     tables: &Tables<H, R, J>,
@@ -190,8 +190,8 @@ pub(in crate::ply) fn absorbed<const FMA: bool, const H: usize, const J: usize, 
     spectrum: &[[f32; J]; H],
     t: &[[f32; N]; J],
 ) -> [f32; N] {
-    // Of as many turns as there are pairs of lobes, which the compiler does not know: it then keeps the path
-    // lengths in vectors.
+    // The loop runs over pairs of lobes, a number unknown to the compiler: it then keeps the path lengths in
+    // vectors.
     let (mut even, mut odd) = ([0.0; J], [0.0; J]);
     for (value, spectrum) in value.as_chunks::<2>().0.iter().zip(spectrum.as_chunks::<2>().0).take(pairs) {
         for j in 0..J {
@@ -205,7 +205,7 @@ pub(in crate::ply) fn absorbed<const FMA: bool, const H: usize, const J: usize, 
     absorb::<FMA, J, N>(&even, t)
 }
 
-/// What makes lobes of these sums of energies add up to the simulated energies.
+/// Factors that scale lobes with these sums of energies to the simulated energies.
 #[inline(always)]
 pub(in crate::ply) fn scales<const N: usize>(energies: &Energies<N>, refl: f32, high: &[f32; N]) -> (f32, [f32; N]) {
     let mut scale = [0.0; N];
@@ -215,8 +215,8 @@ pub(in crate::ply) fn scales<const N: usize>(energies: &Energies<N>, refl: f32, 
     (energies.refl / refl, scale)
 }
 
-/// f_refl + f_high. (The standard `map` is not always inlined into code for other instruction sets than the
-/// default one.)
+/// f_refl + f_high. (The standard `map` is not always inlined into code for instruction sets other than the
+/// default.)
 #[inline(always)]
 pub(in crate::ply) fn sum<const N: usize>(refl: f32, mut high: [f32; N]) -> [f32; N] {
     for f in &mut high {

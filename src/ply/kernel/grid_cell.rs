@@ -1,5 +1,4 @@
-//! Where an incidence lies in the tables: the cell of the nodes, the block, and the weights of what is
-//! around.
+//! Position of an incidence in the tables: the cell of the nodes, the block, and the interpolation weights.
 
 use super::layout::{Grid, SplineGrid};
 use crate::math::simd::{fma, max, min};
@@ -14,7 +13,7 @@ pub(in crate::ply) struct GridCell {
     /// The coefficients of r_d and of the shares.
     pub(in crate::ply) miss: Taps,
     pub(in crate::ply) shares: Taps,
-    /// Where the tables hold the cell's reflection lobes, and the block.
+    /// Index of the cell's reflection lobes in the tables, and of the block.
     pub(in crate::ply) refl: u32,
     pub(in crate::ply) high: u32,
     /// Catmull-Rom weights of nodes -1..=2 of the cell along theta_i and h.
@@ -24,7 +23,7 @@ pub(in crate::ply) struct GridCell {
     pub(in crate::ply) block: [f32; 4],
 }
 
-/// Three by three coefficients of a spline: where the tables hold the first, and the weights along theta_i
+/// Three by three coefficients of a spline: index of the first in the tables, and the weights along theta_i
 /// and h.
 #[derive(Clone, Copy)]
 pub(in crate::ply) struct Taps {
@@ -43,13 +42,13 @@ impl Taps {
     }
 }
 
-/// 2^23 plus a whole number has that number in its low bits.
+/// 2^23 plus a whole number stores that number in its low bits.
 #[inline(always)]
 fn bits(x: f32) -> u32 {
     (x + 8_388_608.0).to_bits() & 0x7f_ffff
 }
 
-/// The cell of any incidence, one beyond the nodes included, without a branch.
+/// The cell of any incidence, also beyond the nodes, without a branch.
 #[inline(always)]
 pub(in crate::ply) fn locate<const FMA: bool>(grid: &Grid, theta_i: f32, h_um: f32) -> GridCell {
     let flip = theta_i < 0.0;
@@ -73,7 +72,7 @@ pub(in crate::ply) fn locate<const FMA: bool>(grid: &Grid, theta_i: f32, h_um: f
     }
 }
 
-/// GridCells side by side.
+/// [`GridCell`]s side by side.
 pub(in crate::ply) struct GridCells<const W: usize> {
     pub(in crate::ply) hit: [u32; W],
     flip: [u32; W],
@@ -105,7 +104,7 @@ impl<const W: usize> GridCells<W> {
         x
     }
 
-    /// Directions as at theta_i >= 0.
+    /// Mirrors directions to theta_i >= 0.
     #[inline(always)]
     pub(in crate::ply) fn mirror(&self, v: &mut [[f32; W]; 3]) {
         for q in 0..W {

@@ -10,7 +10,7 @@ use crate::ply::data::{MAX_LOBES, MAX_PATHS, MIN_ENERGY, PlyData, extended};
 use std::f64::consts::{LOG2_E, PI};
 
 /// Lanes of high-order lobes that the fast kernels are compiled for: those of most models, and those of
-/// fibers with flat faces. With the reflection lobes both fit 16 lanes.
+/// fibers with flat faces. Both fit 16 lanes together with the reflection lobes.
 pub(in crate::ply) const FEW: usize = 8;
 pub(in crate::ply) const MORE: usize = 12;
 
@@ -21,7 +21,7 @@ pub(in crate::ply) const PATHS: usize = 8;
 /// Tables of the fast kernels.
 pub(in crate::ply) type Fast<const H: usize> = Tables<H, REFL, PATHS>;
 
-/// Shares of the light that meets fibers, as coefficients of a spline ([`crate::ply::data::energies`]).
+/// Shares of the light that hits fibers, as coefficients of a spline ([`crate::ply::data::energies`]).
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub(in crate::ply) struct Shares<const J: usize> {
@@ -30,7 +30,7 @@ pub(in crate::ply) struct Shares<const J: usize> {
     pub(in crate::ply) high: [f32; J],
 }
 
-/// Reflection lobes at four nodes that follow each other along theta_i, one parameter after the other.
+/// Reflection lobes at four consecutive nodes along theta_i, one parameter after the other.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(in crate::ply) struct Refl<const R: usize>(pub(in crate::ply) [[[f32; R]; PARAMS]; 4]);
@@ -43,30 +43,30 @@ pub(in crate::ply) struct High<const H: usize, const J: usize> {
     pub(in crate::ply) spectrum: [[f32; J]; H],
 }
 
-/// Arrays for kernels of H high-order and R reflection lanes and J path lengths; those beyond the model's own
-/// hold zeros.
+/// Arrays for kernels of H high-order and R reflection lanes and J path lengths; entries beyond the model's
+/// own are zero.
 #[derive(Clone, Debug)]
 pub(in crate::ply) struct Tables<const H: usize, const R: usize, const J: usize> {
     pub(in crate::ply) grid: Grid,
     /// -log2 e times the path lengths [um].
     pub(in crate::ply) path: [f32; J],
-    /// `[A+2][B+2]`: coefficients of r_d, with one beyond each end.
+    /// `[A+2][B+2]`: coefficients of r_d, with one more beyond each end.
     pub(in crate::ply) miss: Vec<f32>,
-    /// `[P+2][Q+2]`: coefficients of the shares, with one beyond each end.
+    /// `[P+2][Q+2]`: coefficients of the shares, with one more beyond each end.
     pub(in crate::ply) shares: Vec<Shares<J>>,
-    /// `[M-1][H+2]`: the nodes -1..=2 of a cell along theta_i, so that all a cell needs follows each other;
-    /// continued linearly by one node on each side.
+    /// `[M-1][H+2]`: the nodes -1..=2 of a cell along theta_i, so that a cell's data are contiguous;
+    /// extrapolated linearly by one node on each side.
     pub(in crate::ply) refl: Vec<Refl<R>>,
-    /// `[(M-1)/2][(H-1)/2]` of the four corners.
+    /// `[(M-1)/2][(H-1)/2]`: high-order lobes at the four corners.
     pub(in crate::ply) high: Vec<[High<H, J>; 4]>,
-    /// Least energy of a lane: [`MIN_ENERGY`] for lobes, 0 for empty lanes.
+    /// Smallest energy of a lane: [`MIN_ENERGY`] for lobes, 0 for empty lanes.
     pub(in crate::ply) least_high: [f32; H],
     pub(in crate::ply) least_refl: [f32; R],
     /// Pairs of high-order lanes with a lobe.
     pub(in crate::ply) pairs: usize,
     /// Bounds of the stored bandwidths.
     pub(in crate::ply) bandwidth: (f32, f32),
-    /// Those of mu2 where the lobes are cones; of round ones the same.
+    /// Bounds of mu2 for cone lobes; the same as `bandwidth` for round ones.
     pub(in crate::ply) bandwidth_across: (f32, f32),
 }
 
@@ -90,7 +90,7 @@ pub(in crate::ply) struct Grid {
 /// Nodes of a spline over the same range of theta_i and h.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::ply) struct SplineGrid {
-    /// Coefficients of a row, those beyond the ends included.
+    /// Coefficients per row, including those beyond the ends.
     pub(in crate::ply) row: u32,
     pub(in crate::ply) last_theta: f32,
     pub(in crate::ply) last_h: f32,
@@ -111,24 +111,24 @@ impl SplineGrid {
     }
 }
 
-/// The coefficients `of(node)` of a grid of `sizes`, with one beyond each end.
+/// The coefficients `of(node)` of a grid of `sizes`, with one more beyond each end.
 fn bordered<T>([rows, columns]: [usize; 2], of: impl Fn(isize, isize) -> T) -> Vec<T> {
     (-1..=rows as isize).flat_map(|m| (-1..=columns as isize).map(move |n| (m, n))).map(|(m, n)| of(m, n)).collect()
 }
 
-/// Tables of one of three sizes, or of two sizes of cones.
+/// Tables of one of three sizes, or of two sizes for cones.
 #[derive(Clone, Debug)]
 pub(in crate::ply) enum Layout {
     Few(Box<Fast<FEW>>),
     More(Box<Fast<MORE>>),
     Large(Box<Tables<MAX_LOBES, MAX_LOBES, MAX_PATHS>>),
-    /// Of cones.
+    /// Tables of cone lobes.
     Cone(Box<Fast<MORE>>),
     LargeCone(Box<Tables<MAX_LOBES, MAX_LOBES, MAX_PATHS>>),
 }
 
 impl Layout {
-    /// From checked data.
+    /// Tables from checked data.
     pub(in crate::ply) fn new(d: &PlyData) -> Layout {
         let fast = d.lobes_refl <= REFL && d.path_um.len() <= PATHS;
         if d.family == LobeKind::Cone {
@@ -145,11 +145,11 @@ impl Layout {
     }
 }
 
-/// Lobe parameter `k` in the units of the kernels, from its value in f32 as files have it.
+/// Lobe parameter `k` in the units of the kernels, from its f32 value in files.
 fn stored(family: LobeKind, k: usize, value: f64) -> f64 {
     let value = f64::from(value as f32);
     match k {
-        // The shift and the lean of a cone are no angles of its axis.
+        // The shift and the lean of a cone are not angles of its axis.
         0 | 2 if family == LobeKind::Cone => value,
         0..3 => value / PI,
         3 | 4 => 0.5 * (value * LOG2_E + LOG2_E.log2()),
@@ -158,7 +158,7 @@ fn stored(family: LobeKind, k: usize, value: f64) -> f64 {
 }
 
 impl<const H: usize, const R: usize, const J: usize> Tables<H, R, J> {
-    /// From checked data of at most these sizes.
+    /// Tables from checked data of at most these sizes.
     fn new(d: &PlyData) -> Self {
         let (m, h, _, j) = d.sizes();
         let e = &d.energies;

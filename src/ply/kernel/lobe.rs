@@ -1,5 +1,5 @@
-//! The arithmetic of one lobe: axes, amplitude, value in a direction, a direction drawn from it. Loops over
-//! lanes call these.
+//! The arithmetic of one lobe: axes, amplitude, value in a direction, sampling. Loops over lanes call these
+//! functions.
 
 use crate::math::simd::{exp2, exp2_within, fma, ln, max, min, signed, sin_cos_half_turns};
 use std::f32::consts::{LN_2, LOG2_E, PI};
@@ -28,7 +28,7 @@ const MEAN_3: [f32; 5] = [0.103313036, -1.2792708, 0.07296818, 23.176245, 33.990
 const MEAN_4: [f32; 3] = [0.04638332, -1.8602276, -4.9093513];
 const MEAN_5: [f32; 1] = [0.121228844];
 
-/// Polynomial of even degree in x, constant term first, its even and odd powers apart: half the chain of
+/// Polynomial of even degree in x, constant term first, with even and odd powers separate: half the chain of
 /// Horner's rule.
 #[inline(always)]
 fn polynomial<const FMA: bool, const M: usize>(c: [f32; M], x: f32, x2: f32) -> f32 {
@@ -42,7 +42,7 @@ fn polynomial<const FMA: bool, const M: usize>(c: [f32; M], x: f32, x2: f32) -> 
     fma::<FMA>(odd, x, even)
 }
 
-/// Energy of a lobe with amplitude 1, times sqrt(mu1 mu2) / pi, of the bandwidths mu log2 e.
+/// Energy of a lobe with amplitude 1, times sqrt(mu1 mu2) / pi, from the bandwidths mu log2 e.
 #[inline(always)]
 fn unit_mean<const FMA: bool>(t1: f32, t2: f32) -> f32 {
     let (d1, d2) = (2.0 * LOG2_E + t1, 2.0 * LOG2_E + t2);
@@ -56,8 +56,8 @@ fn unit_mean<const FMA: bool>(t1: f32, t2: f32) -> f32 {
     fma::<FMA>(fma::<FMA>(p45, y2, p23), y2, p01)
 }
 
-/// Axes of a lobe: sines and cosines of theta_z, phi_z, phi_xy. The sign of the last pair does not matter to
-/// an even lobe.
+/// Axes of a lobe: sines and cosines of theta_z, phi_z, phi_xy. The sign of the last pair does not matter,
+/// since a lobe is even.
 #[derive(Clone, Copy)]
 pub(in crate::ply) struct Axes {
     pub(in crate::ply) theta: (f32, f32),
@@ -96,7 +96,7 @@ pub(in crate::ply) fn axes<const FMA: bool>(theta: f32, phi: f32, xy: f32) -> Ax
     }
 }
 
-/// Square root of a bandwidth times log2 e, from the number stored.
+/// Square root of a bandwidth times log2 e, from the stored number.
 #[inline(always)]
 pub(in crate::ply) fn root_width<const FMA: bool>(stored: f32, bounds: (f32, f32)) -> f32 {
     exp2_within::<FMA>(min(max(stored, bounds.0), bounds.1))
@@ -126,7 +126,7 @@ pub(in crate::ply) fn project<const FMA: bool>(x: Axes, v: [f32; 3]) -> [f32; 3]
     [fma::<FMA>(cx, across, sx * up), fma::<FMA>(cx, up, -sx * across), cz]
 }
 
-/// `cz 2^-q` in front of the lobe; the comparisons are false for what is not a number.
+/// `cz 2^-q` in front of the lobe; the comparisons are false for NaN.
 #[inline(always)]
 pub(in crate::ply) fn shape<const FMA: bool>(q: f32, cz: f32) -> f32 {
     let value = cz * exp2_within::<FMA>(-q);
@@ -135,20 +135,20 @@ pub(in crate::ply) fn shape<const FMA: bool>(q: f32, cz: f32) -> f32 {
 }
 
 /// `1 - 2^-a`, the share of a lobe's plane that lies within the unit disc. Bandwidths keep it above 0.05; it
-/// would be 0 for what is no direction, whose squares overflow.
+/// would be 0 for an invalid direction, whose squares overflow.
 #[inline(always)]
 pub(in crate::ply) fn disc_share<const FMA: bool>(a: f32) -> f32 {
     max(1.0 - exp2::<FMA>(-a), 1e-6)
 }
 
-/// Numbers below 1, and 0 for what is not a number.
+/// Clamps numbers below 1; NaN becomes 0.
 #[inline(always)]
 pub(in crate::ply) fn unit(u: [f32; 3]) -> [f32; 3] {
     use crate::math::clamp_unit;
     [clamp_unit(u[0]), clamp_unit(u[1]), clamp_unit(u[2])]
 }
 
-/// Components along x, y and z of a lobe of a direction drawn from it, by two uniform numbers.
+/// Components along x, y and z of a lobe of a direction sampled from it, by two uniform numbers.
 #[inline(always)]
 pub(in crate::ply) fn disc_point<const FMA: bool>(s1: f32, s2: f32, u1: f32, u2: f32) -> [f32; 3] {
     // tan t = sqrt(mu1/mu2) tan(2 pi u1), in the same quadrant.

@@ -1,18 +1,18 @@
-//! What f_refl and f_high answer at one incidence: of lobes interpolated at every call (uncached), or once
-//! for many (cached).
+//! f_refl and f_high at one incidence, from lobes interpolated at every call (uncached), or once for many
+//! calls (cached).
 
 use super::dispatch::{self, Prepared};
 use super::energy::{Core, DrawnBy, Energies};
 use super::layout::Layout;
 use crate::ply::model::PlyModel;
 
-/// The lobes in one direction, those of the instance, and the density of drawing it from them [1/sr]; light
-/// of slits is in f_high.
+/// Values of the lobes in one direction, with the instance's patterns, and the density of sampling it from
+/// them [1/sr]; light of slits is in f_high.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LobeLight<const N: usize> {
     pub(crate) refl: [f32; N],
     pub(crate) high: [f32; N],
-    /// Of directions that the lobes give, missed light left out: its integral is 1.
+    /// Density among directions that the lobes yield, without missed light: its integral is 1.
     pub(crate) pdf: f32,
 }
 
@@ -21,13 +21,13 @@ pub(crate) trait Lobes<const N: usize> {
     /// f_refl and f_high in a direction.
     fn eval(&self, wo: [f32; 3]) -> Core<N>;
 
-    /// The same with the density of [`Lobes::sample`].
+    /// f_refl and f_high in a direction with the density of [`Lobes::sample`].
     fn eval_pdf(&self, wo: [f32; 3]) -> Core<N>;
 
-    /// A direction with what [`Lobes::eval_pdf`] is there; none for light that missed the fibers.
+    /// A direction with [`Lobes::eval_pdf`] there; none for light that missed the fibers.
     fn sample(&self, u: [f32; 3]) -> (Option<[f32; 3]>, Core<N>);
 
-    /// What the lobes are scaled to.
+    /// The energies that the lobes are scaled to.
     fn energies(&self) -> Energies<N>;
 }
 
@@ -62,8 +62,8 @@ impl<const N: usize> Lobes<N> for Uncached<'_, N> {
     }
 }
 
-/// Lobes that [`Cached::prepare`] interpolates once; those of models with more lobes than the fast kernels
-/// hold stay [`Uncached`].
+/// Lobes that [`Cached::prepare`] interpolates once; models with more lobes than the fast kernels support
+/// stay [`Uncached`].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cached<'a, const N: usize> {
     uncached: Uncached<'a, N>,
@@ -71,7 +71,7 @@ pub(crate) struct Cached<'a, const N: usize> {
 }
 
 impl<const N: usize> Cached<'_, N> {
-    /// In place: lobes are too large to be moved about.
+    /// Prepares in place: lobes are too large to move.
     pub(crate) fn prepare(&mut self) {
         self.prepare_drawn_by(DrawnBy::Mean);
     }
@@ -88,25 +88,25 @@ impl<const N: usize> Cached<'_, N> {
     }
 }
 
-/// Lobes of a ply that is hit, for many absorptions; directions are drawn by the first of them.
+/// Lobes of a ply that is hit, for many absorptions; directions are sampled by the first of them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ByFirst<'a, const N: usize> {
     lobes: Cached<'a, N>,
     energies: Energies<N>,
-    /// Share of the light that is scattered in all that a sample may be of.
+    /// Scattered share of all light that a sample may choose.
     hit: f32,
 }
 
 impl<const N: usize> ByFirst<'_, N> {
-    /// Energies that are scattered.
+    /// Scattered energies.
     pub(crate) fn albedo(&self) -> [f32; N] {
         self.energies.albedo()
     }
 
-    /// A direction, and the lobes there with the density of drawing it from the first absorption's.
+    /// A direction, and the lobes there with the density of sampling it by the first absorption.
     #[inline]
     pub(crate) fn sample(&self, u: [f32; 3]) -> Option<([f32; 3], LobeLight<N>)> {
-        // The last numbers are those of missed light.
+        // The last numbers belong to missed light.
         let u = [(u[0] * self.hit).min(self.hit * (1.0 - 1e-6)), u[1], u[2]];
         let (w, core) = match &self.lobes.prepared {
             Prepared::Nothing => {
@@ -172,7 +172,7 @@ impl PlyModel {
         Cached { uncached: self.uncached(theta_i, h_um, sigma_per_um), prepared: Prepared::Nothing }
     }
 
-    /// The lobes at an incidence, interpolated once, for directions drawn by the first absorption.
+    /// The lobes at an incidence, interpolated once, for directions sampled by the first absorption.
     pub(crate) fn by_first<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> ByFirst<'_, N> {
         let mut lobes = self.cached(theta_i, h_um, sigma_per_um);
         lobes.prepare_drawn_by(DrawnBy::First);

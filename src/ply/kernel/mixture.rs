@@ -1,10 +1,10 @@
 //! The arithmetic of the runtime: the lobes of a model at one incidence side by side in the lanes of vectors,
 //! and their sums.
 //!
-//! Every loop over lanes is contiguous, of constant length, and long enough a body that the compiler makes it
-//! vector code before it would unroll it. With T the transmittances of the J path lengths, e_l and p_l the
+//! Every loop over lanes is contiguous, of constant length, and has a body long enough that the compiler
+//! vectorizes it before it would unroll it. With T the transmittances of the J path lengths, e_l and p_l the
 //! energy and spectrum of lobe l and G_l its value, `f_high = scale * sum_j T_j sum_l e_l G_l p_lj`, so the
-//! sum over lobes is done once for all absorptions. Bandwidths are t = mu log2 e here, as `s = sqrt(t)`:
+//! sum over lobes is done once for all absorptions. Bandwidths here are t = mu log2 e, as `s = sqrt(t)`:
 //! `exp(-mu1 u^2 - mu2 w^2) = 2^-((s1 u)^2 + (s2 w)^2)`.
 
 use super::energy::interpolate_node;
@@ -52,9 +52,9 @@ pub(in crate::ply) struct Mixture<const H: usize, const R: usize, const L: usize
     spectrum: [[f32; J]; H],
     /// Transmittance of each path length.
     transmittance: [[f32; N]; J],
-    /// What makes the high-order lobes add up to the simulated energy.
+    /// Scale of the high-order lobes to the simulated energy.
     scale_high: [f32; N],
-    /// What makes the reflection lobes add up to the simulated energy.
+    /// Scale of the reflection lobes to the simulated energy.
     pub(in crate::ply) scale_refl: f32,
     /// Pairs of high-order lobes.
     pairs: usize,
@@ -83,7 +83,8 @@ pub(in crate::ply) fn mixture<
     Some((x, shapes))
 }
 
-/// [`mixture`] without the shapes of the lobes and without [`Mixture::scale`]: with that, enough to choose a lobe by.
+/// [`mixture`] without the shapes of the lobes and without [`Mixture::scale`], which together with the scale
+/// suffices to choose a lobe.
 #[inline(always)]
 pub(in crate::ply) fn weights<
     const FMA: bool,
@@ -138,7 +139,7 @@ fn part<const A: usize>(x: &[f32], at: usize) -> &[f32; A] {
 }
 
 impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: usize> Mixture<H, R, L, J, N> {
-    /// Finds what makes the lobes add up to the simulated energies.
+    /// Finds the factors that scale the lobes to the simulated energies.
     #[inline(always)]
     pub(in crate::ply) fn scale<const FMA: bool>(&mut self) {
         let (refl, high) = self.absorbed::<FMA>(&self.energy);
@@ -198,14 +199,14 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         self.weigh::<FMA>(&value)
     }
 
-    /// Mean scattered energy plus the missed: what a sample is chosen from.
+    /// Mean scattered energy plus the missed light: the total from which a sample is chosen.
     #[inline(always)]
     pub(in crate::ply) fn total(&self) -> f32 {
         DrawnBy::Mean.total(&self.energies)
     }
 
-    /// f_refl and f_high per sigma and the density of sampling `wo` [1/sr], missing included. `mean` is of
-    /// [`Mixture::mean`].
+    /// f_refl and f_high per sigma and the density of sampling `wo` [1/sr], including missed light. `mean` is
+    /// from [`Mixture::mean`].
     #[inline(always)]
     pub(in crate::ply) fn eval_pdf<const FMA: bool>(&self, x: &Shapes<L>, mean: &[f32; L], wo: [f32; 3]) -> Values<N> {
         let v = mirrored(self.flip, wo);
@@ -215,8 +216,8 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
             let (su, sw) = (x.s1[i] * u, x.s2[i] * w);
             let q = fma::<FMA>(su, su, sw * sw);
             let shape = shape::<FMA>(q, cz);
-            // a(t) of the direction t of (u, w); at the axis, where t is undefined, any mean of mu1 and mu2
-            // serves.
+            // a(t) in the direction t of (u, w); at the axis, where t is undefined, any mean of mu1 and mu2
+            // works.
             let a = (q + 1e-30) / (fma::<FMA>(u, u, w * w) + 1e-30);
             value[i] = shape * x.amplitude[i];
             density[i] = shape * (mean[i] * x.norm[i]) / disc_share::<FMA>(a);
@@ -226,8 +227,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         (refl, high, if total > 0.0 { halves(density) / total } else { 0.0 })
     }
 
-    /// By high-order lobe and absorption: what the energy of a lobe is multiplied by, scaled to the simulated
-    /// energy.
+    /// By high-order lobe and absorption: the factor on the energy of a lobe, scaled to the simulated energy.
     #[inline(always)]
     pub(in crate::ply) fn left<const FMA: bool>(&self) -> [[f32; N]; H] {
         let mut left = [[0.0; N]; H];
@@ -240,7 +240,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         left
     }
 
-    /// By lane: what the energy of a lobe is multiplied by for its mean over the absorptions, scaled to the
+    /// By lane: the factor that gives the mean of a lobe's energy over the absorptions, scaled to the
     /// simulated energy.
     #[inline(always)]
     pub(in crate::ply) fn mean<const FMA: bool>(&self) -> [f32; L] {
@@ -267,8 +267,8 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         mean
     }
 
-    /// The lane where the running sum of the mean energies passes `left`; `None` where there is no energy.
-    /// The lanes before it are counted without a branch, which no processor could predict.
+    /// The lane where the running sum of the mean energies exceeds `left`; `None` where there is no energy.
+    /// The lanes before it are counted without a branch, which a processor could not predict.
     #[inline(always)]
     pub(in crate::ply) fn choose<const FMA: bool>(&self, mean: &[f32; L], left: f32) -> Option<usize> {
         let (mut sums, mut sum) = ([f32::INFINITY; L], 0.0);
@@ -276,7 +276,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
             sum = fma::<FMA>(self.energy[i], mean[i], sum);
             sums[i] = sum;
         }
-        // Below the last sum, whatever was rounded: a lane with energy passes it.
+        // Below the last sum despite rounding: a lane with energy exceeds it.
         let left = min(left, sum * (1.0 - f32::EPSILON));
         let mut passed = 0u32;
         for x in sums {
@@ -292,9 +292,9 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         Core { refl, high, pdf, r_d, missed: if total > 0.0 { r_d / total } else { 0.0 } }
     }
 
-    /// A direction, f_refl, f_high and pdf there; `None` for the light that missed. Of a mixture that is not
-    /// scaled, whose lobes have no shapes yet: the lobe is chosen and the place on its disc drawn first, one
-    /// long chain of scalar operations, and the processor fills its gaps with the shapes.
+    /// A direction, f_refl, f_high and pdf there; `None` for missed light. For a mixture that is not scaled
+    /// and whose lobes have no shapes yet: the lobe and the point on its disc are sampled first, in one long
+    /// chain of scalar operations, and the processor fills its gaps with the shapes.
     #[inline(always)]
     pub(in crate::ply) fn sample<const FMA: bool>(
         &mut self,
@@ -313,7 +313,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         self.sample_lobe::<FMA>(params, bandwidth, &mean, left, u)
     }
 
-    /// [`Mixture::sample`] where the running sum of the energies passes `left`.
+    /// [`Mixture::sample`] in the lane where the running sum of the energies exceeds `left`.
     #[inline(always)]
     pub(in crate::ply) fn sample_lobe<const FMA: bool>(
         &self,

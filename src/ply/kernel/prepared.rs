@@ -1,5 +1,5 @@
-//! The lobes at one incidence, kept for many directions: what does not depend on the direction is multiplied
-//! out, sums over path lengths above all.
+//! Prepared lobes at one incidence, for many directions: factors that do not depend on the direction are
+//! multiplied out, above all the sums over path lengths.
 
 use super::energy::{Core, DrawnBy, Energies, halves};
 use super::grid_cell::mirrored;
@@ -15,14 +15,14 @@ pub(in crate::ply) struct PreparedLobes<const H: usize, const L: usize, const N:
     axes: [[f32; L]; PARAMS],
     s1: [f32; L],
     s2: [f32; L],
-    /// Of f_refl the amplitude, scaled to the simulated energy; of f_high that before absorption.
+    /// Amplitude of f_refl, scaled to the simulated energy; that of f_high, before absorption.
     amplitude: [f32; L],
-    /// Mean energy times sqrt(mu1 mu2)/pi, over all energy.
+    /// Mean energy times sqrt(mu1 mu2)/pi, over the total energy.
     density: [f32; L],
-    /// Running sum of the mean energies, and all of it; infinite in empty lanes.
+    /// Running sum of the mean energies, and the total; infinite in empty lanes.
     sums: [f32; L],
     sum: f32,
-    /// By high-order lobe: what is left after absorption, scaled to the simulated energy.
+    /// By high-order lobe: the fraction that absorption leaves, scaled to the simulated energy.
     weight: [[f32; N]; H],
     flip: bool,
     total: f32,
@@ -78,7 +78,7 @@ impl<const H: usize, const L: usize, const N: usize> PreparedLobes<H, L, N> {
         prepared
     }
 
-    /// f_refl and f_high of the values of the lobes.
+    /// f_refl and f_high from the values of the lobes.
     #[inline(always)]
     fn core<const FMA: bool>(&self, value: &[f32; L], pdf: f32) -> Core<N> {
         let (mut even, mut odd, mut refl) = ([0.0; N], [0.0; N], 0.0);
