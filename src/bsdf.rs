@@ -1,5 +1,5 @@
-//! The interface of every scattering model: a query fixes one direction and all else about a shading point,
-//! and the model at that query is a [`Bsdf`].
+//! The interface of every scattering model: a query fixes one direction and all other properties of a shading
+//! point, and the model at that query is a [`Bsdf`].
 //!
 //! Directions are unit vectors that point away from the surface, ply or fiber. One of the two is fixed by the
 //! query, the other is the argument `w` of each call:
@@ -9,13 +9,13 @@
 //! | ply, fiber, gap, as in the papers | `omega_i`: where the beam comes from | `omega_o`: where light goes |
 //! | fabric in a path tracer from the camera | `wo`: towards the camera | `wi`: towards the light |
 //!
-//! docs/howto/host_rust.md has the names of pbrt and Mitsuba beside these.
+//! docs/howto/host_rust.md lists the corresponding names in pbrt and Mitsuba.
 
 /// A scattering function with its query fixed, for N absorptions or wavelengths at once.
 ///
-/// `f` is an energy density [1/sr], the BSDF times the cosine of `w` (of a ply or fiber: of the papers'
-/// energy density): its integral over the sphere is the scattered fraction of the light that the query counts
-/// as incident. No call fails, allocates or panics, whatever numbers come in.
+/// `f` is an energy density [1/sr], the BSDF times the cosine of `w` (for a ply or fiber: the papers' energy
+/// density): its integral over the sphere is the scattered fraction of the query's incident light. No call
+/// fails, allocates or panics, for any input.
 ///
 /// ```
 /// use plywave::{Bsdf, BsdfSample};
@@ -39,18 +39,18 @@
 /// }
 /// ```
 pub trait Bsdf<const N: usize> {
-    /// f in direction `w` [1/sr]. Light that goes straight on is a delta and not in it.
+    /// f in direction `w` [1/sr]. Light that goes straight on is a delta and not included.
     fn eval(&self, w: [f32; 3]) -> [f32; N];
 
-    /// Density [1/sr] with which [`Bsdf::sample`] gives `w`; its integral is [`Outcomes::scattered`].
+    /// Density [1/sr] with which [`Bsdf::sample`] returns `w`; its integral is [`Outcomes::scattered`].
     fn pdf(&self, w: [f32; 3]) -> f32;
 
-    /// [`Bsdf::eval`] and [`Bsdf::pdf`], for models that share their work.
+    /// [`Bsdf::eval`] and [`Bsdf::pdf`] in one call, for models that share their work.
     fn eval_pdf(&self, w: [f32; 3]) -> ([f32; N], f32) {
         (self.eval(w), self.pdf(w))
     }
 
-    /// What becomes of a light path, by three independent uniform numbers in [0, 1).
+    /// Samples the outcome of a light path from three independent uniform numbers in [0, 1).
     fn sample(&self, u: [f32; 3]) -> BsdfSample<N>;
 
     /// Integral of f over the sphere, by absorption or wavelength.
@@ -62,10 +62,10 @@ pub trait Bsdf<const N: usize> {
         [0.0; N]
     }
 
-    /// Chances of what [`Bsdf::sample`] gives.
+    /// Chances of the outcomes of [`Bsdf::sample`].
     fn outcomes(&self) -> Outcomes;
 
-    /// [`Bsdf::eval`] and [`Bsdf::pdf`] in many directions; the shortest slice sets how many.
+    /// [`Bsdf::eval`] and [`Bsdf::pdf`] in many directions, as many as the shortest slice has.
     fn eval_batch(&self, w: &[[f32; 3]], f: &mut [[f32; N]], pdf: &mut [f32]) {
         for ((w, f), pdf) in w.iter().zip(f).zip(pdf) {
             (*f, *pdf) = self.eval_pdf(*w);
@@ -73,7 +73,7 @@ pub trait Bsdf<const N: usize> {
     }
 }
 
-/// What becomes of a sampled light path.
+/// Outcome of a sampled light path.
 ///
 /// ```
 /// use plywave::{Bsdf, BsdfSample, PlyModel, PlyQuery};
@@ -88,16 +88,16 @@ pub trait Bsdf<const N: usize> {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BsdfSample<const N: usize> {
-    /// It is scattered into a direction.
+    /// The light is scattered into a direction.
     Scattered(DirectionSample<N>),
-    /// It goes straight on, as if nothing were there: a delta.
+    /// The light goes straight on, as if nothing were there: a delta.
     Straight {
         /// [`Bsdf::straight`] over the probability, by absorption or wavelength.
         weight: [f32; N],
         /// Chance of this outcome.
         probability: f32,
     },
-    /// It ends here.
+    /// The path ends here.
     Absorbed,
 }
 
@@ -108,28 +108,28 @@ pub struct DirectionSample<const N: usize> {
     pub w: [f32; 3],
     /// f / pdf, by absorption or wavelength.
     pub weight: [f32; N],
-    /// Density of the direction [1/sr], the chance of being scattered at all included.
+    /// Density of the direction [1/sr], including the chance of being scattered.
     pub pdf: f32,
 }
 
-/// Chances of the variants of [`BsdfSample`]; they add up to 1.
+/// Chances of the variants of [`BsdfSample`]; they sum to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outcomes {
-    /// Of [`BsdfSample::Scattered`].
+    /// Chance of [`BsdfSample::Scattered`].
     pub scattered: f32,
-    /// Of [`BsdfSample::Straight`].
+    /// Chance of [`BsdfSample::Straight`].
     pub straight: f32,
-    /// Of [`BsdfSample::Absorbed`].
+    /// Chance of [`BsdfSample::Absorbed`].
     pub absorbed: f32,
 }
 
 impl Outcomes {
-    /// All light ends.
+    /// All light is absorbed.
     pub const ABSORBED: Outcomes = Outcomes { scattered: 0.0, straight: 0.0, absorbed: 1.0 };
     /// All light is scattered.
     pub const SCATTERED: Outcomes = Outcomes { scattered: 1.0, straight: 0.0, absorbed: 0.0 };
 
-    /// Light is scattered or goes straight on in proportion to these energies; where both are 0 it ends.
+    /// Chances of scattered and straight light in proportion to these energies; absorbed if both are 0.
     pub(crate) fn in_proportion(scattered: f32, straight: f32) -> Outcomes {
         let total = scattered + straight;
         if total > 0.0 {
@@ -150,7 +150,7 @@ impl<const N: usize> BsdfSample<N> {
         }
     }
 
-    /// Light of f and pdf in a direction.
+    /// A sample with f and pdf in a direction.
     pub(crate) fn scattered(w: [f32; 3], f: [f32; N], pdf: f32) -> Self {
         let mut weight = [0.0; N];
         if pdf > 0.0 {
@@ -161,7 +161,7 @@ impl<const N: usize> BsdfSample<N> {
         BsdfSample::Scattered(DirectionSample { w, weight, pdf })
     }
 
-    /// Light that goes straight on: its energy and the chance of sampling it.
+    /// A sample of straight light: its energy and the chance of sampling it.
     pub(crate) fn straight(energy: [f32; N], probability: f32) -> Self {
         if probability > 0.0 {
             BsdfSample::Straight { weight: energy.map(|e| e / probability), probability }

@@ -1,8 +1,7 @@
-//! Checks of a scattering model against itself: furnace, density of the sampler, eval = weight * pdf,
+//! Self-consistency checks of a scattering model: furnace, density of the sampler, eval = weight * pdf,
 //! chi-square of samples.
 //!
-//! The same code serves `plywave check` and the tests. Random numbers come in as a closure of uniform numbers
-//! in [0, 1).
+//! The same code serves `plywave check` and the tests. A closure provides uniform random numbers in [0, 1).
 
 #[doc(hidden)]
 pub mod chi2;
@@ -23,18 +22,18 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 /// Sizes of a check.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CheckOptions {
-    /// Random incidences; the first few are the center, the rims and grazing light.
+    /// Number of incidences; the first few are the center, the rims and grazing light, the rest random.
     pub incidences: usize,
     /// Samples per incidence.
     pub samples: usize,
-    /// Chance that a correct model fails any of its chi-square tests: of [`check_model`], [`check_whole`] and
-    /// [`check_layers`] together.
+    /// Chance that a correct model fails any of its chi-square tests, over [`check_model`], [`check_whole`]
+    /// and [`check_layers`] together.
     pub significance: f64,
 }
 
 impl CheckOptions {
-    /// Least p-value of a single chi-square test that passes, so that all tests of `model` together fail with
-    /// the chance `significance`.
+    /// Smallest p-value of a single chi-square test that passes, so that all tests of `model` together fail
+    /// with the chance `significance`.
     pub fn chi2_threshold(&self, model: &PlyModel) -> f64 {
         let d = model.data();
         let parts = usize::from(d.edge.is_some()) + usize::from(d.layers.is_some());
@@ -48,7 +47,7 @@ impl Default for CheckOptions {
     }
 }
 
-/// What the check of one incidence found.
+/// Result of the check of one incidence.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IncidenceReport {
     /// Incident latitude [rad].
@@ -57,36 +56,36 @@ pub struct IncidenceReport {
     pub h_um: f32,
     /// Greatest |integral of eval - albedo| over the absorptions.
     pub furnace_error: f64,
-    /// |integral of pdf - chance to be scattered|, or what the chances of all outcomes lack to 1.
+    /// |integral of pdf - chance of being scattered|, or |sum of the chances of all outcomes - 1|.
     pub pdf_error: f64,
     /// Greatest |weight * pdf - eval| over the samples, relative to the greatest eval.
     pub weight_error: f64,
     /// Greatest |mean weight - albedo| over the absorptions, in standard errors (1e-4 added to the standard
     /// error).
     pub sampled_furnace_se: f64,
-    /// p-value of the samples, the missed light among them, against the pdf.
+    /// p-value of the samples, including missed light, against the pdf.
     pub chi2_p: f64,
 }
 
-/// What the check of a model found: the worst of its incidences.
+/// Result of the check of a model: the worst of its incidences.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CheckReport {
-    /// Every incidence.
+    /// Results of all incidences.
     pub incidences: Vec<IncidenceReport>,
-    /// Least p-value that passes, [`CheckOptions::chi2_threshold`].
+    /// Smallest p-value that passes, [`CheckOptions::chi2_threshold`].
     pub chi2_threshold: f64,
     /// [`PlyModel::reference_error`].
     pub reference_error: f32,
 }
 
-/// Most that the furnace and the integral of the pdf may miss: the energy quadrature of a lobe is good to
-/// 2e-4.
+/// Limit of the errors of the furnace and of the integral of the pdf: the energy quadrature of a lobe is good
+/// to 2e-4.
 pub const FURNACE_TOLERANCE: f64 = 1e-3;
-/// Most that weight * pdf may differ from eval, by f32 rounding.
+/// Limit of |weight * pdf - eval|, by f32 rounding.
 pub const WEIGHT_TOLERANCE: f64 = 1e-4;
-/// Most standard errors between sampled and exact energy.
+/// Limit of the distance between sampled and exact energy, in standard errors.
 pub const SAMPLED_TOLERANCE_SE: f64 = 5.0;
-/// Most that eval may differ from the stored values: other processors round otherwise.
+/// Limit of the difference of eval from the stored values: other processors round differently.
 pub const REFERENCE_TOLERANCE: f32 = 1e-3;
 
 impl CheckReport {
@@ -110,7 +109,7 @@ impl CheckReport {
         self.worst(|i| i.sampled_furnace_se)
     }
 
-    /// Least p-value.
+    /// Smallest p-value.
     pub fn chi2_p(&self) -> f64 {
         self.incidences.iter().map(|i| i.chi2_p).fold(1.0, f64::min)
     }
@@ -125,7 +124,7 @@ impl CheckReport {
             && self.reference_error <= REFERENCE_TOLERANCE
     }
 
-    /// Greatest of a number over the incidences; one that is not a number counts as infinite.
+    /// Greatest of a number over the incidences; NaN counts as infinite.
     fn worst(&self, of: impl Fn(&IncidenceReport) -> f64) -> f64 {
         self.incidences.iter().map(of).fold(0.0, |a, b| if b.is_nan() { f64::INFINITY } else { a.max(b) })
     }
@@ -151,19 +150,19 @@ pub fn check_model(model: &PlyModel, options: &CheckOptions, uniform: &mut dyn F
 /// Latitude and azimuth bins of the chi-square test.
 const BINS: [usize; 2] = [24, 48];
 
-/// What [`check_bsdf`] found.
+/// Result of [`check_bsdf`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BsdfReport {
     /// Greatest |integral of eval - albedo| over the absorptions.
     pub furnace_error: f64,
-    /// |integral of pdf - chance to be scattered|, or what the chances of all outcomes lack to 1.
+    /// |integral of pdf - chance of being scattered|, or |sum of the chances of all outcomes - 1|.
     pub pdf_error: f64,
     /// Greatest |weight * pdf - eval| over the samples, relative to the greatest eval.
     pub weight_error: f64,
     /// Greatest |mean weight - albedo| over the absorptions, in standard errors (1e-4 added to the standard
     /// error).
     pub sampled_furnace_se: f64,
-    /// p-value of the samples, those that missed among them, against the pdf.
+    /// p-value of the samples, including missed ones, against the pdf.
     pub chi2_p: f64,
 }
 
@@ -189,13 +188,13 @@ pub fn check_incidence(
     }
 }
 
-/// What the integrals over a model's lobes at an incidence have to resolve.
+/// Features that the integrals over a model's lobes at an incidence must resolve.
 fn lobe_features(model: &PlyModel, theta_i: f32, h_um: f32) -> Vec<Feature> {
     let Some(mixture) = Mixture::new(model.data(), theta_i.into(), h_um.into(), &[]) else { return Vec::new() };
     mixture.lobes().map(|lobe| Feature::from_lobe(lobe, mixture.theta_i(), mixture.is_mirrored())).collect()
 }
 
-/// Checks a scattering function of these lobes, which is smooth but for them.
+/// Checks a scattering function that is smooth except for these lobes.
 fn check_lobes<const N: usize>(
     s: &impl Bsdf<N>,
     lobes: &[Feature],
@@ -245,7 +244,7 @@ fn check_integrated<const N: usize>(
                 observed[bins.len()] += 1.0;
                 for k in 0..N {
                     sum_straight[k] += f64::from(weight[k]);
-                    // A delta has no sampled direction to be held to: weight times probability is its energy.
+                    // A delta has no direction to compare: weight times probability is its energy.
                     error = error.max((f64::from(weight[k] * probability) - straight[k]).abs());
                 }
                 continue;
@@ -271,8 +270,8 @@ fn check_integrated<const N: usize>(
         .map(|k| {
             let mean = sum[k] / n;
             let sampled = squares[k] / n - mean * mean;
-            // Where hits are rare, a handful of them says little of their own spread. By Cauchy and Schwarz
-            // the mean square weight is at least albedo^2 over the chance to hit.
+            // Where hits are rare, a few of them say little about their spread. By Cauchy and Schwarz the
+            // mean square weight is at least albedo^2 over the chance of a hit.
             let least = |energy: f64, chance: f64| energy * energy * (1.0 / chance.max(1e-12) - 1.0).max(0.0);
             let se = (sampled.max(least(albedo[k], scattered)).max(0.0) / n).sqrt();
             // Straight light has one weight, so its spread is that of its count.

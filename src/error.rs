@@ -1,6 +1,6 @@
-//! Errors of the runtime: values, not prose. One line names the file, the key, the value and the hint.
+//! Errors of the runtime, as structured values. One line names the file, the key, the value and the hint.
 
-/// What can go wrong where data enters. `eval`, `sample` and `pdf` never fail.
+/// An error of loading, saving or checking data. `eval`, `sample` and `pdf` never fail.
 ///
 /// ```
 /// use plywave::{Error, PlyModel};
@@ -15,19 +15,19 @@ pub enum Error {
     Io {
         /// Path as given.
         file: String,
-        /// What the system said.
+        /// Error from the system.
         source: std::io::Error,
     },
-    /// A key of a spec, or a tensor or field of a table or model, holds a value that is not allowed.
+    /// A key of a spec, or a tensor or field of a table or model, has a value that is not allowed.
     #[error("{file}: {key} = {value}: {hint}")]
     Invalid {
         /// Path as given.
         file: String,
-        /// Key, dotted for nested ones.
+        /// Key, dotted if nested.
         key: String,
         /// Offending value as text.
         value: String,
-        /// What would be accepted.
+        /// Hint: the accepted values.
         hint: String,
     },
     /// The file is not of the expected format or version, or is damaged.
@@ -37,14 +37,13 @@ pub enum Error {
         file: String,
         /// What is wrong.
         what: String,
-        /// What to do about it.
+        /// Hint: how to fix it.
         hint: String,
     },
 }
 
-/// A message as one printable line of at most `most` characters, whatever a file put into it: control
-/// characters, the two that Unicode has for ends of lines and paragraphs, and runs of spaces become one
-/// space.
+/// A message as one printable line of at most `most` characters, for any text from a file: control
+/// characters, Unicode's line and paragraph separators, and runs of spaces become one space.
 ///
 /// ```
 /// assert_eq!(plywave::one_line("key\n  \u{1b}[31m\u{2028}", 20), "key [31m");
@@ -53,7 +52,7 @@ pub enum Error {
 pub fn one_line(text: &str, most: usize) -> String {
     let mut line: Vec<char> = Vec::new();
     for c in text.chars().map(|c| if c.is_control() || matches!(c, '\u{2028}' | '\u{2029}') { ' ' } else { c }) {
-        // One more than fits tells that there is more.
+        // One character more than fits shows that the text is longer.
         if line.len() > most {
             break;
         }

@@ -4,9 +4,8 @@
 //! The fabric lies in the plane of x and y [um], z is its normal on the face. Weft yarns (picks) run along x,
 //! warp yarns (ends) along y. End j lies at `x = (j + 1/2) spacing` of the warp, pick i at
 //! `y = (i + 1/2) spacing` of the weft; both go on without end, the draft repeats.
-//!
-//! Nothing is stored but the draft, one bit a crossing: all else is computed where it is asked for, without
-//! allocation.
+//! Only the draft is stored, one bit per crossing: everything else is computed on demand, without allocation.
+//! A line hits the first yarn along it; light that leaves a ply hits other yarns (`between.rs`).
 //! A line meets the first yarn along it; light that leaves a ply meets other yarns (`between.rs`).
 
 mod at;

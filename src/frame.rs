@@ -21,16 +21,16 @@ pub fn theta_phi(w: [f32; 3]) -> (f32, f32) {
     (theta, if phi < 0.0 { phi + std::f32::consts::TAU } else { phi })
 }
 
-/// Whether `w` can be a unit vector: no component is beyond 1 by more than rounding. Squares and products of
-/// what is cannot overflow; what is not gives no light.
+/// Whether `w` can be a unit vector: no component exceeds 1 by more than rounding. Squares and products of
+/// such a vector cannot overflow; for others f is 0.
 #[inline(always)]
 pub(crate) fn is_direction(w: [f32; 3]) -> bool {
     w[0].abs() <= 1.001 && w[1].abs() <= 1.001 && w[2].abs() <= 1.001
 }
 
-/// A ply turned by pi about the y axis is the same ply, so
-/// `f(theta_i, h; wo) = f(-theta_i, -h; mirror_incidence(wo))`:
-/// theta_o changes sign and phi_o becomes pi - phi_o.
+/// Mirrors a direction with its incidence: a ply rotated by pi about the y axis is the same ply, so
+/// `f(theta_i, h; wo) = f(-theta_i, -h; mirror_incidence(wo))`: theta_o changes sign and phi_o becomes pi -
+/// phi_o.
 pub fn mirror_incidence(wo: [f32; 3]) -> [f32; 3] {
     [-wo[0], wo[1], -wo[2]]
 }

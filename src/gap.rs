@@ -2,30 +2,29 @@
 //! 12, 15).
 //!
 //! The aperture lies in the plane z = 0 of its own frame, the beam's center at the origin, light from +z or
-//! from -z; what passes leaves on the other side. K is the product of two one-dimensional factors in closed
-//! form (`faddeeva.rs`), for any edges: no table of apertures, none of the paper's color correction.
-//! Departures from the print: |K|^2 for K^2, since K is complex for an aperture off the beam's center; the
-//! power on the aperture is that of the intensity, `integral exp(-2 r^2/w0^2)` (docs/explain/papers.md).
+//! from -z; transmitted light leaves on the other side. K is the product of two one-dimensional factors in
+//! closed form (`faddeeva.rs`), for any edges: it needs neither a table of apertures nor the paper's color
+//! correction. Departures from the print: |K|^2 for K^2, since K is complex for an aperture off the beam's
+//! center; the power on the aperture is that of the intensity, `integral exp(-2 r^2/w0^2)`
+//! (docs/explain/papers.md).
 //!
 //! As in print, the beam's cross section in the plane of the aperture is a circle of waist w0 at any tilt.
 //! That of a tilted beam is an ellipse, longer by 1/c_i: a wide gap spreads tilted light by 1/c_i more than
 //! the beam itself does.
 //!
 //! f integrates to 1 in Kirchhoff's approximation as long as the aperture is many wavelengths wide and light
-//! does not graze;
-//! [`Bsdf::albedo`] gives what it does integrate to. By Parseval's theorem it is the mean of
+//! is not grazing; [`Bsdf::albedo`] returns the actual integral. By Parseval's theorem it is the mean of
 //! `(c_i + c_o)^2/(4 c_i c_o)` over the spectrum of the aperture, evanescent frequencies counted as 0; c_i
 //! and c_o are the cosines in and out.
-//! So it falls short by what the aperture's edges send beyond the plane, to first order
+//! So the integral is below 1 by the light that the aperture's edges send beyond the plane, to first order
 //! `lambda/(2 pi^2) (q_x (1/c^2 + pi/(4 c)) + q_y (1 + pi/4)/c)`, c the cosine of a tilt towards x, q of an
-//! axis the mean intensity at its two edges over the power between them (docs/explain/papers.md): of 10 um in
-//! a beam of w0 = 10 um,
-//! 0.7 % in green light at normal incidence, 1.6 % at 1 rad, 2.3 % there at 0.78 um.
+//! axis the mean intensity at its two edges over the power between them (docs/explain/papers.md): for 10 um
+//! in a beam of w0 = 10 um, 0.7 % in green light at normal incidence, 1.6 % at 1 rad, 2.3 % there at 0.78 um.
 //!
-//! Where light grazes, the factor 1/c_i lets an aperture send out many times what arrives (2 um, c_i = 0.001:
+//! At grazing light, the factor 1/c_i lets an aperture emit many times the arriving light (2 um, c_i = 0.001:
 //! 46 times). Two departures keep the integral at or below 1.005 for every aperture, tilt and wavelength, and
-//! leave f as it is to a tilt of 1.2 rad (w0 = 10 um): c_i is not less than `least_cosine`, and what a tilted
-//! beam has in excess without any aperture is divided out (`beam_excess`). Test: `tests/it/gap_grazing.rs`.
+//! leave f unchanged up to a tilt of 1.2 rad (w0 = 10 um): c_i is at least `least_cosine`, and the excess of
+//! a tilted beam without any aperture is divided out (`beam_excess`). Test: `tests/it/gap_grazing.rs`.
 
 mod slit;
 mod spectrum;
@@ -50,7 +49,7 @@ pub struct Aperture {
 }
 
 impl Aperture {
-    /// An aperture of these edges.
+    /// An aperture with these edges.
     ///
     /// # Errors
     /// [`Error::Invalid`] for an edge that is not finite, and for a second edge that is not beyond the first.
@@ -74,8 +73,8 @@ impl Aperture {
     }
 }
 
-/// Light through one aperture: a host makes one for each aperture (some 20 us) and asks it at any incidence
-/// and wavelength.
+/// Light through one aperture: a host prepares one for each aperture (some 20 us) and queries it at any
+/// incidence and wavelength.
 #[derive(Clone, Copy, Debug)]
 pub struct Gap {
     x: Spectrum,
@@ -84,12 +83,12 @@ pub struct Gap {
 }
 
 impl Gap {
-    /// For an aperture in a beam. Edges are clamped to +-d_cut; an aperture of which nothing is left, or
+    /// The gap of an aperture in a beam. Edges are clamped to +-d_cut; an aperture that is then empty, or
     /// whose edges are not in order, is dark: f = 0, and all light is missed.
     pub fn new(aperture: &Aperture, beam: &GaussianBeam) -> Gap {
         let w0 = beam.w0_um;
         let axis = |[a, b]: [f32; 2]| {
-            // What is not a number becomes an aperture of no width.
+            // NaN becomes an aperture of zero width.
             let edge = |x: f32| f64::from(x).max(-beam.d_cut_um).min(beam.d_cut_um);
             if a < b { [edge(a), edge(b)] } else { [0.0; 2] }
         };
@@ -108,38 +107,38 @@ impl Gap {
     }
 
     /// The light that comes from `xi_i` (unit, away from the aperture) at N wavelengths [um]. Wavelengths are
-    /// clamped to [0.05, 20]; not a number counts as 0.05. An `xi_i` that is no direction, or lies in the
-    /// plane, gives no light, and so does a `w` that is none.
+    /// clamped to [0.05, 20]; NaN counts as 0.05. If `xi_i` is not a direction, or lies in the plane, f is 0,
+    /// and so it is if `w` is not a direction.
     pub fn at<const N: usize>(&self, xi_i: [f32; 3], lambda_um: [f32; N]) -> GapBsdf<'_, N> {
         GapBsdf::new(Axis::new(&self.x), Axis::new(&self.y), xi_i, lambda_um)
     }
 }
 
-/// The wavelength that is any number.
+/// Clamps a wavelength to the valid range.
 pub(crate) fn clamp_lambda(lambda_um: f32) -> f32 {
     crate::math::simd::min(crate::math::simd::max(lambda_um, 0.05), 20.0)
 }
 
-/// Least cosine of incidence that f divides by, over the mean cosine of the light that leaves where the
+/// Smallest cosine of incidence in the denominator of f, over the mean cosine of the light that leaves if the
 /// incident light lies in the plane: see [`least_cosine`].
 const MIN_SHARE: f32 = 0.37;
-/// Largest mean cosine out that counts for it.
+/// Largest mean cosine out that it uses.
 const MAX_MEAN_COSINE: f32 = 0.5;
-/// Excess of a tilted beam's energy in Kirchhoff's approximation that is left as it is, and the relative
+/// Excess of a tilted beam's energy in Kirchhoff's approximation that is not corrected, and the relative
 /// spread of c_o^2 above which it does not grow: see [`beam_excess`].
 const EXCESS_LEFT: f32 = 0.002;
 const MAX_SPREAD: f32 = 0.4;
 /// Share of the samples that is uniform over the hemisphere: bounds f/pdf where light leaves along the plane.
 const UNIFORM: f32 = 0.02;
 
-/// A gap at one incidence and N wavelengths. f is per power that falls on the aperture.
+/// A gap at one incidence and N wavelengths. f is relative to the power on the aperture.
 #[derive(Clone, Copy, Debug)]
 pub struct GapBsdf<'a, const N: usize> {
     x: Axis<'a>,
     y: Axis<'a>,
     xi_i: [f32; 3],
     lambda_um: [f32; N],
-    /// Sign of xi_i's z; 0 where there is no light.
+    /// Sign of xi_i's z; 0 without light.
     side: f32,
     /// Frequencies along x that propagate, per wavelength.
     across: [Range; N],
@@ -149,29 +148,29 @@ pub struct GapBsdf<'a, const N: usize> {
     share: [f32; N],
 }
 
-/// Least cosine of incidence that f divides by: light that grazes more is treated as this, so that no
-/// aperture sends out more than arrives.
+/// Smallest cosine of incidence in the denominator of f: more grazing light is clamped to it, so that no
+/// aperture emits more light than arrives.
 ///
-/// f integrates to `P/2 + c_i E[1/c_o]/4 + E[c_o]/(4 c_i)`, P and E the share and the means over the spectrum
-/// of what propagates. As c_i goes to 0, the last term grows without bound: Kirchhoff's approximation takes
+/// f integrates to `P/2 + c_i E[1/c_o]/4 + E[c_o]/(4 c_i)`, P and E the share and the means over the
+/// propagating spectrum. As c_i goes to 0, the last term grows without bound: Kirchhoff's approximation takes
 /// the field's slope in the aperture from the direction of incidence alone, but a field as narrow as the
-/// aperture is made of many directions, of mean cosine E[c_o]. With the light in the plane, half of its
+/// aperture consists of many directions, of mean cosine E[c_o]. With the light in the plane, half of its
 /// spectrum propagates, and `c_o^2 = 2 lambda |f|` to first order, f the frequency along its direction, so
-/// that `E[c_o] = sqrt(lambda/2) mean sqrt(|f|)`. The integral is 1 where c_i is some 0.35 E[c_o]; 0.37
-/// serves all apertures. From there on, c_i stays.
+/// `E[c_o] = sqrt(lambda/2) mean sqrt(|f|)`. The integral is 1 where c_i is some 0.35 E[c_o]; 0.37 works for
+/// all apertures. From there on, c_i is constant.
 fn least_cosine(x: &Spectrum, y: &Spectrum, xi_i: [f32; 3], lambda_um: f32) -> f32 {
     let f = (xi_i[0] * xi_i[0] * x.root_mean_4 + xi_i[1] * xi_i[1] * y.root_mean_4).sqrt();
     MIN_SHARE * crate::math::simd::min((0.5 * lambda_um * f).sqrt(), MAX_MEAN_COSINE)
 }
 
-/// What a tilted beam's energy exceeds 1 by in Kirchhoff's approximation without any aperture, less
+/// Excess over 1 of a tilted beam's energy in Kirchhoff's approximation without any aperture, less
 /// [`EXCESS_LEFT`].
 ///
 /// The mean of `(c_i + c_o)^2/(4 c_i c_o) = 1 + (c_o - c_i)^2/(4 c_i c_o)` is above 1. With
 /// `c_o^2 = c_i^2 (1 + s z)`, z of unit variance and `s = lambda sin_i/(pi w0 c_i^2)`, it is
-/// `1 + s^2/16 + 45 s^4/256` for the Gaussian z of a beam, to fourth order. From s = 0.4 on, what the beam
-/// sends beyond the plane outweighs it. At normal and moderate tilt it is below what is left:
-/// 0.0018 at 0.362, the cosine of 1.2 rad, for w0 = 10 um and lambda = 0.7 um.
+/// `1 + s^2/16 + 45 s^4/256` for the Gaussian z of a beam, to fourth order. From s = 0.4 on, the beam's light
+/// beyond the plane outweighs it. At normal and moderate tilt it is below [`EXCESS_LEFT`]: 0.0018 at 0.362,
+/// the cosine of 1.2 rad, for w0 = 10 um and lambda = 0.7 um.
 fn beam_excess(spread: f32, xi_i: [f32; 3], lambda_um: f32) -> f32 {
     let (sine2, cosine2) = (xi_i[0] * xi_i[0] + xi_i[1] * xi_i[1], xi_i[2] * xi_i[2]);
     let s = crate::math::simd::min(lambda_um * spread * sine2.sqrt() / cosine2, MAX_SPREAD);
@@ -179,7 +178,7 @@ fn beam_excess(spread: f32, xi_i: [f32; 3], lambda_um: f32) -> f32 {
     crate::math::simd::max(s2 / 16.0 + 45.0 / 256.0 * s2 * s2 - EXCESS_LEFT, 0.0)
 }
 
-/// [`crate::math::faddeeva::spectra`] for the instruction set at hand.
+/// [`crate::math::faddeeva::spectra`], compiled for several instruction sets.
 #[multiversion(targets(
     "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2+fma",
     "x86_64+avx2+bmi1+bmi2+fma"
@@ -213,7 +212,7 @@ impl<'a, const N: usize> GapBsdf<'a, N> {
         self.side == 0.0 || N == 0
     }
 
-    /// Whether light leaves in this direction; not where a component is beyond 1.001.
+    /// Whether light leaves in this direction; false if a component is beyond 1.001.
     fn leaves(&self, wo: [f32; 3]) -> bool {
         wo[2] * self.side < 0.0 && is_direction(wo)
     }
@@ -225,14 +224,14 @@ impl<'a, const N: usize> GapBsdf<'a, N> {
         self.y.range((self.xi_i[1] - reach) * per_lambda, (self.xi_i[1] + reach) * per_lambda)
     }
 
-    /// The direction of these components in the plane; not quite in the plane itself, where light leaves on
-    /// neither side.
+    /// The direction with these components in the plane; slightly out of the plane itself, where light leaves
+    /// on neither side.
     fn leaving(&self, x: f32, y: f32) -> [f32; 3] {
         [x, y, -self.side * (1.0 - x * x - y * y).max(1e-12).sqrt()]
     }
 
-    /// Components x and y of a direction: a wavelength is drawn uniformly, then f_x and f_y from its
-    /// tabulated spectra, cut to what propagates.
+    /// Components x and y of a direction: a wavelength is sampled uniformly, then f_x and f_y from its
+    /// tabulated spectra, clipped to propagating frequencies.
     fn tabulated_sample(&self, u: [f32; 3]) -> (f32, f32) {
         let k = ((u[0] * N as f32) as usize).min(N.saturating_sub(1));
         let lambda = self.lambda_um[k];
@@ -256,7 +255,7 @@ impl<'a, const N: usize> GapBsdf<'a, N> {
     }
 
     /// The spectrum of the aperture without Kirchhoff's cosines, scaled to an integral of 1 over the
-    /// directions that light can leave in; and the density of [`GapBsdf::conserved_sample`].
+    /// directions in which light can leave; and the density of [`GapBsdf::conserved_sample`].
     pub(crate) fn conserved(&self, wo: [f32; 3]) -> ([f32; N], f32) {
         let mut f = [0.0; N];
         if !self.leaves(wo) || N == 0 {
@@ -275,7 +274,7 @@ impl<'a, const N: usize> GapBsdf<'a, N> {
         (f, if pdf.is_finite() { pdf } else { 0.0 })
     }
 
-    /// A direction drawn from [`GapBsdf::conserved`], by numbers in [0, 1).
+    /// A direction sampled from [`GapBsdf::conserved`], by numbers in [0, 1).
     pub(crate) fn conserved_sample(&self, u: [f32; 3]) -> Option<[f32; 3]> {
         if self.is_dark() {
             return None;
@@ -291,7 +290,7 @@ impl<'a, const N: usize> GapBsdf<'a, N> {
         }
         let u = u.map(crate::math::clamp_unit);
         let (x, y) = if u[0] < UNIFORM {
-            // Uniform over the hemisphere: the height is, and the azimuth.
+            // Uniform over the hemisphere: height and azimuth are uniform.
             let (sin, cos) = (TAU * u[1]).sin_cos();
             let radius = (1.0 - u[2] * u[2]).max(0.0).sqrt();
             (radius * cos, radius * sin)
@@ -370,7 +369,7 @@ impl<const N: usize> Bsdf<N> for GapBsdf<'_, N> {
         if pdf.is_finite() { pdf } else { 0.0 }
     }
 
-    /// A wavelength is drawn uniformly, then f_x and f_y from its spectra, cut to what propagates.
+    /// Samples a wavelength uniformly, then f_x and f_y from its spectra, clipped to propagating frequencies.
     fn sample(&self, u: [f32; 3]) -> BsdfSample<N> {
         match self.direction(u) {
             Some(w) => BsdfSample::scattered(w, self.eval(w), self.pdf(w)),
@@ -378,7 +377,7 @@ impl<const N: usize> Bsdf<N> for GapBsdf<'_, N> {
         }
     }
 
-    /// What f integrates to, in some 2 ms a wavelength: for checks and for a host's preparation.
+    /// Integral of f, in some 2 ms per wavelength: for checks and for a host's preparation.
     fn albedo(&self) -> [f32; N] {
         let mut energy = [0.0; N];
         if self.side != 0.0 {

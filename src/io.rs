@@ -1,10 +1,10 @@
-//! Files: the container of tables, models, fibers and speckle patterns, its one reader and writer, and where
-//! named files come from.
+//! Files: the container of tables, models, fibers and speckle patterns, its one reader and writer, and the
+//! sources of named files.
 //!
-//! No other module of this crate touches the file system. Loading goes through an [`AssetSource`], so that a
-//! host without file system (a browser, a renderer with its own archive) hands in bytes by name.
+//! No other module of this crate accesses the file system. Loading goes through an [`AssetSource`], so a host
+//! without file system (a browser, a renderer with its own archive) provides bytes by name.
 //!
-//! Public for the crates of this workspace; a host needs [`AssetSource`] and its two implementations only.
+//! Public for the crates of this workspace; a host needs only [`AssetSource`] and its two implementations.
 
 pub(crate) mod check;
 pub(crate) mod container;
@@ -25,7 +25,7 @@ pub(crate) use document::{Document, Provenance};
 use crate::{Error, Result};
 use std::path::Path;
 
-/// The bytes of a file of the given kind of at most the kind's size.
+/// The bytes of a file of the given kind, up to the kind's largest size.
 pub(crate) fn read_kind(path: &Path, kind: FileKind) -> Result<Vec<u8>> {
     read_file(path, kind.most_bytes())
 }
@@ -40,8 +40,8 @@ pub(crate) fn text_of(source: &dyn AssetSource, name: &str, most: u64) -> Result
     utf8(source.read(name, most)?, &source.display(name))
 }
 
-/// The error of reading the file that `key` of the spec `file` names, with all three; `way` is a further way
-/// out, or empty.
+/// An error from reading the file that `key` of the spec `file` names, with all three names; `way` is a
+/// further hint, or empty.
 pub(crate) fn of_key(file: &str, key: &str, name: &str, error: Error, way: &str) -> Error {
     match error {
         Error::Io { file: path, source } => Error::Io { file: format!("{file}: {key}: {path}"), source },

@@ -1,9 +1,9 @@
 //! plywave: evaluate and sample the far-field scattering of a textile ply (Yu et al. 2025).
 //!
-//! This crate is the runtime. It reads ply model files and answers `eval`, `sample`, `pdf` and `albedo`; it
-//! also holds what the simulator and the fitter share with it: the yarn spec, the ply frame, the Gaussian
-//! beam, the anisotropic spherical Gaussian lobe and the table of simulated scattering. It has no simulator,
-//! optimizer or thread pool.
+//! This crate is the runtime. It reads ply model files and evaluates `eval`, `sample`, `pdf` and `albedo`; it
+//! also contains the parts that the simulator and the fitter share with it: the yarn spec, the ply frame, the
+//! Gaussian beam, the anisotropic spherical Gaussian lobe and the table of simulated scattering. It has no
+//! simulator, optimizer or thread pool.
 //!
 //! Conventions: lengths in micrometers, absorption in 1/um, angles in radians, distributions in 1/sr.
 
@@ -30,7 +30,7 @@ pub use fabric::{FabricModel, FabricQuery};
 pub use fiber::{FiberBsdf, FiberModel, FiberQuery};
 pub use ply::{FamilyParams, PlyBsdf, PlyFamily, PlyModel, PlyQuery};
 
-/// The examples of README and of the page for hosts compile.
+/// Checks that the examples in README and in the host guide compile.
 #[cfg(doctest)]
 mod pages {
     #[doc = include_str!("../README.md")]

@@ -1,6 +1,6 @@
 //! The ply model (Yu 2025, Eq. 8): reflection lobes interpolated over (theta_i, h), high-order lobes in
 //! overlapping blocks, absorption by each lobe's path-length spectrum, and the simulated energies, which the
-//! evaluator holds exactly.
+//! evaluator reproduces exactly.
 
 pub mod asg;
 mod bsdf;

@@ -1,4 +1,4 @@
-//! Specs in TOML: the rules that all of them are held to, and the yarn spec. The fabric spec is in `fabric/`.
+//! Specs in TOML: their common rules, and the yarn spec. The fabric spec is in `fabric/`.
 
 mod beam;
 mod family_rules;

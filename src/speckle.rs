@@ -1,5 +1,5 @@
-//! Speckle: patterns of simulated fibers, the statistics of light that noise has to match; and noise, whose
-//! spectrum a model carries, whose tiles are made of that when first asked for, and which a query looks up.
+//! Speckle: patterns of simulated fibers and the statistics that noise must match; and noise, whose spectrum
+//! is stored in a model, whose tiles are made from it at first use, and which a query looks up.
 
 mod lookup;
 mod noise;

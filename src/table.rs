@@ -26,7 +26,7 @@ impl OutgoingGrid {
         self.theta_o * self.phi_o
     }
 
-    /// True when there are no bins.
+    /// Whether there are no bins.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -47,7 +47,7 @@ impl OutgoingGrid {
         (edge(i + 1) - edge(i)) * std::f64::consts::TAU / self.phi_o as f64
     }
 
-    /// Index of the bin that holds the unit direction `w`.
+    /// Index of the bin that contains the unit direction `w`.
     pub fn bin(&self, w: [f32; 3]) -> usize {
         let (theta, phi) = crate::frame::theta_phi(w);
         let i = ((theta / std::f32::consts::PI + 0.5) * self.theta_o as f32) as usize;
@@ -56,8 +56,8 @@ impl OutgoingGrid {
     }
 }
 
-/// Where on a single ply light leaves and where the beam meets it: what the model of a yarn of several plies
-/// asks beyond the distributions (Yu 2025, 5.3, takes exits as spread evenly over the ply's width).
+/// Positions on a single ply where light exits and where the beam hits, which the model of a yarn of several
+/// plies needs besides the distributions (Yu 2025, 5.3, assumes uniform exits over the ply's width).
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExitPositions {
     /// Azimuths phi_o: equal parts of [0, 2 pi).
@@ -65,7 +65,7 @@ pub struct ExitPositions {
     /// Lateral positions t: equal parts of [-R, R] along (-sin phi_o, cos phi_o).
     pub positions: usize,
     /// `[theta_i][h][1 + sigma][azimuth][position]`: shares of the light of an azimuth, of f_refl, then of
-    /// f_high at each sigma; they add up to 1 over the positions, evenly where there was no light.
+    /// f_high at each sigma; they sum to 1 over the positions, uniform where there was no light.
     pub shares: Vec<f32>,
     /// `[theta_i][x]`: fraction of the paths through lateral position x that hit a fiber; x in equal parts of
     /// [-R, R].
@@ -76,7 +76,7 @@ pub struct ExitPositions {
 /// All arrays are flat, last index fastest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
-    /// Text of the yarn spec that was simulated, as given.
+    /// Text of the simulated yarn spec, as given.
     pub spec_text: String,
     /// Program version that wrote it.
     pub program_version: String,
@@ -84,10 +84,10 @@ pub struct Table {
     pub preset: String,
     /// Seed of the run.
     pub seed: u64,
-    /// Plies that scatter: 1 for a single ply, whatever the spec's yarn has, else all of the yarn's.
+    /// Plies that scatter: 1 for a single ply, whatever the spec's yarn has, else all plies of the yarn.
     pub plies: u32,
-    /// True of a yarn whose plies were traced together, the brute-force reference; false of one ply and of a
-    /// yarn made from one ply's table.
+    /// True for a yarn whose plies were traced together, the brute-force reference; false for one ply and for
+    /// a yarn made from one ply's table.
     pub traced: bool,
     /// Incident latitudes [rad], uniform, ascending from 0 (negative ones follow from the symmetry of the
     /// ply).
@@ -106,7 +106,7 @@ pub struct Table {
     pub energy_high: Vec<f64>,
     /// `[theta_i][h]`: standard error of `r_d + energy_refl + energy_high` at sigma = 0.
     pub energy_se: Vec<f64>,
-    /// `[theta_i][h]`: energy of paths stopped at the interaction limit, at sigma = 0. Kept, never added
+    /// `[theta_i][h]`: energy of paths stopped at the interaction limit, at sigma = 0; not included
     /// elsewhere.
     pub energy_killed: Vec<f64>,
     /// `[theta_i][h][theta_o][phi_o]`: reflection-only density [1/sr].
@@ -118,13 +118,13 @@ pub struct Table {
     pub noise_refl: Vec<f64>,
     /// `[theta_i][h][sigma]`: the same for `high`.
     pub noise_high: Vec<f64>,
-    /// `[theta_i]`: number of paths drawn, those that hit nothing among them.
+    /// `[theta_i]`: number of traced paths, including those that hit nothing.
     pub paths: Vec<u64>,
     /// `[theta_i]`: mean number of fiber surface interactions of a path that hit a fiber.
     pub interactions: Vec<f64>,
-    /// Where it was recorded; of a yarn, that of its single plies.
+    /// Exit positions, if recorded; for a yarn, those of its single plies.
     pub exit: Option<ExitPositions>,
-    /// Energies on finer grids; of a table without them those of its slices stand for all offsets between.
+    /// Energies on finer grids; without them, those of the slices are interpolated.
     pub energies: Option<TableEnergies>,
 }
 

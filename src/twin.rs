@@ -1,11 +1,11 @@
-//! The twin of a cloth: the light that path tracing of its explicit fibers sends out, for some views, and how
-//! far a cloth model is from it.
+//! The twin of a cloth: the light that path tracing of its explicit fibers scatters, for some views, and
+//! comparison of a cloth model with it.
 //!
 //! `plywave twin` writes it, `plywave check FABRIC --twin` compares. The twin shares no model with the cloth:
-//! it knows the fibers, their walls and the center lines of the yarns, and nothing else. Parallel light from
-//! the view direction `a` falls on the cloth evenly, from the face or from the back. What is told is the
-//! fraction of it that goes out into each direction `b`, as an energy density [1/sr] that holds the cosine at
-//! `b`, as [`crate::FabricModel`]'s `eval` with `wo = a` does. Light that hits no fiber is apart: `straight`.
+//! it contains only the fibers, their walls and the center lines of the yarns. Parallel light from the view
+//! direction `a` falls uniformly on the cloth, from the face or from the back. The twin stores the fraction
+//! of it that leaves in each direction `b`, as an energy density [1/sr] that includes the cosine at `b`, like
+//! [`crate::FabricModel`]'s `eval` with `wo = a`. Light that hits no fiber is separate: `straight`.
 
 mod compare;
 mod file;
@@ -15,7 +15,7 @@ pub use compare::{Comparison, ComparisonOptions, Light, compare};
 /// Bins of the whole sphere of equal solid angle: equal steps of z and of azimuth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct SphereBins {
-    /// Steps of z over [-1, 1]; even, so that none lies in both halves. Row 0 is the lowest.
+    /// Steps of z over [-1, 1]; even, so that no bin straddles the two halves. Row 0 is the lowest.
     pub rows: usize,
     /// Steps of the azimuth from x towards y over [0, 2 pi).
     pub columns: usize,
@@ -30,7 +30,7 @@ impl SphereBins {
         self.rows * self.columns
     }
 
-    /// True when there are no bins.
+    /// Whether there are no bins.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -40,7 +40,7 @@ impl SphereBins {
         4.0 * std::f64::consts::PI / self.len().max(1) as f64
     }
 
-    /// The bin that holds the unit direction `w`.
+    /// The bin that contains the unit direction `w`.
     pub fn bin(&self, w: [f32; 3]) -> usize {
         let row = ((0.5 * w[2] + 0.5).clamp(0.0, 1.0) * self.rows as f32) as usize;
         let turn = w[1].atan2(w[0]) / std::f32::consts::TAU;
@@ -66,12 +66,11 @@ impl SphereBins {
 pub const CLASSES: usize = 3;
 
 /// The light that leaves the explicit fibers of a cloth. All arrays are flat, the last index fastest.
-/// "Reflected" is what goes to the side of the face on which the light came in, "transmitted" what goes to
-/// the other.
+/// "Reflected" light leaves on the side of the cloth that the light came from, "transmitted" light on the
+/// other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ClothTwin {
-    /// The cloth that was traced: geometry of its yarns and the specs of their plies
-    /// (docs/reference/format/cloth.md).
+    /// The traced cloth: geometry of its yarns and the specs of their plies (docs/reference/format/cloth.md).
     pub spec_text: String,
     /// Program version that wrote it.
     pub program_version: String,
@@ -81,7 +80,7 @@ pub struct ClothTwin {
     pub seed: u64,
     /// Size of one repeat along x and y [um].
     pub repeat_um: [f64; 2],
-    /// Repeats along x and y that were traced.
+    /// Traced repeats along x and y.
     pub repeats: [u32; 2],
     /// `[view][3]`: unit directions that the light comes from, in the fabric's frame; z below 0 is from the
     /// back.
@@ -90,35 +89,35 @@ pub struct ClothTwin {
     pub sigma_per_um: Vec<f64>,
     /// Bins of the outgoing sphere.
     pub bins: SphereBins,
-    /// `[view]`: paths.
+    /// `[view]`: number of paths.
     pub paths: Vec<u64>,
     /// `[view]`: fraction that hit no fiber.
     pub straight: Vec<f64>,
-    /// `[view]`: fraction in paths that were stopped, of unknown end.
+    /// `[view]`: fraction in stopped paths, of unknown end.
     pub killed: Vec<f64>,
     /// `[view]`: mean number of fiber walls that a path hit.
     pub interactions: Vec<f64>,
-    /// `[view][sigma]`.
+    /// `[view][sigma]`: reflected fraction.
     pub reflected: Vec<f64>,
-    /// `[view][sigma]`; without the straight light.
+    /// `[view][sigma]`: transmitted fraction, without the straight light.
     pub transmitted: Vec<f64>,
-    /// `[view][sigma]`: standard errors.
+    /// `[view][sigma]`: standard errors of `reflected`.
     pub reflected_se: Vec<f64>,
-    /// `[view][sigma]`: standard errors.
+    /// `[view][sigma]`: standard errors of `transmitted`.
     pub transmitted_se: Vec<f64>,
     /// `[view][sigma][half][class]`: reflected (0) and transmitted (1) light by the number of different yarns
     /// hit.
     pub by_yarns: Vec<f64>,
-    /// As `by_yarns`, by the number of different plies hit.
+    /// The same by the number of different plies hit.
     pub by_plies: Vec<f64>,
     /// `[view][sigma][row][column]`: mean energy density of a bin [1/sr].
     pub density: Vec<f32>,
-    /// As `density`: variance of it [1/sr^2].
+    /// Variances of `density` [1/sr^2], in the same order.
     pub variance: Vec<f32>,
-    /// `[view][sigma][y][x]`: reflected light by the place at which its line crosses the middle plane, over
+    /// `[view][sigma][y][x]`: reflected light by the point at which its line crosses the middle plane, over
     /// one repeat.
     pub image: Vec<f32>,
-    /// Places of the image along x and y.
+    /// Size of the image along x and y.
     pub image_size: [usize; 2],
 }
 

@@ -8,19 +8,19 @@ pub struct Chi2 {
     pub statistic: f64,
     /// Cells after pooling, less 1.
     pub degrees: usize,
-    /// Chance of a statistic this large or larger when the counts follow the expectation. 0 when something
-    /// was observed where nothing is expected.
+    /// Chance of a statistic this large or larger if the counts follow the expectation. 0 if something was
+    /// observed where nothing is expected.
     pub p_value: f64,
 }
 
-/// Cells with fewer expected counts than this are pooled. The usual 5 does for p-values of a percent; a cell
-/// of e expected counts adds 1/e to the 2 that its degree of freedom should add to the statistic's variance,
-/// and a hundred tests together ask for p-values of 1e-4, far out in the tail, where that excess doubles the
-/// false alarms.
+/// Smallest expected count of a cell; smaller cells are pooled. The usual 5 suffices for p-values of a
+/// percent; a cell of e expected counts adds 1/e to the 2 that its degree of freedom should add to the
+/// statistic's variance, and a hundred tests together need p-values of 1e-4, far out in the tail, where that
+/// excess doubles the false alarms.
 const MIN_EXPECTED: f64 = 25.0;
 
-/// Tests `observed` counts of cells against `expected` ones; both add up to the number of samples. The cells
-/// are pooled in the order of their expectation until each pool expects at least 25.
+/// Tests `observed` counts of cells against `expected` ones; both sum to the number of samples. The cells are
+/// pooled in the order of their expectation until each pool expects at least 25.
 pub fn chi2_test(observed: &[f64], expected: &[f64]) -> Chi2 {
     let mut cells: Vec<(f64, f64)> = expected.iter().copied().zip(observed.iter().copied()).collect();
     cells.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -38,7 +38,7 @@ pub fn chi2_test(observed: &[f64], expected: &[f64]) -> Chi2 {
             (e, o) = (0.0, 0.0);
         }
     }
-    // What is left over expects less than that: it joins the last pool.
+    // The remaining cells expect less than that: they join the last pool.
     if let (Some((le, lo)), true) = (last, e > 0.0) {
         statistic -= (lo - le) * (lo - le) / le;
         statistic += (lo + o - le - e) * (lo + o - le - e) / (le + e);
@@ -52,7 +52,8 @@ pub fn chi2_test(observed: &[f64], expected: &[f64]) -> Chi2 {
     Chi2 { statistic, degrees, p_value }
 }
 
-/// Least p-value of a single test at which `tests` independent ones pass together at `significance` (Sidak).
+/// Smallest p-value of a single test at which `tests` independent ones pass together at `significance`
+/// (Sidak).
 pub fn threshold(significance: f64, tests: usize) -> f64 {
     1.0 - (1.0 - significance).powf(1.0 / tests.max(1) as f64)
 }
@@ -65,7 +66,7 @@ fn ln_gamma(x: f64) -> f64 {
     stirling - (0..8).map(|k| (x + f64::from(k)).ln()).sum::<f64>()
 }
 
-/// Regularised upper incomplete gamma function Q(a, x), a > 0: series below a + 1, continued fraction (Lentz)
+/// Regularized upper incomplete gamma function Q(a, x), a > 0: series below a + 1, continued fraction (Lentz)
 /// above.
 fn gamma_q(a: f64, x: f64) -> f64 {
     if x.is_nan() {
@@ -75,7 +76,7 @@ fn gamma_q(a: f64, x: f64) -> f64 {
         return 1.0;
     }
     let front = (a * x.ln() - x - ln_gamma(a)).exp();
-    // Both expansions need about sqrt(a) terms near x = a; the bound only stops what is not a number.
+    // Both expansions need about sqrt(a) terms near x = a; the bound only stops NaN.
     let limit = 1000 + 20 * a.sqrt() as usize;
     if x < a + 1.0 {
         let (mut term, mut sum) = (1.0 / a, 1.0 / a);

@@ -1,27 +1,27 @@
 //! Checks of analytic fibers: those of every scattering function at a few incidences, far and near field, and
-//! how far the albedo without absorption is from 1.
+//! the distance of the albedo without absorption from 1.
 
 use super::{BsdfReport, FURNACE_TOLERANCE, SAMPLED_TOLERANCE_SE, WEIGHT_TOLERANCE, check_bsdf};
 use crate::fiber::MIN_FAR_WIDTH;
 use crate::frame::direction;
 use crate::{Bsdf, FiberModel, FiberQuery};
 
-/// Caustics are integrated by panels of this width [rad], which knows them to [`CAUSTIC_TOLERANCE`].
+/// Width of the panels that integrate caustics [rad], to [`CAUSTIC_TOLERANCE`].
 const CAUSTIC: f64 = 0.0025;
-/// Most that a furnace with caustics may miss.
+/// Largest error of a furnace with caustics.
 const CAUSTIC_TOLERANCE: f64 = 5e-3;
-/// Albedos of parametric models are integrals by midpoints.
+/// Largest error of a furnace of parametric models, whose albedos are integrals by midpoints.
 const PARAMETRIC_TOLERANCE: f64 = 2e-3;
-/// Least p-value of a chi-square test: some 1 % chance of a false alarm at 12 incidences.
+/// Smallest p-value of a chi-square test: some 1 % chance of a false alarm at 12 incidences.
 const MIN_P: f64 = 8e-4;
 /// Latitudes of the incidences [degrees], and their offsets.
 const DEGREES: [f32; 3] = [0.0, 35.0, -70.0];
 const OFFSETS: [Option<f32>; 4] = [None, Some(0.0), Some(0.6), Some(-0.95)];
-/// Latitudes at which [`clear_albedo`] looks a side of the equator, and the last [degrees].
+/// Number of latitudes of [`clear_albedo`] per side of the equator, and the last [degrees].
 const LATITUDES: u32 = 60;
 const LAST_DEGREES: f64 = 89.9;
 
-/// What was found of a fiber at an incidence.
+/// Result of the checks of a fiber at an incidence.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FiberReport {
     /// Latitude of the light [degrees].
@@ -30,9 +30,9 @@ pub struct FiberReport {
     pub h_rel: Option<f32>,
     /// Albedo at the query's wavelengths.
     pub albedo: [f32; 3],
-    /// The checks.
+    /// Results of the checks.
     pub scatter: BsdfReport,
-    /// Most that furnace and density may miss.
+    /// Limit of the errors of furnace and density.
     pub furnace_allowed: f64,
 }
 
@@ -48,7 +48,7 @@ impl FiberReport {
     }
 }
 
-/// Finest standard deviations over latitude and azimuth [rad], and what a furnace may miss.
+/// Finest standard deviations over latitude and azimuth [rad], and the limit of the furnace error.
 fn finest(model: &FiberModel, near: bool) -> ([f64; 2], f64) {
     let least = |widths: &[f32]| f64::from(widths.iter().copied().fold(0.3, f32::min));
     match model {
@@ -83,7 +83,7 @@ fn finest(model: &FiberModel, near: bool) -> ([f64; 2], f64) {
     }
 }
 
-/// Checks a fiber at three latitudes, far field and three offsets, by so many samples each.
+/// Checks a fiber at three latitudes, in the far field and at three offsets, by this many samples each.
 pub fn check_fiber(
     model: &FiberModel,
     lambda_um: [f32; 3],
@@ -104,7 +104,7 @@ pub fn check_fiber(
     reports
 }
 
-/// An albedo and where it is.
+/// An albedo and its latitude.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClearAlbedo {
     /// Latitude of the light [degrees].
@@ -113,12 +113,12 @@ pub struct ClearAlbedo {
     pub albedo: f64,
 }
 
-/// Where the far field's albedo without absorption is farthest from 1, of latitudes to 89.9 degrees and three
-/// wavelengths.
+/// The far field's albedo without absorption that is farthest from 1, over latitudes to 89.9 degrees and
+/// three wavelengths.
 pub fn clear_albedo(model: &FiberModel, lambda_um: [f32; 3]) -> ClearAlbedo {
     let mut farthest = ClearAlbedo { theta_i_deg: 0.0, albedo: 1.0 };
     for k in 0..=2 * LATITUDES {
-        // By the root of the distance from the pole, and the poles' own neighborhood.
+        // Spaced by the root of the distance from the pole, with the poles' own neighborhood.
         let left = 1.0 - (f64::from(k) / f64::from(LATITUDES) - 1.0).abs();
         let theta_i_deg = (LAST_DEGREES * (1.0 - left * left)).copysign(f64::from(k) - f64::from(LATITUDES));
         let at = model.at(&FiberQuery::new(direction(theta_i_deg.to_radians() as f32, 0.0), lambda_um));

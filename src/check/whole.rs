@@ -1,26 +1,26 @@
-//! Checks of what a model has beyond f_refl and f_high: the whole ply with its edge light, and a ply over a
-//! second layer.
+//! Checks of the parts of a model besides f_refl and f_high: the whole ply with its edge light, and a ply
+//! over a second layer.
 
 use super::nodes::Feature;
 use super::{BsdfReport, CheckOptions, check_lobes, lobe_features};
 use crate::ply::Layer;
 use crate::{Bsdf, PlyModel, PlyQuery};
 
-/// What was found of one way to use a model: the worst of its incidences.
+/// Result of the checks of one way to use a model: the worst of its incidences.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PartReport {
-    /// The checks of a scattering function.
+    /// Results of the checks of a scattering function.
     pub scatter: BsdfReport,
-    /// Greatest |energy - 1| at sigma = 0, all terms together: the Monte Carlo error of the table.
+    /// Greatest |energy - 1| at sigma = 0, over all terms together: the Monte Carlo error of the table.
     pub kept_error: f64,
-    /// Least p-value that passes, [`CheckOptions::chi2_threshold`].
+    /// Smallest p-value that passes, [`CheckOptions::chi2_threshold`].
     pub chi2_threshold: f64,
 }
 
-/// Most that a ply over a second layer may miss in the furnace: what it sends forward is bilinear between
-/// nodes, its lobes are not.
+/// Limit of the furnace error of a ply over a second layer: its forward light is bilinear between nodes, its
+/// lobes are not.
 pub const LAYER_TOLERANCE: f64 = 0.02;
-/// Most that all light together may miss 1 at sigma = 0: the Monte Carlo error of a preview table.
+/// Limit of |total energy - 1| at sigma = 0: the Monte Carlo error of a preview table.
 pub const KEPT_TOLERANCE: f64 = 5e-3;
 
 /// Wavelengths of the checks [um].
@@ -28,7 +28,7 @@ const LAMBDA_UM: [f32; 4] = [0.4, 0.5, 0.6, 0.7];
 
 /// The worst of both.
 fn worst(a: BsdfReport, b: BsdfReport) -> BsdfReport {
-    // What is not a number is worse than any.
+    // NaN is worse than any number.
     let most = |a: f64, b: f64| if b.is_nan() { f64::INFINITY } else { a.max(b) };
     BsdfReport {
         furnace_error: most(a.furnace_error, b.furnace_error),
@@ -39,7 +39,7 @@ fn worst(a: BsdfReport, b: BsdfReport) -> BsdfReport {
     }
 }
 
-/// Incidences of each of these checks.
+/// Number of incidences of each of these checks.
 pub const PART_INCIDENCES: usize = 8;
 
 /// Incidences of the checks: the center, the rim and beyond it, both signs; the last nodes limit them.

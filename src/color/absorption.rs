@@ -1,14 +1,13 @@
-//! From a reflectance to the absorption sigma(lambda) that gives it, by inverting the albedo of the loaded
-//! model.
+//! The absorption sigma(lambda) for a given reflectance, by inverting the albedo of the loaded model.
 //!
 //! A model's albedo at an incidence is `E_refl + sum_j e_j exp(-sigma path_j)` with e_j >= 0, and so is every
-//! average over incidences: it falls with sigma and is convex, from the albedo of clear fibers to the light
-//! that enters none. Newton's steps from sigma = 0 stay at the left of the root and converge.
+//! average over incidences: it falls with sigma and is convex, from the albedo of clear fibers to that of
+//! light that enters no fiber. Newton's steps from sigma = 0 stay left of the root and converge.
 
 use super::{SPECTRUM_NODES, SPECTRUM_UM, spectrum_lambda_um};
 use crate::PlyModel;
 
-/// Largest absorption that a reflectance is turned to [1/um]: black before a fiber is crossed.
+/// Largest absorption for a reflectance [1/um]: black before a fiber is crossed.
 const MAX_PER_UM: f64 = 1.0;
 
 /// Albedo of a model or a cloth over the absorption, averaged over incidences.
@@ -24,21 +23,21 @@ enum Form {
     Nodes { length_um: f64, nodes: Vec<(f64, f64)> },
 }
 
-/// What a reflectance was, beside the albedos that the model can have.
+/// Position of a reflectance relative to the albedos that the model can reach.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clamped {
     /// Within them.
     No,
     /// Brighter than clear fibers; sigma is 0.
     ToClear,
-    /// Darker than the darkest fibers (or not a number).
+    /// Darker than the darkest fibers (or NaN).
     ToDark,
 }
 
 impl AlbedoCurve {
-    /// Under diffuse light: the scattered share of the light that meets fibers, offsets even, latitudes by
-    /// cos^2 theta_i, the projected solid angle of light from everywhere about a thread. Latitudes beyond the
-    /// last node count as that one.
+    /// The curve under diffuse light: the scattered share of the light that hits fibers, uniform over
+    /// offsets, weighted over latitudes by cos^2 theta_i, the projected solid angle of light from everywhere
+    /// about a thread. Latitudes beyond the last node count as that one.
     pub fn diffuse(model: &PlyModel) -> AlbedoCurve {
         let d = model.data();
         let (m, last) = (d.theta_i.len(), d.theta_i[d.theta_i.len() - 1]);
@@ -52,7 +51,8 @@ impl AlbedoCurve {
         AlbedoCurve::from_model(model, &weight)
     }
 
-    /// Under light of one latitude [rad], offsets even; between nodes linear, beyond the last that one.
+    /// The curve under light of one latitude [rad], uniform over offsets; linear between nodes, constant
+    /// beyond the last.
     pub fn at(model: &PlyModel, theta_i: f64) -> AlbedoCurve {
         let d = model.data();
         let (m, last) = (d.theta_i.len(), d.theta_i[d.theta_i.len() - 1]);
@@ -79,14 +79,14 @@ impl AlbedoCurve {
                 }
             }
         }
-        // A model in which no light meets anything is black.
+        // A model whose fibers light never hits is black.
         let scale = if met > 0.0 { 1.0 / met } else { 0.0 };
         energy.iter_mut().for_each(|e| *e *= scale);
         AlbedoCurve(Form::Paths { constant: constant * scale, path_um: d.path_um.clone(), energy })
     }
 
-    /// Of values at two nodes or more of `v = 1 / (1 + sigma L)`, falling from clear fibers, 1, to infinite
-    /// absorption, 0. A value above the one before counts as that.
+    /// The curve of values at two nodes or more of `v = 1 / (1 + sigma L)`, falling from clear fibers, 1, to
+    /// infinite absorption, 0. A value above the previous one is clamped to it.
     pub(crate) fn of_nodes(length_um: f64, nodes: impl Iterator<Item = (f64, f64)>) -> AlbedoCurve {
         let mut least = f64::INFINITY;
         let falling = |(v, value): (f64, f64)| {
@@ -122,7 +122,7 @@ impl AlbedoCurve {
         [self.albedo(MAX_PER_UM), self.albedo(0.0)]
     }
 
-    /// The absorption of an albedo that is reached.
+    /// The absorption of an albedo within the range.
     fn inverse(&self, albedo: f64) -> f64 {
         match &self.0 {
             Form::Paths { constant, path_um, energy } => {
@@ -148,14 +148,14 @@ impl AlbedoCurve {
         }
     }
 
-    /// The absorption [1/um] whose albedo is `reflectance`, 0 to 1 per um, and whether the reflectance had to
-    /// be clamped.
+    /// The absorption [1/um] whose albedo is `reflectance`, 0 to 1 per um, and whether the reflectance was
+    /// clamped.
     pub fn sigma(&self, reflectance: f64) -> (f64, Clamped) {
         let [dark, bright] = self.range();
         if reflectance > bright {
             return (0.0, Clamped::ToClear);
         }
-        // Asked this way, what is not a number is dark.
+        // In this form NaN counts as dark.
         let within = reflectance >= dark;
         if !within {
             return (MAX_PER_UM, Clamped::ToDark);
@@ -182,8 +182,8 @@ pub struct SigmaSpectrum {
 }
 
 impl SigmaSpectrum {
-    /// The absorption that gives a model with this albedo the reflectance at each wavelength. How many of the
-    /// 81 nodes were clamped to clear and to dark fibers comes with it.
+    /// The absorption with which a model with this albedo has the reflectance at each wavelength, and the
+    /// number of the 81 nodes that were clamped to clear and to dark fibers.
     pub fn of_reflectance(curve: &AlbedoCurve, reflectance: impl Fn(f64) -> f64) -> (SigmaSpectrum, [usize; 2]) {
         let mut clamped = [0; 2];
         let per_um = std::array::from_fn(|node| {
@@ -198,7 +198,7 @@ impl SigmaSpectrum {
         (SigmaSpectrum { per_um }, clamped)
     }
 
-    /// Of absorptions [1/um] by the wavelength [um].
+    /// The spectrum of absorptions [1/um] over the wavelength [um].
     pub fn from_fn(sigma_per_um: impl Fn(f64) -> f64) -> SigmaSpectrum {
         SigmaSpectrum { per_um: std::array::from_fn(|node| sigma_per_um(spectrum_lambda_um(node)) as f32) }
     }
@@ -208,10 +208,9 @@ impl SigmaSpectrum {
         &self.per_um
     }
 
-    /// The absorption at a wavelength [1/um], linear between the nodes; beyond 0.38 to 0.78 um that of the
-    /// nearer end.
+    /// The absorption at a wavelength [1/um], linear between the nodes; constant beyond 0.38 to 0.78 um.
     pub fn at(&self, lambda_um: f32) -> f32 {
-        // As `place`, in f32 and without its division.
+        // Like `place`, in f32 and without its division.
         const LAST: usize = SPECTRUM_NODES - 1;
         let x = crate::math::simd::min(
             crate::math::simd::max((lambda_um - SPECTRUM_UM[0] as f32) * 200.0, 0.0),
@@ -235,7 +234,7 @@ mod tests {
         })
     }
 
-    /// Inverse of the albedo to 1e-12, falling, and clamped with a word outside its range.
+    /// The inverse of the albedo is accurate to 1e-12, falls, and reports clamping outside its range.
     #[test]
     fn absorption_inverts_the_albedo() {
         let c = curve();
@@ -254,8 +253,8 @@ mod tests {
         assert_eq!(c.sigma(f64::NAN), (MAX_PER_UM, Clamped::ToDark));
     }
 
-    /// A color goes through the fibers and comes back: its spectrum is that of the reflectance where nothing
-    /// was clamped.
+    /// A color converted to absorption and back has the spectrum of the reflectance where nothing was
+    /// clamped.
     #[test]
     fn colors_come_back_through_the_albedo() {
         let c = curve();
@@ -273,7 +272,7 @@ mod tests {
         assert!((sigma.at(0.4975) - 0.5).abs() < 1e-4);
     }
 
-    /// Curves of nodes are inverted where they fall, and where they do not, clear fibers win.
+    /// Curves of nodes are inverted where they fall; elsewhere clear fibers are chosen.
     #[test]
     fn curves_of_nodes_are_inverted() {
         let values = [1.0, 0.7, 0.7, 0.75, 0.2, 0.05].into_iter().enumerate();

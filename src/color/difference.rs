@@ -1,19 +1,19 @@
-//! How far apart two colors are: CIEDE2000 (CIE 142-2001; Sharma, Wu and Dalal 2005, Eq. 2-22).
+//! Color difference by CIEDE2000 (CIE 142-2001; Sharma, Wu and Dalal 2005, Eq. 2-22).
 
 use super::lab_of_xyz;
 
-/// CIEDE2000 of two colors in XYZ, D65 as their white, k_L = k_C = k_H = 1; one that is just seen is about 1.
+/// CIEDE2000 of two colors in XYZ, with D65 as their white, k_L = k_C = k_H = 1; about 1 is just visible.
 pub fn delta_e_2000(xyz: [f64; 3], other: [f64; 3]) -> f64 {
     of_lab(lab_of_xyz(xyz), lab_of_xyz(other))
 }
 
-/// Degrees of a hue from 0 to 360; of a gray 0.
+/// A hue in degrees from 0 to 360; 0 for a gray.
 fn hue(a: f64, b: f64) -> f64 {
     if a == 0.0 && b == 0.0 { 0.0 } else { b.atan2(a).to_degrees().rem_euclid(360.0) }
 }
 
 fn of_lab([l1, a1, b1]: [f64; 3], [l2, a2, b2]: [f64; 3]) -> f64 {
-    // How much of the chroma counts: grays are told apart better along a.
+    // Scale of a: differences between grays are more visible along a.
     let share = |c: f64| {
         let c7 = c.powi(7);
         (c7 / (c7 + 25f64.powi(7))).sqrt()

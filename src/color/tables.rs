@@ -1,6 +1,6 @@
 //! Tables of the CIE at 5 nm from 0.38 to 0.78 um: the standard observer of 1931 (ISO/CIE 11664-1, with the
 //! digits of the CVRL's table ciexyz31) and standard illuminant D65 (ISO/CIE 11664-2). The tests of
-//! [`crate::color`] hold them to the published white points.
+//! [`crate::color`] compare them with the published white points.
 
 /// Color matching function x of the CIE 1931 standard observer (2 degrees).
 pub(crate) const X_BAR: [f64; 81] = [

@@ -28,7 +28,7 @@ pub enum Channels {
     LinearRec2020,
 }
 
-/// What becomes of a color that was asked for.
+/// A target color and the color that the cloth reaches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ColorReach {
     /// As asked for [sRGB, 0 to 1].

@@ -145,8 +145,8 @@ impl LoadedFabric {
         &self.models[self.model_index(family, yarn)]
     }
 
-    /// What there is to know of the fabric, a line each: what was taken where its WIF says nothing or is
-    /// wrong, layers that no yarn joins, and what is left out because a model does not hold it.
+    /// Notes on the fabric, one per line: assumptions where its WIF is silent or wrong, layers that no yarn
+    /// joins, and omitted effects that a model does not contain.
     pub fn notes(&self) -> Vec<String> {
         let mut notes: Vec<String> = match &self.spec.weave {
             WeaveSpec::Wif { file } => self.wif_notes.iter().map(|note| format!("{file}: {note}")).collect(),

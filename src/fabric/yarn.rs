@@ -267,8 +267,8 @@ impl Yarn {
     }
 }
 
-/// The whole number at or below `x`, and what is left, 0 to 1. `f32::floor` is a call into a library on
-/// machines without SSE 4.
+/// The whole number at or below `x`, and the fraction, 0 to 1. `f32::floor` is a library call on machines
+/// without SSE 4.
 #[inline]
 pub(super) fn cell(x: f32) -> (i32, f32) {
     let whole = x as i32;

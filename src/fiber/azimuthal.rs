@@ -1,11 +1,11 @@
 //! Paths of light through the cross section of a smooth dielectric cylinder, of any order, in closed form
 //! (Zinke 2007, 5.1).
 //!
-//! Order 0 is R, 1 is TT, 2 is TRT, p leaves after p inner parts of length l. In terms of the offset's angle
-//! `gamma = asin h`, order p turns light by `phi_p = p pi + 2 gamma - 2 p asin(h/n')` and carries `a_0 = F`,
-//! `a_p = (1 - F)^2 F^(p-1) exp(-p sigma l)`: Fresnel's reflectance is the same at every event of a path, as
-//! the circle returns to the same angle. Polarization is mixed at every event, as in the paper. The orders
-//! from p on add up to `(1 - F)^2 F^(p-1) T^p / (1 - F T)`.
+//! Order 0 is R, 1 is TT, 2 is TRT; order p leaves after p inner parts of length l. In terms of the offset's
+//! angle `gamma = asin h`, order p turns light by `phi_p = p pi + 2 gamma - 2 p asin(h/n')` and carries
+//! `a_0 = F`, `a_p = (1 - F)^2 F^(p-1) exp(-p sigma l)`: Fresnel's reflectance is the same at every event of
+//! a path, since the angle is the same everywhere on the circle. Polarization is mixed at every event, as in
+//! the paper. The orders from p on sum to `(1 - F)^2 F^(p-1) T^p / (1 - F T)`.
 
 use super::fast::asin;
 use super::fresnel;
@@ -14,8 +14,8 @@ use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 /// Slope of the azimuth over gamma from which a density is its inverse. At a caustic the slope is 0 and the
 /// density, one over the root of the distance, infinite: light within this slope, 1e-4 rad of the caustic, is
-/// even there, so that no quadrature or pixel meets more than 50 per radian. The mean of `1 / slope` over
-/// that is twice its value at the end.
+/// uniform there, so no quadrature or pixel sees more than 50 per radian. The mean of `1 / slope` over that
+/// range is twice its value at the end.
 const MIN_SLOPE: f32 = 0.02;
 
 /// The cross section at a latitude of the light.
@@ -39,15 +39,16 @@ pub struct Path {
     pub length_um: f32,
 }
 
-/// Where light seen at an offset and azimuth came from, and how much of it arrives: an order's term of the
-/// BFSDF (Zinke 2007, Eq. 14, 15, 23).
+/// Origin of light seen at an offset and azimuth, and its attenuation: an order's term of the BFSDF (Zinke
+/// 2007, Eq. 14, 15, 23).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Peak {
     /// lambda_s: along the axis, from where light enters to where it leaves [um].
     pub shift_um: f32,
     /// lambda_h: offset at which light enters.
     pub h_rel_i: f32,
-    /// lambda_phi - phi_o: azimuth that light comes from, from the one it leaves to [rad], in [-pi, pi].
+    /// lambda_phi - phi_o: azimuth that light comes from, relative to the one it leaves to [rad], in [-pi,
+    /// pi].
     pub turn: f32,
 }
 
@@ -94,15 +95,15 @@ impl Path {
 }
 
 impl CrossSection {
-    /// Of a fiber of index `eta` and a radius [um], for light of a latitude's sine.
+    /// The cross section of a fiber of index `eta` and a radius [um], for light of a latitude's sine.
     #[inline]
     pub fn new(eta: f32, radius_um: f32, sin_theta: f32) -> CrossSection {
         let sin = sin_theta.clamp(-1.0, 1.0);
         CrossSection::at(eta, radius_um, Latitude { sin, cos: (1.0 - sin * sin).max(0.0).sqrt() })
     }
 
-    /// Of a fiber of index `eta` and a radius [um], for light of a latitude, whose cosine is known near the
-    /// poles too.
+    /// The cross section of a fiber of index `eta` and a radius [um], for light of a latitude, whose cosine
+    /// is accurate near the poles too.
     #[inline]
     pub(crate) fn at(eta: f32, radius_um: f32, theta: Latitude) -> CrossSection {
         let sin_t = -theta.sin / eta;
@@ -127,7 +128,7 @@ impl CrossSection {
         }
     }
 
-    /// Azimuth phi_o - phi_i by which an order turns light at the offset `h_rel` [rad], not brought to a turn
+    /// Azimuth phi_o - phi_i by which an order turns light at the offset `h_rel` [rad], not wrapped to a turn
     /// (Zinke 2007, Eq. 17-19).
     #[inline]
     pub fn turn(&self, order: u32, h_rel: f32) -> f32 {
@@ -160,7 +161,7 @@ impl CrossSection {
         self.chord_um
     }
 
-    /// The BFSDF's term of an order, where it is seen (Zinke 2007, Eq. 21-23); its weight is
+    /// The BFSDF's term of an order at the offset where it is seen (Zinke 2007, Eq. 21-23); its weight is
     /// [`Path::attenuation`].
     pub fn peak(&self, order: u32, h_rel_o: f32) -> Peak {
         let turn = -self.turn(order, -h_rel_o);
@@ -178,8 +179,8 @@ impl CrossSection {
         (1.0 - s * s).max(0.0).sqrt()
     }
 
-    /// Offsets whose light of an order leaves in the relative azimuth `phi` [rad], each with the density
-    /// `|dh/dphi| / 2` [1/rad] of an even beam.
+    /// Visits the offsets whose light of an order leaves in the relative azimuth `phi` [rad], each with the
+    /// density `|dh/dphi| / 2` [1/rad] of a uniform beam.
     ///
     /// R and TT have a root in closed form; higher orders have one for each turn of each monotone piece,
     /// found by Newton's method within it.
@@ -194,8 +195,7 @@ impl CrossSection {
                 visit(gamma.sin(), 0.25 * gamma.cos().max(0.0));
             }
             1 => {
-                // tan gamma_t = sin(d) / (n' - cos(d)), d = gamma_i - gamma_t the half of what the light is
-                // bent by.
+                // tan gamma_t = sin(d) / (n' - cos(d)), d = gamma_i - gamma_t half of the bending angle.
                 let bent = if phi > 0.0 { phi - PI } else { phi + PI };
                 let (sin, cos) = (0.5 * bent).sin_cos();
                 // The rim bends by pi/2 - asin(1/n').
@@ -243,7 +243,7 @@ impl CrossSection {
         2.0 - 2.0 * p * gamma.cos() * self.inverse / self.cos_t(gamma.sin()).max(1e-6)
     }
 
-    /// `cos gamma / (2 |dphi/dgamma|)`, even within [`MIN_SLOPE`] of a caustic.
+    /// `cos gamma / (2 |dphi/dgamma|)`, constant within [`MIN_SLOPE`] of a caustic.
     fn density(&self, order: u32, gamma: f32) -> f32 {
         let slope = self.slope(order as f32, gamma).abs();
         0.5 * gamma.cos().max(0.0) / if slope < MIN_SLOPE { 0.5 * MIN_SLOPE } else { slope }
@@ -260,7 +260,7 @@ impl CrossSection {
                 low = gamma;
             }
             let next = gamma - off / self.slope(p, gamma);
-            // A step out of the bracket, or one that is not a number, halves it.
+            // A step out of the bracket, or NaN, halves it.
             let next = if next > low && next < high { next } else { 0.5 * (low + high) };
             let done = (next - gamma).abs() < 2e-7;
             gamma = next;

@@ -7,15 +7,15 @@
 //! ```
 //!
 //! A perfect cylinder keeps the latitude: M is a delta, which no host can evaluate. Here M is d'Eon's, of
-//! width `beta_m`, with the attenuations at theta_i: all orders add up to 1 where nothing is absorbed, at
-//! every incidence, which the paper's Gaussians with theta_d do not (those are `RoughDielectricFiber`'s). The
-//! near field's azimuth is a delta, spread by `beta_n`, and the far field's the mean of that over the
-//! offsets, from a table; below [`MIN_FAR_WIDTH`] it is the perfect cylinder's, caustics included, by the
-//! roots of its offsets. Orders beyond `orders` are spread evenly over the azimuth, with their energy.
+//! width `beta_m`, with the attenuations at theta_i: all orders sum to 1 without absorption, at every
+//! incidence, unlike the paper's Gaussians with theta_d (those are `RoughDielectricFiber`'s). The near
+//! field's azimuth is a delta, spread by `beta_n`, and the far field's the mean of that over the offsets,
+//! from a table; below [`MIN_FAR_WIDTH`] it is the perfect cylinder's, caustics included, by the roots of its
+//! offsets. Orders beyond `orders` are spread evenly over the azimuth, with their energy.
 //!
-//! The near field is f at the offset of the query's ray. Light leaves at -h, so that the same number is Eq.
-//! 38's for a viewer: with `omega_i` towards the viewer, whose ray has the offset, f towards a light is what
-//! arrives from it, but for `cos theta` of the two (`cylinder`, table).
+//! The near field is f at the offset of the query's ray. Light leaves at -h, so the same number is Eq. 38's
+//! for a viewer: with `omega_i` towards the viewer, whose ray has the offset, f towards a light is the light
+//! that arrives from it, up to `cos theta` of the two (`cylinder`, table).
 
 use super::FiberQuery;
 use super::azimuthal::{CrossSection, OFFSETS, turn};
@@ -31,12 +31,12 @@ use crate::math::clamp_unit;
 use crate::{Bsdf, BsdfSample, Result};
 use std::f32::consts::{PI, TAU};
 
-/// Most orders that are kept apart, R included.
+/// Largest number of separate orders, R included.
 pub const MAX_ORDERS: usize = 8;
-/// Least azimuthal width of a far field that is spread by it [rad].
+/// Smallest azimuthal width that a far field is spread by [rad].
 pub const MIN_FAR_WIDTH: f32 = MIN_WIDTH;
 
-/// What a [`DielectricFiber`] is made of.
+/// Parameters of a [`DielectricFiber`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DielectricParameters {
     /// Index of refraction, 1.01 to 4.
@@ -45,17 +45,17 @@ pub struct DielectricParameters {
     pub radius_um: f32,
     /// Longitudinal widths of R, TT, and TRT with all beyond [rad], 0.001 to 2.
     pub beta_m: [f32; 3],
-    /// Longitudinal shifts of the same [rad], -1 to 1: light goes about the latitude `shift - theta_i`. Tiles
-    /// of a cuticle shift hair's.
+    /// Longitudinal shifts of the same [rad], -1 to 1: light leaves about the latitude `shift - theta_i`.
+    /// Tiles of a cuticle shift hair's.
     pub shift: [f32; 3],
     /// Azimuthal width [rad], 0.001 to 10; the far field is a perfect cylinder's below [`MIN_FAR_WIDTH`].
     pub beta_n: f32,
-    /// Orders kept apart, 3 for R, TT, TRT; 1 to [`MAX_ORDERS`].
+    /// Number of separate orders, 3 for R, TT, TRT; 1 to [`MAX_ORDERS`].
     pub orders: usize,
 }
 
 impl Default for DielectricParameters {
-    /// Clear, of 10 um and index 1.55.
+    /// A clear fiber with a radius of 10 um and index 1.55.
     fn default() -> Self {
         DielectricParameters { eta: 1.55, radius_um: 10.0, beta_m: [0.1; 3], shift: [0.0; 3], beta_n: 0.1, orders: 5 }
     }
@@ -88,7 +88,7 @@ pub struct DielectricFiber {
 }
 
 impl DielectricFiber {
-    /// A fiber of these parameters.
+    /// A fiber with these parameters.
     ///
     /// # Errors
     /// [`crate::Error::Invalid`] for a parameter outside its range.
@@ -116,17 +116,17 @@ impl DielectricFiber {
         })
     }
 
-    /// What the fiber was made of.
+    /// The fiber's parameters.
     pub fn parameters(&self) -> &DielectricParameters {
         &self.parameters
     }
 
-    /// The cross section that light of a latitude's sine sees.
+    /// The cross section for light of this latitude's sine.
     pub fn cross_section(&self, sin_theta: f32) -> CrossSection {
         CrossSection::new(self.parameters.eta, self.parameters.radius_um, sin_theta)
     }
 
-    /// The fiber at a query. Where an input is not finite, or `omega_i` is no direction, nothing is
+    /// The fiber at a query. If an input is not finite, or `omega_i` is not a direction, nothing is
     /// scattered.
     pub fn at<const N: usize>(&self, query: &FiberQuery<N>) -> DielectricBsdf<'_, N> {
         let finite = query.sigma_per_um.iter().all(|s| s.is_finite()) && query.h_rel.is_none_or(f32::is_finite);
@@ -161,7 +161,7 @@ impl DielectricFiber {
 /// The latitude whose mirror image is the middle of a lobe that is shifted by an angle of this sine and
 /// cosine.
 fn shifted(i: Latitude, [sin, cos]: [f32; 2]) -> Latitude {
-    // sin(theta_i - shift); beyond a pole the latitude comes back on the other side.
+    // sin(theta_i - shift); beyond a pole the latitude returns on the other side.
     Latitude { sin: (i.sin * cos - i.cos * sin).clamp(-1.0, 1.0), cos: (i.cos * cos + i.sin * sin).abs() }
 }
 
@@ -171,19 +171,19 @@ pub struct DielectricBsdf<'a, const N: usize> {
     fiber: &'a DielectricFiber,
     section: CrossSection,
     incident: Incident,
-    /// Of the light, less the shifts.
+    /// Latitudes of the light, less the shifts.
     latitude: [Latitude; 3],
     sigma_per_um: [f32; N],
     h_rel: Option<f32>,
-    /// Where the far field is looked up, and what absorption leaves of it.
+    /// The far field's table and position in it, and the transmission after absorption.
     far: Option<(&'a FarTable, Row, Through<N>)>,
-    /// Of the near field: azimuths of the orders.
+    /// For the near field: azimuths of the orders.
     turns: [f32; MAX_ORDERS],
-    /// Of the near field: attenuations of the orders.
+    /// For the near field: attenuations of the orders.
     light: [[f32; N]; MAX_ORDERS],
-    /// Chances with which samples are of an order; of the far field over its energy without absorption.
+    /// Chances that a sample is of an order; for the far field over its energy without absorption.
     chance: [f32; MAX_ORDERS],
-    /// Energy of the orders beyond those kept apart, and the chance with which samples are theirs.
+    /// Energy of the orders beyond the separate ones, and the chance that a sample is of them.
     beyond: [f32; N],
     beyond_share: f32,
 }
@@ -213,7 +213,7 @@ impl<'a, const N: usize> DielectricBsdf<'a, N> {
                 (0..N).for_each(|n| inner[n] *= f * t[n]);
             }
         }
-        // 1 - F T without the cancellation of F and T near 1; at the rim F is 1 and nothing comes in.
+        // 1 - F T without the cancellation of F and T near 1; at the rim F is 1 and no light enters.
         self.beyond = lanes(|n| {
             let lost = (1.0 - f) + f * (1.0 - t[n]);
             if lost > 0.0 { inner[n] / lost } else { 0.0 }
@@ -235,7 +235,7 @@ impl<'a, const N: usize> DielectricBsdf<'a, N> {
         self.far = Some((table, row, through));
     }
 
-    /// Chances in proportion to the light.
+    /// Sets the chances in proportion to the light.
     fn divide(&mut self) {
         let sum = |light: &[f32; N]| light.iter().sum::<f32>();
         let all = self.light.iter().map(sum).sum::<f32>() + sum(&self.beyond);
@@ -257,8 +257,7 @@ impl<'a, const N: usize> DielectricBsdf<'a, N> {
         self.beyond_share = if all > 0.0 { (self.beyond.iter().sum::<f32>() / all).min(1.0) } else { 0.0 };
     }
 
-    /// Attenuations of an order at an offset, and the chance with which a sample at that offset is of the
-    /// order.
+    /// Attenuations of an order at an offset, and the chance that a sample at that offset is of the order.
     fn order(&self, order: u32, h_rel: f32) -> ([f32; N], f32) {
         let path = self.section.path(h_rel);
         let mut a = [0.0; N];
@@ -272,8 +271,8 @@ impl<'a, const N: usize> DielectricBsdf<'a, N> {
         (a, if kept > 0.0 { (1.0 - self.beyond_share) * sum / kept } else { 0.0 })
     }
 
-    /// Chooses an order by the number `u`, the orders beyond first; gives the order and a number left for
-    /// other use.
+    /// Chooses an order by the number `u`, the orders beyond first; returns the order and a number for
+    /// further use.
     fn choose(&self, u: f32) -> (u32, f32) {
         if u < self.beyond_share {
             return (self.orders(), clamp_unit(u / self.beyond_share));
@@ -294,7 +293,7 @@ impl<'a, const N: usize> DielectricBsdf<'a, N> {
         (last.0, 0.5)
     }
 
-    /// Chooses an order at an offset, where the far field is that of roots.
+    /// Chooses an order at an offset, where the far field is computed from roots.
     fn choose_at(&self, h_rel: f32, u: f32) -> (u32, f32) {
         if u < self.beyond_share {
             return (self.orders(), clamp_unit(u / self.beyond_share));
@@ -372,7 +371,7 @@ impl<const N: usize> Bsdf<N> for DielectricBsdf<'_, N> {
         let h = self.h_rel.unwrap_or(2.0 * u[0] - 1.0);
         let roots = self.h_rel.is_none() && self.far.is_none();
         let (order, left) = if roots { self.choose_at(h, u[2]) } else { self.choose(u[2]) };
-        // The azimuth: of what is beyond, anywhere; of a far field, by its table or the order's turn; of the
+        // The azimuth: uniform for orders beyond; for a far field, by its table or the order's turn; for the
         // near field, about that.
         let azimuth = match (order < self.orders(), &self.far) {
             (false, _) => TAU * u[0],
@@ -388,7 +387,7 @@ impl<const N: usize> Bsdf<N> for DielectricBsdf<'_, N> {
         BsdfSample::scattered(w, f, pdf)
     }
 
-    /// Mean over the offsets, or at the query's, of what is not absorbed.
+    /// Albedo: the mean over the offsets, or the value at the query's.
     fn albedo(&self) -> [f32; N] {
         if !self.incident.valid {
             return [0.0; N];

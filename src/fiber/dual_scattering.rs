@@ -57,7 +57,7 @@ pub enum Spread {
 pub struct DualOptions {
     /// d_f, 0 to 1: fraction of the passing light that hits the fibers before.
     pub forward_density: f32,
-    /// d_b, 0 to 1: density of the neighbors that send light back.
+    /// d_b, 0 to 1: density of the neighbors that reflect light.
     pub backward_density: f32,
     /// A_b.
     pub backscattering: Backscattering,

@@ -1,18 +1,18 @@
-//! Far fields of a cylinder whose azimuths are spread by Gaussians, tabulated once a fiber (Zinke 2007, 9.2:
-//! "a two-dimensional lookup table with respect to theta_d and phi").
+//! Far fields of a cylinder whose azimuths are spread by Gaussians, tabulated once per fiber (Zinke 2007,
+//! 9.2: "a two-dimensional lookup table with respect to theta_d and phi").
 //!
-//! The paper's table is of one absorption. Here a node holds, of the offsets whose light leaves there, the
-//! energy without absorption, shared among a few chords c_k: those are the Chebyshev points of the range of c
-//! = cos gamma_t, to which path lengths are in proportion, and an offset's energy goes to them by Lagrange's
-//! polynomials of its c. With s = sigma 2 r / cos theta_t the light of order p is
+//! The paper's table is for one absorption. Here a node stores the energy without absorption of the offsets
+//! whose light leaves there, shared among a few chords c_k: those are the Chebyshev points of the range of c
+//! = cos gamma_t, to which path lengths are proportional, and an offset's energy is distributed to them by
+//! Lagrange's polynomials of its c. With s = sigma 2 r / cos theta_t the light of order p is
 //!
 //! ```text
 //! sum over k of E_k exp(-p s c_k)
 //! ```
 //!
 //! which is the interpolation of `exp(-p s c)` over c. From the index 1.2 on, where c lies within 0.45, four
-//! chords know it to 3e-5 of the light at every absorption; below, where it comes to lie between 0.14 and 1,
-//! eight to 2e-5.
+//! chords approximate it to 3e-5 of the light at every absorption; below, where it comes to lie between 0.14
+//! and 1, eight to 2e-5.
 //!
 //! Nodes are linear in azimuth and in `1 - sqrt(1 - 2 theta / pi)`, which spaces them by the root of the
 //! distance from the pole: Fresnel's reflectance rises to 1 there, at index 1.01 within 3 degrees. The
@@ -24,17 +24,17 @@ use super::fast::{exp, lanes};
 use super::longitudinal::Latitude;
 use std::f32::consts::{FRAC_2_PI, FRAC_PI_2, PI};
 
-/// Least width that is tabulated [rad]: narrower ones would take more than 40 MB.
+/// Smallest width that is tabulated [rad]: narrower ones would take more than 40 MB.
 pub(super) const MIN_WIDTH: f32 = 0.05;
-/// Largest absorption times length: nothing is left long before.
+/// Largest absorption times length: all light is absorbed well before.
 const MAX: f32 = 1e4;
-/// Chords that a vector holds, and most vectors of a table.
+/// Chords per vector, and largest number of vectors of a table.
 const FOUR: usize = 4;
 const MAX_VECTORS: usize = 2;
-/// Index from which four chords do.
+/// Index from which four chords suffice.
 const FEW_CHORDS: f32 = 1.2;
 
-/// What an inner part of a path leaves of the light at each chord, by wavelength.
+/// Transmission of an inner part of a path at each chord, by wavelength.
 pub(super) type Through<const N: usize> = [[[f32; FOUR]; MAX_VECTORS]; N];
 
 /// The table of a fiber's orders.
@@ -46,19 +46,19 @@ pub(super) struct FarTable {
     /// Vectors of chords in use, 1 or 2.
     vectors: usize,
     chords: [[f32; FOUR]; MAX_VECTORS],
-    /// `[row][azimuth][order][vector]` of energies [1/rad]; azimuths from 0 to pi.
+    /// `[row][azimuth][order][vector]` energies [1/rad]; azimuths from 0 to pi.
     nodes: Vec<[f32; FOUR]>,
-    /// `[row][azimuth][order]`: their sum's integral from 0 on.
+    /// `[row][azimuth][order]`: the integral of their sum from 0 on.
     below: Vec<f32>,
-    /// `[row][order][vector]`: energies over all azimuths, of two orders more.
+    /// `[row][order][vector]`: energies over all azimuths, for two more orders.
     totals: Vec<[f32; FOUR]>,
-    /// `[row]` of the last of these two orders and all that follow it: see [`Series`].
+    /// `[row]` of the last of these two orders and all that follow: see [`Series`].
     series: Vec<Series>,
 }
 
-/// Orders that follow one of the energy 1 at the transmittance T of an inner part, that order included:
-/// `sum over two reflectances f of share / (1 - f T)`. Reflectances and shares are those that four moments of
-/// Fresnel's reflectance over the offsets ask for, so that without absorption the sum is exact.
+/// Sum of an order of energy 1 and all orders after it, at the transmittance T of an inner part:
+/// `sum over two reflectances f of share / (1 - f T)`. Reflectances and shares match four moments of
+/// Fresnel's reflectance over the offsets, so without absorption the sum is exact.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Series {
     /// 1 - f.
@@ -75,8 +75,8 @@ pub(super) struct Row {
 }
 
 impl FarTable {
-    /// Of a fiber of index `eta`, by the widths of its orders [rad], of which a width below [`MIN_WIDTH`]
-    /// counts as that.
+    /// The table of a fiber of index `eta`, for the widths of its orders [rad], clamped to at least
+    /// [`MIN_WIDTH`].
     pub(super) fn new(eta: f32, widths: &[f32]) -> FarTable {
         let least = widths.iter().copied().fold(f32::INFINITY, f32::min).max(MIN_WIDTH);
         let cells = ((10.0 * PI / least).ceil() as usize).clamp(64, 640);
@@ -189,8 +189,8 @@ impl FarTable {
         through
     }
 
-    /// Calls for each order with its light in the relative azimuth `phi`, in [-pi, pi], and that without
-    /// absorption [1/rad].
+    /// Calls `visit` for each order with its light in the relative azimuth `phi`, in [-pi, pi], and that
+    /// without absorption [1/rad].
     #[inline]
     pub(super) fn each_order<const N: usize>(
         &self,
@@ -222,7 +222,7 @@ impl FarTable {
         );
     }
 
-    /// The same over all azimuths.
+    /// Calls `visit` for each order with its light over all azimuths, and that without absorption.
     #[inline]
     pub(super) fn each_total<const N: usize>(
         &self,
@@ -267,7 +267,7 @@ impl FarTable {
         lanes(|m| a[m] + row.t * (b[m] - a[m]))
     }
 
-    /// Light of orders whose energies `vector` gives, one after the other.
+    /// Light of orders whose energies `vector` returns, one after the other.
     #[inline(always)]
     fn each_light<const N: usize>(
         &self,
@@ -287,12 +287,12 @@ impl FarTable {
                     power[n][v] = lanes(|k| power[n][v][k] * through[n][v][k]);
                 }
             }
-            // Lagrange's polynomials have both signs: of what is all but dark, rounding is left.
+            // Lagrange's polynomials have both signs: where it is almost dark, only rounding remains.
             visit(order, lanes(|n| light[n].max(0.0)), energy.max(0.0));
         }
     }
 
-    /// Light of the orders that come after the last.
+    /// Light of the orders after the last.
     #[inline]
     pub(super) fn beyond<const N: usize>(&self, row: Row, through: &Through<N>) -> [f32; N] {
         let mut beyond = [0.0; N];
@@ -359,11 +359,11 @@ fn sum([a, b, c, d]: [f32; FOUR]) -> f32 {
     (a + b) + (c + d)
 }
 
-/// An offset of a row: a part of the even beam.
+/// An offset of a row: a part of the uniform beam.
 struct Offset {
     h_rel: f32,
     weight: f64,
-    /// Fresnel's.
+    /// Fresnel's reflectance.
     reflectance: f64,
     /// Lagrange's polynomials of its chord.
     shares: [f64; FOUR * MAX_VECTORS],
@@ -392,7 +392,7 @@ impl Offset {
         (0..count).map(offset).collect()
     }
 
-    /// Light of an order without absorption.
+    /// Energy of an order without absorption.
     fn energy(&self, order: usize) -> f64 {
         let f = self.reflectance;
         if order == 0 { self.weight * f } else { self.weight * (1.0 - f) * (1.0 - f) * f.powi(order as i32 - 1) }
@@ -400,9 +400,9 @@ impl Offset {
 }
 
 impl Series {
-    /// Of the orders from `order` on, 1 or more.
+    /// The series of the orders from `order` on, 1 or more.
     fn from_offsets(offsets: &[Offset], order: usize) -> Series {
-        // Moments of 1 - f over the light that is not yet out: those of f lose their digits near 1.
+        // Moments of 1 - f over the light still inside: those of f lose their digits near 1.
         let mut moments = [0.0; 4];
         for offset in offsets {
             let passed = 1.0 - offset.reflectance;
@@ -440,7 +440,7 @@ impl Series {
     }
 }
 
-/// The Gaussian of a width at the table's azimuths, of sum 1, odd in number.
+/// The Gaussian of a width at the table's azimuths, with sum 1 and an odd number of entries.
 fn kernel(width: f32, cells: usize) -> Vec<f64> {
     let step = std::f64::consts::PI / cells as f64;
     // Two linear interpolations, of the light into nodes and of the nodes, add step^2 / 6 each.

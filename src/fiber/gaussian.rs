@@ -97,7 +97,7 @@ impl TruncatedGaussian {
         if self.normalizer > 0.0 { 0.5 * (self.erf[1] - self.erf[0]) } else { 0.0 }
     }
 
-    /// The median, set to 0 within a thousandth of the width where the interval contains nearly all.
+    /// The median; 0, to a thousandth of the width, where the interval contains nearly all.
     #[inline]
     pub(crate) fn median(&self) -> f32 {
         if self.share() > 0.999 { 0.0 } else { self.sample(0.5) }

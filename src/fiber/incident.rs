@@ -1,4 +1,4 @@
-//! Light that arrives at a fiber, as the analytic models take it, and directions about it.
+//! Light that arrives at a fiber, as the analytic models use it, and directions about it.
 
 use super::longitudinal::Latitude;
 use crate::frame::is_direction;
@@ -7,14 +7,14 @@ use crate::frame::is_direction;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Incident {
     pub(super) latitude: Latitude,
-    /// Cosine and sine of phi_i; of 0 for light along the fiber.
+    /// Cosine and sine of phi_i; those of 0 for light along the fiber.
     azimuth: [f32; 2],
-    /// Whether there is light to scatter: what is refused stands for light across the fiber.
+    /// Whether there is light to scatter: refused light counts as light across the fiber.
     pub(super) valid: bool,
 }
 
 impl Incident {
-    /// Light from `omega_i`, refused where that is no direction or where the query's other inputs are not
+    /// Light from `omega_i`, refused if that is not a direction or if the query's other inputs are not
     /// `finite`.
     #[inline]
     pub(super) fn new(omega_i: [f32; 3], finite: bool) -> Incident {

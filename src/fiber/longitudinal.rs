@@ -34,7 +34,7 @@ impl Latitude {
     }
 }
 
-/// M_0 of one variance v = beta_m^2.
+/// M_0 with one variance v = beta_m^2.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Longitudinal {
     v: f32,
@@ -90,7 +90,7 @@ impl ThreeLobes {
         ThreeLobes { inverse: of(|lobe| lobe.inverse), scale: of(|lobe| lobe.scale) }
     }
 
-    /// [`Longitudinal::eval`] of each lobe, from latitudes of its own; the fourth number is the third again.
+    /// [`Longitudinal::eval`] of each lobe, at separate latitudes; the fourth number repeats the third.
     #[inline]
     pub(crate) fn eval(&self, i: &[Latitude; 3], o: Latitude) -> [f32; 4] {
         let (sin, cos): ([f32; 4], [f32; 4]) = (lanes(|k| i[k.min(2)].sin), lanes(|k| i[k.min(2)].cos));
@@ -109,7 +109,7 @@ impl ThreeLobes {
 }
 
 /// Coefficients by powers of t of `i0e(4 (t + 1))` and of `sqrt(x) i0e(x)` at `x = 16 / (t + 1)`, t in [-1,
-/// 1]; made by `numpy.polynomial.chebyshev.chebinterpolate` (degrees 17 and 9, the latter cut) from
+/// 1]; computed by `numpy.polynomial.chebyshev.chebinterpolate` (degrees 17 and 9, the latter truncated) from
 /// `scipy.special.i0e`; relative error 1.3e-8 before rounding.
 const NEAR: [f32; 18] = [
     0.207_001_93,
@@ -139,14 +139,14 @@ pub(crate) fn i0e(x: f32) -> f32 {
     if x <= LIMIT { i0e_near(x) } else { i0e_far(x) }
 }
 
-/// Where one form takes over from the other.
+/// Border between the two forms.
 const LIMIT: f32 = 8.0;
 
 #[inline(always)]
 fn i0e_near(x: f32) -> f32 {
     let t = 0.25 * x - 1.0;
     let t2 = t * t;
-    // Even and odd powers apart: two chains that run side by side.
+    // Even and odd powers separate: two chains that run in parallel.
     let part = |odd: usize| (0..9).rev().fold(0.0, |sum, k| sum * t2 + NEAR[2 * k + odd]);
     part(0) + t * part(1)
 }

@@ -5,13 +5,13 @@ use crate::io::{Axis, Check, Document, FileKind, Provenance, Reader, Summary, Wr
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::path::Path;
 
-/// Least and greatest longitudinal width [rad].
+/// Smallest and largest longitudinal width [rad].
 pub(crate) const BETA_M: (f64, f64) = (1e-3, 2.0);
-/// How far scattered and absorbed light may miss the extinction, as a share of it: what a coarse solve
-/// leaves, and Monte Carlo noise.
+/// Largest difference of scattered plus absorbed light from the extinction, as a share of it: the error of a
+/// coarse solve, and Monte Carlo noise.
 pub(crate) const LEDGER: f64 = 0.02;
 
-/// Which optics made a table.
+/// Optics by which a table was computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FiberSource {
@@ -21,31 +21,31 @@ pub enum FiberSource {
     Ray,
 }
 
-/// Symmetry of an outline, by which a table holds only part of the azimuths.
+/// Symmetry of an outline, which determines the part of the azimuths in a table.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct OutlineSymmetry {
-    /// The outline turned by 2 pi / folds is itself; 0 for a circle, 1 for no such symmetry.
+    /// The outline rotated by 2 pi / folds is unchanged; 0 for a circle, 1 for no such symmetry.
     pub folds: u32,
-    /// Azimuth [rad] of a line through the center in which the outline mirrors itself, in [0, pi); absent
-    /// without one.
+    /// Azimuth [rad] of a line through the center about which the outline is mirror-symmetric, in [0, pi);
+    /// absent without one.
     pub mirror_rad: Option<f64>,
 }
 
 impl OutlineSymmetry {
     /// A circle.
     pub const CIRCLE: OutlineSymmetry = OutlineSymmetry { folds: 0, mirror_rad: None };
-    /// Nothing in common with itself.
+    /// No symmetry.
     pub const NONE: OutlineSymmetry = OutlineSymmetry { folds: 1, mirror_rad: None };
 
-    /// The `count` azimuths phi_i that a table holds [rad]: one for a circle; from mirror line to mirror line
-    /// with both ends where there are some, `mirror + pi k / (folds (count - 1))`; else one turn of the
-    /// outline without its end, `2 pi k / (folds count)`.
+    /// The `count` azimuths phi_i of a table [rad]: one for a circle; from mirror line to mirror line with
+    /// both ends if there are any, `mirror + pi k / (folds (count - 1))`; else one turn of the outline
+    /// without its end, `2 pi k / (folds count)`.
     pub fn phi_i(&self, count: usize) -> Vec<f64> {
         let step = self.step(count);
         (0..count).map(|k| self.mirror_rad.unwrap_or(0.0) + step * k as f64).collect()
     }
 
-    /// Distance of the azimuths that a table holds [rad].
+    /// Distance between the azimuths of a table [rad].
     pub fn step(&self, count: usize) -> f64 {
         match (self.folds, self.mirror_rad) {
             (0, _) => TAU,
@@ -54,8 +54,8 @@ impl OutlineSymmetry {
         }
     }
 
-    /// How many azimuths a table must hold for `full` of them round the fiber: at least that density, at
-    /// least 2 between mirrors.
+    /// Number of azimuths that a table needs for the density of `full` of them around the fiber, at least 2
+    /// between mirrors.
     pub fn count(&self, full: usize) -> usize {
         match (self.folds as usize, self.mirror_rad) {
             (0, _) => 1,
@@ -65,16 +65,16 @@ impl OutlineSymmetry {
     }
 }
 
-/// What a fiber does to light of any direction and wavelength: Xia's N_wave and C_x, or their ray-optics
+/// Scattering of a fiber for light of any direction and wavelength: Xia's N_wave and C_x, or their ray-optics
 /// counterparts (Xia 2020, 5). Arrays are flat, last index fastest; L wavelengths, T latitudes, P azimuths, D
 /// relative azimuths.
 ///
-/// The frame is the fiber's: z along it, x and y those of the outline. Directions point away from the fiber;
-/// theta is the latitude above the plane of the cross section. A straight fiber scatters light from theta_i
-/// and -theta_i alike, so that theta_i >= 0 is enough.
+/// The frame is the fiber's: z along the fiber, x and y the axes of the outline. Directions point away from
+/// the fiber; theta is the latitude above the plane of the cross section. A straight fiber scatters light
+/// from theta_i and -theta_i alike, so theta_i >= 0 suffices.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FiberTable {
-    /// Text of the spec or scene that was computed, as given.
+    /// Text of the computed spec or scene, as given.
     pub spec_text: String,
     /// Program version that wrote it.
     pub program_version: String,
@@ -82,37 +82,37 @@ pub struct FiberTable {
     pub preset: String,
     /// Seed of the random numbers (rays only).
     pub seed: u64,
-    /// Which optics made it.
+    /// Optics by which it was computed.
     pub source: FiberSource,
     /// Symmetry of the outline.
     pub symmetry: OutlineSymmetry,
-    /// Longitudinal width [rad]: M_0 has variance beta_m^2. Xia's model takes it from elsewhere; a host may
-    /// set another.
+    /// Longitudinal width [rad]: M_0 has variance beta_m^2. Xia's model takes it from another source; a host
+    /// may set another.
     pub beta_m: f64,
-    /// `[L]` wavelengths [um], ascending in equal steps: centers of the bands that were averaged. One alone
-    /// stands for all.
+    /// `[L]` wavelengths [um], ascending in equal steps: centers of the averaged bands. A single one
+    /// represents all.
     pub lambda_um: Vec<f64>,
     /// `[T]` latitudes [rad], centers of T equal parts of [0, pi/2].
     pub theta_i: Vec<f64>,
-    /// `[P]` azimuths [rad], as [`OutlineSymmetry::phi_i`] gives them.
+    /// `[P]` azimuths [rad], from [`OutlineSymmetry::phi_i`].
     pub phi_i: Vec<f64>,
     /// `[P]` geometric width of the fiber seen from phi_i [um].
     pub width_um: Vec<f64>,
-    /// `[L][T][P]` width that the fiber takes light from, C_e of Xia 2020, 5.1 [um]: the extinction over the
-    /// irradiance on a plane through the axis, which is the incident flux times cos theta_i; for rays the
-    /// geometric width.
+    /// `[L][T][P]` width from which the fiber intercepts light, C_e of Xia 2020, 5.1 [um]: the extinction
+    /// over the irradiance on a plane through the axis, which is the incident flux times cos theta_i; for
+    /// rays the geometric width.
     pub c_x_um: Vec<f64>,
-    /// `[L][T][P]` the part of that width whose light is absorbed [um], found by itself and not as what is
-    /// left over.
+    /// `[L][T][P]` the part of that width whose light is absorbed [um], computed directly and not as a
+    /// difference.
     pub c_abs_um: Vec<f64>,
     /// `[L][T][P][D]` scattered intensity over the azimuth as a fraction of the extinguished power [1/rad],
-    /// unpolarized (Xia 2020, Eq. 31), at `phi_r = phi_i + 2 pi j / D`; linear between. D = 2 is the least.
+    /// unpolarized (Xia 2020, Eq. 31), at `phi_r = phi_i + 2 pi j / D`; linear between. D is at least 2.
     pub azimuthal: Vec<f32>,
 }
 
 const NAMES: [&str; 7] = ["lambda_um", "theta_i", "phi_i", "width_um", "c_x_um", "c_abs_um", "azimuthal"];
 
-/// Keys of the JSON document beyond the common ones.
+/// Keys of the JSON document besides the common ones.
 #[derive(serde::Serialize, serde::Deserialize)]
 pub(crate) struct Keys {
     source: FiberSource,
@@ -131,7 +131,7 @@ impl FiberTable {
         self.azimuthal.len() / self.c_x_um.len().max(1)
     }
 
-    /// Scattered over extinguished light of slice `(l, t, p)` taken as one index.
+    /// Scattered over extinguished light of slice `(l, t, p)`, given as one index.
     pub fn slice_albedo(&self, slice: usize) -> f64 {
         let d = self.phi_r_count();
         let sum: f64 = self.azimuthal[slice * d..(slice + 1) * d].iter().map(|v| f64::from(*v)).sum();
@@ -150,7 +150,7 @@ impl FiberTable {
     /// Writes the table to a temporary name in the folder of `path`, then renames it.
     ///
     /// # Errors
-    /// [`crate::Error::Invalid`] when the table would not load again, [`crate::Error::Io`].
+    /// [`crate::Error::Invalid`] if the table would not load again, [`crate::Error::Io`].
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
         document::save(self, path.as_ref())
     }
@@ -167,12 +167,12 @@ impl FiberTable {
     /// The bytes of the file.
     ///
     /// # Errors
-    /// [`crate::Error::Invalid`] when the table would not load again.
+    /// [`crate::Error::Invalid`] if the table would not load again.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         document::to_bytes(self, "fiber table")
     }
 
-    /// Reads a table from the bytes of its file; `name` stands for the file in errors.
+    /// Reads a table from the bytes of its file; `name` identifies the file in errors.
     ///
     /// # Errors
     /// As [`FiberTable::load`].
@@ -180,7 +180,7 @@ impl FiberTable {
         Ok(document::from_bytes(bytes, name)?.0)
     }
 
-    /// What every table must satisfy, read or written.
+    /// Checks that a table is valid, when read or written.
     pub(crate) fn check(&self, name: &str) -> Result<()> {
         let c = Check(name);
         let (l, t, p) = (self.lambda_um.len(), self.theta_i.len(), self.phi_i.len());
@@ -209,7 +209,7 @@ impl FiberTable {
         c.range_f32("azimuthal", &self.azimuthal, 0.0, f32::MAX)?;
         for s in 0..self.c_x_um.len() {
             let (albedo, absorbed) = (self.slice_albedo(s), self.c_abs_um[s] / self.c_x_um[s]);
-            // What is not a number fails too.
+            // NaN fails too.
             if !((albedo + absorbed - 1.0).abs() <= LEDGER && absorbed >= -LEDGER) {
                 let key = format!("azimuthal[{}, {}, {}]", s / (t * p), s / p % t, s % p);
                 let value = format!("{albedo} scattered, {absorbed} absorbed of 1 extinguished");
@@ -322,7 +322,7 @@ impl Document for FiberTable {
     }
 }
 
-/// An axis must be the one that its rule gives, to rounding.
+/// Checks that an axis equals the one that its rule gives, up to rounding.
 fn equal(name: &str, key: &str, axis: &[f64], rule: &[f64]) -> Result<()> {
     match axis.iter().zip(rule).position(|(a, b)| (a - b).abs() > 1e-9 || a.is_nan()) {
         None => Ok(()),

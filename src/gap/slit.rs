@@ -1,13 +1,13 @@
-//! Colors of small gaps between fibers (Yu 2025, 7.3): a part of the forward light is diffracted by a slit
-//! along the ply.
+//! Colors of small gaps between fibers (Yu 2025, 7.3): a slit along the ply diffracts a part of the forward
+//! light.
 //!
-//! This is the paper's bonus feature, not a simulation: nobody has counted the slits of a ply or their
-//! widths. It takes from f_high what goes forward, lobe by lobe: `share` times the cosine between the lobe's
-//! axis and the forward direction (nothing of a lobe that points back), and sends it through one slit of the
+//! This is an optional feature of the paper, not a simulation: nobody has counted the slits of a ply or their
+//! widths. It takes forward light from f_high, lobe by lobe: `share` times the cosine between the lobe's axis
+//! and the forward direction (nothing from a lobe that points back), and sends it through one slit of the
 //! given width, of length +-d_cut along the ply, about the forward direction. The energy of each lobe is
-//! exact, so what is taken is what is sent, at every absorption. Through so narrow a slit Kirchhoff's
-//! approximation loses light (5 % and more below 5 um); the pattern here is the spectrum of the slit alone,
-//! scaled to an integral of 1 over the directions that propagate.
+//! exact, so energy is conserved at every absorption. Through so narrow a slit Kirchhoff's approximation
+//! loses light (5 % and more below 5 um); the pattern here is the spectrum of the slit alone, scaled to an
+//! integral of 1 over the directions that propagate.
 
 use super::{Aperture, Gap};
 use crate::spec::GaussianBeam;
@@ -17,10 +17,10 @@ use crate::{Error, Result};
 pub const SLIT_MAX_UM: f32 = 5.0;
 /// The paper's share.
 pub const SLIT_SHARE: f32 = 0.25;
-/// Least cosine of the incident latitude: grazing light meets the slit as at this.
+/// Smallest cosine of the incident latitude: more grazing light is clamped to it.
 const MIN_COSINE: f32 = 1e-3;
 
-/// A slit along the ply and the share of the forward light that passes it.
+/// A slit along the ply and the share of the forward light that passes through it.
 #[derive(Clone, Copy, Debug)]
 pub struct Slit {
     gap: Gap,
@@ -64,7 +64,7 @@ impl Slit {
         self.gap.x.numbers().chain(self.gap.y.numbers())
     }
 
-    /// The pattern in direction `wo` of the ply frame [1/sr], of energy 1, and the density of
+    /// The pattern of energy 1 in direction `wo` of the ply frame [1/sr], and the density of
     /// [`Slit::sample`]: a beam from latitude `theta_i` spreads over the cone of the forward latitude.
     pub fn eval_pdf<const N: usize>(&self, theta_i: f32, lambda_um: [f32; N], wo: [f32; 3]) -> ([f32; N], f32) {
         self.gap.at(incident(theta_i), lambda_um).conserved(swapped(wo))
@@ -76,13 +76,13 @@ impl Slit {
     }
 }
 
-/// Between the ply's frame and the slit's, whose y is the ply's z: a mirror image, which an even pattern does
-/// not notice.
+/// Converts between the ply's frame and the slit's, whose y is the ply's z: a mirror image, under which an
+/// even pattern is unchanged.
 fn swapped(w: [f32; 3]) -> [f32; 3] {
     [w[0], w[2], w[1]]
 }
 
-/// The incident direction in the slit's frame; not a number counts as grazing.
+/// The incident direction in the slit's frame; NaN counts as grazing.
 fn incident(theta_i: f32) -> [f32; 3] {
     use std::f32::consts::FRAC_PI_2;
     let (s, c) = crate::math::simd::max(crate::math::simd::min(theta_i, FRAC_PI_2), -FRAC_PI_2).sin_cos();

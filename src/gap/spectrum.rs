@@ -3,8 +3,8 @@
 //!
 //! The spectrum `|k(f)|^2` is even in f and, behind its central lobes, falls as 1/f^2 under the interference
 //! of the two edges. With `t = |f| / (|f| + g)`, g the inverse of the passing width, 64 cells uniform in t
-//! cover all frequencies: the density per t is bounded, the central lobes are resolved, and a far cell holds
-//! many fringes and their mean. Within a cell the tabulated density is uniform in t.
+//! cover all frequencies: the density per t is bounded, the central lobes are resolved, and a far cell
+//! contains many fringes, represented by their mean. Within a cell the tabulated density is uniform in t.
 
 use super::spectra;
 use crate::math::faddeeva::Factor;
@@ -26,9 +26,9 @@ const GAUSS: [[(f32, f32); 4]; 2] = [
         (0.980_144_9, 0.050_614_268),
     ],
 ];
-/// Fringes in a cell above which their mean takes the place of the spectrum.
+/// Fringes in a cell above which their mean replaces the spectrum.
 const FRINGES: f32 = 2.0;
-/// Least mass of a range that is sampled by the table; below it f is uniform.
+/// Smallest mass of a range that is sampled from the table; below it f is uniform.
 const MIN_MASS: f32 = 1e-12;
 
 /// The spectrum of one axis of an aperture.
@@ -45,25 +45,26 @@ pub(crate) struct Spectrum {
     pub(super) beam_spread: f32,
 }
 
-/// The spectrum of one axis of an aperture as a query has it: exact in value. Masses and samples are those of
-/// a table, of the same edges or of ones near them; these it stretches by the power that falls on the two,
-/// which is as their widths as long as they are narrow and stays where they are wider than the beam.
+/// The spectrum of one axis of an aperture at a query: exact in value. Masses and samples come from a table,
+/// of the same edges or of similar ones. It stretches the table's frequencies by the ratio of the powers on
+/// the two apertures, which is that of their widths while they are narrow and saturates where they are wider
+/// than the beam.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Axis<'a> {
     near: &'a Spectrum,
     pub(crate) factor: Factor,
-    /// What frequencies are multiplied by for those of the table.
+    /// Factor from frequencies to those of the table.
     stretch: f32,
 }
 
 impl<'a> Axis<'a> {
-    /// Of the table's edges.
+    /// The axis for the table's edges.
     #[inline(always)]
     pub(crate) fn new(table: &'a Spectrum) -> Axis<'a> {
         Axis { near: table, factor: table.factor, stretch: 1.0 }
     }
 
-    /// Of edges this far below and above the beam's center [um], by a table of edges near them.
+    /// The axis for edges this far below and above the beam's center [um], from a table of similar edges.
     #[inline(always)]
     pub(crate) fn near(table: &'a Spectrum, before_um: f32, beyond_um: f32) -> Axis<'a> {
         let factor = Factor::about(before_um, beyond_um, table.factor.w0_um());
@@ -86,7 +87,7 @@ impl<'a> Axis<'a> {
         self.near.range(low * self.stretch, high * self.stretch)
     }
 
-    /// Density [um] with which [`Axis::sample`] gives `f` in `range`.
+    /// Density [um] with which [`Axis::sample`] returns `f` in `range`.
     #[inline(always)]
     pub(super) fn pdf(&self, range: &Range, f: f32) -> f32 {
         self.near.pdf(range, f * self.stretch) * self.stretch
@@ -99,7 +100,7 @@ impl<'a> Axis<'a> {
     }
 }
 
-/// Frequencies from `low` to `high` [1/um] and what is sampled there.
+/// Frequencies from `low` to `high` [1/um] and the share of the spectrum there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Range {
     low: f32,
@@ -115,7 +116,7 @@ impl Range {
 }
 
 impl Spectrum {
-    /// Of edges a <= b [um] in a beam of waist w0 [um].
+    /// The spectrum of edges a <= b [um] in a beam of waist w0 [um].
     pub(crate) fn new(a_um: f64, b_um: f64, w0_um: f64) -> Spectrum {
         let factor = Factor::new(a_um, b_um, w0_um);
         let width = (b_um - a_um).max(1e-6 * w0_um);
@@ -159,7 +160,7 @@ impl Spectrum {
         Spectrum { factor, g_per_um: g, beyond, root_mean_4, beam_spread }
     }
 
-    /// The factor's eight numbers, g [1/um] and the masses beyond the borders of the cells: for hosts that
+    /// The factor's eight numbers, g [1/um] and the masses beyond the borders of the cells, for hosts that
     /// evaluate the spectrum themselves.
     pub(crate) fn numbers(&self) -> impl Iterator<Item = f32> {
         self.factor.numbers().into_iter().chain([self.g_per_um]).chain(self.beyond)
@@ -174,7 +175,7 @@ impl Spectrum {
     #[inline(always)]
     fn place(&self, f: f32) -> (usize, f32) {
         let t = CELLS as f32 * (f / (f + self.g_per_um));
-        // Not a number becomes 0.
+        // NaN becomes 0.
         let i = (t as usize).min(CELLS - 1);
         (i, (t - i as f32).clamp(0.0, 1.0))
     }
@@ -209,7 +210,7 @@ impl Spectrum {
         Range { low, high, beyond_low, beyond_high, mass }
     }
 
-    /// Density [um] with which [`Spectrum::sample`] gives `f` in `range`.
+    /// Density [um] with which [`Spectrum::sample`] returns `f` in `range`.
     #[inline(always)]
     pub(crate) fn pdf(&self, range: &Range, f: f32) -> f32 {
         if range.mass > MIN_MASS {
@@ -285,7 +286,7 @@ mod tests {
     const W0: f64 = 10.0;
     const EDGES: [[f64; 2]; 6] = [[-20.0, 20.0], [-1.0, 1.0], [-2.0, 17.0], [3.0, 20.0], [-5.0, 5.0], [-12.0, -11.5]];
 
-    /// The raw masses of the cells add up to 1 (Parseval), and each is the integral of the exact spectrum.
+    /// The raw masses of the cells sum to 1 (Parseval), and each is the integral of the exact spectrum.
     #[test]
     fn masses_are_integrals_of_the_spectrum() {
         for [a, b] in EDGES {

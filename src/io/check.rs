@@ -1,13 +1,13 @@
-//! Checks on arrays that loading and saving share, and summaries for the readers of headers.
+//! Checks on arrays, shared by loading and saving, and summaries for the readers of headers.
 
 use super::container::invalid;
 use crate::Result;
 
-/// Checks on arrays, each with the file's name at hand.
+/// Checks on arrays, with the file's name.
 pub(crate) struct Check<'a>(pub(crate) &'a str);
 
 impl Check<'_> {
-    /// Every value in `[low, high]` and finite.
+    /// Checks that every value is in `[low, high]` and finite.
     pub(crate) fn range(&self, name: &str, values: &[f64], low: f64, high: f64) -> Result<()> {
         match values.iter().position(|v| !(*v >= low && *v <= high)) {
             None => Ok(()),
@@ -29,7 +29,7 @@ impl Check<'_> {
         }
     }
 
-    /// Length is the product of `shape`.
+    /// Checks that the length is the product of `shape`.
     pub(crate) fn len(&self, name: &str, len: usize, shape: &[usize]) -> Result<()> {
         let want = shape.iter().try_fold(1usize, |a, b| a.checked_mul(*b));
         if want == Some(len) {
@@ -38,7 +38,7 @@ impl Check<'_> {
         Err(invalid(self.0, name, format!("{len} values"), &format!("expected the shape {shape:?}")))
     }
 
-    /// Finite, strictly ascending.
+    /// Checks that an axis is finite and strictly ascending.
     pub(crate) fn ascending(&self, name: &str, axis: &[f64]) -> Result<()> {
         self.range(name, axis, f64::MIN, f64::MAX)?;
         match axis.windows(2).position(|w| w[1] <= w[0]) {
@@ -47,7 +47,7 @@ impl Check<'_> {
         }
     }
 
-    /// Ascending with equal steps, to 1e-6 of a step.
+    /// Checks that an axis ascends with equal steps, to 1e-6 of a step.
     pub(crate) fn uniform(&self, name: &str, axis: &[f64]) -> Result<()> {
         self.ascending(name, axis)?;
         let step = (axis[axis.len() - 1] - axis[0]) / (axis.len() - 1).max(1) as f64;
@@ -61,7 +61,7 @@ impl Check<'_> {
         Ok(())
     }
 
-    /// The axis of incident latitudes: uniform from 0, below pi/2.
+    /// Checks the axis of incident latitudes: uniform from 0, below pi/2.
     pub(crate) fn theta_axis(&self, axis: &[f64]) -> Result<()> {
         self.uniform("theta_i", axis)?;
         self.range("theta_i", axis, 0.0, std::f64::consts::FRAC_PI_2)?;
@@ -71,7 +71,8 @@ impl Check<'_> {
         Ok(())
     }
 
-    /// The axis of offsets: uniform and symmetric about 0, since negative latitudes are mirrored onto it.
+    /// Checks the axis of offsets: uniform and symmetric about 0, since negative latitudes are mirrored onto
+    /// it.
     pub(crate) fn h_axis(&self, axis: &[f64]) -> Result<()> {
         self.uniform("h_um", axis)?;
         self.range("h_um", axis, -1e6, 1e6)?;
@@ -87,7 +88,7 @@ impl Check<'_> {
         Ok(())
     }
 
-    /// The axis of absorption coefficients: ascending from 0.
+    /// Checks the axis of absorption coefficients: ascending from 0.
     pub(crate) fn sigma_axis(&self, axis: &[f64]) -> Result<()> {
         self.ascending("sigma_per_um", axis)?;
         self.range("sigma_per_um", axis, 0.0, 1e6)?;
@@ -112,7 +113,7 @@ impl Axis {
     }
 }
 
-/// Least, mean and greatest value of an array, for the JSON document. Empty arrays give zeros.
+/// Smallest, mean and greatest value of an array, for the JSON document. Empty arrays give zeros.
 #[derive(serde::Serialize)]
 pub(crate) struct Summary {
     min: f64,

@@ -1,8 +1,7 @@
 //! The container of plywave's files: safetensors with one JSON document in its metadata
 //! (`docs/reference/format/index.md`).
 //!
-//! Reading checks names, types and shapes and hands out owned arrays; what the numbers may be is checked by
-//! their owners.
+//! Reading checks names, types and shapes and returns owned arrays; their owners check the values.
 
 use crate::{Error, Result};
 use safetensors::tensor::{Dtype, Metadata, SafeTensors, TensorInfo, TensorView};
@@ -15,7 +14,7 @@ pub(crate) const KEY: &str = "plywave";
 /// Largest header accepted. A table's header is a few kilobytes plus the spec's text.
 const MAX_HEADER: u64 = 16 << 20;
 
-/// What a file holds.
+/// Kind of content of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FileKind {
     /// A [`crate::table::Table`].
@@ -48,14 +47,14 @@ impl FileKind {
     /// Version of the format that this program writes and reads.
     pub(crate) fn version(self) -> u64 {
         match self {
-            // 2: energies as splines on grids of their own.
+            // 2: energies as splines on separate grids.
             FileKind::Model => 2,
             FileKind::Table | FileKind::Fiber | FileKind::Speckle | FileKind::Twin | FileKind::Family => 1,
         }
     }
 
-    /// Largest file that is read [bytes]: the most cells that a spec may ask for, and as much again for what
-    /// comes with them.
+    /// Largest file that is read [bytes]: the largest number of cells that a spec allows, and as much again
+    /// for the rest.
     pub fn most_bytes(self) -> u64 {
         match self {
             FileKind::Table => 4 << 30,
@@ -76,11 +75,11 @@ impl FileKind {
     }
 }
 
-/// Tells what a file holds by its header alone, without reading the arrays.
+/// The kind of a file from its header alone, without reading the arrays.
 ///
 /// # Errors
-/// [`Error::Io`] when the file cannot be read, [`Error::Format`] when it is nothing of plywave's or of
-/// another version.
+/// [`Error::Io`] if the file cannot be read, [`Error::Format`] if it is not a plywave file or has another
+/// version.
 pub fn file_kind(path: impl AsRef<Path>) -> Result<FileKind> {
     let path = path.as_ref();
     let name = path.display().to_string();
@@ -110,7 +109,7 @@ pub fn file_kind(path: impl AsRef<Path>) -> Result<FileKind> {
     Ok(kind)
 }
 
-/// The keys that tell what the rest of the document means.
+/// The keys that determine the meaning of the rest of the document.
 #[derive(serde::Deserialize)]
 struct Head {
     format: String,
@@ -149,7 +148,7 @@ pub(crate) fn one_line(e: &dyn std::fmt::Display) -> String {
     crate::one_line(&e.to_string(), 160)
 }
 
-/// Arrays to be written, in the order of the calls (safetensors then sorts them by type and name).
+/// Arrays to write, in the order of the calls (safetensors then sorts them by type and name).
 pub(crate) struct Writer {
     tensors: Vec<(&'static str, Dtype, Vec<usize>, Vec<u8>)>,
 }
@@ -178,7 +177,7 @@ impl Writer {
         self.tensors.push((name, Dtype::U64, shape.to_vec(), bytes));
     }
 
-    /// The file's bytes. `file` names it in errors.
+    /// The bytes of the file. `file` names it in errors.
     pub(crate) fn finish(self, file: &str, document: &impl serde::Serialize) -> Result<Vec<u8>> {
         let text = serde_json::to_string(document)
             .map_err(|e| format_error(file, &one_line(&e), "the values cannot be written as JSON"))?;
@@ -202,12 +201,12 @@ pub(crate) struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    /// Parses the header; gives the text of the JSON document too. Only `names` may be present as tensors.
+    /// Parses the header; also returns the text of the JSON document. Only `names` are allowed as tensors.
     pub(crate) fn open(file: &'a str, bytes: &'a [u8], kind: FileKind, names: &[&str]) -> Result<(Self, String)> {
         let damaged = |what: &str| format_error(file, what, kind.remake());
         match bytes.first_chunk::<8>().map(|n| u64::from_le_bytes(*n)) {
             None => return Err(damaged("shorter than a safetensors header")),
-            // The number is not told: of a file that is none of ours it is the file's text.
+            // The number is not reported: in a foreign file it is part of the file's text.
             Some(n) if n > MAX_HEADER => return Err(damaged(&format!("header of more than {MAX_HEADER} bytes"))),
             Some(_) => {}
         }
@@ -261,7 +260,7 @@ impl<'a> Reader<'a> {
         Ok((info, bytes))
     }
 
-    /// Whether there is a tensor `name`, for those that may be left out.
+    /// Whether there is a tensor `name`, for optional ones.
     pub(crate) fn has(&self, name: &str) -> bool {
         self.metadata.info(name).is_some()
     }

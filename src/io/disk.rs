@@ -1,5 +1,5 @@
-//! Reading and writing of whole files. Every reader has a limit of size and takes regular files only; every
-//! writer leaves a whole file or none.
+//! Reading and writing of whole files. Every reader has a limit of size and accepts only regular files; every
+//! writer leaves a complete file or none.
 
 use super::utf8;
 use crate::math::hash::mix64;
@@ -9,11 +9,11 @@ use std::hash::{BuildHasher, Hasher};
 use std::io::{BufWriter, ErrorKind, Read, Take, Write};
 use std::path::{Path, PathBuf};
 
-/// Symbolic links that are followed to find an output's target, as many as Linux does.
+/// Largest number of symbolic links to follow to an output's target, as in Linux.
 const MAX_LINKS: usize = 40;
-/// First and last letters of the names that files have while they are written.
+/// Prefix and suffix of the names of files while they are written.
 const TEMPORARY: [&str; 2] = [".plywave-", ".tmp"];
-/// Temporary names that are tried before giving up, and times that a lock is.
+/// Largest number of temporary names to try, and of attempts to lock a file.
 const MAX_TRIES: usize = 100;
 
 fn shown(path: &Path) -> String {
@@ -29,12 +29,12 @@ fn format_error(path: &Path, what: String, hint: &str) -> Error {
     Error::Format { file: shown(path), what, hint: hint.to_string() }
 }
 
-/// What a file that is not regular is.
+/// Name of the type of a file that is not regular.
 fn kind_of(metadata: &Metadata) -> &'static str {
     if metadata.is_dir() { "a folder" } else { "a device, pipe or socket" }
 }
 
-/// Refuses what is no regular file. It is asked for before opening, which would wait for the other end of a
+/// Refuses a file that is not regular. The check precedes opening, which would wait for the other end of a
 /// pipe.
 fn regular(path: &Path, metadata: &Metadata) -> Result<()> {
     if metadata.is_file() {
@@ -43,17 +43,17 @@ fn regular(path: &Path, metadata: &Metadata) -> Result<()> {
     Err(format_error(path, format!("{}, not a regular file", kind_of(metadata)), "give a regular file"))
 }
 
-/// Opens a regular file of at most `most` bytes for reading. What it grows by meanwhile is cut off at one
-/// byte more.
+/// Opens a regular file of at most `most` bytes for reading. If it grows meanwhile, reading stops at one byte
+/// more.
 ///
 /// # Errors
-/// [`Error::Io`] when it cannot be opened, [`Error::Format`] for a folder, device, pipe or socket, and for a
+/// [`Error::Io`] if it cannot be opened, [`Error::Format`] for a folder, device, pipe or socket, and for a
 /// larger file.
 pub fn open_file(path: impl AsRef<Path>, most: u64) -> Result<Take<File>> {
     let path = path.as_ref();
     regular(path, &fs::metadata(path).map_err(io_error(path))?)?;
     let file = File::open(path).map_err(io_error(path))?;
-    // The name may have been given to something else meanwhile.
+    // The name may refer to another file meanwhile.
     let metadata = file.metadata().map_err(io_error(path))?;
     regular(path, &metadata)?;
     if metadata.len() > most {
@@ -91,7 +91,7 @@ pub fn read_text(path: impl AsRef<Path>, most: u64) -> Result<String> {
     utf8(read_file(path, most)?, &shown(path))
 }
 
-/// The file that an output path stands for: that at the end of its symbolic links. It need not exist.
+/// The file that an output path refers to: the target of its symbolic links. It need not exist.
 ///
 /// # Errors
 /// [`Error::Format`] for a folder, device, pipe or socket, a file that is write-protected, and a path without
@@ -135,8 +135,8 @@ pub fn write_file(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
 }
 
 /// Writes a file piece by piece: to a new file of random name in the same folder, which is flushed to the
-/// disk and renamed. `path` holds the old content or the new one, never a part. A symbolic link is kept and
-/// its target written; an existing file keeps its permissions.
+/// disk and renamed. `path` has the old content or the new one, never a part. A symbolic link is kept and its
+/// target written; an existing file keeps its permissions.
 ///
 /// # Errors
 /// As [`output_target`], and [`Error::Io`]. On an error the temporary file is removed.
@@ -158,26 +158,27 @@ pub fn write_file_with(
         fs::rename(&temporary, &target)
     });
     if written.is_err() {
-        // The first error is the one to report; a leftover that cannot be removed changes nothing about it.
+        // The first error is reported; a leftover that cannot be removed does not change it.
         let _ = fs::remove_file(&temporary);
     }
     written.map_err(io_error(path))?;
-    // The rename is on the disk once the folder is; some file systems cannot be asked for that.
+    // The rename is on the disk once the folder is; some file systems do not support flushing a folder.
     if let Ok(folder) = File::open(folder) {
         let _ = folder.sync_all();
     }
     Ok(())
 }
 
-/// Locks a file, made where there is none, for as long as the handle lives; `None` while another process has
-/// it. The system releases the lock of a process that ends, however it ends; who is done first takes the file
-/// away. On file systems without locks everyone gets it.
+/// Locks a file, which is created if absent, for as long as the handle lives; `None` while another process
+/// holds the lock. The system releases the lock of a process that ends in any way; the first holder to finish
+/// removes the file. On file systems without locks every process gets the lock.
 ///
 /// # Errors
-/// [`Error::Io`] when it cannot be made.
+/// [`Error::Io`] if it cannot be created.
 pub fn lock_file(path: impl AsRef<Path>) -> Result<Option<File>> {
     let path = path.as_ref();
-    // Another process may take the file away between its opening and its locking: another try makes it anew.
+    // Another process may remove the file between its opening and its locking: the next attempt creates it
+    // again.
     for _ in 0..MAX_TRIES {
         let mut options = OpenOptions::new();
         let file = options.read(true).write(true).create(true).truncate(false).open(path).map_err(io_error(path))?;
@@ -200,13 +201,13 @@ fn is_there(file: &File, path: &Path) -> bool {
     matches!((file.metadata(), fs::metadata(path)), (Ok(a), Ok(b)) if key(&a) == key(&b))
 }
 
-/// Elsewhere an open file cannot be deleted.
+/// On other systems an open file cannot be deleted.
 #[cfg(not(unix))]
 fn is_there(_: &File, path: &Path) -> bool {
     path.exists()
 }
 
-/// Whether a name is one that files have while they are written: what a killed program leaves.
+/// Whether a name is that of a file being written, as a killed program leaves behind.
 pub fn is_temporary(name: &str) -> bool {
     name.starts_with(TEMPORARY[0]) && name.ends_with(TEMPORARY[1])
 }
@@ -217,7 +218,7 @@ fn fill(file: File, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -
     out.into_inner().map_err(std::io::IntoInnerError::into_error)?.sync_all()
 }
 
-/// A new file of a name that nobody can foresee, in `folder`.
+/// A new file with an unpredictable name, in `folder`.
 fn create_new(folder: &Path) -> std::io::Result<(PathBuf, File)> {
     let state = std::hash::RandomState::new();
     let mut last = ErrorKind::AlreadyExists.into();
@@ -237,7 +238,7 @@ fn create_new(folder: &Path) -> std::io::Result<(PathBuf, File)> {
 
 #[cfg(test)]
 mod tests {
-    //! What is written comes back whole; what is no regular file is refused before it can block.
+    //! Written content is read back unchanged; files that are not regular are refused before they can block.
     use super::*;
 
     fn names(folder: &Path) -> Vec<String> {
@@ -275,7 +276,7 @@ mod tests {
         assert!(lock_file(&path).unwrap().is_none());
         drop(held);
         let held = lock_file(&path).unwrap().unwrap();
-        // Taken away by its holder: the next one makes it anew.
+        // Removed by its holder: the next one creates it again.
         fs::remove_file(&path).unwrap();
         assert!(lock_file(&path).unwrap().is_some());
         drop(held);
@@ -298,7 +299,7 @@ mod tests {
         assert_eq!(fs::read(at("deep/target")).unwrap(), b"new");
         assert_eq!(fs::metadata(at("deep/target")).unwrap().permissions().mode() & 0o777, 0o640);
         assert_eq!(names(&at("deep")), ["target"]);
-        // A link to nothing makes its target.
+        // A dangling link creates its target.
         symlink("deep/later", at("dangling")).unwrap();
         write_file(at("dangling"), b"x").unwrap();
         assert_eq!(fs::read(at("deep/later")).unwrap(), b"x");

@@ -1,4 +1,4 @@
-//! The one loader and saver: what tables, models, fibers and speckle patterns have in common as files.
+//! The one loader and saver: common parts of the files of tables, models, fibers and speckle patterns.
 
 use super::container::{FileKind, Reader, Writer};
 use super::{Axis, disk, read_kind};
@@ -7,7 +7,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Keys of every document: where its numbers come from.
+/// Keys of every document: the origin of its numbers.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Provenance {
     pub(crate) program_version: String,
@@ -17,29 +17,29 @@ pub(crate) struct Provenance {
     pub(crate) spec: String,
 }
 
-/// What a type says to be a file.
+/// A type that can be stored in a file.
 pub(crate) trait Document: Sized {
     /// Its format.
     const KIND: FileKind;
-    /// Keys of the JSON document beyond those of [`Provenance`].
+    /// Keys of the JSON document besides those of [`Provenance`].
     type Keys: Serialize + DeserializeOwned;
 
-    /// Tensors that a file may have.
+    /// Tensors that a file may contain.
     fn names() -> Vec<&'static str>;
 
-    /// What every value must satisfy, read or written; `name` stands for the file in errors.
+    /// Checks that the value is valid, when read or written; `name` identifies the file in errors.
     fn check(&self, name: &str) -> Result<()>;
 
     fn provenance(&self) -> Provenance;
 
     fn keys(&self, name: &str) -> Result<Self::Keys>;
 
-    /// Axes and statistics, for readers of the header alone.
+    /// Axes and statistics, for readers that read only the header.
     fn summary(&self) -> (Vec<Axis>, serde_json::Value);
 
     fn tensors(&self, writer: &mut Writer);
 
-    /// From the parts of a file; not checked yet beyond types and shapes.
+    /// A value from the parts of a file; only types and shapes are checked so far.
     fn read(reader: &Reader<'_>, provenance: Provenance, keys: &Self::Keys) -> Result<Self>;
 }
 
@@ -77,7 +77,7 @@ pub(crate) fn from_bytes<D: Document>(bytes: &[u8], name: &str) -> Result<(D, D:
     Ok((document, keys))
 }
 
-/// Writes a file, whole or not at all.
+/// Writes a file atomically.
 pub(crate) fn save<D: Document>(document: &D, path: &Path) -> Result<()> {
     disk::write_file(path, &to_bytes(document, &path.display().to_string())?)
 }

@@ -5,16 +5,15 @@ use crate::{Error, PlyModel, Result};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Variable with folders of models, separated as those of `PATH`.
+/// Environment variable with folders of models, separated as in `PATH`.
 pub const MODELS_VARIABLE: &str = "PLYWAVE_MODELS";
-/// Folder of models beside that of the program.
+/// Folder of models, relative to the program's folder.
 const SHARED: &str = "../share/plywave/models";
-/// Ending of a model's file.
+/// Suffix of a model's file.
 const ENDING: &str = ".pwm";
 
-/// Where models are found by name. `NAME` stands for `NAME.pwm`, which is looked for beside the spec that
-/// names it, then in the library's folders in their order, then among the models that the host has compiled
-/// in.
+/// Models by name. `NAME` means `NAME.pwm`, which is searched beside the spec that names it, then in the
+/// library's folders in their order, then among the models compiled into the host.
 ///
 /// ```
 /// use plywave::io::ModelLibrary;
@@ -29,24 +28,24 @@ pub struct ModelLibrary {
     embedded: &'static [(&'static str, &'static [u8])],
 }
 
-/// Where a name leads.
+/// Location of a named model.
 enum Location {
-    /// To a file of the spec's own source, by this name.
+    /// A file of the spec's own source, by this name.
     Own(String),
-    /// To a file of a folder of the library.
+    /// A file in a folder of the library.
     File(PathBuf),
-    /// To a model that is compiled in.
+    /// A compiled-in model.
     Embedded(&'static [u8]),
     Nowhere,
 }
 
 impl ModelLibrary {
-    /// No models.
+    /// A library without models.
     pub fn none() -> ModelLibrary {
         ModelLibrary::default()
     }
 
-    /// The folders of the variable `PLYWAVE_MODELS`, then `../share/plywave/models` seen from the folder of
+    /// The folders of the variable `PLYWAVE_MODELS`, then `../share/plywave/models` relative to the folder of
     /// the program.
     pub fn usual() -> ModelLibrary {
         let variable = std::env::var_os(MODELS_VARIABLE).unwrap_or_default();
@@ -56,20 +55,20 @@ impl ModelLibrary {
         ModelLibrary { folders: named.chain(shared).collect(), embedded: &[] }
     }
 
-    /// The same with a folder that is asked before the others.
+    /// The same with a folder that is searched before the others.
     #[must_use]
     pub fn with_folder(mut self, folder: impl Into<PathBuf>) -> ModelLibrary {
         self.folders.insert(0, folder.into());
         self
     }
 
-    /// The same with models that are compiled in, `(name, bytes of the file)`, asked last.
+    /// The same with compiled-in models, `(name, bytes of the file)`, which are searched last.
     #[must_use]
     pub fn with_embedded(self, embedded: &'static [(&'static str, &'static [u8])]) -> ModelLibrary {
         ModelLibrary { embedded, ..self }
     }
 
-    /// Whether a text is a name of a model and no path: letters, digits, `_` and `-`.
+    /// Whether a text is a model's name and not a path: letters, digits, `_` and `-`.
     pub fn is_name(text: &str) -> bool {
         !text.is_empty() && text.chars().all(|c| c.is_alphanumeric() || c == '_' || c == '-')
     }
@@ -86,7 +85,7 @@ impl ModelLibrary {
         names.into_iter().collect()
     }
 
-    /// Whether a file that is named has a model of its stem here: what a message may tell.
+    /// The stem of a file's name if a model has it as its name: a hint for messages.
     fn stem(&self, file: &str) -> Option<String> {
         let stem = file.rsplit(['/', '\\']).next()?.strip_suffix(ENDING)?.to_string();
         self.names().contains(&stem).then_some(stem)
@@ -109,13 +108,13 @@ impl ModelLibrary {
             .map_or(Location::Nowhere, |(_, bytes)| Location::Embedded(bytes))
     }
 
-    /// The models that there are, for messages.
+    /// The available models, for messages.
     fn told(&self) -> String {
         let names = self.names();
         if names.is_empty() { "none".into() } else { names.join(", ") }
     }
 
-    /// What messages call the model that the file `own` names, and its bytes; `None` where it is nowhere.
+    /// The name in messages of the model that the file `own` names, and its bytes; `None` if it is not found.
     fn find(&self, name: &str, own: &dyn AssetSource) -> Result<Option<(String, Vec<u8>)>> {
         let most = FileKind::Model.most_bytes();
         Ok(Some(match self.place(name, own) {
@@ -126,12 +125,12 @@ impl ModelLibrary {
         }))
     }
 
-    /// The bytes of a model's file, or of a model by its name where there is no such file, and what messages
-    /// call it.
+    /// The bytes of a model's file, or of a model by its name if there is no such file, and its name in
+    /// messages.
     ///
     /// # Errors
-    /// [`Error::Io`] and [`Error::Format`] of a file that cannot be read, [`Error::Io`] for a name that no
-    /// model has.
+    /// [`Error::Io`] and [`Error::Format`] for a file that cannot be read, [`Error::Io`] for a name without a
+    /// model.
     pub fn read(&self, path: impl AsRef<Path>) -> Result<(String, Vec<u8>)> {
         let path = path.as_ref();
         let here = super::Folder::new("").anywhere();
@@ -156,7 +155,7 @@ impl ModelLibrary {
         PlyModel::from_bytes(&bytes, &shown)
     }
 
-    /// The model that `key` of the spec `file` names: what messages call it, and its bytes. Errors of the
+    /// The model that `key` of the spec `file` names: its name in messages, and its bytes. Errors about the
     /// name give file, key and name.
     pub(crate) fn named(&self, file: &str, key: &str, name: &str, own: &dyn AssetSource) -> Result<(String, Vec<u8>)> {
         let refused = |hint: String| Err(invalid(file, key, super::container::one_line(&name), &hint));

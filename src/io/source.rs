@@ -1,4 +1,4 @@
-//! Where files that a spec names come from.
+//! Sources of the files that a spec names.
 
 use super::disk::read_file;
 use crate::{Error, Result};
@@ -6,8 +6,7 @@ use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
-/// Gives the bytes of files by the names that a spec has for them: a folder, a map in memory, an archive, a
-/// network.
+/// A source of files by the names in a spec: a folder, a map in memory, an archive, a network.
 pub trait AssetSource {
     /// The bytes of `name`, at most `most`.
     ///
@@ -20,13 +19,13 @@ pub trait AssetSource {
         self.read(name, u64::MAX).is_ok()
     }
 
-    /// What messages call `name`, such as its path.
+    /// Name of `name` in messages, such as its path.
     fn display(&self, name: &str) -> String {
         name.to_string()
     }
 }
 
-/// Files of a folder on the disk. Names are paths relative to it and stay inside it: absolute ones, `..` and
+/// Files of a folder on the disk. Names are paths relative to it and stay inside it: absolute paths, `..` and
 /// symbolic links that lead out are refused, unless [`Folder::anywhere`] allows them.
 #[derive(Clone, Debug)]
 pub struct Folder {
@@ -35,24 +34,23 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// Of the folder `root`; the empty path is the current folder.
+    /// The folder `root`; the empty path is the current folder.
     pub fn new(root: impl Into<PathBuf>) -> Folder {
         Folder { root: root.into(), anywhere: false }
     }
 
-    /// Of the folder that holds the file `path`.
+    /// The folder that contains the file `path`.
     pub fn of_file(path: &Path) -> Folder {
         Folder::new(path.parent().unwrap_or(Path::new("")))
     }
 
-    /// The same with names that may lead out of the folder.
+    /// The same folder with names that may lead out of it.
     #[must_use]
     pub fn anywhere(self) -> Folder {
         Folder { anywhere: true, ..self }
     }
 
-    /// Whether a name stays in the folder, links included, or need not. A file that is not there leads
-    /// nowhere.
+    /// Whether a name stays in the folder, links included, or may lead out. A missing file leads nowhere.
     fn allows(&self, name: &str) -> bool {
         let inside = Path::new(name).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
         let real = |path: &Path| path.canonicalize().ok();
@@ -104,7 +102,7 @@ pub struct MemoryAssets {
 }
 
 impl MemoryAssets {
-    /// No files.
+    /// An empty set of files.
     pub fn new() -> MemoryAssets {
         MemoryAssets::default()
     }
@@ -114,7 +112,7 @@ impl MemoryAssets {
         self.files.insert(name.into(), bytes.into());
     }
 
-    /// The same with a further file.
+    /// The same with another file.
     #[must_use]
     pub fn with(mut self, name: impl Into<String>, bytes: impl Into<Arc<[u8]>>) -> MemoryAssets {
         self.insert(name, bytes);
@@ -166,8 +164,8 @@ mod tests {
         assert!(matches!(source.read("none", 9), Err(Error::Io { .. })));
     }
 
-    /// A link counts as the place that it leads to, whether it is the file or a folder on the way; the folder
-    /// itself may be reached by one.
+    /// A link counts as its target, whether it is the file or a folder on the way; the folder itself may be
+    /// reached by one.
     #[cfg(unix)]
     #[test]
     fn links_stay_inside_the_folder() {

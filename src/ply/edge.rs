@@ -101,7 +101,7 @@ impl EdgeTables {
     }
 }
 
-/// log2 of the fraction of its peak below which a lobe is dark: the cutoff of [`shape`], and a little more.
+/// log2 of a lobe's peak over the value below which it is dark: the cutoff of [`shape`], and a little more.
 const DARK: f32 = 101.0;
 
 /// mu log2 e from which the part of a lobe beyond its hemisphere, exp(-mu), is below rounding.

@@ -289,7 +289,7 @@ fn any_layer<const N: usize>(tables: &LayerTables, theta_i: f32, sigma: &[f32; N
     tables.layer::<FMA, N>(theta_i, &tables.transmittances::<FMA, N>(sigma))
 }
 
-/// How one layer of yarns scatters the light that hits its fibers, for N absorptions.
+/// Reflected and transmitted fractions of the light that hits one layer's fibers, for N absorptions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Layer<const N: usize> {
     /// Fraction reflected into the half space that the light came from, r.
@@ -333,7 +333,7 @@ impl<const N: usize> Layer<N> {
     }
 }
 
-/// How two layers scatter the light that hits fibers of the upper one, for N absorptions.
+/// Reflected and transmitted fractions of the light that hits the upper of two layers, for N absorptions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TwoLayers<const N: usize> {
     /// Reflected fraction, R.

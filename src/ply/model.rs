@@ -101,7 +101,7 @@ impl PlyModel {
     /// [`crate::FabricQuery::models`]: a fabric uses its own plies this way.
     ///
     /// # Errors
-    /// Those of the spec in the model, which defines the beam.
+    /// Errors of the spec in the model, which defines the beam.
     pub fn of_lines(&self) -> Result<PlyModel> {
         let mut data = self.data.clone();
         let spec = crate::spec::YarnSpec::parse(&data.spec_text, "model (its spec)")?;

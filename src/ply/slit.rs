@@ -23,7 +23,7 @@ pub(super) enum SlitSample {
 }
 
 impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: usize> Mixture<H, R, L, J, N> {
-    /// Computes the share of each high-order lobe that a slit diffracts (`src/gap/slit.rs`): `share` times
+    /// Removes from each high-order lobe the share that a slit diffracts (`src/gap/slit.rs`): `share` times
     /// the cosine between the lobe's axis and the forward direction, nothing for a lobe that points back.
     /// Returns the diffracted energy, and its mean over the absorptions.
     #[inline(always)]

@@ -16,7 +16,7 @@ impl PlyModel {
         Some(layer(self.layer_tables()?, theta_i, &sigma_per_um))
     }
 
-    /// Energy that f_refl + f_high sends into the half space away from the light, y < 0. `None` for a model
+    /// Energy of f_refl + f_high in the half space away from the light, y < 0. `None` for a model
     /// without layer factors.
     pub fn forward_energy<const N: usize>(&self, theta_i: f32, h_um: f32, sigma_per_um: [f32; N]) -> Option<[f32; N]> {
         let at = self.uncached_at(&PlyQuery::lobes(theta_i, h_um, sigma_per_um));

@@ -1,6 +1,6 @@
-//! The look-up of a direction's speckle: first where its factors are in the tiles, then what they are.
-//! Between the two a host has other work, while which the memory comes: tiles are larger than the caches near
-//! the processor.
+//! The lookup of a direction's speckle, in two steps: first the position of its factors in the tiles, then
+//! their values. Between the two a host does other work while the prefetched memory arrives: tiles are larger
+//! than the caches near the processor.
 
 use super::tiles::{Instance, NoiseTiles, SEAM_RAD};
 use crate::math::hash::mix64;
@@ -12,9 +12,8 @@ impl NoiseTiles {
     /// The factors of f_refl and f_high in direction `wo` at N wavelengths [um], for one instance. Their mean
     /// over instances is 1.
     ///
-    /// A direction that is not finite gives 1. Wavelengths count as within a tenth and ten times that of the
-    /// tiles; not a number counts as that of the tiles, and a theta_i that is none as 0. No call fails,
-    /// allocates or panics.
+    /// A direction that is not finite gives 1. Wavelengths are clamped to a tenth and ten times that of the
+    /// tiles; NaN counts as that of the tiles, and a NaN theta_i as 0. No call fails, allocates or panics.
     pub fn factors<const N: usize>(
         &self,
         instance: Instance,
@@ -26,18 +25,18 @@ impl NoiseTiles {
     }
 }
 
-/// Where a direction falls on the patterns of one kind, before it is stretched.
+/// Coordinates of a direction on the patterns of one kind, before stretching.
 #[derive(Clone, Copy, Debug)]
 struct PatternPoint {
     u: f32,
     v: f32,
-    /// u on the other side of the seam and the share of that side.
+    /// u on the other side of the seam, and the share of that side.
     other: f32,
     share: f32,
 }
 
 impl PatternPoint {
-    /// Of an azimuth in [-pi, pi], the cosine that turns it into an arc, and v.
+    /// Coordinates from an azimuth in [-pi, pi], the cosine that scales it to an arc, and v.
     #[inline(always)]
     fn new(azimuth: f32, cos: f32, v: f32) -> PatternPoint {
         let beyond = azimuth - (2.0 * PI).copysign(azimuth);
@@ -47,14 +46,14 @@ impl PatternPoint {
     }
 }
 
-/// 1.5 2^23 plus a whole number below 2^22 has that number in its low bits, negative ones as their two's
-/// complement. What is beyond falls somewhere on the tile.
+/// 1.5 2^23 plus a whole number below 2^22 stores that number in its low bits, negative ones as their two's
+/// complement. Larger values fall somewhere on the tile.
 const WHOLE: f32 = 12_582_912.0;
 
 /// Numbers of f_refl and f_high at N wavelengths.
 type Lanes<T, const N: usize> = [[T; N]; 2];
 
-/// The patterns of one instance at one latitude and N wavelengths: which tile each kind has, mirrored, moved
+/// The patterns of one instance at one latitude and N wavelengths: for each kind the tile, mirrored, shifted
 /// and stretched.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Speckle<'a, const N: usize> {
@@ -63,7 +62,7 @@ pub(crate) struct Speckle<'a, const N: usize> {
     sin_i: f32,
     rows: u32,
     columns: u32,
-    /// Of each kind the place of the tile's first code; low and step of its codes; where its origin lies.
+    /// For each kind the index of the tile's first code; low and step of its codes; position of its origin.
     first: [u32; 2],
     code: [[f32; 2]; 2],
     offset: [[f32; 2]; 2],
@@ -80,14 +79,13 @@ impl<'a, const N: usize> Speckle<'a, N> {
         speckle(tiles, instance, theta_i, lambda_um)
     }
 
-    /// Where the factors of a direction are; asks for the memory of their codes.
+    /// Position of the factors of a direction; prefetches their codes.
     #[inline]
     pub(crate) fn look(&self, wo: [f32; 3]) -> Look<'_, N> {
         look(self, wo)
     }
 
-    /// Cell and the place in it at (v, u) of one kind at wavelength k. Sizes are powers of two, so that masks
-    /// wrap.
+    /// Cell and fraction at (v, u) of one kind at wavelength k. Sizes are powers of two, so masks wrap.
     #[inline(always)]
     fn cell<const FMA: bool>(&self, kind: usize, k: usize, v: f32, u: f32) -> ([u32; 2], [f32; 2]) {
         let v = fma::<FMA>(v, self.per_v[kind][k], self.offset[kind][0]);
@@ -97,7 +95,7 @@ impl<'a, const N: usize> Speckle<'a, N> {
         ([row, column], [v - fv, u - fu])
     }
 
-    /// N at a place, bilinear: what [`factors`] has for most places, in plain words.
+    /// N at a point, bilinear: the scalar form of [`factors`], for the points that it cannot vectorize.
     #[cold]
     #[inline(never)]
     fn value(&self, kind: usize, k: usize, v: f32, u: f32) -> f32 {
@@ -181,16 +179,16 @@ fn speckle<'a, const N: usize>(
     x
 }
 
-/// Where the factors of a direction are.
+/// Position of the factors of a direction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Look<'a, const N: usize> {
     speckle: &'a Speckle<'a, N>,
-    /// Whether the direction is one.
+    /// Whether the direction is valid.
     valid: bool,
-    /// Whether two nodes that lie side by side do so in memory.
+    /// Whether two neighboring nodes are adjacent in memory.
     plain: bool,
     places: [PatternPoint; 2],
-    /// Where the left ones of the four nodes around are, and where between the nodes the direction is.
+    /// Indices of the left ones of the four nodes around, and fractions of the direction between the nodes.
     top: Lanes<u32, N>,
     bottom: Lanes<u32, N>,
     v: Lanes<f32, N>,
@@ -241,7 +239,7 @@ fn look<'a, const N: usize>(speckle: &'a Speckle<'a, N>, wo: [f32; 3]) -> Look<'
     Look { speckle, valid, plain: last == 0, places, top, bottom, v: cell_v, u: cell_u }
 }
 
-/// The sine of what is no latitude; 0 of what is no number.
+/// The sine of an invalid latitude; 0 for NaN.
 #[cold]
 #[inline(never)]
 fn beyond(theta_i: f32) -> f32 {
@@ -283,7 +281,7 @@ fn factors<const N: usize>(look: &Look<'_, N>) -> ([f32; N], [f32; N]) {
         let (low, step, codes) = (low.as_flattened(), step.as_flattened(), codes.as_flattened());
         let (v, u) = (look.v.as_flattened(), look.u.as_flattened());
         for (i, n) in factors.as_flattened_mut().iter_mut().enumerate() {
-            // Of the four nodes a, b above c, d.
+            // The four nodes: a, b above c, d.
             let a = fma::<FMA>(step[i], (codes[i] & 0xff) as i32 as f32, low[i]);
             let b = fma::<FMA>(step[i], (codes[i] >> 8 & 0xff) as i32 as f32, low[i]);
             let c = fma::<FMA>(step[i], (codes[i] >> 16 & 0xff) as i32 as f32, low[i]);
@@ -342,8 +340,8 @@ mod tests {
         }
     }
 
-    /// All wavelengths side by side give what one place after the other gives, at the seams and the tiles'
-    /// borders too.
+    /// All wavelengths side by side agree with one point after the other, also at the seams and the tiles'
+    /// borders.
     #[test]
     fn factors_are_those_of_single_places() {
         let mut rng = Pcg64Mcg::seed_from_u64(3);
@@ -374,7 +372,7 @@ mod tests {
         assert!(seams > 300 && borders > 300, "{seams} seams, {borders} borders");
     }
 
-    /// Places far beyond the range in which cells are exact stay on the tile.
+    /// Points far beyond the range in which cells are exact stay on the tile.
     #[test]
     fn any_place_is_on_the_tile() {
         let mut rng = Pcg64Mcg::seed_from_u64(4);

@@ -1,4 +1,4 @@
-//! The noise of a model as its file has it.
+//! The noise of a model as stored in its file.
 
 use super::spectrum::{self, NoiseSpectrum};
 use super::tiles::{self, NoiseTiles};
@@ -8,9 +8,9 @@ use crate::io::{Check, Reader, Writer, invalid};
 /// Speckle noise of a ply (Yu 2025, 6.2).
 #[derive(Clone, Debug, PartialEq)]
 pub enum Noise {
-    /// What tiles are made of when they are first asked for: some kilobytes.
+    /// The parameters from which tiles are made at first use: some kilobytes.
     Spectrum(NoiseSpectrum),
-    /// Tiles themselves, megabytes: of earlier files, or of values that are no Gaussian field's.
+    /// The tiles themselves, megabytes: from earlier files, or of values that are not from a Gaussian field.
     Tiles(NoiseTiles),
 }
 
@@ -27,7 +27,7 @@ impl From<NoiseTiles> for Noise {
 }
 
 impl Noise {
-    /// All tensors that a file may have of it.
+    /// All tensors that a file may have for noise.
     pub(crate) fn names() -> impl Iterator<Item = &'static str> {
         tiles::NAMES.into_iter().chain(tiles::FRAME_NAMES).chain(spectrum::NAMES)
     }

@@ -2,25 +2,25 @@
 //!
 //! For a fully developed speckle the covariance of the intensity over its squared mean is |rho|^2, rho the
 //! field's autocorrelation (Siegert). From instances it is `C(d) = <(n(phi) - 1)(n(phi + d) - 1)>` with
-//! `n = I / mean of I over the instances`, averaged over instances and over a range of azimuths. The mean
-//! that divides holds the instance itself, which takes 1/N of the covariance away; a factor N/(N - 1) gives
-//! it back.
+//! `n = I / mean of I over the instances`, averaged over instances and over a range of azimuths. The mean in
+//! the denominator includes the instance itself, which reduces the covariance by 1/N; a factor N/(N - 1)
+//! corrects it.
 //!
-//! The directions about exact forward are left out: light diffracted there is the same in every instance.
+//! The directions about exact forward are excluded: light diffracted there is the same in every instance.
 
 use crate::Result;
 use crate::io::{Axis, Check, Document, FileKind, Provenance, Reader, Summary, Writer, document, invalid};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::path::Path;
 
-/// Half of the range about exact forward that no statistics look at [rad], 20 degrees: several times the
+/// Half of the range about exact forward that all statistics exclude [rad], 20 degrees: several times the
 /// width lambda / (2 a) of the diffraction behind a fiber of radius a >= 2 um.
 pub const FORWARD_RAD: f64 = PI / 9.0;
 
 /// Polarization of the incident light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SpecklePolarization {
-    /// Electric field with a part along the fiber.
+    /// Electric field with a component along the fiber.
     Tm,
     /// Electric field across the fiber.
     Te,
@@ -28,7 +28,7 @@ pub enum SpecklePolarization {
     Unpolarized,
 }
 
-/// Which azimuths statistics look at. Light comes from pi/2, exact forward is 3 pi/2.
+/// The azimuths of a statistic. Light comes from pi/2, exact forward is 3 pi/2.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SpeckleSide {
     /// All but the range about forward.
@@ -52,7 +52,7 @@ impl SpeckleSide {
         }
     }
 
-    /// Whether an azimuth [rad] is looked at.
+    /// Whether an azimuth [rad] is included.
     pub fn holds(self, phi: f64) -> bool {
         let off = (phi - 3.0 * FRAC_PI_2 + PI).rem_euclid(TAU) - PI;
         let outside = off.abs() > FORWARD_RAD;
@@ -97,20 +97,20 @@ pub struct SpecklePatterns {
 /// Statistics of patterns of one kind.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpeckleStatistics {
-    /// Distance of two lags [rad].
+    /// Distance between two lags [rad].
     pub step_rad: f64,
     /// `[lag]`: C at 0, step, 2 step, ...
     pub covariance: Vec<f64>,
     /// sqrt(C(0)): standard deviation of the intensity over its mean; 1 for a fully developed speckle.
     pub contrast: f64,
-    /// Lag at which C first falls to half of C(0) [rad]; NaN where it does not within the lags.
+    /// Lag at which C first falls to half of C(0) [rad]; NaN if it does not within the lags.
     pub half_width_rad: f64,
     /// `[lag]`: standard error of C, from instance to instance; NaN for one instance.
     pub covariance_se: Vec<f64>,
 }
 
 impl SpeckleStatistics {
-    /// Of `patterns`, `[n][azimuths]`, over the azimuths of `side`, up to the lag `most_rad`.
+    /// Statistics of `patterns`, `[n][azimuths]`, over the azimuths of `side`, up to the lag `most_rad`.
     pub fn from_patterns(patterns: &[Vec<f64>], side: SpeckleSide, most_rad: f64) -> SpeckleStatistics {
         let n = patterns.len();
         let d = patterns.first().map_or(0, Vec::len);
@@ -124,7 +124,7 @@ impl SpeckleStatistics {
         // Sums over the instances, and of their squares.
         let (mut sums, mut squares) = (vec![0.0; lags], vec![0.0; lags]);
         for pattern in patterns {
-            // Zero where nothing is looked at, so that pairs with such a place count nothing.
+            // Zero at excluded azimuths, so that pairs with them do not count.
             let off: Vec<f64> = (0..d).map(|j| if seen[j] { pattern[j] / mean[j] - 1.0 } else { 0.0 }).collect();
             for (lag, (sum, square)) in sums.iter_mut().zip(&mut squares).enumerate() {
                 let own: f64 = (0..d).map(|j| off[j] * off[(j + lag) % d]).sum();
@@ -159,7 +159,7 @@ impl SpeckleStatistics {
     }
 
     /// Autocorrelation of the field, `sqrt(C / C(0))`, up to where C first falls below two of its standard
-    /// errors and zero beyond: the root would make a tail of what is noise of the estimate there.
+    /// errors and zero beyond: there the root would turn the noise of the estimate into a tail.
     pub fn rho(&self) -> Vec<f64> {
         let top = self.covariance.first().copied().unwrap_or(0.0);
         let end = self.covariance.iter().zip(&self.covariance_se).position(|(c, se)| *c <= 2.0 * se || *c <= 0.0);
@@ -168,8 +168,8 @@ impl SpeckleStatistics {
         self.covariance.iter().enumerate().map(value).collect()
     }
 
-    /// Power spectrum of the field on a circle of `azimuths` places: the cosine transform of
-    /// [`SpeckleStatistics::rho`], clipped at 0 and scaled to the mean 1 over all places, `[k]` for harmonics
+    /// Power spectrum of the field on a circle of `azimuths` points: the cosine transform of
+    /// [`SpeckleStatistics::rho`], clipped at 0 and scaled to the mean 1 over all points, `[k]` for harmonics
     /// 0 to azimuths / 2.
     pub fn power_spectrum(&self, azimuths: usize) -> Vec<f64> {
         let rho = self.rho();
@@ -187,8 +187,8 @@ impl SpeckleStatistics {
     }
 }
 
-/// Where an even function, given at 0, 1, ..., first falls to half of its first value: by the cubic through
-/// the four nearest values. NaN where it does not.
+/// Position where an even function, given at 0, 1, ..., first falls to half of its first value: by the cubic
+/// through the four nearest values. NaN if it does not.
 fn half(values: &[f64]) -> f64 {
     let Some(top) = values.first() else { return f64::NAN };
     let level = 0.5 * top;
@@ -211,10 +211,10 @@ fn half(values: &[f64]) -> f64 {
 }
 
 const TENSORS: [&str; 5] = ["kappa", "lambda_um", "patterns", "c_sca_um", "c_abs_um"];
-/// Most values of `patterns`: 1 GiB.
+/// Largest number of values of `patterns`: 1 GiB.
 const MAX_VALUES: usize = 1 << 28;
 
-/// Keys of the JSON document beyond the common ones.
+/// Keys of the JSON document besides the common ones.
 #[derive(serde::Serialize, serde::Deserialize)]
 pub(crate) struct Keys {
     theta_i_rad: f64,
@@ -256,10 +256,10 @@ impl SpecklePatterns {
         SpeckleStatistics::from_patterns(&self.instances_of(absorption, lambda, pol), side, PI / 6.0)
     }
 
-    /// Writes the file, whole or not at all.
+    /// Writes the file atomically.
     ///
     /// # Errors
-    /// [`crate::Error::Invalid`] when the arrays break what loading checks, [`crate::Error::Io`].
+    /// [`crate::Error::Invalid`] if the arrays would not load again, [`crate::Error::Io`].
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
         document::save(self, path.as_ref())
     }
@@ -275,13 +275,13 @@ impl SpecklePatterns {
     /// Reads a file.
     ///
     /// # Errors
-    /// [`crate::Error::Io`], [`crate::Error::Format`] for what is no whole file of patterns,
+    /// [`crate::Error::Io`], [`crate::Error::Format`] for a file that is not a complete file of patterns,
     /// [`crate::Error::Invalid`] for arrays of other shapes or values.
     pub fn load(path: impl AsRef<Path>) -> Result<SpecklePatterns> {
         document::load(path.as_ref())
     }
 
-    /// As [`SpecklePatterns::load`]; `file` is for messages.
+    /// Like [`SpecklePatterns::load`], but from bytes; `file` is for messages.
     ///
     /// # Errors
     /// As [`SpecklePatterns::load`].
@@ -358,7 +358,7 @@ impl Document for SpecklePatterns {
         })
     }
 
-    /// What loading and saving hold the arrays to.
+    /// Checks the arrays, when loaded or saved.
     fn check(&self, file: &str) -> Result<()> {
         let (check, shape) = (Check(file), self.shape());
         let size = shape.iter().try_fold(1usize, |a, b| a.checked_mul(*b)).filter(|n| (1..=MAX_VALUES).contains(n));
@@ -376,18 +376,19 @@ impl Document for SpecklePatterns {
         check.ascending("lambda_um", &self.lambda_um)?;
         check.range_f32("patterns", &self.patterns, 0.0, 1e12)?;
         check.range("c_sca_um", &self.c_sca_um, 0.0, 1e9)?;
-        // Of clear fibers it is 0 but for the solver's error.
+        // 0 for clear fibers, up to the solver's error.
         check.range("c_abs_um", &self.c_abs_um, -1e6, 1e9)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    //! Truth: fields drawn as circular Gaussians of a known correlation; closed forms; a file read back.
+    //! Ground truth: fields sampled as circular Gaussians of a known correlation; closed forms; a file read
+    //! back.
     use super::*;
     use rand::{RngExt, SeedableRng};
 
-    /// `n` intensities of a circular Gaussian field on `d` places with rho(lag) = exp(-(lag/width)^2 / 2) and
+    /// `n` intensities of a circular Gaussian field on `d` points with rho(lag) = exp(-(lag/width)^2 / 2) and
     /// the mean `mean(j)`.
     fn drawn(n: usize, d: usize, width: f64, mean: impl Fn(usize) -> f64) -> Vec<Vec<f64>> {
         let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(5);
@@ -417,8 +418,8 @@ mod tests {
             .collect()
     }
 
-    /// A fully developed speckle over an uneven mean: contrast 1, covariance |rho|^2, its half width, and rho
-    /// and the spectrum that it was drawn from.
+    /// A fully developed speckle over an uneven mean has contrast 1, covariance |rho|^2, its half width, and
+    /// the rho and spectrum that it was sampled from.
     #[test]
     fn developed_speckle_has_contrast_1_and_siegerts_covariance() {
         let (n, d, width) = (400, 240, 4.0);
@@ -455,7 +456,7 @@ mod tests {
             let all: f64 = spectrum.iter().sum::<f64>() * 2.0 - spectrum[0] - spectrum[d / 2];
             assert!((all / d as f64 - 1.0).abs() < 1e-12);
             let want = |k: usize| width * TAU.sqrt() * (-0.5 * (TAU * k as f64 * width / d as f64).powi(2)).exp();
-            // Errors of neighboring lags go together, at worst all of them; and the tail of rho is cut.
+            // Errors of neighboring lags are correlated, at worst fully; and the tail of rho is cut.
             let tail: f64 = (end..d / 2).map(|lag| 2.0 * truth(lag)).sum();
             let allowed = tail + 2.0 * (1..end).map(se).sum::<f64>() * 5.0;
             assert!(allowed < 0.5 * want(0), "{allowed}");
@@ -477,11 +478,11 @@ mod tests {
             groups.sum::<f64>() / (all.len() / group) as f64
         };
         let (few, many) = (mean(10), mean(3000));
-        // Second order terms of the quotient are left, some 1/N of 1.
+        // Second order terms of the quotient remain, some 1/N of 1.
         assert!((few - many).abs() < 0.12 && (many - 1.0).abs() < 0.05, "{few} {many}");
     }
 
-    /// A fringe cos(2 pi j / period) falls to half at a sixth of its period, also with few places in it.
+    /// A fringe cos(2 pi j / period) falls to half at a sixth of its period, also with few points in it.
     #[test]
     fn half_widths_are_found_between_places() {
         for (period, within) in [(40.0, 1e-4), (8.0, 0.01)] {

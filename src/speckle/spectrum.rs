@@ -1,4 +1,4 @@
-//! Tiles of noise by the spectrum of their field: some kilobytes in a file, in place of the tiles' megabytes.
+//! Noise tiles from the spectrum of their field: some kilobytes in a file, instead of the tiles' megabytes.
 //!
 //! The amplitude of the light of one kind over (v, u) is a constant phasor and a periodic circular Gaussian
 //! field whose power spectrum is that along u times that along v, `N = |sqrt(1 - b) + g|^2` with b the share
@@ -10,9 +10,9 @@
 //!
 //! P_u is stored. Along v the correlation is that of an illuminated length of Gaussian intensity exp(-2 z^2 /
 //! w0^2), `exp(-q^2 / (2 s^2))` with `s = lambda / (pi w0)` in v (van Cittert and Zernike, Goodman 2007,
-//! 4.4), so that `P_v[p]` is proportional to `exp(-(2 pi p s / (V step))^2 / 2)`.
+//! 4.4), so `P_v[p]` is proportional to `exp(-(2 pi p s / (V step))^2 / 2)`.
 //!
-//! n is a hash of seed, kind, tile and harmonic, and no step calls a function of the system's library: all
+//! n is a hash of seed, kind, tile and harmonic, and no step calls a function of the system's library, so all
 //! machines make the same tiles.
 
 use super::tiles::{self, NoiseTiles};
@@ -25,33 +25,33 @@ use crate::math::simd::{exp2, ln, signed, sin_cos_half_turns};
 use multiversion::multiversion;
 use std::f64::consts::{LOG2_E, PI, TAU};
 
-/// Names of the tensors in a model file, beside those that tiles have too.
+/// Names of the tensors in a model file, besides those that tiles have too.
 pub(crate) const NAMES: [&str; 5] = ["noise_spectrum", "noise_share", "noise_sizes", "noise_seed", "noise_w0_um"];
-/// Nodes of a tile along an axis.
+/// Smallest and largest number of nodes of a tile along an axis.
 const SIDES: [usize; 2] = [16, 1 << 13];
-/// Most nodes of a tile: while it is made it takes 12 bytes a node, and a tile of each kind is made at a
-/// time.
+/// Largest number of nodes of a tile: making it takes 12 bytes per node, and one tile of each kind is made at
+/// a time.
 const MAX_NODES: usize = 1 << 20;
-/// Most nodes of all tiles, a byte each and twice that for a moment. Together at most 64 MiB.
+/// Largest number of nodes of all tiles, a byte each and twice that temporarily. Together at most 64 MiB.
 const MAX_BYTES: usize = 1 << 24;
-/// Harmonics of less than this share of the greatest amplitude along v are left out: far below a code's step.
+/// Harmonics below this share of the greatest amplitude along v are omitted: far below a code's step.
 const MIN_AMPLITUDE: f32 = 1e-6;
 
-/// What noise tiles are made of.
+/// Parameters from which noise tiles are made.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NoiseSpectrum {
-    /// Number of tiles a kind, of nodes along v and along u: T, V, U, powers of two.
+    /// Number of tiles per kind, of nodes along v and along u: T, V, U, powers of two.
     pub sizes: [usize; 3],
     /// Seed of the normal numbers.
     pub seed: u64,
-    /// `[2][U/2 + 1]`: of each kind the field's power at harmonics 0 to U/2 along u, >= 0; with all others
-    /// counted twice they add up to 1.
+    /// `[2][U/2 + 1]`: for each kind the field's power at harmonics 0 to U/2 along u, >= 0; with all but the
+    /// first and last counted twice they sum to 1.
     pub spectrum: Vec<f32>,
-    /// `[2]`: of each kind the field's share b of the mean intensity, 0 to 1.
+    /// `[2]`: for each kind the field's share b of the mean intensity, 0 to 1.
     pub share: [f64; 2],
     /// Waist of the beam on the ply [um].
     pub w0_um: f64,
-    /// `[2][2]`: distance of the nodes along v and u.
+    /// `[2][2]`: distance between the nodes along v and u.
     pub step: [[f64; 2]; 2],
     /// Wavelength at which the tiles are not stretched [um].
     pub lambda_um: f64,
@@ -62,12 +62,12 @@ pub struct NoiseSpectrum {
 }
 
 impl NoiseSpectrum {
-    /// s of the correlation `exp(-q^2 / (2 s^2))` along v of a beam of waist w0 at a wavelength.
+    /// s of the correlation `exp(-q^2 / (2 s^2))` along v for a beam of waist w0 at a wavelength.
     pub fn width_v(lambda_um: f64, w0_um: f64) -> f64 {
         lambda_um / (PI * w0_um)
     }
 
-    /// The tiles: the same bits on every machine.
+    /// Makes the tiles: the same bits on every machine.
     pub fn tiles(&self) -> NoiseTiles {
         let count = self.sizes[0];
         let kinds = parallel::map(2, |kind| {
@@ -96,8 +96,8 @@ impl NoiseSpectrum {
         }
     }
 
-    /// Values N at the nodes of a tile before they are coded, `[V][U]`, of mean 1; `kind` 0 for f_refl, 1 for
-    /// f_high. Empty where there is no such tile.
+    /// Values N at the nodes of a tile before coding, `[V][U]`, of mean 1; `kind` 0 for f_refl, 1 for f_high.
+    /// Empty if there is no such tile.
     pub fn values(&self, kind: usize, tile: usize) -> Vec<f64> {
         if kind > 1 || tile >= self.sizes[0] {
             return Vec::new();
@@ -126,7 +126,7 @@ impl NoiseSpectrum {
         let (step, lambda_um, fade, contrast) = tiles::read_frame(r)?;
         let harmonics = r.shape(NAMES[0], 2)?[1];
         Ok(NoiseSpectrum {
-            // What a machine cannot count is refused by the check.
+            // The check refuses sizes beyond the machine's range.
             sizes: [0, 1, 2].map(|k| usize::try_from(sizes[k]).unwrap_or(usize::MAX)),
             seed: r.u64(NAMES[3], &[1])?[0],
             spectrum: r.f32(NAMES[0], &[2, harmonics])?,
@@ -139,12 +139,12 @@ impl NoiseSpectrum {
         })
     }
 
-    /// What noise must satisfy whatever its spectrum is: sizes, steps, wavelength, waist, contrasts. The
-    /// spectrum may be absent: a fit asks this before its work.
-    /// `name` stands for the file in messages.
+    /// Checks the parts of noise that do not depend on its spectrum: sizes, steps, wavelength, waist,
+    /// contrasts. The spectrum may be absent: a fit calls this before its work. `name` identifies the file in
+    /// messages.
     ///
     /// # Errors
-    /// [`Error::Invalid`](crate::Error::Invalid), which saving would answer too.
+    /// [`Error::Invalid`](crate::Error::Invalid), as saving would return.
     pub fn check_frame(&self, name: &str) -> Result<()> {
         let c = Check(name);
         let [count, rows, columns] = self.sizes;
@@ -187,7 +187,7 @@ struct Field {
     start: u64,
     /// Harmonics along v that have power, and their amplitudes.
     lit: Vec<(usize, f32)>,
-    /// Amplitudes along u, the share's root in them.
+    /// Amplitudes along u, including the share's root.
     along_u: Vec<f32>,
     constant: f32,
     fft: [Fft; 2],
@@ -223,7 +223,7 @@ impl Field {
     fn roots(&self, tile: usize) -> Vec<f32> {
         let (rows, columns, lit) = (self.rows, self.columns, self.lit.len());
         let start = mix64(self.start ^ mix64(tile as u64));
-        // After the transforms along u: strips of nodes along u, of each the harmonics along v.
+        // After the transforms along u: strips of nodes along u, each with the harmonics along v.
         let strips = columns / LANES;
         let (mut strip_re, mut strip_im) = (vec![[0.0; LANES]; strips * lit], vec![[0.0; LANES]; strips * lit]);
         let (mut re, mut im) = (vec![[0.0; LANES]; columns], vec![[0.0; LANES]; columns]);
@@ -313,7 +313,7 @@ mod tests {
         }
     }
 
-    /// The sum over all harmonics of the module head, in f64.
+    /// Agrees with the sum over all harmonics of the module text, in f64.
     #[test]
     fn tiles_are_the_sum_of_their_harmonics() {
         let s = spectrum(0.6);
@@ -380,7 +380,7 @@ mod tests {
         assert!((kinds / n).abs() < 5.0 / n.sqrt() && (tiles / n).abs() < 5.0 / n.sqrt(), "{kinds} {tiles} of {n}");
     }
 
-    /// A file has no tiles, so they must never change: on any machine, in any version.
+    /// A file contains no tiles, so they must never change: on any machine, in any version.
     #[test]
     fn tiles_are_the_same_everywhere() {
         let tiles = spectrum(0.5).tiles();
@@ -390,7 +390,7 @@ mod tests {
         tiles.check(&Check("tiles")).unwrap();
     }
 
-    /// No field, or a field of one harmonic, is no special case.
+    /// No field, or a field of one harmonic, is not a special case.
     #[test]
     fn spectra_at_their_borders_make_tiles() {
         let half = spectrum(0.0).sizes[2] / 2 + 1;

@@ -1,10 +1,10 @@
-//! Speckle noise at run time (Yu 2025, 6.2, Eq. 23): factors of mean 1 that turn the smooth f_refl and f_high
-//! into those of one instance of the ply.
+//! Speckle noise at run time (Yu 2025, 6.2, Eq. 23): factors of mean 1 that convert the smooth f_refl and
+//! f_high to those of one instance of the ply.
 //!
-//! A tile holds N over a plane that wraps in both axes, made at one wavelength ([`super::NoiseSpectrum`]). A
-//! speckle pattern is the Fourier transform of what is lit, so at the wavelength lambda it is the same
+//! A tile stores N over a plane that wraps in both axes, made at one wavelength ([`super::NoiseSpectrum`]). A
+//! speckle pattern is the Fourier transform of the lit area, so at the wavelength lambda it is the same
 //! pattern stretched about the direction in which all wavelengths are in phase: angles are looked up times
-//! `lambda_ref / lambda`. What differs in contrast is faded, `1 + s(lambda) (N - 1)`. The two coordinates of
+//! `lambda_ref / lambda`. A difference in contrast is faded, `1 + s(lambda) (N - 1)`. The two coordinates of
 //! a direction are
 //!
 //! ```text
@@ -14,14 +14,14 @@
 //!
 //! v is the spatial frequency along the ply, `q_z = (omega_o + omega_i)_z` for reflection: a surface's phase
 //! is a function of it, so the pattern moves with the light and is otherwise unchanged (memory effect);
-//! high-order light does not remember. Across the ply the patterns of fibers are stationary in the azimuth,
+//! high-order light has no such memory. Across the ply the patterns of fibers are stationary in the azimuth,
 //! not in `q_x = cos theta_o cos phi_o`, whose grains would smear without bound at phi_o = 0 and whose front
 //! and back would be mirror images; so u is the arc about the ply's axis, cos theta_o times the azimuth, in
 //! which a pattern has no pole. For reflection the cosine is that of the latitude of the half vector, a
-//! function of v alone, so that the shift is exact. u has a seam opposite to where it starts: exact forward
-//! for reflection, which is dark there, and the light's azimuth for high-order light; and the pole of f_refl
-//! is not the ply's axis, about which its grains narrow. Over [`SEAM_RAD`] beside it the two sides are
-//! blended; the mean stays 1, the contrast falls to 0.71 of itself at the seam.
+//! function of v alone, so the shift is exact. u has a seam opposite to its origin: exact forward for
+//! reflection, which is dark there, and the light's azimuth for high-order light; and the pole of f_refl is
+//! not the ply's axis, about which its grains narrow. Over [`SEAM_RAD`] beside the seam the two sides are
+//! blended; the mean stays 1, the contrast falls to 0.71 of its value at the seam.
 
 use crate::Result;
 use crate::io::{Check, Reader, Writer, invalid};
@@ -31,51 +31,50 @@ use crate::math::hash::mix64;
 pub const SEAM_RAD: f32 = 0.15;
 /// Names of the tensors in a model file.
 pub(crate) const NAMES: [&str; 2] = ["noise_tiles", "noise_code"];
-/// Names of those that spectra have too.
+/// Names of the tensors that spectra have too.
 pub(crate) const FRAME_NAMES: [&str; 4] = ["noise_step", "noise_lambda_um", "noise_fade", "noise_contrast"];
-/// Most bytes of tiles.
+/// Largest size of tiles [bytes].
 const MAX_BYTES: usize = 64 << 20;
 
 /// Tiles of noise, those of f_refl first.
 ///
-/// `N = (low + step code)^2` of a tile's codes, [`NoiseTiles::code`]; its mean over each tile is 1. Between
+/// `N = (low + step code)^2` from a tile's codes, [`NoiseTiles::code`]; its mean over each tile is 1. Between
 /// the nodes N is bilinear.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NoiseTiles {
     /// `[2][T][V][U]`: codes. T, V and U are powers of two.
     pub tiles: Vec<u8>,
-    /// Number of tiles a kind, of nodes along v and along u.
+    /// Number of tiles per kind, of nodes along v and along u.
     pub sizes: [usize; 3],
     /// `[2][T][2]`: low and step of each tile.
     pub code: Vec<f32>,
-    /// `[2][2]`: distance of the nodes along v and u.
+    /// `[2][2]`: distance between the nodes along v and u.
     pub step: [[f64; 2]; 2],
     /// Wavelength at which the tiles are not stretched [um].
     pub lambda_um: f64,
-    /// `[2][2]`: of each kind, N at a wavelength fades to `1 + s (N - 1)` with
-    /// `s = fade[0] + fade[1] lambda_um`, kept within 0 and 1.
+    /// `[2][2]`: for each kind, N at a wavelength fades to `1 + s (N - 1)` with
+    /// `s = fade[0] + fade[1] lambda_um`, clamped to 0 to 1.
     pub fade: [[f64; 2]; 2],
-    /// `[2][2]`: of each kind, the contrast of the simulated fibers and that of these tiles, looked up; for
+    /// `[2][2]`: for each kind, the contrast of the simulated fibers and that of lookups in these tiles; for
     /// the record.
     pub contrast: [[f64; 2]; 2],
 }
 
-/// Which patterns a point of a ply has: which tile, where on it, and how it is turned.
+/// Selects the patterns of a point of a ply: the tile, the position on it, and its mirroring.
 ///
-/// Made of a number, 0 for the unstretched corner of the first tile; [`Instance::new`] hashes ply and
+/// It is made from a number, 0 for the unstretched corner of the first tile; [`Instance::new`] hashes ply and
 /// position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Instance(pub(super) u64);
 
 impl Instance {
-    /// Of a ply's number, a position along its fibers and the offset h of the beam across them [um], in
-    /// grains of `grain_um`: all places within one grain have the same patterns. Grains lie in rows along the
-    /// ply, each row shifted by its own part of a grain. Beams of waist w0 that are d apart light the same
-    /// fibers but for what the covariance `exp(-(d / w0)^2)` of their fields leaves, whose integral over d is
-    /// 1.8 w0: grains of twice the waist suit, in both directions.
+    /// The instance at a position along a ply's fibers and the offset h of the beam across them [um], in
+    /// grains of `grain_um`, for the ply's number: all points within one grain have the same patterns. Grains
+    /// lie in rows along the ply, each row shifted by its own part of a grain. Beams of waist w0 at the
+    /// distance d light the same fibers up to the covariance `exp(-(d / w0)^2)` of their fields, whose
+    /// integral over d is 1.8 w0: grains of twice the waist are a good value, in both directions.
     ///
-    /// A grain that is not above 0, or no number, gives one instance for the whole ply; a place that is not a
-    /// number counts as 0.
+    /// A grain that is not above 0, or NaN, gives one instance for the whole ply; a NaN position counts as 0.
     pub fn new(ply_id: u32, [along_um, h_um]: [f32; 2], grain_um: f32) -> Instance {
         let [along, across] = [along_um, h_um].map(|um| if grain_um > 0.0 { um / grain_um } else { 0.0 });
         let row = mix64(u64::from(ply_id) << 32 | u64::from((across + 0.5).floor() as i32 as u32));
@@ -85,14 +84,14 @@ impl Instance {
         Instance(mix64((row ^ 0x9e37_79b9_7f4a_7c15).wrapping_add(u64::from(grain))))
     }
 
-    /// Of any number, for hosts with a hash of their own.
+    /// The instance of any number, for hosts with their own hash.
     pub fn from_hash(hash: u64) -> Instance {
         Instance(mix64(hash))
     }
 }
 
 impl NoiseTiles {
-    /// Values N at the nodes of a tile, `[V][U]`; `kind` 0 for f_refl, 1 for f_high. Empty where there is no
+    /// Values N at the nodes of a tile, `[V][U]`; `kind` 0 for f_refl, 1 for f_high. Empty if there is no
     /// such tile.
     pub fn tile(&self, kind: usize, tile: usize) -> Vec<f32> {
         let [count, rows, columns] = self.sizes;
@@ -106,8 +105,8 @@ impl NoiseTiles {
     }
 
     /// The codes of a tile of values `N >= 0`, with low and step of the root scaled so that the mean of the
-    /// coded values is 1: least and greatest root get the codes 0 and 255. Values that are all 0 or not
-    /// finite give a tile that is 1.
+    /// coded values is 1: the least and greatest root get the codes 0 and 255. Values that are all 0 or not
+    /// finite give a tile of 1.
     pub fn code(values: &[f64]) -> (Vec<u8>, [f32; 2]) {
         NoiseTiles::code_of(values.len(), values.iter().map(|v| v.max(0.0).sqrt()))
     }
@@ -156,7 +155,7 @@ impl NoiseTiles {
         })
     }
 
-    /// Least and greatest step between the nodes of a tile that a file may have, along v [1] and u [rad].
+    /// Smallest and largest step between the nodes of a tile in a file, along v [1] and u [rad].
     pub const STEPS: [f64; 2] = [1e-6, 10.0];
 
     pub(crate) fn check(&self, c: &Check<'_>) -> Result<()> {
@@ -190,7 +189,7 @@ impl NoiseTiles {
 
 type Pairs = [[f64; 2]; 2];
 
-/// What tiles and spectra have alike: step, wavelength, fade and contrast.
+/// Writes the tensors that tiles and spectra share: step, wavelength, fade and contrast.
 pub(super) fn write_frame(w: &mut Writer, step: &Pairs, lambda_um: f64, fade: &Pairs, contrast: &Pairs) {
     w.f64(FRAME_NAMES[0], &[2, 2], step.as_flattened());
     w.f64(FRAME_NAMES[1], &[1], &[lambda_um]);

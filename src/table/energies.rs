@@ -1,40 +1,39 @@
-//! Energies of a table on grids of their own, finer than those of its slices.
+//! Energies of a table on separate grids, finer than those of its slices.
 //!
 //! The beam's profile g has a standard deviation of a few um, and so has the edge of a ply in it, while
-//! slices are nodes for lobes that change slowly. Energies are single numbers: one pass of rays tells the
-//! chance m(x) that the line at lateral position x meets a fiber, which gives
-//! `r_d(h) = 1 - integral of m(x) g(x - h) dx` at every h; what the light that meets fibers becomes is
-//! tallied by the lateral position too.
-//! See `docs/explain/papers.md`, departure 19.
+//! slices are nodes for lobes that change slowly. Energies are single numbers: one pass of rays gives the
+//! chance m(x) that the line at lateral position x hits a fiber, and thus
+//! `r_d(h) = 1 - integral of m(x) g(x - h) dx` at every h; the scattering of the light that hits fibers is
+//! tallied by the lateral position too. See `docs/explain/papers.md`, departure 19.
 
 use super::{TOLERANCE, Table};
 use crate::Result;
 use crate::io::{Check, Reader, Writer, invalid};
 
-/// Missed light and what becomes of the rest, over grids that hold the nodes of the slices. Arrays are flat,
-/// last index fastest.
+/// Missed light and the shares of scattered light, over grids that contain the nodes of the slices. Arrays
+/// are flat, last index fastest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TableEnergies {
     /// `[A]` latitudes of `miss` [rad], uniform from 0 to the table's last.
     pub miss_theta_i: Vec<f64>,
-    /// `[B]` offsets of `miss` [um], uniform over the table's.
+    /// `[B]` offsets of `miss` [um], uniform over the table's range.
     pub miss_h_um: Vec<f64>,
     /// `[A][B]`: fraction of the beam that hits no fiber.
     pub miss: Vec<f64>,
-    /// `[A][B]`: its standard error over the instances.
+    /// `[A][B]`: standard error of `miss` over the instances.
     pub miss_se: Vec<f64>,
     /// `[A][X]`: fraction of the lines at lateral position x that hit a fiber; x in X equal parts of [-h, h],
-    /// h the last offset. Of a single ply; else empty.
+    /// h the last offset. Only for a single ply; else empty.
     pub met: Vec<f32>,
     /// `[P]` latitudes of the shares [rad], uniform from 0 to the table's last.
     pub share_theta_i: Vec<f64>,
-    /// `[Q]` offsets of the shares [um], uniform over the table's.
+    /// `[Q]` offsets of the shares [um], uniform over the table's range.
     pub share_h_um: Vec<f64>,
-    /// `[P][Q]`: of the light that hits fibers, the share that is reflected only.
+    /// `[P][Q]`: of the light that hits fibers, the share that is only reflected.
     pub share_refl: Vec<f64>,
-    /// `[P][Q][K]`: of the light that hits fibers, what is otherwise scattered.
+    /// `[P][Q][K]`: of the light that hits fibers, the share that is otherwise scattered.
     pub share_high: Vec<f64>,
-    /// `[P][Q][1 + K]`: standard errors of the shares; above sigma = 0 no less than them.
+    /// `[P][Q][1 + K]`: standard errors of the shares; above sigma = 0 an upper bound.
     pub share_se: Vec<f64>,
 }
 
@@ -43,13 +42,13 @@ pub struct TableEnergies {
 pub struct TableEnergiesAt {
     /// Fraction of the beam that hits no fiber.
     pub r_d: f64,
-    /// Energy of the light that was reflected only.
+    /// Energy of the light that was only reflected.
     pub refl: f64,
     /// `[K]`: energy of all other scattered light.
     pub high: Vec<f64>,
 }
 
-/// Parts of a step between nodes whose energies stand for all between them.
+/// Parts of a step between nodes for interpolated energies.
 const PARTS: usize = 4;
 
 /// An axis with its steps cut into [`PARTS`].
@@ -74,8 +73,8 @@ pub(super) const NAMES: [&str; 10] = [
 ];
 
 impl TableEnergies {
-    /// Of a table that has none but those of its slices: a yarn made of a ply's table, or plies traced
-    /// together. Where nothing is met the shares are those of the nearest offset at which something is.
+    /// Energies of a table that has only those of its slices: a yarn made from a ply's table, or plies traced
+    /// together. Where nothing is hit, the shares are those of the nearest offset with hits.
     pub fn of_nodes(table: &Table) -> TableEnergies {
         let (rows, columns, k) = (table.theta_i.len(), table.h_um.len(), table.sigma_per_um.len());
         let met = |i: usize| 1.0 - table.r_d[i];
@@ -87,7 +86,7 @@ impl TableEnergies {
             refl.push(share(from.map_or(0.0, |j| table.energy_refl[j])));
             high.extend((0..k).map(|s| share(from.map_or(0.0, |j| table.energy_high[j * k + s]))));
         }
-        // Bilinear between the nodes: a spline through these alone would swing below 0 beside the rim.
+        // Bilinear between the nodes: a spline through these alone would be negative beside the rim.
         let (theta_i, h_um) = (refined(&table.theta_i), refined(&table.h_um));
         let (fine_rows, fine_columns) = (theta_i.len(), h_um.len());
         let fill = |values: &[f64], stride: usize| -> Vec<f64> {
@@ -120,7 +119,7 @@ impl TableEnergies {
         }
     }
 
-    /// Energies at the nodes (theta_i, h) of the slices, which the grids hold.
+    /// Energies at the nodes (theta_i, h) of the slices, which the grids contain.
     pub fn at_node(&self, theta_i: f64, h_um: f64) -> TableEnergiesAt {
         let nearest = |axis: &[f64], x: f64| {
             let last = axis.len() - 1;
@@ -175,7 +174,7 @@ impl TableEnergies {
         }))
     }
 
-    /// What the energies of a table of these nodes must satisfy.
+    /// Checks the energies of a table with these nodes.
     pub(super) fn check(&self, c: &Check<'_>, theta_i: &[f64], h_um: &[f64], k: usize) -> Result<()> {
         for (name, axis, nodes) in [
             ("miss_theta_i", &self.miss_theta_i, theta_i),
@@ -187,7 +186,7 @@ impl TableEnergies {
                 return Err(invalid(c.0, name, "0 values", "expected 2 or more"));
             }
             c.uniform(name, axis)?;
-            // Every node of the slices is one of the grid.
+            // Every node of the slices is a node of the grid.
             let (cells, steps) = (axis.len().max(1) - 1, nodes.len() - 1);
             let ends = |a: f64, b: f64| (a - b).abs() <= 1e-6 * nodes[steps].abs();
             if steps == 0

@@ -24,7 +24,7 @@ const NAMES: [&str; 16] = [
     "met",
 ];
 
-/// Keys of the JSON document beyond the common ones.
+/// Keys of the JSON document besides the common ones.
 #[derive(serde::Serialize, serde::Deserialize)]
 pub(crate) struct Keys {
     #[serde(default = "one")]
@@ -42,7 +42,7 @@ impl Table {
     /// renames it.
     ///
     /// # Errors
-    /// [`crate::Error::Invalid`] when the table would not load again, [`crate::Error::Io`].
+    /// [`crate::Error::Invalid`] if the table would not load again, [`crate::Error::Io`].
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
         document::save(self, path.as_ref())
     }
@@ -59,12 +59,12 @@ impl Table {
     /// The bytes of the file.
     ///
     /// # Errors
-    /// [`crate::Error::Invalid`] when the table would not load again.
+    /// [`crate::Error::Invalid`] if the table would not load again.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         document::to_bytes(self, "table")
     }
 
-    /// Reads a table from the bytes of its file; `name` stands for the file in errors.
+    /// Reads a table from the bytes of its file; `name` identifies the file in errors.
     ///
     /// # Errors
     /// As [`Table::load`].
@@ -72,8 +72,8 @@ impl Table {
         Ok(document::from_bytes(bytes, name)?.0)
     }
 
-    /// Checks what every table must satisfy, read or written: lengths, axes, ranges and finiteness. `name`
-    /// stands for the file in errors.
+    /// Checks that a table is valid, when read or written: lengths, axes, ranges and finiteness. `name`
+    /// identifies the file in errors.
     ///
     /// # Errors
     /// [`crate::Error::Invalid`].
@@ -264,5 +264,5 @@ impl Document for Table {
     }
 }
 
-/// How far the Monte Carlo energies of one incidence may exceed 1.
+/// Largest excess of the Monte Carlo energies of one incidence over 1.
 pub(crate) const TOLERANCE: f64 = 0.05;

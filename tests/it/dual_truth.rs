@@ -84,6 +84,7 @@ fn trace_layers(model: &FiberModel, theta: f32, phi: Option<f32>, layers: i32, p
 
 /// T_f and sigma_f of n layers, and what endless layers send back.
 #[test]
+#[ignore = "slow: 5 s: light through layers"]
 fn light_through_layers() {
     println!(
         "| beta, gamma | light from | layers | T_f by color | traced, ahead only | traced, all below | adding | sigma_f, n beta^2 | with drift | traced | mean latitude | traced |"
@@ -287,6 +288,7 @@ fn dual_bundle(
 /// Four densities, three colors: light scattered in all, back to the light's half and ahead, and the mean
 /// difference over the azimuth as a share of the traced light.
 #[test]
+#[ignore = "slow: 5 s: light through bundles"]
 fn light_through_bundles() {
     let model = fiber(0.15, 0.4);
     println!("| fibers' share | color | traced: back, ahead | variant | back | ahead | all | azimuths off by |");

@@ -151,11 +151,13 @@ fn energies_hold_between_the_nodes(packing: Packing) {
 }
 
 #[test]
+#[ignore = "slow: 15 s: energies of falling fibers hold between the nodes"]
 fn energies_of_falling_fibers_hold_between_the_nodes() {
     energies_hold_between_the_nodes(Packing::Falling);
 }
 
 #[test]
+#[ignore = "slow: 15 s: energies of lined fibers hold between the nodes"]
 fn energies_of_lined_fibers_hold_between_the_nodes() {
     energies_hold_between_the_nodes(Packing::Lined);
 }
@@ -163,6 +165,7 @@ fn energies_of_lined_fibers_hold_between_the_nodes() {
 /// The fine grids at the nodes of the slices, against the slices' own weighted sums: two estimators, paths
 /// and rays of their own.
 #[test]
+#[ignore = "slow: 10 s: fine energies are those of the slices"]
 fn fine_energies_are_those_of_the_slices() {
     let mut spec = YarnSpec::polyester().unwrap();
     spec.absorption.sigma_per_um = vec![0.0, 0.02];

@@ -55,6 +55,7 @@ const ALONE: FabricOptions = FabricOptions { layers: false, shadowing: false, ..
 /// Each yarn of a striped family shades as in a fabric of its model alone; stripes repeat, negative yarns
 /// too.
 #[test]
+#[ignore = "slow: 5 s: stripes have the model of their yarn"]
 fn stripes_have_the_model_of_their_yarn() {
     let options = ALONE;
     let striped = fabric("models = { A = \"light.pwm\", B = \"dark.pwm\" }\nthreads = \"AAB\"", &options);
@@ -104,6 +105,7 @@ fn points_have_their_own_color_and_models() {
 /// A turned pattern seen from a turned direction is the pattern: f, density, samples, in all cases of the
 /// beam.
 #[test]
+#[ignore = "slow: 5 s: turned patterns turn the light"]
 fn turned_patterns_turn_the_light() {
     for gaps in [GapLight::Diffracted, GapLight::Straight] {
         let cloth = fabric("model = \"light.pwm\"", &FabricOptions { gaps, ..Default::default() });

@@ -54,6 +54,7 @@ fn case(at: &FabricBsdf<'_, 3>) -> usize {
 /// Where two layers lie nothing changes; where one lies, of light that goes on some is in the slit's pattern,
 /// whose color depends on the direction.
 #[test]
+#[ignore = "slow: 5 s: slits color one layer alone"]
 fn slits_color_one_layer_alone() {
     let (plain, slit) = (plain(), fabric("", &FabricOptions { slits: with(2.0, SLIT_SHARE), ..ALONE }));
     let mut rng = Pcg64Mcg::seed_from_u64(1);
@@ -85,6 +86,7 @@ fn slits_color_one_layer_alone() {
 /// Slits lose no light of clear fibers, nor of dyed ones: what leaves a point is what leaves it without. Each
 /// ply alone: integrals over the sphere of samples.
 #[test]
+#[ignore = "slow: 15 s: slits keep the energy of a point"]
 fn slits_keep_the_energy_of_a_point() {
     let slit = fabric("", &FabricOptions { slits: with(1.5, 1.0), ..ALONE });
     for sigma in [0.0, 0.01] {
@@ -118,6 +120,7 @@ fn slits_keep_the_energy_of_a_point() {
 
 /// A clear cloth with slits sends on all light that meets it, its layers and shadows included.
 #[test]
+#[ignore = "slow: 15 s: clear cloth with slits is white"]
 fn clear_cloth_with_slits_is_white() {
     const PLACES: usize = 40_000;
     let clear = FabricOptions { sigma_per_um: Some(0.0), ..FabricOptions::SMOOTH };
@@ -148,6 +151,7 @@ fn clear_cloth_with_slits_is_white() {
 
 /// The spec's keys are the option for one family; a share of 0, and the option that says so, are no slits.
 #[test]
+#[ignore = "slow: 10 s: specs ask for slits"]
 fn specs_ask_for_slits() {
     let (plain, both) = (plain(), fabric("", &FabricOptions { slits: with(3.0, 0.5), ..ALONE }));
     let warp = fabric("slit_um = 3.0\nslit_share = 0.5", &ALONE);

@@ -54,6 +54,7 @@ fn lights(count: usize) -> Vec<[f32; 3]> {
 }
 
 #[test]
+#[ignore = "slow: 20 s: the mean is that of many places"]
 fn the_mean_is_that_of_many_places() {
     const SIGMA: [f32; 3] = [0.0, 0.003, 0.02];
     let mut worst = [0.0f32; 3];
@@ -105,6 +106,7 @@ fn the_mean_is_that_of_many_places() {
 /// Weight times density is f, the density integrates to the chance of a direction, and samples' mean is the
 /// integral of f; with diffracted light, and within the blend.
 #[test]
+#[ignore = "slow: 10 s: the mean is sampled as it is evaluated"]
 fn the_mean_is_sampled_as_it_is_evaluated() {
     let fabric = fabric("silk_organza", FabricOptions::SMOOTH);
     let repeat = fabric.fabric().repeat_um()[0] as f32;
@@ -153,6 +155,7 @@ fn the_mean_is_sampled_as_it_is_evaluated() {
 
 /// A far pixel of 64 samples: its standard deviation over pixels, by points and by the mean; and its mean.
 #[test]
+#[ignore = "slow: 20 s: far pixels are quieter"]
 fn far_pixels_are_quieter() {
     for (name, fabric) in [("cotton_twill", &*TWILL), ("silk_organza", &ORGANZA)] {
         let (wo, lamp) = (direction(25.0, 40.0), direction(40.0, 160.0));
@@ -178,6 +181,7 @@ fn far_pixels_are_quieter() {
 
 /// Footprints below half a repeat, those of fabrics without the mean and not a number are points.
 #[test]
+#[ignore = "slow: 10 s: small footprints are points"]
 fn small_footprints_are_points() {
     let fabric = &*ORGANZA;
     let query = FabricQuery::new([100.0, 50.0], direction(20.0, 10.0), [0.5]);

@@ -10,6 +10,7 @@ use plywave_sim::wave::{Absorption, SingleFiber, TabulateOptions, tabulate_rays}
 use std::f64::consts::TAU;
 
 #[test]
+#[ignore = "slow: 10 s: ray tables of a circle are the closed forms"]
 fn ray_tables_of_a_circle_are_the_closed_forms() {
     let (radius_um, eta) = (8.0, 1.55);
     for sigma in [0.0, 0.05] {
@@ -66,6 +67,7 @@ fn ray_tables_of_a_circle_are_the_closed_forms() {
 /// the azimuth of the light about the section, both blurred alike. The model turns the index of TRT alone; a
 /// circle of the same index stays where it is.
 #[test]
+#[ignore = "slow: 5 s: oval sections move trt as rays say"]
 fn oval_sections_move_trt_as_rays_say() {
     let (radius_um, eta, width) = (8.0f64, 1.55, 0.06f64);
     for (e, bound) in [(0.95, 5.0), (0.9, 6.5)] {

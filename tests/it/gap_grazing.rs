@@ -72,6 +72,7 @@ fn case((w0, x, y): (f64, [f32; 2], [f32; 2])) -> Gap {
 /// As Kirchhoff's 1/c_i stands in print, an aperture of 2 um would send out 2.5 times what arrives at a
 /// cosine of 0.02, and 46 times at 0.001.
 #[test]
+#[ignore = "slow: 10 s: no aperture sends out more than arrives"]
 fn no_aperture_sends_out_more_than_arrives() {
     let (mut most, mut least, mut apart) = (0.0f64, f64::INFINITY, 0.0f64);
     for (i, sizes) in CASES.into_iter().enumerate() {

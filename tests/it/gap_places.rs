@@ -71,17 +71,20 @@ fn light_changes_steadily(spacing: f64, step: f32) {
 }
 
 #[test]
+#[ignore = "slow: 5 s: light of narrow gaps changes steadily with the place"]
 fn light_of_narrow_gaps_changes_steadily_with_the_place() {
     light_changes_steadily(98.0, 0.02);
 }
 
 #[test]
+#[ignore = "slow: 5 s: light of wide gaps changes steadily with the place"]
 fn light_of_wide_gaps_changes_steadily_with_the_place() {
     light_changes_steadily(200.0, 0.1);
 }
 
 /// Light that passes the narrowest gaps is diffracted, as that of any other: none goes straight on.
 #[test]
+#[ignore = "slow: 10 s: narrow gaps diffract their light"]
 fn narrow_gaps_diffract_their_light() {
     let mut gaps = 0;
     for spacing in [90.1, 91.0] {
@@ -135,6 +138,7 @@ fn gaps_keep_their_energy(spacing: f64, sd_rad: f64) {
 }
 
 #[test]
+#[ignore = "slow: 15 s: narrow gaps keep their energy and their samples their density"]
 fn narrow_gaps_keep_their_energy_and_their_samples_their_density() {
     // The finest features are those of the plies' lobes: by half the width the integral of the density is the
     // same to 1e-5.

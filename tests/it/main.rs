@@ -20,6 +20,7 @@ mod files;
 mod gap;
 mod gap_grazing;
 mod gap_places;
+mod invariants;
 mod khungurn;
 mod metal_yarns;
 mod model;

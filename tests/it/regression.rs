@@ -31,6 +31,7 @@ fn todays_fit_is_the_stored_one() {
 /// Today's simulation of the same spec, with other paths and instances, is fitted as well by the stored model
 /// as its own table was: the simulator has not drifted.
 #[test]
+#[ignore = "slow: 15 s: todays simulation is the stored one"]
 fn todays_simulation_is_the_stored_one() {
     let (spec, text) = YarnSpec::load(data("small.toml")).unwrap();
     let options = SimOptions { seed: 77, ..SimOptions::preview().overridden_by(&spec.simulation) };

@@ -191,6 +191,7 @@ fn dark<const N: usize>(at: &impl Bsdf<N>, w: [f32; 3], what: &str) {
 }
 
 #[test]
+#[ignore = "slow: 5 s: what is no direction gives no light"]
 fn what_is_no_direction_gives_no_light() {
     let two = layered(0.5, 0.4, 0.6);
     let ply = PlyModel::from_data(two).unwrap();

@@ -154,6 +154,7 @@ fn first_is_highest(fabric: &Fabric) {
 
 /// The truth: areas of strips.
 #[test]
+#[ignore = "slow: 10 s: coverage is the area of the yarns"]
 fn coverage_is_the_area_of_the_yarns() {
     let up = [0.0, 0.0, 1.0];
     // Yarns that touch and do not jam.
@@ -184,6 +185,7 @@ fn coverage_is_the_area_of_the_yarns() {
 
 /// A line that leans by phi across flat warp yarns meets them within R / cos phi of their axes.
 #[test]
+#[ignore = "slow: 10 s: gaps close towards grazing light"]
 fn gaps_close_towards_grazing_light() {
     let fabric = Fabric::new(Draft::plain(), [shape(1, 400.0, 0.0, None), shape(1, 400.0, 0.0, None)]).unwrap();
     for phi in [0.0f32, 0.4, 0.8, 1.2, 1.3, 1.4] {
@@ -301,6 +303,7 @@ fn nothing_jumps_along_a_yarn() {
 /// +y to -x, so that theta_i and h of the weft, which runs along +x, change sign. (A reflection would not do:
 /// it makes S twist of Z.)
 #[test]
+#[ignore = "slow: 5 s: symmetric weaves have symmetric statistics"]
 fn symmetric_weaves_have_symmetric_statistics() {
     let yarn = shape(2, 220.0, 0.5, Some(800.0));
     let fabric = Fabric::new(Draft::plain(), [yarn, yarn]).unwrap();
@@ -491,6 +494,7 @@ fn walked(fabric: &Fabric, at: [f64; 2], w: [f64; 3]) -> Option<(YarnSet, i32, u
 /// angle to the yarns. With yarns straightened where lines are nearest to them 2, 6 and 8 of 100 lines met
 /// another yarn, 2, 3 and 7 another ply.
 #[test]
+#[ignore = "slow: 15 s: plies of bent yarns are met where they are"]
 fn plies_of_bent_yarns_are_met_where_they_are() {
     let [mut warp, mut weft] = [shape(3, 211.7, 0.875, Some(1300.0)), shape(4, 453.6, 0.125, Some(1300.0))];
     (warp.ply_radius_um, weft.ply_radius_um) = (47.1, 47.1);

@@ -27,18 +27,10 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, OnceLock};
 
-/// Fabrics whose p-values are looked at together: those of [`of_each`].
+/// Fabrics whose p-values are looked at together: those of the tests below.
 const FABRICS: usize = 5;
 const YARNS: [&str; 8] =
     ["polyester", "cotton", "cotton_2ply", "cotton_3ply", "cotton_4ply", "silk", "wool", "wool_2ply"];
-/// A test for each fabric, which run beside each other.
-macro_rules! of_each {
-    ($of:ident) => {
-        of_each!($of: polyester_satin cotton_twill silk_organza wool_plain cotton_plain);
-    };
-    ($of:ident: $($name:ident)*) => { $( #[test] fn $name() { $of(stringify!($name)); } )* };
-}
-
 const LAMBDA: [f32; 4] = [0.42, 0.52, 0.6, 0.68];
 
 fn folder() -> PathBuf {
@@ -156,12 +148,41 @@ mod clear_fabrics_in_a_white_room_are_white {
     }
 
     #[test]
+    #[ignore = "slow: 35 s: three plies"]
     fn three_plies() {
         let clear = FabricOptions { sigma_per_um: Some(0.0), ..FabricOptions::default() };
         clear_in_a_white_room("three plies", &super::three_plies(&clear));
     }
 
-    of_each!(clear);
+    #[test]
+    #[ignore = "slow: 20 s: a clear fabric in a white room is white, polyester_satin"]
+    fn polyester_satin() {
+        clear("polyester_satin");
+    }
+
+    #[test]
+    #[ignore = "slow: 20 s: a clear fabric in a white room is white, cotton_twill"]
+    fn cotton_twill() {
+        clear("cotton_twill");
+    }
+
+    #[test]
+    #[ignore = "slow: 20 s: a clear fabric in a white room is white, silk_organza"]
+    fn silk_organza() {
+        clear("silk_organza");
+    }
+
+    #[test]
+    #[ignore = "slow: 20 s: a clear fabric in a white room is white, wool_plain"]
+    fn wool_plain() {
+        clear("wool_plain");
+    }
+
+    #[test]
+    #[ignore = "slow: 20 s: a clear fabric in a white room is white, cotton_plain"]
+    fn cotton_plain() {
+        clear("cotton_plain");
+    }
 }
 
 /// Directions within 70 degrees of the normal, from both sides.
@@ -219,10 +240,39 @@ fn eval_sample_and_pdf_agree(name: &'static str) {
 
 mod eval_sample_and_pdf_agree_at_random_points {
     use super::eval_sample_and_pdf_agree;
-    of_each!(eval_sample_and_pdf_agree);
+    #[test]
+    #[ignore = "slow: 10 s: eval sample and pdf agree, polyester_satin"]
+    fn polyester_satin() {
+        eval_sample_and_pdf_agree("polyester_satin");
+    }
+
+    #[test]
+    #[ignore = "slow: 10 s: eval sample and pdf agree, cotton_twill"]
+    fn cotton_twill() {
+        eval_sample_and_pdf_agree("cotton_twill");
+    }
+
+    #[test]
+    #[ignore = "slow: 10 s: eval sample and pdf agree, silk_organza"]
+    fn silk_organza() {
+        eval_sample_and_pdf_agree("silk_organza");
+    }
+
+    #[test]
+    #[ignore = "slow: 10 s: eval sample and pdf agree, wool_plain"]
+    fn wool_plain() {
+        eval_sample_and_pdf_agree("wool_plain");
+    }
+
+    #[test]
+    #[ignore = "slow: 10 s: eval sample and pdf agree, cotton_plain"]
+    fn cotton_plain() {
+        eval_sample_and_pdf_agree("cotton_plain");
+    }
 }
 
 #[test]
+#[ignore = "slow: 20 s: the mean over speckle is the smooth picture"]
 fn the_mean_over_speckle_is_the_smooth_picture() {
     const INSTANCES: usize = 64;
     const SIDE: u32 = 12;

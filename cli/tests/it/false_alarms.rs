@@ -69,13 +69,14 @@ fn hold(seeds: u64, options: &CheckOptions) {
 }
 
 #[test]
+#[ignore = "slow: 15 s: few incidences fail as seldom as promised"]
 fn few_incidences_fail_as_seldom_as_promised() {
     hold(24, &CheckOptions { incidences: 4, samples: 5000, ..CheckOptions::default() });
 }
 
 /// 200 seeds: `cargo test --release -p plywave-cli --test it false_alarms:: -- --ignored --nocapture`.
 #[test]
-#[ignore = "minutes"]
+#[ignore = "slow: 300 s: checks fail as seldom as promised, 200 seeds"]
 fn checks_fail_as_seldom_as_promised() {
     hold(200, &CheckOptions { incidences: 24, ..CheckOptions::default() });
 }

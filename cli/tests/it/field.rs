@@ -69,6 +69,7 @@ fn columns_with_strands(folder: &Path) -> Vec<usize> {
 }
 
 #[test]
+#[ignore = "slow: 5 s: obj concave"]
 fn obj_concave() {
     let folder = case("obj_concave");
     for mesh in ["l_shape.obj", "l_shape_turned.obj"] {
@@ -85,6 +86,7 @@ fn obj_far_origin() {
 }
 
 #[test]
+#[ignore = "slow: 5 s: obj latin1 and continued lines"]
 fn obj_latin1_and_continued_lines() {
     for (name, mesh) in [("obj_latin1", "latin1.obj"), ("obj_line_continuation", "cont.obj")] {
         let folder = case(name);
@@ -94,6 +96,7 @@ fn obj_latin1_and_continued_lines() {
 }
 
 #[test]
+#[ignore = "slow: 5 s: obj seam normals"]
 fn obj_seam_normals() {
     let folder = case("obj_seam_normals");
     let of = |mesh: &str| {
@@ -110,6 +113,7 @@ fn obj_seam_normals() {
 }
 
 #[test]
+#[ignore = "slow: 15 s: sky radiance"]
 fn sky_radiance() {
     let folder = case("sky_radiance");
     let cloth = shipped("cotton_plain.toml");
@@ -125,6 +129,7 @@ fn sky_radiance() {
 }
 
 #[test]
+#[ignore = "slow: 5 s: sky files"]
 fn sky_files() {
     let folder = case("sky_files");
     let small = |sky: &'static str| ["--width", "16", "--height", "16", "--samples", "1", "--sky", sky];
@@ -242,6 +247,7 @@ fn notes_with(said: &serde_json::Value, words: &[&str]) -> usize {
 }
 
 #[test]
+#[ignore = "slow: 85 s: drafts of other programs"]
 fn drafts_of_other_programs() {
     for (name, words) in [
         ("wif_contents_lies", &["LIFTPLAN"][..]),

@@ -20,6 +20,7 @@ fn named(dir: &Path) {
 /// One figure as both: an XML document of the PNG's size that names the yarn, has its maps as images, and a
 /// heading inside the page.
 #[test]
+#[ignore = "slow: 10 s: both formats show one figure"]
 fn both_formats_show_one_figure() {
     let folder = folder();
     let dir = folder.path();
@@ -69,6 +70,7 @@ fn both_formats_show_one_figure() {
 /// The same words twice are the same figure, also of text: nothing depends on the machine's fonts or on the
 /// order of a table.
 #[test]
+#[ignore = "slow: 5 s: figures are reproducible"]
 fn figures_are_reproducible() {
     let folder = folder();
     let dir = folder.path();

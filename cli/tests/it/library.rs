@@ -57,6 +57,7 @@ fn a_model_that_ships_is_the_file_that_ships() {
 
 /// A spec finds the model beside it, then that of the flag's folder, then of the variable's, then what ships.
 #[test]
+#[ignore = "slow: 10 s: names are looked up in order"]
 fn names_are_looked_up_in_order() {
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path();
@@ -172,6 +173,7 @@ fn paths_that_lead_nowhere_tell_the_way() {
 
 /// A picture of named models is that of the same files, and a render goes on only with the same models.
 #[test]
+#[ignore = "slow: 5 s: a render of named models goes on"]
 fn a_render_of_named_models_goes_on() {
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path();

@@ -20,6 +20,7 @@ fn refused(dir: &Path, args: &[&str], words: &[&str]) {
 /// The whole path: fibers, a model, its noise, pictures; contrast and covariance of what is synthesized are
 /// those of the fibers. Then colors.
 #[test]
+#[ignore = "slow: 10 s: fibers give a model noise"]
 fn fibers_give_a_model_noise() {
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path();

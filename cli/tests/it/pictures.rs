@@ -61,6 +61,7 @@ const EXR: &[u8] = &[0x76, 0x2f, 0x31, 0x01];
 const PNG: &[u8] = b"\x89PNG";
 
 #[test]
+#[ignore = "slow: 5 s: the ending decides"]
 fn the_ending_decides() {
     let folder = folder();
     let dir = folder.path();
@@ -83,6 +84,7 @@ fn the_ending_decides() {
 }
 
 #[test]
+#[ignore = "slow: 5 s: inputs are not written over"]
 fn inputs_are_not_written_over() {
     let folder = folder();
     let dir = folder.path();
@@ -117,6 +119,7 @@ fn inputs_are_not_written_over() {
 }
 
 #[test]
+#[ignore = "slow: 10 s: sums of other inputs are refused"]
 fn sums_of_other_inputs_are_refused() {
     let folder = folder();
     let dir = folder.path();
@@ -174,6 +177,7 @@ fn sums_of_other_inputs_are_refused() {
 }
 
 #[test]
+#[ignore = "slow: 5 s: meshes tell what was done to them"]
 fn meshes_tell_what_was_done_to_them() {
     let folder = folder();
     let dir = folder.path();
@@ -206,6 +210,7 @@ fn meshes_tell_what_was_done_to_them() {
 
 /// Models that ship have speckle; one without is told, once, where speckle is asked for.
 #[test]
+#[ignore = "slow: 5 s: models without speckle are told"]
 fn models_without_speckle_are_told() {
     let folder = folder();
     let dir = folder.path();
@@ -223,6 +228,7 @@ fn models_without_speckle_are_told() {
 
 /// Slits by a flag are those of the spec's keys; they change the picture, and what cannot be is refused.
 #[test]
+#[ignore = "slow: 10 s: slits are asked for by flag or spec"]
 fn slits_are_asked_for_by_flag_or_spec() {
     let folder = folder();
     let dir = folder.path();
@@ -245,6 +251,7 @@ fn slits_are_asked_for_by_flag_or_spec() {
 }
 
 #[test]
+#[ignore = "slow: 5 s: colors out of reach are told in the same words"]
 fn colors_out_of_reach_are_told_in_the_same_words() {
     let folder = folder();
     let dir = folder.path();
@@ -308,6 +315,7 @@ fn wrong_kinds_of_files_are_named() {
 }
 
 #[test]
+#[ignore = "slow: 15 s: models of other nodes are compared"]
 fn models_of_other_nodes_are_compared() {
     let folder = folder();
     let dir = folder.path();
@@ -344,6 +352,7 @@ fn models_of_other_nodes_are_compared() {
 
 /// One of a thing is no plural.
 #[test]
+#[ignore = "slow: 5 s: one fiber is one fiber"]
 fn one_fiber_is_one_fiber() {
     let folder = folder();
     let dir = folder.path();
@@ -387,6 +396,7 @@ fn what_memory_does_not_hold_is_refused() {
 /// The camera's flags in place of the scene's own camera: the same numbers give the same picture, a cloth
 /// fills more of it from nearer, and nonsense is refused.
 #[test]
+#[ignore = "slow: 15 s: cameras look where they are told"]
 fn cameras_look_where_they_are_told() {
     let folder = folder();
     let dir = folder.path();
@@ -438,6 +448,7 @@ fn field(name: &str) -> String {
 /// A white cloth in an even surrounding is as bright as it; what was mended in a sky is told, and one without
 /// colors refused.
 #[test]
+#[ignore = "slow: 10 s: skies light by their radiance"]
 fn skies_light_by_their_radiance() {
     let folder = folder();
     let dir = folder.path();

@@ -44,6 +44,7 @@ fn start(folder: &Path, output: &str) -> Child {
 }
 
 #[test]
+#[ignore = "slow: 20 s: threads kills and interrupts do not change the result"]
 fn threads_kills_and_interrupts_do_not_change_the_result() {
     let folder = folder();
     let dir = folder.path();
@@ -77,6 +78,7 @@ fn threads_kills_and_interrupts_do_not_change_the_result() {
 
 /// SIGTERM is as good as Ctrl-C, and what it leaves is neither used nor deleted unasked.
 #[test]
+#[ignore = "slow: 20 s: finished shards are kept until somebody says"]
 fn finished_shards_are_kept_until_somebody_says() {
     let folder = folder();
     let dir = folder.path();
@@ -133,6 +135,7 @@ fn share(dir: &Path, command: &[&str], (k, n): (usize, usize)) -> String {
 
 /// Every kind of run, shared out and merged in another order: the bytes of one run.
 #[test]
+#[ignore = "slow: 5 s: shares make the whole"]
 fn shares_make_the_whole() {
     let folder = folder();
     let dir = folder.path();
@@ -190,6 +193,7 @@ fn shares_make_the_whole() {
 
 /// What could not be saved at the end is refused before the work.
 #[test]
+#[ignore = "slow: 15 s: runs that cannot be saved are refused"]
 fn runs_that_cannot_be_saved_are_refused() {
     let folder = folder();
     let spec =
@@ -205,6 +209,7 @@ fn runs_that_cannot_be_saved_are_refused() {
 
 /// A limit of file sizes: one line, and what was finished before goes on.
 #[test]
+#[ignore = "slow: 5 s: limits of file sizes are failed writes"]
 fn limits_of_file_sizes_are_failed_writes() {
     let folder = folder();
     let dir = folder.path();

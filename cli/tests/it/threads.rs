@@ -21,16 +21,19 @@ fn same(command: &[&str], endings: &[&str]) {
 }
 
 #[test]
+#[ignore = "slow: 5 s: tables do not depend on threads"]
 fn tables_do_not_depend_on_threads() {
     same(&["simulate", "tiny.toml", "--preset", "preview"], &["pwt"]);
 }
 
 #[test]
+#[ignore = "slow: 15 s: models do not depend on threads"]
 fn models_do_not_depend_on_threads() {
     same(&[&["build", "tiny.toml", "--preset", "preview", "--keep-table"], ANY_FIT].concat(), &["pwm", "pwt"]);
 }
 
 #[test]
+#[ignore = "slow: 10 s: pictures do not depend on threads"]
 fn pictures_do_not_depend_on_threads() {
     same(&["render", "cloth.toml", "--width", "72", "--height", "40", "--samples", "4"], &["png", "exr"]);
 }

@@ -266,6 +266,7 @@ fn turned_scenes_turn_the_field() {
 /// Light sent back along its way finds the same amplitude: from (theta, phi_i) to phi_o as from (-theta,
 /// phi_o) to phi_i, co and cross.
 #[test]
+#[ignore = "slow: 5 s: ways can be reversed"]
 fn ways_can_be_reversed() {
     let step = 15.0;
     let phis: Vec<String> = (0..24).map(|j| format!("{}", step * f64::from(j))).collect();

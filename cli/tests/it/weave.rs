@@ -27,6 +27,7 @@ fn gray16(path: &Path) -> image::ImageBuffer<image::Luma<u16>, Vec<u16>> {
 }
 
 #[test]
+#[ignore = "slow: 45 s: textures hold the weave"]
 fn textures_hold_the_weave() {
     let folder = folder("cotton_twill", |spec| spec);
     let dir = folder.path();
@@ -82,6 +83,7 @@ fn textures_hold_the_weave() {
 
 /// Base color, normal and thickness, of yarns that lie level so that each has a closed form.
 #[test]
+#[ignore = "slow: 20 s: textures for hosts without the model"]
 fn textures_for_hosts_without_the_model() {
     let folder = folder("cotton_twill", |spec| {
         let level = |line: &str| if line.starts_with("crimp") { "crimp = 0.0" } else { line }.to_string() + "\n";
@@ -152,6 +154,7 @@ Units=centimeters\nSpacing=0.02\n[WEFT]\nThreads=2\n[THREADING]\n1=1\n2=2\n[TIEU
 /// Written twice, the same; a folder of something else is left alone; what a WIF leaves open is told. An open
 /// cloth of single plies takes half the time to load: less light goes from yarn to yarn.
 #[test]
+#[ignore = "slow: 20 s: textures are written over"]
 fn textures_are_written_over() {
     let usual = folder("cotton_plain", |spec| {
         let drop = ["crimp", "plies", "ply_pitch_um", "handedness"];

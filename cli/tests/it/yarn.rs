@@ -4,6 +4,7 @@
 use crate::common::{TINY, folder, json, names, refused, run, succeed, text};
 
 #[test]
+#[ignore = "slow: 35 s: a yarn is built from one ply and compared with the traced yarn"]
 fn a_yarn_is_built_from_one_ply_and_compared_with_the_traced_yarn() {
     let folder = folder();
     let dir = folder.path();

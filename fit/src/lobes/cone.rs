@@ -390,6 +390,7 @@ mod tests {
 
     /// Bins against the mean of the lobes over many points of each.
     #[test]
+    #[ignore = "slow: 5 s: bins hold means"]
     fn bins_hold_means() {
         let sphere = SphereGrid::new(OutgoingGrid { theta_o: 18, phi_o: 72 });
         for theta_i in [0.0, 0.7, 1.3f64] {

@@ -70,6 +70,7 @@ fn viewer(rng: &mut Pcg64Mcg) -> [f32; 3] {
 }
 
 #[test]
+#[ignore = "slow: 25 s: clear fabrics lose no light"]
 fn clear_fabrics_lose_no_light() {
     let satin = Draft::satin(8, 3).unwrap();
     for (name, f) in [
@@ -114,6 +115,7 @@ fn clear_fabrics_lose_no_light() {
 }
 
 #[test]
+#[ignore = "slow: 15 s: every case of the beam is a scattering function"]
 fn every_case_of_the_beam_is_a_scattering_function() {
     let f = fabric(Draft::plain(), 150.0, 1, &FabricOptions { sigma_per_um: Some(0.002), ..FabricOptions::default() });
     let mut rng = Pcg64Mcg::seed_from_u64(5);
@@ -140,6 +142,7 @@ fn every_case_of_the_beam_is_a_scattering_function() {
 
 /// The mean over small areas on both sides of the repeat's border is that over areas one repeat on.
 #[test]
+#[ignore = "slow: 5 s: repeats have no seam"]
 fn repeats_have_no_seam() {
     let f = fabric(Draft::twill(2, 1).unwrap(), 110.0, 1, &FabricOptions::default());
     let [width, _] = f.fabric().repeat_um().map(|r| r as f32);
@@ -155,6 +158,7 @@ fn repeats_have_no_seam() {
 }
 
 #[test]
+#[ignore = "slow: 5 s: straight gaps let the light go on"]
 fn straight_gaps_let_the_light_go_on() {
     let options = FabricOptions { gaps: GapLight::Straight, ..FabricOptions::default() };
     let f = fabric(Draft::plain(), 260.0, 1, &options);

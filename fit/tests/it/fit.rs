@@ -124,6 +124,7 @@ fn between_the_nodes_the_model_follows_the_truth() {
 }
 
 #[test]
+#[ignore = "slow: 5 s: absorption is monotone at every sigma"]
 fn absorption_is_monotone_at_every_sigma() {
     let (_, model) = fitted();
     let at = GridCell { m: 1, s: 0.3, n: 2, t: 0.8 };
@@ -139,6 +140,7 @@ fn absorption_is_monotone_at_every_sigma() {
 }
 
 #[test]
+#[ignore = "slow: 15 s: threads do not change the result"]
 fn threads_do_not_change_the_result() {
     let plan = Planted { rows: 3, columns: 5, paths: 1e5, sigma_per_um: vec![0.0, 0.01], ..Planted::default() };
     let table = crate::planted::table(&plan);
@@ -265,6 +267,7 @@ fn what_cannot_be_saved_is_refused_before_the_work() {
 }
 
 #[test]
+#[ignore = "slow: 5 s: dark and empty slices are no trouble"]
 fn dark_and_empty_slices_are_no_trouble() {
     let mut table = crate::planted::table(&Planted { rows: 3, columns: 3, paths: 1e4, ..Planted::default() });
     let (bins, sigmas) = (table.grid.len(), table.sigma_per_um.len());

@@ -29,6 +29,7 @@ fn make(yarn: &str) -> PlyModel {
 }
 
 #[test]
+#[ignore = "slow: 5 s: clear layers lose nothing"]
 fn clear_layers_lose_nothing() {
     let models = YARNS.map(model);
     for (i, upper) in models.iter().enumerate() {
@@ -92,6 +93,7 @@ fn brute_force(model: &PlyModel, theta_i: f32, h_um: f32, sigma: [f32; 2]) -> ([
 }
 
 #[test]
+#[ignore = "slow: 5 s: factors are those of the evaluator"]
 fn factors_are_those_of_the_evaluator() {
     let model = model("polyester");
     let (theta, h) = (model.data().theta_i.clone(), model.data().h_um.clone());
@@ -133,6 +135,7 @@ fn factors_are_those_of_the_evaluator() {
 /// changes near the weaker one: linear factors are off by 0.03 there, and those of the lobes by 0.007 where
 /// fibers thin out to a ragged rim.
 #[test]
+#[ignore = "slow: 5 s: factors follow lobes at the rim"]
 fn factors_follow_lobes_at_the_rim() {
     let model = model("polyester_3ply");
     let (theta, h) = (model.data().theta_i.clone(), model.data().h_um.clone());
@@ -152,6 +155,7 @@ fn factors_follow_lobes_at_the_rim() {
 }
 
 #[test]
+#[ignore = "slow: 5 s: a ply over a layer is a scattering function"]
 fn a_ply_over_a_layer_is_a_scattering_function() {
     let model = model("polyester");
     let mut rng = Pcg64Mcg::seed_from_u64(3);

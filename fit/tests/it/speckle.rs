@@ -119,6 +119,7 @@ fn correlation(x: &[f64], y: &[f64]) -> f64 {
 
 /// What saving would refuse after the work is refused before it: the patterns here have no light to look at.
 #[test]
+#[ignore = "slow: 5 s: what cannot be saved is refused before the work"]
 fn what_cannot_be_saved_is_refused_before_the_work() {
     let empty =
         |lambda_um: f64| SpecklePatterns { lambda_um: vec![lambda_um], patterns: Vec::new(), ..patterns([0.4, 1.0]) };
@@ -410,6 +411,7 @@ fn any_numbers_come_in() {
 /// A model keeps its noise in its file, in 20 kB at the standard sizes, and makes the tiles of it; tiles of
 /// earlier files stay what they are; a model without any says so; broken noise is refused.
 #[test]
+#[ignore = "slow: 5 s: models keep their noise"]
 fn models_keep_their_noise() {
     let bare = crate::synthetic::model(1, crate::synthetic::STANDARD);
     let with = |noise: Noise| plywave::ply::PlyData { noise: Some(noise), ..bare.clone() };

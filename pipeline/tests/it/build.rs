@@ -18,6 +18,7 @@ fn recipe() -> Recipe {
 }
 
 #[test]
+#[ignore = "slow: 15 s: one call is its stages"]
 fn one_call_is_its_stages() {
     let recipe = recipe();
     let stages = Mutex::new(Vec::new());
@@ -49,6 +50,7 @@ fn one_call_is_its_stages() {
 }
 
 #[test]
+#[ignore = "slow: 5 s: stopped builds go on"]
 fn stopped_builds_go_on() {
     let recipe = Recipe { speckle: Speckle::None, ..recipe() };
     let want = build(&recipe, &Run::plain()).unwrap();

@@ -66,6 +66,7 @@ fn differences(name: &str) -> [[f64; 2]; EXIT_KINDS] {
 }
 
 #[test]
+#[ignore = "slow: 15 s: light leaves as simulations record"]
 fn light_leaves_as_simulations_record() {
     for name in ["polyester", "wool", "gold"] {
         let mut found = differences(name);

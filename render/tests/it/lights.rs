@@ -191,6 +191,7 @@ fn skies_of_one_radiance_light_a_sheet_by_it() {
 /// All of a sky's power in one texel: at the pole, beside it, about and across the horizon, below it, and in
 /// pictures of few texels.
 #[test]
+#[ignore = "slow: 5 s: suns light a sheet by their texel"]
 fn suns_light_a_sheet_by_their_texel() {
     let [down, _] = cameras();
     for (width, height, row) in [
@@ -387,6 +388,7 @@ fn fabrics_are_lit_in_proportion_and_alike_in_all_ways() {
 /// Strands find light by the same lamps and skies: a floor beside them is lit by its irradiance, a fiber
 /// alike in all ways.
 #[test]
+#[ignore = "slow: 5 s: strands and floors beside them are lit the same way"]
 fn strands_and_floors_beside_them_are_lit_the_same_way() {
     let [down, _] = cameras();
     let shown = |strand_mm: f32, floor_mm: f32, lights: &[Light], sky: &Environment, way, samples| {

@@ -96,6 +96,7 @@ fn white_rooms_stay_white() {
 /// In a white room fibers that absorb nothing lack what a cut leaves out, which the film tells; with the most
 /// scatterings nothing is lacking. Among dyed fibers the film tells what the whole picture has more.
 #[test]
+#[ignore = "slow: 5 s: cuts tell what they leave out"]
 fn cuts_tell_what_they_leave_out() {
     let fur = GeneratedStrands::Fur { count: 2000, size_mm: 5.0, length_mm: 4.0 };
     let room = |sigma: f32| {
@@ -137,6 +138,7 @@ fn cuts_tell_what_they_leave_out() {
 /// is there in the end and never more than all; the same light put into strands that are met within C_g
 /// alone, C_e / C_g of it a scattering, grows beyond the room's.
 #[test]
+#[ignore = "slow: 20 s: assemblies vanish in a white room by effective widths alone"]
 fn assemblies_vanish_in_a_white_room_by_effective_widths_alone() {
     /// C_e / C_g, as of circles of some 10 um.
     const WIDER: f64 = 2.0;
@@ -219,6 +221,7 @@ fn a_lamp_gives_the_integral_over_it() {
 /// Black fibers side by side let through what is beyond their effective width, by wavelength: to the camera,
 /// and to a matte floor from a lamp.
 #[test]
+#[ignore = "slow: 10 s: effective widths cast their shadow"]
 fn effective_widths_cast_their_shadow() {
     // Nearly no scattering; a distance of five geometric widths.
     let spacing = 5.0 * 2.0 * 0.001 * RADIUS_UM;

@@ -150,6 +150,7 @@ fn random_curves(rng: &mut Pcg64Mcg, basis: Basis, size: f32, radius: f32) -> Ve
 }
 
 #[test]
+#[ignore = "slow: 5 s: tubes are the reference"]
 fn tubes_are_the_reference() {
     let mut rng = Pcg64Mcg::seed_from_u64(1);
     for basis in [Basis::Linear, Basis::BSpline] {

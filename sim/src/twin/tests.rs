@@ -74,6 +74,7 @@ impl Tally {
 /// A lone straight ply of the twin, lit evenly over its width, against the screw march of the same section:
 /// two geometries, one physics. They differ by the triangles alone.
 #[test]
+#[ignore = "slow: 10 s: a lone ply scatters as in its own simulation"]
 fn a_lone_ply_scatters_as_in_its_own_simulation() {
     let cloth = layers([4000.0, 100.0]);
     let mut domain = Domain::new(&cloth, Some([1, 8]), &TwinMesh::default());

@@ -49,6 +49,7 @@ fn crowd() -> Vec<Body> {
 
 /// Far fields and ledgers at three tolerances, normal and oblique, plane waves and beams.
 #[test]
+#[ignore = "slow: 10 s: crowds match the plain solver"]
 fn crowds_match_the_plain_solver() {
     for theta_i in [0.0, 0.5] {
         let wave = Wave { lambda_um: 0.4, theta_i };
@@ -96,6 +97,7 @@ fn close_walls_are_refined() {
 
 /// Circles against the multipole series, an independent truth.
 #[test]
+#[ignore = "slow: 5 s: circles match the multipole series"]
 fn circles_match_the_multipole_series() {
     let bodies: Vec<Body> = [[0.0, 0.0], [3.1, 0.0], [1.5, 2.75], [-2.4, 0.9]]
         .into_iter()

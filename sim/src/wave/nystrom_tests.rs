@@ -303,6 +303,7 @@ fn extinction_error(bodies: &[Body], wave: &Wave, tolerance: f64) -> f64 {
 /// The extinction theorem for an ellipse with a lumen, a bean and a triangle together. Fields are of size 0.1
 /// to 1.
 #[test]
+#[ignore = "slow: 5 s: densities obey the extinction theorem"]
 fn densities_obey_the_extinction_theorem() {
     for theta_i in [0.0, 0.6] {
         let wave = Wave { lambda_um: 0.6, theta_i };
@@ -486,6 +487,7 @@ fn mapped_sources_are_themselves() {
 /// the series at 6 nodes a wavelength; on a rounded polygon with joints graded to order 5 they fall with a
 /// power of at least 4.5.
 #[test]
+#[ignore = "slow: 5 s: errors fall as nodes are added"]
 fn errors_fall_as_nodes_are_added() {
     let error = |bodies: &[Body], wave: &Wave, resolution: &Resolution, truth: &dyn Fn(&Source) -> [Vec<C64>; 2]| {
         let system = BoundarySystem::build(bodies, wave, 1e-12, resolution, true).unwrap();

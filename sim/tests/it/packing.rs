@@ -49,6 +49,7 @@ fn plain_distance(a: &[Vector2<f64>], b: &[Vector2<f64>]) -> (f64, bool) {
 }
 
 #[test]
+#[ignore = "slow: 5 s: fabrics keep gap and lie within"]
 fn fabrics_keep_gap_and_lie_within() {
     for name in FABRICS {
         let spec = fabric(name);
@@ -183,6 +184,7 @@ fn shares_within(spec: &YarnSpec, seeds: u64, radii: &[f64]) -> Vec<f64> {
 /// The density that docs/explain/papers.md asks for, written out anew: d0 (1 - r^m), m = 2 or what keeps the
 /// middle at 0.82 for discs, 0.72 for others.
 #[test]
+#[ignore = "slow: 20 s: radial density is the asked one"]
 fn radial_density_is_the_asked_one() {
     let loose = yarn(Shape::Circle { radius_um: 5.0 }, 40, 60.0);
     for spec in FABRICS.into_iter().map(fabric).chain([loose]) {
@@ -209,6 +211,7 @@ fn radial_density_is_the_asked_one() {
 
 /// A ragged rim lets more light by than a lined one.
 #[test]
+#[ignore = "slow: 10 s: a ragged rim is met less"]
 fn a_ragged_rim_is_met_less() {
     for name in FABRICS {
         let mut spec = fabric(name);
@@ -320,6 +323,7 @@ proptest! {
 
     /// Whatever spec the check lets through is packed with all gaps kept, or refused.
     #[test]
+    #[ignore = "slow: 5 s: any spec is packed or refused"]
     fn any_spec_is_packed_or_refused(
         shape in any_shape(),
         fibers in 1..25u32,

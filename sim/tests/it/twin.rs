@@ -93,6 +93,7 @@ fn all_light_comes_out() {
 /// `integral over A and B of BSDF cos_a cos_b`. Each range is filled with views; no bin is small, so that the
 /// two agree within their standard errors.
 #[test]
+#[ignore = "slow: 20 s: light is reciprocal"]
 fn light_is_reciprocal() {
     let bins = SphereBins { rows: 4, columns: 6 };
     let side = 4;
@@ -138,6 +139,7 @@ fn light_is_reciprocal() {
 
 /// Twice as fine a mesh gives the same light.
 #[test]
+#[ignore = "slow: 35 s: the mesh is fine enough"]
 fn the_mesh_is_fine_enough() {
     let (cloth, views) = (plain(), vec![direction(0.0, 0.0), direction(1.0, 0.7)]);
     let standard = options(views, 40_000);
@@ -161,6 +163,7 @@ fn the_mesh_is_fine_enough() {
 /// The same bits on any number of threads, and from parts that were run apart; the cloth is made anew from
 /// its text.
 #[test]
+#[ignore = "slow: 5 s: bits do not depend on how the run is cut"]
 fn bits_do_not_depend_on_how_the_run_is_cut() {
     let cloth = plain();
     let options =

@@ -214,6 +214,7 @@ fn rings_are_left_where_a_fine_march_leaves_them() {
 /// A core of the fiber's own material changes nothing; one that takes no dye makes the lengths those in the
 /// ring.
 #[test]
+#[ignore = "slow: 5 s: a core of the same material is no core"]
 fn a_core_of_the_same_material_is_no_core() {
     let solid = table(&yarn(&format!("{CIRCLE}{DIELECTRIC}"), ""), 20_000);
     let filled = table(&hollow(0.6, ", lumen_eta = 1.6, lumen_dye = 1.0", DIELECTRIC), 20_000);
@@ -230,6 +231,7 @@ fn a_core_of_the_same_material_is_no_core() {
 
 /// The screw march and triangles give the same light for a ply of hollow circles.
 #[test]
+#[ignore = "slow: 10 s: hollow circles by march and by triangles"]
 fn hollow_circles_by_march_and_by_triangles() {
     let spec = hollow(0.5, "", DIELECTRIC);
     let text = toml::to_string(&spec).unwrap();
@@ -376,6 +378,7 @@ fn the_dye_of_second_fibers_scales_their_lengths() {
 /// Dispersion: a table is that of the index at its beam's wavelength, bit for bit, and what one index leaves
 /// out of a spectrum is printed and held to a bound.
 #[test]
+#[ignore = "slow: 15 s: a table has the index of its wavelength"]
 fn a_table_has_the_index_of_its_wavelength() {
     let with = |index: &str, lambda_um: f64| {
         let mut spec = yarn(&format!("{CIRCLE}{index}"), "");

@@ -1,5 +1,5 @@
-//! What a fiber does to light on the average over its azimuths, by latitude: how much it sends on and back,
-//! how wide, and its light over the relative azimuth.
+//! Averages of a fiber's scattering over its azimuths, by latitude: forward and backward shares, their
+//! widths, and the light over the relative azimuth.
 
 use super::lobe::{LobeTable, lobe_of_moments};
 use super::{DualBsdf, DualOptions, Occlusion, Stack, stack};
@@ -14,7 +14,7 @@ use std::f32::consts::{PI, TAU};
 const ROWS: usize = 64;
 /// Parts of the relative azimuth from 0 to pi, an even number.
 const AZIMUTHS: usize = 32;
-/// Most that a cubic through other latitudes may miss of a_f and a_b at one that was measured.
+/// Largest error of a cubic through other latitudes at a measured a_f or a_b.
 const MAX_MISSED: f64 = 5e-4;
 const MODEL: &str = "dual scattering";
 
@@ -23,20 +23,19 @@ const MODEL: &str = "dual scattering";
 pub struct Attenuation<const N: usize> {
     /// a_f, share of the light that leaves on the far side, by wavelength.
     pub forward: [f32; N],
-    /// a_b, on the near side.
+    /// a_b, share of the light that leaves on the near side.
     pub backward: [f32; N],
-    /// Mean of theta_o + theta_i of the light that goes on, and its standard deviation [rad]; of all
-    /// wavelengths together.
+    /// Mean of theta_o + theta_i of forward light [rad]; over all wavelengths together.
     pub forward_shift: f32,
-    /// See there.
+    /// Standard deviation of theta_o + theta_i of forward light [rad].
     pub forward_width: f32,
-    /// beta_f [rad]: width of the longitudinal lobe of the light that goes on, the model's parameter of TT,
-    /// which the lobe's cos^2 narrows to `forward_width`. Where a model has no such parameter it is the width
-    /// of the Gaussian whose light `g cos^2` has the mean and deviation above.
+    /// beta_f [rad]: width of the longitudinal lobe of forward light, the model's parameter of TT, which the
+    /// lobe's cos^2 narrows to `forward_width`. For a model without such a parameter, the width of the
+    /// Gaussian whose light `g cos^2` has the mean and deviation above.
     pub forward_beta: f32,
-    /// Of the light that goes back.
+    /// Mean of theta_o + theta_i of backward light [rad].
     pub backward_shift: f32,
-    /// See there.
+    /// Standard deviation of theta_o + theta_i of backward light [rad].
     pub backward_width: f32,
 }
 
@@ -51,7 +50,7 @@ impl<const N: usize> Attenuation<N> {
         backward_width: 0.0,
     };
 
-    /// Sum of several, by weights.
+    /// Weighted sum of several.
     fn weighted(parts: &[(&Attenuation<N>, f64)]) -> Attenuation<N> {
         let sum = |of: &dyn Fn(&Attenuation<N>) -> f32| {
             parts.iter().map(|(a, weight)| weight * f64::from(of(a))).sum::<f64>() as f32
@@ -67,15 +66,15 @@ impl<const N: usize> Attenuation<N> {
         }
     }
 
-    /// Light on `count` layers: what comes back and what passes, by wavelength.
+    /// Reflection and transmission of `count` layers, by wavelength.
     pub fn stack(&self, count: u32) -> [Stack; N] {
         std::array::from_fn(|n| stack(self.forward[n], self.backward[n], count))
     }
 
     /// sigma_b, the width of the neighbors' light [rad] (Khungurn 2015, 5.2): as printed, with means of the
-    /// shares over the wavelengths. Its units do not agree: the denominator holds widths where the numerator
-    /// has roots of variances. Where no light goes back it is `(1 + 0.7 a_f^2) sqrt(2 beta_f^2 + beta_b^2)`,
-    /// of the widths of what goes on and back.
+    /// shares over the wavelengths. Its units are inconsistent: the denominator has widths where the
+    /// numerator has roots of variances. Without backward light it is
+    /// `(1 + 0.7 a_f^2) sqrt(2 beta_f^2 + beta_b^2)`, with the widths of forward and backward light.
     pub fn back_width(&self) -> f32 {
         let mean = |a: &[f32; N]| a.iter().sum::<f32>() / N.max(1) as f32;
         let (a_f, a_b) = (mean(&self.forward), mean(&self.backward));
@@ -86,8 +85,8 @@ impl<const N: usize> Attenuation<N> {
     }
 }
 
-/// Light of a fiber over the azimuth `phi_o - phi_d` where its incident light is spread over the half turn
-/// about phi_d.
+/// Light of a fiber over the azimuth `phi_o - phi_d`, for incident light spread over the half turn about
+/// phi_d.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct HalfTurn<const N: usize> {
     /// Energy [1/rad].
@@ -98,7 +97,7 @@ pub(crate) struct HalfTurn<const N: usize> {
 }
 
 impl<const N: usize> HalfTurn<N> {
-    /// Sum of several, by weights.
+    /// Weighted sum of several.
     fn weighted(parts: &[(&HalfTurn<N>, f64)]) -> HalfTurn<N> {
         let sum = |of: &dyn Fn(&HalfTurn<N>) -> f32| {
             parts.iter().map(|(h, weight)| weight * f64::from(of(h))).sum::<f64>() as f32
@@ -152,7 +151,7 @@ pub struct DualScattering<const N: usize> {
 }
 
 impl<const N: usize> DualScattering<N> {
-    /// Of a fiber model at the wavelengths and absorptions of a query; its direction and offset do not
+    /// Prepares a fiber model at the wavelengths and absorptions of a query; its direction and offset do not
     /// matter.
     ///
     /// # Errors
@@ -172,7 +171,7 @@ impl<const N: usize> DualScattering<N> {
         Ok(dual)
     }
 
-    /// Of any scattering function of a fiber: `at` gives it for light from a direction.
+    /// Prepares any scattering function of a fiber: `at` returns it for light from a direction.
     ///
     /// # Errors
     /// As [`DualScattering::new`].
@@ -188,7 +187,7 @@ impl<const N: usize> DualScattering<N> {
         let rows = measured(
             |theta_i| Measured::new(&at, theta_i, &options),
             |row| row.averages.forward.iter().chain(&row.averages.backward).map(|x| f64::from(*x)).collect(),
-            // Few samples are not worth more nodes.
+            // More nodes are useless with few samples.
             (8.0 / f64::from(options.samples)).max(MAX_MISSED),
         );
         if rows.iter().all(|(_, row)| row.averages.forward.iter().chain(&row.averages.backward).all(|x| *x == 0.0)) {
@@ -239,12 +238,12 @@ impl<const N: usize> DualScattering<N> {
         rise / (latitudes::latitude(k + 1) - latitudes::latitude(k))
     }
 
-    /// A_b at a latitude, by wavelength; linear between the tables'.
+    /// A_b at a latitude, by wavelength; linear between the nodes of the tables.
     pub fn backscattered(&self, theta: f32) -> [f32; N] {
         self.neighbors(theta).energy
     }
 
-    /// Share of the light that endless layers send back, `a_b + A_b`, by wavelength: the reflectance of a
+    /// Share of the light that infinite layers reflect, `a_b + A_b`, by wavelength: the reflectance of a
     /// thick swatch of aligned fibers.
     pub fn reflectance(&self, theta: f32) -> [f32; N] {
         let a = self.attenuation(theta);
@@ -264,25 +263,25 @@ impl<const N: usize> DualScattering<N> {
         row(k).mix(&row(k + 1), t)
     }
 
-    /// Light of endless neighbors at a latitude: A_b, and the width sigma_b in `width`.
+    /// Light of infinite neighbors at a latitude: A_b, and the width sigma_b in `width`.
     pub(crate) fn neighbors(&self, theta: f32) -> HalfTurn<N> {
         let (k, t) = place(theta, PARTS);
         self.neighbors[k].mix(&self.neighbors[k + 1], t)
     }
 
-    /// The light path of a shading point that nothing stands before.
+    /// The light path of a shading point without fibers before it.
     pub fn unoccluded(&self) -> Occlusion<N> {
         Occlusion::new()
     }
 
-    /// Dual scattering for light from `query.omega_i` that has passed `occlusion`, at a fiber of the model
-    /// that this was made of.
+    /// Dual scattering for light from `query.omega_i` that passed `occlusion`, at a fiber of the model that
+    /// this was prepared from.
     pub fn at<'a>(&'a self, model: &'a FiberModel, query: &FiberQuery<N>, occlusion: &Occlusion<N>) -> DualBsdf<'a, N> {
         DualBsdf::new(self, model, query, occlusion)
     }
 }
 
-/// What a fiber does to light of a latitude.
+/// Measured scattering of light of one latitude.
 struct Measured<const N: usize> {
     averages: Attenuation<N>,
     /// `[AZIMUTHS + 1]`.
@@ -295,7 +294,7 @@ impl<const N: usize> Measured<N> {
         let each = options.samples.div_ceil(turns);
         let mut sides = [Moments::<N>::default(); 2];
         let mut albedo = [0.0; N];
-        // By the part of the relative azimuth, and the sums below each.
+        // Sums by the part of the relative azimuth, and the sums below each.
         let mut parts = [Moments::<N>::default(); AZIMUTHS];
         for turn in 0..turns {
             let phi_i = TAU * turn as f32 / turns as f32;
@@ -305,14 +304,14 @@ impl<const N: usize> Measured<N> {
             for k in 0..each {
                 let (w, weight) = match bsdf.sample(low_discrepancy(k, each, turn)) {
                     BsdfSample::Scattered(light) => (light.w, light.weight),
-                    // Straight on: a fiber that lets light pass.
+                    // Straight light: the fiber lets it pass.
                     BsdfSample::Straight { weight, .. } => (direction(-theta_i, phi_i + PI), weight),
                     BsdfSample::Absorbed => continue,
                 };
                 let along = w[2].clamp(-1.0, 1.0).asin() + theta_i;
                 let relative = w[1].atan2(w[0]) - phi_i;
                 let relative = (relative - TAU * (relative / TAU).round()).abs();
-                // Of phi_d over the near half turn the light leaves on that side with the chance 1 -
+                // With phi_d over the near half turn, the light leaves on that side with the chance 1 -
                 // |relative|/pi.
                 let ahead = relative / PI;
                 sides[0].add(&weight, ahead, along);
@@ -321,8 +320,8 @@ impl<const N: usize> Measured<N> {
             }
         }
         let [forward, backward] = &sides;
-        // The samples tell where light goes, the model how much there is: the full sum feels an error of a
-        // lossless fiber's albedo by its root.
+        // The samples give the directions of light, the model its amount: an error in a lossless fiber's
+        // albedo affects the full sum by its root.
         let total = (0..N).map(|n| forward.energy[n] + backward.energy[n]);
         let mut scale = [0.0; N];
         for (n, total) in total.enumerate() {
@@ -351,8 +350,8 @@ impl<const N: usize> Measured<N> {
     }
 }
 
-/// Light at `phi_o - phi_i` is spread over `phi_o - phi_d` within a quarter turn, either way around: what
-/// there is of it at the part's start `d`.
+/// Spreads light at `phi_o - phi_i` over `phi_o - phi_d` within a quarter turn, in both directions, and
+/// returns its part at `d`.
 fn half_turn<const N: usize>(parts: &[Moments<N>; AZIMUTHS], d: usize) -> Moments<N> {
     const QUARTER: usize = AZIMUTHS / 2;
     let mut sum = Moments::default();
@@ -365,8 +364,8 @@ fn half_turn<const N: usize>(parts: &[Moments<N>; AZIMUTHS], d: usize) -> Moment
     sum
 }
 
-/// Points that fill the cube evenly, `count` of them (Hammersley's with Sobol's second dimension), moved for
-/// each turn of a fiber.
+/// Points that fill the cube evenly, `count` of them (Hammersley's with Sobol's second dimension), shifted
+/// for each rotation of a fiber.
 fn low_discrepancy(k: u32, count: u32, turn: u32) -> [f32; 3] {
     const PER_TURN: [f64; 3] = [0.819_172_513_396_164_4, 0.671_043_606_703_789_3, 0.549_700_477_901_970_1];
     const WHOLE: f64 = 4_294_967_296.0;
@@ -390,7 +389,7 @@ fn low_discrepancy(k: u32, count: u32, turn: u32) -> [f32; 3] {
 #[derive(Clone, Copy, Debug)]
 struct Moments<const N: usize> {
     energy: [f64; N],
-    /// Of all wavelengths: light, light times t, light times t^2.
+    /// Over all wavelengths: light, light times t, light times t^2.
     along: [f64; 3],
 }
 

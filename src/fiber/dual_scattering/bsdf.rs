@@ -1,5 +1,5 @@
-//! Dual scattering at a shading point: what the fibers before it leave of the light, and what it and its
-//! neighbors make of that.
+//! Dual scattering at a shading point: light transmitted by the fibers before it, scattered by the fiber and
+//! its neighbors.
 
 use super::{DualScattering, Spread};
 use crate::Bsdf;
@@ -10,9 +10,9 @@ use crate::frame::{direction, is_direction};
 use crate::math::erf::erf;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-/// Greatest width of spread light [rad]: even over the latitudes to 1 %.
+/// Largest width of spread light [rad]: uniform over the latitudes to 1 %.
 const WIDEST: f32 = 6.0;
-/// Fibers behind that are counted: more are as good as endless ones.
+/// Largest number of fibers behind that is counted: more are practically infinite.
 const MAX_BEHIND: u32 = 64;
 /// Positive points and weights of Gauss-Legendre's rule with 8 points on [-1, 1].
 const LEGENDRE: [(f32, f32); 4] = [
@@ -31,11 +31,11 @@ pub struct Occlusion<const N: usize> {
     pub transmitted: [f32; N],
     /// sigma_f^2 [rad^2].
     pub variance: f32,
-    /// Mean latitude of the light that arrives less that of straight light [rad]; 0 without
+    /// Mean latitude of the arriving light relative to straight light [rad]; 0 without
     /// [`super::DualOptions::drift`].
     pub drift: f32,
-    /// Fibers behind the shading point along the light, where the host has counted them: A_b is then that of
-    /// as many layers. `None` for endless ones.
+    /// Fibers behind the shading point along the light, if the host counted them: A_b is then that of as many
+    /// layers. `None` for infinite layers.
     pub behind: Option<u32>,
 }
 
@@ -45,14 +45,14 @@ impl<const N: usize> Occlusion<N> {
     }
 
     /// Passes `count` fibers, in whose frame the light comes from the latitude `theta_d` [rad] (Khungurn
-    /// 2015, 3.1 and 3.2). Of a density that is only known on the average the count is a fraction.
-    /// A count that is not positive, or an angle that is not finite, passes none.
+    /// 2015, 3.1 and 3.2). The count is a fraction if only the mean density is known. If the count is not
+    /// positive, or the angle is not finite, it passes none.
     pub fn pass(&mut self, dual: &DualScattering<N>, theta_d: f32, count: f32) {
         if !(count > 0.0 && count.is_finite() && theta_d.is_finite()) {
             return;
         }
         self.fibers += count;
-        // Whole fibers and what is left over; after 64 the light is in balance.
+        // Whole fibers and a remainder; after 64 the light is in balance.
         let steps = count.ceil().min(64.0);
         let part = if count > steps { 1.0 } else { count / steps };
         let mut a = dual.attenuation(theta_d);
@@ -79,7 +79,7 @@ impl<const N: usize> Occlusion<N> {
         }
     }
 
-    /// Whether nothing has been passed.
+    /// Whether no fiber has been passed.
     pub fn is_direct(&self) -> bool {
         self.fibers == 0.0
     }
@@ -90,7 +90,7 @@ impl<const N: usize> Occlusion<N> {
 pub struct DualTerms<const N: usize> {
     /// Light scattered by the fiber.
     pub global: [f32; N],
-    /// Light that its neighbors send back.
+    /// Light that its neighbors reflect.
     pub local: [f32; N],
 }
 
@@ -100,12 +100,12 @@ pub struct DualBsdf<'a, const N: usize> {
     dual: &'a DualScattering<N>,
     model: &'a FiberModel,
     query: FiberQuery<N>,
-    /// Mean latitude of the light that arrives.
+    /// Mean latitude of the arriving light.
     theta_d: f32,
-    /// Of straight light.
+    /// Cosine of the latitude of straight light.
     cos_d: f32,
     incident: Incident,
-    /// T_f; 1 where nothing stands before.
+    /// T_f; 1 without fibers before.
     transmitted: [f32; N],
     sigma_f: f32,
     /// Share of the spread's Gaussian between the poles.
@@ -148,21 +148,21 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
     }
 
     /// Energy density in direction `w` [1/sr]: F^G and d_b F^L together, times `cos theta_o / cos theta_d`. 0
-    /// where an input is no direction.
+    /// if an input is not a direction.
     pub fn eval(&self, w: [f32; 3]) -> [f32; N] {
         let DualTerms { global, local } = self.terms(w);
         std::array::from_fn(|n| global[n] + local[n])
     }
 
-    /// The note's integrator (Khungurn 2015, Eq. 1): radiance towards `w` for a unit of radiance [1/sr]; a
-    /// host multiplies by `L_d / p_emitter`.
+    /// The factor of the note's integrator (Khungurn 2015, Eq. 1): radiance towards `w` for a unit of
+    /// radiance [1/sr]; a host multiplies by `L_d / p_emitter`.
     pub fn radiance(&self, w: [f32; 3]) -> [f32; N] {
         let cos_o = Latitude::from_direction(w).cos;
         let scale = if self.incident.valid && is_direction(w) { self.cos_d / cos_o.max(1e-4) } else { 0.0 };
         self.eval(w).map(|f| f * scale)
     }
 
-    /// The two terms.
+    /// The two terms in direction `w`.
     pub fn terms(&self, w: [f32; 3]) -> DualTerms<N> {
         if !(self.incident.valid && is_direction(w)) {
             return DualTerms { global: [0.0; N], local: [0.0; N] };
@@ -180,7 +180,7 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
         side.atan2(across).abs()
     }
 
-    /// Latitudes of the light that arrives, and the weights of its flux, whose sum is 1 but for
+    /// Visits the latitudes of the arriving light with the weights of its flux, whose sum is 1 except for
     /// [`Spread::Radiance`].
     fn each_latitude(&self, mut visit: impl FnMut(f32, f32)) {
         if self.sigma_f <= 0.0 {
@@ -200,12 +200,12 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
         }
     }
 
-    /// Latitudes around `middle`, as far as the poles.
+    /// Latitudes around `middle`, clipped at the poles.
     fn reach(&self, middle: f32, far: f32) -> (f32, f32) {
         ((middle - far).max(-FRAC_PI_2), (middle + far).min(FRAC_PI_2))
     }
 
-    /// F^G of light that has passed fibers (Khungurn 2015, 4), by the tables.
+    /// F^G of light that passed fibers (Khungurn 2015, 4), from the tables.
     fn spread_light(&self, theta_o: f32, azimuth: f32) -> [f32; N] {
         let energy = self.convolve(theta_o, |theta| {
             let h = self.dual.half_turn(theta, azimuth);
@@ -235,11 +235,11 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
         std::array::from_fn(|n| density * self.transmitted[n] * energy[n])
     }
 
-    /// Integral over the latitudes theta_i that light arrives from of its density and the lobe that `lobe`
-    /// gives for theta_i: energies, mean and width.
+    /// Integral over the latitudes theta_i of arriving light, of its density times the lobe that `lobe`
+    /// returns for theta_i: energies, mean and width.
     ///
-    /// Both factors are about Gaussians in theta_i, so that their product is one too: Gauss's rule over 3.6
-    /// deviations of that, as far as the poles.
+    /// Both factors are about Gaussian in theta_i, and so is their product: Gauss's rule covers 3.6
+    /// deviations of it, clipped at the poles.
     fn convolve(&self, theta_o: f32, lobe: impl Fn(f32) -> ([f32; N], f32, f32)) -> [f32; N] {
         let (energy, mean, width) = lobe(self.theta_d);
         if self.sigma_f <= 0.0 {
@@ -269,7 +269,7 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
         sum.map(|s| s * scale)
     }
 
-    /// A_b of the fibers behind, or of endless ones as given.
+    /// A_b of the fibers behind, or of infinite ones as given.
     fn backscattered(&self, theta: f32, endless: [f32; N]) -> [f32; N] {
         let Some(count) = self.behind else { return endless };
         let a = self.dual.attenuation(theta);
@@ -277,7 +277,7 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
         std::array::from_fn(|n| (stack[n].reflected - a.backward[n]).max(0.0))
     }
 
-    /// Flux of light from the latitude `theta` over what the spread counts.
+    /// Flux of light from the latitude `theta`, over the quantity that the spread conserves.
     fn measure(&self, theta: f32) -> f32 {
         match self.dual.options.spread {
             Spread::Flux => 1.0,
@@ -285,7 +285,7 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
         }
     }
 
-    /// Integral of f over the sphere but for the tables' errors: light scattered by the fiber, and by its
+    /// Integral of f over the sphere, up to the tables' errors: light scattered by the fiber, and by its
     /// neighbors.
     pub fn energy(&self) -> DualTerms<N> {
         if !self.incident.valid {
@@ -306,8 +306,8 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
         DualTerms { global, local }
     }
 
-    /// F^G as [`DualBsdf::terms`] has it, by quadrature of the model's f over `steps` latitudes and `2 steps`
-    /// azimuths: the reference of the tables, slow.
+    /// F^G as in [`DualBsdf::terms`], by quadrature of the model's f over `steps` latitudes and `2 steps`
+    /// azimuths: the slow reference for the tables.
     pub fn global(&self, w: [f32; 3], steps: u32) -> [f32; N] {
         if !(self.incident.valid && is_direction(w)) {
             return [0.0; N];
@@ -327,7 +327,7 @@ impl<'a, const N: usize> DualBsdf<'a, N> {
             let measure = self.measure(theta);
             for j in 0..2 * steps {
                 let phi = phi_d + PI * ((j as f32 + 0.5) / (2 * steps) as f32 - 0.5);
-                // The mean over turns of the fiber is that of turning the light with it.
+                // The mean over rotations of the fiber equals that over rotations of the light.
                 for turn in 0..self.dual.options.turns {
                     let turn = TAU * turn as f32 / self.dual.options.turns as f32;
                     let query = FiberQuery { omega_i: direction(theta, phi + turn), h_rel: None, ..self.query };

@@ -1,10 +1,10 @@
 //! The longitudinal lobe of light between fibers: `g(theta_o - mean) cos theta_o / G`, whose integral over
-//! the sphere of latitudes is 1 at every mean and width.
+//! the latitudes of the sphere is 1 at every mean and width.
 
 use crate::fiber::khungurn::Normalizer;
 use std::f32::consts::{FRAC_PI_2, TAU};
 
-/// Least and greatest width [rad].
+/// Smallest and largest width [rad].
 pub(crate) const WIDTHS: [f32; 2] = [0.005, 10.0];
 /// Nodes over the distance from the pole in widths, 0 to 8, and over the logarithm of the width.
 const ACROSS: usize = 129;
@@ -33,10 +33,10 @@ impl LobeTable {
     }
 
     /// `cos theta_o g / G` about `mean`: energy per solid angle of a lobe whose light is 1 over all
-    /// latitudes, and 1/rad of azimuth apart.
+    /// latitudes, without the 1/rad of azimuth.
     pub(crate) fn eval(&self, theta_o: f32, mean: f32, width: f32) -> f32 {
         let width = width.max(WIDTHS[0]).min(WIDTHS[1]);
-        // A mean beyond a pole stands for light about the pole.
+        // A mean beyond a pole is clamped to the pole.
         let mean = mean.max(-FRAC_PI_2).min(FRAC_PI_2);
         let x = (FRAC_PI_2 - mean.abs()) / width * ((ACROSS - 1) as f32 / 8.0);
         const PER_LN: f32 = (WIDE - 1) as f32 / 7.600_902_5; // ln of the widest over the narrowest
@@ -55,8 +55,8 @@ fn open(theta: f64, width: f64) -> f64 {
     0.5 * width * std::f64::consts::TAU.sqrt() * (1.0 + (-2.0 * width * width).exp() * (2.0 * theta).cos())
 }
 
-/// Mean and width of the lobe whose light has this mean latitude and standard deviation. Deviations beyond
-/// those of `cos^2`, the widest lobe's, give that.
+/// Mean and width of the lobe whose light has this mean latitude and standard deviation. Deviations are
+/// clamped to that of `cos^2`, the widest lobe.
 pub(crate) fn lobe_of_moments(mean: f64, sd: f64) -> [f64; 2] {
     let half = std::f64::consts::FRAC_PI_2;
     let (mut middle, mut width) = (mean.clamp(-half, half), sd.clamp(f64::from(WIDTHS[0]), f64::from(WIDTHS[1])));
@@ -103,7 +103,7 @@ mod tests {
         }
     }
 
-    /// Integral of the lobe over `cos theta_o d theta_o` is 1, between nodes of the table too.
+    /// Integral of the lobe over `cos theta_o d theta_o` is 1, also between nodes of the table.
     #[test]
     fn lobes_hold_all_light() {
         let table = LobeTable::new();

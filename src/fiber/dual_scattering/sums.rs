@@ -1,6 +1,6 @@
-//! Light between layers of fibers, each of which sends a_f on and a_b back (Khungurn 2015, 5.1 and 7).
+//! Light between layers of fibers that each transmit a_f and reflect a_b (Khungurn 2015, 5.1 and 7).
 
-/// How many backscatterings A_b counts.
+/// Number of backscatterings that A_b counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Backscattering {
     /// One and three: A_1 + A_3 (Khungurn 2015, 5.1).
@@ -10,8 +10,8 @@ pub enum Backscattering {
 }
 
 impl Backscattering {
-    /// A_b of layers with the shares `forward` and `backward`, in [0, 1]. A sum of the shares above 1, as of
-    /// models that do not conserve, counts as 1.
+    /// A_b of layers with the shares `forward` and `backward`, in [0, 1]. A sum of the shares above 1, as in
+    /// models that do not conserve energy, counts as 1.
     ///
     /// Full: light that has passed fiber 0 (a_f) arrives at fiber 1 from above, and comes out at the top with
     /// the chance `x = 2 a_f a_b / (S + sqrt(S^2 - 4 a_f^2 a_b^2))`, `S = 1 - a_f^2 - a_b^2`, the root of the
@@ -37,24 +37,24 @@ impl Backscattering {
     }
 }
 
-/// Shares in f64, at most 1 together.
+/// Shares in f64, clamped to a sum of 1.
 fn bounded(forward: f32, backward: f32) -> (f64, f64) {
     let [f, b] = [forward, backward].map(|share| f64::from(share.max(0.0).min(1e6)));
     let scale = 1.0 / (f + b).max(1.0);
     (f * scale, b * scale)
 }
 
-/// What layers do to light on them.
+/// Reflection and transmission of a stack of layers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stack {
-    /// Share that comes back.
+    /// Reflected share.
     pub reflected: f32,
-    /// Share that passes.
+    /// Transmitted share.
     pub transmitted: f32,
 }
 
-/// `count` equal layers, by adding one at a time: `R' = a_b + a_f^2 R / (1 - a_b R)`,
-/// `T' = a_f T / (1 - a_b R)`. None lets all light pass. As the count grows R tends to `a_b + A_b` of
+/// A stack of `count` equal layers, added one at a time: `R' = a_b + a_f^2 R / (1 - a_b R)`,
+/// `T' = a_f T / (1 - a_b R)`. With none all light passes. As the count grows R tends to `a_b + A_b` of
 /// [`Backscattering::Full`].
 pub fn stack(forward: f32, backward: f32, count: u32) -> Stack {
     let (f, b) = bounded(forward, backward);

@@ -85,7 +85,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         Some(mirrored(self.weights.flip, self.shapes.draw::<FMA>(i, u[1], u[2])))
     }
 
-    /// Computes a slit's share of each lobe, as for round ones: `share` times the cosine between its middle
+    /// Removes a slit's share from each lobe, as for round ones: `share` times the cosine between its middle
     /// and the forward direction.
     #[inline(always)]
     fn take<const FMA: bool>(&mut self, mean: &[f32; L], share: f32) -> ([f32; N], f32) {

@@ -285,7 +285,7 @@ impl<const H: usize, const R: usize, const L: usize, const J: usize, const N: us
         (sum > 0.0).then_some(passed as usize & (L - 1))
     }
 
-    /// With what the lobes leave.
+    /// Joins values of the lobes with the missed light.
     #[inline(always)]
     pub(in crate::ply) fn core(&self, refl: f32, high: [f32; N], pdf: f32) -> Core<N> {
         let (r_d, total) = (self.energies.r_d, self.total());
